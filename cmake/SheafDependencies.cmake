@@ -1,0 +1,25 @@
+# SPDX-License-Identifier: Apache-2.0
+# Every third-party library, with the reason it is here. All come from Debian 12 or 13.
+find_package(Threads REQUIRED)
+find_package(absl REQUIRED)            # Status, StatusOr, string formatting
+find_package(PkgConfig REQUIRED)
+find_package(OpenSSL REQUIRED)         # SHA-256
+find_package(ZLIB REQUIRED)            # gzipped scene files
+find_package(spdlog REQUIRED)          # logging
+find_package(OpenEXR REQUIRED)         # film parts and pictures
+find_package(OpenImageIO REQUIRED)     # textures, environment maps, PNG
+find_package(Protobuf REQUIRED)        # wire messages
+find_package(CLI11 REQUIRED)           # command lines
+find_package(nlohmann_json REQUIRED)   # JSON output
+pkg_check_modules(gRPC REQUIRED IMPORTED_TARGET grpc++)
+pkg_check_modules(sqlite3 REQUIRED IMPORTED_TARGET sqlite3)   # durable state
+pkg_check_modules(zstd REQUIRED IMPORTED_TARGET libzstd)      # content transfer
+find_package(embree 4 QUIET)           # ray intersection; 4.x on Debian 13
+if(NOT embree_FOUND)
+  find_package(embree 3 REQUIRED)      # 3.13 on Debian 12
+endif()
+find_program(SHEAF_GRPC_PLUGIN grpc_cpp_plugin REQUIRED)
+if(SHEAF_BUILD_TESTS)
+  find_package(GTest REQUIRED)
+  find_package(benchmark REQUIRED)
+endif()

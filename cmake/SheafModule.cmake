@@ -1,0 +1,40 @@
+# SPDX-License-Identifier: Apache-2.0
+include(GoogleTest)
+
+# sheaf_add_module(NAME film HEADERS a.h ... SOURCES a.cc ... DEPS sheaf::base ... PRIVATE_DEPS ...
+#                  TESTS a_test.cc ... TEST_DEPS ... LABEL fast)
+# Makes the library sheaf_NAME with alias sheaf::NAME and, where TESTS are given, one GoogleTest
+# program sheaf_NAME_test whose cases ctest knows by name and label.
+function(sheaf_add_module)
+  cmake_parse_arguments(M "" "NAME;LABEL" "HEADERS;SOURCES;DEPS;PRIVATE_DEPS;TESTS;TEST_DEPS" ${ARGN})
+  set(target sheaf_${M_NAME})
+  if(M_SOURCES)
+    add_library(${target} STATIC ${M_SOURCES} ${M_HEADERS})
+    target_include_directories(${target} PUBLIC ${PROJECT_SOURCE_DIR})
+    target_link_libraries(${target} PUBLIC sheaf_numerics ${M_DEPS} PRIVATE sheaf_warnings ${M_PRIVATE_DEPS})
+  else()
+    add_library(${target} INTERFACE)
+    target_include_directories(${target} INTERFACE ${PROJECT_SOURCE_DIR})
+    target_link_libraries(${target} INTERFACE sheaf_numerics ${M_DEPS})
+  endif()
+  add_library(sheaf::${M_NAME} ALIAS ${target})
+  if(M_TESTS AND SHEAF_BUILD_TESTS)
+    sheaf_add_test(NAME ${M_NAME} SOURCES ${M_TESTS} DEPS ${target} ${M_TEST_DEPS} LABEL ${M_LABEL})
+  endif()
+endfunction()
+
+# sheaf_add_test(NAME stability SOURCES ... DEPS ... [LABEL fast|slow|integration] [TIMEOUT seconds])
+function(sheaf_add_test)
+  cmake_parse_arguments(T "" "NAME;LABEL;TIMEOUT" "SOURCES;DEPS" ${ARGN})
+  if(NOT T_LABEL)
+    set(T_LABEL fast)
+  endif()
+  if(NOT T_TIMEOUT)
+    set(T_TIMEOUT 300)
+  endif()
+  set(target sheaf_${T_NAME}_test)
+  add_executable(${target} ${T_SOURCES})
+  target_link_libraries(${target} PRIVATE ${T_DEPS} sheaf_warnings GTest::gmock GTest::gtest_main)
+  gtest_discover_tests(${target} DISCOVERY_MODE PRE_TEST
+    PROPERTIES LABELS ${T_LABEL} TIMEOUT ${T_TIMEOUT})
+endfunction()

@@ -1,0 +1,36 @@
+# SPDX-License-Identifier: Apache-2.0
+# Build-wide choices: language level, numeric flags, warnings, sanitizers.
+set(CMAKE_CXX_STANDARD 20)
+set(CMAKE_CXX_STANDARD_REQUIRED ON)
+set(CMAKE_CXX_EXTENSIONS OFF)
+set(CMAKE_POSITION_INDEPENDENT_CODE ON)
+if(NOT CMAKE_BUILD_TYPE)
+  set(CMAKE_BUILD_TYPE Release CACHE STRING "" FORCE)
+endif()
+# Checks stay on in every build type: SHEAF_CHECK does not look at NDEBUG.
+set(CMAKE_CXX_FLAGS_RELEASE "-O2 -DNDEBUG")
+
+option(SHEAF_BUILD_TESTS "Build the tests" ON)
+set(SHEAF_SANITIZE "" CACHE STRING "Sanitizers, as for -fsanitize= (address,undefined or thread)")
+set(SHEAF_MARCH "x86-64-v3" CACHE STRING "Instruction set; part of the numeric profile")
+
+find_program(SHEAF_CCACHE ccache)
+if(SHEAF_CCACHE)
+  set(CMAKE_CXX_COMPILER_LAUNCHER ${SHEAF_CCACHE})
+  set(CMAKE_C_COMPILER_LAUNCHER ${SHEAF_CCACHE})
+endif()
+
+# What decides a pixel's bits: no contraction, no fast-math, one instruction set.
+add_library(sheaf_numerics INTERFACE)
+target_compile_options(sheaf_numerics INTERFACE
+  -ffp-contract=off -fno-math-errno -march=${SHEAF_MARCH}
+  "-ffile-prefix-map=${CMAKE_SOURCE_DIR}/=")
+
+add_library(sheaf_warnings INTERFACE)
+target_compile_options(sheaf_warnings INTERFACE
+  -Wall -Wextra -Wpedantic -Wconversion -Wno-sign-conversion -Wshadow -Wnon-virtual-dtor -Wundef)
+
+if(SHEAF_SANITIZE)
+  add_compile_options(-fsanitize=${SHEAF_SANITIZE} -fno-omit-frame-pointer -g1)
+  add_link_options(-fsanitize=${SHEAF_SANITIZE})
+endif()

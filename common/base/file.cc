@@ -1,0 +1,107 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "common/base/file.h"
+
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <cerrno>
+#include <filesystem>
+#include <system_error>
+
+#include "absl/strings/str_cat.h"
+#include "common/base/status.h"
+
+namespace sheaf {
+namespace {
+
+class Descriptor {
+ public:
+  explicit Descriptor(int fd) : fd_(fd) {}
+  ~Descriptor() {
+    if (fd_ >= 0) ::close(fd_);
+  }
+  Descriptor(const Descriptor&) = delete;
+  Descriptor& operator=(const Descriptor&) = delete;
+  int get() const { return fd_; }
+
+ private:
+  int fd_;
+};
+
+absl::Status WriteAll(int fd, std::string_view bytes, const std::string& path) {
+  while (!bytes.empty()) {
+    const ssize_t n = ::write(fd, bytes.data(), bytes.size());
+    if (n < 0) {
+      if (errno == EINTR) continue;
+      return StatusFromErrno(errno, absl::StrCat("writing ", path));
+    }
+    bytes.remove_prefix(static_cast<size_t>(n));
+  }
+  return absl::OkStatus();
+}
+
+absl::Status WriteTemporary(const std::string& temporary, std::string_view bytes) {
+  Descriptor file(::open(temporary.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644));
+  if (file.get() < 0) return StatusFromErrno(errno, absl::StrCat("creating ", temporary));
+  if (absl::Status status = WriteAll(file.get(), bytes, temporary); !status.ok()) return status;
+  if (::fsync(file.get()) != 0) return StatusFromErrno(errno, absl::StrCat("fsync of ", temporary));
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+absl::Status WriteFileAtomically(const std::string& path, std::string_view bytes) {
+  static std::atomic<uint64_t> counter{0};
+  const std::string temporary = absl::StrCat(path, ".tmp-", ::getpid(), "-", counter.fetch_add(1));
+  if (absl::Status status = WriteTemporary(temporary, bytes); !status.ok()) {
+    ::unlink(temporary.c_str());
+    return status;
+  }
+  if (::rename(temporary.c_str(), path.c_str()) != 0) {
+    const int error = errno;
+    ::unlink(temporary.c_str());
+    return StatusFromErrno(error, absl::StrCat("renaming to ", path));
+  }
+  std::string directory = std::filesystem::path(path).parent_path().string();
+  if (directory.empty()) directory = ".";
+  Descriptor handle(::open(directory.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+  if (handle.get() < 0 || ::fsync(handle.get()) != 0) {
+    return StatusFromErrno(errno, absl::StrCat("fsync of directory ", directory));
+  }
+  return absl::OkStatus();
+}
+
+absl::StatusOr<std::string> ReadWholeFile(const std::string& path, uint64_t size_bytes_max) {
+  Descriptor file(::open(path.c_str(), O_RDONLY | O_CLOEXEC));
+  if (file.get() < 0) return StatusFromErrno(errno, path);
+  struct stat info{};
+  if (::fstat(file.get(), &info) != 0) return StatusFromErrno(errno, path);
+  if (S_ISDIR(info.st_mode)) return absl::InvalidArgumentError(path + ": is a directory, not a file");
+  std::string bytes;
+  const auto size = static_cast<uint64_t>(info.st_size);
+  if (size <= size_bytes_max) bytes.reserve(size);
+  char buffer[1 << 16];
+  while (true) {
+    const ssize_t n = ::read(file.get(), buffer, sizeof buffer);
+    if (n < 0 && errno == EINTR) continue;
+    if (n < 0) return StatusFromErrno(errno, absl::StrCat("reading ", path));
+    if (n == 0) return bytes;
+    if (bytes.size() + static_cast<size_t>(n) > size_bytes_max) {
+      return absl::ResourceExhaustedError(
+          absl::StrCat(path, ": larger than the limit of ", size_bytes_max, " bytes"));
+    }
+    bytes.append(buffer, static_cast<size_t>(n));
+  }
+}
+
+absl::Status MakeDirectories(const std::string& path) {
+  std::error_code error;
+  std::filesystem::create_directories(path, error);
+  if (error) return StatusFromErrno(error.value(), absl::StrCat("creating directory ", path));
+  return absl::OkStatus();
+}
+
+}  // namespace sheaf

@@ -1,0 +1,25 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Logging for people: one line an event, to standard error. The only door to spdlog.
+#pragma once
+
+#include <string>
+#include <string_view>
+
+namespace sheaf {
+
+enum class LogLevel { kDebug, kInfo, kWarning, kError, kOff };
+// Errors: false where the name is not one of debug, info, warning, error, off.
+bool LogLevelFromName(std::string_view name, LogLevel* level);
+void SetLogLevel(LogLevel level);
+// Names the program in every line ("sheaf-worker"). Call once at start.
+void SetLogName(const std::string& name);
+
+// Thread safety: may be called from any thread.
+void LogDebug(std::string_view text);
+void LogInfo(std::string_view text);
+void LogWarning(std::string_view text);
+void LogError(std::string_view text);
+
+}  // namespace sheaf

@@ -1,0 +1,119 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// FilmTile: what one tile's sample block leaves behind, and the only thing that is ever merged.
+//
+// The canonical tree. A node covers an aligned power-of-two block of sample indices of one tile; a
+// leaf is one sample; a parent is its left half plus its right half, each channel rounded as said
+// below and never otherwise. Worker and coordinator build nodes of the same tree, so the bits of a
+// picture do not depend on how samples were cut into passes and leases. Where the right half is
+// absent (a sample count that is not a power of two) a parent equals its left half.
+//
+// Replicates. Sample n belongs to replicate n % kReplicateCount and is point n / kReplicateCount of
+// that replicate's own Owen-scrambled sequence (common/film owns this rule, the sampler follows it).
+// Replicate means are independent and identically distributed: error bars come from their spread.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <vector>
+
+#include "common/film/tile_geometry.h"
+#include "common/math/vec.h"
+
+namespace sheaf {
+
+inline constexpr uint32_t kReplicateCount = 16;
+constexpr uint32_t ReplicateOf(uint64_t sample_index) {
+  return static_cast<uint32_t>(sample_index % kReplicateCount);
+}
+constexpr uint64_t IndexInReplicate(uint64_t sample_index) { return sample_index / kReplicateCount; }
+
+// What the renderer hands over for one sample of one pixel.
+struct FilmSample {
+  Rgb radiance;            // Linear sRGB, before the filter weight.
+  float alpha = 0;         // 1 where the camera ray met a surface, else 0.
+  float filter_weight = 1; // Signed; 1 for filters that are nowhere negative.
+  Rgb albedo;              // Of the first surface, in [0, 1].
+  Vec3f normal;            // Shading normal of the first surface, world space; 0 on a miss.
+  float depth = 0;         // Distance along the camera ray in scene units; 0 on a miss.
+};
+
+// Sums of one pixel over one block. radiance_hi + radiance_lo is a double-float (48-bit) sum; every
+// other sum is float32. Values are multiplied by the filter weight, except nonfinite_count.
+enum class FilmChannel : uint8_t {
+  kRedHi, kGreenHi, kBlueHi, kRedLo, kGreenLo, kBlueLo,
+  kAlpha, kWeight,
+  kAlbedoR, kAlbedoG, kAlbedoB, kNormalX, kNormalY, kNormalZ, kDepth,
+  kSampleCount,     // Finite samples.
+  kNonFiniteCount,  // Samples that were not finite or beyond kSampleMagnitudeMax; in no other sum.
+  kCount
+};
+inline constexpr size_t kFilmChannelCount = static_cast<size_t>(FilmChannel::kCount);
+inline constexpr size_t kReplicateChannelCount = 4;  // R, G, B sums and weight, float32.
+inline constexpr float kSampleMagnitudeMax = 1e30f;
+
+class FilmTile {
+ public:
+  FilmTile() = default;
+  // All sums zero. Requires: IsAligned(block), rect not empty.
+  FilmTile(PixelRect rect, SampleBlock block);
+
+  const PixelRect& rect() const { return rect_; }
+  const SampleBlock& block() const { return block_; }
+  // Replicates present: those of the block's samples, a contiguous aligned range.
+  uint32_t replicate_first() const;
+  uint32_t replicate_count() const;
+
+  // Planes are row-major [height][width] over rect().
+  float* channel(FilmChannel c) { return main_.data() + static_cast<size_t>(c) * plane_size_; }
+  const float* channel(FilmChannel c) const { return main_.data() + static_cast<size_t>(c) * plane_size_; }
+  // slot: 0 .. replicate_count()-1 (replicate replicate_first() + slot); component: 0..3 = R, G, B, weight.
+  float* replicate(uint32_t slot, size_t component) {
+    return replicates_.data() + (slot * kReplicateChannelCount + component) * plane_size_;
+  }
+  const float* replicate(uint32_t slot, size_t component) const {
+    return replicates_.data() + (slot * kReplicateChannelCount + component) * plane_size_;
+  }
+  size_t plane_size() const { return plane_size_; }
+  size_t size_bytes() const { return (main_.size() + replicates_.size()) * sizeof(float); }
+
+  friend bool operator==(const FilmTile&, const FilmTile&) = default;  // Bit-wise but for -0 and 0.
+
+ private:
+  PixelRect rect_;
+  SampleBlock block_;
+  size_t plane_size_ = 0;
+  std::vector<float> main_;
+  std::vector<float> replicates_;
+};
+
+// Parent node of two siblings. Requires: same rect, right.block() == Sibling(left.block()) and
+// left.block().first < right.block().first.
+FilmTile MergeSiblings(const FilmTile& left, const FilmTile& right);
+
+// Adds the samples of one pixel of a tile in index order, building the canonical tree with a stack
+// as deep as log2(block count): no allocation. Use: Begin, Add for every sample of the block in
+// ascending index order, End.
+class PixelAccumulator {
+ public:
+  explicit PixelAccumulator(FilmTile* tile);
+  ~PixelAccumulator();
+  PixelAccumulator(const PixelAccumulator&) = delete;
+  PixelAccumulator& operator=(const PixelAccumulator&) = delete;
+  void Begin(int32_t x, int32_t y);
+  void Add(uint64_t sample_index, const FilmSample& sample);
+  void End();
+  // The first samples that were not finite, at most kNonFiniteReportsMax, for the report.
+  struct NonFinite { int32_t x, y; uint64_t sample_index; };
+  static constexpr size_t kNonFiniteReportsMax = 16;
+  const std::vector<NonFinite>& non_finite() const { return non_finite_; }
+
+ private:
+  struct Stack;
+  FilmTile* tile_;
+  Stack* stack_;
+  std::vector<NonFinite> non_finite_;
+};
+
+}  // namespace sheaf

@@ -1,0 +1,46 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// RenderSettings: what the person who submits decides beyond the scene file, and FrameSettings, the
+// same after the scene's own values have filled the gaps. Together with the scene digest, the frame
+// and the numeric profile they determine every bit of the picture (frame digest).
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+
+#include "absl/status/statusor.h"
+#include "common/film/tile_geometry.h"
+#include "common/scene/scene_description.h"
+
+namespace sheaf {
+
+struct RenderSettings {
+  std::optional<uint64_t> samples;    // Per pixel; otherwise the scene's.
+  std::optional<int32_t> max_depth;
+  std::optional<uint64_t> seed;
+  std::optional<PixelRect> crop;      // Within the frame; otherwise the scene's.
+  bool force_generic_variant = false; // Changes no pixel, so it is not part of the digest.
+};
+
+struct FrameSettings {
+  int32_t width_px = 0, height_px = 0;
+  PixelRect window;         // Pixels to render.
+  uint64_t samples = 16;
+  int32_t max_depth = 5;
+  uint64_t seed = 0;
+  bool force_generic_variant = false;
+};
+
+// Errors: kInvalidArgument for an empty crop, 0 samples, negative depth, a frame beyond limits.
+absl::StatusOr<FrameSettings> ResolveSettings(const SceneDescription& scene, const RenderSettings& settings);
+
+// "x86-64-v3 sheaf-0.1.0 gcc-12 embree-3.13.5": build and instruction set. A job pins one.
+std::string NumericProfile();
+
+// Hex SHA-256 over scene digest, settings (without force_generic_variant), and profile.
+std::string FrameDigest(const std::string& scene_digest, const FrameSettings& settings,
+                        const std::string& numeric_profile);
+
+}  // namespace sheaf

@@ -1,0 +1,254 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// SceneDescription: what a scene file says, as plain structs and indices, independent of the file
+// format. Readers produce it; RenderPlan and CompiledScene are made from it. Nothing here is derived:
+// values are as written (after the format's defaults), every thing remembers where it was written.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include "common/math/transform.h"
+#include "common/math/vec.h"
+
+namespace sheaf {
+
+inline constexpr int32_t kNone = -1;  // An index that refers to nothing.
+
+struct SourceLocation {
+  int32_t file = kNone;  // Index in SceneDescription::files.
+  int32_t line = 0;      // From 1.
+  int32_t column = 0;    // From 1.
+};
+
+// --- Colours and spectra -----------------------------------------------------------------------
+
+enum class ColorRole { kReflectance, kIlluminant, kUnbounded };
+
+// A colour as written. rgb is always filled in: the linear sRGB value that RGB transport uses.
+struct ColorSpec {
+  enum class Kind { kRgb, kSampled, kNamed, kBlackbody };
+  Kind kind = Kind::kRgb;
+  Rgb rgb;
+  std::vector<float> wavelengths_nm;  // kSampled.
+  std::vector<float> values;          // kSampled.
+  std::string name;                   // kNamed, e.g. "metal-Au-eta"; also the file of kSampled.
+  float temperature_k = 0;            // kBlackbody.
+};
+
+// A number or colour that is constant, or multiplied in from a texture.
+struct FloatInput {
+  float value = 0;
+  int32_t texture = kNone;  // Index in textures; then `value` is unused.
+};
+struct ColorInput {
+  ColorSpec value;
+  int32_t texture = kNone;
+};
+
+// --- Textures ----------------------------------------------------------------------------------
+
+struct UvMapping {
+  enum class Kind { kUv, kPlanar, kSpherical, kCylindrical };
+  Kind kind = Kind::kUv;
+  float scale_u = 1, scale_v = 1, offset_u = 0, offset_v = 0;
+  Vec3f planar_u{1, 0, 0}, planar_v{0, 1, 0};
+  Matrix4 texture_from_world;  // For planar, spherical, cylindrical and 3-D checkerboards.
+};
+enum class TextureWrap { kRepeat, kBlack, kClamp, kOctahedral };
+enum class ColorEncoding { kAuto, kLinear, kSrgb, kGamma };  // kAuto: sRGB for 8-bit files, else linear.
+
+struct ConstantTexture { ColorSpec color; float value = 0; };
+struct ImageTexture {
+  std::string file;  // Canonical name for FileSource.
+  UvMapping mapping;
+  TextureWrap wrap = TextureWrap::kRepeat;
+  enum class Filter { kPoint, kBilinear, kTrilinear, kEwa } filter = Filter::kBilinear;
+  ColorEncoding encoding = ColorEncoding::kAuto;
+  float encoding_gamma = 1;
+  float scale = 1;
+  bool invert = false;
+};
+struct CheckerboardTexture {
+  int32_t dimensions = 2;  // 2 or 3.
+  UvMapping mapping;
+  ColorInput color[2];
+  FloatInput value[2];
+};
+struct ScaleTexture { ColorInput color; FloatInput value; FloatInput scale; };
+struct MixTexture { ColorInput color[2]; FloatInput value[2]; FloatInput amount; };
+
+struct TextureDescription {
+  std::string name;
+  bool is_color = false;                        // "spectrum" textures; otherwise "float".
+  ColorRole role = ColorRole::kReflectance;
+  std::variant<ConstantTexture, ImageTexture, CheckerboardTexture, ScaleTexture, MixTexture> texture;
+  SourceLocation location;
+};
+
+// --- Materials ---------------------------------------------------------------------------------
+
+// Roughness as written; alpha = sqrt(roughness) where remap_roughness (pbrt-v4's rule), else itself.
+struct RoughnessInput {
+  FloatInput u, v;
+  bool remap_roughness = true;
+};
+struct DiffuseMaterial { ColorInput reflectance; };
+struct ConductorMaterial {
+  RoughnessInput roughness;
+  bool has_reflectance = false;  // Then eta and k follow from reflectance; else from eta and k.
+  ColorInput reflectance, eta, k;
+};
+struct DielectricMaterial { RoughnessInput roughness; float eta = 1.5f; };
+struct ThinDielectricMaterial { float eta = 1.5f; };
+struct CoatedDiffuseMaterial {
+  RoughnessInput roughness;
+  ColorInput reflectance;
+  float eta = 1.5f;
+  float thickness = 0.01f;  // In mean free paths of a purely absorbing coat, as in pbrt-v4.
+  ColorInput albedo;        // Of the coat's medium; non-zero is not supported yet.
+  float g = 0;
+  int32_t max_depth = 10, sample_count = 1;
+};
+struct MixMaterial { int32_t material[2] = {kNone, kNone}; FloatInput amount; };
+struct InterfaceMaterial {};  // Invisible; bounds a medium.
+
+struct MaterialDescription {
+  std::string name;  // Empty for unnamed ones.
+  std::variant<DiffuseMaterial, ConductorMaterial, DielectricMaterial, ThinDielectricMaterial,
+               CoatedDiffuseMaterial, MixMaterial, InterfaceMaterial>
+      material;
+  SourceLocation location;
+};
+
+// --- Geometry ----------------------------------------------------------------------------------
+
+struct TriangleMesh {
+  std::vector<Vec3f> positions;   // Object space.
+  std::vector<Vec3f> normals;     // Empty or one per position.
+  std::vector<Vec2f> uvs;         // Empty or one per position.
+  std::vector<uint32_t> indices;  // Three per triangle; every index is < positions.size().
+  std::string file;               // Canonical name of the mesh file, empty for inline meshes.
+};
+struct SphereShape { float radius = 1, z_min = -1, z_max = 1, phi_max_degrees = 360; };
+struct DiskShape { float radius = 1, inner_radius = 0, height = 0, phi_max_degrees = 360; };
+struct MeshShape { int32_t mesh = kNone; };  // Index in meshes: equal files share one mesh.
+
+// Where something is over the shutter. `end` equals `start` for what stands still.
+struct TransformOverTime {
+  Matrix4 start, end;
+  float start_time = 0, end_time = 1;
+  bool IsAnimated() const { return !(start == end); }
+};
+
+struct ShapeDescription {
+  std::variant<MeshShape, SphereShape, DiskShape> shape;
+  TransformOverTime world_from_object;  // For shapes of an object definition: object_from_shape.
+  int32_t material = kNone;
+  int32_t area_light = kNone;       // Index in area_lights.
+  FloatInput alpha{.value = 1};     // Cut-out by stochastic alpha.
+  bool reverse_orientation = false;
+  bool has_alpha = false;
+  SourceLocation location;
+};
+struct ObjectDefinition {
+  std::string name;
+  std::vector<int32_t> shapes;  // Indices in shapes.
+  SourceLocation location;
+};
+struct ObjectInstance {
+  int32_t object = kNone;
+  TransformOverTime world_from_instance;
+  SourceLocation location;
+};
+
+// --- Lights ------------------------------------------------------------------------------------
+
+// scale multiplies the colour; power_w > 0 fixes the light's total power (pbrt-v4's "power").
+struct LightScale { float scale = 1; float power_w = -1; };
+
+struct AreaLightDescription {
+  ColorSpec radiance;
+  LightScale scale;
+  bool two_sided = false;
+  SourceLocation location;
+};
+struct InfiniteLight {
+  ColorSpec radiance;          // Used where file is empty.
+  std::string file;            // Equal-area (Clarberg 2008) square map.
+  float illuminance_lx = -1;   // > 0: scales so that the map gives this illuminance on a plane.
+};
+struct DistantLight { ColorSpec radiance; Vec3d from{0, 0, 0}, to{0, 0, 1}; float illuminance_lx = -1; };
+struct PointLight { ColorSpec intensity; Vec3d from{0, 0, 0}; };
+struct SpotLight {
+  ColorSpec intensity;
+  Vec3d from{0, 0, 0}, to{0, 0, 1};
+  float cone_angle_degrees = 30, cone_delta_angle_degrees = 5;
+};
+struct LightDescription {
+  std::variant<InfiniteLight, DistantLight, PointLight, SpotLight> light;
+  LightScale scale;
+  Matrix4 world_from_light;
+  SourceLocation location;
+};
+
+// --- Camera and film ---------------------------------------------------------------------------
+
+struct CameraDescription {
+  enum class Kind { kPerspective, kOrthographic } kind = Kind::kPerspective;
+  TransformOverTime world_from_camera;  // Camera looks along +z, x right, y up (left-handed).
+  float fov_degrees = 90;               // Of the shorter side.
+  float lens_radius = 0;                // Scene units; 0 is a pinhole.
+  float focal_distance = 1e6f;          // Scene units along +z.
+  double screen_window[4] = {-1, 1, -1, 1};  // x0 x1 y0 y1; filled in from the aspect by the reader.
+  float shutter_open = 0, shutter_close = 1;
+  SourceLocation location;
+};
+struct FilterDescription {
+  enum class Kind { kBox, kTriangle, kGaussian, kMitchell } kind = Kind::kGaussian;
+  float radius_x_px = 1.5f, radius_y_px = 1.5f;
+  float sigma = 0.5f;              // Gaussian.
+  float b = 1.f / 3, c = 1.f / 3;  // Mitchell.
+  SourceLocation location;
+};
+struct FilmDescription {
+  int32_t width_px = 1280, height_px = 720;
+  double crop_window[4] = {0, 1, 0, 1};        // x0 x1 y0 y1 as fractions.
+  bool has_pixel_bounds = false;
+  int32_t pixel_bounds[4] = {0, 0, 0, 0};      // x0 x1 y0 y1, half-open.
+  float exposure_scale = 1;                    // Sensor's imaging ratio: exposure time * ISO / 100.
+  std::string filename;
+  SourceLocation location;
+};
+struct SamplingDescription {
+  int32_t samples_per_pixel = 16;
+  int32_t max_depth = 5;        // Bounces; 0 sees only emission.
+  uint64_t seed = 0;
+  std::string sampler, integrator;  // As the file names them.
+  SourceLocation sampler_location, integrator_location;
+};
+
+struct SceneDescription {
+  std::vector<std::string> files;  // Canonical names; files[0] is the main scene file.
+  CameraDescription camera;
+  FilterDescription filter;
+  FilmDescription film;
+  SamplingDescription sampling;
+  std::vector<TextureDescription> textures;
+  std::vector<MaterialDescription> materials;
+  std::vector<TriangleMesh> meshes;
+  std::vector<ShapeDescription> shapes;        // All, also those of object definitions.
+  std::vector<int32_t> world_shapes;           // Those placed in the world directly.
+  std::vector<ObjectDefinition> objects;
+  std::vector<ObjectInstance> instances;
+  std::vector<AreaLightDescription> area_lights;
+  std::vector<LightDescription> lights;
+};
+
+// "scenes/room.pbrt:41:7"; "(no location)" where there is none.
+std::string FormatLocation(const SceneDescription& scene, SourceLocation location);
+
+}  // namespace sheaf

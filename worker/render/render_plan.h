@@ -1,0 +1,50 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// SceneDescription > RenderPlan: which effects the scene calls for, who asked, and which compiled
+// variant of the integrator serves them. What is not in the plan is not run.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "common/scene/render_settings.h"
+#include "common/scene/scene_description.h"
+
+namespace sheaf::render {
+
+// One bit each. A variant compiled with fewer traits runs no code for the others.
+enum class Trait : uint32_t {
+  kMotion = 1u << 0,                // Animated transforms within an open shutter.
+  kLens = 1u << 1,                  // Lens radius > 0.
+  kTextures = 1u << 2,              // Image textures or procedural ones.
+  kEnvironment = 1u << 3,           // Infinite lights.
+  kDeltaLights = 1u << 4,           // Point, spot, distant lights.
+  kAreaLights = 1u << 5,            // Emissive shapes.
+  kSpecularTransmission = 1u << 6,  // Dielectrics.
+  kLayered = 1u << 7,               // Coated materials.
+  kMicrofacet = 1u << 8,            // Rough or smooth conductors, rough coats.
+  kAlpha = 1u << 9,                 // Cut-outs, interfaces, stochastic mixes.
+  kInstances = 1u << 10,            // Object instances.
+  kQuadrics = 1u << 11,             // Exact spheres and disks.
+};
+
+struct PlannedEffect {
+  Trait trait{};
+  std::string name;    // "lens"
+  std::string cause;   // "scenes/room.pbrt:12:1: Camera \"float lensradius\" [0.05]"
+};
+struct RenderPlan {
+  uint32_t traits = 0;                  // The scene's.
+  uint32_t variant_traits = 0;          // Of the compiled variant: a superset of traits.
+  std::string variant_name;
+  std::vector<PlannedEffect> effects;   // In the order of Trait.
+  std::vector<std::string> unused;      // Names of the effects that cost nothing here.
+};
+
+RenderPlan MakeRenderPlan(const SceneDescription& scene, const FrameSettings& settings);
+// The plan as people read it: one line an effect, then the variant.
+std::string FormatRenderPlan(const RenderPlan& plan);
+
+}  // namespace sheaf::render

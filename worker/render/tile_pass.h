@@ -1,0 +1,54 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// The renderer as everyone else sees it: CompileScene and RenderTilePass. No gRPC, no protobuf.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <stop_token>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "common/film/film_tile.h"
+#include "common/scene/file_source.h"
+#include "common/scene/render_settings.h"
+#include "common/scene/scene_description.h"
+#include "worker/render/render_plan.h"
+
+namespace sheaf::render {
+
+struct CompileLimits {
+  uint64_t texture_cache_bytes_max = uint64_t{512} << 20;
+  uint32_t build_threads = 0;  // 0: as many as the machine has.
+};
+
+// Immutable after CompileScene; all const members may be used from many threads at once.
+class CompiledScene;
+struct CompiledSceneDeleter { void operator()(const CompiledScene* scene) const; };
+using CompiledScenePtr = std::unique_ptr<const CompiledScene, CompiledSceneDeleter>;
+
+// SceneDescription + RenderPlan > CompiledScene. Takes the description by value: its mesh buffers
+// are handed to the ray tracer without a copy.
+// Errors: kInvalidArgument with the location in the scene file; kResourceExhausted over a limit.
+absl::StatusOr<CompiledScenePtr> CompileScene(SceneDescription scene, const FrameSettings& settings,
+                                              FileSource& files, const CompileLimits& limits = {});
+const RenderPlan& PlanOf(const CompiledScene& scene);
+const FrameSettings& SettingsOf(const CompiledScene& scene);
+uint64_t MemoryBytesOf(const CompiledScene& scene);
+
+struct RenderStats {
+  uint64_t samples = 0;
+  uint64_t rays = 0;         // All rays traced: camera, scattered and shadow.
+  uint64_t shadow_rays = 0;
+  double cpu_seconds = 0;
+  std::vector<PixelAccumulator::NonFinite> non_finite;
+};
+
+// TilePass > FilmTile: renders every sample of the block in every pixel of the tile. A pure function
+// of (scene, tile, block). Single-threaded; call from as many threads as wanted.
+// Errors: kCancelled when stop was requested (checked once a row).
+absl::StatusOr<FilmTile> RenderTilePass(const CompiledScene& scene, PixelRect tile, SampleBlock block,
+                                        std::stop_token stop, RenderStats* stats);
+
+}  // namespace sheaf::render
