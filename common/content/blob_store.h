@@ -1,0 +1,115 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// BlobStore: a directory of blobs named by their SHA-256. What Commit returned OK for survives
+// kill -9 and power loss. Several threads and several processes may use one directory.
+//
+//     DIR/ab/abcdef...        a complete, verified blob; never changes
+//     DIR/partial/HEX.part    an upload under way, or one that was cut off and can be resumed
+//     DIR/damaged/HEX         a blob whose bytes no longer match its name, kept for diagnosis
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "common/base/digest.h"
+#include "common/content/blob_digest.h"
+
+namespace sheaf {
+
+// Largest run of bytes that travels in one message, before compression.
+inline constexpr uint64_t kBlobChunkBytesMax = uint64_t{1} << 20;
+
+// How much of a blob is there.
+struct BlobWriteStatus {
+  uint64_t committed_bytes = 0;  // Where an upload resumes; size_bytes when complete.
+  bool complete = false;
+};
+
+// One upload; holds the partial file's lock as long as it lives. Destroyed without Commit, it leaves
+// the bytes appended so far to be resumed. Thread safety: one thread at a time.
+class BlobWriter {
+ public:
+  ~BlobWriter();
+  BlobWriter(BlobWriter&& other) noexcept;
+  BlobWriter& operator=(BlobWriter&&) = delete;
+
+  // Errors: kInvalidArgument beyond the blob's size; kResourceExhausted (disk full).
+  absl::Status Append(std::string_view bytes);
+  // Bytes that are in the partial file.
+  uint64_t committed_bytes() const { return committed_bytes_; }
+  // Makes the bytes so far durable. For uploads that end early.
+  absl::Status Flush();
+  // Verifies size and digest, makes the blob durable and visible. Call once, last.
+  // Errors: kInvalidArgument (too short: the bytes stay and can be resumed; or wrong digest: the
+  // partial file is removed); kResourceExhausted (disk full).
+  absl::Status Commit();
+
+ private:
+  friend class BlobStore;
+  BlobWriter(std::string partial_path, std::string final_path, BlobDigest digest, int fd)
+      : partial_path_(std::move(partial_path)),
+        final_path_(std::move(final_path)),
+        digest_(std::move(digest)),
+        fd_(fd) {}
+  absl::Status HashExistingBytes();
+
+  std::string partial_path_, final_path_;
+  BlobDigest digest_;
+  int fd_ = -1;
+  uint64_t committed_bytes_ = 0;
+  Sha256 hash_;
+};
+
+// Thread safety: all members may be called concurrently.
+class BlobStore {
+ public:
+  // Makes the directory where it is missing.
+  static absl::StatusOr<std::unique_ptr<BlobStore>> Open(const std::string& directory);
+
+  // Those that are not stored (or whose size is not the one given), in the order of digests. Touches
+  // the others, so that a collector by age leaves them alone.
+  // Errors: kInvalidArgument (malformed digest).
+  absl::StatusOr<std::vector<BlobDigest>> FindMissing(const std::vector<BlobDigest>& digests) const;
+
+  // Path of a complete blob, to be opened for reading only.
+  // Errors: kNotFound; kInvalidArgument (malformed digest, or stored with another size).
+  absl::StatusOr<std::string> PathOf(const BlobDigest& digest) const;
+
+  // Errors: kInvalidArgument (malformed digest).
+  absl::StatusOr<BlobWriteStatus> GetWriteStatus(const BlobDigest& digest) const;
+
+  // Starts or resumes a write at offset_bytes. An offset of 0 always starts anew.
+  // Errors: kAlreadyExists (complete); kOutOfRange (neither 0 nor what GetWriteStatus says);
+  // kUnavailable (somebody else is writing this blob now); kResourceExhausted (disk full).
+  absl::StatusOr<BlobWriter> BeginWrite(const BlobDigest& digest, uint64_t offset_bytes) const;
+
+  // Stores a small blob at once; nothing happens when it is there.
+  absl::StatusOr<BlobDigest> Put(std::string_view bytes) const;
+
+  // At most size_bytes_max bytes from offset_bytes; empty at the end.
+  // Errors: kNotFound; kOutOfRange (offset beyond the end).
+  absl::StatusOr<std::string> ReadChunk(const BlobDigest& digest, uint64_t offset_bytes,
+                                        uint64_t size_bytes_max) const;
+
+  // Reads the whole blob and compares it with its name. A damaged one is moved to DIR/damaged, so
+  // that FindMissing asks for it again.
+  // Errors: kNotFound; kDataLoss (damaged).
+  absl::Status Verify(const BlobDigest& digest) const;
+
+  const std::string& directory() const { return directory_; }
+  // Path a blob has or would have. Requires: CheckDigest is OK.
+  std::string FinalPath(const BlobDigest& digest) const;
+  std::string PartialPath(const BlobDigest& digest) const;
+
+ private:
+  explicit BlobStore(std::string directory) : directory_(std::move(directory)) {}
+  std::string directory_;
+};
+
+}  // namespace sheaf

@@ -1,0 +1,37 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Manifest: the files of one frame's scene, by name and digest. Stored as a blob itself (see
+// common/rpc/manifest_codec.h for its bytes); the digest of that blob is the scene digest.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "common/content/blob_digest.h"
+
+namespace sheaf {
+
+inline constexpr size_t kManifestFilesMax = 1'000'000;
+inline constexpr uint64_t kManifestBytesMax = uint64_t{256} << 20;  // Of its serialised form.
+
+struct ManifestFile {
+  std::string name;   // Canonical name, as in common/scene/file_source.h.
+  BlobDigest digest;
+  friend bool operator==(const ManifestFile&, const ManifestFile&) = default;
+};
+
+struct Manifest {
+  std::string main_file;            // One of files.
+  std::vector<ManifestFile> files;  // In ascending order of name, no name twice.
+  friend bool operator==(const Manifest&, const Manifest&) = default;
+};
+
+// Sorts the files by name. Requires: no name twice.
+Manifest MakeManifest(std::string main_file, std::vector<ManifestFile> files);
+
+// Errors: kInvalidArgument, naming the first thing that breaks the rules above.
+absl::Status CheckManifest(const Manifest& manifest);
+
+}  // namespace sheaf
