@@ -1,0 +1,46 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "common/rpc/address.h"
+
+#include <string>
+
+#include "gtest/gtest.h"
+
+namespace sheaf {
+namespace {
+
+TEST(AddressTest, ReadsHostAndPort) {
+  const auto address = ParseAddress("farm.example:7400");
+  ASSERT_TRUE(address.ok());
+  EXPECT_EQ(address->host, "farm.example");
+  EXPECT_EQ(address->port, 7400);
+  EXPECT_EQ(FormatAddress(*address), "farm.example:7400");
+}
+
+TEST(AddressTest, ReadsBracketedIpv6) {
+  const auto address = ParseAddress("[::1]:80");
+  ASSERT_TRUE(address.ok());
+  EXPECT_EQ(address->host, "::1");
+  EXPECT_EQ(FormatAddress(*address), "[::1]:80");
+}
+
+TEST(AddressTest, RejectsWhatIsNotAnAddress) {
+  for (const std::string text : {"", "host", "host:", ":80", "host:70000", "host:-1", "host:8 0",
+                                 "::1:80", "host:+80", "host:99999999999999999999"}) {
+    EXPECT_EQ(ParseAddress(text).status().code(), absl::StatusCode::kInvalidArgument) << text;
+  }
+}
+
+TEST(AddressTest, KnowsLoopback) {
+  EXPECT_TRUE(IsLoopback({"127.0.0.1", 1}));
+  EXPECT_TRUE(IsLoopback({"127.8.9.1", 1}));
+  EXPECT_TRUE(IsLoopback({"localhost", 1}));
+  EXPECT_TRUE(IsLoopback({"::1", 1}));
+  EXPECT_FALSE(IsLoopback({"0.0.0.0", 1}));
+  EXPECT_FALSE(IsLoopback({"::", 1}));
+  EXPECT_FALSE(IsLoopback({"127.farm.example", 1}));
+  EXPECT_FALSE(IsLoopback({"10.0.0.1", 1}));
+}
+
+}  // namespace
+}  // namespace sheaf

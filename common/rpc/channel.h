@@ -1,0 +1,43 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// How Sheaf's programs open gRPC channels and servers: the same message limits and keepalive on both
+// sides. Credentials are insecure; a server therefore listens on loopback unless told otherwise
+// (RequireSafeAddress).
+#pragma once
+
+#include <grpcpp/channel.h>
+#include <grpcpp/client_context.h>
+#include <grpcpp/server_builder.h>
+
+#include <memory>
+#include <string>
+
+#include "absl/status/status.h"
+#include "absl/time/time.h"
+
+namespace sheaf {
+
+// Limits of the wire, the same for every program.
+inline constexpr int kMessageBytesMax = 16 << 20;
+inline constexpr size_t kStreamChunkBytesMax = size_t{1} << 20;  // Bytes of a part, picture or blob.
+inline constexpr absl::Duration kKeepaliveInterval = absl::Seconds(20);
+inline constexpr absl::Duration kKeepaliveTimeout = absl::Seconds(10);
+inline constexpr absl::Duration kUnaryDeadline = absl::Seconds(30);
+inline constexpr absl::Duration kStreamDeadline = absl::Minutes(10);
+
+// Returns a channel to "host:port"; connects at the first call and again whenever the connection is
+// lost, after at most two seconds.
+std::shared_ptr<grpc::Channel> MakeChannel(const std::string& address);
+
+// Gives a call its deadline. Every call has one, but for watches that live as long as a job.
+void SetDeadline(grpc::ClientContext* context, absl::Duration duration);
+
+// Applies the message limits and keepalive to a server, and makes a taken port an error.
+void ApplyServerLimits(grpc::ServerBuilder* builder);
+
+// Refuses to listen, without encryption, where other machines could connect.
+// Errors: kInvalidArgument (malformed); kFailedPrecondition naming the flag that allows it.
+absl::Status RequireSafeAddress(const std::string& address, bool insecure_remote_allowed);
+
+}  // namespace sheaf

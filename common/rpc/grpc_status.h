@@ -1,0 +1,19 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// The one place where absl::Status and grpc::Status meet. Both use the canonical codes, so nothing is
+// lost but gRPC's binary details, which Sheaf does not send.
+#pragma once
+
+#include <grpcpp/support/status.h>
+
+#include "absl/status/status.h"
+
+namespace sheaf {
+
+// Returns the same code and message for the wire.
+grpc::Status ToGrpcStatus(const absl::Status& status);
+// Returns the same code and message; a code that is not canonical becomes kUnknown.
+absl::Status FromGrpcStatus(const grpc::Status& status);
+
+}  // namespace sheaf

@@ -1,0 +1,129 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// FarmView: what the farm looks like now, as plain values, for whoever shows it to people (the HTTP
+// side). It hides gRPC, protobuf and locks; every call returns a consistent copy.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "absl/time/time.h"
+#include "common/film/film.h"
+#include "common/film/tile_geometry.h"
+#include "common/scene/render_settings.h"
+
+namespace sheaf::coordinator {
+
+// How far something is and what it took.
+struct ProgressView {
+  uint64_t sample_count_done = 0;   // Pixel samples merged and durable.
+  uint64_t sample_count_total = 0;
+  double relative_mse = 0;          // Estimated; 0 until it can be told.
+  uint64_t nonfinite_count = 0;
+  uint64_t ray_count = 0;
+  double cpu_seconds = 0;           // Of workers, on accepted results.
+  double wall_seconds = 0;          // Since the first lease.
+  double remaining_seconds = -1;    // At the present rate; negative until it can be told.
+};
+
+struct FrameView {
+  int32_t frame_number = 0;
+  std::string scene_digest;         // Hex.
+  std::string frame_digest;         // Hex.
+  FrameSettings settings;
+  bool complete = false;            // The EXR is delivered.
+  std::string picture_digest;       // Hex; empty until complete.
+  std::string output_path;          // Of the delivered EXR; empty until complete.
+  uint64_t preview_version = 0;     // Grows whenever Preview() would show something new.
+  ProgressView progress;
+};
+
+// The states of proto Job.State, by the same names without prefix.
+enum class JobState { kQueued, kRunning, kSucceeded, kFailed, kCancelled };
+// Returns "queued", "running", "succeeded", "failed" or "cancelled".
+const char* JobStateName(JobState state);
+
+struct JobView {
+  std::string job_id;               // The resource name is "jobs/" + job_id.
+  std::string title;
+  JobState state = JobState::kQueued;
+  int32_t priority = 0;
+  std::string numeric_profile;
+  std::string failure;              // Why it failed; empty otherwise.
+  std::string waiting_reason;       // Why nothing happens; empty otherwise.
+  absl::Time create_time;
+  absl::Time end_time = absl::InfiniteFuture();  // InfiniteFuture until it has ended.
+  int32_t frame_count = 0;
+  int32_t frame_complete_count = 0;
+  ProgressView progress;            // Sums over the frames.
+  std::vector<FrameView> frames;    // Ascending by number; empty in ListJobs.
+};
+
+// The states of proto Worker.State.
+enum class WorkerState { kIdle, kBusy, kDraining, kLost, kQuarantined };
+// Returns "idle", "busy", "draining", "lost" or "quarantined".
+const char* WorkerStateName(WorkerState state);
+
+struct WorkerView {
+  std::string worker_id;
+  std::string host;
+  WorkerState state = WorkerState::kIdle;
+  int32_t thread_count = 0;
+  std::string numeric_profile;
+  int32_t lease_count = 0;
+  uint64_t result_count = 0;
+  double samples_per_second = 0;
+  absl::Time last_seen_time;
+  std::string reason;               // Why it is quarantined; empty otherwise.
+};
+
+// One number for /metrics, in Prometheus' terms.
+struct MetricView {
+  enum class Kind { kCounter, kGauge };
+  std::string name;                 // "sheaf_results_accepted_total".
+  std::string help;                 // One sentence.
+  Kind kind = Kind::kCounter;
+  std::string label_name, label_value;  // Both empty where the metric has no label.
+  double value = 0;
+};
+
+// The picture so far.
+struct PreviewView {
+  uint64_t version = 0;             // FrameView::preview_version that it shows.
+  // All channels of a developed picture; pixels without samples are 0. The display transform is the
+  // viewer's business.
+  FramePicture picture;
+  bool complete = false;
+};
+
+// Thread safety: all functions may be called from any thread. None waits longer than for a short lock
+// but WaitForChange and Preview (which copies a picture).
+class FarmView {
+ public:
+  virtual ~FarmView() = default;
+
+  // Newest first, without their frames.
+  virtual std::vector<JobView> ListJobs() const = 0;
+  // With its frames. Errors: kNotFound.
+  virtual absl::StatusOr<JobView> FindJob(const std::string& job_id) const = 0;
+  // Ascending by id.
+  virtual std::vector<WorkerView> ListWorkers() const = 0;
+  // All counters and gauges; those of one name are adjacent.
+  virtual std::vector<MetricView> Metrics() const = 0;
+  // Errors: kNotFound (no such frame); kUnavailable (no sample is there yet).
+  virtual absl::StatusOr<PreviewView> Preview(const std::string& job_id,
+                                              int32_t frame_number) const = 0;
+  // Whether the coordinator accepts work: state is loaded and the disk takes writes. Otherwise why
+  // not (kUnavailable or kResourceExhausted).
+  virtual absl::Status Ready() const = 0;
+
+  // Grows whenever anything above changes.
+  virtual uint64_t ChangeCount() const = 0;
+  // Returns ChangeCount() as soon as it differs from `seen`, at the latest after `timeout`.
+  virtual uint64_t WaitForChange(uint64_t seen, absl::Duration timeout) const = 0;
+};
+
+}  // namespace sheaf::coordinator
