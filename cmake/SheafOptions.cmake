@@ -28,7 +28,7 @@ target_compile_options(sheaf_numerics INTERFACE
 
 add_library(sheaf_warnings INTERFACE)
 target_compile_options(sheaf_warnings INTERFACE
-  -Wall -Wextra -Wpedantic -Wconversion -Wno-sign-conversion -Wshadow -Wnon-virtual-dtor -Wundef)
+  -Wall -Wextra -Wpedantic -Wconversion -Wno-sign-conversion -Wshadow -Wnon-virtual-dtor -Wundef -Wno-restrict)
 
 if(SHEAF_SANITIZE)
   add_compile_options(-fsanitize=${SHEAF_SANITIZE} -fno-omit-frame-pointer -g1)

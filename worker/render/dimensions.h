@@ -1,0 +1,31 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// The ledger of sample dimensions. Every (path vertex, use) draws from a slot of its own, so that no
+// two decisions share random numbers and a variant that skips a use shifts no other. A slot is a
+// four-dimensional Owen-scrambled Sobol' point set of its own scramble.
+#pragma once
+
+#include <cstdint>
+
+namespace sheaf::render {
+
+enum class CameraSlot : uint32_t {
+  kFilterAndLens = 0,  // x, y of the pixel filter; u, v of the lens.
+  kTime = 1,           // Shutter time.
+  kCount = 4,
+};
+enum class VertexSlot : uint32_t {
+  kBsdf = 0,     // Lobe, u, v of the scattered direction; roulette.
+  kLight = 1,    // Which light, u, v on it; spare.
+  kSurface = 2,  // Mix and cut-out decisions at this vertex.
+  kCount = 4,
+};
+constexpr uint32_t Slot(CameraSlot use) { return static_cast<uint32_t>(use); }
+// depth: 0 for the first surface the camera ray meets.
+constexpr uint32_t Slot(uint32_t depth, VertexSlot use) {
+  return static_cast<uint32_t>(CameraSlot::kCount) + depth * static_cast<uint32_t>(VertexSlot::kCount) +
+         static_cast<uint32_t>(use);
+}
+
+}  // namespace sheaf::render

@@ -1,0 +1,82 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// LightTable: every light of the scene, ready to be sampled from a point and to be weighed when a
+// scattered ray happens to meet it. Positions are camera-relative (render space), like all geometry.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "common/math/transform.h"
+#include "common/math/vec.h"
+#include "common/scene/file_source.h"
+#include "common/scene/scene_description.h"
+#include "worker/render/bsdf.h"
+
+namespace sheaf::render {
+
+struct LightSample {
+  Vec3f wi;               // Unit, from the receiving point to the light.
+  Vec3f p_light;          // Point on the light; unused where infinite.
+  Vec3f p_light_error;    // Bound of the absolute rounding error of p_light.
+  Vec3f n_light;          // Geometric normal of area lights, zero otherwise.
+  Rgb radiance;           // Arriving, unoccluded; for delta lights intensity over distance squared.
+  float pdf = 0;          // Solid angle, times the probability of choosing this light; choice alone for delta.
+  bool is_delta = false;  // Point, spot, distant: no MIS.
+  bool is_infinite = false;
+};
+
+// One emitter as the geometry code hands it over. Sides: emits on the side of n (right-hand rule of
+// v0 v1 v2 for triangles, outward for spheres, axis for disks), on both where two_sided.
+struct TriangleEmitter { Vec3f v0, v1, v2; Rgb radiance; bool two_sided = false; };
+struct SphereEmitter { Vec3d center; double radius = 1; Rgb radiance; bool two_sided = false, inward = false; };
+struct DiskEmitter { Vec3d center; Vec3d normal, axis_x; double radius = 1, inner_radius = 0; Rgb radiance; bool two_sided = false; };
+// Partial spheres and disks, and scaled ones that are no longer spheres, come as triangles.
+
+struct LightTableInput {
+  std::vector<TriangleEmitter> triangles;
+  std::vector<SphereEmitter> spheres;
+  std::vector<DiskEmitter> disks;
+  Vec3d render_origin_world;  // World position of render space's origin (the camera).
+  Vec3f scene_center;         // Bounding sphere in render space, for infinite lights' power.
+  float scene_radius = 1;
+};
+
+class LightTable {
+ public:
+  // Emitter ids are: triangles first, then spheres, then disks, in input order.
+  // Errors: unreadable environment map; not square; negative or non-finite values (named texel).
+  static absl::StatusOr<std::unique_ptr<LightTable>> Build(const SceneDescription& scene,
+                                                           LightTableInput input, FileSource& files);
+  ~LightTable();
+
+  bool empty() const;
+  // Chooses a light and a point on it, as seen from p. n: the receiver's geometric normal, or zero in
+  // free space; only a hint for choosing. None where the light cannot reach p.
+  // Space: render. Never returns pdf 0, a non-finite value or radiance 0.
+  template <uint32_t kTraits>
+  std::optional<LightSample> Sample(Vec3f p, Vec3f n, float u_select, Vec2f u) const;
+  // Solid-angle pdf (times choice) with which Sample, called at p with n, would have found the point
+  // p_light of the emitter along wi. The same bits as Sample's.
+  template <uint32_t kTraits>
+  float PdfEmitter(uint32_t emitter, Vec3f p, Vec3f n, Vec3f wi, Vec3f p_light) const;
+  // Radiance of the emitter towards wo (unit, leaving the light) at its surface point with normal ng.
+  Rgb EmitterRadiance(uint32_t emitter, Vec3f ng, Vec3f wo) const;
+  // Sum over all infinite lights along the (unit) direction d, and Sample's pdf of it.
+  template <uint32_t kTraits>
+  Rgb EnvironmentRadiance(Vec3f d) const;
+  template <uint32_t kTraits>
+  float PdfEnvironment(Vec3f p, Vec3f n, Vec3f d) const;
+
+  struct Impl;
+
+ private:
+  LightTable();
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace sheaf::render
