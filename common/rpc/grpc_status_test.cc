@@ -29,7 +29,7 @@ TEST(GrpcStatusTest, OkStaysOk) {
 }
 
 TEST(GrpcStatusTest, ForeignCodeBecomesUnknown) {
-  const grpc::Status foreign(static_cast<grpc::StatusCode>(77), "odd");
+  const grpc::Status foreign(grpc::StatusCode::DO_NOT_USE, "odd");
   EXPECT_EQ(FromGrpcStatus(foreign).code(), absl::StatusCode::kUnknown);
 }
 
