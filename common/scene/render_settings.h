@@ -16,6 +16,11 @@
 
 namespace sheaf {
 
+// Limits of what one frame may ask for.
+inline constexpr int64_t kFramePixelsMax = int64_t{1} << 40;
+inline constexpr uint64_t kSamplesPerPixelMax = uint64_t{1} << 48;
+inline constexpr int32_t kMaxDepthMax = 1 << 20;
+
 struct RenderSettings {
   std::optional<uint64_t> samples;    // Per pixel; otherwise the scene's.
   std::optional<int32_t> max_depth;
@@ -38,6 +43,11 @@ absl::StatusOr<FrameSettings> ResolveSettings(const SceneDescription& scene, con
 
 // "x86-64-v3 sheaf-0.1.0 gcc-12 embree-3.13.5": build and instruction set. A job pins one.
 std::string NumericProfile();
+
+// The text whose SHA-256 is the frame digest: one "name value" a line, in a fixed order. Printable;
+// delivered pictures carry it in their metadata.
+std::string FrameDigestText(const std::string& scene_digest, const FrameSettings& settings,
+                            const std::string& numeric_profile);
 
 // Hex SHA-256 over scene digest, settings (without force_generic_variant), and profile.
 std::string FrameDigest(const std::string& scene_digest, const FrameSettings& settings,

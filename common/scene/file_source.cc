@@ -1,0 +1,72 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "common/scene/file_source.h"
+
+#include <sys/stat.h>
+
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
+
+namespace sheaf {
+namespace {
+
+absl::Status NotFound(const std::string& name, const std::string& why) {
+  return absl::NotFoundError(absl::StrCat("file \"", name, "\" ", why));
+}
+
+std::string JoinPath(const std::string& directory, const std::string& name) {
+  if (name.empty() || name.front() == '/' || directory.empty()) return name;
+  return directory.back() == '/' ? directory + name : directory + "/" + name;
+}
+
+}  // namespace
+
+std::string CanonicalFileName(const std::string& reference) {
+  if (reference.empty() || reference.front() == '/') return reference;
+  std::vector<std::string> parts;
+  size_t begin = 0;
+  while (begin <= reference.size()) {
+    size_t end = reference.find('/', begin);
+    if (end == std::string::npos) end = reference.size();
+    std::string part = reference.substr(begin, end - begin);
+    begin = end + 1;
+    if (part.empty() || part == ".") continue;
+    // "x/.." vanishes; a leading ".." stays, for nothing before it can be taken away.
+    if (part == ".." && !parts.empty() && parts.back() != "..") {
+      parts.pop_back();
+      continue;
+    }
+    parts.push_back(std::move(part));
+  }
+  return absl::StrJoin(parts, "/");
+}
+
+absl::StatusOr<std::string> DirectoryFileSource::LocalPath(const std::string& canonical_name) {
+  if (canonical_name.empty()) return NotFound(canonical_name, "cannot be opened: its name is empty");
+  std::string path = JoinPath(directory_, canonical_name);
+  struct stat info {};
+  if (::stat(path.c_str(), &info) != 0) {
+    return NotFound(canonical_name, absl::StrCat("does not exist (looked for ", path, ")"));
+  }
+  if (S_ISDIR(info.st_mode)) return NotFound(canonical_name, "is a directory, not a file");
+  const std::lock_guard<std::mutex> lock(mutex_);
+  files_used_[canonical_name] = path;
+  return path;
+}
+
+std::map<std::string, std::string> DirectoryFileSource::FilesUsed() const {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  return files_used_;
+}
+
+absl::StatusOr<std::string> TableFileSource::LocalPath(const std::string& canonical_name) {
+  const auto found = local_paths_.find(canonical_name);
+  if (found == local_paths_.end()) {
+    return NotFound(canonical_name, "is not among the files of this scene");
+  }
+  return found->second;
+}
+
+}  // namespace sheaf

@@ -1,0 +1,132 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "common/scene/render_settings.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "absl/strings/str_cat.h"
+#include "common/base/digest.h"
+
+#ifndef SHEAF_VERSION
+#error "common/scene/CMakeLists.txt defines SHEAF_VERSION, SHEAF_MARCH and SHEAF_EMBREE_VERSION"
+#endif
+
+namespace sheaf {
+namespace {
+
+std::string RectText(const PixelRect& rect) {
+  return absl::StrCat("[", rect.x0, ", ", rect.x1, ") x [", rect.y0, ", ", rect.y1, ")");
+}
+
+// First pixel whose left edge is at or right of the fraction: pbrt-v4's rule, so that abutting crops
+// neither overlap nor leave a gap.
+int32_t CropPixel(double fraction, int32_t size_px) {
+  return static_cast<int32_t>(std::ceil(size_px * std::clamp(fraction, 0.0, 1.0)));
+}
+
+PixelRect SceneWindow(const FilmDescription& film) {
+  if (film.has_pixel_bounds) {
+    const auto& b = film.pixel_bounds;
+    return {std::clamp(b[0], 0, film.width_px), std::clamp(b[2], 0, film.height_px),
+            std::clamp(b[1], 0, film.width_px), std::clamp(b[3], 0, film.height_px)};
+  }
+  const auto& c = film.crop_window;
+  return {CropPixel(c[0], film.width_px), CropPixel(c[2], film.height_px),
+          CropPixel(c[1], film.width_px), CropPixel(c[3], film.height_px)};
+}
+
+PixelRect Intersect(const PixelRect& a, const PixelRect& b) {
+  return {std::max(a.x0, b.x0), std::max(a.y0, b.y0), std::min(a.x1, b.x1), std::min(a.y1, b.y1)};
+}
+
+bool IsEmpty(const PixelRect& rect) { return rect.x0 >= rect.x1 || rect.y0 >= rect.y1; }
+
+absl::Status CheckFrame(const SceneDescription& scene) {
+  const FilmDescription& film = scene.film;
+  if (film.width_px < 1 || film.height_px < 1) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        FormatLocation(scene, film.location), ": the frame of ", film.width_px, " x ",
+        film.height_px, " pixels is empty; xresolution and yresolution must be at least 1"));
+  }
+  if (int64_t{film.width_px} * film.height_px > kFramePixelsMax) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(FormatLocation(scene, film.location), ": the frame of ", film.width_px, " x ",
+                     film.height_px, " pixels exceeds the limit of ", kFramePixelsMax, " pixels"));
+  }
+  return absl::OkStatus();
+}
+
+absl::Status CheckCounts(const FrameSettings& settings) {
+  if (settings.samples == 0) {
+    return absl::InvalidArgumentError("0 samples per pixel make no picture; ask for at least 1");
+  }
+  if (settings.samples > kSamplesPerPixelMax) {
+    return absl::InvalidArgumentError(absl::StrCat(settings.samples,
+                                                   " samples per pixel exceed the limit of ",
+                                                   kSamplesPerPixelMax));
+  }
+  if (settings.max_depth < 0 || settings.max_depth > kMaxDepthMax) {
+    return absl::InvalidArgumentError(absl::StrCat("maximum depth ", settings.max_depth,
+                                                   " is outside [0, ", kMaxDepthMax, "]"));
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+absl::StatusOr<FrameSettings> ResolveSettings(const SceneDescription& scene,
+                                              const RenderSettings& settings) {
+  if (absl::Status status = CheckFrame(scene); !status.ok()) return status;
+  FrameSettings resolved;
+  resolved.width_px = scene.film.width_px;
+  resolved.height_px = scene.film.height_px;
+  resolved.window = SceneWindow(scene.film);
+  if (IsEmpty(resolved.window)) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(FormatLocation(scene, scene.film.location), ": the film's crop ",
+                     RectText(resolved.window), " holds no pixel of the frame"));
+  }
+  if (settings.crop.has_value()) {
+    const PixelRect window = Intersect(*settings.crop, resolved.window);
+    if (IsEmpty(window)) {
+      return absl::InvalidArgumentError(
+          absl::StrCat("the crop ", RectText(*settings.crop), " holds no pixel of the scene's window ",
+                       RectText(resolved.window)));
+    }
+    resolved.window = window;
+  }
+  resolved.samples =
+      settings.samples.value_or(static_cast<uint64_t>(std::max(0, scene.sampling.samples_per_pixel)));
+  resolved.max_depth = settings.max_depth.value_or(scene.sampling.max_depth);
+  resolved.seed = settings.seed.value_or(scene.sampling.seed);
+  resolved.force_generic_variant = settings.force_generic_variant;
+  if (absl::Status status = CheckCounts(resolved); !status.ok()) return status;
+  return resolved;
+}
+
+std::string NumericProfile() {
+#if defined(__clang__)
+  const std::string compiler = absl::StrCat("clang-", __clang_major__);
+#else
+  const std::string compiler = absl::StrCat("gcc-", __GNUC__);
+#endif
+  return absl::StrCat(SHEAF_MARCH, " sheaf-", SHEAF_VERSION, " ", compiler, " embree-",
+                      SHEAF_EMBREE_VERSION);
+}
+
+std::string FrameDigestText(const std::string& scene_digest, const FrameSettings& settings,
+                            const std::string& numeric_profile) {
+  const PixelRect& w = settings.window;
+  return absl::StrCat("sheaf-frame 1\nscene ", scene_digest, "\nsize_px ", settings.width_px, " ",
+                      settings.height_px, "\nwindow_px ", w.x0, " ", w.y0, " ", w.x1, " ", w.y1,
+                      "\nsamples ", settings.samples, "\nmax_depth ", settings.max_depth, "\nseed ",
+                      settings.seed, "\nprofile ", numeric_profile, "\n");
+}
+
+std::string FrameDigest(const std::string& scene_digest, const FrameSettings& settings,
+                        const std::string& numeric_profile) {
+  return Sha256Hex(FrameDigestText(scene_digest, settings, numeric_profile));
+}
+
+}  // namespace sheaf
