@@ -34,3 +34,6 @@ if(SHEAF_SANITIZE)
   add_compile_options(-fsanitize=${SHEAF_SANITIZE} -fno-omit-frame-pointer -g1)
   add_link_options(-fsanitize=${SHEAF_SANITIZE})
 endif()
+
+# All programs in one folder, so that they find each other.
+set(CMAKE_RUNTIME_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/bin)

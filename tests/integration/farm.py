@@ -1,0 +1,155 @@
+# Copyright the Sheaf authors.
+# SPDX-License-Identifier: Apache-2.0
+"""A farm of real processes on loopback, for tests: starts, kills and restarts them.
+
+The test is the parent of every daemon, so a killed one is reaped here and its port is free again.
+"""
+import json
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+
+ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
+START_SECONDS_MAX = 30
+JOB_SECONDS_MAX = 300
+
+
+def programs():
+    """Folder of the built programs: SHEAF_BIN, as ctest sets it."""
+    folder = os.environ.get("SHEAF_BIN", os.path.join(ROOT, "build", "dev", "bin"))
+    if not os.path.exists(os.path.join(folder, "sheaf")):
+        sys.exit(f"no programs in {folder}: build first, or set SHEAF_BIN")
+    return folder
+
+
+def public_scenes():
+    """Folder of scenes nobody here wrote, or None: set SHEAF_PUBLIC_SCENES to compare with them."""
+    folder = os.environ.get("SHEAF_PUBLIC_SCENES", "")
+    return folder if os.path.isdir(folder) else None
+
+
+def wait_until(condition, seconds, what):
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        value = condition()
+        if value:
+            return value
+        time.sleep(0.02)
+    raise AssertionError(f"not within {seconds} s: {what}")
+
+
+class Farm:
+    """A coordinator and workers with a folder of their own; use with `with`."""
+
+    def __init__(self, coordinator_arguments=()):
+        self.folder = tempfile.mkdtemp(prefix="sheaf farm ")  # A space: paths must survive one.
+        self.coordinator_arguments = list(coordinator_arguments)
+        self.coordinator = None
+        self.workers = []
+        self.address = "127.0.0.1:0"
+        self.http = "127.0.0.1:0"
+        self.worker_count = 0
+
+    def __enter__(self):
+        self.start_coordinator()
+        return self
+
+    def __exit__(self, *_):
+        for process in self.workers + [self.coordinator]:
+            if process and process.poll() is None:
+                process.kill()
+                process.wait()
+        if os.environ.get("SHEAF_KEEP"):
+            print("kept", self.folder)
+        else:
+            shutil.rmtree(self.folder, ignore_errors=True)
+
+    def path(self, *names):
+        return os.path.join(self.folder, *names)
+
+    def log(self, name):
+        with open(self.path(name + ".log"), encoding="utf-8", errors="replace") as f:
+            return f.read()
+
+    def _start(self, name, arguments):
+        log = open(self.path(name + ".log"), "ab")
+        process = subprocess.Popen(arguments, stdin=subprocess.DEVNULL, stdout=log, stderr=log)
+        log.close()
+        return process
+
+    def start_coordinator(self):
+        """Starts it; after the first time on the same ports, so that workers find it again."""
+        port_file = self.path("ports.json")
+        if os.path.exists(port_file):
+            os.remove(port_file)
+        self.coordinator = self._start("coordinator", [
+            os.path.join(programs(), "sheaf-coordinator"), "--listen", self.address,
+            "--http", self.http, "--state-dir", self.path("state"), "--port-file", port_file,
+            *self.coordinator_arguments])
+
+        def ports():
+            if self.coordinator.poll() is not None:
+                raise AssertionError("coordinator ended:\n" + self.log("coordinator"))
+            try:
+                with open(port_file, encoding="utf-8") as f:
+                    return json.load(f)
+            except (FileNotFoundError, ValueError):
+                return None
+
+        found = wait_until(ports, START_SECONDS_MAX, "coordinator's port file")
+        self.address = found["grpc"]
+        self.http = found["http"]
+
+    def start_worker(self, *arguments, threads=1):
+        self.worker_count += 1
+        process = self._start(f"worker{self.worker_count}", [
+            os.path.join(programs(), "sheaf-worker"), "--coordinator", self.address,
+            "--threads", str(threads), "--cache-dir", self.path("cache"), *arguments])
+        self.workers.append(process)
+        return process
+
+    def kill(self, process):
+        process.send_signal(signal.SIGKILL)
+        process.wait()
+        if process in self.workers:
+            self.workers.remove(process)
+
+    def sheaf(self, *arguments, check=True, seconds=JOB_SECONDS_MAX):
+        environment = dict(os.environ, SHEAF_COORDINATOR=self.address)
+        done = subprocess.run([os.path.join(programs(), "sheaf"), *map(str, arguments)],
+                              env=environment, stdin=subprocess.DEVNULL, capture_output=True,
+                              text=True, timeout=seconds)
+        if check and done.returncode != 0:
+            raise AssertionError(f"sheaf {' '.join(map(str, arguments))}: exit code "
+                                 f"{done.returncode}\n{done.stdout}{done.stderr}\n"
+                                 + self.log("coordinator")[-2000:])
+        return done
+
+    def metrics(self):
+        """Prometheus samples by name with labels, as floats."""
+        from urllib.request import urlopen
+        text = urlopen(f"http://{self.http}/metrics", timeout=10).read().decode()
+        return {m[1]: float(m[2]) for m in re.finditer(r"^(sheaf_\S+) (\S+)$", text, re.M)}
+
+
+def render(scene, output, *arguments, seconds=JOB_SECONDS_MAX):
+    """`sheaf render` in one process."""
+    done = subprocess.run([os.path.join(programs(), "sheaf"), "render", scene, "-o", output,
+                           *map(str, arguments)], stdin=subprocess.DEVNULL, capture_output=True,
+                          text=True, timeout=seconds)
+    if done.returncode != 0:
+        raise AssertionError(f"sheaf render {scene}: exit code {done.returncode}\n{done.stdout}"
+                             f"{done.stderr}")
+    return done
+
+
+def picture_digest(path):
+    """SHA-256 of the pixels, as `sheaf compare` prints it."""
+    done = subprocess.run([os.path.join(programs(), "sheaf"), "compare", "--json", path, path],
+                          capture_output=True, text=True, check=True)
+    return json.loads(done.stdout)["image_digest"]

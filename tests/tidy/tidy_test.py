@@ -1,0 +1,179 @@
+#!/usr/bin/env python3
+# Copyright the Sheaf authors.
+# SPDX-License-Identifier: Apache-2.0
+"""House rules that a machine can check; CONTRIBUTING.md gives the reasons.
+
+Run from anywhere: tests/tidy/tidy_test.py. Each check is one test; a failure lists every place.
+"""
+import os
+import re
+import subprocess
+import unittest
+
+ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
+SOURCE_FOLDERS = ("common", "worker", "coordinator", "cli", "tests")
+LINE_LENGTH_MAX = 100
+FILE_LINES_MAX = 450
+FUNCTION_LINES_MAX = 80
+
+# A folder may include those listed, itself, and nothing else of ours. common/* are below all.
+LAYERS = {
+    "common/base": (),
+    "common/math": ("common/base",),
+    "common/film": ("common/base", "common/math"),
+    "common/image": ("common/base", "common/math"),
+    "common/scene": ("common/base", "common/math", "common/film"),
+    "common/content": ("common/base",),
+    "common/rpc": ("common/base", "common/content"),
+    "worker/render": ("common/base", "common/math", "common/film", "common/image", "common/scene"),
+    "worker/agent": ("common/base", "common/film", "common/scene", "common/content", "worker/render"),
+    "worker/service": ("common/", "worker/"),
+    "coordinator/core": ("common/base", "common/math", "common/film", "common/scene"),
+    "coordinator/store": ("common/base", "common/film", "common/scene", "common/content",
+                          "coordinator/core"),
+    "coordinator/service": ("common/", "coordinator/"),
+    "cli": ("common/", "worker/", "coordinator/"),
+}
+
+# Third-party headers and the only files that may include them.
+DOORS = {
+    r"Imf\w+\.h|OpenEXR/|Imath": r"^common/film/exr_",
+    r"openssl/": r"^common/base/digest\.cc$",
+    r"spdlog/": r"^common/base/log\.cc$",
+    r"OpenImageIO/": r"^common/image/",
+    r"zlib\.h": r"^common/scene/",
+    r"zstd\.h": r"^common/content/",
+    r"embree\d/": r"^worker/render/embree_",
+    r"sqlite3\.h": r"^coordinator/store/",
+    r"boost/": r"^coordinator/service/http_",
+    r"CLI/": r"^(cli/|worker/service/|coordinator/service/)",
+    r"nlohmann/": r"^(cli/|coordinator/service/)",
+    r"grpcpp/|google/protobuf|sheaf/v1/": r"^(common/rpc/|worker/service/|coordinator/service/|cli/)",
+}
+
+LEFT_OVERS = re.compile(r"\b(TODO|FIXME|XXX|HACK)\b|not (yet )?implemented|for now\b", re.I)
+
+
+def tracked(*endings):
+    listed = subprocess.run(["git", "ls-files", "-co", "--exclude-standard"], cwd=ROOT,
+                            capture_output=True, text=True, check=True).stdout.splitlines()
+    return [f for f in listed if f.endswith(endings) and os.path.exists(os.path.join(ROOT, f))]
+
+
+def read(path):
+    with open(os.path.join(ROOT, path), encoding="utf-8") as f:
+        return f.read()
+
+
+def cpp_files():
+    return [f for f in tracked(".h", ".cc") if f.startswith(SOURCE_FOLDERS)]
+
+
+def product_files():
+    return [f for f in cpp_files() if not f.startswith("tests/") and not f.endswith("_test.cc")]
+
+
+def function_lengths(text):
+    """Yields (first line, number of lines) of the blocks that open at the end of a definition.
+
+    A rough brace matcher: good enough to find a function that no longer fits a screen.
+    """
+    lines = text.split("\n")
+    open_at, depth, base = None, 0, 0
+    for number, line in enumerate(lines, 1):
+        code = re.sub(r'"(\\.|[^"\\])*"|\'(\\.|[^\'\\])*\'|//.*', "", line)
+        starts = re.search(r"\)\s*(const|noexcept|override|->.*)*\s*\{\s*$", code)
+        if open_at is None and starts and not re.match(r"\s*(namespace|struct|class|enum)", code):
+            open_at, base = number, depth
+        depth += code.count("{") - code.count("}")
+        if open_at is not None and depth <= base:
+            yield open_at, number - open_at + 1
+            open_at = None
+
+
+class TidyTest(unittest.TestCase):
+    def expect_none(self, problems, rule):
+        self.assertFalse(problems, rule + ":\n  " + "\n  ".join(problems))
+
+    def test_layers(self):
+        problems = []
+        for path in product_files():
+            folder = next((f for f in LAYERS if path.startswith(f + "/")), None)
+            self.assertIsNotNone(folder, path + " lies in no known layer")
+            allowed = LAYERS[folder] + (folder,)
+            for include in re.findall(r'#include "([^"]+)"', read(path)):
+                if include.startswith(("common/", "worker/", "coordinator/", "cli/")):
+                    if not include.startswith(allowed):
+                        problems.append(f"{path} includes {include}")
+                elif "/" in include and not include.startswith(("absl/", "sheaf/v1/")):
+                    problems.append(f"{path} includes {include}: not from the repository's root")
+        self.expect_none(problems, "a lower layer includes a higher one")
+
+    def test_one_door_for_each_library(self):
+        problems = []
+        for path in product_files():
+            for include in re.findall(r'#include [<"]([^>"]+)[>"]', read(path)):
+                for library, door in DOORS.items():
+                    if re.match(library, include) and not re.match(door, path):
+                        problems.append(f"{path} includes {include}")
+        self.expect_none(problems, "a third-party header outside its door")
+
+    def test_every_source_names_its_licence_and_purpose(self):
+        problems = []
+        for path in cpp_files() + tracked(".proto"):
+            head = read(path).split("\n")[:6]
+            if "SPDX-License-Identifier: Apache-2.0" not in "\n".join(head):
+                problems.append(path + ": no SPDX line")
+            if path.endswith(".h") and len(head) > 3 and not head[3].startswith("// "):
+                problems.append(path + ": no paragraph that says what the file is for")
+            if path.endswith(".h") and "#pragma once" not in read(path):
+                problems.append(path + ": no #pragma once")
+        for path in tracked(".cmake", "CMakeLists.txt", ".py", ".sh", ".mjs", ".js", ".css"):
+            if "SPDX-License-Identifier: Apache-2.0" not in read(path)[:400]:
+                problems.append(path + ": no SPDX line")
+        self.expect_none(problems, "file head")
+
+    def test_lines_fit(self):
+        problems = [f"{p}:{n}" for p in cpp_files() + tracked(".proto", ".py")
+                    for n, line in enumerate(read(p).split("\n"), 1) if len(line) > LINE_LENGTH_MAX]
+        self.expect_none(problems, f"longer than {LINE_LENGTH_MAX} columns")
+
+    def test_files_are_one_idea(self):
+        problems = [f"{p}: {read(p).count(chr(10))} lines" for p in cpp_files()
+                    if read(p).count("\n") > FILE_LINES_MAX and not p.endswith("_data.cc")]
+        self.expect_none(problems, f"longer than {FILE_LINES_MAX} lines")
+
+    def test_functions_fit_a_screen(self):
+        problems = [f"{p}:{at}: {n} lines" for p in product_files() if not p.endswith("_data.cc")
+                    for at, n in function_lengths(read(p)) if n > FUNCTION_LINES_MAX]
+        self.expect_none(problems, f"functions longer than {FUNCTION_LINES_MAX} lines")
+
+    def test_nothing_is_left_over(self):
+        own = os.path.relpath(os.path.abspath(__file__), ROOT)
+        problems = [f"{p}:{n}: {line.strip()}"
+                    for p in tracked(".h", ".cc", ".proto", ".py", ".sh", ".js", ".mjs", ".md", ".cmake")
+                    if p != own
+                    for n, line in enumerate(read(p).split("\n"), 1) if LEFT_OVERS.search(line)]
+        self.expect_none(problems, "left-over markers")
+
+    def test_every_proto_field_is_documented(self):
+        problems = []
+        for path in tracked(".proto"):
+            previous = ""
+            for number, line in enumerate(read(path).split("\n"), 1):
+                code = line.strip()
+                if re.match(r"(message|service|enum|rpc)\b|(repeated |optional )?[\w.]+ \w+ = \d+;|"
+                            r"[A-Z_]+ = \d+;", code) and not previous.startswith("//"):
+                    problems.append(f"{path}:{number}: {code}")
+                previous = code
+        self.expect_none(problems, "no comment")
+
+    def test_every_source_is_built(self):
+        lists = "\n".join(read(p) for p in tracked("CMakeLists.txt", ".cmake"))
+        problems = [p for p in cpp_files() if p.endswith(".cc") and os.path.basename(p) not in lists
+                    and not os.path.basename(p).startswith("variant_")]
+        self.expect_none(problems, "in no CMake list")
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)
