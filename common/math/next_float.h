@@ -1,0 +1,32 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// The neighbours of a float, for error-bounded ray origins and intervals.
+#pragma once
+
+#include <bit>
+#include <cmath>
+#include <cstdint>
+
+namespace sheaf {
+
+// The least float greater than v. Infinity and NaN stay what they are; from -0 and 0 on to the
+// first positive subnormal.
+inline float NextUp(float v) {
+  if (std::isnan(v) || (std::isinf(v) && v > 0)) return v;
+  if (v == 0) return std::bit_cast<float>(uint32_t{1});
+  const uint32_t bits = std::bit_cast<uint32_t>(v);
+  return std::bit_cast<float>(v > 0 ? bits + 1 : bits - 1);
+}
+// The greatest float less than v.
+inline float NextDown(float v) { return -NextUp(-v); }
+
+inline double NextUp(double v) {
+  if (std::isnan(v) || (std::isinf(v) && v > 0)) return v;
+  if (v == 0) return std::bit_cast<double>(uint64_t{1});
+  const uint64_t bits = std::bit_cast<uint64_t>(v);
+  return std::bit_cast<double>(v > 0 ? bits + 1 : bits - 1);
+}
+inline double NextDown(double v) { return -NextUp(-v); }
+
+}  // namespace sheaf
