@@ -1,0 +1,77 @@
+#!/usr/bin/env python3
+# Copyright the Sheaf authors.
+# SPDX-License-Identifier: Apache-2.0
+"""Nothing acknowledged is lost: kill -9 at random moments changes no bit and repeats no work.
+
+A worker is killed five times, then the coordinator five times, at random moments of one job.
+SHEAF_SEED repeats a run.
+"""
+import os
+import random
+import sqlite3
+import tempfile
+import time
+import unittest
+
+import farm
+
+SCENE = os.environ.get("SHEAF_SCENE", os.path.join(farm.ROOT, "scenes", "showroom.pbrt"))
+JOB = ("--crop", "200,80,456,272", "--samples", "256", "--tile-size", "32", "--pass-samples", "16",
+       "--lease-passes", "1")
+KILLS = 5
+
+
+class KillTest(unittest.TestCase):
+    def setUp(self):
+        seed = int(os.environ.get("SHEAF_SEED", time.time_ns() % 1_000_000))
+        print(f"SHEAF_SEED={seed}", flush=True)
+        self.random = random.Random(seed)
+        self.folder = tempfile.TemporaryDirectory()
+        self.addCleanup(self.folder.cleanup)
+        expected = os.path.join(self.folder.name, "expected.exr")
+        farm.render(SCENE, expected, *JOB)
+        self.expected = farm.picture_digest(expected)
+
+    def acknowledged(self, f):
+        """Keys of all results the coordinator has acknowledged, read from its store."""
+        with sqlite3.connect(f"file:{f.path('state', 'farm.db')}?mode=ro", uri=True) as db:
+            return set(db.execute(
+                "SELECT frame_digest, tile_x0, tile_y0, block_first, block_count FROM results"))
+
+    def job_state(self, f, job):
+        return __import__("json").loads(f.sheaf("show", job, "--json").stdout)
+
+    def test_kill_workers_then_coordinator(self):
+        with farm.Farm(["--lease-seconds", "2", "--keep-parts"]) as f:
+            for _ in range(2):
+                f.start_worker("--log-level", "debug")
+            submitted = f.sheaf("submit", SCENE, *JOB, "--json").stdout
+            job = __import__("json").loads(submitted.splitlines()[-1])["name"]
+            for _ in range(KILLS):
+                time.sleep(self.random.uniform(0.1, 1.0))
+                f.kill(self.random.choice(f.workers))
+                f.start_worker("--log-level", "debug")
+            for _ in range(KILLS):
+                time.sleep(self.random.uniform(0.1, 1.0))
+                f.kill(f.coordinator)
+                before = self.acknowledged(f)
+                f.start_coordinator()
+                self.assertLessEqual(before, self.acknowledged(f), "an acknowledged result is gone")
+            output = f.path("out.exr")
+            f.sheaf("watch", job, "-o", output)
+            self.assertEqual(farm.picture_digest(output), self.expected)
+            self.check_nothing_was_done_twice(f)
+
+    def check_nothing_was_done_twice(self, f):
+        """Every sample of every tile was acknowledged exactly once."""
+        samples = {}
+        for frame, x, y, first, count in self.acknowledged(f):
+            covered = samples.setdefault((frame, x, y), set())
+            block = set(range(first, first + count))
+            self.assertFalse(covered & block, f"tile {x},{y}: samples acknowledged twice")
+            covered |= block
+        self.assertTrue(all(len(s) == 256 for s in samples.values()))
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)

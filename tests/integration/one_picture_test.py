@@ -1,0 +1,71 @@
+#!/usr/bin/env python3
+# Copyright the Sheaf authors.
+# SPDX-License-Identifier: Apache-2.0
+"""One picture: the bits do not depend on how a job is cut, nor on who renders it.
+
+The same job on 1, 2 and 4 workers, with tiles of 16, 32 and 64 pixels, passes of 4, 16 and 64
+samples, leases of 1 and 8 passes, in one process and over gRPC: one SHA-256 of the pixels.
+SHEAF_SCENE names another scene to try.
+"""
+import itertools
+import os
+import tempfile
+import unittest
+
+import farm
+
+SCENE = os.environ.get("SHEAF_SCENE", os.path.join(farm.ROOT, "scenes", "showroom.pbrt"))
+# 70 x 50 pixels and 76 samples: neither a multiple of tiles nor a power of two.
+JOB = ("--crop", "270,150,340,200", "--samples", "76")
+PARTITIONS = list(itertools.product((16, 32, 64), (4, 16, 64), (1, 8)))
+
+
+def partition_flags(tile, samples, passes):
+    return ("--tile-size", tile, "--pass-samples", samples, "--lease-passes", passes)
+
+
+class OnePictureTest(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.folder = tempfile.TemporaryDirectory()
+        cls.expected = cls.rendered("reference")
+
+    @classmethod
+    def tearDownClass(cls):
+        cls.folder.cleanup()
+
+    @classmethod
+    def rendered(cls, name, *arguments):
+        path = os.path.join(cls.folder.name, name + ".exr")
+        farm.render(SCENE, path, *JOB, *arguments)
+        return farm.picture_digest(path)
+
+    def test_in_one_process(self):
+        for partition in PARTITIONS:
+            with self.subTest(partition=partition):
+                self.assertEqual(self.rendered("p", *partition_flags(*partition)), self.expected)
+
+    def test_threads_and_variant(self):
+        for arguments in (("--threads", 1), ("--threads", 3), ("--generic",)):
+            with self.subTest(arguments=arguments):
+                self.assertEqual(self.rendered("t", *arguments), self.expected)
+
+    def test_over_grpc(self):
+        for workers in (1, 2, 4):
+            with farm.Farm() as f:
+                for _ in range(workers):
+                    f.start_worker()
+                for partition in PARTITIONS:
+                    with self.subTest(workers=workers, partition=partition):
+                        output = f.path("out.exr")
+                        f.sheaf("submit", SCENE, "--wait", "-o", output, *JOB,
+                                *partition_flags(*partition))
+                        self.assertEqual(farm.picture_digest(output), self.expected)
+                        os.remove(output)
+
+    def test_another_seed_is_another_picture(self):
+        self.assertNotEqual(self.rendered("s", "--seed", 1), self.expected)
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)
