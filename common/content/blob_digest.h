@@ -12,7 +12,7 @@
 namespace sheaf {
 
 struct BlobDigest {
-  std::string sha256_hex;   // 64 lower-case hexadecimal digits.
+  std::string sha256_hex;  // 64 lower-case hexadecimal digits.
   uint64_t size_bytes = 0;
   friend bool operator==(const BlobDigest&, const BlobDigest&) = default;
 };

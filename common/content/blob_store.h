@@ -31,8 +31,8 @@ struct BlobWriteStatus {
   bool complete = false;
 };
 
-// One upload; holds the partial file's lock as long as it lives. Destroyed without Commit, it leaves
-// the bytes appended so far to be resumed. Thread safety: one thread at a time.
+// One upload; holds the partial file's lock as long as it lives. Destroyed without Commit, it
+// leaves the bytes appended so far to be resumed. Thread safety: one thread at a time.
 class BlobWriter {
  public:
   ~BlobWriter();
@@ -72,9 +72,9 @@ class BlobStore {
   // Makes the directory where it is missing.
   static absl::StatusOr<std::unique_ptr<BlobStore>> Open(const std::string& directory);
 
-  // Those that are not stored (or whose size is not the one given), in the order of digests. Touches
-  // the others, so that a collector by age leaves them alone.
-  // Errors: kInvalidArgument (malformed digest).
+  // Those that are not stored (or whose size is not the one given), in the order of digests.
+  // Touches the others, so that a collector by age leaves them alone. Errors: kInvalidArgument
+  // (malformed digest).
   absl::StatusOr<std::vector<BlobDigest>> FindMissing(const std::vector<BlobDigest>& digests) const;
 
   // Path of a complete blob, to be opened for reading only.

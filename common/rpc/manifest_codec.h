@@ -1,7 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Manifest to the bytes of its blob (sheaf.v1.SceneManifest) and back. Equal scenes give equal bytes.
+// Manifest to the bytes of its blob (sheaf.v1.SceneManifest) and back. Equal scenes give equal
+// bytes.
 #pragma once
 
 #include <string>
@@ -9,7 +10,7 @@
 #include "absl/status/statusor.h"
 #include "common/content/manifest.h"
 
-namespace sheaf::rpc {
+namespace sheaf {
 
 // Requires: CheckManifest is OK.
 std::string EncodeManifest(const Manifest& manifest);
@@ -17,4 +18,4 @@ std::string EncodeManifest(const Manifest& manifest);
 // The bytes are untrusted. Errors: kInvalidArgument.
 absl::StatusOr<Manifest> DecodeManifest(const std::string& bytes);
 
-}  // namespace sheaf::rpc
+}  // namespace sheaf

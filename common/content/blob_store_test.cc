@@ -1,0 +1,137 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "common/content/blob_store.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/stat.h>
+
+#include <filesystem>
+#include <fstream>
+
+#include "common/base/digest.h"
+
+namespace sheaf {
+namespace {
+
+class BlobStoreTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    directory_ = testing::TempDir() + "/blob_store_" +
+                 testing::UnitTest::GetInstance()->current_test_info()->name();
+    std::filesystem::remove_all(directory_);
+    store_ = *BlobStore::Open(directory_);
+  }
+  void TearDown() override { std::filesystem::remove_all(directory_); }
+
+  static BlobDigest DigestOf(const std::string& bytes) { return {Sha256Hex(bytes), bytes.size()}; }
+
+  std::string directory_;
+  std::unique_ptr<BlobStore> store_;
+};
+
+TEST_F(BlobStoreTest, KeepsWhatWasPut) {
+  const absl::StatusOr<BlobDigest> digest = store_->Put("hello");
+  ASSERT_TRUE(digest.ok()) << digest.status();
+  EXPECT_EQ(*digest, DigestOf("hello"));
+  EXPECT_EQ(*store_->ReadChunk(*digest, 0, 100), "hello");
+  EXPECT_EQ(*store_->ReadChunk(*digest, 1, 3), "ell");
+  EXPECT_EQ(*store_->ReadChunk(*digest, 5, 3), "");
+  EXPECT_EQ(store_->ReadChunk(*digest, 6, 3).status().code(), absl::StatusCode::kOutOfRange);
+  EXPECT_TRUE(store_->Verify(*digest).ok());
+  EXPECT_TRUE(store_->Put("hello").ok());
+}
+
+TEST_F(BlobStoreTest, FindsMissingOnesInOrder) {
+  const BlobDigest stored = *store_->Put("stored");
+  const BlobDigest a = DigestOf("a"), b = DigestOf("b");
+  EXPECT_THAT(*store_->FindMissing({b, stored, a}), testing::ElementsAre(b, a));
+  EXPECT_EQ(store_->FindMissing({{"../../x", 1}}).status().code(),
+            absl::StatusCode::kInvalidArgument);
+}
+
+TEST_F(BlobStoreTest, ResumesAnUploadThatWasCutOff) {
+  const std::string bytes = "first half, second half";
+  const BlobDigest digest = DigestOf(bytes);
+  {
+    absl::StatusOr<BlobWriter> writer = store_->BeginWrite(digest, 0);
+    ASSERT_TRUE(writer.ok()) << writer.status();
+    ASSERT_TRUE(writer->Append(bytes.substr(0, 10)).ok());
+  }
+  store_ = *BlobStore::Open(directory_);
+  EXPECT_EQ(store_->GetWriteStatus(digest)->committed_bytes, 10u);
+  EXPECT_EQ(store_->BeginWrite(digest, 4).status().code(), absl::StatusCode::kOutOfRange);
+  absl::StatusOr<BlobWriter> writer = store_->BeginWrite(digest, 10);
+  ASSERT_TRUE(writer.ok()) << writer.status();
+  ASSERT_TRUE(writer->Append(bytes.substr(10)).ok());
+  ASSERT_TRUE(writer->Commit().ok());
+  EXPECT_TRUE(store_->GetWriteStatus(digest)->complete);
+  EXPECT_EQ(*store_->ReadChunk(digest, 0, 100), bytes);
+}
+
+TEST_F(BlobStoreTest, StartsAnewAtOffsetZero) {
+  const BlobDigest digest = DigestOf("right");
+  ASSERT_TRUE(store_->BeginWrite(digest, 0)->Append("wro").ok());
+  absl::StatusOr<BlobWriter> writer = store_->BeginWrite(digest, 0);
+  ASSERT_TRUE(writer->Append("right").ok());
+  EXPECT_TRUE(writer->Commit().ok());
+}
+
+TEST_F(BlobStoreTest, RefusesBytesThatAreNotTheBlob) {
+  const BlobDigest digest = DigestOf("right");
+  {
+    absl::StatusOr<BlobWriter> writer = store_->BeginWrite(digest, 0);
+    ASSERT_TRUE(writer->Append("wrong").ok());
+    EXPECT_EQ(writer->Commit().code(), absl::StatusCode::kInvalidArgument);
+  }
+  EXPECT_FALSE(store_->PathOf(digest).ok());
+  EXPECT_EQ(store_->GetWriteStatus(digest)->committed_bytes, 0u);
+}
+
+TEST_F(BlobStoreTest, RefusesTooManyAndTooFewBytes) {
+  const BlobDigest digest = DigestOf("12345");
+  absl::StatusOr<BlobWriter> writer = store_->BeginWrite(digest, 0);
+  EXPECT_EQ(writer->Append("123456").code(), absl::StatusCode::kInvalidArgument);
+  ASSERT_TRUE(writer->Append("123").ok());
+  EXPECT_EQ(writer->Commit().code(), absl::StatusCode::kInvalidArgument);
+  ASSERT_TRUE(writer->Append("45").ok());
+}
+
+TEST_F(BlobStoreTest, LetsOneWriteABlobAtATime) {
+  const BlobDigest digest = DigestOf("shared");
+  {
+    absl::StatusOr<BlobWriter> writer = store_->BeginWrite(digest, 0);
+    ASSERT_TRUE(writer.ok());
+    EXPECT_EQ(store_->BeginWrite(digest, 0).status().code(), absl::StatusCode::kUnavailable);
+    ASSERT_TRUE(writer->Append("shared").ok());
+    ASSERT_TRUE(writer->Commit().ok());
+  }
+  EXPECT_EQ(store_->BeginWrite(digest, 0).status().code(), absl::StatusCode::kAlreadyExists);
+}
+
+TEST_F(BlobStoreTest, NoticesDamageAndAsksForTheBlobAgain) {
+  const BlobDigest digest = *store_->Put("precious");
+  const std::string path = *store_->PathOf(digest);
+  ::chmod(path.c_str(), 0644);
+  std::ofstream(path, std::ios::binary) << "previous";
+  EXPECT_EQ(store_->Verify(digest).code(), absl::StatusCode::kDataLoss);
+  EXPECT_THAT(*store_->FindMissing({digest}), testing::ElementsAre(digest));
+  EXPECT_TRUE(store_->Put("precious").ok());
+  EXPECT_TRUE(store_->Verify(digest).ok());
+}
+
+TEST_F(BlobStoreTest, RefusesASizeThatIsNotTheStoredOne) {
+  BlobDigest digest = *store_->Put("four");
+  digest.size_bytes = 5;
+  EXPECT_FALSE(store_->PathOf(digest).ok());
+  EXPECT_EQ(store_->FindMissing({digest})->size(), 1u);
+}
+
+TEST_F(BlobStoreTest, KeepsAnEmptyBlob) {
+  const absl::StatusOr<BlobDigest> digest = store_->Put("");
+  ASSERT_TRUE(digest.ok()) << digest.status();
+  EXPECT_EQ(*store_->ReadChunk(*digest, 0, 10), "");
+}
+
+}  // namespace
+}  // namespace sheaf

@@ -1,0 +1,364 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "common/content/content_cache.h"
+
+#include <fcntl.h>
+#include <sys/file.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <chrono>
+#include <filesystem>
+#include <system_error>
+#include <thread>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "common/base/file.h"
+#include "common/base/status.h"
+
+namespace sheaf {
+namespace {
+
+namespace fs = std::filesystem;
+
+// How often a process looks whether another one's download of a blob is done.
+constexpr std::chrono::milliseconds kDownloadPollInterval{50};
+// How often a blob may vanish or appear under our feet before Acquire gives up.
+constexpr int kDownloadAttemptsMax = 20;
+constexpr size_t kVerifiedDigestsMax = 1 << 20;
+constexpr size_t kLinkNameBytesMax = 100;
+constexpr int kLeasesMax = 10'000;  // Of one process.
+
+// What room is made of: a blob that no lease uses, or a download that was cut off.
+struct Evictable {
+  timespec used{};
+  std::string path;
+  uint64_t size_bytes = 0;
+  bool partial = false;
+};
+
+bool UsedBefore(const Evictable& a, const Evictable& b) {
+  if (a.used.tv_sec != b.used.tv_sec) return a.used.tv_sec < b.used.tv_sec;
+  if (a.used.tv_nsec != b.used.tv_nsec) return a.used.tv_nsec < b.used.tv_nsec;
+  return a.path < b.path;
+}
+
+std::vector<std::string> ListDirectory(const std::string& path) {
+  std::vector<std::string> names;
+  std::error_code error;
+  for (fs::directory_iterator it(path, error), end; !error && it != end; it.increment(error)) {
+    names.push_back(it->path().filename().string());
+  }
+  return names;
+}
+
+// The file with its lock held, where nobody else holds it.
+FileDescriptor LockIfFree(const std::string& path) {
+  FileDescriptor file(::open(path.c_str(), O_RDWR | O_CLOEXEC));
+  if (file.ok() && ::flock(file.get(), LOCK_EX | LOCK_NB) != 0) file.Close();
+  return file;
+}
+
+void RemoveDirectoryTree(const std::string& path) {
+  std::error_code ignored;  // What cannot be removed now is tried again by the next process.
+  fs::remove_all(path, ignored);
+}
+
+// "models/head.ply.gz" and 12 make "12-head.ply.gz": readable in messages, and with the extension
+// that image and mesh readers go by. Names are untrusted; only harmless characters stay.
+std::string LinkName(size_t index, const std::string& name) {
+  std::string base = name.substr(name.rfind('/') + 1);
+  if (base.size() > kLinkNameBytesMax) base = base.substr(base.size() - kLinkNameBytesMax);
+  for (char& c : base) {
+    const bool harmless = (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') ||
+                          (c >= '0' && c <= '9') || c == '.' || c == '-' || c == '_';
+    if (!harmless) c = '_';
+  }
+  return absl::StrCat(index, "-", base);
+}
+
+absl::Status SetReserved(const std::string& lease_directory, uint64_t size_bytes) {
+  const std::string path = absl::StrCat(lease_directory, "/reserved");
+  const FileDescriptor file(::open(path.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC, 0644));
+  if (!file.ok() || ::ftruncate(file.get(), static_cast<off_t>(size_bytes)) != 0) {
+    return StatusFromErrno(errno, absl::StrCat("reserving room in ", path));
+  }
+  return absl::OkStatus();
+}
+
+uint64_t SizeOf(const std::string& path) {
+  struct stat found {};
+  return ::stat(path.c_str(), &found) == 0 ? static_cast<uint64_t>(found.st_size) : 0;
+}
+
+// Everything below the cache's blobs: adds to used_bytes, and to evictable what may go.
+void ScanBlobs(const std::string& blobs, uint64_t* used_bytes, std::vector<Evictable>* evictable) {
+  for (const std::string& folder : ListDirectory(blobs)) {
+    if (folder.size() != 2) continue;
+    for (const std::string& name : ListDirectory(absl::StrCat(blobs, "/", folder))) {
+      const std::string path = absl::StrCat(blobs, "/", folder, "/", name);
+      struct stat found {};
+      if (::stat(path.c_str(), &found) != 0) continue;
+      const auto size = static_cast<uint64_t>(found.st_size);
+      *used_bytes += size;
+      if (found.st_nlink == 1) evictable->push_back({found.st_mtim, path, size, false});
+    }
+  }
+  for (const std::string& name : ListDirectory(absl::StrCat(blobs, "/partial"))) {
+    const std::string path = absl::StrCat(blobs, "/partial/", name);
+    struct stat found {};
+    // A download under way is counted by its lease's reservation.
+    if (!LockIfFree(path).ok() || ::stat(path.c_str(), &found) != 0) continue;
+    *used_bytes += static_cast<uint64_t>(found.st_size);
+    evictable->push_back({found.st_mtim, path, static_cast<uint64_t>(found.st_size), true});
+  }
+}
+
+bool Evict(const Evictable& victim) {
+  FileDescriptor lock;
+  if (victim.partial) {
+    lock = LockIfFree(victim.path);
+    if (!lock.ok()) return false;
+  }
+  return ::unlink(victim.path.c_str()) == 0;
+}
+
+}  // namespace
+
+ContentLease::~ContentLease() {
+  if (directory_.empty()) return;
+  RemoveDirectoryTree(directory_);
+  ::unlink(absl::StrCat(directory_, ".lock").c_str());
+}
+
+ContentLease::ContentLease(ContentLease&& other) noexcept
+    : directory_(std::exchange(other.directory_, std::string())),
+      lock_(std::move(other.lock_)),
+      local_paths_(std::move(other.local_paths_)) {}
+
+absl::StatusOr<std::unique_ptr<ContentCache>> ContentCache::Open(const std::string& directory,
+                                                                 ContentCacheLimits limits) {
+  if (absl::Status status = MakeDirectories(absl::StrCat(directory, "/leases")); !status.ok()) {
+    return status;
+  }
+  absl::StatusOr<std::unique_ptr<BlobStore>> blobs =
+      BlobStore::Open(absl::StrCat(directory, "/blobs"));
+  if (!blobs.ok()) return blobs.status();
+  std::unique_ptr<ContentCache> cache(new ContentCache(directory, limits, *std::move(blobs)));
+  absl::StatusOr<FileDescriptor> lock = cache->LockCache();
+  if (!lock.ok()) return lock.status();
+  cache->FreeDeadLeases();
+  return cache;
+}
+
+absl::StatusOr<FileDescriptor> ContentCache::LockCache() const {
+  const std::string path = absl::StrCat(directory_, "/lock");
+  FileDescriptor file(::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644));
+  if (!file.ok()) return StatusFromErrno(errno, absl::StrCat("opening ", path));
+  while (::flock(file.get(), LOCK_EX) != 0) {
+    if (errno != EINTR) return StatusFromErrno(errno, absl::StrCat("locking ", path));
+  }
+  return file;
+}
+
+void ContentCache::FreeDeadLeases() const {
+  const std::string leases = absl::StrCat(directory_, "/leases");
+  for (const std::string& name : ListDirectory(leases)) {
+    const std::string path = absl::StrCat(leases, "/", name);
+    if (!name.ends_with(".lock")) continue;
+    const FileDescriptor lock = LockIfFree(path);
+    if (!lock.ok()) continue;
+    RemoveDirectoryTree(path.substr(0, path.size() - 5));
+    ::unlink(path.c_str());
+  }
+}
+
+absl::StatusOr<ContentLease> ContentCache::MakeLease() const {
+  // Numbers of processes repeat, over time and between containers: an id that is taken is passed
+  // over.
+  for (int attempt = 0; attempt < kLeasesMax; ++attempt) {
+    const std::string directory = absl::StrCat(directory_, "/leases/", ::getpid(), "-", attempt);
+    const std::string lock_path = absl::StrCat(directory, ".lock");
+    FileDescriptor lock(::open(lock_path.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0644));
+    if (!lock.ok() && errno == EEXIST) continue;
+    if (!lock.ok() || ::flock(lock.get(), LOCK_EX | LOCK_NB) != 0) {
+      return StatusFromErrno(errno, absl::StrCat("creating ", lock_path));
+    }
+    ContentLease lease(directory, std::move(lock));
+    if (absl::Status status = MakeDirectories(directory); !status.ok()) return status;
+    return lease;
+  }
+  return absl::ResourceExhaustedError(
+      absl::StrCat("content cache ", directory_, ": more than ", kLeasesMax, " scenes in use"));
+}
+
+absl::Status ContentCache::MakeRoom(uint64_t size_bytes) const {
+  uint64_t used_bytes = 0;
+  std::vector<Evictable> evictable;
+  ScanBlobs(blobs_->directory(), &used_bytes, &evictable);
+  const std::string leases = absl::StrCat(directory_, "/leases/");
+  for (const std::string& name : ListDirectory(leases)) {
+    used_bytes += SizeOf(absl::StrCat(leases, name, "/reserved"));
+  }
+  std::sort(evictable.begin(), evictable.end(), UsedBefore);
+  for (const Evictable& victim : evictable) {
+    if (used_bytes + size_bytes <= limits_.bytes_max) break;
+    if (Evict(victim)) used_bytes -= victim.size_bytes;
+  }
+  if (used_bytes + size_bytes <= limits_.bytes_max) return absl::OkStatus();
+  return absl::ResourceExhaustedError(
+      absl::StrCat("content cache ", directory_, ": ", size_bytes, " bytes are needed and ",
+                   used_bytes, " of ", limits_.bytes_max,
+                   " are in use by loaded scenes; raise the cache's limit (--cache-bytes-max)"));
+}
+
+absl::Status ContentCache::VerifyOnce(const BlobDigest& digest) {
+  {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    if (verified_.contains(digest.sha256_hex)) return absl::OkStatus();
+  }
+  if (absl::Status status = blobs_->Verify(digest); !status.ok()) return status;
+  Trust(digest);
+  return absl::OkStatus();
+}
+
+void ContentCache::Trust(const BlobDigest& digest) {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  if (verified_.size() < kVerifiedDigestsMax) verified_.insert(digest.sha256_hex);
+}
+
+absl::Status ContentCache::Link(const std::vector<ManifestFile>& files,
+                                const std::vector<size_t>& indices, ContentLease* lease) {
+  const BlobDigest& digest = files[indices.front()].digest;
+  const absl::StatusOr<std::string> blob = blobs_->PathOf(digest);
+  if (!blob.ok()) return absl::NotFoundError(blob.status().message());
+  for (const size_t i : indices) {
+    const std::string path = absl::StrCat(lease->directory_, "/", LinkName(i, files[i].name));
+    if (::link(blob->c_str(), path.c_str()) != 0 && errno != EEXIST) {
+      return StatusFromErrno(errno,
+                             absl::StrCat("linking ", path, " to ", *blob,
+                                          " (the cache needs a file system with hard links)"));
+    }
+    lease->local_paths_[files[i].name] = path;
+  }
+  ::utimensat(AT_FDCWD, blob->c_str(), nullptr, 0);  // Marks it as used, for eviction by age.
+  return absl::OkStatus();
+}
+
+absl::Status ContentCache::Download(const BlobDigest& digest, const Fetch& fetch,
+                                    std::stop_token stop) {
+  int races = 0;
+  while (!stop.stop_requested()) {
+    const absl::StatusOr<BlobWriteStatus> there = blobs_->GetWriteStatus(digest);
+    if (!there.ok()) return there.status();
+    if (there->complete) return absl::OkStatus();
+    absl::StatusOr<BlobWriter> writer = blobs_->BeginWrite(digest, there->committed_bytes);
+    if (writer.ok()) {
+      absl::Status status = fetch(digest, there->committed_bytes, [&](std::string_view bytes) {
+        return stop.stop_requested() ? absl::CancelledError("stopped") : writer->Append(bytes);
+      });
+      if (!status.ok()) return status;
+      status = writer->Commit();
+      if (!status.ok()) return absl::DataLossError(status.message());
+      Trust(digest);
+      return absl::OkStatus();
+    }
+    if (absl::IsAlreadyExists(writer.status())) return absl::OkStatus();
+    if (absl::IsUnavailable(writer.status())) {  // Another process downloads it.
+      std::this_thread::sleep_for(kDownloadPollInterval);
+    } else if (!absl::IsOutOfRange(writer.status()) || ++races == kDownloadAttemptsMax) {
+      return writer.status();
+    }
+  }
+  return absl::CancelledError("stopped while fetching the scene");
+}
+
+absl::StatusOr<ContentLease> ContentCache::Acquire(const std::vector<ManifestFile>& files,
+                                                   const Fetch& fetch, std::stop_token stop) {
+  FilesByDigest by_digest;
+  uint64_t total_bytes = 0;
+  for (size_t i = 0; i < files.size(); ++i) {
+    if (absl::Status status = CheckDigest(files[i].digest); !status.ok()) return status;
+    std::vector<size_t>& same = by_digest[files[i].digest.sha256_hex];
+    if (same.empty()) total_bytes += files[i].digest.size_bytes;
+    same.push_back(i);
+  }
+  if (total_bytes > limits_.bytes_max) {
+    return absl::ResourceExhaustedError(absl::StrCat(
+        "the scene's files have ", total_bytes, " bytes, more than the content cache's limit of ",
+        limits_.bytes_max, "; raise it (--cache-bytes-max)"));
+  }
+  for (const auto& [hex, indices] : by_digest) {
+    const BlobDigest& digest = files[indices.front()].digest;
+    if (!blobs_->PathOf(digest).ok()) continue;
+    // A damaged blob is moved aside and downloaded again below.
+    const absl::Status verified = VerifyOnce(digest);
+    if (!verified.ok() && !absl::IsDataLoss(verified) && !absl::IsNotFound(verified)) {
+      return verified;
+    }
+  }
+  std::vector<std::string> missing;
+  absl::StatusOr<ContentLease> lease = PinPresent(files, by_digest, &missing);
+  if (!lease.ok()) return lease.status();
+  absl::Status status = DownloadMissing(files, by_digest, missing, fetch, stop, &*lease);
+  if (!status.ok()) return status;
+  return lease;
+}
+
+absl::StatusOr<ContentLease> ContentCache::PinPresent(const std::vector<ManifestFile>& files,
+                                                      const FilesByDigest& by_digest,
+                                                      std::vector<std::string>* missing) {
+  absl::StatusOr<FileDescriptor> lock = LockCache();
+  if (!lock.ok()) return lock.status();
+  FreeDeadLeases();
+  absl::StatusOr<ContentLease> lease = MakeLease();
+  if (!lease.ok()) return lease.status();
+  uint64_t missing_bytes = 0;
+  for (const auto& [hex, indices] : by_digest) {
+    const absl::Status linked = Link(files, indices, &*lease);
+    if (linked.ok()) continue;
+    if (!absl::IsNotFound(linked)) return linked;
+    missing->push_back(hex);
+    missing_bytes += files[indices.front()].digest.size_bytes;
+  }
+  if (missing->empty()) return lease;
+  if (absl::Status status = MakeRoom(missing_bytes); !status.ok()) return status;
+  if (absl::Status status = SetReserved(lease->directory_, missing_bytes); !status.ok()) {
+    return status;
+  }
+  return lease;
+}
+
+absl::Status ContentCache::DownloadMissing(const std::vector<ManifestFile>& files,
+                                           const FilesByDigest& by_digest,
+                                           const std::vector<std::string>& missing,
+                                           const Fetch& fetch, std::stop_token stop,
+                                           ContentLease* lease) {
+  uint64_t missing_bytes = 0;
+  for (const std::string& hex : missing) {
+    missing_bytes += files[by_digest.at(hex).front()].digest.size_bytes;
+  }
+  for (const std::string& hex : missing) {
+    const std::vector<size_t>& indices = by_digest.at(hex);
+    const BlobDigest& digest = files[indices.front()].digest;
+    absl::Status linked = absl::NotFoundError("never tried");
+    for (int attempt = 0; attempt < kDownloadAttemptsMax && absl::IsNotFound(linked); ++attempt) {
+      if (absl::Status status = Download(digest, fetch, stop); !status.ok()) {
+        return Annotate(status, absl::StrCat("file ", files[indices.front()].name));
+      }
+      const absl::StatusOr<FileDescriptor> lock = LockCache();
+      if (!lock.ok()) return lock.status();
+      linked = Link(files, indices, lease);  // Not found: evicted since, so it is fetched again.
+    }
+    if (!linked.ok()) return linked;
+    missing_bytes -= digest.size_bytes;
+    absl::Status reserved = SetReserved(lease->directory_, missing_bytes);
+    if (!reserved.ok()) return reserved;
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace sheaf

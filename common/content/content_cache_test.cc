@@ -1,0 +1,196 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "common/content/content_cache.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/stat.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <filesystem>
+#include <fstream>
+#include <thread>
+
+#include "absl/strings/str_cat.h"
+#include "common/base/digest.h"
+#include "common/base/file.h"
+
+namespace sheaf {
+namespace {
+
+class ContentCacheTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    directory_ = testing::TempDir() + "/content_cache_" +
+                 testing::UnitTest::GetInstance()->current_test_info()->name();
+    std::filesystem::remove_all(directory_);
+  }
+  void TearDown() override { std::filesystem::remove_all(directory_); }
+
+  std::unique_ptr<ContentCache> Open(uint64_t bytes_max) {
+    return *ContentCache::Open(directory_, {bytes_max});
+  }
+  // A file whose bytes the fake origin knows.
+  ManifestFile File(const std::string& name, const std::string& bytes) {
+    const BlobDigest digest{Sha256Hex(bytes), bytes.size()};
+    origin_[digest.sha256_hex] = bytes;
+    return {name, digest};
+  }
+  ContentCache::Fetch FromOrigin() {
+    return [this](const BlobDigest& digest, uint64_t offset, const ContentCache::Append& append) {
+      ++fetch_count_;
+      return append(std::string_view(origin_.at(digest.sha256_hex)).substr(offset));
+    };
+  }
+
+  std::string directory_;
+  std::map<std::string, std::string> origin_;
+  std::atomic<int> fetch_count_{0};
+};
+
+TEST_F(ContentCacheTest, GivesPathsThatEndLikeTheNames) {
+  const std::unique_ptr<ContentCache> cache = Open(1000);
+  const std::vector<ManifestFile> files = {
+      File("room.pbrt", "Camera"), File("../a b/head.ply.gz", "ply"), File("copy.ply.gz", "ply")};
+  absl::StatusOr<ContentLease> lease = cache->Acquire(files, FromOrigin(), {});
+  ASSERT_TRUE(lease.ok()) << lease.status();
+  EXPECT_EQ(fetch_count_, 2);
+  const std::map<std::string, std::string>& paths = lease->local_paths();
+  EXPECT_EQ(*ReadWholeFile(paths.at("room.pbrt")), "Camera");
+  EXPECT_TRUE(paths.at("../a b/head.ply.gz").ends_with("-head.ply.gz"));
+  EXPECT_EQ(*ReadWholeFile(paths.at("copy.ply.gz")), "ply");
+}
+
+TEST_F(ContentCacheTest, FetchesOnceAndKeepsAcrossProcesses) {
+  const std::vector<ManifestFile> files = {File("a", "aaaa")};
+  ASSERT_TRUE(Open(1000)->Acquire(files, FromOrigin(), {}).ok());
+  ASSERT_TRUE(Open(1000)->Acquire(files, FromOrigin(), {}).ok());
+  EXPECT_EQ(fetch_count_, 1);
+}
+
+TEST_F(ContentCacheTest, EvictsTheLeastRecentlyUsed) {
+  const std::unique_ptr<ContentCache> cache = Open(10);
+  const ManifestFile a = File("a", "aaaa"), b = File("b", "bbbb"), c = File("c", "cccc");
+  ASSERT_TRUE(cache->Acquire({a}, FromOrigin(), {}).ok());
+  ::usleep(10'000);  // Times of files tick with the kernel's clock.
+  ASSERT_TRUE(cache->Acquire({b}, FromOrigin(), {}).ok());
+  ::usleep(10'000);
+  ASSERT_TRUE(cache->Acquire({a}, FromOrigin(), {}).ok());
+  ASSERT_TRUE(cache->Acquire({c}, FromOrigin(), {}).ok());
+  EXPECT_TRUE(cache->blobs().PathOf(a.digest).ok());
+  EXPECT_FALSE(cache->blobs().PathOf(b.digest).ok());
+}
+
+TEST_F(ContentCacheTest, NeverEvictsWhatIsInUse) {
+  const std::unique_ptr<ContentCache> cache = Open(10), other_process = Open(10);
+  const ManifestFile a = File("a", "aaaa"), b = File("b", "bbbbbbbb");
+  {
+    absl::StatusOr<ContentLease> lease = cache->Acquire({a}, FromOrigin(), {});
+    ASSERT_TRUE(lease.ok());
+    const absl::Status status = other_process->Acquire({b}, FromOrigin(), {}).status();
+    EXPECT_EQ(status.code(), absl::StatusCode::kResourceExhausted);
+    EXPECT_THAT(std::string(status.message()), testing::HasSubstr("--cache-bytes-max"));
+    EXPECT_EQ(*ReadWholeFile(lease->local_paths().at("a")), "aaaa");
+  }
+  EXPECT_TRUE(other_process->Acquire({b}, FromOrigin(), {}).ok());
+}
+
+TEST_F(ContentCacheTest, RefusesASceneLargerThanTheLimit) {
+  const absl::Status status =
+      Open(10)->Acquire({File("big", "12345678901")}, FromOrigin(), {}).status();
+  EXPECT_EQ(status.code(), absl::StatusCode::kResourceExhausted);
+  EXPECT_EQ(fetch_count_, 0);
+}
+
+TEST_F(ContentCacheTest, OneDownloadsWhileOthersWait) {
+  const std::vector<ManifestFile> files = {File("a", std::string(5000, 'a'))};
+  std::vector<std::jthread> threads;
+  std::atomic<int> ok_count{0};
+  for (int i = 0; i < 4; ++i) {
+    threads.emplace_back([&] {
+      const std::unique_ptr<ContentCache> cache = Open(100'000);
+      if (cache->Acquire(files, FromOrigin(), {}).ok()) ++ok_count;
+    });
+  }
+  threads.clear();
+  EXPECT_EQ(ok_count, 4);
+  EXPECT_EQ(fetch_count_, 1);
+}
+
+TEST_F(ContentCacheTest, ResumesADownloadThatWasCutOff) {
+  const std::unique_ptr<ContentCache> cache = Open(1000);
+  const ManifestFile file = File("a", "0123456789");
+  const auto cut = [](const BlobDigest&, uint64_t, const ContentCache::Append& append) {
+    const absl::Status status = append("01234");
+    return status.ok() ? absl::UnavailableError("connection lost") : status;
+  };
+  EXPECT_EQ(cache->Acquire({file}, cut, {}).status().code(), absl::StatusCode::kUnavailable);
+  uint64_t resumed_at = 0;
+  const ContentCache::Fetch rest = [&](const BlobDigest&, uint64_t offset,
+                                       const ContentCache::Append& append) {
+    resumed_at = offset;
+    return append("56789");
+  };
+  EXPECT_TRUE(cache->Acquire({file}, rest, {}).ok());
+  EXPECT_EQ(resumed_at, 5u);
+}
+
+TEST_F(ContentCacheTest, CountsDownloadsThatWereCutOffAndEvictsThem) {
+  const std::unique_ptr<ContentCache> cache = Open(12);
+  const auto cut = [](const BlobDigest&, uint64_t, const ContentCache::Append& append) {
+    const absl::Status status = append("01234567");
+    return status.ok() ? absl::UnavailableError("connection lost") : status;
+  };
+  const ManifestFile cut_off = File("a", "0123456789");
+  EXPECT_FALSE(cache->Acquire({cut_off}, cut, {}).ok());
+  EXPECT_TRUE(cache->Acquire({File("b", "bbbbbbbb")}, FromOrigin(), {}).ok());
+  EXPECT_EQ(cache->blobs().GetWriteStatus(cut_off.digest)->committed_bytes, 0u);
+}
+
+TEST_F(ContentCacheTest, RefusesWrongBytes) {
+  const auto wrong = [](const BlobDigest&, uint64_t, const ContentCache::Append& append) {
+    return append("bbbb");
+  };
+  EXPECT_EQ(Open(100)->Acquire({File("a", "aaaa")}, wrong, {}).status().code(),
+            absl::StatusCode::kDataLoss);
+}
+
+TEST_F(ContentCacheTest, FetchesADamagedBlobAgain) {
+  const ManifestFile file = File("a", "aaaa");
+  ASSERT_TRUE(Open(100)->Acquire({file}, FromOrigin(), {}).ok());
+  const std::string path = *Open(100)->blobs().PathOf(file.digest);
+  ::chmod(path.c_str(), 0644);
+  std::ofstream(path, std::ios::binary) << "aaab";
+  absl::StatusOr<ContentLease> lease = Open(100)->Acquire({file}, FromOrigin(), {});
+  ASSERT_TRUE(lease.ok()) << lease.status();
+  EXPECT_EQ(*ReadWholeFile(lease->local_paths().at("a")), "aaaa");
+  EXPECT_EQ(fetch_count_, 2);
+}
+
+TEST_F(ContentCacheTest, FreesWhatAKilledProcessHeld) {
+  const ManifestFile a = File("a", "aaaa"), b = File("b", "bbbbbbbb");
+  const pid_t child = ::fork();
+  if (child == 0) {
+    const std::unique_ptr<ContentCache> cache = Open(10);
+    absl::StatusOr<ContentLease> lease = cache->Acquire({a}, FromOrigin(), {});
+    ::_exit(lease.ok() ? 0 : 1);  // No destructor runs, as after kill -9.
+  }
+  int result = 0;
+  ::waitpid(child, &result, 0);
+  ASSERT_EQ(result, 0);
+  ASSERT_FALSE(std::filesystem::is_empty(directory_ + "/leases"));
+  EXPECT_TRUE(Open(10)->Acquire({b}, FromOrigin(), {}).ok());
+  EXPECT_TRUE(std::filesystem::is_empty(directory_ + "/leases"));
+}
+
+TEST_F(ContentCacheTest, StopsWaitingWhenAsked) {
+  std::stop_source stop;
+  stop.request_stop();
+  EXPECT_EQ(Open(100)->Acquire({File("a", "aaaa")}, FromOrigin(), stop.get_token()).status().code(),
+            absl::StatusCode::kCancelled);
+}
+
+}  // namespace
+}  // namespace sheaf
