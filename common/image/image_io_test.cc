@@ -1,0 +1,114 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "common/image/image_io.h"
+
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <limits>
+
+#include "common/base/file.h"
+#include "gtest/gtest.h"
+
+namespace sheaf {
+namespace {
+
+std::string TemporaryPath(const std::string& name) {
+  const std::filesystem::path directory =
+      std::filesystem::path(::testing::TempDir()) / "sheaf_image_io_test";
+  std::filesystem::create_directories(directory);
+  return (directory / name).string();
+}
+
+// A 2 x 1 PFM, which float formats are tested with: no encoder stands between file and reader.
+void WritePfm(const std::string& path, const std::vector<float>& values, size_t values_written) {
+  std::ofstream file(path, std::ios::binary);
+  file << "PF\n2 1\n-1.0\n";
+  file.write(reinterpret_cast<const char*>(values.data()),
+             static_cast<std::streamsize>(values_written * sizeof(float)));
+}
+
+TEST(ImageIoTest, PngKeepsEveryByte) {
+  std::vector<Rgb8> pixels;
+  for (int i = 0; i < 16 * 16; ++i) {
+    pixels.push_back({static_cast<uint8_t>(i), static_cast<uint8_t>(255 - i),
+                      static_cast<uint8_t>(i * 7 % 256)});
+  }
+  const std::string path = TemporaryPath("bytes.png");
+  ASSERT_TRUE(WritePng(path, 16, 16, pixels).ok());
+  const absl::StatusOr<FloatImage> image = ReadImage(path);
+  ASSERT_TRUE(image.ok()) << image.status();
+  EXPECT_TRUE(image->is_8bit);
+  ASSERT_EQ(image->width, 16);
+  ASSERT_EQ(image->channels, 3);
+  for (int i = 0; i < 16 * 16; ++i) {
+    EXPECT_EQ(std::lround(image->At(i % 16, i / 16, 0) * 255), pixels[i].r);
+    EXPECT_EQ(std::lround(image->At(i % 16, i / 16, 1) * 255), pixels[i].g);
+    EXPECT_EQ(std::lround(image->At(i % 16, i / 16, 2) * 255), pixels[i].b);
+  }
+}
+
+TEST(ImageIoTest, EncodedPngIsTheFileWritten) {
+  const std::vector<Rgb8> pixels(6, Rgb8{1, 2, 3});
+  const absl::StatusOr<std::string> bytes = EncodePng(3, 2, pixels);
+  ASSERT_TRUE(bytes.ok());
+  EXPECT_EQ(bytes->substr(1, 3), "PNG");
+  ASSERT_TRUE(WritePng(TemporaryPath("same.png"), 3, 2, pixels).ok());
+  EXPECT_EQ(*ReadWholeFile(TemporaryPath("same.png")), *bytes);
+}
+
+TEST(ImageIoTest, FloatValuesComeThroughUnchanged) {
+  const float nan = std::numeric_limits<float>::quiet_NaN();
+  WritePfm(TemporaryPath("float.pfm"), {1e6f, -2.5f, 1e-20f, nan, 0, 0.1f}, 6);
+  const absl::StatusOr<FloatImage> image = ReadImage(TemporaryPath("float.pfm"));
+  ASSERT_TRUE(image.ok()) << image.status();
+  EXPECT_FALSE(image->is_integer);
+  EXPECT_EQ(image->At(0, 0, 0), 1e6f);
+  EXPECT_EQ(image->At(0, 0, 1), -2.5f);
+  EXPECT_EQ(image->At(0, 0, 2), 1e-20f);
+  EXPECT_TRUE(std::isnan(image->At(1, 0, 0)));
+  EXPECT_EQ(image->At(1, 0, 2), 0.1f);
+}
+
+TEST(ImageIoTest, BadFilesAreErrorsThatNameThePath) {
+  const std::string text = TemporaryPath("text.png");
+  std::ofstream(text) << "this is no picture";
+  const absl::StatusOr<std::string> whole =
+      EncodePng(64, 64, std::vector<Rgb8>(64 * 64, Rgb8{200, 100, 50}));
+  const std::string cut = TemporaryPath("cut.png");
+  std::ofstream(cut, std::ios::binary) << whole->substr(0, whole->size() / 2);
+  const std::string cut_pfm = TemporaryPath("cut.pfm");
+  WritePfm(cut_pfm, {1, 2, 3, 4, 5, 6}, 3);
+  for (const std::string& path : {text, cut, cut_pfm}) {
+    const absl::StatusOr<FloatImage> image = ReadImage(path);
+    EXPECT_EQ(image.status().code(), absl::StatusCode::kInvalidArgument) << path;
+    EXPECT_EQ(std::string(image.status().message()).rfind(path, 0), 0u) << image.status();
+  }
+  EXPECT_EQ(ReadImage(TemporaryPath("absent.png")).status().code(), absl::StatusCode::kNotFound);
+}
+
+TEST(ImageIoTest, APictureOverTheLimitIsRefusedBeforeItIsRead) {
+  const std::string path = TemporaryPath("large.png");
+  ASSERT_TRUE(WritePng(path, 32, 32, std::vector<Rgb8>(32 * 32)).ok());
+  ReadImageLimits limits;
+  limits.memory_bytes_max = 32 * 32 * 3 * sizeof(float) - 1;
+  EXPECT_EQ(ReadImage(path, limits).status().code(), absl::StatusCode::kResourceExhausted);
+  limits.memory_bytes_max += 1;
+  EXPECT_TRUE(ReadImage(path, limits).ok());
+}
+
+TEST(ImageIoTest, SrgbTransferMatchesTheStandard) {
+  EXPECT_EQ(EncodeSrgb(0), 0);
+  EXPECT_EQ(EncodeSrgb(1), 1);
+  EXPECT_EQ(EncodeSrgb(std::numeric_limits<float>::quiet_NaN()), 0);
+  EXPECT_EQ(EncodeSrgb(std::numeric_limits<float>::infinity()), 1);
+  EXPECT_NEAR(EncodeSrgb(0.18f), 0.4613561f, 1e-6f);
+  EXPECT_NEAR(DecodeSrgb(0.5f), 0.2140411f, 1e-6f);
+  EXPECT_EQ(EncodeSrgb8(0.18f), 118);
+  for (int level = 0; level < 256; ++level) {
+    EXPECT_EQ(EncodeSrgb8(DecodeSrgb(static_cast<float>(level) / 255)), level);
+  }
+}
+
+}  // namespace
+}  // namespace sheaf
