@@ -15,7 +15,7 @@ namespace sheaf {
 
 // Identity of a part; travels in the EXR header and is checked on decoding.
 struct PartHeader {
-  std::string frame_digest;      // Hex SHA-256: scene, settings, frame, numeric profile.
+  std::string frame_digest;  // Hex SHA-256: scene, settings, frame, numeric profile.
   std::string numeric_profile;
 };
 

@@ -10,12 +10,13 @@
 // absent (a sample count that is not a power of two) a parent equals its left half.
 //
 // Replicates. Sample n belongs to replicate n % kReplicateCount and is point n / kReplicateCount of
-// that replicate's own Owen-scrambled sequence (common/film owns this rule, the sampler follows it).
-// Replicate means are independent and identically distributed: error bars come from their spread.
+// that replicate's own Owen-scrambled sequence (common/film owns this rule, the sampler follows
+// it). Replicate means are independent and identically distributed: error bars come from their
+// spread.
 #pragma once
 
-#include <array>
 #include <cstdint>
+#include <memory>
 #include <vector>
 
 #include "common/film/tile_geometry.h"
@@ -27,30 +28,48 @@ inline constexpr uint32_t kReplicateCount = 16;
 constexpr uint32_t ReplicateOf(uint64_t sample_index) {
   return static_cast<uint32_t>(sample_index % kReplicateCount);
 }
-constexpr uint64_t IndexInReplicate(uint64_t sample_index) { return sample_index / kReplicateCount; }
+constexpr uint64_t IndexInReplicate(uint64_t sample_index) {
+  return sample_index / kReplicateCount;
+}
 
 // What the renderer hands over for one sample of one pixel.
 struct FilmSample {
-  Rgb radiance;            // Linear sRGB, before the filter weight.
-  float alpha = 0;         // 1 where the camera ray met a surface, else 0.
-  float filter_weight = 1; // Signed; 1 for filters that are nowhere negative.
-  Rgb albedo;              // Of the first surface, in [0, 1].
-  Vec3f normal;            // Shading normal of the first surface, world space; 0 on a miss.
-  float depth = 0;         // Distance along the camera ray in scene units; 0 on a miss.
+  Rgb radiance;             // Linear sRGB, before the filter weight.
+  float alpha = 0;          // 1 where the camera ray met a surface, else 0.
+  float filter_weight = 1;  // Signed; 1 for filters that are nowhere negative.
+  Rgb albedo;               // Of the first surface, in [0, 1].
+  Vec3f normal;             // Shading normal of the first surface, world space; 0 on a miss.
+  float depth = 0;          // Distance along the camera ray in scene units; 0 on a miss.
 };
 
-// Sums of one pixel over one block. radiance_hi + radiance_lo is a double-float (48-bit) sum; every
-// other sum is float32. Values are multiplied by the filter weight, except nonfinite_count.
+// Sums of one pixel over one block. Radiance and weight, whose quotient is the picture, are
+// double-floats hi + lo (48 bits, common/math/double_float.h); every other sum is float32. Values
+// are multiplied by the filter weight, except the two counts, which are exact up to 2^24.
 enum class FilmChannel : uint8_t {
-  kRedHi, kGreenHi, kBlueHi, kRedLo, kGreenLo, kBlueLo,
-  kAlpha, kWeight,
-  kAlbedoR, kAlbedoG, kAlbedoB, kNormalX, kNormalY, kNormalZ, kDepth,
+  kRedHi,
+  kGreenHi,
+  kBlueHi,
+  kWeight,
+  kRedLo,
+  kGreenLo,
+  kBlueLo,
+  kWeightLo,
+  kAlpha,
+  kAlbedoR,
+  kAlbedoG,
+  kAlbedoB,
+  kNormalX,
+  kNormalY,
+  kNormalZ,
+  kDepth,
   kSampleCount,     // Finite samples.
   kNonFiniteCount,  // Samples that were not finite or beyond kSampleMagnitudeMax; in no other sum.
   kCount
 };
 inline constexpr size_t kFilmChannelCount = static_cast<size_t>(FilmChannel::kCount);
 inline constexpr size_t kReplicateChannelCount = 4;  // R, G, B sums and weight, float32.
+// A sample with a larger value is treated as not finite: 2^28 samples of this size still have a
+// finite sum.
 inline constexpr float kSampleMagnitudeMax = 1e30f;
 
 class FilmTile {
@@ -67,8 +86,11 @@ class FilmTile {
 
   // Planes are row-major [height][width] over rect().
   float* channel(FilmChannel c) { return main_.data() + static_cast<size_t>(c) * plane_size_; }
-  const float* channel(FilmChannel c) const { return main_.data() + static_cast<size_t>(c) * plane_size_; }
-  // slot: 0 .. replicate_count()-1 (replicate replicate_first() + slot); component: 0..3 = R, G, B, weight.
+  const float* channel(FilmChannel c) const {
+    return main_.data() + static_cast<size_t>(c) * plane_size_;
+  }
+  // slot: 0 .. replicate_count()-1 (replicate replicate_first() + slot); component: 0..3 = R, G, B,
+  // weight.
   float* replicate(uint32_t slot, size_t component) {
     return replicates_.data() + (slot * kReplicateChannelCount + component) * plane_size_;
   }
@@ -92,27 +114,38 @@ class FilmTile {
 // left.block().first < right.block().first.
 FilmTile MergeSiblings(const FilmTile& left, const FilmTile& right);
 
+// The node over `block` whose right half is only partly there: left plus right as they are, each
+// replicate that only one of them holds taken over unchanged. MergeSiblings is the complete case.
+// Requires: same rect, both blocks disjoint and inside `block`, left before right.
+FilmTile AddTiles(const FilmTile& left, const FilmTile& right, SampleBlock block);
+
 // Adds the samples of one pixel of a tile in index order, building the canonical tree with a stack
 // as deep as log2(block count): no allocation. Use: Begin, Add for every sample of the block in
 // ascending index order, End.
+// Thread safety: none; use one a thread. The tile must outlive it.
 class PixelAccumulator {
  public:
   explicit PixelAccumulator(FilmTile* tile);
   ~PixelAccumulator();
   PixelAccumulator(const PixelAccumulator&) = delete;
   PixelAccumulator& operator=(const PixelAccumulator&) = delete;
+  // x, y: a pixel of the tile, in the frame's raster coordinates.
   void Begin(int32_t x, int32_t y);
   void Add(uint64_t sample_index, const FilmSample& sample);
+  // Requires: every sample of the block has been added.
   void End();
   // The first samples that were not finite, at most kNonFiniteReportsMax, for the report.
-  struct NonFinite { int32_t x, y; uint64_t sample_index; };
+  struct NonFinite {
+    int32_t x = 0, y = 0;
+    uint64_t sample_index = 0;
+  };
   static constexpr size_t kNonFiniteReportsMax = 16;
   const std::vector<NonFinite>& non_finite() const { return non_finite_; }
 
  private:
   struct Stack;
   FilmTile* tile_;
-  Stack* stack_;
+  std::unique_ptr<Stack> stack_;
   std::vector<NonFinite> non_finite_;
 };
 

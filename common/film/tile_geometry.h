@@ -19,16 +19,19 @@ struct PixelRect {
   friend constexpr bool operator==(const PixelRect&, const PixelRect&) = default;
 };
 
-// Aligned block of sample indices [first, first + count): count is a power of two and divides first.
-// It is one node of the canonical tree of merging.
+// Aligned block of sample indices [first, first + count): count is a power of two and divides
+// first. It is one node of the canonical tree of merging.
 struct SampleBlock {
   uint64_t first = 0;
   uint64_t count = 1;
   constexpr uint64_t End() const { return first + count; }
   friend constexpr bool operator==(const SampleBlock&, const SampleBlock&) = default;
 };
+// No sample index reaches this, so that sums and parents of blocks never wrap around.
+inline constexpr uint64_t kSampleIndexEnd = uint64_t{1} << 62;
 constexpr bool IsAligned(SampleBlock b) {
-  return b.count != 0 && (b.count & (b.count - 1)) == 0 && b.first % b.count == 0;
+  return b.count != 0 && (b.count & (b.count - 1)) == 0 && b.first % b.count == 0 &&
+         b.first < kSampleIndexEnd && b.count <= kSampleIndexEnd;
 }
 constexpr SampleBlock Sibling(SampleBlock b) { return {b.first ^ b.count, b.count}; }
 constexpr SampleBlock Parent(SampleBlock b) { return {b.first & ~(b.count * 2 - 1), b.count * 2}; }
@@ -37,12 +40,13 @@ constexpr bool Contains(SampleBlock outer, SampleBlock inner) {
 }
 
 // Cuts [first, first + count) into the fewest aligned blocks of at most block_samples_max samples,
-// in ascending order.
-// Requires: block_samples_max is a power of two.
+// in ascending order. Of any two blocks one contains the other or they are disjoint.
+// Requires: block_samples_max is a power of two; first + count <= kSampleIndexEnd.
 std::vector<SampleBlock> CutSamples(uint64_t first, uint64_t count, uint64_t block_samples_max);
 
 // Cuts a rectangle into tiles of tile_size_px (the last of a row or column may be smaller), aligned
-// to multiples of tile_size_px in the frame, row by row.
+// to multiples of tile_size_px in the frame, row by row; so a pixel's tile does not depend on the
+// crop. Requires: tile_size_px > 0. An empty rectangle gives no tiles.
 std::vector<PixelRect> CutTiles(PixelRect frame, int32_t tile_size_px);
 
 }  // namespace sheaf

@@ -7,23 +7,27 @@
 
 namespace sheaf {
 
-// value = hi + lo with hi the float nearest to the value; so |lo| is at most half an ulp of hi, and
-// equal values have equal bits. Holds what is representable in 48 bits and at most FLT_MAX in size.
+// value = hi + lo with hi the float nearest to the value (ties to even), so equal values have equal
+// bits. Holds what fits in two adjoining 24-bit significands and is at most FLT_MAX in size.
 struct DoubleFloat {
   float hi = 0, lo = 0;
 
-  // Rounds to 48 bits. Requires: |value| is finite and rounds to a finite float.
+  // Rounds to the nearest such number. Requires: value is finite and rounds to a finite float.
   static DoubleFloat Make(double value) {
     const float head = static_cast<float>(value);
-    return {head, static_cast<float>(value - static_cast<double>(head))};
+    const double rounded =
+        static_cast<double>(head) + static_cast<double>(static_cast<float>(value - head));
+    // Rounding the tail may have landed on a tie, where the nearest float is the even one.
+    const float hi = static_cast<float>(rounded);
+    return {hi, static_cast<float>(rounded - hi)};
   }
-  // Exact: 48 bits and any gap between hi and lo that Make leaves fit in a double.
+  // Exact: what Make leaves fits in a double.
   double Value() const { return static_cast<double>(hi) + static_cast<double>(lo); }
 
   friend bool operator==(const DoubleFloat&, const DoubleFloat&) = default;
 };
 
-// The sum, rounded to double and then to 48 bits: commutative, not associative.
+// The sum, rounded to double and then as Make does: commutative, not associative.
 inline DoubleFloat Add(DoubleFloat a, DoubleFloat b) {
   return DoubleFloat::Make(a.Value() + b.Value());
 }

@@ -1,0 +1,45 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// How wrong a picture still is, from the spread of its replicates (film_tile.h).
+//
+// A pixel's value is the ratio sum / weight. With S_r and W_r the sums of replicate r, r = 1 .. R
+// over the replicates that have samples, and m = sum S_r / sum W_r, its standard error is
+//
+//   sqrt(R / (R - 1) * sum (S_r - m W_r)^2) / |sum W_r|.
+//
+// For equal W_r this is sqrt(sum (m_r - m)^2 / (R (R - 1))), with m_r = S_r / W_r independent and
+// identically distributed: m +- t(R - 1) * standard error is a Student interval. For unequal W_r (a
+// sample count that 16 does not divide, or signed filters) it is the ratio estimator's, which needs
+// no weight W_r to differ from 0. Differences are squared, never squares subtracted, so it is never
+// negative; its own rounding is about 2^-22 of the value, as replicate sums are float32.
+// Source: Cochran 1977, Sampling Techniques, 3rd ed., sec. 2.11; Owen 1997 for the replicates.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+#include "common/film/film_tile.h"
+#include "common/film/frame_picture.h"
+
+namespace sheaf {
+
+struct FrameError {
+  // Predicted mean over pixels and R, G, B of stderr^2 / (value^2 + (0.1 m)^2), m the mean of R, G
+  // and B over the picture: what `sheaf compare` would measure against the converged picture.
+  double relative_mse = 0;
+  // Of the frame's mean luminance; the three channels of a pixel are taken as fully correlated (an
+  // upper bound), pixels as independent.
+  double standard_error = 0;
+  uint64_t nonfinite_count = 0;
+  uint64_t sample_count = 0;  // Over all pixels; finite ones.
+};
+
+// Standard error of one colour component (0..2 = R, G, B) of pixel `p` (index into the planes); 0
+// where fewer than 2 replicates have samples or the weights sum to 0.
+double ReplicateStandardError(const FilmTile& sums, size_t component, size_t p);
+
+// Error over the picture as developed so far (pixels without samples are left out).
+FrameError EstimateError(const FramePicture& picture);
+
+}  // namespace sheaf

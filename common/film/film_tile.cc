@@ -1,0 +1,253 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "common/film/film_tile.h"
+
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <cmath>
+#include <cstddef>
+
+#include "common/base/check.h"
+#include "common/math/double_float.h"
+
+namespace sheaf {
+namespace {
+
+// Radiance and weight, the sums that are double-floats.
+constexpr size_t kWideCount = 4;
+constexpr size_t kNarrowCount = kFilmChannelCount - 2 * kWideCount;
+constexpr size_t kWideHi = static_cast<size_t>(FilmChannel::kRedHi);
+constexpr size_t kWideLo = static_cast<size_t>(FilmChannel::kRedLo);
+constexpr size_t kNarrow = static_cast<size_t>(FilmChannel::kAlpha);
+static_assert(kWideLo == kWideHi + kWideCount && kNarrow == kWideLo + kWideCount);
+
+constexpr FilmChannel ChannelAt(size_t index) { return static_cast<FilmChannel>(index); }
+
+// One pixel's node of the canonical tree, replicates apart. `wide` holds values of DoubleFloats.
+struct PixelNode {
+  std::array<double, kWideCount> wide{};
+  std::array<float, kNarrowCount> narrow{};
+};
+// Replicate sums of one pixel: R, G, B, weight of each.
+using ReplicateNode = std::array<float, kReplicateCount * kReplicateChannelCount>;
+
+bool IsUsable(const FilmSample& s) {
+  bool usable = true;
+  const auto require = [&usable](double v) {
+    usable &= std::fabs(v) <= double{kSampleMagnitudeMax};
+  };
+  const double weight = s.filter_weight;
+  require(weight);
+  for (size_t i = 0; i < 3; ++i) {
+    require(s.radiance[i]);
+    require(s.radiance[i] * weight);
+    require(s.albedo[i]);
+    require(s.normal[i]);
+  }
+  require(s.alpha);
+  require(s.depth);
+  require(s.depth * weight);
+  return usable;
+}
+
+PixelNode MakeLeaf(const FilmSample& s) {
+  PixelNode leaf;
+  const double weight = s.filter_weight;
+  for (size_t i = 0; i < 3; ++i) leaf.wide[i] = DoubleFloat::Make(s.radiance[i] * weight).Value();
+  leaf.wide[3] = weight + 0.0;  // No -0: the bits of a sum of nothing are those of 0.
+  const float w = s.filter_weight;
+  leaf.narrow = {s.alpha * w,
+                 s.albedo.r * w,
+                 s.albedo.g * w,
+                 s.albedo.b * w,
+                 s.normal.x * w,
+                 s.normal.y * w,
+                 s.normal.z * w,
+                 s.depth * w,
+                 1,
+                 0};
+  return leaf;
+}
+
+PixelNode MakeNonFiniteLeaf() {
+  PixelNode leaf;
+  leaf.narrow[kNarrowCount - 1] = 1;
+  return leaf;
+}
+
+// left becomes left + right.
+void MergeInto(const PixelNode& right, PixelNode* left) {
+  for (size_t i = 0; i < kWideCount; ++i) {
+    left->wide[i] = DoubleFloat::Make(left->wide[i] + right.wide[i]).Value();
+  }
+  for (size_t i = 0; i < kNarrowCount; ++i) left->narrow[i] += right.narrow[i];
+}
+void MergeInto(const ReplicateNode& right, ReplicateNode* left) {
+  for (size_t i = 0; i < right.size(); ++i) (*left)[i] += right[i];
+}
+
+// A binary counter of tree nodes: pushing leaf number n merges as many pairs as n has trailing
+// ones, which is exactly the canonical tree. It never holds more than one node a level.
+template <typename Node>
+class NodeStack {
+ public:
+  void Clear() { leaf_count_ = 0, depth_ = 0; }
+  void Push(const Node& leaf) {
+    nodes_[depth_++] = leaf;
+    for (uint64_t n = leaf_count_++; n & 1; n >>= 1) {
+      MergeInto(nodes_[depth_ - 1], &nodes_[depth_ - 2]);
+      --depth_;
+    }
+  }
+  uint64_t leaf_count() const { return leaf_count_; }
+  // Requires: leaf_count() is a power of two.
+  const Node& Root() const {
+    SHEAF_CHECK(depth_ == 1);
+    return nodes_[0];
+  }
+
+ private:
+  // A block has at most 2^62 leaves, so 63 nodes and the leaf on its way in.
+  std::array<Node, 64> nodes_;
+  uint64_t leaf_count_ = 0;
+  size_t depth_ = 0;
+};
+
+}  // namespace
+
+FilmTile::FilmTile(PixelRect rect, SampleBlock block) : rect_(rect), block_(block) {
+  SHEAF_CHECK(rect.x0 < rect.x1 && rect.y0 < rect.y1 && IsAligned(block));
+  plane_size_ = static_cast<size_t>(rect.PixelCount());
+  main_.resize(kFilmChannelCount * plane_size_);
+  replicates_.resize(replicate_count() * kReplicateChannelCount * plane_size_);
+}
+
+uint32_t FilmTile::replicate_first() const { return ReplicateOf(block_.first); }
+uint32_t FilmTile::replicate_count() const {
+  return static_cast<uint32_t>(std::min<uint64_t>(block_.count, kReplicateCount));
+}
+
+FilmTile MergeSiblings(const FilmTile& left, const FilmTile& right) {
+  SHEAF_CHECK(right.block() == Sibling(left.block()) && left.block().first < right.block().first);
+  return AddTiles(left, right, Parent(left.block()));
+}
+
+namespace {
+
+void AddPlanes(const FilmTile& left, const FilmTile& right, FilmTile* sum) {
+  const size_t size = sum->plane_size();
+  for (size_t i = 0; i < kWideCount; ++i) {
+    const FilmChannel hi = ChannelAt(kWideHi + i), lo = ChannelAt(kWideLo + i);
+    for (size_t p = 0; p < size; ++p) {
+      const DoubleFloat total = Add({left.channel(hi)[p], left.channel(lo)[p]},
+                                    {right.channel(hi)[p], right.channel(lo)[p]});
+      sum->channel(hi)[p] = total.hi;
+      sum->channel(lo)[p] = total.lo;
+    }
+  }
+  for (size_t i = kNarrow; i < kFilmChannelCount; ++i) {
+    const float* a = left.channel(ChannelAt(i));
+    const float* b = right.channel(ChannelAt(i));
+    float* out = sum->channel(ChannelAt(i));
+    for (size_t p = 0; p < size; ++p) out[p] = a[p] + b[p];
+  }
+}
+
+// The replicate's plane, or null where the tile's block has no sample of it.
+const float* FindReplicate(const FilmTile& tile, uint32_t replicate, size_t component) {
+  const uint32_t first = tile.replicate_first();
+  if (replicate < first || replicate >= first + tile.replicate_count()) return nullptr;
+  return tile.replicate(replicate - first, component);
+}
+
+}  // namespace
+
+FilmTile AddTiles(const FilmTile& left, const FilmTile& right, SampleBlock block) {
+  SHEAF_CHECK(left.rect() == right.rect());
+  SHEAF_CHECK(Contains(block, left.block()) && Contains(block, right.block()));
+  SHEAF_CHECK(left.block().End() <= right.block().first);
+  FilmTile sum(left.rect(), block);
+  AddPlanes(left, right, &sum);
+  const size_t size = sum.plane_size();
+  for (uint32_t slot = 0; slot < sum.replicate_count(); ++slot) {
+    for (size_t component = 0; component < kReplicateChannelCount; ++component) {
+      const float* a = FindReplicate(left, sum.replicate_first() + slot, component);
+      const float* b = FindReplicate(right, sum.replicate_first() + slot, component);
+      float* out = sum.replicate(slot, component);
+      if (a != nullptr && b != nullptr) {
+        for (size_t p = 0; p < size; ++p) out[p] = a[p] + b[p];
+      } else if (a != nullptr || b != nullptr) {
+        std::copy_n(a != nullptr ? a : b, size, out);
+      }
+    }
+  }
+  return sum;
+}
+
+struct PixelAccumulator::Stack {
+  NodeStack<PixelNode> main;
+  // All replicates have trees of one shape: one stack whose nodes hold all of them, and one leaf
+  // that fills up as their samples come by.
+  NodeStack<ReplicateNode> replicates;
+  ReplicateNode replicate_leaf{};
+  int32_t x = 0, y = 0;
+};
+
+PixelAccumulator::PixelAccumulator(FilmTile* tile)
+    : tile_(tile), stack_(std::make_unique<Stack>()) {
+  non_finite_.reserve(kNonFiniteReportsMax);
+}
+PixelAccumulator::~PixelAccumulator() = default;
+
+void PixelAccumulator::Begin(int32_t x, int32_t y) {
+  const PixelRect& rect = tile_->rect();
+  SHEAF_CHECK(x >= rect.x0 && x < rect.x1 && y >= rect.y0 && y < rect.y1);
+  stack_->main.Clear();
+  stack_->replicates.Clear();
+  stack_->replicate_leaf = {};
+  stack_->x = x;
+  stack_->y = y;
+}
+
+void PixelAccumulator::Add(uint64_t sample_index, const FilmSample& sample) {
+  const SampleBlock block = tile_->block();
+  const uint64_t ordinal = stack_->main.leaf_count();
+  SHEAF_CHECK(sample_index == block.first + ordinal && ordinal < block.count);
+  const bool usable = IsUsable(sample);
+  if (!usable && non_finite_.size() < kNonFiniteReportsMax) {
+    non_finite_.push_back({stack_->x, stack_->y, sample_index});
+  }
+  const PixelNode leaf = usable ? MakeLeaf(sample) : MakeNonFiniteLeaf();
+  stack_->main.Push(leaf);
+
+  const uint32_t slot = ReplicateOf(sample_index) - tile_->replicate_first();
+  for (size_t i = 0; i < kReplicateChannelCount; ++i) {
+    stack_->replicate_leaf[slot * kReplicateChannelCount + i] = static_cast<float>(leaf.wide[i]);
+  }
+  if (slot + 1 == tile_->replicate_count()) stack_->replicates.Push(stack_->replicate_leaf);
+}
+
+void PixelAccumulator::End() {
+  SHEAF_CHECK(stack_->main.leaf_count() == tile_->block().count);
+  const PixelRect& rect = tile_->rect();
+  const size_t p = static_cast<size_t>(stack_->y - rect.y0) * static_cast<size_t>(rect.Width()) +
+                   static_cast<size_t>(stack_->x - rect.x0);
+  const PixelNode& root = stack_->main.Root();
+  for (size_t i = 0; i < kWideCount; ++i) {
+    const DoubleFloat wide = DoubleFloat::Make(root.wide[i]);
+    tile_->channel(ChannelAt(kWideHi + i))[p] = wide.hi;
+    tile_->channel(ChannelAt(kWideLo + i))[p] = wide.lo;
+  }
+  for (size_t i = 0; i < kNarrowCount; ++i) {
+    tile_->channel(ChannelAt(kNarrow + i))[p] = root.narrow[i];
+  }
+  const ReplicateNode& replicates = stack_->replicates.Root();
+  for (uint32_t slot = 0; slot < tile_->replicate_count(); ++slot) {
+    for (size_t i = 0; i < kReplicateChannelCount; ++i) {
+      tile_->replicate(slot, i)[p] = replicates[slot * kReplicateChannelCount + i];
+    }
+  }
+}
+
+}  // namespace sheaf

@@ -1,0 +1,53 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "common/film/frame_picture.h"
+
+#include <bit>
+#include <cstddef>
+
+#include "absl/strings/str_cat.h"
+#include "common/base/check.h"
+#include "common/base/digest.h"
+
+namespace sheaf {
+
+static_assert(std::endian::native == std::endian::little,
+              "the digest is over little-endian floats");
+
+const std::vector<float>* FramePicture::Find(const std::string& channel) const {
+  for (size_t i = 0; i < channel_names.size(); ++i) {
+    if (channel_names[i] == channel) return &planes[i];
+  }
+  return nullptr;
+}
+std::vector<float>* FramePicture::Find(const std::string& channel) {
+  return const_cast<std::vector<float>*>(static_cast<const FramePicture&>(*this).Find(channel));
+}
+
+FramePicture MakeFramePicture(PixelRect window, int32_t frame_width_px, int32_t frame_height_px) {
+  SHEAF_CHECK(window.x0 < window.x1 && window.y0 < window.y1);
+  FramePicture picture;
+  picture.window = window;
+  picture.frame_width_px = frame_width_px;
+  picture.frame_height_px = frame_height_px;
+  picture.channel_names = {"R",        "G",        "B",        "A",        "albedo.R", "albedo.G",
+                           "albedo.B", "normal.X", "normal.Y", "normal.Z", "depth.Z",  "samples",
+                           "stderr.R", "stderr.G", "stderr.B", "nonfinite"};
+  picture.planes.assign(picture.channel_names.size(),
+                        std::vector<float>(static_cast<size_t>(window.PixelCount())));
+  return picture;
+}
+
+std::string PictureDigest(const FramePicture& picture) {
+  Sha256 hash;
+  hash.Update(absl::StrCat("window ", picture.window.x0, " ", picture.window.y0, " ",
+                           picture.window.x1, " ", picture.window.y1, " frame ",
+                           picture.frame_width_px, " ", picture.frame_height_px, "\n"));
+  for (size_t i = 0; i < picture.channel_names.size(); ++i) {
+    hash.Update(absl::StrCat(picture.channel_names[i], "\n"));
+    hash.Update(picture.planes[i].data(), picture.planes[i].size() * sizeof(float));
+  }
+  return hash.FinishHex();
+}
+
+}  // namespace sheaf

@@ -1,0 +1,35 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// FramePicture: a developed picture in memory, and its identity.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "common/film/tile_geometry.h"
+
+namespace sheaf {
+
+// A developed picture: float32 planes, row-major over `window`.
+struct FramePicture {
+  PixelRect window;  // The rendered pixels (crop) in the full frame.
+  int32_t frame_width_px = 0, frame_height_px = 0;
+  // Means: R G B A albedo.{R,G,B} normal.{X,Y,Z} depth.Z, then samples, stderr.{R,G,B}, nonfinite.
+  std::vector<std::string> channel_names;
+  std::vector<std::vector<float>> planes;
+  std::map<std::string, std::string> metadata;  // Written as "sheaf:KEY" attributes.
+  // Null where there is no such channel.
+  const std::vector<float>* Find(const std::string& channel) const;
+  std::vector<float>* Find(const std::string& channel);
+};
+
+// An empty picture of all channels for the window.
+FramePicture MakeFramePicture(PixelRect window, int32_t frame_width_px, int32_t frame_height_px);
+// SHA-256 (hex) over window, channel names and the bits of all planes, in order: the picture's
+// identity. Metadata and the way it is stored do not enter.
+std::string PictureDigest(const FramePicture& picture);
+
+}  // namespace sheaf

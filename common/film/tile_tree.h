@@ -1,0 +1,41 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// TileTree: the parts of one tile, merged along the canonical tree in whatever order they come.
+#pragma once
+
+#include <cstdint>
+#include <map>
+
+#include "absl/status/status.h"
+#include "common/film/film_tile.h"
+#include "common/film/tile_geometry.h"
+
+namespace sheaf {
+
+// The parts of one tile. Siblings are merged as soon as both are there, so memory does not grow
+// with the number of parts. A pure function of the set: any order of Insert gives the same bits.
+class TileTree {
+ public:
+  explicit TileTree(PixelRect rect) : rect_(rect) {}
+  // Errors: kAlreadyExists when the block, or a block that contains it, is already there;
+  // kInvalidArgument when the rect differs or the block only partly overlaps what is there.
+  absl::Status Insert(FilmTile part);
+  bool Covers(SampleBlock block) const;
+  uint64_t SampleCount() const;
+  // Nodes in ascending order; no two are siblings.
+  const std::map<uint64_t, FilmTile>& nodes() const { return nodes_; }
+  // The tree's value over everything there, as the canonical tree with absent right halves.
+  // Requires: at least one node; the nodes cover a prefix [0, n). Use Covers to know.
+  FilmTile Root() const;
+  // Sum of all nodes in ascending order, gaps allowed: for previews, never for delivery.
+  // Requires: at least one node.
+  FilmTile PreviewSum() const;
+  const PixelRect& rect() const { return rect_; }
+
+ private:
+  PixelRect rect_;
+  std::map<uint64_t, FilmTile> nodes_;  // Keyed by block.first.
+};
+
+}  // namespace sheaf
