@@ -7,11 +7,13 @@ find_package(OpenSSL REQUIRED)         # SHA-256
 find_package(ZLIB REQUIRED)            # gzipped scene files
 find_package(spdlog REQUIRED)          # logging
 find_package(OpenEXR REQUIRED)         # film parts and pictures
-find_package(OpenImageIO REQUIRED)     # textures, environment maps, PNG
 find_package(Protobuf REQUIRED)        # wire messages
 find_package(CLI11 REQUIRED)           # command lines
 find_package(nlohmann_json REQUIRED)   # JSON output
 pkg_check_modules(gRPC REQUIRED IMPORTED_TARGET grpc++)
+# Through pkg-config: the CMake package names tools and folders that Debian packs elsewhere.
+pkg_check_modules(OpenImageIO REQUIRED IMPORTED_TARGET GLOBAL OpenImageIO)  # textures, PNG
+add_library(OpenImageIO::OpenImageIO ALIAS PkgConfig::OpenImageIO)
 pkg_check_modules(sqlite3 REQUIRED IMPORTED_TARGET sqlite3)   # durable state
 pkg_check_modules(zstd REQUIRED IMPORTED_TARGET libzstd)      # content transfer
 find_package(embree 4 QUIET)           # ray intersection; 4.x on Debian 13
