@@ -1,0 +1,107 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Plain values of the control flow: Job > Frame > Task > Lease. Known by core, store and service.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "absl/time/time.h"
+#include "common/content/blob_digest.h"
+#include "common/film/tile_geometry.h"
+#include "common/scene/render_settings.h"
+
+namespace sheaf::coordinator {
+
+// How frames are cut into tasks; changes no pixel.
+struct Partition {
+  int32_t tile_size_px = 32;
+  uint64_t pass_sample_count = 16;  // A power of two.
+  uint64_t lease_pass_count = 0;    // A power of two; 0 lets the coordinator choose.
+};
+
+struct FrameSpec {
+  int32_t frame_number = 0;  // Unique in the job.
+  BlobDigest scene;          // Of the manifest blob.
+  FrameSettings settings;
+  std::string frame_digest;  // Hex SHA-256 over scene, settings and numeric profile.
+};
+
+struct JobSpec {
+  uint64_t job_id = 0;  // Given by the store, ascending.
+  std::string title;
+  int32_t priority = 0;
+  Partition partition;
+  std::string numeric_profile;
+  std::vector<FrameSpec> frames;  // Ascending by number.
+};
+
+enum class JobPhase { kLive, kSucceeded, kFailed, kCancelled };
+
+// What results cost.
+struct ResultCost {
+  uint64_t ray_count = 0;
+  uint64_t nonfinite_count = 0;
+  absl::Duration cpu_duration;
+};
+
+// Names a frame. Frames of equal digest in different jobs are different frames.
+struct FrameId {
+  uint64_t job_id = 0;
+  int32_t frame_number = 0;
+  friend auto operator<=>(const FrameId&, const FrameId&) = default;
+};
+
+// One tile's block of samples.
+struct Task {
+  uint32_t tile = 0;  // Index into the frame's tiles.
+  SampleBlock block;
+  friend bool operator==(const Task&, const Task&) = default;
+};
+
+enum class LeasePhase { kQueued, kLoading, kRendering, kUploading };
+
+struct Lease {
+  uint64_t lease_id = 0;  // Unique, also over restarts.
+  int32_t attempt = 0;    // How often this task was leased before.
+  FrameId frame;
+  Task task;
+  PixelRect tile_rect;
+  std::string worker_id;
+  LeasePhase phase = LeasePhase::kQueued;
+  absl::Time grant_time;
+};
+
+// Why a lease came to nothing; each class has its own budget (limits.h).
+enum class FailureKind { kReleased, kInfrastructure, kScene, kMemory, kInternal, kLost };
+inline constexpr int kFailureKindCount = 6;
+// Returns "released", "infrastructure", "scene", "memory", "internal" or "lost".
+const char* FailureKindName(FailureKind kind);
+
+struct LeaseFailure {
+  uint64_t lease_id = 0;
+  FailureKind kind = FailureKind::kReleased;
+  std::string message;
+};
+
+struct LeaseReport {
+  uint64_t lease_id = 0;
+  LeasePhase phase = LeasePhase::kQueued;
+};
+
+// What a worker says of itself.
+struct WorkerReport {
+  std::string worker_id;
+  std::string host;
+  std::string numeric_profile;
+  int32_t thread_count = 1;
+  std::vector<LeaseReport> leases;
+  std::vector<LeaseFailure> failures;
+  int32_t lease_count_wanted = 0;
+  bool draining = false;
+  std::vector<std::string> warm_scenes;  // Hex digests.
+};
+
+}  // namespace sheaf::coordinator

@@ -1,0 +1,61 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// LeaseTable: the leases that live, found by id, by task and by job, and those worth a second holder.
+#pragma once
+
+#include <compare>
+#include <cstdint>
+#include <map>
+#include <set>
+#include <tuple>
+#include <unordered_map>
+#include <vector>
+
+#include "coordinator/core/job.h"
+
+namespace sheaf::coordinator {
+
+// Names a task in the whole farm.
+struct TaskId {
+  FrameId frame;
+  uint32_t tile = 0;
+  uint64_t first = 0;
+  uint64_t count = 0;
+  friend auto operator<=>(const TaskId&, const TaskId&) = default;
+};
+inline TaskId MakeTaskId(const FrameId& frame, const Task& task) {
+  return {frame, task.tile, task.block.first, task.block.count};
+}
+
+class LeaseTable {
+ public:
+  explicit LeaseTable(uint64_t first_lease_id) : next_lease_id_(first_lease_id) {}
+
+  // Adds the lease under a new id and returns it as stored.
+  const Lease& Add(Lease lease);
+  const Lease* Find(uint64_t lease_id) const;
+  void SetPhase(uint64_t lease_id, LeasePhase phase);
+  // Removes a lease. Returns how many leases still hold its task.
+  int Remove(uint64_t lease_id);
+
+  std::vector<uint64_t> HoldersOf(const TaskId& task) const;
+  std::vector<uint64_t> OfJob(uint64_t job_id) const;
+  size_t CountOfJob(uint64_t job_id) const;
+  size_t size() const { return leases_.size(); }
+
+  // Leases that are their task's only one: those not begun first, then the oldest.
+  using HedgeKey = std::tuple<bool, absl::Time, uint64_t>;  // Begun, granted, id.
+  const std::set<HedgeKey>& hedgeable() const { return hedgeable_; }
+
+ private:
+  static HedgeKey KeyOf(const Lease& lease);
+
+  uint64_t next_lease_id_;
+  std::unordered_map<uint64_t, Lease> leases_;
+  std::map<TaskId, std::vector<uint64_t>> holders_;
+  std::map<uint64_t, std::set<uint64_t>> by_job_;
+  std::set<HedgeKey> hedgeable_;
+};
+
+}  // namespace sheaf::coordinator

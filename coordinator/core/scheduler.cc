@@ -1,0 +1,360 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "coordinator/core/scheduler.h"
+
+#include <algorithm>
+#include <bit>
+
+#include "absl/strings/str_cat.h"
+#include "common/base/check.h"
+
+namespace sheaf::coordinator {
+namespace {
+
+absl::Status CheckFrame(const FrameSpec& frame, const Partition& partition, const Limits& limits) {
+  const FrameSettings& s = frame.settings;
+  const std::string name = absl::StrCat("frame ", frame.frame_number, ": ");
+  const auto invalid = [&](const std::string& why) {
+    return absl::InvalidArgumentError(absl::StrCat(name, why));
+  };
+  if (s.width_px < 1 || s.height_px < 1 || s.width_px > limits.frame_edge_px_max ||
+      s.height_px > limits.frame_edge_px_max) {
+    return invalid(absl::StrCat("a size of ", s.width_px, " x ", s.height_px,
+                                " px is outside 1 to ", limits.frame_edge_px_max));
+  }
+  const PixelRect& w = s.window;
+  if (w.x0 < 0 || w.y0 < 0 || w.x1 > s.width_px || w.y1 > s.height_px || w.x0 >= w.x1 ||
+      w.y0 >= w.y1) {
+    return invalid("the window is empty or reaches beyond the frame");
+  }
+  if (s.samples < 1 || s.samples > limits.samples_max) {
+    return invalid(absl::StrCat(s.samples, " samples per pixel are outside 1 to ",
+                                limits.samples_max));
+  }
+  if (s.max_depth < 0) return invalid("the depth is negative");
+  const int64_t columns = w.Width() / partition.tile_size_px + 2;
+  const int64_t rows = w.Height() / partition.tile_size_px + 2;
+  if (columns * rows > limits.tiles_per_frame_max) {
+    return invalid(absl::StrCat("tiles of ", partition.tile_size_px, " px make more than ",
+                                limits.tiles_per_frame_max, " tiles; use larger ones"));
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+uint64_t SampleCountTotal(const FrameSpec& spec) {
+  return static_cast<uint64_t>(spec.settings.window.PixelCount()) * spec.settings.samples;
+}
+
+Scheduler::Scheduler(const Limits& limits, uint64_t first_lease_id)
+    : limits_(limits), workers_(limits_), leases_(first_lease_id) {}
+
+absl::Status Scheduler::CheckJob(const JobSpec& spec) const {
+  const Partition& p = spec.partition;
+  if (spec.frames.empty()) return absl::InvalidArgumentError("a job needs at least one frame");
+  if (spec.frames.size() > static_cast<size_t>(limits_.frames_per_job_max)) {
+    return absl::ResourceExhaustedError(absl::StrCat(
+        spec.frames.size(), " frames are more than the limit of ", limits_.frames_per_job_max));
+  }
+  if (live_job_count_ >= limits_.live_jobs_max) {
+    return absl::ResourceExhaustedError(
+        absl::StrCat("there are ", live_job_count_, " unfinished jobs, the limit; try again later"));
+  }
+  if (std::abs(spec.priority) > limits_.priority_magnitude_max) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        "priority ", spec.priority, " is outside +-", limits_.priority_magnitude_max));
+  }
+  if (p.tile_size_px < 1 || p.tile_size_px > limits_.frame_edge_px_max) {
+    return absl::InvalidArgumentError(absl::StrCat("a tile size of ", p.tile_size_px,
+                                                   " px is outside 1 to ",
+                                                   limits_.frame_edge_px_max));
+  }
+  if (!std::has_single_bit(p.pass_sample_count) || p.pass_sample_count > limits_.samples_max) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("samples of a pass: ", p.pass_sample_count, " is not a power of two"));
+  }
+  if (p.lease_pass_count != 0 && (!std::has_single_bit(p.lease_pass_count) ||
+                                  p.lease_pass_count > limits_.lease_pass_count_max)) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("passes of a lease: ", p.lease_pass_count,
+                     " is not a power of two up to ", limits_.lease_pass_count_max));
+  }
+  for (size_t i = 0; i < spec.frames.size(); ++i) {
+    if (i > 0 && spec.frames[i - 1].frame_number >= spec.frames[i].frame_number) {
+      return absl::InvalidArgumentError(absl::StrCat("frame number ", spec.frames[i].frame_number,
+                                                     " comes twice or out of order"));
+    }
+    absl::Status status = CheckFrame(spec.frames[i], p, limits_);
+    if (!status.ok()) return status;
+  }
+  return absl::OkStatus();
+}
+
+void Scheduler::AddJob(const JobSpec& spec) {
+  const auto [it, is_new] = jobs_.emplace(spec.job_id, JobRecord{});
+  SHEAF_CHECK(is_new);
+  JobRecord& job = it->second;
+  job.spec = spec;
+  job.spec.frames.clear();
+  job.frames.resize(spec.frames.size());
+  for (uint32_t i = 0; i < spec.frames.size(); ++i) {
+    job.frames[i].spec = spec.frames[i];
+    job.index_of_number[spec.frames[i].frame_number] = i;
+    job.pending.insert(i);
+    job.pending_by_scene[spec.frames[i].scene.sha256_hex].insert(i);
+    live_frames_[spec.frames[i].frame_digest].insert({spec.job_id, spec.frames[i].frame_number});
+  }
+  // A new job begins level with the least served one, not with a claim on everybody's past.
+  std::set<JobKey>& ready = ready_jobs_[spec.numeric_profile];
+  const auto level = ready.lower_bound({-spec.priority, 0, 0});
+  if (level != ready.end() && std::get<0>(*level) == -spec.priority) job.share = std::get<1>(*level);
+  ready.insert(KeyOf(job));
+  ++live_job_count_;
+}
+
+void Scheduler::RestoreEnded(uint64_t job_id, JobPhase phase, const std::string& failure) {
+  EndJob(job_id, phase, failure);
+  std::erase(ended_jobs_, job_id);
+}
+
+void Scheduler::RestoreDelivered(const FrameId& id, const ResultCost& cost) {
+  JobRecord& job = jobs_.at(id.job_id);
+  const uint32_t index = job.index_of_number.at(id.frame_number);
+  FrameRecord& frame = job.frames[index];
+  frame.sample_count_done = frame.sample_count_restored = SampleCountTotal(frame.spec);
+  frame.ray_count = cost.ray_count;
+  frame.nonfinite_count = cost.nonfinite_count;
+  frame.cpu_duration = cost.cpu_duration;
+  ++job.delivered_count;
+  Close(&job, index, FrameRecord::Phase::kDelivered);
+}
+
+bool Scheduler::RestorePart(const FrameId& id, const PixelRect& tile, SampleBlock block,
+                            const ResultCost& cost) {
+  JobRecord& job = jobs_.at(id.job_id);
+  const uint32_t index = job.index_of_number.at(id.frame_number);
+  FrameRecord& frame = job.frames[index];
+  if (frame.phase == FrameRecord::Phase::kPending) Open(&job, index);
+  const std::optional<uint32_t> tile_index = frame.tasks->FindTile(tile);
+  if (!tile_index) return false;
+  const Task task{*tile_index, block};
+  if (frame.tasks->FitOf(task) != FrameTasks::Fit::kWanted) return false;
+  frame.tasks->Accept(task);
+  frame.sample_count_done = frame.sample_count_restored = frame.tasks->sample_count_done();
+  frame.ray_count += cost.ray_count;
+  frame.nonfinite_count += cost.nonfinite_count;
+  frame.cpu_duration += cost.cpu_duration;
+  if (frame.tasks->Complete()) frame.phase = FrameRecord::Phase::kRendered;
+  UpdateReady(&job, index);
+  return true;
+}
+
+const FrameRecord* Scheduler::FindFrame(const FrameId& id) const {
+  const auto job = jobs_.find(id.job_id);
+  if (job == jobs_.end()) return nullptr;
+  const auto index = job->second.index_of_number.find(id.frame_number);
+  return index == job->second.index_of_number.end() ? nullptr : &job->second.frames[index->second];
+}
+
+FrameRecord& Scheduler::Frame(const FrameId& id) {
+  JobRecord& job = jobs_.at(id.job_id);
+  return job.frames[job.index_of_number.at(id.frame_number)];
+}
+
+Scheduler::JobKey Scheduler::KeyOf(const JobRecord& job) {
+  return {-job.spec.priority, job.share, job.spec.job_id};
+}
+
+void Scheduler::UpdateReadyJob(JobRecord* job, const JobKey& key_before) {
+  std::set<JobKey>& ready = ready_jobs_[job->spec.numeric_profile];
+  ready.erase(key_before);
+  const bool has_work = !job->pending.empty() || !job->ready.empty();
+  if (job->phase == JobPhase::kLive && has_work) ready.insert(KeyOf(*job));
+}
+
+void Scheduler::UpdateReady(JobRecord* job, uint32_t index) {
+  const FrameRecord& frame = job->frames[index];
+  const std::string& scene = frame.spec.scene.sha256_hex;
+  const bool pending = frame.phase == FrameRecord::Phase::kPending;
+  const bool ready = frame.phase == FrameRecord::Phase::kOpen && frame.tasks->HasReady();
+  const auto put = [&](bool member, JobRecord::FrameSet* all,
+                       std::map<std::string, JobRecord::FrameSet>* by_scene) {
+    if (member) {
+      all->insert(index);
+      (*by_scene)[scene].insert(index);
+    } else if (all->erase(index) > 0) {
+      const auto of_scene = by_scene->find(scene);
+      of_scene->second.erase(index);
+      if (of_scene->second.empty()) by_scene->erase(of_scene);
+    }
+  };
+  put(pending, &job->pending, &job->pending_by_scene);
+  put(ready, &job->ready, &job->ready_by_scene);
+  UpdateReadyJob(job, KeyOf(*job));
+}
+
+bool Scheduler::MayOpen(const FrameSpec& spec) const {
+  return open_pixels_ == 0 ||
+         open_pixels_ + spec.settings.window.PixelCount() <= limits_.open_pixels_max;
+}
+
+void Scheduler::Open(JobRecord* job, uint32_t index) {
+  FrameRecord& frame = job->frames[index];
+  SHEAF_CHECK(frame.phase == FrameRecord::Phase::kPending);
+  const FrameSettings& settings = frame.spec.settings;
+  frame.tasks = std::make_unique<FrameTasks>(settings.window, settings.samples,
+                                             job->spec.partition.tile_size_px);
+  frame.phase = FrameRecord::Phase::kOpen;
+  open_pixels_ += settings.window.PixelCount();
+  UpdateReady(job, index);
+}
+
+void Scheduler::Close(JobRecord* job, uint32_t index, FrameRecord::Phase phase) {
+  FrameRecord& frame = job->frames[index];
+  if (frame.tasks != nullptr) open_pixels_ -= frame.spec.settings.window.PixelCount();
+  frame.tasks.reset();
+  frame.failures.clear();
+  frame.phase = phase;
+  const FrameId id{job->spec.job_id, frame.spec.frame_number};
+  doubtful_frames_.erase(id);
+  const auto live = live_frames_.find(frame.spec.frame_digest);
+  if (live != live_frames_.end()) {
+    live->second.erase(id);
+    if (live->second.empty()) live_frames_.erase(live);
+  }
+  UpdateReady(job, index);
+}
+
+Scheduler::FoundTask Scheduler::FindTask(const std::string& frame_digest, const PixelRect& tile,
+                                         SampleBlock block, uint64_t lease_id) {
+  std::vector<FrameId> candidates;
+  const Lease* lease = leases_.Find(lease_id);
+  if (lease != nullptr && Frame(lease->frame).spec.frame_digest == frame_digest) {
+    candidates.push_back(lease->frame);
+  }
+  if (const auto live = live_frames_.find(frame_digest); live != live_frames_.end()) {
+    candidates.insert(candidates.end(), live->second.begin(), live->second.end());
+  }
+  FoundTask best;
+  for (const FrameId& id : candidates) {
+    JobRecord& job = jobs_.at(id.job_id);
+    const uint32_t index = job.index_of_number.at(id.frame_number);
+    FrameRecord& frame = job.frames[index];
+    if (frame.phase == FrameRecord::Phase::kPending) {
+      if (!MayOpen(frame.spec)) continue;
+      Open(&job, index);
+    }
+    if (frame.tasks == nullptr) continue;
+    const std::optional<uint32_t> tile_index = frame.tasks->FindTile(tile);
+    FoundTask found{FoundTask::Kind::kMalformed, id, {tile_index.value_or(0), block}};
+    if (tile_index) {
+      switch (frame.tasks->FitOf(found.task)) {
+        case FrameTasks::Fit::kWanted: found.kind = FoundTask::Kind::kWanted; return found;
+        case FrameTasks::Fit::kCovered: found.kind = FoundTask::Kind::kCovered; break;
+        case FrameTasks::Fit::kPartial: found.kind = FoundTask::Kind::kPartial; break;
+        case FrameTasks::Fit::kOutside: break;
+      }
+    }
+    if (best.kind == FoundTask::Kind::kUnknown || best.kind == FoundTask::Kind::kMalformed) {
+      best = found;
+    }
+  }
+  return best;
+}
+
+bool Scheduler::Accept(const FrameId& id, const Task& task, uint64_t lease_id,
+                       const std::string& worker_id, const ResultCost& cost) {
+  JobRecord& job = jobs_.at(id.job_id);
+  const uint32_t index = job.index_of_number.at(id.frame_number);
+  FrameRecord& frame = job.frames[index];
+  if (leases_.Find(lease_id) == nullptr) ++counters_.results_late;
+  for (const Task& covered : frame.tasks->Accept(task)) {
+    for (const uint64_t holder : leases_.HoldersOf(MakeTaskId(id, covered))) {
+      if (holder != lease_id) ++counters_.leases_cancelled;
+      DropLease(holder, /*put_back=*/false);
+    }
+    frame.failures.erase(MakeTaskId(id, covered));
+  }
+  frame.failures.erase(MakeTaskId(id, task));
+  const uint64_t samples =
+      static_cast<uint64_t>(frame.tasks->tiles()[task.tile].PixelCount()) * task.block.count;
+  frame.sample_count_done += samples;
+  frame.ray_count += cost.ray_count;
+  frame.nonfinite_count += cost.nonfinite_count;
+  frame.cpu_duration += cost.cpu_duration;
+  ++counters_.results_accepted;
+  counters_.samples_accepted += samples;
+  counters_.rays_accepted += cost.ray_count;
+  counters_.nonfinite_samples += cost.nonfinite_count;
+  if (WorkerRecord* worker = workers_.Find(worker_id)) {
+    ++worker->result_count;
+    worker->sample_count += samples;
+    worker->cpu_duration += cost.cpu_duration;
+    worker->failed_jobs.clear();
+    worker->infrastructure_failures = 0;
+  }
+  if (frame.tasks->Complete()) frame.phase = FrameRecord::Phase::kRendered;
+  UpdateReady(&job, index);
+  return frame.phase == FrameRecord::Phase::kRendered;
+}
+
+void Scheduler::Revoke(const FrameId& id, const Task& task) {
+  JobRecord& job = jobs_.at(id.job_id);
+  const uint32_t index = job.index_of_number.at(id.frame_number);
+  FrameRecord& frame = job.frames[index];
+  if (frame.tasks == nullptr) return;
+  frame.tasks->Revoke(task);
+  frame.phase = FrameRecord::Phase::kOpen;
+  frame.sample_count_done = frame.tasks->sample_count_done();
+  ++counters_.parts_revoked;
+  UpdateReady(&job, index);
+}
+
+bool Scheduler::Deliver(const FrameId& id) {
+  JobRecord& job = jobs_.at(id.job_id);
+  SHEAF_CHECK(Frame(id).phase == FrameRecord::Phase::kRendered);
+  Close(&job, job.index_of_number.at(id.frame_number), FrameRecord::Phase::kDelivered);
+  ++counters_.frames_delivered;
+  ++job.delivered_count;
+  if (job.delivered_count < static_cast<int32_t>(job.frames.size())) return false;
+  EndJob(id.job_id, JobPhase::kSucceeded, "");
+  return true;
+}
+
+void Scheduler::EndJob(uint64_t job_id, JobPhase phase, const std::string& failure) {
+  JobRecord& job = jobs_.at(job_id);
+  if (job.phase != JobPhase::kLive) return;
+  for (const uint64_t lease_id : leases_.OfJob(job_id)) {
+    ++counters_.leases_cancelled;
+    DropLease(lease_id, /*put_back=*/true);
+  }
+  for (uint32_t i = 0; i < job.frames.size(); ++i) {
+    if (job.frames[i].phase != FrameRecord::Phase::kDelivered) {
+      Close(&job, i, FrameRecord::Phase::kClosed);
+    }
+  }
+  job.phase = phase;
+  job.failure = failure;
+  UpdateReadyJob(&job, KeyOf(job));
+  --live_job_count_;
+  ended_jobs_.push_back(job_id);
+}
+
+std::vector<uint64_t> Scheduler::TakeEndedJobs() { return std::exchange(ended_jobs_, {}); }
+
+std::string Scheduler::WaitingReason(const JobRecord& job) const {
+  if (job.phase != JobPhase::kLive || leases_.CountOfJob(job.spec.job_id) > 0) return "";
+  if (workers_.LiveCount(job.spec.numeric_profile) > 0) return "";
+  if (workers_.LiveCount() == 0) return "no worker is connected";
+  std::string other;
+  for (const auto& [id, worker] : workers_.workers()) {
+    if (!worker.Live()) continue;
+    other = worker.numeric_profile;
+    break;
+  }
+  return absl::StrCat("no worker of the job's numeric profile \"", job.spec.numeric_profile,
+                      "\" is connected; those that are have \"", other, "\"");
+}
+
+}  // namespace sheaf::coordinator

@@ -1,0 +1,205 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Scheduler: who shall render what. A state machine without clock, thread, file or network: the time is
+// an argument, decisions are return values, and equal calls give equal decisions.
+//
+//     Synchronize  a worker says what it holds; the answer is what it shall hold
+//     FindTask     a result came: which task is it, and is it still wanted
+//     Accept       ... and it is durable now
+//     Tick         time passed: workers that fell silent lose their leases
+//
+// Order of work: jobs by priority, then by fewest samples leased; within a job a scene that is warm in
+// the worker, then a frame nobody works on yet, then any; within a frame returned blocks, then the tile
+// with the fewest samples. A worker that holds nothing and finds nothing ready is leased a task that
+// another one holds (a hedge), never its own.
+//
+// Failures (budgets in limits.h): a worker does not get a task again that it failed while a live worker
+// is left that did not. A job fails when a task fails for good: its message names tile and samples.
+//
+// Thread safety: none; the owner holds one lock. Cost: O(log n) a lease, no scan over tasks.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <optional>
+#include <set>
+#include <string>
+#include <tuple>
+#include <unordered_map>
+#include <utility>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "coordinator/core/counters.h"
+#include "coordinator/core/frame_tasks.h"
+#include "coordinator/core/lease_table.h"
+#include "coordinator/core/limits.h"
+#include "coordinator/core/worker_table.h"
+
+namespace sheaf::coordinator {
+
+// What went wrong with one task so far.
+struct TaskFailures {
+  std::set<std::string> failed_by;      // Workers of every class but released.
+  std::set<std::string> crashed, lost;  // Workers, by class.
+  int attempt_count = 0;                // Leases that ended without result.
+  int crash_count = 0;
+  int infrastructure_count = 0;
+  absl::Time not_before = absl::InfinitePast();
+  std::string last_message;
+};
+
+// A frame as the scheduler sees it.
+struct FrameRecord {
+  // kPending: not begun. kOpen: has tasks in memory. kRendered: all samples are done. kDelivered: the
+  // EXR is there. kClosed: its job ended before.
+  enum class Phase { kPending, kOpen, kRendered, kDelivered, kClosed };
+  FrameSpec spec;
+  Phase phase = Phase::kPending;
+  std::unique_ptr<FrameTasks> tasks;           // While open or rendered.
+  std::map<TaskId, TaskFailures> failures;
+  std::map<std::string, std::string> refused_by;  // Worker and its message: scene or memory.
+  std::set<std::string> scene_failed_by;       // Those of refused_by that blame the scene.
+  absl::Time first_lease_time = absl::InfiniteFuture();
+  uint64_t sample_count_done = 0;              // Pixel samples; valid in every phase.
+  uint64_t sample_count_restored = 0;          // Of those, done before this start.
+  uint64_t ray_count = 0, nonfinite_count = 0;
+  absl::Duration cpu_duration;
+};
+// Pixel samples of the whole frame.
+uint64_t SampleCountTotal(const FrameSpec& spec);
+
+struct JobRecord {
+  JobSpec spec;                        // Without frames: they are in `frames`.
+  JobPhase phase = JobPhase::kLive;
+  std::string failure;
+  std::vector<FrameRecord> frames;     // Ascending by number.
+  std::map<int32_t, uint32_t> index_of_number;
+  using FrameSet = std::set<uint32_t>;  // Indices into frames.
+  FrameSet pending, ready;             // Not begun; open with something to lease.
+  std::map<std::string, FrameSet> pending_by_scene, ready_by_scene;
+  uint64_t share = 0;                  // Pixel samples leased, plus the share it began with.
+  int32_t delivered_count = 0;
+};
+
+class Scheduler {
+ public:
+  Scheduler(const Limits& limits, uint64_t first_lease_id);
+
+  // Whether a job keeps the limits. Errors: kInvalidArgument, kResourceExhausted.
+  absl::Status CheckJob(const JobSpec& spec) const;
+  // Requires: CheckJob is OK, job_id is new.
+  void AddJob(const JobSpec& spec);
+  // Puts back what was durable, after AddJob at a start. Restore* of one frame come before any lease.
+  void RestoreEnded(uint64_t job_id, JobPhase phase, const std::string& failure);
+  void RestoreDelivered(const FrameId& id, const ResultCost& cost);
+  // Returns false where the block does not fit (it overlaps one that was restored).
+  bool RestorePart(const FrameId& id, const PixelRect& tile, SampleBlock block,
+                   const ResultCost& cost);
+
+  struct SynchronizeAnswer {
+    std::vector<Lease> leases;
+    absl::Duration next_synchronize;
+  };
+  // Errors: kPermissionDenied (quarantined), kResourceExhausted (too many workers).
+  absl::StatusOr<SynchronizeAnswer> Synchronize(const WorkerReport& report, absl::Time now);
+  // Returns whether anything changed.
+  bool Tick(absl::Time now);
+
+  // What a result is a result of.
+  struct FoundTask {
+    // kUnknown: no live frame has the digest. kMalformed: the frame has no such tile or block.
+    enum class Kind { kWanted, kCovered, kPartial, kUnknown, kMalformed };
+    Kind kind = Kind::kUnknown;
+    FrameId frame;
+    Task task;
+  };
+  FoundTask FindTask(const std::string& frame_digest, const PixelRect& tile, SampleBlock block,
+                     uint64_t lease_id);
+  // Requires: FindTask just said kWanted of it. Returns whether the frame is rendered now.
+  bool Accept(const FrameId& id, const Task& task, uint64_t lease_id, const std::string& worker_id,
+              const ResultCost& cost);
+  // The part of an accepted block is lost: it is rendered again.
+  void Revoke(const FrameId& id, const Task& task);
+  // A lease came to nothing. Nothing happens for a lease that is not held by the worker.
+  void Fail(const LeaseFailure& failure, const std::string& worker_id, absl::Time now);
+  void Quarantine(const std::string& worker_id, const std::string& reason);
+
+  // The EXR of a rendered frame is there. Returns whether its job has succeeded by that.
+  bool Deliver(const FrameId& id);
+  // Nothing happens to a job that has ended.
+  void EndJob(uint64_t job_id, JobPhase phase, const std::string& failure);
+
+  // Jobs that the scheduler itself ended since the last call, to be written down by the owner.
+  std::vector<uint64_t> TakeEndedJobs();
+  // Why a live job makes no progress; empty where it does or may.
+  std::string WaitingReason(const JobRecord& job) const;
+
+  const std::map<uint64_t, JobRecord>& jobs() const { return jobs_; }
+  const FrameRecord* FindFrame(const FrameId& id) const;
+  const WorkerTable& workers() const { return workers_; }
+  const LeaseTable& leases() const { return leases_; }
+  Counters& counters() { return counters_; }
+  const Counters& counters() const { return counters_; }
+
+ private:
+  using JobKey = std::tuple<int32_t, uint64_t, uint64_t>;  // Minus priority, share, id.
+
+  FrameRecord& Frame(const FrameId& id);
+  static JobKey KeyOf(const JobRecord& job);
+  // Keeps the ready sets true after a change to a frame or a job's share.
+  void UpdateReady(JobRecord* job, uint32_t index);
+  void UpdateReadyJob(JobRecord* job, const JobKey& key_before);
+  bool MayOpen(const FrameSpec& spec) const;
+  void Open(JobRecord* job, uint32_t index);
+  void Close(JobRecord* job, uint32_t index, FrameRecord::Phase phase);
+
+  // scheduler_grant.cc
+  bool Grant(WorkerRecord* worker, absl::Time now);
+  bool GrantFromJob(JobRecord* job, WorkerRecord* worker, absl::Time now);
+  bool GrantFromFrames(JobRecord* job, const JobRecord::FrameSet& frames, WorkerRecord* worker,
+                       absl::Time now);
+  bool GrantFromFrame(JobRecord* job, uint32_t index, WorkerRecord* worker, absl::Time now);
+  bool GrantByOpening(JobRecord* job, const JobRecord::FrameSet& pending, WorkerRecord* worker,
+                      absl::Time now);
+  bool Hedge(WorkerRecord* worker, absl::Time now);
+  void AddLease(JobRecord* job, FrameRecord* frame, const Task& task, WorkerRecord* worker,
+                absl::Time now);
+  uint64_t BlockSamplesMax(const JobRecord& job, const FrameRecord& frame,
+                           const WorkerRecord& worker, uint64_t first, int64_t pixel_count) const;
+  bool MayRender(const FrameRecord& frame, const TaskId& task, const WorkerRecord& worker,
+                 absl::Time now) const;
+  bool MayOpenFor(const FrameRecord& frame, const WorkerRecord& worker) const;
+  absl::Duration NextSynchronize(const WorkerRecord& worker) const;
+
+  // scheduler_failures.cc
+  // Whether a live worker is left that is not in `failed`.
+  bool OthersLive(const std::string& numeric_profile, const std::set<std::string>& failed) const;
+  void DropLease(uint64_t lease_id, bool put_back);
+  void ApplyReport(WorkerRecord* worker, const WorkerReport& report, absl::Time now);
+  void LoseLeases(const std::string& worker_id, absl::Time now);
+  void CountTaskFailure(const Lease& lease, const LeaseFailure& failure, absl::Time now);
+  void RefuseFrame(const Lease& lease, const LeaseFailure& failure);
+  void JudgeScene(const FrameId& id);
+  void BlameWorker(const std::string& worker_id, const Lease& lease, const LeaseFailure& failure,
+                   absl::Time now);
+  absl::Duration RetryDelay(int failure_count) const;
+  std::string TaskFailureText(const FrameRecord& frame, const Lease& lease,
+                              const TaskFailures& failures) const;
+
+  const Limits limits_;
+  std::map<uint64_t, JobRecord> jobs_;
+  std::map<std::string, std::set<JobKey>> ready_jobs_;  // By numeric profile.
+  std::unordered_map<std::string, std::set<FrameId>> live_frames_;  // By frame digest.
+  std::set<FrameId> doubtful_frames_;  // With a scene failure that is not yet confirmed.
+  WorkerTable workers_;
+  LeaseTable leases_;
+  Counters counters_;
+  int64_t open_pixels_ = 0;
+  int live_job_count_ = 0;
+  std::vector<uint64_t> ended_jobs_;
+};
+
+}  // namespace sheaf::coordinator

@@ -1,0 +1,85 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "coordinator/core/worker_table.h"
+
+namespace sheaf::coordinator {
+
+double WorkerRecord::SamplesPerThreadSecond() const {
+  const double seconds = absl::ToDoubleSeconds(cpu_duration);
+  return seconds > 0 ? static_cast<double>(sample_count) / seconds : 0.0;
+}
+
+void WorkerTable::CountLive(const WorkerRecord& worker, int sign) {
+  if (!worker.Live()) return;
+  live_[worker.numeric_profile] += sign;
+  live_total_ += sign;
+}
+
+WorkerRecord* WorkerTable::Touch(const WorkerReport& report, absl::Time now) {
+  auto found = workers_.find(report.worker_id);
+  if (found == workers_.end()) {
+    if (workers_.size() >= static_cast<size_t>(limits_.workers_max)) return nullptr;
+    found = workers_.emplace(report.worker_id, WorkerRecord{}).first;
+    found->second.worker_id = report.worker_id;
+  } else {
+    CountLive(found->second, -1);
+    heard_.erase({found->second.last_seen_time, report.worker_id});
+    lost_.erase({found->second.last_seen_time, report.worker_id});
+  }
+  WorkerRecord& worker = found->second;
+  worker.host = report.host;
+  worker.numeric_profile = report.numeric_profile;
+  worker.thread_count = report.thread_count;
+  worker.lease_count_wanted = report.lease_count_wanted;
+  worker.draining = report.draining;
+  worker.lost = false;
+  worker.last_seen_time = now;
+  worker.warm_scenes.clear();
+  for (const std::string& scene : report.warm_scenes) {
+    if (worker.warm_scenes.size() >= static_cast<size_t>(limits_.warm_scenes_max)) break;
+    worker.warm_scenes.insert(scene);
+  }
+  heard_.insert({now, report.worker_id});
+  CountLive(worker, +1);
+  return &worker;
+}
+
+WorkerRecord* WorkerTable::Find(const std::string& worker_id) {
+  const auto found = workers_.find(worker_id);
+  return found == workers_.end() ? nullptr : &found->second;
+}
+
+void WorkerTable::Quarantine(WorkerRecord* worker, const std::string& reason) {
+  CountLive(*worker, -1);
+  worker->quarantine_reason = reason;
+  CountLive(*worker, +1);
+}
+
+std::vector<std::string> WorkerTable::MarkLost(absl::Time now) {
+  std::vector<std::string> newly_lost;
+  while (!heard_.empty() && heard_.begin()->first + limits_.lease_duration < now) {
+    const auto entry = *heard_.begin();
+    heard_.erase(heard_.begin());
+    WorkerRecord& worker = workers_.at(entry.second);
+    CountLive(worker, -1);
+    worker.lost = true;
+    lost_.insert(entry);
+    newly_lost.push_back(entry.second);
+  }
+  ForgetOld(now);
+  return newly_lost;
+}
+
+void WorkerTable::ForgetOld(absl::Time now) {
+  while (!lost_.empty() && lost_.begin()->first + limits_.lost_worker_kept < now) {
+    workers_.erase(lost_.begin()->second);
+    lost_.erase(lost_.begin());
+  }
+}
+
+int WorkerTable::LiveCount(const std::string& numeric_profile) const {
+  const auto found = live_.find(numeric_profile);
+  return found == live_.end() ? 0 : found->second;
+}
+
+}  // namespace sheaf::coordinator

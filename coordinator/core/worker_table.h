@@ -1,0 +1,73 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// WorkerTable: the workers the coordinator has heard of, who of them is alive, and how they do.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <set>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "absl/time/time.h"
+#include "coordinator/core/job.h"
+#include "coordinator/core/limits.h"
+
+namespace sheaf::coordinator {
+
+struct WorkerRecord {
+  std::string worker_id, host, numeric_profile;
+  int32_t thread_count = 1;
+  int32_t lease_count_wanted = 0;
+  bool draining = false;
+  bool lost = false;
+  std::string quarantine_reason;         // Empty while it is trusted.
+  std::set<std::string> warm_scenes;     // Compiled in its memory, or of leases it holds.
+  std::set<uint64_t> leases;             // Ids, held now.
+  absl::Time last_seen_time;
+  uint64_t result_count = 0;             // Accepted.
+  uint64_t sample_count = 0;             // Pixel samples of those.
+  absl::Duration cpu_duration;           // CPU time of those.
+  std::set<uint64_t> failed_jobs;        // Since its last accepted result.
+  int infrastructure_failures = 0;       // Since its last accepted result.
+  absl::Time no_work_before = absl::InfinitePast();
+
+  bool Quarantined() const { return !quarantine_reason.empty(); }
+  bool Live() const { return !lost && !draining && !Quarantined(); }
+  // Pixel samples per second and thread; 0 until a result is there.
+  double SamplesPerThreadSecond() const;
+};
+
+class WorkerTable {
+ public:
+  explicit WorkerTable(const Limits& limits) : limits_(limits) {}
+
+  // Notes what a worker says of itself. Returns nullptr where the table is full.
+  WorkerRecord* Touch(const WorkerReport& report, absl::Time now);
+  // Returns nullptr for a worker never heard of.
+  WorkerRecord* Find(const std::string& worker_id);
+  // Changes of the fields that decide Live go through here.
+  void Quarantine(WorkerRecord* worker, const std::string& reason);
+  // Marks workers as lost that were silent for longer than the lease duration; returns their ids. Also
+  // forgets those lost long ago.
+  std::vector<std::string> MarkLost(absl::Time now);
+
+  // Live workers of a numeric profile.
+  int LiveCount(const std::string& numeric_profile) const;
+  int LiveCount() const { return live_total_; }
+  const std::map<std::string, WorkerRecord>& workers() const { return workers_; }
+
+ private:
+  void CountLive(const WorkerRecord& worker, int sign);
+  void ForgetOld(absl::Time now);
+
+  const Limits& limits_;
+  std::map<std::string, WorkerRecord> workers_;
+  std::set<std::pair<absl::Time, std::string>> heard_, lost_;  // By last_seen_time.
+  std::map<std::string, int> live_;
+  int live_total_ = 0;
+};
+
+}  // namespace sheaf::coordinator

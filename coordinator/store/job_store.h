@@ -1,0 +1,107 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// JobStore: what the coordinator must not forget. Whatever a call returned OK for survives kill -9 and
+// power loss, so that an acknowledgement sent after it is true.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "absl/time/time.h"
+#include "coordinator/core/job.h"
+
+namespace sheaf::coordinator {
+
+// Names a part: a result of one frame of one job.
+struct PartKey {
+  FrameId frame;
+  PixelRect tile;
+  SampleBlock block;
+  friend bool operator==(const PartKey&, const PartKey&) = default;
+};
+
+struct PartRow {
+  PartKey key;
+  BlobDigest digest;      // Of the part's bytes.
+  std::string worker_id;  // Who rendered it, for accounting.
+  ResultCost cost;
+};
+
+// What is known of a frame whose EXR is written.
+struct DeliveredFrame {
+  std::string picture_digest;
+  double relative_mse = 0;
+  absl::Duration wall_duration;
+  ResultCost cost;  // Sums over its parts.
+};
+
+struct StoredFrame {
+  int32_t frame_number = 0;
+  DeliveredFrame delivered;
+};
+
+struct StoredJob {
+  JobSpec spec;
+  std::string request_id;
+  JobPhase phase = JobPhase::kLive;
+  std::string failure;
+  absl::Time create_time;
+  absl::Time end_time = absl::InfiniteFuture();
+  std::vector<StoredFrame> delivered;  // Ascending by number.
+};
+
+// Thread safety: all members may be called concurrently.
+// Errors of every writing call: kResourceExhausted (disk full), kUnavailable (other trouble of the disk);
+// then nothing has changed.
+class JobStore {
+ public:
+  virtual ~JobStore() = default;
+
+  // All jobs, ascending by id.
+  virtual absl::StatusOr<std::vector<StoredJob>> LoadJobs() = 0;
+  // The parts of a job, of which each has its bytes on disk. Rows without bytes are removed and counted
+  // in rows_lost; bytes without row are removed silently, for nobody was told of them.
+  struct LoadedParts {
+    std::vector<PartRow> rows;
+    int64_t rows_lost = 0;
+  };
+  virtual absl::StatusOr<LoadedParts> LoadParts(uint64_t job_id) = 0;
+
+  // Stores a job under a new id, or finds the one that has the request_id already.
+  struct CreatedJob {
+    uint64_t job_id = 0;
+    bool is_new = false;
+  };
+  virtual absl::StatusOr<CreatedJob> CreateJob(const JobSpec& spec, const std::string& request_id,
+                                               absl::Time create_time) = 0;
+  virtual absl::StatusOr<std::optional<uint64_t>> FindRequest(const std::string& request_id) = 0;
+  virtual absl::Status EndJob(uint64_t job_id, JobPhase phase, const std::string& failure,
+                              absl::Time end_time) = 0;
+
+  // Writes the bytes, then the row. Errors: kAlreadyExists where the key has a row.
+  virtual absl::Status WritePart(const PartRow& row, const std::string& bytes) = 0;
+  virtual absl::StatusOr<std::optional<PartRow>> FindPart(const PartKey& key) = 0;
+  // The rows of one tile, ascending by first sample.
+  virtual absl::StatusOr<std::vector<PartRow>> FindTileParts(const FrameId& frame,
+                                                             const PixelRect& tile) = 0;
+  // Errors: kNotFound; kDataLoss where the bytes do not have the row's digest.
+  virtual absl::StatusOr<std::string> ReadPart(const PartRow& row) = 0;
+  virtual absl::Status RemovePart(const PartRow& row) = 0;
+  // Removes rows, then bytes.
+  virtual absl::Status RemoveFrameParts(const FrameId& frame) = 0;
+
+  // Where the EXR of a frame is or shall be; its directory exists when this returns.
+  virtual absl::StatusOr<std::string> OutputPath(const FrameId& frame) = 0;
+  virtual absl::Status DeliverFrame(const FrameId& frame, const DeliveredFrame& delivered) = 0;
+
+  // Bytes of all parts on disk.
+  virtual uint64_t PartsBytes() const = 0;
+  // The first lease id of this life; no earlier life has used it or a later one.
+  virtual uint64_t FirstLeaseId() const = 0;
+};
+
+}  // namespace sheaf::coordinator

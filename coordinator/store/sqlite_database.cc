@@ -1,0 +1,136 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "coordinator/store/sqlite_database.h"
+
+#include <sqlite3.h>
+
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "common/base/check.h"
+
+namespace sheaf::coordinator {
+namespace {
+
+constexpr int kBusyTimeoutMs = 5000;
+
+absl::Status StatusFromSqlite(int result, sqlite3* database, const std::string& context) {
+  const std::string message =
+      absl::StrCat(context, ": ", database != nullptr ? sqlite3_errmsg(database)
+                                                      : sqlite3_errstr(result));
+  switch (result & 0xff) {
+    case SQLITE_FULL: return absl::ResourceExhaustedError(message);
+    case SQLITE_CONSTRAINT: return absl::AlreadyExistsError(message);
+    case SQLITE_PERM:
+    case SQLITE_READONLY: return absl::PermissionDeniedError(message);
+    case SQLITE_CORRUPT:
+    case SQLITE_NOTADB: return absl::DataLossError(message);
+    default: return absl::UnavailableError(message);
+  }
+}
+
+}  // namespace
+
+SqliteStatement::SqliteStatement(sqlite3* database, sqlite3_stmt* statement)
+    : database_(database), statement_(statement) {}
+
+SqliteStatement::SqliteStatement(SqliteStatement&& other) noexcept
+    : database_(other.database_),
+      statement_(std::exchange(other.statement_, nullptr)),
+      bound_count_(other.bound_count_),
+      stepped_(other.stepped_) {}
+
+SqliteStatement::~SqliteStatement() { sqlite3_finalize(statement_); }
+
+void SqliteStatement::Rewind() {
+  if (!stepped_) return;
+  sqlite3_reset(statement_);
+  sqlite3_clear_bindings(statement_);
+  bound_count_ = 0;
+  stepped_ = false;
+}
+
+SqliteStatement& SqliteStatement::Bind(int64_t value) {
+  Rewind();
+  SHEAF_CHECK(sqlite3_bind_int64(statement_, ++bound_count_, value) == SQLITE_OK);
+  return *this;
+}
+
+SqliteStatement& SqliteStatement::Bind(double value) {
+  Rewind();
+  SHEAF_CHECK(sqlite3_bind_double(statement_, ++bound_count_, value) == SQLITE_OK);
+  return *this;
+}
+
+SqliteStatement& SqliteStatement::Bind(const std::string& value) {
+  Rewind();
+  SHEAF_CHECK(sqlite3_bind_text64(statement_, ++bound_count_, value.data(), value.size(),
+                                  SQLITE_TRANSIENT, SQLITE_UTF8) == SQLITE_OK);
+  return *this;
+}
+
+absl::StatusOr<bool> SqliteStatement::Step() {
+  stepped_ = true;
+  const int result = sqlite3_step(statement_);
+  if (result == SQLITE_ROW) return true;
+  if (result == SQLITE_DONE) return false;
+  absl::Status status = StatusFromSqlite(result, database_, "database");
+  sqlite3_reset(statement_);
+  return status;
+}
+
+absl::Status SqliteStatement::Run() {
+  while (true) {
+    const absl::StatusOr<bool> row = Step();
+    if (!row.ok()) return row.status();
+    if (!*row) break;
+  }
+  sqlite3_reset(statement_);
+  return absl::OkStatus();
+}
+
+int64_t SqliteStatement::Int64(int column) const { return sqlite3_column_int64(statement_, column); }
+
+double SqliteStatement::Double(int column) const {
+  return sqlite3_column_double(statement_, column);
+}
+
+std::string SqliteStatement::Text(int column) const {
+  const unsigned char* text = sqlite3_column_text(statement_, column);
+  if (text == nullptr) return "";
+  return {reinterpret_cast<const char*>(text),
+          static_cast<size_t>(sqlite3_column_bytes(statement_, column))};
+}
+
+absl::StatusOr<std::unique_ptr<SqliteDatabase>> SqliteDatabase::Open(const std::string& path) {
+  sqlite3* handle = nullptr;
+  const int result = sqlite3_open_v2(
+      path.c_str(), &handle, SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE | SQLITE_OPEN_FULLMUTEX,
+      nullptr);
+  std::unique_ptr<SqliteDatabase> database(new SqliteDatabase(handle));
+  if (result != SQLITE_OK) return StatusFromSqlite(result, handle, path);
+  sqlite3_extended_result_codes(handle, 1);
+  sqlite3_busy_timeout(handle, kBusyTimeoutMs);
+  absl::Status status = database->Execute(
+      "PRAGMA journal_mode=WAL; PRAGMA synchronous=FULL; PRAGMA foreign_keys=ON;");
+  if (!status.ok()) return absl::Status(status.code(), absl::StrCat(path, ": ", status.message()));
+  return database;
+}
+
+SqliteDatabase::~SqliteDatabase() { sqlite3_close(database_); }
+
+absl::Status SqliteDatabase::Execute(const std::string& sql) {
+  const int result = sqlite3_exec(database_, sql.c_str(), nullptr, nullptr, nullptr);
+  return result == SQLITE_OK ? absl::OkStatus() : StatusFromSqlite(result, database_, "database");
+}
+
+SqliteStatement SqliteDatabase::Prepare(const std::string& sql) {
+  sqlite3_stmt* statement = nullptr;
+  SHEAF_CHECK(sqlite3_prepare_v2(database_, sql.c_str(), static_cast<int>(sql.size()), &statement,
+                                 nullptr) == SQLITE_OK);
+  return {database_, statement};
+}
+
+int64_t SqliteDatabase::LastInsertId() const { return sqlite3_last_insert_rowid(database_); }
+
+}  // namespace sheaf::coordinator

@@ -1,0 +1,74 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// SQLite as values and statuses. The only door to sqlite3.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+
+#include "absl/status/statusor.h"
+
+struct sqlite3;
+struct sqlite3_stmt;
+
+namespace sheaf::coordinator {
+
+// A prepared statement. Binding and reading are by position: parameters from 1, columns from 0.
+// Thread safety: as of its database, one thread at a time.
+class SqliteStatement {
+ public:
+  SqliteStatement(sqlite3* database, sqlite3_stmt* statement);
+  ~SqliteStatement();
+  SqliteStatement(SqliteStatement&& other) noexcept;
+  SqliteStatement& operator=(SqliteStatement&&) = delete;
+
+  // Bind the next parameter; the first call after a Step starts again at 1.
+  SqliteStatement& Bind(int64_t value);
+  SqliteStatement& Bind(uint64_t value) { return Bind(static_cast<int64_t>(value)); }
+  SqliteStatement& Bind(int32_t value) { return Bind(static_cast<int64_t>(value)); }
+  SqliteStatement& Bind(double value);
+  SqliteStatement& Bind(const std::string& value);
+
+  // Returns true where a row is there, false at the end.
+  // Errors: kAlreadyExists (a key is there already), kResourceExhausted (disk full), kUnavailable.
+  absl::StatusOr<bool> Step();
+  // Steps to the end and ignores rows.
+  absl::Status Run();
+
+  int64_t Int64(int column) const;
+  double Double(int column) const;
+  std::string Text(int column) const;
+
+ private:
+  void Rewind();
+
+  sqlite3* database_;
+  sqlite3_stmt* statement_;
+  int bound_count_ = 0;
+  bool stepped_ = false;
+};
+
+// Thread safety: one thread at a time.
+class SqliteDatabase {
+ public:
+  // Opens or makes the file, in WAL mode with synchronous=FULL: a commit is durable.
+  // Errors: kUnavailable, kPermissionDenied, kResourceExhausted, with the path.
+  static absl::StatusOr<std::unique_ptr<SqliteDatabase>> Open(const std::string& path);
+  ~SqliteDatabase();
+  SqliteDatabase(const SqliteDatabase&) = delete;
+  SqliteDatabase& operator=(const SqliteDatabase&) = delete;
+
+  // Runs statements separated by semicolons.
+  absl::Status Execute(const std::string& sql);
+  // Requires: the SQL is ours and right, so it compiles; SHEAF_CHECKed.
+  SqliteStatement Prepare(const std::string& sql);
+  int64_t LastInsertId() const;
+
+ private:
+  explicit SqliteDatabase(sqlite3* database) : database_(database) {}
+  sqlite3* database_;
+};
+
+}  // namespace sheaf::coordinator

@@ -1,0 +1,319 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "coordinator/store/sqlite_job_store.h"
+
+#include <fcntl.h>
+#include <sys/file.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <filesystem>
+#include <set>
+#include <system_error>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "common/base/check.h"
+#include "common/base/digest.h"
+#include "common/base/file.h"
+#include "common/base/status.h"
+#include "coordinator/store/part_rows.h"
+
+namespace sheaf::coordinator {
+namespace {
+
+constexpr int64_t kSchemaVersion = 1;
+// Lease ids of one life lie below those of the next; no life grants so many.
+constexpr int kLeaseIdBitsPerLife = 40;
+
+constexpr char kSchema[] = R"sql(
+CREATE TABLE meta(key TEXT PRIMARY KEY, value INTEGER NOT NULL) WITHOUT ROWID;
+INSERT INTO meta VALUES('lives', 0);
+CREATE TABLE jobs(
+  job_id INTEGER PRIMARY KEY AUTOINCREMENT, request_id TEXT NOT NULL UNIQUE, title TEXT NOT NULL,
+  priority INTEGER NOT NULL, numeric_profile TEXT NOT NULL, tile_size_px INTEGER NOT NULL,
+  pass_sample_count INTEGER NOT NULL, lease_pass_count INTEGER NOT NULL, phase INTEGER NOT NULL,
+  failure TEXT NOT NULL, create_ns INTEGER NOT NULL, end_ns INTEGER NOT NULL);
+CREATE TABLE frames(
+  job_id INTEGER NOT NULL REFERENCES jobs(job_id), frame_number INTEGER NOT NULL,
+  scene_sha256 TEXT NOT NULL, scene_bytes INTEGER NOT NULL, frame_digest TEXT NOT NULL,
+  width_px INTEGER NOT NULL, height_px INTEGER NOT NULL, x0 INTEGER NOT NULL, y0 INTEGER NOT NULL,
+  x1 INTEGER NOT NULL, y1 INTEGER NOT NULL, samples INTEGER NOT NULL, max_depth INTEGER NOT NULL,
+  seed INTEGER NOT NULL, force_generic INTEGER NOT NULL, delivered INTEGER NOT NULL DEFAULT 0,
+  picture_digest TEXT NOT NULL DEFAULT '', relative_mse REAL NOT NULL DEFAULT 0,
+  wall_ns INTEGER NOT NULL DEFAULT 0, ray_count INTEGER NOT NULL DEFAULT 0,
+  nonfinite_count INTEGER NOT NULL DEFAULT 0, cpu_ns INTEGER NOT NULL DEFAULT 0,
+  PRIMARY KEY(job_id, frame_number)) WITHOUT ROWID;
+CREATE TABLE parts(
+  job_id INTEGER NOT NULL, frame_number INTEGER NOT NULL, y0 INTEGER NOT NULL, x0 INTEGER NOT NULL,
+  first INTEGER NOT NULL, count INTEGER NOT NULL, y1 INTEGER NOT NULL, x1 INTEGER NOT NULL,
+  sha256 TEXT NOT NULL, size_bytes INTEGER NOT NULL, worker_id TEXT NOT NULL,
+  ray_count INTEGER NOT NULL, nonfinite_count INTEGER NOT NULL, cpu_ns INTEGER NOT NULL,
+  PRIMARY KEY(job_id, frame_number, y0, x0, first, count)) WITHOUT ROWID;
+)sql";
+
+int64_t ToNanoseconds(absl::Time time) {
+  return time == absl::InfiniteFuture() ? INT64_MAX : absl::ToUnixNanos(time);
+}
+absl::Time FromNanoseconds(int64_t ns) {
+  return ns == INT64_MAX ? absl::InfiniteFuture() : absl::FromUnixNanos(ns);
+}
+
+// Takes the lock that keeps a second coordinator away. The system releases it when the process ends.
+absl::StatusOr<int> LockDirectory(const std::string& directory) {
+  const std::string path = directory + "/lock";
+  const int fd = ::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644);
+  if (fd < 0) return StatusFromErrno(errno, path);
+  if (::flock(fd, LOCK_EX | LOCK_NB) == 0) return fd;
+  const int error = errno;
+  ::close(fd);
+  if (error != EWOULDBLOCK) return StatusFromErrno(error, path);
+  return absl::FailedPreconditionError(
+      directory + ": another coordinator uses this state directory; stop it or choose another one");
+}
+
+}  // namespace
+
+absl::StatusOr<std::unique_ptr<SqliteJobStore>> SqliteJobStore::Open(const std::string& directory) {
+  for (const std::string sub : {"", "/parts", "/outputs"}) {
+    if (absl::Status status = MakeDirectories(directory + sub); !status.ok()) return status;
+  }
+  const absl::StatusOr<int> lock = LockDirectory(directory);
+  if (!lock.ok()) return lock.status();
+  std::unique_ptr<SqliteJobStore> store(new SqliteJobStore(directory, *lock));
+  if (absl::Status status = store->Initialize(); !status.ok()) return status;
+  return store;
+}
+
+SqliteJobStore::~SqliteJobStore() {
+  database_.reset();
+  ::close(lock_fd_);
+}
+
+absl::Status SqliteJobStore::Initialize() {
+  absl::StatusOr<std::unique_ptr<SqliteDatabase>> database =
+      SqliteDatabase::Open(directory_ + "/farm.db");
+  if (!database.ok()) return database.status();
+  database_ = std::move(*database);
+  if (absl::Status status = MigrateSchema(); !status.ok()) return status;
+  absl::Status status = database_->Execute("UPDATE meta SET value = value + 1 WHERE key = 'lives'");
+  if (!status.ok()) return status;
+  SqliteStatement lives = database_->Prepare("SELECT value FROM meta WHERE key = 'lives'");
+  const absl::StatusOr<bool> row = lives.Step();
+  if (!row.ok()) return row.status();
+  first_lease_id_ = static_cast<uint64_t>(lives.Int64(0)) << kLeaseIdBitsPerLife;
+  return absl::OkStatus();
+}
+
+absl::Status SqliteJobStore::MigrateSchema() {
+  int64_t version = 0;
+  {
+    SqliteStatement query = database_->Prepare("PRAGMA user_version");
+    const absl::StatusOr<bool> row = query.Step();
+    if (!row.ok()) return row.status();
+    version = query.Int64(0);
+  }
+  if (version > kSchemaVersion) {
+    return absl::FailedPreconditionError(
+        absl::StrCat(directory_, "/farm.db: written by a later version of Sheaf (schema ", version,
+                     ", this one knows ", kSchemaVersion, ")"));
+  }
+  if (version == kSchemaVersion) return absl::OkStatus();
+  return database_->Execute(
+      absl::StrCat("BEGIN;", kSchema, "PRAGMA user_version=", kSchemaVersion, ";COMMIT;"));
+}
+
+std::string SqliteJobStore::FrameDirectory(const FrameId& frame) const {
+  return absl::StrCat(directory_, "/parts/", frame.job_id, "/", frame.frame_number);
+}
+
+std::string SqliteJobStore::PartPath(const PartRow& row) const {
+  const PixelRect& t = row.key.tile;
+  return absl::StrCat(FrameDirectory(row.key.frame), "/", t.x0, "_", t.y0, "_", t.x1, "_", t.y1, "-",
+                      row.key.block.first, "-", row.key.block.count, "-",
+                      row.digest.sha256_hex.substr(0, 16), ".exr");
+}
+
+absl::Status SqliteJobStore::LoadFrames(StoredJob* job) {
+  SqliteStatement query = database_->Prepare(
+      "SELECT frame_number, scene_sha256, scene_bytes, frame_digest, width_px, height_px, x0, y0, x1, "
+      "y1, samples, max_depth, seed, force_generic, delivered, picture_digest, relative_mse, wall_ns, "
+      "ray_count, nonfinite_count, cpu_ns FROM frames WHERE job_id = ? ORDER BY frame_number");
+  query.Bind(job->spec.job_id);
+  while (true) {
+    const absl::StatusOr<bool> row = query.Step();
+    if (!row.ok()) return row.status();
+    if (!*row) return absl::OkStatus();
+    const auto edge = [&](int column) { return static_cast<int32_t>(query.Int64(column)); };
+    FrameSpec frame;
+    frame.frame_number = edge(0);
+    frame.scene = {query.Text(1), static_cast<uint64_t>(query.Int64(2))};
+    frame.frame_digest = query.Text(3);
+    FrameSettings& s = frame.settings;
+    s.width_px = edge(4);
+    s.height_px = edge(5);
+    s.window = {edge(6), edge(7), edge(8), edge(9)};
+    s.samples = static_cast<uint64_t>(query.Int64(10));
+    s.max_depth = edge(11);
+    s.seed = static_cast<uint64_t>(query.Int64(12));
+    s.force_generic_variant = query.Int64(13) != 0;
+    if (query.Int64(14) != 0) {
+      StoredFrame stored{frame.frame_number, {}};
+      stored.delivered = {query.Text(15), query.Double(16), absl::Nanoseconds(query.Int64(17)),
+                          {static_cast<uint64_t>(query.Int64(18)),
+                           static_cast<uint64_t>(query.Int64(19)),
+                           absl::Nanoseconds(query.Int64(20))}};
+      job->delivered.push_back(std::move(stored));
+    }
+    job->spec.frames.push_back(std::move(frame));
+  }
+}
+
+absl::StatusOr<std::vector<StoredJob>> SqliteJobStore::LoadJobs() {
+  const std::lock_guard lock(database_mutex_);
+  std::vector<StoredJob> jobs;
+  SqliteStatement query = database_->Prepare(
+      "SELECT job_id, request_id, title, priority, numeric_profile, tile_size_px, pass_sample_count, "
+      "lease_pass_count, phase, failure, create_ns, end_ns FROM jobs ORDER BY job_id");
+  while (true) {
+    const absl::StatusOr<bool> row = query.Step();
+    if (!row.ok()) return row.status();
+    if (!*row) break;
+    StoredJob job;
+    job.spec.job_id = static_cast<uint64_t>(query.Int64(0));
+    job.request_id = query.Text(1);
+    job.spec.title = query.Text(2);
+    job.spec.priority = static_cast<int32_t>(query.Int64(3));
+    job.spec.numeric_profile = query.Text(4);
+    job.spec.partition = {static_cast<int32_t>(query.Int64(5)),
+                          static_cast<uint64_t>(query.Int64(6)),
+                          static_cast<uint64_t>(query.Int64(7))};
+    job.phase = static_cast<JobPhase>(query.Int64(8));
+    job.failure = query.Text(9);
+    job.create_time = FromNanoseconds(query.Int64(10));
+    job.end_time = FromNanoseconds(query.Int64(11));
+    jobs.push_back(std::move(job));
+  }
+  for (StoredJob& job : jobs) {
+    if (absl::Status status = LoadFrames(&job); !status.ok()) return status;
+  }
+  return jobs;
+}
+
+absl::StatusOr<JobStore::LoadedParts> SqliteJobStore::LoadParts(uint64_t job_id) {
+  std::vector<PartRow> rows;
+  {
+    const std::lock_guard lock(database_mutex_);
+    SqliteStatement query = database_->Prepare(absl::StrCat(kPartColumns, "WHERE job_id = ?"));
+    query.Bind(job_id);
+    absl::StatusOr<std::vector<PartRow>> all = ReadPartRows(&query);
+    if (!all.ok()) return all.status();
+    rows = std::move(*all);
+  }
+  LoadedParts loaded;
+  std::set<std::string> known;
+  for (PartRow& row : rows) {
+    std::error_code error;
+    const std::string path = PartPath(row);
+    const uintmax_t size = std::filesystem::file_size(path, error);
+    if (error || size != row.digest.size_bytes) {
+      ++loaded.rows_lost;
+      if (absl::Status status = RemovePart(row); !status.ok()) return status;
+      continue;
+    }
+    known.insert(path);
+    parts_bytes_ += size;
+    loaded.rows.push_back(std::move(row));
+  }
+  std::error_code error;
+  const std::string directory = absl::StrCat(directory_, "/parts/", job_id);
+  for (const auto& entry : std::filesystem::recursive_directory_iterator(directory, error)) {
+    std::error_code ignored;
+    if (entry.is_regular_file(ignored) && !known.contains(entry.path().string())) {
+      std::filesystem::remove(entry.path(), ignored);
+    }
+  }
+  return loaded;
+}
+
+absl::StatusOr<std::optional<uint64_t>> SqliteJobStore::FindRequest(const std::string& request_id) {
+  const std::lock_guard lock(database_mutex_);
+  SqliteStatement query = database_->Prepare("SELECT job_id FROM jobs WHERE request_id = ?");
+  const absl::StatusOr<bool> row = query.Bind(request_id).Step();
+  if (!row.ok()) return row.status();
+  if (!*row) return std::optional<uint64_t>();
+  return std::optional<uint64_t>(static_cast<uint64_t>(query.Int64(0)));
+}
+
+absl::StatusOr<JobStore::CreatedJob> SqliteJobStore::CreateJob(const JobSpec& spec,
+                                                               const std::string& request_id,
+                                                               absl::Time create_time) {
+  const absl::StatusOr<std::optional<uint64_t>> existing = FindRequest(request_id);
+  if (!existing.ok()) return existing.status();
+  if (existing->has_value()) return CreatedJob{**existing, false};
+  const std::lock_guard lock(database_mutex_);
+  const auto insert = [&]() -> absl::StatusOr<CreatedJob> {
+    absl::Status status =
+        database_
+            ->Prepare("INSERT INTO jobs(request_id, title, priority, numeric_profile, tile_size_px, "
+                      "pass_sample_count, lease_pass_count, phase, failure, create_ns, end_ns) "
+                      "VALUES(?,?,?,?,?,?,?,0,'',?,?)")
+            .Bind(request_id).Bind(spec.title).Bind(spec.priority).Bind(spec.numeric_profile)
+            .Bind(spec.partition.tile_size_px).Bind(spec.partition.pass_sample_count)
+            .Bind(spec.partition.lease_pass_count).Bind(ToNanoseconds(create_time))
+            .Bind(ToNanoseconds(absl::InfiniteFuture())).Run();
+    if (!status.ok()) return status;
+    const CreatedJob created{static_cast<uint64_t>(database_->LastInsertId()), true};
+    SqliteStatement frames = database_->Prepare(
+        "INSERT INTO frames(job_id, frame_number, scene_sha256, scene_bytes, frame_digest, width_px, "
+        "height_px, x0, y0, x1, y1, samples, max_depth, seed, force_generic) "
+        "VALUES(?,?,?,?,?,?,?,?,?,?,?,?,?,?,?)");
+    for (const FrameSpec& frame : spec.frames) {
+      const FrameSettings& s = frame.settings;
+      status = frames.Bind(created.job_id).Bind(frame.frame_number).Bind(frame.scene.sha256_hex)
+                   .Bind(frame.scene.size_bytes).Bind(frame.frame_digest).Bind(s.width_px)
+                   .Bind(s.height_px).Bind(s.window.x0).Bind(s.window.y0).Bind(s.window.x1)
+                   .Bind(s.window.y1).Bind(s.samples).Bind(s.max_depth).Bind(s.seed)
+                   .Bind(s.force_generic_variant ? 1 : 0).Run();
+      if (!status.ok()) return status;
+    }
+    return created;
+  };
+  if (absl::Status status = database_->Execute("BEGIN IMMEDIATE"); !status.ok()) return status;
+  absl::StatusOr<CreatedJob> created = insert();
+  if (created.ok()) {
+    absl::Status status = database_->Execute("COMMIT");
+    if (status.ok()) return created;
+    created = status;
+  }
+  database_->Execute("ROLLBACK").IgnoreError();
+  return created;
+}
+
+absl::Status SqliteJobStore::EndJob(uint64_t job_id, JobPhase phase, const std::string& failure,
+                                    absl::Time end_time) {
+  const std::lock_guard lock(database_mutex_);
+  return database_->Prepare("UPDATE jobs SET phase = ?, failure = ?, end_ns = ? WHERE job_id = ?")
+      .Bind(static_cast<int32_t>(phase)).Bind(failure).Bind(ToNanoseconds(end_time)).Bind(job_id)
+      .Run();
+}
+
+absl::StatusOr<std::string> SqliteJobStore::OutputPath(const FrameId& frame) {
+  const std::string directory = absl::StrCat(directory_, "/outputs/", frame.job_id);
+  if (absl::Status status = MakeDirectories(directory); !status.ok()) return status;
+  return absl::StrCat(directory, "/", frame.frame_number, ".exr");
+}
+
+absl::Status SqliteJobStore::DeliverFrame(const FrameId& frame, const DeliveredFrame& delivered) {
+  const std::lock_guard lock(database_mutex_);
+  return database_
+      ->Prepare("UPDATE frames SET delivered = 1, picture_digest = ?, relative_mse = ?, wall_ns = ?, "
+                "ray_count = ?, nonfinite_count = ?, cpu_ns = ? WHERE job_id = ? AND frame_number = ?")
+      .Bind(delivered.picture_digest).Bind(delivered.relative_mse)
+      .Bind(absl::ToInt64Nanoseconds(delivered.wall_duration)).Bind(delivered.cost.ray_count)
+      .Bind(delivered.cost.nonfinite_count)
+      .Bind(absl::ToInt64Nanoseconds(delivered.cost.cpu_duration)).Bind(frame.job_id)
+      .Bind(frame.frame_number).Run();
+}
+
+}  // namespace sheaf::coordinator

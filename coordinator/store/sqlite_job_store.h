@@ -1,0 +1,88 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// SqliteJobStore: the JobStore of one machine. A directory:
+//
+//     DIR/lock                               held as long as a coordinator uses the directory
+//     DIR/farm.db                            SQLite, WAL, synchronous=FULL: jobs, frames, parts
+//     DIR/parts/JOB/FRAME/X0_Y0_X1_Y1-FIRST-COUNT-DIGEST.exr   parts, until their frame is delivered
+//     DIR/outputs/JOB/FRAME.exr              delivered pictures
+//
+// A part's file comes before its row, so a crash between them leaves a file that nobody was told of.
+// Rows of concurrent calls are committed together, so that many results share one disk flush.
+#pragma once
+
+#include <atomic>
+#include <condition_variable>
+#include <deque>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <vector>
+
+#include "coordinator/store/job_store.h"
+#include "coordinator/store/sqlite_database.h"
+
+namespace sheaf::coordinator {
+
+class SqliteJobStore : public JobStore {
+ public:
+  // Makes the directory where it is missing.
+  // Errors: kFailedPrecondition (another coordinator uses it; its schema is of a later version);
+  // kPermissionDenied, kResourceExhausted, kUnavailable, kDataLoss, with the path.
+  static absl::StatusOr<std::unique_ptr<SqliteJobStore>> Open(const std::string& directory);
+  ~SqliteJobStore() override;
+
+  absl::StatusOr<std::vector<StoredJob>> LoadJobs() override;
+  absl::StatusOr<LoadedParts> LoadParts(uint64_t job_id) override;
+  absl::StatusOr<CreatedJob> CreateJob(const JobSpec& spec, const std::string& request_id,
+                                       absl::Time create_time) override;
+  absl::StatusOr<std::optional<uint64_t>> FindRequest(const std::string& request_id) override;
+  absl::Status EndJob(uint64_t job_id, JobPhase phase, const std::string& failure,
+                      absl::Time end_time) override;
+  absl::Status WritePart(const PartRow& row, const std::string& bytes) override;
+  absl::StatusOr<std::optional<PartRow>> FindPart(const PartKey& key) override;
+  absl::StatusOr<std::vector<PartRow>> FindTileParts(const FrameId& frame,
+                                                     const PixelRect& tile) override;
+  absl::StatusOr<std::string> ReadPart(const PartRow& row) override;
+  absl::Status RemovePart(const PartRow& row) override;
+  absl::Status RemoveFrameParts(const FrameId& frame) override;
+  absl::StatusOr<std::string> OutputPath(const FrameId& frame) override;
+  absl::Status DeliverFrame(const FrameId& frame, const DeliveredFrame& delivered) override;
+  uint64_t PartsBytes() const override { return parts_bytes_; }
+  uint64_t FirstLeaseId() const override { return first_lease_id_; }
+
+  // Where a part's bytes are; for tests and diagnosis.
+  std::string PartPath(const PartRow& row) const;
+
+ private:
+  // A row that waits for the next shared commit.
+  struct PendingRow {
+    const PartRow* row = nullptr;
+    bool finished = false;
+    absl::Status status;
+  };
+
+  SqliteJobStore(std::string directory, int lock_fd) : directory_(std::move(directory)),
+                                                       lock_fd_(lock_fd) {}
+  absl::Status Initialize();
+  absl::Status MigrateSchema();
+  absl::Status CommitRow(const PartRow& row);
+  void CommitPending(const std::vector<PendingRow*>& rows);
+  absl::Status InsertRow(const PartRow& row);
+  std::string FrameDirectory(const FrameId& frame) const;
+  absl::Status LoadFrames(StoredJob* job);
+
+  const std::string directory_;
+  const int lock_fd_;
+  std::unique_ptr<SqliteDatabase> database_;
+  std::mutex database_mutex_;  // Guards database_.
+  std::mutex pending_mutex_;   // Guards pending_ and committing_.
+  std::condition_variable pending_changed_;
+  std::deque<PendingRow*> pending_;
+  bool committing_ = false;
+  std::atomic<uint64_t> parts_bytes_{0};
+  uint64_t first_lease_id_ = 1;
+};
+
+}  // namespace sheaf::coordinator

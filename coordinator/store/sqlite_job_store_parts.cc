@@ -1,0 +1,158 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// The part of SqliteJobStore that keeps parts: bytes first, then the row, then OK.
+#include <filesystem>
+#include <system_error>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "common/base/digest.h"
+#include "common/base/file.h"
+#include "coordinator/store/part_rows.h"
+#include "coordinator/store/sqlite_job_store.h"
+
+namespace sheaf::coordinator {
+
+absl::Status SqliteJobStore::WritePart(const PartRow& row, const std::string& bytes) {
+  // The key is checked first, so that a repeated result does not touch the disk.
+  const absl::StatusOr<std::optional<PartRow>> existing = FindPart(row.key);
+  if (!existing.ok()) return existing.status();
+  if (existing->has_value()) return absl::AlreadyExistsError("the part is there already");
+  if (absl::Status s = MakeDirectories(FrameDirectory(row.key.frame)); !s.ok()) return s;
+  const std::string path = PartPath(row);
+  if (absl::Status s = WriteFileAtomically(path, bytes); !s.ok()) return s;
+  absl::Status status = CommitRow(row);
+  if (status.ok()) {
+    parts_bytes_ += bytes.size();
+    return status;
+  }
+  // Of two equal parts at the same time one finds the other's row: that file is the other's, too.
+  if (!absl::IsAlreadyExists(status)) {
+    std::error_code ignored;
+    std::filesystem::remove(path, ignored);
+  }
+  return status;
+}
+
+// The first caller commits for all that wait; the others that come meanwhile form the next commit.
+absl::Status SqliteJobStore::CommitRow(const PartRow& row) {
+  PendingRow mine;
+  mine.row = &row;
+  std::unique_lock lock(pending_mutex_);
+  pending_.push_back(&mine);
+  while (!mine.finished) {
+    if (committing_) {
+      pending_changed_.wait(lock);
+      continue;
+    }
+    committing_ = true;
+    const std::vector<PendingRow*> batch(pending_.begin(), pending_.end());
+    pending_.clear();
+    lock.unlock();
+    CommitPending(batch);
+    lock.lock();
+    for (PendingRow* pending : batch) pending->finished = true;
+    committing_ = false;
+    pending_changed_.notify_all();
+  }
+  return mine.status;
+}
+
+void SqliteJobStore::CommitPending(const std::vector<PendingRow*>& rows) {
+  const std::lock_guard lock(database_mutex_);
+  absl::Status shared = database_->Execute("BEGIN IMMEDIATE");
+  if (shared.ok()) {
+    for (PendingRow* pending : rows) pending->status = InsertRow(*pending->row);
+    shared = database_->Execute("COMMIT");
+    if (!shared.ok()) database_->Execute("ROLLBACK").IgnoreError();
+  }
+  if (shared.ok()) return;
+  for (PendingRow* pending : rows) pending->status = shared;
+}
+
+absl::Status SqliteJobStore::InsertRow(const PartRow& row) {
+  const PartKey& key = row.key;
+  return database_
+      ->Prepare("INSERT INTO parts(job_id, frame_number, x0, y0, x1, y1, first, count, sha256, "
+                "size_bytes, worker_id, ray_count, nonfinite_count, cpu_ns) "
+                "VALUES(?,?,?,?,?,?,?,?,?,?,?,?,?,?)")
+      .Bind(key.frame.job_id).Bind(key.frame.frame_number).Bind(key.tile.x0).Bind(key.tile.y0)
+      .Bind(key.tile.x1).Bind(key.tile.y1).Bind(key.block.first).Bind(key.block.count)
+      .Bind(row.digest.sha256_hex).Bind(row.digest.size_bytes).Bind(row.worker_id)
+      .Bind(row.cost.ray_count).Bind(row.cost.nonfinite_count)
+      .Bind(absl::ToInt64Nanoseconds(row.cost.cpu_duration)).Run();
+}
+
+absl::StatusOr<std::optional<PartRow>> SqliteJobStore::FindPart(const PartKey& key) {
+  const std::lock_guard lock(database_mutex_);
+  SqliteStatement query = database_->Prepare(
+      absl::StrCat(kPartColumns,
+                   "WHERE job_id = ? AND frame_number = ? AND y0 = ? AND x0 = ? AND first = ? AND "
+                   "count = ?"));
+  query.Bind(key.frame.job_id).Bind(key.frame.frame_number).Bind(key.tile.y0).Bind(key.tile.x0)
+      .Bind(key.block.first).Bind(key.block.count);
+  absl::StatusOr<std::vector<PartRow>> rows = ReadPartRows(&query);
+  if (!rows.ok()) return rows.status();
+  if (rows->empty()) return std::optional<PartRow>();
+  return std::optional<PartRow>(std::move(rows->front()));
+}
+
+absl::StatusOr<std::vector<PartRow>> SqliteJobStore::FindTileParts(const FrameId& frame,
+                                                                   const PixelRect& tile) {
+  const std::lock_guard lock(database_mutex_);
+  SqliteStatement query = database_->Prepare(
+      absl::StrCat(kPartColumns,
+                   "WHERE job_id = ? AND frame_number = ? AND y0 = ? AND x0 = ? ORDER BY first"));
+  query.Bind(frame.job_id).Bind(frame.frame_number).Bind(tile.y0).Bind(tile.x0);
+  return ReadPartRows(&query);
+}
+
+absl::StatusOr<std::string> SqliteJobStore::ReadPart(const PartRow& row) {
+  const std::string path = PartPath(row);
+  absl::StatusOr<std::string> bytes = ReadWholeFile(path, row.digest.size_bytes + 1);
+  if (!bytes.ok()) return bytes;
+  if (bytes->size() != row.digest.size_bytes || Sha256Hex(*bytes) != row.digest.sha256_hex) {
+    return absl::DataLossError(path + ": the bytes do not have the digest they were stored under");
+  }
+  return bytes;
+}
+
+absl::Status SqliteJobStore::RemovePart(const PartRow& row) {
+  {
+    const std::lock_guard lock(database_mutex_);
+    absl::Status status =
+        database_
+            ->Prepare("DELETE FROM parts WHERE job_id = ? AND frame_number = ? AND y0 = ? AND x0 = ? "
+                      "AND first = ? AND count = ?")
+            .Bind(row.key.frame.job_id).Bind(row.key.frame.frame_number).Bind(row.key.tile.y0)
+            .Bind(row.key.tile.x0).Bind(row.key.block.first).Bind(row.key.block.count).Run();
+    if (!status.ok()) return status;
+  }
+  std::error_code ignored;
+  std::filesystem::remove(PartPath(row), ignored);
+  return absl::OkStatus();
+}
+
+absl::Status SqliteJobStore::RemoveFrameParts(const FrameId& frame) {
+  uint64_t bytes = 0;
+  {
+    const std::lock_guard lock(database_mutex_);
+    SqliteStatement sum = database_->Prepare(
+        "SELECT COALESCE(SUM(size_bytes), 0) FROM parts WHERE job_id = ? AND frame_number = ?");
+    const absl::StatusOr<bool> row = sum.Bind(frame.job_id).Bind(frame.frame_number).Step();
+    if (!row.ok()) return row.status();
+    bytes = static_cast<uint64_t>(sum.Int64(0));
+    absl::Status status =
+        database_->Prepare("DELETE FROM parts WHERE job_id = ? AND frame_number = ?")
+            .Bind(frame.job_id).Bind(frame.frame_number).Run();
+    if (!status.ok()) return status;
+  }
+  parts_bytes_ -= std::min<uint64_t>(bytes, parts_bytes_);
+  std::error_code ignored;
+  std::filesystem::remove_all(FrameDirectory(frame), ignored);
+  std::filesystem::remove(std::filesystem::path(FrameDirectory(frame)).parent_path(), ignored);
+  return absl::OkStatus();
+}
+
+}  // namespace sheaf::coordinator
