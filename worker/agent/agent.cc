@@ -1,0 +1,281 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "worker/agent/agent.h"
+
+#include <algorithm>
+#include <optional>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "common/base/check.h"
+#include "common/base/log.h"
+
+namespace sheaf::worker {
+namespace {
+
+// Parts of one upload. More would only make what a broken connection repeats larger.
+constexpr size_t kUploadPartsMax = 16;
+
+std::string Describe(const FinishedPart& part) {
+  return absl::StrCat("frame ", part.frame_digest.substr(0, 12), " tile ", part.tile.x0, ",",
+                      part.tile.y0, " samples ", part.block.first, "+", part.block.count);
+}
+
+}  // namespace
+
+Agent::Agent(AgentOptions options, CoordinatorLink* link, SceneLoader* loader,
+             std::function<Clock::time_point()> now)
+    : options_(std::move(options)),
+      link_(link),
+      now_(std::move(now)),
+      scenes_(loader, options_.scene_memory_bytes_max),
+      outbox_(options_.unsent_bytes_max),
+      backoff_(options_.backoff_initial) {
+  SHEAF_CHECK(options_.thread_count >= 1 && options_.leases_ahead >= 0);
+}
+
+AgentCounts Agent::counts() const {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  return counts_;
+}
+
+absl::Status Agent::Run(std::stop_token stop) {
+  next_synchronize_ = idle_since_ = now_();
+  last_synchronize_ = now_() - options_.synchronize_spacing;
+  std::vector<std::jthread> threads;
+  for (int32_t i = 0; i < options_.thread_count; ++i) {
+    threads.emplace_back([this](std::stop_token ended) { RenderLoop(ended); });
+  }
+  threads.emplace_back([this](std::stop_token ended) { UploadLoop(ended); });
+
+  std::unique_lock<std::mutex> lock(mutex_);
+  while (true) {
+    AdvanceStage(stop.stop_requested());
+    if (stage_ == Stage::kDone) break;
+    if (now_() >= next_synchronize_) Synchronize(&lock);
+    AdvanceStage(stop.stop_requested());
+    if (stage_ == Stage::kDone) break;
+    WaitForNextSynchronize(&lock, stop);
+  }
+  const bool complete = ledger_.Empty() && outbox_.empty();
+  lock.unlock();
+  link_->Abort();
+  for (std::jthread& thread : threads) thread.request_stop();
+  threads.clear();
+  if (complete) return absl::OkStatus();
+  return absl::UnavailableError(
+      "the coordinator did not answer; what was left is rendered again by another worker once its "
+      "leases expire");
+}
+
+void Agent::AdvanceStage(bool stop_requested) {
+  const Clock::time_point now = now_();
+  if (!ledger_.Empty() || !outbox_.empty()) idle_since_ = now;
+  const bool idle_for_long =
+      options_.exit_when_idle.count() > 0 && now - idle_since_ >= options_.exit_when_idle;
+  if (stage_ == Stage::kWorking && (stop_requested || idle_for_long)) {
+    stage_ = Stage::kFinishing;
+    grace_end_ = now + options_.grace;
+    farewell_end_ = grace_end_ + options_.farewell;
+    ledger_.ReleaseQueued();
+    news_ = true;
+    LogInfo(stop_requested ? "stopping: finishing what is being rendered" : "idle: stopping");
+  }
+  if (stage_ == Stage::kFinishing && now >= grace_end_ && ledger_.HasRunning()) {
+    stage_ = Stage::kReleasing;
+    ledger_.StopRunning();
+    LogInfo("the grace is over: handing back what is being rendered");
+  }
+  if (stage_ == Stage::kWorking) return;
+  const bool told = ledger_.Empty() && outbox_.empty() && (!news_ || !reachable_);
+  // Where nobody answers there is nothing to wait for beyond the grace.
+  const bool given_up = now >= farewell_end_ || (now >= grace_end_ && !reachable_);
+  if (told || (given_up && !ledger_.HasRunning()) || now >= farewell_end_ + options_.farewell) {
+    stage_ = Stage::kDone;
+  }
+}
+
+WorkerState Agent::MakeState(const LeaseLedger::Snapshot& snapshot) const {
+  WorkerState state;
+  state.worker_id = options_.worker_id;
+  state.host = options_.host;
+  state.numeric_profile = options_.numeric_profile;
+  state.thread_count = options_.thread_count;
+  state.leases = snapshot.leases;
+  state.failures = snapshot.failures;
+  state.draining = stage_ != Stage::kWorking;
+  state.warm_scenes = scenes_.WarmScenes();
+  // Parts on their way are held, but keep no thread busy.
+  if (!state.draining) {
+    state.lease_count_wanted =
+        options_.thread_count + options_.leases_ahead + ledger_.CountHeld(LeasePhase::kUploading);
+  }
+  return state;
+}
+
+void Agent::Synchronize(std::unique_lock<std::mutex>* lock) {
+  const LeaseLedger::Snapshot snapshot = ledger_.TakeSnapshot();
+  const WorkerState state = MakeState(snapshot);
+  news_ = false;
+  last_synchronize_ = now_();
+  lock->unlock();
+  absl::StatusOr<DesiredState> desired = link_->Synchronize(state);
+  lock->lock();
+  if (!desired.ok()) {
+    if (reachable_ || absl::IsPermissionDenied(desired.status())) {
+      LogWarning(absl::StrCat("coordinator: ", desired.status().message(), "; trying again"));
+    }
+    reachable_ = false;
+    news_ = true;
+    next_synchronize_ = now_() + backoff_;
+    backoff_ = std::min(backoff_ * 2, options_.backoff_max);
+    return;
+  }
+  if (!reachable_) LogInfo("the coordinator answers again");
+  reachable_ = true;
+  backoff_ = options_.backoff_initial;
+  next_synchronize_ = now_() + desired->next_synchronize;
+  const int new_count = ledger_.Apply(snapshot.sequence, desired->leases);
+  // Granted before the coordinator knew that this worker stops.
+  if (stage_ != Stage::kWorking && ledger_.HasQueued()) {
+    ledger_.ReleaseQueued();
+    news_ = true;
+  }
+  if (new_count > 0) work_.notify_all();
+}
+
+void Agent::WaitForNextSynchronize(std::unique_lock<std::mutex>* lock, std::stop_token stop) {
+  Clock::time_point until = next_synchronize_;
+  if (stage_ == Stage::kFinishing) until = std::min(until, grace_end_);
+  // Answered calls follow news closely; unanswered ones wait for their backoff.
+  const auto has_news = [this] { return news_ && reachable_; };
+  const bool stopping = stage_ != Stage::kWorking;
+  const auto duration = std::max(until - now_(), Clock::duration::zero());
+  if (stopping) {
+    control_.wait_for(*lock, duration, has_news);
+  } else {
+    control_.wait_for(*lock, stop, duration, has_news);
+  }
+  if (has_news()) next_synchronize_ = last_synchronize_ + options_.synchronize_spacing;
+  if (has_news() && next_synchronize_ > now_()) {
+    control_.wait_for(*lock, next_synchronize_ - now_(), [] { return false; });
+  }
+}
+
+void Agent::RenderLoop(std::stop_token ended) {
+  while (true) {
+    std::optional<LeaseLedger::Task> task;
+    {
+      std::unique_lock<std::mutex> lock(mutex_);
+      const bool there_is_work =
+          work_.wait(lock, ended, [this] { return outbox_.HasRoom() && ledger_.HasQueued(); });
+      if (!there_is_work) return;
+      task = ledger_.TakeNext();
+    }
+    RenderOne(*task);
+  }
+}
+
+void Agent::RenderOne(const LeaseLedger::Task& task) {
+  const uint64_t id = task.lease.lease_id;
+  const SharedLoadResult loaded = scenes_.Get(task.lease, task.stop);
+  {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    if (loaded.scene == nullptr) {
+      Fail(id, loaded.failure_kind, loaded.status);
+      return;
+    }
+    ledger_.BeginRendering(id);
+  }
+  absl::StatusOr<FinishedPart> part = loaded.scene->Render(task.lease, task.stop);
+  const std::lock_guard<std::mutex> lock(mutex_);
+  if (!part.ok()) {
+    Fail(id, FailureKind::kInternal, part.status());
+    return;
+  }
+  ledger_.Finish(id);
+  outbox_.Push(*std::move(part));
+  uploads_.notify_one();
+  control_.notify_one();
+}
+
+void Agent::Fail(uint64_t lease_id, FailureKind kind, const absl::Status& status) {
+  if (absl::IsCancelled(status)) {
+    ledger_.Fail(lease_id, FailureKind::kReleased, "the worker is stopping");
+  } else {
+    LogWarning(absl::StrCat("lease ", lease_id, " failed: ", std::string(status.message())));
+    ledger_.Fail(lease_id, kind, std::string(status.message()));
+    ++counts_.failed;
+  }
+  news_ = true;
+  control_.notify_one();
+}
+
+void Agent::UploadLoop(std::stop_token ended) {
+  std::unique_lock<std::mutex> lock(mutex_);
+  size_t part_count_max = kUploadPartsMax;
+  std::chrono::milliseconds backoff = options_.backoff_initial;
+  while (uploads_.wait(lock, ended, [this] { return !outbox_.empty(); })) {
+    const std::vector<const FinishedPart*> parts = outbox_.Front(part_count_max);
+    lock.unlock();
+    const absl::StatusOr<std::vector<UploadOutcome>> outcomes =
+        link_->UploadResults(options_.worker_id, parts);
+    lock.lock();
+    if (outcomes.ok()) {
+      SHEAF_CHECK(outcomes->size() == parts.size());
+      TakeOutcomes(parts, *outcomes);
+      part_count_max = kUploadPartsMax;
+      backoff = options_.backoff_initial;
+    } else if (absl::IsInvalidArgument(outcomes.status()) && parts.size() > 1) {
+      part_count_max = 1;  // One of them is at fault; find it.
+    } else if (absl::IsInvalidArgument(outcomes.status())) {
+      LogError(absl::StrCat("refused: ", Describe(*parts.front()), ": ",
+                            std::string(outcomes.status().message())));
+      Refuse(*parts.front(), outcomes.status());
+    } else {
+      LogDebug(absl::StrCat("upload: ", std::string(outcomes.status().message()), "; repeating"));
+      uploads_.wait_for(lock, ended, backoff, [] { return false; });
+      backoff = std::min(backoff * 2, options_.backoff_max);
+    }
+  }
+}
+
+void Agent::Refuse(const FinishedPart& part, const absl::Status& status) {
+  ledger_.Fail(part.lease_id, FailureKind::kInternal, std::string(status.message()));
+  ++counts_.failed;
+  outbox_.Pop();
+  news_ = true;
+  work_.notify_all();
+  control_.notify_one();
+}
+
+void Agent::TakeOutcomes(const std::vector<const FinishedPart*>& parts,
+                         const std::vector<UploadOutcome>& outcomes) {
+  for (size_t i = 0; i < parts.size(); ++i) {
+    switch (outcomes[i]) {
+      case UploadOutcome::kAccepted:
+        ++counts_.accepted;
+        break;
+      case UploadOutcome::kDuplicateEqual:
+        ++counts_.duplicate_equal;
+        break;
+      case UploadOutcome::kSuperseded:
+        ++counts_.superseded;
+        break;
+      case UploadOutcome::kDuplicateMismatch:
+        ++counts_.duplicate_mismatch;
+        LogError(absl::StrCat("another worker's result differs: ", Describe(*parts[i]),
+                              "; check this machine's memory and build"));
+        break;
+    }
+    ledger_.Acknowledge(parts[i]->lease_id);
+    outbox_.Pop();
+  }
+  news_ = true;
+  work_.notify_all();
+  control_.notify_one();
+}
+
+}  // namespace sheaf::worker

@@ -1,0 +1,42 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// SceneLoader and LoadedScene: what the agent needs of the renderer. worker/service implements them
+// with the content cache, the scene reader and worker/render.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <stop_token>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "worker/agent/work.h"
+
+namespace sheaf::worker {
+
+// A frame's scene, ready to render. Thread safety: const members may be called concurrently.
+class LoadedScene {
+ public:
+  virtual ~LoadedScene() = default;
+  virtual uint64_t memory_bytes() const = 0;
+  // Renders the lease's task and encodes the part.
+  // Errors: kCancelled when stop was requested; any other is a defect of the renderer.
+  virtual absl::StatusOr<FinishedPart> Render(const Lease& lease, std::stop_token stop) const = 0;
+};
+
+// Either a scene, or why not.
+struct LoadResult {
+  std::unique_ptr<const LoadedScene> scene;
+  absl::Status status;                                // OK exactly where scene is there.
+  FailureKind failure_kind = FailureKind::kInternal;  // Whose fault it is, where it failed.
+};
+
+class SceneLoader {
+ public:
+  virtual ~SceneLoader() = default;
+  // Fetches, reads and compiles. Thread safety: may be called concurrently.
+  virtual LoadResult Load(const Lease& lease, std::stop_token stop) = 0;
+};
+
+}  // namespace sheaf::worker

@@ -1,0 +1,78 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// What a worker and the coordinator say to each other, as plain values. worker/service turns them
+// into messages of proto/sheaf/v1/worker.proto, where each field's meaning is written down.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "common/content/blob_digest.h"
+#include "common/film/tile_geometry.h"
+#include "common/scene/render_settings.h"
+
+namespace sheaf::worker {
+
+// A timed right to a task.
+struct Lease {
+  uint64_t lease_id = 0;  // Never used twice, also over restarts of the coordinator.
+  int32_t attempt = 0;
+  std::string frame_name;
+  std::string frame_digest;
+  PixelRect tile;
+  SampleBlock block;
+  BlobDigest scene;  // Of the manifest.
+  FrameSettings settings;
+};
+
+enum class LeasePhase { kQueued, kLoading, kRendering, kUploading };
+struct LeaseReport {
+  uint64_t lease_id = 0;
+  LeasePhase phase = LeasePhase::kQueued;
+  friend bool operator==(const LeaseReport&, const LeaseReport&) = default;
+};
+
+enum class FailureKind { kReleased, kInfrastructure, kScene, kMemory, kInternal };
+struct LeaseFailure {
+  uint64_t lease_id = 0;
+  FailureKind kind = FailureKind::kInternal;
+  std::string message;
+  friend bool operator==(const LeaseFailure&, const LeaseFailure&) = default;
+};
+
+// What the worker is and holds: the request of Synchronize.
+struct WorkerState {
+  std::string worker_id, host, numeric_profile;
+  int32_t thread_count = 0;
+  std::vector<LeaseReport> leases;
+  std::vector<LeaseFailure> failures;
+  int32_t lease_count_wanted = 0;
+  bool draining = false;
+  std::vector<std::string> warm_scenes;
+};
+
+// What the coordinator wants it to hold: the answer.
+struct DesiredState {
+  std::vector<Lease> leases;
+  std::chrono::milliseconds next_synchronize{1000};
+  std::chrono::milliseconds lease_duration{30'000};
+};
+
+// A rendered task, encoded and ready to be sent as often as it takes.
+struct FinishedPart {
+  uint64_t lease_id = 0;
+  std::string frame_digest;
+  PixelRect tile;
+  SampleBlock block;
+  std::string exr_bytes;
+  BlobDigest digest;  // Of exr_bytes.
+  uint64_t ray_count = 0;
+  double cpu_seconds = 0;
+};
+
+enum class UploadOutcome { kAccepted, kDuplicateEqual, kDuplicateMismatch, kSuperseded };
+
+}  // namespace sheaf::worker
