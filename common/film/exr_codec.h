@@ -4,6 +4,7 @@
 // The only door to OpenEXR: film parts and developed pictures to bytes and back, without loss.
 #pragma once
 
+#include <cstdint>
 #include <string>
 #include <string_view>
 
@@ -19,20 +20,33 @@ struct PartHeader {
   std::string numeric_profile;
 };
 
-// A part as a float32 EXR that any viewer opens. Equal parts give equal bytes.
+// A part as a float32 EXR that any viewer opens. Equal parts give equal bytes (of one build).
+// Channels: R, G, B, weight (heads of the double-float sums), lo.R, lo.G, lo.B, lo.weight (their
+// tails), A, albedo.{R,G,B}, normal.{X,Y,Z}, depth.Z, samples, nonfinite, and for each replicate NN
+// that is there rNN.{R,G,B,W}. All are sums over the block. Attributes: sheaf:format "film-part 1",
+// sheaf:frameDigest, sheaf:numericProfile, sheaf:blockFirst, sheaf:blockCount (decimal strings).
 std::string EncodePart(const FilmTile& tile, const PartHeader& header);
 struct DecodedPart {
   FilmTile tile;
   PartHeader header;
 };
-// The bytes are untrusted: sizes are checked against part_pixels_max before memory is taken.
-// Errors: kInvalidArgument (not a part, wrong channels, absurd size), kDataLoss (truncated).
+// The bytes are untrusted: the header is checked against part_pixels_max before memory is taken,
+// and a part whose sums are not finite or whose sample counts do not add up to its block is
+// refused. Errors: kInvalidArgument (not a part, wrong channels, absurd size), kDataLoss (truncated
+// or corrupt).
 absl::StatusOr<DecodedPart> DecodePart(std::string_view bytes, int64_t part_pixels_max = 1 << 22);
+
+// The largest picture that is read: all its channels as float32.
+inline constexpr int64_t kPictureBytesMax = int64_t{1} << 35;
 
 // Writes atomically (temporary file, fsync, rename). Errors carry the path and the reason.
 absl::Status WritePicture(const FramePicture& picture, const std::string& path);
 std::string EncodePicture(const FramePicture& picture);
-// Reads any flat EXR's float/half channels (R, G, B at least); used by compare.
+// Reads the first part of any flat EXR, scan lines or tiles: its half, float and uint channels as
+// float32, subsampled ones left out. R, G and B must be there, bare or under a layer ("beauty.R";
+// the first layer that has all three is then renamed). Attributes "sheaf:KEY" become metadata.
+// Errors: kInvalidArgument, kDataLoss as above; those of reading the file.
 absl::StatusOr<FramePicture> ReadPicture(const std::string& path);
+absl::StatusOr<FramePicture> DecodePicture(std::string_view bytes);
 
 }  // namespace sheaf

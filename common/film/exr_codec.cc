@@ -1,0 +1,372 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Both directions go through the same three steps: name the planes, describe them in a header, and
+// hand OpenEXR a frame buffer over our own memory. Decoding scans the header first
+// (exr_header_scan.h), so OpenEXR only ever sees sizes that were found acceptable.
+#include "common/film/exr_codec.h"
+
+#include <ImfChannelList.h>
+#include <ImfFrameBuffer.h>
+#include <ImfHeader.h>
+#include <ImfIO.h>
+#include <ImfInputFile.h>
+#include <ImfOutputFile.h>
+#include <ImfStandardAttributes.h>
+#include <ImfStringAttribute.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstring>
+#include <exception>
+#include <stdexcept>
+#include <utility>
+#include <vector>
+
+#include "absl/strings/numbers.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "common/base/check.h"
+#include "common/base/file.h"
+#include "common/base/status.h"
+#include "common/film/exr_header_scan.h"
+
+namespace sheaf {
+namespace {
+
+constexpr char kFormatKey[] = "sheaf:format", kFormat[] = "film-part 1";
+constexpr char kFrameDigestKey[] = "sheaf:frameDigest", kProfileKey[] = "sheaf:numericProfile";
+constexpr char kBlockFirstKey[] = "sheaf:blockFirst", kBlockCountKey[] = "sheaf:blockCount";
+constexpr char kMetadataPrefix[] = "sheaf:";
+constexpr Imf::Compression kPartCompression = Imf::ZIP_COMPRESSION;
+constexpr int kPartZipLevel = 1;
+constexpr Imf::Compression kPictureCompression = Imf::ZIP_COMPRESSION;
+constexpr int kPictureZipLevel = 4;
+
+// In the order of FilmChannel.
+constexpr std::array<const char*, kFilmChannelCount> kPartChannels{
+    "R",        "G",         "B",        "weight",   "lo.R",     "lo.G",
+    "lo.B",     "lo.weight", "A",        "albedo.R", "albedo.G", "albedo.B",
+    "normal.X", "normal.Y",  "normal.Z", "depth.Z",  "samples",  "nonfinite"};
+
+class MemoryOutput : public Imf::OStream {
+ public:
+  MemoryOutput() : Imf::OStream("memory") {}
+  void write(const char bytes[], int size) override {
+    const size_t end = position_ + static_cast<size_t>(size);
+    if (bytes_.size() < end) bytes_.resize(end);
+    std::memcpy(bytes_.data() + position_, bytes, static_cast<size_t>(size));
+    position_ = end;
+  }
+  uint64_t tellp() override { return position_; }
+  void seekp(uint64_t position) override { position_ = position; }
+  std::string Take() { return std::move(bytes_); }
+
+ private:
+  std::string bytes_;
+  size_t position_ = 0;
+};
+
+class MemoryInput : public Imf::IStream {
+ public:
+  explicit MemoryInput(std::string_view bytes) : Imf::IStream("memory"), bytes_(bytes) {}
+  bool read(char out[], int size) override {
+    // OpenEXR expects an exception here and turns it into one of its own; Guard catches those.
+    if (size < 0 || position_ > bytes_.size() ||
+        bytes_.size() - position_ < static_cast<size_t>(size)) {
+      throw std::out_of_range("unexpected end of file");
+    }
+    std::memcpy(out, bytes_.data() + position_, static_cast<size_t>(size));
+    position_ += static_cast<size_t>(size);
+    return position_ < bytes_.size();
+  }
+  uint64_t tellg() override { return position_; }
+  void seekg(uint64_t position) override { position_ = position; }
+
+ private:
+  std::string_view bytes_;
+  uint64_t position_ = 0;
+};
+
+// Runs calls of OpenEXR, which reports by exceptions.
+template <typename Calls>
+absl::Status Guard(const Calls& calls) {
+  try {
+    calls();
+    return absl::OkStatus();
+  } catch (const std::exception& error) {
+    return absl::DataLossError(absl::StrCat("the EXR file is damaged: ", error.what()));
+  }
+}
+
+// A float32 plane that becomes, or comes from, one channel.
+template <typename Float>
+struct NamedPlane {
+  std::string name;
+  Float* pixels = nullptr;
+};
+
+Imath::Box2i BoxOf(PixelRect rect) { return {{rect.x0, rect.y0}, {rect.x1 - 1, rect.y1 - 1}}; }
+
+template <typename Float>
+Imf::FrameBuffer FrameBufferOf(const std::vector<NamedPlane<Float>>& planes, PixelRect window) {
+  Imf::FrameBuffer buffer;
+  for (const NamedPlane<Float>& plane : planes) {
+    buffer.insert(plane.name, Imf::Slice::Make(Imf::FLOAT, plane.pixels, BoxOf(window)));
+  }
+  return buffer;
+}
+
+std::string Encode(Imf::Header header, const std::vector<NamedPlane<const float>>& planes,
+                   PixelRect window) {
+  MemoryOutput output;
+  const absl::Status status = Guard([&] {
+    for (const auto& plane : planes) header.channels().insert(plane.name, Imf::Channel(Imf::FLOAT));
+    Imf::OutputFile file(output, header, 0);
+    file.setFrameBuffer(FrameBufferOf(planes, window));
+    file.writePixels(window.Height());
+  });
+  // Writing our own planes to memory has no way to fail but a mistake of ours.
+  SHEAF_CHECK(status.ok());
+  return output.Take();
+}
+
+absl::Status DecodePlanes(std::string_view bytes, PixelRect window,
+                          const std::vector<NamedPlane<float>>& planes) {
+  return Guard([&] {
+    MemoryInput input(bytes);
+    Imf::InputFile file(input, 0);
+    if (file.header().dataWindow() != BoxOf(window)) throw std::runtime_error("two data windows");
+    file.setFrameBuffer(FrameBufferOf(planes, window));
+    file.readPixels(window.y0, window.y1 - 1);
+  });
+}
+
+// The tile's planes with their channel names. Tile is FilmTile or const FilmTile.
+template <typename Float, typename Tile>
+std::vector<NamedPlane<Float>> PlanesOf(Tile& tile) {
+  std::vector<NamedPlane<Float>> planes;
+  for (size_t i = 0; i < kFilmChannelCount; ++i) {
+    planes.push_back({kPartChannels[i], tile.channel(static_cast<FilmChannel>(i))});
+  }
+  for (uint32_t slot = 0; slot < tile.replicate_count(); ++slot) {
+    for (size_t i = 0; i < kReplicateChannelCount; ++i) {
+      planes.push_back({absl::StrFormat("r%02d.%c", tile.replicate_first() + slot, "RGBW"[i]),
+                        tile.replicate(slot, i)});
+    }
+  }
+  return planes;
+}
+
+void SetText(Imf::Header* header, const std::string& name, const std::string& text) {
+  header->insert(name, Imf::StringAttribute(text));
+}
+
+absl::Status NotAPart(const std::string& why) {
+  return absl::InvalidArgumentError(absl::StrCat("not a film part: ", why));
+}
+
+// Whether the header is one that EncodePart writes, and of which block.
+absl::StatusOr<SampleBlock> CheckPartHeader(const ExrFileHeader& file, int64_t part_pixels_max) {
+  const ExrHeader& header = file.parts[0];
+  if (file.deep || file.parts.size() != 1 || header.tile_pixels != 0) {
+    return NotAPart("it is not a flat scan-line file");
+  }
+  if (header.compression != kPartCompression || header.line_order != Imf::INCREASING_Y) {
+    return NotAPart("unexpected compression or line order");
+  }
+  static constexpr std::string_view kTypes[] = {"chlist", "compression", "box2i", "lineOrder",
+                                                "float",  "v2f",         "string"};
+  for (const auto& [name, type] : header.types) {
+    if (std::find(std::begin(kTypes), std::end(kTypes), type) == std::end(kTypes)) {
+      return NotAPart(absl::StrCat("unexpected attribute \"", name, "\""));
+    }
+  }
+  for (const char* key :
+       {kFormatKey, kFrameDigestKey, kProfileKey, kBlockFirstKey, kBlockCountKey}) {
+    if (!header.strings.contains(key)) return NotAPart(absl::StrCat("no attribute \"", key, "\""));
+  }
+  if (header.strings.at(kFormatKey) != kFormat) return NotAPart("unknown format version");
+  SampleBlock block;
+  if (!absl::SimpleAtoi(header.strings.at(kBlockFirstKey), &block.first) ||
+      !absl::SimpleAtoi(header.strings.at(kBlockCountKey), &block.count) || !IsAligned(block)) {
+    return NotAPart("its samples are not an aligned block");
+  }
+  if (header.data_window.PixelCount() > part_pixels_max) {
+    return NotAPart(absl::StrCat(header.data_window.PixelCount(),
+                                 " pixels are more than the limit of ", part_pixels_max));
+  }
+  return block;
+}
+
+absl::Status CheckPartChannels(const ExrHeader& header,
+                               const std::vector<NamedPlane<float>>& planes) {
+  std::vector<std::string> expected, found;
+  for (const auto& plane : planes) expected.push_back(plane.name);
+  for (const ExrChannel& channel : header.channels) {
+    if (channel.type != ExrChannel::Type::kFloat || channel.subsampled) {
+      return NotAPart(absl::StrCat("channel \"", channel.name, "\" is not float32"));
+    }
+    found.push_back(channel.name);
+  }
+  std::sort(expected.begin(), expected.end());
+  std::sort(found.begin(), found.end());
+  return expected == found ? absl::OkStatus() : NotAPart("wrong channels");
+}
+
+// What no sum of samples can be.
+absl::Status CheckPartValues(FilmTile& tile) {
+  for (const auto& plane : PlanesOf<float>(tile)) {
+    for (size_t p = 0; p < tile.plane_size(); ++p) {
+      if (!std::isfinite(plane.pixels[p])) {
+        return NotAPart(
+            absl::StrCat("channel \"", plane.name, "\" holds a value that is not finite"));
+      }
+    }
+  }
+  constexpr uint64_t kExactCountMax = 1 << 24;  // Floats above this skip integers.
+  const auto block_count = static_cast<float>(tile.block().count);
+  const float* samples = tile.channel(FilmChannel::kSampleCount);
+  const float* nonfinite = tile.channel(FilmChannel::kNonFiniteCount);
+  for (size_t p = 0; p < tile.plane_size(); ++p) {
+    const bool adds_up =
+        tile.block().count > kExactCountMax || samples[p] + nonfinite[p] == block_count;
+    if (samples[p] < 0 || nonfinite[p] < 0 || !adds_up) return NotAPart("wrong sample counts");
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+std::string EncodePart(const FilmTile& tile, const PartHeader& part) {
+  const Imath::Box2i window = BoxOf(tile.rect());
+  Imf::Header header(window, window);
+  header.compression() = kPartCompression;
+  header.zipCompressionLevel() = kPartZipLevel;
+  SetText(&header, kFormatKey, kFormat);
+  SetText(&header, kFrameDigestKey, part.frame_digest);
+  SetText(&header, kProfileKey, part.numeric_profile);
+  SetText(&header, kBlockFirstKey, absl::StrCat(tile.block().first));
+  SetText(&header, kBlockCountKey, absl::StrCat(tile.block().count));
+  return Encode(std::move(header), PlanesOf<const float>(tile), tile.rect());
+}
+
+absl::StatusOr<DecodedPart> DecodePart(std::string_view bytes, int64_t part_pixels_max) {
+  const absl::StatusOr<ExrFileHeader> file = ScanExrHeader(bytes);
+  if (!file.ok()) return file.status();
+  const absl::StatusOr<SampleBlock> block = CheckPartHeader(*file, part_pixels_max);
+  if (!block.ok()) return block.status();
+  const ExrHeader& header = file->parts[0];
+  const PixelRect rect = header.data_window;
+  // Deflate shrinks at most 1032 times (its longest match over its shortest code): a few bytes
+  // cannot ask for gigabytes.
+  constexpr int64_t kExpansionMax = 1032;
+  const int64_t raw_bytes =
+      rect.PixelCount() * static_cast<int64_t>(header.channels.size() * sizeof(float));
+  if (raw_bytes / kExpansionMax > static_cast<int64_t>(bytes.size())) {
+    return absl::DataLossError("the film part is too short for its size in pixels");
+  }
+  DecodedPart part;
+  part.header.frame_digest = header.strings.at(kFrameDigestKey);
+  part.header.numeric_profile = header.strings.at(kProfileKey);
+  part.tile = FilmTile(rect, *block);
+  const std::vector<NamedPlane<float>> planes = PlanesOf<float>(part.tile);
+  if (absl::Status status = CheckPartChannels(header, planes); !status.ok()) return status;
+  if (absl::Status status = DecodePlanes(bytes, rect, planes); !status.ok()) return status;
+  if (absl::Status status = CheckPartValues(part.tile); !status.ok()) return status;
+  return part;
+}
+
+std::string EncodePicture(const FramePicture& picture) {
+  const Imath::Box2i data_window = BoxOf(picture.window);
+  const bool has_frame = picture.frame_width_px > 0 && picture.frame_height_px > 0;
+  Imf::Header header(
+      has_frame ? BoxOf({0, 0, picture.frame_width_px, picture.frame_height_px}) : data_window,
+      data_window);
+  header.compression() = kPictureCompression;
+  header.zipCompressionLevel() = kPictureZipLevel;
+  Imf::addChromaticities(header, Imf::Chromaticities());  // ITU-R BT.709, D65.
+  for (const auto& [key, text] : picture.metadata) SetText(&header, kMetadataPrefix + key, text);
+  std::vector<NamedPlane<const float>> planes;
+  for (size_t i = 0; i < picture.planes.size(); ++i) {
+    planes.push_back({picture.channel_names[i], picture.planes[i].data()});
+  }
+  return Encode(std::move(header), planes, picture.window);
+}
+
+absl::Status WritePicture(const FramePicture& picture, const std::string& path) {
+  return WriteFileAtomically(path, EncodePicture(picture));
+}
+
+namespace {
+
+// Gives the first layer that has R, G and B these bare names, unless they are there already.
+absl::Status FindColor(std::vector<std::string>* names) {
+  const auto find = [names](const std::string& name) {
+    return std::find(names->begin(), names->end(), name);
+  };
+  const auto has_color = [&find, names](const std::string& prefix) {
+    return find(prefix + "R") != names->end() && find(prefix + "G") != names->end() &&
+           find(prefix + "B") != names->end();
+  };
+  if (has_color("")) return absl::OkStatus();
+  for (const std::string& name : *names) {
+    if (!name.ends_with(".R")) continue;
+    const std::string prefix = name.substr(0, name.size() - 1);
+    if (!has_color(prefix)) continue;
+    for (const char* component : {"R", "G", "B"}) *find(prefix + component) = component;
+    return absl::OkStatus();
+  }
+  return absl::InvalidArgumentError("the picture has no channels R, G and B");
+}
+
+}  // namespace
+
+absl::StatusOr<FramePicture> DecodePicture(std::string_view bytes) {
+  const absl::StatusOr<ExrFileHeader> file = ScanExrHeader(bytes);
+  if (!file.ok()) return file.status();
+  if (file->deep)
+    return absl::InvalidArgumentError("deep EXR files are not pictures of one value a pixel");
+  for (const ExrHeader& part : file->parts) {
+    const int64_t pixels = std::max(part.data_window.PixelCount(), part.tile_pixels);
+    const auto pixel_bytes = static_cast<int64_t>(part.channels.size() * sizeof(float));
+    if (pixel_bytes > 0 && pixels > kPictureBytesMax / pixel_bytes) {
+      return absl::ResourceExhaustedError(
+          absl::StrCat("the picture needs more than the limit of ", kPictureBytesMax, " bytes"));
+    }
+  }
+  const ExrHeader& header = file->parts[0];
+  FramePicture picture;
+  picture.window = header.data_window;
+  picture.frame_width_px = header.display_window.x1;
+  picture.frame_height_px = header.display_window.y1;
+  for (const ExrChannel& channel : header.channels) {
+    if (!channel.subsampled) picture.channel_names.push_back(channel.name);
+  }
+  std::vector<std::string> file_names = picture.channel_names;
+  if (absl::Status status = FindColor(&picture.channel_names); !status.ok()) return status;
+  picture.planes.assign(file_names.size(),
+                        std::vector<float>(static_cast<size_t>(picture.window.PixelCount())));
+  std::vector<NamedPlane<float>> planes;
+  for (size_t i = 0; i < file_names.size(); ++i) {
+    planes.push_back({file_names[i], picture.planes[i].data()});
+  }
+  if (absl::Status status = DecodePlanes(bytes, picture.window, planes); !status.ok())
+    return status;
+  for (const auto& [name, text] : header.strings) {
+    if (name.starts_with(kMetadataPrefix))
+      picture.metadata[name.substr(std::strlen(kMetadataPrefix))] = text;
+  }
+  return picture;
+}
+
+absl::StatusOr<FramePicture> ReadPicture(const std::string& path) {
+  const absl::StatusOr<std::string> bytes = ReadWholeFile(path);
+  if (!bytes.ok()) return bytes.status();
+  absl::StatusOr<FramePicture> picture = DecodePicture(*bytes);
+  if (!picture.ok()) return Annotate(picture.status(), path);
+  return picture;
+}
+
+}  // namespace sheaf

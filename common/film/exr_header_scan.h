@@ -1,0 +1,49 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// A first look at untrusted EXR bytes, before any library allocates what their header asks for: the
+// header is walked within the bytes that are there, and what decides about memory is handed out.
+// Layout: "OpenEXR File Layout", openexr.com (magic, version, attributes as name, type, size,
+// value).
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <map>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "common/film/tile_geometry.h"
+
+namespace sheaf {
+
+struct ExrChannel {
+  enum class Type : int32_t { kUint = 0, kHalf = 1, kFloat = 2 };
+  std::string name;
+  Type type = Type::kFloat;
+  bool subsampled = false;
+};
+
+// One part's header.
+struct ExrHeader {
+  PixelRect data_window, display_window;
+  std::vector<ExrChannel> channels;            // In the file's order.
+  uint8_t compression = 0;                     // As numbered by the file format.
+  uint8_t line_order = 0;                      // 0: increasing y.
+  int64_t tile_pixels = 0;                     // Of one tile; 0 in a scan-line part.
+  std::map<std::string, std::string> types;    // Attribute name to its type's name.
+  std::map<std::string, std::string> strings;  // The attributes of type string.
+};
+
+struct ExrFileHeader {
+  bool deep = false;             // Holds lists of samples instead of pixels.
+  std::vector<ExrHeader> parts;  // At least one.
+};
+
+// Errors: kInvalidArgument (not an EXR, attributes that contradict themselves or come twice),
+// kDataLoss (ends within the header). Cost: memory proportional to the header's own bytes.
+absl::StatusOr<ExrFileHeader> ScanExrHeader(std::string_view bytes);
+
+}  // namespace sheaf
