@@ -1,0 +1,255 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// One function an endpoint, over FarmView.
+#include "coordinator/service/http_api.h"
+
+#include <algorithm>
+
+#include "absl/strings/ascii.h"
+#include "absl/strings/numbers.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "coordinator/service/http_json.h"
+#include "coordinator/service/http_metrics.h"
+
+namespace sheaf::coordinator {
+namespace {
+
+HttpResponse JsonResponse(std::string json) {
+  HttpResponse response;
+  response.content_type = "application/json";
+  response.headers = {{"Cache-Control", "no-store"}};
+  response.body = std::move(json);
+  response.body.push_back('\n');
+  return response;
+}
+
+int HttpStatusFromCode(absl::StatusCode code) {
+  switch (code) {
+    case absl::StatusCode::kInvalidArgument:
+    case absl::StatusCode::kOutOfRange:
+      return 400;
+    case absl::StatusCode::kPermissionDenied: return 403;
+    case absl::StatusCode::kNotFound: return 404;
+    case absl::StatusCode::kAborted:
+    case absl::StatusCode::kAlreadyExists:
+    case absl::StatusCode::kFailedPrecondition:
+      return 409;
+    case absl::StatusCode::kResourceExhausted: return 429;
+    case absl::StatusCode::kUnavailable: return 503;
+    default: return 500;
+  }
+}
+
+// The page size that a request asks for. Errors: kInvalidArgument.
+absl::StatusOr<int> PageSize(const HttpRequest& request, int default_size) {
+  const std::string text = QueryValue(request, "page_size");
+  if (text.empty()) return default_size;
+  int size = 0;
+  if (!absl::SimpleAtoi(text, &size) || size < 1 || size > kPageSizeMax) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("page_size \"", text, "\" is not a number from 1 to ", kPageSizeMax));
+  }
+  return size;
+}
+
+absl::Status UnknownPageToken(const std::string& token) {
+  return absl::InvalidArgumentError(
+      absl::StrCat("page_token \"", token, "\" is unknown; begin again without one"));
+}
+
+// A name for a download: letters, digits, dots and hyphens of the title.
+std::string DownloadName(const std::string& title, int32_t frame_number) {
+  std::string name;
+  for (const char c : title.substr(0, 80)) {
+    name.push_back(absl::ascii_isalnum(static_cast<unsigned char>(c)) || c == '.' || c == '-' ? c
+                                                                                                : '_');
+  }
+  return absl::StrFormat("%s.%04d.exr", name.empty() ? "sheaf" : name, frame_number);
+}
+
+// Whether the client has this version already.
+bool ClientHas(const HttpRequest& request, const std::string& etag) {
+  return HeaderValue(request, "If-None-Match") == etag;
+}
+
+HttpResponse NotModified(const std::string& etag) {
+  HttpResponse response;
+  response.status = 304;
+  response.headers = {{"ETag", etag}, {"Cache-Control", "no-cache"}};
+  return response;
+}
+
+}  // namespace
+
+HttpResponse HttpErrorFromStatus(const absl::Status& status) {
+  return HttpError(HttpStatusFromCode(status.code()), absl::StatusCodeToString(status.code()),
+                   std::string(status.message()));
+}
+
+HttpApi::HttpApi(const FarmView& farm, FarmActions actions, std::string instance)
+    : farm_(farm), actions_(std::move(actions)), instance_(std::move(instance)) {}
+
+std::vector<HttpRoute> HttpApi::Routes() {
+  using Request = HttpRequest;
+  const auto healthy = [](const Request&) {
+    HttpResponse response;
+    response.body = "ok\n";
+    return response;
+  };
+  const auto metrics = [this](const Request&) {
+    HttpResponse response;
+    response.content_type = kPrometheusContentType;
+    response.body = PrometheusText(farm_.Metrics());
+    return response;
+  };
+  const std::string frame = "/api/v1/jobs/{}/frames/{}";
+  return {
+      {"GET", "/healthz", healthy},
+      {"GET", "/readyz", [this](const Request&) { return Ready(); }},
+      {"GET", "/metrics", metrics},
+      {"GET", "/api/v1/jobs", [this](const Request& r) { return ListJobs(r); }},
+      {"GET", "/api/v1/jobs/{}", [this](const Request& r) { return GetJob(r); }},
+      {"POST", "/api/v1/jobs/{}:cancel", [this](const Request& r) { return CancelJob(r); }},
+      {"GET", frame, [this](const Request& r) { return GetFrame(r); }},
+      {"GET", frame + "/preview.png", [this](const Request& r) { return GetPreview(r); }},
+      {"GET", frame + "/output.exr", [this](const Request& r) { return GetOutput(r); }},
+      {"GET", "/api/v1/workers", [this](const Request&) { return ListWorkers(); }},
+      {"GET", "/api/v1/counters", [this](const Request&) { return ListCounters(); }},
+  };
+}
+
+HttpResponse HttpApi::Ready() const {
+  const absl::Status ready = farm_.Ready();
+  HttpResponse response;
+  response.status = ready.ok() ? 200 : 503;
+  response.body = ready.ok() ? "ready\n" : absl::StrCat(std::string(ready.message()), "\n");
+  return response;
+}
+
+HttpResponse HttpApi::ListJobs(const HttpRequest& request) const {
+  const absl::StatusOr<int> size = PageSize(request, kPageSizeDefault);
+  if (!size.ok()) return HttpErrorFromStatus(size.status());
+  const std::vector<JobView> jobs = farm_.ListJobs();
+  auto job = jobs.begin();
+  // A token is the last job of the page before: new jobs come first and shift no later page.
+  const std::string token = QueryValue(request, "page_token");
+  if (!token.empty()) {
+    job = std::find_if(jobs.begin(), jobs.end(),
+                       [&](const JobView& candidate) { return candidate.job_id == token; });
+    if (job == jobs.end()) return HttpErrorFromStatus(UnknownPageToken(token));
+    ++job;
+  }
+  std::vector<std::string> page;
+  for (; job != jobs.end() && page.size() < static_cast<size_t>(*size); ++job) {
+    page.push_back(JobJson(*job));
+  }
+  return JsonResponse(ListJson("jobs", page, job == jobs.end() ? "" : std::prev(job)->job_id));
+}
+
+HttpResponse HttpApi::GetJob(const HttpRequest& request) const {
+  const absl::StatusOr<int> size = PageSize(request, kPageSizeMax);
+  if (!size.ok()) return HttpErrorFromStatus(size.status());
+  const absl::StatusOr<JobView> job = farm_.FindJob(request.path_parameters[0]);
+  if (!job.ok()) return HttpErrorFromStatus(job.status());
+  auto frame = job->frames.begin();
+  const std::string token = QueryValue(request, "page_token");
+  if (!token.empty()) {
+    int32_t last = 0;
+    if (!absl::SimpleAtoi(token, &last)) return HttpErrorFromStatus(UnknownPageToken(token));
+    frame = std::find_if(job->frames.begin(), job->frames.end(),
+                         [&](const FrameView& f) { return f.frame_number > last; });
+  }
+  std::vector<std::string> page;
+  for (; frame != job->frames.end() && page.size() < static_cast<size_t>(*size); ++frame) {
+    page.push_back(FrameJson(job->job_id, *frame));
+  }
+  const bool ended = frame == job->frames.end();
+  return JsonResponse(JobWithFramesJson(
+      *job, page, ended ? "" : absl::StrCat(std::prev(frame)->frame_number)));
+}
+
+HttpResponse HttpApi::CancelJob(const HttpRequest& request) {
+  const std::string& job_id = request.path_parameters[0];
+  const absl::Status cancelled = actions_.cancel_job(job_id);
+  if (!cancelled.ok()) return HttpErrorFromStatus(cancelled);
+  const absl::StatusOr<JobView> job = farm_.FindJob(job_id);
+  if (!job.ok()) return HttpErrorFromStatus(job.status());
+  return JsonResponse(JobJson(*job));
+}
+
+absl::StatusOr<FrameView> HttpApi::FindFrame(const HttpRequest& request) const {
+  const std::string& job_id = request.path_parameters[0];
+  const std::string& number_text = request.path_parameters[1];
+  int32_t number = 0;
+  if (!absl::SimpleAtoi(number_text, &number)) {
+    return absl::InvalidArgumentError(absl::StrCat("\"", number_text, "\" is no frame number"));
+  }
+  const absl::StatusOr<JobView> job = farm_.FindJob(job_id);
+  if (!job.ok()) return job.status();
+  for (const FrameView& frame : job->frames) {
+    if (frame.frame_number == number) return frame;
+  }
+  return absl::NotFoundError(absl::StrCat("jobs/", job_id, " has no frame ", number));
+}
+
+HttpResponse HttpApi::GetFrame(const HttpRequest& request) const {
+  const absl::StatusOr<FrameView> frame = FindFrame(request);
+  if (!frame.ok()) return HttpErrorFromStatus(frame.status());
+  return JsonResponse(FrameJson(request.path_parameters[0], *frame));
+}
+
+HttpResponse HttpApi::GetPreview(const HttpRequest& request) {
+  const absl::StatusOr<FrameView> frame = FindFrame(request);
+  if (!frame.ok()) return HttpErrorFromStatus(frame.status());
+  const auto etag = [&](uint64_t version) { return absl::StrCat("\"", instance_, "-", version, "\""); };
+  if (ClientHas(request, etag(frame->preview_version))) {
+    return NotModified(etag(frame->preview_version));
+  }
+  uint64_t version = 0;
+  absl::StatusOr<std::string> png =
+      previews_.Png(farm_, request.path_parameters[0], *frame, &version);
+  if (!png.ok()) return HttpErrorFromStatus(png.status());
+  HttpResponse response;
+  response.content_type = "image/png";
+  response.headers = {{"ETag", etag(version)}, {"Cache-Control", "no-cache"}};
+  response.body = *std::move(png);
+  return response;
+}
+
+HttpResponse HttpApi::GetOutput(const HttpRequest& request) const {
+  const absl::StatusOr<FrameView> frame = FindFrame(request);
+  if (!frame.ok()) return HttpErrorFromStatus(frame.status());
+  if (!frame->complete) {
+    return HttpErrorFromStatus(absl::FailedPreconditionError(
+        absl::StrCat("frame ", frame->frame_number, " is not complete yet; see preview.png")));
+  }
+  const std::string etag = absl::StrCat("\"", frame->picture_digest, "\"");
+  if (ClientHas(request, etag)) return NotModified(etag);
+  const absl::StatusOr<JobView> job = farm_.FindJob(request.path_parameters[0]);
+  if (!job.ok()) return HttpErrorFromStatus(job.status());
+  HttpResponse response;
+  response.content_type = "image/x-exr";
+  response.headers = {{"ETag", etag},
+                      {"Cache-Control", "no-cache"},
+                      {"Content-Disposition",
+                       absl::StrCat("attachment; filename=\"",
+                                    DownloadName(job->title, frame->frame_number), "\"")}};
+  response.file_path = frame->output_path;
+  return response;
+}
+
+HttpResponse HttpApi::ListWorkers() const {
+  std::vector<std::string> workers;
+  for (const WorkerView& worker : farm_.ListWorkers()) workers.push_back(WorkerJson(worker));
+  return JsonResponse(ListJson("workers", workers, ""));
+}
+
+HttpResponse HttpApi::ListCounters() const {
+  std::vector<std::string> counters;
+  for (const MetricView& metric : farm_.Metrics()) counters.push_back(MetricJson(metric));
+  return JsonResponse(ListJson("counters", counters, ""));
+}
+
+}  // namespace sheaf::coordinator

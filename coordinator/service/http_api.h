@@ -1,0 +1,77 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// The HTTP side's answers: health, metrics, and the farm as JSON and pictures.
+//
+//   GET  /healthz                                   200 while the process serves
+//   GET  /readyz                                    200 where work is accepted, else 503 and why
+//   GET  /metrics                                   Prometheus text
+//   GET  /api/v1/jobs?page_size&page_token          jobs, newest first, without frames
+//   GET  /api/v1/jobs/ID?page_size&page_token       one job with a page of its frames
+//   POST /api/v1/jobs/ID:cancel                     cancels; repeating it changes nothing
+//   GET  /api/v1/jobs/ID/frames/N                   one frame
+//   GET  /api/v1/jobs/ID/frames/N/preview.png       the picture so far
+//   GET  /api/v1/jobs/ID/frames/N/output.exr        the delivered picture
+//   GET  /api/v1/workers                            workers
+//   GET  /api/v1/counters                           the numbers of /metrics as JSON
+//   GET  /api/v1/events                             what changes, as server-sent events: types job,
+//        frame and worker carry the objects of the calls above, and reset says that some were left
+//        out and everything should be fetched anew. Last-Event-ID is ignored: events state what is,
+//        so a reader that reconnects fetches and goes on.
+#pragma once
+
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "coordinator/service/farm_view.h"
+#include "coordinator/service/http_preview.h"
+#include "coordinator/service/http_router.h"
+
+namespace sheaf::coordinator {
+
+// Objects on a page of a list.
+inline constexpr int kPageSizeDefault = 100;
+inline constexpr int kPageSizeMax = 1000;
+
+// What people may do to the farm through the page.
+struct FarmActions {
+  // Cancels a job; nothing happens to one that has ended. Errors: kNotFound.
+  std::function<absl::Status(const std::string& job_id)> cancel_job;
+};
+
+class HttpApi {
+ public:
+  // `farm` must outlive the object. `instance` tells this run of the coordinator from others, so that
+  // a browser never takes a picture of an earlier run for a present one.
+  HttpApi(const FarmView& farm, FarmActions actions, std::string instance);
+
+  // The table above, but for the event stream, which the server itself serves.
+  // The functions refer to this object. Thread safety: from one thread at a time.
+  std::vector<HttpRoute> Routes();
+
+ private:
+  HttpResponse Ready() const;
+  HttpResponse ListJobs(const HttpRequest& request) const;
+  HttpResponse GetJob(const HttpRequest& request) const;
+  HttpResponse CancelJob(const HttpRequest& request);
+  HttpResponse GetFrame(const HttpRequest& request) const;
+  HttpResponse GetPreview(const HttpRequest& request);
+  HttpResponse GetOutput(const HttpRequest& request) const;
+  HttpResponse ListWorkers() const;
+  HttpResponse ListCounters() const;
+  // The job and frame that the path names. Errors: kNotFound, kInvalidArgument.
+  absl::StatusOr<FrameView> FindFrame(const HttpRequest& request) const;
+
+  const FarmView& farm_;
+  const FarmActions actions_;
+  const std::string instance_;
+  PreviewCache previews_;
+};
+
+// The response that tells of a status. Requires: !status.ok().
+HttpResponse HttpErrorFromStatus(const absl::Status& status);
+
+}  // namespace sheaf::coordinator

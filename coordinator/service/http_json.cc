@@ -1,0 +1,127 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Field by field, from the plain values of FarmView.
+#include "coordinator/service/http_json.h"
+
+#include <cmath>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
+#include "nlohmann/json.hpp"
+
+namespace sheaf::coordinator {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+// Text from people may be no UTF-8; it is shown with replacement characters.
+std::string Dump(const Json& json) {
+  return json.dump(-1, ' ', false, Json::error_handler_t::replace);
+}
+
+// Milliseconds are what a person watching can tell apart.
+Json TimeJson(absl::Time time) {
+  if (time == absl::InfiniteFuture() || time == absl::InfinitePast()) return nullptr;
+  return absl::FormatTime("%Y-%m-%dT%H:%M:%E3SZ", time, absl::UTCTimeZone());
+}
+
+Json ProgressJson(const ProgressView& progress) {
+  const bool error_known = progress.relative_mse > 0 && std::isfinite(progress.relative_mse);
+  const bool remaining_known =
+      progress.remaining_seconds >= 0 && std::isfinite(progress.remaining_seconds);
+  return {
+      {"sample_count_done", progress.sample_count_done},
+      {"sample_count_total", progress.sample_count_total},
+      {"relative_mse", error_known ? Json(progress.relative_mse) : Json()},
+      {"nonfinite_count", progress.nonfinite_count},
+      {"ray_count", progress.ray_count},
+      {"cpu_duration_seconds", progress.cpu_seconds},
+      {"wall_duration_seconds", progress.wall_seconds},
+      {"remaining_duration_seconds", remaining_known ? Json(progress.remaining_seconds) : Json()},
+  };
+}
+
+Json JobObject(const JobView& job) {
+  return {
+      {"name", absl::StrCat("jobs/", job.job_id)},
+      {"title", job.title},
+      {"state", JobStateName(job.state)},
+      {"priority", job.priority},
+      {"numeric_profile", job.numeric_profile},
+      {"failure", job.failure},
+      {"waiting_reason", job.waiting_reason},
+      {"create_time", TimeJson(job.create_time)},
+      {"end_time", TimeJson(job.end_time)},
+      {"frame_count", job.frame_count},
+      {"frame_complete_count", job.frame_complete_count},
+      {"progress", ProgressJson(job.progress)},
+  };
+}
+
+}  // namespace
+
+std::string JobJson(const JobView& job) { return Dump(JobObject(job)); }
+
+std::string FrameJson(const std::string& job_id, const FrameView& frame) {
+  const FrameSettings& settings = frame.settings;
+  const PixelRect& window = settings.window;
+  return Dump({
+      {"name", absl::StrCat("jobs/", job_id, "/frames/", frame.frame_number)},
+      {"frame_number", frame.frame_number},
+      {"scene_digest", frame.scene_digest},
+      {"frame_digest", frame.frame_digest},
+      {"width_px", settings.width_px},
+      {"height_px", settings.height_px},
+      {"window",
+       {{"x0_px", window.x0}, {"y0_px", window.y0}, {"x1_px", window.x1}, {"y1_px", window.y1}}},
+      {"sample_count", settings.samples},
+      {"depth_max", settings.max_depth},
+      {"seed", settings.seed},
+      {"complete", frame.complete},
+      {"picture_digest", frame.picture_digest},
+      {"preview_version", frame.preview_version},
+      {"progress", ProgressJson(frame.progress)},
+  });
+}
+
+std::string WorkerJson(const WorkerView& worker) {
+  return Dump({
+      {"name", absl::StrCat("workers/", worker.worker_id)},
+      {"host", worker.host},
+      {"state", WorkerStateName(worker.state)},
+      {"thread_count", worker.thread_count},
+      {"numeric_profile", worker.numeric_profile},
+      {"lease_count", worker.lease_count},
+      {"result_count", worker.result_count},
+      {"samples_per_second", worker.samples_per_second},
+      {"last_seen_time", TimeJson(worker.last_seen_time)},
+      {"reason", worker.reason},
+  });
+}
+
+std::string MetricJson(const MetricView& metric) {
+  return Dump({
+      {"name", metric.name},
+      {"help", metric.help},
+      {"kind", metric.kind == MetricView::Kind::kCounter ? "counter" : "gauge"},
+      {"label_name", metric.label_name},
+      {"label_value", metric.label_value},
+      {"value", metric.value},
+  });
+}
+
+std::string ListJson(const std::string& key, const std::vector<std::string>& objects,
+                     const std::string& next_page_token) {
+  return absl::StrCat("{\"", key, "\":[", absl::StrJoin(objects, ","),
+                      "],\"next_page_token\":", Dump(next_page_token), "}");
+}
+
+std::string JobWithFramesJson(const JobView& job, const std::vector<std::string>& frames,
+                              const std::string& next_page_token) {
+  std::string text = JobJson(job);
+  text.pop_back();
+  return absl::StrCat(text, ",", ListJson("frames", frames, next_page_token).substr(1));
+}
+
+}  // namespace sheaf::coordinator
