@@ -2,7 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // LightTable: every light of the scene, ready to be sampled from a point and to be weighed when a
-// scattered ray happens to meet it. Positions are camera-relative (render space), like all geometry.
+// scattered ray happens to meet it. Positions are camera-relative (render space), like all
+// geometry.
 #pragma once
 
 #include <cstdint>
@@ -20,21 +21,37 @@
 namespace sheaf::render {
 
 struct LightSample {
-  Vec3f wi;               // Unit, from the receiving point to the light.
-  Vec3f p_light;          // Point on the light; unused where infinite.
-  Vec3f p_light_error;    // Bound of the absolute rounding error of p_light.
-  Vec3f n_light;          // Geometric normal of area lights, zero otherwise.
-  Rgb radiance;           // Arriving, unoccluded; for delta lights intensity over distance squared.
-  float pdf = 0;          // Solid angle, times the probability of choosing this light; choice alone for delta.
+  Vec3f wi;             // Unit, from the receiving point to the light.
+  Vec3f p_light;        // Point on the light; unused where infinite.
+  Vec3f p_light_error;  // Bound of the absolute rounding error of p_light.
+  Vec3f n_light;        // Geometric normal of area lights, zero otherwise.
+  Rgb radiance;         // Arriving, unoccluded; for delta lights intensity over distance squared.
+  float pdf =
+      0;  // Solid angle, times the probability of choosing this light; choice alone for delta.
   bool is_delta = false;  // Point, spot, distant: no MIS.
   bool is_infinite = false;
 };
 
 // One emitter as the geometry code hands it over. Sides: emits on the side of n (right-hand rule of
 // v0 v1 v2 for triangles, outward for spheres, axis for disks), on both where two_sided.
-struct TriangleEmitter { Vec3f v0, v1, v2; Rgb radiance; bool two_sided = false; };
-struct SphereEmitter { Vec3d center; double radius = 1; Rgb radiance; bool two_sided = false, inward = false; };
-struct DiskEmitter { Vec3d center; Vec3d normal, axis_x; double radius = 1, inner_radius = 0; Rgb radiance; bool two_sided = false; };
+struct TriangleEmitter {
+  Vec3f v0, v1, v2;
+  Rgb radiance;
+  bool two_sided = false;
+};
+struct SphereEmitter {
+  Vec3d center;
+  double radius = 1;
+  Rgb radiance;
+  bool two_sided = false, inward = false;
+};
+struct DiskEmitter {
+  Vec3d center;
+  Vec3d normal, axis_x;
+  double radius = 1, inner_radius = 0;
+  Rgb radiance;
+  bool two_sided = false;
+};
 // Partial spheres and disks, and scaled ones that are no longer spheres, come as triangles.
 
 struct LightTableInput {
@@ -48,34 +65,62 @@ struct LightTableInput {
 
 class LightTable {
  public:
-  // Emitter ids are: triangles first, then spheres, then disks, in input order.
-  // Errors: unreadable environment map; not square; negative or non-finite values (named texel).
+  // Emitter ids are: triangles first, then spheres, then disks, in input order. Emitters without
+  // area or with values that are not finite keep their ids and are never sampled.
+  // Errors: unreadable environment map; not square; negative or non-finite values (named texel); a
+  // light with a transform that cannot be inverted, or one that distorts an environment map.
   static absl::StatusOr<std::unique_ptr<LightTable>> Build(const SceneDescription& scene,
-                                                           LightTableInput input, FileSource& files);
+                                                           LightTableInput input,
+                                                           FileSource& files);
   ~LightTable();
 
+  // Whether there is nothing to sample: no light, or all of them black.
   bool empty() const;
-  // Chooses a light and a point on it, as seen from p. n: the receiver's geometric normal, or zero in
-  // free space; only a hint for choosing. None where the light cannot reach p.
-  // Space: render. Never returns pdf 0, a non-finite value or radiance 0.
+  // Chooses a light and a point on it, as seen from p. n: the receiver's geometric normal, or zero
+  // in free space; only a hint for choosing. None where the light cannot reach p. Space: render.
+  // Never returns pdf 0, a non-finite value or radiance 0.
   template <uint32_t kTraits>
-  std::optional<LightSample> Sample(Vec3f p, Vec3f n, float u_select, Vec2f u) const;
-  // Solid-angle pdf (times choice) with which Sample, called at p with n, would have found the point
-  // p_light of the emitter along wi. The same bits as Sample's.
+  std::optional<LightSample> Sample(Vec3f p, Vec3f n, float u_select, Vec2f u) const {
+    return SampleLights<kTraits & kLightTraits>(*impl_, p, n, u_select, u);
+  }
+  // Solid-angle pdf (times choice) with which Sample, called at p with n, would have found the
+  // point p_light of the emitter along wi. The same bits as Sample's; 0 where Sample finds nothing.
   template <uint32_t kTraits>
-  float PdfEmitter(uint32_t emitter, Vec3f p, Vec3f n, Vec3f wi, Vec3f p_light) const;
-  // Radiance of the emitter towards wo (unit, leaving the light) at its surface point with normal ng.
+  float PdfEmitter(uint32_t emitter, Vec3f p, Vec3f n, Vec3f wi, Vec3f p_light) const {
+    return PdfOfEmitter<kTraits & kLightTraits>(*impl_, emitter, p, n, wi, p_light);
+  }
+  // Radiance of the emitter towards wo (unit, leaving the light) at its surface point with normal
+  // ng: the normal as LightSample::n_light has it (outward for spheres, also inward-emitting ones).
   Rgb EmitterRadiance(uint32_t emitter, Vec3f ng, Vec3f wo) const;
   // Sum over all infinite lights along the (unit) direction d, and Sample's pdf of it.
   template <uint32_t kTraits>
-  Rgb EnvironmentRadiance(Vec3f d) const;
+  Rgb EnvironmentRadiance(Vec3f d) const {
+    if constexpr (!Has(kTraits, Trait::kEnvironment)) return Rgb{};
+    return RadianceFromInfinity(*impl_, d);
+  }
   template <uint32_t kTraits>
-  float PdfEnvironment(Vec3f p, Vec3f n, Vec3f d) const;
+  float PdfEnvironment(Vec3f p, Vec3f n, Vec3f d) const {
+    if constexpr (!Has(kTraits, Trait::kEnvironment)) return 0;
+    return PdfOfInfinity(*impl_, p, n, d);
+  }
 
   struct Impl;
+  // The traits that make a difference here: one compiled form for each combination.
+  static constexpr uint32_t kLightTraits =
+      static_cast<uint32_t>(Trait::kEnvironment) | static_cast<uint32_t>(Trait::kDeltaLights) |
+      static_cast<uint32_t>(Trait::kAreaLights) | static_cast<uint32_t>(Trait::kQuadrics);
 
  private:
   LightTable();
+  template <uint32_t kMask>
+  static std::optional<LightSample> SampleLights(const Impl& impl, Vec3f p, Vec3f n, float u_select,
+                                                 Vec2f u);
+  template <uint32_t kMask>
+  static float PdfOfEmitter(const Impl& impl, uint32_t emitter, Vec3f p, Vec3f n, Vec3f wi,
+                            Vec3f p_light);
+  static Rgb RadianceFromInfinity(const Impl& impl, Vec3f d);
+  static float PdfOfInfinity(const Impl& impl, Vec3f p, Vec3f n, Vec3f d);
+
   std::unique_ptr<Impl> impl_;
 };
 

@@ -1,0 +1,57 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// What a LightTable holds, shared by the two files that build it and sample it.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <vector>
+
+#include "worker/render/environment_map.h"
+#include "worker/render/light_choice.h"
+#include "worker/render/light_table.h"
+
+namespace sheaf::render {
+
+// A light without size or at infinity in one direction. Space: render.
+struct DeltaLight {
+  enum class Kind : uint8_t { kPoint, kSpot, kDistant };
+  Kind kind = Kind::kPoint;
+  Vec3d position;              // kPoint, kSpot.
+  Vec3f to_light;              // kDistant: unit, towards the light.
+  Rgb emission;                // Intensity; radiance (irradiance on a facing plane) where distant.
+  Vec3f light_from_render[3];  // kSpot: rows of the linear map to the space where the spot shines
+                               // along axis.
+  Vec3f axis;                  // kSpot: unit, in the light's space.
+  float cos_start = 1, cos_end = 1;  // kSpot: falls off smoothly between these cosines.
+};
+
+// One that comes from all directions. Constant where there is no map.
+struct InfiniteEmitter {
+  std::optional<EnvironmentMap> map;
+  Rgb radiance;                // Constant.
+  float scale = 1;             // Of the map.
+  Vec3f light_from_render[3];  // Rows of a rotation (or reflection).
+};
+
+struct LightTable::Impl {
+  // By light index: triangles, spheres, disks (the emitter ids), then delta, then infinite lights.
+  std::vector<TriangleEmitter> triangles;
+  std::vector<SphereEmitter> spheres;
+  std::vector<DiskEmitter> disks;
+  std::vector<DeltaLight> deltas;
+  std::vector<InfiniteEmitter> infinites;
+  LightChoice choice;
+  bool empty = true;
+
+  uint32_t first_sphere() const { return static_cast<uint32_t>(triangles.size()); }
+  uint32_t first_disk() const { return first_sphere() + static_cast<uint32_t>(spheres.size()); }
+  uint32_t first_delta() const { return first_disk() + static_cast<uint32_t>(disks.size()); }
+  uint32_t first_infinite() const { return first_delta() + static_cast<uint32_t>(deltas.size()); }
+};
+
+// Intensity of a point or spot light along the (unit) direction w that leaves it.
+Rgb IntensityAlong(const DeltaLight& light, Vec3f w);
+
+}  // namespace sheaf::render

@@ -1,0 +1,12 @@
+# SPDX-License-Identifier: Apache-2.0
+# Sample points, the shapes and maps that light comes from, and the table of lights.
+sheaf_add_module(NAME render_sampling
+  HEADERS
+    sampler.h sobol_points.h discrete_distribution.h shape_sampling.h equal_area_map.h
+    environment_map.h light_choice.h light_table.h light_table_impl.h
+  SOURCES
+    sampler.cc sobol_points.cc discrete_distribution.cc shape_sampling.cc equal_area_map.cc
+    environment_map.cc light_choice.cc light_table.cc light_table_build.cc
+  DEPS sheaf::base sheaf::film sheaf::math sheaf::scene
+  PRIVATE_DEPS sheaf::image
+)
