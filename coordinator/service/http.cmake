@@ -30,3 +30,9 @@ sheaf_add_module(NAME coordinator_http
 )
 # g++ 12 and 13 warn wrongly about the allocation of coroutine frames in Boost 1.74.
 set_source_files_properties(http_server.cc PROPERTIES COMPILE_OPTIONS -Wno-mismatched-new-delete)
+
+if(SHEAF_BUILD_TESTS)
+  # A made-up farm behind the real page, for tests/page and for working on the page.
+  add_executable(sheaf_page_server ${PROJECT_SOURCE_DIR}/tests/page/page_server.cc)
+  target_link_libraries(sheaf_page_server PRIVATE sheaf::coordinator_http sheaf_warnings absl::strings)
+endif()

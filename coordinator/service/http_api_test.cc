@@ -1,0 +1,189 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "coordinator/service/http_api.h"
+
+#include <set>
+
+#include "coordinator/service/http_fake_farm.h"
+#include "coordinator/service/http_page.h"
+#include "gmock/gmock.h"
+#include "gtest/gtest.h"
+#include "nlohmann/json.hpp"
+
+namespace sheaf::coordinator {
+namespace {
+
+using nlohmann::json;
+using testing::HasSubstr;
+
+class HttpApiTest : public testing::Test {
+ protected:
+  HttpApiTest()
+      : api_(farm_, {[this](const std::string& id) { return Cancel(id); }}, "run"),
+        router_(api_.Routes(), {}) {
+    farm_.jobs = {MakeFakeJob("3"), MakeFakeJob("2"), MakeFakeJob("1")};
+    farm_.preview.version = 3;
+    farm_.preview.picture = MakeFakePicture(4, 2, 0.5f);
+  }
+
+  absl::Status Cancel(const std::string& job_id) {
+    for (JobView& job : farm_.jobs) {
+      if (job.job_id != job_id) continue;
+      job.state = JobState::kCancelled;
+      return absl::OkStatus();
+    }
+    return absl::NotFoundError("no job jobs/" + job_id);
+  }
+
+  HttpResponse Send(const std::string& method, const std::string& target,
+                    const std::string& etag = "") {
+    HttpRequest request;
+    request.method = method;
+    request.target = target;
+    request.headers = {{"Host", "localhost"}, {"X-Sheaf-Request", "1"}, {"If-None-Match", etag}};
+    return router_.Route(request);
+  }
+  json Get(const std::string& target) { return json::parse(Send("GET", target).body); }
+
+  FakeFarm farm_;
+  HttpApi api_;
+  HttpRouter router_;
+};
+
+std::string Header(const HttpResponse& response, const std::string& name) {
+  for (const auto& [key, value] : response.headers) {
+    if (key == name) return value;
+  }
+  return "";
+}
+
+TEST_F(HttpApiTest, ReadinessTellsWhyNot) {
+  EXPECT_EQ(Send("GET", "/healthz").status, 200);
+  EXPECT_EQ(Send("GET", "/readyz").status, 200);
+  farm_.ready = absl::ResourceExhaustedError("state/: No space left on device");
+  const HttpResponse response = Send("GET", "/readyz");
+  EXPECT_EQ(response.status, 503);
+  EXPECT_EQ(response.body, "state/: No space left on device\n");
+}
+
+TEST_F(HttpApiTest, JobsArePagedAndATokenSurvivesNewJobs) {
+  const json first = Get("/api/v1/jobs?page_size=2");
+  EXPECT_EQ(first["jobs"].size(), 2u);
+  EXPECT_EQ(first["jobs"][0]["name"], "jobs/3");
+  farm_.jobs.insert(farm_.jobs.begin(), MakeFakeJob("4"));
+  const json second =
+      Get("/api/v1/jobs?page_size=2&page_token=" + first["next_page_token"].get<std::string>());
+  EXPECT_EQ(second["jobs"].size(), 1u);
+  EXPECT_EQ(second["jobs"][0]["name"], "jobs/1");
+  EXPECT_EQ(second["next_page_token"], "");
+}
+
+TEST_F(HttpApiTest, BadPagesAreRefused) {
+  for (const char* query : {"page_size=0", "page_size=1001", "page_size=x", "page_token=nine"}) {
+    const HttpResponse response = Send("GET", std::string("/api/v1/jobs?") + query);
+    EXPECT_EQ(response.status, 400) << query;
+    EXPECT_EQ(json::parse(response.body)["error"]["code"], "INVALID_ARGUMENT");
+  }
+}
+
+TEST_F(HttpApiTest, AJobTellsTimesInIsoAndUnknownAsNull) {
+  const json job = Get("/api/v1/jobs/1");
+  EXPECT_EQ(job["create_time"], "2023-11-14T22:13:20.123Z");
+  EXPECT_TRUE(job["end_time"].is_null());
+  EXPECT_TRUE(job["progress"]["relative_mse"].is_null());
+  EXPECT_TRUE(job["progress"]["remaining_duration_seconds"].is_null());
+  EXPECT_EQ(job["state"], "running");
+  EXPECT_EQ(job["frames"][0]["sample_count"], 16);
+  EXPECT_EQ(job["frames"][0]["window"]["x1_px"], 4);
+}
+
+TEST_F(HttpApiTest, FramesOfAJobArePaged) {
+  FrameView frame = farm_.jobs[2].frames[0];
+  for (int32_t number = 2; number <= 5; ++number) {
+    frame.frame_number = number;
+    farm_.jobs[2].frames.push_back(frame);
+  }
+  const json first = Get("/api/v1/jobs/1?page_size=3");
+  EXPECT_EQ(first["frames"].size(), 3u);
+  EXPECT_EQ(first["next_page_token"], "3");
+  const json second = Get("/api/v1/jobs/1?page_size=3&page_token=3");
+  EXPECT_EQ(second["frames"].size(), 2u);
+  EXPECT_EQ(second["frames"][0]["frame_number"], 4);
+  EXPECT_EQ(second["next_page_token"], "");
+}
+
+TEST_F(HttpApiTest, UnknownNamesAreNotFound) {
+  EXPECT_EQ(Send("GET", "/api/v1/jobs/9").status, 404);
+  EXPECT_EQ(Send("GET", "/api/v1/jobs/1/frames/9").status, 404);
+  EXPECT_EQ(Send("GET", "/api/v1/jobs/1/frames/x").status, 400);
+  EXPECT_EQ(Send("POST", "/api/v1/jobs/9:cancel").status, 404);
+}
+
+TEST_F(HttpApiTest, CancelAnswersWithTheJob) {
+  const HttpResponse response = Send("POST", "/api/v1/jobs/2:cancel");
+  EXPECT_EQ(response.status, 200);
+  EXPECT_EQ(json::parse(response.body)["state"], "cancelled");
+}
+
+TEST_F(HttpApiTest, PreviewIsAPngThatIsSentOnce) {
+  const std::string path = "/api/v1/jobs/1/frames/1/preview.png";
+  const HttpResponse first = Send("GET", path);
+  EXPECT_EQ(first.content_type, "image/png");
+  EXPECT_EQ(first.body.substr(1, 3), "PNG");
+  EXPECT_EQ(Header(first, "ETag"), "\"run-3\"");
+  const HttpResponse second = Send("GET", path, "\"run-3\"");
+  EXPECT_EQ(second.status, 304);
+  EXPECT_EQ(second.body, "");
+}
+
+TEST_F(HttpApiTest, PreviewWithoutSamplesIsUnavailable) {
+  farm_.preview.version = 0;
+  EXPECT_EQ(Send("GET", "/api/v1/jobs/1/frames/1/preview.png").status, 503);
+}
+
+TEST_F(HttpApiTest, OutputIsAFileOnceComplete) {
+  const std::string path = "/api/v1/jobs/1/frames/1/output.exr";
+  EXPECT_EQ(Send("GET", path).status, 409);
+  FrameView& frame = farm_.jobs[2].frames[0];
+  frame.complete = true;
+  frame.output_path = "/state/out.exr";
+  frame.picture_digest = "abc";
+  farm_.jobs[2].title = "../a \"b\"\r\n";
+  const HttpResponse response = Send("GET", path);
+  EXPECT_EQ(response.file_path, "/state/out.exr");
+  EXPECT_EQ(Header(response, "Content-Disposition"),
+            "attachment; filename=\".._a__b___.0001.exr\"");
+}
+
+TEST_F(HttpApiTest, MetricsFollowTheTextFormat) {
+  farm_.metrics = {{"sheaf_a_total", "Help with \\ and\nnewline.", MetricView::Kind::kCounter, "", "", 3},
+                   {"sheaf_b", "B.", MetricView::Kind::kGauge, "state", "a\"b\\c\nd", 0.5},
+                   {"sheaf_b", "B.", MetricView::Kind::kGauge, "state", "x", 1}};
+  const HttpResponse response = Send("GET", "/metrics");
+  EXPECT_EQ(response.content_type, "text/plain; version=0.0.4; charset=utf-8");
+  EXPECT_EQ(response.body,
+            "# HELP sheaf_a_total Help with \\\\ and\\nnewline.\n# TYPE sheaf_a_total counter\n"
+            "sheaf_a_total 3\n# HELP sheaf_b B.\n# TYPE sheaf_b gauge\n"
+            "sheaf_b{state=\"a\\\"b\\\\c\\nd\"} 0.5\nsheaf_b{state=\"x\"} 1\n");
+  EXPECT_EQ(Get("/api/v1/counters")["counters"][0]["value"], 3.0);
+}
+
+TEST_F(HttpApiTest, ThePageIsEmbeddedWithAllThatItImports) {
+  std::set<std::string> paths;
+  for (const HttpRoute& route : PageRoutes()) paths.insert(route.pattern);
+  EXPECT_EQ(paths.count("/"), 1u);
+  for (const PageFile& file : PageFiles()) {
+    // Every relative import of a module must be among the files.
+    const std::string text(file.bytes);
+    for (size_t at = text.find("from \"./"); at != std::string::npos;
+         at = text.find("from \"./", at + 1)) {
+      const size_t begin = at + 8;
+      const std::string name = "/" + text.substr(begin, text.find('"', begin) - begin);
+      EXPECT_EQ(paths.count(name), 1u) << file.name << " imports " << name;
+    }
+    EXPECT_THAT(text, HasSubstr("SPDX-License-Identifier")) << file.name;
+  }
+}
+
+}  // namespace
+}  // namespace sheaf::coordinator

@@ -1,0 +1,121 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// A FarmView whose contents a test sets, for trying the HTTP side without a farm. Tests only.
+#pragma once
+
+#include <condition_variable>
+#include <chrono>
+#include <cstdint>
+#include <mutex>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "absl/time/clock.h"
+#include "coordinator/service/farm_view.h"
+
+namespace sheaf::coordinator {
+
+// Thread safety: as FarmView asks.
+class FakeFarm : public FarmView {
+ public:
+  std::vector<JobView> jobs;  // With their frames.
+  std::vector<WorkerView> workers;
+  std::vector<MetricView> metrics;
+  absl::Status ready;
+  PreviewView preview;        // Of every frame.
+
+  // Applies a change under the lock and wakes whoever waits.
+  template <class Change>
+  void Update(Change change) {
+    {
+      const std::lock_guard<std::mutex> lock(mutex_);
+      change(*this);
+      ++change_count_;
+    }
+    changed_.notify_all();
+  }
+
+  std::vector<JobView> ListJobs() const override {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    std::vector<JobView> list = jobs;
+    for (JobView& job : list) job.frames.clear();
+    return list;
+  }
+  absl::StatusOr<JobView> FindJob(const std::string& job_id) const override {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    for (const JobView& job : jobs) {
+      if (job.job_id == job_id) return job;
+    }
+    return absl::NotFoundError(absl::StrCat("no job jobs/", job_id));
+  }
+  std::vector<WorkerView> ListWorkers() const override {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    return workers;
+  }
+  std::vector<MetricView> Metrics() const override {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    return metrics;
+  }
+  absl::StatusOr<PreviewView> Preview(const std::string&, int32_t) const override {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    if (preview.version == 0) return absl::UnavailableError("no sample is there yet");
+    return preview;
+  }
+  absl::Status Ready() const override {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    return ready;
+  }
+  uint64_t ChangeCount() const override {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    return change_count_;
+  }
+  uint64_t WaitForChange(uint64_t seen, absl::Duration timeout) const override {
+    std::unique_lock<std::mutex> lock(mutex_);
+    changed_.wait_for(lock, absl::ToChronoNanoseconds(timeout),
+                      [&] { return change_count_ != seen; });
+    return change_count_;
+  }
+
+ private:
+  mutable std::mutex mutex_;
+  mutable std::condition_variable changed_;
+  uint64_t change_count_ = 1;
+};
+
+// A running job of one frame, 4 x 2 pixels at 16 samples, with a quarter of its samples.
+inline JobView MakeFakeJob(const std::string& job_id) {
+  FrameView frame;
+  frame.frame_number = 1;
+  frame.settings.width_px = 4;
+  frame.settings.height_px = 2;
+  frame.settings.window = {0, 0, 4, 2};
+  frame.settings.samples = 16;
+  frame.preview_version = 3;
+  frame.progress.sample_count_done = 32;
+  frame.progress.sample_count_total = 128;
+  JobView job;
+  job.job_id = job_id;
+  job.title = "job " + job_id;
+  job.state = JobState::kRunning;
+  job.create_time = absl::FromUnixMillis(1700000000123);
+  job.frame_count = 1;
+  job.progress = frame.progress;
+  job.frames = {frame};
+  return job;
+}
+
+// A picture of one colour in the channels R, G and B.
+inline FramePicture MakeFakePicture(int32_t width_px, int32_t height_px, float level) {
+  FramePicture picture;
+  picture.window = {0, 0, width_px, height_px};
+  picture.frame_width_px = width_px;
+  picture.frame_height_px = height_px;
+  picture.channel_names = {"R", "G", "B"};
+  picture.planes.assign(3, std::vector<float>(static_cast<size_t>(width_px) * height_px, level));
+  return picture;
+}
+
+}  // namespace sheaf::coordinator

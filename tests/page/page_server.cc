@@ -1,0 +1,190 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Serves the page over a made-up farm whose pictures converge before one's eyes: for working on the
+// page without rendering, and for trying it with thousands of jobs.
+//
+//   sheaf_page_server JOBS SECONDS    prints "listening on URL", ends after SECONDS
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <random>
+
+#include "absl/strings/str_cat.h"
+#include "coordinator/service/http_fake_farm.h"
+#include "coordinator/service/http_service.h"
+
+namespace {
+
+using namespace sheaf;               // NOLINT: a program of one file.
+using namespace sheaf::coordinator;  // NOLINT
+
+constexpr int kWidthPx = 640;
+constexpr int kHeightPx = 360;
+constexpr uint64_t kSampleCount = 256;
+constexpr int kFrameCount = 24;
+// Steps from the first sample to the last.
+constexpr int kStepCount = 120;
+constexpr absl::Duration kStep = absl::Milliseconds(250);
+
+// A soft sphere before a horizon, with the noise that `samples` samples leave.
+FramePicture MakePicture(uint64_t samples, std::mt19937* random) {
+  FramePicture picture = MakeFakePicture(kWidthPx, kHeightPx, 0);
+  std::normal_distribution<float> noise(0, 1 / std::sqrt(static_cast<float>(samples)));
+  for (int y = 0; y < kHeightPx; ++y) {
+    for (int x = 0; x < kWidthPx; ++x) {
+      const float u = (static_cast<float>(x) - 0.5f * kWidthPx) / kHeightPx;
+      const float v = (static_cast<float>(y) - 0.5f * kHeightPx) / kHeightPx;
+      const float r2 = (u * u + v * v) * 12;
+      const float shade = r2 < 1 ? std::max(0.04f, (std::sqrt(1 - r2) - 2 * u - 2 * v) * 0.4f) : 0;
+      const float sky = v < 0.2f ? 0.35f - 0.5f * v : 0.12f;
+      const float colours[3] = {r2 < 1 ? shade : sky * 0.8f, r2 < 1 ? shade * 0.6f : sky,
+                                r2 < 1 ? shade * 0.2f : sky * 1.3f};
+      const size_t pixel = static_cast<size_t>(y) * kWidthPx + x;
+      for (size_t c = 0; c < 3; ++c) {
+        picture.planes[c][pixel] = std::max(0.0f, colours[c] * (1 + noise(*random)));
+      }
+    }
+  }
+  return picture;
+}
+
+JobView MakeJob(int number, absl::Time create_time) {
+  JobView job = MakeFakeJob(absl::StrCat(number));
+  job.title = number % 7 == 3 ? "<script>alert(1)</script> & a rather long title that must be cut"
+                              : absl::StrCat("shot ", number % 40 + 10, " / turntable");
+  job.create_time = create_time;
+  job.state = number % 11 == 5 ? JobState::kFailed : JobState::kSucceeded;
+  if (job.state == JobState::kFailed) {
+    job.failure = "turntable.0007.pbrt:41:7: material \"glass\": roughness 1.7 is outside [0, 1]";
+  }
+  job.end_time = create_time + absl::Seconds(95);
+  job.progress.sample_count_done = job.progress.sample_count_total;
+  job.progress.relative_mse = 1.3e-3;
+  job.progress.wall_seconds = 95;
+  return job;
+}
+
+// The newest job: 24 frames that render one after the other.
+JobView MakeRunningJob(int number) {
+  JobView job = MakeJob(number, absl::Now());
+  job.title = "turntable, 24 frames";
+  job.state = JobState::kRunning;
+  job.failure.clear();
+  job.end_time = absl::InfiniteFuture();
+  job.frame_count = kFrameCount;
+  FrameView frame = job.frames[0];
+  frame.settings.width_px = kWidthPx;
+  frame.settings.height_px = kHeightPx;
+  frame.settings.window = {0, 0, kWidthPx, kHeightPx};
+  frame.settings.samples = kSampleCount;
+  frame.preview_version = 0;
+  frame.progress = {};
+  frame.progress.sample_count_total = uint64_t{kWidthPx} * kHeightPx * kSampleCount;
+  job.frames.clear();
+  for (int i = 1; i <= kFrameCount; ++i) {
+    frame.frame_number = i;
+    job.frames.push_back(frame);
+  }
+  job.progress = {};
+  job.progress.sample_count_total = frame.progress.sample_count_total * kFrameCount;
+  return job;
+}
+
+// Moves the running job on by one step.
+void Step(FakeFarm* farm, int step, std::mt19937* random) {
+  JobView& job = farm->jobs[0];
+  if (job.state != JobState::kRunning) return;
+  const double share = static_cast<double>(step) / kStepCount;
+  ProgressView& sum = job.progress;
+  sum.sample_count_done = 0;
+  job.frame_complete_count = 0;
+  for (int i = 0; i < kFrameCount; ++i) {
+    FrameView& frame = job.frames[static_cast<size_t>(i)];
+    const double own = std::clamp(share * 6 - i * 5.0 / kFrameCount, 0.0, 1.0);
+    frame.progress.sample_count_done =
+        static_cast<uint64_t>(own * static_cast<double>(frame.progress.sample_count_total));
+    frame.complete = own >= 1;
+    if (own > 0 && frame.preview_version < kStepCount + 1) ++frame.preview_version;
+    sum.sample_count_done += frame.progress.sample_count_done;
+    job.frame_complete_count += frame.complete ? 1 : 0;
+  }
+  sum.relative_mse = 0.4 / (1 + 255 * share);
+  sum.wall_seconds = absl::ToDoubleSeconds(kStep) * step;
+  sum.cpu_seconds = 2 * sum.wall_seconds;
+  sum.remaining_seconds = absl::ToDoubleSeconds(kStep) * (kStepCount - step);
+  sum.ray_count = sum.sample_count_done * 7;
+  if (step >= kStepCount) {
+    job.state = JobState::kSucceeded;
+    job.end_time = absl::Now();
+  }
+  farm->preview.version = static_cast<uint64_t>(step) + 1;
+  farm->preview.picture = MakePicture(1 + static_cast<uint64_t>(share * kSampleCount), random);
+  for (WorkerView& worker : farm->workers) {
+    worker.last_seen_time = absl::Now();
+    worker.result_count += 3;
+  }
+  farm->metrics[1].value += 6;
+}
+
+void FillFarm(FakeFarm* farm, int job_count) {
+  farm->jobs.push_back(MakeRunningJob(job_count));
+  for (int i = job_count - 1; i > 0; --i) {
+    farm->jobs.push_back(MakeJob(i, absl::Now() - absl::Minutes(3 * (job_count - i))));
+  }
+  farm->workers.resize(3);
+  for (int i = 0; i < 3; ++i) {
+    WorkerView& worker = farm->workers[static_cast<size_t>(i)];
+    worker.worker_id = absl::StrCat("worker-", i + 1);
+    worker.host = absl::StrCat("render-", i + 1);
+    worker.state = i < 2 ? WorkerState::kBusy : WorkerState::kLost;
+    worker.thread_count = 1;
+    worker.lease_count = i < 2 ? 2 : 0;
+    worker.samples_per_second = i < 2 ? 1.83e6 : 0;
+    worker.last_seen_time = absl::Now();
+  }
+  using Kind = MetricView::Kind;
+  farm->metrics = {
+      {"sheaf_leases_expired_total", "Leases that ran out.", Kind::kCounter, "", "", 2},
+      {"sheaf_results_accepted_total", "Results merged.", Kind::kCounter, "", "", 0},
+      {"sheaf_results_mismatch_total", "Duplicates that differ.", Kind::kCounter, "", "", 0},
+      {"sheaf_workers", "Workers by state.", Kind::kGauge, "state", "busy", 2},
+      {"sheaf_workers", "Workers by state.", Kind::kGauge, "state", "lost", 1}};
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  const int job_count = argc > 1 ? std::atoi(argv[1]) : 12;
+  const int seconds = argc > 2 ? std::atoi(argv[2]) : 60;
+  FakeFarm farm;
+  FillFarm(&farm, std::max(1, job_count));
+  FarmActions actions;
+  actions.cancel_job = [&farm](const std::string& job_id) {
+    absl::Status status = absl::NotFoundError(absl::StrCat("no job jobs/", job_id));
+    farm.Update([&](FakeFarm& it) {
+      for (JobView& job : it.jobs) {
+        if (job.job_id != job_id) continue;
+        job.state = JobState::kCancelled;
+        job.end_time = absl::Now();
+        status = absl::OkStatus();
+      }
+    });
+    return status;
+  };
+  const auto service = HttpService::Start({}, farm, std::move(actions));
+  if (!service.ok()) {
+    std::fprintf(stderr, "%s\n", service.status().ToString().c_str());
+    return 1;
+  }
+  std::printf("listening on %s\n", (*service)->Url().c_str());
+  std::fflush(stdout);
+  std::mt19937 random(1);
+  const absl::Time end = absl::Now() + absl::Seconds(seconds);
+  for (int step = 1; absl::Now() < end; ++step) {
+    if (step <= kStepCount) farm.Update([&](FakeFarm& it) { Step(&it, step, &random); });
+    absl::SleepFor(kStep);
+  }
+  return 0;
+}
