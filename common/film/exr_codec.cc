@@ -39,8 +39,12 @@ constexpr char kFormatKey[] = "sheaf:format", kFormat[] = "film-part 1";
 constexpr char kFrameDigestKey[] = "sheaf:frameDigest", kProfileKey[] = "sheaf:numericProfile";
 constexpr char kBlockFirstKey[] = "sheaf:blockFirst", kBlockCountKey[] = "sheaf:blockCount";
 constexpr char kMetadataPrefix[] = "sheaf:";
-constexpr Imf::Compression kPartCompression = Imf::ZIP_COMPRESSION;
-constexpr int kPartZipLevel = 1;
+// Sums of noise hardly compress. A part of 32x32 pixels and 64 samples, 328 KiB raw: none 0.15 ms;
+// RLE 1.1 ms, 86 %; ZIPS 3.2 ms, 71 %; ZIP 4.7 ms, 68 %; PIZ 9.6 ms, 76 %. RLE takes what is
+// constant (weights, counts) and, unlike ZIP, gives the same bytes whatever zlib is installed.
+constexpr Imf::Compression kPartCompression = Imf::RLE_COMPRESSION;
+// A run of at most 128 bytes becomes two bytes: a few bytes cannot ask for gigabytes.
+constexpr int64_t kPartExpansionMax = 64;
 constexpr Imf::Compression kPictureCompression = Imf::ZIP_COMPRESSION;
 constexpr int kPictureZipLevel = 4;
 
@@ -243,7 +247,6 @@ std::string EncodePart(const FilmTile& tile, const PartHeader& part) {
   const Imath::Box2i window = BoxOf(tile.rect());
   Imf::Header header(window, window);
   header.compression() = kPartCompression;
-  header.zipCompressionLevel() = kPartZipLevel;
   SetText(&header, kFormatKey, kFormat);
   SetText(&header, kFrameDigestKey, part.frame_digest);
   SetText(&header, kProfileKey, part.numeric_profile);
@@ -259,12 +262,9 @@ absl::StatusOr<DecodedPart> DecodePart(std::string_view bytes, int64_t part_pixe
   if (!block.ok()) return block.status();
   const ExrHeader& header = file->parts[0];
   const PixelRect rect = header.data_window;
-  // Deflate shrinks at most 1032 times (its longest match over its shortest code): a few bytes
-  // cannot ask for gigabytes.
-  constexpr int64_t kExpansionMax = 1032;
   const int64_t raw_bytes =
       rect.PixelCount() * static_cast<int64_t>(header.channels.size() * sizeof(float));
-  if (raw_bytes / kExpansionMax > static_cast<int64_t>(bytes.size())) {
+  if (raw_bytes / kPartExpansionMax > static_cast<int64_t>(bytes.size())) {
     return absl::DataLossError("the film part is too short for its size in pixels");
   }
   DecodedPart part;
