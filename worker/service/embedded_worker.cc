@@ -1,0 +1,80 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "worker/service/embedded_worker.h"
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <cstdlib>
+#include <filesystem>
+#include <random>
+#include <thread>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "common/scene/render_settings.h"
+
+namespace sheaf::worker {
+namespace {
+
+std::string HostName() {
+  char name[256] = {};
+  if (::gethostname(name, sizeof name - 1) != 0) return "unknown-host";
+  return name;
+}
+
+AgentOptions MakeAgentOptions(const WorkerOptions& options) {
+  AgentOptions agent;
+  agent.host = HostName();
+  std::random_device random;
+  agent.worker_id =
+      absl::StrCat(agent.host, "-", ::getpid(), "-", absl::Hex(random(), absl::kZeroPad8));
+  agent.numeric_profile = NumericProfile();
+  agent.thread_count = options.thread_count > 0 ? options.thread_count : AvailableThreadCount();
+  agent.leases_ahead = options.leases_ahead;
+  agent.scene_memory_bytes_max = options.scene_memory_bytes_max;
+  agent.grace = options.grace;
+  agent.exit_when_idle = options.exit_when_idle;
+  return agent;
+}
+
+}  // namespace
+
+int32_t AvailableThreadCount() {
+  return std::max(1, static_cast<int32_t>(std::thread::hardware_concurrency()));
+}
+
+std::string DefaultCacheDirectory() {
+  if (const char* cache = std::getenv("XDG_CACHE_HOME"); cache != nullptr && cache[0] == '/') {
+    return absl::StrCat(cache, "/sheaf");
+  }
+  if (const char* home = std::getenv("HOME"); home != nullptr && home[0] == '/') {
+    return absl::StrCat(home, "/.cache/sheaf");
+  }
+  std::error_code error;
+  const std::filesystem::path temporary = std::filesystem::temp_directory_path(error);
+  return absl::StrCat(error ? std::string("/var/tmp") : temporary.string(), "/sheaf-cache-",
+                      ::getuid());
+}
+
+absl::StatusOr<std::unique_ptr<EmbeddedWorker>> EmbeddedWorker::Open(
+    const std::shared_ptr<grpc::Channel>& channel, const WorkerOptions& options) {
+  absl::StatusOr<std::unique_ptr<ContentCache>> cache =
+      ContentCache::Open(options.cache_directory, {options.cache_bytes_max});
+  if (!cache.ok()) return cache.status();
+  return std::unique_ptr<EmbeddedWorker>(
+      new EmbeddedWorker(channel, *std::move(cache), options, MakeAgentOptions(options)));
+}
+
+EmbeddedWorker::EmbeddedWorker(const std::shared_ptr<grpc::Channel>& channel,
+                               std::unique_ptr<ContentCache> cache, const WorkerOptions& options,
+                               const AgentOptions& agent_options)
+    : worker_id_(agent_options.worker_id),
+      cache_(std::move(cache)),
+      loader_(channel, cache_.get(),
+              {options.scene_memory_bytes_max, options.texture_memory_bytes_max,
+               static_cast<uint32_t>(agent_options.thread_count)}),
+      link_(channel),
+      agent_(agent_options, &link_, &loader_) {}
+
+}  // namespace sheaf::worker

@@ -1,0 +1,63 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// EmbeddedWorker: a whole worker over a channel. sheaf-worker runs one over the network; sheaf
+// render runs one inside its own process, over a channel that never leaves it.
+#pragma once
+
+#include <grpcpp/channel.h>
+
+#include <chrono>
+#include <cstdint>
+#include <memory>
+#include <stop_token>
+#include <string>
+
+#include "absl/status/statusor.h"
+#include "common/content/content_cache.h"
+#include "worker/agent/agent.h"
+#include "worker/service/frame_loader.h"
+#include "worker/service/grpc_coordinator_link.h"
+
+namespace sheaf::worker {
+
+struct WorkerOptions {
+  int32_t thread_count = 0;  // 0: as many as this process may use.
+  std::string cache_directory;
+  uint64_t cache_bytes_max = uint64_t{20} << 30;
+  uint64_t scene_memory_bytes_max = uint64_t{4} << 30;
+  uint64_t texture_memory_bytes_max = uint64_t{512} << 20;
+  int32_t leases_ahead = 2;
+  std::chrono::milliseconds grace{10'000};
+  std::chrono::milliseconds exit_when_idle{0};
+};
+
+// Processors this process may use.
+int32_t AvailableThreadCount();
+
+// "$XDG_CACHE_HOME/sheaf", or "~/.cache/sheaf", or a directory below the system's temporary one.
+std::string DefaultCacheDirectory();
+
+class EmbeddedWorker {
+ public:
+  // Errors: those of ContentCache::Open.
+  static absl::StatusOr<std::unique_ptr<EmbeddedWorker>> Open(
+      const std::shared_ptr<grpc::Channel>& channel, const WorkerOptions& options);
+
+  // As Agent::Run.
+  absl::Status Run(std::stop_token stop) { return agent_.Run(stop); }
+  const std::string& worker_id() const { return worker_id_; }
+  AgentCounts counts() const { return agent_.counts(); }
+
+ private:
+  EmbeddedWorker(const std::shared_ptr<grpc::Channel>& channel, std::unique_ptr<ContentCache> cache,
+                 const WorkerOptions& options, const AgentOptions& agent_options);
+
+  const std::string worker_id_;
+  const std::unique_ptr<ContentCache> cache_;
+  FrameLoader loader_;
+  GrpcCoordinatorLink link_;
+  Agent agent_;
+};
+
+}  // namespace sheaf::worker

@@ -1,0 +1,153 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "worker/service/frame_loader.h"
+
+#include <grpcpp/client_context.h>
+
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "common/base/file.h"
+#include "common/base/log.h"
+#include "common/base/status.h"
+#include "common/content/chunk_codec.h"
+#include "common/film/exr_codec.h"
+#include "common/rpc/channel.h"
+#include "common/rpc/grpc_status.h"
+#include "common/rpc/manifest_codec.h"
+#include "common/scene/file_source.h"
+#include "common/scene/scene_reader.h"
+#include "worker/render/tile_pass.h"
+
+namespace sheaf::worker {
+namespace {
+
+LoadResult Failed(FailureKind kind, const absl::Status& status) { return {nullptr, status, kind}; }
+
+// Whose fault it is when reading or compiling a scene fails.
+FailureKind KindOf(const absl::Status& status) {
+  switch (status.code()) {
+    case absl::StatusCode::kInvalidArgument:
+    case absl::StatusCode::kNotFound:
+    case absl::StatusCode::kUnimplemented:
+      return FailureKind::kScene;
+    case absl::StatusCode::kResourceExhausted:
+      return FailureKind::kMemory;
+    case absl::StatusCode::kUnavailable:
+    case absl::StatusCode::kDataLoss:
+    case absl::StatusCode::kPermissionDenied:
+      return FailureKind::kInfrastructure;
+    default:
+      return FailureKind::kInternal;
+  }
+}
+
+// A compiled frame together with the files its textures are read from.
+class FrameScene : public LoadedScene {
+ public:
+  FrameScene(ContentLease files, std::unique_ptr<TableFileSource> source,
+             render::CompiledScenePtr scene)
+      : files_(std::move(files)), source_(std::move(source)), scene_(std::move(scene)) {}
+
+  uint64_t memory_bytes() const override { return render::MemoryBytesOf(*scene_); }
+
+  absl::StatusOr<FinishedPart> Render(const Lease& lease, std::stop_token stop) const override {
+    render::RenderStats stats;
+    absl::StatusOr<FilmTile> tile =
+        render::RenderTilePass(*scene_, lease.tile, lease.block, stop, &stats);
+    if (!tile.ok()) return tile.status();
+    for (const PixelAccumulator::NonFinite& sample : stats.non_finite) {
+      LogError(absl::StrCat(lease.frame_name, ": sample ", sample.sample_index, " of pixel ",
+                            sample.x, ",", sample.y, " is not finite"));
+    }
+    FinishedPart part;
+    part.lease_id = lease.lease_id;
+    part.frame_digest = lease.frame_digest;
+    part.tile = lease.tile;
+    part.block = lease.block;
+    part.exr_bytes = EncodePart(*tile, {lease.frame_digest, NumericProfile()});
+    part.digest = {Sha256Hex(part.exr_bytes), part.exr_bytes.size()};
+    part.ray_count = stats.rays;
+    part.cpu_seconds = stats.cpu_seconds;
+    return part;
+  }
+
+ private:
+  ContentLease files_;  // Pins the files until the scene is gone.
+  std::unique_ptr<TableFileSource> source_;
+  render::CompiledScenePtr scene_;
+};
+
+}  // namespace
+
+FrameLoader::FrameLoader(const std::shared_ptr<grpc::Channel>& channel, ContentCache* cache,
+                         FrameLoaderOptions options)
+    : stub_(v1::ContentService::NewStub(channel)), cache_(cache), options_(options) {}
+
+ContentCache::Fetch FrameLoader::FetchFromCoordinator(std::stop_token stop) const {
+  return [this, stop](const BlobDigest& digest, uint64_t offset_bytes,
+                      const ContentCache::Append& append) {
+    grpc::ClientContext context;
+    SetDeadline(&context, kStreamDeadline);
+    const std::stop_callback cancel(stop, [&context] { context.TryCancel(); });
+    v1::ReadBlobRequest request;
+    request.mutable_digest()->set_sha256_hex(digest.sha256_hex);
+    request.mutable_digest()->set_size_bytes(digest.size_bytes);
+    request.set_offset_bytes(offset_bytes);
+    const std::unique_ptr<grpc::ClientReader<v1::ReadBlobResponse>> reader =
+        stub_->ReadBlob(&context, request);
+    absl::Status appended;
+    v1::ReadBlobResponse response;
+    while (appended.ok() && reader->Read(&response)) {
+      const absl::StatusOr<std::string> bytes =
+          DecompressChunk(response.zstd_chunk(), kBlobChunkBytesMax);
+      appended = bytes.ok() ? append(*bytes) : absl::DataLossError(bytes.status().message());
+    }
+    if (!appended.ok()) context.TryCancel();
+    const absl::Status finished = FromGrpcStatus(reader->Finish());
+    return appended.ok() ? finished : appended;
+  };
+}
+
+LoadResult FrameLoader::Load(const Lease& lease, std::stop_token stop) {
+  const ContentCache::Fetch fetch = FetchFromCoordinator(stop);
+  absl::StatusOr<ContentLease> manifest_file =
+      cache_->Acquire({{"scene.manifest", lease.scene}}, fetch, stop);
+  if (!manifest_file.ok()) return Failed(FailureKind::kInfrastructure, manifest_file.status());
+  const absl::StatusOr<std::string> manifest_bytes =
+      ReadWholeFile(manifest_file->local_paths().at("scene.manifest"), kManifestBytesMax);
+  if (!manifest_bytes.ok()) return Failed(FailureKind::kInfrastructure, manifest_bytes.status());
+  const absl::StatusOr<Manifest> manifest = DecodeManifest(*manifest_bytes);
+  if (!manifest.ok()) return Failed(FailureKind::kScene, manifest.status());
+  absl::StatusOr<ContentLease> files = cache_->Acquire(manifest->files, fetch, stop);
+  if (!files.ok()) return Failed(FailureKind::kInfrastructure, files.status());
+
+  auto source = std::make_unique<TableFileSource>(files->local_paths());
+  SceneReaderLimits reader_limits;
+  reader_limits.memory_bytes_max = options_.scene_memory_bytes_max;
+  absl::StatusOr<ReadSceneResult> read = ReadScene(manifest->main_file, *source, reader_limits);
+  if (!read.ok()) return Failed(KindOf(read.status()), read.status());
+  if (stop.stop_requested()) {
+    return Failed(FailureKind::kReleased, absl::CancelledError("stopped while its scene was read"));
+  }
+  render::CompileLimits limits;
+  limits.texture_cache_bytes_max = options_.texture_memory_bytes_max;
+  limits.build_threads = options_.build_threads;
+  absl::StatusOr<render::CompiledScenePtr> compiled =
+      render::CompileScene(std::move(read->scene), lease.settings, *source, limits);
+  if (!compiled.ok()) return Failed(KindOf(compiled.status()), compiled.status());
+  const uint64_t memory_bytes = render::MemoryBytesOf(**compiled);
+  if (memory_bytes > options_.scene_memory_bytes_max) {
+    return Failed(
+        FailureKind::kMemory,
+        absl::ResourceExhaustedError(absl::StrCat(
+            manifest->main_file, ": the compiled scene has ", memory_bytes, " bytes, the limit is ",
+            options_.scene_memory_bytes_max, "; raise it (--scene-memory-max)")));
+  }
+  LogInfo(absl::StrCat(lease.frame_name, ": ", manifest->main_file, " is ready, ",
+                       memory_bytes >> 20, " MiB"));
+  return {std::make_unique<FrameScene>(*std::move(files), std::move(source), *std::move(compiled)),
+          absl::OkStatus(), FailureKind::kInternal};
+}
+
+}  // namespace sheaf::worker

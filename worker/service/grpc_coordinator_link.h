@@ -1,0 +1,40 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// CoordinatorLink over gRPC: one attempt a call, each with a deadline; the agent repeats.
+#pragma once
+
+#include <grpcpp/channel.h>
+#include <grpcpp/client_context.h>
+
+#include <memory>
+#include <mutex>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "sheaf/v1/worker.grpc.pb.h"
+#include "worker/agent/coordinator_link.h"
+
+namespace sheaf::worker {
+
+class GrpcCoordinatorLink : public CoordinatorLink {
+ public:
+  explicit GrpcCoordinatorLink(const std::shared_ptr<grpc::Channel>& channel);
+
+  absl::StatusOr<DesiredState> Synchronize(const WorkerState& state) override;
+  absl::StatusOr<std::vector<UploadOutcome>> UploadResults(
+      const std::string& worker_id, const std::vector<const FinishedPart*>& parts) override;
+  void Abort() override;
+
+ private:
+  // Makes a call known to Abort while it lives.
+  class RunningCall;
+
+  const std::unique_ptr<v1::WorkerService::Stub> stub_;
+  std::mutex mutex_;
+  std::set<grpc::ClientContext*> running_;
+  bool aborted_ = false;
+};
+
+}  // namespace sheaf::worker

@@ -1,0 +1,133 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// sheaf-worker: reads its command line, connects, and works until it is told to stop.
+#include <unistd.h>
+
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <stop_token>
+#include <string>
+
+#include "absl/strings/str_cat.h"
+#include "common/base/log.h"
+#include "common/rpc/address.h"
+#include "common/rpc/channel.h"
+#include "worker/service/embedded_worker.h"
+#include "worker/service/stop_signals.h"
+
+namespace sheaf::worker {
+namespace {
+
+constexpr int kExitUsage = 2;
+constexpr int kExitCacheUnusable = 1;
+constexpr double kSecondsMax = 1e6;
+
+struct Arguments {
+  WorkerOptions worker;
+  std::string coordinator = "127.0.0.1:7400";
+  std::string log_level = "info";
+  double grace_seconds = 10;
+  double exit_when_idle_seconds = 0;
+};
+
+void AddOptions(CLI::App* app, Arguments* arguments) {
+  WorkerOptions& worker = arguments->worker;
+  app->add_option("--coordinator", arguments->coordinator, "Address of the coordinator, HOST:PORT")
+      ->envname("SHEAF_COORDINATOR")
+      ->capture_default_str();
+  app->add_option("--threads", worker.thread_count, "Threads that render; 0: all processors")
+      ->check(CLI::Range(0, 4096))
+      ->capture_default_str();
+  app->add_option("--cache-dir", worker.cache_directory,
+                  "Directory of scene files, shared by all workers of this machine")
+      ->default_str(DefaultCacheDirectory());
+  app->add_option("--cache-bytes-max", worker.cache_bytes_max,
+                  "Limit of that directory, e.g. 20G (default 20G)")
+      ->transform(CLI::AsSizeValue(false));
+  app->add_option("--scene-memory-max", worker.scene_memory_bytes_max,
+                  "Limit of memory for loaded scenes, e.g. 4G (default 4G)")
+      ->transform(CLI::AsSizeValue(false));
+  app->add_option("--texture-memory-max", worker.texture_memory_bytes_max,
+                  "Limit of memory for texture tiles, e.g. 512M (default 512M)")
+      ->transform(CLI::AsSizeValue(false));
+  app->add_option("--leases-ahead", worker.leases_ahead,
+                  "Tasks that wait here while all threads are busy")
+      ->check(CLI::Range(0, 1024))
+      ->capture_default_str();
+  app->add_option("--grace-seconds", arguments->grace_seconds,
+                  "How long to go on with what is being rendered once told to stop")
+      ->check(CLI::Range(0.0, kSecondsMax))
+      ->capture_default_str();
+  app->add_option("--exit-when-idle-seconds", arguments->exit_when_idle_seconds,
+                  "Exit after having had no work for so long; 0: never")
+      ->check(CLI::Range(0.0, kSecondsMax))
+      ->capture_default_str();
+  app->add_option("--log-level", arguments->log_level, "debug, info, warning, error or off")
+      ->check(CLI::IsMember({"debug", "info", "warning", "error", "off"}))
+      ->capture_default_str();
+}
+
+std::chrono::milliseconds Milliseconds(double seconds) {
+  return std::chrono::milliseconds(static_cast<int64_t>(seconds * 1000));
+}
+
+int Work(const Arguments& arguments) {
+  std::stop_source stop;
+  // Before any thread exists, so that all of them leave these signals alone.
+  const StopSignals signals([&stop](int, int count) {
+    if (count > 1) {
+      LogWarning("told to stop twice: ending at once; leases expire and others take them");
+      ::_exit(1);
+    }
+    stop.request_stop();
+  });
+  const absl::StatusOr<std::unique_ptr<EmbeddedWorker>> worker =
+      EmbeddedWorker::Open(MakeChannel(arguments.coordinator), arguments.worker);
+  if (!worker.ok()) {
+    LogError(absl::StrCat(std::string(worker.status().message()),
+                          "; choose another directory with --cache-dir"));
+    return kExitCacheUnusable;
+  }
+  LogInfo(absl::StrCat((*worker)->worker_id(), " works for ", arguments.coordinator));
+  const absl::Status status = (*worker)->Run(stop.get_token());
+  if (!status.ok()) LogWarning(std::string(status.message()));
+  const AgentCounts counts = (*worker)->counts();
+  LogInfo(absl::StrCat("stopped: ", counts.accepted, " results accepted, ",
+                       counts.duplicate_equal + counts.superseded, " not needed, ", counts.failed,
+                       " failed"));
+  return 0;
+}
+
+int Main(int argc, char** argv) {
+  Arguments arguments;
+  arguments.worker.cache_directory = DefaultCacheDirectory();
+  CLI::App app(
+      "Renders tasks of a Sheaf coordinator. Start as many as you like, on any machine, at any\n"
+      "time; SIGTERM finishes or hands back what it holds.",
+      "sheaf-worker");
+  app.footer("Example:\n  sheaf-worker --coordinator farm.example.org:7400 --threads 16");
+  app.set_version_flag("--version", "sheaf-worker " SHEAF_VERSION);
+  AddOptions(&app, &arguments);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? 0 : kExitUsage;
+  }
+  if (const absl::StatusOr<Address> address = ParseAddress(arguments.coordinator); !address.ok()) {
+    std::fprintf(stderr, "--coordinator: %s\n", std::string(address.status().message()).c_str());
+    return kExitUsage;
+  }
+  LogLevel level = LogLevel::kInfo;
+  LogLevelFromName(arguments.log_level, &level);
+  SetLogLevel(level);
+  SetLogName("sheaf-worker");
+  arguments.worker.grace = Milliseconds(arguments.grace_seconds);
+  arguments.worker.exit_when_idle = Milliseconds(arguments.exit_when_idle_seconds);
+  return Work(arguments);
+}
+
+}  // namespace
+}  // namespace sheaf::worker
+
+int main(int argc, char** argv) { return sheaf::worker::Main(argc, argv); }

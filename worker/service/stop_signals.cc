@@ -1,0 +1,41 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "worker/service/stop_signals.h"
+
+#include <signal.h>
+#include <time.h>
+
+#include <utility>
+
+namespace sheaf::worker {
+namespace {
+
+constexpr int kStopSignals[] = {SIGTERM, SIGINT, SIGHUP};
+constexpr timespec kPollInterval{0, 100'000'000};  // How soon the destructor is noticed.
+
+sigset_t BlockOnlyStopSignals() {
+  sigset_t stop_signals;
+  sigemptyset(&stop_signals);
+  for (const int number : kStopSignals) {
+    sigaddset(&stop_signals, number);
+    ::signal(number, SIG_DFL);  // An ignored signal would never become pending.
+  }
+  ::signal(SIGPIPE, SIG_IGN);  // A peer or a pager that went away is an error of the write.
+  ::pthread_sigmask(SIG_SETMASK, &stop_signals, nullptr);
+  return stop_signals;
+}
+
+}  // namespace
+
+StopSignals::StopSignals(std::function<void(int signal_number, int count)> on_signal) {
+  const sigset_t stop_signals = BlockOnlyStopSignals();
+  thread_ = std::jthread([stop_signals, on_signal = std::move(on_signal)](std::stop_token ended) {
+    int count = 0;
+    while (!ended.stop_requested()) {
+      const int number = ::sigtimedwait(&stop_signals, nullptr, &kPollInterval);
+      if (number > 0) on_signal(number, ++count);
+    }
+  });
+}
+
+}  // namespace sheaf::worker

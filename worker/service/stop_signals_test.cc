@@ -1,0 +1,43 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "worker/service/stop_signals.h"
+
+#include <gtest/gtest.h>
+#include <signal.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <chrono>
+#include <thread>
+
+namespace sheaf::worker {
+namespace {
+
+TEST(StopSignalsTest, HearsSignalsThatItsParentBlockedAndCountsThem) {
+  sigset_t all;
+  sigfillset(&all);
+  ::pthread_sigmask(SIG_SETMASK, &all, nullptr);
+  std::atomic<int> last{0}, times{0};
+  const StopSignals signals([&](int number, int count) {
+    last = number;
+    times = count;
+  });
+  sigset_t now;
+  ::pthread_sigmask(SIG_SETMASK, nullptr, &now);
+  EXPECT_EQ(sigismember(&now, SIGUSR1), 0);
+  const auto wait_for = [&](int count) {
+    for (int i = 0; i < 2000 && times < count; ++i) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(5));
+    }
+  };
+  ::kill(::getpid(), SIGTERM);
+  wait_for(1);
+  EXPECT_EQ(last, SIGTERM);
+  ::kill(::getpid(), SIGINT);
+  wait_for(2);
+  EXPECT_EQ(last, SIGINT);
+  EXPECT_EQ(times, 2);
+}
+
+}  // namespace
+}  // namespace sheaf::worker

@@ -1,0 +1,177 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "worker/service/wire.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "absl/strings/str_cat.h"
+#include "common/base/status.h"
+
+namespace sheaf::worker {
+namespace {
+
+constexpr int32_t kFrameEdgePxMax = 1 << 16;
+// Bounds on what the coordinator may ask for, so that a mistake there makes no busy loop here.
+constexpr std::chrono::milliseconds kNextSynchronizeMin{1};
+constexpr std::chrono::milliseconds kNextSynchronizeMax{60'000};
+
+v1::LeaseState::Phase ToWire(LeasePhase phase) {
+  switch (phase) {
+    case LeasePhase::kQueued:
+      return v1::LeaseState::PHASE_QUEUED;
+    case LeasePhase::kLoading:
+      return v1::LeaseState::PHASE_LOADING;
+    case LeasePhase::kRendering:
+      return v1::LeaseState::PHASE_RENDERING;
+    case LeasePhase::kUploading:
+      return v1::LeaseState::PHASE_UPLOADING;
+  }
+  return v1::LeaseState::PHASE_UNSPECIFIED;
+}
+
+v1::LeaseFailure::Kind ToWire(FailureKind kind) {
+  switch (kind) {
+    case FailureKind::kReleased:
+      return v1::LeaseFailure::KIND_RELEASED;
+    case FailureKind::kInfrastructure:
+      return v1::LeaseFailure::KIND_INFRASTRUCTURE;
+    case FailureKind::kScene:
+      return v1::LeaseFailure::KIND_SCENE;
+    case FailureKind::kMemory:
+      return v1::LeaseFailure::KIND_MEMORY;
+    case FailureKind::kInternal:
+      return v1::LeaseFailure::KIND_INTERNAL;
+  }
+  return v1::LeaseFailure::KIND_UNSPECIFIED;
+}
+
+PixelRect FromWire(const v1::PixelRect& rect) {
+  return {rect.x0_px(), rect.y0_px(), rect.x1_px(), rect.y1_px()};
+}
+
+bool Encloses(const PixelRect& outer, const PixelRect& inner) {
+  return outer.x0 <= inner.x0 && outer.y0 <= inner.y0 && inner.x1 <= outer.x1 &&
+         inner.y1 <= outer.y1 && inner.x0 < inner.x1 && inner.y0 < inner.y1;
+}
+
+absl::Status CheckLease(const Lease& lease) {
+  const FrameSettings& settings = lease.settings;
+  const PixelRect frame{0, 0, settings.width_px, settings.height_px};
+  if (frame.x1 < 1 || frame.y1 < 1 || frame.x1 > kFrameEdgePxMax || frame.y1 > kFrameEdgePxMax) {
+    return absl::InvalidArgumentError("the frame's size is beyond the limits");
+  }
+  if (!Encloses(frame, settings.window) || !Encloses(settings.window, lease.tile)) {
+    return absl::InvalidArgumentError("tile and window do not lie within the frame");
+  }
+  if (!IsAligned(lease.block) || lease.block.End() < lease.block.first ||
+      lease.block.End() > settings.samples) {
+    return absl::InvalidArgumentError("its samples are no aligned block of the frame's samples");
+  }
+  if (settings.max_depth < 0) return absl::InvalidArgumentError("its depth is negative");
+  return CheckDigest(lease.scene);
+}
+
+Lease FromWire(const v1::Lease& message) {
+  Lease lease;
+  lease.lease_id = message.lease_id();
+  lease.attempt = message.attempt();
+  lease.frame_name = message.frame_name();
+  lease.frame_digest = message.key().frame_digest();
+  lease.tile = FromWire(message.key().tile());
+  lease.block = {message.key().block().first(), message.key().block().count()};
+  lease.scene = {message.scene().sha256_hex(), message.scene().size_bytes()};
+  const v1::FrameSettings& settings = message.settings();
+  lease.settings.width_px = settings.width_px();
+  lease.settings.height_px = settings.height_px();
+  lease.settings.window = FromWire(settings.window());
+  lease.settings.samples = settings.sample_count();
+  lease.settings.max_depth = settings.depth_max();
+  lease.settings.seed = settings.seed();
+  lease.settings.force_generic_variant = settings.force_generic_variant();
+  return lease;
+}
+
+std::chrono::milliseconds FromWire(const google::protobuf::Duration& duration) {
+  return std::chrono::seconds(duration.seconds()) +
+         std::chrono::milliseconds(duration.nanos() / 1'000'000);
+}
+
+}  // namespace
+
+v1::SynchronizeRequest ToWire(const WorkerState& state) {
+  v1::SynchronizeRequest request;
+  request.set_worker_id(state.worker_id);
+  request.set_host(state.host);
+  request.set_numeric_profile(state.numeric_profile);
+  request.set_thread_count(state.thread_count);
+  for (const LeaseReport& report : state.leases) {
+    v1::LeaseState* lease = request.add_leases();
+    lease->set_lease_id(report.lease_id);
+    lease->set_phase(ToWire(report.phase));
+  }
+  for (const LeaseFailure& failure : state.failures) {
+    v1::LeaseFailure* message = request.add_failures();
+    message->set_lease_id(failure.lease_id);
+    message->set_kind(ToWire(failure.kind));
+    message->set_message(failure.message);
+  }
+  request.set_lease_count_wanted(state.lease_count_wanted);
+  request.set_draining(state.draining);
+  for (const std::string& scene : state.warm_scenes) request.add_warm_scenes(scene);
+  return request;
+}
+
+v1::ResultHeader ToWire(const FinishedPart& part, const std::string& worker_id) {
+  v1::ResultHeader header;
+  header.mutable_key()->set_frame_digest(part.frame_digest);
+  v1::PixelRect* tile = header.mutable_key()->mutable_tile();
+  tile->set_x0_px(part.tile.x0);
+  tile->set_y0_px(part.tile.y0);
+  tile->set_x1_px(part.tile.x1);
+  tile->set_y1_px(part.tile.y1);
+  header.mutable_key()->mutable_block()->set_first(part.block.first);
+  header.mutable_key()->mutable_block()->set_count(part.block.count);
+  header.set_lease_id(part.lease_id);
+  header.set_worker_id(worker_id);
+  header.mutable_digest()->set_sha256_hex(part.digest.sha256_hex);
+  header.mutable_digest()->set_size_bytes(part.digest.size_bytes);
+  header.set_ray_count(part.ray_count);
+  const double seconds = std::floor(part.cpu_seconds);
+  header.mutable_cpu_duration()->set_seconds(static_cast<int64_t>(seconds));
+  header.mutable_cpu_duration()->set_nanos(
+      static_cast<int32_t>((part.cpu_seconds - seconds) * 1e9));
+  return header;
+}
+
+absl::StatusOr<DesiredState> FromWire(const v1::SynchronizeResponse& response) {
+  DesiredState state;
+  for (const v1::Lease& message : response.leases()) {
+    Lease lease = FromWire(message);
+    if (absl::Status status = CheckLease(lease); !status.ok()) {
+      return Annotate(status, absl::StrCat("lease ", lease.lease_id, " of ", lease.frame_name));
+    }
+    state.leases.push_back(std::move(lease));
+  }
+  state.next_synchronize = std::clamp(FromWire(response.next_synchronize_duration()),
+                                      kNextSynchronizeMin, kNextSynchronizeMax);
+  state.lease_duration = FromWire(response.lease_duration());
+  return state;
+}
+
+absl::StatusOr<UploadOutcome> FromWire(int outcome) {
+  switch (outcome) {
+    case v1::UploadResultsResponse::OUTCOME_ACCEPTED:
+      return UploadOutcome::kAccepted;
+    case v1::UploadResultsResponse::OUTCOME_DUPLICATE_EQUAL:
+      return UploadOutcome::kDuplicateEqual;
+    case v1::UploadResultsResponse::OUTCOME_DUPLICATE_MISMATCH:
+      return UploadOutcome::kDuplicateMismatch;
+    case v1::UploadResultsResponse::OUTCOME_SUPERSEDED:
+      return UploadOutcome::kSuperseded;
+    default:
+      return absl::InternalError(absl::StrCat("unknown outcome ", outcome));
+  }
+}
+
+}  // namespace sheaf::worker

@@ -1,0 +1,102 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "worker/service/wire.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+namespace sheaf::worker {
+namespace {
+
+void SetRect(v1::PixelRect* rect, int32_t x0, int32_t y0, int32_t x1, int32_t y1) {
+  rect->set_x0_px(x0);
+  rect->set_y0_px(y0);
+  rect->set_x1_px(x1);
+  rect->set_y1_px(y1);
+}
+
+v1::SynchronizeResponse OneLease() {
+  v1::SynchronizeResponse response;
+  v1::Lease* lease = response.add_leases();
+  lease->set_lease_id(7);
+  lease->set_frame_name("jobs/1/frames/1");
+  lease->mutable_key()->set_frame_digest("frame");
+  SetRect(lease->mutable_key()->mutable_tile(), 0, 16, 16, 32);
+  lease->mutable_key()->mutable_block()->set_first(8);
+  lease->mutable_key()->mutable_block()->set_count(8);
+  lease->mutable_scene()->set_sha256_hex(std::string(64, 'a'));
+  lease->mutable_settings()->set_width_px(64);
+  lease->mutable_settings()->set_height_px(48);
+  SetRect(lease->mutable_settings()->mutable_window(), 0, 0, 64, 48);
+  lease->mutable_settings()->set_sample_count(16);
+  lease->mutable_settings()->set_depth_max(3);
+  lease->mutable_settings()->set_seed(5);
+  response.mutable_next_synchronize_duration()->set_nanos(250'000'000);
+  response.mutable_lease_duration()->set_seconds(30);
+  return response;
+}
+
+TEST(WireTest, ReadsALease) {
+  const absl::StatusOr<DesiredState> state = FromWire(OneLease());
+  ASSERT_TRUE(state.ok()) << state.status();
+  ASSERT_EQ(state->leases.size(), 1u);
+  const Lease& lease = state->leases[0];
+  EXPECT_EQ(lease.lease_id, 7u);
+  EXPECT_EQ(lease.tile, (PixelRect{0, 16, 16, 32}));
+  EXPECT_EQ(lease.block, (SampleBlock{8, 8}));
+  EXPECT_EQ(lease.settings.samples, 16u);
+  EXPECT_EQ(lease.settings.max_depth, 3);
+  EXPECT_EQ(lease.settings.seed, 5u);
+  EXPECT_EQ(state->next_synchronize, std::chrono::milliseconds(250));
+  EXPECT_EQ(state->lease_duration, std::chrono::seconds(30));
+}
+
+TEST(WireTest, RefusesLeasesThatARendererWouldTripOver) {
+  using Change = void (*)(v1::Lease*);
+  const Change changes[] = {
+      [](v1::Lease* l) { l->mutable_key()->mutable_block()->set_first(4); },
+      [](v1::Lease* l) { l->mutable_key()->mutable_block()->set_count(0); },
+      [](v1::Lease* l) { l->mutable_key()->mutable_block()->set_first(16); },
+      [](v1::Lease* l) { SetRect(l->mutable_key()->mutable_tile(), 8, 8, 8, 16); },
+      [](v1::Lease* l) { SetRect(l->mutable_key()->mutable_tile(), 48, 0, 80, 16); },
+      [](v1::Lease* l) { l->mutable_settings()->set_width_px(1 << 30); },
+      [](v1::Lease* l) { l->mutable_settings()->clear_window(); },
+      [](v1::Lease* l) { l->mutable_settings()->set_depth_max(-1); },
+      [](v1::Lease* l) { l->mutable_scene()->set_sha256_hex("../../secret"); },
+  };
+  for (const Change change : changes) {
+    v1::SynchronizeResponse response = OneLease();
+    change(response.mutable_leases(0));
+    const absl::Status status = FromWire(response).status();
+    EXPECT_EQ(status.code(), absl::StatusCode::kInvalidArgument);
+    EXPECT_THAT(std::string(status.message()), testing::HasSubstr("lease 7"));
+  }
+}
+
+TEST(WireTest, BoundsTheTimeToTheNextCall) {
+  v1::SynchronizeResponse response;
+  EXPECT_GT(FromWire(response)->next_synchronize.count(), 0);
+  response.mutable_next_synchronize_duration()->set_seconds(1'000'000'000);
+  EXPECT_LE(FromWire(response)->next_synchronize, std::chrono::minutes(1));
+}
+
+TEST(WireTest, WritesStateAndHeader) {
+  WorkerState state;
+  state.worker_id = "host-1-x";
+  state.leases = {{3, LeasePhase::kRendering}};
+  state.failures = {{4, FailureKind::kMemory, "too large"}};
+  state.draining = true;
+  const v1::SynchronizeRequest request = ToWire(state);
+  EXPECT_EQ(request.leases(0).phase(), v1::LeaseState::PHASE_RENDERING);
+  EXPECT_EQ(request.failures(0).kind(), v1::LeaseFailure::KIND_MEMORY);
+  EXPECT_TRUE(request.draining());
+  FinishedPart part;
+  part.cpu_seconds = 2.25;
+  const v1::ResultHeader header = ToWire(part, "host-1-x");
+  EXPECT_EQ(header.cpu_duration().seconds(), 2);
+  EXPECT_EQ(header.cpu_duration().nanos(), 250'000'000);
+  EXPECT_FALSE(FromWire(0).ok());
+}
+
+}  // namespace
+}  // namespace sheaf::worker
