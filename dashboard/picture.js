@@ -15,6 +15,7 @@ export class PictureView {
     this.store = store;
     this.image = byId("picture");
     this.shown = "";
+    this.job = null;
     this.busy = false;
     byId("picture-zoom").addEventListener("click", () => this.toggleZoom());
     for (const topic of ["frames", "selection"]) store.listen(topic, this.draw);
@@ -23,7 +24,9 @@ export class PictureView {
   draw = () => {
     const frame = this.store.frame;
     const hasPicture = Boolean(frame) && frame.preview_version > 0;
-    if (!frame || !this.shown.startsWith(api.previewPath(frame).split("?")[0])) this.clear();
+    // While a frame of the same job has its first picture on the way, the one before stays.
+    if (!hasPicture || this.job !== this.store.jobName) this.clear();
+    this.job = this.store.jobName;
     byId("picture-note").hidden = Boolean(this.shown);
     setText(byId("picture-note"), noteOf(this.store.job, frame));
     this.setShape(frame);

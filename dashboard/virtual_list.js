@@ -45,6 +45,8 @@ export class VirtualList {
   draw() {
     const height = this.rowHeight;
     this.space.style.height = this.items.length * height + "px";
+    // For style sheets that make a short list no higher than it needs.
+    this.root.style.setProperty("--row-count", this.items.length);
     const first = Math.max(0, Math.floor(this.root.scrollTop / height) - OVERSCAN);
     const visible = Math.ceil(this.root.clientHeight / height) + 2 * OVERSCAN;
     const last = Math.min(this.items.length, first + visible);

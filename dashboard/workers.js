@@ -53,6 +53,6 @@ function updateRow(row, worker) {
 function factsOf(worker) {
   const threads = worker.thread_count === 1 ? "1 thread" : worker.thread_count + " threads";
   const leases = worker.lease_count === 1 ? "1 lease" : worker.lease_count + " leases";
-  return [format.count(worker.samples_per_second) + " samples/s", threads, leases,
+  return [format.count(worker.samples_per_second) + "/s", threads, leases,
           format.exact(worker.result_count) + " results"].join(" · ");
 }

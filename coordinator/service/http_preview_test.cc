@@ -12,12 +12,12 @@ namespace {
 
 TEST(HttpPreviewTest, AppliesTheSrgbCurveAndClamps) {
   FramePicture picture = MakeFakePicture(4, 1, 0);
-  picture.planes[0] = {0.0f, 0.2140411f, 1.0f, 7.0f};
+  picture.planes[0] = {0.0f, 0.2158605f, 1.0f, 7.0f};
   picture.planes[1] = {-1.0f, std::numeric_limits<float>::quiet_NaN(), 0.5f, 0.001f};
   const auto display = MakeDisplayPicture(picture);
   ASSERT_TRUE(display.ok());
   EXPECT_EQ(display->pixels[0], (Rgb8{0, 0, 0}));
-  EXPECT_EQ(display->pixels[1], (Rgb8{128, 0, 0}));  // 0.2140 is mid grey: 127.5 / 255 encoded.
+  EXPECT_EQ(display->pixels[1], (Rgb8{128, 0, 0}));  // 0.21586 in light is level 128.
   EXPECT_EQ(display->pixels[2], (Rgb8{255, 188, 0}));
   EXPECT_EQ(display->pixels[3], (Rgb8{255, 3, 0}));
 }

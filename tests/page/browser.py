@@ -1,0 +1,104 @@
+# Copyright the Sheaf authors.
+# SPDX-License-Identifier: Apache-2.0
+"""Headless Chromium, driven through chromedriver by the WebDriver protocol itself.
+
+Source: W3C WebDriver, https://www.w3.org/TR/webdriver2/. Needs the packages chromium and
+chromium-driver and nothing but Python's own library.
+"""
+import base64
+import json
+import re
+import subprocess
+import urllib.error
+import urllib.request
+
+START_SECONDS_MAX = 60
+CALL_SECONDS_MAX = 60
+CHROMIUM_ARGUMENTS = [
+    "--headless=new", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run",
+    "--disable-background-networking", "--disable-component-update", "--disable-sync",
+    "--disable-dev-shm-usage", "--hide-scrollbars", "--force-color-profile=srgb"]
+
+
+class Browser:
+    """One browser with one page; use with `with`."""
+
+    def __init__(self):
+        self.driver = subprocess.Popen(["chromedriver", "--port=0"], stdin=subprocess.DEVNULL,
+                                       stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+        self.session = None
+        for line in self.driver.stdout:
+            started = re.search(r"started successfully on port (\d+)", line)
+            if started:
+                self.base = f"http://127.0.0.1:{started[1]}/session"
+                break
+        else:
+            raise AssertionError("chromedriver did not start")
+
+    def __enter__(self):
+        options = {"binary": "/usr/bin/chromium", "args": CHROMIUM_ARGUMENTS}
+        capabilities = {"browserName": "chrome", "goog:chromeOptions": options,
+                        "goog:loggingPrefs": {"browser": "ALL"}}
+        answer = self._call("POST", "", {"capabilities": {"alwaysMatch": capabilities}},
+                            seconds=START_SECONDS_MAX)
+        self.session = answer["sessionId"]
+        return self
+
+    def __exit__(self, *_):
+        try:
+            if self.session:
+                self._call("DELETE", f"/{self.session}")
+        finally:
+            self.driver.terminate()
+            self.driver.wait()
+            self.driver.stdout.close()
+
+    def _call(self, method, path, body=None, seconds=CALL_SECONDS_MAX):
+        data = None if body is None else json.dumps(body).encode()
+        request = urllib.request.Request(self.base + path, data=data, method=method,
+                                         headers={"Content-Type": "application/json"})
+        try:
+            with urllib.request.urlopen(request, timeout=seconds) as response:
+                return json.load(response)["value"]
+        except urllib.error.HTTPError as error:
+            value = json.load(error)["value"]
+            raise AssertionError(f"{method} {path}: {value['error']}: {value['message']}") from error
+
+    def _do(self, method, path, body=None):
+        return self._call(method, f"/{self.session}{path}", body)
+
+    def open(self, url):
+        self._do("POST", "/url", {"url": url})
+
+    def run(self, script, *arguments):
+        """Runs the body of a function in the page; returns what it returns."""
+        return self._do("POST", "/execute/sync", {"script": script, "args": list(arguments)})
+
+    def chrome(self, command, **parameters):
+        """A command of the DevTools protocol."""
+        return self._do("POST", "/goog/cdp/execute", {"cmd": command, "params": parameters})
+
+    def set_size(self, width_px, height_px, device_scale=1):
+        self.chrome("Emulation.setDeviceMetricsOverride", width=width_px, height=height_px,
+                    deviceScaleFactor=device_scale, mobile=False)
+
+    def set_dark(self, dark):
+        self.chrome("Emulation.setEmulatedMedia", features=[
+            {"name": "prefers-color-scheme", "value": "dark" if dark else "light"}])
+
+    def press(self, key):
+        """Presses one key on what has the focus."""
+        self._do("POST", "/actions", {"actions": [{"type": "key", "id": "keyboard", "actions": [
+            {"type": "keyDown", "value": key}, {"type": "keyUp", "value": key}]}]})
+
+    def accept_dialog(self):
+        self._do("POST", "/alert/accept", {})
+
+    def screenshot(self, path):
+        with open(path, "wb") as file:
+            file.write(base64.b64decode(self._do("GET", "/screenshot")))
+
+    def console_errors(self):
+        """What the console reported as severe since the last call."""
+        entries = self._do("POST", "/se/log", {"type": "browser"})
+        return [entry["message"] for entry in entries if entry["level"] == "SEVERE"]

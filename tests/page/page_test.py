@@ -1,0 +1,209 @@
+# Copyright the Sheaf authors.
+# SPDX-License-Identifier: Apache-2.0
+"""The web page in real headless Chromium.
+
+  page_test.py farm      over a coordinator and a worker that render a scene
+  page_test.py made-up   over sheaf_page_server: thousands of jobs, odd titles, narrow and wide
+
+Screenshots are kept in SHEAF_ARTEFACTS. Ends with "N passed, N failed".
+"""
+import os
+import subprocess
+import sys
+import time
+import traceback
+
+HERE = os.path.dirname(os.path.abspath(__file__))
+sys.path += [HERE, os.path.join(HERE, "..", "integration")]
+from browser import Browser  # noqa: E402
+from farm import Farm, ROOT, programs, wait_until  # noqa: E402
+
+PAGE_SECONDS_MAX = 20
+PICTURE_SECONDS_MAX = 120
+MADE_UP_JOB_COUNT = 5000
+MADE_UP_SECONDS = 240
+# A scroll through all jobs may not hold a drawn picture back longer than this.
+FRAME_MS_MAX = 200
+ARROW_DOWN = "\ue015"
+
+# The shown picture, shrunk to 16 x 16: a text that changes with the pixels.
+PIXELS = """
+  const image = document.getElementById("picture");
+  if (image.hidden || !image.complete || !image.naturalWidth) return "";
+  const canvas = document.createElement("canvas");
+  canvas.width = canvas.height = 16;
+  const context = canvas.getContext("2d");
+  context.drawImage(image, 0, 0, 16, 16);
+  return Array.from(context.getImageData(0, 0, 16, 16).data).join();
+"""
+TEXT = "return document.getElementById(arguments[0]).textContent"
+NO_SIDEWAYS = "return document.documentElement.scrollWidth <= window.innerWidth"
+SCROLL_ALL = """
+  const list = document.getElementById("jobs");
+  const step = Math.ceil(list.scrollHeight / 120);
+  let last = performance.now(), worst = 0;
+  return new Promise((done) => {
+    const next = (now) => {
+      worst = Math.max(worst, now - last);
+      last = now;
+      const before = list.scrollTop;
+      list.scrollTop += step;
+      if (list.scrollTop === before) { list.scrollTop = 0; done(worst); }
+      else requestAnimationFrame(next);
+    };
+    requestAnimationFrame(next);
+  });
+"""
+
+
+def artefact(name):
+    folder = os.environ.get("SHEAF_ARTEFACTS", os.path.join(ROOT, "build", "artefacts"))
+    os.makedirs(folder, exist_ok=True)
+    return os.path.join(folder, name)
+
+
+def check_page_follows_a_job(browser, farm):
+    """Jobs and workers are listed, and the picture changes at least twice without a reload."""
+    browser.set_size(1440, 900)
+    browser.open(f"http://{farm.http}/")
+    wait_until(lambda: browser.run(TEXT, "connection-text") == "Live", PAGE_SECONDS_MAX, "events")
+    # Submitted after the page was opened: nothing but events can make it appear.
+    farm.sheaf("submit", os.path.join(ROOT, "scenes", "cornell-box.pbrt"), "--samples", 256)
+    seen = []
+
+    def picture_changed():
+        pixels = browser.run(PIXELS)
+        if pixels and pixels not in seen:
+            seen.append(pixels)
+            if len(seen) == 1:
+                browser.screenshot(artefact("page-first.png"))
+        return len(seen) >= 3
+
+    wait_until(picture_changed, PICTURE_SECONDS_MAX, "two changes of the picture")
+    assert browser.run(TEXT, "worker-count") == "1", browser.run(TEXT, "worker-count")
+    assert "cornell" in browser.run(TEXT, "job-title").lower()
+    wait_until(lambda: browser.run(TEXT, "job-state") == "succeeded", PICTURE_SECONDS_MAX, "end")
+    wait_until(lambda: not browser.run("return document.getElementById('output').hidden"),
+               PAGE_SECONDS_MAX, "the download")
+    browser.screenshot(artefact("page-done.png"))
+
+
+def check_output_is_an_exr(browser, farm):
+    size = browser.run("""
+      return fetch(document.getElementById("output").href).then((response) => response.arrayBuffer())
+        .then((bytes) => [...new Uint8Array(bytes.slice(0, 4))]);""")
+    assert size == [0x76, 0x2F, 0x31, 0x01], size
+
+
+def check_cancel(browser, farm):
+    """The button, its question, and the state that follows."""
+    farm.sheaf("submit", os.path.join(ROOT, "scenes", "cornell-box.pbrt"), "--samples", 1 << 16)
+    wait_until(lambda: browser.run(TEXT, "job-state") == "running", PAGE_SECONDS_MAX, "new job")
+    browser.run("setTimeout(() => document.getElementById('cancel').click(), 0)")
+    wait_until(lambda: accept(browser), PAGE_SECONDS_MAX, "the question")
+    wait_until(lambda: browser.run(TEXT, "job-state") == "cancelled", PAGE_SECONDS_MAX, "the end")
+
+
+def accept(browser):
+    try:
+        browser.accept_dialog()
+    except AssertionError:
+        return False
+    return True
+
+
+def check_no_console_errors(browser, _):
+    errors = browser.console_errors()
+    assert not errors, "\n".join(errors)
+
+
+def check_thousands_of_jobs(browser, url):
+    browser.set_size(1440, 900)
+    browser.open(url)
+    wait_until(lambda: browser.run(TEXT, "job-count").replace("\u2009", "") == str(MADE_UP_JOB_COUNT),
+               PAGE_SECONDS_MAX, "all jobs")
+    rows = browser.run("return document.querySelectorAll('#jobs .vlist-row').length")
+    assert 0 < rows < 60, f"{rows} rows in the document"
+    worst_ms = browser.run(SCROLL_ALL)
+    print(f"  worst frame while scrolling {MADE_UP_JOB_COUNT} jobs: {worst_ms:.0f} ms")
+    assert worst_ms <= FRAME_MS_MAX, worst_ms
+    wait_until(lambda: browser.run(PIXELS), PAGE_SECONDS_MAX, "a picture")
+    time.sleep(3)  # Some points of the error's curve, for the screenshot.
+    browser.screenshot(artefact("page-light.png"))
+
+
+def check_titles_are_text(browser, _):
+    """A title with markup is shown as it is."""
+    browser.run("const f = document.getElementById('job-filter'); f.value = 'script';"
+                "f.dispatchEvent(new Event('input'))")
+    wait_until(lambda: "<script>alert(1)</script>" in browser.run(TEXT, "jobs"), PAGE_SECONDS_MAX,
+               "the title")
+    browser.run("const f = document.getElementById('job-filter'); f.value = '';"
+                "f.dispatchEvent(new Event('input'))")
+
+
+def check_keyboard(browser, _):
+    browser.run("document.getElementById('jobs').focus()")
+    before = browser.run("return location.hash")
+    browser.press(ARROW_DOWN)
+    wait_until(lambda: browser.run("return location.hash") != before, PAGE_SECONDS_MAX, "selection")
+    browser.run("location.hash = 'jobs/' + arguments[0]", MADE_UP_JOB_COUNT)
+
+
+def check_every_width(browser, _):
+    """No sideways scroll from a telephone to a wall, in light and dark."""
+    for name, width_px, height_px, dark in (("narrow", 400, 1800, False), ("dark", 1440, 900, True),
+                                            ("tablet", 820, 1180, True), ("4k", 3840, 2160, True)):
+        browser.set_size(width_px, height_px)
+        browser.set_dark(dark)
+        time.sleep(1)
+        browser.screenshot(artefact(f"page-{name}.png"))
+        assert browser.run(NO_SIDEWAYS), f"{width_px} px wide scrolls sideways"
+    assert browser.run("return document.documentElement.dataset.theme") == "dark"
+
+
+def run_checks(checks, browser, subject):
+    failed = 0
+    for check in checks:
+        try:
+            check(browser, subject)
+            print("ok     ", check.__name__)
+        except Exception:  # Each check is reported, whatever ended it.
+            failed += 1
+            print("FAILED ", check.__name__)
+            traceback.print_exc()
+    return len(checks) - failed, failed
+
+
+def run_farm():
+    checks = [check_page_follows_a_job, check_output_is_an_exr, check_cancel,
+              check_no_console_errors]
+    with Farm() as farm, Browser() as browser:
+        farm.start_worker()
+        return run_checks(checks, browser, farm)
+
+
+def run_made_up():
+    checks = [check_thousands_of_jobs, check_titles_are_text, check_keyboard, check_every_width,
+              check_no_console_errors]
+    server = subprocess.Popen([os.path.join(programs(), "sheaf_page_server"),
+                               str(MADE_UP_JOB_COUNT), str(MADE_UP_SECONDS)],
+                              stdout=subprocess.PIPE, text=True)
+    try:
+        url = server.stdout.readline().split()[-1]
+        with Browser() as browser:
+            return run_checks(checks, browser, url)
+    finally:
+        server.terminate()
+        server.wait()
+        server.stdout.close()
+
+
+def main():
+    passed, failed = {"farm": run_farm, "made-up": run_made_up}[sys.argv[1]]()
+    print(f"{passed} passed, {failed} failed")
+    return 1 if failed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
