@@ -1,0 +1,82 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Camera: film points to rays. Perspective and orthographic, through a pinhole or a thin lens.
+#pragma once
+
+#include "absl/status/statusor.h"
+#include "common/math/vec.h"
+#include "common/scene/scene_description.h"
+#include "worker/render/animated_transform.h"
+#include "worker/render/bsdf.h"
+#include "worker/render/ray_origin.h"
+#include "worker/render/surface_point.h"
+
+namespace sheaf::render {
+
+// Uniform in area on the unit disk. Source: Shirley and Chiu 1997.
+Vec2d SampleUnitDisk(Vec2f u);
+
+class Camera {
+ public:
+  // render_origin_world: the camera's own position when the shutter opens.
+  // Errors: kInvalidArgument with the camera's location: a degenerate field of view or screen window, a
+  // lens focused at distance 0 or behind it, a transform that cannot be inverted.
+  static absl::StatusOr<Camera> Make(const SceneDescription& scene, int32_t width_px, int32_t height_px,
+                                     Vec3d render_origin_world);
+
+  // film: raster position (pixels, y down). lens: of [0, 1)^2; unused without kLens. The ray's
+  // direction is unit length. Space: render.
+  template <uint32_t kTraits>
+  Ray MakeRay(Vec2d film, Vec2f lens, float shutter_fraction) const;
+
+  // Width of one pixel, for texture look-ups.
+  PixelFootprint footprint() const { return footprint_; }
+
+ private:
+  Affine RenderFromCameraAt(float shutter_fraction) const;
+
+  bool is_orthographic_ = false;
+  Vec2d screen_origin_, screen_step_;  // Camera-space x, y at z = 1 (or on the plane) = origin + film * step.
+  double lens_radius_ = 0;
+  double inverse_focal_distance_ = 0;  // 0 for a lens focused at infinity.
+  Affine render_from_camera_;
+  bool moves_ = false;
+  AnimatedTransform world_from_camera_;
+  double shutter_open_ = 0, shutter_close_ = 0;
+  Vec3d render_origin_world_;
+  PixelFootprint footprint_;
+};
+
+template <uint32_t kTraits>
+Ray Camera::MakeRay(Vec2d film, Vec2f lens, float shutter_fraction) const {
+  const Vec2d screen{screen_origin_.x + film.x * screen_step_.x, screen_origin_.y + film.y * screen_step_.y};
+  Vec3d o, d{0, 0, 1};
+  if (is_orthographic_) {
+    o = {screen.x, screen.y, 0};
+  } else {
+    d = {screen.x, screen.y, 1};
+  }
+  if (Has(kTraits, Trait::kLens) && lens_radius_ > 0) {
+    // All rays of a film point meet at z = F: the direction loses lens / F, nothing divides by a
+    // small number, and F = infinity is the plain parallel case.
+    const Vec2d on_lens = SampleUnitDisk(lens) * lens_radius_;
+    o = o + Vec3d{on_lens.x, on_lens.y, 0};
+    d = d - Vec3d{on_lens.x, on_lens.y, 0} * inverse_focal_distance_;
+  }
+  Ray ray;
+  if (Has(kTraits, Trait::kMotion) && moves_) {
+    const Affine render_from_camera = RenderFromCameraAt(shutter_fraction);
+    o = render_from_camera.Point(o);
+    d = render_from_camera.Vector(d);
+  } else {
+    o = render_from_camera_.Point(o);
+    d = render_from_camera_.Vector(d);
+  }
+  ray.o = ToFloat(o);
+  ray.d = ToFloat(Normalize(d));
+  ray.time = shutter_fraction;
+  return ray;
+}
+
+}  // namespace sheaf::render

@@ -1,0 +1,84 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// SceneDescription + RenderPlan > CompiledScene.
+#include "worker/render/compiled_scene.h"
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "common/base/log.h"
+
+namespace sheaf::render {
+namespace {
+
+// Texture filters follow the sampling rate: pixels of many samples need not blur what these resolve.
+// The floor keeps very long renders from reading the finest level everywhere. Source: pbrt-v4, 10.1.
+constexpr double kFootprintShareMin = 0.125;
+
+uint64_t GeometryBytes(const SceneGeometry& geometry) {
+  uint64_t bytes = 0;
+  for (const GeometryGroup& group : geometry.groups) {
+    for (const BakedMesh& mesh : group.meshes) {
+      bytes += mesh.positions.capacity() * sizeof(Vec3f) + mesh.normals.capacity() * sizeof(Vec3f) +
+               mesh.uvs.capacity() * sizeof(Vec2f) + mesh.indices.capacity() * sizeof(uint32_t);
+    }
+    bytes += group.quadrics.capacity() * sizeof(BakedQuadric);
+  }
+  return bytes + (geometry.still.capacity() + geometry.moving.capacity()) * sizeof(PlacedGroup) +
+         geometry.motions.capacity() * sizeof(GroupMotion);
+}
+
+}  // namespace
+
+void CompiledSceneDeleter::operator()(const CompiledScene* scene) const { delete scene; }
+
+absl::StatusOr<CompiledScenePtr> CompileScene(SceneDescription description, const FrameSettings& settings,
+                                              FileSource& files, const CompileLimits& limits) {
+  auto scene = std::make_unique<CompiledScene>();
+  scene->settings = settings;
+  scene->plan = MakeRenderPlan(description, settings);
+  absl::StatusOr<BakedScene> baked = BakeScene(&description);
+  if (!baked.ok()) return baked.status();
+  scene->description = std::move(description);
+  scene->geometry = std::move(baked->geometry);
+  if (scene->geometry.degenerate_triangle_count > 0) {
+    LogWarning(absl::StrCat(scene->description.files.empty() ? "scene" : scene->description.files[0], ": ",
+                            scene->geometry.degenerate_triangle_count,
+                            " triangles without area were left out"));
+  }
+  absl::StatusOr<Camera> camera = Camera::Make(scene->description, settings.width_px, settings.height_px,
+                                               scene->geometry.render_origin_world);
+  if (!camera.ok()) return camera.status();
+  scene->camera = *camera;
+  absl::StatusOr<PixelFilter> filter = PixelFilter::Make(scene->description);
+  if (!filter.ok()) return filter.status();
+  scene->filter = *std::move(filter);
+  const auto share = static_cast<float>(
+      std::max(kFootprintShareMin, 1 / std::sqrt(static_cast<double>(std::max<uint64_t>(1, settings.samples)))));
+  scene->footprint = {camera->footprint().constant * share, camera->footprint().slope * share};
+  absl::StatusOr<std::unique_ptr<MaterialTable>> materials =
+      MaterialTable::Build(scene->description, files, limits.texture_cache_bytes_max);
+  if (!materials.ok()) return materials.status();
+  scene->materials = *std::move(materials);
+  absl::StatusOr<std::unique_ptr<LightTable>> lights =
+      LightTable::Build(scene->description, std::move(baked->emitters), files);
+  if (!lights.ok()) return lights.status();
+  scene->lights = *std::move(lights);
+  absl::StatusOr<std::unique_ptr<EmbreeScene>> tracer =
+      EmbreeScene::Build(scene->geometry, limits.build_threads);
+  if (!tracer.ok()) return tracer.status();
+  scene->tracer = *std::move(tracer);
+  return CompiledScenePtr(scene.release());
+}
+
+const RenderPlan& PlanOf(const CompiledScene& scene) { return scene.plan; }
+const FrameSettings& SettingsOf(const CompiledScene& scene) { return scene.settings; }
+uint64_t MemoryBytesOf(const CompiledScene& scene) {
+  return sizeof(CompiledScene) + GeometryBytes(scene.geometry) + scene.tracer->memory_bytes();
+}
+
+}  // namespace sheaf::render

@@ -1,0 +1,36 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// CompiledScene: all that tracing reads, made once and never changed.
+#pragma once
+
+#include <memory>
+
+#include "common/scene/render_settings.h"
+#include "common/scene/scene_description.h"
+#include "worker/render/camera.h"
+#include "worker/render/embree_scene.h"
+#include "worker/render/filter.h"
+#include "worker/render/light_table.h"
+#include "worker/render/material.h"
+#include "worker/render/render_plan.h"
+#include "worker/render/scene_geometry.h"
+#include "worker/render/tile_pass.h"
+
+namespace sheaf::render {
+
+class CompiledScene {
+ public:
+  SceneDescription description;  // Without its mesh buffers.
+  FrameSettings settings;
+  RenderPlan plan;
+  SceneGeometry geometry;
+  Camera camera;
+  PixelFilter filter;
+  PixelFootprint footprint;      // Of the camera, at the sampling rate of the settings.
+  std::unique_ptr<EmbreeScene> tracer;
+  std::unique_ptr<MaterialTable> materials;
+  std::unique_ptr<LightTable> lights;
+};
+
+}  // namespace sheaf::render

@@ -1,0 +1,37 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// EmitterList: emissive shapes as the light table wants them, and the ids by which hits name them.
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "worker/render/light_table.h"
+#include "worker/render/quadric.h"
+#include "worker/render/scene_geometry.h"
+
+namespace sheaf::render {
+
+class EmitterList {
+ public:
+  // Return a preliminary id for Surface::emitter, or kNoEmitter where the light is black; AssignIds
+  // makes it final. flips: whether the shape faces inwards (spheres) or along -z (disks).
+  uint32_t AddMesh(const BakedMesh& mesh, const AreaLightDescription& light);
+  uint32_t AddQuadric(const Quadric& quadric, bool flips, const AreaLightDescription& light);
+  // Why the quadric cannot be an area light; empty where it can.
+  static std::string ProblemWith(const Quadric& quadric);
+
+  // Ids in the light table count triangles first, then spheres, then disks. Call once, after all.
+  void AssignIds(GeometryGroup* world) const;
+  LightTableInput Take() { return std::move(input_); }
+
+ private:
+  LightTableInput input_;
+};
+
+// The side of a triangle its shape faces: 1 along Cross(p1 - p0, p2 - p0), -1 against it. Vertex
+// normals decide where there are any (as in pbrt-v4), else the shape's orientation.
+float TriangleFacing(const BakedMesh& mesh, const uint32_t* indices, Vec3d cross);
+
+}  // namespace sheaf::render

@@ -1,0 +1,49 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// PixelFilter: where in the filter's footprint a sample falls. Positions are drawn in proportion to
+// the filter's magnitude, so that a sample counts for one pixel only and tiles need no borders.
+// Source: Ernst, Stamminger and Greiner 2006, "Filter Importance Sampling"; Mitchell and Netravali 1988.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "common/math/vec.h"
+#include "common/scene/scene_description.h"
+
+namespace sheaf::render {
+
+struct FilterSample {
+  Vec2f offset;      // From the pixel's centre, in pixels.
+  float weight = 1;  // Sign of the filter there, over the share of its integral that is positive.
+};
+
+class PixelFilter {
+ public:
+  // Errors: kInvalidArgument with the filter's location: a radius or sigma that is not positive, or a
+  // filter whose integral is not positive.
+  static absl::StatusOr<PixelFilter> Make(const SceneDescription& scene);
+  FilterSample Sample(Vec2f u) const;
+
+ private:
+  // One axis, from the centre outwards, as a piecewise linear function on even intervals.
+  struct Table {
+    std::vector<float> value;     // At the nodes.
+    std::vector<float> cdf;       // Of |value| at the nodes, from 0 to 1.
+    std::vector<uint16_t> guide;  // First interval to look at, by u.
+    float weight = 1;             // Integral of |f| over integral of f.
+  };
+  struct AxisSample {
+    float x, weight;
+  };
+  static AxisSample SampleTable(const Table& table, float u);
+  AxisSample SampleAxis(float u) const;
+
+  FilterDescription::Kind kind_ = FilterDescription::Kind::kBox;
+  float radius_x_px_ = 0.5f, radius_y_px_ = 0.5f;
+  Table table_x_, table_y_;
+};
+
+}  // namespace sheaf::render

@@ -1,0 +1,85 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Materials to traits.
+#include "worker/render/material_traits.h"
+
+#include <type_traits>
+#include <variant>
+
+#include "worker/render/render_plan.h"
+
+namespace sheaf::render {
+namespace {
+
+uint32_t Bit(Trait trait) { return static_cast<uint32_t>(trait); }
+
+class NeedsCollector {
+ public:
+  explicit NeedsCollector(const SceneDescription& scene) : scene_(scene) {}
+
+  MaterialNeeds Collect(int32_t material) {
+    Visit(material);
+    if (needs_.reads_textures) needs_.traits |= Bit(Trait::kTextures);
+    return needs_;
+  }
+
+ private:
+  void Visit(int32_t material) {
+    if (material == kNone) return;
+    std::visit([this](const auto& m) { Add(m); }, scene_.materials[material].material);
+  }
+  void Read(const FloatInput& input) { needs_.reads_textures |= input.texture != kNone; }
+  void Read(const ColorInput& input) { needs_.reads_textures |= input.texture != kNone; }
+  void Read(const RoughnessInput& roughness) {
+    Read(roughness.u);
+    Read(roughness.v);
+    needs_.anisotropic |= roughness.u.texture != roughness.v.texture ||
+                          (roughness.u.texture == kNone && roughness.u.value != roughness.v.value);
+  }
+
+  void Add(const DiffuseMaterial& m) { Read(m.reflectance); }
+  void Add(const ConductorMaterial& m) {
+    needs_.traits |= Bit(Trait::kMicrofacet);
+    Read(m.roughness);
+    if (m.has_reflectance) {
+      Read(m.reflectance);
+    } else {
+      Read(m.eta);
+      Read(m.k);
+    }
+  }
+  void Add(const DielectricMaterial& m) {
+    needs_.traits |= Bit(Trait::kSpecularTransmission);
+    Read(m.roughness);
+  }
+  void Add(const ThinDielectricMaterial&) { needs_.traits |= Bit(Trait::kSpecularTransmission); }
+  void Add(const CoatedDiffuseMaterial& m) {
+    needs_.traits |= Bit(Trait::kLayered) | Bit(Trait::kMicrofacet);
+    Read(m.roughness);
+    Read(m.reflectance);
+    Read(m.albedo);
+  }
+  void Add(const MixMaterial& m) {
+    needs_.traits |= Bit(Trait::kAlpha);
+    Read(m.amount);
+    Visit(m.material[0]);
+    Visit(m.material[1]);
+    needs_.may_pass = true;
+  }
+  void Add(const InterfaceMaterial&) {
+    needs_.traits |= Bit(Trait::kAlpha);
+    needs_.may_pass = true;
+  }
+
+  const SceneDescription& scene_;
+  MaterialNeeds needs_;
+};
+
+}  // namespace
+
+MaterialNeeds NeedsOfMaterial(const SceneDescription& scene, int32_t material) {
+  return NeedsCollector(scene).Collect(material);
+}
+
+}  // namespace sheaf::render

@@ -1,0 +1,332 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// PathTracer: one sample of one pixel, by unidirectional path tracing with next-event estimation. At
+// each vertex a light is sampled, and the scattered ray may meet a light; the two are combined by
+// multiple importance sampling. Source: Kajiya 1986; Veach 1997, ch. 8-10; depth is counted as in
+// pbrt-v4's path integrator: a path has at most max_depth scattering events, emission seen directly
+// has none.
+//
+// Compiled for each trait combination of variant_list.h: code that a scene does not call for is not
+// there. The tracer is a parameter, so that a benchmark can record the rays.
+#pragma once
+
+#include <bit>
+#include <cstdint>
+#include <optional>
+
+#include "common/film/film_tile.h"
+#include "worker/render/compiled_scene.h"
+#include "worker/render/dimensions.h"
+#include "worker/render/mis.h"
+#include "worker/render/sampler.h"
+#include "worker/render/surface_point.h"
+
+namespace sheaf::render {
+
+struct RayCounts {
+  uint64_t rays = 0;         // All.
+  uint64_t shadow_rays = 0;
+};
+
+// Surfaces that let a ray pass (cut-outs, interfaces) do not count as scattering; beyond this many in
+// one segment the path ends, so that no arrangement of them can hold a worker.
+inline constexpr uint32_t kPassesMax = 1024;
+// Roulette starts after this many scattering events and ends a path with at most this probability.
+inline constexpr uint32_t kRouletteDepthMin = 1;
+inline constexpr float kRouletteStopMax = 0.95f;
+
+template <uint32_t kTraits, typename Tracer>
+class PathTracer {
+ public:
+  // All three must outlive *this. Not thread-safe: one for each thread.
+  PathTracer(const CompiledScene& scene, Tracer& tracer, RayCounts& counts)
+      : scene_(scene), tracer_(tracer), counts_(counts) {}
+
+  // A pure function of (scene, pixel, sample_index).
+  FilmSample TraceSample(int32_t x, int32_t y, uint64_t sample_index);
+
+ private:
+  static constexpr bool kMayPass = Has(kTraits, Trait::kAlpha);
+
+  struct Path {
+    Ray ray;
+    Rgb throughput = Rgb::Grey(1);
+    Rgb radiance;
+    float eta_scale = 1;     // Radiance gained by entering denser matter, which roulette disregards.
+    uint32_t depth = 0;      // Scattering events so far.
+    bool specular = true;    // No light sampling could have found what the ray meets.
+    float pdf = 0;           // Of the ray's direction, where not specular.
+    Vec3f from, from_n;      // Where light sampling stood, and its hint.
+  };
+
+  // What decides at a surface that may let rays pass: uniform, independent for each pass.
+  struct PassChoice {
+    float cut_out, mix;
+  };
+  static PassChoice MakeChoice(std::array<float, 2> u, uint32_t pass);
+
+  Ray CameraRay(const Sampler& sampler, int32_t x, int32_t y, FilmSample* film) const;
+  void Trace(const Sampler& sampler, Path* path, FilmSample* film);
+  TexturePoint TexturePointOf(const SurfacePoint& point) const;
+  bool IsCutOut(const SurfacePoint& point, float u) const;
+  void AddEscape(Path* path) const;
+  void AddEmission(const SurfacePoint& point, Path* path) const;
+  void AddDirect(const Sampler& sampler, const SurfacePoint& point, const Bsdf& bsdf, Vec3f wo_local,
+                 Vec3f light_hint, Path* path);
+  // Goes on along a sampled direction. False where the path ends.
+  bool Scatter(const Sampler& sampler, const SurfacePoint& point, const Bsdf& bsdf, Vec3f wo_local,
+               Vec3f light_hint, Path* path) const;
+  bool IsVisible(const SurfacePoint& point, const LightSample& light, std::array<float, 2> u_pass, float time);
+  bool IsVisibleThroughCutOuts(Ray ray, bool is_infinite, Vec3f end, std::array<float, 2> u_pass);
+
+  const CompiledScene& scene_;
+  Tracer& tracer_;
+  RayCounts& counts_;
+};
+
+// --- Definitions ---------------------------------------------------------------------------------
+
+template <uint32_t kTraits, typename Tracer>
+FilmSample PathTracer<kTraits, Tracer>::TraceSample(int32_t x, int32_t y, uint64_t sample_index) {
+  const Sampler sampler(scene_.settings.seed, x, y, sample_index);
+  FilmSample film;
+  Path path;
+  path.ray = CameraRay(sampler, x, y, &film);
+  Trace(sampler, &path, &film);
+  film.radiance = path.radiance * scene_.description.film.exposure_scale;
+  return film;
+}
+
+template <uint32_t kTraits, typename Tracer>
+Ray PathTracer<kTraits, Tracer>::CameraRay(const Sampler& sampler, int32_t x, int32_t y,
+                                           FilmSample* film) const {
+  Vec2f filter_u, lens_u;
+  if constexpr (Has(kTraits, Trait::kLens)) {
+    const std::array<float, 4> u = sampler.Get4(Slot(CameraSlot::kFilterAndLens));
+    filter_u = {u[0], u[1]};
+    lens_u = {u[2], u[3]};
+  } else {
+    filter_u = sampler.Get2(Slot(CameraSlot::kFilterAndLens));
+  }
+  float time = 0;
+  if constexpr (Has(kTraits, Trait::kMotion)) time = sampler.Get1(Slot(CameraSlot::kTime));
+  const FilterSample filtered = scene_.filter.Sample(filter_u);
+  film->filter_weight = filtered.weight;
+  const Vec2d raster{x + 0.5 + static_cast<double>(filtered.offset.x),
+                     y + 0.5 + static_cast<double>(filtered.offset.y)};
+  return scene_.camera.template MakeRay<kTraits>(raster, lens_u, time);
+}
+
+template <uint32_t kTraits, typename Tracer>
+void PathTracer<kTraits, Tracer>::Trace(const Sampler& sampler, Path* path, FilmSample* film) {
+  const auto depth_max = static_cast<uint32_t>(scene_.settings.max_depth);
+  const Vec3f camera_o = path->ray.o;
+  bool is_first = true;
+  uint32_t passes = 0;
+  for (;;) {
+    ++counts_.rays;
+    RawHit hit;
+    if (!tracer_.Intersect(path->ray, &hit)) return AddEscape(path);
+    SurfacePoint point = MakeSurfacePoint<kTraits>(scene_.geometry, path->ray, hit, scene_.footprint);
+    const Surface& surface = *point.surface;
+    PassChoice choice{};
+    if (kMayPass && (surface.has_alpha || surface.may_pass)) {
+      const Vec2f u = sampler.Get2(Slot(path->depth, VertexSlot::kSurface));
+      choice = MakeChoice({u.x, u.y}, passes);
+    }
+    bool passes_through = IsCutOut(point, choice.cut_out);
+    Bsdf bsdf;
+    if (!passes_through) {
+      AddEmission(point, path);
+      // The last vertex needs no material, unless it may turn out not to be there.
+      if (path->depth == depth_max && !is_first && !(kMayPass && surface.may_pass)) return;
+      bsdf = scene_.materials->template Evaluate<kTraits>(surface.material, TexturePointOf(point), choice.mix);
+      passes_through = kMayPass && bsdf.kind == BsdfKind::kInterface;
+    }
+    if (passes_through) {
+      if (++passes > kPassesMax) return;
+      path->ray.o = OffsetRayOrigin(point.p, point.p_error, point.ng, path->ray.d);
+      path->ray.source = point.id;
+      continue;
+    }
+    passes = 0;
+    const Vec3f wo = -path->ray.d;
+    // Seen from below its own horizon a shading normal has no meaning: the true one takes its place.
+    if (Dot(wo, point.shading.n) * Dot(wo, point.ng) <= 0) point.shading = Frame::FromNormal(point.ng);
+    if (is_first) {
+      is_first = false;
+      film->alpha = 1;
+      film->albedo = bsdf.albedo;
+      film->normal = point.shading.n;
+      film->depth = Length(point.p - camera_o);
+    }
+    if (path->depth++ == depth_max) return;
+    const Vec3f wo_local = point.shading.ToLocal(wo);
+    const bool transmits = Has(kTraits, Trait::kSpecularTransmission) &&
+                           (bsdf.kind == BsdfKind::kDielectric || bsdf.kind == BsdfKind::kThinDielectric);
+    // Lights behind an opaque surface need not be looked at.
+    Vec3f light_hint{};
+    if (!transmits) light_hint = Dot(wo, point.ng) < 0 ? -point.ng : point.ng;
+    if (!bsdf.specular) AddDirect(sampler, point, bsdf, wo_local, light_hint, path);
+    if (!Scatter(sampler, point, bsdf, wo_local, light_hint, path)) return;
+  }
+}
+
+template <uint32_t kTraits, typename Tracer>
+typename PathTracer<kTraits, Tracer>::PassChoice PathTracer<kTraits, Tracer>::MakeChoice(
+    std::array<float, 2> u, uint32_t pass) {
+  if (pass == 0) return {u[0], u[1]};
+  // Later surfaces of the same segment must decide independently: hash the slot's numbers.
+  uint64_t state = (uint64_t{std::bit_cast<uint32_t>(u[0])} << 32) | std::bit_cast<uint32_t>(u[1]);
+  state += uint64_t{pass} * 0x9e3779b97f4a7c15u;
+  state = (state ^ (state >> 30)) * 0xbf58476d1ce4e5b9u;  // Mixer of SplitMix64, Steele et al. 2014.
+  state = (state ^ (state >> 27)) * 0x94d049bb133111ebu;
+  state ^= state >> 31;
+  return {static_cast<float>(state >> 40) * 0x1p-24f, static_cast<float>((state >> 8) & 0xffffff) * 0x1p-24f};
+}
+
+template <uint32_t kTraits, typename Tracer>
+TexturePoint PathTracer<kTraits, Tracer>::TexturePointOf(const SurfacePoint& point) const {
+  TexturePoint texture_point;
+  if constexpr (Has(kTraits, Trait::kTextures)) {
+    texture_point.uv = point.uv;
+    texture_point.duv_dx = point.duv_dx;
+    texture_point.duv_dy = point.duv_dy;
+    texture_point.p_world = ToFloat(ToDouble(point.p) + scene_.geometry.render_origin_world);
+  }
+  return texture_point;
+}
+
+template <uint32_t kTraits, typename Tracer>
+bool PathTracer<kTraits, Tracer>::IsCutOut(const SurfacePoint& point, float u) const {
+  if constexpr (kMayPass) {
+    if (!point.surface->has_alpha) return false;
+    const ShapeDescription& shape = scene_.description.shapes[point.surface->shape];
+    return u >= scene_.materials->template EvaluateFloat<kTraits>(shape.alpha, TexturePointOf(point));
+  }
+  return false;
+}
+
+template <uint32_t kTraits, typename Tracer>
+void PathTracer<kTraits, Tracer>::AddEscape(Path* path) const {
+  if constexpr (Has(kTraits, Trait::kEnvironment)) {
+    const Rgb radiance = scene_.lights->template EnvironmentRadiance<kTraits>(path->ray.d);
+    if (radiance.IsBlack()) return;
+    float weight = 1;
+    if (!path->specular) {
+      weight = PowerHeuristic(path->pdf, scene_.lights->template PdfEnvironment<kTraits>(
+                                             path->from, path->from_n, path->ray.d));
+    }
+    path->radiance += path->throughput * radiance * weight;
+  }
+}
+
+template <uint32_t kTraits, typename Tracer>
+void PathTracer<kTraits, Tracer>::AddEmission(const SurfacePoint& point, Path* path) const {
+  if constexpr (Has(kTraits, Trait::kAreaLights)) {
+    if (point.emitter == kNoEmitter) return;
+    const Rgb radiance = scene_.lights->EmitterRadiance(point.emitter, point.EmitterNormal(), -path->ray.d);
+    if (radiance.IsBlack()) return;
+    float weight = 1;
+    if (!path->specular) {
+      weight = PowerHeuristic(path->pdf, scene_.lights->template PdfEmitter<kTraits>(
+                                             point.emitter, path->from, path->from_n, path->ray.d, point.p));
+    }
+    path->radiance += path->throughput * radiance * weight;
+  }
+}
+
+template <uint32_t kTraits, typename Tracer>
+void PathTracer<kTraits, Tracer>::AddDirect(const Sampler& sampler, const SurfacePoint& point,
+                                            const Bsdf& bsdf, Vec3f wo_local, Vec3f light_hint,
+                                            Path* path) {
+  if (scene_.lights->empty()) return;
+  const std::array<float, 4> u = sampler.Get4(Slot(path->depth - 1, VertexSlot::kLight));
+  const std::optional<LightSample> light =
+      scene_.lights->template Sample<kTraits>(point.p, light_hint, u[0], {u[1], u[2]});
+  if (!light.has_value()) return;
+  const Vec3f wi_local = point.shading.ToLocal(light->wi);
+  // Shading and true normal must agree on the side, or light would leak through the surface.
+  if (!(wi_local.z * Dot(light->wi, point.ng) > 0)) return;
+  const BsdfValue value = EvalBsdf<kTraits>(bsdf, wo_local, wi_local);
+  if (value.f_cos.IsBlack()) return;
+  if (!IsVisible(point, *light, {u[3], u[0]}, path->ray.time)) return;
+  const float weight = light->is_delta ? 1.0f : PowerHeuristic(light->pdf, value.pdf);
+  path->radiance += path->throughput * value.f_cos * light->radiance * (weight / light->pdf);
+}
+
+template <uint32_t kTraits, typename Tracer>
+bool PathTracer<kTraits, Tracer>::Scatter(const Sampler& sampler, const SurfacePoint& point,
+                                          const Bsdf& bsdf, Vec3f wo_local, Vec3f light_hint,
+                                          Path* path) const {
+  const std::array<float, 4> u = sampler.Get4(Slot(path->depth - 1, VertexSlot::kBsdf));
+  const std::optional<BsdfSample> sample = SampleBsdf<kTraits>(bsdf, wo_local, u[0], {u[1], u[2]});
+  if (!sample.has_value()) return false;
+  const Vec3f wi = point.shading.ToWorld(sample->wi);
+  if (!(sample->wi.z * Dot(wi, point.ng) > 0)) return false;
+  path->throughput *= sample->weight;
+  if (path->throughput.IsBlack()) return false;
+  path->eta_scale *= sample->eta_scale;
+  path->specular = (sample->flags & kBsdfSpecular) != 0;
+  path->pdf = sample->pdf;
+  path->from = point.p;
+  path->from_n = light_hint;
+  path->ray.o = OffsetRayOrigin(point.p, point.p_error, point.ng, wi);
+  path->ray.d = wi;
+  path->ray.source = point.id;
+  const float survival = MaxComponent(path->throughput) * path->eta_scale;
+  if (survival < 1 && path->depth > kRouletteDepthMin) {
+    const float stop = std::fmin(1 - survival, kRouletteStopMax);
+    if (u[3] < stop) return false;
+    path->throughput *= 1 / (1 - stop);
+  }
+  return true;
+}
+
+template <uint32_t kTraits, typename Tracer>
+bool PathTracer<kTraits, Tracer>::IsVisible(const SurfacePoint& point, const LightSample& light,
+                                            std::array<float, 2> u_pass, float time) {
+  Ray ray;
+  ray.time = time;
+  ray.source = point.id;
+  ray.o = OffsetRayOrigin(point.p, point.p_error, point.ng, light.wi);
+  ray.d = light.wi;
+  Vec3f end{};
+  if (!light.is_infinite) {
+    end = OffsetRayOrigin(light.p_light, light.p_light_error, light.n_light, -light.wi);
+    ray.d = end - ray.o;
+    ray.t_max = kSegmentEnd;
+  }
+  if constexpr (kMayPass) return IsVisibleThroughCutOuts(ray, light.is_infinite, end, u_pass);
+  ++counts_.rays;
+  ++counts_.shadow_rays;
+  return !tracer_.Occluded(ray);
+}
+
+template <uint32_t kTraits, typename Tracer>
+bool PathTracer<kTraits, Tracer>::IsVisibleThroughCutOuts(Ray ray, bool is_infinite, Vec3f end,
+                                                          std::array<float, 2> u_pass) {
+  for (uint32_t pass = 0; pass < kPassesMax; ++pass) {
+    ++counts_.rays;
+    ++counts_.shadow_rays;
+    RawHit hit;
+    if (!tracer_.Intersect(ray, &hit)) return true;
+    const SurfacePoint point = MakeSurfacePoint<kTraits>(scene_.geometry, ray, hit, scene_.footprint);
+    const Surface& surface = *point.surface;
+    if (!surface.has_alpha && !surface.may_pass) return false;
+    // Pass numbers from 1 on: the slot's own numbers have been used to choose the light.
+    const PassChoice choice = MakeChoice(u_pass, pass + 1);
+    if (!IsCutOut(point, choice.cut_out)) {
+      const Bsdf bsdf = scene_.materials->template Evaluate<kTraits>(
+          surface.material, TexturePointOf(point), choice.mix);
+      if (bsdf.kind != BsdfKind::kInterface) return false;
+    }
+    ray.o = OffsetRayOrigin(point.p, point.p_error, point.ng, ray.d);
+    ray.source = point.id;
+    if (!is_infinite) ray.d = end - ray.o;
+  }
+  return false;
+}
+
+}  // namespace sheaf::render

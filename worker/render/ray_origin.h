@@ -1,0 +1,63 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Rays and where they may start. A point computed in float is off by a bounded amount; a ray leaving
+// a surface starts beyond that bound, on the side it leaves to, so that it cannot meet the surface it
+// leaves. The bounds are relative to the numbers at hand: no length of the scene enters.
+// Source: pbrt-v4, sec. 6.8; Higham 2002, "Accuracy and Stability of Numerical Algorithms", ch. 3.
+#pragma once
+
+#include <cmath>
+#include <cstdint>
+#include <limits>
+
+#include "common/math/next_float.h"
+#include "common/math/vec.h"
+
+namespace sheaf::render {
+
+// Bound of the relative error of n roundings in float.
+constexpr float Gamma(int n) {
+  constexpr float kHalfUlp = std::numeric_limits<float>::epsilon() * 0.5f;
+  return static_cast<float>(n) * kHalfUlp / (1 - static_cast<float>(n) * kHalfUlp);
+}
+
+// Names a primitive of the scene: a triangle of a mesh, or a quadric, of the world or a placed group.
+struct PrimitiveId {
+  uint32_t geometry = ~0u, primitive = ~0u, placed = ~0u;
+  friend constexpr bool operator==(const PrimitiveId&, const PrimitiveId&) = default;
+};
+
+// Space: render. d need not be unit; t counts in lengths of d, from 0 to t_max (both exclusive).
+struct Ray {
+  Vec3f o, d;
+  float t_max = std::numeric_limits<float>::infinity();
+  float time = 0;  // Fraction of the shutter interval, in [0, 1].
+  // The primitive the ray leaves. A triangle is flat, so it is not met again: the tracer's own rounding
+  // on a needle-like triangle may be larger than any offset one would want.
+  PrimitiveId source;
+};
+
+constexpr Vec3f Abs(Vec3f v) {
+  return {v.x < 0 ? -v.x : v.x, v.y < 0 ? -v.y : v.y, v.z < 0 ? -v.z : v.z};
+}
+
+// Origin for a ray that leaves the surface point p (known to p_error, per component) towards w.
+// n: unit geometric normal, of either side.
+inline Vec3f OffsetRayOrigin(Vec3f p, Vec3f p_error, Vec3f n, Vec3f w) {
+  const float distance = Dot(Abs(n), p_error);
+  const Vec3f offset = Dot(w, n) < 0 ? n * -distance : n * distance;
+  Vec3f origin = p + offset;
+  // The sum itself rounds: away from p, never back to it.
+  for (size_t i = 0; i < 3; ++i) {
+    if (offset[i] > 0) origin[i] = NextUp(origin[i]);
+    if (offset[i] < 0) origin[i] = NextDown(origin[i]);
+  }
+  return origin;
+}
+
+// What a shadow ray leaves out at its far end, as a fraction of its length: the intersector's own
+// rounding of t at that distance.
+inline constexpr float kSegmentEnd = 1 - Gamma(16);
+
+}  // namespace sheaf::render

@@ -1,0 +1,28 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// The loop over one row of pixels, for the generated files that compile the variants.
+#pragma once
+
+#include "worker/render/bsdf_inl.h"
+#include "worker/render/variants.h"
+
+namespace sheaf::render {
+
+template <uint32_t kTraits>
+void RenderRow(const CompiledScene& scene, int32_t x0, int32_t x1, int32_t y, SampleBlock block,
+               PixelAccumulator* accumulator, RayCounts* counts) {
+  RayCounts local;
+  PathTracer<kTraits, const EmbreeScene> tracer(scene, *scene.tracer, local);
+  for (int32_t x = x0; x < x1; ++x) {
+    accumulator->Begin(x, y);
+    for (uint64_t s = block.first; s < block.End(); ++s) {
+      accumulator->Add(s, tracer.TraceSample(x, y, s));
+    }
+    accumulator->End();
+  }
+  counts->rays += local.rays;
+  counts->shadow_rays += local.shadow_rays;
+}
+
+}  // namespace sheaf::render

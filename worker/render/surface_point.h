@@ -1,0 +1,240 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// SurfacePoint: everything shading wants to know of a hit. The point is put back onto its triangle (or
+// quadric) in double from the surface's own description, so its error is that of one rounding to float,
+// however far the ray came from. Source: pbrt-v4, sec. 6.8.
+#pragma once
+
+#include <cmath>
+
+#include "common/math/frame.h"
+#include "common/math/vec.h"
+#include "worker/render/bsdf.h"
+#include "worker/render/embree_scene.h"
+#include "worker/render/emitter_list.h"
+#include "worker/render/scene_geometry.h"
+
+namespace sheaf::render {
+
+struct SurfacePoint {
+  Vec3f p;           // Space: render.
+  Vec3f p_error;     // Bound of its absolute error, per component.
+  Vec3f ng;          // Unit geometric normal, on the surface's own front side.
+  Frame shading;     // n: unit shading normal, in the hemisphere of ng.
+  Vec2f uv;          // Where the surface reads textures.
+  Vec2f duv_dx, duv_dy;
+  const Surface* surface = nullptr;
+  uint32_t emitter = kNoEmitter;
+  PrimitiveId id;
+
+  // The normal by which the light table knows emitters: outward for spheres, whichever side is front.
+  Vec3f EmitterNormal() const { return surface->is_sphere && surface->flips_normal ? -ng : ng; }
+};
+
+// Width of a pixel at a distance from the camera: constant + slope * distance.
+struct PixelFootprint {
+  float constant = 0, slope = 0;
+};
+
+namespace internal {
+
+inline constexpr double kDoubleRounding = 0x1p-50;  // A few roundings of double.
+
+// Before it is rounded to float and placed. Space: that of the group.
+struct GroupPoint {
+  Vec3d p, ng, ns;
+  Vec3f coordinate_max;  // Of what the point was computed from.
+  Vec2f uv;
+  Vec3d dpdu, dpdv;
+  bool has_tangents = false;
+};
+
+inline Vec3f MaxAbs(Vec3f a, Vec3f b, Vec3f c) {
+  Vec3f result;
+  for (size_t i = 0; i < 3; ++i) {
+    result[i] = std::fmax(std::fabs(a[i]), std::fmax(std::fabs(b[i]), std::fabs(c[i])));
+  }
+  return result;
+}
+
+// uv and its tangents on a triangle. Without uvs the corners are (0,0), (1,0), (1,1), as in pbrt-v4.
+inline void AddTriangleParameters(const BakedMesh& mesh, const uint32_t* t, const RawHit& hit, Vec3d e1,
+                                  Vec3d e2, GroupPoint* point) {
+  Vec2f uv0{0, 0}, uv1{1, 0}, uv2{1, 1};
+  if (!mesh.uvs.empty()) {
+    uv0 = mesh.uvs[t[0]];
+    uv1 = mesh.uvs[t[1]];
+    uv2 = mesh.uvs[t[2]];
+  }
+  point->uv = uv0 + hit.u * (uv1 - uv0) + hit.v * (uv2 - uv0);
+  const double u1 = static_cast<double>(uv1.x) - uv0.x, v1 = static_cast<double>(uv1.y) - uv0.y;
+  const double u2 = static_cast<double>(uv2.x) - uv0.x, v2 = static_cast<double>(uv2.y) - uv0.y;
+  const double determinant = u1 * v2 - u2 * v1;
+  if (determinant == 0) return;
+  point->dpdu = (e1 * v2 - e2 * v1) * (1 / determinant);
+  point->dpdv = (e2 * u1 - e1 * u2) * (1 / determinant);
+  point->has_tangents = true;
+}
+
+inline GroupPoint TrianglePoint(const BakedMesh& mesh, const RawHit& hit, bool wants_parameters) {
+  const uint32_t* t = &mesh.indices[3 * static_cast<size_t>(hit.id.primitive)];
+  const Vec3f &f0 = mesh.positions[t[0]], &f1 = mesh.positions[t[1]], &f2 = mesh.positions[t[2]];
+  const Vec3d p0 = ToDouble(f0), e1 = ToDouble(f1) - p0, e2 = ToDouble(f2) - p0;
+  GroupPoint point;
+  point.p = p0 + e1 * static_cast<double>(hit.u) + e2 * static_cast<double>(hit.v);
+  point.coordinate_max = MaxAbs(f0, f1, f2);
+  const Vec3d cross = Cross(e1, e2);
+  // Degenerate triangles were dropped: the length is positive, and no product of floats underflows.
+  point.ng = cross * (static_cast<double>(TriangleFacing(mesh, t, cross)) / Length(cross));
+  point.ns = point.ng;
+  if (!mesh.normals.empty()) {
+    const Vec3f ns = mesh.normals[t[0]] * (1 - hit.u - hit.v) + mesh.normals[t[1]] * hit.u +
+                     mesh.normals[t[2]] * hit.v;
+    // A shading normal on the far side of its own triangle says nothing about how it is lit.
+    if (Dot(ToDouble(ns), point.ng) > 0) point.ns = ToDouble(ns);
+  }
+  if (wants_parameters) AddTriangleParameters(mesh, t, hit, e1, e2, &point);
+  return point;
+}
+
+inline GroupPoint PointOnQuadric(const BakedQuadric& baked, Vec3d o, Vec3d d, double t,
+                                 bool wants_parameters) {
+  const QuadricPoint on = QuadricPointAt(baked.quadric, o, d, t);
+  GroupPoint point;
+  point.p = on.p;
+  point.ng = baked.surface.flips_normal ? -on.n : on.n;
+  point.ns = point.ng;
+  point.coordinate_max = baked.quadric.coordinate_max;
+  if (wants_parameters) {
+    const QuadricParameters parameters = QuadricParametersAt(baked.quadric, on.p_object);
+    point.uv = parameters.uv;
+    point.dpdu = parameters.dpdu;
+    point.dpdv = parameters.dpdv;
+    point.has_tangents = true;
+  }
+  return point;
+}
+
+// Brings the point from its group to render space. The next ray is rounded to float in the group's
+// space again, so the bound holds that rounding too, carried over.
+inline void PlacePoint(const Affine& render_from_group, const Affine& group_from_render,
+                       GroupPoint* point, Vec3d* rounding) {
+  const Vec3f g = point->coordinate_max;
+  const double unit = static_cast<double>(Gamma(2));
+  for (size_t i = 0; i < 3; ++i) {
+    (*rounding)[i] = unit * (std::fabs(render_from_group.x[i] * point->p.x) +
+                             std::fabs(render_from_group.y[i] * point->p.y) +
+                             std::fabs(render_from_group.z[i] * point->p.z)) +
+                     kDoubleRounding * (std::fabs(render_from_group.x[i]) * g.x +
+                                        std::fabs(render_from_group.y[i]) * g.y +
+                                        std::fabs(render_from_group.z[i]) * g.z +
+                                        std::fabs(render_from_group.offset[i]));
+  }
+  point->p = render_from_group.Point(point->p);
+  const bool is_flat = point->ns == point->ng;
+  point->ng = Normalize(group_from_render.TransposedVector(point->ng));
+  point->ns = is_flat ? point->ng : group_from_render.TransposedVector(point->ns);
+  point->dpdu = render_from_group.Vector(point->dpdu);
+  point->dpdv = render_from_group.Vector(point->dpdv);
+}
+
+// Least squares: the (u, v) whose tangents reach the offset x in the surface.
+inline Vec2f SolveParameters(Vec3d dpdu, Vec3d dpdv, Vec3d x) {
+  const double uu = Dot(dpdu, dpdu), uv = Dot(dpdu, dpdv), vv = Dot(dpdv, dpdv);
+  const double determinant = uu * vv - uv * uv;
+  if (!(determinant > 0)) return {};
+  const double xu = Dot(dpdu, x), xv = Dot(dpdv, x);
+  return {static_cast<float>((vv * xu - uv * xv) / determinant),
+          static_cast<float>((uu * xv - uv * xu) / determinant)};
+}
+
+// The pixel's width at the point, laid onto the surface: stretched along the line of sight.
+inline void AddFootprint(const GroupPoint& group, PixelFootprint footprint, SurfacePoint* point) {
+  constexpr double kCosineMin = 0.05;  // Grazing surfaces would ask for the whole texture.
+  const double distance = Length(group.p);
+  const double width = footprint.constant + footprint.slope * distance;
+  if (!(width > 0) || !(distance > 0) || !group.has_tangents) return;
+  const Vec3d view = group.p * (1 / distance);
+  const Vec3d across_unscaled = Cross(view, group.ng);
+  const double sine = Length(across_unscaled);
+  Vec3d across = group.dpdu * (1 / Length(group.dpdu)), along = Cross(group.ng, across);
+  if (sine > kDoubleRounding) {
+    across = across_unscaled * (1 / sine);
+    along = Cross(group.ng, across);
+  }
+  const double cosine = std::fmax(kCosineMin, std::fabs(Dot(view, group.ng)));
+  point->duv_dx = SolveParameters(group.dpdu, group.dpdv, across * width);
+  point->duv_dy = SolveParameters(group.dpdu, group.dpdv, along * (width / cosine));
+}
+
+inline Frame ShadingFrame(Vec3f ns, const GroupPoint& group) {
+  if (group.has_tangents) {
+    const Vec3d n = ToDouble(ns);
+    const Vec3d tangent = group.dpdu - n * Dot(n, group.dpdu);
+    const double length = Length(tangent);
+    if (length > 0 && std::isfinite(length)) {
+      const Vec3f t = ToFloat(tangent * (1 / length));
+      return {t, Cross(ns, t), ns};
+    }
+  }
+  return Frame::FromNormal(ns);
+}
+
+}  // namespace internal
+
+// Requires: hit is of ray, found in the EmbreeScene of `geometry`.
+template <uint32_t kTraits>
+SurfacePoint MakeSurfacePoint(const SceneGeometry& geometry, const Ray& ray, const RawHit& hit,
+                              PixelFootprint footprint) {
+  constexpr bool kMayBePlaced = Has(kTraits, Trait::kInstances) || Has(kTraits, Trait::kMotion);
+  const PlacedGroup* placed = nullptr;
+  uint32_t group_index = 0;
+  if (kMayBePlaced && hit.id.placed != kNotPlaced) {
+    const size_t still_count = geometry.still.size();
+    placed = hit.id.placed < still_count ? &geometry.still[hit.id.placed]
+                                         : &geometry.moving[hit.id.placed - still_count];
+    group_index = placed->group;
+  }
+  const GeometryGroup& group = geometry.groups[group_index];
+  SurfacePoint point;
+  point.id = hit.id;
+  internal::GroupPoint on;
+  Affine render_from_group, group_from_render;
+  if (placed != nullptr) {
+    render_from_group = RenderFromGroupAt(geometry, *placed, ray.time);
+    group_from_render = GroupFromRenderAt(geometry, *placed, ray.time);
+  }
+  if (Has(kTraits, Trait::kQuadrics) && hit.id.geometry == group.meshes.size()) {
+    const BakedQuadric& baked = group.quadrics[hit.id.primitive];
+    point.surface = &baked.surface;
+    point.emitter = baked.surface.emitter;
+    Vec3d o = ToDouble(ray.o), d = ToDouble(ray.d);
+    if (placed != nullptr) {
+      o = group_from_render.Point(o);
+      d = group_from_render.Vector(d);
+    }
+    const bool parameters = baked.surface.needs_tangent || baked.surface.needs_footprint;
+    on = internal::PointOnQuadric(baked, o, d, hit.t, parameters);
+  } else {
+    const BakedMesh& mesh = group.meshes[hit.id.geometry];
+    point.surface = &mesh.surface;
+    if (mesh.surface.emitter != kNoEmitter) point.emitter = mesh.surface.emitter + hit.id.primitive;
+    on = internal::TrianglePoint(mesh, hit, mesh.surface.needs_tangent || mesh.surface.needs_footprint);
+  }
+  Vec3d rounding = ToDouble(on.coordinate_max) * internal::kDoubleRounding;
+  if (placed != nullptr) internal::PlacePoint(render_from_group, group_from_render, &on, &rounding);
+  point.p = ToFloat(on.p);
+  point.p_error = Gamma(1) * Abs(point.p) + ToFloat(rounding);
+  point.ng = ToFloat(on.ng);
+  // Flat surfaces shade by the very bits of their normal.
+  const Vec3f ns = on.ns == on.ng ? point.ng : ToFloat(on.ns * (1 / Length(on.ns)));
+  if (Has(kTraits, Trait::kTextures) && point.surface->needs_footprint) {
+    point.uv = on.uv;
+    internal::AddFootprint(on, footprint, &point);
+  }
+  point.shading = point.surface->needs_tangent ? internal::ShadingFrame(ns, on) : Frame::FromNormal(ns);
+  return point;
+}
+
+}  // namespace sheaf::render

@@ -1,0 +1,49 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// TilePass > samples > FilmTile.
+#include "worker/render/tile_pass.h"
+
+#include <ctime>
+
+#include "common/base/check.h"
+#include "worker/render/compiled_scene.h"
+#include "worker/render/variants.h"
+
+namespace sheaf::render {
+namespace {
+
+double ThreadCpuSeconds() {
+  timespec now{};
+  if (clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now) != 0) return 0;
+  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
+}
+
+}  // namespace
+
+absl::StatusOr<FilmTile> RenderTilePass(const CompiledScene& scene, PixelRect tile, SampleBlock block,
+                                        std::stop_token stop, RenderStats* stats) {
+  if (tile.Width() <= 0 || tile.Height() <= 0 || !IsAligned(block)) {
+    return absl::InvalidArgumentError("a tile pass needs a tile with pixels and an aligned block");
+  }
+  const double start_seconds = ThreadCpuSeconds();
+  const RenderRowFunction render_row =
+      RowFunctionOf(ChooseVariant(scene.plan.traits, scene.settings.force_generic_variant));
+  FilmTile film(tile, block);
+  PixelAccumulator accumulator(&film);
+  RayCounts counts;
+  for (int32_t y = tile.y0; y < tile.y1; ++y) {
+    if (stop.stop_requested()) return absl::CancelledError("the tile pass was stopped");
+    render_row(scene, tile.x0, tile.x1, y, block, &accumulator, &counts);
+  }
+  if (stats != nullptr) {
+    stats->samples = static_cast<uint64_t>(tile.PixelCount()) * block.count;
+    stats->rays = counts.rays;
+    stats->shadow_rays = counts.shadow_rays;
+    stats->cpu_seconds = ThreadCpuSeconds() - start_seconds;
+    stats->non_finite = accumulator.non_finite();
+  }
+  return film;
+}
+
+}  // namespace sheaf::render

@@ -1,0 +1,48 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// The table of compiled variants.
+#include "worker/render/variants.h"
+
+#include <array>
+#include <bit>
+
+#include "common/base/check.h"
+#include "worker/render/variant_list.h"
+
+namespace sheaf::render {
+namespace {
+
+struct Entry {
+  const char* name;
+  uint32_t traits;
+  RenderRowFunction row;
+};
+#define SHEAF_VARIANT_ENTRY(name, traits) {name, traits, &RenderRow<(traits)>},
+constexpr Entry kEntries[] = {SHEAF_RENDER_VARIANTS(SHEAF_VARIANT_ENTRY)};
+#undef SHEAF_VARIANT_ENTRY
+
+}  // namespace
+
+std::vector<Variant> AllVariants() {
+  std::vector<Variant> variants;
+  for (const Entry& entry : kEntries) variants.push_back({entry.name, entry.traits});
+  return variants;
+}
+
+size_t ChooseVariant(uint32_t traits, bool force_generic) {
+  size_t best = std::size(kEntries) - 1;
+  if (force_generic) return best;
+  for (size_t i = 0; i < std::size(kEntries); ++i) {
+    const bool holds_all = (traits & ~kEntries[i].traits) == 0;
+    if (holds_all && std::popcount(kEntries[i].traits) < std::popcount(kEntries[best].traits)) best = i;
+  }
+  return best;
+}
+
+RenderRowFunction RowFunctionOf(size_t variant) {
+  SHEAF_CHECK(variant < std::size(kEntries));
+  return kEntries[variant].row;
+}
+
+}  // namespace sheaf::render
