@@ -1,0 +1,52 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Diagnostics: what a reader has to say about a scene, each with its place, collected so that one run
+// shows every mistake. Also the names that errors guess when a name is unknown.
+#pragma once
+
+#include <cstdint>
+#include <set>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "common/scene/scene_description.h"
+#include "common/scene/scene_reader.h"
+
+namespace sheaf {
+
+class Diagnostics {
+ public:
+  // Requires: scene outlives this; its files give locations their names.
+  Diagnostics(const SceneDescription* scene, const SceneReaderLimits& limits)
+      : scene_(scene), errors_max_(limits.errors_max), notes_max_(limits.notes_max) {}
+
+  void Error(SourceLocation location, std::string_view text);
+  void Warning(SourceLocation location, std::string_view text);
+  // Notes and warnings of the same text are told once, at their first place.
+  void Note(SourceLocation location, std::string_view text);
+
+  // True once reading should stop.
+  bool Exhausted() const { return error_count_ >= errors_max_; }
+  bool HasErrors() const { return error_count_ > 0; }
+  // OK without errors; otherwise kInvalidArgument with every error, one a line.
+  absl::Status ToStatus() const;
+  std::vector<SceneDiagnostic> TakeAll() { return std::move(diagnostics_); }
+
+ private:
+  void AddOnce(SceneDiagnostic::Severity severity, SourceLocation location, std::string_view text);
+
+  const SceneDescription* scene_;
+  uint32_t errors_max_;
+  uint32_t notes_max_;
+  uint32_t error_count_ = 0;
+  std::set<std::string, std::less<>> told_;
+  std::vector<SceneDiagnostic> diagnostics_;
+};
+
+// "; did you mean \"radius\"?" where a candidate is close to name, otherwise "".
+std::string NearestNameHint(std::string_view name, const std::vector<std::string>& candidates);
+
+}  // namespace sheaf

@@ -1,0 +1,135 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "common/scene/light_parameters.h"
+
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "common/scene/color_parameters.h"
+
+namespace sheaf {
+namespace {
+
+// The colour of light that a scene leaves open: the white of sRGB.
+ColorSpec White() { return RgbColor(Rgb::Grey(1)); }
+
+LightScale GetScale(ParameterList& parameters, bool has_power) {
+  LightScale scale;
+  scale.scale = parameters.GetFloat("scale", 1);
+  if (!(scale.scale >= 0)) {
+    parameters.ErrorAt(*parameters.Find("scale"), "is negative; light cannot be");
+  }
+  if (has_power) scale.power_w = parameters.GetFloat("power", -1);
+  return scale;
+}
+
+void CheckDirection(ParameterList& parameters, Vec3d from, Vec3d to) {
+  if (LengthSquared(to - from) > 0) return;
+  parameters.Error(absl::StrCat(parameters.owner(), ": \"from\" and \"to\" are the same point, "
+                                "which gives no direction"));
+}
+
+InfiniteLight GetInfinite(ParameterList& parameters, FileSource& files) {
+  InfiniteLight light;
+  light.radiance = GetColor(parameters, "L", ColorRole::kIlluminant, White(), files);
+  light.illuminance_lx = parameters.GetFloat("illuminance", -1);
+  const std::string filename = parameters.GetString("filename", "");
+  parameters.RejectUnsupported("portal", "Sheaf has no portals; remove it, the picture is the same");
+  if (filename.empty()) return light;
+  light.file = CanonicalFileName(filename);
+  const Parameter& parameter = *parameters.Find("filename");
+  if (const auto path = files.LocalPath(light.file); !path.ok()) {
+    parameters.ErrorAt(parameter, absl::StrCat("cannot be read: ", path.status().message()));
+  }
+  if (parameters.Has("L")) {
+    parameters.ErrorAt(parameter, "excludes \"L\"; give one or the other");
+  }
+  return light;
+}
+
+DistantLight GetDistant(ParameterList& parameters, FileSource& files) {
+  DistantLight light;
+  light.radiance = GetColor(parameters, "L", ColorRole::kIlluminant, White(), files);
+  light.from = parameters.GetPoint3("from", {0, 0, 0});
+  light.to = parameters.GetPoint3("to", {0, 0, 1});
+  light.illuminance_lx = parameters.GetFloat("illuminance", -1);
+  CheckDirection(parameters, light.from, light.to);
+  return light;
+}
+
+PointLight GetPoint(ParameterList& parameters, FileSource& files) {
+  PointLight light;
+  light.intensity = GetColor(parameters, "I", ColorRole::kIlluminant, White(), files);
+  light.from = parameters.GetPoint3("from", {0, 0, 0});
+  return light;
+}
+
+SpotLight GetSpot(ParameterList& parameters, FileSource& files) {
+  SpotLight light;
+  light.intensity = GetColor(parameters, "I", ColorRole::kIlluminant, White(), files);
+  light.from = parameters.GetPoint3("from", {0, 0, 0});
+  light.to = parameters.GetPoint3("to", {0, 0, 1});
+  light.cone_angle_degrees = parameters.GetFloat("coneangle", 30);
+  light.cone_delta_angle_degrees = parameters.GetFloat("conedeltaangle", 5);
+  CheckDirection(parameters, light.from, light.to);
+  if (!(light.cone_angle_degrees > 0 && light.cone_angle_degrees <= 180)) {
+    parameters.Error(absl::StrCat(parameters.owner(), ": coneangle ", light.cone_angle_degrees,
+                                  " is outside (0, 180] degrees"));
+  }
+  if (!(light.cone_delta_angle_degrees >= 0 &&
+        light.cone_delta_angle_degrees <= light.cone_angle_degrees)) {
+    parameters.Error(absl::StrCat(parameters.owner(), ": conedeltaangle ",
+                                  light.cone_delta_angle_degrees, " is outside [0, coneangle]"));
+  }
+  return light;
+}
+
+}  // namespace
+
+std::optional<LightDescription> GetLight(const std::string& type, const Matrix4& world_from_light,
+                                         ParameterList& parameters, FileSource& files) {
+  LightDescription light;
+  light.location = parameters.location();
+  light.world_from_light = world_from_light;
+  bool has_power = false;
+  if (type == "infinite") {
+    light.light = GetInfinite(parameters, files);
+  } else if (type == "distant") {
+    light.light = GetDistant(parameters, files);
+  } else if (type == "point") {
+    has_power = true;
+    light.light = GetPoint(parameters, files);
+  } else if (type == "spot") {
+    has_power = true;
+    light.light = GetSpot(parameters, files);
+  } else {
+    parameters.Error(absl::StrCat(parameters.owner(), " is not supported; Sheaf does infinite, "
+                                  "distant, point and spot"));
+    return std::nullopt;
+  }
+  Matrix4 inverse;
+  if (!Invert(world_from_light, &inverse)) {
+    parameters.Error(absl::StrCat(parameters.owner(), ": the transformation is singular"));
+  }
+  light.scale = GetScale(parameters, has_power);
+  parameters.ReportUnused();
+  return light;
+}
+
+std::optional<AreaLightDescription> GetAreaLight(const std::string& type, ParameterList& parameters,
+                                                 FileSource& files) {
+  if (type != "diffuse") {
+    parameters.Error(absl::StrCat(parameters.owner(), " is not supported; Sheaf does diffuse"));
+    return std::nullopt;
+  }
+  AreaLightDescription light;
+  light.location = parameters.location();
+  light.radiance = GetColor(parameters, "L", ColorRole::kIlluminant, White(), files);
+  light.scale = GetScale(parameters, true);
+  light.two_sided = parameters.GetBool("twosided", false);
+  parameters.RejectUnsupported("filename", "area lights have no images yet; give \"rgb L\"");
+  parameters.ReportUnused();
+  return light;
+}
+
+}  // namespace sheaf

@@ -1,0 +1,296 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "common/scene/material_table.h"
+
+#include <algorithm>
+#include <utility>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "common/scene/color_parameters.h"
+#include "common/scene/spectrum.h"
+
+namespace sheaf {
+namespace {
+
+constexpr float kDefaultReflectance = 0.5f;
+constexpr float kDefaultIndex = 1.5f;
+
+ColorSpec NamedColor(const std::string& name) {
+  ColorSpec color;
+  color.kind = ColorSpec::Kind::kNamed;
+  color.name = name;
+  color.rgb = SpectrumToRgb(color, ColorRole::kUnbounded);
+  return color;
+}
+
+// pbrt-v4 materials that Sheaf does not do yet, for a better message than "unknown".
+constexpr const char* kKnownMaterials[] = {"coatedconductor", "diffusetransmission", "hair",
+                                           "measured", "subsurface"};
+
+}  // namespace
+
+int32_t MaterialTable::Add(const std::string& type, ParameterList parameters) {
+  parameters.set_owner(absl::StrCat("material \"", type, "\""));
+  MaterialDescription material;
+  material.location = parameters.location();
+  material.material = Make(type, parameters);
+  const auto index = static_cast<int32_t>(scene_->materials.size());
+  scene_->materials.push_back(std::move(material));
+  return index;
+}
+
+void MaterialTable::AddNamed(const std::string& name, ParameterList parameters) {
+  parameters.set_owner(absl::StrCat("named material \"", name, "\""));
+  Slot& slot = SlotFor(name, parameters.location());
+  if (slot.is_made) {
+    const auto& first = scene_->materials[static_cast<size_t>(slot.index)];
+    parameters.Error(absl::StrCat(parameters.owner(), " is made twice; the first is at ",
+                                  FormatLocation(*scene_, first.location)));
+    return;
+  }
+  slot.is_made = true;
+  const auto index = static_cast<size_t>(slot.index);
+  scene_->materials[index].location = parameters.location();
+  const std::string type = parameters.GetString("type", "");
+  if (type.empty()) {
+    parameters.Error(absl::StrCat(parameters.owner(), " needs \"string type\", such as \"diffuse\""));
+    return;
+  }
+  // Making it may refer to further materials, which moves the vector.
+  Variant made = Make(type, parameters);
+  scene_->materials[index].material = std::move(made);
+}
+
+int32_t MaterialTable::Refer(const std::string& name, SourceLocation location) {
+  return SlotFor(name, location).index;
+}
+
+int32_t MaterialTable::Default() {
+  if (default_ != kNone) return default_;
+  default_ = static_cast<int32_t>(scene_->materials.size());
+  MaterialDescription material;
+  DiffuseMaterial diffuse;
+  diffuse.reflectance.value = RgbColor(Rgb::Grey(kDefaultReflectance));
+  material.material = diffuse;
+  scene_->materials.push_back(std::move(material));
+  return default_;
+}
+
+bool MaterialTable::IsInterface(int32_t material) const {
+  return material != kNone && std::holds_alternative<InterfaceMaterial>(
+                                  scene_->materials[static_cast<size_t>(material)].material);
+}
+
+MaterialTable::Slot& MaterialTable::SlotFor(const std::string& name, SourceLocation location) {
+  Slot& slot = slots_[name];
+  if (slot.index == kNone) {
+    slot.index = static_cast<int32_t>(scene_->materials.size());
+    MaterialDescription material;
+    material.name = name;
+    material.location = location;
+    scene_->materials.push_back(std::move(material));
+  }
+  return slot;
+}
+
+MaterialTable::Variant MaterialTable::Make(const std::string& type, ParameterList& parameters) {
+  Variant material;
+  if (type == "diffuse") {
+    material = MakeDiffuse(parameters);
+  } else if (type == "conductor") {
+    material = MakeConductor(parameters);
+  } else if (type == "dielectric") {
+    material = MakeDielectric(parameters);
+  } else if (type == "thindielectric") {
+    material = MakeThinDielectric(parameters);
+  } else if (type == "coateddiffuse") {
+    material = MakeCoatedDiffuse(parameters);
+  } else if (type == "mix") {
+    material = MakeMix(parameters);
+  } else if (type == "interface" || type.empty() || type == "none") {
+    if (type != "interface") {
+      diagnostics_->Warning(parameters.location(), absl::StrCat("material \"", type, "\" is an old "
+                            "spelling; write \"interface\""));
+    }
+    material = InterfaceMaterial{};
+  } else {
+    const bool is_known = std::find(std::begin(kKnownMaterials), std::end(kKnownMaterials), type) !=
+                          std::end(kKnownMaterials);
+    parameters.Error(absl::StrCat(
+        parameters.owner(), ": type \"", type, "\" is ", is_known ? "not supported" : "unknown",
+        "; Sheaf does diffuse, conductor, dielectric, thindielectric, coateddiffuse, mix and "
+        "interface"));
+    return material;
+  }
+  if (!std::holds_alternative<InterfaceMaterial>(material)) RejectBumps(parameters);
+  parameters.ReportUnused();
+  return material;
+}
+
+void MaterialTable::RejectBumps(ParameterList& parameters) {
+  parameters.RejectUnsupported("displacement", "Sheaf has no bump mapping; remove it");
+  parameters.RejectUnsupported("normalmap", "Sheaf has no normal maps; remove it");
+}
+
+DiffuseMaterial MaterialTable::MakeDiffuse(ParameterList& parameters) {
+  DiffuseMaterial diffuse;
+  diffuse.reflectance =
+      textures_->GetColorInput(parameters, "reflectance", ColorRole::kReflectance,
+                               RgbColor(Rgb::Grey(kDefaultReflectance)));
+  return diffuse;
+}
+
+RoughnessInput MaterialTable::GetRoughness(ParameterList& parameters) {
+  RoughnessInput roughness;
+  const FloatInput both = textures_->GetFloatInput(parameters, "roughness", 0);
+  roughness.u = parameters.Has("uroughness")
+                    ? textures_->GetFloatInput(parameters, "uroughness", 0) : both;
+  roughness.v = parameters.Has("vroughness")
+                    ? textures_->GetFloatInput(parameters, "vroughness", 0) : both;
+  roughness.remap_roughness = parameters.GetBool("remaproughness", true);
+  for (const FloatInput& input : {both, roughness.u, roughness.v}) {
+    if (input.texture == kNone && input.value < 0) {
+      parameters.Error(absl::StrCat(parameters.owner(), ": roughness ", input.value, " is negative"));
+    }
+  }
+  return roughness;
+}
+
+ConductorMaterial MaterialTable::MakeConductor(ParameterList& parameters) {
+  ConductorMaterial conductor;
+  conductor.roughness = GetRoughness(parameters);
+  conductor.has_reflectance = parameters.Has("reflectance");
+  if (conductor.has_reflectance) {
+    if (parameters.Has("eta") || parameters.Has("k")) {
+      parameters.Error(absl::StrCat(parameters.owner(), ": reflectance excludes eta and k; give one "
+                                    "or the other"));
+    }
+    conductor.reflectance = textures_->GetColorInput(
+        parameters, "reflectance", ColorRole::kReflectance, RgbColor(Rgb::Grey(1)));
+    return conductor;
+  }
+  conductor.eta = textures_->GetColorInput(parameters, "eta", ColorRole::kUnbounded,
+                                           NamedColor("metal-Cu-eta"));
+  conductor.k = textures_->GetColorInput(parameters, "k", ColorRole::kUnbounded,
+                                         NamedColor("metal-Cu-k"));
+  return conductor;
+}
+
+float MaterialTable::GetIndex(ParameterList& parameters) {
+  const Parameter* parameter = parameters.Find("eta");
+  if (parameter == nullptr) return kDefaultIndex;
+  float index = kDefaultIndex;
+  if (parameter->type == ParameterType::kFloat) {
+    index = parameters.GetFloat("eta", kDefaultIndex);
+  } else if (parameter->type == ParameterType::kSpectrum) {
+    const ColorSpec eta = GetColor(parameters, "eta", ColorRole::kUnbounded,
+                                   RgbColor(Rgb::Grey(kDefaultIndex)), *files_);
+    index = MeanIndex(eta);
+    diagnostics_->Note(parameter->location,
+                       absl::StrCat(parameters.owner(), ": eta varies with wavelength; its mean ",
+                                    index, " is used, for RGB transport has no dispersion"));
+  } else {
+    parameters.ErrorAt(*parameter, "must be of type float or spectrum");
+  }
+  if (!(index > 0)) {
+    parameters.ErrorAt(*parameter, absl::StrCat("is ", index, "; an index must be greater than 0"));
+    return kDefaultIndex;
+  }
+  return index;
+}
+
+DielectricMaterial MaterialTable::MakeDielectric(ParameterList& parameters) {
+  DielectricMaterial dielectric;
+  dielectric.roughness = GetRoughness(parameters);
+  dielectric.eta = GetIndex(parameters);
+  return dielectric;
+}
+
+ThinDielectricMaterial MaterialTable::MakeThinDielectric(ParameterList& parameters) {
+  return ThinDielectricMaterial{GetIndex(parameters)};
+}
+
+float MaterialTable::GetConstant(ParameterList& parameters, const std::string& name, float fallback) {
+  const Parameter* parameter = parameters.Find(name);
+  if (parameter != nullptr && parameter->type == ParameterType::kTexture) {
+    parameters.ErrorAt(*parameter, "is not supported as a texture; give a number");
+    return fallback;
+  }
+  return parameters.GetFloat(name, fallback);
+}
+
+CoatedDiffuseMaterial MaterialTable::MakeCoatedDiffuse(ParameterList& parameters) {
+  CoatedDiffuseMaterial coated;
+  coated.roughness = GetRoughness(parameters);
+  coated.reflectance =
+      textures_->GetColorInput(parameters, "reflectance", ColorRole::kReflectance,
+                               RgbColor(Rgb::Grey(kDefaultReflectance)));
+  coated.eta = GetIndex(parameters);
+  coated.thickness = GetConstant(parameters, "thickness", 0.01f);
+  coated.g = GetConstant(parameters, "g", 0);
+  coated.albedo = textures_->GetColorInput(parameters, "albedo", ColorRole::kReflectance,
+                                           RgbColor(Rgb::Grey(0)));
+  coated.max_depth = parameters.GetInteger("maxdepth", 10);
+  coated.sample_count = parameters.GetInteger("nsamples", 1);
+  if (coated.albedo.texture != kNone || !coated.albedo.value.rgb.IsBlack()) {
+    parameters.ErrorAt(*parameters.Find("albedo"),
+                       "is not supported unless 0: the coat has no scattering medium yet");
+  }
+  if (coated.max_depth < 1) parameters.Error(parameters.owner() + ": maxdepth must be at least 1");
+  if (coated.sample_count < 1) parameters.Error(parameters.owner() + ": nsamples must be at least 1");
+  if (!(coated.thickness >= 0)) parameters.Error(parameters.owner() + ": thickness is negative");
+  return coated;
+}
+
+MixMaterial MaterialTable::MakeMix(ParameterList& parameters) {
+  MixMaterial mix;
+  mix.amount = textures_->GetFloatInput(parameters, "amount", 0.5f);
+  const std::vector<std::string> names = parameters.GetStrings("materials");
+  if (names.size() != 2) {
+    parameters.Error(absl::StrCat(parameters.owner(), " needs \"string materials\" with the names of "
+                                  "2 named materials, but has ", names.size()));
+    return mix;
+  }
+  for (size_t i = 0; i < 2; ++i) mix.material[i] = Refer(names[i], parameters.location());
+  return mix;
+}
+
+bool MaterialTable::ReachesItself(int32_t material) const {
+  std::vector<int32_t> open = {material};
+  std::vector<bool> seen(scene_->materials.size(), false);
+  while (!open.empty()) {
+    const int32_t index = open.back();
+    open.pop_back();
+    const auto* mix =
+        std::get_if<MixMaterial>(&scene_->materials[static_cast<size_t>(index)].material);
+    if (mix == nullptr) continue;
+    for (const int32_t part : mix->material) {
+      if (part == material) return true;
+      if (part == kNone || seen[static_cast<size_t>(part)]) continue;
+      seen[static_cast<size_t>(part)] = true;
+      open.push_back(part);
+    }
+  }
+  return false;
+}
+
+void MaterialTable::Finish() {
+  for (const auto& [name, slot] : slots_) {
+    const MaterialDescription& material = scene_->materials[static_cast<size_t>(slot.index)];
+    if (!slot.is_made) {
+      std::vector<std::string> names;
+      for (const auto& [other, other_slot] : slots_) {
+        if (other_slot.is_made) names.push_back(other);
+      }
+      diagnostics_->Error(material.location, absl::StrCat("material \"", name, "\" is used here but "
+                                                          "made nowhere", NearestNameHint(name, names)));
+    } else if (ReachesItself(slot.index)) {
+      diagnostics_->Error(material.location,
+                          absl::StrCat("the mix material \"", name, "\" contains itself"));
+    }
+    if (diagnostics_->Exhausted()) return;
+  }
+}
+
+}  // namespace sheaf

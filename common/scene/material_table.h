@@ -1,0 +1,68 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// MaterialTable: the materials of a scene, named and unnamed. Shapes and mixes may use a named
+// material that the file makes further on; the table keeps its place until then.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <string>
+
+#include "common/scene/parameter_list.h"
+#include "common/scene/scene_description.h"
+#include "common/scene/texture_table.h"
+
+namespace sheaf {
+
+class MaterialTable {
+ public:
+  // Requires: all outlive this.
+  MaterialTable(SceneDescription* scene, TextureTable* textures, FileSource* files,
+                Diagnostics* diagnostics)
+      : scene_(scene), textures_(textures), files_(files), diagnostics_(diagnostics) {}
+
+  // Material "type" ...: the index of a new unnamed material.
+  int32_t Add(const std::string& type, ParameterList parameters);
+  // MakeNamedMaterial "name" "string type" "type" ...
+  void AddNamed(const std::string& name, ParameterList parameters);
+  // The index of the material of that name.
+  int32_t Refer(const std::string& name, SourceLocation location);
+  // Of shapes before any Material directive: diffuse, reflecting one half.
+  int32_t Default();
+  // Whether the material is "interface". Named materials count once they are made.
+  bool IsInterface(int32_t material) const;
+
+  // Reports names that lead nowhere and mixes that contain themselves. Call once, at the end.
+  void Finish();
+
+ private:
+  struct Slot {
+    int32_t index = kNone;
+    bool is_made = false;
+  };
+  using Variant = decltype(MaterialDescription::material);
+
+  Variant Make(const std::string& type, ParameterList& parameters);
+  DiffuseMaterial MakeDiffuse(ParameterList& parameters);
+  ConductorMaterial MakeConductor(ParameterList& parameters);
+  DielectricMaterial MakeDielectric(ParameterList& parameters);
+  ThinDielectricMaterial MakeThinDielectric(ParameterList& parameters);
+  CoatedDiffuseMaterial MakeCoatedDiffuse(ParameterList& parameters);
+  MixMaterial MakeMix(ParameterList& parameters);
+  RoughnessInput GetRoughness(ParameterList& parameters);
+  float GetIndex(ParameterList& parameters);
+  float GetConstant(ParameterList& parameters, const std::string& name, float fallback);
+  void RejectBumps(ParameterList& parameters);
+  Slot& SlotFor(const std::string& name, SourceLocation location);
+  bool ReachesItself(int32_t material) const;
+
+  SceneDescription* scene_;
+  TextureTable* textures_;
+  FileSource* files_;
+  Diagnostics* diagnostics_;
+  std::map<std::string, Slot> slots_;
+  int32_t default_ = kNone;
+};
+
+}  // namespace sheaf

@@ -1,0 +1,260 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "common/scene/option_parameters.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+
+namespace sheaf {
+namespace {
+
+bool IsOneOf(const std::string& name, std::initializer_list<const char*> names) {
+  return std::find(names.begin(), names.end(), name) != names.end();
+}
+
+void GetShutter(ParameterList& parameters, CameraDescription* camera) {
+  camera->shutter_open = parameters.GetFloat("shutteropen", 0);
+  camera->shutter_close = parameters.GetFloat("shutterclose", 1);
+  if (camera->shutter_close < camera->shutter_open) {
+    parameters.diagnostics().Warning(parameters.location(),
+                                     absl::StrCat(parameters.owner(), ": shutterclose is before "
+                                                  "shutteropen; they are exchanged"));
+    std::swap(camera->shutter_open, camera->shutter_close);
+  }
+  if (camera->shutter_close == camera->shutter_open) {
+    parameters.Error(absl::StrCat(parameters.owner(), ": the shutter opens and closes at ",
+                                  camera->shutter_open, ", so the film is not exposed"));
+  }
+}
+
+void GetWindow(ParameterList& parameters, CameraDescription* camera, PendingFrame* frame) {
+  frame->frame_aspect_ratio = parameters.GetFloat("frameaspectratio", 0);
+  if (parameters.Has("frameaspectratio") && !(frame->frame_aspect_ratio > 0)) {
+    parameters.ErrorAt(*parameters.Find("frameaspectratio"), "must be greater than 0");
+    frame->frame_aspect_ratio = 0;
+  }
+  const Parameter* parameter = parameters.FindTyped("screenwindow", ParameterType::kFloat);
+  if (parameter == nullptr) return;
+  const std::vector<float>& w = parameter->floats;
+  if (w.size() != 4 || !(w[0] < w[1]) || !(w[2] < w[3])) {
+    parameters.ErrorAt(*parameter, "needs 4 values x0 x1 y0 y1 with x0 < x1 and y0 < y1");
+    return;
+  }
+  frame->has_screen_window = true;
+  std::copy(w.begin(), w.end(), camera->screen_window);
+}
+
+void GetCrop(ParameterList& parameters, FilmDescription* film) {
+  const Parameter* crop = parameters.FindTyped("cropwindow", ParameterType::kFloat);
+  const Parameter* bounds = parameters.FindTyped("pixelbounds", ParameterType::kInteger);
+  if (bounds != nullptr) {
+    const std::vector<int32_t>& b = bounds->integers;
+    if (b.size() != 4 || b[0] >= b[1] || b[2] >= b[3]) {
+      parameters.ErrorAt(*bounds, "needs 4 values x0 x1 y0 y1 with x0 < x1 and y0 < y1");
+      return;
+    }
+    film->has_pixel_bounds = true;
+    std::copy(b.begin(), b.end(), film->pixel_bounds);
+  }
+  if (crop == nullptr) return;
+  if (bounds != nullptr) {
+    parameters.diagnostics().Warning(crop->location, absl::StrCat(parameters.owner(),
+                                     ": pixelbounds is given too and wins over cropwindow"));
+  }
+  std::vector<float> c = crop->floats;
+  if (c.size() == 4) {
+    // pbrt-v4 accepts either order.
+    if (c[0] > c[1]) std::swap(c[0], c[1]);
+    if (c[2] > c[3]) std::swap(c[2], c[3]);
+  }
+  if (c.size() != 4 || !(std::max(c[0], 0.f) < std::min(c[1], 1.f)) ||
+      !(std::max(c[2], 0.f) < std::min(c[3], 1.f))) {
+    parameters.ErrorAt(*crop, "needs 4 fractions x0 x1 y0 y1 that leave a part of the frame");
+    return;
+  }
+  std::copy(c.begin(), c.end(), film->crop_window);
+}
+
+}  // namespace
+
+void SetCamera(const std::string& type, ParameterList& parameters, CameraDescription* camera,
+               PendingFrame* frame) {
+  if (type == "perspective") {
+    camera->kind = CameraDescription::Kind::kPerspective;
+    camera->fov_degrees = parameters.GetFloat("fov", 90);
+    if (!(camera->fov_degrees > 0 && camera->fov_degrees < 180)) {
+      parameters.Error(absl::StrCat(parameters.owner(), ": fov ", camera->fov_degrees,
+                                    " is outside (0, 180) degrees"));
+    }
+  } else if (type == "orthographic") {
+    camera->kind = CameraDescription::Kind::kOrthographic;
+  } else {
+    parameters.Error(absl::StrCat(parameters.owner(), " is not supported; Sheaf does perspective and "
+                                  "orthographic"));
+    return;
+  }
+  GetShutter(parameters, camera);
+  GetWindow(parameters, camera, frame);
+  camera->lens_radius = parameters.GetFloat("lensradius", 0);
+  camera->focal_distance = parameters.GetFloat("focaldistance", 1e6f);
+  if (!(camera->lens_radius >= 0)) {
+    parameters.ErrorAt(*parameters.Find("lensradius"), "is negative");
+  }
+  if (!(camera->focal_distance > 0)) {
+    parameters.ErrorAt(*parameters.Find("focaldistance"), "must be greater than 0");
+  }
+  parameters.ReportUnused();
+}
+
+void SetFilm(const std::string& type, ParameterList& parameters, FilmDescription* film,
+             PendingFrame* frame) {
+  if (type != "rgb") {
+    parameters.Error(absl::StrCat(parameters.owner(), " is not supported; Sheaf does rgb, and writes "
+                                  "albedo, normal and depth with every picture"));
+    return;
+  }
+  film->width_px = parameters.GetInteger("xresolution", 1280);
+  film->height_px = parameters.GetInteger("yresolution", 720);
+  if (film->width_px < 1 || film->height_px < 1) {
+    parameters.Error(absl::StrCat(parameters.owner(), ": a frame of ", film->width_px, " x ",
+                                  film->height_px, " pixels is empty"));
+  }
+  GetCrop(parameters, film);
+  film->filename = parameters.GetString("filename", "");
+  frame->iso = parameters.GetFloat("iso", 100);
+  if (!(frame->iso > 0)) parameters.ErrorAt(*parameters.Find("iso"), "must be greater than 0");
+  const std::string sensor = parameters.GetString("sensor", "cie1931");
+  if (sensor != "cie1931") {
+    parameters.ErrorAt(*parameters.Find("sensor"),
+                       absl::StrCat("\"", sensor, "\" is not supported; Sheaf does cie1931"));
+  }
+  if (parameters.GetFloat("whitebalance", 0) != 0) {
+    parameters.RejectUnsupported("whitebalance", "Sheaf has no white balance; remove it or give 0");
+  }
+  const float clamp = parameters.GetFloat("maxcomponentvalue", INFINITY);
+  if (std::isfinite(clamp)) {
+    parameters.RejectUnsupported("maxcomponentvalue",
+                                 "Sheaf does not clamp samples, for that would darken the picture");
+  }
+  parameters.GetFloat("diagonal", 35);
+  parameters.NoteWithoutEffect("diagonal", "only realistic cameras have a film size");
+  parameters.GetBool("savefp16", true);
+  parameters.NoteWithoutEffect("savefp16", "Sheaf writes 32-bit floats");
+  parameters.ReportUnused();
+}
+
+void SetFilter(const std::string& type, ParameterList& parameters, FilterDescription* filter) {
+  float radius = 0;
+  if (type == "box") {
+    filter->kind = FilterDescription::Kind::kBox;
+    radius = 0.5f;
+  } else if (type == "triangle") {
+    filter->kind = FilterDescription::Kind::kTriangle;
+    radius = 2;
+  } else if (type == "gaussian") {
+    filter->kind = FilterDescription::Kind::kGaussian;
+    radius = 1.5f;
+    filter->sigma = parameters.GetFloat("sigma", 0.5f);
+    if (!(filter->sigma > 0)) parameters.ErrorAt(*parameters.Find("sigma"), "must be greater than 0");
+  } else if (type == "mitchell") {
+    filter->kind = FilterDescription::Kind::kMitchell;
+    radius = 2;
+    filter->b = parameters.GetFloat("B", 1.f / 3);
+    filter->c = parameters.GetFloat("C", 1.f / 3);
+  } else {
+    parameters.Error(absl::StrCat(parameters.owner(), " is not supported; Sheaf does box, triangle, "
+                                  "gaussian and mitchell"));
+    return;
+  }
+  filter->radius_x_px = parameters.GetFloat("xradius", radius);
+  filter->radius_y_px = parameters.GetFloat("yradius", radius);
+  for (const char* name : {"xradius", "yradius"}) {
+    const float value = name[0] == 'x' ? filter->radius_x_px : filter->radius_y_px;
+    if (!(value > 0)) parameters.ErrorAt(*parameters.Find(name), "must be greater than 0");
+  }
+  parameters.ReportUnused();
+}
+
+void SetSampler(const std::string& type, ParameterList& parameters, SamplingDescription* sampling) {
+  sampling->sampler = type;
+  if (type == "stratified") {
+    const int64_t samples = int64_t{parameters.GetInteger("xsamples", 4)} *
+                            parameters.GetInteger("ysamples", 4);
+    parameters.GetBool("jitter", true);
+    if (samples < 1 || samples > (int64_t{1} << 30)) {
+      parameters.Error(absl::StrCat(parameters.owner(), ": ", samples, " samples per pixel are not "
+                                    "between 1 and 2^30"));
+      return;
+    }
+    sampling->samples_per_pixel = static_cast<int32_t>(samples);
+  } else if (IsOneOf(type, {"zsobol", "sobol", "paddedsobol", "halton", "independent", "pmj02bn"})) {
+    sampling->samples_per_pixel = parameters.GetInteger("pixelsamples", 16);
+    parameters.GetString("randomization", "");
+    if (sampling->samples_per_pixel < 1) {
+      parameters.ErrorAt(*parameters.Find("pixelsamples"), "must be at least 1");
+    }
+  } else {
+    parameters.Error(absl::StrCat(parameters.owner(), " is unknown; pbrt-v4 has zsobol, sobol, "
+                                  "paddedsobol, halton, independent, stratified and pmj02bn"));
+    return;
+  }
+  if (parameters.Has("seed")) {
+    sampling->seed = static_cast<uint64_t>(int64_t{parameters.GetInteger("seed", 0)});
+  }
+  parameters.diagnostics().Note(parameters.location(),
+                                absl::StrCat(parameters.owner(), ": Sheaf always uses Owen-scrambled "
+                                             "Sobol' points; only the number of samples and the seed "
+                                             "are taken from the file"));
+  parameters.ReportUnused();
+}
+
+bool IntegratorIgnoresMedia(const std::string& integrator) {
+  return integrator == "path" || integrator == "simplepath";
+}
+
+void SetIntegrator(const std::string& type, ParameterList& parameters,
+                   SamplingDescription* sampling) {
+  if (!IsOneOf(type, {"path", "volpath", "simplepath", "simplevolpath", "lightpath"})) {
+    parameters.Error(absl::StrCat(parameters.owner(), " is not supported; Sheaf does path tracing: "
+                                  "use volpath or path"));
+    return;
+  }
+  sampling->integrator = type;
+  sampling->max_depth = parameters.GetInteger("maxdepth", 5);
+  if (sampling->max_depth < 0) parameters.ErrorAt(*parameters.Find("maxdepth"), "is negative");
+  if (parameters.GetBool("regularize", false)) {
+    parameters.RejectUnsupported("regularize", "it makes rough what is smooth; give false");
+  }
+  parameters.GetString("lightsampler", "");
+  parameters.NoteWithoutEffect("lightsampler", "Sheaf chooses lights in its own way");
+  if (type == "simplepath") {
+    parameters.GetBool("samplelights", true);
+    parameters.GetBool("samplebsdf", true);
+  }
+  if (type == "lightpath" || type.rfind("simple", 0) == 0) {
+    parameters.diagnostics().Note(parameters.location(),
+                                  absl::StrCat(parameters.owner(), ": the picture is made by path "
+                                               "tracing with next-event estimation, which has the "
+                                               "same mean"));
+  }
+  parameters.ReportUnused();
+}
+
+void SettleFrame(const PendingFrame& frame, CameraDescription* camera, FilmDescription* film) {
+  // pbrt-v4: the time of exposure is that of the shutter, and ISO 100 at 1 s changes nothing.
+  film->exposure_scale = (camera->shutter_close - camera->shutter_open) * frame.iso / 100;
+  if (frame.has_screen_window) return;
+  const double aspect = frame.frame_aspect_ratio > 0
+                            ? double{frame.frame_aspect_ratio}
+                            : static_cast<double>(film->width_px) / film->height_px;
+  const double x = aspect > 1 ? aspect : 1;
+  const double y = aspect > 1 ? 1 : 1 / aspect;
+  const double window[4] = {-x, x, -y, y};
+  std::copy(std::begin(window), std::end(window), camera->screen_window);
+}
+
+}  // namespace sheaf

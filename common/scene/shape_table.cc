@@ -1,0 +1,190 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "common/scene/shape_table.h"
+
+#include <algorithm>
+#include <utility>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "common/scene/ply_reader.h"
+
+namespace sheaf {
+namespace {
+
+uint64_t MeshBytes(const TriangleMesh& mesh) {
+  return mesh.positions.size() * sizeof(Vec3f) + mesh.normals.size() * sizeof(Vec3f) +
+         mesh.uvs.size() * sizeof(Vec2f) + mesh.indices.size() * sizeof(uint32_t) +
+         sizeof(TriangleMesh);
+}
+
+// Every problem is reported; the mesh counts only without one.
+bool SetIndices(ParameterList& parameters, TriangleMesh* mesh) {
+  const Parameter* parameter = parameters.FindTyped("indices", ParameterType::kInteger);
+  const size_t vertex_count = mesh->positions.size();
+  if (parameter == nullptr) {
+    if (parameters.Has("indices")) return false;
+    if (vertex_count == 3) {
+      mesh->indices = {0, 1, 2};
+      return true;
+    }
+    parameters.Error(absl::StrCat(parameters.owner(), " needs \"integer indices\" where it has more "
+                                  "than one triangle"));
+    return false;
+  }
+  const std::vector<int32_t>& indices = parameter->integers;
+  if (indices.size() % 3 != 0) {
+    parameters.ErrorAt(*parameter, absl::StrCat("needs three indices a triangle, but has ",
+                                                indices.size()));
+    return false;
+  }
+  for (size_t i = 0; i < indices.size(); ++i) {
+    if (indices[i] >= 0 && static_cast<size_t>(indices[i]) < vertex_count) continue;
+    parameters.ErrorAt(*parameter, absl::StrCat("holds ", indices[i], " in triangle ", i / 3,
+                                                ", outside [0, ", vertex_count,
+                                                "), the range of P's vertices"));
+    return false;
+  }
+  mesh->indices.assign(indices.begin(), indices.end());
+  return true;
+}
+
+template <typename T>
+bool CheckCountOf(ParameterList& parameters, const char* name, const std::vector<T>& values,
+                  size_t vertex_count) {
+  if (values.empty() || values.size() == vertex_count) return true;
+  parameters.ErrorAt(*parameters.Find(name), absl::StrCat("has ", values.size(), " entries, but P has ",
+                                                          vertex_count, " vertices"));
+  return false;
+}
+
+}  // namespace
+
+bool ShapeTable::ChargeMemory(uint64_t size_bytes, SourceLocation location) {
+  const bool was_within = memory_bytes_ <= limits_.memory_bytes_max;
+  memory_bytes_ += size_bytes;
+  if (memory_bytes_ <= limits_.memory_bytes_max) return true;
+  if (was_within) {
+    diagnostics_->Error(location, absl::StrCat("the scene exceeds the limit of ",
+                                               limits_.memory_bytes_max, " bytes (memory_bytes_max)"));
+  }
+  return false;
+}
+
+bool ShapeTable::SetShape(const std::string& type, ParameterList& parameters,
+                          ShapeDescription* shape) {
+  bool is_good = false;
+  if (type == "trianglemesh") {
+    is_good = SetTriangleMesh(parameters, shape);
+  } else if (type == "plymesh") {
+    is_good = SetPlyMesh(parameters, shape);
+  } else if (type == "sphere") {
+    is_good = SetSphere(parameters, shape);
+  } else if (type == "disk") {
+    is_good = SetDisk(parameters, shape);
+  } else {
+    parameters.Error(absl::StrCat(parameters.owner(), " is not supported; Sheaf does trianglemesh, "
+                                  "plymesh, sphere and disk"));
+    return false;
+  }
+  parameters.ReportUnused();
+  return is_good && ChargeMemory(sizeof(ShapeDescription), parameters.location());
+}
+
+bool ShapeTable::SetTriangleMesh(ParameterList& parameters, ShapeDescription* shape) {
+  TriangleMesh mesh;
+  mesh.positions = parameters.GetTriples("P", ParameterType::kPoint3);
+  mesh.normals = parameters.GetTriples("N", ParameterType::kNormal);
+  mesh.uvs = parameters.GetPoints2("uv");
+  parameters.NoteWithoutEffect("S", "no material of Sheaf depends on tangents");
+  parameters.NoteWithoutEffect("faceIndices", "Sheaf has no ptex textures");
+  if (mesh.positions.empty()) {
+    parameters.Error(absl::StrCat(parameters.owner(), " needs \"point3 P\", its vertices"));
+    parameters.Find("indices");
+    return false;
+  }
+  const size_t vertex_count = mesh.positions.size();
+  bool is_good = SetIndices(parameters, &mesh);
+  is_good = CheckCountOf(parameters, "N", mesh.normals, vertex_count) && is_good;
+  is_good = CheckCountOf(parameters, "uv", mesh.uvs, vertex_count) && is_good;
+  if (!is_good) return false;
+  MeshShape mesh_shape;
+  if (!AddMesh(std::move(mesh), parameters, &mesh_shape.mesh)) return false;
+  shape->shape = mesh_shape;
+  return true;
+}
+
+bool ShapeTable::SetPlyMesh(ParameterList& parameters, ShapeDescription* shape) {
+  parameters.RejectUnsupported("displacement", "Sheaf does not displace meshes; remove it");
+  parameters.NoteWithoutEffect("edgelength", "it is for displacement");
+  const std::string filename = parameters.GetString("filename", "");
+  if (filename.empty()) {
+    parameters.Error(absl::StrCat(parameters.owner(), " needs \"string filename\""));
+    return false;
+  }
+  const std::string name = CanonicalFileName(filename);
+  const auto [entry, is_new] = mesh_of_file_.emplace(name, kNone);
+  if (is_new) {
+    const Parameter& parameter = *parameters.Find("filename");
+    const absl::StatusOr<std::string> path = files_->LocalPath(name);
+    absl::StatusOr<TriangleMesh> mesh = absl::UnknownError("");
+    if (path.ok()) mesh = ReadPly(*path, limits_);
+    const absl::Status status = path.ok() ? mesh.status() : path.status();
+    if (!status.ok()) {
+      parameters.ErrorAt(parameter, absl::StrCat("cannot be read: ", name, ": ", status.message()));
+      return false;
+    }
+    mesh->file = name;
+    if (!AddMesh(std::move(*mesh), parameters, &entry->second)) return false;
+  }
+  if (entry->second == kNone) return false;  // Reported at its first use.
+  shape->shape = MeshShape{entry->second};
+  return true;
+}
+
+bool ShapeTable::AddMesh(TriangleMesh mesh, ParameterList& parameters, int32_t* index) {
+  triangle_count_ += mesh.indices.size() / 3;
+  if (triangle_count_ > limits_.triangles_max) {
+    parameters.Error(absl::StrCat("the scene exceeds the limit of ", limits_.triangles_max,
+                                  " triangles (triangles_max)"));
+    return false;
+  }
+  if (!ChargeMemory(MeshBytes(mesh), parameters.location())) return false;
+  *index = static_cast<int32_t>(scene_->meshes.size());
+  scene_->meshes.push_back(std::move(mesh));
+  return true;
+}
+
+bool ShapeTable::SetSphere(ParameterList& parameters, ShapeDescription* shape) {
+  SphereShape sphere;
+  sphere.radius = parameters.GetFloat("radius", 1);
+  const float z_min = parameters.GetFloat("zmin", -sphere.radius);
+  const float z_max = parameters.GetFloat("zmax", sphere.radius);
+  sphere.phi_max_degrees = std::clamp(parameters.GetFloat("phimax", 360), 0.f, 360.f);
+  if (!(sphere.radius > 0)) {
+    parameters.Error(absl::StrCat(parameters.owner(), ": radius ", sphere.radius,
+                                  " must be greater than 0"));
+    return false;
+  }
+  sphere.z_min = std::clamp(std::min(z_min, z_max), -sphere.radius, sphere.radius);
+  sphere.z_max = std::clamp(std::max(z_min, z_max), -sphere.radius, sphere.radius);
+  shape->shape = sphere;
+  return true;
+}
+
+bool ShapeTable::SetDisk(ParameterList& parameters, ShapeDescription* shape) {
+  DiskShape disk;
+  disk.radius = parameters.GetFloat("radius", 1);
+  disk.inner_radius = parameters.GetFloat("innerradius", 0);
+  disk.height = parameters.GetFloat("height", 0);
+  disk.phi_max_degrees = std::clamp(parameters.GetFloat("phimax", 360), 0.f, 360.f);
+  if (!(disk.radius > 0) || !(disk.inner_radius >= 0) || !(disk.inner_radius < disk.radius)) {
+    parameters.Error(absl::StrCat(parameters.owner(), ": needs 0 <= innerradius < radius, but has ",
+                                  disk.inner_radius, " and ", disk.radius));
+    return false;
+  }
+  shape->shape = disk;
+  return true;
+}
+
+}  // namespace sheaf

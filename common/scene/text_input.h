@@ -1,0 +1,45 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// TextInput: the bytes of a scene or mesh file in order, inflated where the file is gzip (told by its
+// first bytes, not by its name). The only door to zlib.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <string>
+
+#include "absl/status/statusor.h"
+
+struct gzFile_s;  // zlib's file.
+
+namespace sheaf {
+
+class TextInput {
+ public:
+  // bytes_max bounds what Read gives in all, after inflating: a small file may inflate without end.
+  // Errors: kNotFound, kPermissionDenied, kInvalidArgument for a directory.
+  static absl::StatusOr<std::unique_ptr<TextInput>> Open(const std::string& path,
+                                                         uint64_t bytes_max);
+  ~TextInput();
+  TextInput(const TextInput&) = delete;
+  TextInput& operator=(const TextInput&) = delete;
+
+  // Returns the number of bytes put into [into, into + size); 0 only at the end of the file.
+  // Errors: kResourceExhausted beyond bytes_max, kDataLoss for a broken or truncated gzip file.
+  absl::StatusOr<size_t> Read(char* into, size_t size);
+
+  // An upper bound of the bytes that the whole file can give, from its size on disk.
+  uint64_t size_bytes_bound() const { return size_bytes_bound_; }
+
+ private:
+  TextInput(gzFile_s* file, uint64_t size_bytes_bound, uint64_t bytes_max)
+      : file_(file), size_bytes_bound_(size_bytes_bound), bytes_left_(bytes_max) {}
+
+  gzFile_s* file_;
+  uint64_t size_bytes_bound_;
+  uint64_t bytes_left_;
+};
+
+}  // namespace sheaf
