@@ -19,7 +19,7 @@
 namespace sheaf {
 
 // Limits of the wire, the same for every program.
-inline constexpr int kMessageBytesMax = 16 << 20;
+inline constexpr int kMessageBytesMax = 64 << 20;  // A job of 100,000 frames.
 inline constexpr size_t kStreamChunkBytesMax = size_t{1} << 20;  // Bytes of a part, picture or blob.
 inline constexpr absl::Duration kKeepaliveInterval = absl::Seconds(20);
 inline constexpr absl::Duration kKeepaliveTimeout = absl::Seconds(10);

@@ -14,6 +14,7 @@
 #include "common/film/film.h"
 #include "common/film/tile_geometry.h"
 #include "common/scene/render_settings.h"
+#include "coordinator/core/job.h"
 
 namespace sheaf::coordinator {
 
@@ -31,7 +32,8 @@ struct ProgressView {
 
 struct FrameView {
   int32_t frame_number = 0;
-  std::string scene_digest;         // Hex.
+  std::string scene_digest;         // Hex, of the manifest blob.
+  uint64_t scene_size_bytes = 0;    // Of the manifest blob.
   std::string frame_digest;         // Hex.
   FrameSettings settings;
   bool complete = false;            // The EXR is delivered.
@@ -52,6 +54,7 @@ struct JobView {
   JobState state = JobState::kQueued;
   int32_t priority = 0;
   std::string numeric_profile;
+  Partition partition;
   std::string failure;              // Why it failed; empty otherwise.
   std::string waiting_reason;       // Why nothing happens; empty otherwise.
   absl::Time create_time;

@@ -1,0 +1,108 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "coordinator/core/frame_merge.h"
+
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "common/base/check.h"
+
+namespace sheaf::coordinator {
+namespace {
+
+uint64_t TreeBytes(const TileTree& tree) {
+  uint64_t size_bytes = 0;
+  for (const auto& [first, node] : tree.nodes()) size_bytes += node.size_bytes();
+  return size_bytes;
+}
+
+}  // namespace
+
+FrameMerge::FrameMerge(const FrameSpec& spec, std::vector<PixelRect> tiles, MergeBudget* budget)
+    : samples_(spec.settings.samples),
+      budget_(budget),
+      picture_(MakeFramePicture(spec.settings.window, spec.settings.width_px,
+                                spec.settings.height_px)) {
+  tiles_.resize(tiles.size());
+  for (size_t i = 0; i < tiles.size(); ++i) tiles_[i].rect = tiles[i];
+}
+
+FrameMerge::~FrameMerge() {
+  for (Tile& tile : tiles_) SetSize(&tile, 0);
+}
+
+void FrameMerge::SetSize(Tile* tile, uint64_t size_bytes) {
+  budget_->Change(tile->size_bytes, size_bytes);
+  tile->size_bytes = size_bytes;
+}
+
+void FrameMerge::Develop(uint32_t index, const TileTree& tree) {
+  Tile& tile = tiles_[index];
+  DevelopTile(tree.Root(), &picture_);
+  tile.state = State::kDeveloped;
+  tile.tree.reset();
+  SetSize(&tile, 0);
+  changed_.erase(index);
+  developed_since_refresh_ = true;
+  has_samples_ = true;
+  ++developed_count_;
+}
+
+void FrameMerge::Insert(uint32_t index, FilmTile part) {
+  Tile& tile = tiles_[index];
+  if (tile.state == State::kDeveloped) return;  // Built from disk meanwhile, this part included.
+  if (tile.state == State::kEmpty) {
+    const bool whole = part.block().first == 0 && part.block().count == samples_;
+    if (budget_->Exhausted() && !whole) {
+      tile.state = State::kOnDisk;
+    } else {
+      tile.state = State::kInMemory;
+      tile.tree = std::make_unique<TileTree>(tile.rect);
+    }
+  }
+  if (tile.state == State::kOnDisk) return;
+  SHEAF_CHECK(tile.tree->Insert(std::move(part)).ok());
+  has_samples_ = true;
+  if (tile.tree->SampleCount() == samples_) {
+    const std::unique_ptr<TileTree> tree = std::move(tile.tree);
+    Develop(index, *tree);
+    return;
+  }
+  SetSize(&tile, TreeBytes(*tile.tree));
+  changed_.insert(index);
+}
+
+void FrameMerge::MarkOnDisk(uint32_t index) {
+  Tile& tile = tiles_[index];
+  if (tile.state == State::kDeveloped) --developed_count_;
+  tile.tree.reset();
+  SetSize(&tile, 0);
+  changed_.erase(index);
+  tile.state = State::kOnDisk;
+}
+
+absl::Status FrameMerge::Rebuild(uint32_t index, std::vector<FilmTile> parts) {
+  Tile& tile = tiles_[index];
+  TileTree tree(tile.rect);
+  for (FilmTile& part : parts) {
+    absl::Status status = tree.Insert(std::move(part));
+    if (!status.ok()) return status;
+  }
+  if (tree.SampleCount() != samples_) {
+    return absl::InvalidArgumentError(absl::StrCat("tile ", index, " has ", tree.SampleCount(),
+                                                   " of ", samples_, " samples on disk"));
+  }
+  if (tile.state == State::kDeveloped) --developed_count_;
+  Develop(index, tree);
+  return absl::OkStatus();
+}
+
+bool FrameMerge::Refresh() {
+  const bool any = HasChanges();
+  for (const uint32_t index : changed_) DevelopTile(tiles_[index].tree->PreviewSum(), &picture_);
+  changed_.clear();
+  developed_since_refresh_ = false;
+  return any;
+}
+
+}  // namespace sheaf::coordinator

@@ -1,0 +1,92 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// FrameMerge: the parts of one frame as they become its picture. A pure function of the set of parts:
+// each tile's parts go into a TileTree, and a tile whose samples are all there is developed from the
+// tree's root, once and for good.
+//
+// Memory is bounded by a budget that all frames share. A tile that finds the budget used up is not
+// kept: its parts are on disk, and it is built from them when the last one has come. Tiles are never
+// pushed out in favour of others, for tiles are visited in turn, and then the oldest is needed next.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <memory>
+#include <set>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "common/film/film.h"
+#include "coordinator/core/job.h"
+
+namespace sheaf::coordinator {
+
+// Bytes of unfinished tiles in memory, over all frames.
+class MergeBudget {
+ public:
+  explicit MergeBudget(uint64_t bytes_max) : bytes_max_(bytes_max) {}
+  bool Exhausted() const { return bytes_ >= bytes_max_; }
+  void Change(uint64_t before, uint64_t after) { bytes_ += after - before; }
+  uint64_t bytes() const { return bytes_; }
+
+ private:
+  const uint64_t bytes_max_;
+  std::atomic<uint64_t> bytes_{0};
+};
+
+// Thread safety: none; one lock a frame. The budget may be shared.
+class FrameMerge {
+ public:
+  FrameMerge(const FrameSpec& spec, std::vector<PixelRect> tiles, MergeBudget* budget);
+  ~FrameMerge();
+  FrameMerge(const FrameMerge&) = delete;
+  FrameMerge& operator=(const FrameMerge&) = delete;
+
+  // Adds a part that is on disk. Nothing happens where the tile was built from disk meanwhile.
+  // Requires: no part that overlaps it was added before (SHEAF_CHECKed).
+  void Insert(uint32_t tile, FilmTile part);
+  // The tile has parts that are only on disk: after a start, or when one of them was lost.
+  void MarkOnDisk(uint32_t tile);
+  // Whether the tile must be built from its parts on disk before it can be developed.
+  bool OnDisk(uint32_t tile) const { return tiles_[tile].state == State::kOnDisk; }
+  // Builds a tile anew from all of its parts and develops it. The parts cover all samples.
+  // Errors: kInvalidArgument, kAlreadyExists where they overlap or leave gaps.
+  absl::Status Rebuild(uint32_t tile, std::vector<FilmTile> parts);
+
+  bool Developed(uint32_t tile) const { return tiles_[tile].state == State::kDeveloped; }
+  bool AllDeveloped() const { return developed_count_ == tiles_.size(); }
+  uint32_t tile_count() const { return static_cast<uint32_t>(tiles_.size()); }
+  const PixelRect& rect(uint32_t tile) const { return tiles_[tile].rect; }
+
+  // Develops what has changed since the last call into the picture, for looking at. Returns whether
+  // anything had.
+  bool Refresh();
+  bool HasChanges() const { return !changed_.empty() || developed_since_refresh_; }
+  bool HasSamples() const { return has_samples_; }
+  const FramePicture& picture() const { return picture_; }
+  FramePicture* mutable_picture() { return &picture_; }
+
+ private:
+  enum class State : uint8_t { kEmpty, kInMemory, kOnDisk, kDeveloped };
+  struct Tile {
+    PixelRect rect;
+    State state = State::kEmpty;
+    std::unique_ptr<TileTree> tree;  // While in memory.
+    uint64_t size_bytes = 0;         // Of the tree, as counted in the budget.
+  };
+
+  void SetSize(Tile* tile, uint64_t size_bytes);
+  void Develop(uint32_t tile, const TileTree& tree);
+
+  const uint64_t samples_;
+  std::vector<Tile> tiles_;
+  MergeBudget* budget_;
+  FramePicture picture_;
+  std::set<uint32_t> changed_;  // In memory, not yet developed as they are.
+  bool developed_since_refresh_ = false;
+  bool has_samples_ = false;
+  size_t developed_count_ = 0;
+};
+
+}  // namespace sheaf::coordinator

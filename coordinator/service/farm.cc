@@ -1,0 +1,279 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "coordinator/service/farm.h"
+
+#include <algorithm>
+
+#include "absl/strings/str_cat.h"
+#include "absl/time/clock.h"
+#include "common/base/log.h"
+#include "coordinator/store/sqlite_job_store.h"
+
+namespace sheaf::coordinator {
+
+absl::StatusOr<std::unique_ptr<Farm>> Farm::Open(const FarmOptions& options) {
+  absl::StatusOr<std::unique_ptr<SqliteJobStore>> store =
+      SqliteJobStore::Open(options.state_directory);
+  if (!store.ok()) return store.status();
+  absl::StatusOr<std::unique_ptr<BlobStore>> blobs =
+      BlobStore::Open(options.state_directory + "/content");
+  if (!blobs.ok()) return blobs.status();
+  std::unique_ptr<Farm> farm(new Farm(options, std::move(*store), std::move(*blobs)));
+  if (absl::Status status = farm->Load(); !status.ok()) return status;
+  farm->background_ = std::thread([f = farm.get()] { f->RunBackground(); });
+  return farm;
+}
+
+Farm::Farm(const FarmOptions& options, std::unique_ptr<JobStore> store,
+           std::unique_ptr<BlobStore> blobs)
+    : options_(options),
+      store_(std::move(store)),
+      blobs_(std::move(blobs)),
+      numeric_profile_(NumericProfile()),
+      merge_budget_(options.merge_bytes_max),
+      scheduler_(options.limits, store_->FirstLeaseId()) {}
+
+Farm::~Farm() {
+  {
+    const std::lock_guard lock(background_mutex_);
+    stopping_ = true;
+  }
+  background_wake_.notify_all();
+  if (background_.joinable()) background_.join();
+}
+
+absl::Status Farm::Load() {
+  const absl::StatusOr<std::vector<StoredJob>> jobs = store_->LoadJobs();
+  if (!jobs.ok()) return jobs.status();
+  const std::lock_guard lock(mutex_);
+  for (const StoredJob& job : *jobs) {
+    scheduler_.AddJob(job.spec);
+    JobAccount& account = accounts_[job.spec.job_id];
+    account.create_time = job.create_time;
+    account.end_time = job.end_time;
+    for (const StoredFrame& frame : job.delivered) {
+      account.delivered[frame.frame_number] = frame.delivered;
+      scheduler_.RestoreDelivered({job.spec.job_id, frame.frame_number}, frame.delivered.cost);
+    }
+    if (job.phase != JobPhase::kLive) {
+      scheduler_.RestoreEnded(job.spec.job_id, job.phase, job.failure);
+    } else if (absl::Status status = LoadLiveJob(job); !status.ok()) {
+      return status;
+    }
+  }
+  return absl::OkStatus();
+}
+
+absl::Status Farm::LoadLiveJob(const StoredJob& job) {
+  const absl::StatusOr<JobStore::LoadedParts> parts = store_->LoadParts(job.spec.job_id);
+  if (!parts.ok()) return parts.status();
+  scheduler_.counters().parts_revoked += static_cast<uint64_t>(parts->rows_lost);
+  if (parts->rows_lost > 0) {
+    LogWarning(absl::StrCat("job ", job.spec.job_id, ": ", parts->rows_lost,
+                            " parts are missing on disk and will be rendered again"));
+  }
+  std::set<FrameId> frames;
+  for (const PartRow& row : parts->rows) {
+    const FrameRecord* frame = scheduler_.FindFrame(row.key.frame);
+    const bool wanted = frame != nullptr && frame->phase != FrameRecord::Phase::kDelivered;
+    if (!wanted) continue;  // Delivered, and stopped before its parts were removed.
+    if (!scheduler_.RestorePart(row.key.frame, row.key.tile, row.key.block, row.cost)) {
+      return absl::DataLossError(absl::StrCat(
+          options_.state_directory, "/farm.db: overlapping parts of frame ",
+          row.key.frame.frame_number, " of job ", row.key.frame.job_id));
+    }
+    const std::shared_ptr<OpenFrame> open = OpenFrameOf(row.key.frame);
+    open->merge.MarkOnDisk(*scheduler_.FindFrame(row.key.frame)->tasks->FindTile(row.key.tile));
+    frames.insert(row.key.frame);
+  }
+  for (const FrameId& id : frames) {
+    if (scheduler_.FindFrame(id)->phase == FrameRecord::Phase::kRendered) to_deliver_.push_back(id);
+  }
+  if (!parts->rows.empty()) {
+    LogInfo(absl::StrCat("job ", job.spec.job_id, ": resumed with ", parts->rows.size(),
+                         " results on disk"));
+  }
+  // All frames were delivered, but the coordinator was stopped before it noted the job's end.
+  if (job.delivered.size() == job.spec.frames.size()) {
+    scheduler_.EndJob(job.spec.job_id, JobPhase::kSucceeded, "");
+    unsettled_jobs_ = scheduler_.TakeEndedJobs();
+  }
+  return absl::OkStatus();
+}
+
+// Requires: mutex_ is held; the frame has tasks.
+std::shared_ptr<Farm::OpenFrame> Farm::OpenFrameOf(const FrameId& id) {
+  std::shared_ptr<OpenFrame>& open = open_frames_[id];
+  if (open == nullptr) {
+    const FrameRecord& record = *scheduler_.FindFrame(id);
+    open = std::make_shared<OpenFrame>(record.spec, record.tasks->tiles(), &merge_budget_);
+  }
+  return open;
+}
+
+void Farm::Changed() const {
+  {
+    const std::lock_guard lock(change_mutex_);
+    ++change_count_;
+  }
+  change_.notify_all();
+}
+
+uint64_t Farm::ChangeCount() const {
+  const std::lock_guard lock(change_mutex_);
+  return change_count_;
+}
+
+uint64_t Farm::WaitForChange(uint64_t seen, absl::Duration timeout) const {
+  std::unique_lock lock(change_mutex_);
+  change_.wait_for(lock, absl::ToChronoNanoseconds(timeout),
+                   [&] { return change_count_ != seen; });
+  return change_count_;
+}
+
+void Farm::NoteDisk(const absl::Status& status) {
+  const bool of_disk = absl::IsResourceExhausted(status) || absl::IsUnavailable(status) ||
+                       absl::IsPermissionDenied(status);
+  if (!status.ok() && !of_disk) return;
+  const std::lock_guard lock(mutex_);
+  if (!status.ok() && disk_status_.ok()) {
+    LogError(absl::StrCat("the state directory takes no writes: ", status.message(),
+                          "; results are not acknowledged until it does"));
+  }
+  if (status.ok() && !disk_status_.ok()) LogInfo("the state directory takes writes again");
+  disk_status_ = status;
+}
+
+absl::StatusOr<uint64_t> Farm::CreateJob(JobSpec spec, const std::string& request_id) {
+  const absl::StatusOr<std::optional<uint64_t>> existing = store_->FindRequest(request_id);
+  if (!existing.ok()) return existing.status();
+  if (existing->has_value()) return **existing;
+  spec.numeric_profile = numeric_profile_;
+  std::sort(spec.frames.begin(), spec.frames.end(),
+            [](const FrameSpec& a, const FrameSpec& b) { return a.frame_number < b.frame_number; });
+  for (FrameSpec& frame : spec.frames) {
+    frame.frame_digest = FrameDigest(frame.scene.sha256_hex, frame.settings, numeric_profile_);
+  }
+  {
+    const std::lock_guard lock(mutex_);
+    if (absl::Status status = scheduler_.CheckJob(spec); !status.ok()) return status;
+  }
+  const absl::Time now = absl::Now();
+  const absl::StatusOr<JobStore::CreatedJob> created = store_->CreateJob(spec, request_id, now);
+  NoteDisk(created.status());
+  if (!created.ok()) return created.status();
+  if (created->is_new) {
+    const std::lock_guard lock(mutex_);
+    spec.job_id = created->job_id;
+    scheduler_.AddJob(spec);
+    accounts_[spec.job_id].create_time = now;
+    LogInfo(absl::StrCat("job ", spec.job_id, ": \"", spec.title, "\", ", spec.frames.size(),
+                         spec.frames.size() == 1 ? " frame" : " frames"));
+  }
+  Changed();
+  return created->job_id;
+}
+
+absl::Status Farm::CancelJob(uint64_t job_id) {
+  {
+    const std::lock_guard lock(mutex_);
+    if (!scheduler_.jobs().contains(job_id)) {
+      return absl::NotFoundError(absl::StrCat("jobs/", job_id, ": there is no such job"));
+    }
+    scheduler_.EndJob(job_id, JobPhase::kCancelled, "");
+  }
+  SettleEndedJobs();
+  const std::lock_guard lock(mutex_);
+  const bool settled = std::find(unsettled_jobs_.begin(), unsettled_jobs_.end(), job_id) ==
+                       unsettled_jobs_.end();
+  return settled ? absl::OkStatus() : disk_status_;
+}
+
+// Writes down the end of jobs that have ended, and lets go of their parts. What the disk refuses is
+// tried again by the background thread.
+void Farm::SettleEndedJobs() {
+  struct Ended {
+    uint64_t job_id;
+    JobPhase phase;
+    std::string failure;
+    std::vector<FrameId> frames;
+    absl::Time time;
+  };
+  std::vector<Ended> ended;
+  {
+    const std::lock_guard lock(mutex_);
+    std::vector<uint64_t> ids = std::exchange(unsettled_jobs_, {});
+    const std::vector<uint64_t> fresh = scheduler_.TakeEndedJobs();
+    ids.insert(ids.end(), fresh.begin(), fresh.end());
+    for (const uint64_t id : ids) {
+      const JobRecord& job = scheduler_.jobs().at(id);
+      JobAccount& account = accounts_[id];
+      account.end_time = std::min(account.end_time, absl::Now());
+      Ended entry{id, job.phase, job.failure, {}, account.end_time};
+      for (auto it = open_frames_.lower_bound({id, INT32_MIN});
+           it != open_frames_.end() && it->first.job_id == id; ++it) {
+        entry.frames.push_back(it->first);
+      }
+      ended.push_back(std::move(entry));
+    }
+  }
+  for (const Ended& job : ended) {
+    absl::Status status = store_->EndJob(job.job_id, job.phase, job.failure, job.time);
+    NoteDisk(status);
+    if (!status.ok()) {
+      const std::lock_guard lock(mutex_);
+      unsettled_jobs_.push_back(job.job_id);
+      continue;
+    }
+    if (job.phase == JobPhase::kFailed) {
+      LogWarning(absl::StrCat("job ", job.job_id, " failed: ", job.failure));
+    } else {
+      LogInfo(absl::StrCat("job ", job.job_id,
+                           job.phase == JobPhase::kSucceeded ? " succeeded" : " was cancelled"));
+    }
+    for (const FrameId& frame : job.frames) NoteDisk(store_->RemoveFrameParts(frame));
+    EraseOpenFrames(job.job_id);
+  }
+  if (!ended.empty()) Changed();
+}
+
+void Farm::EraseOpenFrames(uint64_t job_id) {
+  const std::lock_guard lock(mutex_);
+  open_frames_.erase(open_frames_.lower_bound({job_id, INT32_MIN}),
+                     open_frames_.upper_bound({job_id, INT32_MAX}));
+}
+
+absl::StatusOr<Farm::SynchronizeAnswer> Farm::Synchronize(const WorkerReport& report) {
+  SynchronizeAnswer answer;
+  {
+    const std::lock_guard lock(mutex_);
+    absl::StatusOr<Scheduler::SynchronizeAnswer> decided =
+        scheduler_.Synchronize(report, absl::Now());
+    if (!decided.ok()) return decided.status();
+    for (Lease& lease : decided->leases) {
+      const FrameSpec& frame = scheduler_.FindFrame(lease.frame)->spec;
+      answer.leases.push_back(
+          {std::move(lease), frame.frame_digest, frame.scene, frame.settings});
+    }
+    answer.next_synchronize = decided->next_synchronize;
+    answer.lease_duration = options_.limits.lease_duration;
+  }
+  if (!report.failures.empty()) SettleEndedJobs();
+  Changed();
+  return answer;
+}
+
+absl::StatusOr<std::string> Farm::FindOutput(uint64_t job_id, int32_t frame_number) const {
+  const std::string name = absl::StrCat("jobs/", job_id, "/frames/", frame_number);
+  {
+    const std::lock_guard lock(mutex_);
+    const FrameRecord* frame = scheduler_.FindFrame({job_id, frame_number});
+    if (frame == nullptr) return absl::NotFoundError(name + ": there is no such frame");
+    if (frame->phase != FrameRecord::Phase::kDelivered) {
+      return absl::FailedPreconditionError(name + ": the picture is not complete yet");
+    }
+  }
+  return store_->OutputPath({job_id, frame_number});
+}
+
+}  // namespace sheaf::coordinator

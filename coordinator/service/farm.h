@@ -1,0 +1,202 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Farm: the coordinator without its transports. It joins the scheduler (who renders what), the store
+// (what must not be forgotten) and the merges (parts becoming pictures), and adds what those leave out:
+// locks, the clock and one background thread.
+//
+// A result's way: AddResult checks it, writes it to the store, tells the scheduler, merges it, and only
+// then returns its outcome, which is the acknowledgement. When a frame's last result is merged, the
+// background thread develops the frame, writes the EXR, and notes that it is delivered.
+//
+// Locks, in the order they may be taken: a tile's reservation, a frame's mutex, the farm's mutex. The
+// farm's mutex (scheduler and tables) is never held while a disk or a picture is worked on.
+#pragma once
+
+#include <condition_variable>
+#include <cstdint>
+#include <deque>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <set>
+#include <string>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "absl/time/time.h"
+#include "common/content/blob_store.h"
+#include "coordinator/core/frame_merge.h"
+#include "coordinator/core/limits.h"
+#include "coordinator/core/scheduler.h"
+#include "coordinator/service/farm_view.h"
+#include "coordinator/store/job_store.h"
+
+namespace sheaf::coordinator {
+
+struct FarmOptions {
+  std::string state_directory;
+  Limits limits;
+  bool keep_parts = false;  // Keep the parts of delivered frames; they are removed otherwise.
+  // Memory of unfinished tiles; beyond it tiles are merged when their last part has come.
+  uint64_t merge_bytes_max = uint64_t{1} << 30;
+  absl::Duration preview_interval_min = absl::Milliseconds(500);  // Between two previews of a frame.
+  uint64_t part_bytes_max = uint64_t{256} << 20;                  // Of one result.
+};
+
+// A lease with what the worker needs to know of its frame.
+struct LeaseGrant {
+  Lease lease;
+  std::string frame_digest;
+  BlobDigest scene;
+  FrameSettings settings;
+};
+
+// One result as it came in.
+struct ResultReport {
+  std::string frame_digest;
+  PixelRect tile;
+  SampleBlock block;
+  uint64_t lease_id = 0;
+  std::string worker_id;
+  BlobDigest digest;  // Of the part's bytes.
+  uint64_t ray_count = 0;
+  absl::Duration cpu_duration;
+};
+enum class ResultOutcome { kAccepted, kDuplicateEqual, kDuplicateMismatch, kSuperseded };
+
+// Thread safety: all members may be called from any thread.
+class Farm : public FarmView {
+ public:
+  // Loads the state and starts the background thread.
+  // Errors: those of SqliteJobStore::Open and BlobStore::Open.
+  static absl::StatusOr<std::unique_ptr<Farm>> Open(const FarmOptions& options);
+  ~Farm() override;
+
+  BlobStore& blobs() { return *blobs_; }
+  const FarmOptions& options() const { return options_; }
+
+  // Stores and starts a job; job_id, numeric_profile and frame digests are filled in here. Returns the
+  // id, also of the job that an equal request_id made before.
+  // Errors: those of Scheduler::CheckJob; kResourceExhausted (disk).
+  absl::StatusOr<uint64_t> CreateJob(JobSpec spec, const std::string& request_id);
+  // Errors: kNotFound; kUnavailable (the disk).
+  absl::Status CancelJob(uint64_t job_id);
+
+  struct SynchronizeAnswer {
+    std::vector<LeaseGrant> leases;
+    absl::Duration next_synchronize;
+    absl::Duration lease_duration;
+  };
+  // Errors: those of Scheduler::Synchronize.
+  absl::StatusOr<SynchronizeAnswer> Synchronize(const WorkerReport& report);
+
+  // OK means: the outcome is durable.
+  // Errors: kInvalidArgument (not a part of its key), kResourceExhausted (disk full), kUnavailable.
+  absl::StatusOr<ResultOutcome> AddResult(const ResultReport& report, const std::string& bytes);
+
+  // Path of a delivered EXR. Errors: kNotFound, kFailedPrecondition (not delivered yet).
+  absl::StatusOr<std::string> FindOutput(uint64_t job_id, int32_t frame_number) const;
+
+  // FarmView.
+  std::vector<JobView> ListJobs() const override;
+  absl::StatusOr<JobView> FindJob(const std::string& job_id) const override;
+  std::vector<WorkerView> ListWorkers() const override;
+  std::vector<MetricView> Metrics() const override;
+  absl::StatusOr<PreviewView> Preview(const std::string& job_id,
+                                      int32_t frame_number) const override;
+  absl::Status Ready() const override;
+  uint64_t ChangeCount() const override;
+  uint64_t WaitForChange(uint64_t seen, absl::Duration timeout) const override;
+
+ private:
+  // What the scheduler does not need to know of a job.
+  struct JobAccount {
+    absl::Time create_time;
+    absl::Time end_time = absl::InfiniteFuture();
+    std::map<int32_t, DeliveredFrame> delivered;
+  };
+  // A frame between its first part and its delivery. Shared: an upload may still merge into a frame
+  // whose job was just cancelled.
+  struct OpenFrame {
+    OpenFrame(FrameSpec frame_spec, std::vector<PixelRect> tiles, MergeBudget* budget)
+        : spec(frame_spec), merge(spec, std::move(tiles), budget) {}
+    const FrameSpec spec;
+    std::mutex mutex;  // Guards merge and next_refresh_time.
+    FrameMerge merge;
+    absl::Time next_refresh_time = absl::InfinitePast();
+    // Guarded by the farm's mutex.
+    FrameError error;
+    uint64_t preview_version = 0;
+  };
+  using TileName = std::pair<std::string, std::pair<int32_t, int32_t>>;  // Frame digest, y0, x0.
+  // Holds a tile's reservation: results of one tile are taken one at a time.
+  class TileReservation;
+
+  Farm(const FarmOptions& options, std::unique_ptr<JobStore> store, std::unique_ptr<BlobStore> blobs);
+
+  // farm.cc
+  absl::Status Load();
+  absl::Status LoadLiveJob(const StoredJob& job);
+  void Changed() const;
+  void NoteDisk(const absl::Status& status);
+  void SettleEndedJobs();
+  void EraseOpenFrames(uint64_t job_id);
+  std::shared_ptr<OpenFrame> OpenFrameOf(const FrameId& id);
+
+  // farm_results.cc
+  absl::StatusOr<ResultOutcome> JudgeCovered(const ResultReport& report,
+                                             const Scheduler::FoundTask& found);
+  absl::Status RejectResult(const ResultReport& report, const std::string& why);
+  absl::StatusOr<ResultOutcome> StoreResult(const ResultReport& report, const std::string& bytes,
+                                            const Scheduler::FoundTask& found, FilmTile part);
+  void MergeResult(OpenFrame* frame, const FrameId& id, uint32_t tile, FilmTile part,
+                   bool tile_complete);
+
+  // farm_delivery.cc
+  void RunBackground();
+  void RefreshFrames();
+  void DeliverFrames();
+  absl::Status DeliverFrame(const FrameId& id);
+  // Builds a tile from its parts on disk; parts that are damaged are given back for rendering.
+  absl::Status RebuildTile(OpenFrame* frame, const FrameId& id, uint32_t tile);
+  void RevokePart(const PartRow& row, const absl::Status& why);
+  DeliveredFrame Account(const FrameId& id, const FramePicture& picture) const;
+
+  // farm_views.cc; all require the farm's mutex.
+  JobView ViewOf(const JobRecord& job, bool with_frames, absl::Time now) const;
+  FrameView ViewOf(const JobRecord& job, const FrameRecord& frame, absl::Time now) const;
+  WorkerView ViewOf(const WorkerRecord& worker) const;
+
+  const FarmOptions options_;
+  const std::unique_ptr<JobStore> store_;
+  const std::unique_ptr<BlobStore> blobs_;
+  const std::string numeric_profile_;
+  MergeBudget merge_budget_;
+
+  mutable std::mutex mutex_;  // Guards everything down to disk_status_.
+  Scheduler scheduler_;
+  std::map<uint64_t, JobAccount> accounts_;
+  std::map<FrameId, std::shared_ptr<OpenFrame>> open_frames_;
+  std::deque<FrameId> to_deliver_;
+  std::vector<uint64_t> unsettled_jobs_;  // Ended, but not yet written down.
+  absl::Status disk_status_;              // Of the last write.
+
+  std::mutex reservation_mutex_;  // Guards reserved_.
+  std::condition_variable reservation_released_;
+  std::set<TileName> reserved_;
+
+  mutable std::mutex change_mutex_;  // Guards change_count_.
+  mutable std::condition_variable change_;
+  mutable uint64_t change_count_ = 1;
+
+  std::mutex background_mutex_;  // Guards stopping_ and wake_.
+  std::condition_variable background_wake_;
+  bool stopping_ = false;
+  bool wake_ = false;
+  std::thread background_;  // Last: it uses everything above.
+};
+
+}  // namespace sheaf::coordinator

@@ -1,0 +1,198 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// The part of Farm that runs in the background: previews, delivery, lost workers.
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "absl/time/clock.h"
+#include "common/base/log.h"
+#include "common/film/exr_codec.h"
+#include "coordinator/service/farm.h"
+
+namespace sheaf::coordinator {
+namespace {
+
+constexpr absl::Duration kBackgroundInterval = absl::Milliseconds(100);
+constexpr absl::Duration kDeliveryRetryInterval = absl::Seconds(5);
+// A preview may take at most this share of one core.
+constexpr double kPreviewShareMax = 0.05;
+
+// What it takes to render the picture again. No date and no host: equal pictures are equal files.
+std::map<std::string, std::string> PictureMetadata(const FrameSpec& spec,
+                                                   const std::string& numeric_profile) {
+  const FrameSettings& s = spec.settings;
+  return {{"sceneDigest", spec.scene.sha256_hex},
+          {"frameDigest", spec.frame_digest},
+          {"frameNumber", absl::StrCat(spec.frame_number)},
+          {"numericProfile", numeric_profile},
+          {"samplesPerPixel", absl::StrCat(s.samples)},
+          {"depthMax", absl::StrCat(s.max_depth)},
+          {"seed", absl::StrCat(s.seed)},
+          {"size", absl::StrCat(s.width_px, "x", s.height_px)},
+          {"window", absl::StrCat(s.window.x0, ",", s.window.y0, ",", s.window.x1, ",",
+                                  s.window.y1)}};
+}
+
+}  // namespace
+
+void Farm::RunBackground() {
+  absl::Time next_delivery = absl::InfinitePast();
+  while (true) {
+    {
+      std::unique_lock lock(background_mutex_);
+      background_wake_.wait_for(lock, absl::ToChronoNanoseconds(kBackgroundInterval),
+                                [&] { return stopping_ || wake_; });
+      if (stopping_) return;
+      wake_ = false;
+    }
+    bool changed = false;
+    bool disk_fine = true;
+    {
+      const std::lock_guard lock(mutex_);
+      changed = scheduler_.Tick(absl::Now());
+      disk_fine = disk_status_.ok();
+    }
+    if (changed) Changed();
+    if (disk_fine || absl::Now() >= next_delivery) {
+      next_delivery = absl::Now() + kDeliveryRetryInterval;
+      SettleEndedJobs();
+      DeliverFrames();
+    }
+    RefreshFrames();
+  }
+}
+
+void Farm::RefreshFrames() {
+  std::vector<std::shared_ptr<OpenFrame>> frames;
+  {
+    const std::lock_guard lock(mutex_);
+    for (const auto& [id, frame] : open_frames_) frames.push_back(frame);
+  }
+  for (const std::shared_ptr<OpenFrame>& frame : frames) {
+    const absl::Time start = absl::Now();
+    FrameError error;
+    {
+      const std::lock_guard lock(frame->mutex);
+      if (start < frame->next_refresh_time || !frame->merge.Refresh()) continue;
+      error = EstimateError(frame->merge.picture());
+      const absl::Duration cost = absl::Now() - start;
+      frame->next_refresh_time =
+          start + std::max(options_.preview_interval_min, cost / kPreviewShareMax);
+    }
+    {
+      const std::lock_guard lock(mutex_);
+      frame->error = error;
+      ++frame->preview_version;
+    }
+    Changed();
+  }
+}
+
+void Farm::DeliverFrames() {
+  std::deque<FrameId> frames;
+  {
+    const std::lock_guard lock(mutex_);
+    frames = std::exchange(to_deliver_, {});
+  }
+  for (const FrameId& id : frames) {
+    const absl::Status status = DeliverFrame(id);
+    if (status.ok()) continue;
+    LogError(absl::StrCat("delivering frame ", id.frame_number, " of job ", id.job_id, ": ",
+                          status.message()));
+    NoteDisk(status);
+    const std::lock_guard lock(mutex_);
+    to_deliver_.push_back(id);
+  }
+}
+
+void Farm::RevokePart(const PartRow& row, const absl::Status& why) {
+  LogWarning(absl::StrCat("a part is lost and will be rendered again: ", why.message()));
+  NoteDisk(store_->RemovePart(row));
+  const std::lock_guard lock(mutex_);
+  const FrameRecord* frame = scheduler_.FindFrame(row.key.frame);
+  if (frame == nullptr || frame->tasks == nullptr) return;
+  const std::optional<uint32_t> tile = frame->tasks->FindTile(row.key.tile);
+  if (tile) scheduler_.Revoke(row.key.frame, {*tile, row.key.block});
+}
+
+absl::Status Farm::RebuildTile(OpenFrame* frame, const FrameId& id, uint32_t tile) {
+  const absl::StatusOr<std::vector<PartRow>> rows =
+      store_->FindTileParts(id, frame->merge.rect(tile));
+  if (!rows.ok()) return rows.status();
+  std::vector<FilmTile> parts;
+  bool lost = false;
+  for (const PartRow& row : *rows) {
+    absl::StatusOr<std::string> bytes = store_->ReadPart(row);
+    absl::Status status = bytes.status();
+    if (bytes.ok()) {
+      absl::StatusOr<DecodedPart> part = DecodePart(*bytes);
+      status = part.status();
+      if (part.ok()) parts.push_back(std::move(part->tile));
+    }
+    if (status.ok()) continue;
+    RevokePart(row, status);
+    lost = true;
+  }
+  if (lost) {
+    frame->merge.MarkOnDisk(tile);  // Complete again when those are rendered.
+    return absl::OkStatus();
+  }
+  return frame->merge.Rebuild(tile, std::move(parts));
+}
+
+DeliveredFrame Farm::Account(const FrameId& id, const FramePicture& picture) const {
+  DeliveredFrame delivered;
+  delivered.picture_digest = PictureDigest(picture);
+  delivered.relative_mse = EstimateError(picture).relative_mse;
+  const std::lock_guard lock(mutex_);
+  const FrameRecord& record = *scheduler_.FindFrame(id);
+  delivered.cost = {record.ray_count, record.nonfinite_count, record.cpu_duration};
+  if (record.first_lease_time != absl::InfiniteFuture()) {
+    delivered.wall_duration = absl::Now() - record.first_lease_time;
+  }
+  return delivered;
+}
+
+absl::Status Farm::DeliverFrame(const FrameId& id) {
+  std::shared_ptr<OpenFrame> frame;
+  std::string numeric_profile;
+  {
+    const std::lock_guard lock(mutex_);
+    const FrameRecord* record = scheduler_.FindFrame(id);
+    if (record->phase != FrameRecord::Phase::kRendered) return absl::OkStatus();  // Job ended.
+    frame = OpenFrameOf(id);
+    numeric_profile = scheduler_.jobs().at(id.job_id).spec.numeric_profile;
+  }
+  DeliveredFrame delivered;
+  {
+    const std::lock_guard lock(frame->mutex);
+    for (uint32_t tile = 0; tile < frame->merge.tile_count(); ++tile) {
+      if (frame->merge.Developed(tile)) continue;
+      if (absl::Status s = RebuildTile(frame.get(), id, tile); !s.ok()) return s;
+    }
+    if (!frame->merge.AllDeveloped()) return absl::OkStatus();  // Parts were lost; see RevokePart.
+    FramePicture* picture = frame->merge.mutable_picture();
+    picture->metadata = PictureMetadata(frame->spec, numeric_profile);
+    delivered = Account(id, *picture);
+    const absl::StatusOr<std::string> path = store_->OutputPath(id);
+    if (!path.ok()) return path.status();
+    if (absl::Status s = WritePicture(*picture, *path); !s.ok()) return s;
+  }
+  if (absl::Status s = store_->DeliverFrame(id, delivered); !s.ok()) return s;
+  {
+    const std::lock_guard lock(mutex_);
+    if (scheduler_.FindFrame(id)->phase != FrameRecord::Phase::kRendered) return absl::OkStatus();
+    accounts_[id.job_id].delivered[id.frame_number] = delivered;
+    scheduler_.Deliver(id);
+    open_frames_.erase(id);
+  }
+  LogInfo(absl::StrCat("job ", id.job_id, ": frame ", id.frame_number, " is delivered, picture ",
+                       delivered.picture_digest.substr(0, 12)));
+  if (!options_.keep_parts) NoteDisk(store_->RemoveFrameParts(id));
+  SettleEndedJobs();
+  Changed();
+  return absl::OkStatus();
+}
+
+}  // namespace sheaf::coordinator

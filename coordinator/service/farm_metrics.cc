@@ -1,0 +1,90 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// The part of Farm that counts, for /metrics.
+#include <array>
+#include <string>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "coordinator/service/farm.h"
+
+namespace sheaf::coordinator {
+namespace {
+
+struct CounterName {
+  const char* name;
+  const char* help;
+  uint64_t Counters::*value;
+};
+constexpr CounterName kCounterNames[] = {
+    {"synchronize_calls", "Synchronize calls of workers.", &Counters::synchronize_calls},
+    {"leases_granted", "Leases granted, hedges included.", &Counters::leases_granted},
+    {"leases_hedged", "Leases of a task that another worker holds.", &Counters::leases_hedged},
+    {"lease_expired", "Leases of workers that fell silent.", &Counters::leases_expired},
+    {"lease_cancelled", "Leases whose work is done or not wanted any more.",
+     &Counters::leases_cancelled},
+    {"results_accepted", "Results that are durable and merged.", &Counters::results_accepted},
+    {"duplicate_equal", "Results that were there already, equal to the bit.",
+     &Counters::results_duplicate_equal},
+    {"duplicate_mismatch", "Results that were there already with other bits: a broken worker.",
+     &Counters::results_duplicate_mismatch},
+    {"superseded", "Results that came when they were not needed.", &Counters::results_superseded},
+    {"results_late", "Results accepted after their lease had ended.", &Counters::results_late},
+    {"results_invalid", "Results that are no part of their key.", &Counters::results_invalid},
+    {"parts_revoked", "Parts that were lost on disk and rendered again.", &Counters::parts_revoked},
+    {"workers_lost", "Workers that fell silent.", &Counters::workers_lost},
+    {"workers_quarantined", "Workers that were excluded.", &Counters::workers_quarantined},
+    {"tasks_poisoned", "Tasks that failed for good.", &Counters::tasks_poisoned},
+    {"samples_accepted", "Pixel samples of accepted results.", &Counters::samples_accepted},
+    {"rays_accepted", "Rays of accepted results.", &Counters::rays_accepted},
+    {"nonfinite_samples", "Samples that were not finite; anything but 0 is a defect.",
+     &Counters::nonfinite_samples},
+    {"frames_delivered", "Frames whose EXR is written.", &Counters::frames_delivered},
+};
+
+MetricView Gauge(const std::string& name, const std::string& help, double value) {
+  return {"sheaf_" + name, help, MetricView::Kind::kGauge, "", "", value};
+}
+
+}  // namespace
+
+std::vector<MetricView> Farm::Metrics() const {
+  std::vector<MetricView> metrics;
+  const std::lock_guard lock(mutex_);
+  const Counters& counters = scheduler_.counters();
+  for (const CounterName& counter : kCounterNames) {
+    metrics.push_back({absl::StrCat("sheaf_", counter.name, "_total"), counter.help,
+                       MetricView::Kind::kCounter, "", "",
+                       static_cast<double>(counters.*counter.value)});
+  }
+  for (int kind = 0; kind < kFailureKindCount; ++kind) {
+    metrics.push_back({"sheaf_lease_failures_total", "Leases that came to nothing, by class.",
+                       MetricView::Kind::kCounter, "kind",
+                       FailureKindName(static_cast<FailureKind>(kind)),
+                       static_cast<double>(counters.failures[static_cast<size_t>(kind)])});
+  }
+  std::array<int, 5> by_state{};
+  for (const auto& [id, worker] : scheduler_.workers().workers()) {
+    ++by_state[static_cast<size_t>(ViewOf(worker).state)];
+  }
+  for (size_t state = 0; state < by_state.size(); ++state) {
+    metrics.push_back({"sheaf_workers", "Workers, by state.", MetricView::Kind::kGauge, "state",
+                       WorkerStateName(static_cast<WorkerState>(state)),
+                       static_cast<double>(by_state[state])});
+  }
+  int live_jobs = 0;
+  for (const auto& [id, job] : scheduler_.jobs()) live_jobs += job.phase == JobPhase::kLive ? 1 : 0;
+  metrics.push_back(Gauge("jobs_live", "Jobs that have not ended.", live_jobs));
+  metrics.push_back(Gauge("leases_held", "Leases that workers hold now.",
+                          static_cast<double>(scheduler_.leases().size())));
+  metrics.push_back(Gauge("frames_open", "Frames between their first part and their delivery.",
+                          static_cast<double>(open_frames_.size())));
+  metrics.push_back(Gauge("merge_bytes", "Memory of unfinished tiles.",
+                          static_cast<double>(merge_budget_.bytes())));
+  metrics.push_back(Gauge("parts_bytes", "Bytes of parts on disk.",
+                          static_cast<double>(store_->PartsBytes())));
+  return metrics;
+}
+
+}  // namespace sheaf::coordinator

@@ -1,0 +1,222 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// The part of Farm that shows: consistent copies of what is.
+#include <algorithm>
+#include <utility>
+
+#include "absl/strings/numbers.h"
+#include "absl/strings/str_cat.h"
+#include "absl/time/clock.h"
+#include "common/film/exr_codec.h"
+#include "coordinator/service/farm.h"
+
+namespace sheaf::coordinator {
+namespace {
+
+// The preview of a delivered frame never changes again.
+constexpr uint64_t kDeliveredPreviewVersion = uint64_t{1} << 32;
+
+double Seconds(absl::Duration duration) { return absl::ToDoubleSeconds(duration); }
+
+void EstimateRemaining(uint64_t done_since_start, ProgressView* progress) {
+  if (done_since_start == 0 || progress->wall_seconds <= 0) return;
+  const double rate = static_cast<double>(done_since_start) / progress->wall_seconds;
+  progress->remaining_seconds =
+      static_cast<double>(progress->sample_count_total - progress->sample_count_done) / rate;
+}
+
+// Adds a frame's progress to its job's; relative_mse is weighted by samples and divided at the end.
+void AddProgress(const ProgressView& frame, ProgressView* sum) {
+  sum->sample_count_done += frame.sample_count_done;
+  sum->sample_count_total += frame.sample_count_total;
+  sum->relative_mse += frame.relative_mse * static_cast<double>(frame.sample_count_done);
+  sum->nonfinite_count += frame.nonfinite_count;
+  sum->ray_count += frame.ray_count;
+  sum->cpu_seconds += frame.cpu_seconds;
+}
+
+JobState StateOf(const JobRecord& job, bool begun) {
+  switch (job.phase) {
+    case JobPhase::kSucceeded: return JobState::kSucceeded;
+    case JobPhase::kFailed: return JobState::kFailed;
+    case JobPhase::kCancelled: return JobState::kCancelled;
+    case JobPhase::kLive: break;
+  }
+  return begun ? JobState::kRunning : JobState::kQueued;
+}
+
+WorkerState StateOf(const WorkerRecord& worker) {
+  if (worker.Quarantined()) return WorkerState::kQuarantined;
+  if (worker.lost) return WorkerState::kLost;
+  if (worker.draining) return WorkerState::kDraining;
+  return worker.leases.empty() ? WorkerState::kIdle : WorkerState::kBusy;
+}
+
+absl::Status NoSuchJob(const std::string& job_id) {
+  return absl::NotFoundError(absl::StrCat("jobs/", job_id, ": there is no such job"));
+}
+
+}  // namespace
+
+FrameView Farm::ViewOf(const JobRecord& job, const FrameRecord& frame, absl::Time now) const {
+  FrameView view;
+  const FrameId id{job.spec.job_id, frame.spec.frame_number};
+  view.frame_number = frame.spec.frame_number;
+  view.scene_digest = frame.spec.scene.sha256_hex;
+  view.scene_size_bytes = frame.spec.scene.size_bytes;
+  view.frame_digest = frame.spec.frame_digest;
+  view.settings = frame.spec.settings;
+  view.complete = frame.phase == FrameRecord::Phase::kDelivered;
+  ProgressView& progress = view.progress;
+  progress.sample_count_done = frame.sample_count_done;
+  progress.sample_count_total = SampleCountTotal(frame.spec);
+  progress.nonfinite_count = frame.nonfinite_count;
+  progress.ray_count = frame.ray_count;
+  progress.cpu_seconds = Seconds(frame.cpu_duration);
+  if (view.complete) {
+    const DeliveredFrame& delivered = accounts_.at(id.job_id).delivered.at(id.frame_number);
+    view.picture_digest = delivered.picture_digest;
+    view.output_path = absl::StrCat(options_.state_directory, "/outputs/", id.job_id, "/",
+                                    id.frame_number, ".exr");
+    view.preview_version = kDeliveredPreviewVersion;
+    progress.relative_mse = delivered.relative_mse;
+    progress.wall_seconds = Seconds(delivered.wall_duration);
+    progress.remaining_seconds = 0;
+    return view;
+  }
+  if (const auto open = open_frames_.find(id); open != open_frames_.end()) {
+    view.preview_version = open->second->preview_version;
+    progress.relative_mse = open->second->error.relative_mse;
+  }
+  const absl::Time until = std::min(now, accounts_.at(id.job_id).end_time);
+  if (frame.first_lease_time < until) progress.wall_seconds = Seconds(until - frame.first_lease_time);
+  if (job.phase == JobPhase::kLive) {
+    EstimateRemaining(frame.sample_count_done - std::min(frame.sample_count_restored,
+                                                         frame.sample_count_done), &progress);
+  }
+  return view;
+}
+
+JobView Farm::ViewOf(const JobRecord& job, bool with_frames, absl::Time now) const {
+  const JobAccount& account = accounts_.at(job.spec.job_id);
+  JobView view;
+  view.job_id = absl::StrCat(job.spec.job_id);
+  view.title = job.spec.title;
+  view.priority = job.spec.priority;
+  view.numeric_profile = job.spec.numeric_profile;
+  view.partition = job.spec.partition;
+  view.failure = job.failure;
+  view.waiting_reason = scheduler_.WaitingReason(job);
+  view.create_time = account.create_time;
+  view.end_time = account.end_time;
+  view.frame_count = static_cast<int32_t>(job.frames.size());
+  view.frame_complete_count = job.delivered_count;
+  absl::Time first_lease_time = absl::InfiniteFuture();
+  uint64_t done_since_start = 0;
+  for (const FrameRecord& frame : job.frames) {
+    FrameView of_frame = ViewOf(job, frame, now);
+    AddProgress(of_frame.progress, &view.progress);
+    view.progress.wall_seconds = std::max(view.progress.wall_seconds, of_frame.progress.wall_seconds);
+    first_lease_time = std::min(first_lease_time, frame.first_lease_time);
+    done_since_start +=
+        frame.sample_count_done - std::min(frame.sample_count_restored, frame.sample_count_done);
+    if (with_frames) view.frames.push_back(std::move(of_frame));
+  }
+  ProgressView& progress = view.progress;
+  if (progress.sample_count_done > 0) {
+    progress.relative_mse /= static_cast<double>(progress.sample_count_done);
+  }
+  const absl::Time until = std::min(now, account.end_time);
+  if (first_lease_time < until) progress.wall_seconds = Seconds(until - first_lease_time);
+  if (job.phase == JobPhase::kLive) EstimateRemaining(done_since_start, &progress);
+  if (job.phase == JobPhase::kSucceeded) progress.remaining_seconds = 0;
+  const bool begun = progress.sample_count_done > 0 ||
+                     scheduler_.leases().CountOfJob(job.spec.job_id) > 0;
+  view.state = StateOf(job, begun);
+  return view;
+}
+
+WorkerView Farm::ViewOf(const WorkerRecord& worker) const {
+  WorkerView view;
+  view.worker_id = worker.worker_id;
+  view.host = worker.host;
+  view.state = StateOf(worker);
+  view.thread_count = worker.thread_count;
+  view.numeric_profile = worker.numeric_profile;
+  view.lease_count = static_cast<int32_t>(worker.leases.size());
+  view.result_count = worker.result_count;
+  view.samples_per_second = worker.SamplesPerThreadSecond() * worker.thread_count;
+  view.last_seen_time = worker.last_seen_time;
+  view.reason = worker.quarantine_reason;
+  return view;
+}
+
+std::vector<JobView> Farm::ListJobs() const {
+  const std::lock_guard lock(mutex_);
+  const absl::Time now = absl::Now();
+  std::vector<JobView> views;
+  for (auto it = scheduler_.jobs().rbegin(); it != scheduler_.jobs().rend(); ++it) {
+    views.push_back(ViewOf(it->second, /*with_frames=*/false, now));
+  }
+  return views;
+}
+
+absl::StatusOr<JobView> Farm::FindJob(const std::string& job_id) const {
+  uint64_t id = 0;
+  if (!absl::SimpleAtoi(job_id, &id)) return NoSuchJob(job_id);
+  const std::lock_guard lock(mutex_);
+  const auto job = scheduler_.jobs().find(id);
+  if (job == scheduler_.jobs().end()) return NoSuchJob(job_id);
+  return ViewOf(job->second, /*with_frames=*/true, absl::Now());
+}
+
+std::vector<WorkerView> Farm::ListWorkers() const {
+  const std::lock_guard lock(mutex_);
+  std::vector<WorkerView> views;
+  for (const auto& [id, worker] : scheduler_.workers().workers()) views.push_back(ViewOf(worker));
+  return views;
+}
+
+absl::StatusOr<PreviewView> Farm::Preview(const std::string& job_id, int32_t frame_number) const {
+  uint64_t id = 0;
+  if (!absl::SimpleAtoi(job_id, &id)) return NoSuchJob(job_id);
+  PreviewView view;
+  std::shared_ptr<OpenFrame> open;
+  {
+    const std::lock_guard lock(mutex_);
+    const FrameRecord* frame = scheduler_.FindFrame({id, frame_number});
+    if (frame == nullptr) {
+      return absl::NotFoundError(
+          absl::StrCat("jobs/", job_id, "/frames/", frame_number, ": there is no such frame"));
+    }
+    view.complete = frame->phase == FrameRecord::Phase::kDelivered;
+    if (const auto found = open_frames_.find({id, frame_number}); found != open_frames_.end()) {
+      open = found->second;
+      view.version = open->preview_version;
+    }
+  }
+  if (view.complete) {
+    const absl::StatusOr<std::string> path = store_->OutputPath({id, frame_number});
+    if (!path.ok()) return path.status();
+    absl::StatusOr<FramePicture> picture = ReadPicture(*path);
+    if (!picture.ok()) return picture.status();
+    view.version = kDeliveredPreviewVersion;
+    view.picture = std::move(*picture);
+    return view;
+  }
+  if (open == nullptr || view.version == 0) {
+    return absl::UnavailableError(
+        absl::StrCat("jobs/", job_id, "/frames/", frame_number, ": no sample is there yet"));
+  }
+  const std::lock_guard lock(open->mutex);
+  view.picture = open->merge.picture();
+  return view;
+}
+
+absl::Status Farm::Ready() const {
+  const std::lock_guard lock(mutex_);
+  return disk_status_;
+}
+
+}  // namespace sheaf::coordinator

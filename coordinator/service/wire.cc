@@ -1,0 +1,331 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "coordinator/service/wire.h"
+
+#include <vector>
+
+#include "absl/strings/numbers.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_split.h"
+#include "common/base/digest.h"
+
+namespace sheaf::coordinator {
+namespace {
+
+absl::Status Invalid(const std::string& field, const std::string& why) {
+  return absl::InvalidArgumentError(absl::StrCat(field, ": ", why));
+}
+
+PixelRect FromWire(const v1::PixelRect& rect) {
+  return {rect.x0_px(), rect.y0_px(), rect.x1_px(), rect.y1_px()};
+}
+
+v1::PixelRect ToWire(const PixelRect& rect) {
+  v1::PixelRect wire;
+  wire.set_x0_px(rect.x0);
+  wire.set_y0_px(rect.y0);
+  wire.set_x1_px(rect.x1);
+  wire.set_y1_px(rect.y1);
+  return wire;
+}
+
+FrameSettings FromWire(const v1::FrameSettings& wire) {
+  FrameSettings settings;
+  settings.width_px = wire.width_px();
+  settings.height_px = wire.height_px();
+  settings.window = FromWire(wire.window());
+  settings.samples = wire.sample_count();
+  settings.max_depth = wire.depth_max();
+  settings.seed = wire.seed();
+  settings.force_generic_variant = wire.force_generic_variant();
+  return settings;
+}
+
+v1::FrameSettings ToWire(const FrameSettings& settings) {
+  v1::FrameSettings wire;
+  wire.set_width_px(settings.width_px);
+  wire.set_height_px(settings.height_px);
+  *wire.mutable_window() = ToWire(settings.window);
+  wire.set_sample_count(settings.samples);
+  wire.set_depth_max(settings.max_depth);
+  wire.set_seed(settings.seed);
+  wire.set_force_generic_variant(settings.force_generic_variant);
+  return wire;
+}
+
+Partition FromWire(const v1::Partition& wire) {
+  Partition partition;
+  if (wire.tile_size_px() != 0) partition.tile_size_px = wire.tile_size_px();
+  if (wire.pass_sample_count() != 0) partition.pass_sample_count = wire.pass_sample_count();
+  partition.lease_pass_count = wire.lease_pass_count();
+  return partition;
+}
+
+void SetDuration(absl::Duration duration, google::protobuf::Duration* wire) {
+  const int64_t ns = absl::ToInt64Nanoseconds(duration);
+  wire->set_seconds(ns / 1'000'000'000);
+  wire->set_nanos(static_cast<int32_t>(ns % 1'000'000'000));
+}
+
+void SetTime(absl::Time time, google::protobuf::Timestamp* wire) {
+  const int64_t ns = absl::ToUnixNanos(time);
+  wire->set_seconds(ns / 1'000'000'000);
+  wire->set_nanos(static_cast<int32_t>(ns % 1'000'000'000));
+}
+
+v1::Progress ToWire(const ProgressView& progress) {
+  v1::Progress wire;
+  wire.set_sample_count_done(progress.sample_count_done);
+  wire.set_sample_count_total(progress.sample_count_total);
+  wire.set_relative_mse(progress.relative_mse);
+  wire.set_nonfinite_count(progress.nonfinite_count);
+  wire.set_ray_count(progress.ray_count);
+  SetDuration(absl::Seconds(progress.cpu_seconds), wire.mutable_cpu_duration());
+  SetDuration(absl::Seconds(progress.wall_seconds), wire.mutable_wall_duration());
+  if (progress.remaining_seconds >= 0) {
+    SetDuration(absl::Seconds(progress.remaining_seconds), wire.mutable_remaining_duration());
+  }
+  return wire;
+}
+
+v1::Frame ToWire(const std::string& job_name, const FrameView& view) {
+  v1::Frame wire;
+  wire.set_name(absl::StrCat(job_name, "/frames/", view.frame_number));
+  wire.mutable_spec()->set_frame_number(view.frame_number);
+  wire.mutable_spec()->mutable_scene()->set_sha256_hex(view.scene_digest);
+  wire.mutable_spec()->mutable_scene()->set_size_bytes(view.scene_size_bytes);
+  *wire.mutable_spec()->mutable_settings() = ToWire(view.settings);
+  wire.set_frame_digest(view.frame_digest);
+  wire.set_complete(view.complete);
+  *wire.mutable_progress() = ToWire(view.progress);
+  wire.set_picture_digest(view.picture_digest);
+  return wire;
+}
+
+v1::Job::State ToWire(JobState state) {
+  switch (state) {
+    case JobState::kQueued: return v1::Job::STATE_QUEUED;
+    case JobState::kRunning: return v1::Job::STATE_RUNNING;
+    case JobState::kSucceeded: return v1::Job::STATE_SUCCEEDED;
+    case JobState::kFailed: return v1::Job::STATE_FAILED;
+    case JobState::kCancelled: return v1::Job::STATE_CANCELLED;
+  }
+  return v1::Job::STATE_UNSPECIFIED;
+}
+
+v1::Worker::State ToWire(WorkerState state) {
+  switch (state) {
+    case WorkerState::kIdle: return v1::Worker::STATE_IDLE;
+    case WorkerState::kBusy: return v1::Worker::STATE_BUSY;
+    case WorkerState::kDraining: return v1::Worker::STATE_DRAINING;
+    case WorkerState::kLost: return v1::Worker::STATE_LOST;
+    case WorkerState::kQuarantined: return v1::Worker::STATE_QUARANTINED;
+  }
+  return v1::Worker::STATE_UNSPECIFIED;
+}
+
+absl::StatusOr<LeasePhase> FromWire(v1::LeaseState::Phase phase) {
+  switch (phase) {
+    case v1::LeaseState::PHASE_QUEUED: return LeasePhase::kQueued;
+    case v1::LeaseState::PHASE_LOADING: return LeasePhase::kLoading;
+    case v1::LeaseState::PHASE_RENDERING: return LeasePhase::kRendering;
+    case v1::LeaseState::PHASE_UPLOADING: return LeasePhase::kUploading;
+    default: return Invalid("leases.phase", absl::StrCat("unknown value ", static_cast<int>(phase)));
+  }
+}
+
+absl::StatusOr<FailureKind> FromWire(v1::LeaseFailure::Kind kind) {
+  switch (kind) {
+    case v1::LeaseFailure::KIND_RELEASED: return FailureKind::kReleased;
+    case v1::LeaseFailure::KIND_INFRASTRUCTURE: return FailureKind::kInfrastructure;
+    case v1::LeaseFailure::KIND_SCENE: return FailureKind::kScene;
+    case v1::LeaseFailure::KIND_MEMORY: return FailureKind::kMemory;
+    case v1::LeaseFailure::KIND_INTERNAL: return FailureKind::kInternal;
+    default: return Invalid("failures.kind", absl::StrCat("unknown value ", static_cast<int>(kind)));
+  }
+}
+
+absl::Status CheckText(const std::string& field, const std::string& text, size_t bytes_max) {
+  if (text.empty()) return Invalid(field, "is empty");
+  if (text.size() > bytes_max) return Invalid(field, absl::StrCat("is longer than ", bytes_max));
+  return absl::OkStatus();
+}
+
+v1::Lease ToWire(const LeaseGrant& grant) {
+  v1::Lease wire;
+  wire.set_lease_id(grant.lease.lease_id);
+  wire.set_attempt(grant.lease.attempt);
+  wire.set_frame_name(FrameName(grant.lease.frame));
+  wire.mutable_key()->set_frame_digest(grant.frame_digest);
+  *wire.mutable_key()->mutable_tile() = ToWire(grant.lease.tile_rect);
+  wire.mutable_key()->mutable_block()->set_first(grant.lease.task.block.first);
+  wire.mutable_key()->mutable_block()->set_count(grant.lease.task.block.count);
+  *wire.mutable_scene() = ToWire(grant.scene);
+  *wire.mutable_settings() = ToWire(grant.settings);
+  return wire;
+}
+
+}  // namespace
+
+absl::StatusOr<BlobDigest> FromWire(const v1::Digest& wire) {
+  BlobDigest digest{wire.sha256_hex(), wire.size_bytes()};
+  if (absl::Status status = CheckDigest(digest); !status.ok()) return status;
+  return digest;
+}
+
+v1::Digest ToWire(const BlobDigest& digest) {
+  v1::Digest wire;
+  wire.set_sha256_hex(digest.sha256_hex);
+  wire.set_size_bytes(digest.size_bytes);
+  return wire;
+}
+
+absl::StatusOr<JobSpec> FromWire(const v1::CreateJobRequest& request) {
+  absl::Status status = CheckText("request_id", request.request_id(), kRequestIdBytesMax);
+  if (status.ok()) status = CheckText("title", request.title(), kTitleBytesMax);
+  if (!status.ok()) return status;
+  JobSpec spec;
+  spec.title = request.title();
+  spec.priority = request.priority();
+  spec.partition = FromWire(request.partition());
+  spec.frames.reserve(static_cast<size_t>(request.frames_size()));
+  for (const v1::FrameSpec& wire : request.frames()) {
+    absl::StatusOr<BlobDigest> scene = FromWire(wire.scene());
+    if (!scene.ok()) return Invalid("frames.scene", std::string(scene.status().message()));
+    FrameSpec frame;
+    frame.frame_number = wire.frame_number();
+    frame.scene = *std::move(scene);
+    frame.settings = FromWire(wire.settings());
+    spec.frames.push_back(std::move(frame));
+  }
+  return spec;
+}
+
+absl::StatusOr<WorkerReport> FromWire(const v1::SynchronizeRequest& request) {
+  absl::Status status = CheckText("worker_id", request.worker_id(), kWorkerTextBytesMax);
+  if (status.ok()) status = CheckText("host", request.host(), kWorkerTextBytesMax);
+  if (status.ok()) {
+    status = CheckText("numeric_profile", request.numeric_profile(), kWorkerTextBytesMax);
+  }
+  if (!status.ok()) return status;
+  if (request.leases_size() > kLeaseReportsMax || request.failures_size() > kLeaseReportsMax) {
+    return Invalid("leases", absl::StrCat("more than ", kLeaseReportsMax));
+  }
+  if (request.thread_count() < 1) return Invalid("thread_count", "is not positive");
+  WorkerReport report;
+  report.worker_id = request.worker_id();
+  report.host = request.host();
+  report.numeric_profile = request.numeric_profile();
+  report.thread_count = request.thread_count();
+  report.lease_count_wanted = request.lease_count_wanted();
+  report.draining = request.draining();
+  report.warm_scenes.assign(request.warm_scenes().begin(), request.warm_scenes().end());
+  for (const v1::LeaseState& lease : request.leases()) {
+    const absl::StatusOr<LeasePhase> phase = FromWire(lease.phase());
+    if (!phase.ok()) return phase.status();
+    report.leases.push_back({lease.lease_id(), *phase});
+  }
+  for (const v1::LeaseFailure& failure : request.failures()) {
+    const absl::StatusOr<FailureKind> kind = FromWire(failure.kind());
+    if (!kind.ok()) return kind.status();
+    report.failures.push_back(
+        {failure.lease_id(), *kind, failure.message().substr(0, kFailureTextBytesMax)});
+  }
+  return report;
+}
+
+absl::StatusOr<ResultReport> FromWire(const v1::ResultHeader& header) {
+  ResultReport report;
+  report.frame_digest = header.key().frame_digest();
+  if (!IsSha256Hex(report.frame_digest)) return Invalid("key.frame_digest", "is not a SHA-256");
+  report.tile = FromWire(header.key().tile());
+  report.block = {header.key().block().first(), header.key().block().count()};
+  if (!IsAligned(report.block)) return Invalid("key.block", "is not an aligned power of two");
+  report.lease_id = header.lease_id();
+  report.worker_id = header.worker_id();
+  absl::StatusOr<BlobDigest> digest = FromWire(header.digest());
+  if (!digest.ok()) return Invalid("digest", std::string(digest.status().message()));
+  report.digest = *std::move(digest);
+  report.ray_count = header.ray_count();
+  report.cpu_duration = absl::Seconds(header.cpu_duration().seconds()) +
+                        absl::Nanoseconds(header.cpu_duration().nanos());
+  if (report.cpu_duration < absl::ZeroDuration()) return Invalid("cpu_duration", "is negative");
+  return report;
+}
+
+v1::Job ToWire(const JobView& view) {
+  v1::Job wire;
+  wire.set_name("jobs/" + view.job_id);
+  wire.set_title(view.title);
+  wire.set_state(ToWire(view.state));
+  for (const FrameView& frame : view.frames) *wire.add_frames() = ToWire(wire.name(), frame);
+  SetTime(view.create_time, wire.mutable_create_time());
+  if (view.end_time != absl::InfiniteFuture()) SetTime(view.end_time, wire.mutable_end_time());
+  wire.set_failure(view.failure);
+  wire.set_priority(view.priority);
+  wire.set_numeric_profile(view.numeric_profile);
+  wire.mutable_partition()->set_tile_size_px(view.partition.tile_size_px);
+  wire.mutable_partition()->set_pass_sample_count(view.partition.pass_sample_count);
+  wire.mutable_partition()->set_lease_pass_count(view.partition.lease_pass_count);
+  *wire.mutable_progress() = ToWire(view.progress);
+  wire.set_waiting_reason(view.waiting_reason);
+  return wire;
+}
+
+v1::Worker ToWire(const WorkerView& view) {
+  v1::Worker wire;
+  wire.set_name("workers/" + view.worker_id);
+  wire.set_host(view.host);
+  wire.set_state(ToWire(view.state));
+  wire.set_thread_count(view.thread_count);
+  wire.set_numeric_profile(view.numeric_profile);
+  wire.set_lease_count(view.lease_count);
+  wire.set_result_count(view.result_count);
+  wire.set_samples_per_second(view.samples_per_second);
+  SetTime(view.last_seen_time, wire.mutable_last_seen_time());
+  wire.set_reason(view.reason);
+  return wire;
+}
+
+v1::SynchronizeResponse ToWire(const Farm::SynchronizeAnswer& answer) {
+  v1::SynchronizeResponse wire;
+  for (const LeaseGrant& grant : answer.leases) *wire.add_leases() = ToWire(grant);
+  SetDuration(answer.next_synchronize, wire.mutable_next_synchronize_duration());
+  SetDuration(answer.lease_duration, wire.mutable_lease_duration());
+  return wire;
+}
+
+v1::UploadResultsResponse::Outcome ToWire(ResultOutcome outcome) {
+  switch (outcome) {
+    case ResultOutcome::kAccepted: return v1::UploadResultsResponse::OUTCOME_ACCEPTED;
+    case ResultOutcome::kDuplicateEqual: return v1::UploadResultsResponse::OUTCOME_DUPLICATE_EQUAL;
+    case ResultOutcome::kDuplicateMismatch:
+      return v1::UploadResultsResponse::OUTCOME_DUPLICATE_MISMATCH;
+    case ResultOutcome::kSuperseded: return v1::UploadResultsResponse::OUTCOME_SUPERSEDED;
+  }
+  return v1::UploadResultsResponse::OUTCOME_UNSPECIFIED;
+}
+
+absl::StatusOr<std::string> ParseJobName(const std::string& name) {
+  const std::vector<std::string> words = absl::StrSplit(name, '/');
+  if (words.size() != 2 || words[0] != "jobs" || words[1].empty()) {
+    return Invalid("name", absl::StrCat("\"", name, "\" is not of the form jobs/ID"));
+  }
+  return words[1];
+}
+
+absl::StatusOr<FrameId> ParseFrameName(const std::string& name) {
+  const std::vector<std::string> words = absl::StrSplit(name, '/');
+  FrameId id;
+  if (words.size() != 4 || words[0] != "jobs" || words[2] != "frames" ||
+      !absl::SimpleAtoi(words[1], &id.job_id) || !absl::SimpleAtoi(words[3], &id.frame_number)) {
+    return Invalid("name", absl::StrCat("\"", name, "\" is not of the form jobs/ID/frames/NUMBER"));
+  }
+  return id;
+}
+
+std::string FrameName(const FrameId& id) {
+  return absl::StrCat("jobs/", id.job_id, "/frames/", id.frame_number);
+}
+
+}  // namespace sheaf::coordinator

@@ -1,0 +1,43 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// The one place where wire messages and the coordinator's values are turned into each other. What comes
+// from the wire is checked here; behind this file nothing is malformed.
+#pragma once
+
+#include <string>
+
+#include "absl/status/statusor.h"
+#include "coordinator/service/farm.h"
+#include "sheaf/v1/job.pb.h"
+#include "sheaf/v1/worker.pb.h"
+
+namespace sheaf::coordinator {
+
+// Limits of what a request may hold.
+inline constexpr size_t kTitleBytesMax = 1000;
+inline constexpr size_t kRequestIdBytesMax = 100;
+inline constexpr size_t kWorkerTextBytesMax = 300;
+inline constexpr size_t kFailureTextBytesMax = 10'000;
+inline constexpr int kLeaseReportsMax = 10'000;
+
+// Errors of all FromWire: kInvalidArgument, naming the field.
+absl::StatusOr<BlobDigest> FromWire(const v1::Digest& digest);
+// Without job id, profile and frame digests, which the farm fills in.
+absl::StatusOr<JobSpec> FromWire(const v1::CreateJobRequest& request);
+absl::StatusOr<WorkerReport> FromWire(const v1::SynchronizeRequest& request);
+absl::StatusOr<ResultReport> FromWire(const v1::ResultHeader& header);
+
+v1::Job ToWire(const JobView& view);
+v1::Worker ToWire(const WorkerView& view);
+v1::SynchronizeResponse ToWire(const Farm::SynchronizeAnswer& answer);
+v1::UploadResultsResponse::Outcome ToWire(ResultOutcome outcome);
+v1::Digest ToWire(const BlobDigest& digest);
+
+// "jobs/7" to "7". Errors: kInvalidArgument.
+absl::StatusOr<std::string> ParseJobName(const std::string& name);
+// "jobs/7/frames/12". Errors: kInvalidArgument.
+absl::StatusOr<FrameId> ParseFrameName(const std::string& name);
+std::string FrameName(const FrameId& id);
+
+}  // namespace sheaf::coordinator
