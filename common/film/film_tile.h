@@ -34,11 +34,11 @@ constexpr uint64_t IndexInReplicate(uint64_t sample_index) {
 
 // What the renderer hands over for one sample of one pixel.
 struct FilmSample {
-  Rgb radiance;             // Linear sRGB, before the filter weight.
+  Rgb radiance{};           // Linear sRGB, before the filter weight.
   float alpha = 0;          // 1 where the camera ray met a surface, else 0.
   float filter_weight = 1;  // Signed; 1 for filters that are nowhere negative.
-  Rgb albedo;               // Of the first surface, in [0, 1].
-  Vec3f normal;             // Shading normal of the first surface, world space; 0 on a miss.
+  Rgb albedo{};             // Of the first surface, in [0, 1].
+  Vec3f normal{};           // Shading normal of the first surface, world space; 0 on a miss.
   float depth = 0;          // Distance along the camera ray in scene units; 0 on a miss.
 };
 

@@ -1,0 +1,211 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "common/film/exr_codec.h"
+
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <cmath>
+#include <cstdlib>
+#include <cstring>
+#include <filesystem>
+#include <limits>
+#include <random>
+
+#include "common/base/file.h"
+#include "common/film/film_test_samples.h"
+
+namespace sheaf {
+namespace {
+
+const PartHeader kHeader{std::string(64, 'a'), "x86-64-v3 g++-12"};
+
+std::string MakePart(SampleBlock block, PixelRect rect = {16, 32, 24, 40}) {
+  return EncodePart(MakeTestTile(rect, block), kHeader);
+}
+
+TEST(ExrCodecTest, PartsComeBackToTheBit) {
+  const uint64_t far = uint64_t{1} << 40;
+  for (const SampleBlock block : {SampleBlock{0, 1}, {12, 4}, {16, 16}, {64, 64}, {far, 8}}) {
+    for (const PixelRect rect :
+         {PixelRect{0, 0, 1, 1}, {-3, -5, 20, 14}, {4000, 70000, 4033, 70001}}) {
+      const FilmTile tile = MakeTestTile(rect, block);
+      const std::string bytes = EncodePart(tile, kHeader);
+      EXPECT_EQ(EncodePart(tile, kHeader), bytes);
+      const absl::StatusOr<DecodedPart> part = DecodePart(bytes);
+      ASSERT_TRUE(part.ok()) << part.status();
+      EXPECT_TRUE(SameBits(part->tile, tile));
+      EXPECT_EQ(part->header.frame_digest, kHeader.frame_digest);
+      EXPECT_EQ(part->header.numeric_profile, kHeader.numeric_profile);
+    }
+  }
+}
+
+TEST(ExrCodecTest, AnyViewerFindsColorInAPart) {
+  const FilmTile tile = MakeTestTile({0, 0, 8, 8}, {0, 16});
+  const absl::StatusOr<FramePicture> picture = DecodePicture(EncodePart(tile, kHeader));
+  ASSERT_TRUE(picture.ok()) << picture.status();
+  EXPECT_EQ(picture->Find("G")->at(9), tile.channel(FilmChannel::kGreenHi)[9]);
+  EXPECT_EQ(picture->metadata.at("blockCount"), "16");
+}
+
+TEST(ExrCodecTest, TruncatedPartsAreErrorsWhereverTheyEnd) {
+  const std::string bytes = MakePart({0, 4});
+  for (size_t size = 0; size < bytes.size(); size += 1 + size / 40) {
+    const absl::StatusOr<DecodedPart> part = DecodePart(std::string_view(bytes).substr(0, size));
+    ASSERT_FALSE(part.ok()) << size;
+    EXPECT_TRUE(absl::IsDataLoss(part.status()) || absl::IsInvalidArgument(part.status()))
+        << part.status();
+  }
+}
+
+TEST(ExrCodecTest, DamagedPartsNeverCrash) {
+  const std::string bytes = MakePart({0, 4});
+  std::mt19937 bits(17);
+  for (int i = 0; i < 3000; ++i) {
+    std::string damaged = bytes;
+    // Half of the damage goes to the header, where sizes live.
+    const size_t range = i & 1 ? bytes.size() : 1800;
+    for (int flips = 1 + i % 4; flips > 0; --flips)
+      damaged[bits() % range] = static_cast<char>(bits());
+    const absl::StatusOr<DecodedPart> part = DecodePart(damaged);
+    if (part.ok()) {
+      EXPECT_TRUE(IsAligned(part->tile.block()));
+    }
+  }
+}
+
+// Replaces the one occurrence of `from` in the header.
+std::string Replaced(std::string bytes, const std::string& from, const std::string& to) {
+  const size_t at = bytes.find(from);
+  EXPECT_NE(at, std::string::npos);
+  return bytes.replace(at, from.size(), to);
+}
+std::string BoxBytes(int32_t x0, int32_t y0, int32_t x1, int32_t y1) {
+  const int32_t box[4] = {x0, y0, x1, y1};
+  return std::string(reinterpret_cast<const char*>(box), sizeof box);
+}
+void ExpectRefused(const std::string& bytes, const std::string& why) {
+  const absl::StatusOr<DecodedPart> part = DecodePart(bytes);
+  ASSERT_FALSE(part.ok());
+  EXPECT_NE(std::string(part.status().message()).find(why), std::string::npos) << part.status();
+}
+
+TEST(ExrCodecTest, HeadersThatLieAreRefusedBeforeMemoryIsTaken) {
+  const std::string bytes = MakePart({64, 4});
+  const auto window = [](int32_t x1, int32_t y1) {
+    return std::string("dataWindow\0box2i\0\x10\0\0\0", 21) + BoxBytes(16, 32, x1, y1);
+  };
+  const std::string good = window(23, 39);
+  ExpectRefused(Replaced(bytes, good, window(0x3fffffff, 0x3fffffff)), "pixels");
+  ExpectRefused(Replaced(bytes, good, window(0x7fffffff, 39)), "out of bounds");
+  ExpectRefused(Replaced(bytes, good, window(0, 0)), "empty");
+  ExpectRefused(Replaced(bytes, good, window(2015, 2031)), "too short");
+  ExpectRefused(Replaced(bytes, "film-part 1", "film-part 9"), "format");
+  ExpectRefused(Replaced(bytes, "albedo.R", "albedo.Q"), "wrong channels");
+  ExpectRefused(Replaced(bytes,
+                         std::string("blockFirst\0string\0\2\0\0\0"
+                                     "64",
+                                     24),
+                         std::string("blockFirst\0string\0\2\0\0\0"
+                                     "65",
+                                     24)),
+                "aligned");
+  ExpectRefused(Replaced(bytes,
+                         std::string("blockFirst\0string\0\2\0\0\0"
+                                     "64",
+                                     24),
+                         std::string("blockFirst\0string\0\2\0\0\0"
+                                     "68",
+                                     24)),
+                "wrong channels");  // Other replicates than its samples belong to.
+  ExpectRefused("not an EXR at all", "magic");
+  ExpectRefused("", "magic");
+}
+
+TEST(ExrCodecTest, SumsThatCannotBeAreRefused) {
+  FilmTile tile = MakeTestTile({0, 0, 2, 2}, {0, 16});
+  FilmTile bad = tile;
+  bad.channel(FilmChannel::kNormalX)[3] = std::numeric_limits<float>::quiet_NaN();
+  ExpectRefused(EncodePart(bad, kHeader), "not finite");
+  bad = tile;
+  bad.replicate(7, 2)[0] = std::numeric_limits<float>::infinity();
+  ExpectRefused(EncodePart(bad, kHeader), "not finite");
+  bad = tile;
+  bad.channel(FilmChannel::kSampleCount)[1] = 17;
+  ExpectRefused(EncodePart(bad, kHeader), "sample counts");
+}
+
+TEST(ExrCodecTest, PartLargerThanTheLimitIsRefused) {
+  EXPECT_TRUE(DecodePart(MakePart({0, 1}), 64).ok());
+  EXPECT_TRUE(absl::IsInvalidArgument(DecodePart(MakePart({0, 1}), 63).status()));
+}
+
+class ExrCodecFileTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    std::string pattern = testing::TempDir() + "sheaf-exr-XXXXXX";
+    ASSERT_NE(::mkdtemp(pattern.data()), nullptr);
+    directory_ = pattern;
+  }
+  void TearDown() override { std::filesystem::remove_all(directory_); }
+  std::string directory_;
+};
+
+TEST_F(ExrCodecFileTest, PicturesComeBackToTheBit) {
+  FramePicture picture = MakeFramePicture({100, 50, 117, 61}, 640, 480);
+  std::mt19937 bits(23);
+  std::normal_distribution<float> value(0, 1000);
+  for (auto& plane : picture.planes) {
+    for (float& v : plane) v = value(bits);
+  }
+  picture.metadata = {{"sceneDigest", std::string(64, 'c')}, {"samples", "64"}, {"note", ""}};
+  const std::string path = directory_ + "/a picture.exr";
+  ASSERT_TRUE(WritePicture(picture, path).ok());
+  const absl::StatusOr<FramePicture> read = ReadPicture(path);
+  ASSERT_TRUE(read.ok()) << read.status();
+  EXPECT_EQ(read->window, picture.window);
+  EXPECT_EQ(read->frame_width_px, 640);
+  EXPECT_EQ(read->frame_height_px, 480);
+  EXPECT_EQ(read->metadata, picture.metadata);
+  ASSERT_EQ(read->channel_names.size(), picture.channel_names.size());
+  for (size_t i = 0; i < picture.planes.size(); ++i) {
+    ASSERT_NE(read->Find(picture.channel_names[i]), nullptr);
+    EXPECT_EQ(*read->Find(picture.channel_names[i]), picture.planes[i]);
+  }
+  EXPECT_EQ(EncodePicture(picture), *ReadWholeFile(path));
+}
+
+TEST_F(ExrCodecFileTest, ColorUnderALayerIsFound) {
+  FramePicture picture;
+  picture.window = {0, 0, 2, 1};
+  picture.channel_names = {"alpha.R", "beauty.B", "beauty.G", "beauty.R"};
+  picture.planes = {{9, 9}, {3, 30}, {2, 20}, {1, 10}};
+  const absl::StatusOr<FramePicture> read = DecodePicture(EncodePicture(picture));
+  ASSERT_TRUE(read.ok()) << read.status();
+  EXPECT_EQ(*read->Find("R"), (std::vector<float>{1, 10}));
+  EXPECT_EQ(*read->Find("B"), (std::vector<float>{3, 30}));
+  EXPECT_EQ(read->frame_width_px, 2);
+}
+
+TEST_F(ExrCodecFileTest, ErrorsNameTheFile) {
+  EXPECT_TRUE(absl::IsNotFound(ReadPicture(directory_ + "/none.exr").status()));
+  const std::string path = directory_ + "/text.exr";
+  ASSERT_TRUE(WriteFileAtomically(path, "hello").ok());
+  const absl::Status status = ReadPicture(path).status();
+  EXPECT_TRUE(absl::IsInvalidArgument(status));
+  EXPECT_NE(std::string(status.message()).find(path), std::string::npos);
+  EXPECT_FALSE(
+      WritePicture(MakeFramePicture({0, 0, 1, 1}, 1, 1), directory_ + "/no/such/dir.exr").ok());
+}
+
+TEST(ExrCodecTest, PictureWithoutColorIsRefused) {
+  FramePicture picture;
+  picture.window = {0, 0, 1, 1};
+  picture.channel_names = {"Y", "a.R"};
+  picture.planes = {{1}, {2}};
+  EXPECT_TRUE(absl::IsInvalidArgument(DecodePicture(EncodePicture(picture)).status()));
+}
+
+}  // namespace
+}  // namespace sheaf

@@ -1,0 +1,188 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "common/film/film.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <numeric>
+#include <random>
+
+#include "common/film/film_test_samples.h"
+
+namespace sheaf {
+namespace {
+
+// A tile of one pixel row whose samples come from a function of (x, n).
+template <typename Sample>
+FilmTile MakeTile(int32_t width, uint64_t count, const Sample& sample) {
+  FilmTile tile({0, 0, width, 1}, {0, count});
+  PixelAccumulator accumulator(&tile);
+  for (int32_t x = 0; x < width; ++x) {
+    accumulator.Begin(x, 0);
+    for (uint64_t n = 0; n < count; ++n) accumulator.Add(n, sample(x, n));
+    accumulator.End();
+  }
+  return tile;
+}
+
+float At(const FramePicture& picture, const char* channel, size_t p) {
+  return picture.Find(channel)->at(p);
+}
+
+TEST(FilmTest, DevelopsMeansInPlace) {
+  FilmTile tile({10, 20, 12, 21}, {0, 2});
+  PixelAccumulator accumulator(&tile);
+  for (int32_t x = 10; x < 12; ++x) {
+    accumulator.Begin(x, 20);
+    accumulator.Add(0, {.radiance = {2, 4, 6},
+                        .alpha = 1,
+                        .filter_weight = 2,
+                        .albedo = {0.5f, 0, 0},
+                        .normal = {0, 1, 0},
+                        .depth = 10});
+    accumulator.Add(1, {.radiance = {1, 1, 1}, .alpha = 0, .filter_weight = 1});
+    accumulator.End();
+  }
+  FramePicture picture = MakeFramePicture({8, 19, 14, 22}, 640, 480);
+  DevelopTile(tile, &picture);
+  const size_t p = 1 * 6 + 2;
+  EXPECT_EQ(At(picture, "R", p), static_cast<float>(5.0 / 3));
+  EXPECT_EQ(At(picture, "G", p + 1), 3.0f);
+  EXPECT_EQ(At(picture, "A", p), static_cast<float>(2.0 / 3));
+  EXPECT_EQ(At(picture, "albedo.R", p), static_cast<float>(1.0 / 3));
+  EXPECT_EQ(At(picture, "normal.Y", p), static_cast<float>(2.0 / 3));
+  EXPECT_EQ(At(picture, "depth.Z", p), 10.0f);  // The mean over what was hit.
+  EXPECT_EQ(At(picture, "samples", p), 2.0f);
+  EXPECT_EQ(At(picture, "R", 0), 0.0f);
+  EXPECT_EQ(At(picture, "samples", 0), 0.0f);
+}
+
+TEST(FilmTest, WeightZeroGivesZero) {
+  const FilmTile tile = MakeTile(1, 2, [](int32_t, uint64_t n) {
+    return FilmSample{.radiance = {3, 1, 2},
+                      .alpha = 1,
+                      .filter_weight = n == 0 ? 1.0f : -1.0f,
+                      .depth = 1.0f + static_cast<float>(n)};
+  });
+  FramePicture picture = MakeFramePicture(tile.rect(), 1, 1);
+  DevelopTile(tile, &picture);
+  for (const auto& plane : picture.planes) EXPECT_TRUE(std::isfinite(plane[0]));
+  EXPECT_EQ(At(picture, "R", 0), 0.0f);
+  EXPECT_EQ(At(picture, "depth.Z", 0), 0.0f);
+  EXPECT_EQ(At(picture, "stderr.R", 0), 0.0f);
+}
+
+TEST(FilmTest, StandardErrorIsThatOfReplicateMeans) {
+  // Replicate means 0 .. 15 exactly: variance of the mean (16^2 - 1) / 12 / 15 = 17 / 12.
+  const FilmTile tile = MakeTile(1, 64, [](int32_t, uint64_t n) {
+    return FilmSample{.radiance = Rgb::Grey(static_cast<float>(n % 16))};
+  });
+  EXPECT_NEAR(ReplicateStandardError(tile, 0, 0), std::sqrt(17.0 / 12), 1e-12);
+}
+
+TEST(FilmTest, StandardErrorNeedsTwoReplicates) {
+  const auto sample = [](int32_t, uint64_t n) {
+    return FilmSample{.radiance = Rgb::Grey(1.0f + static_cast<float>(n))};
+  };
+  EXPECT_EQ(ReplicateStandardError(MakeTile(1, 1, sample), 0, 0), 0);
+  EXPECT_NEAR(ReplicateStandardError(MakeTile(1, 2, sample), 0, 0), 0.5, 1e-12);
+}
+
+// Over many pixels of known mean the interval mean +- t standard errors holds the truth as often as
+// Student's distribution says: t(15) at 95 % is 2.1314.
+TEST(FilmTest, ErrorBarsHaveStudentCoverage) {
+  constexpr int32_t kPixels = 4000;
+  for (const uint64_t count : {64, 256}) {
+    const FilmTile tile = MakeTile(kPixels, count, [](int32_t x, uint64_t n) {
+      return FilmSample{.radiance = Rgb::Grey(HashToUnit(static_cast<uint64_t>(x) * 100003 + n))};
+    });
+    FramePicture picture = MakeFramePicture(tile.rect(), kPixels, 1);
+    DevelopTile(tile, &picture);
+    int covered = 0;
+    for (size_t p = 0; p < kPixels; ++p) {
+      covered += std::fabs(At(picture, "G", p) - 0.5f) <= 2.1314f * At(picture, "stderr.G", p);
+    }
+    // Binomial standard deviation 0.0034: four of them.
+    EXPECT_NEAR(covered / double{kPixels}, 0.95, 0.014) << count;
+  }
+}
+
+// 24 samples: half the replicates hold twice as many as the others.
+TEST(FilmTest, UnequalReplicatesKeepTheErrorHonest) {
+  constexpr int32_t kPixels = 4000;
+  TileTree tree({0, 0, kPixels, 1});
+  for (const SampleBlock block : {SampleBlock{0, 16}, SampleBlock{16, 8}}) {
+    FilmTile tile(tree.rect(), block);
+    PixelAccumulator accumulator(&tile);
+    for (int32_t x = 0; x < kPixels; ++x) {
+      accumulator.Begin(x, 0);
+      for (uint64_t n = block.first; n < block.End(); ++n) {
+        accumulator.Add(n,
+                        {.radiance = Rgb::Grey(HashToUnit(static_cast<uint64_t>(x) * 7919 + n))});
+      }
+      accumulator.End();
+    }
+    ASSERT_TRUE(tree.Insert(std::move(tile)).ok());
+  }
+  const FilmTile root = tree.Root();
+  double variance = 0;
+  for (size_t p = 0; p < kPixels; ++p) {
+    const double e = ReplicateStandardError(root, 0, p);
+    variance += e * e / kPixels;
+  }
+  const double truth = 1.0 / 12 / 24;
+  EXPECT_NEAR(variance / truth, 1, 0.05);
+}
+
+TEST(FilmTest, FrameErrorPredictsRelativeMse) {
+  constexpr int32_t kPixels = 3000;
+  constexpr uint64_t kCount = 64;
+  const auto truth = [](int32_t x) { return 0.2f + 0.001f * static_cast<float>(x); };
+  const FilmTile tile = MakeTile(kPixels, kCount, [&](int32_t x, uint64_t n) {
+    const uint64_t key = static_cast<uint64_t>(x) * 1000003 + n * 3;
+    return FilmSample{.radiance = {2 * truth(x) * HashToUnit(key),
+                                   2 * truth(x) * HashToUnit(key + 1),
+                                   2 * truth(x) * HashToUnit(key + 2)}};
+  });
+  FramePicture picture = MakeFramePicture(tile.rect(), kPixels, 1);
+  DevelopTile(tile, &picture);
+  const FrameError error = EstimateError(picture);
+  double mean = 0, actual = 0;
+  for (int32_t x = 0; x < kPixels; ++x) mean += truth(x) / kPixels;
+  for (int32_t x = 0; x < kPixels; ++x) {
+    for (const char* channel : {"R", "G", "B"}) {
+      const double d = At(picture, channel, static_cast<size_t>(x)) - truth(x);
+      actual += d * d / (truth(x) * truth(x) + 0.01 * mean * mean) / (3 * kPixels);
+    }
+  }
+  EXPECT_NEAR(error.relative_mse / actual, 1, 0.1);
+  EXPECT_EQ(error.sample_count, kPixels * kCount);
+  EXPECT_EQ(error.nonfinite_count, 0u);
+  EXPECT_GT(error.standard_error, 0);
+  EXPECT_LT(error.standard_error, 0.01);
+}
+
+TEST(FilmTest, FrameErrorOfNothingIsNothing) {
+  const FrameError error = EstimateError(MakeFramePicture({0, 0, 4, 4}, 4, 4));
+  EXPECT_EQ(error.relative_mse, 0);
+  EXPECT_EQ(error.standard_error, 0);
+  EXPECT_EQ(error.sample_count, 0u);
+}
+
+TEST(FilmTest, DigestSeesEveryBitOfThePictureAndNothingElse) {
+  FramePicture picture = MakeFramePicture({0, 0, 4, 4}, 4, 4);
+  const std::string digest = PictureDigest(picture);
+  EXPECT_EQ(digest.size(), 64u);
+  picture.metadata["finishedTime"] = "later";
+  EXPECT_EQ(PictureDigest(picture), digest);
+  picture.Find("B")->at(7) = -0.0f;
+  EXPECT_NE(PictureDigest(picture), digest);
+  picture.Find("B")->at(7) = 0;
+  EXPECT_EQ(PictureDigest(picture), digest);
+  picture.channel_names[0] = "Q";
+  EXPECT_NE(PictureDigest(picture), digest);
+}
+
+}  // namespace
+}  // namespace sheaf
