@@ -160,7 +160,7 @@ v1::Lease ToWire(const LeaseGrant& grant) {
   *wire.mutable_key()->mutable_tile() = ToWire(grant.lease.tile_rect);
   wire.mutable_key()->mutable_block()->set_first(grant.lease.task.block.first);
   wire.mutable_key()->mutable_block()->set_count(grant.lease.task.block.count);
-  *wire.mutable_scene() = ToWire(grant.scene);
+  *wire.mutable_scene() = coordinator::ToWire(grant.scene);
   *wire.mutable_settings() = ToWire(grant.settings);
   return wire;
 }
