@@ -6,7 +6,7 @@
 import { byId, el, setText } from "./dom.js";
 import * as format from "./format.js";
 
-const FAILURE = /fail|mismatch|expired|lost|nonfinite|quarantin|poison|reject|superseded|retr|damag|error/;
+const FAILURE = /fail|mismatch|expired|lost|nonfinite|quarantin|poison|invalid|revoked|damag/;
 
 export class CountersView {
   constructor(store) {

@@ -4,7 +4,7 @@
 // Serves the page over a made-up farm whose pictures converge before one's eyes: for working on the
 // page without rendering, and for trying it with thousands of jobs.
 //
-//   sheaf_page_server JOBS SECONDS    prints "listening on URL", ends after SECONDS
+//   sheaf_page_server JOBS SECONDS [PORT]    prints "listening on URL", ends after SECONDS
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -173,7 +173,9 @@ int main(int argc, char** argv) {
     });
     return status;
   };
-  const auto service = HttpService::Start({}, farm, std::move(actions));
+  HttpServiceOptions options;
+  options.server.port = static_cast<uint16_t>(argc > 3 ? std::atoi(argv[3]) : 0);
+  const auto service = HttpService::Start(options, farm, std::move(actions));
   if (!service.ok()) {
     std::fprintf(stderr, "%s\n", service.status().ToString().c_str());
     return 1;

@@ -117,9 +117,9 @@ def check_no_console_errors(browser, _):
     assert not errors, "\n".join(errors)
 
 
-def check_thousands_of_jobs(browser, url):
+def check_thousands_of_jobs(browser, server):
     browser.set_size(1440, 900)
-    browser.open(url)
+    browser.open(server.url)
     wait_until(lambda: browser.run(TEXT, "job-count").replace("\u2009", "") == str(MADE_UP_JOB_COUNT),
                PAGE_SECONDS_MAX, "all jobs")
     rows = browser.run("return document.querySelectorAll('#jobs .vlist-row').length")
@@ -162,6 +162,36 @@ def check_every_width(browser, _):
     assert browser.run("return document.documentElement.dataset.theme") == "dark"
 
 
+def check_page_survives_a_restart(browser, server):
+    """The page says that it lost the coordinator, and follows it again without a reload."""
+    connection = lambda: browser.run(TEXT, "connection-text")  # noqa: E731
+    server.stop()
+    wait_until(lambda: connection() == "Reconnecting", PAGE_SECONDS_MAX, "the loss")
+    server.start(job_count=7)
+    wait_until(lambda: connection() == "Live", PAGE_SECONDS_MAX, "the return")
+    wait_until(lambda: browser.run(TEXT, "job-count") == "7", PAGE_SECONDS_MAX, "the new jobs")
+
+
+class MadeUpServer:
+    """sheaf_page_server on one port, as long as the test wants it."""
+
+    def __init__(self):
+        self.port = 0
+        self.url = ""
+        self.process = None
+
+    def start(self, job_count):
+        command = [os.path.join(programs(), "sheaf_page_server"), job_count, MADE_UP_SECONDS, self.port]
+        self.process = subprocess.Popen(list(map(str, command)), stdout=subprocess.PIPE, text=True)
+        self.url = self.process.stdout.readline().split()[-1]
+        self.port = self.url.rsplit(":", 1)[1]
+
+    def stop(self):
+        self.process.terminate()
+        self.process.wait()
+        self.process.stdout.close()
+
+
 def run_checks(checks, browser, subject):
     failed = 0
     for check in checks:
@@ -184,19 +214,16 @@ def run_farm():
 
 
 def run_made_up():
+    # The restart comes last: a browser reports every refused connection as an error.
     checks = [check_thousands_of_jobs, check_titles_are_text, check_keyboard, check_every_width,
-              check_no_console_errors]
-    server = subprocess.Popen([os.path.join(programs(), "sheaf_page_server"),
-                               str(MADE_UP_JOB_COUNT), str(MADE_UP_SECONDS)],
-                              stdout=subprocess.PIPE, text=True)
+              check_no_console_errors, check_page_survives_a_restart]
+    server = MadeUpServer()
+    server.start(MADE_UP_JOB_COUNT)
     try:
-        url = server.stdout.readline().split()[-1]
         with Browser() as browser:
-            return run_checks(checks, browser, url)
+            return run_checks(checks, browser, server)
     finally:
-        server.terminate()
-        server.wait()
-        server.stdout.close()
+        server.stop()
 
 
 def main():
