@@ -75,12 +75,15 @@ Vec3d SampleSphericalTriangle(const TriangleView& view, Vec2f u) {
   const Vec3d r = (g0 * half.cos - g1 * half.sin) * a + (g2 * half.sin) * c;
   const double r_squared = LengthSquared(r);
   const Vec3d c_cut = r_squared > 0 ? (2 * Dot(a, r) / r_squared) * r - a : c;
-  // Along the arc from b to there, uniform in the cosine; q is 1 - cos of the whole arc.
+  // Along the arc from b to there, uniform in the cosine. 1 - cos and 1 + cos of the whole arc come
+  // from its chord and from the sum of its ends: next to a receiver in the triangle's plane the arc
+  // is almost half a circle, and which half is in the last digits of that sum.
   const double v = static_cast<double>(u.y);
-  const Vec3d chord = c_cut - b;
-  const double q = std::min(0.5 * LengthSquared(chord), 2.0);
-  const double t = q < 2 ? std::sqrt(v * (2 - v * q) / (2 - q)) : v;
-  const Vec3d w = b + t * chord + (q * (t - v)) * b;
+  const Vec3d chord = c_cut - b, sum = c_cut + b;
+  const double q = 0.5 * LengthSquared(chord), q_sum = 0.5 * LengthSquared(sum);
+  const double t = q_sum > 0 ? std::sqrt(std::max(v * (2 - v * q), 0.0) / q_sum) : v;
+  const Vec3d w =
+      q < 1 ? b + t * chord + (q * (t - v)) * b : (1 - v * q) * b + t * (sum - q_sum * b);
   return w / Length(w);
 }
 
