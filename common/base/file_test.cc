@@ -1,0 +1,107 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "common/base/file.h"
+
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <cstdlib>
+#include <filesystem>
+#include <string>
+#include <thread>
+#include <vector>
+
+namespace sheaf {
+namespace {
+
+class FileTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    std::string pattern = testing::TempDir() + "sheaf-file-XXXXXX";
+    ASSERT_NE(::mkdtemp(pattern.data()), nullptr);
+    directory_ = pattern;
+  }
+  void TearDown() override { std::filesystem::remove_all(directory_); }
+
+  size_t CountEntries() const {
+    size_t count = 0;
+    for (const auto& entry : std::filesystem::directory_iterator(directory_))
+      count += !entry.path().empty();
+    return count;
+  }
+
+  std::string directory_;
+};
+
+TEST_F(FileTest, WritesReadsAndReplaces) {
+  const std::string path = directory_ + "/a file";
+  const std::string bytes("with\0zero and \xff", 15);
+  ASSERT_TRUE(WriteFileAtomically(path, bytes).ok());
+  EXPECT_EQ(*ReadWholeFile(path), bytes);
+  ASSERT_TRUE(WriteFileAtomically(path, "").ok());
+  EXPECT_EQ(*ReadWholeFile(path), "");
+  EXPECT_EQ(CountEntries(), 1u) << "a temporary file was left";
+}
+
+TEST_F(FileTest, WritesBesideTheWorkingDirectoryToo) {
+  const std::filesystem::path before = std::filesystem::current_path();
+  std::filesystem::current_path(directory_);
+  const absl::Status status = WriteFileAtomically("bare-name", "x");
+  std::filesystem::current_path(before);
+  EXPECT_TRUE(status.ok()) << status;
+  EXPECT_EQ(*ReadWholeFile(directory_ + "/bare-name"), "x");
+}
+
+TEST_F(FileTest, FailedWriteNamesThePathAndLeavesNothing) {
+  const absl::Status status = WriteFileAtomically(directory_ + "/none/file", "x");
+  EXPECT_TRUE(absl::IsNotFound(status));
+  EXPECT_NE(std::string(status.message()).find(directory_ + "/none/file"), std::string::npos);
+  // The name is taken by a directory: the rename fails after the bytes are written.
+  ASSERT_TRUE(MakeDirectories(directory_ + "/taken/inside").ok());
+  EXPECT_FALSE(WriteFileAtomically(directory_ + "/taken", "x").ok());
+  EXPECT_EQ(CountEntries(), 1u);
+}
+
+TEST_F(FileTest, ReaderSeesOneWholeVersion) {
+  const std::string path = directory_ + "/file";
+  constexpr size_t kSize = 1 << 16;
+  ASSERT_TRUE(WriteFileAtomically(path, std::string(kSize, '0')).ok());
+  std::vector<std::thread> writers;
+  for (const char c : {'1', '2'}) {
+    writers.emplace_back([&path, c] {
+      for (int i = 0; i < 10; ++i)
+        EXPECT_TRUE(WriteFileAtomically(path, std::string(kSize, c)).ok());
+    });
+  }
+  for (int i = 0; i < 50; ++i) {
+    const absl::StatusOr<std::string> bytes = ReadWholeFile(path);
+    ASSERT_TRUE(bytes.ok());
+    EXPECT_EQ(*bytes, std::string(kSize, bytes->front()));
+  }
+  for (std::thread& writer : writers) writer.join();
+}
+
+TEST_F(FileTest, ReadingHasALimitAndSaysWhatIsWrong) {
+  const std::string path = directory_ + "/file";
+  ASSERT_TRUE(WriteFileAtomically(path, "12345678").ok());
+  EXPECT_TRUE(ReadWholeFile(path, 8).ok());
+  EXPECT_TRUE(absl::IsResourceExhausted(ReadWholeFile(path, 7).status()));
+  EXPECT_TRUE(absl::IsNotFound(ReadWholeFile(directory_ + "/none").status()));
+  EXPECT_TRUE(absl::IsInvalidArgument(ReadWholeFile(directory_).status()));
+  // A device that never ends stops at the limit.
+  EXPECT_TRUE(absl::IsResourceExhausted(ReadWholeFile("/dev/zero", 1 << 20).status()));
+}
+
+TEST_F(FileTest, MakesDirectoriesOnceAndAgain) {
+  const std::string path = directory_ + "/a/b/c";
+  EXPECT_TRUE(MakeDirectories(path).ok());
+  EXPECT_TRUE(MakeDirectories(path).ok());
+  EXPECT_TRUE(std::filesystem::is_directory(path));
+  ASSERT_TRUE(WriteFileAtomically(directory_ + "/file", "").ok());
+  const absl::Status status = MakeDirectories(directory_ + "/file/under");
+  EXPECT_FALSE(status.ok());
+  EXPECT_NE(std::string(status.message()).find("/file/under"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace sheaf

@@ -1,0 +1,252 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// The film's rows of the catalogue of hard cases: what breaks float accumulation elsewhere.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <random>
+#include <utility>
+#include <vector>
+
+#include "common/film/exr_codec.h"
+#include "common/film/film.h"
+#include "common/film/film_test_samples.h"
+#include "common/math/double_float.h"
+
+namespace sheaf {
+namespace {
+
+constexpr PixelRect kOnePixel{0, 0, 1, 1};
+
+template <typename Sample>
+FilmTile MakeOnePixelTile(SampleBlock block, const Sample& sample) {
+  FilmTile tile(kOnePixel, block);
+  PixelAccumulator accumulator(&tile);
+  accumulator.Begin(0, 0);
+  for (uint64_t n = block.first; n < block.End(); ++n) accumulator.Add(n, sample(n));
+  accumulator.End();
+  return tile;
+}
+
+float DevelopRed(const FilmTile& tile) {
+  FramePicture picture = MakeFramePicture(tile.rect(), tile.rect().x1, tile.rect().y1);
+  DevelopTile(tile, &picture);
+  return picture.Find("R")->at(0);
+}
+
+// Radiance and weight as the film holds them, before the picture's rounding to float.
+double WideMean(const FilmTile& tile) {
+  const auto value = [&tile](FilmChannel hi, FilmChannel lo) {
+    return DoubleFloat{tile.channel(hi)[0], tile.channel(lo)[0]}.Value();
+  };
+  return value(FilmChannel::kRedHi, FilmChannel::kRedLo) /
+         value(FilmChannel::kWeight, FilmChannel::kWeightLo);
+}
+
+// The same sums over another block. Requires: both blocks hold the same number of replicates.
+FilmTile MovedTo(const FilmTile& tile, SampleBlock block) {
+  FilmTile moved(tile.rect(), block);
+  std::copy_n(tile.channel(FilmChannel{}), kFilmChannelCount * tile.plane_size(),
+              moved.channel(FilmChannel{}));
+  std::copy_n(tile.replicate(0, 0),
+              tile.replicate_count() * kReplicateChannelCount * tile.plane_size(),
+              moved.replicate(0, 0));
+  return moved;
+}
+
+// A node over samples that are all alike: twice its half, so log2(count) steps make it.
+FilmTile MakeUniformNode(const FilmSample& sample, SampleBlock block) {
+  if (block.count <= kReplicateCount) {
+    return MakeOnePixelTile(block, [&](uint64_t) { return sample; });
+  }
+  const FilmTile half = MakeUniformNode(sample, {block.first, block.count / 2});
+  return MergeSiblings(half, MovedTo(half, Sibling(half.block())));
+}
+
+TEST(FilmStabilityTest, C2NegativeLobesKeepAConstantConstant) {
+  constexpr float kConstant = 0.7f;
+  for (const uint64_t count : {1, 16, 64, 1024, 65536}) {
+    const FilmTile tile = MakeOnePixelTile({0, count}, [&](uint64_t n) {
+      FilmSample s;
+      s.radiance = Rgb::Grey(kConstant);
+      // A quarter of the samples in the negative lobes, weights of any size.
+      s.filter_weight = (HashToUnit(2 * n) < 0.25f ? -0.4f : 1.2f) * (0.5f + HashToUnit(2 * n + 1));
+      return s;
+    });
+    EXPECT_NEAR(DevelopRed(tile), kConstant, 1e-6 * kConstant) << count;
+    // An error bar of a constant is rounding, nothing more.
+    EXPECT_LE(ReplicateStandardError(tile, 0, 0), 1e-6 * kConstant) << count;
+  }
+}
+
+TEST(FilmStabilityTest, C2WeightsThatSumToZeroGiveZero) {
+  const FilmTile tile = MakeOnePixelTile({0, 64}, [](uint64_t n) {
+    FilmSample s;
+    s.radiance = Rgb::Grey(1 + HashToUnit(n));
+    s.alpha = 1;
+    s.depth = 3;
+    s.filter_weight = n % 2 == 0 ? 0.75f : -0.75f;
+    return s;
+  });
+  FramePicture picture = MakeFramePicture(kOnePixel, 1, 1);
+  DevelopTile(tile, &picture);
+  for (size_t i = 0; i < picture.planes.size(); ++i) {
+    EXPECT_TRUE(std::isfinite(picture.planes[i][0])) << picture.channel_names[i];
+  }
+  EXPECT_EQ(picture.Find("R")->at(0), 0.0f);
+}
+
+TEST(FilmStabilityTest, C2NegativeValuesAreKept) {
+  const FilmTile tile = MakeOnePixelTile({0, 4}, [](uint64_t n) {
+    FilmSample s;
+    s.radiance = Rgb::Grey(n == 0 ? 10.0f : 0.0f);
+    s.filter_weight = n == 0 ? -0.2f : 1.0f;
+    return s;
+  });
+  EXPECT_NEAR(DevelopRed(tile), -2 / 2.8, 1e-6);
+}
+
+// 10^9 samples = 2^29 + 2^28 + ...: nodes of equal samples from equal halves, joined by the tree.
+TEST(FilmStabilityTest, C3ABillionSamplesKeepTheirMean) {
+  constexpr uint64_t kCount = 1000000000;
+  FilmSample sample;
+  sample.radiance = {0.4999734f, 0.1f, 3e-5f};
+  for (const float weight : {1.0f, 0.837f}) {
+    sample.filter_weight = weight;
+    TileTree tree(kOnePixel);
+    for (const SampleBlock& block : CutSamples(0, kCount, uint64_t{1} << 40)) {
+      ASSERT_TRUE(tree.Insert(MakeUniformNode(sample, block)).ok());
+    }
+    ASSERT_EQ(tree.SampleCount(), kCount);
+    const FilmTile root = tree.Root();
+    const double exact = sample.radiance.r;
+    EXPECT_NEAR(WideMean(root) / exact, 1, 1e-9);
+    EXPECT_EQ(DevelopRed(root), sample.radiance.r);
+    EXPECT_LE(ReplicateStandardError(root, 0, 0), 1e-6 * exact);
+  }
+}
+
+// The same honestly: 2^24 random samples, where float sums stall, against a long double sum.
+TEST(FilmStabilityTest, C3SixteenMillionRandomSamplesKeepTheirMean) {
+  constexpr uint64_t kCount = 1 << 24;
+  FilmTile tile(kOnePixel, {0, kCount});
+  PixelAccumulator accumulator(&tile);
+  long double sum = 0, weight_sum = 0;
+  FilmSample s;
+  accumulator.Begin(0, 0);
+  for (uint64_t n = 0; n < kCount; ++n) {
+    const float u = HashToUnit(n);
+    s.radiance.r = u < 1e-3f ? 5000 * u : u;
+    s.filter_weight = u < 0.1f ? -0.25f : 1.1f;
+    sum += static_cast<long double>(s.radiance.r) * s.filter_weight;
+    weight_sum += s.filter_weight;
+    accumulator.Add(n, s);
+  }
+  accumulator.End();
+  const auto exact = static_cast<double>(sum / weight_sum);
+  EXPECT_NEAR(WideMean(tile) / exact, 1, 1e-9);
+  EXPECT_EQ(tile.channel(FilmChannel::kSampleCount)[0], static_cast<float>(kCount));
+}
+
+TEST(FilmStabilityTest, C4AMillionUnitsOfRadianceSurvive) {
+  const FilmTile tile = MakeOnePixelTile({0, 64}, [](uint64_t) {
+    FilmSample s;
+    s.radiance = {1e6f, 65504.0f, 65536.0f};
+    return s;
+  });
+  FramePicture picture = MakeFramePicture(kOnePixel, 1, 1);
+  DevelopTile(tile, &picture);
+  const absl::StatusOr<FramePicture> read = DecodePicture(EncodePicture(picture));
+  ASSERT_TRUE(read.ok()) << read.status();
+  EXPECT_EQ(read->Find("R")->at(0), 1e6f);
+  EXPECT_EQ(read->Find("G")->at(0), 65504.0f);
+  EXPECT_EQ(read->Find("B")->at(0), 65536.0f);
+  const absl::StatusOr<DecodedPart> part = DecodePart(EncodePart(tile, {}));
+  ASSERT_TRUE(part.ok()) << part.status();
+  EXPECT_TRUE(SameBits(part->tile, tile));
+}
+
+TEST(FilmStabilityTest, C5SampleIndicesBeyondThirtyTwoBits) {
+  for (const uint64_t first : {uint64_t{1} << 33, (uint64_t{1} << 33) + 48, uint64_t{1} << 61}) {
+    const SampleBlock block{first, 16};
+    const FilmTile tile = MakeTestTile(kOnePixel, block);
+    const absl::StatusOr<DecodedPart> part = DecodePart(EncodePart(tile, {}));
+    ASSERT_TRUE(part.ok()) << part.status();
+    EXPECT_EQ(part->tile.block(), block);
+    EXPECT_TRUE(SameBits(part->tile, tile));
+    TileTree tree(kOnePixel);
+    ASSERT_TRUE(tree.Insert(part->tile).ok());
+    ASSERT_TRUE(tree.Insert(MakeTestTile(kOnePixel, Sibling(block))).ok());
+    EXPECT_TRUE(tree.Covers(Parent(block)));
+    EXPECT_FALSE(tree.Covers({first & 0xffffffff, 16}));
+  }
+  EXPECT_EQ(ReplicateOf((uint64_t{1} << 33) + 5), 5u);
+  EXPECT_EQ(IndexInReplicate(uint64_t{1} << 40), uint64_t{1} << 36);
+}
+
+TEST(FilmStabilityTest, C5WindowsSeventyThousandPixelsLong) {
+  for (const PixelRect window : {PixelRect{0, 0, 70000, 1}, {0, 0, 1, 70000}}) {
+    FramePicture picture = MakeFramePicture(window, window.x1, window.y1);
+    std::vector<PixelRect> tiles = CutTiles(window, 64);
+    EXPECT_EQ(tiles.size(), 1094u);
+    for (const PixelRect& tile : tiles) DevelopTile(MakeTestTile(tile, {0, 2}), &picture);
+    const std::vector<float>& samples = *picture.Find("samples");
+    EXPECT_EQ(std::count(samples.begin(), samples.end(), 2.0f), 70000);
+    const absl::StatusOr<FramePicture> read = DecodePicture(EncodePicture(picture));
+    ASSERT_TRUE(read.ok()) << read.status();
+    EXPECT_EQ(*read->Find("R"), *picture.Find("R"));
+  }
+}
+
+// Hosts finish in any order and with passes of any size; the frame is the same to the bit.
+TEST(FilmStabilityTest, C6HostsMayFinishInAnyOrder) {
+  constexpr PixelRect kWindow{0, 0, 24, 16};
+  constexpr uint64_t kSamples = 40;
+  std::string digest;
+  std::mt19937 bits(6);
+  for (const uint64_t pass_samples : {64, 16, 8, 4, 2, 1}) {
+    for (const int32_t tile_size_px : {8, 16, 64}) {
+      FramePicture picture = MakeFramePicture(kWindow, 24, 16);
+      for (const PixelRect& rect : CutTiles(kWindow, tile_size_px)) {
+        std::vector<SampleBlock> passes = CutSamples(0, kSamples, pass_samples);
+        std::shuffle(passes.begin(), passes.end(), bits);
+        TileTree tree(rect);
+        for (const SampleBlock& pass : passes)
+          ASSERT_TRUE(tree.Insert(MakeTestTile(rect, pass)).ok());
+        DevelopTile(tree.Root(), &picture);
+      }
+      if (digest.empty()) digest = PictureDigest(picture);
+      EXPECT_EQ(PictureDigest(picture), digest)
+          << pass_samples << " a pass, tiles of " << tile_size_px;
+    }
+  }
+}
+
+// Values 10^6 +- 10^-3 are one float: the film must say 0 and not the root of a negative number.
+// The smallest spread a float holds there, a sixteenth, must not drown in anything but float
+// rounding.
+TEST(FilmStabilityTest, R9VarianceOfNearlyEqualLargeValues) {
+  const auto error_of = [](double spread, uint64_t count) {
+    return ReplicateStandardError(MakeOnePixelTile({0, count},
+                                                   [spread](uint64_t n) {
+                                                     const double v =
+                                                         1e6 + spread * (n % 2 == 0 ? 1 : -1);
+                                                     FilmSample s;
+                                                     s.radiance = Rgb::Grey(static_cast<float>(v));
+                                                     return s;
+                                                   }),
+                                  0, 0);
+  };
+  EXPECT_EQ(error_of(1e-3, 16), 0);
+  EXPECT_EQ(error_of(1e-3, 1024), 0);
+  // Replicates alternate between 10^6 + s and 10^6 - s: the error of the mean is s / sqrt(15).
+  for (const double spread : {0.0625, 0.25, 100.0}) {
+    EXPECT_NEAR(error_of(spread, 16), spread / std::sqrt(15.0), 1e-6 * spread) << spread;
+    EXPECT_NEAR(error_of(spread, 1024), spread / std::sqrt(15.0), 1e6 * 0x1p-22) << spread;
+  }
+}
+
+}  // namespace
+}  // namespace sheaf
