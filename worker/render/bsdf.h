@@ -11,6 +11,8 @@
 #include <optional>
 
 #include "common/math/vec.h"
+#include "worker/render/coat_table.h"
+#include "worker/render/energy_table.h"
 #include "worker/render/render_plan.h"
 
 namespace sheaf::render {
@@ -37,30 +39,41 @@ enum class BsdfKind : uint8_t {
 };
 
 struct BsdfSample {
-  Vec3f wi;
-  Rgb weight;             // f * |cos wi| / pdf; for delta lobes the reflectance over its probability.
+  Vec3f wi{};
+  Rgb weight{};             // f * |cos wi| / pdf; for delta lobes the reflectance over its probability.
   float pdf = 0;          // Solid angle, of the whole Bsdf at wi.
   float eta_scale = 1;    // (eta_i/eta_o)^2 picked up by transmitted radiance; for roulette.
   uint8_t flags = 0;
 };
 struct BsdfValue {
-  Rgb f_cos;      // f(wo, wi) * |cos wi|.
+  Rgb f_cos{};      // f(wo, wi) * |cos wi|.
   float pdf = 0;  // Solid angle; 0 for delta lobes.
 };
 
-// Plain and small; fields are used by kind (see material.h, which makes it).
+// Plain and small; fields are used by kind (material.h makes it). Row pointers belong to the material
+// table; where blend > 0 the row that follows in memory counts with that weight.
 struct Bsdf {
   BsdfKind kind = BsdfKind::kBlack;
   bool specular = false;         // Delta lobes only: light sampling is skipped.
-  float alpha_x = 0, alpha_y = 0;
+  float alpha_x = 0, alpha_y = 0;  // GGX widths; both below kSmoothAlpha is a delta lobe.
   float eta = 1;                 // Relative index, inside over outside of the surface's +z side.
-  Rgb color;                     // Reflectance (diffuse, coat base).
-  Rgb eta_rgb, k_rgb;            // Conductors.
-  const void* table = nullptr;   // Precomputed, per material (coats, energy compensation).
-  Rgb albedo;                    // For the albedo channel.
+  float blend = 0;               // Weight of the second row of the tables below.
+  Rgb color{};                     // Reflectance (diffuse, coat base); conductors: see energy.
+  Rgb eta_rgb{}, k_rgb{};            // Conductors.
+  Rgb albedo{};                    // For the albedo channel.
+  // Coats: never null. Conductors and dielectrics: null for single scattering alone; for conductors
+  // with a row, color is the tint that repeated reflection gives the returned energy.
+  const CoatRow* coat = nullptr;
+  const ConductorEnergyRow* conductor_energy = nullptr;
+  const DielectricEnergyRow* dielectric_energy = nullptr;
 };
 
-// Radiance transport. None where the path ends (absorbed).
+// Radiance transport. None where the path ends (absorbed). Where the sample is not of a delta lobe,
+// pdf is EvalBsdf's for the same pair of directions, to the bit.
+// Kinds that need a trait (kMicrofacet: conductors; kSpecularTransmission: dielectrics; kLayered:
+// coats; kAlpha: interfaces) are black in variants without it: the plan never chooses such a variant.
+// Both are defined in bsdf_inl.h, which integrator variants include, and compiled for every variant
+// of variant_list.h in bsdf.cc.
 template <uint32_t kTraits>
 std::optional<BsdfSample> SampleBsdf(const Bsdf& bsdf, Vec3f wo, float u_lobe, Vec2f u);
 // Delta lobes evaluate to 0.

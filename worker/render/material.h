@@ -1,7 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// MaterialTable: the scene's materials and textures made ready to be evaluated at hits.
+// MaterialTable: the scene's materials and textures made ready to be evaluated at hits. A material of
+// constants is a Bsdf made once, tables included; only what varies over a surface costs at a hit.
 #pragma once
 
 #include <cstdint>
@@ -25,19 +26,27 @@ struct TexturePoint {
 class MaterialTable {
  public:
   // Errors: a texture that cannot be opened or decoded, named with its location; values outside
-  // their range (roughness below 0, reflectance above 1 is clamped and warned about once).
+  // their range. Reflectance outside [0, 1] is clamped, and warned about where it is a constant.
+  // Cost: some 20 ms for each different rough or coated material, 20 times that where its roughness
+  // is textured.
   static absl::StatusOr<std::unique_ptr<MaterialTable>> Build(const SceneDescription& scene,
                                                               FileSource& files,
                                                               uint64_t texture_cache_bytes_max);
   ~MaterialTable();
 
-  // The Bsdf of a material at a point. Mixes are decided by u_mix (consumed down the tree without
-  // losing uniformity). wo_local_z_positive: whether wo is on the +z side (orients dielectrics).
+  // The Bsdf of a material at a point; kNone is an interface. Mixes are decided by u_mix (consumed
+  // down the tree without losing uniformity). In a variant without kTextures materials must not vary,
+  // in one without kAlpha there must be no mixes: the plan sees to both.
+  // Rows the Bsdf points to live as long as *this.
+  // Thread safety: any number of threads at once. Compiled for every variant of variant_list.h.
   template <uint32_t kTraits>
   Bsdf Evaluate(int32_t material, const TexturePoint& point, float u_mix) const;
-  // Value of a float input (cut-outs), in [0, 1] for alpha.
+  // Value of a float input (cut-outs), as it is: a mask's author may have left [0, 1].
   template <uint32_t kTraits>
   float EvaluateFloat(const FloatInput& input, const TexturePoint& point) const;
+
+  // Mixes of mixes may be nested this deep.
+  static constexpr int kMixDepthMax = 64;
 
   struct Impl;
 

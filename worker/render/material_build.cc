@@ -1,0 +1,246 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// SceneDescription > MaterialTable.
+#include <algorithm>
+#include <cmath>
+#include <string>
+#include <utility>
+#include <variant>
+
+#include "absl/strings/str_cat.h"
+#include "common/base/log.h"
+#include "common/scene/spectrum.h"
+#include "worker/render/material_impl.h"
+
+namespace sheaf::render {
+namespace {
+
+constexpr float kAllAlphas = -1;
+
+class MaterialBuilder {
+ public:
+  MaterialBuilder(const SceneDescription& scene, const TextureProgram& textures,
+                  ScatteringTables& tables)
+      : scene_(scene), textures_(textures), tables_(tables) {}
+
+  absl::StatusOr<CompiledMaterial> Make(int32_t material) {
+    description_ = &scene_.materials[static_cast<size_t>(material)];
+    CompiledMaterial m;
+    absl::Status status =
+        std::visit([&](const auto& d) { return Fill(d, &m); }, description_->material);
+    if (!status.ok()) return status;
+    m.varies = m.color.texture != kNone || m.eta_rgb.texture != kNone ||
+               m.k_rgb.texture != kNone || RoughnessVaries(m);
+    if (!m.is_mix) {
+      m.constant = MakeBsdf(m, {m.color.value, m.eta_rgb.value, m.k_rgb.value,
+                                m.roughness_u.value, m.roughness_v.value});
+    }
+    return m;
+  }
+
+ private:
+  absl::Status Error(const std::string& what) const {
+    const std::string name =
+        description_->name.empty() ? "" : absl::StrCat(" \"", description_->name, "\"");
+    return absl::InvalidArgumentError(absl::StrCat(
+        FormatLocation(scene_, description_->location), ": material", name, ": ", what));
+  }
+  static bool RoughnessVaries(const CompiledMaterial& m) {
+    return m.roughness_u.texture != kNone || m.roughness_v.texture != kNone;
+  }
+
+  absl::Status SetReflectance(const ColorInput& input, CompiledMaterial* m) {
+    m->color = textures_.Operand(input);
+    if (m->color.texture != kNone) return absl::OkStatus();
+    for (size_t c = 0; c < 3; ++c) {
+      const float value = m->color.value[c];
+      if (!std::isfinite(value)) return Error("reflectance is not a finite number");
+      if (value < 0 || value > 1) {
+        LogWarning(absl::StrCat(
+            Error(absl::StrCat("reflectance ", value, " is clamped to [0, 1]")).message()));
+        break;
+      }
+    }
+    return absl::OkStatus();
+  }
+  absl::Status SetRoughness(const RoughnessInput& input, CompiledMaterial* m) {
+    m->remap_roughness = input.remap_roughness;
+    m->roughness_u = textures_.Operand(input.u);
+    m->roughness_v = textures_.Operand(input.v);
+    for (const FloatOperand& roughness : {m->roughness_u, m->roughness_v}) {
+      if (roughness.texture != kNone) continue;
+      if (!std::isfinite(roughness.value) || roughness.value < 0) {
+        return Error(absl::StrCat("roughness ", roughness.value, " must be 0 or more"));
+      }
+    }
+    return absl::OkStatus();
+  }
+  absl::Status SetIndex(float eta, CompiledMaterial* m) {
+    if (!std::isfinite(eta) || eta <= 0) {
+      return Error(absl::StrCat("index of refraction ", eta, " must be greater than 0"));
+    }
+    m->eta = eta;
+    return absl::OkStatus();
+  }
+
+  // The alpha a table is needed for; kAllAlphas where it varies.
+  static float TableAlpha(const CompiledMaterial& m) {
+    if (RoughnessVaries(m)) return kAllAlphas;
+    const Bsdf bsdf = MakeBsdf(m, {{}, {}, {}, m.roughness_u.value, m.roughness_v.value});
+    return std::sqrt(bsdf.alpha_x * bsdf.alpha_y);
+  }
+  static bool IsSmooth(float alpha) { return alpha >= 0 && alpha < kSmoothAlpha; }
+
+  // Finds a table or makes it: one row, or all.
+  template <typename Row, typename MakeRow, typename MakeAll>
+  static const std::vector<Row>* FindTable(std::map<ScatteringTables::Key, std::vector<Row>>& known,
+                                           ScatteringTables::Key key, MakeRow make_row,
+                                           MakeAll make_all) {
+    const auto [found, is_new] = known.try_emplace(key);
+    if (is_new) {
+      if (std::get<0>(key) == kAllAlphas) {
+        found->second = make_all();
+      } else {
+        found->second.push_back(make_row());
+      }
+    }
+    return &found->second;
+  }
+
+  absl::Status Fill(const DiffuseMaterial& d, CompiledMaterial* m) {
+    m->kind = BsdfKind::kDiffuse;
+    return SetReflectance(d.reflectance, m);
+  }
+
+  absl::Status Fill(const ConductorMaterial& d, CompiledMaterial* m) {
+    m->kind = BsdfKind::kConductor;
+    if (absl::Status status = SetRoughness(d.roughness, m); !status.ok()) return status;
+    m->from_reflectance = d.has_reflectance;
+    if (d.has_reflectance) {
+      if (absl::Status status = SetReflectance(d.reflectance, m); !status.ok()) return status;
+    } else {
+      m->eta_rgb = textures_.Operand(d.eta);
+      m->k_rgb = textures_.Operand(d.k);
+      if (d.eta.texture == kNone && d.k.texture == kNone) {
+        const ConductorConstants constants = ConductorRgb(d.eta.value, d.k.value);
+        m->eta_rgb.value = constants.eta;
+        m->k_rgb.value = constants.k;
+        if (!IsFinite(constants.eta) || !IsFinite(constants.k)) {
+          return Error("eta and k must be finite numbers");
+        }
+      }
+    }
+    const float alpha = TableAlpha(*m);
+    if (IsSmooth(alpha)) return absl::OkStatus();
+    m->conductor_rows = FindTable(
+        tables_.conductors, {alpha, 0, 0}, [&] { return MakeConductorEnergyRow(alpha); },
+        [] { return MakeConductorEnergyTable(); });
+    return absl::OkStatus();
+  }
+
+  absl::Status Fill(const DielectricMaterial& d, CompiledMaterial* m) {
+    m->kind = BsdfKind::kDielectric;
+    if (absl::Status status = SetRoughness(d.roughness, m); !status.ok()) return status;
+    if (absl::Status status = SetIndex(d.eta, m); !status.ok()) return status;
+    const float alpha = TableAlpha(*m);
+    if (IsSmooth(alpha) || d.eta == 1) return absl::OkStatus();
+    m->dielectric_rows = FindTable(
+        tables_.dielectrics, {alpha, d.eta, 0}, [&] { return MakeDielectricEnergyRow(alpha, d.eta); },
+        [&] { return MakeDielectricEnergyTable(d.eta); });
+    return absl::OkStatus();
+  }
+
+  absl::Status Fill(const ThinDielectricMaterial& d, CompiledMaterial* m) {
+    m->kind = BsdfKind::kThinDielectric;
+    return SetIndex(d.eta, m);
+  }
+
+  absl::Status Fill(const CoatedDiffuseMaterial& d, CompiledMaterial* m) {
+    m->kind = BsdfKind::kCoatedDiffuse;
+    if (absl::Status status = SetReflectance(d.reflectance, m); !status.ok()) return status;
+    if (absl::Status status = SetRoughness(d.roughness, m); !status.ok()) return status;
+    if (absl::Status status = SetIndex(d.eta, m); !status.ok()) return status;
+    if (!std::isfinite(d.thickness) || d.thickness < 0) {
+      return Error(absl::StrCat("thickness ", d.thickness, " must be 0 or more"));
+    }
+    if (d.albedo.texture != kNone || !d.albedo.value.rgb.IsBlack()) {
+      return Error("a scattering coat (albedo above 0) is not supported; remove \"albedo\"");
+    }
+    const float alpha = TableAlpha(*m);
+    m->coat_rows = FindTable(
+        tables_.coats, {alpha, d.eta, d.thickness},
+        [&] { return MakeCoatRow(alpha, d.eta, d.thickness); },
+        [&] { return MakeCoatTable(d.eta, d.thickness); });
+    return absl::OkStatus();
+  }
+
+  absl::Status Fill(const MixMaterial& d, CompiledMaterial* m) {
+    m->is_mix = true;
+    m->amount = textures_.Operand(d.amount);
+    for (size_t i = 0; i < 2; ++i) {
+      m->mix[i] = d.material[i];
+      if (d.material[i] < 0 || static_cast<size_t>(d.material[i]) >= scene_.materials.size()) {
+        return Error("mixes a material that does not exist");
+      }
+    }
+    if (DepthOf(d) > MaterialTable::kMixDepthMax) {
+      return Error(absl::StrCat("mixes itself, or mixes are nested more than ",
+                                MaterialTable::kMixDepthMax, " deep"));
+    }
+    return absl::OkStatus();
+  }
+
+  absl::Status Fill(const InterfaceMaterial&, CompiledMaterial* m) {
+    m->kind = BsdfKind::kInterface;
+    return absl::OkStatus();
+  }
+
+  // Levels of mixes below and with this one, counted no further than needed to refuse it. Breadth
+  // first over sets, so that a lattice of mixes takes no exponential time.
+  int DepthOf(const MixMaterial& mix) const {
+    std::vector<int32_t> level = {mix.material[0], mix.material[1]};
+    int depth = 1;
+    while (!level.empty() && depth <= MaterialTable::kMixDepthMax) {
+      std::vector<int32_t> next;
+      for (int32_t index : level) {
+        if (index < 0 || static_cast<size_t>(index) >= scene_.materials.size()) continue;
+        const auto* inner =
+            std::get_if<MixMaterial>(&scene_.materials[static_cast<size_t>(index)].material);
+        if (inner != nullptr) next.insert(next.end(), {inner->material[0], inner->material[1]});
+      }
+      if (next.empty()) break;
+      std::sort(next.begin(), next.end());
+      next.erase(std::unique(next.begin(), next.end()), next.end());
+      level = std::move(next);
+      ++depth;
+    }
+    return depth;
+  }
+
+  const SceneDescription& scene_;
+  const TextureProgram& textures_;
+  ScatteringTables& tables_;
+  const MaterialDescription* description_ = nullptr;
+};
+
+}  // namespace
+
+absl::StatusOr<std::unique_ptr<MaterialTable>> MaterialTable::Build(
+    const SceneDescription& scene, FileSource& files, uint64_t texture_cache_bytes_max) {
+  std::unique_ptr<MaterialTable> table(new MaterialTable());
+  Impl& impl = *table->impl_;
+  impl.cache = std::make_unique<TextureCache>(texture_cache_bytes_max);
+  absl::StatusOr<TextureProgram> textures = TextureProgram::Build(scene, files, *impl.cache);
+  if (!textures.ok()) return textures.status();
+  impl.textures = *std::move(textures);
+  MaterialBuilder builder(scene, *impl.textures, impl.tables);
+  for (size_t i = 0; i < scene.materials.size(); ++i) {
+    absl::StatusOr<CompiledMaterial> material = builder.Make(static_cast<int32_t>(i));
+    if (!material.ok()) return material.status();
+    impl.materials.push_back(*std::move(material));
+  }
+  return table;
+}
+
+}  // namespace sheaf::render
