@@ -164,7 +164,10 @@ TransformOverTime SceneBuilder::CurrentTransform() const {
 
 bool SceneBuilder::RequireWorld(std::string_view directive, SourceLocation location) {
   if (is_world_) return true;
-  diagnostics_->Error(location, absl::StrCat(std::string(directive), " must stand after WorldBegin"));
+  // Without WorldBegin everything is out of place; one message says so.
+  if (!std::exchange(missed_world_, true)) {
+    diagnostics_->Error(location, absl::StrCat(std::string(directive), " must stand after WorldBegin"));
+  }
   return false;
 }
 

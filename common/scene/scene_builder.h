@@ -121,7 +121,7 @@ class SceneBuilder {
   std::vector<Block> blocks_;
   PendingFrame frame_;
   bool is_world_ = false;
-  bool has_film_ = false;
+  bool missed_world_ = false;  // The lack of WorldBegin has been reported.
   float start_time_ = 0, end_time_ = 1;
   int32_t open_object_ = kNone;
   std::map<std::string, std::pair<Matrix4, Matrix4>> coordinate_systems_;

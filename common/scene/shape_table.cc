@@ -7,10 +7,14 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "common/scene/loop_subdivision.h"
 #include "common/scene/ply_reader.h"
 
 namespace sheaf {
 namespace {
+
+// What a triangle takes while a surface is refined: both levels' faces, edges and vertices.
+constexpr uint64_t kRefinedTriangleBytes = 160;
 
 uint64_t MeshBytes(const TriangleMesh& mesh) {
   return mesh.positions.size() * sizeof(Vec3f) + mesh.normals.size() * sizeof(Vec3f) +
@@ -78,13 +82,15 @@ bool ShapeTable::SetShape(const std::string& type, ParameterList& parameters,
     is_good = SetTriangleMesh(parameters, shape);
   } else if (type == "plymesh") {
     is_good = SetPlyMesh(parameters, shape);
+  } else if (type == "loopsubdiv") {
+    is_good = SetLoopSubdivision(parameters, shape);
   } else if (type == "sphere") {
     is_good = SetSphere(parameters, shape);
   } else if (type == "disk") {
     is_good = SetDisk(parameters, shape);
   } else {
     parameters.Error(absl::StrCat(parameters.owner(), " is not supported; Sheaf does trianglemesh, "
-                                  "plymesh, sphere and disk"));
+                                  "plymesh, loopsubdiv, sphere and disk"));
     return false;
   }
   parameters.ReportUnused();
@@ -139,6 +145,32 @@ bool ShapeTable::SetPlyMesh(ParameterList& parameters, ShapeDescription* shape) 
   }
   if (entry->second == kNone) return false;  // Reported at its first use.
   shape->shape = MeshShape{entry->second};
+  return true;
+}
+
+bool ShapeTable::SetLoopSubdivision(ParameterList& parameters, ShapeDescription* shape) {
+  TriangleMesh control;
+  control.positions = parameters.GetTriples("P", ParameterType::kPoint3);
+  const int32_t levels = parameters.GetInteger("levels", 3);
+  parameters.NoteWithoutEffect("scheme", "loop is the only scheme");
+  if (control.positions.empty() || levels < 0) {
+    parameters.Error(absl::StrCat(parameters.owner(), " needs \"point3 P\", its vertices, and levels "
+                                  "of 0 or more"));
+    parameters.Find("indices");
+    return false;
+  }
+  if (!SetIndices(parameters, &control)) return false;
+  const uint64_t triangles_max =
+      std::min(limits_.triangles_max, limits_.memory_bytes_max / kRefinedTriangleBytes);
+  absl::StatusOr<TriangleMesh> mesh =
+      SubdivideLoop(control.positions, control.indices, levels, triangles_max);
+  if (!mesh.ok()) {
+    parameters.Error(absl::StrCat(parameters.owner(), ": ", mesh.status().message()));
+    return false;
+  }
+  MeshShape mesh_shape;
+  if (!AddMesh(std::move(*mesh), parameters, &mesh_shape.mesh)) return false;
+  shape->shape = mesh_shape;
   return true;
 }
 

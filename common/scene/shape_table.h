@@ -33,6 +33,7 @@ class ShapeTable {
  private:
   bool SetTriangleMesh(ParameterList& parameters, ShapeDescription* shape);
   bool SetPlyMesh(ParameterList& parameters, ShapeDescription* shape);
+  bool SetLoopSubdivision(ParameterList& parameters, ShapeDescription* shape);
   bool SetSphere(ParameterList& parameters, ShapeDescription* shape);
   bool SetDisk(ParameterList& parameters, ShapeDescription* shape);
   bool AddMesh(TriangleMesh mesh, ParameterList& parameters, int32_t* index);
