@@ -38,6 +38,26 @@ double InvertLinear(double a, double b, double u) {
   return denominator > 0 ? std::clamp(u * (a + b) / denominator, 0.0, 1.0) : u;
 }
 
+// The last i in [0, count) with value_at(i) <= target, or 0: by steps that double from a guess,
+// then by halving. Cheap where the guess is near, as along a row of even brightness.
+template <typename ValueAt>
+size_t LastNotAbove(const ValueAt& value_at, double target, size_t count, size_t guess) {
+  size_t low = std::min(guess, count - 1), high = low + 1;
+  for (size_t step = 1; low > 0 && value_at(low) > target; step *= 2) {
+    high = low;
+    low -= std::min(low, step);
+  }
+  for (size_t step = 1; high < count && value_at(high) <= target; step *= 2) {
+    low = high;
+    high = std::min(high + step, count);
+  }
+  while (high - low > 1) {
+    const size_t middle = (low + high) / 2;
+    (value_at(middle) <= target ? low : high) = middle;
+  }
+  return low;
+}
+
 }  // namespace
 
 absl::StatusOr<EnvironmentMap> EnvironmentMap::Make(int size, const std::vector<Rgb>& texels) {
@@ -117,11 +137,8 @@ Vec3d EnvironmentMap::Sample(Vec2f u) const {
   // At that height the running integral along x is the blend of those of the two rows.
   const auto sum_at = [&](size_t i) { return (1 - ty) * upper[i] + ty * lower[i]; };
   const double target = ux * sum_at(node_count - 1);
-  size_t low = 0, high = node_count - 1;
-  while (high - low > 1) {
-    const size_t middle = (low + high) / 2;
-    (sum_at(middle) <= target ? low : high) = middle;
-  }
+  const size_t low = LastNotAbove(sum_at, target, node_count - 1,
+                                  static_cast<size_t>(ux * static_cast<double>(node_count - 1)));
   const double mass = sum_at(low + 1) - sum_at(low);
   const double y = node_position_[j] + ty * (node_position_[j + 1] - node_position_[j]);
   const double x0 = node_position_[low], width = node_position_[low + 1] - x0;

@@ -17,7 +17,8 @@ Vec3d EqualAreaSquareToSphere(Vec2d st) {
   const double to_diagonal = 1 - (au + av);
   const double r = 1 - std::fabs(to_diagonal);
   const double phi = (r == 0 ? 1.0 : (av - au) / r + 1) * (kPi / 4);
-  const SinCosPair<double> p = SinCos(phi);
+  // Good to 2^-36, and the direction becomes a float.
+  const SinCosPair<double> p = elementary::SinCosForFloat(static_cast<float>(phi));
   const double sin_theta = r * std::sqrt(std::max(2 - r * r, 0.0));
   return {std::copysign(p.cos, u) * sin_theta, std::copysign(p.sin, v) * sin_theta,
           std::copysign(1 - r * r, to_diagonal)};
@@ -27,7 +28,7 @@ Vec2f EqualAreaSphereToSquare(Vec3f d) {
   const double x = std::fabs(d.x), y = std::fabs(d.y), z = std::fabs(d.z);
   // r^2 = 1 - |z| without the cancellation near the poles.
   const double r = std::sqrt((x * x + y * y) / (1 + z));
-  const double quarter = static_cast<double>(Atan2(static_cast<float>(y), static_cast<float>(x)));
+  const double quarter = elementary::Atan2ForFloat(y, x);
   double v = std::min(r, 1.0) * (quarter * (2 / kPi));
   double u = std::min(r, 1.0) - v;
   if (d.z < 0) {

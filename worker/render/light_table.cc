@@ -105,15 +105,14 @@ std::optional<LightSample> Sample(const DeltaLight& light, float probability, Ve
   return sample;
 }
 
-Rgb RadianceOf(const InfiniteEmitter& light, Vec3f d) {
-  if (!light.map) return light.radiance;
-  return light.map->Radiance(Rotate(light.light_from_render, d)) * light.scale;
+// As the map has it, before its scale; the radiance itself where there is no map.
+Rgb MapRadianceOf(const InfiniteEmitter& light, Vec3f d) {
+  return light.map ? light.map->Radiance(Rotate(light.light_from_render, d)) : light.radiance;
 }
 
-// Measure: solid angle.
-double PdfOf(const InfiniteEmitter& light, Vec3f d) {
-  if (!light.map) return 1 / (4 * kPi);
-  return light.map->Pdf(light.map->Radiance(Rotate(light.light_from_render, d)));
+// Pdf of DirectionTo at a direction of this MapRadianceOf. Measure: solid angle.
+double PdfOf(const InfiniteEmitter& light, Rgb map_radiance) {
+  return light.map ? light.map->Pdf(map_radiance) : 1 / (4 * kPi);
 }
 
 Vec3f DirectionTo(const InfiniteEmitter& light, Vec2f u) {
@@ -169,8 +168,9 @@ std::optional<LightSample> LightTable::SampleLights(const Impl& impl, Vec3f p, V
     // Infinite lights share every direction, so each is drawn as a part of their sum.
     sample.emplace();
     sample->wi = DirectionTo(impl.infinites[light - impl.first_infinite()], u);
-    sample->radiance = RadianceFromInfinity(impl, sample->wi);
-    sample->pdf = PdfOfInfinity(impl, p, n, sample->wi);
+    const EnvironmentValue value = FromInfinity(impl, p, n, sample->wi);
+    sample->radiance = value.radiance;
+    sample->pdf = value.pdf;
     sample->is_infinite = true;
   }
   const bool usable = sample && IsUsablePdf(sample->pdf) && IsFinite(sample->radiance) &&
@@ -214,17 +214,20 @@ Rgb LightTable::EmitterRadiance(uint32_t emitter, Vec3f ng, Vec3f wo) const {
 
 Rgb LightTable::RadianceFromInfinity(const Impl& impl, Vec3f d) {
   Rgb sum;
-  for (const InfiniteEmitter& light : impl.infinites) sum += RadianceOf(light, d);
+  for (const InfiniteEmitter& light : impl.infinites) sum += MapRadianceOf(light, d) * light.scale;
   return sum;
 }
 
-float LightTable::PdfOfInfinity(const Impl& impl, Vec3f p, Vec3f /*n*/, Vec3f d) {
-  float pdf = 0;
+EnvironmentValue LightTable::FromInfinity(const Impl& impl, Vec3f p, Vec3f /*n*/, Vec3f d) {
+  EnvironmentValue value;
   for (uint32_t i = 0; i < impl.infinites.size(); ++i) {
-    pdf += PdfSolidAngle(PdfOf(impl.infinites[i], d),
-                         impl.choice.Probability(impl.first_infinite() + i, p));
+    const InfiniteEmitter& light = impl.infinites[i];
+    const Rgb map_radiance = MapRadianceOf(light, d);
+    value.radiance += map_radiance * light.scale;
+    value.pdf += PdfSolidAngle(PdfOf(light, map_radiance),
+                               impl.choice.Probability(impl.first_infinite() + i, p));
   }
-  return pdf;
+  return value;
 }
 
 // The header forwards to these: one instantiation for every combination of kLightTraits.

@@ -32,6 +32,12 @@ struct LightSample {
   bool is_infinite = false;
 };
 
+// What the infinite lights together send from a direction.
+struct EnvironmentValue {
+  Rgb radiance;
+  float pdf = 0;  // Solid angle, times the probability of choosing these lights.
+};
+
 // One emitter as the geometry code hands it over. Sides: emits on the side of n (right-hand rule of
 // v0 v1 v2 for triangles, outward for spheres, axis for disks), on both where two_sided.
 struct TriangleEmitter {
@@ -101,7 +107,13 @@ class LightTable {
   template <uint32_t kTraits>
   float PdfEnvironment(Vec3f p, Vec3f n, Vec3f d) const {
     if constexpr (!Has(kTraits, Trait::kEnvironment)) return 0;
-    return PdfOfInfinity(*impl_, p, n, d);
+    return FromInfinity(*impl_, p, n, d).pdf;
+  }
+  // Both at once, for little more than the price of one.
+  template <uint32_t kTraits>
+  EnvironmentValue EvalEnvironment(Vec3f p, Vec3f n, Vec3f d) const {
+    if constexpr (!Has(kTraits, Trait::kEnvironment)) return {};
+    return FromInfinity(*impl_, p, n, d);
   }
 
   struct Impl;
@@ -119,7 +131,7 @@ class LightTable {
   static float PdfOfEmitter(const Impl& impl, uint32_t emitter, Vec3f p, Vec3f n, Vec3f wi,
                             Vec3f p_light);
   static Rgb RadianceFromInfinity(const Impl& impl, Vec3f d);
-  static float PdfOfInfinity(const Impl& impl, Vec3f p, Vec3f n, Vec3f d);
+  static EnvironmentValue FromInfinity(const Impl& impl, Vec3f p, Vec3f n, Vec3f d);
 
   std::unique_ptr<Impl> impl_;
 };

@@ -31,7 +31,7 @@ struct DeltaLight {
 struct InfiniteEmitter {
   std::optional<EnvironmentMap> map;
   Rgb radiance;                // Constant.
-  float scale = 1;             // Of the map.
+  float scale = 1;             // Of the map; 1 where there is none.
   Vec3f light_from_render[3];  // Rows of a rotation (or reflection).
 };
 

@@ -31,6 +31,15 @@ void MakeBasis(Vec3d n, Vec3d* t, Vec3d* b) {
   *b = {xy, sign + n.y * n.y * a, -n.y};
 }
 
+// Angles here come from samples of 24 bits and go to pdfs of 24 bits, so functions good to 2^-36
+// lose nothing; their arguments and results stay double, because differences of them follow.
+SinCosPair<double> SinCosOf(double angle) {
+  return elementary::SinCosForFloat(static_cast<float>(angle));
+}
+double AngleOf(double y, double x) { return elementary::Atan2ForFloat(y, x); }
+
+Vec3d Unit(Vec3d v) { return v * (1 / Length(v)); }
+
 // Barycentric coordinate made safe: NaN and negative values become 0.
 double ClampToUnit(double v) { return v > 0 ? std::min(v, 1.0) : 0; }
 
@@ -53,7 +62,7 @@ TriangleView ViewTriangle(Vec3f v0, Vec3f v1, Vec3f v2, Vec3f p) {
   const double denominator = view.length_a * view.length_b * view.length_c +
                              Dot(view.a, b) * view.length_c + Dot(b, c) * view.length_a +
                              Dot(c, view.a) * view.length_b;
-  view.solid_angle = 2 * Atan2(std::fabs(view.triple), denominator);
+  view.solid_angle = 2 * AngleOf(std::fabs(view.triple), denominator);
   view.visible = std::isfinite(denominator);
   view.by_area = !(view.solid_angle > kTriangleSolidAngleMin);
   return view;
@@ -63,15 +72,17 @@ namespace {
 
 // Unit direction, uniform over the spherical triangle of the view.
 Vec3d SampleSphericalTriangle(const TriangleView& view, Vec2f u) {
-  const Vec3d a = view.a / view.length_a;
-  const Vec3d b = (view.a + view.e1) / view.length_b;
-  const Vec3d c = (view.a + view.e2) / view.length_c;
+  const double scale_a = 1 / view.length_a, scale_b = 1 / view.length_b;
+  const double scale_c = 1 / view.length_c;
+  const Vec3d a = view.a * scale_a;
+  const Vec3d b = (view.a + view.e1) * scale_b;
+  const Vec3d c = (view.a + view.e2) * scale_c;
   // The half-angle direction r between a and the point of the arc ac that, with a and b, cuts off
   // the fraction u.x of the solid angle.
-  const double g0 = std::fabs(view.triple) / (view.length_a * view.length_b * view.length_c);
+  const double g0 = std::fabs(view.triple) * (scale_a * scale_b * scale_c);
   const double g1 = Dot(a + b, c);
   const double g2 = 0.5 * LengthSquared(a + b);
-  const SinCosPair<double> half = SinCos(0.5 * view.solid_angle * static_cast<double>(u.x));
+  const SinCosPair<double> half = SinCosOf(0.5 * view.solid_angle * static_cast<double>(u.x));
   const Vec3d r = (g0 * half.cos - g1 * half.sin) * a + (g2 * half.sin) * c;
   const double r_squared = LengthSquared(r);
   const Vec3d c_cut = r_squared > 0 ? (2 * Dot(a, r) / r_squared) * r - a : c;
@@ -84,7 +95,7 @@ Vec3d SampleSphericalTriangle(const TriangleView& view, Vec2f u) {
   const double t = q_sum > 0 ? std::sqrt(std::max(v * (2 - v * q), 0.0) / q_sum) : v;
   const Vec3d w =
       q < 1 ? b + t * chord + (q * (t - v)) * b : (1 - v * q) * b + t * (sum - q_sum * b);
-  return w / Length(w);
+  return Unit(w);
 }
 
 ShapePoint SampleTriangleByArea(const TriangleView& view, Vec3f v0, Vec2f u) {
@@ -99,7 +110,7 @@ ShapePoint SampleTriangleByArea(const TriangleView& view, Vec3f v0, Vec2f u) {
   }
   const Vec3d from_v0 = b1 * view.e1 + b2 * view.e2;
   const Vec3d l = view.a + from_v0;
-  return {l / Length(l), ToDouble(v0) + from_v0, view.normal_area / Length(view.normal_area)};
+  return {Unit(l), ToDouble(v0) + from_v0, Unit(view.normal_area)};
 }
 
 }  // namespace
@@ -113,7 +124,7 @@ ShapePoint SampleTriangle(const TriangleView& view, Vec3f v0, Vec3f /*p*/, Vec2f
   const double b1 = ClampToUnit(-Dot(view.a, p_cross) * scale);
   const double b2 = std::min(ClampToUnit(-Dot(w, Cross(view.a, view.e1)) * scale), 1 - b1);
   const Vec3d p_light = ToDouble(v0) + b1 * view.e1 + b2 * view.e2;
-  return {w, p_light, view.normal_area / Length(view.normal_area)};
+  return {w, p_light, Unit(view.normal_area)};
 }
 
 double PdfTriangle(const TriangleView& view, Vec3f p, Vec3f p_light) {
@@ -153,14 +164,14 @@ namespace {
 ShapePoint SampleSphereFromInside(const SphereView& view, Vec3d center, double radius, Vec2f u) {
   const double z = 1 - 2 * static_cast<double>(u.x);
   const double r = std::sqrt(std::max(1 - z * z, 0.0));
-  const SinCosPair<double> phi = SinCos(2 * kPi * static_cast<double>(u.y));
+  const SinCosPair<double> phi = SinCosOf(2 * kPi * static_cast<double>(u.y));
   const Vec3d wi{r * phi.cos, r * phi.sin, z};
   // Exit of the ray from p along wi.
   const double along = Dot(view.to_center, wi);
   const double closest_squared = LengthSquared(Cross(view.to_center, wi));
   const double half_chord = std::sqrt(std::max(radius * radius - closest_squared, 0.0));
   const Vec3d from_center = (along + half_chord) * wi - view.to_center;
-  const Vec3d n = from_center / Length(from_center);
+  const Vec3d n = Unit(from_center);
   return {wi, center + radius * n, n};
 }
 
@@ -175,7 +186,7 @@ ShapePoint SampleSphere(const SphereView& view, Vec3d center, double radius, Vec
   const double cos_theta = 1 - one_minus_cos;
   const double sin_squared = one_minus_cos * (1 + cos_theta);
   const double sin_theta = std::sqrt(sin_squared);
-  const SinCosPair<double> phi = SinCos(2 * kPi * static_cast<double>(u.y));
+  const SinCosPair<double> phi = SinCosOf(2 * kPi * static_cast<double>(u.y));
   const Vec3d side = phi.cos * t + phi.sin * b;
   // Angle at the centre between the receiver and the point seen: sin(alpha) follows from the sine
   // rule, in a form that has no difference of large distances. Source: pbrt-v4, sec. 6.2.4.
@@ -208,7 +219,9 @@ DiskShapeView ViewDisk(Vec3d center, Vec3d normal, Vec3d axis_x, double radius, 
   view.axis_y = Cross(normal, view.axis_x);
   view.by_area =
       LengthSquared(from_center) > kDiskPolarDistance * kDiskPolarDistance * radius * radius;
-  view.phi_max = view.offset < radius ? kPi : Asin(radius / view.offset);
+  view.phi_max = view.offset < radius
+                     ? kPi
+                     : AngleOf(radius, std::sqrt((view.offset - radius) * (view.offset + radius)));
   return view;
 }
 
@@ -245,7 +258,7 @@ double DiskArea(const DiskShapeView& view) {
 // A point of the plane at distance rho from the foot point.
 ShapePoint DiskPoint(const DiskShapeView& view, Vec3d from_foot) {
   const Vec3d l = from_foot - view.height * view.normal;
-  return {l / Length(l), view.foot + from_foot, view.normal};
+  return {Unit(l), view.foot + from_foot, view.normal};
 }
 
 }  // namespace
@@ -256,10 +269,10 @@ ShapePoint SampleDisk(const DiskShapeView& view, Vec3f /*p*/, Vec2f u, bool* hit
   if (view.by_area) {
     const double inner_squared = view.inner_radius * view.inner_radius;
     const double r = std::sqrt(inner_squared + static_cast<double>(u.x) * (DiskArea(view) / kPi));
-    const SinCosPair<double> phi = SinCos(2 * kPi * static_cast<double>(u.y));
+    const SinCosPair<double> phi = SinCosOf(2 * kPi * static_cast<double>(u.y));
     return DiskPoint(view, to_center + (r * phi.cos) * view.axis_x + (r * phi.sin) * view.axis_y);
   }
-  const SinCosPair<double> phi = SinCos((2 * static_cast<double>(u.y) - 1) * view.phi_max);
+  const SinCosPair<double> phi = SinCosOf((2 * static_cast<double>(u.y) - 1) * view.phi_max);
   const DiskChord chord = ChordAt(view, phi.sin, phi.cos);
   const double step = static_cast<double>(u.x) * chord.cos_range;
   const double cos_theta = chord.cos_near - step;
