@@ -109,6 +109,16 @@ TEST(TileTreeTest, PreviewAddsWhatIsThere) {
   EXPECT_EQ(sum.replicate(5, 0)[3], b.replicate(5, 0)[3]);
 }
 
+TEST(TileTreeTest, PreviewAddsThreeNodesAndMore) {
+  TileTree tree(kRect);
+  float samples = 0;
+  for (const SampleBlock block : {SampleBlock{0, 64}, {64, 32}, {96, 4}, {128, 16}}) {
+    ASSERT_TRUE(tree.Insert(MakeTestTile(kRect, block)).ok());
+    samples += static_cast<float>(block.count);
+    EXPECT_EQ(tree.PreviewSum().channel(FilmChannel::kSampleCount)[3], samples);
+  }
+}
+
 TEST(TileTreeDeathTest, RootNeedsAPrefix) {
   TileTree tree(kRect);
   EXPECT_DEATH(static_cast<void>(tree.Root()), "check failed");

@@ -109,6 +109,8 @@ int Main(int argc, char** argv) {
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? 0 : 2;
   }
+  // Our own errors are one line each; gRPC's internal ones beside them help nobody.
+  setenv("GRPC_VERBOSITY", "NONE", /*replace=*/0);
   SetLogName("sheaf-coordinator");
   LogLevel level = LogLevel::kInfo;
   LogLevelFromName(line.log_level, &level);

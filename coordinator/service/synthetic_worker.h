@@ -1,0 +1,58 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// SyntheticWorker, for tests: a worker that speaks the real protocol and whose samples are a cheap,
+// deterministic function of frame, pixel and index, so that a picture's digest can be computed directly
+// and compared.
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "common/film/film.h"
+#include "common/scene/render_settings.h"
+#include "sheaf/v1/worker.grpc.pb.h"
+
+namespace sheaf::coordinator {
+
+// The sample that every renderer of the tests agrees on.
+FilmSample SyntheticSample(uint64_t seed, int32_t x, int32_t y, uint64_t sample_index);
+// A part made of such samples.
+FilmTile SyntheticPart(uint64_t seed, PixelRect rect, SampleBlock block);
+// The picture of such samples, added up without any farm.
+FramePicture SyntheticPicture(const FrameSettings& settings);
+
+class SyntheticWorker {
+ public:
+  SyntheticWorker(std::shared_ptr<grpc::Channel> channel, std::string worker_id);
+
+  // One Synchronize with everything it holds; keeps the answer.
+  absl::Status Synchronize(int lease_count_wanted);
+  // Renders and uploads one held lease. Errors: those of the call.
+  absl::StatusOr<v1::UploadResultsResponse::Outcome> RenderOne();
+  // Renders until there is nothing to do; returns how many results were accepted.
+  absl::StatusOr<int> RenderAll();
+
+  // The upload of a result as it goes over the wire, for tests that bend it.
+  struct Upload {
+    v1::ResultHeader header;
+    std::string bytes;
+  };
+  Upload MakeUpload(const v1::Lease& lease) const;
+  absl::StatusOr<v1::UploadResultsResponse::Outcome> Send(const Upload& upload) const;
+
+  const std::vector<v1::Lease>& leases() const { return leases_; }
+  void ReportFailure(uint64_t lease_id, v1::LeaseFailure::Kind kind, const std::string& message);
+  void set_numeric_profile(const std::string& profile) { numeric_profile_ = profile; }
+
+ private:
+  std::unique_ptr<v1::WorkerService::Stub> stub_;
+  const std::string worker_id_;
+  std::string numeric_profile_;
+  std::vector<v1::Lease> leases_;
+  std::vector<v1::LeaseFailure> failures_;
+};
+
+}  // namespace sheaf::coordinator
