@@ -1,0 +1,35 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Command: one subcommand of sheaf. main makes one of each, in the order of the help.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <memory>
+
+#include "cli/exit_code.h"
+
+namespace sheaf::cli {
+
+class Command {
+ public:
+  virtual ~Command() = default;
+  // Adds the subcommand with its options. Requires: this outlives app. Called once.
+  // Returns the subcommand.
+  virtual CLI::App* AddTo(CLI::App* app) = 0;
+  // Does it, after its options were read.
+  virtual ExitCode Run() = 0;
+};
+
+std::unique_ptr<Command> MakeRenderCommand();
+std::unique_ptr<Command> MakeSubmitCommand();
+std::unique_ptr<Command> MakeWatchCommand();
+std::unique_ptr<Command> MakeListCommand();
+std::unique_ptr<Command> MakeShowCommand();
+std::unique_ptr<Command> MakeCancelCommand();
+std::unique_ptr<Command> MakeWorkersCommand();
+std::unique_ptr<Command> MakePlanCommand();
+std::unique_ptr<Command> MakeCompareCommand();
+std::unique_ptr<Command> MakeCompletionCommand();
+
+}  // namespace sheaf::cli

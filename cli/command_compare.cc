@@ -1,0 +1,161 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// sheaf compare: how far a picture is from a reference.
+#include <cmath>
+#include <cstdio>
+#include <nlohmann/json.hpp>
+#include <string>
+
+#include "absl/strings/str_cat.h"
+#include "cli/command.h"
+#include "cli/options.h"
+#include "cli/tone_map.h"
+#include "common/film/compare.h"
+#include "common/film/exr_codec.h"
+#include "common/film/film.h"
+#include "common/image/image_io.h"
+
+namespace sheaf::cli {
+namespace {
+
+using Json = nlohmann::ordered_json;
+constexpr const char* kChannelNames[] = {"R", "G", "B"};
+
+// Infinity and NaN have no JSON number.
+Json Number(double value) { return std::isfinite(value) ? Json(value) : Json(); }
+
+// Mean of the image's channel of sample counts; 0 where it has none.
+double MeanSampleCount(const FramePicture& picture) {
+  const std::vector<float>* samples = picture.Find("samples");
+  if (samples == nullptr || samples->empty()) return 0;
+  double sum = 0;
+  for (const float count : *samples) sum += count;
+  return sum / static_cast<double>(samples->size());
+}
+
+absl::Status WriteDifference(FramePicture difference, const std::string& path) {
+  if (!path.ends_with(".png")) return WritePicture(difference, path);
+  // A PNG has no sign: it shows how much, not which way.
+  for (std::vector<float>& plane : difference.planes) {
+    for (float& value : plane) value = std::fabs(value);
+  }
+  return WritePng(path, difference.window.Width(), difference.window.Height(),
+                  ToneMapSrgb(difference));
+}
+
+class CompareCommand : public Command {
+ public:
+  CLI::App* AddTo(CLI::App* app) override {
+    CLI::App* command = app->add_subcommand("compare", "Say how far a picture is from a reference");
+    command->add_option("REFERENCE", reference_path_, "The picture to trust (.exr)")->required();
+    command->add_option("IMAGE", image_path_, "The picture to judge (.exr)")->required();
+    command->add_option("--diff", diff_path_, "Write IMAGE - REFERENCE (.exr), or how much (.png)");
+    command
+        ->add_option("--tolerance", tolerance_,
+                     "Exit with 1 when relMSE is larger; 0 also asks for equal bits")
+        ->check(CLI::NonNegativeNumber);
+    command->add_flag("--tiles", tiles_, "Also look for tiles that are off by more than noise");
+    command
+        ->add_option("--allow", limits_.mean_share_max,
+                     "With --tiles: share of a tile's mean that is allowed beyond noise")
+        ->check(CLI::NonNegativeNumber)
+        ->capture_default_str();
+    command
+        ->add_option("--sigmas", limits_.standard_errors_max,
+                     "With --tiles: standard errors that are allowed")
+        ->check(CLI::NonNegativeNumber)
+        ->capture_default_str();
+    command
+        ->add_option("--reference-samples", reference_samples_,
+                     "With --tiles: samples per pixel of REFERENCE; 0: it has converged")
+        ->check(CLI::NonNegativeNumber)
+        ->capture_default_str();
+    AddJsonFlag(command, &json_);
+    command->footer(
+        "Examples:\n"
+        "  sheaf compare reference.exr picture.exr --diff difference.exr\n"
+        "  sheaf compare a.exr b.exr --tolerance 0          # the same to the bit?\n"
+        "  sheaf compare reference.exr picture.exr --tiles --reference-samples 1024");
+    return command;
+  }
+
+  ExitCode Run() override {
+    const absl::StatusOr<FramePicture> reference = ReadPicture(reference_path_);
+    if (!reference.ok()) return ReportError(ExitCode::kFile, reference.status());
+    const absl::StatusOr<FramePicture> image = ReadPicture(image_path_);
+    if (!image.ok()) return ReportError(ExitCode::kFile, image.status());
+    const absl::StatusOr<Comparison> comparison = ComparePictures(*reference, *image);
+    if (!comparison.ok()) return ReportError(ExitCode::kFailed, comparison.status());
+    Json json = {{"relative_mse", Number(comparison->relative_mse)},
+                 {"mse", Number(comparison->mse)},
+                 {"reference_mean", Number(comparison->reference_mean)},
+                 {"image_mean", Number(comparison->image_mean)},
+                 {"mean_ratio", Json::array()},
+                 {"share_differing", comparison->share_differing},
+                 {"max_abs_difference", Number(comparison->max_abs_difference)},
+                 {"nonfinite_count", comparison->nonfinite_count},
+                 {"reference_digest", PictureDigest(*reference)},
+                 {"image_digest", PictureDigest(*image)}};
+    for (const double ratio : comparison->mean_ratio) json["mean_ratio"].push_back(Number(ratio));
+    bool within = tolerance_ < 0 || comparison->relative_mse <= tolerance_;
+    if (tolerance_ == 0) within = within && comparison->share_differing == 0;
+    if (tiles_) {
+      const double samples = MeanSampleCount(*image);
+      limits_.samples_ratio = reference_samples_ > 0 ? samples / reference_samples_ : 0;
+      const absl::StatusOr<TileDeviations> tiles = FindTileDeviations(*reference, *image, limits_);
+      if (!tiles.ok()) return ReportError(ExitCode::kFailed, tiles.status());
+      within = within && tiles->deviating_count == 0;
+      AddTiles(*tiles, &json);
+    }
+    if (!diff_path_.empty()) {
+      absl::StatusOr<FramePicture> difference = DifferencePicture(*reference, *image);
+      if (!difference.ok()) return ReportError(ExitCode::kFailed, difference.status());
+      const absl::Status written = WriteDifference(*std::move(difference), diff_path_);
+      if (!written.ok()) return ReportError(ExitCode::kFile, written);
+    }
+    json_ ? static_cast<void>(std::printf("%s\n", json.dump().c_str())) : PrintText(json);
+    return within ? ExitCode::kOk : ExitCode::kFailed;
+  }
+
+ private:
+  static void AddTiles(const TileDeviations& tiles, Json* json) {
+    (*json)["tile_count"] = tiles.tile_count;
+    (*json)["tiles_beyond"] = tiles.deviating_count;
+    Json worst = Json::array();
+    for (const TileDeviation& tile : tiles.worst) {
+      worst.push_back({{"x0_px", tile.rect.x0},
+                       {"y0_px", tile.rect.y0},
+                       {"channel", kChannelNames[tile.channel]},
+                       {"reference_mean", Number(tile.reference_mean)},
+                       {"image_mean", Number(tile.image_mean)},
+                       {"standard_error", Number(tile.standard_error)},
+                       {"excess", Number(tile.excess)}});
+    }
+    (*json)["worst"] = std::move(worst);
+  }
+
+  // One line a value: names as in the JSON.
+  static void PrintText(const Json& json) {
+    for (const auto& [name, value] : json.items()) {
+      if (name != "worst") {
+        std::printf("%-20s %s\n", name.c_str(),
+                    value.is_string() ? value.get<std::string>().c_str() : value.dump().c_str());
+        continue;
+      }
+      for (const Json& tile : value) std::printf("  tile %s\n", tile.dump().c_str());
+    }
+  }
+
+  std::string reference_path_, image_path_, diff_path_;
+  double tolerance_ = -1;  // Negative: only report.
+  bool tiles_ = false, json_ = false;
+  double reference_samples_ = 0;
+  TileDeviationLimits limits_;
+};
+
+}  // namespace
+
+std::unique_ptr<Command> MakeCompareCommand() { return std::make_unique<CompareCommand>(); }
+
+}  // namespace sheaf::cli

@@ -1,0 +1,232 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// sheaf watch, list, show, cancel and workers: what the farm does and how to stop it.
+#include <cstdio>
+#include <string>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "cli/command.h"
+#include "cli/follow_job.h"
+#include "cli/frame_range.h"
+#include "cli/interruption.h"
+#include "cli/job_json.h"
+#include "cli/options.h"
+#include "cli/progress_line.h"
+#include "common/rpc/channel.h"
+
+namespace sheaf::cli {
+namespace {
+
+// What these commands have in common: a coordinator, --json, and for most of them a job.
+class FarmCommand : public Command {
+ public:
+  ExitCode Run() override {
+    const Interruption interruption;
+    FarmClient client(MakeChannel(coordinator_), coordinator_, interruption.token());
+    return RunWith(&client);
+  }
+
+ protected:
+  virtual ExitCode RunWith(FarmClient* client) = 0;
+
+  CLI::App* AddCommon(CLI::App* app, const std::string& name, const std::string& help) {
+    CLI::App* command = app->add_subcommand(name, help);
+    AddCoordinatorOption(command, &coordinator_);
+    AddJsonFlag(command, &json_);
+    return command;
+  }
+  void AddJob(CLI::App* command) {
+    command->add_option("JOB", job_, "The job, as in jobs/7 or 7")->required();
+  }
+  bool json() const { return json_; }
+  std::string job_name() const { return JobName(job_); }
+
+ private:
+  std::string coordinator_ = "127.0.0.1:7400";
+  std::string job_;
+  bool json_ = false;
+};
+
+class WatchCommand : public FarmCommand {
+ public:
+  CLI::App* AddTo(CLI::App* app) override {
+    CLI::App* command = AddCommon(app, "watch", "Show a job until it ends; fetch its pictures");
+    AddJob(command);
+    command->add_option("-o,--output", arguments_.output,
+                        "Picture to write at the end: .exr or .png; #### is the frame");
+    command->add_option("--png", arguments_.png, "Also write a PNG");
+    command->footer(
+        "Examples:\n"
+        "  sheaf watch jobs/7\n"
+        "  sheaf watch 7 -o 'out/shot.####.exr'\n"
+        "  sheaf watch 7 --json | tail -n 1");
+    return command;
+  }
+
+ protected:
+  ExitCode RunWith(FarmClient* client) override {
+    if (arguments_.output.empty() && arguments_.png.empty()) {
+      return FollowToTheEnd(client, job_name(), json(), {});
+    }
+    const absl::StatusOr<v1::Job> job = client->GetJob(job_name());
+    if (!job.ok()) return ReportCallError(job.status());
+    PreparedJob frames;
+    for (const v1::Frame& frame : job->frames()) {
+      frames.frames.push_back({frame.spec().frame_number(), {}, {}, ""});
+    }
+    arguments_.scene = job->title();
+    for (const std::string& pattern : {arguments_.output, arguments_.png}) {
+      if (frames.frames.size() < 2 || pattern.empty() || IsPattern(pattern)) continue;
+      return ReportError(ExitCode::kUsage, absl::InvalidArgumentError(absl::StrCat(
+                                               pattern, ": the job has ", frames.frames.size(),
+                                               " frames; put #### where the number goes")));
+    }
+    return FollowToTheEnd(client, job_name(), json(), OutputPaths(arguments_, frames));
+  }
+
+ private:
+  JobArguments arguments_;
+};
+
+class ListCommand : public FarmCommand {
+ public:
+  CLI::App* AddTo(CLI::App* app) override {
+    CLI::App* command = AddCommon(app, "list", "List jobs, newest first");
+    command->add_option("--limit", limit_, "Jobs at most")
+        ->check(CLI::Range(1, 1'000'000))
+        ->capture_default_str();
+    command->footer("Examples:\n  sheaf list\n  sheaf list --json --limit 10");
+    return command;
+  }
+
+ protected:
+  ExitCode RunWith(FarmClient* client) override {
+    const absl::StatusOr<std::vector<v1::Job>> jobs = client->ListJobs(static_cast<size_t>(limit_));
+    if (!jobs.ok()) return ReportCallError(jobs.status());
+    if (!json())
+      std::printf("%-12s %-10s %7s  %-10s %s\n", "JOB", "STATE", "DONE", "ERROR", "TITLE");
+    for (const v1::Job& job : *jobs) {
+      if (json()) {
+        std::printf("%s\n", JobJson(job).c_str());
+        continue;
+      }
+      const double error = job.progress().relative_mse();
+      std::printf("%-12s %-10s %6.1f%%  %-10s %s\n", job.name().c_str(),
+                  JobStateName(job.state()).c_str(), 100 * ShareDone(job.progress()),
+                  error > 0 ? absl::StrFormat("%.2e", error).c_str() : "-", job.title().c_str());
+    }
+    return ExitCode::kOk;
+  }
+
+ private:
+  int limit_ = 100;
+};
+
+class ShowCommand : public FarmCommand {
+ public:
+  CLI::App* AddTo(CLI::App* app) override {
+    CLI::App* command = AddCommon(app, "show", "Show a job with its frames");
+    AddJob(command);
+    command->footer("Examples:\n  sheaf show jobs/7\n  sheaf show 7 --json");
+    return command;
+  }
+
+ protected:
+  ExitCode RunWith(FarmClient* client) override {
+    const absl::StatusOr<v1::Job> job = client->GetJob(job_name());
+    if (!job.ok()) return ReportCallError(job.status());
+    if (json()) {
+      std::printf("%s\n", JobJson(*job).c_str());
+      return ExitCode::kOk;
+    }
+    std::printf("%s  %s\n", job->name().c_str(), job->title().c_str());
+    std::printf("state      %s\n", JobStateName(job->state()).c_str());
+    if (!job->failure().empty()) std::printf("failure    %s\n", job->failure().c_str());
+    std::printf("progress   %s\n", FormatProgress(*job).c_str());
+    std::printf("rays       %s\n",
+                FormatCount(static_cast<double>(job->progress().ray_count())).c_str());
+    std::printf("priority   %d\n", job->priority());
+    std::printf("profile    %s\n", job->numeric_profile().c_str());
+    std::printf("\n%-8s %-12s %8s %7s  %-10s %s\n", "FRAME", "PIXELS", "SAMPLES", "DONE", "ERROR",
+                "PICTURE");
+    for (const v1::Frame& frame : job->frames()) PrintFrame(frame);
+    return ExitCode::kOk;
+  }
+
+ private:
+  static void PrintFrame(const v1::Frame& frame) {
+    const v1::PixelRect& window = frame.spec().settings().window();
+    const double error = frame.progress().relative_mse();
+    std::printf(
+        "%-8d %-12s %8llu %6.1f%%  %-10s %s\n", frame.spec().frame_number(),
+        absl::StrCat(window.x1_px() - window.x0_px(), "x", window.y1_px() - window.y0_px()).c_str(),
+        static_cast<unsigned long long>(frame.spec().settings().sample_count()),
+        100 * ShareDone(frame.progress()), error > 0 ? absl::StrFormat("%.2e", error).c_str() : "-",
+        frame.complete() ? frame.picture_digest().substr(0, 16).c_str() : "-");
+  }
+};
+
+class CancelCommand : public FarmCommand {
+ public:
+  CLI::App* AddTo(CLI::App* app) override {
+    CLI::App* command = AddCommon(app, "cancel", "Cancel a job");
+    AddJob(command);
+    command->footer("Example:\n  sheaf cancel jobs/7");
+    return command;
+  }
+
+ protected:
+  ExitCode RunWith(FarmClient* client) override {
+    const absl::StatusOr<v1::Job> job = client->CancelJob(job_name());
+    if (!job.ok()) return ReportCallError(job.status());
+    const std::string state = JobStateName(job->state());
+    std::printf("%s\n",
+                json() ? JobJson(*job).c_str() : absl::StrCat(job->name(), " ", state).c_str());
+    return ExitCode::kOk;
+  }
+};
+
+class WorkersCommand : public FarmCommand {
+ public:
+  CLI::App* AddTo(CLI::App* app) override {
+    CLI::App* command = AddCommon(app, "workers", "List the workers the coordinator knows");
+    command->footer("Examples:\n  sheaf workers\n  sheaf workers --json");
+    return command;
+  }
+
+ protected:
+  ExitCode RunWith(FarmClient* client) override {
+    const absl::StatusOr<std::vector<v1::Worker>> workers = client->ListWorkers();
+    if (!workers.ok()) return ReportCallError(workers.status());
+    if (!json()) {
+      std::printf("%-36s %-11s %7s %6s %8s %12s  %s\n", "WORKER", "STATE", "THREADS", "LEASES",
+                  "RESULTS", "SAMPLES/S", "PROFILE");
+    }
+    for (const v1::Worker& worker : *workers) {
+      if (json()) {
+        std::printf("%s\n", WorkerJson(worker).c_str());
+        continue;
+      }
+      std::printf("%-36s %-11s %7d %6d %8llu %12s  %s\n",
+                  worker.name().substr(worker.name().find('/') + 1).c_str(),
+                  WorkerStateName(worker.state()).c_str(), worker.thread_count(),
+                  worker.lease_count(), static_cast<unsigned long long>(worker.result_count()),
+                  FormatCount(worker.samples_per_second()).c_str(),
+                  worker.numeric_profile().c_str());
+      if (!worker.reason().empty()) std::printf("  %s\n", worker.reason().c_str());
+    }
+    return ExitCode::kOk;
+  }
+};
+
+}  // namespace
+
+std::unique_ptr<Command> MakeWatchCommand() { return std::make_unique<WatchCommand>(); }
+std::unique_ptr<Command> MakeListCommand() { return std::make_unique<ListCommand>(); }
+std::unique_ptr<Command> MakeShowCommand() { return std::make_unique<ShowCommand>(); }
+std::unique_ptr<Command> MakeCancelCommand() { return std::make_unique<CancelCommand>(); }
+std::unique_ptr<Command> MakeWorkersCommand() { return std::make_unique<WorkersCommand>(); }
+
+}  // namespace sheaf::cli

@@ -1,0 +1,71 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// sheaf submit: read scenes here, upload what the farm lacks, create the job; with --wait, stay.
+#include <cstdio>
+#include <string>
+
+#include "cli/command.h"
+#include "cli/follow_job.h"
+#include "cli/interruption.h"
+#include "cli/job_json.h"
+#include "cli/options.h"
+#include "common/rpc/channel.h"
+
+namespace sheaf::cli {
+namespace {
+
+class SubmitCommand : public Command {
+ public:
+  CLI::App* AddTo(CLI::App* app) override {
+    CLI::App* command = app->add_subcommand("submit", "Render a scene on a farm");
+    AddJobOptions(command, &arguments_);
+    AddCoordinatorOption(command, &coordinator_);
+    AddJsonFlag(command, &json_);
+    command->add_flag("--wait", wait_, "Stay until the pictures are here");
+    command->add_option("--title", arguments_.title, "Title for people (default: the file's name)");
+    command->add_option("--priority", arguments_.priority, "Higher goes first")
+        ->check(CLI::Range(-1000, 1000))
+        ->capture_default_str();
+    command->footer(
+        "Examples:\n"
+        "  sheaf submit room.pbrt --samples 256 --wait -o room.exr --png room.png\n"
+        "  sheaf submit 'shot.####.pbrt' --frames 1-24 -o 'out/shot.####.exr' --wait\n"
+        "  job=$(sheaf submit room.pbrt) && sheaf watch \"$job\" -o room.exr\n"
+        "Ctrl-C ends the waiting, never the job.");
+    return command;
+  }
+
+  ExitCode Run() override {
+    if (absl::Status status = CheckJobArguments(arguments_); !status.ok()) {
+      return ReportError(ExitCode::kUsage, status);
+    }
+    const Interruption interruption;
+    const absl::StatusOr<PreparedJob> job = PrepareJob(arguments_);
+    if (!job.ok()) return ReportSceneError(job.status());
+    for (const std::string& text : job->diagnostics) std::fprintf(stderr, "%s\n", text.c_str());
+    FarmClient client(MakeChannel(coordinator_), coordinator_, interruption.token());
+    if (absl::Status status = UploadMissing(&client, *job); !status.ok()) {
+      return ReportCallError(status);
+    }
+    const absl::StatusOr<v1::Job> created =
+        client.CreateJob(MakeCreateJobRequest(arguments_, *job));
+    if (!created.ok()) return ReportCallError(created.status());
+    if (wait_) {
+      return FollowToTheEnd(&client, created->name(), json_, OutputPaths(arguments_, *job));
+    }
+    std::printf("%s\n", json_ ? JobJson(*created).c_str() : created->name().c_str());
+    return ExitCode::kOk;
+  }
+
+ private:
+  JobArguments arguments_;
+  std::string coordinator_ = "127.0.0.1:7400";
+  bool wait_ = false, json_ = false;
+};
+
+}  // namespace
+
+std::unique_ptr<Command> MakeSubmitCommand() { return std::make_unique<SubmitCommand>(); }
+
+}  // namespace sheaf::cli

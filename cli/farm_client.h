@@ -1,0 +1,87 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// FarmClient: the coordinator's calls as the commands need them. Each call is idempotent and is
+// repeated while the coordinator does not answer: shortly before the first answer, for long after
+// it, so that a restart in the middle of a command goes unnoticed.
+#pragma once
+
+#include <grpcpp/channel.h>
+
+#include <atomic>
+#include <functional>
+#include <memory>
+#include <stop_token>
+#include <string>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "absl/time/time.h"
+#include "common/content/blob_digest.h"
+#include "common/rpc/retry.h"
+#include "sheaf/v1/content.grpc.pb.h"
+#include "sheaf/v1/job.grpc.pb.h"
+
+namespace sheaf::cli {
+
+// How long to go on trying.
+inline constexpr absl::Duration kFirstAnswerWait = absl::Seconds(4);
+inline constexpr absl::Duration kLaterAnswerWait = absl::Minutes(15);
+inline constexpr size_t kFindMissingMax = 10'000;
+
+// A blob's bytes, wherever they are: in a file, or in memory where path is empty.
+struct BlobSource {
+  BlobDigest digest;
+  std::string path;
+  std::string bytes;
+};
+
+// Thread safety: members may be called concurrently.
+class FarmClient {
+ public:
+  // address is for messages only. Waits end early when stop is requested.
+  FarmClient(std::shared_ptr<grpc::Channel> channel, std::string address, std::stop_token stop);
+
+  // All of these: errors are those of the call; kUnavailable, naming the address, where nobody
+  // answered for long enough; kCancelled where stop was requested.
+  absl::StatusOr<v1::Job> CreateJob(const v1::CreateJobRequest& request);
+  absl::StatusOr<v1::Job> GetJob(const std::string& name);
+  absl::StatusOr<v1::Job> CancelJob(const std::string& name);
+  absl::StatusOr<std::vector<v1::Job>> ListJobs(size_t count_max);
+  absl::StatusOr<std::vector<v1::Worker>> ListWorkers();
+  absl::StatusOr<std::vector<BlobDigest>> FindMissing(const std::vector<BlobDigest>& digests);
+  // The delivered EXR, at most size_bytes_max bytes.
+  absl::StatusOr<std::string> ReadFrameOutput(const std::string& name, uint64_t size_bytes_max);
+
+  // Calls on_change with the job now and whenever it changes, until it has ended; returns it then.
+  absl::StatusOr<v1::Job> WatchJob(const std::string& name,
+                                   const std::function<void(const v1::Job&)>& on_change);
+
+  // Uploads from where an earlier attempt ended. on_progress gets the bytes sent since its last
+  // call. Errors: also kFailedPrecondition when the file is no longer what its digest says.
+  absl::Status Upload(const BlobSource& blob, const std::function<void(uint64_t)>& on_progress);
+
+ private:
+  // Repeats attempt while it fails in a way that may pass.
+  absl::Status Call(const std::function<absl::Status(grpc::ClientContext*)>& attempt,
+                    absl::Duration deadline);
+  absl::Status UploadOnce(grpc::ClientContext* context, const BlobSource& blob,
+                          uint64_t offset_bytes, const std::function<void(uint64_t)>& on_progress);
+  absl::StatusOr<uint64_t> CommittedBytes(const BlobDigest& digest, bool* complete);
+
+  const std::shared_ptr<grpc::Channel> channel_;
+  const std::string address_;
+  const std::stop_token stop_;
+  const std::unique_ptr<v1::JobService::Stub> jobs_;
+  const std::unique_ptr<v1::ContentService::Stub> content_;
+  const RetryEnvironment environment_;
+  std::atomic<bool> answered_{false};
+  std::atomic<bool> silent_{false};  // Whether an outage that lasts has been reported.
+};
+
+// "jobs/7" from "7" or "jobs/7".
+std::string JobName(const std::string& text);
+bool HasEnded(const v1::Job& job);
+
+}  // namespace sheaf::cli

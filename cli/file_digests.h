@@ -1,0 +1,38 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// FileDigests: SHA-256 of files, each hashed once however many frames share it.
+#pragma once
+
+#include <sys/stat.h>
+
+#include <map>
+#include <mutex>
+#include <string>
+
+#include "absl/status/statusor.h"
+#include "common/content/blob_digest.h"
+
+namespace sheaf::cli {
+
+// Thread safety: Of may be called concurrently.
+class FileDigests {
+ public:
+  // Errors: those of opening and reading; kFailedPrecondition when the file changes meanwhile.
+  absl::StatusOr<BlobDigest> Of(const std::string& path);
+
+ private:
+  // What tells one state of a file from another.
+  struct Key {
+    std::string path;
+    off_t size_bytes = 0;
+    timespec changed{};
+    bool operator<(const Key& other) const;
+  };
+  static absl::StatusOr<Key> KeyOf(const std::string& path);
+
+  std::mutex mutex_;
+  std::map<Key, BlobDigest> digests_;
+};
+
+}  // namespace sheaf::cli

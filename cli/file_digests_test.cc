@@ -1,0 +1,2 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0

@@ -1,0 +1,39 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// What submit, watch and render share once scenes are read: upload what is missing, watch until the
+// end, bring the pictures here.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "cli/exit_code.h"
+#include "cli/farm_client.h"
+#include "cli/prepared_job.h"
+
+namespace sheaf::cli {
+
+// Uploads the blobs that the coordinator lacks, several at a time, with a progress line.
+absl::Status UploadMissing(FarmClient* client, const PreparedJob& job);
+
+// Shows the job until it ends. With json, prints it on standard output whenever it changes.
+// Errors: those of FarmClient::WatchJob.
+absl::StatusOr<v1::Job> FollowJob(FarmClient* client, const std::string& name, bool json);
+
+// Fetches all pictures of a job that succeeded and says where they are.
+// paths: one per frame, in the order of numbers. Errors: those of the calls and of writing.
+absl::Status SavePictures(FarmClient* client, const v1::Job& job,
+                          const std::vector<PicturePaths>& paths);
+
+// Says on standard error how it ended: time, samples, rays per second, error; or why it failed.
+// Returns the code that fits.
+ExitCode ReportEnd(const v1::Job& job);
+
+// The usual way through all of these: FollowJob, SavePictures, ReportEnd. Interrupted, it says how
+// to go on.
+ExitCode FollowToTheEnd(FarmClient* client, const std::string& name, bool json,
+                        const std::vector<PicturePaths>& paths);
+
+}  // namespace sheaf::cli

@@ -1,0 +1,118 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "cli/job_json.h"
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+
+#include "absl/time/time.h"
+
+namespace sheaf::cli {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+// Text from people may be no UTF-8; it is shown with replacement characters.
+std::string Dump(const Json& json) {
+  return json.dump(-1, ' ', false, Json::error_handler_t::replace);
+}
+
+// "STATE_RUNNING" to "running".
+std::string LowerName(std::string name) {
+  name = name.substr(name.find('_') + 1);
+  std::transform(name.begin(), name.end(), name.begin(), [](char c) {
+    return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
+  });
+  return name;
+}
+
+Json TimeJson(bool present, const google::protobuf::Timestamp& time) {
+  if (!present) return nullptr;
+  const absl::Time value = absl::FromUnixSeconds(time.seconds()) + absl::Nanoseconds(time.nanos());
+  return absl::FormatTime("%Y-%m-%dT%H:%M:%E3SZ", value, absl::UTCTimeZone());
+}
+
+double Seconds(const google::protobuf::Duration& duration) {
+  return static_cast<double>(duration.seconds()) + duration.nanos() * 1e-9;
+}
+
+Json ProgressJson(const v1::Progress& progress) {
+  return {
+      {"sample_count_done", progress.sample_count_done()},
+      {"sample_count_total", progress.sample_count_total()},
+      {"relative_mse", progress.relative_mse() > 0 ? Json(progress.relative_mse()) : Json()},
+      {"nonfinite_count", progress.nonfinite_count()},
+      {"ray_count", progress.ray_count()},
+      {"cpu_duration_seconds", Seconds(progress.cpu_duration())},
+      {"wall_duration_seconds", Seconds(progress.wall_duration())},
+      {"remaining_duration_seconds",
+       progress.has_remaining_duration() ? Json(Seconds(progress.remaining_duration())) : Json()},
+  };
+}
+
+Json FrameJson(const v1::Frame& frame) {
+  const v1::FrameSettings& settings = frame.spec().settings();
+  const v1::PixelRect& window = settings.window();
+  return {
+      {"name", frame.name()},
+      {"frame_number", frame.spec().frame_number()},
+      {"scene_digest", frame.spec().scene().sha256_hex()},
+      {"frame_digest", frame.frame_digest()},
+      {"width_px", settings.width_px()},
+      {"height_px", settings.height_px()},
+      {"window",
+       {{"x0_px", window.x0_px()},
+        {"y0_px", window.y0_px()},
+        {"x1_px", window.x1_px()},
+        {"y1_px", window.y1_px()}}},
+      {"sample_count", settings.sample_count()},
+      {"depth_max", settings.depth_max()},
+      {"seed", settings.seed()},
+      {"complete", frame.complete()},
+      {"picture_digest", frame.picture_digest()},
+      {"progress", ProgressJson(frame.progress())},
+  };
+}
+
+}  // namespace
+
+std::string JobStateName(v1::Job::State state) { return LowerName(v1::Job::State_Name(state)); }
+
+std::string WorkerStateName(v1::Worker::State state) {
+  return LowerName(v1::Worker::State_Name(state));
+}
+
+std::string JobJson(const v1::Job& job) {
+  Json json = {
+      {"name", job.name()},
+      {"title", job.title()},
+      {"state", JobStateName(job.state())},
+      {"priority", job.priority()},
+      {"numeric_profile", job.numeric_profile()},
+      {"failure", job.failure()},
+      {"waiting_reason", job.waiting_reason()},
+      {"create_time", TimeJson(job.has_create_time(), job.create_time())},
+      {"end_time", TimeJson(job.has_end_time(), job.end_time())},
+      {"progress", ProgressJson(job.progress())},
+      {"frames", Json::array()},
+  };
+  for (const v1::Frame& frame : job.frames()) json["frames"].push_back(FrameJson(frame));
+  return Dump(json);
+}
+
+std::string WorkerJson(const v1::Worker& worker) {
+  return Dump({
+      {"name", worker.name()},
+      {"host", worker.host()},
+      {"state", WorkerStateName(worker.state())},
+      {"thread_count", worker.thread_count()},
+      {"numeric_profile", worker.numeric_profile()},
+      {"lease_count", worker.lease_count()},
+      {"result_count", worker.result_count()},
+      {"samples_per_second", worker.samples_per_second()},
+      {"last_seen_time", TimeJson(worker.has_last_seen_time(), worker.last_seen_time())},
+      {"reason", worker.reason()},
+  });
+}
+
+}  // namespace sheaf::cli

@@ -1,0 +1,22 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Jobs and workers as JSON: one object on one line, fields named as in the protos, times in ISO
+// 8601, durations in seconds, null for what cannot be told yet. The same names as on the HTTP side.
+#pragma once
+
+#include <string>
+
+#include "sheaf/v1/job.pb.h"
+
+namespace sheaf::cli {
+
+// "queued", "running", "succeeded", "failed", "cancelled".
+std::string JobStateName(v1::Job::State state);
+// "idle", "busy", "draining", "lost", "quarantined".
+std::string WorkerStateName(v1::Worker::State state);
+
+std::string JobJson(const v1::Job& job);
+std::string WorkerJson(const v1::Worker& worker);
+
+}  // namespace sheaf::cli

@@ -1,0 +1,59 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// sheaf: one program for everything a person does with the farm.
+#include <CLI/CLI.hpp>
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "cli/command.h"
+#include "cli/exit_code.h"
+#include "common/base/log.h"
+
+namespace sheaf::cli {
+namespace {
+
+std::vector<std::unique_ptr<Command>> MakeCommands() {
+  std::vector<std::unique_ptr<Command>> commands;
+  commands.push_back(MakeRenderCommand());
+  commands.push_back(MakeSubmitCommand());
+  commands.push_back(MakeWatchCommand());
+  commands.push_back(MakeListCommand());
+  commands.push_back(MakeShowCommand());
+  commands.push_back(MakeCancelCommand());
+  commands.push_back(MakeWorkersCommand());
+  commands.push_back(MakePlanCommand());
+  commands.push_back(MakeCompareCommand());
+  commands.push_back(MakeCompletionCommand());
+  return commands;
+}
+
+ExitCode Main(int argc, char** argv) {
+  SetLogName("sheaf");
+  CLI::App app("Renders scenes on any number of machines as one path tracer.", "sheaf");
+  app.set_version_flag("--version", "sheaf " SHEAF_VERSION);
+  app.require_subcommand(1);
+  app.footer(std::string("sheaf COMMAND --help explains a command, with examples.\n") +
+             kExitCodeHelp);
+  const std::vector<std::unique_ptr<Command>> commands = MakeCommands();
+  std::vector<std::pair<CLI::App*, Command*>> added;
+  for (const std::unique_ptr<Command>& command : commands) {
+    added.emplace_back(command->AddTo(&app), command.get());
+  }
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? ExitCode::kOk : ExitCode::kUsage;
+  }
+  for (const auto& [parsed, command] : added) {
+    if (parsed->parsed()) return command->Run();
+  }
+  return ExitCode::kUsage;
+}
+
+}  // namespace
+}  // namespace sheaf::cli
+
+int main(int argc, char** argv) { return static_cast<int>(sheaf::cli::Main(argc, argv)); }

@@ -1,0 +1,82 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "cli/options.h"
+
+#include <vector>
+
+#include "absl/strings/numbers.h"
+#include "absl/strings/str_split.h"
+
+namespace sheaf::cli {
+namespace {
+
+constexpr int kTileSizePxMax = 1024;
+
+// "x0,y0,x1,y1", half-open.
+PixelRect ParseCrop(const std::string& text) {
+  const std::vector<std::string> items = absl::StrSplit(text, ',');
+  PixelRect rect;
+  int32_t* const edges[] = {&rect.x0, &rect.y0, &rect.x1, &rect.y1};
+  bool valid = items.size() == 4;
+  for (size_t i = 0; valid && i < 4; ++i) valid = absl::SimpleAtoi(items[i], edges[i]);
+  if (!valid || rect.x0 < 0 || rect.y0 < 0 || rect.x1 <= rect.x0 || rect.y1 <= rect.y0) {
+    throw CLI::ValidationError("--crop", text +
+                                             ": expected X0,Y0,X1,Y1 in pixels with X0 < X1 and "
+                                             "Y0 < Y1, as in 200,80,456,272");
+  }
+  return rect;
+}
+
+std::string CheckPowerOfTwo(const std::string& text) {
+  uint64_t value = 0;
+  if (absl::SimpleAtoi(text, &value) && value > 0 && (value & (value - 1)) == 0) return "";
+  return text + " is not a power of two";
+}
+
+}  // namespace
+
+void AddCoordinatorOption(CLI::App* command, std::string* address) {
+  command->add_option("--coordinator", *address, "Address of the coordinator, HOST:PORT")
+      ->envname("SHEAF_COORDINATOR")
+      ->capture_default_str();
+}
+
+void AddJsonFlag(CLI::App* command, bool* json) {
+  command->add_flag("--json", *json, "Print JSON for scripts, one object a line");
+}
+
+void AddSettingsOptions(CLI::App* command, JobArguments* arguments) {
+  RenderSettings& settings = arguments->settings;
+  command->add_option("SCENE", arguments->scene, "Scene file (pbrt-v4 format)")->required();
+  command->add_option("--samples", settings.samples, "Samples per pixel (default: the scene's)")
+      ->check(CLI::PositiveNumber);
+  command->add_option("--max-depth", settings.max_depth, "Bounces at most (default: the scene's)")
+      ->check(CLI::NonNegativeNumber);
+  command->add_option("--seed", settings.seed, "Seed of all samples (default: the scene's)");
+  command->add_option_function<std::string>(
+      "--crop", [&settings](const std::string& text) { settings.crop = ParseCrop(text); },
+      "Render only the pixels X0,Y0,X1,Y1 (X1 and Y1 excluded)");
+  command->add_flag("--generic", settings.force_generic_variant,
+                    "Run the variant that knows every effect; changes no pixel");
+}
+
+void AddJobOptions(CLI::App* command, JobArguments* arguments) {
+  AddSettingsOptions(command, arguments);
+  command->add_option("--frames", arguments->frames,
+                      "Frames of a pattern such as shot.####.pbrt: 1-24, 1-100x5 or 1,4,9-12");
+  command->add_option("-o,--output", arguments->output,
+                      "Picture to write: .exr, or .png with an .exr beside it; #### is the frame");
+  command->add_option("--png", arguments->png, "Also write a PNG (sRGB curve, values cut at 1)");
+  command->add_option("--tile-size", arguments->tile_size_px, "Edge of a tile; changes no pixel")
+      ->check(CLI::Range(8, kTileSizePxMax));
+  command
+      ->add_option("--pass-samples", arguments->pass_sample_count,
+                   "Samples of one pass, a power of two; changes no pixel")
+      ->check(CheckPowerOfTwo);
+  command
+      ->add_option("--lease-passes", arguments->lease_pass_count,
+                   "Passes of one lease at most, a power of two; changes no pixel")
+      ->check(CheckPowerOfTwo);
+}
+
+}  // namespace sheaf::cli

@@ -1,0 +1,22 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Options that several commands share.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <string>
+
+#include "cli/prepared_job.h"
+
+namespace sheaf::cli {
+
+// --coordinator, also from SHEAF_COORDINATOR.
+void AddCoordinatorOption(CLI::App* command, std::string* address);
+void AddJsonFlag(CLI::App* command, bool* json);
+// SCENE and what decides its pixels.
+void AddSettingsOptions(CLI::App* command, JobArguments* arguments);
+// Frames, outputs and how the work is cut.
+void AddJobOptions(CLI::App* command, JobArguments* arguments);
+
+}  // namespace sheaf::cli

@@ -1,0 +1,198 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "cli/prepared_job.h"
+
+#include <algorithm>
+#include <atomic>
+#include <filesystem>
+#include <mutex>
+#include <optional>
+#include <random>
+#include <set>
+#include <thread>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "cli/file_digests.h"
+#include "cli/frame_range.h"
+#include "common/base/digest.h"
+#include "common/base/status.h"
+#include "common/rpc/manifest_codec.h"
+#include "common/scene/file_source.h"
+#include "common/scene/scene_reader.h"
+
+namespace sheaf::cli {
+namespace {
+
+namespace fs = std::filesystem;
+
+// Scenes that are read at the same time: each may take gigabytes.
+constexpr size_t kReadersMax = 4;
+
+// One frame read; its blobs come along.
+struct ReadFrameResult {
+  PreparedFrame frame;
+  std::vector<BlobSource> blobs;
+  std::vector<std::string> diagnostics;
+};
+
+absl::StatusOr<ReadFrameResult> ReadFrame(const std::string& path, int32_t number,
+                                          const RenderSettings& settings, FileDigests* digests) {
+  const fs::path scene_path(path);
+  const std::string directory = scene_path.parent_path().string();
+  const std::string main_file = scene_path.filename().string();
+  DirectoryFileSource source(directory.empty() ? "." : directory);
+  absl::StatusOr<ReadSceneResult> read = ReadScene(main_file, source);
+  if (!read.ok()) return read.status();
+  ReadFrameResult result;
+  for (const SceneDiagnostic& diagnostic : read->diagnostics) {
+    result.diagnostics.push_back(diagnostic.text);
+  }
+  const absl::StatusOr<FrameSettings> resolved = ResolveSettings(read->scene, settings);
+  if (!resolved.ok()) return Annotate(resolved.status(), path);
+  std::vector<ManifestFile> files;
+  for (const auto& [name, local_path] : source.FilesUsed()) {
+    const absl::StatusOr<BlobDigest> digest = digests->Of(local_path);
+    if (!digest.ok()) return digest.status();
+    files.push_back({name, *digest});
+    result.blobs.push_back({*digest, local_path, ""});
+  }
+  const Manifest manifest = MakeManifest(main_file, std::move(files));
+  if (absl::Status status = CheckManifest(manifest); !status.ok()) return status;
+  const std::string bytes = EncodeManifest(manifest);
+  const BlobDigest digest{Sha256Hex(bytes), bytes.size()};
+  result.blobs.push_back({digest, "", bytes});
+  result.frame = {number, digest, *resolved, read->scene.film.filename};
+  return result;
+}
+
+absl::StatusOr<std::vector<int32_t>> FrameNumbers(const JobArguments& arguments) {
+  const bool is_pattern = IsPattern(arguments.scene);
+  if (arguments.frames.empty()) {
+    if (!is_pattern) return std::vector<int32_t>{1};
+    return absl::InvalidArgumentError(absl::StrCat(
+        arguments.scene, ": is a pattern; say which frames, for example --frames 1-24"));
+  }
+  if (!is_pattern) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        "--frames needs a scene with #### where the number goes, as in shot.####.pbrt; got ",
+        arguments.scene));
+  }
+  return ParseFrameRange(arguments.frames);
+}
+
+absl::Status CheckPattern(const std::string& flag, const std::string& pattern) {
+  if (pattern.empty() || IsPattern(pattern)) return absl::OkStatus();
+  return absl::InvalidArgumentError(absl::StrCat(
+      flag, " ", pattern, ": several frames need #### where the number goes, as in out.####.exr"));
+}
+
+}  // namespace
+
+absl::Status CheckJobArguments(const JobArguments& arguments) {
+  const absl::StatusOr<std::vector<int32_t>> numbers = FrameNumbers(arguments);
+  if (!numbers.ok()) return numbers.status();
+  if (numbers->size() == 1) return absl::OkStatus();
+  if (absl::Status status = CheckPattern("-o", arguments.output); !status.ok()) return status;
+  return CheckPattern("--png", arguments.png);
+}
+
+absl::StatusOr<PreparedJob> PrepareJob(const JobArguments& arguments) {
+  const absl::StatusOr<std::vector<int32_t>> numbers = FrameNumbers(arguments);
+  if (!numbers.ok()) return numbers.status();
+  FileDigests digests;
+  std::vector<std::optional<absl::StatusOr<ReadFrameResult>>> results(numbers->size());
+  std::atomic<size_t> next{0};
+  std::atomic<bool> failed{false};
+  {
+    std::vector<std::jthread> readers;
+    const size_t reader_count = std::min(
+        {kReadersMax, numbers->size(), std::max<size_t>(1, std::thread::hardware_concurrency())});
+    for (size_t r = 0; r < reader_count; ++r) {
+      readers.emplace_back([&] {
+        for (size_t i = next++; i < results.size() && !failed; i = next++) {
+          const int32_t number = (*numbers)[i];
+          results[i].emplace(ReadFrame(ExpandPattern(arguments.scene, number), number,
+                                       arguments.settings, &digests));
+          if (!results[i]->ok()) failed = true;
+        }
+      });
+    }
+  }
+  PreparedJob job;
+  std::set<std::string> seen;
+  for (std::optional<absl::StatusOr<ReadFrameResult>>& result : results) {
+    if (!result.has_value()) continue;  // Another frame failed first.
+    if (!result->ok()) return result->status();
+    job.frames.push_back((**result).frame);
+    for (BlobSource& blob : (**result).blobs) {
+      const std::string digest = blob.digest.sha256_hex;
+      job.blobs.emplace(digest, std::move(blob));
+    }
+    for (std::string& text : (**result).diagnostics) {
+      if (seen.insert(text).second) job.diagnostics.push_back(std::move(text));
+    }
+  }
+  return job;
+}
+
+std::vector<PicturePaths> OutputPaths(const JobArguments& arguments, const PreparedJob& job) {
+  std::string exr = arguments.output, png = arguments.png;
+  if (exr.empty()) {
+    // The scene's own name for the picture, if it is one picture; never its folder, which belongs
+    // to whoever wrote the scene.
+    fs::path name = fs::path(arguments.scene).filename();
+    if (job.frames.size() == 1 && !job.frames.front().film_filename.empty()) {
+      name = fs::path(job.frames.front().film_filename).filename();
+    }
+    exr = name.replace_extension(".exr").string();
+  }
+  if (exr.ends_with(".png")) {
+    if (png.empty()) png = exr;
+    exr = fs::path(exr).replace_extension(".exr").string();
+  }
+  std::vector<PicturePaths> paths;
+  for (const PreparedFrame& frame : job.frames) {
+    paths.push_back({ExpandPattern(exr, frame.number), ExpandPattern(png, frame.number)});
+  }
+  return paths;
+}
+
+v1::CreateJobRequest MakeCreateJobRequest(const JobArguments& arguments, const PreparedJob& job) {
+  v1::CreateJobRequest request;
+  request.set_request_id(MakeRequestId());
+  request.set_title(arguments.title.empty() ? fs::path(arguments.scene).filename().string()
+                                            : arguments.title);
+  request.set_priority(arguments.priority);
+  request.mutable_partition()->set_tile_size_px(arguments.tile_size_px);
+  request.mutable_partition()->set_pass_sample_count(arguments.pass_sample_count);
+  request.mutable_partition()->set_lease_pass_count(arguments.lease_pass_count);
+  for (const PreparedFrame& frame : job.frames) {
+    v1::FrameSpec* spec = request.add_frames();
+    spec->set_frame_number(frame.number);
+    spec->mutable_scene()->set_sha256_hex(frame.manifest.sha256_hex);
+    spec->mutable_scene()->set_size_bytes(frame.manifest.size_bytes);
+    v1::FrameSettings* settings = spec->mutable_settings();
+    settings->set_width_px(frame.settings.width_px);
+    settings->set_height_px(frame.settings.height_px);
+    settings->mutable_window()->set_x0_px(frame.settings.window.x0);
+    settings->mutable_window()->set_y0_px(frame.settings.window.y0);
+    settings->mutable_window()->set_x1_px(frame.settings.window.x1);
+    settings->mutable_window()->set_y1_px(frame.settings.window.y1);
+    settings->set_sample_count(frame.settings.samples);
+    settings->set_depth_max(frame.settings.max_depth);
+    settings->set_seed(frame.settings.seed);
+    settings->set_force_generic_variant(frame.settings.force_generic_variant);
+  }
+  return request;
+}
+
+std::string MakeRequestId() {
+  std::random_device random;
+  const uint32_t a = random(), b = random(), c = random(), d = random();
+  return absl::StrFormat("%08x-%04x-4%03x-%04x-%04x%08x", a, b >> 16, b & 0xfff,
+                         0x8000 | (c & 0x3fff), c >> 16, d);
+}
+
+}  // namespace sheaf::cli

@@ -1,0 +1,70 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// PreparedJob: scene files on this machine to what a submission needs: settings and manifest of
+// every frame, and the blobs behind them.
+//
+//     paths > ReadScene > ResolveSettings, manifest > digests > PreparedJob
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "cli/farm_client.h"
+#include "common/scene/render_settings.h"
+
+namespace sheaf::cli {
+
+// What submit and render have in common.
+struct JobArguments {
+  std::string scene;   // A path, or a pattern with #### when frames is given.
+  std::string frames;  // As ParseFrameRange; empty for a single picture.
+  std::string output;  // A path or pattern; empty: from the scene.
+  std::string png;     // The same for a PNG beside it; empty: none.
+  std::string title;   // Empty: the scene's file name.
+  int32_t priority = 0;
+  RenderSettings settings;
+  int32_t tile_size_px = 0;  // 0 in these three: the coordinator's choice.
+  uint64_t pass_sample_count = 0;
+  uint64_t lease_pass_count = 0;
+};
+
+struct PreparedFrame {
+  int32_t number = 1;
+  BlobDigest manifest;
+  FrameSettings settings;
+  std::string film_filename;  // As the scene names its picture; may be empty.
+};
+
+struct PreparedJob {
+  std::vector<PreparedFrame> frames;
+  std::map<std::string, BlobSource> blobs;  // By digest.
+  std::vector<std::string> diagnostics;     // Notes and warnings of the reader, each once.
+};
+
+// Errors: kInvalidArgument where the arguments do not fit together: wrong usage, not a wrong scene.
+absl::Status CheckJobArguments(const JobArguments& arguments);
+
+// Reads all frames, several at a time, and hashes every file once.
+// Requires: CheckJobArguments is OK.
+// Errors: kInvalidArgument (a scene has errors: all of them, one a line); kNotFound and
+// kPermissionDenied for files; kFailedPrecondition for files that change meanwhile.
+absl::StatusOr<PreparedJob> PrepareJob(const JobArguments& arguments);
+
+// Where a frame's picture goes.
+struct PicturePaths {
+  std::string exr;
+  std::string png;  // Empty: none is wanted.
+};
+// For all frames, in their order. An output that ends in .png names a PNG with an EXR beside it.
+std::vector<PicturePaths> OutputPaths(const JobArguments& arguments, const PreparedJob& job);
+
+v1::CreateJobRequest MakeCreateJobRequest(const JobArguments& arguments, const PreparedJob& job);
+
+// A random UUID (version 4).
+std::string MakeRequestId();
+
+}  // namespace sheaf::cli

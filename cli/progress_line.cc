@@ -1,0 +1,121 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "cli/progress_line.h"
+
+#include <sys/ioctl.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+
+namespace sheaf::cli {
+namespace {
+
+constexpr int kBarColumnsMax = 30;
+constexpr int kNarrowColumns = 60;  // No bar below this.
+
+int TerminalColumns() {
+  if (::isatty(STDERR_FILENO) == 0) return 0;
+  winsize size{};
+  if (::ioctl(STDERR_FILENO, TIOCGWINSZ, &size) != 0 || size.ws_col == 0) return 80;
+  return size.ws_col;
+}
+
+void WriteToStandardError(const std::string& text) {
+  std::fwrite(text.data(), 1, text.size(), stderr);
+  std::fflush(stderr);
+}
+
+double Seconds(const google::protobuf::Duration& duration) {
+  return static_cast<double>(duration.seconds()) + duration.nanos() * 1e-9;
+}
+
+}  // namespace
+
+std::string FormatDuration(double seconds) {
+  const auto total = static_cast<int64_t>(std::llround(std::clamp(seconds, 0.0, 1e12)));
+  if (total >= 3600) {
+    return absl::StrFormat("%d:%02d:%02d", total / 3600, total / 60 % 60, total % 60);
+  }
+  return absl::StrFormat("%d:%02d", total / 60, total % 60);
+}
+
+std::string FormatCount(double count) {
+  const char* const letters[] = {"", "k", "M", "G", "T", "P"};
+  size_t letter = 0;
+  while (count >= 999.5 && letter + 1 < std::size(letters)) {
+    count /= 1000;
+    ++letter;
+  }
+  if (letter == 0) return absl::StrFormat("%.0f", count);
+  return absl::StrFormat("%.3g %s", count, letters[letter]);
+}
+
+double ShareDone(const v1::Progress& progress) {
+  if (progress.sample_count_total() == 0) return 0;
+  return std::min(1.0, static_cast<double>(progress.sample_count_done()) /
+                           static_cast<double>(progress.sample_count_total()));
+}
+
+std::string FormatProgress(const v1::Job& job) {
+  const v1::Progress& progress = job.progress();
+  std::string text = absl::StrFormat("%.1f %%", 100 * ShareDone(progress));
+  if (progress.relative_mse() > 0) {
+    absl::StrAppend(&text, absl::StrFormat(", error (relMSE) %.1e", progress.relative_mse()));
+  }
+  const double wall_seconds = Seconds(progress.wall_duration());
+  if (wall_seconds > 0 && progress.sample_count_done() > 0) {
+    absl::StrAppend(&text, ", ",
+                    FormatCount(static_cast<double>(progress.sample_count_done()) / wall_seconds),
+                    " samples/s");
+  }
+  if (progress.has_remaining_duration()) {
+    absl::StrAppend(&text, ", ", FormatDuration(Seconds(progress.remaining_duration())), " left");
+  }
+  if (!job.waiting_reason().empty()) absl::StrAppend(&text, "; waiting: ", job.waiting_reason());
+  if (progress.nonfinite_count() > 0) {
+    absl::StrAppend(&text, "; ", progress.nonfinite_count(), " samples are not finite");
+  }
+  return text;
+}
+
+ProgressLine::ProgressLine() : ProgressLine(TerminalColumns(), Clock::now, WriteToStandardError) {}
+
+ProgressLine::ProgressLine(int width_columns, std::function<Clock::time_point()> now,
+                           std::function<void(const std::string&)> write)
+    : width_columns_(width_columns), now_(std::move(now)), write_(std::move(write)) {}
+
+ProgressLine::~ProgressLine() { Finish(); }
+
+void ProgressLine::Show(const std::string& label, double share, const std::string& text) {
+  if (width_columns_ == 0) {
+    if (drawn_ && now_() - last_plain_ < kPlainInterval) return;
+    last_plain_ = now_();
+    drawn_ = true;
+    write_(absl::StrCat(label, ": ", text, "\n"));
+    return;
+  }
+  std::string line = label;
+  if (width_columns_ >= kNarrowColumns) {
+    const int filled = static_cast<int>(std::clamp(share, 0.0, 1.0) * kBarColumnsMax);
+    absl::StrAppend(&line, " [", std::string(static_cast<size_t>(filled), '#'),
+                    std::string(static_cast<size_t>(kBarColumnsMax - filled), '.'), "]");
+  }
+  absl::StrAppend(&line, " ", text);
+  // One column stays free: some terminals wrap when the last one is written.
+  line.resize(std::min(line.size(), static_cast<size_t>(width_columns_ - 1)));
+  drawn_ = true;
+  write_(absl::StrCat("\r", line, "\x1b[K"));
+}
+
+void ProgressLine::Finish() {
+  if (drawn_ && width_columns_ > 0) write_("\n");
+  drawn_ = false;
+}
+
+}  // namespace sheaf::cli
