@@ -9,4 +9,5 @@ sheaf_add_module(NAME render_sampling
     environment_map.cc light_choice.cc light_table.cc light_table_build.cc
   DEPS sheaf::base sheaf::film sheaf::math sheaf::scene
   PRIVATE_DEPS sheaf::image
+  TESTS equal_area_map_test.cc light_choice_test.cc
 )

@@ -1,0 +1,368 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Rows L6 to L15 of the catalogue of hard cases, as far as these lights exist: environments, how
+// lights are chosen, and lights that are none; light_stability_test.cc has the others. Monte Carlo
+// comparisons allow 6 standard errors (from 16 independent scrambles) plus what float samples
+// round.
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <cmath>
+#include <cstdint>
+#include <filesystem>
+#include <limits>
+#include <vector>
+
+#include "common/math/elementary.h"
+#include "tests/support/light_tables.h"
+#include "worker/render/environment_map.h"
+#include "worker/render/equal_area_map.h"
+#include "worker/render/shape_sampling.h"
+
+namespace sheaf::render {
+namespace {
+
+using testing::Estimate;
+using testing::EstimateIrradiance;
+using testing::MakeDistant;
+using testing::MakePoint;
+using testing::MakeSky;
+using testing::MakeTable;
+using testing::RandomPoints;
+
+const Rgb kWhite{1, 1, 1};
+constexpr Vec3f kOrigin{0, 0, 0};
+constexpr Vec3f kUp{0, 0, 1};
+
+void ExpectNear(const Estimate& estimate, double expected, double tolerance = 1e-6) {
+  EXPECT_NEAR(estimate.mean, expected,
+              6 * estimate.standard_error + tolerance * std::fabs(expected));
+}
+
+// --- L6, L7: environments
+// -------------------------------------------------------------------------
+
+TEST(LightTableStabilityTest, L6OneTexelOfAMillion) {
+  constexpr int kSize = 64;
+  std::vector<Rgb> texels(kSize * kSize);
+  // Where z > 0, away from the map's borders.
+  constexpr int kX = 30, kY = 25;
+  texels[kY * kSize + kX] = {1e6f, 1e6f, 1e6f};
+  const auto map = EnvironmentMap::Make(kSize, texels);
+  ASSERT_TRUE(map.ok());
+  const Vec3d center = EqualAreaSquareToSphere({(kX + 0.5) / kSize, (kY + 0.5) / kSize});
+  const double solid_angle = 4 * kPi / (kSize * kSize);
+  double sum = 0, squares = 0;
+  constexpr int kEstimates = 4096, kPerEstimate = 64;
+  for (uint64_t e = 0; e < kEstimates; ++e) {
+    double value = 0;
+    for (uint64_t i = 0; i < kPerEstimate; ++i) {
+      const auto u = Sampler(3, static_cast<int32_t>(e), 0, i).Get4(1);
+      const Vec3f d = ToFloat(map->Sample({u[0], u[1]}));
+      const Rgb radiance = map->Radiance(d);
+      const double pdf = map->Pdf(radiance);
+      value += pdf > 0 ? static_cast<double>(radiance.r * d.z) / pdf / kPerEstimate : 0;
+    }
+    sum += value;
+    squares += value * value;
+  }
+  const double mean = sum / kEstimates;
+  const double relative_variance = squares / kEstimates / (mean * mean) - 1;
+  EXPECT_LT(relative_variance, 0.1);
+  // The cosine at the centre stands for that over the texel's tent to second order.
+  EXPECT_NEAR(mean / (1e6 * solid_angle * center.z), 1, 1e-3);
+}
+
+class EnvironmentFiles : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    directory_ =
+        std::filesystem::path(::testing::TempDir()) /
+        ("sheaf_light_" + std::to_string(::testing::UnitTest::GetInstance()->random_seed()) +
+         ::testing::UnitTest::GetInstance()->current_test_info()->name());
+    std::filesystem::create_directories(directory_);
+  }
+  void TearDown() override { std::filesystem::remove_all(directory_); }
+
+  absl::StatusOr<std::unique_ptr<LightTable>> Build(
+      int size, const std::vector<Rgb>& texels,
+      const std::function<void(LightDescription*)>& change = {}, LightTableInput input = {}) {
+    const std::string path = (directory_ / "sky.pfm").string();
+    testing::WritePfm(path, size, texels);
+    SceneDescription scene;
+    scene.files = {"room.pbrt"};
+    InfiniteLight infinite;
+    infinite.file = "sky.pfm";
+    LightDescription light;
+    light.light = infinite;
+    light.location = {0, 12, 3};
+    if (change) change(&light);
+    scene.lights = {light};
+    TableFileSource files({{"sky.pfm", path}});
+    return LightTable::Build(scene, std::move(input), files);
+  }
+
+  std::filesystem::path directory_;
+};
+
+using LightTableFileStabilityTest = EnvironmentFiles;
+
+TEST_F(LightTableFileStabilityTest, L6MapsAreOrientedAsInPbrt) {
+  // One bright texel in the middle of the second row of four: t = 3/8, s = 5/8, the quadrant of +x
+  // -y.
+  std::vector<Rgb> texels(16);
+  texels[4 * 1 + 2] = kWhite;
+  const auto table = Build(4, texels);
+  ASSERT_TRUE(table.ok()) << table.status();
+  const Vec3f d = ToFloat(EqualAreaSquareToSphere({0.625, 0.375}));
+  EXPECT_GT(d.x, 0);
+  EXPECT_LT(d.y, 0);
+  EXPECT_GT(d.z, 0);
+  EXPECT_NEAR((*table)->EnvironmentRadiance<kAllTraits>(d).r, 1, 1e-5);
+  EXPECT_EQ((*table)->EnvironmentRadiance<kAllTraits>(-d).r, 0);
+  // Turned a quarter about z: x becomes y.
+  const auto turned = Build(4, texels, [](LightDescription* light) {
+    light->world_from_light = RotateMatrix(90, {0, 0, 1});
+  });
+  ASSERT_TRUE(turned.ok());
+  EXPECT_NEAR((*turned)->EnvironmentRadiance<kAllTraits>({-d.y, d.x, d.z}).r, 1, 1e-5);
+  RandomPoints random(5);
+  for (int i = 0; i < 1000; ++i) {
+    const auto sample = (*turned)->Sample<kAllTraits>(kOrigin, {}, 0, random.Next2());
+    ASSERT_TRUE(sample.has_value());
+    ASSERT_EQ(sample->pdf, (*turned)->PdfEnvironment<kAllTraits>(kOrigin, {}, sample->wi));
+    ASSERT_EQ(sample->radiance, (*turned)->EnvironmentRadiance<kAllTraits>(sample->wi));
+  }
+}
+
+TEST_F(LightTableFileStabilityTest, L6OneByOneMapIsAConstantSky) {
+  const auto table = Build(1, {kWhite});
+  ASSERT_TRUE(table.ok()) << table.status();
+  ExpectNear(EstimateIrradiance(**table, kOrigin, kUp), kPi);
+}
+
+TEST_F(LightTableFileStabilityTest, L6BadMapsAreNamedErrors) {
+  std::vector<Rgb> texels(16, kWhite);
+  texels[4 * 3 + 1].g = std::numeric_limits<float>::quiet_NaN();
+  auto table = Build(4, texels);
+  ASSERT_FALSE(table.ok());
+  EXPECT_NE(table.status().message().find("room.pbrt:12:3"), std::string::npos) << table.status();
+  EXPECT_NE(table.status().message().find("(1, 3)"), std::string::npos) << table.status();
+  texels[4 * 3 + 1].g = -1;
+  EXPECT_FALSE(Build(4, texels).ok());
+  texels[4 * 3 + 1].g = 1;
+  table = Build(4, texels, [](LightDescription* light) {
+    light->world_from_light = ScaleMatrix({1, 2, 1});
+  });
+  EXPECT_FALSE(table.ok());
+  table = Build(4, texels, [](LightDescription* light) {
+    light->world_from_light = ScaleMatrix({0, 0, 0});
+  });
+  EXPECT_FALSE(table.ok());
+}
+
+TEST_F(LightTableFileStabilityTest, L6IlluminanceScalesTheMap) {
+  const std::vector<Rgb> texels(64 * 64, Rgb{3, 3, 3});
+  const auto table = Build(64, texels, [](LightDescription* light) {
+    std::get<InfiniteLight>(light->light).illuminance_lx = 10;
+  });
+  ASSERT_TRUE(table.ok());
+  // Twice what was asked: pbrt-v4's rule, which its scenes are made for.
+  ExpectNear(EstimateIrradiance(**table, kOrigin, kUp), 20, 1e-3);
+}
+
+TEST_F(LightTableFileStabilityTest, L7BlackEnvironmentIsNoEnvironment) {
+  LightTableInput input;
+  input.spheres = {{{0, 0, 3}, 1, kWhite}};
+  const auto with = Build(8, std::vector<Rgb>(64), {}, input);
+  ASSERT_TRUE(with.ok());
+  const auto without = MakeTable(input);
+  RandomPoints random(71);
+  for (int i = 0; i < 1000; ++i) {
+    const float select = random.Next();
+    const Vec2f u = random.Next2();
+    const auto a = (*with)->Sample<kAllTraits>(kOrigin, kUp, select, u);
+    const auto b = without->Sample<kAllTraits>(kOrigin, kUp, select, u);
+    ASSERT_TRUE(a && b);
+    ASSERT_EQ(a->wi, b->wi);
+    ASSERT_EQ(a->pdf, b->pdf);
+  }
+  EXPECT_EQ((*with)->PdfEnvironment<kAllTraits>(kOrigin, kUp, kUp), 0);
+  const auto only_black = Build(8, std::vector<Rgb>(64));
+  ASSERT_TRUE(only_black.ok());
+  EXPECT_TRUE((*only_black)->empty());
+}
+
+// --- L8, L9, L10: how many lights ----------------------------------------------------------------
+
+TEST(LightTableStabilityTest, L8NoLightAndOneLight) {
+  const auto none = MakeTable({});
+  EXPECT_TRUE(none->empty());
+  EXPECT_FALSE(none->Sample<kAllTraits>(kOrigin, kUp, 0.5f, {0.5f, 0.5f}));
+  EXPECT_EQ(none->EnvironmentRadiance<kAllTraits>(kUp), Rgb{});
+  LightTableInput input;
+  input.spheres = {{{0, 0, 3}, 1, kWhite}};
+  const auto one = MakeTable(input);
+  for (float select : {0.0f, 0.5f, 0.99999994f}) {
+    const auto sample = one->Sample<kAllTraits>(kOrigin, kUp, select, {0.3f, 0.6f});
+    ASSERT_TRUE(sample.has_value());
+    // Chosen with probability exactly 1.
+    EXPECT_EQ(sample->pdf, static_cast<float>(ViewSphere({0, 0, 3}, 1, false, kOrigin).pdf));
+  }
+}
+
+TEST(LightTableStabilityTest, L9AMillionLightsAtOnePoint) {
+  LightTableInput input;
+  constexpr size_t kCount = 1000000;
+  const TriangleEmitter t{{-0.5f, -0.5f, 2}, {0, 0.5f, 2}, {0.5f, -0.5f, 2}, {1e-6f, 1e-6f, 1e-6f}};
+  input.triangles.assign(kCount, t);
+  const auto start = std::chrono::steady_clock::now();
+  const auto table = MakeTable(input);
+  const double seconds =
+      std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  // L10: two seconds are the promise; a sanitizer or a busy machine takes longer, hours nobody.
+  EXPECT_LT(seconds, 20);
+  LightTableInput single;
+  single.triangles = {t};
+  single.triangles[0].radiance = kWhite;
+  const Estimate all = EstimateIrradiance(*table, kOrigin, kUp);
+  const Estimate one = EstimateIrradiance(*MakeTable(single), kOrigin, kUp);
+  ExpectNear(all, one.mean, 1e-5);
+}
+
+TEST(LightTableStabilityTest, L10ManyDifferentLightsAddUp) {
+  // Above and below the number up to which lights are weighed at every point.
+  for (size_t count : {2u, 16u, 17u, 5000u}) {
+    LightTableInput input;
+    double expected = 0;
+    RandomPoints random(count);
+    for (size_t i = 0; i < count; ++i) {
+      const double d = 5 + 20 * double{random.Next()}, tilt = 0.9 * double{random.Next()};
+      const float radiance = 0.1f + random.Next();
+      input.spheres.push_back(
+          {{d * tilt, 0, d * std::sqrt(1 - tilt * tilt)}, 0.5, {radiance, 1, 1}});
+      expected += double{radiance} * kPi * 0.25 / (d * d) * std::sqrt(1 - tilt * tilt);
+    }
+    ExpectNear(EstimateIrradiance(*MakeTable(input), kOrigin, kUp, 16384), expected, 1e-6);
+  }
+}
+
+TEST(LightTableStabilityTest, L10InfiniteAndLocalLightsTogether) {
+  LightTableInput input;
+  input.scene_radius = 50;
+  for (int i = 0; i < 40; ++i) {
+    input.spheres.push_back({{0, 0, 10.0 + i}, 1, {100, 100, 100}});
+  }
+  double expected = kPi * 0.01 + 0.5;
+  for (int i = 0; i < 40; ++i) expected += 100 * kPi / ((10.0 + i) * (10.0 + i));
+  const auto table = MakeTable(
+      input, {MakeSky({0.01f, 0.01f, 0.01f}), MakeDistant({0.5f, 0.5f, 0.5f}, {0, 0, 1})});
+  ExpectNear(EstimateIrradiance(*table, kOrigin, kUp, 16384), expected);
+}
+
+// --- L11 to L15 --------------------------------------------------------------------------------
+
+TEST(LightTableStabilityTest, L11NegativeLightsCancelAndBlackOnesAreNotChosen) {
+  LightTableInput input;
+  input.spheres = {{{0, 0, 3}, 1, kWhite}, {{0, 0, 3}, 1, {-1, -1, -1}}};
+  const Estimate estimate = EstimateIrradiance(*MakeTable(input), kOrigin, kUp, 4096);
+  EXPECT_NEAR(estimate.mean, 0, 6 * estimate.standard_error + 1e-7);
+  input.spheres[1].radiance = {};
+  const auto table = MakeTable(input);
+  for (float select : {0.0f, 0.3f, 0.7f, 0.99999994f}) {
+    ASSERT_TRUE(table->Sample<kAllTraits>(kOrigin, kUp, select, {0.5f, 0.5f}));
+  }
+  EXPECT_EQ(table->PdfEmitter<kAllTraits>(1, kOrigin, kUp, kUp, {0, 0, 2}), 0);
+}
+
+// Wherever a light sends something unoccluded, it has a probability: lights seen almost edge-on, in
+// all directions, among enough others that estimates decide.
+TEST(LightTableStabilityTest, L12WhatShinesCanBeChosen) {
+  RandomPoints random(12);
+  for (int i = 0; i < 20000; ++i) {
+    LightTableInput input;
+    const float scale = std::pow(10.f, 6 * random.Next() - 3);
+    const auto vector = [&] {
+      return Vec3f{random.Next() - 0.5f, random.Next() - 0.5f, random.Next() - 0.5f} * scale;
+    };
+    const TriangleEmitter t{vector(), vector(), vector(), kWhite};
+    input.triangles = {t, {vector(), vector(), vector(), kWhite}};
+    // A receiver just in front of the triangle's plane, often beside it.
+    const Vec3f side = t.v1 - t.v0 + (t.v2 - t.v0);
+    const Vec3d normal = Cross(ToDouble(t.v1 - t.v0), ToDouble(t.v2 - t.v0));
+    if (!(Length(normal) > 1e-12 * double{scale * scale})) continue;
+    const Vec3f p =
+        t.v0 + side * (4 * random.Next() - 2) +
+        ToFloat(Normalize(normal) * double{scale} * std::pow(10.0, -6.0 * double{random.Next()}));
+    const TriangleView view = ViewTriangle(t.v0, t.v1, t.v2, p);
+    if (!view.visible || !view.front()) continue;
+    const auto table = MakeTable(input);
+    ASSERT_GT(table->PdfEmitter<kAllTraits>(0, p, {}, Normalize(t.v1 - p), t.v1), 0);
+  }
+}
+
+TEST(LightTableStabilityTest, L14LightsWithoutSizeAreNoLights) {
+  LightTableInput input;
+  const float nan = std::numeric_limits<float>::quiet_NaN();
+  input.triangles = {{{1, 1, 1}, {1, 1, 1}, {1, 1, 1}, kWhite},
+                     {{0, 0, 1}, {1, 0, 1}, {2, 0, 1}, kWhite, true},
+                     {{nan, 0, 1}, {1, 0, 1}, {0, 1, 1}, kWhite, true},
+                     {{0, 0, 1}, {1, 0, 1}, {0, 1, 1}, {nan, 1, 1}, true}};
+  input.spheres = {{{0, 0, 3}, 0, kWhite}};
+  input.disks = {{{0, 0, 3}, {0, 0, -1}, {1, 0, 0}, 0, 0, kWhite},
+                 {{0, 0, 3}, {0, 0, -1}, {1, 0, 0}, 1, 1, kWhite}};
+  const auto table = MakeTable(input);
+  EXPECT_TRUE(table->empty());
+  // Together with a proper one, only that is found, and the others' pdf is 0.
+  input.spheres.push_back({{0, 0, 5}, 1, kWhite});
+  const auto with_sphere = MakeTable(input);
+  ExpectNear(EstimateIrradiance(*with_sphere, kOrigin, kUp), kPi / 25);
+  for (uint32_t emitter : {0u, 1u, 2u, 3u, 4u, 6u, 7u}) {
+    EXPECT_EQ(with_sphere->PdfEmitter<kAllTraits>(emitter, kOrigin, kUp, kUp, {0, 0, 1}), 0);
+  }
+}
+
+TEST(LightTableStabilityTest, L15DistantLightGivesItsIlluminance) {
+  const auto table = MakeTable({}, {MakeDistant(kWhite, {0, 3, 4})});
+  const auto sample = table->Sample<kAllTraits>({7, 8, 9}, kUp, 0.5f, {0.5f, 0.5f});
+  ASSERT_TRUE(sample.has_value());
+  EXPECT_TRUE(sample->is_delta && sample->is_infinite);
+  EXPECT_NEAR(sample->wi.y, 0.6, 1e-7);
+  EXPECT_NEAR(sample->wi.z, 0.8, 1e-7);
+  EXPECT_EQ(sample->radiance, kWhite);
+  EXPECT_EQ(sample->pdf, 1);
+}
+
+// The sun as a disk of half a degree and less, a sphere far away: one flux however small it is.
+TEST(LightTableStabilityTest, L15TinySunKeepsItsFlux) {
+  for (double degrees : {0.53, 0.1, 1e-2, 1e-3, 1e-4}) {
+    const double sine = std::sin(0.5 * degrees * kPi / 180), d = 1e6;
+    LightTableInput input;
+    const float radiance = static_cast<float>(1 / (kPi * sine * sine));
+    input.spheres = {{{0, 0, d}, d * sine, {radiance, radiance, radiance}}};
+    ExpectNear(EstimateIrradiance(*MakeTable(input), kOrigin, kUp), 1, 1e-6);
+  }
+}
+
+TEST(LightTableStabilityTest, NotANumberReceiversFindNoLight) {
+  const float nan = std::numeric_limits<float>::quiet_NaN();
+  const float inf = std::numeric_limits<float>::infinity();
+  LightTableInput input;
+  input.triangles = {{{0, 0, 1}, {0, 1, 1}, {1, 0, 1}, kWhite, true}};
+  input.spheres = {{{0, 0, 3}, 1, kWhite, true}};
+  input.disks = {{{0, 0, 3}, {0, 0, -1}, {1, 0, 0}, 1, 0, kWhite, true}};
+  const auto table = MakeTable(input, {MakePoint(kWhite, {0, 0, 2})});
+  RandomPoints random(9);
+  for (const Vec3f& p :
+       {Vec3f{nan, 0, 0}, Vec3f{0, inf, 0}, Vec3f{-inf, nan, inf}, Vec3f{3e38f, 3e38f, 0}}) {
+    for (int i = 0; i < 100; ++i) {
+      const auto sample = table->Sample<kAllTraits>(p, kUp, random.Next(), random.Next2());
+      if (!sample) continue;
+      EXPECT_TRUE(std::isfinite(sample->pdf) && IsFinite(sample->radiance));
+    }
+  }
+}
+
+}  // namespace
+}  // namespace sheaf::render
