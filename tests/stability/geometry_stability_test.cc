@@ -303,8 +303,10 @@ TEST(GeometryStability, G7MirroringTwiceChangesNothing) {
     const Matrix4 place = mirrored ? ScaleMatrix({-1, 1, 1}) : Matrix4{};
     t.AddShape(MeshShape{t.Quad({x * -2, -1, -2}, {x * -2, -1, 2}, {x * 2, -1, 2}, {x * 2, -1, -2})},
                t.Diffuse(Rgb::Grey(0.5f)), place);
-    // In object space the mirrored quad runs the other way round, as a mirrored file would have it.
-    const int32_t quad = t.Quad({x * 0.2f, 1, -0.5f}, {x * 0.9f, 1, -0.5f}, {x * 0.9f, 1, 0.5f}, {x * 0.2f, 1, 0.5f});
+    // A mirrored file keeps its fronts by listing corners the other way round.
+    std::vector<Vec3f> corners{{x * 0.2f, 1, -0.5f}, {x * 0.9f, 1, -0.5f}, {x * 0.9f, 1, 0.5f}, {x * 0.2f, 1, 0.5f}};
+    if (mirrored) std::reverse(corners.begin(), corners.end());
+    const int32_t quad = t.Quad(corners[0], corners[1], corners[2], corners[3]);
     t.AddShape(MeshShape{quad}, t.Diffuse({}), place).area_light = t.AreaLight(Rgb::Grey(4));
     SphereShape sphere{0.3f, -0.3f, 0.3f, 360};
     DielectricMaterial glass;

@@ -15,6 +15,7 @@ namespace {
 // Newton's iteration converges quadratically; from any invertible matrix of double this is plenty.
 constexpr int kPolarIterationsMax = 100;
 constexpr double kPolarTolerance = 1e-15;
+constexpr double kAffineTolerance = 1e-9;
 // Below this arc a straight line between quaternions, normalised, equals the arc in double.
 constexpr double kStraightArc = 1e-7;
 
@@ -89,8 +90,10 @@ absl::StatusOr<AnimatedTransform::Key> AnimatedTransform::MakeKey(const Matrix4&
   if (!Invert(matrix, &inverse)) {
     return absl::InvalidArgumentError("a key of the motion is singular or not finite");
   }
+  // A matrix that comes from an inversion has its last row up to rounding.
   const auto& last = matrix.m[3];
-  if (last[0] != 0 || last[1] != 0 || last[2] != 0 || last[3] != 1) {
+  const double deviation = std::fabs(last[0]) + std::fabs(last[1]) + std::fabs(last[2]) + std::fabs(last[3] - 1);
+  if (!(deviation <= kAffineTolerance)) {
     return absl::InvalidArgumentError("a key of the motion is not affine");
   }
   Key key;
