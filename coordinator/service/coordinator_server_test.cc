@@ -4,6 +4,9 @@
 // The coordinator as its clients and workers meet it: over gRPC, in process, with a state directory.
 #include "coordinator/service/coordinator_server.h"
 
+#include <grpcpp/generic/generic_stub.h>
+
+#include <algorithm>
 #include <filesystem>
 #include <fstream>
 #include <optional>
@@ -12,6 +15,8 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
+#include "common/base/digest.h"
+#include "common/content/chunk_codec.h"
 #include "common/film/exr_codec.h"
 #include "common/rpc/channel.h"
 #include "common/rpc/manifest_codec.h"
@@ -298,6 +303,24 @@ TEST_F(CoordinatorServerTest, DamagedPartIsRenderedAgain) {
   EXPECT_EQ(Watch(name).frames(0).picture_digest(), ExpectedDigest(100));
 }
 
+TEST_F(CoordinatorServerTest, WhatTheDiskRefusesIsNotAcknowledgedAndTheFarmRecovers) {
+  Start();
+  const std::string name = Create(Request(16)).name();
+  SyntheticWorker worker = MakeWorker("w");
+  ASSERT_TRUE(worker.Synchronize(1).ok());
+  const SyntheticWorker::Upload upload = worker.MakeUpload(worker.leases()[0]);
+  // A file where a directory should be refuses writes, also those of root.
+  const std::string parts = directory_ + "/parts";
+  std::filesystem::remove_all(parts);
+  std::ofstream(parts) << "in the way";
+  EXPECT_FALSE(worker.Send(upload).ok());
+  EXPECT_FALSE(server_->farm().Ready().ok());
+  EXPECT_EQ(Get(name).progress().sample_count_done(), 0u);
+  std::filesystem::remove(parts);
+  EXPECT_EQ(*worker.Send(upload), Response::OUTCOME_ACCEPTED);
+  EXPECT_TRUE(server_->farm().Ready().ok());
+}
+
 TEST_F(CoordinatorServerTest, DuplicatesAreEqualOrQuarantine) {
   Start();
   v1::CreateJobRequest request = Request(64);
@@ -439,6 +462,86 @@ TEST_F(CoordinatorServerTest, PreviewGrowsWithTheResults) {
   preview = server_->farm().Preview(id, 1);
   ASSERT_TRUE(preview.ok()) << preview.status();
   EXPECT_TRUE(preview->complete);
+}
+
+TEST_F(CoordinatorServerTest, ContentGoesInAndOutOverTheWire) {
+  Start();
+  const auto content = v1::ContentService::NewStub(server_->InProcessChannel());
+  const std::string bytes(3'000'000, 'x');
+  v1::Digest digest;
+  digest.set_sha256_hex(Sha256Hex(bytes));
+  digest.set_size_bytes(bytes.size());
+  const auto missing = [&] {
+    grpc::ClientContext context;
+    v1::FindMissingRequest request;
+    *request.add_digests() = digest;
+    v1::FindMissingResponse response;
+    EXPECT_TRUE(content->FindMissing(&context, request, &response).ok());
+    return response.missing_size();
+  };
+  // Uploads bytes[from, to) and returns the call's code.
+  const auto upload = [&](size_t from, size_t to) {
+    grpc::ClientContext context;
+    v1::WriteBlobResponse response;
+    const auto writer = content->WriteBlob(&context, &response);
+    for (size_t offset = from; offset < to; offset += kBlobChunkBytesMax) {
+      v1::WriteBlobRequest request;
+      if (offset == from) *request.mutable_digest() = digest;
+      request.set_offset_bytes(from);
+      request.set_zstd_chunk(
+          CompressChunk(bytes.substr(offset, std::min(kBlobChunkBytesMax, to - offset))));
+      if (!writer->Write(request)) break;
+    }
+    writer->WritesDone();
+    return writer->Finish().error_code();
+  };
+  EXPECT_EQ(missing(), 1);
+  EXPECT_EQ(upload(0, 2'000'000), grpc::StatusCode::INVALID_ARGUMENT);  // Broken off.
+  grpc::ClientContext context;
+  v1::GetWriteStatusRequest status_request;
+  *status_request.mutable_digest() = digest;
+  v1::GetWriteStatusResponse status;
+  ASSERT_TRUE(content->GetWriteStatus(&context, status_request, &status).ok());
+  EXPECT_EQ(status.committed_bytes(), 2'000'000u);
+  EXPECT_EQ(upload(1'000'000, bytes.size()), grpc::StatusCode::OUT_OF_RANGE);
+  EXPECT_EQ(upload(status.committed_bytes(), bytes.size()), grpc::StatusCode::OK);
+  EXPECT_EQ(missing(), 0);
+  EXPECT_EQ(upload(0, bytes.size()), grpc::StatusCode::OK);  // Again: nothing happens.
+  grpc::ClientContext read_context;
+  v1::ReadBlobRequest read;
+  *read.mutable_digest() = digest;
+  read.set_offset_bytes(5);
+  const auto reader = content->ReadBlob(&read_context, read);
+  std::string back;
+  v1::ReadBlobResponse chunk;
+  while (reader->Read(&chunk)) back += *DecompressChunk(chunk.zstd_chunk(), kBlobChunkBytesMax);
+  EXPECT_TRUE(reader->Finish().ok());
+  EXPECT_EQ(back, bytes.substr(5));
+}
+
+TEST_F(CoordinatorServerTest, HealthAndHttpAnswer) {
+  options_.http_address = "127.0.0.1:0";
+  Start();
+  EXPECT_NE(server_->http_port(), 0);
+  grpc::ClientContext context;
+  SetDeadline(&context, kPatience);
+  // Health's request and response begin with an empty message and a field 1 of 1 (SERVING).
+  grpc::GenericStub stub(server_->InProcessChannel());
+  grpc::ByteBuffer request, response;
+  grpc::CompletionQueue queue;
+  const auto call =
+      stub.PrepareUnaryCall(&context, "/grpc.health.v1.Health/Check", request, &queue);
+  call->StartCall();
+  grpc::Status status;
+  call->Finish(&response, &status, nullptr);
+  void* tag = nullptr;
+  bool ok = false;
+  ASSERT_TRUE(queue.Next(&tag, &ok));
+  ASSERT_TRUE(status.ok()) << status.error_message();
+  std::vector<grpc::Slice> slices;
+  ASSERT_TRUE(response.Dump(&slices).ok());
+  ASSERT_EQ(slices.size(), 1u);
+  EXPECT_EQ(std::string(slices[0].begin(), slices[0].end()), std::string("\x08\x01"));
 }
 
 TEST_F(CoordinatorServerTest, SecondCoordinatorOnTheSameStateIsRefused) {

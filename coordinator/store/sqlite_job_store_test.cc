@@ -1,0 +1,219 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "coordinator/store/sqlite_job_store.h"
+
+#include <filesystem>
+#include <fstream>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "common/base/check.h"
+#include "common/base/digest.h"
+#include "coordinator/store/sqlite_database.h"
+#include "gmock/gmock.h"
+#include "gtest/gtest.h"
+
+namespace sheaf::coordinator {
+namespace {
+
+using ::testing::HasSubstr;
+
+class SqliteJobStoreTest : public testing::Test {
+ protected:
+  SqliteJobStoreTest()
+      : directory_(testing::TempDir() + "sheaf-store-" +
+                   testing::UnitTest::GetInstance()->current_test_info()->name()) {
+    std::filesystem::remove_all(directory_);
+    Reopen();
+  }
+  ~SqliteJobStoreTest() override {
+    store_.reset();
+    std::filesystem::remove_all(directory_);
+  }
+  void Reopen() {
+    store_.reset();
+    absl::StatusOr<std::unique_ptr<SqliteJobStore>> store = SqliteJobStore::Open(directory_);
+    SHEAF_CHECK(store.ok());
+    store_ = std::move(*store);
+  }
+  static JobSpec MakeSpec() {
+    JobSpec spec;
+    spec.title = "a 'title' with \xC3\xA4";
+    spec.priority = -3;
+    spec.numeric_profile = "profile";
+    spec.partition = {16, 4, 2};
+    for (int32_t number : {-5, 7}) {
+      FrameSpec frame;
+      frame.frame_number = number;
+      frame.scene = {std::string(64, 'a'), 12};
+      frame.frame_digest = std::string(64, 'f');
+      frame.settings.width_px = 640;
+      frame.settings.height_px = 480;
+      frame.settings.window = {1, 2, 3, 4};
+      frame.settings.samples = 77;
+      frame.settings.max_depth = 9;
+      frame.settings.seed = UINT64_MAX - 1;
+      spec.frames.push_back(frame);
+    }
+    return spec;
+  }
+  uint64_t CreateJob(const std::string& request_id = "r") {
+    return store_->CreateJob(MakeSpec(), request_id, absl::FromUnixSeconds(100))->job_id;
+  }
+  static PartRow MakePart(uint64_t job, uint64_t first, const std::string& bytes) {
+    PartRow row;
+    row.key = {{job, 7}, {0, 16, 16, 32}, {first, 16}};
+    row.digest = {Sha256Hex(bytes), bytes.size()};
+    row.worker_id = "w";
+    row.cost = {11, 1, absl::Milliseconds(5)};
+    return row;
+  }
+
+  const std::string directory_;
+  std::unique_ptr<SqliteJobStore> store_;
+};
+
+TEST_F(SqliteJobStoreTest, JobsSurviveAReopen) {
+  const uint64_t job = CreateJob();
+  ASSERT_TRUE(store_->DeliverFrame({job, 7}, {"digest", 0.5, absl::Seconds(3), {1, 2, absl::Seconds(4)}})
+                  .ok());
+  ASSERT_TRUE(store_->EndJob(job, JobPhase::kFailed, "why", absl::FromUnixSeconds(200)).ok());
+  Reopen();
+  const auto jobs = store_->LoadJobs();
+  ASSERT_TRUE(jobs.ok()) << jobs.status();
+  ASSERT_EQ(jobs->size(), 1u);
+  const StoredJob& stored = jobs->front();
+  const JobSpec spec = MakeSpec();
+  EXPECT_EQ(stored.spec.title, spec.title);
+  EXPECT_EQ(stored.spec.priority, -3);
+  EXPECT_EQ(stored.spec.partition.lease_pass_count, 2u);
+  EXPECT_EQ(stored.phase, JobPhase::kFailed);
+  EXPECT_EQ(stored.failure, "why");
+  EXPECT_EQ(stored.create_time, absl::FromUnixSeconds(100));
+  EXPECT_EQ(stored.end_time, absl::FromUnixSeconds(200));
+  ASSERT_EQ(stored.spec.frames.size(), 2u);
+  EXPECT_EQ(stored.spec.frames[0].frame_number, -5);
+  EXPECT_EQ(stored.spec.frames[1].settings.seed, UINT64_MAX - 1);
+  EXPECT_EQ(stored.spec.frames[1].settings.window, (PixelRect{1, 2, 3, 4}));
+  ASSERT_EQ(stored.delivered.size(), 1u);
+  EXPECT_EQ(stored.delivered[0].delivered.cost.cpu_duration, absl::Seconds(4));
+}
+
+TEST_F(SqliteJobStoreTest, EqualRequestIdIsTheSameJob) {
+  const uint64_t job = CreateJob("r1");
+  const auto again = store_->CreateJob(MakeSpec(), "r1", absl::FromUnixSeconds(300));
+  ASSERT_TRUE(again.ok());
+  EXPECT_EQ(again->job_id, job);
+  EXPECT_FALSE(again->is_new);
+  EXPECT_NE(CreateJob("r2"), job);
+}
+
+TEST_F(SqliteJobStoreTest, PartsSurviveAReopen) {
+  const uint64_t job = CreateJob();
+  const PartRow row = MakePart(job, 16, "some bytes");
+  ASSERT_TRUE(store_->WritePart(row, "some bytes").ok());
+  EXPECT_EQ(store_->WritePart(row, "some bytes").code(), absl::StatusCode::kAlreadyExists);
+  Reopen();
+  const auto parts = store_->LoadParts(job);
+  ASSERT_TRUE(parts.ok());
+  ASSERT_EQ(parts->rows.size(), 1u);
+  EXPECT_EQ(parts->rows_lost, 0);
+  EXPECT_EQ(parts->rows[0].key, row.key);
+  EXPECT_EQ(parts->rows[0].cost.ray_count, 11u);
+  EXPECT_EQ(*store_->ReadPart(parts->rows[0]), "some bytes");
+  EXPECT_EQ(store_->PartsBytes(), 10u);
+}
+
+TEST_F(SqliteJobStoreTest, KilledBetweenFileAndRowLeavesNothing) {
+  const uint64_t job = CreateJob();
+  const PartRow kept = MakePart(job, 0, "kept");
+  ASSERT_TRUE(store_->WritePart(kept, "kept").ok());
+  // What a kill leaves behind: the file of a part without its row, and a half-written one.
+  const PartRow orphan = MakePart(job, 16, "orphan");
+  std::ofstream(store_->PartPath(orphan)) << "orphan";
+  std::ofstream(store_->PartPath(orphan) + ".tmp-1-1") << "orp";
+  Reopen();
+  const auto parts = store_->LoadParts(job);
+  ASSERT_TRUE(parts.ok());
+  EXPECT_EQ(parts->rows.size(), 1u);
+  EXPECT_FALSE(std::filesystem::exists(store_->PartPath(orphan)));
+  EXPECT_FALSE(std::filesystem::exists(store_->PartPath(orphan) + ".tmp-1-1"));
+  EXPECT_TRUE(store_->WritePart(orphan, "orphan").ok());
+}
+
+TEST_F(SqliteJobStoreTest, RowWithoutItsFileIsRemovedAndCounted) {
+  const uint64_t job = CreateJob();
+  const PartRow row = MakePart(job, 0, "bytes");
+  ASSERT_TRUE(store_->WritePart(row, "bytes").ok());
+  std::filesystem::resize_file(store_->PartPath(row), 2);
+  Reopen();
+  auto parts = store_->LoadParts(job);
+  ASSERT_TRUE(parts.ok());
+  EXPECT_EQ(parts->rows_lost, 1);
+  EXPECT_TRUE(parts->rows.empty());
+  Reopen();
+  EXPECT_EQ(store_->LoadParts(job)->rows_lost, 0);
+}
+
+TEST_F(SqliteJobStoreTest, DamagedBytesAreDataLoss) {
+  const uint64_t job = CreateJob();
+  const PartRow row = MakePart(job, 0, "bytes");
+  ASSERT_TRUE(store_->WritePart(row, "bytes").ok());
+  std::ofstream(store_->PartPath(row)) << "bytez";
+  EXPECT_EQ(store_->ReadPart(row).status().code(), absl::StatusCode::kDataLoss);
+  std::filesystem::remove(store_->PartPath(row));
+  EXPECT_EQ(store_->ReadPart(row).status().code(), absl::StatusCode::kNotFound);
+}
+
+TEST_F(SqliteJobStoreTest, ConcurrentWritesShareCommitsAndAllHold) {
+  const uint64_t job = CreateJob();
+  std::vector<std::thread> threads;
+  for (uint64_t t = 0; t < 4; ++t) {
+    threads.emplace_back([&, t] {
+      for (uint64_t i = 0; i < 8; ++i) {
+        const std::string bytes = absl::StrCat("part ", t, " ", i);
+        EXPECT_TRUE(store_->WritePart(MakePart(job, (t * 8 + i) * 16, bytes), bytes).ok());
+      }
+    });
+  }
+  for (std::thread& thread : threads) thread.join();
+  Reopen();
+  EXPECT_EQ(store_->LoadParts(job)->rows.size(), 32u);
+  ASSERT_TRUE(store_->RemoveFrameParts({job, 7}).ok());
+  EXPECT_EQ(store_->LoadParts(job)->rows.size(), 0u);
+}
+
+TEST_F(SqliteJobStoreTest, LeaseIdsOfLivesDoNotMeet) {
+  const uint64_t first = store_->FirstLeaseId();
+  Reopen();
+  EXPECT_GE(store_->FirstLeaseId(), first + (uint64_t{1} << 40));
+}
+
+TEST_F(SqliteJobStoreTest, SecondStoreOnTheDirectoryIsRefused) {
+  const absl::Status status = SqliteJobStore::Open(directory_).status();
+  EXPECT_EQ(status.code(), absl::StatusCode::kFailedPrecondition);
+  EXPECT_THAT(std::string(status.message()), HasSubstr(directory_));
+}
+
+TEST_F(SqliteJobStoreTest, LaterSchemaIsRefused) {
+  store_.reset();
+  ASSERT_TRUE((*SqliteDatabase::Open(directory_ + "/farm.db"))->Execute("PRAGMA user_version=99").ok());
+  const absl::Status status = SqliteJobStore::Open(directory_).status();
+  EXPECT_EQ(status.code(), absl::StatusCode::kFailedPrecondition);
+  EXPECT_THAT(std::string(status.message()), HasSubstr("later version"));
+  ASSERT_TRUE((*SqliteDatabase::Open(directory_ + "/farm.db"))->Execute("PRAGMA user_version=1").ok());
+  Reopen();
+}
+
+TEST_F(SqliteJobStoreTest, FileThatIsNoDatabaseIsAnError) {
+  store_.reset();
+  std::ofstream(directory_ + "/farm.db") << std::string(4096, 'x');
+  const absl::Status status = SqliteJobStore::Open(directory_).status();
+  EXPECT_FALSE(status.ok());
+  EXPECT_THAT(std::string(status.message()), HasSubstr("farm.db"));
+}
+
+}  // namespace
+}  // namespace sheaf::coordinator
