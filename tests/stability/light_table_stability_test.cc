@@ -12,6 +12,8 @@
 #include <cstdint>
 #include <filesystem>
 #include <limits>
+#include <map>
+#include <string>
 #include <vector>
 
 #include "common/math/elementary.h"
@@ -332,6 +334,26 @@ TEST(LightTableStabilityTest, L15DistantLightGivesItsIlluminance) {
   EXPECT_NEAR(sample->wi.z, 0.8, 1e-7);
   EXPECT_EQ(sample->radiance, kWhite);
   EXPECT_EQ(sample->pdf, 1);
+}
+
+TEST(LightTableStabilityTest, LightsThatMakeNoSenseAreNamedErrors) {
+  LightDescription spot = testing::MakeSpot(kWhite, {1, 2, 3}, {1, 2, 3}, 30, 5);
+  LightDescription distant = MakeDistant(kWhite, {0, 0, 0});
+  LightDescription flat = testing::MakeSpot(kWhite, {0, 0, 0}, {0, 0, 1}, 30, 5);
+  flat.world_from_light = ScaleMatrix({1, 0, 1});
+  LightDescription endless = MakePoint({std::numeric_limits<float>::infinity(), 1, 1}, {0, 0, 0});
+  for (LightDescription light : {spot, distant, flat, endless}) {
+    light.location = {0, 7, 1};
+    SceneDescription scene;
+    scene.files = {"room.pbrt"};
+    scene.lights = {light};
+    TableFileSource files(std::map<std::string, std::string>{});
+    const auto table = LightTable::Build(scene, {}, files);
+    ASSERT_FALSE(table.ok());
+    EXPECT_EQ(table.status().code(), absl::StatusCode::kInvalidArgument);
+    EXPECT_NE(table.status().message().find("room.pbrt:7:1: "), std::string::npos)
+        << table.status();
+  }
 }
 
 // The sun as a disk of half a degree and less, a sphere far away: one flux however small it is.

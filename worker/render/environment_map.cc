@@ -112,8 +112,11 @@ void EnvironmentMap::BuildDistribution() {
 }
 
 Rgb EnvironmentMap::Bilinear(double x, double y) const {
-  const int x0 = std::clamp(static_cast<int>(std::floor(x)), -1, size_ - 1);
-  const int y0 = std::clamp(static_cast<int>(std::floor(y)), -1, size_ - 1);
+  // Also for NaN, which then goes through to the radiance.
+  const auto texel_below = [&](double v) {
+    return v > -1 ? static_cast<int>(std::floor(std::min(v, size_ - 0.5))) : -1;
+  };
+  const int x0 = texel_below(x), y0 = texel_below(y);
   const float fx = static_cast<float>(x - x0), fy = static_cast<float>(y - y0);
   const Rgb upper = (1 - fx) * Padded(x0, y0) + fx * Padded(x0 + 1, y0);
   const Rgb lower = (1 - fx) * Padded(x0, y0 + 1) + fx * Padded(x0 + 1, y0 + 1);
