@@ -217,6 +217,7 @@ void OccludePlacedList(const RTCOccludedFunctionNArguments* args) {
 
 struct EmbreeScene::State {
   RTCDevice device = nullptr;
+  Filters filters = Filters::kSkipSource;
   std::vector<RTCScene> scenes;  // One per group; [0] is the world.
   std::vector<QuadricList> quadric_lists;
   PlacedList still, moving;
@@ -264,8 +265,10 @@ void EmbreeScene::State::AddMeshes(const GeometryGroup& group, RTCScene scene) c
                                mesh.positions.data(), 0, sizeof(Vec3f), mesh.positions.size() - 1);
     rtcSetSharedGeometryBuffer(geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3,
                                mesh.indices.data(), 0, 3 * sizeof(uint32_t), mesh.indices.size() / 3);
-    rtcSetGeometryIntersectFilterFunction(geometry, SkipSource);
-    rtcSetGeometryOccludedFilterFunction(geometry, SkipSource);
+    if (filters == Filters::kSkipSource) {
+      rtcSetGeometryIntersectFilterFunction(geometry, SkipSource);
+      rtcSetGeometryOccludedFilterFunction(geometry, SkipSource);
+    }
     Attach(scene, geometry);
   }
 }
@@ -319,9 +322,11 @@ EmbreeScene::EmbreeScene() : state_(std::make_unique<State>()) {}
 EmbreeScene::~EmbreeScene() = default;
 
 absl::StatusOr<std::unique_ptr<EmbreeScene>> EmbreeScene::Build(const SceneGeometry& geometry,
-                                                                uint32_t build_threads) {
+                                                                uint32_t build_threads,
+                                                                Filters filters) {
   std::unique_ptr<EmbreeScene> result(new EmbreeScene);
   State& state = *result->state_;
+  state.filters = filters;
   const std::string config = absl::StrCat("isa=avx2,threads=", build_threads);
   state.device = rtcNewDevice(config.c_str());
   if (state.device == nullptr) return absl::InternalError("the ray tracer (Embree) cannot start");

@@ -40,10 +40,13 @@ struct RecordedRay {
 
 class EmbreeScene {
  public:
+  // kSkipSource keeps rays from meeting the triangle they leave; kNone is for measuring what that costs.
+  enum class Filters { kSkipSource, kNone };
   // `geometry` must outlive the result: its buffers are not copied. build_threads 0: all of them.
   // Errors: kResourceExhausted where memory runs out, kInternal with Embree's words otherwise.
   static absl::StatusOr<std::unique_ptr<EmbreeScene>> Build(const SceneGeometry& geometry,
-                                                            uint32_t build_threads);
+                                                            uint32_t build_threads,
+                                                            Filters filters = Filters::kSkipSource);
   ~EmbreeScene();
 
   // Thread safety: const members may be called concurrently.

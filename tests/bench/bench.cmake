@@ -1,0 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
+# Benchmarks that print figures; built with the tests, run by hand or by the slow tests.
+add_executable(ray_rate_bench ${CMAKE_CURRENT_LIST_DIR}/ray_rate_bench.cc)
+target_link_libraries(ray_rate_bench PRIVATE sheaf::render sheaf::scene sheaf::film sheaf_warnings)
