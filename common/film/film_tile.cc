@@ -34,11 +34,9 @@ using ReplicateNode = std::array<float, kReplicateCount * kReplicateChannelCount
 
 bool IsUsable(const FilmSample& s) {
   bool usable = true;
-  const auto require = [&usable](double v) {
-    usable &= std::fabs(v) <= double{kSampleMagnitudeMax};
-  };
+  const auto require = [&usable](auto v) { usable &= std::fabs(v) <= kSampleMagnitudeMax; };
   const double weight = s.filter_weight;
-  require(weight);
+  require(s.filter_weight);
   for (size_t i = 0; i < 3; ++i) {
     require(s.radiance[i]);
     require(s.radiance[i] * weight);
@@ -54,7 +52,13 @@ bool IsUsable(const FilmSample& s) {
 PixelNode MakeLeaf(const FilmSample& s) {
   PixelNode leaf;
   const double weight = s.filter_weight;
-  for (size_t i = 0; i < 3; ++i) leaf.wide[i] = DoubleFloat::Make(s.radiance[i] * weight).Value();
+  // A product of two floats has 48 bits: it is a DoubleFloat's value as it is, were it not for
+  // tails below the least float. So what is negligibly small counts as 0 (and -0 as 0).
+  constexpr double kMagnitudeMin = 0x1p-100;
+  for (size_t i = 0; i < 3; ++i) {
+    const double product = s.radiance[i] * weight;
+    leaf.wide[i] = std::fabs(product) < kMagnitudeMin ? 0.0 : product;
+  }
   leaf.wide[3] = weight + 0.0;  // No -0: the bits of a sum of nothing are those of 0.
   const float w = s.filter_weight;
   leaf.narrow = {s.alpha * w,
@@ -76,15 +80,18 @@ PixelNode MakeNonFiniteLeaf() {
   return leaf;
 }
 
-// left becomes left + right.
-void MergeInto(const PixelNode& right, PixelNode* left) {
+PixelNode Merge(const PixelNode& left, const PixelNode& right) {
+  PixelNode sum;
   for (size_t i = 0; i < kWideCount; ++i) {
-    left->wide[i] = DoubleFloat::Make(left->wide[i] + right.wide[i]).Value();
+    sum.wide[i] = DoubleFloat::Round(left.wide[i] + right.wide[i]);
   }
-  for (size_t i = 0; i < kNarrowCount; ++i) left->narrow[i] += right.narrow[i];
+  for (size_t i = 0; i < kNarrowCount; ++i) sum.narrow[i] = left.narrow[i] + right.narrow[i];
+  return sum;
 }
-void MergeInto(const ReplicateNode& right, ReplicateNode* left) {
-  for (size_t i = 0; i < right.size(); ++i) (*left)[i] += right[i];
+ReplicateNode Merge(const ReplicateNode& left, const ReplicateNode& right) {
+  ReplicateNode sum;
+  for (size_t i = 0; i < sum.size(); ++i) sum[i] = left[i] + right[i];
+  return sum;
 }
 
 // A binary counter of tree nodes: pushing leaf number n merges as many pairs as n has trailing
@@ -93,12 +100,9 @@ template <typename Node>
 class NodeStack {
  public:
   void Clear() { leaf_count_ = 0, depth_ = 0; }
-  void Push(const Node& leaf) {
-    nodes_[depth_++] = leaf;
-    for (uint64_t n = leaf_count_++; n & 1; n >>= 1) {
-      MergeInto(nodes_[depth_ - 1], &nodes_[depth_ - 2]);
-      --depth_;
-    }
+  void Push(Node node) {
+    for (uint64_t n = leaf_count_++; n & 1; n >>= 1) node = Merge(nodes_[--depth_], node);
+    nodes_[depth_++] = node;
   }
   uint64_t leaf_count() const { return leaf_count_; }
   // Requires: leaf_count() is a power of two.
@@ -108,8 +112,8 @@ class NodeStack {
   }
 
  private:
-  // A block has at most 2^62 leaves, so 63 nodes and the leaf on its way in.
-  std::array<Node, 64> nodes_;
+  // A block has at most 2^62 leaves.
+  std::array<Node, 63> nodes_;
   uint64_t leaf_count_ = 0;
   size_t depth_ = 0;
 };

@@ -12,12 +12,15 @@ namespace sheaf {
 struct DoubleFloat {
   float hi = 0, lo = 0;
 
-  // Rounds to the nearest such number. Requires: value is finite and rounds to a finite float.
-  static DoubleFloat Make(double value) {
+  // The nearest such number, as a double. Requires: value is finite and rounds to a finite float.
+  static double Round(double value) {
     const float head = static_cast<float>(value);
-    const double rounded =
-        static_cast<double>(head) + static_cast<double>(static_cast<float>(value - head));
-    // Rounding the tail may have landed on a tie, where the nearest float is the even one.
+    return static_cast<double>(head) + static_cast<double>(static_cast<float>(value - head));
+  }
+  // Rounds, then splits. Rounding the tail may have landed on a tie, where the nearest float is the
+  // even one: so the head is taken from the rounded value.
+  static DoubleFloat Make(double value) {
+    const double rounded = Round(value);
     const float hi = static_cast<float>(rounded);
     return {hi, static_cast<float>(rounded - hi)};
   }
