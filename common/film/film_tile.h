@@ -116,8 +116,9 @@ FilmTile MergeSiblings(const FilmTile& left, const FilmTile& right);
 
 // The node over `block` whose right half is only partly there: left plus right as they are, each
 // replicate that only one of them holds taken over unchanged. MergeSiblings is the complete case.
-// Requires: same rect, both blocks inside `block`, no sample in both, left starts before right. (A sum
-// with gaps, as PreviewSum makes, has the block it lies in, which may reach over the right one.)
+// Requires: same rect, both blocks inside `block`, no sample in both, left starts before right. (A
+// sum with gaps, as PreviewSum makes, has the block it lies in, which may reach over the right
+// one.)
 FilmTile AddTiles(const FilmTile& left, const FilmTile& right, SampleBlock block);
 
 // Adds the samples of one pixel of a tile in index order, building the canonical tree with a stack
