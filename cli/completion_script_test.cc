@@ -1,2 +1,57 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
+#include "cli/completion_script.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cstdio>
+#include <cstdlib>
+#include <fstream>
+
+namespace sheaf::cli {
+namespace {
+
+using testing::HasSubstr;
+
+std::vector<CompletionCommand> Commands() {
+  return {{"submit",
+           "Render on a farm",
+           {{"--samples", "Samples per pixel", true}, {"--wait", "It's [fast]: wait", false}}},
+          {"list", "List jobs", {}}};
+}
+
+std::string OutputOf(const std::string& command) {
+  std::string output;
+  FILE* pipe = ::popen(command.c_str(), "r");
+  if (pipe == nullptr) return output;
+  char buffer[256];
+  while (std::fgets(buffer, sizeof buffer, pipe) != nullptr) output += buffer;
+  ::pclose(pipe);
+  return output;
+}
+
+TEST(CompletionScriptTest, BashCompletesCommandsAndTheirOptions) {
+  const std::string path = testing::TempDir() + "/sheaf_completion.bash";
+  std::ofstream(path) << CompletionScript(Shell::kBash, Commands());
+  const auto complete = [&](const std::string& words, int index) {
+    return OutputOf("bash -c 'source " + path + "; COMP_WORDS=(" + words +
+                    "); COMP_CWORD=" + std::to_string(index) + "; _sheaf; echo ${COMPREPLY[@]}'");
+  };
+  EXPECT_EQ(complete("sheaf s", 1), "submit\n");
+  EXPECT_EQ(complete("sheaf \"\"", 1), "submit list\n");
+  EXPECT_EQ(complete("sheaf submit --sa", 2), "--samples\n");
+  EXPECT_EQ(complete("sheaf submit roo", 2), "\n");  // Files are the shell's own business.
+}
+
+TEST(CompletionScriptTest, HelpTextCannotEndAQuote) {
+  for (const Shell shell : {Shell::kZsh, Shell::kFish}) {
+    const std::string script = CompletionScript(shell, Commands());
+    EXPECT_THAT(script, HasSubstr("Its (fast), wait"));
+    EXPECT_THAT(script, HasSubstr("samples"));
+    EXPECT_THAT(script, HasSubstr("list"));
+  }
+}
+
+}  // namespace
+}  // namespace sheaf::cli

@@ -1,2 +1,82 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
+#include "cli/progress_line.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+namespace sheaf::cli {
+namespace {
+
+using testing::HasSubstr;
+using testing::Not;
+
+v1::Job HalfDone() {
+  v1::Job job;
+  job.mutable_progress()->set_sample_count_done(500);
+  job.mutable_progress()->set_sample_count_total(1000);
+  job.mutable_progress()->mutable_wall_duration()->set_seconds(2);
+  return job;
+}
+
+TEST(ProgressLineTest, WritesDurationsAndCountsForPeople) {
+  EXPECT_EQ(FormatDuration(7.4), "0:07");
+  EXPECT_EQ(FormatDuration(245), "4:05");
+  EXPECT_EQ(FormatDuration(3723), "1:02:03");
+  EXPECT_EQ(FormatDuration(-1), "0:00");
+  EXPECT_EQ(FormatCount(999), "999");
+  EXPECT_EQ(FormatCount(1000), "1 k");
+  EXPECT_EQ(FormatCount(1'234'567), "1.23 M");
+}
+
+TEST(ProgressLineTest, SaysOnlyWhatCanBeTold) {
+  v1::Job job = HalfDone();
+  EXPECT_EQ(FormatProgress(job), "50.0 %, 250 samples/s");
+  job.mutable_progress()->set_relative_mse(0.0123);
+  job.mutable_progress()->mutable_remaining_duration()->set_seconds(42);
+  job.set_waiting_reason("no worker");
+  job.mutable_progress()->set_nonfinite_count(3);
+  EXPECT_EQ(FormatProgress(job),
+            "50.0 %, error (relMSE) 1.2e-02, 250 samples/s, 0:42 left; waiting: no worker; "
+            "3 samples are not finite");
+}
+
+TEST(ProgressLineTest, AJobWithoutSamplesIsNotDone) { EXPECT_EQ(ShareDone(v1::Progress()), 0); }
+
+class ProgressOutputTest : public testing::Test {
+ protected:
+  ProgressLine::Clock::time_point now_{};
+  std::string output_;
+};
+
+TEST_F(ProgressOutputTest, APipeGetsALineEveryFewSeconds) {
+  ProgressLine line(
+      0, [this] { return now_; }, [this](const std::string& s) { output_ += s; });
+  line.Show("jobs/1", 0.1, "10 %");
+  line.Show("jobs/1", 0.2, "20 %");
+  now_ += ProgressLine::kPlainInterval;
+  line.Show("jobs/1", 0.3, "30 %");
+  line.Finish();
+  EXPECT_EQ(output_, "jobs/1: 10 %\njobs/1: 30 %\n");
+}
+
+TEST_F(ProgressOutputTest, ATerminalGetsABarOnOneLine) {
+  {
+    ProgressLine line(
+        80, [this] { return now_; }, [this](const std::string& s) { output_ += s; });
+    line.Show("jobs/1", 0.5, "50 %");
+    EXPECT_THAT(output_, HasSubstr("[###############...............] 50 %"));
+    EXPECT_THAT(output_, Not(HasSubstr("\n")));
+  }
+  EXPECT_TRUE(output_.ends_with("\n"));
+}
+
+TEST_F(ProgressOutputTest, NeverWritesMoreThanTheTerminalIsWide) {
+  ProgressLine line(
+      20, [this] { return now_; }, [this](const std::string& s) { output_ += s; });
+  line.Show("jobs/1", 0.5, std::string(500, 'x'));
+  EXPECT_LE(output_.size(), 20 + std::string("\r\x1b[K").size());
+}
+
+}  // namespace
+}  // namespace sheaf::cli
