@@ -111,8 +111,12 @@ ColorSpec GetColor(ParameterList& parameters, const std::string& name, ColorRole
   ColorSpec color;
   std::string error;
   switch (parameter->type) {
-    case ParameterType::kRgb: error = SetRgb(*parameter, role, &color); break;
-    case ParameterType::kBlackbody: error = SetBlackbody(*parameter, &color); break;
+    case ParameterType::kRgb:
+      error = SetRgb(*parameter, role, &color);
+      break;
+    case ParameterType::kBlackbody:
+      error = SetBlackbody(*parameter, &color);
+      break;
     case ParameterType::kSpectrum:
       if (parameter->strings.size() == 1 && parameter->floats.empty()) {
         error = SetNamed(parameter->strings[0], files, &color);

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Colours of pbrt files: rgb triples, blackbody temperatures, named spectra, inline samples and .spd
-// files, each with the linear sRGB value filled in.
+// Colours of pbrt files: rgb triples, blackbody temperatures, named spectra, inline samples and
+// .spd files, each with the linear sRGB value filled in.
 #pragma once
 
 #include <string>

@@ -10,7 +10,8 @@
 namespace sheaf {
 namespace {
 
-std::string WithPlace(const SceneDescription& scene, SourceLocation location, std::string_view text) {
+std::string WithPlace(const SceneDescription& scene, SourceLocation location,
+                      std::string_view text) {
   return absl::StrCat(FormatLocation(scene, location), ": ", std::string(text));
 }
 

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Diagnostics: what a reader has to say about a scene, each with its place, collected so that one run
-// shows every mistake. Also the names that errors guess when a name is unknown.
+// Diagnostics: what a reader has to say about a scene, each with its place, collected so that one
+// run shows every mistake. Also the names that errors guess when a name is unknown.
 #pragma once
 
 #include <cstdint>

@@ -44,7 +44,8 @@ std::string CanonicalFileName(const std::string& reference) {
 }
 
 absl::StatusOr<std::string> DirectoryFileSource::LocalPath(const std::string& canonical_name) {
-  if (canonical_name.empty()) return NotFound(canonical_name, "cannot be opened: its name is empty");
+  if (canonical_name.empty())
+    return NotFound(canonical_name, "cannot be opened: its name is empty");
   std::string path = JoinPath(directory_, canonical_name);
   struct stat info {};
   if (::stat(path.c_str(), &info) != 0) {

@@ -21,7 +21,7 @@ struct GraphicsState {
   Matrix4 start, end;
   bool start_is_active = true, end_is_active = true;
   bool reverse_orientation = false;
-  int32_t material = kNone;       // kNone: the default material.
+  int32_t material = kNone;  // kNone: the default material.
   int32_t area_light = kNone;
   // What Attribute gave to later directives, by target ("shape", "light" ...).
   std::map<std::string, std::vector<Parameter>> attributes;

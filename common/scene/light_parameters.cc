@@ -25,7 +25,8 @@ LightScale GetScale(ParameterList& parameters, bool has_power) {
 
 void CheckDirection(ParameterList& parameters, Vec3d from, Vec3d to) {
   if (LengthSquared(to - from) > 0) return;
-  parameters.Error(absl::StrCat(parameters.owner(), ": \"from\" and \"to\" are the same point, "
+  parameters.Error(absl::StrCat(parameters.owner(),
+                                ": \"from\" and \"to\" are the same point, "
                                 "which gives no direction"));
 }
 
@@ -34,7 +35,8 @@ InfiniteLight GetInfinite(ParameterList& parameters, FileSource& files) {
   light.radiance = GetColor(parameters, "L", ColorRole::kIlluminant, White(), files);
   light.illuminance_lx = parameters.GetFloat("illuminance", -1);
   const std::string filename = parameters.GetString("filename", "");
-  parameters.RejectUnsupported("portal", "Sheaf has no portals; remove it, the picture is the same");
+  parameters.RejectUnsupported("portal",
+                               "Sheaf has no portals; remove it, the picture is the same");
   if (filename.empty()) return light;
   light.file = CanonicalFileName(filename);
   const Parameter& parameter = *parameters.Find("filename");
@@ -103,7 +105,8 @@ std::optional<LightDescription> GetLight(const std::string& type, const Matrix4&
     has_power = true;
     light.light = GetSpot(parameters, files);
   } else {
-    parameters.Error(absl::StrCat(parameters.owner(), " is not supported; Sheaf does infinite, "
+    parameters.Error(absl::StrCat(parameters.owner(),
+                                  " is not supported; Sheaf does infinite, "
                                   "distant, point and spot"));
     return std::nullopt;
   }

@@ -106,7 +106,8 @@ absl::Status Connect(ControlMesh* mesh) {
   mesh->edge_count = 0;
   for (size_t i = 0; i < edges.size();) {
     size_t end = i + 1;
-    while (end < edges.size() && edges[end].low == edges[i].low && edges[end].high == edges[i].high) {
+    while (end < edges.size() && edges[end].low == edges[i].low &&
+           edges[end].high == edges[i].high) {
       ++end;
     }
     if (edges[i].low == edges[i].high) return EdgeError(edges[i], "joins a vertex with itself");
@@ -144,7 +145,9 @@ absl::Status CheckFans(const ControlMesh& mesh) {
   return absl::OkStatus();
 }
 
-double Beta(size_t valence) { return valence == 3 ? 3.0 / 16 : 3.0 / (8 * static_cast<double>(valence)); }
+double Beta(size_t valence) {
+  return valence == 3 ? 3.0 / 16 : 3.0 / (8 * static_cast<double>(valence));
+}
 
 Vec3d WeightRing(const ControlMesh& mesh, uint32_t vertex, const Ring& ring, double weight) {
   Vec3d sum = mesh.positions[vertex] * (1 - static_cast<double>(ring.vertices.size()) * weight);
@@ -279,8 +282,8 @@ absl::StatusOr<TriangleMesh> SubdivideLoop(const std::vector<Vec3f>& positions,
     triangle_count *= 4;
   }
   if (triangle_count > count_max) {
-    return absl::ResourceExhaustedError(absl::StrCat(levels, " levels make more than ", count_max,
-                                                     " triangles (triangles_max)"));
+    return absl::ResourceExhaustedError(
+        absl::StrCat(levels, " levels make more than ", count_max, " triangles (triangles_max)"));
   }
   ControlMesh mesh;
   mesh.positions.reserve(positions.size());

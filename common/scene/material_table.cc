@@ -54,7 +54,8 @@ void MaterialTable::AddNamed(const std::string& name, ParameterList parameters) 
   scene_->materials[index].location = parameters.location();
   const std::string type = parameters.GetString("type", "");
   if (type.empty()) {
-    parameters.Error(absl::StrCat(parameters.owner(), " needs \"string type\", such as \"diffuse\""));
+    parameters.Error(
+        absl::StrCat(parameters.owner(), " needs \"string type\", such as \"diffuse\""));
     return;
   }
   // Making it may refer to further materials, which moves the vector.
@@ -110,8 +111,9 @@ MaterialTable::Variant MaterialTable::Make(const std::string& type, ParameterLis
     material = MakeMix(parameters);
   } else if (type == "interface" || type.empty() || type == "none") {
     if (type != "interface") {
-      diagnostics_->Warning(parameters.location(), absl::StrCat("material \"", type, "\" is an old "
-                            "spelling; write \"interface\""));
+      diagnostics_->Warning(parameters.location(), absl::StrCat("material \"", type,
+                                                                "\" is an old "
+                                                                "spelling; write \"interface\""));
     }
     material = InterfaceMaterial{};
   } else {
@@ -135,23 +137,23 @@ void MaterialTable::RejectBumps(ParameterList& parameters) {
 
 DiffuseMaterial MaterialTable::MakeDiffuse(ParameterList& parameters) {
   DiffuseMaterial diffuse;
-  diffuse.reflectance =
-      textures_->GetColorInput(parameters, "reflectance", ColorRole::kReflectance,
-                               RgbColor(Rgb::Grey(kDefaultReflectance)));
+  diffuse.reflectance = textures_->GetColorInput(parameters, "reflectance", ColorRole::kReflectance,
+                                                 RgbColor(Rgb::Grey(kDefaultReflectance)));
   return diffuse;
 }
 
 RoughnessInput MaterialTable::GetRoughness(ParameterList& parameters) {
   RoughnessInput roughness;
   const FloatInput both = textures_->GetFloatInput(parameters, "roughness", 0);
-  roughness.u = parameters.Has("uroughness")
-                    ? textures_->GetFloatInput(parameters, "uroughness", 0) : both;
-  roughness.v = parameters.Has("vroughness")
-                    ? textures_->GetFloatInput(parameters, "vroughness", 0) : both;
+  roughness.u =
+      parameters.Has("uroughness") ? textures_->GetFloatInput(parameters, "uroughness", 0) : both;
+  roughness.v =
+      parameters.Has("vroughness") ? textures_->GetFloatInput(parameters, "vroughness", 0) : both;
   roughness.remap_roughness = parameters.GetBool("remaproughness", true);
   for (const FloatInput& input : {both, roughness.u, roughness.v}) {
     if (input.texture == kNone && input.value < 0) {
-      parameters.Error(absl::StrCat(parameters.owner(), ": roughness ", input.value, " is negative"));
+      parameters.Error(
+          absl::StrCat(parameters.owner(), ": roughness ", input.value, " is negative"));
     }
   }
   return roughness;
@@ -163,7 +165,8 @@ ConductorMaterial MaterialTable::MakeConductor(ParameterList& parameters) {
   conductor.has_reflectance = parameters.Has("reflectance");
   if (conductor.has_reflectance) {
     if (parameters.Has("eta") || parameters.Has("k")) {
-      parameters.Error(absl::StrCat(parameters.owner(), ": reflectance excludes eta and k; give one "
+      parameters.Error(absl::StrCat(parameters.owner(),
+                                    ": reflectance excludes eta and k; give one "
                                     "or the other"));
     }
     conductor.reflectance = textures_->GetColorInput(
@@ -172,8 +175,8 @@ ConductorMaterial MaterialTable::MakeConductor(ParameterList& parameters) {
   }
   conductor.eta = textures_->GetColorInput(parameters, "eta", ColorRole::kUnbounded,
                                            NamedColor("metal-Cu-eta"));
-  conductor.k = textures_->GetColorInput(parameters, "k", ColorRole::kUnbounded,
-                                         NamedColor("metal-Cu-k"));
+  conductor.k =
+      textures_->GetColorInput(parameters, "k", ColorRole::kUnbounded, NamedColor("metal-Cu-k"));
   return conductor;
 }
 
@@ -211,7 +214,8 @@ ThinDielectricMaterial MaterialTable::MakeThinDielectric(ParameterList& paramete
   return ThinDielectricMaterial{GetIndex(parameters)};
 }
 
-float MaterialTable::GetConstant(ParameterList& parameters, const std::string& name, float fallback) {
+float MaterialTable::GetConstant(ParameterList& parameters, const std::string& name,
+                                 float fallback) {
   const Parameter* parameter = parameters.Find(name);
   if (parameter != nullptr && parameter->type == ParameterType::kTexture) {
     parameters.ErrorAt(*parameter, "is not supported as a texture; give a number");
@@ -223,9 +227,8 @@ float MaterialTable::GetConstant(ParameterList& parameters, const std::string& n
 CoatedDiffuseMaterial MaterialTable::MakeCoatedDiffuse(ParameterList& parameters) {
   CoatedDiffuseMaterial coated;
   coated.roughness = GetRoughness(parameters);
-  coated.reflectance =
-      textures_->GetColorInput(parameters, "reflectance", ColorRole::kReflectance,
-                               RgbColor(Rgb::Grey(kDefaultReflectance)));
+  coated.reflectance = textures_->GetColorInput(parameters, "reflectance", ColorRole::kReflectance,
+                                                RgbColor(Rgb::Grey(kDefaultReflectance)));
   coated.eta = GetIndex(parameters);
   coated.thickness = GetConstant(parameters, "thickness", 0.01f);
   coated.g = GetConstant(parameters, "g", 0);
@@ -238,7 +241,8 @@ CoatedDiffuseMaterial MaterialTable::MakeCoatedDiffuse(ParameterList& parameters
                        "is not supported unless 0: the coat has no scattering medium yet");
   }
   if (coated.max_depth < 1) parameters.Error(parameters.owner() + ": maxdepth must be at least 1");
-  if (coated.sample_count < 1) parameters.Error(parameters.owner() + ": nsamples must be at least 1");
+  if (coated.sample_count < 1)
+    parameters.Error(parameters.owner() + ": nsamples must be at least 1");
   if (!(coated.thickness >= 0)) parameters.Error(parameters.owner() + ": thickness is negative");
   return coated;
 }
@@ -248,8 +252,10 @@ MixMaterial MaterialTable::MakeMix(ParameterList& parameters) {
   mix.amount = textures_->GetFloatInput(parameters, "amount", 0.5f);
   const std::vector<std::string> names = parameters.GetStrings("materials");
   if (names.size() != 2) {
-    parameters.Error(absl::StrCat(parameters.owner(), " needs \"string materials\" with the names of "
-                                  "2 named materials, but has ", names.size()));
+    parameters.Error(absl::StrCat(parameters.owner(),
+                                  " needs \"string materials\" with the names of "
+                                  "2 named materials, but has ",
+                                  names.size()));
     return mix;
   }
   for (size_t i = 0; i < 2; ++i) mix.material[i] = Refer(names[i], parameters.location());
@@ -283,8 +289,10 @@ void MaterialTable::Finish() {
       for (const auto& [other, other_slot] : slots_) {
         if (other_slot.is_made) names.push_back(other);
       }
-      diagnostics_->Error(material.location, absl::StrCat("material \"", name, "\" is used here but "
-                                                          "made nowhere", NearestNameHint(name, names)));
+      diagnostics_->Error(material.location, absl::StrCat("material \"", name,
+                                                          "\" is used here but "
+                                                          "made nowhere",
+                                                          NearestNameHint(name, names)));
     } else if (ReachesItself(slot.index)) {
       diagnostics_->Error(material.location,
                           absl::StrCat("the mix material \"", name, "\" contains itself"));

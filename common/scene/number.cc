@@ -19,8 +19,8 @@ bool ParseFloating(std::string_view text, T* value) {
   const auto [rest, error] = std::from_chars(text.data(), text.data() + text.size(), ignored);
   if (error != std::errc::result_out_of_range || rest != text.data() + text.size()) return false;
   const size_t exponent = text.find_first_of("eE");
-  const bool is_tiny = exponent != std::string_view::npos && exponent + 1 < text.size() &&
-                       text[exponent + 1] == '-';
+  const bool is_tiny =
+      exponent != std::string_view::npos && exponent + 1 < text.size() && text[exponent + 1] == '-';
   if (!is_tiny) return false;
   *value = text.front() == '-' ? T(-0.0) : T(0);
   return true;

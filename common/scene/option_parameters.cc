@@ -21,7 +21,8 @@ void GetShutter(ParameterList& parameters, CameraDescription* camera) {
   camera->shutter_close = parameters.GetFloat("shutterclose", 1);
   if (camera->shutter_close < camera->shutter_open) {
     parameters.diagnostics().Warning(parameters.location(),
-                                     absl::StrCat(parameters.owner(), ": shutterclose is before "
+                                     absl::StrCat(parameters.owner(),
+                                                  ": shutterclose is before "
                                                   "shutteropen; they are exchanged"));
     std::swap(camera->shutter_open, camera->shutter_close);
   }
@@ -62,8 +63,9 @@ void GetCrop(ParameterList& parameters, FilmDescription* film) {
   }
   if (crop == nullptr) return;
   if (bounds != nullptr) {
-    parameters.diagnostics().Warning(crop->location, absl::StrCat(parameters.owner(),
-                                     ": pixelbounds is given too and wins over cropwindow"));
+    parameters.diagnostics().Warning(
+        crop->location,
+        absl::StrCat(parameters.owner(), ": pixelbounds is given too and wins over cropwindow"));
   }
   std::vector<float> c = crop->floats;
   if (c.size() == 4) {
@@ -93,7 +95,8 @@ void SetCamera(const std::string& type, ParameterList& parameters, CameraDescrip
   } else if (type == "orthographic") {
     camera->kind = CameraDescription::Kind::kOrthographic;
   } else {
-    parameters.Error(absl::StrCat(parameters.owner(), " is not supported; Sheaf does perspective and "
+    parameters.Error(absl::StrCat(parameters.owner(),
+                                  " is not supported; Sheaf does perspective and "
                                   "orthographic"));
     return;
   }
@@ -113,7 +116,8 @@ void SetCamera(const std::string& type, ParameterList& parameters, CameraDescrip
 void SetFilm(const std::string& type, ParameterList& parameters, FilmDescription* film,
              PendingFrame* frame) {
   if (type != "rgb") {
-    parameters.Error(absl::StrCat(parameters.owner(), " is not supported; Sheaf does rgb, and writes "
+    parameters.Error(absl::StrCat(parameters.owner(),
+                                  " is not supported; Sheaf does rgb, and writes "
                                   "albedo, normal and depth with every picture"));
     return;
   }
@@ -159,14 +163,16 @@ void SetFilter(const std::string& type, ParameterList& parameters, FilterDescrip
     filter->kind = FilterDescription::Kind::kGaussian;
     radius = 1.5f;
     filter->sigma = parameters.GetFloat("sigma", 0.5f);
-    if (!(filter->sigma > 0)) parameters.ErrorAt(*parameters.Find("sigma"), "must be greater than 0");
+    if (!(filter->sigma > 0))
+      parameters.ErrorAt(*parameters.Find("sigma"), "must be greater than 0");
   } else if (type == "mitchell") {
     filter->kind = FilterDescription::Kind::kMitchell;
     radius = 2;
     filter->b = parameters.GetFloat("B", 1.f / 3);
     filter->c = parameters.GetFloat("C", 1.f / 3);
   } else {
-    parameters.Error(absl::StrCat(parameters.owner(), " is not supported; Sheaf does box, triangle, "
+    parameters.Error(absl::StrCat(parameters.owner(),
+                                  " is not supported; Sheaf does box, triangle, "
                                   "gaussian and mitchell"));
     return;
   }
@@ -182,33 +188,37 @@ void SetFilter(const std::string& type, ParameterList& parameters, FilterDescrip
 void SetSampler(const std::string& type, ParameterList& parameters, SamplingDescription* sampling) {
   sampling->sampler = type;
   if (type == "stratified") {
-    const int64_t samples = int64_t{parameters.GetInteger("xsamples", 4)} *
-                            parameters.GetInteger("ysamples", 4);
+    const int64_t samples =
+        int64_t{parameters.GetInteger("xsamples", 4)} * parameters.GetInteger("ysamples", 4);
     parameters.GetBool("jitter", true);
     if (samples < 1 || samples > (int64_t{1} << 30)) {
-      parameters.Error(absl::StrCat(parameters.owner(), ": ", samples, " samples per pixel are not "
+      parameters.Error(absl::StrCat(parameters.owner(), ": ", samples,
+                                    " samples per pixel are not "
                                     "between 1 and 2^30"));
       return;
     }
     sampling->samples_per_pixel = static_cast<int32_t>(samples);
-  } else if (IsOneOf(type, {"zsobol", "sobol", "paddedsobol", "halton", "independent", "pmj02bn"})) {
+  } else if (IsOneOf(type,
+                     {"zsobol", "sobol", "paddedsobol", "halton", "independent", "pmj02bn"})) {
     sampling->samples_per_pixel = parameters.GetInteger("pixelsamples", 16);
     parameters.GetString("randomization", "");
     if (sampling->samples_per_pixel < 1) {
       parameters.ErrorAt(*parameters.Find("pixelsamples"), "must be at least 1");
     }
   } else {
-    parameters.Error(absl::StrCat(parameters.owner(), " is unknown; pbrt-v4 has zsobol, sobol, "
+    parameters.Error(absl::StrCat(parameters.owner(),
+                                  " is unknown; pbrt-v4 has zsobol, sobol, "
                                   "paddedsobol, halton, independent, stratified and pmj02bn"));
     return;
   }
   if (parameters.Has("seed")) {
     sampling->seed = static_cast<uint64_t>(int64_t{parameters.GetInteger("seed", 0)});
   }
-  parameters.diagnostics().Note(parameters.location(),
-                                absl::StrCat(parameters.owner(), ": Sheaf always uses Owen-scrambled "
-                                             "Sobol' points; only the number of samples and the seed "
-                                             "are taken from the file"));
+  parameters.diagnostics().Note(
+      parameters.location(), absl::StrCat(parameters.owner(),
+                                          ": Sheaf always uses Owen-scrambled "
+                                          "Sobol' points; only the number of samples and the seed "
+                                          "are taken from the file"));
   parameters.ReportUnused();
 }
 
@@ -219,7 +229,8 @@ bool IntegratorIgnoresMedia(const std::string& integrator) {
 void SetIntegrator(const std::string& type, ParameterList& parameters,
                    SamplingDescription* sampling) {
   if (!IsOneOf(type, {"path", "volpath", "simplepath", "simplevolpath", "lightpath"})) {
-    parameters.Error(absl::StrCat(parameters.owner(), " is not supported; Sheaf does path tracing: "
+    parameters.Error(absl::StrCat(parameters.owner(),
+                                  " is not supported; Sheaf does path tracing: "
                                   "use volpath or path"));
     return;
   }
@@ -237,7 +248,8 @@ void SetIntegrator(const std::string& type, ParameterList& parameters,
   }
   if (type == "lightpath" || type.rfind("simple", 0) == 0) {
     parameters.diagnostics().Note(parameters.location(),
-                                  absl::StrCat(parameters.owner(), ": the picture is made by path "
+                                  absl::StrCat(parameters.owner(),
+                                               ": the picture is made by path "
                                                "tracing with next-event estimation, which has the "
                                                "same mean"));
   }

@@ -16,14 +16,14 @@ struct TypeName {
 };
 // The first spelling of each type is the one errors use.
 constexpr TypeName kTypeNames[] = {
-    {"integer", ParameterType::kInteger},     {"float", ParameterType::kFloat},
-    {"point2", ParameterType::kPoint2},       {"vector2", ParameterType::kVector2},
-    {"point3", ParameterType::kPoint3},       {"vector3", ParameterType::kVector3},
-    {"normal", ParameterType::kNormal},       {"spectrum", ParameterType::kSpectrum},
-    {"rgb", ParameterType::kRgb},             {"blackbody", ParameterType::kBlackbody},
-    {"bool", ParameterType::kBool},           {"string", ParameterType::kString},
-    {"texture", ParameterType::kTexture},     {"point", ParameterType::kPoint3},
-    {"vector", ParameterType::kVector3},      {"normal3", ParameterType::kNormal},
+    {"integer", ParameterType::kInteger}, {"float", ParameterType::kFloat},
+    {"point2", ParameterType::kPoint2},   {"vector2", ParameterType::kVector2},
+    {"point3", ParameterType::kPoint3},   {"vector3", ParameterType::kVector3},
+    {"normal", ParameterType::kNormal},   {"spectrum", ParameterType::kSpectrum},
+    {"rgb", ParameterType::kRgb},         {"blackbody", ParameterType::kBlackbody},
+    {"bool", ParameterType::kBool},       {"string", ParameterType::kString},
+    {"texture", ParameterType::kTexture}, {"point", ParameterType::kPoint3},
+    {"vector", ParameterType::kVector3},  {"normal3", ParameterType::kNormal},
 };
 
 std::vector<Vec3f> ToTriples(const std::vector<float>& floats) {
@@ -55,12 +55,15 @@ bool ParameterTypeFromName(std::string_view name, ParameterType* type) {
 size_t ComponentCount(ParameterType type) {
   switch (type) {
     case ParameterType::kPoint2:
-    case ParameterType::kVector2: return 2;
+    case ParameterType::kVector2:
+      return 2;
     case ParameterType::kPoint3:
     case ParameterType::kVector3:
     case ParameterType::kNormal:
-    case ParameterType::kRgb: return 3;
-    default: return 1;
+    case ParameterType::kRgb:
+      return 3;
+    default:
+      return 1;
   }
 }
 
@@ -92,8 +95,8 @@ Parameter* ParameterList::FindTyped(const std::string& name, ParameterType type)
   Parameter* parameter = Find(name);
   if (parameter == nullptr) return nullptr;
   if (parameter->type != type) {
-    ErrorAt(*parameter, absl::StrCat("must be of type ", std::string(ParameterTypeName(type)), ", not ",
-                                     std::string(ParameterTypeName(parameter->type))));
+    ErrorAt(*parameter, absl::StrCat("must be of type ", std::string(ParameterTypeName(type)),
+                                     ", not ", std::string(ParameterTypeName(parameter->type))));
     return nullptr;
   }
   return parameter;
@@ -103,9 +106,8 @@ Parameter* ParameterList::FindCounted(const std::string& name, ParameterType typ
   Parameter* parameter = FindTyped(name, type);
   if (parameter == nullptr) return nullptr;
   if (parameter->ValueCount() != count) {
-    ErrorAt(*parameter,
-            absl::StrCat("needs ", count, count == 1 ? " value" : " values", " but has ",
-                         parameter->ValueCount()));
+    ErrorAt(*parameter, absl::StrCat("needs ", count, count == 1 ? " value" : " values",
+                                     " but has ", parameter->ValueCount()));
     return nullptr;
   }
   return parameter;
@@ -180,9 +182,8 @@ void ParameterList::RejectUnsupported(const std::string& name, std::string_view 
 
 void ParameterList::NoteWithoutEffect(const std::string& name, std::string_view why) {
   if (const Parameter* parameter = Find(name)) {
-    diagnostics_->Note(parameter->location,
-                       absl::StrCat(owner_, ": parameter \"", name, "\" has no effect: ",
-                                    std::string(why)));
+    diagnostics_->Note(parameter->location, absl::StrCat(owner_, ": parameter \"", name,
+                                                         "\" has no effect: ", std::string(why)));
   }
 }
 

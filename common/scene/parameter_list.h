@@ -2,8 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // ParameterList: the typed parameters after a directive ("float radius" 2), asked for by name. What
-// was asked for is remembered, so that a parameter nobody asked for becomes an error that knows which
-// names would have been right.
+// was asked for is remembered, so that a parameter nobody asked for becomes an error that knows
+// which names would have been right.
 #pragma once
 
 #include <array>
@@ -18,8 +18,19 @@
 namespace sheaf {
 
 enum class ParameterType {
-  kInteger, kFloat, kPoint2, kVector2, kPoint3, kVector3, kNormal, kSpectrum, kRgb, kBlackbody,
-  kBool, kString, kTexture,
+  kInteger,
+  kFloat,
+  kPoint2,
+  kVector2,
+  kPoint3,
+  kVector3,
+  kNormal,
+  kSpectrum,
+  kRgb,
+  kBlackbody,
+  kBool,
+  kString,
+  kTexture,
 };
 // "float", "point3" ...; the spelling errors use.
 std::string_view ParameterTypeName(ParameterType type);
@@ -48,7 +59,8 @@ struct Parameter {
 class ParameterList {
  public:
   // own come with the directive at `location` called `owner` ('shape "sphere"'); defaults come from
-  // Attribute directives, count where own say nothing, and may stay unused. The latest default wins.
+  // Attribute directives, count where own say nothing, and may stay unused. The latest default
+  // wins.
   ParameterList(std::string owner, SourceLocation location, std::vector<Parameter> own,
                 std::vector<Parameter> defaults, Diagnostics* diagnostics);
 
@@ -57,8 +69,8 @@ class ParameterList {
   const std::string& owner() const { return owner_; }
   void set_owner(std::string owner) { owner_ = std::move(owner); }
 
-  // One value, or fallback where the parameter is absent. A wrong type or count is reported, and the
-  // fallback returned.
+  // One value, or fallback where the parameter is absent. A wrong type or count is reported, and
+  // the fallback returned.
   float GetFloat(const std::string& name, float fallback);
   int32_t GetInteger(const std::string& name, int32_t fallback);
   bool GetBool(const std::string& name, bool fallback);

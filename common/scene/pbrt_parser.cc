@@ -15,13 +15,46 @@ namespace sheaf {
 namespace {
 
 constexpr const char* kDirectives[] = {
-    "Accelerator", "ActiveTransform", "AreaLightSource", "Attribute", "AttributeBegin",
-    "AttributeEnd", "Camera", "ColorSpace", "ConcatTransform", "CoordSysTransform",
-    "CoordinateSystem", "Film", "Identity", "Import", "Include", "Integrator", "LightSource",
-    "LookAt", "MakeNamedMaterial", "MakeNamedMedium", "Material", "MediumInterface",
-    "NamedMaterial", "ObjectBegin", "ObjectEnd", "ObjectInstance", "Option", "PixelFilter",
-    "ReverseOrientation", "Rotate", "Sampler", "Scale", "Shape", "Texture", "Transform",
-    "TransformBegin", "TransformEnd", "TransformTimes", "Translate", "WorldBegin",
+    "Accelerator",
+    "ActiveTransform",
+    "AreaLightSource",
+    "Attribute",
+    "AttributeBegin",
+    "AttributeEnd",
+    "Camera",
+    "ColorSpace",
+    "ConcatTransform",
+    "CoordSysTransform",
+    "CoordinateSystem",
+    "Film",
+    "Identity",
+    "Import",
+    "Include",
+    "Integrator",
+    "LightSource",
+    "LookAt",
+    "MakeNamedMaterial",
+    "MakeNamedMedium",
+    "Material",
+    "MediumInterface",
+    "NamedMaterial",
+    "ObjectBegin",
+    "ObjectEnd",
+    "ObjectInstance",
+    "Option",
+    "PixelFilter",
+    "ReverseOrientation",
+    "Rotate",
+    "Sampler",
+    "Scale",
+    "Shape",
+    "Texture",
+    "Transform",
+    "TransformBegin",
+    "TransformEnd",
+    "TransformTimes",
+    "Translate",
+    "WorldBegin",
 };
 
 bool IsDirective(std::string_view word) {
@@ -100,8 +133,8 @@ void PbrtParser::Recover() {
 void PbrtParser::ParseDirective(std::string_view word, SourceLocation location) {
   if (!IsDirective(word)) {
     const std::vector<std::string> names(std::begin(kDirectives), std::end(kDirectives));
-    diagnostics_->Error(location,
-                        absl::StrCat("unknown directive ", Quoted(word), NearestNameHint(word, names)));
+    diagnostics_->Error(
+        location, absl::StrCat("unknown directive ", Quoted(word), NearestNameHint(word, names)));
     Recover();
     return;
   }
@@ -232,8 +265,8 @@ void PbrtParser::ParseReference(bool is_import, SourceLocation location) {
   if (is_import && !builder_->ImportBegin(location)) return;
   const absl::Status status = ParseFile(name);
   if (!status.ok()) {
-    diagnostics_->Error(location, absl::StrCat("cannot read ", Quoted(reference), ": ",
-                                               status.message()));
+    diagnostics_->Error(location,
+                        absl::StrCat("cannot read ", Quoted(reference), ": ", status.message()));
   }
   if (is_import) builder_->ImportEnd(location);
 }
@@ -293,8 +326,8 @@ bool PbrtParser::ParseNumbers(std::string_view directive, double* numbers, size_
       continue;
     }
     if (token.kind != Token::Kind::kWord || !ParseDouble(token.text, &numbers[i])) {
-      ErrorAt(token, absl::StrCat(std::string(directive), " needs ", count, " numbers; number ", i + 1,
-                                  " is missing or malformed"));
+      ErrorAt(token, absl::StrCat(std::string(directive), " needs ", count, " numbers; number ",
+                                  i + 1, " is missing or malformed"));
       if (token.kind == Token::Kind::kWord) tokens_->Unget();
       Recover();
       return false;

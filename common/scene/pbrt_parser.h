@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// PbrtParser: the syntax of pbrt-v4 scene files. Reads directives with their arguments and hands each
-// to a SceneBuilder, which knows what they mean. Follows Include and Import.
+// PbrtParser: the syntax of pbrt-v4 scene files. Reads directives with their arguments and hands
+// each to a SceneBuilder, which knows what they mean. Follows Include and Import.
 #pragma once
 
 #include <cstdint>
@@ -62,10 +62,10 @@ class PbrtParser {
   FileSource* files_;
   Diagnostics* diagnostics_;
   SceneReaderLimits limits_;
-  Tokenizer* tokens_ = nullptr;              // Of the file being read.
-  int32_t file_ = kNone;                     // Its index in SceneDescription::files.
-  bool file_failed_ = false;                 // The file being read cannot be read any further.
-  std::vector<std::string> open_files_;      // From the main file to the one being read.
+  Tokenizer* tokens_ = nullptr;          // Of the file being read.
+  int32_t file_ = kNone;                 // Its index in SceneDescription::files.
+  bool file_failed_ = false;             // The file being read cannot be read any further.
+  std::vector<std::string> open_files_;  // From the main file to the one being read.
 };
 
 }  // namespace sheaf

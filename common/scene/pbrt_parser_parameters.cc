@@ -23,8 +23,10 @@ bool HasFloats(ParameterType type) {
     case ParameterType::kInteger:
     case ParameterType::kBool:
     case ParameterType::kString:
-    case ParameterType::kTexture: return false;
-    default: return true;
+    case ParameterType::kTexture:
+      return false;
+    default:
+      return true;
   }
 }
 
@@ -74,11 +76,12 @@ bool PbrtParser::ParseDeclaration(const Token& token, Parameter* parameter) {
     return false;
   }
   if (ParameterTypeFromName(type, &parameter->type)) return true;
-  ErrorAt(token, absl::StrCat("parameter \"", parameter->name, "\" has the unknown type \"",
-                              std::string(type), "\"",
-                              NearestNameHint(type, {"integer", "float", "point2", "vector2", "point3",
-                                                     "vector3", "normal", "spectrum", "rgb",
-                                                     "blackbody", "bool", "string", "texture"})));
+  ErrorAt(token,
+          absl::StrCat("parameter \"", parameter->name, "\" has the unknown type \"",
+                       std::string(type), "\"",
+                       NearestNameHint(type, {"integer", "float", "point2", "vector2", "point3",
+                                              "vector3", "normal", "spectrum", "rgb", "blackbody",
+                                              "bool", "string", "texture"})));
   return false;
 }
 
@@ -87,9 +90,10 @@ void PbrtParser::ParseValues(Parameter* parameter, bool* is_good) {
   const bool is_list = token.kind == Token::Kind::kLeftBracket;
   if (is_list) token = Next();
   while (token.kind != Token::Kind::kRightBracket) {
-    const bool is_directive = token.kind == Token::Kind::kWord && token.text.front() >= 'A' &&
-                              token.text.front() <= 'Z';
-    if (token.kind == Token::Kind::kEnd || token.kind == Token::Kind::kLeftBracket || is_directive) {
+    const bool is_directive =
+        token.kind == Token::Kind::kWord && token.text.front() >= 'A' && token.text.front() <= 'Z';
+    if (token.kind == Token::Kind::kEnd || token.kind == Token::Kind::kLeftBracket ||
+        is_directive) {
       if (*is_good) {
         ErrorAt(token, absl::StrCat("parameter \"", parameter->name, "\" has no ",
                                     is_list ? "] before " : "value before ", Shown(token)));
@@ -112,11 +116,11 @@ void PbrtParser::ParseValues(Parameter* parameter, bool* is_good) {
 bool PbrtParser::CheckComponents(const Parameter& parameter) {
   const size_t components = ComponentCount(parameter.type);
   if (parameter.floats.size() % components == 0) return true;
-  diagnostics_->Error(parameter.location,
-                      absl::StrCat("parameter \"", parameter.name, "\" of type ",
-                                   std::string(ParameterTypeName(parameter.type)),
-                                   " needs a multiple of ", components, " numbers but has ",
-                                   parameter.floats.size()));
+  diagnostics_->Error(
+      parameter.location,
+      absl::StrCat("parameter \"", parameter.name, "\" of type ",
+                   std::string(ParameterTypeName(parameter.type)), " needs a multiple of ",
+                   components, " numbers but has ", parameter.floats.size()));
   return false;
 }
 

@@ -21,11 +21,11 @@ struct TypeName {
   PlyType type;
 };
 constexpr TypeName kTypeNames[] = {
-    {"char", PlyType::kInt8},      {"int8", PlyType::kInt8},       {"uchar", PlyType::kUint8},
-    {"uint8", PlyType::kUint8},    {"short", PlyType::kInt16},     {"int16", PlyType::kInt16},
-    {"ushort", PlyType::kUint16},  {"uint16", PlyType::kUint16},   {"int", PlyType::kInt32},
-    {"int32", PlyType::kInt32},    {"uint", PlyType::kUint32},     {"uint32", PlyType::kUint32},
-    {"float", PlyType::kFloat32},  {"float32", PlyType::kFloat32}, {"double", PlyType::kFloat64},
+    {"char", PlyType::kInt8},       {"int8", PlyType::kInt8},       {"uchar", PlyType::kUint8},
+    {"uint8", PlyType::kUint8},     {"short", PlyType::kInt16},     {"int16", PlyType::kInt16},
+    {"ushort", PlyType::kUint16},   {"uint16", PlyType::kUint16},   {"int", PlyType::kInt32},
+    {"int32", PlyType::kInt32},     {"uint", PlyType::kUint32},     {"uint32", PlyType::kUint32},
+    {"float", PlyType::kFloat32},   {"float32", PlyType::kFloat32}, {"double", PlyType::kFloat64},
     {"float64", PlyType::kFloat64},
 };
 
@@ -103,13 +103,17 @@ std::string AddProperty(const std::vector<std::string_view>& words, PlyHeader* h
 size_t PlySizeBytes(PlyType type) {
   switch (type) {
     case PlyType::kInt8:
-    case PlyType::kUint8: return 1;
+    case PlyType::kUint8:
+      return 1;
     case PlyType::kInt16:
-    case PlyType::kUint16: return 2;
+    case PlyType::kUint16:
+      return 2;
     case PlyType::kInt32:
     case PlyType::kUint32:
-    case PlyType::kFloat32: return 4;
-    case PlyType::kFloat64: return 8;
+    case PlyType::kFloat32:
+      return 4;
+    case PlyType::kFloat64:
+      return 8;
   }
   return 0;
 }
@@ -202,9 +206,11 @@ absl::StatusOr<PlyHeader> ReadPlyHeader(PlyBytes& bytes) {
     } else if (words[0] == "property") {
       error = AddProperty(words, &header);
     } else {
-      error = absl::StrCat("\"", std::string(words[0].substr(0, 40)), "\" is no word of a PLY header");
+      error =
+          absl::StrCat("\"", std::string(words[0].substr(0, 40)), "\" is no word of a PLY header");
     }
-    if (!error.empty()) return absl::InvalidArgumentError(absl::StrCat("line ", number, ": ", error));
+    if (!error.empty())
+      return absl::InvalidArgumentError(absl::StrCat("line ", number, ": ", error));
   }
   if (!has_format) return absl::InvalidArgumentError("the header has no format line");
   return header;

@@ -36,14 +36,14 @@ struct PlyHeader {
   std::vector<PlyElement> elements;
 };
 
-// Bytes, lines and words of a file, in order, through one buffer. The first error sticks: afterwards
-// every call fails, and status() says why.
+// Bytes, lines and words of a file, in order, through one buffer. The first error sticks:
+// afterwards every call fails, and status() says why.
 class PlyBytes {
  public:
   explicit PlyBytes(std::unique_ptr<TextInput> input);
 
-  bool ReadLine(std::string* line);          // Without its end; \r\n and \n alike.
-  bool ReadWord(std::string_view* word);     // Valid until the next call.
+  bool ReadLine(std::string* line);       // Without its end; \r\n and \n alike.
+  bool ReadWord(std::string_view* word);  // Valid until the next call.
   // The next size_bytes <= 8 bytes; nullptr at the end.
   const unsigned char* ReadBytes(size_t size_bytes) {
     if (end_ - position_ < size_bytes && !Refill(size_bytes)) return nullptr;
@@ -52,7 +52,7 @@ class PlyBytes {
     return bytes;
   }
   const absl::Status& status() const { return status_; }
-  uint64_t line() const { return line_; }    // Number of the current line, from 1.
+  uint64_t line() const { return line_; }  // Number of the current line, from 1.
   uint64_t size_bytes_bound() const { return input_->size_bytes_bound(); }
 
  private:

@@ -29,9 +29,9 @@ Slot SlotOf(const std::string& name) {
     Slot slot;
   };
   static constexpr SlotName kNames[] = {
-      {"x", kX}, {"y", kY}, {"z", kZ}, {"nx", kNormalX}, {"ny", kNormalY}, {"nz", kNormalZ},
-      {"u", kU}, {"v", kV}, {"s", kU}, {"t", kV}, {"texture_u", kU}, {"texture_v", kV},
-      {"texture_s", kU}, {"texture_t", kV},
+      {"x", kX},         {"y", kY},         {"z", kZ},         {"nx", kNormalX},  {"ny", kNormalY},
+      {"nz", kNormalZ},  {"u", kU},         {"v", kV},         {"s", kU},         {"t", kV},
+      {"texture_u", kU}, {"texture_v", kV}, {"texture_s", kU}, {"texture_t", kV},
   };
   for (const SlotName& entry : kNames) {
     if (entry.name == name) return entry.slot;
@@ -102,15 +102,16 @@ absl::Status PlyMeshReader::CheckCount(const PlyElement& element) const {
   uint64_t row_bytes_min = 0;
   for (const PlyProperty& property : element.properties) {
     // In ASCII, a digit and a blank.
-    row_bytes_min += header_->format == PlyFormat::kAscii ? 2
-                     : PlySizeBytes(property.is_list ? property.count_type : property.type);
+    row_bytes_min += header_->format == PlyFormat::kAscii
+                         ? 2
+                         : PlySizeBytes(property.is_list ? property.count_type : property.type);
   }
   // The last blank of an ASCII file may be missing.
   const uint64_t bound = bytes_->size_bytes_bound() + 1;
   if (row_bytes_min > 0 && element.count > bound / row_bytes_min) {
-    return absl::InvalidArgumentError(
-        absl::StrCat("the header claims ", element.count, " elements \"", element.name,
-                     "\", more than the file's size can hold"));
+    return absl::InvalidArgumentError(absl::StrCat("the header claims ", element.count,
+                                                   " elements \"", element.name,
+                                                   "\", more than the file's size can hold"));
   }
   if (element.name == "face" && element.count > limits_.triangles_max) {
     return absl::ResourceExhaustedError(absl::StrCat("the header claims ", element.count,
@@ -122,8 +123,8 @@ absl::Status PlyMeshReader::CheckCount(const PlyElement& element) const {
 
 absl::Status PlyMeshReader::Stopped(std::string_view element, uint64_t number) const {
   const std::string place = absl::StrCat(std::string(element), " ", number);
-  const std::string line = header_->format == PlyFormat::kAscii
-                               ? absl::StrCat("line ", bytes_->line(), ": ") : "";
+  const std::string line =
+      header_->format == PlyFormat::kAscii ? absl::StrCat("line ", bytes_->line(), ": ") : "";
   if (!bytes_->status().ok()) {
     return absl::Status(bytes_->status().code(),
                         absl::StrCat(line, place, ": ", bytes_->status().message()));
@@ -143,14 +144,30 @@ bool PlyMeshReader::ReadScalar(PlyType type, double* value) {
   if (bytes == nullptr) return false;
   const bool swap = header_->format == PlyFormat::kBigEndian;
   switch (type) {
-    case PlyType::kInt8: *value = LoadScalar<int8_t>(bytes, swap); break;
-    case PlyType::kUint8: *value = LoadScalar<uint8_t>(bytes, swap); break;
-    case PlyType::kInt16: *value = LoadScalar<int16_t>(bytes, swap); break;
-    case PlyType::kUint16: *value = LoadScalar<uint16_t>(bytes, swap); break;
-    case PlyType::kInt32: *value = LoadScalar<int32_t>(bytes, swap); break;
-    case PlyType::kUint32: *value = LoadScalar<uint32_t>(bytes, swap); break;
-    case PlyType::kFloat32: *value = LoadScalar<float>(bytes, swap); break;
-    case PlyType::kFloat64: *value = LoadScalar<double>(bytes, swap); break;
+    case PlyType::kInt8:
+      *value = LoadScalar<int8_t>(bytes, swap);
+      break;
+    case PlyType::kUint8:
+      *value = LoadScalar<uint8_t>(bytes, swap);
+      break;
+    case PlyType::kInt16:
+      *value = LoadScalar<int16_t>(bytes, swap);
+      break;
+    case PlyType::kUint16:
+      *value = LoadScalar<uint16_t>(bytes, swap);
+      break;
+    case PlyType::kInt32:
+      *value = LoadScalar<int32_t>(bytes, swap);
+      break;
+    case PlyType::kUint32:
+      *value = LoadScalar<uint32_t>(bytes, swap);
+      break;
+    case PlyType::kFloat32:
+      *value = LoadScalar<float>(bytes, swap);
+      break;
+    case PlyType::kFloat64:
+      *value = LoadScalar<double>(bytes, swap);
+      break;
   }
   return true;
 }
@@ -207,8 +224,8 @@ absl::Status PlyMeshReader::ReadVertices(const PlyElement& element) {
     std::array<double, kSlotCount + 1> values{};
     for (size_t j = 0; j < slots.size(); ++j) {
       const PlyProperty& property = element.properties[j];
-      const bool is_read = property.is_list ? SkipProperty(property)
-                                            : ReadScalar(property.type, &values[slots[j]]);
+      const bool is_read =
+          property.is_list ? SkipProperty(property) : ReadScalar(property.type, &values[slots[j]]);
       if (!is_read) return Stopped("vertex", i);
     }
     if (absl::Status status = AppendVertex(i, values.data(), has_normal, has_uv); !status.ok()) {
@@ -240,14 +257,12 @@ absl::Status PlyMeshReader::CheckMemory() const {
                          mesh_.normals.size() * sizeof(Vec3f) + mesh_.uvs.size() * sizeof(Vec2f) +
                          mesh_.indices.size() * sizeof(uint32_t);
   if (bytes > limits_.memory_bytes_max) {
-    return absl::ResourceExhaustedError(absl::StrCat("the mesh exceeds the limit of ",
-                                                     limits_.memory_bytes_max,
-                                                     " bytes (memory_bytes_max)"));
+    return absl::ResourceExhaustedError(absl::StrCat(
+        "the mesh exceeds the limit of ", limits_.memory_bytes_max, " bytes (memory_bytes_max)"));
   }
   if (mesh_.indices.size() / 3 > limits_.triangles_max) {
-    return absl::ResourceExhaustedError(absl::StrCat("the mesh exceeds the limit of ",
-                                                     limits_.triangles_max,
-                                                     " triangles (triangles_max)"));
+    return absl::ResourceExhaustedError(absl::StrCat(
+        "the mesh exceeds the limit of ", limits_.triangles_max, " triangles (triangles_max)"));
   }
   return absl::OkStatus();
 }
@@ -257,7 +272,8 @@ absl::Status PlyMeshReader::ReadFaces(const PlyElement& element) {
     return property.is_list &&
            (property.name == "vertex_indices" || property.name == "vertex_index");
   };
-  const auto polygon = std::find_if(element.properties.begin(), element.properties.end(), is_polygon);
+  const auto polygon =
+      std::find_if(element.properties.begin(), element.properties.end(), is_polygon);
   if (polygon == element.properties.end()) {
     return absl::InvalidArgumentError("the element \"face\" needs the list vertex_indices");
   }
@@ -278,16 +294,16 @@ absl::Status PlyMeshReader::ReadPolygon(uint64_t face, const PlyProperty& proper
   uint64_t count = 0;
   if (!ReadCount(property, &count)) return Stopped("face", face);
   if (count < 3) {
-    return absl::InvalidArgumentError(absl::StrCat("face ", face, " has ", count,
-                                                   " vertices; a face needs at least 3"));
+    return absl::InvalidArgumentError(
+        absl::StrCat("face ", face, " has ", count, " vertices; a face needs at least 3"));
   }
   uint32_t first = 0, previous = 0;
   for (uint64_t i = 0; i < count; ++i) {
     double value = 0;
     if (!ReadScalar(property.type, &value)) return Stopped("face", face);
     if (!(value >= 0 && value <= 4294967295.0) || value != std::floor(value)) {
-      return absl::InvalidArgumentError(absl::StrCat("face ", face, ": ", value,
-                                                     " is no index of a vertex"));
+      return absl::InvalidArgumentError(
+          absl::StrCat("face ", face, ": ", value, " is no index of a vertex"));
     }
     const auto index = static_cast<uint32_t>(value);
     if (i >= 2) mesh_.indices.insert(mesh_.indices.end(), {first, previous, index});

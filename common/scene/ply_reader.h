@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Meshes from PLY files: ASCII and binary of both byte orders, gzipped or not. Polygons are cut into
-// fans of triangles; elements and properties that a mesh does not need are passed over.
+// Meshes from PLY files: ASCII and binary of both byte orders, gzipped or not. Polygons are cut
+// into fans of triangles; elements and properties that a mesh does not need are passed over.
 // Source: G. Turk, The PLY Polygon File Format, 1994.
 #pragma once
 

@@ -19,8 +19,8 @@ std::string RectText(const PixelRect& rect) {
   return absl::StrCat("[", rect.x0, ", ", rect.x1, ") x [", rect.y0, ", ", rect.y1, ")");
 }
 
-// First pixel whose left edge is at or right of the fraction: pbrt-v4's rule, so that abutting crops
-// neither overlap nor leave a gap.
+// First pixel whose left edge is at or right of the fraction: pbrt-v4's rule, so that abutting
+// crops neither overlap nor leave a gap.
 int32_t CropPixel(double fraction, int32_t size_px) {
   return static_cast<int32_t>(std::ceil(size_px * std::clamp(fraction, 0.0, 1.0)));
 }
@@ -62,13 +62,12 @@ absl::Status CheckCounts(const FrameSettings& settings) {
     return absl::InvalidArgumentError("0 samples per pixel make no picture; ask for at least 1");
   }
   if (settings.samples > kSamplesPerPixelMax) {
-    return absl::InvalidArgumentError(absl::StrCat(settings.samples,
-                                                   " samples per pixel exceed the limit of ",
-                                                   kSamplesPerPixelMax));
+    return absl::InvalidArgumentError(absl::StrCat(
+        settings.samples, " samples per pixel exceed the limit of ", kSamplesPerPixelMax));
   }
   if (settings.max_depth < 0 || settings.max_depth > kMaxDepthMax) {
-    return absl::InvalidArgumentError(absl::StrCat("maximum depth ", settings.max_depth,
-                                                   " is outside [0, ", kMaxDepthMax, "]"));
+    return absl::InvalidArgumentError(
+        absl::StrCat("maximum depth ", settings.max_depth, " is outside [0, ", kMaxDepthMax, "]"));
   }
   return absl::OkStatus();
 }
@@ -83,21 +82,21 @@ absl::StatusOr<FrameSettings> ResolveSettings(const SceneDescription& scene,
   resolved.height_px = scene.film.height_px;
   resolved.window = SceneWindow(scene.film);
   if (IsEmpty(resolved.window)) {
-    return absl::InvalidArgumentError(
-        absl::StrCat(FormatLocation(scene, scene.film.location), ": the film's crop ",
-                     RectText(resolved.window), " holds no pixel of the frame"));
+    return absl::InvalidArgumentError(absl::StrCat(FormatLocation(scene, scene.film.location),
+                                                   ": the film's crop ", RectText(resolved.window),
+                                                   " holds no pixel of the frame"));
   }
   if (settings.crop.has_value()) {
     const PixelRect window = Intersect(*settings.crop, resolved.window);
     if (IsEmpty(window)) {
-      return absl::InvalidArgumentError(
-          absl::StrCat("the crop ", RectText(*settings.crop), " holds no pixel of the scene's window ",
-                       RectText(resolved.window)));
+      return absl::InvalidArgumentError(absl::StrCat("the crop ", RectText(*settings.crop),
+                                                     " holds no pixel of the scene's window ",
+                                                     RectText(resolved.window)));
     }
     resolved.window = window;
   }
-  resolved.samples =
-      settings.samples.value_or(static_cast<uint64_t>(std::max(0, scene.sampling.samples_per_pixel)));
+  resolved.samples = settings.samples.value_or(
+      static_cast<uint64_t>(std::max(0, scene.sampling.samples_per_pixel)));
   resolved.max_depth = settings.max_depth.value_or(scene.sampling.max_depth);
   resolved.seed = settings.seed.value_or(scene.sampling.seed);
   resolved.force_generic_variant = settings.force_generic_variant;

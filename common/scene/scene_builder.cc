@@ -60,7 +60,8 @@ bool SceneBuilder::RequireFinite(const double* numbers, size_t count, SourceLoca
   constexpr double kMagnitudeMax = 1e30;
   for (size_t i = 0; i < count; ++i) {
     if (std::fabs(numbers[i]) <= kMagnitudeMax) continue;
-    diagnostics_->Error(location, absl::StrCat("number ", i + 1, " of the transformation is too large"));
+    diagnostics_->Error(location,
+                        absl::StrCat("number ", i + 1, " of the transformation is too large"));
     return false;
   }
   return true;
@@ -100,8 +101,9 @@ void SceneBuilder::LookAt(const double* n, SourceLocation location) {
   if (!LookAtMatrix({n[0], n[1], n[2]}, {n[3], n[4], n[5]}, {n[6], n[7], n[8]},
                     &world_from_camera) ||
       !Invert(world_from_camera, &camera_from_world)) {
-    diagnostics_->Error(location, "LookAt gives no direction: eye and target coincide, or up points "
-                                  "along the view");
+    diagnostics_->Error(location,
+                        "LookAt gives no direction: eye and target coincide, or up points "
+                        "along the view");
     return;
   }
   Concatenate(camera_from_world);
@@ -143,8 +145,10 @@ void SceneBuilder::CoordSysTransform(const std::string& name, SourceLocation loc
   if (found == coordinate_systems_.end()) {
     std::vector<std::string> names;
     for (const auto& entry : coordinate_systems_) names.push_back(entry.first);
-    diagnostics_->Error(location, absl::StrCat("coordinate system \"", name, "\" is not defined before "
-                                               "this line", NearestNameHint(name, names)));
+    diagnostics_->Error(location, absl::StrCat("coordinate system \"", name,
+                                               "\" is not defined before "
+                                               "this line",
+                                               NearestNameHint(name, names)));
     return;
   }
   state_.start = found->second.first;
@@ -166,21 +170,23 @@ bool SceneBuilder::RequireWorld(std::string_view directive, SourceLocation locat
   if (is_world_) return true;
   // Without WorldBegin everything is out of place; one message says so.
   if (!std::exchange(missed_world_, true)) {
-    diagnostics_->Error(location, absl::StrCat(std::string(directive), " must stand after WorldBegin"));
+    diagnostics_->Error(location,
+                        absl::StrCat(std::string(directive), " must stand after WorldBegin"));
   }
   return false;
 }
 
 bool SceneBuilder::RequireOptions(std::string_view directive, SourceLocation location) {
   if (!is_world_) return true;
-  diagnostics_->Error(location, absl::StrCat(std::string(directive), " must stand before WorldBegin"));
+  diagnostics_->Error(location,
+                      absl::StrCat(std::string(directive), " must stand before WorldBegin"));
   return false;
 }
 
 void SceneBuilder::Push(Block::Kind kind, SourceLocation location) {
   if (blocks_.size() == kBlocksMax) {
-    diagnostics_->Error(location, absl::StrCat("blocks are nested deeper than the limit of ",
-                                               kBlocksMax));
+    diagnostics_->Error(location,
+                        absl::StrCat("blocks are nested deeper than the limit of ", kBlocksMax));
   }
   blocks_.push_back({kind, location, state_, {}});
 }
@@ -212,8 +218,9 @@ bool SceneBuilder::Pop(Block::Kind kind, std::string_view directive, SourceLocat
 void SceneBuilder::ReportOpenBlocks(size_t first) {
   while (blocks_.size() > first) {
     const Block& open = blocks_.back();
-    diagnostics_->Error(open.location, absl::StrCat(std::string(BeginOf(static_cast<int>(open.kind))),
-                                                    " is never ended"));
+    diagnostics_->Error(
+        open.location,
+        absl::StrCat(std::string(BeginOf(static_cast<int>(open.kind))), " is never ended"));
     if (open.kind == Block::Kind::kObject) open_object_ = kNone;
     Pop(open.kind, "", open.location);
   }
@@ -232,7 +239,8 @@ void SceneBuilder::AttributeBegin(SourceLocation location) {
 }
 
 void SceneBuilder::AttributeEnd(SourceLocation location) {
-  if (RequireWorld("AttributeEnd", location)) Pop(Block::Kind::kAttribute, "AttributeEnd", location);
+  if (RequireWorld("AttributeEnd", location))
+    Pop(Block::Kind::kAttribute, "AttributeEnd", location);
 }
 
 void SceneBuilder::TransformBegin(SourceLocation location) {
@@ -254,8 +262,9 @@ void SceneBuilder::ObjectBegin(const std::string& name, SourceLocation location)
   if (!ObjectSlot(name, location, &object)) return;
   if (object_is_defined_[static_cast<size_t>(object)]) {
     const ObjectDefinition& first = scene_->objects[static_cast<size_t>(object)];
-    diagnostics_->Error(location, absl::StrCat("object \"", name, "\" is defined twice; the first is at ",
-                                               FormatLocation(*scene_, first.location)));
+    diagnostics_->Error(location,
+                        absl::StrCat("object \"", name, "\" is defined twice; the first is at ",
+                                     FormatLocation(*scene_, first.location)));
   }
   object_is_defined_[static_cast<size_t>(object)] = true;
   scene_->objects[static_cast<size_t>(object)].location = location;
@@ -287,8 +296,7 @@ bool SceneBuilder::ObjectSlot(const std::string& name, SourceLocation location, 
     diagnostics_->Error(location, "an object needs a name");
     return false;
   }
-  const auto [entry, is_new] =
-      objects_.emplace(name, static_cast<int32_t>(scene_->objects.size()));
+  const auto [entry, is_new] = objects_.emplace(name, static_cast<int32_t>(scene_->objects.size()));
   if (is_new) {
     scene_->objects.push_back({name, {}, location});
     object_is_defined_.push_back(false);

@@ -2,8 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // SceneBuilder: the meaning of pbrt-v4 directives. One method for each, called in the order of the
-// file; what they add up to is the SceneDescription. Mistakes go to the diagnostics, after which the
-// builder goes on so that one run finds them all.
+// file; what they add up to is the SceneDescription. Mistakes go to the diagnostics, after which
+// the builder goes on so that one run finds them all.
 #pragma once
 
 #include <cstdint>
@@ -126,8 +126,8 @@ class SceneBuilder {
   int32_t open_object_ = kNone;
   std::map<std::string, std::pair<Matrix4, Matrix4>> coordinate_systems_;
   std::map<std::string, int32_t> objects_;
-  std::vector<bool> object_is_defined_;                    // Parallel to SceneDescription::objects.
-  std::map<std::string, SourceLocation> media_;            // MakeNamedMedium.
+  std::vector<bool> object_is_defined_;          // Parallel to SceneDescription::objects.
+  std::map<std::string, SourceLocation> media_;  // MakeNamedMedium.
   std::vector<std::pair<std::string, SourceLocation>> media_uses_;
 };
 

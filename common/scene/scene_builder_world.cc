@@ -19,7 +19,8 @@ constexpr size_t kMediaUsesMax = 10000;
 
 }  // namespace
 
-ParameterList SceneBuilder::Parameters(const std::string& owner, const std::string& attribute_target,
+ParameterList SceneBuilder::Parameters(const std::string& owner,
+                                       const std::string& attribute_target,
                                        std::vector<Parameter> own, SourceLocation location) {
   std::vector<Parameter> defaults;
   const auto found = state_.attributes.find(attribute_target);
@@ -33,30 +34,36 @@ void SceneBuilder::Option(const std::string& name, const std::string& value,
                           SourceLocation location) {
   if (!RequireOptions("Option", location)) return;
   // Options may be written with the type in front, as parameters are.
-  const std::string option = name.substr(name.find(' ') == std::string::npos ? 0 : name.rfind(' ') + 1);
+  const std::string option =
+      name.substr(name.find(' ') == std::string::npos ? 0 : name.rfind(' ') + 1);
   if (option == "seed") {
     if (!ParseInteger(value, &scene_->sampling.seed)) {
-      diagnostics_->Error(location, absl::StrCat("option \"seed\": \"", value, "\" is not an integer"));
+      diagnostics_->Error(location,
+                          absl::StrCat("option \"seed\": \"", value, "\" is not an integer"));
     }
-  } else if (option == "disablewavelengthjitter" || option == "pixelstats" || option == "wavefront" ||
-             option == "rendercoordsys") {
-    diagnostics_->Note(location, absl::StrCat("option \"", option, "\" has no effect: it is about "
+  } else if (option == "disablewavelengthjitter" || option == "pixelstats" ||
+             option == "wavefront" || option == "rendercoordsys") {
+    diagnostics_->Note(location, absl::StrCat("option \"", option,
+                                              "\" has no effect: it is about "
                                               "how pbrt works, not what it renders"));
   } else if (value != "false") {
-    diagnostics_->Error(location, absl::StrCat("option \"", option, "\" is not supported; remove it"));
+    diagnostics_->Error(location,
+                        absl::StrCat("option \"", option, "\" is not supported; remove it"));
   }
 }
 
 void SceneBuilder::ColorSpace(const std::string& name, SourceLocation location) {
   if (name == "srgb") return;
-  diagnostics_->Error(location, absl::StrCat("color space \"", name, "\" is not supported; Sheaf does "
+  diagnostics_->Error(location, absl::StrCat("color space \"", name,
+                                             "\" is not supported; Sheaf does "
                                              "srgb"));
 }
 
 void SceneBuilder::Accelerator(const std::string& name, std::vector<Parameter> /*own*/,
                                SourceLocation location) {
   if (!RequireOptions("Accelerator", location)) return;
-  diagnostics_->Note(location, absl::StrCat("accelerator \"", name, "\" and its parameters have no "
+  diagnostics_->Note(location, absl::StrCat("accelerator \"", name,
+                                            "\" and its parameters have no "
                                             "effect: Sheaf builds its own"));
 }
 
@@ -124,7 +131,8 @@ void SceneBuilder::Attribute(const std::string& target, std::vector<Parameter> o
                              SourceLocation location) {
   if (target != "shape" && target != "light" && target != "material" && target != "medium" &&
       target != "texture") {
-    diagnostics_->Error(location, absl::StrCat("Attribute \"", target, "\" is unknown; it must be shape, "
+    diagnostics_->Error(location, absl::StrCat("Attribute \"", target,
+                                               "\" is unknown; it must be shape, "
                                                "light, material, medium or texture"));
     return;
   }
@@ -133,8 +141,9 @@ void SceneBuilder::Attribute(const std::string& target, std::vector<Parameter> o
   std::vector<Parameter>& attributes = state_.attributes[target];
   for (Parameter& parameter : own) {
     if (attributes.size() == kAttributesMax || parameter.ValueCount() > kAttributesMax) {
-      diagnostics_->Error(parameter.location, absl::StrCat("Attribute holds more than the limit of ",
-                                                           kAttributesMax, " values"));
+      diagnostics_->Error(
+          parameter.location,
+          absl::StrCat("Attribute holds more than the limit of ", kAttributesMax, " values"));
       return;
     }
     attributes.push_back(std::move(parameter));
@@ -149,7 +158,8 @@ void SceneBuilder::ReverseOrientation(SourceLocation location) {
 void SceneBuilder::Material(const std::string& type, std::vector<Parameter> own,
                             SourceLocation location) {
   if (!RequireWorld("Material", location)) return;
-  state_.material = materials_.Add(type, Parameters("material", "material", std::move(own), location));
+  state_.material =
+      materials_.Add(type, Parameters("material", "material", std::move(own), location));
 }
 
 void SceneBuilder::MakeNamedMaterial(const std::string& name, std::vector<Parameter> own,
@@ -163,11 +173,13 @@ void SceneBuilder::NamedMaterial(const std::string& name, SourceLocation locatio
   state_.material = materials_.Refer(name, location);
 }
 
-void SceneBuilder::Texture(const std::string& name, const std::string& type, const std::string& kind,
-                           std::vector<Parameter> own, SourceLocation location) {
+void SceneBuilder::Texture(const std::string& name, const std::string& type,
+                           const std::string& kind, std::vector<Parameter> own,
+                           SourceLocation location) {
   if (!RequireWorld("Texture", location)) return;
   if (state_.IsAnimated()) {
-    diagnostics_->Warning(location, "textures do not move; the transformation at the start is used");
+    diagnostics_->Warning(location,
+                          "textures do not move; the transformation at the start is used");
   }
   textures_.Declare(name, type, kind, state_.start,
                     Parameters("texture", "texture", std::move(own), location));
@@ -196,11 +208,13 @@ void SceneBuilder::Shape(const std::string& type, std::vector<Parameter> own,
   }
   if (state_.area_light != kNone) {
     if (open_object_ != kNone) {
-      diagnostics_->Warning(location, "shapes of an object cannot emit light, as in pbrt-v4; the area "
-                                      "light is left out here");
+      diagnostics_->Warning(location,
+                            "shapes of an object cannot emit light, as in pbrt-v4; the area "
+                            "light is left out here");
     } else if (materials_.IsInterface(state_.material)) {
-      diagnostics_->Warning(location, "shapes of the material interface emit no light, as in pbrt-v4; "
-                                      "the area light is left out here");
+      diagnostics_->Warning(location,
+                            "shapes of the material interface emit no light, as in pbrt-v4; "
+                            "the area light is left out here");
     } else {
       shape.area_light = state_.area_light;
     }
@@ -218,7 +232,8 @@ void SceneBuilder::Shape(const std::string& type, std::vector<Parameter> own,
 void SceneBuilder::ObjectInstance(const std::string& name, SourceLocation location) {
   if (!RequireWorld("ObjectInstance", location)) return;
   if (open_object_ != kNone) {
-    diagnostics_->Error(location, "ObjectInstance inside of an object is not allowed by the format");
+    diagnostics_->Error(location,
+                        "ObjectInstance inside of an object is not allowed by the format");
     return;
   }
   struct ObjectInstance instance;
@@ -228,7 +243,8 @@ void SceneBuilder::ObjectInstance(const std::string& name, SourceLocation locati
   Matrix4 inverse;
   if (!Invert(instance.world_from_instance.start, &inverse) ||
       !Invert(instance.world_from_instance.end, &inverse)) {
-    diagnostics_->Error(location, absl::StrCat("object \"", name, "\": the transformation is singular"));
+    diagnostics_->Error(location,
+                        absl::StrCat("object \"", name, "\": the transformation is singular"));
     return;
   }
   if (shapes_.ChargeMemory(sizeof instance, location)) scene_->instances.push_back(instance);
@@ -242,9 +258,9 @@ void SceneBuilder::FinishObjects() {
   for (size_t i = 0; i < scene_->objects.size(); ++i) {
     if (object_is_defined_[i]) continue;
     const ObjectDefinition& object = scene_->objects[i];
-    diagnostics_->Error(object.location,
-                        absl::StrCat("object \"", object.name, "\" is used here but defined nowhere",
-                                     NearestNameHint(object.name, names)));
+    diagnostics_->Error(object.location, absl::StrCat("object \"", object.name,
+                                                      "\" is used here but defined nowhere",
+                                                      NearestNameHint(object.name, names)));
   }
 }
 
@@ -286,8 +302,9 @@ void SceneBuilder::MakeNamedMedium(const std::string& name, std::vector<Paramete
                                    SourceLocation location) {
   const auto [first, is_new] = media_.emplace(name, location);
   if (is_new) return;
-  diagnostics_->Error(location, absl::StrCat("medium \"", name, "\" is made twice; the first is at ",
-                                             FormatLocation(*scene_, first->second)));
+  diagnostics_->Error(location,
+                      absl::StrCat("medium \"", name, "\" is made twice; the first is at ",
+                                   FormatLocation(*scene_, first->second)));
 }
 
 void SceneBuilder::FinishMedia() {
@@ -296,18 +313,20 @@ void SceneBuilder::FinishMedia() {
     if (media_.empty() && media_uses_.empty()) return;
     const SourceLocation location =
         media_uses_.empty() ? media_.begin()->second : media_uses_.front().second;
-    diagnostics_->Warning(location, absl::StrCat("media have no effect: the integrator \"", integrator,
-                                                 "\" ignores them, as in pbrt-v4"));
+    diagnostics_->Warning(location, absl::StrCat("media have no effect: the integrator \"",
+                                                 integrator, "\" ignores them, as in pbrt-v4"));
     return;
   }
   for (const auto& [name, location] : media_uses_) {
-    diagnostics_->Error(location, absl::StrCat("medium \"", name, "\" is not supported: Sheaf has no "
+    diagnostics_->Error(location, absl::StrCat("medium \"", name,
+                                               "\" is not supported: Sheaf has no "
                                                "volumes yet; remove MediumInterface, or use the "
                                                "integrator \"path\", which ignores media"));
   }
   if (!media_uses_.empty()) return;
   for (const auto& [name, location] : media_) {
-    diagnostics_->Note(location, absl::StrCat("medium \"", name, "\" has no effect: nothing uses it"));
+    diagnostics_->Note(location,
+                       absl::StrCat("medium \"", name, "\" has no effect: nothing uses it"));
   }
 }
 

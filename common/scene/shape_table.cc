@@ -32,21 +32,22 @@ bool SetIndices(ParameterList& parameters, TriangleMesh* mesh) {
       mesh->indices = {0, 1, 2};
       return true;
     }
-    parameters.Error(absl::StrCat(parameters.owner(), " needs \"integer indices\" where it has more "
+    parameters.Error(absl::StrCat(parameters.owner(),
+                                  " needs \"integer indices\" where it has more "
                                   "than one triangle"));
     return false;
   }
   const std::vector<int32_t>& indices = parameter->integers;
   if (indices.size() % 3 != 0) {
-    parameters.ErrorAt(*parameter, absl::StrCat("needs three indices a triangle, but has ",
-                                                indices.size()));
+    parameters.ErrorAt(*parameter,
+                       absl::StrCat("needs three indices a triangle, but has ", indices.size()));
     return false;
   }
   for (size_t i = 0; i < indices.size(); ++i) {
     if (indices[i] >= 0 && static_cast<size_t>(indices[i]) < vertex_count) continue;
-    parameters.ErrorAt(*parameter, absl::StrCat("holds ", indices[i], " in triangle ", i / 3,
-                                                ", outside [0, ", vertex_count,
-                                                "), the range of P's vertices"));
+    parameters.ErrorAt(*parameter,
+                       absl::StrCat("holds ", indices[i], " in triangle ", i / 3, ", outside [0, ",
+                                    vertex_count, "), the range of P's vertices"));
     return false;
   }
   mesh->indices.assign(indices.begin(), indices.end());
@@ -57,8 +58,9 @@ template <typename T>
 bool CheckCountOf(ParameterList& parameters, const char* name, const std::vector<T>& values,
                   size_t vertex_count) {
   if (values.empty() || values.size() == vertex_count) return true;
-  parameters.ErrorAt(*parameters.Find(name), absl::StrCat("has ", values.size(), " entries, but P has ",
-                                                          vertex_count, " vertices"));
+  parameters.ErrorAt(
+      *parameters.Find(name),
+      absl::StrCat("has ", values.size(), " entries, but P has ", vertex_count, " vertices"));
   return false;
 }
 
@@ -69,8 +71,9 @@ bool ShapeTable::ChargeMemory(uint64_t size_bytes, SourceLocation location) {
   memory_bytes_ += size_bytes;
   if (memory_bytes_ <= limits_.memory_bytes_max) return true;
   if (was_within) {
-    diagnostics_->Error(location, absl::StrCat("the scene exceeds the limit of ",
-                                               limits_.memory_bytes_max, " bytes (memory_bytes_max)"));
+    diagnostics_->Error(location,
+                        absl::StrCat("the scene exceeds the limit of ", limits_.memory_bytes_max,
+                                     " bytes (memory_bytes_max)"));
   }
   return false;
 }
@@ -89,7 +92,8 @@ bool ShapeTable::SetShape(const std::string& type, ParameterList& parameters,
   } else if (type == "disk") {
     is_good = SetDisk(parameters, shape);
   } else {
-    parameters.Error(absl::StrCat(parameters.owner(), " is not supported; Sheaf does trianglemesh, "
+    parameters.Error(absl::StrCat(parameters.owner(),
+                                  " is not supported; Sheaf does trianglemesh, "
                                   "plymesh, loopsubdiv, sphere and disk"));
     return false;
   }
@@ -154,7 +158,8 @@ bool ShapeTable::SetLoopSubdivision(ParameterList& parameters, ShapeDescription*
   const int32_t levels = parameters.GetInteger("levels", 3);
   parameters.NoteWithoutEffect("scheme", "loop is the only scheme");
   if (control.positions.empty() || levels < 0) {
-    parameters.Error(absl::StrCat(parameters.owner(), " needs \"point3 P\", its vertices, and levels "
+    parameters.Error(absl::StrCat(parameters.owner(),
+                                  " needs \"point3 P\", its vertices, and levels "
                                   "of 0 or more"));
     parameters.Find("indices");
     return false;
@@ -194,8 +199,8 @@ bool ShapeTable::SetSphere(ParameterList& parameters, ShapeDescription* shape) {
   const float z_max = parameters.GetFloat("zmax", sphere.radius);
   sphere.phi_max_degrees = std::clamp(parameters.GetFloat("phimax", 360), 0.f, 360.f);
   if (!(sphere.radius > 0)) {
-    parameters.Error(absl::StrCat(parameters.owner(), ": radius ", sphere.radius,
-                                  " must be greater than 0"));
+    parameters.Error(
+        absl::StrCat(parameters.owner(), ": radius ", sphere.radius, " must be greater than 0"));
     return false;
   }
   sphere.z_min = std::clamp(std::min(z_min, z_max), -sphere.radius, sphere.radius);

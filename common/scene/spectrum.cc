@@ -19,7 +19,8 @@ namespace data = spectrum_data;
 // Integrals over wavelength are sums over these, pbrt-v4's range.
 constexpr int kFirstNm = 360, kLastNm = 830;
 constexpr size_t kWavelengthCount = kLastNm - kFirstNm + 1;
-constexpr double kElectronVoltNm = 1239.84;  // Wavelength of a photon of 1 eV, as the tables have it.
+constexpr double kElectronVoltNm =
+    1239.84;  // Wavelength of a photon of 1 eV, as the tables have it.
 
 // Linear interpolation in an equidistant table; its ends hold outside.
 double Equidistant(const double* values, size_t count, double first, double step, double at) {
@@ -51,15 +52,15 @@ double IlluminantA(double nm) {
 // CIE daylight of a correlated colour temperature from 4000 to 25000 K. Source: CIE 15:2004, 3.2.
 double Daylight(double temperature_k, double nm) {
   const double r = 1000 / temperature_k;
-  const double x = temperature_k <= 7000
-                       ? ((-4.6070 * r + 2.9678) * r + 0.09911) * r + 0.244063
-                       : ((-2.0064 * r + 1.9018) * r + 0.24748) * r + 0.237040;
+  const double x = temperature_k <= 7000 ? ((-4.6070 * r + 2.9678) * r + 0.09911) * r + 0.244063
+                                         : ((-2.0064 * r + 1.9018) * r + 0.24748) * r + 0.237040;
   const double y = -3 * x * x + 2.87 * x - 0.275;
   const double m = 0.0241 + 0.2562 * x - 0.7341 * y;
   const double m1 = (-1.3515 - 1.7703 * x + 5.9114 * y) / m;
   const double m2 = (0.03 - 31.4424 * x + 30.0717 * y) / m;
   const auto component = [&](const double* values) {
-    return Equidistant(values, data::kDaylightCount, data::kDaylightFirstNm, data::kDaylightStepNm, nm);
+    return Equidistant(values, data::kDaylightCount, data::kDaylightFirstNm, data::kDaylightStepNm,
+                       nm);
   };
   return component(data::kDaylightS0) + m1 * component(data::kDaylightS1) +
          m2 * component(data::kDaylightS2);
@@ -102,9 +103,9 @@ std::optional<double> NamedAt(const std::string& name, double nm) {
   if (const auto metal = MetalAt(name, nm)) return metal;
   for (const data::Table& table : data::kTables) {
     if (name != table.name) continue;
-    return PiecewiseLinear(table.wavelengths_nm, table.values, table.count,
-                           std::clamp(nm, table.wavelengths_nm[0],
-                                      table.wavelengths_nm[table.count - 1]));
+    return PiecewiseLinear(
+        table.wavelengths_nm, table.values, table.count,
+        std::clamp(nm, table.wavelengths_nm[0], table.wavelengths_nm[table.count - 1]));
   }
   return std::nullopt;
 }
@@ -179,9 +180,8 @@ Rgb ToRgb(const Xyz& xyz) {
 template <typename Function>
 Rgb UnderD65(const Function& spectrum) {
   const auto& d65 = Space().d65;
-  return ToRgb(Integrate([&](int nm) {
-    return d65[static_cast<size_t>(nm - kFirstNm)] * spectrum(nm);
-  }));
+  return ToRgb(
+      Integrate([&](int nm) { return d65[static_cast<size_t>(nm - kFirstNm)] * spectrum(nm); }));
 }
 
 Rgb Clamp(Rgb rgb, float maximum) {
@@ -216,17 +216,16 @@ Rgb ChannelMeans(const ColorSpec& spectrum) {
   return means;
 }
 
-// Reflectance at normal incidence in each channel. Where one of the two is RGB, each channel sees its
-// own component of it.
+// Reflectance at normal incidence in each channel. Where one of the two is RGB, each channel sees
+// its own component of it.
 Rgb ConductorReflectance(const ColorSpec& eta, const ColorSpec& k) {
   const auto value = [](const ColorSpec& color, size_t channel, int nm) -> double {
     return color.kind == ColorSpec::Kind::kRgb ? color.rgb[channel] : EvaluateSpectrum(color, nm);
   };
   Rgb reflectance;
   for (size_t i = 0; i < 3; ++i) {
-    reflectance[i] = UnderD65([&](int nm) {
-      return ConductorNormalReflectance(value(eta, i, nm), value(k, i, nm));
-    })[i];
+    reflectance[i] = UnderD65(
+        [&](int nm) { return ConductorNormalReflectance(value(eta, i, nm), value(k, i, nm)); })[i];
   }
   return reflectance;
 }
@@ -255,8 +254,10 @@ double EvaluateSpectrum(const ColorSpec& spectrum, double wavelength_nm) {
       SHEAF_CHECK(value.has_value());
       return *value;
     }
-    case ColorSpec::Kind::kBlackbody: return Blackbody(spectrum.temperature_k, wavelength_nm);
-    case ColorSpec::Kind::kRgb: break;
+    case ColorSpec::Kind::kBlackbody:
+      return Blackbody(spectrum.temperature_k, wavelength_nm);
+    case ColorSpec::Kind::kRgb:
+      break;
   }
   SHEAF_CHECK(false);
   return 0;

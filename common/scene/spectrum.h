@@ -2,10 +2,10 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // From spectra to the linear sRGB that RGB transport uses, so that the picture agrees with what a
-// spectral renderer shows for the same scene wherever three channels can: reflectances are seen under
-// D65, the white of sRGB; emission is normalised to luminance 1 as pbrt-v4 does; a conductor's three
-// channels reflect at normal incidence exactly what its spectrum would.
-// Source: CIE 15:2004 (colour matching functions, illuminants), IEC 61966-2-1 (sRGB primaries).
+// spectral renderer shows for the same scene wherever three channels can: reflectances are seen
+// under D65, the white of sRGB; emission is normalised to luminance 1 as pbrt-v4 does; a
+// conductor's three channels reflect at normal incidence exactly what its spectrum would. Source:
+// CIE 15:2004 (colour matching functions, illuminants), IEC 61966-2-1 (sRGB primaries).
 #pragma once
 
 #include <string>
@@ -20,9 +20,8 @@ namespace sheaf {
 bool IsNamedSpectrum(const std::string& name);
 std::vector<std::string> NamedSpectra();
 
-// Value of the spectrum at a wavelength; 0 outside of what is tabulated. A blackbody is its spectral
-// radiance in W sr^-1 m^-3.
-// Requires: spectrum.kind is not kRgb; a named one exists.
+// Value of the spectrum at a wavelength; 0 outside of what is tabulated. A blackbody is its
+// spectral radiance in W sr^-1 m^-3. Requires: spectrum.kind is not kRgb; a named one exists.
 double EvaluateSpectrum(const ColorSpec& spectrum, double wavelength_nm);
 
 // Linear sRGB of a colour in its role. kRgb colours are returned as they are. Reflectances and
@@ -39,8 +38,8 @@ float MeanIndex(const ColorSpec& eta);
 struct ConductorConstants {
   Rgb eta, k;
 };
-// eta and k per channel such that reflectance at normal incidence equals the spectral one integrated
-// to RGB. RGB colours pass through.
+// eta and k per channel such that reflectance at normal incidence equals the spectral one
+// integrated to RGB. RGB colours pass through.
 ConductorConstants ConductorRgb(const ColorSpec& eta, const ColorSpec& k);
 // pbrt-v4's rule: eta = 1 and k = 2 sqrt(r) / sqrt(1 - r), exact at normal incidence.
 ConductorConstants ConductorFromReflectance(Rgb reflectance);

@@ -24,8 +24,8 @@ extern const double kDaylightS1[kDaylightCount];
 extern const double kDaylightS2[kDaylightCount];
 
 // Metals at the photon energies 3.50, 3.45 ... 1.45 eV (354.24 to 855.06 nm).
-// Source: measurements of Johnson and Christy 1972 (Cu, Ag, Au) and Rakic 1995 (Al), as collected for
-// the luxpop and SOPRA tables that renderers share.
+// Source: measurements of Johnson and Christy 1972 (Cu, Ag, Au) and Rakic 1995 (Al), as collected
+// for the luxpop and SOPRA tables that renderers share.
 inline constexpr size_t kMetalCount = 42;
 inline constexpr double kMetalFirstEv = 3.50, kMetalStepEv = -0.05;
 struct Metal {

@@ -15,7 +15,8 @@ namespace sheaf {
 namespace {
 
 constexpr unsigned kReadBufferBytes = 1u << 18;
-// Deflate cannot shrink better than 1032:1. Source: zlib technical details, "maximum compression factor".
+// Deflate cannot shrink better than 1032:1. Source: zlib technical details, "maximum compression
+// factor".
 constexpr uint64_t kInflateRatioMax = 1032;
 
 }  // namespace
@@ -24,7 +25,8 @@ absl::StatusOr<std::unique_ptr<TextInput>> TextInput::Open(const std::string& pa
                                                            uint64_t bytes_max) {
   struct stat info {};
   if (::stat(path.c_str(), &info) != 0) return StatusFromErrno(errno, path);
-  if (S_ISDIR(info.st_mode)) return absl::InvalidArgumentError(path + ": is a directory, not a file");
+  if (S_ISDIR(info.st_mode))
+    return absl::InvalidArgumentError(path + ": is a directory, not a file");
   errno = 0;
   gzFile file = ::gzopen(path.c_str(), "rb");
   if (file == nullptr) return StatusFromErrno(errno == 0 ? ENOMEM : errno, path);

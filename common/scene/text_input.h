@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// TextInput: the bytes of a scene or mesh file in order, inflated where the file is gzip (told by its
-// first bytes, not by its name). The only door to zlib.
+// TextInput: the bytes of a scene or mesh file in order, inflated where the file is gzip (told by
+// its first bytes, not by its name). The only door to zlib.
 #pragma once
 
 #include <cstddef>

@@ -21,7 +21,8 @@ TextureWrap GetWrap(ParameterList& parameters) {
   if (wrap == "clamp") return TextureWrap::kClamp;
   if (wrap == "octahedralsphere") return TextureWrap::kOctahedral;
   parameters.ErrorAt(*parameters.Find("wrap"),
-                     absl::StrCat("is \"", wrap, "\"; it must be repeat, black, clamp or "
+                     absl::StrCat("is \"", wrap,
+                                  "\"; it must be repeat, black, clamp or "
                                   "octahedralsphere"));
   return TextureWrap::kRepeat;
 }
@@ -32,8 +33,9 @@ ImageTexture::Filter GetFilter(ParameterList& parameters) {
   if (filter == "bilinear") return ImageTexture::Filter::kBilinear;
   if (filter == "trilinear") return ImageTexture::Filter::kTrilinear;
   if (filter == "ewa" || filter == "EWA") return ImageTexture::Filter::kEwa;
-  parameters.ErrorAt(*parameters.Find("filter"),
-                     absl::StrCat("is \"", filter, "\"; it must be point, bilinear, trilinear or ewa"));
+  parameters.ErrorAt(
+      *parameters.Find("filter"),
+      absl::StrCat("is \"", filter, "\"; it must be point, bilinear, trilinear or ewa"));
   return ImageTexture::Filter::kBilinear;
 }
 
@@ -79,9 +81,9 @@ UvMapping GetUvMapping(ParameterList& parameters, const Matrix4& world_from_text
   } else if (kind == "cylindrical") {
     mapping.kind = UvMapping::Kind::kCylindrical;
   } else {
-    parameters.ErrorAt(*parameters.Find("mapping"),
-                       absl::StrCat("is \"", kind,
-                                    "\"; it must be uv, planar, spherical or cylindrical"));
+    parameters.ErrorAt(
+        *parameters.Find("mapping"),
+        absl::StrCat("is \"", kind, "\"; it must be uv, planar, spherical or cylindrical"));
   }
   if (mapping.kind == UvMapping::Kind::kUv || mapping.kind == UvMapping::Kind::kPlanar) {
     mapping.offset_u = parameters.GetFloat("udelta", 0);
@@ -90,8 +92,9 @@ UvMapping GetUvMapping(ParameterList& parameters, const Matrix4& world_from_text
   return mapping;
 }
 
-void TextureTable::Declare(const std::string& name, const std::string& type, const std::string& kind,
-                           const Matrix4& world_from_texture, ParameterList parameters) {
+void TextureTable::Declare(const std::string& name, const std::string& type,
+                           const std::string& kind, const Matrix4& world_from_texture,
+                           ParameterList parameters) {
   parameters.set_owner(absl::StrCat("texture \"", name, "\""));
   if (type != "float" && type != "spectrum") {
     parameters.Error(absl::StrCat(parameters.owner(), " has the unknown type \"", type,
@@ -124,9 +127,9 @@ void TextureTable::Declare(const std::string& name, const std::string& type, con
   if (is_known) parameters.ReportUnused();
   Slot& slot = SlotFor(texture.is_color, ColorRole::kReflectance, name, texture.location);
   if (slot.is_declared) {
-    parameters.Error(absl::StrCat(parameters.owner(), " is declared twice; the first is at ",
-                                  FormatLocation(*scene_, scene_->textures[static_cast<size_t>(slot.index)]
-                                                              .location)));
+    parameters.Error(absl::StrCat(
+        parameters.owner(), " is declared twice; the first is at ",
+        FormatLocation(*scene_, scene_->textures[static_cast<size_t>(slot.index)].location)));
     return;
   }
   slot.is_declared = true;
@@ -136,8 +139,8 @@ void TextureTable::Declare(const std::string& name, const std::string& type, con
 ConstantTexture TextureTable::MakeConstant(ParameterList& parameters, bool is_color) {
   ConstantTexture constant;
   if (is_color) {
-    constant.color = GetColor(parameters, "value", ColorRole::kReflectance,
-                              RgbColor(Rgb::Grey(1)), *files_);
+    constant.color =
+        GetColor(parameters, "value", ColorRole::kReflectance, RgbColor(Rgb::Grey(1)), *files_);
   } else {
     constant.value = parameters.GetFloat("value", 1);
   }
@@ -181,8 +184,8 @@ CheckerboardTexture TextureTable::MakeCheckerboard(ParameterList& parameters, bo
     const std::string name = i == 0 ? "tex1" : "tex2";
     const float fallback = i == 0 ? 1.f : 0.f;
     if (is_color) {
-      board.color[i] = GetColorInput(parameters, name, ColorRole::kReflectance,
-                                     RgbColor(Rgb::Grey(fallback)));
+      board.color[i] =
+          GetColorInput(parameters, name, ColorRole::kReflectance, RgbColor(Rgb::Grey(fallback)));
     } else {
       board.value[i] = GetFloatInput(parameters, name, fallback);
     }
@@ -207,8 +210,8 @@ MixTexture TextureTable::MakeMix(ParameterList& parameters, bool is_color) {
     const std::string name = i == 0 ? "tex1" : "tex2";
     const float fallback = i == 0 ? 0.f : 1.f;
     if (is_color) {
-      mix.color[i] = GetColorInput(parameters, name, ColorRole::kReflectance,
-                                   RgbColor(Rgb::Grey(fallback)));
+      mix.color[i] =
+          GetColorInput(parameters, name, ColorRole::kReflectance, RgbColor(Rgb::Grey(fallback)));
     } else {
       mix.value[i] = GetFloatInput(parameters, name, fallback);
     }
@@ -258,9 +261,9 @@ int32_t TextureTable::Refer(ParameterList& parameters, const Parameter& paramete
   if (is_declaring_) {
     const auto found = slots_.find(Key(is_color, ColorRole::kReflectance, name));
     if (found == slots_.end() || !found->second.is_declared) {
-      parameters.ErrorAt(parameter, absl::StrCat("refers to the ", is_color ? "spectrum" : "float",
-                                                 " texture \"", name,
-                                                 "\", which is not declared before this line"));
+      parameters.ErrorAt(
+          parameter, absl::StrCat("refers to the ", is_color ? "spectrum" : "float", " texture \"",
+                                  name, "\", which is not declared before this line"));
       return kNone;
     }
   }

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// TextureTable: the named textures of a scene, and the parameters that may refer to one. Materials may
-// use a texture that the file declares further on; the table keeps its place until then.
+// TextureTable: the named textures of a scene, and the parameters that may refer to one. Materials
+// may use a texture that the file declares further on; the table keeps its place until then.
 #pragma once
 
 #include <cstdint>
@@ -44,7 +44,8 @@ class TextureTable {
 
   // Index of the texture that the parameter names; kNone (reported) within a texture's declaration
   // where it is not declared before, which also rules out cycles.
-  int32_t Refer(ParameterList& parameters, const Parameter& parameter, bool is_color, ColorRole role);
+  int32_t Refer(ParameterList& parameters, const Parameter& parameter, bool is_color,
+                ColorRole role);
   Slot& SlotFor(bool is_color, ColorRole role, const std::string& name, SourceLocation location);
   void CopyForRole(int32_t source, int32_t target, ColorRole role);
 

@@ -22,15 +22,24 @@ bool EndsWord(char c) {
 
 char Unescape(char c) {
   switch (c) {
-    case 'b': return '\b';
-    case 'f': return '\f';
-    case 'n': return '\n';
-    case 'r': return '\r';
-    case 't': return '\t';
-    case '\\': return '\\';
-    case '\'': return '\'';
-    case '"': return '"';
-    default: return '\0';
+    case 'b':
+      return '\b';
+    case 'f':
+      return '\f';
+    case 'n':
+      return '\n';
+    case 'r':
+      return '\r';
+    case 't':
+      return '\t';
+    case '\\':
+      return '\\';
+    case '\'':
+      return '\'';
+    case '"':
+      return '"';
+    default:
+      return '\0';
   }
 }
 
@@ -100,10 +109,16 @@ Token Tokenizer::Scan() {
   if (!found) return error_.empty() ? token : Failed(token, error_);
   keep_from_ = position_;
   switch (buffer_[position_]) {
-    case '[': token.kind = Token::Kind::kLeftBracket; break;
-    case ']': token.kind = Token::Kind::kRightBracket; break;
-    case '"': return ScanString(token);
-    default: return ScanWord(token);
+    case '[':
+      token.kind = Token::Kind::kLeftBracket;
+      break;
+    case ']':
+      token.kind = Token::Kind::kRightBracket;
+      break;
+    case '"':
+      return ScanString(token);
+    default:
+      return ScanWord(token);
   }
   token.text = std::string_view(buffer_.data() + position_, 1);
   ++position_;
@@ -127,9 +142,9 @@ Token Tokenizer::ScanString(Token token) {
     if (c == '\n') return Failed(token, "the string is not closed on its line; add the missing \"");
     if (c == '"') {
       token.kind = Token::Kind::kString;
-      token.text = escaped ? std::string_view(unescaped_)
-                           : std::string_view(buffer_.data() + keep_from_ + 1,
-                                              position_ - keep_from_ - 2);
+      token.text =
+          escaped ? std::string_view(unescaped_)
+                  : std::string_view(buffer_.data() + keep_from_ + 1, position_ - keep_from_ - 2);
       return token;
     }
     if (c != '\\') {
@@ -144,9 +159,10 @@ Token Tokenizer::ScanString(Token token) {
     unescaped_.push_back(resolved);
   }
   if (!error_.empty()) return Failed(token, error_);
-  return Failed(token, position_ - keep_from_ > kTokenBytesMax
-                           ? absl::StrCat("the string exceeds the limit of ", kTokenBytesMax, " bytes")
-                           : std::string("the file ends inside a string"));
+  return Failed(token,
+                position_ - keep_from_ > kTokenBytesMax
+                    ? absl::StrCat("the string exceeds the limit of ", kTokenBytesMax, " bytes")
+                    : std::string("the file ends inside a string"));
 }
 
 Token Tokenizer::ScanWord(Token token) {

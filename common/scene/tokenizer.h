@@ -1,9 +1,9 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Tokenizer: the words, strings and brackets of a pbrt file with their places, read through a buffer
-// of bounded size, so that a file of any length costs the same memory. Comments run from '#' to the
-// end of the line.
+// Tokenizer: the words, strings and brackets of a pbrt file with their places, read through a
+// buffer of bounded size, so that a file of any length costs the same memory. Comments run from '#'
+// to the end of the line.
 #pragma once
 
 #include <cstdint>
@@ -18,12 +18,12 @@ namespace sheaf {
 
 struct Token {
   enum class Kind {
-    kEnd,           // End of the file.
-    kWord,          // A directive, a number, true or false.
-    kString,        // Between quotation marks, which text leaves out; escapes are resolved.
+    kEnd,     // End of the file.
+    kWord,    // A directive, a number, true or false.
+    kString,  // Between quotation marks, which text leaves out; escapes are resolved.
     kLeftBracket,
     kRightBracket,
-    kError,         // Reading cannot go on; text says why.
+    kError,  // Reading cannot go on; text says why.
   };
   Kind kind = Kind::kEnd;
   std::string_view text;  // Valid until the next call of Next.
@@ -57,11 +57,11 @@ class Tokenizer {
 
   std::unique_ptr<TextInput> input_;
   std::vector<char> buffer_;
-  size_t position_ = 0;          // Next byte, an index in buffer_.
-  size_t end_ = 0;               // End of what buffer_ holds.
-  size_t keep_from_ = 0;         // First byte that Fill must keep.
-  uint64_t buffer_offset_ = 0;   // Of buffer_[0] in the file.
-  uint64_t line_start_ = 0;      // Offset of the current line in the file.
+  size_t position_ = 0;         // Next byte, an index in buffer_.
+  size_t end_ = 0;              // End of what buffer_ holds.
+  size_t keep_from_ = 0;        // First byte that Fill must keep.
+  uint64_t buffer_offset_ = 0;  // Of buffer_[0] in the file.
+  uint64_t line_start_ = 0;     // Offset of the current line in the file.
   int32_t line_ = 1;
   Token last_;
   bool has_ungotten_ = false;

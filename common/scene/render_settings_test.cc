@@ -1,0 +1,120 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "common/scene/render_settings.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "common/base/digest.h"
+#include "common/scene/file_source.h"
+
+namespace sheaf {
+namespace {
+
+TEST(RenderSettingsTest, SceneFillsTheGaps) {
+  SceneDescription scene;
+  scene.film.width_px = 100;
+  scene.film.height_px = 50;
+  scene.sampling.samples_per_pixel = 64;
+  scene.sampling.max_depth = 7;
+  scene.sampling.seed = 3;
+  const auto from_scene = ResolveSettings(scene, {});
+  ASSERT_TRUE(from_scene.ok());
+  EXPECT_EQ(from_scene->window, (PixelRect{0, 0, 100, 50}));
+  EXPECT_EQ(from_scene->samples, 64u);
+  EXPECT_EQ(from_scene->max_depth, 7);
+  EXPECT_EQ(from_scene->seed, 3u);
+  RenderSettings asked;
+  asked.samples = 5;
+  asked.max_depth = 0;
+  asked.seed = 9;
+  const auto resolved = ResolveSettings(scene, asked);
+  ASSERT_TRUE(resolved.ok());
+  EXPECT_EQ(resolved->samples, 5u);
+  EXPECT_EQ(resolved->max_depth, 0);
+  EXPECT_EQ(resolved->seed, 9u);
+}
+
+TEST(RenderSettingsTest, CropsRoundUpAndIntersect) {
+  SceneDescription scene;
+  scene.film.width_px = 10;
+  scene.film.height_px = 10;
+  const double crop[4] = {0.25, 0.75, 0, 0.31};
+  std::copy(std::begin(crop), std::end(crop), scene.film.crop_window);
+  EXPECT_EQ(ResolveSettings(scene, {})->window, (PixelRect{3, 0, 8, 4}));
+  RenderSettings asked;
+  asked.crop = PixelRect{5, 2, 100, 100};
+  EXPECT_EQ(ResolveSettings(scene, asked)->window, (PixelRect{5, 2, 8, 4}));
+  asked.crop = PixelRect{8, 0, 10, 10};
+  EXPECT_EQ(ResolveSettings(scene, asked).status().code(), absl::StatusCode::kInvalidArgument);
+  scene.film.has_pixel_bounds = true;
+  const int32_t bounds[4] = {-5, 4, 6, 60};
+  std::copy(std::begin(bounds), std::end(bounds), scene.film.pixel_bounds);
+  EXPECT_EQ(ResolveSettings(scene, {})->window, (PixelRect{0, 6, 4, 10}));
+}
+
+TEST(RenderSettingsTest, ImpossibleSettingsAreRefused) {
+  SceneDescription scene;
+  RenderSettings asked;
+  asked.samples = 0;
+  EXPECT_FALSE(ResolveSettings(scene, asked).ok());
+  asked = {};
+  asked.max_depth = -1;
+  EXPECT_FALSE(ResolveSettings(scene, asked).ok());
+  scene.film.width_px = scene.film.height_px = 2000000;
+  EXPECT_THAT(std::string(ResolveSettings(scene, {}).status().message()),
+              ::testing::HasSubstr("exceeds the limit"));
+  scene.film.width_px = 0;
+  EXPECT_FALSE(ResolveSettings(scene, {}).ok());
+}
+
+TEST(RenderSettingsTest, DigestCoversWhatChangesPixelsOnly) {
+  FrameSettings settings;
+  settings.width_px = settings.height_px = 8;
+  settings.window = {0, 0, 8, 8};
+  const std::string digest = FrameDigest("scene", settings, "profile");
+  EXPECT_TRUE(IsSha256Hex(digest));
+  FrameSettings generic = settings;
+  generic.force_generic_variant = true;
+  EXPECT_EQ(FrameDigest("scene", generic, "profile"), digest);
+  std::vector<FrameSettings> others(7, settings);
+  others[0].width_px = 9;
+  others[1].height_px = 9;
+  others[2].window.x0 = 1;
+  others[3].window.y1 = 7;
+  others[4].samples = 17;
+  others[5].max_depth = 6;
+  others[6].seed = 1;
+  for (const FrameSettings& other : others)
+    EXPECT_NE(FrameDigest("scene", other, "profile"), digest);
+  EXPECT_NE(FrameDigest("other", settings, "profile"), digest);
+  EXPECT_NE(FrameDigest("scene", settings, "other"), digest);
+}
+
+TEST(RenderSettingsTest, ProfileNamesBuildAndInstructionSet) {
+  EXPECT_THAT(NumericProfile(),
+              ::testing::MatchesRegex("[^ ]+ sheaf-[0-9.]+ [a-z]+-[0-9]+ embree-[0-9.]+"));
+}
+
+TEST(FileSourceTest, NamesAreCanonical) {
+  const std::pair<const char*, const char*> cases[] = {
+      {"a.ply", "a.ply"},    {"./a.ply", "a.ply"},       {"x/../a.ply", "a.ply"},
+      {"x//y/./a", "x/y/a"}, {"../s/a", "../s/a"},       {"../../a", "../../a"},
+      {"x/../../a", "../a"}, {"/abs/../a", "/abs/../a"}, {"", ""},
+  };
+  for (const auto& [reference, expected] : cases) EXPECT_EQ(CanonicalFileName(reference), expected);
+}
+
+TEST(FileSourceTest, TableAndDirectoryAnswerNotFoundByName) {
+  const std::map<std::string, std::string> paths = {{"a", "/there"}};
+  TableFileSource table(paths);
+  EXPECT_EQ(*table.LocalPath("a"), "/there");
+  EXPECT_EQ(table.LocalPath("b").status().code(), absl::StatusCode::kNotFound);
+  DirectoryFileSource directory(::testing::TempDir());
+  EXPECT_THAT(std::string(directory.LocalPath("no-such-file").status().message()),
+              ::testing::HasSubstr("file \"no-such-file\" does not exist"));
+  EXPECT_TRUE(directory.FilesUsed().empty());
+}
+
+}  // namespace
+}  // namespace sheaf

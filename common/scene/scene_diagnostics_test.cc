@@ -1,0 +1,213 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Every kind of mistake a scene file can hold, with the place and the words that answer it.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <fstream>
+#include <string>
+
+#include "common/base/file.h"
+#include "common/scene/scene_reader.h"
+
+namespace sheaf {
+namespace {
+
+using ::testing::HasSubstr;
+
+void WriteText(const std::string& path, const std::string& text) {
+  std::ofstream(path, std::ios::binary) << text;
+}
+
+struct BadScene {
+  const char* name;
+  const char* text;
+  const char* expected;  // Place and the beginning of the message.
+};
+
+void PrintTo(const BadScene& bad, std::ostream* out) { *out << bad.name; }
+
+class BadSceneTest : public ::testing::TestWithParam<BadScene> {
+ public:
+  static std::string Directory() {
+    return ::testing::TempDir() + "sheaf-bad-scene-" + GetParam().name;
+  }
+};
+
+TEST_P(BadSceneTest, SaysWhereAndWhat) {
+  const std::string directory = Directory();
+  ASSERT_TRUE(MakeDirectories(directory).ok());
+  WriteText(directory + "/main.pbrt", GetParam().text);
+  WriteText(directory + "/loop.pbrt", "Include \"loop.pbrt\"\n");
+  WriteText(directory + "/open.pbrt", "AttributeBegin\n");
+  WriteText(directory + "/bad.ply", "ply\nformat ascii 1.0\n");
+  WriteText(directory + "/bad.spd", "400 1 x\n");
+  DirectoryFileSource files(directory);
+  const absl::StatusOr<ReadSceneResult> result = ReadScene("main.pbrt", files);
+  ASSERT_FALSE(result.ok());
+  EXPECT_EQ(result.status().code(), absl::StatusCode::kInvalidArgument);
+  EXPECT_THAT(std::string(result.status().message()), HasSubstr(GetParam().expected));
+}
+
+constexpr BadScene kBadScenes[] = {
+    {"Empty", "", "main.pbrt:1:1: the scene has no WorldBegin"},
+    {"UnknownDirective", "WorldBegin\n  Shapes \"sphere\"\n",
+     "main.pbrt:2:3: unknown directive \"Shapes\"; did you mean \"Shape\"?"},
+    {"StrayString", "\"x\"\n", "main.pbrt:1:1: expected a directive"},
+    {"OpenString", "WorldBegin\nShape \"sph\n", "main.pbrt:2:7: the string is not closed"},
+    {"BadEscape", "WorldBegin\nShape \"s\\qh\"\n",
+     "main.pbrt:2:7: the string holds an unknown escape"},
+    {"OpenList", "WorldBegin\nShape \"sphere\" \"float radius\" [ 1\nShape \"disk\"\n",
+     "main.pbrt:3:1: parameter \"radius\" has no ] before \"Shape\""},
+    {"OpenListAtEnd", "WorldBegin\nShape \"sphere\" \"float radius\" [ 1",
+     "parameter \"radius\" has no ] before the end of the file"},
+    {"NoValue", "WorldBegin\nShape \"sphere\" \"float radius\"\nShape \"disk\"\n",
+     "main.pbrt:3:1: parameter \"radius\" has no value before \"Shape\""},
+    {"UnknownType", "WorldBegin\nShape \"sphere\" \"flaot radius\" 1\n",
+     "main.pbrt:2:16: parameter \"radius\" has the unknown type \"flaot\"; did you mean "
+     "\"float\"?"},
+    {"NoName", "WorldBegin\nShape \"sphere\" \"float\" 1\n",
+     "main.pbrt:2:16: parameter \"float\" needs a type and a name"},
+    {"Twice", "WorldBegin\nShape \"sphere\" \"float radius\" 1 \"float radius\" 2\n",
+     "main.pbrt:2:33: parameter \"radius\" is given twice"},
+    {"NotANumber", "WorldBegin\nShape \"sphere\" \"float radius\" nan\n",
+     "main.pbrt:2:31: parameter \"radius\": \"nan\" is not a number"},
+    {"TooLarge", "WorldBegin\nShape \"sphere\" \"float radius\" 1e39\n",
+     "main.pbrt:2:31: parameter \"radius\": \"1e39\" is not a number that a 32-bit float holds"},
+    {"NotAnInteger", "Sampler \"sobol\" \"integer pixelsamples\" 4.5\nWorldBegin\n",
+     "main.pbrt:1:40: parameter \"pixelsamples\": \"4.5\" is not a 32-bit integer"},
+    {"QuotedBool", "WorldBegin\nAreaLightSource \"diffuse\" \"bool twosided\" \"true\"\n",
+     "main.pbrt:2:43: parameter \"twosided\" of type bool has the string"},
+    {"Components", "WorldBegin\nShape \"trianglemesh\" \"point3 P\" [1 2]\n",
+     "main.pbrt:2:22: parameter \"P\" of type point3 needs a multiple of 3"},
+    {"UnknownParameter", "WorldBegin\nShape \"sphere\" \"float raduis\" 1\n",
+     "main.pbrt:2:16: shape \"sphere\": parameter \"raduis\" is unknown here; did you mean "
+     "\"radius\"?"},
+    {"WrongType", "WorldBegin\nShape \"sphere\" \"integer radius\" 1\n",
+     "main.pbrt:2:16: shape \"sphere\": parameter \"radius\" must be of type float, not integer"},
+    {"TwoValues", "WorldBegin\nShape \"sphere\" \"float radius\" [1 2]\n",
+     "parameter \"radius\" needs 1 value but has 2"},
+    {"ShortTransform", "Transform [1 0 0 0]\nWorldBegin\n",
+     "main.pbrt:1:19: Transform needs 16 numbers; number 5 is missing"},
+    {"ZeroAxis", "Rotate 30 0 0 0\nWorldBegin\n", "main.pbrt:1:1: Rotate about a zero axis"},
+    {"DegenerateLookAt", "LookAt 1 1 1 1 1 1 0 1 0\nWorldBegin\n",
+     "main.pbrt:1:1: LookAt gives no direction"},
+    {"SingularShape", "WorldBegin\nScale 1 0 1\nShape \"sphere\"\n",
+     "main.pbrt:3:1: shape \"sphere\": the transformation is singular"},
+    {"ActiveTransform", "ActiveTransform Never\nWorldBegin\n",
+     "main.pbrt:1:17: ActiveTransform needs one of"},
+    {"UnknownSystem", "WorldBegin\nCoordSysTransform \"camera\"\n",
+     "main.pbrt:2:1: coordinate system \"camera\" is not defined"},
+    {"BeforeWorld", "Shape \"sphere\"\nWorldBegin\n",
+     "main.pbrt:1:1: Shape must stand after WorldBegin"},
+    {"AfterWorld", "WorldBegin\nFilm \"rgb\"\n",
+     "main.pbrt:2:1: Film must stand before WorldBegin"},
+    {"EndsNothing", "WorldBegin\nAttributeEnd\n", "main.pbrt:2:1: AttributeEnd ends nothing"},
+    {"EndsOther", "WorldBegin\nObjectBegin \"o\"\nAttributeEnd\nObjectEnd\n",
+     "main.pbrt:3:1: AttributeEnd ends nothing: the innermost open block is the ObjectBegin at "
+     "main.pbrt:2:1"},
+    {"NeverEnded", "WorldBegin\nAttributeBegin\n", "main.pbrt:2:1: AttributeBegin is never ended"},
+    {"OpenInImport", "WorldBegin\nImport \"open.pbrt\"\nShape \"sphere\"\n",
+     "open.pbrt:1:1: AttributeBegin is never ended"},
+    {"Cycle", "WorldBegin\nInclude \"loop.pbrt\"\n",
+     "loop.pbrt:1:1: the files include each other in a cycle: main.pbrt > loop.pbrt > loop.pbrt"},
+    {"MissingInclude", "WorldBegin\nInclude \"gone.pbrt\"\n",
+     "main.pbrt:2:1: cannot read \"gone.pbrt\": file \"gone.pbrt\" does not exist"},
+    {"ImportBeforeWorld", "Import \"open.pbrt\"\nWorldBegin\n",
+     "main.pbrt:1:1: Import must stand after WorldBegin"},
+    {"ObjectInObject", "WorldBegin\nObjectBegin \"a\"\nObjectBegin \"b\"\nObjectEnd\n",
+     "main.pbrt:3:1: ObjectBegin inside of another object"},
+    {"UndefinedObject", "WorldBegin\nObjectInstance \"a\"\n",
+     "main.pbrt:2:1: object \"a\" is used here but defined nowhere"},
+    {"UnknownShape", "WorldBegin\nShape \"curve\"\n",
+     "main.pbrt:2:1: shape \"curve\" is not supported"},
+    {"UnknownCamera", "Camera \"spherical\"\nWorldBegin\n",
+     "main.pbrt:1:1: camera \"spherical\" is not supported"},
+    {"UnknownLight", "WorldBegin\nLightSource \"projection\"\n",
+     "main.pbrt:2:1: light \"projection\" is not supported"},
+    {"Portal", "WorldBegin\nLightSource \"infinite\" \"point3 portal\" [0 0 0 1 0 0 1 1 0 0 1 0]\n",
+     "main.pbrt:2:24: light \"infinite\": parameter \"portal\" is not supported"},
+    {"UnknownMaterial", "WorldBegin\nMaterial \"hair\"\n",
+     "main.pbrt:2:1: material \"hair\": type \"hair\" is not supported"},
+    {"UnknownTexture", "WorldBegin\nTexture \"t\" \"float\" \"wrinkled\"\n",
+     "main.pbrt:2:1: texture \"t\": class \"wrinkled\" is not supported"},
+    {"Displacement", "WorldBegin\nMaterial \"diffuse\" \"texture displacement\" \"d\"\n",
+     "main.pbrt:2:20: material \"diffuse\": parameter \"displacement\" is not supported"},
+    {"NormalMap", "WorldBegin\nMaterial \"diffuse\" \"string normalmap\" \"n.png\"\n",
+     "parameter \"normalmap\" is not supported"},
+    {"FilmType", "Film \"spectral\"\nWorldBegin\n",
+     "main.pbrt:1:1: film \"spectral\" is not supported"},
+    {"Sensor", "Film \"rgb\" \"string sensor\" \"canon_eos_100d\"\nWorldBegin\n",
+     "main.pbrt:1:12: film \"rgb\": parameter \"sensor\" \"canon_eos_100d\" is not supported"},
+    {"Filter", "PixelFilter \"sinc\"\nWorldBegin\n",
+     "main.pbrt:1:1: filter \"sinc\" is not supported"},
+    {"Integrator", "Integrator \"bdpt\"\nWorldBegin\n",
+     "main.pbrt:1:1: integrator \"bdpt\" is not supported"},
+    {"Regularize", "Integrator \"path\" \"bool regularize\" true\nWorldBegin\n",
+     "parameter \"regularize\" is not supported"},
+    {"Sampler", "Sampler \"best\"\nWorldBegin\n", "main.pbrt:1:1: sampler \"best\" is unknown"},
+    {"ColorSpace", "ColorSpace \"rec2020\"\nWorldBegin\n",
+     "main.pbrt:1:1: color space \"rec2020\" is not supported"},
+    {"Option", "Option \"forcediffuse\" true\nWorldBegin\n",
+     "main.pbrt:1:1: option \"forcediffuse\" is not supported"},
+    {"Medium", "MediumInterface \"\" \"fog\"\nWorldBegin\n",
+     "main.pbrt:1:1: medium \"fog\" is not supported"},
+    {"NoMaterial",
+     "WorldBegin\nNamedMaterial \"golb\"\nMakeNamedMaterial \"gold\" \"string type\" \"diffuse\"\n",
+     "main.pbrt:2:1: material \"golb\" is used here but made nowhere; did you mean \"gold\"?"},
+    {"MaterialTwice",
+     "WorldBegin\nMakeNamedMaterial \"a\" \"string type\" \"diffuse\"\nMakeNamedMaterial \"a\" "
+     "\"string type\" \"diffuse\"\n",
+     "main.pbrt:3:1: named material \"a\" is made twice; the first is at main.pbrt:2:1"},
+    {"MixOfItself",
+     "WorldBegin\nMakeNamedMaterial \"a\" \"string type\" \"mix\" \"string materials\" [\"a\" "
+     "\"a\"]\n",
+     "main.pbrt:2:1: the mix material \"a\" contains itself"},
+    {"NoTexture", "WorldBegin\nMaterial \"diffuse\" \"texture reflectance\" \"t\"\n",
+     "main.pbrt:2:20: the spectrum texture \"t\" is used here but declared nowhere"},
+    {"TextureOfItself", "WorldBegin\nTexture \"t\" \"float\" \"scale\" \"texture tex\" \"t\"\n",
+     "main.pbrt:2:29: texture \"t\": parameter \"tex\" refers to the float texture \"t\", which is "
+     "not declared before"},
+    {"MissingImage",
+     "WorldBegin\nTexture \"t\" \"float\" \"imagemap\" \"string filename\" \"no.png\"\n",
+     "main.pbrt:2:32: texture \"t\": parameter \"filename\" cannot be read: file \"no.png\" does "
+     "not exist"},
+    {"MissingMesh", "WorldBegin\nShape \"plymesh\" \"string filename\" \"no.ply\"\n",
+     "main.pbrt:2:17: shape \"plymesh\": parameter \"filename\" cannot be read"},
+    {"TruncatedMesh", "WorldBegin\nShape \"plymesh\" \"string filename\" \"bad.ply\"\n",
+     "cannot be read: bad.ply: the file ends too early"},
+    {"IndexRange",
+     "WorldBegin\nShape \"trianglemesh\" \"point3 P\" [0 0 0 1 0 0 0 1 0] \"integer indices\" [0 1 "
+     "3]\n",
+     "parameter \"indices\" holds 3 in triangle 0, outside [0, 3)"},
+    {"NegativeIndex",
+     "WorldBegin\nShape \"trianglemesh\" \"point3 P\" [0 0 0 1 0 0 0 1 0] \"integer indices\" [0 1 "
+     "-1]\n",
+     "parameter \"indices\" holds -1 in triangle 0"},
+    {"NormalCount",
+     "WorldBegin\nShape \"trianglemesh\" \"point3 P\" [0 0 0 1 0 0 0 1 0] \"normal N\" [0 0 1]\n",
+     "parameter \"N\" has 1 entries, but P has 3 vertices"},
+    {"BrightSurface", "WorldBegin\nMaterial \"diffuse\" \"rgb reflectance\" [0.5 1.5 0.5]\n",
+     "parameter \"reflectance\" has a component greater than 1"},
+    {"NegativeLight", "WorldBegin\nLightSource \"point\" \"rgb I\" [1 -1 1]\n",
+     "parameter \"I\" has a negative component"},
+    {"UnknownSpectrum", "WorldBegin\nMaterial \"conductor\" \"spectrum eta\" \"metal-Ac-eta\"\n",
+     "names no known spectrum"},
+    {"BadSpectrumFile", "WorldBegin\nMaterial \"conductor\" \"spectrum eta\" \"bad.spd\"\n",
+     "cannot use the spectrum file \"bad.spd\": line 1, column 7: expected a number"},
+    {"OddSpectrum", "WorldBegin\nLightSource \"point\" \"spectrum I\" [400 1 500]\n",
+     "needs pairs of wavelength in nm and value"},
+    {"SpectrumOrder", "WorldBegin\nLightSource \"point\" \"spectrum I\" [500 1 400 1]\n",
+     "has wavelengths that do not increase"},
+    {"NonManifold",
+     "WorldBegin\nShape \"loopsubdiv\" \"point3 P\" [0 0 0 1 0 0 0 1 0 0 0 1 0 -1 0] \"integer "
+     "indices\" [0 1 2 0 1 3 0 1 4]\n",
+     "main.pbrt:2:1: shape \"loopsubdiv\": the edge between vertices 0 and 1 belongs to more than "
+     "two triangles"},
+};
+INSTANTIATE_TEST_SUITE_P(Diagnostics, BadSceneTest, ::testing::ValuesIn(kBadScenes),
+                         [](const auto& test) { return std::string(test.param.name); });
+
+}  // namespace
+}  // namespace sheaf
