@@ -10,23 +10,25 @@ namespace sheaf::render {
 namespace {
 
 // Points of the quadrature over visible normals. The azimuth is periodic and symmetric, so equal
-// steps over half a turn converge fast; the other direction is smooth.
+// steps over half a turn converge fast.
 constexpr int kAzimuthCount = 24;
 constexpr int kPolarCount = 48;
 
-// Calls visit(m) for visible normals of equal probability and returns the sum of its results over
-// their number.
+// The average of visit(m) over visible normals. Steep facets, which matter for shadowing, lie within
+// about alpha^2 of u.y = 1; steps of equal size in the cube root of 1 - u.y resolve them.
 template <typename Visit>
 auto AverageOverVisibleNormals(const Ggx& ggx, Vec3f wo, Visit visit) {
   decltype(visit(wo)) sum{};
   for (int j = 0; j < kPolarCount; ++j) {
+    const float root = (static_cast<float>(j) + 0.5f) / kPolarCount;
+    const double weight = 3.0 * root * root / (kAzimuthCount * kPolarCount);
     for (int i = 0; i < kAzimuthCount; ++i) {
-      const Vec2f u{0.5f * (static_cast<float>(i) + 0.5f) / kAzimuthCount,
-                    (static_cast<float>(j) + 0.5f) / kPolarCount};
-      sum += visit(ggx.SampleVisibleNormal(wo, u));
+      const Vec2f u{0.5f * (static_cast<float>(i) + 0.5f) / kAzimuthCount, 1 - root * root * root};
+      sum += visit(ggx.SampleVisibleNormal(wo, u)) * weight;
     }
   }
-  return sum * (1.0 / (kAzimuthCount * kPolarCount));
+  // The weights' own sum, so that a constant is its own average.
+  return sum * (1 / (1 - 0.25 / (kPolarCount * kPolarCount)));
 }
 
 // G2 / G1(wo) for light going on to wi, on either side.

@@ -1,0 +1,309 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// The hard cases of materials, by their names: M1 to M13. Expected values are closed forms or
+// high-precision quadrature.
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <optional>
+#include <string>
+
+#include "gtest/gtest.h"
+#include "tests/support/bsdf_fixtures.h"
+#include "tests/support/chi_square.h"
+
+namespace sheaf::render {
+namespace {
+
+using testing::BsdfFixture;
+using testing::CounterUniforms;
+using testing::DirectionAt;
+using testing::MakeCoatFixture;
+using testing::MakeConductorFixture;
+using testing::MakeDielectricFixture;
+using testing::MakeDiffuseFixture;
+using testing::MakeMirrorFixture;
+
+// Mean of the energy scattered along wo by stratified sampling, what crosses counted as energy and
+// not as radiance. Two of the draws are stratified to side x side cells.
+double Albedo(const Bsdf& bsdf, Vec3f wo, int side = 384) {
+  double sum = 0;
+  for (int i = 0; i < side; ++i) {
+    for (int j = 0; j < side; ++j) {
+      const auto jitter = CounterUniforms(11, static_cast<uint64_t>(i) * side + j);
+      const Vec2f u{(static_cast<float>(i) + jitter[1]) / static_cast<float>(side),
+                    (static_cast<float>(j) + jitter[2]) / static_cast<float>(side)};
+      const auto sample = SampleBsdf<kAllTraits>(bsdf, wo, jitter[0], u);
+      if (sample) sum += sample->weight.g * sample->eta_scale;
+    }
+  }
+  return sum / (static_cast<double>(side) * side);
+}
+
+// Cosine-weighted average over a hemisphere of f(mu), by steps over mu^2.
+template <typename F>
+double CosineAverage(F f, int steps = 100000) {
+  double sum = 0;
+  for (int i = 0; i < steps; ++i) sum += f(static_cast<float>(std::sqrt((i + 0.5) / steps)));
+  return sum / steps;
+}
+
+TEST(MaterialStability, M1_HighlightsOfVanishingRoughnessKeepTheirIntegral) {
+  for (float alpha : {1e-1f, 1e-2f, 1e-3f, 1e-4f, 1e-5f, 1e-6f}) {
+    const BsdfFixture fixture = MakeMirrorFixture(alpha, alpha, true);
+    for (float mu : {1.0f, 0.5f}) {
+      EXPECT_NEAR(Albedo(fixture.bsdf, DirectionAt(mu, 1)), 1, 1e-3) << "alpha " << alpha;
+    }
+  }
+}
+
+TEST(MaterialStability, M1_TheDistributionIsExactAtItsKnee) {
+  for (float alpha : {1e-1f, 1e-2f, 1e-3f, 1e-4f, 1e-6f}) {
+    const double sin_theta = alpha / std::sqrt(1 + static_cast<double>(alpha) * alpha);
+    const double cos2 = 1 / (1 + static_cast<double>(alpha) * alpha);
+    const Vec3f m = ToFloat({sin_theta, 0, std::sqrt(cos2)});
+    // tan theta = alpha: D = 1 / (4 pi alpha^2 cos^4).
+    const double expected = 1 / (4 * kPi * static_cast<double>(alpha) * alpha * cos2 * cos2);
+    const Ggx ggx{alpha, alpha};
+    EXPECT_NEAR(ggx.D(m) / expected, 1, 1e-6) << alpha;
+  }
+}
+
+TEST(MaterialStability, M2_SingleScatteringAlbedoHasItsKnownValues) {
+  struct Case {
+    float alpha, mu;
+    double albedo;
+  };
+  const Case cases[] = {{1, 1, 1 - 0.69314718056}, {1, 0.5f, 0.4507}, {1, 0.1f, 0.7602},
+                        {0.5f, 1, 0.6879},         {0.5f, 0.5f, 0.6983}, {0.5f, 0.1f, 0.8601},
+                        {0.3f, 1, 0.8774},         {0.3f, 0.5f, 0.8217}, {0.3f, 0.1f, 0.8888},
+                        {0.1f, 1, 0.9883},         {0.1f, 0.5f, 0.9692}, {0.1f, 0.1f, 0.8835}};
+  for (const Case& c : cases) {
+    EXPECT_NEAR(IntegrateMirror({c.alpha, c.alpha}, c.mu), c.albedo, 3e-4)
+        << "alpha " << c.alpha << " mu " << c.mu;
+    EXPECT_NEAR(Albedo(MakeMirrorFixture(c.alpha, c.alpha, false).bsdf, DirectionAt(c.mu, 1)),
+                c.albedo, 2e-3);
+  }
+  const double averages[][2] = {{1, 0.40888}, {0.5, 0.7001}, {0.3, 0.8467}, {0.1, 0.9719}};
+  for (const auto& [alpha, average] : averages) {
+    const ConductorEnergyRow row = MakeConductorEnergyRow(static_cast<float>(alpha));
+    EXPECT_NEAR(1 - static_cast<double>(row.lobe.average_loss), average, 5e-4) << alpha;
+  }
+}
+
+TEST(MaterialStability, M2_ARoughMirrorReflectsEverything) {
+  for (float alpha : {0.01f, 0.05f, 0.1f, 0.3f, 0.5f, 1.0f}) {
+    const BsdfFixture fixture = MakeMirrorFixture(alpha, alpha, true);
+    for (float mu : {1.0f, 0.7f, 0.3f, 0.1f, 0.01f}) {
+      EXPECT_NEAR(Albedo(fixture.bsdf, DirectionAt(mu, 1)), 1, 0.005)
+          << "alpha " << alpha << " mu " << mu;
+    }
+  }
+}
+
+TEST(MaterialStability, M2_RoughGlassKeepsEnergyOnBothSides) {
+  for (float eta : {1.33f, 1.5f, 2.42f}) {
+    for (float alpha : {0.1f, 0.5f, 1.0f}) {
+      const BsdfFixture fixture = MakeDielectricFixture(alpha, alpha, eta, true);
+      for (float mu : {0.9f, 0.3f, 0.05f, -0.9f, -0.3f, -0.05f}) {
+        EXPECT_NEAR(Albedo(fixture.bsdf, DirectionAt(mu, 1)), 1, 0.005)
+            << "eta " << eta << " alpha " << alpha << " mu " << mu;
+      }
+    }
+  }
+}
+
+TEST(MaterialStability, M2_BlendedRowsKeepEnergyBetweenTheAlphasOfTheTable) {
+  for (float alpha : {0.02f, 0.13f, 0.41f, 0.87f}) {
+    const RowBlend at = FindAlphaRow(alpha);
+    const std::array<ConductorEnergyRow, 2> rows = {
+        MakeConductorEnergyRow(AlphaNode(at.index)), MakeConductorEnergyRow(AlphaNode(at.index + 1))};
+    BsdfFixture fixture = MakeMirrorFixture(alpha, alpha, false);
+    fixture.bsdf.color = Rgb::Grey(1);
+    fixture.bsdf.conductor_energy = rows.data();
+    fixture.bsdf.blend = at.fraction;
+    for (float mu : {1.0f, 0.3f, 0.05f}) {
+      EXPECT_NEAR(Albedo(fixture.bsdf, DirectionAt(mu, 1)), 1, 0.005) << alpha << " " << mu;
+    }
+  }
+}
+
+TEST(MaterialStability, M2_WhiteCoatsLoseNothing) {
+  for (float alpha : {0.0f, 0.1f, 0.3f, 1.0f}) {
+    for (float eta : {1.2f, 1.5f, 2.0f}) {
+      const BsdfFixture fixture = MakeCoatFixture(alpha, alpha, eta, 0, Rgb::Grey(1));
+      for (float mu : {1.0f, 0.5f, 0.1f, 0.01f}) {
+        EXPECT_NEAR(Albedo(fixture.bsdf, DirectionAt(mu, 1)), 1, 0.005)
+            << "alpha " << alpha << " eta " << eta << " mu " << mu;
+      }
+    }
+  }
+}
+
+TEST(MaterialStability, M3_GrazingDirectionsGiveFiniteWeights) {
+  for (float alpha : {0.01f, 0.3f, 1.0f}) {
+    for (const BsdfFixture& fixture :
+         {MakeMirrorFixture(alpha, alpha, true), MakeDielectricFixture(alpha, alpha, 1.5f, true),
+          MakeCoatFixture(alpha, alpha, 1.5f, 0.01f, Rgb::Grey(1))}) {
+      for (float mu : {1e-1f, 1e-3f, 1e-5f, 1e-7f, 1e-20f, -1e-7f}) {
+        for (uint64_t i = 0; i < 2000; ++i) {
+          const auto u = CounterUniforms(2, i);
+          const auto sample =
+              SampleBsdf<kAllTraits>(fixture.bsdf, DirectionAt(mu, 1), u[0], {u[1], u[2]});
+          if (!sample) continue;
+          ASSERT_TRUE(IsFinite(sample->weight) && std::isfinite(sample->pdf)) << fixture.name;
+          ASSERT_NEAR(Length(sample->wi), 1, 1e-4) << fixture.name;
+        }
+      }
+    }
+  }
+}
+
+TEST(MaterialStability, M4_TotalReflectionSetsInAtTheCriticalAngle) {
+  const double angles[][2] = {
+      {1.5, 41.8103149}, {1.33, 48.7534667}, {2.42, 24.4074689}};
+  for (const auto& [n, degrees] : angles) {
+    const auto reflectance = [eta = 1 / n](double angle_degrees) {
+      return FresnelDielectric(static_cast<float>(Cos(angle_degrees * kPi / 180)),
+                               static_cast<float>(eta))
+          .reflectance;
+    };
+    EXPECT_EQ(reflectance(degrees + 1e-3), 1) << n;
+    EXPECT_LT(reflectance(degrees - 1e-3), 1) << n;
+    EXPECT_GT(reflectance(degrees - 1e-3), 0.9) << n;  // The root's steep rise, without a jump.
+    EXPECT_GT(reflectance(degrees - 1e-6 * 180 / kPi), 0.98) << n;
+  }
+}
+
+TEST(MaterialStability, M4_FresnelAveragesOverTheHemisphere) {
+  const double rows[][3] = {{1.33, 0.065930849, 0.471949149},
+                            {1.5, 0.091777959, 0.596345760},
+                            {2.42, 0.212540790, 0.865538694}};
+  for (const auto& [n, outside, inside] : rows) {
+    const auto eta = static_cast<float>(n);
+    const double f_e =
+        CosineAverage([&](float mu) { return FresnelDielectric(mu, eta).reflectance; });
+    const double f_i =
+        CosineAverage([&](float mu) { return FresnelDielectric(mu, 1 / eta).reflectance; });
+    EXPECT_NEAR(f_e, outside, 2e-6) << n;
+    EXPECT_NEAR(f_i, inside, 2e-6) << n;
+    EXPECT_NEAR(f_i, 1 - (1 - f_e) / (n * n), 2e-6) << n;
+  }
+}
+
+TEST(MaterialStability, M5_AnIndexOfOneLetsEverythingPassUnbent) {
+  const BsdfFixture fixture = MakeDielectricFixture(0, 0, 1, false);
+  for (float mu : {1.0f, 0.37f, 1e-3f, -0.2f}) {
+    const Vec3f wo = DirectionAt(mu, 2);
+    const auto sample = SampleBsdf<kAllTraits>(fixture.bsdf, wo, 0, {0.5f, 0.5f});
+    ASSERT_TRUE(sample.has_value());
+    EXPECT_EQ(sample->wi, -wo);
+    EXPECT_EQ(sample->weight, Rgb::Grey(1));
+    EXPECT_EQ(sample->eta_scale, 1);
+    EXPECT_TRUE((sample->flags & kBsdfTransmission) != 0);
+  }
+}
+
+TEST(MaterialStability, M6_RoughDielectricsAreReciprocal) {
+  for (float alpha : {0.1f, 0.5f, 1.0f}) {
+    for (float eta : {1.33f, 1.5f, 1 / 1.5f}) {
+      const BsdfFixture keep = MakeDielectricFixture(alpha, alpha, eta, true);
+      for (uint64_t i = 0; i < 500; ++i) {
+        const auto u = CounterUniforms(9, i), v = CounterUniforms(10, i);
+        const Vec3f a = DirectionAt(2 * u[0] - 1, 6.2f * u[1]);
+        const Vec3f b = DirectionAt(2 * v[0] - 1, 6.2f * v[1]);
+        if (a.z == 0 || b.z == 0) continue;
+        // f(a, b) is the share of radiance from b that leaves along a.
+        const double ab = EvalBsdf<kAllTraits>(keep.bsdf, a, b).f_cos.g / std::fabs(b.z);
+        const double ba = EvalBsdf<kAllTraits>(keep.bsdf, b, a).f_cos.g / std::fabs(a.z);
+        const double eta_a = a.z > 0 ? 1 : eta, eta_b = b.z > 0 ? 1 : eta;
+        EXPECT_NEAR(ab * eta_b * eta_b, ba * eta_a * eta_a, 2e-4 * ab * eta_b * eta_b + 1e-6)
+            << a.z << " " << b.z;
+      }
+    }
+  }
+}
+
+TEST(MaterialStability, M6_ConductorsAndCoatsAreReciprocal) {
+  const BsdfFixture fixtures[] = {
+      MakeConductorFixture(0.5f, 0.5f, {0.2f, 0.4f, 1.4f}, {3.9f, 2.4f, 1.6f}, true),
+      MakeConductorFixture(0.1f, 0.7f, {0.2f, 0.4f, 1.4f}, {3.9f, 2.4f, 1.6f}, true),
+      MakeCoatFixture(0.3f, 0.3f, 1.5f, 0.1f, {0.2f, 0.5f, 0.9f}),
+      MakeCoatFixture(0, 0, 1.5f, 0.1f, {0.2f, 0.5f, 0.9f})};
+  for (const BsdfFixture& fixture : fixtures) {
+    for (uint64_t i = 0; i < 500; ++i) {
+      const auto u = CounterUniforms(9, i), v = CounterUniforms(10, i);
+      const Vec3f a = DirectionAt(0.01f + 0.99f * u[0], 6.2f * u[1]);
+      const Vec3f b = DirectionAt(0.01f + 0.99f * v[0], 6.2f * v[1]);
+      const float ab = EvalBsdf<kAllTraits>(fixture.bsdf, a, b).f_cos.g / b.z;
+      const float ba = EvalBsdf<kAllTraits>(fixture.bsdf, b, a).f_cos.g / a.z;
+      EXPECT_NEAR(ab, ba, 1e-4f * ab) << fixture.name;
+    }
+  }
+}
+
+TEST(MaterialStability, M7_PerfectReflectanceNeitherLosesNorGains) {
+  EXPECT_EQ(FresnelConductor(0.3f, 1, kPerfectConductorK), 1);
+  // k = 0 is a dielectric: the same reflectance as Fresnel's real form, total reflection included.
+  for (float mu : {1.0f, 0.6f, 0.1f, 1e-3f, 0.0f}) {
+    for (float eta : {1.5f, 1 / 1.5f}) {
+      EXPECT_NEAR(FresnelConductor(mu, eta, 0), FresnelDielectric(mu, eta).reflectance, 3e-4)
+          << mu << " " << eta;
+    }
+  }
+  // Ten thousand bounces between white walls and mirrors.
+  const BsdfFixture white = MakeDiffuseFixture(Rgb::Grey(1)), mirror = MakeMirrorFixture(0, 0, false);
+  double throughput = 1;
+  for (uint64_t i = 0; i < 10000; ++i) {
+    const auto u = CounterUniforms(1, i);
+    const Bsdf& bsdf = i % 2 == 0 ? white.bsdf : mirror.bsdf;
+    const auto sample = SampleBsdf<kAllTraits>(bsdf, DirectionAt(0.5f, 1), u[0], {u[1], u[2]});
+    ASSERT_TRUE(sample.has_value());
+    throughput *= sample->weight.g;
+  }
+  EXPECT_NEAR(throughput, 1, 1e-6);
+}
+
+TEST(MaterialStability, M8_ASlabOfTwoInterfacesTransmitsItsClosedForm) {
+  for (const auto& [n, transmitted] :
+       {std::array<double, 2>{1.5, 0.923076923}, {1.33, 0.960670302}}) {
+    Bsdf bsdf{.kind = BsdfKind::kThinDielectric, .specular = true};
+    bsdf.eta = static_cast<float>(n);
+    constexpr int kDraws = 100000;
+    int crossed = 0;
+    for (int i = 0; i < kDraws; ++i) {
+      const float u_lobe = (static_cast<float>(i) + 0.5f) / kDraws;
+      const auto sample = SampleBsdf<kAllTraits>(bsdf, {0, 0, 1}, u_lobe, {0.5f, 0.5f});
+      ASSERT_TRUE(sample.has_value());
+      EXPECT_EQ(sample->weight, Rgb::Grey(1));
+      if ((sample->flags & kBsdfTransmission) != 0) ++crossed;
+    }
+    EXPECT_NEAR(static_cast<double>(crossed) / kDraws, transmitted, 2.0 / kDraws);
+  }
+  // A single pass through glass, water, glass: four interfaces, no inner reflections.
+  const auto pass = [](double eta) {
+    return 1.0 - static_cast<double>(FresnelDielectric(1, static_cast<float>(eta)).reflectance);
+  };
+  EXPECT_NEAR(pass(1.5) * pass(1.33 / 1.5) * pass(1.5 / 1.33) * pass(1 / 1.5), 0.914960840, 1e-6);
+}
+
+TEST(MaterialStability, M9_APrismBendsByItsMinimumDeviation) {
+  for (const auto& [n, degrees] : {std::array<double, 2>{1.5, 37.18075578},
+                                   {1.51432, 38.42893}, {1.52238, 39.13844}}) {
+    // Symmetric path through a prism of 60 degrees: 30 degrees inside at both faces.
+    const auto eta = static_cast<float>(n);
+    const double incidence = Asin(0.5 * n);
+    const Vec3f wo = DirectionAt(static_cast<float>(Cos(incidence)), 0);
+    const auto in = SampleBsdf<kAllTraits>(MakeDielectricFixture(0, 0, eta, false).bsdf, wo, 0.999f,
+                                           {0.5f, 0.5f});
+    ASSERT_TRUE(in.has_value());
+    ASSERT_TRUE((in->flags & kBsdfTransmission) != 0);
+    const double bend = incidence - Atan2(std::fabs(static_cast<double>(in->wi.x)),
+                                          -static_cast<double>(in->wi.z));
+    EXPECT_NEAR(2 * bend * 180 / kPi, degrees, 2e-5);
+  }
+}
+
+}  // namespace
+}  // namespace sheaf::render
