@@ -1,0 +1,112 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "worker/render/coat_table.h"
+
+#include <cmath>
+
+#include "gtest/gtest.h"
+#include "tests/support/bsdf_fixtures.h"
+#include "tests/support/chi_square.h"
+
+namespace sheaf::render {
+namespace {
+
+using testing::CounterUniforms;
+
+struct Estimate {
+  double mean = 0, error = 0;
+};
+
+// The layered process itself: a random walk between interface and base, without end. Returns the
+// share of energy arriving along wo that leaves again.
+Estimate WalkThroughCoat(const Bsdf& interface, Vec3f wo, float thickness, float rho) {
+  constexpr uint64_t kWalks = 200000;
+  constexpr uint64_t kStepsMax = 1000;
+  double sum = 0, sum_square = 0;
+  for (uint64_t walk = 0; walk < kWalks; ++walk) {
+    uint64_t draw = walk * kStepsMax;
+    const auto scatter = [&](Vec3f w) {
+      const auto u = CounterUniforms(21, draw++);
+      return SampleBsdf<kAllTraits>(interface, w, u[0], {u[1], u[2]});
+    };
+    double energy = 1;
+    auto sample = scatter(wo);
+    while (true) {
+      if (!sample) energy = 0;
+      if (energy == 0) break;
+      energy *= sample->weight.g * sample->eta_scale;
+      if (sample->wi.z > 0) break;  // Left the coat.
+      energy *= rho * Exp(-thickness / -sample->wi.z);
+      const auto u = CounterUniforms(22, draw++);
+      const Vec3f up = SampleCosineHemisphere({u[0], u[1]});
+      energy *= Exp(-thickness / up.z);
+      sample = scatter(-up);
+    }
+    sum += energy;
+    sum_square += energy * energy;
+  }
+  const double mean = sum / kWalks;
+  return {mean, std::sqrt((sum_square / kWalks - mean * mean) / kWalks)};
+}
+
+double CoatAlbedo(const Bsdf& coat, Vec3f wo) {
+  constexpr uint64_t kDraws = 200000;
+  double sum = 0;
+  for (uint64_t i = 0; i < kDraws; ++i) {
+    const auto u = CounterUniforms(23, i);
+    const auto sample = SampleBsdf<kAllTraits>(coat, wo, u[0], {u[1], u[2]});
+    if (sample) sum += sample->weight.g;
+  }
+  return sum / kDraws;
+}
+
+TEST(CoatTableTest, ASmoothCoatAgreesWithTheRandomWalk) {
+  for (float thickness : {0.0f, 0.01f, 0.5f}) {
+    for (float rho : {0.5f, 0.9f}) {
+      for (float mu : {0.9f, 0.2f}) {
+        const auto interface = testing::MakeDielectricFixture(0, 0, 1.5f, false);
+        const auto coat = testing::MakeCoatFixture(0, 0, 1.5f, thickness, Rgb::Grey(rho));
+        const Vec3f wo = testing::DirectionAt(mu, 1);
+        const Estimate walk = WalkThroughCoat(interface.bsdf, wo, thickness, rho);
+        EXPECT_NEAR(CoatAlbedo(coat.bsdf, wo), walk.mean, 5 * walk.error + 1e-3)
+            << "thickness " << thickness << " rho " << rho << " mu " << mu;
+      }
+    }
+  }
+}
+
+// The walk loses what single scattering loses at the interface unless that is returned; the coat gives
+// it to the base. Up to moderate roughness both are small.
+TEST(CoatTableTest, ARoughCoatAgreesWithTheRandomWalk) {
+  for (float alpha : {0.1f, 0.3f}) {
+    for (float mu : {0.9f, 0.3f}) {
+      const auto interface = testing::MakeDielectricFixture(alpha, alpha, 1.5f, true);
+      const auto coat = testing::MakeCoatFixture(alpha, alpha, 1.5f, 0.01f, Rgb::Grey(0.5f));
+      const Vec3f wo = testing::DirectionAt(mu, 1);
+      const Estimate walk = WalkThroughCoat(interface.bsdf, wo, 0.01f, 0.5f);
+      EXPECT_NEAR(CoatAlbedo(coat.bsdf, wo), walk.mean, 5 * walk.error + 0.01 * walk.mean)
+          << "alpha " << alpha << " mu " << mu;
+    }
+  }
+}
+
+TEST(CoatTableTest, TheCurveOfASmoothCoatIsFresnelsTransmittance) {
+  const CoatRow row = MakeCoatRow(0, 1.5f, 0);
+  for (int i = 1; i < 1000; ++i) {
+    const float mu = static_cast<float>(i) / 1000;
+    EXPECT_NEAR(row.enter.At(FindMu(mu)), 1 - FresnelDielectric(mu, 1.5f).reflectance, 1e-3);
+  }
+  // Internal average of the reflectance at n = 1.5 (stability row M4).
+  EXPECT_NEAR(row.recapture, 0.596345760, 1e-4);
+}
+
+TEST(EnergyTableTest, CurveAveragesAreExactForStraightLines) {
+  MuCurve curve;
+  for (int i = 0; i < kMuNodeCount; ++i) {
+    curve.value[i] = 1 + static_cast<float>(i) / (kMuNodeCount - 1);  // 1 + sqrt(mu).
+  }
+  EXPECT_NEAR(curve.CosineAverage(), 1 + 0.8, 1e-6);
+}
+
+}  // namespace
+}  // namespace sheaf::render
