@@ -3,7 +3,8 @@
 //
 // FileSource: where a scene's files come from. The client reads a directory; a worker reads its
 // content cache by digest. Names are canonical: relative to the main scene file's directory with
-// forward slashes ("models/a.ply", "../shared/b.png"), or absolute exactly as the scene writes them.
+// forward slashes ("models/a.ply", "../shared/b.png"), or absolute exactly as the scene writes
+// them.
 #pragma once
 
 #include <map>

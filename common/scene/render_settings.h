@@ -22,16 +22,16 @@ inline constexpr uint64_t kSamplesPerPixelMax = uint64_t{1} << 48;
 inline constexpr int32_t kMaxDepthMax = 1 << 20;
 
 struct RenderSettings {
-  std::optional<uint64_t> samples;    // Per pixel; otherwise the scene's.
+  std::optional<uint64_t> samples;  // Per pixel; otherwise the scene's.
   std::optional<int32_t> max_depth;
   std::optional<uint64_t> seed;
-  std::optional<PixelRect> crop;      // Within the frame; otherwise the scene's.
-  bool force_generic_variant = false; // Changes no pixel, so it is not part of the digest.
+  std::optional<PixelRect> crop;       // Within the frame; otherwise the scene's.
+  bool force_generic_variant = false;  // Changes no pixel, so it is not part of the digest.
 };
 
 struct FrameSettings {
   int32_t width_px = 0, height_px = 0;
-  PixelRect window;         // Pixels to render.
+  PixelRect window;  // Pixels to render.
   uint64_t samples = 16;
   int32_t max_depth = 5;
   uint64_t seed = 0;
@@ -39,7 +39,8 @@ struct FrameSettings {
 };
 
 // Errors: kInvalidArgument for an empty crop, 0 samples, negative depth, a frame beyond limits.
-absl::StatusOr<FrameSettings> ResolveSettings(const SceneDescription& scene, const RenderSettings& settings);
+absl::StatusOr<FrameSettings> ResolveSettings(const SceneDescription& scene,
+                                              const RenderSettings& settings);
 
 // "x86-64-v3 sheaf-0.1.0 gcc-12 embree-3.13.5": build and instruction set. A job pins one.
 std::string NumericProfile();

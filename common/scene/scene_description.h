@@ -2,8 +2,9 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // SceneDescription: what a scene file says, as plain structs and indices, independent of the file
-// format. Readers produce it; RenderPlan and CompiledScene are made from it. Nothing here is derived:
-// values are as written (after the format's defaults), every thing remembers where it was written.
+// format. Readers produce it; RenderPlan and CompiledScene are made from it. Nothing here is
+// derived: values are as written (after the format's defaults), every thing remembers where it was
+// written.
 #pragma once
 
 #include <cstdint>
@@ -59,9 +60,17 @@ struct UvMapping {
   Matrix4 texture_from_world;  // For planar, spherical, cylindrical and 3-D checkerboards.
 };
 enum class TextureWrap { kRepeat, kBlack, kClamp, kOctahedral };
-enum class ColorEncoding { kAuto, kLinear, kSrgb, kGamma };  // kAuto: sRGB for 8-bit files, else linear.
+enum class ColorEncoding {
+  kAuto,
+  kLinear,
+  kSrgb,
+  kGamma
+};  // kAuto: sRGB for 8-bit files, else linear.
 
-struct ConstantTexture { ColorSpec color; float value = 0; };
+struct ConstantTexture {
+  ColorSpec color;
+  float value = 0;
+};
 struct ImageTexture {
   std::string file;  // Canonical name for FileSource.
   UvMapping mapping;
@@ -78,32 +87,49 @@ struct CheckerboardTexture {
   ColorInput color[2];
   FloatInput value[2];
 };
-struct ScaleTexture { ColorInput color; FloatInput value; FloatInput scale; };
-struct MixTexture { ColorInput color[2]; FloatInput value[2]; FloatInput amount; };
+struct ScaleTexture {
+  ColorInput color;
+  FloatInput value;
+  FloatInput scale;
+};
+struct MixTexture {
+  ColorInput color[2];
+  FloatInput value[2];
+  FloatInput amount;
+};
 
 struct TextureDescription {
   std::string name;
-  bool is_color = false;                        // "spectrum" textures; otherwise "float".
+  bool is_color = false;  // "spectrum" textures; otherwise "float".
   ColorRole role = ColorRole::kReflectance;
-  std::variant<ConstantTexture, ImageTexture, CheckerboardTexture, ScaleTexture, MixTexture> texture;
+  std::variant<ConstantTexture, ImageTexture, CheckerboardTexture, ScaleTexture, MixTexture>
+      texture;
   SourceLocation location;
 };
 
 // --- Materials ---------------------------------------------------------------------------------
 
-// Roughness as written; alpha = sqrt(roughness) where remap_roughness (pbrt-v4's rule), else itself.
+// Roughness as written; alpha = sqrt(roughness) where remap_roughness (pbrt-v4's rule), else
+// itself.
 struct RoughnessInput {
   FloatInput u, v;
   bool remap_roughness = true;
 };
-struct DiffuseMaterial { ColorInput reflectance; };
+struct DiffuseMaterial {
+  ColorInput reflectance;
+};
 struct ConductorMaterial {
   RoughnessInput roughness;
   bool has_reflectance = false;  // Then eta and k follow from reflectance; else from eta and k.
   ColorInput reflectance, eta, k;
 };
-struct DielectricMaterial { RoughnessInput roughness; float eta = 1.5f; };
-struct ThinDielectricMaterial { float eta = 1.5f; };
+struct DielectricMaterial {
+  RoughnessInput roughness;
+  float eta = 1.5f;
+};
+struct ThinDielectricMaterial {
+  float eta = 1.5f;
+};
 struct CoatedDiffuseMaterial {
   RoughnessInput roughness;
   ColorInput reflectance;
@@ -113,7 +139,10 @@ struct CoatedDiffuseMaterial {
   float g = 0;
   int32_t max_depth = 10, sample_count = 1;
 };
-struct MixMaterial { int32_t material[2] = {kNone, kNone}; FloatInput amount; };
+struct MixMaterial {
+  int32_t material[2] = {kNone, kNone};
+  FloatInput amount;
+};
 struct InterfaceMaterial {};  // Invisible; bounds a medium.
 
 struct MaterialDescription {
@@ -133,9 +162,15 @@ struct TriangleMesh {
   std::vector<uint32_t> indices;  // Three per triangle; every index is < positions.size().
   std::string file;               // Canonical name of the mesh file, empty for inline meshes.
 };
-struct SphereShape { float radius = 1, z_min = -1, z_max = 1, phi_max_degrees = 360; };
-struct DiskShape { float radius = 1, inner_radius = 0, height = 0, phi_max_degrees = 360; };
-struct MeshShape { int32_t mesh = kNone; };  // Index in meshes: equal files share one mesh.
+struct SphereShape {
+  float radius = 1, z_min = -1, z_max = 1, phi_max_degrees = 360;
+};
+struct DiskShape {
+  float radius = 1, inner_radius = 0, height = 0, phi_max_degrees = 360;
+};
+struct MeshShape {
+  int32_t mesh = kNone;
+};  // Index in meshes: equal files share one mesh.
 
 // Where something is over the shutter. `end` equals `start` for what stands still.
 struct TransformOverTime {
@@ -148,8 +183,8 @@ struct ShapeDescription {
   std::variant<MeshShape, SphereShape, DiskShape> shape;
   TransformOverTime world_from_object;  // For shapes of an object definition: object_from_shape.
   int32_t material = kNone;
-  int32_t area_light = kNone;       // Index in area_lights.
-  FloatInput alpha{.value = 1};     // Cut-out by stochastic alpha.
+  int32_t area_light = kNone;    // Index in area_lights.
+  FloatInput alpha{.value = 1};  // Cut-out by stochastic alpha.
   bool reverse_orientation = false;
   bool has_alpha = false;
   SourceLocation location;
@@ -168,7 +203,10 @@ struct ObjectInstance {
 // --- Lights ------------------------------------------------------------------------------------
 
 // scale multiplies the colour; power_w > 0 fixes the light's total power (pbrt-v4's "power").
-struct LightScale { float scale = 1; float power_w = -1; };
+struct LightScale {
+  float scale = 1;
+  float power_w = -1;
+};
 
 struct AreaLightDescription {
   ColorSpec radiance;
@@ -177,12 +215,19 @@ struct AreaLightDescription {
   SourceLocation location;
 };
 struct InfiniteLight {
-  ColorSpec radiance;          // Used where file is empty.
-  std::string file;            // Equal-area (Clarberg 2008) square map.
-  float illuminance_lx = -1;   // > 0: scales so that the map gives this illuminance on a plane.
+  ColorSpec radiance;         // Used where file is empty.
+  std::string file;           // Equal-area (Clarberg 2008) square map.
+  float illuminance_lx = -1;  // > 0: scales so that the map gives this illuminance on a plane.
 };
-struct DistantLight { ColorSpec radiance; Vec3d from{0, 0, 0}, to{0, 0, 1}; float illuminance_lx = -1; };
-struct PointLight { ColorSpec intensity; Vec3d from{0, 0, 0}; };
+struct DistantLight {
+  ColorSpec radiance;
+  Vec3d from{0, 0, 0}, to{0, 0, 1};
+  float illuminance_lx = -1;
+};
+struct PointLight {
+  ColorSpec intensity;
+  Vec3d from{0, 0, 0};
+};
 struct SpotLight {
   ColorSpec intensity;
   Vec3d from{0, 0, 0}, to{0, 0, 1};
@@ -203,7 +248,8 @@ struct CameraDescription {
   float fov_degrees = 90;               // Of the shorter side.
   float lens_radius = 0;                // Scene units; 0 is a pinhole.
   float focal_distance = 1e6f;          // Scene units along +z.
-  double screen_window[4] = {-1, 1, -1, 1};  // x0 x1 y0 y1; filled in from the aspect by the reader.
+  double screen_window[4] = {-1, 1, -1,
+                             1};  // x0 x1 y0 y1; filled in from the aspect by the reader.
   float shutter_open = 0, shutter_close = 1;
   SourceLocation location;
 };
@@ -216,16 +262,16 @@ struct FilterDescription {
 };
 struct FilmDescription {
   int32_t width_px = 1280, height_px = 720;
-  double crop_window[4] = {0, 1, 0, 1};        // x0 x1 y0 y1 as fractions.
+  double crop_window[4] = {0, 1, 0, 1};  // x0 x1 y0 y1 as fractions.
   bool has_pixel_bounds = false;
-  int32_t pixel_bounds[4] = {0, 0, 0, 0};      // x0 x1 y0 y1, half-open.
-  float exposure_scale = 1;                    // Sensor's imaging ratio: exposure time * ISO / 100.
+  int32_t pixel_bounds[4] = {0, 0, 0, 0};  // x0 x1 y0 y1, half-open.
+  float exposure_scale = 1;                // Sensor's imaging ratio: exposure time * ISO / 100.
   std::string filename;
   SourceLocation location;
 };
 struct SamplingDescription {
   int32_t samples_per_pixel = 16;
-  int32_t max_depth = 5;        // Bounces; 0 sees only emission.
+  int32_t max_depth = 5;  // Bounces; 0 sees only emission.
   uint64_t seed = 0;
   std::string sampler, integrator;  // As the file names them.
   SourceLocation sampler_location, integrator_location;
@@ -240,8 +286,8 @@ struct SceneDescription {
   std::vector<TextureDescription> textures;
   std::vector<MaterialDescription> materials;
   std::vector<TriangleMesh> meshes;
-  std::vector<ShapeDescription> shapes;        // All, also those of object definitions.
-  std::vector<int32_t> world_shapes;           // Those placed in the world directly.
+  std::vector<ShapeDescription> shapes;  // All, also those of object definitions.
+  std::vector<int32_t> world_shapes;     // Those placed in the world directly.
   std::vector<ObjectDefinition> objects;
   std::vector<ObjectInstance> instances;
   std::vector<AreaLightDescription> area_lights;

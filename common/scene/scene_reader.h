@@ -20,11 +20,11 @@ struct SceneDiagnostic {
 
 struct SceneReaderLimits {
   uint64_t triangles_max = uint64_t{1} << 31;
-  uint64_t memory_bytes_max = uint64_t{16} << 30;   // Of the description.
+  uint64_t memory_bytes_max = uint64_t{16} << 30;  // Of the description.
   uint32_t include_depth_max = 64;
   uint64_t file_bytes_max = uint64_t{8} << 30;
-  uint32_t errors_max = 50;                         // Reading stops after this many.
-  uint32_t notes_max = 200;                         // Further notes and warnings are left out.
+  uint32_t errors_max = 50;  // Reading stops after this many.
+  uint32_t notes_max = 200;  // Further notes and warnings are left out.
 };
 
 struct ReadSceneResult {
@@ -32,10 +32,10 @@ struct ReadSceneResult {
   std::vector<SceneDiagnostic> diagnostics;  // Notes and warnings; errors make the call fail.
 };
 
-// Reads main_file (canonical name, normally just its file name) in the pbrt-v4 format, with all files
-// it includes and all meshes. Image and texture files are resolved (so that FilesUsed is complete)
-// but not decoded.
-// Errors: kInvalidArgument with every error that was found, one a line; kNotFound for the main file.
+// Reads main_file (canonical name, normally just its file name) in the pbrt-v4 format, with all
+// files it includes and all meshes. Image and texture files are resolved (so that FilesUsed is
+// complete) but not decoded. Errors: kInvalidArgument with every error that was found, one a line;
+// kNotFound for the main file.
 absl::StatusOr<ReadSceneResult> ReadScene(const std::string& main_file, FileSource& files,
                                           const SceneReaderLimits& limits = {});
 
