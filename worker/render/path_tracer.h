@@ -211,14 +211,14 @@ bool PathTracer<kTraits, Tracer>::IsCutOut(const SurfacePoint& point, float u) c
 template <uint32_t kTraits, typename Tracer>
 void PathTracer<kTraits, Tracer>::AddEscape(Path* path) const {
   if constexpr (Has(kTraits, Trait::kEnvironment)) {
-    const Rgb radiance = scene_.lights->template EnvironmentRadiance<kTraits>(path->ray.d);
-    if (radiance.IsBlack()) return;
-    float weight = 1;
-    if (!path->specular) {
-      weight = PowerHeuristic(path->pdf, scene_.lights->template PdfEnvironment<kTraits>(
-                                             path->from, path->from_n, path->ray.d));
+    if (path->specular) {
+      path->radiance +=
+          path->throughput * scene_.lights->template EnvironmentRadiance<kTraits>(path->ray.d);
+      return;
     }
-    path->radiance += path->throughput * radiance * weight;
+    const EnvironmentValue value =
+        scene_.lights->template EvalEnvironment<kTraits>(path->from, path->from_n, path->ray.d);
+    path->radiance += path->throughput * value.radiance * PowerHeuristic(path->pdf, value.pdf);
   }
 }
 
