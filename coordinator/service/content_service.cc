@@ -8,6 +8,7 @@
 #include "absl/strings/str_cat.h"
 #include "common/content/chunk_codec.h"
 #include "common/rpc/grpc_status.h"
+#include "coordinator/service/drain_stream.h"
 #include "coordinator/service/wire.h"
 
 namespace sheaf::coordinator {
@@ -37,6 +38,13 @@ absl::Status WriteAll(v1::WriteBlobRequest* message,
   return absl::InvalidArgumentError(
       absl::StrCat("blob ", digest.sha256_hex, ": ", writer->committed_bytes(), " of ",
                    digest.size_bytes, " bytes came; resume there"));
+}
+
+// Answers an upload after reading what its sender still writes.
+grpc::Status Finish(const absl::Status& status, v1::WriteBlobRequest* message,
+                    grpc::ServerReader<v1::WriteBlobRequest>* reader) {
+  DrainStream(message, reader);
+  return ToGrpcStatus(status);
 }
 
 }  // namespace
@@ -80,16 +88,17 @@ grpc::Status ContentService::WriteBlob(grpc::ServerContext* /*context*/,
     return ToGrpcStatus(absl::InvalidArgumentError("the first message has no digest"));
   }
   const absl::StatusOr<BlobDigest> digest = FromWire(message.digest());
-  if (!digest.ok()) return ToGrpcStatus(digest.status());
+  if (!digest.ok()) return Finish(digest.status(), &message, reader);
   absl::StatusOr<BlobWriter> writer = blobs_->BeginWrite(*digest, message.offset_bytes());
   if (absl::IsAlreadyExists(writer.status())) {
     response->set_committed_bytes(digest->size_bytes);
-    return grpc::Status::OK;  // Somebody else brought it: a blob never changes.
+    // Somebody else brought it: a blob never changes.
+    return Finish(absl::OkStatus(), &message, reader);
   }
-  if (!writer.ok()) return ToGrpcStatus(writer.status());
+  if (!writer.ok()) return Finish(writer.status(), &message, reader);
   const absl::Status status = WriteAll(&message, reader, &*writer, *digest);
   response->set_committed_bytes(writer->committed_bytes());
-  return ToGrpcStatus(status);
+  return Finish(status, &message, reader);
 }
 
 grpc::Status ContentService::ReadBlob(grpc::ServerContext* context,

@@ -525,9 +525,10 @@ TEST_F(CoordinatorServerTest, HealthAndHttpAnswer) {
   EXPECT_NE(server_->http_port(), 0);
   grpc::ClientContext context;
   SetDeadline(&context, kPatience);
-  // Health's request and response begin with an empty message and a field 1 of 1 (SERVING).
+  // The request is an empty message, the response one whose field 1 is 1: SERVING.
   grpc::GenericStub stub(server_->InProcessChannel());
-  grpc::ByteBuffer request, response;
+  const grpc::Slice empty;
+  grpc::ByteBuffer request(&empty, 1), response;
   grpc::CompletionQueue queue;
   const auto call =
       stub.PrepareUnaryCall(&context, "/grpc.health.v1.Health/Check", request, &queue);

@@ -7,6 +7,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "common/rpc/grpc_status.h"
+#include "coordinator/service/drain_stream.h"
 #include "coordinator/service/wire.h"
 
 namespace sheaf::coordinator {
@@ -80,6 +81,7 @@ grpc::Status WorkerService::UploadResults(grpc::ServerContext* context,
   v1::UploadResultsRequest message;
   while (reader->Read(&message)) {
     if (absl::Status status = assembly.Take(std::move(message)); !status.ok()) {
+      DrainStream(&message, reader);
       return ToGrpcStatus(status);
     }
   }

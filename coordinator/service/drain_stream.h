@@ -1,0 +1,20 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Ending a client's stream early. Over gRPC's in-process transport a client that is still writing is not
+// woken by the answer, so an answer before the stream's end comes only after the rest was read.
+#pragma once
+
+namespace sheaf::coordinator {
+
+// Messages read after the answer is known; a sender that goes on beyond them is cut off.
+inline constexpr int kDrainMessagesMax = 4096;
+
+// Reads and drops what is left of a stream.
+template <typename Message, typename Reader>
+void DrainStream(Message* message, Reader* reader) {
+  for (int i = 0; i < kDrainMessagesMax && reader->Read(message); ++i) {
+  }
+}
+
+}  // namespace sheaf::coordinator
