@@ -257,8 +257,9 @@ void SetIntegrator(const std::string& type, ParameterList& parameters,
 }
 
 void SettleFrame(const PendingFrame& frame, CameraDescription* camera, FilmDescription* film) {
-  // pbrt-v4: the time of exposure is that of the shutter, and ISO 100 at 1 s changes nothing.
-  film->exposure_scale = (camera->shutter_close - camera->shutter_open) * frame.iso / 100;
+  // A picture is the average over the shutter, so that a short one does not darken it and one of no
+  // length is the still. (pbrt-v4 multiplies by the shutter's length too.)
+  film->exposure_scale = frame.iso / 100;
   if (frame.has_screen_window) return;
   const double aspect = frame.frame_aspect_ratio > 0
                             ? double{frame.frame_aspect_ratio}

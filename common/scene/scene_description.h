@@ -265,7 +265,7 @@ struct FilmDescription {
   double crop_window[4] = {0, 1, 0, 1};  // x0 x1 y0 y1 as fractions.
   bool has_pixel_bounds = false;
   int32_t pixel_bounds[4] = {0, 0, 0, 0};  // x0 x1 y0 y1, half-open.
-  float exposure_scale = 1;                // Sensor's imaging ratio: exposure time * ISO / 100.
+  float exposure_scale = 1;                // Sensor's imaging ratio: ISO / 100.
   std::string filename;
   SourceLocation location;
 };

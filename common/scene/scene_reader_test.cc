@@ -92,7 +92,7 @@ TEST_F(SceneReaderTest, CameraStandsWhereLookAtSays) {
   EXPECT_NEAR(TransformVector(m, {1, 0, 0}).x, -1, 1e-12);
   EXPECT_DOUBLE_EQ(scene.camera.screen_window[1], 1);
   EXPECT_DOUBLE_EQ(scene.camera.screen_window[3], 2);
-  EXPECT_FLOAT_EQ(scene.film.exposure_scale, 0.5f);  // 0.25 s at ISO 200.
+  EXPECT_FLOAT_EQ(scene.film.exposure_scale, 2.f);  // ISO 200, whatever the shutter.
 }
 
 TEST_F(SceneReaderTest, AttributesNestAndTransformsCompose) {
