@@ -29,19 +29,19 @@ std::string OneLine(std::string text, const std::string& fallback) {
 absl::Status CheckSize(const std::string& path, const OIIO::ImageSpec& spec,
                        const ReadImageLimits& limits) {
   if (spec.width <= 0 || spec.height <= 0 || spec.nchannels <= 0 || spec.depth > 1) {
-    return absl::InvalidArgumentError(
-        absl::StrCat(path, ": not a flat picture (", spec.width, " x ", spec.height, " x ",
-                     spec.depth, ", ", spec.nchannels, " channels)"));
+    return absl::InvalidArgumentError(absl::StrCat(path, ": not a flat picture (", spec.width,
+                                                   " x ", spec.height, " x ", spec.depth, ", ",
+                                                   spec.nchannels, " channels)"));
   }
   const uint64_t width = static_cast<uint64_t>(spec.width);
   const uint64_t height = static_cast<uint64_t>(spec.height);
   // Sizes are below 2^31 each, so the quotient form cannot overflow.
   const uint64_t row_bytes = width * static_cast<uint64_t>(spec.nchannels) * sizeof(float);
   if (spec.nchannels > limits.channels_max || height > limits.memory_bytes_max / row_bytes) {
-    return absl::ResourceExhaustedError(absl::StrCat(
-        path, ": ", spec.width, " x ", spec.height, " pixels of ", spec.nchannels,
-        " channels are more than the limit of ", limits.memory_bytes_max, " bytes and ",
-        limits.channels_max, " channels; use a smaller picture"));
+    return absl::ResourceExhaustedError(
+        absl::StrCat(path, ": ", spec.width, " x ", spec.height, " pixels of ", spec.nchannels,
+                     " channels are more than the limit of ", limits.memory_bytes_max,
+                     " bytes and ", limits.channels_max, " channels; use a smaller picture"));
   }
   return absl::OkStatus();
 }
@@ -60,7 +60,8 @@ absl::StatusOr<FloatImage> ReadOpened(const std::string& path, OIIO::ImageInput&
                       static_cast<size_t>(spec.nchannels));
   if (!input.read_image(0, 0, 0, spec.nchannels, OIIO::TypeDesc::FLOAT, image.pixels.data())) {
     return absl::InvalidArgumentError(absl::StrCat(
-        path, ": cannot be decoded: ", OneLine(input.geterror(), "the file is cut short or damaged")));
+        path,
+        ": cannot be decoded: ", OneLine(input.geterror(), "the file is cut short or damaged")));
   }
   return image;
 }
@@ -131,8 +132,6 @@ float DecodeSrgb(float encoded) {
   return Pow((encoded + 0.055f) / 1.055f, 2.4f);
 }
 
-uint8_t EncodeSrgb8(float linear) {
-  return static_cast<uint8_t>(EncodeSrgb(linear) * 255 + 0.5f);
-}
+uint8_t EncodeSrgb8(float linear) { return static_cast<uint8_t>(EncodeSrgb(linear) * 255 + 0.5f); }
 
 }  // namespace sheaf

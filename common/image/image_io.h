@@ -1,9 +1,9 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Whole pictures in and out: what people look at (PNG) and what scenes bring along (environment maps,
-// textures that are checked before rendering). Rendered pictures are EXR and have a door of their own
-// (common/film/exr_codec.h). This folder is the only door to OpenImageIO.
+// Whole pictures in and out: what people look at (PNG) and what scenes bring along (environment
+// maps, textures that are checked before rendering). Rendered pictures are EXR and have a door of
+// their own (common/film/exr_codec.h). This folder is the only door to OpenImageIO.
 #pragma once
 
 #include <cstdint>
@@ -51,14 +51,13 @@ struct ReadImageLimits {
   int channels_max = 64;
 };
 
-// Reads EXR, PFM, HDR, PNG, TGA, JPEG, TIFF and what else OpenImageIO knows. Colour channels are not
-// multiplied by alpha.
-// Errors: kNotFound; kInvalidArgument for a file that is no picture, is cut short or damaged;
-// kResourceExhausted beyond the limits. Messages begin with the path.
+// Reads EXR, PFM, HDR, PNG, TGA, JPEG, TIFF and what else OpenImageIO knows. Colour channels are
+// not multiplied by alpha. Errors: kNotFound; kInvalidArgument for a file that is no picture, is
+// cut short or damaged; kResourceExhausted beyond the limits. Messages begin with the path.
 absl::StatusOr<FloatImage> ReadImage(const std::string& path, const ReadImageLimits& limits = {});
 
-// Opto-electronic transfer of sRGB and its inverse, on [0, 1]; values outside are clamped, NaN gives 0.
-// Source: IEC 61966-2-1. Same bits on every machine (common/math/elementary.h).
+// Opto-electronic transfer of sRGB and its inverse, on [0, 1]; values outside are clamped, NaN
+// gives 0. Source: IEC 61966-2-1. Same bits on every machine (common/math/elementary.h).
 float EncodeSrgb(float linear);
 float DecodeSrgb(float encoded);
 // EncodeSrgb, rounded to the nearest of 256 levels.

@@ -56,7 +56,8 @@ std::vector<float> MakeDecodeTable(TexelEncoding encoding, bool is_8bit) {
 }
 
 // One channel of a stored pixel as a linear value.
-float DecodeChannel(const OpenedImage& image, OIIO::TypeDesc format, const void* pixels, size_t at) {
+float DecodeChannel(const OpenedImage& image, OIIO::TypeDesc format, const void* pixels,
+                    size_t at) {
   switch (format.basetype) {
     case OIIO::TypeDesc::UINT8:
       return image.decode[static_cast<const uint8_t*>(pixels)[at]];
@@ -127,8 +128,7 @@ class TileCursor {
     const size_t begin = pixel * static_cast<size_t>(roi_.nchannels());
     texel = {};
     for (int c = 0; c < image_.facts.channels; ++c) {
-      const float value =
-          DecodeChannel(image_, format_, pixels_, begin + static_cast<size_t>(c));
+      const float value = DecodeChannel(image_, format_, pixels_, begin + static_cast<size_t>(c));
       texel[static_cast<size_t>(c)] = std::isfinite(value) ? value : 0;
     }
     return true;

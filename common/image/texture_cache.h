@@ -2,9 +2,10 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // TextureCache: texels of any number of images of any size within a fixed amount of memory. Images
-// are cut into tiles that are read when touched and dropped when room is needed; what a texel's value
-// is never depends on what the cache holds. Wraps OpenImageIO's image cache, which its texture system
-// is built on; filtering is left to the caller so that texels are decoded before they are averaged.
+// are cut into tiles that are read when touched and dropped when room is needed; what a texel's
+// value is never depends on what the cache holds. Wraps OpenImageIO's image cache, which its
+// texture system is built on; filtering is left to the caller so that texels are decoded before
+// they are averaged.
 #pragma once
 
 #include <array>
@@ -20,19 +21,19 @@ namespace sheaf {
 // How stored integers become linear values. Images of floats are always taken as they are.
 struct TexelEncoding {
   enum class Kind {
-    kAuto,    // sRGB for 8-bit images, linear for all others.
+    kAuto,  // sRGB for 8-bit images, linear for all others.
     kLinear,
     kSrgb,
-    kGamma,   // value^gamma.
+    kGamma,  // value^gamma.
   } kind = Kind::kAuto;
   float gamma = 1;
 };
 
 struct TextureImage {
-  int32_t index = -1;               // For ReadTexels.
+  int32_t index = -1;  // For ReadTexels.
   int width = 0, height = 0;
-  int channels = 0;                 // 1 (grey), 3 (RGB) or 4 (RGBA).
-  uint64_t non_finite_texels = 0;   // Texels with a NaN or infinity; those channels read as 0.
+  int channels = 0;                // 1 (grey), 3 (RGB) or 4 (RGBA).
+  uint64_t non_finite_texels = 0;  // Texels with a NaN or infinity; those channels read as 0.
 };
 
 // Row 0 is the top of the picture.
@@ -55,10 +56,10 @@ class TextureCache {
   // Thread safety: none; open everything before reading.
   absl::StatusOr<TextureImage> Open(const std::string& path, TexelEncoding encoding);
 
-  // values[i] becomes the texel at where[i]. A tile that can no longer be read (the file was changed or
-  // removed while in use) gives NaN, which the film counts and reports, and is logged once per image.
-  // Requires: image was given by Open; every index within the image; spans of one size.
-  // Thread safety: any number of threads at once.
+  // values[i] becomes the texel at where[i]. A tile that can no longer be read (the file was
+  // changed or removed while in use) gives NaN, which the film counts and reports, and is logged
+  // once per image. Requires: image was given by Open; every index within the image; spans of one
+  // size. Thread safety: any number of threads at once.
   void ReadTexels(int32_t image, std::span<const TexelIndex> where, std::span<Texel> values) const;
 
  private:

@@ -51,7 +51,8 @@ void ExpectSamplerMatchesPdf(const BsdfFixture& fixture, Vec3f wo) {
   EXPECT_GE(result.p_value, testing::SidakThreshold(kSignificance, kTestCount))
       << fixture.name << ", wo.z " << wo.z << ": " << result.text;
   // What the quadrature misses at edges of the density.
-  EXPECT_LE(result.pdf_integral, 1 + 1e-3) << fixture.name << ", wo.z " << wo.z << ": " << result.text;
+  EXPECT_LE(result.pdf_integral, 1 + 1e-3)
+      << fixture.name << ", wo.z " << wo.z << ": " << result.text;
 }
 
 TEST(BsdfChiSquareTest, Diffuse) {
@@ -63,7 +64,8 @@ TEST(BsdfChiSquareTest, Diffuse) {
 TEST(BsdfChiSquareTest, RoughConductors) {
   for (float alpha : {0.05f, 0.3f, 1.0f}) {
     for (bool keeps_energy : {false, true}) {
-      const BsdfFixture fixture = MakeConductorFixture(alpha, alpha, kGoldEta, kGoldK, keeps_energy);
+      const BsdfFixture fixture =
+          MakeConductorFixture(alpha, alpha, kGoldEta, kGoldK, keeps_energy);
       ExpectSamplerMatchesPdf(fixture, DirectionAt(1, 0));
       ExpectSamplerMatchesPdf(fixture, DirectionAt(0.6f, 2));
     }
@@ -74,7 +76,8 @@ TEST(BsdfChiSquareTest, RoughConductors) {
 
 TEST(BsdfChiSquareTest, RoughConductorsAtGrazingAngles) {
   const BsdfFixture fixture = MakeMirrorFixture(0.3f, 0.3f, true);
-  for (float mu : {1e-1f, 1e-2f, 1e-3f, 1e-4f}) ExpectSamplerMatchesPdf(fixture, DirectionAt(mu, 3));
+  for (float mu : {1e-1f, 1e-2f, 1e-3f, 1e-4f})
+    ExpectSamplerMatchesPdf(fixture, DirectionAt(mu, 3));
 }
 
 TEST(BsdfChiSquareTest, AnisotropicConductors) {
@@ -119,11 +122,10 @@ TEST(BsdfChiSquareTest, ASmoothCoatDrawsItsTwoLobesAsOftenAsItsPdfSays) {
 }
 
 std::vector<BsdfFixture> RoughFixtures() {
-  std::vector<BsdfFixture> fixtures = {
-      MakeDiffuseFixture({0.2f, 0.5f, 0.9f}),
-      MakeCoatFixture(0.2f, 0.2f, 1.5f, 0.01f, {0.2f, 0.5f, 0.9f}),
-      MakeConductorFixture(0.05f, 0.3f, kGoldEta, kGoldK, true),
-      MakeMirrorFixture(0.01f, 0.01f, true)};
+  std::vector<BsdfFixture> fixtures = {MakeDiffuseFixture({0.2f, 0.5f, 0.9f}),
+                                       MakeCoatFixture(0.2f, 0.2f, 1.5f, 0.01f, {0.2f, 0.5f, 0.9f}),
+                                       MakeConductorFixture(0.05f, 0.3f, kGoldEta, kGoldK, true),
+                                       MakeMirrorFixture(0.01f, 0.01f, true)};
   for (float alpha : {0.01f, 0.3f, 1.0f}) {
     fixtures.push_back(MakeConductorFixture(alpha, alpha, kGoldEta, kGoldK, true));
     fixtures.push_back(MakeDielectricFixture(alpha, alpha, 1.5f, true));
@@ -150,8 +152,8 @@ TEST(BsdfSampleTest, ThePdfOfASampleIsTheOneEvaluated) {
   }
 }
 
-// Stability row M13: the mean weight is the albedo, here by a different estimator: uniform directions
-// over the sphere by quadrature.
+// Stability row M13: the mean weight is the albedo, here by a different estimator: uniform
+// directions over the sphere by quadrature.
 TEST(BsdfSampleTest, TheMeanWeightIsTheIntegralOfTheValue) {
   for (const BsdfFixture& fixture : RoughFixtures()) {
     if (fixture.bsdf.kind != BsdfKind::kDiffuse && fixture.bsdf.alpha_x < 0.1f) continue;
@@ -162,7 +164,8 @@ TEST(BsdfSampleTest, TheMeanWeightIsTheIntegralOfTheValue) {
       for (int i = 0; i < 2 * kSteps; ++i) {
         for (int j = 0; j < kSteps; ++j) {
           const float z = (static_cast<float>(i) + 0.5f) / kSteps - 1;
-          const Vec3f wi = DirectionAt(z, 2 * static_cast<float>(kPi) * (static_cast<float>(j) + 0.5f) / kSteps);
+          const Vec3f wi =
+              DirectionAt(z, 2 * static_cast<float>(kPi) * (static_cast<float>(j) + 0.5f) / kSteps);
           integral += EvalBsdf<kAllTraits>(fixture.bsdf, wo, wi).f_cos.g;
         }
       }

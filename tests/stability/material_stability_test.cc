@@ -75,7 +75,7 @@ TEST(MaterialStability, M2_SingleScatteringAlbedoHasItsKnownValues) {
     float alpha, mu;
     double albedo;
   };
-  const Case cases[] = {{1, 1, 1 - 0.69314718056}, {1, 0.5f, 0.4507}, {1, 0.1f, 0.7602},
+  const Case cases[] = {{1, 1, 1 - 0.69314718056}, {1, 0.5f, 0.4507},    {1, 0.1f, 0.7602},
                         {0.5f, 1, 0.6879},         {0.5f, 0.5f, 0.6983}, {0.5f, 0.1f, 0.8601},
                         {0.3f, 1, 0.8774},         {0.3f, 0.5f, 0.8217}, {0.3f, 0.1f, 0.8888},
                         {0.1f, 1, 0.9883},         {0.1f, 0.5f, 0.9692}, {0.1f, 0.1f, 0.8835}};
@@ -87,7 +87,8 @@ TEST(MaterialStability, M2_SingleScatteringAlbedoHasItsKnownValues) {
   }
   const double averages[][2] = {{1, 0.40888}, {0.5, 0.7001}, {0.3, 0.8467}, {0.1, 0.9719}};
   for (const auto& [alpha, average] : averages) {
-    const ConductorEnergyRow row = MakeConductorEnergyRow(static_cast<float>(alpha));
+    const ConductorEnergyRow row =
+        MakeConductorEnergyRow({static_cast<float>(alpha), static_cast<float>(alpha)});
     EXPECT_NEAR(1 - static_cast<double>(row.lobe.average_loss), average, 5e-4) << alpha;
   }
 }
@@ -98,6 +99,21 @@ TEST(MaterialStability, M2_ARoughMirrorReflectsEverything) {
     for (float mu : {1.0f, 0.7f, 0.3f, 0.1f, 0.01f}) {
       EXPECT_NEAR(Albedo(fixture.bsdf, DirectionAt(mu, 1)), 1, 0.005)
           << "alpha " << alpha << " mu " << mu;
+    }
+  }
+}
+
+TEST(MaterialStability, M2_AnisotropicMirrorsReflectEverythingOnAverageOverAzimuths) {
+  for (const auto& [alpha_x, alpha_y] : {std::array<float, 2>{0.1f, 0.5f}, {0.3f, 1.0f}}) {
+    const BsdfFixture fixture = MakeMirrorFixture(alpha_x, alpha_y, true);
+    for (float mu : {1.0f, 0.5f, 0.1f}) {
+      double mean = 0;
+      constexpr int kAzimuths = 7;
+      for (int i = 0; i < kAzimuths; ++i) {
+        const float phi = static_cast<float>(kPi / 2) * (static_cast<float>(i) + 0.5f) / kAzimuths;
+        mean += Albedo(fixture.bsdf, DirectionAt(mu, phi), 192) / kAzimuths;
+      }
+      EXPECT_NEAR(mean, 1, 0.005) << alpha_x << " " << alpha_y << " mu " << mu;
     }
   }
 }
@@ -117,8 +133,9 @@ TEST(MaterialStability, M2_RoughGlassKeepsEnergyOnBothSides) {
 TEST(MaterialStability, M2_BlendedRowsKeepEnergyBetweenTheAlphasOfTheTable) {
   for (float alpha : {0.02f, 0.13f, 0.41f, 0.87f}) {
     const RowBlend at = FindAlphaRow(alpha);
-    const std::array<ConductorEnergyRow, 2> rows = {
-        MakeConductorEnergyRow(AlphaNode(at.index)), MakeConductorEnergyRow(AlphaNode(at.index + 1))};
+    const float low = AlphaNode(at.index), high = AlphaNode(at.index + 1);
+    const std::array<ConductorEnergyRow, 2> rows = {MakeConductorEnergyRow({low, low}),
+                                                    MakeConductorEnergyRow({high, high})};
     BsdfFixture fixture = MakeMirrorFixture(alpha, alpha, false);
     fixture.bsdf.color = Rgb::Grey(1);
     fixture.bsdf.conductor_energy = rows.data();
@@ -161,8 +178,7 @@ TEST(MaterialStability, M3_GrazingDirectionsGiveFiniteWeights) {
 }
 
 TEST(MaterialStability, M4_TotalReflectionSetsInAtTheCriticalAngle) {
-  const double angles[][2] = {
-      {1.5, 41.8103149}, {1.33, 48.7534667}, {2.42, 24.4074689}};
+  const double angles[][2] = {{1.5, 41.8103149}, {1.33, 48.7534667}, {2.42, 24.4074689}};
   for (const auto& [n, degrees] : angles) {
     const auto reflectance = [eta = 1 / n](double angle_degrees) {
       return FresnelDielectric(static_cast<float>(Cos(angle_degrees * kPi / 180)),
@@ -253,7 +269,8 @@ TEST(MaterialStability, M7_PerfectReflectanceNeitherLosesNorGains) {
     }
   }
   // Ten thousand bounces between white walls and mirrors.
-  const BsdfFixture white = MakeDiffuseFixture(Rgb::Grey(1)), mirror = MakeMirrorFixture(0, 0, false);
+  const BsdfFixture white = MakeDiffuseFixture(Rgb::Grey(1)),
+                    mirror = MakeMirrorFixture(0, 0, false);
   double throughput = 1;
   for (uint64_t i = 0; i < 10000; ++i) {
     const auto u = CounterUniforms(1, i);
@@ -289,8 +306,8 @@ TEST(MaterialStability, M8_ASlabOfTwoInterfacesTransmitsItsClosedForm) {
 }
 
 TEST(MaterialStability, M9_APrismBendsByItsMinimumDeviation) {
-  for (const auto& [n, degrees] : {std::array<double, 2>{1.5, 37.18075578},
-                                   {1.51432, 38.42893}, {1.52238, 39.13844}}) {
+  for (const auto& [n, degrees] :
+       {std::array<double, 2>{1.5, 37.18075578}, {1.51432, 38.42893}, {1.52238, 39.13844}}) {
     // Symmetric path through a prism of 60 degrees: 30 degrees inside at both faces.
     const auto eta = static_cast<float>(n);
     const double incidence = Asin(0.5 * n);
@@ -299,8 +316,8 @@ TEST(MaterialStability, M9_APrismBendsByItsMinimumDeviation) {
                                            {0.5f, 0.5f});
     ASSERT_TRUE(in.has_value());
     ASSERT_TRUE((in->flags & kBsdfTransmission) != 0);
-    const double bend = incidence - Atan2(std::fabs(static_cast<double>(in->wi.x)),
-                                          -static_cast<double>(in->wi.z));
+    const double bend =
+        incidence - Atan2(std::fabs(static_cast<double>(in->wi.x)), -static_cast<double>(in->wi.z));
     EXPECT_NEAR(2 * bend * 180 / kPi, degrees, 2e-5);
   }
 }

@@ -38,7 +38,7 @@ inline BsdfFixture MakeConductorFixture(float alpha_x, float alpha_y, Rgb eta, R
   fixture.bsdf.specular = render::Ggx{alpha_x, alpha_y}.IsSmooth();
   if (!keeps_energy || fixture.bsdf.specular) return fixture;
   const auto row = std::make_shared<render::ConductorEnergyRow>(
-      render::MakeConductorEnergyRow(std::sqrt(alpha_x * alpha_y)));
+      render::MakeConductorEnergyRow({alpha_x, alpha_y}));
   const Rgb average = render::AverageConductorFresnel(eta, k);
   const float loss = row->lobe.average_loss;
   for (size_t c = 0; c < 3; ++c) {
@@ -50,23 +50,21 @@ inline BsdfFixture MakeConductorFixture(float alpha_x, float alpha_y, Rgb eta, R
 }
 // F = 1 in every channel.
 inline BsdfFixture MakeMirrorFixture(float alpha_x, float alpha_y, bool keeps_energy) {
-  return MakeConductorFixture(alpha_x, alpha_y, Rgb::Grey(1),
-                              Rgb::Grey(render::kPerfectConductorK), keeps_energy);
+  return MakeConductorFixture(alpha_x, alpha_y, Rgb::Grey(1), Rgb::Grey(render::kPerfectConductorK),
+                              keeps_energy);
 }
 
 inline BsdfFixture MakeDielectricFixture(float alpha_x, float alpha_y, float eta,
                                          bool keeps_energy) {
-  BsdfFixture fixture{"dielectric " + std::to_string(alpha_x) + " " + std::to_string(alpha_y) +
-                          " eta " + std::to_string(eta),
-                      {.kind = render::BsdfKind::kDielectric,
-                       .alpha_x = alpha_x,
-                       .alpha_y = alpha_y,
-                       .eta = eta},
-                      nullptr};
+  BsdfFixture fixture{
+      "dielectric " + std::to_string(alpha_x) + " " + std::to_string(alpha_y) + " eta " +
+          std::to_string(eta),
+      {.kind = render::BsdfKind::kDielectric, .alpha_x = alpha_x, .alpha_y = alpha_y, .eta = eta},
+      nullptr};
   fixture.bsdf.specular = render::Ggx{alpha_x, alpha_y}.IsSmooth();
   if (!keeps_energy || fixture.bsdf.specular) return fixture;
   const auto row = std::make_shared<render::DielectricEnergyRow>(
-      render::MakeDielectricEnergyRow(std::sqrt(alpha_x * alpha_y), eta));
+      render::MakeDielectricEnergyRow({alpha_x, alpha_y}, eta));
   fixture.bsdf.dielectric_energy = row.get();
   fixture.table = row;
   return fixture;
@@ -74,8 +72,8 @@ inline BsdfFixture MakeDielectricFixture(float alpha_x, float alpha_y, float eta
 
 inline BsdfFixture MakeCoatFixture(float alpha_x, float alpha_y, float eta, float thickness,
                                    Rgb reflectance) {
-  const auto row = std::make_shared<render::CoatRow>(
-      render::MakeCoatRow(std::sqrt(alpha_x * alpha_y), eta, thickness));
+  const auto row =
+      std::make_shared<render::CoatRow>(render::MakeCoatRow({alpha_x, alpha_y}, eta, thickness));
   return {"coat " + std::to_string(alpha_x) + " " + std::to_string(alpha_y),
           {.kind = render::BsdfKind::kCoatedDiffuse,
            .alpha_x = alpha_x,

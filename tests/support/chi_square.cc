@@ -13,8 +13,8 @@
 namespace sheaf::testing {
 namespace {
 
-constexpr double kCountMin = 5;      // Of expected samples in a cell that stands alone.
-constexpr int kSubdivisionMax = 6;   // Halvings of a cell in the quadrature.
+constexpr double kCountMin = 5;     // Of expected samples in a cell that stands alone.
+constexpr int kSubdivisionMax = 6;  // Halvings of a cell in the quadrature.
 // Error of a cell's expected count that is let pass, in its standard deviations.
 constexpr double kQuadratureErrorMax = 0.02;
 
@@ -68,7 +68,8 @@ std::vector<double> ExpectedCounts(const DirectionPdf& pdf, const ChiSquareGrid&
     for (int j = 0; j < grid.phi_count; ++j) {
       const Box box{grid.cos_min + i * dz, grid.cos_min + (i + 1) * dz, j * dphi, (j + 1) * dphi};
       const double guess = GaussOver(pdf, box);
-      const double tolerance = kQuadratureErrorMax * std::sqrt(std::max(guess * count, 1.0)) / count;
+      const double tolerance =
+          kQuadratureErrorMax * std::sqrt(std::max(guess * count, 1.0)) / count;
       expected.push_back(AdaptiveOver(pdf, box, guess, tolerance, 0) * count);
     }
   }

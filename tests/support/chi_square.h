@@ -3,8 +3,8 @@
 //
 // Pearson's chi-square test of a sampler of directions against the density it claims: samples are
 // counted in cells of equal solid angle, the density is integrated over each cell by adaptive
-// quadrature, and the two must agree as chance allows. Mass the density lacks to 1 must be matched by
-// draws that give no direction.
+// quadrature, and the two must agree as chance allows. Mass the density lacks to 1 must be matched
+// by draws that give no direction.
 #pragma once
 
 #include <array>

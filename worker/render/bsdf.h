@@ -29,37 +29,37 @@ enum BsdfFlags : uint8_t {
 };
 
 enum class BsdfKind : uint8_t {
-  kBlack,            // Absorbs everything.
+  kBlack,  // Absorbs everything.
   kDiffuse,
-  kConductor,        // Smooth or rough.
-  kDielectric,       // Smooth or rough.
+  kConductor,   // Smooth or rough.
+  kDielectric,  // Smooth or rough.
   kThinDielectric,
   kCoatedDiffuse,
-  kInterface,        // Not there: rays pass straight through.
+  kInterface,  // Not there: rays pass straight through.
 };
 
 struct BsdfSample {
   Vec3f wi{};
-  Rgb weight{};             // f * |cos wi| / pdf; for delta lobes the reflectance over its probability.
-  float pdf = 0;          // Solid angle, of the whole Bsdf at wi.
-  float eta_scale = 1;    // (eta_i/eta_o)^2 picked up by transmitted radiance; for roulette.
+  Rgb weight{};         // f * |cos wi| / pdf; for delta lobes the reflectance over its probability.
+  float pdf = 0;        // Solid angle, of the whole Bsdf at wi.
+  float eta_scale = 1;  // (eta_i/eta_o)^2 picked up by transmitted radiance; for roulette.
   uint8_t flags = 0;
 };
 struct BsdfValue {
-  Rgb f_cos{};      // f(wo, wi) * |cos wi|.
+  Rgb f_cos{};    // f(wo, wi) * |cos wi|.
   float pdf = 0;  // Solid angle; 0 for delta lobes.
 };
 
-// Plain and small; fields are used by kind (material.h makes it). Row pointers belong to the material
-// table; where blend > 0 the row that follows in memory counts with that weight.
+// Plain and small; fields are used by kind (material.h makes it). Row pointers belong to the
+// material table; where blend > 0 the row that follows in memory counts with that weight.
 struct Bsdf {
   BsdfKind kind = BsdfKind::kBlack;
-  bool specular = false;         // Delta lobes only: light sampling is skipped.
+  bool specular = false;           // Delta lobes only: light sampling is skipped.
   float alpha_x = 0, alpha_y = 0;  // GGX widths; both below kSmoothAlpha is a delta lobe.
-  float eta = 1;                 // Relative index, inside over outside of the surface's +z side.
-  float blend = 0;               // Weight of the second row of the tables below.
+  float eta = 1;                   // Relative index, inside over outside of the surface's +z side.
+  float blend = 0;                 // Weight of the second row of the tables below.
   Rgb color{};                     // Reflectance (diffuse, coat base); conductors: see energy.
-  Rgb eta_rgb{}, k_rgb{};            // Conductors.
+  Rgb eta_rgb{}, k_rgb{};          // Conductors.
   Rgb albedo{};                    // For the albedo channel.
   // Coats: never null. Conductors and dielectrics: null for single scattering alone; for conductors
   // with a row, color is the tint that repeated reflection gives the returned energy.
@@ -71,9 +71,9 @@ struct Bsdf {
 // Radiance transport. None where the path ends (absorbed). Where the sample is not of a delta lobe,
 // pdf is EvalBsdf's for the same pair of directions, to the bit.
 // Kinds that need a trait (kMicrofacet: conductors; kSpecularTransmission: dielectrics; kLayered:
-// coats; kAlpha: interfaces) are black in variants without it: the plan never chooses such a variant.
-// Both are defined in bsdf_inl.h, which integrator variants include, and compiled for every variant
-// of variant_list.h in bsdf.cc.
+// coats; kAlpha: interfaces) are black in variants without it: the plan never chooses such a
+// variant. Both are defined in bsdf_inl.h, which integrator variants include, and compiled for
+// every variant of variant_list.h in bsdf.cc.
 template <uint32_t kTraits>
 std::optional<BsdfSample> SampleBsdf(const Bsdf& bsdf, Vec3f wo, float u_lobe, Vec2f u);
 // Delta lobes evaluate to 0.

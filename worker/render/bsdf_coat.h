@@ -17,9 +17,9 @@ namespace sheaf::render {
 
 // The coat's table at one alpha and one wo.
 struct CoatAt {
-  float enter_o = 0;          // T(wo).
-  Rgb base;                   // rho / (eta^2 (1 - rho K)).
-  float p_reflect = 0;        // How often the interface's own reflection is sampled.
+  float enter_o = 0;    // T(wo).
+  Rgb base;             // rho / (eta^2 (1 - rho K)).
+  float p_reflect = 0;  // How often the interface's own reflection is sampled.
 };
 
 inline float EnterAt(const Bsdf& bsdf, MuPosition p) {

@@ -40,7 +40,8 @@ inline BsdfValue EvalConductor(const Bsdf& bsdf, Vec3f wo, Vec3f wi) {
   return value;
 }
 
-inline std::optional<BsdfSample> SampleConductor(const Bsdf& bsdf, Vec3f wo, float u_lobe, Vec2f u) {
+inline std::optional<BsdfSample> SampleConductor(const Bsdf& bsdf, Vec3f wo, float u_lobe,
+                                                 Vec2f u) {
   if (bsdf.specular) {
     return BsdfSample{.wi = {-wo.x, -wo.y, wo.z},
                       .weight = FresnelConductor(wo.z, bsdf.eta_rgb, bsdf.k_rgb),

@@ -1,12 +1,11 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Dielectric interfaces: smooth; rough (GGX, with the lost energy given back on both sides); and thin
-// slabs. Radiance transport: what crosses is divided by eta^2, the widening of its solid angle.
-// Directions come with wo.z > 0 and eta as far side over near side; bsdf_inl.h turns the other side
-// over, which `inside` remembers.
-// Sources: Walter et al. 2007, "Microfacet Models for Refraction through Rough Surfaces"; Veach 1997,
-// sec. 5.2 (radiance across an interface).
+// Dielectric interfaces: smooth; rough (GGX, with the lost energy given back on both sides); and
+// thin slabs. Radiance transport: what crosses is divided by eta^2, the widening of its solid
+// angle. Directions come with wo.z > 0 and eta as far side over near side; bsdf_inl.h turns the
+// other side over, which `inside` remembers. Sources: Walter et al. 2007, "Microfacet Models for
+// Refraction through Rough Surfaces"; Veach 1997, sec. 5.2 (radiance across an interface).
 #pragma once
 
 #include <cmath>
@@ -47,8 +46,7 @@ inline BsdfValue EvalDielectricFacet(const Ggx& ggx, float eta, Vec3f wo, Vec3f 
     const Vec3f m = Normalize(wo + wi);
     const float d = ggx.D(m);
     const float fresnel = FresnelDielectric(std::fmin(Dot(wo, m), 1.0f), eta).reflectance;
-    return {Rgb::Grey(fresnel * d * ggx.G2Over4Cos(wo, wi) * wi.z),
-            0.25f * visible * d * fresnel};
+    return {Rgb::Grey(fresnel * d * ggx.G2Over4Cos(wo, wi) * wi.z), 0.25f * visible * d * fresnel};
   }
   Vec3f m = wo + eta * wi;
   if (!(LengthSquared(m) > 0)) return {};
@@ -56,8 +54,7 @@ inline BsdfValue EvalDielectricFacet(const Ggx& ggx, float eta, Vec3f wo, Vec3f 
   if (m.z < 0) m = -m;
   const float cos_o = Dot(wo, m), cos_i = Dot(wi, m);
   if (!(cos_o > 0) || !(cos_i < 0)) return {};  // Not the two sides of this facet.
-  const float transmittance =
-      1 - FresnelDielectric(std::fmin(cos_o, 1.0f), eta).reflectance;
+  const float transmittance = 1 - FresnelDielectric(std::fmin(cos_o, 1.0f), eta).reflectance;
   const float half = cos_i + cos_o / eta;
   // Solid angle of facets over solid angle of wi.
   const float dm_dwi = std::fabs(cos_i) / (half * half);
@@ -88,8 +85,7 @@ inline BsdfValue EvalDielectric(const Bsdf& bsdf, DielectricSide side, Vec3f wo,
 inline std::optional<BsdfSample> SampleSmoothDielectric(float eta, Vec3f wo, float u_lobe) {
   const DielectricFresnel fresnel = FresnelDielectric(wo.z, eta);
   if (u_lobe < fresnel.reflectance) {
-    return BsdfSample{
-        .wi = {-wo.x, -wo.y, wo.z}, .weight = Rgb::Grey(1), .flags = kBsdfSpecular};
+    return BsdfSample{.wi = {-wo.x, -wo.y, wo.z}, .weight = Rgb::Grey(1), .flags = kBsdfSpecular};
   }
   const float eta2 = eta * eta;
   return BsdfSample{.wi = {-wo.x / eta, -wo.y / eta, -fresnel.cos_t},
@@ -106,8 +102,7 @@ inline std::optional<Vec3f> SampleDielectricFacet(const Ggx& ggx, float eta, Vec
   if (!(cos_o > 0)) return std::nullopt;
   const DielectricFresnel fresnel = FresnelDielectric(cos_o, eta);
   const bool reflects = u_lobe < fresnel.reflectance;
-  const Vec3f wi =
-      reflects ? Reflect(wo, m) : Normalize(Refract(wo, m, cos_o, eta, fresnel.cos_t));
+  const Vec3f wi = reflects ? Reflect(wo, m) : Normalize(Refract(wo, m, cos_o, eta, fresnel.cos_t));
   if (reflects != (wi.z > 0)) return std::nullopt;
   return wi;
 }
@@ -137,17 +132,15 @@ inline std::optional<BsdfSample> SampleDielectric(const Bsdf& bsdf, DielectricSi
                       crosses ? side.eta * side.eta : 1.0f);
 }
 
-// A slab much thinner than anything around it: all orders of reflection between its two faces add up
-// to R' = R + T^2 R / (1 - R^2) = 2 R / (1 + R), and what crosses goes straight on.
+// A slab much thinner than anything around it: all orders of reflection between its two faces add
+// up to R' = R + T^2 R / (1 - R^2) = 2 R / (1 + R), and what crosses goes straight on.
 inline std::optional<BsdfSample> SampleThinDielectric(float eta, Vec3f wo, float u_lobe) {
   const float once = FresnelDielectric(wo.z, eta).reflectance;
   const float reflectance = 2 * once / (1 + once);
   if (u_lobe < reflectance) {
-    return BsdfSample{
-        .wi = {-wo.x, -wo.y, wo.z}, .weight = Rgb::Grey(1), .flags = kBsdfSpecular};
+    return BsdfSample{.wi = {-wo.x, -wo.y, wo.z}, .weight = Rgb::Grey(1), .flags = kBsdfSpecular};
   }
-  return BsdfSample{
-      .wi = -wo, .weight = Rgb::Grey(1), .flags = kBsdfSpecular | kBsdfTransmission};
+  return BsdfSample{.wi = -wo, .weight = Rgb::Grey(1), .flags = kBsdfSpecular | kBsdfTransmission};
 }
 
 }  // namespace sheaf::render

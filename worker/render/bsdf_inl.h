@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// SampleBsdf and EvalBsdf: the choice among the kinds of scattering. Include this where the integrator
-// is compiled for one set of traits: kinds the set does not hold vanish from it.
+// SampleBsdf and EvalBsdf: the choice among the kinds of scattering. Include this where the
+// integrator is compiled for one set of traits: kinds the set does not hold vanish from it.
 #pragma once
 
 #include <cmath>

@@ -14,8 +14,8 @@
 
 namespace sheaf::render {
 
-// A direction about +z with pdf cos / pi; z > 0. Source: Shirley and Chiu 1997, "A Low Distortion Map
-// Between Disk and Square", lifted to the hemisphere (Malley).
+// A direction about +z with pdf cos / pi; z > 0. Source: Shirley and Chiu 1997, "A Low Distortion
+// Map Between Disk and Square", lifted to the hemisphere (Malley).
 inline Vec3f SampleCosineHemisphere(Vec2f u) {
   const float a = 2 * u.x - 1, b = 2 * u.y - 1;
   if (a == 0 && b == 0) return {0, 0, 1};

@@ -42,8 +42,7 @@ double Recapture(const Ggx& ggx, float eta, double thickness, double entered_ave
 
 }  // namespace
 
-CoatRow MakeCoatRow(float alpha, float eta, float thickness) {
-  const Ggx ggx{alpha, alpha};
+CoatRow MakeCoatRow(const Ggx& ggx, float eta, float thickness) {
   CoatRow row;
   MuCurve entered;
   for (int i = 0; i < kMuNodeCount; ++i) {
@@ -57,15 +56,14 @@ CoatRow MakeCoatRow(float alpha, float eta, float thickness) {
     row.enter.value[i] = static_cast<float>(not_reflected * reaches_base);
   }
   row.enter_average = static_cast<float>(row.enter.CosineAverage());
-  row.recapture =
-      static_cast<float>(Recapture(ggx, eta, thickness, entered.CosineAverage()));
+  row.recapture = static_cast<float>(Recapture(ggx, eta, thickness, entered.CosineAverage()));
   return row;
 }
 
 std::vector<CoatRow> MakeCoatTable(float eta, float thickness) {
   std::vector<CoatRow> rows;
   for (int i = 0; i < kAlphaNodeCount; ++i) {
-    rows.push_back(MakeCoatRow(AlphaNode(i), eta, thickness));
+    rows.push_back(MakeCoatRow({AlphaNode(i), AlphaNode(i)}, eta, thickness));
   }
   return rows;
 }

@@ -75,8 +75,8 @@ TEST(CoatTableTest, ASmoothCoatAgreesWithTheRandomWalk) {
   }
 }
 
-// The walk loses what single scattering loses at the interface unless that is returned; the coat gives
-// it to the base. Up to moderate roughness both are small.
+// The walk loses what single scattering loses at the interface unless that is returned; the coat
+// gives it to the base. Up to moderate roughness both are small.
 TEST(CoatTableTest, ARoughCoatAgreesWithTheRandomWalk) {
   for (float alpha : {0.1f, 0.3f}) {
     for (float mu : {0.9f, 0.3f}) {
@@ -91,7 +91,7 @@ TEST(CoatTableTest, ARoughCoatAgreesWithTheRandomWalk) {
 }
 
 TEST(CoatTableTest, TheCurveOfASmoothCoatIsFresnelsTransmittance) {
-  const CoatRow row = MakeCoatRow(0, 1.5f, 0);
+  const CoatRow row = MakeCoatRow({0, 0}, 1.5f, 0);
   for (int i = 1; i < 1000; ++i) {
     const float mu = static_cast<float>(i) / 1000;
     EXPECT_NEAR(row.enter.At(FindMu(mu)), 1 - FresnelDielectric(mu, 1.5f).reflectance, 1e-3);

@@ -13,22 +13,43 @@ namespace {
 // steps over half a turn converge fast.
 constexpr int kAzimuthCount = 24;
 constexpr int kPolarCount = 48;
+// Azimuths of incidence in a quarter turn, where roughness is anisotropic.
+constexpr int kIncidenceCount = 4;
 
-// The average of visit(m) over visible normals. Steep facets, which matter for shadowing, lie within
-// about alpha^2 of u.y = 1; steps of equal size in the cube root of 1 - u.y resolve them.
+// The average of visit(m) over normals visible from wo. Steep facets, which matter for shadowing,
+// lie within about alpha^2 of u.y = 1; steps of equal size in the cube root of 1 - u.y resolve
+// them. turn: the part of the azimuths to look at.
 template <typename Visit>
-auto AverageOverVisibleNormals(const Ggx& ggx, Vec3f wo, Visit visit) {
+auto AverageOverVisibleNormals(const Ggx& ggx, Vec3f wo, float turn, Visit visit) {
   decltype(visit(wo)) sum{};
   for (int j = 0; j < kPolarCount; ++j) {
     const float root = (static_cast<float>(j) + 0.5f) / kPolarCount;
     const double weight = 3.0 * root * root / (kAzimuthCount * kPolarCount);
     for (int i = 0; i < kAzimuthCount; ++i) {
-      const Vec2f u{0.5f * (static_cast<float>(i) + 0.5f) / kAzimuthCount, 1 - root * root * root};
+      const Vec2f u{turn * (static_cast<float>(i) + 0.5f) / kAzimuthCount, 1 - root * root * root};
       sum += visit(ggx.SampleVisibleNormal(wo, u)) * weight;
     }
   }
   // The weights' own sum, so that a constant is its own average.
   return sum * (1 / (1 - 0.25 / (kPolarCount * kPolarCount)));
+}
+
+// The average of visit(wo, m) over normals and azimuths of incidence.
+template <typename Visit>
+auto AverageAtMu(const Ggx& ggx, float mu, Visit visit) {
+  const float sin_theta = std::sqrt((1 - mu) * (1 + mu));
+  if (ggx.alpha_x == ggx.alpha_y) {
+    const Vec3f wo{sin_theta, 0, mu};
+    return AverageOverVisibleNormals(ggx, wo, 0.5f, [&](Vec3f m) { return visit(wo, m); });
+  }
+  decltype(visit(Vec3f{}, Vec3f{})) sum{};
+  for (int i = 0; i < kIncidenceCount; ++i) {
+    const SinCosPair<float> phi =
+        SinCos(static_cast<float>(kPi / 2) * (static_cast<float>(i) + 0.5f) / kIncidenceCount);
+    const Vec3f wo{sin_theta * phi.cos, sin_theta * phi.sin, mu};
+    sum += AverageOverVisibleNormals(ggx, wo, 1, [&](Vec3f m) { return visit(wo, m); });
+  }
+  return sum * (1.0 / kIncidenceCount);
 }
 
 // G2 / G1(wo) for light going on to wi, on either side.
@@ -154,8 +175,7 @@ RowBlend FindAlphaRow(float alpha) {
 }
 
 double IntegrateMirror(const Ggx& ggx, float mu) {
-  const Vec3f wo{std::sqrt((1 - mu) * (1 + mu)), 0, mu};
-  return AverageOverVisibleNormals(ggx, wo, [&](Vec3f m) {
+  return AverageAtMu(ggx, mu, [&](Vec3f wo, Vec3f m) {
     const Vec3f wi = Reflect(wo, m);
     return wi.z > 0 ? ShadowingGivenVisible(ggx, wo, wi) : 0.0;
   });
@@ -163,37 +183,36 @@ double IntegrateMirror(const Ggx& ggx, float mu) {
 
 InterfaceAlbedo IntegrateInterface(const Ggx& ggx, float mu, float eta, double thickness) {
   if (ggx.IsSmooth()) return IntegrateSmooth(mu, eta, thickness);
-  const Vec3f wo{std::sqrt((1 - mu) * (1 + mu)), 0, mu};
-  return AverageOverVisibleNormals(ggx, wo, [&](Vec3f m) {
-           AlbedoSum sum;
-           const float cos_i = std::max(0.0f, Dot(wo, m));
-           const DielectricFresnel fresnel = FresnelDielectric(cos_i, eta);
-           const Vec3f wi = Reflect(wo, m);
-           if (wi.z > 0) {
-             sum.a.reflected = fresnel.reflectance * ShadowingGivenVisible(ggx, wo, wi);
-             sum.a.reflected_attenuated = sum.a.reflected * Attenuation(thickness, wi.z);
-           }
-           if (fresnel.reflectance < 1) {
-             const Vec3f wt = Refract(wo, m, cos_i, eta, fresnel.cos_t);
-             if (wt.z < 0) {
-               sum.a.transmitted =
-                   (1 - fresnel.reflectance) * ShadowingGivenVisible(ggx, wo, wt);
-               sum.a.transmitted_attenuated = sum.a.transmitted * Attenuation(thickness, -wt.z);
-             }
-           }
-           return sum;
-         })
+  return AverageAtMu(
+             ggx, mu,
+             [&](Vec3f wo, Vec3f m) {
+               AlbedoSum sum;
+               const float cos_i = std::max(0.0f, Dot(wo, m));
+               const DielectricFresnel fresnel = FresnelDielectric(cos_i, eta);
+               const Vec3f wi = Reflect(wo, m);
+               if (wi.z > 0) {
+                 sum.a.reflected = fresnel.reflectance * ShadowingGivenVisible(ggx, wo, wi);
+                 sum.a.reflected_attenuated = sum.a.reflected * Attenuation(thickness, wi.z);
+               }
+               if (fresnel.reflectance < 1) {
+                 const Vec3f wt = Refract(wo, m, cos_i, eta, fresnel.cos_t);
+                 if (wt.z < 0) {
+                   sum.a.transmitted =
+                       (1 - fresnel.reflectance) * ShadowingGivenVisible(ggx, wo, wt);
+                   sum.a.transmitted_attenuated = sum.a.transmitted * Attenuation(thickness, -wt.z);
+                 }
+               }
+               return sum;
+             })
       .a;
 }
 
-ConductorEnergyRow MakeConductorEnergyRow(float alpha) {
-  const Ggx ggx{alpha, alpha};
+ConductorEnergyRow MakeConductorEnergyRow(const Ggx& ggx) {
   return {LossLobe::Make(ggx.IsSmooth() ? MuCurve{} : MirrorLoss(ggx))};
 }
 
-DielectricEnergyRow MakeDielectricEnergyRow(float alpha, float eta) {
+DielectricEnergyRow MakeDielectricEnergyRow(const Ggx& ggx, float eta) {
   DielectricEnergyRow row;
-  const Ggx ggx{alpha, alpha};
   row.out = LossLobe::Make(ggx.IsSmooth() ? MuCurve{} : InterfaceLoss(ggx, eta));
   row.in = LossLobe::Make(ggx.IsSmooth() ? MuCurve{} : InterfaceLoss(ggx, 1 / eta));
   // Reciprocity wants transmit_out average_out = eta^2 transmit_in average_in. A smooth interface
@@ -202,22 +221,23 @@ DielectricEnergyRow MakeDielectricEnergyRow(float alpha, float eta) {
   const double crossing = (1 - AverageDielectricFresnel(eta)) * smaller;
   if (row.out.average_loss > 0 && row.in.average_loss > 0) {
     row.transmit_out = static_cast<float>(crossing / row.out.average_loss);
-    row.transmit_in = static_cast<float>(
-        crossing / (static_cast<double>(eta) * eta * row.in.average_loss));
+    row.transmit_in =
+        static_cast<float>(crossing / (static_cast<double>(eta) * eta * row.in.average_loss));
   }
   return row;
 }
 
 std::vector<ConductorEnergyRow> MakeConductorEnergyTable() {
   std::vector<ConductorEnergyRow> rows;
-  for (int i = 0; i < kAlphaNodeCount; ++i) rows.push_back(MakeConductorEnergyRow(AlphaNode(i)));
+  for (int i = 0; i < kAlphaNodeCount; ++i)
+    rows.push_back(MakeConductorEnergyRow({AlphaNode(i), AlphaNode(i)}));
   return rows;
 }
 
 std::vector<DielectricEnergyRow> MakeDielectricEnergyTable(float eta) {
   std::vector<DielectricEnergyRow> rows;
   for (int i = 0; i < kAlphaNodeCount; ++i) {
-    rows.push_back(MakeDielectricEnergyRow(AlphaNode(i), eta));
+    rows.push_back(MakeDielectricEnergyRow({AlphaNode(i), AlphaNode(i)}, eta));
   }
   return rows;
 }

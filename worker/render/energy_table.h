@@ -1,15 +1,15 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Energy that single scattering loses on rough surfaces, tabulated over the cosine of incidence, and
-// the lobes that give it back. Smith's model shadows light that in truth scatters again; at alpha = 1
-// a GGX mirror keeps 31 % at normal incidence. The lost part is returned as a lobe of its own,
-// f(o, i) = c loss(o) loss(i) / (pi average loss), which is reciprocal and keeps energy exactly.
-// Sources: Kelemen and Szirmay-Kalos 2001; Kulla and Conty 2017, "Revisiting Physically Based Shading
-// at Imageworks" (also for the pair of lobes of a dielectric).
+// Energy that single scattering loses on rough surfaces, tabulated over the cosine of incidence,
+// and the lobes that give it back. Smith's model shadows light that in truth scatters again; at
+// alpha = 1 a GGX mirror keeps 31 % at normal incidence. The lost part is returned as a lobe of its
+// own, f(o, i) = c loss(o) loss(i) / (pi average loss), which is reciprocal and keeps energy
+// exactly. Sources: Kelemen and Szirmay-Kalos 2001; Kulla and Conty 2017, "Revisiting Physically
+// Based Shading at Imageworks" (also for the pair of lobes of a dielectric).
 //
-// Tables are made by quadrature over visible normals when a scene is compiled; the same bits on every
-// machine. Rows belong to one alpha; for textured roughness there is one row for each of
+// Tables are made by quadrature over visible normals when a scene is compiled; the same bits on
+// every machine. Rows belong to one alpha; for textured roughness there is one row for each of
 // kAlphaNodeCount alphas and a lookup blends two neighbours.
 #pragma once
 
@@ -28,8 +28,8 @@ inline constexpr int kAlphaNodeCount = 33;  // Nodes at alpha = (i / 32)^2.
 
 // Where a cosine falls between the nodes.
 struct MuPosition {
-  int index = 0;        // In [0, kMuNodeCount - 2].
-  float fraction = 0;   // In [0, 1].
+  int index = 0;       // In [0, kMuNodeCount - 2].
+  float fraction = 0;  // In [0, 1].
 };
 inline MuPosition FindMu(float mu) {
   const float t = std::sqrt(std::fmin(std::fmax(mu, 0.0f), 1.0f)) * (kMuNodeCount - 1);
@@ -55,9 +55,9 @@ struct MuCurve {
 // A loss curve that can be sampled: directions with density about loss(mu) mu.
 struct LossLobe {
   MuCurve loss;
-  float average_loss = 0;                             // loss.CosineAverage().
-  std::array<float, kMuNodeCount - 1> density{};      // Over mu^2, constant between nodes.
-  std::array<float, kMuNodeCount> cumulative{};       // 0 at the first node, 1 at the last.
+  float average_loss = 0;                         // loss.CosineAverage().
+  std::array<float, kMuNodeCount - 1> density{};  // Over mu^2, constant between nodes.
+  std::array<float, kMuNodeCount> cumulative{};   // 0 at the first node, 1 at the last.
 
   static LossLobe Make(const MuCurve& loss);
   // Pdf in solid angle of SampleMu with a uniform azimuth.
@@ -92,9 +92,14 @@ constexpr float AlphaNode(int index) {
   return t * t;
 }
 
-// Requires: 0 < alpha. eta: index of the -z side over that of the +z side, not 1.
-ConductorEnergyRow MakeConductorEnergyRow(float alpha);
-DielectricEnergyRow MakeDielectricEnergyRow(float alpha, float eta);
+// With anisotropic roughness the loss is its average over azimuths: energy is kept on average over
+// them, and the lobe stays reciprocal. eta: index of the -z side over that of the +z side, not 1.
+ConductorEnergyRow MakeConductorEnergyRow(const Ggx& ggx);
+DielectricEnergyRow MakeDielectricEnergyRow(const Ggx& ggx, float eta);
+// The one alpha that stands for both in a table of all nodes: equal mean square slope.
+inline float EquivalentAlpha(const Ggx& ggx) {
+  return std::sqrt(0.5f * (ggx.alpha_x * ggx.alpha_x + ggx.alpha_y * ggx.alpha_y));
+}
 
 // All alpha nodes, for textured roughness.
 std::vector<ConductorEnergyRow> MakeConductorEnergyTable();
@@ -106,7 +111,8 @@ struct InterfaceAlbedo {
   // The same, weighted by exp(-thickness / |cos|) of the direction it leaves in.
   double reflected_attenuated = 0, transmitted_attenuated = 0;
 };
-// mu: cosine of incidence, > 0. eta: far side over near side. Smooth where ggx.IsSmooth().
+// mu: cosine of incidence, > 0; averaged over azimuths. eta: far side over near side. Smooth where
+// ggx.IsSmooth().
 InterfaceAlbedo IntegrateInterface(const Ggx& ggx, float mu, float eta, double thickness);
 // Single-scattering albedo of a perfectly reflecting rough mirror.
 double IntegrateMirror(const Ggx& ggx, float mu);

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Fresnel reflectance of unpolarised light at smooth interfaces, in forms that stay exact at grazing
-// incidence and at the critical angle.
+// Fresnel reflectance of unpolarised light at smooth interfaces, in forms that stay exact at
+// grazing incidence and at the critical angle.
 #pragma once
 
 #include <cmath>

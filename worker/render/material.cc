@@ -91,7 +91,7 @@ Bsdf MakeBsdf(const CompiledMaterial& material, const SurfaceInputs& inputs) {
   bsdf.albedo = Rgb::Grey(1);
   SetAlpha(material, inputs, &bsdf);
   const bool is_smooth = Ggx{bsdf.alpha_x, bsdf.alpha_y}.IsSmooth();
-  const float alpha = std::sqrt(bsdf.alpha_x * bsdf.alpha_y);
+  const float alpha = EquivalentAlpha({bsdf.alpha_x, bsdf.alpha_y});
   switch (material.kind) {
     case BsdfKind::kDiffuse:
       bsdf.color = bsdf.albedo = ClampReflectance(inputs.color);
@@ -173,10 +173,10 @@ float MaterialTable::EvaluateFloat(const FloatInput& input, const TexturePoint& 
   return impl_->textures->Operand(input).value;
 }
 
-#define SHEAF_INSTANTIATE_MATERIAL(name, traits)                                                  \
-  template Bsdf MaterialTable::Evaluate<traits>(int32_t material, const TexturePoint& point,      \
-                                                float u_mix) const;                               \
-  template float MaterialTable::EvaluateFloat<traits>(const FloatInput& input,                    \
+#define SHEAF_INSTANTIATE_MATERIAL(name, traits)                                             \
+  template Bsdf MaterialTable::Evaluate<traits>(int32_t material, const TexturePoint& point, \
+                                                float u_mix) const;                          \
+  template float MaterialTable::EvaluateFloat<traits>(const FloatInput& input,               \
                                                       const TexturePoint& point) const;
 SHEAF_RENDER_VARIANTS(SHEAF_INSTANTIATE_MATERIAL)
 #undef SHEAF_INSTANTIATE_MATERIAL

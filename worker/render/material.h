@@ -1,8 +1,9 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// MaterialTable: the scene's materials and textures made ready to be evaluated at hits. A material of
-// constants is a Bsdf made once, tables included; only what varies over a surface costs at a hit.
+// MaterialTable: the scene's materials and textures made ready to be evaluated at hits. A material
+// of constants is a Bsdf made once, tables included; only what varies over a surface costs at a
+// hit.
 #pragma once
 
 #include <cstdint>
@@ -19,8 +20,8 @@ namespace sheaf::render {
 // What textures see of a hit.
 struct TexturePoint {
   Vec2f uv;
-  Vec2f duv_dx, duv_dy;   // Footprint: change of uv per pixel; 0 means point look-up.
-  Vec3f p_world;          // World space (not camera-relative), for 3-D and projected mappings.
+  Vec2f duv_dx, duv_dy;  // Footprint: change of uv per pixel; 0 means point look-up.
+  Vec3f p_world;         // World space (not camera-relative), for 3-D and projected mappings.
 };
 
 class MaterialTable {
@@ -35,10 +36,10 @@ class MaterialTable {
   ~MaterialTable();
 
   // The Bsdf of a material at a point; kNone is an interface. Mixes are decided by u_mix (consumed
-  // down the tree without losing uniformity). In a variant without kTextures materials must not vary,
-  // in one without kAlpha there must be no mixes: the plan sees to both.
-  // Rows the Bsdf points to live as long as *this.
-  // Thread safety: any number of threads at once. Compiled for every variant of variant_list.h.
+  // down the tree without losing uniformity). In a variant without kTextures materials must not
+  // vary, in one without kAlpha there must be no mixes: the plan sees to both. Rows the Bsdf points
+  // to live as long as *this. Thread safety: any number of threads at once. Compiled for every
+  // variant of variant_list.h.
   template <uint32_t kTraits>
   Bsdf Evaluate(int32_t material, const TexturePoint& point, float u_mix) const;
   // Value of a float input (cut-outs), as it is: a mask's author may have left [0, 1].

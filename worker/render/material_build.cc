@@ -16,7 +16,7 @@
 namespace sheaf::render {
 namespace {
 
-constexpr float kAllAlphas = -1;
+constexpr Ggx kAllAlphas{-1, -1};
 
 class MaterialBuilder {
  public:
@@ -30,11 +30,11 @@ class MaterialBuilder {
     absl::Status status =
         std::visit([&](const auto& d) { return Fill(d, &m); }, description_->material);
     if (!status.ok()) return status;
-    m.varies = m.color.texture != kNone || m.eta_rgb.texture != kNone ||
-               m.k_rgb.texture != kNone || RoughnessVaries(m);
+    m.varies = m.color.texture != kNone || m.eta_rgb.texture != kNone || m.k_rgb.texture != kNone ||
+               RoughnessVaries(m);
     if (!m.is_mix) {
-      m.constant = MakeBsdf(m, {m.color.value, m.eta_rgb.value, m.k_rgb.value,
-                                m.roughness_u.value, m.roughness_v.value});
+      m.constant = MakeBsdf(m, {m.color.value, m.eta_rgb.value, m.k_rgb.value, m.roughness_u.value,
+                                m.roughness_v.value});
     }
     return m;
   }
@@ -43,8 +43,8 @@ class MaterialBuilder {
   absl::Status Error(const std::string& what) const {
     const std::string name =
         description_->name.empty() ? "" : absl::StrCat(" \"", description_->name, "\"");
-    return absl::InvalidArgumentError(absl::StrCat(
-        FormatLocation(scene_, description_->location), ": material", name, ": ", what));
+    return absl::InvalidArgumentError(absl::StrCat(FormatLocation(scene_, description_->location),
+                                                   ": material", name, ": ", what));
   }
   static bool RoughnessVaries(const CompiledMaterial& m) {
     return m.roughness_u.texture != kNone || m.roughness_v.texture != kNone;
@@ -84,13 +84,13 @@ class MaterialBuilder {
     return absl::OkStatus();
   }
 
-  // The alpha a table is needed for; kAllAlphas where it varies.
-  static float TableAlpha(const CompiledMaterial& m) {
+  // The roughness a table is needed for; kAllAlphas where it varies.
+  static Ggx TableAlpha(const CompiledMaterial& m) {
     if (RoughnessVaries(m)) return kAllAlphas;
     const Bsdf bsdf = MakeBsdf(m, {{}, {}, {}, m.roughness_u.value, m.roughness_v.value});
-    return std::sqrt(bsdf.alpha_x * bsdf.alpha_y);
+    return {bsdf.alpha_x, bsdf.alpha_y};
   }
-  static bool IsSmooth(float alpha) { return alpha >= 0 && alpha < kSmoothAlpha; }
+  static bool IsSmooth(const Ggx& ggx) { return ggx.alpha_x >= 0 && ggx.IsSmooth(); }
 
   // Finds a table or makes it: one row, or all.
   template <typename Row, typename MakeRow, typename MakeAll>
@@ -99,7 +99,7 @@ class MaterialBuilder {
                                            MakeAll make_all) {
     const auto [found, is_new] = known.try_emplace(key);
     if (is_new) {
-      if (std::get<0>(key) == kAllAlphas) {
+      if (std::get<0>(key) < 0) {
         found->second = make_all();
       } else {
         found->second.push_back(make_row());
@@ -131,11 +131,11 @@ class MaterialBuilder {
         }
       }
     }
-    const float alpha = TableAlpha(*m);
-    if (IsSmooth(alpha)) return absl::OkStatus();
+    const Ggx ggx = TableAlpha(*m);
+    if (IsSmooth(ggx)) return absl::OkStatus();
     m->conductor_rows = FindTable(
-        tables_.conductors, {alpha, 0, 0}, [&] { return MakeConductorEnergyRow(alpha); },
-        [] { return MakeConductorEnergyTable(); });
+        tables_.conductors, {ggx.alpha_x, ggx.alpha_y, 0, 0},
+        [&] { return MakeConductorEnergyRow(ggx); }, [] { return MakeConductorEnergyTable(); });
     return absl::OkStatus();
   }
 
@@ -143,10 +143,11 @@ class MaterialBuilder {
     m->kind = BsdfKind::kDielectric;
     if (absl::Status status = SetRoughness(d.roughness, m); !status.ok()) return status;
     if (absl::Status status = SetIndex(d.eta, m); !status.ok()) return status;
-    const float alpha = TableAlpha(*m);
-    if (IsSmooth(alpha) || d.eta == 1) return absl::OkStatus();
+    const Ggx ggx = TableAlpha(*m);
+    if (IsSmooth(ggx) || d.eta == 1) return absl::OkStatus();
     m->dielectric_rows = FindTable(
-        tables_.dielectrics, {alpha, d.eta, 0}, [&] { return MakeDielectricEnergyRow(alpha, d.eta); },
+        tables_.dielectrics, {ggx.alpha_x, ggx.alpha_y, d.eta, 0},
+        [&] { return MakeDielectricEnergyRow(ggx, d.eta); },
         [&] { return MakeDielectricEnergyTable(d.eta); });
     return absl::OkStatus();
   }
@@ -167,10 +168,10 @@ class MaterialBuilder {
     if (d.albedo.texture != kNone || !d.albedo.value.rgb.IsBlack()) {
       return Error("a scattering coat (albedo above 0) is not supported; remove \"albedo\"");
     }
-    const float alpha = TableAlpha(*m);
+    const Ggx ggx = TableAlpha(*m);
     m->coat_rows = FindTable(
-        tables_.coats, {alpha, d.eta, d.thickness},
-        [&] { return MakeCoatRow(alpha, d.eta, d.thickness); },
+        tables_.coats, {ggx.alpha_x, ggx.alpha_y, d.eta, d.thickness},
+        [&] { return MakeCoatRow(ggx, d.eta, d.thickness); },
         [&] { return MakeCoatTable(d.eta, d.thickness); });
     return absl::OkStatus();
   }

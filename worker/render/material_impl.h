@@ -25,13 +25,13 @@ struct SurfaceInputs {
 struct CompiledMaterial {
   BsdfKind kind = BsdfKind::kBlack;
   bool is_mix = false;
-  bool varies = false;            // Some input is a texture; else `constant` is the Bsdf.
+  bool varies = false;  // Some input is a texture; else `constant` is the Bsdf.
   bool remap_roughness = true;
   bool from_reflectance = false;  // Conductors: color is the reflectance, eta and k follow.
   float eta = 1;
   ColorOperand color, eta_rgb, k_rgb;
   FloatOperand roughness_u, roughness_v;
-  FloatOperand amount;            // Of the second material of a mix.
+  FloatOperand amount;  // Of the second material of a mix.
   int32_t mix[2] = {kNone, kNone};
   // One row for constant roughness, else one for each alpha node.
   const std::vector<CoatRow>* coat_rows = nullptr;
@@ -42,9 +42,9 @@ struct CompiledMaterial {
 
 Bsdf MakeBsdf(const CompiledMaterial& material, const SurfaceInputs& inputs);
 
-// Tables of the scene, each made once. Key: alpha (negative for all nodes), eta, thickness.
+// Tables of the scene, each made once. Key: both alphas (negative for all nodes), eta, thickness.
 struct ScatteringTables {
-  using Key = std::tuple<float, float, float>;
+  using Key = std::tuple<float, float, float, float>;
   std::map<Key, std::vector<CoatRow>> coats;
   std::map<Key, std::vector<ConductorEnergyRow>> conductors;
   std::map<Key, std::vector<DielectricEnergyRow>> dielectrics;

@@ -91,13 +91,13 @@ TEST(MaterialTableTest, ImagesHaveTheirFirstRowAtTheTop) {
   EXPECT_EQ(ColorAt(**table, m, {0.25f, 0.75f}), (Rgb{1, 0, 0}));
   EXPECT_EQ(ColorAt(**table, m, {0.75f, 0.75f}), (Rgb{0, 1, 0}));
   EXPECT_EQ(ColorAt(**table, m, {0.25f, 0.25f}), (Rgb{0, 0, 1}));
-  EXPECT_EQ(ColorAt(**table, m, {5.25f, -2.75f}), (Rgb{0, 0, 1}));  // Repeats.
+  EXPECT_EQ(ColorAt(**table, m, {5.25f, -2.75f}), (Rgb{0, 0, 1}));      // Repeats.
   EXPECT_EQ(ColorAt(**table, m, {0.5f, 0.75f}), (Rgb{0.5f, 0.5f, 0}));  // Half way.
 }
 
 TEST(MaterialTableTest, WrapModesDecideBeyondTheEdge) {
-  for (const auto& [wrap, expected] :
-       {std::pair{TextureWrap::kBlack, Rgb{0, 0, 0}}, std::pair{TextureWrap::kClamp, Rgb{1, 0, 0}}}) {
+  for (const auto& [wrap, expected] : {std::pair{TextureWrap::kBlack, Rgb{0, 0, 0}},
+                                       std::pair{TextureWrap::kClamp, Rgb{1, 0, 0}}}) {
     Fixture f;
     ImageTexture image = FourTexels(&f);
     image.wrap = wrap;

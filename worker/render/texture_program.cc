@@ -22,7 +22,8 @@ float Sanitize(float coordinate) {
 // As a texture coordinate of an image: only the fraction matters where the image repeats.
 float Reduce(float coordinate, TextureWrap wrap) {
   const float finite = Sanitize(coordinate);
-  return wrap == TextureWrap::kRepeat ? finite - std::floor(finite) : std::clamp(finite, -2.0f, 3.0f);
+  return wrap == TextureWrap::kRepeat ? finite - std::floor(finite)
+                                      : std::clamp(finite, -2.0f, 3.0f);
 }
 
 int Modulo(int a, int n) {
@@ -150,7 +151,8 @@ Rgb TextureProgram::EvaluateColor(int32_t texture, const TexturePoint& point) co
       return node.color[0].value;
     case Kind::kImage: {
       const Texel texel = LookUp(node, point);
-      Rgb color = node.image.channels == 1 ? Rgb::Grey(texel[0]) : Rgb{texel[0], texel[1], texel[2]};
+      Rgb color =
+          node.image.channels == 1 ? Rgb::Grey(texel[0]) : Rgb{texel[0], texel[1], texel[2]};
       color *= node.scale;
       if (node.invert) color = Rgb::Grey(1) - color;
       // Written so that NaN stays NaN: a failed read must be seen.

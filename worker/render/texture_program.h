@@ -2,8 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // TextureProgram: the scene's textures as a flat array of nodes that refer to each other by index,
-// evaluated by a switch. What does not vary over a surface is folded into a constant when the program
-// is made.
+// evaluated by a switch. What does not vary over a surface is folded into a constant when the
+// program is made.
 //
 // Image textures are looked up in the image as it is stored, bilinearly (or at the nearest texel),
 // whatever filter and footprint: a pixel's samples already average over its footprint, exactly and
@@ -39,9 +39,9 @@ bool WrapTexel(TextureWrap wrap, int width, int height, TexelIndex& texel);
 
 class TextureProgram {
  public:
-  // Errors: an image that cannot be read or decoded; textures that refer to themselves; nesting that
-  // evaluates more than kEvaluationsMax nodes for one look-up. Messages begin with the texture's place.
-  // Warns about texels that are not finite. cache must outlive *this.
+  // Errors: an image that cannot be read or decoded; textures that refer to themselves; nesting
+  // that evaluates more than kEvaluationsMax nodes for one look-up. Messages begin with the
+  // texture's place. Warns about texels that are not finite. cache must outlive *this.
   static absl::StatusOr<TextureProgram> Build(const SceneDescription& scene, FileSource& files,
                                               TextureCache& cache);
 

@@ -31,7 +31,10 @@ TexelEncoding EncodingOf(const ImageTexture& image) {
 class TextureProgram::Builder {
  public:
   Builder(const SceneDescription& scene, FileSource& files, TextureCache& cache)
-      : scene_(scene), files_(files), cache_(cache), states_(scene.textures.size()),
+      : scene_(scene),
+        files_(files),
+        cache_(cache),
+        states_(scene.textures.size()),
         costs_(scene.textures.size(), 1) {
     program_.cache_ = &cache;
     program_.nodes_.resize(scene.textures.size());
@@ -65,8 +68,8 @@ class TextureProgram::Builder {
     const TextureDescription& description = scene_.textures[static_cast<size_t>(texture)];
     Node node;
     node.is_color = description.is_color;
-    absl::Status status = std::visit(
-        [&](const auto& t) { return Fill(texture, t, level, &node); }, description.texture);
+    absl::Status status = std::visit([&](const auto& t) { return Fill(texture, t, level, &node); },
+                                     description.texture);
     if (!status.ok()) return status;
     if (costs_[static_cast<size_t>(texture)] > kEvaluationsMax) return TooDeep(texture);
     program_.nodes_[static_cast<size_t>(texture)] = node;
@@ -141,9 +144,9 @@ class TextureProgram::Builder {
       return Error(texture, image.status().code(), std::string(image.status().message()));
     }
     if (image->non_finite_texels > 0) {
-      LogWarning(absl::StrCat(
-          Error(texture, absl::StatusCode::kInvalidArgument, t.file).message(), ": ",
-          image->non_finite_texels, " texels are not numbers; they count as 0"));
+      LogWarning(absl::StrCat(Error(texture, absl::StatusCode::kInvalidArgument, t.file).message(),
+                              ": ", image->non_finite_texels,
+                              " texels are not numbers; they count as 0"));
     }
     SetMapping(t.mapping, node);
     node->kind = Kind::kImage;
