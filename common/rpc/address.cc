@@ -13,8 +13,8 @@ namespace sheaf {
 namespace {
 
 absl::Status Malformed(const std::string& text, const std::string& why) {
-  return absl::InvalidArgumentError(
-      absl::StrCat("address \"", text, "\": ", why, "; write host:port, for example 127.0.0.1:7400"));
+  return absl::InvalidArgumentError(absl::StrCat("address \"", text, "\": ", why,
+                                                 "; write host:port, for example 127.0.0.1:7400"));
 }
 
 }  // namespace
@@ -31,9 +31,9 @@ absl::StatusOr<Address> ParseAddress(const std::string& text) {
   }
   if (address.host.empty()) return Malformed(text, "has no host");
   const std::string port_text = text.substr(colon + 1);
-  const bool digits = !port_text.empty() && port_text.size() <= 5 &&
-                      std::all_of(port_text.begin(), port_text.end(),
-                                  [](char c) { return c >= '0' && c <= '9'; });
+  const bool digits =
+      !port_text.empty() && port_text.size() <= 5 &&
+      std::all_of(port_text.begin(), port_text.end(), [](char c) { return c >= '0' && c <= '9'; });
   uint32_t port = 0;
   if (!digits || !absl::SimpleAtoi(port_text, &port) || port > 65535) {
     return Malformed(text, "the port is not a number from 0 to 65535");

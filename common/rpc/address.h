@@ -12,8 +12,8 @@
 namespace sheaf {
 
 struct Address {
-  std::string host;  // A name or a literal; IPv6 literals without their brackets.
-  uint16_t port = 0; // 0 asks the system to choose, where one listens.
+  std::string host;   // A name or a literal; IPv6 literals without their brackets.
+  uint16_t port = 0;  // 0 asks the system to choose, where one listens.
 };
 
 // Reads "host:port" or "[ipv6]:port".

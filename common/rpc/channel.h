@@ -1,9 +1,9 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// How Sheaf's programs open gRPC channels and servers: the same message limits and keepalive on both
-// sides. Credentials are insecure; a server therefore listens on loopback unless told otherwise
-// (RequireSafeAddress).
+// How Sheaf's programs open gRPC channels and servers: the same message limits and keepalive on
+// both sides. Credentials are insecure; a server therefore listens on loopback unless told
+// otherwise (RequireSafeAddress).
 #pragma once
 
 #include <grpcpp/channel.h>
@@ -20,7 +20,8 @@ namespace sheaf {
 
 // Limits of the wire, the same for every program.
 inline constexpr int kMessageBytesMax = 64 << 20;  // A job of 100,000 frames.
-inline constexpr size_t kStreamChunkBytesMax = size_t{1} << 20;  // Bytes of a part, picture or blob.
+inline constexpr size_t kStreamChunkBytesMax = size_t{1}
+                                               << 20;  // Bytes of a part, picture or blob.
 inline constexpr absl::Duration kKeepaliveInterval = absl::Seconds(20);
 inline constexpr absl::Duration kKeepaliveTimeout = absl::Seconds(10);
 inline constexpr absl::Duration kUnaryDeadline = absl::Seconds(30);

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The one place where absl::Status and grpc::Status meet. Both use the canonical codes, so nothing is
-// lost but gRPC's binary details, which Sheaf does not send.
+// The one place where absl::Status and grpc::Status meet. Both use the canonical codes, so nothing
+// is lost but gRPC's binary details, which Sheaf does not send.
 #pragma once
 
 #include <grpcpp/support/status.h>

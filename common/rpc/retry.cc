@@ -40,8 +40,7 @@ absl::Status RetryLoop(const RetryPolicy& policy, Idempotency idempotency,
     if (status.ok() || !IsTransient(status)) return status;
     if (idempotency == Idempotency::kNotIdempotent) return status;
     const absl::Duration wait = backoff * (0.5 + 0.5 * environment.uniform());
-    const bool exhausted =
-        attempt >= policy.attempts_max || environment.now() + wait > deadline;
+    const bool exhausted = attempt >= policy.attempts_max || environment.now() + wait > deadline;
     if (exhausted || !environment.sleep(wait)) {
       return {status.code(), absl::StrCat(status.message(), " (gave up after ", attempt,
                                           attempt == 1 ? " attempt)" : " attempts)")};

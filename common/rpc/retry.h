@@ -2,8 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Repeating a call that failed for a passing reason. The loop is pure: clock, sleep and randomness
-// come in, so tests neither wait nor vary. Only idempotent calls may be repeated, and the caller says
-// so at each call.
+// come in, so tests neither wait nor vary. Only idempotent calls may be repeated, and the caller
+// says so at each call.
 #pragma once
 
 #include <functional>

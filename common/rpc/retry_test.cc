@@ -85,11 +85,10 @@ TEST(RetryLoopTest, GivesUpAtTheAttemptLimit) {
   RetryPolicy policy;
   policy.attempts_max = 4;
   int calls = 0;
-  const absl::Status status =
-      RetryLoop(policy, Idempotency::kIdempotent, world.Environment(), [&] {
-        ++calls;
-        return absl::UnavailableError("away");
-      });
+  const absl::Status status = RetryLoop(policy, Idempotency::kIdempotent, world.Environment(), [&] {
+    ++calls;
+    return absl::UnavailableError("away");
+  });
   EXPECT_EQ(calls, 4);
   EXPECT_EQ(status.message(), "away (gave up after 4 attempts)");
 }

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// What happened since the start, counted under the name of the event. Every way in which work can go
-// astray has a counter of its own, so that nothing goes astray unseen.
+// What happened since the start, counted under the name of the event. Every way in which work can
+// go astray has a counter of its own, so that nothing goes astray unseen.
 #pragma once
 
 #include <array>
@@ -14,21 +14,21 @@ namespace sheaf::coordinator {
 
 struct Counters {
   uint64_t synchronize_calls = 0;
-  uint64_t leases_granted = 0;      // Hedges included.
-  uint64_t leases_hedged = 0;       // Second leases of a task.
-  uint64_t leases_expired = 0;      // The worker fell silent or the lease grew too old.
-  uint64_t leases_cancelled = 0;    // Another result covers them, or the job ended.
+  uint64_t leases_granted = 0;    // Hedges included.
+  uint64_t leases_hedged = 0;     // Second leases of a task.
+  uint64_t leases_expired = 0;    // The worker fell silent or the lease grew too old.
+  uint64_t leases_cancelled = 0;  // Another result covers them, or the job ended.
   uint64_t results_accepted = 0;
   uint64_t results_duplicate_equal = 0;
   uint64_t results_duplicate_mismatch = 0;
   uint64_t results_superseded = 0;
-  uint64_t results_late = 0;        // Accepted although their lease had ended.
-  uint64_t results_invalid = 0;     // Not a part of the key they came with.
-  uint64_t parts_revoked = 0;       // Rows whose part is missing or damaged: rendered again.
+  uint64_t results_late = 0;     // Accepted although their lease had ended.
+  uint64_t results_invalid = 0;  // Not a part of the key they came with.
+  uint64_t parts_revoked = 0;    // Rows whose part is missing or damaged: rendered again.
   uint64_t workers_lost = 0;
   uint64_t workers_quarantined = 0;
   uint64_t tasks_poisoned = 0;
-  uint64_t samples_accepted = 0;    // Pixel samples.
+  uint64_t samples_accepted = 0;  // Pixel samples.
   uint64_t rays_accepted = 0;
   uint64_t nonfinite_samples = 0;
   uint64_t frames_delivered = 0;

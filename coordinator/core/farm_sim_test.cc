@@ -1,10 +1,10 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// A whole farm in one thread: the real Scheduler, simulated workers, network, disk and time. One seed
-// decides every fault: replies and uploads that are lost, late, doubled or out of order; workers that
-// die and come back under another name; a coordinator that dies between a row and its acknowledgement
-// and comes back with what its journal holds. After every step the checkers look.
+// A whole farm in one thread: the real Scheduler, simulated workers, network, disk and time. One
+// seed decides every fault: replies and uploads that are lost, late, doubled or out of order;
+// workers that die and come back under another name; a coordinator that dies between a row and its
+// acknowledgement and comes back with what its journal holds. After every step the checkers look.
 #include <algorithm>
 #include <map>
 #include <memory>
@@ -25,7 +25,7 @@ constexpr absl::Duration kStep = absl::Milliseconds(500);
 
 struct SimWorker {
   std::string id;
-  bool stopped = false;      // Killed; comes back under another name.
+  bool stopped = false;  // Killed; comes back under another name.
   std::vector<Lease> held;
   std::vector<Lease> unacknowledged;  // Rendered, not acknowledged: uploaded again.
 };
@@ -67,8 +67,7 @@ class FarmSim {
           << scheduler_->jobs().at(job.job_id).failure;
       for (const FrameSpec& frame : job.frames) {
         const FrameId id{job.job_id, frame.frame_number};
-        for (const PixelRect& tile :
-             CutTiles(frame.settings.window, job.partition.tile_size_px)) {
+        for (const PixelRect& tile : CutTiles(frame.settings.window, job.partition.tile_size_px)) {
           const auto found = journal_.find({id, {tile.y0, tile.x0}});
           ASSERT_NE(found, journal_.end());
           EXPECT_EQ(found->second.merged.SampleCount(), frame.settings.samples);
@@ -184,8 +183,8 @@ class FarmSim {
   bool TakeResult(const Lease& lease) {
     using Kind = Scheduler::FoundTask::Kind;
     const FrameSpec& spec = SpecOf(lease.frame);
-    const Scheduler::FoundTask found = scheduler_->FindTask(
-        spec.frame_digest, lease.tile_rect, lease.task.block, lease.lease_id);
+    const Scheduler::FoundTask found =
+        scheduler_->FindTask(spec.frame_digest, lease.tile_rect, lease.task.block, lease.lease_id);
     EXPECT_NE(found.kind, Kind::kMalformed);
     if (found.kind != Kind::kWanted) return true;
     TileJournal& tile = journal_[{found.frame, {lease.tile_rect.y0, lease.tile_rect.x0}}];
@@ -214,9 +213,7 @@ class FarmSim {
     }
   }
 
-  const FrameSpec& SpecOf(const FrameId& id) const {
-    return scheduler_->FindFrame(id)->spec;
-  }
+  const FrameSpec& SpecOf(const FrameId& id) const { return scheduler_->FindFrame(id)->spec; }
 
   // No acknowledged sample is ever leased.
   void CheckNotMerged(const Lease& lease) const {
@@ -280,8 +277,7 @@ TEST(FarmSimTest, WithoutFaultsNothingIsDoneTwice) {
   sim.CheckComplete();
   const Counters& counters = sim.scheduler().counters();
   EXPECT_EQ(counters.leases_expired, 0u);
-  EXPECT_EQ(counters.leases_granted,
-            counters.results_accepted + counters.leases_cancelled);
+  EXPECT_EQ(counters.leases_granted, counters.results_accepted + counters.leases_cancelled);
 }
 
 TEST(FarmSimTest, EveryFrameFinishesUnderEveryMixOfFaults) {
@@ -303,9 +299,9 @@ TEST(FarmSimTest, EveryFrameFinishesUnderEveryMixOfFaults) {
     faults.coordinator_dies = chance(0.01);
     faults.released = chance(0.1);
     faults.infrastructure = chance(0.05);
-    FarmSim sim(seed, faults, 1 + static_cast<int>(seed % 7),
-                {MakeJob(1, 3, 48, 100, seed % 3 == 0 ? 0 : seed % 3 * 2),
-                 MakeJob(2, 1, 64, 33, 0)});
+    FarmSim sim(
+        seed, faults, 1 + static_cast<int>(seed % 7),
+        {MakeJob(1, 3, 48, 100, seed % 3 == 0 ? 0 : seed % 3 * 2), MakeJob(2, 1, 64, 33, 0)});
     ASSERT_GE(sim.Run(50'000), 0);
     sim.CheckComplete();
     if (testing::Test::HasFailure()) return;

@@ -1,13 +1,14 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// FrameMerge: the parts of one frame as they become its picture. A pure function of the set of parts:
-// each tile's parts go into a TileTree, and a tile whose samples are all there is developed from the
-// tree's root, once and for good.
+// FrameMerge: the parts of one frame as they become its picture. A pure function of the set of
+// parts: each tile's parts go into a TileTree, and a tile whose samples are all there is developed
+// from the tree's root, once and for good.
 //
 // Memory is bounded by a budget that all frames share. A tile that finds the budget used up is not
-// kept: its parts are on disk, and it is built from them when the last one has come. Tiles are never
-// pushed out in favour of others, for tiles are visited in turn, and then the oldest is needed next.
+// kept: its parts are on disk, and it is built from them when the last one has come. Tiles are
+// never pushed out in favour of others, for tiles are visited in turn, and then the oldest is
+// needed next.
 #pragma once
 
 #include <atomic>

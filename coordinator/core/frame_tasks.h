@@ -1,17 +1,17 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// FrameTasks: which samples of which tile of one frame are done, leased, returned or fresh. These four
-// always cut a tile's samples [0, N) without overlap:
+// FrameTasks: which samples of which tile of one frame are done, leased, returned or fresh. These
+// four always cut a tile's samples [0, N) without overlap:
 //
 //     fresh     never leased in this life of the coordinator; cut into blocks when it is leased
 //     leased    one block, held by one lease or two (a hedge)
 //     returned  a block whose lease came to nothing; it is leased again as it was, never cut anew
 //     done      accepted and durable
 //
-// Because returned blocks keep their shape, a late result of this life meets exactly its own block. A
-// result from before a restart may meet blocks that were cut otherwise; Fit says which of those fit.
-// Pure: no clock, no lock. Every operation is O(log tiles) but the constructor.
+// Because returned blocks keep their shape, a late result of this life meets exactly its own block.
+// A result from before a restart may meet blocks that were cut otherwise; Fit says which of those
+// fit. Pure: no clock, no lock. Every operation is O(log tiles) but the constructor.
 #pragma once
 
 #include <cstdint>
@@ -46,9 +46,9 @@ class FrameTasks {
 
   // Takes a returned block for which `allowed` holds, looking at scan_max of them at most.
   std::optional<Task> TakeReturned(const std::function<bool(const Task&)>& allowed, int scan_max);
-  // Takes a fresh block: of the tile with the fewest samples taken, so that every tile's first block
-  // comes before any second one. block_samples_max is asked with the block's first sample and the
-  // tile's pixel count.
+  // Takes a fresh block: of the tile with the fewest samples taken, so that every tile's first
+  // block comes before any second one. block_samples_max is asked with the block's first sample and
+  // the tile's pixel count.
   std::optional<Task> TakeFresh(
       const std::function<uint64_t(uint64_t first, int64_t pixel_count)>& block_samples_max);
   // Gives a taken block back. Requires: it is leased.
@@ -56,15 +56,15 @@ class FrameTasks {
 
   // How a result's block meets what is there.
   enum class Fit {
-    kWanted,    // Accept gives each of its samples a first value.
-    kCovered,   // All of it is done.
-    kPartial,   // Some of it is done, or it lies inside a larger block that is leased now: dropped,
-                // and what is missing of it is rendered by the lease or leased later.
-    kOutside,   // No block of this frame.
+    kWanted,   // Accept gives each of its samples a first value.
+    kCovered,  // All of it is done.
+    kPartial,  // Some of it is done, or it lies inside a larger block that is leased now: dropped,
+               // and what is missing of it is rendered by the lease or leased later.
+    kOutside,  // No block of this frame.
   };
   Fit FitOf(const Task& task) const;
-  // Marks a block as done. Returns the leased blocks it covers, whose leases are now pointless (its own
-  // among them). Requires: FitOf(task) is kWanted.
+  // Marks a block as done. Returns the leased blocks it covers, whose leases are now pointless (its
+  // own among them). Requires: FitOf(task) is kWanted.
   std::vector<Task> Accept(const Task& task);
   // Takes back an Accept: the part was lost. Requires: done.
   void Revoke(const Task& task);

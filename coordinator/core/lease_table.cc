@@ -8,12 +8,18 @@ namespace sheaf::coordinator {
 
 const char* FailureKindName(FailureKind kind) {
   switch (kind) {
-    case FailureKind::kReleased: return "released";
-    case FailureKind::kInfrastructure: return "infrastructure";
-    case FailureKind::kScene: return "scene";
-    case FailureKind::kMemory: return "memory";
-    case FailureKind::kInternal: return "internal";
-    case FailureKind::kLost: return "lost";
+    case FailureKind::kReleased:
+      return "released";
+    case FailureKind::kInfrastructure:
+      return "infrastructure";
+    case FailureKind::kScene:
+      return "scene";
+    case FailureKind::kMemory:
+      return "memory";
+    case FailureKind::kInternal:
+      return "internal";
+    case FailureKind::kLost:
+      return "lost";
   }
   return "unknown";
 }

@@ -1,7 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// LeaseTable: the leases that live, found by id, by task and by job, and those worth a second holder.
+// LeaseTable: the leases that live, found by id, by task and by job, and those worth a second
+// holder.
 #pragma once
 
 #include <compare>

@@ -13,21 +13,21 @@ namespace sheaf::coordinator {
 
 struct Limits {
   // Leases and heartbeats.
-  absl::Duration lease_duration = absl::Seconds(30);    // A worker silent for longer is lost.
-  absl::Duration lease_age_max = absl::Hours(2);        // A lease that never ends is a hung renderer.
-  absl::Duration heartbeat_interval_max = absl::Seconds(5);  // Of a worker that holds leases.
+  absl::Duration lease_duration = absl::Seconds(30);  // A worker silent for longer is lost.
+  absl::Duration lease_age_max = absl::Hours(2);      // A lease that never ends is a hung renderer.
+  absl::Duration heartbeat_interval_max = absl::Seconds(5);    // Of a worker that holds leases.
   absl::Duration idle_interval_min = absl::Milliseconds(200);  // Of a worker that waits for work.
   double synchronize_rate_max = 2000;  // Calls per second; more idle workers ask less often.
   int leases_per_worker_max = 256;
-  int warm_scenes_max = 64;            // Looked at in one Synchronize.
+  int warm_scenes_max = 64;  // Looked at in one Synchronize.
   int workers_max = 100'000;
-  absl::Duration lost_worker_kept = absl::Hours(1);     // Then it is forgotten.
+  absl::Duration lost_worker_kept = absl::Hours(1);  // Then it is forgotten.
 
   // Jobs.
   int frames_per_job_max = 100'000;
   int live_jobs_max = 10'000;
   int64_t tiles_per_frame_max = 4'000'000;
-  uint64_t samples_max = uint64_t{1} << 40;             // Per pixel.
+  uint64_t samples_max = uint64_t{1} << 40;  // Per pixel.
   int32_t frame_edge_px_max = 65'536;
   // Frames that are open at once share this many pixels; one is always allowed. An open frame costs
   // the coordinator about 80 bytes a pixel for its developed picture.
@@ -35,21 +35,23 @@ struct Limits {
   int priority_magnitude_max = 1000;
 
   // Size of leases where the job leaves it to the coordinator.
-  double lease_target_seconds = 3.0;        // Long against the cost of a result, short against a loss.
-  double first_lease_target_seconds = 0.25; // A tile's first lease is short: a whole preview early.
-  uint64_t first_lease_share = 8;           // ... and at most 1/8 of the tile's samples.
-  double tail_divisor = 4.0;  // A lease is at most 1/(4 workers) of what is left: smaller at the end.
+  double lease_target_seconds = 3.0;  // Long against the cost of a result, short against a loss.
+  double first_lease_target_seconds =
+      0.25;                        // A tile's first lease is short: a whole preview early.
+  uint64_t first_lease_share = 8;  // ... and at most 1/8 of the tile's samples.
+  double tail_divisor =
+      4.0;  // A lease is at most 1/(4 workers) of what is left: smaller at the end.
   uint64_t lease_pass_count_max = 1024;
 
   // Failures. A task fails for good, and its job with it, when one of these is used up.
-  int crash_workers_max = 3;           // Distinct workers that reported a defect or lack of memory.
-  int lost_workers_max = 6;            // Distinct workers that vanished while rendering it: machines
-                                       // that are switched off must not spoil a job.
+  int crash_workers_max = 3;  // Distinct workers that reported a defect or lack of memory.
+  int lost_workers_max = 6;   // Distinct workers that vanished while rendering it: machines
+                              // that are switched off must not spoil a job.
   int infrastructure_failures_max = 16;
-  int scene_failure_workers_max = 2;   // Distinct workers that say: the scene cannot be rendered.
-  int quarantine_jobs_min = 3;         // A worker failing so many jobs in a row is sick.
-  absl::Duration retry_delay_initial = absl::Seconds(1);   // After infrastructure failures: of the
-  absl::Duration retry_delay_max = absl::Minutes(1);       // worker, doubling.
+  int scene_failure_workers_max = 2;  // Distinct workers that say: the scene cannot be rendered.
+  int quarantine_jobs_min = 3;        // A worker failing so many jobs in a row is sick.
+  absl::Duration retry_delay_initial = absl::Seconds(1);  // After infrastructure failures: of the
+  absl::Duration retry_delay_max = absl::Minutes(1);      // worker, doubling.
 
   // Bounded scans, so that no call's cost grows with the farm.
   int job_scan_max = 64;

@@ -37,15 +37,13 @@ void SampleRanges::Remove(Range range) {
 }
 
 bool SampleRanges::Contains(Range range) const {
-  return std::any_of(ranges_.begin(), ranges_.end(), [&](const Range& r) {
-    return r.first <= range.first && range.end <= r.end;
-  });
+  return std::any_of(ranges_.begin(), ranges_.end(),
+                     [&](const Range& r) { return r.first <= range.first && range.end <= r.end; });
 }
 
 bool SampleRanges::Overlaps(Range range) const {
-  return std::any_of(ranges_.begin(), ranges_.end(), [&](const Range& r) {
-    return r.first < range.end && range.first < r.end;
-  });
+  return std::any_of(ranges_.begin(), ranges_.end(),
+                     [&](const Range& r) { return r.first < range.end && range.first < r.end; });
 }
 
 uint64_t SampleRanges::SampleCount() const {

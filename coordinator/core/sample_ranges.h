@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// SampleRanges: a set of sample indices as disjoint half-open ranges. A tile has few of them, mostly
-// one, so a sorted vector serves.
+// SampleRanges: a set of sample indices as disjoint half-open ranges. A tile has few of them,
+// mostly one, so a sorted vector serves.
 #pragma once
 
 #include <cstdint>
@@ -32,8 +32,8 @@ class SampleRanges {
   uint64_t SampleCount() const;
   const std::vector<Range>& ranges() const { return ranges_; }
 
-  // Returns the largest aligned power-of-two block of at most block_samples_max samples that starts at
-  // the lowest index. Requires: not empty; block_samples_max is a power of two.
+  // Returns the largest aligned power-of-two block of at most block_samples_max samples that starts
+  // at the lowest index. Requires: not empty; block_samples_max is a power of two.
   SampleBlock FirstBlock(uint64_t block_samples_max) const;
 
  private:

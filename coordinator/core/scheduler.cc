@@ -28,8 +28,8 @@ absl::Status CheckFrame(const FrameSpec& frame, const Partition& partition, cons
     return invalid("the window is empty or reaches beyond the frame");
   }
   if (s.samples < 1 || s.samples > limits.samples_max) {
-    return invalid(absl::StrCat(s.samples, " samples per pixel are outside 1 to ",
-                                limits.samples_max));
+    return invalid(
+        absl::StrCat(s.samples, " samples per pixel are outside 1 to ", limits.samples_max));
   }
   if (s.max_depth < 0) return invalid("the depth is negative");
   const int64_t columns = w.Width() / partition.tile_size_px + 2;
@@ -58,17 +58,16 @@ absl::Status Scheduler::CheckJob(const JobSpec& spec) const {
         spec.frames.size(), " frames are more than the limit of ", limits_.frames_per_job_max));
   }
   if (live_job_count_ >= limits_.live_jobs_max) {
-    return absl::ResourceExhaustedError(
-        absl::StrCat("there are ", live_job_count_, " unfinished jobs, the limit; try again later"));
+    return absl::ResourceExhaustedError(absl::StrCat(
+        "there are ", live_job_count_, " unfinished jobs, the limit; try again later"));
   }
   if (std::abs(spec.priority) > limits_.priority_magnitude_max) {
-    return absl::InvalidArgumentError(absl::StrCat(
-        "priority ", spec.priority, " is outside +-", limits_.priority_magnitude_max));
+    return absl::InvalidArgumentError(
+        absl::StrCat("priority ", spec.priority, " is outside +-", limits_.priority_magnitude_max));
   }
   if (p.tile_size_px < 1 || p.tile_size_px > limits_.frame_edge_px_max) {
-    return absl::InvalidArgumentError(absl::StrCat("a tile size of ", p.tile_size_px,
-                                                   " px is outside 1 to ",
-                                                   limits_.frame_edge_px_max));
+    return absl::InvalidArgumentError(absl::StrCat(
+        "a tile size of ", p.tile_size_px, " px is outside 1 to ", limits_.frame_edge_px_max));
   }
   if (!std::has_single_bit(p.pass_sample_count) || p.pass_sample_count > limits_.samples_max) {
     return absl::InvalidArgumentError(
@@ -76,9 +75,9 @@ absl::Status Scheduler::CheckJob(const JobSpec& spec) const {
   }
   if (p.lease_pass_count != 0 && (!std::has_single_bit(p.lease_pass_count) ||
                                   p.lease_pass_count > limits_.lease_pass_count_max)) {
-    return absl::InvalidArgumentError(
-        absl::StrCat("passes of a lease: ", p.lease_pass_count,
-                     " is not a power of two up to ", limits_.lease_pass_count_max));
+    return absl::InvalidArgumentError(absl::StrCat("passes of a lease: ", p.lease_pass_count,
+                                                   " is not a power of two up to ",
+                                                   limits_.lease_pass_count_max));
   }
   for (size_t i = 0; i < spec.frames.size(); ++i) {
     if (i > 0 && spec.frames[i - 1].frame_number >= spec.frames[i].frame_number) {
@@ -108,7 +107,8 @@ void Scheduler::AddJob(const JobSpec& spec) {
   // A new job begins level with the least served one, not with a claim on everybody's past.
   std::set<JobKey>& ready = ready_jobs_[spec.numeric_profile];
   const auto level = ready.lower_bound({-spec.priority, 0, 0});
-  if (level != ready.end() && std::get<0>(*level) == -spec.priority) job.share = std::get<1>(*level);
+  if (level != ready.end() && std::get<0>(*level) == -spec.priority)
+    job.share = std::get<1>(*level);
   ready.insert(KeyOf(job));
   ++live_job_count_;
 }
@@ -250,10 +250,17 @@ Scheduler::FoundTask Scheduler::FindTask(const std::string& frame_digest, const 
     FoundTask found{FoundTask::Kind::kMalformed, id, {tile_index.value_or(0), block}};
     if (tile_index) {
       switch (frame.tasks->FitOf(found.task)) {
-        case FrameTasks::Fit::kWanted: found.kind = FoundTask::Kind::kWanted; return found;
-        case FrameTasks::Fit::kCovered: found.kind = FoundTask::Kind::kCovered; break;
-        case FrameTasks::Fit::kPartial: found.kind = FoundTask::Kind::kPartial; break;
-        case FrameTasks::Fit::kOutside: break;
+        case FrameTasks::Fit::kWanted:
+          found.kind = FoundTask::Kind::kWanted;
+          return found;
+        case FrameTasks::Fit::kCovered:
+          found.kind = FoundTask::Kind::kCovered;
+          break;
+        case FrameTasks::Fit::kPartial:
+          found.kind = FoundTask::Kind::kPartial;
+          break;
+        case FrameTasks::Fit::kOutside:
+          break;
       }
     }
     if (best.kind == FoundTask::Kind::kUnknown || best.kind == FoundTask::Kind::kMalformed) {

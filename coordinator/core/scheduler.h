@@ -1,21 +1,22 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Scheduler: who shall render what. A state machine without clock, thread, file or network: the time is
-// an argument, decisions are return values, and equal calls give equal decisions.
+// Scheduler: who shall render what. A state machine without clock, thread, file or network: the
+// time is an argument, decisions are return values, and equal calls give equal decisions.
 //
 //     Synchronize  a worker says what it holds; the answer is what it shall hold
 //     FindTask     a result came: which task is it, and is it still wanted
 //     Accept       ... and it is durable now
 //     Tick         time passed: workers that fell silent lose their leases
 //
-// Order of work: jobs by priority, then by fewest samples leased; within a job a scene that is warm in
-// the worker, then a frame nobody works on yet, then any; within a frame returned blocks, then the tile
-// with the fewest samples. A worker that holds nothing and finds nothing ready is leased a task that
-// another one holds (a hedge), never its own.
+// Order of work: jobs by priority, then by fewest samples leased; within a job a scene that is warm
+// in the worker, then a frame nobody works on yet, then any; within a frame returned blocks, then
+// the tile with the fewest samples. A worker that holds nothing and finds nothing ready is leased a
+// task that another one holds (a hedge), never its own.
 //
-// Failures (budgets in limits.h): a worker does not get a task again that it failed while a live worker
-// is left that did not. A job fails when a task fails for good: its message names tile and samples.
+// Failures (budgets in limits.h): a worker does not get a task again that it failed while a live
+// worker is left that did not. A job fails when a task fails for good: its message names tile and
+// samples.
 //
 // Thread safety: none; the owner holds one lock. Cost: O(log n) a lease, no scan over tasks.
 #pragma once
@@ -53,18 +54,18 @@ struct TaskFailures {
 
 // A frame as the scheduler sees it.
 struct FrameRecord {
-  // kPending: not begun. kOpen: has tasks in memory. kRendered: all samples are done. kDelivered: the
-  // EXR is there. kClosed: its job ended before.
+  // kPending: not begun. kOpen: has tasks in memory. kRendered: all samples are done. kDelivered:
+  // the EXR is there. kClosed: its job ended before.
   enum class Phase { kPending, kOpen, kRendered, kDelivered, kClosed };
   FrameSpec spec;
   Phase phase = Phase::kPending;
-  std::unique_ptr<FrameTasks> tasks;           // While open or rendered.
+  std::unique_ptr<FrameTasks> tasks;  // While open or rendered.
   std::map<TaskId, TaskFailures> failures;
   std::map<std::string, std::string> refused_by;  // Worker and its message: scene or memory.
-  std::set<std::string> scene_failed_by;       // Those of refused_by that blame the scene.
+  std::set<std::string> scene_failed_by;          // Those of refused_by that blame the scene.
   absl::Time first_lease_time = absl::InfiniteFuture();
-  uint64_t sample_count_done = 0;              // Pixel samples; valid in every phase.
-  uint64_t sample_count_restored = 0;          // Of those, done before this start.
+  uint64_t sample_count_done = 0;      // Pixel samples; valid in every phase.
+  uint64_t sample_count_restored = 0;  // Of those, done before this start.
   uint64_t ray_count = 0, nonfinite_count = 0;
   absl::Duration cpu_duration;
 };
@@ -72,15 +73,15 @@ struct FrameRecord {
 uint64_t SampleCountTotal(const FrameSpec& spec);
 
 struct JobRecord {
-  JobSpec spec;                        // Without frames: they are in `frames`.
+  JobSpec spec;  // Without frames: they are in `frames`.
   JobPhase phase = JobPhase::kLive;
   std::string failure;
-  std::vector<FrameRecord> frames;     // Ascending by number.
+  std::vector<FrameRecord> frames;  // Ascending by number.
   std::map<int32_t, uint32_t> index_of_number;
   using FrameSet = std::set<uint32_t>;  // Indices into frames.
-  FrameSet pending, ready;             // Not begun; open with something to lease.
+  FrameSet pending, ready;              // Not begun; open with something to lease.
   std::map<std::string, FrameSet> pending_by_scene, ready_by_scene;
-  uint64_t share = 0;                  // Pixel samples leased, plus the share it began with.
+  uint64_t share = 0;  // Pixel samples leased, plus the share it began with.
   int32_t delivered_count = 0;
 };
 
@@ -92,7 +93,8 @@ class Scheduler {
   absl::Status CheckJob(const JobSpec& spec) const;
   // Requires: CheckJob is OK, job_id is new.
   void AddJob(const JobSpec& spec);
-  // Puts back what was durable, after AddJob at a start. Restore* of one frame come before any lease.
+  // Puts back what was durable, after AddJob at a start. Restore* of one frame come before any
+  // lease.
   void RestoreEnded(uint64_t job_id, JobPhase phase, const std::string& failure);
   void RestoreDelivered(const FrameId& id, const ResultCost& cost);
   // Returns false where the block does not fit (it overlaps one that was restored).
@@ -191,7 +193,7 @@ class Scheduler {
 
   const Limits limits_;
   std::map<uint64_t, JobRecord> jobs_;
-  std::map<std::string, std::set<JobKey>> ready_jobs_;  // By numeric profile.
+  std::map<std::string, std::set<JobKey>> ready_jobs_;              // By numeric profile.
   std::unordered_map<std::string, std::set<FrameId>> live_frames_;  // By frame digest.
   std::set<FrameId> doubtful_frames_;  // With a scene failure that is not yet confirmed.
   WorkerTable workers_;

@@ -147,13 +147,13 @@ std::string Scheduler::TaskFailureText(const FrameRecord& frame, const Lease& le
                                        const TaskFailures& failures) const {
   const PixelRect& r = lease.tile_rect;
   const SampleBlock& b = lease.task.block;
-  return absl::StrCat(
-      "frame ", frame.spec.frame_number, ", tile [", r.x0, ", ", r.x1, ") x [", r.y0, ", ", r.y1,
-      "), samples [", b.first, ", ", b.End(), "): failed ", failures.attempt_count, " times, on ",
-      absl::StrJoin(failures.failed_by, ", "), "; last: ", failures.last_message,
-      "; to reproduce: sheaf render SCENE --crop ", r.x0, ",", r.y0, ",", r.x1, ",", r.y1,
-      " --samples ", b.End(), " --seed ", frame.spec.settings.seed, " (scene digest ",
-      frame.spec.scene.sha256_hex, ")");
+  return absl::StrCat("frame ", frame.spec.frame_number, ", tile [", r.x0, ", ", r.x1, ") x [",
+                      r.y0, ", ", r.y1, "), samples [", b.first, ", ", b.End(), "): failed ",
+                      failures.attempt_count, " times, on ",
+                      absl::StrJoin(failures.failed_by, ", "), "; last: ", failures.last_message,
+                      "; to reproduce: sheaf render SCENE --crop ", r.x0, ",", r.y0, ",", r.x1, ",",
+                      r.y1, " --samples ", b.End(), " --seed ", frame.spec.settings.seed,
+                      " (scene digest ", frame.spec.scene.sha256_hex, ")");
 }
 
 void Scheduler::RefuseFrame(const Lease& lease, const LeaseFailure& failure) {
@@ -166,16 +166,15 @@ void Scheduler::RefuseFrame(const Lease& lease, const LeaseFailure& failure) {
     JudgeScene(lease.frame);
     return;
   }
-  // Lack of memory concerns the whole scene: leave it to larger machines while there are others. The
-  // last machine left tries again, up to the task's budget.
+  // Lack of memory concerns the whole scene: leave it to larger machines while there are others.
+  // The last machine left tries again, up to the task's budget.
   std::set<std::string> refused{lease.worker_id};
   for (const auto& [worker_id, message] : frame.refused_by) refused.insert(worker_id);
   if (OthersLive(jobs_.at(lease.frame.job_id).spec.numeric_profile, refused)) {
     frame.refused_by[lease.worker_id] = failure.message;
   } else {
-    std::erase_if(frame.refused_by, [&](const auto& entry) {
-      return !frame.scene_failed_by.contains(entry.first);
-    });
+    std::erase_if(frame.refused_by,
+                  [&](const auto& entry) { return !frame.scene_failed_by.contains(entry.first); });
   }
 }
 
@@ -184,8 +183,8 @@ void Scheduler::JudgeScene(const FrameId& id) {
   const int reports = static_cast<int>(frame.scene_failed_by.size());
   const std::string& profile = jobs_.at(id.job_id).spec.numeric_profile;
   // One report is enough where nobody is left to contradict it.
-  const bool judged = reports >= limits_.scene_failure_workers_max ||
-                      !OthersLive(profile, frame.scene_failed_by);
+  const bool judged =
+      reports >= limits_.scene_failure_workers_max || !OthersLive(profile, frame.scene_failed_by);
   if (reports == 0 || !judged) return;
   const std::string message = frame.refused_by.at(*frame.scene_failed_by.rbegin());
   EndJob(id.job_id, JobPhase::kFailed,

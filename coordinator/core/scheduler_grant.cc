@@ -28,8 +28,8 @@ absl::StatusOr<Scheduler::SynchronizeAnswer> Scheduler::Synchronize(const Worker
   for (const uint64_t id : worker->leases) {
     worker->warm_scenes.insert(Frame(leases_.Find(id)->frame).spec.scene.sha256_hex);
   }
-  const size_t wanted = static_cast<size_t>(
-      std::clamp(report.lease_count_wanted, 0, limits_.leases_per_worker_max));
+  const size_t wanted =
+      static_cast<size_t>(std::clamp(report.lease_count_wanted, 0, limits_.leases_per_worker_max));
   if (!worker->draining && now >= worker->no_work_before) {
     while (worker->leases.size() < wanted && Grant(worker, now)) {
     }
@@ -82,7 +82,8 @@ bool Scheduler::GrantFromJob(JobRecord* job, WorkerRecord* worker, absl::Time no
 bool Scheduler::GrantFromFrames(JobRecord* job, const JobRecord::FrameSet& frames,
                                 WorkerRecord* worker, absl::Time now) {
   int scanned = 0;
-  for (auto it = frames.begin(); it != frames.end() && scanned < limits_.avoid_scan_max; ++scanned) {
+  for (auto it = frames.begin(); it != frames.end() && scanned < limits_.avoid_scan_max;
+       ++scanned) {
     // A grant may take the frame out of the set, and with its last frame the set away.
     const uint32_t index = *it++;
     if (GrantFromFrame(job, index, worker, now)) return true;
@@ -152,15 +153,15 @@ uint64_t Scheduler::BlockSamplesMax(const JobRecord& job, const FrameRecord& fra
   const int threads_per_lease =
       std::max(1, worker.thread_count / std::max(1, worker.lease_count_wanted));
   const double pixels = static_cast<double>(pixel_count);
-  const double seconds = first == 0 ? limits_.first_lease_target_seconds
-                                    : limits_.lease_target_seconds;
+  const double seconds =
+      first == 0 ? limits_.first_lease_target_seconds : limits_.lease_target_seconds;
   double samples = rate * threads_per_lease * seconds / pixels;
   const double workers = std::max(1, workers_.LiveCount(job.spec.numeric_profile));
   const double left = static_cast<double>(frame.tasks->sample_count_ready());
   samples = std::min(samples, left / (limits_.tail_divisor * workers * pixels));
   if (first == 0) {
-    samples = std::min(samples, static_cast<double>(frame.tasks->samples() /
-                                                    limits_.first_lease_share));
+    samples =
+        std::min(samples, static_cast<double>(frame.tasks->samples() / limits_.first_lease_share));
   }
   const double passes = std::clamp(samples / static_cast<double>(pass), 1.0,
                                    static_cast<double>(limits_.lease_pass_count_max));

@@ -49,7 +49,8 @@ class SchedulerTest : public testing::Test {
     return job.job_id;
   }
 
-  // What worker `id` holds after a Synchronize; it reports what it held before, rendering the first.
+  // What worker `id` holds after a Synchronize; it reports what it held before, rendering the
+  // first.
   const std::vector<Lease>& Sync(const std::string& id, int wanted) {
     WorkerReport report;
     report.worker_id = report.host = id;
@@ -57,13 +58,15 @@ class SchedulerTest : public testing::Test {
     report.lease_count_wanted = wanted;
     for (const Lease& lease : held_[id]) {
       const bool first = report.leases.empty();
-      report.leases.push_back({lease.lease_id, first ? LeasePhase::kRendering : LeasePhase::kQueued});
+      report.leases.push_back(
+          {lease.lease_id, first ? LeasePhase::kRendering : LeasePhase::kQueued});
     }
     report.failures = failures_[id];
     report.draining = draining_;
     report.warm_scenes = warm_;
     failures_[id].clear();
-    const absl::StatusOr<Scheduler::SynchronizeAnswer> answer = scheduler_.Synchronize(report, now_);
+    const absl::StatusOr<Scheduler::SynchronizeAnswer> answer =
+        scheduler_.Synchronize(report, now_);
     status_ = answer.status();
     held_[id] = answer.ok() ? answer->leases : std::vector<Lease>{};
     return held_[id];

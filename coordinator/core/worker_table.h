@@ -23,15 +23,15 @@ struct WorkerRecord {
   int32_t lease_count_wanted = 0;
   bool draining = false;
   bool lost = false;
-  std::string quarantine_reason;         // Empty while it is trusted.
-  std::set<std::string> warm_scenes;     // Compiled in its memory, or of leases it holds.
-  std::set<uint64_t> leases;             // Ids, held now.
+  std::string quarantine_reason;      // Empty while it is trusted.
+  std::set<std::string> warm_scenes;  // Compiled in its memory, or of leases it holds.
+  std::set<uint64_t> leases;          // Ids, held now.
   absl::Time last_seen_time;
-  uint64_t result_count = 0;             // Accepted.
-  uint64_t sample_count = 0;             // Pixel samples of those.
-  absl::Duration cpu_duration;           // CPU time of those.
-  std::set<uint64_t> failed_jobs;        // Since its last accepted result.
-  int infrastructure_failures = 0;       // Since its last accepted result.
+  uint64_t result_count = 0;        // Accepted.
+  uint64_t sample_count = 0;        // Pixel samples of those.
+  absl::Duration cpu_duration;      // CPU time of those.
+  std::set<uint64_t> failed_jobs;   // Since its last accepted result.
+  int infrastructure_failures = 0;  // Since its last accepted result.
   absl::Time no_work_before = absl::InfinitePast();
 
   bool Quarantined() const { return !quarantine_reason.empty(); }
@@ -50,8 +50,8 @@ class WorkerTable {
   WorkerRecord* Find(const std::string& worker_id);
   // Changes of the fields that decide Live go through here.
   void Quarantine(WorkerRecord* worker, const std::string& reason);
-  // Marks workers as lost that were silent for longer than the lease duration; returns their ids. Also
-  // forgets those lost long ago.
+  // Marks workers as lost that were silent for longer than the lease duration; returns their ids.
+  // Also forgets those lost long ago.
   std::vector<std::string> MarkLost(absl::Time now);
 
   // Live workers of a numeric profile.

@@ -21,8 +21,8 @@ absl::Status AppendChunk(const v1::WriteBlobRequest& message, BlobWriter* writer
   return writer->Append(*bytes);
 }
 
-// Writes the messages of one upload. What came before an error or a broken stream stays durable, to be
-// resumed.
+// Writes the messages of one upload. What came before an error or a broken stream stays durable, to
+// be resumed.
 absl::Status WriteAll(v1::WriteBlobRequest* message,
                       grpc::ServerReader<v1::WriteBlobRequest>* reader, BlobWriter* writer,
                       const BlobDigest& digest) {
@@ -35,9 +35,9 @@ absl::Status WriteAll(v1::WriteBlobRequest* message,
   } while (reader->Read(message));
   if (writer->committed_bytes() == digest.size_bytes) return writer->Commit();
   if (absl::Status status = writer->Flush(); !status.ok()) return status;
-  return absl::InvalidArgumentError(
-      absl::StrCat("blob ", digest.sha256_hex, ": ", writer->committed_bytes(), " of ",
-                   digest.size_bytes, " bytes came; resume there"));
+  return absl::InvalidArgumentError(absl::StrCat("blob ", digest.sha256_hex, ": ",
+                                                 writer->committed_bytes(), " of ",
+                                                 digest.size_bytes, " bytes came; resume there"));
 }
 
 // Answers an upload after reading what its sender still writes.

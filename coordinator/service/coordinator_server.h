@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// CoordinatorServer: a whole coordinator, to be run by its own program or inside another one. `sheaf
-// render` embeds it: the farm of one uses the same code as the farm of a thousand.
+// CoordinatorServer: a whole coordinator, to be run by its own program or inside another one.
+// `sheaf render` embeds it: the farm of one uses the same code as the farm of a thousand.
 #pragma once
 
 #include <grpcpp/channel.h>
@@ -22,8 +22,8 @@ namespace sheaf::coordinator {
 
 struct CoordinatorOptions {
   FarmOptions farm;
-  // "host:port" of gRPC; port 0 lets the system choose, empty listens nowhere (InProcessChannel works
-  // in any case).
+  // "host:port" of gRPC; port 0 lets the system choose, empty listens nowhere (InProcessChannel
+  // works in any case).
   std::string listen_address = "127.0.0.1:0";
   // "host:port" of HTTP; empty serves none.
   std::string http_address;
@@ -36,10 +36,12 @@ class CoordinatorServer {
   // Loads the state, then serves until destroyed or stopped.
   // Errors: those of Farm::Open and RequireSafeAddress; kUnavailable (a port is taken), with the
   // address. One line each.
-  static absl::StatusOr<std::unique_ptr<CoordinatorServer>> Start(const CoordinatorOptions& options);
+  static absl::StatusOr<std::unique_ptr<CoordinatorServer>> Start(
+      const CoordinatorOptions& options);
   ~CoordinatorServer();
 
-  // Lets calls under way finish for a moment and stops. What was acknowledged is durable in any case.
+  // Lets calls under way finish for a moment and stops. What was acknowledged is durable in any
+  // case.
   void Stop();
 
   // Of gRPC; 0 where it listens nowhere.

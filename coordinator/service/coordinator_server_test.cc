@@ -1,7 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The coordinator as its clients and workers meet it: over gRPC, in process, with a state directory.
+// The coordinator as its clients and workers meet it: over gRPC, in process, with a state
+// directory.
 #include "coordinator/service/coordinator_server.h"
 
 #include <grpcpp/generic/generic_stub.h>

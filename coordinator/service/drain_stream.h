@@ -1,8 +1,9 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Ending a client's stream early. Over gRPC's in-process transport a client that is still writing is not
-// woken by the answer, so an answer before the stream's end comes only after the rest was read.
+// Ending a client's stream early. Over gRPC's in-process transport a client that is still writing
+// is not woken by the answer, so an answer before the stream's end comes only after the rest was
+// read.
 #pragma once
 
 namespace sheaf::coordinator {

@@ -78,9 +78,9 @@ absl::Status Farm::LoadLiveJob(const StoredJob& job) {
     const bool wanted = frame != nullptr && frame->phase != FrameRecord::Phase::kDelivered;
     if (!wanted) continue;  // Delivered, and stopped before its parts were removed.
     if (!scheduler_.RestorePart(row.key.frame, row.key.tile, row.key.block, row.cost)) {
-      return absl::DataLossError(absl::StrCat(
-          options_.state_directory, "/farm.db: overlapping parts of frame ",
-          row.key.frame.frame_number, " of job ", row.key.frame.job_id));
+      return absl::DataLossError(
+          absl::StrCat(options_.state_directory, "/farm.db: overlapping parts of frame ",
+                       row.key.frame.frame_number, " of job ", row.key.frame.job_id));
     }
     const std::shared_ptr<OpenFrame> open = OpenFrameOf(row.key.frame);
     open->merge.MarkOnDisk(*scheduler_.FindFrame(row.key.frame)->tasks->FindTile(row.key.tile));
@@ -126,8 +126,7 @@ uint64_t Farm::ChangeCount() const {
 
 uint64_t Farm::WaitForChange(uint64_t seen, absl::Duration timeout) const {
   std::unique_lock lock(change_mutex_);
-  change_.wait_for(lock, absl::ToChronoNanoseconds(timeout),
-                   [&] { return change_count_ != seen; });
+  change_.wait_for(lock, absl::ToChronoNanoseconds(timeout), [&] { return change_count_ != seen; });
   return change_count_;
 }
 
@@ -184,8 +183,8 @@ absl::Status Farm::CancelJob(uint64_t job_id) {
   }
   SettleEndedJobs();
   const std::lock_guard lock(mutex_);
-  const bool settled = std::find(unsettled_jobs_.begin(), unsettled_jobs_.end(), job_id) ==
-                       unsettled_jobs_.end();
+  const bool settled =
+      std::find(unsettled_jobs_.begin(), unsettled_jobs_.end(), job_id) == unsettled_jobs_.end();
   return settled ? absl::OkStatus() : disk_status_;
 }
 
@@ -252,8 +251,7 @@ absl::StatusOr<Farm::SynchronizeAnswer> Farm::Synchronize(const WorkerReport& re
     if (!decided.ok()) return decided.status();
     for (Lease& lease : decided->leases) {
       const FrameSpec& frame = scheduler_.FindFrame(lease.frame)->spec;
-      answer.leases.push_back(
-          {std::move(lease), frame.frame_digest, frame.scene, frame.settings});
+      answer.leases.push_back({std::move(lease), frame.frame_digest, frame.scene, frame.settings});
     }
     answer.next_synchronize = decided->next_synchronize;
     answer.lease_duration = options_.limits.lease_duration;

@@ -1,16 +1,16 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Farm: the coordinator without its transports. It joins the scheduler (who renders what), the store
-// (what must not be forgotten) and the merges (parts becoming pictures), and adds what those leave out:
-// locks, the clock and one background thread.
+// Farm: the coordinator without its transports. It joins the scheduler (who renders what), the
+// store (what must not be forgotten) and the merges (parts becoming pictures), and adds what those
+// leave out: locks, the clock and one background thread.
 //
-// A result's way: AddResult checks it, writes it to the store, tells the scheduler, merges it, and only
-// then returns its outcome, which is the acknowledgement. When a frame's last result is merged, the
-// background thread develops the frame, writes the EXR, and notes that it is delivered.
+// A result's way: AddResult checks it, writes it to the store, tells the scheduler, merges it, and
+// only then returns its outcome, which is the acknowledgement. When a frame's last result is
+// merged, the background thread develops the frame, writes the EXR, and notes that it is delivered.
 //
-// Locks, in the order they may be taken: a tile's reservation, a frame's mutex, the farm's mutex. The
-// farm's mutex (scheduler and tables) is never held while a disk or a picture is worked on.
+// Locks, in the order they may be taken: a tile's reservation, a frame's mutex, the farm's mutex.
+// The farm's mutex (scheduler and tables) is never held while a disk or a picture is worked on.
 #pragma once
 
 #include <condition_variable>
@@ -42,8 +42,9 @@ struct FarmOptions {
   bool keep_parts = false;  // Keep the parts of delivered frames; they are removed otherwise.
   // Memory of unfinished tiles; beyond it tiles are merged when their last part has come.
   uint64_t merge_bytes_max = uint64_t{1} << 30;
-  absl::Duration preview_interval_min = absl::Milliseconds(500);  // Between two previews of a frame.
-  uint64_t part_bytes_max = uint64_t{256} << 20;                  // Of one result.
+  absl::Duration preview_interval_min =
+      absl::Milliseconds(500);                    // Between two previews of a frame.
+  uint64_t part_bytes_max = uint64_t{256} << 20;  // Of one result.
 };
 
 // A lease with what the worker needs to know of its frame.
@@ -78,9 +79,9 @@ class Farm : public FarmView {
   BlobStore& blobs() { return *blobs_; }
   const FarmOptions& options() const { return options_; }
 
-  // Stores and starts a job; job_id, numeric_profile and frame digests are filled in here. Returns the
-  // id, also of the job that an equal request_id made before.
-  // Errors: those of Scheduler::CheckJob; kResourceExhausted (disk).
+  // Stores and starts a job; job_id, numeric_profile and frame digests are filled in here. Returns
+  // the id, also of the job that an equal request_id made before. Errors: those of
+  // Scheduler::CheckJob; kResourceExhausted (disk).
   absl::StatusOr<uint64_t> CreateJob(JobSpec spec, const std::string& request_id);
   // Errors: kNotFound; kUnavailable (the disk).
   absl::Status CancelJob(uint64_t job_id);
@@ -135,7 +136,8 @@ class Farm : public FarmView {
   // Holds a tile's reservation: results of one tile are taken one at a time.
   class TileReservation;
 
-  Farm(const FarmOptions& options, std::unique_ptr<JobStore> store, std::unique_ptr<BlobStore> blobs);
+  Farm(const FarmOptions& options, std::unique_ptr<JobStore> store,
+       std::unique_ptr<BlobStore> blobs);
 
   // farm.cc
   absl::Status Load();

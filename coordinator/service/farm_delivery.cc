@@ -22,16 +22,16 @@ constexpr double kPreviewShareMax = 0.05;
 std::map<std::string, std::string> PictureMetadata(const FrameSpec& spec,
                                                    const std::string& numeric_profile) {
   const FrameSettings& s = spec.settings;
-  return {{"sceneDigest", spec.scene.sha256_hex},
-          {"frameDigest", spec.frame_digest},
-          {"frameNumber", absl::StrCat(spec.frame_number)},
-          {"numericProfile", numeric_profile},
-          {"samplesPerPixel", absl::StrCat(s.samples)},
-          {"depthMax", absl::StrCat(s.max_depth)},
-          {"seed", absl::StrCat(s.seed)},
-          {"size", absl::StrCat(s.width_px, "x", s.height_px)},
-          {"window", absl::StrCat(s.window.x0, ",", s.window.y0, ",", s.window.x1, ",",
-                                  s.window.y1)}};
+  return {
+      {"sceneDigest", spec.scene.sha256_hex},
+      {"frameDigest", spec.frame_digest},
+      {"frameNumber", absl::StrCat(spec.frame_number)},
+      {"numericProfile", numeric_profile},
+      {"samplesPerPixel", absl::StrCat(s.samples)},
+      {"depthMax", absl::StrCat(s.max_depth)},
+      {"seed", absl::StrCat(s.seed)},
+      {"size", absl::StrCat(s.width_px, "x", s.height_px)},
+      {"window", absl::StrCat(s.window.x0, ",", s.window.y0, ",", s.window.x1, ",", s.window.y1)}};
 }
 
 }  // namespace

@@ -82,8 +82,8 @@ std::vector<MetricView> Farm::Metrics() const {
                           static_cast<double>(open_frames_.size())));
   metrics.push_back(Gauge("merge_bytes", "Memory of unfinished tiles.",
                           static_cast<double>(merge_budget_.bytes())));
-  metrics.push_back(Gauge("parts_bytes", "Bytes of parts on disk.",
-                          static_cast<double>(store_->PartsBytes())));
+  metrics.push_back(
+      Gauge("parts_bytes", "Bytes of parts on disk.", static_cast<double>(store_->PartsBytes())));
   return metrics;
 }
 

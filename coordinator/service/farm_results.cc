@@ -95,8 +95,8 @@ absl::StatusOr<ResultOutcome> Farm::AddResult(const ResultReport& report,
 }
 
 absl::Status Farm::RejectResult(const ResultReport& report, const std::string& why) {
-  const std::string text = absl::StrCat("result of worker ", report.worker_id, " for ",
-                                        KeyText(report), ": ", why);
+  const std::string text =
+      absl::StrCat("result of worker ", report.worker_id, " for ", KeyText(report), ": ", why);
   LogWarning(text);
   {
     const std::lock_guard lock(mutex_);
@@ -125,9 +125,8 @@ absl::StatusOr<ResultOutcome> Farm::JudgeCovered(const ResultReport& report,
     return ResultOutcome::kDuplicateEqual;
   }
   ++scheduler_.counters().results_duplicate_mismatch;
-  const std::string reason =
-      absl::StrCat("its result for ", KeyText(report), " differs from that of worker ",
-                   (*first)->worker_id);
+  const std::string reason = absl::StrCat("its result for ", KeyText(report),
+                                          " differs from that of worker ", (*first)->worker_id);
   LogError(absl::StrCat("worker ", report.worker_id, " is quarantined: ", reason));
   scheduler_.Quarantine(report.worker_id, reason);
   return ResultOutcome::kDuplicateMismatch;
@@ -137,7 +136,8 @@ absl::StatusOr<ResultOutcome> Farm::StoreResult(const ResultReport& report,
                                                 const std::string& bytes,
                                                 const Scheduler::FoundTask& found, FilmTile part) {
   const ResultCost cost{report.ray_count, NonfiniteCount(part), report.cpu_duration};
-  const PartRow row{{found.frame, report.tile, report.block}, report.digest, report.worker_id, cost};
+  const PartRow row{
+      {found.frame, report.tile, report.block}, report.digest, report.worker_id, cost};
   absl::Status written = store_->WritePart(row, bytes);
   NoteDisk(written);
   if (!written.ok()) return written;
@@ -148,11 +148,12 @@ absl::StatusOr<ResultOutcome> Farm::StoreResult(const ResultReport& report,
     const std::lock_guard lock(mutex_);
     const Scheduler::FoundTask again =
         scheduler_.FindTask(report.frame_digest, report.tile, report.block, report.lease_id);
-    const bool wanted = again.kind == Scheduler::FoundTask::Kind::kWanted &&
-                        again.frame == found.frame;
+    const bool wanted =
+        again.kind == Scheduler::FoundTask::Kind::kWanted && again.frame == found.frame;
     if (wanted) {
       open = OpenFrameOf(found.frame);
-      rendered = scheduler_.Accept(found.frame, found.task, report.lease_id, report.worker_id, cost);
+      rendered =
+          scheduler_.Accept(found.frame, found.task, report.lease_id, report.worker_id, cost);
       tile_complete = scheduler_.FindFrame(found.frame)->tasks->TileComplete(found.task.tile);
     } else {
       ++scheduler_.counters().results_superseded;

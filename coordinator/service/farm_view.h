@@ -20,26 +20,26 @@ namespace sheaf::coordinator {
 
 // How far something is and what it took.
 struct ProgressView {
-  uint64_t sample_count_done = 0;   // Pixel samples merged and durable.
+  uint64_t sample_count_done = 0;  // Pixel samples merged and durable.
   uint64_t sample_count_total = 0;
-  double relative_mse = 0;          // Estimated; 0 until it can be told.
+  double relative_mse = 0;  // Estimated; 0 until it can be told.
   uint64_t nonfinite_count = 0;
   uint64_t ray_count = 0;
-  double cpu_seconds = 0;           // Of workers, on accepted results.
-  double wall_seconds = 0;          // Since the first lease.
-  double remaining_seconds = -1;    // At the present rate; negative until it can be told.
+  double cpu_seconds = 0;         // Of workers, on accepted results.
+  double wall_seconds = 0;        // Since the first lease.
+  double remaining_seconds = -1;  // At the present rate; negative until it can be told.
 };
 
 struct FrameView {
   int32_t frame_number = 0;
-  std::string scene_digest;         // Hex, of the manifest blob.
-  uint64_t scene_size_bytes = 0;    // Of the manifest blob.
-  std::string frame_digest;         // Hex.
+  std::string scene_digest;       // Hex, of the manifest blob.
+  uint64_t scene_size_bytes = 0;  // Of the manifest blob.
+  std::string frame_digest;       // Hex.
   FrameSettings settings;
-  bool complete = false;            // The EXR is delivered.
-  std::string picture_digest;       // Hex; empty until complete.
-  std::string output_path;          // Of the delivered EXR; empty until complete.
-  uint64_t preview_version = 0;     // Grows whenever Preview() would show something new.
+  bool complete = false;         // The EXR is delivered.
+  std::string picture_digest;    // Hex; empty until complete.
+  std::string output_path;       // Of the delivered EXR; empty until complete.
+  uint64_t preview_version = 0;  // Grows whenever Preview() would show something new.
   ProgressView progress;
 };
 
@@ -49,20 +49,20 @@ enum class JobState { kQueued, kRunning, kSucceeded, kFailed, kCancelled };
 const char* JobStateName(JobState state);
 
 struct JobView {
-  std::string job_id;               // The resource name is "jobs/" + job_id.
+  std::string job_id;  // The resource name is "jobs/" + job_id.
   std::string title;
   JobState state = JobState::kQueued;
   int32_t priority = 0;
   std::string numeric_profile;
   Partition partition;
-  std::string failure;              // Why it failed; empty otherwise.
-  std::string waiting_reason;       // Why nothing happens; empty otherwise.
+  std::string failure;         // Why it failed; empty otherwise.
+  std::string waiting_reason;  // Why nothing happens; empty otherwise.
   absl::Time create_time;
   absl::Time end_time = absl::InfiniteFuture();  // InfiniteFuture until it has ended.
   int32_t frame_count = 0;
   int32_t frame_complete_count = 0;
-  ProgressView progress;            // Sums over the frames.
-  std::vector<FrameView> frames;    // Ascending by number; empty in ListJobs.
+  ProgressView progress;          // Sums over the frames.
+  std::vector<FrameView> frames;  // Ascending by number; empty in ListJobs.
 };
 
 // The states of proto Worker.State.
@@ -80,14 +80,14 @@ struct WorkerView {
   uint64_t result_count = 0;
   double samples_per_second = 0;
   absl::Time last_seen_time;
-  std::string reason;               // Why it is quarantined; empty otherwise.
+  std::string reason;  // Why it is quarantined; empty otherwise.
 };
 
 // One number for /metrics, in Prometheus' terms.
 struct MetricView {
   enum class Kind { kCounter, kGauge };
-  std::string name;                 // "sheaf_results_accepted_total".
-  std::string help;                 // One sentence.
+  std::string name;  // "sheaf_results_accepted_total".
+  std::string help;  // One sentence.
   Kind kind = Kind::kCounter;
   std::string label_name, label_value;  // Both empty where the metric has no label.
   double value = 0;
@@ -95,15 +95,15 @@ struct MetricView {
 
 // The picture so far.
 struct PreviewView {
-  uint64_t version = 0;             // FrameView::preview_version that it shows.
+  uint64_t version = 0;  // FrameView::preview_version that it shows.
   // All channels of a developed picture; pixels without samples are 0. The display transform is the
   // viewer's business.
   FramePicture picture;
   bool complete = false;
 };
 
-// Thread safety: all functions may be called from any thread. None waits longer than for a short lock
-// but WaitForChange and Preview (which copies a picture).
+// Thread safety: all functions may be called from any thread. None waits longer than for a short
+// lock but WaitForChange and Preview (which copies a picture).
 class FarmView {
  public:
   virtual ~FarmView() = default;

@@ -38,10 +38,14 @@ void AddProgress(const ProgressView& frame, ProgressView* sum) {
 
 JobState StateOf(const JobRecord& job, bool begun) {
   switch (job.phase) {
-    case JobPhase::kSucceeded: return JobState::kSucceeded;
-    case JobPhase::kFailed: return JobState::kFailed;
-    case JobPhase::kCancelled: return JobState::kCancelled;
-    case JobPhase::kLive: break;
+    case JobPhase::kSucceeded:
+      return JobState::kSucceeded;
+    case JobPhase::kFailed:
+      return JobState::kFailed;
+    case JobPhase::kCancelled:
+      return JobState::kCancelled;
+    case JobPhase::kLive:
+      break;
   }
   return begun ? JobState::kRunning : JobState::kQueued;
 }
@@ -90,10 +94,12 @@ FrameView Farm::ViewOf(const JobRecord& job, const FrameRecord& frame, absl::Tim
     progress.relative_mse = open->second->error.relative_mse;
   }
   const absl::Time until = std::min(now, accounts_.at(id.job_id).end_time);
-  if (frame.first_lease_time < until) progress.wall_seconds = Seconds(until - frame.first_lease_time);
+  if (frame.first_lease_time < until)
+    progress.wall_seconds = Seconds(until - frame.first_lease_time);
   if (job.phase == JobPhase::kLive) {
-    EstimateRemaining(frame.sample_count_done - std::min(frame.sample_count_restored,
-                                                         frame.sample_count_done), &progress);
+    EstimateRemaining(
+        frame.sample_count_done - std::min(frame.sample_count_restored, frame.sample_count_done),
+        &progress);
   }
   return view;
 }
@@ -117,7 +123,8 @@ JobView Farm::ViewOf(const JobRecord& job, bool with_frames, absl::Time now) con
   for (const FrameRecord& frame : job.frames) {
     FrameView of_frame = ViewOf(job, frame, now);
     AddProgress(of_frame.progress, &view.progress);
-    view.progress.wall_seconds = std::max(view.progress.wall_seconds, of_frame.progress.wall_seconds);
+    view.progress.wall_seconds =
+        std::max(view.progress.wall_seconds, of_frame.progress.wall_seconds);
     first_lease_time = std::min(first_lease_time, frame.first_lease_time);
     done_since_start +=
         frame.sample_count_done - std::min(frame.sample_count_restored, frame.sample_count_done);
@@ -131,8 +138,8 @@ JobView Farm::ViewOf(const JobRecord& job, bool with_frames, absl::Time now) con
   if (first_lease_time < until) progress.wall_seconds = Seconds(until - first_lease_time);
   if (job.phase == JobPhase::kLive) EstimateRemaining(done_since_start, &progress);
   if (job.phase == JobPhase::kSucceeded) progress.remaining_seconds = 0;
-  const bool begun = progress.sample_count_done > 0 ||
-                     scheduler_.leases().CountOfJob(job.spec.job_id) > 0;
+  const bool begun =
+      progress.sample_count_done > 0 || scheduler_.leases().CountOfJob(job.spec.job_id) > 0;
   view.state = StateOf(job, begun);
   return view;
 }

@@ -30,13 +30,12 @@ absl::StatusOr<JobView> JobService::Find(const std::string& name) const {
 }
 
 absl::Status JobService::RequireFilesOf(const BlobDigest& scene) const {
-  const absl::StatusOr<std::string> bytes =
-      farm_->blobs().ReadChunk(scene, 0, kManifestBytesMax);
+  const absl::StatusOr<std::string> bytes = farm_->blobs().ReadChunk(scene, 0, kManifestBytesMax);
   if (!bytes.ok()) return bytes.status();
   const absl::StatusOr<Manifest> manifest = DecodeManifest(*bytes);
   if (!manifest.ok()) {
-    return absl::InvalidArgumentError(absl::StrCat("scene ", scene.sha256_hex, ": ",
-                                                   manifest.status().message()));
+    return absl::InvalidArgumentError(
+        absl::StrCat("scene ", scene.sha256_hex, ": ", manifest.status().message()));
   }
   std::vector<BlobDigest> digests;
   for (const ManifestFile& file : manifest->files) digests.push_back(file.digest);
@@ -63,9 +62,9 @@ absl::Status JobService::RequireBlobs(const JobSpec& spec) const {
         farm_->blobs().FindMissing({frame.scene});
     if (!missing.ok()) return missing.status();
     if (!missing->empty()) {
-      return absl::FailedPreconditionError(absl::StrCat("the manifest of frame ", frame.frame_number,
-                                                        " is not uploaded: ",
-                                                        frame.scene.sha256_hex));
+      return absl::FailedPreconditionError(
+          absl::StrCat("the manifest of frame ", frame.frame_number,
+                       " is not uploaded: ", frame.scene.sha256_hex));
     }
     if (absl::Status status = RequireFilesOf(frame.scene); !status.ok()) return status;
   }
@@ -149,12 +148,13 @@ grpc::Status JobService::WatchJob(grpc::ServerContext* context, const v1::WatchJ
     absl::SleepFor(kWatchIntervalMin);
     farm_->WaitForChange(seen, kWatchIntervalMin);
   }
-  return stopping_ ? ToGrpcStatus(absl::UnavailableError("the coordinator stops")) : grpc::Status::OK;
+  return stopping_ ? ToGrpcStatus(absl::UnavailableError("the coordinator stops"))
+                   : grpc::Status::OK;
 }
 
-grpc::Status JobService::ReadFrameOutput(
-    grpc::ServerContext* context, const v1::ReadFrameOutputRequest* request,
-    grpc::ServerWriter<v1::ReadFrameOutputResponse>* writer) {
+grpc::Status JobService::ReadFrameOutput(grpc::ServerContext* context,
+                                         const v1::ReadFrameOutputRequest* request,
+                                         grpc::ServerWriter<v1::ReadFrameOutputResponse>* writer) {
   const absl::StatusOr<FrameId> id = ParseFrameName(request->name());
   if (!id.ok()) return ToGrpcStatus(id.status());
   const absl::StatusOr<std::string> path = farm_->FindOutput(id->job_id, id->frame_number);

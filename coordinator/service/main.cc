@@ -37,7 +37,8 @@ void AddOptions(CommandLine* line, CLI::App* app) {
   farm.state_directory = DefaultStateDirectory();
   line->server.listen_address = "127.0.0.1:7400";
   line->server.http_address = "127.0.0.1:7480";
-  app->add_option("--listen", line->server.listen_address, "Where gRPC listens; port 0: any free one")
+  app->add_option("--listen", line->server.listen_address,
+                  "Where gRPC listens; port 0: any free one")
       ->capture_default_str();
   app->add_option("--http", line->server.http_address,
                   "Where the web page, JSON and metrics listen; \"\": nowhere")
@@ -83,8 +84,8 @@ int Serve(const CommandLine& line) {
   if (!server.ok()) return Fail(server.status());
   if (!line.port_file.empty()) {
     const absl::Status written = WriteFileAtomically(
-        line.port_file, absl::StrCat("grpc=", (*server)->port(), "\nhttp=", (*server)->http_port(),
-                                     "\n"));
+        line.port_file,
+        absl::StrCat("grpc=", (*server)->port(), "\nhttp=", (*server)->http_port(), "\n"));
     if (!written.ok()) return Fail(written);
   }
   LogInfo(absl::StrCat("serving gRPC on port ", (*server)->port(),
@@ -100,8 +101,9 @@ int Serve(const CommandLine& line) {
 
 int Main(int argc, char** argv) {
   CommandLine line;
-  CLI::App app("Sheaf's coordinator: cuts frames into tasks, leases them to workers, merges results.",
-               "sheaf-coordinator");
+  CLI::App app(
+      "Sheaf's coordinator: cuts frames into tasks, leases them to workers, merges results.",
+      "sheaf-coordinator");
   AddOptions(&line, &app);
   app.footer("Example:\n  sheaf-coordinator --state-dir /var/lib/sheaf --listen 127.0.0.1:7400");
   try {

@@ -54,8 +54,7 @@ FilmTile SyntheticPart(uint64_t seed, PixelRect rect, SampleBlock block) {
 }
 
 FramePicture SyntheticPicture(const FrameSettings& settings) {
-  FramePicture picture =
-      MakeFramePicture(settings.window, settings.width_px, settings.height_px);
+  FramePicture picture = MakeFramePicture(settings.window, settings.width_px, settings.height_px);
   TileTree tree(settings.window);
   for (const SampleBlock& block : CutSamples(0, settings.samples, uint64_t{1} << 40)) {
     if (!tree.Insert(SyntheticPart(settings.seed, settings.window, block)).ok()) return {};
@@ -94,9 +93,9 @@ absl::Status SyntheticWorker::Synchronize(int lease_count_wanted) {
 
 SyntheticWorker::Upload SyntheticWorker::MakeUpload(const v1::Lease& lease) const {
   const v1::PixelRect& rect = lease.key().tile();
-  const FilmTile part =
-      SyntheticPart(lease.settings().seed(), {rect.x0_px(), rect.y0_px(), rect.x1_px(), rect.y1_px()},
-                    {lease.key().block().first(), lease.key().block().count()});
+  const FilmTile part = SyntheticPart(lease.settings().seed(),
+                                      {rect.x0_px(), rect.y0_px(), rect.x1_px(), rect.y1_px()},
+                                      {lease.key().block().first(), lease.key().block().count()});
   Upload upload;
   upload.bytes = EncodePart(part, {lease.key().frame_digest(), numeric_profile_});
   *upload.header.mutable_key() = lease.key();

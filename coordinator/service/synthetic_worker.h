@@ -2,8 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // SyntheticWorker, for tests: a worker that speaks the real protocol and whose samples are a cheap,
-// deterministic function of frame, pixel and index, so that a picture's digest can be computed directly
-// and compared.
+// deterministic function of frame, pixel and index, so that a picture's digest can be computed
+// directly and compared.
 #pragma once
 
 #include <memory>

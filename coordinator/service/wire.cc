@@ -104,44 +104,65 @@ v1::Frame ToWire(const std::string& job_name, const FrameView& view) {
 
 v1::Job::State ToWire(JobState state) {
   switch (state) {
-    case JobState::kQueued: return v1::Job::STATE_QUEUED;
-    case JobState::kRunning: return v1::Job::STATE_RUNNING;
-    case JobState::kSucceeded: return v1::Job::STATE_SUCCEEDED;
-    case JobState::kFailed: return v1::Job::STATE_FAILED;
-    case JobState::kCancelled: return v1::Job::STATE_CANCELLED;
+    case JobState::kQueued:
+      return v1::Job::STATE_QUEUED;
+    case JobState::kRunning:
+      return v1::Job::STATE_RUNNING;
+    case JobState::kSucceeded:
+      return v1::Job::STATE_SUCCEEDED;
+    case JobState::kFailed:
+      return v1::Job::STATE_FAILED;
+    case JobState::kCancelled:
+      return v1::Job::STATE_CANCELLED;
   }
   return v1::Job::STATE_UNSPECIFIED;
 }
 
 v1::Worker::State ToWire(WorkerState state) {
   switch (state) {
-    case WorkerState::kIdle: return v1::Worker::STATE_IDLE;
-    case WorkerState::kBusy: return v1::Worker::STATE_BUSY;
-    case WorkerState::kDraining: return v1::Worker::STATE_DRAINING;
-    case WorkerState::kLost: return v1::Worker::STATE_LOST;
-    case WorkerState::kQuarantined: return v1::Worker::STATE_QUARANTINED;
+    case WorkerState::kIdle:
+      return v1::Worker::STATE_IDLE;
+    case WorkerState::kBusy:
+      return v1::Worker::STATE_BUSY;
+    case WorkerState::kDraining:
+      return v1::Worker::STATE_DRAINING;
+    case WorkerState::kLost:
+      return v1::Worker::STATE_LOST;
+    case WorkerState::kQuarantined:
+      return v1::Worker::STATE_QUARANTINED;
   }
   return v1::Worker::STATE_UNSPECIFIED;
 }
 
 absl::StatusOr<LeasePhase> FromWire(v1::LeaseState::Phase phase) {
   switch (phase) {
-    case v1::LeaseState::PHASE_QUEUED: return LeasePhase::kQueued;
-    case v1::LeaseState::PHASE_LOADING: return LeasePhase::kLoading;
-    case v1::LeaseState::PHASE_RENDERING: return LeasePhase::kRendering;
-    case v1::LeaseState::PHASE_UPLOADING: return LeasePhase::kUploading;
-    default: return Invalid("leases.phase", absl::StrCat("unknown value ", static_cast<int>(phase)));
+    case v1::LeaseState::PHASE_QUEUED:
+      return LeasePhase::kQueued;
+    case v1::LeaseState::PHASE_LOADING:
+      return LeasePhase::kLoading;
+    case v1::LeaseState::PHASE_RENDERING:
+      return LeasePhase::kRendering;
+    case v1::LeaseState::PHASE_UPLOADING:
+      return LeasePhase::kUploading;
+    default:
+      return Invalid("leases.phase", absl::StrCat("unknown value ", static_cast<int>(phase)));
   }
 }
 
 absl::StatusOr<FailureKind> FromWire(v1::LeaseFailure::Kind kind) {
   switch (kind) {
-    case v1::LeaseFailure::KIND_RELEASED: return FailureKind::kReleased;
-    case v1::LeaseFailure::KIND_INFRASTRUCTURE: return FailureKind::kInfrastructure;
-    case v1::LeaseFailure::KIND_SCENE: return FailureKind::kScene;
-    case v1::LeaseFailure::KIND_MEMORY: return FailureKind::kMemory;
-    case v1::LeaseFailure::KIND_INTERNAL: return FailureKind::kInternal;
-    default: return Invalid("failures.kind", absl::StrCat("unknown value ", static_cast<int>(kind)));
+    case v1::LeaseFailure::KIND_RELEASED:
+      return FailureKind::kReleased;
+    case v1::LeaseFailure::KIND_INFRASTRUCTURE:
+      return FailureKind::kInfrastructure;
+    case v1::LeaseFailure::KIND_SCENE:
+      return FailureKind::kScene;
+    case v1::LeaseFailure::KIND_MEMORY:
+      return FailureKind::kMemory;
+    case v1::LeaseFailure::KIND_INTERNAL:
+      return FailureKind::kInternal;
+    default:
+      return Invalid("failures.kind", absl::StrCat("unknown value ", static_cast<int>(kind)));
   }
 }
 
@@ -297,11 +318,14 @@ v1::SynchronizeResponse ToWire(const Farm::SynchronizeAnswer& answer) {
 
 v1::UploadResultsResponse::Outcome ToWire(ResultOutcome outcome) {
   switch (outcome) {
-    case ResultOutcome::kAccepted: return v1::UploadResultsResponse::OUTCOME_ACCEPTED;
-    case ResultOutcome::kDuplicateEqual: return v1::UploadResultsResponse::OUTCOME_DUPLICATE_EQUAL;
+    case ResultOutcome::kAccepted:
+      return v1::UploadResultsResponse::OUTCOME_ACCEPTED;
+    case ResultOutcome::kDuplicateEqual:
+      return v1::UploadResultsResponse::OUTCOME_DUPLICATE_EQUAL;
     case ResultOutcome::kDuplicateMismatch:
       return v1::UploadResultsResponse::OUTCOME_DUPLICATE_MISMATCH;
-    case ResultOutcome::kSuperseded: return v1::UploadResultsResponse::OUTCOME_SUPERSEDED;
+    case ResultOutcome::kSuperseded:
+      return v1::UploadResultsResponse::OUTCOME_SUPERSEDED;
   }
   return v1::UploadResultsResponse::OUTCOME_UNSPECIFIED;
 }

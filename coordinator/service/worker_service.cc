@@ -29,9 +29,9 @@ class ResultAssembly {
       absl::StatusOr<ResultReport> report = FromWire(message.header());
       if (!report.ok()) return report.status();
       if (report->digest.size_bytes > farm_->options().part_bytes_max) {
-        return absl::InvalidArgumentError(
-            absl::StrCat("a result of ", report->digest.size_bytes, " bytes is larger than ",
-                         farm_->options().part_bytes_max));
+        return absl::InvalidArgumentError(absl::StrCat("a result of ", report->digest.size_bytes,
+                                                       " bytes is larger than ",
+                                                       farm_->options().part_bytes_max));
       }
       report_ = *std::move(report);
     }

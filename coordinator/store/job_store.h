@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// JobStore: what the coordinator must not forget. Whatever a call returned OK for survives kill -9 and
-// power loss, so that an acknowledgement sent after it is true.
+// JobStore: what the coordinator must not forget. Whatever a call returned OK for survives kill -9
+// and power loss, so that an acknowledgement sent after it is true.
 #pragma once
 
 #include <cstdint>
@@ -55,16 +55,16 @@ struct StoredJob {
 };
 
 // Thread safety: all members may be called concurrently.
-// Errors of every writing call: kResourceExhausted (disk full), kUnavailable (other trouble of the disk);
-// then nothing has changed.
+// Errors of every writing call: kResourceExhausted (disk full), kUnavailable (other trouble of the
+// disk); then nothing has changed.
 class JobStore {
  public:
   virtual ~JobStore() = default;
 
   // All jobs, ascending by id.
   virtual absl::StatusOr<std::vector<StoredJob>> LoadJobs() = 0;
-  // The parts of a job, of which each has its bytes on disk. Rows without bytes are removed and counted
-  // in rows_lost; bytes without row are removed silently, for nobody was told of them.
+  // The parts of a job, of which each has its bytes on disk. Rows without bytes are removed and
+  // counted in rows_lost; bytes without row are removed silently, for nobody was told of them.
   struct LoadedParts {
     std::vector<PartRow> rows;
     int64_t rows_lost = 0;

@@ -15,17 +15,21 @@ namespace {
 constexpr int kBusyTimeoutMs = 5000;
 
 absl::Status StatusFromSqlite(int result, sqlite3* database, const std::string& context) {
-  const std::string message =
-      absl::StrCat(context, ": ", database != nullptr ? sqlite3_errmsg(database)
-                                                      : sqlite3_errstr(result));
+  const std::string message = absl::StrCat(
+      context, ": ", database != nullptr ? sqlite3_errmsg(database) : sqlite3_errstr(result));
   switch (result & 0xff) {
-    case SQLITE_FULL: return absl::ResourceExhaustedError(message);
-    case SQLITE_CONSTRAINT: return absl::AlreadyExistsError(message);
+    case SQLITE_FULL:
+      return absl::ResourceExhaustedError(message);
+    case SQLITE_CONSTRAINT:
+      return absl::AlreadyExistsError(message);
     case SQLITE_PERM:
-    case SQLITE_READONLY: return absl::PermissionDeniedError(message);
+    case SQLITE_READONLY:
+      return absl::PermissionDeniedError(message);
     case SQLITE_CORRUPT:
-    case SQLITE_NOTADB: return absl::DataLossError(message);
-    default: return absl::UnavailableError(message);
+    case SQLITE_NOTADB:
+      return absl::DataLossError(message);
+    default:
+      return absl::UnavailableError(message);
   }
 }
 
@@ -89,7 +93,9 @@ absl::Status SqliteStatement::Run() {
   return absl::OkStatus();
 }
 
-int64_t SqliteStatement::Int64(int column) const { return sqlite3_column_int64(statement_, column); }
+int64_t SqliteStatement::Int64(int column) const {
+  return sqlite3_column_int64(statement_, column);
+}
 
 double SqliteStatement::Double(int column) const {
   return sqlite3_column_double(statement_, column);
@@ -104,9 +110,9 @@ std::string SqliteStatement::Text(int column) const {
 
 absl::StatusOr<std::unique_ptr<SqliteDatabase>> SqliteDatabase::Open(const std::string& path) {
   sqlite3* handle = nullptr;
-  const int result = sqlite3_open_v2(
-      path.c_str(), &handle, SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE | SQLITE_OPEN_FULLMUTEX,
-      nullptr);
+  const int result =
+      sqlite3_open_v2(path.c_str(), &handle,
+                      SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE | SQLITE_OPEN_FULLMUTEX, nullptr);
   std::unique_ptr<SqliteDatabase> database(new SqliteDatabase(handle));
   if (result != SQLITE_OK) return StatusFromSqlite(result, handle, path);
   sqlite3_extended_result_codes(handle, 1);

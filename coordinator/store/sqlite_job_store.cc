@@ -59,7 +59,8 @@ absl::Time FromNanoseconds(int64_t ns) {
   return ns == INT64_MAX ? absl::InfiniteFuture() : absl::FromUnixNanos(ns);
 }
 
-// Takes the lock that keeps a second coordinator away. The system releases it when the process ends.
+// Takes the lock that keeps a second coordinator away. The system releases it when the process
+// ends.
 absl::StatusOr<int> LockDirectory(const std::string& directory) {
   const std::string path = directory + "/lock";
   const int fd = ::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644);
@@ -129,15 +130,17 @@ std::string SqliteJobStore::FrameDirectory(const FrameId& frame) const {
 
 std::string SqliteJobStore::PartPath(const PartRow& row) const {
   const PixelRect& t = row.key.tile;
-  return absl::StrCat(FrameDirectory(row.key.frame), "/", t.x0, "_", t.y0, "_", t.x1, "_", t.y1, "-",
-                      row.key.block.first, "-", row.key.block.count, "-",
+  return absl::StrCat(FrameDirectory(row.key.frame), "/", t.x0, "_", t.y0, "_", t.x1, "_", t.y1,
+                      "-", row.key.block.first, "-", row.key.block.count, "-",
                       row.digest.sha256_hex.substr(0, 16), ".exr");
 }
 
 absl::Status SqliteJobStore::LoadFrames(StoredJob* job) {
   SqliteStatement query = database_->Prepare(
-      "SELECT frame_number, scene_sha256, scene_bytes, frame_digest, width_px, height_px, x0, y0, x1, "
-      "y1, samples, max_depth, seed, force_generic, delivered, picture_digest, relative_mse, wall_ns, "
+      "SELECT frame_number, scene_sha256, scene_bytes, frame_digest, width_px, height_px, x0, y0, "
+      "x1, "
+      "y1, samples, max_depth, seed, force_generic, delivered, picture_digest, relative_mse, "
+      "wall_ns, "
       "ray_count, nonfinite_count, cpu_ns FROM frames WHERE job_id = ? ORDER BY frame_number");
   query.Bind(job->spec.job_id);
   while (true) {
@@ -159,10 +162,12 @@ absl::Status SqliteJobStore::LoadFrames(StoredJob* job) {
     s.force_generic_variant = query.Int64(13) != 0;
     if (query.Int64(14) != 0) {
       StoredFrame stored{frame.frame_number, {}};
-      stored.delivered = {query.Text(15), query.Double(16), absl::Nanoseconds(query.Int64(17)),
-                          {static_cast<uint64_t>(query.Int64(18)),
-                           static_cast<uint64_t>(query.Int64(19)),
-                           absl::Nanoseconds(query.Int64(20))}};
+      stored.delivered = {
+          query.Text(15),
+          query.Double(16),
+          absl::Nanoseconds(query.Int64(17)),
+          {static_cast<uint64_t>(query.Int64(18)), static_cast<uint64_t>(query.Int64(19)),
+           absl::Nanoseconds(query.Int64(20))}};
       job->delivered.push_back(std::move(stored));
     }
     job->spec.frames.push_back(std::move(frame));
@@ -173,7 +178,8 @@ absl::StatusOr<std::vector<StoredJob>> SqliteJobStore::LoadJobs() {
   const std::lock_guard lock(database_mutex_);
   std::vector<StoredJob> jobs;
   SqliteStatement query = database_->Prepare(
-      "SELECT job_id, request_id, title, priority, numeric_profile, tile_size_px, pass_sample_count, "
+      "SELECT job_id, request_id, title, priority, numeric_profile, tile_size_px, "
+      "pass_sample_count, "
       "lease_pass_count, phase, failure, create_ns, end_ns FROM jobs ORDER BY job_id");
   while (true) {
     const absl::StatusOr<bool> row = query.Step();
@@ -255,26 +261,45 @@ absl::StatusOr<JobStore::CreatedJob> SqliteJobStore::CreateJob(const JobSpec& sp
   const auto insert = [&]() -> absl::StatusOr<CreatedJob> {
     absl::Status status =
         database_
-            ->Prepare("INSERT INTO jobs(request_id, title, priority, numeric_profile, tile_size_px, "
-                      "pass_sample_count, lease_pass_count, phase, failure, create_ns, end_ns) "
-                      "VALUES(?,?,?,?,?,?,?,0,'',?,?)")
-            .Bind(request_id).Bind(spec.title).Bind(spec.priority).Bind(spec.numeric_profile)
-            .Bind(spec.partition.tile_size_px).Bind(spec.partition.pass_sample_count)
-            .Bind(spec.partition.lease_pass_count).Bind(ToNanoseconds(create_time))
-            .Bind(ToNanoseconds(absl::InfiniteFuture())).Run();
+            ->Prepare(
+                "INSERT INTO jobs(request_id, title, priority, numeric_profile, tile_size_px, "
+                "pass_sample_count, lease_pass_count, phase, failure, create_ns, end_ns) "
+                "VALUES(?,?,?,?,?,?,?,0,'',?,?)")
+            .Bind(request_id)
+            .Bind(spec.title)
+            .Bind(spec.priority)
+            .Bind(spec.numeric_profile)
+            .Bind(spec.partition.tile_size_px)
+            .Bind(spec.partition.pass_sample_count)
+            .Bind(spec.partition.lease_pass_count)
+            .Bind(ToNanoseconds(create_time))
+            .Bind(ToNanoseconds(absl::InfiniteFuture()))
+            .Run();
     if (!status.ok()) return status;
     const CreatedJob created{static_cast<uint64_t>(database_->LastInsertId()), true};
     SqliteStatement frames = database_->Prepare(
-        "INSERT INTO frames(job_id, frame_number, scene_sha256, scene_bytes, frame_digest, width_px, "
+        "INSERT INTO frames(job_id, frame_number, scene_sha256, scene_bytes, frame_digest, "
+        "width_px, "
         "height_px, x0, y0, x1, y1, samples, max_depth, seed, force_generic) "
         "VALUES(?,?,?,?,?,?,?,?,?,?,?,?,?,?,?)");
     for (const FrameSpec& frame : spec.frames) {
       const FrameSettings& s = frame.settings;
-      status = frames.Bind(created.job_id).Bind(frame.frame_number).Bind(frame.scene.sha256_hex)
-                   .Bind(frame.scene.size_bytes).Bind(frame.frame_digest).Bind(s.width_px)
-                   .Bind(s.height_px).Bind(s.window.x0).Bind(s.window.y0).Bind(s.window.x1)
-                   .Bind(s.window.y1).Bind(s.samples).Bind(s.max_depth).Bind(s.seed)
-                   .Bind(s.force_generic_variant ? 1 : 0).Run();
+      status = frames.Bind(created.job_id)
+                   .Bind(frame.frame_number)
+                   .Bind(frame.scene.sha256_hex)
+                   .Bind(frame.scene.size_bytes)
+                   .Bind(frame.frame_digest)
+                   .Bind(s.width_px)
+                   .Bind(s.height_px)
+                   .Bind(s.window.x0)
+                   .Bind(s.window.y0)
+                   .Bind(s.window.x1)
+                   .Bind(s.window.y1)
+                   .Bind(s.samples)
+                   .Bind(s.max_depth)
+                   .Bind(s.seed)
+                   .Bind(s.force_generic_variant ? 1 : 0)
+                   .Run();
       if (!status.ok()) return status;
     }
     return created;
@@ -294,7 +319,10 @@ absl::Status SqliteJobStore::EndJob(uint64_t job_id, JobPhase phase, const std::
                                     absl::Time end_time) {
   const std::lock_guard lock(database_mutex_);
   return database_->Prepare("UPDATE jobs SET phase = ?, failure = ?, end_ns = ? WHERE job_id = ?")
-      .Bind(static_cast<int32_t>(phase)).Bind(failure).Bind(ToNanoseconds(end_time)).Bind(job_id)
+      .Bind(static_cast<int32_t>(phase))
+      .Bind(failure)
+      .Bind(ToNanoseconds(end_time))
+      .Bind(job_id)
       .Run();
 }
 
@@ -307,13 +335,18 @@ absl::StatusOr<std::string> SqliteJobStore::OutputPath(const FrameId& frame) {
 absl::Status SqliteJobStore::DeliverFrame(const FrameId& frame, const DeliveredFrame& delivered) {
   const std::lock_guard lock(database_mutex_);
   return database_
-      ->Prepare("UPDATE frames SET delivered = 1, picture_digest = ?, relative_mse = ?, wall_ns = ?, "
-                "ray_count = ?, nonfinite_count = ?, cpu_ns = ? WHERE job_id = ? AND frame_number = ?")
-      .Bind(delivered.picture_digest).Bind(delivered.relative_mse)
-      .Bind(absl::ToInt64Nanoseconds(delivered.wall_duration)).Bind(delivered.cost.ray_count)
+      ->Prepare(
+          "UPDATE frames SET delivered = 1, picture_digest = ?, relative_mse = ?, wall_ns = ?, "
+          "ray_count = ?, nonfinite_count = ?, cpu_ns = ? WHERE job_id = ? AND frame_number = ?")
+      .Bind(delivered.picture_digest)
+      .Bind(delivered.relative_mse)
+      .Bind(absl::ToInt64Nanoseconds(delivered.wall_duration))
+      .Bind(delivered.cost.ray_count)
       .Bind(delivered.cost.nonfinite_count)
-      .Bind(absl::ToInt64Nanoseconds(delivered.cost.cpu_duration)).Bind(frame.job_id)
-      .Bind(frame.frame_number).Run();
+      .Bind(absl::ToInt64Nanoseconds(delivered.cost.cpu_duration))
+      .Bind(frame.job_id)
+      .Bind(frame.frame_number)
+      .Run();
 }
 
 }  // namespace sheaf::coordinator

@@ -5,11 +5,11 @@
 //
 //     DIR/lock                               held as long as a coordinator uses the directory
 //     DIR/farm.db                            SQLite, WAL, synchronous=FULL: jobs, frames, parts
-//     DIR/parts/JOB/FRAME/X0_Y0_X1_Y1-FIRST-COUNT-DIGEST.exr   parts, until their frame is delivered
-//     DIR/outputs/JOB/FRAME.exr              delivered pictures
+//     DIR/parts/JOB/FRAME/X0_Y0_X1_Y1-FIRST-COUNT-DIGEST.exr   parts, until their frame is
+//     delivered DIR/outputs/JOB/FRAME.exr              delivered pictures
 //
-// A part's file comes before its row, so a crash between them leaves a file that nobody was told of.
-// Rows of concurrent calls are committed together, so that many results share one disk flush.
+// A part's file comes before its row, so a crash between them leaves a file that nobody was told
+// of. Rows of concurrent calls are committed together, so that many results share one disk flush.
 #pragma once
 
 #include <atomic>
@@ -63,8 +63,8 @@ class SqliteJobStore : public JobStore {
     absl::Status status;
   };
 
-  SqliteJobStore(std::string directory, int lock_fd) : directory_(std::move(directory)),
-                                                       lock_fd_(lock_fd) {}
+  SqliteJobStore(std::string directory, int lock_fd)
+      : directory_(std::move(directory)), lock_fd_(lock_fd) {}
   absl::Status Initialize();
   absl::Status MigrateSchema();
   absl::Status CommitRow(const PartRow& row);

@@ -74,14 +74,25 @@ void SqliteJobStore::CommitPending(const std::vector<PendingRow*>& rows) {
 absl::Status SqliteJobStore::InsertRow(const PartRow& row) {
   const PartKey& key = row.key;
   return database_
-      ->Prepare("INSERT INTO parts(job_id, frame_number, x0, y0, x1, y1, first, count, sha256, "
-                "size_bytes, worker_id, ray_count, nonfinite_count, cpu_ns) "
-                "VALUES(?,?,?,?,?,?,?,?,?,?,?,?,?,?)")
-      .Bind(key.frame.job_id).Bind(key.frame.frame_number).Bind(key.tile.x0).Bind(key.tile.y0)
-      .Bind(key.tile.x1).Bind(key.tile.y1).Bind(key.block.first).Bind(key.block.count)
-      .Bind(row.digest.sha256_hex).Bind(row.digest.size_bytes).Bind(row.worker_id)
-      .Bind(row.cost.ray_count).Bind(row.cost.nonfinite_count)
-      .Bind(absl::ToInt64Nanoseconds(row.cost.cpu_duration)).Run();
+      ->Prepare(
+          "INSERT INTO parts(job_id, frame_number, x0, y0, x1, y1, first, count, sha256, "
+          "size_bytes, worker_id, ray_count, nonfinite_count, cpu_ns) "
+          "VALUES(?,?,?,?,?,?,?,?,?,?,?,?,?,?)")
+      .Bind(key.frame.job_id)
+      .Bind(key.frame.frame_number)
+      .Bind(key.tile.x0)
+      .Bind(key.tile.y0)
+      .Bind(key.tile.x1)
+      .Bind(key.tile.y1)
+      .Bind(key.block.first)
+      .Bind(key.block.count)
+      .Bind(row.digest.sha256_hex)
+      .Bind(row.digest.size_bytes)
+      .Bind(row.worker_id)
+      .Bind(row.cost.ray_count)
+      .Bind(row.cost.nonfinite_count)
+      .Bind(absl::ToInt64Nanoseconds(row.cost.cpu_duration))
+      .Run();
 }
 
 absl::StatusOr<std::optional<PartRow>> SqliteJobStore::FindPart(const PartKey& key) {
@@ -90,8 +101,12 @@ absl::StatusOr<std::optional<PartRow>> SqliteJobStore::FindPart(const PartKey& k
       absl::StrCat(kPartColumns,
                    "WHERE job_id = ? AND frame_number = ? AND y0 = ? AND x0 = ? AND first = ? AND "
                    "count = ?"));
-  query.Bind(key.frame.job_id).Bind(key.frame.frame_number).Bind(key.tile.y0).Bind(key.tile.x0)
-      .Bind(key.block.first).Bind(key.block.count);
+  query.Bind(key.frame.job_id)
+      .Bind(key.frame.frame_number)
+      .Bind(key.tile.y0)
+      .Bind(key.tile.x0)
+      .Bind(key.block.first)
+      .Bind(key.block.count);
   absl::StatusOr<std::vector<PartRow>> rows = ReadPartRows(&query);
   if (!rows.ok()) return rows.status();
   if (rows->empty()) return std::optional<PartRow>();
@@ -101,9 +116,8 @@ absl::StatusOr<std::optional<PartRow>> SqliteJobStore::FindPart(const PartKey& k
 absl::StatusOr<std::vector<PartRow>> SqliteJobStore::FindTileParts(const FrameId& frame,
                                                                    const PixelRect& tile) {
   const std::lock_guard lock(database_mutex_);
-  SqliteStatement query = database_->Prepare(
-      absl::StrCat(kPartColumns,
-                   "WHERE job_id = ? AND frame_number = ? AND y0 = ? AND x0 = ? ORDER BY first"));
+  SqliteStatement query = database_->Prepare(absl::StrCat(
+      kPartColumns, "WHERE job_id = ? AND frame_number = ? AND y0 = ? AND x0 = ? ORDER BY first"));
   query.Bind(frame.job_id).Bind(frame.frame_number).Bind(tile.y0).Bind(tile.x0);
   return ReadPartRows(&query);
 }
@@ -123,10 +137,16 @@ absl::Status SqliteJobStore::RemovePart(const PartRow& row) {
     const std::lock_guard lock(database_mutex_);
     absl::Status status =
         database_
-            ->Prepare("DELETE FROM parts WHERE job_id = ? AND frame_number = ? AND y0 = ? AND x0 = ? "
-                      "AND first = ? AND count = ?")
-            .Bind(row.key.frame.job_id).Bind(row.key.frame.frame_number).Bind(row.key.tile.y0)
-            .Bind(row.key.tile.x0).Bind(row.key.block.first).Bind(row.key.block.count).Run();
+            ->Prepare(
+                "DELETE FROM parts WHERE job_id = ? AND frame_number = ? AND y0 = ? AND x0 = ? "
+                "AND first = ? AND count = ?")
+            .Bind(row.key.frame.job_id)
+            .Bind(row.key.frame.frame_number)
+            .Bind(row.key.tile.y0)
+            .Bind(row.key.tile.x0)
+            .Bind(row.key.block.first)
+            .Bind(row.key.block.count)
+            .Run();
     if (!status.ok()) return status;
   }
   std::error_code ignored;
@@ -145,7 +165,9 @@ absl::Status SqliteJobStore::RemoveFrameParts(const FrameId& frame) {
     bytes = static_cast<uint64_t>(sum.Int64(0));
     absl::Status status =
         database_->Prepare("DELETE FROM parts WHERE job_id = ? AND frame_number = ?")
-            .Bind(frame.job_id).Bind(frame.frame_number).Run();
+            .Bind(frame.job_id)
+            .Bind(frame.frame_number)
+            .Run();
     if (!status.ok()) return status;
   }
   parts_bytes_ -= std::min<uint64_t>(bytes, parts_bytes_);

@@ -77,8 +77,9 @@ class SqliteJobStoreTest : public testing::Test {
 
 TEST_F(SqliteJobStoreTest, JobsSurviveAReopen) {
   const uint64_t job = CreateJob();
-  ASSERT_TRUE(store_->DeliverFrame({job, 7}, {"digest", 0.5, absl::Seconds(3), {1, 2, absl::Seconds(4)}})
-                  .ok());
+  ASSERT_TRUE(
+      store_->DeliverFrame({job, 7}, {"digest", 0.5, absl::Seconds(3), {1, 2, absl::Seconds(4)}})
+          .ok());
   ASSERT_TRUE(store_->EndJob(job, JobPhase::kFailed, "why", absl::FromUnixSeconds(200)).ok());
   Reopen();
   const auto jobs = store_->LoadJobs();
@@ -199,11 +200,13 @@ TEST_F(SqliteJobStoreTest, SecondStoreOnTheDirectoryIsRefused) {
 
 TEST_F(SqliteJobStoreTest, LaterSchemaIsRefused) {
   store_.reset();
-  ASSERT_TRUE((*SqliteDatabase::Open(directory_ + "/farm.db"))->Execute("PRAGMA user_version=99").ok());
+  ASSERT_TRUE(
+      (*SqliteDatabase::Open(directory_ + "/farm.db"))->Execute("PRAGMA user_version=99").ok());
   const absl::Status status = SqliteJobStore::Open(directory_).status();
   EXPECT_EQ(status.code(), absl::StatusCode::kFailedPrecondition);
   EXPECT_THAT(std::string(status.message()), HasSubstr("later version"));
-  ASSERT_TRUE((*SqliteDatabase::Open(directory_ + "/farm.db"))->Execute("PRAGMA user_version=1").ok());
+  ASSERT_TRUE(
+      (*SqliteDatabase::Open(directory_ + "/farm.db"))->Execute("PRAGMA user_version=1").ok());
   Reopen();
 }
 
