@@ -1,0 +1,119 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Every compiled variant that holds a scene's effects gives the picture of the generic one, to the bit;
+// and the plan names the smallest.
+#include <gtest/gtest.h>
+
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "tests/support/test_scene.h"
+#include "worker/render/variants.h"
+
+namespace sheaf::render {
+namespace {
+
+FilmTile RenderWith(const CompiledScene& scene, size_t variant) {
+  const FrameSettings& settings = SettingsOf(scene);
+  FilmTile tile(settings.window, {0, settings.samples});
+  PixelAccumulator accumulator(&tile);
+  RayCounts counts;
+  for (int32_t y = settings.window.y0; y < settings.window.y1; ++y) {
+    RowFunctionOf(variant)(scene, settings.window.x0, settings.window.x1, y, {0, settings.samples},
+                           &accumulator, &counts);
+  }
+  return tile;
+}
+
+TestScene Base() {
+  TestScene t({0, 1, -4}, {0, 0.5, 0}, 50);
+  t.AddShape(MeshShape{t.Quad({-5, 0, -5}, {-5, 0, 5}, {5, 0, 5}, {5, 0, -5})}, t.Diffuse({0.6f, 0.5f, 0.4f}));
+  t.AddShape(MeshShape{t.Quad({-1, 3, -1}, {1, 3, -1}, {1, 3, 1}, {-1, 3, 1})}, t.Diffuse({})).area_light =
+      t.AreaLight(Rgb::Grey(5));
+  return t;
+}
+
+struct Case {
+  std::string name;
+  std::function<void(TestScene&)> add;
+};
+
+std::vector<Case> Cases() {
+  const SphereShape ball{0.7f, -0.7f, 0.7f, 360};
+  const Matrix4 up = TranslateMatrix({0, 0.7, 0});
+  return {
+      {"diffuse", [](TestScene&) {}},
+      {"glass", [=](TestScene& t) { t.AddShape(ball, t.AddMaterial(DielectricMaterial{}), up); }},
+      {"coat", [=](TestScene& t) {
+         CoatedDiffuseMaterial coat;
+         coat.roughness = {{0.3f, kNone}, {0.3f, kNone}, true};
+         coat.reflectance.value.rgb = {0.3f, 0.2f, 0.1f};
+         t.AddShape(ball, t.AddMaterial(coat), up);
+       }},
+      {"sky and lamp", [=](TestScene& t) {
+         t.ConstantEnvironment({0.2f, 0.3f, 0.5f});
+         PointLight lamp;
+         lamp.intensity.rgb = Rgb::Grey(2);
+         lamp.from = {1, 2, -1};
+         t.scene.lights.push_back({lamp, {}, {}, {}});
+         t.AddShape(ball, t.Diffuse(Rgb::Grey(0.5f)), up);
+       }},
+      {"lens", [=](TestScene& t) {
+         t.scene.camera.lens_radius = 0.1f;
+         t.scene.camera.focal_distance = 4;
+       }},
+      {"cut-out", [=](TestScene& t) {
+         ShapeDescription& lace = t.AddShape(ball, t.Diffuse(Rgb::Grey(0.5f)), up);
+         lace.has_alpha = true;
+         lace.alpha.value = 0.5f;
+       }},
+  };
+}
+
+TEST(VariantsTest, EveryVariantGivesTheGenericPicture) {
+  const std::vector<Variant> variants = AllVariants();
+  for (const Case& c : Cases()) {
+    TestScene t = Base();
+    c.add(t);
+    const CompiledScenePtr scene = Compile(t.scene, SquareSettings(16, 16, 6));
+    const FilmTile generic = RenderWith(*scene, variants.size() - 1);
+    EXPECT_GT(MeanOf(generic).mean.g, 0.01f) << c.name;
+    size_t compared = 0;
+    for (size_t i = 0; i + 1 < variants.size(); ++i) {
+      if ((PlanOf(*scene).traits & ~variants[i].traits) != 0) continue;
+      EXPECT_TRUE(RenderWith(*scene, i) == generic) << c.name << " by " << variants[i].name;
+      ++compared;
+    }
+    EXPECT_GE(compared, 1u) << c.name;
+  }
+}
+
+TEST(VariantsTest, TheSwitchForcesTheGenericVariantAndKeepsTheBits) {
+  FrameSettings settings = SquareSettings(16, 16, 6);
+  TestScene t = Base();
+  const CompiledScenePtr planned = Compile(t.scene, settings);
+  settings.force_generic_variant = true;
+  const CompiledScenePtr forced = Compile(t.scene, settings);
+  EXPECT_EQ(PlanOf(*planned).variant_name, "diffuse");
+  EXPECT_EQ(PlanOf(*forced).variant_name, "generic");
+  EXPECT_TRUE(RenderAll(*planned) == RenderAll(*forced));
+}
+
+TEST(VariantsTest, ThePlanSaysWhoAsked) {
+  TestScene t = Base();
+  t.scene.camera.lens_radius = 0.05f;
+  t.scene.camera.location = {0, 12, 1};
+  const RenderPlan plan = MakeRenderPlan(t.scene, SquareSettings(4, 1, 1));
+  ASSERT_EQ(plan.effects.size(), 2u);
+  EXPECT_EQ(plan.effects[0].name, "lens");
+  EXPECT_EQ(plan.effects[0].cause, "test.pbrt:12:1: Camera \"float lensradius\" [0.05]");
+  EXPECT_EQ(plan.effects[1].trait, Trait::kAreaLights);
+  EXPECT_EQ(plan.unused.size(), 10u);
+  const std::string text = FormatRenderPlan(plan);
+  EXPECT_NE(text.find("variant: still-lens"), std::string::npos) << text;
+}
+
+}  // namespace
+}  // namespace sheaf::render

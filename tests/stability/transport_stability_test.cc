@@ -1,0 +1,161 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Hard cases of light transport, by the names of the catalogue (A1, A3, A5, L8, R6, R7, C2).
+#include <cmath>
+#include <limits>
+#include <thread>
+#include <vector>
+
+#include "gtest/gtest.h"
+#include "tests/support/test_scene.h"
+#include "worker/render/filter.h"
+#include "worker/render/mis.h"
+
+namespace sheaf::render {
+namespace {
+
+// Seen from inside a closed emissive sphere of reflectance rho: Le / (1 - rho) everywhere.
+TestScene SphereInterior(float reflectance) {
+  TestScene t({0.3, 0.2, 0.1}, {0, 0, 1}, 70);
+  ShapeDescription& sphere = t.AddShape(SphereShape{1, -1, 1, 360}, t.Diffuse(Rgb::Grey(reflectance)));
+  sphere.reverse_orientation = true;
+  sphere.area_light = t.AreaLight({1, 2, 0.5f});
+  return t;
+}
+
+TEST(TransportStability, A1SphereInterior) {
+  ExpectMean(RenderMean(SphereInterior(0.5f).scene, SquareSettings(8, 256, 100000)), {2, 4, 1});
+}
+
+// A1: a point light of intensity pi at the centre: the wall's radiance is rho / (1 - rho).
+TEST(TransportStability, A1PointLightAtTheCentre) {
+  TestScene t({0.3, 0.2, 0.1}, {0, 0, 1}, 70);
+  t.AddShape(SphereShape{1, -1, 1, 360}, t.Diffuse(Rgb::Grey(0.5f))).reverse_orientation = true;
+  PointLight light;
+  light.intensity.rgb = Rgb::Grey(static_cast<float>(3.14159265358979));
+  t.scene.lights.push_back({light, {}, {}, {}});
+  ExpectMean(RenderMean(t.scene, SquareSettings(8, 256, 100000)), Rgb::Grey(1));
+}
+
+// R6: at reflectance 0.99 roulette must neither lose nor make energy over hundreds of bounces.
+TEST(TransportStability, R6RouletteKeepsEnergy) {
+  ExpectMean(RenderMean(SphereInterior(0.99f).scene, SquareSettings(4, 256, 1 << 30)), {100, 200, 50});
+}
+
+// R6: at reflectance 1 survival is certain, so a path goes on until depth ends it.
+TEST(TransportStability, R6WhiteWallsReflectEverything) {
+  TestScene t = SphereInterior(1);
+  const TileMean mean = RenderMean(t.scene, SquareSettings(4, 16, 50));
+  ExpectMean(mean, {51, 102, 25.5f});
+}
+
+// R7: weights of two techniques lie in [0, 1] and sum to 1, for every magnitude, 0 and infinity.
+TEST(TransportStability, R7WeightsSumToOneAtAllMagnitudes) {
+  std::vector<float> values{0, std::numeric_limits<float>::denorm_min(), std::numeric_limits<float>::max(),
+                            std::numeric_limits<float>::infinity()};
+  for (int e = -38; e <= 38; ++e) values.push_back(static_cast<float>(std::pow(10.0, e)));
+  for (const float f : values) {
+    for (const float g : values) {
+      const float a = PowerHeuristic(f, g), b = PowerHeuristic(g, f);
+      EXPECT_GE(a, 0);
+      EXPECT_LE(a, 1);
+      EXPECT_NEAR(a + b, 1, 2e-7) << f << " " << g;
+    }
+  }
+}
+
+// L8: no light at all is black without error; one light is found by both techniques.
+TEST(TransportStability, L8NoLightIsBlack) {
+  TestScene t({0, 0, -3}, {0, 0, 0}, 40);
+  t.AddShape(SphereShape{1, -1, 1, 360}, t.Diffuse(Rgb::Grey(0.5f)));
+  const TileMean mean = RenderMean(t.scene, SquareSettings(8, 16, 5));
+  EXPECT_EQ(mean.mean, Rgb{});
+  EXPECT_EQ(mean.non_finite, 0u);
+}
+
+// L8: a disk light over a plane: E = pi L sin^2 under its centre, and radiance rho E / pi.
+TEST(TransportStability, L8OneLightGivesItsClosedForm) {
+  TestScene t({0, 0.5, 0}, {0, 0, 0}, 1e-4f, {0, 0, 1});
+  t.AddShape(MeshShape{t.Quad({-10, 0, -10}, {-10, 0, 10}, {10, 0, 10}, {10, 0, -10})},
+             t.Diffuse(Rgb::Grey(0.5f)));
+  // Facing down, radius 1 at height 1: sin^2 = 1 / 2.
+  DiskShape disk;
+  disk.radius = 1;
+  t.AddShape(disk, t.Diffuse({}), TranslateMatrix({0, 1, 0}) * RotateMatrix(90, {1, 0, 0})).area_light =
+      t.AreaLight(Rgb::Grey(4));
+  ExpectMean(RenderMean(t.scene, SquareSettings(4, 1024, 1)), Rgb::Grey(0.5f * 4 * 0.5f));
+}
+
+// L7: a black environment is no environment, to the bit.
+TEST(TransportStability, L7BlackEnvironmentChangesNothing) {
+  const FrameSettings settings = SquareSettings(8, 16, 10);
+  TestScene with = SphereInterior(0.5f);
+  with.ConstantEnvironment({});
+  EXPECT_TRUE(RenderAll(*Compile(with.scene, settings)) ==
+              RenderAll(*Compile(SphereInterior(0.5f).scene, settings)));
+}
+
+// A5: the same bits for any cut into tiles and blocks, alone or beside other threads.
+TEST(TransportStability, A5TilesAndThreadsChangeNoBit) {
+  FrameSettings settings = SquareSettings(16, 32, 10);
+  const CompiledScenePtr scene = Compile(SphereInterior(0.7f).scene, settings);
+  const FilmTile whole = RenderAll(*scene);
+  for (const int32_t size : {3, 8}) {
+    const std::vector<PixelRect> tiles = CutTiles(settings.window, size);
+    std::vector<FilmTile> parts(tiles.size());
+    {
+      std::vector<std::jthread> threads;
+      for (size_t first = 0; first < 2; ++first) {
+        threads.emplace_back([&, first] {
+          for (size_t i = first; i < tiles.size(); i += 2) {
+            // Two passes of half the samples are siblings in the tree.
+            auto low = RenderTilePass(*scene, tiles[i], {0, 16}, {}, nullptr);
+            auto high = RenderTilePass(*scene, tiles[i], {16, 16}, {}, nullptr);
+            if (low.ok() && high.ok()) parts[i] = MergeSiblings(*low, *high);
+          }
+        });
+      }
+    }
+    for (const FilmTile& part : parts) {
+      ASSERT_GT(part.plane_size(), 0u);
+      const PixelRect& r = part.rect();
+      for (int32_t y = r.y0; y < r.y1; ++y) {
+        for (int32_t x = r.x0; x < r.x1; ++x) {
+          const size_t in_part = static_cast<size_t>((y - r.y0) * r.Width() + (x - r.x0));
+          const size_t in_whole = static_cast<size_t>(y * 16 + x);
+          for (size_t c = 0; c < kFilmChannelCount; ++c) {
+            const auto channel = static_cast<FilmChannel>(c);
+            ASSERT_EQ(part.channel(channel)[in_part], whole.channel(channel)[in_whole]);
+          }
+        }
+      }
+    }
+  }
+}
+
+TEST(TransportStability, A5AStoppedPassSaysSo) {
+  const CompiledScenePtr scene = Compile(SphereInterior(0.7f).scene, SquareSettings(16, 32, 10));
+  std::stop_source stop;
+  stop.request_stop();
+  const auto tile = RenderTilePass(*scene, {0, 0, 16, 16}, {0, 32}, stop.get_token(), nullptr);
+  EXPECT_EQ(tile.status().code(), absl::StatusCode::kCancelled);
+}
+
+// C2: every filter leaves a constant picture constant, also those with negative lobes.
+TEST(TransportStability, C2EveryFilterKeepsAConstant) {
+  for (const auto kind : {FilterDescription::Kind::kBox, FilterDescription::Kind::kTriangle,
+                          FilterDescription::Kind::kGaussian, FilterDescription::Kind::kMitchell}) {
+    TestScene t({0, 0, 0}, {0, 0, 1}, 60);
+    t.ConstantEnvironment({0.25f, 0.5f, 3});
+    t.scene.filter.kind = kind;
+    t.scene.filter.radius_x_px = t.scene.filter.radius_y_px = 2;
+    const TileMean mean = RenderMean(t.scene, SquareSettings(4, 64, 5));
+    EXPECT_NEAR(mean.mean.r, 0.25f, 1e-6f * 0.25f);
+    EXPECT_NEAR(mean.mean.g, 0.5f, 1e-6f * 0.5f);
+    EXPECT_NEAR(mean.mean.b, 3, 3e-6f);
+  }
+}
+
+}  // namespace
+}  // namespace sheaf::render
