@@ -12,6 +12,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "cli/job_json.h"
+#include "cli/picture_identity.h"
 #include "cli/progress_line.h"
 #include "cli/tone_map.h"
 #include "common/base/file.h"
@@ -56,7 +57,7 @@ absl::Status SavePicture(FarmClient* client, const v1::Frame& frame, const Pictu
   if (absl::Status status = WriteFileAtomically(paths.exr, *bytes); !status.ok()) return status;
   const absl::StatusOr<FramePicture> picture = ReadPicture(paths.exr);
   if (!picture.ok()) return picture.status();
-  if (PictureDigest(*picture) != frame.picture_digest()) {
+  if (PictureIdentity(*picture) != frame.picture_digest()) {
     return absl::DataLossError(absl::StrCat(
         paths.exr,
         ": is not the picture the coordinator delivered; fetch it again with sheaf watch"));
