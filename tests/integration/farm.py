@@ -84,7 +84,7 @@ class Farm:
 
     def start_coordinator(self):
         """Starts it; after the first time on the same ports, so that workers find it again."""
-        port_file = self.path("ports.json")
+        port_file = self.path("ports")
         if os.path.exists(port_file):
             os.remove(port_file)
         self.coordinator = self._start("coordinator", [
@@ -97,13 +97,14 @@ class Farm:
                 raise AssertionError("coordinator ended:\n" + self.log("coordinator"))
             try:
                 with open(port_file, encoding="utf-8") as f:
-                    return json.load(f)
-            except (FileNotFoundError, ValueError):
+                    found = dict(line.strip().split("=") for line in f)
+            except FileNotFoundError:
                 return None
+            return found if len(found) == 2 else None
 
         found = wait_until(ports, START_SECONDS_MAX, "coordinator's port file")
-        self.address = found["grpc"]
-        self.http = found["http"]
+        self.address = "127.0.0.1:" + found["grpc"]
+        self.http = "127.0.0.1:" + found["http"]
 
     def start_worker(self, *arguments, threads=1):
         self.worker_count += 1
