@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -99,6 +100,7 @@ void EnvironmentMap::BuildDistribution() {
       previous = next;
     }
   }
+  BuildGuides();
   std::vector<double> strips(node_count - 1);
   double total = 0;
   for (size_t j = 0; j + 1 < node_count; ++j) {
@@ -109,6 +111,30 @@ void EnvironmentMap::BuildDistribution() {
   }
   rows_ = DiscreteDistribution(strips);
   mean_luminance_ = total / (static_cast<double>(size_) * static_cast<double>(size_));
+}
+
+void EnvironmentMap::BuildGuides() {
+  const size_t node_count = node_position_.size();
+  row_totals_.resize(node_count);
+  row_guides_.resize(node_count * (kGuideCount + 1));
+  for (size_t j = 0; j < node_count; ++j) {
+    const double* sums = &row_sums_[j * node_count];
+    row_totals_[j] = sums[node_count - 1];
+    size_t node = 0;
+    for (size_t k = 0; k <= kGuideCount; ++k) {
+      const double target = row_totals_[j] * (static_cast<double>(k) / kGuideCount);
+      while (node + 2 < node_count && sums[node + 1] <= target) ++node;
+      row_guides_[j * (kGuideCount + 1) + k] =
+          static_cast<uint16_t>(std::min<size_t>(node, std::numeric_limits<uint16_t>::max()));
+    }
+  }
+}
+
+size_t EnvironmentMap::GuessNode(size_t row, double u) const {
+  const double scaled = u * kGuideCount;
+  const auto k = std::min(static_cast<size_t>(scaled), kGuideCount - 1);
+  const uint16_t* guide = &row_guides_[row * (kGuideCount + 1) + k];
+  return static_cast<size_t>(guide[0] + (scaled - static_cast<double>(k)) * (guide[1] - guide[0]));
 }
 
 Rgb EnvironmentMap::Bilinear(double x, double y) const {
@@ -136,12 +162,16 @@ Vec3d EnvironmentMap::Sample(Vec2f u) const {
   const double rest = std::clamp((uy - rows_.Begin(j)) / rows_.Probability(j), 0.0, 1.0);
   const double* upper = &row_sums_[j * node_count];
   const double* lower = upper + node_count;
-  const double ty = InvertLinear(upper[node_count - 1], lower[node_count - 1], rest);
+  const double ty = InvertLinear(row_totals_[j], row_totals_[j + 1], rest);
+  const size_t guess = GuessNode(j, ux);
+  // The texels are wanted once the node is known; most often it is near.
+  const size_t stride = node_count;
+  __builtin_prefetch(&padded_[j * stride + guess]);
+  __builtin_prefetch(&padded_[(j + 1) * stride + guess]);
   // At that height the running integral along x is the blend of those of the two rows.
   const auto sum_at = [&](size_t i) { return (1 - ty) * upper[i] + ty * lower[i]; };
-  const double target = ux * sum_at(node_count - 1);
-  const size_t low = LastNotAbove(sum_at, target, node_count - 1,
-                                  static_cast<size_t>(ux * static_cast<double>(node_count - 1)));
+  const double target = ux * ((1 - ty) * row_totals_[j] + ty * row_totals_[j + 1]);
+  const size_t low = LastNotAbove(sum_at, target, node_count - 1, guess);
   const double mass = sum_at(low + 1) - sum_at(low);
   const double y = node_position_[j] + ty * (node_position_[j + 1] - node_position_[j]);
   const double x0 = node_position_[low], width = node_position_[low + 1] - x0;
@@ -168,7 +198,8 @@ double EnvironmentMap::PbrtIlluminance() const {
 }
 
 size_t EnvironmentMap::size_bytes() const {
-  return padded_.size() * sizeof(Rgb) + row_sums_.size() * sizeof(double) + rows_.size_bytes();
+  return padded_.size() * sizeof(Rgb) + row_sums_.size() * sizeof(double) +
+         row_totals_.size() * sizeof(double) + row_guides_.size() * sizeof(uint16_t) + rows_.size_bytes();
 }
 
 }  // namespace sheaf::render

@@ -43,6 +43,9 @@ class EnvironmentMap {
                    static_cast<size_t>(x + 1)];
   }
   void BuildDistribution();
+  void BuildGuides();
+  // A node at or near the one where the share u of the row's integral lies.
+  size_t GuessNode(size_t row, double u) const;
   // Radiance at texel coordinates (centres at integers), -0.5 <= x, y <= size - 0.5.
   Rgb Bilinear(double x, double y) const;
 
@@ -54,6 +57,12 @@ class EnvironmentMap {
   // strip between two node rows.
   std::vector<double> node_position_;  // In texel coordinates.
   std::vector<double> row_sums_;       // [size + 2][size + 2].
+  // Small copies that stay in the cache, where row_sums_ does not: the rows' totals, and for each row
+  // and k in 0 .. kGuideCount the node before which the share k / kGuideCount of its integral lies. They
+  // only say where to look first; what is found does not depend on them.
+  static constexpr size_t kGuideCount = 64;
+  std::vector<double> row_totals_;     // [size + 2].
+  std::vector<uint16_t> row_guides_;   // [size + 2][kGuideCount + 1].
   DiscreteDistribution rows_;
 };
 
