@@ -68,6 +68,9 @@ export function ago(iso) {
 // "jobs/7" -> "7".
 export const shortName = (name) => name.slice(name.lastIndexOf("/") + 1);
 
+// Whether nothing more will happen to a job.
+export const hasEnded = (job) => ["succeeded", "failed", "cancelled"].includes(job.state);
+
 // Share of the samples that are merged, 0 to 1.
 export function doneShare(progress) {
   return progress.sample_count_total > 0 ? progress.sample_count_done / progress.sample_count_total : 0;

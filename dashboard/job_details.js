@@ -25,7 +25,7 @@ export class JobDetailsView {
     byId("job-message").dataset.failure = job.failure ? "yes" : "no";
     byId("job-message").hidden = !job.failure && !job.waiting_reason;
     setProgress(byId("job-bar"), format.doneShare(job.progress), job.state);
-    byId("cancel").hidden = Boolean(job.end_time);
+    byId("cancel").hidden = format.hasEnded(job);
     const output = byId("output");
     output.hidden = !frame || !frame.complete;
     if (frame && frame.complete) output.href = api.outputPath(frame);
@@ -64,7 +64,7 @@ function factsOf(job, frame) {
   const wall = progress.wall_duration_seconds;
   const facts = [
     ["Done", format.percent(format.doneShare(progress))],
-    ["Time left", job.end_time ? "–" : format.duration(progress.remaining_duration_seconds)],
+    ["Time left", format.hasEnded(job) ? "–" : format.duration(progress.remaining_duration_seconds)],
     ["Time", format.duration(wall), "Since the first lease"],
     ["Error of a pixel", format.typicalError(progress.relative_mse), "Typical relative error, estimated from replicates"],
     ["relMSE", format.error(progress.relative_mse), "Relative mean squared error, estimated"],

@@ -66,5 +66,5 @@ function factsOf(job, share) {
 function timeOf(job) {
   const left = job.progress.remaining_duration_seconds;
   if (job.state === "running" && left !== null) return format.duration(left) + " left";
-  return job.end_time ? "took " + format.duration(job.progress.wall_duration_seconds) : "";
+  return format.hasEnded(job) ? "took " + format.duration(job.progress.wall_duration_seconds) : "";
 }

@@ -49,8 +49,8 @@ void FarmDifference::Publish(const FarmView& farm) {
     if (!Differs(&jobs_, job.job_id, Mark(job)) || !watched) continue;
     PublishFrames(farm, job.job_id);
     hub_->Publish({"job", absl::StrCat("jobs/", job.job_id), JobJson(job)});
-    const bool ended = job.end_time != absl::InfiniteFuture();
-    if (ended) frames_.erase(job.job_id);
+    const bool open = job.state == JobState::kQueued || job.state == JobState::kRunning;
+    if (!open) frames_.erase(job.job_id);
   }
   for (const WorkerView& worker : farm.ListWorkers()) {
     if (!Differs(&workers_, worker.worker_id, Mark(worker)) || !watched) continue;

@@ -4,6 +4,7 @@
 
   page_test.py farm      over a coordinator and a worker that render a scene
   page_test.py made-up   over sheaf_page_server: thousands of jobs, odd titles, narrow and wide
+  page_test.py           both
 
 Screenshots are kept in SHEAF_ARTEFACTS. Ends with "N passed, N failed".
 """
@@ -68,7 +69,7 @@ def check_page_follows_a_job(browser, farm):
     browser.open(f"http://{farm.http}/")
     wait_until(lambda: browser.run(TEXT, "connection-text") == "Live", PAGE_SECONDS_MAX, "events")
     # Submitted after the page was opened: nothing but events can make it appear.
-    farm.sheaf("submit", os.path.join(ROOT, "scenes", "cornell-box.pbrt"), "--samples", 256)
+    farm.sheaf("submit", os.path.join(ROOT, "scenes", "cornell-box.pbrt"), "--samples", 128)
     seen = []
 
     def picture_changed():
@@ -85,6 +86,7 @@ def check_page_follows_a_job(browser, farm):
     wait_until(lambda: browser.run(TEXT, "job-state") == "succeeded", PICTURE_SECONDS_MAX, "end")
     wait_until(lambda: not browser.run("return document.getElementById('output').hidden"),
                PAGE_SECONDS_MAX, "the download")
+    assert browser.run("return document.getElementById('cancel').hidden"), "nothing to cancel any more"
     browser.screenshot(artefact("page-done.png"))
 
 
@@ -227,7 +229,9 @@ def run_made_up():
 
 
 def main():
-    passed, failed = {"farm": run_farm, "made-up": run_made_up}[sys.argv[1]]()
+    parts = {"farm": run_farm, "made-up": run_made_up}
+    counts = [parts[name]() for name in sys.argv[1:] or parts]
+    passed, failed = map(sum, zip(*counts))
     print(f"{passed} passed, {failed} failed")
     return 1 if failed else 0
 
