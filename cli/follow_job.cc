@@ -23,6 +23,7 @@ namespace sheaf::cli {
 namespace {
 
 constexpr size_t kUploadsMax = 4;  // At the same time; hides the way of many small files.
+constexpr uint64_t kShownUploadBytesMin = uint64_t{4} << 20;  // Less is over before it is read.
 constexpr uint64_t kPictureBytesMax = uint64_t{16} << 30;
 
 // Bytes sent so far, shown.
@@ -33,6 +34,7 @@ class UploadProgress {
   void Add(uint64_t size_bytes) {
     const std::lock_guard<std::mutex> lock(mutex_);
     sent_bytes_ += size_bytes;
+    if (total_bytes_ < kShownUploadBytesMin) return;
     const double share =
         std::min(1.0, static_cast<double>(sent_bytes_) / static_cast<double>(total_bytes_));
     line_.Show("uploading", share,

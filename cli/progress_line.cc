@@ -74,7 +74,8 @@ std::string FormatProgress(const v1::Job& job) {
                     FormatCount(static_cast<double>(progress.sample_count_done()) / wall_seconds),
                     " samples/s");
   }
-  if (progress.has_remaining_duration()) {
+  if (progress.has_remaining_duration() &&
+      progress.sample_count_done() < progress.sample_count_total()) {
     absl::StrAppend(&text, ", ", FormatDuration(Seconds(progress.remaining_duration())), " left");
   }
   if (!job.waiting_reason().empty()) absl::StrAppend(&text, "; waiting: ", job.waiting_reason());

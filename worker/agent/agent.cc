@@ -198,6 +198,13 @@ void Agent::RenderOne(const LeaseLedger::Task& task) {
   ledger_.Finish(id);
   outbox_.Push(*std::move(part));
   uploads_.notify_one();
+  AskForMore();  // The next task shall be here before this part has arrived there.
+}
+
+void Agent::AskForMore() {
+  const bool enough = ledger_.CountHeld(LeasePhase::kQueued) >= options_.leases_ahead;
+  if (enough && stage_ == Stage::kWorking) return;
+  news_ = true;
   control_.notify_one();
 }
 
@@ -273,9 +280,8 @@ void Agent::TakeOutcomes(const std::vector<const FinishedPart*>& parts,
     ledger_.Acknowledge(parts[i]->lease_id);
     outbox_.Pop();
   }
-  news_ = true;
   work_.notify_all();
-  control_.notify_one();
+  AskForMore();
 }
 
 }  // namespace sheaf::worker

@@ -82,6 +82,9 @@ class Agent {
   // Takes over the answer to one upload. Requires: mutex_ is held.
   void TakeOutcomes(const std::vector<const FinishedPart*>& parts,
                     const std::vector<UploadOutcome>& outcomes);
+  // Has Synchronize called soon where too few leases wait, or where this worker stops. Requires:
+  // mutex_ is held.
+  void AskForMore();
   // Drops a part that the coordinator says is not what its key says. Requires: mutex_ is held.
   void Refuse(const FinishedPart& part, const absl::Status& status);
   // Requires: mutex_ is held.
