@@ -1,11 +1,11 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// ray_rate_bench SCENE [SAMPLES] [MIN_RATIO]: how much of bare Embree's speed the path tracer keeps. It records
-// every ray that a render of the scene traces, then, in turns within one run and on one thread,
-// renders the scene and replays the very same rays through Embree alone (same device settings, same
-// tree, no filter functions). The ratio is that of rays per second, by the CPU time of the thread. Exits
-// with 1 where the median of the rounds' ratios is below MIN_RATIO.
+// ray_rate_bench SCENE [SAMPLES] [MIN_RATIO]: how much of bare Embree's speed the path tracer
+// keeps. It records every ray that a render of the scene traces, then, in turns within one run and
+// on one thread, renders the scene and replays the very same rays through Embree alone (same device
+// settings, same tree, no filter functions). The ratio is that of rays per second, by the CPU time
+// of the thread. Exits with 1 where the median of the rounds' ratios is below MIN_RATIO.
 #include <algorithm>
 #include <cstdio>
 #include <cstdlib>
@@ -30,7 +30,8 @@ constexpr uint64_t kRecordedRaysMax = uint64_t{24} << 20;  // Bounds the memory 
 // Traces and remembers.
 class RecordingTracer {
  public:
-  RecordingTracer(const EmbreeScene& tracer, std::vector<RecordedRay>* rays) : tracer_(tracer), rays_(rays) {}
+  RecordingTracer(const EmbreeScene& tracer, std::vector<RecordedRay>* rays)
+      : tracer_(tracer), rays_(rays) {}
   bool Intersect(const Ray& ray, RawHit* hit) {
     rays_->push_back({ray, false});
     return tracer_.Intersect(ray, hit);
@@ -119,13 +120,17 @@ int Run(const std::string& path, uint64_t samples, double ratio_min) {
     const double traced_rate = static_cast<double>(rendered) / (middle - start);
     const double bare_rate = static_cast<double>(rays.size()) / (end - middle);
     ratios.push_back(traced_rate / bare_rate);
-    std::printf("path tracer %.3f Mrays/s, bare Embree %.3f Mrays/s (%zu of %llu rays, %llu met), ratio %.3f\n",
-                traced_rate * 1e-6, bare_rate * 1e-6, rays.size(), static_cast<unsigned long long>(rendered),
-                static_cast<unsigned long long>(met), ratios.back());
+    std::printf(
+        "path tracer %.3f Mrays/s, bare Embree %.3f Mrays/s (%zu of %llu rays, %llu met), ratio "
+        "%.3f\n",
+        traced_rate * 1e-6, bare_rate * 1e-6, rays.size(),
+        static_cast<unsigned long long>(rendered), static_cast<unsigned long long>(met),
+        ratios.back());
   }
   std::sort(ratios.begin(), ratios.end());
   const double median = ratios[ratios.size() / 2];
-  std::printf("%s: variant %s, median ratio %.3f\n", path.c_str(), scene.plan.variant_name.c_str(), median);
+  std::printf("%s: variant %s, median ratio %.3f\n", path.c_str(), scene.plan.variant_name.c_str(),
+              median);
   return median >= ratio_min ? 0 : 1;
 }
 

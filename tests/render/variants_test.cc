@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Every compiled variant that holds a scene's effects gives the picture of the generic one, to the bit;
-// and the plan names the smallest.
+// Every compiled variant that holds a scene's effects gives the picture of the generic one, to the
+// bit; and the plan names the smallest.
 #include <gtest/gtest.h>
 
 #include <functional>
@@ -29,9 +29,10 @@ FilmTile RenderWith(const CompiledScene& scene, size_t variant) {
 
 TestScene Base() {
   TestScene t({0, 1, -4}, {0, 0.5, 0}, 50);
-  t.AddShape(MeshShape{t.Quad({-5, 0, -5}, {-5, 0, 5}, {5, 0, 5}, {5, 0, -5})}, t.Diffuse({0.6f, 0.5f, 0.4f}));
-  t.AddShape(MeshShape{t.Quad({-1, 3, -1}, {1, 3, -1}, {1, 3, 1}, {-1, 3, 1})}, t.Diffuse({})).area_light =
-      t.AreaLight(Rgb::Grey(5));
+  t.AddShape(MeshShape{t.Quad({-5, 0, -5}, {-5, 0, 5}, {5, 0, 5}, {5, 0, -5})},
+             t.Diffuse({0.6f, 0.5f, 0.4f}));
+  t.AddShape(MeshShape{t.Quad({-1, 3, -1}, {1, 3, -1}, {1, 3, 1}, {-1, 3, 1})}, t.Diffuse({}))
+      .area_light = t.AreaLight(Rgb::Grey(5));
   return t;
 }
 
@@ -46,13 +47,15 @@ std::vector<Case> Cases() {
   return {
       {"diffuse", [](TestScene&) {}},
       {"glass", [=](TestScene& t) { t.AddShape(ball, t.AddMaterial(DielectricMaterial{}), up); }},
-      {"coat", [=](TestScene& t) {
+      {"coat",
+       [=](TestScene& t) {
          CoatedDiffuseMaterial coat;
          coat.roughness = {{0.3f, kNone}, {0.3f, kNone}, true};
          coat.reflectance.value.rgb = {0.3f, 0.2f, 0.1f};
          t.AddShape(ball, t.AddMaterial(coat), up);
        }},
-      {"sky and lamp", [=](TestScene& t) {
+      {"sky and lamp",
+       [=](TestScene& t) {
          t.ConstantEnvironment({0.2f, 0.3f, 0.5f});
          PointLight lamp;
          lamp.intensity.rgb = Rgb::Grey(2);
@@ -60,11 +63,13 @@ std::vector<Case> Cases() {
          t.scene.lights.push_back({lamp, {}, {}, {}});
          t.AddShape(ball, t.Diffuse(Rgb::Grey(0.5f)), up);
        }},
-      {"lens", [=](TestScene& t) {
+      {"lens",
+       [=](TestScene& t) {
          t.scene.camera.lens_radius = 0.1f;
          t.scene.camera.focal_distance = 4;
        }},
-      {"cut-out", [=](TestScene& t) {
+      {"cut-out",
+       [=](TestScene& t) {
          ShapeDescription& lace = t.AddShape(ball, t.Diffuse(Rgb::Grey(0.5f)), up);
          lace.has_alpha = true;
          lace.alpha.value = 0.5f;

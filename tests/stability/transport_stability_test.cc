@@ -18,7 +18,8 @@ namespace {
 // Seen from inside a closed emissive sphere of reflectance rho: Le / (1 - rho) everywhere.
 TestScene SphereInterior(float reflectance) {
   TestScene t({0.3, 0.2, 0.1}, {0, 0, 1}, 70);
-  ShapeDescription& sphere = t.AddShape(SphereShape{1, -1, 1, 360}, t.Diffuse(Rgb::Grey(reflectance)));
+  ShapeDescription& sphere =
+      t.AddShape(SphereShape{1, -1, 1, 360}, t.Diffuse(Rgb::Grey(reflectance)));
   sphere.reverse_orientation = true;
   sphere.area_light = t.AreaLight({1, 2, 0.5f});
   return t;
@@ -40,7 +41,8 @@ TEST(TransportStability, A1PointLightAtTheCentre) {
 
 // R6: at reflectance 0.99 roulette must neither lose nor make energy over hundreds of bounces.
 TEST(TransportStability, R6RouletteKeepsEnergy) {
-  ExpectMean(RenderMean(SphereInterior(0.99f).scene, SquareSettings(4, 256, 1 << 30)), {100, 200, 50});
+  ExpectMean(RenderMean(SphereInterior(0.99f).scene, SquareSettings(4, 256, 1 << 30)),
+             {100, 200, 50});
 }
 
 // R6: at reflectance 1 survival is certain, so a path goes on until depth ends it.
@@ -52,7 +54,8 @@ TEST(TransportStability, R6WhiteWallsReflectEverything) {
 
 // R7: weights of two techniques lie in [0, 1] and sum to 1, for every magnitude, 0 and infinity.
 TEST(TransportStability, R7WeightsSumToOneAtAllMagnitudes) {
-  std::vector<float> values{0, std::numeric_limits<float>::denorm_min(), std::numeric_limits<float>::max(),
+  std::vector<float> values{0, std::numeric_limits<float>::denorm_min(),
+                            std::numeric_limits<float>::max(),
                             std::numeric_limits<float>::infinity()};
   for (int e = -38; e <= 38; ++e) values.push_back(static_cast<float>(std::pow(10.0, e)));
   for (const float f : values) {
@@ -82,8 +85,8 @@ TEST(TransportStability, L8OneLightGivesItsClosedForm) {
   // Facing down, radius 1 at height 1: sin^2 = 1 / 2.
   DiskShape disk;
   disk.radius = 1;
-  t.AddShape(disk, t.Diffuse({}), TranslateMatrix({0, 1, 0}) * RotateMatrix(90, {1, 0, 0})).area_light =
-      t.AreaLight(Rgb::Grey(4));
+  t.AddShape(disk, t.Diffuse({}), TranslateMatrix({0, 1, 0}) * RotateMatrix(90, {1, 0, 0}))
+      .area_light = t.AreaLight(Rgb::Grey(4));
   ExpectMean(RenderMean(t.scene, SquareSettings(4, 1024, 1)), Rgb::Grey(0.5f * 4 * 0.5f));
 }
 

@@ -1,13 +1,15 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// TestScene: small scenes made in code, for tests whose answer is known in closed form; and the means of
-// a rendered tile with the standard error that z-tests need.
+// TestScene: small scenes made in code, for tests whose answer is known in closed form; and the
+// means of a rendered tile with the standard error that z-tests need.
 #pragma once
 
 #include <cmath>
 #include <cstdint>
 #include <map>
+#include <numbers>
+#include <random>
 #include <string>
 #include <utility>
 #include <vector>
@@ -70,18 +72,22 @@ class TestScene {
     return static_cast<int32_t>(scene.meshes.size() - 1);
   }
   // Quad a b c d; its front is where the corners go counter-clockwise (right-hand rule).
-  int32_t Quad(Vec3f a, Vec3f b, Vec3f c, Vec3f d) { return AddMesh({a, b, c, d}, {0, 1, 2, 0, 2, 3}); }
+  int32_t Quad(Vec3f a, Vec3f b, Vec3f c, Vec3f d) {
+    return AddMesh({a, b, c, d}, {0, 1, 2, 0, 2, 3});
+  }
   // A box from lower to upper, front outside.
   int32_t Box(Vec3f lower, Vec3f upper) {
     std::vector<Vec3f> p;
     for (int i = 0; i < 8; ++i) {
-      p.push_back({i & 1 ? upper.x : lower.x, i & 2 ? upper.y : lower.y, i & 4 ? upper.z : lower.z});
+      p.push_back(
+          {i & 1 ? upper.x : lower.x, i & 2 ? upper.y : lower.y, i & 4 ? upper.z : lower.z});
     }
     return AddMesh(p, {0, 2, 3, 0, 3, 1, 4, 5, 7, 4, 7, 6, 0, 1, 5, 0, 5, 4,
                        2, 6, 7, 2, 7, 3, 0, 4, 6, 0, 6, 2, 1, 3, 7, 1, 7, 5});
   }
 
-  // Adds a shape to the world and returns it for further changes; the reference holds until the next.
+  // Adds a shape to the world and returns it for further changes; the reference holds until the
+  // next.
   template <typename Shape>
   ShapeDescription& AddShape(Shape shape, int32_t material, Matrix4 world_from_object = {}) {
     scene.world_shapes.push_back(static_cast<int32_t>(scene.shapes.size()));
@@ -97,6 +103,42 @@ class TestScene {
     scene.shapes.push_back(description);
     return scene.shapes.back();
   }
+};
+
+// A closed room with a ball in it and a lamp at the ceiling, scaled as a whole.
+inline TestScene LitRoom(double scale) {
+  TestScene t(Vec3d{0.1, 0.2, -0.7} * scale, Vec3d{0, 0, 1} * scale, 70);
+  const Matrix4 size = ScaleMatrix({scale, scale, scale});
+  t.AddShape(MeshShape{t.Box({-1, -1, -1}, {1, 1, 1})}, t.Diffuse({0.7f, 0.5f, 0.3f}), size);
+  t.AddShape(SphereShape{0.25f, -0.25f, 0.25f, 360}, t.Diffuse(Rgb::Grey(0.6f)),
+             size * TranslateMatrix({0.3, -0.5, 0.4}));
+  const int32_t light = t.AreaLight(Rgb::Grey(5));
+  t.AddShape(MeshShape{t.Quad({-0.3f, 0.99f, -0.3f}, {0.3f, 0.99f, -0.3f}, {0.3f, 0.99f, 0.3f},
+                              {-0.3f, 0.99f, 0.3f})},
+             t.Diffuse({}), size)
+      .area_light = light;
+  return t;
+}
+
+// Numbers for tests; the seed is part of the test.
+class Random {
+ public:
+  explicit Random(uint64_t seed) : engine_(seed) {}
+  double Uniform() { return static_cast<double>(engine_() >> 11) * 0x1p-53; }
+  double Uniform(double a, double b) { return a + (b - a) * Uniform(); }
+  // Of either sign, magnitude 10^U(-8, 8).
+  float AnyMagnitude() {
+    const double v = std::pow(10.0, Uniform(-8, 8));
+    return static_cast<float>(Uniform() < 0.5 ? -v : v);
+  }
+  Vec3f Direction() {
+    const double z = Uniform(-1, 1), phi = Uniform(0, 2 * std::numbers::pi),
+                 r = std::sqrt(1 - z * z);
+    return ToFloat(Vec3d{r * std::cos(phi), r * std::sin(phi), z});
+  }
+
+ private:
+  std::mt19937_64 engine_;
 };
 
 struct TileMean {
@@ -146,7 +188,8 @@ inline TileMean MeanOf(const FilmTile& tile) {
   for (size_t c = 0; c < 3; ++c) {
     double sum = 0;
     for (size_t i = 0; i < n; ++i) {
-      sum += static_cast<double>(tile.channel(high[c])[i]) + static_cast<double>(tile.channel(low[c])[i]);
+      sum += static_cast<double>(tile.channel(high[c])[i]) +
+             static_cast<double>(tile.channel(low[c])[i]);
     }
     const double mean = sum / weight;
     result.mean[c] = static_cast<float>(mean);
@@ -177,9 +220,9 @@ inline TileMean RenderMean(const SceneDescription& scene, const FrameSettings& s
   return mean;
 }
 
-// Tests each channel against a known mean. The threshold is 5 standard errors: by Student's t with the
-// 15 degrees of freedom of 16 replicates a right mean fails with probability 1.6e-4 (and seeds are
-// fixed). 4 float roundings are added for answers without any noise.
+// Tests each channel against a known mean. The threshold is 5 standard errors: by Student's t with
+// the 15 degrees of freedom of 16 replicates a right mean fails with probability 1.6e-4 (and seeds
+// are fixed). 4 float roundings are added for answers without any noise.
 inline void ExpectMean(const TileMean& measured, Rgb expected) {
   EXPECT_EQ(measured.non_finite, 0u);
   for (size_t c = 0; c < 3; ++c) {

@@ -1,8 +1,9 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Affine: a 3x4 matrix of double for the tracing kernels, where placing a ray in an object must cost
-// little and lose nothing: instances keep doubles, so float error enters once, at the final rounding.
+// Affine: a 3x4 matrix of double for the tracing kernels, where placing a ray in an object must
+// cost little and lose nothing: instances keep doubles, so float error enters once, at the final
+// rounding.
 #pragma once
 
 #include "common/math/transform.h"
@@ -36,8 +37,10 @@ inline Affine Inverse(const Affine& a) {
   const Vec3d row_x = Cross(a.y, a.z) * scale;
   const Vec3d row_y = Cross(a.z, a.x) * scale;
   const Vec3d row_z = Cross(a.x, a.y) * scale;
-  Affine inverse{{row_x.x, row_y.x, row_z.x}, {row_x.y, row_y.y, row_z.y},
-                 {row_x.z, row_y.z, row_z.z}, {0, 0, 0}};
+  Affine inverse{{row_x.x, row_y.x, row_z.x},
+                 {row_x.y, row_y.y, row_z.y},
+                 {row_x.z, row_y.z, row_z.z},
+                 {0, 0, 0}};
   inverse.offset = -inverse.Vector(a.offset);
   return inverse;
 }

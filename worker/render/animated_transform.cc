@@ -79,10 +79,11 @@ AnimatedTransform::Quaternion AnimatedTransform::QuaternionOf(const Affine& r) {
 Affine AnimatedTransform::RotationOf(const Quaternion& q) {
   const double norm_squared = q.w * q.w + q.x * q.x + q.y * q.y + q.z * q.z;
   const double s = 2 / norm_squared;
-  return {{1 - s * (q.y * q.y + q.z * q.z), s * (q.x * q.y + q.w * q.z), s * (q.x * q.z - q.w * q.y)},
-          {s * (q.x * q.y - q.w * q.z), 1 - s * (q.x * q.x + q.z * q.z), s * (q.y * q.z + q.w * q.x)},
-          {s * (q.x * q.z + q.w * q.y), s * (q.y * q.z - q.w * q.x), 1 - s * (q.x * q.x + q.y * q.y)},
-          {0, 0, 0}};
+  return {
+      {1 - s * (q.y * q.y + q.z * q.z), s * (q.x * q.y + q.w * q.z), s * (q.x * q.z - q.w * q.y)},
+      {s * (q.x * q.y - q.w * q.z), 1 - s * (q.x * q.x + q.z * q.z), s * (q.y * q.z + q.w * q.x)},
+      {s * (q.x * q.z + q.w * q.y), s * (q.y * q.z - q.w * q.x), 1 - s * (q.x * q.x + q.y * q.y)},
+      {0, 0, 0}};
 }
 
 absl::StatusOr<AnimatedTransform::Key> AnimatedTransform::MakeKey(const Matrix4& matrix) {
@@ -92,7 +93,8 @@ absl::StatusOr<AnimatedTransform::Key> AnimatedTransform::MakeKey(const Matrix4&
   }
   // A matrix that comes from an inversion has its last row up to rounding.
   const auto& last = matrix.m[3];
-  const double deviation = std::fabs(last[0]) + std::fabs(last[1]) + std::fabs(last[2]) + std::fabs(last[3] - 1);
+  const double deviation =
+      std::fabs(last[0]) + std::fabs(last[1]) + std::fabs(last[2]) + std::fabs(last[3] - 1);
   if (!(deviation <= kAffineTolerance)) {
     return absl::InvalidArgumentError("a key of the motion is not affine");
   }
@@ -121,7 +123,8 @@ absl::StatusOr<AnimatedTransform> AnimatedTransform::Make(const TransformOverTim
     if (!key.ok()) return key.status();
     result.keys_[i] = *key;
   }
-  if ((result.keys_[0].transform.Determinant() < 0) != (result.keys_[1].transform.Determinant() < 0)) {
+  if ((result.keys_[0].transform.Determinant() < 0) !=
+      (result.keys_[1].transform.Determinant() < 0)) {
     return absl::InvalidArgumentError("the motion mirrors its object halfway");
   }
   result.start_time_ = motion.start_time;
@@ -165,8 +168,8 @@ Affine AnimatedTransform::At(double time) const {
 }
 
 double AnimatedTransform::LinearDeviationMax(double time_0, double time_1, double radius) const {
-  // A curve strays from its chord by at most (duration^2 / 8) max |acceleration|. With x = R S p and
-  // S linear in time, |x''| <= w^2 |S p| + 2 w |S' p|, w the angular speed.
+  // A curve strays from its chord by at most (duration^2 / 8) max |acceleration|. With x = R S p
+  // and S linear in time, |x''| <= w^2 |S p| + 2 w |S' p|, w the angular speed.
   const double duration = KeyFraction(time_1) - KeyFraction(time_0);
   const double angular_speed = 2 * half_angle_;
   const double stretch = std::max(FrobeniusNorm(keys_[0].stretch), FrobeniusNorm(keys_[1].stretch));
@@ -175,8 +178,8 @@ double AnimatedTransform::LinearDeviationMax(double time_0, double time_1, doubl
       radius * angular_speed * (angular_speed * stretch + 2 * stretch_speed);
   double deviation = 0.125 * duration * duration * acceleration;
   // Where the motion starts or ends within the interval, the path has a corner there.
-  const bool has_corner = (time_0 < start_time_ && start_time_ < time_1) ||
-                          (time_0 < end_time_ && end_time_ < time_1);
+  const bool has_corner =
+      (time_0 < start_time_ && start_time_ < time_1) || (time_0 < end_time_ && end_time_ < time_1);
   if (has_corner) {
     const double speed = Length(keys_[1].translation - keys_[0].translation) +
                          radius * (angular_speed * stretch + stretch_speed);

@@ -2,9 +2,9 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // AnimatedTransform: where something is at any time between two key frames. Each key is split as
-// M = T R S (translation, rotation, symmetric stretch); T and S move linearly, R along the shorter arc.
-// Source: Shoemake and Duff 1992, "Matrix Animation and Polar Decomposition"; the polar part by
-// Higham's scaled Newton iteration (1986). All in double.
+// M = T R S (translation, rotation, symmetric stretch); T and S move linearly, R along the shorter
+// arc. Source: Shoemake and Duff 1992, "Matrix Animation and Polar Decomposition"; the polar part
+// by Higham's scaled Newton iteration (1986). All in double.
 #pragma once
 
 #include <array>
@@ -26,8 +26,8 @@ class AnimatedTransform {
   // themselves are returned as they were given.
   Affine At(double time) const;
 
-  // Bound of how far any point within |p| <= radius strays, between two times, from the straight line
-  // between its places at these two times. In target units.
+  // Bound of how far any point within |p| <= radius strays, between two times, from the straight
+  // line between its places at these two times. In target units.
   double LinearDeviationMax(double time_0, double time_1, double radius) const;
 
  private:

@@ -28,8 +28,8 @@ Vec2d SampleUnitDisk(Vec2f u) {
   return {radius * turn.cos, radius * turn.sin};
 }
 
-absl::StatusOr<Camera> Camera::Make(const SceneDescription& scene, int32_t width_px, int32_t height_px,
-                                    Vec3d render_origin_world) {
+absl::StatusOr<Camera> Camera::Make(const SceneDescription& scene, int32_t width_px,
+                                    int32_t height_px, Vec3d render_origin_world) {
   const CameraDescription& description = scene.camera;
   const auto fail = [&](const std::string& what) {
     return absl::InvalidArgumentError(
@@ -40,7 +40,8 @@ absl::StatusOr<Camera> Camera::Make(const SceneDescription& scene, int32_t width
   double scale = 1;
   if (!camera.is_orthographic_) {
     if (!(description.fov_degrees > 0 && description.fov_degrees < 180)) {
-      return fail(absl::StrCat("\"float fov\" ", description.fov_degrees, " is outside (0, 180) degrees"));
+      return fail(
+          absl::StrCat("\"float fov\" ", description.fov_degrees, " is outside (0, 180) degrees"));
     }
     scale = Tan(0.5 * static_cast<double>(description.fov_degrees) * (std::numbers::pi / 180));
   }
@@ -66,12 +67,14 @@ absl::StatusOr<Camera> Camera::Make(const SceneDescription& scene, int32_t width
     }
     camera.inverse_focal_distance_ = 1 / static_cast<double>(description.focal_distance);
   }
-  absl::StatusOr<AnimatedTransform> transform = AnimatedTransform::Make(description.world_from_camera);
+  absl::StatusOr<AnimatedTransform> transform =
+      AnimatedTransform::Make(description.world_from_camera);
   if (!transform.ok()) return fail(std::string(transform.status().message()));
   camera.world_from_camera_ = *transform;
   camera.shutter_open_ = description.shutter_open;
   camera.shutter_close_ = std::max(description.shutter_open, description.shutter_close);
-  camera.moves_ = description.world_from_camera.IsAnimated() && camera.shutter_close_ > camera.shutter_open_;
+  camera.moves_ =
+      description.world_from_camera.IsAnimated() && camera.shutter_close_ > camera.shutter_open_;
   camera.render_origin_world_ = render_origin_world;
   camera.render_from_camera_ = camera.RenderFromCameraAt(0);
   return camera;

@@ -20,10 +20,10 @@ Vec2d SampleUnitDisk(Vec2f u);
 class Camera {
  public:
   // render_origin_world: the camera's own position when the shutter opens.
-  // Errors: kInvalidArgument with the camera's location: a degenerate field of view or screen window, a
-  // lens focused at distance 0 or behind it, a transform that cannot be inverted.
-  static absl::StatusOr<Camera> Make(const SceneDescription& scene, int32_t width_px, int32_t height_px,
-                                     Vec3d render_origin_world);
+  // Errors: kInvalidArgument with the camera's location: a degenerate field of view or screen
+  // window, a lens focused at distance 0 or behind it, a transform that cannot be inverted.
+  static absl::StatusOr<Camera> Make(const SceneDescription& scene, int32_t width_px,
+                                     int32_t height_px, Vec3d render_origin_world);
 
   // film: raster position (pixels, y down). lens: of [0, 1)^2; unused without kLens. The ray's
   // direction is unit length. Space: render.
@@ -37,7 +37,8 @@ class Camera {
   Affine RenderFromCameraAt(float shutter_fraction) const;
 
   bool is_orthographic_ = false;
-  Vec2d screen_origin_, screen_step_;  // Camera-space x, y at z = 1 (or on the plane) = origin + film * step.
+  Vec2d screen_origin_,
+      screen_step_;  // Camera-space x, y at z = 1 (or on the plane) = origin + film * step.
   double lens_radius_ = 0;
   double inverse_focal_distance_ = 0;  // 0 for a lens focused at infinity.
   Affine render_from_camera_;
@@ -50,7 +51,8 @@ class Camera {
 
 template <uint32_t kTraits>
 Ray Camera::MakeRay(Vec2d film, Vec2f lens, float shutter_fraction) const {
-  const Vec2d screen{screen_origin_.x + film.x * screen_step_.x, screen_origin_.y + film.y * screen_step_.y};
+  const Vec2d screen{screen_origin_.x + film.x * screen_step_.x,
+                     screen_origin_.y + film.y * screen_step_.y};
   Vec3d o, d{0, 0, 1};
   if (is_orthographic_) {
     o = {screen.x, screen.y, 0};

@@ -15,8 +15,9 @@
 namespace sheaf::render {
 namespace {
 
-// Texture filters follow the sampling rate: pixels of many samples need not blur what these resolve.
-// The floor keeps very long renders from reading the finest level everywhere. Source: pbrt-v4, 10.1.
+// Texture filters follow the sampling rate: pixels of many samples need not blur what these
+// resolve. The floor keeps very long renders from reading the finest level everywhere. Source:
+// pbrt-v4, 10.1.
 constexpr double kFootprintShareMin = 0.125;
 
 uint64_t GeometryBytes(const SceneGeometry& geometry) {
@@ -36,8 +37,9 @@ uint64_t GeometryBytes(const SceneGeometry& geometry) {
 
 void CompiledSceneDeleter::operator()(const CompiledScene* scene) const { delete scene; }
 
-absl::StatusOr<CompiledScenePtr> CompileScene(SceneDescription description, const FrameSettings& settings,
-                                              FileSource& files, const CompileLimits& limits) {
+absl::StatusOr<CompiledScenePtr> CompileScene(SceneDescription description,
+                                              const FrameSettings& settings, FileSource& files,
+                                              const CompileLimits& limits) {
   auto scene = std::make_unique<CompiledScene>();
   scene->settings = settings;
   scene->plan = MakeRenderPlan(description, settings);
@@ -46,19 +48,21 @@ absl::StatusOr<CompiledScenePtr> CompileScene(SceneDescription description, cons
   scene->description = std::move(description);
   scene->geometry = std::move(baked->geometry);
   if (scene->geometry.degenerate_triangle_count > 0) {
-    LogWarning(absl::StrCat(scene->description.files.empty() ? "scene" : scene->description.files[0], ": ",
-                            scene->geometry.degenerate_triangle_count,
-                            " triangles without area were left out"));
+    LogWarning(absl::StrCat(
+        scene->description.files.empty() ? "scene" : scene->description.files[0], ": ",
+        scene->geometry.degenerate_triangle_count, " triangles without area were left out"));
   }
-  absl::StatusOr<Camera> camera = Camera::Make(scene->description, settings.width_px, settings.height_px,
-                                               scene->geometry.render_origin_world);
+  absl::StatusOr<Camera> camera =
+      Camera::Make(scene->description, settings.width_px, settings.height_px,
+                   scene->geometry.render_origin_world);
   if (!camera.ok()) return camera.status();
   scene->camera = *camera;
   absl::StatusOr<PixelFilter> filter = PixelFilter::Make(scene->description);
   if (!filter.ok()) return filter.status();
   scene->filter = *std::move(filter);
   const auto share = static_cast<float>(
-      std::max(kFootprintShareMin, 1 / std::sqrt(static_cast<double>(std::max<uint64_t>(1, settings.samples)))));
+      std::max(kFootprintShareMin,
+               1 / std::sqrt(static_cast<double>(std::max<uint64_t>(1, settings.samples)))));
   scene->footprint = {camera->footprint().constant * share, camera->footprint().slope * share};
   absl::StatusOr<std::unique_ptr<MaterialTable>> materials =
       MaterialTable::Build(scene->description, files, limits.texture_cache_bytes_max);

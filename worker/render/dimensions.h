@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The ledger of sample dimensions. Every (path vertex, use) draws from a slot of its own, so that no
-// two decisions share random numbers and a variant that skips a use shifts no other. A slot is a
+// The ledger of sample dimensions. Every (path vertex, use) draws from a slot of its own, so that
+// no two decisions share random numbers and a variant that skips a use shifts no other. A slot is a
 // four-dimensional Owen-scrambled Sobol' point set of its own scramble.
 #pragma once
 
@@ -24,8 +24,8 @@ enum class VertexSlot : uint32_t {
 constexpr uint32_t Slot(CameraSlot use) { return static_cast<uint32_t>(use); }
 // depth: 0 for the first surface the camera ray meets.
 constexpr uint32_t Slot(uint32_t depth, VertexSlot use) {
-  return static_cast<uint32_t>(CameraSlot::kCount) + depth * static_cast<uint32_t>(VertexSlot::kCount) +
-         static_cast<uint32_t>(use);
+  return static_cast<uint32_t>(CameraSlot::kCount) +
+         depth * static_cast<uint32_t>(VertexSlot::kCount) + static_cast<uint32_t>(use);
 }
 
 }  // namespace sheaf::render

@@ -32,8 +32,8 @@ using QueryContext = RTCRayQueryContext;
 using QueryContext = RTCIntersectContext;
 #endif
 
-// Embree hands its context on to callbacks; ours carries the primitive that the ray leaves, and which
-// placed group (or the world, kNotPlaced) is being traced.
+// Embree hands its context on to callbacks; ours carries the primitive that the ray leaves, and
+// which placed group (or the world, kNotPlaced) is being traced.
 struct SourceContext {
   QueryContext base;
   PrimitiveId source;
@@ -80,7 +80,8 @@ void SkipSource(const RTCFilterFunctionNArguments* args) {
   }
 }
 
-// Above this many triangles in a group the tree is built without splitting them: splits cost memory.
+// Above this many triangles in a group the tree is built without splitting them: splits cost
+// memory.
 constexpr size_t kHighQualityTrianglesMax = size_t{1} << 23;
 
 inline RTCRay ToRtc(const Ray& ray) {
@@ -239,9 +240,11 @@ struct EmbreeScene::State {
         return absl::OkStatus();
       case RTC_ERROR_OUT_OF_MEMORY:
         return absl::ResourceExhaustedError(
-            "the scene's geometry does not fit into memory while its acceleration structure is built");
+            "the scene's geometry does not fit into memory while its acceleration structure is "
+            "built");
       case RTC_ERROR_UNSUPPORTED_CPU:
-        return absl::FailedPreconditionError("this processor lacks AVX2, which the ray tracer needs");
+        return absl::FailedPreconditionError(
+            "this processor lacks AVX2, which the ray tracer needs");
       default:
         return absl::InternalError("the ray tracer (Embree) reported an error");
     }
@@ -264,7 +267,8 @@ void EmbreeScene::State::AddMeshes(const GeometryGroup& group, RTCScene scene) c
     rtcSetSharedGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3,
                                mesh.positions.data(), 0, sizeof(Vec3f), mesh.positions.size() - 1);
     rtcSetSharedGeometryBuffer(geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3,
-                               mesh.indices.data(), 0, 3 * sizeof(uint32_t), mesh.indices.size() / 3);
+                               mesh.indices.data(), 0, 3 * sizeof(uint32_t),
+                               mesh.indices.size() / 3);
     if (filters == Filters::kSkipSource) {
       rtcSetGeometryIntersectFilterFunction(geometry, SkipSource);
       rtcSetGeometryOccludedFilterFunction(geometry, SkipSource);
@@ -307,7 +311,7 @@ absl::Status EmbreeScene::State::BuildGroup(const SceneGeometry& geometry, size_
   const RTCScene scene = scenes[index];
   rtcSetSceneFlags(scene, RTC_SCENE_FLAG_ROBUST);
   rtcSetSceneBuildQuality(scene, triangles <= kHighQualityTrianglesMax ? RTC_BUILD_QUALITY_HIGH
-                                                                        : RTC_BUILD_QUALITY_MEDIUM);
+                                                                       : RTC_BUILD_QUALITY_MEDIUM);
   AddMeshes(group, scene);
   if (!group.quadrics.empty()) AddQuadrics(group, scene, &quadric_lists[index]);
   if (index == 0) {

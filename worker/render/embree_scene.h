@@ -1,16 +1,17 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// EmbreeScene: the nearest surface along a ray, and whether anything is in the way. The only door to
-// Embree (3.13 and 4.x).
+// EmbreeScene: the nearest surface along a ray, and whether anything is in the way. The only door
+// to Embree (3.13 and 4.x).
 //
 // Same bits every time. The device is pinned to AVX2, so equal builds walk equal trees with equal
-// arithmetic: measured on Embree 3.13.5, 2e6 rays over coincident surfaces and vertices give the same
-// hit to the bit for repeated builds, one or two build threads, medium and high quality. Of several
-// surfaces at one distance the tracer therefore names the same one each time; which one is its choice.
+// arithmetic: measured on Embree 3.13.5, 2e6 rays over coincident surfaces and vertices give the
+// same hit to the bit for repeated builds, one or two build threads, medium and high quality. Of
+// several surfaces at one distance the tracer therefore names the same one each time; which one is
+// its choice.
 //
-// Triangles are Embree's own, in robust mode. Spheres, disks and placed groups are user geometry, so
-// that they are met in double precision and the same under every version of Embree.
+// Triangles are Embree's own, in robust mode. Spheres, disks and placed groups are user geometry,
+// so that they are met in double precision and the same under every version of Embree.
 #pragma once
 
 #include <cstdint>
@@ -25,8 +26,8 @@ namespace sheaf::render {
 
 inline constexpr uint32_t kNotPlaced = ~0u;
 
-// What the tracer knows of a hit. In `id`, geometry is the mesh of the group, or meshes.size() for its
-// quadrics; primitive the triangle or quadric; placed the index over `still`, then `moving`, or
+// What the tracer knows of a hit. In `id`, geometry is the mesh of the group, or meshes.size() for
+// its quadrics; primitive the triangle or quadric; placed the index over `still`, then `moving`, or
 // kNotPlaced for the world.
 struct RawHit {
   float t = 0;         // In lengths of the ray's direction.
@@ -40,7 +41,8 @@ struct RecordedRay {
 
 class EmbreeScene {
  public:
-  // kSkipSource keeps rays from meeting the triangle they leave; kNone is for measuring what that costs.
+  // kSkipSource keeps rays from meeting the triangle they leave; kNone is for measuring what that
+  // costs.
   enum class Filters { kSkipSource, kNone };
   // `geometry` must outlive the result: its buffers are not copied. build_threads 0: all of them.
   // Errors: kResourceExhausted where memory runs out, kInternal with Embree's words otherwise.

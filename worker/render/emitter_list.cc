@@ -51,8 +51,8 @@ uint32_t EmitterList::AddMesh(const BakedMesh& mesh, const AreaLightDescription&
   const auto first = static_cast<uint32_t>(input_.triangles.size());
   for (size_t i = 0; i < mesh.indices.size(); i += 3) {
     const uint32_t* t = &mesh.indices[i];
-    TriangleEmitter emitter{mesh.positions[t[0]], mesh.positions[t[1]], mesh.positions[t[2]], radiance,
-                            light.two_sided};
+    TriangleEmitter emitter{mesh.positions[t[0]], mesh.positions[t[1]], mesh.positions[t[2]],
+                            radiance, light.two_sided};
     if (TriangleFacing(mesh, t, TriangleCross(mesh, t)) < 0) std::swap(emitter.v1, emitter.v2);
     input_.triangles.push_back(emitter);
   }
@@ -75,7 +75,8 @@ std::string EmitterList::ProblemWith(const Quadric& q) {
     return "";
   }
   if (!round_xy || q.phi_max < 2 * std::numbers::pi) {
-    return "Shape \"disk\": as an area light it must be round and go all the way about (phimax 360); "
+    return "Shape \"disk\": as an area light it must be round and go all the way about (phimax "
+           "360); "
            "use a triangle mesh for other shapes";
   }
   return "";
@@ -95,8 +96,8 @@ uint32_t EmitterList::AddQuadric(const Quadric& q, bool flips, const AreaLightDe
   const Rgb radiance = RadianceOf(light, std::numbers::pi * (outer - inner) * (outer + inner));
   if (radiance.IsBlack()) return kNoEmitter;
   const Vec3d normal = Normalize(q.object_from_target.TransposedVector({0, 0, 1}));
-  input_.disks.push_back({m.Point({0, 0, q.z_min}), flips ? -normal : normal, Normalize(m.x), outer, inner,
-                          radiance, light.two_sided});
+  input_.disks.push_back({m.Point({0, 0, q.z_min}), flips ? -normal : normal, Normalize(m.x), outer,
+                          inner, radiance, light.two_sided});
   return static_cast<uint32_t>(input_.disks.size() - 1);
 }
 

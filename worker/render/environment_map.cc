@@ -199,7 +199,8 @@ double EnvironmentMap::PbrtIlluminance() const {
 
 size_t EnvironmentMap::size_bytes() const {
   return padded_.size() * sizeof(Rgb) + row_sums_.size() * sizeof(double) +
-         row_totals_.size() * sizeof(double) + row_guides_.size() * sizeof(uint16_t) + rows_.size_bytes();
+         row_totals_.size() * sizeof(double) + row_guides_.size() * sizeof(uint16_t) +
+         rows_.size_bytes();
 }
 
 }  // namespace sheaf::render

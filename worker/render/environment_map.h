@@ -57,12 +57,12 @@ class EnvironmentMap {
   // strip between two node rows.
   std::vector<double> node_position_;  // In texel coordinates.
   std::vector<double> row_sums_;       // [size + 2][size + 2].
-  // Small copies that stay in the cache, where row_sums_ does not: the rows' totals, and for each row
-  // and k in 0 .. kGuideCount the node before which the share k / kGuideCount of its integral lies. They
-  // only say where to look first; what is found does not depend on them.
+  // Small copies that stay in the cache, where row_sums_ does not: the rows' totals, and for each
+  // row and k in 0 .. kGuideCount the node before which the share k / kGuideCount of its integral
+  // lies. They only say where to look first; what is found does not depend on them.
   static constexpr size_t kGuideCount = 64;
-  std::vector<double> row_totals_;     // [size + 2].
-  std::vector<uint16_t> row_guides_;   // [size + 2][kGuideCount + 1].
+  std::vector<double> row_totals_;    // [size + 2].
+  std::vector<uint16_t> row_guides_;  // [size + 2][kGuideCount + 1].
   DiscreteDistribution rows_;
 };
 

@@ -26,7 +26,8 @@ double Mitchell(double x, double b, double c) {
   x = 2 * std::fabs(x);
   if (x >= 2) return 0;
   if (x > 1) {
-    return ((-b - 6 * c) * x * x * x + (6 * b + 30 * c) * x * x + (-12 * b - 48 * c) * x + (8 * b + 24 * c)) /
+    return ((-b - 6 * c) * x * x * x + (6 * b + 30 * c) * x * x + (-12 * b - 48 * c) * x +
+            (8 * b + 24 * c)) /
            6;
   }
   return ((12 - 9 * b - 6 * c) * x * x * x + (-18 + 12 * b + 6 * c) * x * x + (6 - 2 * b)) / 6;
@@ -90,10 +91,11 @@ PixelFilter::AxisSample PixelFilter::SampleTable(const Table& table, float u) {
   // One number serves both the side and the distance from the centre.
   const float s = 2 * u - 1;
   const float v = std::fabs(s);
-  size_t i = table.guide[std::min(static_cast<size_t>(v * kIntervalCount), size_t{kIntervalCount - 1})];
+  size_t i =
+      table.guide[std::min(static_cast<size_t>(v * kIntervalCount), size_t{kIntervalCount - 1})];
   while (i + 1 < kIntervalCount && table.cdf[i + 1] <= v) ++i;
-  // Within the interval the density is linear: invert its quadratic in the form that holds where the
-  // slope vanishes.
+  // Within the interval the density is linear: invert its quadratic in the form that holds where
+  // the slope vanishes.
   const float a = std::fabs(table.value[i]), b = std::fabs(table.value[i + 1]);
   const float width = table.cdf[i + 1] - table.cdf[i];
   const float w = width > 0 ? std::clamp((v - table.cdf[i]) / width, 0.0f, 1.0f) : 0.5f;

@@ -3,7 +3,8 @@
 //
 // PixelFilter: where in the filter's footprint a sample falls. Positions are drawn in proportion to
 // the filter's magnitude, so that a sample counts for one pixel only and tiles need no borders.
-// Source: Ernst, Stamminger and Greiner 2006, "Filter Importance Sampling"; Mitchell and Netravali 1988.
+// Source: Ernst, Stamminger and Greiner 2006, "Filter Importance Sampling"; Mitchell and Netravali
+// 1988.
 #pragma once
 
 #include <cstdint>
@@ -22,8 +23,8 @@ struct FilterSample {
 
 class PixelFilter {
  public:
-  // Errors: kInvalidArgument with the filter's location: a radius or sigma that is not positive, or a
-  // filter whose integral is not positive.
+  // Errors: kInvalidArgument with the filter's location: a radius or sigma that is not positive, or
+  // a filter whose integral is not positive.
   static absl::StatusOr<PixelFilter> Make(const SceneDescription& scene);
   FilterSample Sample(Vec2f u) const;
 

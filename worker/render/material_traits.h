@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// What a material asks of the renderer, read off its description: which effects it calls for and what
-// a hit must compute for it.
+// What a material asks of the renderer, read off its description: which effects it calls for and
+// what a hit must compute for it.
 #pragma once
 
 #include <cstdint>
@@ -12,9 +12,9 @@
 namespace sheaf::render {
 
 struct MaterialNeeds {
-  uint32_t traits = 0;           // Of enum Trait; for a mix, of all it may turn into.
-  bool may_pass = false;         // An interface, or a mix, which decides at each hit.
-  bool anisotropic = false;      // Roughness differs between u and v.
+  uint32_t traits = 0;       // Of enum Trait; for a mix, of all it may turn into.
+  bool may_pass = false;     // An interface, or a mix, which decides at each hit.
+  bool anisotropic = false;  // Roughness differs between u and v.
   bool reads_textures = false;
 };
 

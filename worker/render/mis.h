@@ -8,8 +8,8 @@
 namespace sheaf::render {
 
 // Weight in [0, 1] of a sample drawn with pdf f that another technique would draw with pdf g (one
-// sample each, beta = 2). Weights of the two techniques sum to 1. Requires: f, g >= 0. Where both are
-// 0 or both infinite they share evenly.
+// sample each, beta = 2). Weights of the two techniques sum to 1. Requires: f, g >= 0. Where both
+// are 0 or both infinite they share evenly.
 inline float PowerHeuristic(float f, float g) {
   if (f == g) return 0.5f;
   if (f > g) {

@@ -1,11 +1,11 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// PathTracer: one sample of one pixel, by unidirectional path tracing with next-event estimation. At
-// each vertex a light is sampled, and the scattered ray may meet a light; the two are combined by
-// multiple importance sampling. Source: Kajiya 1986; Veach 1997, ch. 8-10; depth is counted as in
-// pbrt-v4's path integrator: a path has at most max_depth scattering events, emission seen directly
-// has none.
+// PathTracer: one sample of one pixel, by unidirectional path tracing with next-event estimation.
+// At each vertex a light is sampled, and the scattered ray may meet a light; the two are combined
+// by multiple importance sampling. Source: Kajiya 1986; Veach 1997, ch. 8-10; depth is counted as
+// in pbrt-v4's path integrator: a path has at most max_depth scattering events, emission seen
+// directly has none.
 //
 // Compiled for each trait combination of variant_list.h: code that a scene does not call for is not
 // there. The tracer is a parameter, so that a benchmark can record the rays.
@@ -25,12 +25,12 @@
 namespace sheaf::render {
 
 struct RayCounts {
-  uint64_t rays = 0;         // All.
+  uint64_t rays = 0;  // All.
   uint64_t shadow_rays = 0;
 };
 
-// Surfaces that let a ray pass (cut-outs, interfaces) do not count as scattering; beyond this many in
-// one segment the path ends, so that no arrangement of them can hold a worker.
+// Surfaces that let a ray pass (cut-outs, interfaces) do not count as scattering; beyond this many
+// in one segment the path ends, so that no arrangement of them can hold a worker.
 inline constexpr uint32_t kPassesMax = 1024;
 // Roulette starts after this many scattering events and ends a path with at most this probability.
 inline constexpr uint32_t kRouletteDepthMin = 1;
@@ -53,11 +53,11 @@ class PathTracer {
     Ray ray;
     Rgb throughput = Rgb::Grey(1);
     Rgb radiance;
-    float eta_scale = 1;     // Radiance gained by entering denser matter, which roulette disregards.
-    uint32_t depth = 0;      // Scattering events so far.
-    bool specular = true;    // No light sampling could have found what the ray meets.
-    float pdf = 0;           // Of the ray's direction, where not specular.
-    Vec3f from, from_n;      // Where light sampling stood, and its hint.
+    float eta_scale = 1;   // Radiance gained by entering denser matter, which roulette disregards.
+    uint32_t depth = 0;    // Scattering events so far.
+    bool specular = true;  // No light sampling could have found what the ray meets.
+    float pdf = 0;         // Of the ray's direction, where not specular.
+    Vec3f from, from_n;    // Where light sampling stood, and its hint.
   };
 
   // What decides at a surface that may let rays pass: uniform, independent for each pass.
@@ -72,12 +72,13 @@ class PathTracer {
   bool IsCutOut(const SurfacePoint& point, float u) const;
   void AddEscape(Path* path) const;
   void AddEmission(const SurfacePoint& point, Path* path) const;
-  void AddDirect(const Sampler& sampler, const SurfacePoint& point, const Bsdf& bsdf, Vec3f wo_local,
-                 Vec3f light_hint, Path* path);
+  void AddDirect(const Sampler& sampler, const SurfacePoint& point, const Bsdf& bsdf,
+                 Vec3f wo_local, Vec3f light_hint, Path* path);
   // Goes on along a sampled direction. False where the path ends.
   bool Scatter(const Sampler& sampler, const SurfacePoint& point, const Bsdf& bsdf, Vec3f wo_local,
                Vec3f light_hint, Path* path) const;
-  bool IsVisible(const SurfacePoint& point, const LightSample& light, std::array<float, 2> u_pass, float time);
+  bool IsVisible(const SurfacePoint& point, const LightSample& light, std::array<float, 2> u_pass,
+                 float time);
   bool IsVisibleThroughCutOuts(Ray ray, bool is_infinite, Vec3f end, std::array<float, 2> u_pass);
 
   const CompiledScene& scene_;
@@ -128,7 +129,8 @@ void PathTracer<kTraits, Tracer>::Trace(const Sampler& sampler, Path* path, Film
     ++counts_.rays;
     RawHit hit;
     if (!tracer_.Intersect(path->ray, &hit)) return AddEscape(path);
-    SurfacePoint point = MakeSurfacePoint<kTraits>(scene_.geometry, path->ray, hit, scene_.footprint);
+    SurfacePoint point =
+        MakeSurfacePoint<kTraits>(scene_.geometry, path->ray, hit, scene_.footprint);
     const Surface& surface = *point.surface;
     PassChoice choice{};
     if (kMayPass && (surface.has_alpha || surface.may_pass)) {
@@ -141,7 +143,8 @@ void PathTracer<kTraits, Tracer>::Trace(const Sampler& sampler, Path* path, Film
       AddEmission(point, path);
       // The last vertex needs no material, unless it may turn out not to be there.
       if (path->depth == depth_max && !is_first && !(kMayPass && surface.may_pass)) return;
-      bsdf = scene_.materials->template Evaluate<kTraits>(surface.material, TexturePointOf(point), choice.mix);
+      bsdf = scene_.materials->template Evaluate<kTraits>(surface.material, TexturePointOf(point),
+                                                          choice.mix);
       passes_through = kMayPass && bsdf.kind == BsdfKind::kInterface;
     }
     if (passes_through) {
@@ -152,8 +155,10 @@ void PathTracer<kTraits, Tracer>::Trace(const Sampler& sampler, Path* path, Film
     }
     passes = 0;
     const Vec3f wo = -path->ray.d;
-    // Seen from below its own horizon a shading normal has no meaning: the true one takes its place.
-    if (Dot(wo, point.shading.n) * Dot(wo, point.ng) <= 0) point.shading = Frame::FromNormal(point.ng);
+    // Seen from below its own horizon a shading normal has no meaning: the true one takes its
+    // place.
+    if (Dot(wo, point.shading.n) * Dot(wo, point.ng) <= 0)
+      point.shading = Frame::FromNormal(point.ng);
     if (is_first) {
       is_first = false;
       film->alpha = 1;
@@ -163,8 +168,9 @@ void PathTracer<kTraits, Tracer>::Trace(const Sampler& sampler, Path* path, Film
     }
     if (path->depth++ == depth_max) return;
     const Vec3f wo_local = point.shading.ToLocal(wo);
-    const bool transmits = Has(kTraits, Trait::kSpecularTransmission) &&
-                           (bsdf.kind == BsdfKind::kDielectric || bsdf.kind == BsdfKind::kThinDielectric);
+    const bool transmits =
+        Has(kTraits, Trait::kSpecularTransmission) &&
+        (bsdf.kind == BsdfKind::kDielectric || bsdf.kind == BsdfKind::kThinDielectric);
     // Lights behind an opaque surface need not be looked at.
     Vec3f light_hint{};
     if (!transmits) light_hint = Dot(wo, point.ng) < 0 ? -point.ng : point.ng;
@@ -180,10 +186,12 @@ typename PathTracer<kTraits, Tracer>::PassChoice PathTracer<kTraits, Tracer>::Ma
   // Later surfaces of the same segment must decide independently: hash the slot's numbers.
   uint64_t state = (uint64_t{std::bit_cast<uint32_t>(u[0])} << 32) | std::bit_cast<uint32_t>(u[1]);
   state += uint64_t{pass} * 0x9e3779b97f4a7c15u;
-  state = (state ^ (state >> 30)) * 0xbf58476d1ce4e5b9u;  // Mixer of SplitMix64, Steele et al. 2014.
+  state =
+      (state ^ (state >> 30)) * 0xbf58476d1ce4e5b9u;  // Mixer of SplitMix64, Steele et al. 2014.
   state = (state ^ (state >> 27)) * 0x94d049bb133111ebu;
   state ^= state >> 31;
-  return {static_cast<float>(state >> 40) * 0x1p-24f, static_cast<float>((state >> 8) & 0xffffff) * 0x1p-24f};
+  return {static_cast<float>(state >> 40) * 0x1p-24f,
+          static_cast<float>((state >> 8) & 0xffffff) * 0x1p-24f};
 }
 
 template <uint32_t kTraits, typename Tracer>
@@ -203,7 +211,8 @@ bool PathTracer<kTraits, Tracer>::IsCutOut(const SurfacePoint& point, float u) c
   if constexpr (kMayPass) {
     if (!point.surface->has_alpha) return false;
     const ShapeDescription& shape = scene_.description.shapes[point.surface->shape];
-    return u >= scene_.materials->template EvaluateFloat<kTraits>(shape.alpha, TexturePointOf(point));
+    return u >=
+           scene_.materials->template EvaluateFloat<kTraits>(shape.alpha, TexturePointOf(point));
   }
   return false;
 }
@@ -226,12 +235,14 @@ template <uint32_t kTraits, typename Tracer>
 void PathTracer<kTraits, Tracer>::AddEmission(const SurfacePoint& point, Path* path) const {
   if constexpr (Has(kTraits, Trait::kAreaLights)) {
     if (point.emitter == kNoEmitter) return;
-    const Rgb radiance = scene_.lights->EmitterRadiance(point.emitter, point.EmitterNormal(), -path->ray.d);
+    const Rgb radiance =
+        scene_.lights->EmitterRadiance(point.emitter, point.EmitterNormal(), -path->ray.d);
     if (radiance.IsBlack()) return;
     float weight = 1;
     if (!path->specular) {
-      weight = PowerHeuristic(path->pdf, scene_.lights->template PdfEmitter<kTraits>(
-                                             point.emitter, path->from, path->from_n, path->ray.d, point.p));
+      weight = PowerHeuristic(path->pdf,
+                              scene_.lights->template PdfEmitter<kTraits>(
+                                  point.emitter, path->from, path->from_n, path->ray.d, point.p));
     }
     path->radiance += path->throughput * radiance * weight;
   }
@@ -312,7 +323,8 @@ bool PathTracer<kTraits, Tracer>::IsVisibleThroughCutOuts(Ray ray, bool is_infin
     ++counts_.shadow_rays;
     RawHit hit;
     if (!tracer_.Intersect(ray, &hit)) return true;
-    const SurfacePoint point = MakeSurfacePoint<kTraits>(scene_.geometry, ray, hit, scene_.footprint);
+    const SurfacePoint point =
+        MakeSurfacePoint<kTraits>(scene_.geometry, ray, hit, scene_.footprint);
     const Surface& surface = *point.surface;
     if (!surface.has_alpha && !surface.may_pass) return false;
     // Pass numbers from 1 on: the slot's own numbers have been used to choose the light.

@@ -79,7 +79,8 @@ QuadricParameters DiskParameters(const Quadric& q, Vec3d p) {
   const double rho = std::sqrt(p.x * p.x + p.y * p.y);
   const double cos_phi = rho > 0 ? p.x / rho : 1, sin_phi = rho > 0 ? p.y / rho : 0;
   const double ring = q.radius - q.inner_radius;
-  return {{static_cast<float>(AzimuthOf(p.x, p.y) / q.phi_max), static_cast<float>((q.radius - rho) / ring)},
+  return {{static_cast<float>(AzimuthOf(p.x, p.y) / q.phi_max),
+           static_cast<float>((q.radius - rho) / ring)},
           Vec3d{-sin_phi, cos_phi, 0} * (q.phi_max * (rho > 0 ? rho : q.radius)),
           Vec3d{cos_phi, sin_phi, 0} * -ring};
 }
@@ -125,6 +126,37 @@ std::array<Vec3f, 2> QuadricBounds(const Quadric& q) {
     bounds[1][i] = NextUp(static_cast<float>(center[i] + extent));
   }
   return bounds;
+}
+
+namespace {
+
+double PhiMax(float degrees) {
+  if (degrees >= 360) return 2 * std::numbers::pi;
+  return std::max(0.0, static_cast<double>(degrees)) * (std::numbers::pi / 180);
+}
+
+}  // namespace
+
+Quadric MakeQuadric(const SphereShape& sphere) {
+  Quadric q;
+  q.kind = Quadric::Kind::kSphere;
+  q.radius = std::fabs(static_cast<double>(sphere.radius));
+  q.z_min = std::clamp<double>(std::min(sphere.z_min, sphere.z_max), -q.radius, q.radius);
+  q.z_max = std::clamp<double>(std::max(sphere.z_min, sphere.z_max), -q.radius, q.radius);
+  q.phi_max = PhiMax(sphere.phi_max_degrees);
+  q.is_partial = q.z_min > -q.radius || q.z_max < q.radius || sphere.phi_max_degrees < 360;
+  return q;
+}
+
+Quadric MakeQuadric(const DiskShape& disk) {
+  Quadric q;
+  q.kind = Quadric::Kind::kDisk;
+  q.radius = disk.radius;
+  q.z_min = q.z_max = disk.height;
+  q.inner_radius = disk.inner_radius;
+  q.phi_max = PhiMax(disk.phi_max_degrees);
+  q.is_partial = disk.inner_radius > 0 || disk.phi_max_degrees < 360;
+  return q;
 }
 
 }  // namespace sheaf::render

@@ -1,11 +1,11 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Exact spheres and disks, whole or partial, under any affine transform: intersected in object space
-// in double. The distance of closest approach comes from the perpendicular from the centre to the ray,
-// which keeps its digits however far the ray starts.
-// Source: Haines et al. 2019, "Precision Improvements for Ray/Sphere Intersection", Ray Tracing Gems
-// ch. 7; parametrisation after pbrt-v4, ch. 6.2 and 6.4.
+// Exact spheres and disks, whole or partial, under any affine transform: intersected in object
+// space in double. The distance of closest approach comes from the perpendicular from the centre to
+// the ray, which keeps its digits however far the ray starts. Source: Haines et al. 2019,
+// "Precision Improvements for Ray/Sphere Intersection", Ray Tracing Gems ch. 7; parametrisation
+// after pbrt-v4, ch. 6.2 and 6.4.
 #pragma once
 
 #include <array>
@@ -13,6 +13,7 @@
 #include <optional>
 
 #include "common/math/vec.h"
+#include "common/scene/scene_description.h"
 #include "worker/render/affine.h"
 
 namespace sheaf::render {
@@ -28,14 +29,18 @@ struct Quadric {
   Vec3f coordinate_max;  // No coordinate met on the way to a point is larger: for error bounds.
 };
 
+// A shape as written, its ranges clamped and put in order; the transforms are left as identities.
+Quadric MakeQuadric(const SphereShape& sphere);
+Quadric MakeQuadric(const DiskShape& disk);
+
 // The least t in (0, t_max) at which o + t d (target space) meets the quadric.
 std::optional<double> IntersectQuadric(const Quadric& quadric, Vec3d o, Vec3d d, double t_max);
 
-// A point of the quadric itself: o + t d (target space) moved onto it along the object-space radius,
-// or the disk's normal.
+// A point of the quadric itself: o + t d (target space) moved onto it along the object-space
+// radius, or the disk's normal.
 struct QuadricPoint {
-  Vec3d p;         // Target space.
-  Vec3d n;         // Unit, target space; outward (spheres) or along the image of +z (disks).
+  Vec3d p;  // Target space.
+  Vec3d n;  // Unit, target space; outward (spheres) or along the image of +z (disks).
   Vec3d p_object;
 };
 QuadricPoint QuadricPointAt(const Quadric& quadric, Vec3d o, Vec3d d, double t);

@@ -1,9 +1,9 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Rays and where they may start. A point computed in float is off by a bounded amount; a ray leaving
-// a surface starts beyond that bound, on the side it leaves to, so that it cannot meet the surface it
-// leaves. The bounds are relative to the numbers at hand: no length of the scene enters.
+// Rays and where they may start. A point computed in float is off by a bounded amount; a ray
+// leaving a surface starts beyond that bound, on the side it leaves to, so that it cannot meet the
+// surface it leaves. The bounds are relative to the numbers at hand: no length of the scene enters.
 // Source: pbrt-v4, sec. 6.8; Higham 2002, "Accuracy and Stability of Numerical Algorithms", ch. 3.
 #pragma once
 
@@ -22,7 +22,8 @@ constexpr float Gamma(int n) {
   return static_cast<float>(n) * kHalfUlp / (1 - static_cast<float>(n) * kHalfUlp);
 }
 
-// Names a primitive of the scene: a triangle of a mesh, or a quadric, of the world or a placed group.
+// Names a primitive of the scene: a triangle of a mesh, or a quadric, of the world or a placed
+// group.
 struct PrimitiveId {
   uint32_t geometry = ~0u, primitive = ~0u, placed = ~0u;
   friend constexpr bool operator==(const PrimitiveId&, const PrimitiveId&) = default;
@@ -33,8 +34,8 @@ struct Ray {
   Vec3f o, d;
   float t_max = std::numeric_limits<float>::infinity();
   float time = 0;  // Fraction of the shutter interval, in [0, 1].
-  // The primitive the ray leaves. A triangle is flat, so it is not met again: the tracer's own rounding
-  // on a needle-like triangle may be larger than any offset one would want.
+  // The primitive the ray leaves. A triangle is flat, so it is not met again: the tracer's own
+  // rounding on a needle-like triangle may be larger than any offset one would want.
   PrimitiveId source;
 };
 

@@ -86,7 +86,8 @@ class PlanMaker {
       Ask(Trait::kQuadrics, shape.location, "Shape \"disk\"");
     }
     if (shape.area_light != kNone) {
-      Ask(Trait::kAreaLights, scene_.area_lights[shape.area_light].location, "AreaLightSource \"diffuse\"");
+      Ask(Trait::kAreaLights, scene_.area_lights[shape.area_light].location,
+          "AreaLightSource \"diffuse\"");
     }
     if (shape.has_alpha) {
       Ask(Trait::kAlpha, shape.location, "Shape \"alpha\"");
@@ -105,8 +106,9 @@ class PlanMaker {
     if (material == kNone || !materials_seen_.insert(material).second) return;
     const MaterialDescription& description = scene_.materials[material];
     const uint32_t traits = NeedsOfMaterial(scene_, material).traits;
-    const std::string what = description.name.empty() ? std::string("Material")
-                                                      : absl::StrCat("material \"", description.name, "\"");
+    const std::string what = description.name.empty()
+                                 ? std::string("Material")
+                                 : absl::StrCat("material \"", description.name, "\"");
     for (const TraitName& t : kTraitNames) {
       if ((traits & static_cast<uint32_t>(t.trait)) != 0) Ask(t.trait, description.location, what);
     }
@@ -116,7 +118,8 @@ class PlanMaker {
     std::set<int32_t> objects_seen;
     for (const ObjectInstance& instance : scene_.instances) {
       const ObjectDefinition& object = scene_.objects[instance.object];
-      Ask(Trait::kInstances, instance.location, absl::StrCat("ObjectInstance \"", object.name, "\""));
+      Ask(Trait::kInstances, instance.location,
+          absl::StrCat("ObjectInstance \"", object.name, "\""));
       if (instance.world_from_instance.IsAnimated() && ShutterIsOpen()) {
         Ask(Trait::kMotion, instance.location,
             absl::StrCat("ObjectInstance \"", object.name, "\" moves while the shutter is open"));
@@ -179,7 +182,8 @@ std::string FormatRenderPlan(const RenderPlan& plan) {
   for (const PlannedEffect& effect : plan.effects) width = std::max(width, effect.name.size());
   std::string text;
   for (const PlannedEffect& effect : plan.effects) {
-    absl::StrAppend(&text, effect.name, std::string(width - effect.name.size() + 2, ' '), effect.cause, "\n");
+    absl::StrAppend(&text, effect.name, std::string(width - effect.name.size() + 2, ' '),
+                    effect.cause, "\n");
   }
   if (!plan.unused.empty()) absl::StrAppend(&text, "not used: ", JoinNames(plan.unused), "\n");
   std::vector<std::string> carried;

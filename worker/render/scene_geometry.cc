@@ -13,30 +13,12 @@
 #include <variant>
 
 #include "absl/strings/str_cat.h"
-#include "common/math/next_float.h"
+#include "worker/render/bounds.h"
 #include "worker/render/emitter_list.h"
 #include "worker/render/material_traits.h"
 
 namespace sheaf::render {
 namespace {
-
-class Bounds {
- public:
-  void Add(Vec3d p) {
-    for (size_t i = 0; i < 3; ++i) {
-      lower_[i] = std::min(lower_[i], p[i]);
-      upper_[i] = std::max(upper_[i], p[i]);
-    }
-  }
-  bool empty() const { return !(lower_.x <= upper_.x); }
-  Vec3d Center() const { return empty() ? Vec3d{} : lower_ * 0.5 + upper_ * 0.5; }
-  Vec3d lower() const { return lower_; }
-  Vec3d upper() const { return upper_; }
-
- private:
-  static constexpr double kInf = std::numeric_limits<double>::infinity();
-  Vec3d lower_{kInf, kInf, kInf}, upper_{-kInf, -kInf, -kInf};
-};
 
 bool IsFinite(Vec3f v) { return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z); }
 
@@ -63,8 +45,8 @@ class SceneBaker {
                                     SourceLocation location);
   absl::Status AddShape(int32_t shape_index, const Affine& target_from_shape, bool may_emit,
                         GeometryGroup* group);
-  absl::Status AddMesh(const ShapeDescription& shape, Surface surface, const Affine& target_from_shape,
-                       bool may_emit, GeometryGroup* group);
+  absl::Status AddMesh(const ShapeDescription& shape, Surface surface,
+                       const Affine& target_from_shape, bool may_emit, GeometryGroup* group);
   absl::Status AddQuadric(const ShapeDescription& shape, Surface surface,
                           const Affine& target_from_shape, bool may_emit, GeometryGroup* group);
   Surface MakeSurface(int32_t shape_index) const;
@@ -161,7 +143,8 @@ absl::Status SceneBaker::AddMesh(const ShapeDescription& shape, Surface surface,
   for (size_t i = 0; i + 2 < baked.indices.size(); i += 3) {
     const uint32_t* t = &baked.indices[i];
     const Vec3d p0 = ToDouble(baked.positions[t[0]]);
-    const Vec3d area = Cross(ToDouble(baked.positions[t[1]]) - p0, ToDouble(baked.positions[t[2]]) - p0);
+    const Vec3d area =
+        Cross(ToDouble(baked.positions[t[1]]) - p0, ToDouble(baked.positions[t[2]]) - p0);
     if (!(LengthSquared(area) > 0)) {
       ++geometry_.degenerate_triangle_count;
       continue;
@@ -179,44 +162,18 @@ absl::Status SceneBaker::AddMesh(const ShapeDescription& shape, Surface surface,
   return absl::OkStatus();
 }
 
-double PhiMax(float degrees) {
-  if (degrees >= 360) return 2 * std::numbers::pi;
-  return std::max(0.0, static_cast<double>(degrees)) * (std::numbers::pi / 180);
-}
-
-Quadric MakeQuadric(const SphereShape& sphere) {
-  Quadric q;
-  q.kind = Quadric::Kind::kSphere;
-  q.radius = std::fabs(static_cast<double>(sphere.radius));
-  q.z_min = std::clamp<double>(std::min(sphere.z_min, sphere.z_max), -q.radius, q.radius);
-  q.z_max = std::clamp<double>(std::max(sphere.z_min, sphere.z_max), -q.radius, q.radius);
-  q.phi_max = PhiMax(sphere.phi_max_degrees);
-  q.is_partial = q.z_min > -q.radius || q.z_max < q.radius || sphere.phi_max_degrees < 360;
-  return q;
-}
-
-Quadric MakeQuadric(const DiskShape& disk) {
-  Quadric q;
-  q.kind = Quadric::Kind::kDisk;
-  q.radius = disk.radius;
-  q.z_min = q.z_max = disk.height;
-  q.inner_radius = disk.inner_radius;
-  q.phi_max = PhiMax(disk.phi_max_degrees);
-  q.is_partial = disk.inner_radius > 0 || disk.phi_max_degrees < 360;
-  return q;
-}
-
 absl::Status SceneBaker::AddQuadric(const ShapeDescription& shape, Surface surface,
                                     const Affine& target_from_shape, bool may_emit,
                                     GeometryGroup* group) {
   const auto* sphere = std::get_if<SphereShape>(&shape.shape);
-  BakedQuadric baked{surface,
-                     sphere != nullptr ? MakeQuadric(*sphere) : MakeQuadric(std::get<DiskShape>(shape.shape))};
+  BakedQuadric baked{surface, sphere != nullptr ? MakeQuadric(*sphere)
+                                                : MakeQuadric(std::get<DiskShape>(shape.shape))};
   Quadric& q = baked.quadric;
   if (!(q.radius > 0) || !(q.phi_max > 0) || q.inner_radius >= q.radius ||
       (sphere != nullptr && q.z_min >= q.z_max)) {
-    return Fail(shape.location, "Shape: a sphere or disk of no extent; give it a positive radius, "
-                                "phimax and z range");
+    return Fail(shape.location,
+                "Shape: a sphere or disk of no extent; give it a positive radius, "
+                "phimax and z range");
   }
   q.target_from_object = target_from_shape;
   q.object_from_target = Inverse(target_from_shape);
@@ -237,8 +194,8 @@ absl::Status SceneBaker::AddQuadric(const ShapeDescription& shape, Surface surfa
   return absl::OkStatus();
 }
 
-absl::Status SceneBaker::AddShape(int32_t shape_index, const Affine& target_from_shape, bool may_emit,
-                                  GeometryGroup* group) {
+absl::Status SceneBaker::AddShape(int32_t shape_index, const Affine& target_from_shape,
+                                  bool may_emit, GeometryGroup* group) {
   const ShapeDescription& shape = scene_.shapes[shape_index];
   if (shape.area_light != kNone && !may_emit) {
     return Fail(shape.location,
@@ -255,11 +212,13 @@ absl::Status SceneBaker::AddShape(int32_t shape_index, const Affine& target_from
 void SceneBaker::GrowBounds(const ShapeDescription& shape, const Affine& transform,
                             Bounds* bounds) const {
   if (const auto* mesh = std::get_if<MeshShape>(&shape.shape)) {
-    for (const Vec3f& p : scene_.meshes[mesh->mesh].positions) bounds->Add(transform.Point(ToDouble(p)));
+    for (const Vec3f& p : scene_.meshes[mesh->mesh].positions)
+      bounds->Add(transform.Point(ToDouble(p)));
     return;
   }
   const auto* sphere = std::get_if<SphereShape>(&shape.shape);
-  Quadric q = sphere != nullptr ? MakeQuadric(*sphere) : MakeQuadric(std::get<DiskShape>(shape.shape));
+  Quadric q =
+      sphere != nullptr ? MakeQuadric(*sphere) : MakeQuadric(std::get<DiskShape>(shape.shape));
   q.target_from_object = transform;
   for (const Vec3f& p : QuadricBounds(q)) bounds->Add(ToDouble(p));
 }
@@ -293,8 +252,9 @@ absl::Status SceneBaker::BakeObjects() {
     for (const int32_t index : object.shapes) {
       const ShapeDescription& shape = scene_.shapes[index];
       if (Moves(shape.world_from_object)) {
-        return Fail(shape.location, "Shape: motion within an object definition is not supported; "
-                                    "animate the instance instead");
+        return Fail(shape.location,
+                    "Shape: motion within an object definition is not supported; "
+                    "animate the instance instead");
       }
       absl::StatusOr<Affine> transform = StillTransform(shape.world_from_object, shape.location);
       if (!transform.ok()) return transform.status();
@@ -305,7 +265,8 @@ absl::Status SceneBaker::BakeObjects() {
     group.center = bounds.Center();
     for (size_t i = 0; i < object.shapes.size(); ++i) {
       transforms[i].offset = transforms[i].offset - group.center;
-      const absl::Status status = AddShape(object.shapes[i], transforms[i], /*may_emit=*/false, &group);
+      const absl::Status status =
+          AddShape(object.shapes[i], transforms[i], /*may_emit=*/false, &group);
       if (!status.ok()) return status;
     }
     FinishGroup(&group);
@@ -328,10 +289,12 @@ absl::Status SceneBaker::BakeInstances() {
       placed.render_from_group =
           geometry_.motions[placed.motion].RenderFromGroup(geometry_.shutter_open);
     } else {
-      absl::StatusOr<Affine> transform = StillTransform(instance.world_from_instance, instance.location);
+      absl::StatusOr<Affine> transform =
+          StillTransform(instance.world_from_instance, instance.location);
       if (!transform.ok()) return transform.status();
       placed.render_from_group = *transform;
-      placed.render_from_group.offset = transform->Point(group.center) - geometry_.render_origin_world;
+      placed.render_from_group.offset =
+          transform->Point(group.center) - geometry_.render_origin_world;
     }
     placed.group_from_render = Inverse(placed.render_from_group);
     (placed.motion == kNone ? geometry_.still : geometry_.moving).push_back(placed);
@@ -346,7 +309,8 @@ absl::Status SceneBaker::BakeWorldShapes() {
       absl::StatusOr<Affine> transform = StillTransform(shape.world_from_object, shape.location);
       if (!transform.ok()) return transform.status();
       transform->offset = transform->offset - geometry_.render_origin_world;
-      const absl::Status status = AddShape(index, *transform, /*may_emit=*/true, &geometry_.groups[0]);
+      const absl::Status status =
+          AddShape(index, *transform, /*may_emit=*/true, &geometry_.groups[0]);
       if (!status.ok()) return status;
       continue;
     }
@@ -361,7 +325,8 @@ absl::Status SceneBaker::BakeWorldShapes() {
     if (!status.ok()) return status;
     if (group.meshes.empty() && group.quadrics.empty()) continue;
     FinishGroup(&group);
-    absl::StatusOr<int32_t> motion = AddMotion(shape.world_from_object, group.center, shape.location);
+    absl::StatusOr<int32_t> motion =
+        AddMotion(shape.world_from_object, group.center, shape.location);
     if (!motion.ok()) return motion.status();
     PlacedGroup placed;
     placed.group = static_cast<uint32_t>(geometry_.groups.size());
@@ -402,7 +367,8 @@ void SceneBaker::FinishSceneBounds() {
 absl::StatusOr<BakedScene> SceneBaker::Bake() {
   geometry_.shutter_open = scene_.camera.shutter_open;
   geometry_.shutter_close = std::max(scene_.camera.shutter_open, scene_.camera.shutter_close);
-  absl::StatusOr<Affine> camera = StillTransform(scene_.camera.world_from_camera, scene_.camera.location);
+  absl::StatusOr<Affine> camera =
+      StillTransform(scene_.camera.world_from_camera, scene_.camera.location);
   if (!camera.ok()) return camera.status();
   geometry_.render_origin_world = camera->offset;
   CountMeshUses();
@@ -418,50 +384,13 @@ absl::StatusOr<BakedScene> SceneBaker::Bake() {
   const Vec3f &lower = baked.geometry.bounds_lower, &upper = baked.geometry.bounds_upper;
   baked.emitters.render_origin_world = baked.geometry.render_origin_world;
   baked.emitters.scene_center = lower * 0.5f + upper * 0.5f;
-  baked.emitters.scene_radius = std::max(Length(upper * 0.5f - lower * 0.5f), std::numeric_limits<float>::min());
+  baked.emitters.scene_radius =
+      std::max(Length(upper * 0.5f - lower * 0.5f), std::numeric_limits<float>::min());
   scene_.meshes.clear();
   return baked;
 }
 
-// Corners of a box under an affine map, as bounds.
-Bounds MapBox(const Affine& transform, Vec3f lower, Vec3f upper) {
-  Bounds bounds;
-  for (int corner = 0; corner < 8; ++corner) {
-    bounds.Add(transform.Point({corner & 1 ? upper.x : lower.x, corner & 2 ? upper.y : lower.y,
-                                corner & 4 ? upper.z : lower.z}));
-  }
-  return bounds;
-}
-
-PlacedBounds RoundOut(const Bounds& bounds, double margin) {
-  PlacedBounds box;
-  for (size_t i = 0; i < 3; ++i) {
-    box.lower[i] = NextDown(static_cast<float>(bounds.lower()[i] - margin));
-    box.upper[i] = NextUp(static_cast<float>(bounds.upper()[i] + margin));
-  }
-  return box;
-}
-
 }  // namespace
-
-PlacedBounds BoundsOfStill(const SceneGeometry& geometry, const PlacedGroup& placed) {
-  const GeometryGroup& group = geometry.groups[placed.group];
-  return RoundOut(MapBox(placed.render_from_group, group.bounds_lower, group.bounds_upper), 0);
-}
-
-PlacedBounds BoundsOfMoving(const SceneGeometry& geometry, const PlacedGroup& placed, uint32_t step) {
-  const GeometryGroup& group = geometry.groups[placed.group];
-  const GroupMotion& motion = geometry.motions[placed.motion];
-  const double duration = (geometry.shutter_close - geometry.shutter_open) / (kMotionStepCount - 1);
-  const double time = geometry.shutter_open + duration * step;
-  // Between steps the tracer moves boxes linearly; the margin holds what strays from that. The
-  // group's points are about its centre, so the centre's own path adds to the radius.
-  const double radius = group.radius + Length(motion.group_center);
-  const double margin =
-      std::max(motion.world_from_placed.LinearDeviationMax(time, time + duration, radius),
-               motion.world_from_placed.LinearDeviationMax(time - duration, time, radius));
-  return RoundOut(MapBox(motion.RenderFromGroup(time), group.bounds_lower, group.bounds_upper), margin);
-}
 
 absl::StatusOr<BakedScene> BakeScene(SceneDescription* scene) { return SceneBaker(scene).Bake(); }
 

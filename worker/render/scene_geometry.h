@@ -1,10 +1,10 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// SceneGeometry: the scene's surfaces as the ray tracer and the hits see them. What is placed in the
-// world directly is baked into render space: world axes, origin at the camera when the shutter opens,
-// so that coordinates are small where they are seen. Object definitions are baked about the centre of
-// their own bounds and placed by transforms of double.
+// SceneGeometry: the scene's surfaces as the ray tracer and the hits see them. What is placed in
+// the world directly is baked into render space: world axes, origin at the camera when the shutter
+// opens, so that coordinates are small where they are seen. Object definitions are baked about the
+// centre of their own bounds and placed by transforms of double.
 #pragma once
 
 #include <cstdint>
@@ -24,21 +24,21 @@ inline constexpr uint32_t kNoEmitter = ~0u;
 // What all points of one shape have in common.
 struct Surface {
   int32_t material = kNone;
-  int32_t shape = kNone;           // Index in SceneDescription::shapes.
-  uint32_t emitter = kNoEmitter;   // Id of the shape's first primitive in the light table.
-  bool flips_normal = false;       // reverse_orientation, and for triangles a mirroring transform.
+  int32_t shape = kNone;          // Index in SceneDescription::shapes.
+  uint32_t emitter = kNoEmitter;  // Id of the shape's first primitive in the light table.
+  bool flips_normal = false;      // reverse_orientation, and for triangles a mirroring transform.
   bool has_alpha = false;
-  bool may_pass = false;           // The material is an interface, or a mix (which may turn into one).
+  bool may_pass = false;  // The material is an interface, or a mix (which may turn into one).
   bool is_sphere = false;
-  bool needs_tangent = false;      // Roughness differs between u and v.
-  bool needs_footprint = false;    // The material or the cut-out reads a texture.
+  bool needs_tangent = false;    // Roughness differs between u and v.
+  bool needs_footprint = false;  // The material or the cut-out reads a texture.
 };
 struct BakedMesh {
   Surface surface;
-  std::vector<Vec3f> positions;    // One more than used: the ray tracer reads 16 bytes a vertex.
-  std::vector<Vec3f> normals;      // Unit length, or empty.
-  std::vector<Vec2f> uvs;          // Or empty.
-  std::vector<uint32_t> indices;   // Three per triangle; degenerate triangles are gone.
+  std::vector<Vec3f> positions;   // One more than used: the ray tracer reads 16 bytes a vertex.
+  std::vector<Vec3f> normals;     // Unit length, or empty.
+  std::vector<Vec2f> uvs;         // Or empty.
+  std::vector<uint32_t> indices;  // Three per triangle; degenerate triangles are gone.
 };
 struct BakedQuadric {
   Surface surface;
@@ -48,14 +48,14 @@ struct BakedQuadric {
 struct GeometryGroup {
   std::vector<BakedMesh> meshes;
   std::vector<BakedQuadric> quadrics;
-  Vec3d center;                    // Of its own space, in the space of the shapes' transforms.
+  Vec3d center;  // Of its own space, in the space of the shapes' transforms.
   Vec3f bounds_lower, bounds_upper;
-  double radius = 0;               // Of the ball about `center` that holds everything.
+  double radius = 0;  // Of the ball about `center` that holds everything.
 };
 struct PlacedGroup {
   uint32_t group = 0;
   Affine render_from_group, group_from_render;  // At shutter opening where it moves.
-  int32_t motion = kNone;          // Index in SceneGeometry::motions.
+  int32_t motion = kNone;                       // Index in SceneGeometry::motions.
 };
 struct GroupMotion {
   AnimatedTransform world_from_placed;
@@ -67,14 +67,14 @@ struct GroupMotion {
   }
 };
 struct SceneGeometry {
-  std::vector<GeometryGroup> groups;     // groups[0] is the world, in render space.
-  std::vector<PlacedGroup> still;        // Placed without motion.
+  std::vector<GeometryGroup> groups;  // groups[0] is the world, in render space.
+  std::vector<PlacedGroup> still;     // Placed without motion.
   std::vector<PlacedGroup> moving;
   std::vector<GroupMotion> motions;
   Vec3d render_origin_world;
   double shutter_open = 0, shutter_close = 0;
   uint64_t degenerate_triangle_count = 0;
-  Vec3f bounds_lower, bounds_upper;      // Of everything over the shutter, render space.
+  Vec3f bounds_lower, bounds_upper;  // Of everything over the shutter, render space.
 };
 
 // Where a placed group is when the ray is, at a fraction of the shutter interval.
@@ -99,7 +99,8 @@ PlacedBounds BoundsOfStill(const SceneGeometry& geometry, const PlacedGroup& pla
 // Boxes at kMotionStepCount even steps over the shutter (step from 0): moved linearly between two
 // steps they hold the group at every time between.
 inline constexpr uint32_t kMotionStepCount = 17;
-PlacedBounds BoundsOfMoving(const SceneGeometry& geometry, const PlacedGroup& placed, uint32_t step);
+PlacedBounds BoundsOfMoving(const SceneGeometry& geometry, const PlacedGroup& placed,
+                            uint32_t step);
 
 struct BakedScene {
   SceneGeometry geometry;

@@ -1,9 +1,9 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// SurfacePoint: everything shading wants to know of a hit. The point is put back onto its triangle (or
-// quadric) in double from the surface's own description, so its error is that of one rounding to float,
-// however far the ray came from. Source: pbrt-v4, sec. 6.8.
+// SurfacePoint: everything shading wants to know of a hit. The point is put back onto its triangle
+// (or quadric) in double from the surface's own description, so its error is that of one rounding
+// to float, however far the ray came from. Source: pbrt-v4, sec. 6.8.
 #pragma once
 
 #include <cmath>
@@ -18,17 +18,18 @@
 namespace sheaf::render {
 
 struct SurfacePoint {
-  Vec3f p;           // Space: render.
-  Vec3f p_error;     // Bound of its absolute error, per component.
-  Vec3f ng;          // Unit geometric normal, on the surface's own front side.
-  Frame shading;     // n: unit shading normal, in the hemisphere of ng.
-  Vec2f uv;          // Where the surface reads textures.
+  Vec3f p;        // Space: render.
+  Vec3f p_error;  // Bound of its absolute error, per component.
+  Vec3f ng;       // Unit geometric normal, on the surface's own front side.
+  Frame shading;  // n: unit shading normal, in the hemisphere of ng.
+  Vec2f uv;       // Where the surface reads textures.
   Vec2f duv_dx, duv_dy;
   const Surface* surface = nullptr;
   uint32_t emitter = kNoEmitter;
   PrimitiveId id;
 
-  // The normal by which the light table knows emitters: outward for spheres, whichever side is front.
+  // The normal by which the light table knows emitters: outward for spheres, whichever side is
+  // front.
   Vec3f EmitterNormal() const { return surface->is_sphere && surface->flips_normal ? -ng : ng; }
 };
 
@@ -58,9 +59,10 @@ inline Vec3f MaxAbs(Vec3f a, Vec3f b, Vec3f c) {
   return result;
 }
 
-// uv and its tangents on a triangle. Without uvs the corners are (0,0), (1,0), (1,1), as in pbrt-v4.
-inline void AddTriangleParameters(const BakedMesh& mesh, const uint32_t* t, const RawHit& hit, Vec3d e1,
-                                  Vec3d e2, GroupPoint* point) {
+// uv and its tangents on a triangle. Without uvs the corners are (0,0), (1,0), (1,1), as in
+// pbrt-v4.
+inline void AddTriangleParameters(const BakedMesh& mesh, const uint32_t* t, const RawHit& hit,
+                                  Vec3d e1, Vec3d e2, GroupPoint* point) {
   Vec2f uv0{0, 0}, uv1{1, 0}, uv2{1, 1};
   if (!mesh.uvs.empty()) {
     uv0 = mesh.uvs[t[0]];
@@ -123,13 +125,13 @@ inline void PlacePoint(const Affine& render_from_group, const Affine& group_from
   const Vec3f g = point->coordinate_max;
   const double unit = static_cast<double>(Gamma(2));
   for (size_t i = 0; i < 3; ++i) {
-    (*rounding)[i] = unit * (std::fabs(render_from_group.x[i] * point->p.x) +
-                             std::fabs(render_from_group.y[i] * point->p.y) +
-                             std::fabs(render_from_group.z[i] * point->p.z)) +
-                     kDoubleRounding * (std::fabs(render_from_group.x[i]) * g.x +
-                                        std::fabs(render_from_group.y[i]) * g.y +
-                                        std::fabs(render_from_group.z[i]) * g.z +
-                                        std::fabs(render_from_group.offset[i]));
+    (*rounding)[i] =
+        unit * (std::fabs(render_from_group.x[i] * point->p.x) +
+                std::fabs(render_from_group.y[i] * point->p.y) +
+                std::fabs(render_from_group.z[i] * point->p.z)) +
+        kDoubleRounding *
+            (std::fabs(render_from_group.x[i]) * g.x + std::fabs(render_from_group.y[i]) * g.y +
+             std::fabs(render_from_group.z[i]) * g.z + std::fabs(render_from_group.offset[i]));
   }
   point->p = render_from_group.Point(point->p);
   const bool is_flat = point->ns == point->ng;
@@ -220,7 +222,8 @@ SurfacePoint MakeSurfacePoint(const SceneGeometry& geometry, const Ray& ray, con
     const BakedMesh& mesh = group.meshes[hit.id.geometry];
     point.surface = &mesh.surface;
     if (mesh.surface.emitter != kNoEmitter) point.emitter = mesh.surface.emitter + hit.id.primitive;
-    on = internal::TrianglePoint(mesh, hit, mesh.surface.needs_tangent || mesh.surface.needs_footprint);
+    on = internal::TrianglePoint(mesh, hit,
+                                 mesh.surface.needs_tangent || mesh.surface.needs_footprint);
   }
   Vec3d rounding = ToDouble(on.coordinate_max) * internal::kDoubleRounding;
   if (placed != nullptr) internal::PlacePoint(render_from_group, group_from_render, &on, &rounding);
@@ -233,7 +236,8 @@ SurfacePoint MakeSurfacePoint(const SceneGeometry& geometry, const Ray& ray, con
     point.uv = on.uv;
     internal::AddFootprint(on, footprint, &point);
   }
-  point.shading = point.surface->needs_tangent ? internal::ShadingFrame(ns, on) : Frame::FromNormal(ns);
+  point.shading =
+      point.surface->needs_tangent ? internal::ShadingFrame(ns, on) : Frame::FromNormal(ns);
   return point;
 }
 

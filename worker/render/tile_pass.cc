@@ -21,8 +21,9 @@ double ThreadCpuSeconds() {
 
 }  // namespace
 
-absl::StatusOr<FilmTile> RenderTilePass(const CompiledScene& scene, PixelRect tile, SampleBlock block,
-                                        std::stop_token stop, RenderStats* stats) {
+absl::StatusOr<FilmTile> RenderTilePass(const CompiledScene& scene, PixelRect tile,
+                                        SampleBlock block, std::stop_token stop,
+                                        RenderStats* stats) {
   if (tile.Width() <= 0 || tile.Height() <= 0 || !IsAligned(block)) {
     return absl::InvalidArgumentError("a tile pass needs a tile with pixels and an aligned block");
   }

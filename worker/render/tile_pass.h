@@ -25,7 +25,9 @@ struct CompileLimits {
 
 // Immutable after CompileScene; all const members may be used from many threads at once.
 class CompiledScene;
-struct CompiledSceneDeleter { void operator()(const CompiledScene* scene) const; };
+struct CompiledSceneDeleter {
+  void operator()(const CompiledScene* scene) const;
+};
 using CompiledScenePtr = std::unique_ptr<const CompiledScene, CompiledSceneDeleter>;
 
 // SceneDescription + RenderPlan > CompiledScene. Takes the description by value: its mesh buffers
@@ -39,16 +41,17 @@ uint64_t MemoryBytesOf(const CompiledScene& scene);
 
 struct RenderStats {
   uint64_t samples = 0;
-  uint64_t rays = 0;         // All rays traced: camera, scattered and shadow.
+  uint64_t rays = 0;  // All rays traced: camera, scattered and shadow.
   uint64_t shadow_rays = 0;
   double cpu_seconds = 0;
   std::vector<PixelAccumulator::NonFinite> non_finite;
 };
 
-// TilePass > FilmTile: renders every sample of the block in every pixel of the tile. A pure function
-// of (scene, tile, block). Single-threaded; call from as many threads as wanted.
-// Errors: kCancelled when stop was requested (checked once a row).
-absl::StatusOr<FilmTile> RenderTilePass(const CompiledScene& scene, PixelRect tile, SampleBlock block,
-                                        std::stop_token stop, RenderStats* stats);
+// TilePass > FilmTile: renders every sample of the block in every pixel of the tile. A pure
+// function of (scene, tile, block). Single-threaded; call from as many threads as wanted. Errors:
+// kCancelled when stop was requested (checked once a row).
+absl::StatusOr<FilmTile> RenderTilePass(const CompiledScene& scene, PixelRect tile,
+                                        SampleBlock block, std::stop_token stop,
+                                        RenderStats* stats);
 
 }  // namespace sheaf::render

@@ -1,10 +1,11 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The trait combinations the renderer is compiled for. A scene runs the variant with the fewest traits
-// that holds all of its own; the generic one holds every trait, so there is always one. The list is
-// kept short: each entry is compiled once, and functions templated over traits are instantiated for
-// each by  #define X(name, traits) template ... F<traits>(...);  SHEAF_RENDER_VARIANTS(X)
+// The trait combinations the renderer is compiled for. A scene runs the variant with the fewest
+// traits that holds all of its own; the generic one holds every trait, so there is always one. The
+// list is kept short: each entry is compiled once, and functions templated over traits are
+// instantiated for each by  #define X(name, traits) template ... F<traits>(...);
+// SHEAF_RENDER_VARIANTS(X)
 #pragma once
 
 #include <cstdint>
@@ -23,8 +24,8 @@ constexpr uint32_t TraitSet(Trait first, Rest... rest) {
 // Plain rooms: diffuse surfaces and area lights.
 inline constexpr uint32_t kDiffuseTraits = TraitSet(Trait::kAreaLights);
 // Glass and metal under area lights.
-inline constexpr uint32_t kGlossyTraits =
-    TraitSet(Trait::kAreaLights, Trait::kQuadrics, Trait::kMicrofacet, Trait::kSpecularTransmission);
+inline constexpr uint32_t kGlossyTraits = TraitSet(
+    Trait::kAreaLights, Trait::kQuadrics, Trait::kMicrofacet, Trait::kSpecularTransmission);
 // Coated and rough surfaces under area lights.
 inline constexpr uint32_t kCoatedTraits =
     TraitSet(Trait::kAreaLights, Trait::kQuadrics, Trait::kMicrofacet, Trait::kLayered);
@@ -43,12 +44,12 @@ inline constexpr uint32_t kStaticTraits =
 }  // namespace sheaf::render
 
 // X(name, traits), fewest traits first, the generic one last.
-#define SHEAF_RENDER_VARIANTS(X)                   \
-  X("diffuse", ::sheaf::render::kDiffuseTraits)    \
-  X("glossy", ::sheaf::render::kGlossyTraits)      \
-  X("coated", ::sheaf::render::kCoatedTraits)      \
-  X("outdoor", ::sheaf::render::kOutdoorTraits)    \
-  X("still", ::sheaf::render::kStillTraits)        \
+#define SHEAF_RENDER_VARIANTS(X)                     \
+  X("diffuse", ::sheaf::render::kDiffuseTraits)      \
+  X("glossy", ::sheaf::render::kGlossyTraits)        \
+  X("coated", ::sheaf::render::kCoatedTraits)        \
+  X("outdoor", ::sheaf::render::kOutdoorTraits)      \
+  X("still", ::sheaf::render::kStillTraits)          \
   X("still-lens", ::sheaf::render::kStillLensTraits) \
-  X("static", ::sheaf::render::kStaticTraits)      \
+  X("static", ::sheaf::render::kStaticTraits)        \
   X("generic", ::sheaf::render::kAllTraits)

@@ -35,7 +35,8 @@ size_t ChooseVariant(uint32_t traits, bool force_generic) {
   if (force_generic) return best;
   for (size_t i = 0; i < std::size(kEntries); ++i) {
     const bool holds_all = (traits & ~kEntries[i].traits) == 0;
-    if (holds_all && std::popcount(kEntries[i].traits) < std::popcount(kEntries[best].traits)) best = i;
+    if (holds_all && std::popcount(kEntries[i].traits) < std::popcount(kEntries[best].traits))
+      best = i;
   }
   return best;
 }
