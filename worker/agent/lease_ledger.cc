@@ -42,10 +42,11 @@ int LeaseLedger::Apply(uint64_t sequence, const std::vector<Lease>& desired) {
     const auto here = it++;
     Held& held = here->second;
     if (listed.contains(here->first)) continue;
-    if (held.phase == LeasePhase::kQueued) Remove(here);
     if (IsRunning(held.phase)) {
       held.dropped = true;
       held.stop.request_stop();
+    } else if (held.phase == LeasePhase::kQueued) {
+      Remove(here);
     }
   }
   // What ended before this request was made is known to the coordinator now.
