@@ -1,21 +1,21 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Starts the page: the store, the views over it, and the address bar, which names what is selected so
-// that a link leads back to it.
+// Starts the page: the store, the views over it, and the address bar, which names what is selected
+// so that a link leads back to it.
 
-import { byId, setText } from "./dom.js";
-import * as format from "./format.js";
-import { CountersView } from "./counters.js";
-import { ErrorChart } from "./error_chart.js";
-import { FramesView } from "./frames.js";
-import { JobDetailsView } from "./job_details.js";
-import { JobsView } from "./jobs.js";
-import { Live } from "./live.js";
-import { PictureView } from "./picture.js";
-import { Store } from "./store.js";
-import { startTheme } from "./theme.js";
-import { WorkersView } from "./workers.js";
+import {CountersView} from './counters.js';
+import {byId, setText} from './dom.js';
+import {ErrorChart} from './error_chart.js';
+import * as format from './format.js';
+import {FramesView} from './frames.js';
+import {JobDetailsView} from './job_details.js';
+import {JobsView} from './jobs.js';
+import {Live} from './live.js';
+import {PictureView} from './picture.js';
+import {Store} from './store.js';
+import {startTheme} from './theme.js';
+import {WorkersView} from './workers.js';
 
 const store = new Store();
 let live = null;
@@ -37,38 +37,44 @@ function readAddress() {
 
 function followNewest() {
   if (chosen) return;
-  const jobs = [...store.jobs.values()].sort((a, b) => (a.create_time < b.create_time ? 1 : -1));
-  const job = jobs.find((candidate) => candidate.state === "running") || store.job || jobs[0];
+  const jobs = [...store.jobs.values()].sort(format.newestFirst);
+  const job = jobs.find((candidate) => candidate.state === 'running') || store.job || jobs[0];
   if (job && job.name !== store.jobName) selectJob(job.name);
 }
 
 function drawHead() {
-  const words = { live: "Live", connecting: "Connecting", polling: "Polling", reconnecting: "Reconnecting" };
-  byId("connection").dataset.state = store.connection;
-  setText(byId("connection-text"), words[store.connection]);
+  const words =
+      {live: 'Live', connecting: 'Connecting', polling: 'Polling', reconnecting: 'Reconnecting'};
+  byId('connection').dataset.state = store.connection;
+  setText(byId('connection-text'), words[store.connection]);
   const workers = [...store.workers.values()];
-  const busy = workers.filter((worker) => worker.state === "busy");
+  const busy = workers.filter((worker) => worker.state === 'busy');
   const rate = busy.reduce((sum, worker) => sum + worker.samples_per_second, 0);
-  const running = [...store.jobs.values()].filter((job) => job.state === "running").length;
-  setText(byId("total-running"), format.exact(running));
-  setText(byId("total-workers"), busy.length + " / " + workers.length);
-  setText(byId("total-rate"), format.count(rate));
-  const share = store.job && store.job.state === "running" ? format.percent(format.doneShare(store.job.progress)) + " · " : "";
-  document.title = share + (store.job ? store.job.title + " · " : "") + "Sheaf";
+  const running = [...store.jobs.values()].filter((job) => job.state === 'running').length;
+  setText(byId('total-running'), format.exact(running));
+  setText(byId('total-workers'), busy.length + ' / ' + workers.length);
+  setText(byId('total-rate'), format.count(rate));
+  const share = store.job && store.job.state === 'running' ?
+      format.percent(format.doneShare(store.job.progress)) + ' · ' :
+      '';
+  document.title = share + (store.job ? store.job.title + ' · ' : '') + 'Sheaf';
 }
 
 startTheme();
-for (const topic of ["jobs", "workers", "connection", "selection"]) store.listen(topic, drawHead);
-store.listen("jobs", followNewest);
-new JobsView(store, (name) => { location.hash = name; });
+for (const topic of ['jobs', 'workers', 'connection', 'selection']) store.listen(topic, drawHead);
+store.listen('jobs', followNewest);
+new JobsView(store, (name) => {
+  location.hash = name;
+});
 new JobDetailsView(store);
-new FramesView(store, (name) => { location.hash = name; },
-               () => live.loadFrames(store.framesToken).catch(() => {}));
+new FramesView(store, (name) => {
+  location.hash = name;
+}, () => live.loadFrames(store.framesToken).catch(() => {}));
 new PictureView(store);
 new ErrorChart(store);
 new WorkersView(store);
 new CountersView(store);
-addEventListener("hashchange", readAddress);
+addEventListener('hashchange', readAddress);
 readAddress();
 live = new Live(store);
 drawHead();

@@ -9,8 +9,10 @@ export function el(tag, properties = {}, ...children) {
   const element = document.createElement(tag);
   for (const [name, value] of Object.entries(properties)) {
     if (value === null || value === false) continue;
-    if (name.startsWith("on")) element.addEventListener(name.slice(2), value);
-    else element.setAttribute(name, value === true ? "" : value);
+    if (name.startsWith('on'))
+      element.addEventListener(name.slice(2), value);
+    else
+      element.setAttribute(name, value === true ? '' : value);
   }
   element.append(...children);
   return element;
@@ -25,7 +27,7 @@ export function setText(element, text) {
 
 // A coloured word for a state.
 export function badge(state) {
-  return el("span", { class: "badge", "data-state": state }, state);
+  return el('span', {class: 'badge', 'data-state': state}, state);
 }
 
 export function setBadge(element, state) {
@@ -36,13 +38,20 @@ export function setBadge(element, state) {
 
 // A thin bar that screen readers hear as a percentage.
 export function progressBar(label) {
-  return el("div", { class: "bar", role: "progressbar", "aria-label": label, "aria-valuemin": "0",
-                     "aria-valuemax": "100" }, el("div", { class: "bar-fill" }));
+  return el(
+      'div', {
+        class: 'bar',
+        role: 'progressbar',
+        'aria-label': label,
+        'aria-valuemin': '0',
+        'aria-valuemax': '100'
+      },
+      el('div', {class: 'bar-fill'}));
 }
 
 export function setProgress(bar, share, state) {
   const percent = Math.max(0, Math.min(100, share * 100));
-  bar.firstElementChild.style.width = percent.toFixed(2) + "%";
-  bar.setAttribute("aria-valuenow", percent.toFixed(0));
+  bar.firstElementChild.style.width = percent.toFixed(2) + '%';
+  bar.setAttribute('aria-valuenow', percent.toFixed(0));
   bar.dataset.state = state;
 }

@@ -3,7 +3,7 @@
 //
 // Numbers, times and names as people read them.
 
-const SUFFIXES = ["", "k", "M", "G", "T", "P"];
+const SUFFIXES = ['', 'k', 'M', 'G', 'T', 'P'];
 
 // 1234567 -> "1.23 M".
 export function count(value) {
@@ -14,45 +14,50 @@ export function count(value) {
     index += 1;
   }
   const digits = index === 0 ? 0 : scaled < 9.995 ? 2 : scaled < 99.95 ? 1 : 0;
-  return scaled.toFixed(digits) + (index ? " " + SUFFIXES[index] : "");
+  return scaled.toFixed(digits) + (index ? ' ' + SUFFIXES[index] : '');
 }
 
 // Exact, with thin spaces between thousands.
 export function exact(value) {
-  return Math.round(value).toString().replace(/\B(?=(\d{3})+$)/g, "\u2009");
+  return Math.round(value).toString().replace(/\B(?=(\d{3})+$)/g, '\u2009');
 }
 
 export function percent(share) {
-  return (share >= 1 ? 100 : Math.floor(share * 1000) / 10).toFixed(share >= 1 ? 0 : 1) + " %";
+  return (share >= 1 ? 100 : Math.floor(share * 1000) / 10).toFixed(share >= 1 ? 0 : 1) + ' %';
 }
 
 // 3725 -> "1 h 02 min"; the two leading units only.
 export function duration(seconds) {
-  if (seconds === null || seconds === undefined) return "–";
-  if (seconds < 10) return seconds.toFixed(1) + " s";
+  if (seconds === null || seconds === undefined) return '–';
+  if (seconds < 10) return seconds.toFixed(1) + ' s';
   const whole = Math.round(seconds);
-  if (whole < 60) return whole + " s";
-  const two = (n) => String(n).padStart(2, "0");
-  if (whole < 3600) return Math.floor(whole / 60) + " min " + two(whole % 60) + " s";
-  if (whole < 86400) return Math.floor(whole / 3600) + " h " + two(Math.floor(whole / 60) % 60) + " min";
-  return Math.floor(whole / 86400) + " d " + two(Math.floor(whole / 3600) % 24) + " h";
+  if (whole < 60) return whole + ' s';
+  const two = (n) => String(n).padStart(2, '0');
+  if (whole < 3600) return Math.floor(whole / 60) + ' min ' + two(whole % 60) + ' s';
+  if (whole < 86400)
+    return Math.floor(whole / 3600) + ' h ' + two(Math.floor(whole / 60) % 60) + ' min';
+  return Math.floor(whole / 86400) + ' d ' + two(Math.floor(whole / 3600) % 24) + ' h';
 }
 
 // A relative mean squared error and what it means: its root is the typical error of a pixel.
 export function error(relativeMse) {
-  if (relativeMse === null || relativeMse === undefined) return "–";
-  return relativeMse.toExponential(2).replace("e-", "e\u2212").replace("e+", "e");
+  if (relativeMse === null || relativeMse === undefined) return '–';
+  return relativeMse.toExponential(2).replace('e-', 'e\u2212').replace('e+', 'e');
 }
 
 export function typicalError(relativeMse) {
-  if (relativeMse === null || relativeMse === undefined) return "–";
+  if (relativeMse === null || relativeMse === undefined) return '–';
   const share = Math.sqrt(relativeMse) * 100;
-  return "±" + (share < 1 ? share.toFixed(2) : share < 10 ? share.toFixed(1) : share.toFixed(0)) + " %";
+  return '±' +
+      (share < 1      ? share.toFixed(2) :
+           share < 10 ? share.toFixed(1) :
+                        share.toFixed(0)) +
+      ' %';
 }
 
 // "12:34:56" today, else with the date.
 export function clock(iso) {
-  if (!iso) return "–";
+  if (!iso) return '–';
   const time = new Date(iso);
   const today = time.toDateString() === new Date().toDateString();
   return today ? time.toLocaleTimeString() : time.toLocaleString();
@@ -60,18 +65,24 @@ export function clock(iso) {
 
 // Seconds since a time, in words.
 export function ago(iso) {
-  if (!iso) return "never";
+  if (!iso) return 'never';
   const seconds = Math.max(0, (Date.now() - new Date(iso).getTime()) / 1000);
-  return seconds < 2 ? "now" : duration(seconds) + " ago";
+  return seconds < 2 ? 'now' : duration(seconds) + ' ago';
 }
 
 // "jobs/7" -> "7".
-export const shortName = (name) => name.slice(name.lastIndexOf("/") + 1);
+export const shortName = (name) => name.slice(name.lastIndexOf('/') + 1);
 
 // Whether nothing more will happen to a job.
-export const hasEnded = (job) => ["succeeded", "failed", "cancelled"].includes(job.state);
+export const hasEnded = (job) => ['succeeded', 'failed', 'cancelled'].includes(job.state);
+
+// Orders jobs for Array.sort. ISO times in UTC compare as text.
+export const newestFirst = (a, b) =>
+    Number(a.create_time < b.create_time) - Number(a.create_time > b.create_time);
 
 // Share of the samples that are merged, 0 to 1.
 export function doneShare(progress) {
-  return progress.sample_count_total > 0 ? progress.sample_count_done / progress.sample_count_total : 0;
+  return progress.sample_count_total > 0 ?
+      progress.sample_count_done / progress.sample_count_total :
+      0;
 }

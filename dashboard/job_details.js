@@ -3,30 +3,30 @@
 //
 // The selected job's head: what it is, how far it is, its numbers, and the button to cancel it.
 
-import * as api from "./api.js";
-import { byId, el, setBadge, setProgress, setText } from "./dom.js";
-import * as format from "./format.js";
+import * as api from './api.js';
+import {byId, el, setBadge, setProgress, setText} from './dom.js';
+import * as format from './format.js';
 
 export class JobDetailsView {
   constructor(store) {
     this.store = store;
-    byId("cancel").addEventListener("click", () => this.cancel());
-    for (const topic of ["jobs", "frames", "selection"]) store.listen(topic, this.draw);
+    byId('cancel').addEventListener('click', () => this.cancel());
+    for (const topic of ['jobs', 'frames', 'selection']) store.listen(topic, this.draw);
     this.draw();
   }
 
   draw = () => {
-    const { job, frame } = this.store;
-    byId("details").dataset.empty = job ? "no" : "yes";
+    const {job, frame} = this.store;
+    byId('details').dataset.empty = job ? 'no' : 'yes';
     if (!job) return;
-    setText(byId("job-title"), job.title || job.name);
-    setBadge(byId("job-state"), job.state);
-    setText(byId("job-message"), job.failure || job.waiting_reason);
-    byId("job-message").dataset.failure = job.failure ? "yes" : "no";
-    byId("job-message").hidden = !job.failure && !job.waiting_reason;
-    setProgress(byId("job-bar"), format.doneShare(job.progress), job.state);
-    byId("cancel").hidden = format.hasEnded(job);
-    const output = byId("output");
+    setText(byId('job-title'), job.title || job.name);
+    setBadge(byId('job-state'), job.state);
+    setText(byId('job-message'), job.failure || job.waiting_reason);
+    byId('job-message').dataset.failure = job.failure ? 'yes' : 'no';
+    byId('job-message').hidden = !job.failure && !job.waiting_reason;
+    setProgress(byId('job-bar'), format.doneShare(job.progress), job.state);
+    byId('cancel').hidden = format.hasEnded(job);
+    const output = byId('output');
     output.hidden = !frame || !frame.complete;
     if (frame && frame.complete) output.href = api.outputPath(frame);
     this.drawFacts(job, frame);
@@ -34,26 +34,28 @@ export class JobDetailsView {
 
   drawFacts(job, frame) {
     const facts = factsOf(job, frame);
-    const list = byId("facts");
+    const list = byId('facts');
     if (list.children.length !== facts.length) {
-      list.replaceChildren(...facts.map(() => el("div", { class: "fact" }, el("dt"), el("dd"))));
+      list.replaceChildren(...facts.map(() => el('div', {class: 'fact'}, el('dt'), el('dd'))));
     }
     facts.forEach(([label, value, title], i) => {
       const [dt, dd] = list.children[i].children;
       setText(dt, label);
       setText(dd, value);
-      list.children[i].title = title || "";
+      list.children[i].title = title || '';
     });
   }
 
   async cancel() {
-    const { job } = this.store;
-    if (!job || !window.confirm("Cancel “" + (job.title || job.name) + "”? Rendered samples are given up.")) return;
+    const {job} = this.store;
+    if (!job ||
+        !window.confirm('Cancel “' + (job.title || job.name) + '”? Rendered samples are given up.'))
+      return;
     try {
       this.store.setJob(await api.cancelJob(job.name));
     } catch (failure) {
-      setText(byId("job-message"), "Could not cancel: " + failure.message);
-      byId("job-message").hidden = false;
+      setText(byId('job-message'), 'Could not cancel: ' + failure.message);
+      byId('job-message').hidden = false;
     }
   }
 }
@@ -63,25 +65,36 @@ function factsOf(job, frame) {
   const progress = job.progress;
   const wall = progress.wall_duration_seconds;
   const facts = [
-    ["Done", format.percent(format.doneShare(progress))],
-    ["Time left", format.hasEnded(job) ? "–" : format.duration(progress.remaining_duration_seconds)],
-    ["Time", format.duration(wall), "Since the first lease"],
-    ["Error of a pixel", format.typicalError(progress.relative_mse), "Typical relative error, estimated from replicates"],
-    ["relMSE", format.error(progress.relative_mse), "Relative mean squared error, estimated"],
-    ["Samples a pixel", samplesOf(frame), "Of the shown frame, mean over its pixels"],
-    ["Samples a second", wall > 0 ? format.count(progress.sample_count_done / wall) : "–"],
-    ["Rays a second", wall > 0 ? format.count(progress.ray_count / wall) : "–"],
-    ["Processor time", format.duration(progress.cpu_duration_seconds), "Of workers, on accepted results"],
-    ["Not finite", format.exact(progress.nonfinite_count), "Samples that were not finite; anything but 0 is a defect"],
-    ["Created", format.clock(job.create_time)],
+    ['Done', format.percent(format.doneShare(progress))],
+    [
+      'Time left', format.hasEnded(job) ? '–' : format.duration(progress.remaining_duration_seconds)
+    ],
+    ['Time', format.duration(wall), 'Since the first lease'],
+    [
+      'Error of a pixel', format.typicalError(progress.relative_mse),
+      'Typical relative error, estimated from replicates'
+    ],
+    ['relMSE', format.error(progress.relative_mse), 'Relative mean squared error, estimated'],
+    ['Samples a pixel', samplesOf(frame), 'Of the shown frame, mean over its pixels'],
+    ['Samples a second', wall > 0 ? format.count(progress.sample_count_done / wall) : '–'],
+    ['Rays a second', wall > 0 ? format.count(progress.ray_count / wall) : '–'],
+    [
+      'Processor time', format.duration(progress.cpu_duration_seconds),
+      'Of workers, on accepted results'
+    ],
+    [
+      'Not finite', format.exact(progress.nonfinite_count),
+      'Samples that were not finite; anything but 0 is a defect'
+    ],
+    ['Created', format.clock(job.create_time)],
   ];
   return facts;
 }
 
 function samplesOf(frame) {
-  if (!frame) return "–";
-  const { window } = frame;
+  if (!frame) return '–';
+  const {window} = frame;
   const pixels = (window.x1_px - window.x0_px) * (window.y1_px - window.y0_px);
   const mean = pixels > 0 ? frame.progress.sample_count_done / pixels : 0;
-  return (mean < 10 ? mean.toFixed(1) : Math.floor(mean)) + " of " + frame.sample_count;
+  return (mean < 10 ? mean.toFixed(1) : Math.floor(mean)) + ' of ' + frame.sample_count;
 }

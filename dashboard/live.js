@@ -5,7 +5,7 @@
 // stream fails it polls until the stream is back. A hidden page lets go of its stream, because a
 // browser holds only six connections to one server.
 
-import * as api from "./api.js";
+import * as api from './api.js';
 
 const FIRST_PAGE = 100;
 const PAGE = 1000;
@@ -20,7 +20,8 @@ export class Live {
     this.source = null;
     this.pollTimer = null;
     this.loading = null;
-    document.addEventListener("visibilitychange", () => document.hidden ? this.stop() : this.start());
+    document.addEventListener(
+        'visibilitychange', () => document.hidden ? this.stop() : this.start());
     this.start();
   }
 
@@ -31,16 +32,16 @@ export class Live {
     this.source.onopen = () => {
       clearInterval(this.pollTimer);
       this.pollTimer = null;
-      this.store.setConnection("live");
+      this.store.setConnection('live');
       this.load();
     };
     this.source.onerror = () => this.onStreamLost();
     const follow = (type, apply) =>
-      this.source.addEventListener(type, (event) => apply(JSON.parse(event.data)));
-    follow("job", (job) => this.store.setJob(job));
-    follow("frame", (frame) => this.store.setFrame(frame));
-    follow("worker", (worker) => this.store.setWorker(worker));
-    follow("reset", () => this.load());
+        this.source.addEventListener(type, (event) => apply(JSON.parse(event.data)));
+    follow('job', (job) => this.store.setJob(job));
+    follow('frame', (frame) => this.store.setFrame(frame));
+    follow('worker', (worker) => this.store.setWorker(worker));
+    follow('reset', () => this.load());
     this.counterTimer = setInterval(() => this.loadCounters().catch(() => {}), COUNTERS_MS);
   }
 
@@ -53,13 +54,13 @@ export class Live {
   }
 
   onStreamLost() {
-    this.store.setConnection("reconnecting");
+    this.store.setConnection('reconnecting');
     // A refused stream (too many readers) is closed for good: try again along with the polls.
     if (this.source && this.source.readyState === EventSource.CLOSED) this.source = null;
     if (this.pollTimer) return;
     this.pollTimer = setInterval(async () => {
       const loaded = await this.load();
-      if (loaded && this.store.connection !== "live") this.store.setConnection("polling");
+      if (loaded && this.store.connection !== 'live') this.store.setConnection('polling');
       if (!this.source) {
         clearInterval(this.counterTimer);
         this.start();
@@ -71,8 +72,15 @@ export class Live {
   load() {
     if (!this.loading) {
       this.loading = this.loadAll()
-        .then(() => true, () => { this.store.setConnection("reconnecting"); return false; })
-        .finally(() => { this.loading = null; });
+                         .then(
+                             () => true,
+                             () => {
+                               this.store.setConnection('reconnecting');
+                               return false;
+                             })
+                         .finally(() => {
+                           this.loading = null;
+                         });
     }
     return this.loading;
   }
@@ -84,7 +92,7 @@ export class Live {
 
   async loadJobs() {
     const names = new Set();
-    let token = "";
+    let token = '';
     for (let page = 0; page < PAGES_MAX; ++page) {
       const list = await api.listJobs(page === 0 ? FIRST_PAGE : PAGE, token);
       for (const job of list.jobs) {
@@ -95,14 +103,14 @@ export class Live {
       if (!token) break;
     }
     this.store.keepOnly(this.store.jobs, names);
-    this.store.touch("jobs");
+    this.store.touch('jobs');
   }
 
   async loadWorkers() {
     const list = await api.listWorkers();
     for (const worker of list.workers) this.store.setWorker(worker);
     this.store.keepOnly(this.store.workers, new Set(list.workers.map((worker) => worker.name)));
-    this.store.touch("workers");
+    this.store.touch('workers');
   }
 
   async loadCounters() {
@@ -110,13 +118,13 @@ export class Live {
   }
 
   // The first page of the selected job's frames, or the page after `token`.
-  async loadFrames(token = "") {
+  async loadFrames(token = '') {
     const name = this.store.jobName;
     if (!name) return;
     const job = await api.getJob(name, PAGE, token);
     if (name !== this.store.jobName) return;
     for (const frame of job.frames) this.store.setFrame(frame);
     this.store.framesToken = job.next_page_token;
-    this.store.touch("frames");
+    this.store.touch('frames');
   }
 }

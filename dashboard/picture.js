@@ -1,11 +1,12 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The picture of the shown frame as it grows. One version is fetched at a time and swapped in when it
-// is decoded, so the picture never flickers and a slow link sees fewer versions, not a queue of them.
+// The picture of the shown frame as it grows. One version is fetched at a time and swapped in when
+// it is decoded, so the picture never flickers and a slow link sees fewer versions, not a queue of
+// them.
 
-import * as api from "./api.js";
-import { byId, setText } from "./dom.js";
+import * as api from './api.js';
+import {byId, setText} from './dom.js';
 
 // Between two versions at least.
 const REFRESH_MS = 400;
@@ -13,12 +14,12 @@ const REFRESH_MS = 400;
 export class PictureView {
   constructor(store) {
     this.store = store;
-    this.image = byId("picture");
-    this.shown = "";
+    this.image = byId('picture');
+    this.shown = '';
     this.job = null;
     this.busy = false;
-    byId("picture-zoom").addEventListener("click", () => this.toggleZoom());
-    for (const topic of ["frames", "selection"]) store.listen(topic, this.draw);
+    byId('picture-zoom').addEventListener('click', () => this.toggleZoom());
+    for (const topic of ['frames', 'selection']) store.listen(topic, this.draw);
   }
 
   draw = () => {
@@ -27,16 +28,16 @@ export class PictureView {
     // While a frame of the same job has its first picture on the way, the one before stays.
     if (!hasPicture || this.job !== this.store.jobName) this.clear();
     this.job = this.store.jobName;
-    byId("picture-note").hidden = Boolean(this.shown);
-    setText(byId("picture-note"), noteOf(this.store.job, frame));
+    byId('picture-note').hidden = Boolean(this.shown);
+    setText(byId('picture-note'), noteOf(this.store.job, frame));
     this.setShape(frame);
     if (hasPicture && !this.busy && api.previewPath(frame) !== this.shown) this.fetch(frame);
   };
 
   clear() {
-    this.shown = "";
+    this.shown = '';
     this.image.hidden = true;
-    this.image.removeAttribute("src");
+    this.image.removeAttribute('src');
   }
 
   // Keeps the place free before the first pixel is there.
@@ -44,8 +45,9 @@ export class PictureView {
     if (!frame) return;
     const width = frame.window.x1_px - frame.window.x0_px;
     const height = frame.window.y1_px - frame.window.y0_px;
-    byId("picture-box").style.aspectRatio = width + " / " + height;
-    this.image.alt = "Frame " + frame.frame_number + " as rendered so far, " + width + " by " + height + " pixels";
+    byId('picture-box').style.aspectRatio = width + ' / ' + height;
+    this.image.alt = 'Frame ' + frame.frame_number + ' as rendered so far, ' + width + ' by ' +
+        height + ' pixels';
   }
 
   async fetch(frame) {
@@ -64,18 +66,21 @@ export class PictureView {
     } catch {
       // The next version, or the next event, tries again.
     }
-    byId("picture-note").hidden = Boolean(this.shown);
-    setTimeout(() => { this.busy = false; this.draw(); }, REFRESH_MS);
+    byId('picture-note').hidden = Boolean(this.shown);
+    setTimeout(() => {
+      this.busy = false;
+      this.draw();
+    }, REFRESH_MS);
   }
 
   toggleZoom() {
-    const actual = byId("picture-box").classList.toggle("actual-size");
-    byId("picture-zoom").setAttribute("aria-pressed", actual);
+    const actual = byId('picture-box').classList.toggle('actual-size');
+    byId('picture-zoom').setAttribute('aria-pressed', actual);
   }
 }
 
 function noteOf(job, frame) {
-  if (!job) return "Choose a job to see its picture.";
-  if (job.waiting_reason) return "Waiting: " + job.waiting_reason;
-  return frame ? "No samples yet." : "";
+  if (!job) return 'Choose a job to see its picture.';
+  if (job.waiting_reason) return 'Waiting: ' + job.waiting_reason;
+  return frame ? 'No samples yet.' : '';
 }

@@ -3,21 +3,22 @@
 //
 // Light, dark, or as the system says. A choice is kept in the browser.
 
-import { byId } from "./dom.js";
+import {byId} from './dom.js';
 
-const KEY = "sheaf-theme";
+const KEY = 'sheaf-theme';
 
 export function startTheme() {
-  const system = matchMedia("(prefers-color-scheme: dark)");
-  const isDark = () => (localStorage.getItem(KEY) || (system.matches ? "dark" : "light")) === "dark";
+  const system = matchMedia('(prefers-color-scheme: dark)');
+  const isDark = () =>
+      (localStorage.getItem(KEY) || (system.matches ? 'dark' : 'light')) === 'dark';
   const apply = () => {
-    document.documentElement.dataset.theme = isDark() ? "dark" : "light";
-    byId("theme").setAttribute("aria-pressed", isDark());
+    document.documentElement.dataset.theme = isDark() ? 'dark' : 'light';
+    byId('theme').setAttribute('aria-pressed', isDark());
   };
-  byId("theme").addEventListener("click", () => {
-    localStorage.setItem(KEY, isDark() ? "light" : "dark");
+  byId('theme').addEventListener('click', () => {
+    localStorage.setItem(KEY, isDark() ? 'light' : 'dark');
     apply();
   });
-  system.addEventListener("change", apply);
+  system.addEventListener('change', apply);
   apply();
 }

@@ -1,9 +1,9 @@
 #!/usr/bin/python3
 # Copyright the Sheaf authors.
 # SPDX-License-Identifier: Apache-2.0
-"""Makes the meshes, textures and the environment map of the scenes here, and the turntable's frames.
+"""Makes the meshes, textures and environment map of the scenes here, and the turntable's frames.
 
-Needs python3-numpy and python3-openimageio. The outputs are committed; run it again after changing it:
+Needs python3-numpy and python3-openimageio. The outputs are committed; run it again after a change:
     /usr/bin/python3 scenes/make_assets.py
 """
 import os
@@ -57,7 +57,8 @@ def grid_mesh(file_path, surface, count_u, count_v):
     positions = surface(u, v).reshape(-1, 3)
     # A pole has triangles without area.
     corners = positions[triangles]
-    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    edges = corners[:, 1:] - corners[:, :1]
+    area = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
     write_ply(file_path, positions, normals.reshape(-1, 3), np.stack([u, v], -1).reshape(-1, 2),
               triangles[area > 1e-12])
 
@@ -73,7 +74,8 @@ def torus_knot(u, v):
     tangent /= np.linalg.norm(tangent, axis=-1, keepdims=True)
     # The direction from the torus' core circle keeps the frame free of twist jumps.
     t = 2 * np.pi * u
-    radial = np.stack([np.cos(3 * t) * np.cos(2 * t), np.cos(3 * t) * np.sin(2 * t), np.sin(3 * t)], -1)
+    outwards = np.cos(3 * t)
+    radial = np.stack([outwards * np.cos(2 * t), outwards * np.sin(2 * t), np.sin(3 * t)], -1)
     radial -= tangent * np.sum(radial * tangent, -1, keepdims=True)
     radial /= np.linalg.norm(radial, axis=-1, keepdims=True)
     side = np.cross(tangent, radial)
@@ -144,6 +146,8 @@ def write_picture(file_path, pixels, pixel_type):
     height, width, channels = pixels.shape
     spec = oiio.ImageSpec(width, height, channels, pixel_type)
     spec.attribute("compression", "zip")
+    # Otherwise the time of writing, and no two runs would give the same bytes.
+    spec.attribute("DateTime", "2026:01:01 00:00:00")
     output = oiio.ImageOutput.create(file_path)
     output.open(file_path, spec)
     output.write_image(np.ascontiguousarray(pixels, dtype=np.float32))

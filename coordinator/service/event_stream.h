@@ -1,11 +1,11 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Server-sent events without an unbounded queue. Every event states what is, under a key; for a slow
-// reader a newer event of the same key replaces the older one, and a reader that falls behind by more
-// than the limit is told once to look at everything again. So nothing a reader does costs more than
-// a fixed amount of memory, and no reader ends with a stale view.
-// Source: HTML Standard, sec. 9.2 "Server-sent events".
+// Server-sent events without an unbounded queue. Every event states what is, under a key; for a
+// slow reader a newer event of the same key replaces the older one, and a reader that falls behind
+// by more than the limit is told once to look at everything again. So nothing a reader does costs
+// more than a fixed amount of memory, and no reader ends with a stale view. Source: HTML Standard,
+// sec. 9.2 "Server-sent events".
 #pragma once
 
 #include <cstddef>

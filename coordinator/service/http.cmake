@@ -34,5 +34,6 @@ set_source_files_properties(http_server.cc PROPERTIES COMPILE_OPTIONS -Wno-misma
 if(SHEAF_BUILD_TESTS)
   # A made-up farm behind the real page, for tests/page and for working on the page.
   add_executable(sheaf_page_server ${PROJECT_SOURCE_DIR}/tests/page/page_server.cc)
-  target_link_libraries(sheaf_page_server PRIVATE sheaf::coordinator_http sheaf_warnings absl::strings)
+  target_link_libraries(sheaf_page_server PRIVATE sheaf::coordinator_http sheaf_warnings
+    absl::strings)
 endif()

@@ -30,15 +30,20 @@ int HttpStatusFromCode(absl::StatusCode code) {
     case absl::StatusCode::kInvalidArgument:
     case absl::StatusCode::kOutOfRange:
       return 400;
-    case absl::StatusCode::kPermissionDenied: return 403;
-    case absl::StatusCode::kNotFound: return 404;
+    case absl::StatusCode::kPermissionDenied:
+      return 403;
+    case absl::StatusCode::kNotFound:
+      return 404;
     case absl::StatusCode::kAborted:
     case absl::StatusCode::kAlreadyExists:
     case absl::StatusCode::kFailedPrecondition:
       return 409;
-    case absl::StatusCode::kResourceExhausted: return 429;
-    case absl::StatusCode::kUnavailable: return 503;
-    default: return 500;
+    case absl::StatusCode::kResourceExhausted:
+      return 429;
+    case absl::StatusCode::kUnavailable:
+      return 503;
+    default:
+      return 500;
   }
 }
 
@@ -63,8 +68,8 @@ absl::Status UnknownPageToken(const std::string& token) {
 std::string DownloadName(const std::string& title, int32_t frame_number) {
   std::string name;
   for (const char c : title.substr(0, 80)) {
-    name.push_back(absl::ascii_isalnum(static_cast<unsigned char>(c)) || c == '.' || c == '-' ? c
-                                                                                                : '_');
+    name.push_back(
+        absl::ascii_isalnum(static_cast<unsigned char>(c)) || c == '.' || c == '-' ? c : '_');
   }
   return absl::StrFormat("%s.%04d.exr", name.empty() ? "sheaf" : name, frame_number);
 }
@@ -166,8 +171,8 @@ HttpResponse HttpApi::GetJob(const HttpRequest& request) const {
     page.push_back(FrameJson(job->job_id, *frame));
   }
   const bool ended = frame == job->frames.end();
-  return JsonResponse(JobWithFramesJson(
-      *job, page, ended ? "" : absl::StrCat(std::prev(frame)->frame_number)));
+  return JsonResponse(
+      JobWithFramesJson(*job, page, ended ? "" : absl::StrCat(std::prev(frame)->frame_number)));
 }
 
 HttpResponse HttpApi::CancelJob(const HttpRequest& request) {
@@ -203,7 +208,9 @@ HttpResponse HttpApi::GetFrame(const HttpRequest& request) const {
 HttpResponse HttpApi::GetPreview(const HttpRequest& request) {
   const absl::StatusOr<FrameView> frame = FindFrame(request);
   if (!frame.ok()) return HttpErrorFromStatus(frame.status());
-  const auto etag = [&](uint64_t version) { return absl::StrCat("\"", instance_, "-", version, "\""); };
+  const auto etag = [&](uint64_t version) {
+    return absl::StrCat("\"", instance_, "-", version, "\"");
+  };
   if (ClientHas(request, etag(frame->preview_version))) {
     return NotModified(etag(frame->preview_version));
   }
@@ -231,11 +238,11 @@ HttpResponse HttpApi::GetOutput(const HttpRequest& request) const {
   if (!job.ok()) return HttpErrorFromStatus(job.status());
   HttpResponse response;
   response.content_type = "image/x-exr";
-  response.headers = {{"ETag", etag},
-                      {"Cache-Control", "no-cache"},
-                      {"Content-Disposition",
-                       absl::StrCat("attachment; filename=\"",
-                                    DownloadName(job->title, frame->frame_number), "\"")}};
+  response.headers = {
+      {"ETag", etag},
+      {"Cache-Control", "no-cache"},
+      {"Content-Disposition", absl::StrCat("attachment; filename=\"",
+                                           DownloadName(job->title, frame->frame_number), "\"")}};
   response.file_path = frame->output_path;
   return response;
 }

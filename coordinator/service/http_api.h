@@ -44,8 +44,8 @@ struct FarmActions {
 
 class HttpApi {
  public:
-  // `farm` must outlive the object. `instance` tells this run of the coordinator from others, so that
-  // a browser never takes a picture of an earlier run for a present one.
+  // `farm` must outlive the object. `instance` tells this run of the coordinator from others, so
+  // that a browser never takes a picture of an earlier run for a present one.
   HttpApi(const FarmView& farm, FarmActions actions, std::string instance);
 
   // The table above, but for the event stream, which the server itself serves.

@@ -4,8 +4,8 @@
 // A FarmView whose contents a test sets, for trying the HTTP side without a farm. Tests only.
 #pragma once
 
-#include <condition_variable>
 #include <chrono>
+#include <condition_variable>
 #include <cstdint>
 #include <mutex>
 #include <string>
@@ -25,7 +25,7 @@ class FakeFarm : public FarmView {
   std::vector<WorkerView> workers;
   std::vector<MetricView> metrics;
   absl::Status ready;
-  PreviewView preview;        // Of every frame.
+  PreviewView preview;  // Of every frame.
 
   // Applies a change under the lock and wakes whoever waits.
   template <class Change>

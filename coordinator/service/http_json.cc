@@ -5,10 +5,10 @@
 #include "coordinator/service/http_json.h"
 
 #include <cmath>
+#include <nlohmann/json.hpp>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
-#include "nlohmann/json.hpp"
 
 namespace sheaf::coordinator {
 namespace {

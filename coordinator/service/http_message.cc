@@ -4,8 +4,9 @@
 // Look-ups in a request, and the one form in which errors are told.
 #include "coordinator/service/http_message.h"
 
+#include <nlohmann/json.hpp>
+
 #include "absl/strings/match.h"
-#include "nlohmann/json.hpp"
 
 namespace sheaf::coordinator {
 

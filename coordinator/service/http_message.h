@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// A request and a response as plain values. The socket side (http_server) fills and sends them; what
-// answers them (http_router, http_api) sees nothing else and is tested without a socket.
+// A request and a response as plain values. The socket side (http_server) fills and sends them;
+// what answers them (http_router, http_api) sees nothing else and is tested without a socket.
 #pragma once
 
 #include <string>

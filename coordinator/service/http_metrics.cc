@@ -23,7 +23,8 @@ std::string LabelText(const MetricView& metric) {
   if (metric.label_name.empty()) return "";
   return absl::StrCat(
       "{", metric.label_name, "=\"",
-      absl::StrReplaceAll(metric.label_value, {{"\\", "\\\\"}, {"\"", "\\\""}, {"\n", "\\n"}}), "\"}");
+      absl::StrReplaceAll(metric.label_value, {{"\\", "\\\\"}, {"\"", "\\\""}, {"\n", "\\n"}}),
+      "\"}");
 }
 
 }  // namespace
@@ -36,8 +37,8 @@ std::string PrometheusText(const std::vector<MetricView>& metrics) {
       name = metric.name;
       const bool counter = metric.kind == MetricView::Kind::kCounter;
       absl::StrAppend(&text, "# HELP ", name, " ",
-                      absl::StrReplaceAll(metric.help, {{"\\", "\\\\"}, {"\n", "\\n"}}), "\n# TYPE ",
-                      name, counter ? " counter\n" : " gauge\n");
+                      absl::StrReplaceAll(metric.help, {{"\\", "\\\\"}, {"\n", "\\n"}}),
+                      "\n# TYPE ", name, counter ? " counter\n" : " gauge\n");
     }
     absl::StrAppend(&text, name, LabelText(metric), " ", ValueText(metric.value), "\n");
   }

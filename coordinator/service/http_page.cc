@@ -27,7 +27,9 @@ HttpResponse ServeFile(const PageFile& file, const HttpRequest& request) {
 std::vector<HttpRoute> PageRoutes() {
   std::vector<HttpRoute> routes;
   for (const PageFile& file : PageFiles()) {
-    const HttpFunction serve = [&file](const HttpRequest& request) { return ServeFile(file, request); };
+    const HttpFunction serve = [&file](const HttpRequest& request) {
+      return ServeFile(file, request);
+    };
     routes.push_back({"GET", absl::StrCat("/", std::string(file.name)), serve});
     if (file.name == "index.html") routes.push_back({"GET", "/", serve});
   }

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The web page, which the build puts into the program: every file of dashboard/ at its own path, and
-// the page itself at "/".
+// The web page, which the build puts into the program: every file of dashboard/ at its own path,
+// and the page itself at "/".
 #pragma once
 
 #include <span>

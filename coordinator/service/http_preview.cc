@@ -73,7 +73,8 @@ absl::StatusOr<std::string> PreviewCache::Png(const FarmView& farm, const std::s
   if (!preview.ok()) return preview.status();
   const absl::StatusOr<DisplayPicture> display = MakeDisplayPicture(preview->picture);
   if (!display.ok()) return display.status();
-  absl::StatusOr<std::string> png = EncodePng(display->width_px, display->height_px, display->pixels);
+  absl::StatusOr<std::string> png =
+      EncodePng(display->width_px, display->height_px, display->pixels);
   if (!png.ok()) return png.status();
   *version = preview->version;
   entries_.push_front({job_id, frame.frame_number, preview->version, *png});

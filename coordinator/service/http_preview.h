@@ -2,8 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // The picture as merged so far, as a PNG for a screen: sRGB curve, clamped, and shrunk by a whole
-// factor where it is larger than any screen needs. Encoded pictures are kept, as several browsers ask
-// for the same one.
+// factor where it is larger than any screen needs. Encoded pictures are kept, as several browsers
+// ask for the same one.
 #pragma once
 
 #include <cstdint>

@@ -1,7 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Splits the target, matches patterns segment by segment, and refuses what another site may have sent.
+// Splits the target, matches patterns segment by segment, and refuses what another site may have
+// sent.
 #include "coordinator/service/http_router.h"
 
 #include <algorithm>
@@ -112,17 +113,18 @@ bool HttpRouter::HostIsOurs(const std::string& host) const {
 bool HttpRouter::Admits(const HttpRequest& request, HttpResponse* refusal) const {
   const std::string host = HeaderValue(request, "Host");
   if (!HostIsOurs(host)) {
-    *refusal = HttpError(403, "PERMISSION_DENIED",
-                         absl::StrCat("host \"", host,
-                                      "\" is not allowed: use localhost or an address, or start the "
-                                      "coordinator with this name among its allowed HTTP hosts"));
+    *refusal =
+        HttpError(403, "PERMISSION_DENIED",
+                  absl::StrCat("host \"", host,
+                               "\" is not allowed: use localhost or an address, or start the "
+                               "coordinator with this name among its allowed HTTP hosts"));
     return false;
   }
   if (request.method == "GET") return true;
   if (HeaderValue(request, kRequestHeader).empty()) {
-    *refusal = HttpError(403, "PERMISSION_DENIED",
-                         absl::StrCat("a request that changes something needs the header ",
-                                      kRequestHeader, ": 1"));
+    *refusal = HttpError(
+        403, "PERMISSION_DENIED",
+        absl::StrCat("a request that changes something needs the header ", kRequestHeader, ": 1"));
     return false;
   }
   const std::string origin = HeaderValue(request, "Origin");

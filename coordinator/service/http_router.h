@@ -3,8 +3,8 @@
 //
 // Finds the function that answers a request, after the checks that keep other web sites out. A page
 // of another site can make a browser send requests to a loopback port, by DNS rebinding or plainly;
-// so the Host must be one of ours, and whatever changes something needs a header that a foreign page
-// cannot set without asking first.
+// so the Host must be one of ours, and whatever changes something needs a header that a foreign
+// page cannot set without asking first.
 #pragma once
 
 #include <functional>

@@ -2,8 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Each connection is one coroutine on the socket thread: read a request within the limits, let the
-// router answer it on the other thread, write, repeat. An event stream is a coroutine that sleeps on
-// a timer which the hub's wake-up cancels.
+// router answer it on the other thread, write, repeat. An event stream is a coroutine that sleeps
+// on a timer which the hub's wake-up cancels.
 #include "coordinator/service/http_server.h"
 
 #include <utility>  // Before asio/awaitable.hpp of Boost 1.74, which uses std::exchange unasked.
@@ -68,7 +68,8 @@ class ScopedCount {
 
 HttpRequest ToRequest(const http::request<http::string_body>& message) {
   HttpRequest request;
-  request.method = message.method() == http::verb::head ? "GET" : std::string(message.method_string());
+  request.method =
+      message.method() == http::verb::head ? "GET" : std::string(message.method_string());
   request.target = std::string(message.target());
   for (const auto& field : message) {
     request.headers.emplace_back(std::string(field.name_string()), std::string(field.value()));
@@ -91,16 +92,18 @@ void SetHead(const HttpResponse& response, bool keep_alive, http::response<Body>
 // The response to a request that could not be read, or nothing where the client just went away.
 std::optional<HttpResponse> ReadRefusal(const error_code& error) {
   if (error == http::error::header_limit || error == http::error::buffer_overflow) {
-    return HttpError(431, "RESOURCE_EXHAUSTED",
-                     absl::StrCat("the request's head is longer than ", kHttpHeaderBytesMax, " bytes"));
+    return HttpError(
+        431, "RESOURCE_EXHAUSTED",
+        absl::StrCat("the request's head is longer than ", kHttpHeaderBytesMax, " bytes"));
   }
   if (error == http::error::body_limit) {
-    return HttpError(413, "RESOURCE_EXHAUSTED",
-                     absl::StrCat("the request's body is longer than ", kHttpBodyBytesMax, " bytes"));
+    return HttpError(
+        413, "RESOURCE_EXHAUSTED",
+        absl::StrCat("the request's body is longer than ", kHttpBodyBytesMax, " bytes"));
   }
-  const bool malformed =
-      error.category() == make_error_code(http::error::bad_method).category() &&
-      error != http::error::end_of_stream && error != http::error::partial_message;
+  const bool malformed = error.category() == make_error_code(http::error::bad_method).category() &&
+                         error != http::error::end_of_stream &&
+                         error != http::error::partial_message;
   if (malformed) return HttpError(400, "INVALID_ARGUMENT", "malformed request: " + error.message());
   return std::nullopt;
 }
@@ -257,8 +260,8 @@ asio::awaitable<bool> HttpServer::Impl::Answer(beast::tcp_stream* stream,
     }
     co_return co_await Send(stream, std::move(refusal), keep_alive, false);
   }
-  HttpResponse response = co_await asio::co_spawn(
-      answering_, RouteElsewhere(std::move(request)), asio::use_awaitable);
+  HttpResponse response =
+      co_await asio::co_spawn(answering_, RouteElsewhere(std::move(request)), asio::use_awaitable);
   co_return co_await Send(stream, std::move(response), keep_alive, head_only);
 }
 
@@ -329,7 +332,8 @@ asio::awaitable<void> HttpServer::Impl::StreamEvents(beast::tcp_stream* stream) 
   std::string head =
       "HTTP/1.1 200 OK\r\nContent-Type: text/event-stream\r\nCache-Control: no-store\r\n"
       "X-Accel-Buffering: no\r\nConnection: close\r\n";
-  for (const auto& [name, value] : kSecurityHeaders) absl::StrAppend(&head, name, ": ", value, "\r\n");
+  for (const auto& [name, value] : kSecurityHeaders)
+    absl::StrAppend(&head, name, ": ", value, "\r\n");
   absl::StrAppend(&head, "\r\nretry: 2000\n\n");
   asio::steady_timer sleep(io_);
   asio::steady_timer pause(io_);

@@ -1,10 +1,10 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The HTTP port: sockets in, HttpRequest to the router, HttpResponse out, and server-sent events for
-// as many readers as like to watch. One thread does all sockets, so a reader costs memory, not a
-// thread; the router's functions run on one other thread, so that encoding a picture stops no stream.
-// The only door to Boost.Beast and Boost.Asio (in http_server.cc).
+// The HTTP port: sockets in, HttpRequest to the router, HttpResponse out, and server-sent events
+// for as many readers as like to watch. One thread does all sockets, so a reader costs memory, not
+// a thread; the router's functions run on one other thread, so that encoding a picture stops no
+// stream. The only door to Boost.Beast and Boost.Asio (in http_server.cc).
 #pragma once
 
 #include <chrono>
@@ -47,8 +47,9 @@ struct HttpServerOptions {
 class HttpServer {
  public:
   // Listens and serves until destroyed. `router` and `hub` must outlive the server.
-  // Errors: kInvalidArgument (malformed address), kFailedPrecondition (not loopback and not allowed),
-  // kUnavailable (the address cannot be listened on, for example because the port is taken).
+  // Errors: kInvalidArgument (malformed address), kFailedPrecondition (not loopback and not
+  // allowed), kUnavailable (the address cannot be listened on, for example because the port is
+  // taken).
   static absl::StatusOr<std::unique_ptr<HttpServer>> Start(const HttpServerOptions& options,
                                                            const HttpRouter& router, EventHub* hub);
   // Closes every connection and waits for both threads.

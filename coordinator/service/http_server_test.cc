@@ -82,7 +82,9 @@ class HttpServerTest : public testing::Test {
     };
     return {{"GET", "/hello", hello}, {"GET", "/file", file}, {"POST", "/hello", hello}};
   }
-  static std::string FilePath() { return absl::StrCat(testing::TempDir(), "/http_server_test.bin"); }
+  static std::string FilePath() {
+    return absl::StrCat(testing::TempDir(), "/http_server_test.bin");
+  }
 
   static std::string Get(const std::string& path) {
     return absl::StrCat("GET ", path, " HTTP/1.1\r\nHost: localhost\r\n\r\n");

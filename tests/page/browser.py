@@ -62,7 +62,8 @@ class Browser:
                 return json.load(response)["value"]
         except urllib.error.HTTPError as error:
             value = json.load(error)["value"]
-            raise AssertionError(f"{method} {path}: {value['error']}: {value['message']}") from error
+            text = f"{method} {path}: {value['error']}: {value['message']}"
+            raise AssertionError(text) from error
 
     def _do(self, method, path, body=None):
         return self._call(method, f"/{self.session}{path}", body)

@@ -86,13 +86,14 @@ def check_page_follows_a_job(browser, farm):
     wait_until(lambda: browser.run(TEXT, "job-state") == "succeeded", PICTURE_SECONDS_MAX, "end")
     wait_until(lambda: not browser.run("return document.getElementById('output').hidden"),
                PAGE_SECONDS_MAX, "the download")
-    assert browser.run("return document.getElementById('cancel').hidden"), "nothing to cancel any more"
+    assert browser.run("return document.getElementById('cancel').hidden"), "nothing to cancel"
     browser.screenshot(artefact("page-done.png"))
 
 
 def check_output_is_an_exr(browser, farm):
     size = browser.run("""
-      return fetch(document.getElementById("output").href).then((response) => response.arrayBuffer())
+      return fetch(document.getElementById("output").href)
+        .then((response) => response.arrayBuffer())
         .then((bytes) => [...new Uint8Array(bytes.slice(0, 4))]);""")
     assert size == [0x76, 0x2F, 0x31, 0x01], size
 
@@ -122,8 +123,8 @@ def check_no_console_errors(browser, _):
 def check_thousands_of_jobs(browser, server):
     browser.set_size(1440, 900)
     browser.open(server.url)
-    wait_until(lambda: browser.run(TEXT, "job-count").replace("\u2009", "") == str(MADE_UP_JOB_COUNT),
-               PAGE_SECONDS_MAX, "all jobs")
+    all_jobs = f"{MADE_UP_JOB_COUNT:,}".replace(",", "\u2009")
+    wait_until(lambda: browser.run(TEXT, "job-count") == all_jobs, PAGE_SECONDS_MAX, "all jobs")
     rows = browser.run("return document.querySelectorAll('#jobs .vlist-row').length")
     assert 0 < rows < 60, f"{rows} rows in the document"
     worst_ms = browser.run(SCROLL_ALL)
@@ -183,8 +184,9 @@ class MadeUpServer:
         self.process = None
 
     def start(self, job_count):
-        command = [os.path.join(programs(), "sheaf_page_server"), job_count, MADE_UP_SECONDS, self.port]
-        self.process = subprocess.Popen(list(map(str, command)), stdout=subprocess.PIPE, text=True)
+        program = os.path.join(programs(), "sheaf_page_server")
+        arguments = map(str, (job_count, MADE_UP_SECONDS, self.port))
+        self.process = subprocess.Popen([program, *arguments], stdout=subprocess.PIPE, text=True)
         self.url = self.process.stdout.readline().split()[-1]
         self.port = self.url.rsplit(":", 1)[1]
 
