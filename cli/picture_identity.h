@@ -10,8 +10,8 @@
 
 namespace sheaf::cli {
 
-// PictureDigest with the channels in the film's order, others after them as they come: EXR files keep
-// channels by name, the coordinator digests them in the order of MakeFramePicture.
+// PictureDigest with the channels in the film's order, others after them as they come: EXR files
+// keep channels by name, the coordinator digests them in the order of MakeFramePicture.
 std::string PictureIdentity(const FramePicture& picture);
 
 }  // namespace sheaf::cli

@@ -5,12 +5,16 @@
 #include <signal.h>
 #include <time.h>
 
+#include <chrono>
 #include <utility>
 
 namespace sheaf::worker {
 namespace {
 
 constexpr int kStopSignals[] = {SIGTERM, SIGINT, SIGHUP};
+// timeout(1) and some supervisors signal a process and then its whole group: that is one wish to
+// stop.
+constexpr std::chrono::milliseconds kBurstDuration{300};
 constexpr timespec kPollInterval{0, 100'000'000};  // How soon the destructor is noticed.
 
 sigset_t BlockOnlyStopSignals() {
@@ -31,9 +35,13 @@ StopSignals::StopSignals(std::function<void(int signal_number, int count)> on_si
   const sigset_t stop_signals = BlockOnlyStopSignals();
   thread_ = std::jthread([stop_signals, on_signal = std::move(on_signal)](std::stop_token ended) {
     int count = 0;
+    std::chrono::steady_clock::time_point last;
     while (!ended.stop_requested()) {
       const int number = ::sigtimedwait(&stop_signals, nullptr, &kPollInterval);
-      if (number > 0) on_signal(number, ++count);
+      const auto now = std::chrono::steady_clock::now();
+      if (number <= 0 || (count > 0 && now - last < kBurstDuration)) continue;
+      last = now;
+      on_signal(number, ++count);
     }
   });
 }

@@ -12,7 +12,8 @@ namespace sheaf::worker {
 
 class StopSignals {
  public:
-  // Calls on_signal with the signal's number and how many have come, from 1 on. Make it before any
+  // Calls on_signal with the signal's number and how many have come, from 1 on; signals that follow
+  // another within a fraction of a second count as the same. Make it before any
   // other thread begins: they inherit that these signals are blocked. Everything else that a batch
   // system may have blocked or ignored for its children (Slurm blocks SIGTERM) is reset.
   explicit StopSignals(std::function<void(int signal_number, int count)> on_signal);
