@@ -10,7 +10,6 @@
 #include "absl/strings/str_cat.h"
 #include "cli/command.h"
 #include "cli/options.h"
-#include "cli/picture_identity.h"
 #include "cli/tone_map.h"
 #include "common/film/compare.h"
 #include "common/film/exr_codec.h"
@@ -58,8 +57,9 @@ class CompareCommand : public Command {
         ->check(CLI::NonNegativeNumber);
     command->add_flag("--tiles", tiles_, "Also look for tiles that are off by more than noise");
     command
-        ->add_option("--allow", limits_.mean_share_max,
-                     "With --tiles: share of a tile's mean that is allowed beyond noise")
+        ->add_option(
+            "--allow", limits_.mean_share_max,
+            "With --tiles: share of the mean (of tile or picture, the larger) allowed beyond noise")
         ->check(CLI::NonNegativeNumber)
         ->capture_default_str();
     command
@@ -96,8 +96,8 @@ class CompareCommand : public Command {
                  {"share_differing", comparison->share_differing},
                  {"max_abs_difference", Number(comparison->max_abs_difference)},
                  {"nonfinite_count", comparison->nonfinite_count},
-                 {"reference_digest", PictureIdentity(*reference)},
-                 {"image_digest", PictureIdentity(*image)}};
+                 {"reference_digest", PictureDigest(*reference)},
+                 {"image_digest", PictureDigest(*image)}};
     for (const double ratio : comparison->mean_ratio) json["mean_ratio"].push_back(Number(ratio));
     bool within = tolerance_ < 0 || comparison->relative_mse <= tolerance_;
     if (tolerance_ == 0) within = within && comparison->share_differing == 0;

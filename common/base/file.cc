@@ -77,9 +77,10 @@ absl::Status WriteFileAtomically(const std::string& path, std::string_view bytes
 absl::StatusOr<std::string> ReadWholeFile(const std::string& path, uint64_t size_bytes_max) {
   Descriptor file(::open(path.c_str(), O_RDONLY | O_CLOEXEC));
   if (file.get() < 0) return StatusFromErrno(errno, path);
-  struct stat info{};
+  struct stat info {};
   if (::fstat(file.get(), &info) != 0) return StatusFromErrno(errno, path);
-  if (S_ISDIR(info.st_mode)) return absl::InvalidArgumentError(path + ": is a directory, not a file");
+  if (S_ISDIR(info.st_mode))
+    return absl::InvalidArgumentError(path + ": is a directory, not a file");
   std::string bytes;
   const auto size = static_cast<uint64_t>(info.st_size);
   if (size <= size_bytes_max) bytes.reserve(size);

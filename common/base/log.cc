@@ -24,12 +24,18 @@ spdlog::logger& Logger() {
 }  // namespace
 
 bool LogLevelFromName(std::string_view name, LogLevel* level) {
-  if (name == "debug") *level = LogLevel::kDebug;
-  else if (name == "info") *level = LogLevel::kInfo;
-  else if (name == "warning") *level = LogLevel::kWarning;
-  else if (name == "error") *level = LogLevel::kError;
-  else if (name == "off") *level = LogLevel::kOff;
-  else return false;
+  if (name == "debug")
+    *level = LogLevel::kDebug;
+  else if (name == "info")
+    *level = LogLevel::kInfo;
+  else if (name == "warning")
+    *level = LogLevel::kWarning;
+  else if (name == "error")
+    *level = LogLevel::kError;
+  else if (name == "off")
+    *level = LogLevel::kOff;
+  else
+    return false;
   return true;
 }
 

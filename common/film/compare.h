@@ -37,14 +37,16 @@ absl::StatusOr<Comparison> ComparePictures(const FramePicture& reference,
 struct TileDeviationLimits {
   int32_t tile_size_px = 16;
   double standard_errors_max = 5;  // K.
-  double mean_share_max = 0.015;   // Of the reference's tile mean, allowed beyond noise.
+  // Share of the reference's mean allowed beyond noise: of the tile's or the picture's mean of the
+  // channel, whichever is larger, since what a tile adds to the picture's mean is what counts.
+  double mean_share_max = 0.015;
   // Samples a pixel of the image over those of the reference: a reference whose noise is not
   // recorded is taken to have the image's variance times this. 0: the reference has converged.
   double samples_ratio = 0;
   size_t worst_count_max = 10;
 };
-// The mean of one channel of one tile. excess = (|image - reference| - mean_share_max |reference|)
-// / standard_error, infinite where there is no noise to excuse a difference; above
+// The mean of one channel of one tile. excess = (|image - reference| - what mean_share_max
+// allows) / standard_error, infinite where there is no noise to excuse a difference; above
 // standard_errors_max it counts as deviating.
 struct TileDeviation {
   PixelRect rect;

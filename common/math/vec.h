@@ -69,7 +69,8 @@ constexpr Vec3f ToFloat(Vec3d a) {
 }
 constexpr Vec3d ToDouble(Vec3f a) { return {a.x, a.y, a.z}; }
 
-// Linear-light colour with the primaries and white point of sRGB (ITU-R BT.709, D65); may be negative.
+// Linear-light colour with the primaries and white point of sRGB (ITU-R BT.709, D65); may be
+// negative.
 struct Rgb {
   float r = 0, g = 0, b = 0;
   static constexpr Rgb Grey(float v) { return {v, v, v}; }
@@ -92,6 +93,8 @@ constexpr float MaxComponent(Rgb c) {
 }
 // Relative luminance (CIE Y) of linear sRGB. Source: IEC 61966-2-1.
 constexpr float Luminance(Rgb c) { return 0.212639f * c.r + 0.715169f * c.g + 0.072192f * c.b; }
-inline bool IsFinite(Rgb c) { return std::isfinite(c.r) && std::isfinite(c.g) && std::isfinite(c.b); }
+inline bool IsFinite(Rgb c) {
+  return std::isfinite(c.r) && std::isfinite(c.g) && std::isfinite(c.b);
+}
 
 }  // namespace sheaf

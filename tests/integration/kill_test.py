@@ -6,6 +6,7 @@
 A worker is killed five times, then the coordinator five times, at random moments of one job.
 SHEAF_SEED repeats a run.
 """
+import json
 import os
 import random
 import sqlite3
@@ -36,17 +37,14 @@ class KillTest(unittest.TestCase):
         """Keys of all results the coordinator has acknowledged, read from its store."""
         with sqlite3.connect(f"file:{f.path('state', 'farm.db')}?mode=ro", uri=True) as db:
             return set(db.execute(
-                "SELECT frame_digest, tile_x0, tile_y0, block_first, block_count FROM results"))
-
-    def job_state(self, f, job):
-        return __import__("json").loads(f.sheaf("show", job, "--json").stdout)
+                "SELECT frame_number, x0, y0, first, count FROM parts"))
 
     def test_kill_workers_then_coordinator(self):
         with farm.Farm(["--lease-seconds", "2", "--keep-parts"]) as f:
             for _ in range(2):
                 f.start_worker("--log-level", "debug")
             submitted = f.sheaf("submit", SCENE, *JOB, "--json").stdout
-            job = __import__("json").loads(submitted.splitlines()[-1])["name"]
+            job = json.loads(submitted.splitlines()[-1])["name"]
             for _ in range(KILLS):
                 time.sleep(self.random.uniform(0.1, 1.0))
                 f.kill(self.random.choice(f.workers))
