@@ -20,6 +20,7 @@ SCENE = os.environ.get("SHEAF_SCENE", os.path.join(farm.ROOT, "scenes", "showroo
 JOB = ("--crop", "200,80,456,272", "--samples", "256", "--tile-size", "32", "--pass-samples", "16",
        "--lease-passes", "1")
 KILLS = 5
+PARTS = (256 // 32) * (192 // 32) * (256 // 16)
 
 
 class KillTest(unittest.TestCase):
@@ -46,13 +47,14 @@ class KillTest(unittest.TestCase):
             submitted = f.sheaf("submit", SCENE, *JOB, "--json").stdout
             job = json.loads(submitted.splitlines()[-1])["name"]
             for _ in range(KILLS):
-                time.sleep(self.random.uniform(0.1, 1.0))
+                time.sleep(self.random.uniform(0.1, 0.6))
                 f.kill(self.random.choice(f.workers))
                 f.start_worker("--log-level", "debug")
             for _ in range(KILLS):
-                time.sleep(self.random.uniform(0.1, 1.0))
+                time.sleep(self.random.uniform(0.1, 0.6))
                 f.kill(f.coordinator)
                 before = self.acknowledged(f)
+                self.assertLess(len(before), PARTS, "the job ended before the last kill")
                 f.start_coordinator()
                 self.assertLessEqual(before, self.acknowledged(f), "an acknowledged result is gone")
             output = f.path("out.exr")
