@@ -4,9 +4,11 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <numeric>
 #include <random>
+#include <utility>
 
 #include "common/film/film_test_samples.h"
 
@@ -182,6 +184,20 @@ TEST(FilmTest, DigestSeesEveryBitOfThePictureAndNothingElse) {
   EXPECT_EQ(PictureDigest(picture), digest);
   picture.channel_names[0] = "Q";
   EXPECT_NE(PictureDigest(picture), digest);
+}
+
+TEST(FilmTest, DigestDoesNotDependOnTheOrderOfChannels) {
+  FramePicture picture = MakeFramePicture({0, 0, 2, 1}, 2, 1);
+  *picture.Find("R") = {1, 2};
+  *picture.Find("B") = {3, 4};
+  const std::string digest = PictureDigest(picture);
+  FramePicture reordered = picture;
+  std::reverse(reordered.channel_names.begin(), reordered.channel_names.end());
+  std::reverse(reordered.planes.begin(), reordered.planes.end());
+  EXPECT_EQ(PictureDigest(reordered), digest);
+  // Planes that change their names are another picture.
+  std::swap(*reordered.Find("R"), *reordered.Find("B"));
+  EXPECT_NE(PictureDigest(reordered), digest);
 }
 
 }  // namespace

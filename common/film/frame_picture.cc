@@ -2,8 +2,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "common/film/frame_picture.h"
 
+#include <algorithm>
 #include <bit>
 #include <cstddef>
+#include <numeric>
 
 #include "absl/strings/str_cat.h"
 #include "common/base/check.h"
@@ -43,7 +45,12 @@ std::string PictureDigest(const FramePicture& picture) {
   hash.Update(absl::StrCat("window ", picture.window.x0, " ", picture.window.y0, " ",
                            picture.window.x1, " ", picture.window.y1, " frame ",
                            picture.frame_width_px, " ", picture.frame_height_px, "\n"));
-  for (size_t i = 0; i < picture.channel_names.size(); ++i) {
+  std::vector<size_t> by_name(picture.channel_names.size());
+  std::iota(by_name.begin(), by_name.end(), size_t{0});
+  std::sort(by_name.begin(), by_name.end(), [&](size_t a, size_t b) {
+    return picture.channel_names[a] < picture.channel_names[b];
+  });
+  for (const size_t i : by_name) {
     hash.Update(absl::StrCat(picture.channel_names[i], "\n"));
     hash.Update(picture.planes[i].data(), picture.planes[i].size() * sizeof(float));
   }

@@ -28,8 +28,10 @@ struct FramePicture {
 
 // An empty picture of all channels for the window.
 FramePicture MakeFramePicture(PixelRect window, int32_t frame_width_px, int32_t frame_height_px);
-// SHA-256 (hex) over window, channel names and the bits of all planes, in order: the picture's
-// identity. Metadata and the way it is stored do not enter.
+// SHA-256 (hex) over window, channel names and the bits of all planes, channels in the order of
+// their names: the picture's identity. Metadata and the way it is stored do not enter; a picture in
+// memory and the same one read back from a file, which keeps channels by name, have the same
+// digest.
 std::string PictureDigest(const FramePicture& picture);
 
 }  // namespace sheaf
