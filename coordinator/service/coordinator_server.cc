@@ -69,6 +69,7 @@ absl::Status CoordinatorServer::StartHttp(const CoordinatorOptions& options) {
   HttpServiceOptions http;
   http.server.address = address->host == "localhost" ? "127.0.0.1" : address->host;
   http.server.port = address->port;
+  http.allowed_hosts = options.allowed_hosts;
   http.server.allow_remote = options.insecure_remote_allowed;
   FarmActions actions;
   actions.cancel_job = [farm = farm_.get()](const std::string& job_id) -> absl::Status {

@@ -10,6 +10,7 @@
 
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "absl/status/statusor.h"
 #include "coordinator/service/content_service.h"
@@ -27,6 +28,8 @@ struct CoordinatorOptions {
   std::string listen_address = "127.0.0.1:0";
   // "host:port" of HTTP; empty serves none.
   std::string http_address;
+  // Names, beside localhost and addresses, under which browsers may reach HTTP.
+  std::vector<std::string> allowed_hosts;
   // Listen without encryption where other machines can connect.
   bool insecure_remote_allowed = false;
 };

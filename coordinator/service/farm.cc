@@ -96,7 +96,7 @@ absl::Status Farm::LoadLiveJob(const StoredJob& job) {
   // All frames were delivered, but the coordinator was stopped before it noted the job's end.
   if (job.delivered.size() == job.spec.frames.size()) {
     scheduler_.EndJob(job.spec.job_id, JobPhase::kSucceeded, "");
-    unsettled_jobs_ = scheduler_.TakeEndedJobs();
+    NoteEndedJobs();
   }
   return absl::OkStatus();
 }
@@ -180,12 +180,22 @@ absl::Status Farm::CancelJob(uint64_t job_id) {
       return absl::NotFoundError(absl::StrCat("jobs/", job_id, ": there is no such job"));
     }
     scheduler_.EndJob(job_id, JobPhase::kCancelled, "");
+    NoteEndedJobs();
   }
   SettleEndedJobs();
   const std::lock_guard lock(mutex_);
   const bool settled =
       std::find(unsettled_jobs_.begin(), unsettled_jobs_.end(), job_id) == unsettled_jobs_.end();
   return settled ? absl::OkStatus() : disk_status_;
+}
+
+// Dates jobs that the scheduler has just ended. Under the lock that ended them, so that nobody sees
+// an ended job without its time. Requires: mutex_ is held.
+void Farm::NoteEndedJobs() {
+  for (const uint64_t id : scheduler_.TakeEndedJobs()) {
+    accounts_.at(id).end_time = absl::Now();
+    unsettled_jobs_.push_back(id);
+  }
 }
 
 // Writes down the end of jobs that have ended, and lets go of their parts. What the disk refuses is
@@ -201,14 +211,9 @@ void Farm::SettleEndedJobs() {
   std::vector<Ended> ended;
   {
     const std::lock_guard lock(mutex_);
-    std::vector<uint64_t> ids = std::exchange(unsettled_jobs_, {});
-    const std::vector<uint64_t> fresh = scheduler_.TakeEndedJobs();
-    ids.insert(ids.end(), fresh.begin(), fresh.end());
-    for (const uint64_t id : ids) {
+    for (const uint64_t id : std::exchange(unsettled_jobs_, {})) {
       const JobRecord& job = scheduler_.jobs().at(id);
-      JobAccount& account = accounts_[id];
-      account.end_time = std::min(account.end_time, absl::Now());
-      Ended entry{id, job.phase, job.failure, {}, account.end_time};
+      Ended entry{id, job.phase, job.failure, {}, accounts_.at(id).end_time};
       for (auto it = open_frames_.lower_bound({id, INT32_MIN});
            it != open_frames_.end() && it->first.job_id == id; ++it) {
         entry.frames.push_back(it->first);
@@ -248,6 +253,7 @@ absl::StatusOr<Farm::SynchronizeAnswer> Farm::Synchronize(const WorkerReport& re
     const std::lock_guard lock(mutex_);
     absl::StatusOr<Scheduler::SynchronizeAnswer> decided =
         scheduler_.Synchronize(report, absl::Now());
+    NoteEndedJobs();
     if (!decided.ok()) return decided.status();
     for (Lease& lease : decided->leases) {
       const FrameSpec& frame = scheduler_.FindFrame(lease.frame)->spec;

@@ -144,6 +144,7 @@ class Farm : public FarmView {
   absl::Status LoadLiveJob(const StoredJob& job);
   void Changed() const;
   void NoteDisk(const absl::Status& status);
+  void NoteEndedJobs();
   void SettleEndedJobs();
   void EraseOpenFrames(uint64_t job_id);
   std::shared_ptr<OpenFrame> OpenFrameOf(const FrameId& id);

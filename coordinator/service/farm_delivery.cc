@@ -51,6 +51,7 @@ void Farm::RunBackground() {
     {
       const std::lock_guard lock(mutex_);
       changed = scheduler_.Tick(absl::Now());
+      NoteEndedJobs();
       disk_fine = disk_status_.ok();
     }
     if (changed) Changed();
@@ -185,6 +186,7 @@ absl::Status Farm::DeliverFrame(const FrameId& id) {
     if (scheduler_.FindFrame(id)->phase != FrameRecord::Phase::kRendered) return absl::OkStatus();
     accounts_[id.job_id].delivered[id.frame_number] = delivered;
     scheduler_.Deliver(id);
+    NoteEndedJobs();
     open_frames_.erase(id);
   }
   LogInfo(absl::StrCat("job ", id.job_id, ": frame ", id.frame_number, " is delivered, picture ",

@@ -103,6 +103,7 @@ absl::Status Farm::RejectResult(const ResultReport& report, const std::string& w
     ++scheduler_.counters().results_invalid;
     scheduler_.Fail({report.lease_id, FailureKind::kInternal, "invalid result: " + why},
                     report.worker_id, absl::Now());
+    NoteEndedJobs();
   }
   SettleEndedJobs();
   Changed();

@@ -96,14 +96,14 @@ struct MetricView {
 // The picture so far.
 struct PreviewView {
   uint64_t version = 0;  // FrameView::preview_version that it shows.
-  // All channels of a developed picture; pixels without samples are 0. The display transform is the
+  // The channels R, G and B, linear; pixels without samples are 0. The display transform is the
   // viewer's business.
   FramePicture picture;
   bool complete = false;
 };
 
 // Thread safety: all functions may be called from any thread. None waits longer than for a short
-// lock but WaitForChange and Preview (which copies a picture).
+// lock but WaitForChange and Preview (which copies planes of a picture).
 class FarmView {
  public:
   virtual ~FarmView() = default;

@@ -8,6 +8,7 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
+#include "common/base/check.h"
 #include "common/film/exr_codec.h"
 #include "coordinator/service/farm.h"
 
@@ -59,6 +60,21 @@ WorkerState StateOf(const WorkerRecord& worker) {
 
 absl::Status NoSuchJob(const std::string& job_id) {
   return absl::NotFoundError(absl::StrCat("jobs/", job_id, ": there is no such job"));
+}
+
+// What people look at of a developed picture. Full planes of the other channels are most of it.
+FramePicture ColourOf(const FramePicture& picture) {
+  FramePicture colour;
+  colour.window = picture.window;
+  colour.frame_width_px = picture.frame_width_px;
+  colour.frame_height_px = picture.frame_height_px;
+  for (const char* channel : {"R", "G", "B"}) {
+    const std::vector<float>* plane = picture.Find(channel);
+    SHEAF_CHECK(plane != nullptr);  // Made by MakeFramePicture, or read by ReadPicture.
+    colour.channel_names.emplace_back(channel);
+    colour.planes.push_back(*plane);
+  }
+  return colour;
 }
 
 }  // namespace
@@ -206,10 +222,10 @@ absl::StatusOr<PreviewView> Farm::Preview(const std::string& job_id, int32_t fra
   if (view.complete) {
     const absl::StatusOr<std::string> path = store_->OutputPath({id, frame_number});
     if (!path.ok()) return path.status();
-    absl::StatusOr<FramePicture> picture = ReadPicture(*path);
+    const absl::StatusOr<FramePicture> picture = ReadPicture(*path);
     if (!picture.ok()) return picture.status();
     view.version = kDeliveredPreviewVersion;
-    view.picture = std::move(*picture);
+    view.picture = ColourOf(*picture);
     return view;
   }
   if (open == nullptr || view.version == 0) {
@@ -217,7 +233,7 @@ absl::StatusOr<PreviewView> Farm::Preview(const std::string& job_id, int32_t fra
         absl::StrCat("jobs/", job_id, "/frames/", frame_number, ": no sample is there yet"));
   }
   const std::lock_guard lock(open->mutex);
-  view.picture = open->merge.picture();
+  view.picture = ColourOf(open->merge.picture());
   return view;
 }
 

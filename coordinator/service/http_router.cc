@@ -117,7 +117,7 @@ bool HttpRouter::Admits(const HttpRequest& request, HttpResponse* refusal) const
         HttpError(403, "PERMISSION_DENIED",
                   absl::StrCat("host \"", host,
                                "\" is not allowed: use localhost or an address, or start the "
-                               "coordinator with this name among its allowed HTTP hosts"));
+                               "coordinator with --allow-host NAME"));
     return false;
   }
   if (request.method == "GET") return true;

@@ -43,6 +43,11 @@ void AddOptions(CommandLine* line, CLI::App* app) {
   app->add_option("--http", line->server.http_address,
                   "Where the web page, JSON and metrics listen; \"\": nowhere")
       ->capture_default_str();
+  app->add_option("--allow-host", line->server.allowed_hosts,
+                  "A name under which browsers reach the page, beside localhost and addresses; "
+                  "repeat it for more. Requests for other names are refused (DNS rebinding)")
+      ->type_name("NAME")
+      ->allow_extra_args(false);
   app->add_option("--state-dir", farm.state_directory, "Jobs, parts, scenes and pictures")
       ->capture_default_str();
   app->add_option("--lease-seconds", line->lease_seconds,
