@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Hard cases of light transport, by the names of the catalogue (A1, A3, A5, L8, R6, R7, C2).
+// Hard cases of light transport, by the names of the catalogue (A1, A3, A5, L8, M5, R6, R7, C2).
 #include <cmath>
 #include <limits>
 #include <thread>
@@ -157,6 +157,43 @@ TEST(TransportStability, C2EveryFilterKeepsAConstant) {
     EXPECT_NEAR(mean.mean.r, 0.25f, 1e-6f * 0.25f);
     EXPECT_NEAR(mean.mean.g, 0.5f, 1e-6f * 0.5f);
     EXPECT_NEAR(mean.mean.b, 3, 3e-6f);
+  }
+}
+
+// The room with a box around its ball, so that most paths and shadow rays cross the box.
+template <typename Material>
+FilmTile RoomWithBox(Material material, RenderPlan* plan) {
+  TestScene t = LitRoom(1);
+  t.AddShape(MeshShape{t.Box({-0.1f, -0.9f, 0}, {0.7f, -0.1f, 0.8f})}, t.AddMaterial(material));
+  const CompiledScenePtr scene = Compile(t.scene, SquareSettings(16, 32, 5));
+  *plan = PlanOf(*scene);
+  return RenderAll(*scene);
+}
+
+// M5: glass of index 1 is as if it were not there: to the bit what a declared interface gives,
+// which costs no scattering event and blocks no shadow ray; and the room without it but for the
+// rounding of ray origins where they cross it.
+TEST(TransportStability, M5GlassOfIndexOneIsNotThere) {
+  const FilmTile empty = RenderAll(*Compile(LitRoom(1).scene, SquareSettings(16, 32, 5)));
+  RenderPlan plan;
+  const FilmTile passed = RoomWithBox(InterfaceMaterial{}, &plan);
+  DielectricMaterial smooth, rough;
+  smooth.eta = rough.eta = 1;
+  rough.roughness.u.value = rough.roughness.v.value = 0.3f;
+  ThinDielectricMaterial thin;
+  thin.eta = 1;
+  const FilmTile boxes[] = {RoomWithBox(smooth, &plan), RoomWithBox(rough, &plan),
+                            RoomWithBox(thin, &plan)};
+  EXPECT_TRUE(plan.traits & static_cast<uint32_t>(Trait::kAlpha));
+  EXPECT_FALSE(plan.traits & static_cast<uint32_t>(Trait::kSpecularTransmission));
+  for (const FilmTile& box : boxes) EXPECT_TRUE(box == passed);
+  for (const FilmChannel c : {FilmChannel::kRedHi, FilmChannel::kGreenHi, FilmChannel::kBlueHi,
+                              FilmChannel::kAlpha, FilmChannel::kDepth}) {
+    for (size_t i = 0; i < empty.plane_size(); ++i) {
+      const float without = empty.channel(c)[i];
+      EXPECT_NEAR(passed.channel(c)[i], without, 1e-5f * without)
+          << static_cast<int>(c) << " " << i;
+    }
   }
 }
 

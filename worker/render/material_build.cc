@@ -83,6 +83,12 @@ class MaterialBuilder {
     m->eta = eta;
     return absl::OkStatus();
   }
+  // Matter of the same index on both sides neither bends nor reflects, rough or not: no surface.
+  static absl::Status MakeInvisible(CompiledMaterial* m) {
+    *m = CompiledMaterial{};
+    m->kind = BsdfKind::kInterface;
+    return absl::OkStatus();
+  }
 
   // The roughness a table is needed for; kAllAlphas where it varies.
   static Ggx TableAlpha(const CompiledMaterial& m) {
@@ -143,8 +149,9 @@ class MaterialBuilder {
     m->kind = BsdfKind::kDielectric;
     if (absl::Status status = SetRoughness(d.roughness, m); !status.ok()) return status;
     if (absl::Status status = SetIndex(d.eta, m); !status.ok()) return status;
+    if (d.eta == 1) return MakeInvisible(m);
     const Ggx ggx = TableAlpha(*m);
-    if (IsSmooth(ggx) || d.eta == 1) return absl::OkStatus();
+    if (IsSmooth(ggx)) return absl::OkStatus();
     m->dielectric_rows = FindTable(
         tables_.dielectrics, {ggx.alpha_x, ggx.alpha_y, d.eta, 0},
         [&] { return MakeDielectricEnergyRow(ggx, d.eta); },
@@ -154,7 +161,8 @@ class MaterialBuilder {
 
   absl::Status Fill(const ThinDielectricMaterial& d, CompiledMaterial* m) {
     m->kind = BsdfKind::kThinDielectric;
-    return SetIndex(d.eta, m);
+    if (absl::Status status = SetIndex(d.eta, m); !status.ok()) return status;
+    return d.eta == 1 ? MakeInvisible(m) : absl::OkStatus();
   }
 
   absl::Status Fill(const CoatedDiffuseMaterial& d, CompiledMaterial* m) {
@@ -192,10 +200,7 @@ class MaterialBuilder {
     return absl::OkStatus();
   }
 
-  absl::Status Fill(const InterfaceMaterial&, CompiledMaterial* m) {
-    m->kind = BsdfKind::kInterface;
-    return absl::OkStatus();
-  }
+  absl::Status Fill(const InterfaceMaterial&, CompiledMaterial* m) { return MakeInvisible(m); }
 
   // Levels of mixes below and with this one, counted no further than needed to refuse it. Breadth
   // first over sets, so that a lattice of mixes takes no exponential time.

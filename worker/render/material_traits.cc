@@ -49,11 +49,16 @@ class NeedsCollector {
       Read(m.k);
     }
   }
+  // Without a step of the index there is no surface: MaterialTable makes it an interface.
   void Add(const DielectricMaterial& m) {
+    if (m.eta == 1) return Add(InterfaceMaterial{});
     needs_.traits |= Bit(Trait::kSpecularTransmission);
     Read(m.roughness);
   }
-  void Add(const ThinDielectricMaterial&) { needs_.traits |= Bit(Trait::kSpecularTransmission); }
+  void Add(const ThinDielectricMaterial& m) {
+    if (m.eta == 1) return Add(InterfaceMaterial{});
+    needs_.traits |= Bit(Trait::kSpecularTransmission);
+  }
   void Add(const CoatedDiffuseMaterial& m) {
     needs_.traits |= Bit(Trait::kLayered) | Bit(Trait::kMicrofacet);
     Read(m.roughness);
