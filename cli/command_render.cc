@@ -16,6 +16,8 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "absl/time/clock.h"
+#include "absl/time/time.h"
 #include "cli/command.h"
 #include "cli/follow_job.h"
 #include "cli/interruption.h"
@@ -60,6 +62,21 @@ class StateDirectory {
   const std::string path_;
   const bool kept_;
 };
+
+// How long the worker in this process may take to report before the progress line goes without it.
+constexpr absl::Duration kWorkerReportWait = absl::Seconds(2);
+
+// The first progress line shall not say that no worker is connected: waits for the one that is just
+// starting.
+void AwaitWorker(const coordinator::FarmView& farm) {
+  const absl::Time deadline = absl::Now() + kWorkerReportWait;
+  while (true) {
+    const uint64_t seen = farm.ChangeCount();
+    const absl::Duration rest = deadline - absl::Now();
+    if (!farm.ListWorkers().empty() || rest <= absl::ZeroDuration()) return;
+    farm.WaitForChange(seen, rest);
+  }
+}
 
 class RenderCommand : public Command {
  public:
@@ -139,6 +156,7 @@ class RenderCommand : public Command {
         LogWarning(std::string(status.message()));
       }
     });
+    AwaitWorker(server->farm());
     const absl::StatusOr<v1::Job> ended = FollowJob(&client, created->name(), json_);
     if (absl::IsCancelled(ended.status())) {
       std::fprintf(stderr, keep_state_.empty()
@@ -151,7 +169,7 @@ class RenderCommand : public Command {
       const absl::Status saved = SavePictures(&client, *ended, OutputPaths(arguments_, job));
       if (!saved.ok()) return ReportError(ExitCode::kFile, saved);
     }
-    return ReportEnd(*ended);
+    return ReportEnd(*ended, /*pictures_written=*/true);
   }
 
   // The same command makes the same job, so that a second run finds what the first one left.

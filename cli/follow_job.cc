@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <chrono>
 #include <cstdio>
 #include <map>
 #include <mutex>
@@ -12,8 +13,8 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "cli/job_json.h"
-#include "cli/picture_identity.h"
 #include "cli/progress_line.h"
+#include "cli/summary.h"
 #include "cli/tone_map.h"
 #include "common/base/file.h"
 #include "common/film/exr_codec.h"
@@ -23,7 +24,7 @@ namespace sheaf::cli {
 namespace {
 
 constexpr size_t kUploadsMax = 4;  // At the same time; hides the way of many small files.
-constexpr uint64_t kShownUploadBytesMin = uint64_t{4} << 20;  // Less is over before it is read.
+constexpr std::chrono::seconds kUploadSilence{2};  // A shorter upload is over before it is read.
 constexpr uint64_t kPictureBytesMax = uint64_t{16} << 30;
 
 // Bytes sent so far, shown.
@@ -34,7 +35,6 @@ class UploadProgress {
   void Add(uint64_t size_bytes) {
     const std::lock_guard<std::mutex> lock(mutex_);
     sent_bytes_ += size_bytes;
-    if (total_bytes_ < kShownUploadBytesMin) return;
     const double share =
         std::min(1.0, static_cast<double>(sent_bytes_) / static_cast<double>(total_bytes_));
     line_.Show("uploading", share,
@@ -44,14 +44,10 @@ class UploadProgress {
 
  private:
   std::mutex mutex_;
-  ProgressLine line_;
+  ProgressLine line_{kUploadSilence};
   const uint64_t total_bytes_;
   uint64_t sent_bytes_ = 0;
 };
-
-double Seconds(const google::protobuf::Duration& duration) {
-  return static_cast<double>(duration.seconds()) + duration.nanos() * 1e-9;
-}
 
 absl::Status SavePicture(FarmClient* client, const v1::Frame& frame, const PicturePaths& paths) {
   const absl::StatusOr<std::string> bytes = client->ReadFrameOutput(frame.name(), kPictureBytesMax);
@@ -59,17 +55,19 @@ absl::Status SavePicture(FarmClient* client, const v1::Frame& frame, const Pictu
   if (absl::Status status = WriteFileAtomically(paths.exr, *bytes); !status.ok()) return status;
   const absl::StatusOr<FramePicture> picture = ReadPicture(paths.exr);
   if (!picture.ok()) return picture.status();
-  if (PictureIdentity(*picture) != frame.picture_digest()) {
+  if (PictureDigest(*picture) != frame.picture_digest()) {
     return absl::DataLossError(absl::StrCat(
         paths.exr,
         ": is not the picture the coordinator delivered; fetch it again with sheaf watch"));
   }
-  std::fprintf(stderr, "sheaf: wrote %s\n", paths.exr.c_str());
-  if (paths.png.empty()) return absl::OkStatus();
-  const PixelRect& window = picture->window;
-  absl::Status status = WritePng(paths.png, window.Width(), window.Height(), ToneMapSrgb(*picture));
-  if (status.ok()) std::fprintf(stderr, "sheaf: wrote %s\n", paths.png.c_str());
-  return status;
+  if (!paths.png.empty()) {
+    const PixelRect& window = picture->window;
+    absl::Status status =
+        WritePng(paths.png, window.Width(), window.Height(), ToneMapSrgb(*picture));
+    if (!status.ok()) return status;
+  }
+  std::fprintf(stderr, "sheaf: %s\n", FormatPictureSummary(frame, paths).c_str());
+  return absl::OkStatus();
 }
 
 }  // namespace
@@ -126,8 +124,7 @@ absl::Status SavePictures(FarmClient* client, const v1::Job& job,
   return absl::OkStatus();
 }
 
-ExitCode ReportEnd(const v1::Job& job) {
-  const v1::Progress& progress = job.progress();
+ExitCode ReportEnd(const v1::Job& job, bool pictures_written) {
   if (job.state() == v1::Job::STATE_CANCELLED) {
     std::fprintf(stderr, "sheaf: %s was cancelled\n", job.name().c_str());
     return ExitCode::kCancelled;
@@ -136,23 +133,9 @@ ExitCode ReportEnd(const v1::Job& job) {
     std::fprintf(stderr, "sheaf: %s failed: %s\n", job.name().c_str(), job.failure().c_str());
     return ExitCode::kFailed;
   }
-  const double wall_seconds = Seconds(progress.wall_duration());
-  std::string text = absl::StrFormat(
-      "%s: %s in %.1f s, %s samples", job.name(), job.frames_size() == 1 ? "done" : "all done",
-      wall_seconds, FormatCount(static_cast<double>(progress.sample_count_done())));
-  if (wall_seconds > 0) {
-    absl::StrAppend(&text, ", ",
-                    FormatCount(static_cast<double>(progress.ray_count()) / wall_seconds),
-                    " rays/s");
-  }
-  if (progress.relative_mse() > 0) {
-    absl::StrAppend(&text, absl::StrFormat(", error (relMSE) %.2e", progress.relative_mse()));
-  }
-  if (progress.nonfinite_count() > 0) {
-    absl::StrAppend(&text, "; ", progress.nonfinite_count(),
-                    " samples were not finite: a defect, please report it");
-  }
-  std::fprintf(stderr, "sheaf: %s\n", text.c_str());
+  // A single picture's line, printed when it was written, has told the same.
+  const bool told = pictures_written && job.frames_size() == 1;
+  if (!told) std::fprintf(stderr, "sheaf: %s\n", FormatJobSummary(job).c_str());
   return ExitCode::kOk;
 }
 
@@ -172,7 +155,7 @@ ExitCode FollowToTheEnd(FarmClient* client, const std::string& name, bool json,
     if (absl::IsCancelled(saved) || absl::IsUnavailable(saved)) return ReportCallError(saved);
     if (!saved.ok()) return ReportError(ExitCode::kFile, saved);
   }
-  return ReportEnd(*job);
+  return ReportEnd(*job, !paths.empty());
 }
 
 }  // namespace sheaf::cli

@@ -22,14 +22,16 @@ absl::Status UploadMissing(FarmClient* client, const PreparedJob& job);
 // Errors: those of FarmClient::WatchJob.
 absl::StatusOr<v1::Job> FollowJob(FarmClient* client, const std::string& name, bool json);
 
-// Fetches all pictures of a job that succeeded and says where they are.
+// Fetches all pictures of a job that succeeded; says on standard error of each where it is and what
+// it took.
 // paths: one per frame, in the order of numbers. Errors: those of the calls and of writing.
 absl::Status SavePictures(FarmClient* client, const v1::Job& job,
                           const std::vector<PicturePaths>& paths);
 
-// Says on standard error how it ended: time, samples, rays per second, error; or why it failed.
-// Returns the code that fits.
-ExitCode ReportEnd(const v1::Job& job);
+// Says on standard error how it ended: what it took, or why it failed. pictures_written:
+// SavePictures has told of each picture, so a job of one needs no line of its own. Returns the code
+// that fits.
+ExitCode ReportEnd(const v1::Job& job, bool pictures_written);
 
 // The usual way through all of these: FollowJob, SavePictures, ReportEnd. Interrupted, it says how
 // to go on.

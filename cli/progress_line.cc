@@ -85,15 +85,20 @@ std::string FormatProgress(const v1::Job& job) {
   return text;
 }
 
-ProgressLine::ProgressLine() : ProgressLine(TerminalColumns(), Clock::now, WriteToStandardError) {}
+ProgressLine::ProgressLine(Clock::duration silence)
+    : ProgressLine(TerminalColumns(), Clock::now, WriteToStandardError, silence) {}
 
 ProgressLine::ProgressLine(int width_columns, std::function<Clock::time_point()> now,
-                           std::function<void(const std::string&)> write)
-    : width_columns_(width_columns), now_(std::move(now)), write_(std::move(write)) {}
+                           std::function<void(const std::string&)> write, Clock::duration silence)
+    : width_columns_(width_columns),
+      now_(std::move(now)),
+      write_(std::move(write)),
+      silent_until_(now_() + silence) {}
 
 ProgressLine::~ProgressLine() { Finish(); }
 
 void ProgressLine::Show(const std::string& label, double share, const std::string& text) {
+  if (now_() < silent_until_) return;
   if (width_columns_ == 0) {
     if (drawn_ && now_() - last_plain_ < kPlainInterval) return;
     last_plain_ = now_();

@@ -28,12 +28,13 @@ class ProgressLine {
   // Time between two plain lines in a pipe.
   static constexpr std::chrono::seconds kPlainInterval{3};
 
-  // Writes to standard error.
-  ProgressLine();
+  // Writes to standard error, but nothing in the beginning, for as long as silence.
+  explicit ProgressLine(Clock::duration silence = Clock::duration::zero());
   // For tests: writes through write, as to a terminal of width_columns, or to a pipe where that is
   // 0.
   ProgressLine(int width_columns, std::function<Clock::time_point()> now,
-               std::function<void(const std::string&)> write);
+               std::function<void(const std::string&)> write,
+               Clock::duration silence = Clock::duration::zero());
   ~ProgressLine();
   ProgressLine(const ProgressLine&) = delete;
   ProgressLine& operator=(const ProgressLine&) = delete;
@@ -47,6 +48,7 @@ class ProgressLine {
   const int width_columns_;
   const std::function<Clock::time_point()> now_;
   const std::function<void(const std::string&)> write_;
+  const Clock::time_point silent_until_;
   Clock::time_point last_plain_{};
   bool drawn_ = false;
 };

@@ -60,6 +60,19 @@ TEST_F(ProgressOutputTest, APipeGetsALineEveryFewSeconds) {
   EXPECT_EQ(output_, "jobs/1: 10 %\njobs/1: 30 %\n");
 }
 
+TEST_F(ProgressOutputTest, SaysNothingOfWhatIsShort) {
+  ProgressLine line(
+      0, [this] { return now_; }, [this](const std::string& s) { output_ += s; },
+      std::chrono::seconds(2));
+  line.Show("uploading", 0.1, "10 %");
+  now_ += std::chrono::milliseconds(1999);
+  line.Show("uploading", 0.2, "20 %");
+  EXPECT_EQ(output_, "");
+  now_ += std::chrono::milliseconds(1);
+  line.Show("uploading", 0.3, "30 %");
+  EXPECT_EQ(output_, "uploading: 30 %\n");
+}
+
 TEST_F(ProgressOutputTest, ATerminalGetsABarOnOneLine) {
   {
     ProgressLine line(

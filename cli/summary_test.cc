@@ -1,0 +1,66 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "cli/summary.h"
+
+#include <gtest/gtest.h>
+
+namespace sheaf::cli {
+namespace {
+
+v1::Progress Costs() {
+  v1::Progress progress;
+  progress.set_sample_count_done(29'491'200);
+  progress.set_ray_count(75'000'000);
+  progress.mutable_wall_duration()->set_seconds(12);
+  progress.mutable_wall_duration()->set_nanos(300'000'000);
+  progress.set_relative_mse(2.1e-3);
+  return progress;
+}
+
+v1::Frame Picture() {
+  v1::Frame frame;
+  v1::FrameSettings* settings = frame.mutable_spec()->mutable_settings();
+  settings->set_sample_count(128);
+  settings->mutable_window()->set_x0_px(10);
+  settings->mutable_window()->set_x1_px(650);
+  settings->mutable_window()->set_y1_px(360);
+  *frame.mutable_progress() = Costs();
+  return frame;
+}
+
+TEST(SummaryTest, PictureSaysWhereItIsAndWhatItTook) {
+  EXPECT_EQ(FormatPictureSummary(Picture(), {"out.exr", ""}),
+            "out.exr: 640x360, 128 samples, 12.3 s, 2.4 M samples/s, 6.1 M rays/s, "
+            "relMSE 2.1e-03, 0 non-finite");
+  EXPECT_TRUE(FormatPictureSummary(Picture(), {"out.exr", "out.png"})
+                  .starts_with("out.exr and out.png: 640x360"));
+}
+
+TEST(SummaryTest, WhatCannotBeToldIsLeftOut) {
+  v1::Frame frame = Picture();
+  frame.mutable_spec()->mutable_settings()->set_sample_count(1);
+  frame.mutable_progress()->clear_wall_duration();
+  frame.mutable_progress()->clear_relative_mse();
+  EXPECT_EQ(FormatPictureSummary(frame, {"out.exr", ""}),
+            "out.exr: 640x360, 1 sample, 0.0 s, 0 non-finite");
+}
+
+TEST(SummaryTest, SamplesThatAreNotFiniteAreADefect) {
+  v1::Frame frame = Picture();
+  frame.mutable_progress()->set_nonfinite_count(3);
+  EXPECT_TRUE(FormatPictureSummary(frame, {"out.exr", ""})
+                  .ends_with(", 3 non-finite (a defect, please report it)"));
+}
+
+TEST(SummaryTest, JobSumsUpItsFrames) {
+  v1::Job job;
+  job.set_name("jobs/7");
+  *job.mutable_progress() = Costs();
+  for (int i = 0; i < 3; ++i) job.add_frames();
+  EXPECT_EQ(FormatJobSummary(job),
+            "jobs/7: 3 frames, 12.3 s, 2.4 M samples/s, 6.1 M rays/s, relMSE 2.1e-03, "
+            "0 non-finite");
+}
+
+}  // namespace
+}  // namespace sheaf::cli
