@@ -56,7 +56,11 @@ class Farm:
         self.worker_count = 0
 
     def __enter__(self):
-        self.start_coordinator()
+        try:
+            self.start_coordinator()
+        except BaseException:  # Python calls no __exit__ for what was never entered.
+            self.__exit__()
+            raise
         return self
 
     def __exit__(self, *_):

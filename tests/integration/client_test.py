@@ -1,0 +1,257 @@
+#!/usr/bin/env python3
+# Copyright the Sheaf authors.
+# SPDX-License-Identifier: Apache-2.0
+"""The client as people and scripts meet it: commands, JSON, exit codes, and what it says of errors.
+
+One farm of one worker serves all tests; the scenes are the turntable's first frames and a few lines
+of text.
+"""
+import json
+import os
+import re
+import signal
+import socket
+import subprocess
+import unittest
+from unittest import mock
+from urllib.error import HTTPError
+from urllib.request import Request, urlopen
+
+import farm
+
+TURNTABLE = os.path.join(farm.ROOT, "scenes", "turntable", "turntable.####.pbrt")
+SMALL = ("--crop", "120,60,200,120", "--samples", "4")
+OK, FAILED, USAGE, UNREACHABLE, BAD_SCENE, CANCELLED, FILE, INTERRUPTED = 0, 1, 2, 3, 4, 5, 6, 130
+
+# A square under a sky. What is broken is added below it.
+SCENE = """LookAt 0 0 -3  0 0 0  0 1 0
+Camera "perspective" "float fov" 45
+Film "rgb" "integer xresolution" 48 "integer yresolution" 32
+WorldBegin
+LightSource "infinite" "rgb L" [0.5 0.6 0.7]
+Shape "trianglemesh" "integer indices" [0 1 2 0 2 3]
+  "point3 P" [-1 -1 0  1 -1 0  1 1 0  -1 1 0]
+"""
+TRUNCATED_PLY = """ply
+format ascii 1.0
+element vertex 3
+property float x
+property float y
+property float z
+element face 1
+property list uchar int vertex_indices
+end_header
+0 0 0
+1 0 0
+"""
+
+
+def run(*arguments, seconds=30, environment=None):
+    """`sheaf` without a farm."""
+    return subprocess.run([os.path.join(farm.programs(), "sheaf"), *map(str, arguments)],
+                          stdin=subprocess.DEVNULL, capture_output=True, text=True,
+                          timeout=seconds, env=dict(os.environ, **(environment or {})))
+
+
+def free_port():
+    with socket.socket() as s:
+        s.bind(("127.0.0.1", 0))
+        return s.getsockname()[1]
+
+
+class ClientTest(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.farm = farm.Farm(["--allow-host", "farm.example", "--allow-host", "other.example"])
+        cls.farm.__enter__()
+        cls.addClassCleanup(cls.farm.__exit__)
+        cls.farm.start_worker()
+
+    def write(self, name, text):
+        path = self.farm.path(name)
+        with open(path, "w", encoding="utf-8") as f:
+            f.write(text)
+        return path
+
+    def expect(self, done, code):
+        self.assertEqual(done.returncode, code, done.stdout + done.stderr)
+        return done
+
+    def test_frames_of_a_pattern(self):
+        os.makedirs(self.farm.path("out"), exist_ok=True)
+        done = self.farm.sheaf("submit", TURNTABLE, "--frames", "1-3", *SMALL, "--wait", "--json",
+                               "-o", self.farm.path("out", "t.####.exr"))
+        job = [json.loads(line) for line in done.stdout.splitlines()][-1]
+        self.assertEqual(job["state"], "succeeded")
+        self.assertIsNotNone(job["end_time"])
+        digests = [frame["picture_digest"] for frame in job["frames"]]
+        self.assertEqual(len(set(digests)), 3, "each frame is another picture")
+        for number, digest in enumerate(digests, start=1):
+            path = self.farm.path("out", f"t.{number:04d}.exr")
+            self.assertEqual(farm.picture_digest(path), digest)
+            # "t.0001.exr: 80x60, 4 samples, 0.3 s, 60 k samples/s, 200 k rays/s, relMSE 1e-2, ..."
+            self.assertRegex(done.stderr, re.escape(path) + r": 80x60, 4 samples, \d+\.\d s, "
+                             r"\S+ \w?\s?samples/s, \S+ \w?\s?rays/s, relMSE \S+, 0 non-finite")
+        self.assertRegex(done.stderr, r"sheaf: jobs/\d+: 3 frames, \d+\.\d s")
+
+        name = job["name"]
+        self.assertEqual(json.loads(self.farm.sheaf("show", name, "--json").stdout)["frames"],
+                         job["frames"])
+        text = self.farm.sheaf("show", name.removeprefix("jobs/")).stdout
+        self.assertIn("succeeded", text)
+        for digest in digests:
+            self.assertIn(digest[:16], text)
+        listed = [json.loads(line) for line in
+                  self.farm.sheaf("list", "--json").stdout.splitlines()]
+        self.assertIn(name, [entry["name"] for entry in listed])
+        self.assertIn(name, self.farm.sheaf("list").stdout)
+
+        again = self.farm.path("out", "again.#.exr")
+        self.farm.sheaf("watch", name, "-o", again)
+        self.assertEqual(farm.picture_digest(self.farm.path("out", "again.2.exr")), digests[1])
+        self.expect(self.farm.sheaf("watch", name, "-o", "one.exr", check=False), USAGE)
+
+    def test_workers(self):
+        worker = json.loads(self.farm.sheaf("workers", "--json").stdout)
+        self.assertEqual(worker["thread_count"], 1)
+        self.assertIn(worker["state"], ("idle", "busy"))
+        self.assertIn(worker["name"].removeprefix("workers/"), self.farm.sheaf("workers").stdout)
+
+    def test_cancel(self):
+        scene = self.write("long.pbrt", SCENE)
+        name = self.farm.sheaf("submit", scene, "--samples", 1 << 24).stdout.strip()
+        self.assertRegex(name, r"^jobs/\d+$")
+        self.assertIn("cancelled", self.farm.sheaf("cancel", name).stdout)
+        self.assertIn("was cancelled",
+                      self.expect(self.farm.sheaf("watch", name, check=False), CANCELLED).stderr)
+        job = json.loads(self.farm.sheaf("cancel", name, "--json").stdout)  # Again: no harm.
+        self.assertEqual(job["state"], "cancelled")
+        self.assertIsNotNone(job["end_time"])
+        unknown = self.farm.sheaf("cancel", "jobs/999999", check=False)
+        self.assertIn("jobs/999999", self.expect(unknown, FAILED).stderr)
+
+    def test_wrong_usage(self):
+        scene = self.write("usage.pbrt", SCENE)
+        for arguments in ([], ["nonsense"], ["render"], ["render", scene, "--crop", "1,2"],
+                          ["render", scene, "--pass-samples", "3"],
+                          ["submit", TURNTABLE, "--frames", "1-x"],
+                          ["submit", TURNTABLE, "--frames", "1-3", "-o", "one.exr"]):
+            with self.subTest(arguments=arguments):
+                self.assertNotEqual(self.expect(run(*arguments), USAGE).stderr, "")
+
+    def test_nobody_answers(self):
+        address = f"127.0.0.1:{free_port()}"
+        done = self.expect(run("list", "--coordinator", address), UNREACHABLE)
+        self.assertIn(address, done.stderr)
+        self.assertIn("sheaf-coordinator", done.stderr)
+
+    def test_missing_files(self):
+        for command in ("render", "submit", "plan"):
+            with self.subTest(command=command):
+                done = self.expect(run(command, self.farm.path("none.pbrt")), FILE)
+                self.assertIn("none.pbrt", done.stderr)
+        self.expect(run("compare", self.farm.path("none.exr"), self.farm.path("none.exr")), FILE)
+        scene = self.write("unwritable.pbrt", SCENE)
+        self.expect(run("render", scene, "--samples", 1, "-o", "/proc/none/out.exr"), FILE)
+
+    def test_broken_scenes_say_where(self):
+        self.write("short.ply", TRUNCATED_PLY)
+        self.write("circle.pbrt", 'Include "circle.pbrt"\n')
+        line = SCENE.count("\n") + 1
+        here = rf"broken\.pbrt:{line}:\d+: "
+        cases = (('Shape "plymesh" "string filename" "none.ply"', here + r".*none\.ply"),
+                 ('Shape "plymesh" "string filename" "short.ply"', r"short\.ply"),
+                 ('Include "circle.pbrt"', r"circle\.pbrt:1:\d+: "),
+                 ('Shape "sphere" "float radius" "wide"', here),
+                 ('Shape "sphere" "float radius" [', rf"broken\.pbrt:{line + 1}:1: "),
+                 ("Nonsense", here))
+        for text, expected in cases:
+            scene = self.write("broken.pbrt", SCENE + text + "\n")
+            for command in ("render", "submit", "plan"):
+                with self.subTest(text=text, command=command):
+                    done = self.farm.sheaf(command, scene, check=False, seconds=30)
+                    self.assertRegex(self.expect(done, BAD_SCENE).stderr, expected)
+
+    def test_plan(self):
+        plan = json.loads(self.expect(run("plan", "--json", TURNTABLE.replace("####", "0001")),
+                                      OK).stdout)
+        self.assertTrue(plan["variant"])
+        self.assertTrue(plan["effects"])
+
+    def test_completion(self):
+        for shell, check in (("bash", ["bash", "-n"]), ("zsh", None), ("fish", None)):
+            script = self.expect(run("completion", shell), OK).stdout
+            self.assertIn("--pass-samples", script if shell != "fish" else
+                          script.replace("-l pass-samples", "--pass-samples"))
+            if check:
+                path = self.write("completion", script)
+                self.assertEqual(subprocess.run([*check, path], capture_output=True,
+                                                text=True).stderr, "")
+                subprocess.run(["bash", "-ec", f"source '{path}'; complete -p sheaf"], check=True,
+                               stdout=subprocess.DEVNULL)
+
+    def test_render_goes_on_where_it_was_interrupted(self):
+        scene = self.write("kept.pbrt", SCENE)
+        job = ("--samples", 2048, "--pass-samples", 64, "--lease-passes", 1, "--tile-size", 16,
+               "--threads", 1)
+        whole, kept = self.farm.path("whole.exr"), self.farm.path("kept.exr")
+        done = farm.render(scene, whole, *job)
+        self.assertNotIn("no worker", done.stderr)
+        self.assertNotIn("uploading", done.stderr)
+        self.assertRegex(done.stderr, re.escape(whole) + r": 48x32, 2048 samples, ")
+
+        command = [os.path.join(farm.programs(), "sheaf"), "render", scene, "-o", kept,
+                   "--keep-state", self.farm.path("kept state"), *map(str, job)]
+        parts = self.farm.path("kept state", "parts")
+        first = subprocess.Popen(command, stdin=subprocess.DEVNULL, stderr=subprocess.PIPE,
+                                 text=True)
+        farm.wait_until(lambda: sum(len(files) for _, _, files in os.walk(parts)) > 3, 30,
+                        "a few finished parts")
+        first.send_signal(signal.SIGINT)
+        _, text = first.communicate(timeout=30)
+        self.assertEqual(first.returncode, INTERRUPTED, text)
+        self.assertIn("goes on from here", text)
+        self.assertFalse(os.path.exists(kept))
+        for _ in range(2):  # The rest; then nothing is left to do.
+            farm.render(scene, kept, "--keep-state", self.farm.path("kept state"), *job)
+            self.assertEqual(farm.picture_digest(kept), farm.picture_digest(whole))
+            os.remove(kept)
+
+    def test_compare(self):
+        scene = self.write("compared.pbrt", SCENE)
+        few, more = self.farm.path("few.exr"), self.farm.path("more.png")
+        farm.render(scene, few, "--samples", 4)
+        farm.render(scene, more, "--samples", 16)
+        more = self.farm.path("more.exr")  # Beside the PNG.
+        difference = self.farm.path("d.png")
+        result = json.loads(self.expect(run("compare", more, few, "--json", "--diff", difference,
+                                            "--tiles", "--reference-samples", 16), OK).stdout)
+        self.assertEqual(result["tiles_beyond"], 0)
+        self.assertGreater(result["relative_mse"], 0)
+        self.assertNotEqual(result["image_digest"], result["reference_digest"])
+        with open(difference, "rb") as f:
+            self.assertEqual(f.read(8), b"\x89PNG\r\n\x1a\n")
+        self.expect(run("compare", few, few, "--tolerance", 0), OK)
+        self.expect(run("compare", more, few, "--tolerance", 0), FAILED)
+
+    def test_names_of_the_page(self):
+        def status(host):
+            request = Request(f"http://{self.farm.http}/", headers={"Host": host})
+            try:
+                return urlopen(request, timeout=10).status
+            except HTTPError as error:
+                return error.code
+        self.assertEqual(status("farm.example"), 200)
+        self.assertEqual(status("other.example:80"), 200)
+        self.assertEqual(status("evil.example"), 403)
+
+    def test_a_farm_that_does_not_start_leaves_nothing_running(self):
+        late = farm.Farm()
+        with mock.patch.object(farm, "START_SECONDS_MAX", 0), self.assertRaises(AssertionError):
+            late.__enter__()
+        self.assertIsNotNone(late.coordinator.poll())
+        self.assertFalse(os.path.exists(late.folder))
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)
