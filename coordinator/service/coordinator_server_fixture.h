@@ -5,6 +5,8 @@
 // the calls that its clients make.
 #pragma once
 
+#include <gtest/gtest.h>
+
 #include <filesystem>
 #include <memory>
 #include <string>
@@ -13,7 +15,6 @@
 #include "common/rpc/manifest_codec.h"
 #include "coordinator/service/coordinator_server.h"
 #include "coordinator/service/synthetic_worker.h"
-#include "gtest/gtest.h"
 
 namespace sheaf::coordinator {
 
