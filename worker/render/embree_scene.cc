@@ -22,6 +22,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "common/base/check.h"
+#include "worker/render/leak_guard.h"
 
 namespace sheaf::render {
 namespace {
@@ -222,6 +223,7 @@ struct EmbreeScene::State {
   std::vector<RTCScene> scenes;  // One per group; [0] is the world.
   std::vector<QuadricList> quadric_lists;
   PlacedList still, moving;
+  LeakGuard leak_guard;
   std::atomic<int64_t> memory_bytes{0};
 
   ~State() {
@@ -331,6 +333,7 @@ absl::StatusOr<std::unique_ptr<EmbreeScene>> EmbreeScene::Build(const SceneGeome
   std::unique_ptr<EmbreeScene> result(new EmbreeScene);
   State& state = *result->state_;
   state.filters = filters;
+  state.leak_guard = LeakGuard(geometry);
   const std::string config = absl::StrCat("isa=avx2,threads=", build_threads);
   state.device = rtcNewDevice(config.c_str());
   if (state.device == nullptr) return absl::InternalError("the ray tracer (Embree) cannot start");
@@ -350,7 +353,7 @@ absl::StatusOr<std::unique_ptr<EmbreeScene>> EmbreeScene::Build(const SceneGeome
   return result;
 }
 
-bool EmbreeScene::Intersect(const Ray& ray, RawHit* hit) const {
+bool EmbreeScene::IntersectOnce(const Ray& ray, RawHit* hit) const {
   RTCRayHit ray_hit;
   ray_hit.ray = ToRtc(ray);
   ClearHit(&ray_hit.hit);
@@ -364,11 +367,25 @@ bool EmbreeScene::Intersect(const Ray& ray, RawHit* hit) const {
   return true;
 }
 
+bool EmbreeScene::MeetsWhenNudged(const Ray& ray, RawHit* hit) const {
+  if (ray.t_max < std::numeric_limits<float>::infinity()) return false;
+  if (!state_->leak_guard.IsEnclosed(ray)) return false;
+  for (int attempt = 0; attempt < kNudgesMax; ++attempt) {
+    if (IntersectOnce(NudgedRay(ray, attempt), hit)) return true;
+  }
+  return false;
+}
+
+bool EmbreeScene::Intersect(const Ray& ray, RawHit* hit) const {
+  return IntersectOnce(ray, hit) || MeetsWhenNudged(ray, hit);
+}
+
 bool EmbreeScene::Occluded(const Ray& ray) const {
   RTCRay r = ToRtc(ray);
   SourceContext context(ray.source);
   TraceAny(state_->scenes[0], &context, &r);
-  return r.tfar < 0;
+  RawHit hit;
+  return r.tfar < 0 || MeetsWhenNudged(ray, &hit);
 }
 
 uint64_t EmbreeScene::Replay(const std::vector<RecordedRay>& rays) const {

@@ -62,6 +62,9 @@ class EmbreeScene {
 
  private:
   EmbreeScene();
+  bool IntersectOnce(const Ray& ray, RawHit* hit) const;
+  // Looks again for a ray that cannot truly end in the open (leak_guard.h); finite segments may.
+  bool MeetsWhenNudged(const Ray& ray, RawHit* hit) const;
   struct State;
   std::unique_ptr<State> state_;
 };

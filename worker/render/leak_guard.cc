@@ -1,0 +1,149 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Which meshes are closed, and rays a few ulps aside.
+#include "worker/render/leak_guard.h"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <limits>
+#include <numbers>
+
+#include "common/math/elementary.h"
+#include "worker/render/embree_scene.h"
+
+namespace sheaf::render {
+namespace {
+
+// Mixer of SplitMix64. Source: Steele, Lea and Flood 2014.
+uint64_t Mix(uint64_t state) {
+  state = (state ^ (state >> 30)) * 0xbf58476d1ce4e5b9u;
+  state = (state ^ (state >> 27)) * 0x94d049bb133111ebu;
+  return state ^ (state >> 31);
+}
+uint64_t HashOf(Vec3f p, uint64_t seed) {
+  uint64_t state = seed;
+  // + 0 makes one zero of the two.
+  for (size_t i = 0; i < 3; ++i) {
+    state = Mix(state + std::bit_cast<uint32_t>(p[i] + 0.0f) + 0x9e3779b97f4a7c15u);
+  }
+  return state;
+}
+
+bool Contains(Vec3f lower, Vec3f upper, Vec3f p) {
+  return p.x > lower.x && p.y > lower.y && p.z > lower.z && p.x < upper.x && p.y < upper.y &&
+         p.z < upper.z;
+}
+
+// How often a closed mesh goes round the origin: the sum of its solid angles there. Source: Van
+// Oosterom and Strackee 1983, "The Solid Angle of a Plane Triangle".
+int64_t WindingAboutOrigin(const BakedMesh& mesh) {
+  double half_angles = 0;
+  for (size_t i = 0; i + 2 < mesh.indices.size(); i += 3) {
+    const Vec3d a = ToDouble(mesh.positions[mesh.indices[i]]),
+                b = ToDouble(mesh.positions[mesh.indices[i + 1]]),
+                c = ToDouble(mesh.positions[mesh.indices[i + 2]]);
+    const double la = Length(a), lb = Length(b), lc = Length(c);
+    half_angles +=
+        Atan2(Dot(a, Cross(b, c)), la * lb * lc + Dot(a, b) * lc + Dot(b, c) * la + Dot(c, a) * lb);
+  }
+  return std::llround(half_angles / (2 * std::numbers::pi));
+}
+
+}  // namespace
+
+EnclosedSide EnclosedSideOf(const std::vector<Vec3f>& positions,
+                            const std::vector<uint32_t>& indices) {
+  if (indices.empty()) return EnclosedSide::kNone;
+  const Vec3d base = ToDouble(positions[indices[0]]);
+  // Each directed edge adds its hash and takes away that of its reverse: nothing is left where all
+  // edges cancel.
+  uint64_t border = 0;
+  double volume = 0;
+  for (size_t i = 0; i + 2 < indices.size(); i += 3) {
+    const Vec3f p[3] = {positions[indices[i]], positions[indices[i + 1]],
+                        positions[indices[i + 2]]};
+    const uint64_t corner[3] = {HashOf(p[0], 1), HashOf(p[1], 1), HashOf(p[2], 1)};
+    for (size_t k = 0; k < 3; ++k) {
+      const uint64_t a = corner[k], b = corner[(k + 1) % 3];
+      border += Mix(a + 3 * b) - Mix(b + 3 * a);
+    }
+    volume += Dot(ToDouble(p[0]) - base, Cross(ToDouble(p[1]) - base, ToDouble(p[2]) - base));
+  }
+  if (border != 0 || volume == 0) return EnclosedSide::kNone;
+  return volume > 0 ? EnclosedSide::kBack : EnclosedSide::kFront;
+}
+
+LeakGuard::LeakGuard(const SceneGeometry& geometry) : geometry_(&geometry) {
+  for (const GeometryGroup& group : geometry.groups) {
+    std::vector<EnclosedSide>& sides = sides_.emplace_back();
+    for (const BakedMesh& mesh : group.meshes) {
+      sides.push_back(EnclosedSideOf(mesh.positions, mesh.indices));
+    }
+  }
+  if (geometry.groups.empty()) return;
+  for (size_t i = 0; i < sides_[0].size(); ++i) {
+    if (sides_[0][i] != EnclosedSide::kNone) AddRoom(geometry.groups[0].meshes[i]);
+  }
+}
+
+void LeakGuard::AddRoom(const BakedMesh& mesh) {
+  Vec3f lower = mesh.positions[mesh.indices[0]], upper = lower;
+  for (const uint32_t index : mesh.indices) {
+    for (size_t i = 0; i < 3; ++i) {
+      lower[i] = std::min(lower[i], mesh.positions[index][i]);
+      upper[i] = std::max(upper[i], mesh.positions[index][i]);
+    }
+  }
+  // Render space begins at the camera.
+  if (!Contains(lower, upper, {}) || WindingAboutOrigin(mesh) == 0) return;
+  if (!has_room_) {
+    room_lower_ = lower;
+    room_upper_ = upper;
+  }
+  has_room_ = true;
+  for (size_t i = 0; i < 3; ++i) {
+    room_lower_[i] = std::min(room_lower_[i], lower[i]);
+    room_upper_[i] = std::max(room_upper_[i], upper[i]);
+  }
+}
+
+bool LeakGuard::IsEnclosed(const Ray& ray) const {
+  if (has_room_ && Contains(room_lower_, room_upper_, ray.o)) return true;
+  const PrimitiveId source = ray.source;
+  if (source == PrimitiveId{}) return false;
+  const PlacedGroup* placed = nullptr;
+  if (source.placed != kNotPlaced) {
+    const size_t still_count = geometry_->still.size();
+    placed = source.placed < still_count ? &geometry_->still[source.placed]
+                                         : &geometry_->moving[source.placed - still_count];
+  }
+  const uint32_t group = placed == nullptr ? 0 : placed->group;
+  const std::vector<EnclosedSide>& sides = sides_[group];
+  if (source.geometry >= sides.size()) return false;  // Quadrics are met in double: no holes.
+  const EnclosedSide side = sides[source.geometry];
+  if (side == EnclosedSide::kNone) return false;
+  const BakedMesh& mesh = geometry_->groups[group].meshes[source.geometry];
+  const uint32_t* t = &mesh.indices[3 * static_cast<size_t>(source.primitive)];
+  const Vec3d p = ToDouble(mesh.positions[t[0]]);
+  const Vec3d front = Cross(ToDouble(mesh.positions[t[1]]) - p, ToDouble(mesh.positions[t[2]]) - p);
+  Vec3d d = ToDouble(ray.d);
+  if (placed != nullptr) d = GroupFromRenderAt(*geometry_, *placed, ray.time).Vector(d);
+  return (Dot(front, d) > 0) == (side == EnclosedSide::kFront);
+}
+
+Ray NudgedRay(const Ray& ray, int attempt) {
+  Ray nudged = ray;
+  const float length =
+      std::fmax(std::fabs(ray.d.x), std::fmax(std::fabs(ray.d.y), std::fabs(ray.d.z)));
+  const float step = std::ldexp(length, 2 * attempt - 21);
+  uint64_t state = HashOf(ray.d, HashOf(ray.o, static_cast<uint64_t>(attempt)));
+  for (size_t i = 0; i < 3; ++i) {
+    const auto number = static_cast<int32_t>(state >> (21 * i) & 0x1fffff) - (1 << 20);
+    nudged.d[i] += step * (static_cast<float>(number) * 0x1p-20f);
+  }
+  return nudged;
+}
+
+}  // namespace sheaf::render
