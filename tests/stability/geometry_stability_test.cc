@@ -49,7 +49,7 @@ bool HitTowards(const TracedScene& scene, Vec3f from, Vec3f to, Ray* ray, Surfac
   ray->source = {};
   RawHit hit;
   if (!scene.tracer->Intersect(*ray, &hit)) return false;
-  *point = MakeSurfacePoint<kAllTraits>(scene.geometry, *ray, hit, {});
+  *point = MakeSurfacePoint<kAllTraits>(scene.geometry, *ray, hit);
   return true;
 }
 

@@ -53,12 +53,6 @@ absl::StatusOr<Camera> Camera::Make(const SceneDescription& scene, int32_t width
   }
   camera.screen_origin_ = {scale * window[0], scale * window[3]};
   camera.screen_step_ = {step_x, -step_y};
-  const auto pixel = static_cast<float>(std::max(std::fabs(step_x), std::fabs(step_y)));
-  if (camera.is_orthographic_) {
-    camera.footprint_.constant = pixel;
-  } else {
-    camera.footprint_.slope = pixel;
-  }
   camera.lens_radius_ = description.lens_radius;
   if (camera.lens_radius_ > 0) {
     if (!(description.focal_distance > 0)) {

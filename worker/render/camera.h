@@ -30,9 +30,6 @@ class Camera {
   template <uint32_t kTraits>
   Ray MakeRay(Vec2d film, Vec2f lens, float shutter_fraction) const;
 
-  // Width of one pixel, for texture look-ups.
-  PixelFootprint footprint() const { return footprint_; }
-
  private:
   Affine RenderFromCameraAt(float shutter_fraction) const;
 
@@ -46,7 +43,6 @@ class Camera {
   AnimatedTransform world_from_camera_;
   double shutter_open_ = 0, shutter_close_ = 0;
   Vec3d render_origin_world_;
-  PixelFootprint footprint_;
 };
 
 template <uint32_t kTraits>

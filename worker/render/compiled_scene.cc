@@ -4,8 +4,6 @@
 // SceneDescription + RenderPlan > CompiledScene.
 #include "worker/render/compiled_scene.h"
 
-#include <algorithm>
-#include <cmath>
 #include <string>
 #include <utility>
 
@@ -14,11 +12,6 @@
 
 namespace sheaf::render {
 namespace {
-
-// Texture filters follow the sampling rate: pixels of many samples need not blur what these
-// resolve. The floor keeps very long renders from reading the finest level everywhere. Source:
-// pbrt-v4, 10.1.
-constexpr double kFootprintShareMin = 0.125;
 
 uint64_t GeometryBytes(const SceneGeometry& geometry) {
   uint64_t bytes = 0;
@@ -60,10 +53,6 @@ absl::StatusOr<CompiledScenePtr> CompileScene(SceneDescription description,
   absl::StatusOr<PixelFilter> filter = PixelFilter::Make(scene->description);
   if (!filter.ok()) return filter.status();
   scene->filter = *std::move(filter);
-  const auto share = static_cast<float>(
-      std::max(kFootprintShareMin,
-               1 / std::sqrt(static_cast<double>(std::max<uint64_t>(1, settings.samples)))));
-  scene->footprint = {camera->footprint().constant * share, camera->footprint().slope * share};
   absl::StatusOr<std::unique_ptr<MaterialTable>> materials =
       MaterialTable::Build(scene->description, files, limits.texture_cache_bytes_max);
   if (!materials.ok()) return materials.status();

@@ -27,7 +27,6 @@ class CompiledScene {
   SceneGeometry geometry;
   Camera camera;
   PixelFilter filter;
-  PixelFootprint footprint;  // Of the camera, at the sampling rate of the settings.
   std::unique_ptr<EmbreeScene> tracer;
   std::unique_ptr<MaterialTable> materials;
   std::unique_ptr<LightTable> lights;

@@ -2,9 +2,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "worker/render/environment_map.h"
 
+#include <sys/mman.h>
+
 #include <algorithm>
 #include <cmath>
-#include <limits>
+#include <cstdint>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -14,7 +16,19 @@
 namespace sheaf::render {
 namespace {
 
-double LuminanceOf(Rgb c) { return static_cast<double>(Luminance(c)); }
+// A large array that is read here and there would wait for address translation at most reads.
+// Only a wish: where the system has no large pages to give, small ones serve. For memory that has
+// not been touched.
+void WishForLargePages(void* begin, size_t size_bytes) {
+#ifdef MADV_HUGEPAGE
+  const uintptr_t page = 4096;
+  const uintptr_t first = (reinterpret_cast<uintptr_t>(begin) + page - 1) / page * page;
+  const uintptr_t end = (reinterpret_cast<uintptr_t>(begin) + size_bytes) / page * page;
+  if (first < end) madvise(reinterpret_cast<void*>(first), end - first, MADV_HUGEPAGE);
+#endif
+}
+
+constexpr double kOneBelowOne = 1 - 0x1p-53;
 
 bool IsUsable(Rgb c) { return IsFinite(c) && c.r >= 0 && c.g >= 0 && c.b >= 0; }
 
@@ -32,51 +46,89 @@ std::pair<int, int> WrapOctahedral(int x, int y, int size) {
   return {x, y};
 }
 
-// Where in [0, 1] a density that goes linearly from a to b has put the share u of its mass.
-double InvertLinear(double a, double b, double u) {
-  const double mean_square = a * a + u * (b - a) * (b + a);
-  const double denominator = a + std::sqrt(std::max(mean_square, 0.0));
-  return denominator > 0 ? std::clamp(u * (a + b) / denominator, 0.0, 1.0) : u;
+// A coordinate pair up to half a map outside it, moved likewise.
+Vec2d WrapOctahedral(Vec2d p, int size) {
+  const auto mirror = [size](double* across, double* along) {
+    if (*across >= -0.5 && *across <= size - 0.5) return;
+    *across = (*across < 0 ? -1 : 2 * size - 1) - *across;
+    *along = size - 1 - *along;
+  };
+  mirror(&p.x, &p.y);
+  mirror(&p.y, &p.x);
+  return p;
 }
 
-// The last i in [0, count) with value_at(i) <= target, or 0: by steps that double from a guess,
-// then by halving. Cheap where the guess is near, as along a row of even brightness.
-template <typename ValueAt>
-size_t LastNotAbove(const ValueAt& value_at, double target, size_t count, size_t guess) {
-  size_t low = std::min(guess, count - 1), high = low + 1;
-  for (size_t step = 1; low > 0 && value_at(low) > target; step *= 2) {
-    high = low;
-    low -= std::min(low, step);
+// Picks by weight, never one of weight 0. u: in [0, 1), becomes the place within what is picked.
+// Requires: a weight is positive.
+size_t PickOfFour(const std::array<double, 4>& weights, double* u) {
+  const double target = *u * (weights[0] + weights[1] + weights[2] + weights[3]);
+  size_t picked = 0;
+  double begin = 0, sum = 0;
+  for (size_t i = 0; i < 4; ++i) {
+    if (weights[i] > 0 && sum <= target) {
+      picked = i;
+      begin = sum;
+    }
+    sum += weights[i];
   }
-  for (size_t step = 1; high < count && value_at(high) <= target; step *= 2) {
-    low = high;
-    high = std::min(high + step, count);
-  }
-  while (high - low > 1) {
-    const size_t middle = (low + high) / 2;
-    (value_at(middle) <= target ? low : high) = middle;
-  }
-  return low;
+  *u = std::min((target - begin) / weights[picked], kOneBelowOne);
+  return picked;
+}
+
+size_t PickOf(const DiscreteDistribution& distribution, double* u) {
+  const size_t picked = distribution.Sample(*u);
+  *u = std::min((*u - distribution.Begin(picked)) / distribution.Probability(picked), kOneBelowOne);
+  return picked;
+}
+
+// In [-1, 1] with the density 1 - |x|.
+double SampleTent(double u) {
+  return u < 0.5 ? std::sqrt(2 * u) - 1 : 1 - std::sqrt(2 * (1 - u));
 }
 
 }  // namespace
 
+EnvironmentMap::Cell EnvironmentMap::PickCell(const Grid& weights, double* ux, double* uy) {
+  std::array<std::array<double, 4>, 4> rows;
+  std::array<double, 4> sums;
+  for (size_t y = 0; y < 4; ++y) {
+    for (size_t x = 0; x < 4; ++x) rows[y][x] = static_cast<double>(weights[4 * y + x]);
+    sums[y] = rows[y][0] + rows[y][1] + rows[y][2] + rows[y][3];
+  }
+  const size_t y = PickOfFour(sums, uy);
+  return {PickOfFour(rows[y], ux), y};
+}
+
+EnvironmentMap::Grid EnvironmentMap::TexelWeights(size_t tile_index) const {
+  Grid weights;
+  for (size_t y = 0; y < kTileSize; ++y) {
+    const TexelRow& row = rows_of_tiles_[tile_index + y];
+    for (size_t x = 0; x < kTileSize; ++x) weights[kTileSize * y + x] = row.texels[x].rgbl[3];
+  }
+  return weights;
+}
+
 absl::StatusOr<EnvironmentMap> EnvironmentMap::Make(int size, const std::vector<Rgb>& texels) {
   EnvironmentMap map;
   map.size_ = size;
-  map.padded_.resize(static_cast<size_t>(size + 2) * static_cast<size_t>(size + 2));
-  for (int y = -1; y <= size; ++y) {
-    for (int x = -1; x <= size; ++x) {
-      const auto [wx, wy] = WrapOctahedral(x, y, size);
+  map.blocks_across_ = static_cast<size_t>((size + kBlockSize - 1) / kBlockSize);
+  map.blocks_.resize(map.blocks_across_ * map.blocks_across_);
+  const size_t row_count = map.blocks_.size() * kBlockSize * (kBlockSize / kTileSize);
+  map.rows_of_tiles_.reserve(row_count);
+  WishForLargePages(map.rows_of_tiles_.data(), row_count * sizeof(TexelRow));
+  map.rows_of_tiles_.resize(row_count);
+  for (int y = 0; y < size; ++y) {
+    for (int x = 0; x < size; ++x) {
       const Rgb texel =
-          texels[static_cast<size_t>(wy) * static_cast<size_t>(size) + static_cast<size_t>(wx)];
+          texels[static_cast<size_t>(y) * static_cast<size_t>(size) + static_cast<size_t>(x)];
       if (!IsUsable(texel)) {
         return absl::InvalidArgumentError(
-            absl::StrCat("texel (", wx, ", ", wy, ") is (", texel.r, ", ", texel.g, ", ", texel.b,
+            absl::StrCat("texel (", x, ", ", y, ") is (", texel.r, ", ", texel.g, ", ", texel.b,
                          "), but radiance must be finite and not negative; repair the image"));
       }
-      map.padded_[static_cast<size_t>(y + 1) * static_cast<size_t>(size + 2) +
-                  static_cast<size_t>(x + 1)] = texel;
+      const auto ux = static_cast<size_t>(x), uy = static_cast<size_t>(y);
+      map.rows_of_tiles_[map.TileIndex(ux, uy) + uy % kTileSize].texels[ux % kTileSize].rgbl = {
+          texel.r, texel.g, texel.b, Luminance(texel)};
     }
   }
   map.BuildDistribution();
@@ -84,57 +136,32 @@ absl::StatusOr<EnvironmentMap> EnvironmentMap::Make(int size, const std::vector<
 }
 
 void EnvironmentMap::BuildDistribution() {
-  const size_t node_count = static_cast<size_t>(size_) + 2;
-  node_position_.resize(node_count);
-  for (size_t i = 1; i + 1 < node_count; ++i) node_position_[i] = static_cast<double>(i) - 1;
-  node_position_.front() = -0.5;
-  node_position_.back() = size_ - 0.5;
-  row_sums_.assign(node_count * node_count, 0);
-  for (size_t j = 0; j < node_count; ++j) {
-    double* sums = &row_sums_[j * node_count];
-    double previous = LuminanceOf(Bilinear(node_position_[0], node_position_[j]));
-    for (size_t i = 1; i < node_count; ++i) {
-      const double next = LuminanceOf(Bilinear(node_position_[i], node_position_[j]));
-      const double width = node_position_[i] - node_position_[i - 1];
-      sums[i] = sums[i - 1] + 0.5 * width * (previous + next);
-      previous = next;
-    }
-  }
-  BuildGuides();
-  std::vector<double> strips(node_count - 1);
+  std::vector<double> row_sums(blocks_across_), sums(blocks_across_);
+  block_columns_.reserve(blocks_across_);
   double total = 0;
-  for (size_t j = 0; j + 1 < node_count; ++j) {
-    const double height = node_position_[j + 1] - node_position_[j];
-    strips[j] =
-        0.5 * height * (row_sums_[(j + 1) * node_count - 1] + row_sums_[(j + 2) * node_count - 1]);
-    total += strips[j];
-  }
-  rows_ = DiscreteDistribution(strips);
-  mean_luminance_ = total / (static_cast<double>(size_) * static_cast<double>(size_));
-}
-
-void EnvironmentMap::BuildGuides() {
-  const size_t node_count = node_position_.size();
-  row_totals_.resize(node_count);
-  row_guides_.resize(node_count * (kGuideCount + 1));
-  for (size_t j = 0; j < node_count; ++j) {
-    const double* sums = &row_sums_[j * node_count];
-    row_totals_[j] = sums[node_count - 1];
-    size_t node = 0;
-    for (size_t k = 0; k <= kGuideCount; ++k) {
-      const double target = row_totals_[j] * (static_cast<double>(k) / kGuideCount);
-      while (node + 2 < node_count && sums[node + 1] <= target) ++node;
-      row_guides_[j * (kGuideCount + 1) + k] =
-          static_cast<uint16_t>(std::min<size_t>(node, std::numeric_limits<uint16_t>::max()));
+  for (size_t row = 0; row < blocks_across_; ++row) {
+    for (size_t i = 0; i < blocks_across_; ++i) {
+      const size_t block = row * blocks_across_ + i;
+      sums[i] = 0;
+      for (size_t tile = 0; tile < 16; ++tile) {
+        double sum = 0;
+        for (const float weight : TexelWeights((block * 16 + tile) * kTileSize)) {
+          sum += static_cast<double>(weight);
+        }
+        total += sum;
+        // A mean, as the sum of floats need not be one.
+        const auto mean = static_cast<float>(sum / 16);
+        blocks_[block].tile_means[tile] = mean;
+        sums[i] += static_cast<double>(mean);
+      }
+      row_sums[row] += sums[i];
     }
+    block_columns_.emplace_back(sums);
   }
-}
-
-size_t EnvironmentMap::GuessNode(size_t row, double u) const {
-  const double scaled = u * kGuideCount;
-  const auto k = std::min(static_cast<size_t>(scaled), kGuideCount - 1);
-  const uint16_t* guide = &row_guides_[row * (kGuideCount + 1) + k];
-  return static_cast<size_t>(guide[0] + (scaled - static_cast<double>(k)) * (guide[1] - guide[0]));
+  block_rows_ = DiscreteDistribution(row_sums);
+  if (block_rows_.empty()) return;
+  mean_luminance_ = total / (static_cast<double>(size_) * static_cast<double>(size_));
+  pdf_per_luminance_ = 1 / (4 * kPi * mean_luminance_);
 }
 
 Rgb EnvironmentMap::Bilinear(double x, double y) const {
@@ -144,46 +171,72 @@ Rgb EnvironmentMap::Bilinear(double x, double y) const {
   };
   const int x0 = texel_below(x), y0 = texel_below(y);
   const float fx = static_cast<float>(x - x0), fy = static_cast<float>(y - y0);
-  const Rgb upper = (1 - fx) * Padded(x0, y0) + fx * Padded(x0 + 1, y0);
-  const Rgb lower = (1 - fx) * Padded(x0, y0 + 1) + fx * Padded(x0 + 1, y0 + 1);
-  return (1 - fy) * upper + fy * lower;
+  const bool is_inside = x0 >= 0 && y0 >= 0 && x0 + 1 < size_ && y0 + 1 < size_;
+  const auto texel = [&](int tx, int ty) -> const std::array<float, 4>& {
+    if (is_inside) return At(tx, ty).rgbl;
+    const auto [wx, wy] = WrapOctahedral(tx, ty, size_);
+    return At(wx, wy).rgbl;
+  };
+  const std::array<float, 4>&p00 = texel(x0, y0), &p10 = texel(x0 + 1, y0);
+  const std::array<float, 4>&p01 = texel(x0, y0 + 1), &p11 = texel(x0 + 1, y0 + 1);
+  std::array<float, 4> sum;
+  for (size_t i = 0; i < 4; ++i) {
+    const float upper = (1 - fx) * p00[i] + fx * p10[i];
+    const float lower = (1 - fx) * p01[i] + fx * p11[i];
+    sum[i] = (1 - fy) * upper + fy * lower;
+  }
+  return {sum[0], sum[1], sum[2]};
 }
 
-Rgb EnvironmentMap::Radiance(Vec3f d) const {
-  const Vec2f st = EqualAreaSphereToSquare(d);
-  return Bilinear(static_cast<double>(st.x) * size_ - 0.5, static_cast<double>(st.y) * size_ - 0.5);
+void EnvironmentMap::Prefetch(Vec2d p) const {
+  if (!(p.x >= 0 && p.y >= 0 && p.x < size_ - 1 && p.y < size_ - 1)) return;
+  const int x = static_cast<int>(p.x), y = static_cast<int>(p.y);
+  __builtin_prefetch(&At(x, y));
+  __builtin_prefetch(&At(x, y + 1));
+  __builtin_prefetch(&At(x + 1, y));
+  __builtin_prefetch(&At(x + 1, y + 1));
 }
 
-Vec3d EnvironmentMap::Sample(Vec2f u) const {
-  const size_t node_count = node_position_.size();
-  const double uy = ExtendBits(u.y, SaltOf(u)), ux = ExtendBits(u.x, ~SaltOf(u));
-  // The strip, and the height in it: its density is linear between the sums of its two node rows.
-  const size_t j = rows_.Sample(uy);
-  const double rest = std::clamp((uy - rows_.Begin(j)) / rows_.Probability(j), 0.0, 1.0);
-  const double* upper = &row_sums_[j * node_count];
-  const double* lower = upper + node_count;
-  const double ty = InvertLinear(row_totals_[j], row_totals_[j + 1], rest);
-  const size_t guess = GuessNode(j, ux);
-  // The texels are wanted once the node is known; most often it is near.
-  const size_t stride = node_count;
-  __builtin_prefetch(&padded_[j * stride + guess]);
-  __builtin_prefetch(&padded_[(j + 1) * stride + guess]);
-  // At that height the running integral along x is the blend of those of the two rows.
-  const auto sum_at = [&](size_t i) { return (1 - ty) * upper[i] + ty * lower[i]; };
-  const double target = ux * ((1 - ty) * row_totals_[j] + ty * row_totals_[j + 1]);
-  const size_t low = LastNotAbove(sum_at, target, node_count - 1, guess);
-  const double mass = sum_at(low + 1) - sum_at(low);
-  const double y = node_position_[j] + ty * (node_position_[j + 1] - node_position_[j]);
-  const double x0 = node_position_[low], width = node_position_[low + 1] - x0;
-  const double tx =
-      InvertLinear(LuminanceOf(Bilinear(x0, y)), LuminanceOf(Bilinear(x0 + width, y)),
-                   mass > 0 ? std::clamp((target - sum_at(low)) / mass, 0.0, 1.0) : 0.5);
+Vec2d EnvironmentMap::TexelCoordinates(Vec2f st) const {
+  return {static_cast<double>(st.x) * size_ - 0.5, static_cast<double>(st.y) * size_ - 0.5};
+}
+
+EnvironmentMap::Place EnvironmentMap::Locate(Vec3f d) const {
+  const Place place{EqualAreaSphereToSquare(d)};
+  Prefetch(TexelCoordinates(place.st));
+  return place;
+}
+
+Rgb EnvironmentMap::Radiance(Place place) const {
+  const Vec2d p = TexelCoordinates(place.st);
+  return Bilinear(p.x, p.y);
+}
+
+EnvironmentMap::TileChoice EnvironmentMap::ChooseTile(Vec2f u) const {
+  TileChoice choice;
+  choice.ux = ExtendBits(u.x, ~SaltOf(u));
+  choice.uy = ExtendBits(u.y, SaltOf(u));
+  const size_t block_y = PickOf(block_rows_, &choice.uy);
+  const size_t block_x = PickOf(block_columns_[block_y], &choice.ux);
+  const Cell tile =
+      PickCell(blocks_[block_y * blocks_across_ + block_x].tile_means, &choice.ux, &choice.uy);
+  choice.x = block_x * kBlockSize + tile.x * kTileSize;
+  choice.y = block_y * kBlockSize + tile.y * kTileSize;
+  const TexelRow* rows = &rows_of_tiles_[TileIndex(choice.x, choice.y)];
+  for (size_t row = 0; row < kTileSize; ++row) __builtin_prefetch(rows + row);
+  return choice;
+}
+
+Vec3d EnvironmentMap::SampleIn(TileChoice choice) const {
+  const Cell texel =
+      PickCell(TexelWeights(TileIndex(choice.x, choice.y)), &choice.ux, &choice.uy);
+  const Vec2d p = WrapOctahedral(
+      Vec2d{static_cast<double>(choice.x + texel.x) + SampleTent(choice.ux),
+            static_cast<double>(choice.y + texel.y) + SampleTent(choice.uy)},
+      size_);
+  Prefetch(p);  // Who samples a direction asks for its radiance.
   const double scale = 1.0 / size_;
-  return EqualAreaSquareToSphere({(x0 + tx * width + 0.5) * scale, (y + 0.5) * scale});
-}
-
-double EnvironmentMap::Pdf(Rgb radiance) const {
-  return LuminanceOf(radiance) / (4 * kPi * mean_luminance_);
+  return EqualAreaSquareToSphere({(p.x + 0.5) * scale, (p.y + 0.5) * scale});
 }
 
 double EnvironmentMap::PbrtIlluminance() const {
@@ -191,16 +244,17 @@ double EnvironmentMap::PbrtIlluminance() const {
   for (int y = 0; y < size_; ++y) {
     for (int x = 0; x < size_; ++x) {
       const Vec3d d = EqualAreaSquareToSphere({(x + 0.5) / size_, (y + 0.5) / size_});
-      if (d.z > 0) sum += LuminanceOf(Padded(x, y)) * d.z;
+      if (d.z > 0) sum += static_cast<double>(At(x, y).rgbl[3]) * d.z;
     }
   }
   return 2 * kPi * sum / (static_cast<double>(size_) * static_cast<double>(size_));
 }
 
 size_t EnvironmentMap::size_bytes() const {
-  return padded_.size() * sizeof(Rgb) + row_sums_.size() * sizeof(double) +
-         row_totals_.size() * sizeof(double) + row_guides_.size() * sizeof(uint16_t) +
-         rows_.size_bytes();
+  size_t bytes = rows_of_tiles_.size() * sizeof(TexelRow) + blocks_.size() * sizeof(BlockWeights) +
+                 block_rows_.size_bytes();
+  for (const DiscreteDistribution& row : block_columns_) bytes += row.size_bytes();
+  return bytes;
 }
 
 }  // namespace sheaf::render

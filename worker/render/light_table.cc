@@ -115,11 +115,14 @@ double PdfOf(const InfiniteEmitter& light, Rgb map_radiance) {
   return light.map ? light.map->Pdf(map_radiance) : 1 / (4 * kPi);
 }
 
+// Requires: light.map.
+Vec3f DirectionTo(const InfiniteEmitter& light, EnvironmentMap::TileChoice tile) {
+  const Vec3d d = RotateBack(light.light_from_render, light.map->SampleIn(tile));
+  return ToFloat(d / Length(d));
+}
+
 Vec3f DirectionTo(const InfiniteEmitter& light, Vec2f u) {
-  if (light.map) {
-    const Vec3d d = RotateBack(light.light_from_render, light.map->Sample(u));
-    return ToFloat(d / Length(d));
-  }
+  if (light.map) return DirectionTo(light, light.map->ChooseTile(u));
   const double z = 1 - 2 * static_cast<double>(u.x);
   const double r = std::sqrt(1 - z * z);
   const SinCosPair<double> phi = SinCos(2 * kPi * static_cast<double>(u.y));
@@ -142,7 +145,8 @@ bool LightTable::empty() const { return impl_->empty; }
 
 template <uint32_t kMask>
 std::optional<LightSample> LightTable::SampleLights(const Impl& impl, Vec3f p, Vec3f n,
-                                                    float u_select, Vec2f u) {
+                                                    float u_select, Vec2f u,
+                                                    const Preparation& preparation) {
   if (impl.empty) return std::nullopt;
   const std::optional<ChosenLight> chosen = impl.choice.Choose(p, u_select, SaltOf(u));
   if (!chosen) return std::nullopt;
@@ -167,8 +171,11 @@ std::optional<LightSample> LightTable::SampleLights(const Impl& impl, Vec3f p, V
   } else if constexpr (Has(kMask, Trait::kEnvironment)) {
     // Infinite lights share every direction, so each is drawn as a part of their sum.
     sample.emplace();
-    sample->wi = DirectionTo(impl.infinites[light - impl.first_infinite()], u);
-    const EnvironmentValue value = FromInfinity(impl, p, n, sample->wi);
+    const InfiniteEmitter& infinite = impl.infinites[light - impl.first_infinite()];
+    sample->wi = impl.HasOnlyOneMap() ? DirectionTo(infinite, preparation.tile)
+                                      : DirectionTo(infinite, u);
+    const EnvironmentValue value =
+        FromInfinity(impl, p, n, sample->wi, LocateInFirst(impl, sample->wi));
     sample->radiance = value.radiance;
     sample->pdf = value.pdf;
     sample->is_infinite = true;
@@ -212,17 +219,30 @@ Rgb LightTable::EmitterRadiance(uint32_t emitter, Vec3f ng, Vec3f wo) const {
   return d.two_sided || front ? d.radiance : Rgb{};
 }
 
+// Where there are several lights, which one will be asked is not known so early.
+LightTable::Preparation LightTable::Prepare(const Impl& impl, Vec2f u) {
+  if (!impl.HasOnlyOneMap()) return {};
+  return {impl.infinites[0].map->ChooseTile(u)};
+}
+
+EnvironmentMap::Place LightTable::LocateInFirst(const Impl& impl, Vec3f d) {
+  if (impl.infinites.empty() || !impl.infinites[0].map) return {};
+  return impl.infinites[0].map->Locate(Rotate(impl.infinites[0].light_from_render, d));
+}
+
 Rgb LightTable::RadianceFromInfinity(const Impl& impl, Vec3f d) {
   Rgb sum;
   for (const InfiniteEmitter& light : impl.infinites) sum += MapRadianceOf(light, d) * light.scale;
   return sum;
 }
 
-EnvironmentValue LightTable::FromInfinity(const Impl& impl, Vec3f p, Vec3f /*n*/, Vec3f d) {
+EnvironmentValue LightTable::FromInfinity(const Impl& impl, Vec3f p, Vec3f /*n*/, Vec3f d,
+                                          EnvironmentMap::Place first_place) {
   EnvironmentValue value;
   for (uint32_t i = 0; i < impl.infinites.size(); ++i) {
     const InfiniteEmitter& light = impl.infinites[i];
-    const Rgb map_radiance = MapRadianceOf(light, d);
+    const Rgb map_radiance =
+        i == 0 && light.map ? light.map->Radiance(first_place) : MapRadianceOf(light, d);
     value.radiance += map_radiance * light.scale;
     value.pdf += PdfSolidAngle(PdfOf(light, map_radiance),
                                impl.choice.Probability(impl.first_infinite() + i, p));
@@ -233,7 +253,8 @@ EnvironmentValue LightTable::FromInfinity(const Impl& impl, Vec3f p, Vec3f /*n*/
 // The header forwards to these: one instantiation for every combination of kLightTraits.
 #define SHEAF_INSTANTIATE_FOR(mask)                                                               \
   template std::optional<LightSample> LightTable::SampleLights<(mask)>(const Impl&, Vec3f, Vec3f, \
-                                                                       float, Vec2f);             \
+                                                                       float, Vec2f,              \
+                                                                       const Preparation&);       \
   template float LightTable::PdfOfEmitter<(mask)>(const Impl&, uint32_t, Vec3f, Vec3f, Vec3f,     \
                                                   Vec3f);
 #define SHEAF_INSTANTIATE_WITH(mask)                                          \

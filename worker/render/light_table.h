@@ -17,6 +17,7 @@
 #include "common/scene/file_source.h"
 #include "common/scene/scene_description.h"
 #include "worker/render/bsdf.h"
+#include "worker/render/environment_map.h"
 
 namespace sheaf::render {
 
@@ -87,7 +88,22 @@ class LightTable {
   // Never returns pdf 0, a non-finite value or radiance 0.
   template <uint32_t kTraits>
   std::optional<LightSample> Sample(Vec3f p, Vec3f n, float u_select, Vec2f u) const {
-    return SampleLights<kTraits & kLightTraits>(*impl_, p, n, u_select, u);
+    return Sample<kTraits>(p, n, u_select, u, PrepareSample<kTraits>(u));
+  }
+  // The same in two steps: what Sample will need of an environment map begins to be fetched while
+  // the caller still works out p. The second step's u must be the first's.
+  struct Preparation {
+    EnvironmentMap::TileChoice tile;
+  };
+  template <uint32_t kTraits>
+  Preparation PrepareSample(Vec2f u) const {
+    if constexpr (!Has(kTraits, Trait::kEnvironment)) return {};
+    return Prepare(*impl_, u);
+  }
+  template <uint32_t kTraits>
+  std::optional<LightSample> Sample(Vec3f p, Vec3f n, float u_select, Vec2f u,
+                                    const Preparation& preparation) const {
+    return SampleLights<kTraits & kLightTraits>(*impl_, p, n, u_select, u, preparation);
   }
   // Solid-angle pdf (times choice) with which Sample, called at p with n, would have found the
   // point p_light of the emitter along wi. The same bits as Sample's; 0 where Sample finds nothing.
@@ -107,13 +123,25 @@ class LightTable {
   template <uint32_t kTraits>
   float PdfEnvironment(Vec3f p, Vec3f n, Vec3f d) const {
     if constexpr (!Has(kTraits, Trait::kEnvironment)) return 0;
-    return FromInfinity(*impl_, p, n, d).pdf;
+    return FromInfinity(*impl_, p, n, d, LocateInFirst(*impl_, d)).pdf;
   }
   // Both at once, for little more than the price of one.
   template <uint32_t kTraits>
   EnvironmentValue EvalEnvironment(Vec3f p, Vec3f n, Vec3f d) const {
     if constexpr (!Has(kTraits, Trait::kEnvironment)) return {};
-    return FromInfinity(*impl_, p, n, d);
+    return FromInfinity(*impl_, p, n, d, LocateInFirst(*impl_, d));
+  }
+  // The same in two steps: what is needed of an environment map begins to be fetched while the
+  // caller still traces the ray along d. The second step's d must be the first's.
+  template <uint32_t kTraits>
+  EnvironmentMap::Place PrepareEnvironment(Vec3f d) const {
+    if constexpr (!Has(kTraits, Trait::kEnvironment)) return {};
+    return LocateInFirst(*impl_, d);
+  }
+  template <uint32_t kTraits>
+  EnvironmentValue EvalEnvironment(Vec3f p, Vec3f n, Vec3f d, EnvironmentMap::Place place) const {
+    if constexpr (!Has(kTraits, Trait::kEnvironment)) return {};
+    return FromInfinity(*impl_, p, n, d, place);
   }
 
   struct Impl;
@@ -126,12 +154,16 @@ class LightTable {
   LightTable();
   template <uint32_t kMask>
   static std::optional<LightSample> SampleLights(const Impl& impl, Vec3f p, Vec3f n, float u_select,
-                                                 Vec2f u);
+                                                 Vec2f u, const Preparation& preparation);
   template <uint32_t kMask>
   static float PdfOfEmitter(const Impl& impl, uint32_t emitter, Vec3f p, Vec3f n, Vec3f wi,
                             Vec3f p_light);
   static Rgb RadianceFromInfinity(const Impl& impl, Vec3f d);
-  static EnvironmentValue FromInfinity(const Impl& impl, Vec3f p, Vec3f n, Vec3f d);
+  // first_place: of d, in the map of the first infinite light, where it has one.
+  static EnvironmentValue FromInfinity(const Impl& impl, Vec3f p, Vec3f n, Vec3f d,
+                                       EnvironmentMap::Place first_place);
+  static EnvironmentMap::Place LocateInFirst(const Impl& impl, Vec3f d);
+  static Preparation Prepare(const Impl& impl, Vec2f u);
 
   std::unique_ptr<Impl> impl_;
 };

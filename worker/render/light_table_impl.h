@@ -45,6 +45,10 @@ struct LightTable::Impl {
   LightChoice choice;
   bool empty = true;
 
+  // Then every sample comes from that map.
+  bool HasOnlyOneMap() const {
+    return !empty && first_infinite() == 0 && infinites.size() == 1 && infinites[0].map;
+  }
   uint32_t first_sphere() const { return static_cast<uint32_t>(triangles.size()); }
   uint32_t first_disk() const { return first_sphere() + static_cast<uint32_t>(spheres.size()); }
   uint32_t first_delta() const { return first_disk() + static_cast<uint32_t>(disks.size()); }

@@ -20,7 +20,6 @@ namespace sheaf::render {
 // What textures see of a hit.
 struct TexturePoint {
   Vec2f uv;
-  Vec2f duv_dx, duv_dy;  // Footprint: change of uv per pixel; 0 means point look-up.
   Vec3f p_world;         // World space (not camera-relative), for 3-D and projected mappings.
 };
 

@@ -58,6 +58,13 @@ class PathTracer {
     bool specular = true;  // No light sampling could have found what the ray meets.
     float pdf = 0;         // Of the ray's direction, where not specular.
     Vec3f from, from_n;    // Where light sampling stood, and its hint.
+    EnvironmentMap::Place sky_place;  // Of the ray's direction, once scattered.
+  };
+
+  // Numbers to sample a light with, and what could be begun with them alone.
+  struct LightDraw {
+    std::array<float, 4> u;
+    LightTable::Preparation preparation;
   };
 
   // What decides at a surface that may let rays pass: uniform, independent for each pass.
@@ -72,8 +79,8 @@ class PathTracer {
   bool IsCutOut(const SurfacePoint& point, float u) const;
   void AddEscape(Path* path) const;
   void AddEmission(const SurfacePoint& point, Path* path) const;
-  void AddDirect(const Sampler& sampler, const SurfacePoint& point, const Bsdf& bsdf,
-                 Vec3f wo_local, Vec3f light_hint, Path* path);
+  void AddDirect(const LightDraw& draw, const SurfacePoint& point, const Bsdf& bsdf, Vec3f wo_local,
+                 Vec3f light_hint, Path* path);
   // Goes on along a sampled direction. False where the path ends.
   bool Scatter(const Sampler& sampler, const SurfacePoint& point, const Bsdf& bsdf, Vec3f wo_local,
                Vec3f light_hint, Path* path) const;
@@ -129,8 +136,11 @@ void PathTracer<kTraits, Tracer>::Trace(const Sampler& sampler, Path* path, Film
     ++counts_.rays;
     RawHit hit;
     if (!tracer_.Intersect(path->ray, &hit)) return AddEscape(path);
-    SurfacePoint point =
-        MakeSurfacePoint<kTraits>(scene_.geometry, path->ray, hit, scene_.footprint);
+    // Begun here, the look-up of a light need not be waited for when the surface is known.
+    LightDraw draw{sampler.Get4(Slot(path->depth, VertexSlot::kLight)), {}};
+    draw.preparation =
+        scene_.lights->template PrepareSample<kTraits>({draw.u[1], draw.u[2]});
+    SurfacePoint point = MakeSurfacePoint<kTraits>(scene_.geometry, path->ray, hit);
     const Surface& surface = *point.surface;
     PassChoice choice{};
     if (kMayPass && (surface.has_alpha || surface.may_pass)) {
@@ -174,7 +184,7 @@ void PathTracer<kTraits, Tracer>::Trace(const Sampler& sampler, Path* path, Film
     // Lights behind an opaque surface need not be looked at.
     Vec3f light_hint{};
     if (!transmits) light_hint = Dot(wo, point.ng) < 0 ? -point.ng : point.ng;
-    if (!bsdf.specular) AddDirect(sampler, point, bsdf, wo_local, light_hint, path);
+    if (!bsdf.specular) AddDirect(draw, point, bsdf, wo_local, light_hint, path);
     if (!Scatter(sampler, point, bsdf, wo_local, light_hint, path)) return;
   }
 }
@@ -199,8 +209,6 @@ TexturePoint PathTracer<kTraits, Tracer>::TexturePointOf(const SurfacePoint& poi
   TexturePoint texture_point;
   if constexpr (Has(kTraits, Trait::kTextures)) {
     texture_point.uv = point.uv;
-    texture_point.duv_dx = point.duv_dx;
-    texture_point.duv_dy = point.duv_dy;
     texture_point.p_world = ToFloat(ToDouble(point.p) + scene_.geometry.render_origin_world);
   }
   return texture_point;
@@ -226,7 +234,8 @@ void PathTracer<kTraits, Tracer>::AddEscape(Path* path) const {
       return;
     }
     const EnvironmentValue value =
-        scene_.lights->template EvalEnvironment<kTraits>(path->from, path->from_n, path->ray.d);
+        scene_.lights->template EvalEnvironment<kTraits>(path->from, path->from_n, path->ray.d,
+                                                         path->sky_place);
     path->radiance += path->throughput * value.radiance * PowerHeuristic(path->pdf, value.pdf);
   }
 }
@@ -249,13 +258,14 @@ void PathTracer<kTraits, Tracer>::AddEmission(const SurfacePoint& point, Path* p
 }
 
 template <uint32_t kTraits, typename Tracer>
-void PathTracer<kTraits, Tracer>::AddDirect(const Sampler& sampler, const SurfacePoint& point,
+void PathTracer<kTraits, Tracer>::AddDirect(const LightDraw& draw, const SurfacePoint& point,
                                             const Bsdf& bsdf, Vec3f wo_local, Vec3f light_hint,
                                             Path* path) {
   if (scene_.lights->empty()) return;
-  const std::array<float, 4> u = sampler.Get4(Slot(path->depth - 1, VertexSlot::kLight));
+  const std::array<float, 4>& u = draw.u;
   const std::optional<LightSample> light =
-      scene_.lights->template Sample<kTraits>(point.p, light_hint, u[0], {u[1], u[2]});
+      scene_.lights->template Sample<kTraits>(point.p, light_hint, u[0], {u[1], u[2]},
+                                                draw.preparation);
   if (!light.has_value()) return;
   const Vec3f wi_local = point.shading.ToLocal(light->wi);
   // Shading and true normal must agree on the side, or light would leak through the surface.
@@ -286,6 +296,8 @@ bool PathTracer<kTraits, Tracer>::Scatter(const Sampler& sampler, const SurfaceP
   path->ray.o = OffsetRayOrigin(point.p, point.p_error, point.ng, wi);
   path->ray.d = wi;
   path->ray.source = point.id;
+  // Should the ray meet nothing, the sky's radiance will have arrived when that is known.
+  path->sky_place = scene_.lights->template PrepareEnvironment<kTraits>(wi);
   const float survival = MaxComponent(path->throughput) * path->eta_scale;
   if (survival < 1 && path->depth > kRouletteDepthMin) {
     const float stop = std::fmin(1 - survival, kRouletteStopMax);
@@ -323,8 +335,7 @@ bool PathTracer<kTraits, Tracer>::IsVisibleThroughCutOuts(Ray ray, bool is_infin
     ++counts_.shadow_rays;
     RawHit hit;
     if (!tracer_.Intersect(ray, &hit)) return true;
-    const SurfacePoint point =
-        MakeSurfacePoint<kTraits>(scene_.geometry, ray, hit, scene_.footprint);
+    const SurfacePoint point = MakeSurfacePoint<kTraits>(scene_.geometry, ray, hit);
     const Surface& surface = *point.surface;
     if (!surface.has_alpha && !surface.may_pass) return false;
     // Pass numbers from 1 on: the slot's own numbers have been used to choose the light.

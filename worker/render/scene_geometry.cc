@@ -108,7 +108,7 @@ Surface SceneBaker::MakeSurface(int32_t shape_index) const {
   surface.may_pass = needs.may_pass;
   surface.is_sphere = std::holds_alternative<SphereShape>(shape.shape);
   surface.needs_tangent = needs.anisotropic;
-  surface.needs_footprint =
+  surface.reads_textures =
       needs.reads_textures || (shape.has_alpha && shape.alpha.texture != kNone);
   return surface;
 }

@@ -23,7 +23,6 @@ struct SurfacePoint {
   Vec3f ng;       // Unit geometric normal, on the surface's own front side.
   Frame shading;  // n: unit shading normal, in the hemisphere of ng.
   Vec2f uv;       // Where the surface reads textures.
-  Vec2f duv_dx, duv_dy;
   const Surface* surface = nullptr;
   uint32_t emitter = kNoEmitter;
   PrimitiveId id;
@@ -31,11 +30,6 @@ struct SurfacePoint {
   // The normal by which the light table knows emitters: outward for spheres, whichever side is
   // front.
   Vec3f EmitterNormal() const { return surface->is_sphere && surface->flips_normal ? -ng : ng; }
-};
-
-// Width of a pixel at a distance from the camera: constant + slope * distance.
-struct PixelFootprint {
-  float constant = 0, slope = 0;
 };
 
 namespace internal {
@@ -70,6 +64,7 @@ inline void AddTriangleParameters(const BakedMesh& mesh, const uint32_t* t, cons
     uv2 = mesh.uvs[t[2]];
   }
   point->uv = uv0 + hit.u * (uv1 - uv0) + hit.v * (uv2 - uv0);
+  if (!mesh.surface.needs_tangent) return;
   const double u1 = static_cast<double>(uv1.x) - uv0.x, v1 = static_cast<double>(uv1.y) - uv0.y;
   const double u2 = static_cast<double>(uv2.x) - uv0.x, v2 = static_cast<double>(uv2.y) - uv0.y;
   const double determinant = u1 * v2 - u2 * v1;
@@ -141,35 +136,6 @@ inline void PlacePoint(const Affine& render_from_group, const Affine& group_from
   point->dpdv = render_from_group.Vector(point->dpdv);
 }
 
-// Least squares: the (u, v) whose tangents reach the offset x in the surface.
-inline Vec2f SolveParameters(Vec3d dpdu, Vec3d dpdv, Vec3d x) {
-  const double uu = Dot(dpdu, dpdu), uv = Dot(dpdu, dpdv), vv = Dot(dpdv, dpdv);
-  const double determinant = uu * vv - uv * uv;
-  if (!(determinant > 0)) return {};
-  const double xu = Dot(dpdu, x), xv = Dot(dpdv, x);
-  return {static_cast<float>((vv * xu - uv * xv) / determinant),
-          static_cast<float>((uu * xv - uv * xu) / determinant)};
-}
-
-// The pixel's width at the point, laid onto the surface: stretched along the line of sight.
-inline void AddFootprint(const GroupPoint& group, PixelFootprint footprint, SurfacePoint* point) {
-  constexpr double kCosineMin = 0.05;  // Grazing surfaces would ask for the whole texture.
-  const double distance = Length(group.p);
-  const double width = footprint.constant + footprint.slope * distance;
-  if (!(width > 0) || !(distance > 0) || !group.has_tangents) return;
-  const Vec3d view = group.p * (1 / distance);
-  const Vec3d across_unscaled = Cross(view, group.ng);
-  const double sine = Length(across_unscaled);
-  Vec3d across = group.dpdu * (1 / Length(group.dpdu)), along = Cross(group.ng, across);
-  if (sine > kDoubleRounding) {
-    across = across_unscaled * (1 / sine);
-    along = Cross(group.ng, across);
-  }
-  const double cosine = std::fmax(kCosineMin, std::fabs(Dot(view, group.ng)));
-  point->duv_dx = SolveParameters(group.dpdu, group.dpdv, across * width);
-  point->duv_dy = SolveParameters(group.dpdu, group.dpdv, along * (width / cosine));
-}
-
 inline Frame ShadingFrame(Vec3f ns, const GroupPoint& group) {
   if (group.has_tangents) {
     const Vec3d n = ToDouble(ns);
@@ -187,8 +153,7 @@ inline Frame ShadingFrame(Vec3f ns, const GroupPoint& group) {
 
 // Requires: hit is of ray, found in the EmbreeScene of `geometry`.
 template <uint32_t kTraits>
-SurfacePoint MakeSurfacePoint(const SceneGeometry& geometry, const Ray& ray, const RawHit& hit,
-                              PixelFootprint footprint) {
+SurfacePoint MakeSurfacePoint(const SceneGeometry& geometry, const Ray& ray, const RawHit& hit) {
   constexpr bool kMayBePlaced = Has(kTraits, Trait::kInstances) || Has(kTraits, Trait::kMotion);
   const PlacedGroup* placed = nullptr;
   uint32_t group_index = 0;
@@ -216,14 +181,14 @@ SurfacePoint MakeSurfacePoint(const SceneGeometry& geometry, const Ray& ray, con
       o = group_from_render.Point(o);
       d = group_from_render.Vector(d);
     }
-    const bool parameters = baked.surface.needs_tangent || baked.surface.needs_footprint;
+    const bool parameters = baked.surface.needs_tangent || baked.surface.reads_textures;
     on = internal::PointOnQuadric(baked, o, d, hit.t, parameters);
   } else {
     const BakedMesh& mesh = group.meshes[hit.id.geometry];
     point.surface = &mesh.surface;
     if (mesh.surface.emitter != kNoEmitter) point.emitter = mesh.surface.emitter + hit.id.primitive;
     on = internal::TrianglePoint(mesh, hit,
-                                 mesh.surface.needs_tangent || mesh.surface.needs_footprint);
+                                 mesh.surface.needs_tangent || mesh.surface.reads_textures);
   }
   Vec3d rounding = ToDouble(on.coordinate_max) * internal::kDoubleRounding;
   if (placed != nullptr) internal::PlacePoint(render_from_group, group_from_render, &on, &rounding);
@@ -232,10 +197,7 @@ SurfacePoint MakeSurfacePoint(const SceneGeometry& geometry, const Ray& ray, con
   point.ng = ToFloat(on.ng);
   // Flat surfaces shade by the very bits of their normal.
   const Vec3f ns = on.ns == on.ng ? point.ng : ToFloat(on.ns * (1 / Length(on.ns)));
-  if (Has(kTraits, Trait::kTextures) && point.surface->needs_footprint) {
-    point.uv = on.uv;
-    internal::AddFootprint(on, footprint, &point);
-  }
+  if constexpr (Has(kTraits, Trait::kTextures)) point.uv = on.uv;
   point.shading =
       point.surface->needs_tangent ? internal::ShadingFrame(ns, on) : Frame::FromNormal(ns);
   return point;
