@@ -82,9 +82,7 @@ size_t PickOf(const DiscreteDistribution& distribution, double* u) {
 }
 
 // In [-1, 1] with the density 1 - |x|.
-double SampleTent(double u) {
-  return u < 0.5 ? std::sqrt(2 * u) - 1 : 1 - std::sqrt(2 * (1 - u));
-}
+double SampleTent(double u) { return u < 0.5 ? std::sqrt(2 * u) - 1 : 1 - std::sqrt(2 * (1 - u)); }
 
 }  // namespace
 
@@ -228,12 +226,11 @@ EnvironmentMap::TileChoice EnvironmentMap::ChooseTile(Vec2f u) const {
 }
 
 Vec3d EnvironmentMap::SampleIn(TileChoice choice) const {
-  const Cell texel =
-      PickCell(TexelWeights(TileIndex(choice.x, choice.y)), &choice.ux, &choice.uy);
-  const Vec2d p = WrapOctahedral(
-      Vec2d{static_cast<double>(choice.x + texel.x) + SampleTent(choice.ux),
-            static_cast<double>(choice.y + texel.y) + SampleTent(choice.uy)},
-      size_);
+  const Cell texel = PickCell(TexelWeights(TileIndex(choice.x, choice.y)), &choice.ux, &choice.uy);
+  const Vec2d p =
+      WrapOctahedral(Vec2d{static_cast<double>(choice.x + texel.x) + SampleTent(choice.ux),
+                           static_cast<double>(choice.y + texel.y) + SampleTent(choice.uy)},
+                     size_);
   Prefetch(p);  // Who samples a direction asks for its radiance.
   const double scale = 1.0 / size_;
   return EqualAreaSquareToSphere({(p.x + 0.5) * scale, (p.y + 0.5) * scale});

@@ -8,10 +8,10 @@
 // does. So the pdf is the looked-up luminance over its mean, wherever it is asked, and is positive
 // wherever radiance is. Space: the light's own.
 //
-// Speed is a matter of cache misses. Choosing goes down in three steps: to a block of 16 x 16 texels
-// by cumulative sums that stay in the first caches, as there are few; to a tile of 4 x 4 of them by
-// the block's line of 16 weights; and to a texel by the very lines from which its radiance is then
-// read, as a tile is four cache lines, and a block a page of memory.
+// Speed is a matter of cache misses. Choosing goes down in three steps: to a block of 16 x 16
+// texels by cumulative sums that stay in the first caches, as there are few; to a tile of 4 x 4 of
+// them by the block's line of 16 weights; and to a texel by the very lines from which its radiance
+// is then read, as a tile is four cache lines, and a block a page of memory.
 #pragma once
 
 #include <array>
@@ -112,7 +112,7 @@ class EnvironmentMap {
   std::vector<TexelRow> rows_of_tiles_;  // Of whole blocks: black beyond the map's edges.
   std::vector<BlockWeights> blocks_;     // [blocks_across_][blocks_across_].
   double mean_luminance_ = 0;
-  double pdf_per_luminance_ = 0;               // 1 / (4 pi mean).
+  double pdf_per_luminance_ = 0;  // 1 / (4 pi mean).
   DiscreteDistribution block_rows_;
   std::vector<DiscreteDistribution> block_columns_;  // For each row, the blocks in it.
 };

@@ -172,8 +172,8 @@ std::optional<LightSample> LightTable::SampleLights(const Impl& impl, Vec3f p, V
     // Infinite lights share every direction, so each is drawn as a part of their sum.
     sample.emplace();
     const InfiniteEmitter& infinite = impl.infinites[light - impl.first_infinite()];
-    sample->wi = impl.HasOnlyOneMap() ? DirectionTo(infinite, preparation.tile)
-                                      : DirectionTo(infinite, u);
+    sample->wi =
+        impl.HasOnlyOneMap() ? DirectionTo(infinite, preparation.tile) : DirectionTo(infinite, u);
     const EnvironmentValue value =
         FromInfinity(impl, p, n, sample->wi, LocateInFirst(impl, sample->wi));
     sample->radiance = value.radiance;
@@ -251,11 +251,10 @@ EnvironmentValue LightTable::FromInfinity(const Impl& impl, Vec3f p, Vec3f /*n*/
 }
 
 // The header forwards to these: one instantiation for every combination of kLightTraits.
-#define SHEAF_INSTANTIATE_FOR(mask)                                                               \
-  template std::optional<LightSample> LightTable::SampleLights<(mask)>(const Impl&, Vec3f, Vec3f, \
-                                                                       float, Vec2f,              \
-                                                                       const Preparation&);       \
-  template float LightTable::PdfOfEmitter<(mask)>(const Impl&, uint32_t, Vec3f, Vec3f, Vec3f,     \
+#define SHEAF_INSTANTIATE_FOR(mask)                                                           \
+  template std::optional<LightSample> LightTable::SampleLights<(mask)>(                       \
+      const Impl&, Vec3f, Vec3f, float, Vec2f, const Preparation&);                           \
+  template float LightTable::PdfOfEmitter<(mask)>(const Impl&, uint32_t, Vec3f, Vec3f, Vec3f, \
                                                   Vec3f);
 #define SHEAF_INSTANTIATE_WITH(mask)                                          \
   SHEAF_INSTANTIATE_FOR(mask)                                                 \

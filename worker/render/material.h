@@ -20,7 +20,7 @@ namespace sheaf::render {
 // What textures see of a hit.
 struct TexturePoint {
   Vec2f uv;
-  Vec3f p_world;         // World space (not camera-relative), for 3-D and projected mappings.
+  Vec3f p_world;  // World space (not camera-relative), for 3-D and projected mappings.
 };
 
 class MaterialTable {

@@ -138,8 +138,7 @@ void PathTracer<kTraits, Tracer>::Trace(const Sampler& sampler, Path* path, Film
     if (!tracer_.Intersect(path->ray, &hit)) return AddEscape(path);
     // Begun here, the look-up of a light need not be waited for when the surface is known.
     LightDraw draw{sampler.Get4(Slot(path->depth, VertexSlot::kLight)), {}};
-    draw.preparation =
-        scene_.lights->template PrepareSample<kTraits>({draw.u[1], draw.u[2]});
+    draw.preparation = scene_.lights->template PrepareSample<kTraits>({draw.u[1], draw.u[2]});
     SurfacePoint point = MakeSurfacePoint<kTraits>(scene_.geometry, path->ray, hit);
     const Surface& surface = *point.surface;
     PassChoice choice{};
@@ -233,9 +232,8 @@ void PathTracer<kTraits, Tracer>::AddEscape(Path* path) const {
           path->throughput * scene_.lights->template EnvironmentRadiance<kTraits>(path->ray.d);
       return;
     }
-    const EnvironmentValue value =
-        scene_.lights->template EvalEnvironment<kTraits>(path->from, path->from_n, path->ray.d,
-                                                         path->sky_place);
+    const EnvironmentValue value = scene_.lights->template EvalEnvironment<kTraits>(
+        path->from, path->from_n, path->ray.d, path->sky_place);
     path->radiance += path->throughput * value.radiance * PowerHeuristic(path->pdf, value.pdf);
   }
 }
@@ -263,9 +261,8 @@ void PathTracer<kTraits, Tracer>::AddDirect(const LightDraw& draw, const Surface
                                             Path* path) {
   if (scene_.lights->empty()) return;
   const std::array<float, 4>& u = draw.u;
-  const std::optional<LightSample> light =
-      scene_.lights->template Sample<kTraits>(point.p, light_hint, u[0], {u[1], u[2]},
-                                                draw.preparation);
+  const std::optional<LightSample> light = scene_.lights->template Sample<kTraits>(
+      point.p, light_hint, u[0], {u[1], u[2]}, draw.preparation);
   if (!light.has_value()) return;
   const Vec3f wi_local = point.shading.ToLocal(light->wi);
   // Shading and true normal must agree on the side, or light would leak through the surface.
