@@ -6,7 +6,8 @@
 Needs SHEAF_PUBLIC_SCENES (a folder with the scenes and references/NAME.exr); skips without. The
 reference renderer transports spectra and stores half floats, so the allowance is 1.5 % of a
 channel's mean (3 % with coats or measured spectra), and no tile of 16x16 may be off by more than 5
-standard errors beyond that share of the mean of the tile or of the picture, whichever is larger. SHEAF_SAMPLES changes the samples per pixel.
+standard errors beyond that share of the mean of the tile or of the picture, whichever is larger.
+SHEAF_SAMPLES changes the samples per pixel.
 """
 import json
 import os
@@ -20,8 +21,8 @@ import farm  # noqa: E402
 
 SAMPLES = int(os.environ.get("SHEAF_SAMPLES", "256"))
 PLAIN, COATED = 0.015, 0.03
-# Transport is RGB: a saturated coat under coloured light differs from a spectral picture by up to 8 %
-# of the picture's mean in red, though the means of the channels agree within 1 %.
+# Transport is RGB: a saturated coat under coloured light differs from a spectral picture by up to
+# 8 % of the picture's mean in red, though the means of the channels agree within 1 %.
 SATURATED = 0.10
 # name: (scene, samples of the reference, allowance for channels, allowance for tiles)
 SCENES = {
