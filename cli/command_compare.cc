@@ -57,9 +57,8 @@ class CompareCommand : public Command {
         ->check(CLI::NonNegativeNumber);
     command->add_flag("--tiles", tiles_, "Also look for tiles that are off by more than noise");
     command
-        ->add_option(
-            "--allow", limits_.mean_share_max,
-            "With --tiles: share of the mean (of tile or picture, the larger) allowed beyond noise")
+        ->add_option("--allow", limits_.mean_share_max,
+                     "With --tiles: share of a tile's mean that is allowed beyond noise")
         ->check(CLI::NonNegativeNumber)
         ->capture_default_str();
     command

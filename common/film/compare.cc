@@ -38,7 +38,6 @@ absl::StatusOr<ColorPlanes> FindPlanes(const FramePicture& picture,
 struct Pair {
   ColorPlanes reference, image;
 };
-using ChannelMeans = std::array<double, 3>;
 absl::StatusOr<Pair> MatchPictures(const FramePicture& reference, const FramePicture& image) {
   if (reference.window.Width() != image.window.Width() ||
       reference.window.Height() != image.window.Height()) {
@@ -129,16 +128,14 @@ TileMean MeanOver(const std::vector<float>& plane, const std::vector<float>* err
 
 // The channel of a tile that deviates most. rect counts from the window's corner.
 TileDeviation WorstChannel(const Pair& pair, const ColorPlanes& error, int32_t width,
-                           PixelRect rect, const ChannelMeans& picture_mean,
-                           const TileDeviationLimits& limits) {
+                           PixelRect rect, const TileDeviationLimits& limits) {
   TileDeviation worst;
   worst.excess = -kInfinity;
   for (size_t i = 0; i < 3; ++i) {
     const TileMean x = MeanOver(*pair.image[i], error[i], width, rect);
     const TileMean r = MeanOver(*pair.reference[i], nullptr, width, rect);
     const double standard_error = std::sqrt(x.variance * (1 + limits.samples_ratio));
-    const double scale = std::max(std::fabs(r.mean), std::fabs(picture_mean[i]));
-    const double beyond = std::fabs(x.mean - r.mean) - limits.mean_share_max * scale;
+    const double beyond = std::fabs(x.mean - r.mean) - limits.mean_share_max * std::fabs(r.mean);
     double excess = beyond / standard_error;
     if (standard_error == 0) excess = beyond > 0 ? kInfinity : 0;
     // A mean that is not a number is as wrong as can be.
@@ -186,14 +183,10 @@ absl::StatusOr<TileDeviations> FindTileDeviations(const FramePicture& reference,
   const absl::StatusOr<ColorPlanes> error = FindPlanes(image, kColorError, "image");
   if (!error.ok()) return error.status();
   const int32_t width = image.window.Width();
-  const PixelRect whole = {0, 0, width, image.window.Height()};
-  ChannelMeans picture_mean;
-  for (size_t i = 0; i < 3; ++i) {
-    picture_mean[i] = MeanOver(*pair->reference[i], nullptr, width, whole).mean;
-  }
   TileDeviations result;
-  for (const PixelRect& rect : CutTiles(whole, limits.tile_size_px)) {
-    TileDeviation worst = WorstChannel(*pair, *error, width, rect, picture_mean, limits);
+  for (const PixelRect& rect :
+       CutTiles({0, 0, width, image.window.Height()}, limits.tile_size_px)) {
+    TileDeviation worst = WorstChannel(*pair, *error, width, rect, limits);
     const PixelRect& window = image.window;
     worst.rect = {rect.x0 + window.x0, rect.y0 + window.y0, rect.x1 + window.x0,
                   rect.y1 + window.y0};

@@ -37,9 +37,7 @@ absl::StatusOr<Comparison> ComparePictures(const FramePicture& reference,
 struct TileDeviationLimits {
   int32_t tile_size_px = 16;
   double standard_errors_max = 5;  // K.
-  // Share of the reference's mean allowed beyond noise: of the tile's or the picture's mean of the
-  // channel, whichever is larger, since what a tile adds to the picture's mean is what counts.
-  double mean_share_max = 0.015;
+  double mean_share_max = 0.015;   // Of the reference's tile mean, allowed beyond noise.
   // Samples a pixel of the image over those of the reference: a reference whose noise is not
   // recorded is taken to have the image's variance times this. 0: the reference has converged.
   double samples_ratio = 0;
