@@ -14,6 +14,7 @@ namespace sheaf {
 namespace {
 
 constexpr float kDefaultReflectance = 0.5f;
+constexpr float kDefaultShareOfSheet = 0.25f;  // Reflected by and crossing a diffuse sheet.
 constexpr float kDefaultIndex = 1.5f;
 
 ColorSpec NamedColor(const std::string& name) {
@@ -25,8 +26,7 @@ ColorSpec NamedColor(const std::string& name) {
 }
 
 // pbrt-v4 materials that Sheaf does not do yet, for a better message than "unknown".
-constexpr const char* kKnownMaterials[] = {"coatedconductor", "diffusetransmission", "hair",
-                                           "measured", "subsurface"};
+constexpr const char* kKnownMaterials[] = {"coatedconductor", "hair", "measured", "subsurface"};
 
 }  // namespace
 
@@ -99,6 +99,8 @@ MaterialTable::Variant MaterialTable::Make(const std::string& type, ParameterLis
   Variant material;
   if (type == "diffuse") {
     material = MakeDiffuse(parameters);
+  } else if (type == "diffusetransmission") {
+    material = MakeDiffuseTransmission(parameters);
   } else if (type == "conductor") {
     material = MakeConductor(parameters);
   } else if (type == "dielectric") {
@@ -121,8 +123,8 @@ MaterialTable::Variant MaterialTable::Make(const std::string& type, ParameterLis
                           std::end(kKnownMaterials);
     parameters.Error(absl::StrCat(
         parameters.owner(), ": type \"", type, "\" is ", is_known ? "not supported" : "unknown",
-        "; Sheaf does diffuse, conductor, dielectric, thindielectric, coateddiffuse, mix and "
-        "interface"));
+        "; Sheaf does diffuse, diffusetransmission, conductor, dielectric, thindielectric, "
+        "coateddiffuse, mix and interface"));
     return material;
   }
   if (!std::holds_alternative<InterfaceMaterial>(material)) RejectBumps(parameters);
@@ -140,6 +142,28 @@ DiffuseMaterial MaterialTable::MakeDiffuse(ParameterList& parameters) {
   diffuse.reflectance = textures_->GetColorInput(parameters, "reflectance", ColorRole::kReflectance,
                                                  RgbColor(Rgb::Grey(kDefaultReflectance)));
   return diffuse;
+}
+
+DiffuseTransmissionMaterial MaterialTable::MakeDiffuseTransmission(ParameterList& parameters) {
+  DiffuseTransmissionMaterial sheet;
+  const ColorSpec fallback = RgbColor(Rgb::Grey(kDefaultShareOfSheet));
+  sheet.reflectance =
+      textures_->GetColorInput(parameters, "reflectance", ColorRole::kReflectance, fallback);
+  sheet.transmittance =
+      textures_->GetColorInput(parameters, "transmittance", ColorRole::kReflectance, fallback);
+  sheet.scale = parameters.GetFloat("scale", 1);
+  if (!(sheet.scale >= 0)) parameters.Error(parameters.owner() + ": scale is negative");
+  if (sheet.reflectance.texture != kNone || sheet.transmittance.texture != kNone) return sheet;
+  const Rgb sum = (sheet.reflectance.value.rgb + sheet.transmittance.value.rgb) * sheet.scale;
+  // Rounding of shares such as 0.7 + 0.3 is not worth a word.
+  constexpr float kSumMax = 1.0001f;
+  if (MaxComponent(sum) > kSumMax) {
+    diagnostics_->Warning(
+        parameters.location(),
+        absl::StrCat(parameters.owner(), ": reflectance and transmittance add up to ",
+                     MaxComponent(sum), "; a surface cannot give more light than it gets"));
+  }
+  return sheet;
 }
 
 RoughnessInput MaterialTable::GetRoughness(ParameterList& parameters) {

@@ -45,6 +45,7 @@ class MaterialTable {
 
   Variant Make(const std::string& type, ParameterList& parameters);
   DiffuseMaterial MakeDiffuse(ParameterList& parameters);
+  DiffuseTransmissionMaterial MakeDiffuseTransmission(ParameterList& parameters);
   ConductorMaterial MakeConductor(ParameterList& parameters);
   DielectricMaterial MakeDielectric(ParameterList& parameters);
   ThinDielectricMaterial MakeThinDielectric(ParameterList& parameters);

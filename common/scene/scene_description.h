@@ -118,6 +118,12 @@ struct RoughnessInput {
 struct DiffuseMaterial {
   ColorInput reflectance;
 };
+// Lambertian on both sides: what comes in on one is reflected there or leaves on the other, scaled
+// by `scale` and clamped to [0, 1].
+struct DiffuseTransmissionMaterial {
+  ColorInput reflectance, transmittance;
+  float scale = 1;
+};
 struct ConductorMaterial {
   RoughnessInput roughness;
   bool has_reflectance = false;  // Then eta and k follow from reflectance; else from eta and k.
@@ -156,8 +162,8 @@ struct InterfaceMaterial {};  // Invisible; bounds a medium.
 
 struct MaterialDescription {
   std::string name;  // Empty for unnamed ones.
-  std::variant<DiffuseMaterial, ConductorMaterial, DielectricMaterial, ThinDielectricMaterial,
-               CoatedDiffuseMaterial, MixMaterial, InterfaceMaterial>
+  std::variant<DiffuseMaterial, DiffuseTransmissionMaterial, ConductorMaterial, DielectricMaterial,
+               ThinDielectricMaterial, CoatedDiffuseMaterial, MixMaterial, InterfaceMaterial>
       material;
   SourceLocation location;
 };

@@ -138,6 +138,26 @@ TEST_F(SceneReaderTest, ObjectInstancesKeepBothTransformations) {
   ExpectNote(SceneDiagnostic::Severity::kWarning, "main.pbrt:5:1: shapes of an object cannot emit");
 }
 
+TEST_F(SceneReaderTest, DiffuseTransmissionHasItsDefaults) {
+  const SceneDescription scene = ReadGood(
+      "WorldBegin\nMaterial \"diffusetransmission\"\nShape \"sphere\"\n"
+      "Material \"diffusetransmission\" \"rgb reflectance\" [0.5 0.25 1] "
+      "\"rgb transmittance\" [0.5 0.25 0.5] \"float scale\" 0.75\nShape \"sphere\"\n");
+  const auto sheet = [&](size_t shape) {
+    return std::get<DiffuseTransmissionMaterial>(
+        scene.materials[static_cast<size_t>(scene.shapes.at(shape).material)].material);
+  };
+  EXPECT_EQ(sheet(0).reflectance.value.rgb, Rgb::Grey(0.25f));
+  EXPECT_EQ(sheet(0).transmittance.value.rgb, Rgb::Grey(0.25f));
+  EXPECT_EQ(sheet(0).scale, 1);
+  EXPECT_EQ(sheet(1).transmittance.value.rgb, (Rgb{0.5f, 0.25f, 0.5f}));
+  EXPECT_EQ(sheet(1).scale, 0.75f);
+  ExpectNote(
+      SceneDiagnostic::Severity::kWarning,
+      "main.pbrt:4:1: material \"diffusetransmission\": reflectance and transmittance add up "
+      "to 1.125");
+}
+
 TEST_F(SceneReaderTest, NamedMaterialsAndTexturesMayComeLater) {
   const SceneDescription scene = ReadGood(
       "WorldBegin\nNamedMaterial \"late\"\nShape \"sphere\"\n"

@@ -26,6 +26,7 @@ using testing::MakeConductorFixture;
 using testing::MakeDielectricFixture;
 using testing::MakeDiffuseFixture;
 using testing::MakeMirrorFixture;
+using testing::MakeSheetFixture;
 
 constexpr uint64_t kSampleCount = 1000000;
 constexpr double kSignificance = 0.01;  // Of the whole file.
@@ -43,7 +44,7 @@ void ExpectSamplerMatchesPdf(const BsdfFixture& fixture, Vec3f wo) {
   };
   const auto pdf = [&](Vec3f wi) -> double { return EvalBsdf<kAllTraits>(bsdf, wo, wi).pdf; };
   ChiSquareGrid grid;
-  if (bsdf.kind != BsdfKind::kDielectric) {
+  if (bsdf.kind != BsdfKind::kDielectric && bsdf.kind != BsdfKind::kDiffuseTransmission) {
     grid.cos_min = wo.z > 0 ? 0 : -1;
     grid.cos_max = wo.z > 0 ? 1 : 0;
   }
@@ -59,6 +60,13 @@ TEST(BsdfChiSquareTest, Diffuse) {
   const BsdfFixture fixture = MakeDiffuseFixture({0.5f, 0.6f, 0.7f});
   ExpectSamplerMatchesPdf(fixture, DirectionAt(0.7f, 1));
   ExpectSamplerMatchesPdf(fixture, DirectionAt(-0.7f, 1));
+}
+
+TEST(BsdfChiSquareTest, DiffuseTransmission) {
+  const BsdfFixture leaf = MakeSheetFixture({0.1f, 0.3f, 0.05f}, {0.2f, 0.5f, 0.1f});
+  ExpectSamplerMatchesPdf(leaf, DirectionAt(0.7f, 1));
+  ExpectSamplerMatchesPdf(leaf, DirectionAt(-0.01f, 1));
+  ExpectSamplerMatchesPdf(MakeSheetFixture({}, Rgb::Grey(0.5f)), DirectionAt(0.4f, 1));
 }
 
 TEST(BsdfChiSquareTest, RoughConductors) {
@@ -123,6 +131,7 @@ TEST(BsdfChiSquareTest, ASmoothCoatDrawsItsTwoLobesAsOftenAsItsPdfSays) {
 
 std::vector<BsdfFixture> RoughFixtures() {
   std::vector<BsdfFixture> fixtures = {MakeDiffuseFixture({0.2f, 0.5f, 0.9f}),
+                                       MakeSheetFixture({0.2f, 0.5f, 0.1f}, {0.7f, 0.1f, 0}),
                                        MakeCoatFixture(0.2f, 0.2f, 1.5f, 0.01f, {0.2f, 0.5f, 0.9f}),
                                        MakeConductorFixture(0.05f, 0.3f, kGoldEta, kGoldK, true),
                                        MakeMirrorFixture(0.01f, 0.01f, true)};
@@ -156,7 +165,9 @@ TEST(BsdfSampleTest, ThePdfOfASampleIsTheOneEvaluated) {
 // directions over the sphere by quadrature.
 TEST(BsdfSampleTest, TheMeanWeightIsTheIntegralOfTheValue) {
   for (const BsdfFixture& fixture : RoughFixtures()) {
-    if (fixture.bsdf.kind != BsdfKind::kDiffuse && fixture.bsdf.alpha_x < 0.1f) continue;
+    const BsdfKind kind = fixture.bsdf.kind;
+    const bool is_diffuse = kind == BsdfKind::kDiffuse || kind == BsdfKind::kDiffuseTransmission;
+    if (!is_diffuse && fixture.bsdf.alpha_x < 0.1f) continue;
     for (float mu : {0.8f, -0.4f}) {
       const Vec3f wo = DirectionAt(mu, 1);
       double integral = 0, mean = 0;

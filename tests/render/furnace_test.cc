@@ -77,6 +77,43 @@ TEST(FurnaceTest, RoughGlassVanishes) {
   }
 }
 
+// Light inside the ball goes through its wall many times.
+TEST(FurnaceTest, ASheetThatKeepsNothingVanishes) {
+  for (const ColorTransport color : {ColorTransport::kRgb, ColorTransport::kSpectral}) {
+    TestScene t = UnderAnEvenSky();
+    DiffuseTransmissionMaterial sheet;
+    sheet.reflectance.value.rgb = Rgb::Grey(0.3f);
+    sheet.transmittance.value.rgb = Rgb::Grey(0.7f);
+    t.AddShape(Ball(), t.AddMaterial(sheet));
+    FrameSettings settings = SquareSettings(12, 256, kDepth);
+    settings.color = color;
+    const TileMean mean = RenderMean(t.scene, settings);
+    EXPECT_EQ(mean.non_finite, 0u);
+    EXPECT_NEAR(mean.mean.g, 1, 5 * static_cast<double>(mean.standard_error.g) + 5e-4);
+  }
+}
+
+// Lit from behind, a sheet shows transmittance / pi of its irradiance, from either side.
+TEST(FurnaceTest, ASheetShowsTheLightBehindIt) {
+  for (const double light_z : {1.0, -1.0}) {
+    TestScene t({0, 0, -4 * light_z}, {0, 0, 0}, 10);
+    DistantLight sun;
+    sun.radiance.rgb = {1, 2, 3};
+    sun.from = {0, 0, light_z};
+    sun.to = {0, 0, 0};
+    t.scene.lights.push_back({sun, {}, {}, {}});
+    DiffuseTransmissionMaterial sheet;
+    sheet.reflectance.value.rgb = {0.9f, 0.1f, 0.2f};
+    sheet.transmittance.value.rgb = {0.1f, 0.8f, 0.4f};
+    sheet.scale = 0.5f;
+    t.AddShape(MeshShape{t.Quad({-3, -3, 0}, {-3, 3, 0}, {3, 3, 0}, {3, -3, 0})},
+               t.AddMaterial(sheet));
+    const TileMean mean = RenderMean(t.scene, SquareSettings(4, 4, 4));
+    const Rgb expected{0.05f, 0.8f, 0.6f};
+    for (size_t c = 0; c < 3; ++c) EXPECT_NEAR(mean.mean[c], expected[c] / kPi, 1e-5) << c;
+  }
+}
+
 TEST(FurnaceTest, InterfacesCutOutsAndMixesVanish) {
   TestScene t = UnderAnEvenSky();
   const int32_t nothing = t.AddMaterial(InterfaceMaterial{}), white = t.Diffuse(Rgb::Grey(1));

@@ -24,6 +24,7 @@ using testing::MakeConductorFixture;
 using testing::MakeDielectricFixture;
 using testing::MakeDiffuseFixture;
 using testing::MakeMirrorFixture;
+using testing::MakeSheetFixture;
 
 // Mean of the energy scattered along wo by stratified sampling, what crosses counted as energy and
 // not as radiance. Two of the draws are stratified to side x side cells.
@@ -158,6 +159,15 @@ TEST(MaterialStability, M2_WhiteCoatsLoseNothing) {
   }
 }
 
+TEST(MaterialStability, M2_WhatASheetDoesNotReflectItLetsThrough) {
+  for (float reflectance : {0.0f, 0.3f, 1.0f}) {
+    const BsdfFixture sheet = MakeSheetFixture(Rgb::Grey(reflectance), Rgb::Grey(1 - reflectance));
+    for (float mu : {1.0f, 0.01f, -0.5f}) {
+      EXPECT_NEAR(Albedo(sheet.bsdf, DirectionAt(mu, 1)), 1, 1e-5) << reflectance << " " << mu;
+    }
+  }
+}
+
 TEST(MaterialStability, M3_GrazingDirectionsGiveFiniteWeights) {
   for (float alpha : {0.01f, 0.3f, 1.0f}) {
     for (const BsdfFixture& fixture :
@@ -256,6 +266,20 @@ TEST(MaterialStability, M6_ConductorsAndCoatsAreReciprocal) {
       const float ba = EvalBsdf<kAllTraits>(fixture.bsdf, b, a).f_cos.g / a.z;
       EXPECT_NEAR(ab, ba, 1e-4f * ab) << fixture.name;
     }
+  }
+}
+
+TEST(MaterialStability, M6_SheetsAreReciprocal) {
+  const BsdfFixture sheet = MakeSheetFixture({0.2f, 0.5f, 0.1f}, {0.7f, 0.1f, 0});
+  for (uint64_t i = 0; i < 200; ++i) {
+    const auto u = CounterUniforms(9, i), v = CounterUniforms(10, i);
+    const Vec3f a = DirectionAt(2 * u[0] - 1, 6.2f * u[1]);
+    const Vec3f b = DirectionAt(2 * v[0] - 1, 6.2f * v[1]);
+    if (a.z == 0 || b.z == 0) continue;
+    const float ab = EvalBsdf<kAllTraits>(sheet.bsdf, a, b).f_cos.r / std::fabs(b.z);
+    const float ba = EvalBsdf<kAllTraits>(sheet.bsdf, b, a).f_cos.r / std::fabs(a.z);
+    EXPECT_NEAR(ab, ba, 1e-5f) << a.z << " " << b.z;
+    EXPECT_NEAR(ab, (a.z * b.z > 0 ? 0.2f : 0.7f) / static_cast<float>(kPi), 1e-5f);
   }
 }
 

@@ -37,6 +37,14 @@ inline BsdfFixture MakeDiffuseFixture(Rgb reflectance) {
   return fixture;
 }
 
+inline BsdfFixture MakeSheetFixture(Rgb reflectance, Rgb transmittance) {
+  BsdfFixture fixture{"diffuse transmission",
+                      MakeBsdfOfKind(render::BsdfKind::kDiffuseTransmission), nullptr};
+  fixture.bsdf.color = reflectance;
+  fixture.bsdf.conductor_eta = transmittance;
+  return fixture;
+}
+
 // keeps_energy: with the lobe of returned energy; without it single scattering alone.
 inline BsdfFixture MakeConductorFixture(float alpha_x, float alpha_y, Rgb eta, Rgb k,
                                         bool keeps_energy) {

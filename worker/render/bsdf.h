@@ -30,6 +30,7 @@ enum class BsdfKind : uint8_t {
   kConductor,   // Smooth or rough.
   kDielectric,  // Smooth or rough.
   kThinDielectric,
+  kDiffuseTransmission,
   kCoatedDiffuse,
   kInterface,  // Not there: rays pass straight through.
 };
@@ -66,9 +67,10 @@ struct BsdfShape {
 };
 template <typename Color>
 struct BsdfOf : BsdfShape {
-  Color color{};                         // Reflectance (diffuse, coat base); conductors: energy.
-  Color conductor_eta{}, conductor_k{};  // Complex index.
-  Color albedo{};                        // For the albedo channel.
+  Color color{};          // Reflectance (diffuse, coat base); conductors: energy.
+  Color conductor_eta{};  // Complex index. Diffuse transmission: what crosses.
+  Color conductor_k{};
+  Color albedo{};  // For the albedo channel.
 };
 using Bsdf = BsdfOf<Rgb>;
 using BsdfSample = BsdfSampleOf<Rgb>;
@@ -76,10 +78,10 @@ using BsdfValue = BsdfValueOf<Rgb>;
 
 // Radiance transport. None where the path ends (absorbed). Where the sample is not of a delta lobe,
 // pdf is EvalBsdf's for the same pair of directions, to the bit.
-// Kinds that need a trait (kMicrofacet: conductors; kSpecularTransmission: dielectrics; kLayered:
-// coats; kAlpha: interfaces) are black in variants without it: the plan never chooses such a
-// variant. Both are defined in bsdf_inl.h, which integrator variants include, and compiled for
-// every variant of variant_list.h in bsdf.cc.
+// Kinds that need a trait (kMicrofacet: conductors; kSpecularTransmission: dielectrics and
+// diffuse transmission; kLayered: coats; kAlpha: interfaces) are black in variants without it: the
+// plan never chooses such a variant. Both are defined in bsdf_inl.h, which integrator variants
+// include, and compiled for every variant of variant_list.h in bsdf.cc.
 template <uint32_t kTraits, typename Color>
 std::optional<BsdfSampleOf<Color>> SampleBsdf(const BsdfOf<Color>& bsdf, Vec3f wo, float u_lobe,
                                               Vec2f u);

@@ -12,6 +12,7 @@
 #include "worker/render/bsdf_coat.h"
 #include "worker/render/bsdf_conductor.h"
 #include "worker/render/bsdf_dielectric.h"
+#include "worker/render/bsdf_diffuse_transmission.h"
 #include "worker/render/bsdf_sampling.h"
 
 namespace sheaf::render {
@@ -33,6 +34,11 @@ BsdfValueOf<Color> EvalUpper(const BsdfOf<Color>& bsdf, bool inside, Vec3f wo, V
     case BsdfKind::kDielectric:
       if constexpr (Has(kTraits, Trait::kSpecularTransmission)) {
         return EvalDielectric<Color>(bsdf, {inside ? 1 / bsdf.eta : bsdf.eta, inside}, wo, wi);
+      }
+      return {};
+    case BsdfKind::kDiffuseTransmission:
+      if constexpr (Has(kTraits, Trait::kSpecularTransmission)) {
+        return EvalDiffuseTransmission(bsdf, wi);
       }
       return {};
     case BsdfKind::kCoatedDiffuse:
@@ -70,6 +76,11 @@ std::optional<BsdfSampleOf<Color>> SampleUpper(const BsdfOf<Color>& bsdf, bool i
     case BsdfKind::kThinDielectric:
       if constexpr (Has(kTraits, Trait::kSpecularTransmission)) {
         return SampleThinDielectric<Color>(bsdf.eta, wo, u_lobe);
+      }
+      return std::nullopt;
+    case BsdfKind::kDiffuseTransmission:
+      if constexpr (Has(kTraits, Trait::kSpecularTransmission)) {
+        return SampleDiffuseTransmission(bsdf, u_lobe, u);
       }
       return std::nullopt;
     case BsdfKind::kCoatedDiffuse:

@@ -51,6 +51,13 @@ void SetAlpha(const CompiledMaterial& material, float roughness_u, float roughne
 }
 
 template <typename Color>
+void SetSheet(const CompiledMaterial& material, const SurfaceInputs<Color>& inputs,
+              BsdfOf<Color>* bsdf) {
+  bsdf->color = ClampReflectance(inputs.color * material.scale);
+  bsdf->conductor_eta = ClampReflectance(inputs.eta * material.scale);
+}
+
+template <typename Color>
 void SetComplexIndex(const CompiledMaterial& material, const SurfaceInputs<Color>& inputs,
                      BsdfOf<Color>* bsdf) {
   if (material.from_reflectance) {
@@ -93,6 +100,10 @@ BsdfOf<Color> MakeBsdf(const CompiledMaterial& material, const SurfaceInputs<Col
   switch (material.kind) {
     case BsdfKind::kDiffuse:
       bsdf.color = bsdf.albedo = ClampReflectance(inputs.color);
+      break;
+    case BsdfKind::kDiffuseTransmission:
+      SetSheet(material, inputs, &bsdf);
+      bsdf.albedo = ClampReflectance(bsdf.color + bsdf.conductor_eta);
       break;
     case BsdfKind::kConductor:
       bsdf.specular = is_smooth;
@@ -142,14 +153,21 @@ const Bsdf& ConstantAt(const CompiledMaterial& material, NoWavelengths) {
 BsdfOf<Spectral> ConstantAt(const CompiledMaterial& material, const Wavelengths& wavelengths) {
   BsdfOf<Spectral> bsdf;
   static_cast<BsdfShape&>(bsdf) = material.constant;
-  if (material.kind == BsdfKind::kConductor) {
-    const SurfaceInputs<Spectral> inputs{material.color.spectrum.At(wavelengths),
-                                         material.conductor_eta.spectrum.At(wavelengths),
-                                         material.conductor_k.spectrum.At(wavelengths)};
-    SetComplexIndex(material, inputs, &bsdf);
-    bsdf.color = material.constant_tint.At(wavelengths);
-  } else {
-    bsdf.color = ClampReflectance(material.color.spectrum.At(wavelengths));
+  SurfaceInputs<Spectral> inputs;
+  inputs.color = material.color.spectrum.At(wavelengths);
+  switch (material.kind) {
+    case BsdfKind::kConductor:
+      inputs.eta = material.conductor_eta.spectrum.At(wavelengths);
+      inputs.k = material.conductor_k.spectrum.At(wavelengths);
+      SetComplexIndex(material, inputs, &bsdf);
+      bsdf.color = material.constant_tint.At(wavelengths);
+      break;
+    case BsdfKind::kDiffuseTransmission:
+      inputs.eta = material.conductor_eta.spectrum.At(wavelengths);
+      SetSheet(material, inputs, &bsdf);
+      break;
+    default:
+      bsdf.color = ClampReflectance(inputs.color);
   }
   return bsdf;
 }

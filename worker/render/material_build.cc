@@ -54,14 +54,18 @@ class MaterialBuilder {
   }
 
   absl::Status SetReflectance(const ColorInput& input, CompiledMaterial* m) {
-    m->color = textures_.Operand(input, ColorRole::kReflectance);
-    if (m->color.texture != kNone) return absl::OkStatus();
+    return SetShare("reflectance", input, &m->color);
+  }
+  // What a surface does not keep of the light, by channel.
+  absl::Status SetShare(const char* name, const ColorInput& input, ColorOperand* share) {
+    *share = textures_.Operand(input, ColorRole::kReflectance);
+    if (share->texture != kNone) return absl::OkStatus();
     for (size_t c = 0; c < 3; ++c) {
-      const float value = m->color.value[c];
-      if (!std::isfinite(value)) return Error("reflectance is not a finite number");
+      const float value = share->value[c];
+      if (!std::isfinite(value)) return Error(absl::StrCat(name, " is not a finite number"));
       if (value < 0 || value > 1) {
-        LogWarning(absl::StrCat(
-            Error(absl::StrCat("reflectance ", value, " is clamped to [0, 1]")).message()));
+        LogWarning(
+            absl::StrCat(Error(absl::StrCat(name, " ", value, " is clamped to [0, 1]")).message()));
         break;
       }
     }
@@ -142,6 +146,17 @@ class MaterialBuilder {
   absl::Status Fill(const DiffuseMaterial& d, CompiledMaterial* m) {
     m->kind = BsdfKind::kDiffuse;
     return SetReflectance(d.reflectance, m);
+  }
+
+  absl::Status Fill(const DiffuseTransmissionMaterial& d, CompiledMaterial* m) {
+    m->kind = BsdfKind::kDiffuseTransmission;
+    m->scale = d.scale;
+    if (!std::isfinite(d.scale) || d.scale < 0) {
+      return Error(absl::StrCat("scale ", d.scale, " must be 0 or more"));
+    }
+    absl::Status status = SetShare("reflectance", d.reflectance, &m->color);
+    if (!status.ok()) return status;
+    return SetShare("transmittance", d.transmittance, &m->conductor_eta);
   }
 
   absl::Status Fill(const ConductorMaterial& d, CompiledMaterial* m) {

@@ -32,9 +32,12 @@ struct CompiledMaterial {
   bool remap_roughness = true;
   bool from_reflectance = false;  // Conductors: color is the reflectance, eta and k follow.
   float eta = 1;
+  float scale = 1;         // Of both colours of diffuse transmission.
   bool disperses = false;  // Index by wavelength, instead of eta in spectral transport.
   SpectralColor index;
-  ColorOperand color, conductor_eta, conductor_k;
+  ColorOperand color;
+  ColorOperand conductor_eta;  // Diffuse transmission: what crosses.
+  ColorOperand conductor_k;
   FloatOperand roughness_u, roughness_v;
   FloatOperand amount;  // Of the second material of a mix.
   int32_t mix[2] = {kNone, kNone};

@@ -214,6 +214,28 @@ TEST(MaterialTableTest, LookUpsDoNotDependOnWhatTheCacheHeld) {
   }
 }
 
+TEST(MaterialTableTest, SheetsScaleBothSharesAndClampThem) {
+  Fixture f;
+  const int32_t t = f.AddTexture(ColorTexture(FourTexels(&f)));
+  DiffuseTransmissionMaterial sheet;
+  sheet.reflectance = Constant({0.2f, 0.4f, 0.8f});
+  sheet.transmittance = Constant({0.1f, 0.2f, 0.3f});
+  sheet.scale = 2;
+  const int32_t plain = f.AddMaterial(sheet);
+  sheet.transmittance = TextureColor(t);
+  const int32_t textured = f.AddMaterial(sheet);
+  const auto table = f.Build();
+  ASSERT_TRUE(table.ok()) << table.status();
+  TexturePoint point;
+  point.uv = {0.25f, 0.75f};
+  for (const int32_t material : {plain, textured}) {
+    const Bsdf bsdf = (*table)->Evaluate<kAllTraits>(material, point, 0);
+    EXPECT_EQ(bsdf.kind, BsdfKind::kDiffuseTransmission);
+    EXPECT_EQ(bsdf.color, (Rgb{0.4f, 0.8f, 1}));
+    EXPECT_EQ(bsdf.conductor_eta, material == plain ? (Rgb{0.2f, 0.4f, 0.6f}) : (Rgb{1, 0, 0}));
+  }
+}
+
 TEST(MaterialTableTest, RoughnessBecomesAlphaByItsSquareRoot) {
   Fixture f;
   CoatedDiffuseMaterial coat;

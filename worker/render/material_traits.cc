@@ -39,6 +39,11 @@ class NeedsCollector {
   }
 
   void Add(const DiffuseMaterial& m) { Read(m.reflectance); }
+  void Add(const DiffuseTransmissionMaterial& m) {
+    needs_.traits |= Bit(Trait::kSpecularTransmission);
+    Read(m.reflectance);
+    Read(m.transmittance);
+  }
   void Add(const ConductorMaterial& m) {
     needs_.traits |= Bit(Trait::kMicrofacet);
     Read(m.roughness);

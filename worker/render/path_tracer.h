@@ -209,7 +209,8 @@ void PathTracer<kTraits, Tracer>::Trace(const Sampler& sampler, Path* path, Film
     const Vec3f wo_local = point.shading.ToLocal(wo);
     const bool transmits =
         Has(kTraits, Trait::kSpecularTransmission) &&
-        (bsdf.kind == BsdfKind::kDielectric || bsdf.kind == BsdfKind::kThinDielectric);
+        (bsdf.kind == BsdfKind::kDielectric || bsdf.kind == BsdfKind::kThinDielectric ||
+         bsdf.kind == BsdfKind::kDiffuseTransmission);
     // Lights behind an opaque surface need not be looked at.
     Vec3f light_hint{};
     if (!transmits) light_hint = Dot(wo, point.ng) < 0 ? -point.ng : point.ng;

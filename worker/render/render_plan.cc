@@ -27,7 +27,7 @@ constexpr TraitName kTraitNames[] = {
     {Trait::kEnvironment, "environment"},
     {Trait::kDeltaLights, "delta lights"},
     {Trait::kAreaLights, "area lights"},
-    {Trait::kSpecularTransmission, "specular transmission"},
+    {Trait::kSpecularTransmission, "transmission"},
     {Trait::kLayered, "layered materials"},
     {Trait::kMicrofacet, "microfacets"},
     {Trait::kAlpha, "cut-outs and mixes"},

@@ -22,7 +22,7 @@ enum class Trait : uint32_t {
   kEnvironment = 1u << 3,           // Infinite lights.
   kDeltaLights = 1u << 4,           // Point, spot, distant lights.
   kAreaLights = 1u << 5,            // Emissive shapes.
-  kSpecularTransmission = 1u << 6,  // Dielectrics.
+  kSpecularTransmission = 1u << 6,  // Dielectrics, diffuse transmission.
   kLayered = 1u << 7,               // Coated materials.
   kMicrofacet = 1u << 8,            // Rough or smooth conductors, rough coats.
   kAlpha = 1u << 9,                 // Cut-outs, interfaces, stochastic mixes.

@@ -2,7 +2,8 @@
 # How surfaces scatter: the Bsdf, the tables behind it, materials and textures.
 sheaf_add_module(NAME render_shading
   HEADERS
-    bsdf.h bsdf_coat.h bsdf_conductor.h bsdf_dielectric.h bsdf_inl.h bsdf_sampling.h coat_table.h
+    bsdf.h bsdf_coat.h bsdf_conductor.h bsdf_dielectric.h
+    bsdf_diffuse_transmission.h bsdf_inl.h bsdf_sampling.h coat_table.h
     energy_table.h fresnel.h material.h material_impl.h microfacet.h texture_program.h
   SOURCES
     bsdf.cc coat_table.cc energy_table.cc material.cc material_build.cc texture_program.cc
