@@ -26,7 +26,7 @@ ColorSpec NamedColor(const std::string& name) {
 }
 
 // pbrt-v4 materials that Sheaf does not do yet, for a better message than "unknown".
-constexpr const char* kKnownMaterials[] = {"coatedconductor", "hair", "measured", "subsurface"};
+constexpr const char* kKnownMaterials[] = {"hair", "measured", "subsurface"};
 
 }  // namespace
 
@@ -109,6 +109,8 @@ MaterialTable::Variant MaterialTable::Make(const std::string& type, ParameterLis
     material = MakeThinDielectric(parameters);
   } else if (type == "coateddiffuse") {
     material = MakeCoatedDiffuse(parameters);
+  } else if (type == "coatedconductor") {
+    material = MakeCoatedConductor(parameters);
   } else if (type == "mix") {
     material = MakeMix(parameters);
   } else if (type == "interface" || type.empty() || type == "none") {
@@ -124,7 +126,7 @@ MaterialTable::Variant MaterialTable::Make(const std::string& type, ParameterLis
     parameters.Error(absl::StrCat(
         parameters.owner(), ": type \"", type, "\" is ", is_known ? "not supported" : "unknown",
         "; Sheaf does diffuse, diffusetransmission, conductor, dielectric, thindielectric, "
-        "coateddiffuse, mix and interface"));
+        "coateddiffuse, coatedconductor, mix and interface"));
     return material;
   }
   if (!std::holds_alternative<InterfaceMaterial>(material)) RejectBumps(parameters);
@@ -166,13 +168,14 @@ DiffuseTransmissionMaterial MaterialTable::MakeDiffuseTransmission(ParameterList
   return sheet;
 }
 
-RoughnessInput MaterialTable::GetRoughness(ParameterList& parameters) {
+RoughnessInput MaterialTable::GetRoughness(ParameterList& parameters, const std::string& prefix) {
   RoughnessInput roughness;
-  const FloatInput both = textures_->GetFloatInput(parameters, "roughness", 0);
-  roughness.u =
-      parameters.Has("uroughness") ? textures_->GetFloatInput(parameters, "uroughness", 0) : both;
-  roughness.v =
-      parameters.Has("vroughness") ? textures_->GetFloatInput(parameters, "vroughness", 0) : both;
+  const FloatInput both = textures_->GetFloatInput(parameters, prefix + "roughness", 0);
+  const auto along = [&](const std::string& name) {
+    return parameters.Has(name) ? textures_->GetFloatInput(parameters, name, 0) : both;
+  };
+  roughness.u = along(prefix + "uroughness");
+  roughness.v = along(prefix + "vroughness");
   roughness.remap_roughness = parameters.GetBool("remaproughness", true);
   for (const FloatInput& input : {both, roughness.u, roughness.v}) {
     if (input.texture == kNone && input.value < 0) {
@@ -183,35 +186,52 @@ RoughnessInput MaterialTable::GetRoughness(ParameterList& parameters) {
   return roughness;
 }
 
+RoughnessInput MaterialTable::GetConstantRoughness(ParameterList& parameters,
+                                                   const std::string& prefix) {
+  RoughnessInput roughness = GetRoughness(parameters, prefix);
+  for (const char* name : {"roughness", "uroughness", "vroughness"}) {
+    const Parameter* parameter = parameters.Find(prefix + name);
+    if (parameter == nullptr || parameter->type != ParameterType::kTexture) continue;
+    parameters.ErrorAt(*parameter, "is not supported as a texture; give a number");
+    roughness.u = roughness.v = {};
+  }
+  return roughness;
+}
+
 ConductorMaterial MaterialTable::MakeConductor(ParameterList& parameters) {
   ConductorMaterial conductor;
   conductor.roughness = GetRoughness(parameters);
-  conductor.has_reflectance = parameters.Has("reflectance");
-  if (conductor.has_reflectance) {
-    if (parameters.Has("eta") || parameters.Has("k")) {
-      parameters.Error(absl::StrCat(parameters.owner(),
-                                    ": reflectance excludes eta and k; give one "
-                                    "or the other"));
-    }
-    conductor.reflectance = textures_->GetColorInput(
-        parameters, "reflectance", ColorRole::kReflectance, RgbColor(Rgb::Grey(1)));
-    return conductor;
-  }
-  conductor.eta = textures_->GetColorInput(parameters, "eta", ColorRole::kUnbounded,
-                                           NamedColor("metal-Cu-eta"));
-  conductor.k =
-      textures_->GetColorInput(parameters, "k", ColorRole::kUnbounded, NamedColor("metal-Cu-k"));
+  GetConductor(parameters, "", &conductor);
   return conductor;
 }
 
-RefractiveIndex MaterialTable::GetIndex(ParameterList& parameters) {
+void MaterialTable::GetConductor(ParameterList& parameters, const std::string& prefix,
+                                 ConductorMaterial* conductor) {
+  const std::string eta = prefix + "eta", k = prefix + "k";
+  conductor->has_reflectance = parameters.Has("reflectance");
+  if (conductor->has_reflectance) {
+    if (parameters.Has(eta) || parameters.Has(k)) {
+      parameters.Error(absl::StrCat(parameters.owner(), ": reflectance excludes ", eta, " and ", k,
+                                    "; give one or the other"));
+    }
+    conductor->reflectance = textures_->GetColorInput(
+        parameters, "reflectance", ColorRole::kReflectance, RgbColor(Rgb::Grey(1)));
+    return;
+  }
+  conductor->eta =
+      textures_->GetColorInput(parameters, eta, ColorRole::kUnbounded, NamedColor("metal-Cu-eta"));
+  conductor->k =
+      textures_->GetColorInput(parameters, k, ColorRole::kUnbounded, NamedColor("metal-Cu-k"));
+}
+
+RefractiveIndex MaterialTable::GetIndex(ParameterList& parameters, const std::string& name) {
   RefractiveIndex index{kDefaultIndex, {}};
-  const Parameter* parameter = parameters.Find("eta");
+  const Parameter* parameter = parameters.Find(name);
   if (parameter == nullptr) return index;
   if (parameter->type == ParameterType::kFloat) {
-    index.mean = parameters.GetFloat("eta", kDefaultIndex);
+    index.mean = parameters.GetFloat(name, kDefaultIndex);
   } else if (parameter->type == ParameterType::kSpectrum) {
-    const ColorSpec eta = GetColor(parameters, "eta", ColorRole::kUnbounded,
+    const ColorSpec eta = GetColor(parameters, name, ColorRole::kUnbounded,
                                    RgbColor(Rgb::Grey(kDefaultIndex)), *files_);
     index.mean = MeanIndex(eta);
     if (VariesWithWavelength(eta)) index.spectrum = eta;
@@ -252,30 +272,42 @@ CoatedDiffuseMaterial MaterialTable::MakeCoatedDiffuse(ParameterList& parameters
   coated.roughness = GetRoughness(parameters);
   coated.reflectance = textures_->GetColorInput(parameters, "reflectance", ColorRole::kReflectance,
                                                 RgbColor(Rgb::Grey(kDefaultReflectance)));
-  const RefractiveIndex eta = GetIndex(parameters);
-  coated.eta = eta.mean;
+  GetCoat(parameters, "eta", &coated);
+  return coated;
+}
+
+CoatedConductorMaterial MaterialTable::MakeCoatedConductor(ParameterList& parameters) {
+  CoatedConductorMaterial coated;
+  coated.roughness = GetConstantRoughness(parameters, "interface.");
+  coated.conductor.roughness = GetConstantRoughness(parameters, "conductor.");
+  GetConductor(parameters, "conductor.", &coated.conductor);
+  GetCoat(parameters, "interface.eta", &coated);
+  return coated;
+}
+
+void MaterialTable::GetCoat(ParameterList& parameters, const std::string& eta_name,
+                            ClearCoat* coat) {
+  const RefractiveIndex eta = GetIndex(parameters, eta_name);
+  coat->eta = eta.mean;
   if (eta.Disperses()) {
-    diagnostics_->Note(parameters.Find("eta")->location,
-                       absl::StrCat(parameters.owner(),
-                                    ": eta varies with wavelength; a coat uses "
-                                    "its mean ",
-                                    coated.eta));
+    diagnostics_->Note(parameters.Find(eta_name)->location,
+                       absl::StrCat(parameters.owner(), ": ", eta_name,
+                                    " varies with wavelength; a coat uses its mean ", coat->eta));
   }
-  coated.thickness = GetConstant(parameters, "thickness", 0.01f);
-  coated.g = GetConstant(parameters, "g", 0);
-  coated.albedo = textures_->GetColorInput(parameters, "albedo", ColorRole::kReflectance,
-                                           RgbColor(Rgb::Grey(0)));
-  coated.max_depth = parameters.GetInteger("maxdepth", 10);
-  coated.sample_count = parameters.GetInteger("nsamples", 1);
-  if (coated.albedo.texture != kNone || !coated.albedo.value.rgb.IsBlack()) {
+  coat->thickness = GetConstant(parameters, "thickness", 0.01f);
+  coat->g = GetConstant(parameters, "g", 0);
+  coat->albedo = textures_->GetColorInput(parameters, "albedo", ColorRole::kReflectance,
+                                          RgbColor(Rgb::Grey(0)));
+  coat->max_depth = parameters.GetInteger("maxdepth", 10);
+  coat->sample_count = parameters.GetInteger("nsamples", 1);
+  if (coat->albedo.texture != kNone || !coat->albedo.value.rgb.IsBlack()) {
     parameters.ErrorAt(*parameters.Find("albedo"),
                        "is not supported unless 0: the coat has no scattering medium yet");
   }
-  if (coated.max_depth < 1) parameters.Error(parameters.owner() + ": maxdepth must be at least 1");
-  if (coated.sample_count < 1)
+  if (coat->max_depth < 1) parameters.Error(parameters.owner() + ": maxdepth must be at least 1");
+  if (coat->sample_count < 1)
     parameters.Error(parameters.owner() + ": nsamples must be at least 1");
-  if (!(coated.thickness >= 0)) parameters.Error(parameters.owner() + ": thickness is negative");
-  return coated;
+  if (!(coat->thickness >= 0)) parameters.Error(parameters.owner() + ": thickness is negative");
 }
 
 MixMaterial MaterialTable::MakeMix(ParameterList& parameters) {

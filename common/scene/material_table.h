@@ -50,9 +50,16 @@ class MaterialTable {
   DielectricMaterial MakeDielectric(ParameterList& parameters);
   ThinDielectricMaterial MakeThinDielectric(ParameterList& parameters);
   CoatedDiffuseMaterial MakeCoatedDiffuse(ParameterList& parameters);
+  CoatedConductorMaterial MakeCoatedConductor(ParameterList& parameters);
   MixMaterial MakeMix(ParameterList& parameters);
-  RoughnessInput GetRoughness(ParameterList& parameters);
-  RefractiveIndex GetIndex(ParameterList& parameters);
+  // Fills in what a coat has whatever is below it. eta_name: of its index of refraction.
+  void GetCoat(ParameterList& parameters, const std::string& eta_name, ClearCoat* coat);
+  // Parameters may share a prefix, such as "conductor.".
+  void GetConductor(ParameterList& parameters, const std::string& prefix,
+                    ConductorMaterial* conductor);
+  RoughnessInput GetRoughness(ParameterList& parameters, const std::string& prefix = "");
+  RoughnessInput GetConstantRoughness(ParameterList& parameters, const std::string& prefix);
+  RefractiveIndex GetIndex(ParameterList& parameters, const std::string& name = "eta");
   float GetConstant(ParameterList& parameters, const std::string& name, float fallback);
   void RejectBumps(ParameterList& parameters);
   Slot& SlotFor(const std::string& name, SourceLocation location);

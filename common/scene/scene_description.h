@@ -145,14 +145,21 @@ struct DielectricMaterial {
 struct ThinDielectricMaterial {
   RefractiveIndex eta;
 };
-struct CoatedDiffuseMaterial {
-  RoughnessInput roughness;
-  ColorInput reflectance;
+// A layer of index eta on top of a base.
+struct ClearCoat {
   float eta = 1.5f;
   float thickness = 0.01f;  // In mean free paths of a purely absorbing coat, as in pbrt-v4.
   ColorInput albedo;        // Of the coat's medium; non-zero is not supported yet.
   float g = 0;
   int32_t max_depth = 10, sample_count = 1;
+};
+struct CoatedDiffuseMaterial : ClearCoat {
+  RoughnessInput roughness;
+  ColorInput reflectance;
+};
+struct CoatedConductorMaterial : ClearCoat {
+  RoughnessInput roughness;     // Of the coat's interface. Neither roughness is a texture.
+  ConductorMaterial conductor;  // Its index is against vacuum, as measured ones are.
 };
 struct MixMaterial {
   int32_t material[2] = {kNone, kNone};
@@ -163,7 +170,8 @@ struct InterfaceMaterial {};  // Invisible; bounds a medium.
 struct MaterialDescription {
   std::string name;  // Empty for unnamed ones.
   std::variant<DiffuseMaterial, DiffuseTransmissionMaterial, ConductorMaterial, DielectricMaterial,
-               ThinDielectricMaterial, CoatedDiffuseMaterial, MixMaterial, InterfaceMaterial>
+               ThinDielectricMaterial, CoatedDiffuseMaterial, CoatedConductorMaterial, MixMaterial,
+               InterfaceMaterial>
       material;
   SourceLocation location;
 };

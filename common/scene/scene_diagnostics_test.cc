@@ -130,6 +130,17 @@ constexpr BadScene kBadScenes[] = {
      "main.pbrt:2:24: light \"infinite\": parameter \"portal\" is not supported"},
     {"UnknownMaterial", "WorldBegin\nMaterial \"hair\"\n",
      "main.pbrt:2:1: material \"hair\": type \"hair\" is not supported"},
+    {"CoatOverReflectanceAndIndex",
+     "WorldBegin\nMaterial \"coatedconductor\" \"rgb reflectance\" [1 1 1] "
+     "\"spectrum conductor.k\" \"metal-Cu-k\"\n",
+     "reflectance excludes conductor.eta and conductor.k; give one or the other"},
+    {"ScatteringCoat", "WorldBegin\nMaterial \"coatedconductor\" \"rgb albedo\" [0.5 0.5 0.5]\n",
+     "main.pbrt:2:28: material \"coatedconductor\": parameter \"albedo\" is not supported unless "
+     "0"},
+    {"CoatOfTexturedRoughness",
+     "Texture \"t\" \"float\" \"constant\"\nWorldBegin\n"
+     "Material \"coatedconductor\" \"texture interface.roughness\" \"t\"\n",
+     "parameter \"interface.roughness\" is not supported as a texture; give a number"},
     {"UnknownTexture", "WorldBegin\nTexture \"t\" \"float\" \"wrinkled\"\n",
      "main.pbrt:2:1: texture \"t\": class \"wrinkled\" is not supported"},
     {"Displacement", "WorldBegin\nMaterial \"diffuse\" \"texture displacement\" \"d\"\n",

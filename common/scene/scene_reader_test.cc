@@ -158,6 +158,34 @@ TEST_F(SceneReaderTest, DiffuseTransmissionHasItsDefaults) {
       "to 1.125");
 }
 
+TEST_F(SceneReaderTest, CoatedConductorsHaveTwoRoughnesses) {
+  const SceneDescription scene = ReadGood(
+      "WorldBegin\nMaterial \"coatedconductor\"\nShape \"sphere\"\n"
+      "Material \"coatedconductor\" \"float interface.roughness\" 0.1 "
+      "\"float interface.eta\" 1.3 \"float conductor.uroughness\" 0.2 "
+      "\"float conductor.vroughness\" 0.3 \"rgb reflectance\" [0.5 0.25 1] "
+      "\"float thickness\" 0.5 \"bool remaproughness\" false \"float g\" 0.5 "
+      "\"rgb albedo\" [0 0 0] \"integer maxdepth\" 5 \"integer nsamples\" 2\n"
+      "Shape \"sphere\"\n");
+  const auto coated = [&](size_t shape) {
+    return std::get<CoatedConductorMaterial>(
+        scene.materials[static_cast<size_t>(scene.shapes.at(shape).material)].material);
+  };
+  EXPECT_EQ(coated(0).eta, 1.5f);
+  EXPECT_EQ(coated(0).thickness, 0.01f);
+  EXPECT_EQ(coated(0).roughness.u.value, 0);
+  EXPECT_EQ(coated(0).conductor.roughness.u.value, 0);
+  EXPECT_EQ(coated(0).conductor.eta.value.name, "metal-Cu-eta");
+  EXPECT_FALSE(coated(0).conductor.has_reflectance);
+  EXPECT_EQ(coated(1).eta, 1.3f);
+  EXPECT_EQ(coated(1).roughness.v.value, 0.1f);
+  EXPECT_EQ(coated(1).conductor.roughness.u.value, 0.2f);
+  EXPECT_EQ(coated(1).conductor.roughness.v.value, 0.3f);
+  EXPECT_FALSE(coated(1).conductor.roughness.remap_roughness);
+  EXPECT_TRUE(coated(1).conductor.has_reflectance);
+  EXPECT_EQ(coated(1).conductor.reflectance.value.rgb, (Rgb{0.5f, 0.25f, 1}));
+}
+
 TEST_F(SceneReaderTest, NamedMaterialsAndTexturesMayComeLater) {
   const SceneDescription scene = ReadGood(
       "WorldBegin\nNamedMaterial \"late\"\nShape \"sphere\"\n"

@@ -217,14 +217,15 @@ Rgb ChannelMeans(const ColorSpec& spectrum) {
 
 // Reflectance at normal incidence in each channel. Where one of the two is RGB, each channel sees
 // its own component of it.
-Rgb ConductorReflectance(const ColorSpec& eta, const ColorSpec& k) {
+Rgb ConductorReflectance(const ColorSpec& eta, const ColorSpec& k, double outside) {
   const auto value = [](const ColorSpec& color, size_t channel, int nm) -> double {
     return color.kind == ColorSpec::Kind::kRgb ? color.rgb[channel] : EvaluateSpectrum(color, nm);
   };
   Rgb reflectance;
   for (size_t i = 0; i < 3; ++i) {
-    reflectance[i] = UnderD65(
-        [&](int nm) { return ConductorNormalReflectance(value(eta, i, nm), value(k, i, nm)); })[i];
+    reflectance[i] = UnderD65([&](int nm) {
+      return ConductorNormalReflectance(value(eta, i, nm) / outside, value(k, i, nm) / outside);
+    })[i];
   }
   return reflectance;
 }
@@ -319,17 +320,17 @@ double ConductorNormalReflectance(double eta, double k) {
   return ((eta - 1) * (eta - 1) + k * k) / ((eta + 1) * (eta + 1) + k * k);
 }
 
-ConductorConstants ConductorRgb(const ColorSpec& eta, const ColorSpec& k) {
+ConductorConstants ConductorRgb(const ColorSpec& eta, const ColorSpec& k, float outside) {
   const bool both_rgb = eta.kind == ColorSpec::Kind::kRgb && k.kind == ColorSpec::Kind::kRgb;
   if (both_rgb) return {eta.rgb, k.rgb};
   const Rgb eta_means = eta.kind == ColorSpec::Kind::kRgb ? eta.rgb : ChannelMeans(eta);
-  const Rgb reflectance = ConductorReflectance(eta, k);
+  const Rgb reflectance = ConductorReflectance(eta, k, outside);
   ConductorConstants constants;
   for (size_t i = 0; i < 3; ++i) {
     // Beyond this, k overflows; no metal reflects so much.
     constexpr double kReflectanceMax = 0.999999;
     const double r = std::clamp(static_cast<double>(reflectance[i]), 0.0, kReflectanceMax);
-    double n = eta_means[i];
+    double n = eta_means[i] / outside;
     // Solves r = ((n - 1)^2 + k^2) / ((n + 1)^2 + k^2) for k.
     const double k_squared = (r * (n + 1) * (n + 1) - (n - 1) * (n - 1)) / (1 - r);
     if (k_squared < 0) {
@@ -337,8 +338,8 @@ ConductorConstants ConductorRgb(const ColorSpec& eta, const ColorSpec& k) {
       // reflects r.
       n = (1 + std::sqrt(r)) / (1 - std::sqrt(r));
     }
-    constants.eta[i] = static_cast<float>(n);
-    constants.k[i] = static_cast<float>(std::sqrt(std::max(0.0, k_squared)));
+    constants.eta[i] = static_cast<float>(n * outside);
+    constants.k[i] = static_cast<float>(std::sqrt(std::max(0.0, k_squared)) * outside);
   }
   return constants;
 }

@@ -59,9 +59,10 @@ double IndexAt(const ColorSpec& eta, double wavelength_nm);
 struct ConductorConstants {
   Rgb eta, k;
 };
-// eta and k per channel such that reflectance at normal incidence equals the spectral one
-// integrated to RGB. RGB colours pass through.
-ConductorConstants ConductorRgb(const ColorSpec& eta, const ColorSpec& k);
+// eta and k per channel such that reflectance at normal incidence, for light in matter of index
+// `outside`, equals the spectral one integrated to RGB. Both are against vacuum, given and
+// returned. RGB colours pass through.
+ConductorConstants ConductorRgb(const ColorSpec& eta, const ColorSpec& k, float outside = 1);
 // pbrt-v4's rule: eta = 1 and k = 2 sqrt(r) / sqrt(1 - r), exact at normal incidence.
 ConductorConstants ConductorFromReflectance(Rgb reflectance);
 // Reflectance at normal incidence of a conductor against vacuum.

@@ -102,16 +102,21 @@ TEST(SpectrumTest, MetalsReflectAsMeasured) {
 }
 
 TEST(SpectrumTest, ConductorChannelsReflectTheSpectralColour) {
-  const ConductorConstants copper = ConductorRgb(Named("metal-Cu-eta"), Named("metal-Cu-k"));
-  std::vector<float> nm, values;
-  for (int i = 360; i <= 830; ++i) {
-    nm.push_back(static_cast<float>(i));
-    values.push_back(static_cast<float>(ConductorNormalReflectance(
-        EvaluateSpectrum(Named("metal-Cu-eta"), i), EvaluateSpectrum(Named("metal-Cu-k"), i))));
-  }
-  const Rgb expected = SpectrumToRgb(Sampled(nm, values), ColorRole::kReflectance);
-  for (size_t i = 0; i < 3; ++i) {
-    EXPECT_NEAR(ConductorNormalReflectance(copper.eta[i], copper.k[i]), expected[i], 1e-5);
+  for (const double outside : {1.0, 1.5}) {  // In air and under a coat.
+    const ConductorConstants copper =
+        ConductorRgb(Named("metal-Cu-eta"), Named("metal-Cu-k"), static_cast<float>(outside));
+    std::vector<float> nm, values;
+    for (int i = 360; i <= 830; ++i) {
+      nm.push_back(static_cast<float>(i));
+      values.push_back(static_cast<float>(
+          ConductorNormalReflectance(EvaluateSpectrum(Named("metal-Cu-eta"), i) / outside,
+                                     EvaluateSpectrum(Named("metal-Cu-k"), i) / outside)));
+    }
+    const Rgb expected = SpectrumToRgb(Sampled(nm, values), ColorRole::kReflectance);
+    for (size_t i = 0; i < 3; ++i) {
+      EXPECT_NEAR(ConductorNormalReflectance(copper.eta[i] / outside, copper.k[i] / outside),
+                  expected[i], 1e-5);
+    }
   }
 }
 

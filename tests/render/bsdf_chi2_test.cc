@@ -22,6 +22,7 @@ using testing::ChiSquareResult;
 using testing::CounterUniforms;
 using testing::DirectionAt;
 using testing::MakeCoatFixture;
+using testing::MakeConductorCoatFixture;
 using testing::MakeConductorFixture;
 using testing::MakeDielectricFixture;
 using testing::MakeDiffuseFixture;
@@ -30,7 +31,7 @@ using testing::MakeSheetFixture;
 
 constexpr uint64_t kSampleCount = 1000000;
 constexpr double kSignificance = 0.01;  // Of the whole file.
-constexpr int kTestCount = 64;          // At least as many chi-square tests as are made here.
+constexpr int kTestCount = 96;          // At least as many chi-square tests as are made here.
 
 const Rgb kGoldEta{0.143f, 0.375f, 1.442f}, kGoldK{3.983f, 2.386f, 1.603f};
 
@@ -129,6 +130,18 @@ TEST(BsdfChiSquareTest, ASmoothCoatDrawsItsTwoLobesAsOftenAsItsPdfSays) {
   ExpectSamplerMatchesPdf(fixture, DirectionAt(0.1f, 1));
 }
 
+TEST(BsdfChiSquareTest, CoatedConductors) {
+  const BsdfFixture fixtures[] = {
+      MakeConductorCoatFixture({0.2f, 0.2f}, {0.3f, 0.3f}, 1.5f, 0.01f, 0.8f),
+      MakeConductorCoatFixture({0.1f, 0.4f}, {0.3f, 0.1f}, 1.5f, 0.01f, 0.8f),
+      MakeConductorCoatFixture({0, 0}, {0.5f, 0.5f}, 1.8f, 0.1f, 1),
+      MakeConductorCoatFixture({0.3f, 0.3f}, {0, 0}, 1.5f, 0, 0.9f)};
+  for (const BsdfFixture& fixture : fixtures) {
+    for (float mu : {0.9f, 0.3f, -0.5f}) ExpectSamplerMatchesPdf(fixture, DirectionAt(mu, 1.7f));
+  }
+  ExpectSamplerMatchesPdf(fixtures[0], DirectionAt(1e-3f, 1.7f));
+}
+
 std::vector<BsdfFixture> RoughFixtures() {
   std::vector<BsdfFixture> fixtures = {MakeDiffuseFixture({0.2f, 0.5f, 0.9f}),
                                        MakeSheetFixture({0.2f, 0.5f, 0.1f}, {0.7f, 0.1f, 0}),
@@ -137,6 +150,7 @@ std::vector<BsdfFixture> RoughFixtures() {
                                        MakeMirrorFixture(0.01f, 0.01f, true)};
   for (float alpha : {0.01f, 0.3f, 1.0f}) {
     fixtures.push_back(MakeConductorFixture(alpha, alpha, kGoldEta, kGoldK, true));
+    fixtures.push_back(MakeConductorCoatFixture({alpha, alpha}, {0.2f, 0.2f}, 1.5f, 0.01f, 0.9f));
     fixtures.push_back(MakeDielectricFixture(alpha, alpha, 1.5f, true));
     fixtures.push_back(MakeDielectricFixture(alpha, alpha, 1.5f, false));
   }

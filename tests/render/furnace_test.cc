@@ -66,6 +66,25 @@ TEST(FurnaceTest, RoughMirrorVanishes) {
   }
 }
 
+TEST(FurnaceTest, CoatedPerfectMetalVanishes) {
+  for (const ColorTransport color : {ColorTransport::kRgb, ColorTransport::kSpectral}) {
+    for (const float roughness : {0.0f, 0.3f}) {
+      SCOPED_TRACE(roughness);
+      TestScene t = UnderAnEvenSky();
+      CoatedConductorMaterial metal;
+      metal.roughness = {{roughness, kNone}, {roughness, kNone}, false};
+      metal.conductor.roughness = {{0.2f, kNone}, {0.2f, kNone}, false};
+      metal.conductor.has_reflectance = true;
+      metal.conductor.reflectance.value.rgb = Rgb::Grey(1);
+      metal.thickness = 0;
+      t.AddShape(Ball(), t.AddMaterial(metal));
+      FrameSettings settings = SquareSettings(12, 256, kDepth);
+      settings.color = color;
+      ExpectNearOne(RenderMean(t.scene, settings));
+    }
+  }
+}
+
 TEST(FurnaceTest, RoughGlassVanishes) {
   for (const float roughness : {0.1f, 0.5f}) {
     SCOPED_TRACE(roughness);

@@ -83,6 +83,29 @@ TEST(SpectralTransportTest, AMetalReflectsItsMeasuredSpectrum) {
   ExpectColor(RenderMean(t.scene, Spectral(SquareSettings(8, 1024, 4))), expected);
 }
 
+// Under a coat it does so against the coat's index, between reflections at the interface.
+TEST(SpectralTransportTest, ACoatedMetalReflectsItsMeasuredSpectrum) {
+  TestScene t({0, 0, -1}, {0, 0, 0}, 4);
+  t.ConstantEnvironment(Rgb::Grey(1));
+  CoatedConductorMaterial lacquered;
+  lacquered.conductor.eta.value = Named("metal-Cu-eta");
+  lacquered.conductor.k.value = Named("metal-Cu-k");
+  lacquered.thickness = 0.1f;
+  t.AddShape(MeshShape{t.Quad({-1, -1, 0}, {-1, 1, 0}, {1, 1, 0}, {1, -1, 0})},
+             t.AddMaterial(lacquered));
+  const double n = lacquered.eta, outside = (n - 1) * (n - 1) / ((n + 1) * (n + 1));
+  const Rgb expected = UnderWhite([&](float nm) {
+    const double kept = Exp(-0.2) * ConductorNormalReflectance(
+                                        EvaluateSpectrum(lacquered.conductor.eta.value, nm) / n,
+                                        EvaluateSpectrum(lacquered.conductor.k.value, nm) / n);
+    return outside + (1 - outside) * (1 - outside) * kept / (1 - outside * kept);
+  });
+  ExpectColor(RenderMean(t.scene, Spectral(SquareSettings(8, 1024, 4))), expected);
+  // RGB transport knows the metal by its color in the coat.
+  const TileMean rgb = RenderMean(t.scene, SquareSettings(8, 16, 4));
+  for (size_t c = 0; c < 3; ++c) EXPECT_NEAR(rgb.mean[c], expected[c], 0.01) << c;
+}
+
 // Dispersion leads each wavelength elsewhere and takes the light from none: under an even sky glass
 // cannot be seen.
 TEST(SpectralTransportTest, GlassThatDispersesVanishesUnderAnEvenSky) {

@@ -20,6 +20,7 @@ using testing::BsdfFixture;
 using testing::CounterUniforms;
 using testing::DirectionAt;
 using testing::MakeCoatFixture;
+using testing::MakeConductorCoatFixture;
 using testing::MakeConductorFixture;
 using testing::MakeDielectricFixture;
 using testing::MakeDiffuseFixture;
@@ -159,6 +160,22 @@ TEST(MaterialStability, M2_WhiteCoatsLoseNothing) {
   }
 }
 
+TEST(MaterialStability, M2_CoatsOfPerfectMetalLoseNothing) {
+  constexpr int kSide = 576;  // Three parts by chance: noisier than others.
+  for (float interface : {0.0f, 0.1f, 1.0f}) {
+    for (float base : {0.0f, 0.1f, 0.6f}) {
+      for (float eta : {1.5f, 2.0f}) {
+        const BsdfFixture fixture =
+            MakeConductorCoatFixture({interface, interface}, {base, base}, eta, 0, 1);
+        for (float mu : {1.0f, 0.5f, 0.1f, 0.01f}) {
+          EXPECT_NEAR(Albedo(fixture.bsdf, DirectionAt(mu, 1), kSide), 1, 0.005)
+              << fixture.name << " eta " << eta << " mu " << mu;
+        }
+      }
+    }
+  }
+}
+
 TEST(MaterialStability, M2_WhatASheetDoesNotReflectItLetsThrough) {
   for (float reflectance : {0.0f, 0.3f, 1.0f}) {
     const BsdfFixture sheet = MakeSheetFixture(Rgb::Grey(reflectance), Rgb::Grey(1 - reflectance));
@@ -172,7 +189,9 @@ TEST(MaterialStability, M3_GrazingDirectionsGiveFiniteWeights) {
   for (float alpha : {0.01f, 0.3f, 1.0f}) {
     for (const BsdfFixture& fixture :
          {MakeMirrorFixture(alpha, alpha, true), MakeDielectricFixture(alpha, alpha, 1.5f, true),
-          MakeCoatFixture(alpha, alpha, 1.5f, 0.01f, Rgb::Grey(1))}) {
+          MakeCoatFixture(alpha, alpha, 1.5f, 0.01f, Rgb::Grey(1)),
+          MakeConductorCoatFixture({alpha, alpha}, {0, 0}, 1.5f, 0.01f, 1),
+          MakeConductorCoatFixture({0, 0}, {alpha, alpha}, 1 / 1.5f, 0.01f, 1)}) {
       for (float mu : {1e-1f, 1e-3f, 1e-5f, 1e-7f, 1e-20f, -1e-7f}) {
         for (uint64_t i = 0; i < 2000; ++i) {
           const auto u = CounterUniforms(2, i);
@@ -256,7 +275,10 @@ TEST(MaterialStability, M6_ConductorsAndCoatsAreReciprocal) {
       MakeConductorFixture(0.5f, 0.5f, {0.2f, 0.4f, 1.4f}, {3.9f, 2.4f, 1.6f}, true),
       MakeConductorFixture(0.1f, 0.7f, {0.2f, 0.4f, 1.4f}, {3.9f, 2.4f, 1.6f}, true),
       MakeCoatFixture(0.3f, 0.3f, 1.5f, 0.1f, {0.2f, 0.5f, 0.9f}),
-      MakeCoatFixture(0, 0, 1.5f, 0.1f, {0.2f, 0.5f, 0.9f})};
+      MakeCoatFixture(0, 0, 1.5f, 0.1f, {0.2f, 0.5f, 0.9f}),
+      MakeConductorCoatFixture({0.3f, 0.3f}, {0.2f, 0.2f}, 1.5f, 0.1f, 0.9f),
+      MakeConductorCoatFixture({0, 0}, {0.1f, 0.5f}, 1.5f, 0, 0.9f),
+      MakeConductorCoatFixture({0.3f, 0.3f}, {0, 0}, 1.5f, 0.1f, 1)};
   for (const BsdfFixture& fixture : fixtures) {
     for (uint64_t i = 0; i < 500; ++i) {
       const auto u = CounterUniforms(9, i), v = CounterUniforms(10, i);

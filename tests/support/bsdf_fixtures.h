@@ -97,6 +97,29 @@ inline BsdfFixture MakeCoatFixture(float alpha_x, float alpha_y, float eta, floa
   return fixture;
 }
 
+// Roughness of the interface and of the base. reflectance: of every component, at every angle where
+// it is 1; else the base is a conductor of index 1 that reflects it at normal incidence inside the
+// coat.
+inline BsdfFixture MakeConductorCoatFixture(render::Ggx interface, render::Ggx base, float eta,
+                                            float thickness, float reflectance,
+                                            bool keeps_energy = true) {
+  const auto row = std::make_shared<render::ConductorCoatRow>(
+      render::MakeConductorCoatRow(interface, base, eta, thickness, keeps_energy));
+  BsdfFixture fixture{
+      "coated conductor " + std::to_string(interface.alpha_x) + " over " +
+          std::to_string(base.alpha_x),
+      MakeBsdfOfKind(render::BsdfKind::kCoatedConductor, interface.alpha_x, interface.alpha_y, eta),
+      row};
+  fixture.bsdf.specular = row->is_smooth;
+  fixture.bsdf.conductor_coat = row.get();
+  const float k = reflectance >= 1 ? render::kPerfectConductorK
+                                   : 2 * std::sqrt(reflectance / (1 - reflectance));
+  fixture.bsdf.conductor_eta = Rgb::Grey(1);
+  fixture.bsdf.conductor_k = Rgb::Grey(k);
+  fixture.bsdf.color = Rgb::Grey(row->Tint(render::AverageConductorFresnel(1, k)));
+  return fixture;
+}
+
 // A direction at cosine mu; azimuth in radians.
 inline Vec3f DirectionAt(float mu, float phi) {
   const float sin_theta = std::sqrt((1 - mu) * (1 + mu));

@@ -12,6 +12,7 @@
 
 #include "common/math/vec.h"
 #include "worker/render/coat_table.h"
+#include "worker/render/conductor_coat_table.h"
 #include "worker/render/energy_table.h"
 #include "worker/render/trait_set.h"
 #include "worker/render/wavelengths.h"
@@ -32,6 +33,7 @@ enum class BsdfKind : uint8_t {
   kThinDielectric,
   kDiffuseTransmission,
   kCoatedDiffuse,
+  kCoatedConductor,
   kInterface,  // Not there: rays pass straight through.
 };
 
@@ -62,13 +64,17 @@ struct BsdfShape {
   // Coats: never null. Conductors and dielectrics: null for single scattering alone; for conductors
   // with a row, color is the tint that repeated reflection gives the returned energy.
   const CoatRow* coat = nullptr;
-  const ConductorEnergyRow* conductor_energy = nullptr;
+  union {  // By kind: conductors, or coated ones, whose row is never null.
+    const ConductorEnergyRow* conductor_energy = nullptr;
+    const ConductorCoatRow* conductor_coat;
+  };
   const DielectricEnergyRow* dielectric_energy = nullptr;
 };
 template <typename Color>
 struct BsdfOf : BsdfShape {
   Color color{};          // Reflectance (diffuse, coat base); conductors: energy.
-  Color conductor_eta{};  // Complex index. Diffuse transmission: what crosses.
+  Color conductor_eta{};  // Complex index, against what is outside of the metal. Diffuse
+                          // transmission: what crosses.
   Color conductor_k{};
   Color albedo{};  // For the albedo channel.
 };

@@ -11,6 +11,7 @@
 #include "worker/render/bsdf.h"
 #include "worker/render/bsdf_coat.h"
 #include "worker/render/bsdf_conductor.h"
+#include "worker/render/bsdf_conductor_coat.h"
 #include "worker/render/bsdf_dielectric.h"
 #include "worker/render/bsdf_diffuse_transmission.h"
 #include "worker/render/bsdf_sampling.h"
@@ -43,6 +44,9 @@ BsdfValueOf<Color> EvalUpper(const BsdfOf<Color>& bsdf, bool inside, Vec3f wo, V
       return {};
     case BsdfKind::kCoatedDiffuse:
       if constexpr (Has(kTraits, Trait::kLayered)) return EvalCoat(bsdf, wo, wi);
+      return {};
+    case BsdfKind::kCoatedConductor:
+      if constexpr (Has(kTraits, Trait::kLayered)) return EvalConductorCoat(bsdf, wo, wi);
       return {};
     case BsdfKind::kBlack:
     case BsdfKind::kThinDielectric:
@@ -85,6 +89,11 @@ std::optional<BsdfSampleOf<Color>> SampleUpper(const BsdfOf<Color>& bsdf, bool i
       return std::nullopt;
     case BsdfKind::kCoatedDiffuse:
       if constexpr (Has(kTraits, Trait::kLayered)) return SampleCoat(bsdf, wo, u_lobe, u);
+      return std::nullopt;
+    case BsdfKind::kCoatedConductor:
+      if constexpr (Has(kTraits, Trait::kLayered)) {
+        return SampleConductorCoat(bsdf, wo, u_lobe, u);
+      }
       return std::nullopt;
     case BsdfKind::kInterface:
       if constexpr (Has(kTraits, Trait::kAlpha)) {

@@ -4,6 +4,8 @@
 
 #include <algorithm>
 
+#include "worker/render/facet_quadrature.h"
+
 namespace sheaf::render {
 namespace {
 
@@ -11,10 +13,6 @@ namespace {
 // angle and are cheap; rough ones are smooth functions and dear.
 constexpr int kSmoothStepCount = 4096;
 constexpr int kRoughStepCount = 64;
-
-double Attenuation(double thickness, double cosine) {
-  return thickness == 0 ? 1 : Exp(-thickness / cosine);
-}
 
 // K where rough interfaces lose what they scatter again.
 double LossyRecapture(const Ggx& ggx, float eta, double thickness) {

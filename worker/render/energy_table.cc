@@ -4,59 +4,11 @@
 
 #include <algorithm>
 
+#include "worker/render/facet_quadrature.h"
 #include "worker/render/fresnel.h"
 
 namespace sheaf::render {
 namespace {
-
-// Points of the quadrature over visible normals. The azimuth is periodic and symmetric, so equal
-// steps over half a turn converge fast.
-constexpr int kAzimuthCount = 24;
-constexpr int kPolarCount = 48;
-// Azimuths of incidence in a quarter turn, where roughness is anisotropic.
-constexpr int kIncidenceCount = 4;
-
-// The average of visit(m) over normals visible from wo. Steep facets, which matter for shadowing,
-// lie within about alpha^2 of u.y = 1; steps of equal size in the cube root of 1 - u.y resolve
-// them. turn: the part of the azimuths to look at.
-template <typename Visit>
-auto AverageOverVisibleNormals(const Ggx& ggx, Vec3f wo, float turn, Visit visit) {
-  decltype(visit(wo)) sum{};
-  for (int j = 0; j < kPolarCount; ++j) {
-    const float root = (static_cast<float>(j) + 0.5f) / kPolarCount;
-    const double weight = 3.0 * root * root / (kAzimuthCount * kPolarCount);
-    for (int i = 0; i < kAzimuthCount; ++i) {
-      const Vec2f u{turn * (static_cast<float>(i) + 0.5f) / kAzimuthCount, 1 - root * root * root};
-      sum += visit(ggx.SampleVisibleNormal(wo, u)) * weight;
-    }
-  }
-  // The weights' own sum, so that a constant is its own average.
-  return sum * (1 / (1 - 0.25 / (kPolarCount * kPolarCount)));
-}
-
-// The average of visit(wo, m) over normals and azimuths of incidence.
-template <typename Visit>
-auto AverageAtMu(const Ggx& ggx, float mu, Visit visit) {
-  const float sin_theta = std::sqrt((1 - mu) * (1 + mu));
-  if (ggx.alpha_x == ggx.alpha_y) {
-    const Vec3f wo{sin_theta, 0, mu};
-    return AverageOverVisibleNormals(ggx, wo, 0.5f, [&](Vec3f m) { return visit(wo, m); });
-  }
-  decltype(visit(Vec3f{}, Vec3f{})) sum{};
-  for (int i = 0; i < kIncidenceCount; ++i) {
-    const SinCosPair<float> phi =
-        SinCos(static_cast<float>(kPi / 2) * (static_cast<float>(i) + 0.5f) / kIncidenceCount);
-    const Vec3f wo{sin_theta * phi.cos, sin_theta * phi.sin, mu};
-    sum += AverageOverVisibleNormals(ggx, wo, 1, [&](Vec3f m) { return visit(wo, m); });
-  }
-  return sum * (1.0 / kIncidenceCount);
-}
-
-// G2 / G1(wo) for light going on to wi, on either side.
-double ShadowingGivenVisible(const Ggx& ggx, Vec3f wo, Vec3f wi) {
-  const double co = wo.z, ci = std::fabs(wi.z), so = ggx.S(wo), si = ggx.S(wi);
-  return ci * (co + so) / (so * ci + si * co);
-}
 
 struct AlbedoSum {
   InterfaceAlbedo a;
@@ -72,10 +24,6 @@ struct AlbedoSum {
              a.transmitted_attenuated * s}};
   }
 };
-
-double Attenuation(double thickness, double cosine) {
-  return thickness == 0 ? 1 : Exp(-thickness / cosine);
-}
 
 InterfaceAlbedo IntegrateSmooth(float mu, float eta, double thickness) {
   const DielectricFresnel fresnel = FresnelDielectric(mu, eta);

@@ -118,6 +118,14 @@ InterfaceAlbedo IntegrateInterface(const Ggx& ggx, float mu, float eta, double t
 // Single-scattering albedo of a perfectly reflecting rough mirror.
 double IntegrateMirror(const Ggx& ggx, float mu);
 
+// What repeated reflection gives the energy that one reflection loses. average: of Fresnel's
+// reflectance, loss: of the lobe, both weighted by cosine. Light that was shadowed has been
+// reflected once and is again each time it fails to leave.
+// Source: Hill 2018, "A Multi-Faceted Exploration", part 3.
+inline float TintOfReturn(float average, float loss) {
+  return average * average * (1 - loss) / (1 - average * loss);
+}
+
 // Average of the Fresnel reflectance weighted by cosine.
 float AverageConductorFresnel(float eta, float k);
 template <typename Color>

@@ -86,6 +86,28 @@ void SetConductor(const CompiledMaterial& material, const SurfaceInputs<Color>& 
   bsdf->color = MakeColor<Color>([&](size_t c) { return TintOfReturn(average[c], loss); });
 }
 
+// All but the tint of the rest.
+template <typename Color>
+void SetCoatedConductor(const CompiledMaterial& material, const SurfaceInputs<Color>& inputs,
+                        BsdfOf<Color>* bsdf) {
+  SetComplexIndex(material, inputs, bsdf);
+  const float eta = material.eta;
+  bsdf->conductor_eta =
+      MakeColor<Color>([&](size_t c) { return AgainstCoat(bsdf->conductor_eta[c], eta); });
+  bsdf->conductor_k =
+      MakeColor<Color>([&](size_t c) { return AgainstCoat(bsdf->conductor_k[c], eta); });
+}
+
+// As mirrors would reflect light at normal incidence.
+template <typename Color>
+Color CoatedConductorAlbedo(const BsdfOf<Color>& bsdf) {
+  const float outside = FresnelDielectric(1, bsdf.eta).reflectance;
+  const Color base = FresnelConductor(1, bsdf.conductor_eta, bsdf.conductor_k);
+  return MakeColor<Color>([&](size_t c) {
+    return outside + (1 - outside) * (1 - outside) * base[c] / (1 - outside * base[c]);
+  });
+}
+
 }  // namespace
 
 template <typename Color>
@@ -118,6 +140,17 @@ BsdfOf<Color> MakeBsdf(const CompiledMaterial& material, const SurfaceInputs<Col
     case BsdfKind::kCoatedDiffuse:
       bsdf.color = bsdf.albedo = ClampReflectance(inputs.color);
       bsdf.coat = ChooseRow(material.coat_rows, alpha, &bsdf.blend);
+      break;
+    case BsdfKind::kCoatedConductor:
+      SetCoatedConductor(material, inputs, &bsdf);
+      bsdf.albedo = CoatedConductorAlbedo(bsdf);
+      bsdf.conductor_coat = material.conductor_coat;
+      bsdf.specular = material.conductor_coat->is_smooth;
+      if (!bsdf.specular) {
+        const Color average = AverageConductorFresnel(bsdf.conductor_eta, bsdf.conductor_k);
+        bsdf.color =
+            MakeColor<Color>([&](size_t c) { return material.conductor_coat->Tint(average[c]); });
+      }
       break;
     case BsdfKind::kThinDielectric:
     case BsdfKind::kInterface:
@@ -160,6 +193,12 @@ BsdfOf<Spectral> ConstantAt(const CompiledMaterial& material, const Wavelengths&
       inputs.eta = material.conductor_eta.spectrum.At(wavelengths);
       inputs.k = material.conductor_k.spectrum.At(wavelengths);
       SetComplexIndex(material, inputs, &bsdf);
+      bsdf.color = material.constant_tint.At(wavelengths);
+      break;
+    case BsdfKind::kCoatedConductor:
+      inputs.eta = material.conductor_eta.spectrum.At(wavelengths);
+      inputs.k = material.conductor_k.spectrum.At(wavelengths);
+      SetCoatedConductor(material, inputs, &bsdf);
       bsdf.color = material.constant_tint.At(wavelengths);
       break;
     case BsdfKind::kDiffuseTransmission:

@@ -36,9 +36,7 @@ class MaterialBuilder {
     m.constant =
         MakeBsdf(m, SurfaceInputs<Rgb>{m.color.value, m.conductor_eta.value, m.conductor_k.value,
                                        m.roughness_u.value, m.roughness_v.value});
-    if (options_.spectral && !m.varies && m.constant.conductor_energy != nullptr) {
-      SetSpectralTint(&m);
-    }
+    if (options_.spectral && !m.varies && !m.constant.specular) SetSpectralTint(&m);
     return m;
   }
 
@@ -113,18 +111,28 @@ class MaterialBuilder {
   }
   static bool IsSmooth(const Ggx& ggx) { return ggx.alpha_x >= 0 && ggx.IsSmooth(); }
 
-  // BsdfOf::color of a rough conductor that does not vary, wavelength by wavelength.
+  // BsdfOf::color of a rough conductor, coated or not, that does not vary, wavelength by
+  // wavelength.
   static void SetSpectralTint(CompiledMaterial* m) {
-    const float loss = m->constant.conductor_energy->lobe.average_loss;
-    m->constant_tint = SpectralColor::Tabulate([&](double nm) -> double {
-      const auto at = static_cast<float>(nm);
-      float eta = m->conductor_eta.spectrum.At(at), k = m->conductor_k.spectrum.At(at);
-      if (m->from_reflectance) {
-        eta = 1;
-        k = AbsorptionOf(m->color.spectrum.At(at));
-      }
-      return TintOfReturn(AverageConductorFresnel(eta, k), loss);
-    });
+    if (m->kind == BsdfKind::kCoatedConductor) {
+      m->constant_tint = SpectralColor::Tabulate([&](double nm) -> double {
+        return m->conductor_coat->Tint(AverageReflectance(*m, nm, m->eta));
+      });
+    } else if (m->kind == BsdfKind::kConductor && m->constant.conductor_energy != nullptr) {
+      const float loss = m->constant.conductor_energy->lobe.average_loss;
+      m->constant_tint = SpectralColor::Tabulate(
+          [&](double nm) -> double { return TintOfReturn(AverageReflectance(*m, nm, 1), loss); });
+    }
+  }
+  // Of a constant conductor at a wavelength, in matter of index `outside`.
+  static float AverageReflectance(const CompiledMaterial& m, double nm, float outside) {
+    const auto at = static_cast<float>(nm);
+    float eta = m.conductor_eta.spectrum.At(at), k = m.conductor_k.spectrum.At(at);
+    if (m.from_reflectance) {
+      eta = 1;
+      k = AbsorptionOf(m.color.spectrum.At(at));
+    }
+    return AverageConductorFresnel(AgainstCoat(eta, outside), AgainstCoat(k, outside));
   }
 
   // Finds a table or makes it: one row, or all.
@@ -159,24 +167,27 @@ class MaterialBuilder {
     return SetShare("transmittance", d.transmittance, &m->conductor_eta);
   }
 
+  // What a conductor is made of. outside: index of the matter it meets light in, which decides what
+  // RGB transport takes for a measured metal; the index stays one against vacuum.
+  absl::Status SetMetal(const ConductorMaterial& d, float outside, CompiledMaterial* m) {
+    m->from_reflectance = d.has_reflectance;
+    if (d.has_reflectance) return SetReflectance(d.reflectance, m);
+    m->conductor_eta = textures_.Operand(d.eta, ColorRole::kUnbounded);
+    m->conductor_k = textures_.Operand(d.k, ColorRole::kUnbounded);
+    if (d.eta.texture != kNone || d.k.texture != kNone) return absl::OkStatus();
+    const ConductorConstants constants = ConductorRgb(d.eta.value, d.k.value, outside);
+    m->conductor_eta.value = constants.eta;
+    m->conductor_k.value = constants.k;
+    if (!IsFinite(constants.eta) || !IsFinite(constants.k)) {
+      return Error("eta and k must be finite numbers");
+    }
+    return absl::OkStatus();
+  }
+
   absl::Status Fill(const ConductorMaterial& d, CompiledMaterial* m) {
     m->kind = BsdfKind::kConductor;
     if (absl::Status status = SetRoughness(d.roughness, m); !status.ok()) return status;
-    m->from_reflectance = d.has_reflectance;
-    if (d.has_reflectance) {
-      if (absl::Status status = SetReflectance(d.reflectance, m); !status.ok()) return status;
-    } else {
-      m->conductor_eta = textures_.Operand(d.eta, ColorRole::kUnbounded);
-      m->conductor_k = textures_.Operand(d.k, ColorRole::kUnbounded);
-      if (d.eta.texture == kNone && d.k.texture == kNone) {
-        const ConductorConstants constants = ConductorRgb(d.eta.value, d.k.value);
-        m->conductor_eta.value = constants.eta;
-        m->conductor_k.value = constants.k;
-        if (!IsFinite(constants.eta) || !IsFinite(constants.k)) {
-          return Error("eta and k must be finite numbers");
-        }
-      }
-    }
+    if (absl::Status status = SetMetal(d, 1, m); !status.ok()) return status;
     const Ggx ggx = TableAlpha(*m);
     if (IsSmooth(ggx) || options_.single_scattering) return absl::OkStatus();
     m->conductor_rows = FindTable(
@@ -206,23 +217,49 @@ class MaterialBuilder {
     return d.eta.IsMatched() ? MakeInvisible(m) : absl::OkStatus();
   }
 
-  absl::Status Fill(const CoatedDiffuseMaterial& d, CompiledMaterial* m) {
-    m->kind = BsdfKind::kCoatedDiffuse;
-    if (absl::Status status = SetReflectance(d.reflectance, m); !status.ok()) return status;
-    if (absl::Status status = SetRoughness(d.roughness, m); !status.ok()) return status;
-    if (absl::Status status = SetIndex(d.eta, m); !status.ok()) return status;
+  absl::Status SetCoat(const ClearCoat& d, CompiledMaterial* m) {
     if (!std::isfinite(d.thickness) || d.thickness < 0) {
       return Error(absl::StrCat("thickness ", d.thickness, " must be 0 or more"));
     }
     if (d.albedo.texture != kNone || !d.albedo.value.rgb.IsBlack()) {
       return Error("a scattering coat (albedo above 0) is not supported; remove \"albedo\"");
     }
+    return SetIndex(d.eta, m);
+  }
+
+  absl::Status Fill(const CoatedDiffuseMaterial& d, CompiledMaterial* m) {
+    m->kind = BsdfKind::kCoatedDiffuse;
+    if (absl::Status status = SetReflectance(d.reflectance, m); !status.ok()) return status;
+    if (absl::Status status = SetRoughness(d.roughness, m); !status.ok()) return status;
+    if (absl::Status status = SetCoat(d, m); !status.ok()) return status;
     const Ggx ggx = TableAlpha(*m);
     const bool keeps_energy = !options_.single_scattering;
     m->coat_rows = FindTable(
         tables_.coats, {ggx.alpha_x, ggx.alpha_y, d.eta, d.thickness},
         [&] { return MakeCoatRow(ggx, d.eta, d.thickness, keeps_energy); },
         [&] { return MakeCoatTable(d.eta, d.thickness, keeps_energy); });
+    return absl::OkStatus();
+  }
+
+  absl::Status Fill(const CoatedConductorMaterial& d, CompiledMaterial* m) {
+    CompiledMaterial base;
+    if (absl::Status s = SetRoughness(d.conductor.roughness, &base); !s.ok()) return s;
+    if (absl::Status s = SetRoughness(d.roughness, m); !s.ok()) return s;
+    if (RoughnessVaries(base) || RoughnessVaries(*m)) {
+      return Error("a textured roughness of a coated conductor is not supported; give a number");
+    }
+    const Ggx interface_alpha = TableAlpha(*m), base_alpha = TableAlpha(base);
+    if (absl::Status s = SetCoat(d, m); !s.ok()) return s;
+    if (absl::Status s = SetMetal(d.conductor, d.eta, m); !s.ok()) return s;
+    m->kind = BsdfKind::kCoatedConductor;
+    const auto [row, is_new] = tables_.conductor_coats.try_emplace(
+        {interface_alpha.alpha_x, interface_alpha.alpha_y, base_alpha.alpha_x, base_alpha.alpha_y,
+         d.eta, d.thickness});
+    if (is_new) {
+      row->second = MakeConductorCoatRow(interface_alpha, base_alpha, d.eta, d.thickness,
+                                         !options_.single_scattering);
+    }
+    m->conductor_coat = &row->second;
     return absl::OkStatus();
   }
 

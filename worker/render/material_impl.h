@@ -4,6 +4,7 @@
 // What MaterialTable holds: for its own two source files only.
 #pragma once
 
+#include <array>
 #include <cmath>
 #include <map>
 #include <memory>
@@ -31,9 +32,9 @@ struct CompiledMaterial {
   bool varies = false;  // Some input is a texture; else `constant` is the Bsdf.
   bool remap_roughness = true;
   bool from_reflectance = false;  // Conductors: color is the reflectance, eta and k follow.
-  float eta = 1;
-  float scale = 1;         // Of both colours of diffuse transmission.
-  bool disperses = false;  // Index by wavelength, instead of eta in spectral transport.
+  float eta = 1;                  // Of dielectrics and coats.
+  float scale = 1;                // Of both colours of diffuse transmission.
+  bool disperses = false;         // Index by wavelength, instead of eta in spectral transport.
   SpectralColor index;
   ColorOperand color;
   ColorOperand conductor_eta;  // Diffuse transmission: what crosses.
@@ -45,8 +46,9 @@ struct CompiledMaterial {
   const std::vector<CoatRow>* coat_rows = nullptr;
   const std::vector<ConductorEnergyRow>* conductor_rows = nullptr;
   const std::vector<DielectricEnergyRow>* dielectric_rows = nullptr;
+  const ConductorCoatRow* conductor_coat = nullptr;
   Bsdf constant;
-  // Of `constant` at every wavelength, where it is a rough conductor: BsdfOf::color.
+  // Of `constant` at every wavelength, where it is a rough or coated conductor: BsdfOf::color.
   SpectralColor constant_tint;
 };
 
@@ -56,15 +58,13 @@ inline float AbsorptionOf(float reflectance) {
   return 2 * std::sqrt(reflectance / (1 - reflectance));
 }
 
+// An index or absorption against a coat instead of vacuum; a perfect conductor's stays one.
+inline float AgainstCoat(float index, float coat_eta) {
+  return index >= kPerfectConductorK ? index : index / coat_eta;
+}
+
 template <typename Color>
 BsdfOf<Color> MakeBsdf(const CompiledMaterial& material, const SurfaceInputs<Color>& inputs);
-// What repeated reflection gives the energy that one reflection loses. average: of Fresnel's
-// reflectance, loss: of the lobe, both weighted by cosine. Light that was shadowed has been
-// reflected once and is again each time it fails to leave.
-// Source: Hill 2018, "A Multi-Faceted Exploration", part 3.
-inline float TintOfReturn(float average, float loss) {
-  return average * average * (1 - loss) / (1 - average * loss);
-}
 
 // Tables of the scene, each made once. Key: both alphas (negative for all nodes), eta, thickness.
 struct ScatteringTables {
@@ -72,6 +72,8 @@ struct ScatteringTables {
   std::map<Key, std::vector<CoatRow>> coats;
   std::map<Key, std::vector<ConductorEnergyRow>> conductors;
   std::map<Key, std::vector<DielectricEnergyRow>> dielectrics;
+  // Key: the interface's alphas, the base's, eta, thickness.
+  std::map<std::array<float, 6>, ConductorCoatRow> conductor_coats;
 };
 
 struct MaterialTable::Impl {

@@ -38,6 +38,15 @@ class NeedsCollector {
                           (roughness.u.texture == kNone && roughness.u.value != roughness.v.value);
   }
 
+  void ReadMetal(const ConductorMaterial& m) {
+    if (m.has_reflectance) {
+      Read(m.reflectance);
+    } else {
+      Read(m.eta);
+      Read(m.k);
+    }
+  }
+
   void Add(const DiffuseMaterial& m) { Read(m.reflectance); }
   void Add(const DiffuseTransmissionMaterial& m) {
     needs_.traits |= Bit(Trait::kSpecularTransmission);
@@ -47,12 +56,7 @@ class NeedsCollector {
   void Add(const ConductorMaterial& m) {
     needs_.traits |= Bit(Trait::kMicrofacet);
     Read(m.roughness);
-    if (m.has_reflectance) {
-      Read(m.reflectance);
-    } else {
-      Read(m.eta);
-      Read(m.k);
-    }
+    ReadMetal(m);
   }
   // Without a step of the index there is no surface: MaterialTable makes it an interface.
   void Add(const DielectricMaterial& m) {
@@ -70,6 +74,13 @@ class NeedsCollector {
     needs_.traits |= Bit(Trait::kLayered) | Bit(Trait::kMicrofacet);
     Read(m.roughness);
     Read(m.reflectance);
+    Read(m.albedo);
+  }
+  void Add(const CoatedConductorMaterial& m) {
+    needs_.traits |= Bit(Trait::kLayered) | Bit(Trait::kMicrofacet);
+    Read(m.roughness);
+    Read(m.conductor.roughness);
+    ReadMetal(m.conductor);
     Read(m.albedo);
   }
   void Add(const MixMaterial& m) {
