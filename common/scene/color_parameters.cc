@@ -3,11 +3,13 @@
 #include "common/scene/color_parameters.h"
 
 #include <algorithm>
+#include <cmath>
 #include <memory>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "common/scene/number.h"
+#include "common/scene/primaries.h"
 #include "common/scene/spectrum.h"
 #include "common/scene/tokenizer.h"
 
@@ -71,13 +73,23 @@ std::string SetRgb(const Parameter& parameter, ColorRole role, ColorSpec* color)
   if (parameter.floats.size() != 3) {
     return absl::StrCat("needs 3 values but has ", parameter.floats.size());
   }
-  color->rgb = {parameter.floats[0], parameter.floats[1], parameter.floats[2]};
-  if (std::min({color->rgb.r, color->rgb.g, color->rgb.b}) < 0) {
+  const Rgb written{parameter.floats[0], parameter.floats[1], parameter.floats[2]};
+  if (std::min({written.r, written.g, written.b}) < 0) {
     return "has a negative component; colours must be 0 or more";
   }
-  if (role == ColorRole::kReflectance && MaxComponent(color->rgb) > 1) {
+  if (role == ColorRole::kReflectance && MaxComponent(written) > 1) {
     return "has a component greater than 1; a surface cannot reflect more light than it gets";
   }
+  const Rgb srgb = SrgbFromPrimaries(written, parameter.primaries, role);
+  // Rounding of a colour on the edge of the gamut is not outside of it.
+  constexpr float kTolerance = 1e-4f;
+  for (size_t i = 0; i < 3; ++i) {
+    color->rgb[i] = std::max(srgb[i], 0.f);
+    if (role == ColorRole::kReflectance) color->rgb[i] = std::min(color->rgb[i], 1.f);
+    const float beyond = std::fabs(srgb[i] - color->rgb[i]);
+    if (beyond > kTolerance * MaxComponent(written)) color->is_out_of_gamut = true;
+  }
+  if (color->is_out_of_gamut) color->true_rgb = srgb;
   return "";
 }
 
@@ -135,6 +147,13 @@ ColorSpec GetColor(ParameterList& parameters, const std::string& name, ColorRole
     return fallback;
   }
   color.rgb = SpectrumToRgb(color, role);
+  if (color.is_out_of_gamut) {
+    parameters.diagnostics().Note(
+        parameter->location,
+        absl::StrCat(parameters.owner(), ": \"", name,
+                     "\" is outside of the gamut of sRGB: RGB transport takes the nearest color in "
+                     "it by channel, --color spectral the color itself"));
+  }
   return color;
 }
 

@@ -11,6 +11,7 @@
 
 #include "common/math/transform.h"
 #include "common/scene/parameter_list.h"
+#include "common/scene/primaries.h"
 #include "common/scene/scene_description.h"
 
 namespace sheaf {
@@ -21,7 +22,8 @@ struct GraphicsState {
   Matrix4 start, end;
   bool start_is_active = true, end_is_active = true;
   bool reverse_orientation = false;
-  int32_t material = kNone;  // kNone: the default material.
+  Primaries primaries = Primaries::kSrgb;  // Of the rgb values that follow.
+  int32_t material = kNone;                // kNone: the default material.
   int32_t area_light = kNone;
   // What Attribute gave to later directives, by target ("shape", "light" ...).
   std::map<std::string, std::vector<Parameter>> attributes;

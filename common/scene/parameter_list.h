@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "common/scene/diagnostics.h"
+#include "common/scene/primaries.h"
 #include "common/scene/scene_description.h"
 
 namespace sheaf {
@@ -49,6 +50,7 @@ struct Parameter {
   std::vector<int32_t> integers;
   std::vector<std::string> strings;
   std::vector<uint8_t> bools;
+  Primaries primaries = Primaries::kSrgb;  // Of an rgb: what was active where it is written.
   bool is_used = false;
 
   size_t ValueCount() const {

@@ -3,9 +3,11 @@
 //
 // The part of SceneBuilder that handles options and what stands in the world: materials, textures,
 // shapes, instances, lights and media.
+#include <optional>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
 #include "common/scene/color_parameters.h"
 #include "common/scene/light_parameters.h"
 #include "common/scene/number.h"
@@ -22,6 +24,7 @@ constexpr size_t kMediaUsesMax = 10000;
 ParameterList SceneBuilder::Parameters(const std::string& owner,
                                        const std::string& attribute_target,
                                        std::vector<Parameter> own, SourceLocation location) {
+  for (Parameter& parameter : own) parameter.primaries = state_.primaries;
   std::vector<Parameter> defaults;
   const auto found = state_.attributes.find(attribute_target);
   if (found != state_.attributes.end()) defaults = found->second;
@@ -53,10 +56,13 @@ void SceneBuilder::Option(const std::string& name, const std::string& value,
 }
 
 void SceneBuilder::ColorSpace(const std::string& name, SourceLocation location) {
-  if (name == "srgb") return;
-  diagnostics_->Error(location, absl::StrCat("color space \"", name,
-                                             "\" is not supported; Sheaf does "
-                                             "srgb"));
+  const std::optional<Primaries> primaries = PrimariesFromName(name);
+  if (!primaries.has_value()) {
+    diagnostics_->Error(location, absl::StrCat("color space \"", name, "\" is unknown; Sheaf does ",
+                                               absl::StrJoin(PrimariesNames(), ", ")));
+    return;
+  }
+  state_.primaries = *primaries;
 }
 
 void SceneBuilder::Accelerator(const std::string& name, std::vector<Parameter> /*own*/,
@@ -93,6 +99,11 @@ void SceneBuilder::Film(const std::string& type, std::vector<Parameter> own,
   FilmDescription film;
   film.location = location;
   SetFilm(type, parameters, &film, &frame_);
+  if (state_.primaries != Primaries::kSrgb) {
+    diagnostics_->Note(location,
+                       "the color space of rgb values here is not that of the picture, which Sheaf "
+                       "writes as linear sRGB");
+  }
   scene_->film = std::move(film);
 }
 
@@ -140,6 +151,7 @@ void SceneBuilder::Attribute(const std::string& target, std::vector<Parameter> o
   constexpr size_t kAttributesMax = 256;
   std::vector<Parameter>& attributes = state_.attributes[target];
   for (Parameter& parameter : own) {
+    parameter.primaries = state_.primaries;
     if (attributes.size() == kAttributesMax || parameter.ValueCount() > kAttributesMax) {
       diagnostics_->Error(
           parameter.location,

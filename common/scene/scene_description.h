@@ -29,11 +29,14 @@ struct SourceLocation {
 
 enum class ColorRole { kReflectance, kIlluminant, kUnbounded };
 
-// A colour as written. rgb is always filled in: the linear sRGB value that RGB transport uses.
+// A colour as written. rgb is always filled in: the linear sRGB value that RGB transport uses,
+// within the gamut of its role.
 struct ColorSpec {
   enum class Kind { kRgb, kSampled, kNamed, kBlackbody };
   Kind kind = Kind::kRgb;
   Rgb rgb;
+  bool is_out_of_gamut = false;  // kRgb of wider primaries: then true_rgb is the colour, in
+  Rgb true_rgb;                  // linear sRGB beyond its gamut, which spectral transport keeps.
   std::vector<float> wavelengths_nm;  // kSampled.
   std::vector<float> values;          // kSampled.
   std::string name;                   // kNamed, e.g. "metal-Au-eta"; also the file of kSampled.

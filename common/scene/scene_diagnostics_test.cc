@@ -158,8 +158,9 @@ constexpr BadScene kBadScenes[] = {
     {"Regularize", "Integrator \"path\" \"bool regularize\" true\nWorldBegin\n",
      "parameter \"regularize\" is not supported"},
     {"Sampler", "Sampler \"best\"\nWorldBegin\n", "main.pbrt:1:1: sampler \"best\" is unknown"},
-    {"ColorSpace", "ColorSpace \"rec2020\"\nWorldBegin\n",
-     "main.pbrt:1:1: color space \"rec2020\" is not supported"},
+    {"ColorSpace", "ColorSpace \"prophoto\"\nWorldBegin\n",
+     "main.pbrt:1:1: color space \"prophoto\" is unknown; Sheaf does srgb, aces2065-1, rec2020, "
+     "dci-p3"},
     {"Option", "Option \"forcediffuse\" true\nWorldBegin\n",
      "main.pbrt:1:1: option \"forcediffuse\" is not supported"},
     {"Medium", "MediumInterface \"\" \"fog\"\nWorldBegin\n",

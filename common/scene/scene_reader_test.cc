@@ -158,6 +158,36 @@ TEST_F(SceneReaderTest, DiffuseTransmissionHasItsDefaults) {
       "to 1.125");
 }
 
+TEST_F(SceneReaderTest, ColorSpacesAreAttributes) {
+  const SceneDescription scene = ReadGood(
+      "ColorSpace \"rec2020\"\nFilm \"rgb\"\nWorldBegin\n"
+      "LightSource \"point\" \"rgb I\" [1 1 1]\n"
+      "AttributeBegin\nColorSpace \"aces2065-1\"\nLightSource \"point\" \"rgb I\" [1 1 1]\n"
+      "Attribute \"material\" \"rgb reflectance\" [0.5 0.5 0.5]\nAttributeEnd\n"
+      "Material \"diffuse\" \"rgb reflectance\" [0 1 0]\nShape \"sphere\"\n"
+      "Material \"diffuse\" \"rgb reflectance\" [0.4 0.5 0.3]\nShape \"sphere\"\n"
+      "ColorSpace \"srgb\"\nMaterial \"diffuse\" \"rgb reflectance\" [0 1 0]\n"
+      "Shape \"sphere\"\n");
+  const auto light = [&](size_t i) {
+    return std::get<PointLight>(scene.lights.at(i).light).intensity.rgb;
+  };
+  EXPECT_NEAR(light(0).b, 1, 1e-5);
+  EXPECT_NEAR(light(1).b, 0.9155, 4e-3);
+  const auto reflectance = [&](size_t shape) {
+    return std::get<DiffuseMaterial>(
+               scene.materials[static_cast<size_t>(scene.shapes.at(shape).material)].material)
+        .reflectance.value;
+  };
+  EXPECT_EQ(reflectance(0).rgb, (Rgb{0, 1, 0}));  // Clamped; the true one is beyond.
+  EXPECT_TRUE(reflectance(0).is_out_of_gamut);
+  EXPECT_NEAR(reflectance(0).true_rgb.r, -0.5876, 2e-3);
+  EXPECT_FALSE(reflectance(1).is_out_of_gamut);
+  EXPECT_NEAR(reflectance(1).rgb.g, 0.5 + 0.1 * 0.1246 + 0.2 * 0.0083, 2e-3);
+  EXPECT_FALSE(reflectance(2).is_out_of_gamut);
+  ExpectNote(SceneDiagnostic::Severity::kNote, "main.pbrt:2:1: the color space of rgb values here");
+  ExpectNote(SceneDiagnostic::Severity::kNote, "\"reflectance\" is outside of the gamut of sRGB");
+}
+
 TEST_F(SceneReaderTest, CoatedConductorsHaveTwoRoughnesses) {
   const SceneDescription scene = ReadGood(
       "WorldBegin\nMaterial \"coatedconductor\"\nShape \"sphere\"\n"

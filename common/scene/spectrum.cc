@@ -274,6 +274,15 @@ std::array<double, 3> ObserverRgb(double wavelength_nm) {
   return rgb;
 }
 
+std::array<double, 3> SrgbFromXyz(const std::array<double, 3>& xyz) {
+  std::array<double, 3> rgb{};
+  for (size_t i = 0; i < 3; ++i) {
+    const auto& row = Space().rgb_from_xyz[i];
+    rgb[i] = row[0] * xyz[0] + row[1] * xyz[1] + row[2] * xyz[2];
+  }
+  return rgb;
+}
+
 double UnitD65(double wavelength_nm) {
   return Equidistant(Space().d65.data(), kSpectrumCount, kFirstNm, 1, wavelength_nm);
 }

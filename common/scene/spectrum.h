@@ -33,6 +33,8 @@ inline constexpr size_t kSpectrumCount = kSpectrumLastNm - kSpectrumFirstNm + 1;
 // Linear sRGB, negative components included, that spectral radiance of 1 adds at a wavelength: the
 // CIE 1931 observer seen through the sRGB primaries. Held at the range's ends outside of it.
 std::array<double, 3> ObserverRgb(double wavelength_nm);
+// Linear sRGB of CIE XYZ, negative components included; XYZ of D65 with Y = 1 is (1, 1, 1).
+std::array<double, 3> SrgbFromXyz(const std::array<double, 3>& xyz);
 // Spectral radiance of D65 scaled to luminance 1, so that it integrates to linear sRGB (1, 1, 1).
 double UnitD65(double wavelength_nm);
 // Luminance of the spectrum as written, which its use as an illuminant divides by.

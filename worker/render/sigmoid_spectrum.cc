@@ -133,6 +133,18 @@ std::array<double, 3> SigmoidFitter::RgbUnderD65(const Coefficients& c) const {
   return Evaluate(Rgb::Grey(1), c).value;
 }
 
+namespace {
+
+const SigmoidFitter& SharedFitter() {
+  static const SigmoidFitter fitter(1);
+  return fitter;
+}
+SigmoidSpectrum ToFloat(const Coefficients& c) {
+  return {static_cast<float>(c[0]), static_cast<float>(c[1]), static_cast<float>(c[2])};
+}
+
+}  // namespace
+
 Coefficients FitGrey(double value) {
   if (!(value > 0)) return {-kSaturatedArgument, 0, 0};
   if (value >= 1) return {kSaturatedArgument, 0, 0};
@@ -140,11 +152,11 @@ Coefficients FitGrey(double value) {
 }
 
 SigmoidSpectrum FitSigmoid(Rgb rgb) {
-  static const SigmoidFitter fitter(1);
   for (size_t i = 0; i < 3; ++i) rgb[i] = std::clamp(rgb[i], 0.f, 1.f);
   const bool is_grey = rgb.r == rgb.g && rgb.g == rgb.b;
-  const Coefficients c = is_grey ? FitGrey(rgb.r) : fitter.Fit(rgb);
-  return {static_cast<float>(c[0]), static_cast<float>(c[1]), static_cast<float>(c[2])};
+  return ToFloat(is_grey ? FitGrey(rgb.r) : SharedFitter().Fit(rgb));
 }
+
+SigmoidSpectrum FitSigmoidOutOfGamut(Rgb rgb) { return ToFloat(SharedFitter().Fit(rgb)); }
 
 }  // namespace sheaf::render

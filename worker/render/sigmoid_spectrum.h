@@ -83,5 +83,8 @@ SigmoidFitter::Coefficients FitGrey(double value);
 // The spectrum of a reflectance, fitted to rgb itself (some tens of microseconds). Components are
 // clamped to [0, 1]. What no such spectrum reaches (close to the gamut's edges) is approached.
 SigmoidSpectrum FitSigmoid(Rgb rgb);
+// The same for a colour outside of the gamut of sRGB, which spectra do reach: components may be
+// negative or above 1.
+SigmoidSpectrum FitSigmoidOutOfGamut(Rgb rgb);
 
 }  // namespace sheaf::render

@@ -90,6 +90,14 @@ SpectralColor SpectralColor::Make(const ColorSpec& color, ColorRole role) {
   if (color.kind == ColorSpec::Kind::kRgb) {
     SpectralColor made;
     made.is_under_d65_ = role == ColorRole::kIlluminant;
+    if (color.is_out_of_gamut) {
+      const float largest = MaxComponent(color.true_rgb);
+      if (!(largest >= kLargestMin)) return made;
+      const float level = FitLevel(largest, role);
+      made.scale_ = largest / level;
+      made.sigmoid_ = FitSigmoidOutOfGamut(color.true_rgb * (level / largest));
+      return made;
+    }
     const Rgb rgb = Admissible(color.rgb, role);
     const float largest = MaxComponent(rgb);
     if (largest < kLargestMin) return made;

@@ -178,6 +178,27 @@ TEST(SpectralColorTest, ReflectanceUnderWhiteHasItsRgb) {
   }
 }
 
+TEST(SpectralColorTest, ColorsOutsideOfTheGamutKeepTheirTrueRgb) {
+  for (const Rgb rgb :
+       {Rgb{-0.05f, 0.6f, 0.2f}, Rgb{0.8f, 0.1f, -0.02f}, Rgb{-0.01f, 0.02f, 0.04f}}) {
+    ColorSpec color;
+    color.is_out_of_gamut = true;
+    color.true_rgb = rgb;
+    for (const float scale : {1.f, 30.f}) {
+      color.true_rgb = rgb * scale;
+      const SpectralColor light = SpectralColor::Make(color, ColorRole::kIlluminant);
+      ExpectNear(Integrate([&](float nm) { return light.At(nm); }), color.true_rgb, 2e-3f * scale);
+    }
+    color.true_rgb = rgb;
+    const SpectralColor surface = SpectralColor::Make(color, ColorRole::kReflectance);
+    ExpectNear(UnderD65([&](float nm) { return surface.At(nm); }), rgb, 2e-3f);
+    for (float nm = 360; nm <= 830; nm += 10) {
+      EXPECT_GE(surface.At(nm), 0);
+      EXPECT_LE(surface.At(nm), 1);
+    }
+  }
+}
+
 TEST(SpectralColorTest, GreysAreExact) {
   const Wavelengths w = Wavelengths::Sample(0.3f);
   for (const float grey : {0.f, 1e-4f, 0.02f, 0.18f, 0.5f, 0.999f, 1.f}) {

@@ -26,7 +26,7 @@ namespace sheaf::render {
 inline constexpr float kFitLevelMin = 1.f / 16;
 // The largest component with which a colour's proportions are fitted; its spectrum is the fit's,
 // scaled by largest / level. Emission is fitted halfway, as in pbrt-v4.
-// Requires: largest > 0, and at most 1 for reflectances.
+// Requires: largest > 0, and at most 1 for reflectances within the gamut.
 constexpr float FitLevel(float largest, ColorRole role) {
   if (role != ColorRole::kReflectance) return 0.5f;
   return largest > kFitLevelMin ? largest : kFitLevelMin;
