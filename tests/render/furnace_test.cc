@@ -5,6 +5,8 @@
 // mean is tested against 1; the error budget is that of ExpectMean, widened where said.
 #include <gtest/gtest.h>
 
+#include <numbers>
+
 #include "tests/support/test_scene.h"
 
 namespace sheaf::render {
@@ -129,7 +131,8 @@ TEST(FurnaceTest, ASheetShowsTheLightBehindIt) {
                t.AddMaterial(sheet));
     const TileMean mean = RenderMean(t.scene, SquareSettings(4, 4, 4));
     const Rgb expected{0.05f, 0.8f, 0.6f};
-    for (size_t c = 0; c < 3; ++c) EXPECT_NEAR(mean.mean[c], expected[c] / kPi, 1e-5) << c;
+    for (size_t c = 0; c < 3; ++c)
+      EXPECT_NEAR(mean.mean[c], expected[c] / std::numbers::pi_v<float>, 1e-5f) << c;
   }
 }
 

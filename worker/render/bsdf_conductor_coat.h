@@ -22,8 +22,7 @@ inline Vec3f IntoCoat(Vec3f w, float eta) {
   return {w.x / eta, w.y / eta, FresnelDielectric(w.z, eta).cos_t};
 }
 
-// The coat's table at one wo.
-template <typename Color>
+// The coat's tables at one wo.
 struct ConductorCoatAt {
   Vec3f inner_o;
   float enter_o = 0, reflect_o = 0, rest_o = 0;
@@ -31,10 +30,10 @@ struct ConductorCoatAt {
 };
 
 template <typename Color>
-ConductorCoatAt<Color> MakeConductorCoatAt(const BsdfOf<Color>& bsdf, Vec3f wo) {
+ConductorCoatAt MakeConductorCoatAt(const BsdfOf<Color>& bsdf, Vec3f wo) {
   const ConductorCoatRow& row = *bsdf.conductor_coat;
   const MuPosition o = FindMu(wo.z);
-  ConductorCoatAt<Color> at;
+  ConductorCoatAt at;
   at.inner_o = IntoCoat(wo, bsdf.eta);
   at.enter_o = row.enter.At(o);
   at.reflect_o = row.reflect.At(o);
@@ -67,8 +66,8 @@ Color ReflectedSeries(const Color& kept, float again) {
 }
 
 template <typename Color>
-BsdfValueOf<Color> EvalConductorCoat(const BsdfOf<Color>& bsdf, const ConductorCoatAt<Color>& at,
-                                     Vec3f wo, Vec3f wi) {
+BsdfValueOf<Color> EvalConductorCoat(const BsdfOf<Color>& bsdf, const ConductorCoatAt& at, Vec3f wo,
+                                     Vec3f wi) {
   if (!(wi.z > 0)) return {};
   const ConductorCoatRow& row = *bsdf.conductor_coat;
   const MuPosition i = FindMu(wi.z);
@@ -124,7 +123,7 @@ std::optional<BsdfSampleOf<Color>> SampleConductorCoat(const BsdfOf<Color>& bsdf
                                                        float u_lobe, Vec2f u) {
   if (bsdf.specular) return SampleMirrorCoat(bsdf, wo);
   const ConductorCoatRow& row = *bsdf.conductor_coat;
-  const ConductorCoatAt<Color> at = MakeConductorCoatAt(bsdf, wo);
+  const ConductorCoatAt at = MakeConductorCoatAt(bsdf, wo);
   Vec3f wi;
   if (u_lobe < at.p_reflect) {
     const Ggx ggx{bsdf.alpha_x, bsdf.alpha_y};
