@@ -46,7 +46,7 @@ DOORS = {
     r"OpenImageIO/": r"^common/image/",
     r"zlib\.h": r"^common/scene/",
     r"zstd\.h": r"^common/content/",
-    r"embree\d/": r"^worker/render/embree_",
+    r"embree\d/": r"^worker/render/embree_door\.h$",
     r"sqlite3\.h": r"^coordinator/store/",
     r"boost/": r"^coordinator/service/http_",
     r"CLI/": r"^(cli/|worker/service/|coordinator/service/)",

@@ -63,6 +63,8 @@ class EmbreeScene {
  private:
   EmbreeScene();
   bool IntersectOnce(const Ray& ray, RawHit* hit) const;
+  // Whether the camera is in a closed room, as far as probes tell.
+  bool EveryProbeMeets() const;
   // Looks again for a ray that cannot truly end in the open (leak_guard.h); finite segments may.
   bool MeetsWhenNudged(const Ray& ray, RawHit* hit) const;
   struct State;
