@@ -16,6 +16,7 @@
 #include "tests/support/test_scene.h"
 #include "tests/support/traced_scene.h"
 #include "worker/render/leak_guard.h"
+#include "worker/render/needle.h"
 
 namespace sheaf::render {
 namespace {
@@ -70,25 +71,35 @@ Vec3f TargetOn(const Triangles& globe, Aim aim, Random* random) {
 // Over this, a ray from the globe of radius 1 does not go along the triangle it leaves.
 constexpr float kShortestRay = 0.1f;
 
-// Counts rays of make_ray, turned to where triangles meet, that meet nothing or nothing in the way.
+// Rays that meet nothing, or nothing in the way.
+struct Escapes {
+  int rays = 0, shadow_rays = 0;
+};
+int RayCount() { return DrawCount(100000, 10000000); }
+
+// Of RayCount() rays of make_ray, turned to where triangles meet.
+template <typename MakeRay>
+Escapes CountEscapes(const TracedScene& scene, const Triangles& globe, Aim aim, MakeRay make_ray) {
+  Random random(4);
+  Escapes escapes;
+  for (int i = 0; i < RayCount(); ++i) {
+    Ray ray = make_ray(&random);
+    do {
+      ray.d = TargetOn(globe, aim, &random) - ray.o;
+    } while (Length(ray.d) < kShortestRay);
+    RawHit hit;
+    escapes.rays += !scene.tracer->Intersect(ray, &hit);
+    escapes.shadow_rays += !scene.tracer->Occluded(ray);
+  }
+  return escapes;
+}
 template <typename MakeRay>
 void ExpectNoEscape(const TracedScene& scene, const Triangles& globe, MakeRay make_ray) {
-  const int ray_count = DrawCount(100000, 10000000);
   for (const Aim aim : {Aim::kAnywhere, Aim::kVertex, Aim::kEdgeMiddle}) {
     SCOPED_TRACE(static_cast<int>(aim));
-    Random random(4);
-    int escapes = 0, shadow_escapes = 0;
-    for (int i = 0; i < ray_count; ++i) {
-      Ray ray = make_ray(&random);
-      do {
-        ray.d = TargetOn(globe, aim, &random) - ray.o;
-      } while (Length(ray.d) < kShortestRay);
-      RawHit hit;
-      escapes += !scene.tracer->Intersect(ray, &hit);
-      shadow_escapes += !scene.tracer->Occluded(ray);
-    }
-    EXPECT_EQ(escapes, 0);
-    EXPECT_EQ(shadow_escapes, 0);
+    const Escapes escapes = CountEscapes(scene, globe, aim, make_ray);
+    EXPECT_EQ(escapes.rays, 0);
+    EXPECT_EQ(escapes.shadow_rays, 0);
   }
 }
 Ray FromTheMiddle(Random* random) {
@@ -114,12 +125,19 @@ constexpr int kRings = 200, kSectors = 400;
 // G3, whose expected value is 0 misses of 10^7 rays to vertices, middles of edges and anywhere.
 // Rays inside a closed mesh about the camera. Without the guard 2 % of those to vertices escape.
 TEST(TriangleStability, G3NoRayLeavesAClosedRoom) {
-  // The second is of needles, tested again in double: that must not open holes.
-  for (const Triangles& globe : {Globe({0, 0, 0}, kRings, kSectors), Globe({0, 0, 0}, 6, 6000)}) {
-    TestScene t({0, 0, 0}, {0, 0, 1}, 60);
-    t.AddShape(MeshShape{t.AddMesh(globe.positions, globe.indices)}, kNone);
-    ExpectNoEscape(*Traced(t.scene), globe, FromTheMiddle);
-  }
+  const Triangles globe = Globe({0, 0, 0}, kRings, kSectors);
+  TestScene t({0, 0, 0}, {0, 0, 1}, 60);
+  t.AddShape(MeshShape{t.AddMesh(globe.positions, globe.indices)}, kNone);
+  ExpectNoEscape(*Traced(t.scene), globe, FromTheMiddle);
+}
+
+// G3: nor one of needles; that their hits are tested again opens no holes.
+TEST(TriangleStability, G3NoRayLeavesAClosedRoomOfNeedles) {
+  const Triangles globe = Globe({0, 0, 0}, 4, 1000);
+  TestScene t({0, 0, 0}, {0, 0, 1}, 60);
+  t.AddShape(MeshShape{t.AddMesh(globe.positions, globe.indices)}, kNone);
+  ASSERT_TRUE(HasNeedles(globe.positions, globe.indices));
+  ExpectNoEscape(*Traced(t.scene), globe, FromTheMiddle);
 }
 
 // G3: the room need not be one mesh; here open ones share their borders.
@@ -195,6 +213,25 @@ TEST(TriangleStability, G3NoRayLeavesAPlacedClosedMeshFromItsInside) {
       return FromTheInside(globe, {0, 0, 5}, 0, random);
     });
   }
+}
+
+// G3 where nothing is looked at again: shadow rays to lights at hand, and rooms that the camera
+// looks into from outside. Rays to anywhere and to edges do not escape; those to the very vertices
+// do, one in fifty.
+TEST(TriangleStability, G3UnguardedRaysEscapeThroughVerticesAlone) {
+  const Triangles globe = Globe({0, 0, 0}, kRings, kSectors);
+  TestScene t({0, 0, 0}, {0, 0, 1}, 60);
+  t.AddShape(MeshShape{t.AddMesh(globe.positions, globe.indices)}, kNone);
+  const std::unique_ptr<TracedScene> scene = Traced(t.scene);
+  const auto finite = [](Random* random) {
+    Ray ray = FromTheMiddle(random);
+    ray.t_max = 1e6f;
+    return ray;
+  };
+  EXPECT_EQ(CountEscapes(*scene, globe, Aim::kAnywhere, finite).shadow_rays, 0);
+  EXPECT_EQ(CountEscapes(*scene, globe, Aim::kEdgeMiddle, finite).shadow_rays, 0);
+  const int escapes = CountEscapes(*scene, globe, Aim::kVertex, finite).shadow_rays;
+  EXPECT_LT(escapes, RayCount() / 40);
 }
 
 // A room with a window is no room: rays that leave by the window are not looked at again.
