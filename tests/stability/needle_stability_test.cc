@@ -11,6 +11,7 @@
 
 #include "gtest/gtest.h"
 #include "tests/support/exact.h"
+#include "tests/support/globe.h"
 #include "tests/support/long_tests.h"
 #include "tests/support/test_scene.h"
 #include "tests/support/traced_scene.h"
@@ -216,6 +217,19 @@ TEST(NeedleStability, G4NeedlesStandInLineWithOtherTriangles) {
   }
   EXPECT_GT(met, needle_count);
   EXPECT_EQ(wrong, 0);
+}
+
+// G4: the furnace of a room of needles that all shine and reflect half: 1 / (1 - 1/2), and no path
+// is lost on the way.
+TEST(NeedleStability, G4FurnaceOfNeedlesKeepsItsEnergy) {
+  const Triangles globe = Globe({0, 0, 0}, 4, 1000);
+  ASSERT_TRUE(HasNeedles(globe.positions, globe.indices));
+  TestScene t({0.1, 0.2, 0.3}, {0, 0, 1}, 90);
+  ShapeDescription& room =
+      t.AddShape(MeshShape{t.AddMesh(globe.positions, globe.indices)}, t.Diffuse(Rgb::Grey(0.5f)));
+  room.reverse_orientation = true;
+  room.area_light = t.AreaLight(Rgb::Grey(1));
+  ExpectMean(RenderMean(t.scene, SquareSettings(8, 64, 1000)), Rgb::Grey(2));
 }
 
 }  // namespace
