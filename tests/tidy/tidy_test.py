@@ -47,6 +47,7 @@ DOORS = {
     r"zlib\.h": r"^common/scene/",
     r"zstd\.h": r"^common/content/",
     r"embree\d/": r"^worker/render/embree_door\.h$",
+    r"worker/render/embree_(door|callbacks)\.h": r"^worker/render/embree_",
     r"sqlite3\.h": r"^coordinator/store/",
     r"boost/": r"^coordinator/service/http_",
     r"CLI/": r"^(cli/|worker/service/|coordinator/service/)",
