@@ -13,28 +13,28 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
-#include <cstdlib>
 #include <functional>
 #include <vector>
 
 #include "common/math/elementary.h"
 #include "common/math/frame.h"
 #include "tests/support/light_tables.h"
+#include "tests/support/long_tests.h"
 #include "worker/render/environment_map.h"
 #include "worker/render/equal_area_map.h"
 
 namespace sheaf::render {
 namespace {
 
+using testing::kWhite;
 using testing::MakeTable;
 using testing::RandomPoints;
 
 constexpr int kCells = 12;     // An axis.
 constexpr int kSubCells = 48;  // Midpoint rule within a cell.
 constexpr double kDeviateMax = 5;
-const Rgb kWhite{1, 1, 1};
 
-int SampleCount() { return std::getenv("SHEAF_LONG_TESTS") != nullptr ? 4000000 : 100000; }
+int SampleCount() { return DrawCount(100000, 4000000); }
 
 double ChiSquareDeviate(const std::vector<double>& observed, const std::vector<double>& expected) {
   double statistic = 0, pooled_observed = 0, pooled_expected = 0;
