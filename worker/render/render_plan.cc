@@ -10,6 +10,7 @@
 #include <variant>
 
 #include "absl/strings/str_cat.h"
+#include "common/scene/spectrum.h"
 #include "worker/render/material_traits.h"
 #include "worker/render/variants.h"
 
@@ -95,12 +96,20 @@ class PlanMaker {
     if (shape.area_light != kNone) {
       Ask(Trait::kAreaLights, scene_.area_lights[shape.area_light].location,
           "AreaLightSource \"diffuse\"");
+      const AreaLightDescription& light = scene_.area_lights[shape.area_light];
+      const bool is_new = area_lights_seen_.insert(shape.area_light).second;
+      if (is_new) LookAtEmission(light.radiance, light.location);
     }
     if (shape.has_alpha) {
       Ask(Trait::kAlpha, shape.location, "Shape \"alpha\"");
       if (shape.alpha.texture != kNone) LookAtTexture(shape.alpha.texture);
     }
     LookAtMaterial(shape.material);
+  }
+
+  void LookAtEmission(const ColorSpec& color, SourceLocation location) {
+    if (IsWithinSrgb(color, ColorRole::kIlluminant)) return;
+    Ask(Trait::kSpectral, location, "the light's color lies outside of sRGB");
   }
 
   void LookAtTexture(int32_t texture) {
@@ -137,14 +146,18 @@ class PlanMaker {
   }
 
   void LookAtLight(const LightDescription& light) {
-    if (std::holds_alternative<InfiniteLight>(light.light)) {
+    if (const auto* infinite = std::get_if<InfiniteLight>(&light.light)) {
       Ask(Trait::kEnvironment, light.location, "LightSource \"infinite\"");
-    } else if (std::holds_alternative<DistantLight>(light.light)) {
+      if (infinite->file.empty()) LookAtEmission(infinite->radiance, light.location);
+    } else if (const auto* distant = std::get_if<DistantLight>(&light.light)) {
       Ask(Trait::kDeltaLights, light.location, "LightSource \"distant\"");
-    } else if (std::holds_alternative<PointLight>(light.light)) {
+      LookAtEmission(distant->radiance, light.location);
+    } else if (const auto* point = std::get_if<PointLight>(&light.light)) {
       Ask(Trait::kDeltaLights, light.location, "LightSource \"point\"");
+      LookAtEmission(point->intensity, light.location);
     } else {
       Ask(Trait::kDeltaLights, light.location, "LightSource \"spot\"");
+      LookAtEmission(std::get<SpotLight>(light.light).intensity, light.location);
     }
   }
 
@@ -169,7 +182,7 @@ class PlanMaker {
 
   const SceneDescription& scene_;
   std::array<Cause, std::size(kTraitNames)> causes_;
-  std::set<int32_t> materials_seen_;
+  std::set<int32_t> materials_seen_, area_lights_seen_;
 };
 
 std::string JoinNames(const std::vector<std::string>& names) {
