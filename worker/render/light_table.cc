@@ -148,7 +148,7 @@ std::optional<LightSample> LightTable::SampleLights(const Impl& impl, Vec3f p, V
                                                     float u_select, Vec2f u,
                                                     const Preparation& preparation) {
   if (impl.empty) return std::nullopt;
-  const std::optional<ChosenLight> chosen = impl.choice.Choose(p, u_select, SaltOf(u));
+  const std::optional<ChosenLight> chosen = impl.choice.Choose(p, n, u_select, SaltOf(u));
   if (!chosen) return std::nullopt;
   const uint32_t light = chosen->light;
   std::optional<LightSample> sample;
@@ -186,7 +186,7 @@ std::optional<LightSample> LightTable::SampleLights(const Impl& impl, Vec3f p, V
 }
 
 template <uint32_t kMask>
-float LightTable::PdfOfEmitter(const Impl& impl, uint32_t emitter, Vec3f p, Vec3f /*n*/, Vec3f wi,
+float LightTable::PdfOfEmitter(const Impl& impl, uint32_t emitter, Vec3f p, Vec3f n, Vec3f wi,
                                Vec3f p_light) {
   double shape_pdf = 0;
   if constexpr (Has(kMask, Trait::kAreaLights)) {
@@ -201,7 +201,7 @@ float LightTable::PdfOfEmitter(const Impl& impl, uint32_t emitter, Vec3f p, Vec3
       }
     }
   }
-  const float pdf = PdfSolidAngle(shape_pdf, impl.choice.Probability(emitter, p));
+  const float pdf = PdfSolidAngle(shape_pdf, impl.choice.Probability(emitter, p, n));
   return IsUsablePdf(pdf) ? pdf : 0;
 }
 
@@ -236,7 +236,7 @@ Rgb LightTable::RadianceFromInfinity(const Impl& impl, Vec3f d) {
   return sum;
 }
 
-EnvironmentValue LightTable::FromInfinity(const Impl& impl, Vec3f p, Vec3f /*n*/, Vec3f d,
+EnvironmentValue LightTable::FromInfinity(const Impl& impl, Vec3f p, Vec3f n, Vec3f d,
                                           EnvironmentMap::Place first_place) {
   EnvironmentValue value;
   for (uint32_t i = 0; i < impl.infinites.size(); ++i) {
@@ -245,7 +245,7 @@ EnvironmentValue LightTable::FromInfinity(const Impl& impl, Vec3f p, Vec3f /*n*/
         i == 0 && light.map ? light.map->Radiance(first_place) : MapRadianceOf(light, d);
     value.radiance += map_radiance * light.scale;
     value.pdf += PdfSolidAngle(PdfOf(light, map_radiance),
-                               impl.choice.Probability(impl.first_infinite() + i, p));
+                               impl.choice.Probability(impl.first_infinite() + i, p, n));
   }
   return value;
 }

@@ -1,0 +1,410 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Lights > LightTree, from the root down. Each node's lights are split in two along one axis, and
+// the costlier part in two again, until there are eight parts. A split is the cheapest of a few
+// along every axis by the surface area orientation heuristic (Conty Estevez and Kulla 2018, sec.
+// 4.4): intensity * area * measure of orientations, which is what makes estimates at a node
+// uncertain. The area is that of the sphere about the box, because that is what a walk sees.
+//
+// Only +, -, *, / and sqrt in a fixed order decide, so that every machine builds the same tree.
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+
+#include "common/base/check.h"
+#include "common/math/elementary.h"
+#include "worker/render/light_tree.h"
+
+namespace sheaf::render {
+namespace {
+
+// From here on nodes are split by number alone: eight equal parts at each level hold 2^36 lights.
+constexpr int kLevelsByCostMax = LightTree::kDepthMax - 12;
+// Candidates for a split lie between so many intervals along each axis.
+constexpr size_t kIntervalCount = 12;
+// No light counts as dimmer than this part of all of them.
+constexpr double kIntensityPartMin = 0x1p-60;
+// Rounds cones outward by more than the quantised axes are off.
+constexpr float kConeSlack = 0x1p-14f;
+constexpr float kInfinity = std::numeric_limits<float>::infinity();
+
+// A light, as the builder moves it about.
+struct Entry {
+  Vec3f center, half;      // Of its box.
+  Vec3f normal;            // Zero where it shines on all sides.
+  float intensity = 0;     // Along the normal.
+  float cos_emission = 0;  // Shines within this about its normal.
+  uint32_t light = 0;
+  bool two_sided = false;
+};
+
+Vec3f Minimum(Vec3f a, Vec3f b) {
+  return {std::min(a.x, b.x), std::min(a.y, b.y), std::min(a.z, b.z)};
+}
+Vec3f Maximum(Vec3f a, Vec3f b) {
+  return {std::max(a.x, b.x), std::max(a.y, b.y), std::max(a.z, b.z)};
+}
+
+// Measure of the directions within reach of normals in a cone of half-angle theta, each with a
+// half-space about it. Source: Conty Estevez and Kulla 2018, eq. 1, for theta_e = pi / 2.
+double OrientationMeasure(double theta) {
+  const double reach = std::min(1.5 * kPi, theta + 0.5 * kPi) > kPi ? kPi : theta + 0.5 * kPi;
+  const SinCosPair<double> t = SinCos(theta);
+  return 2 * kPi * (1 - t.cos) +
+         0.5 * kPi * (2 * reach * t.sin - Cos(theta - 2 * reach) - 2 * theta * t.sin + t.cos);
+}
+
+// The measure by how long the mean normal is: uniform in a cap of half-angle theta, normals have a
+// mean of length (1 + cos theta) / 2. That is cheaper than bounds of cones, and knows how many
+// normals stray how far.
+class OrientationTable {
+ public:
+  OrientationTable() {
+    for (size_t i = 0; i < table_.size(); ++i) {
+      const double length = static_cast<double>(i) / static_cast<double>(table_.size() - 1);
+      table_[i] = static_cast<float>(OrientationMeasure(Acos(2 * length - 1)));
+    }
+  }
+  float At(float mean_length) const {
+    const float x = std::clamp(mean_length, 0.0f, 1.0f) * static_cast<float>(table_.size() - 1);
+    const size_t i = std::min(static_cast<size_t>(x), table_.size() - 2);
+    const float t = x - static_cast<float>(i);
+    return table_[i] + t * (table_[i + 1] - table_[i]);
+  }
+
+ private:
+  std::array<float, 65> table_{};
+};
+
+// What a set of lights comes to.
+struct Cluster {
+  Vec3f lower{kInfinity, kInfinity, kInfinity}, upper = -lower;  // Of boxes.
+  Vec3f center_lower{kInfinity, kInfinity, kInfinity}, center_upper = -center_lower;
+  Vec3f normal_sum{};  // Weighed by intensity.
+  float intensity = 0;
+  uint32_t count = 0;
+
+  void Add(const Entry& entry) {
+    lower = Minimum(lower, entry.center - entry.half);
+    upper = Maximum(upper, entry.center + entry.half);
+    center_lower = Minimum(center_lower, entry.center);
+    center_upper = Maximum(center_upper, entry.center);
+    normal_sum += entry.normal * entry.intensity;
+    intensity += entry.intensity;
+    ++count;
+  }
+  void Add(const Cluster& other) {
+    lower = Minimum(lower, other.lower);
+    upper = Maximum(upper, other.upper);
+    center_lower = Minimum(center_lower, other.center_lower);
+    center_upper = Maximum(center_upper, other.center_upper);
+    normal_sum += other.normal_sum;
+    intensity += other.intensity;
+    count += other.count;
+  }
+  float Cost(const OrientationTable& orientation) const {
+    return intensity * LengthSquared(upper - lower) *
+           orientation.At(Length(normal_sum) / intensity);
+  }
+};
+
+struct Part {
+  size_t begin = 0, end = 0;  // Of the entries.
+  Cluster cluster;
+  float cost = 0;
+  size_t size() const { return end - begin; }
+};
+
+// Places of centres along an axis.
+struct Intervals {
+  Intervals(const Cluster& cluster, size_t along)
+      : axis(along),
+        lower(cluster.center_lower[along]),
+        scale(static_cast<float>(kIntervalCount) /
+              (cluster.center_upper[along] - cluster.center_lower[along])) {}
+  bool IsUsable() const { return std::isfinite(scale); }
+  size_t Of(const Entry& entry) const {
+    const auto i = static_cast<int32_t>((entry.center[axis] - lower) * scale);
+    return std::min(static_cast<size_t>(i), kIntervalCount - 1);
+  }
+  size_t axis;
+  float lower, scale;
+};
+
+// A light on one side of a plane as an Entry; intensity is in its own unit still.
+bool MakeEntry(const LightBounds& light, uint32_t index, Entry* entry, double* intensity) {
+  entry->center = light.center;
+  entry->half = {light.radius, light.radius, light.radius};
+  entry->light = index;
+  const double strength = static_cast<double>(light.strength);
+  const Vec3f n = light.normal;
+  switch (light.kind) {
+    case LightBounds::Kind::kInfinite:
+      return false;
+    case LightBounds::Kind::kPlanar:
+      *intensity = strength * static_cast<double>(light.area);
+      entry->normal = n;
+      entry->two_sided = light.two_sided;
+      entry->half = Vec3f{std::sqrt(n.y * n.y + n.z * n.z), std::sqrt(n.z * n.z + n.x * n.x),
+                          std::sqrt(n.x * n.x + n.y * n.y)} *
+                    light.radius;
+      break;
+    case LightBounds::Kind::kSphere:
+      *intensity = strength * static_cast<double>(light.area);
+      break;
+    case LightBounds::Kind::kPoint:
+      *intensity = strength;
+      if (light.cos_end > 0) {
+        entry->normal = n;
+        entry->cos_emission = light.cos_end;
+      }
+      break;
+  }
+  // Of two-sided lights that differ in sign only, the mean normal should be long.
+  const float sign = n.z != 0 ? n.z : (n.y != 0 ? n.y : n.x);
+  if (entry->two_sided && sign < 0) entry->normal = -entry->normal;
+  return *intensity > 0 && std::isfinite(*intensity) &&
+         std::isfinite(LengthSquared(entry->normal)) &&
+         std::isfinite(entry->half.x + entry->half.y + entry->half.z) &&
+         std::isfinite(std::fabs(light.center.x) + std::fabs(light.center.y) +
+                       std::fabs(light.center.z));
+}
+
+}  // namespace
+
+class LightTree::Builder {
+ public:
+  explicit Builder(LightTree* tree) : tree_(*tree) {}
+
+  void Build(const std::vector<LightBounds>& lights) {
+    SHEAF_CHECK(lights.size() <= kLightsMax);
+    tree_.slot_of_light_.assign(lights.size(), kNoSlot);
+    MakeEntries(lights);
+    if (entries_.empty()) return;
+    tree_.nodes_.reserve(entries_.size() / 4);
+    BuildNode(PartOf(0, entries_.size()), kNoSlot, 1);
+    tree_.nodes_.shrink_to_fit();
+  }
+
+ private:
+  void MakeEntries(const std::vector<LightBounds>& lights);
+  Part PartOf(size_t begin, size_t end) const;
+  float BuildNode(const Part& part, uint32_t parent, int level);
+  size_t SplitInto(std::array<Part, kWidth>* parts, bool by_cost);
+  bool SplitByCost(const Part& part, Part* left, Part* right);
+  static void EncodeBoxes(const std::array<Part, kWidth>& parts, size_t count, Node* node);
+  void EncodeCone(const Part& part, size_t place, Node* node) const;
+
+  LightTree& tree_;
+  OrientationTable orientation_;
+  std::vector<Entry> entries_;
+};
+
+LightTree::LightTree(const std::vector<LightBounds>& lights) { Builder(this).Build(lights); }
+
+// Intensities get a unit in which an estimate of irradiance is about 1 where things are as far
+// apart as the lights: floats then hold them at any scale.
+void LightTree::Builder::MakeEntries(const std::vector<LightBounds>& lights) {
+  entries_.reserve(lights.size());
+  std::vector<double> intensities;
+  intensities.reserve(lights.size());
+  double total = 0;
+  Cluster all;
+  for (uint32_t i = 0; i < lights.size(); ++i) {
+    Entry entry;
+    double intensity = 0;
+    if (!MakeEntry(lights[i], i, &entry, &intensity)) continue;
+    entries_.push_back(entry);
+    intensities.push_back(intensity);
+    total += intensity;
+    all.Add(entry);
+  }
+  if (entries_.empty()) return;
+  const double size_squared = LengthSquared(ToDouble(all.upper) - ToDouble(all.lower));
+  const int size_exponent = size_squared > 0 ? std::clamp(std::ilogb(size_squared), -100, 100) : 0;
+  const int exponent = size_exponent - std::ilogb(total);
+  tree_.irradiance_scale_ = std::ldexp(1.0, -exponent);
+  for (size_t i = 0; i < entries_.size(); ++i) {
+    entries_[i].intensity = static_cast<float>(
+        std::ldexp(std::max(intensities[i], total * kIntensityPartMin), exponent));
+  }
+}
+
+Part LightTree::Builder::PartOf(size_t begin, size_t end) const {
+  Part part;
+  part.begin = begin;
+  part.end = end;
+  for (size_t i = begin; i < end; ++i) part.cluster.Add(entries_[i]);
+  return part;
+}
+
+// Returns the sum of the lights' intensities.
+float LightTree::Builder::BuildNode(const Part& part, uint32_t parent, int level) {
+  tree_.depth_ = std::max(tree_.depth_, level);
+  const auto index = static_cast<uint32_t>(tree_.nodes_.size());
+  tree_.nodes_.emplace_back();
+  std::array<Part, kWidth> parts;
+  parts[0] = part;
+  const size_t count = SplitInto(&parts, level <= kLevelsByCostMax);
+  EncodeBoxes(parts, count, &tree_.nodes_[index]);
+  for (size_t i = 0; i < count; ++i) EncodeCone(parts[i], i, &tree_.nodes_[index]);
+  tree_.nodes_[index].parent = parent;
+  float sum = 0;
+  for (size_t i = 0; i < count; ++i) {
+    const Entry& first = entries_[parts[i].begin];
+    const uint32_t slot = index * static_cast<uint32_t>(kWidth) + static_cast<uint32_t>(i);
+    float intensity = first.intensity;
+    uint32_t child = first.light | kLightBit;
+    if (parts[i].size() == 1) {
+      tree_.slot_of_light_[first.light] = slot;
+    } else {
+      child = static_cast<uint32_t>(tree_.nodes_.size());
+      intensity = BuildNode(parts[i], slot, level + 1);
+    }
+    tree_.nodes_[index].child[i] = child;
+    tree_.nodes_[index].intensity[i] = intensity;
+    sum += intensity;
+  }
+  return sum;
+}
+
+// (*parts)[0] into up to kWidth parts, in order. Returns how many.
+size_t LightTree::Builder::SplitInto(std::array<Part, kWidth>* parts, bool by_cost) {
+  const Part whole = (*parts)[0];
+  if (whole.size() <= kWidth) {
+    for (size_t i = 0; i < whole.size(); ++i) {
+      (*parts)[i] = PartOf(whole.begin + i, whole.begin + i + 1);
+    }
+    return whole.size();
+  }
+  size_t count = 1;
+  while (count < kWidth) {
+    // The costliest part that can be split, the largest of equals.
+    Part* costliest = nullptr;
+    for (Part* part = parts->data(); part != parts->data() + count; ++part) {
+      if (part->size() == 1) continue;
+      if (costliest == nullptr || part->cost > costliest->cost ||
+          (part->cost == costliest->cost && part->size() > costliest->size())) {
+        costliest = part;
+      }
+    }
+    if (costliest == nullptr) break;
+    Part left, right;
+    if (!by_cost || !SplitByCost(*costliest, &left, &right)) {
+      const size_t middle = costliest->begin + costliest->size() / 2;
+      left = PartOf(costliest->begin, middle);
+      right = PartOf(middle, costliest->end);
+    }
+    left.cost = by_cost ? left.cluster.Cost(orientation_) : 0;
+    right.cost = by_cost ? right.cluster.Cost(orientation_) : 0;
+    *costliest = left;
+    std::move_backward(costliest + 1, parts->data() + count, parts->data() + count + 1);
+    costliest[1] = right;
+    ++count;
+  }
+  return count;
+}
+
+// False where all centres are in one place: then no plane tells them apart.
+bool LightTree::Builder::SplitByCost(const Part& part, Part* left, Part* right) {
+  const Cluster& all = part.cluster;
+  const Intervals intervals[3] = {{all, 0}, {all, 1}, {all, 2}};
+  std::array<std::array<Cluster, kIntervalCount>, 3> clusters;
+  for (size_t i = part.begin; i < part.end; ++i) {
+    for (const Intervals& along : intervals) {
+      if (along.IsUsable()) clusters[along.axis][along.Of(entries_[i])].Add(entries_[i]);
+    }
+  }
+  const Vec3f extent = all.upper - all.lower;
+  const float longest = std::max({extent.x, extent.y, extent.z});
+  float least_cost = kInfinity;
+  const Intervals* best = nullptr;
+  size_t best_first_right = 0;
+  for (const Intervals& along : intervals) {
+    if (!along.IsUsable()) continue;
+    const std::array<Cluster, kIntervalCount>& cluster = clusters[along.axis];
+    std::array<Cluster, kIntervalCount> from;  // All from this interval on.
+    from.back() = cluster.back();
+    for (size_t i = kIntervalCount - 1; i-- > 0;) {
+      from[i] = from[i + 1];
+      from[i].Add(cluster[i]);
+    }
+    Cluster below;
+    for (size_t i = 1; i < kIntervalCount; ++i) {
+      below.Add(cluster[i - 1]);
+      if (below.count == 0 || from[i].count == 0) continue;
+      // Thin boxes are better not made thinner.
+      const float cost =
+          longest / extent[along.axis] * (below.Cost(orientation_) + from[i].Cost(orientation_));
+      if (best != nullptr && !(cost < least_cost)) continue;
+      least_cost = cost;
+      best = &along;
+      best_first_right = i;
+      left->cluster = below;
+      right->cluster = from[i];
+    }
+  }
+  if (best == nullptr) return false;
+  const auto begin = entries_.begin() + static_cast<ptrdiff_t>(part.begin);
+  const auto end = entries_.begin() + static_cast<ptrdiff_t>(part.end);
+  const auto middle = std::stable_partition(
+      begin, end, [&](const Entry& entry) { return best->Of(entry) < best_first_right; });
+  left->begin = part.begin;
+  left->end = right->begin = static_cast<size_t>(middle - entries_.begin());
+  right->end = part.end;
+  return true;
+}
+
+// Rounds outward but for the rounding of floats, which a walk allows for.
+void LightTree::Builder::EncodeBoxes(const std::array<Part, kWidth>& parts, size_t count,
+                                     Node* node) {
+  Cluster all;
+  for (size_t i = 0; i < count; ++i) all.Add(parts[i].cluster);
+  node->origin = all.lower;
+  node->step = (all.upper - all.lower) / 255;
+  for (size_t axis = 0; axis < 3; ++axis) {
+    const float origin = node->origin[axis], step = node->step[axis];
+    if (!(step > 0)) continue;
+    for (size_t i = 0; i < count; ++i) {
+      const float lower = parts[i].cluster.lower[axis], upper = parts[i].cluster.upper[axis];
+      const float middle = std::floor((0.5f * lower + 0.5f * upper - origin) / step + 0.5f);
+      const auto center = static_cast<uint16_t>(std::clamp(middle, 0.0f, 255.0f));
+      const float decoded = origin + step * static_cast<float>(center);
+      const float half = std::ceil(std::max(upper - decoded, decoded - lower) / step);
+      node->box[axis][i] = static_cast<uint16_t>(
+          center + 256 * static_cast<uint16_t>(std::clamp(half, 0.0f, 255.0f)));
+    }
+  }
+}
+
+// The cone about the mean normal that holds every normal; everything where the mean has no
+// direction, or a light has no normal.
+void LightTree::Builder::EncodeCone(const Part& part, size_t place, Node* node) const {
+  const Vec3f sum = part.cluster.normal_sum;
+  const float length = Length(sum);
+  const Vec3f axis = length > 0 && std::isfinite(length) ? sum / length : Vec3f{0, 0, 1};
+  bool two_sided = false;
+  for (size_t i = part.begin; i < part.end; ++i) two_sided |= entries_[i].two_sided;
+  float cos_normals = 1, cos_emission = 1;
+  for (size_t i = part.begin; i < part.end; ++i) {
+    const Entry& entry = entries_[i];
+    const float cosine = Dot(axis, entry.normal);
+    const bool has_normal = entry.normal != Vec3f{};
+    // Among two-sided lights the angles are those of lines: a light of one side loses nothing.
+    cos_normals =
+        std::min(cos_normals, has_normal ? (two_sided ? std::fabs(cosine) : cosine) : -1.0f);
+    cos_emission = std::min(cos_emission, entry.cos_emission);
+  }
+  for (size_t i = 0; i < 3; ++i) {
+    node->axis[i][place] = static_cast<int16_t>(std::floor(axis[i] * kAxisSteps + 0.5f));
+  }
+  node->cos_normals[place] = static_cast<int16_t>(
+      std::max(std::floor((cos_normals - kConeSlack) * kAxisSteps), -kAxisSteps));
+  node->emission[place] = static_cast<uint16_t>(
+      (two_sided ? 256 : 0) +
+      static_cast<int>(std::clamp(std::floor(cos_emission * kEmissionSteps), 0.0f, 255.0f)));
+}
+
+}  // namespace sheaf::render
