@@ -29,7 +29,7 @@ namespace {
 constexpr double kSamplesPerPoint = 64;
 constexpr int kPointCount = 16;
 // Of what is timed: so many samples a point, and the fastest of so many runs.
-constexpr uint64_t kTimedSamples = 2048;
+constexpr uint64_t kTimedSamples = 16384;
 constexpr int kTimedRuns = 3;
 
 double CpuSeconds() {

@@ -55,6 +55,7 @@ inline Lanes Sqrt(Lanes a) {
 // The first where the other is not a number.
 inline Lanes Max(Lanes a, Lanes b) { return a < b ? b : a; }
 inline Lanes Min(Lanes a, Lanes b) { return b < a ? b : a; }
+inline Lanes Abs(Lanes a) { return Max(a, -a); }
 inline Lanes All(float value) { return Lanes{} + value; }
 inline float Sum(Lanes a) {
   static_assert(LightTree::kWidth == 8);
@@ -111,8 +112,8 @@ struct LightTree::Share {
   }
 };
 
-// For each child an upper estimate of intensity * cosine at the light * cosine at the receiver /
-// distance^2. Angles are those of the sphere about the box, distances those of its centre.
+// For each child an estimate of intensity * cosine at the light * cosine at the receiver /
+// distance^2. The light's cosine is the greatest possible, with angles of the sphere about the box.
 LightTree::Weights LightTree::Weigh(const Node& node, const Receiver& receiver) {
   const Vec3f from_p = node.origin - receiver.p, n = receiver.n, n_abs = receiver.n_abs;
   const Vec3f step = node.step;
@@ -142,7 +143,7 @@ LightTree::Weights LightTree::Weigh(const Node& node, const Receiver& receiver) 
   const Lanes cos_axis = Max(cos_signed, mirror * cos_signed);
   const Lanes sin_axis = Sqrt(Max(Lanes{}, 1 - cos_axis * cos_axis));
   const Lanes cos_normals = (1 / kAxisSteps) * LoadShorts(node.cos_normals);
-  const Lanes sin_normals = Sqrt(Max(Lanes{}, (1 - cos_normals) * (1 + cos_normals)));
+  const Lanes sin_normals = (1 / kAxisSteps) * LoadShorts(node.sin_normals);
   const Lanes cos_sphere = Sqrt(Max(Lanes{}, d_squared - r_squared)) * inverse_d;
   const Lanes sin_sphere = Sqrt(r_squared) * inverse_d;
   const Lanes cos_around = cos_normals * cos_sphere - sin_normals * sin_sphere;
@@ -152,14 +153,22 @@ LightTree::Weights LightTree::Weigh(const Node& node, const Receiver& receiver) 
   const Lanes cos_light = is_within ? All(1) : cos_axis * cos_around + sin_axis * sin_around;
   const Lanes cos_emission = (1 / kEmissionSteps) * ToFloats(emission & 255) - kCosineSlack;
 
-  // Of all points of the box, the greatest height over the receiver's horizon.
-  const Lanes rise =
-      (n.x * dx + n.y * dy + n.z * dz) + (n_abs.x * hx + n_abs.y * hy + n_abs.z * hz);
-  const Lanes cos_receiver = Max(All(receiver.unhinted), Min(All(1), rise * inverse_d));
+  // Heights of the box's points over the receiver's horizon: the greatest, which alone decides
+  // whether there is anything to see, and the mean of what is above it. Seen from nearby, it is the
+  // box's nearest part that counts.
+  const Lanes height = n.x * dx + n.y * dy + n.z * dz;
+  const Lanes spread = n_abs.x * hx + n_abs.y * hy + n_abs.z * hz;
+  const Lanes rise = height + spread;
+  const Lanes mean_rise = height >= spread ? height : rise * rise / (4 * spread);
+  const Lanes gap_x = Max(Lanes{}, Abs(dx) - hx), gap_y = Max(Lanes{}, Abs(dy) - hy),
+              gap_z = Max(Lanes{}, Abs(dz) - hz);
+  const Lanes gap = Sqrt(gap_x * gap_x + gap_y * gap_y + gap_z * gap_z);
+  const Lanes cos_receiver = Max(All(receiver.unhinted), Min(All(1), mean_rise / gap));
 
+  // By the mean squared distance of the box's points.
   const Lanes intensity = Load<Lanes>(node.intensity);
   const Lanes weight = intensity * Max(All(kCosineSlack), cos_light) *
-                       Max(All(kCosineSlack), cos_receiver) / Max(d_squared, r_squared);
+                       Max(All(kCosineSlack), cos_receiver) / (d_squared + (1 / 3.0f) * r_squared);
   const MaskLanes is_none = (cos_light < cos_emission) | (rise < 0) | (intensity <= 0);
   Weights weights;
   weights.of_child = is_none ? Lanes{} : Max(All(kWeightMin), Min(All(kWeightMax), weight));

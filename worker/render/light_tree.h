@@ -62,18 +62,18 @@ class LightTree {
   static constexpr uint32_t kNoSlot = ~uint32_t{0};
 
   // Bounds of its children. Places past the last child have intensity 0.
-  struct alignas(32) Node {
+  struct alignas(16) Node {
     Vec3f origin, step;         // Boxes are counted in steps from the origin, per coordinate.
     uint32_t parent = kNoSlot;  // The slot that leads here.
-    uint32_t spare = 0;
     // Two bytes each, for processors load pairs of bytes well.
-    uint16_t box[3][kWidth] = {};      // Centre and, in the high byte, half the width.
-    int16_t axis[3][kWidth] = {};      // Of the cone about all normals, in 1 / kAxisSteps.
-    int16_t cos_normals[kWidth] = {};  // Of the half-angle of that cone, in 1 / kAxisSteps.
-    uint16_t emission[kWidth] = {};    // Each light shines within this cosine about its normal,
-                                       // in 1 / kEmissionSteps; 0 for a half-space. High byte:
-                                       // 1 where lights shine along -normal, too.
-    float intensity[kWidth] = {};      // Sum over the lights, along their normals.
+    uint16_t box[3][kWidth] = {};  // Centre and, in the high byte, half the width.
+    int16_t axis[3][kWidth] = {};  // Of the cone about all normals, in 1 / kAxisSteps.
+    // Of half that cone's angle, in 1 / kAxisSteps.
+    int16_t cos_normals[kWidth] = {}, sin_normals[kWidth] = {};
+    // Each light shines within this cosine about its normal, in 1 / kEmissionSteps; 0 for a
+    // half-space. In the high byte 1 where lights shine along -normal, too.
+    uint16_t emission[kWidth] = {};
+    float intensity[kWidth] = {};  // Sum over the lights, along their normals.
     uint32_t child[kWidth] = {};
   };
   static constexpr float kAxisSteps = 32767, kEmissionSteps = 255;

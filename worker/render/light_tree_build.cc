@@ -390,18 +390,20 @@ void LightTree::Builder::EncodeCone(const Part& part, size_t place, Node* node) 
   float cos_normals = 1, cos_emission = 1;
   for (size_t i = part.begin; i < part.end; ++i) {
     const Entry& entry = entries_[i];
-    const float cosine = Dot(axis, entry.normal);
+    const float along = Dot(axis, entry.normal);
     const bool has_normal = entry.normal != Vec3f{};
     // Among two-sided lights the angles are those of lines: a light of one side loses nothing.
     cos_normals =
-        std::min(cos_normals, has_normal ? (two_sided ? std::fabs(cosine) : cosine) : -1.0f);
+        std::min(cos_normals, has_normal ? (two_sided ? std::fabs(along) : along) : -1.0f);
     cos_emission = std::min(cos_emission, entry.cos_emission);
   }
   for (size_t i = 0; i < 3; ++i) {
     node->axis[i][place] = static_cast<int16_t>(std::floor(axis[i] * kAxisSteps + 0.5f));
   }
-  node->cos_normals[place] = static_cast<int16_t>(
-      std::max(std::floor((cos_normals - kConeSlack) * kAxisSteps), -kAxisSteps));
+  const float cosine = std::max(std::floor((cos_normals - kConeSlack) * kAxisSteps), -kAxisSteps);
+  node->cos_normals[place] = static_cast<int16_t>(cosine);
+  node->sin_normals[place] =
+      static_cast<int16_t>(std::sqrt((kAxisSteps - cosine) * (kAxisSteps + cosine)));
   node->emission[place] = static_cast<uint16_t>(
       (two_sided ? 256 : 0) +
       static_cast<int>(std::clamp(std::floor(cos_emission * kEmissionSteps), 0.0f, 255.0f)));
