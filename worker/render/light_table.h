@@ -66,8 +66,6 @@ struct LightTableInput {
   std::vector<SphereEmitter> spheres;
   std::vector<DiskEmitter> disks;
   Vec3d render_origin_world;  // World position of render space's origin (the camera).
-  Vec3f scene_center;         // Bounding sphere in render space, for infinite lights' power.
-  float scene_radius = 1;
 };
 
 class LightTable {

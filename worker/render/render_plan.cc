@@ -10,6 +10,7 @@
 #include <variant>
 
 #include "absl/strings/str_cat.h"
+#include "worker/render/light_choice.h"
 #include "worker/render/material_traits.h"
 #include "worker/render/variants.h"
 
@@ -44,6 +45,7 @@ class PlanMaker {
     for (const int32_t shape : scene_.world_shapes) LookAtShape(scene_.shapes[shape], true);
     LookAtInstances();
     for (const LightDescription& light : scene_.lights) LookAtLight(light);
+    light_count_ += scene_.lights.size();
     return Finish(force_generic);
   }
 
@@ -88,12 +90,19 @@ class PlanMaker {
     if (shape.area_light != kNone) {
       Ask(Trait::kAreaLights, scene_.area_lights[shape.area_light].location,
           "AreaLightSource \"diffuse\"");
+      // Those of objects do not emit.
+      if (in_world) light_count_ += CountFaces(shape);
     }
     if (shape.has_alpha) {
       Ask(Trait::kAlpha, shape.location, "Shape \"alpha\"");
       if (shape.alpha.texture != kNone) LookAtTexture(shape.alpha.texture);
     }
     LookAtMaterial(shape.material);
+  }
+
+  size_t CountFaces(const ShapeDescription& shape) const {
+    const auto* mesh = std::get_if<MeshShape>(&shape.shape);
+    return mesh == nullptr ? 1 : scene_.meshes[mesh->mesh].indices.size() / 3;
   }
 
   void LookAtTexture(int32_t texture) {
@@ -143,6 +152,7 @@ class PlanMaker {
 
   RenderPlan Finish(bool force_generic) const {
     RenderPlan plan;
+    plan.light_count = light_count_;
     for (size_t i = 0; i < std::size(kTraitNames); ++i) {
       const TraitName& t = kTraitNames[i];
       if (causes_[i].count == 0) {
@@ -163,6 +173,7 @@ class PlanMaker {
   const SceneDescription& scene_;
   std::array<Cause, std::size(kTraitNames)> causes_;
   std::set<int32_t> materials_seen_;
+  size_t light_count_ = 0;
 };
 
 std::string JoinNames(const std::vector<std::string>& names) {
@@ -186,6 +197,9 @@ std::string FormatRenderPlan(const RenderPlan& plan) {
                     effect.cause, "\n");
   }
   if (!plan.unused.empty()) absl::StrAppend(&text, "not used: ", JoinNames(plan.unused), "\n");
+  absl::StrAppend(&text, "lights: ", plan.light_count,
+                  plan.light_count > kLightsWeighedMax ? ", chosen by a hierarchy\n"
+                                                       : ", each weighed at every point\n");
   std::vector<std::string> carried;
   for (const TraitName& t : kTraitNames) {
     const auto bit = static_cast<uint32_t>(t.trait);
