@@ -167,8 +167,9 @@ LightTree::Weights LightTree::Weigh(const Node& node, const Receiver& receiver) 
 
   // By the mean squared distance of the box's points.
   const Lanes intensity = Load<Lanes>(node.intensity);
-  const Lanes weight = intensity * Max(All(kCosineSlack), cos_light) *
-                       Max(All(kCosineSlack), cos_receiver) / (d_squared + (1 / 3.0f) * r_squared);
+  const Lanes unturned = intensity / (d_squared + (1 / 3.0f) * r_squared);
+  const Lanes weight =
+      unturned * (Max(All(kCosineSlack), cos_light) * Max(All(kCosineSlack), cos_receiver));
   const MaskLanes is_none = (cos_light < cos_emission) | (rise < 0) | (intensity <= 0);
   Weights weights;
   weights.of_child = is_none ? Lanes{} : Max(All(kWeightMin), Min(All(kWeightMax), weight));

@@ -34,7 +34,8 @@ class LightTree {
   static constexpr double kIntensityShare = 0.1;
 
   LightTree() = default;
-  // Infinite lights, lights of strength 0 and lights with a value that is not finite are left out.
+  // Infinite lights, lights of strength 0, and lights with a value that is not finite or farther
+  // off than 2^60 are left out.
   // Requires: at most kLightsMax lights. Cost: O(n log n), about 1 s for a million.
   explicit LightTree(const std::vector<LightBounds>& lights);
 

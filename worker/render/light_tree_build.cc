@@ -28,6 +28,8 @@ constexpr size_t kIntervalCount = 12;
 constexpr double kIntensityPartMin = 0x1p-60;
 // Rounds cones outward by more than the quantised axes are off.
 constexpr float kConeSlack = 0x1p-14f;
+// Farther off, squares of distances leave the range of floats.
+constexpr float kReachMax = 0x1p60f;
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
 
 // A light, as the builder moves it about.
@@ -165,11 +167,10 @@ bool MakeEntry(const LightBounds& light, uint32_t index, Entry* entry, double* i
   // Of two-sided lights that differ in sign only, the mean normal should be long.
   const float sign = n.z != 0 ? n.z : (n.y != 0 ? n.y : n.x);
   if (entry->two_sided && sign < 0) entry->normal = -entry->normal;
+  const float reach = std::fabs(light.center.x) + std::fabs(light.center.y) +
+                      std::fabs(light.center.z) + light.radius;
   return *intensity > 0 && std::isfinite(*intensity) &&
-         std::isfinite(LengthSquared(entry->normal)) &&
-         std::isfinite(entry->half.x + entry->half.y + entry->half.z) &&
-         std::isfinite(std::fabs(light.center.x) + std::fabs(light.center.y) +
-                       std::fabs(light.center.z));
+         std::isfinite(LengthSquared(entry->normal)) && reach <= kReachMax;
 }
 
 }  // namespace

@@ -143,7 +143,7 @@ TEST(LightTreeTest, OneLightIsCertainAndBlackOrSenselessOnesAreLeftOut) {
     const float inf = std::numeric_limits<float>::infinity();
     if (i == 17) continue;
     if (i % 5 == 0) lights[i].strength = 0;
-    if (i % 5 == 1) lights[i].center.y = nan;
+    if (i % 5 == 1) lights[i].center.y = i % 2 == 0 ? nan : 3e38f;
     if (i % 5 == 2) lights[i].radius = lights[i].strength = inf;
     if (i % 5 == 3) lights[i].kind = LightBounds::Kind::kInfinite;
     if (i % 5 == 4) lights[i].strength = nan;
