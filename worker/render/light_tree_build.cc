@@ -7,14 +7,14 @@
 // 4.4): intensity * area * measure of orientations, which is what makes estimates at a node
 // uncertain. The area is that of the sphere about the box, because that is what a walk sees.
 //
-// Only +, -, *, / and sqrt in a fixed order decide, so that every machine builds the same tree.
+// Sums run in a fixed order and elementary functions are our own: every machine builds the same
+// tree.
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <limits>
 
 #include "common/base/check.h"
-#include "common/math/elementary.h"
+#include "worker/render/light_cluster.h"
 #include "worker/render/light_tree.h"
 
 namespace sheaf::render {
@@ -30,104 +30,23 @@ constexpr double kIntensityPartMin = 0x1p-60;
 constexpr float kConeSlack = 0x1p-14f;
 // Farther off, squares of distances leave the range of floats.
 constexpr float kReachMax = 0x1p60f;
-constexpr float kInfinity = std::numeric_limits<float>::infinity();
-
-// A light, as the builder moves it about.
-struct Entry {
-  Vec3f center, half;      // Of its box.
-  Vec3f normal;            // Zero where it shines on all sides.
-  float intensity = 0;     // Along the normal.
-  float cos_emission = 0;  // Shines within this about its normal.
-  uint32_t light = 0;
-  bool two_sided = false;
-};
-
-Vec3f Minimum(Vec3f a, Vec3f b) {
-  return {std::min(a.x, b.x), std::min(a.y, b.y), std::min(a.z, b.z)};
-}
-Vec3f Maximum(Vec3f a, Vec3f b) {
-  return {std::max(a.x, b.x), std::max(a.y, b.y), std::max(a.z, b.z)};
-}
-
-// Measure of the directions within reach of normals in a cone of half-angle theta, each with a
-// half-space about it. Source: Conty Estevez and Kulla 2018, eq. 1, for theta_e = pi / 2.
-double OrientationMeasure(double theta) {
-  const double reach = std::min(1.5 * kPi, theta + 0.5 * kPi) > kPi ? kPi : theta + 0.5 * kPi;
-  const SinCosPair<double> t = SinCos(theta);
-  return 2 * kPi * (1 - t.cos) +
-         0.5 * kPi * (2 * reach * t.sin - Cos(theta - 2 * reach) - 2 * theta * t.sin + t.cos);
-}
-
-// The measure by how long the mean normal is: uniform in a cap of half-angle theta, normals have a
-// mean of length (1 + cos theta) / 2. That is cheaper than bounds of cones, and knows how many
-// normals stray how far.
-class OrientationTable {
- public:
-  OrientationTable() {
-    for (size_t i = 0; i < table_.size(); ++i) {
-      const double length = static_cast<double>(i) / static_cast<double>(table_.size() - 1);
-      table_[i] = static_cast<float>(OrientationMeasure(Acos(2 * length - 1)));
-    }
-  }
-  float At(float mean_length) const {
-    const float x = std::clamp(mean_length, 0.0f, 1.0f) * static_cast<float>(table_.size() - 1);
-    const size_t i = std::min(static_cast<size_t>(x), table_.size() - 2);
-    const float t = x - static_cast<float>(i);
-    return table_[i] + t * (table_[i + 1] - table_[i]);
-  }
-
- private:
-  std::array<float, 65> table_{};
-};
-
-// What a set of lights comes to.
-struct Cluster {
-  Vec3f lower{kInfinity, kInfinity, kInfinity}, upper = -lower;  // Of boxes.
-  Vec3f center_lower{kInfinity, kInfinity, kInfinity}, center_upper = -center_lower;
-  Vec3f normal_sum{};  // Weighed by intensity.
-  float intensity = 0;
-  uint32_t count = 0;
-
-  void Add(const Entry& entry) {
-    lower = Minimum(lower, entry.center - entry.half);
-    upper = Maximum(upper, entry.center + entry.half);
-    center_lower = Minimum(center_lower, entry.center);
-    center_upper = Maximum(center_upper, entry.center);
-    normal_sum += entry.normal * entry.intensity;
-    intensity += entry.intensity;
-    ++count;
-  }
-  void Add(const Cluster& other) {
-    lower = Minimum(lower, other.lower);
-    upper = Maximum(upper, other.upper);
-    center_lower = Minimum(center_lower, other.center_lower);
-    center_upper = Maximum(center_upper, other.center_upper);
-    normal_sum += other.normal_sum;
-    intensity += other.intensity;
-    count += other.count;
-  }
-  float Cost(const OrientationTable& orientation) const {
-    return intensity * LengthSquared(upper - lower) *
-           orientation.At(Length(normal_sum) / intensity);
-  }
-};
 
 struct Part {
   size_t begin = 0, end = 0;  // Of the entries.
-  Cluster cluster;
+  LightCluster cluster;
   float cost = 0;
   size_t size() const { return end - begin; }
 };
 
 // Places of centres along an axis.
 struct Intervals {
-  Intervals(const Cluster& cluster, size_t along)
+  Intervals(const LightCluster& cluster, size_t along)
       : axis(along),
         lower(cluster.center_lower[along]),
         scale(static_cast<float>(kIntervalCount) /
               (cluster.center_upper[along] - cluster.center_lower[along])) {}
   bool IsUsable() const { return std::isfinite(scale); }
-  size_t Of(const Entry& entry) const {
+  size_t Of(const LightEntry& entry) const {
     const auto i = static_cast<int32_t>((entry.center[axis] - lower) * scale);
     return std::min(static_cast<size_t>(i), kIntervalCount - 1);
   }
@@ -135,8 +54,8 @@ struct Intervals {
   float lower, scale;
 };
 
-// A light on one side of a plane as an Entry; intensity is in its own unit still.
-bool MakeEntry(const LightBounds& light, uint32_t index, Entry* entry, double* intensity) {
+// False where the light is left out. The intensity is in the unit of the lights.
+bool MakeEntry(const LightBounds& light, uint32_t index, LightEntry* entry, double* intensity) {
   entry->center = light.center;
   entry->half = {light.radius, light.radius, light.radius};
   entry->light = index;
@@ -200,7 +119,7 @@ class LightTree::Builder {
 
   LightTree& tree_;
   OrientationTable orientation_;
-  std::vector<Entry> entries_;
+  std::vector<LightEntry> entries_;
 };
 
 LightTree::LightTree(const std::vector<LightBounds>& lights) { Builder(this).Build(lights); }
@@ -212,9 +131,9 @@ void LightTree::Builder::MakeEntries(const std::vector<LightBounds>& lights) {
   std::vector<double> intensities;
   intensities.reserve(lights.size());
   double total = 0;
-  Cluster all;
+  LightCluster all;
   for (uint32_t i = 0; i < lights.size(); ++i) {
-    Entry entry;
+    LightEntry entry;
     double intensity = 0;
     if (!MakeEntry(lights[i], i, &entry, &intensity)) continue;
     entries_.push_back(entry);
@@ -254,7 +173,7 @@ float LightTree::Builder::BuildNode(const Part& part, uint32_t parent, int level
   tree_.nodes_[index].parent = parent;
   float sum = 0;
   for (size_t i = 0; i < count; ++i) {
-    const Entry& first = entries_[parts[i].begin];
+    const LightEntry& first = entries_[parts[i].begin];
     const uint32_t slot = index * static_cast<uint32_t>(kWidth) + static_cast<uint32_t>(i);
     float intensity = first.intensity;
     uint32_t child = first.light | kLightBit;
@@ -310,9 +229,9 @@ size_t LightTree::Builder::SplitInto(std::array<Part, kWidth>* parts, bool by_co
 
 // False where all centres are in one place: then no plane tells them apart.
 bool LightTree::Builder::SplitByCost(const Part& part, Part* left, Part* right) {
-  const Cluster& all = part.cluster;
+  const LightCluster& all = part.cluster;
   const Intervals intervals[3] = {{all, 0}, {all, 1}, {all, 2}};
-  std::array<std::array<Cluster, kIntervalCount>, 3> clusters;
+  std::array<std::array<LightCluster, kIntervalCount>, 3> clusters;
   for (size_t i = part.begin; i < part.end; ++i) {
     for (const Intervals& along : intervals) {
       if (along.IsUsable()) clusters[along.axis][along.Of(entries_[i])].Add(entries_[i]);
@@ -320,19 +239,19 @@ bool LightTree::Builder::SplitByCost(const Part& part, Part* left, Part* right) 
   }
   const Vec3f extent = all.upper - all.lower;
   const float longest = std::max({extent.x, extent.y, extent.z});
-  float least_cost = kInfinity;
+  float least_cost = 0;
   const Intervals* best = nullptr;
   size_t best_first_right = 0;
   for (const Intervals& along : intervals) {
     if (!along.IsUsable()) continue;
-    const std::array<Cluster, kIntervalCount>& cluster = clusters[along.axis];
-    std::array<Cluster, kIntervalCount> from;  // All from this interval on.
+    const std::array<LightCluster, kIntervalCount>& cluster = clusters[along.axis];
+    std::array<LightCluster, kIntervalCount> from;  // All from this interval on.
     from.back() = cluster.back();
     for (size_t i = kIntervalCount - 1; i-- > 0;) {
       from[i] = from[i + 1];
       from[i].Add(cluster[i]);
     }
-    Cluster below;
+    LightCluster below;
     for (size_t i = 1; i < kIntervalCount; ++i) {
       below.Add(cluster[i - 1]);
       if (below.count == 0 || from[i].count == 0) continue;
@@ -351,7 +270,7 @@ bool LightTree::Builder::SplitByCost(const Part& part, Part* left, Part* right) 
   const auto begin = entries_.begin() + static_cast<ptrdiff_t>(part.begin);
   const auto end = entries_.begin() + static_cast<ptrdiff_t>(part.end);
   const auto middle = std::stable_partition(
-      begin, end, [&](const Entry& entry) { return best->Of(entry) < best_first_right; });
+      begin, end, [&](const LightEntry& entry) { return best->Of(entry) < best_first_right; });
   left->begin = part.begin;
   left->end = right->begin = static_cast<size_t>(middle - entries_.begin());
   right->end = part.end;
@@ -361,7 +280,7 @@ bool LightTree::Builder::SplitByCost(const Part& part, Part* left, Part* right) 
 // Rounds outward but for the rounding of floats, which a walk allows for.
 void LightTree::Builder::EncodeBoxes(const std::array<Part, kWidth>& parts, size_t count,
                                      Node* node) {
-  Cluster all;
+  LightCluster all;
   for (size_t i = 0; i < count; ++i) all.Add(parts[i].cluster);
   node->origin = all.lower;
   node->step = (all.upper - all.lower) / 255;
@@ -390,7 +309,7 @@ void LightTree::Builder::EncodeCone(const Part& part, size_t place, Node* node) 
   for (size_t i = part.begin; i < part.end; ++i) two_sided |= entries_[i].two_sided;
   float cos_normals = 1, cos_emission = 1;
   for (size_t i = part.begin; i < part.end; ++i) {
-    const Entry& entry = entries_[i];
+    const LightEntry& entry = entries_[i];
     const float along = Dot(axis, entry.normal);
     const bool has_normal = entry.normal != Vec3f{};
     // Among two-sided lights the angles are those of lines: a light of one side loses nothing.
