@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cli/options.h"
 
+#include <map>
 #include <vector>
 
 #include "absl/strings/numbers.h"
@@ -56,6 +57,17 @@ void AddSettingsOptions(CLI::App* command, JobArguments* arguments) {
   command->add_option_function<std::string>(
       "--crop", [&settings](const std::string& text) { settings.crop = ParseCrop(text); },
       "Render only the pixels X0,Y0,X1,Y1 (X1 and Y1 excluded)");
+  static const std::map<std::string, ColorTransport> kColors = {
+      {"auto", ColorTransport::kAuto},
+      {"rgb", ColorTransport::kRgb},
+      {"spectral", ColorTransport::kSpectral}};
+  command
+      ->add_option("--color", settings.color,
+                   "What a path carries: rgb, spectral (four wavelengths), or auto: spectral where "
+                   "the scene disperses light")
+      ->transform(CLI::CheckedTransformer(kColors));
+  command->add_flag("--single-scattering", settings.single_scattering,
+                    "Rough surfaces scatter once and lose the rest, as pbrt-v4's do");
   command->add_flag("--generic", settings.force_generic_variant,
                     "Run the variant that knows every effect; changes no pixel");
 }

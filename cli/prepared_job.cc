@@ -19,6 +19,7 @@
 #include "common/base/digest.h"
 #include "common/base/status.h"
 #include "common/rpc/manifest_codec.h"
+#include "common/rpc/settings_codec.h"
 #include "common/scene/file_source.h"
 #include "common/scene/scene_reader.h"
 
@@ -173,17 +174,7 @@ v1::CreateJobRequest MakeCreateJobRequest(const JobArguments& arguments, const P
     spec->set_frame_number(frame.number);
     spec->mutable_scene()->set_sha256_hex(frame.manifest.sha256_hex);
     spec->mutable_scene()->set_size_bytes(frame.manifest.size_bytes);
-    v1::FrameSettings* settings = spec->mutable_settings();
-    settings->set_width_px(frame.settings.width_px);
-    settings->set_height_px(frame.settings.height_px);
-    settings->mutable_window()->set_x0_px(frame.settings.window.x0);
-    settings->mutable_window()->set_y0_px(frame.settings.window.y0);
-    settings->mutable_window()->set_x1_px(frame.settings.window.x1);
-    settings->mutable_window()->set_y1_px(frame.settings.window.y1);
-    settings->set_sample_count(frame.settings.samples);
-    settings->set_depth_max(frame.settings.max_depth);
-    settings->set_seed(frame.settings.seed);
-    settings->set_force_generic_variant(frame.settings.force_generic_variant);
+    *spec->mutable_settings() = ToWire(frame.settings);
   }
   return request;
 }

@@ -180,25 +180,24 @@ ConductorMaterial MaterialTable::MakeConductor(ParameterList& parameters) {
   return conductor;
 }
 
-float MaterialTable::GetIndex(ParameterList& parameters) {
+RefractiveIndex MaterialTable::GetIndex(ParameterList& parameters) {
+  RefractiveIndex index{kDefaultIndex, {}};
   const Parameter* parameter = parameters.Find("eta");
-  if (parameter == nullptr) return kDefaultIndex;
-  float index = kDefaultIndex;
+  if (parameter == nullptr) return index;
   if (parameter->type == ParameterType::kFloat) {
-    index = parameters.GetFloat("eta", kDefaultIndex);
+    index.mean = parameters.GetFloat("eta", kDefaultIndex);
   } else if (parameter->type == ParameterType::kSpectrum) {
     const ColorSpec eta = GetColor(parameters, "eta", ColorRole::kUnbounded,
                                    RgbColor(Rgb::Grey(kDefaultIndex)), *files_);
-    index = MeanIndex(eta);
-    diagnostics_->Note(parameter->location,
-                       absl::StrCat(parameters.owner(), ": eta varies with wavelength; its mean ",
-                                    index, " is used, for RGB transport has no dispersion"));
+    index.mean = MeanIndex(eta);
+    if (VariesWithWavelength(eta)) index.spectrum = eta;
   } else {
     parameters.ErrorAt(*parameter, "must be of type float or spectrum");
   }
-  if (!(index > 0)) {
-    parameters.ErrorAt(*parameter, absl::StrCat("is ", index, "; an index must be greater than 0"));
-    return kDefaultIndex;
+  if (!(index.mean > 0)) {
+    parameters.ErrorAt(*parameter,
+                       absl::StrCat("is ", index.mean, "; an index must be greater than 0"));
+    return {kDefaultIndex, {}};
   }
   return index;
 }
@@ -229,7 +228,15 @@ CoatedDiffuseMaterial MaterialTable::MakeCoatedDiffuse(ParameterList& parameters
   coated.roughness = GetRoughness(parameters);
   coated.reflectance = textures_->GetColorInput(parameters, "reflectance", ColorRole::kReflectance,
                                                 RgbColor(Rgb::Grey(kDefaultReflectance)));
-  coated.eta = GetIndex(parameters);
+  const RefractiveIndex eta = GetIndex(parameters);
+  coated.eta = eta.mean;
+  if (eta.Disperses()) {
+    diagnostics_->Note(parameters.Find("eta")->location,
+                       absl::StrCat(parameters.owner(),
+                                    ": eta varies with wavelength; a coat uses "
+                                    "its mean ",
+                                    coated.eta));
+  }
   coated.thickness = GetConstant(parameters, "thickness", 0.01f);
   coated.g = GetConstant(parameters, "g", 0);
   coated.albedo = textures_->GetColorInput(parameters, "albedo", ColorRole::kReflectance,

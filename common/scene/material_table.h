@@ -51,7 +51,7 @@ class MaterialTable {
   CoatedDiffuseMaterial MakeCoatedDiffuse(ParameterList& parameters);
   MixMaterial MakeMix(ParameterList& parameters);
   RoughnessInput GetRoughness(ParameterList& parameters);
-  float GetIndex(ParameterList& parameters);
+  RefractiveIndex GetIndex(ParameterList& parameters);
   float GetConstant(ParameterList& parameters, const std::string& name, float fallback);
   void RejectBumps(ParameterList& parameters);
   Slot& SlotFor(const std::string& name, SourceLocation location);

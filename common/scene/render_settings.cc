@@ -74,6 +74,18 @@ absl::Status CheckCounts(const FrameSettings& settings) {
 
 }  // namespace
 
+const char* ColorTransportName(ColorTransport color) {
+  switch (color) {
+    case ColorTransport::kAuto:
+      return "auto";
+    case ColorTransport::kRgb:
+      return "rgb";
+    case ColorTransport::kSpectral:
+      return "spectral";
+  }
+  return "unknown";
+}
+
 absl::StatusOr<FrameSettings> ResolveSettings(const SceneDescription& scene,
                                               const RenderSettings& settings) {
   if (absl::Status status = CheckFrame(scene); !status.ok()) return status;
@@ -99,6 +111,8 @@ absl::StatusOr<FrameSettings> ResolveSettings(const SceneDescription& scene,
       static_cast<uint64_t>(std::max(0, scene.sampling.samples_per_pixel)));
   resolved.max_depth = settings.max_depth.value_or(scene.sampling.max_depth);
   resolved.seed = settings.seed.value_or(scene.sampling.seed);
+  resolved.color = settings.color;
+  resolved.single_scattering = settings.single_scattering;
   resolved.force_generic_variant = settings.force_generic_variant;
   if (absl::Status status = CheckCounts(resolved); !status.ok()) return status;
   return resolved;
@@ -117,10 +131,12 @@ std::string NumericProfile() {
 std::string FrameDigestText(const std::string& scene_digest, const FrameSettings& settings,
                             const std::string& numeric_profile) {
   const PixelRect& w = settings.window;
-  return absl::StrCat("sheaf-frame 1\nscene ", scene_digest, "\nsize_px ", settings.width_px, " ",
+  return absl::StrCat("sheaf-frame 2\nscene ", scene_digest, "\nsize_px ", settings.width_px, " ",
                       settings.height_px, "\nwindow_px ", w.x0, " ", w.y0, " ", w.x1, " ", w.y1,
                       "\nsamples ", settings.samples, "\nmax_depth ", settings.max_depth, "\nseed ",
-                      settings.seed, "\nprofile ", numeric_profile, "\n");
+                      settings.seed, "\ncolor ", ColorTransportName(settings.color),
+                      "\nscattering ", settings.single_scattering ? "single" : "full", "\nprofile ",
+                      numeric_profile, "\n");
 }
 
 std::string FrameDigest(const std::string& scene_digest, const FrameSettings& settings,

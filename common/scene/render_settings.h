@@ -21,11 +21,20 @@ inline constexpr int64_t kFramePixelsMax = int64_t{1} << 40;
 inline constexpr uint64_t kSamplesPerPixelMax = uint64_t{1} << 48;
 inline constexpr int32_t kMaxDepthMax = 1 << 20;
 
+// What a path carries. kAuto: wavelengths where the scene calls for them (dispersion), else RGB.
+enum class ColorTransport : uint8_t { kAuto = 0, kRgb = 1, kSpectral = 2 };
+// "auto", "rgb", "spectral".
+const char* ColorTransportName(ColorTransport color);
+
 struct RenderSettings {
   std::optional<uint64_t> samples;  // Per pixel; otherwise the scene's.
   std::optional<int32_t> max_depth;
   std::optional<uint64_t> seed;
   std::optional<PixelRect> crop;       // Within the frame; otherwise the scene's.
+  ColorTransport color = ColorTransport::kAuto;
+  // Rough surfaces scatter light once and lose what is scattered again, as in pbrt-v4, whose
+  // pictures can then be matched. Otherwise they keep that energy.
+  bool single_scattering = false;
   bool force_generic_variant = false;  // Changes no pixel, so it is not part of the digest.
 };
 
@@ -35,6 +44,8 @@ struct FrameSettings {
   uint64_t samples = 16;
   int32_t max_depth = 5;
   uint64_t seed = 0;
+  ColorTransport color = ColorTransport::kAuto;
+  bool single_scattering = false;
   bool force_generic_variant = false;
 };
 

@@ -123,12 +123,21 @@ struct ConductorMaterial {
   bool has_reflectance = false;  // Then eta and k follow from reflectance; else from eta and k.
   ColorInput reflectance, eta, k;
 };
+// Relative index of refraction. mean is what RGB transport uses; spectrum is kRgb, and unused,
+// where the index is the same at every wavelength. Its ends hold beyond them.
+struct RefractiveIndex {
+  float mean = 1.5f;
+  ColorSpec spectrum;
+  bool Disperses() const { return spectrum.kind != ColorSpec::Kind::kRgb; }
+  // Matter of the same index on both sides neither bends nor reflects.
+  bool IsMatched() const { return mean == 1 && !Disperses(); }
+};
 struct DielectricMaterial {
   RoughnessInput roughness;
-  float eta = 1.5f;
+  RefractiveIndex eta;
 };
 struct ThinDielectricMaterial {
-  float eta = 1.5f;
+  RefractiveIndex eta;
 };
 struct CoatedDiffuseMaterial {
   RoughnessInput roughness;

@@ -16,9 +16,7 @@ namespace {
 
 namespace data = spectrum_data;
 
-// Integrals over wavelength are sums over these, pbrt-v4's range.
-constexpr int kFirstNm = 360, kLastNm = 830;
-constexpr size_t kWavelengthCount = kLastNm - kFirstNm + 1;
+constexpr int kFirstNm = kSpectrumFirstNm, kLastNm = kSpectrumLastNm;
 constexpr double kElectronVoltNm =
     1239.84;  // Wavelength of a photon of 1 eV, as the tables have it.
 
@@ -132,7 +130,7 @@ Xyz Integrate(const Function& radiance) {
 
 // Linear sRGB whose white is exactly that of our D65 table, so that grey stays grey.
 struct ColorSpace {
-  std::array<double, kWavelengthCount> d65;  // Normalised to luminance 1.
+  std::array<double, kSpectrumCount> d65;  // Normalised to luminance 1.
   std::array<std::array<double, 3>, 3> rgb_from_xyz;
 };
 
@@ -141,7 +139,7 @@ ColorSpace MakeColorSpace() {
   ColorSpace space;
   const double temperature_k = *DaylightTemperature("stdillum-D65");
   const Xyz white = Integrate([&](int nm) { return Daylight(temperature_k, nm); });
-  for (size_t i = 0; i < kWavelengthCount; ++i) {
+  for (size_t i = 0; i < kSpectrumCount; ++i) {
     space.d65[i] = Daylight(temperature_k, kFirstNm + static_cast<double>(i)) / white.y;
   }
   // Chromaticities of the sRGB primaries. Source: IEC 61966-2-1.
@@ -189,8 +187,12 @@ Rgb Clamp(Rgb rgb, float maximum) {
   return rgb;
 }
 
+Xyz IlluminantXyz(const ColorSpec& spectrum) {
+  return Integrate([&](int nm) { return EvaluateSpectrum(spectrum, nm); });
+}
+
 Rgb IlluminantRgb(const ColorSpec& spectrum) {
-  Xyz xyz = Integrate([&](int nm) { return EvaluateSpectrum(spectrum, nm); });
+  Xyz xyz = IlluminantXyz(spectrum);
   if (!(xyz.y > 0)) return Rgb{};
   xyz = {xyz.x / xyz.y, 1, xyz.z / xyz.y};
   return Clamp(ToRgb(xyz), INFINITY);
@@ -201,13 +203,10 @@ Rgb IlluminantRgb(const ColorSpec& spectrum) {
 Rgb ChannelMeans(const ColorSpec& spectrum) {
   Rgb means;
   for (size_t i = 0; i < 3; ++i) {
-    const auto& row = Space().rgb_from_xyz[i];
     double sum = 0, weights = 0;
     for (int nm = kFirstNm; nm <= kLastNm; ++nm) {
-      const double sensitivity = row[0] * CmfAt(data::kCmfX, nm) + row[1] * CmfAt(data::kCmfY, nm) +
-                                 row[2] * CmfAt(data::kCmfZ, nm);
       const double weight =
-          std::max(0.0, sensitivity) * Space().d65[static_cast<size_t>(nm - kFirstNm)];
+          std::max(0.0, ObserverRgb(nm)[i]) * Space().d65[static_cast<size_t>(nm - kFirstNm)];
       sum += weight * EvaluateSpectrum(spectrum, nm);
       weights += weight;
     }
@@ -263,6 +262,23 @@ double EvaluateSpectrum(const ColorSpec& spectrum, double wavelength_nm) {
   return 0;
 }
 
+std::array<double, 3> ObserverRgb(double wavelength_nm) {
+  std::array<double, 3> rgb{};
+  for (size_t i = 0; i < 3; ++i) {
+    const auto& row = Space().rgb_from_xyz[i];
+    rgb[i] = row[0] * CmfAt(data::kCmfX, wavelength_nm) +
+             row[1] * CmfAt(data::kCmfY, wavelength_nm) +
+             row[2] * CmfAt(data::kCmfZ, wavelength_nm);
+  }
+  return rgb;
+}
+
+double UnitD65(double wavelength_nm) {
+  return Equidistant(Space().d65.data(), kSpectrumCount, kFirstNm, 1, wavelength_nm);
+}
+
+double SpectrumLuminance(const ColorSpec& spectrum) { return IlluminantXyz(spectrum).y; }
+
 Rgb SpectrumToRgb(const ColorSpec& spectrum, ColorRole role) {
   if (spectrum.kind == ColorSpec::Kind::kRgb) return spectrum.rgb;
   if (role == ColorRole::kIlluminant) return IlluminantRgb(spectrum);
@@ -280,6 +296,23 @@ float MeanIndex(const ColorSpec& eta) {
     weights += weight;
   }
   return static_cast<float>(sum / weights);
+}
+
+double IndexAt(const ColorSpec& eta, double wavelength_nm) {
+  if (eta.kind == ColorSpec::Kind::kRgb) return static_cast<double>(Luminance(eta.rgb));
+  if (eta.kind == ColorSpec::Kind::kSampled && !eta.wavelengths_nm.empty()) {
+    wavelength_nm = std::clamp(wavelength_nm, static_cast<double>(eta.wavelengths_nm.front()),
+                               static_cast<double>(eta.wavelengths_nm.back()));
+  }
+  return EvaluateSpectrum(eta, wavelength_nm);
+}
+
+bool VariesWithWavelength(const ColorSpec& spectrum) {
+  const double first = IndexAt(spectrum, kFirstNm);
+  for (int nm = kFirstNm; nm <= kLastNm; ++nm) {
+    if (IndexAt(spectrum, nm) != first) return true;
+  }
+  return false;
 }
 
 double ConductorNormalReflectance(double eta, double k) {

@@ -8,6 +8,8 @@
 // CIE 15:2004 (colour matching functions, illuminants), IEC 61966-2-1 (sRGB primaries).
 #pragma once
 
+#include <array>
+#include <cstddef>
 #include <string>
 #include <vector>
 
@@ -24,6 +26,19 @@ std::vector<std::string> NamedSpectra();
 // spectral radiance in W sr^-1 m^-3. Requires: spectrum.kind is not kRgb; a named one exists.
 double EvaluateSpectrum(const ColorSpec& spectrum, double wavelength_nm);
 
+// Integrals over wavelength are sums over every whole nanometre of this range, pbrt-v4's.
+inline constexpr int kSpectrumFirstNm = 360, kSpectrumLastNm = 830;
+inline constexpr size_t kSpectrumCount = kSpectrumLastNm - kSpectrumFirstNm + 1;
+
+// Linear sRGB, negative components included, that spectral radiance of 1 adds at a wavelength: the
+// CIE 1931 observer seen through the sRGB primaries. Held at the range's ends outside of it.
+std::array<double, 3> ObserverRgb(double wavelength_nm);
+// Spectral radiance of D65 scaled to luminance 1, so that it integrates to linear sRGB (1, 1, 1).
+double UnitD65(double wavelength_nm);
+// Luminance of the spectrum as written, which its use as an illuminant divides by.
+// Requires: as EvaluateSpectrum.
+double SpectrumLuminance(const ColorSpec& spectrum);
+
 // Linear sRGB of a colour in its role. kRgb colours are returned as they are. Reflectances and
 // illuminants outside of the sRGB gamut are clamped to it (reflectances to [0, 1], illuminants to
 // >= 0): negative components would make negative light.
@@ -33,6 +48,12 @@ Rgb SpectrumToRgb(const ColorSpec& spectrum, ColorRole role);
 // Index of refraction of an uncoloured dielectric: the mean over wavelengths weighted by D65 and
 // luminous efficiency. RGB transport has no dispersion.
 float MeanIndex(const ColorSpec& eta);
+
+// Whether the spectrum has more than one value between 360 and 830 nm.
+bool VariesWithWavelength(const ColorSpec& spectrum);
+// An index of refraction at a wavelength: as EvaluateSpectrum, but the ends of a table hold beyond
+// them.
+double IndexAt(const ColorSpec& eta, double wavelength_nm);
 
 // Index of refraction and absorption of a conductor, per channel.
 struct ConductorConstants {

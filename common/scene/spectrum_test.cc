@@ -56,6 +56,26 @@ TEST(SpectrumTest, IlluminantsHaveLuminanceOneWhateverTheirMagnitude) {
   ExpectNear(one, {1.2048f, 0.9483f, 0.9087f}, 2e-3f);
 }
 
+TEST(SpectrumTest, ObserverAndUnitD65AreWhatIlluminantsAreIntegratedWith) {
+  ColorSpec warm = BlackbodyOf(3000);
+  const double luminance = SpectrumLuminance(warm);
+  std::array<double, 3> white{}, light{};
+  for (int nm = kSpectrumFirstNm; nm <= kSpectrumLastNm; ++nm) {
+    const std::array<double, 3> observer = ObserverRgb(nm);
+    for (size_t i = 0; i < 3; ++i) {
+      white[i] += observer[i] * UnitD65(nm);
+      light[i] += observer[i] * EvaluateSpectrum(warm, nm) / luminance;
+    }
+  }
+  const Rgb expected = SpectrumToRgb(warm, ColorRole::kIlluminant);
+  for (size_t i = 0; i < 3; ++i) {
+    EXPECT_NEAR(white[i], 1, 1e-9);
+    EXPECT_NEAR(light[i], expected[i], 1e-6);
+  }
+  EXPECT_EQ(UnitD65(300), UnitD65(360));
+  EXPECT_NEAR(UnitD65(500.5), 0.5 * (UnitD65(500) + UnitD65(501)), 1e-12);
+}
+
 TEST(SpectrumTest, BlackbodyHasTheChromaticityOfThePlanckianLocus) {
   // (x, y) = (0.4476, 0.4074) at 2856 K (illuminant A), as linear sRGB of luminance 1.
   ExpectNear(SpectrumToRgb(BlackbodyOf(2856), ColorRole::kIlluminant),

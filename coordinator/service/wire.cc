@@ -8,49 +8,13 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
 #include "common/base/digest.h"
+#include "common/rpc/settings_codec.h"
 
 namespace sheaf::coordinator {
 namespace {
 
 absl::Status Invalid(const std::string& field, const std::string& why) {
   return absl::InvalidArgumentError(absl::StrCat(field, ": ", why));
-}
-
-PixelRect FromWire(const v1::PixelRect& rect) {
-  return {rect.x0_px(), rect.y0_px(), rect.x1_px(), rect.y1_px()};
-}
-
-v1::PixelRect ToWire(const PixelRect& rect) {
-  v1::PixelRect wire;
-  wire.set_x0_px(rect.x0);
-  wire.set_y0_px(rect.y0);
-  wire.set_x1_px(rect.x1);
-  wire.set_y1_px(rect.y1);
-  return wire;
-}
-
-FrameSettings FromWire(const v1::FrameSettings& wire) {
-  FrameSettings settings;
-  settings.width_px = wire.width_px();
-  settings.height_px = wire.height_px();
-  settings.window = FromWire(wire.window());
-  settings.samples = wire.sample_count();
-  settings.max_depth = wire.depth_max();
-  settings.seed = wire.seed();
-  settings.force_generic_variant = wire.force_generic_variant();
-  return settings;
-}
-
-v1::FrameSettings ToWire(const FrameSettings& settings) {
-  v1::FrameSettings wire;
-  wire.set_width_px(settings.width_px);
-  wire.set_height_px(settings.height_px);
-  *wire.mutable_window() = ToWire(settings.window);
-  wire.set_sample_count(settings.samples);
-  wire.set_depth_max(settings.max_depth);
-  wire.set_seed(settings.seed);
-  wire.set_force_generic_variant(settings.force_generic_variant);
-  return wire;
 }
 
 Partition FromWire(const v1::Partition& wire) {
@@ -216,7 +180,7 @@ absl::StatusOr<JobSpec> FromWire(const v1::CreateJobRequest& request) {
     FrameSpec frame;
     frame.frame_number = wire.frame_number();
     frame.scene = *std::move(scene);
-    frame.settings = FromWire(wire.settings());
+    frame.settings = sheaf::FromWire(wire.settings());
     spec.frames.push_back(std::move(frame));
   }
   return spec;
@@ -259,7 +223,7 @@ absl::StatusOr<ResultReport> FromWire(const v1::ResultHeader& header) {
   ResultReport report;
   report.frame_digest = header.key().frame_digest();
   if (!IsSha256Hex(report.frame_digest)) return Invalid("key.frame_digest", "is not a SHA-256");
-  report.tile = FromWire(header.key().tile());
+  report.tile = sheaf::FromWire(header.key().tile());
   report.block = {header.key().block().first(), header.key().block().count()};
   if (!IsAligned(report.block)) return Invalid("key.block", "is not an aligned power of two");
   report.lease_id = header.lease_id();

@@ -22,7 +22,7 @@
 namespace sheaf::coordinator {
 namespace {
 
-constexpr int64_t kSchemaVersion = 1;
+constexpr int64_t kSchemaVersion = 2;
 // Lease ids of one life lie below those of the next; no life grants so many.
 constexpr int kLeaseIdBitsPerLife = 40;
 
@@ -50,6 +50,12 @@ CREATE TABLE parts(
   sha256 TEXT NOT NULL, size_bytes INTEGER NOT NULL, worker_id TEXT NOT NULL,
   ray_count INTEGER NOT NULL, nonfinite_count INTEGER NOT NULL, cpu_ns INTEGER NOT NULL,
   PRIMARY KEY(job_id, frame_number, y0, x0, first, count)) WITHOUT ROWID;
+)sql";
+
+// From version 1: its frames were rendered with what are now the defaults.
+constexpr char kAddColumns[] = R"sql(
+ALTER TABLE frames ADD COLUMN color INTEGER NOT NULL DEFAULT 0;
+ALTER TABLE frames ADD COLUMN single_scattering INTEGER NOT NULL DEFAULT 0;
 )sql";
 
 int64_t ToNanoseconds(absl::Time time) {
@@ -120,8 +126,8 @@ absl::Status SqliteJobStore::MigrateSchema() {
                      ", this one knows ", kSchemaVersion, ")"));
   }
   if (version == kSchemaVersion) return absl::OkStatus();
-  return database_->Execute(
-      absl::StrCat("BEGIN;", kSchema, "PRAGMA user_version=", kSchemaVersion, ";COMMIT;"));
+  return database_->Execute(absl::StrCat("BEGIN;", version == 0 ? kSchema : "", kAddColumns,
+                                         "PRAGMA user_version=", kSchemaVersion, ";COMMIT;"));
 }
 
 std::string SqliteJobStore::FrameDirectory(const FrameId& frame) const {
@@ -141,7 +147,8 @@ absl::Status SqliteJobStore::LoadFrames(StoredJob* job) {
       "x1, "
       "y1, samples, max_depth, seed, force_generic, delivered, picture_digest, relative_mse, "
       "wall_ns, "
-      "ray_count, nonfinite_count, cpu_ns FROM frames WHERE job_id = ? ORDER BY frame_number");
+      "ray_count, nonfinite_count, cpu_ns, color, single_scattering FROM frames WHERE job_id = ? "
+      "ORDER BY frame_number");
   query.Bind(job->spec.job_id);
   while (true) {
     const absl::StatusOr<bool> row = query.Step();
@@ -160,6 +167,8 @@ absl::Status SqliteJobStore::LoadFrames(StoredJob* job) {
     s.max_depth = edge(11);
     s.seed = static_cast<uint64_t>(query.Int64(12));
     s.force_generic_variant = query.Int64(13) != 0;
+    s.color = static_cast<ColorTransport>(query.Int64(21));
+    s.single_scattering = query.Int64(22) != 0;
     if (query.Int64(14) != 0) {
       StoredFrame stored{frame.frame_number, {}};
       stored.delivered = {
@@ -280,8 +289,8 @@ absl::StatusOr<JobStore::CreatedJob> SqliteJobStore::CreateJob(const JobSpec& sp
     SqliteStatement frames = database_->Prepare(
         "INSERT INTO frames(job_id, frame_number, scene_sha256, scene_bytes, frame_digest, "
         "width_px, "
-        "height_px, x0, y0, x1, y1, samples, max_depth, seed, force_generic) "
-        "VALUES(?,?,?,?,?,?,?,?,?,?,?,?,?,?,?)");
+        "height_px, x0, y0, x1, y1, samples, max_depth, seed, force_generic, color, "
+        "single_scattering) VALUES(?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?)");
     for (const FrameSpec& frame : spec.frames) {
       const FrameSettings& s = frame.settings;
       status = frames.Bind(created.job_id)
@@ -299,6 +308,8 @@ absl::StatusOr<JobStore::CreatedJob> SqliteJobStore::CreateJob(const JobSpec& sp
                    .Bind(s.max_depth)
                    .Bind(s.seed)
                    .Bind(s.force_generic_variant ? 1 : 0)
+                   .Bind(static_cast<int32_t>(s.color))
+                   .Bind(s.single_scattering ? 1 : 0)
                    .Run();
       if (!status.ok()) return status;
     }

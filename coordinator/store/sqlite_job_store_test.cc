@@ -55,6 +55,8 @@ class SqliteJobStoreTest : public testing::Test {
       frame.settings.samples = 77;
       frame.settings.max_depth = 9;
       frame.settings.seed = UINT64_MAX - 1;
+      frame.settings.color = ColorTransport::kSpectral;
+      frame.settings.single_scattering = true;
       spec.frames.push_back(frame);
     }
     return spec;
@@ -97,6 +99,8 @@ TEST_F(SqliteJobStoreTest, JobsSurviveAReopen) {
   ASSERT_EQ(stored.spec.frames.size(), 2u);
   EXPECT_EQ(stored.spec.frames[0].frame_number, -5);
   EXPECT_EQ(stored.spec.frames[1].settings.seed, UINT64_MAX - 1);
+  EXPECT_EQ(stored.spec.frames[1].settings.color, ColorTransport::kSpectral);
+  EXPECT_TRUE(stored.spec.frames[1].settings.single_scattering);
   EXPECT_EQ(stored.spec.frames[1].settings.window, (PixelRect{1, 2, 3, 4}));
   ASSERT_EQ(stored.delivered.size(), 1u);
   EXPECT_EQ(stored.delivered[0].delivered.cost.cpu_duration, absl::Seconds(4));
@@ -198,6 +202,22 @@ TEST_F(SqliteJobStoreTest, SecondStoreOnTheDirectoryIsRefused) {
   EXPECT_THAT(std::string(status.message()), HasSubstr(directory_));
 }
 
+TEST_F(SqliteJobStoreTest, EarlierSchemaIsBroughtUpToDate) {
+  CreateJob("a");
+  store_.reset();
+  ASSERT_TRUE((*SqliteDatabase::Open(directory_ + "/farm.db"))
+                  ->Execute("ALTER TABLE frames DROP COLUMN color;"
+                            "ALTER TABLE frames DROP COLUMN single_scattering;"
+                            "PRAGMA user_version=1;")
+                  .ok());
+  Reopen();
+  const auto jobs = store_->LoadJobs();
+  ASSERT_TRUE(jobs.ok());
+  ASSERT_EQ(jobs->size(), 1u);
+  EXPECT_EQ((*jobs)[0].spec.frames[0].settings.seed, UINT64_MAX - 1);
+  EXPECT_EQ((*jobs)[0].spec.frames[0].settings.color, ColorTransport::kAuto);
+}
+
 TEST_F(SqliteJobStoreTest, LaterSchemaIsRefused) {
   store_.reset();
   ASSERT_TRUE(
@@ -206,7 +226,7 @@ TEST_F(SqliteJobStoreTest, LaterSchemaIsRefused) {
   EXPECT_EQ(status.code(), absl::StatusCode::kFailedPrecondition);
   EXPECT_THAT(std::string(status.message()), HasSubstr("later version"));
   ASSERT_TRUE(
-      (*SqliteDatabase::Open(directory_ + "/farm.db"))->Execute("PRAGMA user_version=1").ok());
+      (*SqliteDatabase::Open(directory_ + "/farm.db"))->Execute("PRAGMA user_version=2").ok());
   Reopen();
 }
 

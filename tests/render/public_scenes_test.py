@@ -4,12 +4,12 @@
 """Pictures of public scenes against pictures another renderer made of them.
 
 Needs SHEAF_PUBLIC_SCENES (a folder with the scenes and references/NAME.exr); skips without. The
-reference renderer transports spectra and stores half floats, so the allowance is 1.5 % of a
-channel's mean (3 % with coats or measured spectra), and no tile of 16x16 may be off by more than 5
-standard errors beyond that share of the tile's mean. Four scenes miss the tiles and are marked so:
-transport is RGB (saturated reflectances differ from spectra), and the reference's rough coats
-scatter once and lose energy. A mark whose scene comes to pass makes the test fail.
-SHEAF_SAMPLES changes the samples per pixel.
+reference renderer transports spectra and its rough surfaces scatter once, so ours are rendered with
+--color spectral --single-scattering; it stores half floats. The allowance is 1.5 % of a channel's
+mean (3 % with coats), and no tile of 16x16 may be off by more than 5 standard errors beyond that
+share of the tile's mean. One scene is allowed more in its tiles: the reference overestimates light
+that leaves a rough coat by 7 to 13 %, as CoatTableTest.WeightsOfTheReferenceRendererDoNotAddUpToOne
+shows. SHEAF_SAMPLES changes the samples per pixel.
 """
 import functools
 import json
@@ -23,27 +23,28 @@ sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), ".."
 import farm  # noqa: E402
 
 SAMPLES = int(os.environ.get("SHEAF_SAMPLES", "256"))
-PLAIN, COATED = 0.015, 0.03
-# name: (scene, samples of the reference, allowance)
+PLAIN, COATED, REFERENCE_COAT = 0.015, 0.03, 0.13
+# name: (scene, samples of the reference, allowance of means, of tiles)
 SCENES = {
-    "cornell-box": ("cornell-box/cornell-box-small.pbrt", 2048, PLAIN),
-    "cornell-specular": ("cornell-box/cornell-box-specular-small.pbrt", 1024, PLAIN),
-    "killeroo-simple": ("killeroos/killeroo-simple-small.pbrt", 1024, COATED),
-    "veach-mis": ("veach-mis/veach-mis-small.pbrt", 1024, COATED),
-    "material-testball": ("material-testball/material-testball-small.pbrt", 1024, COATED),
+    "cornell-box": ("cornell-box/cornell-box-small.pbrt", 2048, PLAIN, PLAIN),
+    "cornell-specular": ("cornell-box/cornell-box-specular-small.pbrt", 1024, PLAIN, PLAIN),
+    "killeroo-simple": ("killeroos/killeroo-simple-small.pbrt", 1024, COATED, REFERENCE_COAT),
+    "veach-mis": ("veach-mis/veach-mis-small.pbrt", 1024, PLAIN, PLAIN),
+    "material-testball": ("material-testball/material-testball-small.pbrt", 1024, COATED, COATED),
 }
 
 
 @functools.lru_cache(maxsize=None)
 def comparison(name):
     """What `sheaf compare` says of our picture of a scene; rendered once."""
-    scene, reference_samples, allowance = SCENES[name]
+    scene, reference_samples, _, tile_allowance = SCENES[name]
     with tempfile.TemporaryDirectory() as folder:
         picture = os.path.join(folder, name + ".exr")
-        farm.render(os.path.join(farm.public_scenes(), scene), picture, "--samples", SAMPLES)
+        farm.render(os.path.join(farm.public_scenes(), scene), picture, "--samples", SAMPLES,
+                    "--color", "spectral", "--single-scattering")
         done = subprocess.run(
             [os.path.join(farm.programs(), "sheaf"), "compare", "--json", "--tiles",
-             "--allow", str(allowance), "--sigmas", "5", "--reference-samples",
+             "--allow", str(tile_allowance), "--sigmas", "5", "--reference-samples",
              str(reference_samples),
              os.path.join(farm.public_scenes(), "references", name + ".exr"), picture],
             capture_output=True, text=True)
@@ -54,33 +55,17 @@ def comparison(name):
 @unittest.skipUnless(farm.public_scenes(), "SHEAF_PUBLIC_SCENES is not set: comparison skipped")
 class PublicScenesTest(unittest.TestCase):
     def test_channel_means(self):
-        for name, (_, _, allowance) in SCENES.items():
+        for name, (_, _, allowance, _) in SCENES.items():
             with self.subTest(name):
                 for ratio in comparison(name)["mean_ratio"]:
                     self.assertLess(abs(ratio - 1), allowance, "mean of a channel")
                 self.assertEqual(comparison(name)["nonfinite_count"], 0)
 
-    def expect_no_tile_beyond(self, name):
-        self.assertEqual(comparison(name)["tiles_beyond"], 0, "tiles beyond 5 standard errors")
-
-    def test_tiles_of_veach_mis(self):
-        self.expect_no_tile_beyond("veach-mis")
-
-    @unittest.expectedFailure
-    def test_tiles_of_cornell_box(self):
-        self.expect_no_tile_beyond("cornell-box")
-
-    @unittest.expectedFailure
-    def test_tiles_of_cornell_specular(self):
-        self.expect_no_tile_beyond("cornell-specular")
-
-    @unittest.expectedFailure
-    def test_tiles_of_killeroo_simple(self):
-        self.expect_no_tile_beyond("killeroo-simple")
-
-    @unittest.expectedFailure
-    def test_tiles_of_material_testball(self):
-        self.expect_no_tile_beyond("material-testball")
+    def test_tiles(self):
+        for name in SCENES:
+            with self.subTest(name):
+                self.assertEqual(comparison(name)["tiles_beyond"], 0,
+                                 "tiles beyond 5 standard errors")
 
 
 if __name__ == "__main__":

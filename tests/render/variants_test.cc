@@ -77,23 +77,36 @@ std::vector<Case> Cases() {
   };
 }
 
-TEST(VariantsTest, EveryVariantGivesTheGenericPicture) {
+class EveryVariantTest : public ::testing::TestWithParam<ColorTransport> {};
+
+TEST_P(EveryVariantTest, GivesTheGenericPicture) {
   const std::vector<Variant> variants = AllVariants();
   for (const Case& c : Cases()) {
     TestScene t = Base();
     c.add(t);
-    const CompiledScenePtr scene = Compile(t.scene, SquareSettings(16, 16, 6));
-    const FilmTile generic = RenderWith(*scene, variants.size() - 1);
+    FrameSettings settings = SquareSettings(16, 16, 6);
+    settings.color = GetParam();
+    const CompiledScenePtr scene = Compile(t.scene, settings);
+    const uint32_t traits = PlanOf(*scene).traits;
+    const size_t generic_index = ChooseVariant(traits, true);
+    const FilmTile generic = RenderWith(*scene, generic_index);
     EXPECT_GT(MeanOf(generic).mean.g, 0.01f) << c.name;
+    const bool spectral = Has(traits, Trait::kSpectral);
+    EXPECT_EQ(spectral, GetParam() == ColorTransport::kSpectral);
     size_t compared = 0;
-    for (size_t i = 0; i + 1 < variants.size(); ++i) {
-      if ((PlanOf(*scene).traits & ~variants[i].traits) != 0) continue;
+    for (size_t i = 0; i < variants.size(); ++i) {
+      const bool serves = (traits & ~variants[i].traits) == 0 &&
+                          Has(variants[i].traits, Trait::kSpectral) == spectral;
+      if (!serves || i == generic_index) continue;
       EXPECT_TRUE(RenderWith(*scene, i) == generic) << c.name << " by " << variants[i].name;
       ++compared;
     }
-    EXPECT_GE(compared, 1u) << c.name;
+    EXPECT_GE(compared + (spectral ? 1 : 0), 1u) << c.name;
   }
 }
+INSTANTIATE_TEST_SUITE_P(Colors, EveryVariantTest,
+                         ::testing::Values(ColorTransport::kRgb, ColorTransport::kSpectral),
+                         [](const auto& color) { return ColorTransportName(color.param); });
 
 TEST(VariantsTest, TheSwitchForcesTheGenericVariantAndKeepsTheBits) {
   FrameSettings settings = SquareSettings(16, 16, 6);
@@ -115,7 +128,7 @@ TEST(VariantsTest, ThePlanSaysWhoAsked) {
   EXPECT_EQ(plan.effects[0].name, "lens");
   EXPECT_EQ(plan.effects[0].cause, "test.pbrt:12:1: Camera \"float lensradius\" [0.05]");
   EXPECT_EQ(plan.effects[1].trait, Trait::kAreaLights);
-  EXPECT_EQ(plan.unused.size(), 10u);
+  EXPECT_EQ(plan.unused.size(), 11u);
   const std::string text = FormatRenderPlan(plan);
   EXPECT_NE(text.find("variant: still-lens"), std::string::npos) << text;
   EXPECT_NE(text.find("lights: " + std::to_string(plan.light_count) + ", each weighed"),

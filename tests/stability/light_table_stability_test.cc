@@ -217,7 +217,7 @@ TEST(LightTableStabilityTest, L8NoLightAndOneLight) {
 TEST(LightTableStabilityTest, L9AMillionLightsAtOnePoint) {
   LightTableInput input;
   constexpr size_t kCount = 1000000;
-  const TriangleEmitter t{{-0.5f, -0.5f, 2}, {0, 0.5f, 2}, {0.5f, -0.5f, 2}, {1e-6f, 1e-6f, 1e-6f}};
+  const TriangleEmitter t{{-0.5f, -0.5f, 2}, {0, 0.5f, 2}, {0.5f, -0.5f, 2}, Rgb::Grey(1e-6f)};
   input.triangles.assign(kCount, t);
   const auto start = std::chrono::steady_clock::now();
   const auto table = MakeTable(input);
@@ -243,7 +243,7 @@ TEST(LightTableStabilityTest, L10ManyDifferentLightsAddUp) {
       const double d = 5 + 20 * double{random.Next()}, tilt = 0.9 * double{random.Next()};
       const float radiance = 0.1f + random.Next();
       input.spheres.push_back(
-          {{d * tilt, 0, d * std::sqrt(1 - tilt * tilt)}, 0.5, {radiance, 1, 1}});
+          {{d * tilt, 0, d * std::sqrt(1 - tilt * tilt)}, 0.5, Rgb{radiance, 1, 1}});
       expected += double{radiance} * kPi * 0.25 / (d * d) * std::sqrt(1 - tilt * tilt);
     }
     ExpectNear(EstimateIrradiance(*MakeTable(input), kOrigin, kUp, 16384), expected, 1e-6);
@@ -253,7 +253,7 @@ TEST(LightTableStabilityTest, L10ManyDifferentLightsAddUp) {
 TEST(LightTableStabilityTest, L10InfiniteAndLocalLightsTogether) {
   LightTableInput input;
   for (int i = 0; i < 40; ++i) {
-    input.spheres.push_back({{0, 0, 10.0 + i}, 1, {100, 100, 100}});
+    input.spheres.push_back({{0, 0, 10.0 + i}, 1, Rgb::Grey(100)});
   }
   double expected = kPi * 0.01 + 0.5;
   for (int i = 0; i < 40; ++i) expected += 100 * kPi / ((10.0 + i) * (10.0 + i));
@@ -266,7 +266,7 @@ TEST(LightTableStabilityTest, L10InfiniteAndLocalLightsTogether) {
 
 TEST(LightTableStabilityTest, L11NegativeLightsCancelAndBlackOnesAreNotChosen) {
   LightTableInput input;
-  input.spheres = {{{0, 0, 3}, 1, kWhite}, {{0, 0, 3}, 1, {-1, -1, -1}}};
+  input.spheres = {{{0, 0, 3}, 1, kWhite}, {{0, 0, 3}, 1, Rgb::Grey(-1)}};
   const Estimate estimate = EstimateIrradiance(*MakeTable(input), kOrigin, kUp, 4096);
   EXPECT_NEAR(estimate.mean, 0, 6 * estimate.standard_error + 1e-7);
   input.spheres[1].radiance = {};
@@ -309,7 +309,7 @@ TEST(LightTableStabilityTest, L14LightsWithoutSizeAreNoLights) {
   input.triangles = {{{1, 1, 1}, {1, 1, 1}, {1, 1, 1}, kWhite},
                      {{0, 0, 1}, {1, 0, 1}, {2, 0, 1}, kWhite, true},
                      {{nan, 0, 1}, {1, 0, 1}, {0, 1, 1}, kWhite, true},
-                     {{0, 0, 1}, {1, 0, 1}, {0, 1, 1}, {nan, 1, 1}, true}};
+                     {{0, 0, 1}, {1, 0, 1}, {0, 1, 1}, Rgb{nan, 1, 1}, true}};
   input.spheres = {{{0, 0, 3}, 0, kWhite}};
   input.disks = {{{0, 0, 3}, {0, 0, -1}, {1, 0, 0}, 0, 0, kWhite},
                  {{0, 0, 3}, {0, 0, -1}, {1, 0, 0}, 1, 1, kWhite}};
@@ -361,7 +361,7 @@ TEST(LightTableStabilityTest, L15TinySunKeepsItsFlux) {
     const double sine = std::sin(0.5 * degrees * kPi / 180), d = 1e6;
     LightTableInput input;
     const float radiance = static_cast<float>(1 / (kPi * sine * sine));
-    input.spheres = {{{0, 0, d}, d * sine, {radiance, radiance, radiance}}};
+    input.spheres = {{{0, 0, d}, d * sine, Rgb::Grey(radiance)}};
     ExpectNear(EstimateIrradiance(*MakeTable(input), kOrigin, kUp), 1, 1e-6);
   }
 }

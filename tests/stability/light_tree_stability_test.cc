@@ -262,11 +262,8 @@ TEST(LightTreeStabilityTest, L12ManyTrianglesGiveTheSumOfEach) {
   for (int i = 0; i < 600; ++i) {
     const Vec3f v0 = RandomVector(&random, 1);
     const float radiance = std::pow(10.0f, 2 * random.Next());
-    input.triangles.push_back({v0,
-                               v0 + RandomVector(&random, 0.2f),
-                               v0 + RandomVector(&random, 0.2f),
-                               {radiance, radiance, radiance},
-                               i % 5 == 0});
+    input.triangles.push_back({v0, v0 + RandomVector(&random, 0.2f),
+                               v0 + RandomVector(&random, 0.2f), Rgb::Grey(radiance), i % 5 == 0});
   }
   const auto table = MakeTable(input);
   for (const Vec3f& p : {Vec3f{0.1f, 0.2f, -0.1f}, Vec3f{3, 0, -1}, Vec3f{0, 0, -30}}) {

@@ -285,7 +285,9 @@ TEST(MaterialStability, M7_PerfectReflectanceNeitherLosesNorGains) {
 TEST(MaterialStability, M8_ASlabOfTwoInterfacesTransmitsItsClosedForm) {
   for (const auto& [n, transmitted] :
        {std::array<double, 2>{1.5, 0.923076923}, {1.33, 0.960670302}}) {
-    Bsdf bsdf{.kind = BsdfKind::kThinDielectric, .specular = true};
+    Bsdf bsdf;
+    bsdf.kind = BsdfKind::kThinDielectric;
+    bsdf.specular = true;
     bsdf.eta = static_cast<float>(n);
     constexpr int kDraws = 100000;
     int crossed = 0;

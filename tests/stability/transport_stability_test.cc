@@ -178,10 +178,10 @@ TEST(TransportStability, M5GlassOfIndexOneIsNotThere) {
   RenderPlan plan;
   const FilmTile passed = RoomWithBox(InterfaceMaterial{}, &plan);
   DielectricMaterial smooth, rough;
-  smooth.eta = rough.eta = 1;
+  smooth.eta.mean = rough.eta.mean = 1;
   rough.roughness.u.value = rough.roughness.v.value = 0.3f;
   ThinDielectricMaterial thin;
-  thin.eta = 1;
+  thin.eta.mean = 1;
   const FilmTile boxes[] = {RoomWithBox(smooth, &plan), RoomWithBox(rough, &plan),
                             RoomWithBox(thin, &plan)};
   EXPECT_TRUE(plan.traits & static_cast<uint32_t>(Trait::kAlpha));

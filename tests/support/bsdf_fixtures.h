@@ -21,20 +21,29 @@ struct BsdfFixture {
   std::shared_ptr<const void> table;
 };
 
+inline render::Bsdf MakeBsdfOfKind(render::BsdfKind kind, float alpha_x = 0, float alpha_y = 0,
+                                   float eta = 1) {
+  render::Bsdf bsdf;
+  bsdf.kind = kind;
+  bsdf.alpha_x = alpha_x;
+  bsdf.alpha_y = alpha_y;
+  bsdf.eta = eta;
+  return bsdf;
+}
+
 inline BsdfFixture MakeDiffuseFixture(Rgb reflectance) {
-  return {"diffuse", {.kind = render::BsdfKind::kDiffuse, .color = reflectance}, nullptr};
+  BsdfFixture fixture{"diffuse", MakeBsdfOfKind(render::BsdfKind::kDiffuse), nullptr};
+  fixture.bsdf.color = reflectance;
+  return fixture;
 }
 
 // keeps_energy: with the lobe of returned energy; without it single scattering alone.
 inline BsdfFixture MakeConductorFixture(float alpha_x, float alpha_y, Rgb eta, Rgb k,
                                         bool keeps_energy) {
   BsdfFixture fixture{"conductor " + std::to_string(alpha_x) + " " + std::to_string(alpha_y),
-                      {.kind = render::BsdfKind::kConductor,
-                       .alpha_x = alpha_x,
-                       .alpha_y = alpha_y,
-                       .eta_rgb = eta,
-                       .k_rgb = k},
-                      nullptr};
+                      MakeBsdfOfKind(render::BsdfKind::kConductor, alpha_x, alpha_y), nullptr};
+  fixture.bsdf.conductor_eta = eta;
+  fixture.bsdf.conductor_k = k;
   fixture.bsdf.specular = render::Ggx{alpha_x, alpha_y}.IsSmooth();
   if (!keeps_energy || fixture.bsdf.specular) return fixture;
   const auto row = std::make_shared<render::ConductorEnergyRow>(
@@ -56,11 +65,10 @@ inline BsdfFixture MakeMirrorFixture(float alpha_x, float alpha_y, bool keeps_en
 
 inline BsdfFixture MakeDielectricFixture(float alpha_x, float alpha_y, float eta,
                                          bool keeps_energy) {
-  BsdfFixture fixture{
-      "dielectric " + std::to_string(alpha_x) + " " + std::to_string(alpha_y) + " eta " +
-          std::to_string(eta),
-      {.kind = render::BsdfKind::kDielectric, .alpha_x = alpha_x, .alpha_y = alpha_y, .eta = eta},
-      nullptr};
+  BsdfFixture fixture{"dielectric " + std::to_string(alpha_x) + " " + std::to_string(alpha_y) +
+                          " eta " + std::to_string(eta),
+                      MakeBsdfOfKind(render::BsdfKind::kDielectric, alpha_x, alpha_y, eta),
+                      nullptr};
   fixture.bsdf.specular = render::Ggx{alpha_x, alpha_y}.IsSmooth();
   if (!keeps_energy || fixture.bsdf.specular) return fixture;
   const auto row = std::make_shared<render::DielectricEnergyRow>(
@@ -74,14 +82,11 @@ inline BsdfFixture MakeCoatFixture(float alpha_x, float alpha_y, float eta, floa
                                    Rgb reflectance) {
   const auto row =
       std::make_shared<render::CoatRow>(render::MakeCoatRow({alpha_x, alpha_y}, eta, thickness));
-  return {"coat " + std::to_string(alpha_x) + " " + std::to_string(alpha_y),
-          {.kind = render::BsdfKind::kCoatedDiffuse,
-           .alpha_x = alpha_x,
-           .alpha_y = alpha_y,
-           .eta = eta,
-           .color = reflectance,
-           .coat = row.get()},
-          row};
+  BsdfFixture fixture{"coat " + std::to_string(alpha_x) + " " + std::to_string(alpha_y),
+                      MakeBsdfOfKind(render::BsdfKind::kCoatedDiffuse, alpha_x, alpha_y, eta), row};
+  fixture.bsdf.color = reflectance;
+  fixture.bsdf.coat = row.get();
+  return fixture;
 }
 
 // A direction at cosine mu; azimuth in radians.

@@ -24,7 +24,7 @@ LAYERS = {
     "common/image": ("common/base", "common/math"),
     "common/scene": ("common/base", "common/math", "common/film"),
     "common/content": ("common/base",),
-    "common/rpc": ("common/base", "common/content"),
+    "common/rpc": ("common/base", "common/content", "common/film", "common/scene"),
     "worker/render": ("common/base", "common/math", "common/film", "common/image",
                       "common/scene"),
     "worker/agent": ("common/base", "common/film", "common/scene", "common/content",

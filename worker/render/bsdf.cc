@@ -7,10 +7,11 @@
 
 namespace sheaf::render {
 
-#define SHEAF_INSTANTIATE_BSDF(name, traits)                                                      \
-  template std::optional<BsdfSample> SampleBsdf<traits>(const Bsdf& bsdf, Vec3f wo, float u_lobe, \
-                                                        Vec2f u);                                 \
-  template BsdfValue EvalBsdf<traits>(const Bsdf& bsdf, Vec3f wo, Vec3f wi);
+#define SHEAF_INSTANTIATE_BSDF(name, traits)                                                   \
+  template std::optional<BsdfSampleOf<ColorOf<(traits)>>> SampleBsdf<(traits)>(                \
+      const BsdfOf<ColorOf<(traits)>>&, Vec3f, float, Vec2f);                                  \
+  template BsdfValueOf<ColorOf<(traits)>> EvalBsdf<(traits)>(const BsdfOf<ColorOf<(traits)>>&, \
+                                                             Vec3f, Vec3f);
 SHEAF_RENDER_VARIANTS(SHEAF_INSTANTIATE_BSDF)
 #undef SHEAF_INSTANTIATE_BSDF
 

@@ -13,14 +13,10 @@
 #include "common/math/vec.h"
 #include "worker/render/coat_table.h"
 #include "worker/render/energy_table.h"
-#include "worker/render/render_plan.h"
+#include "worker/render/trait_set.h"
+#include "worker/render/wavelengths.h"
 
 namespace sheaf::render {
-
-constexpr bool Has(uint32_t traits, Trait trait) {
-  return (traits & static_cast<uint32_t>(trait)) != 0;
-}
-inline constexpr uint32_t kAllTraits = ~0u;
 
 enum BsdfFlags : uint8_t {
   kBsdfSpecular = 1,      // Delta distribution: pdf has no meaning, no light sampling, no MIS.
@@ -38,35 +34,45 @@ enum class BsdfKind : uint8_t {
   kInterface,  // Not there: rays pass straight through.
 };
 
-struct BsdfSample {
+// Color: Rgb, or Spectral at the wavelengths of the path.
+template <typename Color>
+struct BsdfSampleOf {
   Vec3f wi{};
-  Rgb weight{};         // f * |cos wi| / pdf; for delta lobes the reflectance over its probability.
+  Color weight{};       // f * |cos wi| / pdf; for delta lobes the reflectance over its probability.
   float pdf = 0;        // Solid angle, of the whole Bsdf at wi.
   float eta_scale = 1;  // (eta_i/eta_o)^2 picked up by transmitted radiance; for roulette.
   uint8_t flags = 0;
 };
-struct BsdfValue {
-  Rgb f_cos{};    // f(wo, wi) * |cos wi|.
+template <typename Color>
+struct BsdfValueOf {
+  Color f_cos{};  // f(wo, wi) * |cos wi|.
   float pdf = 0;  // Solid angle; 0 for delta lobes.
 };
 
 // Plain and small; fields are used by kind (material.h makes it). Row pointers belong to the
 // material table; where blend > 0 the row that follows in memory counts with that weight.
-struct Bsdf {
+struct BsdfShape {
   BsdfKind kind = BsdfKind::kBlack;
   bool specular = false;           // Delta lobes only: light sampling is skipped.
+  bool disperses = false;          // eta is that of the hero: the other wavelengths end here.
   float alpha_x = 0, alpha_y = 0;  // GGX widths; both below kSmoothAlpha is a delta lobe.
   float eta = 1;                   // Relative index, inside over outside of the surface's +z side.
   float blend = 0;                 // Weight of the second row of the tables below.
-  Rgb color{};                     // Reflectance (diffuse, coat base); conductors: see energy.
-  Rgb eta_rgb{}, k_rgb{};          // Conductors.
-  Rgb albedo{};                    // For the albedo channel.
   // Coats: never null. Conductors and dielectrics: null for single scattering alone; for conductors
   // with a row, color is the tint that repeated reflection gives the returned energy.
   const CoatRow* coat = nullptr;
   const ConductorEnergyRow* conductor_energy = nullptr;
   const DielectricEnergyRow* dielectric_energy = nullptr;
 };
+template <typename Color>
+struct BsdfOf : BsdfShape {
+  Color color{};                         // Reflectance (diffuse, coat base); conductors: energy.
+  Color conductor_eta{}, conductor_k{};  // Complex index.
+  Color albedo{};                        // For the albedo channel.
+};
+using Bsdf = BsdfOf<Rgb>;
+using BsdfSample = BsdfSampleOf<Rgb>;
+using BsdfValue = BsdfValueOf<Rgb>;
 
 // Radiance transport. None where the path ends (absorbed). Where the sample is not of a delta lobe,
 // pdf is EvalBsdf's for the same pair of directions, to the bit.
@@ -74,10 +80,11 @@ struct Bsdf {
 // coats; kAlpha: interfaces) are black in variants without it: the plan never chooses such a
 // variant. Both are defined in bsdf_inl.h, which integrator variants include, and compiled for
 // every variant of variant_list.h in bsdf.cc.
-template <uint32_t kTraits>
-std::optional<BsdfSample> SampleBsdf(const Bsdf& bsdf, Vec3f wo, float u_lobe, Vec2f u);
+template <uint32_t kTraits, typename Color>
+std::optional<BsdfSampleOf<Color>> SampleBsdf(const BsdfOf<Color>& bsdf, Vec3f wo, float u_lobe,
+                                              Vec2f u);
 // Delta lobes evaluate to 0.
-template <uint32_t kTraits>
-BsdfValue EvalBsdf(const Bsdf& bsdf, Vec3f wo, Vec3f wi);
+template <uint32_t kTraits, typename Color>
+BsdfValueOf<Color> EvalBsdf(const BsdfOf<Color>& bsdf, Vec3f wo, Vec3f wi);
 
 }  // namespace sheaf::render

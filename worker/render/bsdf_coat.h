@@ -16,18 +16,20 @@
 namespace sheaf::render {
 
 // The coat's table at one alpha and one wo.
+template <typename Color>
 struct CoatAt {
   float enter_o = 0;    // T(wo).
-  Rgb base;             // rho / (eta^2 (1 - rho K)).
+  Color base;           // rho / (eta^2 (1 - rho K)).
   float p_reflect = 0;  // How often the interface's own reflection is sampled.
 };
 
-inline float EnterAt(const Bsdf& bsdf, MuPosition p) {
+inline float EnterAt(const BsdfShape& bsdf, MuPosition p) {
   const float first = bsdf.coat[0].enter.At(p);
   return bsdf.blend > 0 ? first + bsdf.blend * (bsdf.coat[1].enter.At(p) - first) : first;
 }
 
-inline CoatAt MakeCoatAt(const Bsdf& bsdf, float mu_o) {
+template <typename Color>
+CoatAt<Color> MakeCoatAt(const BsdfOf<Color>& bsdf, float mu_o) {
   const MuPosition o = FindMu(mu_o);
   float reflect = bsdf.coat[0].reflect.At(o);
   float recapture = bsdf.coat[0].recapture, enter_average = bsdf.coat[0].enter_average;
@@ -36,21 +38,22 @@ inline CoatAt MakeCoatAt(const Bsdf& bsdf, float mu_o) {
     recapture += bsdf.blend * (bsdf.coat[1].recapture - recapture);
     enter_average += bsdf.blend * (bsdf.coat[1].enter_average - enter_average);
   }
-  CoatAt at;
+  CoatAt<Color> at;
   at.enter_o = EnterAt(bsdf, o);
   const float eta2 = bsdf.eta * bsdf.eta;
-  for (size_t c = 0; c < 3; ++c) {
-    at.base[c] = bsdf.color[c] / (eta2 * (1 - bsdf.color[c] * recapture));
-  }
+  at.base = MakeColor<Color>(
+      [&](size_t c) { return bsdf.color[c] / (eta2 * (1 - bsdf.color[c] * recapture)); });
   const float from_base = at.enter_o * enter_average * MaxComponent(at.base);
   at.p_reflect = reflect > 0 ? reflect / (reflect + from_base) : 0;
   return at;
 }
 
-inline BsdfValue EvalCoat(const Bsdf& bsdf, const CoatAt& at, Vec3f wo, Vec3f wi) {
+template <typename Color>
+BsdfValueOf<Color> EvalCoat(const BsdfOf<Color>& bsdf, const CoatAt<Color>& at, Vec3f wo,
+                            Vec3f wi) {
   if (!(wi.z > 0)) return {};
   const float cos_over_pi = wi.z * static_cast<float>(1 / kPi);
-  BsdfValue value;
+  BsdfValueOf<Color> value;
   value.f_cos = at.base * (at.enter_o * EnterAt(bsdf, FindMu(wi.z)) * cos_over_pi);
   value.pdf = (1 - at.p_reflect) * cos_over_pi;
   const Ggx ggx{bsdf.alpha_x, bsdf.alpha_y};
@@ -58,16 +61,19 @@ inline BsdfValue EvalCoat(const Bsdf& bsdf, const CoatAt& at, Vec3f wo, Vec3f wi
   const Vec3f m = Normalize(wo + wi);
   const float d = ggx.D(m);
   const float fresnel = FresnelDielectric(std::fmin(Dot(wo, m), 1.0f), bsdf.eta).reflectance;
-  value.f_cos += Rgb::Grey(fresnel * d * ggx.G2Over4Cos(wo, wi) * wi.z);
+  value.f_cos += Color::Grey(fresnel * d * ggx.G2Over4Cos(wo, wi) * wi.z);
   value.pdf += at.p_reflect * 0.5f * d / (wo.z + ggx.S(wo));
   return value;
 }
-inline BsdfValue EvalCoat(const Bsdf& bsdf, Vec3f wo, Vec3f wi) {
+template <typename Color>
+BsdfValueOf<Color> EvalCoat(const BsdfOf<Color>& bsdf, Vec3f wo, Vec3f wi) {
   return EvalCoat(bsdf, MakeCoatAt(bsdf, wo.z), wo, wi);
 }
 
-inline std::optional<BsdfSample> SampleCoat(const Bsdf& bsdf, Vec3f wo, float u_lobe, Vec2f u) {
-  const CoatAt at = MakeCoatAt(bsdf, wo.z);
+template <typename Color>
+std::optional<BsdfSampleOf<Color>> SampleCoat(const BsdfOf<Color>& bsdf, Vec3f wo, float u_lobe,
+                                              Vec2f u) {
+  const CoatAt<Color> at = MakeCoatAt(bsdf, wo.z);
   const Ggx ggx{bsdf.alpha_x, bsdf.alpha_y};
   if (u_lobe >= at.p_reflect) {
     const Vec3f wi = SampleCosineHemisphere(u);
@@ -75,9 +81,9 @@ inline std::optional<BsdfSample> SampleCoat(const Bsdf& bsdf, Vec3f wo, float u_
   }
   if (ggx.IsSmooth()) {
     const float reflectance = FresnelDielectric(wo.z, bsdf.eta).reflectance;
-    return BsdfSample{.wi = {-wo.x, -wo.y, wo.z},
-                      .weight = Rgb::Grey(reflectance / at.p_reflect),
-                      .flags = kBsdfSpecular};
+    return BsdfSampleOf<Color>{.wi = {-wo.x, -wo.y, wo.z},
+                               .weight = Color::Grey(reflectance / at.p_reflect),
+                               .flags = kBsdfSpecular};
   }
   const Vec3f wi = Reflect(wo, ggx.SampleVisibleNormal(wo, u));
   return FinishSample(EvalCoat(bsdf, at, wo, wi), wi, 0);

@@ -16,17 +16,20 @@
 namespace sheaf::render {
 
 // How often the lobe of returned energy is sampled.
-inline float ReturnProbability(const Bsdf& bsdf, float loss_o) {
+template <typename Color>
+float ReturnProbability(const BsdfOf<Color>& bsdf, float loss_o) {
   return loss_o * MaxComponent(bsdf.color);
 }
 
-inline BsdfValue EvalConductor(const Bsdf& bsdf, Vec3f wo, Vec3f wi) {
+template <typename Color>
+BsdfValueOf<Color> EvalConductor(const BsdfOf<Color>& bsdf, Vec3f wo, Vec3f wi) {
   if (bsdf.specular || !(wi.z > 0)) return {};
   const Ggx ggx{bsdf.alpha_x, bsdf.alpha_y};
   const Vec3f m = Normalize(wo + wi);
   const float d = ggx.D(m);
-  const Rgb fresnel = FresnelConductor(std::fmin(Dot(wo, m), 1.0f), bsdf.eta_rgb, bsdf.k_rgb);
-  BsdfValue value;
+  const Color fresnel =
+      FresnelConductor(std::fmin(Dot(wo, m), 1.0f), bsdf.conductor_eta, bsdf.conductor_k);
+  BsdfValueOf<Color> value;
   value.f_cos = fresnel * (d * ggx.G2Over4Cos(wo, wi) * wi.z);
   value.pdf = 0.5f * d / (wo.z + ggx.S(wo));  // VisibleNormalPdfOverDot / 4.
   if (bsdf.conductor_energy == nullptr) return value;
@@ -40,12 +43,14 @@ inline BsdfValue EvalConductor(const Bsdf& bsdf, Vec3f wo, Vec3f wi) {
   return value;
 }
 
-inline std::optional<BsdfSample> SampleConductor(const Bsdf& bsdf, Vec3f wo, float u_lobe,
-                                                 Vec2f u) {
+template <typename Color>
+std::optional<BsdfSampleOf<Color>> SampleConductor(const BsdfOf<Color>& bsdf, Vec3f wo,
+                                                   float u_lobe, Vec2f u) {
   if (bsdf.specular) {
-    return BsdfSample{.wi = {-wo.x, -wo.y, wo.z},
-                      .weight = FresnelConductor(wo.z, bsdf.eta_rgb, bsdf.k_rgb),
-                      .flags = kBsdfSpecular};
+    return BsdfSampleOf<Color>{
+        .wi = {-wo.x, -wo.y, wo.z},
+        .weight = FresnelConductor(wo.z, bsdf.conductor_eta, bsdf.conductor_k),
+        .flags = kBsdfSpecular};
   }
   if (bsdf.conductor_energy != nullptr) {
     const BlendedLoss loss = LossOf(bsdf.conductor_energy, bsdf.blend);

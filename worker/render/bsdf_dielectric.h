@@ -28,7 +28,7 @@ struct DielectricReturn {
   BlendedLoss near_side, far_side;
   float transmit = 0;  // Share of the returned energy that crosses.
 };
-inline DielectricReturn MakeDielectricReturn(const Bsdf& bsdf, DielectricSide side) {
+inline DielectricReturn MakeDielectricReturn(const BsdfShape& bsdf, DielectricSide side) {
   const DielectricEnergyRow* row = bsdf.dielectric_energy;
   const BlendedLoss outside = LossOutside(row, bsdf.blend), inside = LossInside(row, bsdf.blend);
   float transmit = side.inside ? row[0].transmit_in : row[0].transmit_out;
@@ -40,13 +40,15 @@ inline DielectricReturn MakeDielectricReturn(const Bsdf& bsdf, DielectricSide si
 }
 
 // Single scattering: f * |cos wi| and the pdf.
-inline BsdfValue EvalDielectricFacet(const Ggx& ggx, float eta, Vec3f wo, Vec3f wi) {
+template <typename Color>
+BsdfValueOf<Color> EvalDielectricFacet(const Ggx& ggx, float eta, Vec3f wo, Vec3f wi) {
   const float visible = 2 / (wo.z + ggx.S(wo));  // Visible-normal pdf over D and Dot(wo, m).
   if (wi.z > 0) {
     const Vec3f m = Normalize(wo + wi);
     const float d = ggx.D(m);
     const float fresnel = FresnelDielectric(std::fmin(Dot(wo, m), 1.0f), eta).reflectance;
-    return {Rgb::Grey(fresnel * d * ggx.G2Over4Cos(wo, wi) * wi.z), 0.25f * visible * d * fresnel};
+    return {Color::Grey(fresnel * d * ggx.G2Over4Cos(wo, wi) * wi.z),
+            0.25f * visible * d * fresnel};
   }
   Vec3f m = wo + eta * wi;
   if (!(LengthSquared(m) > 0)) return {};
@@ -59,14 +61,15 @@ inline BsdfValue EvalDielectricFacet(const Ggx& ggx, float eta, Vec3f wo, Vec3f 
   // Solid angle of facets over solid angle of wi.
   const float dm_dwi = std::fabs(cos_i) / (half * half);
   const float scale = transmittance * ggx.D(m) * cos_o * dm_dwi;
-  return {Rgb::Grey(scale * 4 * ggx.G2Over4Cos(wo, wi) * std::fabs(wi.z) / (eta * eta)),
+  return {Color::Grey(scale * 4 * ggx.G2Over4Cos(wo, wi) * std::fabs(wi.z) / (eta * eta)),
           scale * visible};
 }
 
-inline BsdfValue EvalDielectric(const Bsdf& bsdf, DielectricSide side, Vec3f wo, Vec3f wi) {
+template <typename Color>
+BsdfValueOf<Color> EvalDielectric(const BsdfShape& bsdf, DielectricSide side, Vec3f wo, Vec3f wi) {
   if (bsdf.specular || wi.z == 0) return {};
   const Ggx ggx{bsdf.alpha_x, bsdf.alpha_y};
-  BsdfValue value = EvalDielectricFacet(ggx, side.eta, wo, wi);
+  BsdfValueOf<Color> value = EvalDielectricFacet<Color>(ggx, side.eta, wo, wi);
   if (bsdf.dielectric_energy == nullptr) return value;
   const DielectricReturn returned = MakeDielectricReturn(bsdf, side);
   const float loss_o = returned.near_side.Loss(FindMu(wo.z));
@@ -76,22 +79,24 @@ inline BsdfValue EvalDielectric(const Bsdf& bsdf, DielectricSide side, Vec3f wo,
   const float radiance_scale = crosses ? 1 / (side.eta * side.eta) : 1.0f;
   const float mu_i = std::fabs(wi.z);
   const MuPosition i = FindMu(mu_i);
-  value.f_cos += Rgb::Grey(share * radiance_scale * lobe.LossOverAverage(i) * mu_i *
-                           static_cast<float>(1 / kPi));
+  value.f_cos += Color::Grey(share * radiance_scale * lobe.LossOverAverage(i) * mu_i *
+                             static_cast<float>(1 / kPi));
   value.pdf = (1 - loss_o) * value.pdf + share * lobe.Pdf(i, mu_i);
   return value;
 }
 
-inline std::optional<BsdfSample> SampleSmoothDielectric(float eta, Vec3f wo, float u_lobe) {
+template <typename Color>
+std::optional<BsdfSampleOf<Color>> SampleSmoothDielectric(float eta, Vec3f wo, float u_lobe) {
   const DielectricFresnel fresnel = FresnelDielectric(wo.z, eta);
   if (u_lobe < fresnel.reflectance) {
-    return BsdfSample{.wi = {-wo.x, -wo.y, wo.z}, .weight = Rgb::Grey(1), .flags = kBsdfSpecular};
+    return BsdfSampleOf<Color>{
+        .wi = {-wo.x, -wo.y, wo.z}, .weight = Color::Grey(1), .flags = kBsdfSpecular};
   }
   const float eta2 = eta * eta;
-  return BsdfSample{.wi = {-wo.x / eta, -wo.y / eta, -fresnel.cos_t},
-                    .weight = Rgb::Grey(1 / eta2),
-                    .eta_scale = eta2,
-                    .flags = kBsdfSpecular | kBsdfTransmission};
+  return BsdfSampleOf<Color>{.wi = {-wo.x / eta, -wo.y / eta, -fresnel.cos_t},
+                             .weight = Color::Grey(1 / eta2),
+                             .eta_scale = eta2,
+                             .flags = kBsdfSpecular | kBsdfTransmission};
 }
 
 // A direction by a visible facet; none where the facet sends it to the wrong side.
@@ -107,9 +112,10 @@ inline std::optional<Vec3f> SampleDielectricFacet(const Ggx& ggx, float eta, Vec
   return wi;
 }
 
-inline std::optional<BsdfSample> SampleDielectric(const Bsdf& bsdf, DielectricSide side, Vec3f wo,
-                                                  float u_lobe, Vec2f u) {
-  if (bsdf.specular) return SampleSmoothDielectric(side.eta, wo, u_lobe);
+template <typename Color>
+std::optional<BsdfSampleOf<Color>> SampleDielectric(const BsdfShape& bsdf, DielectricSide side,
+                                                    Vec3f wo, float u_lobe, Vec2f u) {
+  if (bsdf.specular) return SampleSmoothDielectric<Color>(side.eta, wo, u_lobe);
   std::optional<Vec3f> wi;
   float loss_o = 0;
   if (bsdf.dielectric_energy != nullptr) {
@@ -128,19 +134,22 @@ inline std::optional<BsdfSample> SampleDielectric(const Bsdf& bsdf, DielectricSi
   }
   if (!wi) return std::nullopt;
   const bool crosses = wi->z < 0;
-  return FinishSample(EvalDielectric(bsdf, side, wo, *wi), *wi, crosses ? kBsdfTransmission : 0,
-                      crosses ? side.eta * side.eta : 1.0f);
+  return FinishSample(EvalDielectric<Color>(bsdf, side, wo, *wi), *wi,
+                      crosses ? kBsdfTransmission : 0, crosses ? side.eta * side.eta : 1.0f);
 }
 
 // A slab much thinner than anything around it: all orders of reflection between its two faces add
 // up to R' = R + T^2 R / (1 - R^2) = 2 R / (1 + R), and what crosses goes straight on.
-inline std::optional<BsdfSample> SampleThinDielectric(float eta, Vec3f wo, float u_lobe) {
+template <typename Color>
+std::optional<BsdfSampleOf<Color>> SampleThinDielectric(float eta, Vec3f wo, float u_lobe) {
   const float once = FresnelDielectric(wo.z, eta).reflectance;
   const float reflectance = 2 * once / (1 + once);
   if (u_lobe < reflectance) {
-    return BsdfSample{.wi = {-wo.x, -wo.y, wo.z}, .weight = Rgb::Grey(1), .flags = kBsdfSpecular};
+    return BsdfSampleOf<Color>{
+        .wi = {-wo.x, -wo.y, wo.z}, .weight = Color::Grey(1), .flags = kBsdfSpecular};
   }
-  return BsdfSample{.wi = -wo, .weight = Rgb::Grey(1), .flags = kBsdfSpecular | kBsdfTransmission};
+  return BsdfSampleOf<Color>{
+      .wi = -wo, .weight = Color::Grey(1), .flags = kBsdfSpecular | kBsdfTransmission};
 }
 
 }  // namespace sheaf::render

@@ -19,8 +19,8 @@ namespace sheaf::render {
 inline Vec3f FlipZ(Vec3f w) { return {w.x, w.y, -w.z}; }
 
 // For wo.z > 0. inside: the surface was turned over, wo is on its -z side.
-template <uint32_t kTraits>
-BsdfValue EvalUpper(const Bsdf& bsdf, bool inside, Vec3f wo, Vec3f wi) {
+template <uint32_t kTraits, typename Color>
+BsdfValueOf<Color> EvalUpper(const BsdfOf<Color>& bsdf, bool inside, Vec3f wo, Vec3f wi) {
   switch (bsdf.kind) {
     case BsdfKind::kDiffuse: {
       if (!(wi.z > 0)) return {};
@@ -32,7 +32,7 @@ BsdfValue EvalUpper(const Bsdf& bsdf, bool inside, Vec3f wo, Vec3f wi) {
       return {};
     case BsdfKind::kDielectric:
       if constexpr (Has(kTraits, Trait::kSpecularTransmission)) {
-        return EvalDielectric(bsdf, {inside ? 1 / bsdf.eta : bsdf.eta, inside}, wo, wi);
+        return EvalDielectric<Color>(bsdf, {inside ? 1 / bsdf.eta : bsdf.eta, inside}, wo, wi);
       }
       return {};
     case BsdfKind::kCoatedDiffuse:
@@ -46,29 +46,30 @@ BsdfValue EvalUpper(const Bsdf& bsdf, bool inside, Vec3f wo, Vec3f wi) {
   return {};
 }
 
-template <uint32_t kTraits>
-std::optional<BsdfSample> SampleUpper(const Bsdf& bsdf, bool inside, Vec3f wo, float u_lobe,
-                                      Vec2f u) {
+template <uint32_t kTraits, typename Color>
+std::optional<BsdfSampleOf<Color>> SampleUpper(const BsdfOf<Color>& bsdf, bool inside, Vec3f wo,
+                                               float u_lobe, Vec2f u) {
   switch (bsdf.kind) {
     case BsdfKind::kDiffuse: {
       if (bsdf.color.IsBlack()) return std::nullopt;
       const Vec3f wi = SampleCosineHemisphere(u);
-      return BsdfSample{.wi = wi,
-                        .weight = bsdf.color,
-                        .pdf = wi.z * static_cast<float>(1 / kPi),
-                        .flags = kBsdfDiffuse};
+      return BsdfSampleOf<Color>{.wi = wi,
+                                 .weight = bsdf.color,
+                                 .pdf = wi.z * static_cast<float>(1 / kPi),
+                                 .flags = kBsdfDiffuse};
     }
     case BsdfKind::kConductor:
       if constexpr (Has(kTraits, Trait::kMicrofacet)) return SampleConductor(bsdf, wo, u_lobe, u);
       return std::nullopt;
     case BsdfKind::kDielectric:
       if constexpr (Has(kTraits, Trait::kSpecularTransmission)) {
-        return SampleDielectric(bsdf, {inside ? 1 / bsdf.eta : bsdf.eta, inside}, wo, u_lobe, u);
+        return SampleDielectric<Color>(bsdf, {inside ? 1 / bsdf.eta : bsdf.eta, inside}, wo, u_lobe,
+                                       u);
       }
       return std::nullopt;
     case BsdfKind::kThinDielectric:
       if constexpr (Has(kTraits, Trait::kSpecularTransmission)) {
-        return SampleThinDielectric(bsdf.eta, wo, u_lobe);
+        return SampleThinDielectric<Color>(bsdf.eta, wo, u_lobe);
       }
       return std::nullopt;
     case BsdfKind::kCoatedDiffuse:
@@ -76,8 +77,8 @@ std::optional<BsdfSample> SampleUpper(const Bsdf& bsdf, bool inside, Vec3f wo, f
       return std::nullopt;
     case BsdfKind::kInterface:
       if constexpr (Has(kTraits, Trait::kAlpha)) {
-        return BsdfSample{
-            .wi = -wo, .weight = Rgb::Grey(1), .flags = kBsdfSpecular | kBsdfTransmission};
+        return BsdfSampleOf<Color>{
+            .wi = -wo, .weight = Color::Grey(1), .flags = kBsdfSpecular | kBsdfTransmission};
       }
       return std::nullopt;
     case BsdfKind::kBlack:
@@ -86,18 +87,20 @@ std::optional<BsdfSample> SampleUpper(const Bsdf& bsdf, bool inside, Vec3f wo, f
   return std::nullopt;
 }
 
-template <uint32_t kTraits>
-BsdfValue EvalBsdf(const Bsdf& bsdf, Vec3f wo, Vec3f wi) {
+template <uint32_t kTraits, typename Color>
+BsdfValueOf<Color> EvalBsdf(const BsdfOf<Color>& bsdf, Vec3f wo, Vec3f wi) {
   if (wo.z > 0) return EvalUpper<kTraits>(bsdf, false, wo, wi);
   if (wo.z < 0) return EvalUpper<kTraits>(bsdf, true, FlipZ(wo), FlipZ(wi));
   return {};
 }
 
-template <uint32_t kTraits>
-std::optional<BsdfSample> SampleBsdf(const Bsdf& bsdf, Vec3f wo, float u_lobe, Vec2f u) {
+template <uint32_t kTraits, typename Color>
+std::optional<BsdfSampleOf<Color>> SampleBsdf(const BsdfOf<Color>& bsdf, Vec3f wo, float u_lobe,
+                                              Vec2f u) {
   if (wo.z > 0) return SampleUpper<kTraits>(bsdf, false, wo, u_lobe, u);
   if (!(wo.z < 0)) return std::nullopt;
-  std::optional<BsdfSample> sample = SampleUpper<kTraits>(bsdf, true, FlipZ(wo), u_lobe, u);
+  std::optional<BsdfSampleOf<Color>> sample =
+      SampleUpper<kTraits>(bsdf, true, FlipZ(wo), u_lobe, u);
   if (sample) sample->wi = FlipZ(sample->wi);
   return sample;
 }

@@ -74,14 +74,15 @@ inline BlendedLoss LossInside(const DielectricEnergyRow* row, float blend) {
 }
 
 // A sample of a direction that was drawn with value.pdf. None where it carries nothing.
-inline std::optional<BsdfSample> FinishSample(const BsdfValue& value, Vec3f wi, uint8_t flags,
-                                              float eta_scale = 1) {
+template <typename Color>
+std::optional<BsdfSampleOf<Color>> FinishSample(const BsdfValueOf<Color>& value, Vec3f wi,
+                                                uint8_t flags, float eta_scale = 1) {
   if (!(value.pdf > 0) || value.f_cos.IsBlack()) return std::nullopt;
-  return BsdfSample{.wi = wi,
-                    .weight = value.f_cos / value.pdf,
-                    .pdf = value.pdf,
-                    .eta_scale = eta_scale,
-                    .flags = flags};
+  return BsdfSampleOf<Color>{.wi = wi,
+                             .weight = value.f_cos / value.pdf,
+                             .pdf = value.pdf,
+                             .eta_scale = eta_scale,
+                             .flags = flags};
 }
 
 }  // namespace sheaf::render

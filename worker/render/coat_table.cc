@@ -16,6 +16,19 @@ double Attenuation(double thickness, double cosine) {
   return thickness == 0 ? 1 : Exp(-thickness / cosine);
 }
 
+// K where rough interfaces lose what they scatter again.
+double LossyRecapture(const Ggx& ggx, float eta, double thickness) {
+  const int count = ggx.IsSmooth() ? kSmoothStepCount : kRoughStepCount;
+  double recapture = 0;
+  for (int i = 0; i < count; ++i) {
+    const double mu = std::sqrt((i + 0.5) / count);
+    const InterfaceAlbedo inside =
+        IntegrateInterface(ggx, static_cast<float>(mu), 1 / eta, thickness);
+    recapture += Attenuation(thickness, mu) * inside.reflected_attenuated / count;
+  }
+  return recapture;
+}
+
 // K. entered_average: cosine-weighted average, from outside, of what is not reflected.
 double Recapture(const Ggx& ggx, float eta, double thickness, double entered_average) {
   const int count = ggx.IsSmooth() ? kSmoothStepCount : kRoughStepCount;
@@ -42,7 +55,7 @@ double Recapture(const Ggx& ggx, float eta, double thickness, double entered_ave
 
 }  // namespace
 
-CoatRow MakeCoatRow(const Ggx& ggx, float eta, float thickness) {
+CoatRow MakeCoatRow(const Ggx& ggx, float eta, float thickness, bool keeps_energy) {
   CoatRow row;
   MuCurve entered;
   for (int i = 0; i < kMuNodeCount; ++i) {
@@ -53,17 +66,20 @@ CoatRow MakeCoatRow(const Ggx& ggx, float eta, float thickness) {
         outside.transmitted > 0 ? outside.transmitted_attenuated / outside.transmitted : 0;
     row.reflect.value[i] = static_cast<float>(outside.reflected);
     entered.value[i] = static_cast<float>(not_reflected);
-    row.enter.value[i] = static_cast<float>(not_reflected * reaches_base);
+    row.enter.value[i] = static_cast<float>(keeps_energy ? not_reflected * reaches_base
+                                                         : outside.transmitted_attenuated);
   }
   row.enter_average = static_cast<float>(row.enter.CosineAverage());
-  row.recapture = static_cast<float>(Recapture(ggx, eta, thickness, entered.CosineAverage()));
+  row.recapture =
+      static_cast<float>(keeps_energy ? Recapture(ggx, eta, thickness, entered.CosineAverage())
+                                      : LossyRecapture(ggx, eta, thickness));
   return row;
 }
 
-std::vector<CoatRow> MakeCoatTable(float eta, float thickness) {
+std::vector<CoatRow> MakeCoatTable(float eta, float thickness, bool keeps_energy) {
   std::vector<CoatRow> rows;
   for (int i = 0; i < kAlphaNodeCount; ++i) {
-    rows.push_back(MakeCoatRow({AlphaNode(i), AlphaNode(i)}, eta, thickness));
+    rows.push_back(MakeCoatRow({AlphaNode(i), AlphaNode(i)}, eta, thickness, keeps_energy));
   }
   return rows;
 }

@@ -15,8 +15,8 @@
 // under eta = 1.5 and below 0.3 % for rho = 0.5.
 //
 // For rough coats, T and K are scaled so that at thickness 0 what is not reflected enters, and what
-// enters a white base comes out: the energy single scattering loses is given to the base. With
-// anisotropic roughness T and K are averages over azimuths.
+// enters a white base comes out: the energy single scattering loses is given to the base, unless
+// the loss is asked for. With anisotropic roughness T and K are averages over azimuths.
 #pragma once
 
 #include <vector>
@@ -35,8 +35,8 @@ struct CoatRow {
 
 // thickness: optical depth of the coat at normal incidence (its mean free paths), >= 0.
 // Requires: eta > 0.
-CoatRow MakeCoatRow(const Ggx& ggx, float eta, float thickness);
+CoatRow MakeCoatRow(const Ggx& ggx, float eta, float thickness, bool keeps_energy = true);
 // All alpha nodes of energy_table.h, for textured roughness.
-std::vector<CoatRow> MakeCoatTable(float eta, float thickness);
+std::vector<CoatRow> MakeCoatTable(float eta, float thickness, bool keeps_energy = true);
 
 }  // namespace sheaf::render

@@ -53,10 +53,13 @@ absl::StatusOr<CompiledScenePtr> CompileScene(SceneDescription description,
   absl::StatusOr<PixelFilter> filter = PixelFilter::Make(scene->description);
   if (!filter.ok()) return filter.status();
   scene->filter = *std::move(filter);
+  const bool spectral = Has(scene->plan.traits, Trait::kSpectral);
   absl::StatusOr<std::unique_ptr<MaterialTable>> materials =
-      MaterialTable::Build(scene->description, files, limits.texture_cache_bytes_max);
+      MaterialTable::Build(scene->description, files,
+                           {limits.texture_cache_bytes_max, spectral, settings.single_scattering});
   if (!materials.ok()) return materials.status();
   scene->materials = *std::move(materials);
+  baked->emitters.spectral = spectral;
   absl::StatusOr<std::unique_ptr<LightTable>> lights =
       LightTable::Build(scene->description, std::move(baked->emitters), files);
   if (!lights.ok()) return lights.status();

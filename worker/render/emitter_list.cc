@@ -14,15 +14,13 @@ namespace {
 // a sphere: rounding of the transforms in a scene file written with six digits.
 constexpr double kSimilarityTolerance = 1e-5;
 
-// Radiance of a light whose shapes have the given area in all.
-Rgb RadianceOf(const AreaLightDescription& light, double area) {
-  const Rgb radiance = light.radiance.rgb * light.scale.scale;
-  if (!(light.scale.power_w > 0)) return radiance;
+// What a light's colour is multiplied by where its shapes have the given area in all.
+float ScaleOf(const AreaLightDescription& light, double area) {
+  if (!(light.scale.power_w > 0)) return light.scale.scale;
   // A diffuse emitter's power is pi times area times radiance, for each side.
   const double sides = light.two_sided ? 2 : 1;
   const double power_now = std::numbers::pi * area * sides * Luminance(light.radiance.rgb);
-  if (!(power_now > 0)) return {};
-  return light.radiance.rgb * static_cast<float>(light.scale.power_w / power_now);
+  return power_now > 0 ? static_cast<float>(light.scale.power_w / power_now) : 0;
 }
 
 Vec3d TriangleCross(const BakedMesh& mesh, const uint32_t* t) {
@@ -31,6 +29,13 @@ Vec3d TriangleCross(const BakedMesh& mesh, const uint32_t* t) {
 }
 
 }  // namespace
+
+Emission EmitterList::AddEmission(const AreaLightDescription& light, double area) {
+  const float scale = ScaleOf(light, area);
+  const Emission emission{light.radiance.rgb * scale, static_cast<int32_t>(input_.spectra.size())};
+  if (!emission.rgb.IsBlack()) input_.spectra.push_back({light.radiance, scale});
+  return emission;
+}
 
 float TriangleFacing(const BakedMesh& mesh, const uint32_t* t, Vec3d cross) {
   if (!mesh.normals.empty()) {
@@ -46,8 +51,8 @@ uint32_t EmitterList::AddMesh(const BakedMesh& mesh, const AreaLightDescription&
   for (size_t i = 0; i < mesh.indices.size(); i += 3) {
     area += 0.5 * Length(TriangleCross(mesh, &mesh.indices[i]));
   }
-  const Rgb radiance = RadianceOf(light, area);
-  if (radiance.IsBlack()) return kNoEmitter;
+  const Emission radiance = AddEmission(light, area);
+  if (radiance.rgb.IsBlack()) return kNoEmitter;
   const auto first = static_cast<uint32_t>(input_.triangles.size());
   for (size_t i = 0; i < mesh.indices.size(); i += 3) {
     const uint32_t* t = &mesh.indices[i];
@@ -87,14 +92,15 @@ uint32_t EmitterList::AddQuadric(const Quadric& q, bool flips, const AreaLightDe
   const double scale = Length(m.x);
   if (q.kind == Quadric::Kind::kSphere) {
     const double radius = q.radius * scale;
-    const Rgb radiance = RadianceOf(light, 4 * std::numbers::pi * radius * radius);
-    if (radiance.IsBlack()) return kNoEmitter;
+    const Emission radiance = AddEmission(light, 4 * std::numbers::pi * radius * radius);
+    if (radiance.rgb.IsBlack()) return kNoEmitter;
     input_.spheres.push_back({m.offset, radius, radiance, light.two_sided, flips});
     return static_cast<uint32_t>(input_.spheres.size() - 1);
   }
   const double outer = q.radius * scale, inner = q.inner_radius * scale;
-  const Rgb radiance = RadianceOf(light, std::numbers::pi * (outer - inner) * (outer + inner));
-  if (radiance.IsBlack()) return kNoEmitter;
+  const Emission radiance =
+      AddEmission(light, std::numbers::pi * (outer - inner) * (outer + inner));
+  if (radiance.rgb.IsBlack()) return kNoEmitter;
   const Vec3d normal = Normalize(q.object_from_target.TransposedVector({0, 0, 1}));
   input_.disks.push_back({m.Point({0, 0, q.z_min}), flips ? -normal : normal, Normalize(m.x), outer,
                           inner, radiance, light.two_sided});

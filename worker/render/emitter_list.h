@@ -27,6 +27,9 @@ class EmitterList {
   LightTableInput Take() { return std::move(input_); }
 
  private:
+  // What the shapes of a light emit, which have the given area in all.
+  Emission AddEmission(const AreaLightDescription& light, double area);
+
   LightTableInput input_;
 };
 

@@ -242,11 +242,11 @@ std::vector<DielectricEnergyRow> MakeDielectricEnergyTable(float eta) {
   return rows;
 }
 
-Rgb AverageConductorFresnel(Rgb eta, Rgb k) {
+float AverageConductorFresnel(float eta, float k) {
   // Gauss-Legendre over mu with weight 2 mu; the integrand is smooth.
   constexpr std::array<float, 4> kNode = {0.06943184f, 0.33000948f, 0.66999052f, 0.93056816f};
   constexpr std::array<float, 4> kWeight = {0.17392742f, 0.32607258f, 0.32607258f, 0.17392742f};
-  Rgb sum;
+  float sum = 0;
   for (size_t i = 0; i < kNode.size(); ++i) {
     sum += FresnelConductor(kNode[i], eta, k) * (2 * kNode[i] * kWeight[i]);
   }

@@ -20,6 +20,7 @@
 
 #include "common/math/vec.h"
 #include "worker/render/microfacet.h"
+#include "worker/render/wavelengths.h"
 
 namespace sheaf::render {
 
@@ -117,7 +118,11 @@ InterfaceAlbedo IntegrateInterface(const Ggx& ggx, float mu, float eta, double t
 // Single-scattering albedo of a perfectly reflecting rough mirror.
 double IntegrateMirror(const Ggx& ggx, float mu);
 
-// Average of the Fresnel reflectance weighted by cosine, per channel.
-Rgb AverageConductorFresnel(Rgb eta, Rgb k);
+// Average of the Fresnel reflectance weighted by cosine.
+float AverageConductorFresnel(float eta, float k);
+template <typename Color>
+Color AverageConductorFresnel(const Color& eta, const Color& k) {
+  return MakeColor<Color>([&](size_t i) { return AverageConductorFresnel(eta[i], k[i]); });
+}
 
 }  // namespace sheaf::render

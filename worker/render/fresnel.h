@@ -8,6 +8,7 @@
 #include <cmath>
 
 #include "common/math/vec.h"
+#include "worker/render/wavelengths.h"
 
 namespace sheaf::render {
 
@@ -52,9 +53,9 @@ inline float FresnelConductor(float cos_i, float eta, float k) {
       p_sum + p_difference > 0 ? r_s * (p_sum - p_difference) / (p_sum + p_difference) : r_s;
   return 0.5f * (r_s + r_p);
 }
-inline Rgb FresnelConductor(float cos_i, Rgb eta, Rgb k) {
-  return {FresnelConductor(cos_i, eta.r, k.r), FresnelConductor(cos_i, eta.g, k.g),
-          FresnelConductor(cos_i, eta.b, k.b)};
+template <typename Color>
+Color FresnelConductor(float cos_i, const Color& eta, const Color& k) {
+  return MakeColor<Color>([&](size_t i) { return FresnelConductor(cos_i, eta[i], k[i]); });
 }
 
 }  // namespace sheaf::render

@@ -39,14 +39,15 @@ float SmoothStep(float x, float low, float high) {
   return t * t * (3 - 2 * t);
 }
 
-LightSample AreaSample(const ShapePoint& point, Rgb radiance, float pdf) {
-  LightSample sample;
+// Without its pdf.
+template <typename Color>
+LightSampleOf<Color> AreaSample(const ShapePoint& point, const Color& radiance) {
+  LightSampleOf<Color> sample;
   sample.wi = ToFloat(point.wi);
   sample.p_light = ToFloat(point.p);
   sample.p_light_error = RoundingErrorOf(sample.p_light);
   sample.n_light = ToFloat(point.n);
   sample.radiance = radiance;
-  sample.pdf = pdf;
   return sample;
 }
 
@@ -58,40 +59,49 @@ SphereView View(const SphereEmitter& s, Vec3f p) {
   return ViewSphere(s.center, s.radius, s.inward && !s.two_sided, p);
 }
 
-std::optional<LightSample> Sample(const TriangleEmitter& t, float probability, Vec3f p, Vec2f u) {
+template <typename Color>
+std::optional<LightSampleOf<Color>> Sample(const TriangleEmitter& t, const Color& radiance,
+                                           float probability, Vec3f p, Vec2f u) {
   const TriangleView view = View(t, p);
   if (!view.visible || !(view.front() || t.two_sided)) return std::nullopt;
   const ShapePoint point = SampleTriangle(view, t.v0, p, u);
-  LightSample sample = AreaSample(point, t.radiance, 0);
+  LightSampleOf<Color> sample = AreaSample(point, radiance);
   sample.pdf = PdfSolidAngle(PdfTriangle(view, p, sample.p_light), probability);
   return sample;
 }
 
-std::optional<LightSample> Sample(const SphereEmitter& s, float probability, Vec3f p, Vec2f u) {
+template <typename Color>
+std::optional<LightSampleOf<Color>> Sample(const SphereEmitter& s, const Color& radiance,
+                                           float probability, Vec3f p, Vec2f u) {
   const SphereView view = View(s, p);
   if (!view.visible || !(s.two_sided || view.inside == s.inward)) return std::nullopt;
-  return AreaSample(SampleSphere(view, s.center, s.radius, u), s.radiance,
-                    PdfSolidAngle(view.pdf, probability));
+  LightSampleOf<Color> sample = AreaSample(SampleSphere(view, s.center, s.radius, u), radiance);
+  sample.pdf = PdfSolidAngle(view.pdf, probability);
+  return sample;
 }
 
-std::optional<LightSample> Sample(const DiskEmitter& d, float probability, Vec3f p, Vec2f u) {
+template <typename Color>
+std::optional<LightSampleOf<Color>> Sample(const DiskEmitter& d, const Color& radiance,
+                                           float probability, Vec3f p, Vec2f u) {
   const DiskShapeView view = View(d, p);
   if (!view.visible || !(view.front() || d.two_sided)) return std::nullopt;
   bool hit = false;
   const ShapePoint point = SampleDisk(view, p, u, &hit);
   if (!hit) return std::nullopt;
-  LightSample sample = AreaSample(point, d.radiance, 0);
+  LightSampleOf<Color> sample = AreaSample(point, radiance);
   sample.pdf = PdfSolidAngle(PdfDisk(view, p, sample.wi, sample.p_light), probability);
   return sample;
 }
 
-std::optional<LightSample> Sample(const DeltaLight& light, float probability, Vec3f p) {
-  LightSample sample;
+template <typename Color>
+std::optional<LightSampleOf<Color>> Sample(const DeltaLight& light, const Color& emission,
+                                           float probability, Vec3f p) {
+  LightSampleOf<Color> sample;
   sample.is_delta = true;
   sample.pdf = probability;
   if (light.kind == DeltaLight::Kind::kDistant) {
     sample.wi = light.to_light;
-    sample.radiance = light.emission;
+    sample.radiance = emission;
     sample.is_infinite = true;
     return sample;
   }
@@ -101,13 +111,13 @@ std::optional<LightSample> Sample(const DeltaLight& light, float probability, Ve
   sample.wi = ToFloat(to_light / std::sqrt(d_squared));
   sample.p_light = ToFloat(light.position);
   sample.p_light_error = RoundingErrorOf(sample.p_light);
-  sample.radiance = IntensityAlong(light, -sample.wi) * static_cast<float>(1 / d_squared);
+  sample.radiance = emission * FalloffAlong(light, -sample.wi) * static_cast<float>(1 / d_squared);
   return sample;
 }
 
 // As the map has it, before its scale; the radiance itself where there is no map.
 Rgb MapRadianceOf(const InfiniteEmitter& light, Vec3f d) {
-  return light.map ? light.map->Radiance(Rotate(light.light_from_render, d)) : light.radiance;
+  return light.map ? light.map->Radiance(Rotate(light.light_from_render, d)) : light.radiance.rgb;
 }
 
 // Pdf of DirectionTo at a direction of this MapRadianceOf. Measure: solid angle.
@@ -131,11 +141,11 @@ Vec3f DirectionTo(const InfiniteEmitter& light, Vec2f u) {
 
 }  // namespace
 
-Rgb IntensityAlong(const DeltaLight& light, Vec3f w) {
-  if (light.kind == DeltaLight::Kind::kPoint) return light.emission;
+float FalloffAlong(const DeltaLight& light, Vec3f w) {
+  if (light.kind == DeltaLight::Kind::kPoint) return 1;
   const Vec3f w_light = Rotate(light.light_from_render, w);
   const float cosine = Dot(w_light, light.axis) / Length(w_light);
-  return light.emission * SmoothStep(cosine, light.cos_end, light.cos_start);
+  return SmoothStep(cosine, light.cos_end, light.cos_start);
 }
 
 LightTable::LightTable() = default;
@@ -144,29 +154,36 @@ LightTable::~LightTable() = default;
 bool LightTable::empty() const { return impl_->empty; }
 
 template <uint32_t kMask>
-std::optional<LightSample> LightTable::SampleLights(const Impl& impl, Vec3f p, Vec3f n,
-                                                    float u_select, Vec2f u,
-                                                    const Preparation& preparation) {
+std::optional<LightSampleOf<ColorOf<kMask>>> LightTable::SampleLights(
+    const Impl& impl, Vec3f p, Vec3f n, float u_select, Vec2f u,
+    const WavelengthsOf<ColorOf<kMask>>& wavelengths, const Preparation& preparation) {
+  using Color = ColorOf<kMask>;
   if (impl.empty) return std::nullopt;
   const std::optional<ChosenLight> chosen = impl.choice.Choose(p, n, u_select, SaltOf(u));
   if (!chosen) return std::nullopt;
   const uint32_t light = chosen->light;
-  std::optional<LightSample> sample;
+  std::optional<LightSampleOf<Color>> sample;
+  const auto sample_area = [&](const auto& emitter) {
+    const Color radiance = impl.ColorOfEmission(emitter.radiance, wavelengths);
+    sample = render::Sample(emitter, radiance, chosen->probability, p, u);
+  };
   if (light < impl.first_delta()) {
     if constexpr (Has(kMask, Trait::kAreaLights)) {
       if (light < impl.first_sphere()) {
-        sample = render::Sample(impl.triangles[light], chosen->probability, p, u);
+        sample_area(impl.triangles[light]);
       } else if constexpr (Has(kMask, Trait::kQuadrics)) {
-        sample =
-            light < impl.first_disk()
-                ? render::Sample(impl.spheres[light - impl.first_sphere()], chosen->probability, p,
-                                 u)
-                : render::Sample(impl.disks[light - impl.first_disk()], chosen->probability, p, u);
+        if (light < impl.first_disk()) {
+          sample_area(impl.spheres[light - impl.first_sphere()]);
+        } else {
+          sample_area(impl.disks[light - impl.first_disk()]);
+        }
       }
     }
   } else if (light < impl.first_infinite()) {
     if constexpr (Has(kMask, Trait::kDeltaLights)) {
-      sample = render::Sample(impl.deltas[light - impl.first_delta()], chosen->probability, p);
+      const DeltaLight& delta = impl.deltas[light - impl.first_delta()];
+      sample = render::Sample(delta, impl.ColorOfEmission(delta.emission, wavelengths),
+                              chosen->probability, p);
     }
   } else if constexpr (Has(kMask, Trait::kEnvironment)) {
     // Infinite lights share every direction, so each is drawn as a part of their sum.
@@ -174,8 +191,8 @@ std::optional<LightSample> LightTable::SampleLights(const Impl& impl, Vec3f p, V
     const InfiniteEmitter& infinite = impl.infinites[light - impl.first_infinite()];
     sample->wi =
         impl.HasOnlyOneMap() ? DirectionTo(infinite, preparation.tile) : DirectionTo(infinite, u);
-    const EnvironmentValue value =
-        FromInfinity(impl, p, n, sample->wi, LocateInFirst(impl, sample->wi));
+    const EnvironmentValueOf<Color> value =
+        FromInfinity<Color>(impl, p, n, sample->wi, wavelengths, LocateInFirst(impl, sample->wi));
     sample->radiance = value.radiance;
     sample->pdf = value.pdf;
     sample->is_infinite = true;
@@ -205,19 +222,23 @@ float LightTable::PdfOfEmitter(const Impl& impl, uint32_t emitter, Vec3f p, Vec3
   return IsUsablePdf(pdf) ? pdf : 0;
 }
 
-Rgb LightTable::EmitterRadiance(uint32_t emitter, Vec3f ng, Vec3f wo) const {
+template <typename Color>
+Color LightTable::EmitterRadiance(uint32_t emitter, Vec3f ng, Vec3f wo,
+                                  const WavelengthsOf<Color>& wavelengths) const {
   const bool front = Dot(ng, wo) > 0;
-  if (emitter < impl_->first_sphere()) {
-    const TriangleEmitter& t = impl_->triangles[emitter];
-    return t.two_sided || front ? t.radiance : Rgb{};
-  }
+  const auto radiance = [&](const auto& e, bool emits) {
+    return e.two_sided || emits ? impl_->ColorOfEmission(e.radiance, wavelengths) : Color{};
+  };
+  if (emitter < impl_->first_sphere()) return radiance(impl_->triangles[emitter], front);
   if (emitter < impl_->first_disk()) {
     const SphereEmitter& s = impl_->spheres[emitter - impl_->first_sphere()];
-    return s.two_sided || front != s.inward ? s.radiance : Rgb{};
+    return radiance(s, front != s.inward);
   }
-  const DiskEmitter& d = impl_->disks[emitter - impl_->first_disk()];
-  return d.two_sided || front ? d.radiance : Rgb{};
+  return radiance(impl_->disks[emitter - impl_->first_disk()], front);
 }
+template Rgb LightTable::EmitterRadiance<Rgb>(uint32_t, Vec3f, Vec3f, const NoWavelengths&) const;
+template Spectral LightTable::EmitterRadiance<Spectral>(uint32_t, Vec3f, Vec3f,
+                                                        const Wavelengths&) const;
 
 // Where there are several lights, which one will be asked is not known so early.
 LightTable::Preparation LightTable::Prepare(const Impl& impl, Vec2f u) {
@@ -230,20 +251,26 @@ EnvironmentMap::Place LightTable::LocateInFirst(const Impl& impl, Vec3f d) {
   return impl.infinites[0].map->Locate(Rotate(impl.infinites[0].light_from_render, d));
 }
 
-Rgb LightTable::RadianceFromInfinity(const Impl& impl, Vec3f d) {
-  Rgb sum;
-  for (const InfiniteEmitter& light : impl.infinites) sum += MapRadianceOf(light, d) * light.scale;
+template <typename Color>
+Color LightTable::RadianceFromInfinity(const Impl& impl, Vec3f d,
+                                       const WavelengthsOf<Color>& wavelengths) {
+  Color sum;
+  for (const InfiniteEmitter& light : impl.infinites) {
+    sum += impl.ColorFromInfinity<Color>(light, MapRadianceOf(light, d), wavelengths);
+  }
   return sum;
 }
 
-EnvironmentValue LightTable::FromInfinity(const Impl& impl, Vec3f p, Vec3f n, Vec3f d,
-                                          EnvironmentMap::Place first_place) {
-  EnvironmentValue value;
+template <typename Color>
+EnvironmentValueOf<Color> LightTable::FromInfinity(const Impl& impl, Vec3f p, Vec3f n, Vec3f d,
+                                                   const WavelengthsOf<Color>& wavelengths,
+                                                   EnvironmentMap::Place first_place) {
+  EnvironmentValueOf<Color> value;
   for (uint32_t i = 0; i < impl.infinites.size(); ++i) {
     const InfiniteEmitter& light = impl.infinites[i];
     const Rgb map_radiance =
         i == 0 && light.map ? light.map->Radiance(first_place) : MapRadianceOf(light, d);
-    value.radiance += map_radiance * light.scale;
+    value.radiance += impl.ColorFromInfinity<Color>(light, map_radiance, wavelengths);
     value.pdf += PdfSolidAngle(PdfOf(light, map_radiance),
                                impl.choice.Probability(impl.first_infinite() + i, p, n));
   }
@@ -251,9 +278,13 @@ EnvironmentValue LightTable::FromInfinity(const Impl& impl, Vec3f p, Vec3f n, Ve
 }
 
 // The header forwards to these: one instantiation for every combination of kLightTraits.
-#define SHEAF_INSTANTIATE_FOR(mask)                                                           \
-  template std::optional<LightSample> LightTable::SampleLights<(mask)>(                       \
-      const Impl&, Vec3f, Vec3f, float, Vec2f, const Preparation&);                           \
+#define SHEAF_INSTANTIATE_FOR(mask) \
+  SHEAF_INSTANTIATE_IN_COLOR(mask)  \
+  SHEAF_INSTANTIATE_IN_COLOR((mask) | static_cast<uint32_t>(Trait::kSpectral))
+#define SHEAF_INSTANTIATE_IN_COLOR(mask)                                                      \
+  template std::optional<LightSampleOf<ColorOf<(mask)>>> LightTable::SampleLights<(mask)>(    \
+      const Impl&, Vec3f, Vec3f, float, Vec2f, const WavelengthsOf<ColorOf<(mask)>>&,         \
+      const Preparation&);                                                                    \
   template float LightTable::PdfOfEmitter<(mask)>(const Impl&, uint32_t, Vec3f, Vec3f, Vec3f, \
                                                   Vec3f);
 #define SHEAF_INSTANTIATE_WITH(mask)                                          \
@@ -269,5 +300,15 @@ SHEAF_INSTANTIATE_WITH(static_cast<uint32_t>(Trait::kAreaLights) |
                        static_cast<uint32_t>(Trait::kQuadrics))
 #undef SHEAF_INSTANTIATE_WITH
 #undef SHEAF_INSTANTIATE_FOR
+#undef SHEAF_INSTANTIATE_IN_COLOR
+
+#define SHEAF_INSTANTIATE_INFINITY(color)                                              \
+  template color LightTable::RadianceFromInfinity<color>(const Impl&, Vec3f,           \
+                                                         const WavelengthsOf<color>&); \
+  template EnvironmentValueOf<color> LightTable::FromInfinity<color>(                  \
+      const Impl&, Vec3f, Vec3f, Vec3f, const WavelengthsOf<color>&, EnvironmentMap::Place);
+SHEAF_INSTANTIATE_INFINITY(Rgb)
+SHEAF_INSTANTIATE_INFINITY(Spectral)
+#undef SHEAF_INSTANTIATE_INFINITY
 
 }  // namespace sheaf::render

@@ -18,45 +18,67 @@
 #include "common/scene/scene_description.h"
 #include "worker/render/bsdf.h"
 #include "worker/render/environment_map.h"
+#include "worker/render/wavelengths.h"
 
 namespace sheaf::render {
 
-struct LightSample {
+// Color: Rgb, or Spectral at the wavelengths of the path.
+template <typename Color>
+struct LightSampleOf {
   Vec3f wi;             // Unit, from the receiving point to the light.
   Vec3f p_light;        // Point on the light; unused where infinite.
   Vec3f p_light_error;  // Bound of the absolute rounding error of p_light.
   Vec3f n_light;        // Geometric normal of area lights, zero otherwise.
-  Rgb radiance;         // Arriving, unoccluded; for delta lights intensity over distance squared.
+  Color radiance;       // Arriving, unoccluded; for delta lights intensity over distance squared.
   float pdf =
       0;  // Solid angle, times the probability of choosing this light; choice alone for delta.
   bool is_delta = false;  // Point, spot, distant: no MIS.
   bool is_infinite = false;
 };
+using LightSample = LightSampleOf<Rgb>;
 
 // What the infinite lights together send from a direction.
-struct EnvironmentValue {
-  Rgb radiance;
+template <typename Color>
+struct EnvironmentValueOf {
+  Color radiance;
   float pdf = 0;  // Solid angle, times the probability of choosing these lights.
+};
+using EnvironmentValue = EnvironmentValueOf<Rgb>;
+
+// What a light emits: as RGB, which also weighs it against others, and the index of its spectrum in
+// LightTableInput::spectra. Without one, spectral transport raises rgb to a spectrum.
+struct Emission {
+  Emission() = default;
+  // From a colour without a word more, as in an emitter's list of members.
+  Emission(Rgb color, int32_t spectrum_index = kNone) : rgb(color), spectrum(spectrum_index) {}
+
+  Rgb rgb;
+  int32_t spectrum = kNone;
+};
+// A colour of the scene times a number.
+struct ScaledSpectrum {
+  ColorSpec color;
+  float scale = 1;
 };
 
 // One emitter as the geometry code hands it over. Sides: emits on the side of n (right-hand rule of
 // v0 v1 v2 for triangles, outward for spheres, axis for disks), on both where two_sided.
 struct TriangleEmitter {
   Vec3f v0, v1, v2;
-  Rgb radiance;
+  Emission radiance;
   bool two_sided = false;
 };
 struct SphereEmitter {
   Vec3d center;
   double radius = 1;
-  Rgb radiance;
+  Emission radiance;
   bool two_sided = false, inward = false;
 };
 struct DiskEmitter {
   Vec3d center;
   Vec3d normal, axis_x;
   double radius = 1, inner_radius = 0;
-  Rgb radiance;
+  Emission radiance;
   bool two_sided = false;
 };
 // Partial spheres and disks, and scaled ones that are no longer spheres, come as triangles.
@@ -65,7 +87,9 @@ struct LightTableInput {
   std::vector<TriangleEmitter> triangles;
   std::vector<SphereEmitter> spheres;
   std::vector<DiskEmitter> disks;
-  Vec3d render_origin_world;  // World position of render space's origin (the camera).
+  std::vector<ScaledSpectrum> spectra;  // Of the emitters.
+  bool spectral = false;                // Traits with kSpectral may be asked for.
+  Vec3d render_origin_world;            // World position of render space's origin (the camera).
 };
 
 class LightTable {
@@ -85,8 +109,10 @@ class LightTable {
   // in free space; only a hint for choosing. None where the light cannot reach p. Space: render.
   // Never returns pdf 0, a non-finite value or radiance 0.
   template <uint32_t kTraits>
-  std::optional<LightSample> Sample(Vec3f p, Vec3f n, float u_select, Vec2f u) const {
-    return Sample<kTraits>(p, n, u_select, u, PrepareSample<kTraits>(u));
+  std::optional<LightSampleOf<ColorOf<kTraits>>> Sample(
+      Vec3f p, Vec3f n, float u_select, Vec2f u,
+      const WavelengthsOf<ColorOf<kTraits>>& wavelengths = {}) const {
+    return Sample<kTraits>(p, n, u_select, u, wavelengths, PrepareSample<kTraits>(u));
   }
   // The same in two steps: what Sample will need of an environment map begins to be fetched while
   // the caller still works out p. The second step's u must be the first's.
@@ -99,9 +125,11 @@ class LightTable {
     return Prepare(*impl_, u);
   }
   template <uint32_t kTraits>
-  std::optional<LightSample> Sample(Vec3f p, Vec3f n, float u_select, Vec2f u,
-                                    const Preparation& preparation) const {
-    return SampleLights<kTraits & kLightTraits>(*impl_, p, n, u_select, u, preparation);
+  std::optional<LightSampleOf<ColorOf<kTraits>>> Sample(
+      Vec3f p, Vec3f n, float u_select, Vec2f u, const WavelengthsOf<ColorOf<kTraits>>& wavelengths,
+      const Preparation& preparation) const {
+    return SampleLights<kTraits & kLightTraits>(*impl_, p, n, u_select, u, wavelengths,
+                                                preparation);
   }
   // Solid-angle pdf (times choice) with which Sample, called at p with n, would have found the
   // point p_light of the emitter along wi. The same bits as Sample's; 0 where Sample finds nothing.
@@ -111,23 +139,26 @@ class LightTable {
   }
   // Radiance of the emitter towards wo (unit, leaving the light) at its surface point with normal
   // ng: the normal as LightSample::n_light has it (outward for spheres, also inward-emitting ones).
-  Rgb EmitterRadiance(uint32_t emitter, Vec3f ng, Vec3f wo) const;
+  template <typename Color = Rgb>
+  Color EmitterRadiance(uint32_t emitter, Vec3f ng, Vec3f wo,
+                        const WavelengthsOf<Color>& wavelengths = {}) const;
   // Sum over all infinite lights along the (unit) direction d, and Sample's pdf of it.
   template <uint32_t kTraits>
-  Rgb EnvironmentRadiance(Vec3f d) const {
-    if constexpr (!Has(kTraits, Trait::kEnvironment)) return Rgb{};
-    return RadianceFromInfinity(*impl_, d);
+  ColorOf<kTraits> EnvironmentRadiance(
+      Vec3f d, const WavelengthsOf<ColorOf<kTraits>>& wavelengths = {}) const {
+    if constexpr (!Has(kTraits, Trait::kEnvironment)) return {};
+    return RadianceFromInfinity<ColorOf<kTraits>>(*impl_, d, wavelengths);
   }
   template <uint32_t kTraits>
   float PdfEnvironment(Vec3f p, Vec3f n, Vec3f d) const {
     if constexpr (!Has(kTraits, Trait::kEnvironment)) return 0;
-    return FromInfinity(*impl_, p, n, d, LocateInFirst(*impl_, d)).pdf;
+    return FromInfinity<Rgb>(*impl_, p, n, d, {}, LocateInFirst(*impl_, d)).pdf;
   }
   // Both at once, for little more than the price of one.
   template <uint32_t kTraits>
-  EnvironmentValue EvalEnvironment(Vec3f p, Vec3f n, Vec3f d) const {
-    if constexpr (!Has(kTraits, Trait::kEnvironment)) return {};
-    return FromInfinity(*impl_, p, n, d, LocateInFirst(*impl_, d));
+  EnvironmentValueOf<ColorOf<kTraits>> EvalEnvironment(
+      Vec3f p, Vec3f n, Vec3f d, const WavelengthsOf<ColorOf<kTraits>>& wavelengths = {}) const {
+    return EvalEnvironment<kTraits>(p, n, d, wavelengths, PrepareEnvironment<kTraits>(d));
   }
   // The same in two steps: what is needed of an environment map begins to be fetched while the
   // caller still traces the ray along d. The second step's d must be the first's.
@@ -137,29 +168,37 @@ class LightTable {
     return LocateInFirst(*impl_, d);
   }
   template <uint32_t kTraits>
-  EnvironmentValue EvalEnvironment(Vec3f p, Vec3f n, Vec3f d, EnvironmentMap::Place place) const {
+  EnvironmentValueOf<ColorOf<kTraits>> EvalEnvironment(
+      Vec3f p, Vec3f n, Vec3f d, const WavelengthsOf<ColorOf<kTraits>>& wavelengths,
+      EnvironmentMap::Place place) const {
     if constexpr (!Has(kTraits, Trait::kEnvironment)) return {};
-    return FromInfinity(*impl_, p, n, d, place);
+    return FromInfinity<ColorOf<kTraits>>(*impl_, p, n, d, wavelengths, place);
   }
 
   struct Impl;
   // The traits that make a difference here: one compiled form for each combination.
   static constexpr uint32_t kLightTraits =
       static_cast<uint32_t>(Trait::kEnvironment) | static_cast<uint32_t>(Trait::kDeltaLights) |
-      static_cast<uint32_t>(Trait::kAreaLights) | static_cast<uint32_t>(Trait::kQuadrics);
+      static_cast<uint32_t>(Trait::kAreaLights) | static_cast<uint32_t>(Trait::kQuadrics) |
+      static_cast<uint32_t>(Trait::kSpectral);
 
  private:
   LightTable();
   template <uint32_t kMask>
-  static std::optional<LightSample> SampleLights(const Impl& impl, Vec3f p, Vec3f n, float u_select,
-                                                 Vec2f u, const Preparation& preparation);
+  static std::optional<LightSampleOf<ColorOf<kMask>>> SampleLights(
+      const Impl& impl, Vec3f p, Vec3f n, float u_select, Vec2f u,
+      const WavelengthsOf<ColorOf<kMask>>& wavelengths, const Preparation& preparation);
   template <uint32_t kMask>
   static float PdfOfEmitter(const Impl& impl, uint32_t emitter, Vec3f p, Vec3f n, Vec3f wi,
                             Vec3f p_light);
-  static Rgb RadianceFromInfinity(const Impl& impl, Vec3f d);
+  template <typename Color>
+  static Color RadianceFromInfinity(const Impl& impl, Vec3f d,
+                                    const WavelengthsOf<Color>& wavelengths);
   // first_place: of d, in the map of the first infinite light, where it has one.
-  static EnvironmentValue FromInfinity(const Impl& impl, Vec3f p, Vec3f n, Vec3f d,
-                                       EnvironmentMap::Place first_place);
+  template <typename Color>
+  static EnvironmentValueOf<Color> FromInfinity(const Impl& impl, Vec3f p, Vec3f n, Vec3f d,
+                                                const WavelengthsOf<Color>& wavelengths,
+                                                EnvironmentMap::Place first_place);
   static EnvironmentMap::Place LocateInFirst(const Impl& impl, Vec3f d);
   static Preparation Prepare(const Impl& impl, Vec2f u);
 

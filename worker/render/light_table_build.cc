@@ -61,7 +61,7 @@ LightBounds BoundsOf(const TriangleEmitter& t) {
           .normal = ToFloat(normal / doubled_area),
           .radius = static_cast<float>(radius),
           .area = static_cast<float>(0.5 * doubled_area),
-          .strength = StrengthOf(t.radiance)};
+          .strength = StrengthOf(t.radiance.rgb)};
 }
 
 LightBounds BoundsOf(const SphereEmitter& s) {
@@ -73,7 +73,7 @@ LightBounds BoundsOf(const SphereEmitter& s) {
           .center = ToFloat(s.center),
           .radius = static_cast<float>(s.radius),
           .area = static_cast<float>(area),
-          .strength = StrengthOf(s.radiance)};
+          .strength = StrengthOf(s.radiance.rgb)};
 }
 
 LightBounds BoundsOf(const DiskEmitter& d) {
@@ -87,7 +87,7 @@ LightBounds BoundsOf(const DiskEmitter& d) {
           .normal = ToFloat(d.normal),
           .radius = static_cast<float>(d.radius),
           .area = static_cast<float>(area),
-          .strength = StrengthOf(d.radiance)};
+          .strength = StrengthOf(d.radiance.rgb)};
 }
 
 // Whether angles are kept, to far within kConeSlack.
@@ -104,11 +104,11 @@ bool IsSimilarity(const Vec3f (&rows)[3]) {
 
 LightBounds BoundsOf(const DeltaLight& light) {
   if (light.kind == DeltaLight::Kind::kDistant) {
-    return {.kind = LightBounds::Kind::kInfinite, .strength = StrengthOf(light.emission)};
+    return {.kind = LightBounds::Kind::kInfinite, .strength = StrengthOf(light.emission.rgb)};
   }
   LightBounds bounds{.kind = LightBounds::Kind::kPoint,
                      .center = ToFloat(light.position),
-                     .strength = StrengthOf(light.emission)};
+                     .strength = StrengthOf(light.emission.rgb)};
   if (light.kind == DeltaLight::Kind::kSpot && IsSimilarity(light.light_from_render)) {
     const Vec3f(&rows)[3] = light.light_from_render;
     bounds.normal =
@@ -120,19 +120,30 @@ LightBounds BoundsOf(const DeltaLight& light) {
 
 LightBounds BoundsOf(const InfiniteEmitter& light) {
   const float mean = light.map ? static_cast<float>(light.map->mean_luminance()) * light.scale
-                               : StrengthOf(light.radiance);
+                               : StrengthOf(light.radiance.rgb);
   return {.kind = LightBounds::Kind::kInfinite,
           .strength = static_cast<float>(kPi) * std::fabs(mean)};
 }
 
 // --- Lights of the scene file ------------------------------------------------------------------
 
+// Index of the spectrum.
+int32_t AddSpectrum(const ScaledSpectrum& spectrum, LightTable::Impl* impl) {
+  impl->spectra.push_back(
+      {SpectralColor::Make(spectrum.color, ColorRole::kIlluminant), spectrum.scale});
+  return static_cast<int32_t>(impl->spectra.size() - 1);
+}
+
 // Reads one light after the other; the first error stays.
 class SceneLightReader {
  public:
   SceneLightReader(const SceneDescription& scene, Vec3d render_origin_world, FileSource& files,
-                   LightTable::Impl* impl)
-      : scene_(scene), render_origin_world_(render_origin_world), files_(files), impl_(impl) {}
+                   bool spectral, LightTable::Impl* impl)
+      : scene_(scene),
+        render_origin_world_(render_origin_world),
+        files_(files),
+        spectral_(spectral),
+        impl_(impl) {}
 
   absl::Status Read(const LightDescription& light) {
     return std::visit([&](const auto& kind) { return Add(light, kind); }, light.light);
@@ -145,10 +156,16 @@ class SceneLightReader {
   absl::Status Add(const LightDescription& light, const InfiniteLight& infinite);
   absl::StatusOr<EnvironmentMap> ReadMap(const LightDescription& light, const std::string& file);
   absl::Status Keep(const LightDescription& light, DeltaLight delta);
+  Emission AddEmission(const ColorSpec& color, float scale) {
+    Emission emission{color.rgb * scale, kNone};
+    if (spectral_) emission.spectrum = AddSpectrum({color, scale}, impl_);
+    return emission;
+  }
 
   const SceneDescription& scene_;
   Vec3d render_origin_world_;
   FileSource& files_;
+  const bool spectral_;
   LightTable::Impl* impl_;
 };
 
@@ -164,12 +181,12 @@ bool InvertLinearPart(const Matrix4& world_from_light, Vec3f (*rows)[3]) {
 
 // A black light adds nothing, and one that is not finite is an error.
 absl::Status SceneLightReader::Keep(const LightDescription& light, DeltaLight delta) {
-  if (!IsFinite(delta.emission) || !std::isfinite(LengthSquared(delta.position))) {
+  if (!IsFinite(delta.emission.rgb) || !std::isfinite(LengthSquared(delta.position))) {
     return ErrorAt(
         scene_, light.location,
         "the light's position or brightness is not finite; check scale, power and transform");
   }
-  if (!delta.emission.IsBlack()) impl_->deltas.push_back(delta);
+  if (!delta.emission.rgb.IsBlack()) impl_->deltas.push_back(delta);
   return absl::OkStatus();
 }
 
@@ -179,7 +196,7 @@ absl::Status SceneLightReader::Add(const LightDescription& light, const PointLig
   DeltaLight delta;
   delta.kind = DeltaLight::Kind::kPoint;
   delta.position = TransformPoint(light.world_from_light, point.from) - render_origin_world_;
-  delta.emission = point.intensity.rgb * scale;
+  delta.emission = AddEmission(point.intensity, scale);
   return Keep(light, delta);
 }
 
@@ -207,7 +224,7 @@ absl::Status SceneLightReader::Add(const LightDescription& light, const SpotLigh
     const double per_intensity = 2 * kPi * ((1 - cos_start) + 0.5 * (cos_start - cos_end));
     scale *= static_cast<float>(static_cast<double>(light.scale.power_w) / per_intensity);
   }
-  delta.emission = spot.intensity.rgb * scale;
+  delta.emission = AddEmission(spot.intensity, scale);
   return Keep(light, delta);
 }
 
@@ -221,7 +238,7 @@ absl::Status SceneLightReader::Add(const LightDescription& light, const DistantL
   delta.kind = DeltaLight::Kind::kDistant;
   delta.to_light = ToFloat(Normalize(to_light));
   const float illuminance = distant.illuminance_lx > 0 ? distant.illuminance_lx : 1;
-  delta.emission = distant.radiance.rgb * (light.scale.scale * illuminance);
+  delta.emission = AddEmission(distant.radiance, light.scale.scale * illuminance);
   return Keep(light, delta);
 }
 
@@ -283,11 +300,11 @@ absl::Status SceneLightReader::Add(const LightDescription& light, const Infinite
   if (infinite.file.empty()) {
     float scale = light.scale.scale;
     if (infinite.illuminance_lx > 0) scale *= infinite.illuminance_lx / static_cast<float>(kPi);
-    emitter.radiance = infinite.radiance.rgb * scale;
-    if (!IsFinite(emitter.radiance)) {
+    emitter.radiance = AddEmission(infinite.radiance, scale);
+    if (!IsFinite(emitter.radiance.rgb)) {
       return ErrorAt(scene_, light.location, "infinite light: the radiance is not finite");
     }
-    if (!emitter.radiance.IsBlack()) impl_->infinites.push_back(std::move(emitter));
+    if (!emitter.radiance.rgb.IsBlack()) impl_->infinites.push_back(std::move(emitter));
     return absl::OkStatus();
   }
   absl::StatusOr<EnvironmentMap> map = ReadMap(light, infinite.file);
@@ -335,7 +352,11 @@ absl::StatusOr<std::unique_ptr<LightTable>> LightTable::Build(const SceneDescrip
   impl.triangles = std::move(input.triangles);
   impl.spheres = std::move(input.spheres);
   impl.disks = std::move(input.disks);
-  SceneLightReader reader(scene, input.render_origin_world, files, &impl);
+  if (input.spectral) {
+    PrepareUpsampling();
+    for (const ScaledSpectrum& spectrum : input.spectra) AddSpectrum(spectrum, &impl);
+  }
+  SceneLightReader reader(scene, input.render_origin_world, files, input.spectral, &impl);
   for (const LightDescription& light : scene.lights) {
     const absl::Status status = reader.Read(light);
     if (!status.ok()) return status;

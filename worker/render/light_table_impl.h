@@ -11,6 +11,7 @@
 #include "worker/render/environment_map.h"
 #include "worker/render/light_choice.h"
 #include "worker/render/light_table.h"
+#include "worker/render/spectral_color.h"
 
 namespace sheaf::render {
 
@@ -20,7 +21,7 @@ struct DeltaLight {
   Kind kind = Kind::kPoint;
   Vec3d position;              // kPoint, kSpot.
   Vec3f to_light;              // kDistant: unit, towards the light.
-  Rgb emission;                // Intensity; radiance (irradiance on a facing plane) where distant.
+  Emission emission;           // Intensity; radiance (irradiance on a facing plane) where distant.
   Vec3f light_from_render[3];  // kSpot: rows of the linear map to the space where the spot shines
                                // along axis.
   Vec3f axis;                  // kSpot: unit, in the light's space.
@@ -30,7 +31,7 @@ struct DeltaLight {
 // One that comes from all directions. Constant where there is no map.
 struct InfiniteEmitter {
   std::optional<EnvironmentMap> map;
-  Rgb radiance;                // Constant.
+  Emission radiance;           // Constant.
   float scale = 1;             // Of the map; 1 where there is none.
   Vec3f light_from_render[3];  // Rows of a rotation (or reflection).
 };
@@ -42,6 +43,12 @@ struct LightTable::Impl {
   std::vector<DiskEmitter> disks;
   std::vector<DeltaLight> deltas;
   std::vector<InfiniteEmitter> infinites;
+  // By Emission::spectrum; empty where only RGB is asked for.
+  struct EmissionSpectrum {
+    SpectralColor color;
+    float scale = 1;
+  };
+  std::vector<EmissionSpectrum> spectra;
   LightChoice choice;
   bool empty = true;
 
@@ -49,13 +56,29 @@ struct LightTable::Impl {
   bool HasOnlyOneMap() const {
     return !empty && first_infinite() == 0 && infinites.size() == 1 && infinites[0].map;
   }
+  Rgb ColorOfEmission(const Emission& emission, NoWavelengths) const { return emission.rgb; }
+  Spectral ColorOfEmission(const Emission& emission, const Wavelengths& wavelengths) const {
+    if (emission.spectrum == kNone) {
+      return Upsample(emission.rgb, ColorRole::kIlluminant, wavelengths);
+    }
+    const EmissionSpectrum& spectrum = spectra[static_cast<size_t>(emission.spectrum)];
+    return spectrum.color.At(wavelengths) * spectrum.scale;
+  }
+  // map_radiance: where the light has a map, what that has in the direction asked for.
+  template <typename Color>
+  Color ColorFromInfinity(const InfiniteEmitter& light, Rgb map_radiance,
+                          const WavelengthsOf<Color>& wavelengths) const {
+    if (!light.map) return ColorOfEmission(light.radiance, wavelengths);
+    return ColorOfRgb<Color>(map_radiance * light.scale, ColorRole::kIlluminant, wavelengths);
+  }
   uint32_t first_sphere() const { return static_cast<uint32_t>(triangles.size()); }
   uint32_t first_disk() const { return first_sphere() + static_cast<uint32_t>(spheres.size()); }
   uint32_t first_delta() const { return first_disk() + static_cast<uint32_t>(disks.size()); }
   uint32_t first_infinite() const { return first_delta() + static_cast<uint32_t>(deltas.size()); }
 };
 
-// Intensity of a point or spot light along the (unit) direction w that leaves it.
-Rgb IntensityAlong(const DeltaLight& light, Vec3f w);
+// Share of its emission that a point or spot light sends along the (unit) direction w that leaves
+// it.
+float FalloffAlong(const DeltaLight& light, Vec3f w);
 
 }  // namespace sheaf::render

@@ -20,22 +20,15 @@ constexpr float kOtherAlphaMin = 1e-4f;
 constexpr float kIndexDifferenceMin = 1e-4f;
 
 // Keeps NaN, so that a texel that could not be read is noticed.
-Rgb ClampReflectance(Rgb color) {
-  for (size_t c = 0; c < 3; ++c) {
-    color[c] = color[c] < 0 ? 0 : (color[c] > 1 ? 1 : color[c]);
-  }
-  return color;
+template <typename Color>
+Color ClampReflectance(const Color& color) {
+  return MakeColor<Color>(
+      [&](size_t c) { return color[c] < 0 ? 0 : (color[c] > 1 ? 1 : color[c]); });
 }
 
 float AlphaOfRoughness(float roughness, bool remap) {
   const float value = std::fmax(roughness, 0.0f);
   return remap ? std::sqrt(value) : value;
-}
-
-// Index and absorption of a conductor that reflects `reflectance` at normal incidence.
-float AbsorptionOf(float reflectance) {
-  if (reflectance >= 1) return kPerfectConductorK;
-  return 2 * std::sqrt(reflectance / (1 - reflectance));
 }
 
 // The part of a table that serves alpha: its only row, or two neighbours of all.
@@ -48,48 +41,53 @@ const Row* ChooseRow(const std::vector<Row>* rows, float alpha, float* blend) {
   return rows->data() + at.index;
 }
 
-void SetAlpha(const CompiledMaterial& material, const SurfaceInputs& inputs, Bsdf* bsdf) {
-  bsdf->alpha_x = AlphaOfRoughness(inputs.roughness_u, material.remap_roughness);
-  bsdf->alpha_y = AlphaOfRoughness(inputs.roughness_v, material.remap_roughness);
+void SetAlpha(const CompiledMaterial& material, float roughness_u, float roughness_v,
+              BsdfShape* bsdf) {
+  bsdf->alpha_x = AlphaOfRoughness(roughness_u, material.remap_roughness);
+  bsdf->alpha_y = AlphaOfRoughness(roughness_v, material.remap_roughness);
   if (Ggx{bsdf->alpha_x, bsdf->alpha_y}.IsSmooth()) return;
   bsdf->alpha_x = std::fmax(bsdf->alpha_x, kOtherAlphaMin);
   bsdf->alpha_y = std::fmax(bsdf->alpha_y, kOtherAlphaMin);
 }
 
-void SetConductor(const CompiledMaterial& material, const SurfaceInputs& inputs, float alpha,
-                  Bsdf* bsdf) {
+template <typename Color>
+void SetComplexIndex(const CompiledMaterial& material, const SurfaceInputs<Color>& inputs,
+                     BsdfOf<Color>* bsdf) {
   if (material.from_reflectance) {
-    const Rgb r = ClampReflectance(inputs.color);
-    bsdf->eta_rgb = Rgb::Grey(1);
-    bsdf->k_rgb = {AbsorptionOf(r.r), AbsorptionOf(r.g), AbsorptionOf(r.b)};
+    const Color r = ClampReflectance(inputs.color);
+    bsdf->conductor_eta = Color::Grey(1);
+    bsdf->conductor_k = MakeColor<Color>([&](size_t c) { return AbsorptionOf(r[c]); });
   } else {
-    bsdf->eta_rgb = inputs.eta;
-    bsdf->k_rgb = inputs.k;
+    bsdf->conductor_eta = inputs.eta;
+    bsdf->conductor_k = inputs.k;
   }
-  bsdf->albedo = FresnelConductor(1, bsdf->eta_rgb, bsdf->k_rgb);
+}
+
+template <typename Color>
+void SetConductor(const CompiledMaterial& material, const SurfaceInputs<Color>& inputs, float alpha,
+                  BsdfOf<Color>* bsdf) {
+  SetComplexIndex(material, inputs, bsdf);
+  bsdf->albedo = FresnelConductor(1, bsdf->conductor_eta, bsdf->conductor_k);
   if (bsdf->specular) return;
   bsdf->conductor_energy = ChooseRow(material.conductor_rows, alpha, &bsdf->blend);
   if (bsdf->conductor_energy == nullptr) return;
-  // Light that was shadowed has been reflected once and is again each time it fails to leave.
-  // Source: Hill 2018, "A Multi-Faceted Exploration", part 3.
   float loss = bsdf->conductor_energy[0].lobe.average_loss;
   if (bsdf->blend > 0) {
     loss += bsdf->blend * (bsdf->conductor_energy[1].lobe.average_loss - loss);
   }
-  const Rgb average = AverageConductorFresnel(bsdf->eta_rgb, bsdf->k_rgb);
-  for (size_t c = 0; c < 3; ++c) {
-    bsdf->color[c] = average[c] * average[c] * (1 - loss) / (1 - average[c] * loss);
-  }
+  const Color average = AverageConductorFresnel(bsdf->conductor_eta, bsdf->conductor_k);
+  bsdf->color = MakeColor<Color>([&](size_t c) { return TintOfReturn(average[c], loss); });
 }
 
 }  // namespace
 
-Bsdf MakeBsdf(const CompiledMaterial& material, const SurfaceInputs& inputs) {
-  Bsdf bsdf;
+template <typename Color>
+BsdfOf<Color> MakeBsdf(const CompiledMaterial& material, const SurfaceInputs<Color>& inputs) {
+  BsdfOf<Color> bsdf;
   bsdf.kind = material.kind;
   bsdf.eta = material.eta;
-  bsdf.albedo = Rgb::Grey(1);
-  SetAlpha(material, inputs, &bsdf);
+  bsdf.albedo = Color::Grey(1);
+  SetAlpha(material, inputs.roughness_u, inputs.roughness_v, &bsdf);
   const bool is_smooth = Ggx{bsdf.alpha_x, bsdf.alpha_y}.IsSmooth();
   const float alpha = EquivalentAlpha({bsdf.alpha_x, bsdf.alpha_y});
   switch (material.kind) {
@@ -120,17 +118,48 @@ Bsdf MakeBsdf(const CompiledMaterial& material, const SurfaceInputs& inputs) {
   }
   return bsdf;
 }
+template Bsdf MakeBsdf(const CompiledMaterial&, const SurfaceInputs<Rgb>&);
 
 MaterialTable::MaterialTable() : impl_(std::make_unique<Impl>()) {}
 MaterialTable::~MaterialTable() = default;
 
 namespace {
 
-SurfaceInputs InputsAt(const TextureProgram& textures, const CompiledMaterial& material,
-                       const TexturePoint& point) {
-  return {textures.Color(material.color, point), textures.Color(material.eta_rgb, point),
-          textures.Color(material.k_rgb, point), textures.Float(material.roughness_u, point),
-          textures.Float(material.roughness_v, point)};
+template <typename Color>
+SurfaceInputs<Color> InputsAt(const TextureProgram& textures, const CompiledMaterial& material,
+                              const TexturePoint& point, const WavelengthsOf<Color>& wavelengths) {
+  const auto value = [&](const ColorOperand& operand) {
+    return textures.Value<Color>(operand, point, wavelengths);
+  };
+  return {value(material.color), value(material.conductor_eta), value(material.conductor_k),
+          textures.Float(material.roughness_u, point), textures.Float(material.roughness_v, point)};
+}
+
+const Bsdf& ConstantAt(const CompiledMaterial& material, NoWavelengths) {
+  return material.constant;
+}
+// All but the colours is the same for every wavelength.
+BsdfOf<Spectral> ConstantAt(const CompiledMaterial& material, const Wavelengths& wavelengths) {
+  BsdfOf<Spectral> bsdf;
+  static_cast<BsdfShape&>(bsdf) = material.constant;
+  if (material.kind == BsdfKind::kConductor) {
+    const SurfaceInputs<Spectral> inputs{material.color.spectrum.At(wavelengths),
+                                         material.conductor_eta.spectrum.At(wavelengths),
+                                         material.conductor_k.spectrum.At(wavelengths)};
+    SetComplexIndex(material, inputs, &bsdf);
+    bsdf.color = material.constant_tint.At(wavelengths);
+  } else {
+    bsdf.color = ClampReflectance(material.color.spectrum.At(wavelengths));
+  }
+  return bsdf;
+}
+
+void SetDispersion(const CompiledMaterial&, NoWavelengths, Bsdf*) {}
+void SetDispersion(const CompiledMaterial& material, const Wavelengths& wavelengths,
+                   BsdfOf<Spectral>* bsdf) {
+  if (!material.disperses) return;
+  bsdf->disperses = true;
+  bsdf->eta = material.index.At(wavelengths.hero_nm());
 }
 
 // Follows mixes down to a material, spending u without losing its uniformity.
@@ -151,8 +180,16 @@ const CompiledMaterial& Choose(const std::vector<CompiledMaterial>& materials,
 }  // namespace
 
 template <uint32_t kTraits>
-Bsdf MaterialTable::Evaluate(int32_t material, const TexturePoint& point, float u_mix) const {
-  if (material == kNone) return Bsdf{.kind = BsdfKind::kInterface, .specular = true};
+BsdfOf<ColorOf<kTraits>> MaterialTable::Evaluate(
+    int32_t material, const TexturePoint& point, float u_mix,
+    const WavelengthsOf<ColorOf<kTraits>>& wavelengths) const {
+  using Color = ColorOf<kTraits>;
+  BsdfOf<Color> bsdf;
+  if (material == kNone) {
+    bsdf.kind = BsdfKind::kInterface;
+    bsdf.specular = true;
+    return bsdf;
+  }
   const CompiledMaterial* chosen = &impl_->materials[static_cast<size_t>(material)];
   if constexpr (Has(kTraits, Trait::kAlpha)) {
     if (chosen->is_mix) {
@@ -160,9 +197,15 @@ Bsdf MaterialTable::Evaluate(int32_t material, const TexturePoint& point, float 
     }
   }
   if constexpr (Has(kTraits, Trait::kTextures)) {
-    if (chosen->varies) return MakeBsdf(*chosen, InputsAt(*impl_->textures, *chosen, point));
+    if (chosen->varies) {
+      bsdf = MakeBsdf(*chosen, InputsAt<Color>(*impl_->textures, *chosen, point, wavelengths));
+      SetDispersion(*chosen, wavelengths, &bsdf);
+      return bsdf;
+    }
   }
-  return chosen->constant;
+  bsdf = ConstantAt(*chosen, wavelengths);
+  SetDispersion(*chosen, wavelengths, &bsdf);
+  return bsdf;
 }
 
 template <uint32_t kTraits>
@@ -173,11 +216,11 @@ float MaterialTable::EvaluateFloat(const FloatInput& input, const TexturePoint& 
   return impl_->textures->Operand(input).value;
 }
 
-#define SHEAF_INSTANTIATE_MATERIAL(name, traits)                                             \
-  template Bsdf MaterialTable::Evaluate<traits>(int32_t material, const TexturePoint& point, \
-                                                float u_mix) const;                          \
-  template float MaterialTable::EvaluateFloat<traits>(const FloatInput& input,               \
-                                                      const TexturePoint& point) const;
+#define SHEAF_INSTANTIATE_MATERIAL(name, traits)                                                \
+  template BsdfOf<ColorOf<(traits)>> MaterialTable::Evaluate<(traits)>(                         \
+      int32_t, const TexturePoint&, float, const WavelengthsOf<ColorOf<(traits)>>&) const;      \
+  template float MaterialTable::EvaluateFloat<(traits)>(const FloatInput&, const TexturePoint&) \
+      const;
 SHEAF_RENDER_VARIANTS(SHEAF_INSTANTIATE_MATERIAL)
 #undef SHEAF_INSTANTIATE_MATERIAL
 

@@ -23,6 +23,12 @@ struct TexturePoint {
   Vec3f p_world;  // World space (not camera-relative), for 3-D and projected mappings.
 };
 
+struct MaterialOptions {
+  uint64_t texture_cache_bytes_max = 0;
+  bool spectral = false;           // Evaluate may be asked for traits with kSpectral too.
+  bool single_scattering = false;  // As RenderSettings has it.
+};
+
 class MaterialTable {
  public:
   // Errors: a texture that cannot be opened or decoded, named with its location; values outside
@@ -31,7 +37,7 @@ class MaterialTable {
   // is textured.
   static absl::StatusOr<std::unique_ptr<MaterialTable>> Build(const SceneDescription& scene,
                                                               FileSource& files,
-                                                              uint64_t texture_cache_bytes_max);
+                                                              const MaterialOptions& options);
   ~MaterialTable();
 
   // The Bsdf of a material at a point; kNone is an interface. Mixes are decided by u_mix (consumed
@@ -40,7 +46,8 @@ class MaterialTable {
   // to live as long as *this. Thread safety: any number of threads at once. Compiled for every
   // variant of variant_list.h.
   template <uint32_t kTraits>
-  Bsdf Evaluate(int32_t material, const TexturePoint& point, float u_mix) const;
+  BsdfOf<ColorOf<kTraits>> Evaluate(int32_t material, const TexturePoint& point, float u_mix,
+                                    const WavelengthsOf<ColorOf<kTraits>>& wavelengths = {}) const;
   // Value of a float input (cut-outs), as it is: a mask's author may have left [0, 1].
   template <uint32_t kTraits>
   float EvaluateFloat(const FloatInput& input, const TexturePoint& point) const;

@@ -21,8 +21,8 @@ constexpr Ggx kAllAlphas{-1, -1};
 class MaterialBuilder {
  public:
   MaterialBuilder(const SceneDescription& scene, const TextureProgram& textures,
-                  ScatteringTables& tables)
-      : scene_(scene), textures_(textures), tables_(tables) {}
+                  ScatteringTables& tables, const MaterialOptions& options)
+      : scene_(scene), textures_(textures), tables_(tables), options_(options) {}
 
   absl::StatusOr<CompiledMaterial> Make(int32_t material) {
     description_ = &scene_.materials[static_cast<size_t>(material)];
@@ -30,11 +30,14 @@ class MaterialBuilder {
     absl::Status status =
         std::visit([&](const auto& d) { return Fill(d, &m); }, description_->material);
     if (!status.ok()) return status;
-    m.varies = m.color.texture != kNone || m.eta_rgb.texture != kNone || m.k_rgb.texture != kNone ||
-               RoughnessVaries(m);
-    if (!m.is_mix) {
-      m.constant = MakeBsdf(m, {m.color.value, m.eta_rgb.value, m.k_rgb.value, m.roughness_u.value,
-                                m.roughness_v.value});
+    m.varies = m.color.texture != kNone || m.conductor_eta.texture != kNone ||
+               m.conductor_k.texture != kNone || RoughnessVaries(m);
+    if (m.is_mix) return m;
+    m.constant =
+        MakeBsdf(m, SurfaceInputs<Rgb>{m.color.value, m.conductor_eta.value, m.conductor_k.value,
+                                       m.roughness_u.value, m.roughness_v.value});
+    if (options_.spectral && !m.varies && m.constant.conductor_energy != nullptr) {
+      SetSpectralTint(&m);
     }
     return m;
   }
@@ -51,7 +54,7 @@ class MaterialBuilder {
   }
 
   absl::Status SetReflectance(const ColorInput& input, CompiledMaterial* m) {
-    m->color = textures_.Operand(input);
+    m->color = textures_.Operand(input, ColorRole::kReflectance);
     if (m->color.texture != kNone) return absl::OkStatus();
     for (size_t c = 0; c < 3; ++c) {
       const float value = m->color.value[c];
@@ -83,6 +86,13 @@ class MaterialBuilder {
     m->eta = eta;
     return absl::OkStatus();
   }
+  absl::Status SetIndex(const RefractiveIndex& eta, CompiledMaterial* m) {
+    m->disperses = options_.spectral && eta.Disperses();
+    if (m->disperses) {
+      m->index = SpectralColor::Tabulate([&](double nm) { return IndexAt(eta.spectrum, nm); });
+    }
+    return SetIndex(eta.mean, m);
+  }
   // Matter of the same index on both sides neither bends nor reflects, rough or not: no surface.
   static absl::Status MakeInvisible(CompiledMaterial* m) {
     *m = CompiledMaterial{};
@@ -93,10 +103,25 @@ class MaterialBuilder {
   // The roughness a table is needed for; kAllAlphas where it varies.
   static Ggx TableAlpha(const CompiledMaterial& m) {
     if (RoughnessVaries(m)) return kAllAlphas;
-    const Bsdf bsdf = MakeBsdf(m, {{}, {}, {}, m.roughness_u.value, m.roughness_v.value});
+    const Bsdf bsdf =
+        MakeBsdf(m, SurfaceInputs<Rgb>{{}, {}, {}, m.roughness_u.value, m.roughness_v.value});
     return {bsdf.alpha_x, bsdf.alpha_y};
   }
   static bool IsSmooth(const Ggx& ggx) { return ggx.alpha_x >= 0 && ggx.IsSmooth(); }
+
+  // BsdfOf::color of a rough conductor that does not vary, wavelength by wavelength.
+  static void SetSpectralTint(CompiledMaterial* m) {
+    const float loss = m->constant.conductor_energy->lobe.average_loss;
+    m->constant_tint = SpectralColor::Tabulate([&](double nm) -> double {
+      const auto at = static_cast<float>(nm);
+      float eta = m->conductor_eta.spectrum.At(at), k = m->conductor_k.spectrum.At(at);
+      if (m->from_reflectance) {
+        eta = 1;
+        k = AbsorptionOf(m->color.spectrum.At(at));
+      }
+      return TintOfReturn(AverageConductorFresnel(eta, k), loss);
+    });
+  }
 
   // Finds a table or makes it: one row, or all.
   template <typename Row, typename MakeRow, typename MakeAll>
@@ -126,19 +151,19 @@ class MaterialBuilder {
     if (d.has_reflectance) {
       if (absl::Status status = SetReflectance(d.reflectance, m); !status.ok()) return status;
     } else {
-      m->eta_rgb = textures_.Operand(d.eta);
-      m->k_rgb = textures_.Operand(d.k);
+      m->conductor_eta = textures_.Operand(d.eta, ColorRole::kUnbounded);
+      m->conductor_k = textures_.Operand(d.k, ColorRole::kUnbounded);
       if (d.eta.texture == kNone && d.k.texture == kNone) {
         const ConductorConstants constants = ConductorRgb(d.eta.value, d.k.value);
-        m->eta_rgb.value = constants.eta;
-        m->k_rgb.value = constants.k;
+        m->conductor_eta.value = constants.eta;
+        m->conductor_k.value = constants.k;
         if (!IsFinite(constants.eta) || !IsFinite(constants.k)) {
           return Error("eta and k must be finite numbers");
         }
       }
     }
     const Ggx ggx = TableAlpha(*m);
-    if (IsSmooth(ggx)) return absl::OkStatus();
+    if (IsSmooth(ggx) || options_.single_scattering) return absl::OkStatus();
     m->conductor_rows = FindTable(
         tables_.conductors, {ggx.alpha_x, ggx.alpha_y, 0, 0},
         [&] { return MakeConductorEnergyRow(ggx); }, [] { return MakeConductorEnergyTable(); });
@@ -149,20 +174,21 @@ class MaterialBuilder {
     m->kind = BsdfKind::kDielectric;
     if (absl::Status status = SetRoughness(d.roughness, m); !status.ok()) return status;
     if (absl::Status status = SetIndex(d.eta, m); !status.ok()) return status;
-    if (d.eta == 1) return MakeInvisible(m);
+    const float eta = d.eta.mean;
+    if (d.eta.IsMatched()) return MakeInvisible(m);
     const Ggx ggx = TableAlpha(*m);
-    if (IsSmooth(ggx)) return absl::OkStatus();
+    if (IsSmooth(ggx) || options_.single_scattering) return absl::OkStatus();
     m->dielectric_rows = FindTable(
-        tables_.dielectrics, {ggx.alpha_x, ggx.alpha_y, d.eta, 0},
-        [&] { return MakeDielectricEnergyRow(ggx, d.eta); },
-        [&] { return MakeDielectricEnergyTable(d.eta); });
+        tables_.dielectrics, {ggx.alpha_x, ggx.alpha_y, eta, 0},
+        [&] { return MakeDielectricEnergyRow(ggx, eta); },
+        [&] { return MakeDielectricEnergyTable(eta); });
     return absl::OkStatus();
   }
 
   absl::Status Fill(const ThinDielectricMaterial& d, CompiledMaterial* m) {
     m->kind = BsdfKind::kThinDielectric;
     if (absl::Status status = SetIndex(d.eta, m); !status.ok()) return status;
-    return d.eta == 1 ? MakeInvisible(m) : absl::OkStatus();
+    return d.eta.IsMatched() ? MakeInvisible(m) : absl::OkStatus();
   }
 
   absl::Status Fill(const CoatedDiffuseMaterial& d, CompiledMaterial* m) {
@@ -177,10 +203,11 @@ class MaterialBuilder {
       return Error("a scattering coat (albedo above 0) is not supported; remove \"albedo\"");
     }
     const Ggx ggx = TableAlpha(*m);
+    const bool keeps_energy = !options_.single_scattering;
     m->coat_rows = FindTable(
         tables_.coats, {ggx.alpha_x, ggx.alpha_y, d.eta, d.thickness},
-        [&] { return MakeCoatRow(ggx, d.eta, d.thickness); },
-        [&] { return MakeCoatTable(d.eta, d.thickness); });
+        [&] { return MakeCoatRow(ggx, d.eta, d.thickness, keeps_energy); },
+        [&] { return MakeCoatTable(d.eta, d.thickness, keeps_energy); });
     return absl::OkStatus();
   }
 
@@ -227,20 +254,23 @@ class MaterialBuilder {
   const SceneDescription& scene_;
   const TextureProgram& textures_;
   ScatteringTables& tables_;
+  const MaterialOptions options_;
   const MaterialDescription* description_ = nullptr;
 };
 
 }  // namespace
 
 absl::StatusOr<std::unique_ptr<MaterialTable>> MaterialTable::Build(
-    const SceneDescription& scene, FileSource& files, uint64_t texture_cache_bytes_max) {
+    const SceneDescription& scene, FileSource& files, const MaterialOptions& options) {
   std::unique_ptr<MaterialTable> table(new MaterialTable());
   Impl& impl = *table->impl_;
-  impl.cache = std::make_unique<TextureCache>(texture_cache_bytes_max);
-  absl::StatusOr<TextureProgram> textures = TextureProgram::Build(scene, files, *impl.cache);
+  impl.cache = std::make_unique<TextureCache>(options.texture_cache_bytes_max);
+  if (options.spectral) PrepareUpsampling();
+  absl::StatusOr<TextureProgram> textures =
+      TextureProgram::Build(scene, files, *impl.cache, options.spectral);
   if (!textures.ok()) return textures.status();
   impl.textures = *std::move(textures);
-  MaterialBuilder builder(scene, *impl.textures, impl.tables);
+  MaterialBuilder builder(scene, *impl.textures, impl.tables, options);
   for (size_t i = 0; i < scene.materials.size(); ++i) {
     absl::StatusOr<CompiledMaterial> material = builder.Make(static_cast<int32_t>(i));
     if (!material.ok()) return material.status();

@@ -4,6 +4,7 @@
 // What MaterialTable holds: for its own two source files only.
 #pragma once
 
+#include <cmath>
 #include <map>
 #include <memory>
 #include <optional>
@@ -11,14 +12,16 @@
 #include <vector>
 
 #include "common/image/texture_cache.h"
+#include "worker/render/fresnel.h"
 #include "worker/render/material.h"
 #include "worker/render/texture_program.h"
 
 namespace sheaf::render {
 
 // What a Bsdf is made of at one point.
+template <typename Color>
 struct SurfaceInputs {
-  Rgb color, eta, k;
+  Color color, eta, k;
   float roughness_u = 0, roughness_v = 0;
 };
 
@@ -29,7 +32,9 @@ struct CompiledMaterial {
   bool remap_roughness = true;
   bool from_reflectance = false;  // Conductors: color is the reflectance, eta and k follow.
   float eta = 1;
-  ColorOperand color, eta_rgb, k_rgb;
+  bool disperses = false;  // Index by wavelength, instead of eta in spectral transport.
+  SpectralColor index;
+  ColorOperand color, conductor_eta, conductor_k;
   FloatOperand roughness_u, roughness_v;
   FloatOperand amount;  // Of the second material of a mix.
   int32_t mix[2] = {kNone, kNone};
@@ -38,9 +43,25 @@ struct CompiledMaterial {
   const std::vector<ConductorEnergyRow>* conductor_rows = nullptr;
   const std::vector<DielectricEnergyRow>* dielectric_rows = nullptr;
   Bsdf constant;
+  // Of `constant` at every wavelength, where it is a rough conductor: BsdfOf::color.
+  SpectralColor constant_tint;
 };
 
-Bsdf MakeBsdf(const CompiledMaterial& material, const SurfaceInputs& inputs);
+// The absorption of a conductor of index 1 that reflects `reflectance` at normal incidence.
+inline float AbsorptionOf(float reflectance) {
+  if (reflectance >= 1) return kPerfectConductorK;
+  return 2 * std::sqrt(reflectance / (1 - reflectance));
+}
+
+template <typename Color>
+BsdfOf<Color> MakeBsdf(const CompiledMaterial& material, const SurfaceInputs<Color>& inputs);
+// What repeated reflection gives the energy that one reflection loses. average: of Fresnel's
+// reflectance, loss: of the lobe, both weighted by cosine. Light that was shadowed has been
+// reflected once and is again each time it fails to leave.
+// Source: Hill 2018, "A Multi-Faceted Exploration", part 3.
+inline float TintOfReturn(float average, float loss) {
+  return average * average * (1 - loss) / (1 - average * loss);
+}
 
 // Tables of the scene, each made once. Key: both alphas (negative for all nodes), eta, thickness.
 struct ScatteringTables {

@@ -62,7 +62,7 @@ struct Fixture {
   }
   absl::StatusOr<std::unique_ptr<MaterialTable>> Build(uint64_t cache_bytes = kCacheBytes) const {
     TableFileSource files(paths);
-    return MaterialTable::Build(scene, files, cache_bytes);
+    return MaterialTable::Build(scene, files, {cache_bytes});
   }
 };
 

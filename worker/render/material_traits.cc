@@ -51,13 +51,15 @@ class NeedsCollector {
   }
   // Without a step of the index there is no surface: MaterialTable makes it an interface.
   void Add(const DielectricMaterial& m) {
-    if (m.eta == 1) return Add(InterfaceMaterial{});
+    if (m.eta.IsMatched()) return Add(InterfaceMaterial{});
     needs_.traits |= Bit(Trait::kSpecularTransmission);
+    if (m.eta.Disperses()) needs_.traits |= Bit(Trait::kSpectral);
     Read(m.roughness);
   }
   void Add(const ThinDielectricMaterial& m) {
-    if (m.eta == 1) return Add(InterfaceMaterial{});
+    if (m.eta.IsMatched()) return Add(InterfaceMaterial{});
     needs_.traits |= Bit(Trait::kSpecularTransmission);
+    if (m.eta.Disperses()) needs_.traits |= Bit(Trait::kSpectral);
   }
   void Add(const CoatedDiffuseMaterial& m) {
     needs_.traits |= Bit(Trait::kLayered) | Bit(Trait::kMicrofacet);

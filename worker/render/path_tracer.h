@@ -20,7 +20,9 @@
 #include "worker/render/dimensions.h"
 #include "worker/render/mis.h"
 #include "worker/render/sampler.h"
+#include "worker/render/spectral_color.h"
 #include "worker/render/surface_point.h"
+#include "worker/render/wavelengths.h"
 
 namespace sheaf::render {
 
@@ -48,16 +50,23 @@ class PathTracer {
 
  private:
   static constexpr bool kMayPass = Has(kTraits, Trait::kAlpha);
+  static constexpr bool kSpectral = Has(kTraits, Trait::kSpectral);
+  // What asks for no colour, or for the colour as RGB, leaves the wavelengths out.
+  static constexpr uint32_t kRgbTraits = kTraits & ~TraitSet(Trait::kSpectral);
+
+  using Color = ColorOf<kTraits>;
 
   struct Path {
     Ray ray;
-    Rgb throughput = Rgb::Grey(1);
-    Rgb radiance;
-    float eta_scale = 1;   // Radiance gained by entering denser matter, which roulette disregards.
-    uint32_t depth = 0;    // Scattering events so far.
-    bool specular = true;  // No light sampling could have found what the ray meets.
-    float pdf = 0;         // Of the ray's direction, where not specular.
-    Vec3f from, from_n;    // Where light sampling stood, and its hint.
+    [[no_unique_address]] WavelengthsOf<Color> wavelengths;
+    Color throughput = Color::Grey(1);
+    Color radiance;
+    float eta_scale = 1;  // Radiance gained by entering denser matter, which roulette disregards.
+    uint32_t depth = 0;   // Scattering events so far.
+    bool hero_alone = false;          // Spectral: after dispersion.
+    bool specular = true;             // No light sampling could have found what the ray meets.
+    float pdf = 0;                    // Of the ray's direction, where not specular.
+    Vec3f from, from_n;               // Where light sampling stood, and its hint.
     EnvironmentMap::Place sky_place;  // Of the ray's direction, once scattered.
   };
 
@@ -79,13 +88,13 @@ class PathTracer {
   bool IsCutOut(const SurfacePoint& point, float u) const;
   void AddEscape(Path* path) const;
   void AddEmission(const SurfacePoint& point, Path* path) const;
-  void AddDirect(const LightDraw& draw, const SurfacePoint& point, const Bsdf& bsdf, Vec3f wo_local,
-                 Vec3f light_hint, Path* path);
+  void AddDirect(const LightDraw& draw, const SurfacePoint& point, const BsdfOf<Color>& bsdf,
+                 Vec3f wo_local, Vec3f light_hint, Path* path);
   // Goes on along a sampled direction. False where the path ends.
-  bool Scatter(const Sampler& sampler, const SurfacePoint& point, const Bsdf& bsdf, Vec3f wo_local,
-               Vec3f light_hint, Path* path) const;
-  bool IsVisible(const SurfacePoint& point, const LightSample& light, std::array<float, 2> u_pass,
-                 float time);
+  bool Scatter(const Sampler& sampler, const SurfacePoint& point, const BsdfOf<Color>& bsdf,
+               Vec3f wo_local, Vec3f light_hint, Path* path) const;
+  bool IsVisible(const SurfacePoint& point, const LightSampleOf<Color>& light,
+                 std::array<float, 2> u_pass, float time);
   bool IsVisibleThroughCutOuts(Ray ray, bool is_infinite, Vec3f end, std::array<float, 2> u_pass);
 
   const CompiledScene& scene_;
@@ -101,8 +110,15 @@ FilmSample PathTracer<kTraits, Tracer>::TraceSample(int32_t x, int32_t y, uint64
   FilmSample film;
   Path path;
   path.ray = CameraRay(sampler, x, y, &film);
-  Trace(sampler, &path, &film);
-  film.radiance = path.radiance * scene_.description.film.exposure_scale;
+  if constexpr (kSpectral) {
+    path.wavelengths = Wavelengths::Sample(sampler.Get1(Slot(CameraSlot::kWavelength)));
+    Trace(sampler, &path, &film);
+    film.radiance = RgbOf(path.radiance, path.wavelengths);
+  } else {
+    Trace(sampler, &path, &film);
+    film.radiance = path.radiance;
+  }
+  film.radiance *= scene_.description.film.exposure_scale;
   return film;
 }
 
@@ -147,13 +163,13 @@ void PathTracer<kTraits, Tracer>::Trace(const Sampler& sampler, Path* path, Film
       choice = MakeChoice({u.x, u.y}, passes);
     }
     bool passes_through = IsCutOut(point, choice.cut_out);
-    Bsdf bsdf;
+    BsdfOf<Color> bsdf;
     if (!passes_through) {
       AddEmission(point, path);
       // The last vertex needs no material, unless it may turn out not to be there.
       if (path->depth == depth_max && !is_first && !(kMayPass && surface.may_pass)) return;
       bsdf = scene_.materials->template Evaluate<kTraits>(surface.material, TexturePointOf(point),
-                                                          choice.mix);
+                                                          choice.mix, path->wavelengths);
       passes_through = kMayPass && bsdf.kind == BsdfKind::kInterface;
     }
     if (passes_through) {
@@ -171,11 +187,25 @@ void PathTracer<kTraits, Tracer>::Trace(const Sampler& sampler, Path* path, Film
     if (is_first) {
       is_first = false;
       film->alpha = 1;
-      film->albedo = bsdf.albedo;
+      if constexpr (kSpectral) {
+        film->albedo =
+            scene_.materials
+                ->template Evaluate<kRgbTraits>(surface.material, TexturePointOf(point), choice.mix)
+                .albedo;
+      } else {
+        film->albedo = bsdf.albedo;
+      }
       film->normal = point.shading.n;
       film->depth = Length(point.p - camera_o);
     }
     if (path->depth++ == depth_max) return;
+    if constexpr (kSpectral) {
+      // Refraction leads each wavelength elsewhere: the path goes on with the hero, for all four.
+      if (bsdf.disperses && !path->hero_alone) {
+        path->hero_alone = true;
+        path->throughput = {{path->throughput[0] * kWavelengthCount}};
+      }
+    }
     const Vec3f wo_local = point.shading.ToLocal(wo);
     const bool transmits =
         Has(kTraits, Trait::kSpecularTransmission) &&
@@ -228,12 +258,12 @@ template <uint32_t kTraits, typename Tracer>
 void PathTracer<kTraits, Tracer>::AddEscape(Path* path) const {
   if constexpr (Has(kTraits, Trait::kEnvironment)) {
     if (path->specular) {
-      path->radiance +=
-          path->throughput * scene_.lights->template EnvironmentRadiance<kTraits>(path->ray.d);
+      path->radiance += path->throughput * scene_.lights->template EnvironmentRadiance<kTraits>(
+                                               path->ray.d, path->wavelengths);
       return;
     }
-    const EnvironmentValue value = scene_.lights->template EvalEnvironment<kTraits>(
-        path->from, path->from_n, path->ray.d, path->sky_place);
+    const EnvironmentValueOf<Color> value = scene_.lights->template EvalEnvironment<kTraits>(
+        path->from, path->from_n, path->ray.d, path->wavelengths, path->sky_place);
     path->radiance += path->throughput * value.radiance * PowerHeuristic(path->pdf, value.pdf);
   }
 }
@@ -242,8 +272,8 @@ template <uint32_t kTraits, typename Tracer>
 void PathTracer<kTraits, Tracer>::AddEmission(const SurfacePoint& point, Path* path) const {
   if constexpr (Has(kTraits, Trait::kAreaLights)) {
     if (point.emitter == kNoEmitter) return;
-    const Rgb radiance =
-        scene_.lights->EmitterRadiance(point.emitter, point.EmitterNormal(), -path->ray.d);
+    const Color radiance = scene_.lights->template EmitterRadiance<Color>(
+        point.emitter, point.EmitterNormal(), -path->ray.d, path->wavelengths);
     if (radiance.IsBlack()) return;
     float weight = 1;
     if (!path->specular) {
@@ -257,17 +287,17 @@ void PathTracer<kTraits, Tracer>::AddEmission(const SurfacePoint& point, Path* p
 
 template <uint32_t kTraits, typename Tracer>
 void PathTracer<kTraits, Tracer>::AddDirect(const LightDraw& draw, const SurfacePoint& point,
-                                            const Bsdf& bsdf, Vec3f wo_local, Vec3f light_hint,
-                                            Path* path) {
+                                            const BsdfOf<Color>& bsdf, Vec3f wo_local,
+                                            Vec3f light_hint, Path* path) {
   if (scene_.lights->empty()) return;
   const std::array<float, 4>& u = draw.u;
-  const std::optional<LightSample> light = scene_.lights->template Sample<kTraits>(
-      point.p, light_hint, u[0], {u[1], u[2]}, draw.preparation);
+  const std::optional<LightSampleOf<Color>> light = scene_.lights->template Sample<kTraits>(
+      point.p, light_hint, u[0], {u[1], u[2]}, path->wavelengths, draw.preparation);
   if (!light.has_value()) return;
   const Vec3f wi_local = point.shading.ToLocal(light->wi);
   // Shading and true normal must agree on the side, or light would leak through the surface.
   if (!(wi_local.z * Dot(light->wi, point.ng) > 0)) return;
-  const BsdfValue value = EvalBsdf<kTraits>(bsdf, wo_local, wi_local);
+  const BsdfValueOf<Color> value = EvalBsdf<kTraits>(bsdf, wo_local, wi_local);
   if (value.f_cos.IsBlack()) return;
   if (!IsVisible(point, *light, {u[3], u[0]}, path->ray.time)) return;
   const float weight = light->is_delta ? 1.0f : PowerHeuristic(light->pdf, value.pdf);
@@ -276,10 +306,11 @@ void PathTracer<kTraits, Tracer>::AddDirect(const LightDraw& draw, const Surface
 
 template <uint32_t kTraits, typename Tracer>
 bool PathTracer<kTraits, Tracer>::Scatter(const Sampler& sampler, const SurfacePoint& point,
-                                          const Bsdf& bsdf, Vec3f wo_local, Vec3f light_hint,
-                                          Path* path) const {
+                                          const BsdfOf<Color>& bsdf, Vec3f wo_local,
+                                          Vec3f light_hint, Path* path) const {
   const std::array<float, 4> u = sampler.Get4(Slot(path->depth - 1, VertexSlot::kBsdf));
-  const std::optional<BsdfSample> sample = SampleBsdf<kTraits>(bsdf, wo_local, u[0], {u[1], u[2]});
+  const std::optional<BsdfSampleOf<Color>> sample =
+      SampleBsdf<kTraits>(bsdf, wo_local, u[0], {u[1], u[2]});
   if (!sample.has_value()) return false;
   const Vec3f wi = point.shading.ToWorld(sample->wi);
   if (!(sample->wi.z * Dot(wi, point.ng) > 0)) return false;
@@ -305,7 +336,8 @@ bool PathTracer<kTraits, Tracer>::Scatter(const Sampler& sampler, const SurfaceP
 }
 
 template <uint32_t kTraits, typename Tracer>
-bool PathTracer<kTraits, Tracer>::IsVisible(const SurfacePoint& point, const LightSample& light,
+bool PathTracer<kTraits, Tracer>::IsVisible(const SurfacePoint& point,
+                                            const LightSampleOf<Color>& light,
                                             std::array<float, 2> u_pass, float time) {
   Ray ray;
   ray.time = time;
@@ -338,7 +370,7 @@ bool PathTracer<kTraits, Tracer>::IsVisibleThroughCutOuts(Ray ray, bool is_infin
     // Pass numbers from 1 on: the slot's own numbers have been used to choose the light.
     const PassChoice choice = MakeChoice(u_pass, pass + 1);
     if (!IsCutOut(point, choice.cut_out)) {
-      const Bsdf bsdf = scene_.materials->template Evaluate<kTraits>(
+      const Bsdf bsdf = scene_.materials->template Evaluate<kRgbTraits>(
           surface.material, TexturePointOf(point), choice.mix);
       if (bsdf.kind != BsdfKind::kInterface) return false;
     }

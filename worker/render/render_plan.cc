@@ -34,19 +34,26 @@ constexpr TraitName kTraitNames[] = {
     {Trait::kAlpha, "cut-outs and mixes"},
     {Trait::kInstances, "instances"},
     {Trait::kQuadrics, "spheres and disks"},
+    {Trait::kSpectral, "wavelengths"},
 };
 
 class PlanMaker {
  public:
   explicit PlanMaker(const SceneDescription& scene) : scene_(scene) {}
 
-  RenderPlan Make(bool force_generic) {
+  RenderPlan Make(const FrameSettings& settings) {
     LookAtCamera();
     for (const int32_t shape : scene_.world_shapes) LookAtShape(scene_.shapes[shape], true);
     LookAtInstances();
     for (const LightDescription& light : scene_.lights) LookAtLight(light);
     light_count_ += scene_.lights.size();
-    return Finish(force_generic);
+    Cause& wavelengths = causes_[TraitIndex(Trait::kSpectral)];
+    if (settings.color == ColorTransport::kSpectral) {
+      wavelengths = {"asked for: spectral color", 1};
+    } else if (settings.color == ColorTransport::kRgb) {
+      wavelengths = {};
+    }
+    return Finish(settings.force_generic_variant);
   }
 
  private:
@@ -185,7 +192,7 @@ std::string JoinNames(const std::vector<std::string>& names) {
 }  // namespace
 
 RenderPlan MakeRenderPlan(const SceneDescription& scene, const FrameSettings& settings) {
-  return PlanMaker(scene).Make(settings.force_generic_variant);
+  return PlanMaker(scene).Make(settings);
 }
 
 std::string FormatRenderPlan(const RenderPlan& plan) {

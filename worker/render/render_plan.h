@@ -28,20 +28,21 @@ enum class Trait : uint32_t {
   kAlpha = 1u << 9,                 // Cut-outs, interfaces, stochastic mixes.
   kInstances = 1u << 10,            // Object instances.
   kQuadrics = 1u << 11,             // Exact spheres and disks.
+  kSpectral = 1u << 12,             // Four wavelengths a path instead of RGB.
 };
 
 struct PlannedEffect {
   Trait trait{};
-  std::string name;    // "lens"
-  std::string cause;   // "scenes/room.pbrt:12:1: Camera \"float lensradius\" [0.05]"
+  std::string name;   // "lens"
+  std::string cause;  // "scenes/room.pbrt:12:1: Camera \"float lensradius\" [0.05]"
 };
 struct RenderPlan {
-  uint32_t traits = 0;                  // The scene's.
-  uint32_t variant_traits = 0;          // Of the compiled variant: a superset of traits.
+  uint32_t traits = 0;          // The scene's.
+  uint32_t variant_traits = 0;  // Of the compiled variant: a superset of traits.
   std::string variant_name;
-  size_t light_count = 0;               // Of emissive triangles, spheres, disks and other lights.
-  std::vector<PlannedEffect> effects;   // In the order of Trait.
-  std::vector<std::string> unused;      // Names of the effects that cost nothing here.
+  size_t light_count = 0;              // Of emissive triangles, spheres, disks and other lights.
+  std::vector<PlannedEffect> effects;  // In the order of Trait.
+  std::vector<std::string> unused;     // Names of the effects that cost nothing here.
 };
 
 RenderPlan MakeRenderPlan(const SceneDescription& scene, const FrameSettings& settings);

@@ -7,7 +7,7 @@ sheaf_add_module(NAME render_sampling
   SOURCES
     sampler.cc sobol_points.cc discrete_distribution.cc shape_sampling.cc equal_area_map.cc
     environment_map.cc light_choice.cc light_tree.cc light_tree_build.cc light_table.cc light_table_build.cc
-  DEPS sheaf::base sheaf::film sheaf::math sheaf::scene
+  DEPS sheaf::render_spectral sheaf::base sheaf::film sheaf::math sheaf::scene
   PRIVATE_DEPS sheaf::image
   TESTS equal_area_map_test.cc light_choice_test.cc light_tree_test.cc
 )

@@ -7,6 +7,6 @@ sheaf_add_module(NAME render_shading
   SOURCES
     bsdf.cc coat_table.cc energy_table.cc material.cc material_build.cc texture_program.cc
     texture_program_build.cc
-  DEPS sheaf::base sheaf::math sheaf::scene sheaf::image
+  DEPS sheaf::render_spectral sheaf::base sheaf::math sheaf::scene sheaf::image
   TESTS coat_table_test.cc material_test.cc
     ${PROJECT_SOURCE_DIR}/tests/support/chi_square.cc)

@@ -60,12 +60,16 @@ bool WrapTexel(TextureWrap wrap, int width, int height, TexelIndex& texel) {
   return false;
 }
 
-ColorOperand TextureProgram::Operand(const ColorInput& input) const {
-  if (input.texture == kNone) return {kNone, input.value.rgb};
+ColorOperand TextureProgram::Operand(const ColorInput& input, ColorRole role) const {
+  if (input.texture == kNone) {
+    const SpectralColor spectrum =
+        spectral_ ? SpectralColor::Make(input.value, role) : SpectralColor();
+    return {kNone, input.value.rgb, spectrum};
+  }
   const Node& node = nodes_[static_cast<size_t>(input.texture)];
   SHEAF_CHECK(node.is_color);
-  if (node.kind == Kind::kConstant) return {kNone, node.color[0].value};
-  return {input.texture, {}};
+  if (node.kind == Kind::kConstant) return node.color[0];
+  return {input.texture, {}, {}};
 }
 
 FloatOperand TextureProgram::Operand(const FloatInput& input) const {
@@ -144,11 +148,14 @@ Texel TextureProgram::LookUp(const Node& node, const TexturePoint& point) const 
   return sum;
 }
 
-Rgb TextureProgram::EvaluateColor(int32_t texture, const TexturePoint& point) const {
+template <typename Color>
+Color TextureProgram::Evaluate(int32_t texture, const TexturePoint& point,
+                               const WavelengthsOf<Color>& wavelengths) const {
   const Node& node = nodes_[static_cast<size_t>(texture)];
+  const auto value = [&](size_t i) { return Value<Color>(node.color[i], point, wavelengths); };
   switch (node.kind) {
     case Kind::kConstant:
-      return node.color[0].value;
+      return value(0);
     case Kind::kImage: {
       const Texel texel = LookUp(node, point);
       Rgb color =
@@ -157,20 +164,25 @@ Rgb TextureProgram::EvaluateColor(int32_t texture, const TexturePoint& point) co
       if (node.invert) color = Rgb::Grey(1) - color;
       // Written so that NaN stays NaN: a failed read must be seen.
       for (size_t c = 0; c < 3; ++c) color[c] = color[c] < 0 ? 0 : color[c];
-      return color;
+      return ColorOfRgb<Color>(color, node.role, wavelengths);
     }
     case Kind::kCheckerboard2:
     case Kind::kCheckerboard3:
-      return Color(node.color[IsOddCell(node, point) ? 1 : 0], point);
+      return value(IsOddCell(node, point) ? 1 : 0);
     case Kind::kScale:
-      return Color(node.color[0], point) * Float(node.amount, point);
+      return value(0) * Float(node.amount, point);
     case Kind::kMix: {
       const float amount = Float(node.amount, point);
-      return Color(node.color[0], point) * (1 - amount) + Color(node.color[1], point) * amount;
+      return value(0) * (1 - amount) + value(1) * amount;
     }
   }
   return {};
 }
+
+template Rgb TextureProgram::Evaluate<Rgb>(int32_t, const TexturePoint&,
+                                           const NoWavelengths&) const;
+template Spectral TextureProgram::Evaluate<Spectral>(int32_t, const TexturePoint&,
+                                                     const Wavelengths&) const;
 
 float TextureProgram::EvaluateFloat(int32_t texture, const TexturePoint& point) const {
   const Node& node = nodes_[static_cast<size_t>(texture)];

@@ -19,6 +19,8 @@
 #include "common/math/vec.h"
 #include "common/scene/file_source.h"
 #include "common/scene/scene_description.h"
+#include "worker/render/spectral_color.h"
+#include "worker/render/wavelengths.h"
 
 namespace sheaf::render {
 
@@ -28,6 +30,8 @@ struct TexturePoint;
 struct ColorOperand {
   int32_t texture = kNone;
   Rgb value;
+  SpectralColor
+      spectrum;  // The constant as spectral transport sees it; black in a program for RGB.
 };
 struct FloatOperand {
   int32_t texture = kNone;
@@ -43,14 +47,18 @@ class TextureProgram {
   // that evaluates more than kEvaluationsMax nodes for one look-up. Messages begin with the
   // texture's place. Warns about texels that are not finite. cache must outlive *this.
   static absl::StatusOr<TextureProgram> Build(const SceneDescription& scene, FileSource& files,
-                                              TextureCache& cache);
+                                              TextureCache& cache, bool spectral);
 
-  // Constants where the texture does not vary.
-  ColorOperand Operand(const ColorInput& input) const;
+  // Constants where the texture does not vary. role: of a constant that is no texture.
+  ColorOperand Operand(const ColorInput& input, ColorRole role) const;
   FloatOperand Operand(const FloatInput& input) const;
 
-  Rgb Color(const ColorOperand& operand, const TexturePoint& point) const {
-    return operand.texture == kNone ? operand.value : EvaluateColor(operand.texture, point);
+  // Color: Rgb, or, in a program made for spectra, Spectral at the wavelengths.
+  template <typename Color>
+  Color Value(const ColorOperand& operand, const TexturePoint& point,
+              const WavelengthsOf<Color>& wavelengths) const {
+    if (operand.texture != kNone) return Evaluate<Color>(operand.texture, point, wavelengths);
+    return ConstantOf(operand, wavelengths);
   }
   float Float(const FloatOperand& operand, const TexturePoint& point) const {
     return operand.texture == kNone ? operand.value : EvaluateFloat(operand.texture, point);
@@ -65,7 +73,8 @@ class TextureProgram {
     UvMapping::Kind mapping = UvMapping::Kind::kUv;
     TextureWrap wrap = TextureWrap::kRepeat;
     bool is_color = false, nearest = false, invert = false;
-    int32_t mapping_index = kNone;  // In mappings_.
+    ColorRole role = ColorRole::kReflectance;  // Of an image's colours.
+    int32_t mapping_index = kNone;             // In mappings_.
     TextureImage image;
     float scale = 1;
     ColorOperand color[2];
@@ -81,12 +90,19 @@ class TextureProgram {
   };
   class Builder;
 
-  Rgb EvaluateColor(int32_t texture, const TexturePoint& point) const;
+  static Rgb ConstantOf(const ColorOperand& operand, NoWavelengths) { return operand.value; }
+  static Spectral ConstantOf(const ColorOperand& operand, const Wavelengths& wavelengths) {
+    return operand.spectrum.At(wavelengths);
+  }
+  template <typename Color>
+  Color Evaluate(int32_t texture, const TexturePoint& point,
+                 const WavelengthsOf<Color>& wavelengths) const;
   float EvaluateFloat(int32_t texture, const TexturePoint& point) const;
   Vec2f MapTo2d(const Node& node, const TexturePoint& point) const;
   bool IsOddCell(const Node& node, const TexturePoint& point) const;
   Texel LookUp(const Node& node, const TexturePoint& point) const;
 
+  bool spectral_ = false;
   const TextureCache* cache_ = nullptr;
   std::vector<Node> nodes_;  // As SceneDescription::textures.
   std::vector<Mapping> mappings_;

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Builds TextureProgram: children before parents, constants folded.
+#include <array>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -30,13 +31,14 @@ TexelEncoding EncodingOf(const ImageTexture& image) {
 
 class TextureProgram::Builder {
  public:
-  Builder(const SceneDescription& scene, FileSource& files, TextureCache& cache)
+  Builder(const SceneDescription& scene, FileSource& files, TextureCache& cache, bool spectral)
       : scene_(scene),
         files_(files),
         cache_(cache),
         states_(scene.textures.size()),
         costs_(scene.textures.size(), 1) {
     program_.cache_ = &cache;
+    program_.spectral_ = spectral;
     program_.nodes_.resize(scene.textures.size());
   }
 
@@ -68,6 +70,7 @@ class TextureProgram::Builder {
     const TextureDescription& description = scene_.textures[static_cast<size_t>(texture)];
     Node node;
     node.is_color = description.is_color;
+    node.role = description.role;
     absl::Status status = std::visit([&](const auto& t) { return Fill(texture, t, level, &node); },
                                      description.texture);
     if (!status.ok()) return status;
@@ -96,7 +99,7 @@ class TextureProgram::Builder {
         node->is_color ? AddInput(owner, color, level) : AddInput(owner, value, level);
     if (!status.ok()) return status;
     if (node->is_color) {
-      node->color[slot] = program_.Operand(color);
+      node->color[slot] = program_.Operand(color, node->role);
     } else {
       node->value[slot] = program_.Operand(value);
     }
@@ -105,11 +108,19 @@ class TextureProgram::Builder {
   static bool Varies(const Node& node, size_t slot) {
     return node.is_color ? node.color[slot].texture != kNone : node.value[slot].texture != kNone;
   }
-  // Replaces a node of constants by its value.
-  void Fold(Node* node, const Rgb& color, float value) const {
+  // Replaces a node of constants by its value: of its colours weighted, or of its numbers.
+  void Fold(Node* node, std::array<float, 2> weights) const {
     node->kind = Kind::kConstant;
-    node->color[0] = {kNone, color};
-    node->value[0] = {kNone, value};
+    ColorOperand& a = node->color[0];
+    const ColorOperand& b = node->color[1];
+    if (node->is_color && program_.spectral_) {
+      a.spectrum = SpectralColor::Tabulate([&](double nm) {
+        const auto at = static_cast<float>(nm);
+        return weights[0] * a.spectrum.At(at) + weights[1] * b.spectrum.At(at);
+      });
+    }
+    a.value = a.value * weights[0] + b.value * weights[1];
+    node->value[0].value = node->value[0].value * weights[0] + node->value[1].value * weights[1];
   }
 
   void SetMapping(const UvMapping& mapping, Node* node) {
@@ -131,7 +142,9 @@ class TextureProgram::Builder {
   }
 
   absl::Status Fill(int32_t, const ConstantTexture& t, uint64_t, Node* node) {
-    Fold(node, t.color.rgb, t.value);
+    node->kind = Kind::kConstant;
+    node->color[0] = program_.Operand(ColorInput{t.color}, node->role);
+    node->value[0] = {kNone, t.value};
     return absl::OkStatus();
   }
   absl::Status Fill(int32_t texture, const ImageTexture& t, uint64_t, Node* node) {
@@ -173,8 +186,7 @@ class TextureProgram::Builder {
     node->kind = Kind::kScale;
     node->amount = program_.Operand(t.scale);
     if (!Varies(*node, 0) && node->amount.texture == kNone) {
-      Fold(node, node->color[0].value * node->amount.value,
-           node->value[0].value * node->amount.value);
+      Fold(node, {node->amount.value, 0});
     }
     return absl::OkStatus();
   }
@@ -187,9 +199,7 @@ class TextureProgram::Builder {
     node->kind = Kind::kMix;
     node->amount = program_.Operand(t.amount);
     if (!Varies(*node, 0) && !Varies(*node, 1) && node->amount.texture == kNone) {
-      const float a = node->amount.value;
-      Fold(node, node->color[0].value * (1 - a) + node->color[1].value * a,
-           node->value[0].value * (1 - a) + node->value[1].value * a);
+      Fold(node, {1 - node->amount.value, node->amount.value});
     }
     return absl::OkStatus();
   }
@@ -203,8 +213,9 @@ class TextureProgram::Builder {
 };
 
 absl::StatusOr<TextureProgram> TextureProgram::Build(const SceneDescription& scene,
-                                                     FileSource& files, TextureCache& cache) {
-  return Builder(scene, files, cache).Build();
+                                                     FileSource& files, TextureCache& cache,
+                                                     bool spectral) {
+  return Builder(scene, files, cache, spectral).Build();
 }
 
 }  // namespace sheaf::render

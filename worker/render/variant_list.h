@@ -10,16 +10,10 @@
 
 #include <cstdint>
 
-#include "worker/render/bsdf.h"
 #include "worker/render/render_plan.h"
+#include "worker/render/trait_set.h"
 
 namespace sheaf::render {
-
-constexpr uint32_t TraitSet() { return 0; }
-template <typename... Rest>
-constexpr uint32_t TraitSet(Trait first, Rest... rest) {
-  return static_cast<uint32_t>(first) | TraitSet(rest...);
-}
 
 // Plain rooms: diffuse surfaces and area lights.
 inline constexpr uint32_t kDiffuseTraits = TraitSet(Trait::kAreaLights);
@@ -41,15 +35,26 @@ inline constexpr uint32_t kStillLensTraits = kStillTraits | TraitSet(Trait::kLen
 inline constexpr uint32_t kStaticTraits =
     kStillLensTraits | TraitSet(Trait::kAlpha, Trait::kInstances);
 
+// The same with wavelengths instead of RGB. A scene runs with one of the two, never with what it
+// did not call for, so these never serve RGB, nor those spectra.
+inline constexpr uint32_t kSpectralBit = TraitSet(Trait::kSpectral);
+inline constexpr uint32_t kSpectralGlossyTraits = kGlossyTraits | kSpectralBit;
+inline constexpr uint32_t kSpectralOutdoorTraits = kOutdoorTraits | kSpectralBit;
+inline constexpr uint32_t kSpectralStillTraits = kStillTraits | kSpectralBit;
+
 }  // namespace sheaf::render
 
 // X(name, traits), fewest traits first, the generic one last.
-#define SHEAF_RENDER_VARIANTS(X)                     \
-  X("diffuse", ::sheaf::render::kDiffuseTraits)      \
-  X("glossy", ::sheaf::render::kGlossyTraits)        \
-  X("coated", ::sheaf::render::kCoatedTraits)        \
-  X("outdoor", ::sheaf::render::kOutdoorTraits)      \
-  X("still", ::sheaf::render::kStillTraits)          \
-  X("still-lens", ::sheaf::render::kStillLensTraits) \
-  X("static", ::sheaf::render::kStaticTraits)        \
+#define SHEAF_RENDER_VARIANTS(X)                                 \
+  X("diffuse", ::sheaf::render::kDiffuseTraits)                  \
+  X("glossy", ::sheaf::render::kGlossyTraits)                    \
+  X("coated", ::sheaf::render::kCoatedTraits)                    \
+  X("outdoor", ::sheaf::render::kOutdoorTraits)                  \
+  X("still", ::sheaf::render::kStillTraits)                      \
+  X("still-lens", ::sheaf::render::kStillLensTraits)             \
+  X("static", ::sheaf::render::kStaticTraits)                    \
+  X("spectral glossy", ::sheaf::render::kSpectralGlossyTraits)   \
+  X("spectral outdoor", ::sheaf::render::kSpectralOutdoorTraits) \
+  X("spectral still", ::sheaf::render::kSpectralStillTraits)     \
+  X("spectral generic", ::sheaf::render::kAllSpectralTraits)     \
   X("generic", ::sheaf::render::kAllTraits)

@@ -6,6 +6,7 @@
 
 #include <array>
 #include <bit>
+#include <optional>
 
 #include "common/base/check.h"
 #include "worker/render/variant_list.h"
@@ -31,14 +32,17 @@ std::vector<Variant> AllVariants() {
 }
 
 size_t ChooseVariant(uint32_t traits, bool force_generic) {
-  size_t best = std::size(kEntries) - 1;
-  if (force_generic) return best;
+  // RGB and spectra are different pictures, so neither stands in for the other.
+  constexpr uint32_t kColor = TraitSet(Trait::kSpectral);
+  if (force_generic) traits |= kAllTraits;
+  std::optional<size_t> best;
   for (size_t i = 0; i < std::size(kEntries); ++i) {
-    const bool holds_all = (traits & ~kEntries[i].traits) == 0;
-    if (holds_all && std::popcount(kEntries[i].traits) < std::popcount(kEntries[best].traits))
-      best = i;
+    const uint32_t held = kEntries[i].traits;
+    if ((traits & ~held) != 0 || (held & kColor) != (traits & kColor)) continue;
+    if (!best || std::popcount(held) < std::popcount(kEntries[*best].traits)) best = i;
   }
-  return best;
+  SHEAF_CHECK(best.has_value());
+  return *best;
 }
 
 RenderRowFunction RowFunctionOf(size_t variant) {

@@ -23,7 +23,7 @@ struct Variant {
   uint32_t traits = 0;
 };
 
-// All of variant_list.h, in its order; the last is the generic one.
+// All of variant_list.h, in its order.
 std::vector<Variant> AllVariants();
 // Index of the variant with the fewest traits that has all of `traits`.
 size_t ChooseVariant(uint32_t traits, bool force_generic);

@@ -7,6 +7,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "common/base/status.h"
+#include "common/rpc/settings_codec.h"
 
 namespace sheaf::worker {
 namespace {
@@ -46,10 +47,6 @@ v1::LeaseFailure::Kind ToWire(FailureKind kind) {
   return v1::LeaseFailure::KIND_UNSPECIFIED;
 }
 
-PixelRect FromWire(const v1::PixelRect& rect) {
-  return {rect.x0_px(), rect.y0_px(), rect.x1_px(), rect.y1_px()};
-}
-
 bool Encloses(const PixelRect& outer, const PixelRect& inner) {
   return outer.x0 <= inner.x0 && outer.y0 <= inner.y0 && inner.x1 <= outer.x1 &&
          inner.y1 <= outer.y1 && inner.x0 < inner.x1 && inner.y0 < inner.y1;
@@ -78,17 +75,10 @@ Lease FromWire(const v1::Lease& message) {
   lease.attempt = message.attempt();
   lease.frame_name = message.frame_name();
   lease.frame_digest = message.key().frame_digest();
-  lease.tile = FromWire(message.key().tile());
+  lease.tile = sheaf::FromWire(message.key().tile());
   lease.block = {message.key().block().first(), message.key().block().count()};
   lease.scene = {message.scene().sha256_hex(), message.scene().size_bytes()};
-  const v1::FrameSettings& settings = message.settings();
-  lease.settings.width_px = settings.width_px();
-  lease.settings.height_px = settings.height_px();
-  lease.settings.window = FromWire(settings.window());
-  lease.settings.samples = settings.sample_count();
-  lease.settings.max_depth = settings.depth_max();
-  lease.settings.seed = settings.seed();
-  lease.settings.force_generic_variant = settings.force_generic_variant();
+  lease.settings = sheaf::FromWire(message.settings());
   return lease;
 }
 

@@ -1,0 +1,69 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "common/rpc/settings_codec.h"
+
+namespace sheaf {
+namespace {
+
+v1::ColorTransport ToWire(ColorTransport color) {
+  switch (color) {
+    case ColorTransport::kAuto:
+      return v1::COLOR_TRANSPORT_AUTO;
+    case ColorTransport::kRgb:
+      return v1::COLOR_TRANSPORT_RGB;
+    case ColorTransport::kSpectral:
+      return v1::COLOR_TRANSPORT_SPECTRAL;
+  }
+  return v1::COLOR_TRANSPORT_AUTO;
+}
+
+ColorTransport FromWire(v1::ColorTransport color) {
+  if (color == v1::COLOR_TRANSPORT_RGB) return ColorTransport::kRgb;
+  if (color == v1::COLOR_TRANSPORT_SPECTRAL) return ColorTransport::kSpectral;
+  return ColorTransport::kAuto;
+}
+
+}  // namespace
+
+v1::PixelRect ToWire(const PixelRect& rect) {
+  v1::PixelRect wire;
+  wire.set_x0_px(rect.x0);
+  wire.set_y0_px(rect.y0);
+  wire.set_x1_px(rect.x1);
+  wire.set_y1_px(rect.y1);
+  return wire;
+}
+
+PixelRect FromWire(const v1::PixelRect& rect) {
+  return {rect.x0_px(), rect.y0_px(), rect.x1_px(), rect.y1_px()};
+}
+
+v1::FrameSettings ToWire(const FrameSettings& settings) {
+  v1::FrameSettings wire;
+  wire.set_width_px(settings.width_px);
+  wire.set_height_px(settings.height_px);
+  *wire.mutable_window() = ToWire(settings.window);
+  wire.set_sample_count(settings.samples);
+  wire.set_depth_max(settings.max_depth);
+  wire.set_seed(settings.seed);
+  wire.set_force_generic_variant(settings.force_generic_variant);
+  wire.set_color(ToWire(settings.color));
+  wire.set_single_scattering(settings.single_scattering);
+  return wire;
+}
+
+FrameSettings FromWire(const v1::FrameSettings& wire) {
+  FrameSettings settings;
+  settings.width_px = wire.width_px();
+  settings.height_px = wire.height_px();
+  settings.window = FromWire(wire.window());
+  settings.samples = wire.sample_count();
+  settings.max_depth = wire.depth_max();
+  settings.seed = wire.seed();
+  settings.force_generic_variant = wire.force_generic_variant();
+  settings.color = FromWire(wire.color());
+  settings.single_scattering = wire.single_scattering();
+  return settings;
+}
+
+}  // namespace sheaf

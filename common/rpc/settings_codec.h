@@ -1,0 +1,20 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// FrameSettings and pixel rectangles as messages, one codec for client, coordinator and worker.
+#pragma once
+
+#include "common/film/tile_geometry.h"
+#include "common/scene/render_settings.h"
+#include "sheaf/v1/job.pb.h"
+
+namespace sheaf {
+
+v1::PixelRect ToWire(const PixelRect& rect);
+PixelRect FromWire(const v1::PixelRect& rect);
+
+v1::FrameSettings ToWire(const FrameSettings& settings);
+// Does not judge the values. A colour transport that this version does not know becomes kAuto.
+FrameSettings FromWire(const v1::FrameSettings& wire);
+
+}  // namespace sheaf

@@ -1,0 +1,38 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "common/rpc/settings_codec.h"
+
+#include <gtest/gtest.h>
+
+namespace sheaf {
+namespace {
+
+// The digest's text names every setting that decides a pixel: equal texts, equal pictures.
+TEST(SettingsCodecTest, EverySettingSurvivesTheWire) {
+  FrameSettings settings;
+  settings.width_px = 640;
+  settings.height_px = 480;
+  settings.window = {1, 2, 300, 400};
+  settings.samples = uint64_t{1} << 40;
+  settings.max_depth = 17;
+  settings.seed = ~uint64_t{0};
+  settings.single_scattering = true;
+  settings.force_generic_variant = true;
+  for (const ColorTransport color :
+       {ColorTransport::kAuto, ColorTransport::kRgb, ColorTransport::kSpectral}) {
+    settings.color = color;
+    const FrameSettings back = FromWire(ToWire(settings));
+    EXPECT_EQ(FrameDigestText("scene", back, "profile"),
+              FrameDigestText("scene", settings, "profile"));
+    EXPECT_TRUE(back.force_generic_variant);
+  }
+}
+
+TEST(SettingsCodecTest, UnknownColorIsLeftToTheScene) {
+  v1::FrameSettings wire;
+  wire.set_color(static_cast<v1::ColorTransport>(99));
+  EXPECT_EQ(FromWire(wire).color, ColorTransport::kAuto);
+}
+
+}  // namespace
+}  // namespace sheaf
