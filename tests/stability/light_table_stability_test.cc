@@ -247,7 +247,6 @@ TEST(LightTableStabilityTest, L10ManyDifferentLightsAddUp) {
 
 TEST(LightTableStabilityTest, L10InfiniteAndLocalLightsTogether) {
   LightTableInput input;
-  input.scene_radius = 50;
   for (int i = 0; i < 40; ++i) {
     input.spheres.push_back({{0, 0, 10.0 + i}, 1, Rgb::Grey(100)});
   }

@@ -159,7 +159,7 @@ std::optional<LightSampleOf<ColorOf<kMask>>> LightTable::SampleLights(
     const WavelengthsOf<ColorOf<kMask>>& wavelengths, const Preparation& preparation) {
   using Color = ColorOf<kMask>;
   if (impl.empty) return std::nullopt;
-  const std::optional<ChosenLight> chosen = impl.choice.Choose(p, u_select, SaltOf(u));
+  const std::optional<ChosenLight> chosen = impl.choice.Choose(p, n, u_select, SaltOf(u));
   if (!chosen) return std::nullopt;
   const uint32_t light = chosen->light;
   std::optional<LightSampleOf<Color>> sample;
@@ -203,7 +203,7 @@ std::optional<LightSampleOf<ColorOf<kMask>>> LightTable::SampleLights(
 }
 
 template <uint32_t kMask>
-float LightTable::PdfOfEmitter(const Impl& impl, uint32_t emitter, Vec3f p, Vec3f /*n*/, Vec3f wi,
+float LightTable::PdfOfEmitter(const Impl& impl, uint32_t emitter, Vec3f p, Vec3f n, Vec3f wi,
                                Vec3f p_light) {
   double shape_pdf = 0;
   if constexpr (Has(kMask, Trait::kAreaLights)) {
@@ -218,7 +218,7 @@ float LightTable::PdfOfEmitter(const Impl& impl, uint32_t emitter, Vec3f p, Vec3
       }
     }
   }
-  const float pdf = PdfSolidAngle(shape_pdf, impl.choice.Probability(emitter, p));
+  const float pdf = PdfSolidAngle(shape_pdf, impl.choice.Probability(emitter, p, n));
   return IsUsablePdf(pdf) ? pdf : 0;
 }
 
@@ -262,7 +262,7 @@ Color LightTable::RadianceFromInfinity(const Impl& impl, Vec3f d,
 }
 
 template <typename Color>
-EnvironmentValueOf<Color> LightTable::FromInfinity(const Impl& impl, Vec3f p, Vec3f /*n*/, Vec3f d,
+EnvironmentValueOf<Color> LightTable::FromInfinity(const Impl& impl, Vec3f p, Vec3f n, Vec3f d,
                                                    const WavelengthsOf<Color>& wavelengths,
                                                    EnvironmentMap::Place first_place) {
   EnvironmentValueOf<Color> value;
@@ -272,7 +272,7 @@ EnvironmentValueOf<Color> LightTable::FromInfinity(const Impl& impl, Vec3f p, Ve
         i == 0 && light.map ? light.map->Radiance(first_place) : MapRadianceOf(light, d);
     value.radiance += impl.ColorFromInfinity<Color>(light, map_radiance, wavelengths);
     value.pdf += PdfSolidAngle(PdfOf(light, map_radiance),
-                               impl.choice.Probability(impl.first_infinite() + i, p));
+                               impl.choice.Probability(impl.first_infinite() + i, p, n));
   }
   return value;
 }

@@ -90,8 +90,6 @@ struct LightTableInput {
   std::vector<ScaledSpectrum> spectra;  // Of the emitters.
   bool spectral = false;                // Traits with kSpectral may be asked for.
   Vec3d render_origin_world;            // World position of render space's origin (the camera).
-  Vec3f scene_center;  // Bounding sphere in render space, for infinite lights' power.
-  float scene_radius = 1;
 };
 
 class LightTable {

@@ -25,6 +25,9 @@ namespace {
 constexpr int kEnvironmentMapSizeMax = 8192;
 // How far a rotation's columns may be from orthogonal and of equal length, relative.
 constexpr double kRotationTolerance = 1e-4;
+// The same of a spot light's transform, where the choice of lights is to know its cone; and what is
+// added to the cone's cosine for it.
+constexpr float kSimilarityTolerance = 1e-5f, kConeSlack = 1e-4f;
 
 double RadiansOf(float degrees) { return static_cast<double>(degrees) * (kPi / 180); }
 
@@ -87,13 +90,32 @@ LightBounds BoundsOf(const DiskEmitter& d) {
           .strength = StrengthOf(d.radiance.rgb)};
 }
 
+// Whether angles are kept, to far within kConeSlack.
+bool IsSimilarity(const Vec3f (&rows)[3]) {
+  const float scale = LengthSquared(rows[0]);
+  for (size_t i = 0; i < 3; ++i) {
+    if (!(std::fabs(LengthSquared(rows[i]) - scale) <= kSimilarityTolerance * scale &&
+          std::fabs(Dot(rows[i], rows[(i + 1) % 3])) <= kSimilarityTolerance * scale)) {
+      return false;
+    }
+  }
+  return true;
+}
+
 LightBounds BoundsOf(const DeltaLight& light) {
   if (light.kind == DeltaLight::Kind::kDistant) {
     return {.kind = LightBounds::Kind::kInfinite, .strength = StrengthOf(light.emission.rgb)};
   }
-  return {.kind = LightBounds::Kind::kPoint,
-          .center = ToFloat(light.position),
-          .strength = StrengthOf(light.emission.rgb)};
+  LightBounds bounds{.kind = LightBounds::Kind::kPoint,
+                     .center = ToFloat(light.position),
+                     .strength = StrengthOf(light.emission.rgb)};
+  if (light.kind == DeltaLight::Kind::kSpot && IsSimilarity(light.light_from_render)) {
+    const Vec3f(&rows)[3] = light.light_from_render;
+    bounds.normal =
+        Normalize(light.axis.x * rows[0] + light.axis.y * rows[1] + light.axis.z * rows[2]);
+    bounds.cos_end = light.cos_end - kConeSlack;
+  }
+  return bounds;
 }
 
 LightBounds BoundsOf(const InfiniteEmitter& light) {
@@ -342,7 +364,7 @@ absl::StatusOr<std::unique_ptr<LightTable>> LightTable::Build(const SceneDescrip
   std::vector<LightBounds> bounds = AllBounds(impl);
   impl.empty = std::none_of(bounds.begin(), bounds.end(),
                             [](const LightBounds& light) { return light.strength > 0; });
-  impl.choice = LightChoice(std::move(bounds), input.scene_radius);
+  impl.choice = LightChoice(std::move(bounds));
   return table;
 }
 

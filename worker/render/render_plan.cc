@@ -11,6 +11,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "common/scene/spectrum.h"
+#include "worker/render/light_choice.h"
 #include "worker/render/material_traits.h"
 #include "worker/render/variants.h"
 
@@ -46,6 +47,7 @@ class PlanMaker {
     for (const int32_t shape : scene_.world_shapes) LookAtShape(scene_.shapes[shape], true);
     LookAtInstances();
     for (const LightDescription& light : scene_.lights) LookAtLight(light);
+    light_count_ += scene_.lights.size();
     Cause& wavelengths = causes_[TraitIndex(Trait::kSpectral)];
     if (settings.color == ColorTransport::kSpectral) {
       wavelengths = {"asked for: spectral color", 1};
@@ -99,6 +101,8 @@ class PlanMaker {
       const AreaLightDescription& light = scene_.area_lights[shape.area_light];
       const bool is_new = area_lights_seen_.insert(shape.area_light).second;
       if (is_new) LookAtEmission(light.radiance, light.location);
+      // Those of objects do not emit.
+      if (in_world) light_count_ += CountFaces(shape);
     }
     if (shape.has_alpha) {
       Ask(Trait::kAlpha, shape.location, "Shape \"alpha\"");
@@ -110,6 +114,11 @@ class PlanMaker {
   void LookAtEmission(const ColorSpec& color, SourceLocation location) {
     if (IsWithinSrgb(color, ColorRole::kIlluminant)) return;
     Ask(Trait::kSpectral, location, "the light's color lies outside of sRGB");
+  }
+
+  size_t CountFaces(const ShapeDescription& shape) const {
+    const auto* mesh = std::get_if<MeshShape>(&shape.shape);
+    return mesh == nullptr ? 1 : scene_.meshes[mesh->mesh].indices.size() / 3;
   }
 
   void LookAtTexture(int32_t texture) {
@@ -163,6 +172,7 @@ class PlanMaker {
 
   RenderPlan Finish(bool force_generic) const {
     RenderPlan plan;
+    plan.light_count = light_count_;
     for (size_t i = 0; i < std::size(kTraitNames); ++i) {
       const TraitName& t = kTraitNames[i];
       if (causes_[i].count == 0) {
@@ -183,6 +193,7 @@ class PlanMaker {
   const SceneDescription& scene_;
   std::array<Cause, std::size(kTraitNames)> causes_;
   std::set<int32_t> materials_seen_, area_lights_seen_;
+  size_t light_count_ = 0;
 };
 
 std::string JoinNames(const std::vector<std::string>& names) {
@@ -206,6 +217,9 @@ std::string FormatRenderPlan(const RenderPlan& plan) {
                     effect.cause, "\n");
   }
   if (!plan.unused.empty()) absl::StrAppend(&text, "not used: ", JoinNames(plan.unused), "\n");
+  absl::StrAppend(&text, "lights: ", plan.light_count,
+                  plan.light_count > kLightsWeighedMax ? ", chosen by a hierarchy\n"
+                                                       : ", each weighed at every point\n");
   std::vector<std::string> carried;
   for (const TraitName& t : kTraitNames) {
     const auto bit = static_cast<uint32_t>(t.trait);
