@@ -105,24 +105,27 @@ std::optional<LightSample> Sample(const DeltaLight& light, float probability, Ve
   return sample;
 }
 
-// As the map has it, before its scale; the radiance itself where there is no map.
-Rgb MapRadianceOf(const InfiniteEmitter& light, Vec3f d) {
-  return light.map ? light.map->Radiance(Rotate(light.light_from_render, d)) : light.radiance;
+EnvironmentMap::Place PlaceOf(const InfiniteEmitter& light, Vec3f d) {
+  if (!light.map) return {};
+  return light.map->Locate(Rotate(light.light_from_render, d));
 }
 
-// Pdf of DirectionTo at a direction of this MapRadianceOf. Measure: solid angle.
-double PdfOf(const InfiniteEmitter& light, Rgb map_radiance) {
-  return light.map ? light.map->Pdf(map_radiance) : 1 / (4 * kPi);
+// place: of the direction, where there is a map.
+Rgb RadianceAt(const InfiniteEmitter& light, EnvironmentMap::Place place) {
+  return light.map ? light.map->Radiance(place) * light.scale : light.radiance;
+}
+
+// Measure: solid angle.
+double PdfAt(const InfiniteEmitter& light, EnvironmentMap::Place place) {
+  return light.map ? static_cast<double>(light.map->Pdf(place)) : 1 / (4 * kPi);
 }
 
 // Requires: light.map.
-Vec3f DirectionTo(const InfiniteEmitter& light, EnvironmentMap::TileChoice tile) {
-  const Vec3d d = RotateBack(light.light_from_render, light.map->SampleIn(tile));
-  return ToFloat(d / Length(d));
+Vec3f DirectionOf(const InfiniteEmitter& light, EnvironmentMap::Place place) {
+  return ToFloat(RotateBack(light.light_from_render, light.map->Direction(place)));
 }
 
-Vec3f DirectionTo(const InfiniteEmitter& light, Vec2f u) {
-  if (light.map) return DirectionTo(light, light.map->ChooseTile(u));
+Vec3f UniformDirection(Vec2f u) {
   const double z = 1 - 2 * static_cast<double>(u.x);
   const double r = std::sqrt(1 - z * z);
   const SinCosPair<double> phi = SinCos(2 * kPi * static_cast<double>(u.y));
@@ -171,13 +174,20 @@ std::optional<LightSample> LightTable::SampleLights(const Impl& impl, Vec3f p, V
   } else if constexpr (Has(kMask, Trait::kEnvironment)) {
     // Infinite lights share every direction, so each is drawn as a part of their sum.
     sample.emplace();
-    const InfiniteEmitter& infinite = impl.infinites[light - impl.first_infinite()];
-    sample->wi =
-        impl.HasOnlyOneMap() ? DirectionTo(infinite, preparation.tile) : DirectionTo(infinite, u);
-    const EnvironmentValue value =
-        FromInfinity(impl, p, n, sample->wi, LocateInFirst(impl, sample->wi));
-    sample->radiance = value.radiance;
-    sample->pdf = value.pdf;
+    const uint32_t index = light - impl.first_infinite();
+    const InfiniteEmitter& infinite = impl.infinites[index];
+    if (impl.HasOnlyOneMap()) {
+      sample->wi = DirectionOf(infinite, preparation.sky.place);
+      sample->radiance = RadianceAt(infinite, preparation.sky.place);
+      sample->pdf = preparation.sky.pdf;
+    } else {
+      EnvironmentMap::Place place;
+      if (infinite.map) place = infinite.map->Sample(u).place;
+      sample->wi = infinite.map ? DirectionOf(infinite, place) : UniformDirection(u);
+      const EnvironmentValue value = FromInfinity(impl, p, n, sample->wi, index, place);
+      sample->radiance = value.radiance;
+      sample->pdf = value.pdf;
+    }
     sample->is_infinite = true;
   }
   const bool usable = sample && IsUsablePdf(sample->pdf) && IsFinite(sample->radiance) &&
@@ -222,30 +232,29 @@ Rgb LightTable::EmitterRadiance(uint32_t emitter, Vec3f ng, Vec3f wo) const {
 // Where there are several lights, which one will be asked is not known so early.
 LightTable::Preparation LightTable::Prepare(const Impl& impl, Vec2f u) {
   if (!impl.HasOnlyOneMap()) return {};
-  return {impl.infinites[0].map->ChooseTile(u)};
+  return {impl.infinites[0].map->Sample(u)};
 }
 
 EnvironmentMap::Place LightTable::LocateInFirst(const Impl& impl, Vec3f d) {
-  if (impl.infinites.empty() || !impl.infinites[0].map) return {};
-  return impl.infinites[0].map->Locate(Rotate(impl.infinites[0].light_from_render, d));
+  if (impl.infinites.empty()) return {};
+  return PlaceOf(impl.infinites[0], d);
 }
 
 Rgb LightTable::RadianceFromInfinity(const Impl& impl, Vec3f d) {
   Rgb sum;
-  for (const InfiniteEmitter& light : impl.infinites) sum += MapRadianceOf(light, d) * light.scale;
+  for (const InfiniteEmitter& light : impl.infinites) sum += RadianceAt(light, PlaceOf(light, d));
   return sum;
 }
 
 EnvironmentValue LightTable::FromInfinity(const Impl& impl, Vec3f p, Vec3f /*n*/, Vec3f d,
-                                          EnvironmentMap::Place first_place) {
+                                          uint32_t located, EnvironmentMap::Place place) {
   EnvironmentValue value;
   for (uint32_t i = 0; i < impl.infinites.size(); ++i) {
     const InfiniteEmitter& light = impl.infinites[i];
-    const Rgb map_radiance =
-        i == 0 && light.map ? light.map->Radiance(first_place) : MapRadianceOf(light, d);
-    value.radiance += map_radiance * light.scale;
-    value.pdf += PdfSolidAngle(PdfOf(light, map_radiance),
-                               impl.choice.Probability(impl.first_infinite() + i, p));
+    const EnvironmentMap::Place here = i == located ? place : PlaceOf(light, d);
+    value.radiance += RadianceAt(light, here);
+    value.pdf +=
+        PdfSolidAngle(PdfAt(light, here), impl.choice.Probability(impl.first_infinite() + i, p));
   }
   return value;
 }

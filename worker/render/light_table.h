@@ -93,7 +93,7 @@ class LightTable {
   // The same in two steps: what Sample will need of an environment map begins to be fetched while
   // the caller still works out p. The second step's u must be the first's.
   struct Preparation {
-    EnvironmentMap::TileChoice tile;
+    EnvironmentMap::PlaceSample sky;
   };
   template <uint32_t kTraits>
   Preparation PrepareSample(Vec2f u) const {
@@ -123,13 +123,13 @@ class LightTable {
   template <uint32_t kTraits>
   float PdfEnvironment(Vec3f p, Vec3f n, Vec3f d) const {
     if constexpr (!Has(kTraits, Trait::kEnvironment)) return 0;
-    return FromInfinity(*impl_, p, n, d, LocateInFirst(*impl_, d)).pdf;
+    return FromInfinity(*impl_, p, n, d, 0, LocateInFirst(*impl_, d)).pdf;
   }
   // Both at once, for little more than the price of one.
   template <uint32_t kTraits>
   EnvironmentValue EvalEnvironment(Vec3f p, Vec3f n, Vec3f d) const {
     if constexpr (!Has(kTraits, Trait::kEnvironment)) return {};
-    return FromInfinity(*impl_, p, n, d, LocateInFirst(*impl_, d));
+    return FromInfinity(*impl_, p, n, d, 0, LocateInFirst(*impl_, d));
   }
   // The same in two steps: what is needed of an environment map begins to be fetched while the
   // caller still traces the ray along d. The second step's d must be the first's.
@@ -141,7 +141,7 @@ class LightTable {
   template <uint32_t kTraits>
   EnvironmentValue EvalEnvironment(Vec3f p, Vec3f n, Vec3f d, EnvironmentMap::Place place) const {
     if constexpr (!Has(kTraits, Trait::kEnvironment)) return {};
-    return FromInfinity(*impl_, p, n, d, place);
+    return FromInfinity(*impl_, p, n, d, 0, place);
   }
 
   struct Impl;
@@ -159,9 +159,9 @@ class LightTable {
   static float PdfOfEmitter(const Impl& impl, uint32_t emitter, Vec3f p, Vec3f n, Vec3f wi,
                             Vec3f p_light);
   static Rgb RadianceFromInfinity(const Impl& impl, Vec3f d);
-  // first_place: of d, in the map of the first infinite light, where it has one.
+  // place: of d, in the map of infinite light `located`, where that has one.
   static EnvironmentValue FromInfinity(const Impl& impl, Vec3f p, Vec3f n, Vec3f d,
-                                       EnvironmentMap::Place first_place);
+                                       uint32_t located, EnvironmentMap::Place place);
   static EnvironmentMap::Place LocateInFirst(const Impl& impl, Vec3f d);
   static Preparation Prepare(const Impl& impl, Vec2f u);
 
