@@ -176,14 +176,18 @@ std::optional<LightSample> LightTable::SampleLights(const Impl& impl, Vec3f p, V
     sample.emplace();
     const uint32_t index = light - impl.first_infinite();
     const InfiniteEmitter& infinite = impl.infinites[index];
+    EnvironmentMap::Place place;
+    if (infinite.map) {
+      place = impl.HasOnlyOneMap() ? preparation.sky.place : infinite.map->Sample(u).place;
+      sample->wi = DirectionOf(infinite, place);
+    } else {
+      sample->wi = UniformDirection(u);
+    }
+    if (Dot(sample->wi, n) < 0) return std::nullopt;  // Not worth waiting for the radiance.
     if (impl.HasOnlyOneMap()) {
-      sample->wi = DirectionOf(infinite, preparation.sky.place);
-      sample->radiance = RadianceAt(infinite, preparation.sky.place);
+      sample->radiance = RadianceAt(infinite, place);
       sample->pdf = preparation.sky.pdf;
     } else {
-      EnvironmentMap::Place place;
-      if (infinite.map) place = infinite.map->Sample(u).place;
-      sample->wi = infinite.map ? DirectionOf(infinite, place) : UniformDirection(u);
       const EnvironmentValue value = FromInfinity(impl, p, n, sample->wi, index, place);
       sample->radiance = value.radiance;
       sample->pdf = value.pdf;

@@ -84,8 +84,9 @@ class LightTable {
   // Whether there is nothing to sample: no light, or all of them black.
   bool empty() const;
   // Chooses a light and a point on it, as seen from p. n: the receiver's geometric normal, or zero
-  // in free space; only a hint for choosing. None where the light cannot reach p. Space: render.
-  // Never returns pdf 0, a non-finite value or radiance 0.
+  // in free space; a hint for choosing, and behind it no direction to an infinite light is
+  // returned. None where the light cannot reach p. Space: render. Never returns pdf 0, a non-finite
+  // value or radiance 0.
   template <uint32_t kTraits>
   std::optional<LightSample> Sample(Vec3f p, Vec3f n, float u_select, Vec2f u) const {
     return Sample<kTraits>(p, n, u_select, u, PrepareSample<kTraits>(u));
