@@ -64,13 +64,6 @@ struct LightTable::Impl {
     const EmissionSpectrum& spectrum = spectra[static_cast<size_t>(emission.spectrum)];
     return spectrum.color.At(wavelengths) * spectrum.scale;
   }
-  // map_radiance: where the light has a map, what that has in the direction asked for.
-  template <typename Color>
-  Color ColorFromInfinity(const InfiniteEmitter& light, Rgb map_radiance,
-                          const WavelengthsOf<Color>& wavelengths) const {
-    if (!light.map) return ColorOfEmission(light.radiance, wavelengths);
-    return ColorOfRgb<Color>(map_radiance * light.scale, ColorRole::kIlluminant, wavelengths);
-  }
   uint32_t first_sphere() const { return static_cast<uint32_t>(triangles.size()); }
   uint32_t first_disk() const { return first_sphere() + static_cast<uint32_t>(spheres.size()); }
   uint32_t first_delta() const { return first_disk() + static_cast<uint32_t>(disks.size()); }
