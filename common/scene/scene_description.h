@@ -252,10 +252,17 @@ struct LightDescription {
 // --- Camera and film ---------------------------------------------------------------------------
 
 struct CameraDescription {
-  enum class Kind { kPerspective, kOrthographic } kind = Kind::kPerspective;
+  // Spherical cameras see every direction, about +y: kEquirectangular along lines of longitude and
+  // latitude, kEqualArea by the map of Clarberg 2008, where a pixel is a share of all directions.
+  enum class Kind {
+    kPerspective,
+    kOrthographic,
+    kEquirectangular,
+    kEqualArea
+  } kind = Kind::kPerspective;
   TransformOverTime world_from_camera;  // Camera looks along +z, x right, y up (left-handed).
-  float fov_degrees = 90;               // Of the shorter side.
-  float lens_radius = 0;                // Scene units; 0 is a pinhole.
+  float fov_degrees = 90;               // Of the shorter side. Perspective cameras only.
+  float lens_radius = 0;                // Scene units; 0 is a pinhole, as spherical cameras are.
   float focal_distance = 1e6f;          // Scene units along +z.
   double screen_window[4] = {-1, 1, -1,
                              1};  // x0 x1 y0 y1; filled in from the aspect by the reader.
@@ -274,6 +281,8 @@ struct FilmDescription {
   double crop_window[4] = {0, 1, 0, 1};  // x0 x1 y0 y1 as fractions.
   bool has_pixel_bounds = false;
   int32_t pixel_bounds[4] = {0, 0, 0, 0};  // x0 x1 y0 y1, half-open.
+
+  bool IsSpherical() const { return kind == Kind::kEquirectangular || kind == Kind::kEqualArea; }
   float exposure_scale = 1;                // Sensor's imaging ratio: ISO / 100.
   std::string filename;
   SourceLocation location;

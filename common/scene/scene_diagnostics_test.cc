@@ -122,8 +122,9 @@ constexpr BadScene kBadScenes[] = {
      "main.pbrt:2:1: object \"a\" is used here but defined nowhere"},
     {"UnknownShape", "WorldBegin\nShape \"curve\"\n",
      "main.pbrt:2:1: shape \"curve\" is not supported"},
-    {"UnknownCamera", "Camera \"spherical\"\nWorldBegin\n",
-     "main.pbrt:1:1: camera \"spherical\" is not supported"},
+    {"UnknownCamera", "Camera \"realistic\"\nWorldBegin\n",
+     "main.pbrt:1:1: camera \"realistic\" is not supported; Sheaf does perspective, orthographic "
+     "and spherical"},
     {"UnknownLight", "WorldBegin\nLightSource \"projection\"\n",
      "main.pbrt:2:1: light \"projection\" is not supported"},
     {"Portal", "WorldBegin\nLightSource \"infinite\" \"point3 portal\" [0 0 0 1 0 0 1 1 0 0 1 0]\n",
@@ -147,6 +148,12 @@ constexpr BadScene kBadScenes[] = {
     {"Regularize", "Integrator \"path\" \"bool regularize\" true\nWorldBegin\n",
      "parameter \"regularize\" is not supported"},
     {"Sampler", "Sampler \"best\"\nWorldBegin\n", "main.pbrt:1:1: sampler \"best\" is unknown"},
+    {"UnknownMapping", "Camera \"spherical\" \"string mapping\" \"cube\"\nWorldBegin\n",
+     "main.pbrt:1:20: camera \"spherical\": parameter \"mapping\" \"cube\" is not supported; Sheaf "
+     "does equalarea and equirectangular"},
+    {"SphericalLens", "Camera \"spherical\" \"float lensradius\" 0.1\nWorldBegin\n",
+     "main.pbrt:1:20: camera \"spherical\": parameter \"lensradius\" is not supported: a spherical "
+     "camera has no lens; remove it"},
     {"ColorSpace", "ColorSpace \"rec2020\"\nWorldBegin\n",
      "main.pbrt:1:1: color space \"rec2020\" is not supported"},
     {"Option", "Option \"forcediffuse\" true\nWorldBegin\n",

@@ -95,6 +95,21 @@ TEST_F(SceneReaderTest, CameraStandsWhereLookAtSays) {
   EXPECT_FLOAT_EQ(scene.film.exposure_scale, 2.f);  // ISO 200, whatever the shutter.
 }
 
+TEST_F(SceneReaderTest, SphericalCamerasHaveAMappingAndNoLens) {
+  const std::string sphere = "Camera \"spherical\"";
+  EXPECT_EQ(ReadGood(sphere + "\nWorldBegin\n").camera.kind, CameraDescription::Kind::kEqualArea);
+  const SceneDescription scene = ReadGood(
+      sphere +
+      " \"string mapping\" \"equirectangular\" \"float lensradius\" 0\n"
+      "\"float focaldistance\" 3 \"float screenwindow\" [0 1 0 1] \"float shutterclose\" 0.5\n"
+      "WorldBegin\n");
+  EXPECT_EQ(scene.camera.kind, CameraDescription::Kind::kEquirectangular);
+  EXPECT_EQ(scene.camera.lens_radius, 0);
+  EXPECT_EQ(scene.camera.shutter_close, 0.5f);
+  ExpectNote(SceneDiagnostic::Severity::kNote, "main.pbrt:2:1: camera \"spherical\": parameter");
+  ExpectNote(SceneDiagnostic::Severity::kNote, "\"screenwindow\" has no effect");
+}
+
 TEST_F(SceneReaderTest, AttributesNestAndTransformsCompose) {
   const SceneDescription scene = ReadGood(
       std::string(
