@@ -242,8 +242,21 @@ struct SpotLight {
   Vec3d from{0, 0, 0}, to{0, 0, 1};
   float cone_angle_degrees = 30, cone_delta_angle_degrees = 5;
 };
+// At the origin. The map is about the light's +y, and its values (the mean of the channels)
+// multiply the intensity; without one the light is a point light.
+struct GoniometricLight {
+  ColorSpec intensity;
+  std::string file;  // Equal-area (Clarberg 2008) square map; may be empty.
+};
+// At the origin, shines a picture along +z. Upright when seen from the light with +y up.
+struct ProjectionLight {
+  std::string file;
+  float fov_degrees = 90;  // Of the picture's shorter side.
+};
 struct LightDescription {
-  std::variant<InfiniteLight, DistantLight, PointLight, SpotLight> light;
+  std::variant<InfiniteLight, DistantLight, PointLight, SpotLight, GoniometricLight,
+               ProjectionLight>
+      light;
   LightScale scale;
   Matrix4 world_from_light;
   SourceLocation location;
@@ -268,6 +281,8 @@ struct CameraDescription {
                              1};  // x0 x1 y0 y1; filled in from the aspect by the reader.
   float shutter_open = 0, shutter_close = 1;
   SourceLocation location;
+
+  bool IsSpherical() const { return kind == Kind::kEquirectangular || kind == Kind::kEqualArea; }
 };
 struct FilterDescription {
   enum class Kind { kBox, kTriangle, kGaussian, kMitchell } kind = Kind::kGaussian;
@@ -281,8 +296,6 @@ struct FilmDescription {
   double crop_window[4] = {0, 1, 0, 1};  // x0 x1 y0 y1 as fractions.
   bool has_pixel_bounds = false;
   int32_t pixel_bounds[4] = {0, 0, 0, 0};  // x0 x1 y0 y1, half-open.
-
-  bool IsSpherical() const { return kind == Kind::kEquirectangular || kind == Kind::kEqualArea; }
   float exposure_scale = 1;                // Sensor's imaging ratio: ISO / 100.
   std::string filename;
   SourceLocation location;

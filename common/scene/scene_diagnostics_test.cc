@@ -125,8 +125,19 @@ constexpr BadScene kBadScenes[] = {
     {"UnknownCamera", "Camera \"realistic\"\nWorldBegin\n",
      "main.pbrt:1:1: camera \"realistic\" is not supported; Sheaf does perspective, orthographic "
      "and spherical"},
-    {"UnknownLight", "WorldBegin\nLightSource \"projection\"\n",
-     "main.pbrt:2:1: light \"projection\" is not supported"},
+    {"UnknownLight", "WorldBegin\nLightSource \"laser\"\n",
+     "main.pbrt:2:1: light \"laser\" is not supported; Sheaf does infinite, distant, point, spot, "
+     "goniometric and projection"},
+    {"NoSlide", "WorldBegin\nLightSource \"projection\" \"float fov\" 30\n",
+     "main.pbrt:2:1: light \"projection\" needs the picture it shines; give \"string filename\""},
+    {"WideSlide", "WorldBegin\nLightSource \"projection\" \"float fov\" 180\n",
+     "main.pbrt:2:1: light \"projection\": fov 180 is outside (0, 180) degrees"},
+    {"MissingSlide", "WorldBegin\nLightSource \"projection\" \"string filename\" \"no.png\"\n",
+     "main.pbrt:2:26: light \"projection\": parameter \"filename\" cannot be read: file \"no.png\" "
+     "does not exist"},
+    {"MissingGoniogram", "WorldBegin\nLightSource \"goniometric\" \"string filename\" \"no.exr\"\n",
+     "main.pbrt:2:27: light \"goniometric\": parameter \"filename\" cannot be read: file "
+     "\"no.exr\" does not exist"},
     {"Portal", "WorldBegin\nLightSource \"infinite\" \"point3 portal\" [0 0 0 1 0 0 1 1 0 0 1 0]\n",
      "main.pbrt:2:24: light \"infinite\": parameter \"portal\" is not supported"},
     {"UnknownMaterial", "WorldBegin\nMaterial \"hair\"\n",

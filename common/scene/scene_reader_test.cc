@@ -223,6 +223,22 @@ TEST_F(SceneReaderTest, LightsAndSpectraAreRead) {
   EXPECT_EQ(scene.shapes.at(0).area_light, 0);
 }
 
+TEST_F(SceneReaderTest, LightsOfPicturesAreRead) {
+  Write("slides/a.png", "");
+  const SceneDescription scene = ReadGood(
+      "WorldBegin\n"
+      "LightSource \"projection\" \"string filename\" \"slides/./a.png\" \"float fov\" 30\n"
+      "LightSource \"goniometric\" \"rgb I\" [1 2 3] \"float power\" 7 \"float scale\" 2\n");
+  ASSERT_EQ(scene.lights.size(), 2u);
+  const auto& projection = std::get<ProjectionLight>(scene.lights[0].light);
+  EXPECT_EQ(projection.file, "slides/a.png");
+  EXPECT_EQ(projection.fov_degrees, 30);
+  EXPECT_EQ(std::get<GoniometricLight>(scene.lights[1].light).intensity.rgb, (Rgb{1, 2, 3}));
+  EXPECT_EQ(scene.lights[1].scale.power_w, 7);
+  EXPECT_EQ(scene.lights[1].scale.scale, 2);
+  ExpectNote(SceneDiagnostic::Severity::kWarning, "main.pbrt:3:1: light \"goniometric\": without");
+}
+
 TEST_F(SceneReaderTest, PathIgnoresMediaWithAWarning) {
   ReadGood(
       "Integrator \"path\"\nMakeNamedMedium \"fog\" \"string type\" \"homogeneous\"\n"

@@ -143,8 +143,12 @@ class PlanMaker {
       Ask(Trait::kDeltaLights, light.location, "LightSource \"distant\"");
     } else if (std::holds_alternative<PointLight>(light.light)) {
       Ask(Trait::kDeltaLights, light.location, "LightSource \"point\"");
-    } else {
+    } else if (std::holds_alternative<SpotLight>(light.light)) {
       Ask(Trait::kDeltaLights, light.location, "LightSource \"spot\"");
+    } else if (std::holds_alternative<GoniometricLight>(light.light)) {
+      Ask(Trait::kDeltaLights, light.location, "LightSource \"goniometric\"");
+    } else {
+      Ask(Trait::kDeltaLights, light.location, "LightSource \"projection\"");
     }
   }
 
