@@ -6,6 +6,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "common/scene/color_parameters.h"
+#include "common/scene/ies_reader.h"
 
 namespace sheaf {
 namespace {
@@ -102,6 +103,16 @@ GoniometricLight GetGoniometric(ParameterList& parameters, FileSource& files) {
         parameters.location(),
         absl::StrCat(parameters.owner(),
                      ": without \"string filename\" it shines alike in all directions"));
+  }
+  if (!IsIesFileName(light.file)) return light;
+  const absl::StatusOr<std::string> path = files.LocalPath(light.file);
+  if (!path.ok()) return light;  // Reported already.
+  absl::StatusOr<CandelaTable> table = ReadIes(light.file, *path);
+  if (table.ok()) {
+    light.table = *std::move(table);
+  } else {
+    parameters.ErrorAt(*parameters.Find("filename"),
+                       absl::StrCat("cannot be read: ", table.status().message()));
   }
   return light;
 }

@@ -242,11 +242,18 @@ struct SpotLight {
   Vec3d from{0, 0, 0}, to{0, 0, 1};
   float cone_angle_degrees = 30, cone_delta_angle_degrees = 5;
 };
+// A luminaire as measured: candelas by the angle from straight down, in planes about the vertical.
+struct CandelaTable {
+  std::vector<float> vertical_degrees;    // Ascending, in [0, 180]; dark outside of them.
+  std::vector<float> horizontal_degrees;  // Ascending, in [0, 360); one is symmetry about the axis.
+  std::vector<float> candelas;            // [horizontal][vertical]; none where there is no table.
+};
 // At the origin. The map is about the light's +y, and its values (the mean of the channels)
 // multiply the intensity; without one the light is a point light.
 struct GoniometricLight {
   ColorSpec intensity;
-  std::string file;  // Equal-area (Clarberg 2008) square map; may be empty.
+  std::string file;    // Equal-area (Clarberg 2008) square map; may be empty.
+  CandelaTable table;  // Instead of the map's where the file is IES; down is the light's -y.
 };
 // At the origin, shines a picture along +z. Upright when seen from the light with +y up.
 struct ProjectionLight {

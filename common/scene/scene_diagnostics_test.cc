@@ -43,6 +43,7 @@ TEST_P(BadSceneTest, SaysWhereAndWhat) {
   WriteText(directory + "/open.pbrt", "AttributeBegin\n");
   WriteText(directory + "/bad.ply", "ply\nformat ascii 1.0\n");
   WriteText(directory + "/bad.spd", "400 1 x\n");
+  WriteText(directory + "/bad.IES", "TILT=NONE\nx\n");
   DirectoryFileSource files(directory);
   const absl::StatusOr<ReadSceneResult> result = ReadScene("main.pbrt", files);
   ASSERT_FALSE(result.ok());
@@ -159,6 +160,9 @@ constexpr BadScene kBadScenes[] = {
     {"Regularize", "Integrator \"path\" \"bool regularize\" true\nWorldBegin\n",
      "parameter \"regularize\" is not supported"},
     {"Sampler", "Sampler \"best\"\nWorldBegin\n", "main.pbrt:1:1: sampler \"best\" is unknown"},
+    {"BadLuminaire", "WorldBegin\nLightSource \"goniometric\" \"string filename\" \"bad.IES\"\n",
+     "main.pbrt:2:27: light \"goniometric\": parameter \"filename\" cannot be read: bad.IES:2:1: "
+     "expected the number of lamps, a number, not \"x\""},
     {"UnknownMapping", "Camera \"spherical\" \"string mapping\" \"cube\"\nWorldBegin\n",
      "main.pbrt:1:20: camera \"spherical\": parameter \"mapping\" \"cube\" is not supported; Sheaf "
      "does equalarea and equirectangular"},

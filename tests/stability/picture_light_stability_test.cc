@@ -2,8 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Row L5 of the catalogue of hard cases for lights without size that shine by a picture:
-// goniometric maps and projections. What they send is known in closed form; their power is the
-// integral of their intensity.
+// goniometric maps, measured luminaires and projections. What they send is known in closed form;
+// their power is the integral of their intensity.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -30,7 +30,7 @@ using testing::RandomPoints;
 
 LightDescription Goniometric(Rgb intensity = kWhite) {
   LightDescription light;
-  light.light = GoniometricLight{ColorOf(intensity), "map.pfm"};
+  light.light = GoniometricLight{ColorOf(intensity), "map.pfm", {}};
   light.location = {0, 12, 3};
   return light;
 }
@@ -132,6 +132,57 @@ TEST_F(PictureLightStabilityTest, L5GoniometricWithoutMapIsAPointLight) {
   const auto expected = b->Sample<kAllTraits>({4, -2, 0.5f}, {}, 0, {0, 0});
   ASSERT_TRUE(seen && expected);
   EXPECT_EQ(seen->radiance, expected->radiance);
+}
+
+LightDescription Luminaire(const CandelaTable& table) {
+  LightDescription light;
+  GoniometricLight goniometric{ColorOf(kWhite), "lamp.ies", table};
+  light.light = goniometric;
+  return light;
+}
+// Towards the angles of LM-63: vertical from straight down (-y), horizontal from +x by +z.
+Vec3d Towards(double vertical_degrees, double horizontal_degrees) {
+  const double v = vertical_degrees * kPi / 180, h = horizontal_degrees * kPi / 180;
+  return {std::sin(v) * std::cos(h), -std::cos(v), std::sin(v) * std::sin(h)};
+}
+
+TEST_F(PictureLightStabilityTest, L5CandelasAreLinearBetweenMeasuredAngles) {
+  const CandelaTable table = {{0, 40, 90}, {30, 150, 270}, {8, 4, 2, 8, 1, 0, 8, 6, 12}};
+  const auto lamp = MakeTable({}, {Luminaire(table)});
+  const auto expect = [&](double vertical, double horizontal, double candela) {
+    SCOPED_TRACE(std::to_string(vertical) + " " + std::to_string(horizontal));
+    EXPECT_NEAR(IntensityTowards(*lamp, Towards(vertical, horizontal)).g, candela, 1e-4);
+  };
+  for (const double h : {0.0, 77.0, 200.0}) expect(0, h, 8);
+  expect(40, 30, 4);
+  expect(20, 30, 6);
+  expect(65, 30, 3);
+  expect(89.9, 150, 0.002);
+  expect(40, 90, 2.5);
+  expect(40, 210, 3.5);
+  expect(40, 330, 5);  // Across 360 degrees, from either side.
+  expect(40, 359.9, 6 - 2 * 89.9 / 120);
+  expect(40, 0.1, 6 - 2 * 90.1 / 120);
+  expect(90.1, 30, 0);
+  expect(180, 30, 0);
+}
+
+TEST_F(PictureLightStabilityTest, L5PowerOfCandelasIsTheIntegral) {
+  // Half of the directions at 3, in planes that are not even: 6 pi.
+  const CandelaTable half = {{0, 10, 90}, {0, 10, 200}, std::vector<float>(9, 3)};
+  LightDescription light = Luminaire(half);
+  light.scale.power_w = 60;
+  EXPECT_NEAR(IntensityTowards(*MakeTable({}, {light}), Towards(70, 33)).r, 60 / (2 * kPi), 1e-5);
+  // What grows with the angle to pi above: the mean over the sphere of v is pi / 2.
+  LightDescription ramp = Luminaire({{0, 180}, {0}, {0, 180}});
+  EXPECT_NEAR(IntensityTowards(*MakeTable({}, {ramp}), Towards(45, 99)).r, 45, 1e-4);
+  ramp.scale.power_w = 7;
+  EXPECT_NEAR(IntensityTowards(*MakeTable({}, {ramp}), Towards(90, 99)).r, 7 / (4 * kPi), 1e-6);
+  // One plane of two is dark: half of the power, and at the middle half of the intensity.
+  LightDescription two = Luminaire({{0, 180}, {90, 270}, {2, 2, 0, 0}});
+  two.scale.power_w = 1;
+  EXPECT_NEAR(IntensityTowards(*MakeTable({}, {two}), Towards(80, 180)).r, 1 / (4 * kPi), 1e-6);
+  EXPECT_TRUE(MakeTable({}, {Luminaire({{0, 180}, {0}, {0, 0}})})->empty());
 }
 
 // A projector 2 above a plane, looking down: E = I cos / d^2 = I cos^3 / 4 inside of the picture,

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <string>
 #include <utility>
 #include <variant>
@@ -60,6 +61,10 @@ class SceneLightReader {
   absl::Status Add(const LightDescription& light, const InfiniteLight& infinite);
   absl::Status Add(const LightDescription& light, const GoniometricLight& goniometric);
   absl::Status Add(const LightDescription& light, const ProjectionLight& projection);
+  absl::StatusOr<IntensityDistribution> ReadIntensities(const LightDescription& light,
+                                                        const GoniometricLight& goniometric);
+  absl::StatusOr<ProjectedImage> ReadProjectedImage(const LightDescription& light,
+                                                    const ProjectionLight& projection);
   absl::StatusOr<LightImage> ReadLightImage(const LightDescription& light, const std::string& file);
   absl::StatusOr<LightImage> ReadSquareMap(const LightDescription& light, const std::string& file);
   absl::StatusOr<EnvironmentMap> ReadMap(const LightDescription& light, const std::string& file);
@@ -76,6 +81,9 @@ class SceneLightReader {
   FileSource& files_;
   const bool spectral_;
   LightTable::Impl* impl_;
+  // Pictures are read once, however many lights shine by them: indices by file, and field of view.
+  std::map<std::string, size_t> intensity_of_file_;
+  std::map<std::pair<std::string, float>, size_t> projection_of_file_;
 };
 
 // The linear part of light_from_world, as rows.
@@ -261,9 +269,9 @@ absl::Status SceneLightReader::Add(const LightDescription& light, const Infinite
   return absl::OkStatus();
 }
 
-absl::Status SceneLightReader::Add(const LightDescription& light,
-                                   const GoniometricLight& goniometric) {
-  if (goniometric.file.empty()) return Add(light, PointLight{goniometric.intensity, {}});
+absl::StatusOr<IntensityDistribution> SceneLightReader::ReadIntensities(
+    const LightDescription& light, const GoniometricLight& goniometric) {
+  if (!goniometric.table.candelas.empty()) return PhotometricWeb(goniometric.table);
   absl::StatusOr<LightImage> image = ReadSquareMap(light, goniometric.file);
   if (!image.ok()) return image.status();
   std::vector<float> factors;
@@ -275,8 +283,24 @@ absl::Status SceneLightReader::Add(const LightDescription& light,
                    absl::StrCat("goniometric light: \"", goniometric.file, "\" ",
                                 std::string(map.status().message())));
   }
+  return *std::move(map);
+}
+
+absl::Status SceneLightReader::Add(const LightDescription& light,
+                                   const GoniometricLight& goniometric) {
+  if (goniometric.file.empty()) return Add(light, PointLight{goniometric.intensity, {}});
+  const auto [known, is_new] =
+      intensity_of_file_.try_emplace(goniometric.file, impl_->intensities.size());
+  if (is_new) {
+    absl::StatusOr<IntensityDistribution> intensity = ReadIntensities(light, goniometric);
+    if (!intensity.ok()) return intensity.status();
+    impl_->intensities.push_back(*std::move(intensity));
+  }
+  const IntensityDistribution& intensity = impl_->intensities[known->second];
+  const double mean = std::visit([](const auto& i) { return i.mean(); }, intensity);
+  const float peak = std::visit([](const auto& i) { return i.peak(); }, intensity);
   // A black map is no light, and no scale gives it power.
-  if (!(map->mean() > 0)) return absl::OkStatus();
+  if (!(mean > 0)) return absl::OkStatus();
   DeltaLight delta;
   delta.kind = DeltaLight::Kind::kGoniometric;
   delta.position = TransformPoint(light.world_from_light, {0, 0, 0}) - render_origin_world_;
@@ -284,21 +308,19 @@ absl::Status SceneLightReader::Add(const LightDescription& light,
     return ErrorAt(scene_, light.location,
                    "goniometric light: the transform cannot be inverted; remove the scale of 0");
   }
-  // The map is about +z, the light about +y.
+  // The distribution is about +z, the light about +y.
   std::swap(delta.light_from_render[1], delta.light_from_render[2]);
   float scale = light.scale.scale;
   if (light.scale.power_w > 0) {
-    scale *= static_cast<float>(static_cast<double>(light.scale.power_w) / (4 * kPi * map->mean()));
+    scale *= static_cast<float>(static_cast<double>(light.scale.power_w) / (4 * kPi * mean));
   }
   delta.emission = AddEmission(goniometric.intensity, scale);
-  delta.picture = impl_->intensity_maps.size();
-  const float peak = map->peak();
-  impl_->intensity_maps.push_back(*std::move(map));
+  delta.picture = known->second;
   return Keep(light, delta, Rgb::Grey(peak));
 }
 
-absl::Status SceneLightReader::Add(const LightDescription& light,
-                                   const ProjectionLight& projection) {
+absl::StatusOr<ProjectedImage> SceneLightReader::ReadProjectedImage(
+    const LightDescription& light, const ProjectionLight& projection) {
   absl::StatusOr<LightImage> image = ReadLightImage(light, projection.file);
   if (!image.ok()) return image.status();
   absl::StatusOr<ProjectedImage> projected = ProjectedImage::Make(
@@ -308,7 +330,20 @@ absl::Status SceneLightReader::Add(const LightDescription& light,
                    absl::StrCat("projection light: \"", projection.file, "\" ",
                                 std::string(projected.status().message())));
   }
-  if (projected->peak().IsBlack()) return absl::OkStatus();
+  return projected;
+}
+
+absl::Status SceneLightReader::Add(const LightDescription& light,
+                                   const ProjectionLight& projection) {
+  const auto [known, is_new] = projection_of_file_.try_emplace(
+      {projection.file, projection.fov_degrees}, impl_->projected_images.size());
+  if (is_new) {
+    absl::StatusOr<ProjectedImage> projected = ReadProjectedImage(light, projection);
+    if (!projected.ok()) return projected.status();
+    impl_->projected_images.push_back(*std::move(projected));
+  }
+  const ProjectedImage& projected = impl_->projected_images[known->second];
+  if (projected.peak().IsBlack()) return absl::OkStatus();
   DeltaLight delta;
   delta.kind = DeltaLight::Kind::kProjection;
   delta.position = TransformPoint(light.world_from_light, {0, 0, 0}) - render_origin_world_;
@@ -318,13 +353,11 @@ absl::Status SceneLightReader::Add(const LightDescription& light,
   }
   double scale = static_cast<double>(light.scale.scale);
   if (light.scale.power_w > 0) {
-    scale *= static_cast<double>(light.scale.power_w) / projected->Power();
+    scale *= static_cast<double>(light.scale.power_w) / projected.Power();
   }
   delta.emission = Rgb::Grey(static_cast<float>(scale));
-  delta.picture = impl_->projected_images.size();
-  const Rgb peak = projected->peak();
-  impl_->projected_images.push_back(*std::move(projected));
-  return Keep(light, delta, peak);
+  delta.picture = known->second;
+  return Keep(light, delta, projected.peak());
 }
 
 }  // namespace

@@ -5,6 +5,7 @@
 #include "worker/render/light_table.h"
 
 #include <cmath>
+#include <variant>
 
 #include "common/math/elementary.h"
 #include "worker/render/light_table_impl.h"
@@ -158,7 +159,9 @@ float FalloffAlong(const LightTable::Impl& impl, const DeltaLight& light, Vec3f 
   if (light.kind == DeltaLight::Kind::kPoint) return 1;
   const Vec3f w_light = Rotate(light.light_from_render, w);
   if (light.kind == DeltaLight::Kind::kGoniometric) {
-    return impl.intensity_maps[light.picture].At(w_light / Length(w_light));
+    return std::visit(
+        [&](const auto& intensity) { return intensity.At(w_light / Length(w_light)); },
+        impl.intensities[light.picture]);
   }
   const float cosine = Dot(w_light, light.axis) / Length(w_light);
   return SmoothStep(cosine, light.cos_end, light.cos_start);

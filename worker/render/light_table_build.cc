@@ -7,6 +7,7 @@
 #include <cmath>
 #include <memory>
 #include <utility>
+#include <variant>
 
 #include "common/math/elementary.h"
 #include "worker/render/light_reader.h"
@@ -74,7 +75,8 @@ LightBounds BoundsOf(const DiskEmitter& d) {
 Rgb PeakOf(const LightTable::Impl& impl, const DeltaLight& light) {
   switch (light.kind) {
     case DeltaLight::Kind::kGoniometric:
-      return Rgb::Grey(impl.intensity_maps[light.picture].peak());
+      return Rgb::Grey(std::visit([](const auto& intensity) { return intensity.peak(); },
+                                  impl.intensities[light.picture]));
     case DeltaLight::Kind::kProjection:
       return impl.projected_images[light.picture].peak();
     default:

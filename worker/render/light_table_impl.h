@@ -6,16 +6,21 @@
 
 #include <cstdint>
 #include <optional>
+#include <variant>
 #include <vector>
 
 #include "worker/render/environment_map.h"
 #include "worker/render/intensity_map.h"
 #include "worker/render/light_choice.h"
 #include "worker/render/light_table.h"
+#include "worker/render/photometric_web.h"
 #include "worker/render/projected_image.h"
 #include "worker/render/spectral_color.h"
 
 namespace sheaf::render {
+
+// Of a goniometric light, as a factor of its intensity.
+using IntensityDistribution = std::variant<IntensityMap, PhotometricWeb>;
 
 // A light without size or at infinity in one direction. Space: render.
 struct DeltaLight {
@@ -29,7 +34,7 @@ struct DeltaLight {
                                // along axis. kGoniometric, kProjection: to that of the picture.
   Vec3f axis;                  // kSpot: unit, in the light's space.
   float cos_start = 1, cos_end = 1;  // kSpot: falls off smoothly between these cosines.
-  size_t picture = 0;                // Index in Impl::intensity_maps, or Impl::projected_images.
+  size_t picture = 0;                // Index in Impl::intensities, or Impl::projected_images.
 };
 
 // One that comes from all directions. Constant where there is no map.
@@ -46,7 +51,7 @@ struct LightTable::Impl {
   std::vector<SphereEmitter> spheres;
   std::vector<DiskEmitter> disks;
   std::vector<DeltaLight> deltas;
-  std::vector<IntensityMap> intensity_maps;
+  std::vector<IntensityDistribution> intensities;
   std::vector<ProjectedImage> projected_images;
   std::vector<InfiniteEmitter> infinites;
   // By Emission::spectrum; empty where only RGB is asked for.
