@@ -56,10 +56,11 @@ TEST(LightTableStabilityTest, L6OneTexelOfAMillion) {
     double value = 0;
     for (uint64_t i = 0; i < kPerEstimate; ++i) {
       const auto u = Sampler(3, static_cast<int32_t>(e), 0, i).Get4(1);
-      const Vec3f d = ToFloat(map->Sample({u[0], u[1]}));
-      const Rgb radiance = map->Radiance(d);
-      const double pdf = map->Pdf(radiance);
-      value += pdf > 0 ? static_cast<double>(radiance.r * d.z) / pdf / kPerEstimate : 0;
+      const EnvironmentMap::PlaceSample sample = map->Sample({u[0], u[1]});
+      const Vec3d d = map->Direction(sample.place);
+      const Rgb radiance = map->Radiance(sample.place);
+      ASSERT_GT(sample.pdf, 0);
+      value += static_cast<double>(radiance.r) * d.z / double{sample.pdf} / kPerEstimate;
     }
     sum += value;
     squares += value * value;
@@ -128,8 +129,11 @@ TEST_F(LightTableFileStabilityTest, L6MapsAreOrientedAsInPbrt) {
   for (int i = 0; i < 1000; ++i) {
     const auto sample = (*turned)->Sample<kAllTraits>(kOrigin, {}, 0, random.Next2());
     ASSERT_TRUE(sample.has_value());
+    // The pdf is constant in squares, and rounding on the way over the sphere leaves a place in its
+    // square but for a few in a million, none of which are among these.
     ASSERT_EQ(sample->pdf, (*turned)->PdfEnvironment<kAllTraits>(kOrigin, {}, sample->wi));
-    ASSERT_EQ(sample->radiance, (*turned)->EnvironmentRadiance<kAllTraits>(sample->wi));
+    const Rgb back = (*turned)->EnvironmentRadiance<kAllTraits>(sample->wi);
+    for (size_t c = 0; c < 3; ++c) ASSERT_NEAR(sample->radiance[c], back[c], 4e-6);
   }
 }
 
@@ -247,7 +251,6 @@ TEST(LightTableStabilityTest, L10ManyDifferentLightsAddUp) {
 
 TEST(LightTableStabilityTest, L10InfiniteAndLocalLightsTogether) {
   LightTableInput input;
-  input.scene_radius = 50;
   for (int i = 0; i < 40; ++i) {
     input.spheres.push_back({{0, 0, 10.0 + i}, 1, Rgb::Grey(100)});
   }

@@ -351,6 +351,8 @@ absl::Status SceneLightReader::Add(const LightDescription& light,
     return ErrorAt(scene_, light.location,
                    "projection light: the transform cannot be inverted; remove the scale of 0");
   }
+  delta.axis = {0, 0, 1};
+  delta.cos_end = static_cast<float>(projected.CosCorner());
   double scale = static_cast<double>(light.scale.scale);
   if (light.scale.power_w > 0) {
     scale *= static_cast<double>(light.scale.power_w) / projected.Power();

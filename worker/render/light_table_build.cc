@@ -17,6 +17,10 @@
 namespace sheaf::render {
 namespace {
 
+// How far a light's transform may be from a rotation with a uniform scale, relative, where the
+// choice of lights is to know its cone; and what is added to the cone's cosine for it.
+constexpr float kSimilarityTolerance = 1e-5f, kConeSlack = 1e-4f;
+
 // |L| as the choice of lights counts it: of either sign, and positive wherever a channel is not 0.
 float StrengthOf(Rgb c) {
   if (!IsFinite(c)) return 0;
@@ -84,13 +88,34 @@ Rgb PeakOf(const LightTable::Impl& impl, const DeltaLight& light) {
   }
 }
 
+// Whether angles are kept, to far within kConeSlack.
+bool IsSimilarity(const Vec3f (&rows)[3]) {
+  const float scale = LengthSquared(rows[0]);
+  for (size_t i = 0; i < 3; ++i) {
+    if (!(std::fabs(LengthSquared(rows[i]) - scale) <= kSimilarityTolerance * scale &&
+          std::fabs(Dot(rows[i], rows[(i + 1) % 3])) <= kSimilarityTolerance * scale)) {
+      return false;
+    }
+  }
+  return true;
+}
+
 LightBounds BoundsOf(const LightTable::Impl& impl, const DeltaLight& light) {
   if (light.kind == DeltaLight::Kind::kDistant) {
     return {.kind = LightBounds::Kind::kInfinite, .strength = StrengthOf(light.emission.rgb)};
   }
-  return {.kind = LightBounds::Kind::kPoint,
-          .center = ToFloat(light.position),
-          .strength = StrengthOf(light.emission.rgb * PeakOf(impl, light))};
+  LightBounds bounds{.kind = LightBounds::Kind::kPoint,
+                     .center = ToFloat(light.position),
+                     .strength = StrengthOf(light.emission.rgb * PeakOf(impl, light))};
+  const bool has_cone =
+      light.kind == DeltaLight::Kind::kSpot || light.kind == DeltaLight::Kind::kProjection;
+  if (has_cone && IsSimilarity(light.light_from_render)) {
+    const Vec3f(&rows)[3] = light.light_from_render;
+    bounds.normal =
+        Normalize(light.axis.x * rows[0] + light.axis.y * rows[1] + light.axis.z * rows[2]);
+    bounds.cos_end = light.cos_end - kConeSlack;
+  }
+  return bounds;
 }
 
 LightBounds BoundsOf(const InfiniteEmitter& light) {
@@ -132,7 +157,7 @@ absl::StatusOr<std::unique_ptr<LightTable>> LightTable::Build(const SceneDescrip
   std::vector<LightBounds> bounds = AllBounds(impl);
   impl.empty = std::none_of(bounds.begin(), bounds.end(),
                             [](const LightBounds& light) { return light.strength > 0; });
-  impl.choice = LightChoice(std::move(bounds), input.scene_radius);
+  impl.choice = LightChoice(std::move(bounds));
   return table;
 }
 

@@ -32,9 +32,10 @@ struct DeltaLight {
                                // what multiplies the picture (grey) of kProjection.
   Vec3f light_from_render[3];  // kSpot: rows of the linear map to the space where the spot shines
                                // along axis. kGoniometric, kProjection: to that of the picture.
-  Vec3f axis;                  // kSpot: unit, in the light's space.
-  float cos_start = 1, cos_end = 1;  // kSpot: falls off smoothly between these cosines.
-  size_t picture = 0;                // Index in Impl::intensities, or Impl::projected_images.
+  Vec3f axis;                  // kSpot, kProjection: unit, in the light's space.
+  // kSpot: falls off smoothly between these cosines with axis. kProjection: dark beyond cos_end.
+  float cos_start = 1, cos_end = 1;
+  size_t picture = 0;  // Index in Impl::intensities, or Impl::projected_images.
 };
 
 // One that comes from all directions. Constant where there is no map.
@@ -80,13 +81,6 @@ struct LightTable::Impl {
     }
     const EmissionSpectrum& spectrum = spectra[static_cast<size_t>(emission.spectrum)];
     return spectrum.color.At(wavelengths) * spectrum.scale;
-  }
-  // map_radiance: where the light has a map, what that has in the direction asked for.
-  template <typename Color>
-  Color ColorFromInfinity(const InfiniteEmitter& light, Rgb map_radiance,
-                          const WavelengthsOf<Color>& wavelengths) const {
-    if (!light.map) return ColorOfEmission(light.radiance, wavelengths);
-    return ColorOfRgb<Color>(map_radiance * light.scale, ColorRole::kIlluminant, wavelengths);
   }
   uint32_t first_sphere() const { return static_cast<uint32_t>(triangles.size()); }
   uint32_t first_disk() const { return first_sphere() + static_cast<uint32_t>(spheres.size()); }

@@ -7,6 +7,7 @@
 #include <type_traits>
 #include <variant>
 
+#include "common/scene/spectrum.h"
 #include "worker/render/render_plan.h"
 
 namespace sheaf::render {
@@ -38,12 +39,19 @@ class NeedsCollector {
                           (roughness.u.texture == kNone && roughness.u.value != roughness.v.value);
   }
 
-  void Add(const DiffuseMaterial& m) { Read(m.reflectance); }
+  void ReadReflectance(const ColorInput& input) {
+    Read(input);
+    if (input.texture == kNone && !IsWithinSrgb(input.value, ColorRole::kReflectance)) {
+      needs_.traits |= Bit(Trait::kSpectral);
+    }
+  }
+
+  void Add(const DiffuseMaterial& m) { ReadReflectance(m.reflectance); }
   void Add(const ConductorMaterial& m) {
     needs_.traits |= Bit(Trait::kMicrofacet);
     Read(m.roughness);
     if (m.has_reflectance) {
-      Read(m.reflectance);
+      ReadReflectance(m.reflectance);
     } else {
       Read(m.eta);
       Read(m.k);
@@ -64,7 +72,7 @@ class NeedsCollector {
   void Add(const CoatedDiffuseMaterial& m) {
     needs_.traits |= Bit(Trait::kLayered) | Bit(Trait::kMicrofacet);
     Read(m.roughness);
-    Read(m.reflectance);
+    ReadReflectance(m.reflectance);
     Read(m.albedo);
   }
   void Add(const MixMaterial& m) {

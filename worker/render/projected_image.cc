@@ -52,6 +52,10 @@ Rgb ProjectedImage::At(Vec3f d) const {
   return texels_[static_cast<size_t>(y) * static_cast<size_t>(width_) + static_cast<size_t>(x)];
 }
 
+double ProjectedImage::CosCorner() const {
+  return 1 / std::sqrt(1 + half_width_ * half_width_ + half_height_ * half_height_);
+}
+
 // By each pixel's solid angle; pbrt-v4 takes the cosine at its centre for all of it, which comes to
 // the same for more than a few pixels.
 double ProjectedImage::Power() const {

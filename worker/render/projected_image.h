@@ -25,6 +25,8 @@ class ProjectedImage {
   Rgb At(Vec3f d) const;
   // Of each channel, over the picture.
   Rgb peak() const { return peak_; }
+  // Of the angle between the axis and the picture's corners.
+  double CosCorner() const;
   // The integral of luminance over all directions.
   double Power() const;
 

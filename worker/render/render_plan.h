@@ -40,12 +40,13 @@ struct RenderPlan {
   uint32_t traits = 0;          // The scene's.
   uint32_t variant_traits = 0;  // Of the compiled variant: a superset of traits.
   std::string variant_name;
+  size_t light_count = 0;              // Of emissive triangles, spheres, disks and other lights.
   std::vector<PlannedEffect> effects;  // In the order of Trait.
   std::vector<std::string> unused;     // Names of the effects that cost nothing here.
 };
 
 RenderPlan MakeRenderPlan(const SceneDescription& scene, const FrameSettings& settings);
-// The plan as people read it: one line an effect, then the variant.
+// The plan as people read it: one line an effect, then the lights and the variant.
 std::string FormatRenderPlan(const RenderPlan& plan);
 
 }  // namespace sheaf::render

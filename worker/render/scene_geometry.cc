@@ -6,7 +6,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <numbers>
 #include <string>
 #include <utility>
@@ -381,11 +380,7 @@ absl::StatusOr<BakedScene> SceneBaker::Bake() {
   FinishSceneBounds();
   emitters_.AssignIds(&geometry_.groups[0]);
   BakedScene baked{std::move(geometry_), emitters_.Take()};
-  const Vec3f &lower = baked.geometry.bounds_lower, &upper = baked.geometry.bounds_upper;
   baked.emitters.render_origin_world = baked.geometry.render_origin_world;
-  baked.emitters.scene_center = lower * 0.5f + upper * 0.5f;
-  baked.emitters.scene_radius =
-      std::max(Length(upper * 0.5f - lower * 0.5f), std::numeric_limits<float>::min());
   scene_.meshes.clear();
   return baked;
 }
