@@ -43,6 +43,7 @@ TEST_P(BadSceneTest, SaysWhereAndWhat) {
   WriteText(directory + "/open.pbrt", "AttributeBegin\n");
   WriteText(directory + "/bad.ply", "ply\nformat ascii 1.0\n");
   WriteText(directory + "/bad.spd", "400 1 x\n");
+  WriteText(directory + "/bad.IES", "TILT=NONE\nx\n");
   DirectoryFileSource files(directory);
   const absl::StatusOr<ReadSceneResult> result = ReadScene("main.pbrt", files);
   ASSERT_FALSE(result.ok());
@@ -122,10 +123,22 @@ constexpr BadScene kBadScenes[] = {
      "main.pbrt:2:1: object \"a\" is used here but defined nowhere"},
     {"UnknownShape", "WorldBegin\nShape \"curve\"\n",
      "main.pbrt:2:1: shape \"curve\" is not supported"},
-    {"UnknownCamera", "Camera \"spherical\"\nWorldBegin\n",
-     "main.pbrt:1:1: camera \"spherical\" is not supported"},
-    {"UnknownLight", "WorldBegin\nLightSource \"projection\"\n",
-     "main.pbrt:2:1: light \"projection\" is not supported"},
+    {"UnknownCamera", "Camera \"realistic\"\nWorldBegin\n",
+     "main.pbrt:1:1: camera \"realistic\" is not supported; Sheaf does perspective, orthographic "
+     "and spherical"},
+    {"UnknownLight", "WorldBegin\nLightSource \"laser\"\n",
+     "main.pbrt:2:1: light \"laser\" is not supported; Sheaf does infinite, distant, point, spot, "
+     "goniometric and projection"},
+    {"NoSlide", "WorldBegin\nLightSource \"projection\" \"float fov\" 30\n",
+     "main.pbrt:2:1: light \"projection\" needs the picture it shines; give \"string filename\""},
+    {"WideSlide", "WorldBegin\nLightSource \"projection\" \"float fov\" 180\n",
+     "main.pbrt:2:1: light \"projection\": fov 180 is outside (0, 180) degrees"},
+    {"MissingSlide", "WorldBegin\nLightSource \"projection\" \"string filename\" \"no.png\"\n",
+     "main.pbrt:2:26: light \"projection\": parameter \"filename\" cannot be read: file \"no.png\" "
+     "does not exist"},
+    {"MissingGoniogram", "WorldBegin\nLightSource \"goniometric\" \"string filename\" \"no.exr\"\n",
+     "main.pbrt:2:27: light \"goniometric\": parameter \"filename\" cannot be read: file "
+     "\"no.exr\" does not exist"},
     {"Portal", "WorldBegin\nLightSource \"infinite\" \"point3 portal\" [0 0 0 1 0 0 1 1 0 0 1 0]\n",
      "main.pbrt:2:24: light \"infinite\": parameter \"portal\" is not supported"},
     {"UnknownMaterial", "WorldBegin\nMaterial \"hair\"\n",
@@ -147,6 +160,15 @@ constexpr BadScene kBadScenes[] = {
     {"Regularize", "Integrator \"path\" \"bool regularize\" true\nWorldBegin\n",
      "parameter \"regularize\" is not supported"},
     {"Sampler", "Sampler \"best\"\nWorldBegin\n", "main.pbrt:1:1: sampler \"best\" is unknown"},
+    {"BadLuminaire", "WorldBegin\nLightSource \"goniometric\" \"string filename\" \"bad.IES\"\n",
+     "main.pbrt:2:27: light \"goniometric\": parameter \"filename\" cannot be read: bad.IES:2:1: "
+     "expected the number of lamps, a number, not \"x\""},
+    {"UnknownMapping", "Camera \"spherical\" \"string mapping\" \"cube\"\nWorldBegin\n",
+     "main.pbrt:1:20: camera \"spherical\": parameter \"mapping\" \"cube\" is not supported; Sheaf "
+     "does equalarea and equirectangular"},
+    {"SphericalLens", "Camera \"spherical\" \"float lensradius\" 0.1\nWorldBegin\n",
+     "main.pbrt:1:20: camera \"spherical\": parameter \"lensradius\" is not supported: a spherical "
+     "camera has no lens; remove it"},
     {"ColorSpace", "ColorSpace \"rec2020\"\nWorldBegin\n",
      "main.pbrt:1:1: color space \"rec2020\" is not supported"},
     {"Option", "Option \"forcediffuse\" true\nWorldBegin\n",

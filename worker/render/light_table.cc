@@ -5,6 +5,7 @@
 #include "worker/render/light_table.h"
 
 #include <cmath>
+#include <variant>
 
 #include "common/math/elementary.h"
 #include "worker/render/light_table_impl.h"
@@ -93,15 +94,27 @@ std::optional<LightSampleOf<Color>> Sample(const DiskEmitter& d, const Color& ra
   return sample;
 }
 
+// What the light, which has a place, sends along the (unit) direction w that leaves it.
 template <typename Color>
-std::optional<LightSampleOf<Color>> Sample(const DeltaLight& light, const Color& emission,
+Color IntensityAlong(const LightTable::Impl& impl, const DeltaLight& light, Vec3f w,
+                     const WavelengthsOf<Color>& wavelengths) {
+  if (light.kind == DeltaLight::Kind::kProjection) {
+    const Rgb seen = impl.projected_images[light.picture].At(Rotate(light.light_from_render, w));
+    return ColorOfRgb<Color>(seen * light.emission.rgb, ColorRole::kIlluminant, wavelengths);
+  }
+  return impl.ColorOfEmission(light.emission, wavelengths) * FalloffAlong(impl, light, w);
+}
+
+template <typename Color>
+std::optional<LightSampleOf<Color>> Sample(const LightTable::Impl& impl, const DeltaLight& light,
+                                           const WavelengthsOf<Color>& wavelengths,
                                            float probability, Vec3f p) {
   LightSampleOf<Color> sample;
   sample.is_delta = true;
   sample.pdf = probability;
   if (light.kind == DeltaLight::Kind::kDistant) {
     sample.wi = light.to_light;
-    sample.radiance = emission;
+    sample.radiance = impl.ColorOfEmission(light.emission, wavelengths);
     sample.is_infinite = true;
     return sample;
   }
@@ -111,7 +124,8 @@ std::optional<LightSampleOf<Color>> Sample(const DeltaLight& light, const Color&
   sample.wi = ToFloat(to_light / std::sqrt(d_squared));
   sample.p_light = ToFloat(light.position);
   sample.p_light_error = RoundingErrorOf(sample.p_light);
-  sample.radiance = emission * FalloffAlong(light, -sample.wi) * static_cast<float>(1 / d_squared);
+  sample.radiance = IntensityAlong<Color>(impl, light, -sample.wi, wavelengths) *
+                    static_cast<float>(1 / d_squared);
   return sample;
 }
 
@@ -148,9 +162,14 @@ Vec3f UniformDirection(Vec2f u) {
 
 }  // namespace
 
-float FalloffAlong(const DeltaLight& light, Vec3f w) {
+float FalloffAlong(const LightTable::Impl& impl, const DeltaLight& light, Vec3f w) {
   if (light.kind == DeltaLight::Kind::kPoint) return 1;
   const Vec3f w_light = Rotate(light.light_from_render, w);
+  if (light.kind == DeltaLight::Kind::kGoniometric) {
+    return std::visit(
+        [&](const auto& intensity) { return intensity.At(w_light / Length(w_light)); },
+        impl.intensities[light.picture]);
+  }
   const float cosine = Dot(w_light, light.axis) / Length(w_light);
   return SmoothStep(cosine, light.cos_end, light.cos_start);
 }
@@ -189,8 +208,7 @@ std::optional<LightSampleOf<ColorOf<kMask>>> LightTable::SampleLights(
   } else if (light < impl.first_infinite()) {
     if constexpr (Has(kMask, Trait::kDeltaLights)) {
       const DeltaLight& delta = impl.deltas[light - impl.first_delta()];
-      sample = render::Sample(delta, impl.ColorOfEmission(delta.emission, wavelengths),
-                              chosen->probability, p);
+      sample = render::Sample<Color>(impl, delta, wavelengths, chosen->probability, p);
     }
   } else if constexpr (Has(kMask, Trait::kEnvironment)) {
     // Infinite lights share every direction, so each is drawn as a part of their sum.

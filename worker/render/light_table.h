@@ -32,7 +32,7 @@ struct LightSampleOf {
   Color radiance;       // Arriving, unoccluded; for delta lights intensity over distance squared.
   float pdf =
       0;  // Solid angle, times the probability of choosing this light; choice alone for delta.
-  bool is_delta = false;  // Point, spot, distant: no MIS.
+  bool is_delta = false;  // Without size, or distant: no MIS.
   bool is_infinite = false;
 };
 using LightSample = LightSampleOf<Rgb>;
@@ -96,8 +96,9 @@ class LightTable {
  public:
   // Emitter ids are: triangles first, then spheres, then disks, in input order. Emitters without
   // area or with values that are not finite keep their ids and are never sampled.
-  // Errors: unreadable environment map; not square; negative or non-finite values (named texel); a
-  // light with a transform that cannot be inverted, or one that distorts an environment map.
+  // Errors: an unreadable picture; a map that is not square; negative or non-finite values (named
+  // texel); a light with a transform that cannot be inverted, or one that distorts an environment
+  // map.
   static absl::StatusOr<std::unique_ptr<LightTable>> Build(const SceneDescription& scene,
                                                            LightTableInput input,
                                                            FileSource& files);

@@ -164,9 +164,14 @@ class PlanMaker {
     } else if (const auto* point = std::get_if<PointLight>(&light.light)) {
       Ask(Trait::kDeltaLights, light.location, "LightSource \"point\"");
       LookAtEmission(point->intensity, light.location);
-    } else {
+    } else if (const auto* spot = std::get_if<SpotLight>(&light.light)) {
       Ask(Trait::kDeltaLights, light.location, "LightSource \"spot\"");
-      LookAtEmission(std::get<SpotLight>(light.light).intensity, light.location);
+      LookAtEmission(spot->intensity, light.location);
+    } else if (const auto* goniometric = std::get_if<GoniometricLight>(&light.light)) {
+      Ask(Trait::kDeltaLights, light.location, "LightSource \"goniometric\"");
+      LookAtEmission(goniometric->intensity, light.location);
+    } else {
+      Ask(Trait::kDeltaLights, light.location, "LightSource \"projection\"");
     }
   }
 

@@ -20,7 +20,7 @@ enum class Trait : uint32_t {
   kLens = 1u << 1,                  // Lens radius > 0.
   kTextures = 1u << 2,              // Image textures or procedural ones.
   kEnvironment = 1u << 3,           // Infinite lights.
-  kDeltaLights = 1u << 4,           // Point, spot, distant lights.
+  kDeltaLights = 1u << 4,           // Lights without size.
   kAreaLights = 1u << 5,            // Emissive shapes.
   kSpecularTransmission = 1u << 6,  // Dielectrics.
   kLayered = 1u << 7,               // Coated materials.
