@@ -30,35 +30,28 @@ bool OnPart(const Quadric& q, Vec3d p) {
   return q.phi_max >= kTwoPi || AzimuthOf(p.x, p.y) <= q.phi_max;
 }
 
-// The distances t0 <= t1 at which o + t d is at the radius from the origin. For cylinders the ray
-// is seen along the axis, without z.
-struct Roots {
-  double t0, t1;
-};
-std::optional<Roots> MeetRadius(double radius, Vec3d o, Vec3d d) {
+// Spheres, and cylinders: circles to a ray that is seen along the axis, without z.
+template <Quadric::Kind kKind>
+std::optional<double> IntersectRound(const Quadric& q, Vec3d object_o, Vec3d object_d,
+                                     double t_max) {
+  Vec3d o = object_o, d = object_d;
+  if constexpr (kKind == Quadric::Kind::kCylinder) o.z = d.z = 0;
   const double dd = LengthSquared(d);
   const double od = -Dot(o, d);
   // Perpendicular from the centre to the line; its length decides, not b^2 - 4ac. Rays along a
   // cylinder's axis have none.
   const Vec3d foot = o + d * (od / dd);
-  const double below = radius * radius - LengthSquared(foot);
+  const double below = q.radius * q.radius - LengthSquared(foot);
   if (!(below >= 0)) return std::nullopt;
   const double half_chord = std::sqrt(below * dd);
   const double sum = od + std::copysign(half_chord, od);
   // Two roots without cancellation: sum / dd and (|o|^2 - r^2) / sum, the latter factored.
   const double distance = Length(o);
-  const double c = (distance - radius) * (distance + radius);
-  const double t0 = sum != 0 ? c / sum : 0, t1 = sum / dd;
-  return t0 > t1 ? Roots{t1, t0} : Roots{t0, t1};
-}
-
-std::optional<double> IntersectRound(const Quadric& q, Vec3d o, Vec3d d, double t_max) {
-  const bool is_sphere = q.kind == Quadric::Kind::kSphere;
-  const std::optional<Roots> roots =
-      is_sphere ? MeetRadius(q.radius, o, d) : MeetRadius(q.radius, {o.x, o.y, 0}, {d.x, d.y, 0});
-  if (!roots.has_value()) return std::nullopt;
-  for (const double t : {roots->t0, roots->t1}) {
-    if (t > 0 && t < t_max && (!q.is_partial || OnPart(q, o + d * t))) return t;
+  const double c = (distance - q.radius) * (distance + q.radius);
+  double t0 = sum != 0 ? c / sum : 0, t1 = sum / dd;
+  if (t0 > t1) std::swap(t0, t1);
+  for (const double t : {t0, t1}) {
+    if (t > 0 && t < t_max && (!q.is_partial || OnPart(q, object_o + object_d * t))) return t;
   }
   return std::nullopt;
 }
@@ -110,8 +103,15 @@ QuadricParameters CylinderParameters(const Quadric& q, Vec3d p) {
 
 std::optional<double> IntersectQuadric(const Quadric& q, Vec3d o, Vec3d d, double t_max) {
   const Vec3d object_o = q.object_from_target.Point(o), object_d = q.object_from_target.Vector(d);
-  return q.kind == Quadric::Kind::kDisk ? IntersectDisk(q, object_o, object_d, t_max)
-                                        : IntersectRound(q, object_o, object_d, t_max);
+  switch (q.kind) {
+    case Quadric::Kind::kSphere:
+      return IntersectRound<Quadric::Kind::kSphere>(q, object_o, object_d, t_max);
+    case Quadric::Kind::kCylinder:
+      return IntersectRound<Quadric::Kind::kCylinder>(q, object_o, object_d, t_max);
+    case Quadric::Kind::kDisk:
+      break;
+  }
+  return IntersectDisk(q, object_o, object_d, t_max);
 }
 
 QuadricPoint QuadricPointAt(const Quadric& q, Vec3d o, Vec3d d, double t) {
