@@ -8,7 +8,10 @@
 #include <cmath>
 #include <cstdint>
 #include <memory>
+#include <numbers>
+#include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "common/math/transform.h"

@@ -15,8 +15,10 @@ namespace {
 // Rounding of a triple product in double, in parts of the product of its vectors' sums of
 // magnitudes.
 constexpr double kProductRounding = 0x1p-48;
-// However badly u or v is determined, a hit is no farther from the edge of its range than this.
-constexpr double kParameterSlackMax = 0x1p-16;
+// However badly u or v is determined, a hit is no farther from an edge than this part of the
+// patch's size; nor u than the second from its range, nor v than its range.
+constexpr double kSlackMax = 0x1p-16;
+constexpr double kParameterSlackMax = 0x1p-6;
 // How far a corner may be from where the other three would have it in a parallelogram: in parts of
 // the largest coordinate, for files written in float and with six digits, and of the longest side.
 constexpr double kFloatTolerance = 0x1p-22;
@@ -29,43 +31,102 @@ double SumOfMagnitudes(Vec3d v) { return std::fabs(v.x) + std::fabs(v.y) + std::
 // start + u along (at v = 0) by ruling + u turn.
 struct Seen {
   Vec3d d, start, along, ruling, turn;
-  double product_rounding;  // Of d . (point x ruling).
 
   Seen(const BilinearPatch& patch, Vec3d o, Vec3d direction)
       : d(direction),
         start(patch.p00 - o),
         along(patch.p10 - patch.p00),
         ruling(patch.p01 - patch.p00),
-        turn((patch.p11 - patch.p10) - ruling) {
-    const double far = SumOfMagnitudes(start) + SumOfMagnitudes(along);
-    const double wide = SumOfMagnitudes(ruling) + SumOfMagnitudes(patch.p11 - patch.p10);
-    product_rounding = kProductRounding * SumOfMagnitudes(d) * far * wide;
+        turn((patch.p11 - patch.p10) - ruling) {}
+};
+
+// How far rounding may have moved what is computed; a few ulps too much, as sums are.
+struct Rounding {
+  double d, along, product, slack_length;
+
+  explicit Rounding(const Seen& seen)
+      : d(SumOfMagnitudes(seen.d)),
+        along(SumOfMagnitudes(seen.along) + SumOfMagnitudes(seen.turn)) {
+    const double wide = SumOfMagnitudes(seen.ruling) + SumOfMagnitudes(seen.turn);
+    product = kProductRounding * d * (SumOfMagnitudes(seen.start) + along) * wide;
+    slack_length = kSlackMax * (along + wide);
   }
 };
 
-double WithSlack(double value, double slack, bool* is_within) {
-  *is_within = value >= -slack && value <= 1 + slack;
-  return std::clamp(value, 0.0, 1.0);
-}
+bool IsWithin(double value, double slack) { return value >= -slack && value <= 1 + slack; }
 
 // Where on the line at u the ray passes, if within the patch.
-std::optional<PatchHit> MeetRuling(const Seen& seen, double u_root, double u_slack) {
-  bool is_within = false;
-  const double u = WithSlack(u_root, u_slack, &is_within);
-  if (!is_within) return std::nullopt;
+std::optional<PatchHit> MeetRuling(const Seen& seen, const Rounding& rounding, double u_root,
+                                   double u_slack) {
+  if (!IsWithin(u_root, u_slack)) return std::nullopt;
+  const double u = std::clamp(u_root, 0.0, 1.0);
   const Vec3d point = seen.start + seen.along * u, ruling = seen.ruling + seen.turn * u;
   const Vec3d across = Cross(seen.d, ruling);
   const double square = LengthSquared(across);
   if (!(square > 0)) return std::nullopt;
   // Of the point itself, and of where u has the line.
-  const double rounding = SumOfMagnitudes(seen.d) *
-                          (kProductRounding * SumOfMagnitudes(point) +
-                           u_slack * (SumOfMagnitudes(seen.along) + SumOfMagnitudes(seen.turn)));
-  const double v =
-      WithSlack(Dot(Cross(point, seen.d), across) / square,
-                std::min(kParameterSlackMax, rounding / std::sqrt(square)), &is_within);
-  if (!is_within) return std::nullopt;
+  const double moved = kProductRounding * SumOfMagnitudes(point) + u_slack * rounding.along;
+  const double v_slack = std::min({1.0, rounding.slack_length / SumOfMagnitudes(ruling),
+                                   rounding.d * moved / std::sqrt(square)});
+  const double v_line = Dot(Cross(point, seen.d), across) / square;
+  if (!IsWithin(v_line, v_slack)) return std::nullopt;
+  const double v = std::clamp(v_line, 0.0, 1.0);
   return PatchHit{Dot(point + ruling * v, seen.d) / LengthSquared(seen.d), u, v};
+}
+
+// The nearer one of up to two lines of equal u that the ray passes.
+std::optional<PatchHit> MeetRulings(const BilinearPatch& patch, const Seen& seen, Vec3d o,
+                                    double t_max) {
+  // The ray meets the line at u where d . (point x ruling) is zero; that is quadratic in u.
+  const double at_0 = Dot(seen.d, Cross(seen.start, seen.ruling));
+  const double at_1 = Dot(seen.d, Cross(patch.p10 - o, patch.p11 - patch.p10));
+  const double square = Dot(seen.d, Cross(seen.along, seen.turn));
+  const double linear = at_1 - at_0 - square;
+  const double discriminant = linear * linear - 4 * square * at_0;
+  const double slope = discriminant > 0 ? std::sqrt(discriminant) : 0;
+  // The two roots without cancellation. Where one does not exist it is not finite, or zero by zero,
+  // and so within nothing.
+  const double sum = -0.5 * (linear + std::copysign(slope, linear));
+  const double roots[2] = {sum / square, at_0 / sum};
+  if (!IsWithin(roots[0], kParameterSlackMax) && !IsWithin(roots[1], kParameterSlackMax))
+    return std::nullopt;
+  const Rounding rounding(seen);
+  const double largest = std::fabs(at_0) + std::fabs(linear) + std::fabs(square);
+  if (!(largest > 3 * rounding.product)) return std::nullopt;  // In its plane.
+  if (discriminant < -4 * rounding.product * largest) return std::nullopt;
+  const double u_slack = std::min(
+      {kParameterSlackMax, rounding.slack_length / rounding.along, 2 * rounding.product / slope});
+  std::optional<PatchHit> nearest;
+  for (const double u : roots) {
+    const std::optional<PatchHit> hit = MeetRuling(seen, rounding, u, u_slack);
+    if (!hit.has_value() || !(hit->t > 0 && hit->t < t_max)) continue;
+    if (!nearest.has_value() || hit->t < nearest->t) nearest = hit;
+  }
+  return nearest;
+}
+
+// A patch may be a triangle, an edge of it a point: a ray to that point is to be met, but passes
+// all its lines at once, or one without direction.
+std::optional<PatchHit> MeetCollapsedEdge(const BilinearPatch& patch, const Seen& seen, Vec3d o,
+                                          double t_max) {
+  PatchHit hit;
+  if (patch.p00 == patch.p10) {
+    hit = {0, 0.5, 0};
+  } else if (patch.p01 == patch.p11) {
+    hit = {0, 0.5, 1};
+  } else if (patch.p00 == patch.p01) {
+    hit = {0, 0, 0.5};
+  } else if (patch.p10 == patch.p11) {
+    hit = {0, 1, 0.5};
+  } else {
+    return std::nullopt;
+  }
+  const Vec3d point = patch.PointAt(hit.u, hit.v) - o;
+  const double rounding = 4 * kProductRounding * SumOfMagnitudes(point) * SumOfMagnitudes(seen.d);
+  if (SumOfMagnitudes(Cross(point, seen.d)) > rounding) return std::nullopt;
+  hit.t = Dot(point, seen.d) / LengthSquared(seen.d);
+  if (!(hit.t > 0 && hit.t < t_max)) return std::nullopt;
+  return hit;
 }
 
 }  // namespace
@@ -90,29 +151,8 @@ bool BilinearPatch::IsFlat() const {
 
 std::optional<PatchHit> IntersectPatch(const BilinearPatch& patch, Vec3d o, Vec3d d, double t_max) {
   const Seen seen(patch, o, d);
-  // The ray meets the line at u where d . (point x ruling) is zero; that is quadratic in u.
-  const double at_0 = Dot(d, Cross(seen.start, seen.ruling));
-  const double at_1 = Dot(d, Cross(patch.p10 - o, patch.p11 - patch.p10));
-  const double square = Dot(d, Cross(seen.along, seen.turn));
-  const double linear = at_1 - at_0 - square;
-  const double rounding = seen.product_rounding;
-  const double largest = std::fabs(at_0) + std::fabs(linear) + std::fabs(square);
-  if (!(largest > 3 * rounding)) return std::nullopt;  // In its plane.
-  double discriminant = linear * linear - 4 * square * at_0;
-  if (discriminant < -4 * rounding * largest) return std::nullopt;
-  const double slope = std::sqrt(std::max(0.0, discriminant));
-  const double u_slack =
-      slope > 0 ? std::min(kParameterSlackMax, 2 * rounding / slope) : kParameterSlackMax;
-  // The two roots without cancellation. Where one does not exist it is not finite, or zero by zero,
-  // and so within nothing.
-  const double sum = -0.5 * (linear + std::copysign(slope, linear));
-  std::optional<PatchHit> nearest;
-  for (const double u : {sum / square, at_0 / sum}) {
-    const std::optional<PatchHit> hit = MeetRuling(seen, u, u_slack);
-    if (!hit.has_value() || !(hit->t > 0 && hit->t < t_max)) continue;
-    if (!nearest.has_value() || hit->t < nearest->t) nearest = hit;
-  }
-  return nearest;
+  const std::optional<PatchHit> hit = MeetRulings(patch, seen, o, t_max);
+  return hit.has_value() ? hit : MeetCollapsedEdge(patch, seen, o, t_max);
 }
 
 std::array<Vec3f, 2> PatchBounds(const BilinearPatch& patch) {

@@ -206,6 +206,8 @@ TEST(BilinearPatchTest, G3EdgesAndCornersAreMet) {
     BilinearPatch patch = RandomPatch(&random);
     if (i % 3 == 0) patch.p11 = patch.p10 + patch.p01 - patch.p00;
     if (i % 5 == 0) patch.p01 = patch.p00 + (patch.p01 - patch.p00) * 1e-4;  // Slim.
+    if (i % 7 == 0) (i % 2 == 0 ? patch.p11 : patch.p00) = patch.p01;        // A triangle.
+    if (i % 7 == 1) (i % 2 == 0 ? patch.p11 : patch.p00) = patch.p10;
     const Vec3d o = random.InBox(std::pow(10.0, random.Uniform(0, 5)));
     const double end = i % 2, at = random.Uniform(0, 1);
     const Vec3d on_edge = i % 4 < 2 ? patch.PointAt(end, at) : patch.PointAt(at, end);
