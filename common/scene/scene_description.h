@@ -171,15 +171,28 @@ struct TriangleMesh {
   std::vector<uint32_t> indices;  // Three per triangle; every index is < positions.size().
   std::string file;               // Canonical name of the mesh file, empty for inline meshes.
 };
+// Bilinear patches: corners at (u, v) = (0,0), (1,0), (0,1), (1,1), in this order.
+struct BilinearMesh {
+  std::vector<Vec3f> positions;   // Object space.
+  std::vector<Vec3f> normals;     // Empty or one per position.
+  std::vector<Vec2f> uvs;         // Empty (u and v themselves) or one per position.
+  std::vector<uint32_t> indices;  // Four per patch; every index is < positions.size().
+};
 struct SphereShape {
   float radius = 1, z_min = -1, z_max = 1, phi_max_degrees = 360;
 };
 struct DiskShape {
   float radius = 1, inner_radius = 0, height = 0, phi_max_degrees = 360;
 };
+struct CylinderShape {
+  float radius = 1, z_min = -1, z_max = 1, phi_max_degrees = 360;
+};
 struct MeshShape {
   int32_t mesh = kNone;
 };  // Index in meshes: equal files share one mesh.
+struct BilinearMeshShape {
+  int32_t mesh = kNone;
+};  // Index in bilinear_meshes: each shape has its own.
 
 // Where something is over the shutter. `end` equals `start` for what stands still.
 struct TransformOverTime {
@@ -189,7 +202,7 @@ struct TransformOverTime {
 };
 
 struct ShapeDescription {
-  std::variant<MeshShape, SphereShape, DiskShape> shape;
+  std::variant<MeshShape, SphereShape, DiskShape, CylinderShape, BilinearMeshShape> shape;
   TransformOverTime world_from_object;  // For shapes of an object definition: object_from_shape.
   int32_t material = kNone;
   int32_t area_light = kNone;    // Index in area_lights.
@@ -324,6 +337,7 @@ struct SceneDescription {
   std::vector<TextureDescription> textures;
   std::vector<MaterialDescription> materials;
   std::vector<TriangleMesh> meshes;
+  std::vector<BilinearMesh> bilinear_meshes;
   std::vector<ShapeDescription> shapes;  // All, also those of object definitions.
   std::vector<int32_t> world_shapes;     // Those placed in the world directly.
   std::vector<ObjectDefinition> objects;

@@ -121,8 +121,9 @@ constexpr BadScene kBadScenes[] = {
      "main.pbrt:3:1: ObjectBegin inside of another object"},
     {"UndefinedObject", "WorldBegin\nObjectInstance \"a\"\n",
      "main.pbrt:2:1: object \"a\" is used here but defined nowhere"},
-    {"UnknownShape", "WorldBegin\nShape \"curve\"\n",
-     "main.pbrt:2:1: shape \"curve\" is not supported"},
+    {"UnknownShape", "WorldBegin\nShape \"paraboloid\"\n",
+     "main.pbrt:2:1: shape \"paraboloid\" is not supported; Sheaf does trianglemesh, plymesh, "
+     "loopsubdiv, bilinearmesh, sphere, disk and cylinder"},
     {"UnknownCamera", "Camera \"realistic\"\nWorldBegin\n",
      "main.pbrt:1:1: camera \"realistic\" is not supported; Sheaf does perspective, orthographic "
      "and spherical"},
@@ -207,6 +208,37 @@ constexpr BadScene kBadScenes[] = {
      "WorldBegin\nShape \"trianglemesh\" \"point3 P\" [0 0 0 1 0 0 0 1 0] \"integer indices\" [0 1 "
      "-1]\n",
      "parameter \"indices\" holds -1 in triangle 0"},
+    {"PatchIndexCount",
+     "WorldBegin\nShape \"bilinearmesh\" \"point3 P\" [0 0 0 1 0 0 0 1 0 1 1 0] \"integer "
+     "indices\" "
+     "[0 1 3]\n",
+     "main.pbrt:2:59: shape \"bilinearmesh\": parameter \"indices\" needs four indices a patch, "
+     "but "
+     "has 3"},
+    {"PatchIndexRange",
+     "WorldBegin\nShape \"bilinearmesh\" \"point3 P\" [0 0 0 1 0 0 0 1 0 1 1 0] \"integer "
+     "indices\" "
+     "[0 1 2 4]\n",
+     "parameter \"indices\" holds 4 in patch 0, outside [0, 4)"},
+    {"PatchIndicesMissing",
+     "WorldBegin\n Shape \"bilinearmesh\" \"point3 P\" [0 0 0 1 0 0 0 1 0]\n",
+     "main.pbrt:2:2: shape \"bilinearmesh\" needs \"integer indices\" where it has more than one "
+     "patch"},
+    {"PatchesWithoutVertices", "WorldBegin\nShape \"bilinearmesh\" \"integer indices\" [0 1 2 3]\n",
+     "main.pbrt:2:1: shape \"bilinearmesh\" needs \"point3 P\", its vertices"},
+    {"PatchUvCount",
+     "WorldBegin\nShape \"bilinearmesh\" \"point3 P\" [0 0 0 1 0 0 0 1 0 1 1 0] \"point2 uv\" [0 "
+     "1]\n",
+     "parameter \"uv\" has 1 entries, but P has 4 vertices"},
+    {"PatchEmission",
+     "WorldBegin\nShape \"bilinearmesh\" \"point3 P\" [0 0 0 1 0 0 0 1 0 1 1 0] \"string "
+     "emissionfilename\" \"a.png\"\n",
+     "main.pbrt:2:59: shape \"bilinearmesh\": parameter \"emissionfilename\" is not supported"},
+    {"CylinderRadius", "WorldBegin\nShape \"cylinder\" \"float radius\" 0\n",
+     "main.pbrt:2:1: shape \"cylinder\": needs radius > 0 and zmin other than zmax, but has radius "
+     "0"},
+    {"CylinderHeight", "WorldBegin\nShape \"cylinder\" \"float zmin\" 1\n",
+     "main.pbrt:2:1: shape \"cylinder\": needs radius > 0 and zmin other than zmax"},
     {"NormalCount",
      "WorldBegin\nShape \"trianglemesh\" \"point3 P\" [0 0 0 1 0 0 0 1 0] \"normal N\" [0 0 1]\n",
      "parameter \"N\" has 1 entries, but P has 3 vertices"},

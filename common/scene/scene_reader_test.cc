@@ -184,6 +184,39 @@ TEST_F(SceneReaderTest, AttributeGivesDefaultsThatMayStayUnused) {
   EXPECT_EQ(std::get<SphereShape>(scene.shapes.at(1).shape).radius, 4);
 }
 
+TEST_F(SceneReaderTest, CylindersAreRead) {
+  const SceneDescription scene = ReadGood(
+      "WorldBegin\nShape \"cylinder\"\nShape \"cylinder\" \"float radius\" 2 \"float zmin\" 3 "
+      "\"float zmax\" -4 \"float phimax\" 400\n");
+  const auto& whole = std::get<CylinderShape>(scene.shapes.at(0).shape);
+  EXPECT_EQ(whole.radius, 1);
+  EXPECT_EQ(whole.z_min, -1);
+  EXPECT_EQ(whole.z_max, 1);
+  EXPECT_EQ(whole.phi_max_degrees, 360);
+  const auto& other = std::get<CylinderShape>(scene.shapes.at(1).shape);
+  EXPECT_EQ(other.radius, 2);
+  EXPECT_EQ(other.z_min, -4);
+  EXPECT_EQ(other.z_max, 3);
+  EXPECT_EQ(other.phi_max_degrees, 360);
+}
+
+TEST_F(SceneReaderTest, BilinearMeshesAreRead) {
+  const SceneDescription scene = ReadGood(
+      "WorldBegin\nShape \"bilinearmesh\" \"point3 P\" [0 0 0 1 0 0 0 1 0 1 1 1]\n"
+      "Shape \"bilinearmesh\" \"point3 P\" [0 0 0 1 0 0 0 1 0 1 1 1 2 0 0 2 1 0]\n"
+      "\"integer indices\" [0 1 2 3 1 4 3 5] \"point2 uv\" [0 0 1 0 0 1 1 1 2 0 2 1]\n"
+      "\"normal N\" [0 0 1 0 0 1 0 0 1 0 0 1 0 0 1 0 0 1]\n");
+  ASSERT_EQ(scene.bilinear_meshes.size(), 2u);
+  EXPECT_EQ(std::get<BilinearMeshShape>(scene.shapes.at(1).shape).mesh, 1);
+  EXPECT_EQ(scene.bilinear_meshes[0].indices, (std::vector<uint32_t>{0, 1, 2, 3}));
+  EXPECT_TRUE(scene.bilinear_meshes[0].uvs.empty());
+  const BilinearMesh& two = scene.bilinear_meshes[1];
+  EXPECT_EQ(two.positions.size(), 6u);
+  EXPECT_EQ(two.indices, (std::vector<uint32_t>{0, 1, 2, 3, 1, 4, 3, 5}));
+  EXPECT_EQ(two.uvs.size(), 6u);
+  EXPECT_EQ(two.normals.size(), 6u);
+}
+
 TEST_F(SceneReaderTest, IncludeKeepsStateAndImportDoesNot) {
   Write("sub/state.pbrt", "Translate 5 0 0\nCoordinateSystem \"there\"\n");
   const SceneDescription included =

@@ -11,6 +11,7 @@
 #include <optional>
 
 #include "common/base/check.h"
+#include "worker/render/bilinear_patch.h"
 #include "worker/render/needle.h"
 
 namespace sheaf::render {
@@ -76,6 +77,16 @@ void BoundQuadric(const RTCBoundsFunctionArguments* args) {
   const std::array<Vec3f, 2> bounds = QuadricBounds((*list.quadrics)[args->primID].quadric);
   SetBounds(args->bounds_o, bounds[0], bounds[1]);
 }
+// Records the hit of a shape met in double.
+void Accept(const SourceContext& context, PrimitiveId id, double t, float u, float v,
+            RTCRayHit* ray_hit) {
+  context.nearest = ray_hit->ray.tfar = static_cast<float>(t);
+  ray_hit->hit.u = u;
+  ray_hit->hit.v = v;
+  ray_hit->hit.primID = id.primitive;
+  ray_hit->hit.geomID = id.geometry;
+  ray_hit->hit.instID[0] = kNotPlaced;
+}
 void IntersectQuadricList(const RTCIntersectFunctionNArguments* args) {
   SHEAF_DCHECK(args->N == 1);
   if (args->valid[0] == 0) return;
@@ -85,11 +96,7 @@ void IntersectQuadricList(const RTCIntersectFunctionNArguments* args) {
   const std::optional<double> t =
       IntersectQuadric(quadric, Origin(ray_hit->ray), Direction(ray_hit->ray), ray_hit->ray.tfar);
   if (!t.has_value()) return;
-  ContextOf(args->context).nearest = ray_hit->ray.tfar = static_cast<float>(*t);
-  ray_hit->hit.u = ray_hit->hit.v = 0;
-  ray_hit->hit.primID = args->primID;
-  ray_hit->hit.geomID = list.geometry;
-  ray_hit->hit.instID[0] = kNotPlaced;
+  Accept(ContextOf(args->context), {list.geometry, args->primID}, *t, 0, 0, ray_hit);
 }
 void OccludeQuadricList(const RTCOccludedFunctionNArguments* args) {
   SHEAF_DCHECK(args->N == 1);
@@ -98,6 +105,40 @@ void OccludeQuadricList(const RTCOccludedFunctionNArguments* args) {
   auto* ray = reinterpret_cast<RTCRay*>(args->ray);
   const Quadric& quadric = (*list.quadrics)[args->primID].quadric;
   if (IntersectQuadric(quadric, Origin(*ray), Direction(*ray), ray->tfar).has_value()) {
+    ray->tfar = -std::numeric_limits<float>::infinity();
+  }
+}
+
+void BoundPatch(const RTCBoundsFunctionArguments* args) {
+  const auto& list = *static_cast<const PatchList*>(args->geometryUserPtr);
+  const std::array<Vec3f, 2> bounds = PatchBounds(list.patches->PatchAt(args->primID));
+  SetBounds(args->bounds_o, bounds[0], bounds[1]);
+}
+// A flat patch is not met again by a ray that leaves it; a curved one may be.
+std::optional<PatchHit> MeetPatch(const PatchList& list, uint32_t index, const RTCRay& ray,
+                                  const SourceContext& context) {
+  const BilinearPatch patch = list.patches->PatchAt(index);
+  const bool is_source = PrimitiveId{list.geometry, index, context.here} == context.source;
+  if (is_source && patch.IsFlat()) return std::nullopt;
+  return IntersectPatch(patch, Origin(ray), Direction(ray), ray.tfar);
+}
+void IntersectPatchList(const RTCIntersectFunctionNArguments* args) {
+  SHEAF_DCHECK(args->N == 1);
+  if (args->valid[0] == 0) return;
+  const auto& list = *static_cast<const PatchList*>(args->geometryUserPtr);
+  auto* ray_hit = reinterpret_cast<RTCRayHit*>(args->rayhit);
+  const SourceContext& context = ContextOf(args->context);
+  const std::optional<PatchHit> hit = MeetPatch(list, args->primID, ray_hit->ray, context);
+  if (!hit.has_value()) return;
+  Accept(context, {list.geometry, args->primID}, hit->t, static_cast<float>(hit->u),
+         static_cast<float>(hit->v), ray_hit);
+}
+void OccludePatchList(const RTCOccludedFunctionNArguments* args) {
+  SHEAF_DCHECK(args->N == 1);
+  if (args->valid[0] == 0) return;
+  const auto& list = *static_cast<const PatchList*>(args->geometryUserPtr);
+  auto* ray = reinterpret_cast<RTCRay*>(args->ray);
+  if (MeetPatch(list, args->primID, *ray, ContextOf(args->context)).has_value()) {
     ray->tfar = -std::numeric_limits<float>::infinity();
   }
 }
@@ -177,6 +218,14 @@ void SetQuadrics(RTCGeometry user, QuadricList* list) {
   rtcSetGeometryBoundsFunction(user, BoundQuadric, nullptr);
   rtcSetGeometryIntersectFunction(user, IntersectQuadricList);
   rtcSetGeometryOccludedFunction(user, OccludeQuadricList);
+}
+
+void SetPatches(RTCGeometry user, PatchList* list) {
+  rtcSetGeometryUserPrimitiveCount(user, static_cast<unsigned>(list->patches->size()));
+  rtcSetGeometryUserData(user, list);
+  rtcSetGeometryBoundsFunction(user, BoundPatch, nullptr);
+  rtcSetGeometryIntersectFunction(user, IntersectPatchList);
+  rtcSetGeometryOccludedFunction(user, OccludePatchList);
 }
 
 void SetPlaced(RTCGeometry user, PlacedList* list) {

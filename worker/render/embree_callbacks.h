@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// What Embree calls back while it traces: filters of triangle hits, and quadrics and placed groups
-// as user geometry. Each sets up a geometry that has yet to be committed.
+// What Embree calls back while it traces: filters of triangle hits, and quadrics, patches and
+// placed groups as user geometry. Each sets up a geometry that has yet to be committed.
 #pragma once
 
 #include <vector>
@@ -15,6 +15,10 @@ namespace sheaf::render {
 // What user geometry callbacks are given.
 struct QuadricList {
   const std::vector<BakedQuadric>* quadrics = nullptr;
+  uint32_t geometry = 0;
+};
+struct PatchList {
+  const BakedPatches* patches = nullptr;
   uint32_t geometry = 0;
 };
 struct PlacedList {
@@ -32,6 +36,7 @@ void FilterAmongNeedles(RTCGeometry triangles, const BakedMesh& mesh, bool has_n
 
 // `list` must outlive the geometry.
 void SetQuadrics(RTCGeometry user, QuadricList* list);
+void SetPatches(RTCGeometry user, PatchList* list);
 void SetPlaced(RTCGeometry user, PlacedList* list);
 
 }  // namespace sheaf::render

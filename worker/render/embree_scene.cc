@@ -8,6 +8,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <deque>
 #include <limits>
 #include <string>
 
@@ -31,6 +32,7 @@ struct EmbreeScene::State {
   Filters filters = Filters::kSkipSource;
   std::vector<RTCScene> scenes;  // One per group; [0] is the world.
   std::vector<QuadricList> quadric_lists;
+  std::deque<PatchList> patch_lists;  // Of all groups; Embree points into it.
   PlacedList still, moving;
   LeakGuard leak_guard;
   std::atomic<int64_t> memory_bytes{0};
@@ -68,6 +70,7 @@ struct EmbreeScene::State {
   }
   void AddMeshes(const GeometryGroup& group, RTCScene scene) const;
   void AddQuadrics(const GeometryGroup& group, RTCScene scene, QuadricList* list) const;
+  void AddPatches(const GeometryGroup& group, RTCScene scene);
   void AddPlaced(const SceneGeometry& geometry, PlacedList* list) const;
   absl::Status BuildGroup(const SceneGeometry& geometry, size_t index);
 };
@@ -101,10 +104,19 @@ void EmbreeScene::State::AddMeshes(const GeometryGroup& group, RTCScene scene) c
 void EmbreeScene::State::AddQuadrics(const GeometryGroup& group, RTCScene scene,
                                      QuadricList* list) const {
   list->quadrics = &group.quadrics;
-  list->geometry = static_cast<uint32_t>(group.meshes.size());
+  list->geometry = group.QuadricsId();
   RTCGeometry geometry = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_USER);
   SetQuadrics(geometry, list);
   Attach(scene, geometry);
+}
+
+void EmbreeScene::State::AddPatches(const GeometryGroup& group, RTCScene scene) {
+  for (size_t i = 0; i < group.patches.size(); ++i) {
+    patch_lists.push_back({&group.patches[i], group.PatchesId(i)});
+    RTCGeometry geometry = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_USER);
+    SetPatches(geometry, &patch_lists.back());
+    Attach(scene, geometry);
+  }
 }
 
 void EmbreeScene::State::AddPlaced(const SceneGeometry& geometry, PlacedList* list) const {
@@ -126,6 +138,7 @@ absl::Status EmbreeScene::State::BuildGroup(const SceneGeometry& geometry, size_
                                                                        : RTC_BUILD_QUALITY_MEDIUM);
   AddMeshes(group, scene);
   if (!group.quadrics.empty()) AddQuadrics(group, scene, &quadric_lists[index]);
+  AddPatches(group, scene);
   if (index == 0) {
     AddPlaced(geometry, &still);
     AddPlaced(geometry, &moving);

@@ -86,7 +86,7 @@ bool LeakGuard::IsEnclosed(const Ray& ray) const {
   }
   const uint32_t group = placed == nullptr ? 0 : placed->group;
   const std::vector<EnclosedSide>& sides = sides_[group];
-  if (source.geometry >= sides.size()) return false;  // Quadrics are met in double: no holes.
+  if (source.geometry >= sides.size()) return false;  // Others are met in double: no holes.
   const EnclosedSide side = sides[source.geometry];
   if (side == EnclosedSide::kNone) return false;
   const BakedMesh& mesh = geometry_->groups[group].meshes[source.geometry];

@@ -11,6 +11,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "common/scene/spectrum.h"
+#include "worker/render/bilinear_patch.h"
 #include "worker/render/light_choice.h"
 #include "worker/render/material_traits.h"
 #include "worker/render/variants.h"
@@ -34,7 +35,7 @@ constexpr TraitName kTraitNames[] = {
     {Trait::kMicrofacet, "microfacets"},
     {Trait::kAlpha, "cut-outs and mixes"},
     {Trait::kInstances, "instances"},
-    {Trait::kQuadrics, "spheres and disks"},
+    {Trait::kQuadrics, "curved shapes"},
     {Trait::kSpectral, "wavelengths"},
 };
 
@@ -94,6 +95,12 @@ class PlanMaker {
       Ask(Trait::kQuadrics, shape.location, "Shape \"sphere\"");
     } else if (std::holds_alternative<DiskShape>(shape.shape)) {
       Ask(Trait::kQuadrics, shape.location, "Shape \"disk\"");
+    } else if (std::holds_alternative<CylinderShape>(shape.shape)) {
+      Ask(Trait::kQuadrics, shape.location, "Shape \"cylinder\"");
+    } else if (const auto* patches = std::get_if<BilinearMeshShape>(&shape.shape)) {
+      if (!IsTriangles(scene_.bilinear_meshes[patches->mesh], shape.area_light != kNone)) {
+        Ask(Trait::kQuadrics, shape.location, "Shape \"bilinearmesh\"");
+      }
     }
     if (shape.area_light != kNone) {
       Ask(Trait::kAreaLights, scene_.area_lights[shape.area_light].location,

@@ -27,7 +27,7 @@ enum class Trait : uint32_t {
   kMicrofacet = 1u << 8,            // Rough or smooth conductors, rough coats.
   kAlpha = 1u << 9,                 // Cut-outs, interfaces, stochastic mixes.
   kInstances = 1u << 10,            // Object instances.
-  kQuadrics = 1u << 11,             // Exact spheres and disks.
+  kQuadrics = 1u << 11,             // Shapes met in double: quadrics, bilinear patches.
   kSpectral = 1u << 12,             // Four wavelengths a path instead of RGB.
 };
 
