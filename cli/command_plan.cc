@@ -56,6 +56,7 @@ class PlanCommand : public Command {
     nlohmann::ordered_json json = {{"variant", plan.variant_name},
                                    {"traits", plan.traits},
                                    {"variant_traits", plan.variant_traits},
+                                   {"light_count", plan.light_count},
                                    {"effects", nlohmann::ordered_json::array()},
                                    {"unused", plan.unused}};
     for (const render::PlannedEffect& effect : plan.effects) {

@@ -64,7 +64,7 @@ void AddSettingsOptions(CLI::App* command, JobArguments* arguments) {
   command
       ->add_option("--color", settings.color,
                    "What a path carries: rgb, spectral (four wavelengths), or auto: spectral where "
-                   "the scene disperses light")
+                   "light is dispersed or a color lies outside of sRGB")
       ->transform(CLI::CheckedTransformer(kColors));
   command->add_flag("--single-scattering", settings.single_scattering,
                     "Rough surfaces scatter once and lose the rest, as pbrt-v4's do");

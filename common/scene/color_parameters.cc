@@ -150,9 +150,10 @@ ColorSpec GetColor(ParameterList& parameters, const std::string& name, ColorRole
   if (color.is_out_of_gamut) {
     parameters.diagnostics().Note(
         parameter->location,
-        absl::StrCat(parameters.owner(), ": \"", name,
-                     "\" is outside of the gamut of sRGB: RGB transport takes the nearest color in "
-                     "it by channel, --color spectral the color itself"));
+        absl::StrCat(
+            parameters.owner(), ": \"", name,
+            "\" is outside of the gamut of sRGB: light with wavelengths keeps it, RGB takes "
+            "the nearest color in it, channel by channel"));
   }
   return color;
 }

@@ -6,6 +6,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "common/scene/color_parameters.h"
+#include "common/scene/ies_reader.h"
 
 namespace sheaf {
 namespace {
@@ -30,21 +31,28 @@ void CheckDirection(ParameterList& parameters, Vec3d from, Vec3d to) {
                                 "which gives no direction"));
 }
 
+// Canonical name of the parameter's file, which can be read unless that was reported; empty where
+// there is no parameter.
+std::string GetFile(ParameterList& parameters, FileSource& files) {
+  const std::string filename = parameters.GetString("filename", "");
+  if (filename.empty()) return "";
+  std::string file = CanonicalFileName(filename);
+  if (const auto path = files.LocalPath(file); !path.ok()) {
+    parameters.ErrorAt(*parameters.Find("filename"),
+                       absl::StrCat("cannot be read: ", path.status().message()));
+  }
+  return file;
+}
+
 InfiniteLight GetInfinite(ParameterList& parameters, FileSource& files) {
   InfiniteLight light;
   light.radiance = GetColor(parameters, "L", ColorRole::kIlluminant, White(), files);
   light.illuminance_lx = parameters.GetFloat("illuminance", -1);
-  const std::string filename = parameters.GetString("filename", "");
+  light.file = GetFile(parameters, files);
   parameters.RejectUnsupported("portal",
                                "Sheaf has no portals; remove it, the picture is the same");
-  if (filename.empty()) return light;
-  light.file = CanonicalFileName(filename);
-  const Parameter& parameter = *parameters.Find("filename");
-  if (const auto path = files.LocalPath(light.file); !path.ok()) {
-    parameters.ErrorAt(parameter, absl::StrCat("cannot be read: ", path.status().message()));
-  }
-  if (parameters.Has("L")) {
-    parameters.ErrorAt(parameter, "excludes \"L\"; give one or the other");
+  if (!light.file.empty() && parameters.Has("L")) {
+    parameters.ErrorAt(*parameters.Find("filename"), "excludes \"L\"; give one or the other");
   }
   return light;
 }
@@ -86,6 +94,44 @@ SpotLight GetSpot(ParameterList& parameters, FileSource& files) {
   return light;
 }
 
+GoniometricLight GetGoniometric(ParameterList& parameters, FileSource& files) {
+  GoniometricLight light;
+  light.intensity = GetColor(parameters, "I", ColorRole::kIlluminant, White(), files);
+  light.file = GetFile(parameters, files);
+  if (light.file.empty()) {
+    parameters.diagnostics().Warning(
+        parameters.location(),
+        absl::StrCat(parameters.owner(),
+                     ": without \"string filename\" it shines alike in all directions"));
+  }
+  if (!IsIesFileName(light.file)) return light;
+  const absl::StatusOr<std::string> path = files.LocalPath(light.file);
+  if (!path.ok()) return light;  // Reported already.
+  absl::StatusOr<CandelaTable> table = ReadIes(light.file, *path);
+  if (table.ok()) {
+    light.table = *std::move(table);
+  } else {
+    parameters.ErrorAt(*parameters.Find("filename"),
+                       absl::StrCat("cannot be read: ", table.status().message()));
+  }
+  return light;
+}
+
+ProjectionLight GetProjection(ParameterList& parameters, FileSource& files) {
+  ProjectionLight light;
+  light.file = GetFile(parameters, files);
+  if (light.file.empty()) {
+    parameters.Error(absl::StrCat(
+        parameters.owner(), " needs the picture it shines; give \"string filename\" a picture"));
+  }
+  light.fov_degrees = parameters.GetFloat("fov", 90);
+  if (!(light.fov_degrees > 0 && light.fov_degrees < 180)) {
+    parameters.Error(absl::StrCat(parameters.owner(), ": fov ", light.fov_degrees,
+                                  " is outside (0, 180) degrees"));
+  }
+  return light;
+}
+
 }  // namespace
 
 std::optional<LightDescription> GetLight(const std::string& type, const Matrix4& world_from_light,
@@ -104,10 +150,16 @@ std::optional<LightDescription> GetLight(const std::string& type, const Matrix4&
   } else if (type == "spot") {
     has_power = true;
     light.light = GetSpot(parameters, files);
+  } else if (type == "goniometric") {
+    has_power = true;
+    light.light = GetGoniometric(parameters, files);
+  } else if (type == "projection") {
+    has_power = true;
+    light.light = GetProjection(parameters, files);
   } else {
     parameters.Error(absl::StrCat(parameters.owner(),
-                                  " is not supported; Sheaf does infinite, "
-                                  "distant, point and spot"));
+                                  " is not supported; Sheaf does infinite, distant, point, spot, "
+                                  "goniometric and projection"));
     return std::nullopt;
   }
   Matrix4 inverse;

@@ -81,6 +81,42 @@ void GetCrop(ParameterList& parameters, FilmDescription* film) {
   std::copy(c.begin(), c.end(), film->crop_window);
 }
 
+void GetLens(ParameterList& parameters, CameraDescription* camera) {
+  camera->lens_radius = parameters.GetFloat("lensradius", 0);
+  camera->focal_distance = parameters.GetFloat("focaldistance", 1e6f);
+  if (!(camera->lens_radius >= 0)) {
+    parameters.ErrorAt(*parameters.Find("lensradius"), "is negative");
+  }
+  if (!(camera->focal_distance > 0)) {
+    parameters.ErrorAt(*parameters.Find("focaldistance"), "must be greater than 0");
+  }
+}
+
+// A spherical camera has neither lens nor screen. pbrt-v4 reads the parameters of both and goes on
+// without; a lens would have been meant to blur something, so it is refused here.
+void GetMapping(ParameterList& parameters, CameraDescription* camera) {
+  const std::string mapping = parameters.GetString("mapping", "equalarea");
+  if (mapping == "equalarea") {
+    camera->kind = CameraDescription::Kind::kEqualArea;
+  } else if (mapping == "equirectangular") {
+    camera->kind = CameraDescription::Kind::kEquirectangular;
+  } else {
+    parameters.ErrorAt(*parameters.Find("mapping"),
+                       absl::StrCat("\"", mapping,
+                                    "\" is not supported; Sheaf does equalarea and "
+                                    "equirectangular"));
+  }
+  if (parameters.GetFloat("lensradius", 0) != 0) {
+    parameters.RejectUnsupported("lensradius", "a spherical camera has no lens; remove it");
+  }
+  parameters.GetFloat("focaldistance", 1e6f);
+  parameters.NoteWithoutEffect("focaldistance", "a spherical camera has no lens");
+  for (const char* name : {"frameaspectratio", "screenwindow"}) {
+    parameters.FindTyped(name, ParameterType::kFloat);
+    parameters.NoteWithoutEffect(name, "a spherical camera's picture is the whole sphere");
+  }
+}
+
 }  // namespace
 
 void SetCamera(const std::string& type, ParameterList& parameters, CameraDescription* camera,
@@ -94,21 +130,18 @@ void SetCamera(const std::string& type, ParameterList& parameters, CameraDescrip
     }
   } else if (type == "orthographic") {
     camera->kind = CameraDescription::Kind::kOrthographic;
+  } else if (type == "spherical") {
+    GetMapping(parameters, camera);
   } else {
     parameters.Error(absl::StrCat(parameters.owner(),
-                                  " is not supported; Sheaf does perspective and "
-                                  "orthographic"));
+                                  " is not supported; Sheaf does perspective, "
+                                  "orthographic and spherical"));
     return;
   }
   GetShutter(parameters, camera);
-  GetWindow(parameters, camera, frame);
-  camera->lens_radius = parameters.GetFloat("lensradius", 0);
-  camera->focal_distance = parameters.GetFloat("focaldistance", 1e6f);
-  if (!(camera->lens_radius >= 0)) {
-    parameters.ErrorAt(*parameters.Find("lensradius"), "is negative");
-  }
-  if (!(camera->focal_distance > 0)) {
-    parameters.ErrorAt(*parameters.Find("focaldistance"), "must be greater than 0");
+  if (!camera->IsSpherical()) {
+    GetWindow(parameters, camera, frame);
+    GetLens(parameters, camera);
   }
   parameters.ReportUnused();
 }

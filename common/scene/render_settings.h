@@ -21,7 +21,8 @@ inline constexpr int64_t kFramePixelsMax = int64_t{1} << 40;
 inline constexpr uint64_t kSamplesPerPixelMax = uint64_t{1} << 48;
 inline constexpr int32_t kMaxDepthMax = 1 << 20;
 
-// What a path carries. kAuto: wavelengths where the scene calls for them (dispersion), else RGB.
+// What a path carries. kAuto: wavelengths where the scene calls for them (dispersion,
+// colours outside of sRGB), else RGB.
 enum class ColorTransport : uint8_t { kAuto = 0, kRgb = 1, kSpectral = 2 };
 // "auto", "rgb", "spectral".
 const char* ColorTransportName(ColorTransport color);

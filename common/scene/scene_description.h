@@ -188,15 +188,28 @@ struct TriangleMesh {
   std::vector<uint32_t> indices;  // Three per triangle; every index is < positions.size().
   std::string file;               // Canonical name of the mesh file, empty for inline meshes.
 };
+// Bilinear patches: corners at (u, v) = (0,0), (1,0), (0,1), (1,1), in this order.
+struct BilinearMesh {
+  std::vector<Vec3f> positions;   // Object space.
+  std::vector<Vec3f> normals;     // Empty or one per position.
+  std::vector<Vec2f> uvs;         // Empty (u and v themselves) or one per position.
+  std::vector<uint32_t> indices;  // Four per patch; every index is < positions.size().
+};
 struct SphereShape {
   float radius = 1, z_min = -1, z_max = 1, phi_max_degrees = 360;
 };
 struct DiskShape {
   float radius = 1, inner_radius = 0, height = 0, phi_max_degrees = 360;
 };
+struct CylinderShape {
+  float radius = 1, z_min = -1, z_max = 1, phi_max_degrees = 360;
+};
 struct MeshShape {
   int32_t mesh = kNone;
 };  // Index in meshes: equal files share one mesh.
+struct BilinearMeshShape {
+  int32_t mesh = kNone;
+};  // Index in bilinear_meshes: each shape has its own.
 
 // Where something is over the shutter. `end` equals `start` for what stands still.
 struct TransformOverTime {
@@ -206,7 +219,7 @@ struct TransformOverTime {
 };
 
 struct ShapeDescription {
-  std::variant<MeshShape, SphereShape, DiskShape> shape;
+  std::variant<MeshShape, SphereShape, DiskShape, CylinderShape, BilinearMeshShape> shape;
   TransformOverTime world_from_object;  // For shapes of an object definition: object_from_shape.
   int32_t material = kNone;
   int32_t area_light = kNone;    // Index in area_lights.
@@ -259,8 +272,28 @@ struct SpotLight {
   Vec3d from{0, 0, 0}, to{0, 0, 1};
   float cone_angle_degrees = 30, cone_delta_angle_degrees = 5;
 };
+// A luminaire as measured: candelas by the angle from straight down, in planes about the vertical.
+struct CandelaTable {
+  std::vector<float> vertical_degrees;    // Ascending, in [0, 180]; dark outside of them.
+  std::vector<float> horizontal_degrees;  // Ascending, in [0, 360); one is symmetry about the axis.
+  std::vector<float> candelas;            // [horizontal][vertical]; none where there is no table.
+};
+// At the origin. The map is about the light's +y, and its values (the mean of the channels)
+// multiply the intensity; without one the light is a point light.
+struct GoniometricLight {
+  ColorSpec intensity;
+  std::string file;    // Equal-area (Clarberg 2008) square map; may be empty.
+  CandelaTable table;  // Instead of the map's where the file is IES; down is the light's -y.
+};
+// At the origin, shines a picture along +z. Upright when seen from the light with +y up.
+struct ProjectionLight {
+  std::string file;
+  float fov_degrees = 90;  // Of the picture's shorter side.
+};
 struct LightDescription {
-  std::variant<InfiniteLight, DistantLight, PointLight, SpotLight> light;
+  std::variant<InfiniteLight, DistantLight, PointLight, SpotLight, GoniometricLight,
+               ProjectionLight>
+      light;
   LightScale scale;
   Matrix4 world_from_light;
   SourceLocation location;
@@ -269,15 +302,24 @@ struct LightDescription {
 // --- Camera and film ---------------------------------------------------------------------------
 
 struct CameraDescription {
-  enum class Kind { kPerspective, kOrthographic } kind = Kind::kPerspective;
+  // Spherical cameras see every direction, about +y: kEquirectangular along lines of longitude and
+  // latitude, kEqualArea by the map of Clarberg 2008, where a pixel is a share of all directions.
+  enum class Kind {
+    kPerspective,
+    kOrthographic,
+    kEquirectangular,
+    kEqualArea
+  } kind = Kind::kPerspective;
   TransformOverTime world_from_camera;  // Camera looks along +z, x right, y up (left-handed).
-  float fov_degrees = 90;               // Of the shorter side.
-  float lens_radius = 0;                // Scene units; 0 is a pinhole.
+  float fov_degrees = 90;               // Of the shorter side. Perspective cameras only.
+  float lens_radius = 0;                // Scene units; 0 is a pinhole, as spherical cameras are.
   float focal_distance = 1e6f;          // Scene units along +z.
   double screen_window[4] = {-1, 1, -1,
                              1};  // x0 x1 y0 y1; filled in from the aspect by the reader.
   float shutter_open = 0, shutter_close = 1;
   SourceLocation location;
+
+  bool IsSpherical() const { return kind == Kind::kEquirectangular || kind == Kind::kEqualArea; }
 };
 struct FilterDescription {
   enum class Kind { kBox, kTriangle, kGaussian, kMitchell } kind = Kind::kGaussian;
@@ -312,6 +354,7 @@ struct SceneDescription {
   std::vector<TextureDescription> textures;
   std::vector<MaterialDescription> materials;
   std::vector<TriangleMesh> meshes;
+  std::vector<BilinearMesh> bilinear_meshes;
   std::vector<ShapeDescription> shapes;  // All, also those of object definitions.
   std::vector<int32_t> world_shapes;     // Those placed in the world directly.
   std::vector<ObjectDefinition> objects;

@@ -43,6 +43,7 @@ TEST_P(BadSceneTest, SaysWhereAndWhat) {
   WriteText(directory + "/open.pbrt", "AttributeBegin\n");
   WriteText(directory + "/bad.ply", "ply\nformat ascii 1.0\n");
   WriteText(directory + "/bad.spd", "400 1 x\n");
+  WriteText(directory + "/bad.IES", "TILT=NONE\nx\n");
   DirectoryFileSource files(directory);
   const absl::StatusOr<ReadSceneResult> result = ReadScene("main.pbrt", files);
   ASSERT_FALSE(result.ok());
@@ -120,12 +121,25 @@ constexpr BadScene kBadScenes[] = {
      "main.pbrt:3:1: ObjectBegin inside of another object"},
     {"UndefinedObject", "WorldBegin\nObjectInstance \"a\"\n",
      "main.pbrt:2:1: object \"a\" is used here but defined nowhere"},
-    {"UnknownShape", "WorldBegin\nShape \"curve\"\n",
-     "main.pbrt:2:1: shape \"curve\" is not supported"},
-    {"UnknownCamera", "Camera \"spherical\"\nWorldBegin\n",
-     "main.pbrt:1:1: camera \"spherical\" is not supported"},
-    {"UnknownLight", "WorldBegin\nLightSource \"projection\"\n",
-     "main.pbrt:2:1: light \"projection\" is not supported"},
+    {"UnknownShape", "WorldBegin\nShape \"paraboloid\"\n",
+     "main.pbrt:2:1: shape \"paraboloid\" is not supported; Sheaf does trianglemesh, plymesh, "
+     "loopsubdiv, bilinearmesh, sphere, disk and cylinder"},
+    {"UnknownCamera", "Camera \"realistic\"\nWorldBegin\n",
+     "main.pbrt:1:1: camera \"realistic\" is not supported; Sheaf does perspective, orthographic "
+     "and spherical"},
+    {"UnknownLight", "WorldBegin\nLightSource \"laser\"\n",
+     "main.pbrt:2:1: light \"laser\" is not supported; Sheaf does infinite, distant, point, spot, "
+     "goniometric and projection"},
+    {"NoSlide", "WorldBegin\nLightSource \"projection\" \"float fov\" 30\n",
+     "main.pbrt:2:1: light \"projection\" needs the picture it shines; give \"string filename\""},
+    {"WideSlide", "WorldBegin\nLightSource \"projection\" \"float fov\" 180\n",
+     "main.pbrt:2:1: light \"projection\": fov 180 is outside (0, 180) degrees"},
+    {"MissingSlide", "WorldBegin\nLightSource \"projection\" \"string filename\" \"no.png\"\n",
+     "main.pbrt:2:26: light \"projection\": parameter \"filename\" cannot be read: file \"no.png\" "
+     "does not exist"},
+    {"MissingGoniogram", "WorldBegin\nLightSource \"goniometric\" \"string filename\" \"no.exr\"\n",
+     "main.pbrt:2:27: light \"goniometric\": parameter \"filename\" cannot be read: file "
+     "\"no.exr\" does not exist"},
     {"Portal", "WorldBegin\nLightSource \"infinite\" \"point3 portal\" [0 0 0 1 0 0 1 1 0 0 1 0]\n",
      "main.pbrt:2:24: light \"infinite\": parameter \"portal\" is not supported"},
     {"UnknownMaterial", "WorldBegin\nMaterial \"hair\"\n",
@@ -161,6 +175,15 @@ constexpr BadScene kBadScenes[] = {
     {"ColorSpace", "ColorSpace \"prophoto\"\nWorldBegin\n",
      "main.pbrt:1:1: color space \"prophoto\" is unknown; Sheaf does srgb, aces2065-1, rec2020, "
      "dci-p3"},
+    {"BadLuminaire", "WorldBegin\nLightSource \"goniometric\" \"string filename\" \"bad.IES\"\n",
+     "main.pbrt:2:27: light \"goniometric\": parameter \"filename\" cannot be read: bad.IES:2:1: "
+     "expected the number of lamps, a number, not \"x\""},
+    {"UnknownMapping", "Camera \"spherical\" \"string mapping\" \"cube\"\nWorldBegin\n",
+     "main.pbrt:1:20: camera \"spherical\": parameter \"mapping\" \"cube\" is not supported; Sheaf "
+     "does equalarea and equirectangular"},
+    {"SphericalLens", "Camera \"spherical\" \"float lensradius\" 0.1\nWorldBegin\n",
+     "main.pbrt:1:20: camera \"spherical\": parameter \"lensradius\" is not supported: a spherical "
+     "camera has no lens; remove it"},
     {"Option", "Option \"forcediffuse\" true\nWorldBegin\n",
      "main.pbrt:1:1: option \"forcediffuse\" is not supported"},
     {"Medium", "MediumInterface \"\" \"fog\"\nWorldBegin\n",
@@ -197,6 +220,37 @@ constexpr BadScene kBadScenes[] = {
      "WorldBegin\nShape \"trianglemesh\" \"point3 P\" [0 0 0 1 0 0 0 1 0] \"integer indices\" [0 1 "
      "-1]\n",
      "parameter \"indices\" holds -1 in triangle 0"},
+    {"PatchIndexCount",
+     "WorldBegin\nShape \"bilinearmesh\" \"point3 P\" [0 0 0 1 0 0 0 1 0 1 1 0] \"integer "
+     "indices\" "
+     "[0 1 3]\n",
+     "main.pbrt:2:59: shape \"bilinearmesh\": parameter \"indices\" needs four indices a patch, "
+     "but "
+     "has 3"},
+    {"PatchIndexRange",
+     "WorldBegin\nShape \"bilinearmesh\" \"point3 P\" [0 0 0 1 0 0 0 1 0 1 1 0] \"integer "
+     "indices\" "
+     "[0 1 2 4]\n",
+     "parameter \"indices\" holds 4 in patch 0, outside [0, 4)"},
+    {"PatchIndicesMissing",
+     "WorldBegin\n Shape \"bilinearmesh\" \"point3 P\" [0 0 0 1 0 0 0 1 0]\n",
+     "main.pbrt:2:2: shape \"bilinearmesh\" needs \"integer indices\" where it has more than one "
+     "patch"},
+    {"PatchesWithoutVertices", "WorldBegin\nShape \"bilinearmesh\" \"integer indices\" [0 1 2 3]\n",
+     "main.pbrt:2:1: shape \"bilinearmesh\" needs \"point3 P\", its vertices"},
+    {"PatchUvCount",
+     "WorldBegin\nShape \"bilinearmesh\" \"point3 P\" [0 0 0 1 0 0 0 1 0 1 1 0] \"point2 uv\" [0 "
+     "1]\n",
+     "parameter \"uv\" has 1 entries, but P has 4 vertices"},
+    {"PatchEmission",
+     "WorldBegin\nShape \"bilinearmesh\" \"point3 P\" [0 0 0 1 0 0 0 1 0 1 1 0] \"string "
+     "emissionfilename\" \"a.png\"\n",
+     "main.pbrt:2:59: shape \"bilinearmesh\": parameter \"emissionfilename\" is not supported"},
+    {"CylinderRadius", "WorldBegin\nShape \"cylinder\" \"float radius\" 0\n",
+     "main.pbrt:2:1: shape \"cylinder\": needs radius > 0 and zmin other than zmax, but has radius "
+     "0"},
+    {"CylinderHeight", "WorldBegin\nShape \"cylinder\" \"float zmin\" 1\n",
+     "main.pbrt:2:1: shape \"cylinder\": needs radius > 0 and zmin other than zmax"},
     {"NormalCount",
      "WorldBegin\nShape \"trianglemesh\" \"point3 P\" [0 0 0 1 0 0 0 1 0] \"normal N\" [0 0 1]\n",
      "parameter \"N\" has 1 entries, but P has 3 vertices"},

@@ -95,6 +95,21 @@ TEST_F(SceneReaderTest, CameraStandsWhereLookAtSays) {
   EXPECT_FLOAT_EQ(scene.film.exposure_scale, 2.f);  // ISO 200, whatever the shutter.
 }
 
+TEST_F(SceneReaderTest, SphericalCamerasHaveAMappingAndNoLens) {
+  const std::string sphere = "Camera \"spherical\"";
+  EXPECT_EQ(ReadGood(sphere + "\nWorldBegin\n").camera.kind, CameraDescription::Kind::kEqualArea);
+  const SceneDescription scene = ReadGood(
+      sphere +
+      " \"string mapping\" \"equirectangular\" \"float lensradius\" 0\n"
+      "\"float focaldistance\" 3 \"float screenwindow\" [0 1 0 1] \"float shutterclose\" 0.5\n"
+      "WorldBegin\n");
+  EXPECT_EQ(scene.camera.kind, CameraDescription::Kind::kEquirectangular);
+  EXPECT_EQ(scene.camera.lens_radius, 0);
+  EXPECT_EQ(scene.camera.shutter_close, 0.5f);
+  ExpectNote(SceneDiagnostic::Severity::kNote, "main.pbrt:2:1: camera \"spherical\": parameter");
+  ExpectNote(SceneDiagnostic::Severity::kNote, "\"screenwindow\" has no effect");
+}
+
 TEST_F(SceneReaderTest, AttributesNestAndTransformsCompose) {
   const SceneDescription scene = ReadGood(
       std::string(
@@ -247,6 +262,39 @@ TEST_F(SceneReaderTest, AttributeGivesDefaultsThatMayStayUnused) {
   EXPECT_EQ(std::get<SphereShape>(scene.shapes.at(1).shape).radius, 4);
 }
 
+TEST_F(SceneReaderTest, CylindersAreRead) {
+  const SceneDescription scene = ReadGood(
+      "WorldBegin\nShape \"cylinder\"\nShape \"cylinder\" \"float radius\" 2 \"float zmin\" 3 "
+      "\"float zmax\" -4 \"float phimax\" 400\n");
+  const auto& whole = std::get<CylinderShape>(scene.shapes.at(0).shape);
+  EXPECT_EQ(whole.radius, 1);
+  EXPECT_EQ(whole.z_min, -1);
+  EXPECT_EQ(whole.z_max, 1);
+  EXPECT_EQ(whole.phi_max_degrees, 360);
+  const auto& other = std::get<CylinderShape>(scene.shapes.at(1).shape);
+  EXPECT_EQ(other.radius, 2);
+  EXPECT_EQ(other.z_min, -4);
+  EXPECT_EQ(other.z_max, 3);
+  EXPECT_EQ(other.phi_max_degrees, 360);
+}
+
+TEST_F(SceneReaderTest, BilinearMeshesAreRead) {
+  const SceneDescription scene = ReadGood(
+      "WorldBegin\nShape \"bilinearmesh\" \"point3 P\" [0 0 0 1 0 0 0 1 0 1 1 1]\n"
+      "Shape \"bilinearmesh\" \"point3 P\" [0 0 0 1 0 0 0 1 0 1 1 1 2 0 0 2 1 0]\n"
+      "\"integer indices\" [0 1 2 3 1 4 3 5] \"point2 uv\" [0 0 1 0 0 1 1 1 2 0 2 1]\n"
+      "\"normal N\" [0 0 1 0 0 1 0 0 1 0 0 1 0 0 1 0 0 1]\n");
+  ASSERT_EQ(scene.bilinear_meshes.size(), 2u);
+  EXPECT_EQ(std::get<BilinearMeshShape>(scene.shapes.at(1).shape).mesh, 1);
+  EXPECT_EQ(scene.bilinear_meshes[0].indices, (std::vector<uint32_t>{0, 1, 2, 3}));
+  EXPECT_TRUE(scene.bilinear_meshes[0].uvs.empty());
+  const BilinearMesh& two = scene.bilinear_meshes[1];
+  EXPECT_EQ(two.positions.size(), 6u);
+  EXPECT_EQ(two.indices, (std::vector<uint32_t>{0, 1, 2, 3, 1, 4, 3, 5}));
+  EXPECT_EQ(two.uvs.size(), 6u);
+  EXPECT_EQ(two.normals.size(), 6u);
+}
+
 TEST_F(SceneReaderTest, IncludeKeepsStateAndImportDoesNot) {
   Write("sub/state.pbrt", "Translate 5 0 0\nCoordinateSystem \"there\"\n");
   const SceneDescription included =
@@ -284,6 +332,22 @@ TEST_F(SceneReaderTest, LightsAndSpectraAreRead) {
   EXPECT_TRUE(scene.area_lights.at(0).two_sided);
   EXPECT_EQ(scene.area_lights.at(0).scale.scale, 2);
   EXPECT_EQ(scene.shapes.at(0).area_light, 0);
+}
+
+TEST_F(SceneReaderTest, LightsOfPicturesAreRead) {
+  Write("slides/a.png", "");
+  const SceneDescription scene = ReadGood(
+      "WorldBegin\n"
+      "LightSource \"projection\" \"string filename\" \"slides/./a.png\" \"float fov\" 30\n"
+      "LightSource \"goniometric\" \"rgb I\" [1 2 3] \"float power\" 7 \"float scale\" 2\n");
+  ASSERT_EQ(scene.lights.size(), 2u);
+  const auto& projection = std::get<ProjectionLight>(scene.lights[0].light);
+  EXPECT_EQ(projection.file, "slides/a.png");
+  EXPECT_EQ(projection.fov_degrees, 30);
+  EXPECT_EQ(std::get<GoniometricLight>(scene.lights[1].light).intensity.rgb, (Rgb{1, 2, 3}));
+  EXPECT_EQ(scene.lights[1].scale.power_w, 7);
+  EXPECT_EQ(scene.lights[1].scale.scale, 2);
+  ExpectNote(SceneDiagnostic::Severity::kWarning, "main.pbrt:3:1: light \"goniometric\": without");
 }
 
 TEST_F(SceneReaderTest, PathIgnoresMediaWithAWarning) {

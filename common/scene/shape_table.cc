@@ -16,38 +16,48 @@ namespace {
 // What a triangle takes while a surface is refined: both levels' faces, edges and vertices.
 constexpr uint64_t kRefinedTriangleBytes = 160;
 
-uint64_t MeshBytes(const TriangleMesh& mesh) {
+// Of triangles or patches.
+template <typename Mesh>
+uint64_t MeshBytes(const Mesh& mesh) {
   return mesh.positions.size() * sizeof(Vec3f) + mesh.normals.size() * sizeof(Vec3f) +
-         mesh.uvs.size() * sizeof(Vec2f) + mesh.indices.size() * sizeof(uint32_t) +
-         sizeof(TriangleMesh);
+         mesh.uvs.size() * sizeof(Vec2f) + mesh.indices.size() * sizeof(uint32_t) + sizeof(Mesh);
 }
 
+// What a mesh is made of.
+struct FaceKind {
+  const char* name;         // "triangle"
+  const char* corner_text;  // "three"
+  size_t corner_count;
+};
+constexpr FaceKind kTriangle{"triangle", "three", 3};
+constexpr FaceKind kPatch{"patch", "four", 4};
+
 // Every problem is reported; the mesh counts only without one.
-bool SetIndices(ParameterList& parameters, TriangleMesh* mesh) {
+template <typename Mesh>
+bool SetIndices(ParameterList& parameters, const FaceKind& face, Mesh* mesh) {
   const Parameter* parameter = parameters.FindTyped("indices", ParameterType::kInteger);
   const size_t vertex_count = mesh->positions.size();
   if (parameter == nullptr) {
     if (parameters.Has("indices")) return false;
-    if (vertex_count == 3) {
-      mesh->indices = {0, 1, 2};
+    if (vertex_count == face.corner_count) {
+      for (uint32_t i = 0; i < face.corner_count; ++i) mesh->indices.push_back(i);
       return true;
     }
-    parameters.Error(absl::StrCat(parameters.owner(),
-                                  " needs \"integer indices\" where it has more "
-                                  "than one triangle"));
+    parameters.Error(absl::StrCat(
+        parameters.owner(), " needs \"integer indices\" where it has more than one ", face.name));
     return false;
   }
   const std::vector<int32_t>& indices = parameter->integers;
-  if (indices.size() % 3 != 0) {
-    parameters.ErrorAt(*parameter,
-                       absl::StrCat("needs three indices a triangle, but has ", indices.size()));
+  if (indices.size() % face.corner_count != 0) {
+    parameters.ErrorAt(*parameter, absl::StrCat("needs ", face.corner_text, " indices a ",
+                                                face.name, ", but has ", indices.size()));
     return false;
   }
   for (size_t i = 0; i < indices.size(); ++i) {
     if (indices[i] >= 0 && static_cast<size_t>(indices[i]) < vertex_count) continue;
-    parameters.ErrorAt(*parameter,
-                       absl::StrCat("holds ", indices[i], " in triangle ", i / 3, ", outside [0, ",
-                                    vertex_count, "), the range of P's vertices"));
+    parameters.ErrorAt(*parameter, absl::StrCat("holds ", indices[i], " in ", face.name, " ",
+                                                i / face.corner_count, ", outside [0, ",
+                                                vertex_count, "), the range of P's vertices"));
     return false;
   }
   mesh->indices.assign(indices.begin(), indices.end());
@@ -91,10 +101,14 @@ bool ShapeTable::SetShape(const std::string& type, ParameterList& parameters,
     is_good = SetSphere(parameters, shape);
   } else if (type == "disk") {
     is_good = SetDisk(parameters, shape);
+  } else if (type == "cylinder") {
+    is_good = SetCylinder(parameters, shape);
+  } else if (type == "bilinearmesh") {
+    is_good = SetBilinearMesh(parameters, shape);
   } else {
     parameters.Error(absl::StrCat(parameters.owner(),
-                                  " is not supported; Sheaf does trianglemesh, "
-                                  "plymesh, loopsubdiv, sphere and disk"));
+                                  " is not supported; Sheaf does trianglemesh, plymesh, "
+                                  "loopsubdiv, bilinearmesh, sphere, disk and cylinder"));
     return false;
   }
   parameters.ReportUnused();
@@ -114,7 +128,7 @@ bool ShapeTable::SetTriangleMesh(ParameterList& parameters, ShapeDescription* sh
     return false;
   }
   const size_t vertex_count = mesh.positions.size();
-  bool is_good = SetIndices(parameters, &mesh);
+  bool is_good = SetIndices(parameters, kTriangle, &mesh);
   is_good = CheckCountOf(parameters, "N", mesh.normals, vertex_count) && is_good;
   is_good = CheckCountOf(parameters, "uv", mesh.uvs, vertex_count) && is_good;
   if (!is_good) return false;
@@ -164,7 +178,7 @@ bool ShapeTable::SetLoopSubdivision(ParameterList& parameters, ShapeDescription*
     parameters.Find("indices");
     return false;
   }
-  if (!SetIndices(parameters, &control)) return false;
+  if (!SetIndices(parameters, kTriangle, &control)) return false;
   const uint64_t triangles_max =
       std::min(limits_.triangles_max, limits_.memory_bytes_max / kRefinedTriangleBytes);
   absl::StatusOr<TriangleMesh> mesh =
@@ -179,16 +193,44 @@ bool ShapeTable::SetLoopSubdivision(ParameterList& parameters, ShapeDescription*
   return true;
 }
 
+bool ShapeTable::ChargeTriangles(uint64_t count, ParameterList& parameters) {
+  triangle_count_ += count;
+  if (triangle_count_ <= limits_.triangles_max) return true;
+  parameters.Error(absl::StrCat("the scene exceeds the limit of ", limits_.triangles_max,
+                                " triangles (triangles_max)"));
+  return false;
+}
+
 bool ShapeTable::AddMesh(TriangleMesh mesh, ParameterList& parameters, int32_t* index) {
-  triangle_count_ += mesh.indices.size() / 3;
-  if (triangle_count_ > limits_.triangles_max) {
-    parameters.Error(absl::StrCat("the scene exceeds the limit of ", limits_.triangles_max,
-                                  " triangles (triangles_max)"));
-    return false;
-  }
+  if (!ChargeTriangles(mesh.indices.size() / 3, parameters)) return false;
   if (!ChargeMemory(MeshBytes(mesh), parameters.location())) return false;
   *index = static_cast<int32_t>(scene_->meshes.size());
   scene_->meshes.push_back(std::move(mesh));
+  return true;
+}
+
+bool ShapeTable::SetBilinearMesh(ParameterList& parameters, ShapeDescription* shape) {
+  BilinearMesh mesh;
+  mesh.positions = parameters.GetTriples("P", ParameterType::kPoint3);
+  mesh.normals = parameters.GetTriples("N", ParameterType::kNormal);
+  mesh.uvs = parameters.GetPoints2("uv");
+  parameters.RejectUnsupported("emissionfilename",
+                               "Sheaf has no emission from images; give the light one colour");
+  parameters.NoteWithoutEffect("faceIndices", "Sheaf has no ptex textures");
+  if (mesh.positions.empty()) {
+    parameters.Error(absl::StrCat(parameters.owner(), " needs \"point3 P\", its vertices"));
+    parameters.Find("indices");
+    return false;
+  }
+  const size_t vertex_count = mesh.positions.size();
+  bool is_good = SetIndices(parameters, kPatch, &mesh);
+  is_good = CheckCountOf(parameters, "N", mesh.normals, vertex_count) && is_good;
+  is_good = CheckCountOf(parameters, "uv", mesh.uvs, vertex_count) && is_good;
+  if (!is_good) return false;
+  if (!ChargeTriangles(mesh.indices.size() / 2, parameters)) return false;
+  if (!ChargeMemory(MeshBytes(mesh), parameters.location())) return false;
+  shape->shape = BilinearMeshShape{static_cast<int32_t>(scene_->bilinear_meshes.size())};
+  scene_->bilinear_meshes.push_back(std::move(mesh));
   return true;
 }
 
@@ -221,6 +263,24 @@ bool ShapeTable::SetDisk(ParameterList& parameters, ShapeDescription* shape) {
     return false;
   }
   shape->shape = disk;
+  return true;
+}
+
+bool ShapeTable::SetCylinder(ParameterList& parameters, ShapeDescription* shape) {
+  CylinderShape cylinder;
+  cylinder.radius = parameters.GetFloat("radius", 1);
+  const float z_min = parameters.GetFloat("zmin", -1);
+  const float z_max = parameters.GetFloat("zmax", 1);
+  cylinder.z_min = std::min(z_min, z_max);
+  cylinder.z_max = std::max(z_min, z_max);
+  cylinder.phi_max_degrees = std::clamp(parameters.GetFloat("phimax", 360), 0.f, 360.f);
+  if (!(cylinder.radius > 0) || !(cylinder.z_min < cylinder.z_max)) {
+    parameters.Error(absl::StrCat(parameters.owner(),
+                                  ": needs radius > 0 and zmin other than zmax, but has radius ",
+                                  cylinder.radius, " and z from ", z_min, " to ", z_max));
+    return false;
+  }
+  shape->shape = cylinder;
   return true;
 }
 

@@ -34,9 +34,13 @@ class ShapeTable {
   bool SetTriangleMesh(ParameterList& parameters, ShapeDescription* shape);
   bool SetPlyMesh(ParameterList& parameters, ShapeDescription* shape);
   bool SetLoopSubdivision(ParameterList& parameters, ShapeDescription* shape);
+  bool SetBilinearMesh(ParameterList& parameters, ShapeDescription* shape);
   bool SetSphere(ParameterList& parameters, ShapeDescription* shape);
   bool SetDisk(ParameterList& parameters, ShapeDescription* shape);
+  bool SetCylinder(ParameterList& parameters, ShapeDescription* shape);
   bool AddMesh(TriangleMesh mesh, ParameterList& parameters, int32_t* index);
+  // False (reported) beyond triangles_max; a patch counts as two triangles.
+  bool ChargeTriangles(uint64_t count, ParameterList& parameters);
 
   SceneDescription* scene_;
   FileSource* files_;

@@ -191,11 +191,14 @@ Xyz IlluminantXyz(const ColorSpec& spectrum) {
   return Integrate([&](int nm) { return EvaluateSpectrum(spectrum, nm); });
 }
 
+// Of luminance 1; negative where the colour lies outside of sRGB.
 Rgb IlluminantRgb(const ColorSpec& spectrum) {
-  Xyz xyz = IlluminantXyz(spectrum);
+  const Xyz xyz = IlluminantXyz(spectrum);
   if (!(xyz.y > 0)) return Rgb{};
-  xyz = {xyz.x / xyz.y, 1, xyz.z / xyz.y};
-  return Clamp(ToRgb(xyz), INFINITY);
+  return ToRgb({xyz.x / xyz.y, 1, xyz.z / xyz.y});
+}
+Rgb ReflectanceRgb(const ColorSpec& spectrum) {
+  return UnderD65([&](int nm) { return EvaluateSpectrum(spectrum, nm); });
 }
 
 // Mean of a spectrum for each channel, weighted by how strongly each wavelength under D65 makes the
@@ -291,9 +294,21 @@ double SpectrumLuminance(const ColorSpec& spectrum) { return IlluminantXyz(spect
 
 Rgb SpectrumToRgb(const ColorSpec& spectrum, ColorRole role) {
   if (spectrum.kind == ColorSpec::Kind::kRgb) return spectrum.rgb;
-  if (role == ColorRole::kIlluminant) return IlluminantRgb(spectrum);
+  if (role == ColorRole::kIlluminant) return Clamp(IlluminantRgb(spectrum), INFINITY);
   if (role == ColorRole::kUnbounded) return ChannelMeans(spectrum);
-  return Clamp(UnderD65([&](int nm) { return EvaluateSpectrum(spectrum, nm); }), 1);
+  return Clamp(ReflectanceRgb(spectrum), 1);
+}
+
+bool IsWithinSrgb(const ColorSpec& spectrum, ColorRole role) {
+  if (role == ColorRole::kUnbounded) return true;
+  if (spectrum.kind == ColorSpec::Kind::kRgb) return !spectrum.is_out_of_gamut;
+  const bool emits = role == ColorRole::kIlluminant;
+  const Rgb rgb = emits ? IlluminantRgb(spectrum) : ReflectanceRgb(spectrum);
+  // The tables' own rounding moves a colour by this much.
+  constexpr float kTolerance = 1e-3f;
+  const float largest = std::max(MaxComponent(rgb), 1.0f);
+  const bool too_small = std::min({rgb.r, rgb.g, rgb.b}) < -kTolerance * largest;
+  return !too_small && (emits || largest <= 1 + kTolerance);
 }
 
 float MeanIndex(const ColorSpec& eta) {

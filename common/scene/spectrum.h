@@ -47,6 +47,10 @@ double SpectrumLuminance(const ColorSpec& spectrum);
 // Illuminants have luminance 1 before clamping, whatever their magnitude, as in pbrt-v4.
 Rgb SpectrumToRgb(const ColorSpec& spectrum, ColorRole role);
 
+// Whether linear sRGB can show the colour. Narrow bands, such as a sodium lamp's, and saturated RGB
+// of wider primaries it cannot.
+bool IsWithinSrgb(const ColorSpec& spectrum, ColorRole role);
+
 // Index of refraction of an uncoloured dielectric: the mean over wavelengths weighted by D65 and
 // luminous efficiency. RGB transport has no dispersion.
 float MeanIndex(const ColorSpec& eta);

@@ -133,6 +133,15 @@ TEST(SpectrumTest, ConductorOfRgbAndOfReflectance) {
   EXPECT_TRUE(std::isfinite(grey.k.b));
 }
 
+TEST(SpectrumTest, NarrowBandsLieOutsideOfSrgb) {
+  const ColorSpec sodium = Sampled({588, 589, 590, 591}, {0, 1, 1, 0});
+  EXPECT_FALSE(IsWithinSrgb(sodium, ColorRole::kIlluminant));
+  EXPECT_FALSE(IsWithinSrgb(Sampled({480, 500, 520, 540}, {0, 1, 1, 0}), ColorRole::kReflectance));
+  EXPECT_TRUE(IsWithinSrgb(BlackbodyOf(5000), ColorRole::kIlluminant));
+  EXPECT_TRUE(IsWithinSrgb(Named("stdillum-D65"), ColorRole::kIlluminant));
+  EXPECT_TRUE(IsWithinSrgb(Sampled({300, 900}, {1, 1}), ColorRole::kReflectance));
+}
+
 TEST(SpectrumTest, MeanIndexOfGlassIsThatOfYellowGreenLight) {
   EXPECT_NEAR(MeanIndex(Named("glass-BK7")), 1.5179, 1e-3);
   EXPECT_NEAR(MeanIndex(Sampled({300, 900}, {1.25f, 1.25f})), 1.25, 1e-6);

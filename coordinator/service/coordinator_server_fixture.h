@@ -13,6 +13,7 @@
 
 #include "common/rpc/channel.h"
 #include "common/rpc/manifest_codec.h"
+#include "common/rpc/settings_codec.h"
 #include "coordinator/service/coordinator_server.h"
 #include "coordinator/service/synthetic_worker.h"
 
@@ -61,14 +62,7 @@ class CoordinatorServerTest : public testing::Test {
   }
   // The picture that the farm must deliver for the settings.
   static FramePicture PictureOf(const v1::FrameSettings& wire) {
-    FrameSettings settings;
-    settings.width_px = wire.width_px();
-    settings.height_px = wire.height_px();
-    settings.window = {wire.window().x0_px(), wire.window().y0_px(), wire.window().x1_px(),
-                       wire.window().y1_px()};
-    settings.samples = wire.sample_count();
-    settings.seed = wire.seed();
-    return SyntheticPicture(settings);
+    return SyntheticPicture(sheaf::FromWire(wire));
   }
   static std::string DigestOf(const v1::FrameSettings& wire) {
     return PictureDigest(PictureOf(wire));

@@ -15,10 +15,15 @@ absl::StatusOr<std::unique_ptr<Farm>> Farm::Open(const FarmOptions& options) {
   absl::StatusOr<std::unique_ptr<SqliteJobStore>> store =
       SqliteJobStore::Open(options.state_directory);
   if (!store.ok()) return store.status();
+  return Open(options, *std::move(store));
+}
+
+absl::StatusOr<std::unique_ptr<Farm>> Farm::Open(const FarmOptions& options,
+                                                 std::unique_ptr<JobStore> store) {
   absl::StatusOr<std::unique_ptr<BlobStore>> blobs =
       BlobStore::Open(options.state_directory + "/content");
   if (!blobs.ok()) return blobs.status();
-  std::unique_ptr<Farm> farm(new Farm(options, std::move(*store), std::move(*blobs)));
+  std::unique_ptr<Farm> farm(new Farm(options, std::move(store), *std::move(blobs)));
   if (absl::Status status = farm->Load(); !status.ok()) return status;
   farm->background_ = std::thread([f = farm.get()] { f->RunBackground(); });
   return farm;
@@ -208,6 +213,7 @@ void Farm::SettleEndedJobs() {
     std::vector<FrameId> frames;
     absl::Time time;
   };
+  const std::lock_guard settling(settle_mutex_);
   std::vector<Ended> ended;
   {
     const std::lock_guard lock(mutex_);

@@ -74,6 +74,9 @@ class Farm : public FarmView {
   // Loads the state and starts the background thread.
   // Errors: those of SqliteJobStore::Open and BlobStore::Open.
   static absl::StatusOr<std::unique_ptr<Farm>> Open(const FarmOptions& options);
+  // The same with a store of another kind.
+  static absl::StatusOr<std::unique_ptr<Farm>> Open(const FarmOptions& options,
+                                                    std::unique_ptr<JobStore> store);
   ~Farm() override;
 
   BlobStore& blobs() { return *blobs_; }
@@ -83,7 +86,7 @@ class Farm : public FarmView {
   // the id, also of the job that an equal request_id made before. Errors: those of
   // Scheduler::CheckJob; kResourceExhausted (disk).
   absl::StatusOr<uint64_t> CreateJob(JobSpec spec, const std::string& request_id);
-  // Errors: kNotFound; kUnavailable (the disk).
+  // OK means: the job's end is durable. Errors: kNotFound; kUnavailable (the disk).
   absl::Status CancelJob(uint64_t job_id);
 
   struct SynchronizeAnswer {
@@ -186,6 +189,10 @@ class Farm : public FarmView {
   std::deque<FrameId> to_deliver_;
   std::vector<uint64_t> unsettled_jobs_;  // Ended, but not yet written down.
   absl::Status disk_status_;              // Of the last write.
+
+  // One at a time writes down the end of jobs, so that who comes second waits until it is durable.
+  // Taken before mutex_.
+  std::mutex settle_mutex_;
 
   std::mutex reservation_mutex_;  // Guards reserved_.
   std::condition_variable reservation_released_;

@@ -58,6 +58,10 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* bytes, size_t size_bytes) {
       SHEAF_CHECK(shape.material >= 0 &&
                   shape.material < static_cast<int32_t>(result->scene.materials.size()));
     }
+    for (const auto& mesh : result->scene.bilinear_meshes) {
+      SHEAF_CHECK(mesh.indices.size() % 4 == 0);
+      for (const uint32_t index : mesh.indices) SHEAF_CHECK(index < mesh.positions.size());
+    }
   }
   return 0;
 }

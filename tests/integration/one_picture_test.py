@@ -63,6 +63,20 @@ class OnePictureTest(unittest.TestCase):
                         self.assertEqual(farm.picture_digest(output), self.expected)
                         os.remove(output)
 
+    def test_wavelengths_and_lossy_surfaces_cross_the_wire(self):
+        for flags in (("--color", "spectral"), ("--single-scattering",)):
+            with self.subTest(flags=flags):
+                expected = self.rendered("c", *flags)
+                self.assertNotEqual(expected, self.expected)
+                self.assertEqual(self.rendered("c", *flags, "--generic"), expected)
+                with farm.Farm() as f:
+                    f.start_worker()
+                    f.start_worker()
+                    output = f.path("out.exr")
+                    f.sheaf("submit", SCENE, "--wait", "-o", output, *JOB, *flags,
+                            *partition_flags(16, 4, 1))
+                    self.assertEqual(farm.picture_digest(output), expected)
+
     def test_another_seed_is_another_picture(self):
         self.assertNotEqual(self.rendered("s", "--seed", 1), self.expected)
 

@@ -167,5 +167,42 @@ TEST(FurnaceTest, InstancesVanish) {
   ExpectMean(RenderMean(t.scene, SquareSettings(16, 128, kDepth)), Rgb::Grey(1));
 }
 
+// Shapes met in double, thin as they are: white on both sides.
+BilinearMeshShape Saddle(TestScene* t) {
+  BilinearMesh mesh;
+  mesh.positions = {{-1, -1, 0.6f}, {1, -1, -0.6f}, {-1, 1, -0.6f}, {1, 1, 0.6f}};
+  mesh.indices = {0, 1, 2, 3};
+  t->scene.bilinear_meshes.push_back(mesh);
+  return {static_cast<int32_t>(t->scene.bilinear_meshes.size() - 1)};
+}
+
+TEST(FurnaceTest, CylindersAndPatchesVanish) {
+  TestScene t = UnderAnEvenSky();
+  const int32_t white = t.Diffuse(Rgb::Grey(1));
+  const Matrix4 place = TranslateMatrix({-0.6, 0, 0}) * RotateMatrix(50, {1, 1, 0});
+  t.AddShape(CylinderShape{0.5f, -1, 0.8f, 250}, white, place * ScaleMatrix({1, 0.5, 1}));
+  t.AddShape(Saddle(&t), white, TranslateMatrix({0.5, 0, 0}) * RotateMatrix(30, {0, 1, 0}));
+  ExpectMean(RenderMean(t.scene, SquareSettings(16, 128, kDepth)), Rgb::Grey(1));
+}
+
+TEST(FurnaceTest, PlacedAndMovingCylindersAndPatchesVanish) {
+  TestScene t = UnderAnEvenSky();
+  t.scene.camera.shutter_close = 1;
+  const int32_t white = t.Diffuse(Rgb::Grey(1));
+  t.AddLooseShape(CylinderShape{0.3f, -1, 1, 360}, white, RotateMatrix(60, {1, 0, 0}));
+  t.AddLooseShape(Saddle(&t), white, ScaleMatrix({0.5, -0.5, 0.7}));
+  t.scene.objects.push_back({"pair", {0, 1}, {}});
+  ObjectInstance instance;
+  instance.object = 0;
+  instance.world_from_instance.start = instance.world_from_instance.end =
+      TranslateMatrix({-0.6, 0.2, 0}) * ScaleMatrix({0.8, 1, -1.3});
+  t.scene.instances.push_back(instance);
+  t.AddShape(CylinderShape{0.2f, -0.5f, 0.5f, 200}, white).world_from_object.end =
+      TranslateMatrix({1, 0, 0}) * RotateMatrix(80, {1, 0, 0});
+  t.AddShape(Saddle(&t), white).world_from_object.end =
+      TranslateMatrix({0.5, 0.5, 0}) * RotateMatrix(40, {0, 0, 1}) * ScaleMatrix({0.5, 0.6, 1});
+  ExpectMean(RenderMean(t.scene, SquareSettings(16, 128, kDepth)), Rgb::Grey(1));
+}
+
 }  // namespace
 }  // namespace sheaf::render

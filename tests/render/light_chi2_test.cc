@@ -13,28 +13,28 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
-#include <cstdlib>
 #include <functional>
 #include <vector>
 
 #include "common/math/elementary.h"
 #include "common/math/frame.h"
 #include "tests/support/light_tables.h"
+#include "tests/support/long_tests.h"
 #include "worker/render/environment_map.h"
 #include "worker/render/equal_area_map.h"
 
 namespace sheaf::render {
 namespace {
 
+using testing::kWhite;
 using testing::MakeTable;
 using testing::RandomPoints;
 
 constexpr int kCells = 12;     // An axis.
 constexpr int kSubCells = 48;  // Midpoint rule within a cell.
 constexpr double kDeviateMax = 5;
-const Rgb kWhite{1, 1, 1};
 
-int SampleCount() { return std::getenv("SHEAF_LONG_TESTS") != nullptr ? 4000000 : 100000; }
+int SampleCount() { return DrawCount(100000, 4000000); }
 
 double ChiSquareDeviate(const std::vector<double>& observed, const std::vector<double>& expected) {
   double statistic = 0, pooled_observed = 0, pooled_expected = 0;
@@ -270,29 +270,39 @@ void ExpectMapMatches(int size, const std::vector<Rgb>& texels, uint64_t seed) {
   constexpr int kMapCells = 24;
   const size_t cell_count = static_cast<size_t>(kMapCells) * kMapCells;
   std::vector<double> expected(cell_count), observed(cell_count);
-  constexpr int kFine = kMapCells * 40;
+  // A multiple of the quarter texels that the pdf is made of, where the size is a power of two.
+  constexpr int kFineInCell = 32, kFine = kMapCells * kFineInCell;
   double total = 0;
+  int unreachable = 0;
   for (int y = 0; y < kFine; ++y) {
     for (int x = 0; x < kFine; ++x) {
-      const Vec3d d = EqualAreaSquareToSphere({(x + 0.5) / kFine, (y + 0.5) / kFine});
-      const double mass = map->Pdf(map->Radiance(ToFloat(d))) * 4 * kPi / (double{kFine} * kFine);
-      expected[static_cast<size_t>(y / 40 * kMapCells + x / 40)] += mass * SampleCount();
+      const Vec3f d = ToFloat(EqualAreaSquareToSphere({(x + 0.5) / kFine, (y + 0.5) / kFine}));
+      const double pdf = static_cast<double>(map->Pdf(d));
+      unreachable += pdf == 0 && !map->Radiance(d).IsBlack();
+      const double mass = pdf * 4 * kPi / (double{kFine} * kFine);
+      expected[static_cast<size_t>(y / kFineInCell * kMapCells + x / kFineInCell)] +=
+          mass * SampleCount();
       total += mass;
     }
   }
   EXPECT_NEAR(total, 1, 2e-3);
+  EXPECT_EQ(unreachable, 0);
   RandomPoints random(seed);
-  int without_radiance = 0;
+  int different_pdfs = 0;
   for (int i = 0; i < SampleCount(); ++i) {
-    const Vec3f d = ToFloat(map->Sample(random.Next2()));
+    const EnvironmentMap::PlaceSample sample = map->Sample(random.Next2());
+    const Vec3f d = ToFloat(map->Direction(sample.place));
     EXPECT_NEAR(Length(d), 1, 1e-6);
-    without_radiance += map->Radiance(d).IsBlack();
+    ASSERT_GT(sample.pdf, 0);
+    ASSERT_EQ(map->Pdf(sample.place), sample.pdf);
+    // Rounding may move a place over the edge of its square.
+    different_pdfs += map->Pdf(d) != sample.pdf;
     const Vec2f st = EqualAreaSphereToSquare(d);
     const int x = std::min(static_cast<int>(st.x * kMapCells), kMapCells - 1);
     const int y = std::min(static_cast<int>(st.y * kMapCells), kMapCells - 1);
     observed[static_cast<size_t>(y * kMapCells + x)] += 1;
   }
-  EXPECT_LE(without_radiance, 3);
+  EXPECT_LE(different_pdfs, SampleCount() / 2000);
   for (double& e : expected) e = std::max(e / total, 1e-12);
   EXPECT_LE(ChiSquareDeviate(observed, expected), kDeviateMax);
 }

@@ -133,6 +133,21 @@ TEST(SpectralTransportTest, TheUserHasTheLastWord) {
   EXPECT_FALSE(Has(MakeRenderPlan(t.scene, settings).traits, Trait::kSpectral));
 }
 
+// RGB of wider primaries than those of sRGB asks for wavelengths, and has the color it should have.
+TEST(SpectralTransportTest, AColorOutsideOfTheGamutIsShownAsItIs) {
+  TestScene t({0, 0, -4}, {0, 0, 0}, 4);
+  InfiniteLight sky;
+  sky.radiance.rgb = {0, 0.6f, 0.2f};
+  sky.radiance.is_out_of_gamut = true;
+  sky.radiance.true_rgb = {-0.05f, 0.6f, 0.2f};
+  t.scene.lights.push_back({sky, {}, {}, {}});
+  const CompiledScenePtr scene = Compile(t.scene, SquareSettings(8, 1024, 1));
+  EXPECT_TRUE(Has(PlanOf(*scene).traits, Trait::kSpectral));
+  const TileMean mean = MeanOf(RenderAll(*scene));
+  EXPECT_LT(mean.mean.r, -0.04f);
+  ExpectColor(mean, sky.radiance.true_rgb);
+}
+
 // Greys have no spectrum to differ by: both transports estimate the same picture.
 TEST(SpectralTransportTest, AGreySceneIsTheSameInBothTransports) {
   TestScene t({0.1, 0.2, -0.7}, {0, 0, 1}, 70);

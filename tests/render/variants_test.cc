@@ -131,6 +131,9 @@ TEST(VariantsTest, ThePlanSaysWhoAsked) {
   EXPECT_EQ(plan.unused.size(), 11u);
   const std::string text = FormatRenderPlan(plan);
   EXPECT_NE(text.find("variant: still-lens"), std::string::npos) << text;
+  EXPECT_NE(text.find("lights: " + std::to_string(plan.light_count) + ", each weighed"),
+            std::string::npos)
+      << text;
 }
 
 }  // namespace

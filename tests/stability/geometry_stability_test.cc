@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Hard cases of geometry and rays, by the names of the catalogue (G1 to G11; G3 in
-// triangle_stability_test.cc).
+// triangle_stability_test.cc, G4 in needle_stability_test.cc).
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
@@ -13,8 +13,8 @@
 #include "common/math/transform.h"
 #include "gtest/gtest.h"
 #include "tests/support/test_scene.h"
+#include "tests/support/traced_scene.h"
 #include "worker/render/compiled_scene.h"
-#include "worker/render/embree_scene.h"
 #include "worker/render/quadric.h"
 #include "worker/render/surface_point.h"
 
@@ -22,22 +22,6 @@ namespace sheaf::render {
 namespace {
 
 constexpr double kPi = std::numbers::pi;
-
-// A scene baked and ready to be traced, without materials or lights.
-struct TracedScene {
-  SceneGeometry geometry;
-  std::unique_ptr<EmbreeScene> tracer;
-};
-std::unique_ptr<TracedScene> Traced(SceneDescription scene) {
-  absl::StatusOr<BakedScene> baked = BakeScene(&scene);
-  EXPECT_TRUE(baked.ok()) << baked.status();
-  auto traced = std::make_unique<TracedScene>();
-  traced->geometry = std::move(baked->geometry);
-  absl::StatusOr<std::unique_ptr<EmbreeScene>> tracer = EmbreeScene::Build(traced->geometry, 1);
-  EXPECT_TRUE(tracer.ok()) << tracer.status();
-  traced->tracer = *std::move(tracer);
-  return traced;
-}
 
 TestScene AtOrigin() { return TestScene({0, 0, 0}, {0, 0, 1}, 60); }
 

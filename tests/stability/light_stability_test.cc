@@ -21,19 +21,14 @@ namespace {
 using testing::Estimate;
 using testing::EstimateIrradiance;
 using testing::EstimateMean;
+using testing::ExpectNear;
+using testing::kOrigin;
+using testing::kUp;
+using testing::kWhite;
 using testing::MakePoint;
 using testing::MakeSpot;
 using testing::MakeTable;
 using testing::RandomPoints;
-
-const Rgb kWhite{1, 1, 1};
-constexpr Vec3f kOrigin{0, 0, 0};
-constexpr Vec3f kUp{0, 0, 1};
-
-void ExpectNear(const Estimate& estimate, double expected, double tolerance = 1e-6) {
-  EXPECT_NEAR(estimate.mean, expected,
-              6 * estimate.standard_error + tolerance * std::fabs(expected));
-}
 
 // --- L1, L2: spheres ---------------------------------------------------------------------------
 

@@ -2,9 +2,9 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Rows L6 to L15 of the catalogue of hard cases, as far as these lights exist: environments, how
-// lights are chosen, and lights that are none; light_stability_test.cc has the others. Monte Carlo
-// comparisons allow 6 standard errors (from 16 independent scrambles) plus what float samples
-// round.
+// lights are chosen, and lights that are none; light_stability_test.cc has L1 to L5 and
+// light_cluster_stability_test.cc L12. Monte Carlo comparisons allow 6 standard errors (from 16
+// independent scrambles) plus what float samples round.
 #include <gtest/gtest.h>
 
 #include <chrono>
@@ -27,20 +27,15 @@ namespace {
 
 using testing::Estimate;
 using testing::EstimateIrradiance;
+using testing::ExpectNear;
+using testing::kOrigin;
+using testing::kUp;
+using testing::kWhite;
 using testing::MakeDistant;
 using testing::MakePoint;
 using testing::MakeSky;
 using testing::MakeTable;
 using testing::RandomPoints;
-
-const Rgb kWhite{1, 1, 1};
-constexpr Vec3f kOrigin{0, 0, 0};
-constexpr Vec3f kUp{0, 0, 1};
-
-void ExpectNear(const Estimate& estimate, double expected, double tolerance = 1e-6) {
-  EXPECT_NEAR(estimate.mean, expected,
-              6 * estimate.standard_error + tolerance * std::fabs(expected));
-}
 
 // --- L6, L7: environments
 // -------------------------------------------------------------------------
@@ -61,10 +56,11 @@ TEST(LightTableStabilityTest, L6OneTexelOfAMillion) {
     double value = 0;
     for (uint64_t i = 0; i < kPerEstimate; ++i) {
       const auto u = Sampler(3, static_cast<int32_t>(e), 0, i).Get4(1);
-      const Vec3f d = ToFloat(map->Sample({u[0], u[1]}));
-      const Rgb radiance = map->Radiance(d);
-      const double pdf = map->Pdf(radiance);
-      value += pdf > 0 ? static_cast<double>(radiance.r * d.z) / pdf / kPerEstimate : 0;
+      const EnvironmentMap::PlaceSample sample = map->Sample({u[0], u[1]});
+      const Vec3d d = map->Direction(sample.place);
+      const Rgb radiance = map->Radiance(sample.place);
+      ASSERT_GT(sample.pdf, 0);
+      value += static_cast<double>(radiance.r) * d.z / double{sample.pdf} / kPerEstimate;
     }
     sum += value;
     squares += value * value;
@@ -133,8 +129,11 @@ TEST_F(LightTableFileStabilityTest, L6MapsAreOrientedAsInPbrt) {
   for (int i = 0; i < 1000; ++i) {
     const auto sample = (*turned)->Sample<kAllTraits>(kOrigin, {}, 0, random.Next2());
     ASSERT_TRUE(sample.has_value());
+    // The pdf is constant in squares, and rounding on the way over the sphere leaves a place in its
+    // square but for a few in a million, none of which are among these.
     ASSERT_EQ(sample->pdf, (*turned)->PdfEnvironment<kAllTraits>(kOrigin, {}, sample->wi));
-    ASSERT_EQ(sample->radiance, (*turned)->EnvironmentRadiance<kAllTraits>(sample->wi));
+    const Rgb back = (*turned)->EnvironmentRadiance<kAllTraits>(sample->wi);
+    for (size_t c = 0; c < 3; ++c) ASSERT_NEAR(sample->radiance[c], back[c], 4e-6);
   }
 }
 
@@ -252,7 +251,6 @@ TEST(LightTableStabilityTest, L10ManyDifferentLightsAddUp) {
 
 TEST(LightTableStabilityTest, L10InfiniteAndLocalLightsTogether) {
   LightTableInput input;
-  input.scene_radius = 50;
   for (int i = 0; i < 40; ++i) {
     input.spheres.push_back({{0, 0, 10.0 + i}, 1, Rgb::Grey(100)});
   }
@@ -276,32 +274,6 @@ TEST(LightTableStabilityTest, L11NegativeLightsCancelAndBlackOnesAreNotChosen) {
     ASSERT_TRUE(table->Sample<kAllTraits>(kOrigin, kUp, select, {0.5f, 0.5f}));
   }
   EXPECT_EQ(table->PdfEmitter<kAllTraits>(1, kOrigin, kUp, kUp, {0, 0, 2}), 0);
-}
-
-// Wherever a light sends something unoccluded, it has a probability: lights seen almost edge-on, in
-// all directions, among enough others that estimates decide.
-TEST(LightTableStabilityTest, L12WhatShinesCanBeChosen) {
-  RandomPoints random(12);
-  for (int i = 0; i < 20000; ++i) {
-    LightTableInput input;
-    const float scale = std::pow(10.f, 6 * random.Next() - 3);
-    const auto vector = [&] {
-      return Vec3f{random.Next() - 0.5f, random.Next() - 0.5f, random.Next() - 0.5f} * scale;
-    };
-    const TriangleEmitter t{vector(), vector(), vector(), kWhite};
-    input.triangles = {t, {vector(), vector(), vector(), kWhite}};
-    // A receiver just in front of the triangle's plane, often beside it.
-    const Vec3f side = t.v1 - t.v0 + (t.v2 - t.v0);
-    const Vec3d normal = Cross(ToDouble(t.v1 - t.v0), ToDouble(t.v2 - t.v0));
-    if (!(Length(normal) > 1e-12 * double{scale * scale})) continue;
-    const Vec3f p =
-        t.v0 + side * (4 * random.Next() - 2) +
-        ToFloat(Normalize(normal) * double{scale} * std::pow(10.0, -6.0 * double{random.Next()}));
-    const TriangleView view = ViewTriangle(t.v0, t.v1, t.v2, p);
-    if (!view.visible || !view.front()) continue;
-    const auto table = MakeTable(input);
-    ASSERT_GT(table->PdfEmitter<kAllTraits>(0, p, {}, Normalize(t.v1 - p), t.v1), 0);
-  }
 }
 
 TEST(LightTableStabilityTest, L14LightsWithoutSizeAreNoLights) {

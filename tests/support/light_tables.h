@@ -20,11 +20,16 @@
 #include "common/film/film_tile.h"
 #include "common/scene/file_source.h"
 #include "common/scene/scene_description.h"
+#include "gtest/gtest.h"
 #include "worker/render/bsdf.h"
 #include "worker/render/light_table.h"
 #include "worker/render/sampler.h"
 
 namespace sheaf::render::testing {
+
+inline constexpr Rgb kWhite{1, 1, 1};
+inline constexpr Vec3f kOrigin{0, 0, 0};
+inline constexpr Vec3f kUp{0, 0, 1};
 
 inline std::unique_ptr<LightTable> MakeTable(LightTableInput input,
                                              std::vector<LightDescription> lights = {}) {
@@ -100,6 +105,12 @@ inline Estimate EstimateMean(uint64_t points_per_replicate,
   estimate.standard_error =
       std::sqrt(estimate.standard_error / (kReplicateCount * (kReplicateCount - 1)));
   return estimate;
+}
+
+// Six standard errors, and in parts of the expected value what float samples themselves round.
+inline void ExpectNear(const Estimate& estimate, double expected, double tolerance = 1e-6) {
+  EXPECT_NEAR(estimate.mean, expected,
+              6 * estimate.standard_error + tolerance * std::fabs(expected));
 }
 
 // Mean of red radiance * max(cos, 0) / pdf at p with normal n: the irradiance.

@@ -10,9 +10,32 @@
 #include <string>
 
 #include "absl/strings/str_cat.h"
+#include "common/base/status.h"
 #include "common/math/elementary.h"
+#include "worker/render/equal_area_map.h"
 
 namespace sheaf::render {
+namespace {
+
+// Takes x to [0, 1] by half-turns about the middles of the square's two upright edges, which take
+// the rest of the plane to the square; y is turned along.
+void WrapAcrossEdges(double* x, double* y) {
+  *x -= 2 * std::floor(0.5 * *x);
+  if (*x > 1) {
+    *x = 2 - *x;
+    *y = 1 - *y;
+  }
+}
+
+// The point of the equal-area map that lies at p when the map is continued beyond its edges: each
+// edge is folded at its middle, so that its halves meet, and all corners are one direction.
+Vec2d WrapOctahedrally(Vec2d p) {
+  WrapAcrossEdges(&p.x, &p.y);
+  WrapAcrossEdges(&p.y, &p.x);
+  return p;
+}
+
+}  // namespace
 
 Vec2d SampleUnitDisk(Vec2f u) {
   const double x = 2 * static_cast<double>(u.x) - 1, y = 2 * static_cast<double>(u.y) - 1;
@@ -31,39 +54,17 @@ Vec2d SampleUnitDisk(Vec2f u) {
 absl::StatusOr<Camera> Camera::Make(const SceneDescription& scene, int32_t width_px,
                                     int32_t height_px, Vec3d render_origin_world) {
   const CameraDescription& description = scene.camera;
-  const auto fail = [&](const std::string& what) {
-    return absl::InvalidArgumentError(
-        absl::StrCat(FormatLocation(scene, description.location), ": Camera: ", what));
+  const auto fail = [&](const absl::Status& status) {
+    return Annotate(status, absl::StrCat(FormatLocation(scene, description.location), ": Camera"));
   };
   Camera camera;
-  camera.is_orthographic_ = description.kind == CameraDescription::Kind::kOrthographic;
-  double scale = 1;
-  if (!camera.is_orthographic_) {
-    if (!(description.fov_degrees > 0 && description.fov_degrees < 180)) {
-      return fail(
-          absl::StrCat("\"float fov\" ", description.fov_degrees, " is outside (0, 180) degrees"));
-    }
-    scale = Tan(0.5 * static_cast<double>(description.fov_degrees) * (std::numbers::pi / 180));
-  }
-  const double* window = description.screen_window;
-  const double step_x = scale * (window[1] - window[0]) / width_px;
-  const double step_y = scale * (window[3] - window[2]) / height_px;
-  if (!std::isfinite(step_x) || !std::isfinite(step_y) || step_x == 0 || step_y == 0) {
-    return fail("\"float screenwindow\" is empty or not finite");
-  }
-  camera.screen_origin_ = {scale * window[0], scale * window[3]};
-  camera.screen_step_ = {step_x, -step_y};
-  camera.lens_radius_ = description.lens_radius;
-  if (camera.lens_radius_ > 0) {
-    if (!(description.focal_distance > 0)) {
-      return fail(absl::StrCat("\"float focaldistance\" ", description.focal_distance,
-                               " must be above 0 where \"float lensradius\" is"));
-    }
-    camera.inverse_focal_distance_ = 1 / static_cast<double>(description.focal_distance);
-  }
+  camera.kind_ = description.kind;
+  absl::Status status = camera.SetScreen(description, width_px, height_px);
+  if (status.ok()) status = camera.SetLens(description);
+  if (!status.ok()) return fail(status);
   absl::StatusOr<AnimatedTransform> transform =
       AnimatedTransform::Make(description.world_from_camera);
-  if (!transform.ok()) return fail(std::string(transform.status().message()));
+  if (!transform.ok()) return fail(transform.status());
   camera.world_from_camera_ = *transform;
   camera.shutter_open_ = description.shutter_open;
   camera.shutter_close_ = std::max(description.shutter_open, description.shutter_close);
@@ -72,6 +73,59 @@ absl::StatusOr<Camera> Camera::Make(const SceneDescription& scene, int32_t width
   camera.render_origin_world_ = render_origin_world;
   camera.render_from_camera_ = camera.RenderFromCameraAt(0);
   return camera;
+}
+
+absl::Status Camera::SetScreen(const CameraDescription& description, int32_t width_px,
+                               int32_t height_px) {
+  if (description.IsSpherical()) {
+    screen_origin_ = {0, 0};
+    screen_step_ = {1.0 / width_px, 1.0 / height_px};
+    return absl::OkStatus();
+  }
+  double scale = 1;
+  if (kind_ == Kind::kPerspective) {
+    if (!(description.fov_degrees > 0 && description.fov_degrees < 180)) {
+      return absl::InvalidArgumentError(
+          absl::StrCat("\"float fov\" ", description.fov_degrees, " is outside (0, 180) degrees"));
+    }
+    scale = Tan(0.5 * static_cast<double>(description.fov_degrees) * (std::numbers::pi / 180));
+  }
+  const double* window = description.screen_window;
+  const double step_x = scale * (window[1] - window[0]) / width_px;
+  const double step_y = scale * (window[3] - window[2]) / height_px;
+  if (!std::isfinite(step_x) || !std::isfinite(step_y) || step_x == 0 || step_y == 0) {
+    return absl::InvalidArgumentError("\"float screenwindow\" is empty or not finite");
+  }
+  screen_origin_ = {scale * window[0], scale * window[3]};
+  screen_step_ = {step_x, -step_y};
+  return absl::OkStatus();
+}
+
+absl::Status Camera::SetLens(const CameraDescription& description) {
+  lens_radius_ = description.lens_radius;
+  if (!(lens_radius_ > 0)) return absl::OkStatus();
+  if (description.IsSpherical()) {
+    return absl::InvalidArgumentError("\"float lensradius\": a spherical camera has no lens");
+  }
+  if (!(description.focal_distance > 0)) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("\"float focaldistance\" ", description.focal_distance,
+                     " must be above 0 where \"float lensradius\" is"));
+  }
+  inverse_focal_distance_ = 1 / static_cast<double>(description.focal_distance);
+  return absl::OkStatus();
+}
+
+Vec3d Camera::SphericalDirection(Vec2d screen) const {
+  if (kind_ == Kind::kEqualArea) {
+    // Both maps are about +z, cameras about +y: as pbrt-v4, by exchanging the two.
+    const Vec3d d = EqualAreaSquareToSphere(WrapOctahedrally(screen));
+    return {d.x, d.z, d.y};
+  }
+  // Below the pole sin theta is negative, which is the other side of it, as it should be.
+  const SinCosPair<double> theta = SinCos(std::numbers::pi * screen.y);
+  const SinCosPair<double> phi = SinCos(2 * std::numbers::pi * screen.x);
+  return {theta.sin * phi.cos, theta.cos, theta.sin * phi.sin};
 }
 
 Affine Camera::RenderFromCameraAt(float shutter_fraction) const {

@@ -1,7 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Camera: film points to rays. Perspective and orthographic, through a pinhole or a thin lens.
+// Camera: film points to rays. Perspective and orthographic, through a pinhole or a thin lens, and
+// spherical, which see all around. Axes and mappings are pbrt-v4's.
 #pragma once
 
 #include "absl/status/statusor.h"
@@ -21,21 +22,29 @@ class Camera {
  public:
   // render_origin_world: the camera's own position when the shutter opens.
   // Errors: kInvalidArgument with the camera's location: a degenerate field of view or screen
-  // window, a lens focused at distance 0 or behind it, a transform that cannot be inverted.
+  // window, a lens focused at distance 0 or behind it or on a spherical camera, a transform that
+  // cannot be inverted.
   static absl::StatusOr<Camera> Make(const SceneDescription& scene, int32_t width_px,
                                      int32_t height_px, Vec3d render_origin_world);
 
   // film: raster position (pixels, y down). lens: of [0, 1)^2; unused without kLens. The ray's
-  // direction is unit length. Space: render.
+  // direction is unit length. Space: render. Film points beyond the borders, where a pixel's filter
+  // reaches, continue the picture; that of a spherical camera comes around to its other side.
   template <uint32_t kTraits>
   Ray MakeRay(Vec2d film, Vec2f lens, float shutter_fraction) const;
 
  private:
+  using Kind = CameraDescription::Kind;
+  absl::Status SetScreen(const CameraDescription& description, int32_t width_px, int32_t height_px);
+  absl::Status SetLens(const CameraDescription& description);
   Affine RenderFromCameraAt(float shutter_fraction) const;
+  // Unit, in camera space. screen: a point of the map of all directions, [0, 1]^2 and around.
+  Vec3d SphericalDirection(Vec2d screen) const;
 
-  bool is_orthographic_ = false;
-  Vec2d screen_origin_,
-      screen_step_;  // Camera-space x, y at z = 1 (or on the plane) = origin + film * step.
+  Kind kind_ = Kind::kPerspective;
+  // Screen = origin + film * step: camera-space x, y at z = 1 (or on the plane); of spherical
+  // cameras, a point of the map of all directions.
+  Vec2d screen_origin_, screen_step_;
   double lens_radius_ = 0;
   double inverse_focal_distance_ = 0;  // 0 for a lens focused at infinity.
   Affine render_from_camera_;
@@ -50,10 +59,12 @@ Ray Camera::MakeRay(Vec2d film, Vec2f lens, float shutter_fraction) const {
   const Vec2d screen{screen_origin_.x + film.x * screen_step_.x,
                      screen_origin_.y + film.y * screen_step_.y};
   Vec3d o, d{0, 0, 1};
-  if (is_orthographic_) {
+  if (kind_ == Kind::kPerspective) {
+    d = {screen.x, screen.y, 1};
+  } else if (kind_ == Kind::kOrthographic) {
     o = {screen.x, screen.y, 0};
   } else {
-    d = {screen.x, screen.y, 1};
+    d = SphericalDirection(screen);
   }
   if (Has(kTraits, Trait::kLens) && lens_radius_ > 0) {
     // All rays of a film point meet at z = F: the direction loses lens / F, nothing divides by a

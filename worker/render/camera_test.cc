@@ -2,12 +2,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "worker/render/camera.h"
 
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 #include <string>
 
 #include "common/math/transform.h"
 #include "gtest/gtest.h"
+#include "tests/support/test_scene.h"
 #include "worker/render/variant_list.h"
 
 namespace sheaf::render {
@@ -132,15 +134,105 @@ TEST(CameraTest, MovesOverTheShutter) {
   }
 }
 
+// As pbrt-v4 has them: +y is up, and a picture's row begins at +x and goes by +z.
+TEST(CameraTest, EquirectangularPixelsAreLongitudeAndLatitude) {
+  const Camera camera = MakeCamera(SceneWith(Kind::kEquirectangular), 400, 200);
+  const auto expect = [&](Vec2d film, Vec3d direction) {
+    const Ray ray = camera.MakeRay<kDiffuseTraits>(film, {}, 0);
+    ExpectNear(ray.o, {0, 0, 0}, 0);
+    ExpectNear(ray.d, direction, 1e-7);
+  };
+  expect({0, 100}, {1, 0, 0});
+  expect({100, 100}, {0, 0, 1});
+  expect({200, 100}, {-1, 0, 0});
+  expect({300, 100}, {0, 0, -1});
+  expect({123, 0}, {0, 1, 0});
+  expect({321, 200}, {0, -1, 0});
+  expect({50, 50}, {0.5, std::sqrt(0.5), 0.5});
+  // A filter that reaches over a border sees what is behind it.
+  const auto expect_same = [&](Vec2d outside, Vec2d inside) {
+    ExpectNear(camera.MakeRay<kDiffuseTraits>(outside, {}, 0).d,
+               ToDouble(camera.MakeRay<kDiffuseTraits>(inside, {}, 0).d), 1.5e-7);
+  };
+  expect_same({-1.25, 70}, {398.75, 70});
+  expect_same({401.5, 70}, {1.5, 70});
+  expect_same({30, -0.75}, {230, 0.75});  // Over the pole.
+  expect_same({250, 201.5}, {50, 198.5});
+}
+
+TEST(CameraTest, EqualAreaPixelsFoldAroundTheSquare) {
+  const Camera camera = MakeCamera(SceneWith(Kind::kEqualArea), 64, 64);
+  const auto direction = [&](double x, double y) {
+    return camera.MakeRay<kDiffuseTraits>({x, y}, {}, 0).d;
+  };
+  ExpectNear(direction(32, 32), {0, 1, 0}, 1e-7);  // The centre is up, the corners are down.
+  for (const double x : {0.0, 64.0}) {
+    for (const double y : {0.0, 64.0}) ExpectNear(direction(x, y), {0, -1, 0}, 1e-7);
+  }
+  ExpectNear(direction(64, 32), {1, 0, 0}, 1e-7);  // Middles of edges are on the horizon.
+  ExpectNear(direction(0, 32), {-1, 0, 0}, 1e-7);
+  ExpectNear(direction(32, 64), {0, 0, 1}, 1e-7);
+  ExpectNear(direction(32, 0), {0, 0, -1}, 1e-7);
+  // Beyond an edge the picture goes on with the other half of that edge, turned round; also far
+  // beyond, where a wide filter on a small picture reaches.
+  for (const Vec2d in : {Vec2d{1.5, 20}, Vec2d{60, 3}, Vec2d{31, 50}}) {
+    for (const Vec2d out :
+         {Vec2d{-in.x, 64 - in.y}, Vec2d{128 - in.x, 64 - in.y}, Vec2d{64 - in.x, -in.y},
+          Vec2d{64 - in.x, 128 - in.y}, Vec2d{in.x + 64, in.y + 64}, Vec2d{in.x - 128, in.y}}) {
+      ExpectNear(direction(out.x, out.y), ToDouble(direction(in.x, in.y)), 1.5e-7);
+    }
+  }
+}
+
+// What pixels of the two mappings weigh: all the same, or as the zone of their row. Weighed so,
+// the mean of max(cos, 0) about any axis is 1/4, that of 1 is 1.
+TEST(CameraTest, SphericalPixelsWeighTheirSolidAngle) {
+  constexpr int kWidth = 256, kHeight = 128;
+  for (const Kind kind : {Kind::kEquirectangular, Kind::kEqualArea}) {
+    const Camera camera = MakeCamera(SceneWith(kind), kWidth, kHeight);
+    for (const Vec3d axis : {Vec3d{0, 1, 0}, Vec3d{0.6, 0, -0.8}, Vec3d{0.48, -0.6, 0.64}}) {
+      double sum = 0, weight_sum = 0;
+      for (int y = 0; y < kHeight; ++y) {
+        const double zone = std::cos(kPi * y / kHeight) - std::cos(kPi * (y + 1) / kHeight);
+        const double weight = kind == Kind::kEqualArea ? 1.0 / kHeight : zone / 2;
+        for (int x = 0; x < kWidth; ++x) {
+          const Ray ray = camera.MakeRay<kDiffuseTraits>({x + 0.5, y + 0.5}, {}, 0);
+          EXPECT_NEAR(Length(ToDouble(ray.d)), 1, 1e-7);
+          sum += std::max(Dot(ToDouble(ray.d), axis), 0.0) * weight / kWidth;
+          weight_sum += weight / kWidth;
+        }
+      }
+      EXPECT_NEAR(weight_sum, 1, 1e-12);
+      EXPECT_NEAR(sum, 0.25, 5e-5);
+    }
+  }
+}
+
+// Every filter's samples stay in the picture of an even sky, at its borders too, and the camera's
+// place and motion do not show.
+TEST(CameraTest, SphericalCamerasSeeAnEvenSkyEvenly) {
+  for (const Kind kind : {Kind::kEquirectangular, Kind::kEqualArea}) {
+    TestScene t({1e6, 3, -2e5}, {1e6, 3, 1}, 90);
+    t.ConstantEnvironment({0.25f, 2, 5});
+    t.scene.camera.kind = kind;
+    t.scene.camera.world_from_camera.end = TranslateMatrix({1e6, 4, -2e5});
+    t.scene.camera.shutter_close = 1;
+    t.scene.filter.kind = FilterDescription::Kind::kGaussian;
+    t.scene.filter.radius_x_px = t.scene.filter.radius_y_px = 9;  // Wider than the picture.
+    ExpectMean(RenderMean(t.scene, SquareSettings(8, 16, 2)), {0.25f, 2, 5});
+  }
+}
+
 TEST(CameraTest, ErrorsNameTheCameraAndWhatIsWrong) {
   SceneDescription flat = SceneWith(Kind::kPerspective), wide = flat, empty = flat,
-                   unfocused = flat;
+                   unfocused = flat, lensed = SceneWith(Kind::kEqualArea);
   flat.camera.fov_degrees = 0;
   wide.camera.fov_degrees = 180;
   empty.camera.screen_window[1] = empty.camera.screen_window[0];
   unfocused.camera.lens_radius = 1;
   unfocused.camera.focal_distance = -1;
-  for (const SceneDescription& scene : {flat, wide, empty, unfocused}) {
+  lensed.camera.lens_radius = 1;
+  for (const SceneDescription& scene : {flat, wide, empty, unfocused, lensed}) {
     const auto camera = Camera::Make(scene, 10, 10, {});
     ASSERT_FALSE(camera.ok());
     EXPECT_EQ(camera.status().code(), absl::StatusCode::kInvalidArgument);

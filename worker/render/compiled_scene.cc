@@ -20,6 +20,11 @@ uint64_t GeometryBytes(const SceneGeometry& geometry) {
       bytes += mesh.positions.capacity() * sizeof(Vec3f) + mesh.normals.capacity() * sizeof(Vec3f) +
                mesh.uvs.capacity() * sizeof(Vec2f) + mesh.indices.capacity() * sizeof(uint32_t);
     }
+    for (const BakedPatches& patches : group.patches) {
+      bytes += patches.positions.capacity() * sizeof(Vec3f) +
+               patches.normals.capacity() * sizeof(Vec3f) + patches.uvs.capacity() * sizeof(Vec2f) +
+               patches.indices.capacity() * sizeof(uint32_t);
+    }
     bytes += group.quadrics.capacity() * sizeof(BakedQuadric);
   }
   return bytes + (geometry.still.capacity() + geometry.moving.capacity()) * sizeof(PlacedGroup) +

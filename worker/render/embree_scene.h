@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// EmbreeScene: the nearest surface along a ray, and whether anything is in the way. The only door
-// to Embree (3.13 and 4.x).
+// EmbreeScene: the nearest surface along a ray, and whether anything is in the way. The only way to
+// Embree (3.13 and 4.x); its types stay in the embree_*.cc files.
 //
 // Same bits every time. The device is pinned to AVX2, so equal builds walk equal trees with equal
 // arithmetic: measured on Embree 3.13.5, 2e6 rays over coincident surfaces and vertices give the
@@ -10,8 +10,9 @@
 // several surfaces at one distance the tracer therefore names the same one each time; which one is
 // its choice.
 //
-// Triangles are Embree's own, in robust mode. Spheres, disks and placed groups are user geometry,
-// so that they are met in double precision and the same under every version of Embree.
+// Triangles are Embree's own, in robust mode; where a mesh holds needles its hits are met again in
+// double (needle.h). Quadrics, bilinear patches and placed groups are user geometry, so that they
+// are met in double precision and the same under every version of Embree.
 #pragma once
 
 #include <cstdint>
@@ -26,12 +27,12 @@ namespace sheaf::render {
 
 inline constexpr uint32_t kNotPlaced = ~0u;
 
-// What the tracer knows of a hit. In `id`, geometry is the mesh of the group, or meshes.size() for
-// its quadrics; primitive the triangle or quadric; placed the index over `still`, then `moving`, or
-// kNotPlaced for the world.
+// What the tracer knows of a hit. In `id`, geometry is the mesh of the group, its QuadricsId or a
+// PatchesId; primitive the triangle, quadric or patch; placed the index over `still`, then
+// `moving`, or kNotPlaced for the world.
 struct RawHit {
   float t = 0;         // In lengths of the ray's direction.
-  float u = 0, v = 0;  // Barycentric weights of vertices 1 and 2.
+  float u = 0, v = 0;  // Barycentric weights of vertices 1 and 2, or a patch's parameters.
   PrimitiveId id;
 };
 struct RecordedRay {
@@ -63,6 +64,8 @@ class EmbreeScene {
  private:
   EmbreeScene();
   bool IntersectOnce(const Ray& ray, RawHit* hit) const;
+  // Whether the camera is in a closed room, as far as probes tell.
+  bool EveryProbeMeets() const;
   // Looks again for a ray that cannot truly end in the open (leak_guard.h); finite segments may.
   bool MeetsWhenNudged(const Ray& ray, RawHit* hit) const;
   struct State;

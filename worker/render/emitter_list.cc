@@ -79,6 +79,9 @@ std::string EmitterList::ProblemWith(const Quadric& q) {
     }
     return "";
   }
+  if (q.kind == Quadric::Kind::kCylinder) {
+    return "Shape \"cylinder\": it cannot be an area light; use a triangle mesh";
+  }
   if (!round_xy || q.phi_max < 2 * std::numbers::pi) {
     return "Shape \"disk\": as an area light it must be round and go all the way about (phimax "
            "360); "

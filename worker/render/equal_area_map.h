@@ -7,6 +7,8 @@
 // Mapping of the (Hemi)Sphere using SIMD".
 #pragma once
 
+#include <algorithm>
+
 #include "common/math/vec.h"
 
 namespace sheaf::render {
@@ -15,5 +17,17 @@ namespace sheaf::render {
 Vec3d EqualAreaSquareToSphere(Vec2d st);
 // d: unit. Returns a point of [0, 1]^2.
 Vec2f EqualAreaSphereToSquare(Vec3f d);
+
+struct TexelPosition {
+  int x = 0, y = 0;
+};
+// A position at most one step outside a map of size x size texels, moved to the texel that is its
+// neighbour on the sphere: across an edge the map continues with the same edge mirrored about its
+// middle.
+inline TexelPosition WrapOctahedral(TexelPosition p, int size) {
+  if (p.x < 0 || p.x >= size) p = {std::clamp(p.x, 0, size - 1), size - 1 - p.y};
+  if (p.y < 0 || p.y >= size) p = {size - 1 - p.x, std::clamp(p.y, 0, size - 1)};
+  return p;
+}
 
 }  // namespace sheaf::render

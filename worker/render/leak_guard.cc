@@ -1,13 +1,11 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Which meshes are closed, and rays a few ulps aside.
+// Which meshes are closed, whether the camera is in a room, and rays a few ulps aside.
 #include "worker/render/leak_guard.h"
 
-#include <algorithm>
 #include <bit>
 #include <cmath>
-#include <limits>
 #include <numbers>
 
 #include "common/math/elementary.h"
@@ -29,26 +27,6 @@ uint64_t HashOf(Vec3f p, uint64_t seed) {
     state = Mix(state + std::bit_cast<uint32_t>(p[i] + 0.0f) + 0x9e3779b97f4a7c15u);
   }
   return state;
-}
-
-bool Contains(Vec3f lower, Vec3f upper, Vec3f p) {
-  return p.x > lower.x && p.y > lower.y && p.z > lower.z && p.x < upper.x && p.y < upper.y &&
-         p.z < upper.z;
-}
-
-// How often a closed mesh goes round the origin: the sum of its solid angles there. Source: Van
-// Oosterom and Strackee 1983, "The Solid Angle of a Plane Triangle".
-int64_t WindingAboutOrigin(const BakedMesh& mesh) {
-  double half_angles = 0;
-  for (size_t i = 0; i + 2 < mesh.indices.size(); i += 3) {
-    const Vec3d a = ToDouble(mesh.positions[mesh.indices[i]]),
-                b = ToDouble(mesh.positions[mesh.indices[i + 1]]),
-                c = ToDouble(mesh.positions[mesh.indices[i + 2]]);
-    const double la = Length(a), lb = Length(b), lc = Length(c);
-    half_angles +=
-        Atan2(Dot(a, Cross(b, c)), la * lb * lc + Dot(a, b) * lc + Dot(b, c) * la + Dot(c, a) * lb);
-  }
-  return std::llround(half_angles / (2 * std::numbers::pi));
 }
 
 }  // namespace
@@ -82,35 +60,22 @@ LeakGuard::LeakGuard(const SceneGeometry& geometry) : geometry_(&geometry) {
       sides.push_back(EnclosedSideOf(mesh.positions, mesh.indices));
     }
   }
-  if (geometry.groups.empty()) return;
-  for (size_t i = 0; i < sides_[0].size(); ++i) {
-    if (sides_[0][i] != EnclosedSide::kNone) AddRoom(geometry.groups[0].meshes[i]);
-  }
 }
 
-void LeakGuard::AddRoom(const BakedMesh& mesh) {
-  Vec3f lower = mesh.positions[mesh.indices[0]], upper = lower;
-  for (const uint32_t index : mesh.indices) {
-    for (size_t i = 0; i < 3; ++i) {
-      lower[i] = std::min(lower[i], mesh.positions[index][i]);
-      upper[i] = std::max(upper[i], mesh.positions[index][i]);
-    }
-  }
-  // Render space begins at the camera.
-  if (!Contains(lower, upper, {}) || WindingAboutOrigin(mesh) == 0) return;
-  if (!has_room_) {
-    room_lower_ = lower;
-    room_upper_ = upper;
-  }
-  has_room_ = true;
-  for (size_t i = 0; i < 3; ++i) {
-    room_lower_[i] = std::min(room_lower_[i], lower[i]);
-    room_upper_[i] = std::max(room_upper_[i], upper[i]);
-  }
+Ray ProbeRay(uint32_t index) {
+  // Equal steps of height, and of the golden angle around; render space begins at the camera.
+  // Source: Swinbank and Purser 2006, "Fibonacci grids".
+  constexpr double kGoldenAngle = std::numbers::pi * (3 - 2.23606797749978969641);
+  const double height = 1 - (2 * static_cast<double>(index) + 1) / kProbeCount;
+  const double radius = std::sqrt(1 - height * height);
+  const double angle = kGoldenAngle * static_cast<double>(index);
+  Ray ray;
+  ray.d = ToFloat(Vec3d{radius * Cos(angle), height, radius * Sin(angle)});
+  return ray;
 }
 
 bool LeakGuard::IsEnclosed(const Ray& ray) const {
-  if (has_room_ && Contains(room_lower_, room_upper_, ray.o)) return true;
+  if (camera_is_enclosed_) return true;
   const PrimitiveId source = ray.source;
   if (source == PrimitiveId{}) return false;
   const PlacedGroup* placed = nullptr;
@@ -121,7 +86,7 @@ bool LeakGuard::IsEnclosed(const Ray& ray) const {
   }
   const uint32_t group = placed == nullptr ? 0 : placed->group;
   const std::vector<EnclosedSide>& sides = sides_[group];
-  if (source.geometry >= sides.size()) return false;  // Quadrics are met in double: no holes.
+  if (source.geometry >= sides.size()) return false;  // Others are met in double: no holes.
   const EnclosedSide side = sides[source.geometry];
   if (side == EnclosedSide::kNone) return false;
   const BakedMesh& mesh = geometry_->groups[group].meshes[source.geometry];

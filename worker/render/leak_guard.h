@@ -30,20 +30,24 @@ class LeakGuard {
   // `geometry` must outlive the guard.
   explicit LeakGuard(const SceneGeometry& geometry);
 
-  // Whether the ray leaves a triangle of a closed mesh to its inside, or starts in the bounding box
-  // of a closed mesh that goes round the camera (a room). Such a ray meets something but for the
-  // tracer's rounding; in a box's corners outside the room it may not, and looking again costs time
-  // but finds nothing either.
+  // Told once, before rays are traced: no probe leaves the scene.
+  void NoteCameraIsEnclosed() { camera_is_enclosed_ = true; }
+
+  // Whether the ray leaves a triangle of a closed mesh to its inside, or the camera is in a closed
+  // room. Such a ray meets something but for the tracer's rounding; outside the room it may not,
+  // and looking again costs time but finds nothing either.
   bool IsEnclosed(const Ray& ray) const;
 
  private:
-  void AddRoom(const BakedMesh& mesh);
-
   const SceneGeometry* geometry_ = nullptr;
   std::vector<std::vector<EnclosedSide>> sides_;  // By group, by mesh.
-  bool has_room_ = false;
-  Vec3f room_lower_, room_upper_;  // Of all rooms of the world.
+  bool camera_is_enclosed_ = false;
 };
+
+// Rays from the camera, even in all directions. Where every one meets something the camera is in a
+// room, whatever that is put together from.
+inline constexpr uint32_t kProbeCount = 4096;
+Ray ProbeRay(uint32_t index);
 
 // How often an enclosed ray that met nothing is traced again.
 inline constexpr int kNudgesMax = 4;

@@ -13,39 +13,53 @@ namespace {
 
 // Share of the probability that is spread evenly over all lights that may reach a point.
 constexpr float kEvenShare = 0.25f;
-// Where lights are chosen by power: the even share, and the least share of infinite lights together
-// and of local lights together when there are both.
-constexpr double kEvenShareByPower = 0.1;
+// The least share of infinite lights together and of local ones together where there are both.
 constexpr double kGroupShareMin = 0.1;
 // Keeps sums of weights finite next to a point light.
 constexpr float kWeightMax = 1e30f;
 constexpr float kCoordinateError = 0x1p-21f;
+// What cosines of unit vectors of floats may be off by.
+constexpr float kCosineError = 0x1p-20f;
+constexpr double kBelowOne = 1 - 0x1p-53;
 
-// An estimate of the unoccluded irradiance at p on a plane that faces the light. 0 only for lights
-// that emit nothing and where a one-sided planar light certainly faces away.
-float WeightAt(const LightBounds& light, Vec3f p) {
+// Whether a light with a normal certainly sends nothing to p.
+bool FacesAway(const LightBounds& light, Vec3f to_p, float error) {
+  const float height = Dot(light.normal, to_p);
+  if (light.kind == LightBounds::Kind::kPlanar) return !light.two_sided && height < -error;
+  return light.kind == LightBounds::Kind::kPoint && light.cos_end > 0 &&
+         height + error < (light.cos_end - kCosineError) * Length(to_p);
+}
+
+// An estimate of the unoccluded irradiance at p on a plane of normal n, or on one that faces the
+// light. 0 only for lights that emit nothing, and where they certainly face away or are behind p.
+float WeightAt(const LightBounds& light, Vec3f p, Vec3f n) {
   if (!(light.strength > 0)) return 0;
   if (light.kind == LightBounds::Kind::kInfinite) return std::min(light.strength, kWeightMax);
   const Vec3f to_p = p - light.center;
   const float d_squared = LengthSquared(to_p);
+  const Vec3f reach{std::fabs(p.x) + std::fabs(light.center.x),
+                    std::fabs(p.y) + std::fabs(light.center.y),
+                    std::fabs(p.z) + std::fabs(light.center.z)};
+  const float error = kCoordinateError * (reach.x + reach.y + reach.z);
+  if (FacesAway(light, to_p, error)) return 0;
+  // The greatest height any part of the light can have over the horizon.
+  const float rise = light.radius + error - Dot(n, to_p);
+  if (rise < 0) return 0;
+  float weight = 0;
   if (light.kind == LightBounds::Kind::kPoint) {
-    return d_squared > 0 ? std::min(light.strength / d_squared, kWeightMax) : kWeightMax;
+    weight = d_squared > 0 ? light.strength / d_squared : kWeightMax;
+  } else {
+    // Far away area / distance^2, close by at most a hemisphere.
+    constexpr float kInverseTwoPi = static_cast<float>(1 / (2 * kPi));
+    weight = light.strength * light.area / (d_squared + light.area * kInverseTwoPi);
   }
-  // Far away area / distance^2, close by at most a hemisphere.
-  constexpr float kInverseTwoPi = static_cast<float>(1 / (2 * kPi));
-  float solid_angle = light.area / (d_squared + light.area * kInverseTwoPi);
   if (light.kind == LightBounds::Kind::kPlanar) {
-    const float height = Dot(light.normal, to_p);
-    const Vec3f reach{std::fabs(p.x) + std::fabs(light.center.x),
-                      std::fabs(p.y) + std::fabs(light.center.y),
-                      std::fabs(p.z) + std::fabs(light.center.z)};
-    const float error = kCoordinateError * (reach.x + reach.y + reach.z);
-    if (!light.two_sided && height < -error) return 0;
     // The greatest cosine any part of the light can show.
-    const float rise = std::fabs(height) + light.radius;
-    if (rise * rise < d_squared) solid_angle *= rise / std::sqrt(d_squared);
+    const float height = std::fabs(Dot(light.normal, to_p)) + light.radius;
+    if (height * height < d_squared) weight *= height / std::sqrt(d_squared);
   }
-  return std::min(std::max(light.strength * solid_angle, 1e-30f), kWeightMax);
+  if (n != Vec3f{} && rise * rise < d_squared) weight *= rise / std::sqrt(d_squared);
+  return std::min(std::max(weight, 1e-30f), kWeightMax);
 }
 
 }  // namespace
@@ -60,59 +74,30 @@ struct LightChoice::Weights {
   }
 };
 
-LightChoice::LightChoice(std::vector<LightBounds> lights, float scene_radius)
-    : lights_(std::move(lights)) {
-  if (lights_.size() > kLightsWeighedMax) BuildByPower(scene_radius);
+LightChoice::LightChoice(std::vector<LightBounds> lights) : count_(lights.size()) {
+  if (count_ <= kLightsWeighedMax) {
+    weighed_ = std::move(lights);
+    return;
+  }
+  std::vector<double> irradiances;
+  for (uint32_t i = 0; i < lights.size(); ++i) {
+    const float irradiance = lights[i].strength;
+    if (lights[i].kind != LightBounds::Kind::kInfinite) continue;
+    if (!(irradiance > 0 && std::isfinite(irradiance))) continue;
+    infinite_lights_.push_back(i);
+    irradiances.push_back(static_cast<double>(irradiance));
+    infinite_irradiance_ += irradiances.back();
+  }
+  infinite_ = DiscreteDistribution(irradiances);
+  tree_ = LightTree(lights);
 }
 
-void LightChoice::BuildByPower(float scene_radius) {
-  // Power over pi; an infinite light's is what falls on a disk as large as the scene.
-  std::vector<double> power(lights_.size());
-  double infinite_power = 0, local_power = 0;
-  for (size_t i = 0; i < lights_.size(); ++i) {
-    const LightBounds& light = lights_[i];
-    const double strength = static_cast<double>(light.strength);
-    switch (light.kind) {
-      case LightBounds::Kind::kPlanar:
-        power[i] = strength * static_cast<double>(light.area) * (light.two_sided ? 2 : 1);
-        break;
-      case LightBounds::Kind::kSphere:
-        power[i] = 4 * strength * static_cast<double>(light.area);
-        break;
-      case LightBounds::Kind::kPoint:
-        power[i] = 4 * strength;
-        break;
-      case LightBounds::Kind::kInfinite:
-        power[i] = strength * static_cast<double>(scene_radius) * static_cast<double>(scene_radius);
-        break;
-    }
-    (light.kind == LightBounds::Kind::kInfinite ? infinite_power : local_power) += power[i];
-  }
-  const double total = infinite_power + local_power;
-  const double infinite_share =
-      infinite_power > 0 && local_power > 0
-          ? std::clamp(infinite_power / total, kGroupShareMin, 1 - kGroupShareMin)
-          : (infinite_power > 0 ? 1.0 : 0.0);
-  size_t positive_count = 0;
-  for (const LightBounds& light : lights_) positive_count += light.strength > 0;
-  if (positive_count == 0) return;
-  const double even = kEvenShareByPower / static_cast<double>(positive_count);
-  for (size_t i = 0; i < lights_.size(); ++i) {
-    const bool infinite = lights_[i].kind == LightBounds::Kind::kInfinite;
-    const double group = infinite ? infinite_power : local_power;
-    const double share = infinite ? infinite_share : 1 - infinite_share;
-    if (!(lights_[i].strength > 0)) continue;
-    power[i] = even + (group > 0 ? (1 - kEvenShareByPower) * share * (power[i] / group) : 0);
-  }
-  by_power_ = DiscreteDistribution(power);
-}
-
-LightChoice::Weights LightChoice::Weigh(Vec3f p) const {
+LightChoice::Weights LightChoice::Weigh(Vec3f p, Vec3f n) const {
   Weights w;
   float sum = 0;
   int positive_count = 0;
-  for (size_t i = 0; i < lights_.size(); ++i) {
-    w.weight[i] = WeightAt(lights_[i], p);
+  for (size_t i = 0; i < weighed_.size(); ++i) {
+    w.weight[i] = WeightAt(weighed_[i], p, n);
     sum += w.weight[i];
     positive_count += w.weight[i] > 0;
   }
@@ -126,19 +111,40 @@ LightChoice::Weights LightChoice::Weigh(Vec3f p) const {
   return w;
 }
 
-std::optional<ChosenLight> LightChoice::Choose(Vec3f p, float u, uint64_t salt) const {
-  if (lights_.size() == 1) return ChosenLight{0, 1};
-  if (lights_.size() > kLightsWeighedMax) {
-    if (by_power_.empty()) return std::nullopt;
-    const size_t light = by_power_.Sample(ExtendBits(u, salt));
-    return ChosenLight{static_cast<uint32_t>(light),
-                       static_cast<float>(by_power_.Probability(light))};
+// By how much each group may send to p.
+double LightChoice::InfiniteShare(Vec3f p, Vec3f n) const {
+  if (infinite_lights_.empty()) return 0;
+  const double local_irradiance = tree_.empty() ? 0 : tree_.Irradiance(p, n);
+  if (!(local_irradiance > 0)) return 1;
+  return std::clamp(infinite_irradiance_ / (infinite_irradiance_ + local_irradiance),
+                    kGroupShareMin, 1 - kGroupShareMin);
+}
+
+float LightChoice::ProbabilityInfinite(size_t rank, double share) const {
+  return static_cast<float>(share * infinite_.Probability(rank));
+}
+
+std::optional<ChosenLight> LightChoice::Choose(Vec3f p, Vec3f n, float u, uint64_t salt) const {
+  if (count_ == 1) return ChosenLight{0, 1};
+  if (count_ > kLightsWeighedMax) {
+    const double infinite_share = InfiniteShare(p, n);
+    const double x = ExtendBits(u, salt);
+    if (x < infinite_share) {
+      const size_t rank = infinite_.Sample(std::min(x / infinite_share, kBelowOne));
+      return ChosenLight{infinite_lights_[rank], ProbabilityInfinite(rank, infinite_share)};
+    }
+    if (tree_.empty()) return std::nullopt;
+    const double local_share = 1 - infinite_share;
+    std::optional<ChosenLight> chosen =
+        tree_.Choose(p, n, std::min((x - infinite_share) / local_share, kBelowOne));
+    if (chosen) chosen->probability *= static_cast<float>(local_share);
+    return chosen;
   }
-  const Weights w = Weigh(p);
+  const Weights w = Weigh(p, n);
   std::optional<ChosenLight> chosen;
   // Where rounding leaves the sum below u, the last light that may be chosen stands.
   float begin = 0;
-  for (size_t i = 0; i < lights_.size(); ++i) {
+  for (size_t i = 0; i < weighed_.size(); ++i) {
     const float probability = w.Probability(i);
     if (!(probability > 0)) continue;
     chosen = ChosenLight{static_cast<uint32_t>(i), probability};
@@ -148,13 +154,16 @@ std::optional<ChosenLight> LightChoice::Choose(Vec3f p, float u, uint64_t salt) 
   return chosen;
 }
 
-float LightChoice::Probability(uint32_t light, Vec3f p) const {
-  if (lights_.size() == 1) return 1;
-  if (lights_.size() > kLightsWeighedMax) {
-    if (by_power_.empty()) return 0;
-    return static_cast<float>(by_power_.Probability(light));
+float LightChoice::Probability(uint32_t light, Vec3f p, Vec3f n) const {
+  if (count_ == 1) return 1;
+  if (count_ <= kLightsWeighedMax) return Weigh(p, n).Probability(light);
+  const double infinite_share = InfiniteShare(p, n);
+  const auto infinite = std::lower_bound(infinite_lights_.begin(), infinite_lights_.end(), light);
+  if (infinite != infinite_lights_.end() && *infinite == light) {
+    return ProbabilityInfinite(static_cast<size_t>(infinite - infinite_lights_.begin()),
+                               infinite_share);
   }
-  return Weigh(p).Probability(light);
+  return tree_.Probability(light, p, n) * static_cast<float>(1 - infinite_share);
 }
 
 }  // namespace sheaf::render

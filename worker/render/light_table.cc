@@ -5,6 +5,7 @@
 #include "worker/render/light_table.h"
 
 #include <cmath>
+#include <variant>
 
 #include "common/math/elementary.h"
 #include "worker/render/light_table_impl.h"
@@ -93,15 +94,27 @@ std::optional<LightSampleOf<Color>> Sample(const DiskEmitter& d, const Color& ra
   return sample;
 }
 
+// What the light, which has a place, sends along the (unit) direction w that leaves it.
 template <typename Color>
-std::optional<LightSampleOf<Color>> Sample(const DeltaLight& light, const Color& emission,
+Color IntensityAlong(const LightTable::Impl& impl, const DeltaLight& light, Vec3f w,
+                     const WavelengthsOf<Color>& wavelengths) {
+  if (light.kind == DeltaLight::Kind::kProjection) {
+    const Rgb seen = impl.projected_images[light.picture].At(Rotate(light.light_from_render, w));
+    return ColorOfRgb<Color>(seen * light.emission.rgb, ColorRole::kIlluminant, wavelengths);
+  }
+  return impl.ColorOfEmission(light.emission, wavelengths) * FalloffAlong(impl, light, w);
+}
+
+template <typename Color>
+std::optional<LightSampleOf<Color>> Sample(const LightTable::Impl& impl, const DeltaLight& light,
+                                           const WavelengthsOf<Color>& wavelengths,
                                            float probability, Vec3f p) {
   LightSampleOf<Color> sample;
   sample.is_delta = true;
   sample.pdf = probability;
   if (light.kind == DeltaLight::Kind::kDistant) {
     sample.wi = light.to_light;
-    sample.radiance = emission;
+    sample.radiance = impl.ColorOfEmission(light.emission, wavelengths);
     sample.is_infinite = true;
     return sample;
   }
@@ -111,28 +124,36 @@ std::optional<LightSampleOf<Color>> Sample(const DeltaLight& light, const Color&
   sample.wi = ToFloat(to_light / std::sqrt(d_squared));
   sample.p_light = ToFloat(light.position);
   sample.p_light_error = RoundingErrorOf(sample.p_light);
-  sample.radiance = emission * FalloffAlong(light, -sample.wi) * static_cast<float>(1 / d_squared);
+  sample.radiance = IntensityAlong<Color>(impl, light, -sample.wi, wavelengths) *
+                    static_cast<float>(1 / d_squared);
   return sample;
 }
 
-// As the map has it, before its scale; the radiance itself where there is no map.
-Rgb MapRadianceOf(const InfiniteEmitter& light, Vec3f d) {
-  return light.map ? light.map->Radiance(Rotate(light.light_from_render, d)) : light.radiance.rgb;
+EnvironmentMap::Place PlaceOf(const InfiniteEmitter& light, Vec3f d) {
+  if (!light.map) return {};
+  return light.map->Locate(Rotate(light.light_from_render, d));
 }
 
-// Pdf of DirectionTo at a direction of this MapRadianceOf. Measure: solid angle.
-double PdfOf(const InfiniteEmitter& light, Rgb map_radiance) {
-  return light.map ? light.map->Pdf(map_radiance) : 1 / (4 * kPi);
+// place: of the direction, where there is a map.
+template <typename Color>
+Color RadianceAt(const LightTable::Impl& impl, const InfiniteEmitter& light,
+                 EnvironmentMap::Place place, const WavelengthsOf<Color>& wavelengths) {
+  if (!light.map) return impl.ColorOfEmission(light.radiance, wavelengths);
+  const Rgb radiance = light.map->Radiance(place) * light.scale;
+  return ColorOfRgb<Color>(radiance, ColorRole::kIlluminant, wavelengths);
+}
+
+// Measure: solid angle.
+double PdfAt(const InfiniteEmitter& light, EnvironmentMap::Place place) {
+  return light.map ? static_cast<double>(light.map->Pdf(place)) : 1 / (4 * kPi);
 }
 
 // Requires: light.map.
-Vec3f DirectionTo(const InfiniteEmitter& light, EnvironmentMap::TileChoice tile) {
-  const Vec3d d = RotateBack(light.light_from_render, light.map->SampleIn(tile));
-  return ToFloat(d / Length(d));
+Vec3f DirectionOf(const InfiniteEmitter& light, EnvironmentMap::Place place) {
+  return ToFloat(RotateBack(light.light_from_render, light.map->Direction(place)));
 }
 
-Vec3f DirectionTo(const InfiniteEmitter& light, Vec2f u) {
-  if (light.map) return DirectionTo(light, light.map->ChooseTile(u));
+Vec3f UniformDirection(Vec2f u) {
   const double z = 1 - 2 * static_cast<double>(u.x);
   const double r = std::sqrt(1 - z * z);
   const SinCosPair<double> phi = SinCos(2 * kPi * static_cast<double>(u.y));
@@ -141,9 +162,14 @@ Vec3f DirectionTo(const InfiniteEmitter& light, Vec2f u) {
 
 }  // namespace
 
-float FalloffAlong(const DeltaLight& light, Vec3f w) {
+float FalloffAlong(const LightTable::Impl& impl, const DeltaLight& light, Vec3f w) {
   if (light.kind == DeltaLight::Kind::kPoint) return 1;
   const Vec3f w_light = Rotate(light.light_from_render, w);
+  if (light.kind == DeltaLight::Kind::kGoniometric) {
+    return std::visit(
+        [&](const auto& intensity) { return intensity.At(w_light / Length(w_light)); },
+        impl.intensities[light.picture]);
+  }
   const float cosine = Dot(w_light, light.axis) / Length(w_light);
   return SmoothStep(cosine, light.cos_end, light.cos_start);
 }
@@ -159,7 +185,7 @@ std::optional<LightSampleOf<ColorOf<kMask>>> LightTable::SampleLights(
     const WavelengthsOf<ColorOf<kMask>>& wavelengths, const Preparation& preparation) {
   using Color = ColorOf<kMask>;
   if (impl.empty) return std::nullopt;
-  const std::optional<ChosenLight> chosen = impl.choice.Choose(p, u_select, SaltOf(u));
+  const std::optional<ChosenLight> chosen = impl.choice.Choose(p, n, u_select, SaltOf(u));
   if (!chosen) return std::nullopt;
   const uint32_t light = chosen->light;
   std::optional<LightSampleOf<Color>> sample;
@@ -182,19 +208,30 @@ std::optional<LightSampleOf<ColorOf<kMask>>> LightTable::SampleLights(
   } else if (light < impl.first_infinite()) {
     if constexpr (Has(kMask, Trait::kDeltaLights)) {
       const DeltaLight& delta = impl.deltas[light - impl.first_delta()];
-      sample = render::Sample(delta, impl.ColorOfEmission(delta.emission, wavelengths),
-                              chosen->probability, p);
+      sample = render::Sample<Color>(impl, delta, wavelengths, chosen->probability, p);
     }
   } else if constexpr (Has(kMask, Trait::kEnvironment)) {
     // Infinite lights share every direction, so each is drawn as a part of their sum.
     sample.emplace();
-    const InfiniteEmitter& infinite = impl.infinites[light - impl.first_infinite()];
-    sample->wi =
-        impl.HasOnlyOneMap() ? DirectionTo(infinite, preparation.tile) : DirectionTo(infinite, u);
-    const EnvironmentValueOf<Color> value =
-        FromInfinity<Color>(impl, p, n, sample->wi, wavelengths, LocateInFirst(impl, sample->wi));
-    sample->radiance = value.radiance;
-    sample->pdf = value.pdf;
+    const uint32_t index = light - impl.first_infinite();
+    const InfiniteEmitter& infinite = impl.infinites[index];
+    EnvironmentMap::Place place;
+    if (infinite.map) {
+      place = impl.HasOnlyOneMap() ? preparation.sky.place : infinite.map->Sample(u).place;
+      sample->wi = DirectionOf(infinite, place);
+    } else {
+      sample->wi = UniformDirection(u);
+    }
+    if (Dot(sample->wi, n) < 0) return std::nullopt;  // Not worth waiting for the radiance.
+    if (impl.HasOnlyOneMap()) {
+      sample->radiance = RadianceAt<Color>(impl, infinite, place, wavelengths);
+      sample->pdf = preparation.sky.pdf;
+    } else {
+      const EnvironmentValueOf<Color> value =
+          FromInfinity<Color>(impl, p, n, sample->wi, wavelengths, index, place);
+      sample->radiance = value.radiance;
+      sample->pdf = value.pdf;
+    }
     sample->is_infinite = true;
   }
   const bool usable = sample && IsUsablePdf(sample->pdf) && IsFinite(sample->radiance) &&
@@ -203,7 +240,7 @@ std::optional<LightSampleOf<ColorOf<kMask>>> LightTable::SampleLights(
 }
 
 template <uint32_t kMask>
-float LightTable::PdfOfEmitter(const Impl& impl, uint32_t emitter, Vec3f p, Vec3f /*n*/, Vec3f wi,
+float LightTable::PdfOfEmitter(const Impl& impl, uint32_t emitter, Vec3f p, Vec3f n, Vec3f wi,
                                Vec3f p_light) {
   double shape_pdf = 0;
   if constexpr (Has(kMask, Trait::kAreaLights)) {
@@ -218,7 +255,7 @@ float LightTable::PdfOfEmitter(const Impl& impl, uint32_t emitter, Vec3f p, Vec3
       }
     }
   }
-  const float pdf = PdfSolidAngle(shape_pdf, impl.choice.Probability(emitter, p));
+  const float pdf = PdfSolidAngle(shape_pdf, impl.choice.Probability(emitter, p, n));
   return IsUsablePdf(pdf) ? pdf : 0;
 }
 
@@ -243,12 +280,12 @@ template Spectral LightTable::EmitterRadiance<Spectral>(uint32_t, Vec3f, Vec3f,
 // Where there are several lights, which one will be asked is not known so early.
 LightTable::Preparation LightTable::Prepare(const Impl& impl, Vec2f u) {
   if (!impl.HasOnlyOneMap()) return {};
-  return {impl.infinites[0].map->ChooseTile(u)};
+  return {impl.infinites[0].map->Sample(u)};
 }
 
 EnvironmentMap::Place LightTable::LocateInFirst(const Impl& impl, Vec3f d) {
-  if (impl.infinites.empty() || !impl.infinites[0].map) return {};
-  return impl.infinites[0].map->Locate(Rotate(impl.infinites[0].light_from_render, d));
+  if (impl.infinites.empty()) return {};
+  return PlaceOf(impl.infinites[0], d);
 }
 
 template <typename Color>
@@ -256,23 +293,22 @@ Color LightTable::RadianceFromInfinity(const Impl& impl, Vec3f d,
                                        const WavelengthsOf<Color>& wavelengths) {
   Color sum;
   for (const InfiniteEmitter& light : impl.infinites) {
-    sum += impl.ColorFromInfinity<Color>(light, MapRadianceOf(light, d), wavelengths);
+    sum += RadianceAt<Color>(impl, light, PlaceOf(light, d), wavelengths);
   }
   return sum;
 }
 
 template <typename Color>
-EnvironmentValueOf<Color> LightTable::FromInfinity(const Impl& impl, Vec3f p, Vec3f /*n*/, Vec3f d,
+EnvironmentValueOf<Color> LightTable::FromInfinity(const Impl& impl, Vec3f p, Vec3f n, Vec3f d,
                                                    const WavelengthsOf<Color>& wavelengths,
-                                                   EnvironmentMap::Place first_place) {
+                                                   uint32_t located, EnvironmentMap::Place place) {
   EnvironmentValueOf<Color> value;
   for (uint32_t i = 0; i < impl.infinites.size(); ++i) {
     const InfiniteEmitter& light = impl.infinites[i];
-    const Rgb map_radiance =
-        i == 0 && light.map ? light.map->Radiance(first_place) : MapRadianceOf(light, d);
-    value.radiance += impl.ColorFromInfinity<Color>(light, map_radiance, wavelengths);
-    value.pdf += PdfSolidAngle(PdfOf(light, map_radiance),
-                               impl.choice.Probability(impl.first_infinite() + i, p));
+    const EnvironmentMap::Place here = i == located ? place : PlaceOf(light, d);
+    value.radiance += RadianceAt<Color>(impl, light, here, wavelengths);
+    value.pdf +=
+        PdfSolidAngle(PdfAt(light, here), impl.choice.Probability(impl.first_infinite() + i, p, n));
   }
   return value;
 }
@@ -306,7 +342,8 @@ SHEAF_INSTANTIATE_WITH(static_cast<uint32_t>(Trait::kAreaLights) |
   template color LightTable::RadianceFromInfinity<color>(const Impl&, Vec3f,           \
                                                          const WavelengthsOf<color>&); \
   template EnvironmentValueOf<color> LightTable::FromInfinity<color>(                  \
-      const Impl&, Vec3f, Vec3f, Vec3f, const WavelengthsOf<color>&, EnvironmentMap::Place);
+      const Impl&, Vec3f, Vec3f, Vec3f, const WavelengthsOf<color>&, uint32_t,         \
+      EnvironmentMap::Place);
 SHEAF_INSTANTIATE_INFINITY(Rgb)
 SHEAF_INSTANTIATE_INFINITY(Spectral)
 #undef SHEAF_INSTANTIATE_INFINITY

@@ -32,7 +32,7 @@ struct LightSampleOf {
   Color radiance;       // Arriving, unoccluded; for delta lights intensity over distance squared.
   float pdf =
       0;  // Solid angle, times the probability of choosing this light; choice alone for delta.
-  bool is_delta = false;  // Point, spot, distant: no MIS.
+  bool is_delta = false;  // Without size, or distant: no MIS.
   bool is_infinite = false;
 };
 using LightSample = LightSampleOf<Rgb>;
@@ -90,16 +90,15 @@ struct LightTableInput {
   std::vector<ScaledSpectrum> spectra;  // Of the emitters.
   bool spectral = false;                // Traits with kSpectral may be asked for.
   Vec3d render_origin_world;            // World position of render space's origin (the camera).
-  Vec3f scene_center;  // Bounding sphere in render space, for infinite lights' power.
-  float scene_radius = 1;
 };
 
 class LightTable {
  public:
   // Emitter ids are: triangles first, then spheres, then disks, in input order. Emitters without
   // area or with values that are not finite keep their ids and are never sampled.
-  // Errors: unreadable environment map; not square; negative or non-finite values (named texel); a
-  // light with a transform that cannot be inverted, or one that distorts an environment map.
+  // Errors: an unreadable picture; a map that is not square; negative or non-finite values (named
+  // texel); a light with a transform that cannot be inverted, or one that distorts an environment
+  // map.
   static absl::StatusOr<std::unique_ptr<LightTable>> Build(const SceneDescription& scene,
                                                            LightTableInput input,
                                                            FileSource& files);
@@ -108,8 +107,9 @@ class LightTable {
   // Whether there is nothing to sample: no light, or all of them black.
   bool empty() const;
   // Chooses a light and a point on it, as seen from p. n: the receiver's geometric normal, or zero
-  // in free space; only a hint for choosing. None where the light cannot reach p. Space: render.
-  // Never returns pdf 0, a non-finite value or radiance 0.
+  // in free space; a hint for choosing, and behind it no direction to an infinite light is
+  // returned. None where the light cannot reach p. Space: render. Never returns pdf 0, a non-finite
+  // value or radiance 0.
   template <uint32_t kTraits>
   std::optional<LightSampleOf<ColorOf<kTraits>>> Sample(
       Vec3f p, Vec3f n, float u_select, Vec2f u,
@@ -119,7 +119,7 @@ class LightTable {
   // The same in two steps: what Sample will need of an environment map begins to be fetched while
   // the caller still works out p. The second step's u must be the first's.
   struct Preparation {
-    EnvironmentMap::TileChoice tile;
+    EnvironmentMap::PlaceSample sky;
   };
   template <uint32_t kTraits>
   Preparation PrepareSample(Vec2f u) const {
@@ -154,7 +154,7 @@ class LightTable {
   template <uint32_t kTraits>
   float PdfEnvironment(Vec3f p, Vec3f n, Vec3f d) const {
     if constexpr (!Has(kTraits, Trait::kEnvironment)) return 0;
-    return FromInfinity<Rgb>(*impl_, p, n, d, {}, LocateInFirst(*impl_, d)).pdf;
+    return FromInfinity<Rgb>(*impl_, p, n, d, {}, 0, LocateInFirst(*impl_, d)).pdf;
   }
   // Both at once, for little more than the price of one.
   template <uint32_t kTraits>
@@ -174,7 +174,7 @@ class LightTable {
       Vec3f p, Vec3f n, Vec3f d, const WavelengthsOf<ColorOf<kTraits>>& wavelengths,
       EnvironmentMap::Place place) const {
     if constexpr (!Has(kTraits, Trait::kEnvironment)) return {};
-    return FromInfinity<ColorOf<kTraits>>(*impl_, p, n, d, wavelengths, place);
+    return FromInfinity<ColorOf<kTraits>>(*impl_, p, n, d, wavelengths, 0, place);
   }
 
   struct Impl;
@@ -196,11 +196,11 @@ class LightTable {
   template <typename Color>
   static Color RadianceFromInfinity(const Impl& impl, Vec3f d,
                                     const WavelengthsOf<Color>& wavelengths);
-  // first_place: of d, in the map of the first infinite light, where it has one.
+  // place: of d, in the map of infinite light `located`, where that has one.
   template <typename Color>
   static EnvironmentValueOf<Color> FromInfinity(const Impl& impl, Vec3f p, Vec3f n, Vec3f d,
                                                 const WavelengthsOf<Color>& wavelengths,
-                                                EnvironmentMap::Place first_place);
+                                                uint32_t located, EnvironmentMap::Place place);
   static EnvironmentMap::Place LocateInFirst(const Impl& impl, Vec3f d);
   static Preparation Prepare(const Impl& impl, Vec2f u);
 

@@ -1,31 +1,41 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// What a LightTable holds, shared by the two files that build it and sample it.
+// What a LightTable holds, shared by the files that read it from a scene, build it and sample it.
 #pragma once
 
 #include <cstdint>
 #include <optional>
+#include <variant>
 #include <vector>
 
 #include "worker/render/environment_map.h"
+#include "worker/render/intensity_map.h"
 #include "worker/render/light_choice.h"
 #include "worker/render/light_table.h"
+#include "worker/render/photometric_web.h"
+#include "worker/render/projected_image.h"
 #include "worker/render/spectral_color.h"
 
 namespace sheaf::render {
 
+// Of a goniometric light, as a factor of its intensity.
+using IntensityDistribution = std::variant<IntensityMap, PhotometricWeb>;
+
 // A light without size or at infinity in one direction. Space: render.
 struct DeltaLight {
-  enum class Kind : uint8_t { kPoint, kSpot, kDistant };
+  enum class Kind : uint8_t { kPoint, kSpot, kDistant, kGoniometric, kProjection };
   Kind kind = Kind::kPoint;
-  Vec3d position;              // kPoint, kSpot.
+  Vec3d position;              // All but kDistant.
   Vec3f to_light;              // kDistant: unit, towards the light.
-  Emission emission;           // Intensity; radiance (irradiance on a facing plane) where distant.
+  Emission emission;           // Intensity; radiance (irradiance on a facing plane) where distant;
+                               // what multiplies the picture (grey) of kProjection.
   Vec3f light_from_render[3];  // kSpot: rows of the linear map to the space where the spot shines
-                               // along axis.
-  Vec3f axis;                  // kSpot: unit, in the light's space.
-  float cos_start = 1, cos_end = 1;  // kSpot: falls off smoothly between these cosines.
+                               // along axis. kGoniometric, kProjection: to that of the picture.
+  Vec3f axis;                  // kSpot, kProjection: unit, in the light's space.
+  // kSpot: falls off smoothly between these cosines with axis. kProjection: dark beyond cos_end.
+  float cos_start = 1, cos_end = 1;
+  size_t picture = 0;  // Index in Impl::intensities, or Impl::projected_images.
 };
 
 // One that comes from all directions. Constant where there is no map.
@@ -42,6 +52,8 @@ struct LightTable::Impl {
   std::vector<SphereEmitter> spheres;
   std::vector<DiskEmitter> disks;
   std::vector<DeltaLight> deltas;
+  std::vector<IntensityDistribution> intensities;
+  std::vector<ProjectedImage> projected_images;
   std::vector<InfiniteEmitter> infinites;
   // By Emission::spectrum; empty where only RGB is asked for.
   struct EmissionSpectrum {
@@ -52,6 +64,12 @@ struct LightTable::Impl {
   LightChoice choice;
   bool empty = true;
 
+  // Index of the spectrum.
+  int32_t AddSpectrum(const ScaledSpectrum& spectrum) {
+    spectra.push_back(
+        {SpectralColor::Make(spectrum.color, ColorRole::kIlluminant), spectrum.scale});
+    return static_cast<int32_t>(spectra.size() - 1);
+  }
   // Then every sample comes from that map.
   bool HasOnlyOneMap() const {
     return !empty && first_infinite() == 0 && infinites.size() == 1 && infinites[0].map;
@@ -64,21 +82,14 @@ struct LightTable::Impl {
     const EmissionSpectrum& spectrum = spectra[static_cast<size_t>(emission.spectrum)];
     return spectrum.color.At(wavelengths) * spectrum.scale;
   }
-  // map_radiance: where the light has a map, what that has in the direction asked for.
-  template <typename Color>
-  Color ColorFromInfinity(const InfiniteEmitter& light, Rgb map_radiance,
-                          const WavelengthsOf<Color>& wavelengths) const {
-    if (!light.map) return ColorOfEmission(light.radiance, wavelengths);
-    return ColorOfRgb<Color>(map_radiance * light.scale, ColorRole::kIlluminant, wavelengths);
-  }
   uint32_t first_sphere() const { return static_cast<uint32_t>(triangles.size()); }
   uint32_t first_disk() const { return first_sphere() + static_cast<uint32_t>(spheres.size()); }
   uint32_t first_delta() const { return first_disk() + static_cast<uint32_t>(disks.size()); }
   uint32_t first_infinite() const { return first_delta() + static_cast<uint32_t>(deltas.size()); }
 };
 
-// Share of its emission that a point or spot light sends along the (unit) direction w that leaves
-// it.
-float FalloffAlong(const DeltaLight& light, Vec3f w);
+// Share of its emission that a light without size sends along the (unit) direction w that leaves
+// it. Not of projections, which have a colour.
+float FalloffAlong(const LightTable::Impl& impl, const DeltaLight& light, Vec3f w);
 
 }  // namespace sheaf::render

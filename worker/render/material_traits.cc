@@ -7,6 +7,7 @@
 #include <type_traits>
 #include <variant>
 
+#include "common/scene/spectrum.h"
 #include "worker/render/render_plan.h"
 
 namespace sheaf::render {
@@ -38,20 +39,27 @@ class NeedsCollector {
                           (roughness.u.texture == kNone && roughness.u.value != roughness.v.value);
   }
 
+  // Colours that RGB cannot show call for wavelengths.
+  void ReadReflectance(const ColorInput& input) {
+    Read(input);
+    if (input.texture == kNone && !IsWithinSrgb(input.value, ColorRole::kReflectance)) {
+      needs_.traits |= Bit(Trait::kSpectral);
+    }
+  }
   void ReadMetal(const ConductorMaterial& m) {
     if (m.has_reflectance) {
-      Read(m.reflectance);
+      ReadReflectance(m.reflectance);
     } else {
       Read(m.eta);
       Read(m.k);
     }
   }
 
-  void Add(const DiffuseMaterial& m) { Read(m.reflectance); }
+  void Add(const DiffuseMaterial& m) { ReadReflectance(m.reflectance); }
   void Add(const DiffuseTransmissionMaterial& m) {
     needs_.traits |= Bit(Trait::kSpecularTransmission);
-    Read(m.reflectance);
-    Read(m.transmittance);
+    ReadReflectance(m.reflectance);
+    ReadReflectance(m.transmittance);
   }
   void Add(const ConductorMaterial& m) {
     needs_.traits |= Bit(Trait::kMicrofacet);
@@ -73,7 +81,7 @@ class NeedsCollector {
   void Add(const CoatedDiffuseMaterial& m) {
     needs_.traits |= Bit(Trait::kLayered) | Bit(Trait::kMicrofacet);
     Read(m.roughness);
-    Read(m.reflectance);
+    ReadReflectance(m.reflectance);
     Read(m.albedo);
   }
   void Add(const CoatedConductorMaterial& m) {

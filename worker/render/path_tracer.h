@@ -76,6 +76,12 @@ class PathTracer {
     LightTable::Preparation preparation;
   };
 
+  LightDraw DrawLight(const Sampler& sampler, uint32_t depth) const {
+    LightDraw draw{sampler.Get4(Slot(depth, VertexSlot::kLight)), {}};
+    draw.preparation = scene_.lights->template PrepareSample<kTraits>({draw.u[1], draw.u[2]});
+    return draw;
+  }
+
   // What decides at a surface that may let rays pass: uniform, independent for each pass.
   struct PassChoice {
     float cut_out, mix;
@@ -148,13 +154,14 @@ void PathTracer<kTraits, Tracer>::Trace(const Sampler& sampler, Path* path, Film
   const Vec3f camera_o = path->ray.o;
   bool is_first = true;
   uint32_t passes = 0;
+  // Begun here, the look-up of a light need not be waited for when the surface is known. Most
+  // camera rays meet something, most scattered ones in the open do not.
+  LightDraw draw = DrawLight(sampler, 0);
   for (;;) {
     ++counts_.rays;
     RawHit hit;
     if (!tracer_.Intersect(path->ray, &hit)) return AddEscape(path);
-    // Begun here, the look-up of a light need not be waited for when the surface is known.
-    LightDraw draw{sampler.Get4(Slot(path->depth, VertexSlot::kLight)), {}};
-    draw.preparation = scene_.lights->template PrepareSample<kTraits>({draw.u[1], draw.u[2]});
+    if (path->depth > 0) draw = DrawLight(sampler, path->depth);
     SurfacePoint point = MakeSurfacePoint<kTraits>(scene_.geometry, path->ray, hit);
     const Surface& surface = *point.surface;
     PassChoice choice{};

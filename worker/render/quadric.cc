@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Intersection and parametrisation of spheres and disks in double.
+// Intersection and parametrisation of spheres, cylinders and disks in double.
 #include "worker/render/quadric.h"
 
 #include <algorithm>
@@ -22,18 +22,24 @@ double AzimuthOf(double x, double y) {
 }
 
 bool OnPart(const Quadric& q, Vec3d p) {
-  if (q.kind == Quadric::Kind::kSphere) {
-    if (p.z < q.z_min || p.z > q.z_max) return false;
-  } else if (p.x * p.x + p.y * p.y < q.inner_radius * q.inner_radius) {
+  if (q.kind == Quadric::Kind::kDisk) {
+    if (p.x * p.x + p.y * p.y < q.inner_radius * q.inner_radius) return false;
+  } else if (p.z < q.z_min || p.z > q.z_max) {
     return false;
   }
   return q.phi_max >= kTwoPi || AzimuthOf(p.x, p.y) <= q.phi_max;
 }
 
-std::optional<double> IntersectSphere(const Quadric& q, Vec3d o, Vec3d d, double t_max) {
+// Spheres, and cylinders: circles to a ray that is seen along the axis, without z.
+template <Quadric::Kind kKind>
+std::optional<double> IntersectRound(const Quadric& q, Vec3d object_o, Vec3d object_d,
+                                     double t_max) {
+  Vec3d o = object_o, d = object_d;
+  if constexpr (kKind == Quadric::Kind::kCylinder) o.z = d.z = 0;
   const double dd = LengthSquared(d);
   const double od = -Dot(o, d);
-  // Perpendicular from the centre to the line; its length decides, not b^2 - 4ac.
+  // Perpendicular from the centre to the line; its length decides, not b^2 - 4ac. Rays along a
+  // cylinder's axis have none.
   const Vec3d foot = o + d * (od / dd);
   const double below = q.radius * q.radius - LengthSquared(foot);
   if (!(below >= 0)) return std::nullopt;
@@ -45,7 +51,7 @@ std::optional<double> IntersectSphere(const Quadric& q, Vec3d o, Vec3d d, double
   double t0 = sum != 0 ? c / sum : 0, t1 = sum / dd;
   if (t0 > t1) std::swap(t0, t1);
   for (const double t : {t0, t1}) {
-    if (t > 0 && t < t_max && (!q.is_partial || OnPart(q, o + d * t))) return t;
+    if (t > 0 && t < t_max && (!q.is_partial || OnPart(q, object_o + object_d * t))) return t;
   }
   return std::nullopt;
 }
@@ -85,12 +91,27 @@ QuadricParameters DiskParameters(const Quadric& q, Vec3d p) {
           Vec3d{cos_phi, sin_phi, 0} * -ring};
 }
 
+QuadricParameters CylinderParameters(const Quadric& q, Vec3d p) {
+  const double height = q.z_max - q.z_min;
+  return {{static_cast<float>(AzimuthOf(p.x, p.y) / q.phi_max),
+           static_cast<float>((p.z - q.z_min) / height)},
+          Vec3d{-p.y, p.x, 0} * q.phi_max,
+          Vec3d{0, 0, height}};
+}
+
 }  // namespace
 
 std::optional<double> IntersectQuadric(const Quadric& q, Vec3d o, Vec3d d, double t_max) {
   const Vec3d object_o = q.object_from_target.Point(o), object_d = q.object_from_target.Vector(d);
-  return q.kind == Quadric::Kind::kSphere ? IntersectSphere(q, object_o, object_d, t_max)
-                                          : IntersectDisk(q, object_o, object_d, t_max);
+  switch (q.kind) {
+    case Quadric::Kind::kSphere:
+      return IntersectRound<Quadric::Kind::kSphere>(q, object_o, object_d, t_max);
+    case Quadric::Kind::kCylinder:
+      return IntersectRound<Quadric::Kind::kCylinder>(q, object_o, object_d, t_max);
+    case Quadric::Kind::kDisk:
+      break;
+  }
+  return IntersectDisk(q, object_o, object_d, t_max);
 }
 
 QuadricPoint QuadricPointAt(const Quadric& q, Vec3d o, Vec3d d, double t) {
@@ -99,6 +120,9 @@ QuadricPoint QuadricPointAt(const Quadric& q, Vec3d o, Vec3d d, double t) {
   if (q.kind == Quadric::Kind::kSphere) {
     p = p * (q.radius / Length(p));
     n = p;
+  } else if (q.kind == Quadric::Kind::kCylinder) {
+    n = Normalize(Vec3d{p.x, p.y, 0});
+    p = {n.x * q.radius, n.y * q.radius, std::clamp(p.z, q.z_min, q.z_max)};
   } else {
     p.z = q.z_min;
   }
@@ -106,8 +130,18 @@ QuadricPoint QuadricPointAt(const Quadric& q, Vec3d o, Vec3d d, double t) {
 }
 
 QuadricParameters QuadricParametersAt(const Quadric& q, Vec3d p_object) {
-  QuadricParameters parameters = q.kind == Quadric::Kind::kSphere ? SphereParameters(q, p_object)
-                                                                  : DiskParameters(q, p_object);
+  QuadricParameters parameters;
+  switch (q.kind) {
+    case Quadric::Kind::kSphere:
+      parameters = SphereParameters(q, p_object);
+      break;
+    case Quadric::Kind::kDisk:
+      parameters = DiskParameters(q, p_object);
+      break;
+    case Quadric::Kind::kCylinder:
+      parameters = CylinderParameters(q, p_object);
+      break;
+  }
   parameters.dpdu = q.target_from_object.Vector(parameters.dpdu);
   parameters.dpdv = q.target_from_object.Vector(parameters.dpdv);
   return parameters;
@@ -116,16 +150,30 @@ QuadricParameters QuadricParametersAt(const Quadric& q, Vec3d p_object) {
 std::array<Vec3f, 2> QuadricBounds(const Quadric& q) {
   const Affine& m = q.target_from_object;
   const bool is_sphere = q.kind == Quadric::Kind::kSphere;
-  const Vec3d center = is_sphere ? m.offset : m.Point({0, 0, q.z_min});
+  // Spheres have one centre; cylinders are between two circles, disks within one.
+  const Vec3d low = is_sphere ? m.offset : m.Point({0, 0, q.z_min});
+  const Vec3d high = is_sphere ? m.offset : m.Point({0, 0, q.z_max});
   std::array<Vec3f, 2> bounds;
   for (size_t i = 0; i < 3; ++i) {
     // Support of the image of the whole ball (or circle) along axis i.
     const double z = is_sphere ? m.z[i] : 0;
     const double extent = q.radius * std::sqrt(m.x[i] * m.x[i] + m.y[i] * m.y[i] + z * z);
-    bounds[0][i] = NextDown(static_cast<float>(center[i] - extent));
-    bounds[1][i] = NextUp(static_cast<float>(center[i] + extent));
+    bounds[0][i] = NextDown(static_cast<float>(std::min(low[i], high[i]) - extent));
+    bounds[1][i] = NextUp(static_cast<float>(std::max(low[i], high[i]) + extent));
   }
   return bounds;
+}
+
+Vec3f QuadricCoordinateMax(const Quadric& q, const std::array<Vec3f, 2>& bounds) {
+  Vec3f largest;
+  for (size_t i = 0; i < 3; ++i) {
+    // An end far up the axis may be brought back by the offset: large numbers that nearly cancel.
+    const double z =
+        std::fabs(q.target_from_object.z[i]) * std::max(std::fabs(q.z_min), std::fabs(q.z_max));
+    const auto way = static_cast<float>(std::max(z, std::fabs(q.target_from_object.offset[i])));
+    largest[i] = std::max(way, std::max(std::fabs(bounds[0][i]), std::fabs(bounds[1][i])));
+  }
+  return largest;
 }
 
 namespace {
@@ -156,6 +204,17 @@ Quadric MakeQuadric(const DiskShape& disk) {
   q.inner_radius = disk.inner_radius;
   q.phi_max = PhiMax(disk.phi_max_degrees);
   q.is_partial = disk.inner_radius > 0 || disk.phi_max_degrees < 360;
+  return q;
+}
+
+Quadric MakeQuadric(const CylinderShape& cylinder) {
+  Quadric q;
+  q.kind = Quadric::Kind::kCylinder;
+  q.radius = cylinder.radius;
+  q.z_min = std::min(cylinder.z_min, cylinder.z_max);
+  q.z_max = std::max(cylinder.z_min, cylinder.z_max);
+  q.phi_max = PhiMax(cylinder.phi_max_degrees);
+  q.is_partial = true;  // It ends somewhere.
   return q;
 }
 

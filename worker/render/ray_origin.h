@@ -22,8 +22,8 @@ constexpr float Gamma(int n) {
   return static_cast<float>(n) * kHalfUlp / (1 - static_cast<float>(n) * kHalfUlp);
 }
 
-// Names a primitive of the scene: a triangle of a mesh, or a quadric, of the world or a placed
-// group.
+// Names a primitive of the scene: a triangle of a mesh, a quadric or a patch, of the world or a
+// placed group.
 struct PrimitiveId {
   uint32_t geometry = ~0u, primitive = ~0u, placed = ~0u;
   friend constexpr bool operator==(const PrimitiveId&, const PrimitiveId&) = default;

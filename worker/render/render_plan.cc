@@ -10,6 +10,9 @@
 #include <variant>
 
 #include "absl/strings/str_cat.h"
+#include "common/scene/spectrum.h"
+#include "worker/render/bilinear_patch.h"
+#include "worker/render/light_choice.h"
 #include "worker/render/material_traits.h"
 #include "worker/render/variants.h"
 
@@ -32,7 +35,7 @@ constexpr TraitName kTraitNames[] = {
     {Trait::kMicrofacet, "microfacets"},
     {Trait::kAlpha, "cut-outs and mixes"},
     {Trait::kInstances, "instances"},
-    {Trait::kQuadrics, "spheres and disks"},
+    {Trait::kQuadrics, "curved shapes"},
     {Trait::kSpectral, "wavelengths"},
 };
 
@@ -45,6 +48,7 @@ class PlanMaker {
     for (const int32_t shape : scene_.world_shapes) LookAtShape(scene_.shapes[shape], true);
     LookAtInstances();
     for (const LightDescription& light : scene_.lights) LookAtLight(light);
+    light_count_ += scene_.lights.size();
     Cause& wavelengths = causes_[TraitIndex(Trait::kSpectral)];
     if (settings.color == ColorTransport::kSpectral) {
       wavelengths = {"asked for: spectral color", 1};
@@ -91,16 +95,37 @@ class PlanMaker {
       Ask(Trait::kQuadrics, shape.location, "Shape \"sphere\"");
     } else if (std::holds_alternative<DiskShape>(shape.shape)) {
       Ask(Trait::kQuadrics, shape.location, "Shape \"disk\"");
+    } else if (std::holds_alternative<CylinderShape>(shape.shape)) {
+      Ask(Trait::kQuadrics, shape.location, "Shape \"cylinder\"");
+    } else if (const auto* patches = std::get_if<BilinearMeshShape>(&shape.shape)) {
+      if (!IsTriangles(scene_.bilinear_meshes[patches->mesh], shape.area_light != kNone)) {
+        Ask(Trait::kQuadrics, shape.location, "Shape \"bilinearmesh\"");
+      }
     }
     if (shape.area_light != kNone) {
       Ask(Trait::kAreaLights, scene_.area_lights[shape.area_light].location,
           "AreaLightSource \"diffuse\"");
+      const AreaLightDescription& light = scene_.area_lights[shape.area_light];
+      const bool is_new = area_lights_seen_.insert(shape.area_light).second;
+      if (is_new) LookAtEmission(light.radiance, light.location);
+      // Those of objects do not emit.
+      if (in_world) light_count_ += CountFaces(shape);
     }
     if (shape.has_alpha) {
       Ask(Trait::kAlpha, shape.location, "Shape \"alpha\"");
       if (shape.alpha.texture != kNone) LookAtTexture(shape.alpha.texture);
     }
     LookAtMaterial(shape.material);
+  }
+
+  void LookAtEmission(const ColorSpec& color, SourceLocation location) {
+    if (IsWithinSrgb(color, ColorRole::kIlluminant)) return;
+    Ask(Trait::kSpectral, location, "the light's color lies outside of sRGB");
+  }
+
+  size_t CountFaces(const ShapeDescription& shape) const {
+    const auto* mesh = std::get_if<MeshShape>(&shape.shape);
+    return mesh == nullptr ? 1 : scene_.meshes[mesh->mesh].indices.size() / 3;
   }
 
   void LookAtTexture(int32_t texture) {
@@ -137,19 +162,29 @@ class PlanMaker {
   }
 
   void LookAtLight(const LightDescription& light) {
-    if (std::holds_alternative<InfiniteLight>(light.light)) {
+    if (const auto* infinite = std::get_if<InfiniteLight>(&light.light)) {
       Ask(Trait::kEnvironment, light.location, "LightSource \"infinite\"");
-    } else if (std::holds_alternative<DistantLight>(light.light)) {
+      if (infinite->file.empty()) LookAtEmission(infinite->radiance, light.location);
+    } else if (const auto* distant = std::get_if<DistantLight>(&light.light)) {
       Ask(Trait::kDeltaLights, light.location, "LightSource \"distant\"");
-    } else if (std::holds_alternative<PointLight>(light.light)) {
+      LookAtEmission(distant->radiance, light.location);
+    } else if (const auto* point = std::get_if<PointLight>(&light.light)) {
       Ask(Trait::kDeltaLights, light.location, "LightSource \"point\"");
-    } else {
+      LookAtEmission(point->intensity, light.location);
+    } else if (const auto* spot = std::get_if<SpotLight>(&light.light)) {
       Ask(Trait::kDeltaLights, light.location, "LightSource \"spot\"");
+      LookAtEmission(spot->intensity, light.location);
+    } else if (const auto* goniometric = std::get_if<GoniometricLight>(&light.light)) {
+      Ask(Trait::kDeltaLights, light.location, "LightSource \"goniometric\"");
+      LookAtEmission(goniometric->intensity, light.location);
+    } else {
+      Ask(Trait::kDeltaLights, light.location, "LightSource \"projection\"");
     }
   }
 
   RenderPlan Finish(bool force_generic) const {
     RenderPlan plan;
+    plan.light_count = light_count_;
     for (size_t i = 0; i < std::size(kTraitNames); ++i) {
       const TraitName& t = kTraitNames[i];
       if (causes_[i].count == 0) {
@@ -169,7 +204,8 @@ class PlanMaker {
 
   const SceneDescription& scene_;
   std::array<Cause, std::size(kTraitNames)> causes_;
-  std::set<int32_t> materials_seen_;
+  std::set<int32_t> materials_seen_, area_lights_seen_;
+  size_t light_count_ = 0;
 };
 
 std::string JoinNames(const std::vector<std::string>& names) {
@@ -193,6 +229,9 @@ std::string FormatRenderPlan(const RenderPlan& plan) {
                     effect.cause, "\n");
   }
   if (!plan.unused.empty()) absl::StrAppend(&text, "not used: ", JoinNames(plan.unused), "\n");
+  absl::StrAppend(&text, "lights: ", plan.light_count,
+                  plan.light_count > kLightsWeighedMax ? ", chosen by a hierarchy\n"
+                                                       : ", each weighed at every point\n");
   std::vector<std::string> carried;
   for (const TraitName& t : kTraitNames) {
     const auto bit = static_cast<uint32_t>(t.trait);

@@ -20,14 +20,14 @@ enum class Trait : uint32_t {
   kLens = 1u << 1,                  // Lens radius > 0.
   kTextures = 1u << 2,              // Image textures or procedural ones.
   kEnvironment = 1u << 3,           // Infinite lights.
-  kDeltaLights = 1u << 4,           // Point, spot, distant lights.
+  kDeltaLights = 1u << 4,           // Lights without size.
   kAreaLights = 1u << 5,            // Emissive shapes.
   kSpecularTransmission = 1u << 6,  // Dielectrics, diffuse transmission.
   kLayered = 1u << 7,               // Coated materials.
   kMicrofacet = 1u << 8,            // Rough or smooth conductors, rough coats.
   kAlpha = 1u << 9,                 // Cut-outs, interfaces, stochastic mixes.
   kInstances = 1u << 10,            // Object instances.
-  kQuadrics = 1u << 11,             // Exact spheres and disks.
+  kQuadrics = 1u << 11,             // Shapes met in double: quadrics, bilinear patches.
   kSpectral = 1u << 12,             // Four wavelengths a path instead of RGB.
 };
 
@@ -40,12 +40,13 @@ struct RenderPlan {
   uint32_t traits = 0;          // The scene's.
   uint32_t variant_traits = 0;  // Of the compiled variant: a superset of traits.
   std::string variant_name;
+  size_t light_count = 0;              // Of emissive triangles, spheres, disks and other lights.
   std::vector<PlannedEffect> effects;  // In the order of Trait.
   std::vector<std::string> unused;     // Names of the effects that cost nothing here.
 };
 
 RenderPlan MakeRenderPlan(const SceneDescription& scene, const FrameSettings& settings);
-// The plan as people read it: one line an effect, then the variant.
+// The plan as people read it: one line an effect, then the lights and the variant.
 std::string FormatRenderPlan(const RenderPlan& plan);
 
 }  // namespace sheaf::render

@@ -14,6 +14,7 @@
 #include "common/scene/scene_description.h"
 #include "worker/render/affine.h"
 #include "worker/render/animated_transform.h"
+#include "worker/render/bilinear_patch.h"
 #include "worker/render/light_table.h"
 #include "worker/render/quadric.h"
 
@@ -44,13 +45,37 @@ struct BakedQuadric {
   Surface surface;
   Quadric quadric;
 };
+// Bilinear patches of one shape. Their corners are rounded to float like vertices, so that what
+// shares corners in the file shares them here.
+struct BakedPatches {
+  Surface surface;
+  std::vector<Vec3f> positions;
+  std::vector<Vec3f> normals;     // Unit length, or empty.
+  std::vector<Vec2f> uvs;         // Or empty: u and v themselves.
+  std::vector<uint32_t> indices;  // Four per patch; patches without area are gone.
+
+  size_t size() const { return indices.size() / 4; }
+  BilinearPatch PatchAt(size_t i) const {
+    const uint32_t* k = &indices[4 * i];
+    return {ToDouble(positions[k[0]]), ToDouble(positions[k[1]]), ToDouble(positions[k[2]]),
+            ToDouble(positions[k[3]])};
+  }
+};
 // What is traced as one acceleration structure: the world, or one object definition.
 struct GeometryGroup {
   std::vector<BakedMesh> meshes;
   std::vector<BakedQuadric> quadrics;
+  std::vector<BakedPatches> patches;
   Vec3d center;  // Of its own space, in the space of the shapes' transforms.
   Vec3f bounds_lower, bounds_upper;
   double radius = 0;  // Of the ball about `center` that holds everything.
+
+  bool empty() const { return meshes.empty() && quadrics.empty() && patches.empty(); }
+  // PrimitiveId::geometry of hits: the index of a mesh; then all quadrics; then each of `patches`.
+  uint32_t QuadricsId() const { return static_cast<uint32_t>(meshes.size()); }
+  uint32_t PatchesId(size_t index) const {
+    return static_cast<uint32_t>(meshes.size() + 1 + index);
+  }
 };
 struct PlacedGroup {
   uint32_t group = 0;
@@ -108,10 +133,11 @@ struct BakedScene {
 };
 
 // Bakes the scene's shapes and collects the emissive ones. Takes the mesh buffers out of `scene`
-// (scene->meshes is empty afterwards); a mesh that one shape uses is not copied.
-// Errors: kInvalidArgument with the location of the shape: a singular transform, coordinates that
-// leave the range of float, an emissive shape that moves, is instanced, or is a partial or
-// non-uniformly scaled sphere or disk.
+// (scene->meshes and bilinear_meshes are empty afterwards); a mesh that one shape uses is not
+// copied. Errors: kInvalidArgument with the location of the shape: a singular transform,
+// coordinates that leave the range of float, an emissive shape that moves, is instanced, or is a
+// partial or non-uniformly scaled sphere or disk, a cylinder, or a bilinear mesh not all of
+// parallelograms.
 absl::StatusOr<BakedScene> BakeScene(SceneDescription* scene);
 
 }  // namespace sheaf::render

@@ -2,8 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // SurfacePoint: everything shading wants to know of a hit. The point is put back onto its triangle
-// (or quadric) in double from the surface's own description, so its error is that of one rounding
-// to float, however far the ray came from. Source: pbrt-v4, sec. 6.8.
+// (quadric, patch) in double from the surface's own description, so its error is that of one
+// rounding to float, however far the ray came from. Source: pbrt-v4, sec. 6.8.
 #pragma once
 
 #include <cmath>
@@ -113,6 +113,62 @@ inline GroupPoint PointOnQuadric(const BakedQuadric& baked, Vec3d o, Vec3d d, do
   return point;
 }
 
+// Values at a patch's corners, as the patch of their own that they span.
+inline BilinearPatch PatchNormals(const BakedPatches& baked, const uint32_t* k) {
+  return {ToDouble(baked.normals[k[0]]), ToDouble(baked.normals[k[1]]),
+          ToDouble(baked.normals[k[2]]), ToDouble(baked.normals[k[3]])};
+}
+inline BilinearPatch PatchUvs(const BakedPatches& baked, const uint32_t* k) {
+  const auto at = [&](size_t c) { return Vec3d{baked.uvs[k[c]].x, baked.uvs[k[c]].y, 0}; };
+  return {at(0), at(1), at(2), at(3)};
+}
+
+inline void AddPatchParameters(const BakedPatches& baked, const uint32_t* k,
+                               const BilinearPatch& patch, double u, double v, GroupPoint* point) {
+  const Vec3d dpdu = patch.DpduAt(v), dpdv = patch.DpdvAt(u);
+  if (baked.uvs.empty()) {
+    point->uv = {static_cast<float>(u), static_cast<float>(v)};
+    point->dpdu = dpdu;
+    point->dpdv = dpdv;
+    point->has_tangents = true;
+    return;
+  }
+  const BilinearPatch uvs = PatchUvs(baked, k);
+  const Vec3d uv = uvs.PointAt(u, v), by_u = uvs.DpduAt(v), by_v = uvs.DpdvAt(u);
+  point->uv = {static_cast<float>(uv.x), static_cast<float>(uv.y)};
+  const double determinant = by_u.x * by_v.y - by_v.x * by_u.y;
+  if (determinant == 0) return;
+  point->dpdu = (dpdu * by_v.y - dpdv * by_u.y) * (1 / determinant);
+  point->dpdv = (dpdv * by_u.x - dpdu * by_v.x) * (1 / determinant);
+  point->has_tangents = true;
+}
+
+inline GroupPoint PointOnPatch(const BakedPatches& baked, const RawHit& hit,
+                               bool wants_parameters) {
+  const BilinearPatch patch = baked.PatchAt(hit.id.primitive);
+  const uint32_t* k = &baked.indices[4 * static_cast<size_t>(hit.id.primitive)];
+  const double u = static_cast<double>(hit.u), v = static_cast<double>(hit.v);
+  GroupPoint point;
+  point.p = patch.PointAt(u, v);
+  for (size_t i = 0; i < 3; ++i) {
+    point.coordinate_max[i] = std::fmax(
+        std::fmax(std::fabs(baked.positions[k[0]][i]), std::fabs(baked.positions[k[1]][i])),
+        std::fmax(std::fabs(baked.positions[k[2]][i]), std::fabs(baked.positions[k[3]][i])));
+  }
+  const Vec3d n = Normalize(patch.NormalAt(u, v));
+  point.ng = baked.surface.flips_normal ? -n : n;
+  point.ns = point.ng;
+  if (!baked.normals.empty()) {
+    const Vec3d ns = PatchNormals(baked, k).PointAt(u, v);
+    // Vertex normals say which side is the front (as in pbrt-v4).
+    const double side = Dot(ns, point.ng);
+    if (side < 0) point.ng = -point.ng;
+    point.ns = side != 0 ? ns : point.ng;
+  }
+  if (wants_parameters) AddPatchParameters(baked, k, patch, u, v, &point);
+  return point;
+}
+
 // Brings the point from its group to render space. The next ray is rounded to float in the group's
 // space again, so the bound holds that rounding too, carried over.
 inline void PlacePoint(const Affine& render_from_group, const Affine& group_from_render,
@@ -172,7 +228,12 @@ SurfacePoint MakeSurfacePoint(const SceneGeometry& geometry, const Ray& ray, con
     render_from_group = RenderFromGroupAt(geometry, *placed, ray.time);
     group_from_render = GroupFromRenderAt(geometry, *placed, ray.time);
   }
-  if (Has(kTraits, Trait::kQuadrics) && hit.id.geometry == group.meshes.size()) {
+  if (Has(kTraits, Trait::kQuadrics) && hit.id.geometry > group.QuadricsId()) {
+    const BakedPatches& baked = group.patches[hit.id.geometry - group.PatchesId(0)];
+    point.surface = &baked.surface;
+    on = internal::PointOnPatch(baked, hit,
+                                baked.surface.needs_tangent || baked.surface.reads_textures);
+  } else if (Has(kTraits, Trait::kQuadrics) && hit.id.geometry == group.QuadricsId()) {
     const BakedQuadric& baked = group.quadrics[hit.id.primitive];
     point.surface = &baked.surface;
     point.emitter = baked.surface.emitter;

@@ -1,0 +1,240 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// The callbacks. With one ray at a time, Embree's N-wide records have the layout of the single
+// ones.
+#include "worker/render/embree_callbacks.h"
+
+#include <array>
+#include <cmath>
+#include <limits>
+#include <optional>
+
+#include "common/base/check.h"
+#include "worker/render/bilinear_patch.h"
+#include "worker/render/needle.h"
+
+namespace sheaf::render {
+namespace {
+
+Vec3d Origin(const RTCRay& r) { return {r.org_x, r.org_y, r.org_z}; }
+Vec3d Direction(const RTCRay& r) { return {r.dir_x, r.dir_y, r.dir_z}; }
+
+const SourceContext& ContextOf(const QueryContext* context) {
+  return *reinterpret_cast<const SourceContext*>(context);
+}
+bool IsSource(const RTCHit& hit, const SourceContext& context) {
+  return PrimitiveId{hit.geomID, hit.primID, context.here} == context.source;
+}
+
+// Refuses hits of the triangle that a ray leaves.
+void SkipSource(const RTCFilterFunctionNArguments* args) {
+  if (IsSource(*reinterpret_cast<const RTCHit*>(args->hit), ContextOf(args->context))) {
+    args->valid[0] = 0;
+  }
+}
+// While filters run, the ray ends at the hit they judge.
+void SkipSourceAndNote(const RTCFilterFunctionNArguments* args) {
+  SkipSource(args);
+  if (args->valid[0] == 0) return;
+  ContextOf(args->context).nearest = reinterpret_cast<const RTCRay*>(args->ray)->tfar;
+}
+// Sets a hit to where it is in double, or refuses it. A filter may move a hit back as well, as far
+// as the last one accepted.
+void TestAgain(const RTCFilterFunctionNArguments* args) {
+  SkipSource(args);
+  if (args->valid[0] == 0) return;
+  const SourceContext& context = ContextOf(args->context);
+  const auto& mesh = *static_cast<const BakedMesh*>(args->geometryUserPtr);
+  auto* ray = reinterpret_cast<RTCRay*>(args->ray);
+  auto* hit = reinterpret_cast<RTCHit*>(args->hit);
+  const uint32_t* t = &mesh.indices[3 * static_cast<size_t>(hit->primID)];
+  const std::optional<TriangleHit> met =
+      MeetTriangle(Origin(*ray), Direction(*ray),
+                   {ToDouble(mesh.positions[t[0]]), ToDouble(mesh.positions[t[1]]),
+                    ToDouble(mesh.positions[t[2]])});
+  const float distance = met.has_value() ? static_cast<float>(met->t) : 0;
+  if (!(distance > 0 && distance <= context.nearest)) {
+    args->valid[0] = 0;
+    return;
+  }
+  context.nearest = ray->tfar = distance;
+  hit->u = static_cast<float>(met->u);
+  hit->v = static_cast<float>(met->v);
+}
+
+void SetBounds(RTCBounds* out, Vec3f lower, Vec3f upper) {
+  out->lower_x = lower.x;
+  out->lower_y = lower.y;
+  out->lower_z = lower.z;
+  out->upper_x = upper.x;
+  out->upper_y = upper.y;
+  out->upper_z = upper.z;
+}
+
+void BoundQuadric(const RTCBoundsFunctionArguments* args) {
+  const auto& list = *static_cast<const QuadricList*>(args->geometryUserPtr);
+  const std::array<Vec3f, 2> bounds = QuadricBounds((*list.quadrics)[args->primID].quadric);
+  SetBounds(args->bounds_o, bounds[0], bounds[1]);
+}
+// Records the hit of a shape met in double.
+void Accept(const SourceContext& context, PrimitiveId id, double t, float u, float v,
+            RTCRayHit* ray_hit) {
+  context.nearest = ray_hit->ray.tfar = static_cast<float>(t);
+  ray_hit->hit.u = u;
+  ray_hit->hit.v = v;
+  ray_hit->hit.primID = id.primitive;
+  ray_hit->hit.geomID = id.geometry;
+  ray_hit->hit.instID[0] = kNotPlaced;
+}
+void IntersectQuadricList(const RTCIntersectFunctionNArguments* args) {
+  SHEAF_DCHECK(args->N == 1);
+  if (args->valid[0] == 0) return;
+  const auto& list = *static_cast<const QuadricList*>(args->geometryUserPtr);
+  auto* ray_hit = reinterpret_cast<RTCRayHit*>(args->rayhit);
+  const Quadric& quadric = (*list.quadrics)[args->primID].quadric;
+  const std::optional<double> t =
+      IntersectQuadric(quadric, Origin(ray_hit->ray), Direction(ray_hit->ray), ray_hit->ray.tfar);
+  if (!t.has_value()) return;
+  Accept(ContextOf(args->context), {list.geometry, args->primID}, *t, 0, 0, ray_hit);
+}
+void OccludeQuadricList(const RTCOccludedFunctionNArguments* args) {
+  SHEAF_DCHECK(args->N == 1);
+  if (args->valid[0] == 0) return;
+  const auto& list = *static_cast<const QuadricList*>(args->geometryUserPtr);
+  auto* ray = reinterpret_cast<RTCRay*>(args->ray);
+  const Quadric& quadric = (*list.quadrics)[args->primID].quadric;
+  if (IntersectQuadric(quadric, Origin(*ray), Direction(*ray), ray->tfar).has_value()) {
+    ray->tfar = -std::numeric_limits<float>::infinity();
+  }
+}
+
+void BoundPatch(const RTCBoundsFunctionArguments* args) {
+  const auto& list = *static_cast<const PatchList*>(args->geometryUserPtr);
+  const std::array<Vec3f, 2> bounds = PatchBounds(list.patches->PatchAt(args->primID));
+  SetBounds(args->bounds_o, bounds[0], bounds[1]);
+}
+// A flat patch is not met again by a ray that leaves it; a curved one may be.
+std::optional<PatchHit> MeetPatch(const PatchList& list, uint32_t index, const RTCRay& ray,
+                                  const SourceContext& context) {
+  const BilinearPatch patch = list.patches->PatchAt(index);
+  const bool is_source = PrimitiveId{list.geometry, index, context.here} == context.source;
+  if (is_source && patch.IsFlat()) return std::nullopt;
+  return IntersectPatch(patch, Origin(ray), Direction(ray), ray.tfar);
+}
+void IntersectPatchList(const RTCIntersectFunctionNArguments* args) {
+  SHEAF_DCHECK(args->N == 1);
+  if (args->valid[0] == 0) return;
+  const auto& list = *static_cast<const PatchList*>(args->geometryUserPtr);
+  auto* ray_hit = reinterpret_cast<RTCRayHit*>(args->rayhit);
+  const SourceContext& context = ContextOf(args->context);
+  const std::optional<PatchHit> hit = MeetPatch(list, args->primID, ray_hit->ray, context);
+  if (!hit.has_value()) return;
+  Accept(context, {list.geometry, args->primID}, hit->t, static_cast<float>(hit->u),
+         static_cast<float>(hit->v), ray_hit);
+}
+void OccludePatchList(const RTCOccludedFunctionNArguments* args) {
+  SHEAF_DCHECK(args->N == 1);
+  if (args->valid[0] == 0) return;
+  const auto& list = *static_cast<const PatchList*>(args->geometryUserPtr);
+  auto* ray = reinterpret_cast<RTCRay*>(args->ray);
+  if (MeetPatch(list, args->primID, *ray, ContextOf(args->context)).has_value()) {
+    ray->tfar = -std::numeric_limits<float>::infinity();
+  }
+}
+
+void BoundPlaced(const RTCBoundsFunctionArguments* args) {
+  const auto& list = *static_cast<const PlacedList*>(args->geometryUserPtr);
+  const PlacedGroup& placed = (*list.placed)[args->primID];
+  const PlacedBounds bounds = placed.motion == kNone
+                                  ? BoundsOfStill(*list.geometry, placed)
+                                  : BoundsOfMoving(*list.geometry, placed, args->timeStep);
+  SetBounds(args->bounds_o, bounds.lower, bounds.upper);
+}
+// The ray in the space of the group. The direction keeps its length's meaning, so t stays the same.
+RTCRay RayInGroup(const PlacedList& list, const PlacedGroup& placed, const RTCRay& ray) {
+  const Affine group_from_render = GroupFromRenderAt(*list.geometry, placed, ray.time);
+  RTCRay inner = ray;
+  const Vec3f o = ToFloat(group_from_render.Point(Origin(ray)));
+  const Vec3f d = ToFloat(group_from_render.Vector(Direction(ray)));
+  inner.org_x = o.x;
+  inner.org_y = o.y;
+  inner.org_z = o.z;
+  inner.dir_x = d.x;
+  inner.dir_y = d.y;
+  inner.dir_z = d.z;
+  return inner;
+}
+void IntersectPlacedList(const RTCIntersectFunctionNArguments* args) {
+  SHEAF_DCHECK(args->N == 1);
+  if (args->valid[0] == 0) return;
+  const auto& list = *static_cast<const PlacedList*>(args->geometryUserPtr);
+  auto* outer = reinterpret_cast<RTCRayHit*>(args->rayhit);
+  const PlacedGroup& placed = (*list.placed)[args->primID];
+  RTCRayHit inner;
+  inner.ray = RayInGroup(list, placed, outer->ray);
+  ClearHit(&inner.hit);
+  const SourceContext& outside = ContextOf(args->context);
+  SourceContext context(outside.source, outer->ray.tfar, list.first + args->primID);
+  TraceNearest((*list.scenes)[placed.group], &context, &inner);
+  if (inner.hit.geomID == RTC_INVALID_GEOMETRY_ID) return;
+  outside.nearest = outer->ray.tfar = inner.ray.tfar;
+  outer->hit = inner.hit;
+  outer->hit.instID[0] = list.first + args->primID;
+}
+void OccludePlacedList(const RTCOccludedFunctionNArguments* args) {
+  SHEAF_DCHECK(args->N == 1);
+  if (args->valid[0] == 0) return;
+  const auto& list = *static_cast<const PlacedList*>(args->geometryUserPtr);
+  auto* outer = reinterpret_cast<RTCRay*>(args->ray);
+  const PlacedGroup& placed = (*list.placed)[args->primID];
+  RTCRay inner = RayInGroup(list, placed, *outer);
+  SourceContext context(ContextOf(args->context).source, outer->tfar, list.first + args->primID);
+  TraceAny((*list.scenes)[placed.group], &context, &inner);
+  if (inner.tfar < 0) outer->tfar = -std::numeric_limits<float>::infinity();
+}
+
+}  // namespace
+
+void FilterSource(RTCGeometry triangles) {
+  rtcSetGeometryIntersectFilterFunction(triangles, SkipSource);
+  rtcSetGeometryOccludedFilterFunction(triangles, SkipSource);
+}
+
+void FilterAmongNeedles(RTCGeometry triangles, const BakedMesh& mesh, bool has_needles) {
+  if (!has_needles) {
+    rtcSetGeometryIntersectFilterFunction(triangles, SkipSourceAndNote);
+    rtcSetGeometryOccludedFilterFunction(triangles, SkipSource);
+    return;
+  }
+  rtcSetGeometryUserData(triangles, const_cast<BakedMesh*>(&mesh));
+  rtcSetGeometryIntersectFilterFunction(triangles, TestAgain);
+  rtcSetGeometryOccludedFilterFunction(triangles, TestAgain);
+}
+
+void SetQuadrics(RTCGeometry user, QuadricList* list) {
+  rtcSetGeometryUserPrimitiveCount(user, static_cast<unsigned>(list->quadrics->size()));
+  rtcSetGeometryUserData(user, list);
+  rtcSetGeometryBoundsFunction(user, BoundQuadric, nullptr);
+  rtcSetGeometryIntersectFunction(user, IntersectQuadricList);
+  rtcSetGeometryOccludedFunction(user, OccludeQuadricList);
+}
+
+void SetPatches(RTCGeometry user, PatchList* list) {
+  rtcSetGeometryUserPrimitiveCount(user, static_cast<unsigned>(list->patches->size()));
+  rtcSetGeometryUserData(user, list);
+  rtcSetGeometryBoundsFunction(user, BoundPatch, nullptr);
+  rtcSetGeometryIntersectFunction(user, IntersectPatchList);
+  rtcSetGeometryOccludedFunction(user, OccludePatchList);
+}
+
+void SetPlaced(RTCGeometry user, PlacedList* list) {
+  rtcSetGeometryUserPrimitiveCount(user, static_cast<unsigned>(list->placed->size()));
+  if (list->placed->front().motion != kNone) rtcSetGeometryTimeStepCount(user, kMotionStepCount);
+  rtcSetGeometryUserData(user, list);
+  rtcSetGeometryBoundsFunction(user, BoundPlaced, nullptr);
+  rtcSetGeometryIntersectFunction(user, IntersectPlacedList);
+  rtcSetGeometryOccludedFunction(user, OccludePlacedList);
+}
+
+}  // namespace sheaf::render

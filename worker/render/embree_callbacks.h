@@ -1,0 +1,42 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// What Embree calls back while it traces: filters of triangle hits, and quadrics, patches and
+// placed groups as user geometry. Each sets up a geometry that has yet to be committed.
+#pragma once
+
+#include <vector>
+
+#include "worker/render/embree_door.h"
+#include "worker/render/scene_geometry.h"
+
+namespace sheaf::render {
+
+// What user geometry callbacks are given.
+struct QuadricList {
+  const std::vector<BakedQuadric>* quadrics = nullptr;
+  uint32_t geometry = 0;
+};
+struct PatchList {
+  const BakedPatches* patches = nullptr;
+  uint32_t geometry = 0;
+};
+struct PlacedList {
+  const SceneGeometry* geometry = nullptr;
+  const std::vector<PlacedGroup>* placed = nullptr;
+  uint32_t first = 0;  // Index of the list's first in RawHit::placed.
+  const std::vector<RTCScene>* scenes = nullptr;
+};
+
+// Keeps rays from meeting the triangle they leave.
+void FilterSource(RTCGeometry triangles);
+// The same for a mesh of a group that holds needles: hits of a mesh with needles are tested again
+// in double, those of the group's others are made known to that. `mesh` must outlive the geometry.
+void FilterAmongNeedles(RTCGeometry triangles, const BakedMesh& mesh, bool has_needles);
+
+// `list` must outlive the geometry.
+void SetQuadrics(RTCGeometry user, QuadricList* list);
+void SetPatches(RTCGeometry user, PatchList* list);
+void SetPlaced(RTCGeometry user, PlacedList* list);
+
+}  // namespace sheaf::render

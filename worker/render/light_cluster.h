@@ -1,0 +1,100 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// LightCluster: what a set of lights comes to while a LightTree is built, and what it costs to
+// leave it in one piece. Internal to light_tree_build.cc.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <limits>
+
+#include "common/math/elementary.h"
+#include "common/math/vec.h"
+
+namespace sheaf::render {
+
+// A light, as the builder moves it about.
+struct LightEntry {
+  Vec3f center, half;      // Of its box.
+  Vec3f normal;            // Zero where it shines on all sides.
+  float intensity = 0;     // Along the normal.
+  float cos_emission = 0;  // Shines within this about its normal.
+  uint32_t light = 0;
+  bool two_sided = false;
+};
+
+inline Vec3f Minimum(Vec3f a, Vec3f b) {
+  return {std::min(a.x, b.x), std::min(a.y, b.y), std::min(a.z, b.z)};
+}
+inline Vec3f Maximum(Vec3f a, Vec3f b) {
+  return {std::max(a.x, b.x), std::max(a.y, b.y), std::max(a.z, b.z)};
+}
+
+// Measure of the directions within reach of normals in a cone of half-angle theta, each with a
+// half-space about it. Source: Conty Estevez and Kulla 2018, eq. 1, for theta_e = pi / 2.
+inline double OrientationMeasure(double theta) {
+  const double reach = std::min(theta + 0.5 * kPi, kPi);
+  const SinCosPair<double> t = SinCos(theta);
+  return 2 * kPi * (1 - t.cos) +
+         0.5 * kPi * (2 * reach * t.sin - Cos(theta - 2 * reach) - 2 * theta * t.sin + t.cos);
+}
+
+// The measure by how long the mean normal is: uniform in a cap of half-angle theta, normals have a
+// mean of length (1 + cos theta) / 2. That is cheaper than bounds of cones, and knows how many
+// normals stray how far.
+class OrientationTable {
+ public:
+  OrientationTable() {
+    for (size_t i = 0; i < table_.size(); ++i) {
+      const double length = static_cast<double>(i) / static_cast<double>(table_.size() - 1);
+      table_[i] = static_cast<float>(OrientationMeasure(Acos(2 * length - 1)));
+    }
+  }
+  float At(float mean_length) const {
+    const float x = std::clamp(mean_length, 0.0f, 1.0f) * static_cast<float>(table_.size() - 1);
+    const size_t i = std::min(static_cast<size_t>(x), table_.size() - 2);
+    const float t = x - static_cast<float>(i);
+    return table_[i] + t * (table_[i + 1] - table_[i]);
+  }
+
+ private:
+  std::array<float, 65> table_{};
+};
+
+// What a set of lights comes to.
+struct LightCluster {
+  static constexpr float kInfinity = std::numeric_limits<float>::infinity();
+  Vec3f lower{kInfinity, kInfinity, kInfinity}, upper = -lower;  // Of boxes.
+  Vec3f center_lower{kInfinity, kInfinity, kInfinity}, center_upper = -center_lower;
+  Vec3f normal_sum{};  // Weighed by intensity.
+  float intensity = 0;
+  uint32_t count = 0;
+
+  void Add(const LightEntry& entry) {
+    lower = Minimum(lower, entry.center - entry.half);
+    upper = Maximum(upper, entry.center + entry.half);
+    center_lower = Minimum(center_lower, entry.center);
+    center_upper = Maximum(center_upper, entry.center);
+    normal_sum += entry.normal * entry.intensity;
+    intensity += entry.intensity;
+    ++count;
+  }
+  void Add(const LightCluster& other) {
+    lower = Minimum(lower, other.lower);
+    upper = Maximum(upper, other.upper);
+    center_lower = Minimum(center_lower, other.center_lower);
+    center_upper = Maximum(center_upper, other.center_upper);
+    normal_sum += other.normal_sum;
+    intensity += other.intensity;
+    count += other.count;
+  }
+  float Cost(const OrientationTable& orientation) const {
+    return intensity * LengthSquared(upper - lower) *
+           orientation.At(Length(normal_sum) / intensity);
+  }
+};
+
+}  // namespace sheaf::render
