@@ -35,6 +35,19 @@ Vec2d WrapOctahedrally(Vec2d p) {
   return p;
 }
 
+// Directions in camera space, unit, of the points of a map of them all: of [0, 1]^2, and around.
+// Both maps are about +z, cameras about +y: as pbrt-v4, by exchanging the two.
+Vec3d EqualAreaDirection(Vec2d screen) {
+  const Vec3d d = EqualAreaSquareToSphere(WrapOctahedrally(screen));
+  return {d.x, d.z, d.y};
+}
+Vec3d EquirectangularDirection(Vec2d screen) {
+  // Beyond the pole sin theta is negative, which is the other side of it, as it should be.
+  const SinCosPair<double> theta = SinCos(std::numbers::pi * screen.y);
+  const SinCosPair<double> phi = SinCos(2 * std::numbers::pi * screen.x);
+  return {theta.sin * phi.cos, theta.cos, theta.sin * phi.sin};
+}
+
 }  // namespace
 
 Vec2d SampleUnitDisk(Vec2f u) {
@@ -59,6 +72,7 @@ absl::StatusOr<Camera> Camera::Make(const SceneDescription& scene, int32_t width
   };
   Camera camera;
   camera.kind_ = description.kind;
+  camera.is_spherical_ = description.IsSpherical();
   absl::Status status = camera.SetScreen(description, width_px, height_px);
   if (status.ok()) status = camera.SetLens(description);
   if (!status.ok()) return fail(status);
@@ -116,16 +130,17 @@ absl::Status Camera::SetLens(const CameraDescription& description) {
   return absl::OkStatus();
 }
 
-Vec3d Camera::SphericalDirection(Vec2d screen) const {
-  if (kind_ == Kind::kEqualArea) {
-    // Both maps are about +z, cameras about +y: as pbrt-v4, by exchanging the two.
-    const Vec3d d = EqualAreaSquareToSphere(WrapOctahedrally(screen));
-    return {d.x, d.z, d.y};
-  }
-  // Below the pole sin theta is negative, which is the other side of it, as it should be.
-  const SinCosPair<double> theta = SinCos(std::numbers::pi * screen.y);
-  const SinCosPair<double> phi = SinCos(2 * std::numbers::pi * screen.x);
-  return {theta.sin * phi.cos, theta.cos, theta.sin * phi.sin};
+Ray Camera::MakeSphericalRay(Vec2d film, float shutter_fraction) const {
+  const Vec2d screen{film.x * screen_step_.x, film.y * screen_step_.y};
+  const Vec3d d =
+      kind_ == Kind::kEqualArea ? EqualAreaDirection(screen) : EquirectangularDirection(screen);
+  const Affine render_from_camera =
+      moves_ ? RenderFromCameraAt(shutter_fraction) : render_from_camera_;
+  Ray ray;
+  ray.o = ToFloat(render_from_camera.offset);
+  ray.d = ToFloat(Normalize(render_from_camera.Vector(d)));
+  ray.time = shutter_fraction;
+  return ray;
 }
 
 Affine Camera::RenderFromCameraAt(float shutter_fraction) const {

@@ -38,10 +38,11 @@ class Camera {
   absl::Status SetScreen(const CameraDescription& description, int32_t width_px, int32_t height_px);
   absl::Status SetLens(const CameraDescription& description);
   Affine RenderFromCameraAt(float shutter_fraction) const;
-  // Unit, in camera space. screen: a point of the map of all directions, [0, 1]^2 and around.
-  Vec3d SphericalDirection(Vec2d screen) const;
+  // MakeRay of a spherical camera. A function of its own, so that others do not pay for the call.
+  Ray MakeSphericalRay(Vec2d film, float shutter_fraction) const;
 
   Kind kind_ = Kind::kPerspective;
+  bool is_spherical_ = false;
   // Screen = origin + film * step: camera-space x, y at z = 1 (or on the plane); of spherical
   // cameras, a point of the map of all directions.
   Vec2d screen_origin_, screen_step_;
@@ -56,15 +57,14 @@ class Camera {
 
 template <uint32_t kTraits>
 Ray Camera::MakeRay(Vec2d film, Vec2f lens, float shutter_fraction) const {
+  if (is_spherical_) return MakeSphericalRay(film, shutter_fraction);
   const Vec2d screen{screen_origin_.x + film.x * screen_step_.x,
                      screen_origin_.y + film.y * screen_step_.y};
   Vec3d o, d{0, 0, 1};
-  if (kind_ == Kind::kPerspective) {
-    d = {screen.x, screen.y, 1};
-  } else if (kind_ == Kind::kOrthographic) {
+  if (kind_ == Kind::kOrthographic) {
     o = {screen.x, screen.y, 0};
   } else {
-    d = SphericalDirection(screen);
+    d = {screen.x, screen.y, 1};
   }
   if (Has(kTraits, Trait::kLens) && lens_radius_ > 0) {
     // All rays of a film point meet at z = F: the direction loses lens / F, nothing divides by a
