@@ -106,26 +106,32 @@ class IesText {
   absl::Status status_;
 };
 
-// What stands before the numbers of the luminaire. Returns whether the file is of a version (1986
-// to 1995) that has a factor where later ones have a number without meaning.
-bool SkipHead(IesText* text) {
-  bool has_lamp_factor = true;
+struct IesHead {
+  bool has_lamp_factor =
+      true;  // Versions of 1986 to 1995; later ones have a number without meaning.
+  bool dims_when_tilted = false;
+};
+
+// What stands before the numbers of the luminaire.
+IesHead SkipHead(IesText* text) {
+  IesHead head;
   for (bool is_first = true; !text->AtEnd(); is_first = false) {
     const std::string line(text->TakeLine());
     if (is_first) {
-      has_lamp_factor =
+      head.has_lamp_factor =
           !absl::StrContains(line, "LM-63-2002") && !absl::StrContains(line, "LM-63-2019");
     }
     const size_t begin = std::min(line.find_first_not_of(" \t"), line.size());
     if (line.compare(begin, 5, "TILT=") != 0) continue;
-    if (!absl::StrContains(line, "INCLUDE")) return has_lamp_factor;
+    head.dims_when_tilted = !absl::StrContains(line, "NONE");
+    if (!absl::StrContains(line, "INCLUDE")) return head;
     text->Number("the lamp-to-luminaire geometry");
     const int32_t count = text->Count("the number of tilt angles", 0, kCandelaCountMax);
     for (int32_t i = 0; i < 2 * count && text->status().ok(); ++i) text->Number("a tilt factor");
-    return has_lamp_factor;
+    return head;
   }
   text->Fail("there is no line TILT=NONE; is it an IES (LM-63) file?");
-  return false;
+  return head;
 }
 
 std::vector<float> ReadAngles(IesText* text, int32_t count, const char* what, float max) {
@@ -192,7 +198,7 @@ absl::StatusOr<CandelaTable> ReadIes(const std::string& name, const std::string&
   const absl::StatusOr<std::string> bytes = ReadText(path);
   if (!bytes.ok()) return Annotate(bytes.status(), name);
   IesText text(name, *bytes);
-  const bool has_lamp_factor = SkipHead(&text);
+  const IesHead head = SkipHead(&text);
   text.Number("the number of lamps");
   text.Number("the lumens of a lamp");
   double factor = static_cast<double>(text.Number("the candela multiplier"));
@@ -207,9 +213,10 @@ absl::StatusOr<CandelaTable> ReadIes(const std::string& name, const std::string&
   }
   factor *= static_cast<double>(text.Number("the ballast factor"));
   const double lamp_factor = static_cast<double>(text.Number("the ballast-lamp factor"));
-  if (has_lamp_factor) factor *= lamp_factor;
+  if (head.has_lamp_factor) factor *= lamp_factor;
   text.Number("the input watts");
   CandelaTable table;
+  table.dims_when_tilted = head.dims_when_tilted;
   table.vertical_degrees = ReadAngles(&text, vertical_count, "a vertical angle", 180);
   const std::vector<float> measured =
       ReadAngles(&text, horizontal_count, "a horizontal angle", 360);

@@ -48,6 +48,8 @@ TEST(IesReaderTest, EveryVersionIsRead) {
     const CandelaTable table = ReadGood(version.head + numbers);
     EXPECT_THAT(table.vertical_degrees, ElementsAre(0, 45, 90));
     EXPECT_THAT(table.horizontal_degrees, ElementsAre(0));
+    EXPECT_EQ(table.dims_when_tilted,
+              std::string(version.head).find("TILT=NONE") == std::string::npos);
     EXPECT_THAT(table.candelas,
                 ElementsAre(100 * version.factor, 50 * version.factor, 15 * version.factor));
   }

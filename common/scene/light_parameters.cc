@@ -110,6 +110,13 @@ GoniometricLight GetGoniometric(ParameterList& parameters, FileSource& files) {
   absl::StatusOr<CandelaTable> table = ReadIes(light.file, *path);
   if (table.ok()) {
     light.table = *std::move(table);
+    if (light.table.dims_when_tilted) {
+      parameters.diagnostics().Note(
+          parameters.Find("filename")->location,
+          absl::StrCat(parameters.owner(), ": \"", light.file,
+                       "\" says how the lamp dims when it is tilted (TILT); Sheaf lets it shine as "
+                       "measured, whatever its position"));
+    }
   } else {
     parameters.ErrorAt(*parameters.Find("filename"),
                        absl::StrCat("cannot be read: ", table.status().message()));

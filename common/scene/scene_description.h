@@ -277,6 +277,7 @@ struct CandelaTable {
   std::vector<float> vertical_degrees;    // Ascending, in [0, 180]; dark outside of them.
   std::vector<float> horizontal_degrees;  // Ascending, in [0, 360); one is symmetry about the axis.
   std::vector<float> candelas;            // [horizontal][vertical]; none where there is no table.
+  bool dims_when_tilted = false;          // The file says how, which is not followed.
 };
 // At the origin. The map is about the light's +y, and its values (the mean of the channels)
 // multiply the intensity; without one the light is a point light.
