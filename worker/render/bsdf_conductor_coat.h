@@ -98,8 +98,11 @@ BsdfValueOf<Color> EvalConductorCoat(const BsdfOf<Color>& bsdf, const ConductorC
   value.pdf += at.p_reflect * 0.5f * d / (wo.z + ggx.S(wo));
   return value;
 }
+// Neither of the two below is inlined: they are long, and would crowd the loops of scenes whose
+// layered surfaces are others.
 template <typename Color>
-BsdfValueOf<Color> EvalConductorCoat(const BsdfOf<Color>& bsdf, Vec3f wo, Vec3f wi) {
+[[gnu::noinline]] BsdfValueOf<Color> EvalConductorCoat(const BsdfOf<Color>& bsdf, Vec3f wo,
+                                                       Vec3f wi) {
   if (bsdf.specular) return {};
   return EvalConductorCoat(bsdf, MakeConductorCoatAt(bsdf, wo), wo, wi);
 }
@@ -119,8 +122,9 @@ BsdfSampleOf<Color> SampleMirrorCoat(const BsdfOf<Color>& bsdf, Vec3f wo) {
 }
 
 template <typename Color>
-std::optional<BsdfSampleOf<Color>> SampleConductorCoat(const BsdfOf<Color>& bsdf, Vec3f wo,
-                                                       float u_lobe, Vec2f u) {
+[[gnu::noinline]] std::optional<BsdfSampleOf<Color>> SampleConductorCoat(const BsdfOf<Color>& bsdf,
+                                                                         Vec3f wo, float u_lobe,
+                                                                         Vec2f u) {
   if (bsdf.specular) return SampleMirrorCoat(bsdf, wo);
   const ConductorCoatRow& row = *bsdf.conductor_coat;
   const ConductorCoatAt at = MakeConductorCoatAt(bsdf, wo);
