@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <array>
+#include <limits>
 
 #include "common/scene/spectrum.h"
 #include "worker/render/upsampling_table.h"
@@ -144,6 +145,8 @@ float SpectralColor::At(float nm) const {
 }
 
 Spectral Upsample(Rgb rgb, ColorRole role, const Wavelengths& wavelengths) {
+  // A texel that could not be read is NaN, and must be seen in the picture's count of such samples.
+  if (!IsFinite(rgb)) return Spectral::Grey(std::numeric_limits<float>::quiet_NaN());
   rgb = Admissible(rgb, role);
   const float largest = MaxComponent(rgb);
   if (largest < kLargestMin) return {};

@@ -46,8 +46,9 @@ class SpectralColor {
 
 // Spectrum of an RGB value that is known only when rendering (texels, environment maps), by
 // interpolating a table of fits (upsampling_table.h): within 0.6 % of what Make gives for the same
-// colour, as RGB and relative to its largest component. Negative components and NaN count as 0;
-// reflectances are clamped to 1. Requires: no infinite component. Thread safety: yes.
+// colour, as RGB and relative to its largest component. Negative components count as 0;
+// reflectances are clamped to 1. What is not finite stays so, for a texel that could not be read
+// must be noticed. Thread safety: yes.
 Spectral Upsample(Rgb rgb, ColorRole role, const Wavelengths& wavelengths);
 // Makes the table, which takes about half a second, unless it is there. Upsample would do so too,
 // in the middle of a picture. Thread safety: yes.

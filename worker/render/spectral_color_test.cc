@@ -342,15 +342,25 @@ TEST(UpsampleTest, BitsAreThoseOfEveryMachine) {
   EXPECT_EQ(RgbOf(emission, w), (Rgb{0x1.d3427ap-1f, 0x1.1bf5dcp-2f, 0x1.a0f218p-8f}));
 }
 
+// A texture that could not be read gives NaN. RGB transport counts such samples; so must this.
+TEST(UpsampleTest, WhatIsNotANumberStaysNone) {
+  const float nan = std::numeric_limits<float>::quiet_NaN();
+  const Wavelengths w = Wavelengths::Sample(0.3f);
+  for (const ColorRole role :
+       {ColorRole::kReflectance, ColorRole::kIlluminant, ColorRole::kUnbounded}) {
+    EXPECT_FALSE(IsFinite(Upsample({nan, nan, nan}, role, w)));
+    EXPECT_FALSE(IsFinite(Upsample({0.5f, nan, 0.2f}, role, w)));
+  }
+}
+
 TEST(UpsampleTest, IsContinuousNearGreysAndBlack) {
   const Wavelengths w = Wavelengths::Sample(0.2f);
   for (const float grey : {0.001f, 1.f / 16, 0.3f, 0.9f, 0.9999f, 1.f}) {
     const Spectral near = Upsample({grey, grey * (1 - 1e-6f), grey}, ColorRole::kReflectance, w);
     for (size_t k = 0; k < kWavelengthCount; ++k) EXPECT_NEAR(near[k], grey, 1e-5f);
   }
-  const float nan = std::numeric_limits<float>::quiet_NaN();
   EXPECT_TRUE(Upsample({0, 0, 0}, ColorRole::kIlluminant, w).IsBlack());
-  EXPECT_TRUE(Upsample({nan, -1, 0}, ColorRole::kUnbounded, w).IsBlack());
+  EXPECT_TRUE(Upsample({-2, -1, 0}, ColorRole::kUnbounded, w).IsBlack());
   EXPECT_TRUE(IsFinite(Upsample({1e-45f, 1e-38f, 0}, ColorRole::kReflectance, w)));
   EXPECT_TRUE(IsFinite(Upsample({1e30f, 1, 0}, ColorRole::kIlluminant, w)));
 }
