@@ -30,11 +30,9 @@ Vec3d TriangleCross(const BakedMesh& mesh, const uint32_t* t) {
 
 }  // namespace
 
-Emission EmitterList::AddEmission(const AreaLightDescription& light, double area) {
-  const float scale = ScaleOf(light, area);
-  const Emission emission{light.radiance.rgb * scale, static_cast<int32_t>(input_.spectra.size())};
-  if (!emission.rgb.IsBlack()) input_.spectra.push_back({light.radiance, scale});
-  return emission;
+Emission EmitterList::EmissionOf(int32_t light, double area) const {
+  const AreaLightDescription& description = lights_[static_cast<size_t>(light)];
+  return {description.radiance, ScaleOf(description, area), light};
 }
 
 float TriangleFacing(const BakedMesh& mesh, const uint32_t* t, Vec3d cross) {
@@ -46,18 +44,19 @@ float TriangleFacing(const BakedMesh& mesh, const uint32_t* t, Vec3d cross) {
   return mesh.surface.flips_normal ? -1.0f : 1.0f;
 }
 
-uint32_t EmitterList::AddMesh(const BakedMesh& mesh, const AreaLightDescription& light) {
+uint32_t EmitterList::AddMesh(const BakedMesh& mesh, int32_t light) {
   double area = 0;
   for (size_t i = 0; i < mesh.indices.size(); i += 3) {
     area += 0.5 * Length(TriangleCross(mesh, &mesh.indices[i]));
   }
-  const Emission radiance = AddEmission(light, area);
+  const Emission radiance = EmissionOf(light, area);
   if (radiance.rgb.IsBlack()) return kNoEmitter;
+  const bool two_sided = lights_[static_cast<size_t>(light)].two_sided;
   const auto first = static_cast<uint32_t>(input_.triangles.size());
   for (size_t i = 0; i < mesh.indices.size(); i += 3) {
     const uint32_t* t = &mesh.indices[i];
     TriangleEmitter emitter{mesh.positions[t[0]], mesh.positions[t[1]], mesh.positions[t[2]],
-                            radiance, light.two_sided};
+                            radiance, two_sided};
     if (TriangleFacing(mesh, t, TriangleCross(mesh, t)) < 0) std::swap(emitter.v1, emitter.v2);
     input_.triangles.push_back(emitter);
   }
@@ -90,23 +89,23 @@ std::string EmitterList::ProblemWith(const Quadric& q) {
   return "";
 }
 
-uint32_t EmitterList::AddQuadric(const Quadric& q, bool flips, const AreaLightDescription& light) {
+uint32_t EmitterList::AddQuadric(const Quadric& q, bool flips, int32_t light) {
   const Affine& m = q.target_from_object;
   const double scale = Length(m.x);
+  const bool two_sided = lights_[static_cast<size_t>(light)].two_sided;
   if (q.kind == Quadric::Kind::kSphere) {
     const double radius = q.radius * scale;
-    const Emission radiance = AddEmission(light, 4 * std::numbers::pi * radius * radius);
+    const Emission radiance = EmissionOf(light, 4 * std::numbers::pi * radius * radius);
     if (radiance.rgb.IsBlack()) return kNoEmitter;
-    input_.spheres.push_back({m.offset, radius, radiance, light.two_sided, flips});
+    input_.spheres.push_back({m.offset, radius, radiance, two_sided, flips});
     return static_cast<uint32_t>(input_.spheres.size() - 1);
   }
   const double outer = q.radius * scale, inner = q.inner_radius * scale;
-  const Emission radiance =
-      AddEmission(light, std::numbers::pi * (outer - inner) * (outer + inner));
+  const Emission radiance = EmissionOf(light, std::numbers::pi * (outer - inner) * (outer + inner));
   if (radiance.rgb.IsBlack()) return kNoEmitter;
   const Vec3d normal = Normalize(q.object_from_target.TransposedVector({0, 0, 1}));
   input_.disks.push_back({m.Point({0, 0, q.z_min}), flips ? -normal : normal, Normalize(m.x), outer,
-                          inner, radiance, light.two_sided});
+                          inner, radiance, two_sided});
   return static_cast<uint32_t>(input_.disks.size() - 1);
 }
 

@@ -6,6 +6,7 @@
 
 #include <cstdint>
 #include <string>
+#include <vector>
 
 #include "worker/render/light_table.h"
 #include "worker/render/quadric.h"
@@ -15,10 +16,14 @@ namespace sheaf::render {
 
 class EmitterList {
  public:
-  // Return a preliminary id for Surface::emitter, or kNoEmitter where the light is black; AssignIds
-  // makes it final. flips: whether the shape faces inwards (spheres) or along -z (disks).
-  uint32_t AddMesh(const BakedMesh& mesh, const AreaLightDescription& light);
-  uint32_t AddQuadric(const Quadric& quadric, bool flips, const AreaLightDescription& light);
+  // lights: the scene's; must outlive *this.
+  explicit EmitterList(const std::vector<AreaLightDescription>& lights) : lights_(lights) {}
+
+  // light: index of the shape's light. Return a preliminary id for Surface::emitter, or kNoEmitter
+  // where the light is black; AssignIds makes it final. flips: whether the shape faces inwards
+  // (spheres) or along -z (disks).
+  uint32_t AddMesh(const BakedMesh& mesh, int32_t light);
+  uint32_t AddQuadric(const Quadric& quadric, bool flips, int32_t light);
   // Why the quadric cannot be an area light; empty where it can.
   static std::string ProblemWith(const Quadric& quadric);
 
@@ -27,9 +32,10 @@ class EmitterList {
   LightTableInput Take() { return std::move(input_); }
 
  private:
-  // What the shapes of a light emit, which have the given area in all.
-  Emission AddEmission(const AreaLightDescription& light, double area);
+  // What a shape of the given area emits.
+  Emission EmissionOf(int32_t light, double area) const;
 
+  const std::vector<AreaLightDescription>& lights_;
   LightTableInput input_;
 };
 

@@ -71,9 +71,7 @@ class SceneLightReader {
   // peak: what multiplies the emission where the light is brightest.
   absl::Status Keep(const LightDescription& light, DeltaLight delta, Rgb peak = Rgb::Grey(1));
   Emission AddEmission(const ColorSpec& color, float scale) {
-    Emission emission{color.rgb * scale, kNone};
-    if (spectral_) emission.spectrum = impl_->AddSpectrum({color, scale});
-    return emission;
+    return {color, scale, spectral_ ? impl_->AddSpectrum(color) : kNone};
   }
 
   const SceneDescription& scene_;

@@ -45,20 +45,19 @@ struct EnvironmentValueOf {
 };
 using EnvironmentValue = EnvironmentValueOf<Rgb>;
 
-// What a light emits: as RGB, which also weighs it against others, and the index of its spectrum in
-// LightTableInput::spectra. Without one, spectral transport raises rgb to a spectrum.
+// What a light emits: as RGB, which also weighs it against others, and as a spectrum of the light
+// table times a number. Those of SceneDescription::area_lights come first there, each once however
+// many shapes shine by it. Without one, spectral transport raises rgb to a spectrum.
 struct Emission {
   Emission() = default;
   // From a colour without a word more, as in an emitter's list of members.
-  Emission(Rgb color, int32_t spectrum_index = kNone) : rgb(color), spectrum(spectrum_index) {}
+  Emission(Rgb color) : rgb(color) {}
+  Emission(const ColorSpec& color, float scale, int32_t spectrum_index)
+      : rgb(color.rgb * scale), spectrum(spectrum_index), spectrum_scale(scale) {}
 
   Rgb rgb;
   int32_t spectrum = kNone;
-};
-// A colour of the scene times a number.
-struct ScaledSpectrum {
-  ColorSpec color;
-  float scale = 1;
+  float spectrum_scale = 1;
 };
 
 // One emitter as the geometry code hands it over. Sides: emits on the side of n (right-hand rule of
@@ -87,9 +86,8 @@ struct LightTableInput {
   std::vector<TriangleEmitter> triangles;
   std::vector<SphereEmitter> spheres;
   std::vector<DiskEmitter> disks;
-  std::vector<ScaledSpectrum> spectra;  // Of the emitters.
-  bool spectral = false;                // Traits with kSpectral may be asked for.
-  Vec3d render_origin_world;            // World position of render space's origin (the camera).
+  bool spectral = false;      // Traits with kSpectral may be asked for.
+  Vec3d render_origin_world;  // World position of render space's origin (the camera).
 };
 
 class LightTable {

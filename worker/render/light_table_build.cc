@@ -149,7 +149,7 @@ absl::StatusOr<std::unique_ptr<LightTable>> LightTable::Build(const SceneDescrip
   impl.disks = std::move(input.disks);
   if (input.spectral) {
     PrepareUpsampling();
-    for (const ScaledSpectrum& spectrum : input.spectra) impl.AddSpectrum(spectrum);
+    for (const AreaLightDescription& light : scene.area_lights) impl.AddSpectrum(light.radiance);
   }
   const absl::Status status =
       ReadLights(scene, input.render_origin_world, input.spectral, files, &impl);

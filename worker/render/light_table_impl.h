@@ -56,18 +56,13 @@ struct LightTable::Impl {
   std::vector<ProjectedImage> projected_images;
   std::vector<InfiniteEmitter> infinites;
   // By Emission::spectrum; empty where only RGB is asked for.
-  struct EmissionSpectrum {
-    SpectralColor color;
-    float scale = 1;
-  };
-  std::vector<EmissionSpectrum> spectra;
+  std::vector<SpectralColor> spectra;
   LightChoice choice;
   bool empty = true;
 
   // Index of the spectrum.
-  int32_t AddSpectrum(const ScaledSpectrum& spectrum) {
-    spectra.push_back(
-        {SpectralColor::Make(spectrum.color, ColorRole::kIlluminant), spectrum.scale});
+  int32_t AddSpectrum(const ColorSpec& color) {
+    spectra.push_back(SpectralColor::Make(color, ColorRole::kIlluminant));
     return static_cast<int32_t>(spectra.size() - 1);
   }
   // Then every sample comes from that map.
@@ -79,8 +74,8 @@ struct LightTable::Impl {
     if (emission.spectrum == kNone) {
       return Upsample(emission.rgb, ColorRole::kIlluminant, wavelengths);
     }
-    const EmissionSpectrum& spectrum = spectra[static_cast<size_t>(emission.spectrum)];
-    return spectrum.color.At(wavelengths) * spectrum.scale;
+    return spectra[static_cast<size_t>(emission.spectrum)].At(wavelengths) *
+           emission.spectrum_scale;
   }
   uint32_t first_sphere() const { return static_cast<uint32_t>(triangles.size()); }
   uint32_t first_disk() const { return first_sphere() + static_cast<uint32_t>(spheres.size()); }

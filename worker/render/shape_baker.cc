@@ -71,7 +71,7 @@ size_t DropFaces(size_t corners, HasArea has_area, std::vector<uint32_t>* indice
 }  // namespace
 
 ShapeBaker::ShapeBaker(SceneDescription* scene)
-    : scene_(*scene), mesh_uses_(scene->meshes.size(), 0) {
+    : scene_(*scene), emitters_(scene->area_lights), mesh_uses_(scene->meshes.size(), 0) {
   const auto count = [this](int32_t shape) {
     const auto* mesh = std::get_if<MeshShape>(&scene_.shapes[shape].shape);
     if (mesh != nullptr) ++mesh_uses_[mesh->mesh];
@@ -132,7 +132,7 @@ absl::Status ShapeBaker::AddMesh(const ShapeDescription& shape, Surface surface,
   degenerate_triangle_count_ += DropFaces(3, has_area, &baked.indices);
   if (baked.indices.empty()) return absl::OkStatus();
   if (shape.area_light != kNone) {
-    baked.surface.emitter = emitters_.AddMesh(baked, scene_.area_lights[shape.area_light]);
+    baked.surface.emitter = emitters_.AddMesh(baked, shape.area_light);
   }
   group->meshes.push_back(std::move(baked));
   return absl::OkStatus();
@@ -189,8 +189,7 @@ absl::Status ShapeBaker::AddQuadric(const ShapeDescription& shape, Surface surfa
   if (shape.area_light != kNone) {
     const std::string problem = emitters_.ProblemWith(q);
     if (!problem.empty()) return Fail(shape, problem);
-    surface.emitter =
-        emitters_.AddQuadric(q, surface.flips_normal, scene_.area_lights[shape.area_light]);
+    surface.emitter = emitters_.AddQuadric(q, surface.flips_normal, shape.area_light);
   }
   group->quadrics.push_back({surface, q});
   return absl::OkStatus();
