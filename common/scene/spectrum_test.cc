@@ -4,31 +4,15 @@
 
 #include <gtest/gtest.h>
 
+#include "tests/support/colors.h"
+
 namespace sheaf {
 namespace {
 
-ColorSpec Sampled(std::vector<float> wavelengths_nm, std::vector<float> values) {
-  ColorSpec color;
-  color.kind = ColorSpec::Kind::kSampled;
-  color.wavelengths_nm = std::move(wavelengths_nm);
-  color.values = std::move(values);
-  return color;
-}
-ColorSpec Named(const std::string& name) {
-  ColorSpec color;
-  color.kind = ColorSpec::Kind::kNamed;
-  color.name = name;
-  return color;
-}
-ColorSpec BlackbodyOf(float temperature_k) {
-  ColorSpec color;
-  color.kind = ColorSpec::Kind::kBlackbody;
-  color.temperature_k = temperature_k;
-  return color;
-}
-void ExpectNear(Rgb a, Rgb b, float tolerance) {
-  for (size_t i = 0; i < 3; ++i) EXPECT_NEAR(a[i], b[i], tolerance) << "channel " << i;
-}
+using testing::BlackbodyOf;
+using testing::ExpectNear;
+using testing::Named;
+using testing::Sampled;
 
 TEST(SpectrumTest, ConstantReflectanceIsGrey) {
   ExpectNear(SpectrumToRgb(Sampled({300, 900}, {0.25f, 0.25f}), ColorRole::kReflectance),

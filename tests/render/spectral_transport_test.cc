@@ -6,6 +6,7 @@
 #include <gtest/gtest.h>
 
 #include "common/scene/spectrum.h"
+#include "tests/support/colors.h"
 #include "tests/support/test_scene.h"
 #include "worker/render/spectral_color.h"
 #include "worker/render/trait_set.h"
@@ -13,21 +14,12 @@
 namespace sheaf::render {
 namespace {
 
+using testing::Named;
+using testing::RgbSpec;
+
 FrameSettings Spectral(FrameSettings settings) {
   settings.color = ColorTransport::kSpectral;
   return settings;
-}
-
-ColorSpec RgbSpec(Rgb rgb) {
-  ColorSpec color;
-  color.rgb = rgb;
-  return color;
-}
-ColorSpec Named(const std::string& name) {
-  ColorSpec color;
-  color.kind = ColorSpec::Kind::kNamed;
-  color.name = name;
-  return color;
 }
 
 // What the film shows of spectral radiance value(nm) times the light of RGB white.

@@ -60,25 +60,6 @@ void AddCan(TestScene* t, int32_t material, const Matrix4& place) {
   }
 }
 
-bool HitTowards(const TracedScene& scene, Vec3f from, Vec3f to, SurfacePoint* point,
-                RawHit* hit = nullptr) {
-  Ray ray;
-  ray.o = from;
-  ray.d = to - from;
-  RawHit met;
-  if (!scene.tracer->Intersect(ray, &met)) return false;
-  *point = MakeSurfacePoint<kAllTraits>(scene.geometry, ray, met);
-  if (hit != nullptr) *hit = met;
-  return true;
-}
-Ray Spawned(const SurfacePoint& point, Vec3f direction) {
-  Ray ray;
-  ray.o = OffsetRayOrigin(point.p, point.p_error, point.ng, direction);
-  ray.d = direction;
-  ray.source = point.id;
-  return ray;
-}
-
 // G1: rays leaving a cylinder outwards miss it, rays into it meet its far side, at any place, size
 // and turn.
 TEST(CurvedShapeStability, G1SpawnedRaysKnowTheirSideOfACylinder) {

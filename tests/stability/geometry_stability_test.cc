@@ -25,26 +25,6 @@ constexpr double kPi = std::numbers::pi;
 
 TestScene AtOrigin() { return TestScene({0, 0, 0}, {0, 0, 1}, 60); }
 
-// The hit point nearest to the middle of the triangle, or nothing where the tracer misses it.
-bool HitTowards(const TracedScene& scene, Vec3f from, Vec3f to, Ray* ray, SurfacePoint* point) {
-  ray->o = from;
-  ray->d = to - from;
-  ray->t_max = std::numeric_limits<float>::infinity();
-  ray->source = {};
-  RawHit hit;
-  if (!scene.tracer->Intersect(*ray, &hit)) return false;
-  *point = MakeSurfacePoint<kAllTraits>(scene.geometry, *ray, hit);
-  return true;
-}
-
-Ray Spawned(const SurfacePoint& point, Vec3f direction) {
-  Ray ray;
-  ray.o = OffsetRayOrigin(point.p, point.p_error, point.ng, direction);
-  ray.d = direction;
-  ray.source = point.id;
-  return ray;
-}
-
 // G1: 10^6 rays spawned from triangles with coordinates of all magnitudes meet none of them again.
 TEST(GeometryStability, G1SpawnedRaysDoNotMeetTheirTriangle) {
   constexpr int kTriangles = 2000, kRaysEach = 500;
@@ -56,11 +36,10 @@ TEST(GeometryStability, G1SpawnedRaysDoNotMeetTheirTriangle) {
     for (Vec3f& v : p) v = {random.AnyMagnitude(), random.AnyMagnitude(), random.AnyMagnitude()};
     t.AddShape(MeshShape{t.AddMesh({p[0], p[1], p[2]}, {0, 1, 2})}, kNone);
     const std::unique_ptr<TracedScene> scene = Traced(t.scene);
-    Ray ray;
     SurfacePoint point;
     const Vec3f middle = p[0] * 0.3f + p[1] * 0.3f + p[2] * 0.4f;
     const Vec3f from{random.AnyMagnitude(), random.AnyMagnitude(), random.AnyMagnitude()};
-    if (!HitTowards(*scene, from, middle, &ray, &point)) continue;
+    if (!HitTowards(*scene, from, middle, &point)) continue;
     for (int k = 0; k < kRaysEach; ++k) {
       const Ray away = Spawned(point, random.Direction());
       RawHit hit;
@@ -85,11 +64,10 @@ TEST(GeometryStability, G1OriginsLieBeyondThePlane) {
     for (Vec3f& v : p) v = base + random.Direction() * static_cast<float>(scale);
     t.AddShape(MeshShape{t.AddMesh({p[0], p[1], p[2]}, {0, 1, 2})}, kNone);
     const std::unique_ptr<TracedScene> scene = Traced(t.scene);
-    Ray ray;
     SurfacePoint point;
     const Vec3f middle = p[0] * 0.3f + p[1] * 0.3f + p[2] * 0.4f;
     if (!HitTowards(*scene, middle + random.Direction() * static_cast<float>(3 * scale), middle,
-                    &ray, &point)) {
+                    &point)) {
       continue;
     }
     const Vec3d cross = Cross(ToDouble(p[1]) - ToDouble(p[0]), ToDouble(p[2]) - ToDouble(p[0]));
@@ -118,10 +96,9 @@ TEST(GeometryStability, G1SpawnedRaysKnowTheirSideOfASphere) {
                        static_cast<float>(radius), 360};
     t.AddShape(sphere, kNone, TranslateMatrix(center));
     const std::unique_ptr<TracedScene> scene = Traced(t.scene);
-    Ray ray;
     SurfacePoint point;
     const Vec3d outside = center + ToDouble(random.Direction()) * (3 * radius);
-    if (!HitTowards(*scene, ToFloat(outside), ToFloat(center), &ray, &point)) continue;
+    if (!HitTowards(*scene, ToFloat(outside), ToFloat(center), &point)) continue;
     // Where a float cannot tell the sphere from its centre there is no inside to test.
     if (radius < 64 * static_cast<double>(Length(point.p_error))) continue;
     for (int k = 0; k < 500; ++k) {
@@ -267,16 +244,15 @@ TEST(GeometryStability, G9ShadowRaysSeeALightJustAboveThePlane) {
   Random random(6);
   int blocked = 0, tested = 0;
   for (int i = 0; i < 20000; ++i) {
-    Ray ray;
     SurfacePoint receiver, light;
     // Render space begins at the camera, one above the plane.
     const Vec3f on_plane{static_cast<float>(random.Uniform(-3, 0.5)), -1,
                          static_cast<float>(random.Uniform(-3, 0.5))};
     const Vec3f above = on_plane + Vec3f{0, 0.5f, 0};
-    ASSERT_TRUE(HitTowards(*scene, above, on_plane, &ray, &receiver));
+    ASSERT_TRUE(HitTowards(*scene, above, on_plane, &receiver));
     const Vec3f on_light{static_cast<float>(random.Uniform(1.1, 1.9)), -1,
                          static_cast<float>(random.Uniform(1.1, 1.9))};
-    ASSERT_TRUE(HitTowards(*scene, on_light + Vec3f{0, 0.5f, 0}, on_light, &ray, &light));
+    ASSERT_TRUE(HitTowards(*scene, on_light + Vec3f{0, 0.5f, 0}, on_light, &light));
     if (light.id.geometry != 1) continue;
     const Vec3f wi = Normalize(light.p - receiver.p);
     Ray shadow = Spawned(receiver, wi);

@@ -1,7 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// TracedScene: a scene baked and ready to be traced, without materials or lights.
+// TracedScene: a scene baked and ready to be traced, without materials or lights; what rays meet in
+// it, and rays that leave from there.
 #pragma once
 
 #include <memory>
@@ -10,6 +11,8 @@
 #include "gtest/gtest.h"
 #include "worker/render/embree_scene.h"
 #include "worker/render/scene_geometry.h"
+#include "worker/render/surface_point.h"
+#include "worker/render/trait_set.h"
 
 namespace sheaf::render {
 
@@ -27,6 +30,29 @@ inline std::unique_ptr<TracedScene> Traced(SceneDescription scene) {
   EXPECT_TRUE(tracer.ok()) << tracer.status();
   traced->tracer = *std::move(tracer);
   return traced;
+}
+
+// Where a ray from one point towards another meets the scene first; false where it does not. hit:
+// may be null.
+inline bool HitTowards(const TracedScene& scene, Vec3f from, Vec3f to, SurfacePoint* point,
+                       RawHit* hit = nullptr) {
+  Ray ray;
+  ray.o = from;
+  ray.d = to - from;
+  RawHit met;
+  if (!scene.tracer->Intersect(ray, &met)) return false;
+  *point = MakeSurfacePoint<kAllTraits>(scene.geometry, ray, met);
+  if (hit != nullptr) *hit = met;
+  return true;
+}
+
+// As a path's next ray leaves the point.
+inline Ray Spawned(const SurfacePoint& point, Vec3f direction) {
+  Ray ray;
+  ray.o = OffsetRayOrigin(point.p, point.p_error, point.ng, direction);
+  ray.d = direction;
+  ray.source = point.id;
+  return ray;
 }
 
 }  // namespace sheaf::render

@@ -9,30 +9,15 @@
 #include <random>
 
 #include "common/scene/spectrum.h"
+#include "tests/support/colors.h"
 
 namespace sheaf::render {
 namespace {
 
-ColorSpec RgbColor(Rgb rgb) {
-  ColorSpec color;
-  color.rgb = rgb;
-  return color;
-}
-ColorSpec Named(const std::string& name) {
-  ColorSpec color;
-  color.kind = ColorSpec::Kind::kNamed;
-  color.name = name;
-  return color;
-}
-ColorSpec BlackbodyOf(float temperature_k) {
-  ColorSpec color;
-  color.kind = ColorSpec::Kind::kBlackbody;
-  color.temperature_k = temperature_k;
-  return color;
-}
-void ExpectNear(Rgb a, Rgb b, float tolerance) {
-  for (size_t i = 0; i < 3; ++i) EXPECT_NEAR(a[i], b[i], tolerance) << "channel " << i;
-}
+using testing::BlackbodyOf;
+using testing::ExpectNear;
+using testing::Named;
+using testing::RgbSpec;
 
 // Linear sRGB of spectral radiance by the sums that spectrum.h defines.
 Rgb Integrate(const std::function<double(float nm)>& radiance) {
@@ -164,15 +149,15 @@ TEST(SigmoidSpectrumTest, WhatIsNotAReflectanceIsClamped) {
 }
 
 TEST(SpectralColorTest, RgbOfOneTimesD65IsWhite) {
-  const SpectralColor white = SpectralColor::Make(RgbColor(Rgb::Grey(1)), ColorRole::kIlluminant);
+  const SpectralColor white = SpectralColor::Make(RgbSpec(Rgb::Grey(1)), ColorRole::kIlluminant);
   ExpectNear(Estimate([&](const Wavelengths& w) { return white.At(w); }), Rgb::Grey(1), 1e-4f);
   EXPECT_FLOAT_EQ(white.At(561), static_cast<float>(UnitD65(561)));
 }
 
 TEST(SpectralColorTest, ReflectanceUnderWhiteHasItsRgb) {
-  const SpectralColor white = SpectralColor::Make(RgbColor(Rgb::Grey(1)), ColorRole::kIlluminant);
+  const SpectralColor white = SpectralColor::Make(RgbSpec(Rgb::Grey(1)), ColorRole::kIlluminant);
   for (const Rgb rgb : {Rgb{0.8f, 0.3f, 0.1f}, Rgb{0, 0.02f, 0.01f}, Rgb{0.95f, 0.96f, 0.99f}}) {
-    const SpectralColor color = SpectralColor::Make(RgbColor(rgb), ColorRole::kReflectance);
+    const SpectralColor color = SpectralColor::Make(RgbSpec(rgb), ColorRole::kReflectance);
     ExpectNear(Estimate([&](const Wavelengths& w) { return white.At(w) * color.At(w); }), rgb,
                3e-4f);
   }
@@ -203,11 +188,11 @@ TEST(SpectralColorTest, GreysAreExact) {
   const Wavelengths w = Wavelengths::Sample(0.3f);
   for (const float grey : {0.f, 1e-4f, 0.02f, 0.18f, 0.5f, 0.999f, 1.f}) {
     for (const ColorRole role : {ColorRole::kReflectance, ColorRole::kUnbounded}) {
-      EXPECT_EQ(SpectralColor::Make(RgbColor(Rgb::Grey(grey)), role).At(w), Spectral::Grey(grey));
+      EXPECT_EQ(SpectralColor::Make(RgbSpec(Rgb::Grey(grey)), role).At(w), Spectral::Grey(grey));
       EXPECT_EQ(Upsample(Rgb::Grey(grey), role, w), Spectral::Grey(grey));
     }
   }
-  const ColorSpec bright = RgbColor(Rgb::Grey(1234.5f));
+  const ColorSpec bright = RgbSpec(Rgb::Grey(1234.5f));
   EXPECT_EQ(SpectralColor::Make(bright, ColorRole::kUnbounded).At(w), Spectral::Grey(1234.5f));
   EXPECT_EQ(SpectralColor::Make(bright, ColorRole::kReflectance).At(w), Spectral::Grey(1));
   EXPECT_TRUE(SpectralColor().At(w).IsBlack());
@@ -215,8 +200,8 @@ TEST(SpectralColorTest, GreysAreExact) {
 
 TEST(SpectralColorTest, EmissionMayBeAsBrightAsItLikes) {
   for (const Rgb rgb : {Rgb{40, 25, 3}, Rgb{0, 0, 1e6f}, Rgb{1e-6f, 2e-6f, 0}}) {
-    const SpectralColor light = SpectralColor::Make(RgbColor(rgb), ColorRole::kIlluminant);
-    const SpectralColor plain = SpectralColor::Make(RgbColor(rgb), ColorRole::kUnbounded);
+    const SpectralColor light = SpectralColor::Make(RgbSpec(rgb), ColorRole::kIlluminant);
+    const SpectralColor plain = SpectralColor::Make(RgbSpec(rgb), ColorRole::kUnbounded);
     const float tolerance = 1e-4f * MaxComponent(rgb);
     ExpectNear(Integrate([&](float nm) { return light.At(nm); }), rgb, tolerance);
     ExpectNear(UnderD65([&](float nm) { return plain.At(nm); }), rgb, tolerance);
@@ -257,7 +242,7 @@ TEST(SpectralColorTest, MeasuredSpectraAreUsedAsTheyAre) {
 }
 
 TEST(SpectralColorTest, FourWavelengthsAtOnceAreEachAlone) {
-  const ColorSpec colors[] = {RgbColor({0.8f, 0.3f, 0.1f}), Named("stdillum-A")};
+  const ColorSpec colors[] = {RgbSpec({0.8f, 0.3f, 0.1f}), Named("stdillum-A")};
   for (const ColorSpec& spec : colors) {
     const SpectralColor color = SpectralColor::Make(spec, ColorRole::kIlluminant);
     for (const float u : {0.f, 0.1f, 0.777f, 0x1.fffffep-1f}) {
@@ -272,7 +257,7 @@ TEST(SpectralColorTest, MetalsReflectWhatRgbTransportSaysOfThem) {
   const ColorSpec eta = Named("metal-Cu-eta"), k = Named("metal-Cu-k");
   const SpectralColor eta_at = SpectralColor::Make(eta, ColorRole::kUnbounded);
   const SpectralColor k_at = SpectralColor::Make(k, ColorRole::kUnbounded);
-  const SpectralColor white = SpectralColor::Make(RgbColor(Rgb::Grey(1)), ColorRole::kIlluminant);
+  const SpectralColor white = SpectralColor::Make(RgbSpec(Rgb::Grey(1)), ColorRole::kIlluminant);
   const Rgb seen = Estimate([&](const Wavelengths& w) {
     const Spectral n = eta_at.At(w), absorption = k_at.At(w);
     Spectral radiance = white.At(w);
@@ -313,7 +298,7 @@ TEST(UpsampleTest, AgreesWithColorsFittedAlone) {
     const ColorRole role = i % 3 == 0   ? ColorRole::kReflectance
                            : i % 3 == 1 ? ColorRole::kIlluminant
                                         : ColorRole::kUnbounded;
-    const SpectralColor color = SpectralColor::Make(RgbColor(rgb), role);
+    const SpectralColor color = SpectralColor::Make(RgbSpec(rgb), role);
     // The mean difference as light of D65 that is seen; hardly anything is at the range's ends,
     // where the spectra of saturated colours have steps.
     double difference = 0;
