@@ -65,6 +65,10 @@ TEST(NextFloatTest, StepsThroughZeroAndStopsAtInfinity) {
   for (const float v : {1.0f, -1.0f, 1.5e38f, kTiny, -kTiny, 0.0f, -0.0f, -kInf}) {
     EXPECT_EQ(NextUp(v), std::nextafter(v, kInf)) << v;
     EXPECT_EQ(NextDown(-v), std::nextafter(-v, -kInf)) << v;
+    if (std::isinf(v)) continue;
+    EXPECT_EQ(NextTowards(v, 2.5f), NextUp(v)) << v;
+    EXPECT_EQ(NextTowards(v, -1e-40f), NextDown(v)) << v;
+    EXPECT_EQ(std::bit_cast<uint32_t>(NextTowards(v, 0)), std::bit_cast<uint32_t>(v)) << v;
   }
   EXPECT_EQ(NextUp(kInf), kInf);
   EXPECT_EQ(NextDown(-kInf), -kInf);

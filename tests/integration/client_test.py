@@ -50,7 +50,8 @@ def run(*arguments, seconds=30, environment=None):
     """`sheaf` without a farm."""
     return subprocess.run([os.path.join(farm.programs(), "sheaf"), *map(str, arguments)],
                           stdin=subprocess.DEVNULL, capture_output=True, text=True,
-                          timeout=seconds, env=dict(os.environ, **(environment or {})))
+                          timeout=seconds * farm.TIME_SCALE,
+                          env=dict(os.environ, **(environment or {})))
 
 
 def free_port():
@@ -208,7 +209,7 @@ class ClientTest(unittest.TestCase):
         farm.wait_until(lambda: sum(len(files) for _, _, files in os.walk(parts)) > 3, 30,
                         "a few finished parts")
         first.send_signal(signal.SIGINT)
-        _, text = first.communicate(timeout=30)
+        _, text = first.communicate(timeout=30 * farm.TIME_SCALE)
         self.assertEqual(first.returncode, INTERRUPTED, text)
         self.assertIn("goes on from here", text)
         self.assertFalse(os.path.exists(kept))

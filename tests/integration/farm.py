@@ -17,6 +17,8 @@ import time
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 START_SECONDS_MAX = 30
 JOB_SECONDS_MAX = 300
+# How much slower than usual the programs may be: builds with sanitizers set it.
+TIME_SCALE = float(os.environ.get("SHEAF_TIME_SCALE", "1"))
 
 
 def programs():
@@ -34,6 +36,7 @@ def public_scenes():
 
 
 def wait_until(condition, seconds, what):
+    seconds *= TIME_SCALE
     end = time.monotonic() + seconds
     while time.monotonic() < end:
         value = condition()
@@ -128,7 +131,7 @@ class Farm:
         environment = dict(os.environ, SHEAF_COORDINATOR=self.address)
         done = subprocess.run([os.path.join(programs(), "sheaf"), *map(str, arguments)],
                               env=environment, stdin=subprocess.DEVNULL, capture_output=True,
-                              text=True, timeout=seconds)
+                              text=True, timeout=seconds * TIME_SCALE)
         if check and done.returncode != 0:
             raise AssertionError(f"sheaf {' '.join(map(str, arguments))}: exit code "
                                  f"{done.returncode}\n{done.stdout}{done.stderr}\n"
@@ -146,7 +149,7 @@ def render(scene, output, *arguments, seconds=JOB_SECONDS_MAX):
     """`sheaf render` in one process."""
     done = subprocess.run([os.path.join(programs(), "sheaf"), "render", scene, "-o", output,
                            *map(str, arguments)], stdin=subprocess.DEVNULL, capture_output=True,
-                          text=True, timeout=seconds)
+                          text=True, timeout=seconds * TIME_SCALE)
     if done.returncode != 0:
         raise AssertionError(f"sheaf render {scene}: exit code {done.returncode}\n{done.stdout}"
                              f"{done.stderr}")

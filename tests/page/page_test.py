@@ -17,14 +17,14 @@ import traceback
 HERE = os.path.dirname(os.path.abspath(__file__))
 sys.path += [HERE, os.path.join(HERE, "..", "integration")]
 from browser import Browser  # noqa: E402
-from farm import Farm, ROOT, programs, wait_until  # noqa: E402
+from farm import Farm, ROOT, TIME_SCALE, programs, wait_until  # noqa: E402
 
 PAGE_SECONDS_MAX = 20
 PICTURE_SECONDS_MAX = 120
 MADE_UP_JOB_COUNT = 5000
-MADE_UP_SECONDS = 240
+MADE_UP_SECONDS = int(240 * TIME_SCALE)
 # A scroll through all jobs may not hold a drawn picture back longer than this.
-FRAME_MS_MAX = 200
+FRAME_MS_MAX = 200 * TIME_SCALE
 ARROW_DOWN = "\ue015"
 
 # The shown picture, shrunk to 16 x 16: a text that changes with the pixels.

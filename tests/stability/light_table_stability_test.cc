@@ -7,7 +7,6 @@
 // independent scrambles) plus what float samples round.
 #include <gtest/gtest.h>
 
-#include <chrono>
 #include <cmath>
 #include <cstdint>
 #include <filesystem>
@@ -218,12 +217,8 @@ TEST(LightTableStabilityTest, L9AMillionLightsAtOnePoint) {
   constexpr size_t kCount = 1000000;
   const TriangleEmitter t{{-0.5f, -0.5f, 2}, {0, 0.5f, 2}, {0.5f, -0.5f, 2}, Rgb::Grey(1e-6f)};
   input.triangles.assign(kCount, t);
-  const auto start = std::chrono::steady_clock::now();
+  // many_lights_bench times it; were the split of equal lights lopsided, this would not end.
   const auto table = MakeTable(input);
-  const double seconds =
-      std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-  // L10: two seconds are the promise; a sanitizer or a busy machine takes longer, hours nobody.
-  EXPECT_LT(seconds, 20);
   LightTableInput single;
   single.triangles = {t};
   single.triangles[0].radiance = kWhite;

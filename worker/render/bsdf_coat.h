@@ -5,6 +5,7 @@
 // GGX, and what comes back from the base. Directions come with wo.z > 0.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <optional>
 
@@ -60,7 +61,7 @@ BsdfValueOf<Color> EvalCoat(const BsdfOf<Color>& bsdf, const CoatAt<Color>& at, 
   if (ggx.IsSmooth()) return value;
   const Vec3f m = Normalize(wo + wi);
   const float d = ggx.D(m);
-  const float fresnel = FresnelDielectric(std::fmin(Dot(wo, m), 1.0f), bsdf.eta).reflectance;
+  const float fresnel = FresnelDielectric(std::min(1.0f, Dot(wo, m)), bsdf.eta).reflectance;
   value.f_cos += Color::Grey(fresnel * d * ggx.G2Over4Cos(wo, wi) * wi.z);
   value.pdf += at.p_reflect * 0.5f * d / (wo.z + ggx.S(wo));
   return value;

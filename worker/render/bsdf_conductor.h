@@ -5,6 +5,7 @@
 // Directions come with wo.z > 0; bsdf_inl.h turns the other side over.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <optional>
 
@@ -28,7 +29,7 @@ BsdfValueOf<Color> EvalConductor(const BsdfOf<Color>& bsdf, Vec3f wo, Vec3f wi) 
   const Vec3f m = Normalize(wo + wi);
   const float d = ggx.D(m);
   const Color fresnel =
-      FresnelConductor(std::fmin(Dot(wo, m), 1.0f), bsdf.conductor_eta, bsdf.conductor_k);
+      FresnelConductor(std::min(1.0f, Dot(wo, m)), bsdf.conductor_eta, bsdf.conductor_k);
   BsdfValueOf<Color> value;
   value.f_cos = fresnel * (d * ggx.G2Over4Cos(wo, wi) * wi.z);
   value.pdf = 0.5f * d / (wo.z + ggx.S(wo));  // VisibleNormalPdfOverDot / 4.

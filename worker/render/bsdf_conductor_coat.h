@@ -7,6 +7,7 @@
 // interface's, conductor_eta and conductor_k against the coat, color the tint of the rest.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <optional>
 
@@ -39,7 +40,7 @@ ConductorCoatAt MakeConductorCoatAt(const BsdfOf<Color>& bsdf, Vec3f wo) {
   at.reflect_o = row.reflect.At(o);
   at.rest_o = row.rest.At(o);
   const float base = MaxComponent(
-      FresnelConductor(std::fmin(at.inner_o.z, 1.0f), bsdf.conductor_eta, bsdf.conductor_k));
+      FresnelConductor(std::min(1.0f, at.inner_o.z), bsdf.conductor_eta, bsdf.conductor_k));
   const float highlight = row.highlight.At(o) * base;
   const float rest = row.rest_albedo.At(o) * MaxComponent(bsdf.color);
   const float sum = at.reflect_o + highlight + rest;
@@ -54,7 +55,7 @@ ConductorCoatAt MakeConductorCoatAt(const BsdfOf<Color>& bsdf, Vec3f wo) {
 template <typename Color>
 Color KeptByBase(const BsdfOf<Color>& bsdf, float cos_half, float cos_o, float cos_i) {
   const float thickness = bsdf.conductor_coat->thickness;
-  return FresnelConductor(std::fmin(cos_half, 1.0f), bsdf.conductor_eta, bsdf.conductor_k) *
+  return FresnelConductor(std::min(1.0f, cos_half), bsdf.conductor_eta, bsdf.conductor_k) *
          Exp(-thickness / cos_o - thickness / cos_i);
 }
 
@@ -62,7 +63,7 @@ Color KeptByBase(const BsdfOf<Color>& bsdf, float cos_half, float cos_o, float c
 template <typename Color>
 Color ReflectedSeries(const Color& kept, float again) {
   return MakeColor<Color>(
-      [&](size_t c) { return kept[c] / std::fmax(1 - again * kept[c], kSeriesMin); });
+      [&](size_t c) { return kept[c] / std::max(kSeriesMin, 1 - again * kept[c]); });
 }
 
 template <typename Color>
@@ -85,7 +86,7 @@ BsdfValueOf<Color> EvalConductorCoat(const BsdfOf<Color>& bsdf, const ConductorC
     const float narrowing = wi.z / (bsdf.eta * bsdf.eta * inner_i.z);
     const Color series =
         ReflectedSeries(KeptByBase(bsdf, Dot(at.inner_o, m), at.inner_o.z, inner_i.z),
-                        std::fmin(at.reflect_o, row.reflect.At(i)));
+                        std::min(at.reflect_o, row.reflect.At(i)));
     value.f_cos += series * (at.enter_o * row.enter.At(i) * d *
                              row.lobe.G2Over4Cos(at.inner_o, inner_i) * inner_i.z * narrowing);
     value.pdf += at.p_highlight * 0.5f * d / (at.inner_o.z + row.lobe.S(at.inner_o)) * narrowing;
@@ -93,7 +94,7 @@ BsdfValueOf<Color> EvalConductorCoat(const BsdfOf<Color>& bsdf, const ConductorC
   const Ggx ggx{bsdf.alpha_x, bsdf.alpha_y};
   if (ggx.IsSmooth()) return value;
   const float d = ggx.D(half);
-  const float fresnel = FresnelDielectric(std::fmin(Dot(wo, half), 1.0f), bsdf.eta).reflectance;
+  const float fresnel = FresnelDielectric(std::min(1.0f, Dot(wo, half)), bsdf.eta).reflectance;
   value.f_cos += Color::Grey(fresnel * d * ggx.G2Over4Cos(wo, wi) * wi.z);
   value.pdf += at.p_reflect * 0.5f * d / (wo.z + ggx.S(wo));
   return value;
@@ -141,7 +142,7 @@ template <typename Color>
   } else if (u_lobe < at.p_reflect + at.p_highlight) {
     const Vec3f inner_i = Reflect(at.inner_o, row.lobe.SampleVisibleNormal(at.inner_o, u));
     if (!(inner_i.z > 0)) return std::nullopt;
-    const float cos_i = FresnelDielectric(std::fmin(inner_i.z, 1.0f), 1 / bsdf.eta).cos_t;
+    const float cos_i = FresnelDielectric(std::min(1.0f, inner_i.z), 1 / bsdf.eta).cos_t;
     if (!(cos_i > 0)) return std::nullopt;  // Totally reflected: that light is in the rest.
     wi = Normalize(Vec3f{inner_i.x * bsdf.eta, inner_i.y * bsdf.eta, cos_i});
   } else {

@@ -8,6 +8,7 @@
 // Refraction through Rough Surfaces"; Veach 1997, sec. 5.2 (radiance across an interface).
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <optional>
 
@@ -46,7 +47,7 @@ BsdfValueOf<Color> EvalDielectricFacet(const Ggx& ggx, float eta, Vec3f wo, Vec3
   if (wi.z > 0) {
     const Vec3f m = Normalize(wo + wi);
     const float d = ggx.D(m);
-    const float fresnel = FresnelDielectric(std::fmin(Dot(wo, m), 1.0f), eta).reflectance;
+    const float fresnel = FresnelDielectric(std::min(1.0f, Dot(wo, m)), eta).reflectance;
     return {Color::Grey(fresnel * d * ggx.G2Over4Cos(wo, wi) * wi.z),
             0.25f * visible * d * fresnel};
   }
@@ -56,7 +57,7 @@ BsdfValueOf<Color> EvalDielectricFacet(const Ggx& ggx, float eta, Vec3f wo, Vec3
   if (m.z < 0) m = -m;
   const float cos_o = Dot(wo, m), cos_i = Dot(wi, m);
   if (!(cos_o > 0) || !(cos_i < 0)) return {};  // Not the two sides of this facet.
-  const float transmittance = 1 - FresnelDielectric(std::fmin(cos_o, 1.0f), eta).reflectance;
+  const float transmittance = 1 - FresnelDielectric(std::min(1.0f, cos_o), eta).reflectance;
   const float half = cos_i + cos_o / eta;
   // Solid angle of facets over solid angle of wi.
   const float dm_dwi = std::fabs(cos_i) / (half * half);
@@ -103,7 +104,7 @@ std::optional<BsdfSampleOf<Color>> SampleSmoothDielectric(float eta, Vec3f wo, f
 inline std::optional<Vec3f> SampleDielectricFacet(const Ggx& ggx, float eta, Vec3f wo, float u_lobe,
                                                   Vec2f u) {
   const Vec3f m = ggx.SampleVisibleNormal(wo, u);
-  const float cos_o = std::fmin(Dot(wo, m), 1.0f);
+  const float cos_o = std::min(1.0f, Dot(wo, m));
   if (!(cos_o > 0)) return std::nullopt;
   const DielectricFresnel fresnel = FresnelDielectric(cos_o, eta);
   const bool reflects = u_lobe < fresnel.reflectance;

@@ -5,6 +5,7 @@
 // from a chosen direction to a sample.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <optional>
 
@@ -26,12 +27,12 @@ inline Vec3f SampleCosineHemisphere(Vec2f u) {
   const float x = a_longer ? r * phi.cos : r * phi.sin;
   const float y = a_longer ? r * phi.sin : r * phi.cos;
   // 1 - r^2 as a product; the floor keeps z > 0 on the rim.
-  return {x, y, std::sqrt(std::fmax((1 - r) * (1 + r), 1e-12f))};
+  return {x, y, std::sqrt(std::max(1e-12f, (1 - r) * (1 + r)))};
 }
 
 // A direction with the given cosine and azimuth 2 pi u.
 inline Vec3f DirectionAtMu(float mu, float u) {
-  const float sin_theta = std::sqrt(std::fmax(0.0f, (1 - mu) * (1 + mu)));
+  const float sin_theta = std::sqrt(std::max(0.0f, (1 - mu) * (1 + mu)));
   const SinCosPair<float> phi = SinCos(2 * static_cast<float>(kPi) * u);
   return {sin_theta * phi.cos, sin_theta * phi.sin, mu};
 }

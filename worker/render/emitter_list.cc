@@ -35,15 +35,6 @@ Emission EmitterList::EmissionOf(int32_t light, double area) const {
   return {description.radiance, ScaleOf(description, area), light};
 }
 
-float TriangleFacing(const BakedMesh& mesh, const uint32_t* t, Vec3d cross) {
-  if (!mesh.normals.empty()) {
-    const Vec3f sum = mesh.normals[t[0]] + mesh.normals[t[1]] + mesh.normals[t[2]];
-    const double side = Dot(cross, ToDouble(sum));
-    if (side != 0) return side < 0 ? -1.0f : 1.0f;
-  }
-  return mesh.surface.flips_normal ? -1.0f : 1.0f;
-}
-
 uint32_t EmitterList::AddMesh(const BakedMesh& mesh, int32_t light) {
   double area = 0;
   for (size_t i = 0; i < mesh.indices.size(); i += 3) {

@@ -39,8 +39,4 @@ class EmitterList {
   LightTableInput input_;
 };
 
-// The side of a triangle its shape faces: 1 along Cross(p1 - p0, p2 - p0), -1 against it. Vertex
-// normals decide where there are any (as in pbrt-v4), else the shape's orientation.
-float TriangleFacing(const BakedMesh& mesh, const uint32_t* indices, Vec3d cross);
-
 }  // namespace sheaf::render

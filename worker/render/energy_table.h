@@ -13,6 +13,7 @@
 // kAlphaNodeCount alphas and a lookup blends two neighbours.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdint>
@@ -33,7 +34,7 @@ struct MuPosition {
   float fraction = 0;  // In [0, 1].
 };
 inline MuPosition FindMu(float mu) {
-  const float t = std::sqrt(std::fmin(std::fmax(mu, 0.0f), 1.0f)) * (kMuNodeCount - 1);
+  const float t = std::sqrt(std::min(1.0f, std::max(0.0f, mu))) * (kMuNodeCount - 1);
   const int index = t < kMuNodeCount - 2 ? static_cast<int>(t) : kMuNodeCount - 2;
   return {index, t - static_cast<float>(index)};
 }

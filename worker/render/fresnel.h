@@ -5,6 +5,7 @@
 // grazing incidence and at the critical angle.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 
 #include "common/math/vec.h"
@@ -39,10 +40,10 @@ inline constexpr float kPerfectConductorK = 1e8f;
 inline float FresnelConductor(float cos_i, float eta, float k) {
   if (k >= kPerfectConductorK) return 1;
   const float cos2 = cos_i * cos_i;
-  const float sin2 = std::fmax(0.0f, (1 - cos_i) * (1 + cos_i));
+  const float sin2 = std::max(0.0f, (1 - cos_i) * (1 + cos_i));
   const float t = eta * eta - k * k - sin2;
   const float a2_plus_b2 = std::sqrt(t * t + 4 * eta * eta * k * k);
-  const float two_a_cos = 2 * cos_i * std::sqrt(std::fmax(0.0f, 0.5f * (a2_plus_b2 + t)));
+  const float two_a_cos = 2 * cos_i * std::sqrt(std::max(0.0f, 0.5f * (a2_plus_b2 + t)));
   const float s_sum = a2_plus_b2 + cos2;
   if (!(s_sum + two_a_cos > 0)) return 1;
   const float r_s = (s_sum - two_a_cos) / (s_sum + two_a_cos);

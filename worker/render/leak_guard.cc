@@ -4,6 +4,7 @@
 // Which meshes are closed, whether the camera is in a room, and rays a few ulps aside.
 #include "worker/render/leak_guard.h"
 
+#include <algorithm>
 #include <bit>
 #include <cmath>
 #include <numbers>
@@ -101,7 +102,7 @@ bool LeakGuard::IsEnclosed(const Ray& ray) const {
 Ray NudgedRay(const Ray& ray, int attempt) {
   Ray nudged = ray;
   const float length =
-      std::fmax(std::fabs(ray.d.x), std::fmax(std::fabs(ray.d.y), std::fabs(ray.d.z)));
+      std::max(std::fabs(ray.d.x), std::max(std::fabs(ray.d.y), std::fabs(ray.d.z)));
   const float step = std::ldexp(length, 2 * attempt - 21);
   uint64_t state = HashOf(ray.d, HashOf(ray.o, static_cast<uint64_t>(attempt)));
   for (size_t i = 0; i < 3; ++i) {

@@ -27,7 +27,7 @@ Color ClampReflectance(const Color& color) {
 }
 
 float AlphaOfRoughness(float roughness, bool remap) {
-  const float value = std::fmax(roughness, 0.0f);
+  const float value = std::max(0.0f, roughness);
   return remap ? std::sqrt(value) : value;
 }
 
@@ -46,8 +46,8 @@ void SetAlpha(const CompiledMaterial& material, float roughness_u, float roughne
   bsdf->alpha_x = AlphaOfRoughness(roughness_u, material.remap_roughness);
   bsdf->alpha_y = AlphaOfRoughness(roughness_v, material.remap_roughness);
   if (Ggx{bsdf->alpha_x, bsdf->alpha_y}.IsSmooth()) return;
-  bsdf->alpha_x = std::fmax(bsdf->alpha_x, kOtherAlphaMin);
-  bsdf->alpha_y = std::fmax(bsdf->alpha_y, kOtherAlphaMin);
+  bsdf->alpha_x = std::max(kOtherAlphaMin, bsdf->alpha_x);
+  bsdf->alpha_y = std::max(kOtherAlphaMin, bsdf->alpha_y);
 }
 
 template <typename Color>
@@ -228,7 +228,7 @@ const CompiledMaterial& Choose(const std::vector<CompiledMaterial>& materials,
     const float amount = std::clamp(textures.Float(chosen->amount, point), 0.0f, 1.0f);
     const bool second = u < amount;
     u = second ? u / amount : (u - amount) / (1 - amount);
-    u = std::fmin(u, 0x1.fffffep-1f);
+    u = std::min(0x1.fffffep-1f, u);
     chosen = &materials[static_cast<size_t>(chosen->mix[second ? 1 : 0])];
   }
   return *chosen;

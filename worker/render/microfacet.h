@@ -13,6 +13,7 @@
 // Visible GGX Normals with Spherical Caps".
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 
 #include "common/math/elementary.h"
@@ -57,11 +58,11 @@ struct Ggx {
     const Vec3f v = length2 > 0 ? stretched * (1 / std::sqrt(length2)) : Vec3f{0, 0, 1};
     const float z = (1 - u.y) * (1 + v.z) - v.z;
     // 1 - z^2 as a product: 1 - z = u.y (1 + v.z), with no cancellation near the pole.
-    const float sin_theta = std::sqrt(std::fmax(0.0f, u.y * (1 + v.z) * (1 + z)));
+    const float sin_theta = std::sqrt(std::max(0.0f, u.y * (1 + v.z) * (1 + z)));
     const SinCosPair<float> phi = SinCos(2 * static_cast<float>(kPi) * u.x);
     const Vec3f cap{sin_theta * phi.cos, sin_theta * phi.sin, z};
     const Vec3f h = cap + v;
-    const Vec3f m{h.x * alpha_x, h.y * alpha_y, std::fmax(0.0f, h.z)};
+    const Vec3f m{h.x * alpha_x, h.y * alpha_y, std::max(0.0f, h.z)};
     const float m_length2 = LengthSquared(m);
     return m_length2 > 0 ? m * (1 / std::sqrt(m_length2)) : Vec3f{0, 0, 1};
   }

@@ -11,6 +11,7 @@
 // there. The tracer is a parameter, so that a benchmark can record the rays.
 #pragma once
 
+#include <algorithm>
 #include <bit>
 #include <cstdint>
 #include <optional>
@@ -154,14 +155,12 @@ void PathTracer<kTraits, Tracer>::Trace(const Sampler& sampler, Path* path, Film
   const Vec3f camera_o = path->ray.o;
   bool is_first = true;
   uint32_t passes = 0;
-  // Begun here, the look-up of a light need not be waited for when the surface is known. Most
-  // camera rays meet something, most scattered ones in the open do not.
-  LightDraw draw = DrawLight(sampler, 0);
   for (;;) {
     ++counts_.rays;
     RawHit hit;
     if (!tracer_.Intersect(path->ray, &hit)) return AddEscape(path);
-    if (path->depth > 0) draw = DrawLight(sampler, path->depth);
+    // Begun here, the look-up of a light need not be waited for when the surface is known.
+    const LightDraw draw = DrawLight(sampler, path->depth);
     SurfacePoint point = MakeSurfacePoint<kTraits>(scene_.geometry, path->ray, hit);
     const Surface& surface = *point.surface;
     PassChoice choice{};
@@ -336,7 +335,7 @@ bool PathTracer<kTraits, Tracer>::Scatter(const Sampler& sampler, const SurfaceP
   path->sky_place = scene_.lights->template PrepareEnvironment<kTraits>(wi);
   const float survival = MaxComponent(path->throughput) * path->eta_scale;
   if (survival < 1 && path->depth > kRouletteDepthMin) {
-    const float stop = std::fmin(1 - survival, kRouletteStopMax);
+    const float stop = std::min(kRouletteStopMax, 1 - survival);
     if (u[3] < stop) return false;
     path->throughput *= 1 / (1 - stop);
   }

@@ -50,10 +50,7 @@ inline Vec3f OffsetRayOrigin(Vec3f p, Vec3f p_error, Vec3f n, Vec3f w) {
   const Vec3f offset = Dot(w, n) < 0 ? n * -distance : n * distance;
   Vec3f origin = p + offset;
   // The sum itself rounds: away from p, never back to it.
-  for (size_t i = 0; i < 3; ++i) {
-    if (offset[i] > 0) origin[i] = NextUp(origin[i]);
-    if (offset[i] < 0) origin[i] = NextDown(origin[i]);
-  }
+  for (size_t i = 0; i < 3; ++i) origin[i] = NextTowards(origin[i], offset[i]);
   return origin;
 }
 

@@ -22,6 +22,7 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "common/film/film_tile.h"
 #include "common/math/vec.h"
 #include "worker/render/sobol_points.h"
 
@@ -68,6 +69,11 @@ constexpr uint32_t ReverseBits(uint32_t v) {
   return __builtin_bswap32(v);
 }
 
+constexpr uint64_t ReverseBits64(uint64_t v) {
+  return (uint64_t{ReverseBits(static_cast<uint32_t>(v))} << 32) |
+         ReverseBits(static_cast<uint32_t>(v >> 32));
+}
+
 // The top 24 bits: all a float in [0, 1) can hold, so that rounding never makes 1.
 constexpr float UnitFloat(uint32_t bits) {
   return static_cast<float>(static_cast<int32_t>(bits >> 8)) * 0x1p-24f;
@@ -78,7 +84,15 @@ constexpr float UnitFloat(uint32_t bits) {
 class Sampler {
  public:
   // sample_index is the film's: replicate and index within it follow from it.
-  Sampler(uint64_t seed, int32_t pixel_x, int32_t pixel_y, uint64_t sample_index);
+  Sampler(uint64_t seed, int32_t pixel_x, int32_t pixel_y, uint64_t sample_index)
+      : index_reversed_(sobol::ReverseBits64(IndexInReplicate(sample_index))) {
+    const uint64_t pixel =
+        (uint64_t{static_cast<uint32_t>(pixel_y)} << 32) | static_cast<uint32_t>(pixel_x);
+    // One full mix an input: sums of raw inputs would let seeds and pixels cancel each other.
+    key_ = MixBits(seed + 1);
+    key_ = MixBits(key_ ^ pixel);
+    key_ = MixBits(key_ + ReplicateOf(sample_index) + 1);
+  }
 
   // All four coordinates of a slot. Values are multiples of 2^-24 in [0, 1), never 1.
   std::array<float, 4> Get4(uint32_t slot) const {

@@ -6,7 +6,7 @@ sheaf_add_module(NAME render_sampling
     environment_map.h map_partition.h intensity_map.h light_bounds.h light_choice.h light_cluster.h
     light_reader.h light_tree.h light_table.h light_table_impl.h photometric_web.h projected_image.h
   SOURCES
-    sampler.cc sobol_points.cc discrete_distribution.cc shape_sampling.cc equal_area_map.cc
+    sobol_points.cc discrete_distribution.cc shape_sampling.cc equal_area_map.cc
     environment_map.cc map_partition.cc intensity_map.cc light_choice.cc light_reader.cc
     light_tree.cc light_tree_build.cc light_table.cc light_table_build.cc photometric_web.cc
     projected_image.cc

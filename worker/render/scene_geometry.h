@@ -41,6 +41,17 @@ struct BakedMesh {
   std::vector<Vec2f> uvs;         // Or empty.
   std::vector<uint32_t> indices;  // Three per triangle; degenerate triangles are gone.
 };
+// The side of a triangle its shape faces: 1 along cross = Cross(p1 - p0, p2 - p0), -1 against it.
+// Vertex normals decide where there are any (as in pbrt-v4), else the shape's orientation. t: its
+// three indices.
+inline float TriangleFacing(const BakedMesh& mesh, const uint32_t* t, Vec3d cross) {
+  if (!mesh.normals.empty()) {
+    const Vec3f sum = mesh.normals[t[0]] + mesh.normals[t[1]] + mesh.normals[t[2]];
+    const double side = Dot(cross, ToDouble(sum));
+    if (side != 0) return side < 0 ? -1.0f : 1.0f;
+  }
+  return mesh.surface.flips_normal ? -1.0f : 1.0f;
+}
 struct BakedQuadric {
   Surface surface;
   Quadric quadric;

@@ -6,13 +6,13 @@
 // rounding to float, however far the ray came from. Source: pbrt-v4, sec. 6.8.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 
 #include "common/math/frame.h"
 #include "common/math/vec.h"
 #include "worker/render/bsdf.h"
 #include "worker/render/embree_scene.h"
-#include "worker/render/emitter_list.h"
 #include "worker/render/scene_geometry.h"
 
 namespace sheaf::render {
@@ -48,7 +48,7 @@ struct GroupPoint {
 inline Vec3f MaxAbs(Vec3f a, Vec3f b, Vec3f c) {
   Vec3f result;
   for (size_t i = 0; i < 3; ++i) {
-    result[i] = std::fmax(std::fabs(a[i]), std::fmax(std::fabs(b[i]), std::fabs(c[i])));
+    result[i] = std::max(std::fabs(a[i]), std::max(std::fabs(b[i]), std::fabs(c[i])));
   }
   return result;
 }
@@ -151,9 +151,9 @@ inline GroupPoint PointOnPatch(const BakedPatches& baked, const RawHit& hit,
   GroupPoint point;
   point.p = patch.PointAt(u, v);
   for (size_t i = 0; i < 3; ++i) {
-    point.coordinate_max[i] = std::fmax(
-        std::fmax(std::fabs(baked.positions[k[0]][i]), std::fabs(baked.positions[k[1]][i])),
-        std::fmax(std::fabs(baked.positions[k[2]][i]), std::fabs(baked.positions[k[3]][i])));
+    point.coordinate_max[i] = std::max(
+        std::max(std::fabs(baked.positions[k[0]][i]), std::fabs(baked.positions[k[1]][i])),
+        std::max(std::fabs(baked.positions[k[2]][i]), std::fabs(baked.positions[k[3]][i])));
   }
   const Vec3d n = Normalize(patch.NormalAt(u, v));
   point.ng = baked.surface.flips_normal ? -n : n;
