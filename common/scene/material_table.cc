@@ -26,7 +26,7 @@ ColorSpec NamedColor(const std::string& name) {
 }
 
 // pbrt-v4 materials that Sheaf does not do yet, for a better message than "unknown".
-constexpr const char* kKnownMaterials[] = {"hair", "measured", "subsurface"};
+constexpr const char* kKnownMaterials[] = {"subsurface"};
 
 }  // namespace
 
@@ -111,6 +111,10 @@ MaterialTable::Variant MaterialTable::Make(const std::string& type, ParameterLis
     material = MakeCoatedDiffuse(parameters);
   } else if (type == "coatedconductor") {
     material = MakeCoatedConductor(parameters);
+  } else if (type == "hair") {
+    material = MakeHair(parameters);
+  } else if (type == "measured") {
+    material = MakeMeasured(parameters);
   } else if (type == "mix") {
     material = MakeMix(parameters);
   } else if (type == "interface" || type.empty() || type == "none") {
@@ -126,7 +130,7 @@ MaterialTable::Variant MaterialTable::Make(const std::string& type, ParameterLis
     parameters.Error(absl::StrCat(
         parameters.owner(), ": type \"", type, "\" is ", is_known ? "not supported" : "unknown",
         "; Sheaf does diffuse, diffusetransmission, conductor, dielectric, thindielectric, "
-        "coateddiffuse, coatedconductor, mix and interface"));
+        "coateddiffuse, coatedconductor, hair, measured, mix and interface"));
     return material;
   }
   if (!std::holds_alternative<InterfaceMaterial>(material)) RejectBumps(parameters);

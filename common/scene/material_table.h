@@ -51,6 +51,8 @@ class MaterialTable {
   ThinDielectricMaterial MakeThinDielectric(ParameterList& parameters);
   CoatedDiffuseMaterial MakeCoatedDiffuse(ParameterList& parameters);
   CoatedConductorMaterial MakeCoatedConductor(ParameterList& parameters);
+  HairMaterial MakeHair(ParameterList& parameters);
+  MeasuredMaterial MakeMeasured(ParameterList& parameters);
   MixMaterial MakeMix(ParameterList& parameters);
   // Fills in what a coat has whatever is below it. eta_name: of its index of refraction.
   void GetCoat(ParameterList& parameters, const std::string& eta_name, ClearCoat* coat);

@@ -164,6 +164,23 @@ struct CoatedConductorMaterial : ClearCoat {
   RoughnessInput roughness;     // Of the coat's interface. Neither roughness is a texture.
   ConductorMaterial conductor;  // Its index is against vacuum, as measured ones are.
 };
+// A fibre along dp/du; v goes across it, from one edge as seen to the other.
+struct HairMaterial {
+  enum class Pigment { kAbsorption, kReflectance, kMelanin };
+  Pigment pigment = Pigment::kMelanin;
+  ColorInput color;  // Absorption per radius of the fibre, or what a head of hair reflects.
+  FloatInput eumelanin{.value = 1.3f}, pheomelanin{.value = 0};  // Concentrations.
+  FloatInput eta{.value = 1.55f};
+  FloatInput beta_m{.value = 0.3f}, beta_n{.value = 0.3f};  // Roughness along and around, [0, 1].
+  FloatInput alpha_degrees{.value = 2};                     // Tilt of the scales, [-90, 90].
+
+  // What constants must lie within.
+  static constexpr float kIndexMin = 0.1f, kIndexMax = 10, kConcentrationMax = 1e6f;
+};
+struct MeasuredMaterial {
+  std::string file;             // Canonical name for FileSource of an RGL file (.bsdf).
+  bool is_anisotropic = false;  // It was measured in more than one direction around the normal.
+};
 struct MixMaterial {
   int32_t material[2] = {kNone, kNone};
   FloatInput amount;
@@ -173,8 +190,8 @@ struct InterfaceMaterial {};  // Invisible; bounds a medium.
 struct MaterialDescription {
   std::string name;  // Empty for unnamed ones.
   std::variant<DiffuseMaterial, DiffuseTransmissionMaterial, ConductorMaterial, DielectricMaterial,
-               ThinDielectricMaterial, CoatedDiffuseMaterial, CoatedConductorMaterial, MixMaterial,
-               InterfaceMaterial>
+               ThinDielectricMaterial, CoatedDiffuseMaterial, CoatedConductorMaterial, HairMaterial,
+               MeasuredMaterial, MixMaterial, InterfaceMaterial>
       material;
   SourceLocation location;
 };

@@ -14,6 +14,7 @@
 
 #include "common/scene/file_source.h"
 #include "common/scene/scene_reader.h"
+#include "tests/support/measured_builder.h"
 
 namespace sheaf {
 namespace {
@@ -73,6 +74,7 @@ class PbrtSupportTest : public ::testing::Test {
     Write("lamp.ies",
           "IES:LM-63-2019\nTILT=NONE\n1 1000 1 3 1 1 2 0 0 0\n1 1 60\n0 45 90\n0\n"
           "100 50 15\n");
+    testing::MeasuredFileBuilder().Write(directory_ + "/paint.bsdf");
     Write("mesh.ply",
           "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n"
           "property float z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n"

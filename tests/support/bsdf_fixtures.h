@@ -120,6 +120,20 @@ inline BsdfFixture MakeConductorCoatFixture(render::Ggx interface, render::Ggx b
   return fixture;
 }
 
+// offset: across the fibre, [-1, 1]. absorption: per radius.
+inline BsdfFixture MakeHairFixture(float beta_m, float beta_n, float offset, Rgb absorption,
+                                   float eta = 1.55f, float tilt_degrees = 2) {
+  BsdfFixture fixture{"hair " + std::to_string(beta_m) + " " + std::to_string(beta_n) + " at " +
+                          std::to_string(offset) + " eta " + std::to_string(eta),
+                      MakeBsdfOfKind(render::BsdfKind::kHair, render::HairVariance(beta_m),
+                                     render::HairLogisticScale(beta_n), eta),
+                      nullptr};
+  fixture.bsdf.color = absorption;
+  fixture.bsdf.hair.offset = offset;
+  fixture.bsdf.hair.sin_tilt = Sin(tilt_degrees * static_cast<float>(kPi / 180));
+  return fixture;
+}
+
 // A direction at cosine mu; azimuth in radians.
 inline Vec3f DirectionAt(float mu, float phi) {
   const float sin_theta = std::sqrt((1 - mu) * (1 + mu));

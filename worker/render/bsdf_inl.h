@@ -14,6 +14,8 @@
 #include "worker/render/bsdf_conductor_coat.h"
 #include "worker/render/bsdf_dielectric.h"
 #include "worker/render/bsdf_diffuse_transmission.h"
+#include "worker/render/bsdf_hair.h"
+#include "worker/render/bsdf_measured.h"
 #include "worker/render/bsdf_sampling.h"
 
 namespace sheaf::render {
@@ -48,8 +50,12 @@ BsdfValueOf<Color> EvalUpper(const BsdfOf<Color>& bsdf, bool inside, Vec3f wo, V
     case BsdfKind::kCoatedConductor:
       if constexpr (Has(kTraits, Trait::kLayered)) return EvalConductorCoat(bsdf, wo, wi);
       return {};
+    case BsdfKind::kMeasured:
+      if constexpr (Has(kTraits, Trait::kMeasured)) return EvalMeasured(bsdf, inside, wo, wi);
+      return {};
     case BsdfKind::kBlack:
     case BsdfKind::kThinDielectric:
+    case BsdfKind::kHair:
     case BsdfKind::kInterface:
       return {};
   }
@@ -101,7 +107,11 @@ std::optional<BsdfSampleOf<Color>> SampleUpper(const BsdfOf<Color>& bsdf, bool i
             .wi = -wo, .weight = Color::Grey(1), .flags = kBsdfSpecular | kBsdfTransmission};
       }
       return std::nullopt;
+    case BsdfKind::kMeasured:
+      if constexpr (Has(kTraits, Trait::kMeasured)) return SampleMeasured(bsdf, inside, wo, u);
+      return std::nullopt;
     case BsdfKind::kBlack:
+    case BsdfKind::kHair:
       return std::nullopt;
   }
   return std::nullopt;
@@ -109,6 +119,7 @@ std::optional<BsdfSampleOf<Color>> SampleUpper(const BsdfOf<Color>& bsdf, bool i
 
 template <uint32_t kTraits, typename Color>
 BsdfValueOf<Color> EvalBsdf(const BsdfOf<Color>& bsdf, Vec3f wo, Vec3f wi) {
+  if (IsHair<kTraits>(bsdf)) return EvalHair(bsdf, wo, wi);
   if (wo.z > 0) return EvalUpper<kTraits>(bsdf, false, wo, wi);
   if (wo.z < 0) return EvalUpper<kTraits>(bsdf, true, FlipZ(wo), FlipZ(wi));
   return {};
@@ -117,6 +128,7 @@ BsdfValueOf<Color> EvalBsdf(const BsdfOf<Color>& bsdf, Vec3f wo, Vec3f wi) {
 template <uint32_t kTraits, typename Color>
 std::optional<BsdfSampleOf<Color>> SampleBsdf(const BsdfOf<Color>& bsdf, Vec3f wo, float u_lobe,
                                               Vec2f u) {
+  if (IsHair<kTraits>(bsdf)) return SampleHair(bsdf, wo, u_lobe, u);
   if (wo.z > 0) return SampleUpper<kTraits>(bsdf, false, wo, u_lobe, u);
   if (!(wo.z < 0)) return std::nullopt;
   std::optional<BsdfSampleOf<Color>> sample =

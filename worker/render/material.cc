@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "common/base/check.h"
+#include "worker/render/bsdf_hair.h"
 #include "worker/render/fresnel.h"
 #include "worker/render/material_impl.h"
 #include "worker/render/variant_list.h"
@@ -156,6 +157,8 @@ BsdfOf<Color> MakeBsdf(const CompiledMaterial& material, const SurfaceInputs<Col
     case BsdfKind::kInterface:
       bsdf.specular = true;
       break;
+    case BsdfKind::kHair:  // Made at each hit, by MakeHair and MakeMeasured.
+    case BsdfKind::kMeasured:
     case BsdfKind::kBlack:
       bsdf.albedo = {};
       break;
@@ -211,6 +214,63 @@ BsdfOf<Spectral> ConstantAt(const CompiledMaterial& material, const Wavelengths&
   return bsdf;
 }
 
+// Keeps NaN, as ClampReflectance does.
+float Clamp(float value, float low, float high) {
+  return value < low ? low : (value > high ? high : value);
+}
+
+template <typename Color>
+BsdfOf<Color> MakeHair(const TextureProgram& textures, const CompiledHair& hair,
+                       const TexturePoint& point, const WavelengthsOf<Color>& wavelengths) {
+  constexpr float kAbsorptionMax = 1e8f;  // Blacker than black; keeps products finite.
+  const auto color = [&](const ColorOperand& operand) {
+    return textures.Value<Color>(operand, point, wavelengths);
+  };
+  const auto number = [&](const FloatOperand& operand) { return textures.Float(operand, point); };
+  const float beta_n = Clamp(number(hair.beta_n), kHairBetaMin, 1);
+  BsdfOf<Color> bsdf;
+  bsdf.kind = BsdfKind::kHair;
+  bsdf.eta = Clamp(number(hair.eta), HairMaterial::kIndexMin, HairMaterial::kIndexMax);
+  bsdf.alpha_x = HairVariance(Clamp(number(hair.beta_m), kHairBetaMin, 1));
+  bsdf.alpha_y = HairLogisticScale(beta_n);
+  const float tilt_degrees = Clamp(number(hair.alpha_degrees), -90, 90);
+  bsdf.hair.sin_tilt = Sin(tilt_degrees * static_cast<float>(kPi / 180));
+  bsdf.hair.offset = Clamp(2 * point.uv.y - 1, -1, 1);
+  switch (hair.pigment) {
+    case HairMaterial::Pigment::kAbsorption:
+      bsdf.color = color(hair.color);
+      break;
+    case HairMaterial::Pigment::kReflectance: {
+      const Color c = ClampReflectance(color(hair.color));
+      bsdf.color = MakeColor<Color>([&](size_t i) { return HairAbsorption(c[i], beta_n); });
+      break;
+    }
+    case HairMaterial::Pigment::kMelanin:
+      bsdf.color = color(hair.eumelanin_absorption) * std::fmax(number(hair.eumelanin), 0.0f) +
+                   color(hair.pheomelanin_absorption) * std::fmax(number(hair.pheomelanin), 0.0f);
+      break;
+  }
+  bsdf.color = MakeColor<Color>([&](size_t i) { return Clamp(bsdf.color[i], 0, kAbsorptionMax); });
+  const float scale = HairReflectanceScale(beta_n);
+  bsdf.albedo = MakeColor<Color>([&](size_t i) { return Exp(-std::sqrt(bsdf.color[i]) * scale); });
+  return bsdf;
+}
+
+Bsdf MakeMeasured(const MeasuredBrdf& measured, NoWavelengths) {
+  Bsdf bsdf;
+  bsdf.kind = BsdfKind::kMeasured;
+  bsdf.measured = &measured;
+  bsdf.albedo = measured.albedo();
+  return bsdf;
+}
+BsdfOf<Spectral> MakeMeasured(const MeasuredBrdf& measured, const Wavelengths& wavelengths) {
+  BsdfOf<Spectral> bsdf;
+  bsdf.kind = BsdfKind::kMeasured;
+  bsdf.measured = &measured;
+  bsdf.conductor_eta = {wavelengths.nm};
+  return bsdf;
+}
+
 void SetDispersion(const CompiledMaterial&, NoWavelengths, Bsdf*) {}
 void SetDispersion(const CompiledMaterial& material, const Wavelengths& wavelengths,
                    BsdfOf<Spectral>* bsdf) {
@@ -252,6 +312,14 @@ BsdfOf<ColorOf<kTraits>> MaterialTable::Evaluate(
     if (chosen->is_mix) {
       chosen = &Choose(impl_->materials, *impl_->textures, material, point, u_mix);
     }
+  }
+  if constexpr (Has(kTraits, Trait::kHair)) {
+    if (chosen->hair != nullptr) {
+      return MakeHair<Color>(*impl_->textures, *chosen->hair, point, wavelengths);
+    }
+  }
+  if constexpr (Has(kTraits, Trait::kMeasured)) {
+    if (chosen->measured != nullptr) return MakeMeasured(*chosen->measured, wavelengths);
   }
   if constexpr (Has(kTraits, Trait::kTextures)) {
     if (chosen->varies) {

@@ -17,12 +17,16 @@ namespace sheaf::render {
 namespace {
 
 constexpr Ggx kAllAlphas{-1, -1};
+// Of the melanins at concentration 1, for light of the sRGB primaries. Source: d'Eon et al. 2011,
+// "An Energy-Conserving Hair Reflectance Model", sec. 6.1, as pbrt-v4 has them.
+constexpr Rgb kEumelaninAbsorption{0.419f, 0.697f, 1.37f};
+constexpr Rgb kPheomelaninAbsorption{0.187f, 0.4f, 1.05f};
 
 class MaterialBuilder {
  public:
-  MaterialBuilder(const SceneDescription& scene, const TextureProgram& textures,
+  MaterialBuilder(const SceneDescription& scene, FileSource& files, const TextureProgram& textures,
                   ScatteringTables& tables, const MaterialOptions& options)
-      : scene_(scene), textures_(textures), tables_(tables), options_(options) {}
+      : scene_(scene), files_(files), textures_(textures), tables_(tables), options_(options) {}
 
   absl::StatusOr<CompiledMaterial> Make(int32_t material) {
     description_ = &scene_.materials[static_cast<size_t>(material)];
@@ -32,7 +36,7 @@ class MaterialBuilder {
     if (!status.ok()) return status;
     m.varies = m.color.texture != kNone || m.conductor_eta.texture != kNone ||
                m.conductor_k.texture != kNone || RoughnessVaries(m);
-    if (m.is_mix) return m;
+    if (m.is_mix || m.hair != nullptr || m.measured != nullptr) return m;
     m.constant =
         MakeBsdf(m, SurfaceInputs<Rgb>{m.color.value, m.conductor_eta.value, m.conductor_k.value,
                                        m.roughness_u.value, m.roughness_v.value});
@@ -263,6 +267,68 @@ class MaterialBuilder {
     return absl::OkStatus();
   }
 
+  absl::Status CheckRange(const char* name, const FloatOperand& operand, float low, float high) {
+    if (operand.texture != kNone || (operand.value >= low && operand.value <= high)) {
+      return absl::OkStatus();
+    }
+    return Error(absl::StrCat(name, " ", operand.value, " must lie in [", low, ", ", high, "]"));
+  }
+
+  absl::Status Fill(const HairMaterial& d, CompiledMaterial* m) {
+    m->kind = BsdfKind::kHair;
+    CompiledHair& hair = tables_.hairs.emplace_back();
+    m->hair = &hair;
+    hair.pigment = d.pigment;
+    if (d.pigment == HairMaterial::Pigment::kReflectance) {
+      if (absl::Status s = SetShare("reflectance", d.color, &hair.color); !s.ok()) return s;
+    } else if (d.pigment == HairMaterial::Pigment::kAbsorption) {
+      hair.color = textures_.Operand(d.color, ColorRole::kUnbounded);
+      if (hair.color.texture == kNone && !IsFinite(hair.color.value)) {
+        return Error("sigma_a must be a finite number");
+      }
+    } else {
+      ColorInput absorption;
+      absorption.value.rgb = kEumelaninAbsorption;
+      hair.eumelanin_absorption = textures_.Operand(absorption, ColorRole::kUnbounded);
+      absorption.value.rgb = kPheomelaninAbsorption;
+      hair.pheomelanin_absorption = textures_.Operand(absorption, ColorRole::kUnbounded);
+    }
+    constexpr float kConcentrationMax = HairMaterial::kConcentrationMax;
+    const struct {
+      const char* name;
+      const FloatInput& input;
+      FloatOperand* operand;
+      float low, high;
+    } numbers[] = {{"eumelanin", d.eumelanin, &hair.eumelanin, 0, kConcentrationMax},
+                   {"pheomelanin", d.pheomelanin, &hair.pheomelanin, 0, kConcentrationMax},
+                   {"eta", d.eta, &hair.eta, HairMaterial::kIndexMin, HairMaterial::kIndexMax},
+                   {"beta_m", d.beta_m, &hair.beta_m, 0, 1},
+                   {"beta_n", d.beta_n, &hair.beta_n, 0, 1},
+                   {"alpha", d.alpha_degrees, &hair.alpha_degrees, -90, 90}};
+    for (const auto& number : numbers) {
+      *number.operand = textures_.Operand(number.input);
+      absl::Status status = CheckRange(number.name, *number.operand, number.low, number.high);
+      if (!status.ok()) return status;
+    }
+    return absl::OkStatus();
+  }
+
+  absl::Status Fill(const MeasuredMaterial& d, CompiledMaterial* m) {
+    m->kind = BsdfKind::kMeasured;
+    auto known = tables_.measured.find(d.file);
+    if (known == tables_.measured.end()) {
+      const absl::StatusOr<std::string> path = files_.LocalPath(d.file);
+      if (!path.ok()) return Error(std::string(path.status().message()));
+      absl::StatusOr<MeasuredData> data = ReadMeasuredFile(d.file, *path);
+      if (!data.ok()) return Error(std::string(data.status().message()));
+      known =
+          tables_.measured.try_emplace(d.file, MeasuredBrdf(*std::move(data), options_.spectral))
+              .first;
+    }
+    m->measured = &known->second;
+    return absl::OkStatus();
+  }
+
   absl::Status Fill(const MixMaterial& d, CompiledMaterial* m) {
     m->is_mix = true;
     m->amount = textures_.Operand(d.amount);
@@ -304,6 +370,7 @@ class MaterialBuilder {
   }
 
   const SceneDescription& scene_;
+  FileSource& files_;
   const TextureProgram& textures_;
   ScatteringTables& tables_;
   const MaterialOptions options_;
@@ -322,7 +389,7 @@ absl::StatusOr<std::unique_ptr<MaterialTable>> MaterialTable::Build(
       TextureProgram::Build(scene, files, *impl.cache, options.spectral);
   if (!textures.ok()) return textures.status();
   impl.textures = *std::move(textures);
-  MaterialBuilder builder(scene, *impl.textures, impl.tables, options);
+  MaterialBuilder builder(scene, files, *impl.textures, impl.tables, options);
   for (size_t i = 0; i < scene.materials.size(); ++i) {
     absl::StatusOr<CompiledMaterial> material = builder.Make(static_cast<int32_t>(i));
     if (!material.ok()) return material.status();

@@ -6,15 +6,18 @@
 
 #include <array>
 #include <cmath>
+#include <deque>
 #include <map>
 #include <memory>
 #include <optional>
+#include <string>
 #include <tuple>
 #include <vector>
 
 #include "common/image/texture_cache.h"
 #include "worker/render/fresnel.h"
 #include "worker/render/material.h"
+#include "worker/render/measured_brdf.h"
 #include "worker/render/texture_program.h"
 
 namespace sheaf::render {
@@ -24,6 +27,15 @@ template <typename Color>
 struct SurfaceInputs {
   Color color, eta, k;
   float roughness_u = 0, roughness_v = 0;
+};
+
+// What hair is made of, wherever it is hit.
+struct CompiledHair {
+  HairMaterial::Pigment pigment{};
+  ColorOperand color;  // Absorption or reflectance; of melanins none.
+  FloatOperand eumelanin, pheomelanin, eta, beta_m, beta_n, alpha_degrees;
+  // Absorption of each melanin at concentration 1.
+  ColorOperand eumelanin_absorption, pheomelanin_absorption;
 };
 
 struct CompiledMaterial {
@@ -47,6 +59,8 @@ struct CompiledMaterial {
   const std::vector<ConductorEnergyRow>* conductor_rows = nullptr;
   const std::vector<DielectricEnergyRow>* dielectric_rows = nullptr;
   const ConductorCoatRow* conductor_coat = nullptr;
+  const CompiledHair* hair = nullptr;      // Of hair, which has nothing else.
+  const MeasuredBrdf* measured = nullptr;  // Likewise.
   Bsdf constant;
   // Of `constant` at every wavelength, where it is a rough or coated conductor: BsdfOf::color.
   SpectralColor constant_tint;
@@ -74,6 +88,8 @@ struct ScatteringTables {
   std::map<Key, std::vector<DielectricEnergyRow>> dielectrics;
   // Key: the interface's alphas, the base's, eta, thickness.
   std::map<std::array<float, 6>, ConductorCoatRow> conductor_coats;
+  std::deque<CompiledHair> hairs;
+  std::map<std::string, MeasuredBrdf> measured;  // By file.
 };
 
 struct MaterialTable::Impl {

@@ -91,6 +91,20 @@ class NeedsCollector {
     ReadMetal(m.conductor);
     Read(m.albedo);
   }
+  void Add(const HairMaterial& m) {
+    needs_.traits |= Bit(Trait::kHair);
+    needs_.anisotropic = true;  // Fibres run along the tangent.
+    if (m.pigment == HairMaterial::Pigment::kReflectance) ReadReflectance(m.color);
+    Read(m.color);
+    for (const FloatInput* input :
+         {&m.eumelanin, &m.pheomelanin, &m.eta, &m.beta_m, &m.beta_n, &m.alpha_degrees}) {
+      Read(*input);
+    }
+  }
+  void Add(const MeasuredMaterial& m) {
+    needs_.traits |= Bit(Trait::kMeasured);
+    needs_.anisotropic |= m.is_anisotropic;
+  }
   void Add(const MixMaterial& m) {
     needs_.traits |= Bit(Trait::kAlpha);
     Read(m.amount);

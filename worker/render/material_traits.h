@@ -14,7 +14,7 @@ namespace sheaf::render {
 struct MaterialNeeds {
   uint32_t traits = 0;       // Of enum Trait; for a mix, of all it may turn into.
   bool may_pass = false;     // An interface (glass of index 1 is one), or a mix.
-  bool anisotropic = false;  // Roughness differs between u and v.
+  bool anisotropic = false;  // Scatters differently along u and v.
   bool reads_textures = false;
 };
 

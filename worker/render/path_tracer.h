@@ -188,7 +188,8 @@ void PathTracer<kTraits, Tracer>::Trace(const Sampler& sampler, Path* path, Film
     const Vec3f wo = -path->ray.d;
     // Seen from below its own horizon a shading normal has no meaning: the true one takes its
     // place.
-    if (Dot(wo, point.shading.n) * Dot(wo, point.ng) <= 0)
+    const bool is_hair = IsHair<kTraits>(bsdf);
+    if (!is_hair && Dot(wo, point.shading.n) * Dot(wo, point.ng) <= 0)
       point.shading = Frame::FromNormal(point.ng);
     if (is_first) {
       is_first = false;
@@ -214,9 +215,9 @@ void PathTracer<kTraits, Tracer>::Trace(const Sampler& sampler, Path* path, Film
     }
     const Vec3f wo_local = point.shading.ToLocal(wo);
     const bool transmits =
-        Has(kTraits, Trait::kSpecularTransmission) &&
-        (bsdf.kind == BsdfKind::kDielectric || bsdf.kind == BsdfKind::kThinDielectric ||
-         bsdf.kind == BsdfKind::kDiffuseTransmission);
+        is_hair || (Has(kTraits, Trait::kSpecularTransmission) &&
+                    (bsdf.kind == BsdfKind::kDielectric || bsdf.kind == BsdfKind::kThinDielectric ||
+                     bsdf.kind == BsdfKind::kDiffuseTransmission));
     // Lights behind an opaque surface need not be looked at.
     Vec3f light_hint{};
     if (!transmits) light_hint = Dot(wo, point.ng) < 0 ? -point.ng : point.ng;
@@ -243,6 +244,7 @@ typename PathTracer<kTraits, Tracer>::PassChoice PathTracer<kTraits, Tracer>::Ma
 template <uint32_t kTraits, typename Tracer>
 TexturePoint PathTracer<kTraits, Tracer>::TexturePointOf(const SurfacePoint& point) const {
   TexturePoint texture_point;
+  if constexpr (Has(kTraits, Trait::kHair)) texture_point.uv = point.uv;
   if constexpr (Has(kTraits, Trait::kTextures)) {
     texture_point.uv = point.uv;
     texture_point.p_world = ToFloat(ToDouble(point.p) + scene_.geometry.render_origin_world);
@@ -303,7 +305,7 @@ void PathTracer<kTraits, Tracer>::AddDirect(const LightDraw& draw, const Surface
   if (!light.has_value()) return;
   const Vec3f wi_local = point.shading.ToLocal(light->wi);
   // Shading and true normal must agree on the side, or light would leak through the surface.
-  if (!(wi_local.z * Dot(light->wi, point.ng) > 0)) return;
+  if (!IsHair<kTraits>(bsdf) && !(wi_local.z * Dot(light->wi, point.ng) > 0)) return;
   const BsdfValueOf<Color> value = EvalBsdf<kTraits>(bsdf, wo_local, wi_local);
   if (value.f_cos.IsBlack()) return;
   if (!IsVisible(point, *light, {u[3], u[0]}, path->ray.time)) return;
@@ -320,7 +322,7 @@ bool PathTracer<kTraits, Tracer>::Scatter(const Sampler& sampler, const SurfaceP
       SampleBsdf<kTraits>(bsdf, wo_local, u[0], {u[1], u[2]});
   if (!sample.has_value()) return false;
   const Vec3f wi = point.shading.ToWorld(sample->wi);
-  if (!(sample->wi.z * Dot(wi, point.ng) > 0)) return false;
+  if (!IsHair<kTraits>(bsdf) && !(sample->wi.z * Dot(wi, point.ng) > 0)) return false;
   path->throughput *= sample->weight;
   if (path->throughput.IsBlack()) return false;
   path->eta_scale *= sample->eta_scale;

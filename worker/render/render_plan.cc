@@ -37,6 +37,8 @@ constexpr TraitName kTraitNames[] = {
     {Trait::kInstances, "instances"},
     {Trait::kQuadrics, "curved shapes"},
     {Trait::kSpectral, "wavelengths"},
+    {Trait::kHair, "hair"},
+    {Trait::kMeasured, "measured materials"},
 };
 
 class PlanMaker {

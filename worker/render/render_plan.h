@@ -29,6 +29,8 @@ enum class Trait : uint32_t {
   kInstances = 1u << 10,            // Object instances.
   kQuadrics = 1u << 11,             // Shapes met in double: quadrics, bilinear patches.
   kSpectral = 1u << 12,             // Four wavelengths a path instead of RGB.
+  kHair = 1u << 20,                 // Fibres: light goes through them whatever their normals.
+  kMeasured = 1u << 21,             // Reflection as measured, in files.
 };
 
 struct PlannedEffect {

@@ -31,7 +31,7 @@ struct Surface {
   bool has_alpha = false;
   bool may_pass = false;  // The material is an interface, or a mix (which may turn into one).
   bool is_sphere = false;
-  bool needs_tangent = false;   // Roughness differs between u and v.
+  bool needs_tangent = false;   // Scatters differently along u and v.
   bool reads_textures = false;  // The material or the cut-out reads a texture.
 };
 struct BakedMesh {

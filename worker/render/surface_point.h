@@ -22,7 +22,7 @@ struct SurfacePoint {
   Vec3f p_error;  // Bound of its absolute error, per component.
   Vec3f ng;       // Unit geometric normal, on the surface's own front side.
   Frame shading;  // n: unit shading normal, in the hemisphere of ng.
-  Vec2f uv;       // Where the surface reads textures.
+  Vec2f uv;       // Where the surface reads textures or is hair.
   const Surface* surface = nullptr;
   uint32_t emitter = kNoEmitter;
   PrimitiveId id;
@@ -258,7 +258,7 @@ SurfacePoint MakeSurfacePoint(const SceneGeometry& geometry, const Ray& ray, con
   point.ng = ToFloat(on.ng);
   // Flat surfaces shade by the very bits of their normal.
   const Vec3f ns = on.ns == on.ng ? point.ng : ToFloat(on.ns * (1 / Length(on.ns)));
-  if constexpr (Has(kTraits, Trait::kTextures)) point.uv = on.uv;
+  if constexpr (Has(kTraits, Trait::kTextures) || Has(kTraits, Trait::kHair)) point.uv = on.uv;
   point.shading =
       point.surface->needs_tangent ? internal::ShadingFrame(ns, on) : Frame::FromNormal(ns);
   return point;
