@@ -37,6 +37,7 @@ constexpr TraitName kTraitNames[] = {
     {Trait::kInstances, "instances"},
     {Trait::kQuadrics, "curved shapes"},
     {Trait::kSpectral, "wavelengths"},
+    {Trait::kCurves, "curves"},
 };
 
 class PlanMaker {
@@ -97,6 +98,8 @@ class PlanMaker {
       Ask(Trait::kQuadrics, shape.location, "Shape \"disk\"");
     } else if (std::holds_alternative<CylinderShape>(shape.shape)) {
       Ask(Trait::kQuadrics, shape.location, "Shape \"cylinder\"");
+    } else if (std::holds_alternative<CurveShape>(shape.shape)) {
+      Ask(Trait::kCurves, shape.location, "Shape \"curve\"");
     } else if (const auto* patches = std::get_if<BilinearMeshShape>(&shape.shape)) {
       if (!IsTriangles(scene_.bilinear_meshes[patches->mesh], shape.area_light != kNone)) {
         Ask(Trait::kQuadrics, shape.location, "Shape \"bilinearmesh\"");
