@@ -22,7 +22,7 @@ constexpr int kHalvingsMax = 10;
 // A part is straight enough where it strays from its chord by this part of its width (pbrt-v4's).
 constexpr double kStraightness = 0.05;
 // Newton's steps from the foot on the chord to that on the part, which is nearly straight.
-constexpr int kFootSteps = 2;
+constexpr int kFootSteps = 3;
 // How far beyond its ends a part is met, in lengths of its end tangents: neighbours overlap by what
 // rounding may take from either.
 constexpr double kEndSlack = 0x1p-30;

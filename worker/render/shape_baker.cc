@@ -193,7 +193,6 @@ absl::Status ShapeBaker::AddCurves(const ShapeDescription& shape, Surface surfac
     return Fail(shape, "Shape \"curve\": curves cannot be area lights; use spheres or a mesh");
   }
   BakedCurves baked;
-  surface.flips_normal ^= target_from_shape.Determinant() < 0;
   surface.needs_tangent = true;  // Fibres shade by the way they run.
   baked.surface = surface;
   baked.set = std::move(scene_.curve_sets[std::get<CurveShape>(shape.shape).curves]);
