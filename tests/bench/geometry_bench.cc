@@ -152,7 +152,7 @@ bool Measure(const std::string& name, uint64_t count, SceneDescription scene, do
   const double seconds = built_at - begin, bytes = grown / static_cast<double>(count);
   std::printf(
       "%s: %llu; baked in %.2f s, built in %.2f s; %.0f bytes each in the process, %.0f of them "
-      "Embree's; %.2f million rays/s, %.0f %% of them met something\n",
+      "Embree's; %.3f million rays/s, %.0f %% of them met something\n",
       name.c_str(), static_cast<unsigned long long>(count), baked_at - begin, built_at - baked_at,
       bytes, static_cast<double>((*tracer)->memory_bytes()) / static_cast<double>(count),
       rate * 1e-6, 100 * static_cast<double>(met) / kRays);

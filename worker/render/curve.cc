@@ -8,9 +8,12 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <type_traits>
+#include <utility>
 
 #include "common/math/elementary.h"
 #include "common/math/next_float.h"
+#include "worker/render/bounds.h"
 
 namespace sheaf::render {
 namespace {
@@ -26,6 +29,16 @@ constexpr int kFootSteps = 3;
 // How far beyond its ends a part is met, in lengths of its end tangents: neighbours overlap by what
 // rounding may take from either.
 constexpr double kEndSlack = 0x1p-30;
+
+// The low 21 bits, two zeros between each.
+uint64_t SpreadBits(uint64_t v) {
+  v &= 0x1fffff;
+  v = (v | v << 32) & 0x1f00000000ffff;
+  v = (v | v << 16) & 0x1f0000ff0000ff;
+  v = (v | v << 8) & 0x100f00f00f00f00f;
+  v = (v | v << 4) & 0x10c30c30c30c30c3;
+  return (v | v << 2) & 0x1249249249249249;
+}
 
 Vec3d Middle(Vec3d a, Vec3d b) { return (a + b) * 0.5; }
 
@@ -260,6 +273,46 @@ std::array<Vec3f, 2> CurveBounds(const CurveSegment& segment, const CurvePiece& 
     bounds[1][i] = NextUp(static_cast<float>(upper[i] + swell));
   }
   return bounds;
+}
+
+void SortCurves(CurveSet* curves) {
+  const auto middle_of = [curves](size_t i) {
+    return ToDouble(curves->points[4 * i]) + ToDouble(curves->points[4 * i + 3]);
+  };
+  Bounds bounds;
+  for (size_t i = 0; i < curves->size(); ++i) bounds.Add(middle_of(i));
+  if (bounds.empty()) return;
+  struct Key {
+    uint64_t code;
+    size_t index;
+  };
+  std::vector<Key> order(curves->size());
+  constexpr double kCells = 1 << 21;  // Of 21 bits each, three coordinates make 63.
+  const Vec3d size = bounds.upper() - bounds.lower();
+  for (size_t i = 0; i < order.size(); ++i) {
+    const Vec3d offset = middle_of(i) - bounds.lower();
+    order[i] = {0, i};
+    for (size_t k = 0; k < 3; ++k) {
+      const double cell = size[k] > 0 ? offset[k] / size[k] * kCells : 0;
+      order[i].code |= SpreadBits(static_cast<uint64_t>(std::min(cell, kCells - 1))) << k;
+    }
+  }
+  std::sort(order.begin(), order.end(), [](const Key& a, const Key& b) {
+    return a.code != b.code ? a.code < b.code : a.index < b.index;
+  });
+  const auto sort_by = [&order](size_t stride, auto* values) {
+    if (values->empty()) return;
+    std::remove_reference_t<decltype(*values)> sorted;
+    sorted.reserve(values->size());
+    for (const Key& key : order) {
+      const auto first = values->begin() + static_cast<ptrdiff_t>(stride * key.index);
+      sorted.insert(sorted.end(), first, first + static_cast<ptrdiff_t>(stride));
+    }
+    *values = std::move(sorted);
+  };
+  sort_by(4, &curves->points);
+  sort_by(2, &curves->widths);
+  sort_by(2, &curves->normals);
 }
 
 void SplitCurve(const CurveSegment& segment, uint32_t index, const Affine& transform,

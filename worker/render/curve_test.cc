@@ -262,6 +262,39 @@ TEST(CurveTest, BoundsHoldThePieces) {
   }
 }
 
+// Sorting moves segments as a whole, brings neighbours together, and loses none.
+TEST(CurveTest, SortingKeepsSegments) {
+  Random random;
+  CurveSet curves;
+  curves.kind = CurveSet::Kind::kRibbon;
+  for (int i = 0; i < 512; ++i) {
+    const Vec3f at = ToFloat(random.InBox(1));
+    const auto mark = static_cast<float>(i);
+    for (int k = 0; k < 4; ++k) curves.points.push_back(at);
+    curves.widths.insert(curves.widths.end(), {mark, at.x});
+    curves.normals.insert(curves.normals.end(), {at, {mark, 0, 0}});
+  }
+  const auto path_length = [&curves] {
+    double length = 0;
+    for (size_t i = 1; i < curves.size(); ++i) {
+      length += static_cast<double>(Length(curves.points[4 * i] - curves.points[4 * i - 1]));
+    }
+    return length;
+  };
+  const double before = path_length();
+  SortCurves(&curves);
+  EXPECT_LT(path_length(), 0.3 * before);
+  std::vector<bool> seen(512);
+  ASSERT_EQ(curves.size(), 512u);
+  for (size_t i = 0; i < 512; ++i) {
+    seen[static_cast<size_t>(curves.widths[2 * i])] = true;
+    EXPECT_EQ(curves.widths[2 * i + 1], curves.points[4 * i].x);
+    EXPECT_EQ(curves.normals[2 * i], curves.points[4 * i]);
+    EXPECT_EQ(curves.normals[2 * i + 1].x, curves.widths[2 * i]);
+  }
+  EXPECT_EQ(std::count(seen.begin(), seen.end(), true), 512);
+}
+
 // Where boxes gain nothing there is one; a slanted hair is cut as often as may be.
 TEST(CurveTest, OnlySlantedCurvesAreSplit) {
   std::vector<CurvePiece> pieces;

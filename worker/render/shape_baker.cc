@@ -198,6 +198,7 @@ absl::Status ShapeBaker::AddCurves(const ShapeDescription& shape, Surface surfac
   baked.set = std::move(scene_.curve_sets[std::get<CurveShape>(shape.shape).curves]);
   baked.target_from_shape = target_from_shape;
   baked.shape_from_target = Inverse(target_from_shape);
+  SortCurves(&baked.set);
   for (uint32_t i = 0; i < baked.set.size(); ++i) {
     const CurveSegment segment = SegmentOf(baked.set, i);
     const Vec3d first = segment.points[0];
