@@ -171,7 +171,9 @@ Vec3d RefineVertex(const ControlMesh& mesh, uint32_t vertex, const Ring& ring) {
 // Where an old vertex goes after infinitely many levels.
 Vec3d LimitVertex(const ControlMesh& mesh, uint32_t vertex, const Ring& ring) {
   if (ring.vertices.empty()) return mesh.positions[vertex];
-  if (ring.is_boundary) return WeightBoundary(mesh, vertex, ring, 1.0 / 5);
+  // Boundaries refine as cubic splines do, whose limit this is. (pbrt has 1/5, which is that of
+  // other rules: the outline would depend on the number of levels.)
+  if (ring.is_boundary) return WeightBoundary(mesh, vertex, ring, 1.0 / 6);
   const size_t valence = ring.vertices.size();
   return WeightRing(mesh, vertex, ring,
                     1 / (static_cast<double>(valence) + 3 / (8 * Beta(valence))));

@@ -232,13 +232,12 @@ void SceneBuilder::Shape(const std::string& type, std::vector<Parameter> own,
     }
   }
   if (!shapes_.SetShape(type, parameters, &shape)) return;
-  const auto index = static_cast<int32_t>(scene_->shapes.size());
+  std::vector<int32_t>& shapes = open_object_ == kNone
+                                     ? scene_->world_shapes
+                                     : scene_->objects[static_cast<size_t>(open_object_)].shapes;
+  if (shapes_.JoinCurves(shapes, shape)) return;
+  shapes.push_back(static_cast<int32_t>(scene_->shapes.size()));
   scene_->shapes.push_back(std::move(shape));
-  if (open_object_ == kNone) {
-    scene_->world_shapes.push_back(index);
-  } else {
-    scene_->objects[static_cast<size_t>(open_object_)].shapes.push_back(index);
-  }
 }
 
 void SceneBuilder::ObjectInstance(const std::string& name, SourceLocation location) {

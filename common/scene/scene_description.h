@@ -14,6 +14,7 @@
 
 #include "common/math/transform.h"
 #include "common/math/vec.h"
+#include "common/scene/curve_set.h"
 
 namespace sheaf {
 
@@ -227,6 +228,9 @@ struct MeshShape {
 struct BilinearMeshShape {
   int32_t mesh = kNone;
 };  // Index in bilinear_meshes: each shape has its own.
+struct CurveShape {
+  int32_t curves = kNone;
+};  // Index in curve_sets: each shape has its own.
 
 // Where something is over the shutter. `end` equals `start` for what stands still.
 struct TransformOverTime {
@@ -236,7 +240,8 @@ struct TransformOverTime {
 };
 
 struct ShapeDescription {
-  std::variant<MeshShape, SphereShape, DiskShape, CylinderShape, BilinearMeshShape> shape;
+  std::variant<MeshShape, SphereShape, DiskShape, CylinderShape, BilinearMeshShape, CurveShape>
+      shape;
   TransformOverTime world_from_object;  // For shapes of an object definition: object_from_shape.
   int32_t material = kNone;
   int32_t area_light = kNone;    // Index in area_lights.
@@ -373,6 +378,7 @@ struct SceneDescription {
   std::vector<MaterialDescription> materials;
   std::vector<TriangleMesh> meshes;
   std::vector<BilinearMesh> bilinear_meshes;
+  std::vector<CurveSet> curve_sets;
   std::vector<ShapeDescription> shapes;  // All, also those of object definitions.
   std::vector<int32_t> world_shapes;     // Those placed in the world directly.
   std::vector<ObjectDefinition> objects;

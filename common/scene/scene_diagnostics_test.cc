@@ -123,7 +123,7 @@ constexpr BadScene kBadScenes[] = {
      "main.pbrt:2:1: object \"a\" is used here but defined nowhere"},
     {"UnknownShape", "WorldBegin\nShape \"paraboloid\"\n",
      "main.pbrt:2:1: shape \"paraboloid\" is not supported; Sheaf does trianglemesh, plymesh, "
-     "loopsubdiv, bilinearmesh, sphere, disk and cylinder"},
+     "loopsubdiv, bilinearmesh, sphere, disk, cylinder and curve"},
     {"UnknownCamera", "Camera \"realistic\"\nWorldBegin\n",
      "main.pbrt:1:1: camera \"realistic\" is not supported; Sheaf does perspective, orthographic "
      "and spherical"},

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "common/scene/curve_reader.h"
 #include "common/scene/loop_subdivision.h"
 #include "common/scene/ply_reader.h"
 
@@ -15,6 +16,21 @@ namespace {
 
 // What a triangle takes while a surface is refined: both levels' faces, edges and vertices.
 constexpr uint64_t kRefinedTriangleBytes = 160;
+// How many shapes back curves look for others like them: curves of a few materials may take turns.
+constexpr size_t kJoinReachMax = 8;
+
+bool IsSamePlace(const TransformOverTime& a, const TransformOverTime& b) {
+  return a.start == b.start && a.end == b.end && a.start_time == b.start_time &&
+         a.end_time == b.end_time;
+}
+template <typename T>
+void Append(const std::vector<T>& from, std::vector<T>* to) {
+  to->insert(to->end(), from.begin(), from.end());
+}
+uint64_t CurveBytes(const CurveSet& curves) {
+  return (curves.points.size() + curves.normals.size()) * sizeof(Vec3f) +
+         curves.widths.size() * sizeof(float);
+}
 
 // Of triangles or patches.
 template <typename Mesh>
@@ -105,10 +121,12 @@ bool ShapeTable::SetShape(const std::string& type, ParameterList& parameters,
     is_good = SetCylinder(parameters, shape);
   } else if (type == "bilinearmesh") {
     is_good = SetBilinearMesh(parameters, shape);
+  } else if (type == "curve") {
+    is_good = SetCurve(parameters, shape);
   } else {
     parameters.Error(absl::StrCat(parameters.owner(),
                                   " is not supported; Sheaf does trianglemesh, plymesh, "
-                                  "loopsubdiv, bilinearmesh, sphere, disk and cylinder"));
+                                  "loopsubdiv, bilinearmesh, sphere, disk, cylinder and curve"));
     return false;
   }
   parameters.ReportUnused();
@@ -232,6 +250,49 @@ bool ShapeTable::SetBilinearMesh(ParameterList& parameters, ShapeDescription* sh
   shape->shape = BilinearMeshShape{static_cast<int32_t>(scene_->bilinear_meshes.size())};
   scene_->bilinear_meshes.push_back(std::move(mesh));
   return true;
+}
+
+bool ShapeTable::SetCurve(ParameterList& parameters, ShapeDescription* shape) {
+  CurveSet curves;
+  if (!ReadCurve(parameters, &curves)) return false;
+  if (shape->area_light != kNone) {
+    parameters.Error(absl::StrCat(parameters.owner(),
+                                  ": curves cannot be area lights, in pbrt-v4 neither; use spheres "
+                                  "or a mesh, or take the curves out of the AreaLightSource"));
+    return false;
+  }
+  // A segment counts as two triangles, the ribbon's.
+  if (!ChargeTriangles(2 * curves.size(), parameters)) return false;
+  if (!ChargeMemory(CurveBytes(curves), parameters.location())) return false;
+  shape->shape = CurveShape{static_cast<int32_t>(scene_->curve_sets.size())};
+  scene_->curve_sets.push_back(std::move(curves));
+  return true;
+}
+
+bool ShapeTable::JoinCurves(const std::vector<int32_t>& earlier, const ShapeDescription& shape) {
+  const auto* added = std::get_if<CurveShape>(&shape.shape);
+  if (added == nullptr) return false;
+  const CurveSet& from = scene_->curve_sets[added->curves];
+  const size_t reach = std::min(earlier.size(), kJoinReachMax);
+  for (size_t i = 1; i <= reach; ++i) {
+    const ShapeDescription& other = scene_->shapes[earlier[earlier.size() - i]];
+    const auto* curves = std::get_if<CurveShape>(&other.shape);
+    if (curves == nullptr || scene_->curve_sets[curves->curves].kind != from.kind ||
+        other.material != shape.material || other.has_alpha != shape.has_alpha ||
+        other.alpha.texture != shape.alpha.texture || other.alpha.value != shape.alpha.value ||
+        other.reverse_orientation != shape.reverse_orientation ||
+        !IsSamePlace(other.world_from_object, shape.world_from_object)) {
+      continue;
+    }
+    CurveSet& to = scene_->curve_sets[curves->curves];
+    Append(from.points, &to.points);
+    Append(from.widths, &to.widths);
+    Append(from.normals, &to.normals);
+    scene_->curve_sets.pop_back();
+    memory_bytes_ -= sizeof(ShapeDescription);
+    return true;
+  }
+  return false;
 }
 
 bool ShapeTable::SetSphere(ParameterList& parameters, ShapeDescription* shape) {

@@ -8,6 +8,7 @@
 #include <cstdint>
 #include <map>
 #include <string>
+#include <vector>
 
 #include "common/scene/file_source.h"
 #include "common/scene/parameter_list.h"
@@ -27,6 +28,11 @@ class ShapeTable {
   // where there is no shape to add.
   bool SetShape(const std::string& type, ParameterList& parameters, ShapeDescription* shape);
 
+  // Where `shape` is of curves and one of the latest of `earlier` (indices of the scene's shapes)
+  // differs from it by nothing else, adds the curves to that one and says true: `shape` is not
+  // needed. Files write curves one by one, in hundreds of thousands.
+  bool JoinCurves(const std::vector<int32_t>& earlier, const ShapeDescription& shape);
+
   // Counts memory of the description. False (reported once) beyond memory_bytes_max.
   bool ChargeMemory(uint64_t size_bytes, SourceLocation location);
 
@@ -38,6 +44,7 @@ class ShapeTable {
   bool SetSphere(ParameterList& parameters, ShapeDescription* shape);
   bool SetDisk(ParameterList& parameters, ShapeDescription* shape);
   bool SetCylinder(ParameterList& parameters, ShapeDescription* shape);
+  bool SetCurve(ParameterList& parameters, ShapeDescription* shape);
   bool AddMesh(TriangleMesh mesh, ParameterList& parameters, int32_t* index);
   // False (reported) beyond triangles_max; a patch counts as two triangles.
   bool ChargeTriangles(uint64_t count, ParameterList& parameters);

@@ -25,6 +25,11 @@ uint64_t GeometryBytes(const SceneGeometry& geometry) {
                patches.normals.capacity() * sizeof(Vec3f) + patches.uvs.capacity() * sizeof(Vec2f) +
                patches.indices.capacity() * sizeof(uint32_t);
     }
+    for (const BakedCurves& curves : group.curves) {
+      bytes += (curves.set.points.capacity() + curves.set.normals.capacity()) * sizeof(Vec3f) +
+               curves.set.widths.capacity() * sizeof(float) +
+               curves.pieces.capacity() * sizeof(CurvePiece);
+    }
     bytes += group.quadrics.capacity() * sizeof(BakedQuadric);
   }
   return bytes + (geometry.still.capacity() + geometry.moving.capacity()) * sizeof(PlacedGroup) +

@@ -12,6 +12,7 @@
 
 #include "common/base/check.h"
 #include "worker/render/bilinear_patch.h"
+#include "worker/render/curve.h"
 #include "worker/render/needle.h"
 
 namespace sheaf::render {
@@ -143,6 +144,40 @@ void OccludePatchList(const RTCOccludedFunctionNArguments* args) {
   }
 }
 
+void BoundCurve(const RTCBoundsFunctionArguments* args) {
+  const BakedCurves& curves = *static_cast<const CurveList*>(args->geometryUserPtr)->curves;
+  const CurvePiece& piece = curves.pieces[args->primID];
+  const std::array<Vec3f, 2> bounds =
+      CurveBounds(SegmentOf(curves.set, piece.segment), piece, curves.target_from_shape);
+  SetBounds(args->bounds_o, bounds[0], bounds[1]);
+}
+// A ray may meet the curve it leaves: it starts beyond the width it could meet at once.
+std::optional<CurveHit> MeetCurve(const BakedCurves& curves, uint32_t index, const RTCRay& ray) {
+  const CurvePiece& piece = curves.pieces[index];
+  return IntersectCurve(
+      SegmentOf(curves.set, piece.segment), piece, curves.shape_from_target.Point(Origin(ray)),
+      curves.shape_from_target.Vector(Direction(ray)), static_cast<double>(ray.tfar));
+}
+void IntersectCurveList(const RTCIntersectFunctionNArguments* args) {
+  SHEAF_DCHECK(args->N == 1);
+  if (args->valid[0] == 0) return;
+  const auto& list = *static_cast<const CurveList*>(args->geometryUserPtr);
+  auto* ray_hit = reinterpret_cast<RTCRayHit*>(args->rayhit);
+  const std::optional<CurveHit> hit = MeetCurve(*list.curves, args->primID, ray_hit->ray);
+  if (!hit.has_value()) return;
+  Accept(ContextOf(args->context), {list.geometry, args->primID}, hit->t,
+         static_cast<float>(hit->u), static_cast<float>(hit->v), ray_hit);
+}
+void OccludeCurveList(const RTCOccludedFunctionNArguments* args) {
+  SHEAF_DCHECK(args->N == 1);
+  if (args->valid[0] == 0) return;
+  const auto& list = *static_cast<const CurveList*>(args->geometryUserPtr);
+  auto* ray = reinterpret_cast<RTCRay*>(args->ray);
+  if (MeetCurve(*list.curves, args->primID, *ray).has_value()) {
+    ray->tfar = -std::numeric_limits<float>::infinity();
+  }
+}
+
 void BoundPlaced(const RTCBoundsFunctionArguments* args) {
   const auto& list = *static_cast<const PlacedList*>(args->geometryUserPtr);
   const PlacedGroup& placed = (*list.placed)[args->primID];
@@ -226,6 +261,14 @@ void SetPatches(RTCGeometry user, PatchList* list) {
   rtcSetGeometryBoundsFunction(user, BoundPatch, nullptr);
   rtcSetGeometryIntersectFunction(user, IntersectPatchList);
   rtcSetGeometryOccludedFunction(user, OccludePatchList);
+}
+
+void SetCurves(RTCGeometry user, CurveList* list) {
+  rtcSetGeometryUserPrimitiveCount(user, static_cast<unsigned>(list->curves->size()));
+  rtcSetGeometryUserData(user, list);
+  rtcSetGeometryBoundsFunction(user, BoundCurve, nullptr);
+  rtcSetGeometryIntersectFunction(user, IntersectCurveList);
+  rtcSetGeometryOccludedFunction(user, OccludeCurveList);
 }
 
 void SetPlaced(RTCGeometry user, PlacedList* list) {

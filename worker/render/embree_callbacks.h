@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// What Embree calls back while it traces: filters of triangle hits, and quadrics, patches and
-// placed groups as user geometry. Each sets up a geometry that has yet to be committed.
+// What Embree calls back while it traces: filters of triangle hits, and quadrics, patches, curves
+// and placed groups as user geometry. Each sets up a geometry that has yet to be committed.
 #pragma once
 
 #include <vector>
@@ -21,6 +21,10 @@ struct PatchList {
   const BakedPatches* patches = nullptr;
   uint32_t geometry = 0;
 };
+struct CurveList {
+  const BakedCurves* curves = nullptr;
+  uint32_t geometry = 0;
+};
 struct PlacedList {
   const SceneGeometry* geometry = nullptr;
   const std::vector<PlacedGroup>* placed = nullptr;
@@ -37,6 +41,7 @@ void FilterAmongNeedles(RTCGeometry triangles, const BakedMesh& mesh, bool has_n
 // `list` must outlive the geometry.
 void SetQuadrics(RTCGeometry user, QuadricList* list);
 void SetPatches(RTCGeometry user, PatchList* list);
+void SetCurves(RTCGeometry user, CurveList* list);
 void SetPlaced(RTCGeometry user, PlacedList* list);
 
 }  // namespace sheaf::render

@@ -33,6 +33,7 @@ struct EmbreeScene::State {
   std::vector<RTCScene> scenes;  // One per group; [0] is the world.
   std::vector<QuadricList> quadric_lists;
   std::deque<PatchList> patch_lists;  // Of all groups; Embree points into it.
+  std::deque<CurveList> curve_lists;  // Likewise.
   PlacedList still, moving;
   LeakGuard leak_guard;
   std::atomic<int64_t> memory_bytes{0};
@@ -71,6 +72,7 @@ struct EmbreeScene::State {
   void AddMeshes(const GeometryGroup& group, RTCScene scene) const;
   void AddQuadrics(const GeometryGroup& group, RTCScene scene, QuadricList* list) const;
   void AddPatches(const GeometryGroup& group, RTCScene scene);
+  void AddCurves(const GeometryGroup& group, RTCScene scene);
   void AddPlaced(const SceneGeometry& geometry, PlacedList* list) const;
   absl::Status BuildGroup(const SceneGeometry& geometry, size_t index);
 };
@@ -119,6 +121,15 @@ void EmbreeScene::State::AddPatches(const GeometryGroup& group, RTCScene scene) 
   }
 }
 
+void EmbreeScene::State::AddCurves(const GeometryGroup& group, RTCScene scene) {
+  for (size_t i = 0; i < group.curves.size(); ++i) {
+    curve_lists.push_back({&group.curves[i], group.CurvesId(i)});
+    RTCGeometry geometry = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_USER);
+    SetCurves(geometry, &curve_lists.back());
+    Attach(scene, geometry);
+  }
+}
+
 void EmbreeScene::State::AddPlaced(const SceneGeometry& geometry, PlacedList* list) const {
   if (list->placed->empty()) return;
   list->geometry = &geometry;
@@ -139,6 +150,7 @@ absl::Status EmbreeScene::State::BuildGroup(const SceneGeometry& geometry, size_
   AddMeshes(group, scene);
   if (!group.quadrics.empty()) AddQuadrics(group, scene, &quadric_lists[index]);
   AddPatches(group, scene);
+  AddCurves(group, scene);
   if (index == 0) {
     AddPlaced(geometry, &still);
     AddPlaced(geometry, &moving);

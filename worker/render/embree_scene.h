@@ -11,8 +11,8 @@
 // its choice.
 //
 // Triangles are Embree's own, in robust mode; where a mesh holds needles its hits are met again in
-// double (needle.h). Quadrics, bilinear patches and placed groups are user geometry, so that they
-// are met in double precision and the same under every version of Embree.
+// double (needle.h). Quadrics, bilinear patches, curves and placed groups are user geometry, so
+// that they are met in double precision and the same under every version of Embree.
 #pragma once
 
 #include <cstdint>
@@ -27,12 +27,13 @@ namespace sheaf::render {
 
 inline constexpr uint32_t kNotPlaced = ~0u;
 
-// What the tracer knows of a hit. In `id`, geometry is the mesh of the group, its QuadricsId or a
-// PatchesId; primitive the triangle, quadric or patch; placed the index over `still`, then
-// `moving`, or kNotPlaced for the world.
+// What the tracer knows of a hit. In `id`, geometry is the mesh of the group, its QuadricsId, a
+// PatchesId or a CurvesId; primitive the triangle, quadric, patch or piece of a curve; placed the
+// index over `still`, then `moving`, or kNotPlaced for the world.
 struct RawHit {
-  float t = 0;         // In lengths of the ray's direction.
-  float u = 0, v = 0;  // Barycentric weights of vertices 1 and 2, or a patch's parameters.
+  float t = 0;  // In lengths of the ray's direction.
+  float u = 0,
+        v = 0;  // Barycentric weights of vertices 1 and 2, or a patch's or curve's parameters.
   PrimitiveId id;
 };
 struct RecordedRay {

@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <array>
+#include <iterator>
 #include <set>
 #include <variant>
 
@@ -39,7 +40,9 @@ constexpr TraitName kTraitNames[] = {
     {Trait::kSpectral, "wavelengths"},
     {Trait::kHair, "hair"},
     {Trait::kMeasured, "measured materials"},
+    {Trait::kCurves, "curves"},
 };
+static_assert(std::size(kTraitNames) == kTraitCount);
 
 class PlanMaker {
  public:
@@ -99,6 +102,8 @@ class PlanMaker {
       Ask(Trait::kQuadrics, shape.location, "Shape \"disk\"");
     } else if (std::holds_alternative<CylinderShape>(shape.shape)) {
       Ask(Trait::kQuadrics, shape.location, "Shape \"cylinder\"");
+    } else if (std::holds_alternative<CurveShape>(shape.shape)) {
+      Ask(Trait::kCurves, shape.location, "Shape \"curve\"");
     } else if (const auto* patches = std::get_if<BilinearMeshShape>(&shape.shape)) {
       if (!IsTriangles(scene_.bilinear_meshes[patches->mesh], shape.area_light != kNone)) {
         Ask(Trait::kQuadrics, shape.location, "Shape \"bilinearmesh\"");

@@ -29,9 +29,11 @@ enum class Trait : uint32_t {
   kInstances = 1u << 10,            // Object instances.
   kQuadrics = 1u << 11,             // Shapes met in double: quadrics, bilinear patches.
   kSpectral = 1u << 12,             // Four wavelengths a path instead of RGB.
-  kHair = 1u << 20,                 // Fibres: light goes through them whatever their normals.
-  kMeasured = 1u << 21,             // Reflection as measured, in files.
+  kHair = 1u << 13,                 // Fibres: light goes through them whatever their normals.
+  kMeasured = 1u << 14,             // Reflection as measured, in files.
+  kCurves = 1u << 15,               // Shapes that are curves with a width.
 };
+inline constexpr int kTraitCount = 16;
 
 struct PlannedEffect {
   Trait trait{};

@@ -81,6 +81,18 @@ void SceneBaker::FinishGroup(GeometryGroup* group) {
     const Vec3d reach = ToDouble(q.quadric.coordinate_max);
     radius_squared = std::max(radius_squared, LengthSquared(reach));
   }
+  for (const BakedCurves& curves : group->curves) {
+    Vec3f corner;
+    for (const CurvePiece& piece : curves.pieces) {
+      const CurveSegment segment = SegmentOf(curves.set, piece.segment);
+      for (const Vec3f& p : CurveBounds(segment, piece, curves.target_from_shape)) {
+        bounds.Add(ToDouble(p));
+        corner = {std::max(corner.x, std::fabs(p.x)), std::max(corner.y, std::fabs(p.y)),
+                  std::max(corner.z, std::fabs(p.z))};
+      }
+    }
+    radius_squared = std::max(radius_squared, LengthSquared(ToDouble(corner)));
+  }
   if (bounds.empty()) return;
   group->bounds_lower = ToFloat(bounds.lower());
   group->bounds_upper = ToFloat(bounds.upper());

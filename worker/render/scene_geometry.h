@@ -15,6 +15,7 @@
 #include "worker/render/affine.h"
 #include "worker/render/animated_transform.h"
 #include "worker/render/bilinear_patch.h"
+#include "worker/render/curve.h"
 #include "worker/render/light_table.h"
 #include "worker/render/quadric.h"
 
@@ -72,21 +73,37 @@ struct BakedPatches {
             ToDouble(positions[k[3]])};
   }
 };
+// Curves of one shape, in the shape's own space as the file has them: it decides which way is
+// across, and their widths may be too thin for another rounding.
+struct BakedCurves {
+  Surface surface;
+  CurveSet set;
+  std::vector<CurvePiece> pieces;  // Segments without length or width are gone.
+  Affine target_from_shape, shape_from_target;
+  Vec3f coordinate_max;  // Of the numbers that points are computed from, in the target.
+
+  size_t size() const { return pieces.size(); }
+};
 // What is traced as one acceleration structure: the world, or one object definition.
 struct GeometryGroup {
   std::vector<BakedMesh> meshes;
   std::vector<BakedQuadric> quadrics;
   std::vector<BakedPatches> patches;
+  std::vector<BakedCurves> curves;
   Vec3d center;  // Of its own space, in the space of the shapes' transforms.
   Vec3f bounds_lower, bounds_upper;
   double radius = 0;  // Of the ball about `center` that holds everything.
 
-  bool empty() const { return meshes.empty() && quadrics.empty() && patches.empty(); }
-  // PrimitiveId::geometry of hits: the index of a mesh; then all quadrics; then each of `patches`.
+  bool empty() const {
+    return meshes.empty() && quadrics.empty() && patches.empty() && curves.empty();
+  }
+  // PrimitiveId::geometry of hits: the index of a mesh; then all quadrics; then each of `patches`,
+  // then each of `curves`.
   uint32_t QuadricsId() const { return static_cast<uint32_t>(meshes.size()); }
   uint32_t PatchesId(size_t index) const {
     return static_cast<uint32_t>(meshes.size() + 1 + index);
   }
+  uint32_t CurvesId(size_t index) const { return PatchesId(patches.size() + index); }
 };
 struct PlacedGroup {
   uint32_t group = 0;
@@ -144,10 +161,10 @@ struct BakedScene {
 };
 
 // Bakes the scene's shapes and collects the emissive ones. Takes the mesh buffers out of `scene`
-// (scene->meshes and bilinear_meshes are empty afterwards); a mesh that one shape uses is not
-// copied. Errors: kInvalidArgument with the location of the shape: a singular transform,
+// (scene->meshes, bilinear_meshes and curve_sets are empty afterwards); a mesh that one shape uses
+// is not copied. Errors: kInvalidArgument with the location of the shape: a singular transform,
 // coordinates that leave the range of float, an emissive shape that moves, is instanced, or is a
-// partial or non-uniformly scaled sphere or disk, a cylinder, or a bilinear mesh not all of
+// partial or non-uniformly scaled sphere or disk, a cylinder, curves, or a bilinear mesh not all of
 // parallelograms.
 absl::StatusOr<BakedScene> BakeScene(SceneDescription* scene);
 

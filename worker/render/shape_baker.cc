@@ -1,9 +1,10 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Meshes, patches and quadrics placed and checked; one rounding to float.
+// Meshes, patches, curves and quadrics placed and checked; one rounding to float.
 #include "worker/render/shape_baker.h"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <optional>
@@ -50,6 +51,20 @@ bool PlaceVertices(const Affine& target_from_shape, bool reverse_orientation,
     n = length > 0 && std::isfinite(length) ? ToFloat(turned * scale) : Vec3f{};
   }
   return true;
+}
+
+// Terms of the sums that place a curve's points; they may cancel in the points.
+void GrowCoordinateMax(const CurveSegment& segment, const Affine& transform, Vec3f* max) {
+  const double reach = std::max(segment.widths[0], segment.widths[1]);
+  for (const Vec3d& p : segment.points) {
+    for (size_t k = 0; k < 3; ++k) {
+      const double sum = (std::fabs(p.x) + reach) * std::fabs(transform.x[k]) +
+                         (std::fabs(p.y) + reach) * std::fabs(transform.y[k]) +
+                         (std::fabs(p.z) + reach) * std::fabs(transform.z[k]) +
+                         std::fabs(transform.offset[k]);
+      (*max)[k] = std::fmax((*max)[k], static_cast<float>(sum));
+    }
+  }
 }
 
 // Keeps the faces that have_area says, of `corners` indices each; returns how many went.
@@ -172,6 +187,37 @@ absl::Status ShapeBaker::AddPatches(const ShapeDescription& shape, Surface surfa
   return absl::OkStatus();
 }
 
+absl::Status ShapeBaker::AddCurves(const ShapeDescription& shape, Surface surface,
+                                   const Affine& target_from_shape, GeometryGroup* group) {
+  if (shape.area_light != kNone) {
+    return Fail(shape, "Shape \"curve\": curves cannot be area lights; use spheres or a mesh");
+  }
+  BakedCurves baked;
+  surface.needs_tangent = true;  // Fibres shade by the way they run.
+  baked.surface = surface;
+  baked.set = std::move(scene_.curve_sets[std::get<CurveShape>(shape.shape).curves]);
+  baked.target_from_shape = target_from_shape;
+  baked.shape_from_target = Inverse(target_from_shape);
+  SortCurves(&baked.set);
+  for (uint32_t i = 0; i < baked.set.size(); ++i) {
+    const CurveSegment segment = SegmentOf(baked.set, i);
+    const Vec3d first = segment.points[0];
+    const bool has_length = std::any_of(segment.points.begin() + 1, segment.points.end(),
+                                        [first](const Vec3d& p) { return !(p == first); });
+    if (!has_length || !(segment.widths[0] > 0 || segment.widths[1] > 0)) continue;
+    SplitCurve(segment, i, target_from_shape, &baked.pieces);
+    for (const Vec3f& p : CurveBounds(segment, {i, 0, 1}, target_from_shape)) {
+      if (!IsFinite(p)) return Fail(shape, kLeavesFloat);
+    }
+    GrowCoordinateMax(segment, target_from_shape, &baked.coordinate_max);
+  }
+  if (!baked.pieces.empty()) {
+    baked.pieces.shrink_to_fit();
+    group->curves.push_back(std::move(baked));
+  }
+  return absl::OkStatus();
+}
+
 absl::Status ShapeBaker::AddQuadric(const ShapeDescription& shape, Surface surface, Quadric q,
                                     const Affine& target_from_shape, GeometryGroup* group) {
   if (!HasExtent(q)) {
@@ -207,6 +253,9 @@ absl::Status ShapeBaker::AddShape(int32_t shape_index, const Affine& target_from
   if (const auto* mesh = std::get_if<MeshShape>(&shape.shape)) {
     return AddMesh(shape, surface, TakeMesh(mesh->mesh), target_from_shape, group);
   }
+  if (std::holds_alternative<CurveShape>(shape.shape)) {
+    return AddCurves(shape, surface, target_from_shape, group);
+  }
   const std::optional<Quadric> quadric = QuadricOf(shape);
   return quadric.has_value() ? AddQuadric(shape, surface, *quadric, target_from_shape, group)
                              : AddPatches(shape, surface, target_from_shape, group);
@@ -217,6 +266,15 @@ void ShapeBaker::GrowBounds(const ShapeDescription& shape, const Affine& transfo
   if (std::optional<Quadric> q = QuadricOf(shape)) {
     q->target_from_object = transform;
     for (const Vec3f& p : QuadricBounds(*q)) bounds->Add(ToDouble(p));
+    return;
+  }
+  if (const auto* curves = std::get_if<CurveShape>(&shape.shape)) {
+    const CurveSet& set = scene_.curve_sets[curves->curves];
+    for (size_t i = 0; i < set.size(); ++i) {
+      for (const Vec3f& p : CurveBounds(SegmentOf(set, i), {}, transform)) {
+        bounds->Add(ToDouble(p));
+      }
+    }
     return;
   }
   const auto* mesh = std::get_if<MeshShape>(&shape.shape);

@@ -41,6 +41,8 @@ class ShapeBaker {
                        const Affine& target_from_shape, GeometryGroup* group);
   absl::Status AddPatches(const ShapeDescription& shape, Surface surface,
                           const Affine& target_from_shape, GeometryGroup* group);
+  absl::Status AddCurves(const ShapeDescription& shape, Surface surface,
+                         const Affine& target_from_shape, GeometryGroup* group);
   absl::Status AddQuadric(const ShapeDescription& shape, Surface surface, Quadric quadric,
                           const Affine& target_from_shape, GeometryGroup* group);
 

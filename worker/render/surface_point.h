@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // SurfacePoint: everything shading wants to know of a hit. The point is put back onto its triangle
-// (quadric, patch) in double from the surface's own description, so its error is that of one
+// (quadric, patch, curve) in double from the surface's own description, so its error is that of one
 // rounding to float, however far the ray came from. Source: pbrt-v4, sec. 6.8.
 #pragma once
 
@@ -22,7 +22,7 @@ struct SurfacePoint {
   Vec3f p_error;  // Bound of its absolute error, per component.
   Vec3f ng;       // Unit geometric normal, on the surface's own front side.
   Frame shading;  // n: unit shading normal, in the hemisphere of ng.
-  Vec2f uv;       // Where the surface reads textures or is hair.
+  Vec2f uv;       // Where the surface reads textures or is hair; on curves along and across.
   const Surface* surface = nullptr;
   uint32_t emitter = kNoEmitter;
   PrimitiveId id;
@@ -43,6 +43,7 @@ struct GroupPoint {
   Vec2f uv;
   Vec3d dpdu, dpdv;
   bool has_tangents = false;
+  double reach = 0;  // Of curves: how far off along ng a ray that leaves must start.
 };
 
 inline Vec3f MaxAbs(Vec3f a, Vec3f b, Vec3f c) {
@@ -169,6 +170,25 @@ inline GroupPoint PointOnPatch(const BakedPatches& baked, const RawHit& hit,
   return point;
 }
 
+inline GroupPoint PointOnCurve(const BakedCurves& baked, Vec3d d, const RawHit& hit) {
+  const size_t segment = baked.pieces[hit.id.primitive].segment;
+  const CurvePoint on = CurvePointAt(SegmentOf(baked.set, segment), static_cast<double>(hit.u),
+                                     static_cast<double>(hit.v), baked.shape_from_target.Vector(d));
+  GroupPoint point;
+  point.p = baked.target_from_shape.Point(on.p);
+  const Vec3d n = baked.shape_from_target.TransposedVector(on.n);
+  const double scale = 1 / Length(n);
+  point.ng = n * (baked.surface.flips_normal ? -scale : scale);
+  point.ns = point.ng;
+  point.coordinate_max = baked.coordinate_max;
+  point.uv = {hit.u, hit.v};
+  point.dpdu = baked.target_from_shape.Vector(on.dpdu);
+  point.has_tangents = true;
+  // One width along the normal leads out of every ribbon about the centre line, to either side.
+  point.reach = on.width * scale;
+  return point;
+}
+
 // Brings the point from its group to render space. The next ray is rounded to float in the group's
 // space again, so the bound holds that rounding too, carried over.
 inline void PlacePoint(const Affine& render_from_group, const Affine& group_from_render,
@@ -228,7 +248,14 @@ SurfacePoint MakeSurfacePoint(const SceneGeometry& geometry, const Ray& ray, con
     render_from_group = RenderFromGroupAt(geometry, *placed, ray.time);
     group_from_render = GroupFromRenderAt(geometry, *placed, ray.time);
   }
-  if (Has(kTraits, Trait::kQuadrics) && hit.id.geometry > group.QuadricsId()) {
+  if (Has(kTraits, Trait::kCurves) && hit.id.geometry >= group.CurvesId(0)) {
+    const BakedCurves& baked = group.curves[hit.id.geometry - group.CurvesId(0)];
+    point.surface = &baked.surface;
+    Vec3d d = ToDouble(ray.d);
+    if (placed != nullptr) d = group_from_render.Vector(d);
+    on = internal::PointOnCurve(baked, d, hit);
+    if (placed != nullptr) on.reach /= Length(group_from_render.TransposedVector(on.ng));
+  } else if (Has(kTraits, Trait::kQuadrics) && hit.id.geometry > group.QuadricsId()) {
     const BakedPatches& baked = group.patches[hit.id.geometry - group.PatchesId(0)];
     point.surface = &baked.surface;
     on = internal::PointOnPatch(baked, hit,
@@ -256,9 +283,16 @@ SurfacePoint MakeSurfacePoint(const SceneGeometry& geometry, const Ray& ray, con
   point.p = ToFloat(on.p);
   point.p_error = Gamma(1) * Abs(point.p) + ToFloat(rounding);
   point.ng = ToFloat(on.ng);
+  if constexpr (Has(kTraits, Trait::kCurves)) {
+    // What is added along the normal is what OffsetRayOrigin adds.
+    point.p_error += Abs(point.ng) * static_cast<float>(on.reach);
+  }
   // Flat surfaces shade by the very bits of their normal.
   const Vec3f ns = on.ns == on.ng ? point.ng : ToFloat(on.ns * (1 / Length(on.ns)));
-  if constexpr (Has(kTraits, Trait::kTextures) || Has(kTraits, Trait::kHair)) point.uv = on.uv;
+  if constexpr (Has(kTraits, Trait::kTextures) || Has(kTraits, Trait::kHair) ||
+                Has(kTraits, Trait::kCurves)) {
+    point.uv = on.uv;
+  }
   point.shading =
       point.surface->needs_tangent ? internal::ShadingFrame(ns, on) : Frame::FromNormal(ns);
   return point;
