@@ -23,8 +23,9 @@ struct PartHeader {
 // A part as a float32 EXR that any viewer opens. Equal parts give equal bytes (of one build).
 // Channels: R, G, B, weight (heads of the double-float sums), lo.R, lo.G, lo.B, lo.weight (their
 // tails), A, albedo.{R,G,B}, normal.{X,Y,Z}, depth.Z, samples, nonfinite, and for each replicate NN
-// that is there rNN.{R,G,B,W}. All are sums over the block. Attributes: sheaf:format "film-part 1",
-// sheaf:frameDigest, sheaf:numericProfile, sheaf:blockFirst, sheaf:blockCount (decimal strings).
+// that is there rNN.{R,G,B,W}; with outputs, NAME and lo.NAME of each mean channel. All are sums
+// over the block. Attributes: sheaf:format "film-part 1", sheaf:frameDigest, sheaf:numericProfile,
+// sheaf:blockFirst, sheaf:blockCount (decimal strings); with outputs, sheaf:outputs.
 std::string EncodePart(const FilmTile& tile, const PartHeader& header);
 struct DecodedPart {
   FilmTile tile;

@@ -3,8 +3,10 @@
 #include "common/film/film.h"
 
 #include <array>
+#include <cmath>
 #include <cstddef>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "common/base/check.h"
@@ -24,6 +26,8 @@ struct Planes {
   std::array<float*, 3> color, error;
   std::array<float*, 7> weighted;  // A, albedo, normal.
   float *depth, *samples, *nonfinite;
+  std::vector<MeanChannel> mean_channels;
+  std::vector<float*> means;  // One for each.
 };
 constexpr std::array<FilmChannel, 7> kWeighted{
     FilmChannel::kAlpha,   FilmChannel::kAlbedoR, FilmChannel::kAlbedoG, FilmChannel::kAlbedoB,
@@ -35,13 +39,44 @@ Planes FindPlanes(FramePicture* picture) {
     SHEAF_CHECK(plane != nullptr);
     return plane->data();
   };
+  std::vector<MeanChannel> mean_channels = MeanChannelsOf(picture->outputs);
+  std::vector<float*> means;
+  for (const MeanChannel& channel : mean_channels) means.push_back(find(channel.name.c_str()));
   return {{find("R"), find("G"), find("B")},
           {find("stderr.R"), find("stderr.G"), find("stderr.B")},
           {find("A"), find("albedo.R"), find("albedo.G"), find("albedo.B"), find("normal.X"),
            find("normal.Y"), find("normal.Z")},
           find("depth.Z"),
           find("samples"),
-          find("nonfinite")};
+          find("nonfinite"),
+          std::move(mean_channels),
+          std::move(means)};
+}
+
+// Three planes as a direction of unit length, or 0.
+void Normalize(float* const* planes, size_t p) {
+  double squared = 0;
+  for (size_t i = 0; i < 3; ++i) {
+    squared += static_cast<double>(planes[i][p]) * static_cast<double>(planes[i][p]);
+  }
+  const double scale = squared > 0 ? 1 / std::sqrt(squared) : 0;
+  for (size_t i = 0; i < 3; ++i) {
+    planes[i][p] = static_cast<float>(static_cast<double>(planes[i][p]) * scale);
+  }
+}
+
+void DevelopMeans(const FilmTile& sums, size_t from, size_t to, double weight,
+                  const Planes& planes) {
+  const double surface_weight =
+      weight == 0 ? 0 : static_cast<double>(sums.channel(FilmChannel::kAlpha)[from]);
+  for (size_t i = 0; i < planes.means.size(); ++i) {
+    const double sum = DoubleFloat{sums.mean(i, 0)[from], sums.mean(i, 1)[from]}.Value();
+    const double by = planes.mean_channels[i].of_surface ? surface_weight : weight;
+    planes.means[i][to] = static_cast<float>(Ratio(sum, by));
+  }
+  for (size_t i = 0; i < planes.means.size(); ++i) {
+    if (planes.mean_channels[i].starts_direction) Normalize(&planes.means[i], to);
+  }
 }
 
 // from: pixel index in the tile; to: in the picture.
@@ -61,6 +96,7 @@ void DevelopPixel(const FilmTile& sums, size_t from, size_t to, const Planes& pl
   const double alpha_sum = sums.channel(FilmChannel::kAlpha)[from];
   planes.depth[to] = static_cast<float>(
       weight == 0 ? 0 : Ratio(sums.channel(FilmChannel::kDepth)[from], alpha_sum));
+  DevelopMeans(sums, from, to, weight, planes);
   planes.samples[to] = sums.channel(FilmChannel::kSampleCount)[from];
   planes.nonfinite[to] = sums.channel(FilmChannel::kNonFiniteCount)[from];
 }
@@ -71,6 +107,7 @@ void DevelopTile(const FilmTile& sums, FramePicture* picture) {
   const PixelRect tile = sums.rect(), window = picture->window;
   SHEAF_CHECK(tile.x0 >= window.x0 && tile.y0 >= window.y0 && tile.x1 <= window.x1 &&
               tile.y1 <= window.y1);
+  SHEAF_CHECK(sums.outputs() == picture->outputs);
   const Planes planes = FindPlanes(picture);
   size_t from = 0;
   for (int32_t y = tile.y0; y < tile.y1; ++y) {

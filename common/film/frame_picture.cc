@@ -26,7 +26,8 @@ std::vector<float>* FramePicture::Find(const std::string& channel) {
   return const_cast<std::vector<float>*>(static_cast<const FramePicture&>(*this).Find(channel));
 }
 
-FramePicture MakeFramePicture(PixelRect window, int32_t frame_width_px, int32_t frame_height_px) {
+FramePicture MakeFramePicture(PixelRect window, int32_t frame_width_px, int32_t frame_height_px,
+                              const FilmOutputs& outputs) {
   SHEAF_CHECK(window.x0 < window.x1 && window.y0 < window.y1);
   FramePicture picture;
   picture.window = window;
@@ -35,6 +36,10 @@ FramePicture MakeFramePicture(PixelRect window, int32_t frame_width_px, int32_t 
   picture.channel_names = {"R",        "G",        "B",        "A",        "albedo.R", "albedo.G",
                            "albedo.B", "normal.X", "normal.Y", "normal.Z", "depth.Z",  "samples",
                            "stderr.R", "stderr.G", "stderr.B", "nonfinite"};
+  picture.outputs = outputs;
+  for (const MeanChannel& channel : MeanChannelsOf(outputs)) {
+    picture.channel_names.push_back(channel.name);
+  }
   picture.planes.assign(picture.channel_names.size(),
                         std::vector<float>(static_cast<size_t>(window.PixelCount())));
   return picture;

@@ -72,6 +72,16 @@ absl::Status CheckCounts(const FrameSettings& settings) {
   return absl::OkStatus();
 }
 
+absl::Status CheckOutputs(const SceneDescription& scene, const FilmOutputs& outputs) {
+  if (outputs.Has(Aov::kMotion) && scene.camera.IsSpherical()) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(FormatLocation(scene, scene.camera.location),
+                     ": a spherical camera has no motion vectors; leave the output \"",
+                     AovName(Aov::kMotion), "\" out"));
+  }
+  return absl::OkStatus();
+}
+
 }  // namespace
 
 const char* ColorTransportName(ColorTransport color) {
@@ -114,7 +124,11 @@ absl::StatusOr<FrameSettings> ResolveSettings(const SceneDescription& scene,
   resolved.color = settings.color;
   resolved.single_scattering = settings.single_scattering;
   resolved.force_generic_variant = settings.force_generic_variant;
+  resolved.outputs = settings.outputs;
+  resolved.outputs.aovs |= scene.film.outputs.aovs;
+  resolved.outputs.camera_space = scene.film.outputs.camera_space;
   if (absl::Status status = CheckCounts(resolved); !status.ok()) return status;
+  if (absl::Status status = CheckOutputs(scene, resolved.outputs); !status.ok()) return status;
   return resolved;
 }
 
@@ -131,12 +145,16 @@ std::string NumericProfile() {
 std::string FrameDigestText(const std::string& scene_digest, const FrameSettings& settings,
                             const std::string& numeric_profile) {
   const PixelRect& w = settings.window;
+  // Frames without outputs keep the digest they had before there were any.
+  const std::string outputs = settings.outputs.empty()
+                                  ? std::string()
+                                  : absl::StrCat("\noutputs ", FormatOutputs(settings.outputs));
   return absl::StrCat("sheaf-frame 2\nscene ", scene_digest, "\nsize_px ", settings.width_px, " ",
                       settings.height_px, "\nwindow_px ", w.x0, " ", w.y0, " ", w.x1, " ", w.y1,
                       "\nsamples ", settings.samples, "\nmax_depth ", settings.max_depth, "\nseed ",
                       settings.seed, "\ncolor ", ColorTransportName(settings.color),
-                      "\nscattering ", settings.single_scattering ? "single" : "full", "\nprofile ",
-                      numeric_profile, "\n");
+                      "\nscattering ", settings.single_scattering ? "single" : "full", outputs,
+                      "\nprofile ", numeric_profile, "\n");
 }
 
 std::string FrameDigest(const std::string& scene_digest, const FrameSettings& settings,

@@ -12,6 +12,7 @@
 #include <variant>
 #include <vector>
 
+#include "common/film/film_outputs.h"
 #include "common/math/transform.h"
 #include "common/math/vec.h"
 
@@ -335,6 +336,7 @@ struct FilmDescription {
   bool has_pixel_bounds = false;
   int32_t pixel_bounds[4] = {0, 0, 0, 0};  // x0 x1 y0 y1, half-open.
   float exposure_scale = 1;                // Sensor's imaging ratio: ISO / 100.
+  FilmOutputs outputs;                     // Those of "gbuffer".
   std::string filename;
   SourceLocation location;
 };

@@ -21,8 +21,8 @@ uint64_t TreeBytes(const TileTree& tree) {
 FrameMerge::FrameMerge(const FrameSpec& spec, std::vector<PixelRect> tiles, MergeBudget* budget)
     : samples_(spec.settings.samples),
       budget_(budget),
-      picture_(
-          MakeFramePicture(spec.settings.window, spec.settings.width_px, spec.settings.height_px)) {
+      picture_(MakeFramePicture(spec.settings.window, spec.settings.width_px,
+                                spec.settings.height_px, spec.settings.outputs)) {
   tiles_.resize(tiles.size());
   for (size_t i = 0; i < tiles.size(); ++i) tiles_[i].rect = tiles[i];
 }

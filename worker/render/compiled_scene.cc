@@ -31,6 +31,15 @@ uint64_t GeometryBytes(const SceneGeometry& geometry) {
          geometry.motions.capacity() * sizeof(GroupMotion);
 }
 
+// Has every hit work out its parameters, whether or not a texture reads them.
+void WantParameters(SceneGeometry* geometry) {
+  for (GeometryGroup& group : geometry->groups) {
+    for (BakedMesh& mesh : group.meshes) mesh.surface.reads_textures = true;
+    for (BakedQuadric& quadric : group.quadrics) quadric.surface.reads_textures = true;
+    for (BakedPatches& patches : group.patches) patches.surface.reads_textures = true;
+  }
+}
+
 }  // namespace
 
 void CompiledSceneDeleter::operator()(const CompiledScene* scene) const { delete scene; }
@@ -45,6 +54,7 @@ absl::StatusOr<CompiledScenePtr> CompileScene(SceneDescription description,
   if (!baked.ok()) return baked.status();
   scene->description = std::move(description);
   scene->geometry = std::move(baked->geometry);
+  if (settings.outputs.Has(Aov::kUv)) WantParameters(&scene->geometry);
   if (scene->geometry.degenerate_triangle_count > 0) {
     LogWarning(absl::StrCat(
         scene->description.files.empty() ? "scene" : scene->description.files[0], ": ",

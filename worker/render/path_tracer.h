@@ -18,6 +18,7 @@
 #include "common/film/film_tile.h"
 #include "worker/render/compiled_scene.h"
 #include "worker/render/dimensions.h"
+#include "worker/render/first_hit.h"
 #include "worker/render/mis.h"
 #include "worker/render/sampler.h"
 #include "worker/render/spectral_color.h"
@@ -47,6 +48,9 @@ class PathTracer {
 
   // A pure function of (scene, pixel, sample_index).
   FilmSample TraceSample(int32_t x, int32_t y, uint64_t sample_index);
+  // Where TraceSample leaves what the scene's settings ask for besides; cleared by the caller.
+  // Variants without kOutputs leave nothing.
+  void set_outputs(OutputSample* outputs) { outputs_ = outputs; }
 
  private:
   static constexpr bool kMayPass = Has(kTraits, Trait::kAlpha);
@@ -106,6 +110,7 @@ class PathTracer {
   const CompiledScene& scene_;
   Tracer& tracer_;
   RayCounts& counts_;
+  OutputSample* outputs_ = nullptr;
 };
 
 // --- Definitions ---------------------------------------------------------------------------------
@@ -204,6 +209,9 @@ void PathTracer<kTraits, Tracer>::Trace(const Sampler& sampler, Path* path, Film
       }
       film->normal = point.shading.n;
       film->depth = Length(point.p - camera_o);
+      if constexpr (Has(kTraits, Trait::kOutputs)) {
+        if (outputs_ != nullptr) RecordFirstHit(scene_, path->ray, point, outputs_);
+      }
     }
     if (path->depth++ == depth_max) return;
     if constexpr (kSpectral) {

@@ -37,6 +37,7 @@ constexpr TraitName kTraitNames[] = {
     {Trait::kInstances, "instances"},
     {Trait::kQuadrics, "curved shapes"},
     {Trait::kSpectral, "wavelengths"},
+    {Trait::kOutputs, "outputs"},
 };
 
 class PlanMaker {
@@ -54,6 +55,10 @@ class PlanMaker {
       wavelengths = {"asked for: spectral color", 1};
     } else if (settings.color == ColorTransport::kRgb) {
       wavelengths = {};
+    }
+    if (!settings.outputs.empty()) {
+      causes_[TraitIndex(Trait::kOutputs)] = {
+          absl::StrCat("asked for: ", FormatOutputs(settings.outputs)), 1};
     }
     return Finish(settings.force_generic_variant);
   }

@@ -29,6 +29,7 @@ enum class Trait : uint32_t {
   kInstances = 1u << 10,            // Object instances.
   kQuadrics = 1u << 11,             // Shapes met in double: quadrics, bilinear patches.
   kSpectral = 1u << 12,             // Four wavelengths a path instead of RGB.
+  kOutputs = 1u << 24,              // More than the picture: FilmOutputs.
 };
 
 struct PlannedEffect {

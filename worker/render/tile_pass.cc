@@ -30,7 +30,7 @@ absl::StatusOr<FilmTile> RenderTilePass(const CompiledScene& scene, PixelRect ti
   const double start_seconds = ThreadCpuSeconds();
   const RenderRowFunction render_row =
       RowFunctionOf(ChooseVariant(scene.plan.traits, scene.settings.force_generic_variant));
-  FilmTile film(tile, block);
+  FilmTile film(tile, block, scene.settings.outputs);
   PixelAccumulator accumulator(&film);
   RayCounts counts;
   for (int32_t y = tile.y0; y < tile.y1; ++y) {

@@ -1,0 +1,101 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "common/film/film_outputs.h"
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
+#include "absl/strings/str_split.h"
+
+namespace sheaf {
+namespace {
+
+struct AovRow {
+  const char* name;
+  const char* channels[3];  // Null beyond the last.
+  bool is_direction;
+};
+// In the order of Aov.
+constexpr AovRow kAovs[kAovCount] = {{"position", {"P.X", "P.Y", "P.Z"}, false},
+                                     {"normal-geometric", {"N.X", "N.Y", "N.Z"}, true},
+                                     {"normal-shading", {"Ns.X", "Ns.Y", "Ns.Z"}, true},
+                                     {"uv", {"u", "v", nullptr}, false},
+                                     {"motion", {"motion.X", "motion.Y", nullptr}, false}};
+constexpr const char* kAlwaysThere[] = {"albedo", "normal", "depth"};
+constexpr char kCameraSpace[] = "space:camera";
+
+size_t ChannelCountOf(const AovRow& row) { return row.channels[2] != nullptr ? 3 : 2; }
+
+bool AddAov(std::string_view name, FilmOutputs* outputs) {
+  for (size_t i = 0; i < kAovCount; ++i) {
+    if (name != kAovs[i].name) continue;
+    outputs->Add(static_cast<Aov>(i));
+    return true;
+  }
+  return false;
+}
+
+}  // namespace
+
+std::vector<MeanChannel> MeanChannelsOf(const FilmOutputs& outputs) {
+  std::vector<MeanChannel> channels;
+  for (size_t i = 0; i < kAovCount; ++i) {
+    if (!outputs.Has(static_cast<Aov>(i))) continue;
+    for (size_t k = 0; k < ChannelCountOf(kAovs[i]); ++k) {
+      channels.push_back({kAovs[i].channels[k], true, kAovs[i].is_direction && k == 0});
+    }
+  }
+  return channels;
+}
+
+size_t MeanChannelCount(const FilmOutputs& outputs) {
+  size_t count = 0;
+  for (size_t i = 0; i < kAovCount; ++i) {
+    if (outputs.Has(static_cast<Aov>(i))) count += ChannelCountOf(kAovs[i]);
+  }
+  return count;
+}
+
+const char* AovName(Aov aov) { return kAovs[static_cast<size_t>(aov)].name; }
+
+absl::Status AddAovs(std::string_view names, FilmOutputs* outputs) {
+  for (const std::string& name :
+       static_cast<std::vector<std::string>>(absl::StrSplit(std::string(names), ','))) {
+    bool known = AddAov(name, outputs);
+    for (const char* there : kAlwaysThere) known |= name == there;
+    if (known) continue;
+    std::vector<std::string> all;
+    for (const AovRow& row : kAovs) all.emplace_back(row.name);
+    for (const char* there : kAlwaysThere) all.emplace_back(there);
+    return absl::InvalidArgumentError(
+        absl::StrCat("\"", name, "\" is not an output; there are ", absl::StrJoin(all, ", ")));
+  }
+  return absl::OkStatus();
+}
+
+std::string FormatOutputs(const FilmOutputs& outputs) {
+  std::vector<std::string> words;
+  for (size_t i = 0; i < kAovCount; ++i) {
+    if (outputs.Has(static_cast<Aov>(i))) words.emplace_back(kAovs[i].name);
+  }
+  if (outputs.camera_space) words.emplace_back(kCameraSpace);
+  return absl::StrJoin(words, ",");
+}
+
+absl::StatusOr<FilmOutputs> ParseOutputs(std::string_view text) {
+  FilmOutputs outputs;
+  if (text.empty()) return outputs;
+  for (const std::string& word :
+       static_cast<std::vector<std::string>>(absl::StrSplit(std::string(text), ','))) {
+    if (word == kCameraSpace) {
+      outputs.camera_space = true;
+    } else if (!AddAov(word, &outputs)) {
+      return absl::InvalidArgumentError(absl::StrCat("unknown output \"", word, "\""));
+    }
+  }
+  if (FormatOutputs(outputs) != text) {
+    return absl::InvalidArgumentError("the outputs are not in their order");
+  }
+  return outputs;
+}
+
+}  // namespace sheaf
