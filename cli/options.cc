@@ -75,6 +75,8 @@ void AddSettingsOptions(CLI::App* command, JobArguments* arguments) {
       "--aov", [&settings](const std::string& text) { AddOutputs(text, &settings.outputs); },
       "Quantities of the first surface to write too, separated by commas: position, "
       "normal-geometric, normal-shading, uv, motion (see docs/outputs.md)");
+  command->add_flag("--light-groups", settings.light_groups,
+                    "Write what each group of lights (\"string lightgroup\") contributes");
   command->add_flag("--single-scattering", settings.single_scattering,
                     "Rough surfaces scatter once and lose the rest, as pbrt-v4's do");
   command->add_flag("--generic", settings.force_generic_variant,

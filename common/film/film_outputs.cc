@@ -2,6 +2,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "common/film/film_outputs.h"
 
+#include <algorithm>
+#include <cstring>
+#include <functional>
+#include <iterator>
+
+#include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "absl/strings/str_split.h"
@@ -22,6 +28,11 @@ constexpr AovRow kAovs[kAovCount] = {{"position", {"P.X", "P.Y", "P.Z"}, false},
                                      {"motion", {"motion.X", "motion.Y", nullptr}, false}};
 constexpr const char* kAlwaysThere[] = {"albedo", "normal", "depth"};
 constexpr char kCameraSpace[] = "space:camera";
+constexpr char kLightPrefix[] = "light:";
+// Layers of every picture and part, in small letters.
+constexpr const char* kReservedLayers[] = {"albedo", "normal", "depth", "stderr", "lo",
+                                           "p",      "n",      "ns",    "motion", "samples",
+                                           "weight", "r",      "g",     "b",      "a"};
 
 size_t ChannelCountOf(const AovRow& row) { return row.channels[2] != nullptr ? 3 : 2; }
 
@@ -34,7 +45,28 @@ bool AddAov(std::string_view name, FilmOutputs* outputs) {
   return false;
 }
 
+// What a part calls replicates: "r00" and on.
+bool IsReplicateLayer(std::string_view name) {
+  return name.size() == 3 && name[0] == 'r' && absl::ascii_isdigit(name[1]) &&
+         absl::ascii_isdigit(name[2]);
+}
+
 }  // namespace
+
+std::string WhyNotLightGroup(std::string_view name) {
+  constexpr size_t kNameBytesMax = 64;
+  const auto is_allowed = [](char c) { return absl::ascii_isalnum(c) || c == '_' || c == '-'; };
+  if (name.empty() || name.size() > kNameBytesMax ||
+      !std::all_of(name.begin(), name.end(), is_allowed)) {
+    return absl::StrCat("is no name of a light group: 1 to ", kNameBytesMax,
+                        " letters, digits, \"_\" and \"-\"");
+  }
+  const std::string small = absl::AsciiStrToLower(std::string(name));
+  const bool reserved = std::find(std::begin(kReservedLayers), std::end(kReservedLayers), small) !=
+                            std::end(kReservedLayers) ||
+                        IsReplicateLayer(small) || small.starts_with("crypto");
+  return reserved ? "is the name of other channels; choose another for the light group" : "";
+}
 
 std::vector<MeanChannel> MeanChannelsOf(const FilmOutputs& outputs) {
   std::vector<MeanChannel> channels;
@@ -44,11 +76,16 @@ std::vector<MeanChannel> MeanChannelsOf(const FilmOutputs& outputs) {
       channels.push_back({kAovs[i].channels[k], true, kAovs[i].is_direction && k == 0});
     }
   }
+  for (const std::string& group : outputs.light_groups) {
+    for (const char* component : {".R", ".G", ".B"}) {
+      channels.push_back({group + component, false, false});
+    }
+  }
   return channels;
 }
 
 size_t MeanChannelCount(const FilmOutputs& outputs) {
-  size_t count = 0;
+  size_t count = 3 * outputs.light_groups.size();
   for (size_t i = 0; i < kAovCount; ++i) {
     if (outputs.Has(static_cast<Aov>(i))) count += ChannelCountOf(kAovs[i]);
   }
@@ -78,6 +115,7 @@ std::string FormatOutputs(const FilmOutputs& outputs) {
     if (outputs.Has(static_cast<Aov>(i))) words.emplace_back(kAovs[i].name);
   }
   if (outputs.camera_space) words.emplace_back(kCameraSpace);
+  for (const std::string& group : outputs.light_groups) words.push_back(kLightPrefix + group);
   return absl::StrJoin(words, ",");
 }
 
@@ -88,11 +126,19 @@ absl::StatusOr<FilmOutputs> ParseOutputs(std::string_view text) {
        static_cast<std::vector<std::string>>(absl::StrSplit(std::string(text), ','))) {
     if (word == kCameraSpace) {
       outputs.camera_space = true;
+    } else if (word.starts_with(kLightPrefix)) {
+      outputs.light_groups.push_back(word.substr(std::strlen(kLightPrefix)));
+      const std::string why_not = WhyNotLightGroup(outputs.light_groups.back());
+      if (!why_not.empty()) return absl::InvalidArgumentError(absl::StrCat(word, " ", why_not));
     } else if (!AddAov(word, &outputs)) {
       return absl::InvalidArgumentError(absl::StrCat("unknown output \"", word, "\""));
     }
   }
-  if (FormatOutputs(outputs) != text) {
+  const std::vector<std::string>& groups = outputs.light_groups;
+  if (groups.size() > kLightGroupsMax) return absl::InvalidArgumentError("too many light groups");
+  const bool ascending =
+      std::adjacent_find(groups.begin(), groups.end(), std::greater_equal<>()) == groups.end();
+  if (FormatOutputs(outputs) != text || !ascending) {
     return absl::InvalidArgumentError("the outputs are not in their order");
   }
   return outputs;

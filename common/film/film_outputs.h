@@ -31,13 +31,22 @@ enum class Aov : uint8_t {
 // The names are part of frame digests and stored jobs: append, never rename.
 inline constexpr size_t kAovCount = static_cast<size_t>(Aov::kCount);
 
+// Light groups share a picture: what each contributes to it, `NAME.{R,G,B}`. Their sum is the
+// picture.
+inline constexpr size_t kLightGroupsMax = 64;
+inline constexpr char kDefaultLightGroup[] = "default";
+// Why the text cannot name a light group; empty where it can: 1 to 64 letters, digits, "_" and "-",
+// not a name that other channels have.
+std::string WhyNotLightGroup(std::string_view name);
+
 struct FilmOutputs {
   uint32_t aovs = 0;          // One bit each: Has, Add.
   bool camera_space = false;  // Position and normals in camera space; otherwise world space.
+  std::vector<std::string> light_groups;  // In the order of their names; at most kLightGroupsMax.
 
   bool Has(Aov aov) const { return (aovs >> static_cast<uint32_t>(aov) & 1) != 0; }
   void Add(Aov aov) { aovs |= 1u << static_cast<uint32_t>(aov); }
-  bool empty() const { return aovs == 0; }
+  bool empty() const { return aovs == 0 && light_groups.empty(); }
   friend bool operator==(const FilmOutputs&, const FilmOutputs&) = default;
 };
 

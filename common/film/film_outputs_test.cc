@@ -26,6 +26,7 @@ constexpr PixelRect kOnePixel{0, 0, 1, 1};
 FilmOutputs AllOutputs() {
   FilmOutputs outputs;
   for (size_t i = 0; i < kAovCount; ++i) outputs.Add(static_cast<Aov>(i));
+  outputs.light_groups = {"default", "key_1"};
   return outputs;
 }
 
@@ -185,10 +186,11 @@ TEST(FilmOutputsTest, TextTellsAll) {
   FilmOutputs outputs = AllOutputs();
   outputs.camera_space = true;
   EXPECT_EQ(FormatOutputs(outputs),
-            "position,normal-geometric,normal-shading,uv,motion,space:camera");
+            "position,normal-geometric,normal-shading,uv,motion,space:camera,light:default,light:key_1");
   EXPECT_EQ(*ParseOutputs(FormatOutputs(outputs)), outputs);
   EXPECT_TRUE(ParseOutputs("")->empty());
-  for (const char* text : {"uv,position", "uv,uv", "p", ",", "uv,", "UV"}) {
+  for (const char* text : {"uv,position", "uv,uv", "p", ",", "uv,", "UV", "light:", "light:b,light:a",
+                           "light:a,light:a", "light:r07", "light:Albedo"}) {
     EXPECT_FALSE(ParseOutputs(text).ok()) << text;
   }
 }
@@ -200,6 +202,34 @@ TEST(FilmOutputsTest, NamesOfTheCommandLine) {
   const absl::Status status = AddAovs("uvs", &outputs);
   EXPECT_EQ(status.code(), absl::StatusCode::kInvalidArgument);
   EXPECT_THAT(std::string(status.message()), HasSubstr("normal-geometric"));
+}
+
+// A share of the light counts where nothing was met, too.
+TEST(FilmOutputsTest, LightGroupsAreMeansOverAllSamples) {
+  FilmOutputs outputs;
+  outputs.light_groups = {"key", "rim"};
+  FilmTile tile(kOnePixel, {0, 2}, outputs);
+  PixelAccumulator accumulator(&tile);
+  accumulator.Begin(0, 0);
+  for (uint64_t n = 0; n < 2; ++n) {
+    FilmSample sample;
+    sample.alpha = n == 0 ? 1.0f : 0.0f;
+    OutputSample extra(outputs);
+    extra.means = {1, 2, 3, n == 0 ? 0.0f : 5.0f, 0, 0};
+    accumulator.Add(n, sample, extra);
+  }
+  accumulator.End();
+  const FramePicture picture = Develop(tile);
+  EXPECT_THAT(*picture.Find("key.G"), ElementsAre(2));
+  EXPECT_THAT(*picture.Find("rim.R"), ElementsAre(2.5f));
+}
+
+TEST(FilmOutputsTest, NamesOfLightGroups) {
+  for (const char* name : {"key", "Key-2", "a_b", "rim"}) EXPECT_EQ(WhyNotLightGroup(name), "");
+  for (const std::string name : {"", "a.b", "a,b", "a b", "albedo", "lo", "N", "CryptoObject00"}) {
+    EXPECT_NE(WhyNotLightGroup(name), "") << name;
+  }
+  EXPECT_NE(WhyNotLightGroup(std::string(65, 'a')), "");
 }
 
 TEST(FilmOutputsTest, PartWithWrongOutputsIsRefused) {

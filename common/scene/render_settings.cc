@@ -4,6 +4,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <set>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "common/base/digest.h"
@@ -72,12 +74,24 @@ absl::Status CheckCounts(const FrameSettings& settings) {
   return absl::OkStatus();
 }
 
+std::vector<std::string> LightGroupsOf(const SceneDescription& scene) {
+  std::set<std::string> groups;
+  for (const AreaLightDescription& light : scene.area_lights) groups.insert(light.group);
+  for (const LightDescription& light : scene.lights) groups.insert(light.group);
+  return {groups.begin(), groups.end()};
+}
+
 absl::Status CheckOutputs(const SceneDescription& scene, const FilmOutputs& outputs) {
   if (outputs.Has(Aov::kMotion) && scene.camera.IsSpherical()) {
     return absl::InvalidArgumentError(
         absl::StrCat(FormatLocation(scene, scene.camera.location),
                      ": a spherical camera has no motion vectors; leave the output \"",
                      AovName(Aov::kMotion), "\" out"));
+  }
+  if (outputs.light_groups.size() > kLightGroupsMax) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        "the scene's lights have ", outputs.light_groups.size(), " groups, more than the limit of ",
+        kLightGroupsMax, "; give them fewer names"));
   }
   return absl::OkStatus();
 }
@@ -127,6 +141,7 @@ absl::StatusOr<FrameSettings> ResolveSettings(const SceneDescription& scene,
   resolved.outputs = settings.outputs;
   resolved.outputs.aovs |= scene.film.outputs.aovs;
   resolved.outputs.camera_space = scene.film.outputs.camera_space;
+  if (settings.light_groups) resolved.outputs.light_groups = LightGroupsOf(scene);
   if (absl::Status status = CheckCounts(resolved); !status.ok()) return status;
   if (absl::Status status = CheckOutputs(scene, resolved.outputs); !status.ok()) return status;
   return resolved;

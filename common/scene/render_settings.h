@@ -34,7 +34,8 @@ struct RenderSettings {
   std::optional<uint64_t> seed;
   std::optional<PixelRect> crop;  // Within the frame; otherwise the scene's.
   ColorTransport color = ColorTransport::kAuto;
-  FilmOutputs outputs;  // Besides those that the scene's film asks for.
+  FilmOutputs outputs;        // Besides those that the scene's film asks for.
+  bool light_groups = false;  // One output for each light group of the scene.
   // Rough surfaces scatter light once and lose what is scattered again, as in pbrt-v4, whose
   // pictures can then be matched. Otherwise they keep that energy.
   bool single_scattering = false;
@@ -54,7 +55,7 @@ struct FrameSettings {
 };
 
 // Errors: kInvalidArgument for an empty crop, 0 samples, negative depth, a frame beyond limits,
-// outputs that the scene's camera does not have.
+// outputs that the scene's camera does not have, more than kLightGroupsMax light groups.
 absl::StatusOr<FrameSettings> ResolveSettings(const SceneDescription& scene,
                                               const RenderSettings& settings);
 

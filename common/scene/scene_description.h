@@ -253,6 +253,7 @@ struct AreaLightDescription {
   LightScale scale;
   bool two_sided = false;
   SourceLocation location;
+  std::string group = kDefaultLightGroup;
 };
 struct InfiniteLight {
   ColorSpec radiance;         // Used where file is empty.
@@ -299,6 +300,7 @@ struct LightDescription {
   LightScale scale;
   Matrix4 world_from_light;
   SourceLocation location;
+  std::string group = kDefaultLightGroup;
 };
 
 // --- Camera and film ---------------------------------------------------------------------------

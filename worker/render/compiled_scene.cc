@@ -79,6 +79,9 @@ absl::StatusOr<CompiledScenePtr> CompileScene(SceneDescription description,
       LightTable::Build(scene->description, std::move(baked->emitters), files);
   if (!lights.ok()) return lights.status();
   scene->lights = *std::move(lights);
+  if (!settings.outputs.light_groups.empty()) {
+    scene->lights->AssignGroups(scene->description, settings.outputs.light_groups);
+  }
   absl::StatusOr<std::unique_ptr<EmbreeScene>> tracer =
       EmbreeScene::Build(scene->geometry, limits.build_threads);
   if (!tracer.ok()) return tracer.status();
