@@ -74,7 +74,17 @@ void AddSettingsOptions(CLI::App* command, JobArguments* arguments) {
   command->add_option_function<std::string>(
       "--aov", [&settings](const std::string& text) { AddOutputs(text, &settings.outputs); },
       "Quantities of the first surface to write too, separated by commas: position, "
-      "normal-geometric, normal-shading, uv, motion (see docs/outputs.md)");
+      "normal-geometric, normal-shading, uv, motion, object-id, material-id, asset-id "
+      "(see docs/outputs.md)");
+  command->add_option_function<std::string>(
+      "--cryptomatte",
+      [&settings](const std::string& text) {
+        const absl::Status status = AddCryptomattes(text, &settings.outputs);
+        if (!status.ok()) {
+          throw CLI::ValidationError("--cryptomatte", std::string(status.message()));
+        }
+      },
+      "Mattes to write too, separated by commas: object, material, asset");
   command->add_flag("--light-groups", settings.light_groups,
                     "Write what each group of lights (\"string lightgroup\") contributes");
   command->add_flag("--single-scattering", settings.single_scattering,

@@ -5,11 +5,13 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
+#include <set>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "common/base/check.h"
+#include "common/film/cryptomatte.h"
 #include "common/math/double_float.h"
 
 namespace sheaf {
@@ -27,7 +29,9 @@ struct Planes {
   std::array<float*, 7> weighted;  // A, albedo, normal.
   float *depth, *samples, *nonfinite;
   std::vector<MeanChannel> mean_channels;
-  std::vector<float*> means;  // One for each.
+  std::vector<float*> means;                                  // One for each.
+  std::array<float*, kIdKindCount> id_number{};               // Or null.
+  std::array<std::vector<float*>, kIdKindCount> cryptomatte;  // Or empty.
 };
 constexpr std::array<FilmChannel, 7> kWeighted{
     FilmChannel::kAlpha,   FilmChannel::kAlbedoR, FilmChannel::kAlbedoG, FilmChannel::kAlbedoB,
@@ -42,15 +46,28 @@ Planes FindPlanes(FramePicture* picture) {
   std::vector<MeanChannel> mean_channels = MeanChannelsOf(picture->outputs);
   std::vector<float*> means;
   for (const MeanChannel& channel : mean_channels) means.push_back(find(channel.name.c_str()));
-  return {{find("R"), find("G"), find("B")},
-          {find("stderr.R"), find("stderr.G"), find("stderr.B")},
-          {find("A"), find("albedo.R"), find("albedo.G"), find("albedo.B"), find("normal.X"),
-           find("normal.Y"), find("normal.Z")},
-          find("depth.Z"),
-          find("samples"),
-          find("nonfinite"),
-          std::move(mean_channels),
-          std::move(means)};
+  Planes planes{{find("R"), find("G"), find("B")},
+                {find("stderr.R"), find("stderr.G"), find("stderr.B")},
+                {find("A"), find("albedo.R"), find("albedo.G"), find("albedo.B"), find("normal.X"),
+                 find("normal.Y"), find("normal.Z")},
+                find("depth.Z"),
+                find("samples"),
+                find("nonfinite"),
+                std::move(mean_channels),
+                std::move(means),
+                {},
+                {}};
+  for (size_t i = 0; i < kIdKindCount; ++i) {
+    const auto kind = static_cast<IdKind>(i);
+    if (picture->outputs.HasIdNumber(kind)) {
+      planes.id_number[i] = find(IdNumberChannel(kind).c_str());
+    }
+    if (!picture->outputs.HasCryptomatte(kind)) continue;
+    for (const std::string& name : CryptomatteChannels(kind)) {
+      planes.cryptomatte[i].push_back(find(name.c_str()));
+    }
+  }
+  return planes;
 }
 
 // Three planes as a direction of unit length, or 0.
@@ -79,6 +96,18 @@ void DevelopMeans(const FilmTile& sums, size_t from, size_t to, double weight,
   }
 }
 
+void DevelopIds(const FilmTile& sums, size_t from, size_t to, double weight, const Planes& planes) {
+  for (size_t i = 0; i < kIdKindCount; ++i) {
+    const IdSums& ids = sums.ids(static_cast<IdKind>(i));
+    if (planes.id_number[i] != nullptr) {
+      planes.id_number[i][to] = static_cast<float>(LeadingId(ids.pixels[from]));
+    }
+    if (planes.cryptomatte[i].empty()) continue;
+    const auto values = RankIds(ids.pixels[from], ids.names, weight);
+    for (size_t k = 0; k < values.size(); ++k) planes.cryptomatte[i][k][to] = values[k];
+  }
+}
+
 // from: pixel index in the tile; to: in the picture.
 void DevelopPixel(const FilmTile& sums, size_t from, size_t to, const Planes& planes) {
   constexpr std::array<FilmChannel, 3> kHi{FilmChannel::kRedHi, FilmChannel::kGreenHi,
@@ -97,6 +126,7 @@ void DevelopPixel(const FilmTile& sums, size_t from, size_t to, const Planes& pl
   planes.depth[to] = static_cast<float>(
       weight == 0 ? 0 : Ratio(sums.channel(FilmChannel::kDepth)[from], alpha_sum));
   DevelopMeans(sums, from, to, weight, planes);
+  DevelopIds(sums, from, to, weight, planes);
   planes.samples[to] = sums.channel(FilmChannel::kSampleCount)[from];
   planes.nonfinite[to] = sums.channel(FilmChannel::kNonFiniteCount)[from];
 }
@@ -114,6 +144,22 @@ void DevelopTile(const FilmTile& sums, FramePicture* picture) {
     size_t to = static_cast<size_t>(y - window.y0) * static_cast<size_t>(window.Width()) +
                 static_cast<size_t>(tile.x0 - window.x0);
     for (int32_t x = tile.x0; x < tile.x1; ++x) DevelopPixel(sums, from++, to++, planes);
+  }
+}
+
+void NoteNames(const FilmTile& sums, FramePicture* picture) {
+  for (size_t i = 0; i < kIdKindCount; ++i) {
+    // Only of what is in the sums: parts may have named what their parents gave up.
+    const IdSums& ids = sums.ids(static_cast<IdKind>(i));
+    std::set<uint32_t> seen;
+    for (const IdList& list : ids.pixels) {
+      for (const IdWeight& entry : list) {
+        if (entry.id == kNoId || !seen.insert(entry.id).second) continue;
+        const auto name = ids.names.find(entry.id);
+        SHEAF_CHECK(name != ids.names.end());
+        picture->id_names[i].insert(name->second);
+      }
+    }
   }
 }
 

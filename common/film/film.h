@@ -21,4 +21,8 @@ namespace sheaf {
 // distinct tiles may be developed into one picture concurrently.
 void DevelopTile(const FilmTile& sums, FramePicture* picture);
 
+// Notes the names of what the tile shows, for the picture's manifests. Thread safety: one call at a
+// time for each picture.
+void NoteNames(const FilmTile& sums, FramePicture* picture);
+
 }  // namespace sheaf

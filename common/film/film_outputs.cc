@@ -26,13 +26,17 @@ constexpr AovRow kAovs[kAovCount] = {{"position", {"P.X", "P.Y", "P.Z"}, false},
                                      {"normal-shading", {"Ns.X", "Ns.Y", "Ns.Z"}, true},
                                      {"uv", {"u", "v", nullptr}, false},
                                      {"motion", {"motion.X", "motion.Y", nullptr}, false}};
+// In the order of IdKind.
+constexpr const char* kIdKinds[kIdKindCount] = {"object", "material", "asset"};
+constexpr char kIdSuffix[] = "-id";
 constexpr const char* kAlwaysThere[] = {"albedo", "normal", "depth"};
 constexpr char kCameraSpace[] = "space:camera";
 constexpr char kLightPrefix[] = "light:";
+constexpr char kCryptomattePrefix[] = "cryptomatte:";
 // Layers of every picture and part, in small letters.
-constexpr const char* kReservedLayers[] = {"albedo", "normal", "depth", "stderr", "lo",
-                                           "p",      "n",      "ns",    "motion", "samples",
-                                           "weight", "r",      "g",     "b",      "a"};
+constexpr const char* kReservedLayers[] = {"albedo", "normal", "depth",  "stderr",  "lo",     "p",
+                                           "n",      "ns",     "motion", "samples", "weight", "r",
+                                           "g",      "b",      "a",      "ids",     "rest"};
 
 size_t ChannelCountOf(const AovRow& row) { return row.channels[2] != nullptr ? 3 : 2; }
 
@@ -40,6 +44,24 @@ bool AddAov(std::string_view name, FilmOutputs* outputs) {
   for (size_t i = 0; i < kAovCount; ++i) {
     if (name != kAovs[i].name) continue;
     outputs->Add(static_cast<Aov>(i));
+    return true;
+  }
+  return false;
+}
+
+bool AddIdNumber(std::string_view name, FilmOutputs* outputs) {
+  for (size_t i = 0; i < kIdKindCount; ++i) {
+    if (name != absl::StrCat(kIdKinds[i], kIdSuffix)) continue;
+    outputs->AddIdNumber(static_cast<IdKind>(i));
+    return true;
+  }
+  return false;
+}
+
+bool AddCryptomatte(std::string_view name, FilmOutputs* outputs) {
+  for (size_t i = 0; i < kIdKindCount; ++i) {
+    if (name != kIdKinds[i]) continue;
+    outputs->AddCryptomatte(static_cast<IdKind>(i));
     return true;
   }
   return false;
@@ -97,14 +119,29 @@ const char* AovName(Aov aov) { return kAovs[static_cast<size_t>(aov)].name; }
 absl::Status AddAovs(std::string_view names, FilmOutputs* outputs) {
   for (const std::string& name :
        static_cast<std::vector<std::string>>(absl::StrSplit(std::string(names), ','))) {
-    bool known = AddAov(name, outputs);
+    bool known = AddAov(name, outputs) || AddIdNumber(name, outputs);
     for (const char* there : kAlwaysThere) known |= name == there;
     if (known) continue;
     std::vector<std::string> all;
     for (const AovRow& row : kAovs) all.emplace_back(row.name);
+    for (const char* kind : kIdKinds) all.push_back(absl::StrCat(kind, kIdSuffix));
     for (const char* there : kAlwaysThere) all.emplace_back(there);
     return absl::InvalidArgumentError(
         absl::StrCat("\"", name, "\" is not an output; there are ", absl::StrJoin(all, ", ")));
+  }
+  return absl::OkStatus();
+}
+
+const char* IdKindName(IdKind kind) { return kIdKinds[static_cast<size_t>(kind)]; }
+
+std::string IdNumberChannel(IdKind kind) { return absl::StrCat(IdKindName(kind), "Id"); }
+
+absl::Status AddCryptomattes(std::string_view names, FilmOutputs* outputs) {
+  for (const std::string& name :
+       static_cast<std::vector<std::string>>(absl::StrSplit(std::string(names), ','))) {
+    if (AddCryptomatte(name, outputs)) continue;
+    return absl::InvalidArgumentError(absl::StrCat("\"", name, "\" has no cryptomatte; there are ",
+                                                   absl::StrJoin(kIdKinds, ", ")));
   }
   return absl::OkStatus();
 }
@@ -113,6 +150,16 @@ std::string FormatOutputs(const FilmOutputs& outputs) {
   std::vector<std::string> words;
   for (size_t i = 0; i < kAovCount; ++i) {
     if (outputs.Has(static_cast<Aov>(i))) words.emplace_back(kAovs[i].name);
+  }
+  for (size_t i = 0; i < kIdKindCount; ++i) {
+    if (outputs.HasIdNumber(static_cast<IdKind>(i))) {
+      words.push_back(absl::StrCat(kIdKinds[i], kIdSuffix));
+    }
+  }
+  for (size_t i = 0; i < kIdKindCount; ++i) {
+    if (outputs.HasCryptomatte(static_cast<IdKind>(i))) {
+      words.push_back(absl::StrCat(kCryptomattePrefix, kIdKinds[i]));
+    }
   }
   if (outputs.camera_space) words.emplace_back(kCameraSpace);
   for (const std::string& group : outputs.light_groups) words.push_back(kLightPrefix + group);
@@ -130,7 +177,11 @@ absl::StatusOr<FilmOutputs> ParseOutputs(std::string_view text) {
       outputs.light_groups.push_back(word.substr(std::strlen(kLightPrefix)));
       const std::string why_not = WhyNotLightGroup(outputs.light_groups.back());
       if (!why_not.empty()) return absl::InvalidArgumentError(absl::StrCat(word, " ", why_not));
-    } else if (!AddAov(word, &outputs)) {
+    } else if (word.starts_with(kCryptomattePrefix)) {
+      if (!AddCryptomatte(word.substr(std::strlen(kCryptomattePrefix)), &outputs)) {
+        return absl::InvalidArgumentError(absl::StrCat("unknown output \"", word, "\""));
+      }
+    } else if (!AddAov(word, &outputs) && !AddIdNumber(word, &outputs)) {
       return absl::InvalidArgumentError(absl::StrCat("unknown output \"", word, "\""));
     }
   }

@@ -182,15 +182,21 @@ TEST(FilmOutputsTest, SampleThatIsNotFiniteCountsInNoSum) {
   EXPECT_THAT(*picture.Find("v"), ElementsAre(0.25f));
 }
 
+TEST(FilmOutputsTest, PicturesHaveTheChannelsThatAreCounted) {
+  EXPECT_EQ(PictureChannelCount({}), kPictureChannelCountMin);
+  EXPECT_EQ(PictureChannelCount(AllOutputs()), kPictureChannelCountMin + 13 + 6);
+}
+
 TEST(FilmOutputsTest, TextTellsAll) {
   FilmOutputs outputs = AllOutputs();
   outputs.camera_space = true;
-  EXPECT_EQ(FormatOutputs(outputs),
-            "position,normal-geometric,normal-shading,uv,motion,space:camera,light:default,light:key_1");
+  EXPECT_EQ(
+      FormatOutputs(outputs),
+      "position,normal-geometric,normal-shading,uv,motion,space:camera,light:default,light:key_1");
   EXPECT_EQ(*ParseOutputs(FormatOutputs(outputs)), outputs);
   EXPECT_TRUE(ParseOutputs("")->empty());
-  for (const char* text : {"uv,position", "uv,uv", "p", ",", "uv,", "UV", "light:", "light:b,light:a",
-                           "light:a,light:a", "light:r07", "light:Albedo"}) {
+  for (const char* text : {"uv,position", "uv,uv", "p", ",", "uv,", "UV", "light:",
+                           "light:b,light:a", "light:a,light:a", "light:r07", "light:Albedo"}) {
     EXPECT_FALSE(ParseOutputs(text).ok()) << text;
   }
 }
@@ -230,6 +236,13 @@ TEST(FilmOutputsTest, NamesOfLightGroups) {
     EXPECT_NE(WhyNotLightGroup(name), "") << name;
   }
   EXPECT_NE(WhyNotLightGroup(std::string(65, 'a')), "");
+  // Longer than the 31 bytes of early EXR files.
+  FilmOutputs outputs;
+  outputs.light_groups = {std::string(64, 'a')};
+  const FilmTile tile = MakeTile(outputs, kRect, {0, 1});
+  const absl::StatusOr<DecodedPart> part = DecodePart(EncodePart(tile, {}));
+  ASSERT_TRUE(part.ok()) << part.status();
+  EXPECT_EQ(part->tile, tile);
 }
 
 TEST(FilmOutputsTest, PartWithWrongOutputsIsRefused) {

@@ -140,6 +140,15 @@ FilmTile::FilmTile(PixelRect rect, SampleBlock block, FilmOutputs outputs)
   main_.resize(kFilmChannelCount * plane_size_);
   replicates_.resize(replicate_count() * kReplicateChannelCount * plane_size_);
   means_.resize(mean_count() * 2 * plane_size_);
+  for (size_t i = 0; i < kIdKindCount; ++i) {
+    if (outputs_.HasIds(static_cast<IdKind>(i))) ids_[i].pixels.resize(plane_size_);
+  }
+}
+
+size_t FilmTile::size_bytes() const {
+  size_t bytes = (main_.size() + replicates_.size() + means_.size()) * sizeof(float);
+  for (const IdSums& ids : ids_) bytes += ids.size_bytes();
+  return bytes;
 }
 
 uint32_t FilmTile::replicate_first() const { return ReplicateOf(block_.first); }
@@ -182,6 +191,15 @@ void AddPlanes(const FilmTile& left, const FilmTile& right, FilmTile* sum) {
   }
 }
 
+void AddIds(const IdSums& left, const IdSums& right, IdSums* sum) {
+  *sum = left;
+  IdList scratch;
+  for (size_t p = 0; p < sum->pixels.size(); ++p) {
+    MergeIds(right.pixels[p], &sum->pixels[p], &scratch);
+  }
+  sum->names.insert(right.names.begin(), right.names.end());
+}
+
 // The replicate's plane, or null where the tile's block has no sample of it.
 const float* FindReplicate(const FilmTile& tile, uint32_t replicate, size_t component) {
   const uint32_t first = tile.replicate_first();
@@ -198,6 +216,10 @@ FilmTile AddTiles(const FilmTile& left, const FilmTile& right, SampleBlock block
   SHEAF_CHECK(left.block().first < right.block().first);
   FilmTile sum(left.rect(), block, left.outputs());
   AddPlanes(left, right, &sum);
+  for (size_t i = 0; i < kIdKindCount; ++i) {
+    const auto kind = static_cast<IdKind>(i);
+    AddIds(left.ids(kind), right.ids(kind), &sum.ids(kind));
+  }
   const size_t size = sum.plane_size();
   for (uint32_t slot = 0; slot < sum.replicate_count(); ++slot) {
     for (size_t component = 0; component < kReplicateChannelCount; ++component) {
@@ -236,6 +258,13 @@ class PixelAccumulator::OutputStack {
     for (size_t i = 0; i < mean_count_; ++i) {
       leaf[i] = usable ? WideProduct(sample.means[i], weight) : 0.0;
     }
+    if (ids_.size() <= depth_) ids_.resize(depth_ + 1);
+    for (size_t i = 0; i < kIdKindCount; ++i) {
+      ids_[depth_][i].clear();
+      if (usable && sample.ids[i] != kNoId && weight != 0) {
+        ids_[depth_][i].push_back({sample.ids[i], static_cast<double>(weight)});
+      }
+    }
     ++depth_;
     for (uint64_t n = leaf_count_++; n & 1; n >>= 1) MergeTop();
   }
@@ -246,6 +275,10 @@ class PixelAccumulator::OutputStack {
       tile->mean(i, 0)[p] = wide.hi;
       tile->mean(i, 1)[p] = wide.lo;
     }
+    for (size_t i = 0; i < kIdKindCount; ++i) {
+      const auto kind = static_cast<IdKind>(i);
+      if (tile->outputs().HasIds(kind)) tile->ids(kind).pixels[p] = ids_[0][i];
+    }
   }
 
  private:
@@ -254,10 +287,15 @@ class PixelAccumulator::OutputStack {
     double* left = &means_[(depth_ - 1) * mean_count_];
     const double* right = &means_[depth_ * mean_count_];
     for (size_t i = 0; i < mean_count_; ++i) left[i] = DoubleFloat::Round(left[i] + right[i]);
+    for (size_t i = 0; i < kIdKindCount; ++i) {
+      MergeIds(ids_[depth_][i], &ids_[depth_ - 1][i], &scratch_);
+    }
   }
 
   const size_t mean_count_;
-  std::vector<double> means_;  // [depth][mean], values of DoubleFloats.
+  std::vector<double> means_;                          // [depth][mean], values of DoubleFloats.
+  std::vector<std::array<IdList, kIdKindCount>> ids_;  // [depth]
+  IdList scratch_;
   uint64_t leaf_count_ = 0;
   size_t depth_ = 0;
 };

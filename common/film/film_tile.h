@@ -15,11 +15,13 @@
 // spread.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <memory>
 #include <vector>
 
 #include "common/film/film_outputs.h"
+#include "common/film/id_sums.h"
 #include "common/film/tile_geometry.h"
 #include "common/math/vec.h"
 
@@ -107,10 +109,11 @@ class FilmTile {
   const float* mean(size_t index, size_t part) const {
     return means_.data() + (2 * index + part) * plane_size_;
   }
+  // Has pixels where outputs().HasIds(kind).
+  IdSums& ids(IdKind kind) { return ids_[static_cast<size_t>(kind)]; }
+  const IdSums& ids(IdKind kind) const { return ids_[static_cast<size_t>(kind)]; }
   size_t plane_size() const { return plane_size_; }
-  size_t size_bytes() const {
-    return (main_.size() + replicates_.size() + means_.size()) * sizeof(float);
-  }
+  size_t size_bytes() const;
 
   friend bool operator==(const FilmTile&, const FilmTile&) = default;  // Bit-wise but for -0 and 0.
 
@@ -122,6 +125,7 @@ class FilmTile {
   std::vector<float> main_;
   std::vector<float> replicates_;
   std::vector<float> means_;
+  std::array<IdSums, kIdKindCount> ids_;
 };
 
 // Parent node of two siblings. Requires: same rect and outputs, right.block() ==

@@ -38,7 +38,9 @@ void FrameMerge::SetSize(Tile* tile, uint64_t size_bytes) {
 
 void FrameMerge::Develop(uint32_t index, const TileTree& tree) {
   Tile& tile = tiles_[index];
-  DevelopTile(tree.Root(), &picture_);
+  const FilmTile root = tree.Root();
+  DevelopTile(root, &picture_);
+  NoteNames(root, &picture_);
   tile.state = State::kDeveloped;
   tile.tree.reset();
   SetSize(&tile, 0);

@@ -55,6 +55,11 @@ absl::StatusOr<CompiledScenePtr> CompileScene(SceneDescription description,
   scene->description = std::move(description);
   scene->geometry = std::move(baked->geometry);
   if (settings.outputs.Has(Aov::kUv)) WantParameters(&scene->geometry);
+  if (settings.outputs.HasIds()) {
+    absl::StatusOr<SceneIds> ids = SceneIds::Make(scene->description, scene->geometry);
+    if (!ids.ok()) return ids.status();
+    scene->ids = *std::move(ids);
+  }
   if (scene->geometry.degenerate_triangle_count > 0) {
     LogWarning(absl::StrCat(
         scene->description.files.empty() ? "scene" : scene->description.files[0], ": ",

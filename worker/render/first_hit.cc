@@ -58,6 +58,10 @@ void RecordFirstHit(const CompiledScene& scene, const Ray& ray, const SurfacePoi
   if (wanted.Has(Aov::kShadingNormal)) at = Put(place_normal(point.shading.n), at);
   if (wanted.Has(Aov::kUv)) at = Put(Vec2d{point.uv.x, point.uv.y}, at);
   if (wanted.Has(Aov::kMotion)) Put(Motion(scene, point, ray.time), at);
+  for (size_t i = 0; i < kIdKindCount; ++i) {
+    const auto kind = static_cast<IdKind>(i);
+    if (wanted.HasIds(kind)) outputs->ids[i] = scene.ids.IdOf(kind, point);
+  }
 }
 
 }  // namespace sheaf::render

@@ -14,12 +14,12 @@
 #include <bit>
 #include <cstdint>
 #include <optional>
-#include <vector>
 
 #include "common/film/film_tile.h"
 #include "worker/render/compiled_scene.h"
 #include "worker/render/dimensions.h"
 #include "worker/render/first_hit.h"
+#include "worker/render/light_groups.h"
 #include "worker/render/mis.h"
 #include "worker/render/sampler.h"
 #include "worker/render/spectral_color.h"
@@ -53,12 +53,13 @@ class PathTracer {
   // Variants without kOutputs leave nothing.
   void set_outputs(OutputSample* outputs) {
     outputs_ = outputs;
-    groups_.assign(scene_.settings.outputs.light_groups.size(), Color{});
+    groups_.Reset(scene_.settings.outputs.light_groups.size());
   }
 
  private:
   static constexpr bool kMayPass = Has(kTraits, Trait::kAlpha);
   static constexpr bool kSpectral = Has(kTraits, Trait::kSpectral);
+  static constexpr bool kOutputs = Has(kTraits, Trait::kOutputs);
   // What asks for no colour, or for the colour as RGB, leaves the wavelengths out.
   static constexpr uint32_t kRgbTraits = kTraits & ~TraitSet(Trait::kSpectral);
 
@@ -103,9 +104,17 @@ class PathTracer {
   void AddEscape(Path* path);
   void AddEmission(const SurfacePoint& point, Path* path);
   // Adds light that came from the one light to the path, and to the light's group.
-  void AddLight(uint32_t light, const Color& radiance, Path* path);
+  void AddLight(uint32_t light, const Color& radiance, Path* path) {
+    path->radiance += radiance;
+    if constexpr (kOutputs) groups_.Add(*scene_.lights, light, radiance);
+  }
   // The same for weight times what all infinite lights together send from d.
-  void AddSky(Vec3f d, const Color& weight, const Color& radiance, Path* path);
+  void AddSky(Vec3f d, const Color& weight, const Color& radiance, Path* path) {
+    path->radiance += radiance;
+    if constexpr (kOutputs) {
+      groups_.AddSky(*scene_.lights, d, path->wavelengths, weight, radiance);
+    }
+  }
   Rgb RgbOfSample(const Color& radiance, const Path& path) const;
   void AddDirect(const LightDraw& draw, const SurfacePoint& point, const BsdfOf<Color>& bsdf,
                  Vec3f wo_local, Vec3f light_hint, Path* path);
@@ -120,7 +129,7 @@ class PathTracer {
   Tracer& tracer_;
   RayCounts& counts_;
   OutputSample* outputs_ = nullptr;
-  std::vector<Color> groups_;  // What each light group contributes to the sample; empty if unasked.
+  LightGroups<Color> groups_;
 };
 
 // --- Definitions ---------------------------------------------------------------------------------
@@ -136,13 +145,8 @@ FilmSample PathTracer<kTraits, Tracer>::TraceSample(int32_t x, int32_t y, uint64
   }
   Trace(sampler, &path, &film);
   film.radiance = RgbOfSample(path.radiance, path);
-  if constexpr (Has(kTraits, Trait::kOutputs)) {
-    size_t mean = groups_.empty() ? 0 : outputs_->means.size() - 3 * groups_.size();
-    for (Color& group : groups_) {
-      const Rgb radiance = RgbOfSample(group, path);
-      for (size_t i = 0; i < 3; ++i) outputs_->means[mean++] = radiance[i];
-      group = {};
-    }
+  if constexpr (kOutputs) {
+    groups_.MoveTo(outputs_, [&](const Color& sum) { return RgbOfSample(sum, path); });
   }
   return film;
 }
@@ -153,25 +157,6 @@ Rgb PathTracer<kTraits, Tracer>::RgbOfSample(const Color& radiance, const Path& 
     return RgbOf(radiance, path.wavelengths) * scene_.description.film.exposure_scale;
   } else {
     return radiance * scene_.description.film.exposure_scale;
-  }
-}
-
-template <uint32_t kTraits, typename Tracer>
-void PathTracer<kTraits, Tracer>::AddLight(uint32_t light, const Color& radiance, Path* path) {
-  path->radiance += radiance;
-  if constexpr (Has(kTraits, Trait::kOutputs)) {
-    if (!groups_.empty()) groups_[scene_.lights->GroupOf(light)] += radiance;
-  }
-}
-
-template <uint32_t kTraits, typename Tracer>
-void PathTracer<kTraits, Tracer>::AddSky(Vec3f d, const Color& weight, const Color& radiance,
-                                         Path* path) {
-  path->radiance += radiance;
-  if constexpr (Has(kTraits, Trait::kOutputs)) {
-    if (!groups_.empty()) {
-      scene_.lights->AddByGroup(d, path->wavelengths, weight, radiance, &groups_);
-    }
   }
 }
 
@@ -251,7 +236,7 @@ void PathTracer<kTraits, Tracer>::Trace(const Sampler& sampler, Path* path, Film
       }
       film->normal = point.shading.n;
       film->depth = Length(point.p - camera_o);
-      if constexpr (Has(kTraits, Trait::kOutputs)) {
+      if constexpr (kOutputs) {
         if (outputs_ != nullptr) RecordFirstHit(scene_, path->ray, point, outputs_);
       }
     }

@@ -37,6 +37,7 @@ absl::StatusOr<FilmTile> RenderTilePass(const CompiledScene& scene, PixelRect ti
     if (stop.stop_requested()) return absl::CancelledError("the tile pass was stopped");
     render_row(scene, tile.x0, tile.x1, y, block, &accumulator, &counts);
   }
+  if (scene.settings.outputs.HasIds()) scene.ids.NameAll(scene.description, &film);
   if (stats != nullptr) {
     stats->samples = static_cast<uint64_t>(tile.PixelCount()) * block.count;
     stats->rays = counts.rays;
