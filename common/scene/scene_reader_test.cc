@@ -110,31 +110,6 @@ TEST_F(SceneReaderTest, SphericalCamerasHaveAMappingAndNoLens) {
   ExpectNote(SceneDiagnostic::Severity::kNote, "\"screenwindow\" has no effect");
 }
 
-TEST_F(SceneReaderTest, GeometryBufferAsksForOutputs) {
-  const auto outputs_of = [this](const std::string& film) {
-    const absl::StatusOr<ReadSceneResult> result = Read(film + "\nWorldBegin\n");
-    EXPECT_TRUE(result.ok()) << result.status();
-    return FormatOutputs(result->scene.film.outputs);
-  };
-  EXPECT_EQ(outputs_of("Film \"rgb\""), "");
-  EXPECT_EQ(outputs_of("Film \"gbuffer\""),
-            "position,normal-geometric,normal-shading,uv,space:camera");
-  EXPECT_EQ(outputs_of("Film \"gbuffer\" \"string coordinatesystem\" \"world\""),
-            "position,normal-geometric,normal-shading,uv");
-  EXPECT_FALSE(Read("Film \"gbuffer\" \"string coordinatesystem\" \"here\"\nWorldBegin\n").ok());
-}
-
-TEST_F(SceneReaderTest, LightsHaveGroups) {
-  const absl::StatusOr<ReadSceneResult> result = Read(
-      "WorldBegin\nLightSource \"point\" \"string lightgroup\" \"key\"\n"
-      "LightSource \"infinite\"\n"
-      "AreaLightSource \"diffuse\" \"string lightgroup\" \"Panel-2\"\nShape \"sphere\"\n");
-  ASSERT_TRUE(result.ok()) << result.status();
-  EXPECT_EQ(result->scene.lights[0].group, "key");
-  EXPECT_EQ(result->scene.lights[1].group, "default");
-  EXPECT_EQ(result->scene.area_lights[0].group, "Panel-2");
-}
-
 TEST_F(SceneReaderTest, AttributesNestAndTransformsCompose) {
   const SceneDescription scene = ReadGood(
       std::string(
