@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "worker/render/first_hit.h"
 
+#include <cmath>
 #include <optional>
 
 namespace sheaf::render {
@@ -31,12 +32,17 @@ std::optional<Vec2d> FilmPointAt(const CompiledScene& scene, const SurfacePoint&
   return scene.camera.FilmPointOf(p, other_time);
 }
 
-// Pixels over the shutter; 0 for what comes from, or goes to, behind the camera.
+// Next to the camera's own plane a film point is beyond all bounds, as it is behind it.
+constexpr double kMotionMaxPx = 1e6;
+
+// Pixels over the shutter; 0 for what comes from, or goes to, where the camera cannot look.
 Vec2d Motion(const CompiledScene& scene, const SurfacePoint& point, float time) {
   const std::optional<Vec2d> open = FilmPointAt(scene, point, time, 0);
   const std::optional<Vec2d> close = FilmPointAt(scene, point, time, 1);
   if (!open || !close) return {0, 0};
-  return {close->x - open->x, close->y - open->y};
+  const Vec2d motion{close->x - open->x, close->y - open->y};
+  const bool bounded = std::fabs(motion.x) <= kMotionMaxPx && std::fabs(motion.y) <= kMotionMaxPx;
+  return bounded ? motion : Vec2d{0, 0};
 }
 
 }  // namespace
