@@ -28,6 +28,11 @@ PixelRect ParseCrop(const std::string& text) {
   return rect;
 }
 
+void AddOutputs(const std::string& names, FilmOutputs* outputs) {
+  const absl::Status status = AddAovs(names, outputs);
+  if (!status.ok()) throw CLI::ValidationError("--aov", std::string(status.message()));
+}
+
 std::string CheckPowerOfTwo(const std::string& text) {
   uint64_t value = 0;
   if (absl::SimpleAtoi(text, &value) && value > 0 && (value & (value - 1)) == 0) return "";
@@ -66,6 +71,22 @@ void AddSettingsOptions(CLI::App* command, JobArguments* arguments) {
                    "What a path carries: rgb, spectral (four wavelengths), or auto: spectral where "
                    "light is dispersed or a color lies outside of sRGB")
       ->transform(CLI::CheckedTransformer(kColors));
+  command->add_option_function<std::string>(
+      "--aov", [&settings](const std::string& text) { AddOutputs(text, &settings.outputs); },
+      "Quantities of the first surface to write too, separated by commas: position, "
+      "normal-geometric, normal-shading, uv, motion, object-id, material-id, asset-id "
+      "(see docs/outputs.md)");
+  command->add_option_function<std::string>(
+      "--cryptomatte",
+      [&settings](const std::string& text) {
+        const absl::Status status = AddCryptomattes(text, &settings.outputs);
+        if (!status.ok()) {
+          throw CLI::ValidationError("--cryptomatte", std::string(status.message()));
+        }
+      },
+      "Mattes to write too, separated by commas: object, material, asset");
+  command->add_flag("--light-groups", settings.light_groups,
+                    "Write what each group of lights (\"string lightgroup\") contributes");
   command->add_flag("--single-scattering", settings.single_scattering,
                     "Rough surfaces scatter once and lose the rest, as pbrt-v4's do");
   command->add_flag("--generic", settings.force_generic_variant,

@@ -20,6 +20,7 @@
 #include <cmath>
 #include <cstring>
 #include <exception>
+#include <numeric>
 #include <stdexcept>
 #include <utility>
 #include <vector>
@@ -31,6 +32,7 @@
 #include "common/base/file.h"
 #include "common/base/status.h"
 #include "common/film/exr_header_scan.h"
+#include "common/film/id_planes.h"
 
 namespace sheaf {
 namespace {
@@ -38,6 +40,9 @@ namespace {
 constexpr char kFormatKey[] = "sheaf:format", kFormat[] = "film-part 1";
 constexpr char kFrameDigestKey[] = "sheaf:frameDigest", kProfileKey[] = "sheaf:numericProfile";
 constexpr char kBlockFirstKey[] = "sheaf:blockFirst", kBlockCountKey[] = "sheaf:blockCount";
+constexpr char kIdsKey[] = "sheaf:ids.";  // And the kind's name.
+constexpr char kCryptomattePrefix[] = "cryptomatte/";
+constexpr char kOutputsKey[] = "sheaf:outputs";  // Only where there are any.
 constexpr char kMetadataPrefix[] = "sheaf:";
 // Sums of noise hardly compress. A part of 32x32 pixels and 64 samples, 328 KiB raw: none 0.15 ms;
 // RLE 1.1 ms, 86 %; ZIPS 3.2 ms, 71 %; ZIP 4.7 ms, 68 %; PIZ 9.6 ms, 76 %. RLE takes what is
@@ -154,6 +159,11 @@ std::vector<NamedPlane<Float>> PlanesOf(Tile& tile) {
   for (size_t i = 0; i < kFilmChannelCount; ++i) {
     planes.push_back({kPartChannels[i], tile.channel(static_cast<FilmChannel>(i))});
   }
+  const std::vector<MeanChannel> means = MeanChannelsOf(tile.outputs());
+  for (size_t i = 0; i < means.size(); ++i) {
+    planes.push_back({means[i].name, tile.mean(i, 0)});
+    planes.push_back({absl::StrCat("lo.", means[i].name), tile.mean(i, 1)});
+  }
   for (uint32_t slot = 0; slot < tile.replicate_count(); ++slot) {
     for (size_t i = 0; i < kReplicateChannelCount; ++i) {
       planes.push_back({absl::StrFormat("r%02d.%c", tile.replicate_first() + slot, "RGBW"[i]),
@@ -204,6 +214,24 @@ absl::StatusOr<SampleBlock> CheckPartHeader(const ExrFileHeader& file, int64_t p
   return block;
 }
 
+absl::StatusOr<FilmOutputs> OutputsOf(const ExrHeader& header) {
+  const auto text = header.strings.find(kOutputsKey);
+  if (text == header.strings.end()) return FilmOutputs{};
+  absl::StatusOr<FilmOutputs> outputs = ParseOutputs(text->second);
+  if (!outputs.ok()) return NotAPart(std::string(outputs.status().message()));
+  return outputs;
+}
+
+std::array<size_t, kIdKindCount> CountIdPlanes(const ExrHeader& header) {
+  std::array<size_t, kIdKindCount> counts{};
+  for (size_t i = 0; i < kIdKindCount; ++i) {
+    for (const ExrChannel& channel : header.channels) {
+      counts[i] += IsIdPlaneName(static_cast<IdKind>(i), channel.name) ? 1 : 0;
+    }
+  }
+  return counts;
+}
+
 absl::Status CheckPartChannels(const ExrHeader& header,
                                const std::vector<NamedPlane<float>>& planes) {
   std::vector<std::string> expected, found;
@@ -252,7 +280,21 @@ std::string EncodePart(const FilmTile& tile, const PartHeader& part) {
   SetText(&header, kProfileKey, part.numeric_profile);
   SetText(&header, kBlockFirstKey, absl::StrCat(tile.block().first));
   SetText(&header, kBlockCountKey, absl::StrCat(tile.block().count));
-  return Encode(std::move(header), PlanesOf<const float>(tile), tile.rect());
+  if (!tile.outputs().empty()) SetText(&header, kOutputsKey, FormatOutputs(tile.outputs()));
+  std::vector<NamedPlane<const float>> planes = PlanesOf<const float>(tile);
+  std::vector<std::vector<float>> id_planes;
+  for (size_t i = 0; i < kIdKindCount; ++i) {
+    const auto kind = static_cast<IdKind>(i);
+    if (!tile.outputs().HasIds(kind)) continue;
+    SetText(&header, kIdsKey + std::string(IdKindName(kind)), NamesText(tile.ids(kind).names));
+    std::vector<std::vector<float>> own = IdPlanes(tile.ids(kind));
+    for (size_t k = 0; k < own.size(); ++k) {
+      // A vector's memory stays where it is when the vector moves.
+      planes.push_back({IdPlaneName(kind, k), own[k].data()});
+      id_planes.push_back(std::move(own[k]));
+    }
+  }
+  return Encode(std::move(header), planes, tile.rect());
 }
 
 absl::StatusOr<DecodedPart> DecodePart(std::string_view bytes, int64_t part_pixels_max) {
@@ -270,11 +312,40 @@ absl::StatusOr<DecodedPart> DecodePart(std::string_view bytes, int64_t part_pixe
   DecodedPart part;
   part.header.frame_digest = header.strings.at(kFrameDigestKey);
   part.header.numeric_profile = header.strings.at(kProfileKey);
-  part.tile = FilmTile(rect, *block);
-  const std::vector<NamedPlane<float>> planes = PlanesOf<float>(part.tile);
+  absl::StatusOr<FilmOutputs> outputs = OutputsOf(header);
+  if (!outputs.ok()) return outputs.status();
+  const size_t replicate_count = std::min<uint64_t>(block->count, kReplicateCount);
+  const std::array<size_t, kIdKindCount> id_plane_counts = CountIdPlanes(header);
+  if (header.channels.size() !=
+      kFilmChannelCount + replicate_count * kReplicateChannelCount +
+          2 * MeanChannelCount(*outputs) +
+          std::accumulate(id_plane_counts.begin(), id_plane_counts.end(), size_t{0})) {
+    return NotAPart("wrong channels");  // Before memory is taken for them.
+  }
+  part.tile = FilmTile(rect, *block, *std::move(outputs));
+  std::vector<NamedPlane<float>> planes = PlanesOf<float>(part.tile);
+  std::array<std::vector<std::vector<float>>, kIdKindCount> id_planes;
+  for (size_t i = 0; i < kIdKindCount; ++i) {
+    const auto kind = static_cast<IdKind>(i);
+    if (id_plane_counts[i] > 0 && !part.tile.outputs().HasIds(kind)) {
+      return NotAPart("wrong channels");
+    }
+    id_planes[i].assign(id_plane_counts[i], std::vector<float>(part.tile.plane_size()));
+    for (size_t k = 0; k < id_plane_counts[i]; ++k) {
+      planes.push_back({IdPlaneName(kind, k), id_planes[i][k].data()});
+    }
+  }
   if (absl::Status status = CheckPartChannels(header, planes); !status.ok()) return status;
   if (absl::Status status = DecodePlanes(bytes, rect, planes); !status.ok()) return status;
   if (absl::Status status = CheckPartValues(part.tile); !status.ok()) return status;
+  for (size_t i = 0; i < kIdKindCount; ++i) {
+    const auto kind = static_cast<IdKind>(i);
+    if (!part.tile.outputs().HasIds(kind)) continue;
+    const auto names = header.strings.find(kIdsKey + std::string(IdKindName(kind)));
+    if (names == header.strings.end()) return NotAPart("its ids have no names");
+    const absl::Status status = ReadIds(names->second, id_planes[i], &part.tile.ids(kind));
+    if (!status.ok()) return NotAPart(std::string(status.message()));
+  }
   return part;
 }
 
@@ -288,6 +359,7 @@ std::string EncodePicture(const FramePicture& picture) {
   header.zipCompressionLevel() = kPictureZipLevel;
   Imf::addChromaticities(header, Imf::Chromaticities());  // ITU-R BT.709, D65.
   for (const auto& [key, text] : picture.metadata) SetText(&header, kMetadataPrefix + key, text);
+  for (const auto& [key, text] : picture.attributes) SetText(&header, key, text);
   std::vector<NamedPlane<const float>> planes;
   for (size_t i = 0; i < picture.planes.size(); ++i) {
     planes.push_back({picture.channel_names[i], picture.planes[i].data()});
@@ -357,6 +429,7 @@ absl::StatusOr<FramePicture> DecodePicture(std::string_view bytes) {
   for (const auto& [name, text] : header.strings) {
     if (name.starts_with(kMetadataPrefix))
       picture.metadata[name.substr(std::strlen(kMetadataPrefix))] = text;
+    if (name.starts_with(kCryptomattePrefix)) picture.attributes[name] = text;
   }
   return picture;
 }

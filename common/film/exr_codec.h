@@ -23,8 +23,12 @@ struct PartHeader {
 // A part as a float32 EXR that any viewer opens. Equal parts give equal bytes (of one build).
 // Channels: R, G, B, weight (heads of the double-float sums), lo.R, lo.G, lo.B, lo.weight (their
 // tails), A, albedo.{R,G,B}, normal.{X,Y,Z}, depth.Z, samples, nonfinite, and for each replicate NN
-// that is there rNN.{R,G,B,W}. All are sums over the block. Attributes: sheaf:format "film-part 1",
-// sheaf:frameDigest, sheaf:numericProfile, sheaf:blockFirst, sheaf:blockCount (decimal strings).
+// that is there rNN.{R,G,B,W}; with outputs, NAME and lo.NAME of each mean channel, and for each
+// kind of id that is asked for ids.KIND.NNN.{id,W,lo}: a pixel's list of ids (plus one; 0 is none)
+// with their weights, from NNN = 000. All are sums over the block. Attributes: sheaf:format
+// "film-part 1", sheaf:frameDigest, sheaf:numericProfile, sheaf:blockFirst, sheaf:blockCount
+// (decimal strings); with outputs, sheaf:outputs; sheaf:ids.KIND: the ids' names, "NUMBER NAME" a
+// line with C escapes.
 std::string EncodePart(const FilmTile& tile, const PartHeader& header);
 struct DecodedPart {
   FilmTile tile;
@@ -44,7 +48,8 @@ absl::Status WritePicture(const FramePicture& picture, const std::string& path);
 std::string EncodePicture(const FramePicture& picture);
 // Reads the first part of any flat EXR, scan lines or tiles: its half, float and uint channels as
 // float32, subsampled ones left out. R, G and B must be there, bare or under a layer ("beauty.R";
-// the first layer that has all three is then renamed). Attributes "sheaf:KEY" become metadata.
+// the first layer that has all three is then renamed). Attributes "sheaf:KEY" become metadata,
+// "cryptomatte/..." attributes.
 // Errors: kInvalidArgument, kDataLoss as above; those of reading the file.
 absl::StatusOr<FramePicture> ReadPicture(const std::string& path);
 absl::StatusOr<FramePicture> DecodePicture(std::string_view bytes);

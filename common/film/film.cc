@@ -3,11 +3,15 @@
 #include "common/film/film.h"
 
 #include <array>
+#include <cmath>
 #include <cstddef>
+#include <set>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "common/base/check.h"
+#include "common/film/cryptomatte.h"
 #include "common/math/double_float.h"
 
 namespace sheaf {
@@ -24,6 +28,10 @@ struct Planes {
   std::array<float*, 3> color, error;
   std::array<float*, 7> weighted;  // A, albedo, normal.
   float *depth, *samples, *nonfinite;
+  std::vector<MeanChannel> mean_channels;
+  std::vector<float*> means;                                  // One for each.
+  std::array<float*, kIdKindCount> id_number{};               // Or null.
+  std::array<std::vector<float*>, kIdKindCount> cryptomatte;  // Or empty.
 };
 constexpr std::array<FilmChannel, 7> kWeighted{
     FilmChannel::kAlpha,   FilmChannel::kAlbedoR, FilmChannel::kAlbedoG, FilmChannel::kAlbedoB,
@@ -35,13 +43,69 @@ Planes FindPlanes(FramePicture* picture) {
     SHEAF_CHECK(plane != nullptr);
     return plane->data();
   };
-  return {{find("R"), find("G"), find("B")},
-          {find("stderr.R"), find("stderr.G"), find("stderr.B")},
-          {find("A"), find("albedo.R"), find("albedo.G"), find("albedo.B"), find("normal.X"),
-           find("normal.Y"), find("normal.Z")},
-          find("depth.Z"),
-          find("samples"),
-          find("nonfinite")};
+  std::vector<MeanChannel> mean_channels = MeanChannelsOf(picture->outputs);
+  std::vector<float*> means;
+  for (const MeanChannel& channel : mean_channels) means.push_back(find(channel.name.c_str()));
+  Planes planes{{find("R"), find("G"), find("B")},
+                {find("stderr.R"), find("stderr.G"), find("stderr.B")},
+                {find("A"), find("albedo.R"), find("albedo.G"), find("albedo.B"), find("normal.X"),
+                 find("normal.Y"), find("normal.Z")},
+                find("depth.Z"),
+                find("samples"),
+                find("nonfinite"),
+                std::move(mean_channels),
+                std::move(means),
+                {},
+                {}};
+  for (size_t i = 0; i < kIdKindCount; ++i) {
+    const auto kind = static_cast<IdKind>(i);
+    if (picture->outputs.HasIdNumber(kind)) {
+      planes.id_number[i] = find(IdNumberChannel(kind).c_str());
+    }
+    if (!picture->outputs.HasCryptomatte(kind)) continue;
+    for (const std::string& name : CryptomatteChannels(kind)) {
+      planes.cryptomatte[i].push_back(find(name.c_str()));
+    }
+  }
+  return planes;
+}
+
+// Three planes as a direction of unit length, or 0.
+void Normalize(float* const* planes, size_t p) {
+  double squared = 0;
+  for (size_t i = 0; i < 3; ++i) {
+    squared += static_cast<double>(planes[i][p]) * static_cast<double>(planes[i][p]);
+  }
+  const double scale = squared > 0 ? 1 / std::sqrt(squared) : 0;
+  for (size_t i = 0; i < 3; ++i) {
+    planes[i][p] = static_cast<float>(static_cast<double>(planes[i][p]) * scale);
+  }
+}
+
+void DevelopMeans(const FilmTile& sums, size_t from, size_t to, double weight,
+                  const Planes& planes) {
+  const double surface_weight =
+      weight == 0 ? 0 : static_cast<double>(sums.channel(FilmChannel::kAlpha)[from]);
+  for (size_t i = 0; i < planes.means.size(); ++i) {
+    const double sum = DoubleFloat{sums.mean(i, 0)[from], sums.mean(i, 1)[from]}.Value();
+    const double by = planes.mean_channels[i].of_surface ? surface_weight : weight;
+    planes.means[i][to] = static_cast<float>(Ratio(sum, by));
+  }
+  for (size_t i = 0; i < planes.means.size(); ++i) {
+    if (planes.mean_channels[i].starts_direction) Normalize(&planes.means[i], to);
+  }
+}
+
+void DevelopIds(const FilmTile& sums, size_t from, size_t to, double weight, const Planes& planes) {
+  for (size_t i = 0; i < kIdKindCount; ++i) {
+    const IdSums& ids = sums.ids(static_cast<IdKind>(i));
+    if (planes.id_number[i] != nullptr) {
+      planes.id_number[i][to] = static_cast<float>(LeadingId(ids.pixels[from]));
+    }
+    if (planes.cryptomatte[i].empty()) continue;
+    const auto values = RankIds(ids.pixels[from], ids.names, weight);
+    for (size_t k = 0; k < values.size(); ++k) planes.cryptomatte[i][k][to] = values[k];
+  }
 }
 
 // from: pixel index in the tile; to: in the picture.
@@ -61,6 +125,8 @@ void DevelopPixel(const FilmTile& sums, size_t from, size_t to, const Planes& pl
   const double alpha_sum = sums.channel(FilmChannel::kAlpha)[from];
   planes.depth[to] = static_cast<float>(
       weight == 0 ? 0 : Ratio(sums.channel(FilmChannel::kDepth)[from], alpha_sum));
+  DevelopMeans(sums, from, to, weight, planes);
+  DevelopIds(sums, from, to, weight, planes);
   planes.samples[to] = sums.channel(FilmChannel::kSampleCount)[from];
   planes.nonfinite[to] = sums.channel(FilmChannel::kNonFiniteCount)[from];
 }
@@ -71,12 +137,29 @@ void DevelopTile(const FilmTile& sums, FramePicture* picture) {
   const PixelRect tile = sums.rect(), window = picture->window;
   SHEAF_CHECK(tile.x0 >= window.x0 && tile.y0 >= window.y0 && tile.x1 <= window.x1 &&
               tile.y1 <= window.y1);
+  SHEAF_CHECK(sums.outputs() == picture->outputs);
   const Planes planes = FindPlanes(picture);
   size_t from = 0;
   for (int32_t y = tile.y0; y < tile.y1; ++y) {
     size_t to = static_cast<size_t>(y - window.y0) * static_cast<size_t>(window.Width()) +
                 static_cast<size_t>(tile.x0 - window.x0);
     for (int32_t x = tile.x0; x < tile.x1; ++x) DevelopPixel(sums, from++, to++, planes);
+  }
+}
+
+void NoteNames(const FilmTile& sums, FramePicture* picture) {
+  for (size_t i = 0; i < kIdKindCount; ++i) {
+    // Only of what is in the sums: parts may have named what their parents gave up.
+    const IdSums& ids = sums.ids(static_cast<IdKind>(i));
+    std::set<uint32_t> seen;
+    for (const IdList& list : ids.pixels) {
+      for (const IdWeight& entry : list) {
+        if (entry.id == kNoId || !seen.insert(entry.id).second) continue;
+        const auto name = ids.names.find(entry.id);
+        SHEAF_CHECK(name != ids.names.end());
+        picture->id_names[i].insert(name->second);
+      }
+    }
   }
 }
 

@@ -15,9 +15,14 @@
 namespace sheaf {
 
 // Writes one tile's means and standard errors into the picture: sums divided by the weight, depth
-// by the sum of alpha. A pixel with weight 0 becomes 0. Standard errors are 0 where fewer than 2
-// replicates are there. Requires: the picture is from MakeFramePicture and its window contains the
-// tile. Thread safety: distinct tiles may be developed into one picture concurrently.
+// by the sum of alpha, outputs as their channels say. A pixel with weight 0 becomes 0. Standard
+// errors are 0 where fewer than 2 replicates are there. Requires: the picture is from
+// MakeFramePicture with the tile's outputs and its window contains the tile. Thread safety:
+// distinct tiles may be developed into one picture concurrently.
 void DevelopTile(const FilmTile& sums, FramePicture* picture);
+
+// Notes the names of what the tile shows, for the picture's manifests. Thread safety: one call at a
+// time for each picture.
+void NoteNames(const FilmTile& sums, FramePicture* picture);
 
 }  // namespace sheaf

@@ -7,6 +7,7 @@
 #include <bit>
 #include <cmath>
 #include <cstddef>
+#include <utility>
 
 #include "common/base/check.h"
 #include "common/math/double_float.h"
@@ -32,6 +33,14 @@ struct PixelNode {
 // Replicate sums of one pixel: R, G, B, weight of each.
 using ReplicateNode = std::array<float, kReplicateCount * kReplicateChannelCount>;
 
+// A product of two floats has 48 bits: it is a DoubleFloat's value as it is, were it not for tails
+// below the least float. So what is negligibly small counts as 0 (and -0 as 0).
+double WideProduct(float value, float weight) {
+  constexpr double kMagnitudeMin = 0x1p-100;
+  const double product = static_cast<double>(value) * static_cast<double>(weight);
+  return std::fabs(product) < kMagnitudeMin ? 0.0 : product;
+}
+
 bool IsUsable(const FilmSample& s) {
   bool usable = true;
   const auto require = [&usable](auto v) { usable &= std::fabs(v) <= kSampleMagnitudeMax; };
@@ -49,17 +58,21 @@ bool IsUsable(const FilmSample& s) {
   return usable;
 }
 
+bool IsUsable(const OutputSample& s, float weight) {
+  bool usable = true;
+  for (const float mean : s.means) {
+    usable &= std::fabs(mean) <= kSampleMagnitudeMax;
+    usable &= std::fabs(static_cast<double>(mean) * static_cast<double>(weight)) <=
+              static_cast<double>(kSampleMagnitudeMax);
+  }
+  return usable;
+}
+
 PixelNode MakeLeaf(const FilmSample& s) {
   PixelNode leaf;
-  const double weight = s.filter_weight;
-  // A product of two floats has 48 bits: it is a DoubleFloat's value as it is, were it not for
-  // tails below the least float. So what is negligibly small counts as 0 (and -0 as 0).
-  constexpr double kMagnitudeMin = 0x1p-100;
-  for (size_t i = 0; i < 3; ++i) {
-    const double product = s.radiance[i] * weight;
-    leaf.wide[i] = std::fabs(product) < kMagnitudeMin ? 0.0 : product;
-  }
-  leaf.wide[3] = weight + 0.0;  // No -0: the bits of a sum of nothing are those of 0.
+  for (size_t i = 0; i < 3; ++i) leaf.wide[i] = WideProduct(s.radiance[i], s.filter_weight);
+  leaf.wide[3] = static_cast<double>(s.filter_weight) +
+                 0.0;  // No -0: the bits of a sum of nothing are those of 0.
   const float w = s.filter_weight;
   leaf.narrow = {s.alpha * w,
                  s.albedo.r * w,
@@ -120,11 +133,22 @@ class NodeStack {
 
 }  // namespace
 
-FilmTile::FilmTile(PixelRect rect, SampleBlock block) : rect_(rect), block_(block) {
+FilmTile::FilmTile(PixelRect rect, SampleBlock block, FilmOutputs outputs)
+    : rect_(rect), block_(block), outputs_(std::move(outputs)) {
   SHEAF_CHECK(rect.x0 < rect.x1 && rect.y0 < rect.y1 && IsAligned(block));
   plane_size_ = static_cast<size_t>(rect.PixelCount());
   main_.resize(kFilmChannelCount * plane_size_);
   replicates_.resize(replicate_count() * kReplicateChannelCount * plane_size_);
+  means_.resize(mean_count() * 2 * plane_size_);
+  for (size_t i = 0; i < kIdKindCount; ++i) {
+    if (outputs_.HasIds(static_cast<IdKind>(i))) ids_[i].pixels.resize(plane_size_);
+  }
+}
+
+size_t FilmTile::size_bytes() const {
+  size_t bytes = (main_.size() + replicates_.size() + means_.size()) * sizeof(float);
+  for (const IdSums& ids : ids_) bytes += ids.size_bytes();
+  return bytes;
 }
 
 uint32_t FilmTile::replicate_first() const { return ReplicateOf(block_.first); }
@@ -139,16 +163,25 @@ FilmTile MergeSiblings(const FilmTile& left, const FilmTile& right) {
 
 namespace {
 
+void AddWide(const float* left_hi, const float* left_lo, const float* right_hi,
+             const float* right_lo, size_t size, float* hi, float* lo) {
+  for (size_t p = 0; p < size; ++p) {
+    const DoubleFloat total = Add({left_hi[p], left_lo[p]}, {right_hi[p], right_lo[p]});
+    hi[p] = total.hi;
+    lo[p] = total.lo;
+  }
+}
+
 void AddPlanes(const FilmTile& left, const FilmTile& right, FilmTile* sum) {
   const size_t size = sum->plane_size();
   for (size_t i = 0; i < kWideCount; ++i) {
     const FilmChannel hi = ChannelAt(kWideHi + i), lo = ChannelAt(kWideLo + i);
-    for (size_t p = 0; p < size; ++p) {
-      const DoubleFloat total = Add({left.channel(hi)[p], left.channel(lo)[p]},
-                                    {right.channel(hi)[p], right.channel(lo)[p]});
-      sum->channel(hi)[p] = total.hi;
-      sum->channel(lo)[p] = total.lo;
-    }
+    AddWide(left.channel(hi), left.channel(lo), right.channel(hi), right.channel(lo), size,
+            sum->channel(hi), sum->channel(lo));
+  }
+  for (size_t i = 0; i < sum->mean_count(); ++i) {
+    AddWide(left.mean(i, 0), left.mean(i, 1), right.mean(i, 0), right.mean(i, 1), size,
+            sum->mean(i, 0), sum->mean(i, 1));
   }
   for (size_t i = kNarrow; i < kFilmChannelCount; ++i) {
     const float* a = left.channel(ChannelAt(i));
@@ -156,6 +189,15 @@ void AddPlanes(const FilmTile& left, const FilmTile& right, FilmTile* sum) {
     float* out = sum->channel(ChannelAt(i));
     for (size_t p = 0; p < size; ++p) out[p] = a[p] + b[p];
   }
+}
+
+void AddIds(const IdSums& left, const IdSums& right, IdSums* sum) {
+  *sum = left;
+  IdList scratch;
+  for (size_t p = 0; p < sum->pixels.size(); ++p) {
+    MergeIds(right.pixels[p], &sum->pixels[p], &scratch);
+  }
+  sum->names.insert(right.names.begin(), right.names.end());
 }
 
 // The replicate's plane, or null where the tile's block has no sample of it.
@@ -168,12 +210,16 @@ const float* FindReplicate(const FilmTile& tile, uint32_t replicate, size_t comp
 }  // namespace
 
 FilmTile AddTiles(const FilmTile& left, const FilmTile& right, SampleBlock block) {
-  SHEAF_CHECK(left.rect() == right.rect());
+  SHEAF_CHECK(left.rect() == right.rect() && left.outputs() == right.outputs());
   SHEAF_CHECK(Contains(block, left.block()) && Contains(block, right.block()));
   // A sum with gaps has the block it lies in, which may reach over the next node.
   SHEAF_CHECK(left.block().first < right.block().first);
-  FilmTile sum(left.rect(), block);
+  FilmTile sum(left.rect(), block, left.outputs());
   AddPlanes(left, right, &sum);
+  for (size_t i = 0; i < kIdKindCount; ++i) {
+    const auto kind = static_cast<IdKind>(i);
+    AddIds(left.ids(kind), right.ids(kind), &sum.ids(kind));
+  }
   const size_t size = sum.plane_size();
   for (uint32_t slot = 0; slot < sum.replicate_count(); ++slot) {
     for (size_t component = 0; component < kReplicateChannelCount; ++component) {
@@ -199,8 +245,64 @@ struct PixelAccumulator::Stack {
   int32_t x = 0, y = 0;
 };
 
+// Nodes of the canonical tree for the outputs of one pixel. Merges in place, like a NodeStack.
+class PixelAccumulator::OutputStack {
+ public:
+  explicit OutputStack(size_t mean_count) : mean_count_(mean_count) {}
+
+  void Clear() { leaf_count_ = 0, depth_ = 0; }
+  // A sample that is not usable leaves a leaf of nothing.
+  void Push(const OutputSample& sample, float weight, bool usable) {
+    if (means_.size() < (depth_ + 1) * mean_count_) means_.resize((depth_ + 1) * mean_count_);
+    double* leaf = &means_[depth_ * mean_count_];
+    for (size_t i = 0; i < mean_count_; ++i) {
+      leaf[i] = usable ? WideProduct(sample.means[i], weight) : 0.0;
+    }
+    if (ids_.size() <= depth_) ids_.resize(depth_ + 1);
+    for (size_t i = 0; i < kIdKindCount; ++i) {
+      ids_[depth_][i].clear();
+      if (usable && sample.ids[i] != kNoId && weight != 0) {
+        ids_[depth_][i].push_back({sample.ids[i], static_cast<double>(weight)});
+      }
+    }
+    ++depth_;
+    for (uint64_t n = leaf_count_++; n & 1; n >>= 1) MergeTop();
+  }
+  void StoreRoot(size_t p, FilmTile* tile) const {
+    SHEAF_CHECK(depth_ == 1);
+    for (size_t i = 0; i < mean_count_; ++i) {
+      const DoubleFloat wide = DoubleFloat::Make(means_[i]);
+      tile->mean(i, 0)[p] = wide.hi;
+      tile->mean(i, 1)[p] = wide.lo;
+    }
+    for (size_t i = 0; i < kIdKindCount; ++i) {
+      const auto kind = static_cast<IdKind>(i);
+      if (tile->outputs().HasIds(kind)) tile->ids(kind).pixels[p] = ids_[0][i];
+    }
+  }
+
+ private:
+  void MergeTop() {
+    --depth_;
+    double* left = &means_[(depth_ - 1) * mean_count_];
+    const double* right = &means_[depth_ * mean_count_];
+    for (size_t i = 0; i < mean_count_; ++i) left[i] = DoubleFloat::Round(left[i] + right[i]);
+    for (size_t i = 0; i < kIdKindCount; ++i) {
+      MergeIds(ids_[depth_][i], &ids_[depth_ - 1][i], &scratch_);
+    }
+  }
+
+  const size_t mean_count_;
+  std::vector<double> means_;                          // [depth][mean], values of DoubleFloats.
+  std::vector<std::array<IdList, kIdKindCount>> ids_;  // [depth]
+  IdList scratch_;
+  uint64_t leaf_count_ = 0;
+  size_t depth_ = 0;
+};
+
 PixelAccumulator::PixelAccumulator(FilmTile* tile)
     : tile_(tile), stack_(std::make_unique<Stack>()) {
+  if (!tile->outputs().empty()) output_stack_ = std::make_unique<OutputStack>(tile->mean_count());
   non_finite_.reserve(kNonFiniteReportsMax);
 }
 PixelAccumulator::~PixelAccumulator() = default;
@@ -211,15 +313,28 @@ void PixelAccumulator::Begin(int32_t x, int32_t y) {
   stack_->main.Clear();
   stack_->replicates.Clear();
   stack_->replicate_leaf = {};
+  if (output_stack_ != nullptr) output_stack_->Clear();
   stack_->x = x;
   stack_->y = y;
 }
 
 void PixelAccumulator::Add(uint64_t sample_index, const FilmSample& sample) {
+  SHEAF_CHECK(output_stack_ == nullptr);
+  AddLeaf(sample_index, sample, IsUsable(sample));
+}
+
+void PixelAccumulator::Add(uint64_t sample_index, const FilmSample& sample,
+                           const OutputSample& outputs) {
+  SHEAF_CHECK(output_stack_ != nullptr && outputs.means.size() == tile_->mean_count());
+  const bool usable = IsUsable(sample) && IsUsable(outputs, sample.filter_weight);
+  AddLeaf(sample_index, sample, usable);
+  output_stack_->Push(outputs, sample.filter_weight, usable);
+}
+
+void PixelAccumulator::AddLeaf(uint64_t sample_index, const FilmSample& sample, bool usable) {
   const SampleBlock block = tile_->block();
   const uint64_t ordinal = stack_->main.leaf_count();
   SHEAF_CHECK(sample_index == block.first + ordinal && ordinal < block.count);
-  const bool usable = IsUsable(sample);
   if (!usable && non_finite_.size() < kNonFiniteReportsMax) {
     non_finite_.push_back({stack_->x, stack_->y, sample_index});
   }
@@ -247,6 +362,7 @@ void PixelAccumulator::End() {
   for (size_t i = 0; i < kNarrowCount; ++i) {
     tile_->channel(ChannelAt(kNarrow + i))[p] = root.narrow[i];
   }
+  if (output_stack_ != nullptr) output_stack_->StoreRoot(p, tile_);
   const ReplicateNode& replicates = stack_->replicates.Root();
   for (uint32_t slot = 0; slot < tile_->replicate_count(); ++slot) {
     for (size_t i = 0; i < kReplicateChannelCount; ++i) {

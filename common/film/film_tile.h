@@ -15,10 +15,13 @@
 // spread.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <memory>
 #include <vector>
 
+#include "common/film/film_outputs.h"
+#include "common/film/id_sums.h"
 #include "common/film/tile_geometry.h"
 #include "common/math/vec.h"
 
@@ -76,10 +79,11 @@ class FilmTile {
  public:
   FilmTile() = default;
   // All sums zero. Requires: IsAligned(block), rect not empty.
-  FilmTile(PixelRect rect, SampleBlock block);
+  FilmTile(PixelRect rect, SampleBlock block, FilmOutputs outputs = {});
 
   const PixelRect& rect() const { return rect_; }
   const SampleBlock& block() const { return block_; }
+  const FilmOutputs& outputs() const { return outputs_; }
   // Replicates present: those of the block's samples, a contiguous aligned range.
   uint32_t replicate_first() const;
   uint32_t replicate_count() const;
@@ -97,28 +101,42 @@ class FilmTile {
   const float* replicate(uint32_t slot, size_t component) const {
     return replicates_.data() + (slot * kReplicateChannelCount + component) * plane_size_;
   }
+  // Sums of the outputs' mean channels (MeanChannelsOf), double-floats; part: 0 = hi, 1 = lo.
+  size_t mean_count() const { return MeanChannelCount(outputs_); }
+  float* mean(size_t index, size_t part) {
+    return means_.data() + (2 * index + part) * plane_size_;
+  }
+  const float* mean(size_t index, size_t part) const {
+    return means_.data() + (2 * index + part) * plane_size_;
+  }
+  // Has pixels where outputs().HasIds(kind).
+  IdSums& ids(IdKind kind) { return ids_[static_cast<size_t>(kind)]; }
+  const IdSums& ids(IdKind kind) const { return ids_[static_cast<size_t>(kind)]; }
   size_t plane_size() const { return plane_size_; }
-  size_t size_bytes() const { return (main_.size() + replicates_.size()) * sizeof(float); }
+  size_t size_bytes() const;
 
   friend bool operator==(const FilmTile&, const FilmTile&) = default;  // Bit-wise but for -0 and 0.
 
  private:
   PixelRect rect_;
   SampleBlock block_;
+  FilmOutputs outputs_;
   size_t plane_size_ = 0;
   std::vector<float> main_;
   std::vector<float> replicates_;
+  std::vector<float> means_;
+  std::array<IdSums, kIdKindCount> ids_;
 };
 
-// Parent node of two siblings. Requires: same rect, right.block() == Sibling(left.block()) and
-// left.block().first < right.block().first.
+// Parent node of two siblings. Requires: same rect and outputs, right.block() ==
+// Sibling(left.block()) and left.block().first < right.block().first.
 FilmTile MergeSiblings(const FilmTile& left, const FilmTile& right);
 
 // The node over `block` whose right half is only partly there: left plus right as they are, each
 // replicate that only one of them holds taken over unchanged. MergeSiblings is the complete case.
-// Requires: same rect, both blocks inside `block`, no sample in both, left starts before right. (A
-// sum with gaps, as PreviewSum makes, has the block it lies in, which may reach over the right
-// one.)
+// Requires: same rect and outputs, both blocks inside `block`, no sample in both, left starts
+// before right. (A sum with gaps, as PreviewSum makes, has the block it lies in, which may reach
+// over the right one.)
 FilmTile AddTiles(const FilmTile& left, const FilmTile& right, SampleBlock block);
 
 // Adds the samples of one pixel of a tile in index order, building the canonical tree with a stack
@@ -134,6 +152,8 @@ class PixelAccumulator {
   // x, y: a pixel of the tile, in the frame's raster coordinates.
   void Begin(int32_t x, int32_t y);
   void Add(uint64_t sample_index, const FilmSample& sample);
+  // The same for tiles with outputs, whose layout `outputs` has.
+  void Add(uint64_t sample_index, const FilmSample& sample, const OutputSample& outputs);
   // Requires: every sample of the block has been added.
   void End();
   // The first samples that were not finite, at most kNonFiniteReportsMax, for the report.
@@ -146,8 +166,11 @@ class PixelAccumulator {
 
  private:
   struct Stack;
+  class OutputStack;
+  void AddLeaf(uint64_t sample_index, const FilmSample& sample, bool usable);
   FilmTile* tile_;
   std::unique_ptr<Stack> stack_;
+  std::unique_ptr<OutputStack> output_stack_;  // Null without outputs.
   std::vector<NonFinite> non_finite_;
 };
 

@@ -6,10 +6,12 @@
 #include <bit>
 #include <cstddef>
 #include <numeric>
+#include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "common/base/check.h"
 #include "common/base/digest.h"
+#include "common/film/cryptomatte.h"
 
 namespace sheaf {
 
@@ -26,7 +28,12 @@ std::vector<float>* FramePicture::Find(const std::string& channel) {
   return const_cast<std::vector<float>*>(static_cast<const FramePicture&>(*this).Find(channel));
 }
 
-FramePicture MakeFramePicture(PixelRect window, int32_t frame_width_px, int32_t frame_height_px) {
+size_t PictureChannelCount(const FilmOutputs& outputs) {
+  return MakeFramePicture({0, 0, 1, 1}, 1, 1, outputs).channel_names.size();
+}
+
+FramePicture MakeFramePicture(PixelRect window, int32_t frame_width_px, int32_t frame_height_px,
+                              const FilmOutputs& outputs) {
   SHEAF_CHECK(window.x0 < window.x1 && window.y0 < window.y1);
   FramePicture picture;
   picture.window = window;
@@ -35,6 +42,18 @@ FramePicture MakeFramePicture(PixelRect window, int32_t frame_width_px, int32_t 
   picture.channel_names = {"R",        "G",        "B",        "A",        "albedo.R", "albedo.G",
                            "albedo.B", "normal.X", "normal.Y", "normal.Z", "depth.Z",  "samples",
                            "stderr.R", "stderr.G", "stderr.B", "nonfinite"};
+  picture.outputs = outputs;
+  for (const MeanChannel& channel : MeanChannelsOf(outputs)) {
+    picture.channel_names.push_back(channel.name);
+  }
+  for (size_t i = 0; i < kIdKindCount; ++i) {
+    const auto kind = static_cast<IdKind>(i);
+    if (outputs.HasIdNumber(kind)) picture.channel_names.push_back(IdNumberChannel(kind));
+    if (!outputs.HasCryptomatte(kind)) continue;
+    for (std::string& name : CryptomatteChannels(kind)) {
+      picture.channel_names.push_back(std::move(name));
+    }
+  }
   picture.planes.assign(picture.channel_names.size(),
                         std::vector<float>(static_cast<size_t>(window.PixelCount())));
   return picture;

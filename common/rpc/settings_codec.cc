@@ -49,10 +49,11 @@ v1::FrameSettings ToWire(const FrameSettings& settings) {
   wire.set_force_generic_variant(settings.force_generic_variant);
   wire.set_color(ToWire(settings.color));
   wire.set_single_scattering(settings.single_scattering);
+  wire.set_outputs(FormatOutputs(settings.outputs));
   return wire;
 }
 
-FrameSettings FromWire(const v1::FrameSettings& wire) {
+absl::StatusOr<FrameSettings> FromWire(const v1::FrameSettings& wire) {
   FrameSettings settings;
   settings.width_px = wire.width_px();
   settings.height_px = wire.height_px();
@@ -63,6 +64,9 @@ FrameSettings FromWire(const v1::FrameSettings& wire) {
   settings.force_generic_variant = wire.force_generic_variant();
   settings.color = FromWire(wire.color());
   settings.single_scattering = wire.single_scattering();
+  absl::StatusOr<FilmOutputs> outputs = ParseOutputs(wire.outputs());
+  if (!outputs.ok()) return outputs.status();
+  settings.outputs = *std::move(outputs);
   return settings;
 }
 

@@ -18,20 +18,31 @@ TEST(SettingsCodecTest, EverySettingSurvivesTheWire) {
   settings.seed = ~uint64_t{0};
   settings.single_scattering = true;
   settings.force_generic_variant = true;
+  settings.outputs.Add(Aov::kPosition);
+  settings.outputs.Add(Aov::kMotion);
+  settings.outputs.camera_space = true;
   for (const ColorTransport color :
        {ColorTransport::kAuto, ColorTransport::kRgb, ColorTransport::kSpectral}) {
     settings.color = color;
-    const FrameSettings back = FromWire(ToWire(settings));
-    EXPECT_EQ(FrameDigestText("scene", back, "profile"),
+    const absl::StatusOr<FrameSettings> back = FromWire(ToWire(settings));
+    ASSERT_TRUE(back.ok()) << back.status();
+    EXPECT_EQ(FrameDigestText("scene", *back, "profile"),
               FrameDigestText("scene", settings, "profile"));
-    EXPECT_TRUE(back.force_generic_variant);
+    EXPECT_TRUE(back->force_generic_variant);
+    EXPECT_EQ(back->outputs, settings.outputs);
   }
 }
 
 TEST(SettingsCodecTest, UnknownColorIsLeftToTheScene) {
   v1::FrameSettings wire;
   wire.set_color(static_cast<v1::ColorTransport>(99));
-  EXPECT_EQ(FromWire(wire).color, ColorTransport::kAuto);
+  EXPECT_EQ(FromWire(wire)->color, ColorTransport::kAuto);
+}
+
+TEST(SettingsCodecTest, UnknownOutputsAreRefused) {
+  v1::FrameSettings wire;
+  wire.set_outputs("position,of-tomorrow");
+  EXPECT_EQ(FromWire(wire).status().code(), absl::StatusCode::kInvalidArgument);
 }
 
 }  // namespace

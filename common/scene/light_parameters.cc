@@ -24,6 +24,15 @@ LightScale GetScale(ParameterList& parameters, bool has_power) {
   return scale;
 }
 
+// Sheaf's own parameter: which picture of light the lamp is counted to.
+std::string GetGroup(ParameterList& parameters) {
+  const std::string group = parameters.GetString("lightgroup", kDefaultLightGroup);
+  const std::string why_not = WhyNotLightGroup(group);
+  if (why_not.empty()) return group;
+  parameters.ErrorAt(*parameters.Find("lightgroup"), absl::StrCat("\"", group, "\" ", why_not));
+  return kDefaultLightGroup;
+}
+
 void CheckDirection(ParameterList& parameters, Vec3d from, Vec3d to) {
   if (LengthSquared(to - from) > 0) return;
   parameters.Error(absl::StrCat(parameters.owner(),
@@ -174,6 +183,7 @@ std::optional<LightDescription> GetLight(const std::string& type, const Matrix4&
     parameters.Error(absl::StrCat(parameters.owner(), ": the transformation is singular"));
   }
   light.scale = GetScale(parameters, has_power);
+  light.group = GetGroup(parameters);
   parameters.ReportUnused();
   return light;
 }
@@ -188,6 +198,7 @@ std::optional<AreaLightDescription> GetAreaLight(const std::string& type, Parame
   light.location = parameters.location();
   light.radiance = GetColor(parameters, "L", ColorRole::kIlluminant, White(), files);
   light.scale = GetScale(parameters, true);
+  light.group = GetGroup(parameters);
   light.two_sided = parameters.GetBool("twosided", false);
   parameters.RejectUnsupported("filename", "area lights have no images yet; give \"rgb L\"");
   parameters.ReportUnused();

@@ -117,6 +117,19 @@ void GetMapping(ParameterList& parameters, CameraDescription* camera) {
   }
 }
 
+// What pbrt-v4 writes and every picture lacks: position, both normals and the parameters.
+void GetGeometryBuffer(ParameterList& parameters, FilmDescription* film) {
+  for (const Aov aov : {Aov::kPosition, Aov::kGeometricNormal, Aov::kShadingNormal, Aov::kUv}) {
+    film->outputs.Add(aov);
+  }
+  const std::string space = parameters.GetString("coordinatesystem", "camera");
+  if (space != "camera" && space != "world") {
+    parameters.ErrorAt(*parameters.Find("coordinatesystem"),
+                       absl::StrCat("\"", space, "\" is not known; there are camera and world"));
+  }
+  film->outputs.camera_space = space == "camera";
+}
+
 }  // namespace
 
 void SetCamera(const std::string& type, ParameterList& parameters, CameraDescription* camera,
@@ -148,9 +161,11 @@ void SetCamera(const std::string& type, ParameterList& parameters, CameraDescrip
 
 void SetFilm(const std::string& type, ParameterList& parameters, FilmDescription* film,
              PendingFrame* frame) {
-  if (type != "rgb") {
+  if (type == "gbuffer") {
+    GetGeometryBuffer(parameters, film);
+  } else if (type != "rgb") {
     parameters.Error(absl::StrCat(parameters.owner(),
-                                  " is not supported; Sheaf does rgb, and writes "
+                                  " is not supported; Sheaf does rgb and gbuffer, and writes "
                                   "albedo, normal and depth with every picture"));
     return;
   }

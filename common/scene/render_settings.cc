@@ -4,6 +4,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <set>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "common/base/digest.h"
@@ -72,6 +74,28 @@ absl::Status CheckCounts(const FrameSettings& settings) {
   return absl::OkStatus();
 }
 
+std::vector<std::string> LightGroupsOf(const SceneDescription& scene) {
+  std::set<std::string> groups;
+  for (const AreaLightDescription& light : scene.area_lights) groups.insert(light.group);
+  for (const LightDescription& light : scene.lights) groups.insert(light.group);
+  return {groups.begin(), groups.end()};
+}
+
+absl::Status CheckOutputs(const SceneDescription& scene, const FilmOutputs& outputs) {
+  if (outputs.Has(Aov::kMotion) && scene.camera.IsSpherical()) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(FormatLocation(scene, scene.camera.location),
+                     ": a spherical camera has no motion vectors; leave the output \"",
+                     AovName(Aov::kMotion), "\" out"));
+  }
+  if (outputs.light_groups.size() > kLightGroupsMax) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        "the scene's lights have ", outputs.light_groups.size(), " groups, more than the limit of ",
+        kLightGroupsMax, "; give them fewer names"));
+  }
+  return absl::OkStatus();
+}
+
 }  // namespace
 
 const char* ColorTransportName(ColorTransport color) {
@@ -114,7 +138,12 @@ absl::StatusOr<FrameSettings> ResolveSettings(const SceneDescription& scene,
   resolved.color = settings.color;
   resolved.single_scattering = settings.single_scattering;
   resolved.force_generic_variant = settings.force_generic_variant;
+  resolved.outputs = settings.outputs;
+  resolved.outputs.aovs |= scene.film.outputs.aovs;
+  resolved.outputs.camera_space = scene.film.outputs.camera_space;
+  if (settings.light_groups) resolved.outputs.light_groups = LightGroupsOf(scene);
   if (absl::Status status = CheckCounts(resolved); !status.ok()) return status;
+  if (absl::Status status = CheckOutputs(scene, resolved.outputs); !status.ok()) return status;
   return resolved;
 }
 
@@ -131,12 +160,16 @@ std::string NumericProfile() {
 std::string FrameDigestText(const std::string& scene_digest, const FrameSettings& settings,
                             const std::string& numeric_profile) {
   const PixelRect& w = settings.window;
+  // Frames without outputs keep the digest they had before there were any.
+  const std::string outputs = settings.outputs.empty()
+                                  ? std::string()
+                                  : absl::StrCat("\noutputs ", FormatOutputs(settings.outputs));
   return absl::StrCat("sheaf-frame 2\nscene ", scene_digest, "\nsize_px ", settings.width_px, " ",
                       settings.height_px, "\nwindow_px ", w.x0, " ", w.y0, " ", w.x1, " ", w.y1,
                       "\nsamples ", settings.samples, "\nmax_depth ", settings.max_depth, "\nseed ",
                       settings.seed, "\ncolor ", ColorTransportName(settings.color),
-                      "\nscattering ", settings.single_scattering ? "single" : "full", "\nprofile ",
-                      numeric_profile, "\n");
+                      "\nscattering ", settings.single_scattering ? "single" : "full", outputs,
+                      "\nprofile ", numeric_profile, "\n");
 }
 
 std::string FrameDigest(const std::string& scene_digest, const FrameSettings& settings,

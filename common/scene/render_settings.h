@@ -11,6 +11,7 @@
 #include <string>
 
 #include "absl/status/statusor.h"
+#include "common/film/film_outputs.h"
 #include "common/film/tile_geometry.h"
 #include "common/scene/scene_description.h"
 
@@ -31,8 +32,10 @@ struct RenderSettings {
   std::optional<uint64_t> samples;  // Per pixel; otherwise the scene's.
   std::optional<int32_t> max_depth;
   std::optional<uint64_t> seed;
-  std::optional<PixelRect> crop;       // Within the frame; otherwise the scene's.
+  std::optional<PixelRect> crop;  // Within the frame; otherwise the scene's.
   ColorTransport color = ColorTransport::kAuto;
+  FilmOutputs outputs;        // Besides those that the scene's film asks for.
+  bool light_groups = false;  // One output for each light group of the scene.
   // Rough surfaces scatter light once and lose what is scattered again, as in pbrt-v4, whose
   // pictures can then be matched. Otherwise they keep that energy.
   bool single_scattering = false;
@@ -48,9 +51,11 @@ struct FrameSettings {
   ColorTransport color = ColorTransport::kAuto;
   bool single_scattering = false;
   bool force_generic_variant = false;
+  FilmOutputs outputs;
 };
 
-// Errors: kInvalidArgument for an empty crop, 0 samples, negative depth, a frame beyond limits.
+// Errors: kInvalidArgument for an empty crop, 0 samples, negative depth, a frame beyond limits,
+// outputs that the scene's camera does not have, more than kLightGroupsMax light groups.
 absl::StatusOr<FrameSettings> ResolveSettings(const SceneDescription& scene,
                                               const RenderSettings& settings);
 

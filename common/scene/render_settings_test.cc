@@ -5,6 +5,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <string>
+
 #include "common/base/digest.h"
 #include "common/scene/file_source.h"
 
@@ -89,6 +91,39 @@ TEST(RenderSettingsTest, DigestCoversWhatChangesPixelsOnly) {
     EXPECT_NE(FrameDigest("scene", other, "profile"), digest);
   EXPECT_NE(FrameDigest("other", settings, "profile"), digest);
   EXPECT_NE(FrameDigest("scene", settings, "other"), digest);
+}
+
+TEST(RenderSettingsTest, OutputsAreThoseOfSceneAndFlags) {
+  SceneDescription scene;
+  EXPECT_TRUE(ResolveSettings(scene, {})->outputs.empty());
+  scene.film.outputs.Add(Aov::kUv);
+  scene.lights.resize(2);
+  scene.lights[1].group = "key";
+  scene.area_lights.resize(1);
+  scene.area_lights[0].group = "key";
+  RenderSettings asked;
+  asked.outputs.Add(Aov::kMotion);
+  EXPECT_EQ(FormatOutputs(ResolveSettings(scene, asked)->outputs), "uv,motion");
+  asked.light_groups = true;
+  EXPECT_EQ(FormatOutputs(ResolveSettings(scene, asked)->outputs),
+            "uv,motion,light:default,light:key");
+  scene.camera.kind = CameraDescription::Kind::kEqualArea;
+  EXPECT_EQ(ResolveSettings(scene, asked).status().code(), absl::StatusCode::kInvalidArgument);
+  asked.outputs = {};
+  EXPECT_TRUE(ResolveSettings(scene, asked).ok());
+  scene.lights.resize(kLightGroupsMax + 1);
+  for (size_t i = 0; i < scene.lights.size(); ++i) scene.lights[i].group = std::to_string(i);
+  EXPECT_EQ(ResolveSettings(scene, asked).status().code(), absl::StatusCode::kInvalidArgument);
+}
+
+TEST(RenderSettingsTest, DigestTellsOutputsWhereThereAreAny) {
+  FrameSettings settings;
+  EXPECT_EQ(FrameDigestText("scene", settings, "profile").find("outputs"), std::string::npos);
+  const std::string digest = FrameDigest("scene", settings, "profile");
+  settings.outputs.Add(Aov::kUv);
+  EXPECT_NE(FrameDigest("scene", settings, "profile"), digest);
+  EXPECT_THAT(FrameDigestText("scene", settings, "profile"),
+              testing::HasSubstr("\noutputs uv\nprofile profile\n"));
 }
 
 TEST(RenderSettingsTest, ProfileNamesBuildAndInstructionSet) {

@@ -12,6 +12,7 @@
 #include <variant>
 #include <vector>
 
+#include "common/film/film_outputs.h"
 #include "common/math/transform.h"
 #include "common/math/vec.h"
 #include "common/scene/curve_set.h"
@@ -274,6 +275,7 @@ struct AreaLightDescription {
   LightScale scale;
   bool two_sided = false;
   SourceLocation location;
+  std::string group = kDefaultLightGroup;
 };
 struct InfiniteLight {
   ColorSpec radiance;         // Used where file is empty.
@@ -320,6 +322,7 @@ struct LightDescription {
   LightScale scale;
   Matrix4 world_from_light;
   SourceLocation location;
+  std::string group = kDefaultLightGroup;
 };
 
 // --- Camera and film ---------------------------------------------------------------------------
@@ -357,6 +360,7 @@ struct FilmDescription {
   bool has_pixel_bounds = false;
   int32_t pixel_bounds[4] = {0, 0, 0, 0};  // x0 x1 y0 y1, half-open.
   float exposure_scale = 1;                // Sensor's imaging ratio: ISO / 100.
+  FilmOutputs outputs;                     // Those of "gbuffer".
   std::string filename;
   SourceLocation location;
 };

@@ -21,8 +21,8 @@ uint64_t TreeBytes(const TileTree& tree) {
 FrameMerge::FrameMerge(const FrameSpec& spec, std::vector<PixelRect> tiles, MergeBudget* budget)
     : samples_(spec.settings.samples),
       budget_(budget),
-      picture_(
-          MakeFramePicture(spec.settings.window, spec.settings.width_px, spec.settings.height_px)) {
+      picture_(MakeFramePicture(spec.settings.window, spec.settings.width_px,
+                                spec.settings.height_px, spec.settings.outputs)) {
   tiles_.resize(tiles.size());
   for (size_t i = 0; i < tiles.size(); ++i) tiles_[i].rect = tiles[i];
 }
@@ -38,7 +38,9 @@ void FrameMerge::SetSize(Tile* tile, uint64_t size_bytes) {
 
 void FrameMerge::Develop(uint32_t index, const TileTree& tree) {
   Tile& tile = tiles_[index];
-  DevelopTile(tree.Root(), &picture_);
+  const FilmTile root = tree.Root();
+  DevelopTile(root, &picture_);
+  NoteNames(root, &picture_);
   tile.state = State::kDeveloped;
   tile.tree.reset();
   SetSize(&tile, 0);

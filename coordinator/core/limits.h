@@ -30,7 +30,8 @@ struct Limits {
   uint64_t samples_max = uint64_t{1} << 40;  // Per pixel.
   int32_t frame_edge_px_max = 65'536;
   // Frames that are open at once share this many pixels; one is always allowed. An open frame costs
-  // the coordinator about 80 bytes a pixel for its developed picture.
+  // the coordinator about 80 bytes a pixel for its developed picture. With outputs, a pixel counts
+  // for more as its channels are more.
   int64_t open_pixels_max = int64_t{32} << 20;
   int priority_magnitude_max = 1000;
 

@@ -7,6 +7,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "common/base/check.h"
+#include "common/film/frame_picture.h"
 
 namespace sheaf::coordinator {
 namespace {
@@ -39,6 +40,13 @@ absl::Status CheckFrame(const FrameSpec& frame, const Partition& partition, cons
                                 limits.tiles_per_frame_max, " tiles; use larger ones"));
   }
   return absl::OkStatus();
+}
+
+// What an open frame counts for: its pixels, in units of a picture without outputs.
+int64_t OpenPixelsOf(const FrameSettings& settings) {
+  const auto channel_count = static_cast<int64_t>(PictureChannelCount(settings.outputs));
+  constexpr auto kUnit = static_cast<int64_t>(kPictureChannelCountMin);
+  return settings.window.PixelCount() * ((channel_count + kUnit - 1) / kUnit);
 }
 
 }  // namespace
@@ -195,8 +203,7 @@ void Scheduler::UpdateReady(JobRecord* job, uint32_t index) {
 }
 
 bool Scheduler::MayOpen(const FrameSpec& spec) const {
-  return open_pixels_ == 0 ||
-         open_pixels_ + spec.settings.window.PixelCount() <= limits_.open_pixels_max;
+  return open_pixels_ == 0 || open_pixels_ + OpenPixelsOf(spec.settings) <= limits_.open_pixels_max;
 }
 
 void Scheduler::Open(JobRecord* job, uint32_t index) {
@@ -206,13 +213,13 @@ void Scheduler::Open(JobRecord* job, uint32_t index) {
   frame.tasks = std::make_unique<FrameTasks>(settings.window, settings.samples,
                                              job->spec.partition.tile_size_px);
   frame.phase = FrameRecord::Phase::kOpen;
-  open_pixels_ += settings.window.PixelCount();
+  open_pixels_ += OpenPixelsOf(settings);
   UpdateReady(job, index);
 }
 
 void Scheduler::Close(JobRecord* job, uint32_t index, FrameRecord::Phase phase) {
   FrameRecord& frame = job->frames[index];
-  if (frame.tasks != nullptr) open_pixels_ -= frame.spec.settings.window.PixelCount();
+  if (frame.tasks != nullptr) open_pixels_ -= OpenPixelsOf(frame.spec.settings);
   frame.tasks.reset();
   frame.failures.clear();
   frame.phase = phase;

@@ -62,7 +62,9 @@ class CoordinatorServerTest : public testing::Test {
   }
   // The picture that the farm must deliver for the settings.
   static FramePicture PictureOf(const v1::FrameSettings& wire) {
-    return SyntheticPicture(sheaf::FromWire(wire));
+    const absl::StatusOr<FrameSettings> settings = sheaf::FromWire(wire);
+    EXPECT_TRUE(settings.ok()) << settings.status();
+    return settings.ok() ? SyntheticPicture(*settings) : FramePicture{};
   }
   static std::string DigestOf(const v1::FrameSettings& wire) {
     return PictureDigest(PictureOf(wire));

@@ -7,6 +7,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
 #include "common/base/log.h"
+#include "common/film/cryptomatte.h"
 #include "common/film/exr_codec.h"
 #include "coordinator/service/farm.h"
 
@@ -175,6 +176,7 @@ absl::Status Farm::DeliverFrame(const FrameId& id) {
     if (!frame->merge.AllDeveloped()) return absl::OkStatus();  // Parts were lost; see RevokePart.
     FramePicture* picture = frame->merge.mutable_picture();
     picture->metadata = PictureMetadata(frame->spec, numeric_profile);
+    picture->attributes = CryptomatteAttributes(*picture);
     delivered = Account(id, *picture);
     const absl::StatusOr<std::string> path = store_->OutputPath(id);
     if (!path.ok()) return path.status();

@@ -177,10 +177,12 @@ absl::StatusOr<JobSpec> FromWire(const v1::CreateJobRequest& request) {
   for (const v1::FrameSpec& wire : request.frames()) {
     absl::StatusOr<BlobDigest> scene = FromWire(wire.scene());
     if (!scene.ok()) return Invalid("frames.scene", std::string(scene.status().message()));
+    absl::StatusOr<FrameSettings> settings = sheaf::FromWire(wire.settings());
+    if (!settings.ok()) return Invalid("frames.settings", std::string(settings.status().message()));
     FrameSpec frame;
     frame.frame_number = wire.frame_number();
     frame.scene = *std::move(scene);
-    frame.settings = sheaf::FromWire(wire.settings());
+    frame.settings = *std::move(settings);
     spec.frames.push_back(std::move(frame));
   }
   return spec;

@@ -22,7 +22,7 @@
 namespace sheaf::coordinator {
 namespace {
 
-constexpr int64_t kSchemaVersion = 2;
+constexpr int64_t kSchemaVersion = 3;
 // Lease ids of one life lie below those of the next; no life grants so many.
 constexpr int kLeaseIdBitsPerLife = 40;
 
@@ -52,10 +52,13 @@ CREATE TABLE parts(
   PRIMARY KEY(job_id, frame_number, y0, x0, first, count)) WITHOUT ROWID;
 )sql";
 
-// From version 1: its frames were rendered with what are now the defaults.
-constexpr char kAddColumns[] = R"sql(
+// What each version added: earlier frames were rendered with what are now the defaults.
+constexpr char kAddedBy2[] = R"sql(
 ALTER TABLE frames ADD COLUMN color INTEGER NOT NULL DEFAULT 0;
 ALTER TABLE frames ADD COLUMN single_scattering INTEGER NOT NULL DEFAULT 0;
+)sql";
+constexpr char kAddedBy3[] = R"sql(
+ALTER TABLE frames ADD COLUMN outputs TEXT NOT NULL DEFAULT '';
 )sql";
 
 int64_t ToNanoseconds(absl::Time time) {
@@ -126,7 +129,8 @@ absl::Status SqliteJobStore::MigrateSchema() {
                      ", this one knows ", kSchemaVersion, ")"));
   }
   if (version == kSchemaVersion) return absl::OkStatus();
-  return database_->Execute(absl::StrCat("BEGIN;", version == 0 ? kSchema : "", kAddColumns,
+  return database_->Execute(absl::StrCat("BEGIN;", version == 0 ? kSchema : "",
+                                         version < 2 ? kAddedBy2 : "", kAddedBy3,
                                          "PRAGMA user_version=", kSchemaVersion, ";COMMIT;"));
 }
 
@@ -147,7 +151,8 @@ absl::Status SqliteJobStore::LoadFrames(StoredJob* job) {
       "x1, "
       "y1, samples, max_depth, seed, force_generic, delivered, picture_digest, relative_mse, "
       "wall_ns, "
-      "ray_count, nonfinite_count, cpu_ns, color, single_scattering FROM frames WHERE job_id = ? "
+      "ray_count, nonfinite_count, cpu_ns, color, single_scattering, outputs FROM frames WHERE "
+      "job_id = ? "
       "ORDER BY frame_number");
   query.Bind(job->spec.job_id);
   while (true) {
@@ -169,6 +174,9 @@ absl::Status SqliteJobStore::LoadFrames(StoredJob* job) {
     s.force_generic_variant = query.Int64(13) != 0;
     s.color = static_cast<ColorTransport>(query.Int64(21));
     s.single_scattering = query.Int64(22) != 0;
+    absl::StatusOr<FilmOutputs> outputs = ParseOutputs(query.Text(23));
+    if (!outputs.ok()) return Annotate(outputs.status(), "a stored frame");
+    s.outputs = *std::move(outputs);
     if (query.Int64(14) != 0) {
       StoredFrame stored{frame.frame_number, {}};
       stored.delivered = {
@@ -290,7 +298,7 @@ absl::StatusOr<JobStore::CreatedJob> SqliteJobStore::CreateJob(const JobSpec& sp
         "INSERT INTO frames(job_id, frame_number, scene_sha256, scene_bytes, frame_digest, "
         "width_px, "
         "height_px, x0, y0, x1, y1, samples, max_depth, seed, force_generic, color, "
-        "single_scattering) VALUES(?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?)");
+        "single_scattering, outputs) VALUES(?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?)");
     for (const FrameSpec& frame : spec.frames) {
       const FrameSettings& s = frame.settings;
       status = frames.Bind(created.job_id)
@@ -310,6 +318,7 @@ absl::StatusOr<JobStore::CreatedJob> SqliteJobStore::CreateJob(const JobSpec& sp
                    .Bind(s.force_generic_variant ? 1 : 0)
                    .Bind(static_cast<int32_t>(s.color))
                    .Bind(s.single_scattering ? 1 : 0)
+                   .Bind(FormatOutputs(s.outputs))
                    .Run();
       if (!status.ok()) return status;
     }

@@ -57,6 +57,7 @@ class SqliteJobStoreTest : public testing::Test {
       frame.settings.seed = UINT64_MAX - 1;
       frame.settings.color = ColorTransport::kSpectral;
       frame.settings.single_scattering = true;
+      frame.settings.outputs.Add(Aov::kUv);
       spec.frames.push_back(frame);
     }
     return spec;
@@ -101,6 +102,7 @@ TEST_F(SqliteJobStoreTest, JobsSurviveAReopen) {
   EXPECT_EQ(stored.spec.frames[1].settings.seed, UINT64_MAX - 1);
   EXPECT_EQ(stored.spec.frames[1].settings.color, ColorTransport::kSpectral);
   EXPECT_TRUE(stored.spec.frames[1].settings.single_scattering);
+  EXPECT_TRUE(stored.spec.frames[1].settings.outputs.Has(Aov::kUv));
   EXPECT_EQ(stored.spec.frames[1].settings.window, (PixelRect{1, 2, 3, 4}));
   ASSERT_EQ(stored.delivered.size(), 1u);
   EXPECT_EQ(stored.delivered[0].delivered.cost.cpu_duration, absl::Seconds(4));
@@ -208,6 +210,7 @@ TEST_F(SqliteJobStoreTest, EarlierSchemaIsBroughtUpToDate) {
   ASSERT_TRUE((*SqliteDatabase::Open(directory_ + "/farm.db"))
                   ->Execute("ALTER TABLE frames DROP COLUMN color;"
                             "ALTER TABLE frames DROP COLUMN single_scattering;"
+                            "ALTER TABLE frames DROP COLUMN outputs;"
                             "PRAGMA user_version=1;")
                   .ok());
   Reopen();
@@ -216,6 +219,7 @@ TEST_F(SqliteJobStoreTest, EarlierSchemaIsBroughtUpToDate) {
   ASSERT_EQ(jobs->size(), 1u);
   EXPECT_EQ((*jobs)[0].spec.frames[0].settings.seed, UINT64_MAX - 1);
   EXPECT_EQ((*jobs)[0].spec.frames[0].settings.color, ColorTransport::kAuto);
+  EXPECT_TRUE((*jobs)[0].spec.frames[0].settings.outputs.empty());
 }
 
 TEST_F(SqliteJobStoreTest, LaterSchemaIsRefused) {
@@ -226,7 +230,7 @@ TEST_F(SqliteJobStoreTest, LaterSchemaIsRefused) {
   EXPECT_EQ(status.code(), absl::StatusCode::kFailedPrecondition);
   EXPECT_THAT(std::string(status.message()), HasSubstr("later version"));
   ASSERT_TRUE(
-      (*SqliteDatabase::Open(directory_ + "/farm.db"))->Execute("PRAGMA user_version=2").ok());
+      (*SqliteDatabase::Open(directory_ + "/farm.db"))->Execute("PRAGMA user_version=3").ok());
   Reopen();
 }
 

@@ -17,6 +17,8 @@ import farm
 SCENE = os.environ.get("SHEAF_SCENE", os.path.join(farm.ROOT, "scenes", "showroom.pbrt"))
 # 70 x 50 pixels and 76 samples: neither a multiple of tiles nor a power of two.
 JOB = ("--crop", "270,150,340,200", "--samples", "76")
+OUTPUTS = ("--aov", "position,normal-geometric,normal-shading,uv,motion,object-id",
+           "--cryptomatte", "object,material,asset", "--light-groups")
 PARTITIONS = list(itertools.product((16, 32, 64), (4, 16, 64), (1, 8)))
 
 
@@ -76,6 +78,21 @@ class OnePictureTest(unittest.TestCase):
                     f.sheaf("submit", SCENE, "--wait", "-o", output, *JOB, *flags,
                             *partition_flags(16, 4, 1))
                     self.assertEqual(farm.picture_digest(output), expected)
+
+    def test_outputs(self):
+        expected = self.rendered("o", *OUTPUTS)
+        self.assertNotEqual(expected, self.expected)
+        for partition in ((16, 4, 1), (64, 64, 8)):
+            with self.subTest(partition=partition):
+                flags = OUTPUTS + partition_flags(*partition)
+                self.assertEqual(self.rendered("o", *flags), expected)
+        with farm.Farm() as f:
+            f.start_worker()
+            f.start_worker()
+            output = f.path("out.exr")
+            f.sheaf("submit", SCENE, "--wait", "-o", output, *JOB, *OUTPUTS,
+                    *partition_flags(32, 16, 1))
+            self.assertEqual(farm.picture_digest(output), expected)
 
     def test_another_seed_is_another_picture(self):
         self.assertNotEqual(self.rendered("s", "--seed", 1), self.expected)

@@ -143,6 +143,17 @@ Ray Camera::MakeSphericalRay(Vec2d film, float shutter_fraction) const {
   return ray;
 }
 
+std::optional<Vec2d> Camera::FilmPointOf(Vec3d p, float shutter_fraction) const {
+  const Vec3d q = CameraFromRenderAt(shutter_fraction).Point(p);
+  Vec2d screen{q.x, q.y};
+  if (kind_ == Kind::kPerspective) {
+    if (!(q.z > 0)) return std::nullopt;
+    screen = {q.x / q.z, q.y / q.z};
+  }
+  return Vec2d{(screen.x - screen_origin_.x) / screen_step_.x,
+               (screen.y - screen_origin_.y) / screen_step_.y};
+}
+
 Affine Camera::RenderFromCameraAt(float shutter_fraction) const {
   Affine transform = world_from_camera_.At(
       shutter_open_ + (shutter_close_ - shutter_open_) * static_cast<double>(shutter_fraction));

@@ -5,6 +5,8 @@
 // spherical, which see all around. Axes and mappings are pbrt-v4's.
 #pragma once
 
+#include <optional>
+
 #include "absl/status/statusor.h"
 #include "common/math/vec.h"
 #include "common/scene/scene_description.h"
@@ -32,6 +34,14 @@ class Camera {
   // reaches, continue the picture; that of a spherical camera comes around to its other side.
   template <uint32_t kTraits>
   Ray MakeRay(Vec2d film, Vec2f lens, float shutter_fraction) const;
+
+  // Camera space: +z forward, x right, y up.
+  Affine CameraFromRenderAt(float shutter_fraction) const {
+    return Inverse(moves_ ? RenderFromCameraAt(shutter_fraction) : render_from_camera_);
+  }
+  // The film point at which the point p of render space is seen (through the middle of a lens);
+  // none where it is behind the camera. Requires: not a spherical camera.
+  std::optional<Vec2d> FilmPointOf(Vec3d p, float shutter_fraction) const;
 
  private:
   using Kind = CameraDescription::Kind;

@@ -35,6 +35,28 @@ void ExpectNear(Vec3f a, Vec3d b, double allowed) {
   for (size_t i = 0; i < 3; ++i) EXPECT_NEAR(a[i], b[i], allowed) << i;
 }
 
+TEST(CameraTest, FilmPointsAreWhereRaysCameFrom) {
+  for (const Kind kind : {Kind::kPerspective, Kind::kOrthographic}) {
+    SceneDescription scene = SceneWith(kind);
+    ASSERT_TRUE(
+        LookAtMatrix({1, 2, 3}, {4, -1, 7}, {0, 1, 0}, &scene.camera.world_from_camera.start));
+    scene.camera.world_from_camera.end =
+        TranslateMatrix({0.5, 0, 0}) * scene.camera.world_from_camera.start;
+    const Camera camera = MakeCamera(scene, 200, 100, {1, 2, 3});
+    for (const Vec2d film : {Vec2d{0, 0}, Vec2d{100, 50}, Vec2d{33.25, 80.5}}) {
+      for (const float time : {0.0f, 0.25f, 1.0f}) {
+        const Ray ray = camera.MakeRay<kAllTraits>(film, {}, time);
+        const auto seen = camera.FilmPointOf(ToDouble(ray.o) + ToDouble(ray.d) * 5.0, time);
+        ASSERT_TRUE(seen.has_value());
+        EXPECT_NEAR(seen->x, film.x, 1e-3);
+        EXPECT_NEAR(seen->y, film.y, 1e-3);
+      }
+    }
+  }
+  const Camera camera = MakeCamera(SceneWith(Kind::kPerspective), 200, 100);
+  EXPECT_FALSE(camera.FilmPointOf({0, 0, -1}, 0).has_value());
+}
+
 TEST(CameraTest, PerspectiveSpansItsFieldOfView) {
   for (const float fov_degrees : {0.01f, 40.0f, 90.0f, 170.0f}) {
     SCOPED_TRACE(fov_degrees);

@@ -36,6 +36,15 @@ uint64_t GeometryBytes(const SceneGeometry& geometry) {
          geometry.motions.capacity() * sizeof(GroupMotion);
 }
 
+// Has every hit work out its parameters, whether or not a texture reads them.
+void WantParameters(SceneGeometry* geometry) {
+  for (GeometryGroup& group : geometry->groups) {
+    for (BakedMesh& mesh : group.meshes) mesh.surface.reads_textures = true;
+    for (BakedQuadric& quadric : group.quadrics) quadric.surface.reads_textures = true;
+    for (BakedPatches& patches : group.patches) patches.surface.reads_textures = true;
+  }
+}
+
 }  // namespace
 
 void CompiledSceneDeleter::operator()(const CompiledScene* scene) const { delete scene; }
@@ -50,6 +59,12 @@ absl::StatusOr<CompiledScenePtr> CompileScene(SceneDescription description,
   if (!baked.ok()) return baked.status();
   scene->description = std::move(description);
   scene->geometry = std::move(baked->geometry);
+  if (settings.outputs.Has(Aov::kUv)) WantParameters(&scene->geometry);
+  if (settings.outputs.HasIds()) {
+    absl::StatusOr<SceneIds> ids = SceneIds::Make(scene->description, scene->geometry);
+    if (!ids.ok()) return ids.status();
+    scene->ids = *std::move(ids);
+  }
   if (scene->geometry.degenerate_triangle_count > 0) {
     LogWarning(absl::StrCat(
         scene->description.files.empty() ? "scene" : scene->description.files[0], ": ",
@@ -74,6 +89,9 @@ absl::StatusOr<CompiledScenePtr> CompileScene(SceneDescription description,
       LightTable::Build(scene->description, std::move(baked->emitters), files);
   if (!lights.ok()) return lights.status();
   scene->lights = *std::move(lights);
+  if (!settings.outputs.light_groups.empty()) {
+    scene->lights->AssignGroups(scene->description, settings.outputs.light_groups);
+  }
   absl::StatusOr<std::unique_ptr<EmbreeScene>> tracer =
       EmbreeScene::Build(scene->geometry, limits.build_threads);
   if (!tracer.ok()) return tracer.status();

@@ -15,6 +15,7 @@
 #include "worker/render/material.h"
 #include "worker/render/render_plan.h"
 #include "worker/render/scene_geometry.h"
+#include "worker/render/scene_ids.h"
 #include "worker/render/tile_pass.h"
 
 namespace sheaf::render {
@@ -30,6 +31,7 @@ class CompiledScene {
   std::unique_ptr<EmbreeScene> tracer;
   std::unique_ptr<MaterialTable> materials;
   std::unique_ptr<LightTable> lights;
+  SceneIds ids;  // Empty unless asked for.
 };
 
 }  // namespace sheaf::render

@@ -365,9 +365,13 @@ absl::Status SceneLightReader::Add(const LightDescription& light,
 absl::Status ReadLights(const SceneDescription& scene, Vec3d render_origin_world, bool spectral,
                         FileSource& files, LightTable::Impl* impl) {
   SceneLightReader reader(scene, render_origin_world, files, spectral, impl);
-  for (const LightDescription& light : scene.lights) {
-    const absl::Status status = reader.Read(light);
+  for (size_t i = 0; i < scene.lights.size(); ++i) {
+    const size_t delta_count = impl->deltas.size(), infinite_count = impl->infinites.size();
+    const absl::Status status = reader.Read(scene.lights[i]);
     if (!status.ok()) return status;
+    const auto description = static_cast<int32_t>(i);
+    if (impl->deltas.size() > delta_count) impl->deltas.back().description = description;
+    if (impl->infinites.size() > infinite_count) impl->infinites.back().description = description;
   }
   return absl::OkStatus();
 }

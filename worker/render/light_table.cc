@@ -234,6 +234,7 @@ std::optional<LightSampleOf<ColorOf<kMask>>> LightTable::SampleLights(
     }
     sample->is_infinite = true;
   }
+  if (sample) sample->light = light;
   const bool usable = sample && IsUsablePdf(sample->pdf) && IsFinite(sample->radiance) &&
                       !sample->radiance.IsBlack();
   return usable ? sample : std::nullopt;
@@ -312,6 +313,30 @@ EnvironmentValueOf<Color> LightTable::FromInfinity(const Impl& impl, Vec3f p, Ve
   }
   return value;
 }
+
+uint32_t LightTable::GroupOf(uint32_t light) const { return impl_->group_of_light[light]; }
+
+template <typename Color>
+void LightTable::AddByGroup(Vec3f d, const WavelengthsOf<Color>& wavelengths, const Color& weight,
+                            const Color& light, std::vector<Color>* groups) const {
+  const auto group_of = [this](size_t i) {
+    return impl_->group_of_light[impl_->first_infinite() + i];
+  };
+  Color rest = light;
+  for (size_t i = 1; i < impl_->infinites.size(); ++i) {
+    if (group_of(i) == group_of(0)) continue;
+    const InfiniteEmitter& infinite = impl_->infinites[i];
+    const Color own =
+        weight * RadianceAt<Color>(*impl_, infinite, PlaceOf(infinite, d), wavelengths);
+    (*groups)[group_of(i)] += own;
+    rest += own * -1.0f;
+  }
+  (*groups)[group_of(0)] += rest;
+}
+template void LightTable::AddByGroup<Rgb>(Vec3f, const NoWavelengths&, const Rgb&, const Rgb&,
+                                          std::vector<Rgb>*) const;
+template void LightTable::AddByGroup<Spectral>(Vec3f, const Wavelengths&, const Spectral&,
+                                               const Spectral&, std::vector<Spectral>*) const;
 
 // The header forwards to these: one instantiation for every combination of kLightTraits.
 #define SHEAF_INSTANTIATE_FOR(mask) \

@@ -34,6 +34,7 @@ struct LightSampleOf {
       0;  // Solid angle, times the probability of choosing this light; choice alone for delta.
   bool is_delta = false;  // Without size, or distant: no MIS.
   bool is_infinite = false;
+  uint32_t light = 0;  // Index in the table; of one of the infinite ones, where infinite.
 };
 using LightSample = LightSampleOf<Rgb>;
 
@@ -174,6 +175,19 @@ class LightTable {
     if constexpr (!Has(kTraits, Trait::kEnvironment)) return {};
     return FromInfinity<ColorOf<kTraits>>(*impl_, p, n, d, wavelengths, 0, place);
   }
+
+  // --- Light groups: what follows may be called once AssignGroups was.
+
+  // groups: ascending names, among them those of all lights of the scene.
+  void AssignGroups(const SceneDescription& scene, const std::vector<std::string>& groups);
+  // Index in `groups` of an emitter, or of LightSample::light.
+  uint32_t GroupOf(uint32_t light) const;
+  // Adds `light`, which came along (unit) d from all infinite lights together, to their groups: to
+  // each `weight` times what its lights send, and to the first also what rounding leaves, so that
+  // groups still add up.
+  template <typename Color>
+  void AddByGroup(Vec3f d, const WavelengthsOf<Color>& wavelengths, const Color& weight,
+                  const Color& light, std::vector<Color>* groups) const;
 
   struct Impl;
   // The traits that make a difference here: one compiled form for each combination.

@@ -9,6 +9,7 @@
 #include <utility>
 #include <variant>
 
+#include "common/base/check.h"
 #include "common/math/elementary.h"
 #include "worker/render/light_reader.h"
 #include "worker/render/light_table.h"
@@ -137,6 +138,38 @@ std::vector<LightBounds> AllBounds(const LightTable::Impl& impl) {
 }
 
 }  // namespace
+
+void LightTable::AssignGroups(const SceneDescription& scene,
+                              const std::vector<std::string>& groups) {
+  const auto index_of = [&groups](const std::string& name) {
+    const auto at = std::lower_bound(groups.begin(), groups.end(), name);
+    SHEAF_CHECK(at != groups.end() && *at == name);
+    return static_cast<uint8_t>(at - groups.begin());
+  };
+  std::vector<uint8_t>& group_of_light = impl_->group_of_light;
+  group_of_light.clear();
+  group_of_light.reserve(impl_->first_infinite() + impl_->infinites.size());
+  std::vector<uint8_t> of_area_light, of_light;
+  for (const AreaLightDescription& l : scene.area_lights)
+    of_area_light.push_back(index_of(l.group));
+  for (const LightDescription& l : scene.lights) of_light.push_back(index_of(l.group));
+  // An emitter's spectrum is that of its area light, under the same index.
+  const auto add_emitters = [&](const auto& emitters) {
+    for (const auto& emitter : emitters) {
+      group_of_light.push_back(of_area_light[static_cast<size_t>(emitter.radiance.spectrum)]);
+    }
+  };
+  add_emitters(impl_->triangles);
+  add_emitters(impl_->spheres);
+  add_emitters(impl_->disks);
+  const auto add_lights = [&](const auto& lights) {
+    for (const auto& light : lights) {
+      group_of_light.push_back(of_light[static_cast<size_t>(light.description)]);
+    }
+  };
+  add_lights(impl_->deltas);
+  add_lights(impl_->infinites);
+}
 
 absl::StatusOr<std::unique_ptr<LightTable>> LightTable::Build(const SceneDescription& scene,
                                                               LightTableInput input,

@@ -35,15 +35,17 @@ struct DeltaLight {
   Vec3f axis;                  // kSpot, kProjection: unit, in the light's space.
   // kSpot: falls off smoothly between these cosines with axis. kProjection: dark beyond cos_end.
   float cos_start = 1, cos_end = 1;
-  size_t picture = 0;  // Index in Impl::intensities, or Impl::projected_images.
+  int32_t description = kNone;  // Index in SceneDescription::lights.
+  size_t picture = 0;           // Index in Impl::intensities, or Impl::projected_images.
 };
 
 // One that comes from all directions. Constant where there is no map.
 struct InfiniteEmitter {
   std::optional<EnvironmentMap> map;
-  Emission radiance;           // Constant.
-  float scale = 1;             // Of the map; 1 where there is none.
-  Vec3f light_from_render[3];  // Rows of a rotation (or reflection).
+  Emission radiance;            // Constant.
+  float scale = 1;              // Of the map; 1 where there is none.
+  int32_t description = kNone;  // Index in SceneDescription::lights.
+  Vec3f light_from_render[3];   // Rows of a rotation (or reflection).
 };
 
 struct LightTable::Impl {
@@ -58,6 +60,7 @@ struct LightTable::Impl {
   // By Emission::spectrum; empty where only RGB is asked for.
   std::vector<SpectralColor> spectra;
   LightChoice choice;
+  std::vector<uint8_t> group_of_light;  // By light index; empty unless asked for.
   bool empty = true;
 
   // Index of the spectrum.

@@ -19,6 +19,8 @@
 #include "common/film/film_tile.h"
 #include "worker/render/compiled_scene.h"
 #include "worker/render/dimensions.h"
+#include "worker/render/first_hit.h"
+#include "worker/render/light_groups.h"
 #include "worker/render/mis.h"
 #include "worker/render/sampler.h"
 #include "worker/render/spectral_color.h"
@@ -48,10 +50,17 @@ class PathTracer {
 
   // A pure function of (scene, pixel, sample_index).
   FilmSample TraceSample(int32_t x, int32_t y, uint64_t sample_index);
+  // Where TraceSample leaves what the scene's settings ask for besides; cleared by the caller.
+  // Variants without kOutputs leave nothing.
+  void set_outputs(OutputSample* outputs) {
+    outputs_ = outputs;
+    groups_.Reset(scene_.settings.outputs.light_groups.size());
+  }
 
  private:
   static constexpr bool kMayPass = Has(kTraits, Trait::kAlpha);
   static constexpr bool kSpectral = Has(kTraits, Trait::kSpectral);
+  static constexpr bool kOutputs = Has(kTraits, Trait::kOutputs);
   // What asks for no colour, or for the colour as RGB, leaves the wavelengths out.
   static constexpr uint32_t kRgbTraits = kTraits & ~TraitSet(Trait::kSpectral);
 
@@ -93,8 +102,21 @@ class PathTracer {
   void Trace(const Sampler& sampler, Path* path, FilmSample* film);
   TexturePoint TexturePointOf(const SurfacePoint& point) const;
   bool IsCutOut(const SurfacePoint& point, float u) const;
-  void AddEscape(Path* path) const;
-  void AddEmission(const SurfacePoint& point, Path* path) const;
+  void AddEscape(Path* path);
+  void AddEmission(const SurfacePoint& point, Path* path);
+  // Adds light that came from the one light to the path, and to the light's group.
+  void AddLight(uint32_t light, const Color& radiance, Path* path) {
+    path->radiance += radiance;
+    if constexpr (kOutputs) groups_.Add(*scene_.lights, light, radiance);
+  }
+  // The same for weight times what all infinite lights together send from d.
+  void AddSky(Vec3f d, const Color& weight, const Color& radiance, Path* path) {
+    path->radiance += radiance;
+    if constexpr (kOutputs) {
+      groups_.AddSky(*scene_.lights, d, path->wavelengths, weight, radiance);
+    }
+  }
+  Rgb RgbOfSample(const Color& radiance, const Path& path) const;
   void AddDirect(const LightDraw& draw, const SurfacePoint& point, const BsdfOf<Color>& bsdf,
                  Vec3f wo_local, Vec3f light_hint, Path* path);
   // Goes on along a sampled direction. False where the path ends.
@@ -107,6 +129,8 @@ class PathTracer {
   const CompiledScene& scene_;
   Tracer& tracer_;
   RayCounts& counts_;
+  OutputSample* outputs_ = nullptr;
+  LightGroups<Color> groups_;
 };
 
 // --- Definitions ---------------------------------------------------------------------------------
@@ -119,14 +143,22 @@ FilmSample PathTracer<kTraits, Tracer>::TraceSample(int32_t x, int32_t y, uint64
   path.ray = CameraRay(sampler, x, y, &film);
   if constexpr (kSpectral) {
     path.wavelengths = Wavelengths::Sample(sampler.Get1(Slot(CameraSlot::kWavelength)));
-    Trace(sampler, &path, &film);
-    film.radiance = RgbOf(path.radiance, path.wavelengths);
-  } else {
-    Trace(sampler, &path, &film);
-    film.radiance = path.radiance;
   }
-  film.radiance *= scene_.description.film.exposure_scale;
+  Trace(sampler, &path, &film);
+  film.radiance = RgbOfSample(path.radiance, path);
+  if constexpr (kOutputs) {
+    groups_.MoveTo(outputs_, [&](const Color& sum) { return RgbOfSample(sum, path); });
+  }
   return film;
+}
+
+template <uint32_t kTraits, typename Tracer>
+Rgb PathTracer<kTraits, Tracer>::RgbOfSample(const Color& radiance, const Path& path) const {
+  if constexpr (kSpectral) {
+    return RgbOf(radiance, path.wavelengths) * scene_.description.film.exposure_scale;
+  } else {
+    return radiance * scene_.description.film.exposure_scale;
+  }
 }
 
 template <uint32_t kTraits, typename Tracer>
@@ -204,6 +236,9 @@ void PathTracer<kTraits, Tracer>::Trace(const Sampler& sampler, Path* path, Film
       }
       film->normal = point.shading.n;
       film->depth = Length(point.p - camera_o);
+      if constexpr (kOutputs) {
+        if (outputs_ != nullptr) RecordFirstHit(scene_, path->ray, point, outputs_);
+      }
     }
     if (path->depth++ == depth_max) return;
     if constexpr (kSpectral) {
@@ -264,21 +299,25 @@ bool PathTracer<kTraits, Tracer>::IsCutOut(const SurfacePoint& point, float u) c
 }
 
 template <uint32_t kTraits, typename Tracer>
-void PathTracer<kTraits, Tracer>::AddEscape(Path* path) const {
+void PathTracer<kTraits, Tracer>::AddEscape(Path* path) {
   if constexpr (Has(kTraits, Trait::kEnvironment)) {
     if (path->specular) {
-      path->radiance += path->throughput * scene_.lights->template EnvironmentRadiance<kTraits>(
-                                               path->ray.d, path->wavelengths);
+      AddSky(path->ray.d, path->throughput,
+             path->throughput * scene_.lights->template EnvironmentRadiance<kTraits>(
+                                    path->ray.d, path->wavelengths),
+             path);
       return;
     }
     const EnvironmentValueOf<Color> value = scene_.lights->template EvalEnvironment<kTraits>(
         path->from, path->from_n, path->ray.d, path->wavelengths, path->sky_place);
-    path->radiance += path->throughput * value.radiance * PowerHeuristic(path->pdf, value.pdf);
+    const float weight = PowerHeuristic(path->pdf, value.pdf);
+    AddSky(path->ray.d, path->throughput * weight, path->throughput * value.radiance * weight,
+           path);
   }
 }
 
 template <uint32_t kTraits, typename Tracer>
-void PathTracer<kTraits, Tracer>::AddEmission(const SurfacePoint& point, Path* path) const {
+void PathTracer<kTraits, Tracer>::AddEmission(const SurfacePoint& point, Path* path) {
   if constexpr (Has(kTraits, Trait::kAreaLights)) {
     if (point.emitter == kNoEmitter) return;
     const Color radiance = scene_.lights->template EmitterRadiance<Color>(
@@ -290,7 +329,7 @@ void PathTracer<kTraits, Tracer>::AddEmission(const SurfacePoint& point, Path* p
                               scene_.lights->template PdfEmitter<kTraits>(
                                   point.emitter, path->from, path->from_n, path->ray.d, point.p));
     }
-    path->radiance += path->throughput * radiance * weight;
+    AddLight(point.emitter, path->throughput * radiance * weight, path);
   }
 }
 
@@ -310,7 +349,13 @@ void PathTracer<kTraits, Tracer>::AddDirect(const LightDraw& draw, const Surface
   if (value.f_cos.IsBlack()) return;
   if (!IsVisible(point, *light, {u[3], u[0]}, path->ray.time)) return;
   const float weight = light->is_delta ? 1.0f : PowerHeuristic(light->pdf, value.pdf);
-  path->radiance += path->throughput * value.f_cos * light->radiance * (weight / light->pdf);
+  const float scale = weight / light->pdf;
+  const Color arriving = path->throughput * value.f_cos * light->radiance * scale;
+  if (light->is_infinite && !light->is_delta) {
+    AddSky(light->wi, path->throughput * value.f_cos * scale, arriving, path);
+  } else {
+    AddLight(light->light, arriving, path);
+  }
 }
 
 template <uint32_t kTraits, typename Tracer>

@@ -41,6 +41,7 @@ constexpr TraitName kTraitNames[] = {
     {Trait::kHair, "hair"},
     {Trait::kMeasured, "measured materials"},
     {Trait::kCurves, "curves"},
+    {Trait::kOutputs, "outputs"},
 };
 static_assert(std::size(kTraitNames) == kTraitCount);
 
@@ -59,6 +60,10 @@ class PlanMaker {
       wavelengths = {"asked for: spectral color", 1};
     } else if (settings.color == ColorTransport::kRgb) {
       wavelengths = {};
+    }
+    if (!settings.outputs.empty()) {
+      causes_[TraitIndex(Trait::kOutputs)] = {
+          absl::StrCat("asked for: ", FormatOutputs(settings.outputs)), 1};
     }
     return Finish(settings.force_generic_variant);
   }

@@ -32,8 +32,9 @@ enum class Trait : uint32_t {
   kHair = 1u << 13,                 // Fibres: light goes through them whatever their normals.
   kMeasured = 1u << 14,             // Reflection as measured, in files.
   kCurves = 1u << 15,               // Shapes that are curves with a width.
+  kOutputs = 1u << 16,              // More than the picture: FilmOutputs.
 };
-inline constexpr int kTraitCount = 16;
+inline constexpr int kTraitCount = 17;
 
 struct PlannedEffect {
   Trait trait{};

@@ -9,17 +9,38 @@
 
 namespace sheaf::render {
 
+// The same samples, together with what the scene's settings ask for beside them.
+template <typename Tracer>
+void RenderRowWithOutputs(const CompiledScene& scene, int32_t x0, int32_t x1, int32_t y,
+                          SampleBlock block, Tracer* tracer, PixelAccumulator* accumulator) {
+  OutputSample outputs(scene.settings.outputs);
+  tracer->set_outputs(&outputs);
+  for (int32_t x = x0; x < x1; ++x) {
+    accumulator->Begin(x, y);
+    for (uint64_t s = block.first; s < block.End(); ++s) {
+      outputs.Clear();
+      const FilmSample sample = tracer->TraceSample(x, y, s);
+      accumulator->Add(s, sample, outputs);
+    }
+    accumulator->End();
+  }
+}
+
 template <uint32_t kTraits>
 void RenderRow(const CompiledScene& scene, int32_t x0, int32_t x1, int32_t y, SampleBlock block,
                PixelAccumulator* accumulator, RayCounts* counts) {
   RayCounts local;
   PathTracer<kTraits, const EmbreeScene> tracer(scene, *scene.tracer, local);
-  for (int32_t x = x0; x < x1; ++x) {
-    accumulator->Begin(x, y);
-    for (uint64_t s = block.first; s < block.End(); ++s) {
-      accumulator->Add(s, tracer.TraceSample(x, y, s));
+  if (Has(kTraits, Trait::kOutputs) && !scene.settings.outputs.empty()) {
+    RenderRowWithOutputs(scene, x0, x1, y, block, &tracer, accumulator);
+  } else {
+    for (int32_t x = x0; x < x1; ++x) {
+      accumulator->Begin(x, y);
+      for (uint64_t s = block.first; s < block.End(); ++s) {
+        accumulator->Add(s, tracer.TraceSample(x, y, s));
+      }
+      accumulator->End();
     }
-    accumulator->End();
   }
   counts->rays += local.rays;
   counts->shadow_rays += local.shadow_rays;

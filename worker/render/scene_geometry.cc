@@ -132,6 +132,7 @@ absl::Status SceneBaker::BakeObjects() {
 absl::Status SceneBaker::BakeInstances() {
   for (const ObjectInstance& instance : scene_.instances) {
     PlacedGroup placed;
+    placed.instance = static_cast<int32_t>(&instance - scene_.instances.data());
     placed.group = static_cast<uint32_t>(instance.object) + 1;
     const GeometryGroup& group = geometry_.groups[placed.group];
     if (group.empty()) continue;

@@ -109,6 +109,7 @@ struct PlacedGroup {
   uint32_t group = 0;
   Affine render_from_group, group_from_render;  // At shutter opening where it moves.
   int32_t motion = kNone;                       // Index in SceneGeometry::motions.
+  int32_t instance = kNone;  // Index in SceneDescription::instances; none for a shape that moves.
 };
 struct GroupMotion {
   AnimatedTransform world_from_placed;

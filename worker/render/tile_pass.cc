@@ -30,13 +30,14 @@ absl::StatusOr<FilmTile> RenderTilePass(const CompiledScene& scene, PixelRect ti
   const double start_seconds = ThreadCpuSeconds();
   const RenderRowFunction render_row =
       RowFunctionOf(ChooseVariant(scene.plan.traits, scene.settings.force_generic_variant));
-  FilmTile film(tile, block);
+  FilmTile film(tile, block, scene.settings.outputs);
   PixelAccumulator accumulator(&film);
   RayCounts counts;
   for (int32_t y = tile.y0; y < tile.y1; ++y) {
     if (stop.stop_requested()) return absl::CancelledError("the tile pass was stopped");
     render_row(scene, tile.x0, tile.x1, y, block, &accumulator, &counts);
   }
+  if (scene.settings.outputs.HasIds()) scene.ids.NameAll(scene.description, &film);
   if (stats != nullptr) {
     stats->samples = static_cast<uint64_t>(tile.PixelCount()) * block.count;
     stats->rays = counts.rays;

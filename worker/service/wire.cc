@@ -69,7 +69,7 @@ absl::Status CheckLease(const Lease& lease) {
   return CheckDigest(lease.scene);
 }
 
-Lease FromWire(const v1::Lease& message) {
+absl::StatusOr<Lease> FromWire(const v1::Lease& message) {
   Lease lease;
   lease.lease_id = message.lease_id();
   lease.attempt = message.attempt();
@@ -78,7 +78,10 @@ Lease FromWire(const v1::Lease& message) {
   lease.tile = sheaf::FromWire(message.key().tile());
   lease.block = {message.key().block().first(), message.key().block().count()};
   lease.scene = {message.scene().sha256_hex(), message.scene().size_bytes()};
-  lease.settings = sheaf::FromWire(message.settings());
+  absl::StatusOr<FrameSettings> settings = sheaf::FromWire(message.settings());
+  if (!settings.ok()) return settings.status();
+  lease.settings = *std::move(settings);
+  if (absl::Status status = CheckLease(lease); !status.ok()) return status;
   return lease;
 }
 
@@ -137,11 +140,12 @@ v1::ResultHeader ToWire(const FinishedPart& part, const std::string& worker_id) 
 absl::StatusOr<DesiredState> FromWire(const v1::SynchronizeResponse& response) {
   DesiredState state;
   for (const v1::Lease& message : response.leases()) {
-    Lease lease = FromWire(message);
-    if (absl::Status status = CheckLease(lease); !status.ok()) {
-      return Annotate(status, absl::StrCat("lease ", lease.lease_id, " of ", lease.frame_name));
+    absl::StatusOr<Lease> lease = FromWire(message);
+    if (!lease.ok()) {
+      return Annotate(lease.status(),
+                      absl::StrCat("lease ", message.lease_id(), " of ", message.frame_name()));
     }
-    state.leases.push_back(std::move(lease));
+    state.leases.push_back(*std::move(lease));
   }
   state.next_synchronize = std::clamp(FromWire(response.next_synchronize_duration()),
                                       kNextSynchronizeMin, kNextSynchronizeMax);

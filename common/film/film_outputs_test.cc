@@ -1,0 +1,260 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "common/film/film_outputs.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <random>
+
+#include "common/film/exr_codec.h"
+#include "common/film/film.h"
+#include "common/film/film_test_samples.h"
+
+namespace sheaf {
+namespace {
+
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+
+constexpr PixelRect kRect{3, 5, 8, 9};
+constexpr PixelRect kOnePixel{0, 0, 1, 1};
+
+FilmOutputs AllOutputs() {
+  FilmOutputs outputs;
+  for (size_t i = 0; i < kAovCount; ++i) outputs.Add(static_cast<Aov>(i));
+  outputs.light_groups = {"default", "key_1"};
+  return outputs;
+}
+
+OutputSample MakeTestOutputs(const FilmOutputs& outputs, int32_t x, int32_t y, uint64_t n,
+                             float alpha) {
+  OutputSample sample(outputs);
+  uint64_t key = (static_cast<uint64_t>(x) * 1000 + static_cast<uint64_t>(y)) * 100'000 + n * 50;
+  for (float& mean : sample.means) mean = alpha * (HashToUnit(key++) - 0.3f) * 1000;
+  return sample;
+}
+
+FilmTile MakeTile(const FilmOutputs& outputs, PixelRect rect, SampleBlock block) {
+  FilmTile tile(rect, block, outputs);
+  PixelAccumulator accumulator(&tile);
+  for (int32_t y = rect.y0; y < rect.y1; ++y) {
+    for (int32_t x = rect.x0; x < rect.x1; ++x) {
+      accumulator.Begin(x, y);
+      for (uint64_t n = block.first; n < block.End(); ++n) {
+        const FilmSample sample = MakeTestSample(x, y, n);
+        accumulator.Add(n, sample, MakeTestOutputs(outputs, x, y, n, sample.alpha));
+      }
+      accumulator.End();
+    }
+  }
+  return tile;
+}
+
+// The first `count` samples of a tile in blocks of random sizes and a random order, each through
+// the bytes of a part.
+FilmTile MergeRandomCut(const FilmOutputs& outputs, uint64_t count, std::mt19937* random) {
+  std::vector<SampleBlock> blocks;
+  for (const SampleBlock& whole : CutSamples(0, count, uint64_t{1} << 40)) {
+    const auto cut = [&](const auto& self, SampleBlock block) -> void {
+      if (block.count == 1 || (*random)() % 3 == 0) return blocks.push_back(block);
+      self(self, {block.first, block.count / 2});
+      self(self, {block.first + block.count / 2, block.count / 2});
+    };
+    cut(cut, whole);
+  }
+  std::shuffle(blocks.begin(), blocks.end(), *random);
+  TileTree tree(kRect);
+  for (const SampleBlock& block : blocks) {
+    absl::StatusOr<DecodedPart> part =
+        DecodePart(EncodePart(MakeTile(outputs, kRect, block), {"digest", "profile"}));
+    EXPECT_TRUE(part.ok()) << part.status();
+    EXPECT_TRUE(tree.Insert(std::move(part->tile)).ok());
+  }
+  return tree.Root();
+}
+
+// Merged as the canonical tree says, in one go.
+FilmTile MergeWhole(const FilmOutputs& outputs, uint64_t count) {
+  TileTree tree(kRect);
+  for (const SampleBlock& block : CutSamples(0, count, uint64_t{1} << 40)) {
+    EXPECT_TRUE(tree.Insert(MakeTile(outputs, kRect, block)).ok());
+  }
+  return tree.Root();
+}
+
+FramePicture Develop(const FilmTile& tile) {
+  FramePicture picture =
+      MakeFramePicture(tile.rect(), tile.rect().x1, tile.rect().y1, tile.outputs());
+  DevelopTile(tile, &picture);
+  return picture;
+}
+
+TEST(FilmOutputsTest, AnyCutOfTheSamplesGivesTheSameBits) {
+  std::mt19937 random(7);
+  for (const uint64_t count : {1u, 16u, 21u, 76u}) {
+    const FilmTile whole = MergeWhole(AllOutputs(), count);
+    const std::string digest = PictureDigest(Develop(whole));
+    for (int i = 0; i < 8; ++i) {
+      const FilmTile merged = MergeRandomCut(AllOutputs(), count, &random);
+      EXPECT_EQ(merged, whole);
+      EXPECT_TRUE(SameBits(merged, whole));
+      EXPECT_EQ(PictureDigest(Develop(merged)), digest);
+    }
+  }
+}
+
+// Asking for more changes no bit of what was there.
+TEST(FilmOutputsTest, ThePictureStaysAsItIs) {
+  const FilmTile plain = MakeTestTile(kRect, {0, 32});
+  EXPECT_TRUE(SameBits(MakeTile(AllOutputs(), kRect, {0, 32}), plain));
+  EXPECT_EQ(EncodePart(plain, {}).find("sheaf:outputs"), std::string::npos);
+}
+
+TEST(FilmOutputsTest, MeansAreOverTheSamplesThatMetASurface) {
+  FilmOutputs outputs;
+  outputs.Add(Aov::kPosition);
+  outputs.Add(Aov::kGeometricNormal);
+  FilmTile tile(kOnePixel, {0, 4}, outputs);
+  PixelAccumulator accumulator(&tile);
+  accumulator.Begin(0, 0);
+  const float x[] = {2, 0, 6, 7};
+  for (uint64_t n = 0; n < 4; ++n) {
+    FilmSample sample;
+    sample.alpha = n == 1 ? 0.0f : 1.0f;
+    OutputSample extra(outputs);
+    if (n != 1) extra.means = {x[n], -1, 1e6f, n == 0 ? 1.0f : 0.0f, n == 0 ? 0.0f : 1.0f, 0};
+    accumulator.Add(n, sample, extra);
+  }
+  accumulator.End();
+  const FramePicture picture = Develop(tile);
+  EXPECT_THAT(*picture.Find("P.X"), ElementsAre(5));
+  EXPECT_THAT(*picture.Find("P.Y"), ElementsAre(-1));
+  EXPECT_THAT(*picture.Find("P.Z"), ElementsAre(1e6f));
+  // The direction of (1, 0, 0) + 2 (0, 1, 0).
+  EXPECT_FLOAT_EQ((*picture.Find("N.X"))[0], 1 / std::sqrt(5.0f));
+  EXPECT_FLOAT_EQ((*picture.Find("N.Y"))[0], 2 / std::sqrt(5.0f));
+  EXPECT_EQ(picture.Find("motion.X"), nullptr);
+}
+
+// Positions far from the origin: a float sum of 2^14 of them would lose 14 of their bits.
+TEST(FilmOutputsTest, SumsKeepTheBitsOfManySamples) {
+  FilmOutputs outputs;
+  outputs.Add(Aov::kUv);
+  constexpr uint64_t kCount = 1 << 14;
+  FilmTile tile(kOnePixel, {0, kCount}, outputs);
+  PixelAccumulator accumulator(&tile);
+  accumulator.Begin(0, 0);
+  double sum = 0;
+  for (uint64_t n = 0; n < kCount; ++n) {
+    FilmSample sample;
+    sample.alpha = 1;
+    OutputSample extra(outputs);
+    extra.means = {1e6f + HashToUnit(n), 0};
+    sum += static_cast<double>(extra.means[0]);
+    accumulator.Add(n, sample, extra);
+  }
+  accumulator.End();
+  EXPECT_EQ((*Develop(tile).Find("u"))[0], static_cast<float>(sum / kCount));
+}
+
+TEST(FilmOutputsTest, SampleThatIsNotFiniteCountsInNoSum) {
+  FilmOutputs outputs;
+  outputs.Add(Aov::kUv);
+  FilmTile tile(kOnePixel, {0, 2}, outputs);
+  PixelAccumulator accumulator(&tile);
+  accumulator.Begin(0, 0);
+  for (uint64_t n = 0; n < 2; ++n) {
+    FilmSample sample;
+    sample.alpha = 1;
+    sample.radiance = Rgb::Grey(1);
+    OutputSample extra(outputs);
+    extra.means = {0.5f, n == 0 ? 0.25f : std::numeric_limits<float>::quiet_NaN()};
+    accumulator.Add(n, sample, extra);
+  }
+  accumulator.End();
+  const FramePicture picture = Develop(tile);
+  EXPECT_THAT(*picture.Find("nonfinite"), ElementsAre(1));
+  EXPECT_THAT(*picture.Find("samples"), ElementsAre(1));
+  EXPECT_THAT(*picture.Find("v"), ElementsAre(0.25f));
+}
+
+TEST(FilmOutputsTest, PicturesHaveTheChannelsThatAreCounted) {
+  EXPECT_EQ(PictureChannelCount({}), kPictureChannelCountMin);
+  EXPECT_EQ(PictureChannelCount(AllOutputs()), kPictureChannelCountMin + 13 + 6);
+}
+
+TEST(FilmOutputsTest, TextTellsAll) {
+  FilmOutputs outputs = AllOutputs();
+  outputs.camera_space = true;
+  EXPECT_EQ(
+      FormatOutputs(outputs),
+      "position,normal-geometric,normal-shading,uv,motion,space:camera,light:default,light:key_1");
+  EXPECT_EQ(*ParseOutputs(FormatOutputs(outputs)), outputs);
+  EXPECT_TRUE(ParseOutputs("")->empty());
+  for (const char* text : {"uv,position", "uv,uv", "p", ",", "uv,", "UV", "light:",
+                           "light:b,light:a", "light:a,light:a", "light:r07", "light:Albedo"}) {
+    EXPECT_FALSE(ParseOutputs(text).ok()) << text;
+  }
+}
+
+TEST(FilmOutputsTest, NamesOfTheCommandLine) {
+  FilmOutputs outputs;
+  ASSERT_TRUE(AddAovs("uv,albedo,position", &outputs).ok());
+  EXPECT_EQ(FormatOutputs(outputs), "position,uv");
+  const absl::Status status = AddAovs("uvs", &outputs);
+  EXPECT_EQ(status.code(), absl::StatusCode::kInvalidArgument);
+  EXPECT_THAT(std::string(status.message()), HasSubstr("normal-geometric"));
+}
+
+// A share of the light counts where nothing was met, too.
+TEST(FilmOutputsTest, LightGroupsAreMeansOverAllSamples) {
+  FilmOutputs outputs;
+  outputs.light_groups = {"key", "rim"};
+  FilmTile tile(kOnePixel, {0, 2}, outputs);
+  PixelAccumulator accumulator(&tile);
+  accumulator.Begin(0, 0);
+  for (uint64_t n = 0; n < 2; ++n) {
+    FilmSample sample;
+    sample.alpha = n == 0 ? 1.0f : 0.0f;
+    OutputSample extra(outputs);
+    extra.means = {1, 2, 3, n == 0 ? 0.0f : 5.0f, 0, 0};
+    accumulator.Add(n, sample, extra);
+  }
+  accumulator.End();
+  const FramePicture picture = Develop(tile);
+  EXPECT_THAT(*picture.Find("key.G"), ElementsAre(2));
+  EXPECT_THAT(*picture.Find("rim.R"), ElementsAre(2.5f));
+}
+
+TEST(FilmOutputsTest, NamesOfLightGroups) {
+  for (const char* name : {"key", "Key-2", "a_b", "rim"}) EXPECT_EQ(WhyNotLightGroup(name), "");
+  for (const std::string name : {"", "a.b", "a,b", "a b", "albedo", "lo", "N", "CryptoObject00"}) {
+    EXPECT_NE(WhyNotLightGroup(name), "") << name;
+  }
+  EXPECT_NE(WhyNotLightGroup(std::string(65, 'a')), "");
+  // Longer than the 31 bytes of early EXR files.
+  FilmOutputs outputs;
+  outputs.light_groups = {std::string(64, 'a')};
+  const FilmTile tile = MakeTile(outputs, kRect, {0, 1});
+  const absl::StatusOr<DecodedPart> part = DecodePart(EncodePart(tile, {}));
+  ASSERT_TRUE(part.ok()) << part.status();
+  EXPECT_EQ(part->tile, tile);
+}
+
+TEST(FilmOutputsTest, PartWithWrongOutputsIsRefused) {
+  FilmOutputs outputs;
+  outputs.Add(Aov::kUv);
+  std::string bytes = EncodePart(MakeTile(outputs, kRect, {0, 2}), {});
+  const size_t at = bytes.find("sheaf:outputs");
+  ASSERT_NE(at, std::string::npos);
+  const size_t text = bytes.find("uv", at);
+  bytes.replace(text, 2, "xv");
+  EXPECT_EQ(DecodePart(bytes).status().code(), absl::StatusCode::kInvalidArgument);
+}
+
+}  // namespace
+}  // namespace sheaf

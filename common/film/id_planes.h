@@ -1,0 +1,34 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// How lists of ids (id_sums.h) travel in the planes of a part: place k of all lists is three
+// planes, id + 1 (0 where the list is shorter) and the weight as a double-float; names are a text.
+#pragma once
+
+#include <cstddef>
+#include <map>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "common/film/film_outputs.h"
+#include "common/film/id_sums.h"
+
+namespace sheaf {
+
+// "ids.object.000.id", "ids.object.000.W", "ids.object.000.lo", "ids.object.001.id" ...
+std::string IdPlaneName(IdKind kind, size_t plane);
+bool IsIdPlaneName(IdKind kind, std::string_view name);
+
+// As many planes as the longest list takes, each over all pixels.
+std::vector<std::vector<float>> IdPlanes(const IdSums& ids);
+// "NUMBER NAME" a line, with C escapes.
+std::string NamesText(const std::map<uint32_t, std::string>& names);
+
+// Back from untrusted planes and text. Requires: ids->pixels are as many lists, empty, as a plane
+// has pixels. Errors: kInvalidArgument for what IdPlanes and NamesText never write.
+absl::Status ReadIds(const std::string& names_text, const std::vector<std::vector<float>>& planes,
+                     IdSums* ids);
+
+}  // namespace sheaf

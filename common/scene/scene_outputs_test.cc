@@ -1,0 +1,52 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// What a scene file asks for besides its picture.
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+#include <string>
+
+#include "common/scene/file_source.h"
+#include "common/scene/scene_reader.h"
+
+namespace sheaf {
+namespace {
+
+absl::StatusOr<ReadSceneResult> Read(const std::string& text) {
+  const std::string directory = ::testing::TempDir() + "sheaf-scene-outputs";
+  std::filesystem::create_directories(directory);
+  std::ofstream(directory + "/main.pbrt") << text;
+  DirectoryFileSource files(directory);
+  return ReadScene("main.pbrt", files);
+}
+
+std::string OutputsOf(const std::string& film) {
+  const absl::StatusOr<ReadSceneResult> result = Read(film + "\nWorldBegin\n");
+  EXPECT_TRUE(result.ok()) << result.status();
+  return result.ok() ? FormatOutputs(result->scene.film.outputs) : "";
+}
+
+TEST(SceneOutputsTest, GeometryBufferAsksForOutputs) {
+  EXPECT_EQ(OutputsOf("Film \"rgb\""), "");
+  EXPECT_EQ(OutputsOf("Film \"gbuffer\""),
+            "position,normal-geometric,normal-shading,uv,space:camera");
+  EXPECT_EQ(OutputsOf("Film \"gbuffer\" \"string coordinatesystem\" \"world\""),
+            "position,normal-geometric,normal-shading,uv");
+  EXPECT_FALSE(Read("Film \"gbuffer\" \"string coordinatesystem\" \"here\"\nWorldBegin\n").ok());
+}
+
+TEST(SceneOutputsTest, LightsHaveGroups) {
+  const absl::StatusOr<ReadSceneResult> result = Read(
+      "WorldBegin\nLightSource \"point\" \"string lightgroup\" \"key\"\n"
+      "LightSource \"infinite\"\n"
+      "AreaLightSource \"diffuse\" \"string lightgroup\" \"Panel-2\"\nShape \"sphere\"\n");
+  ASSERT_TRUE(result.ok()) << result.status();
+  EXPECT_EQ(result->scene.lights[0].group, "key");
+  EXPECT_EQ(result->scene.lights[1].group, "default");
+  EXPECT_EQ(result->scene.area_lights[0].group, "Panel-2");
+}
+
+}  // namespace
+}  // namespace sheaf

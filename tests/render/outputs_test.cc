@@ -1,0 +1,261 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Outputs of small scenes whose values are known: what the tracer records of first surfaces, light
+// groups, and ids with their names.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <bit>
+#include <cmath>
+#include <string>
+#include <vector>
+
+#include "common/film/cryptomatte.h"
+#include "common/film/film.h"
+#include "tests/support/test_scene.h"
+
+namespace sheaf::render {
+namespace {
+
+using ::testing::ElementsAre;
+
+constexpr int32_t kSizePx = 16;
+
+FramePicture RenderPicture(const SceneDescription& scene, const FrameSettings& settings) {
+  const CompiledScenePtr compiled = Compile(scene, settings);
+  const FilmTile tile = RenderAll(*compiled);
+  FramePicture picture =
+      MakeFramePicture(settings.window, settings.width_px, settings.height_px, settings.outputs);
+  DevelopTile(tile, &picture);
+  NoteNames(tile, &picture);
+  return picture;
+}
+
+float At(const FramePicture& picture, const char* channel, int32_t x, int32_t y) {
+  const std::vector<float>* plane = picture.Find(channel);
+  EXPECT_NE(plane, nullptr) << channel;
+  return plane == nullptr ? 0 : (*plane)[static_cast<size_t>(y * kSizePx + x)];
+}
+
+// A camera at (5, 0, -2) looks along +z at the wall z = 0, which fills the view: half its width is
+// 2 * tan 45 degrees = 2, a pixel 0.25.
+TestScene Wall() {
+  TestScene t({5, 0, -2}, {5, 0, 0}, 90);
+  const int32_t mesh = t.Quad({0, -5, 0}, {0, 5, 0}, {10, 5, 0}, {10, -5, 0});
+  t.scene.meshes[static_cast<size_t>(mesh)].uvs = {{0, 0}, {0, 1}, {1, 1}, {1, 0}};
+  t.AddShape(MeshShape{mesh}, t.Diffuse(Rgb::Grey(0.5f)));
+  t.ConstantEnvironment(Rgb::Grey(1));
+  return t;
+}
+
+TEST(OutputsTest, FirstSurfaceInWorldSpace) {
+  FrameSettings settings = SquareSettings(kSizePx, 64, 1);
+  for (const Aov aov : {Aov::kPosition, Aov::kGeometricNormal, Aov::kShadingNormal, Aov::kUv}) {
+    settings.outputs.Add(aov);
+  }
+  const FramePicture picture = RenderPicture(Wall().scene, settings);
+  // A pixel's samples are spread over it; 64 points of a Sobol' sequence have their mean within
+  // 1/64 of a pixel of its middle. Pixel (3, 12) is 4.5 to the left and below; x grows to the
+  // right of the left-handed camera.
+  const float tolerance = 0.25f / 64;
+  EXPECT_NEAR(At(picture, "P.X", 3, 12), 5 - 4.5 * 0.25, tolerance);
+  EXPECT_NEAR(At(picture, "P.Y", 3, 12), -4.5 * 0.25, tolerance);
+  EXPECT_EQ(At(picture, "P.Z", 3, 12), 0);
+  EXPECT_NEAR(At(picture, "u", 3, 12), (5 - 4.5 * 0.25) / 10, tolerance / 10);
+  EXPECT_NEAR(At(picture, "v", 3, 12), (5 - 4.5 * 0.25) / 10, tolerance / 10);
+  // Towards the viewer, whichever side the mesh calls its front.
+  for (const char* channel : {"N.Z", "Ns.Z"}) EXPECT_EQ(At(picture, channel, 3, 12), -1);
+  EXPECT_EQ(At(picture, "N.X", 3, 12), 0);
+}
+
+TEST(OutputsTest, FirstSurfaceInCameraSpace) {
+  FrameSettings settings = SquareSettings(kSizePx, 16, 1);
+  settings.outputs.Add(Aov::kPosition);
+  settings.outputs.Add(Aov::kGeometricNormal);
+  settings.outputs.camera_space = true;
+  TestScene t = Wall();
+  t.SetCamera({5, 0, -2}, {5, 0, 0}, 90, {1, 0, 0});  // Rolled: up is world x.
+  const FramePicture picture = RenderPicture(t.scene, settings);
+  EXPECT_NEAR(At(picture, "P.Y", 3, 12), -4.5 * 0.25, 0.02);
+  EXPECT_NEAR(At(picture, "P.X", 3, 12), -4.5 * 0.25, 0.02);
+  EXPECT_NEAR(At(picture, "P.Z", 3, 12), 2, 1e-6);
+  EXPECT_EQ(At(picture, "N.Z", 3, 12), -1);
+}
+
+// The wall moves by (0.5, 0.25) while the shutter is open: 2 pixels right and 1 up, at every time.
+TEST(OutputsTest, MotionOfSurfaceAndCamera) {
+  FrameSettings settings = SquareSettings(kSizePx, 16, 1);
+  settings.outputs.Add(Aov::kMotion);
+  TestScene t = Wall();
+  EXPECT_EQ(At(RenderPicture(t.scene, settings), "motion.X", 8, 8), 0);
+  t.scene.camera.shutter_close = 1;
+  TransformOverTime& moving = t.scene.shapes[0].world_from_object;
+  moving.end = TranslateMatrix({0.5, 0.25, 0});
+  FramePicture picture = RenderPicture(t.scene, settings);
+  EXPECT_NEAR(At(picture, "motion.X", 4, 9), 2, 1e-4);
+  EXPECT_NEAR(At(picture, "motion.Y", 4, 9), -1, 1e-4);
+  // A camera that moves along with it sees nothing move.
+  t.scene.camera.world_from_camera.end =
+      TranslateMatrix({0.5, 0.25, 0}) * t.scene.camera.world_from_camera.start;
+  picture = RenderPicture(t.scene, settings);
+  EXPECT_NEAR(At(picture, "motion.X", 4, 9), 0, 1e-4);
+  EXPECT_NEAR(At(picture, "motion.Y", 4, 9), 0, 1e-4);
+}
+
+TestScene RoomWithGroups() {
+  TestScene t = LitRoom(1);
+  t.scene.area_lights[0].group = "ceiling";
+  PointLight lamp;
+  lamp.intensity.rgb = {0.5f, 0.1f, 0.1f};
+  lamp.from = {0.4f, 0, -0.5f};
+  t.scene.lights.push_back({lamp, {}, {}, {}, "lamp"});
+  return t;
+}
+
+FrameSettings GroupSettings(const SceneDescription& scene, ColorTransport color) {
+  RenderSettings asked;
+  asked.light_groups = true;
+  SceneDescription sized = scene;
+  sized.film.width_px = sized.film.height_px = kSizePx;
+  absl::StatusOr<FrameSettings> settings = ResolveSettings(sized, asked);
+  EXPECT_TRUE(settings.ok()) << settings.status();
+  settings->color = color;
+  settings->samples = 32;
+  settings->max_depth = 4;
+  return *settings;
+}
+
+// Whether the groups add up to the picture, and each of `names` contributes.
+void ExpectGroupsAddUp(const SceneDescription& scene, const std::vector<std::string>& names) {
+  for (const ColorTransport color : {ColorTransport::kRgb, ColorTransport::kSpectral}) {
+    const FrameSettings settings = GroupSettings(scene, color);
+    ASSERT_EQ(settings.outputs.light_groups, names);
+    const FramePicture picture = RenderPicture(scene, settings);
+    for (const char* component : {"R", "G", "B"}) {
+      std::vector<double> totals(names.size());
+      for (int32_t y = 0; y < kSizePx; ++y) {
+        for (int32_t x = 0; x < kSizePx; ++x) {
+          double sum = 0, magnitude = 0;
+          for (size_t i = 0; i < names.size(); ++i) {
+            const double value =
+                static_cast<double>(At(picture, (names[i] + "." + component).c_str(), x, y));
+            sum += value;
+            magnitude += std::fabs(value);
+            totals[i] += value;
+          }
+          EXPECT_NEAR(sum, At(picture, component, x, y), 1e-5 * magnitude + 1e-7);
+        }
+      }
+      for (size_t i = 0; i < names.size(); ++i) EXPECT_GT(totals[i], 0.1) << names[i];
+    }
+  }
+}
+
+TEST(OutputsTest, LightGroupsAddUpToThePicture) {
+  ExpectGroupsAddUp(RoomWithGroups().scene, {"ceiling", "lamp"});
+}
+
+TEST(OutputsTest, SkiesThatOverlapShareTheLight) {
+  TestScene t = Wall();
+  t.ConstantEnvironment({0.2f, 0.4f, 0.8f});
+  t.scene.lights[1].group = "blue";
+  DistantLight sun;
+  sun.radiance.rgb = Rgb::Grey(2);
+  sun.from = {0, 0, -1};
+  sun.to = {0, 0, 0};
+  t.scene.lights.push_back({sun, {}, {}, {}, "sun"});
+  ExpectGroupsAddUp(t.scene, {"blue", "default", "sun"});
+  // Without scattering between them the two skies differ by their colours alone.
+  const FrameSettings settings = GroupSettings(t.scene, ColorTransport::kRgb);
+  const FramePicture picture = RenderPicture(t.scene, settings);
+  EXPECT_NEAR(At(picture, "blue.G", 5, 5), 0.4 * At(picture, "default.G", 5, 5), 1e-5);
+}
+
+// A group's light is what the scene shows with all other lights put out.
+TEST(OutputsTest, GroupIsThePictureOfItsLightsAlone) {
+  const TestScene both = RoomWithGroups();
+  FrameSettings settings = GroupSettings(both.scene, ColorTransport::kRgb);
+  settings.samples = 256;
+  const FramePicture picture = RenderPicture(both.scene, settings);
+  TestScene alone = both;
+  alone.scene.lights.clear();
+  settings.outputs = {};
+  const TileMean mean = RenderMean(alone.scene, settings);
+  double sum = 0;
+  for (const float value : *picture.Find("ceiling.G")) sum += static_cast<double>(value);
+  EXPECT_NEAR(sum / (kSizePx * kSizePx), mean.mean.g,
+              8 * static_cast<double>(mean.standard_error.g));
+}
+
+TEST(OutputsTest, PictureKeepsItsBits) {
+  for (const ColorTransport color : {ColorTransport::kRgb, ColorTransport::kSpectral}) {
+    const TestScene t = RoomWithGroups();
+    FrameSettings settings = GroupSettings(t.scene, color);
+    for (size_t i = 0; i < kAovCount; ++i) settings.outputs.Add(static_cast<Aov>(i));
+    settings.outputs.AddCryptomatte(IdKind::kObject);
+    const FramePicture with = RenderPicture(t.scene, settings);
+    settings.outputs = {};
+    const FramePicture without = RenderPicture(t.scene, settings);
+    for (size_t i = 0; i < without.planes.size(); ++i) {
+      EXPECT_EQ(*with.Find(without.channel_names[i]), without.planes[i])
+          << without.channel_names[i];
+    }
+  }
+}
+
+// Two balls of one definition left and right of the middle, before the wall.
+TestScene Balls() {
+  TestScene t = Wall();
+  t.scene.files = {"room.pbrt", "wall.pbrt"};
+  t.scene.shapes[0].location = {1, 12, 3};
+  const int32_t paint = t.Diffuse(Rgb::Grey(0.3f));
+  t.scene.materials[static_cast<size_t>(paint)].name = "paint";
+  t.scene.materials[0].location = {0, 4, 1};
+  t.AddLooseShape(SphereShape{0.5f, -0.5f, 0.5f, 360}, paint);
+  t.scene.objects.push_back({"ball", {1}, {}});
+  for (const double x : {4.0, 6.0}) {
+    ObjectInstance instance;
+    instance.object = 0;
+    instance.world_from_instance.start = instance.world_from_instance.end =
+        TranslateMatrix({x, 0, -0.5});
+    t.scene.instances.push_back(instance);
+  }
+  return t;
+}
+
+TEST(OutputsTest, IdsAndTheirNames) {
+  FrameSettings settings = SquareSettings(kSizePx, 16, 1);
+  for (const IdKind kind : {IdKind::kObject, IdKind::kMaterial, IdKind::kAsset}) {
+    settings.outputs.AddCryptomatte(kind);
+    settings.outputs.AddIdNumber(kind);
+  }
+  const FramePicture picture = RenderPicture(Balls().scene, settings);
+  EXPECT_THAT(picture.id_names[0], ElementsAre("ball#1", "ball#2", "wall.pbrt:12:3"));
+  EXPECT_THAT(picture.id_names[1], ElementsAre("paint", "room.pbrt:4:1"));
+  EXPECT_THAT(picture.id_names[2], ElementsAre("ball", "wall.pbrt"));
+  const auto is = [&](const char* channel, int32_t x, const char* name) {
+    const float id = At(picture, channel, x, 8);
+    return std::bit_cast<uint32_t>(id) == CryptomatteIdBits(name);
+  };
+  // A ball's middle is 1 off the axis at a depth of 1.5: 5.3 pixels from that of the picture.
+  EXPECT_TRUE(is("CryptoObject00.R", 2, "ball#1"));
+  EXPECT_TRUE(is("CryptoObject00.R", 13, "ball#2"));
+  EXPECT_TRUE(is("CryptoObject00.R", 8, "wall.pbrt:12:3"));
+  EXPECT_TRUE(is("CryptoMaterial00.R", 13, "paint"));
+  EXPECT_TRUE(is("CryptoAsset00.R", 2, "ball"));
+  EXPECT_EQ(At(picture, "CryptoObject00.G", 8, 8), 1);
+  EXPECT_EQ(At(picture, "objectId", 2, 8), 3);
+  EXPECT_EQ(At(picture, "materialId", 2, 8), 2);
+  // Coverage of a pixel is complete, as the wall is behind everything.
+  for (int32_t x = 0; x < kSizePx; ++x) {
+    float coverage = At(picture, "rest.CryptoObject", x, 7);
+    for (const char* channel : {"CryptoObject00.G", "CryptoObject00.A", "CryptoObject01.G"}) {
+      coverage += At(picture, channel, x, 7);
+    }
+    EXPECT_NEAR(coverage, 1, 1e-6);
+  }
+}
+
+}  // namespace
+}  // namespace sheaf::render
