@@ -66,7 +66,7 @@ class PathTracer {
     bool hero_alone = false;          // Spectral: after dispersion.
     bool specular = true;             // No light sampling could have found what the ray meets.
     float pdf = 0;                    // Of the ray's direction, where not specular.
-    Vec3f from, from_n;               // Where light sampling stood, and its hint.
+    Vec3f from, from_n;               // Where the ray began, and the hint of light sampling there.
     EnvironmentMap::Place sky_place;  // Of the ray's direction, once scattered.
   };
 
@@ -116,6 +116,7 @@ FilmSample PathTracer<kTraits, Tracer>::TraceSample(int32_t x, int32_t y, uint64
   FilmSample film;
   Path path;
   path.ray = CameraRay(sampler, x, y, &film);
+  if constexpr (Has(kTraits, Trait::kEnvironment)) path.from = path.ray.o;
   if constexpr (kSpectral) {
     path.wavelengths = Wavelengths::Sample(sampler.Get1(Slot(CameraSlot::kWavelength)));
     Trace(sampler, &path, &film);
@@ -267,7 +268,7 @@ void PathTracer<kTraits, Tracer>::AddEscape(Path* path) const {
   if constexpr (Has(kTraits, Trait::kEnvironment)) {
     if (path->specular) {
       path->radiance += path->throughput * scene_.lights->template EnvironmentRadiance<kTraits>(
-                                               path->ray.d, path->wavelengths);
+                                               path->from, path->ray.d, path->wavelengths);
       return;
     }
     const EnvironmentValueOf<Color> value = scene_.lights->template EvalEnvironment<kTraits>(
