@@ -155,9 +155,10 @@ LightTree::Weights LightTree::Weigh(const Node& node, const Receiver& receiver) 
   const Lanes cos_light = is_within ? All(1) : cos_axis * cos_around + sin_axis * sin_around;
   const Lanes cos_emission = (1 / kEmissionSteps) * ToFloats(emission & 255) - kCosineSlack;
 
-  // The mean cosine of the lights: that with one normal is as it is, normals over a hemisphere have
-  // 1/2 along its axis, those over the sphere 1/4; the smooth curve between is within a tenth of
-  // either. As seen from p, the box turns the normals it holds further apart.
+  // The mean cosine of the lights: one normal has it as it is, normals over a hemisphere have 1/2
+  // along its axis, those over the sphere 1/4. The smooth curve between is within a quarter of the
+  // truth, for lights of two sides within a third. As seen from p, the box turns the normals it
+  // holds further apart.
   const auto mean = Load<UnsignedShortLanes>(node.mean);
   const Lanes gathered = (1 / kMeanSteps) * ToFloats(mean & 255) * cos_sphere;
   const Lanes along = gathered * cos_signed;
