@@ -2,7 +2,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "common/scene/light_parameters.h"
 
+#include <cmath>
 #include <utility>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "common/scene/color_parameters.h"
@@ -53,13 +55,38 @@ std::string GetFile(ParameterList& parameters, FileSource& files) {
   return file;
 }
 
+// Corners of a rectangle, empty where there is no portal or that was reported.
+std::vector<Vec3d> GetPortal(ParameterList& parameters) {
+  std::vector<Vec3d> corners;
+  for (const Vec3f& corner : parameters.GetTriples("portal", ParameterType::kPoint3)) {
+    corners.push_back(ToDouble(corner));
+  }
+  if (corners.empty()) return corners;
+  // Of cosines, as pbrt-v4 has it. False also where an edge has no length.
+  constexpr double kTolerance = 1e-3;
+  const auto is_cosine = [](Vec3d a, Vec3d b, double expected) {
+    return std::fabs(Dot(a, b) / (Length(a) * Length(b)) - expected) <= kTolerance;
+  };
+  if (corners.size() != 4 || !(is_cosine(corners[3] - corners[0], corners[2] - corners[1], 1) &&
+                               is_cosine(corners[1] - corners[0], corners[2] - corners[3], 1) &&
+                               is_cosine(corners[1] - corners[0], corners[3] - corners[0], 0))) {
+    parameters.ErrorAt(*parameters.Find("portal"),
+                       "is no rectangle; give its four corners in order around it");
+    corners.clear();
+  }
+  return corners;
+}
+
 InfiniteLight GetInfinite(ParameterList& parameters, FileSource& files) {
   InfiniteLight light;
   light.radiance = GetColor(parameters, "L", ColorRole::kIlluminant, White(), files);
   light.illuminance_lx = parameters.GetFloat("illuminance", -1);
   light.file = GetFile(parameters, files);
-  parameters.RejectUnsupported("portal",
-                               "Sheaf has no portals; remove it, the picture is the same");
+  light.portal = GetPortal(parameters);
+  if (light.file.empty() && !light.portal.empty()) {
+    parameters.ErrorAt(*parameters.Find("portal"),
+                       "needs the picture that is seen through it; give \"string filename\" a map");
+  }
   if (!light.file.empty() && parameters.Has("L")) {
     parameters.ErrorAt(*parameters.Find("filename"), "excludes \"L\"; give one or the other");
   }

@@ -281,6 +281,9 @@ struct InfiniteLight {
   ColorSpec radiance;         // Used where file is empty.
   std::string file;           // Equal-area (Clarberg 2008) square map.
   float illuminance_lx = -1;  // > 0: scales so that the map gives this illuminance on a plane.
+  // World space; none, or four corners in order around a rectangle through which alone the map is
+  // seen. Its light comes from where (corner 3 - corner 0) x (corner 1 - corner 0) points.
+  std::vector<Vec3d> portal;
 };
 struct DistantLight {
   ColorSpec radiance;

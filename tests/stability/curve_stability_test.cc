@@ -60,16 +60,6 @@ CurveShape AddCurves(TestScene* t, CurveSet set) {
   return {static_cast<int32_t>(t->scene.curve_sets.size() - 1)};
 }
 
-bool HitTowards(const TracedScene& scene, Vec3f from, Vec3f to, SurfacePoint* point) {
-  Ray ray;
-  ray.o = from;
-  ray.d = to - from;
-  RawHit met;
-  if (!scene.tracer->Intersect(ray, &met)) return false;
-  *point = MakeSurfacePoint<kAllTraits>(scene.geometry, ray, met);
-  return true;
-}
-
 // G1, G10: a straight curve is never met by the rays that leave it, of any kind, at any place, size
 // and stretch.
 TEST(CurveStability, G10SpawnedRaysDoNotMeetTheirCurve) {

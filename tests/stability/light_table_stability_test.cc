@@ -116,14 +116,14 @@ TEST_F(LightTableFileStabilityTest, L6MapsAreOrientedAsInPbrt) {
   EXPECT_GT(d.x, 0);
   EXPECT_LT(d.y, 0);
   EXPECT_GT(d.z, 0);
-  EXPECT_NEAR((*table)->EnvironmentRadiance<kAllTraits>(d).r, 1, 1e-5);
-  EXPECT_EQ((*table)->EnvironmentRadiance<kAllTraits>(-d).r, 0);
+  EXPECT_NEAR((*table)->EnvironmentRadiance<kAllTraits>({}, d).r, 1, 1e-5);
+  EXPECT_EQ((*table)->EnvironmentRadiance<kAllTraits>({}, -d).r, 0);
   // Turned a quarter about z: x becomes y.
   const auto turned = Build(4, texels, [](LightDescription* light) {
     light->world_from_light = RotateMatrix(90, {0, 0, 1});
   });
   ASSERT_TRUE(turned.ok());
-  EXPECT_NEAR((*turned)->EnvironmentRadiance<kAllTraits>({-d.y, d.x, d.z}).r, 1, 1e-5);
+  EXPECT_NEAR((*turned)->EnvironmentRadiance<kAllTraits>({}, {-d.y, d.x, d.z}).r, 1, 1e-5);
   RandomPoints random(5);
   for (int i = 0; i < 1000; ++i) {
     const auto sample = (*turned)->Sample<kAllTraits>(kOrigin, {}, 0, random.Next2());
@@ -131,7 +131,7 @@ TEST_F(LightTableFileStabilityTest, L6MapsAreOrientedAsInPbrt) {
     // The pdf is constant in squares, and rounding on the way over the sphere leaves a place in its
     // square but for a few in a million, none of which are among these.
     ASSERT_EQ(sample->pdf, (*turned)->PdfEnvironment<kAllTraits>(kOrigin, {}, sample->wi));
-    const Rgb back = (*turned)->EnvironmentRadiance<kAllTraits>(sample->wi);
+    const Rgb back = (*turned)->EnvironmentRadiance<kAllTraits>({}, sample->wi);
     for (size_t c = 0; c < 3; ++c) ASSERT_NEAR(sample->radiance[c], back[c], 4e-6);
   }
 }
@@ -200,7 +200,7 @@ TEST(LightTableStabilityTest, L8NoLightAndOneLight) {
   const auto none = MakeTable({});
   EXPECT_TRUE(none->empty());
   EXPECT_FALSE(none->Sample<kAllTraits>(kOrigin, kUp, 0.5f, {0.5f, 0.5f}));
-  EXPECT_EQ(none->EnvironmentRadiance<kAllTraits>(kUp), Rgb{});
+  EXPECT_EQ(none->EnvironmentRadiance<kAllTraits>({}, kUp), Rgb{});
   LightTableInput input;
   input.spheres = {{{0, 0, 3}, 1, kWhite}};
   const auto one = MakeTable(input);

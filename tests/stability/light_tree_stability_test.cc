@@ -278,6 +278,31 @@ TEST(LightTreeStabilityTest, L12ManyTrianglesGiveTheSumOfEach) {
   }
 }
 
+// --- L11: negative and black lights among many
+// -----------------------------------------------------
+
+// Every light stands where one as strong of the other sign does, or a black one.
+TEST(LightTreeStabilityTest, L11NegativeLightsCancelInTheHierarchyAndBlackOnesAreNotChosen) {
+  LightTableInput input;
+  RandomPoints random(11);
+  for (int i = 0; i < 300; ++i) {
+    const Vec3f center = RandomVector(&random, 2) + Vec3f{0, 0, 3};
+    const float radiance = i % 3 == 2 ? 0 : (i % 3 == 0 ? 1.0f : -1.0f);
+    const Vec3f at = i % 3 == 0 ? center : ToFloat(input.spheres.back().center);
+    input.spheres.push_back({ToDouble(at), 0.1, Rgb::Grey(radiance)});
+  }
+  const auto table = MakeTable(input);
+  const Estimate estimate = EstimateIrradiance(*table, kOrigin, kUp, 4096);
+  EXPECT_GT(estimate.standard_error, 0);
+  EXPECT_NEAR(estimate.mean, 0, 6 * estimate.standard_error);
+  for (uint32_t emitter = 0; emitter < 300; ++emitter) {
+    const Vec3f to_light = ToFloat(input.spheres[emitter].center);
+    const float pdf = table->PdfEmitter<kAllTraits>(emitter, kOrigin, {}, Normalize(to_light),
+                                                    to_light * (1 - 0.1f / Length(to_light)));
+    EXPECT_EQ(pdf > 0, emitter % 3 != 2) << emitter;
+  }
+}
+
 // --- L13: cones that have no axis ----------------------------------------------------------------
 
 TEST(LightTreeStabilityTest, L13NormalsThatCancelMakeAConeOfEverything) {

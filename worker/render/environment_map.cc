@@ -2,8 +2,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "worker/render/environment_map.h"
 
-#include <sys/mman.h>
-
 #include <algorithm>
 #include <bit>
 #include <cmath>
@@ -13,21 +11,10 @@
 #include "absl/strings/str_cat.h"
 #include "common/math/elementary.h"
 #include "worker/render/equal_area_map.h"
+#include "worker/render/large_pages.h"
 
 namespace sheaf::render {
 namespace {
-
-// A large array that is read here and there would wait for address translation at most reads.
-// Only a wish: where the system has no large pages to give, small ones serve. For memory that has
-// not been touched.
-void WishForLargePages(void* begin, size_t size_bytes) {
-#ifdef MADV_HUGEPAGE
-  const uintptr_t page = 4096;
-  const uintptr_t first = (reinterpret_cast<uintptr_t>(begin) + page - 1) / page * page;
-  const uintptr_t end = (reinterpret_cast<uintptr_t>(begin) + size_bytes) / page * page;
-  if (first < end) madvise(reinterpret_cast<void*>(first), end - first, MADV_HUGEPAGE);
-#endif
-}
 
 // Scattered rays find what is spread over the sky better than sampled ones do, so places are chosen
 // by the luminance above the mean; but for this part of the whole, without which nothing but a

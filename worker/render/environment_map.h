@@ -42,6 +42,8 @@ class EnvironmentMap {
   Vec3d Direction(Place place) const;
   Rgb Radiance(Place place) const;
   Rgb Radiance(Vec3f d) const { return Radiance(Locate(d)); }
+  // Texels along each side.
+  int size() const { return size_; }
   // Mean of the filtered map's luminance over the sphere; 0 for a black map.
   double mean_luminance() const { return mean_luminance_; }
   // A place by luminance, and its pdf, positive wherever radiance is. Begins to fetch what Radiance

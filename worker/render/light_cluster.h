@@ -24,6 +24,7 @@ struct LightEntry {
   float cos_emission = 0;  // Shines within this about its normal.
   uint32_t light = 0;
   bool two_sided = false;
+  bool by_cosine = false;  // Of its intensity it sends what the cosine with the normal says.
 };
 
 inline Vec3f Minimum(Vec3f a, Vec3f b) {

@@ -24,10 +24,11 @@ class LightGroups {
   void Add(const LightTable& lights, uint32_t light, const Color& radiance) {
     if (!sums_.empty()) sums_[lights.GroupOf(light)] += radiance;
   }
-  // The same for `radiance`, which is weight times what all infinite lights together send from d.
-  void AddSky(const LightTable& lights, Vec3f d, const WavelengthsOf<Color>& wavelengths,
+  // The same for `radiance`, which is weight times what all infinite lights together send to p
+  // along d.
+  void AddSky(const LightTable& lights, Vec3f p, Vec3f d, const WavelengthsOf<Color>& wavelengths,
               const Color& weight, const Color& radiance) {
-    if (!sums_.empty()) lights.AddByGroup(d, wavelengths, weight, radiance, &sums_);
+    if (!sums_.empty()) lights.AddByGroup(p, d, wavelengths, weight, radiance, &sums_);
   }
   // Writes each group's to_rgb(sum) to its channels, the last ones, and starts anew.
   template <typename ToRgb>

@@ -68,6 +68,8 @@ class SceneLightReader {
   absl::StatusOr<LightImage> ReadLightImage(const LightDescription& light, const std::string& file);
   absl::StatusOr<LightImage> ReadSquareMap(const LightDescription& light, const std::string& file);
   absl::StatusOr<EnvironmentMap> ReadMap(const LightDescription& light, const std::string& file);
+  SkyPortal MakePortal(const InfiniteLight& infinite, const InfiniteEmitter& emitter,
+                       const EnvironmentMap& map) const;
   // peak: what multiplies the emission where the light is brightest.
   absl::Status Keep(const LightDescription& light, DeltaLight delta, Rgb peak = Rgb::Grey(1));
   Emission AddEmission(const ColorSpec& color, float scale) {
@@ -232,6 +234,19 @@ bool MakeRotation(const Matrix4& world_from_light, Vec3f (*rows)[3]) {
   return true;
 }
 
+// emitter: with its rotation.
+SkyPortal SceneLightReader::MakePortal(const InfiniteLight& infinite,
+                                       const InfiniteEmitter& emitter,
+                                       const EnvironmentMap& map) const {
+  Vec3d corners[4];
+  for (size_t i = 0; i < 4; ++i) corners[i] = infinite.portal[i] - render_origin_world_;
+  const Vec3f(&rows)[3] = emitter.light_from_render;
+  return SkyPortal(corners, map.size(), map.mean_luminance(), [&](Vec3f d) {
+    return static_cast<double>(
+        Luminance(map.Radiance(Vec3f{Dot(rows[0], d), Dot(rows[1], d), Dot(rows[2], d)})));
+  });
+}
+
 absl::Status SceneLightReader::Add(const LightDescription& light, const InfiniteLight& infinite) {
   InfiniteEmitter emitter;
   if (infinite.file.empty()) {
@@ -262,6 +277,7 @@ absl::Status SceneLightReader::Add(const LightDescription& light, const Infinite
     }
     emitter.scale *= static_cast<float>(static_cast<double>(infinite.illuminance_lx) / illuminance);
   }
+  if (infinite.portal.size() == 4) emitter.portal = MakePortal(infinite, emitter, *map);
   emitter.map = std::move(*map);
   impl_->infinites.push_back(std::move(emitter));
   return absl::OkStatus();

@@ -143,6 +143,14 @@ Color RadianceAt(const LightTable::Impl& impl, const InfiniteEmitter& light,
   return ColorOfRgb<Color>(radiance, ColorRole::kIlluminant, wavelengths);
 }
 
+// As seen from p along (unit) d.
+template <typename Color>
+Color RadianceFrom(const LightTable::Impl& impl, const InfiniteEmitter& light, Vec3f p, Vec3f d,
+                   const WavelengthsOf<Color>& wavelengths) {
+  if (light.portal && !(light.portal->Pdf(p, d) > 0)) return {};
+  return RadianceAt<Color>(impl, light, PlaceOf(light, d), wavelengths);
+}
+
 // Measure: solid angle.
 double PdfAt(const InfiniteEmitter& light, EnvironmentMap::Place place) {
   return light.map ? static_cast<double>(light.map->Pdf(place)) : 1 / (4 * kPi);
@@ -216,7 +224,14 @@ std::optional<LightSampleOf<ColorOf<kMask>>> LightTable::SampleLights(
     const uint32_t index = light - impl.first_infinite();
     const InfiniteEmitter& infinite = impl.infinites[index];
     EnvironmentMap::Place place;
-    if (infinite.map) {
+    float portal_pdf = 0;
+    if (infinite.portal) {
+      const SkyPortal::Sample through = infinite.portal->SampleFrom(p, u);
+      if (!(through.pdf > 0)) return std::nullopt;
+      portal_pdf = through.pdf;
+      sample->wi = through.d;
+      place = PlaceOf(infinite, through.d);
+    } else if (infinite.map) {
       place = impl.HasOnlyOneMap() ? preparation.sky.place : infinite.map->Sample(u).place;
       sample->wi = DirectionOf(infinite, place);
     } else {
@@ -228,7 +243,7 @@ std::optional<LightSampleOf<ColorOf<kMask>>> LightTable::SampleLights(
       sample->pdf = preparation.sky.pdf;
     } else {
       const EnvironmentValueOf<Color> value =
-          FromInfinity<Color>(impl, p, n, sample->wi, wavelengths, index, place);
+          FromInfinity<Color>(impl, p, n, sample->wi, wavelengths, {place, index, portal_pdf});
       sample->radiance = value.radiance;
       sample->pdf = value.pdf;
     }
@@ -290,11 +305,11 @@ EnvironmentMap::Place LightTable::LocateInFirst(const Impl& impl, Vec3f d) {
 }
 
 template <typename Color>
-Color LightTable::RadianceFromInfinity(const Impl& impl, Vec3f d,
+Color LightTable::RadianceFromInfinity(const Impl& impl, Vec3f p, Vec3f d,
                                        const WavelengthsOf<Color>& wavelengths) {
   Color sum;
   for (const InfiniteEmitter& light : impl.infinites) {
-    sum += RadianceAt<Color>(impl, light, PlaceOf(light, d), wavelengths);
+    sum += RadianceFrom<Color>(impl, light, p, d, wavelengths);
   }
   return sum;
 }
@@ -302,14 +317,21 @@ Color LightTable::RadianceFromInfinity(const Impl& impl, Vec3f d,
 template <typename Color>
 EnvironmentValueOf<Color> LightTable::FromInfinity(const Impl& impl, Vec3f p, Vec3f n, Vec3f d,
                                                    const WavelengthsOf<Color>& wavelengths,
-                                                   uint32_t located, EnvironmentMap::Place place) {
+                                                   const Located& located) {
   EnvironmentValueOf<Color> value;
   for (uint32_t i = 0; i < impl.infinites.size(); ++i) {
     const InfiniteEmitter& light = impl.infinites[i];
-    const EnvironmentMap::Place here = i == located ? place : PlaceOf(light, d);
+    const bool is_located = i == located.light;
+    double pdf = 0;
+    if (light.portal) {
+      pdf = static_cast<double>(is_located && located.portal_pdf > 0 ? located.portal_pdf
+                                                                     : light.portal->Pdf(p, d));
+      if (!(pdf > 0)) continue;
+    }
+    const EnvironmentMap::Place here = is_located ? located.place : PlaceOf(light, d);
     value.radiance += RadianceAt<Color>(impl, light, here, wavelengths);
-    value.pdf +=
-        PdfSolidAngle(PdfAt(light, here), impl.choice.Probability(impl.first_infinite() + i, p, n));
+    if (!light.portal) pdf = PdfAt(light, here);
+    value.pdf += PdfSolidAngle(pdf, impl.choice.Probability(impl.first_infinite() + i, p, n));
   }
   return value;
 }
@@ -317,25 +339,24 @@ EnvironmentValueOf<Color> LightTable::FromInfinity(const Impl& impl, Vec3f p, Ve
 uint32_t LightTable::GroupOf(uint32_t light) const { return impl_->group_of_light[light]; }
 
 template <typename Color>
-void LightTable::AddByGroup(Vec3f d, const WavelengthsOf<Color>& wavelengths, const Color& weight,
-                            const Color& light, std::vector<Color>* groups) const {
+void LightTable::AddByGroup(Vec3f p, Vec3f d, const WavelengthsOf<Color>& wavelengths,
+                            const Color& weight, const Color& light,
+                            std::vector<Color>* groups) const {
   const auto group_of = [this](size_t i) {
     return impl_->group_of_light[impl_->first_infinite() + i];
   };
   Color rest = light;
   for (size_t i = 1; i < impl_->infinites.size(); ++i) {
     if (group_of(i) == group_of(0)) continue;
-    const InfiniteEmitter& infinite = impl_->infinites[i];
-    const Color own =
-        weight * RadianceAt<Color>(*impl_, infinite, PlaceOf(infinite, d), wavelengths);
+    const Color own = weight * RadianceFrom<Color>(*impl_, impl_->infinites[i], p, d, wavelengths);
     (*groups)[group_of(i)] += own;
     rest += own * -1.0f;
   }
   (*groups)[group_of(0)] += rest;
 }
-template void LightTable::AddByGroup<Rgb>(Vec3f, const NoWavelengths&, const Rgb&, const Rgb&,
-                                          std::vector<Rgb>*) const;
-template void LightTable::AddByGroup<Spectral>(Vec3f, const Wavelengths&, const Spectral&,
+template void LightTable::AddByGroup<Rgb>(Vec3f, Vec3f, const NoWavelengths&, const Rgb&,
+                                          const Rgb&, std::vector<Rgb>*) const;
+template void LightTable::AddByGroup<Spectral>(Vec3f, Vec3f, const Wavelengths&, const Spectral&,
                                                const Spectral&, std::vector<Spectral>*) const;
 
 // The header forwards to these: one instantiation for every combination of kLightTraits.
@@ -364,11 +385,10 @@ SHEAF_INSTANTIATE_WITH(static_cast<uint32_t>(Trait::kAreaLights) |
 #undef SHEAF_INSTANTIATE_IN_COLOR
 
 #define SHEAF_INSTANTIATE_INFINITY(color)                                              \
-  template color LightTable::RadianceFromInfinity<color>(const Impl&, Vec3f,           \
+  template color LightTable::RadianceFromInfinity<color>(const Impl&, Vec3f, Vec3f,    \
                                                          const WavelengthsOf<color>&); \
   template EnvironmentValueOf<color> LightTable::FromInfinity<color>(                  \
-      const Impl&, Vec3f, Vec3f, Vec3f, const WavelengthsOf<color>&, uint32_t,         \
-      EnvironmentMap::Place);
+      const Impl&, Vec3f, Vec3f, Vec3f, const WavelengthsOf<color>&, const Located&);
 SHEAF_INSTANTIATE_INFINITY(Rgb)
 SHEAF_INSTANTIATE_INFINITY(Spectral)
 #undef SHEAF_INSTANTIATE_INFINITY

@@ -143,17 +143,18 @@ class LightTable {
   template <typename Color = Rgb>
   Color EmitterRadiance(uint32_t emitter, Vec3f ng, Vec3f wo,
                         const WavelengthsOf<Color>& wavelengths = {}) const;
-  // Sum over all infinite lights along the (unit) direction d, and Sample's pdf of it.
+  // Sum over all infinite lights as seen from p along the (unit) direction d, and Sample's pdf of
+  // it. Only portals make it differ from one p to the other.
   template <uint32_t kTraits>
   ColorOf<kTraits> EnvironmentRadiance(
-      Vec3f d, const WavelengthsOf<ColorOf<kTraits>>& wavelengths = {}) const {
+      Vec3f p, Vec3f d, const WavelengthsOf<ColorOf<kTraits>>& wavelengths = {}) const {
     if constexpr (!Has(kTraits, Trait::kEnvironment)) return {};
-    return RadianceFromInfinity<ColorOf<kTraits>>(*impl_, d, wavelengths);
+    return RadianceFromInfinity<ColorOf<kTraits>>(*impl_, p, d, wavelengths);
   }
   template <uint32_t kTraits>
   float PdfEnvironment(Vec3f p, Vec3f n, Vec3f d) const {
     if constexpr (!Has(kTraits, Trait::kEnvironment)) return 0;
-    return FromInfinity<Rgb>(*impl_, p, n, d, {}, 0, LocateInFirst(*impl_, d)).pdf;
+    return FromInfinity<Rgb>(*impl_, p, n, d, {}, {LocateInFirst(*impl_, d)}).pdf;
   }
   // Both at once, for little more than the price of one.
   template <uint32_t kTraits>
@@ -173,7 +174,7 @@ class LightTable {
       Vec3f p, Vec3f n, Vec3f d, const WavelengthsOf<ColorOf<kTraits>>& wavelengths,
       EnvironmentMap::Place place) const {
     if constexpr (!Has(kTraits, Trait::kEnvironment)) return {};
-    return FromInfinity<ColorOf<kTraits>>(*impl_, p, n, d, wavelengths, 0, place);
+    return FromInfinity<ColorOf<kTraits>>(*impl_, p, n, d, wavelengths, {place});
   }
 
   // --- Light groups: what follows may be called once AssignGroups was.
@@ -182,11 +183,11 @@ class LightTable {
   void AssignGroups(const SceneDescription& scene, const std::vector<std::string>& groups);
   // Index in `groups` of an emitter, or of LightSample::light.
   uint32_t GroupOf(uint32_t light) const;
-  // Adds `light`, which came along (unit) d from all infinite lights together, to their groups: to
-  // each `weight` times what its lights send, and to the first also what rounding leaves, so that
-  // groups still add up.
+  // Adds `light`, which came to p along (unit) d from all infinite lights together, to their
+  // groups: to each `weight` times what its lights send, and to the first also what rounding
+  // leaves, so that groups still add up.
   template <typename Color>
-  void AddByGroup(Vec3f d, const WavelengthsOf<Color>& wavelengths, const Color& weight,
+  void AddByGroup(Vec3f p, Vec3f d, const WavelengthsOf<Color>& wavelengths, const Color& weight,
                   const Color& light, std::vector<Color>* groups) const;
 
   struct Impl;
@@ -206,13 +207,18 @@ class LightTable {
   static float PdfOfEmitter(const Impl& impl, uint32_t emitter, Vec3f p, Vec3f n, Vec3f wi,
                             Vec3f p_light);
   template <typename Color>
-  static Color RadianceFromInfinity(const Impl& impl, Vec3f d,
+  static Color RadianceFromInfinity(const Impl& impl, Vec3f p, Vec3f d,
                                     const WavelengthsOf<Color>& wavelengths);
-  // place: of d, in the map of infinite light `located`, where that has one.
+  // What is known already of a direction, as one of the infinite lights has it.
+  struct Located {
+    EnvironmentMap::Place place;  // In its map, where it has one.
+    uint32_t light = 0;
+    float portal_pdf = 0;  // Where it was sampled through the light's portal.
+  };
   template <typename Color>
   static EnvironmentValueOf<Color> FromInfinity(const Impl& impl, Vec3f p, Vec3f n, Vec3f d,
                                                 const WavelengthsOf<Color>& wavelengths,
-                                                uint32_t located, EnvironmentMap::Place place);
+                                                const Located& located);
   static EnvironmentMap::Place LocateInFirst(const Impl& impl, Vec3f d);
   static Preparation Prepare(const Impl& impl, Vec2f u);
 

@@ -15,6 +15,7 @@
 #include "worker/render/light_table.h"
 #include "worker/render/photometric_web.h"
 #include "worker/render/projected_image.h"
+#include "worker/render/sky_portal.h"
 #include "worker/render/spectral_color.h"
 
 namespace sheaf::render {
@@ -46,6 +47,8 @@ struct InfiniteEmitter {
   float scale = 1;              // Of the map; 1 where there is none.
   int32_t description = kNone;  // Index in SceneDescription::lights.
   Vec3f light_from_render[3];   // Rows of a rotation (or reflection).
+  // Where there is one, only what comes through it arrives. Of a map only.
+  std::optional<SkyPortal> portal;
 };
 
 struct LightTable::Impl {
@@ -70,7 +73,8 @@ struct LightTable::Impl {
   }
   // Then every sample comes from that map.
   bool HasOnlyOneMap() const {
-    return !empty && first_infinite() == 0 && infinites.size() == 1 && infinites[0].map;
+    return !empty && first_infinite() == 0 && infinites.size() == 1 && infinites[0].map &&
+           !infinites[0].portal;
   }
   Rgb ColorOfEmission(const Emission& emission, NoWavelengths) const { return emission.rgb; }
   Spectral ColorOfEmission(const Emission& emission, const Wavelengths& wavelengths) const {

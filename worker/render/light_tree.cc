@@ -23,6 +23,8 @@ constexpr float kRadiusSlack = 1 + 0x1p-16f;
 // Keep weights, their sums and products finite and positive.
 constexpr float kWeightMin = 0x1p-100f, kWeightMax = 0x1p100f;
 constexpr float kDistanceSquaredMin = 0x1p-125f;
+// Of a box's squared radius, what counts for its lights' squared distance.
+constexpr float kFarPart = 1 / 8.0f;
 
 // One value for each child of a node. The vector types of GCC and Clang: element by element, as
 // IEEE 754 has it, in as few instructions as there are.
@@ -80,7 +82,8 @@ struct LightTree::Receiver {
 
 struct LightTree::Weights {
   Lanes of_child;
-  float sum;  // 0 where every child certainly sends nothing.
+  Lanes intensity;  // 0 for children that certainly send nothing, unless that is all of them.
+  float sum;        // 0 where every child certainly sends nothing.
   float intensity_sum;
 };
 
@@ -94,26 +97,25 @@ struct LightTree::Share {
   // Shares of a node's children. Where nothing arrives after all, which the node's own coarser
   // bounds could not tell, intensities decide.
   struct PerChild {
-    const Node* node;
     Weights weights;
     double weight_scale, intensity_scale;
 
     Share Of(size_t place) const {
-      const double intensity = static_cast<double>(node->intensity[place]);
+      const double intensity = static_cast<double>(weights.intensity[place]);
       const double weight =
           weights.sum > 0 ? static_cast<double>(weights.of_child[place]) : intensity;
       return {weight * weight_scale, intensity * intensity_scale};
     }
   };
-  PerChild Among(const Node& node, const Weights& weights) const {
-    return {&node, weights,
+  PerChild Among(const Weights& weights) const {
+    return {weights,
             by_weight / static_cast<double>(weights.sum > 0 ? weights.sum : weights.intensity_sum),
             by_intensity / static_cast<double>(weights.intensity_sum)};
   }
 };
 
 // For each child an estimate of intensity * cosine at the light * cosine at the receiver /
-// distance^2. The light's cosine is the greatest possible, with angles of the sphere about the box.
+// distance^2, each the mean over its lights or near it.
 LightTree::Weights LightTree::Weigh(const Node& node, const Receiver& receiver) {
   const Vec3f from_p = node.origin - receiver.p, n = receiver.n, n_abs = receiver.n_abs;
   const Vec3f step = node.step;
@@ -153,9 +155,21 @@ LightTree::Weights LightTree::Weigh(const Node& node, const Receiver& receiver) 
   const Lanes cos_light = is_within ? All(1) : cos_axis * cos_around + sin_axis * sin_around;
   const Lanes cos_emission = (1 / kEmissionSteps) * ToFloats(emission & 255) - kCosineSlack;
 
+  // The mean cosine of the lights: one normal has it as it is, normals over a hemisphere have 1/2
+  // along its axis, those over the sphere 1/4. The smooth curve between is within a quarter of the
+  // truth, for lights of two sides within a third. As seen from p, the box turns the normals it
+  // holds further apart.
+  const auto mean = Load<UnsignedShortLanes>(node.mean);
+  const Lanes gathered = (1 / kMeanSteps) * ToFloats(mean & 255) * cos_sphere;
+  const Lanes along = gathered * cos_signed;
+  const Lanes across = Sqrt(along * along + 0.25f * Max(Lanes{}, 1 - gathered * gathered));
+  const Lanes mean_cosine = 0.5f * (Max(along, -mirror * across) + across);
+  const Lanes evenness = (1 / kMeanSteps) * ToFloats(mean >> 8);
+  const Lanes turned = evenness + (1 - evenness) * mean_cosine;
+
   // Heights of the box's points over the receiver's horizon: the greatest, which alone decides
-  // whether there is anything to see, and the mean of what is above it. Seen from nearby, it is the
-  // box's nearest part that counts.
+  // whether there is anything to see, and the mean of what is above it. How far off the lights are
+  // that count is between the way to the box's nearest point and that to its others.
   const Lanes height = n.x * dx + n.y * dy + n.z * dz;
   const Lanes spread = n_abs.x * hx + n_abs.y * hy + n_abs.z * hz;
   const Lanes rise = height + spread;
@@ -163,18 +177,19 @@ LightTree::Weights LightTree::Weigh(const Node& node, const Receiver& receiver) 
   const Lanes gap_x = Max(Lanes{}, Abs(dx) - hx), gap_y = Max(Lanes{}, Abs(dy) - hy),
               gap_z = Max(Lanes{}, Abs(dz) - hz);
   const Lanes gap = Sqrt(gap_x * gap_x + gap_y * gap_y + gap_z * gap_z);
-  const Lanes cos_receiver = Max(All(receiver.unhinted), Min(All(1), mean_rise / gap));
+  const Lanes far_squared = d_squared + kFarPart * r_squared;
+  const Lanes way = Sqrt(gap * Sqrt(far_squared));
+  const Lanes cos_receiver = Max(All(receiver.unhinted), Min(All(1), mean_rise / way));
 
-  // By the mean squared distance of the box's points.
   const Lanes intensity = Load<Lanes>(node.intensity);
-  const Lanes unturned = intensity / (d_squared + (1 / 3.0f) * r_squared);
-  const Lanes weight =
-      unturned * (Max(All(kCosineSlack), cos_light) * Max(All(kCosineSlack), cos_receiver));
+  const Lanes weight = intensity / far_squared *
+                       (Max(All(kCosineSlack), turned) * Max(All(kCosineSlack), cos_receiver));
   const MaskLanes is_none = (cos_light < cos_emission) | (rise < 0) | (intensity <= 0);
   Weights weights;
   weights.of_child = is_none ? Lanes{} : Max(All(kWeightMin), Min(All(kWeightMax), weight));
   weights.sum = Sum(weights.of_child);
-  weights.intensity_sum = Sum(intensity);
+  weights.intensity = (weights.sum > 0 ? is_none : MaskLanes{}) ? Lanes{} : intensity;
+  weights.intensity_sum = Sum(weights.intensity);
   return weights;
 }
 
@@ -191,7 +206,7 @@ std::optional<ChosenLight> LightTree::Choose(Vec3f p, Vec3f n, double u) const {
     const Node& node = nodes_[index];
     const Weights weights = Weigh(node, receiver);
     if (index == 0 && !(weights.sum > 0)) return std::nullopt;
-    const Share::PerChild shares = share.Among(node, weights);
+    const Share::PerChild shares = share.Among(weights);
     // Where rounding leaves the sum below u, the last child that may be chosen stands.
     size_t chosen = 0;
     double begin = 0, end = 0;
@@ -210,6 +225,7 @@ std::optional<ChosenLight> LightTree::Choose(Vec3f p, Vec3f n, double u) const {
       return ChosenLight{child & ~kLightBit, static_cast<float>(share.Sum())};
     }
     index = child;
+    nodes_[index].Prefetch();
   }
 }
 
@@ -230,7 +246,7 @@ float LightTree::Probability(uint32_t light, Vec3f p, Vec3f n) const {
     const Node& node = nodes_[slot / kWidth];
     const Weights weights = Weigh(node, receiver);
     if (slot < kWidth && !(weights.sum > 0)) return 0;
-    share = share.Among(node, weights).Of(slot % kWidth);
+    share = share.Among(weights).Of(slot % kWidth);
   }
   return static_cast<float>(share.Sum());
 }

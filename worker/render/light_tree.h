@@ -63,7 +63,8 @@ class LightTree {
   static constexpr uint32_t kNoSlot = ~uint32_t{0};
 
   // Bounds of its children. Places past the last child have intensity 0.
-  struct alignas(16) Node {
+  static constexpr size_t kCacheLineSize = 64;
+  struct alignas(kCacheLineSize) Node {
     Vec3f origin, step;         // Boxes are counted in steps from the origin, per coordinate.
     uint32_t parent = kNoSlot;  // The slot that leads here.
     // Two bytes each, for processors load pairs of bytes well.
@@ -74,10 +75,20 @@ class LightTree {
     // Each light shines within this cosine about its normal, in 1 / kEmissionSteps; 0 for a
     // half-space. In the high byte 1 where lights shine along -normal, too.
     uint16_t emission[kWidth] = {};
+    // Of lights that shine by the cosine with a normal: length of their mean normal, in
+    // 1 / kMeanSteps. In the high byte, in the same unit, what part of the intensity is of others.
+    uint16_t mean[kWidth] = {};
     float intensity[kWidth] = {};  // Sum over the lights, along their normals.
     uint32_t child[kWidth] = {};
+
+    // All cache lines at once: what is read late would else be waited for late.
+    void Prefetch() const {
+      for (size_t i = 0; i < sizeof(Node); i += kCacheLineSize) {
+        __builtin_prefetch(reinterpret_cast<const char*>(this) + i);
+      }
+    }
   };
-  static constexpr float kAxisSteps = 32767, kEmissionSteps = 255;
+  static constexpr float kAxisSteps = 32767, kEmissionSteps = 255, kMeanSteps = 255;
 
   struct Receiver;
   struct Weights;

@@ -14,6 +14,7 @@
 #include <cmath>
 
 #include "common/base/check.h"
+#include "worker/render/large_pages.h"
 #include "worker/render/light_cluster.h"
 #include "worker/render/light_tree.h"
 
@@ -68,6 +69,7 @@ bool MakeEntry(const LightBounds& light, uint32_t index, LightEntry* entry, doub
       *intensity = strength * static_cast<double>(light.area);
       entry->normal = n;
       entry->two_sided = light.two_sided;
+      entry->by_cosine = true;
       entry->half = Vec3f{std::sqrt(n.y * n.y + n.z * n.z), std::sqrt(n.z * n.z + n.x * n.x),
                           std::sqrt(n.x * n.x + n.y * n.y)} *
                     light.radius;
@@ -103,9 +105,11 @@ class LightTree::Builder {
     tree_.slot_of_light_.assign(lights.size(), kNoSlot);
     MakeEntries(lights);
     if (entries_.empty()) return;
-    tree_.nodes_.reserve(entries_.size() / 4);
+    nodes_.reserve(entries_.size() / 4);
     BuildNode(PartOf(0, entries_.size()), kNoSlot, 1);
-    tree_.nodes_.shrink_to_fit();
+    tree_.nodes_.reserve(nodes_.size());
+    WishForLargePages(tree_.nodes_.data(), nodes_.size() * sizeof(Node));
+    tree_.nodes_.insert(tree_.nodes_.end(), nodes_.begin(), nodes_.end());
   }
 
  private:
@@ -116,8 +120,10 @@ class LightTree::Builder {
   bool SplitByCost(const Part& part, Part* left, Part* right);
   static void EncodeBoxes(const std::array<Part, kWidth>& parts, size_t count, Node* node);
   void EncodeCone(const Part& part, size_t place, Node* node) const;
+  void EncodeMean(const Part& part, size_t place, Node* node) const;
 
   LightTree& tree_;
+  std::vector<Node> nodes_;
   OrientationTable orientation_;
   std::vector<LightEntry> entries_;
 };
@@ -163,14 +169,17 @@ Part LightTree::Builder::PartOf(size_t begin, size_t end) const {
 // Returns the sum of the lights' intensities.
 float LightTree::Builder::BuildNode(const Part& part, uint32_t parent, int level) {
   tree_.depth_ = std::max(tree_.depth_, level);
-  const auto index = static_cast<uint32_t>(tree_.nodes_.size());
-  tree_.nodes_.emplace_back();
+  const auto index = static_cast<uint32_t>(nodes_.size());
+  nodes_.emplace_back();
   std::array<Part, kWidth> parts;
   parts[0] = part;
   const size_t count = SplitInto(&parts, level <= kLevelsByCostMax);
-  EncodeBoxes(parts, count, &tree_.nodes_[index]);
-  for (size_t i = 0; i < count; ++i) EncodeCone(parts[i], i, &tree_.nodes_[index]);
-  tree_.nodes_[index].parent = parent;
+  EncodeBoxes(parts, count, &nodes_[index]);
+  for (size_t i = 0; i < count; ++i) {
+    EncodeCone(parts[i], i, &nodes_[index]);
+    EncodeMean(parts[i], i, &nodes_[index]);
+  }
+  nodes_[index].parent = parent;
   float sum = 0;
   for (size_t i = 0; i < count; ++i) {
     const LightEntry& first = entries_[parts[i].begin];
@@ -180,11 +189,11 @@ float LightTree::Builder::BuildNode(const Part& part, uint32_t parent, int level
     if (parts[i].size() == 1) {
       tree_.slot_of_light_[first.light] = slot;
     } else {
-      child = static_cast<uint32_t>(tree_.nodes_.size());
+      child = static_cast<uint32_t>(nodes_.size());
       intensity = BuildNode(parts[i], slot, level + 1);
     }
-    tree_.nodes_[index].child[i] = child;
-    tree_.nodes_[index].intensity[i] = intensity;
+    nodes_[index].child[i] = child;
+    nodes_[index].intensity[i] = intensity;
     sum += intensity;
   }
   return sum;
@@ -327,6 +336,23 @@ void LightTree::Builder::EncodeCone(const Part& part, size_t place, Node* node) 
   node->emission[place] = static_cast<uint16_t>(
       (two_sided ? 256 : 0) +
       static_cast<int>(std::clamp(std::floor(cos_emission * kEmissionSteps), 0.0f, 255.0f)));
+}
+
+// Rounds to nearest: only estimates read it.
+void LightTree::Builder::EncodeMean(const Part& part, size_t place, Node* node) const {
+  float even = 0, by_cosine = 0;  // Intensities.
+  Vec3f normal_sum{};
+  for (size_t i = part.begin; i < part.end; ++i) {
+    const LightEntry& entry = entries_[i];
+    (entry.by_cosine ? by_cosine : even) += entry.intensity;
+    if (entry.by_cosine) normal_sum += entry.normal * entry.intensity;
+  }
+  const float length = by_cosine > 0 ? Length(normal_sum) / by_cosine : 0;
+  const auto in_steps = [](float share) {
+    return static_cast<int>(std::clamp(share * kMeanSteps + 0.5f, 0.0f, kMeanSteps));
+  };
+  node->mean[place] =
+      static_cast<uint16_t>(in_steps(length) + 256 * in_steps(even / (even + by_cosine)));
 }
 
 }  // namespace sheaf::render

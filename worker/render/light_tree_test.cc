@@ -132,8 +132,51 @@ TEST(LightTreeTest, TheBrighterAndTheNearerAndTheFacingIsLikelier) {
   EXPECT_GT(probability(1), 3 * probability(2));
   EXPECT_GT(probability(1), 1.3f * probability(3));
   EXPECT_GT(probability(1), 1.3f * probability(4));
-  // One that faces away keeps its part of the share that goes by intensity, and no more.
-  EXPECT_NEAR(probability(5), LightTree::kIntensityShare / 5.1, 1e-6);
+  // The dim one keeps its part of the share that goes by intensity, of lights that do not face
+  // away.
+  EXPECT_GT(static_cast<double>(probability(2)), LightTree::kIntensityShare * 0.1 / 4.1);
+  EXPECT_EQ(probability(5), 0);
+}
+
+// A far cluster is weighed by what its lights really send, however their normals are spread.
+TEST(LightTreeTest, FarClustersAreWeighedByTheirMeanCosine) {
+  enum class Spread { kNone, kHemisphere, kSphere, kNoNormals };
+  Random random(21);
+  for (Spread spread : {Spread::kNone, Spread::kHemisphere, Spread::kSphere, Spread::kNoNormals}) {
+    for (bool two_sided : {false, true}) {
+      std::vector<LightBounds> lights(1000);
+      for (LightBounds& light : lights) {
+        light.kind =
+            spread == Spread::kNoNormals ? LightBounds::Kind::kSphere : LightBounds::Kind::kPlanar;
+        light.two_sided = two_sided;
+        light.center = random.Vector(1);
+        light.normal = {0, 0, 1};
+        if (spread == Spread::kHemisphere || spread == Spread::kSphere) {
+          light.normal = random.Direction();
+        }
+        if (spread == Spread::kHemisphere) light.normal.z = std::fabs(light.normal.z);
+        light.radius = 0.01f;
+        light.area = 1e-4f;
+        light.strength = random.Between(0.5f, 2);
+      }
+      const LightTree tree(lights);
+      for (const Vec3f& to_p : {Vec3f{0, 0, 1}, Vec3f{0.8f, 0, 0.6f}, Vec3f{0, 0.96f, 0.28f}}) {
+        const Vec3f p = to_p * 100;
+        double expected = 0;
+        for (const LightBounds& light : lights) {
+          const Vec3f away = p - light.center;
+          const float along = Dot(light.normal, away) / Length(away);
+          const float cosine = light.kind == LightBounds::Kind::kSphere ? 1
+                               : two_sided                              ? std::fabs(along)
+                                                                        : std::max(along, 0.0f);
+          expected +=
+              static_cast<double>(light.strength * light.area * cosine / LengthSquared(away));
+        }
+        EXPECT_NEAR(tree.Irradiance(p, {}) / expected, 1, two_sided ? 0.35 : 0.25)
+            << static_cast<int>(spread) << " " << two_sided << " " << to_p.z;
+      }
+    }
+  }
 }
 
 TEST(LightTreeTest, OneLightIsCertainAndBlackOrSenselessOnesAreLeftOut) {

@@ -76,7 +76,7 @@ class PathTracer {
     bool hero_alone = false;          // Spectral: after dispersion.
     bool specular = true;             // No light sampling could have found what the ray meets.
     float pdf = 0;                    // Of the ray's direction, where not specular.
-    Vec3f from, from_n;               // Where light sampling stood, and its hint.
+    Vec3f from, from_n;               // Where the ray began, and the hint of light sampling there.
     EnvironmentMap::Place sky_place;  // Of the ray's direction, once scattered.
   };
 
@@ -109,11 +109,11 @@ class PathTracer {
     path->radiance += radiance;
     if constexpr (kOutputs) groups_.Add(*scene_.lights, light, radiance);
   }
-  // The same for weight times what all infinite lights together send from d.
-  void AddSky(Vec3f d, const Color& weight, const Color& radiance, Path* path) {
+  // The same for weight times what all infinite lights together send to p along d.
+  void AddSky(Vec3f p, Vec3f d, const Color& weight, const Color& radiance, Path* path) {
     path->radiance += radiance;
     if constexpr (kOutputs) {
-      groups_.AddSky(*scene_.lights, d, path->wavelengths, weight, radiance);
+      groups_.AddSky(*scene_.lights, p, d, path->wavelengths, weight, radiance);
     }
   }
   Rgb RgbOfSample(const Color& radiance, const Path& path) const;
@@ -141,6 +141,7 @@ FilmSample PathTracer<kTraits, Tracer>::TraceSample(int32_t x, int32_t y, uint64
   FilmSample film;
   Path path;
   path.ray = CameraRay(sampler, x, y, &film);
+  if constexpr (Has(kTraits, Trait::kEnvironment)) path.from = path.ray.o;
   if constexpr (kSpectral) {
     path.wavelengths = Wavelengths::Sample(sampler.Get1(Slot(CameraSlot::kWavelength)));
   }
@@ -302,17 +303,17 @@ template <uint32_t kTraits, typename Tracer>
 void PathTracer<kTraits, Tracer>::AddEscape(Path* path) {
   if constexpr (Has(kTraits, Trait::kEnvironment)) {
     if (path->specular) {
-      AddSky(path->ray.d, path->throughput,
+      AddSky(path->from, path->ray.d, path->throughput,
              path->throughput * scene_.lights->template EnvironmentRadiance<kTraits>(
-                                    path->ray.d, path->wavelengths),
+                                    path->from, path->ray.d, path->wavelengths),
              path);
       return;
     }
     const EnvironmentValueOf<Color> value = scene_.lights->template EvalEnvironment<kTraits>(
         path->from, path->from_n, path->ray.d, path->wavelengths, path->sky_place);
     const float weight = PowerHeuristic(path->pdf, value.pdf);
-    AddSky(path->ray.d, path->throughput * weight, path->throughput * value.radiance * weight,
-           path);
+    AddSky(path->from, path->ray.d, path->throughput * weight,
+           path->throughput * value.radiance * weight, path);
   }
 }
 
@@ -352,7 +353,7 @@ void PathTracer<kTraits, Tracer>::AddDirect(const LightDraw& draw, const Surface
   const float scale = weight / light->pdf;
   const Color arriving = path->throughput * value.f_cos * light->radiance * scale;
   if (light->is_infinite && !light->is_delta) {
-    AddSky(light->wi, path->throughput * value.f_cos * scale, arriving, path);
+    AddSky(point.p, light->wi, path->throughput * value.f_cos * scale, arriving, path);
   } else {
     AddLight(light->light, arriving, path);
   }
