@@ -97,23 +97,32 @@ Agreement Compare(const std::vector<TilePair>& tiles, double planted) {
   Agreement agreement;
   std::vector<double> p_values;
   double extreme = 1, sum_a = 0, sum_b = 0;
-  for (TilePair tile : tiles) {
+  size_t furthest = 0;
+  for (size_t i = 0; i < tiles.size(); ++i) {
+    TilePair tile = tiles[i];
     tile.b.mean *= 1 + planted;
     tile.b.variance *= (1 + planted) * (1 + planted);
     sum_a += tile.a.mean;
     sum_b += tile.b.mean;
     if (AreEqualWithoutNoise(tile)) continue;
     const double p = WelchP(tile.a, tile.b);
-    extreme = std::min(extreme, 2 * std::min(p, 1 - p));
+    const double two_sided = 2 * std::min(p, 1 - p);
+    if (two_sided < extreme) furthest = i;
+    extreme = std::min(extreme, two_sided);
     p_values.push_back(p);
   }
   agreement.tiles = static_cast<int>(p_values.size());
   agreement.mean_ratio = sum_b / sum_a;
   agreement.uniformity_p = p_values.empty() ? 1 : UniformityP(p_values);
   agreement.extreme_p = -std::expm1(agreement.tiles * std::log1p(-extreme));
-  char text[200];
-  std::snprintf(text, sizeof(text), "%d tiles, uniformity p %.3g, furthest tile p %.3g, ratio %.5f",
-                agreement.tiles, agreement.uniformity_p, agreement.extreme_p, agreement.mean_ratio);
+  const TilePair worst = tiles.empty() ? TilePair{} : tiles[furthest];
+  char text[300];
+  std::snprintf(text, sizeof(text),
+                "%d tiles, uniformity p %.3g, ratio %.5f, furthest tile %zu (%.5f +- %.5f, %.5f +- "
+                "%.5f) p %.3g",
+                agreement.tiles, agreement.uniformity_p, agreement.mean_ratio, furthest,
+                worst.a.mean, std::sqrt(worst.a.variance), worst.b.mean,
+                std::sqrt(worst.b.variance), agreement.extreme_p);
   agreement.text = text;
   return agreement;
 }
