@@ -26,11 +26,24 @@ inline constexpr uint32_t kCoatedTraits =
 // Products under an environment map.
 inline constexpr uint32_t kOutdoorTraits =
     TraitSet(Trait::kEnvironment, Trait::kTextures, Trait::kMicrofacet, Trait::kLayered);
+// Coated and rough surfaces that move under area lights.
+inline constexpr uint32_t kMovingTraits = kCoatedTraits | TraitSet(Trait::kMotion);
+// Coated and rough surfaces in a room under an environment.
+inline constexpr uint32_t kOpenTraits =
+    TraitSet(Trait::kEnvironment, Trait::kQuadrics, Trait::kMicrofacet, Trait::kLayered);
+// Textured things in a studio: area lights and lights without size.
+inline constexpr uint32_t kStudioTraits =
+    kCoatedTraits | TraitSet(Trait::kTextures, Trait::kDeltaLights);
 // Everything that stands still, is opaque or glass, and is placed once; seen through a pinhole.
 inline constexpr uint32_t kStillTraits =
     TraitSet(Trait::kTextures, Trait::kEnvironment, Trait::kDeltaLights, Trait::kAreaLights,
              Trait::kSpecularTransmission, Trait::kLayered, Trait::kMicrofacet, Trait::kQuadrics);
 inline constexpr uint32_t kStillLensTraits = kStillTraits | TraitSet(Trait::kLens);
+// Rays of light through cut-outs are followed hit by hit, which scenes without them need not pay
+// for.
+inline constexpr uint32_t kCutOutTraits = kStillTraits | TraitSet(Trait::kAlpha);
+inline constexpr uint32_t kPlacedTraits = kStillLensTraits | TraitSet(Trait::kInstances);
+inline constexpr uint32_t kAnimatedTraits = kPlacedTraits | TraitSet(Trait::kMotion);
 // All but motion.
 inline constexpr uint32_t kStaticTraits =
     kStillLensTraits | TraitSet(Trait::kAlpha, Trait::kInstances);
@@ -41,20 +54,28 @@ inline constexpr uint32_t kSpectralBit = TraitSet(Trait::kSpectral);
 inline constexpr uint32_t kSpectralGlossyTraits = kGlossyTraits | kSpectralBit;
 inline constexpr uint32_t kSpectralOutdoorTraits = kOutdoorTraits | kSpectralBit;
 inline constexpr uint32_t kSpectralStillTraits = kStillTraits | kSpectralBit;
+inline constexpr uint32_t kSpectralAnimatedTraits = kAnimatedTraits | kSpectralBit;
 
 }  // namespace sheaf::render
 
 // X(name, traits), fewest traits first, the generic one last.
-#define SHEAF_RENDER_VARIANTS(X)                                 \
-  X("diffuse", ::sheaf::render::kDiffuseTraits)                  \
-  X("glossy", ::sheaf::render::kGlossyTraits)                    \
-  X("coated", ::sheaf::render::kCoatedTraits)                    \
-  X("outdoor", ::sheaf::render::kOutdoorTraits)                  \
-  X("still", ::sheaf::render::kStillTraits)                      \
-  X("still-lens", ::sheaf::render::kStillLensTraits)             \
-  X("static", ::sheaf::render::kStaticTraits)                    \
-  X("spectral glossy", ::sheaf::render::kSpectralGlossyTraits)   \
-  X("spectral outdoor", ::sheaf::render::kSpectralOutdoorTraits) \
-  X("spectral still", ::sheaf::render::kSpectralStillTraits)     \
-  X("spectral generic", ::sheaf::render::kAllSpectralTraits)     \
+#define SHEAF_RENDER_VARIANTS(X)                                   \
+  X("diffuse", ::sheaf::render::kDiffuseTraits)                    \
+  X("glossy", ::sheaf::render::kGlossyTraits)                      \
+  X("coated", ::sheaf::render::kCoatedTraits)                      \
+  X("outdoor", ::sheaf::render::kOutdoorTraits)                    \
+  X("open", ::sheaf::render::kOpenTraits)                          \
+  X("moving", ::sheaf::render::kMovingTraits)                      \
+  X("studio", ::sheaf::render::kStudioTraits)                      \
+  X("still", ::sheaf::render::kStillTraits)                        \
+  X("still-lens", ::sheaf::render::kStillLensTraits)               \
+  X("placed", ::sheaf::render::kPlacedTraits)                      \
+  X("cut-outs", ::sheaf::render::kCutOutTraits)                    \
+  X("animated", ::sheaf::render::kAnimatedTraits)                  \
+  X("static", ::sheaf::render::kStaticTraits)                      \
+  X("spectral glossy", ::sheaf::render::kSpectralGlossyTraits)     \
+  X("spectral outdoor", ::sheaf::render::kSpectralOutdoorTraits)   \
+  X("spectral still", ::sheaf::render::kSpectralStillTraits)       \
+  X("spectral animated", ::sheaf::render::kSpectralAnimatedTraits) \
+  X("spectral generic", ::sheaf::render::kAllSpectralTraits)       \
   X("generic", ::sheaf::render::kAllTraits)
