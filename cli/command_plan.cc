@@ -104,10 +104,13 @@ class PlanCommand : public Command {
                                    {"traits", plan.traits},
                                    {"variant_traits", plan.variant_traits},
                                    {"light_count", plan.light_count},
+                                   {"max_depth", plan.max_depth},
                                    {"effects", nlohmann::ordered_json::array()},
                                    {"unused", plan.unused}};
     for (const render::PlannedEffect& effect : plan.effects) {
-      json["effects"].push_back({{"name", effect.name}, {"cause", effect.cause}});
+      json["effects"].push_back({{"name", effect.name},
+                                 {"cause", effect.cause},
+                                 {"expected_time_ratio", effect.expected_time_ratio}});
     }
     if (measurement) json["measurement"] = MeasurementJson(*measurement);
     std::printf("%s\n",

@@ -1,12 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 # What carrying a trait costs a scene that does not use it: counted, not timed.
 set(ablated_sources)
-foreach(ablated kSpectralAnimatedWithoutMotion kPlacedWithoutLens kStillWithoutTextures
-        kStillWithoutEnvironment kStillWithoutDeltaLights kStillWithoutAreaLights
-        kGlossyWithoutTransmission kStillWithoutLayers kGlossyWithoutMicrofacets
-        kStaticWithoutInstances kGlossyWithoutQuadrics)
-  set(SHEAF_VARIANT_TRAITS ${ablated})
-  set(ablated_source ${CMAKE_CURRENT_BINARY_DIR}/ablated_${ablated}.cc)
+foreach(trait kTextures kDeltaLights kAreaLights kSpecularTransmission
+        kLayered kMicrofacet kInstances kQuadrics)
+  set(SHEAF_VARIANT_TRAITS "CommonWithout(Trait::${trait})")
+  set(ablated_source ${CMAKE_CURRENT_BINARY_DIR}/ablated_${trait}.cc)
   configure_file(${CMAKE_CURRENT_LIST_DIR}/ablated_variant.cc.in ${ablated_source} @ONLY)
   list(APPEND ablated_sources ${ablated_source})
 endforeach()

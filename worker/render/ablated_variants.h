@@ -12,32 +12,17 @@
 
 namespace sheaf::render {
 
-inline constexpr uint32_t kSpectralAnimatedWithoutMotion =
-    kSpectralAnimatedTraits & ~TraitSet(Trait::kMotion);
-inline constexpr uint32_t kPlacedWithoutLens = kPlacedTraits & ~TraitSet(Trait::kLens);
-inline constexpr uint32_t kStillWithoutTextures = kStillTraits & ~TraitSet(Trait::kTextures);
-inline constexpr uint32_t kStillWithoutEnvironment = kStillTraits & ~TraitSet(Trait::kEnvironment);
-inline constexpr uint32_t kStillWithoutDeltaLights = kStillTraits & ~TraitSet(Trait::kDeltaLights);
-inline constexpr uint32_t kStillWithoutAreaLights = kStillTraits & ~TraitSet(Trait::kAreaLights);
-inline constexpr uint32_t kGlossyWithoutTransmission =
-    kGlossyTraits & ~TraitSet(Trait::kSpecularTransmission);
-inline constexpr uint32_t kStillWithoutLayers = kStillTraits & ~TraitSet(Trait::kLayered);
-inline constexpr uint32_t kGlossyWithoutMicrofacets = kGlossyTraits & ~TraitSet(Trait::kMicrofacet);
-inline constexpr uint32_t kStaticWithoutInstances = kStaticTraits & ~TraitSet(Trait::kInstances);
-inline constexpr uint32_t kGlossyWithoutQuadrics = kGlossyTraits & ~TraitSet(Trait::kQuadrics);
+constexpr uint32_t CommonWithout(Trait trait) { return kCommonTraits & ~TraitSet(trait); }
 
 }  // namespace sheaf::render
 
 // X(name of the trait in the plan, traits of the variant without it).
-#define SHEAF_ABLATED_VARIANTS(X)                                \
-  X("motion", ::sheaf::render::kSpectralAnimatedWithoutMotion)   \
-  X("lens", ::sheaf::render::kPlacedWithoutLens)                 \
-  X("textures", ::sheaf::render::kStillWithoutTextures)          \
-  X("environment", ::sheaf::render::kStillWithoutEnvironment)    \
-  X("delta lights", ::sheaf::render::kStillWithoutDeltaLights)   \
-  X("area lights", ::sheaf::render::kStillWithoutAreaLights)     \
-  X("transmission", ::sheaf::render::kGlossyWithoutTransmission) \
-  X("layered materials", ::sheaf::render::kStillWithoutLayers)   \
-  X("microfacets", ::sheaf::render::kGlossyWithoutMicrofacets)   \
-  X("instances", ::sheaf::render::kStaticWithoutInstances)       \
-  X("curved shapes", ::sheaf::render::kGlossyWithoutQuadrics)
+#define SHEAF_ABLATED_VARIANTS(X)                                                                  \
+  X("textures", ::sheaf::render::CommonWithout(::sheaf::render::Trait::kTextures))                 \
+  X("delta lights", ::sheaf::render::CommonWithout(::sheaf::render::Trait::kDeltaLights))          \
+  X("area lights", ::sheaf::render::CommonWithout(::sheaf::render::Trait::kAreaLights))            \
+  X("transmission", ::sheaf::render::CommonWithout(::sheaf::render::Trait::kSpecularTransmission)) \
+  X("layered materials", ::sheaf::render::CommonWithout(::sheaf::render::Trait::kLayered))         \
+  X("microfacets", ::sheaf::render::CommonWithout(::sheaf::render::Trait::kMicrofacet))            \
+  X("instances", ::sheaf::render::CommonWithout(::sheaf::render::Trait::kInstances))               \
+  X("curved shapes", ::sheaf::render::CommonWithout(::sheaf::render::Trait::kQuadrics))

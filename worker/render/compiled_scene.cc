@@ -42,6 +42,7 @@ absl::StatusOr<CompiledScenePtr> CompileScene(SceneDescription description,
   auto scene = std::make_unique<CompiledScene>();
   scene->settings = settings;
   scene->plan = MakeRenderPlan(description, settings);
+  scene->settings.max_depth = scene->plan.max_depth;
   absl::StatusOr<BakedScene> baked = BakeScene(&description);
   if (!baked.ok()) return baked.status();
   scene->description = std::move(description);

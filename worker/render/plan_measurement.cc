@@ -194,7 +194,7 @@ class Measurer {
       omissions.push_back(
           {effect.name, [=, this] { return LeaveOut(trait, scene_, settings_, files_); }, {}});
     }
-    const int32_t depth = settings_.max_depth;
+    const int32_t depth = PlanOf(*whole_).max_depth;
     const auto with_depth = [this](int32_t limit) {
       return [this, limit] {
         SceneWithout shallow{scene_, settings_, absl::StrCat("depth ", limit)};
