@@ -16,9 +16,18 @@ constexpr uint64_t kCacheBytesMax = uint64_t{64} << 20;
 constexpr int kSteps = 64;
 constexpr float kGoldenFraction = 0.618034f;
 
+// Patterns repeat after at most two units; pictures that do not repeat are seen once.
+float SideOfMean(const SceneDescription& scene) {
+  for (const TextureDescription& texture : scene.textures) {
+    const auto* image = std::get_if<ImageTexture>(&texture.texture);
+    if (image != nullptr && image->wrap != TextureWrap::kRepeat) return 1;
+  }
+  return 2;
+}
+
 class Replacer {
  public:
-  explicit Replacer(const TextureProgram& program) : program_(program) {}
+  Replacer(const TextureProgram& program, float side) : program_(program), side_(side) {}
 
   void Replace(FloatInput* input) const {
     if (input->texture == kNone) return;
@@ -53,20 +62,22 @@ class Replacer {
 
  private:
   template <typename Value, typename Evaluate>
-  static Value Mean(const Evaluate& evaluate) {
+  Value Mean(const Evaluate& evaluate) const {
     Value sum{};
     for (int j = 0; j < kSteps; ++j) {
       for (int i = 0; i < kSteps; ++i) {
-        const float u = (static_cast<float>(i) + 0.5f) / kSteps;
-        const float v = (static_cast<float>(j) + 0.5f) / kSteps;
+        const float u = side_ * (static_cast<float>(i) + 0.5f) / kSteps;
+        const float v = side_ * (static_cast<float>(j) + 0.5f) / kSteps;
         const float turns = static_cast<float>(j * kSteps + i) * kGoldenFraction;
-        sum += evaluate({{u, v}, {u, v, turns - static_cast<float>(static_cast<int>(turns))}});
+        sum += evaluate(
+            {{u, v}, {u, v, side_ * (turns - static_cast<float>(static_cast<int>(turns)))}});
       }
     }
     return sum * (1.0f / (kSteps * kSteps));
   }
 
   const TextureProgram& program_;
+  const float side_;
 };
 
 }  // namespace
@@ -75,7 +86,7 @@ absl::Status ReplaceTexturesByMeans(FileSource& files, SceneDescription* scene) 
   TextureCache cache(kCacheBytesMax);
   const absl::StatusOr<TextureProgram> program = TextureProgram::Build(*scene, files, cache, false);
   if (!program.ok()) return program.status();
-  const Replacer replacer(*program);
+  const Replacer replacer(*program, SideOfMean(*scene));
   for (MaterialDescription& description : scene->materials) {
     std::visit([&](auto& material) { replacer.Replace(&material); }, description.material);
   }

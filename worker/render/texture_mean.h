@@ -10,9 +10,9 @@
 
 namespace sheaf::render {
 
-// Replaces every texture that a material or a cut-out reads by its mean over the unit square of uv
-// (for mappings from space, over points of the unit cube there), as RGB.
-// Errors: of TextureProgram::Build.
+// Replaces every texture that a material or a cut-out reads by its mean over uv in [0, 2]^2, or
+// in [0, 1]^2 where an image of the scene does not repeat (and for mappings from space over the
+// cube there that is as wide), as RGB. Errors: of TextureProgram::Build.
 absl::Status ReplaceTexturesByMeans(FileSource& files, SceneDescription* scene);
 
 }  // namespace sheaf::render
