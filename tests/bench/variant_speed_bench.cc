@@ -100,7 +100,7 @@ std::optional<Result> MeasureFile(const std::filesystem::path& path) {
       status = scene.status();
       if (status.ok()) {
         const Result result = Measure(**scene);
-        std::printf("%-44s %-16s ratio %.3f%s\n", path.filename().c_str(),
+        std::printf("%-36s %-34s ratio %.3f%s\n", path.filename().c_str(),
                     (*scene)->plan.variant_name.c_str(), result.ratio,
                     result.equal ? "" : ", PICTURES DIFFER");
         std::fflush(stdout);
@@ -109,7 +109,7 @@ std::optional<Result> MeasureFile(const std::filesystem::path& path) {
     }
   }
   const std::string reason(status.message());
-  std::printf("%-44s not rendered: %s\n", path.filename().c_str(),
+  std::printf("%-36s not rendered: %s\n", path.filename().c_str(),
               reason.substr(0, reason.find('\n')).c_str());
   return std::nullopt;
 }

@@ -9,6 +9,7 @@
 #include <algorithm>
 #include <cctype>
 #include <functional>
+#include <ostream>
 #include <string>
 #include <vector>
 
@@ -81,6 +82,7 @@ struct Case {
   std::string trait;  // Not used by the scene.
   std::function<void(TestScene*)> add;
 };
+void PrintTo(const Case& c, std::ostream* out) { *out << c.trait; }
 
 // Every one of them runs the variant "common".
 std::vector<Case> Cases() {
