@@ -6,3 +6,7 @@ add_executable(geometry_bench ${CMAKE_CURRENT_LIST_DIR}/geometry_bench.cc)
 target_link_libraries(geometry_bench PRIVATE sheaf::render sheaf::scene sheaf::film sheaf_warnings)
 add_executable(many_lights_bench ${CMAKE_CURRENT_LIST_DIR}/many_lights_bench.cc)
 target_link_libraries(many_lights_bench PRIVATE sheaf::render_sampling sheaf_warnings)
+add_executable(variant_speed_bench ${CMAKE_CURRENT_LIST_DIR}/variant_speed_bench.cc)
+target_link_libraries(variant_speed_bench PRIVATE sheaf::render sheaf::scene sheaf::film sheaf_warnings)
+# Of the pictures of SHEAF_PUBLIC_SCENES alone: what times a busy machine measures is not judged.
+sheaf_add_script_test(NAME variant_speed LABEL slow TIMEOUT 1500 COMMAND variant_speed_bench)

@@ -131,7 +131,7 @@ TEST(VariantsTest, ThePlanSaysWhoAsked) {
   EXPECT_EQ(plan.effects[1].trait, Trait::kAreaLights);
   EXPECT_EQ(plan.unused.size(), static_cast<size_t>(kTraitCount - std::popcount(plan.traits)));
   const std::string text = FormatRenderPlan(plan);
-  EXPECT_NE(text.find("variant: still-lens"), std::string::npos) << text;
+  EXPECT_NE(text.find("variant: common+lens"), std::string::npos) << text;
   EXPECT_NE(text.find("lights: " + std::to_string(plan.light_count) + ", each weighed"),
             std::string::npos)
       << text;

@@ -51,10 +51,12 @@ void CompiledSceneDeleter::operator()(const CompiledScene* scene) const { delete
 
 absl::StatusOr<CompiledScenePtr> CompileScene(SceneDescription description,
                                               const FrameSettings& settings, FileSource& files,
-                                              const CompileLimits& limits) {
+                                              const CompileLimits& limits,
+                                              const CompileTechniques& techniques) {
   auto scene = std::make_unique<CompiledScene>();
   scene->settings = settings;
   scene->plan = MakeRenderPlan(description, settings);
+  scene->settings.max_depth = scene->plan.max_depth;
   absl::StatusOr<BakedScene> baked = BakeScene(&description);
   if (!baked.ok()) return baked.status();
   scene->description = std::move(description);
@@ -85,6 +87,7 @@ absl::StatusOr<CompiledScenePtr> CompileScene(SceneDescription description,
   if (!materials.ok()) return materials.status();
   scene->materials = *std::move(materials);
   baked->emitters.spectral = spectral;
+  baked->emitters.choose_evenly = techniques.choose_lights_evenly;
   absl::StatusOr<std::unique_ptr<LightTable>> lights =
       LightTable::Build(scene->description, std::move(baked->emitters), files);
   if (!lights.ok()) return lights.status();

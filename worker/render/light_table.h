@@ -87,8 +87,9 @@ struct LightTableInput {
   std::vector<TriangleEmitter> triangles;
   std::vector<SphereEmitter> spheres;
   std::vector<DiskEmitter> disks;
-  bool spectral = false;      // Traits with kSpectral may be asked for.
-  Vec3d render_origin_world;  // World position of render space's origin (the camera).
+  bool spectral = false;       // Traits with kSpectral may be asked for.
+  bool choose_evenly = false;  // Every light with the same probability, wherever it stands.
+  Vec3d render_origin_world;   // World position of render space's origin (the camera).
 };
 
 class LightTable {

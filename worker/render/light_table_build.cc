@@ -137,6 +137,11 @@ std::vector<LightBounds> AllBounds(const LightTable::Impl& impl) {
   return bounds;
 }
 
+// A light that the choice cannot tell from any other that shines.
+LightBounds SameForAll(const LightBounds& light) {
+  return {.kind = LightBounds::Kind::kInfinite, .strength = light.strength > 0 ? 1.0f : 0.0f};
+}
+
 }  // namespace
 
 void LightTable::AssignGroups(const SceneDescription& scene,
@@ -190,6 +195,9 @@ absl::StatusOr<std::unique_ptr<LightTable>> LightTable::Build(const SceneDescrip
   std::vector<LightBounds> bounds = AllBounds(impl);
   impl.empty = std::none_of(bounds.begin(), bounds.end(),
                             [](const LightBounds& light) { return light.strength > 0; });
+  if (input.choose_evenly) {
+    for (LightBounds& light : bounds) light = SameForAll(light);
+  }
   impl.choice = LightChoice(std::move(bounds));
   return table;
 }

@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "common/base/check.h"
+#include "worker/render/ablated_variants.h"
 #include "worker/render/bsdf_hair.h"
 #include "worker/render/fresnel.h"
 #include "worker/render/material_impl.h"
@@ -347,6 +348,7 @@ float MaterialTable::EvaluateFloat(const FloatInput& input, const TexturePoint& 
   template float MaterialTable::EvaluateFloat<(traits)>(const FloatInput&, const TexturePoint&) \
       const;
 SHEAF_RENDER_VARIANTS(SHEAF_INSTANTIATE_MATERIAL)
+SHEAF_ABLATED_VARIANTS(SHEAF_INSTANTIATE_MATERIAL)
 #undef SHEAF_INSTANTIATE_MATERIAL
 
 }  // namespace sheaf::render

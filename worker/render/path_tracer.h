@@ -41,7 +41,12 @@ inline constexpr uint32_t kPassesMax = 1024;
 inline constexpr uint32_t kRouletteDepthMin = 1;
 inline constexpr float kRouletteStopMax = 0.95f;
 
-template <uint32_t kTraits, typename Tracer>
+// Which of the two techniques finds the light that arrives at a vertex. Pictures are made with
+// both; either alone has the same expectation, and there for tests of that. Lights without size can
+// only be sampled, and what is seen directly or along perfect reflections can only be met.
+enum class DirectLight : uint8_t { kByBoth, kBySampling, kByMeeting };
+
+template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight = DirectLight::kByBoth>
 class PathTracer {
  public:
   // All three must outlive *this. Not thread-safe: one for each thread.
@@ -122,6 +127,16 @@ class PathTracer {
   // Goes on along a sampled direction. False where the path ends.
   bool Scatter(const Sampler& sampler, const SurfacePoint& point, const BsdfOf<Color>& bsdf,
                Vec3f wo_local, Vec3f light_hint, Path* path) const;
+  // The share of a contribution that goes to the technique that found it with `pdf`, where the
+  // other would have done so with `other_pdf`.
+  static float SampledShare(float pdf, float other_pdf) {
+    if constexpr (kDirectLight == DirectLight::kByBoth) return PowerHeuristic(pdf, other_pdf);
+    return kDirectLight == DirectLight::kBySampling ? 1 : 0;
+  }
+  static float MetShare(float pdf, float other_pdf) {
+    if constexpr (kDirectLight == DirectLight::kByBoth) return PowerHeuristic(pdf, other_pdf);
+    return kDirectLight == DirectLight::kByMeeting ? 1 : 0;
+  }
   bool IsVisible(const SurfacePoint& point, const LightSampleOf<Color>& light,
                  std::array<float, 2> u_pass, float time);
   bool IsVisibleThroughCutOuts(Ray ray, bool is_infinite, Vec3f end, std::array<float, 2> u_pass);
@@ -135,8 +150,9 @@ class PathTracer {
 
 // --- Definitions ---------------------------------------------------------------------------------
 
-template <uint32_t kTraits, typename Tracer>
-FilmSample PathTracer<kTraits, Tracer>::TraceSample(int32_t x, int32_t y, uint64_t sample_index) {
+template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight>
+FilmSample PathTracer<kTraits, Tracer, kDirectLight>::TraceSample(int32_t x, int32_t y,
+                                                                  uint64_t sample_index) {
   const Sampler sampler(scene_.settings.seed, x, y, sample_index);
   FilmSample film;
   Path path;
@@ -153,8 +169,9 @@ FilmSample PathTracer<kTraits, Tracer>::TraceSample(int32_t x, int32_t y, uint64
   return film;
 }
 
-template <uint32_t kTraits, typename Tracer>
-Rgb PathTracer<kTraits, Tracer>::RgbOfSample(const Color& radiance, const Path& path) const {
+template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight>
+Rgb PathTracer<kTraits, Tracer, kDirectLight>::RgbOfSample(const Color& radiance,
+                                                           const Path& path) const {
   if constexpr (kSpectral) {
     return RgbOf(radiance, path.wavelengths) * scene_.description.film.exposure_scale;
   } else {
@@ -162,9 +179,9 @@ Rgb PathTracer<kTraits, Tracer>::RgbOfSample(const Color& radiance, const Path& 
   }
 }
 
-template <uint32_t kTraits, typename Tracer>
-Ray PathTracer<kTraits, Tracer>::CameraRay(const Sampler& sampler, int32_t x, int32_t y,
-                                           FilmSample* film) const {
+template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight>
+Ray PathTracer<kTraits, Tracer, kDirectLight>::CameraRay(const Sampler& sampler, int32_t x,
+                                                         int32_t y, FilmSample* film) const {
   Vec2f filter_u, lens_u;
   if constexpr (Has(kTraits, Trait::kLens)) {
     const std::array<float, 4> u = sampler.Get4(Slot(CameraSlot::kFilterAndLens));
@@ -182,8 +199,9 @@ Ray PathTracer<kTraits, Tracer>::CameraRay(const Sampler& sampler, int32_t x, in
   return scene_.camera.template MakeRay<kTraits>(raster, lens_u, time);
 }
 
-template <uint32_t kTraits, typename Tracer>
-void PathTracer<kTraits, Tracer>::Trace(const Sampler& sampler, Path* path, FilmSample* film) {
+template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight>
+void PathTracer<kTraits, Tracer, kDirectLight>::Trace(const Sampler& sampler, Path* path,
+                                                      FilmSample* film) {
   const auto depth_max = static_cast<uint32_t>(scene_.settings.max_depth);
   const Vec3f camera_o = path->ray.o;
   bool is_first = true;
@@ -262,9 +280,9 @@ void PathTracer<kTraits, Tracer>::Trace(const Sampler& sampler, Path* path, Film
   }
 }
 
-template <uint32_t kTraits, typename Tracer>
-typename PathTracer<kTraits, Tracer>::PassChoice PathTracer<kTraits, Tracer>::MakeChoice(
-    std::array<float, 2> u, uint32_t pass) {
+template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight>
+typename PathTracer<kTraits, Tracer, kDirectLight>::PassChoice
+PathTracer<kTraits, Tracer, kDirectLight>::MakeChoice(std::array<float, 2> u, uint32_t pass) {
   if (pass == 0) return {u[0], u[1]};
   // Later surfaces of the same segment must decide independently: hash the slot's numbers.
   uint64_t state = (uint64_t{std::bit_cast<uint32_t>(u[0])} << 32) | std::bit_cast<uint32_t>(u[1]);
@@ -277,8 +295,9 @@ typename PathTracer<kTraits, Tracer>::PassChoice PathTracer<kTraits, Tracer>::Ma
           static_cast<float>((state >> 8) & 0xffffff) * 0x1p-24f};
 }
 
-template <uint32_t kTraits, typename Tracer>
-TexturePoint PathTracer<kTraits, Tracer>::TexturePointOf(const SurfacePoint& point) const {
+template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight>
+TexturePoint PathTracer<kTraits, Tracer, kDirectLight>::TexturePointOf(
+    const SurfacePoint& point) const {
   TexturePoint texture_point;
   if constexpr (Has(kTraits, Trait::kHair)) texture_point.uv = point.uv;
   if constexpr (Has(kTraits, Trait::kTextures)) {
@@ -288,8 +307,8 @@ TexturePoint PathTracer<kTraits, Tracer>::TexturePointOf(const SurfacePoint& poi
   return texture_point;
 }
 
-template <uint32_t kTraits, typename Tracer>
-bool PathTracer<kTraits, Tracer>::IsCutOut(const SurfacePoint& point, float u) const {
+template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight>
+bool PathTracer<kTraits, Tracer, kDirectLight>::IsCutOut(const SurfacePoint& point, float u) const {
   if constexpr (kMayPass) {
     if (!point.surface->has_alpha) return false;
     const ShapeDescription& shape = scene_.description.shapes[point.surface->shape];
@@ -299,8 +318,8 @@ bool PathTracer<kTraits, Tracer>::IsCutOut(const SurfacePoint& point, float u) c
   return false;
 }
 
-template <uint32_t kTraits, typename Tracer>
-void PathTracer<kTraits, Tracer>::AddEscape(Path* path) {
+template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight>
+void PathTracer<kTraits, Tracer, kDirectLight>::AddEscape(Path* path) {
   if constexpr (Has(kTraits, Trait::kEnvironment)) {
     if (path->specular) {
       AddSky(path->from, path->ray.d, path->throughput,
@@ -311,14 +330,14 @@ void PathTracer<kTraits, Tracer>::AddEscape(Path* path) {
     }
     const EnvironmentValueOf<Color> value = scene_.lights->template EvalEnvironment<kTraits>(
         path->from, path->from_n, path->ray.d, path->wavelengths, path->sky_place);
-    const float weight = PowerHeuristic(path->pdf, value.pdf);
+    const float weight = MetShare(path->pdf, value.pdf);
     AddSky(path->from, path->ray.d, path->throughput * weight,
            path->throughput * value.radiance * weight, path);
   }
 }
 
-template <uint32_t kTraits, typename Tracer>
-void PathTracer<kTraits, Tracer>::AddEmission(const SurfacePoint& point, Path* path) {
+template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight>
+void PathTracer<kTraits, Tracer, kDirectLight>::AddEmission(const SurfacePoint& point, Path* path) {
   if constexpr (Has(kTraits, Trait::kAreaLights)) {
     if (point.emitter == kNoEmitter) return;
     const Color radiance = scene_.lights->template EmitterRadiance<Color>(
@@ -326,18 +345,19 @@ void PathTracer<kTraits, Tracer>::AddEmission(const SurfacePoint& point, Path* p
     if (radiance.IsBlack()) return;
     float weight = 1;
     if (!path->specular) {
-      weight = PowerHeuristic(path->pdf,
-                              scene_.lights->template PdfEmitter<kTraits>(
+      weight =
+          MetShare(path->pdf, scene_.lights->template PdfEmitter<kTraits>(
                                   point.emitter, path->from, path->from_n, path->ray.d, point.p));
     }
     AddLight(point.emitter, path->throughput * radiance * weight, path);
   }
 }
 
-template <uint32_t kTraits, typename Tracer>
-void PathTracer<kTraits, Tracer>::AddDirect(const LightDraw& draw, const SurfacePoint& point,
-                                            const BsdfOf<Color>& bsdf, Vec3f wo_local,
-                                            Vec3f light_hint, Path* path) {
+template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight>
+void PathTracer<kTraits, Tracer, kDirectLight>::AddDirect(const LightDraw& draw,
+                                                          const SurfacePoint& point,
+                                                          const BsdfOf<Color>& bsdf, Vec3f wo_local,
+                                                          Vec3f light_hint, Path* path) {
   if (scene_.lights->empty()) return;
   const std::array<float, 4>& u = draw.u;
   const std::optional<LightSampleOf<Color>> light = scene_.lights->template Sample<kTraits>(
@@ -349,7 +369,7 @@ void PathTracer<kTraits, Tracer>::AddDirect(const LightDraw& draw, const Surface
   const BsdfValueOf<Color> value = EvalBsdf<kTraits>(bsdf, wo_local, wi_local);
   if (value.f_cos.IsBlack()) return;
   if (!IsVisible(point, *light, {u[3], u[0]}, path->ray.time)) return;
-  const float weight = light->is_delta ? 1.0f : PowerHeuristic(light->pdf, value.pdf);
+  const float weight = light->is_delta ? 1.0f : SampledShare(light->pdf, value.pdf);
   const float scale = weight / light->pdf;
   const Color arriving = path->throughput * value.f_cos * light->radiance * scale;
   if (light->is_infinite && !light->is_delta) {
@@ -359,10 +379,11 @@ void PathTracer<kTraits, Tracer>::AddDirect(const LightDraw& draw, const Surface
   }
 }
 
-template <uint32_t kTraits, typename Tracer>
-bool PathTracer<kTraits, Tracer>::Scatter(const Sampler& sampler, const SurfacePoint& point,
-                                          const BsdfOf<Color>& bsdf, Vec3f wo_local,
-                                          Vec3f light_hint, Path* path) const {
+template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight>
+bool PathTracer<kTraits, Tracer, kDirectLight>::Scatter(const Sampler& sampler,
+                                                        const SurfacePoint& point,
+                                                        const BsdfOf<Color>& bsdf, Vec3f wo_local,
+                                                        Vec3f light_hint, Path* path) const {
   const std::array<float, 4> u = sampler.Get4(Slot(path->depth - 1, VertexSlot::kBsdf));
   const std::optional<BsdfSampleOf<Color>> sample =
       SampleBsdf<kTraits>(bsdf, wo_local, u[0], {u[1], u[2]});
@@ -390,10 +411,10 @@ bool PathTracer<kTraits, Tracer>::Scatter(const Sampler& sampler, const SurfaceP
   return true;
 }
 
-template <uint32_t kTraits, typename Tracer>
-bool PathTracer<kTraits, Tracer>::IsVisible(const SurfacePoint& point,
-                                            const LightSampleOf<Color>& light,
-                                            std::array<float, 2> u_pass, float time) {
+template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight>
+bool PathTracer<kTraits, Tracer, kDirectLight>::IsVisible(const SurfacePoint& point,
+                                                          const LightSampleOf<Color>& light,
+                                                          std::array<float, 2> u_pass, float time) {
   Ray ray;
   ray.time = time;
   ray.source = point.id;
@@ -411,9 +432,9 @@ bool PathTracer<kTraits, Tracer>::IsVisible(const SurfacePoint& point,
   return !tracer_.Occluded(ray);
 }
 
-template <uint32_t kTraits, typename Tracer>
-bool PathTracer<kTraits, Tracer>::IsVisibleThroughCutOuts(Ray ray, bool is_infinite, Vec3f end,
-                                                          std::array<float, 2> u_pass) {
+template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight>
+bool PathTracer<kTraits, Tracer, kDirectLight>::IsVisibleThroughCutOuts(
+    Ray ray, bool is_infinite, Vec3f end, std::array<float, 2> u_pass) {
   for (uint32_t pass = 0; pass < kPassesMax; ++pass) {
     ++counts_.rays;
     ++counts_.shadow_rays;

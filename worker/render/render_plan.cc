@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <iterator>
 #include <set>
 #include <variant>
@@ -23,21 +24,22 @@ namespace {
 struct TraitName {
   Trait trait;
   const char* name;
+  double time_ratio = 0;  // PlannedEffect::expected_time_ratio, from tests/bench/effect_cost.py.
 };
 constexpr TraitName kTraitNames[] = {
-    {Trait::kMotion, "motion"},
-    {Trait::kLens, "lens"},
-    {Trait::kTextures, "textures"},
-    {Trait::kEnvironment, "environment"},
-    {Trait::kDeltaLights, "delta lights"},
-    {Trait::kAreaLights, "area lights"},
-    {Trait::kSpecularTransmission, "transmission"},
-    {Trait::kLayered, "layered materials"},
-    {Trait::kMicrofacet, "microfacets"},
-    {Trait::kAlpha, "cut-outs and mixes"},
-    {Trait::kInstances, "instances"},
-    {Trait::kQuadrics, "curved shapes"},
-    {Trait::kSpectral, "wavelengths"},
+    {Trait::kMotion, "motion", 1.38},
+    {Trait::kLens, "lens", 1.05},
+    {Trait::kTextures, "textures", 1.03},
+    {Trait::kEnvironment, "environment", 1.19},
+    {Trait::kDeltaLights, "delta lights", 1.02},
+    {Trait::kAreaLights, "area lights", 2.35},
+    {Trait::kSpecularTransmission, "transmission", 1.05},
+    {Trait::kLayered, "layered materials", 1.04},
+    {Trait::kMicrofacet, "microfacets", 1.06},
+    {Trait::kAlpha, "cut-outs and mixes", 1.18},
+    {Trait::kInstances, "instances", 1.58},
+    {Trait::kQuadrics, "curved shapes", 1.03},
+    {Trait::kSpectral, "wavelengths", 1.18},
     {Trait::kHair, "hair"},
     {Trait::kMeasured, "measured materials"},
     {Trait::kCurves, "curves"},
@@ -65,7 +67,9 @@ class PlanMaker {
       causes_[TraitIndex(Trait::kOutputs)] = {
           absl::StrCat("asked for: ", FormatOutputs(settings.outputs)), 1};
     }
-    return Finish(settings.force_generic_variant);
+    RenderPlan plan = Finish(settings.force_generic_variant);
+    BoundDepth(settings.max_depth, &plan);
+    return plan;
   }
 
  private:
@@ -147,8 +151,10 @@ class PlanMaker {
 
   // A material counts once, however many shapes use it.
   void LookAtMaterial(int32_t material) {
+    something_scatters_ = something_scatters_ || material == kNone;
     if (material == kNone || !materials_seen_.insert(material).second) return;
     const MaterialDescription& description = scene_.materials[material];
+    something_scatters_ = something_scatters_ || !IsBlack(description);
     const uint32_t traits = NeedsOfMaterial(scene_, material).traits;
     const std::string what = description.name.empty()
                                  ? std::string("Material")
@@ -194,6 +200,26 @@ class PlanMaker {
     }
   }
 
+  static bool IsBlack(const MaterialDescription& description) {
+    const auto* diffuse = std::get_if<DiffuseMaterial>(&description.material);
+    return diffuse != nullptr && diffuse->reflectance.texture == kNone &&
+           diffuse->reflectance.value.kind == ColorSpec::Kind::kRgb &&
+           !diffuse->reflectance.value.is_out_of_gamut && diffuse->reflectance.value.rgb.IsBlack();
+  }
+
+  void BoundDepth(int32_t max_depth, RenderPlan* plan) const {
+    plan->max_depth = max_depth;
+    if (max_depth == 0) return;
+    if (light_count_ == 0) {
+      plan->depth_cause = "there is no light";
+    } else if (!something_scatters_) {
+      plan->depth_cause = "every surface is black";
+    } else {
+      return;
+    }
+    plan->max_depth = 0;
+  }
+
   RenderPlan Finish(bool force_generic) const {
     RenderPlan plan;
     plan.light_count = light_count_;
@@ -206,7 +232,7 @@ class PlanMaker {
       plan.traits |= static_cast<uint32_t>(t.trait);
       std::string cause = causes_[i].text;
       if (causes_[i].count > 1) absl::StrAppend(&cause, " (and ", causes_[i].count - 1, " more)");
-      plan.effects.push_back({t.trait, t.name, cause});
+      plan.effects.push_back({t.trait, t.name, cause, t.time_ratio});
     }
     const Variant variant = AllVariants()[ChooseVariant(plan.traits, force_generic)];
     plan.variant_traits = variant.traits;
@@ -218,7 +244,14 @@ class PlanMaker {
   std::array<Cause, std::size(kTraitNames)> causes_;
   std::set<int32_t> materials_seen_, area_lights_seen_;
   size_t light_count_ = 0;
+  bool something_scatters_ = false;
 };
+
+// "+12 %".
+std::string CostText(const PlannedEffect& effect) {
+  const long percent = std::lround(100 * (effect.expected_time_ratio - 1));
+  return absl::StrCat(percent < 0 ? "" : "+", percent, " %");
+}
 
 std::string JoinNames(const std::vector<std::string>& names) {
   std::string joined;
@@ -233,17 +266,25 @@ RenderPlan MakeRenderPlan(const SceneDescription& scene, const FrameSettings& se
 }
 
 std::string FormatRenderPlan(const RenderPlan& plan) {
-  size_t width = 0;
-  for (const PlannedEffect& effect : plan.effects) width = std::max(width, effect.name.size());
+  size_t width = 0, cost_width = 0;
+  for (const PlannedEffect& effect : plan.effects) {
+    width = std::max(width, effect.name.size());
+    cost_width = std::max(cost_width, CostText(effect).size());
+  }
   std::string text;
   for (const PlannedEffect& effect : plan.effects) {
-    absl::StrAppend(&text, effect.name, std::string(width - effect.name.size() + 2, ' '),
-                    effect.cause, "\n");
+    const std::string cost = CostText(effect);
+    absl::StrAppend(&text, effect.name,
+                    std::string(width - effect.name.size() + 2 + cost_width - cost.size(), ' '),
+                    cost, "  ", effect.cause, "\n");
   }
   if (!plan.unused.empty()) absl::StrAppend(&text, "not used: ", JoinNames(plan.unused), "\n");
   absl::StrAppend(&text, "lights: ", plan.light_count,
                   plan.light_count > kLightsWeighedMax ? ", chosen by a hierarchy\n"
                                                        : ", each weighed at every point\n");
+  if (!plan.depth_cause.empty()) {
+    absl::StrAppend(&text, "depth: ", plan.max_depth, ", ", plan.depth_cause, "\n");
+  }
   std::vector<std::string> carried;
   for (const TraitName& t : kTraitNames) {
     const auto bit = static_cast<uint32_t>(t.trait);

@@ -40,11 +40,18 @@ struct PlannedEffect {
   Trait trait{};
   std::string name;   // "lens"
   std::string cause;  // "scenes/room.pbrt:12:1: Camera \"float lensradius\" [0.05]"
+  // Time of a sample with the effect over one without, in the small scene of this effect that
+  // tests/bench/effect_cost.py measures; what it is in this one says MeasurePlan.
+  double expected_time_ratio = 1;
 };
 struct RenderPlan {
   uint32_t traits = 0;          // The scene's.
   uint32_t variant_traits = 0;  // Of the compiled variant: a superset of traits.
   std::string variant_name;
+  // The settings', or less where no light can come by more scattering: then deeper paths would all
+  // bring exactly nothing.
+  int32_t max_depth = 0;
+  std::string depth_cause;             // Of a smaller one; else empty.
   size_t light_count = 0;              // Of emissive triangles, spheres, disks and other lights.
   std::vector<PlannedEffect> effects;  // In the order of Trait.
   std::vector<std::string> unused;     // Names of the effects that cost nothing here.

@@ -23,6 +23,12 @@ struct CompileLimits {
   uint32_t build_threads = 0;  // 0: as many as the machine has.
 };
 
+// Choices that change the noise of a picture and not its expectation; tests compare the techniques
+// with each other.
+struct CompileTechniques {
+  bool choose_lights_evenly = false;  // Instead of by what each may send to a point.
+};
+
 // Immutable after CompileScene; all const members may be used from many threads at once.
 class CompiledScene;
 struct CompiledSceneDeleter {
@@ -34,7 +40,8 @@ using CompiledScenePtr = std::unique_ptr<const CompiledScene, CompiledSceneDelet
 // are handed to the ray tracer without a copy.
 // Errors: kInvalidArgument with the location in the scene file; kResourceExhausted over a limit.
 absl::StatusOr<CompiledScenePtr> CompileScene(SceneDescription scene, const FrameSettings& settings,
-                                              FileSource& files, const CompileLimits& limits = {});
+                                              FileSource& files, const CompileLimits& limits = {},
+                                              const CompileTechniques& techniques = {});
 const RenderPlan& PlanOf(const CompiledScene& scene);
 const FrameSettings& SettingsOf(const CompiledScene& scene);
 uint64_t MemoryBytesOf(const CompiledScene& scene);

@@ -1,9 +1,9 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The trait combinations the renderer is compiled for. A scene runs the variant with the fewest
-// traits that holds all of its own; the generic one holds every trait, so there is always one. The
-// list is kept short: each entry is compiled once, and functions templated over traits are
+// The trait combinations the renderer is compiled for. A scene runs the cheapest variant that holds
+// all of its traits; the generic one holds every trait, so there is always one. The list is kept
+// short (at most 64): each entry is compiled once, and functions templated over traits are
 // instantiated for each by  #define X(name, traits) template ... F<traits>(...);
 // SHEAF_RENDER_VARIANTS(X)
 #pragma once
@@ -26,35 +26,91 @@ inline constexpr uint32_t kCoatedTraits =
 // Products under an environment map.
 inline constexpr uint32_t kOutdoorTraits =
     TraitSet(Trait::kEnvironment, Trait::kTextures, Trait::kMicrofacet, Trait::kLayered);
-// Everything that stands still, is opaque or glass, and is placed once; seen through a pinhole.
-inline constexpr uint32_t kStillTraits =
-    TraitSet(Trait::kTextures, Trait::kEnvironment, Trait::kDeltaLights, Trait::kAreaLights,
-             Trait::kSpecularTransmission, Trait::kLayered, Trait::kMicrofacet, Trait::kQuadrics);
-inline constexpr uint32_t kStillLensTraits = kStillTraits | TraitSet(Trait::kLens);
-// All but motion.
-inline constexpr uint32_t kStaticTraits =
-    kStillLensTraits | TraitSet(Trait::kAlpha, Trait::kInstances);
+// Coated and rough surfaces that move under area lights.
+inline constexpr uint32_t kMovingTraits = kCoatedTraits | TraitSet(Trait::kMotion);
+// Coated and rough surfaces in a room under an environment.
+inline constexpr uint32_t kOpenTraits =
+    TraitSet(Trait::kEnvironment, Trait::kQuadrics, Trait::kMicrofacet, Trait::kLayered);
+// Textured things in a studio: area lights and lights without size.
+inline constexpr uint32_t kStudioTraits =
+    kCoatedTraits | TraitSet(Trait::kTextures, Trait::kDeltaLights);
+// What costs scenes without it next to nothing (tests/cost counts it): the kinds of surfaces and
+// shapes, of which one is met at a time, and those of lights that have a place.
+inline constexpr uint32_t kCommonTraits = TraitSet(
+    Trait::kTextures, Trait::kDeltaLights, Trait::kAreaLights, Trait::kSpecularTransmission,
+    Trait::kLayered, Trait::kMicrofacet, Trait::kInstances, Trait::kQuadrics);
+// What every path would pay for: an environment is looked up in advance, lens and shutter take
+// sample points, and light through cut-outs is followed hit by hit. There are variants with every
+// combination of these, so that no scene carries one that it does not ask for.
+inline constexpr uint32_t kPaidByEveryPath =
+    TraitSet(Trait::kEnvironment, Trait::kLens, Trait::kMotion, Trait::kAlpha);
+constexpr uint32_t CommonTraits(bool environment, bool lens, bool motion, bool cut_outs) {
+  return kCommonTraits | (environment ? TraitSet(Trait::kEnvironment) : 0) |
+         (lens ? TraitSet(Trait::kLens) : 0) | (motion ? TraitSet(Trait::kMotion) : 0) |
+         (cut_outs ? TraitSet(Trait::kAlpha) : 0);
+}
 
 // The same with wavelengths instead of RGB. A scene runs with one of the two, never with what it
 // did not call for, so these never serve RGB, nor those spectra.
-inline constexpr uint32_t kSpectralBit = TraitSet(Trait::kSpectral);
-inline constexpr uint32_t kSpectralGlossyTraits = kGlossyTraits | kSpectralBit;
-inline constexpr uint32_t kSpectralOutdoorTraits = kOutdoorTraits | kSpectralBit;
-inline constexpr uint32_t kSpectralStillTraits = kStillTraits | kSpectralBit;
+constexpr uint32_t Spectrally(uint32_t traits) { return traits | TraitSet(Trait::kSpectral); }
 
 }  // namespace sheaf::render
 
-// X(name, traits), fewest traits first, the generic one last.
-#define SHEAF_RENDER_VARIANTS(X)                                 \
-  X("diffuse", ::sheaf::render::kDiffuseTraits)                  \
-  X("glossy", ::sheaf::render::kGlossyTraits)                    \
-  X("coated", ::sheaf::render::kCoatedTraits)                    \
-  X("outdoor", ::sheaf::render::kOutdoorTraits)                  \
-  X("still", ::sheaf::render::kStillTraits)                      \
-  X("still-lens", ::sheaf::render::kStillLensTraits)             \
-  X("static", ::sheaf::render::kStaticTraits)                    \
-  X("spectral glossy", ::sheaf::render::kSpectralGlossyTraits)   \
-  X("spectral outdoor", ::sheaf::render::kSpectralOutdoorTraits) \
-  X("spectral still", ::sheaf::render::kSpectralStillTraits)     \
-  X("spectral generic", ::sheaf::render::kAllSpectralTraits)     \
+// X(name, traits), the generic ones last.
+#define SHEAF_RENDER_VARIANTS(X)                                                                  \
+  X("diffuse", ::sheaf::render::kDiffuseTraits)                                                   \
+  X("glossy", ::sheaf::render::kGlossyTraits)                                                     \
+  X("coated", ::sheaf::render::kCoatedTraits)                                                     \
+  X("outdoor", ::sheaf::render::kOutdoorTraits)                                                   \
+  X("open", ::sheaf::render::kOpenTraits)                                                         \
+  X("moving", ::sheaf::render::kMovingTraits)                                                     \
+  X("studio", ::sheaf::render::kStudioTraits)                                                     \
+  X("common", ::sheaf::render::CommonTraits(false, false, false, false))                          \
+  X("common+cut-outs", ::sheaf::render::CommonTraits(false, false, false, true))                  \
+  X("common+motion", ::sheaf::render::CommonTraits(false, false, true, false))                    \
+  X("common+lens", ::sheaf::render::CommonTraits(false, true, false, false))                      \
+  X("common+environment", ::sheaf::render::CommonTraits(true, false, false, false))               \
+  X("common+motion+cut-outs", ::sheaf::render::CommonTraits(false, false, true, true))            \
+  X("common+lens+cut-outs", ::sheaf::render::CommonTraits(false, true, false, true))              \
+  X("common+lens+motion", ::sheaf::render::CommonTraits(false, true, true, false))                \
+  X("common+environment+cut-outs", ::sheaf::render::CommonTraits(true, false, false, true))       \
+  X("common+environment+motion", ::sheaf::render::CommonTraits(true, false, true, false))         \
+  X("common+environment+lens", ::sheaf::render::CommonTraits(true, true, false, false))           \
+  X("common+lens+motion+cut-outs", ::sheaf::render::CommonTraits(false, true, true, true))        \
+  X("common+environment+motion+cut-outs", ::sheaf::render::CommonTraits(true, false, true, true)) \
+  X("common+environment+lens+cut-outs", ::sheaf::render::CommonTraits(true, true, false, true))   \
+  X("common+environment+lens+motion", ::sheaf::render::CommonTraits(true, true, true, false))     \
+  X("spectral glossy", ::sheaf::render::Spectrally(::sheaf::render::kGlossyTraits))               \
+  X("spectral outdoor", ::sheaf::render::Spectrally(::sheaf::render::kOutdoorTraits))             \
+  X("spectral common",                                                                            \
+    ::sheaf::render::Spectrally(::sheaf::render::CommonTraits(false, false, false, false)))       \
+  X("spectral common+cut-outs",                                                                   \
+    ::sheaf::render::Spectrally(::sheaf::render::CommonTraits(false, false, false, true)))        \
+  X("spectral common+motion",                                                                     \
+    ::sheaf::render::Spectrally(::sheaf::render::CommonTraits(false, false, true, false)))        \
+  X("spectral common+lens",                                                                       \
+    ::sheaf::render::Spectrally(::sheaf::render::CommonTraits(false, true, false, false)))        \
+  X("spectral common+environment",                                                                \
+    ::sheaf::render::Spectrally(::sheaf::render::CommonTraits(true, false, false, false)))        \
+  X("spectral common+motion+cut-outs",                                                            \
+    ::sheaf::render::Spectrally(::sheaf::render::CommonTraits(false, false, true, true)))         \
+  X("spectral common+lens+cut-outs",                                                              \
+    ::sheaf::render::Spectrally(::sheaf::render::CommonTraits(false, true, false, true)))         \
+  X("spectral common+lens+motion",                                                                \
+    ::sheaf::render::Spectrally(::sheaf::render::CommonTraits(false, true, true, false)))         \
+  X("spectral common+environment+cut-outs",                                                       \
+    ::sheaf::render::Spectrally(::sheaf::render::CommonTraits(true, false, false, true)))         \
+  X("spectral common+environment+motion",                                                         \
+    ::sheaf::render::Spectrally(::sheaf::render::CommonTraits(true, false, true, false)))         \
+  X("spectral common+environment+lens",                                                           \
+    ::sheaf::render::Spectrally(::sheaf::render::CommonTraits(true, true, false, false)))         \
+  X("spectral common+lens+motion+cut-outs",                                                       \
+    ::sheaf::render::Spectrally(::sheaf::render::CommonTraits(false, true, true, true)))          \
+  X("spectral common+environment+motion+cut-outs",                                                \
+    ::sheaf::render::Spectrally(::sheaf::render::CommonTraits(true, false, true, true)))          \
+  X("spectral common+environment+lens+cut-outs",                                                  \
+    ::sheaf::render::Spectrally(::sheaf::render::CommonTraits(true, true, false, true)))          \
+  X("spectral common+environment+lens+motion",                                                    \
+    ::sheaf::render::Spectrally(::sheaf::render::CommonTraits(true, true, true, false)))          \
+  X("spectral generic", ::sheaf::render::kAllSpectralTraits)                                      \
   X("generic", ::sheaf::render::kAllTraits)

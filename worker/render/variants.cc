@@ -7,6 +7,7 @@
 #include <array>
 #include <bit>
 #include <optional>
+#include <utility>
 
 #include "common/base/check.h"
 #include "worker/render/variant_list.h"
@@ -22,6 +23,11 @@ struct Entry {
 #define SHEAF_VARIANT_ENTRY(name, traits) {name, traits, &RenderRow<(traits)>},
 constexpr Entry kEntries[] = {SHEAF_RENDER_VARIANTS(SHEAF_VARIANT_ENTRY)};
 #undef SHEAF_VARIANT_ENTRY
+
+// Orders what variants carry for other scenes: first by what every path pays for, then by number.
+std::pair<int, int> CostOf(uint32_t carried) {
+  return {std::popcount(carried & kPaidByEveryPath), std::popcount(carried)};
+}
 
 }  // namespace
 
@@ -39,7 +45,7 @@ size_t ChooseVariant(uint32_t traits, bool force_generic) {
   for (size_t i = 0; i < std::size(kEntries); ++i) {
     const uint32_t held = kEntries[i].traits;
     if ((traits & ~held) != 0 || (held & kColor) != (traits & kColor)) continue;
-    if (!best || std::popcount(held) < std::popcount(kEntries[*best].traits)) best = i;
+    if (!best || CostOf(held & ~traits) < CostOf(kEntries[*best].traits & ~traits)) best = i;
   }
   SHEAF_CHECK(best.has_value());
   return *best;

@@ -1,0 +1,107 @@
+#!/usr/bin/env python3
+# Copyright the Sheaf authors.
+# SPDX-License-Identifier: Apache-2.0
+"""What each effect costs in a small scene of its own: where the plan's expected costs come from.
+
+    SHEAF_BIN=build/dev/bin tests/bench/effect_cost.py [SECONDS] [--check]
+
+For every effect, renders a floor and a box under a lamp, with the effect and without, in turns
+(`sheaf plan --measure`), and prints the ratio of times beside the one that the plan states
+(kTraitNames in worker/render/render_plan.cc). With --check, exits with 1 where the two differ by
+more than a quarter of the time of a sample and by more than 4 standard errors.
+"""
+import argparse
+import json
+import os
+import subprocess
+import sys
+import tempfile
+
+SHEAF = os.path.join(os.environ.get("SHEAF_BIN", "build/dev/bin"), "sheaf")
+ALLOWED, SIGMAS = 0.25, 4
+
+HEAD = """Film "rgb" "integer xresolution" [128] "integer yresolution" [128]
+Sampler "zsobol" "integer pixelsamples" [16]
+Integrator "path" "integer maxdepth" [5]
+LookAt 0 1.5 -4  0 0.5 0  0 1 0
+"""
+CAMERA = 'Camera "perspective" "float fov" [45]\n'
+FLOOR = ('Material "diffuse" "rgb reflectance" [0.6 0.5 0.4]\n'
+         'Shape "trianglemesh" "point3 P" [-9 0 -9  -9 0 9  9 0 9  9 0 -9]\n'
+         '  "point2 uv" [0 0  0 9  9 9  9 0] "integer indices" [0 1 2 0 2 3]\n')
+LAMP = ('AttributeBegin\nAreaLightSource "diffuse" "rgb L" [9 8 7]\n'
+        'Shape "trianglemesh" "point3 P" [-1 3 -1  1 3 -1  1 3 1  -1 3 1]\n'
+        '  "integer indices" [0 1 2 0 2 3]\nAttributeEnd\n')
+DIFFUSE = 'Material "diffuse" "rgb reflectance" [0.5 0.5 0.5]\n'
+P = "[-.6 .1 -.6 .6 .1 -.6 -.6 1.3 -.6 .6 1.3 -.6 -.6 .1 .6 .6 .1 .6 -.6 1.3 .6 .6 1.3 .6]"
+I = ("[0 2 3 0 3 1 4 5 7 4 7 6 0 1 5 0 5 4 2 6 7 2 7 3 0 4 6 0 6 2 1 3 7 1 7 5]")
+BOX = 'Shape "trianglemesh" "point3 P" %s "integer indices" %s\n' % (P, I)
+
+
+def boxed(material):
+    return CAMERA + "WorldBegin\n" + FLOOR + LAMP + material + BOX
+
+
+SCENES = {
+    "motion": CAMERA + "WorldBegin\n" + FLOOR + LAMP + DIFFUSE +
+              "AttributeBegin\nActiveTransform EndTime\nTranslate 0.5 0 0\nActiveTransform All\n" +
+              BOX + "AttributeEnd\n",
+    "lens": 'Camera "perspective" "float fov" [45] "float lensradius" [0.1] '
+            '"float focaldistance" [4]\nWorldBegin\n' + FLOOR + LAMP + DIFFUSE + BOX,
+    "textures": CAMERA + 'WorldBegin\nTexture "checks" "spectrum" "checkerboard" '
+                '"rgb tex1" [0.8 0.2 0.1] "rgb tex2" [0.1 0.2 0.8]\n' +
+                FLOOR.replace('"rgb reflectance" [0.6 0.5 0.4]', '"texture reflectance" "checks"') +
+                LAMP + DIFFUSE + BOX,
+    "environment": boxed(DIFFUSE) + 'LightSource "infinite" "rgb L" [0.2 0.3 0.5]\n',
+    "delta lights": boxed(DIFFUSE) + 'LightSource "point" "rgb I" [3 3 3] "point3 from" [1 2 -2]\n',
+    "area lights": boxed(DIFFUSE),
+    "transmission": boxed('Material "dielectric" "float roughness" [0]\n'),
+    "layered materials": boxed('Material "coateddiffuse" "float roughness" [0.1]\n'),
+    "microfacets": boxed('Material "conductor" "rgb reflectance" [0.9 0.7 0.5] '
+                         '"float roughness" [0.1]\n'),
+    "cut-outs and mixes": boxed(DIFFUSE).replace(
+        BOX, BOX.strip() + ' "float alpha" [0.5]\n'),
+    "instances": CAMERA + "WorldBegin\n" + FLOOR + LAMP + DIFFUSE + 'ObjectBegin "box"\n' + BOX +
+                 'ObjectEnd\nObjectInstance "box"\n',
+    "curved shapes": CAMERA + "WorldBegin\n" + FLOOR + LAMP + DIFFUSE +
+                     'AttributeBegin\nTranslate 0 0.7 0\nShape "sphere" "float radius" [0.7]\n'
+                     "AttributeEnd\n",
+    "wavelengths": boxed('Material "dielectric" "spectrum eta" "glass-BK7"\n'),
+}
+
+
+def measure(name, text, seconds):
+    with tempfile.TemporaryDirectory() as folder:
+        path = os.path.join(folder, "scene.pbrt")
+        with open(path, "w", encoding="utf-8") as scene:
+            scene.write(HEAD + text)
+        done = subprocess.run([SHEAF, "plan", path, "--json", "--measure", "--measure-seconds",
+                               str(seconds)], capture_output=True, text=True, check=False)
+        if done.returncode != 0:
+            sys.exit("%s: %s" % (name, done.stderr))
+    plan = json.loads(done.stdout)
+    stated = next(e["expected_time_ratio"] for e in plan["effects"] if e["name"] == name)
+    return stated, next(e for e in plan["measurement"]["effects"] if e["name"] == name)
+
+
+def main():
+    parser = argparse.ArgumentParser()
+    parser.add_argument("seconds", nargs="?", type=float, default=10)
+    parser.add_argument("--check", action="store_true")
+    arguments = parser.parse_args()
+    failed = False
+    print("%-20s %-18s %s" % ("effect", "time ratio", "stated"))
+    for name, text in SCENES.items():
+        stated, effect = measure(name, text, arguments.seconds)
+        if "problem" in effect:
+            sys.exit("%s: %s" % (name, effect["problem"]))
+        ratio, error = effect["time_ratio"], effect["time_ratio_error"]
+        off = abs(ratio - stated) > max(ALLOWED, SIGMAS * error)
+        failed |= off
+        print("%-20s %6.3f +- %5.3f    %.2f%s" % (name, ratio, error, stated, "  OFF" * off),
+              flush=True)
+    sys.exit(1 if failed and arguments.check else 0)
+
+
+if __name__ == "__main__":
+    main()

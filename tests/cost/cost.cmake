@@ -1,0 +1,16 @@
+# SPDX-License-Identifier: Apache-2.0
+# What carrying a trait costs a scene that does not use it: counted, not timed.
+set(ablated_sources)
+foreach(trait kTextures kDeltaLights kAreaLights kSpecularTransmission
+        kLayered kMicrofacet kInstances kQuadrics)
+  set(SHEAF_VARIANT_TRAITS "CommonWithout(Trait::${trait})")
+  set(ablated_source ${CMAKE_CURRENT_BINARY_DIR}/ablated_${trait}.cc)
+  configure_file(${CMAKE_CURRENT_LIST_DIR}/ablated_variant.cc.in ${ablated_source} @ONLY)
+  list(APPEND ablated_sources ${ablated_source})
+endforeach()
+sheaf_add_test(NAME trait_cost DEPS sheaf::render SOURCES
+  cost/trait_cost_test.cc ${ablated_sources})
+# As worker/render is compiled, or the counts would compare compilers' settings.
+target_compile_options(sheaf_trait_cost_test PRIVATE $<$<CONFIG:Release>:-O3>)
+sheaf_add_script_test(NAME trait_cost LABEL slow TIMEOUT 900
+  COMMAND ${Python3_EXECUTABLE} ${CMAKE_CURRENT_LIST_DIR}/trait_cost_count.py)

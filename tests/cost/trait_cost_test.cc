@@ -1,0 +1,196 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Scenes that do not use a trait but run a variant that carries it, rendered by that variant and by
+// the same one with the trait compiled out: the pictures are equal. tests/cost/trait_cost_count.py
+// runs these under callgrind and compares the instructions of RenderAsPlanned and RenderWithout.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cctype>
+#include <functional>
+#include <ostream>
+#include <string>
+#include <vector>
+
+#include "tests/support/test_scene.h"
+#include "worker/render/ablated_variants.h"
+#include "worker/render/variants.h"
+
+namespace sheaf::render {
+namespace {
+
+struct Ablated {
+  std::string name;  // Of the trait.
+  uint32_t traits = 0;
+  RenderRowFunction row = nullptr;
+};
+std::vector<Ablated> AllAblated() {
+  return {
+#define SHEAF_ABLATED_ENTRY(name, traits) {name, traits, &RenderRow<(traits)>},
+      SHEAF_ABLATED_VARIANTS(SHEAF_ABLATED_ENTRY)
+#undef SHEAF_ABLATED_ENTRY
+  };
+}
+
+TestScene Floor() {
+  TestScene t({0, 1, -4}, {0, 0.5, 0}, 50);
+  t.AddShape(MeshShape{t.Quad({-5, 0, -5}, {-5, 0, 5}, {5, 0, 5}, {5, 0, -5})},
+             t.Diffuse({0.6f, 0.5f, 0.4f}));
+  return t;
+}
+void AddLamp(TestScene* t) {
+  t->AddShape(MeshShape{t->Quad({-1, 3, -1}, {1, 3, -1}, {1, 3, 1}, {-1, 3, 1})}, t->Diffuse({}))
+      .area_light = t->AreaLight(Rgb::Grey(5));
+}
+void AddPointLight(TestScene* t) {
+  PointLight lamp;
+  lamp.intensity.rgb = Rgb::Grey(5);
+  lamp.from = {1, 3, -1};
+  t->scene.lights.push_back({lamp, {}, {}, {}});
+}
+template <typename Shape, typename Material>
+ShapeDescription& AddThing(TestScene* t, Shape shape, Material material) {
+  return t->AddShape(shape, t->AddMaterial(material), TranslateMatrix({0, 0.7, 0}));
+}
+MeshShape Cube(TestScene* t) { return {t->Box({-0.6f, -0.6f, -0.6f}, {0.6f, 0.6f, 0.6f})}; }
+const SphereShape kBall{0.7f, -0.7f, 0.7f, 360};
+
+ConductorMaterial Metal() {
+  ConductorMaterial metal;
+  metal.roughness = {{0.3f, kNone}, {0.3f, kNone}, true};
+  metal.has_reflectance = true;
+  metal.reflectance.value.rgb = Rgb::Grey(0.8f);
+  return metal;
+}
+void AddInstances(TestScene* t) {
+  ObjectDefinition object;
+  object.name = "cube";
+  object.shapes = {static_cast<int32_t>(t->scene.shapes.size())};
+  t->AddLooseShape(Cube(t), t->Diffuse(Rgb::Grey(0.5f)));
+  t->scene.objects.push_back(object);
+  for (int i = 0; i < 3; ++i) {
+    ObjectInstance instance;
+    instance.object = 0;
+    instance.world_from_instance.start = instance.world_from_instance.end =
+        TranslateMatrix({1.5 * i - 1.5, 0.7, 0});
+    t->scene.instances.push_back(instance);
+  }
+}
+
+struct Case {
+  std::string trait;  // Not used by the scene.
+  std::function<void(TestScene*)> add;
+};
+void PrintTo(const Case& c, std::ostream* out) { *out << c.trait; }
+
+// Every one of them runs the variant "common".
+std::vector<Case> Cases() {
+  const auto glass_and_point_light = [](TestScene* t) {
+    AddPointLight(t);
+    AddThing(t, kBall, DielectricMaterial{});
+  };
+  return {
+      {"textures", glass_and_point_light},
+      {"delta lights",
+       [](TestScene* t) {
+         AddLamp(t);
+         AddInstances(t);
+       }},
+      {"area lights", glass_and_point_light},
+      {"transmission",
+       [](TestScene* t) {
+         AddLamp(t);
+         AddInstances(t);
+         AddThing(t, kBall, Metal());
+       }},
+      {"layered materials", glass_and_point_light},
+      {"microfacets", glass_and_point_light},
+      {"instances", glass_and_point_light},
+      {"curved shapes",
+       [](TestScene* t) {
+         AddLamp(t);
+         AddInstances(t);
+       }},
+  };
+}
+
+FilmTile Render(const CompiledScene& scene, RenderRowFunction row) {
+  const FrameSettings& settings = SettingsOf(scene);
+  FilmTile tile(settings.window, {0, settings.samples});
+  PixelAccumulator accumulator(&tile);
+  RayCounts counts;
+  for (int32_t y = settings.window.y0; y < settings.window.y1; ++y) {
+    row(scene, settings.window.x0, settings.window.x1, y, {0, settings.samples}, &accumulator,
+        &counts);
+  }
+  return tile;
+}
+
+}  // namespace
+
+// Named in the profile, so each stays a function of its own.
+[[gnu::noinline, gnu::noclone]] FilmTile RenderAsPlanned(const CompiledScene& scene) {
+  return Render(scene, RowFunctionOf(ChooseVariant(PlanOf(scene).traits, false)));
+}
+[[gnu::noinline, gnu::noclone]] FilmTile RenderWithout(const CompiledScene& scene,
+                                                       RenderRowFunction row) {
+  return Render(scene, row);
+}
+
+namespace {
+
+class CarriedTraitTest : public ::testing::TestWithParam<Case> {};
+
+TEST_P(CarriedTraitTest, ChangesNoPixel) {
+  const Case& c = GetParam();
+  TestScene t = Floor();
+  c.add(&t);
+  const CompiledScenePtr scene = Compile(t.scene, SquareSettings(16, 16, 5));
+  const std::vector<Ablated> all = AllAblated();
+  const auto without = std::find_if(
+      all.begin(), all.end(), [&](const Ablated& ablated) { return ablated.name == c.trait; });
+  ASSERT_NE(without, all.end());
+  const RenderPlan& plan = PlanOf(*scene);
+  EXPECT_EQ(plan.variant_name, "common");
+  EXPECT_NE(plan.variant_traits, without->traits) << "the variant does not carry " << c.trait;
+  EXPECT_EQ(plan.variant_traits & without->traits, without->traits);
+  EXPECT_EQ(plan.traits & ~without->traits, 0u) << "the scene uses " << c.trait;
+  // What is loaded at the first call, and tables of the lights, count for neither.
+  Render(*scene, without->row);
+  Render(*scene, RowFunctionOf(ChooseVariant(plan.traits, false)));
+  const FilmTile planned = RenderAsPlanned(*scene);
+  EXPECT_TRUE(planned == RenderWithout(*scene, without->row));
+  EXPECT_GT(MeanOf(planned).mean.g, 0.01f);
+}
+
+std::string TestNameOf(const std::string& trait) {
+  std::string name = trait;
+  std::replace(name.begin(), name.end(), ' ', '_');
+  return name;
+}
+INSTANTIATE_TEST_SUITE_P(Traits, CarriedTraitTest, ::testing::ValuesIn(Cases()),
+                         [](const auto& c) { return TestNameOf(c.param.trait); });
+
+// Whatever a scene calls for, the variant it runs carries no trait that is not counted above.
+TEST(CarriedTraitTest, NoOtherTraitIsCarried) {
+  uint32_t counted = 0;
+  for (const Ablated& ablated : AllAblated()) {
+    for (const Variant& variant : AllVariants()) {
+      const uint32_t left_out = variant.traits & ~ablated.traits;
+      const bool is_one = (left_out & (left_out - 1)) == 0;
+      if ((ablated.traits & ~variant.traits) == 0 && is_one) counted |= left_out;
+    }
+  }
+  uint32_t all = 0;
+  for (const Variant& variant : AllVariants()) {
+    if (variant.name != "generic" && variant.name != "spectral generic") all |= variant.traits;
+  }
+  for (uint32_t traits = all; traits != 0; traits = (traits - 1) & all) {
+    const Variant variant = AllVariants()[ChooseVariant(traits, false)];
+    EXPECT_EQ(variant.traits & all & ~traits & ~counted, 0u) << variant.name << " for " << traits;
+  }
+}
+
+}  // namespace
+}  // namespace sheaf::render
