@@ -177,6 +177,9 @@ struct MaterialDescription {
                InterfaceMaterial>
       material;
   SourceLocation location;
+  int32_t normal_map = kNone;  // Index in textures: red, green, blue from [0, 1] to [-1, 1].
+  FloatInput displacement{0,
+                          kNone};  // A bump map's height, in scene units; unused with normal_map.
 };
 
 // --- Geometry ----------------------------------------------------------------------------------
@@ -248,10 +251,11 @@ struct LightScale {
 };
 
 struct AreaLightDescription {
-  ColorSpec radiance;
+  ColorSpec radiance;  // Used where file is empty.
   LightScale scale;
   bool two_sided = false;
   SourceLocation location;
+  std::string file;  // Picture of what is emitted, over uv.
 };
 struct InfiniteLight {
   ColorSpec radiance;         // Used where file is empty.

@@ -136,6 +136,26 @@ void TextureTable::Declare(const std::string& name, const std::string& type,
   scene_->textures[static_cast<size_t>(slot.index)] = std::move(texture);
 }
 
+int32_t TextureTable::GetNormalMap(ParameterList& parameters) {
+  const std::string filename = parameters.GetString("normalmap", "");
+  if (filename.empty()) return kNone;
+  ImageTexture image;
+  image.file = CanonicalFileName(filename);
+  image.encoding = ColorEncoding::kLinear;
+  const Parameter& parameter = *parameters.Find("normalmap");
+  if (const auto path = files_->LocalPath(image.file); !path.ok()) {
+    parameters.ErrorAt(parameter, absl::StrCat("cannot be read: ", path.status().message()));
+  }
+  TextureDescription texture;
+  texture.name = "normal map";
+  texture.is_color = true;
+  texture.role = ColorRole::kUnbounded;
+  texture.texture = std::move(image);
+  texture.location = parameter.location;
+  scene_->textures.push_back(std::move(texture));
+  return static_cast<int32_t>(scene_->textures.size() - 1);
+}
+
 ConstantTexture TextureTable::MakeConstant(ParameterList& parameters, bool is_color) {
   ConstantTexture constant;
   if (is_color) {

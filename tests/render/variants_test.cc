@@ -128,7 +128,7 @@ TEST(VariantsTest, ThePlanSaysWhoAsked) {
   EXPECT_EQ(plan.effects[0].name, "lens");
   EXPECT_EQ(plan.effects[0].cause, "test.pbrt:12:1: Camera \"float lensradius\" [0.05]");
   EXPECT_EQ(plan.effects[1].trait, Trait::kAreaLights);
-  EXPECT_EQ(plan.unused.size(), 11u);
+  EXPECT_EQ(plan.unused.size(), 13u);
   const std::string text = FormatRenderPlan(plan);
   EXPECT_NE(text.find("variant: still-lens"), std::string::npos) << text;
   EXPECT_NE(text.find("lights: " + std::to_string(plan.light_count) + ", each weighed"),

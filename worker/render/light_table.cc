@@ -94,6 +94,51 @@ std::optional<LightSampleOf<Color>> Sample(const DiskEmitter& d, const Color& ra
   return sample;
 }
 
+// Where a point of an emitter reads its picture or cut-out.
+Vec2f UvOnTriangle(const TriangleEmitter& t, const EmissionDetail& detail, Vec3f p) {
+  const Vec3d v0 = ToDouble(t.v0), e1 = ToDouble(t.v1) - v0, e2 = ToDouble(t.v2) - v0;
+  const Vec3d normal = Cross(e1, e2), d = ToDouble(p) - v0;
+  const double square = LengthSquared(normal);
+  const auto b1 = static_cast<float>(Dot(Cross(d, e2), normal) / square);
+  const auto b2 = static_cast<float>(Dot(Cross(e1, d), normal) / square);
+  return detail.uv[0] + b1 * (detail.uv[1] - detail.uv[0]) + b2 * (detail.uv[2] - detail.uv[0]);
+}
+Vec2f UvOnQuadric(const Quadric& quadric, Vec3f p) {
+  return QuadricParametersAt(quadric, quadric.object_from_target.Point(ToDouble(p))).uv;
+}
+
+template <typename Color>
+Color RadianceOfMap(const LightTable::Impl& impl, const EmissionDetail& detail, Vec2f uv,
+                    const WavelengthsOf<Color>& wavelengths) {
+  const Rgb seen = impl.maps[static_cast<size_t>(detail.map)]->At(uv);
+  return ColorOfRgb<Color>(seen * detail.map_scale, ColorRole::kIlluminant, wavelengths);
+}
+
+// Makes a sample of an emitter that of the point it found.
+template <typename Color>
+void AddDetail(const LightTable::Impl& impl, uint32_t emitter,
+               const WavelengthsOf<Color>& wavelengths, LightSampleOf<Color>* sample) {
+  const EmissionDetail* detail = impl.DetailOf(emitter);
+  if (detail == nullptr) return;
+  if (detail->quadric != kNone) {
+    sample->uv = UvOnQuadric(impl.quadrics[static_cast<size_t>(detail->quadric)], sample->p_light);
+  } else {
+    // A part of a triangle may lie off it by the rounding of the part's own corners.
+    const TriangleEmitter& t = impl.triangles[emitter];
+    for (size_t i = 0; i < 3; ++i) {
+      const float reach =
+          std::fmax(std::fabs(t.v0[i]), std::fmax(std::fabs(t.v1[i]), std::fabs(t.v2[i])));
+      sample->p_light_error[i] += reach * 0x1p-23f;
+    }
+    sample->uv = UvOnTriangle(t, *detail, sample->p_light);
+  }
+  if (detail->map != kNone) {
+    sample->radiance = RadianceOfMap<Color>(impl, *detail, sample->uv, wavelengths);
+  }
+  sample->is_delta = detail->is_unseen;
+  sample->cut_out = detail->cut_out;
+}
+
 // What the light, which has a place, sends along the (unit) direction w that leaves it.
 template <typename Color>
 Color IntensityAlong(const LightTable::Impl& impl, const DeltaLight& light, Vec3f w,
@@ -192,6 +237,9 @@ std::optional<LightSampleOf<ColorOf<kMask>>> LightTable::SampleLights(
   const auto sample_area = [&](const auto& emitter) {
     const Color radiance = impl.ColorOfEmission(emitter.radiance, wavelengths);
     sample = render::Sample(emitter, radiance, chosen->probability, p, u);
+    if constexpr (Has(kMask, Trait::kVaryingEmission)) {
+      if (sample) AddDetail<Color>(impl, light, wavelengths, &*sample);
+    }
   };
   if (light < impl.first_delta()) {
     if constexpr (Has(kMask, Trait::kAreaLights)) {
@@ -277,6 +325,19 @@ template Rgb LightTable::EmitterRadiance<Rgb>(uint32_t, Vec3f, Vec3f, const NoWa
 template Spectral LightTable::EmitterRadiance<Spectral>(uint32_t, Vec3f, Vec3f,
                                                         const Wavelengths&) const;
 
+template <typename Color>
+Color LightTable::VaryingRadiance(uint32_t emitter, Vec3f ng, Vec3f wo, Vec2f uv,
+                                  const WavelengthsOf<Color>& wavelengths) const {
+  const Color radiance = EmitterRadiance<Color>(emitter, ng, wo, wavelengths);
+  const EmissionDetail* detail = impl_->DetailOf(emitter);
+  if (detail == nullptr || detail->map == kNone || radiance.IsBlack()) return radiance;
+  return RadianceOfMap<Color>(*impl_, *detail, uv, wavelengths);
+}
+template Rgb LightTable::VaryingRadiance<Rgb>(uint32_t, Vec3f, Vec3f, Vec2f,
+                                              const NoWavelengths&) const;
+template Spectral LightTable::VaryingRadiance<Spectral>(uint32_t, Vec3f, Vec3f, Vec2f,
+                                                        const Wavelengths&) const;
+
 // Where there are several lights, which one will be asked is not known so early.
 LightTable::Preparation LightTable::Prepare(const Impl& impl, Vec2f u) {
   if (!impl.HasOnlyOneMap()) return {};
@@ -334,6 +395,8 @@ SHEAF_INSTANTIATE_WITH(static_cast<uint32_t>(Trait::kAreaLights))
 SHEAF_INSTANTIATE_WITH(static_cast<uint32_t>(Trait::kQuadrics))
 SHEAF_INSTANTIATE_WITH(static_cast<uint32_t>(Trait::kAreaLights) |
                        static_cast<uint32_t>(Trait::kQuadrics))
+// Emission that varies is rare: variants that know it know every kind of light.
+SHEAF_INSTANTIATE_FOR(LightTable::kLightTraits & ~static_cast<uint32_t>(Trait::kSpectral))
 #undef SHEAF_INSTANTIATE_WITH
 #undef SHEAF_INSTANTIATE_FOR
 #undef SHEAF_INSTANTIATE_IN_COLOR

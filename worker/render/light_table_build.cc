@@ -147,6 +147,10 @@ absl::StatusOr<std::unique_ptr<LightTable>> LightTable::Build(const SceneDescrip
   impl.triangles = std::move(input.triangles);
   impl.spheres = std::move(input.spheres);
   impl.disks = std::move(input.disks);
+  impl.detail_of = std::move(input.detail_of);
+  impl.details = std::move(input.details);
+  impl.maps = std::move(input.maps);
+  impl.quadrics = std::move(input.quadrics);
   if (input.spectral) {
     PrepareUpsampling();
     for (const AreaLightDescription& light : scene.area_lights) impl.AddSpectrum(light.radiance);

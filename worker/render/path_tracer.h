@@ -14,6 +14,7 @@
 #include <bit>
 #include <cstdint>
 #include <optional>
+#include <type_traits>
 
 #include "common/film/film_tile.h"
 #include "worker/render/compiled_scene.h"
@@ -22,6 +23,7 @@
 #include "worker/render/sampler.h"
 #include "worker/render/spectral_color.h"
 #include "worker/render/surface_point.h"
+#include "worker/render/surface_tilt.h"
 #include "worker/render/wavelengths.h"
 
 namespace sheaf::render {
@@ -51,6 +53,7 @@ class PathTracer {
  private:
   static constexpr bool kMayPass = Has(kTraits, Trait::kAlpha);
   static constexpr bool kSpectral = Has(kTraits, Trait::kSpectral);
+  static constexpr bool kMapsNormals = Has(kTraits, Trait::kNormalMaps);
   // What asks for no colour, or for the colour as RGB, leaves the wavelengths out.
   static constexpr uint32_t kRgbTraits = kTraits & ~TraitSet(Trait::kSpectral);
 
@@ -88,17 +91,35 @@ class PathTracer {
   };
   static PassChoice MakeChoice(std::array<float, 2> u, uint32_t pass);
 
+  // Of a vertex where maps may have turned the normal.
+  struct NoTilt {};
+  using Tilt = std::conditional_t<kMapsNormals, SurfaceTilt, NoTilt>;
+  using Plane = std::conditional_t<kMapsNormals, TangentPlane, NoTilt>;
+
   Ray CameraRay(const Sampler& sampler, int32_t x, int32_t y, FilmSample* film) const;
   void Trace(const Sampler& sampler, Path* path, FilmSample* film);
   TexturePoint TexturePointOf(const SurfacePoint& point) const;
   bool IsCutOut(const SurfacePoint& point, float u) const;
+  // How much of a light that is cut out where the sample is remains of it there.
+  float ShareOfCutOut(const LightSampleOf<Color>& light) const;
   void AddEscape(Path* path) const;
   void AddEmission(const SurfacePoint& point, Path* path) const;
-  void AddDirect(const LightDraw& draw, const SurfacePoint& point, const BsdfOf<Color>& bsdf,
-                 Vec3f wo_local, Vec3f light_hint, Path* path);
+  // Makes the shading frame what wo sees, turned as the material's map says. u_mix: as Evaluate's.
+  Tilt SettleNormal(const Sampler& sampler, const Plane& plane, float u_mix, Vec3f wo,
+                    uint32_t depth, SurfacePoint* point) const;
+  // What is scattered, and where to: in the hemispheres that both normals agree on. None, or black,
+  // where they do not.
+  BsdfValueOf<Color> Eval(const SurfacePoint& point, const Tilt& tilt, const BsdfOf<Color>& bsdf,
+                          Vec3f wo_local, Vec3f wi) const;
+  std::optional<BsdfSampleOf<Color>> SampleScattered(const SurfacePoint& point, const Tilt& tilt,
+                                                     const BsdfOf<Color>& bsdf, Vec3f wo_local,
+                                                     const std::array<float, 4>& u,
+                                                     Vec3f* wi) const;
+  void AddDirect(const LightDraw& draw, const SurfacePoint& point, const Tilt& tilt,
+                 const BsdfOf<Color>& bsdf, Vec3f wo_local, Vec3f light_hint, Path* path);
   // Goes on along a sampled direction. False where the path ends.
-  bool Scatter(const Sampler& sampler, const SurfacePoint& point, const BsdfOf<Color>& bsdf,
-               Vec3f wo_local, Vec3f light_hint, Path* path) const;
+  bool Scatter(const Sampler& sampler, const SurfacePoint& point, const Tilt& tilt,
+               const BsdfOf<Color>& bsdf, Vec3f wo_local, Vec3f light_hint, Path* path) const;
   bool IsVisible(const SurfacePoint& point, const LightSampleOf<Color>& light,
                  std::array<float, 2> u_pass, float time);
   bool IsVisibleThroughCutOuts(Ray ray, bool is_infinite, Vec3f end, std::array<float, 2> u_pass);
@@ -162,7 +183,8 @@ void PathTracer<kTraits, Tracer>::Trace(const Sampler& sampler, Path* path, Film
     RawHit hit;
     if (!tracer_.Intersect(path->ray, &hit)) return AddEscape(path);
     if (path->depth > 0) draw = DrawLight(sampler, path->depth);
-    SurfacePoint point = MakeSurfacePoint<kTraits>(scene_.geometry, path->ray, hit);
+    Plane plane;
+    SurfacePoint point = MakeSurfacePoint<kTraits>(scene_.geometry, path->ray, hit, &plane);
     const Surface& surface = *point.surface;
     PassChoice choice{};
     if (kMayPass && (surface.has_alpha || surface.may_pass)) {
@@ -187,10 +209,7 @@ void PathTracer<kTraits, Tracer>::Trace(const Sampler& sampler, Path* path, Film
     }
     passes = 0;
     const Vec3f wo = -path->ray.d;
-    // Seen from below its own horizon a shading normal has no meaning: the true one takes its
-    // place.
-    if (Dot(wo, point.shading.n) * Dot(wo, point.ng) <= 0)
-      point.shading = Frame::FromNormal(point.ng);
+    const Tilt tilt = SettleNormal(sampler, plane, choice.mix, wo, path->depth, &point);
     if (is_first) {
       is_first = false;
       film->alpha = 1;
@@ -221,8 +240,8 @@ void PathTracer<kTraits, Tracer>::Trace(const Sampler& sampler, Path* path, Film
     // Lights behind an opaque surface need not be looked at.
     Vec3f light_hint{};
     if (!transmits) light_hint = Dot(wo, point.ng) < 0 ? -point.ng : point.ng;
-    if (!bsdf.specular) AddDirect(draw, point, bsdf, wo_local, light_hint, path);
-    if (!Scatter(sampler, point, bsdf, wo_local, light_hint, path)) return;
+    if (!bsdf.specular) AddDirect(draw, point, tilt, bsdf, wo_local, light_hint, path);
+    if (!Scatter(sampler, point, tilt, bsdf, wo_local, light_hint, path)) return;
   }
 }
 
@@ -280,8 +299,8 @@ template <uint32_t kTraits, typename Tracer>
 void PathTracer<kTraits, Tracer>::AddEmission(const SurfacePoint& point, Path* path) const {
   if constexpr (Has(kTraits, Trait::kAreaLights)) {
     if (point.emitter == kNoEmitter) return;
-    const Color radiance = scene_.lights->template EmitterRadiance<Color>(
-        point.emitter, point.EmitterNormal(), -path->ray.d, path->wavelengths);
+    const Color radiance = scene_.lights->template EmitterRadianceAt<kTraits>(
+        point.emitter, point.EmitterNormal(), -path->ray.d, point.uv, path->wavelengths);
     if (radiance.IsBlack()) return;
     float weight = 1;
     if (!path->specular) {
@@ -291,56 +310,6 @@ void PathTracer<kTraits, Tracer>::AddEmission(const SurfacePoint& point, Path* p
     }
     path->radiance += path->throughput * radiance * weight;
   }
-}
-
-template <uint32_t kTraits, typename Tracer>
-void PathTracer<kTraits, Tracer>::AddDirect(const LightDraw& draw, const SurfacePoint& point,
-                                            const BsdfOf<Color>& bsdf, Vec3f wo_local,
-                                            Vec3f light_hint, Path* path) {
-  if (scene_.lights->empty()) return;
-  const std::array<float, 4>& u = draw.u;
-  const std::optional<LightSampleOf<Color>> light = scene_.lights->template Sample<kTraits>(
-      point.p, light_hint, u[0], {u[1], u[2]}, path->wavelengths, draw.preparation);
-  if (!light.has_value()) return;
-  const Vec3f wi_local = point.shading.ToLocal(light->wi);
-  // Shading and true normal must agree on the side, or light would leak through the surface.
-  if (!(wi_local.z * Dot(light->wi, point.ng) > 0)) return;
-  const BsdfValueOf<Color> value = EvalBsdf<kTraits>(bsdf, wo_local, wi_local);
-  if (value.f_cos.IsBlack()) return;
-  if (!IsVisible(point, *light, {u[3], u[0]}, path->ray.time)) return;
-  const float weight = light->is_delta ? 1.0f : PowerHeuristic(light->pdf, value.pdf);
-  path->radiance += path->throughput * value.f_cos * light->radiance * (weight / light->pdf);
-}
-
-template <uint32_t kTraits, typename Tracer>
-bool PathTracer<kTraits, Tracer>::Scatter(const Sampler& sampler, const SurfacePoint& point,
-                                          const BsdfOf<Color>& bsdf, Vec3f wo_local,
-                                          Vec3f light_hint, Path* path) const {
-  const std::array<float, 4> u = sampler.Get4(Slot(path->depth - 1, VertexSlot::kBsdf));
-  const std::optional<BsdfSampleOf<Color>> sample =
-      SampleBsdf<kTraits>(bsdf, wo_local, u[0], {u[1], u[2]});
-  if (!sample.has_value()) return false;
-  const Vec3f wi = point.shading.ToWorld(sample->wi);
-  if (!(sample->wi.z * Dot(wi, point.ng) > 0)) return false;
-  path->throughput *= sample->weight;
-  if (path->throughput.IsBlack()) return false;
-  path->eta_scale *= sample->eta_scale;
-  path->specular = (sample->flags & kBsdfSpecular) != 0;
-  path->pdf = sample->pdf;
-  path->from = point.p;
-  path->from_n = light_hint;
-  path->ray.o = OffsetRayOrigin(point.p, point.p_error, point.ng, wi);
-  path->ray.d = wi;
-  path->ray.source = point.id;
-  // Should the ray meet nothing, the sky's radiance will have arrived when that is known.
-  path->sky_place = scene_.lights->template PrepareEnvironment<kTraits>(wi);
-  const float survival = MaxComponent(path->throughput) * path->eta_scale;
-  if (survival < 1 && path->depth > kRouletteDepthMin) {
-    const float stop = std::fmin(1 - survival, kRouletteStopMax);
-    if (u[3] < stop) return false;
-    path->throughput *= 1 / (1 - stop);
-  }
-  return true;
 }
 
 template <uint32_t kTraits, typename Tracer>
@@ -390,3 +359,5 @@ bool PathTracer<kTraits, Tracer>::IsVisibleThroughCutOuts(Ray ray, bool is_infin
 }
 
 }  // namespace sheaf::render
+
+#include "worker/render/path_tracer_scattering.h"

@@ -19,6 +19,8 @@ enum class Trait : uint32_t {
   kMotion = 1u << 0,                // Animated transforms within an open shutter.
   kLens = 1u << 1,                  // Lens radius > 0.
   kTextures = 1u << 2,              // Image textures or procedural ones.
+  kNormalMaps = 1u << 16,           // Normal and bump maps.
+  kVaryingEmission = 1u << 17,      // Emissive shapes with a picture or a cut-out.
   kEnvironment = 1u << 3,           // Infinite lights.
   kDeltaLights = 1u << 4,           // Lights without size.
   kAreaLights = 1u << 5,            // Emissive shapes.

@@ -35,6 +35,10 @@ inline constexpr uint32_t kStillLensTraits = kStillTraits | TraitSet(Trait::kLen
 inline constexpr uint32_t kStaticTraits =
     kStillLensTraits | TraitSet(Trait::kAlpha, Trait::kInstances);
 
+// And with maps on it: normal and bump maps, emission that varies.
+inline constexpr uint32_t kMappedTraits =
+    kStaticTraits | TraitSet(Trait::kNormalMaps, Trait::kVaryingEmission);
+
 // The same with wavelengths instead of RGB. A scene runs with one of the two, never with what it
 // did not call for, so these never serve RGB, nor those spectra.
 inline constexpr uint32_t kSpectralBit = TraitSet(Trait::kSpectral);
@@ -53,6 +57,7 @@ inline constexpr uint32_t kSpectralStillTraits = kStillTraits | kSpectralBit;
   X("still", ::sheaf::render::kStillTraits)                      \
   X("still-lens", ::sheaf::render::kStillLensTraits)             \
   X("static", ::sheaf::render::kStaticTraits)                    \
+  X("mapped", ::sheaf::render::kMappedTraits)                    \
   X("spectral glossy", ::sheaf::render::kSpectralGlossyTraits)   \
   X("spectral outdoor", ::sheaf::render::kSpectralOutdoorTraits) \
   X("spectral still", ::sheaf::render::kSpectralStillTraits)     \

@@ -1,0 +1,133 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// PathTracer, the part at a surface: the normal that maps leave it, light from lamps, and where the
+// path goes on. Included by path_tracer.h.
+#pragma once
+
+#include <array>
+#include <cmath>
+#include <optional>
+
+#include "worker/render/path_tracer.h"
+
+namespace sheaf::render {
+
+template <uint32_t kTraits, typename Tracer>
+typename PathTracer<kTraits, Tracer>::Tilt PathTracer<kTraits, Tracer>::SettleNormal(
+    [[maybe_unused]] const Sampler& sampler, [[maybe_unused]] const Plane& plane,
+    [[maybe_unused]] float u_mix, Vec3f wo, [[maybe_unused]] uint32_t depth,
+    SurfacePoint* point) const {
+  // Seen from below its own horizon a shading normal has no meaning: the true one takes its place.
+  if (Dot(wo, point->shading.n) * Dot(wo, point->ng) <= 0) {
+    point->shading = Frame::FromNormal(point->ng);
+  }
+  if constexpr (kMapsNormals) {
+    if (!point->surface->has_normal_map) return {};
+    TangentPlane seen = plane;
+    seen.n = ToDouble(point->shading.n);
+    const Vec3f mapped = scene_.materials->ShadingNormal(point->surface->material,
+                                                         TexturePointOf(*point), u_mix, seen);
+    const Vec3f n = BendNormal(LiftNormal(mapped, point->ng), point->ng, wo);
+    point->shading = internal::ShadingFrame(n, seen);
+    if (n == point->ng) return {};
+    const std::array<float, 4> u = sampler.Get4(Slot(depth, VertexSlot::kSurface));
+    return {point->shading.ToLocal(point->ng), {u[2], u[3]}};
+  }
+  return {};
+}
+
+template <uint32_t kTraits, typename Tracer>
+BsdfValueOf<typename PathTracer<kTraits, Tracer>::Color> PathTracer<kTraits, Tracer>::Eval(
+    const SurfacePoint& point, [[maybe_unused]] const Tilt& tilt, const BsdfOf<Color>& bsdf,
+    Vec3f wo_local, Vec3f wi) const {
+  const Vec3f wi_local = point.shading.ToLocal(wi);
+  if constexpr (kMapsNormals) {
+    if (tilt.active()) return tilt.template Eval<kTraits>(bsdf, wo_local, wi_local);
+  }
+  // Shading and true normal must agree on the side, or light would leak through the surface.
+  if (!(wi_local.z * Dot(wi, point.ng) > 0)) return {};
+  return EvalBsdf<kTraits>(bsdf, wo_local, wi_local);
+}
+
+template <uint32_t kTraits, typename Tracer>
+std::optional<BsdfSampleOf<typename PathTracer<kTraits, Tracer>::Color>>
+PathTracer<kTraits, Tracer>::SampleScattered(const SurfacePoint& point,
+                                             [[maybe_unused]] const Tilt& tilt,
+                                             const BsdfOf<Color>& bsdf, Vec3f wo_local,
+                                             const std::array<float, 4>& u, Vec3f* wi) const {
+  if constexpr (kMapsNormals) {
+    if (tilt.active()) {
+      std::optional<BsdfSampleOf<Color>> sample =
+          tilt.template Sample<kTraits>(bsdf, wo_local, u[0], {u[1], u[2]});
+      if (sample) *wi = point.shading.ToWorld(sample->wi);
+      return sample;
+    }
+  }
+  std::optional<BsdfSampleOf<Color>> sample =
+      SampleBsdf<kTraits>(bsdf, wo_local, u[0], {u[1], u[2]});
+  if (!sample) return sample;
+  *wi = point.shading.ToWorld(sample->wi);
+  if (!(sample->wi.z * Dot(*wi, point.ng) > 0)) return std::nullopt;
+  return sample;
+}
+
+template <uint32_t kTraits, typename Tracer>
+void PathTracer<kTraits, Tracer>::AddDirect(const LightDraw& draw, const SurfacePoint& point,
+                                            const Tilt& tilt, const BsdfOf<Color>& bsdf,
+                                            Vec3f wo_local, Vec3f light_hint, Path* path) {
+  if (scene_.lights->empty()) return;
+  const std::array<float, 4>& u = draw.u;
+  std::optional<LightSampleOf<Color>> light = scene_.lights->template Sample<kTraits>(
+      point.p, light_hint, u[0], {u[1], u[2]}, path->wavelengths, draw.preparation);
+  if (!light.has_value()) return;
+  const BsdfValueOf<Color> value = Eval(point, tilt, bsdf, wo_local, light->wi);
+  if (value.f_cos.IsBlack()) return;
+  if constexpr (kMayPass && Has(kTraits, Trait::kVaryingEmission)) {
+    if (light->cut_out != kNone) light->radiance *= ShareOfCutOut(*light);
+  }
+  if (!IsVisible(point, *light, {u[3], u[0]}, path->ray.time)) return;
+  const float weight = light->is_delta ? 1.0f : PowerHeuristic(light->pdf, value.pdf);
+  path->radiance += path->throughput * value.f_cos * light->radiance * (weight / light->pdf);
+}
+
+template <uint32_t kTraits, typename Tracer>
+bool PathTracer<kTraits, Tracer>::Scatter(const Sampler& sampler, const SurfacePoint& point,
+                                          const Tilt& tilt, const BsdfOf<Color>& bsdf,
+                                          Vec3f wo_local, Vec3f light_hint, Path* path) const {
+  const std::array<float, 4> u = sampler.Get4(Slot(path->depth - 1, VertexSlot::kBsdf));
+  Vec3f wi;
+  const std::optional<BsdfSampleOf<Color>> sample =
+      SampleScattered(point, tilt, bsdf, wo_local, u, &wi);
+  if (!sample.has_value()) return false;
+  path->throughput *= sample->weight;
+  if (path->throughput.IsBlack()) return false;
+  path->eta_scale *= sample->eta_scale;
+  path->specular = (sample->flags & kBsdfSpecular) != 0;
+  path->pdf = sample->pdf;
+  path->from = point.p;
+  path->from_n = light_hint;
+  path->ray.o = OffsetRayOrigin(point.p, point.p_error, point.ng, wi);
+  path->ray.d = wi;
+  path->ray.source = point.id;
+  // Should the ray meet nothing, the sky's radiance will have arrived when that is known.
+  path->sky_place = scene_.lights->template PrepareEnvironment<kTraits>(wi);
+  const float survival = MaxComponent(path->throughput) * path->eta_scale;
+  if (survival < 1 && path->depth > kRouletteDepthMin) {
+    const float stop = std::fmin(1 - survival, kRouletteStopMax);
+    if (u[3] < stop) return false;
+    path->throughput *= 1 / (1 - stop);
+  }
+  return true;
+}
+
+template <uint32_t kTraits, typename Tracer>
+float PathTracer<kTraits, Tracer>::ShareOfCutOut(const LightSampleOf<Color>& light) const {
+  const ShapeDescription& shape = scene_.description.shapes[light.cut_out];
+  const TexturePoint there{light.uv,
+                           ToFloat(ToDouble(light.p_light) + scene_.geometry.render_origin_world)};
+  const float share = scene_.materials->template EvaluateFloat<kTraits>(shape.alpha, there);
+  return std::fmin(std::fmax(share, 0.0f), 1.0f);
+}
+
+}  // namespace sheaf::render
