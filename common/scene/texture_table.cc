@@ -146,14 +146,12 @@ int32_t TextureTable::GetNormalMap(ParameterList& parameters) {
   if (const auto path = files_->LocalPath(image.file); !path.ok()) {
     parameters.ErrorAt(parameter, absl::StrCat("cannot be read: ", path.status().message()));
   }
-  TextureDescription texture;
-  texture.name = "normal map";
-  texture.is_color = true;
-  texture.role = ColorRole::kUnbounded;
-  texture.texture = std::move(image);
-  texture.location = parameter.location;
-  scene_->textures.push_back(std::move(texture));
-  return static_cast<int32_t>(scene_->textures.size() - 1);
+  // A name that no texture of a file has, as it holds quotes.
+  Slot& slot = SlotFor(true, ColorRole::kUnbounded, absl::StrCat("normal map \"", image.file, "\""),
+                       parameter.location);
+  slot.is_declared = true;
+  scene_->textures[static_cast<size_t>(slot.index)].texture = std::move(image);
+  return slot.index;
 }
 
 ConstantTexture TextureTable::MakeConstant(ParameterList& parameters, bool is_color) {

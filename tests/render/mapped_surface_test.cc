@@ -15,6 +15,7 @@
 
 #include "tests/support/light_tables.h"
 #include "tests/support/test_scene.h"
+#include "worker/render/bsdf_sampling.h"
 #include "worker/render/compiled_scene.h"
 #include "worker/render/mis.h"
 #include "worker/render/surface_point.h"
@@ -77,6 +78,9 @@ struct NamedMaterial {
   std::function<int32_t(TestScene&)> add;
 };
 
+// Smooth glass is not among them: mirrors whose normals are not those of their surface can hold
+// light in total reflection for ever. That each of its reflections keeps all light is a test of
+// tests/stability/shading_normal_stability_test.cc.
 std::vector<NamedMaterial> MaterialsThatKeepAll() {
   const auto rough = [](float r) { return RoughnessInput{{r, kNone}, {r, kNone}, false}; };
   const auto metal = [=](float r) {
@@ -90,7 +94,6 @@ std::vector<NamedMaterial> MaterialsThatKeepAll() {
       {"diffuse", [](TestScene& t) { return t.Diffuse(Rgb::Grey(1)); }},
       {"mirror", [=](TestScene& t) { return t.AddMaterial(metal(0)); }},
       {"rough metal", [=](TestScene& t) { return t.AddMaterial(metal(0.3f)); }},
-      {"glass", [](TestScene& t) { return t.AddMaterial(DielectricMaterial{}); }},
       {"rough glass",
        [=](TestScene& t) {
          DielectricMaterial glass;
@@ -176,6 +179,8 @@ TEST_F(MappedSurfaceTest, AScaledSceneGivesTheSameBits) {
   const auto render = [&](double scale) {
     TestScene t = LitRoom(scale);
     MapNormals(&t);
+    t.scene.area_lights[0].file = "map.pfm";
+    t.scene.area_lights[0].scale.scale = 5;
     return RenderAll(*CompileMapped(t.scene, SquareSettings(16, 16, 5)));
   };
   const FilmTile one = render(1);
