@@ -104,17 +104,17 @@ class PathTracer {
   float ShareOfCutOut(const LightSampleOf<Color>& light) const;
   void AddEscape(Path* path) const;
   void AddEmission(const SurfacePoint& point, Path* path) const;
-  // Makes the shading frame what wo sees, turned as the material's map says. u_mix: as Evaluate's.
-  Tilt SettleNormal(const Sampler& sampler, const Plane& plane, float u_mix, Vec3f wo,
-                    uint32_t depth, SurfacePoint* point) const;
-  // What is scattered, and where to: in the hemispheres that both normals agree on. None, or black,
-  // where they do not.
-  BsdfValueOf<Color> Eval(const SurfacePoint& point, const Tilt& tilt, const BsdfOf<Color>& bsdf,
-                          Vec3f wo_local, Vec3f wi) const;
-  std::optional<BsdfSampleOf<Color>> SampleScattered(const SurfacePoint& point, const Tilt& tilt,
-                                                     const BsdfOf<Color>& bsdf, Vec3f wo_local,
-                                                     const std::array<float, 4>& u,
-                                                     Vec3f* wi) const;
+  // Turns the shading frame as the material's map says, for wo. u_mix: as Evaluate's.
+  Tilt MapNormal(const Sampler& sampler, const Plane& plane, float u_mix, uint32_t depth, Vec3f wo,
+                 SurfacePoint* point) const;
+  // Shading and true normal must agree on the side of a direction, given its cosines with them, or
+  // light would leak through the surface. Tilted normals see to that themselves.
+  static bool AgreesOnSide([[maybe_unused]] const Tilt& tilt, float cos_shading, float cos_true) {
+    if constexpr (kMapsNormals) {
+      if (tilt.active()) return true;
+    }
+    return cos_shading * cos_true > 0;
+  }
   void AddDirect(const LightDraw& draw, const SurfacePoint& point, const Tilt& tilt,
                  const BsdfOf<Color>& bsdf, Vec3f wo_local, Vec3f light_hint, Path* path);
   // Goes on along a sampled direction. False where the path ends.
@@ -209,7 +209,13 @@ void PathTracer<kTraits, Tracer>::Trace(const Sampler& sampler, Path* path, Film
     }
     passes = 0;
     const Vec3f wo = -path->ray.d;
-    const Tilt tilt = SettleNormal(sampler, plane, choice.mix, wo, path->depth, &point);
+    // Seen from below its own horizon a shading normal has no meaning: the true one takes its
+    // place.
+    if (Dot(wo, point.shading.n) * Dot(wo, point.ng) <= 0)
+      point.shading = Frame::FromNormal(point.ng);
+    Tilt tilt;
+    if constexpr (kMapsNormals)
+      tilt = MapNormal(sampler, plane, choice.mix, path->depth, wo, &point);
     if (is_first) {
       is_first = false;
       film->alpha = 1;

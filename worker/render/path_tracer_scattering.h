@@ -14,62 +14,19 @@
 namespace sheaf::render {
 
 template <uint32_t kTraits, typename Tracer>
-typename PathTracer<kTraits, Tracer>::Tilt PathTracer<kTraits, Tracer>::SettleNormal(
-    [[maybe_unused]] const Sampler& sampler, [[maybe_unused]] const Plane& plane,
-    [[maybe_unused]] float u_mix, Vec3f wo, [[maybe_unused]] uint32_t depth,
+typename PathTracer<kTraits, Tracer>::Tilt PathTracer<kTraits, Tracer>::MapNormal(
+    const Sampler& sampler, const Plane& plane, float u_mix, uint32_t depth, Vec3f wo,
     SurfacePoint* point) const {
-  // Seen from below its own horizon a shading normal has no meaning: the true one takes its place.
-  if (Dot(wo, point->shading.n) * Dot(wo, point->ng) <= 0) {
-    point->shading = Frame::FromNormal(point->ng);
-  }
-  if constexpr (kMapsNormals) {
-    if (!point->surface->has_normal_map) return {};
-    TangentPlane seen = plane;
-    seen.n = ToDouble(point->shading.n);
-    const Vec3f mapped = scene_.materials->ShadingNormal(point->surface->material,
-                                                         TexturePointOf(*point), u_mix, seen);
-    const Vec3f n = BendNormal(LiftNormal(mapped, point->ng), point->ng, wo);
-    point->shading = internal::ShadingFrame(n, seen);
-    if (n == point->ng) return {};
-    const std::array<float, 4> u = sampler.Get4(Slot(depth, VertexSlot::kSurface));
-    return {point->shading.ToLocal(point->ng), {u[2], u[3]}};
-  }
-  return {};
-}
-
-template <uint32_t kTraits, typename Tracer>
-BsdfValueOf<typename PathTracer<kTraits, Tracer>::Color> PathTracer<kTraits, Tracer>::Eval(
-    const SurfacePoint& point, [[maybe_unused]] const Tilt& tilt, const BsdfOf<Color>& bsdf,
-    Vec3f wo_local, Vec3f wi) const {
-  const Vec3f wi_local = point.shading.ToLocal(wi);
-  if constexpr (kMapsNormals) {
-    if (tilt.active()) return tilt.template Eval<kTraits>(bsdf, wo_local, wi_local);
-  }
-  // Shading and true normal must agree on the side, or light would leak through the surface.
-  if (!(wi_local.z * Dot(wi, point.ng) > 0)) return {};
-  return EvalBsdf<kTraits>(bsdf, wo_local, wi_local);
-}
-
-template <uint32_t kTraits, typename Tracer>
-std::optional<BsdfSampleOf<typename PathTracer<kTraits, Tracer>::Color>>
-PathTracer<kTraits, Tracer>::SampleScattered(const SurfacePoint& point,
-                                             [[maybe_unused]] const Tilt& tilt,
-                                             const BsdfOf<Color>& bsdf, Vec3f wo_local,
-                                             const std::array<float, 4>& u, Vec3f* wi) const {
-  if constexpr (kMapsNormals) {
-    if (tilt.active()) {
-      std::optional<BsdfSampleOf<Color>> sample =
-          tilt.template Sample<kTraits>(bsdf, wo_local, u[0], {u[1], u[2]});
-      if (sample) *wi = point.shading.ToWorld(sample->wi);
-      return sample;
-    }
-  }
-  std::optional<BsdfSampleOf<Color>> sample =
-      SampleBsdf<kTraits>(bsdf, wo_local, u[0], {u[1], u[2]});
-  if (!sample) return sample;
-  *wi = point.shading.ToWorld(sample->wi);
-  if (!(sample->wi.z * Dot(*wi, point.ng) > 0)) return std::nullopt;
-  return sample;
+  if (!point->surface->has_normal_map) return {};
+  TangentPlane seen = plane;
+  seen.n = ToDouble(point->shading.n);
+  const Vec3f mapped = scene_.materials->ShadingNormal(point->surface->material,
+                                                       TexturePointOf(*point), u_mix, seen);
+  const Vec3f n = BendNormal(LiftNormal(mapped, point->ng), point->ng, wo);
+  point->shading = internal::ShadingFrame(n, seen);
+  if (n == point->ng) return {};
+  const std::array<float, 4> u = sampler.Get4(Slot(depth, VertexSlot::kSurface));
+  return {point->shading.ToLocal(point->ng), {u[2], u[3]}};
 }
 
 template <uint32_t kTraits, typename Tracer>
@@ -81,7 +38,14 @@ void PathTracer<kTraits, Tracer>::AddDirect(const LightDraw& draw, const Surface
   std::optional<LightSampleOf<Color>> light = scene_.lights->template Sample<kTraits>(
       point.p, light_hint, u[0], {u[1], u[2]}, path->wavelengths, draw.preparation);
   if (!light.has_value()) return;
-  const BsdfValueOf<Color> value = Eval(point, tilt, bsdf, wo_local, light->wi);
+  const Vec3f wi_local = point.shading.ToLocal(light->wi);
+  if (!AgreesOnSide(tilt, wi_local.z, Dot(light->wi, point.ng))) return;
+  const BsdfValueOf<Color> value = [&] {
+    if constexpr (kMapsNormals) {
+      if (tilt.active()) return tilt.template Eval<kTraits>(bsdf, wo_local, wi_local);
+    }
+    return EvalBsdf<kTraits>(bsdf, wo_local, wi_local);
+  }();
   if (value.f_cos.IsBlack()) return;
   if constexpr (kMayPass && Has(kTraits, Trait::kVaryingEmission)) {
     if (light->cut_out != kNone) light->radiance *= ShareOfCutOut(*light);
@@ -96,10 +60,15 @@ bool PathTracer<kTraits, Tracer>::Scatter(const Sampler& sampler, const SurfaceP
                                           const Tilt& tilt, const BsdfOf<Color>& bsdf,
                                           Vec3f wo_local, Vec3f light_hint, Path* path) const {
   const std::array<float, 4> u = sampler.Get4(Slot(path->depth - 1, VertexSlot::kBsdf));
-  Vec3f wi;
-  const std::optional<BsdfSampleOf<Color>> sample =
-      SampleScattered(point, tilt, bsdf, wo_local, u, &wi);
+  const std::optional<BsdfSampleOf<Color>> sample = [&] {
+    if constexpr (kMapsNormals) {
+      if (tilt.active()) return tilt.template Sample<kTraits>(bsdf, wo_local, u[0], {u[1], u[2]});
+    }
+    return SampleBsdf<kTraits>(bsdf, wo_local, u[0], {u[1], u[2]});
+  }();
   if (!sample.has_value()) return false;
+  const Vec3f wi = point.shading.ToWorld(sample->wi);
+  if (!AgreesOnSide(tilt, sample->wi.z, Dot(wi, point.ng))) return false;
   path->throughput *= sample->weight;
   if (path->throughput.IsBlack()) return false;
   path->eta_scale *= sample->eta_scale;
