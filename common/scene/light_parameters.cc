@@ -227,7 +227,10 @@ std::optional<AreaLightDescription> GetAreaLight(const std::string& type, Parame
   light.scale = GetScale(parameters, true);
   light.group = GetGroup(parameters);
   light.two_sided = parameters.GetBool("twosided", false);
-  parameters.RejectUnsupported("filename", "area lights have no images yet; give \"rgb L\"");
+  light.file = GetFile(parameters, files);
+  if (!light.file.empty() && parameters.Has("L")) {
+    parameters.ErrorAt(*parameters.Find("filename"), "excludes \"L\"; give one or the other");
+  }
   parameters.ReportUnused();
   return light;
 }

@@ -32,9 +32,8 @@ constexpr const char* kKnownMaterials[] = {"subsurface"};
 
 int32_t MaterialTable::Add(const std::string& type, ParameterList parameters) {
   parameters.set_owner(absl::StrCat("material \"", type, "\""));
-  MaterialDescription material;
+  MaterialDescription material = Make(type, parameters);
   material.location = parameters.location();
-  material.material = Make(type, parameters);
   const auto index = static_cast<int32_t>(scene_->materials.size());
   scene_->materials.push_back(std::move(material));
   return index;
@@ -59,8 +58,10 @@ void MaterialTable::AddNamed(const std::string& name, ParameterList parameters) 
     return;
   }
   // Making it may refer to further materials, which moves the vector.
-  Variant made = Make(type, parameters);
-  scene_->materials[index].material = std::move(made);
+  MaterialDescription made = Make(type, parameters);
+  made.name = std::move(scene_->materials[index].name);
+  made.location = scene_->materials[index].location;
+  scene_->materials[index] = std::move(made);
 }
 
 int32_t MaterialTable::Refer(const std::string& name, SourceLocation location) {
@@ -95,8 +96,9 @@ MaterialTable::Slot& MaterialTable::SlotFor(const std::string& name, SourceLocat
   return slot;
 }
 
-MaterialTable::Variant MaterialTable::Make(const std::string& type, ParameterList& parameters) {
-  Variant material;
+MaterialDescription MaterialTable::Make(const std::string& type, ParameterList& parameters) {
+  MaterialDescription description;
+  Variant& material = description.material;
   if (type == "diffuse") {
     material = MakeDiffuse(parameters);
   } else if (type == "diffusetransmission") {
@@ -131,16 +133,32 @@ MaterialTable::Variant MaterialTable::Make(const std::string& type, ParameterLis
         parameters.owner(), ": type \"", type, "\" is ", is_known ? "not supported" : "unknown",
         "; Sheaf does diffuse, diffusetransmission, conductor, dielectric, thindielectric, "
         "coateddiffuse, coatedconductor, hair, measured, mix and interface"));
-    return material;
+    return description;
   }
-  if (!std::holds_alternative<InterfaceMaterial>(material)) RejectBumps(parameters);
+  if (!std::holds_alternative<InterfaceMaterial>(material)) GetBumps(parameters, &description);
   parameters.ReportUnused();
-  return material;
+  return description;
 }
 
-void MaterialTable::RejectBumps(ParameterList& parameters) {
-  parameters.RejectUnsupported("displacement", "Sheaf has no bump mapping; remove it");
-  parameters.RejectUnsupported("normalmap", "Sheaf has no normal maps; remove it");
+void MaterialTable::GetBumps(ParameterList& parameters, MaterialDescription* description) {
+  if (std::holds_alternative<MixMaterial>(description->material)) {
+    const char* why = "a mix has no surface of its own; give it to the materials it mixes";
+    parameters.RejectUnsupported("displacement", why);
+    parameters.RejectUnsupported("normalmap", why);
+    return;
+  }
+  if (std::holds_alternative<HairMaterial>(description->material)) {
+    const char* why = "light goes through hair whatever its normal; remove it";
+    parameters.RejectUnsupported("displacement", why);
+    parameters.RejectUnsupported("normalmap", why);
+    return;
+  }
+  description->normal_map = textures_->GetNormalMap(parameters);
+  if (description->normal_map != kNone) {
+    parameters.NoteWithoutEffect("displacement", "the normal map takes its place");
+    return;
+  }
+  description->displacement = textures_->GetFloatInput(parameters, "displacement", 0);
 }
 
 DiffuseMaterial MaterialTable::MakeDiffuse(ParameterList& parameters) {

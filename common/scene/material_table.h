@@ -43,7 +43,8 @@ class MaterialTable {
   };
   using Variant = decltype(MaterialDescription::material);
 
-  Variant Make(const std::string& type, ParameterList& parameters);
+  // Without name and location.
+  MaterialDescription Make(const std::string& type, ParameterList& parameters);
   DiffuseMaterial MakeDiffuse(ParameterList& parameters);
   DiffuseTransmissionMaterial MakeDiffuseTransmission(ParameterList& parameters);
   ConductorMaterial MakeConductor(ParameterList& parameters);
@@ -63,7 +64,7 @@ class MaterialTable {
   RoughnessInput GetConstantRoughness(ParameterList& parameters, const std::string& prefix);
   RefractiveIndex GetIndex(ParameterList& parameters, const std::string& name = "eta");
   float GetConstant(ParameterList& parameters, const std::string& name, float fallback);
-  void RejectBumps(ParameterList& parameters);
+  void GetBumps(ParameterList& parameters, MaterialDescription* description);
   Slot& SlotFor(const std::string& name, SourceLocation location);
   bool ReachesItself(int32_t material) const;
 

@@ -196,6 +196,9 @@ struct MaterialDescription {
                MeasuredMaterial, MixMaterial, InterfaceMaterial>
       material;
   SourceLocation location;
+  int32_t normal_map = kNone;  // Index in textures: red, green, blue from [0, 1] to [-1, 1].
+  // A bump map's height, in scene units; unused with normal_map.
+  FloatInput displacement{0, kNone};
 };
 
 // --- Geometry ----------------------------------------------------------------------------------
@@ -271,11 +274,12 @@ struct LightScale {
 };
 
 struct AreaLightDescription {
-  ColorSpec radiance;
+  ColorSpec radiance;  // Used where file is empty.
   LightScale scale;
   bool two_sided = false;
   SourceLocation location;
   std::string group = kDefaultLightGroup;
+  std::string file;  // Picture of what is emitted, over uv.
 };
 struct InfiniteLight {
   ColorSpec radiance;         // Used where file is empty.

@@ -167,10 +167,15 @@ constexpr BadScene kBadScenes[] = {
      "parameter \"interface.roughness\" is not supported as a texture; give a number"},
     {"UnknownTexture", "WorldBegin\nTexture \"t\" \"float\" \"wrinkled\"\n",
      "main.pbrt:2:1: texture \"t\": class \"wrinkled\" is not supported"},
-    {"Displacement", "WorldBegin\nMaterial \"diffuse\" \"texture displacement\" \"d\"\n",
-     "main.pbrt:2:20: material \"diffuse\": parameter \"displacement\" is not supported"},
-    {"NormalMap", "WorldBegin\nMaterial \"diffuse\" \"string normalmap\" \"n.png\"\n",
-     "parameter \"normalmap\" is not supported"},
+    {"BumpOfMix", "WorldBegin\nMaterial \"mix\" \"texture displacement\" \"d\"\n",
+     "main.pbrt:2:16: material \"mix\": parameter \"displacement\" is not supported: a mix has no "
+     "surface of its own"},
+    {"MissingNormalMap", "WorldBegin\nMaterial \"diffuse\" \"string normalmap\" \"no.png\"\n",
+     "main.pbrt:2:20: material \"diffuse\": parameter \"normalmap\" cannot be read: file "
+     "\"no.png\""},
+    {"MissingEmission", "WorldBegin\nAreaLightSource \"diffuse\" \"string filename\" \"no.png\"\n",
+     "main.pbrt:2:27: area light \"diffuse\": parameter \"filename\" cannot be read: file "
+     "\"no.png\""},
     {"FilmType", "Film \"spectral\"\nWorldBegin\n",
      "main.pbrt:1:1: film \"spectral\" is not supported"},
     {"Sensor", "Film \"rgb\" \"string sensor\" \"canon_eos_100d\"\nWorldBegin\n",

@@ -173,6 +173,26 @@ TEST_F(SceneReaderTest, DiffuseTransmissionHasItsDefaults) {
       "to 1.125");
 }
 
+TEST_F(SceneReaderTest, MaterialsHaveNormalAndBumpMaps) {
+  Write("n.png", "x");
+  const SceneDescription scene = ReadGood(
+      "WorldBegin\nTexture \"h\" \"float\" \"constant\" \"float value\" 0.1\n"
+      "MakeNamedMaterial \"tiles\" \"string type\" \"conductor\" \"string normalmap\" \"./n.png\"\n"
+      "Material \"diffuse\" \"texture displacement\" \"h\"\n"
+      "AreaLightSource \"diffuse\" \"string filename\" \"n.png\"\nShape \"sphere\"\n");
+  ASSERT_EQ(scene.materials.size(), 2u);
+  ASSERT_NE(scene.materials[0].normal_map, kNone);
+  EXPECT_EQ(scene.materials[0].name, "tiles");
+  const TextureDescription& map = scene.textures[scene.materials[0].normal_map];
+  EXPECT_TRUE(map.is_color);
+  EXPECT_EQ(std::get<ImageTexture>(map.texture).file, "n.png");
+  EXPECT_EQ(std::get<ImageTexture>(map.texture).encoding, ColorEncoding::kLinear);
+  EXPECT_EQ(scene.materials[1].normal_map, kNone);
+  ASSERT_NE(scene.materials[1].displacement.texture, kNone);
+  EXPECT_EQ(scene.textures[scene.materials[1].displacement.texture].name, "h");
+  EXPECT_EQ(scene.area_lights.at(0).file, "n.png");
+}
+
 TEST_F(SceneReaderTest, ColorSpacesAreAttributes) {
   const SceneDescription scene = ReadGood(
       "ColorSpace \"rec2020\"\nFilm \"rgb\"\nWorldBegin\n"

@@ -136,6 +136,24 @@ void TextureTable::Declare(const std::string& name, const std::string& type,
   scene_->textures[static_cast<size_t>(slot.index)] = std::move(texture);
 }
 
+int32_t TextureTable::GetNormalMap(ParameterList& parameters) {
+  const std::string filename = parameters.GetString("normalmap", "");
+  if (filename.empty()) return kNone;
+  ImageTexture image;
+  image.file = CanonicalFileName(filename);
+  image.encoding = ColorEncoding::kLinear;
+  const Parameter& parameter = *parameters.Find("normalmap");
+  if (const auto path = files_->LocalPath(image.file); !path.ok()) {
+    parameters.ErrorAt(parameter, absl::StrCat("cannot be read: ", path.status().message()));
+  }
+  // A name that no texture of a file has, as it holds quotes.
+  Slot& slot = SlotFor(true, ColorRole::kUnbounded, absl::StrCat("normal map \"", image.file, "\""),
+                       parameter.location);
+  slot.is_declared = true;
+  scene_->textures[static_cast<size_t>(slot.index)].texture = std::move(image);
+  return slot.index;
+}
+
 ConstantTexture TextureTable::MakeConstant(ParameterList& parameters, bool is_color) {
   ConstantTexture constant;
   if (is_color) {

@@ -30,6 +30,10 @@ class TextureTable {
   ColorInput GetColorInput(ParameterList& parameters, const std::string& name, ColorRole role,
                            const ColorSpec& fallback);
 
+  // The picture that "string normalmap" names, as a texture of its own: repeating, bilinear, its
+  // numbers taken as they are. kNone where there is no such parameter.
+  int32_t GetNormalMap(ParameterList& parameters);
+
   // Gives textures that are used in several roles (reflectance, unbounded) a copy for each, and
   // reports references that lead nowhere. Call once, at the end of the scene.
   void Finish();

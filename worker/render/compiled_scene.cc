@@ -57,7 +57,9 @@ absl::StatusOr<CompiledScenePtr> CompileScene(SceneDescription description,
   scene->settings = settings;
   scene->plan = MakeRenderPlan(description, settings);
   scene->settings.max_depth = scene->plan.max_depth;
-  absl::StatusOr<BakedScene> baked = BakeScene(&description);
+  absl::StatusOr<EmissionMaps> maps = ReadEmissionMaps(description, files);
+  if (!maps.ok()) return maps.status();
+  absl::StatusOr<BakedScene> baked = BakeScene(&description, *std::move(maps));
   if (!baked.ok()) return baked.status();
   scene->description = std::move(description);
   scene->geometry = std::move(baked->geometry);

@@ -19,7 +19,7 @@ enum class CameraSlot : uint32_t {
 enum class VertexSlot : uint32_t {
   kBsdf = 0,     // Lobe, u, v of the scattered direction; roulette.
   kLight = 1,    // Which light, u, v on it; spare.
-  kSurface = 2,  // Mix and cut-out decisions at this vertex.
+  kSurface = 2,  // Mix and cut-out decisions at this vertex; two numbers of a tilted normal.
   kCount = 4,
 };
 constexpr uint32_t Slot(CameraSlot use) { return static_cast<uint32_t>(use); }

@@ -13,16 +13,14 @@
 #include "absl/status/statusor.h"
 #include "absl/strings/str_cat.h"
 #include "common/base/status.h"
-#include "common/image/image_io.h"
 #include "common/math/elementary.h"
 #include "worker/render/intensity_map.h"
+#include "worker/render/light_image.h"
 #include "worker/render/projected_image.h"
 
 namespace sheaf::render {
 namespace {
 
-// Pictures wider or higher than this are larger than a worker should hold: 12 to 17 bytes a pixel.
-constexpr int kLightImageSizeMax = 8192;
 // How far a rotation's columns may be from orthogonal and of equal length, relative.
 constexpr double kRotationTolerance = 1e-4;
 
@@ -32,12 +30,6 @@ absl::Status ErrorAt(const SceneDescription& scene, SourceLocation location,
                      const std::string& what) {
   return absl::InvalidArgumentError(absl::StrCat(FormatLocation(scene, location), ": ", what));
 }
-
-// A picture as light: linear, row-major [height][width], top row first.
-struct LightImage {
-  int width = 0, height = 0;
-  std::vector<Rgb> texels;
-};
 
 // Reads one light after the other; the first error stays.
 class SceneLightReader {
@@ -65,7 +57,6 @@ class SceneLightReader {
                                                         const GoniometricLight& goniometric);
   absl::StatusOr<ProjectedImage> ReadProjectedImage(const LightDescription& light,
                                                     const ProjectionLight& projection);
-  absl::StatusOr<LightImage> ReadLightImage(const LightDescription& light, const std::string& file);
   absl::StatusOr<LightImage> ReadSquareMap(const LightDescription& light, const std::string& file);
   absl::StatusOr<EnvironmentMap> ReadMap(const LightDescription& light, const std::string& file);
   SkyPortal MakePortal(const InfiniteLight& infinite, const InfiniteEmitter& emitter,
@@ -159,40 +150,9 @@ absl::Status SceneLightReader::Add(const LightDescription& light, const DistantL
   return Keep(light, delta);
 }
 
-absl::StatusOr<LightImage> SceneLightReader::ReadLightImage(const LightDescription& light,
-                                                            const std::string& file) {
-  absl::StatusOr<std::string> path = files_.LocalPath(file);
-  if (!path.ok()) return Annotate(path.status(), FormatLocation(scene_, light.location));
-  absl::StatusOr<FloatImage> image = ReadImage(*path);
-  if (!image.ok()) return Annotate(image.status(), FormatLocation(scene_, light.location));
-  if (std::max(image->width, image->height) > kLightImageSizeMax) {
-    return ErrorAt(scene_, light.location,
-                   absl::StrCat("\"", file, "\" is ", image->width, " x ", image->height,
-                                " pixels, but pictures of lights are at most ", kLightImageSizeMax,
-                                " wide and high; make it smaller"));
-  }
-  if (image->channels != 1 && image->channels < 3) {
-    return ErrorAt(scene_, light.location,
-                   absl::StrCat("\"", file, "\" has ", image->channels,
-                                " channels, but needs 1 (grey) or R, G and B; convert it"));
-  }
-  LightImage result{image->width, image->height, {}};
-  result.texels.reserve(static_cast<size_t>(image->width) * static_cast<size_t>(image->height));
-  const auto channel = [&](int x, int y, int c) {
-    const float value = image->At(x, y, image->channels == 1 ? 0 : c);
-    return image->is_integer ? DecodeSrgb(value) : value;
-  };
-  for (int y = 0; y < image->height; ++y) {
-    for (int x = 0; x < image->width; ++x) {
-      result.texels.push_back({channel(x, y, 0), channel(x, y, 1), channel(x, y, 2)});
-    }
-  }
-  return result;
-}
-
 absl::StatusOr<LightImage> SceneLightReader::ReadSquareMap(const LightDescription& light,
                                                            const std::string& file) {
-  absl::StatusOr<LightImage> image = ReadLightImage(light, file);
+  absl::StatusOr<LightImage> image = ReadLightImage(scene_, light.location, file, files_);
   if (image.ok() && image->width != image->height) {
     return ErrorAt(scene_, light.location,
                    absl::StrCat("\"", file, "\" is ", image->width, " x ", image->height,
@@ -335,7 +295,8 @@ absl::Status SceneLightReader::Add(const LightDescription& light,
 
 absl::StatusOr<ProjectedImage> SceneLightReader::ReadProjectedImage(
     const LightDescription& light, const ProjectionLight& projection) {
-  absl::StatusOr<LightImage> image = ReadLightImage(light, projection.file);
+  absl::StatusOr<LightImage> image =
+      ReadLightImage(scene_, light.location, projection.file, files_);
   if (!image.ok()) return image.status();
   absl::StatusOr<ProjectedImage> projected = ProjectedImage::Make(
       image->width, image->height, std::move(image->texels), projection.fov_degrees);

@@ -8,22 +8,11 @@
 #include <variant>
 
 #include "common/math/elementary.h"
+#include "worker/render/area_light_sampling.h"
 #include "worker/render/light_table_impl.h"
-#include "worker/render/shape_sampling.h"
 
 namespace sheaf::render {
 namespace {
-
-// Rounding a double to a float costs half an ulp; twice that leaves room for the double arithmetic.
-Vec3f RoundingErrorOf(Vec3f p) {
-  return {std::fabs(p.x) * 0x1p-23f, std::fabs(p.y) * 0x1p-23f, std::fabs(p.z) * 0x1p-23f};
-}
-
-bool IsUsablePdf(float pdf) { return pdf > 0 && std::isfinite(pdf); }
-
-float PdfSolidAngle(double shape_pdf, float probability) {
-  return static_cast<float>(shape_pdf) * probability;
-}
 
 Vec3f Rotate(const Vec3f (&rows)[3], Vec3f v) {
   return {Dot(rows[0], v), Dot(rows[1], v), Dot(rows[2], v)};
@@ -38,60 +27,6 @@ float SmoothStep(float x, float low, float high) {
   if (x >= high) return 1;
   const float t = (x - low) / (high - low);
   return t * t * (3 - 2 * t);
-}
-
-// Without its pdf.
-template <typename Color>
-LightSampleOf<Color> AreaSample(const ShapePoint& point, const Color& radiance) {
-  LightSampleOf<Color> sample;
-  sample.wi = ToFloat(point.wi);
-  sample.p_light = ToFloat(point.p);
-  sample.p_light_error = RoundingErrorOf(sample.p_light);
-  sample.n_light = ToFloat(point.n);
-  sample.radiance = radiance;
-  return sample;
-}
-
-DiskShapeView View(const DiskEmitter& disk, Vec3f p) {
-  return ViewDisk(disk.center, disk.normal, disk.axis_x, disk.radius, disk.inner_radius, p);
-}
-TriangleView View(const TriangleEmitter& t, Vec3f p) { return ViewTriangle(t.v0, t.v1, t.v2, p); }
-SphereView View(const SphereEmitter& s, Vec3f p) {
-  return ViewSphere(s.center, s.radius, s.inward && !s.two_sided, p);
-}
-
-template <typename Color>
-std::optional<LightSampleOf<Color>> Sample(const TriangleEmitter& t, const Color& radiance,
-                                           float probability, Vec3f p, Vec2f u) {
-  const TriangleView view = View(t, p);
-  if (!view.visible || !(view.front() || t.two_sided)) return std::nullopt;
-  const ShapePoint point = SampleTriangle(view, t.v0, p, u);
-  LightSampleOf<Color> sample = AreaSample(point, radiance);
-  sample.pdf = PdfSolidAngle(PdfTriangle(view, p, sample.p_light), probability);
-  return sample;
-}
-
-template <typename Color>
-std::optional<LightSampleOf<Color>> Sample(const SphereEmitter& s, const Color& radiance,
-                                           float probability, Vec3f p, Vec2f u) {
-  const SphereView view = View(s, p);
-  if (!view.visible || !(s.two_sided || view.inside == s.inward)) return std::nullopt;
-  LightSampleOf<Color> sample = AreaSample(SampleSphere(view, s.center, s.radius, u), radiance);
-  sample.pdf = PdfSolidAngle(view.pdf, probability);
-  return sample;
-}
-
-template <typename Color>
-std::optional<LightSampleOf<Color>> Sample(const DiskEmitter& d, const Color& radiance,
-                                           float probability, Vec3f p, Vec2f u) {
-  const DiskShapeView view = View(d, p);
-  if (!view.visible || !(view.front() || d.two_sided)) return std::nullopt;
-  bool hit = false;
-  const ShapePoint point = SampleDisk(view, p, u, &hit);
-  if (!hit) return std::nullopt;
-  LightSampleOf<Color> sample = AreaSample(point, radiance);
-  sample.pdf = PdfSolidAngle(PdfDisk(view, p, sample.wi, sample.p_light), probability);
-  return sample;
 }
 
 // What the light, which has a place, sends along the (unit) direction w that leaves it.
@@ -199,7 +134,10 @@ std::optional<LightSampleOf<ColorOf<kMask>>> LightTable::SampleLights(
   std::optional<LightSampleOf<Color>> sample;
   const auto sample_area = [&](const auto& emitter) {
     const Color radiance = impl.ColorOfEmission(emitter.radiance, wavelengths);
-    sample = render::Sample(emitter, radiance, chosen->probability, p, u);
+    sample = SampleEmitter(emitter, radiance, chosen->probability, p, u);
+    if constexpr (Has(kMask, Trait::kVaryingEmission)) {
+      if (sample) AddDetail<Color>(impl, light, wavelengths, &*sample);
+    }
   };
   if (light < impl.first_delta()) {
     if constexpr (Has(kMask, Trait::kAreaLights)) {
@@ -261,13 +199,14 @@ float LightTable::PdfOfEmitter(const Impl& impl, uint32_t emitter, Vec3f p, Vec3
   double shape_pdf = 0;
   if constexpr (Has(kMask, Trait::kAreaLights)) {
     if (emitter < impl.first_sphere()) {
-      shape_pdf = PdfTriangle(View(impl.triangles[emitter], p), p, p_light);
+      shape_pdf = PdfTriangle(ViewEmitter(impl.triangles[emitter], p), p, p_light);
     } else if constexpr (Has(kMask, Trait::kQuadrics)) {
       if (emitter < impl.first_disk()) {
-        const SphereView view = View(impl.spheres[emitter - impl.first_sphere()], p);
+        const SphereView view = ViewEmitter(impl.spheres[emitter - impl.first_sphere()], p);
         shape_pdf = view.visible ? view.pdf : 0;
       } else {
-        shape_pdf = PdfDisk(View(impl.disks[emitter - impl.first_disk()], p), p, wi, p_light);
+        shape_pdf =
+            PdfDisk(ViewEmitter(impl.disks[emitter - impl.first_disk()], p), p, wi, p_light);
       }
     }
   }
@@ -291,6 +230,19 @@ Color LightTable::EmitterRadiance(uint32_t emitter, Vec3f ng, Vec3f wo,
 }
 template Rgb LightTable::EmitterRadiance<Rgb>(uint32_t, Vec3f, Vec3f, const NoWavelengths&) const;
 template Spectral LightTable::EmitterRadiance<Spectral>(uint32_t, Vec3f, Vec3f,
+                                                        const Wavelengths&) const;
+
+template <typename Color>
+Color LightTable::VaryingRadiance(uint32_t emitter, Vec3f ng, Vec3f wo, Vec2f uv,
+                                  const WavelengthsOf<Color>& wavelengths) const {
+  const Color radiance = EmitterRadiance<Color>(emitter, ng, wo, wavelengths);
+  const EmissionDetail* detail = impl_->DetailOf(emitter);
+  if (detail == nullptr || detail->map == kNone || radiance.IsBlack()) return radiance;
+  return RadianceOfMap<Color>(*impl_, *detail, uv, wavelengths);
+}
+template Rgb LightTable::VaryingRadiance<Rgb>(uint32_t, Vec3f, Vec3f, Vec2f,
+                                              const NoWavelengths&) const;
+template Spectral LightTable::VaryingRadiance<Spectral>(uint32_t, Vec3f, Vec3f, Vec2f,
                                                         const Wavelengths&) const;
 
 // Where there are several lights, which one will be asked is not known so early.
@@ -380,6 +332,8 @@ SHEAF_INSTANTIATE_WITH(static_cast<uint32_t>(Trait::kAreaLights))
 SHEAF_INSTANTIATE_WITH(static_cast<uint32_t>(Trait::kQuadrics))
 SHEAF_INSTANTIATE_WITH(static_cast<uint32_t>(Trait::kAreaLights) |
                        static_cast<uint32_t>(Trait::kQuadrics))
+// Emission that varies is rare: variants that know it know every kind of light.
+SHEAF_INSTANTIATE_FOR(LightTable::kLightTraits & ~static_cast<uint32_t>(Trait::kSpectral))
 #undef SHEAF_INSTANTIATE_WITH
 #undef SHEAF_INSTANTIATE_FOR
 #undef SHEAF_INSTANTIATE_IN_COLOR

@@ -17,7 +17,9 @@
 #include "common/scene/file_source.h"
 #include "common/scene/scene_description.h"
 #include "worker/render/bsdf.h"
+#include "worker/render/emission_map.h"
 #include "worker/render/environment_map.h"
+#include "worker/render/quadric.h"
 #include "worker/render/wavelengths.h"
 
 namespace sheaf::render {
@@ -32,9 +34,13 @@ struct LightSampleOf {
   Color radiance;       // Arriving, unoccluded; for delta lights intensity over distance squared.
   float pdf =
       0;  // Solid angle, times the probability of choosing this light; choice alone for delta.
-  bool is_delta = false;  // Without size, or distant: no MIS.
+  bool is_delta = false;  // Without size, distant, or never met by rays: no MIS.
   bool is_infinite = false;
   uint32_t light = 0;  // Index in the table; of one of the infinite ones, where infinite.
+  // Only where emission varies: the shape (of SceneDescription) whose cut-out is still to be
+  // counted, and where it is to be read.
+  int32_t cut_out = kNone;
+  Vec2f uv;
 };
 using LightSample = LightSampleOf<Rgb>;
 
@@ -83,10 +89,25 @@ struct DiskEmitter {
 };
 // Partial spheres and disks, and scaled ones that are no longer spheres, come as triangles.
 
+// What makes the emission of one emitter vary over it.
+struct EmissionDetail {
+  int32_t map = kNone;  // In LightTableInput::maps: gives the radiance in place of Emission.
+  float map_scale = 1;
+  int32_t cut_out = kNone;  // Shape of SceneDescription that is cut out where it shines.
+  bool is_unseen = false;   // Cut out everywhere: shines, but no ray meets it (pbrt-v4's rule).
+  int32_t quadric = kNone;  // In LightTableInput::quadrics; else it is a triangle.
+  Vec2f uv[3];              // Of a triangle's corners.
+};
+
 struct LightTableInput {
   std::vector<TriangleEmitter> triangles;
   std::vector<SphereEmitter> spheres;
   std::vector<DiskEmitter> disks;
+  // By emitter id: index in details, or kNone. Empty where no emission varies.
+  std::vector<int32_t> detail_of;
+  std::vector<EmissionDetail> details;
+  EmissionMaps maps;
+  std::vector<Quadric> quadrics;
   bool spectral = false;       // Traits with kSpectral may be asked for.
   bool choose_evenly = false;  // Every light with the same probability, wherever it stands.
   Vec3d render_origin_world;   // World position of render space's origin (the camera).
@@ -144,6 +165,16 @@ class LightTable {
   template <typename Color = Rgb>
   Color EmitterRadiance(uint32_t emitter, Vec3f ng, Vec3f wo,
                         const WavelengthsOf<Color>& wavelengths = {}) const;
+  // The same where emission may vary over the surface. uv: where it reads textures.
+  template <uint32_t kTraits>
+  ColorOf<kTraits> EmitterRadianceAt(uint32_t emitter, Vec3f ng, Vec3f wo, Vec2f uv,
+                                     const WavelengthsOf<ColorOf<kTraits>>& wavelengths) const {
+    if constexpr (Has(kTraits, Trait::kVaryingEmission)) {
+      return VaryingRadiance<ColorOf<kTraits>>(emitter, ng, wo, uv, wavelengths);
+    } else {
+      return EmitterRadiance<ColorOf<kTraits>>(emitter, ng, wo, wavelengths);
+    }
+  }
   // Sum over all infinite lights as seen from p along the (unit) direction d, and Sample's pdf of
   // it. Only portals make it differ from one p to the other.
   template <uint32_t kTraits>
@@ -196,7 +227,7 @@ class LightTable {
   static constexpr uint32_t kLightTraits =
       static_cast<uint32_t>(Trait::kEnvironment) | static_cast<uint32_t>(Trait::kDeltaLights) |
       static_cast<uint32_t>(Trait::kAreaLights) | static_cast<uint32_t>(Trait::kQuadrics) |
-      static_cast<uint32_t>(Trait::kSpectral);
+      static_cast<uint32_t>(Trait::kVaryingEmission) | static_cast<uint32_t>(Trait::kSpectral);
 
  private:
   LightTable();
@@ -207,6 +238,9 @@ class LightTable {
   template <uint32_t kMask>
   static float PdfOfEmitter(const Impl& impl, uint32_t emitter, Vec3f p, Vec3f n, Vec3f wi,
                             Vec3f p_light);
+  template <typename Color>
+  Color VaryingRadiance(uint32_t emitter, Vec3f ng, Vec3f wo, Vec2f uv,
+                        const WavelengthsOf<Color>& wavelengths) const;
   template <typename Color>
   static Color RadianceFromInfinity(const Impl& impl, Vec3f p, Vec3f d,
                                     const WavelengthsOf<Color>& wavelengths);

@@ -158,10 +158,14 @@ void LightTable::AssignGroups(const SceneDescription& scene,
   for (const AreaLightDescription& l : scene.area_lights)
     of_area_light.push_back(index_of(l.group));
   for (const LightDescription& l : scene.lights) of_light.push_back(index_of(l.group));
-  // An emitter's spectrum is that of its area light, under the same index.
+  // An emitter's picture or spectrum is that of its area light, under the same index.
   const auto add_emitters = [&](const auto& emitters) {
     for (const auto& emitter : emitters) {
-      group_of_light.push_back(of_area_light[static_cast<size_t>(emitter.radiance.spectrum)]);
+      const auto id = static_cast<uint32_t>(group_of_light.size());
+      const EmissionDetail* detail = impl_->DetailOf(id);
+      const bool has_map = detail != nullptr && detail->map != kNone;
+      const int32_t light = has_map ? detail->map : emitter.radiance.spectrum;
+      group_of_light.push_back(of_area_light[static_cast<size_t>(light)]);
     }
   };
   add_emitters(impl_->triangles);
@@ -185,6 +189,10 @@ absl::StatusOr<std::unique_ptr<LightTable>> LightTable::Build(const SceneDescrip
   impl.triangles = std::move(input.triangles);
   impl.spheres = std::move(input.spheres);
   impl.disks = std::move(input.disks);
+  impl.detail_of = std::move(input.detail_of);
+  impl.details = std::move(input.details);
+  impl.maps = std::move(input.maps);
+  impl.quadrics = std::move(input.quadrics);
   if (input.spectral) {
     PrepareUpsampling();
     for (const AreaLightDescription& light : scene.area_lights) impl.AddSpectrum(light.radiance);

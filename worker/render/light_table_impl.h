@@ -56,6 +56,10 @@ struct LightTable::Impl {
   std::vector<TriangleEmitter> triangles;
   std::vector<SphereEmitter> spheres;
   std::vector<DiskEmitter> disks;
+  std::vector<int32_t> detail_of;
+  std::vector<EmissionDetail> details;
+  EmissionMaps maps;
+  std::vector<Quadric> quadrics;
   std::vector<DeltaLight> deltas;
   std::vector<IntensityDistribution> intensities;
   std::vector<ProjectedImage> projected_images;
@@ -66,6 +70,11 @@ struct LightTable::Impl {
   std::vector<uint8_t> group_of_light;  // By light index; empty unless asked for.
   bool empty = true;
 
+  // Null where the emission is the same everywhere.
+  const EmissionDetail* DetailOf(uint32_t emitter) const {
+    if (emitter >= detail_of.size() || detail_of[emitter] == kNone) return nullptr;
+    return &details[static_cast<size_t>(detail_of[emitter])];
+  }
   // Index of the spectrum.
   int32_t AddSpectrum(const ColorSpec& color) {
     spectra.push_back(SpectralColor::Make(color, ColorRole::kIlluminant));

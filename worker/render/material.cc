@@ -280,10 +280,11 @@ void SetDispersion(const CompiledMaterial& material, const Wavelengths& waveleng
   bsdf->eta = material.index.At(wavelengths.hero_nm());
 }
 
-// Follows mixes down to a material, spending u without losing its uniformity.
-const CompiledMaterial& Choose(const std::vector<CompiledMaterial>& materials,
-                               const TextureProgram& textures, int32_t material,
-                               const TexturePoint& point, float u) {
+}  // namespace
+
+const CompiledMaterial& ChooseMaterial(const std::vector<CompiledMaterial>& materials,
+                                       const TextureProgram& textures, int32_t material,
+                                       const TexturePoint& point, float u) {
   const CompiledMaterial* chosen = &materials[static_cast<size_t>(material)];
   while (chosen->is_mix) {
     const float amount = std::clamp(textures.Float(chosen->amount, point), 0.0f, 1.0f);
@@ -294,8 +295,6 @@ const CompiledMaterial& Choose(const std::vector<CompiledMaterial>& materials,
   }
   return *chosen;
 }
-
-}  // namespace
 
 template <uint32_t kTraits>
 BsdfOf<ColorOf<kTraits>> MaterialTable::Evaluate(
@@ -311,7 +310,7 @@ BsdfOf<ColorOf<kTraits>> MaterialTable::Evaluate(
   const CompiledMaterial* chosen = &impl_->materials[static_cast<size_t>(material)];
   if constexpr (Has(kTraits, Trait::kAlpha)) {
     if (chosen->is_mix) {
-      chosen = &Choose(impl_->materials, *impl_->textures, material, point, u_mix);
+      chosen = &ChooseMaterial(impl_->materials, *impl_->textures, material, point, u_mix);
     }
   }
   if constexpr (Has(kTraits, Trait::kHair)) {

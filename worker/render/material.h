@@ -23,6 +23,14 @@ struct TexturePoint {
   Vec3f p_world;  // World space (not camera-relative), for 3-D and projected mappings.
 };
 
+// How a surface lies at a point, for maps that turn its normal. Space: any; n and what comes of it
+// are in it too.
+struct TangentPlane {
+  Vec3d n;           // Unit: the shading normal.
+  Vec3d dpdu, dpdv;  // By the uv that textures are read at. In a space of the world's axes.
+  bool has_tangents = false;  // Else there is no uv to speak of.
+};
+
 struct MaterialOptions {
   uint64_t texture_cache_bytes_max = 0;
   bool spectral = false;           // Evaluate may be asked for traits with kSpectral too.
@@ -48,6 +56,11 @@ class MaterialTable {
   template <uint32_t kTraits>
   BsdfOf<ColorOf<kTraits>> Evaluate(int32_t material, const TexturePoint& point, float u_mix,
                                     const WavelengthsOf<ColorOf<kTraits>>& wavelengths = {}) const;
+  // plane.n as turned by the normal map or bump map of the material that Evaluate would choose;
+  // unit length, on either side of the surface. Heights are in the unit of dpdu. A map's red runs
+  // along dpdu, its green along dpdv made orthogonal, also where charts or instances are mirrored.
+  Vec3f ShadingNormal(int32_t material, const TexturePoint& point, float u_mix,
+                      const TangentPlane& plane) const;
   // Value of a float input (cut-outs), as it is: a mask's author may have left [0, 1].
   template <uint32_t kTraits>
   float EvaluateFloat(const FloatInput& input, const TexturePoint& point) const;

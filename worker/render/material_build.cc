@@ -34,6 +34,7 @@ class MaterialBuilder {
     absl::Status status =
         std::visit([&](const auto& d) { return Fill(d, &m); }, description_->material);
     if (!status.ok()) return status;
+    if (status = SetBumps(&m); !status.ok()) return status;
     m.varies = m.color.texture != kNone || m.conductor_eta.texture != kNone ||
                m.conductor_k.texture != kNone || RoughnessVaries(m);
     if (m.is_mix || m.hair != nullptr || m.measured != nullptr) return m;
@@ -55,6 +56,17 @@ class MaterialBuilder {
     return m.roughness_u.texture != kNone || m.roughness_v.texture != kNone;
   }
 
+  absl::Status SetBumps(CompiledMaterial* m) const {
+    m->normal_map = description_->normal_map;
+    if (m->normal_map != kNone) {
+      const int channels = textures_.ImageChannels(m->normal_map);
+      if (channels >= 3) return absl::OkStatus();
+      return Error("its normal map has no red, green and blue; give a picture in color");
+    }
+    m->displacement = textures_.Operand(description_->displacement);
+    m->displacement_step = textures_.SlopeStep(m->displacement);
+    return absl::OkStatus();
+  }
   absl::Status SetReflectance(const ColorInput& input, CompiledMaterial* m) {
     return SetShare("reflectance", input, &m->color);
   }

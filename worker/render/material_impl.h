@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// What MaterialTable holds: for its own two source files only.
+// What MaterialTable holds: for its own source files only.
 #pragma once
 
 #include <array>
@@ -61,6 +61,10 @@ struct CompiledMaterial {
   const ConductorCoatRow* conductor_coat = nullptr;
   const CompiledHair* hair = nullptr;      // Of hair, which has nothing else.
   const MeasuredBrdf* measured = nullptr;  // Likewise.
+  // Of maps that turn the normal: at most one of the two.
+  int32_t normal_map = kNone;  // Texture.
+  FloatOperand displacement;
+  Vec2f displacement_step;  // In uv, half of what its slope is taken over.
   Bsdf constant;
   // Of `constant` at every wavelength, where it is a rough or coated conductor: BsdfOf::color.
   SpectralColor constant_tint;
@@ -76,6 +80,11 @@ inline float AbsorptionOf(float reflectance) {
 inline float AgainstCoat(float index, float coat_eta) {
   return index >= kPerfectConductorK ? index : index / coat_eta;
 }
+
+// Follows mixes down to a material, spending u without losing its uniformity.
+const CompiledMaterial& ChooseMaterial(const std::vector<CompiledMaterial>& materials,
+                                       const TextureProgram& textures, int32_t material,
+                                       const TexturePoint& point, float u);
 
 template <typename Color>
 BsdfOf<Color> MakeBsdf(const CompiledMaterial& material, const SurfaceInputs<Color>& inputs);

@@ -28,7 +28,11 @@ class NeedsCollector {
  private:
   void Visit(int32_t material) {
     if (material == kNone) return;
-    std::visit([this](const auto& m) { Add(m); }, scene_.materials[material].material);
+    const MaterialDescription& description = scene_.materials[material];
+    std::visit([this](const auto& m) { Add(m); }, description.material);
+    if (description.normal_map == kNone && description.displacement.texture == kNone) return;
+    needs_.traits |= Bit(Trait::kNormalMaps);
+    needs_.has_normal_map = needs_.reads_textures = true;
   }
   void Read(const FloatInput& input) { needs_.reads_textures |= input.texture != kNone; }
   void Read(const ColorInput& input) { needs_.reads_textures |= input.texture != kNone; }

@@ -16,6 +16,7 @@ struct MaterialNeeds {
   bool may_pass = false;     // An interface (glass of index 1 is one), or a mix.
   bool anisotropic = false;  // Scatters differently along u and v.
   bool reads_textures = false;
+  bool has_normal_map = false;  // Or a bump map.
 };
 
 // Requires: material is kNone (a grey diffuse surface) or an index; mixes hold no cycle.

@@ -15,6 +15,7 @@
 #include <bit>
 #include <cstdint>
 #include <optional>
+#include <type_traits>
 
 #include "common/film/film_tile.h"
 #include "worker/render/compiled_scene.h"
@@ -25,6 +26,7 @@
 #include "worker/render/sampler.h"
 #include "worker/render/spectral_color.h"
 #include "worker/render/surface_point.h"
+#include "worker/render/surface_tilt.h"
 #include "worker/render/wavelengths.h"
 
 namespace sheaf::render {
@@ -66,6 +68,7 @@ class PathTracer {
   static constexpr bool kMayPass = Has(kTraits, Trait::kAlpha);
   static constexpr bool kSpectral = Has(kTraits, Trait::kSpectral);
   static constexpr bool kOutputs = Has(kTraits, Trait::kOutputs);
+  static constexpr bool kMapsNormals = Has(kTraits, Trait::kNormalMaps);
   // What asks for no colour, or for the colour as RGB, leaves the wavelengths out.
   static constexpr uint32_t kRgbTraits = kTraits & ~TraitSet(Trait::kSpectral);
 
@@ -103,6 +106,11 @@ class PathTracer {
   };
   static PassChoice MakeChoice(std::array<float, 2> u, uint32_t pass);
 
+  // Of a vertex where maps may have turned the normal.
+  struct NoTilt {};
+  using Tilt = std::conditional_t<kMapsNormals, SurfaceTilt, NoTilt>;
+  using Plane = std::conditional_t<kMapsNormals, TangentPlane, NoTilt>;
+
   Ray CameraRay(const Sampler& sampler, int32_t x, int32_t y, FilmSample* film) const;
   void Trace(const Sampler& sampler, Path* path, FilmSample* film);
   TexturePoint TexturePointOf(const SurfacePoint& point) const;
@@ -122,11 +130,28 @@ class PathTracer {
     }
   }
   Rgb RgbOfSample(const Color& radiance, const Path& path) const;
-  void AddDirect(const LightDraw& draw, const SurfacePoint& point, const BsdfOf<Color>& bsdf,
-                 Vec3f wo_local, Vec3f light_hint, Path* path);
+  // bsdf's albedo as RGB. u_mix: as Evaluate's.
+  Rgb AlbedoOf(const BsdfOf<Color>& bsdf, const SurfacePoint& point, float u_mix) const;
+  // How much of a light that is cut out where the sample is remains of it there.
+  float ShareOfCutOut(const LightSampleOf<Color>& light) const;
+  // Turns the shading frame as the material's map says, for wo. u_mix: as Evaluate's.
+  Tilt MapNormal(const Sampler& sampler, const Plane& plane, float u_mix, uint32_t depth, Vec3f wo,
+                 SurfacePoint* point) const;
+  // Shading and true normal must agree on the side of a direction, given its cosines with them, or
+  // light would leak through the surface. Tilted normals see to that themselves, and light goes
+  // through hair.
+  static bool AgreesOnSide(const BsdfOf<Color>& bsdf, [[maybe_unused]] const Tilt& tilt,
+                           float cos_shading, float cos_true) {
+    if constexpr (kMapsNormals) {
+      if (tilt.active()) return true;
+    }
+    return IsHair<kTraits>(bsdf) || cos_shading * cos_true > 0;
+  }
+  void AddDirect(const LightDraw& draw, const SurfacePoint& point, const Tilt& tilt,
+                 const BsdfOf<Color>& bsdf, Vec3f wo_local, Vec3f light_hint, Path* path);
   // Goes on along a sampled direction. False where the path ends.
-  bool Scatter(const Sampler& sampler, const SurfacePoint& point, const BsdfOf<Color>& bsdf,
-               Vec3f wo_local, Vec3f light_hint, Path* path) const;
+  bool Scatter(const Sampler& sampler, const SurfacePoint& point, const Tilt& tilt,
+               const BsdfOf<Color>& bsdf, Vec3f wo_local, Vec3f light_hint, Path* path) const;
   // The share of a contribution that goes to the technique that found it with `pdf`, where the
   // other would have done so with `other_pdf`.
   static float SampledShare(float pdf, float other_pdf) {
@@ -180,6 +205,19 @@ Rgb PathTracer<kTraits, Tracer, kDirectLight>::RgbOfSample(const Color& radiance
 }
 
 template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight>
+Rgb PathTracer<kTraits, Tracer, kDirectLight>::AlbedoOf(const BsdfOf<Color>& bsdf,
+                                                        const SurfacePoint& point,
+                                                        float u_mix) const {
+  if constexpr (kSpectral) {
+    return scene_.materials
+        ->template Evaluate<kRgbTraits>(point.surface->material, TexturePointOf(point), u_mix)
+        .albedo;
+  } else {
+    return bsdf.albedo;
+  }
+}
+
+template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight>
 Ray PathTracer<kTraits, Tracer, kDirectLight>::CameraRay(const Sampler& sampler, int32_t x,
                                                          int32_t y, FilmSample* film) const {
   Vec2f filter_u, lens_u;
@@ -212,7 +250,8 @@ void PathTracer<kTraits, Tracer, kDirectLight>::Trace(const Sampler& sampler, Pa
     if (!tracer_.Intersect(path->ray, &hit)) return AddEscape(path);
     // Begun here, the look-up of a light need not be waited for when the surface is known.
     const LightDraw draw = DrawLight(sampler, path->depth);
-    SurfacePoint point = MakeSurfacePoint<kTraits>(scene_.geometry, path->ray, hit);
+    Plane plane;
+    SurfacePoint point = MakeSurfacePoint<kTraits>(scene_.geometry, path->ray, hit, &plane);
     const Surface& surface = *point.surface;
     PassChoice choice{};
     if (kMayPass && (surface.has_alpha || surface.may_pass)) {
@@ -242,17 +281,14 @@ void PathTracer<kTraits, Tracer, kDirectLight>::Trace(const Sampler& sampler, Pa
     const bool is_hair = IsHair<kTraits>(bsdf);
     if (!is_hair && Dot(wo, point.shading.n) * Dot(wo, point.ng) <= 0)
       point.shading = Frame::FromNormal(point.ng);
+    Tilt tilt;
+    if constexpr (kMapsNormals) {
+      if (!is_hair) tilt = MapNormal(sampler, plane, choice.mix, path->depth, wo, &point);
+    }
     if (is_first) {
       is_first = false;
+      film->albedo = AlbedoOf(bsdf, point, choice.mix);
       film->alpha = 1;
-      if constexpr (kSpectral) {
-        film->albedo =
-            scene_.materials
-                ->template Evaluate<kRgbTraits>(surface.material, TexturePointOf(point), choice.mix)
-                .albedo;
-      } else {
-        film->albedo = bsdf.albedo;
-      }
       film->normal = point.shading.n;
       film->depth = Length(point.p - camera_o);
       if constexpr (kOutputs) {
@@ -275,8 +311,8 @@ void PathTracer<kTraits, Tracer, kDirectLight>::Trace(const Sampler& sampler, Pa
     // Lights behind an opaque surface need not be looked at.
     Vec3f light_hint{};
     if (!transmits) light_hint = Dot(wo, point.ng) < 0 ? -point.ng : point.ng;
-    if (!bsdf.specular) AddDirect(draw, point, bsdf, wo_local, light_hint, path);
-    if (!Scatter(sampler, point, bsdf, wo_local, light_hint, path)) return;
+    if (!bsdf.specular) AddDirect(draw, point, tilt, bsdf, wo_local, light_hint, path);
+    if (!Scatter(sampler, point, tilt, bsdf, wo_local, light_hint, path)) return;
   }
 }
 
@@ -340,8 +376,8 @@ template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight>
 void PathTracer<kTraits, Tracer, kDirectLight>::AddEmission(const SurfacePoint& point, Path* path) {
   if constexpr (Has(kTraits, Trait::kAreaLights)) {
     if (point.emitter == kNoEmitter) return;
-    const Color radiance = scene_.lights->template EmitterRadiance<Color>(
-        point.emitter, point.EmitterNormal(), -path->ray.d, path->wavelengths);
+    const Color radiance = scene_.lights->template EmitterRadianceAt<kTraits>(
+        point.emitter, point.EmitterNormal(), -path->ray.d, point.uv, path->wavelengths);
     if (radiance.IsBlack()) return;
     float weight = 1;
     if (!path->specular) {
@@ -351,64 +387,6 @@ void PathTracer<kTraits, Tracer, kDirectLight>::AddEmission(const SurfacePoint& 
     }
     AddLight(point.emitter, path->throughput * radiance * weight, path);
   }
-}
-
-template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight>
-void PathTracer<kTraits, Tracer, kDirectLight>::AddDirect(const LightDraw& draw,
-                                                          const SurfacePoint& point,
-                                                          const BsdfOf<Color>& bsdf, Vec3f wo_local,
-                                                          Vec3f light_hint, Path* path) {
-  if (scene_.lights->empty()) return;
-  const std::array<float, 4>& u = draw.u;
-  const std::optional<LightSampleOf<Color>> light = scene_.lights->template Sample<kTraits>(
-      point.p, light_hint, u[0], {u[1], u[2]}, path->wavelengths, draw.preparation);
-  if (!light.has_value()) return;
-  const Vec3f wi_local = point.shading.ToLocal(light->wi);
-  // Shading and true normal must agree on the side, or light would leak through the surface.
-  if (!IsHair<kTraits>(bsdf) && !(wi_local.z * Dot(light->wi, point.ng) > 0)) return;
-  const BsdfValueOf<Color> value = EvalBsdf<kTraits>(bsdf, wo_local, wi_local);
-  if (value.f_cos.IsBlack()) return;
-  if (!IsVisible(point, *light, {u[3], u[0]}, path->ray.time)) return;
-  const float weight = light->is_delta ? 1.0f : SampledShare(light->pdf, value.pdf);
-  const float scale = weight / light->pdf;
-  const Color arriving = path->throughput * value.f_cos * light->radiance * scale;
-  if (light->is_infinite && !light->is_delta) {
-    AddSky(point.p, light->wi, path->throughput * value.f_cos * scale, arriving, path);
-  } else {
-    AddLight(light->light, arriving, path);
-  }
-}
-
-template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight>
-bool PathTracer<kTraits, Tracer, kDirectLight>::Scatter(const Sampler& sampler,
-                                                        const SurfacePoint& point,
-                                                        const BsdfOf<Color>& bsdf, Vec3f wo_local,
-                                                        Vec3f light_hint, Path* path) const {
-  const std::array<float, 4> u = sampler.Get4(Slot(path->depth - 1, VertexSlot::kBsdf));
-  const std::optional<BsdfSampleOf<Color>> sample =
-      SampleBsdf<kTraits>(bsdf, wo_local, u[0], {u[1], u[2]});
-  if (!sample.has_value()) return false;
-  const Vec3f wi = point.shading.ToWorld(sample->wi);
-  if (!IsHair<kTraits>(bsdf) && !(sample->wi.z * Dot(wi, point.ng) > 0)) return false;
-  path->throughput *= sample->weight;
-  if (path->throughput.IsBlack()) return false;
-  path->eta_scale *= sample->eta_scale;
-  path->specular = (sample->flags & kBsdfSpecular) != 0;
-  path->pdf = sample->pdf;
-  path->from = point.p;
-  path->from_n = light_hint;
-  path->ray.o = OffsetRayOrigin(point.p, point.p_error, point.ng, wi);
-  path->ray.d = wi;
-  path->ray.source = point.id;
-  // Should the ray meet nothing, the sky's radiance will have arrived when that is known.
-  path->sky_place = scene_.lights->template PrepareEnvironment<kTraits>(wi);
-  const float survival = MaxComponent(path->throughput) * path->eta_scale;
-  if (survival < 1 && path->depth > kRouletteDepthMin) {
-    const float stop = std::min(kRouletteStopMax, 1 - survival);
-    if (u[3] < stop) return false;
-    path->throughput *= 1 / (1 - stop);
-  }
-  return true;
 }
 
 template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight>
@@ -458,3 +436,5 @@ bool PathTracer<kTraits, Tracer, kDirectLight>::IsVisibleThroughCutOuts(
 }
 
 }  // namespace sheaf::render
+
+#include "worker/render/path_tracer_scattering.h"

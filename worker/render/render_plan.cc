@@ -30,6 +30,8 @@ constexpr TraitName kTraitNames[] = {
     {Trait::kMotion, "motion", 1.38},
     {Trait::kLens, "lens", 1.05},
     {Trait::kTextures, "textures", 1.03},
+    {Trait::kNormalMaps, "normal and bump maps"},
+    {Trait::kVaryingEmission, "varying emission"},
     {Trait::kEnvironment, "environment", 1.19},
     {Trait::kDeltaLights, "delta lights", 1.02},
     {Trait::kAreaLights, "area lights", 2.35},
@@ -124,6 +126,7 @@ class PlanMaker {
       const AreaLightDescription& light = scene_.area_lights[shape.area_light];
       const bool is_new = area_lights_seen_.insert(shape.area_light).second;
       if (is_new) LookAtEmission(light.radiance, light.location);
+      if (in_world) LookAtVariation(shape, light);
       // Those of objects do not emit.
       if (in_world) light_count_ += CountFaces(shape);
     }
@@ -137,6 +140,15 @@ class PlanMaker {
   void LookAtEmission(const ColorSpec& color, SourceLocation location) {
     if (IsWithinSrgb(color, ColorRole::kIlluminant)) return;
     Ask(Trait::kSpectral, location, "the light's color lies outside of sRGB");
+  }
+
+  void LookAtVariation(const ShapeDescription& shape, const AreaLightDescription& light) {
+    if (!light.file.empty()) {
+      Ask(Trait::kTextures, light.location, "AreaLightSource \"string filename\"");
+      Ask(Trait::kVaryingEmission, light.location, "AreaLightSource \"string filename\"");
+    } else if (shape.has_alpha) {
+      Ask(Trait::kVaryingEmission, shape.location, "an emissive shape's \"alpha\"");
+    }
   }
 
   size_t CountFaces(const ShapeDescription& shape) const {

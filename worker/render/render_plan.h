@@ -32,9 +32,11 @@ enum class Trait : uint32_t {
   kHair = 1u << 13,                 // Fibres: light goes through them whatever their normals.
   kMeasured = 1u << 14,             // Reflection as measured, in files.
   kCurves = 1u << 15,               // Shapes that are curves with a width.
-  kOutputs = 1u << 16,              // More than the picture: FilmOutputs.
+  kNormalMaps = 1u << 16,           // Normal and bump maps.
+  kVaryingEmission = 1u << 17,      // Emissive shapes with a picture or a cut-out.
+  kOutputs = 1u << 18,              // More than the picture: FilmOutputs.
 };
-inline constexpr int kTraitCount = 17;
+inline constexpr int kTraitCount = 19;
 
 struct PlannedEffect {
   Trait trait{};

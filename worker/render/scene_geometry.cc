@@ -19,7 +19,8 @@ namespace {
 
 class SceneBaker {
  public:
-  explicit SceneBaker(SceneDescription* scene) : scene_(*scene), shapes_(scene) {}
+  SceneBaker(SceneDescription* scene, EmissionMaps maps)
+      : scene_(*scene), shapes_(scene, std::move(maps)) {}
 
   absl::StatusOr<BakedScene> Bake();
 
@@ -245,6 +246,8 @@ absl::StatusOr<BakedScene> SceneBaker::Bake() {
 
 }  // namespace
 
-absl::StatusOr<BakedScene> BakeScene(SceneDescription* scene) { return SceneBaker(scene).Bake(); }
+absl::StatusOr<BakedScene> BakeScene(SceneDescription* scene, EmissionMaps maps) {
+  return SceneBaker(scene, std::move(maps)).Bake();
+}
 
 }  // namespace sheaf::render

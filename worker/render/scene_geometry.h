@@ -33,7 +33,10 @@ struct Surface {
   bool may_pass = false;  // The material is an interface, or a mix (which may turn into one).
   bool is_sphere = false;
   bool needs_tangent = false;   // Scatters differently along u and v.
-  bool reads_textures = false;  // The material or the cut-out reads a texture.
+  bool reads_textures = false;  // The material, the cut-out or the emission reads a texture.
+  bool has_normal_map = false;  // Or a bump map.
+  // Each triangle that emits a picture is so many emitters squared: emission_cells.h.
+  uint16_t emission_cells = 1;
 };
 struct BakedMesh {
   Surface surface;
@@ -163,10 +166,10 @@ struct BakedScene {
 
 // Bakes the scene's shapes and collects the emissive ones. Takes the mesh buffers out of `scene`
 // (scene->meshes, bilinear_meshes and curve_sets are empty afterwards); a mesh that one shape uses
-// is not copied. Errors: kInvalidArgument with the location of the shape: a singular transform,
-// coordinates that leave the range of float, an emissive shape that moves, is instanced, or is a
-// partial or non-uniformly scaled sphere or disk, a cylinder, curves, or a bilinear mesh not all of
-// parallelograms.
-absl::StatusOr<BakedScene> BakeScene(SceneDescription* scene);
+// is not copied. maps: the pictures of scene->area_lights. Errors: kInvalidArgument with the
+// location of the shape: a singular transform, coordinates that leave the range of float, an
+// emissive shape that moves, is instanced, or is a partial or non-uniformly scaled sphere or disk,
+// a cylinder, curves, or a bilinear mesh not all of parallelograms.
+absl::StatusOr<BakedScene> BakeScene(SceneDescription* scene, EmissionMaps maps = {});
 
 }  // namespace sheaf::render

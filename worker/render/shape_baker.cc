@@ -85,8 +85,8 @@ size_t DropFaces(size_t corners, HasArea has_area, std::vector<uint32_t>* indice
 
 }  // namespace
 
-ShapeBaker::ShapeBaker(SceneDescription* scene)
-    : scene_(*scene), emitters_(scene->area_lights), mesh_uses_(scene->meshes.size(), 0) {
+ShapeBaker::ShapeBaker(SceneDescription* scene, EmissionMaps maps)
+    : scene_(*scene), emitters_(*scene, std::move(maps)), mesh_uses_(scene->meshes.size(), 0) {
   const auto count = [this](int32_t shape) {
     const auto* mesh = std::get_if<MeshShape>(&scene_.shapes[shape].shape);
     if (mesh != nullptr) ++mesh_uses_[mesh->mesh];
@@ -117,9 +117,11 @@ Surface ShapeBaker::MakeSurface(int32_t shape_index) const {
   surface.has_alpha = shape.has_alpha;
   surface.may_pass = needs.may_pass;
   surface.is_sphere = std::holds_alternative<SphereShape>(shape.shape);
-  surface.needs_tangent = needs.anisotropic;
+  surface.needs_tangent = needs.anisotropic || needs.has_normal_map;
+  surface.has_normal_map = needs.has_normal_map;
   surface.reads_textures =
-      needs.reads_textures || (shape.has_alpha && shape.alpha.texture != kNone);
+      needs.reads_textures || (shape.has_alpha && shape.alpha.texture != kNone) ||
+      (shape.area_light != kNone && !scene_.area_lights[shape.area_light].file.empty());
   return surface;
 }
 
@@ -147,7 +149,7 @@ absl::Status ShapeBaker::AddMesh(const ShapeDescription& shape, Surface surface,
   degenerate_triangle_count_ += DropFaces(3, has_area, &baked.indices);
   if (baked.indices.empty()) return absl::OkStatus();
   if (shape.area_light != kNone) {
-    baked.surface.emitter = emitters_.AddMesh(baked, shape.area_light);
+    baked.surface.emitter = emitters_.AddMesh(shape.area_light, &baked);
   }
   group->meshes.push_back(std::move(baked));
   return absl::OkStatus();
@@ -235,7 +237,7 @@ absl::Status ShapeBaker::AddQuadric(const ShapeDescription& shape, Surface surfa
   if (shape.area_light != kNone) {
     const std::string problem = emitters_.ProblemWith(q);
     if (!problem.empty()) return Fail(shape, problem);
-    surface.emitter = emitters_.AddQuadric(q, surface.flips_normal, shape.area_light);
+    surface.emitter = emitters_.AddQuadric(q, surface, shape.area_light);
   }
   group->quadrics.push_back({surface, q});
   return absl::OkStatus();

@@ -19,7 +19,7 @@ namespace sheaf::render {
 class ShapeBaker {
  public:
   // `scene` must outlive this; its mesh buffers are taken by the last shape that uses them.
-  explicit ShapeBaker(SceneDescription* scene);
+  ShapeBaker(SceneDescription* scene, EmissionMaps maps);
 
   // Adds where the shape reaches in the space that `transform` leads to. Call before AddShape.
   void GrowBounds(const ShapeDescription& shape, const Affine& transform, Bounds* bounds) const;

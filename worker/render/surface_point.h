@@ -8,11 +8,15 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
+#include <type_traits>
 
 #include "common/math/frame.h"
 #include "common/math/vec.h"
 #include "worker/render/bsdf.h"
 #include "worker/render/embree_scene.h"
+#include "worker/render/emission_cells.h"
+#include "worker/render/material.h"
 #include "worker/render/scene_geometry.h"
 
 namespace sheaf::render {
@@ -212,10 +216,11 @@ inline void PlacePoint(const Affine& render_from_group, const Affine& group_from
   point->dpdv = render_from_group.Vector(point->dpdv);
 }
 
-inline Frame ShadingFrame(Vec3f ns, const GroupPoint& group) {
-  if (group.has_tangents) {
+// x along the tangent dpdu, where there is one.
+inline Frame ShadingFrame(Vec3f ns, const TangentPlane& plane) {
+  if (plane.has_tangents) {
     const Vec3d n = ToDouble(ns);
-    const Vec3d tangent = group.dpdu - n * Dot(n, group.dpdu);
+    const Vec3d tangent = plane.dpdu - n * Dot(n, plane.dpdu);
     const double length = Length(tangent);
     if (length > 0 && std::isfinite(length)) {
       const Vec3f t = ToFloat(tangent * (1 / length));
@@ -227,9 +232,26 @@ inline Frame ShadingFrame(Vec3f ns, const GroupPoint& group) {
 
 }  // namespace internal
 
-// Requires: hit is of ray, found in the EmbreeScene of `geometry`.
+namespace internal {
+
+// Counted from the mesh's first emitter.
 template <uint32_t kTraits>
-SurfacePoint MakeSurfacePoint(const SceneGeometry& geometry, const Ray& ray, const RawHit& hit) {
+uint32_t EmitterOfFace(const Surface& surface, const RawHit& hit) {
+  if constexpr (Has(kTraits, Trait::kVaryingEmission)) {
+    const uint32_t cells = surface.emission_cells;
+    return hit.id.primitive * cells * cells +
+           CellAt(cells, static_cast<double>(hit.u), static_cast<double>(hit.v));
+  }
+  return hit.id.primitive;
+}
+
+}  // namespace internal
+
+// Requires: hit is of ray, found in the EmbreeScene of `geometry`. plane: a TangentPlane* becomes
+// what a normal map needs to know of the surface; what is none is left alone.
+template <uint32_t kTraits, typename Plane = std::nullptr_t>
+SurfacePoint MakeSurfacePoint(const SceneGeometry& geometry, const Ray& ray, const RawHit& hit,
+                              [[maybe_unused]] Plane plane = nullptr) {
   constexpr bool kMayBePlaced = Has(kTraits, Trait::kInstances) || Has(kTraits, Trait::kMotion);
   const PlacedGroup* placed = nullptr;
   uint32_t group_index = 0;
@@ -274,7 +296,9 @@ SurfacePoint MakeSurfacePoint(const SceneGeometry& geometry, const Ray& ray, con
   } else {
     const BakedMesh& mesh = group.meshes[hit.id.geometry];
     point.surface = &mesh.surface;
-    if (mesh.surface.emitter != kNoEmitter) point.emitter = mesh.surface.emitter + hit.id.primitive;
+    if (mesh.surface.emitter != kNoEmitter) {
+      point.emitter = mesh.surface.emitter + internal::EmitterOfFace<kTraits>(mesh.surface, hit);
+    }
     on = internal::TrianglePoint(mesh, hit,
                                  mesh.surface.needs_tangent || mesh.surface.reads_textures);
   }
@@ -293,8 +317,10 @@ SurfacePoint MakeSurfacePoint(const SceneGeometry& geometry, const Ray& ray, con
                 Has(kTraits, Trait::kCurves)) {
     point.uv = on.uv;
   }
+  const TangentPlane tangents{ToDouble(ns), on.dpdu, on.dpdv, on.has_tangents};
   point.shading =
-      point.surface->needs_tangent ? internal::ShadingFrame(ns, on) : Frame::FromNormal(ns);
+      point.surface->needs_tangent ? internal::ShadingFrame(ns, tangents) : Frame::FromNormal(ns);
+  if constexpr (std::is_same_v<Plane, TangentPlane*>) *plane = tangents;
   return point;
 }
 

@@ -26,6 +26,9 @@ float Reduce(float coordinate, TextureWrap wrap) {
                                       : std::clamp(finite, -2.0f, 3.0f);
 }
 
+// Steps for slopes, in uv. The smallest still leaves digits of the difference of two heights.
+constexpr float kSlopeStepWithoutImage = 0.0005f, kSlopeStepMin = 0x1p-15f, kSlopeStepMax = 0.25f;
+
 int Modulo(int a, int n) {
   const int r = a % n;
   return r < 0 ? r + n : r;
@@ -78,6 +81,35 @@ FloatOperand TextureProgram::Operand(const FloatInput& input) const {
   SHEAF_CHECK(!node.is_color);
   if (node.kind == Kind::kConstant) return {kNone, node.value[0].value};
   return {input.texture, 0};
+}
+
+int TextureProgram::ImageChannels(int32_t texture) const {
+  const Node& node = nodes_[static_cast<size_t>(texture)];
+  return node.kind == Kind::kImage ? node.image.channels : 0;
+}
+
+Vec2f TextureProgram::SlopeStep(const FloatOperand& operand) const {
+  Vec2f step{kSlopeStepWithoutImage, kSlopeStepWithoutImage};
+  bool found = false;
+  std::vector<int32_t> open;
+  if (operand.texture != kNone) open.push_back(operand.texture);
+  // Nesting is bounded by kEvaluationsMax.
+  while (!open.empty()) {
+    const Node& node = nodes_[static_cast<size_t>(open.back())];
+    open.pop_back();
+    if (node.kind == Kind::kImage && node.mapping == UvMapping::Kind::kUv) {
+      const Mapping& m = mappings_[static_cast<size_t>(node.mapping_index)];
+      const Vec2f texel{0.5f / std::fabs(m.scale_u * static_cast<float>(node.image.width)),
+                        0.5f / std::fabs(m.scale_v * static_cast<float>(node.image.height))};
+      step = found ? Vec2f{std::fmin(step.x, texel.x), std::fmin(step.y, texel.y)} : texel;
+      found = true;
+    }
+    for (const FloatOperand& child : {node.value[0], node.value[1], node.amount}) {
+      if (child.texture != kNone) open.push_back(child.texture);
+    }
+  }
+  return {std::clamp(step.x, kSlopeStepMin, kSlopeStepMax),
+          std::clamp(step.y, kSlopeStepMin, kSlopeStepMax)};
 }
 
 // Source of the mappings: pbrt-v4, sec. 10.2 ("Texture Coordinate Generation").

@@ -64,6 +64,13 @@ class TextureProgram {
     return operand.texture == kNone ? operand.value : EvaluateFloat(operand.texture, point);
   }
 
+  // Of an image texture; 0 for any other.
+  int ImageChannels(int32_t texture) const;
+  // How far in u and v to go either way for a slope: half a texel of the finest image mapped by uv,
+  // over which the slope of the bilinear picture becomes continuous; the step of pbrt-v4 where
+  // there is none.
+  Vec2f SlopeStep(const FloatOperand& operand) const;
+
   static constexpr uint64_t kEvaluationsMax = 4096;
 
  private:

@@ -50,6 +50,10 @@ constexpr uint32_t CommonTraits(bool environment, bool lens, bool motion, bool c
          (cut_outs ? TraitSet(Trait::kAlpha) : 0);
 }
 
+// What stands still, with maps on it: normal and bump maps, emission that varies.
+inline constexpr uint32_t kMappedTraits =
+    CommonTraits(true, true, false, true) | TraitSet(Trait::kNormalMaps, Trait::kVaryingEmission);
+
 // The same with wavelengths instead of RGB. A scene runs with one of the two, never with what it
 // did not call for, so these never serve RGB, nor those spectra.
 constexpr uint32_t Spectrally(uint32_t traits) { return traits | TraitSet(Trait::kSpectral); }
@@ -80,6 +84,7 @@ constexpr uint32_t Spectrally(uint32_t traits) { return traits | TraitSet(Trait:
   X("common+environment+motion+cut-outs", ::sheaf::render::CommonTraits(true, false, true, true)) \
   X("common+environment+lens+cut-outs", ::sheaf::render::CommonTraits(true, true, false, true))   \
   X("common+environment+lens+motion", ::sheaf::render::CommonTraits(true, true, true, false))     \
+  X("mapped", ::sheaf::render::kMappedTraits)                                                     \
   X("spectral glossy", ::sheaf::render::Spectrally(::sheaf::render::kGlossyTraits))               \
   X("spectral outdoor", ::sheaf::render::Spectrally(::sheaf::render::kOutdoorTraits))             \
   X("spectral common",                                                                            \

@@ -1,0 +1,397 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Pictures on surfaces that turn the normal or shine: rendered scenes whose answer is known.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <numbers>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "tests/support/light_tables.h"
+#include "tests/support/test_scene.h"
+#include "worker/render/bsdf_sampling.h"
+#include "worker/render/compiled_scene.h"
+#include "worker/render/mis.h"
+#include "worker/render/surface_point.h"
+
+namespace sheaf::render {
+namespace {
+
+using testing::Estimate;
+using testing::EstimateMean;
+
+class MappedSurfaceTest : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    directory_ = std::filesystem::path(::testing::TempDir()) /
+                 (std::string("sheaf_mapped_surface_") +
+                  ::testing::UnitTest::GetInstance()->current_test_info()->name());
+    std::filesystem::create_directories(directory_);
+  }
+  void TearDown() override { std::filesystem::remove_all(directory_); }
+
+  void Write(int size, const std::vector<Rgb>& texels) {
+    testing::WritePfm((directory_ / "map.pfm").string(), size, texels);
+  }
+  CompiledScenePtr CompileMapped(const SceneDescription& scene, const FrameSettings& settings) {
+    TableFileSource files({{"map.pfm", (directory_ / "map.pfm").string()}});
+    CompileLimits limits;
+    limits.build_threads = 1;
+    absl::StatusOr<CompiledScenePtr> compiled = CompileScene(scene, settings, files, limits);
+    EXPECT_TRUE(compiled.ok()) << compiled.status();
+    return compiled.ok() ? *std::move(compiled) : nullptr;
+  }
+  TileMean RenderMapped(const SceneDescription& scene, const FrameSettings& settings) {
+    return MeanOf(RenderAll(*CompileMapped(scene, settings)));
+  }
+
+  std::filesystem::path directory_;
+};
+
+// Makes map.pfm the normal map of every material so far.
+void MapNormals(TestScene* t) {
+  TextureDescription texture;
+  texture.name = "normal map";
+  texture.is_color = true;
+  ImageTexture image;
+  image.file = "map.pfm";
+  texture.texture = image;
+  t->scene.textures.push_back(texture);
+  for (MaterialDescription& material : t->scene.materials) {
+    if (std::holds_alternative<MixMaterial>(material.material)) continue;
+    material.normal_map = static_cast<int32_t>(t->scene.textures.size() - 1);
+  }
+}
+
+// Texels that lean hard, each to another side.
+const std::vector<Rgb> kStrongNormals = {
+    {0.95f, 0.5f, 0.6f}, {0.1f, 0.2f, 0.7f}, {0.5f, 0.02f, 0.55f}, {0.6f, 0.9f, 0.4f}};
+
+struct NamedMaterial {
+  std::string name;
+  std::function<int32_t(TestScene&)> add;
+};
+
+// Smooth glass is not among them: mirrors whose normals are not those of their surface can hold
+// light in total reflection for ever. That each of its reflections keeps all light is a test of
+// tests/stability/shading_normal_stability_test.cc.
+std::vector<NamedMaterial> MaterialsThatKeepAll() {
+  const auto rough = [](float r) { return RoughnessInput{{r, kNone}, {r, kNone}, false}; };
+  const auto metal = [=](float r) {
+    ConductorMaterial m;
+    m.roughness = rough(r);
+    m.has_reflectance = true;
+    m.reflectance.value.rgb = Rgb::Grey(1);
+    return m;
+  };
+  return {
+      {"diffuse", [](TestScene& t) { return t.Diffuse(Rgb::Grey(1)); }},
+      {"mirror", [=](TestScene& t) { return t.AddMaterial(metal(0)); }},
+      {"rough metal", [=](TestScene& t) { return t.AddMaterial(metal(0.3f)); }},
+      {"rough glass",
+       [=](TestScene& t) {
+         DielectricMaterial glass;
+         glass.roughness = rough(0.3f);
+         return t.AddMaterial(glass);
+       }},
+      {"thin glass", [](TestScene& t) { return t.AddMaterial(ThinDielectricMaterial{}); }},
+      {"sheet",
+       [](TestScene& t) {
+         DiffuseTransmissionMaterial sheet;
+         sheet.reflectance.value.rgb = Rgb::Grey(0.25f);
+         sheet.transmittance.value.rgb = Rgb::Grey(0.75f);
+         return t.AddMaterial(sheet);
+       }},
+      {"coated metal",
+       [=](TestScene& t) {
+         CoatedConductorMaterial coated;
+         coated.roughness = rough(0.2f);
+         coated.conductor = metal(0.2f);
+         coated.thickness = 0;
+         return t.AddMaterial(coated);
+       }},
+      {"mix",
+       [=](TestScene& t) {
+         MixMaterial mix;
+         mix.material[0] = t.Diffuse(Rgb::Grey(1));
+         mix.material[1] = t.AddMaterial(metal(0.3f));
+         mix.amount.value = 0.5f;
+         return t.AddMaterial(mix);
+       }},
+  };
+}
+
+// Energy: none is lost to directions below the surface, none is made.
+TEST_F(MappedSurfaceTest, WhatKeepsAllLightVanishesWhateverItsNormals) {
+  Write(2, kStrongNormals);
+  for (const NamedMaterial& material : MaterialsThatKeepAll()) {
+    for (const ColorTransport color : {ColorTransport::kRgb, ColorTransport::kSpectral}) {
+      SCOPED_TRACE(material.name);
+      TestScene t({0, 0, -4}, {0, 0, 0}, 40);
+      t.ConstantEnvironment(Rgb::Grey(1));
+      t.AddShape(SphereShape{1, -1, 1, 360}, material.add(t));
+      MapNormals(&t);
+      FrameSettings settings = SquareSettings(12, 64, 1000);
+      settings.color = color;
+      const TileMean mean = RenderMapped(t.scene, settings);
+      EXPECT_EQ(mean.non_finite, 0u);
+      EXPECT_NEAR(mean.mean.g, 1, 5 * static_cast<double>(mean.standard_error.g) + 0.005);
+    }
+  }
+}
+
+TestScene LitBall() {
+  TestScene t({0, 0, -4}, {0, 0, 0}, 40);
+  DistantLight sun;
+  sun.radiance.rgb = Rgb::Grey(2);
+  sun.from = {1, 1, -2};
+  t.scene.lights.push_back({sun, {}, {}, {}});
+  CoatedDiffuseMaterial coat;
+  coat.roughness = {{0.3f, kNone}, {0.3f, kNone}, true};
+  coat.reflectance.value.rgb = {0.3f, 0.2f, 0.1f};
+  t.AddShape(SphereShape{1, -1, 1, 360}, t.AddMaterial(coat));
+  return t;
+}
+
+TEST_F(MappedSurfaceTest, AFlatNormalMapIsNone) {
+  Write(1, {{0.5f, 0.5f, 1}});
+  TestScene t = LitBall();
+  const TileMean plain = RenderMapped(t.scene, SquareSettings(16, 64, 3));
+  MapNormals(&t);
+  const CompiledScenePtr scene = CompileMapped(t.scene, SquareSettings(16, 64, 3));
+  EXPECT_TRUE(Has(PlanOf(*scene).traits, Trait::kNormalMaps));
+  const TileMean mapped = MeanOf(RenderAll(*scene));
+  for (size_t c = 0; c < 3; ++c) {
+    // The same numbers, about other tangents: the samples of a light without size do not notice.
+    EXPECT_NEAR(mapped.mean[c], plain.mean[c], 1e-5);
+  }
+}
+
+// Everything but the size of the scene is the same: so is every bit of the picture.
+TEST_F(MappedSurfaceTest, AScaledSceneGivesTheSameBits) {
+  Write(2, kStrongNormals);
+  const auto render = [&](double scale) {
+    TestScene t = LitRoom(scale);
+    MapNormals(&t);
+    t.scene.area_lights[0].file = "map.pfm";
+    t.scene.area_lights[0].scale.scale = 5;
+    return RenderAll(*CompileMapped(t.scene, SquareSettings(16, 16, 5)));
+  };
+  const FilmTile one = render(1);
+  for (const int exponent : {-20, 20}) {
+    const FilmTile scaled = render(std::ldexp(1.0, exponent));
+    for (const FilmChannel channel : {FilmChannel::kRedHi, FilmChannel::kGreenHi}) {
+      for (size_t i = 0; i < one.plane_size(); ++i) {
+        ASSERT_EQ(scaled.channel(channel)[i], one.channel(channel)[i]) << exponent << ' ' << i;
+      }
+    }
+  }
+}
+
+// A map painted for one side of a mirrored pair of instances shows the mirror's picture on the
+// other: seen from where each other are mirrored to, both give the same mean.
+TEST_F(MappedSurfaceTest, MirroredInstancesAreMirrored) {
+  Write(2, kStrongNormals);
+  const auto render = [&](double side) {
+    TestScene t({1.5 * side, 0.5, -4}, {0, 0, 0}, 35);
+    DistantLight sun;
+    sun.radiance.rgb = Rgb::Grey(2);
+    sun.from = {2 * side, 1, -1};
+    t.scene.lights.push_back({sun, {}, {}, {}});
+    t.AddLooseShape(SphereShape{1, -1, 1, 360}, t.Diffuse(Rgb::Grey(0.8f)));
+    t.scene.objects.push_back({"ball", {0}, {}});
+    ObjectInstance instance;
+    instance.object = 0;
+    const Matrix4 placed = ScaleMatrix({side, 1.25, 0.75});
+    instance.world_from_instance.start = instance.world_from_instance.end = placed;
+    t.scene.instances.push_back(instance);
+    MapNormals(&t);
+    return RenderMapped(t.scene, SquareSettings(24, 64, 2));
+  };
+  const TileMean plain = render(1), mirrored = render(-1);
+  EXPECT_GT(plain.mean.g, 0.01f);
+  const double error = std::hypot(static_cast<double>(plain.standard_error.g),
+                                  static_cast<double>(mirrored.standard_error.g));
+  EXPECT_NEAR(plain.mean.g, mirrored.mean.g, 5 * error);
+}
+
+// --- Emission ------------------------------------------------------------------------------------
+
+// Black but for one bright texel, and a dim part.
+std::vector<Rgb> Spotlit(int size) {
+  std::vector<Rgb> texels(static_cast<size_t>(size) * static_cast<size_t>(size));
+  texels[static_cast<size_t>(2 * size + size / 2)] = {90, 60, 30};
+  texels[static_cast<size_t>((size - 3) * size + 1)] = {4, 4, 8};
+  return texels;
+}
+
+int32_t PictureLight(TestScene* t, bool two_sided = false) {
+  const int32_t light = t->AreaLight({}, two_sided);
+  t->scene.area_lights.back().file = "map.pfm";
+  return light;
+}
+
+// A screen over the origin that shines down on it, in unit square uvs.
+void AddScreen(TestScene* t, bool two_sided) {
+  const int32_t mesh = t->Quad({-1, 1, -1}, {1, 1, -1}, {1, 1, 1}, {-1, 1, 1});
+  t->scene.meshes.back().uvs = {{0, 0}, {1, 0}, {1, 1}, {0, 1}};
+  t->AddShape(MeshShape{mesh}, t->Diffuse({})).area_light = PictureLight(t, two_sided);
+}
+
+Vec3f CosineDirection(Vec2f u) {
+  const Vec3f w = SampleCosineHemisphere(u);
+  return {w.x, w.z, w.y};
+}
+
+constexpr uint64_t kPoints = 4096;
+
+// Irradiance (red) at the origin, facing up: by directions of a diffuse surface alone, by lights
+// alone, by both with multiple importance sampling.
+struct Irradiance {
+  Estimate by_bsdf, by_light, by_both;
+};
+Irradiance Measure(const CompiledScene& scene) {
+  const Vec3f p{0, 0, 0}, n{0, 1, 0};
+  const auto cosine_pdf = [&](Vec3f wi) {
+    return std::fmax(Dot(wi, n), 0.0f) * static_cast<float>(1 / std::numbers::pi);
+  };
+  const auto hit = [&](const std::array<float, 4>& u, bool weighed) -> double {
+    Ray ray;
+    ray.o = p;
+    ray.d = CosineDirection({u[1], u[2]});
+    RawHit raw;
+    if (!scene.tracer->Intersect(ray, &raw)) return 0;
+    const SurfacePoint point = MakeSurfacePoint<kAllTraits>(scene.geometry, ray, raw);
+    if (point.emitter == kNoEmitter) return 0;
+    const Rgb radiance = scene.lights->EmitterRadianceAt<kAllTraits>(
+        point.emitter, point.EmitterNormal(), -ray.d, point.uv, {});
+    double weight = 1;
+    if (weighed) {
+      weight = PowerHeuristic(cosine_pdf(ray.d), scene.lights->PdfEmitter<kAllTraits>(
+                                                     point.emitter, p, n, ray.d, point.p));
+    }
+    return std::numbers::pi * static_cast<double>(radiance.r) * weight;
+  };
+  const auto light = [&](const std::array<float, 4>& u, bool weighed) -> double {
+    const auto sample = scene.lights->Sample<kAllTraits>(p, n, u[0], {u[1], u[2]});
+    if (!sample || Dot(sample->wi, n) <= 0) return 0;
+    const float weight = weighed ? PowerHeuristic(sample->pdf, cosine_pdf(sample->wi)) : 1.0f;
+    return static_cast<double>(sample->radiance.r) * static_cast<double>(Dot(sample->wi, n)) *
+           static_cast<double>(weight) / static_cast<double>(sample->pdf);
+  };
+  return {EstimateMean(kPoints, [&](const auto& u) { return hit(u, false); }),
+          EstimateMean(kPoints, [&](const auto& u) { return light(u, false); }),
+          EstimateMean(kPoints, [&](const auto& u) {
+            return hit({u[3], u[2], u[0], u[1]}, true) + light(u, true);
+          })};
+}
+void ExpectAgreement(const Irradiance& e) {
+  const auto agree = [](const Estimate& a, const Estimate& b) {
+    EXPECT_GT(a.mean, 0);
+    EXPECT_NEAR(a.mean, b.mean, 5 * std::hypot(a.standard_error, b.standard_error));
+  };
+  agree(e.by_bsdf, e.by_light);
+  agree(e.by_bsdf, e.by_both);
+}
+
+TEST_F(MappedSurfaceTest, HitsAndLightSamplesOfAPictureAgree) {
+  Write(16, Spotlit(16));
+  for (const bool two_sided : {false, true}) {
+    SCOPED_TRACE(two_sided);
+    TestScene t({0, 0, -4}, {0, 0, 0}, 40);
+    t.SetCamera({0, 0, 0}, {0, 1, 1}, 40);
+    AddScreen(&t, two_sided);
+    const CompiledScenePtr scene = CompileMapped(t.scene, SquareSettings(4, 1, 1));
+    const Irradiance e = Measure(*scene);
+    ExpectAgreement(e);
+    // Light samples know where the picture is bright.
+    EXPECT_LT(e.by_light.standard_error, 0.25 * e.by_bsdf.standard_error);
+  }
+}
+
+TEST_F(MappedSurfaceTest, PicturesOnDisksAndSpheresAgree) {
+  Write(16, Spotlit(16));
+  for (const bool is_disk : {false, true}) {
+    TestScene t({0, 0, -4}, {0, 0, 0}, 40);
+    t.SetCamera({0, 0, 0}, {0, 1, 1}, 40);
+    const int32_t light = PictureLight(&t, true);
+    const Matrix4 over = TranslateMatrix({0.1, 2, 0}) * RotateMatrix(70, {1, 0.2, 0});
+    if (is_disk) {
+      t.AddShape(DiskShape{1, 0.2f, 0, 360}, t.Diffuse({}), over).area_light = light;
+    } else {
+      t.AddShape(SphereShape{1, -1, 1, 360}, t.Diffuse({}), over).area_light = light;
+    }
+    SCOPED_TRACE(is_disk);
+    ExpectAgreement(Measure(*CompileMapped(t.scene, SquareSettings(4, 1, 1))));
+  }
+}
+
+// An even picture is a plain lamp: the unit square at distance 1 lights its foot by 0.752274688454
+// of its radiance (row L4).
+TEST_F(MappedSurfaceTest, AnEvenPictureIsAPlainLamp) {
+  Write(4, std::vector<Rgb>(16, Rgb::Grey(3)));
+  TestScene t({0, 0, 0}, {0, 1, 1}, 40);
+  AddScreen(&t, false);
+  t.scene.shapes[0].world_from_object.start = t.scene.shapes[0].world_from_object.end =
+      ScaleMatrix({0.5, 1, 0.5});
+  t.scene.area_lights[0].scale.scale = 0.5f;
+  const CompiledScenePtr scene = CompileMapped(t.scene, SquareSettings(4, 1, 1));
+  const Estimate e = testing::EstimateIrradiance(*scene->lights, {0, 0, 0}, {0, 1, 0});
+  testing::ExpectNear(e, 1.5 * 0.752274688454);
+}
+
+// The camera sees the picture itself: its mean over the screen.
+TEST_F(MappedSurfaceTest, TheCameraSeesThePicture) {
+  Write(2, {{1, 2, 3}, {5, 0, 1}, {0, 0, 0}, {2, 2, 4}});
+  for (const ColorTransport color : {ColorTransport::kRgb, ColorTransport::kSpectral}) {
+    TestScene t({0, 0, 0}, {0, 1, 0}, 90, {0, 0, 1});
+    AddScreen(&t, false);
+    FrameSettings settings = SquareSettings(8, 256, 0);
+    settings.color = color;
+    const TileMean mean = RenderMapped(t.scene, settings);
+    // Clamped at its edges, bilinear: each texel counts for a quarter.
+    const Rgb expected{2, 1, 2};
+    for (size_t c = 0; c < 3; ++c) {
+      EXPECT_NEAR(mean.mean[c], expected[c],
+                  5 * static_cast<double>(mean.standard_error[c]) + 0.005);
+    }
+  }
+}
+
+// Cut-outs of lamps, as in pbrt-v4: what remains shines; what is cut out everywhere shines as a
+// whole, but no ray meets it.
+TEST_F(MappedSurfaceTest, LampsAreCutOut) {
+  const auto floor_under = [&](float alpha, float* seen) {
+    TestScene t({0, 0.4, -1}, {0, 0, 0}, 20);
+    t.AddShape(MeshShape{t.Quad({-3, 0, -3}, {-3, 0, 3}, {3, 0, 3}, {3, 0, -3})},
+               t.Diffuse(Rgb::Grey(0.5f)));
+    const int32_t mesh = t.Quad({-1, 1, -1}, {1, 1, -1}, {1, 1, 1}, {-1, 1, 1});
+    ShapeDescription& lamp = t.AddShape(MeshShape{mesh}, t.Diffuse({}));
+    lamp.area_light = t.AreaLight(Rgb::Grey(4));
+    lamp.has_alpha = true;
+    lamp.alpha.value = alpha;
+    const TileMean floor = RenderMapped(t.scene, SquareSettings(8, 256, 1));
+    t.SetCamera({0, 0.1, 0}, {0, 1, 0.01}, 20);
+    *seen = RenderMapped(t.scene, SquareSettings(8, 256, 0)).mean.g;
+    return floor;
+  };
+  float seen = 0;
+  const TileMean whole = floor_under(1, &seen);
+  EXPECT_EQ(seen, 4);
+  const TileMean part = floor_under(0.25f, &seen);
+  EXPECT_NEAR(seen, 1, 0.1);
+  EXPECT_NEAR(part.mean.g, 0.25f * whole.mean.g,
+              5 * static_cast<double>(part.standard_error.g) + 1e-4);
+  const TileMean unseen = floor_under(0, &seen);
+  EXPECT_EQ(seen, 0);
+  EXPECT_NEAR(unseen.mean.g, whole.mean.g, 5 * static_cast<double>(unseen.standard_error.g) + 1e-3);
+}
+
+}  // namespace
+}  // namespace sheaf::render

@@ -1,0 +1,57 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// EmissionMap: a picture that a surface emits, over the surface's uv, as in pbrt-v4: bilinear, the
+// picture's last texels going on beyond uv of [0, 1]. It also knows how much light parts of it
+// give, which is how the parts of a surface are weighed as lights.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "common/math/vec.h"
+#include "common/scene/file_source.h"
+#include "common/scene/scene_description.h"
+
+namespace sheaf::render {
+
+class EmissionMap {
+ public:
+  // texels: linear, row-major [height][width], top row first. Negative ones count as 0, as in
+  // pbrt-v4. Errors: a texel that is not finite.
+  static absl::StatusOr<EmissionMap> Make(int width, int height, std::vector<Rgb> texels);
+
+  Rgb At(Vec2f uv) const;
+  // Over the whole picture. Luminance, per unit of area of uv.
+  double mean_luminance() const { return mean_luminance_; }
+  // Roughly the same over a box of uv; positive wherever At is anywhere in it. Cost: bounded,
+  // however many texels there are.
+  double MeanLuminance(Vec2f lower, Vec2f upper) const;
+
+ private:
+  // Luminance, averaged over squares of 2^level texels.
+  struct Level {
+    int width = 0, height = 0;
+    std::vector<float> means;
+    float At(int x, int y) const {
+      return means[static_cast<size_t>(y) * static_cast<size_t>(width) + static_cast<size_t>(x)];
+    }
+  };
+  void AddLevel();
+
+  int width_ = 0, height_ = 0;
+  std::vector<Rgb> texels_;
+  std::vector<Level> levels_;
+  double mean_luminance_ = 0;
+};
+
+// By area light of the scene; null where the light has no picture. Empty where no light has.
+using EmissionMaps = std::vector<std::shared_ptr<const EmissionMap>>;
+
+// Each file is read once. Errors: those of ReadLightImage and EmissionMap::Make, with the light's
+// location.
+absl::StatusOr<EmissionMaps> ReadEmissionMaps(const SceneDescription& scene, FileSource& files);
+
+}  // namespace sheaf::render
