@@ -10,6 +10,7 @@
 #include "common/scene/file_source.h"
 #include "common/scene/scene_reader.h"
 #include "gtest/gtest.h"
+#include "tests/support/temporary_path.h"
 
 namespace sheaf {
 namespace {
@@ -37,7 +38,7 @@ class CurveReaderTest : public ::testing::Test {
     return std::string(Read(shape).status().message());
   }
 
-  const std::string directory_ = ::testing::TempDir() + "sheaf-curves";
+  const std::string directory_ = testing::TemporaryPath("curves");
 };
 
 TEST_F(CurveReaderTest, BezierSegmentsShareTheirEnds) {

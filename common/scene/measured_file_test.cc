@@ -15,6 +15,7 @@
 
 #include "common/scene/tensor_file.h"
 #include "tests/support/measured_builder.h"
+#include "tests/support/temporary_path.h"
 
 namespace sheaf {
 namespace {
@@ -58,7 +59,7 @@ class MeasuredFileTest : public ::testing::Test {
     return ErrorOf(TensorBytes(arrays));
   }
 
-  const std::string path_ = ::testing::TempDir() + "sheaf-measured.bsdf";
+  const std::string path_ = testing::TemporaryPath("measured.bsdf");
 };
 
 TEST_F(MeasuredFileTest, ReadsWhatWasWritten) {

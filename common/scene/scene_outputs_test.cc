@@ -10,12 +10,13 @@
 
 #include "common/scene/file_source.h"
 #include "common/scene/scene_reader.h"
+#include "tests/support/temporary_path.h"
 
 namespace sheaf {
 namespace {
 
 absl::StatusOr<ReadSceneResult> Read(const std::string& text) {
-  const std::string directory = ::testing::TempDir() + "sheaf-scene-outputs";
+  const std::string directory = testing::TemporaryPath("scene");
   std::filesystem::create_directories(directory);
   std::ofstream(directory + "/main.pbrt") << text;
   DirectoryFileSource files(directory);

@@ -92,6 +92,12 @@ std::vector<Case> Cases() {
   };
   return {
       {"textures", glass_and_point_light},
+      {"normal and bump maps",
+       [](TestScene* t) {
+         AddLamp(t);
+         AddInstances(t);
+         AddThing(t, kBall, Metal());
+       }},
       {"delta lights",
        [](TestScene* t) {
          AddLamp(t);

@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "tests/support/light_tables.h"
+#include "tests/support/temporary_path.h"
 #include "tests/support/test_scene.h"
 #include "worker/render/bsdf_sampling.h"
 #include "worker/render/compiled_scene.h"
@@ -29,9 +30,7 @@ using testing::EstimateMean;
 class MappedSurfaceTest : public ::testing::Test {
  protected:
   void SetUp() override {
-    directory_ = std::filesystem::path(::testing::TempDir()) /
-                 (std::string("sheaf_mapped_surface_") +
-                  ::testing::UnitTest::GetInstance()->current_test_info()->name());
+    directory_ = sheaf::testing::TemporaryPath("maps");
     std::filesystem::create_directories(directory_);
   }
   void TearDown() override { std::filesystem::remove_all(directory_); }

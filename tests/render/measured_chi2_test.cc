@@ -17,6 +17,7 @@
 #include "tests/support/bsdf_fixtures.h"
 #include "tests/support/chi_square.h"
 #include "tests/support/measured_builder.h"
+#include "tests/support/temporary_path.h"
 #include "worker/render/measured_brdf.h"
 #include "worker/render/warp_table.h"
 
@@ -34,7 +35,7 @@ constexpr double kSignificance = 0.01;  // Of the whole file.
 constexpr int kTestCount = 16;          // At least as many chi-square tests as are made here.
 
 MeasuredBrdf Make(const MeasuredFileBuilder& builder, bool spectral = false) {
-  const std::string path = ::testing::TempDir() + "sheaf-measured-chi2.bsdf";
+  const std::string path = sheaf::testing::TemporaryPath("measured.bsdf");
   builder.Write(path);
   absl::StatusOr<MeasuredData> data = ReadMeasuredFile("test.bsdf", path);
   std::filesystem::remove(path);

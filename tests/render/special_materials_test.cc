@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "tests/support/measured_builder.h"
+#include "tests/support/temporary_path.h"
 #include "tests/support/test_scene.h"
 #include "worker/render/render_plan.h"
 #include "worker/render/trait_set.h"
@@ -203,7 +204,7 @@ class MeasuredTransportTest : public ::testing::Test {
     return MeanOf(RenderAll(**scene));
   }
 
-  const std::string path_ = ::testing::TempDir() + "sheaf-measured-transport.bsdf";
+  const std::string path_ = sheaf::testing::TemporaryPath("measured.bsdf");
 };
 
 // Matte paint of known spectrum, to the precision of its grids.

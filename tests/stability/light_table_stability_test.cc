@@ -17,6 +17,7 @@
 
 #include "common/math/elementary.h"
 #include "tests/support/light_tables.h"
+#include "tests/support/temporary_path.h"
 #include "worker/render/environment_map.h"
 #include "worker/render/equal_area_map.h"
 #include "worker/render/shape_sampling.h"
@@ -74,10 +75,7 @@ TEST(LightTableStabilityTest, L6OneTexelOfAMillion) {
 class EnvironmentFiles : public ::testing::Test {
  protected:
   void SetUp() override {
-    directory_ =
-        std::filesystem::path(::testing::TempDir()) /
-        ("sheaf_light_" + std::to_string(::testing::UnitTest::GetInstance()->random_seed()) +
-         ::testing::UnitTest::GetInstance()->current_test_info()->name());
+    directory_ = sheaf::testing::TemporaryPath("lights");
     std::filesystem::create_directories(directory_);
   }
   void TearDown() override { std::filesystem::remove_all(directory_); }

@@ -16,6 +16,7 @@
 
 #include "common/math/elementary.h"
 #include "tests/support/light_tables.h"
+#include "tests/support/temporary_path.h"
 #include "worker/render/equal_area_map.h"
 #include "worker/render/spectral_color.h"
 
@@ -44,9 +45,7 @@ LightDescription Projection(float fov_degrees = 90) {
 class PictureLightStabilityTest : public ::testing::Test {
  protected:
   void SetUp() override {
-    directory_ = std::filesystem::path(::testing::TempDir()) /
-                 (std::string("sheaf_picture_light_") +
-                  ::testing::UnitTest::GetInstance()->current_test_info()->name());
+    directory_ = sheaf::testing::TemporaryPath("pictures");
     std::filesystem::create_directories(directory_);
   }
   void TearDown() override { std::filesystem::remove_all(directory_); }

@@ -13,6 +13,7 @@
 #include "common/math/elementary.h"
 #include "tests/support/chi_square.h"
 #include "tests/support/light_tables.h"
+#include "tests/support/temporary_path.h"
 #include "worker/render/sky_portal.h"
 
 namespace sheaf::render {
@@ -50,10 +51,7 @@ class PortalStabilityTest : public ::testing::Test {
  protected:
   std::unique_ptr<LightTable> MakeTable(int size, const std::vector<Rgb>& texels,
                                         double scale = 1) {
-    const std::string path = (std::filesystem::path(::testing::TempDir()) /
-                              ::testing::UnitTest::GetInstance()->current_test_info()->name())
-                                 .string() +
-                             ".pfm";
+    const std::string path = sheaf::testing::TemporaryPath("sky.pfm");
     testing::WritePfm(path, size, texels);
     InfiniteLight infinite;
     infinite.file = "sky.pfm";

@@ -17,6 +17,7 @@
 #include "common/math/elementary.h"
 #include "tests/support/bsdf_fixtures.h"
 #include "tests/support/chi_square.h"
+#include "tests/support/temporary_path.h"
 #include "tests/support/tilted.h"
 #include "worker/render/material.h"
 
@@ -191,9 +192,7 @@ void WritePfm(const std::string& path, int width, int height, const std::vector<
 class NormalMapTest : public ::testing::Test {
  protected:
   void SetUp() override {
-    directory_ = std::filesystem::path(::testing::TempDir()) /
-                 (std::string("sheaf_normal_map_") +
-                  ::testing::UnitTest::GetInstance()->current_test_info()->name());
+    directory_ = sheaf::testing::TemporaryPath("maps");
     std::filesystem::create_directories(directory_);
   }
   void TearDown() override { std::filesystem::remove_all(directory_); }

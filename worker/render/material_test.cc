@@ -14,18 +14,13 @@
 
 #include "common/image/image_io.h"
 #include "gtest/gtest.h"
+#include "tests/support/temporary_path.h"
 
 namespace sheaf::render {
 namespace {
 
 constexpr uint64_t kCacheBytes = uint64_t{16} << 20;
 
-std::string TemporaryPath(const std::string& name) {
-  const std::filesystem::path directory =
-      std::filesystem::path(::testing::TempDir()) / "sheaf_material_test";
-  std::filesystem::create_directories(directory);
-  return (directory / name).string();
-}
 ColorInput Constant(Rgb rgb) {
   ColorInput input;
   input.value.rgb = rgb;
@@ -74,7 +69,7 @@ Rgb ColorAt(const MaterialTable& table, int32_t material, Vec2f uv) {
 
 // 2 x 2: red green / blue white, top row first.
 ImageTexture FourTexels(Fixture* fixture) {
-  const std::string path = TemporaryPath("four.png");
+  const std::string path = testing::TemporaryPath("four.png");
   EXPECT_TRUE(WritePng(path, 2, 2, {{255, 0, 0}, {0, 255, 0}, {0, 0, 255}, {255, 255, 255}}).ok());
   fixture->paths["four.png"] = path;
   ImageTexture image;
@@ -199,8 +194,8 @@ TEST(MaterialTableTest, LookUpsDoNotDependOnWhatTheCacheHeld) {
   for (int i = 0; i < 300 * 300; ++i) {
     pixels.push_back({static_cast<uint8_t>(i * 7), static_cast<uint8_t>(i * 13), 50});
   }
-  ASSERT_TRUE(WritePng(TemporaryPath("large.png"), 300, 300, pixels).ok());
-  f.paths["large.png"] = TemporaryPath("large.png");
+  ASSERT_TRUE(WritePng(testing::TemporaryPath("large.png"), 300, 300, pixels).ok());
+  f.paths["large.png"] = testing::TemporaryPath("large.png");
   ImageTexture image;
   image.file = "large.png";
   const int32_t t = f.AddTexture(ColorTexture(image));

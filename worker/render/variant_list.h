@@ -36,9 +36,10 @@ inline constexpr uint32_t kStudioTraits =
     kCoatedTraits | TraitSet(Trait::kTextures, Trait::kDeltaLights);
 // What costs scenes without it next to nothing (tests/cost counts it): the kinds of surfaces and
 // shapes, of which one is met at a time, and those of lights that have a place.
-inline constexpr uint32_t kCommonTraits = TraitSet(
-    Trait::kTextures, Trait::kDeltaLights, Trait::kAreaLights, Trait::kSpecularTransmission,
-    Trait::kLayered, Trait::kMicrofacet, Trait::kInstances, Trait::kQuadrics);
+inline constexpr uint32_t kCommonTraits =
+    TraitSet(Trait::kTextures, Trait::kNormalMaps, Trait::kDeltaLights, Trait::kAreaLights,
+             Trait::kSpecularTransmission, Trait::kLayered, Trait::kMicrofacet, Trait::kInstances,
+             Trait::kQuadrics);
 // What every path would pay for: an environment is looked up in advance, lens and shutter take
 // sample points, and light through cut-outs is followed hit by hit. There are variants with every
 // combination of these, so that no scene carries one that it does not ask for.
@@ -49,10 +50,6 @@ constexpr uint32_t CommonTraits(bool environment, bool lens, bool motion, bool c
          (lens ? TraitSet(Trait::kLens) : 0) | (motion ? TraitSet(Trait::kMotion) : 0) |
          (cut_outs ? TraitSet(Trait::kAlpha) : 0);
 }
-
-// What stands still, with maps on it: normal and bump maps, emission that varies.
-inline constexpr uint32_t kMappedTraits =
-    CommonTraits(true, true, false, true) | TraitSet(Trait::kNormalMaps, Trait::kVaryingEmission);
 
 // The same with wavelengths instead of RGB. A scene runs with one of the two, never with what it
 // did not call for, so these never serve RGB, nor those spectra.
@@ -84,7 +81,6 @@ constexpr uint32_t Spectrally(uint32_t traits) { return traits | TraitSet(Trait:
   X("common+environment+motion+cut-outs", ::sheaf::render::CommonTraits(true, false, true, true)) \
   X("common+environment+lens+cut-outs", ::sheaf::render::CommonTraits(true, true, false, true))   \
   X("common+environment+lens+motion", ::sheaf::render::CommonTraits(true, true, true, false))     \
-  X("mapped", ::sheaf::render::kMappedTraits)                                                     \
   X("spectral glossy", ::sheaf::render::Spectrally(::sheaf::render::kGlossyTraits))               \
   X("spectral outdoor", ::sheaf::render::Spectrally(::sheaf::render::kOutdoorTraits))             \
   X("spectral common",                                                                            \

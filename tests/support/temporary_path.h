@@ -1,0 +1,21 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Where tests may write files.
+#pragma once
+
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <string>
+
+namespace sheaf::testing {
+
+// A path in the system's folder for such, which no test that runs at the same time is given.
+inline std::string TemporaryPath(const std::string& name) {
+  const ::testing::TestInfo* test = ::testing::UnitTest::GetInstance()->current_test_info();
+  return ::testing::TempDir() + "sheaf-" + std::to_string(getpid()) + "-" +
+         (test != nullptr ? test->name() : "") + "-" + name;
+}
+
+}  // namespace sheaf::testing
