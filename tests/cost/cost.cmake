@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 # What carrying a trait costs a scene that does not use it: counted, not timed.
 set(ablated_sources)
-foreach(trait kTextures kNormalMaps kDeltaLights kAreaLights kSpecularTransmission
+foreach(trait kTextures kDeltaLights kAreaLights kSpecularTransmission
         kLayered kMicrofacet kInstances kQuadrics)
   set(SHEAF_VARIANT_TRAITS "CommonWithout(Trait::${trait})")
   set(ablated_source ${CMAKE_CURRENT_BINARY_DIR}/ablated_${trait}.cc)

@@ -19,7 +19,6 @@ constexpr uint32_t CommonWithout(Trait trait) { return kCommonTraits & ~TraitSet
 // X(name of the trait in the plan, traits of the variant without it).
 #define SHEAF_ABLATED_VARIANTS(X)                                                                  \
   X("textures", ::sheaf::render::CommonWithout(::sheaf::render::Trait::kTextures))                 \
-  X("normal and bump maps", ::sheaf::render::CommonWithout(::sheaf::render::Trait::kNormalMaps))   \
   X("delta lights", ::sheaf::render::CommonWithout(::sheaf::render::Trait::kDeltaLights))          \
   X("area lights", ::sheaf::render::CommonWithout(::sheaf::render::Trait::kAreaLights))            \
   X("transmission", ::sheaf::render::CommonWithout(::sheaf::render::Trait::kSpecularTransmission)) \

@@ -109,13 +109,14 @@ class PathTracer {
   // Of a vertex where maps may have turned the normal.
   struct NoTilt {};
   using Tilt = std::conditional_t<kMapsNormals, SurfaceTilt, NoTilt>;
-  using Plane = std::conditional_t<kMapsNormals, TangentPlane, NoTilt>;
+  using Plane = std::conditional_t<kMapsNormals, std::optional<TangentPlane>, NoTilt>;
 
   Ray CameraRay(const Sampler& sampler, int32_t x, int32_t y, FilmSample* film) const;
   void Trace(const Sampler& sampler, Path* path, FilmSample* film);
   TexturePoint TexturePointOf(const SurfacePoint& point) const;
   bool IsCutOut(const SurfacePoint& point, float u) const;
   void AddEscape(Path* path);
+  // Requires: the point is an emitter's.
   void AddEmission(const SurfacePoint& point, Path* path);
   // Adds light that came from the one light to the path, and to the light's group.
   void AddLight(uint32_t light, const Color& radiance, Path* path) {
@@ -135,8 +136,8 @@ class PathTracer {
   // How much of a light that is cut out where the sample is remains of it there.
   float ShareOfCutOut(const LightSampleOf<Color>& light) const;
   // Turns the shading frame as the material's map says, for wo. u_mix: as Evaluate's.
-  Tilt MapNormal(const Sampler& sampler, const Plane& plane, float u_mix, uint32_t depth, Vec3f wo,
-                 SurfacePoint* point) const;
+  Tilt MapNormal(const Sampler& sampler, const TangentPlane& plane, float u_mix, uint32_t depth,
+                 Vec3f wo, SurfacePoint* point) const;
   // Shading and true normal must agree on the side of a direction, given its cosines with them, or
   // light would leak through the surface. Tilted normals see to that themselves, and light goes
   // through hair.
@@ -261,7 +262,7 @@ void PathTracer<kTraits, Tracer, kDirectLight>::Trace(const Sampler& sampler, Pa
     bool passes_through = IsCutOut(point, choice.cut_out);
     BsdfOf<Color> bsdf;
     if (!passes_through) {
-      AddEmission(point, path);
+      if (Has(kTraits, Trait::kAreaLights) && point.emitter != kNoEmitter) AddEmission(point, path);
       // The last vertex needs no material, unless it may turn out not to be there.
       if (path->depth == depth_max && !is_first && !(kMayPass && surface.may_pass)) return;
       bsdf = scene_.materials->template Evaluate<kTraits>(surface.material, TexturePointOf(point),
@@ -283,7 +284,7 @@ void PathTracer<kTraits, Tracer, kDirectLight>::Trace(const Sampler& sampler, Pa
       point.shading = Frame::FromNormal(point.ng);
     Tilt tilt;
     if constexpr (kMapsNormals) {
-      if (!is_hair) tilt = MapNormal(sampler, plane, choice.mix, path->depth, wo, &point);
+      if (plane && !is_hair) tilt = MapNormal(sampler, *plane, choice.mix, path->depth, wo, &point);
     }
     if (is_first) {
       is_first = false;
@@ -338,7 +339,9 @@ TexturePoint PathTracer<kTraits, Tracer, kDirectLight>::TexturePointOf(
   if constexpr (Has(kTraits, Trait::kHair)) texture_point.uv = point.uv;
   if constexpr (Has(kTraits, Trait::kTextures)) {
     texture_point.uv = point.uv;
-    texture_point.p_world = ToFloat(ToDouble(point.p) + scene_.geometry.render_origin_world);
+    if (point.surface->reads_textures) {
+      texture_point.p_world = ToFloat(ToDouble(point.p) + scene_.geometry.render_origin_world);
+    }
   }
   return texture_point;
 }
@@ -375,7 +378,6 @@ void PathTracer<kTraits, Tracer, kDirectLight>::AddEscape(Path* path) {
 template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight>
 void PathTracer<kTraits, Tracer, kDirectLight>::AddEmission(const SurfacePoint& point, Path* path) {
   if constexpr (Has(kTraits, Trait::kAreaLights)) {
-    if (point.emitter == kNoEmitter) return;
     const Color radiance = scene_.lights->template EmitterRadianceAt<kTraits>(
         point.emitter, point.EmitterNormal(), -path->ray.d, point.uv, path->wavelengths);
     if (radiance.IsBlack()) return;

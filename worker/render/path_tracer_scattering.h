@@ -15,10 +15,10 @@ namespace sheaf::render {
 
 template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight>
 typename PathTracer<kTraits, Tracer, kDirectLight>::Tilt
-PathTracer<kTraits, Tracer, kDirectLight>::MapNormal(const Sampler& sampler, const Plane& plane,
-                                                     float u_mix, uint32_t depth, Vec3f wo,
+PathTracer<kTraits, Tracer, kDirectLight>::MapNormal(const Sampler& sampler,
+                                                     const TangentPlane& plane, float u_mix,
+                                                     uint32_t depth, Vec3f wo,
                                                      SurfacePoint* point) const {
-  if (!point->surface->has_normal_map) return {};
   TangentPlane seen = plane;
   seen.n = ToDouble(point->shading.n);
   const Vec3f mapped = scene_.materials->ShadingNormal(point->surface->material,

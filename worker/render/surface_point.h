@@ -8,7 +8,7 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstddef>
+#include <optional>
 #include <type_traits>
 
 #include "common/math/frame.h"
@@ -193,10 +193,15 @@ inline GroupPoint PointOnCurve(const BakedCurves& baked, Vec3d d, const RawHit& 
   return point;
 }
 
+// Of a placed group, at the ray's time.
+struct Placement {
+  Affine render_from_group, group_from_render;
+};
+
 // Brings the point from its group to render space. The next ray is rounded to float in the group's
 // space again, so the bound holds that rounding too, carried over.
-inline void PlacePoint(const Affine& render_from_group, const Affine& group_from_render,
-                       GroupPoint* point, Vec3d* rounding) {
+inline void PlacePoint(const Placement& placement, GroupPoint* point, Vec3d* rounding) {
+  const auto& [render_from_group, group_from_render] = placement;
   const Vec3f g = point->coordinate_max;
   const double unit = static_cast<double>(Gamma(2));
   for (size_t i = 0; i < 3; ++i) {
@@ -245,82 +250,115 @@ uint32_t EmitterOfFace(const Surface& surface, const RawHit& hit) {
   return hit.id.primitive;
 }
 
-}  // namespace internal
-
-// Requires: hit is of ray, found in the EmbreeScene of `geometry`. plane: a TangentPlane* becomes
-// what a normal map needs to know of the surface; what is none is left alone.
-template <uint32_t kTraits, typename Plane = std::nullptr_t>
-SurfacePoint MakeSurfacePoint(const SceneGeometry& geometry, const Ray& ray, const RawHit& hit,
-                              [[maybe_unused]] Plane plane = nullptr) {
-  constexpr bool kMayBePlaced = Has(kTraits, Trait::kInstances) || Has(kTraits, Trait::kMotion);
-  const PlacedGroup* placed = nullptr;
-  uint32_t group_index = 0;
-  if (kMayBePlaced && hit.id.placed != kNotPlaced) {
-    const size_t still_count = geometry.still.size();
-    placed = hit.id.placed < still_count ? &geometry.still[hit.id.placed]
-                                         : &geometry.moving[hit.id.placed - still_count];
-    group_index = placed->group;
-  }
-  const GeometryGroup& group = geometry.groups[group_index];
-  SurfacePoint point;
-  point.id = hit.id;
-  internal::GroupPoint on;
-  Affine render_from_group, group_from_render;
-  if (placed != nullptr) {
-    render_from_group = RenderFromGroupAt(geometry, *placed, ray.time);
-    group_from_render = GroupFromRenderAt(geometry, *placed, ray.time);
+// The hit's point in its group, with point->surface and emitter. placement: null in the world.
+template <uint32_t kTraits>
+GroupPoint PointOfHit(const GeometryGroup& group, const Ray& ray, const RawHit& hit,
+                      const Placement* placement, SurfacePoint* point) {
+  const auto wants_parameters = [](const Surface& surface) {
+    return surface.needs_tangent || surface.reads_textures;
+  };
+  const uint32_t quadrics = group.QuadricsId();
+  if (!(Has(kTraits, Trait::kQuadrics) || Has(kTraits, Trait::kCurves)) ||
+      hit.id.geometry < quadrics) {
+    const BakedMesh& mesh = group.meshes[hit.id.geometry];
+    point->surface = &mesh.surface;
+    if (mesh.surface.emitter != kNoEmitter) {
+      point->emitter = mesh.surface.emitter + EmitterOfFace<kTraits>(mesh.surface, hit);
+    }
+    return TrianglePoint(mesh, hit, wants_parameters(mesh.surface));
   }
   if (Has(kTraits, Trait::kCurves) && hit.id.geometry >= group.CurvesId(0)) {
     const BakedCurves& baked = group.curves[hit.id.geometry - group.CurvesId(0)];
-    point.surface = &baked.surface;
+    point->surface = &baked.surface;
     Vec3d d = ToDouble(ray.d);
-    if (placed != nullptr) d = group_from_render.Vector(d);
-    on = internal::PointOnCurve(baked, d, hit);
-    if (placed != nullptr) on.reach /= Length(group_from_render.TransposedVector(on.ng));
-  } else if (Has(kTraits, Trait::kQuadrics) && hit.id.geometry > group.QuadricsId()) {
-    const BakedPatches& baked = group.patches[hit.id.geometry - group.PatchesId(0)];
-    point.surface = &baked.surface;
-    on = internal::PointOnPatch(baked, hit,
-                                baked.surface.needs_tangent || baked.surface.reads_textures);
-  } else if (Has(kTraits, Trait::kQuadrics) && hit.id.geometry == group.QuadricsId()) {
-    const BakedQuadric& baked = group.quadrics[hit.id.primitive];
-    point.surface = &baked.surface;
-    point.emitter = baked.surface.emitter;
-    Vec3d o = ToDouble(ray.o), d = ToDouble(ray.d);
-    if (placed != nullptr) {
-      o = group_from_render.Point(o);
-      d = group_from_render.Vector(d);
+    if (placement != nullptr) d = placement->group_from_render.Vector(d);
+    GroupPoint on = PointOnCurve(baked, d, hit);
+    if (placement != nullptr) {
+      on.reach /= Length(placement->group_from_render.TransposedVector(on.ng));
     }
-    const bool parameters = baked.surface.needs_tangent || baked.surface.reads_textures;
-    on = internal::PointOnQuadric(baked, o, d, hit.t, parameters);
-  } else {
-    const BakedMesh& mesh = group.meshes[hit.id.geometry];
-    point.surface = &mesh.surface;
-    if (mesh.surface.emitter != kNoEmitter) {
-      point.emitter = mesh.surface.emitter + internal::EmitterOfFace<kTraits>(mesh.surface, hit);
-    }
-    on = internal::TrianglePoint(mesh, hit,
-                                 mesh.surface.needs_tangent || mesh.surface.reads_textures);
+    return on;
   }
-  Vec3d rounding = ToDouble(on.coordinate_max) * internal::kDoubleRounding;
-  if (placed != nullptr) internal::PlacePoint(render_from_group, group_from_render, &on, &rounding);
-  point.p = ToFloat(on.p);
-  point.p_error = Gamma(1) * Abs(point.p) + ToFloat(rounding);
-  point.ng = ToFloat(on.ng);
+  if (hit.id.geometry > quadrics) {
+    const BakedPatches& baked = group.patches[hit.id.geometry - group.PatchesId(0)];
+    point->surface = &baked.surface;
+    return PointOnPatch(baked, hit, wants_parameters(baked.surface));
+  }
+  const BakedQuadric& baked = group.quadrics[hit.id.primitive];
+  point->surface = &baked.surface;
+  point->emitter = baked.surface.emitter;
+  Vec3d o = ToDouble(ray.o), d = ToDouble(ray.d);
+  if (placement != nullptr) {
+    o = placement->group_from_render.Point(o);
+    d = placement->group_from_render.Vector(d);
+  }
+  return PointOnQuadric(baked, o, d, hit.t, wants_parameters(baked.surface));
+}
+
+// What shading wants to know of `on`, in render space and known to `rounding`.
+template <uint32_t kTraits, typename Plane>
+void FinishPoint(const GroupPoint& on, Vec3d rounding, SurfacePoint* point,
+                 [[maybe_unused]] Plane* plane) {
+  point->p = ToFloat(on.p);
+  point->p_error = Gamma(1) * Abs(point->p) + ToFloat(rounding);
+  point->ng = ToFloat(on.ng);
   if constexpr (Has(kTraits, Trait::kCurves)) {
     // What is added along the normal is what OffsetRayOrigin adds.
-    point.p_error += Abs(point.ng) * static_cast<float>(on.reach);
+    point->p_error += Abs(point->ng) * static_cast<float>(on.reach);
   }
   // Flat surfaces shade by the very bits of their normal.
-  const Vec3f ns = on.ns == on.ng ? point.ng : ToFloat(on.ns * (1 / Length(on.ns)));
+  const Vec3f ns = on.ns == on.ng ? point->ng : ToFloat(on.ns * (1 / Length(on.ns)));
   if constexpr (Has(kTraits, Trait::kTextures) || Has(kTraits, Trait::kHair) ||
                 Has(kTraits, Trait::kCurves)) {
-    point.uv = on.uv;
+    point->uv = on.uv;
   }
-  const TangentPlane tangents{ToDouble(ns), on.dpdu, on.dpdv, on.has_tangents};
-  point.shading =
-      point.surface->needs_tangent ? internal::ShadingFrame(ns, tangents) : Frame::FromNormal(ns);
-  if constexpr (std::is_same_v<Plane, TangentPlane*>) *plane = tangents;
+  const auto tangents = [&] {
+    return TangentPlane{ToDouble(ns), on.dpdu, on.dpdv, on.has_tangents};
+  };
+  point->shading = point->surface->needs_tangent ? internal::ShadingFrame(ns, tangents())
+                                                 : Frame::FromNormal(ns);
+  if constexpr (std::is_same_v<Plane, std::optional<TangentPlane>>) {
+    if (point->surface->has_normal_map) *plane = tangents();
+  }
+}
+
+// Out of line: what is not placed, most of most scenes, shall not pay for it.
+template <uint32_t kTraits, typename Plane>
+[[gnu::noinline]] SurfacePoint MakePlacedPoint(const SceneGeometry& geometry, const Ray& ray,
+                                               const RawHit& hit, Plane* plane) {
+  const size_t still_count = geometry.still.size();
+  const PlacedGroup& placed = hit.id.placed < still_count
+                                  ? geometry.still[hit.id.placed]
+                                  : geometry.moving[hit.id.placed - still_count];
+  const Placement placement{RenderFromGroupAt(geometry, placed, ray.time),
+                            GroupFromRenderAt(geometry, placed, ray.time)};
+  SurfacePoint point;
+  point.id = hit.id;
+  GroupPoint on = PointOfHit<kTraits>(geometry.groups[placed.group], ray, hit, &placement, &point);
+  Vec3d rounding = ToDouble(on.coordinate_max) * kDoubleRounding;
+  PlacePoint(placement, &on, &rounding);
+  FinishPoint<kTraits>(on, rounding, &point, plane);
+  return point;
+}
+
+}  // namespace internal
+
+// Requires: hit is of ray, found in the EmbreeScene of `geometry`. plane: a std::optional that is
+// given what a normal map needs to know of the surface, where there is one; what is no such
+// optional is left alone.
+template <uint32_t kTraits, typename Plane = std::nullopt_t>
+SurfacePoint MakeSurfacePoint(const SceneGeometry& geometry, const Ray& ray, const RawHit& hit,
+                              [[maybe_unused]] Plane* plane = nullptr) {
+  if constexpr (Has(kTraits, Trait::kInstances) || Has(kTraits, Trait::kMotion)) {
+    if (hit.id.placed != kNotPlaced) {
+      return internal::MakePlacedPoint<kTraits>(geometry, ray, hit, plane);
+    }
+  }
+  SurfacePoint point;
+  point.id = hit.id;
+  const internal::GroupPoint on =
+      internal::PointOfHit<kTraits>(geometry.groups[0], ray, hit, nullptr, &point);
+  internal::FinishPoint<kTraits>(on, ToDouble(on.coordinate_max) * internal::kDoubleRounding,
+                                 &point, plane);
   return point;
 }
 

@@ -36,10 +36,9 @@ inline constexpr uint32_t kStudioTraits =
     kCoatedTraits | TraitSet(Trait::kTextures, Trait::kDeltaLights);
 // What costs scenes without it next to nothing (tests/cost counts it): the kinds of surfaces and
 // shapes, of which one is met at a time, and those of lights that have a place.
-inline constexpr uint32_t kCommonTraits =
-    TraitSet(Trait::kTextures, Trait::kNormalMaps, Trait::kDeltaLights, Trait::kAreaLights,
-             Trait::kSpecularTransmission, Trait::kLayered, Trait::kMicrofacet, Trait::kInstances,
-             Trait::kQuadrics);
+inline constexpr uint32_t kCommonTraits = TraitSet(
+    Trait::kTextures, Trait::kDeltaLights, Trait::kAreaLights, Trait::kSpecularTransmission,
+    Trait::kLayered, Trait::kMicrofacet, Trait::kInstances, Trait::kQuadrics);
 // What every path would pay for: an environment is looked up in advance, lens and shutter take
 // sample points, and light through cut-outs is followed hit by hit. There are variants with every
 // combination of these, so that no scene carries one that it does not ask for.
@@ -54,64 +53,51 @@ constexpr uint32_t CommonTraits(bool environment, bool lens, bool motion, bool c
 // The same with wavelengths instead of RGB. A scene runs with one of the two, never with what it
 // did not call for, so these never serve RGB, nor those spectra.
 constexpr uint32_t Spectrally(uint32_t traits) { return traits | TraitSet(Trait::kSpectral); }
+// The same with normal and bump maps, for which every vertex has more to remember.
+constexpr uint32_t Mapped(uint32_t traits) { return traits | TraitSet(Trait::kNormalMaps); }
 
 }  // namespace sheaf::render
 
-// X(name, traits), the generic ones last.
-#define SHEAF_RENDER_VARIANTS(X)                                                                  \
-  X("diffuse", ::sheaf::render::kDiffuseTraits)                                                   \
-  X("glossy", ::sheaf::render::kGlossyTraits)                                                     \
-  X("coated", ::sheaf::render::kCoatedTraits)                                                     \
-  X("outdoor", ::sheaf::render::kOutdoorTraits)                                                   \
-  X("open", ::sheaf::render::kOpenTraits)                                                         \
-  X("moving", ::sheaf::render::kMovingTraits)                                                     \
-  X("studio", ::sheaf::render::kStudioTraits)                                                     \
-  X("common", ::sheaf::render::CommonTraits(false, false, false, false))                          \
-  X("common+cut-outs", ::sheaf::render::CommonTraits(false, false, false, true))                  \
-  X("common+motion", ::sheaf::render::CommonTraits(false, false, true, false))                    \
-  X("common+lens", ::sheaf::render::CommonTraits(false, true, false, false))                      \
-  X("common+environment", ::sheaf::render::CommonTraits(true, false, false, false))               \
-  X("common+motion+cut-outs", ::sheaf::render::CommonTraits(false, false, true, true))            \
-  X("common+lens+cut-outs", ::sheaf::render::CommonTraits(false, true, false, true))              \
-  X("common+lens+motion", ::sheaf::render::CommonTraits(false, true, true, false))                \
-  X("common+environment+cut-outs", ::sheaf::render::CommonTraits(true, false, false, true))       \
-  X("common+environment+motion", ::sheaf::render::CommonTraits(true, false, true, false))         \
-  X("common+environment+lens", ::sheaf::render::CommonTraits(true, true, false, false))           \
-  X("common+lens+motion+cut-outs", ::sheaf::render::CommonTraits(false, true, true, true))        \
-  X("common+environment+motion+cut-outs", ::sheaf::render::CommonTraits(true, false, true, true)) \
-  X("common+environment+lens+cut-outs", ::sheaf::render::CommonTraits(true, true, false, true))   \
-  X("common+environment+lens+motion", ::sheaf::render::CommonTraits(true, true, true, false))     \
-  X("spectral glossy", ::sheaf::render::Spectrally(::sheaf::render::kGlossyTraits))               \
-  X("spectral outdoor", ::sheaf::render::Spectrally(::sheaf::render::kOutdoorTraits))             \
-  X("spectral common",                                                                            \
-    ::sheaf::render::Spectrally(::sheaf::render::CommonTraits(false, false, false, false)))       \
-  X("spectral common+cut-outs",                                                                   \
-    ::sheaf::render::Spectrally(::sheaf::render::CommonTraits(false, false, false, true)))        \
-  X("spectral common+motion",                                                                     \
-    ::sheaf::render::Spectrally(::sheaf::render::CommonTraits(false, false, true, false)))        \
-  X("spectral common+lens",                                                                       \
-    ::sheaf::render::Spectrally(::sheaf::render::CommonTraits(false, true, false, false)))        \
-  X("spectral common+environment",                                                                \
-    ::sheaf::render::Spectrally(::sheaf::render::CommonTraits(true, false, false, false)))        \
-  X("spectral common+motion+cut-outs",                                                            \
-    ::sheaf::render::Spectrally(::sheaf::render::CommonTraits(false, false, true, true)))         \
-  X("spectral common+lens+cut-outs",                                                              \
-    ::sheaf::render::Spectrally(::sheaf::render::CommonTraits(false, true, false, true)))         \
-  X("spectral common+lens+motion",                                                                \
-    ::sheaf::render::Spectrally(::sheaf::render::CommonTraits(false, true, true, false)))         \
-  X("spectral common+environment+cut-outs",                                                       \
-    ::sheaf::render::Spectrally(::sheaf::render::CommonTraits(true, false, false, true)))         \
-  X("spectral common+environment+motion",                                                         \
-    ::sheaf::render::Spectrally(::sheaf::render::CommonTraits(true, false, true, false)))         \
-  X("spectral common+environment+lens",                                                           \
-    ::sheaf::render::Spectrally(::sheaf::render::CommonTraits(true, true, false, false)))         \
-  X("spectral common+lens+motion+cut-outs",                                                       \
-    ::sheaf::render::Spectrally(::sheaf::render::CommonTraits(false, true, true, true)))          \
-  X("spectral common+environment+motion+cut-outs",                                                \
-    ::sheaf::render::Spectrally(::sheaf::render::CommonTraits(true, false, true, true)))          \
-  X("spectral common+environment+lens+cut-outs",                                                  \
-    ::sheaf::render::Spectrally(::sheaf::render::CommonTraits(true, true, false, true)))          \
-  X("spectral common+environment+lens+motion",                                                    \
-    ::sheaf::render::Spectrally(::sheaf::render::CommonTraits(true, true, true, false)))          \
-  X("spectral generic", ::sheaf::render::kAllSpectralTraits)                                      \
+// Of X(name, traits): those of every combination of kPaidByEveryPath but all at once, as wrap
+// makes them.
+#define SHEAF_COMMON_VARIANTS(X, prefix, wrap)                                                    \
+  X(prefix "common", wrap(::sheaf::render::CommonTraits(false, false, false, false)))             \
+  X(prefix "common+cut-outs", wrap(::sheaf::render::CommonTraits(false, false, false, true)))     \
+  X(prefix "common+motion", wrap(::sheaf::render::CommonTraits(false, false, true, false)))       \
+  X(prefix "common+lens", wrap(::sheaf::render::CommonTraits(false, true, false, false)))         \
+  X(prefix "common+environment", wrap(::sheaf::render::CommonTraits(true, false, false, false)))  \
+  X(prefix "common+motion+cut-outs",                                                              \
+    wrap(::sheaf::render::CommonTraits(false, false, true, true)))                                \
+  X(prefix "common+lens+cut-outs", wrap(::sheaf::render::CommonTraits(false, true, false, true))) \
+  X(prefix "common+lens+motion", wrap(::sheaf::render::CommonTraits(false, true, true, false)))   \
+  X(prefix "common+environment+cut-outs",                                                         \
+    wrap(::sheaf::render::CommonTraits(true, false, false, true)))                                \
+  X(prefix "common+environment+motion",                                                           \
+    wrap(::sheaf::render::CommonTraits(true, false, true, false)))                                \
+  X(prefix "common+environment+lens",                                                             \
+    wrap(::sheaf::render::CommonTraits(true, true, false, false)))                                \
+  X(prefix "common+lens+motion+cut-outs",                                                         \
+    wrap(::sheaf::render::CommonTraits(false, true, true, true)))                                 \
+  X(prefix "common+environment+motion+cut-outs",                                                  \
+    wrap(::sheaf::render::CommonTraits(true, false, true, true)))                                 \
+  X(prefix "common+environment+lens+cut-outs",                                                    \
+    wrap(::sheaf::render::CommonTraits(true, true, false, true)))                                 \
+  X(prefix "common+environment+lens+motion",                                                      \
+    wrap(::sheaf::render::CommonTraits(true, true, true, false)))
+
+// X(name, traits), the generic ones last: they serve what is too rare for variants of its own.
+#define SHEAF_RENDER_VARIANTS(X)                                                      \
+  X("diffuse", ::sheaf::render::kDiffuseTraits)                                       \
+  X("glossy", ::sheaf::render::kGlossyTraits)                                         \
+  X("coated", ::sheaf::render::kCoatedTraits)                                         \
+  X("outdoor", ::sheaf::render::kOutdoorTraits)                                       \
+  X("open", ::sheaf::render::kOpenTraits)                                             \
+  X("moving", ::sheaf::render::kMovingTraits)                                         \
+  X("studio", ::sheaf::render::kStudioTraits)                                         \
+  SHEAF_COMMON_VARIANTS(X, "", )                                                      \
+  SHEAF_COMMON_VARIANTS(X, "mapped ", ::sheaf::render::Mapped)                        \
+  X("spectral glossy", ::sheaf::render::Spectrally(::sheaf::render::kGlossyTraits))   \
+  X("spectral outdoor", ::sheaf::render::Spectrally(::sheaf::render::kOutdoorTraits)) \
+  SHEAF_COMMON_VARIANTS(X, "spectral ", ::sheaf::render::Spectrally)                  \
+  X("spectral generic", ::sheaf::render::kAllSpectralTraits)                          \
   X("generic", ::sheaf::render::kAllTraits)
