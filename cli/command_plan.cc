@@ -108,9 +108,10 @@ class PlanCommand : public Command {
                                    {"effects", nlohmann::ordered_json::array()},
                                    {"unused", plan.unused}};
     for (const render::PlannedEffect& effect : plan.effects) {
-      json["effects"].push_back({{"name", effect.name},
-                                 {"cause", effect.cause},
-                                 {"expected_time_ratio", effect.expected_time_ratio}});
+      json["effects"].push_back({{"name", effect.name}, {"cause", effect.cause}});
+      if (effect.expected_time_ratio > 0) {
+        json["effects"].back()["expected_time_ratio"] = effect.expected_time_ratio;
+      }
     }
     if (measurement) json["measurement"] = MeasurementJson(*measurement);
     std::printf("%s\n",

@@ -112,11 +112,11 @@ EnvironmentMap::PlaceSample EnvironmentMap::Sample(Vec2f u) const {
 }
 
 void EnvironmentMap::Prefetch(Place place) const {
-  const float x = place.p.x - 0.5f, y = place.p.y - 0.5f, last = size_f_ - 1;
-  if (!(x >= 0 && y >= 0 && x < last && y < last)) return;
-  const int x0 = static_cast<int>(x), y0 = static_cast<int>(y);
-  __builtin_prefetch(&At(x0, y0));
-  __builtin_prefetch(&At(x0 + 1, y0 + 1));
+  // At the map's edge not all that Radiance reads: cheaper than to find where the rest is.
+  const int x = static_cast<int>(std::max(0.0f, place.p.x - 0.5f));
+  const int y = static_cast<int>(std::max(0.0f, place.p.y - 0.5f));
+  __builtin_prefetch(&At(std::min(x, size_ - 1), std::min(y, size_ - 1)));
+  __builtin_prefetch(&At(std::min(x + 1, size_ - 1), std::min(y + 1, size_ - 1)));
 }
 
 Rgb EnvironmentMap::Radiance(Place place) const {

@@ -82,7 +82,7 @@ class EnvironmentMap {
         .texels[uy % kTileHeight * kTileWidth + ux % kTileWidth];
   }
   Rgb RadianceAtEdge(Place place) const;
-  // The texels of Radiance(place), unless it lies at the map's edge.
+  // The texels of Radiance(place).
   void Prefetch(Place place) const;
 
   int size_ = 0;

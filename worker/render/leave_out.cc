@@ -130,6 +130,37 @@ void CloseCutOuts(SceneDescription* scene) {
   for (ObjectDefinition& object : scene->objects) std::erase_if(object.shapes, only_passes);
 }
 
+template <typename Special>
+void MakeGreyWhatIs(SceneDescription* scene) {
+  ChangeMaterials(scene, [](const auto& old, auto* material) {
+    if constexpr (std::is_same_v<std::decay_t<decltype(old)>, Special>) {
+      *material = DiffuseMaterial{Grey(kPlainReflectance)};
+    }
+  });
+}
+
+void RemoveCurves(SceneDescription* scene) {
+  const auto is_curve = [scene](int32_t shape) {
+    return std::holds_alternative<CurveShape>(scene->shapes[shape].shape);
+  };
+  std::erase_if(scene->world_shapes, is_curve);
+  for (ObjectDefinition& object : scene->objects) std::erase_if(object.shapes, is_curve);
+}
+
+void SmoothSurfaces(SceneDescription* scene) {
+  for (MaterialDescription& material : scene->materials) {
+    material.normal_map = kNone;
+    material.displacement = {0, kNone};
+  }
+}
+
+void ShineEvenly(SceneDescription* scene) {
+  for (AreaLightDescription& light : scene->area_lights) light.file.clear();
+  for (ShapeDescription& shape : scene->shapes) {
+    if (shape.area_light != kNone) shape.has_alpha = false;
+  }
+}
+
 void Change(Trait trait, SceneWithout* without) {
   SceneDescription* scene = &without->scene;
   switch (trait) {
@@ -173,7 +204,26 @@ void Change(Trait trait, SceneWithout* without) {
       without->how = "colors as RGB";
       without->settings.color = ColorTransport::kRgb;
       return;
-    default:
+    case Trait::kHair:
+      without->how = "hair is grey and diffuse";
+      return MakeGreyWhatIs<HairMaterial>(scene);
+    case Trait::kMeasured:
+      without->how = "what was measured is grey and diffuse";
+      return MakeGreyWhatIs<MeasuredMaterial>(scene);
+    case Trait::kCurves:
+      without->how = "curves are gone";
+      return RemoveCurves(scene);
+    case Trait::kNormalMaps:
+      without->how = "surfaces are as smooth as their shapes";
+      return SmoothSurfaces(scene);
+    case Trait::kVaryingEmission:
+      without->how = "what shines is whole and has no picture";
+      return ShineEvenly(scene);
+    case Trait::kOutputs:
+      without->how = "the picture alone";
+      without->settings.outputs = {};
+      return;
+    case Trait::kTextures:  // LeaveOut's, as it needs files.
       return;
   }
 }
@@ -185,6 +235,7 @@ absl::StatusOr<SceneWithout> LeaveOut(Trait trait, const SceneDescription& scene
   SceneWithout without{scene, settings, {}};
   if (trait == Trait::kTextures) {
     without.how = "every texture is its mean";
+    SmoothSurfaces(&without.scene);
     if (absl::Status status = ReplaceTexturesByMeans(files, &without.scene); !status.ok()) {
       return status;
     }

@@ -30,8 +30,8 @@ constexpr TraitName kTraitNames[] = {
     {Trait::kMotion, "motion", 1.38},
     {Trait::kLens, "lens", 1.05},
     {Trait::kTextures, "textures", 1.03},
-    {Trait::kNormalMaps, "normal and bump maps"},
-    {Trait::kVaryingEmission, "varying emission"},
+    {Trait::kNormalMaps, "normal and bump maps", 1.38},
+    {Trait::kVaryingEmission, "varying emission", 1.13},
     {Trait::kEnvironment, "environment", 1.19},
     {Trait::kDeltaLights, "delta lights", 1.02},
     {Trait::kAreaLights, "area lights", 2.35},
@@ -42,9 +42,9 @@ constexpr TraitName kTraitNames[] = {
     {Trait::kInstances, "instances", 1.58},
     {Trait::kQuadrics, "curved shapes", 1.03},
     {Trait::kSpectral, "wavelengths", 1.18},
-    {Trait::kHair, "hair"},
+    {Trait::kHair, "hair", 1.26},
     {Trait::kMeasured, "measured materials"},
-    {Trait::kCurves, "curves"},
+    {Trait::kCurves, "curves", 1.34},
     {Trait::kOutputs, "outputs"},
 };
 static_assert(std::size(kTraitNames) == kTraitCount);
@@ -259,8 +259,9 @@ class PlanMaker {
   bool something_scatters_ = false;
 };
 
-// "+12 %".
+// "+12 %", or "?" where nobody measured it.
 std::string CostText(const PlannedEffect& effect) {
+  if (effect.expected_time_ratio == 0) return "?";
   const long percent = std::lround(100 * (effect.expected_time_ratio - 1));
   return absl::StrCat(percent < 0 ? "" : "+", percent, " %");
 }

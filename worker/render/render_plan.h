@@ -43,7 +43,8 @@ struct PlannedEffect {
   std::string name;   // "lens"
   std::string cause;  // "scenes/room.pbrt:12:1: Camera \"float lensradius\" [0.05]"
   // Time of a sample with the effect over one without, in the small scene of this effect that
-  // tests/bench/effect_cost.py measures; what it is in this one says MeasurePlan.
+  // tests/bench/effect_cost.py measures; 0 where it has none. What it is in this one says
+  // MeasurePlan.
   double expected_time_ratio = 1;
 };
 struct RenderPlan {
