@@ -10,8 +10,10 @@ const pathOf = (name) => BASE + name.split('/').map(encodeURIComponent).join('/'
 async function request(path, options = {}) {
   const response = await fetch(path, {cache: 'no-store', ...options});
   const body = await response.json();
-  if (!response.ok) throw new Error(body.error ? body.error.message : response.statusText);
-  return body;
+  if (response.ok) return body;
+  const error = new Error(body.error ? body.error.message : response.statusText);
+  error.status = response.status;
+  throw error;
 }
 
 const query = (pageSize, token) =>

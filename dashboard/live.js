@@ -29,19 +29,14 @@ export class Live {
     if (this.source || document.hidden) return;
     // Subscribe first and fetch on open: what changes in between arrives as an event.
     this.source = new EventSource(api.eventsPath);
-    this.source.onopen = () => {
-      clearInterval(this.pollTimer);
-      this.pollTimer = null;
-      this.store.setConnection('live');
-      this.load();
-    };
+    this.source.onopen = () => this.refresh();
     this.source.onerror = () => this.onStreamLost();
     const follow = (type, apply) =>
         this.source.addEventListener(type, (event) => apply(JSON.parse(event.data)));
     follow('job', (job) => this.store.setJob(job));
     follow('frame', (frame) => this.store.setFrame(frame));
     follow('worker', (worker) => this.store.setWorker(worker));
-    follow('reset', () => this.load());
+    follow('reset', () => this.refresh());
     this.counterTimer = setInterval(() => this.loadCounters().catch(() => {}), COUNTERS_MS);
   }
 
@@ -57,10 +52,13 @@ export class Live {
     this.store.setConnection('reconnecting');
     // A refused stream (too many readers) is closed for good: try again along with the polls.
     if (this.source && this.source.readyState === EventSource.CLOSED) this.source = null;
+    this.poll();
+  }
+
+  poll() {
     if (this.pollTimer) return;
     this.pollTimer = setInterval(async () => {
-      const loaded = await this.load();
-      if (loaded && this.store.connection !== 'live') this.store.setConnection('polling');
+      this.settle(await this.load());
       if (!this.source) {
         clearInterval(this.counterTimer);
         this.start();
@@ -68,19 +66,29 @@ export class Live {
     }, POLL_MS);
   }
 
+  // Fetches everything from now on. A load that is under way began before the stream was there: it
+  // may miss what changed since, or fail because the coordinator was away.
+  async refresh() {
+    await this.loading;
+    this.settle(await this.load());
+  }
+
+  // Says how things stand after a load, and polls until they stand well.
+  settle(loaded) {
+    if (document.hidden) return;
+    const streams = this.source && this.source.readyState === EventSource.OPEN;
+    this.store.setConnection(!loaded ? 'reconnecting' : streams ? 'live' : 'polling');
+    if (!loaded || !streams) return this.poll();
+    clearInterval(this.pollTimer);
+    this.pollTimer = null;
+  }
+
   // One load at a time; returns whether it succeeded.
   load() {
     if (!this.loading) {
-      this.loading = this.loadAll()
-                         .then(
-                             () => true,
-                             () => {
-                               this.store.setConnection('reconnecting');
-                               return false;
-                             })
-                         .finally(() => {
-                           this.loading = null;
-                         });
+      this.loading = this.loadAll().then(() => true, () => false).finally(() => {
+        this.loading = null;
+      });
     }
     return this.loading;
   }
@@ -121,7 +129,12 @@ export class Live {
   async loadFrames(token = '') {
     const name = this.store.jobName;
     if (!name) return;
-    const job = await api.getJob(name, PAGE, token);
+    const job = await api.getJob(name, PAGE, token).catch((error) => {
+      // The coordinator may have come back without it; everything else is to be followed still.
+      if (error.status === 404) return null;
+      throw error;
+    });
+    if (job === null) return;
     if (name !== this.store.jobName) return;
     for (const frame of job.frames) this.store.setFrame(frame);
     this.store.framesToken = job.next_page_token;
