@@ -13,6 +13,7 @@
 #include <string>
 #include <vector>
 
+#include "tests/support/render_rows.h"
 #include "tests/support/test_scene.h"
 #include "worker/render/ablated_variants.h"
 #include "worker/render/variants.h"
@@ -115,27 +116,15 @@ std::vector<Case> Cases() {
   };
 }
 
-FilmTile Render(const CompiledScene& scene, RenderRowFunction row) {
-  const FrameSettings& settings = SettingsOf(scene);
-  FilmTile tile(settings.window, {0, settings.samples});
-  PixelAccumulator accumulator(&tile);
-  RayCounts counts;
-  for (int32_t y = settings.window.y0; y < settings.window.y1; ++y) {
-    row(scene, settings.window.x0, settings.window.x1, y, {0, settings.samples}, &accumulator,
-        &counts);
-  }
-  return tile;
-}
-
 }  // namespace
 
 // Named in the profile, so each stays a function of its own.
 [[gnu::noinline, gnu::noclone]] FilmTile RenderAsPlanned(const CompiledScene& scene) {
-  return Render(scene, RowFunctionOf(ChooseVariant(PlanOf(scene).traits, false)));
+  return RenderRows(scene, RowFunctionOf(ChooseVariant(PlanOf(scene).traits, false)));
 }
 [[gnu::noinline, gnu::noclone]] FilmTile RenderWithout(const CompiledScene& scene,
                                                        RenderRowFunction row) {
-  return Render(scene, row);
+  return RenderRows(scene, row);
 }
 
 namespace {
@@ -157,8 +146,8 @@ TEST_P(CarriedTraitTest, ChangesNoPixel) {
   EXPECT_EQ(plan.variant_traits & without->traits, without->traits);
   EXPECT_EQ(plan.traits & ~without->traits, 0u) << "the scene uses " << c.trait;
   // What is loaded at the first call, and tables of the lights, count for neither.
-  Render(*scene, without->row);
-  Render(*scene, RowFunctionOf(ChooseVariant(plan.traits, false)));
+  RenderRows(*scene, without->row);
+  RenderRows(*scene, RowFunctionOf(ChooseVariant(plan.traits, false)));
   const FilmTile planned = RenderAsPlanned(*scene);
   EXPECT_TRUE(planned == RenderWithout(*scene, without->row));
   EXPECT_GT(MeanOf(planned).mean.g, 0.01f);

@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "tests/support/render_rows.h"
 #include "tests/support/test_scene.h"
 #include "worker/render/variants.h"
 
@@ -17,15 +18,7 @@ namespace sheaf::render {
 namespace {
 
 FilmTile RenderWith(const CompiledScene& scene, size_t variant) {
-  const FrameSettings& settings = SettingsOf(scene);
-  FilmTile tile(settings.window, {0, settings.samples});
-  PixelAccumulator accumulator(&tile);
-  RayCounts counts;
-  for (int32_t y = settings.window.y0; y < settings.window.y1; ++y) {
-    RowFunctionOf(variant)(scene, settings.window.x0, settings.window.x1, y, {0, settings.samples},
-                           &accumulator, &counts);
-  }
-  return tile;
+  return RenderRows(scene, RowFunctionOf(variant));
 }
 
 TestScene Base() {

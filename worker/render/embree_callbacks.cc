@@ -247,37 +247,37 @@ void FilterAmongNeedles(RTCGeometry triangles, const BakedMesh& mesh, bool has_n
   rtcSetGeometryOccludedFilterFunction(triangles, TestAgain);
 }
 
-void SetQuadrics(RTCGeometry user, QuadricList* list) {
-  rtcSetGeometryUserPrimitiveCount(user, static_cast<unsigned>(list->quadrics->size()));
+namespace {
+
+// A geometry of `count` primitives that our own functions bound and meet.
+void SetCallbacks(RTCGeometry user, size_t count, void* list, RTCBoundsFunction bound,
+                  RTCIntersectFunctionN intersect, RTCOccludedFunctionN occlude) {
+  rtcSetGeometryUserPrimitiveCount(user, static_cast<unsigned>(count));
   rtcSetGeometryUserData(user, list);
-  rtcSetGeometryBoundsFunction(user, BoundQuadric, nullptr);
-  rtcSetGeometryIntersectFunction(user, IntersectQuadricList);
-  rtcSetGeometryOccludedFunction(user, OccludeQuadricList);
+  rtcSetGeometryBoundsFunction(user, bound, nullptr);
+  rtcSetGeometryIntersectFunction(user, intersect);
+  rtcSetGeometryOccludedFunction(user, occlude);
+}
+
+}  // namespace
+
+void SetQuadrics(RTCGeometry user, QuadricList* list) {
+  SetCallbacks(user, list->quadrics->size(), list, BoundQuadric, IntersectQuadricList,
+               OccludeQuadricList);
 }
 
 void SetPatches(RTCGeometry user, PatchList* list) {
-  rtcSetGeometryUserPrimitiveCount(user, static_cast<unsigned>(list->patches->size()));
-  rtcSetGeometryUserData(user, list);
-  rtcSetGeometryBoundsFunction(user, BoundPatch, nullptr);
-  rtcSetGeometryIntersectFunction(user, IntersectPatchList);
-  rtcSetGeometryOccludedFunction(user, OccludePatchList);
+  SetCallbacks(user, list->patches->size(), list, BoundPatch, IntersectPatchList, OccludePatchList);
 }
 
 void SetCurves(RTCGeometry user, CurveList* list) {
-  rtcSetGeometryUserPrimitiveCount(user, static_cast<unsigned>(list->curves->size()));
-  rtcSetGeometryUserData(user, list);
-  rtcSetGeometryBoundsFunction(user, BoundCurve, nullptr);
-  rtcSetGeometryIntersectFunction(user, IntersectCurveList);
-  rtcSetGeometryOccludedFunction(user, OccludeCurveList);
+  SetCallbacks(user, list->curves->size(), list, BoundCurve, IntersectCurveList, OccludeCurveList);
 }
 
 void SetPlaced(RTCGeometry user, PlacedList* list) {
-  rtcSetGeometryUserPrimitiveCount(user, static_cast<unsigned>(list->placed->size()));
+  SetCallbacks(user, list->placed->size(), list, BoundPlaced, IntersectPlacedList,
+               OccludePlacedList);
   if (list->placed->front().motion != kNone) rtcSetGeometryTimeStepCount(user, kMotionStepCount);
-  rtcSetGeometryUserData(user, list);
-  rtcSetGeometryBoundsFunction(user, BoundPlaced, nullptr);
-  rtcSetGeometryIntersectFunction(user, IntersectPlacedList);
-  rtcSetGeometryOccludedFunction(user, OccludePlacedList);
 }
 
 }  // namespace sheaf::render

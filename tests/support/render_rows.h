@@ -1,0 +1,25 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// RenderRows: a whole frame by one compiled variant, whichever the plan would have chosen.
+#pragma once
+
+#include "common/film/film_tile.h"
+#include "worker/render/compiled_scene.h"
+#include "worker/render/variants.h"
+
+namespace sheaf::render {
+
+inline FilmTile RenderRows(const CompiledScene& scene, RenderRowFunction row) {
+  const FrameSettings& settings = SettingsOf(scene);
+  FilmTile tile(settings.window, {0, settings.samples});
+  PixelAccumulator accumulator(&tile);
+  RayCounts counts;
+  for (int32_t y = settings.window.y0; y < settings.window.y1; ++y) {
+    row(scene, settings.window.x0, settings.window.x1, y, {0, settings.samples}, &accumulator,
+        &counts);
+  }
+  return tile;
+}
+
+}  // namespace sheaf::render
