@@ -4,6 +4,7 @@
 // Pictures on surfaces that turn the normal or shine: rendered scenes whose answer is known.
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
 #include <cstdint>
 #include <filesystem>
@@ -170,6 +171,33 @@ TEST_F(MappedSurfaceTest, AFlatNormalMapIsNone) {
     // The same numbers, about other tangents: the samples of a light without size do not notice.
     EXPECT_NEAR(mapped.mean[c], plain.mean[c], 1e-5);
   }
+}
+
+// What a light gives by its picture counts for the light's own group.
+TEST_F(MappedSurfaceTest, PictureLightsShineForTheirGroup) {
+  Write(2, {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}, {1, 1, 1}});
+  TestScene t = LitRoom(1);
+  t.scene.area_lights[0].file = "map.pfm";
+  t.scene.area_lights[0].scale.scale = 5;
+  t.scene.area_lights[0].group = "picture";
+  PointLight lamp;
+  lamp.intensity.rgb = Rgb::Grey(0.3f);
+  lamp.from = {0.4f, 0, -0.5f};
+  t.scene.lights.push_back({lamp, {}, {}, {}, "lamp"});
+  FrameSettings settings = SquareSettings(16, 16, 5);
+  settings.outputs.light_groups = {"lamp", "picture"};
+  const FilmTile tile = RenderAll(*CompileMapped(t.scene, settings));
+  ASSERT_EQ(tile.mean_count(), 6u);
+  std::array<double, 2> totals{};
+  for (size_t p = 0; p < tile.plane_size(); ++p) {
+    const double lamp_red = tile.mean(0, 0)[p], picture_red = tile.mean(3, 0)[p];
+    const double red = tile.channel(FilmChannel::kRedHi)[p];
+    EXPECT_NEAR(lamp_red + picture_red, red, 1e-5 * red + 1e-7);
+    totals[0] += lamp_red;
+    totals[1] += picture_red;
+  }
+  EXPECT_GT(totals[0], 0.1);
+  EXPECT_GT(totals[1], 0.1);
 }
 
 // Everything but the size of the scene is the same: so is every bit of the picture.
