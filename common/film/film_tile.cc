@@ -254,7 +254,7 @@ class PixelAccumulator::OutputStack {
   // A sample that is not usable leaves a leaf of nothing.
   void Push(const OutputSample& sample, float weight, bool usable) {
     if (means_.size() < (depth_ + 1) * mean_count_) means_.resize((depth_ + 1) * mean_count_);
-    double* leaf = &means_[depth_ * mean_count_];
+    double* leaf = means_.data() + depth_ * mean_count_;
     for (size_t i = 0; i < mean_count_; ++i) {
       leaf[i] = usable ? WideProduct(sample.means[i], weight) : 0.0;
     }
@@ -284,8 +284,8 @@ class PixelAccumulator::OutputStack {
  private:
   void MergeTop() {
     --depth_;
-    double* left = &means_[(depth_ - 1) * mean_count_];
-    const double* right = &means_[depth_ * mean_count_];
+    double* left = means_.data() + (depth_ - 1) * mean_count_;
+    const double* right = means_.data() + depth_ * mean_count_;
     for (size_t i = 0; i < mean_count_; ++i) left[i] = DoubleFloat::Round(left[i] + right[i]);
     for (size_t i = 0; i < kIdKindCount; ++i) {
       MergeIds(ids_[depth_][i], &ids_[depth_ - 1][i], &scratch_);

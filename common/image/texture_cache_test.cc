@@ -82,8 +82,7 @@ TEST(TextureCacheTest, ValuesDoNotDependOnWhatTheCacheHeld) {
   }
 }
 
-// Stability row M10.
-TEST(TextureCacheTest, TexelsThatAreNoNumbersAreCountedAndReadAsZero) {
+TEST(TextureCacheTest, M10TexelsThatAreNoNumbersAreCountedAndReadAsZero) {
   const float nan = std::numeric_limits<float>::quiet_NaN();
   const float infinity = std::numeric_limits<float>::infinity();
   const std::vector<float> values = {1, 2, 3, nan, 5, 6, 7, infinity, 9, 10, 11, 12};

@@ -7,7 +7,6 @@
 #include <bit>
 #include <cmath>
 #include <cstdint>
-#include <limits>
 
 namespace sheaf {
 
@@ -25,11 +24,12 @@ inline float NextDown(float v) { return -NextUp(-v); }
 // The neighbour of v on the side that the sign of `side` says; v itself where side is 0. Requires:
 // v is finite. The same as NextUp and NextDown, without branches: signs are hard to foresee.
 inline float NextTowards(float v, float side) {
-  const auto bits = std::bit_cast<int32_t>(v);
-  const int32_t negative = bits >> 31;
-  const int32_t step = static_cast<int32_t>(side > 0) - static_cast<int32_t>(side < 0);
-  const int32_t moved = bits + ((step ^ negative) - negative);
-  const int32_t beside_zero = step < 0 ? std::numeric_limits<int32_t>::min() + 1 : 1;
+  // Unsigned, whose sums wrap around: of -0 something is worked out too, and not used.
+  const auto bits = std::bit_cast<uint32_t>(v);
+  const uint32_t negative = -(bits >> 31);
+  const uint32_t step = static_cast<uint32_t>(side > 0) - static_cast<uint32_t>(side < 0);
+  const uint32_t moved = bits + ((step ^ negative) - negative);
+  const uint32_t beside_zero = side < 0 ? 0x80000001u : 1u;
   return std::bit_cast<float>(v == 0 && step != 0 ? beside_zero : moved);
 }
 

@@ -2,6 +2,10 @@
 # Benchmarks that print figures; built with the tests, run by hand or by the slow tests.
 add_executable(ray_rate_bench ${CMAKE_CURRENT_LIST_DIR}/ray_rate_bench.cc)
 target_link_libraries(ray_rate_bench PRIVATE sheaf::render sheaf::scene sheaf::film sheaf_warnings)
+add_executable(memory_bench ${CMAKE_CURRENT_LIST_DIR}/memory_bench.cc)
+target_link_libraries(memory_bench PRIVATE sheaf::render sheaf::scene sheaf::film sheaf::image sheaf_warnings)
+add_executable(texture_memory_bench ${CMAKE_CURRENT_LIST_DIR}/texture_memory_bench.cc)
+target_link_libraries(texture_memory_bench PRIVATE sheaf::image sheaf::base sheaf_warnings)
 add_executable(geometry_bench ${CMAKE_CURRENT_LIST_DIR}/geometry_bench.cc)
 target_link_libraries(geometry_bench PRIVATE sheaf::render sheaf::scene sheaf::film sheaf_warnings)
 add_executable(many_lights_bench ${CMAKE_CURRENT_LIST_DIR}/many_lights_bench.cc)

@@ -6,13 +6,9 @@
 // second are traced among them. Memory is what the scene says of itself next to what the process
 // gained. Exits with 1 where either scene takes longer than SECONDS_MAX to make, or the process
 // grows by more than BYTES_MAX for an instance or for a segment of a curve.
-#include <malloc.h>
-#include <unistd.h>
-
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
-#include <ctime>
 #include <memory>
 #include <random>
 #include <string>
@@ -20,6 +16,7 @@
 #include <vector>
 
 #include "common/math/elementary.h"
+#include "tests/bench/measures.h"
 #include "worker/render/embree_scene.h"
 #include "worker/render/scene_geometry.h"
 
@@ -28,22 +25,6 @@ namespace {
 
 constexpr int kSegmentsPerCurve = 4;
 constexpr int kRays = 400000;
-
-double CpuSeconds() {
-  timespec now{};
-  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &now);
-  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
-}
-double ResidentBytes() {
-  malloc_trim(0);
-  FILE* file = std::fopen("/proc/self/statm", "r");
-  long pages = 0, resident = 0;
-  if (file != nullptr) {
-    if (std::fscanf(file, "%ld %ld", &pages, &resident) != 2) resident = 0;
-    std::fclose(file);
-  }
-  return static_cast<double>(resident) * static_cast<double>(sysconf(_SC_PAGESIZE));
-}
 
 class Random {
  public:
@@ -126,19 +107,19 @@ bool Measure(const std::string& name, uint64_t count, SceneDescription scene, do
              double bytes_max) {
   scene.camera.shutter_close = scene.camera.shutter_open;
   const double memory_before = ResidentBytes();
-  const double begin = CpuSeconds();
+  const double begin = ProcessCpuSeconds();
   absl::StatusOr<BakedScene> baked = BakeScene(&scene);
   if (!baked.ok()) {
     std::fprintf(stderr, "%s\n", baked.status().ToString().c_str());
     return false;
   }
-  const double baked_at = CpuSeconds();
+  const double baked_at = ProcessCpuSeconds();
   absl::StatusOr<std::unique_ptr<EmbreeScene>> tracer = EmbreeScene::Build(baked->geometry, 1);
   if (!tracer.ok()) {
     std::fprintf(stderr, "%s\n", tracer.status().ToString().c_str());
     return false;
   }
-  const double built_at = CpuSeconds();
+  const double built_at = ProcessCpuSeconds();
   const double grown = ResidentBytes() - memory_before;
   Random random;
   std::vector<RecordedRay> rays(kRays);
@@ -146,9 +127,9 @@ bool Measure(const std::string& name, uint64_t count, SceneDescription scene, do
     r.ray.o = ToFloat(random.Direction() * 2.0);
     r.ray.d = ToFloat(random.Direction() * 0.8) - r.ray.o;
   }
-  const double trace_begin = CpuSeconds();
+  const double trace_begin = ProcessCpuSeconds();
   const uint64_t met = (*tracer)->Replay(rays);
-  const double rate = kRays / (CpuSeconds() - trace_begin);
+  const double rate = kRays / (ProcessCpuSeconds() - trace_begin);
   const double seconds = built_at - begin, bytes = grown / static_cast<double>(count);
   std::printf(
       "%s: %llu; baked in %.2f s, built in %.2f s; %.0f bytes each in the process, %.0f of them "

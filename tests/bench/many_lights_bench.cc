@@ -12,12 +12,12 @@
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
-#include <ctime>
 #include <random>
 #include <string>
 #include <vector>
 
 #include "common/math/elementary.h"
+#include "tests/bench/measures.h"
 #include "worker/render/discrete_distribution.h"
 #include "worker/render/light_tree.h"
 #include "worker/render/sampler.h"
@@ -33,12 +33,6 @@ constexpr uint64_t kTimedSamples = 16384;
 constexpr int kTimedRuns = 3;
 // A renderer traces a ray for each sample and evaluates a material; many scenes take longer.
 constexpr double kRaySeconds = 1e-6;
-
-double CpuSeconds() {
-  timespec now{};
-  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
-  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
-}
 
 struct Point {
   Vec3f p, n;
@@ -216,11 +210,11 @@ void Time(const Scene& scene, const Choose& choose, double expected, Method* met
   method->seconds_per_sample = 1e30;
   double mean = 0;
   for (int run = 0; run < kTimedRuns; ++run) {
-    const double start = CpuSeconds();
+    const double start = ThreadCpuSeconds();
     mean = Estimate(scene, choose);
-    method->seconds_per_sample =
-        std::min(method->seconds_per_sample,
-                 (CpuSeconds() - start) / static_cast<double>(kTimedSamples * scene.points.size()));
+    method->seconds_per_sample = std::min(
+        method->seconds_per_sample,
+        (ThreadCpuSeconds() - start) / static_cast<double>(kTimedSamples * scene.points.size()));
   }
   std::printf("  %-8s %6.0f ns a sample, %10.4g relative variance, estimate / sum %.3f\n",
               method->name, 1e9 * method->seconds_per_sample, method->variance, mean / expected);
@@ -234,9 +228,9 @@ double Compare(const Scene& scene) {
     bounds.push_back(BoundsOf(light));
     powers.push_back(PowerOf(light));
   }
-  const double start = CpuSeconds();
+  const double start = ThreadCpuSeconds();
   const LightTree tree(bounds);
-  const double seconds = CpuSeconds() - start;
+  const double seconds = ThreadCpuSeconds() - start;
   std::printf("%s: %zu lights, tree built in %.2f s, %.1f bytes a light, depth %d\n",
               scene.name.c_str(), scene.lights.size(), seconds,
               static_cast<double>(tree.size_bytes()) / static_cast<double>(scene.lights.size()),

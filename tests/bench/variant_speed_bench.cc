@@ -7,18 +7,14 @@
 // (the generic one's over the chosen one's, by the CPU time of the thread) for each scene, and the
 // median of all. Exits with 1 where pictures differ or the median is below MIN_MEDIAN. Without a
 // FOLDER, with an empty name or one that is not there, it says so and has nothing to do.
-#include <algorithm>
 #include <cstdio>
 #include <cstdlib>
-#include <ctime>
 #include <filesystem>
 #include <optional>
 #include <string>
 #include <vector>
 
-#include "common/film/tile_geometry.h"
-#include "common/scene/render_settings.h"
-#include "common/scene/scene_reader.h"
+#include "tests/bench/bench_scene.h"
 #include "worker/render/compiled_scene.h"
 #include "worker/render/tile_pass.h"
 #include "worker/render/variants.h"
@@ -31,12 +27,6 @@ constexpr int32_t kTileSizePx = 16;
 constexpr size_t kTilesMax = 48;  // Spread evenly over the frame.
 constexpr uint64_t kSamples = 4;
 
-double CpuSeconds() {
-  timespec now{};
-  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
-  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
-}
-
 FilmTile Render(const CompiledScene& scene, const PixelRect& rect, size_t variant) {
   FilmTile tile(rect, {0, kSamples});
   PixelAccumulator accumulator(&tile);
@@ -47,14 +37,6 @@ FilmTile Render(const CompiledScene& scene, const PixelRect& rect, size_t varian
   return tile;
 }
 
-std::vector<PixelRect> TilesOf(const PixelRect& window) {
-  const std::vector<PixelRect> all = CutTiles(window, kTileSizePx);
-  const size_t step = (all.size() + kTilesMax - 1) / kTilesMax;
-  std::vector<PixelRect> tiles;
-  for (size_t i = 0; i < all.size(); i += step) tiles.push_back(all[i]);
-  return tiles;
-}
-
 struct Result {
   double ratio = 1;
   bool equal = true;
@@ -63,7 +45,7 @@ struct Result {
 Result Measure(const CompiledScene& scene) {
   const size_t chosen = ChooseVariant(scene.plan.traits, false);
   const size_t generic = ChooseVariant(scene.plan.traits, true);
-  const std::vector<PixelRect> tiles = TilesOf(scene.settings.window);
+  const std::vector<PixelRect> tiles = SomeTiles(scene.settings.window, kTileSizePx, kTilesMax);
   std::vector<double> ratios;
   Result result;
   for (int round = 0; round <= kRounds; ++round) {
@@ -71,46 +53,38 @@ Result Measure(const CompiledScene& scene) {
     // Tile by tile, so that both see the same moments of the machine; the order changes too.
     for (size_t i = 0; i < tiles.size(); ++i) {
       const bool generic_first = (i + static_cast<size_t>(round)) % 2 == 0;
-      const double start = CpuSeconds();
+      const double start = ThreadCpuSeconds();
       const FilmTile first = Render(scene, tiles[i], generic_first ? generic : chosen);
-      const double middle = CpuSeconds();
+      const double middle = ThreadCpuSeconds();
       const FilmTile second = Render(scene, tiles[i], generic_first ? chosen : generic);
-      const double end = CpuSeconds();
+      const double end = ThreadCpuSeconds();
       seconds[generic_first ? 0 : 1] += middle - start;
       seconds[generic_first ? 1 : 0] += end - middle;
       result.equal = result.equal && first == second;
     }
     if (round > 0) ratios.push_back(seconds[0] / seconds[1]);  // The first one warms caches.
   }
-  std::sort(ratios.begin(), ratios.end());
-  result.ratio = ratios[ratios.size() / 2];
+  result.ratio = MedianOf(ratios);
   return result;
 }
 
-// None where Sheaf does not render the file: fragments of scenes, media.
+// None where Sheaf does not render the file.
 std::optional<Result> MeasureFile(const std::filesystem::path& path) {
-  DirectoryFileSource files(path.parent_path().string());
-  auto read = ReadScene(path.filename().string(), files);
-  absl::Status status = read.status();
+  ReadFile file(path);
+  absl::Status status = ReadSceneFile(path, 0, &file);
   if (status.ok()) {
-    const auto settings = ResolveSettings(read->scene, {});
-    status = settings.status();
-    if (status.ok()) {
-      auto scene = CompileScene(std::move(read->scene), *settings, files);
-      status = scene.status();
-      if (status.ok()) {
-        const Result result = Measure(**scene);
-        std::printf("%-36s %-34s ratio %.3f%s\n", path.filename().c_str(),
-                    (*scene)->plan.variant_name.c_str(), result.ratio,
-                    result.equal ? "" : ", PICTURES DIFFER");
-        std::fflush(stdout);
-        return result;
-      }
+    const auto scene = CompileScene(std::move(file.scene), file.settings, file.files);
+    if (scene.ok()) {
+      const Result result = Measure(**scene);
+      std::printf("%-36s %-34s ratio %.3f%s\n", path.filename().c_str(),
+                  (*scene)->plan.variant_name.c_str(), result.ratio,
+                  result.equal ? "" : ", PICTURES DIFFER");
+      std::fflush(stdout);
+      return result;
     }
+    status = scene.status();
   }
-  const std::string reason(status.message());
-  std::printf("%-36s not rendered: %s\n", path.filename().c_str(),
-              reason.substr(0, reason.find('\n')).c_str());
+  PrintNotRendered(path, status);
   return std::nullopt;
 }
 
@@ -120,14 +94,9 @@ int Run(const std::string& folder, double median_min) {
     std::printf("no folder of scenes \"%s\": nothing to compare\n", folder.c_str());
     return 0;
   }
-  std::vector<std::filesystem::path> paths;
-  for (const auto& entry : std::filesystem::recursive_directory_iterator(folder, error)) {
-    if (entry.path().extension() == ".pbrt") paths.push_back(entry.path());
-  }
-  std::sort(paths.begin(), paths.end());
   std::vector<double> ratios;
   bool all_equal = true;
-  for (const std::filesystem::path& path : paths) {
+  for (const std::filesystem::path& path : SceneFilesAt(folder)) {
     const std::optional<Result> result = MeasureFile(path);
     if (!result) continue;
     ratios.push_back(result->ratio);
@@ -137,8 +106,7 @@ int Run(const std::string& folder, double median_min) {
     std::printf("no scene below \"%s\" is rendered: nothing to compare\n", folder.c_str());
     return 0;
   }
-  std::sort(ratios.begin(), ratios.end());
-  const double median = ratios[ratios.size() / 2];
+  const double median = MedianOf(ratios);
   std::printf("%zu scenes, median ratio %.3f, pictures %s\n", ratios.size(), median,
               all_equal ? "equal" : "DIFFER");
   return all_equal && median >= median_min ? 0 : 1;

@@ -260,17 +260,17 @@ constexpr Technique kBoth{};
 constexpr Tint kColored{1}, kGrey{0};
 
 // Scenes of large lights, so that meeting them by chance is not too rare to measure.
-TEST(TechniquesTest, LightSampledAndLightMetBoth) {
+TEST(TechniquesTest, L16LightSampledAndLightMetBoth) {
   ExpectAgreement(
       "both against sampling", Bias(),
       TilePairs(LitScenes(kColored), kBoth, {.direct_light = DirectLight::kBySampling}, 100));
 }
-TEST(TechniquesTest, LightMetAndLightSampledBoth) {
+TEST(TechniquesTest, L16LightMetAndLightSampledBoth) {
   ExpectAgreement(
       "both against meeting", Bias(),
       TilePairs(LitScenes(kColored), kBoth, {.direct_light = DirectLight::kByMeeting}, 200));
 }
-TEST(TechniquesTest, LightSampledAndLightMet) {
+TEST(TechniquesTest, L16LightSampledAndLightMet) {
   ExpectAgreement("sampling against meeting", BiasOfNoisyPair(),
                   TilePairs(LitScenes(kColored), {.direct_light = DirectLight::kBySampling},
                             {.direct_light = DirectLight::kByMeeting}, 300));

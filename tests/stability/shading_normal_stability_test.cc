@@ -255,8 +255,8 @@ TEST_F(NormalMapTest, TexelsAreDirectionsAboutTheTangents) {
                   {-0.2, 0.6, 0.8});
 }
 
-// M10: a texel that is no direction, or no number, leaves the surface's normal.
-TEST_F(NormalMapTest, TexelsWithoutDirectionLeaveTheNormal) {
+// A texel that is no direction, or no number, leaves the surface's normal.
+TEST_F(NormalMapTest, M10TexelsWithoutDirectionLeaveTheNormal) {
   const TangentPlane plane{{0.6, 0, 0.8}, {0, 3, 0}, {-2, 0, 0}, true};
   const auto table = WithNormals(Rgb::Grey(0.5f));
   EXPECT_EQ(table->ShadingNormal(0, kMiddle, 0, plane), ToFloat(plane.n));

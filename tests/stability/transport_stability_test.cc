@@ -1,9 +1,12 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Hard cases of light transport, by the names of the catalogue (A1, A3, A5, L8, M5, R6, R7, C2).
+// Hard cases of light transport, by the names of the catalogue (A1, A2, A4, A5, L8, M5, R6,
+// R7, C2).
+#include <array>
 #include <cmath>
 #include <limits>
+#include <numbers>
 #include <thread>
 #include <vector>
 
@@ -37,6 +40,106 @@ TEST(TransportStability, A1PointLightAtTheCentre) {
   light.intensity.rgb = Rgb::Grey(static_cast<float>(3.14159265358979));
   t.scene.lights.push_back({light, {}, {}, {}});
   ExpectMean(RenderMean(t.scene, SquareSettings(8, 256, 100000)), Rgb::Grey(1));
+}
+
+// A sphere of walls that reflect rho, with a share f of its area missing as a port, and a point
+// light at its centre. Any two points of a sphere see each other alike, so the wall is lit as if
+// all of it were: radiosity M E with the multiplier M = rho / (1 - rho (1 - f)), for whatever f.
+TEST(TransportStability, A4IntegratingSphereWithAPort) {
+  for (const float port : {0.02f, 0.1f, 0.4f}) {
+    for (const float reflectance : {0.5f, 0.98f}) {
+      TestScene t({0.1, -0.2, 0.3}, {0, 0, -1}, 30);
+      SphereShape sphere{1, -1, 1 - 2 * port, 360};
+      t.AddShape(sphere, t.Diffuse(Rgb::Grey(reflectance))).reverse_orientation = true;
+      PointLight light;
+      light.intensity.rgb = Rgb::Grey(static_cast<float>(std::numbers::pi));
+      t.scene.lights.push_back({light, {}, {}, {}});
+      SCOPED_TRACE(testing::Message() << "port " << port << ", reflectance " << reflectance);
+      ExpectMean(RenderMean(t.scene, SquareSettings(4, 256, 1 << 20)),
+                 Rgb::Grey(reflectance / (1 - reflectance * (1 - port))));
+    }
+  }
+}
+
+// The faces of the cube [-1, 1]^3, each with its inward normal along `axis`, from the side `sign`.
+struct Wall {
+  size_t axis;
+  double sign;
+  float reflectance, emission;
+};
+const Wall kWalls[] = {{0, -1, 0.9f, 0}, {0, 1, 0.2f, 0.1f}, {1, -1, 0.5f, 0},
+                       {1, 1, 0.7f, 1},  {2, -1, 0.3f, 0},   {2, 1, 0.6f, 0.5f}};
+
+TestScene UnequalBox() {
+  TestScene t({0, 0, 0}, {0, 0, 1}, 90);
+  for (const Wall& wall : kWalls) {
+    Vec3d n{}, a{}, b{};
+    n[wall.axis] = wall.sign;
+    a[(wall.axis + 1) % 3] = 1;
+    b[(wall.axis + 2) % 3] = wall.sign;
+    // Counter-clockwise as seen from inside: a x b points outwards, so a goes backwards.
+    const auto corner = [&](double u, double v) { return ToFloat(n - a * u + b * v); };
+    ShapeDescription& shape =
+        t.AddShape(MeshShape{t.Quad(corner(-1, -1), corner(1, -1), corner(1, 1), corner(-1, 1))},
+                   t.Diffuse(Rgb::Grey(wall.reflectance)));
+    if (wall.emission > 0) shape.area_light = t.AreaLight(Rgb::Grey(wall.emission));
+  }
+  return t;
+}
+
+// Mean radiance that leaves the wall, seen whole by an orthographic camera at the centre.
+TileMean MeanOfWall(const Wall& wall) {
+  TestScene t = UnequalBox();
+  Vec3d at{}, up{};
+  at[wall.axis] = wall.sign;
+  up[(wall.axis + 1) % 3] = 1;
+  t.SetCamera({0, 0, 0}, at, 90, up);
+  t.scene.camera.kind = CameraDescription::Kind::kOrthographic;
+  return RenderMean(t.scene, SquareSettings(8, 1024, 1 << 20));
+}
+
+// Radiosities of six evenly bright walls: B = M + rho F B, by iteration. Form factors of a cube's
+// opposite and adjacent faces, which sum to 1 with four of the latter.
+std::array<double, 6> EvenRadiosities() {
+  constexpr double kOpposite = 0.1998248957, kAdjacent = 0.2000437761;
+  std::array<double, 6> radiosity{};
+  for (int i = 0; i < 400; ++i) {
+    std::array<double, 6> next{};
+    for (size_t to = 0; to < 6; ++to) {
+      double arriving = 0;
+      for (size_t from = 0; from < 6; ++from) {
+        if (from == to) continue;
+        const bool is_opposite = kWalls[from].axis == kWalls[to].axis;
+        arriving += (is_opposite ? kOpposite : kAdjacent) * radiosity[from];
+      }
+      next[to] = static_cast<double>(kWalls[to].emission) +
+                 static_cast<double>(kWalls[to].reflectance) * arriving;
+    }
+    radiosity = next;
+  }
+  return radiosity;
+}
+
+// What the walls of a closed box emit they absorb, to the last photon; and the mean of each is that
+// of six evenly bright walls but for what the light's unevenness over a wall changes, some percent.
+TEST(TransportStability, A2ClosedBoxOfUnequalWalls) {
+  const std::array<double, 6> even = EvenRadiosities();
+  double emitted = 0, absorbed = 0, variance = 0;
+  for (size_t i = 0; i < 6; ++i) {
+    const TileMean mean = MeanOfWall(kWalls[i]);
+    EXPECT_EQ(mean.non_finite, 0u);
+    const double emission = static_cast<double>(kWalls[i].emission),
+                 reflectance = static_cast<double>(kWalls[i].reflectance);
+    const double per_radiance = (1 - reflectance) / reflectance;
+    emitted += emission;
+    absorbed += (static_cast<double>(mean.mean[0]) - emission) * per_radiance;
+    const double error = static_cast<double>(mean.standard_error[0]);
+    variance += error * error * per_radiance * per_radiance;
+    EXPECT_NEAR(static_cast<double>(mean.mean[0]), even[i], 0.03 * even[i] + 5 * error)
+        << "wall " << i;
+  }
+  EXPECT_NEAR(absorbed, emitted, 5 * std::sqrt(variance));
+  EXPECT_LT(std::sqrt(variance), 2e-3 * emitted);
 }
 
 // R6: at reflectance 0.99 roulette must neither lose nor make energy over hundreds of bounces.

@@ -101,7 +101,7 @@ TEST(WavelengthsTest, DensityIsTheInverseOfTheStepBetweenSamples) {
   }
 }
 
-TEST(SigmoidSpectrumTest, GreysAreConstant) {
+TEST(SigmoidSpectrumTest, M14GreysAreConstant) {
   for (const float grey : {0.f, 1e-6f, 0.01f, 0.18f, 0.5f, 0.73f, 0.999f, 1.f}) {
     const SigmoidSpectrum spectrum = FitSigmoid(Rgb::Grey(grey));
     EXPECT_EQ(spectrum.c1, 0);
@@ -123,7 +123,7 @@ TEST(SigmoidSpectrumTest, ColorsKeepTheirRgb) {
   }
 }
 
-TEST(SigmoidSpectrumTest, EdgesOfTheGamutAreReached) {
+TEST(SigmoidSpectrumTest, M14EdgesOfTheGamutAreReached) {
   const Rgb edges[] = {{1, 0, 0},         {0, 1, 0},        {0, 0, 1},         {1, 1, 0},
                        {0, 1, 1},         {1, 0, 1},        {0.9f, 0.001f, 0}, {0, 0.5f, 0},
                        {1e-6f, 5e-7f, 0}, {1.f / 16, 0, 0}, {1, 0.9999f, 1},   {1, 1, 0.999f},
@@ -184,7 +184,7 @@ TEST(SpectralColorTest, ColorsOutsideOfTheGamutKeepTheirTrueRgb) {
   }
 }
 
-TEST(SpectralColorTest, GreysAreExact) {
+TEST(SpectralColorTest, M14GreysAreExact) {
   const Wavelengths w = Wavelengths::Sample(0.3f);
   for (const float grey : {0.f, 1e-4f, 0.02f, 0.18f, 0.5f, 0.999f, 1.f}) {
     for (const ColorRole role : {ColorRole::kReflectance, ColorRole::kUnbounded}) {
