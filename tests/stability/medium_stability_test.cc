@@ -3,6 +3,7 @@
 //
 // Hard cases of participating media, by the names of the catalogue (V1, V2, V6, V8 to V13, G12).
 // Means are held by ExpectMean's 5 standard errors, where not said otherwise.
+#include <array>
 #include <cmath>
 #include <string>
 #include <vector>
@@ -196,7 +197,7 @@ TEST(MediumStability, V12WhiteFurnace) {
   }
 }
 
-// G12: the transmittance of a unit box, through a hundred faces that lie within it.
+// G12: what two boxes let through, one within the other and in the place of its medium.
 TEST(MediumStability, G12NestedBoxes) {
   FogScene t({0.1, 0.2, -4}, {0, 0, 0}, 0.01f);
   t.ConstantEnvironment(Rgb::Grey(1));

@@ -93,6 +93,7 @@ class PathTracer {
     MediumSet set;
     MediumMix<Color> mix;
     NearPlane near;
+    Vec3f camera_o;  // Where the path began.
   };
   struct InVacuum {};
 

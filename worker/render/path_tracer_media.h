@@ -18,6 +18,7 @@ namespace sheaf::render {
 
 template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight>
 void PathTracer<kTraits, Tracer, kDirectLight>::StartInMedia(Path* path) const {
+  path->media.camera_o = path->ray.o;
   if (!scene_.media) return;
   path->media.set = scene_.media->camera_media();
   path->media.mix = scene_.media->template MixOf<Color>(path->media.set, path->wavelengths);
@@ -133,7 +134,7 @@ void PathTracer<kTraits, Tracer, kDirectLight>::RecordMedium(Vec3f p, const Path
       [&](size_t i) { return mix.sigma_t[i] > 0 ? mix.sigma_s[i] / mix.sigma_t[i] : 0; });
   film->alpha = 1;
   film->normal = {};
-  film->depth = Length(p - path.ray.o);
+  film->depth = Length(p - path.media.camera_o);
   if constexpr (kOutputs) {
     if (outputs_ != nullptr) RecordFirstEventInMedium(scene_, path.ray, p, outputs_);
   }
