@@ -222,7 +222,7 @@ TEST(MediumStability, G12BrokenNestingIsCounted) {
 
 TEST(MediumStability, V8TheSetCountsAndForgetsTheOrder) {
   MediumSet set;
-  for (const uint16_t medium : {7, 3, 7, 5}) EXPECT_TRUE(set.Add(medium));
+  for (const uint16_t medium : std::vector<uint16_t>{7, 3, 7, 5}) EXPECT_TRUE(set.Add(medium));
   EXPECT_EQ(std::vector<uint16_t>(set.begin(), set.end()), (std::vector<uint16_t>{3, 5, 7, 7}));
   EXPECT_TRUE(set.Remove(7));
   EXPECT_FALSE(set.Remove(4));
