@@ -35,8 +35,9 @@ enum class Trait : uint32_t {
   kNormalMaps = 1u << 16,           // Normal and bump maps.
   kVaryingEmission = 1u << 17,      // Emissive shapes with a picture or a cut-out.
   kOutputs = 1u << 18,              // More than the picture: FilmOutputs.
+  kDeformation = 1u << 19,          // Meshes whose vertices move within an open shutter.
 };
-inline constexpr int kTraitCount = 19;
+inline constexpr int kTraitCount = 20;
 
 struct PlannedEffect {
   Trait trait{};
