@@ -40,7 +40,7 @@ SceneBuilder::SceneBuilder(SceneDescription* scene, FileSource* files, Diagnosti
       memory_bytes_max_(limits.memory_bytes_max),
       textures_(scene, files, diagnostics),
       materials_(scene, &textures_, files, diagnostics),
-      shapes_(scene, files, diagnostics, limits) {
+      shapes_(scene, &textures_, files, diagnostics, limits) {
   scene_->sampling.sampler = "zsobol";
   scene_->sampling.integrator = "volpath";
 }

@@ -3,6 +3,7 @@
 //
 // The part of SceneBuilder that handles options and what stands in the world: materials, textures,
 // shapes, instances and lights.
+#include <cmath>
 #include <optional>
 #include <utility>
 #include <variant>
@@ -38,6 +39,14 @@ void SceneBuilder::Option(const std::string& name, const std::string& value,
       diagnostics_->Error(location,
                           absl::StrCat("option \"seed\": \"", value, "\" is not an integer"));
     }
+  } else if (option == "displacementedgescale") {
+    float scale = 0;
+    if (!ParseFloat(value, &scale) || !(scale > 0 && std::isfinite(scale))) {
+      diagnostics_->Error(location, absl::StrCat("option \"displacementedgescale\": \"", value,
+                                                 "\" is not a number greater than 0"));
+      return;
+    }
+    shapes_.set_displacement_edge_scale(scale);
   } else if (option == "disablewavelengthjitter" || option == "pixelstats" ||
              option == "wavefront" || option == "rendercoordsys") {
     diagnostics_->Note(location, absl::StrCat("option \"", option,

@@ -179,12 +179,20 @@ struct MaterialDescription {
 
 // --- Geometry ----------------------------------------------------------------------------------
 
+// A mesh's vertices at another time.
+struct VertexStep {
+  std::vector<Vec3f> positions;  // As many as the mesh has.
+  std::vector<Vec3f> normals;    // Empty where the mesh has none, else as many.
+};
 struct TriangleMesh {
   std::vector<Vec3f> positions;   // Object space.
   std::vector<Vec3f> normals;     // Empty or one per position.
   std::vector<Vec2f> uvs;         // Empty or one per position.
   std::vector<uint32_t> indices;  // Three per triangle; every index is < positions.size().
   std::string file;               // Canonical name of the mesh file, empty for inline meshes.
+  // Of a mesh that deforms: positions and normals above are those when the shutter opens, these
+  // follow at even steps of time, the last when it closes. Vertices go straight between two steps.
+  std::vector<VertexStep> steps = {};
 };
 // Bilinear patches: corners at (u, v) = (0,0), (1,0), (0,1), (1,1), in this order.
 struct BilinearMesh {
@@ -203,8 +211,14 @@ struct CylinderShape {
   float radius = 1, z_min = -1, z_max = 1, phi_max_degrees = 360;
 };
 struct MeshShape {
-  int32_t mesh = kNone;
-};  // Index in meshes: equal files share one mesh.
+  int32_t mesh = kNone;  // Index in meshes: equal files share one mesh.
+  // How far the surface is moved along its normals, in object space. The mesh is refined before
+  // until no edge is longer than edge_length, in the space that the shape's transform leads to.
+  FloatInput displacement{0, kNone};
+  float edge_length = 1;
+
+  bool IsDisplaced() const { return displacement.texture != kNone || displacement.value != 0; }
+};
 struct BilinearMeshShape {
   int32_t mesh = kNone;
 };  // Index in bilinear_meshes: each shape has its own.

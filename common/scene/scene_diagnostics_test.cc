@@ -20,6 +20,10 @@ void WriteText(const std::string& path, const std::string& text) {
   std::ofstream(path, std::ios::binary) << text;
 }
 
+const std::string kHeader =
+    "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n"
+    "property float z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n";
+
 struct BadScene {
   const char* name;
   const char* text;
@@ -42,6 +46,8 @@ TEST_P(BadSceneTest, SaysWhereAndWhat) {
   WriteText(directory + "/loop.pbrt", "Include \"loop.pbrt\"\n");
   WriteText(directory + "/open.pbrt", "AttributeBegin\n");
   WriteText(directory + "/bad.ply", "ply\nformat ascii 1.0\n");
+  WriteText(directory + "/one.ply", kHeader + "0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n");
+  WriteText(directory + "/two.ply", kHeader + "0 0 0\n1 0 0\n0 1 0\n3 0 2 1\n");
   WriteText(directory + "/bad.spd", "400 1 x\n");
   WriteText(directory + "/bad.IES", "TILT=NONE\nx\n");
   DirectoryFileSource files(directory);
@@ -257,10 +263,40 @@ constexpr BadScene kBadScenes[] = {
      "WorldBegin\nShape \"bilinearmesh\" \"point3 P\" [0 0 0 1 0 0 0 1 0 1 1 0] \"point2 uv\" [0 "
      "1]\n",
      "parameter \"uv\" has 1 entries, but P has 4 vertices"},
-    {"PatchEmission",
-     "WorldBegin\nShape \"bilinearmesh\" \"point3 P\" [0 0 0 1 0 0 0 1 0 1 1 0] \"string "
-     "emissionfilename\" \"a.png\"\n",
-     "main.pbrt:2:59: shape \"bilinearmesh\": parameter \"emissionfilename\" is not supported"},
+    {"EdgeLength",
+     "WorldBegin\nShape \"trianglemesh\" \"point3 P\" [0 0 0 1 0 0 0 1 0]\n"
+     "  \"float displacement\" 1 \"float displacement.edgelength\" 0\n",
+     "main.pbrt:3:26: shape \"trianglemesh\": parameter \"displacement.edgelength\" must be "
+     "greater "
+     "than 0"},
+    {"EdgeScale", "Option \"float displacementedgescale\" -1\nWorldBegin\n",
+     "main.pbrt:1:1: option \"displacementedgescale\": \"-1\" is not a number greater than 0"},
+    {"StepCount",
+     "WorldBegin\nShape \"trianglemesh\" \"point3 P\" [0 0 0 1 0 0 0 1 0]\n"
+     "  \"point3 P1\" [0 0 0 1 0 0]\n",
+     "main.pbrt:3:3: shape \"trianglemesh\": parameter \"P1\" has 2 entries, but P has 3"},
+    {"StepWithoutNormals",
+     "WorldBegin\nShape \"trianglemesh\" \"point3 P\" [0 0 0 1 0 0 0 1 0]\n"
+     "  \"normal N\" [0 0 1 0 0 1 0 0 1] \"point3 P1\" [0 0 0 1 0 0 0 1 1]\n",
+     "main.pbrt:3:34: shape \"trianglemesh\": parameter \"P1\" needs \"normal N1\" where there is"},
+    {"StepMissing",
+     "WorldBegin\nShape \"trianglemesh\" \"point3 P\" [0 0 0 1 0 0 0 1 0]\n"
+     "  \"point3 P2\" [0 0 0 1 0 0 0 1 1]\n",
+     "main.pbrt:3:3: shape \"trianglemesh\": parameter \"P2\" is unknown here"},
+    {"StepsOfALight",
+     "WorldBegin\nAreaLightSource \"diffuse\"\n"
+     "Shape \"trianglemesh\" \"point3 P\" [0 0 0 1 0 0 0 1 0] \"point3 P1\" [0 0 0 1 0 0 0 1 1]\n",
+     "main.pbrt:3:1: shape \"trianglemesh\": a mesh that deforms cannot be an area light"},
+    {"DisplacedSteps",
+     "WorldBegin\nShape \"trianglemesh\" \"point3 P\" [0 0 0 1 0 0 0 1 0]\n"
+     "  \"point3 P1\" [0 0 0 1 0 0 0 1 1] \"float displacement\" 1\n",
+     "main.pbrt:3:35: shape \"trianglemesh\": parameter \"displacement\" is not supported for a "
+     "mesh "
+     "that deforms"},
+    {"StepFile",
+     "WorldBegin\nShape \"plymesh\" \"string filename\" \"one.ply\" \"string filename1\" "
+     "\"two.ply\"\n",
+     "main.pbrt:2:45: shape \"plymesh\": parameter \"filename1\" does not fit \"filename\""},
     {"CylinderRadius", "WorldBegin\nShape \"cylinder\" \"float radius\" 0\n",
      "main.pbrt:2:1: shape \"cylinder\": needs radius > 0 and zmin other than zmax, but has radius "
      "0"},

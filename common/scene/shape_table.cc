@@ -3,12 +3,14 @@
 #include "common/scene/shape_table.h"
 
 #include <algorithm>
+#include <cmath>
 #include <utility>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "common/scene/curve_reader.h"
 #include "common/scene/loop_subdivision.h"
+#include "common/scene/mesh_parameters.h"
 #include "common/scene/ply_reader.h"
 
 namespace sheaf {
@@ -30,64 +32,6 @@ void Append(const std::vector<T>& from, std::vector<T>* to) {
 uint64_t CurveBytes(const CurveSet& curves) {
   return (curves.points.size() + curves.normals.size()) * sizeof(Vec3f) +
          curves.widths.size() * sizeof(float);
-}
-
-// Of triangles or patches.
-template <typename Mesh>
-uint64_t MeshBytes(const Mesh& mesh) {
-  return mesh.positions.size() * sizeof(Vec3f) + mesh.normals.size() * sizeof(Vec3f) +
-         mesh.uvs.size() * sizeof(Vec2f) + mesh.indices.size() * sizeof(uint32_t) + sizeof(Mesh);
-}
-
-// What a mesh is made of.
-struct FaceKind {
-  const char* name;         // "triangle"
-  const char* corner_text;  // "three"
-  size_t corner_count;
-};
-constexpr FaceKind kTriangle{"triangle", "three", 3};
-constexpr FaceKind kPatch{"patch", "four", 4};
-
-// Every problem is reported; the mesh counts only without one.
-template <typename Mesh>
-bool SetIndices(ParameterList& parameters, const FaceKind& face, Mesh* mesh) {
-  const Parameter* parameter = parameters.FindTyped("indices", ParameterType::kInteger);
-  const size_t vertex_count = mesh->positions.size();
-  if (parameter == nullptr) {
-    if (parameters.Has("indices")) return false;
-    if (vertex_count == face.corner_count) {
-      for (uint32_t i = 0; i < face.corner_count; ++i) mesh->indices.push_back(i);
-      return true;
-    }
-    parameters.Error(absl::StrCat(
-        parameters.owner(), " needs \"integer indices\" where it has more than one ", face.name));
-    return false;
-  }
-  const std::vector<int32_t>& indices = parameter->integers;
-  if (indices.size() % face.corner_count != 0) {
-    parameters.ErrorAt(*parameter, absl::StrCat("needs ", face.corner_text, " indices a ",
-                                                face.name, ", but has ", indices.size()));
-    return false;
-  }
-  for (size_t i = 0; i < indices.size(); ++i) {
-    if (indices[i] >= 0 && static_cast<size_t>(indices[i]) < vertex_count) continue;
-    parameters.ErrorAt(*parameter, absl::StrCat("holds ", indices[i], " in ", face.name, " ",
-                                                i / face.corner_count, ", outside [0, ",
-                                                vertex_count, "), the range of P's vertices"));
-    return false;
-  }
-  mesh->indices.assign(indices.begin(), indices.end());
-  return true;
-}
-
-template <typename T>
-bool CheckCountOf(ParameterList& parameters, const char* name, const std::vector<T>& values,
-                  size_t vertex_count) {
-  if (values.empty() || values.size() == vertex_count) return true;
-  parameters.ErrorAt(
-      *parameters.Find(name),
-      absl::StrCat("has ", values.size(), " entries, but P has ", vertex_count, " vertices"));
-  return false;
 }
 
 }  // namespace
@@ -135,52 +79,93 @@ bool ShapeTable::SetShape(const std::string& type, ParameterList& parameters,
 
 bool ShapeTable::SetTriangleMesh(ParameterList& parameters, ShapeDescription* shape) {
   TriangleMesh mesh;
-  mesh.positions = parameters.GetTriples("P", ParameterType::kPoint3);
-  mesh.normals = parameters.GetTriples("N", ParameterType::kNormal);
-  mesh.uvs = parameters.GetPoints2("uv");
   parameters.NoteWithoutEffect("S", "no material of Sheaf depends on tangents");
-  parameters.NoteWithoutEffect("faceIndices", "Sheaf has no ptex textures");
-  if (mesh.positions.empty()) {
-    parameters.Error(absl::StrCat(parameters.owner(), " needs \"point3 P\", its vertices"));
-    parameters.Find("indices");
-    return false;
-  }
-  const size_t vertex_count = mesh.positions.size();
-  bool is_good = SetIndices(parameters, kTriangle, &mesh);
-  is_good = CheckCountOf(parameters, "N", mesh.normals, vertex_count) && is_good;
-  is_good = CheckCountOf(parameters, "uv", mesh.uvs, vertex_count) && is_good;
-  if (!is_good) return false;
+  if (!ReadTriangles(parameters, &mesh) || !ReadVertexSteps(parameters, &mesh)) return false;
   MeshShape mesh_shape;
   if (!AddMesh(std::move(mesh), parameters, &mesh_shape.mesh)) return false;
-  shape->shape = mesh_shape;
-  return true;
+  return FinishMesh(parameters, shape, mesh_shape);
+}
+
+std::optional<TriangleMesh> ShapeTable::ReadPlyFiles(const std::vector<std::string>& names,
+                                                     ParameterList& parameters) {
+  std::optional<TriangleMesh> mesh;
+  for (size_t i = 0; i < names.size(); ++i) {
+    const Parameter& parameter =
+        *parameters.Find(i == 0 ? std::string("filename") : absl::StrCat("filename", i));
+    const absl::StatusOr<std::string> path = files_->LocalPath(names[i]);
+    absl::StatusOr<TriangleMesh> step = absl::UnknownError("");
+    if (path.ok()) step = ReadPly(*path, limits_);
+    const absl::Status status = path.ok() ? step.status() : path.status();
+    if (!status.ok()) {
+      parameters.ErrorAt(parameter,
+                         absl::StrCat("cannot be read: ", names[i], ": ", status.message()));
+      return std::nullopt;
+    }
+    if (!mesh.has_value()) {
+      mesh = *std::move(step);
+      mesh->file = names[i];
+      continue;
+    }
+    if (step->positions.size() != mesh->positions.size() || step->indices != mesh->indices ||
+        step->normals.empty() != mesh->normals.empty()) {
+      parameters.ErrorAt(parameter, absl::StrCat("does not fit \"filename\": ", names[i],
+                                                 " must have the same vertices and faces, with "
+                                                 "normals where that has them"));
+      return std::nullopt;
+    }
+    mesh->steps.push_back({std::move(step->positions), std::move(step->normals)});
+  }
+  if (mesh.has_value()) DropEqualSteps(&*mesh);
+  return mesh;
 }
 
 bool ShapeTable::SetPlyMesh(ParameterList& parameters, ShapeDescription* shape) {
-  parameters.RejectUnsupported("displacement", "Sheaf does not displace meshes; remove it");
-  parameters.NoteWithoutEffect("edgelength", "it is for displacement");
-  const std::string filename = parameters.GetString("filename", "");
-  if (filename.empty()) {
+  std::vector<std::string> names;
+  for (int i = 0; i <= kVertexStepsMax; ++i) {
+    const std::string filename =
+        parameters.GetString(i == 0 ? std::string("filename") : absl::StrCat("filename", i), "");
+    if (filename.empty()) break;
+    names.push_back(CanonicalFileName(filename));
+  }
+  if (names.empty()) {
     parameters.Error(absl::StrCat(parameters.owner(), " needs \"string filename\""));
     return false;
   }
-  const std::string name = CanonicalFileName(filename);
-  const auto [entry, is_new] = mesh_of_file_.emplace(name, kNone);
+  const auto [entry, is_new] = mesh_of_files_.emplace(names, kNone);
   if (is_new) {
-    const Parameter& parameter = *parameters.Find("filename");
-    const absl::StatusOr<std::string> path = files_->LocalPath(name);
-    absl::StatusOr<TriangleMesh> mesh = absl::UnknownError("");
-    if (path.ok()) mesh = ReadPly(*path, limits_);
-    const absl::Status status = path.ok() ? mesh.status() : path.status();
-    if (!status.ok()) {
-      parameters.ErrorAt(parameter, absl::StrCat("cannot be read: ", name, ": ", status.message()));
-      return false;
-    }
-    mesh->file = name;
-    if (!AddMesh(std::move(*mesh), parameters, &entry->second)) return false;
+    std::optional<TriangleMesh> mesh = ReadPlyFiles(names, parameters);
+    if (!mesh.has_value() || !AddMesh(*std::move(mesh), parameters, &entry->second)) return false;
   }
   if (entry->second == kNone) return false;  // Reported at its first use.
-  shape->shape = MeshShape{entry->second};
+  return FinishMesh(parameters, shape, MeshShape{entry->second});
+}
+
+bool ShapeTable::FinishMesh(ParameterList& parameters, ShapeDescription* shape, MeshShape mesh) {
+  const bool has_displacement = parameters.Has("displacement");
+  mesh.displacement = textures_->GetFloatInput(parameters, "displacement", 0);
+  for (const char* name : {"displacement.edgelength", "edgelength"}) {
+    const float edge_length = parameters.GetFloat(name, mesh.edge_length);
+    if (!(edge_length > 0 && std::isfinite(edge_length))) {
+      parameters.ErrorAt(*parameters.Find(name), "must be greater than 0");
+      return false;
+    }
+    mesh.edge_length = edge_length;
+    if (!has_displacement) parameters.NoteWithoutEffect(name, "it is for displacement");
+  }
+  mesh.edge_length *= displacement_edge_scale_;
+  shape->shape = mesh;
+  if (!Deforms(scene_->meshes[static_cast<size_t>(mesh.mesh)])) return true;
+  if (shape->area_light != kNone) {
+    parameters.Error(absl::StrCat(parameters.owner(),
+                                  ": a mesh that deforms cannot be an area light; take it out of "
+                                  "the AreaLightSource, or give it one set of vertices"));
+    return false;
+  }
+  if (mesh.IsDisplaced()) {
+    parameters.ErrorAt(*parameters.Find("displacement"),
+                       "is not supported for a mesh that deforms; displace the files of its steps");
+    return false;
+  }
   return true;
 }
 
@@ -196,7 +181,7 @@ bool ShapeTable::SetLoopSubdivision(ParameterList& parameters, ShapeDescription*
     parameters.Find("indices");
     return false;
   }
-  if (!SetIndices(parameters, kTriangle, &control)) return false;
+  if (!ReadTriangleIndices(parameters, &control)) return false;
   const uint64_t triangles_max =
       std::min(limits_.triangles_max, limits_.memory_bytes_max / kRefinedTriangleBytes);
   absl::StatusOr<TriangleMesh> mesh =
@@ -207,8 +192,7 @@ bool ShapeTable::SetLoopSubdivision(ParameterList& parameters, ShapeDescription*
   }
   MeshShape mesh_shape;
   if (!AddMesh(std::move(*mesh), parameters, &mesh_shape.mesh)) return false;
-  shape->shape = mesh_shape;
-  return true;
+  return FinishMesh(parameters, shape, mesh_shape);
 }
 
 bool ShapeTable::ChargeTriangles(uint64_t count, ParameterList& parameters) {
@@ -229,22 +213,11 @@ bool ShapeTable::AddMesh(TriangleMesh mesh, ParameterList& parameters, int32_t* 
 
 bool ShapeTable::SetBilinearMesh(ParameterList& parameters, ShapeDescription* shape) {
   BilinearMesh mesh;
-  mesh.positions = parameters.GetTriples("P", ParameterType::kPoint3);
-  mesh.normals = parameters.GetTriples("N", ParameterType::kNormal);
-  mesh.uvs = parameters.GetPoints2("uv");
-  parameters.RejectUnsupported("emissionfilename",
-                               "Sheaf has no emission from images; give the light one colour");
-  parameters.NoteWithoutEffect("faceIndices", "Sheaf has no ptex textures");
-  if (mesh.positions.empty()) {
-    parameters.Error(absl::StrCat(parameters.owner(), " needs \"point3 P\", its vertices"));
-    parameters.Find("indices");
-    return false;
-  }
-  const size_t vertex_count = mesh.positions.size();
-  bool is_good = SetIndices(parameters, kPatch, &mesh);
-  is_good = CheckCountOf(parameters, "N", mesh.normals, vertex_count) && is_good;
-  is_good = CheckCountOf(parameters, "uv", mesh.uvs, vertex_count) && is_good;
-  if (!is_good) return false;
+  parameters.NoteWithoutEffect(
+      "emissionfilename",
+      "it says how pbrt-v4 chooses points of a light; what shines is the AreaLightSource's "
+      "\"filename\", by which Sheaf chooses them");
+  if (!ReadPatches(parameters, &mesh)) return false;
   if (!ChargeTriangles(mesh.indices.size() / 2, parameters)) return false;
   if (!ChargeMemory(MeshBytes(mesh), parameters.location())) return false;
   shape->shape = BilinearMeshShape{static_cast<int32_t>(scene_->bilinear_meshes.size())};

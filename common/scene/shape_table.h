@@ -7,6 +7,7 @@
 
 #include <cstdint>
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -14,15 +15,23 @@
 #include "common/scene/parameter_list.h"
 #include "common/scene/scene_description.h"
 #include "common/scene/scene_reader.h"
+#include "common/scene/texture_table.h"
 
 namespace sheaf {
 
 class ShapeTable {
  public:
   // Requires: all outlive this.
-  ShapeTable(SceneDescription* scene, FileSource* files, Diagnostics* diagnostics,
-             const SceneReaderLimits& limits)
-      : scene_(scene), files_(files), diagnostics_(diagnostics), limits_(limits) {}
+  ShapeTable(SceneDescription* scene, TextureTable* textures, FileSource* files,
+             Diagnostics* diagnostics, const SceneReaderLimits& limits)
+      : scene_(scene),
+        textures_(textures),
+        files_(files),
+        diagnostics_(diagnostics),
+        limits_(limits) {}
+
+  // What the edge lengths of displaced meshes are multiplied by. Requires: scale > 0.
+  void set_displacement_edge_scale(float scale) { displacement_edge_scale_ = scale; }
 
   // Fills in shape->shape from the parameters, and reports those nobody asked for. False (reported)
   // where there is no shape to add.
@@ -45,15 +54,24 @@ class ShapeTable {
   bool SetDisk(ParameterList& parameters, ShapeDescription* shape);
   bool SetCylinder(ParameterList& parameters, ShapeDescription* shape);
   bool SetCurve(ParameterList& parameters, ShapeDescription* shape);
+  // The mesh of one file, or of several, one for each step over the shutter. Nothing (reported)
+  // where one cannot be read or does not fit the first.
+  std::optional<TriangleMesh> ReadPlyFiles(const std::vector<std::string>& names,
+                                           ParameterList& parameters);
   bool AddMesh(TriangleMesh mesh, ParameterList& parameters, int32_t* index);
+  // What the shape does with its mesh. False (reported) where that does not go together.
+  bool FinishMesh(ParameterList& parameters, ShapeDescription* shape, MeshShape mesh);
   // False (reported) beyond triangles_max; a patch counts as two triangles.
   bool ChargeTriangles(uint64_t count, ParameterList& parameters);
 
   SceneDescription* scene_;
+  TextureTable* textures_;
   FileSource* files_;
   Diagnostics* diagnostics_;
   SceneReaderLimits limits_;
-  std::map<std::string, int32_t> mesh_of_file_;  // kNone for files that cannot be read.
+  float displacement_edge_scale_ = 1;
+  // By the names of a mesh's files; kNone where they cannot be read.
+  std::map<std::vector<std::string>, int32_t> mesh_of_files_;
   uint64_t memory_bytes_ = 0;
   uint64_t triangle_count_ = 0;
 };

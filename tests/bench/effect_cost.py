@@ -53,6 +53,8 @@ SCENES = {
     "motion": CAMERA + "WorldBegin\n" + FLOOR + LAMP + DIFFUSE +
               "AttributeBegin\nActiveTransform EndTime\nTranslate 0.5 0 0\nActiveTransform All\n" +
               BOX + "AttributeEnd\n",
+    "deformation": CAMERA + "WorldBegin\n" + FLOOR + LAMP + DIFFUSE +
+                   BOX.strip() + ' "point3 P1" %s\n' % P.replace("1.3", "1.5"),
     "lens": 'Camera "perspective" "float fov" [45] "float lensradius" [0.1] '
             '"float focaldistance" [4]\nWorldBegin\n' + FLOOR + LAMP + DIFFUSE + BOX,
     "textures": CAMERA + 'WorldBegin\nTexture "checks" "spectrum" "checkerboard" '

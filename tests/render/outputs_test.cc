@@ -103,6 +103,25 @@ TEST(OutputsTest, MotionOfSurfaceAndCamera) {
   EXPECT_NEAR(At(picture, "motion.Y", 4, 9), 0, 1e-4);
 }
 
+// The same wall, its vertices moved instead; then by its transform as well, twice as far.
+TEST(OutputsTest, MotionOfDeformation) {
+  FrameSettings settings = SquareSettings(kSizePx, 16, 1);
+  settings.outputs.Add(Aov::kMotion);
+  TestScene t = Wall();
+  t.scene.camera.shutter_close = 1;
+  TriangleMesh& mesh = t.scene.meshes[0];
+  mesh.steps.resize(2, VertexStep{mesh.positions, {}});
+  for (Vec3f& p : mesh.steps[0].positions) p = p + Vec3f{0.5f, 0, 0};
+  for (Vec3f& p : mesh.steps[1].positions) p = p + Vec3f{0.5f, 0.25f, 0};
+  FramePicture picture = RenderPicture(t.scene, settings);
+  EXPECT_NEAR(At(picture, "motion.X", 4, 9), 2, 1e-4);
+  EXPECT_NEAR(At(picture, "motion.Y", 4, 9), -1, 1e-4);
+  t.scene.shapes[0].world_from_object.end = TranslateMatrix({0.5, 0.25, 0});
+  picture = RenderPicture(t.scene, settings);
+  EXPECT_NEAR(At(picture, "motion.X", 4, 9), 4, 1e-4);
+  EXPECT_NEAR(At(picture, "motion.Y", 4, 9), -2, 1e-4);
+}
+
 TestScene RoomWithGroups() {
   TestScene t = LitRoom(1);
   t.scene.area_lights[0].group = "ceiling";

@@ -97,6 +97,25 @@ TEST(LeaveOutTest, EveryEffectCanBeLeftOutAndTheRestStays) {
   }
 }
 
+// What deforms is in motion: without motion it keeps its shape, without deformation the rest moves.
+TEST(LeaveOutTest, DeformationIsLeftOutByItself) {
+  TestScene t = Everything();
+  TriangleMesh& floor = t.scene.meshes[0];
+  floor.steps.push_back({floor.positions, {}});
+  floor.steps[0].positions[0].y = 0.5f;
+  const FrameSettings settings = SquareSettings(8, 1, 3);
+  const uint32_t whole = MakeRenderPlan(t.scene, settings).traits;
+  EXPECT_TRUE(Has(whole, Trait::kDeformation));
+  TableFileSource files({});
+  const auto rest = [&](Trait trait) {
+    const absl::StatusOr<SceneWithout> without = LeaveOut(trait, t.scene, settings, files);
+    EXPECT_TRUE(without.ok()) << without.status();
+    return MakeRenderPlan(without->scene, without->settings).traits;
+  };
+  EXPECT_EQ(rest(Trait::kDeformation), whole & ~TraitSet(Trait::kDeformation));
+  EXPECT_EQ(rest(Trait::kMotion), whole & ~TraitSet(Trait::kMotion, Trait::kDeformation));
+}
+
 TEST(LeaveOutTest, ATextureBecomesItsMean) {
   TableFileSource files({});
   const auto without =

@@ -11,6 +11,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "common/base/log.h"
+#include "worker/render/displacement.h"
 
 namespace sheaf::render {
 namespace {
@@ -21,6 +22,9 @@ uint64_t GeometryBytes(const SceneGeometry& geometry) {
     for (const BakedMesh& mesh : group.meshes) {
       bytes += mesh.positions.capacity() * sizeof(Vec3f) + mesh.normals.capacity() * sizeof(Vec3f) +
                mesh.uvs.capacity() * sizeof(Vec2f) + mesh.indices.capacity() * sizeof(uint32_t);
+      for (const VertexStep& step : mesh.steps) {
+        bytes += (step.positions.capacity() + step.normals.capacity()) * sizeof(Vec3f);
+      }
     }
     for (const BakedPatches& patches : group.patches) {
       bytes += patches.positions.capacity() * sizeof(Vec3f) +
@@ -59,6 +63,9 @@ absl::StatusOr<CompiledScenePtr> CompileScene(SceneDescription description,
   scene->settings = settings;
   scene->plan = MakeRenderPlan(description, settings);
   scene->settings.max_depth = scene->plan.max_depth;
+  const absl::Status displaced = DisplaceMeshes(
+      files, {limits.displaced_triangles_max, limits.texture_cache_bytes_max}, &description);
+  if (!displaced.ok()) return displaced;
   absl::StatusOr<EmissionMaps> maps = ReadEmissionMaps(description, files);
   if (!maps.ok()) return maps.status();
   absl::StatusOr<BakedScene> baked = BakeScene(&description, *std::move(maps));

@@ -13,6 +13,7 @@
 #include "common/base/check.h"
 #include "worker/render/bilinear_patch.h"
 #include "worker/render/curve.h"
+#include "worker/render/deforming_mesh.h"
 #include "worker/render/needle.h"
 
 namespace sheaf::render {
@@ -41,8 +42,9 @@ void SkipSourceAndNote(const RTCFilterFunctionNArguments* args) {
   ContextOf(args->context).nearest = reinterpret_cast<const RTCRay*>(args->ray)->tfar;
 }
 // Sets a hit to where it is in double, or refuses it. A filter may move a hit back as well, as far
-// as the last one accepted.
-void TestAgain(const RTCFilterFunctionNArguments* args) {
+// as the last one accepted. meet: where the ray meets a triangle of the mesh (its three indices).
+template <typename Meet>
+void TestAgain(const RTCFilterFunctionNArguments* args, const Meet& meet) {
   SkipSource(args);
   if (args->valid[0] == 0) return;
   const SourceContext& context = ContextOf(args->context);
@@ -50,10 +52,7 @@ void TestAgain(const RTCFilterFunctionNArguments* args) {
   auto* ray = reinterpret_cast<RTCRay*>(args->ray);
   auto* hit = reinterpret_cast<RTCHit*>(args->hit);
   const uint32_t* t = &mesh.indices[3 * static_cast<size_t>(hit->primID)];
-  const std::optional<TriangleHit> met =
-      MeetTriangle(Origin(*ray), Direction(*ray),
-                   {ToDouble(mesh.positions[t[0]]), ToDouble(mesh.positions[t[1]]),
-                    ToDouble(mesh.positions[t[2]])});
+  const std::optional<TriangleHit> met = meet(mesh, t, *ray);
   const float distance = met.has_value() ? static_cast<float>(met->t) : 0;
   if (!(distance > 0 && distance <= context.nearest)) {
     args->valid[0] = 0;
@@ -62,6 +61,26 @@ void TestAgain(const RTCFilterFunctionNArguments* args) {
   context.nearest = ray->tfar = distance;
   hit->u = static_cast<float>(met->u);
   hit->v = static_cast<float>(met->v);
+}
+void TestNeedleAgain(const RTCFilterFunctionNArguments* args) {
+  TestAgain(args, [](const BakedMesh& mesh, const uint32_t* t, const RTCRay& ray) {
+    return MeetTriangle(Origin(ray), Direction(ray),
+                        {ToDouble(mesh.positions[t[0]]), ToDouble(mesh.positions[t[1]]),
+                         ToDouble(mesh.positions[t[2]])});
+  });
+}
+void TestDeformedAgain(const RTCFilterFunctionNArguments* args) {
+  TestAgain(args,
+            [](const BakedMesh& mesh, const uint32_t* t,
+               const RTCRay& ray) -> std::optional<TriangleHit> {
+              const DeformedTriangle triangle =
+                  DeformedTriangleAt(mesh, t, VertexTimeAt(mesh, ray.time));
+              const auto& [a, b, c] = triangle.corners;
+              // At this instant it may be nothing that shades.
+              if (!(LengthSquared(Cross(b - a, c - a)) > 0)) return std::nullopt;
+              return MeetTriangle(Origin(ray), Direction(ray), triangle.corners,
+                                  CornerErrorOf(mesh, triangle));
+            });
 }
 
 void SetBounds(RTCBounds* out, Vec3f lower, Vec3f upper) {
@@ -153,10 +172,11 @@ void BoundCurve(const RTCBoundsFunctionArguments* args) {
 }
 // A ray may meet the curve it leaves: it starts beyond the width it could meet at once.
 std::optional<CurveHit> MeetCurve(const BakedCurves& curves, uint32_t index, const RTCRay& ray) {
+  const Vec3d o = Origin(ray), d = Direction(ray);
   const CurvePiece& piece = curves.pieces[index];
-  return IntersectCurve(
-      SegmentOf(curves.set, piece.segment), piece, curves.shape_from_target.Point(Origin(ray)),
-      curves.shape_from_target.Vector(Direction(ray)), static_cast<double>(ray.tfar));
+  return IntersectCurve(SegmentOf(curves.set, piece.segment), piece,
+                        curves.shape_from_target.Point(o), curves.shape_from_target.Vector(d),
+                        static_cast<double>(ray.tfar));
 }
 void IntersectCurveList(const RTCIntersectFunctionNArguments* args) {
   SHEAF_DCHECK(args->N == 1);
@@ -243,8 +263,14 @@ void FilterAmongNeedles(RTCGeometry triangles, const BakedMesh& mesh, bool has_n
     return;
   }
   rtcSetGeometryUserData(triangles, const_cast<BakedMesh*>(&mesh));
-  rtcSetGeometryIntersectFilterFunction(triangles, TestAgain);
-  rtcSetGeometryOccludedFilterFunction(triangles, TestAgain);
+  rtcSetGeometryIntersectFilterFunction(triangles, TestNeedleAgain);
+  rtcSetGeometryOccludedFilterFunction(triangles, TestNeedleAgain);
+}
+
+void FilterDeforming(RTCGeometry triangles, const BakedMesh& mesh) {
+  rtcSetGeometryUserData(triangles, const_cast<BakedMesh*>(&mesh));
+  rtcSetGeometryIntersectFilterFunction(triangles, TestDeformedAgain);
+  rtcSetGeometryOccludedFilterFunction(triangles, TestDeformedAgain);
 }
 
 namespace {

@@ -37,6 +37,8 @@ void FilterSource(RTCGeometry triangles);
 // The same for a mesh of a group that holds needles: hits of a mesh with needles are tested again
 // in double, those of the group's others are made known to that. `mesh` must outlive the geometry.
 void FilterAmongNeedles(RTCGeometry triangles, const BakedMesh& mesh, bool has_needles);
+// The same for a mesh that deforms, whose triangles may be needles at any time.
+void FilterDeforming(RTCGeometry triangles, const BakedMesh& mesh);
 
 // `list` must outlive the geometry.
 void SetQuadrics(RTCGeometry user, QuadricList* list);

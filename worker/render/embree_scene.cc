@@ -13,6 +13,7 @@
 #include <string>
 
 #include "absl/strings/str_cat.h"
+#include "worker/render/deforming_mesh.h"
 #include "worker/render/embree_callbacks.h"
 #include "worker/render/embree_door.h"
 #include "worker/render/leak_guard.h"
@@ -81,19 +82,26 @@ void EmbreeScene::State::AddMeshes(const GeometryGroup& group, RTCScene scene) c
   std::vector<bool> has_needles;
   bool any_needles = false;
   for (const BakedMesh& mesh : group.meshes) {
-    has_needles.push_back(HasNeedles(mesh.positions, mesh.indices));
-    any_needles |= has_needles.back();
+    const bool deforms = !mesh.steps.empty();
+    has_needles.push_back(!deforms && HasNeedles(mesh.positions, mesh.indices));
+    any_needles |= has_needles.back() || deforms;
   }
   for (size_t i = 0; i < group.meshes.size(); ++i) {
     const BakedMesh& mesh = group.meshes[i];
     RTCGeometry geometry = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_TRIANGLE);
-    rtcSetSharedGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3,
-                               mesh.positions.data(), 0, sizeof(Vec3f), mesh.positions.size() - 1);
+    rtcSetGeometryTimeStepCount(geometry, static_cast<unsigned>(1 + mesh.steps.size()));
+    for (size_t step = 0; step <= mesh.steps.size(); ++step) {
+      rtcSetSharedGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, static_cast<unsigned>(step),
+                                 RTC_FORMAT_FLOAT3, PositionsOfStep(mesh, step).data(), 0,
+                                 sizeof(Vec3f), mesh.positions.size() - 1);
+    }
     rtcSetSharedGeometryBuffer(geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3,
                                mesh.indices.data(), 0, 3 * sizeof(uint32_t),
                                mesh.indices.size() / 3);
     if (filters == Filters::kSkipSource) {
-      if (any_needles) {
+      if (!mesh.steps.empty()) {
+        FilterDeforming(geometry, mesh);
+      } else if (any_needles) {
         FilterAmongNeedles(geometry, mesh, has_needles[i]);
       } else {
         FilterSource(geometry);

@@ -5,6 +5,8 @@
 #include <cmath>
 #include <optional>
 
+#include "worker/render/deforming_mesh.h"
+
 namespace sheaf::render {
 namespace {
 
@@ -21,15 +23,30 @@ float* Put(Vec2d v, float* at) {
 // The film point where the surface's point, met at `time`, is at another time of the shutter.
 std::optional<Vec2d> FilmPointAt(const CompiledScene& scene, const SurfacePoint& point, float time,
                                  float other_time) {
-  Vec3d p = ToDouble(point.p);
+  const Vec3d p = ToDouble(point.p);
   const SceneGeometry& geometry = scene.geometry;
   const size_t still_count = geometry.still.size();
-  if (point.id.placed != kNotPlaced && point.id.placed >= still_count) {
-    const PlacedGroup& placed = geometry.moving[point.id.placed - still_count];
-    const Vec3d in_group = GroupFromRenderAt(geometry, placed, time).Point(p);
-    p = RenderFromGroupAt(geometry, placed, other_time).Point(in_group);
+  const PlacedGroup* placed = nullptr;
+  if (point.id.placed != kNotPlaced) {
+    placed = point.id.placed < still_count ? &geometry.still[point.id.placed]
+                                           : &geometry.moving[point.id.placed - still_count];
   }
-  return scene.camera.FilmPointOf(p, other_time);
+  const GeometryGroup& group = geometry.groups[placed == nullptr ? 0 : placed->group];
+  const bool deforms =
+      point.id.geometry < group.meshes.size() && !group.meshes[point.id.geometry].steps.empty();
+  if (!deforms && (placed == nullptr || placed->motion == kNone)) {
+    return scene.camera.FilmPointOf(p, other_time);
+  }
+  Vec3d in_group = p;
+  if (placed != nullptr) in_group = GroupFromRenderAt(geometry, *placed, time).Point(p);
+  if (deforms) {
+    in_group =
+        CarryOver(group.meshes[point.id.geometry], point.id.primitive, in_group, time, other_time);
+  }
+  if (placed != nullptr) {
+    in_group = RenderFromGroupAt(geometry, *placed, other_time).Point(in_group);
+  }
+  return scene.camera.FilmPointOf(in_group, other_time);
 }
 
 // Next to the camera's own plane a film point is beyond all bounds, as it is behind it.

@@ -10,6 +10,7 @@
 #include <numbers>
 
 #include "common/math/elementary.h"
+#include "worker/render/deforming_mesh.h"
 #include "worker/render/embree_scene.h"
 
 namespace sheaf::render {
@@ -54,11 +55,19 @@ EnclosedSide EnclosedSideOf(const std::vector<Vec3f>& positions,
   return volume > 0 ? EnclosedSide::kBack : EnclosedSide::kFront;
 }
 
+EnclosedSide EnclosedSideOf(const BakedMesh& mesh) {
+  const EnclosedSide side = EnclosedSideOf(mesh.positions, mesh.indices);
+  for (const VertexStep& step : mesh.steps) {
+    if (EnclosedSideOf(step.positions, mesh.indices) != side) return EnclosedSide::kNone;
+  }
+  return side;
+}
+
 LeakGuard::LeakGuard(const SceneGeometry& geometry) : geometry_(&geometry) {
   for (const GeometryGroup& group : geometry.groups) {
     std::vector<EnclosedSide>& sides = sides_.emplace_back();
     for (const BakedMesh& mesh : group.meshes) {
-      sides.push_back(EnclosedSideOf(mesh.positions, mesh.indices));
+      sides.push_back(EnclosedSideOf(mesh));
     }
   }
 }
@@ -92,8 +101,8 @@ bool LeakGuard::IsEnclosed(const Ray& ray) const {
   if (side == EnclosedSide::kNone) return false;
   const BakedMesh& mesh = geometry_->groups[group].meshes[source.geometry];
   const uint32_t* t = &mesh.indices[3 * static_cast<size_t>(source.primitive)];
-  const Vec3d p = ToDouble(mesh.positions[t[0]]);
-  const Vec3d front = Cross(ToDouble(mesh.positions[t[1]]) - p, ToDouble(mesh.positions[t[2]]) - p);
+  const auto [a, b, c] = CornersAt(mesh, t, ray.time);
+  const Vec3d front = Cross(b - a, c - a);
   Vec3d d = ToDouble(ray.d);
   if (placed != nullptr) d = GroupFromRenderAt(*geometry_, *placed, ray.time).Vector(d);
   return (Dot(front, d) > 0) == (side == EnclosedSide::kFront);

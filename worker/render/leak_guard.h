@@ -23,6 +23,8 @@ enum class EnclosedSide : uint8_t { kNone, kBack, kFront };
 // memory; an open mesh counts as closed with probability 2^-64.
 EnclosedSide EnclosedSideOf(const std::vector<Vec3f>& positions,
                             const std::vector<uint32_t>& indices);
+// Of a mesh that may deform: the side that it encloses at every step.
+EnclosedSide EnclosedSideOf(const BakedMesh& mesh);
 
 class LeakGuard {
  public:

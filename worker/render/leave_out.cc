@@ -20,7 +20,12 @@ namespace {
 // What stands for surfaces that have no plainer form of their own.
 constexpr float kPlainReflectance = 0.5f;
 
+void KeepShapes(SceneDescription* scene) {
+  for (TriangleMesh& mesh : scene->meshes) mesh.steps.clear();
+}
+
 void StandStill(SceneDescription* scene) {
+  KeepShapes(scene);
   const auto hold = [](TransformOverTime* transform) { transform->end = transform->start; };
   hold(&scene->camera.world_from_camera);
   for (ShapeDescription& shape : scene->shapes) hold(&shape.world_from_object);
@@ -184,6 +189,9 @@ void Change(Trait trait, SceneWithout* without) {
     case Trait::kMotion:
       without->how = "all as it is when the shutter opens";
       return StandStill(scene);
+    case Trait::kDeformation:
+      without->how = "meshes keep the shape they have when the shutter opens";
+      return KeepShapes(scene);
     case Trait::kLens:
       without->how = "through a pinhole";
       scene->camera.lens_radius = 0;

@@ -53,13 +53,14 @@ bool HasNeedles(const std::vector<Vec3f>& positions, const std::vector<uint32_t>
   return false;
 }
 
-std::optional<TriangleHit> MeetTriangle(Vec3d o, Vec3d d, const std::array<Vec3d, 3>& corners) {
+std::optional<TriangleHit> MeetTriangle(Vec3d o, Vec3d d, const std::array<Vec3d, 3>& corners,
+                                        double corner_error) {
   const Vec3d a = corners[0] - o, b = corners[1] - o, c = corners[2] - o;
   const Vec3d ab = corners[1] - corners[0], bc = corners[2] - corners[1],
               ca = corners[0] - corners[2];
   const double rounding =
-      kEdgeRounding *
-      std::max(LargestCoordinate(a), std::max(LargestCoordinate(b), LargestCoordinate(c)));
+      corner_error + kEdgeRounding * std::max(LargestCoordinate(a),
+                                              std::max(LargestCoordinate(b), LargestCoordinate(c)));
   // The weight of a corner is the volume that the line spans with the edge across.
   const double wa = Dot(d, Cross(b, bc)), wb = Dot(d, Cross(c, ca)), wc = Dot(d, Cross(a, ab));
   const double sum = wa + wb + wc;

@@ -30,7 +30,9 @@ struct TriangleHit {
 
 // Where the line o + t d meets the triangle, for t > 0. Lines that pass by within single-precision
 // rounding meet its edge: the tracer gives a ray on a shared edge to one of the neighbours, and
-// that one must keep it, or there is a hole. t is that of the point of u and v.
-std::optional<TriangleHit> MeetTriangle(Vec3d o, Vec3d d, const std::array<Vec3d, 3>& corners);
+// that one must keep it, or there is a hole. t is that of the point of u and v. corner_error: how
+// far the tracer's corners may be from these.
+std::optional<TriangleHit> MeetTriangle(Vec3d o, Vec3d d, const std::array<Vec3d, 3>& corners,
+                                        double corner_error = 0);
 
 }  // namespace sheaf::render

@@ -28,6 +28,7 @@ struct TraitName {
 };
 constexpr TraitName kTraitNames[] = {
     {Trait::kMotion, "motion", 1.38},
+    {Trait::kDeformation, "deformation"},
     {Trait::kLens, "lens", 1.05},
     {Trait::kTextures, "textures", 1.03},
     {Trait::kNormalMaps, "normal and bump maps", 1.38},
@@ -111,6 +112,11 @@ class PlanMaker {
   void LookAtShape(const ShapeDescription& shape, bool in_world) {
     if (in_world && shape.world_from_object.IsAnimated() && ShutterIsOpen()) {
       Ask(Trait::kMotion, shape.location, "Shape moves while the shutter is open");
+    }
+    const auto* mesh = std::get_if<MeshShape>(&shape.shape);
+    if (mesh != nullptr && !scene_.meshes[mesh->mesh].steps.empty() && ShutterIsOpen()) {
+      Ask(Trait::kMotion, shape.location, "Shape deforms while the shutter is open");
+      Ask(Trait::kDeformation, shape.location, "Shape deforms while the shutter is open");
     }
     if (std::holds_alternative<SphereShape>(shape.shape)) {
       Ask(Trait::kQuadrics, shape.location, "Shape \"sphere\"");

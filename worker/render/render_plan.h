@@ -39,8 +39,9 @@ enum class Trait : uint32_t {
   kHeterogeneousMedia = 1u << 20,   // Some that are not the same everywhere.
   kChromaticMedia = 1u << 21,       // Some that absorb or scatter some colours more than others.
   kEmissiveMedia = 1u << 22,        // Some that shine.
+  kDeformation = 1u << 23,          // Meshes whose vertices move within an open shutter.
 };
-inline constexpr int kTraitCount = 23;
+inline constexpr int kTraitCount = 24;
 
 struct PlannedEffect {
   Trait trait{};

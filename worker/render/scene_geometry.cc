@@ -12,6 +12,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "worker/render/bounds.h"
+#include "worker/render/deforming_mesh.h"
 #include "worker/render/shape_baker.h"
 
 namespace sheaf::render {
@@ -67,15 +68,22 @@ absl::StatusOr<int32_t> SceneBaker::AddMotion(const TransformOverTime& t, Vec3d 
 void SceneBaker::FinishGroup(GeometryGroup* group) {
   Bounds bounds;
   double radius_squared = 0;
-  const auto add_vertices = [&](const auto& mesh) {
-    for (const uint32_t i : mesh.indices) {
-      const Vec3d p = ToDouble(mesh.positions[i]);
+  const auto add_vertices = [&](const std::vector<Vec3f>& positions,
+                                const std::vector<uint32_t>& indices) {
+    for (const uint32_t i : indices) {
+      const Vec3d p = ToDouble(positions[i]);
       bounds.Add(p);
       radius_squared = std::max(radius_squared, LengthSquared(p));
     }
   };
-  for (const BakedMesh& mesh : group->meshes) add_vertices(mesh);
-  for (const BakedPatches& patches : group->patches) add_vertices(patches);
+  for (const BakedMesh& mesh : group->meshes) {
+    for (size_t step = 0; step <= mesh.steps.size(); ++step) {
+      add_vertices(PositionsOfStep(mesh, step), mesh.indices);
+    }
+  }
+  for (const BakedPatches& patches : group->patches) {
+    add_vertices(patches.positions, patches.indices);
+  }
   for (const BakedQuadric& q : group->quadrics) {
     const std::array<Vec3f, 2> corners = QuadricBounds(q.quadric);
     for (const Vec3f& p : corners) bounds.Add(ToDouble(p));

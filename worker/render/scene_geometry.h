@@ -45,15 +45,22 @@ struct BakedMesh {
   std::vector<Vec3f> normals;     // Unit length, or empty.
   std::vector<Vec2f> uvs;         // Or empty.
   std::vector<uint32_t> indices;  // Three per triangle; degenerate triangles are gone.
+  // Of a mesh that deforms (deforming_mesh.h): the vertices later, at even steps until the shutter
+  // closes, like those above.
+  std::vector<VertexStep> steps;
 };
 // The side of a triangle its shape faces: 1 along cross = Cross(p1 - p0, p2 - p0), -1 against it.
-// Vertex normals decide where there are any (as in pbrt-v4), else the shape's orientation. t: its
-// three indices.
+// Vertex normals decide where there are any (as in pbrt-v4), else the shape's orientation.
+inline float FacingOf(const Surface& surface, Vec3d cross, Vec3f sum_of_normals) {
+  const double side = Dot(cross, ToDouble(sum_of_normals));
+  if (side != 0) return side < 0 ? -1.0f : 1.0f;
+  return surface.flips_normal ? -1.0f : 1.0f;
+}
+// t: its three indices.
 inline float TriangleFacing(const BakedMesh& mesh, const uint32_t* t, Vec3d cross) {
   if (!mesh.normals.empty()) {
-    const Vec3f sum = mesh.normals[t[0]] + mesh.normals[t[1]] + mesh.normals[t[2]];
-    const double side = Dot(cross, ToDouble(sum));
-    if (side != 0) return side < 0 ? -1.0f : 1.0f;
+    return FacingOf(mesh.surface, cross,
+                    mesh.normals[t[0]] + mesh.normals[t[1]] + mesh.normals[t[2]]);
   }
   return mesh.surface.flips_normal ? -1.0f : 1.0f;
 }
@@ -169,8 +176,9 @@ struct BakedScene {
 // (scene->meshes, bilinear_meshes and curve_sets are empty afterwards); a mesh that one shape uses
 // is not copied. maps: the pictures of scene->area_lights. Errors: kInvalidArgument with the
 // location of the shape: a singular transform, coordinates that leave the range of float, an
-// emissive shape that moves, is instanced, or is a partial or non-uniformly scaled sphere or disk,
-// a cylinder, curves, or a bilinear mesh not all of parallelograms.
+// emissive shape that moves, deforms, is instanced, or is curves or a bilinear mesh not all of
+// parallelograms. Emissive cylinders, and partial or stretched spheres and disks, become triangles;
+// a warning says so.
 absl::StatusOr<BakedScene> BakeScene(SceneDescription* scene, EmissionMaps maps = {});
 
 }  // namespace sheaf::render

@@ -53,6 +53,21 @@ bool PlaceVertices(const Affine& target_from_shape, bool reverse_orientation,
   return true;
 }
 
+// Takes a mesh, of triangles or patches, to where it is traced. False where that leaves the range
+// of float.
+template <typename Mesh, typename Baked>
+bool Place(const ShapeDescription& shape, const Surface& surface, const Affine& target_from_shape,
+           Mesh* mesh, Baked* baked) {
+  baked->surface = surface;
+  baked->surface.flips_normal ^= target_from_shape.Determinant() < 0;
+  baked->positions = std::move(mesh->positions);
+  baked->normals = std::move(mesh->normals);
+  baked->uvs = std::move(mesh->uvs);
+  baked->indices = std::move(mesh->indices);
+  return PlaceVertices(target_from_shape, shape.reverse_orientation, &baked->positions,
+                       &baked->normals);
+}
+
 // Terms of the sums that place a curve's points; they may cancel in the points.
 void GrowCoordinateMax(const CurveSegment& segment, const Affine& transform, Vec3f* max) {
   const double reach = std::max(segment.widths[0], segment.widths[1]);
@@ -129,23 +144,33 @@ Surface ShapeBaker::MakeSurface(int32_t shape_index) const {
 absl::Status ShapeBaker::AddMesh(const ShapeDescription& shape, Surface surface, TriangleMesh mesh,
                                  const Affine& target_from_shape, GeometryGroup* group) {
   BakedMesh baked;
-  surface.flips_normal ^= target_from_shape.Determinant() < 0;
-  baked.surface = surface;
-  baked.positions = std::move(mesh.positions);
-  baked.normals = std::move(mesh.normals);
-  baked.uvs = std::move(mesh.uvs);
-  baked.indices = std::move(mesh.indices);
-  if (!PlaceVertices(target_from_shape, shape.reverse_orientation, &baked.positions,
-                     &baked.normals)) {
-    return Fail(shape, kLeavesFloat);
-  }
+  if (!Place(shape, surface, target_from_shape, &mesh, &baked)) return Fail(shape, kLeavesFloat);
   baked.positions.push_back({});
+  if (scene_.camera.shutter_close > scene_.camera.shutter_open) {
+    baked.steps = std::move(mesh.steps);
+  }
+  for (VertexStep& step : baked.steps) {
+    if (!PlaceVertices(target_from_shape, shape.reverse_orientation, &step.positions,
+                       &step.normals)) {
+      return Fail(shape, kLeavesFloat);
+    }
+    step.positions.push_back({});
+  }
+  if (!baked.steps.empty() && shape.area_light != kNone) {
+    return Fail(shape,
+                "Shape: a mesh that deforms cannot be an area light; give it one set of "
+                "vertices");
+  }
   // Triangles without area can neither be met nor emit; they only disturb the tracer.
-  const auto has_area = [&](const uint32_t* t) {
-    const Vec3d p0 = ToDouble(baked.positions[t[0]]);
-    const Vec3d area =
-        Cross(ToDouble(baked.positions[t[1]]) - p0, ToDouble(baked.positions[t[2]]) - p0);
+  const auto has_area_at = [](const std::vector<Vec3f>& positions, const uint32_t* t) {
+    const Vec3d p0 = ToDouble(positions[t[0]]);
+    const Vec3d area = Cross(ToDouble(positions[t[1]]) - p0, ToDouble(positions[t[2]]) - p0);
     return LengthSquared(area) > 0;
+  };
+  const auto has_area = [&](const uint32_t* t) {
+    return has_area_at(baked.positions, t) ||
+           std::any_of(baked.steps.begin(), baked.steps.end(),
+                       [&](const VertexStep& step) { return has_area_at(step.positions, t); });
   };
   degenerate_triangle_count_ += DropFaces(3, has_area, &baked.indices);
   if (baked.indices.empty()) return absl::OkStatus();
@@ -170,16 +195,7 @@ absl::Status ShapeBaker::AddPatches(const ShapeDescription& shape, Surface surfa
                 "one normal each and linear uvs if any; use a triangle mesh for other shapes");
   }
   BakedPatches baked;
-  surface.flips_normal ^= target_from_shape.Determinant() < 0;
-  baked.surface = surface;
-  baked.positions = std::move(mesh.positions);
-  baked.normals = std::move(mesh.normals);
-  baked.uvs = std::move(mesh.uvs);
-  baked.indices = std::move(mesh.indices);
-  if (!PlaceVertices(target_from_shape, shape.reverse_orientation, &baked.positions,
-                     &baked.normals)) {
-    return Fail(shape, kLeavesFloat);
-  }
+  if (!Place(shape, surface, target_from_shape, &mesh, &baked)) return Fail(shape, kLeavesFloat);
   const auto has_area = [&](const uint32_t* k) {
     const auto corner = [&](size_t c) { return ToDouble(baked.positions[k[c]]); };
     const BilinearPatch patch{corner(0), corner(1), corner(2), corner(3)};
@@ -280,12 +296,16 @@ void ShapeBaker::GrowBounds(const ShapeDescription& shape, const Affine& transfo
     }
     return;
   }
-  const auto* mesh = std::get_if<MeshShape>(&shape.shape);
-  const std::vector<Vec3f>& positions =
-      mesh != nullptr
-          ? scene_.meshes[mesh->mesh].positions
-          : scene_.bilinear_meshes[std::get<BilinearMeshShape>(shape.shape).mesh].positions;
-  for (const Vec3f& p : positions) bounds->Add(transform.Point(ToDouble(p)));
+  const auto add = [&](const std::vector<Vec3f>& positions) {
+    for (const Vec3f& p : positions) bounds->Add(transform.Point(ToDouble(p)));
+  };
+  if (const auto* shape_mesh = std::get_if<MeshShape>(&shape.shape)) {
+    const TriangleMesh& mesh = scene_.meshes[shape_mesh->mesh];
+    add(mesh.positions);
+    for (const VertexStep& step : mesh.steps) add(step.positions);
+    return;
+  }
+  add(scene_.bilinear_meshes[std::get<BilinearMeshShape>(shape.shape).mesh].positions);
 }
 
 LightTableInput ShapeBaker::TakeEmitters(GeometryGroup* world) {

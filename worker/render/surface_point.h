@@ -14,6 +14,7 @@
 #include "common/math/frame.h"
 #include "common/math/vec.h"
 #include "worker/render/bsdf.h"
+#include "worker/render/deforming_mesh.h"
 #include "worker/render/embree_scene.h"
 #include "worker/render/emission_cells.h"
 #include "worker/render/material.h"
@@ -95,6 +96,34 @@ inline GroupPoint TrianglePoint(const BakedMesh& mesh, const RawHit& hit, bool w
                      mesh.normals[t[2]] * hit.v;
     // A shading normal on the far side of its own triangle says nothing about how it is lit.
     if (Dot(ToDouble(ns), point.ng) > 0) point.ns = ToDouble(ns);
+  }
+  if (wants_parameters) AddTriangleParameters(mesh, t, hit, e1, e2, &point);
+  return point;
+}
+
+inline GroupPoint DeformedTrianglePoint(const BakedMesh& mesh, const RawHit& hit,
+                                        float shutter_fraction, bool wants_parameters) {
+  const uint32_t* t = &mesh.indices[3 * static_cast<size_t>(hit.id.primitive)];
+  const VertexTime time = VertexTimeAt(mesh, shutter_fraction);
+  const DeformedTriangle triangle = DeformedTriangleAt(mesh, t, time);
+  const Vec3d p0 = triangle.corners[0], e1 = triangle.corners[1] - p0,
+              e2 = triangle.corners[2] - p0;
+  GroupPoint point;
+  point.p = p0 + e1 * static_cast<double>(hit.u) + e2 * static_cast<double>(hit.v);
+  point.coordinate_max = triangle.coordinate_max;
+  // Positive: where the triangle has no area the tracer's filter refuses hits.
+  const Vec3d cross = Cross(e1, e2);
+  point.ng = cross * (1 / Length(cross));
+  if (mesh.normals.empty()) {
+    if (mesh.surface.flips_normal) point.ng = -point.ng;
+    point.ns = point.ng;
+  } else {
+    const Vec3f n0 = DeformedNormalAt(mesh, t[0], time), n1 = DeformedNormalAt(mesh, t[1], time),
+                n2 = DeformedNormalAt(mesh, t[2], time);
+    const double facing = FacingOf(mesh.surface, cross, n0 + n1 + n2);
+    point.ng = point.ng * facing;
+    const Vec3d ns = ToDouble(n0 * (1 - hit.u - hit.v) + n1 * hit.u + n2 * hit.v);
+    point.ns = Dot(ns, point.ng) > 0 ? ns : point.ng;
   }
   if (wants_parameters) AddTriangleParameters(mesh, t, hit, e1, e2, &point);
   return point;
@@ -264,6 +293,11 @@ GroupPoint PointOfHit(const GeometryGroup& group, const Ray& ray, const RawHit& 
     point->surface = &mesh.surface;
     if (mesh.surface.emitter != kNoEmitter) {
       point->emitter = mesh.surface.emitter + EmitterOfFace<kTraits>(mesh.surface, hit);
+    }
+    if constexpr (Has(kTraits, Trait::kDeformation)) {
+      if (!mesh.steps.empty()) {
+        return DeformedTrianglePoint(mesh, hit, ray.time, wants_parameters(mesh.surface));
+      }
     }
     return TrianglePoint(mesh, hit, wants_parameters(mesh.surface));
   }

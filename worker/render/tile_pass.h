@@ -21,6 +21,8 @@ namespace sheaf::render {
 struct CompileLimits {
   uint64_t texture_cache_bytes_max = uint64_t{512} << 20;
   uint32_t build_threads = 0;  // 0: as many as the machine has.
+  // Of all displaced meshes together; each takes some 150 bytes while it is made, 60 afterwards.
+  uint64_t displaced_triangles_max = uint64_t{1} << 24;
 };
 
 // Choices that change the noise of a picture and not its expectation; tests compare the techniques
