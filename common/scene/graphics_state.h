@@ -25,6 +25,7 @@ struct GraphicsState {
   Primaries primaries = Primaries::kSrgb;  // Of the rgb values that follow.
   int32_t material = kNone;                // kNone: the default material.
   int32_t area_light = kNone;
+  MediumBoundary media;  // Of surfaces that follow; its outside is what a camera is in.
   // What Attribute gave to later directives, by target ("shape", "light" ...).
   std::map<std::string, std::vector<Parameter>> attributes;
 

@@ -78,6 +78,9 @@ std::vector<std::string> LightGroupsOf(const SceneDescription& scene) {
   std::set<std::string> groups;
   for (const AreaLightDescription& light : scene.area_lights) groups.insert(light.group);
   for (const LightDescription& light : scene.lights) groups.insert(light.group);
+  for (const MediumDescription& medium : scene.media) {
+    if (medium.emits) groups.insert(kDefaultLightGroup);
+  }
   return {groups.begin(), groups.end()};
 }
 

@@ -109,6 +109,8 @@ class SceneBuilder {
   void FinishMedia();
   void FinishObjects();
   bool ObjectSlot(const std::string& name, SourceLocation location, int32_t* object);
+  // The index of the medium called so, made or not; kNone for no name.
+  int32_t MediumSlot(const std::string& name, SourceLocation location);
 
   SceneDescription* scene_;
   FileSource* files_;
@@ -126,9 +128,12 @@ class SceneBuilder {
   int32_t open_object_ = kNone;
   std::map<std::string, std::pair<Matrix4, Matrix4>> coordinate_systems_;
   std::map<std::string, int32_t> objects_;
-  std::vector<bool> object_is_defined_;          // Parallel to SceneDescription::objects.
-  std::map<std::string, SourceLocation> media_;  // MakeNamedMedium.
-  std::vector<std::pair<std::string, SourceLocation>> media_uses_;
+  std::vector<bool> object_is_defined_;   // Parallel to SceneDescription::objects.
+  std::map<std::string, int32_t> media_;  // Indices in SceneDescription::media.
+  struct MediumUse {
+    bool is_made = false, is_used = false;
+  };
+  std::vector<MediumUse> medium_uses_;  // Parallel to SceneDescription::media.
 };
 
 }  // namespace sheaf

@@ -2,9 +2,10 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // The part of SceneBuilder that handles options and what stands in the world: materials, textures,
-// shapes, instances, lights and media.
+// shapes, instances and lights.
 #include <optional>
 #include <utility>
+#include <variant>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
@@ -14,13 +15,6 @@
 #include "common/scene/scene_builder.h"
 
 namespace sheaf {
-namespace {
-
-// Uses of media that are remembered until the integrator is known.
-constexpr size_t kMediaUsesMax = 10000;
-
-}  // namespace
-
 ParameterList SceneBuilder::Parameters(const std::string& owner,
                                        const std::string& attribute_target,
                                        std::vector<Parameter> own, SourceLocation location) {
@@ -88,6 +82,7 @@ void SceneBuilder::Camera(const std::string& type, std::vector<Parameter> own,
     parameters.Error(absl::StrCat(parameters.owner(), ": the transformation is singular"));
   }
   coordinate_systems_["camera"] = {camera.world_from_camera.start, camera.world_from_camera.end};
+  camera.medium = state_.media.outside;
   scene_->camera = camera;
 }
 
@@ -232,6 +227,8 @@ void SceneBuilder::Shape(const std::string& type, std::vector<Parameter> own,
     }
   }
   if (!shapes_.SetShape(type, parameters, &shape)) return;
+  // Hair has no inside that a ray could be in.
+  if (!std::holds_alternative<CurveShape>(shape.shape)) shape.media = state_.media;
   std::vector<int32_t>& shapes = open_object_ == kNone
                                      ? scene_->world_shapes
                                      : scene_->objects[static_cast<size_t>(open_object_)].shapes;
@@ -296,49 +293,6 @@ void SceneBuilder::AreaLightSource(const std::string& type, std::vector<Paramete
   if (!light.has_value()) return;
   state_.area_light = static_cast<int32_t>(scene_->area_lights.size());
   scene_->area_lights.push_back(std::move(*light));
-}
-
-// --- Media -------------------------------------------------------------------------------------
-
-void SceneBuilder::MediumInterface(const std::string& inside, const std::string& outside,
-                                   SourceLocation location) {
-  for (const std::string& name : {inside, outside}) {
-    if (name.empty() || media_uses_.size() == kMediaUsesMax) continue;
-    media_uses_.emplace_back(name, location);
-    if (inside == outside) break;
-  }
-}
-
-void SceneBuilder::MakeNamedMedium(const std::string& name, std::vector<Parameter> /*own*/,
-                                   SourceLocation location) {
-  const auto [first, is_new] = media_.emplace(name, location);
-  if (is_new) return;
-  diagnostics_->Error(location,
-                      absl::StrCat("medium \"", name, "\" is made twice; the first is at ",
-                                   FormatLocation(*scene_, first->second)));
-}
-
-void SceneBuilder::FinishMedia() {
-  const std::string& integrator = scene_->sampling.integrator;
-  if (IntegratorIgnoresMedia(integrator)) {
-    if (media_.empty() && media_uses_.empty()) return;
-    const SourceLocation location =
-        media_uses_.empty() ? media_.begin()->second : media_uses_.front().second;
-    diagnostics_->Warning(location, absl::StrCat("media have no effect: the integrator \"",
-                                                 integrator, "\" ignores them, as in pbrt-v4"));
-    return;
-  }
-  for (const auto& [name, location] : media_uses_) {
-    diagnostics_->Error(location, absl::StrCat("medium \"", name,
-                                               "\" is not supported: Sheaf has no "
-                                               "volumes yet; remove MediumInterface, or use the "
-                                               "integrator \"path\", which ignores media"));
-  }
-  if (!media_uses_.empty()) return;
-  for (const auto& [name, location] : media_) {
-    diagnostics_->Note(location,
-                       absl::StrCat("medium \"", name, "\" has no effect: nothing uses it"));
-  }
 }
 
 }  // namespace sheaf

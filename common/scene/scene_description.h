@@ -15,35 +15,11 @@
 #include "common/film/film_outputs.h"
 #include "common/math/transform.h"
 #include "common/math/vec.h"
+#include "common/scene/color_spec.h"
 #include "common/scene/curve_set.h"
+#include "common/scene/medium_description.h"
 
 namespace sheaf {
-
-inline constexpr int32_t kNone = -1;  // An index that refers to nothing.
-
-struct SourceLocation {
-  int32_t file = kNone;  // Index in SceneDescription::files.
-  int32_t line = 0;      // From 1.
-  int32_t column = 0;    // From 1.
-};
-
-// --- Colours and spectra -----------------------------------------------------------------------
-
-enum class ColorRole { kReflectance, kIlluminant, kUnbounded };
-
-// A colour as written. rgb is always filled in: the linear sRGB value that RGB transport uses,
-// within the gamut of its role.
-struct ColorSpec {
-  enum class Kind { kRgb, kSampled, kNamed, kBlackbody };
-  Kind kind = Kind::kRgb;
-  Rgb rgb;
-  bool is_out_of_gamut = false;  // kRgb of wider primaries: then true_rgb is the colour, in
-  Rgb true_rgb;                  // linear sRGB beyond its gamut, which spectral transport keeps.
-  std::vector<float> wavelengths_nm;  // kSampled.
-  std::vector<float> values;          // kSampled.
-  std::string name;                   // kNamed, e.g. "metal-Au-eta"; also the file of kSampled.
-  float temperature_k = 0;            // kBlackbody.
-};
 
 // A number or colour that is constant, or multiplied in from a texture.
 struct FloatInput {
@@ -252,6 +228,7 @@ struct ShapeDescription {
   FloatInput alpha{.value = 1};  // Cut-out by stochastic alpha.
   bool reverse_orientation = false;
   bool has_alpha = false;
+  MediumBoundary media;
   SourceLocation location;
 };
 struct ObjectDefinition {
@@ -350,6 +327,7 @@ struct CameraDescription {
   double screen_window[4] = {-1, 1, -1,
                              1};  // x0 x1 y0 y1; filled in from the aspect by the reader.
   float shutter_open = 0, shutter_close = 1;
+  int32_t medium = kNone;  // Index in media: what the camera is in.
   SourceLocation location;
 
   bool IsSpherical() const { return kind == Kind::kEquirectangular || kind == Kind::kEqualArea; }
@@ -387,6 +365,7 @@ struct SceneDescription {
   SamplingDescription sampling;
   std::vector<TextureDescription> textures;
   std::vector<MaterialDescription> materials;
+  std::vector<MediumDescription> media;
   std::vector<TriangleMesh> meshes;
   std::vector<BilinearMesh> bilinear_meshes;
   std::vector<CurveSet> curve_sets;

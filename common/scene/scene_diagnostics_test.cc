@@ -202,7 +202,7 @@ constexpr BadScene kBadScenes[] = {
     {"Option", "Option \"forcediffuse\" true\nWorldBegin\n",
      "main.pbrt:1:1: option \"forcediffuse\" is not supported"},
     {"Medium", "MediumInterface \"\" \"fog\"\nWorldBegin\n",
-     "main.pbrt:1:1: medium \"fog\" is not supported"},
+     "main.pbrt:1:1: medium \"fog\" is used here but made nowhere"},
     {"NoMaterial",
      "WorldBegin\nNamedMaterial \"golb\"\nMakeNamedMaterial \"gold\" \"string type\" \"diffuse\"\n",
      "main.pbrt:2:1: material \"golb\" is used here but made nowhere; did you mean \"gold\"?"},

@@ -370,13 +370,6 @@ TEST_F(SceneReaderTest, LightsOfPicturesAreRead) {
   ExpectNote(SceneDiagnostic::Severity::kWarning, "main.pbrt:3:1: light \"goniometric\": without");
 }
 
-TEST_F(SceneReaderTest, PathIgnoresMediaWithAWarning) {
-  ReadGood(
-      "Integrator \"path\"\nMakeNamedMedium \"fog\" \"string type\" \"homogeneous\"\n"
-      "MediumInterface \"\" \"fog\"\nWorldBegin\nMediumInterface \"\" \"\"\n");
-  ExpectNote(SceneDiagnostic::Severity::kWarning, "main.pbrt:3:1: media have no effect");
-}
-
 TEST_F(SceneReaderTest, OneMeshFileIsOneMesh) {
   Write("m.ply",
         "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n"

@@ -44,6 +44,11 @@ def boxed(material):
     return CAMERA + "WorldBegin\n" + FLOOR + LAMP + material + BOX
 
 
+def hazed(medium):
+    return ('MakeNamedMedium "haze" "string type" "homogeneous" ' + medium +
+            '\nMediumInterface "" "haze"\n' + boxed(DIFFUSE))
+
+
 SCENES = {
     "motion": CAMERA + "WorldBegin\n" + FLOOR + LAMP + DIFFUSE +
               "AttributeBegin\nActiveTransform EndTime\nTranslate 0.5 0 0\nActiveTransform All\n" +
@@ -79,6 +84,10 @@ SCENES = {
         DIFFUSE + BOX,
     "varying emission": CAMERA + "WorldBegin\n" + FLOOR + LAMP.replace(
         '"rgb L" [9 8 7]', '"string filename" "picture.pfm" "float scale" [9]') + DIFFUSE + BOX,
+    "media": hazed('"rgb sigma_a" [0.05 0.05 0.05] "rgb sigma_s" [0.1 0.1 0.1]'),
+    "colored media": hazed('"rgb sigma_a" [0.02 0.05 0.1] "rgb sigma_s" [0.05 0.1 0.2]'),
+    "glowing media": hazed('"rgb sigma_a" [0.05 0.05 0.05] "rgb sigma_s" [0.1 0.1 0.1] '
+                           '"rgb Le" [0.2 0.1 0.05]'),
     "wavelengths": boxed('Material "dielectric" "spectrum eta" "glass-BK7"\n'),
 }
 

@@ -127,6 +127,28 @@ TestScene Outdoor(Tint tint) {
   return t;
 }
 
+// Two volumes that overlap, with a colour and a phase function each, one of them glowing; a lamp
+// and a sky that light them through their own surfaces.
+TestScene Hazy(Tint tint) {
+  TestScene t = OpenBox(tint);
+  AddLamp(&t, tint, 1);
+  t.ConstantEnvironment(tint({0.3f, 0.4f, 0.5f}));
+  const auto add = [&](Rgb sigma_a, Rgb sigma_s, float g, Matrix4 place) {
+    MediumDescription medium;
+    medium.sigma_a.rgb = tint(sigma_a);
+    medium.sigma_s.rgb = tint(sigma_s);
+    medium.g = g;
+    t.AddShape(kBall, t.AddMaterial(InterfaceMaterial{}), place).media.inside =
+        static_cast<int32_t>(t.scene.media.size());
+    t.scene.media.push_back(medium);
+  };
+  add({0.2f, 0.1f, 0.4f}, {1, 2, 3}, 0.4f, TranslateMatrix({-0.4, 0.7, 0.2}));
+  add({0.1f, 0.3f, 0}, {2, 1, 0.5f}, -0.3f, TranslateMatrix({0.4, 0.7, 0}));
+  t.scene.media[1].emits = true;
+  t.scene.media[1].radiance.rgb = tint({0.5f, 0.3f, 0.1f});
+  return t;
+}
+
 // More lights than are weighed one by one: rows of small lamps of unlike power, one of them without
 // size, and a dim sky.
 TestScene ManyLamps(Tint tint) {
@@ -149,7 +171,9 @@ TestScene ManyLamps(Tint tint) {
   return t;
 }
 
-std::vector<TestScene> LitScenes(Tint tint) { return {Diffuse(tint), Glossy(tint), Outdoor(tint)}; }
+std::vector<TestScene> LitScenes(Tint tint) {
+  return {Diffuse(tint), Glossy(tint), Outdoor(tint), Hazy(tint)};
+}
 std::vector<TestScene> AllScenes(Tint tint) {
   std::vector<TestScene> scenes = LitScenes(tint);
   scenes.push_back(ManyLamps(tint));

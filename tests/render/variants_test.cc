@@ -30,6 +30,19 @@ TestScene Base() {
   return t;
 }
 
+// A ball of it, in more of it that the camera is in.
+void AddFog(TestScene& t, Rgb sigma_a, Rgb sigma_s) {
+  MediumDescription fog;
+  fog.sigma_a.rgb = sigma_a;
+  fog.sigma_s.rgb = sigma_s;
+  t.scene.media = {fog, fog};
+  t.scene.media[1].g = 0.5f;
+  t.scene.camera.medium = 0;
+  t.AddShape(SphereShape{0.7f, -0.7f, 0.7f, 360}, t.AddMaterial(InterfaceMaterial{}),
+             TranslateMatrix({0, 0.8, 0}))
+      .media.inside = 1;
+}
+
 struct Case {
   std::string name;
   std::function<void(TestScene&)> add;
@@ -67,6 +80,11 @@ std::vector<Case> Cases() {
          ShapeDescription& lace = t.AddShape(ball, t.Diffuse(Rgb::Grey(0.5f)), up);
          lace.has_alpha = true;
          lace.alpha.value = 0.5f;
+       }},
+      {"fog", [=](TestScene& t) { AddFog(t, Rgb::Grey(0.2f), Rgb::Grey(0.3f)); }},
+      {"colored fog",
+       [=](TestScene& t) {
+         AddFog(t, {0.1f, 0.2f, 0.3f}, {0.5f, 0.3f, 0.2f});
        }},
   };
 }

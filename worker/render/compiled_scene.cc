@@ -4,8 +4,10 @@
 // SceneDescription + RenderPlan > CompiledScene.
 #include "worker/render/compiled_scene.h"
 
+#include <algorithm>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "common/base/log.h"
@@ -96,6 +98,15 @@ absl::StatusOr<CompiledScenePtr> CompileScene(SceneDescription description,
   scene->lights = *std::move(lights);
   if (!settings.outputs.light_groups.empty()) {
     scene->lights->AssignGroups(scene->description, settings.outputs.light_groups);
+  }
+  if (Has(scene->plan.traits, Trait::kMedia)) {
+    absl::StatusOr<std::unique_ptr<MediumTable>> media =
+        MediumTable::Build(scene->description, scene->geometry, spectral);
+    if (!media.ok()) return media.status();
+    scene->media = *std::move(media);
+    const std::vector<std::string>& groups = settings.outputs.light_groups;
+    scene->media_group = static_cast<uint32_t>(
+        std::find(groups.begin(), groups.end(), kDefaultLightGroup) - groups.begin());
   }
   absl::StatusOr<std::unique_ptr<EmbreeScene>> tracer =
       EmbreeScene::Build(scene->geometry, limits.build_threads);

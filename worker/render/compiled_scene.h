@@ -13,6 +13,7 @@
 #include "worker/render/filter.h"
 #include "worker/render/light_table.h"
 #include "worker/render/material.h"
+#include "worker/render/medium.h"
 #include "worker/render/render_plan.h"
 #include "worker/render/scene_geometry.h"
 #include "worker/render/scene_ids.h"
@@ -31,7 +32,9 @@ class CompiledScene {
   std::unique_ptr<EmbreeScene> tracer;
   std::unique_ptr<MaterialTable> materials;
   std::unique_ptr<LightTable> lights;
-  SceneIds ids;  // Empty unless asked for.
+  std::unique_ptr<MediumTable> media;  // Null where the plan has none.
+  uint32_t media_group = 0;            // Index of the light group that what shines in media is in.
+  SceneIds ids;                        // Empty unless asked for.
 };
 
 }  // namespace sheaf::render

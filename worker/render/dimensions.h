@@ -20,6 +20,8 @@ enum class VertexSlot : uint32_t {
   kBsdf = 0,     // Lobe, u, v of the scattered direction; roulette.
   kLight = 1,    // Which light, u, v on it; spare.
   kSurface = 2,  // Mix and cut-out decisions at this vertex; two numbers of a tilted normal.
+  kMedium = 3,   // How far the ray that leads here flies through media: three numbers; which of
+                 // several phase functions is kBsdf's lobe.
   kCount = 4,
 };
 constexpr uint32_t Slot(CameraSlot use) { return static_cast<uint32_t>(use); }

@@ -70,4 +70,20 @@ void RecordFirstHit(const CompiledScene& scene, const Ray& ray, const SurfacePoi
   }
 }
 
+void RecordFirstEventInMedium(const CompiledScene& scene, const Ray& ray, Vec3f p,
+                              OutputSample* outputs) {
+  const FilmOutputs& wanted = scene.settings.outputs;
+  SurfacePoint point;
+  point.p = p;
+  float* at = outputs->means.data();  // In the order of Aov; what is of surfaces stays 0.
+  Affine output_from_render;
+  output_from_render.offset = scene.geometry.render_origin_world;
+  if (wanted.camera_space) output_from_render = scene.camera.CameraFromRenderAt(ray.time);
+  if (wanted.Has(Aov::kPosition)) at = Put(output_from_render.Point(ToDouble(p)), at);
+  if (wanted.Has(Aov::kGeometricNormal)) at += 3;
+  if (wanted.Has(Aov::kShadingNormal)) at += 3;
+  if (wanted.Has(Aov::kUv)) at += 2;
+  if (wanted.Has(Aov::kMotion)) Put(Motion(scene, point, ray.time), at);
+}
+
 }  // namespace sheaf::render

@@ -161,6 +161,23 @@ void ShineEvenly(SceneDescription* scene) {
   }
 }
 
+void ClearTheAir(SceneDescription* scene) {
+  scene->media.clear();
+  scene->camera.medium = kNone;
+  for (ShapeDescription& shape : scene->shapes) shape.media = {};
+}
+
+void MakeGreyWhatIsColored(SceneDescription* scene) {
+  for (MediumDescription& medium : scene->media) {
+    for (ColorSpec* color : {&medium.sigma_a, &medium.sigma_s}) {
+      const Rgb rgb = color->rgb;
+      *color = {};
+      color->rgb = Rgb::Grey((rgb.r + rgb.g + rgb.b) / 3);
+    }
+    if (std::holds_alternative<RgbGridMedium>(medium.kind)) medium.kind = HomogeneousMedium{};
+  }
+}
+
 void Change(Trait trait, SceneWithout* without) {
   SceneDescription* scene = &without->scene;
   switch (trait) {
@@ -222,6 +239,20 @@ void Change(Trait trait, SceneWithout* without) {
     case Trait::kOutputs:
       without->how = "the picture alone";
       without->settings.outputs = {};
+      return;
+    case Trait::kMedia:
+      without->how = "without media";
+      return ClearTheAir(scene);
+    case Trait::kHeterogeneousMedia:
+      without->how = "media are the same everywhere";
+      for (MediumDescription& medium : scene->media) medium.kind = HomogeneousMedium{};
+      return;
+    case Trait::kChromaticMedia:
+      without->how = "media are grey";
+      return MakeGreyWhatIsColored(scene);
+    case Trait::kEmissiveMedia:
+      without->how = "media do not shine";
+      for (MediumDescription& medium : scene->media) medium.emits = false;
       return;
     case Trait::kTextures:  // LeaveOut's, as it needs files.
       return;

@@ -30,6 +30,10 @@ class LightGroups {
               const Color& weight, const Color& radiance) {
     if (!sums_.empty()) lights.AddByGroup(p, d, wavelengths, weight, radiance, &sums_);
   }
+  // To a group by its index.
+  void AddToGroup(uint32_t group, const Color& radiance) {
+    if (!sums_.empty()) sums_[group] += radiance;
+  }
   // Writes each group's to_rgb(sum) to its channels, the last ones, and starts anew.
   template <typename ToRgb>
   void MoveTo(OutputSample* outputs, const ToRgb& to_rgb) {

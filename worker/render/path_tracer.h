@@ -21,7 +21,9 @@
 #include "worker/render/compiled_scene.h"
 #include "worker/render/dimensions.h"
 #include "worker/render/first_hit.h"
+#include "worker/render/free_flight.h"
 #include "worker/render/light_groups.h"
+#include "worker/render/medium.h"
 #include "worker/render/mis.h"
 #include "worker/render/sampler.h"
 #include "worker/render/spectral_color.h"
@@ -34,6 +36,10 @@ namespace sheaf::render {
 struct RayCounts {
   uint64_t rays = 0;  // All.
   uint64_t shadow_rays = 0;
+  // Paths that ended, and shadow rays that were given up, because surfaces do not enclose media as
+  // they say: a medium was left that had not been entered, or has no end where it should have one,
+  // or kMediaAtOnceMax are entered and another one.
+  uint64_t broken_nestings = 0;
 };
 
 // Surfaces that let a ray pass (cut-outs, interfaces) do not count as scattering; beyond this many
@@ -69,10 +75,27 @@ class PathTracer {
   static constexpr bool kSpectral = Has(kTraits, Trait::kSpectral);
   static constexpr bool kOutputs = Has(kTraits, Trait::kOutputs);
   static constexpr bool kMapsNormals = Has(kTraits, Trait::kNormalMaps);
+  static constexpr bool kMedia = Has(kTraits, Trait::kMedia);
+  static constexpr bool kChromaticMedia = Has(kTraits, Trait::kChromaticMedia);
   // What asks for no colour, or for the colour as RGB, leaves the wavelengths out.
   static constexpr uint32_t kRgbTraits = kTraits & ~TraitSet(Trait::kSpectral);
 
   using Color = ColorOf<kTraits>;
+
+  // A surface that is so near to a path in a medium that rounding could take it across. n is unit,
+  // to the side where the path is.
+  struct NearPlane {
+    Vec3f p, n;
+    bool is_set = false;
+  };
+  // What the path is in, and what that does to light.
+  struct InMedia {
+    MediumSet set;
+    MediumMix<Color> mix;
+    NearPlane near;
+    Vec3f camera_o;  // Where the path began.
+  };
+  struct InVacuum {};
 
   struct Path {
     Ray ray;
@@ -86,6 +109,7 @@ class PathTracer {
     float pdf = 0;                    // Of the ray's direction, where not specular.
     Vec3f from, from_n;               // Where the ray began, and the hint of light sampling there.
     EnvironmentMap::Place sky_place;  // Of the ray's direction, once scattered.
+    [[no_unique_address]] std::conditional_t<kMedia, InMedia, InVacuum> media;
   };
 
   // Numbers to sample a light with, and what could be begun with them alone.
@@ -150,6 +174,19 @@ class PathTracer {
   }
   void AddDirect(const LightDraw& draw, const SurfacePoint& point, const Tilt& tilt,
                  const BsdfOf<Color>& bsdf, Vec3f wo_local, Vec3f light_hint, Path* path);
+  // Whether light may arrive at a surface from behind it.
+  static bool TransmitsLight(const BsdfOf<Color>& bsdf) {
+    return IsHair<kTraits>(bsdf) ||
+           (Has(kTraits, Trait::kSpecularTransmission) &&
+            (bsdf.kind == BsdfKind::kDielectric || bsdf.kind == BsdfKind::kThinDielectric ||
+             bsdf.kind == BsdfKind::kDiffuseTransmission));
+  }
+  // Refraction leads each wavelength elsewhere: the path goes on with the hero, for all four.
+  static void FollowHero(Path* path) {
+    if (path->hero_alone) return;
+    path->hero_alone = true;
+    path->throughput = {{path->throughput[0] * kWavelengthCount}};
+  }
   // Goes on along a sampled direction. False where the path ends.
   bool Scatter(const Sampler& sampler, const SurfacePoint& point, const Tilt& tilt,
                const BsdfOf<Color>& bsdf, Vec3f wo_local, Vec3f light_hint, Path* path) const;
@@ -163,9 +200,40 @@ class PathTracer {
     if constexpr (kDirectLight == DirectLight::kByBoth) return PowerHeuristic(pdf, other_pdf);
     return kDirectLight == DirectLight::kByMeeting ? 1 : 0;
   }
+  // What a light that was sampled with light.pdf, and would have been met with `pdf`, adds at p.
+  void AddSampled(const LightSampleOf<Color>& light, Vec3f p, const Color& f_cos, float pdf,
+                  Path* path);
+  // False where chance ends a path that carries little.
+  static bool SurvivesRoulette(float u, Path* path);
+  // From the point to the light. *end is set for lights that have a place.
+  static Ray ShadowRay(const SurfacePoint& point, const LightSampleOf<Color>& light, float time,
+                       Vec3f* end);
   bool IsVisible(const SurfacePoint& point, const LightSampleOf<Color>& light,
                  std::array<float, 2> u_pass, float time);
   bool IsVisibleThroughCutOuts(Ray ray, bool is_infinite, Vec3f end, std::array<float, 2> u_pass);
+  // Whether the surface lets the choice-th ray pass that comes by for light.
+  bool LetsPass(const SurfacePoint& point, PassChoice choice) const;
+
+  // path_tracer_media.h.
+  enum class Travel : uint8_t { kArrived, kScattered, kEnded };
+  void StartInMedia(Path* path) const;
+  // Takes path and path->ray through the media up to `hit` (null: without end), or to where they
+  // scatter it; then the path is ready to be traced on. *passes: surfaces passed since the
+  // last vertex.
+  Travel TravelThroughMedia(const Sampler& sampler, const RawHit* hit, uint32_t* passes,
+                            bool* is_first, Path* path, FilmSample* film);
+  bool ScatterInMedium(const Sampler& sampler, Vec3f p, Path* path);
+  Vec3f PointInMedium(const Ray& ray, const RawHit* hit, double t, NearPlane* near) const;
+  void RecordMedium(Vec3f p, const Path& path, FilmSample* film) const;
+  // Changes what *media is in where a ray along w leaves the surface from the other side. False
+  // where the nesting of media is broken, which is counted.
+  bool Cross(const SurfacePoint& point, Vec3f w, const Path& path, InMedia* media) const;
+  // The same where the ray comes in along path.ray and may stay on its side.
+  bool CrossOrStay(const SurfacePoint& point, Vec3f w, bool is_hair, const Path& path,
+                   InMedia* media) const;
+  // What of the light arrives at the point, by way of media and surfaces that let it pass.
+  Color ShareThroughMedia(const SurfacePoint& point, const LightSampleOf<Color>& light,
+                          std::array<float, 2> u_pass, const Path& path, InMedia media);
 
   const CompiledScene& scene_;
   Tracer& tracer_;
@@ -187,6 +255,7 @@ FilmSample PathTracer<kTraits, Tracer, kDirectLight>::TraceSample(int32_t x, int
   if constexpr (kSpectral) {
     path.wavelengths = Wavelengths::Sample(sampler.Get1(Slot(CameraSlot::kWavelength)));
   }
+  if constexpr (kMedia) StartInMedia(&path);
   Trace(sampler, &path, &film);
   film.radiance = RgbOfSample(path.radiance, path);
   if constexpr (kOutputs) {
@@ -248,7 +317,14 @@ void PathTracer<kTraits, Tracer, kDirectLight>::Trace(const Sampler& sampler, Pa
   for (;;) {
     ++counts_.rays;
     RawHit hit;
-    if (!tracer_.Intersect(path->ray, &hit)) return AddEscape(path);
+    const bool meets = tracer_.Intersect(path->ray, &hit);
+    if constexpr (kMedia) {
+      const Travel travel =
+          TravelThroughMedia(sampler, meets ? &hit : nullptr, &passes, &is_first, path, film);
+      if (travel == Travel::kEnded) return;
+      if (travel == Travel::kScattered) continue;
+    }
+    if (!meets) return AddEscape(path);
     // Begun here, the look-up of a light need not be waited for when the surface is known.
     const LightDraw draw = DrawLight(sampler, path->depth);
     Plane plane;
@@ -271,6 +347,9 @@ void PathTracer<kTraits, Tracer, kDirectLight>::Trace(const Sampler& sampler, Pa
     }
     if (passes_through) {
       if (++passes > kPassesMax) return;
+      if constexpr (kMedia) {
+        if (!Cross(point, path->ray.d, *path, &path->media)) return;
+      }
       path->ray.o = OffsetRayOrigin(point.p, point.p_error, point.ng, path->ray.d);
       path->ray.source = point.id;
       continue;
@@ -298,38 +377,16 @@ void PathTracer<kTraits, Tracer, kDirectLight>::Trace(const Sampler& sampler, Pa
     }
     if (path->depth++ == depth_max) return;
     if constexpr (kSpectral) {
-      // Refraction leads each wavelength elsewhere: the path goes on with the hero, for all four.
-      if (bsdf.disperses && !path->hero_alone) {
-        path->hero_alone = true;
-        path->throughput = {{path->throughput[0] * kWavelengthCount}};
-      }
+      if (bsdf.disperses) FollowHero(path);
     }
     const Vec3f wo_local = point.shading.ToLocal(wo);
-    const bool transmits =
-        is_hair || (Has(kTraits, Trait::kSpecularTransmission) &&
-                    (bsdf.kind == BsdfKind::kDielectric || bsdf.kind == BsdfKind::kThinDielectric ||
-                     bsdf.kind == BsdfKind::kDiffuseTransmission));
+    const bool transmits = TransmitsLight(bsdf);
     // Lights behind an opaque surface need not be looked at.
     Vec3f light_hint{};
     if (!transmits) light_hint = Dot(wo, point.ng) < 0 ? -point.ng : point.ng;
     if (!bsdf.specular) AddDirect(draw, point, tilt, bsdf, wo_local, light_hint, path);
     if (!Scatter(sampler, point, tilt, bsdf, wo_local, light_hint, path)) return;
   }
-}
-
-template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight>
-typename PathTracer<kTraits, Tracer, kDirectLight>::PassChoice
-PathTracer<kTraits, Tracer, kDirectLight>::MakeChoice(std::array<float, 2> u, uint32_t pass) {
-  if (pass == 0) return {u[0], u[1]};
-  // Later surfaces of the same segment must decide independently: hash the slot's numbers.
-  uint64_t state = (uint64_t{std::bit_cast<uint32_t>(u[0])} << 32) | std::bit_cast<uint32_t>(u[1]);
-  state += uint64_t{pass} * 0x9e3779b97f4a7c15u;
-  state =
-      (state ^ (state >> 30)) * 0xbf58476d1ce4e5b9u;  // Mixer of SplitMix64, Steele et al. 2014.
-  state = (state ^ (state >> 27)) * 0x94d049bb133111ebu;
-  state ^= state >> 31;
-  return {static_cast<float>(state >> 40) * 0x1p-24f,
-          static_cast<float>((state >> 8) & 0xffffff) * 0x1p-24f};
 }
 
 template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight>
@@ -344,17 +401,6 @@ TexturePoint PathTracer<kTraits, Tracer, kDirectLight>::TexturePointOf(
     }
   }
   return texture_point;
-}
-
-template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight>
-bool PathTracer<kTraits, Tracer, kDirectLight>::IsCutOut(const SurfacePoint& point, float u) const {
-  if constexpr (kMayPass) {
-    if (!point.surface->has_alpha) return false;
-    const ShapeDescription& shape = scene_.description.shapes[point.surface->shape];
-    return u >=
-           scene_.materials->template EvaluateFloat<kTraits>(shape.alpha, TexturePointOf(point));
-  }
-  return false;
 }
 
 template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight>
@@ -391,52 +437,8 @@ void PathTracer<kTraits, Tracer, kDirectLight>::AddEmission(const SurfacePoint& 
   }
 }
 
-template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight>
-bool PathTracer<kTraits, Tracer, kDirectLight>::IsVisible(const SurfacePoint& point,
-                                                          const LightSampleOf<Color>& light,
-                                                          std::array<float, 2> u_pass, float time) {
-  Ray ray;
-  ray.time = time;
-  ray.source = point.id;
-  ray.o = OffsetRayOrigin(point.p, point.p_error, point.ng, light.wi);
-  ray.d = light.wi;
-  Vec3f end{};
-  if (!light.is_infinite) {
-    end = OffsetRayOrigin(light.p_light, light.p_light_error, light.n_light, -light.wi);
-    ray.d = end - ray.o;
-    ray.t_max = kSegmentEnd;
-  }
-  if constexpr (kMayPass) return IsVisibleThroughCutOuts(ray, light.is_infinite, end, u_pass);
-  ++counts_.rays;
-  ++counts_.shadow_rays;
-  return !tracer_.Occluded(ray);
-}
-
-template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight>
-bool PathTracer<kTraits, Tracer, kDirectLight>::IsVisibleThroughCutOuts(
-    Ray ray, bool is_infinite, Vec3f end, std::array<float, 2> u_pass) {
-  for (uint32_t pass = 0; pass < kPassesMax; ++pass) {
-    ++counts_.rays;
-    ++counts_.shadow_rays;
-    RawHit hit;
-    if (!tracer_.Intersect(ray, &hit)) return true;
-    const SurfacePoint point = MakeSurfacePoint<kTraits>(scene_.geometry, ray, hit);
-    const Surface& surface = *point.surface;
-    if (!surface.has_alpha && !surface.may_pass) return false;
-    // Pass numbers from 1 on: the slot's own numbers have been used to choose the light.
-    const PassChoice choice = MakeChoice(u_pass, pass + 1);
-    if (!IsCutOut(point, choice.cut_out)) {
-      const Bsdf bsdf = scene_.materials->template Evaluate<kRgbTraits>(
-          surface.material, TexturePointOf(point), choice.mix);
-      if (bsdf.kind != BsdfKind::kInterface) return false;
-    }
-    ray.o = OffsetRayOrigin(point.p, point.p_error, point.ng, ray.d);
-    ray.source = point.id;
-    if (!is_infinite) ray.d = end - ray.o;
-  }
-  return false;
-}
-
 }  // namespace sheaf::render
 
+#include "worker/render/path_tracer_media.h"
 #include "worker/render/path_tracer_scattering.h"
+#include "worker/render/path_tracer_visibility.h"

@@ -53,15 +53,40 @@ void PathTracer<kTraits, Tracer, kDirectLight>::AddDirect(const LightDraw& draw,
   if constexpr (kMayPass && Has(kTraits, Trait::kVaryingEmission)) {
     if (light->cut_out != kNone) light->radiance *= ShareOfCutOut(*light);
   }
-  if (!IsVisible(point, *light, {u[3], u[0]}, path->ray.time)) return;
-  const float weight = light->is_delta ? 1.0f : SampledShare(light->pdf, value.pdf);
-  const float scale = weight / light->pdf;
-  const Color arriving = path->throughput * value.f_cos * light->radiance * scale;
-  if (light->is_infinite && !light->is_delta) {
-    AddSky(point.p, light->wi, path->throughput * value.f_cos * scale, arriving, path);
+  if constexpr (kMedia) {
+    InMedia media = path->media;
+    if (!CrossOrStay(point, light->wi, IsHair<kTraits>(bsdf), *path, &media)) return;
+    const Color share = ShareThroughMedia(point, *light, {u[3], u[0]}, *path, media);
+    if (!share.IsBlack()) AddSampled(*light, point.p, value.f_cos * share, value.pdf, path);
   } else {
-    AddLight(light->light, arriving, path);
+    if (!IsVisible(point, *light, {u[3], u[0]}, path->ray.time)) return;
+    AddSampled(*light, point.p, value.f_cos, value.pdf, path);
   }
+}
+
+template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight>
+void PathTracer<kTraits, Tracer, kDirectLight>::AddSampled(const LightSampleOf<Color>& light,
+                                                           Vec3f p, const Color& f_cos, float pdf,
+                                                           Path* path) {
+  const float weight = light.is_delta ? 1.0f : SampledShare(light.pdf, pdf);
+  const float scale = weight / light.pdf;
+  const Color arriving = path->throughput * f_cos * light.radiance * scale;
+  if (light.is_infinite && !light.is_delta) {
+    AddSky(p, light.wi, path->throughput * f_cos * scale, arriving, path);
+  } else {
+    AddLight(light.light, arriving, path);
+  }
+}
+
+template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight>
+bool PathTracer<kTraits, Tracer, kDirectLight>::SurvivesRoulette(float u, Path* path) {
+  const float survival = MaxComponent(path->throughput) * path->eta_scale;
+  if (survival < 1 && path->depth > kRouletteDepthMin) {
+    const float stop = std::min(kRouletteStopMax, 1 - survival);
+    if (u < stop) return false;
+    path->throughput *= 1 / (1 - stop);
+  }
+  return true;
 }
 
 template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight>
@@ -81,6 +106,9 @@ bool PathTracer<kTraits, Tracer, kDirectLight>::Scatter(const Sampler& sampler,
   if (!AgreesOnSide(bsdf, tilt, sample->wi.z, Dot(wi, point.ng))) return false;
   path->throughput *= sample->weight;
   if (path->throughput.IsBlack()) return false;
+  if constexpr (kMedia) {
+    if (!CrossOrStay(point, wi, IsHair<kTraits>(bsdf), *path, &path->media)) return false;
+  }
   path->eta_scale *= sample->eta_scale;
   path->specular = (sample->flags & kBsdfSpecular) != 0;
   path->pdf = sample->pdf;
@@ -91,13 +119,7 @@ bool PathTracer<kTraits, Tracer, kDirectLight>::Scatter(const Sampler& sampler,
   path->ray.source = point.id;
   // Should the ray meet nothing, the sky's radiance will have arrived when that is known.
   path->sky_place = scene_.lights->template PrepareEnvironment<kTraits>(wi);
-  const float survival = MaxComponent(path->throughput) * path->eta_scale;
-  if (survival < 1 && path->depth > kRouletteDepthMin) {
-    const float stop = std::min(kRouletteStopMax, 1 - survival);
-    if (u[3] < stop) return false;
-    path->throughput *= 1 / (1 - stop);
-  }
-  return true;
+  return SurvivesRoulette(u[3], path);
 }
 
 template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight>

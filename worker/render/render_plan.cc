@@ -46,6 +46,10 @@ constexpr TraitName kTraitNames[] = {
     {Trait::kMeasured, "measured materials"},
     {Trait::kCurves, "curves", 1.34},
     {Trait::kOutputs, "outputs"},
+    {Trait::kMedia, "media"},
+    {Trait::kHeterogeneousMedia, "uneven media"},
+    {Trait::kChromaticMedia, "colored media"},
+    {Trait::kEmissiveMedia, "glowing media"},
 };
 static_assert(std::size(kTraitNames) == kTraitCount);
 
@@ -58,6 +62,7 @@ class PlanMaker {
     for (const int32_t shape : scene_.world_shapes) LookAtShape(scene_.shapes[shape], true);
     LookAtInstances();
     for (const LightDescription& light : scene_.lights) LookAtLight(light);
+    for (const MediumDescription& medium : scene_.media) LookAtMedium(medium);
     light_count_ += scene_.lights.size();
     Cause& wavelengths = causes_[TraitIndex(Trait::kSpectral)];
     if (settings.color == ColorTransport::kSpectral) {
@@ -212,6 +217,32 @@ class PlanMaker {
     }
   }
 
+  static bool IsGrey(const ColorSpec& color) {
+    const Rgb rgb = color.rgb;
+    return color.kind == ColorSpec::Kind::kRgb && !color.is_out_of_gamut && rgb.r == rgb.g &&
+           rgb.g == rgb.b;
+  }
+
+  void LookAtMedium(const MediumDescription& medium) {
+    const std::string what = absl::StrCat("medium \"", medium.name, "\"");
+    const auto ask = [&](Trait trait) { Ask(trait, medium.location, what); };
+    ask(Trait::kMedia);
+    const auto* grid = std::get_if<RgbGridMedium>(&medium.kind);
+    if (!medium.IsHomogeneous()) ask(Trait::kHeterogeneousMedia);
+    if (grid != nullptr || !IsGrey(medium.sigma_a) || !IsGrey(medium.sigma_s)) {
+      ask(Trait::kChromaticMedia);
+    }
+    for (const ColorSpec* color : {&medium.sigma_a, &medium.sigma_s}) {
+      if (color->is_out_of_gamut) ask(Trait::kSpectral);
+    }
+    const bool scatters = medium.scale > 0 && !medium.sigma_s.rgb.IsBlack();
+    something_scatters_ = something_scatters_ || scatters || grid != nullptr;
+    if (!medium.emits || medium.radiance_scale <= 0) return;
+    ask(Trait::kEmissiveMedia);
+    if (!IsWithinSrgb(medium.radiance, ColorRole::kIlluminant)) ask(Trait::kSpectral);
+    something_glows_ = true;
+  }
+
   static bool IsBlack(const MaterialDescription& description) {
     const auto* diffuse = std::get_if<DiffuseMaterial>(&description.material);
     return diffuse != nullptr && diffuse->reflectance.texture == kNone &&
@@ -222,7 +253,7 @@ class PlanMaker {
   void BoundDepth(int32_t max_depth, RenderPlan* plan) const {
     plan->max_depth = max_depth;
     if (max_depth == 0) return;
-    if (light_count_ == 0) {
+    if (light_count_ == 0 && !something_glows_) {
       plan->depth_cause = "there is no light";
     } else if (!something_scatters_) {
       plan->depth_cause = "every surface is black";
@@ -256,7 +287,7 @@ class PlanMaker {
   std::array<Cause, std::size(kTraitNames)> causes_;
   std::set<int32_t> materials_seen_, area_lights_seen_;
   size_t light_count_ = 0;
-  bool something_scatters_ = false;
+  bool something_scatters_ = false, something_glows_ = false;
 };
 
 // "+12 %", or "?" where nobody measured it.

@@ -35,8 +35,12 @@ enum class Trait : uint32_t {
   kNormalMaps = 1u << 16,           // Normal and bump maps.
   kVaryingEmission = 1u << 17,      // Emissive shapes with a picture or a cut-out.
   kOutputs = 1u << 18,              // More than the picture: FilmOutputs.
+  kMedia = 1u << 19,                // Participating media.
+  kHeterogeneousMedia = 1u << 20,   // Some that are not the same everywhere.
+  kChromaticMedia = 1u << 21,       // Some that absorb or scatter some colours more than others.
+  kEmissiveMedia = 1u << 22,        // Some that shine.
 };
-inline constexpr int kTraitCount = 19;
+inline constexpr int kTraitCount = 23;
 
 struct PlannedEffect {
   Trait trait{};

@@ -35,6 +35,7 @@ struct Surface {
   bool needs_tangent = false;   // Scatters differently along u and v.
   bool reads_textures = false;  // The material, the cut-out or the emission reads a texture.
   bool has_normal_map = false;  // Or a bump map.
+  MediumBoundary media;
   // Each triangle that emits a picture is so many emitters squared: emission_cells.h.
   uint16_t emission_cells = 1;
 };

@@ -115,6 +115,7 @@ Surface ShapeBaker::MakeSurface(int32_t shape_index) const {
   surface.shape = shape_index;
   surface.flips_normal = shape.reverse_orientation;
   surface.has_alpha = shape.has_alpha;
+  if (shape.media.Separates()) surface.media = shape.media;
   surface.may_pass = needs.may_pass;
   surface.is_sphere = std::holds_alternative<SphereShape>(shape.shape);
   surface.needs_tangent = needs.anisotropic || needs.has_normal_map;

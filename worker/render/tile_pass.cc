@@ -42,6 +42,7 @@ absl::StatusOr<FilmTile> RenderTilePass(const CompiledScene& scene, PixelRect ti
     stats->samples = static_cast<uint64_t>(tile.PixelCount()) * block.count;
     stats->rays = counts.rays;
     stats->shadow_rays = counts.shadow_rays;
+    stats->broken_nestings = counts.broken_nestings;
     stats->cpu_seconds = ThreadCpuSeconds() - start_seconds;
     stats->non_finite = accumulator.non_finite();
   }

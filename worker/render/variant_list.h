@@ -56,6 +56,15 @@ constexpr uint32_t Spectrally(uint32_t traits) { return traits | TraitSet(Trait:
 // The same with normal and bump maps, for which every vertex has more to remember.
 constexpr uint32_t Mapped(uint32_t traits) { return traits | TraitSet(Trait::kNormalMaps); }
 
+// Fog, smoke and glass that absorbs. What bounds a medium often only lets light pass, so all of
+// them hold cut-outs.
+constexpr uint32_t MediaTraits(bool environment) {
+  return CommonTraits(environment, false, false, true) | TraitSet(Trait::kMedia);
+}
+// The same where media have a colour or shine.
+inline constexpr uint32_t kColoredMediaTraits =
+    MediaTraits(true) | TraitSet(Trait::kChromaticMedia, Trait::kEmissiveMedia);
+
 }  // namespace sheaf::render
 
 // Of X(name, traits): those of every combination of kPaidByEveryPath but all at once, as wrap
@@ -85,6 +94,11 @@ constexpr uint32_t Mapped(uint32_t traits) { return traits | TraitSet(Trait::kNo
   X(prefix "common+environment+lens+motion",                                                      \
     wrap(::sheaf::render::CommonTraits(true, true, true, false)))
 
+#define SHEAF_MEDIA_VARIANTS(X, prefix, wrap)                             \
+  X(prefix "media", wrap(::sheaf::render::MediaTraits(false)))            \
+  X(prefix "media+environment", wrap(::sheaf::render::MediaTraits(true))) \
+  X(prefix "colored media", wrap(::sheaf::render::kColoredMediaTraits))
+
 // X(name, traits), the generic ones last: they serve what is too rare for variants of its own.
 #define SHEAF_RENDER_VARIANTS(X)                                                      \
   X("diffuse", ::sheaf::render::kDiffuseTraits)                                       \
@@ -96,6 +110,8 @@ constexpr uint32_t Mapped(uint32_t traits) { return traits | TraitSet(Trait::kNo
   X("studio", ::sheaf::render::kStudioTraits)                                         \
   SHEAF_COMMON_VARIANTS(X, "", )                                                      \
   SHEAF_COMMON_VARIANTS(X, "mapped ", ::sheaf::render::Mapped)                        \
+  SHEAF_MEDIA_VARIANTS(X, "", )                                                       \
+  SHEAF_MEDIA_VARIANTS(X, "spectral ", ::sheaf::render::Spectrally)                   \
   X("spectral glossy", ::sheaf::render::Spectrally(::sheaf::render::kGlossyTraits))   \
   X("spectral outdoor", ::sheaf::render::Spectrally(::sheaf::render::kOutdoorTraits)) \
   SHEAF_COMMON_VARIANTS(X, "spectral ", ::sheaf::render::Spectrally)                  \

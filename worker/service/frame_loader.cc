@@ -60,6 +60,12 @@ class FrameScene : public LoadedScene {
       LogError(absl::StrCat(lease.frame_name, ": sample ", sample.sample_index, " of pixel ",
                             sample.x, ",", sample.y, " is not finite"));
     }
+    if (stats.broken_nestings > 0) {
+      LogWarning(absl::StrCat(lease.frame_name, ": ", stats.broken_nestings,
+                              " paths ended because they left a medium that they had not entered: "
+                              "surfaces that bound media must be closed, and both sides of each "
+                              "MediumInterface right"));
+    }
     FinishedPart part;
     part.lease_id = lease.lease_id;
     part.frame_digest = lease.frame_digest;

@@ -1,0 +1,88 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Participating media as a scene file describes them: plain values, as written after the format's
+// defaults. A medium is a substance; where it is say the surfaces that bound it.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include "common/math/transform.h"
+#include "common/math/vec.h"
+#include "common/scene/color_spec.h"
+
+namespace sheaf {
+
+// The same everywhere.
+struct HomogeneousMedium {};
+// Values at the centres of equal cells of the box from p0 to p1 (medium space); x runs fastest.
+// Nothing is there outside of the box.
+struct GridBox {
+  std::array<int32_t, 3> counts{1, 1, 1};
+  Vec3d p0{0, 0, 0}, p1{1, 1, 1};
+  size_t size() const {
+    return static_cast<size_t>(counts[0]) * static_cast<size_t>(counts[1]) *
+           static_cast<size_t>(counts[2]);
+  }
+};
+// How temperatures shine: as a black body of (value - offset_k) * scale, where that is over 100 K.
+struct TemperatureEmission {
+  float offset_k = 0, scale = 1;
+};
+struct UniformGridMedium {
+  GridBox box;
+  std::vector<float> density;         // One per cell; multiplies sigma_a and sigma_s.
+  std::vector<float> temperature_k;   // Empty or one per cell.
+  std::vector<float> radiance_scale;  // Empty or one per cell; multiplies the radiance.
+  TemperatureEmission emission;
+};
+struct RgbGridMedium {
+  GridBox box;
+  // Empty or one per cell, in place of the medium's own; sigma_a and sigma_s are 1 where empty.
+  std::vector<Rgb> sigma_a, sigma_s, radiance;
+};
+// pbrt-v4's procedural cloud in the box from p0 to p1.
+struct CloudMedium {
+  Vec3d p0{0, 0, 0}, p1{1, 1, 1};
+  float density = 1, wispiness = 1, frequency = 5;
+};
+// Density (and temperature, where the file has one) from a file of sparse voxels.
+struct VolumeFileMedium {
+  std::string file;         // Canonical name for FileSource.
+  bool is_openvdb = false;  // .vdb; otherwise .nvdb.
+  TemperatureEmission emission;
+};
+
+struct MediumDescription {
+  std::string name;
+  std::variant<HomogeneousMedium, UniformGridMedium, RgbGridMedium, CloudMedium, VolumeFileMedium>
+      kind;
+  // Absorbed and scattered per scene unit of world space, before scale.
+  ColorSpec sigma_a, sigma_s;
+  float scale = 1;  // Of both.
+  // Mean cosine of the scattering angle of the phase function of Henyey and Greenstein.
+  float g = 0;
+  bool emits = false;        // Then what is absorbed over a length is emitted over it, in units of
+  ColorSpec radiance;        // this (an illuminant)
+  float radiance_scale = 1;  // times this. Grids of temperatures use radiance_scale only.
+  Matrix4 world_from_medium;
+  SourceLocation location;
+
+  bool IsHomogeneous() const { return std::holds_alternative<HomogeneousMedium>(kind); }
+};
+
+// What |g| may be at most: beyond, the phase function is narrower than float directions can tell.
+inline constexpr float kPhaseAsymmetryMax = 0.999f;
+
+// The media on the two sides of a surface, as indices in SceneDescription::media. Both are kNone
+// where it bounds none. The front of the surface is outside.
+struct MediumBoundary {
+  int32_t inside = kNone, outside = kNone;
+  bool Separates() const { return inside != outside; }
+};
+
+}  // namespace sheaf

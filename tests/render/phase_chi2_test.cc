@@ -1,0 +1,220 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Phase functions and flights through media against the densities they state (M11, V1, V2).
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <optional>
+#include <vector>
+
+#include "gtest/gtest.h"
+#include "tests/support/chi_square.h"
+#include "worker/render/free_flight.h"
+#include "worker/render/phase_function.h"
+
+namespace sheaf::render {
+namespace {
+
+using testing::ChiSquareResult;
+using testing::CounterUniforms;
+
+constexpr double kSignificance = 0.01;  // Of the whole file.
+constexpr int kTestCount = 48;          // At least as many tests as are made here.
+constexpr uint64_t kSampleCount = 1000000;
+
+double Threshold() { return testing::SidakThreshold(kSignificance, kTestCount); }
+
+TEST(PhaseChiSquareTest, SamplesFollowTheDensity) {
+  for (const float g : {-0.95f, -0.5f, -1e-4f, 0.0f, 1e-7f, 1e-3f, 0.3f, 0.8f, 0.95f}) {
+    for (const Vec3f d : {Vec3f{0, 0, 1}, Normalize(Vec3f{1, -2, 0.5f})}) {
+      const ChiSquareResult result = testing::ChiSquareTest(
+          [&](std::array<float, 3> u) -> std::optional<Vec3f> {
+            return SampleHenyeyGreenstein(g, d, {u[0], u[1]}).w;
+          },
+          [&](Vec3f w) -> double { return HenyeyGreenstein(g, d, w); }, {}, kSampleCount);
+      EXPECT_GE(result.p_value, Threshold()) << "g " << g << ": " << result.text;
+      EXPECT_NEAR(result.pdf_integral, 1, 1e-3) << "g " << g;
+    }
+  }
+}
+
+// M11: narrow peaks, in one dimension. The distance from the peak of a share u of the light has a
+// closed form; sampled ones are spread evenly over such shares, and the mean cosine is g.
+TEST(PhaseChiSquareTest, M11NarrowPeaksHaveTheirMeanCosine) {
+  constexpr int kDraws = 200000;
+  for (const float g : {-0.999f, -0.99f, 0.0f, 0.5f, 0.99f, 0.999f}) {
+    double sum = 0, squares = 0, density = 0;
+    for (int i = 0; i < kDraws; ++i) {
+      const std::array<float, 3> u = CounterUniforms(7, static_cast<uint64_t>(i));
+      const Vec3f d = Normalize(Vec3f{0.3f, 0.4f, -0.6f});
+      const PhaseDirection sample = SampleHenyeyGreenstein(g, d, {u[0], u[1]});
+      const double cosine = Dot(ToDouble(sample.w), ToDouble(d)) / Length(ToDouble(d));
+      sum += cosine;
+      squares += cosine * cosine;
+      EXPECT_NEAR(Length(sample.w), 1, 1e-6);
+      // The pdf of the sample and that of its direction, which was rounded.
+      density = std::max(
+          density,
+          static_cast<double>(std::fabs(HenyeyGreenstein(g, d, sample.w) / sample.pdf - 1)));
+    }
+    const double mean = sum / kDraws;
+    const double error = std::sqrt((squares / kDraws - mean * mean) / kDraws);
+    EXPECT_NEAR(mean, g, 5 * error + 1e-6) << "g " << g;
+    EXPECT_LT(density, 2e-3) << "g " << g;
+  }
+}
+
+// A million even steps of the cosine: the function integrates to 1 up to |g| = 0.999.
+TEST(PhaseChiSquareTest, M11TheFunctionIntegratesToOne) {
+  for (const float g : {-0.999f, -0.9f, 0.0f, 1e-6f, 0.9f, 0.999f}) {
+    // Substituting the distance from the peak by e^s spreads the peak over the steps.
+    constexpr int kSteps = 100000;
+    const double first = std::log(1e-12), last = std::log(2.0);
+    double sum = 0;
+    for (int i = 0; i < kSteps; ++i) {
+      const double x = std::exp(first + (last - first) * (i + 0.5) / kSteps);
+      sum += 2 * kPi * static_cast<double>(HenyeyGreenstein(g, static_cast<float>(x))) * x;
+    }
+    EXPECT_NEAR(sum * (last - first) / kSteps, 1, 1e-4) << "g " << g;
+  }
+}
+
+TEST(PhaseChiSquareTest, MixturesFollowTheirDensity) {
+  PhaseMix<Rgb> mix;
+  mix.Add(-0.6f, {0.2f, 0.3f, 0.1f}, 0.25f);
+  mix.Add(0.0f, {0.3f, 0.1f, 0.1f}, 0.15f);
+  mix.Add(0.8f, {0.5f, 0.6f, 0.8f}, 0.6f);
+  const Vec3f d = Normalize(Vec3f{-1, 0.2f, 0.4f});
+  const ChiSquareResult result = testing::ChiSquareTest(
+      [&](std::array<float, 3> u) -> std::optional<Vec3f> {
+        return mix.SampleDirection(d, u[2], {u[0], u[1]}).w;
+      },
+      [&](Vec3f w) -> double { return mix.Eval(d, w).pdf; }, {}, kSampleCount);
+  EXPECT_GE(result.p_value, Threshold()) << result.text;
+  for (int i = 0; i < 100; ++i) {
+    const std::array<float, 3> u = CounterUniforms(3, static_cast<uint64_t>(i));
+    const PhaseMix<Rgb>::Sample sample = mix.SampleDirection(d, u[2], {u[0], u[1]});
+    const PhaseMix<Rgb>::Value value = mix.Eval(d, sample.w);
+    for (size_t c = 0; c < 3; ++c) {
+      EXPECT_NEAR(sample.weight[c] * value.pdf, value.f[c], 1e-5f * value.pdf);
+    }
+  }
+}
+
+MediumMix<Rgb> Mix(Rgb sigma_a, Rgb sigma_s) {
+  MediumMix<Rgb> mix;
+  mix.sigma_t = sigma_a + sigma_s;
+  mix.sigma_s = sigma_s;
+  mix.scatters = !sigma_s.IsBlack();
+  mix.is_grey = mix.sigma_t.r == mix.sigma_t.g && mix.sigma_t.g == mix.sigma_t.b &&
+                sigma_s.r == sigma_s.g && sigma_s.g == sigma_s.b;
+  return mix;
+}
+FlightNumbers Numbers(uint64_t seed, uint64_t i) {
+  const std::array<float, 3> u = CounterUniforms(seed, 2 * i);
+  return {static_cast<double>(u[0]) + 0x1p-24 * static_cast<double>(u[1]), u[2]};
+}
+
+// Flights end in 32 parts of equal probability, or arrive.
+TEST(FlightChiSquareTest, DistancesFollowTheDensity) {
+  constexpr size_t kParts = 32;
+  constexpr int kDraws = 320000;
+  for (const double thickness : {1e-3, 1.0, 20.0, 1e6}) {
+    const float sigma = 3;
+    const double length = thickness / static_cast<double>(sigma);
+    const double scattered = -std::expm1(-thickness);
+    std::vector<double> counts(kParts + 1, 0), expected(kParts, kDraws * scattered / kParts);
+    expected.push_back(kDraws * (1 - scattered));
+    for (int i = 0; i < kDraws; ++i) {
+      const Flight<Rgb> flight =
+          SampleFlight<true>(Mix(Rgb::Grey(1), Rgb::Grey(2)), length,
+                             Numbers(11, static_cast<uint64_t>(i)), Rgb::Grey(1));
+      if (!flight.scatters) {
+        counts[kParts] += 1;
+        EXPECT_EQ(flight.weight, Rgb::Grey(1));
+        continue;
+      }
+      EXPECT_EQ(flight.weight, Rgb::Grey(2.0f / 3));
+      const double before = -std::expm1(-static_cast<double>(sigma) * flight.distance) / scattered;
+      counts[std::min(kParts - 1, static_cast<size_t>(before * kParts))] += 1;
+    }
+    double statistic = 0, degrees = -1;
+    for (size_t i = 0; i <= kParts; ++i) {
+      if (expected[i] < 5) continue;
+      statistic += (counts[i] - expected[i]) * (counts[i] - expected[i]) / expected[i];
+      degrees += 1;
+    }
+    EXPECT_GE(testing::UpperGammaQ(degrees / 2, statistic / 2), Threshold()) << thickness;
+  }
+}
+
+// V2: how likely a flight through a thin medium is scattered, found by bisection of its number, is
+// 1 - e^-tau to a part in a million down to 1e-8.
+TEST(FlightStability, V2ThinMediaScatterAsOftenAsTheyShould) {
+  for (double tau = 1e-8; tau < 30; tau *= 10) {
+    const MediumMix<Rgb> mix = Mix({}, Rgb::Grey(1));
+    double low = 0, high = 1;
+    for (int i = 0; i < 80; ++i) {
+      const double u = (low + high) / 2;
+      (SampleFlight<false>(mix, tau, {u, 0}, Rgb::Grey(1)).scatters ? low : high) = u;
+    }
+    EXPECT_NEAR(low / -std::expm1(-tau), 1, 1e-6) << tau;
+    EXPECT_NEAR(TransmittanceOf<false>(mix, tau).r, std::exp(-tau), 1e-7 * std::exp(-tau));
+  }
+  // The numbers are fine enough to be below 1e-8: steps of 2^-48.
+  EXPECT_EQ(MakeFlightNumbers({0, 0x1p-24f, 0, 0}, 0).distance, 0x1p-48);
+}
+
+// V1, V6, V11: expectations of the weights, for every pair of component and thickness; nothing that
+// is not finite at any length, the unending one included.
+TEST(FlightStability, V11WeightsKeepTheirExpectation) {
+  constexpr int kDraws = 400000;
+  const Rgb sigma_s{1, 10, 100}, sigma_a{0.5f, 0, 25};
+  const MediumMix<Rgb> mix = Mix(sigma_a, sigma_s);
+  for (const double length : {1e-4, 0.01, 0.3, 5.0, HUGE_VAL}) {
+    std::array<double, 3> arrived{}, arrived_squares{}, scattered{}, scattered_squares{};
+    const Rgb carried{0.2f, 1, 3};
+    for (int i = 0; i < kDraws; ++i) {
+      const Flight<Rgb> flight =
+          SampleFlight<true>(mix, length, Numbers(5, static_cast<uint64_t>(i)), carried);
+      ASSERT_TRUE(IsFinite(flight.weight)) << length;
+      for (size_t c = 0; c < 3; ++c) {
+        const double w = static_cast<double>(flight.weight[c]);
+        (flight.scatters ? scattered : arrived)[c] += w;
+        (flight.scatters ? scattered_squares : arrived_squares)[c] += w * w;
+      }
+    }
+    for (size_t c = 0; c < 3; ++c) {
+      const double sigma = static_cast<double>(mix.sigma_t[c]);
+      const double left = std::exp(-sigma * length);
+      const double albedo = static_cast<double>(sigma_s[c]) / sigma;
+      const auto expect = [&](double sum, double squares, double expected) {
+        const double mean = sum / kDraws;
+        const double error =
+            std::sqrt(std::max(0.0, squares / kDraws - mean * mean) / kDraws) + 1e-7;
+        EXPECT_NEAR(mean, expected, 5 * error) << "length " << length << ", component " << c;
+      };
+      expect(arrived[c], arrived_squares[c], left);
+      expect(scattered[c], scattered_squares[c], albedo * (1 - left));
+    }
+  }
+}
+
+TEST(FlightStability, V6NothingArrivesFromInfinityAndVacuumTakesNothing) {
+  EXPECT_EQ(TransmittanceOf<true>(Mix({1, 0, 1e-30f}, {}), HUGE_VAL), (Rgb{0, 1, 0}));
+  EXPECT_EQ(TransmittanceOf<false>(Mix({}, {}), HUGE_VAL), Rgb::Grey(1));
+  const Flight<Rgb> flight =
+      SampleFlight<true>(Mix({}, {1, 0, 0}), HUGE_VAL, {0.5, 0.99f}, {1, 1, 1});
+  EXPECT_TRUE(IsFinite(flight.weight));
+  MediumMix<Rgb> glow = Mix({2, 0, 1e-20f}, {});
+  glow.emission = {6, 0, 1e-20f};
+  const Rgb light = EmissionAlong(glow, HUGE_VAL);
+  EXPECT_FLOAT_EQ(light.r, 3);
+  EXPECT_EQ(light.g, 0);
+  EXPECT_FLOAT_EQ(light.b, 1);
+  EXPECT_FLOAT_EQ(EmissionAlong(glow, 1e-9).r, 6e-9f);
+}
+
+}  // namespace
+}  // namespace sheaf::render

@@ -1,0 +1,333 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Hard cases of participating media, by the names of the catalogue (V1, V2, V6, V8 to V13, G12).
+// Means are held by ExpectMean's 5 standard errors, where not said otherwise.
+#include <array>
+#include <cmath>
+#include <string>
+#include <vector>
+
+#include "gtest/gtest.h"
+#include "tests/support/long_tests.h"
+#include "tests/support/test_scene.h"
+
+namespace sheaf::render {
+namespace {
+
+// A scene with media; its shapes are interfaces or walls.
+class FogScene : public TestScene {
+ public:
+  using TestScene::TestScene;
+
+  int32_t AddMedium(Rgb sigma_a, Rgb sigma_s, float g = 0, Rgb radiance = {}) {
+    MediumDescription medium;
+    medium.name = std::to_string(scene.media.size());
+    medium.sigma_a.rgb = sigma_a;
+    medium.sigma_s.rgb = sigma_s;
+    medium.g = g;
+    medium.emits = !radiance.IsBlack();
+    medium.radiance.rgb = radiance;
+    scene.media.push_back(medium);
+    return static_cast<int32_t>(scene.media.size() - 1);
+  }
+  template <typename Shape>
+  ShapeDescription& Fill(Shape shape, int32_t inside, int32_t outside = kNone) {
+    ShapeDescription& added = AddShape(shape, AddMaterial(InterfaceMaterial{}));
+    added.media = {inside, outside};
+    return added;
+  }
+  void FillBox(Vec3f lower, Vec3f upper, int32_t inside, int32_t outside = kNone) {
+    Fill(MeshShape{Box(lower, upper)}, inside, outside);
+  }
+};
+
+struct Rendered {
+  TileMean mean;
+  FilmTile film;
+  uint64_t broken = 0;
+};
+Rendered RenderFog(const SceneDescription& scene, const FrameSettings& settings) {
+  const CompiledScenePtr compiled = Compile(scene, settings);
+  RenderStats stats;
+  FilmTile film = RenderAll(*compiled, &stats);
+  TileMean mean = MeanOf(film);
+  return {mean, std::move(film), stats.broken_nestings};
+}
+void ExpectFog(const FogScene& t, const FrameSettings& settings, Rgb expected) {
+  const Rendered rendered = RenderFog(t.scene, settings);
+  ExpectMean(rendered.mean, expected);
+  EXPECT_EQ(rendered.broken, 0u);
+}
+FrameSettings Spectral(FrameSettings settings) {
+  settings.color = ColorTransport::kSpectral;
+  return settings;
+}
+
+// V1: what a half space of isotropic scatterers reflects into a direction under an even sky is its
+// plane albedo, whatever the density. Values: Chandrasekhar's H functions. The box is many thousand
+// times as deep and wide as light diffuses. The camera stands near: rays start at rounded points,
+// which must be fine against a free path.
+FogScene HalfSpace(double mu, float albedo, float density) {
+  const double height = 0.05;
+  const double side = height * std::sqrt(1 - mu * mu) / mu;
+  FogScene t({side, height, 0}, {0, 0, 0}, 0.01f, {0, 0, 1});
+  t.ConstantEnvironment(Rgb::Grey(1));
+  const int32_t fog = t.AddMedium(Rgb::Grey((1 - albedo) * density), Rgb::Grey(albedo * density));
+  const float size = 1000 + 4e4f / density;
+  t.FillBox({-size, -size, -size}, {size, 0, size}, fog);
+  return t;
+}
+
+TEST(MediumStability, V1HalfSpaceHasItsPlaneAlbedo) {
+  struct Row {
+    float albedo;
+    double from_above, at_half;
+  };
+  for (const Row& row :
+       {Row{0.5f, .115226, .160144}, Row{0.8f, .285255, .367970}, Row{0.9f, .414947, .507939},
+        Row{0.99f, .752721, .815140}, Row{0.999f, .912845, .938061}}) {
+    SCOPED_TRACE(row.albedo);
+    const FrameSettings settings = SquareSettings(8, DrawCount(256, 4096), 1 << 20);
+    ExpectFog(HalfSpace(1, row.albedo, 1), settings, Rgb::Grey(static_cast<float>(row.from_above)));
+    ExpectFog(HalfSpace(0.5, row.albedo, 1), settings, Rgb::Grey(static_cast<float>(row.at_half)));
+  }
+}
+
+TEST(MediumStability, V1AlbedoDoesNotDependOnDensity) {
+  for (const float density : {1.0f, 1e2f, 1e4f, 1e6f}) {
+    SCOPED_TRACE(density);
+    ExpectFog(HalfSpace(1, 0.9f, density), SquareSettings(8, DrawCount(512, 8192), 1 << 20),
+              Rgb::Grey(.414947f));
+  }
+}
+
+// V2: what a thin slab takes of the light behind it (FlightStability has what it scatters).
+TEST(MediumStability, V2ThinMediaTakeLittle) {
+  for (const float thickness : {1e-8f, 1e-6f, 1e-4f, 1e-2f}) {
+    SCOPED_TRACE(thickness);
+    FogScene t({0, 0, -2}, {0, 0, 0}, 0.01f);
+    t.ConstantEnvironment(Rgb::Grey(1));
+    const int32_t fog = t.AddMedium(Rgb::Grey(thickness), {});
+    t.FillBox({-3, -3, -0.5f}, {3, 3, 0.5f}, fog);
+    ExpectFog(t, SquareSettings(4, 16, 8),
+              Rgb::Grey(static_cast<float>(std::exp(-static_cast<double>(thickness)))));
+  }
+}
+
+// V6: fog without end lets nothing through, and everything where it only scatters.
+TEST(MediumStability, V6FogWithoutEnd) {
+  for (const bool scatters : {false, true}) {
+    FogScene t({0, 0, 0}, {0, 0, 1}, 40);
+    t.ConstantEnvironment(Rgb::Grey(1));
+    t.scene.camera.medium = t.AddMedium(Rgb::Grey(0.01f), scatters ? Rgb::Grey(0.01f) : Rgb{});
+    ExpectFog(t, SquareSettings(4, 16, 100), {});
+  }
+}
+
+// V9: a camera within fog that glows sees Le / sigma_a (1 - e^-(sigma_a s)) of it before a wall.
+TEST(MediumStability, V9CameraInFog) {
+  for (const double distance : {1e-3, 1.0, 300.0}) {
+    SCOPED_TRACE(distance);
+    const auto z = static_cast<float>(distance);
+    FogScene t({0, 0, 0}, {0, 0, 1}, 0.01f);
+    t.scene.camera.medium = t.AddMedium({0.5f, 1, 2}, {}, 0, {3, 2, 1});
+    t.AddShape(MeshShape{t.Quad({-9, -9, z}, {-9, 9, z}, {9, 9, z}, {9, -9, z})}, t.Diffuse({}));
+    Rgb expected;
+    for (size_t c = 0; c < 3; ++c) {
+      const double sigma = std::array{0.5, 1.0, 2.0}[c], radiance = std::array{3.0, 2.0, 1.0}[c];
+      expected[c] = static_cast<float>(radiance * -std::expm1(-sigma * distance));
+    }
+    ExpectFog(t, SquareSettings(4, 16, 5), expected);
+  }
+}
+
+// V10: a slab that shines has L = Le (1 - e^-tau), from 1e-6 to 1e3, as RGB and as spectra.
+TEST(MediumStability, V10EmissiveSlab) {
+  for (const double tau : {1e-6, 1e-3, 1.0, 30.0, 1e3}) {
+    SCOPED_TRACE(tau);
+    FogScene t({0, 0, -2}, {0, 0, 0}, 0.01f);
+    const int32_t fire = t.AddMedium(Rgb::Grey(static_cast<float>(tau)), {}, 0, {4, 2, 1});
+    t.FillBox({-3, -3, -0.5f}, {3, 3, 0.5f}, fire);
+    const auto share = static_cast<float>(-std::expm1(-tau));
+    ExpectFog(t, SquareSettings(4, 16, 5), Rgb{4, 2, 1} * share);
+    const Rendered spectral =
+        RenderFog(t.scene, Spectral(SquareSettings(4, DrawCount(1024, 1 << 16), 5)));
+    for (size_t c = 0; c < 3; ++c) {
+      EXPECT_NEAR(spectral.mean.mean[c] / share, std::array{4, 2, 1}[c],
+                  5 * spectral.mean.standard_error[c] / share + 0.01);
+    }
+  }
+}
+
+// V11: each component is dimmed by its own coefficient.
+TEST(MediumStability, V11ChromaticAbsorption) {
+  FogScene t({0, 0, -2}, {0, 0, 0}, 0.01f);
+  t.ConstantEnvironment(Rgb::Grey(1));
+  t.FillBox({-3, -3, -0.5f}, {3, 3, 0.5f}, t.AddMedium({1, 10, 100}, {}));
+  ExpectFog(t, SquareSettings(4, 16, 5),
+            {static_cast<float>(std::exp(-1.0)), static_cast<float>(std::exp(-10.0)),
+             static_cast<float>(std::exp(-100.0))});
+}
+
+// V11, V12: what only scatters cannot be seen under an even sky, whatever it prefers in colours and
+// directions, thin or thick, and however media overlap.
+TEST(MediumStability, V12WhiteFurnace) {
+  struct Case {
+    Rgb sigma_s;
+    float g;
+  };
+  for (const Case& c :
+       {Case{Rgb::Grey(1), 0}, Case{Rgb::Grey(1e-3f), 0.5f}, Case{Rgb::Grey(8), 0.9f},
+        Case{Rgb::Grey(3), -0.7f}, Case{{1, 3, 9}, 0}, Case{{0.1f, 1, 10}, 0.8f}}) {
+    for (const bool spectral : {false, true}) {
+      SCOPED_TRACE(c.sigma_s.b);
+      FogScene t({0, 0, -4}, {0, 0, 0}, 30);
+      t.ConstantEnvironment(Rgb::Grey(1));
+      t.Fill(SphereShape{1, -1, 1, 360}, t.AddMedium({}, c.sigma_s, c.g));
+      FrameSettings settings = SquareSettings(8, DrawCount(128, 2048), 1 << 20);
+      if (spectral) settings = Spectral(settings);
+      const Rendered rendered = RenderFog(t.scene, settings);
+      EXPECT_EQ(rendered.mean.non_finite, 0u);
+      EXPECT_EQ(rendered.broken, 0u);
+      for (size_t i = 0; i < 3; ++i) {
+        EXPECT_NEAR(rendered.mean.mean[i], 1, 5 * rendered.mean.standard_error[i] + 5e-4);
+      }
+    }
+  }
+}
+
+// G12: what two boxes let through, one within the other and in the place of its medium.
+TEST(MediumStability, G12NestedBoxes) {
+  FogScene t({0.1, 0.2, -4}, {0, 0, 0}, 0.01f);
+  t.ConstantEnvironment(Rgb::Grey(1));
+  const int32_t thin = t.AddMedium(Rgb::Grey(0.5f), {}), thick = t.AddMedium(Rgb::Grey(2), {});
+  t.FillBox({-9, -9, -1}, {9, 9, 1}, thin);
+  t.FillBox({-8, -8, -0.25f}, {8, 8, 0.25f}, thick, thin);  // thin is left while in thick.
+  const double unit = std::sqrt(0.05 + 16) / 4;
+  ExpectFog(t, SquareSettings(2, 16, 5),
+            Rgb::Grey(static_cast<float>(std::exp(-unit * (0.5 * 1.5 + 2 * 0.5)))));
+}
+
+// A file that says a medium is left which was never entered: paths end there, and are counted.
+TEST(MediumStability, G12BrokenNestingIsCounted) {
+  FogScene t({0, 0, -4}, {0, 0, 0}, 0.01f);
+  t.ConstantEnvironment(Rgb::Grey(1));
+  t.FillBox({-1, -1, -1}, {1, 1, 1}, t.AddMedium({}, {}), t.AddMedium({}, Rgb::Grey(1)));
+  const Rendered rendered = RenderFog(t.scene, SquareSettings(2, 16, 5));
+  ExpectMean(rendered.mean, {});
+  EXPECT_EQ(rendered.broken, 64u);
+}
+
+// V8: media that overlap add up, entered in any order, and however the file orders them.
+FogScene Overlap(bool twice, bool swapped) {
+  FogScene t({0.3, 0.4, -5}, {0, 0, 0}, 35);
+  t.ConstantEnvironment({1, 0.5f, 0.2f});
+  t.AddShape(MeshShape{t.Quad({-9, -2, -9}, {-9, -2, 9}, {9, -2, 9}, {9, -2, -9})},
+             t.Diffuse(Rgb::Grey(0.5f)));
+  if (!twice) {
+    t.FillBox({-1, -1, -1}, {1, 1, 1}, t.AddMedium({0.5f, 0.25f, 1}, {2, 1, 0.5f}, 0.5f));
+    return t;
+  }
+  const Rgb sigma_a[2] = {{0.25f, 0.125f, 0.75f}, {0.25f, 0.125f, 0.25f}};
+  const Rgb sigma_s[2] = {{0.5f, 0.5f, 0.25f}, {1.5f, 0.5f, 0.25f}};
+  const int first = swapped ? 1 : 0;
+  const int32_t a = t.AddMedium(sigma_a[first], sigma_s[first], 0.5f);
+  const int32_t b = t.AddMedium(sigma_a[1 - first], sigma_s[1 - first], 0.5f);
+  t.FillBox({-1, -1, -1}, {1, 1, 1}, a);
+  t.FillBox({-1, -1, -1}, {1, 1, 1}, b);
+  return t;
+}
+
+TEST(MediumStability, V8OverlappingVolumesAddUp) {
+  const FrameSettings settings = SquareSettings(12, 256, 20);
+  const Rendered one = RenderFog(Overlap(false, false).scene, settings);
+  const Rendered two = RenderFog(Overlap(true, false).scene, settings);
+  const Rendered swapped = RenderFog(Overlap(true, true).scene, settings);
+  EXPECT_EQ(two.broken, 0u);
+  EXPECT_TRUE(two.film == swapped.film);
+  for (size_t c = 0; c < 3; ++c) {
+    EXPECT_NEAR(one.mean.mean[c], two.mean.mean[c],
+                5 * std::hypot(one.mean.standard_error[c], two.mean.standard_error[c]) + 1e-6);
+  }
+}
+
+// V13: turned as a whole a scene keeps its picture, also where light is scattered nearly straight
+// on many times.
+FogScene Turned(double degrees, Vec3d axis) {
+  const Matrix4 turn = RotateMatrix(degrees, axis);
+  const auto at = [&turn](Vec3d p) { return TransformPoint(turn, p); };
+  FogScene t(at({0, 0, -4}), at({0, 0, 0}), 30, at({0, 1, 0}));
+  const int32_t fog = t.AddMedium(Rgb::Grey(0.05f), Rgb::Grey(20), 0.98f);
+  t.Fill(SphereShape{1, -1, 1, 360}, fog);
+  DistantLight sun;
+  sun.radiance.rgb = Rgb::Grey(3);
+  sun.from = at({0.5, 1, 1});
+  sun.to = {0, 0, 0};
+  t.scene.lights.push_back({sun, {}, {}, {}});
+  return t;
+}
+
+TEST(MediumStability, V13RotationInvariance) {
+  const FrameSettings settings = SquareSettings(8, DrawCount(512, 8192), 1000);
+  const Rendered straight = RenderFog(Turned(0, {0, 1, 0}).scene, settings);
+  EXPECT_GT(straight.mean.mean.g, 0.01f);
+  for (const Vec3d axis : {Vec3d{1, 2, 3}, Vec3d{0, 1, 0}, Vec3d{-3, 0.1, 1}}) {
+    const Rendered turned = RenderFog(Turned(77, axis).scene, settings);
+    EXPECT_EQ(turned.broken, 0u);
+    EXPECT_NEAR(turned.mean.mean.g, straight.mean.mean.g,
+                5 * std::hypot(turned.mean.standard_error.g, straight.mean.standard_error.g));
+  }
+}
+
+// G2: a scene 2^20 times as large or small, with coefficients to match, gives the same bits.
+TEST(MediumStability, G2ScaleKeepsTheBits) {
+  const auto scaled = [](double scale) {
+    TestScene room = LitRoom(scale);
+    MediumDescription fog;
+    fog.sigma_a.rgb = {0.1f, 0.2f, 0.3f};
+    fog.sigma_s.rgb = {0.5f, 0.3f, 0.2f};
+    fog.scale = static_cast<float>(1 / scale);
+    fog.g = 0.4f;
+    fog.emits = true;
+    fog.radiance.rgb = {0.1f, 0.1f, 0.05f};
+    room.scene.media = {fog};
+    room.scene.camera.medium = 0;
+    return RenderFog(room.scene, SquareSettings(12, 32, 12));
+  };
+  const Rendered one = scaled(1);
+  EXPECT_GT(one.mean.mean.g, 0.01f);
+  for (const double scale : {0x1p-20, 0x1p20}) {
+    const Rendered other = scaled(scale);
+    EXPECT_EQ(other.broken, 0u);
+    for (const FilmChannel channel :
+         {FilmChannel::kRedHi, FilmChannel::kGreenHi, FilmChannel::kBlueHi}) {
+      for (size_t i = 0; i < one.film.plane_size(); ++i) {
+        ASSERT_EQ(one.film.channel(channel)[i], other.film.channel(channel)[i]) << scale;
+      }
+    }
+  }
+}
+
+// What the first event is says the picture's own outputs.
+TEST(MediumStability, TheFirstEventIsInTheFog) {
+  FogScene t({0, 0, 0}, {0, 0, 1}, 40);
+  t.ConstantEnvironment(Rgb::Grey(1));
+  t.scene.camera.medium = t.AddMedium({1, 3, 0}, {3, 1, 2});
+  const Rendered rendered = RenderFog(t.scene, SquareSettings(4, 4096, 1));
+  const FilmTile& film = rendered.film;
+  const auto mean = [&film](FilmChannel channel) {
+    double sum = 0, weight = 0;
+    for (size_t i = 0; i < film.plane_size(); ++i) {
+      sum += static_cast<double>(film.channel(channel)[i]);
+      weight += static_cast<double>(film.channel(FilmChannel::kWeight)[i]);
+    }
+    return sum / weight;
+  };
+  EXPECT_NEAR(mean(FilmChannel::kAlpha), 1, 1e-6);
+  EXPECT_NEAR(mean(FilmChannel::kAlbedoR), 0.75, 1e-3);
+  EXPECT_NEAR(mean(FilmChannel::kNormalZ), 0, 1e-6);
+}
+
+}  // namespace
+}  // namespace sheaf::render

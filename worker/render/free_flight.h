@@ -1,0 +1,161 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// How far a path flies through media that are the same everywhere, in closed form: distances that
+// are sampled, what is left of light after a length, and what shines along it. Holds for optical
+// thicknesses from 0 to beyond all bounds and for lengths that do not end.
+//
+// Where media absorb or scatter the components of light differently, the distance is sampled for
+// one component, chosen by what the path carries, and weighted by the density of all of them (the
+// balance heuristic for one sample: Veach 1997, sec. 9.2; Wilkie et al. 2014). Only differences of
+// optical thickness to that of the clearest component enter, so that no weight is 0 / 0. Grey media
+// need none of this: a flight that arrives keeps all, one that scatters keeps the albedo.
+#pragma once
+
+#include <array>
+#include <bit>
+#include <cstdint>
+#include <limits>
+
+#include "common/math/elementary.h"
+#include "worker/render/sampler.h"
+#include "worker/render/wavelengths.h"
+
+namespace sheaf::render {
+
+// What the media at a place do to light, per scene unit. Sums over the media.
+template <typename Color>
+struct MediumMix {
+  Color sigma_t, sigma_s;
+  Color emission;           // Radiance per scene unit.
+  bool is_grey = true;      // sigma_t and sigma_s are the same in all components.
+  bool scatters = false;    // sigma_s is not black.
+  bool is_bounded = false;  // Of one of them: closed surfaces surround it on all sides.
+};
+
+// distance is uniform in [0, 1) and fine: flights through thin media end where it is nearly 0.
+struct FlightNumbers {
+  double distance = 0;
+  float component = 0;
+};
+// From a slot's numbers, for the pass-th segment that is flown since: each has its own, hashed.
+inline FlightNumbers MakeFlightNumbers(const std::array<float, 4>& u, uint32_t pass) {
+  if (pass == 0) return {static_cast<double>(u[0]) + 0x1p-24 * static_cast<double>(u[1]), u[2]};
+  uint64_t state = (uint64_t{std::bit_cast<uint32_t>(u[0])} << 32) | std::bit_cast<uint32_t>(u[1]);
+  state = MixBits(state + uint64_t{pass} * 0x9e3779b97f4a7c15u);
+  const uint64_t more = MixBits(state ^ std::bit_cast<uint32_t>(u[2]));
+  return {static_cast<double>(state >> 16) * 0x1p-48, static_cast<float>(more >> 40) * 0x1p-24f};
+}
+
+// e^-tau. tau may be infinite.
+inline float AttenuationOf(double tau) {
+  const elementary::ExpParts p = elementary::ExpForFloat(elementary::ClampExpArgument(-tau));
+  return static_cast<float>(std::fma(p.scale, p.expm1_of_r, p.scale));
+}
+// sigma * length, where nothing stays nothing however long it is.
+inline double OpticalThickness(double sigma, double length) {
+  return sigma == 0 ? 0 : sigma * length;
+}
+
+// What is left of light after `length`.
+template <bool kChromatic, typename Color>
+Color TransmittanceOf(const MediumMix<Color>& mix, double length) {
+  if (!kChromatic || mix.is_grey) {
+    return Color::Grey(AttenuationOf(OpticalThickness(mix.sigma_t[0], length)));
+  }
+  return MakeColor<Color>(
+      [&](size_t i) { return AttenuationOf(OpticalThickness(mix.sigma_t[i], length)); });
+}
+
+// Radiance that arrives from all that shines along `length`.
+template <typename Color>
+Color EmissionAlong(const MediumMix<Color>& mix, double length) {
+  return MakeColor<Color>([&](size_t i) -> float {
+    if (mix.emission[i] == 0) return 0;  // What shines absorbs: sigma_t is positive below.
+    const float tau = static_cast<float>(OpticalThickness(mix.sigma_t[i], length));
+    return mix.emission[i] * (-Expm1(-tau) / mix.sigma_t[i]);
+  });
+}
+
+template <typename Color>
+struct Flight {
+  bool scatters = false;  // After `distance`; otherwise the path arrives at the end.
+  double distance = 0;
+  Color weight = Color::Grey(1);  // What the path's throughput is multiplied by.
+};
+
+namespace internal {
+
+// Probabilities to choose each component by.
+template <typename Color>
+Color ComponentShares(const Color& throughput) {
+  float sum = 0;
+  for (size_t i = 0; i < kComponentCount<Color>; ++i) sum += throughput[i];
+  return throughput / sum;
+}
+template <typename Color>
+size_t ChooseComponent(const Color& shares, float u) {
+  size_t chosen = 0;
+  float sum = 0;
+  for (size_t i = 0; i < kComponentCount<Color>; ++i) {
+    if (shares[i] == 0) continue;
+    chosen = i;
+    sum += shares[i];
+    if (u < sum) break;
+  }
+  return chosen;
+}
+
+template <typename Color>
+Flight<Color> SampleChromaticFlight(const MediumMix<Color>& mix, double length,
+                                    const FlightNumbers& u, const Color& throughput) {
+  const Color shares = ComponentShares(throughput);
+  const size_t chosen = ChooseComponent(shares, u.component);
+  const double sigma = mix.sigma_t[chosen];
+  Flight<Color> flight;
+  flight.distance =
+      sigma == 0 ? std::numeric_limits<double>::infinity() : -Log1p(-u.distance) / sigma;
+  flight.scatters = flight.distance < length;
+  const double flown = flight.scatters ? flight.distance : length;
+  float clearest = mix.sigma_t[chosen];
+  for (size_t i = 0; i < kComponentCount<Color>; ++i) {
+    if (shares[i] > 0 && mix.sigma_t[i] < clearest) clearest = mix.sigma_t[i];
+  }
+  // Of each component, relative to the clearest: at most 1, and so much for the chosen one that the
+  // density below is not 0.
+  Color left;
+  float density = 0;
+  for (size_t i = 0; i < kComponentCount<Color>; ++i) {
+    if (shares[i] == 0) continue;
+    const double more = static_cast<double>(mix.sigma_t[i]) - static_cast<double>(clearest);
+    left[i] = AttenuationOf(OpticalThickness(more, flown));
+    density += shares[i] * left[i] * (flight.scatters ? mix.sigma_t[i] : 1);
+  }
+  flight.weight = (flight.scatters ? mix.sigma_s * left : left) / density;
+  return flight;
+}
+
+}  // namespace internal
+
+// Whether and where a path that carries `throughput` is scattered within `length`. Media that only
+// absorb scatter nothing: they take what they take. Requires: throughput is not black, and nowhere
+// negative.
+template <bool kChromatic, typename Color>
+Flight<Color> SampleFlight(const MediumMix<Color>& mix, double length, const FlightNumbers& u,
+                           [[maybe_unused]] const Color& throughput) {
+  Flight<Color> flight;
+  if (!mix.scatters) {
+    flight.weight = TransmittanceOf<kChromatic>(mix, length);
+    return flight;
+  }
+  if constexpr (kChromatic) {
+    if (!mix.is_grey) return internal::SampleChromaticFlight(mix, length, u, throughput);
+  }
+  const double sigma = mix.sigma_t[0];
+  flight.distance = -Log1p(-u.distance) / sigma;
+  flight.scatters = flight.distance < length;
+  if (flight.scatters) flight.weight = Color::Grey(mix.sigma_s[0] / mix.sigma_t[0]);
+  return flight;
+}
+
+}  // namespace sheaf::render

@@ -1,0 +1,129 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Media made ready, put in order, and looked at from all sides.
+#include "worker/render/medium.h"
+
+#include <algorithm>
+#include <numeric>
+#include <string>
+#include <tuple>
+
+#include "absl/strings/str_cat.h"
+#include "common/base/check.h"
+#include "worker/render/leak_guard.h"
+
+namespace sheaf::render {
+namespace {
+
+// Whether what lies inside of a surface (behind its front) is enclosed by it.
+bool EnclosesInside(const BakedMesh& mesh) {
+  const EnclosedSide side = EnclosedSideOf(mesh.positions, mesh.indices);
+  if (side == EnclosedSide::kNone) return false;
+  const float front = side == EnclosedSide::kBack ? 1.0f : -1.0f;
+  for (size_t i = 0; i + 2 < mesh.indices.size(); i += 3) {
+    const uint32_t* t = &mesh.indices[i];
+    const Vec3d p = ToDouble(mesh.positions[t[0]]);
+    const Vec3d cross =
+        Cross(ToDouble(mesh.positions[t[1]]) - p, ToDouble(mesh.positions[t[2]]) - p);
+    if (TriangleFacing(mesh, t, cross) != front) return false;
+  }
+  return true;
+}
+bool EnclosesInside(const BakedQuadric& baked, const ShapeDescription& shape) {
+  const auto* sphere = std::get_if<SphereShape>(&shape.shape);
+  return sphere != nullptr && !baked.surface.flips_normal && sphere->phi_max_degrees >= 360 &&
+         std::min(sphere->z_min, sphere->z_max) <= -sphere->radius &&
+         std::max(sphere->z_min, sphere->z_max) >= sphere->radius;
+}
+
+// Which media have an end in every direction: those that only closed surfaces bound. A ray that is
+// in one of them and meets nothing has missed a surface.
+std::vector<bool> FindBounded(const SceneDescription& scene, const SceneGeometry& geometry) {
+  std::vector<bool> is_inside(scene.media.size(), false), is_open(scene.media.size(), false);
+  const auto add = [&](const Surface& surface, bool encloses) {
+    if (!surface.media.Separates()) return;
+    const auto [inside, outside] = surface.media;
+    if (inside != kNone) is_inside[static_cast<size_t>(inside)] = true;
+    for (const int32_t medium : {inside, outside}) {
+      if (medium != kNone && !encloses) is_open[static_cast<size_t>(medium)] = true;
+    }
+  };
+  for (const GeometryGroup& group : geometry.groups) {
+    for (const BakedMesh& mesh : group.meshes) {
+      if (mesh.surface.media.Separates()) add(mesh.surface, EnclosesInside(mesh));
+    }
+    for (const BakedQuadric& quadric : group.quadrics) {
+      add(quadric.surface,
+          EnclosesInside(quadric, scene.shapes[static_cast<size_t>(quadric.surface.shape)]));
+    }
+    for (const BakedPatches& patches : group.patches) add(patches.surface, false);
+  }
+  std::vector<bool> is_bounded(scene.media.size());
+  for (size_t i = 0; i < is_bounded.size(); ++i) {
+    is_bounded[i] = is_inside[i] && !is_open[i] && scene.camera.medium != static_cast<int32_t>(i);
+  }
+  return is_bounded;
+}
+
+}  // namespace
+
+absl::StatusOr<std::unique_ptr<MediumTable>> MediumTable::Build(const SceneDescription& scene,
+                                                                const SceneGeometry& geometry,
+                                                                bool spectral) {
+  if (scene.media.size() > kMediaMax) {
+    return absl::ResourceExhaustedError(absl::StrCat("the scene has ", scene.media.size(),
+                                                     " media, more than the limit of ", kMediaMax));
+  }
+  const std::vector<bool> is_bounded = FindBounded(scene, geometry);
+  std::vector<Medium> media;
+  for (const MediumDescription& description : scene.media) {
+    if (!description.IsHomogeneous()) {
+      return absl::InvalidArgumentError(
+          absl::StrCat(FormatLocation(scene, description.location), ": medium \"", description.name,
+                       "\" is a volume on a grid, which Sheaf reads and does not render; make it "
+                       "homogeneous, or use the integrator \"path\", which ignores media"));
+    }
+    Medium medium;
+    medium.scale = description.scale;
+    medium.sigma_a = description.sigma_a.rgb * description.scale;
+    medium.sigma_s = description.sigma_s.rgb * description.scale;
+    medium.g = description.g;
+    medium.emits = description.emits && description.radiance_scale > 0;
+    medium.is_bounded = is_bounded[media.size()];
+    medium.radiance_scale = description.radiance_scale;
+    if (medium.emits) medium.radiance = description.radiance.rgb * description.radiance_scale;
+    if (spectral) {
+      medium.sigma_a_spectrum = SpectralColor::Make(description.sigma_a, ColorRole::kUnbounded);
+      medium.sigma_s_spectrum = SpectralColor::Make(description.sigma_s, ColorRole::kUnbounded);
+      if (medium.emits) {
+        medium.radiance_spectrum =
+            SpectralColor::Make(description.radiance, ColorRole::kIlluminant);
+      }
+    }
+    media.push_back(std::move(medium));
+  }
+  // By g first: phase functions that are the same shall be neighbours.
+  std::vector<size_t> order(media.size());
+  std::iota(order.begin(), order.end(), size_t{0});
+  const auto key = [&media](size_t i) {
+    const Medium& m = media[i];
+    return std::tuple(m.g, m.sigma_s.r, m.sigma_s.g, m.sigma_s.b, m.sigma_a.r, m.sigma_a.g,
+                      m.sigma_a.b, m.radiance.r, m.radiance.g, m.radiance.b);
+  };
+  std::stable_sort(order.begin(), order.end(),
+                   [&key](size_t a, size_t b) { return key(a) < key(b); });
+  auto table = std::make_unique<MediumTable>();
+  table->index_of_.resize(media.size());
+  for (const size_t i : order) {
+    table->index_of_[i] = static_cast<uint16_t>(table->media_.size());
+    table->media_.push_back(std::move(media[i]));
+  }
+  if (scene.camera.medium != kNone) {
+    const bool fits = table->camera_media_.Add(table->IndexOf(scene.camera.medium));
+    SHEAF_CHECK(fits);
+  }
+  return table;
+}
+
+}  // namespace sheaf::render

@@ -1,0 +1,130 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// MediumTable: the scene's participating media made ready for transport: what each absorbs,
+// scatters and emits per scene unit, and whether a path can be in it without ever coming to its
+// end.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "common/scene/scene_description.h"
+#include "worker/render/free_flight.h"
+#include "worker/render/medium_set.h"
+#include "worker/render/phase_function.h"
+#include "worker/render/scene_geometry.h"
+#include "worker/render/spectral_color.h"
+
+namespace sheaf::render {
+
+class MediumTable {
+ public:
+  // spectral: MixOf may be asked for Spectral too. Errors: kInvalidArgument with the location of a
+  // medium that is not the same everywhere, kResourceExhausted over kMediaMax.
+  static absl::StatusOr<std::unique_ptr<MediumTable>> Build(const SceneDescription& scene,
+                                                            const SceneGeometry& geometry,
+                                                            bool spectral);
+
+  // All else knows media by this: they are in an order of their properties, so that the order in
+  // the scene file changes no bit. medium: an index in SceneDescription::media.
+  uint16_t IndexOf(int32_t medium) const { return index_of_[static_cast<size_t>(medium)]; }
+  // What a path is in when it leaves the camera.
+  const MediumSet& camera_media() const { return camera_media_; }
+
+  // Thread safety: any number of threads at once.
+  template <typename Color>
+  MediumMix<Color> MixOf(const MediumSet& media, const WavelengthsOf<Color>& wavelengths) const;
+  // Requires: mix is MixOf the same, and scatters. throughput chooses among several.
+  template <typename Color>
+  PhaseMix<Color> PhaseOf(const MediumSet& media, const MediumMix<Color>& mix,
+                          const Color& throughput, const WavelengthsOf<Color>& wavelengths) const;
+
+ private:
+  struct Medium {
+    Rgb sigma_a, sigma_s, radiance;  // Scaled, per scene unit.
+    SpectralColor sigma_a_spectrum, sigma_s_spectrum, radiance_spectrum;
+    float scale = 1, radiance_scale = 1;  // Of the spectra.
+    float g = 0;
+    bool emits = false;
+    bool is_bounded = false;
+  };
+  template <typename Color>
+  static Color Evaluate(Rgb rgb, const SpectralColor& spectrum, float scale,
+                        const WavelengthsOf<Color>& wavelengths) {
+    if constexpr (std::is_same_v<Color, Spectral>) {
+      return spectrum.At(wavelengths) * scale;
+    } else {
+      return rgb;
+    }
+  }
+
+  std::vector<Medium> media_;
+  std::vector<uint16_t> index_of_;
+  MediumSet camera_media_;
+};
+
+template <typename Color>
+MediumMix<Color> MediumTable::MixOf(const MediumSet& media,
+                                    const WavelengthsOf<Color>& wavelengths) const {
+  constexpr size_t kCount = kComponentCount<Color>;
+  // Sums in double are the same in any order, but for coefficients some 2^29 apart.
+  std::array<double, kCount> sigma_t{}, sigma_s{}, emission{};
+  MediumMix<Color> mix;
+  for (const uint16_t index : media) {
+    const Medium& medium = media_[index];
+    const Color a =
+        Evaluate<Color>(medium.sigma_a, medium.sigma_a_spectrum, medium.scale, wavelengths);
+    const Color s =
+        Evaluate<Color>(medium.sigma_s, medium.sigma_s_spectrum, medium.scale, wavelengths);
+    for (size_t i = 0; i < kCount; ++i) {
+      sigma_t[i] += static_cast<double>(a[i]) + static_cast<double>(s[i]);
+      sigma_s[i] += static_cast<double>(s[i]);
+    }
+    mix.is_bounded = mix.is_bounded || medium.is_bounded;
+    if (!medium.emits) continue;
+    const Color radiance = Evaluate<Color>(medium.radiance, medium.radiance_spectrum,
+                                           medium.radiance_scale, wavelengths);
+    for (size_t i = 0; i < kCount; ++i) {
+      emission[i] += static_cast<double>(radiance[i]) * static_cast<double>(a[i]);
+    }
+  }
+  for (size_t i = 0; i < kCount; ++i) {
+    mix.sigma_t[i] = static_cast<float>(sigma_t[i]);
+    mix.sigma_s[i] = static_cast<float>(sigma_s[i]);
+    mix.emission[i] = static_cast<float>(emission[i]);
+    mix.is_grey =
+        mix.is_grey && mix.sigma_t[i] == mix.sigma_t[0] && mix.sigma_s[i] == mix.sigma_s[0];
+  }
+  mix.scatters = !mix.sigma_s.IsBlack();
+  return mix;
+}
+
+template <typename Color>
+PhaseMix<Color> MediumTable::PhaseOf(const MediumSet& media, const MediumMix<Color>& mix,
+                                     const Color& throughput,
+                                     const WavelengthsOf<Color>& wavelengths) const {
+  PhaseMix<Color> phase;
+  if (media.size() == 1) {
+    phase.Add(media_[*media.begin()].g, Color::Grey(1), 1);
+    return phase;
+  }
+  const Color chosen_by = internal::ComponentShares(throughput);
+  for (const uint16_t index : media) {
+    const Medium& medium = media_[index];
+    const Color s =
+        Evaluate<Color>(medium.sigma_s, medium.sigma_s_spectrum, medium.scale, wavelengths);
+    float share = 0;
+    const Color part = MakeColor<Color>([&](size_t i) {
+      const float of_all = mix.sigma_s[i] > 0 ? s[i] / mix.sigma_s[i] : 0;
+      share += of_all * chosen_by[i];
+      return of_all;
+    });
+    if (share > 0) phase.Add(medium.g, part, share);
+  }
+  return phase;
+}
+
+}  // namespace sheaf::render

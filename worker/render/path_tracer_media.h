@@ -1,0 +1,221 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// PathTracer, the part in participating media: which of them a path is in, how far it flies, and
+// where it is scattered there. Included by path_tracer.h. A vertex in a medium counts as a vertex
+// on a surface does, as in pbrt-v4's volpath; what shines along a segment is added in closed form,
+// and does not count. Sources: pbrt-v4, ch. 14; Simon et al. 2017, "Line Integration for Rendering
+// Heterogeneous Emissive Volumes".
+#pragma once
+
+#include <array>
+#include <limits>
+#include <optional>
+
+#include "worker/render/path_tracer.h"
+
+namespace sheaf::render {
+
+template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight>
+void PathTracer<kTraits, Tracer, kDirectLight>::StartInMedia(Path* path) const {
+  path->media.camera_o = path->ray.o;
+  if (!scene_.media) return;
+  path->media.set = scene_.media->camera_media();
+  path->media.mix = scene_.media->template MixOf<Color>(path->media.set, path->wavelengths);
+}
+
+template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight>
+bool PathTracer<kTraits, Tracer, kDirectLight>::Cross(const SurfacePoint& point, Vec3f w,
+                                                      const Path& path, InMedia* media) const {
+  const bool enters = Dot(w, point.ng) < 0;
+  media->near = {point.p, enters ? -point.ng : point.ng, true};
+  const MediumBoundary& boundary = point.surface->media;
+  if (!boundary.Separates()) return true;
+  const int32_t left = enters ? boundary.outside : boundary.inside;
+  const int32_t entered = enters ? boundary.inside : boundary.outside;
+  if ((left != kNone && !media->set.Remove(scene_.media->IndexOf(left))) ||
+      (entered != kNone && !media->set.Add(scene_.media->IndexOf(entered)))) {
+    ++counts_.broken_nestings;
+    return false;
+  }
+  media->mix = scene_.media->template MixOf<Color>(media->set, path.wavelengths);
+  return true;
+}
+
+template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight>
+bool PathTracer<kTraits, Tracer, kDirectLight>::CrossOrStay(const SurfacePoint& point, Vec3f w,
+                                                            bool is_hair, const Path& path,
+                                                            InMedia* media) const {
+  const float came_along = Dot(path.ray.d, point.ng), goes_along = Dot(w, point.ng);
+  if (!is_hair && came_along * goes_along > 0) return Cross(point, w, path, media);
+  media->near = {point.p, goes_along < 0 ? -point.ng : point.ng, !is_hair};
+  return true;
+}
+
+template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight>
+typename PathTracer<kTraits, Tracer, kDirectLight>::Color
+PathTracer<kTraits, Tracer, kDirectLight>::ShareThroughMedia(const SurfacePoint& point,
+                                                             const LightSampleOf<Color>& light,
+                                                             std::array<float, 2> u_pass,
+                                                             const Path& path, InMedia media) {
+  Vec3f end{};
+  Ray ray = ShadowRay(point, light, path.ray.time, &end);
+  Color share = Color::Grey(1);
+  for (uint32_t pass = 0; pass < kPassesMax; ++pass) {
+    ++counts_.rays;
+    ++counts_.shadow_rays;
+    RawHit hit;
+    bool meets = false;
+    if constexpr (kMayPass) {
+      meets = tracer_.Intersect(ray, &hit);
+    } else {
+      if (tracer_.Occluded(ray)) return {};
+    }
+    std::optional<SurfacePoint> met;
+    if (meets) {
+      met = MakeSurfacePoint<kTraits>(scene_.geometry, ray, hit);
+      // Pass numbers from 1 on: the slot's own numbers have been used to choose the light.
+      if (!LetsPass(*met, MakeChoice(u_pass, pass + 1))) return {};
+    }
+    if (!media.set.empty()) {
+      if (!meets && light.is_infinite && media.mix.is_bounded) {
+        ++counts_.broken_nestings;
+        return {};
+      }
+      double length = std::numeric_limits<double>::infinity();
+      if (meets || !light.is_infinite) {
+        length = Length(ToDouble(ray.d)) * (meets ? static_cast<double>(hit.t) : 1);
+      }
+      share *= TransmittanceOf<kChromaticMedia>(media.mix, length);
+      if (share.IsBlack()) return {};
+    }
+    if (!meets) return share;
+    if (!Cross(*met, ray.d, path, &media)) return {};
+    ray.o = OffsetRayOrigin(met->p, met->p_error, met->ng, ray.d);
+    ray.source = met->id;
+    if (!light.is_infinite) ray.d = end - ray.o;
+  }
+  return {};
+}
+
+template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight>
+Vec3f PathTracer<kTraits, Tracer, kDirectLight>::PointInMedium(const Ray& ray, const RawHit* hit,
+                                                               double t, NearPlane* near) const {
+  // Points within this many bounds behind a surface were put there by rounding.
+  constexpr double kReach = 8;
+  const auto on_its_side = [](const NearPlane& plane, Vec3f p) {
+    const Vec3f n = Abs(plane.n);
+    const double bound = static_cast<double>(Gamma(2)) * (Dot(ToDouble(n), ToDouble(Abs(p))) +
+                                                          Dot(ToDouble(n), ToDouble(Abs(plane.p))));
+    const double distance = Dot(ToDouble(p) - ToDouble(plane.p), ToDouble(plane.n));
+    if (distance >= bound || distance < -kReach * bound) return p;
+    return ToFloat(ToDouble(p) + ToDouble(plane.n) * (bound - distance));
+  };
+  Vec3f p = ToFloat(ToDouble(ray.o) + ToDouble(ray.d) * t);
+  if (near->is_set) p = on_its_side(*near, p);
+  if (hit == nullptr) return p;
+  // Rounding matters next to a surface only. Grazing rays are next to it for longer.
+  constexpr double kNearness = 0x1p-8;
+  const double ahead = static_cast<double>(hit->t) - t;
+  const Vec3f o = Abs(ray.o);
+  const double size = static_cast<double>(std::max(o.x, std::max(o.y, o.z))) +
+                      static_cast<double>(hit->t) * Length(ToDouble(ray.d));
+  if (ahead * Length(ToDouble(ray.d)) > kNearness * size) return p;
+  const SurfacePoint met = MakeSurfacePoint<kTraits>(scene_.geometry, ray, *hit);
+  *near = {met.p, Dot(ray.d, met.ng) > 0 ? -met.ng : met.ng, true};
+  return on_its_side(*near, p);
+}
+
+template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight>
+void PathTracer<kTraits, Tracer, kDirectLight>::RecordMedium(Vec3f p, const Path& path,
+                                                             FilmSample* film) const {
+  const MediumMix<Rgb> mix = scene_.media->template MixOf<Rgb>(path.media.set, {});
+  film->albedo = MakeColor<Rgb>(
+      [&](size_t i) { return mix.sigma_t[i] > 0 ? mix.sigma_s[i] / mix.sigma_t[i] : 0; });
+  film->alpha = 1;
+  film->normal = {};
+  film->depth = Length(p - path.media.camera_o);
+  if constexpr (kOutputs) {
+    if (outputs_ != nullptr) RecordFirstEventInMedium(scene_, path.ray, p, outputs_);
+  }
+}
+
+template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight>
+typename PathTracer<kTraits, Tracer, kDirectLight>::Travel
+PathTracer<kTraits, Tracer, kDirectLight>::TravelThroughMedia(const Sampler& sampler,
+                                                              const RawHit* hit, uint32_t* passes,
+                                                              bool* is_first, Path* path,
+                                                              FilmSample* film) {
+  InMedia& media = path->media;
+  if (media.set.empty()) return Travel::kArrived;
+  if (hit == nullptr && media.mix.is_bounded) {
+    ++counts_.broken_nestings;
+    return Travel::kEnded;
+  }
+  const double unit = Length(ToDouble(path->ray.d));
+  const double length =
+      hit == nullptr ? std::numeric_limits<double>::infinity() : static_cast<double>(hit->t) * unit;
+  if constexpr (Has(kTraits, Trait::kEmissiveMedia)) {
+    if (!media.mix.emission.IsBlack()) {
+      const Color arriving = path->throughput * EmissionAlong(media.mix, length);
+      path->radiance += arriving;
+      if constexpr (kOutputs) groups_.AddToGroup(scene_.media_group, arriving);
+    }
+  }
+  FlightNumbers u;
+  if (media.mix.scatters) {
+    u = MakeFlightNumbers(sampler.Get4(Slot(path->depth, VertexSlot::kMedium)), *passes);
+  }
+  const Flight<Color> flight =
+      SampleFlight<kChromaticMedia>(media.mix, length, u, path->throughput);
+  path->throughput *= flight.weight;
+  if (path->throughput.IsBlack()) return Travel::kEnded;
+  if (!flight.scatters) return Travel::kArrived;
+  *passes = 0;
+  const Vec3f p = PointInMedium(path->ray, hit, flight.distance / unit, &media.near);
+  if (*is_first) {
+    *is_first = false;
+    RecordMedium(p, *path, film);
+  }
+  if (path->depth++ == static_cast<uint32_t>(scene_.settings.max_depth)) return Travel::kEnded;
+  return ScatterInMedium(sampler, p, path) ? Travel::kScattered : Travel::kEnded;
+}
+
+template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight>
+bool PathTracer<kTraits, Tracer, kDirectLight>::ScatterInMedium(const Sampler& sampler, Vec3f p,
+                                                                Path* path) {
+  const Vec3f d = Normalize(path->ray.d);
+  const PhaseMix<Color> phase = scene_.media->template PhaseOf<Color>(
+      path->media.set, path->media.mix, path->throughput, path->wavelengths);
+  SurfacePoint here;  // Without a normal there is no side, and nothing to be kept away from.
+  here.p = p;
+  if (!scene_.lights->empty()) {
+    const LightDraw draw = DrawLight(sampler, path->depth - 1);
+    const std::array<float, 4>& u = draw.u;
+    std::optional<LightSampleOf<Color>> light = scene_.lights->template Sample<kTraits>(
+        p, {}, u[0], {u[1], u[2]}, path->wavelengths, draw.preparation);
+    if (light.has_value()) {
+      if constexpr (kMayPass && Has(kTraits, Trait::kVaryingEmission)) {
+        if (light->cut_out != kNone) light->radiance *= ShareOfCutOut(*light);
+      }
+      const typename PhaseMix<Color>::Value value = phase.Eval(d, light->wi);
+      const Color share = ShareThroughMedia(here, *light, {u[3], u[0]}, *path, path->media);
+      if (!share.IsBlack()) AddSampled(*light, p, value.f * share, value.pdf, path);
+    }
+  }
+  const std::array<float, 4> u = sampler.Get4(Slot(path->depth - 1, VertexSlot::kBsdf));
+  const typename PhaseMix<Color>::Sample sample = phase.SampleDirection(d, u[0], {u[1], u[2]});
+  path->throughput *= sample.weight;
+  if (path->throughput.IsBlack()) return false;
+  path->specular = false;
+  path->pdf = sample.pdf;
+  path->from = p;
+  path->from_n = {};
+  path->ray.o = p;
+  path->ray.d = sample.w;
+  path->ray.source = {};
+  path->sky_place = scene_.lights->template PrepareEnvironment<kTraits>(sample.w);
+  return SurvivesRoulette(u[3], path);
+}
+
+}  // namespace sheaf::render
