@@ -30,7 +30,9 @@ nanovdb::GridHandle<> Handle(const GridToWrite& grid) {
     }
   };
   nanovdb::GridBuilder<ValueT, BuildT> builder(convert(grid.background),
-                                               nanovdb::GridClass::FogVolume);
+                                               std::is_same_v<ValueT, nanovdb::Vec3f>
+                                                   ? nanovdb::GridClass::Unknown
+                                                   : nanovdb::GridClass::FogVolume);
   auto accessor = builder.getAccessor();
   for (int32_t x = grid.lo[0]; x <= grid.hi[0]; ++x) {
     for (int32_t y = grid.lo[1]; y <= grid.hi[1]; ++y) {

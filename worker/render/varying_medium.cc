@@ -58,6 +58,12 @@ void VaryingMedium::SetEmission(VolumeGrid grid) {
   emission_ = std::move(grid);
 }
 
+uint64_t VaryingMedium::memory_bytes() const {
+  const auto* grid = std::get_if<VolumeGrid>(&density_);
+  return majorants_.memory_bytes() + (grid != nullptr ? grid->info().memory_bytes : 0) +
+         (emission_ ? emission_->info().memory_bytes : 0);
+}
+
 double VaryingMedium::DensityAt(Vec3d p) const {
   const Vec3d index = index_from_render_.Point(p);
   const IndexBox& box = majorants_.box();

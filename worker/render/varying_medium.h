@@ -38,6 +38,7 @@ class VaryingMedium {
   // Requires: the grid is scalar.
   void SetEmission(VolumeGrid grid);
 
+  uint64_t memory_bytes() const;
   const MajorantGrid& majorants() const { return majorants_; }
   // The density, where it is the same in the whole box.
   std::optional<float> constant() const { return majorants_.constant(); }

@@ -88,7 +88,8 @@ TEST(VaryingMediumTest, WhatIsNoDensityIsRefused) {
 // The cloud tracked against quadrature.
 TEST(VaryingMediumTest, LightPassesTheProceduralCloudAsQuadratureSays) {
   const CloudDensity cloud({.density = 1, .frequency = 3});
-  const auto medium = VaryingMedium::FromCloud("a", cloud, {.render_from_medium = {}, .extinction_max = 5});
+  const auto medium =
+      VaryingMedium::FromCloud("a", cloud, {.render_from_medium = {}, .extinction_max = 5});
   ASSERT_TRUE(medium.ok());
   const Vec3d o{-0.2, 0.62, 0.45}, d = Normalize(Vec3d{1, 0.05, 0.1});
   double depth = 0;
