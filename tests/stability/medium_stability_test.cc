@@ -11,6 +11,7 @@
 #include "gtest/gtest.h"
 #include "tests/support/long_tests.h"
 #include "tests/support/test_scene.h"
+#include "worker/render/medium_set.h"
 
 namespace sheaf::render {
 namespace {
@@ -217,6 +218,18 @@ TEST(MediumStability, G12BrokenNestingIsCounted) {
   const Rendered rendered = RenderFog(t.scene, SquareSettings(2, 16, 5));
   ExpectMean(rendered.mean, {});
   EXPECT_EQ(rendered.broken, 64u);
+}
+
+TEST(MediumStability, V8TheSetCountsAndForgetsTheOrder) {
+  MediumSet set;
+  for (const uint16_t medium : std::vector<uint16_t>{7, 3, 7, 5}) EXPECT_TRUE(set.Add(medium));
+  EXPECT_EQ(std::vector<uint16_t>(set.begin(), set.end()), (std::vector<uint16_t>{3, 5, 7, 7}));
+  EXPECT_TRUE(set.Remove(7));
+  EXPECT_FALSE(set.Remove(4));
+  EXPECT_EQ(std::vector<uint16_t>(set.begin(), set.end()), (std::vector<uint16_t>{3, 5, 7}));
+  while (set.size() < kMediaAtOnceMax) EXPECT_TRUE(set.Add(1));
+  EXPECT_FALSE(set.Add(9));
+  EXPECT_EQ(set.size(), kMediaAtOnceMax);
 }
 
 // V8: media that overlap add up, entered in any order, and however the file orders them.
