@@ -14,3 +14,5 @@ add_executable(variant_speed_bench ${CMAKE_CURRENT_LIST_DIR}/variant_speed_bench
 target_link_libraries(variant_speed_bench PRIVATE sheaf::render sheaf::scene sheaf::film sheaf_warnings)
 # Of the pictures of SHEAF_PUBLIC_SCENES alone: what times a busy machine measures is not judged.
 sheaf_add_script_test(NAME variant_speed LABEL slow TIMEOUT 1500 COMMAND variant_speed_bench)
+add_executable(volume_bench ${CMAKE_CURRENT_LIST_DIR}/volume_bench.cc)
+target_link_libraries(volume_bench PRIVATE sheaf::render_volume absl::status absl::strings sheaf_warnings)

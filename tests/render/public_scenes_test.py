@@ -32,6 +32,7 @@ SCENES = {
     "veach-mis": ("veach-mis/veach-mis-small.pbrt", 1024, PLAIN, PLAIN, 256),
     "material-testball":
         ("material-testball/material-testball-small.pbrt", 1024, COATED, COATED, 256),
+    "teapot-cloud": ("teapot-cloud/teapot_cloud-small.pbrt", 1024, 0.01, COATED, 256),
     "staircase2": ("staircase2/staircase2-small.pbrt", 1024, COATED, REFERENCE_COAT, 256),
 }
 

@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <string>
+#include <thread>
 #include <utility>
 #include <vector>
 
@@ -107,8 +108,11 @@ absl::StatusOr<CompiledScenePtr> CompileScene(SceneDescription description,
     scene->lights->AssignGroups(scene->description, settings.outputs.light_groups);
   }
   if (Has(scene->plan.traits, Trait::kMedia)) {
-    absl::StatusOr<std::unique_ptr<MediumTable>> media =
-        MediumTable::Build(scene->description, scene->geometry, spectral);
+    absl::StatusOr<std::unique_ptr<MediumTable>> media = MediumTable::Build(
+        scene->description, scene->geometry, files, spectral,
+        static_cast<int>(limits.build_threads > 0
+                             ? limits.build_threads
+                             : std::max(1u, std::thread::hardware_concurrency())));
     if (!media.ok()) return media.status();
     scene->media = *std::move(media);
     const std::vector<std::string>& groups = settings.outputs.light_groups;
@@ -125,7 +129,8 @@ absl::StatusOr<CompiledScenePtr> CompileScene(SceneDescription description,
 const RenderPlan& PlanOf(const CompiledScene& scene) { return scene.plan; }
 const FrameSettings& SettingsOf(const CompiledScene& scene) { return scene.settings; }
 uint64_t MemoryBytesOf(const CompiledScene& scene) {
-  return sizeof(CompiledScene) + GeometryBytes(scene.geometry) + scene.tracer->memory_bytes();
+  return sizeof(CompiledScene) + GeometryBytes(scene.geometry) + scene.tracer->memory_bytes() +
+         (scene.media ? scene.media->memory_bytes() : 0);
 }
 
 }  // namespace sheaf::render

@@ -31,6 +31,8 @@ struct MediumMix {
   bool is_grey = true;      // sigma_t and sigma_s are the same in all components.
   bool scatters = false;    // sigma_s is not black.
   bool is_bounded = false;  // Of one of them: closed surfaces surround it on all sides.
+  // There are others, which are not the same everywhere and not in these sums.
+  bool varies = false;
 };
 
 // distance is uniform in [0, 1) and fine: flights through thin media end where it is nearly 0.

@@ -70,7 +70,8 @@ std::vector<bool> FindBounded(const SceneDescription& scene, const SceneGeometry
 
 absl::StatusOr<std::unique_ptr<MediumTable>> MediumTable::Build(const SceneDescription& scene,
                                                                 const SceneGeometry& geometry,
-                                                                bool spectral) {
+                                                                FileSource& files, bool spectral,
+                                                                int thread_count) {
   if (scene.media.size() > kMediaMax) {
     return absl::ResourceExhaustedError(absl::StrCat("the scene has ", scene.media.size(),
                                                      " media, more than the limit of ", kMediaMax));
@@ -78,18 +79,22 @@ absl::StatusOr<std::unique_ptr<MediumTable>> MediumTable::Build(const SceneDescr
   const std::vector<bool> is_bounded = FindBounded(scene, geometry);
   std::vector<Medium> media;
   for (const MediumDescription& description : scene.media) {
-    if (!description.IsHomogeneous()) {
-      return absl::InvalidArgumentError(
-          absl::StrCat(FormatLocation(scene, description.location), ": medium \"", description.name,
-                       "\" is a volume on a grid, which Sheaf reads and does not render; make it "
-                       "homogeneous, or use the integrator \"path\", which ignores media"));
-    }
     Medium medium;
+    if (!description.IsHomogeneous()) {
+      Affine placement = AffineOf(description.world_from_medium);
+      placement.offset = placement.offset - geometry.render_origin_world;
+      auto varying = MakeVarying(absl::StrCat(FormatLocation(scene, description.location),
+                                              ": medium \"", description.name, "\""),
+                                 description, placement, files, thread_count);
+      if (!varying.ok()) return varying.status();
+      medium.varying = *std::move(varying);
+    }
     medium.scale = description.scale;
     medium.sigma_a = description.sigma_a.rgb * description.scale;
     medium.sigma_s = description.sigma_s.rgb * description.scale;
     medium.g = description.g;
-    medium.emits = description.emits && description.radiance_scale > 0;
+    medium.emits =
+        description.IsHomogeneous() && description.emits && description.radiance_scale > 0;
     medium.is_bounded = is_bounded[media.size()];
     medium.radiance_scale = description.radiance_scale;
     if (medium.emits) medium.radiance = description.radiance.rgb * description.radiance_scale;
@@ -124,6 +129,14 @@ absl::StatusOr<std::unique_ptr<MediumTable>> MediumTable::Build(const SceneDescr
     SHEAF_CHECK(fits);
   }
   return table;
+}
+
+uint64_t MediumTable::memory_bytes() const {
+  uint64_t bytes = media_.capacity() * sizeof(Medium);
+  for (const Medium& medium : media_) {
+    if (medium.varying != nullptr) bytes += medium.varying->memory_bytes();
+  }
+  return bytes;
 }
 
 }  // namespace sheaf::render

@@ -11,22 +11,26 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
+#include "common/scene/file_source.h"
 #include "common/scene/scene_description.h"
 #include "worker/render/free_flight.h"
 #include "worker/render/medium_set.h"
 #include "worker/render/phase_function.h"
 #include "worker/render/scene_geometry.h"
 #include "worker/render/spectral_color.h"
+#include "worker/render/varying_medium.h"
 
 namespace sheaf::render {
 
 class MediumTable {
  public:
-  // spectral: MixOf may be asked for Spectral too. Errors: kInvalidArgument with the location of a
-  // medium that is not the same everywhere, kResourceExhausted over kMediaMax.
+  // Reads and bounds the grids of media, by thread_count threads. spectral: MixOf may be asked for
+  // Spectral too. Errors: those of the files, and kInvalidArgument for what cannot be rendered,
+  // with the location of the medium; kResourceExhausted over kMediaMax.
   static absl::StatusOr<std::unique_ptr<MediumTable>> Build(const SceneDescription& scene,
                                                             const SceneGeometry& geometry,
-                                                            bool spectral);
+                                                            FileSource& files, bool spectral,
+                                                            int thread_count);
 
   // All else knows media by this: they are in an order of their properties, so that the order in
   // the scene file changes no bit. medium: an index in SceneDescription::media.
@@ -35,12 +39,31 @@ class MediumTable {
   const MediumSet& camera_media() const { return camera_media_; }
 
   // Thread safety: any number of threads at once.
+  // Of media that are the same everywhere; MediumMix::varies says that there are others.
   template <typename Color>
   MediumMix<Color> MixOf(const MediumSet& media, const WavelengthsOf<Color>& wavelengths) const;
   // Requires: mix is MixOf the same, and scatters. throughput chooses among several.
   template <typename Color>
   PhaseMix<Color> PhaseOf(const MediumSet& media, const MediumMix<Color>& mix,
                           const Color& throughput, const WavelengthsOf<Color>& wavelengths) const;
+  // Null where the medium is the same everywhere.
+  const VaryingMedium* VaryingOf(uint16_t index) const { return media_[index].varying.get(); }
+  // Of a density of 1, per scene unit.
+  template <typename Color>
+  struct Coefficients {
+    Color sigma_t, sigma_s;
+  };
+  template <typename Color>
+  Coefficients<Color> CoefficientsOf(uint16_t index,
+                                     const WavelengthsOf<Color>& wavelengths) const {
+    const Medium& medium = media_[index];
+    const Color s =
+        Evaluate<Color>(medium.sigma_s, medium.sigma_s_spectrum, medium.scale, wavelengths);
+    return {s + Evaluate<Color>(medium.sigma_a, medium.sigma_a_spectrum, medium.scale, wavelengths),
+            s};
+  }
+  float PhaseAsymmetryOf(uint16_t index) const { return media_[index].g; }
+  uint64_t memory_bytes() const;
 
  private:
   struct Medium {
@@ -50,7 +73,12 @@ class MediumTable {
     float g = 0;
     bool emits = false;
     bool is_bounded = false;
+    std::unique_ptr<const VaryingMedium> varying;
   };
+  // Errors: see Build.
+  static absl::StatusOr<std::unique_ptr<const VaryingMedium>> MakeVarying(
+      const std::string& where, const MediumDescription& description, const Affine& placement,
+      FileSource& files, int thread_count);
   template <typename Color>
   static Color Evaluate(Rgb rgb, const SpectralColor& spectrum, float scale,
                         const WavelengthsOf<Color>& wavelengths) {
@@ -75,6 +103,11 @@ MediumMix<Color> MediumTable::MixOf(const MediumSet& media,
   MediumMix<Color> mix;
   for (const uint16_t index : media) {
     const Medium& medium = media_[index];
+    mix.is_bounded = mix.is_bounded || medium.is_bounded;
+    if (medium.varying != nullptr) {
+      mix.varies = true;
+      continue;
+    }
     const Color a =
         Evaluate<Color>(medium.sigma_a, medium.sigma_a_spectrum, medium.scale, wavelengths);
     const Color s =
@@ -83,7 +116,6 @@ MediumMix<Color> MediumTable::MixOf(const MediumSet& media,
       sigma_t[i] += static_cast<double>(a[i]) + static_cast<double>(s[i]);
       sigma_s[i] += static_cast<double>(s[i]);
     }
-    mix.is_bounded = mix.is_bounded || medium.is_bounded;
     if (!medium.emits) continue;
     const Color radiance = Evaluate<Color>(medium.radiance, medium.radiance_spectrum,
                                            medium.radiance_scale, wavelengths);
@@ -114,6 +146,7 @@ PhaseMix<Color> MediumTable::PhaseOf(const MediumSet& media, const MediumMix<Col
   const Color chosen_by = internal::ComponentShares(throughput);
   for (const uint16_t index : media) {
     const Medium& medium = media_[index];
+    if (medium.varying != nullptr) continue;
     const Color s =
         Evaluate<Color>(medium.sigma_s, medium.sigma_s_spectrum, medium.scale, wavelengths);
     float share = 0;

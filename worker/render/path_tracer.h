@@ -25,6 +25,7 @@
 #include "worker/render/light_groups.h"
 #include "worker/render/medium.h"
 #include "worker/render/mis.h"
+#include "worker/render/ray_counts.h"
 #include "worker/render/sampler.h"
 #include "worker/render/spectral_color.h"
 #include "worker/render/surface_point.h"
@@ -32,15 +33,6 @@
 #include "worker/render/wavelengths.h"
 
 namespace sheaf::render {
-
-struct RayCounts {
-  uint64_t rays = 0;  // All.
-  uint64_t shadow_rays = 0;
-  // Paths that ended, and shadow rays that were given up, because surfaces do not enclose media as
-  // they say: a medium was left that had not been entered, or has no end where it should have one,
-  // or kMediaAtOnceMax are entered and another one.
-  uint64_t broken_nestings = 0;
-};
 
 // Surfaces that let a ray pass (cut-outs, interfaces) do not count as scattering; beyond this many
 // in one segment the path ends, so that no arrangement of them can hold a worker.
@@ -77,6 +69,7 @@ class PathTracer {
   static constexpr bool kMapsNormals = Has(kTraits, Trait::kNormalMaps);
   static constexpr bool kMedia = Has(kTraits, Trait::kMedia);
   static constexpr bool kChromaticMedia = Has(kTraits, Trait::kChromaticMedia);
+  static constexpr bool kVaryingMedia = kMedia && Has(kTraits, Trait::kHeterogeneousMedia);
   // What asks for no colour, or for the colour as RGB, leaves the wavelengths out.
   static constexpr uint32_t kRgbTraits = kTraits & ~TraitSet(Trait::kSpectral);
 
@@ -222,9 +215,11 @@ class PathTracer {
   // last vertex.
   Travel TravelThroughMedia(const Sampler& sampler, const RawHit* hit, uint32_t* passes,
                             bool* is_first, Path* path, FilmSample* film);
-  bool ScatterInMedium(const Sampler& sampler, Vec3f p, Path* path);
+  // Where media vary: what of them scatters the path, if not those that are the same everywhere.
+  using Scatterer = std::optional<uint16_t>;
+  bool ScatterInMedium(const Sampler& sampler, Vec3f p, Scatterer scatterer, Path* path);
   Vec3f PointInMedium(const Ray& ray, const RawHit* hit, double t, NearPlane* near) const;
-  void RecordMedium(Vec3f p, const Path& path, FilmSample* film) const;
+  void RecordMedium(Vec3f p, Scatterer scatterer, const Path& path, FilmSample* film) const;
   // Changes what *media is in where a ray along w leaves the surface from the other side. False
   // where the nesting of media is broken, which is counted.
   bool Cross(const SurfacePoint& point, Vec3f w, const Path& path, InMedia* media) const;
@@ -234,6 +229,12 @@ class PathTracer {
   // What of the light arrives at the point, by way of media and surfaces that let it pass.
   Color ShareThroughMedia(const SurfacePoint& point, const LightSampleOf<Color>& light,
                           std::array<float, 2> u_pass, const Path& path, InMedia media);
+
+  // path_tracer_varying.h. In media some of which vary, along a ray up to `length`.
+  Flight<Color> FlyThroughVarying(const Ray& ray, const std::array<float, 4>& u, uint32_t passes,
+                                  double length, const Path& path, Scatterer* scatterer);
+  Color ShareThroughVarying(const Ray& ray, std::array<float, 2> u, uint32_t pass, double length,
+                            const Path& path, const InMedia& media);
 
   const CompiledScene& scene_;
   Tracer& tracer_;
@@ -441,4 +442,5 @@ void PathTracer<kTraits, Tracer, kDirectLight>::AddEmission(const SurfacePoint& 
 
 #include "worker/render/path_tracer_media.h"
 #include "worker/render/path_tracer_scattering.h"
+#include "worker/render/path_tracer_varying.h"
 #include "worker/render/path_tracer_visibility.h"

@@ -87,6 +87,11 @@ PathTracer<kTraits, Tracer, kDirectLight>::ShareThroughMedia(const SurfacePoint&
         length = Length(ToDouble(ray.d)) * (meets ? static_cast<double>(hit.t) : 1);
       }
       share *= TransmittanceOf<kChromaticMedia>(media.mix, length);
+      if constexpr (kVaryingMedia) {
+        if (media.mix.varies && !share.IsBlack()) {
+          share *= ShareThroughVarying(ray, u_pass, pass, length, path, media);
+        }
+      }
       if (share.IsBlack()) return {};
     }
     if (!meets) return share;
@@ -127,9 +132,18 @@ Vec3f PathTracer<kTraits, Tracer, kDirectLight>::PointInMedium(const Ray& ray, c
 }
 
 template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight>
-void PathTracer<kTraits, Tracer, kDirectLight>::RecordMedium(Vec3f p, const Path& path,
+void PathTracer<kTraits, Tracer, kDirectLight>::RecordMedium(Vec3f p,
+                                                             [[maybe_unused]] Scatterer scatterer,
+                                                             const Path& path,
                                                              FilmSample* film) const {
-  const MediumMix<Rgb> mix = scene_.media->template MixOf<Rgb>(path.media.set, {});
+  MediumMix<Rgb> mix = scene_.media->template MixOf<Rgb>(path.media.set, {});
+  if constexpr (kVaryingMedia) {
+    if (scatterer) {
+      const auto its = scene_.media->template CoefficientsOf<Rgb>(*scatterer, {});
+      mix.sigma_t = its.sigma_t;
+      mix.sigma_s = its.sigma_s;
+    }
+  }
   film->albedo = MakeColor<Rgb>(
       [&](size_t i) { return mix.sigma_t[i] > 0 ? mix.sigma_s[i] / mix.sigma_t[i] : 0; });
   film->alpha = 1;
@@ -162,12 +176,20 @@ PathTracer<kTraits, Tracer, kDirectLight>::TravelThroughMedia(const Sampler& sam
       if constexpr (kOutputs) groups_.AddToGroup(scene_.media_group, arriving);
     }
   }
-  FlightNumbers u;
-  if (media.mix.scatters) {
-    u = MakeFlightNumbers(sampler.Get4(Slot(path->depth, VertexSlot::kMedium)), *passes);
-  }
-  const Flight<Color> flight =
-      SampleFlight<kChromaticMedia>(media.mix, length, u, path->throughput);
+  Scatterer scatterer;
+  const Flight<Color> flight = [&] {
+    if constexpr (kVaryingMedia) {
+      if (media.mix.varies) {
+        return FlyThroughVarying(path->ray, sampler.Get4(Slot(path->depth, VertexSlot::kMedium)),
+                                 *passes, length, *path, &scatterer);
+      }
+    }
+    FlightNumbers u;
+    if (media.mix.scatters) {
+      u = MakeFlightNumbers(sampler.Get4(Slot(path->depth, VertexSlot::kMedium)), *passes);
+    }
+    return SampleFlight<kChromaticMedia>(media.mix, length, u, path->throughput);
+  }();
   path->throughput *= flight.weight;
   if (path->throughput.IsBlack()) return Travel::kEnded;
   if (!flight.scatters) return Travel::kArrived;
@@ -175,18 +197,27 @@ PathTracer<kTraits, Tracer, kDirectLight>::TravelThroughMedia(const Sampler& sam
   const Vec3f p = PointInMedium(path->ray, hit, flight.distance / unit, &media.near);
   if (*is_first) {
     *is_first = false;
-    RecordMedium(p, *path, film);
+    RecordMedium(p, scatterer, *path, film);
   }
   if (path->depth++ == static_cast<uint32_t>(scene_.settings.max_depth)) return Travel::kEnded;
-  return ScatterInMedium(sampler, p, path) ? Travel::kScattered : Travel::kEnded;
+  return ScatterInMedium(sampler, p, scatterer, path) ? Travel::kScattered : Travel::kEnded;
 }
 
 template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight>
-bool PathTracer<kTraits, Tracer, kDirectLight>::ScatterInMedium(const Sampler& sampler, Vec3f p,
-                                                                Path* path) {
+bool PathTracer<kTraits, Tracer, kDirectLight>::ScatterInMedium(
+    const Sampler& sampler, Vec3f p, [[maybe_unused]] Scatterer scatterer, Path* path) {
   const Vec3f d = Normalize(path->ray.d);
-  const PhaseMix<Color> phase = scene_.media->template PhaseOf<Color>(
-      path->media.set, path->media.mix, path->throughput, path->wavelengths);
+  const PhaseMix<Color> phase = [&] {
+    if constexpr (kVaryingMedia) {
+      if (scatterer) {
+        PhaseMix<Color> its;
+        its.Add(scene_.media->PhaseAsymmetryOf(*scatterer), Color::Grey(1), 1);
+        return its;
+      }
+    }
+    return scene_.media->template PhaseOf<Color>(path->media.set, path->media.mix, path->throughput,
+                                                 path->wavelengths);
+  }();
   SurfacePoint here;  // Without a normal there is no side, and nothing to be kept away from.
   here.p = p;
   if (!scene_.lights->empty()) {

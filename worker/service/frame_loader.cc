@@ -66,6 +66,11 @@ class FrameScene : public LoadedScene {
                               "surfaces that bound media must be closed, and both sides of each "
                               "MediumInterface right"));
     }
+    if (stats.broken_majorants > 0) {
+      LogError(
+          absl::StrCat(lease.frame_name, ": ", stats.broken_majorants,
+                       " densities of a medium lie beyond their bounds: the picture is biased"));
+    }
     FinishedPart part;
     part.lease_id = lease.lease_id;
     part.frame_digest = lease.frame_digest;

@@ -1,0 +1,38 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// ParallelRanges: a loop cut into ranges that threads take. For results that do not depend on which
+// thread did what: every range writes its own places only.
+#pragma once
+
+#include <algorithm>
+#include <atomic>
+#include <cstdint>
+#include <thread>
+#include <vector>
+
+namespace sheaf {
+
+// Calls function(begin, end) for disjoint ranges of at most grain that cover [0, count), from up to
+// thread_count threads, this one among them; returns when all are done.
+// Requires: grain >= 1, thread_count >= 1.
+template <typename Function>
+void ParallelRanges(uint64_t count, uint64_t grain, int thread_count, const Function& function) {
+  std::atomic<uint64_t> next{0};
+  const auto work = [&] {
+    for (;;) {
+      const uint64_t begin = next.fetch_add(grain);
+      if (begin >= count) return;
+      function(begin, std::min(count, begin + grain));
+    }
+  };
+  const uint64_t ranges = count / grain + (count % grain != 0);
+  std::vector<std::thread> threads;
+  for (uint64_t i = 1; i < std::min<uint64_t>(static_cast<uint64_t>(thread_count), ranges); ++i) {
+    threads.emplace_back(work);
+  }
+  work();
+  for (std::thread& thread : threads) thread.join();
+}
+
+}  // namespace sheaf

@@ -1,0 +1,27 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "common/volume/codecs.h"
+
+#include <blosc.h>
+#include <zlib.h>
+
+namespace sheaf::volume {
+
+bool Unzip(std::span<const std::byte> packed, std::span<std::byte> out) {
+  uLongf size = out.size();
+  return ::uncompress(reinterpret_cast<Bytef*>(out.data()), &size,
+                      reinterpret_cast<const Bytef*>(packed.data()), packed.size()) == Z_OK &&
+         size == out.size();
+}
+
+bool UnpackBlosc(std::span<const std::byte> packed, std::span<std::byte> out) {
+  size_t size = 0;
+  // Compares the head with the number of bytes there are, and says what comes out.
+  if (::blosc_cbuffer_validate(packed.data(), packed.size(), &size) < 0 || size != out.size()) {
+    return false;
+  }
+  const int got = ::blosc_decompress_ctx(packed.data(), out.data(), out.size(), 1);
+  return got >= 0 && static_cast<size_t>(got) == out.size();
+}
+
+}  // namespace sheaf::volume

@@ -1,0 +1,27 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Reading .nvdb files; see volume_file.h for the meaning of arguments and errors.
+// Source: the layout as NanoVDB's IO.h documents it (segments of a header, entries and data).
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "common/volume/file_bytes.h"
+#include "common/volume/volume_file.h"
+
+namespace sheaf::volume {
+
+struct NvdbEntry : VolumeFileEntry {
+  uint64_t grid_bytes = 0, file_bytes = 0;
+  uint16_t codec = 0;
+};
+absl::StatusOr<std::vector<NvdbEntry>> ListNvdb(const std::string& file_name, const FileBytes& file,
+                                                const VolumeLimits& limits);
+absl::StatusOr<VolumeGrid> ReadNvdbGrid(const std::string& file_name, const FileBytes& file,
+                                        const NvdbEntry& entry, const VolumeLimits& limits,
+                                        int thread_count);
+
+}  // namespace sheaf::volume

@@ -1,0 +1,39 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Volume grids from files: NanoVDB's .nvdb and OpenVDB's .vdb, told apart by how they begin. Both
+// are untrusted: sizes are compared with the file's and with the limits before memory is taken.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "common/volume/volume_grid.h"
+
+namespace sheaf {
+
+// One grid of a file, as the file describes it.
+struct VolumeFileEntry {
+  std::string name;
+  VolumeRole role = VolumeRole::kOther;
+  std::string type_name;  // The file's word for the type of values.
+  bool can_be_read = false;
+  uint64_t offset_bytes = 0;  // Of the grid's data (.nvdb) or its descriptor's end (.vdb).
+};
+
+// file_name: as the scene writes it, for messages, which begin with it.
+// Errors: kNotFound; kInvalidArgument where it is neither kind of file; kDataLoss where it is cut
+// short or damaged; kResourceExhausted beyond the limits.
+absl::StatusOr<std::vector<VolumeFileEntry>> ListVolumeFile(const std::string& file_name,
+                                                            const std::string& local_path,
+                                                            const VolumeLimits& limits = {});
+
+// The first grid of that name. Errors: also kNotFound, with the names there are; kInvalidArgument
+// for types and transforms that cannot be read (vectors of double, frustums, ...).
+absl::StatusOr<VolumeGrid> ReadVolumeGrid(const std::string& file_name,
+                                          const std::string& local_path,
+                                          const std::string& grid_name,
+                                          const VolumeLimits& limits = {}, int thread_count = 1);
+
+}  // namespace sheaf

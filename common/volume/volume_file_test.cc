@@ -1,0 +1,261 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "common/volume/volume_file.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <cmath>
+#include <cstring>
+#include <limits>
+
+#include "common/base/file.h"
+#include "tests/support/temporary_path.h"
+#include "tests/support/volume_writers.h"
+
+namespace sheaf {
+namespace {
+
+using ::sheaf::testing::GridToWrite;
+using ::sheaf::testing::NvdbCodec;
+using ::sheaf::testing::NvdbFile;
+using ::sheaf::testing::VdbFile;
+using ::sheaf::testing::VdbOptions;
+using ::sheaf::testing::Voxel;
+using ::testing::HasSubstr;
+
+float Ramp(const Voxel& v) {
+  return static_cast<float>((v[0] + 40) + 100 * (v[1] + 40)) +
+         0.25f * static_cast<float>(v[2] + 40);
+}
+float Lumps(const Voxel& v) {
+  return static_cast<float>((v[0] * 7 + v[1] * 13 + v[2] * 5) & 15) / 16;
+}
+
+class VolumeFileTest : public ::testing::Test {
+ protected:
+  ~VolumeFileTest() override { ::unlink(path_.c_str()); }
+  absl::StatusOr<VolumeGrid> Read(const std::string& bytes, const std::string& grid = "density",
+                                  const VolumeLimits& limits = {}) {
+    EXPECT_TRUE(WriteFileAtomically(path_, bytes).ok());
+    return ReadVolumeGrid("smoke.vdb", path_, grid, limits);
+  }
+  std::string Message(const std::string& bytes, const std::string& grid = "density",
+                      const VolumeLimits& limits = {}) {
+    const auto read = Read(bytes, grid, limits);
+    EXPECT_FALSE(read.ok());
+    return read.ok() ? "" : std::string(read.status().message());
+  }
+  const std::string path_ = testing::TemporaryPath("volume");
+};
+
+// Every voxel, and one beyond the edge, as the writer had it.
+void ExpectVoxels(const VolumeGrid& grid, const GridToWrite& written, float tolerance) {
+  VolumeGrid::Cursor cursor(grid);
+  for (int32_t x = written.lo[0] - 1; x <= written.hi[0] + 1; ++x) {
+    for (int32_t y = written.lo[1] - 1; y <= written.hi[1] + 1; ++y) {
+      for (int32_t z = written.lo[2] - 1; z <= written.hi[2] + 1; ++z) {
+        const bool inside = x >= written.lo[0] && x <= written.hi[0] && y >= written.lo[1] &&
+                            y <= written.hi[1] && z >= written.lo[2] && z <= written.hi[2];
+        const float expected = inside ? written.value({x, y, z}) : written.background;
+        ASSERT_NEAR(grid.At({double(x), double(y), double(z)}, &cursor), expected, tolerance)
+            << x << " " << y << " " << z;
+      }
+    }
+  }
+}
+
+TEST_F(VolumeFileTest, ReadsNvdbOfEveryCodec) {
+  const GridToWrite written{.lo = {-9, -3, 2}, .hi = {20, 12, 17}, .value = Ramp};
+  for (const NvdbCodec codec : {NvdbCodec::kNone, NvdbCodec::kZip, NvdbCodec::kBlosc}) {
+    const auto grid = Read(NvdbFile({written}, codec));
+    ASSERT_TRUE(grid.ok()) << grid.status();
+    ExpectVoxels(*grid, written, 0);
+    EXPECT_EQ(grid->info().index_min, (Index3{-9, -3, 2}));
+    EXPECT_EQ(grid->info().index_max, (Index3{20, 12, 17}));
+    EXPECT_EQ(grid->info().active_voxel_count, 30u * 16 * 16);
+    EXPECT_EQ(grid->info().values, (ValueRange{0, Ramp({20, 12, 17})}));
+    EXPECT_EQ(grid->info().role, VolumeRole::kDensity);
+    EXPECT_EQ(grid->box().lo, (Vec3d{-9, -3, 2}));
+    EXPECT_EQ(grid->box().hi, (Vec3d{21, 13, 18}));
+  }
+}
+
+TEST_F(VolumeFileTest, ReadsNvdbOfEveryType) {
+  // What is lost is half a step of the codes over the range of a leaf, which is at most 1 here.
+  const struct {
+    const char* type;
+    float tolerance;
+  } cases[] = {{"Fp4", 1.0f / 30}, {"Fp8", 1.0f / 510}, {"Fp16", 1.0f / 131070}, {"FpN", 1e-2f}};
+  for (const auto& c : cases) {
+    GridToWrite written{.lo = {-9, -3, 2}, .hi = {20, 12, 17}, .value = Lumps};
+    written.type = c.type;
+    const auto grid = Read(NvdbFile({written}, NvdbCodec::kZip));
+    ASSERT_TRUE(grid.ok()) << grid.status();
+    ExpectVoxels(*grid, written, c.tolerance * 1.01f);
+    EXPECT_GT(grid->info().values.max, 0.9f);
+  }
+}
+
+TEST_F(VolumeFileTest, ReadsVectors) {
+  GridToWrite written{.name = "vel", .hi = {12, 3, 3}, .value = Ramp};
+  written.type = "Vec3f";
+  for (const std::string& bytes : {NvdbFile({written}, NvdbCodec::kNone), VdbFile({written}, {}),
+                                   VdbFile({written}, {.half = true})}) {
+    const auto grid = Read(bytes, "vel");
+    ASSERT_TRUE(grid.ok()) << grid.status();
+    EXPECT_EQ(grid->info().role, VolumeRole::kVelocity);
+    VolumeGrid::Cursor cursor(*grid);
+    const Vec3f v = grid->VectorAt({11, 2, 1}, &cursor);
+    EXPECT_NEAR(v.x, Ramp({11, 2, 1}), 4);
+    EXPECT_NEAR(v.y, 2 * v.x, 8);
+    EXPECT_NEAR(v.z, 3 * v.x, 16);
+    EXPECT_THAT(std::string(grid->CheckDensity("a:1:2").message()), HasSubstr("holds vectors"));
+  }
+}
+
+TEST_F(VolumeFileTest, ReadsVdbAsOpenVdbWritesIt) {
+  const GridToWrite written{.lo = {-9, -3, 2}, .hi = {20, 12, 17}, .value = Ramp};
+  for (const bool zip : {false, true}) {
+    for (const bool blosc : {false, true}) {
+      for (const bool active_mask : {false, true}) {
+        const auto grid =
+            Read(VdbFile({written}, {.zip = zip, .blosc = blosc, .active_mask = active_mask}));
+        ASSERT_TRUE(grid.ok()) << grid.status() << zip << blosc << active_mask;
+        ExpectVoxels(*grid, written, 0);
+        EXPECT_EQ(grid->info().active_voxel_count, 30u * 16 * 16);
+      }
+    }
+  }
+}
+
+TEST_F(VolumeFileTest, ReadsVdbOfHalvesStreamsAndOddBackgrounds) {
+  GridToWrite written{.lo = {-9, -3, 2}, .hi = {20, 12, 17}, .value = Lumps};
+  for (const bool zip : {false, true}) {
+    for (const bool blosc : {false, true}) {
+      const auto grid = Read(VdbFile({written}, {.zip = zip, .blosc = blosc, .half = true}));
+      ASSERT_TRUE(grid.ok()) << grid.status();
+      ExpectVoxels(*grid, written, 0);  // Sixteenths are halves.
+    }
+  }
+  written.background = 0.5f;
+  const auto stream = Read(VdbFile({written}, {.as_stream = true}));
+  ASSERT_TRUE(stream.ok()) << stream.status();
+  ExpectVoxels(*stream, written, 0);
+}
+
+TEST_F(VolumeFileTest, ReadsTilesOfVdb) {
+  const auto grid = Read(VdbFile({{.value = Lumps}}, {.with_tile = true}));
+  ASSERT_TRUE(grid.ok()) << grid.status();
+  VolumeGrid::Cursor cursor(*grid);
+  EXPECT_EQ(grid->At({-64, -64, -64}, &cursor), 2.0f);
+  EXPECT_EQ(grid->At({-64.25, -100.5, -127.75}, &cursor), 2.0f);
+  EXPECT_EQ(grid->At({-128.5, -64, -64}, &cursor), 1.0f);
+  EXPECT_EQ(grid->info().active_voxel_count, 128u * 128 * 128 + 1000);
+  EXPECT_EQ(grid->UniformValue({-128, -128, -128}, {-1, -1, -1}), 2.0f);
+  EXPECT_EQ(grid->UniformValue({-129, -128, -128}, {-1, -1, -1}), std::nullopt);
+  EXPECT_EQ(grid->UniformValue({500, 500, 500}, {900, 900, 9000}), 0.0f);
+}
+
+TEST_F(VolumeFileTest, TransformsAreAffine) {
+  GridToWrite written{.value = Lumps};
+  written.voxel_size = 0.25;
+  const auto nvdb = Read(NvdbFile({written}, NvdbCodec::kNone));
+  const auto vdb = Read(VdbFile({written}, {}));
+  ASSERT_TRUE(nvdb.ok() && vdb.ok());
+  for (const VolumeGrid* grid : {&*nvdb, &*vdb}) {
+    const Vec3d p = TransformPoint(grid->medium_from_index(), {4, 8, 2});
+    EXPECT_NEAR(Length(p - Vec3d{1.5, 2.5, 1}), 0, 1e-12);
+    EXPECT_NEAR(Length(TransformPoint(grid->index_from_medium(), p) - Vec3d{4, 8, 2}), 0, 1e-12);
+  }
+  const auto turned = Read(VdbFile({written}, {.has_affine_rotation = true}));
+  ASSERT_TRUE(turned.ok()) << turned.status();
+  const Vec3d x = TransformVector(turned->medium_from_index(), {1, 0, 0});
+  EXPECT_NEAR(Length(x), 0.25, 1e-12);
+  EXPECT_NEAR(x.x, 0.25 * std::cos(0.5), 1e-12);
+  EXPECT_THAT(Message(VdbFile({written}, {.frustum = true})),
+              HasSubstr("smoke.vdb: grid \"density\" has a transform of type NonlinearFrustumMap"));
+}
+
+TEST_F(VolumeFileTest, ListsGridsByNameAndRole) {
+  std::vector<GridToWrite> grids{
+      {.value = Lumps}, {.name = "temperature", .value = Ramp}, {.name = "strange", .value = Ramp}};
+  grids[2].type = "double";
+  for (const std::string& bytes :
+       {NvdbFile(grids, NvdbCodec::kBlosc), VdbFile(grids, {.zip = true})}) {
+    const auto density = Read(bytes, "density"), temperature = Read(bytes, "temperature");
+    ASSERT_TRUE(density.ok() && temperature.ok());
+    EXPECT_EQ(density->info().values.max, 15.0f / 16);
+    EXPECT_EQ(temperature->info().role, VolumeRole::kTemperature);
+    const auto list = ListVolumeFile("smoke.vdb", path_);
+    ASSERT_TRUE(list.ok());
+    ASSERT_EQ(list->size(), 3u);
+    EXPECT_TRUE(list->at(0).can_be_read && list->at(1).can_be_read && !list->at(2).can_be_read);
+    EXPECT_THAT(Message(bytes, "flame"), HasSubstr("no grid \"flame\"; there are: \"density\" ("));
+    EXPECT_THAT(Message(bytes, "strange"), HasSubstr("grid \"strange\""));
+    EXPECT_THAT(Message(bytes, "strange"), HasSubstr("convert it"));
+  }
+}
+
+TEST_F(VolumeFileTest, RefusesValuesThatAreNoDensities) {
+  const auto nan = [](const Voxel& v) {
+    return v == Voxel{3, 4, 5} ? std::numeric_limits<float>::quiet_NaN() : 1.0f;
+  };
+  const auto infinite = [](const Voxel& v) {
+    return v == Voxel{3, 4, 5} ? std::numeric_limits<float>::infinity() : 1.0f;
+  };
+  const auto negative = [](const Voxel& v) { return v == Voxel{3, 4, 5} ? -0.5f : 1.0f; };
+  for (const auto& write : {+[](const GridToWrite& g) { return NvdbFile({g}, NvdbCodec::kZip); },
+                            +[](const GridToWrite& g) { return VdbFile({g}, {}); }}) {
+    EXPECT_THAT(Message(write({.value = nan})), HasSubstr("\"density\" holds NaN or infinity"));
+    EXPECT_THAT(Message(write({.value = infinite})), HasSubstr("holds NaN or infinity"));
+    const auto grid = Read(write({.value = negative}));
+    ASSERT_TRUE(grid.ok());
+    EXPECT_THAT(std::string(grid->CheckDensity("a.pbrt:3:1").message()),
+                HasSubstr("a.pbrt:3:1: grid \"density\" holds negative densities, down to -0.5"));
+  }
+}
+
+TEST_F(VolumeFileTest, RefusesWhatIsNoVolumeFile) {
+  EXPECT_THAT(Message(""), HasSubstr("smoke.vdb: neither a NanoVDB (.nvdb) nor an OpenVDB"));
+  EXPECT_THAT(Message("ply\nformat ascii 1.0\n"), HasSubstr("it begins otherwise"));
+  std::string old = NvdbFile({{.value = Lumps}}, NvdbCodec::kNone);
+  const uint32_t version = 29u << 21;
+  std::memcpy(&old[8], &version, sizeof(version));
+  EXPECT_THAT(Message(old), HasSubstr("NanoVDB version 29"));
+}
+
+TEST_F(VolumeFileTest, EveryCutIsAnError) {
+  for (const std::string& bytes :
+       {NvdbFile({{.value = Lumps}}, NvdbCodec::kNone),
+        NvdbFile({{.value = Lumps}}, NvdbCodec::kZip),
+        NvdbFile({{.value = Lumps}}, NvdbCodec::kBlosc), VdbFile({{.value = Lumps}}, {}),
+        VdbFile({{.value = Lumps}}, {.zip = true})}) {
+    for (size_t size = 0; size + 1 < bytes.size(); size += 1 + size / 16) {
+      EXPECT_FALSE(Read(bytes.substr(0, size)).ok()) << size << " of " << bytes.size();
+    }
+  }
+}
+
+TEST_F(VolumeFileTest, LimitsAreNamed) {
+  const std::string bytes = NvdbFile({{.value = Lumps}}, NvdbCodec::kZip);
+  EXPECT_THAT(Message(bytes, "density", {.grid_bytes_max = 1000}), HasSubstr("grid_bytes_max"));
+  EXPECT_THAT(Message(VdbFile({{.value = Lumps}}, {}), "density", {.grid_bytes_max = 1000}),
+              HasSubstr("grid_bytes_max"));
+  const GridToWrite far{.lo = {2000000000, 0, 0}, .hi = {2000000001, 0, 0}, .value = Lumps};
+  EXPECT_THAT(Message(NvdbFile({far}, NvdbCodec::kZip)), HasSubstr("index_abs_max"));
+  EXPECT_THAT(Message(VdbFile({far}, {})), HasSubstr("index_abs_max"));
+  EXPECT_THAT(Message(bytes, "density", {.grid_count_max = 0}), HasSubstr("grid_count_max"));
+}
+
+// A header may claim any size: nothing is allocated that the file could not hold.
+TEST_F(VolumeFileTest, AClaimedSizeIsCheckedAgainstTheFile) {
+  std::string bytes = NvdbFile({{.value = Lumps}}, NvdbCodec::kZip);
+  const uint64_t claimed = uint64_t{8} << 30;
+  std::memcpy(&bytes[16], &claimed, sizeof(claimed));
+  EXPECT_THAT(Message(bytes), HasSubstr("cut short or damaged"));
+}
+
+}  // namespace
+}  // namespace sheaf

@@ -1,0 +1,146 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Media that are not the same everywhere, rendered: against homogeneous ones, in a white furnace,
+// in each other, and in colour. Means are held by ExpectMean's 5 standard errors, or by as many of
+// the difference of two pictures.
+#include <cmath>
+#include <string>
+#include <vector>
+
+#include "gtest/gtest.h"
+#include "tests/support/long_tests.h"
+#include "tests/support/test_scene.h"
+#include "worker/render/event_stream.h"
+
+namespace sheaf::render {
+namespace {
+
+class SmokeScene : public TestScene {
+ public:
+  SmokeScene() : TestScene({0.2, 0.6, -2.5}, {0, 0, 0}, 30) {}
+
+  // A grid over the cube from -1 to 1; density times sigma.
+  int32_t AddGrid(std::vector<float> density, Rgb sigma_a, Rgb sigma_s, float g = 0) {
+    MediumDescription medium = Plain(sigma_a, sigma_s, g);
+    const auto side = static_cast<int32_t>(std::lround(std::cbrt(density.size())));
+    UniformGridMedium grid;
+    grid.box = {{side, side, side}, {-1, -1, -1}, {1, 1, 1}};
+    grid.density = std::move(density);
+    medium.kind = std::move(grid);
+    return Add(std::move(medium));
+  }
+  int32_t AddFog(Rgb sigma_a, Rgb sigma_s, float g = 0) { return Add(Plain(sigma_a, sigma_s, g)); }
+  void Fill(float half_side, int32_t inside, int32_t outside = kNone) {
+    const float h = half_side;
+    AddShape(MeshShape{Box({-h, -h, -h}, {h, h, h})}, AddMaterial(InterfaceMaterial{})).media = {
+        inside, outside};
+  }
+
+ private:
+  MediumDescription Plain(Rgb sigma_a, Rgb sigma_s, float g) const {
+    MediumDescription medium;
+    medium.name = std::to_string(scene.media.size());
+    medium.sigma_a.rgb = sigma_a;
+    medium.sigma_s.rgb = sigma_s;
+    medium.g = g;
+    return medium;
+  }
+  int32_t Add(MediumDescription medium) {
+    scene.media.push_back(std::move(medium));
+    return static_cast<int32_t>(scene.media.size() - 1);
+  }
+};
+
+std::vector<float> Lumps(int side) {
+  EventStream random({1, 2, 3, 4});
+  std::vector<float> values(static_cast<size_t>(side) * side * side);
+  for (float& v : values) {
+    const double u = random.Uniform();
+    v = u < 0.4 ? 0.0f : static_cast<float>(4 * u * u * u);
+  }
+  return values;
+}
+
+TileMean Render(const SmokeScene& t, int samples, ColorTransport color = ColorTransport::kRgb) {
+  FrameSettings settings = SquareSettings(16, samples, 64);
+  settings.color = color;
+  const CompiledScenePtr compiled = Compile(t.scene, settings);
+  RenderStats stats;
+  const FilmTile film = RenderAll(*compiled, &stats);
+  EXPECT_EQ(stats.broken_nestings, 0u);
+  EXPECT_EQ(stats.broken_majorants, 0u);
+  return MeanOf(film);
+}
+void ExpectEqual(const TileMean& a, const TileMean& b) {
+  for (size_t c = 0; c < 3; ++c) {
+    const double error = std::hypot(a.standard_error[c], b.standard_error[c]);
+    EXPECT_NEAR(a.mean[c], b.mean[c], 5 * error) << c;
+    EXPECT_LT(error, 0.01 * std::max<double>(b.mean[c], 0.1)) << c;
+  }
+}
+
+TEST(VaryingMediaTest, AConstantGridIsAHomogeneousMedium) {
+  for (const ColorTransport color : {ColorTransport::kRgb, ColorTransport::kSpectral}) {
+    SmokeScene grid, fog;
+    const Rgb sigma_a{0.1f, 0.2f, 0.6f}, sigma_s{2.0f, 1.0f, 0.5f};
+    for (SmokeScene* t : {&grid, &fog}) t->ConstantEnvironment({0.5f, 0.7f, 1});
+    grid.Fill(0.8f, grid.AddGrid(std::vector<float>(40 * 40 * 40, 1.0f), sigma_a, sigma_s, 0.4f));
+    fog.Fill(0.8f, fog.AddFog(sigma_a, sigma_s, 0.4f));
+    const int samples = DrawCount(128, 2048);
+    ExpectEqual(Render(grid, samples, color), Render(fog, samples, color));
+  }
+}
+
+// V12: what takes nothing gives back all that comes, whatever its density.
+TEST(VaryingMediaTest, V12AWhiteFurnaceStaysWhite) {
+  for (const float g : {0.0f, 0.7f}) {
+    SmokeScene t;
+    t.ConstantEnvironment(Rgb::Grey(1));
+    t.Fill(0.9f, t.AddGrid(Lumps(20), {}, {6, 3, 1}, g));
+    FrameSettings settings = SquareSettings(16, DrawCount(128, 2048), 1 << 20);
+    const CompiledScenePtr compiled = Compile(t.scene, settings);
+    ExpectMean(MeanOf(RenderAll(*compiled)), Rgb::Grey(1));
+  }
+}
+
+// Two media in one place are one of both densities; one of them homogeneous; one that only absorbs.
+TEST(VaryingMediaTest, OverlappingMediaAddUp) {
+  const std::vector<float> lumps = Lumps(20);
+  std::vector<float> twice = lumps;
+  for (float& v : twice) v *= 2;
+  const Rgb sigma_a{0.1f, 0.4f, 0.2f}, sigma_s{1, 0.5f, 2};
+  SmokeScene one, two;
+  for (SmokeScene* t : {&one, &two}) t->ConstantEnvironment({0.5f, 0.7f, 1});
+  one.Fill(0.7f, one.AddGrid(twice, sigma_a, sigma_s));
+  two.Fill(0.7f, two.AddGrid(lumps, sigma_a, sigma_s));
+  two.Fill(0.7001f, two.AddGrid(lumps, sigma_a, sigma_s));
+  const int samples = DrawCount(128, 2048);
+  ExpectEqual(Render(two, samples), Render(one, samples));
+  // The constant grid, split into fog that scatters and grids that absorb.
+  SmokeScene fog, parts;
+  for (SmokeScene* t : {&fog, &parts}) t->ConstantEnvironment({0.5f, 0.7f, 1});
+  const std::vector<float> even(40 * 40 * 40, 1.0f);
+  fog.Fill(0.7f, fog.AddFog(sigma_a, sigma_s));
+  parts.Fill(0.7f, parts.AddFog({}, sigma_s * 0.5f));
+  parts.Fill(0.7001f, parts.AddGrid(even, sigma_a, {}));
+  parts.Fill(0.7002f, parts.AddGrid(even, {}, sigma_s * 0.5f));
+  ExpectEqual(Render(parts, samples), Render(fog, samples));
+}
+
+TEST(VaryingMediaTest, WhatCannotBeRenderedIsRefusedWithItsPlace) {
+  SmokeScene t;
+  const int32_t grid = t.AddGrid(Lumps(8), Rgb::Grey(1), {});
+  t.Fill(0.7f, grid);
+  t.scene.media[static_cast<size_t>(grid)].emits = true;
+  t.scene.media[static_cast<size_t>(grid)].radiance.rgb = Rgb::Grey(1);
+  TableFileSource files({});
+  const auto compiled = CompileScene(t.scene, SquareSettings(4, 1, 4), files, {}, {});
+  ASSERT_FALSE(compiled.ok());
+  EXPECT_NE(compiled.status().message().find("shines and is not the same everywhere"),
+            std::string::npos)
+      << compiled.status();
+}
+
+}  // namespace
+}  // namespace sheaf::render

@@ -1,0 +1,110 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// PathTracer, the part in media that are not the same everywhere. Included by path_tracer.h. Each
+// of them, and all the others together, are flown through with random numbers of their own; the
+// nearest collision is the path's. The others have then been flown through up to there: the same
+// numbers give the same events again, and what they weigh. Source: docs/adr/0019.
+#pragma once
+
+#include <array>
+#include <bit>
+
+#include "worker/render/path_tracer.h"
+
+namespace sheaf::render {
+
+template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight>
+Flight<typename PathTracer<kTraits, Tracer, kDirectLight>::Color>
+PathTracer<kTraits, Tracer, kDirectLight>::FlyThroughVarying(const Ray& ray,
+                                                             const std::array<float, 4>& u,
+                                                             uint32_t passes, double length,
+                                                             const Path& path,
+                                                             Scatterer* scatterer) {
+  const Vec3d o = ToDouble(ray.o), d = ToDouble(ray.d);
+  const double unit = Length(d);
+  const MediumMix<Color>& mix = path.media.mix;
+  const FlightNumbers even = MakeFlightNumbers(u, passes);
+  Flight<Color> flight = SampleFlight<kChromaticMedia>(mix, length, even, path.throughput);
+  double end = flight.scatters ? flight.distance : length;
+  TrackingTally tally;
+  const auto stream = [&](uint32_t i) {
+    return EventStream({std::bit_cast<uint32_t>(u[0]), std::bit_cast<uint32_t>(u[1]),
+                        std::bit_cast<uint32_t>(u[2]), (passes << 8) | i});
+  };
+  const uint16_t* set = path.media.set.begin();
+  const uint32_t count = path.media.set.size();
+  std::array<Color, kMediaAtOnceMax> weights{};
+  std::array<double, kMediaAtOnceMax> ends{};
+  uint32_t nearest = count;
+  for (uint32_t i = 0; i < count; ++i) {
+    const VaryingMedium* medium = scene_.media->VaryingOf(set[i]);
+    if (medium == nullptr) continue;
+    const auto its = scene_.media->template CoefficientsOf<Color>(set[i], path.wavelengths);
+    if (its.sigma_s.IsBlack()) {
+      ends[i] = -1;  // It stops nothing; what it takes is known when the end is.
+      continue;
+    }
+    EventStream events = stream(i);
+    const auto tracked = medium->Fly(o, d, end / unit, its.sigma_t * static_cast<float>(unit),
+                                     path.throughput, &events, &tally);
+    weights[i] = tracked.weight;
+    if (tracked.collides) {
+      end = tracked.t * unit;
+      nearest = i;
+      weights[i] *= MakeColor<Color>(
+          [&](size_t c) { return its.sigma_t[c] > 0 ? its.sigma_s[c] / its.sigma_t[c] : 0; });
+    }
+    ends[i] = end;
+  }
+  if (nearest < count) {
+    flight = SampleFlight<kChromaticMedia>(mix, end, even, path.throughput);
+    flight.scatters = true;
+    flight.distance = end;
+    *scatterer = set[nearest];
+  }
+  for (uint32_t i = 0; i < count; ++i) {
+    const VaryingMedium* medium = scene_.media->VaryingOf(set[i]);
+    if (medium == nullptr) continue;
+    if (ends[i] != end) {
+      const auto its = scene_.media->template CoefficientsOf<Color>(set[i], path.wavelengths);
+      const Color sigma_t = its.sigma_t * static_cast<float>(unit);
+      EventStream events = stream(i);
+      weights[i] =
+          its.sigma_s.IsBlack()
+              ? medium->Transmittance(o, d, end / unit, sigma_t, &events, &tally)
+              : medium->Fly(o, d, end / unit, sigma_t, path.throughput, &events, &tally).weight;
+    }
+    flight.weight *= weights[i];
+  }
+  counts_.broken_majorants += tally.violation_count;
+  return flight;
+}
+
+template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight>
+typename PathTracer<kTraits, Tracer, kDirectLight>::Color
+PathTracer<kTraits, Tracer, kDirectLight>::ShareThroughVarying(const Ray& ray,
+                                                               std::array<float, 2> u,
+                                                               uint32_t pass, double length,
+                                                               const Path& path,
+                                                               const InMedia& media) {
+  const Vec3d o = ToDouble(ray.o), d = ToDouble(ray.d);
+  const double unit = Length(d);
+  Color share = Color::Grey(1);
+  TrackingTally tally;
+  const uint16_t* set = media.set.begin();
+  for (uint32_t i = 0; i < media.set.size() && !share.IsBlack(); ++i) {
+    const VaryingMedium* medium = scene_.media->VaryingOf(set[i]);
+    if (medium == nullptr) continue;
+    const auto its = scene_.media->template CoefficientsOf<Color>(set[i], path.wavelengths);
+    // A key that no flight has: flights' third number is below 1, and so are its bits.
+    EventStream events({std::bit_cast<uint32_t>(u[0]), std::bit_cast<uint32_t>(u[1]), ~uint32_t{0},
+                        (pass << 8) | i});
+    share *= medium->Transmittance(o, d, length / unit, its.sigma_t * static_cast<float>(unit),
+                                   &events, &tally);
+  }
+  counts_.broken_majorants += tally.violation_count;
+  return share;
+}
+
+}  // namespace sheaf::render

@@ -1,0 +1,22 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// RayCounts: what tracing counts beside the picture.
+#pragma once
+
+#include <cstdint>
+
+namespace sheaf::render {
+
+struct RayCounts {
+  uint64_t rays = 0;  // All.
+  uint64_t shadow_rays = 0;
+  // Paths that ended, and shadow rays that were given up, because surfaces do not enclose media as
+  // they say: a medium was left that had not been entered, or has no end where it should have one,
+  // or kMediaAtOnceMax are entered and another one.
+  uint64_t broken_nestings = 0;
+  // Densities beyond what they had been found to be at most: none, or the picture is biased.
+  uint64_t broken_majorants = 0;
+};
+
+}  // namespace sheaf::render
