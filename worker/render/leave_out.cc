@@ -183,89 +183,66 @@ void MakeGreyWhatIsColored(SceneDescription* scene) {
   }
 }
 
-void Change(Trait trait, SceneWithout* without) {
-  SceneDescription* scene = &without->scene;
-  switch (trait) {
-    case Trait::kMotion:
-      without->how = "all as it is when the shutter opens";
-      return StandStill(scene);
-    case Trait::kDeformation:
-      without->how = "meshes keep the shape they have when the shutter opens";
-      return KeepShapes(scene);
-    case Trait::kLens:
-      without->how = "through a pinhole";
-      scene->camera.lens_radius = 0;
-      return;
-    case Trait::kEnvironment:
-      without->how = "without infinite lights";
-      return RemoveLights(scene, true);
-    case Trait::kDeltaLights:
-      without->how = "without lights that have no size";
-      return RemoveLights(scene, false);
-    case Trait::kAreaLights:
-      without->how = "shapes that shine are dark";
-      for (ShapeDescription& shape : scene->shapes) shape.area_light = kNone;
-      return;
-    case Trait::kSpecularTransmission:
-      without->how = "glass is grey, leaves let no light through";
-      return MakeOpaque(scene);
-    case Trait::kLayered:
-      without->how = "coats are taken off";
-      return TakeOffCoats(scene);
-    case Trait::kMicrofacet:
-      without->how = "metals are diffuse, coats are taken off";
-      return MakeDiffuse(scene);
-    case Trait::kAlpha:
-      without->how = "cut-outs are whole, mixes their first material, interfaces gone";
-      return CloseCutOuts(scene);
-    case Trait::kInstances:
-      without->how = "placed objects are gone";
-      scene->instances.clear();
-      return;
-    case Trait::kQuadrics:
-      without->how = "curved shapes are triangles";
-      return MakePlain(scene);
-    case Trait::kSpectral:
-      without->how = "colors as RGB";
-      without->settings.color = ColorTransport::kRgb;
-      return;
-    case Trait::kHair:
-      without->how = "hair is grey and diffuse";
-      return MakeGreyWhatIs<HairMaterial>(scene);
-    case Trait::kMeasured:
-      without->how = "what was measured is grey and diffuse";
-      return MakeGreyWhatIs<MeasuredMaterial>(scene);
-    case Trait::kCurves:
-      without->how = "curves are gone";
-      return RemoveCurves(scene);
-    case Trait::kNormalMaps:
-      without->how = "surfaces are as smooth as their shapes";
-      return SmoothSurfaces(scene);
-    case Trait::kVaryingEmission:
-      without->how = "what shines is whole and has no picture";
-      return ShineEvenly(scene);
-    case Trait::kOutputs:
-      without->how = "the picture alone";
-      without->settings.outputs = {};
-      return;
-    case Trait::kMedia:
-      without->how = "without media";
-      return ClearTheAir(scene);
-    case Trait::kHeterogeneousMedia:
-      without->how = "media are the same everywhere";
-      for (MediumDescription& medium : scene->media) medium.kind = HomogeneousMedium{};
-      return;
-    case Trait::kChromaticMedia:
-      without->how = "media are grey";
-      return MakeGreyWhatIsColored(scene);
-    case Trait::kEmissiveMedia:
-      without->how = "media do not shine";
-      for (MediumDescription& medium : scene->media) medium.emits = false;
-      return;
-    case Trait::kTextures:  // LeaveOut's, as it needs files.
-      return;
-  }
-}
+// How each effect is left out. Textures are LeaveOut's own, as they need files.
+struct Change {
+  Trait trait;
+  const char* how;
+  void (*apply)(SceneWithout* without);
+};
+constexpr Change kChanges[] = {
+    {Trait::kMotion, "all as it is when the shutter opens",
+     [](SceneWithout* without) { StandStill(&without->scene); }},
+    {Trait::kDeformation, "meshes keep the shape they have when the shutter opens",
+     [](SceneWithout* without) { KeepShapes(&without->scene); }},
+    {Trait::kLens, "through a pinhole",
+     [](SceneWithout* without) { without->scene.camera.lens_radius = 0; }},
+    {Trait::kEnvironment, "without infinite lights",
+     [](SceneWithout* without) { RemoveLights(&without->scene, true); }},
+    {Trait::kDeltaLights, "without lights that have no size",
+     [](SceneWithout* without) { RemoveLights(&without->scene, false); }},
+    {Trait::kAreaLights, "shapes that shine are dark",
+     [](SceneWithout* without) {
+       for (ShapeDescription& shape : without->scene.shapes) shape.area_light = kNone;
+     }},
+    {Trait::kSpecularTransmission, "glass is grey, leaves let no light through",
+     [](SceneWithout* without) { MakeOpaque(&without->scene); }},
+    {Trait::kLayered, "coats are taken off",
+     [](SceneWithout* without) { TakeOffCoats(&without->scene); }},
+    {Trait::kMicrofacet, "metals are diffuse, coats are taken off",
+     [](SceneWithout* without) { MakeDiffuse(&without->scene); }},
+    {Trait::kAlpha, "cut-outs are whole, mixes their first material, interfaces gone",
+     [](SceneWithout* without) { CloseCutOuts(&without->scene); }},
+    {Trait::kInstances, "placed objects are gone",
+     [](SceneWithout* without) { without->scene.instances.clear(); }},
+    {Trait::kQuadrics, "curved shapes are triangles",
+     [](SceneWithout* without) { MakePlain(&without->scene); }},
+    {Trait::kSpectral, "colors as RGB",
+     [](SceneWithout* without) { without->settings.color = ColorTransport::kRgb; }},
+    {Trait::kHair, "hair is grey and diffuse",
+     [](SceneWithout* without) { MakeGreyWhatIs<HairMaterial>(&without->scene); }},
+    {Trait::kMeasured, "what was measured is grey and diffuse",
+     [](SceneWithout* without) { MakeGreyWhatIs<MeasuredMaterial>(&without->scene); }},
+    {Trait::kCurves, "curves are gone",
+     [](SceneWithout* without) { RemoveCurves(&without->scene); }},
+    {Trait::kNormalMaps, "surfaces are as smooth as their shapes",
+     [](SceneWithout* without) { SmoothSurfaces(&without->scene); }},
+    {Trait::kVaryingEmission, "what shines is whole and has no picture",
+     [](SceneWithout* without) { ShineEvenly(&without->scene); }},
+    {Trait::kOutputs, "the picture alone",
+     [](SceneWithout* without) { without->settings.outputs = {}; }},
+    {Trait::kMedia, "without media", [](SceneWithout* without) { ClearTheAir(&without->scene); }},
+    {Trait::kHeterogeneousMedia, "media are the same everywhere",
+     [](SceneWithout* without) {
+       for (MediumDescription& medium : without->scene.media) medium.kind = HomogeneousMedium{};
+     }},
+    {Trait::kChromaticMedia, "media are grey",
+     [](SceneWithout* without) { MakeGreyWhatIsColored(&without->scene); }},
+    {Trait::kEmissiveMedia, "media do not shine",
+     [](SceneWithout* without) {
+       for (MediumDescription& medium : without->scene.media) medium.emits = false;
+     }},
+};
+static_assert(std::size(kChanges) == kTraitCount - 1);
 
 }  // namespace
 
@@ -279,7 +256,11 @@ absl::StatusOr<SceneWithout> LeaveOut(Trait trait, const SceneDescription& scene
       return status;
     }
   } else {
-    Change(trait, &without);
+    for (const Change& change : kChanges) {
+      if (change.trait != trait) continue;
+      without.how = change.how;
+      change.apply(&without);
+    }
   }
   const RenderPlan plan = MakeRenderPlan(without.scene, without.settings);
   if (!Has(plan.traits, trait)) return without;
