@@ -5,6 +5,7 @@
 #include "worker/render/leave_out.h"
 
 #include <algorithm>
+#include <iterator>
 #include <type_traits>
 #include <utility>
 #include <variant>
