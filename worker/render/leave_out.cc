@@ -5,11 +5,14 @@
 #include "worker/render/leave_out.h"
 
 #include <algorithm>
+#include <cmath>
+#include <numbers>
 #include <type_traits>
 #include <utility>
 #include <variant>
 
 #include "absl/strings/str_cat.h"
+#include "worker/render/lens_system.h"
 #include "worker/render/plain_shape.h"
 #include "worker/render/texture_mean.h"
 #include "worker/render/trait_set.h"
@@ -161,6 +164,19 @@ void ShineEvenly(SceneDescription* scene) {
   }
 }
 
+// A pinhole that sees the same frame. A lens that cannot be focused has none, and says so itself.
+void TakeOutLens(SceneDescription* scene) {
+  const absl::StatusOr<LensSystem> lens = LensSystem::Make(scene->camera.lens, {});
+  const double focal_length_mm = lens.ok() ? lens->focal_length_mm() : 50;
+  const double aspect = static_cast<double>(std::max(scene->film.width_px, scene->film.height_px)) /
+                        std::min(scene->film.width_px, scene->film.height_px);
+  const double shorter_mm =
+      static_cast<double>(scene->camera.lens.film_diagonal_mm) / std::sqrt(1 + aspect * aspect);
+  scene->camera.kind = CameraDescription::Kind::kPerspective;
+  scene->camera.fov_degrees = static_cast<float>(2 * (180 / std::numbers::pi) *
+                                                 std::atan(0.5 * shorter_mm / focal_length_mm));
+}
+
 void Change(Trait trait, SceneWithout* without) {
   SceneDescription* scene = &without->scene;
   switch (trait) {
@@ -170,6 +186,7 @@ void Change(Trait trait, SceneWithout* without) {
     case Trait::kLens:
       without->how = "through a pinhole";
       scene->camera.lens_radius = 0;
+      if (scene->camera.IsRealistic()) TakeOutLens(scene);
       return;
     case Trait::kEnvironment:
       without->how = "without infinite lights";
