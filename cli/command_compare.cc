@@ -81,10 +81,19 @@ class CompareCommand : public Command {
   }
 
   ExitCode Run() override {
-    const absl::StatusOr<FramePicture> reference = ReadPicture(reference_path_);
+    absl::StatusOr<FramePicture> reference = ReadPicture(reference_path_);
     if (!reference.ok()) return ReportError(ExitCode::kFile, reference.status());
     const absl::StatusOr<FramePicture> image = ReadPicture(image_path_);
     if (!image.ok()) return ReportError(ExitCode::kFile, image.status());
+    const std::string reference_digest = PictureDigest(*reference);
+    const bool converts = !(reference->color.chromaticities == image->color.chromaticities);
+    if (converts) {
+      // Not the image, whose standard errors go with its primaries.
+      const absl::Status status = ConvertColor(image->color.chromaticities, &*reference);
+      if (!status.ok()) return ReportError(ExitCode::kFailed, status);
+      std::fprintf(stderr, "sheaf: note: %s is converted to the primaries of %s\n",
+                   reference_path_.c_str(), image_path_.c_str());
+    }
     const absl::StatusOr<Comparison> comparison = ComparePictures(*reference, *image);
     if (!comparison.ok()) return ReportError(ExitCode::kFailed, comparison.status());
     Json json = {{"relative_mse", Number(comparison->relative_mse)},
@@ -95,8 +104,9 @@ class CompareCommand : public Command {
                  {"share_differing", comparison->share_differing},
                  {"max_abs_difference", Number(comparison->max_abs_difference)},
                  {"nonfinite_count", comparison->nonfinite_count},
-                 {"reference_digest", PictureDigest(*reference)},
+                 {"reference_digest", reference_digest},
                  {"image_digest", PictureDigest(*image)}};
+    if (converts) json["reference_converted"] = true;
     for (const double ratio : comparison->mean_ratio) json["mean_ratio"].push_back(Number(ratio));
     bool within = tolerance_ < 0 || comparison->relative_mse <= tolerance_;
     if (tolerance_ == 0) within = within && comparison->share_differing == 0;

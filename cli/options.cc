@@ -71,6 +71,17 @@ void AddSettingsOptions(CLI::App* command, JobArguments* arguments) {
                    "What a path carries: rgb, spectral (four wavelengths), or auto: spectral where "
                    "light is dispersed or a color lies outside of sRGB")
       ->transform(CLI::CheckedTransformer(kColors));
+  static const std::map<std::string, Primaries> kPrimaries = [] {
+    std::map<std::string, Primaries> map;
+    for (const std::string& name : PrimariesNames()) map[name] = *PrimariesFromName(name);
+    return map;
+  }();
+  command
+      ->add_option(
+          "--primaries", settings.primaries,
+          "What the picture's R, G, B are: srgb, aces2065-1, acescg, rec2020 or dci-p3, all "
+          "linear (default: the ColorSpace at the scene's Film); PNGs stay sRGB")
+      ->transform(CLI::CheckedTransformer(kPrimaries, CLI::ignore_case));
   command->add_option_function<std::string>(
       "--aov", [&settings](const std::string& text) { AddOutputs(text, &settings.outputs); },
       "Quantities of the first surface to write too, separated by commas: position, "

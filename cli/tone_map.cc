@@ -7,6 +7,10 @@
 namespace sheaf::cli {
 
 std::vector<Rgb8> ToneMapSrgb(const FramePicture& picture) {
+  if (FramePicture shown; !(picture.color.chromaticities == Chromaticities())) {
+    shown = picture;
+    if (ConvertColor(Chromaticities(), &shown).ok()) return ToneMapSrgb(shown);
+  }
   const std::vector<float>* red = picture.Find("R");
   const std::vector<float>* green = picture.Find("G");
   const std::vector<float>* blue = picture.Find("B");

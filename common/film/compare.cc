@@ -46,6 +46,10 @@ absl::StatusOr<Pair> MatchPictures(const FramePicture& reference, const FramePic
                      "x", reference.window.Height(), ", the image ", image.window.Width(), "x",
                      image.window.Height()));
   }
+  if (!(reference.color.chromaticities == image.color.chromaticities)) {
+    return absl::InvalidArgumentError(
+        "the pictures have different primaries; convert one (ConvertColor)");
+  }
   const absl::StatusOr<ColorPlanes> r = FindPlanes(reference, kColor, "reference");
   if (!r.ok()) return r.status();
   const absl::StatusOr<ColorPlanes> x = FindPlanes(image, kColor, "image");
@@ -209,6 +213,7 @@ absl::StatusOr<FramePicture> DifferencePicture(const FramePicture& reference,
   difference.window = image.window;
   difference.frame_width_px = image.frame_width_px;
   difference.frame_height_px = image.frame_height_px;
+  difference.color.chromaticities = image.color.chromaticities;
   for (size_t i = 0; i < 3; ++i) {
     std::vector<float> plane(pair->image[i]->size());
     for (size_t p = 0; p < plane.size(); ++p) {

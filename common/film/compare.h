@@ -29,7 +29,8 @@ struct Comparison {
   uint64_t nonfinite_count =
       0;  // Values of either that are not finite; left out of all but the share.
 };
-// Errors: kInvalidArgument where the windows have different sizes or R, G or B is missing.
+// Errors: kInvalidArgument where the windows have different sizes, the primaries differ, or R, G or
+// B is missing.
 absl::StatusOr<Comparison> ComparePictures(const FramePicture& reference,
                                            const FramePicture& image);
 

@@ -68,6 +68,19 @@ TEST(CompareTest, ValuesThatAreNotFiniteAreCountedApart) {
   EXPECT_EQ(c->share_differing, 2.0 / 16);
 }
 
+// The same color in other primaries is told apart from another color.
+TEST(CompareTest, OtherPrimariesAreRefusedUntilConverted) {
+  FramePicture reference = MakePicture({0, 0, 2, 2}, 0.5f, 0), image = reference;
+  ASSERT_TRUE(ConvertColor(ChromaticitiesOf(Primaries::kAcesCg), &image).ok());
+  EXPECT_EQ(ComparePictures(reference, image).status().code(), absl::StatusCode::kInvalidArgument);
+  ASSERT_TRUE(ConvertColor(image.color.chromaticities, &reference).ok());
+  const absl::StatusOr<Comparison> c = ComparePictures(reference, image);
+  ASSERT_TRUE(c.ok());
+  EXPECT_EQ(c->share_differing, 0);
+  EXPECT_EQ(DifferencePicture(reference, image)->color.chromaticities,
+            ChromaticitiesOf(Primaries::kAcesCg));
+}
+
 TEST(CompareTest, RefusesOtherSizesAndMissingChannels) {
   const FramePicture a = MakePicture({0, 0, 4, 4}, 1, 0), b = MakePicture({0, 0, 4, 5}, 1, 0);
   EXPECT_TRUE(absl::IsInvalidArgument(ComparePictures(a, b).status()));

@@ -4,6 +4,7 @@
 
 #include <array>
 #include <cmath>
+#include <optional>
 #include <vector>
 
 #include "common/base/check.h"
@@ -18,15 +19,15 @@ bool HasSamples(const FilmTile& sums, uint32_t slot, size_t p) {
   return false;
 }
 
-}  // namespace
-
-double ReplicateStandardError(const FilmTile& sums, size_t component, size_t p) {
+// color(slot): a replicate's sum of the quantity whose standard error is asked for.
+template <typename ColorSum>
+double StandardErrorOf(const FilmTile& sums, size_t p, const ColorSum& color) {
   uint32_t replicate_count = 0;
   double sum = 0, weight = 0;
   for (uint32_t slot = 0; slot < sums.replicate_count(); ++slot) {
     if (!HasSamples(sums, slot, p)) continue;
     ++replicate_count;
-    sum += sums.replicate(slot, component)[p];
+    sum += color(slot);
     weight += sums.replicate(slot, 3)[p];
   }
   if (replicate_count < 2 || weight == 0) return 0;
@@ -34,14 +35,45 @@ double ReplicateStandardError(const FilmTile& sums, size_t component, size_t p) 
   double squares = 0;
   for (uint32_t slot = 0; slot < sums.replicate_count(); ++slot) {
     if (!HasSamples(sums, slot, p)) continue;
-    const double residual = sums.replicate(slot, component)[p] - mean * sums.replicate(slot, 3)[p];
+    const double residual = color(slot) - mean * sums.replicate(slot, 3)[p];
     squares += residual * residual;
   }
   return std::sqrt(squares * replicate_count / (replicate_count - 1)) / std::fabs(weight);
 }
 
+}  // namespace
+
+double ReplicateStandardError(const FilmTile& sums, size_t component, size_t p) {
+  return StandardErrorOf(
+      sums, p, [&](uint32_t slot) -> float { return sums.replicate(slot, component)[p]; });
+}
+
+double ReplicateStandardError(const FilmTile& sums, const std::array<double, 3>& weights,
+                              size_t p) {
+  return StandardErrorOf(sums, p, [&](uint32_t slot) {
+    double sum = 0;
+    for (size_t i = 0; i < 3; ++i) sum += weights[i] * double{sums.replicate(slot, i)[p]};
+    return sum;
+  });
+}
+
+namespace {
+
+// What a standard error of each channel adds to that of luminance, at most.
+std::array<double, 3> LuminanceWeights(const Chromaticities& chromaticities) {
+  constexpr std::array<double, 3> kOfSrgb{0.212639, 0.715169, 0.072192};
+  if (chromaticities == Chromaticities()) return kOfSrgb;
+  const std::optional<Matrix4> xyz_from_rgb = XyzFromRgb(chromaticities);
+  if (!xyz_from_rgb) return kOfSrgb;
+  // The blue of ACES2065-1 has negative luminance.
+  const auto& y = xyz_from_rgb->m[1];
+  return {std::fabs(y[0]), std::fabs(y[1]), std::fabs(y[2])};
+}
+
+}  // namespace
+
 FrameError EstimateError(const FramePicture& picture) {
-  constexpr std::array<double, 3> kLuminance{0.212639, 0.715169, 0.072192};
+  const std::array<double, 3> luminance = LuminanceWeights(picture.color.chromaticities);
   const std::array<const std::vector<float>*, 3> value{picture.Find("R"), picture.Find("G"),
                                                        picture.Find("B")};
   const std::array<const std::vector<float>*, 3> error{
@@ -71,7 +103,7 @@ FrameError EstimateError(const FramePicture& picture) {
     double luminance_error = 0;
     for (size_t i = 0; i < 3; ++i) {
       const double e = (*error[i])[p], v = (*value[i])[p];
-      luminance_error += kLuminance[i] * e;
+      luminance_error += luminance[i] * e;
       if (e != 0) relative_sum += e * e / (v * v + floor * floor);
     }
     luminance_variance += luminance_error * luminance_error;

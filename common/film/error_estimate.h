@@ -16,6 +16,7 @@
 // Source: Cochran 1977, Sampling Techniques, 3rd ed., sec. 2.11; Owen 1997 for the replicates.
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 
@@ -38,6 +39,9 @@ struct FrameError {
 // Standard error of one colour component (0..2 = R, G, B) of pixel `p` (index into the planes); 0
 // where fewer than 2 replicates have samples or the weights sum to 0.
 double ReplicateStandardError(const FilmTile& sums, size_t component, size_t p);
+// The same of a weighted sum of R, G and B: their errors are correlated, so it is found from the
+// replicates' sums, not from the errors of the three.
+double ReplicateStandardError(const FilmTile& sums, const std::array<double, 3>& weights, size_t p);
 
 // Error over the picture as developed so far (pixels without samples are left out).
 FrameError EstimateError(const FramePicture& picture);

@@ -357,7 +357,8 @@ std::string EncodePicture(const FramePicture& picture) {
       data_window);
   header.compression() = kPictureCompression;
   header.zipCompressionLevel() = kPictureZipLevel;
-  Imf::addChromaticities(header, Imf::Chromaticities());  // ITU-R BT.709, D65.
+  const std::array<float, 8> xy = picture.color.chromaticities.AsStored();
+  Imf::addChromaticities(header, {{xy[0], xy[1]}, {xy[2], xy[3]}, {xy[4], xy[5]}, {xy[6], xy[7]}});
   for (const auto& [key, text] : picture.metadata) SetText(&header, kMetadataPrefix + key, text);
   for (const auto& [key, text] : picture.attributes) SetText(&header, key, text);
   std::vector<NamedPlane<const float>> planes;
@@ -411,6 +412,9 @@ absl::StatusOr<FramePicture> DecodePicture(std::string_view bytes) {
   const ExrHeader& header = file->parts[0];
   FramePicture picture;
   picture.window = header.data_window;
+  if (header.chromaticities) {
+    picture.color.chromaticities = Chromaticities::FromStored(*header.chromaticities);
+  }
   picture.frame_width_px = header.display_window.x1;
   picture.frame_height_px = header.display_window.y1;
   for (const ExrChannel& channel : header.channels) {

@@ -48,8 +48,8 @@ absl::Status WritePicture(const FramePicture& picture, const std::string& path);
 std::string EncodePicture(const FramePicture& picture);
 // Reads the first part of any flat EXR, scan lines or tiles: its half, float and uint channels as
 // float32, subsampled ones left out. R, G and B must be there, bare or under a layer ("beauty.R";
-// the first layer that has all three is then renamed). Attributes "sheaf:KEY" become metadata,
-// "cryptomatte/..." attributes.
+// the first layer that has all three is then renamed); they are of the primaries that the file
+// says, otherwise of sRGB's. Attributes "sheaf:KEY" become metadata, "cryptomatte/..." attributes.
 // Errors: kInvalidArgument, kDataLoss as above; those of reading the file.
 absl::StatusOr<FramePicture> ReadPicture(const std::string& path);
 absl::StatusOr<FramePicture> DecodePicture(std::string_view bytes);

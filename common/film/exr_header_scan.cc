@@ -144,6 +144,11 @@ absl::Status ParseAttribute(const std::string& name, const std::string& type,
   }
   if (name == "channels") return ParseChannels(value, &header->channels);
   if (name == "tiles") return ParseTileSize(value, header);
+  if (name == "chromaticities" && type == name) {
+    ByteReader reader(value);
+    header->chromaticities.emplace();
+    for (float& xy : *header->chromaticities) xy = reader.Take<float>();
+  }
   if (name == "compression") header->compression = static_cast<uint8_t>(value[0]);
   if (name == "lineOrder") header->line_order = static_cast<uint8_t>(value[0]);
   if (name == "dataWindow" || name == "displayWindow") {

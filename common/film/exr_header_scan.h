@@ -7,9 +7,11 @@
 // value).
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <map>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -29,10 +31,12 @@ struct ExrChannel {
 // One part's header.
 struct ExrHeader {
   PixelRect data_window, display_window;
-  std::vector<ExrChannel> channels;            // In the file's order.
-  uint8_t compression = 0;                     // As numbered by the file format.
-  uint8_t line_order = 0;                      // 0: increasing y.
-  int64_t tile_pixels = 0;                     // Of one tile; 0 in a scan-line part.
+  std::vector<ExrChannel> channels;  // In the file's order.
+  uint8_t compression = 0;           // As numbered by the file format.
+  uint8_t line_order = 0;            // 0: increasing y.
+  int64_t tile_pixels = 0;           // Of one tile; 0 in a scan-line part.
+  // "chromaticities": x and y of red, green, blue and white; none where the file does not say.
+  std::optional<std::array<float, 8>> chromaticities;
   std::map<std::string, std::string> types;    // Attribute name to its type's name.
   std::map<std::string, std::string> strings;  // The attributes of type string.
 };

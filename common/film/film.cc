@@ -32,6 +32,7 @@ struct Planes {
   std::vector<float*> means;                                  // One for each.
   std::array<float*, kIdKindCount> id_number{};               // Or null.
   std::array<std::vector<float*>, kIdKindCount> cryptomatte;  // Or empty.
+  const PictureColor* color_space = nullptr;  // Null where the picture's is that of the sums.
 };
 constexpr std::array<FilmChannel, 7> kWeighted{
     FilmChannel::kAlpha,   FilmChannel::kAlbedoR, FilmChannel::kAlbedoG, FilmChannel::kAlbedoB,
@@ -56,7 +57,8 @@ Planes FindPlanes(FramePicture* picture) {
                 std::move(mean_channels),
                 std::move(means),
                 {},
-                {}};
+                {},
+                picture->color.AsSummed() ? nullptr : &picture->color};
   for (size_t i = 0; i < kIdKindCount; ++i) {
     const auto kind = static_cast<IdKind>(i);
     if (picture->outputs.HasIdNumber(kind)) {
@@ -82,6 +84,39 @@ void Normalize(float* const* planes, size_t p) {
   }
 }
 
+// Three planes of linear sRGB as the picture has colours.
+void Convert(const Matrix4& color_from_srgb, float* const* planes, size_t p) {
+  const Vec3d color = TransformVector(
+      color_from_srgb, {static_cast<double>(planes[0][p]), static_cast<double>(planes[1][p]),
+                        static_cast<double>(planes[2][p])});
+  for (size_t i = 0; i < 3; ++i) planes[i][p] = static_cast<float>(color[i]);
+}
+
+// The picture itself, from sums that are wider than its floats.
+void DevelopColor(const FilmTile& sums, size_t from, size_t to, double weight,
+                  const Planes& planes) {
+  constexpr std::array<FilmChannel, 3> kHi{FilmChannel::kRedHi, FilmChannel::kGreenHi,
+                                           FilmChannel::kBlueHi};
+  constexpr std::array<FilmChannel, 3> kLo{FilmChannel::kRedLo, FilmChannel::kGreenLo,
+                                           FilmChannel::kBlueLo};
+  Vec3d mean;
+  for (size_t i = 0; i < 3; ++i) mean[i] = Ratio(WideSum(sums, kHi[i], kLo[i], from), weight);
+  if (planes.color_space != nullptr) {
+    mean = TransformVector(planes.color_space->light_from_srgb, mean);
+  }
+  for (size_t i = 0; i < 3; ++i) {
+    planes.color[i][to] = static_cast<float>(mean[i]);
+    double error = 0;
+    if (planes.color_space == nullptr) {
+      error = ReplicateStandardError(sums, i, from);
+    } else {
+      const auto& row = planes.color_space->light_from_srgb.m[i];
+      error = ReplicateStandardError(sums, {row[0], row[1], row[2]}, from);
+    }
+    planes.error[i][to] = static_cast<float>(error);
+  }
+}
+
 void DevelopMeans(const FilmTile& sums, size_t from, size_t to, double weight,
                   const Planes& planes) {
   const double surface_weight =
@@ -93,6 +128,9 @@ void DevelopMeans(const FilmTile& sums, size_t from, size_t to, double weight,
   }
   for (size_t i = 0; i < planes.means.size(); ++i) {
     if (planes.mean_channels[i].starts_direction) Normalize(&planes.means[i], to);
+    if (planes.mean_channels[i].starts_color && planes.color_space != nullptr) {
+      Convert(planes.color_space->light_from_srgb, &planes.means[i], to);
+    }
   }
 }
 
@@ -110,17 +148,13 @@ void DevelopIds(const FilmTile& sums, size_t from, size_t to, double weight, con
 
 // from: pixel index in the tile; to: in the picture.
 void DevelopPixel(const FilmTile& sums, size_t from, size_t to, const Planes& planes) {
-  constexpr std::array<FilmChannel, 3> kHi{FilmChannel::kRedHi, FilmChannel::kGreenHi,
-                                           FilmChannel::kBlueHi};
-  constexpr std::array<FilmChannel, 3> kLo{FilmChannel::kRedLo, FilmChannel::kGreenLo,
-                                           FilmChannel::kBlueLo};
   const double weight = WideSum(sums, FilmChannel::kWeight, FilmChannel::kWeightLo, from);
-  for (size_t i = 0; i < 3; ++i) {
-    planes.color[i][to] = static_cast<float>(Ratio(WideSum(sums, kHi[i], kLo[i], from), weight));
-    planes.error[i][to] = static_cast<float>(ReplicateStandardError(sums, i, from));
-  }
+  DevelopColor(sums, from, to, weight, planes);
   for (size_t i = 0; i < kWeighted.size(); ++i) {
     planes.weighted[i][to] = static_cast<float>(Ratio(sums.channel(kWeighted[i])[from], weight));
+  }
+  if (planes.color_space != nullptr) {
+    Convert(planes.color_space->albedo_from_srgb, &planes.weighted[1], to);
   }
   const double alpha_sum = sums.channel(FilmChannel::kAlpha)[from];
   planes.depth[to] = static_cast<float>(

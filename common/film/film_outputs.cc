@@ -95,12 +95,12 @@ std::vector<MeanChannel> MeanChannelsOf(const FilmOutputs& outputs) {
   for (size_t i = 0; i < kAovCount; ++i) {
     if (!outputs.Has(static_cast<Aov>(i))) continue;
     for (size_t k = 0; k < ChannelCountOf(kAovs[i]); ++k) {
-      channels.push_back({kAovs[i].channels[k], true, kAovs[i].is_direction && k == 0});
+      channels.push_back({kAovs[i].channels[k], true, kAovs[i].is_direction && k == 0, false});
     }
   }
   for (const std::string& group : outputs.light_groups) {
     for (const char* component : {".R", ".G", ".B"}) {
-      channels.push_back({group + component, false, false});
+      channels.push_back({group + component, false, false, component[1] == 'R'});
     }
   }
   return channels;

@@ -76,6 +76,8 @@ struct MeanChannel {
   bool of_surface = false;
   // The first of three that are one direction, scaled to unit length.
   bool starts_direction = false;
+  // The first of three that are light's red, green and blue.
+  bool starts_color = false;
 };
 // In the order of OutputSample::means and of FilmTile's planes.
 std::vector<MeanChannel> MeanChannelsOf(const FilmOutputs& outputs);

@@ -6,6 +6,7 @@
 #include <bit>
 #include <cstddef>
 #include <numeric>
+#include <optional>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -33,7 +34,7 @@ size_t PictureChannelCount(const FilmOutputs& outputs) {
 }
 
 FramePicture MakeFramePicture(PixelRect window, int32_t frame_width_px, int32_t frame_height_px,
-                              const FilmOutputs& outputs) {
+                              const FilmOutputs& outputs, const PictureColor& color) {
   SHEAF_CHECK(window.x0 < window.x1 && window.y0 < window.y1);
   FramePicture picture;
   picture.window = window;
@@ -43,6 +44,7 @@ FramePicture MakeFramePicture(PixelRect window, int32_t frame_width_px, int32_t 
                            "albedo.B", "normal.X", "normal.Y", "normal.Z", "depth.Z",  "samples",
                            "stderr.R", "stderr.G", "stderr.B", "nonfinite"};
   picture.outputs = outputs;
+  picture.color = color;
   for (const MeanChannel& channel : MeanChannelsOf(outputs)) {
     picture.channel_names.push_back(channel.name);
   }
@@ -59,11 +61,37 @@ FramePicture MakeFramePicture(PixelRect window, int32_t frame_width_px, int32_t 
   return picture;
 }
 
+absl::Status ConvertColor(const Chromaticities& to, FramePicture* picture) {
+  const std::optional<Matrix4> conversion = RgbFromRgb(to, picture->color.chromaticities);
+  if (!conversion) return absl::InvalidArgumentError("the picture's primaries are degenerate");
+  const std::array<std::vector<float>*, 3> planes{picture->Find("R"), picture->Find("G"),
+                                                  picture->Find("B")};
+  for (const std::vector<float>* plane : planes) {
+    if (plane == nullptr) {
+      return absl::InvalidArgumentError("the picture has no channels R, G and B");
+    }
+  }
+  picture->color.chromaticities = to;
+  if (*conversion == Matrix4()) return absl::OkStatus();
+  for (size_t p = 0; p < planes[0]->size(); ++p) {
+    const Vec3d rgb = TransformVector(
+        *conversion, {static_cast<double>((*planes[0])[p]), static_cast<double>((*planes[1])[p]),
+                      static_cast<double>((*planes[2])[p])});
+    for (size_t i = 0; i < 3; ++i) (*planes[i])[p] = static_cast<float>(rgb[i]);
+  }
+  return absl::OkStatus();
+}
+
 std::string PictureDigest(const FramePicture& picture) {
   Sha256 hash;
   hash.Update(absl::StrCat("window ", picture.window.x0, " ", picture.window.y0, " ",
                            picture.window.x1, " ", picture.window.y1, " frame ",
                            picture.frame_width_px, " ", picture.frame_height_px, "\n"));
+  if (!(picture.color.chromaticities == Chromaticities())) {
+    const std::array<float, 8> stored = picture.color.chromaticities.AsStored();
+    hash.Update("chromaticities\n");
+    hash.Update(stored.data(), sizeof(stored));
+  }
   std::vector<size_t> by_name(picture.channel_names.size());
   std::iota(by_name.begin(), by_name.end(), size_t{0});
   std::sort(by_name.begin(), by_name.end(), [&](size_t a, size_t b) {

@@ -11,7 +11,9 @@
 #include <string>
 #include <vector>
 
+#include "absl/status/status.h"
 #include "common/film/film_outputs.h"
+#include "common/film/picture_color.h"
 #include "common/film/tile_geometry.h"
 
 namespace sheaf {
@@ -21,6 +23,7 @@ struct FramePicture {
   PixelRect window;  // The rendered pixels (crop) in the full frame.
   int32_t frame_width_px = 0, frame_height_px = 0;
   FilmOutputs outputs;  // Not of pictures that were read.
+  PictureColor color;
   // Means: R G B A albedo.{R,G,B} normal.{X,Y,Z} depth.Z, then samples, stderr.{R,G,B}, nonfinite;
   // then those of MeanChannelsOf(outputs), numbers of ids and cryptomattes.
   std::vector<std::string> channel_names;
@@ -40,11 +43,15 @@ size_t PictureChannelCount(const FilmOutputs& outputs);
 
 // An empty picture of all channels for the window.
 FramePicture MakeFramePicture(PixelRect window, int32_t frame_width_px, int32_t frame_height_px,
-                              const FilmOutputs& outputs = {});
-// SHA-256 (hex) over window, channel names and the bits of all planes, channels in the order of
-// their names: the picture's identity. Metadata and the way it is stored do not enter; a picture in
-// memory and the same one read back from a file, which keeps channels by name, have the same
-// digest.
+                              const FilmOutputs& outputs = {}, const PictureColor& color = {});
+// Converts the channels R, G, B to other primaries; nothing else, so standard errors no longer
+// belong to them then. Errors: kInvalidArgument where R, G or B is missing, or where primaries are
+// degenerate.
+absl::Status ConvertColor(const Chromaticities& to, FramePicture* picture);
+// SHA-256 (hex) over window, chromaticities other than sRGB's, channel names and the bits of all
+// planes, channels in the order of their names: the picture's identity. Metadata and the way it is
+// stored do not enter; a picture in memory and the same one read back from a file, which keeps
+// channels by name, have the same digest.
 std::string PictureDigest(const FramePicture& picture);
 
 }  // namespace sheaf

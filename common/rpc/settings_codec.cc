@@ -2,8 +2,15 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "common/rpc/settings_codec.h"
 
+#include "absl/strings/str_cat.h"
+#include "common/scene/primaries.h"
+
 namespace sheaf {
 namespace {
+
+// The wire has the numbers of stored jobs.
+static_assert(static_cast<int>(Primaries::kAcesCg) == v1::PRIMARIES_ACESCG &&
+              v1::Primaries_ARRAYSIZE == kPrimariesCount);
 
 v1::ColorTransport ToWire(ColorTransport color) {
   switch (color) {
@@ -50,6 +57,8 @@ v1::FrameSettings ToWire(const FrameSettings& settings) {
   wire.set_color(ToWire(settings.color));
   wire.set_single_scattering(settings.single_scattering);
   wire.set_outputs(FormatOutputs(settings.outputs));
+  wire.set_primaries(static_cast<v1::Primaries>(settings.primaries));
+  wire.set_white_balance_k(settings.white_balance_k);
   return wire;
 }
 
@@ -67,6 +76,17 @@ absl::StatusOr<FrameSettings> FromWire(const v1::FrameSettings& wire) {
   absl::StatusOr<FilmOutputs> outputs = ParseOutputs(wire.outputs());
   if (!outputs.ok()) return outputs.status();
   settings.outputs = *std::move(outputs);
+  if (!v1::Primaries_IsValid(wire.primaries())) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("primaries number ", wire.primaries(), " are unknown here"));
+  }
+  settings.primaries = static_cast<Primaries>(wire.primaries());
+  settings.white_balance_k = wire.white_balance_k();
+  if (settings.white_balance_k != 0 && !(settings.white_balance_k >= kWhiteBalanceMinK &&
+                                         settings.white_balance_k <= kWhiteBalanceMaxK)) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("a white balance of ", settings.white_balance_k, " K is out of range"));
+  }
   return settings;
 }
 

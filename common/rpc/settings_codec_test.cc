@@ -2,6 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "common/rpc/settings_codec.h"
 
+#include <cmath>
+
 #include <gtest/gtest.h>
 
 namespace sheaf {
@@ -21,6 +23,8 @@ TEST(SettingsCodecTest, EverySettingSurvivesTheWire) {
   settings.outputs.Add(Aov::kPosition);
   settings.outputs.Add(Aov::kMotion);
   settings.outputs.camera_space = true;
+  settings.primaries = Primaries::kAcesCg;
+  settings.white_balance_k = 5600.25f;
   for (const ColorTransport color :
        {ColorTransport::kAuto, ColorTransport::kRgb, ColorTransport::kSpectral}) {
     settings.color = color;
@@ -30,6 +34,8 @@ TEST(SettingsCodecTest, EverySettingSurvivesTheWire) {
               FrameDigestText("scene", settings, "profile"));
     EXPECT_TRUE(back->force_generic_variant);
     EXPECT_EQ(back->outputs, settings.outputs);
+    EXPECT_EQ(back->primaries, settings.primaries);
+    EXPECT_EQ(back->white_balance_k, settings.white_balance_k);
   }
 }
 
@@ -37,6 +43,19 @@ TEST(SettingsCodecTest, UnknownColorIsLeftToTheScene) {
   v1::FrameSettings wire;
   wire.set_color(static_cast<v1::ColorTransport>(99));
   EXPECT_EQ(FromWire(wire)->color, ColorTransport::kAuto);
+}
+
+// A picture in other primaries than asked for would be a wrong one.
+TEST(SettingsCodecTest, UnknownPrimariesAreRefused) {
+  v1::FrameSettings wire;
+  wire.set_primaries(static_cast<v1::Primaries>(99));
+  EXPECT_EQ(FromWire(wire).status().code(), absl::StatusCode::kInvalidArgument);
+  wire.set_primaries(v1::PRIMARIES_REC2020);
+  EXPECT_TRUE(FromWire(wire).ok());
+  for (const float temperature_k : {-1.0f, 999.0f, 1e9f, NAN}) {
+    wire.set_white_balance_k(temperature_k);
+    EXPECT_EQ(FromWire(wire).status().code(), absl::StatusCode::kInvalidArgument);
+  }
 }
 
 TEST(SettingsCodecTest, UnknownOutputsAreRefused) {

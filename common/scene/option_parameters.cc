@@ -8,45 +8,13 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "common/scene/primaries.h"
 
 namespace sheaf {
 namespace {
 
 bool IsOneOf(const std::string& name, std::initializer_list<const char*> names) {
   return std::find(names.begin(), names.end(), name) != names.end();
-}
-
-void GetShutter(ParameterList& parameters, CameraDescription* camera) {
-  camera->shutter_open = parameters.GetFloat("shutteropen", 0);
-  camera->shutter_close = parameters.GetFloat("shutterclose", 1);
-  if (camera->shutter_close < camera->shutter_open) {
-    parameters.diagnostics().Warning(parameters.location(),
-                                     absl::StrCat(parameters.owner(),
-                                                  ": shutterclose is before "
-                                                  "shutteropen; they are exchanged"));
-    std::swap(camera->shutter_open, camera->shutter_close);
-  }
-  if (camera->shutter_close == camera->shutter_open) {
-    parameters.Error(absl::StrCat(parameters.owner(), ": the shutter opens and closes at ",
-                                  camera->shutter_open, ", so the film is not exposed"));
-  }
-}
-
-void GetWindow(ParameterList& parameters, CameraDescription* camera, PendingFrame* frame) {
-  frame->frame_aspect_ratio = parameters.GetFloat("frameaspectratio", 0);
-  if (parameters.Has("frameaspectratio") && !(frame->frame_aspect_ratio > 0)) {
-    parameters.ErrorAt(*parameters.Find("frameaspectratio"), "must be greater than 0");
-    frame->frame_aspect_ratio = 0;
-  }
-  const Parameter* parameter = parameters.FindTyped("screenwindow", ParameterType::kFloat);
-  if (parameter == nullptr) return;
-  const std::vector<float>& w = parameter->floats;
-  if (w.size() != 4 || !(w[0] < w[1]) || !(w[2] < w[3])) {
-    parameters.ErrorAt(*parameter, "needs 4 values x0 x1 y0 y1 with x0 < x1 and y0 < y1");
-    return;
-  }
-  frame->has_screen_window = true;
-  std::copy(w.begin(), w.end(), camera->screen_window);
 }
 
 void GetCrop(ParameterList& parameters, FilmDescription* film) {
@@ -81,42 +49,6 @@ void GetCrop(ParameterList& parameters, FilmDescription* film) {
   std::copy(c.begin(), c.end(), film->crop_window);
 }
 
-void GetLens(ParameterList& parameters, CameraDescription* camera) {
-  camera->lens_radius = parameters.GetFloat("lensradius", 0);
-  camera->focal_distance = parameters.GetFloat("focaldistance", 1e6f);
-  if (!(camera->lens_radius >= 0)) {
-    parameters.ErrorAt(*parameters.Find("lensradius"), "is negative");
-  }
-  if (!(camera->focal_distance > 0)) {
-    parameters.ErrorAt(*parameters.Find("focaldistance"), "must be greater than 0");
-  }
-}
-
-// A spherical camera has neither lens nor screen. pbrt-v4 reads the parameters of both and goes on
-// without; a lens would have been meant to blur something, so it is refused here.
-void GetMapping(ParameterList& parameters, CameraDescription* camera) {
-  const std::string mapping = parameters.GetString("mapping", "equalarea");
-  if (mapping == "equalarea") {
-    camera->kind = CameraDescription::Kind::kEqualArea;
-  } else if (mapping == "equirectangular") {
-    camera->kind = CameraDescription::Kind::kEquirectangular;
-  } else {
-    parameters.ErrorAt(*parameters.Find("mapping"),
-                       absl::StrCat("\"", mapping,
-                                    "\" is not supported; Sheaf does equalarea and "
-                                    "equirectangular"));
-  }
-  if (parameters.GetFloat("lensradius", 0) != 0) {
-    parameters.RejectUnsupported("lensradius", "a spherical camera has no lens; remove it");
-  }
-  parameters.GetFloat("focaldistance", 1e6f);
-  parameters.NoteWithoutEffect("focaldistance", "a spherical camera has no lens");
-  for (const char* name : {"frameaspectratio", "screenwindow"}) {
-    parameters.FindTyped(name, ParameterType::kFloat);
-    parameters.NoteWithoutEffect(name, "a spherical camera's picture is the whole sphere");
-  }
-}
-
 // What pbrt-v4 writes and every picture lacks: position, both normals and the parameters.
 void GetGeometryBuffer(ParameterList& parameters, FilmDescription* film) {
   for (const Aov aov : {Aov::kPosition, Aov::kGeometricNormal, Aov::kShadingNormal, Aov::kUv}) {
@@ -131,33 +63,6 @@ void GetGeometryBuffer(ParameterList& parameters, FilmDescription* film) {
 }
 
 }  // namespace
-
-void SetCamera(const std::string& type, ParameterList& parameters, CameraDescription* camera,
-               PendingFrame* frame) {
-  if (type == "perspective") {
-    camera->kind = CameraDescription::Kind::kPerspective;
-    camera->fov_degrees = parameters.GetFloat("fov", 90);
-    if (!(camera->fov_degrees > 0 && camera->fov_degrees < 180)) {
-      parameters.Error(absl::StrCat(parameters.owner(), ": fov ", camera->fov_degrees,
-                                    " is outside (0, 180) degrees"));
-    }
-  } else if (type == "orthographic") {
-    camera->kind = CameraDescription::Kind::kOrthographic;
-  } else if (type == "spherical") {
-    GetMapping(parameters, camera);
-  } else {
-    parameters.Error(absl::StrCat(parameters.owner(),
-                                  " is not supported; Sheaf does perspective, "
-                                  "orthographic and spherical"));
-    return;
-  }
-  GetShutter(parameters, camera);
-  if (!camera->IsSpherical()) {
-    GetWindow(parameters, camera, frame);
-    GetLens(parameters, camera);
-  }
-  parameters.ReportUnused();
-}
 
 void SetFilm(const std::string& type, ParameterList& parameters, FilmDescription* film,
              PendingFrame* frame) {
@@ -184,16 +89,24 @@ void SetFilm(const std::string& type, ParameterList& parameters, FilmDescription
     parameters.ErrorAt(*parameters.Find("sensor"),
                        absl::StrCat("\"", sensor, "\" is not supported; Sheaf does cie1931"));
   }
-  if (parameters.GetFloat("whitebalance", 0) != 0) {
-    parameters.RejectUnsupported("whitebalance", "Sheaf has no white balance; remove it or give 0");
+  film->white_balance_k = parameters.GetFloat("whitebalance", 0);
+  if (film->white_balance_k != 0 &&
+      !(film->white_balance_k >= kWhiteBalanceMinK && film->white_balance_k <= kWhiteBalanceMaxK)) {
+    parameters.ErrorAt(*parameters.Find("whitebalance"),
+                       absl::StrCat("is outside [", kWhiteBalanceMinK, ", ", kWhiteBalanceMaxK,
+                                    "] kelvin; give 0 for none"));
   }
   const float clamp = parameters.GetFloat("maxcomponentvalue", INFINITY);
   if (std::isfinite(clamp)) {
     parameters.RejectUnsupported("maxcomponentvalue",
                                  "Sheaf does not clamp samples, for that would darken the picture");
   }
-  parameters.GetFloat("diagonal", 35);
-  parameters.NoteWithoutEffect("diagonal", "only realistic cameras have a film size");
+  frame->diagonal_mm = parameters.GetFloat("diagonal", 35);
+  if (const Parameter* diagonal = parameters.Find("diagonal"); diagonal != nullptr) {
+    frame->has_diagonal = true;
+    frame->diagonal_location = diagonal->location;
+    if (!(frame->diagonal_mm > 0)) parameters.ErrorAt(*diagonal, "must be greater than 0");
+  }
   parameters.GetBool("savefp16", true);
   parameters.NoteWithoutEffect("savefp16", "Sheaf writes 32-bit floats");
   parameters.ReportUnused();
@@ -218,10 +131,15 @@ void SetFilter(const std::string& type, ParameterList& parameters, FilterDescrip
     radius = 2;
     filter->b = parameters.GetFloat("B", 1.f / 3);
     filter->c = parameters.GetFloat("C", 1.f / 3);
+  } else if (type == "sinc") {
+    filter->kind = FilterDescription::Kind::kSinc;
+    radius = 4;
+    filter->tau = parameters.GetFloat("tau", 3);
+    if (!(filter->tau > 0)) parameters.ErrorAt(*parameters.Find("tau"), "must be greater than 0");
   } else {
     parameters.Error(absl::StrCat(parameters.owner(),
-                                  " is not supported; Sheaf does box, triangle, "
-                                  "gaussian and mitchell"));
+                                  " is not supported; Sheaf does box, triangle, gaussian, "
+                                  "mitchell and sinc"));
     return;
   }
   filter->radius_x_px = parameters.GetFloat("xradius", radius);
@@ -308,6 +226,7 @@ void SettleFrame(const PendingFrame& frame, CameraDescription* camera, FilmDescr
   // A picture is the average over the shutter, so that a short one does not darken it and one of no
   // length is the still. (pbrt-v4 multiplies by the shutter's length too.)
   film->exposure_scale = frame.iso / 100;
+  camera->lens.film_diagonal_mm = frame.diagonal_mm;
   if (frame.has_screen_window) return;
   const double aspect = frame.frame_aspect_ratio > 0
                             ? double{frame.frame_aspect_ratio}

@@ -7,6 +7,7 @@
 
 #include <string>
 
+#include "common/scene/file_source.h"
 #include "common/scene/parameter_list.h"
 #include "common/scene/scene_description.h"
 
@@ -17,10 +18,14 @@ struct PendingFrame {
   bool has_screen_window = false;
   float frame_aspect_ratio = 0;  // 0: that of the film.
   float iso = 100;
+  float diagonal_mm = 35;
+  bool has_diagonal = false;
+  SourceLocation diagonal_location;
 };
 
-void SetCamera(const std::string& type, ParameterList& parameters, CameraDescription* camera,
-               PendingFrame* frame);
+// files: those of a realistic camera's lens and aperture are read or asked for.
+void SetCamera(const std::string& type, ParameterList& parameters, FileSource& files,
+               CameraDescription* camera, PendingFrame* frame);
 void SetFilm(const std::string& type, ParameterList& parameters, FilmDescription* film,
              PendingFrame* frame);
 void SetFilter(const std::string& type, ParameterList& parameters, FilterDescription* filter);

@@ -4,7 +4,6 @@
 
 #include <array>
 
-#include "absl/strings/match.h"
 #include "common/base/check.h"
 #include "common/math/transform.h"
 #include "common/scene/spectrum.h"
@@ -12,38 +11,27 @@
 namespace sheaf {
 namespace {
 
-struct Definition {
-  Primaries primaries;
-  const char* name;
-  double chromaticities[3][2];
-  const char* white;  // A named spectrum.
-};
-constexpr Definition kDefinitions[] = {
-    {Primaries::kSrgb, "srgb", {{0.64, 0.33}, {0.30, 0.60}, {0.15, 0.06}}, "stdillum-D65"},
-    {Primaries::kAces2065,
-     "aces2065-1",
-     {{0.7347, 0.2653}, {0, 1}, {0.0001, -0.077}},
-     "illum-acesD60"},
-    {Primaries::kRec2020,
-     "rec2020",
-     {{0.708, 0.292}, {0.170, 0.797}, {0.131, 0.046}},
-     "stdillum-D65"},
-    {Primaries::kDciP3, "dci-p3", {{0.680, 0.320}, {0.265, 0.690}, {0.150, 0.060}}, "stdillum-D65"},
-};
+// Named spectra of the primaries' whites, by their numbers.
+constexpr std::array<const char*, kPrimariesCount> kWhites{
+    "stdillum-D65", "illum-acesD60", "stdillum-D65", "stdillum-D65", "illum-acesD60"};
 
-// Linear sRGB of a light of luminance 1, out of gamut or not.
+// Linear sRGB of a light, scaled to luminance 1, out of gamut or not.
+Vec3d SrgbOf(const ColorSpec& light) {
+  const double luminance = SpectrumLuminance(light);
+  Vec3d sum{0, 0, 0};
+  for (int nm = kSpectrumFirstNm; nm <= kSpectrumLastNm; ++nm) {
+    const std::array<double, 3> observer = ObserverRgb(nm);
+    const double value = EvaluateSpectrum(light, nm) / luminance;
+    sum = sum + Vec3d{observer[0], observer[1], observer[2]} * value;
+  }
+  return sum;
+}
+
 Vec3d SrgbOfWhite(const char* name) {
   ColorSpec white;
   white.kind = ColorSpec::Kind::kNamed;
   white.name = name;
-  const double luminance = SpectrumLuminance(white);
-  Vec3d sum{0, 0, 0};
-  for (int nm = kSpectrumFirstNm; nm <= kSpectrumLastNm; ++nm) {
-    const std::array<double, 3> observer = ObserverRgb(nm);
-    const double value = EvaluateSpectrum(white, nm) / luminance;
-    sum = sum + Vec3d{observer[0], observer[1], observer[2]} * value;
-  }
-  return sum;
+  return SrgbOf(white);
 }
 
 struct Conversion {
@@ -52,12 +40,14 @@ struct Conversion {
 };
 
 // The columns are the primaries, scaled such that they add up to the white.
-Conversion MakeConversion(const Definition& definition) {
+Conversion MakeConversion(Primaries primaries) {
   Conversion conversion;
-  conversion.white = SrgbOfWhite(definition.white);
+  conversion.white = SrgbOfWhite(kWhites[static_cast<size_t>(primaries)]);
+  const Chromaticities xy = ChromaticitiesOf(primaries);
+  const Vec2d corners[3] = {xy.red, xy.green, xy.blue};
   Matrix4 columns;
   for (size_t i = 0; i < 3; ++i) {
-    const double x = definition.chromaticities[i][0], y = definition.chromaticities[i][1];
+    const double x = corners[i].x, y = corners[i].y;
     const std::array<double, 3> rgb = SrgbFromXyz({x / y, 1, (1 - x - y) / y});
     for (size_t row = 0; row < 3; ++row) columns.m[row][i] = rgb[row];
   }
@@ -73,27 +63,72 @@ Conversion MakeConversion(const Definition& definition) {
 }
 
 const Conversion& ConversionOf(Primaries primaries) {
-  static const std::array<Conversion, std::size(kDefinitions)> conversions = [] {
-    std::array<Conversion, std::size(kDefinitions)> made;
-    for (size_t i = 0; i < std::size(kDefinitions); ++i) made[i] = MakeConversion(kDefinitions[i]);
+  static const std::array<Conversion, kPrimariesCount> conversions = [] {
+    std::array<Conversion, kPrimariesCount> made;
+    for (size_t i = 0; i < kPrimariesCount; ++i)
+      made[i] = MakeConversion(static_cast<Primaries>(i));
     return made;
   }();
   return conversions[static_cast<size_t>(primaries)];
 }
 
-}  // namespace
-
-std::optional<Primaries> PrimariesFromName(const std::string& name) {
-  for (const Definition& definition : kDefinitions) {
-    if (absl::EqualsIgnoreCase(name, definition.name)) return definition.primaries;
+// Chromaticity of a light as warm as the temperature says: a phase of daylight from 4000 K on,
+// below that a blackbody. Source: CIE 15:2004, eq. 3.3-3.4 for daylight; temperatures in the scale
+// of 1968 (c2 = 0.014388 m K), whereas the daylight locus was fitted in that of 1948.
+Vec2d ChromaticityOfTemperature(double temperature_k) {
+  const double cct_k = temperature_k * (1.4388 / 1.4380);
+  if (cct_k >= 4000) {
+    const double t = 1000 / cct_k;
+    const double x = cct_k <= 7000 ? ((-4.6070 * t + 2.9678) * t + 0.09911) * t + 0.244063
+                                   : ((-2.0064 * t + 1.9018) * t + 0.24748) * t + 0.237040;
+    return {x, (-3 * x + 2.870) * x - 0.275};
   }
-  return std::nullopt;
+  ColorSpec blackbody;
+  blackbody.kind = ColorSpec::Kind::kBlackbody;
+  blackbody.temperature_k = static_cast<float>(cct_k);
+  const Vec3d xyz = TransformVector(*XyzFromRgb(Chromaticities()), SrgbOf(blackbody));
+  const double sum = xyz.x + xyz.y + xyz.z;
+  return {xyz.x / sum, xyz.y / sum};
 }
 
-std::vector<std::string> PrimariesNames() {
-  std::vector<std::string> names;
-  for (const Definition& definition : kDefinitions) names.emplace_back(definition.name);
-  return names;
+// XYZ of what looks under the white `to` as it did under `from`. Source: Lam 1985 (Bradford), in
+// the linear form of ICC.1:2010, annex E.
+Matrix4 AdaptWhite(Vec2d from, Vec2d to) {
+  const Matrix4 cones_from_xyz{{{{0.8951, 0.2664, -0.1614, 0},
+                                 {-0.7502, 1.7135, 0.0367, 0},
+                                 {0.0389, -0.0685, 1.0296, 0},
+                                 {0, 0, 0, 1}}}};
+  const auto cones_of = [&](Vec2d xy) {
+    return TransformVector(cones_from_xyz, {xy.x / xy.y, 1, (1 - xy.x - xy.y) / xy.y});
+  };
+  const Vec3d before = cones_of(from), after = cones_of(to);
+  Matrix4 xyz_from_cones;
+  SHEAF_CHECK(Invert(cones_from_xyz, &xyz_from_cones));
+  return xyz_from_cones *
+         ScaleMatrix({after.x / before.x, after.y / before.y, after.z / before.z}) * cones_from_xyz;
+}
+
+}  // namespace
+
+PictureColor PictureColorOf(Primaries primaries, float white_balance_k) {
+  PictureColor color;
+  color.chromaticities = ChromaticitiesOf(primaries);
+  const Matrix4 rgb_from_srgb = *RgbFromRgb(color.chromaticities, Chromaticities());
+  color.light_from_srgb = color.albedo_from_srgb = rgb_from_srgb;
+  if (primaries != Primaries::kSrgb) {
+    // As SrgbFromPrimaries has it, the other way: each channel of sRGB is measured by the white's.
+    const Matrix4 srgb_from_rgb = *RgbFromRgb(Chromaticities(), color.chromaticities);
+    const Vec3d white = TransformVector(srgb_from_rgb, {1, 1, 1});
+    color.albedo_from_srgb = rgb_from_srgb * ScaleMatrix(white);
+  }
+  if (white_balance_k != 0) {
+    Matrix4 rgb_from_xyz;
+    SHEAF_CHECK(Invert(*XyzFromRgb(color.chromaticities), &rgb_from_xyz));
+    const Vec2d light = ChromaticityOfTemperature(static_cast<double>(white_balance_k));
+    color.light_from_srgb = rgb_from_xyz * AdaptWhite(light, color.chromaticities.white) *
+                            *XyzFromRgb(Chromaticities());
+  }
+  return color;
 }
 
 Rgb SrgbFromPrimaries(Rgb rgb, Primaries primaries, ColorRole role) {

@@ -2,25 +2,25 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // The primaries that a scene's rgb values are given in (directive ColorSpace, with pbrt-v4's names
-// and definitions), and the way from them to the linear sRGB that Sheaf renders in. Sources of the
-// chromaticities: IEC 61966-2-1, SMPTE ST 2065-1, ITU-R BT.2020, SMPTE RP 431-2 (with D65).
+// and definitions), and the way from them to the linear sRGB that Sheaf renders in; and from there
+// to the primaries and the white balance of the delivered picture.
 #pragma once
 
-#include <cstdint>
-#include <optional>
-#include <string>
-#include <vector>
-
+#include "common/film/picture_color.h"
 #include "common/math/vec.h"
 #include "common/scene/scene_description.h"
 
 namespace sheaf {
 
-enum class Primaries : uint8_t { kSrgb, kAces2065, kRec2020, kDciP3 };
+// Temperatures that a white balance may have, kelvin: from candles to the bluest sky, where the
+// formula of daylight ends.
+inline constexpr float kWhiteBalanceMinK = 1000, kWhiteBalanceMaxK = 25000;
 
-// None where it is no such name. Case does not matter.
-std::optional<Primaries> PrimariesFromName(const std::string& name);
-std::vector<std::string> PrimariesNames();
+// How a frame's sums become its picture. white_balance_k: 0, or the temperature of the light that
+// shall look white (pbrt-v4's "whitebalance" with the sensor cie1931): Bradford's adaptation from
+// it to the white of the primaries. Otherwise nothing is adapted: what is white in sRGB has the
+// color of D65 in every primaries. Albedo is not adapted, and its white stays white.
+PictureColor PictureColorOf(Primaries primaries, float white_balance_k);
 
 // Linear sRGB of a color, by way of CIE XYZ. The white of an illuminant stays the white of its
 // primaries: (1, 1, 1) of ACES is the color of D60. Of all else white is what reflects everything,

@@ -8,7 +8,9 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
 #include "common/base/digest.h"
+#include "common/scene/primaries.h"
 
 #ifndef SHEAF_VERSION
 #error "common/scene/CMakeLists.txt defines SHEAF_VERSION, SHEAF_MARCH and SHEAF_EMBREE_VERSION"
@@ -91,6 +93,12 @@ absl::Status CheckOutputs(const SceneDescription& scene, const FilmOutputs& outp
                      ": a spherical camera has no motion vectors; leave the output \"",
                      AovName(Aov::kMotion), "\" out"));
   }
+  if (outputs.Has(Aov::kMotion) && scene.camera.IsRealistic()) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(FormatLocation(scene, scene.camera.location),
+                     ": a realistic camera has no motion vectors; leave the output \"",
+                     AovName(Aov::kMotion), "\" out"));
+  }
   if (outputs.light_groups.size() > kLightGroupsMax) {
     return absl::InvalidArgumentError(absl::StrCat(
         "the scene's lights have ", outputs.light_groups.size(), " groups, more than the limit of ",
@@ -141,11 +149,20 @@ absl::StatusOr<FrameSettings> ResolveSettings(const SceneDescription& scene,
   resolved.color = settings.color;
   resolved.single_scattering = settings.single_scattering;
   resolved.force_generic_variant = settings.force_generic_variant;
+  resolved.primaries = settings.primaries.value_or(scene.film.primaries);
+  resolved.white_balance_k = scene.film.white_balance_k;
   resolved.outputs = settings.outputs;
   resolved.outputs.aovs |= scene.film.outputs.aovs;
   resolved.outputs.camera_space = scene.film.outputs.camera_space;
   if (settings.light_groups) resolved.outputs.light_groups = LightGroupsOf(scene);
   if (absl::Status status = CheckCounts(resolved); !status.ok()) return status;
+  if (resolved.white_balance_k != 0 && !(resolved.white_balance_k >= kWhiteBalanceMinK &&
+                                         resolved.white_balance_k <= kWhiteBalanceMaxK)) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(FormatLocation(scene, scene.film.location), ": a white balance of ",
+                     resolved.white_balance_k, " K is outside [", kWhiteBalanceMinK, ", ",
+                     kWhiteBalanceMaxK, "]"));
+  }
   if (absl::Status status = CheckOutputs(scene, resolved.outputs); !status.ok()) return status;
   return resolved;
 }
@@ -167,12 +184,20 @@ std::string FrameDigestText(const std::string& scene_digest, const FrameSettings
   const std::string outputs = settings.outputs.empty()
                                   ? std::string()
                                   : absl::StrCat("\noutputs ", FormatOutputs(settings.outputs));
+  // So do pictures in linear sRGB.
+  std::string color;
+  if (settings.primaries != Primaries::kSrgb) {
+    color = absl::StrCat("\nprimaries ", PrimariesName(settings.primaries));
+  }
+  if (settings.white_balance_k != 0) {
+    absl::StrAppendFormat(&color, "\nwhite_balance_k %.9g", settings.white_balance_k);
+  }
   return absl::StrCat("sheaf-frame 2\nscene ", scene_digest, "\nsize_px ", settings.width_px, " ",
                       settings.height_px, "\nwindow_px ", w.x0, " ", w.y0, " ", w.x1, " ", w.y1,
                       "\nsamples ", settings.samples, "\nmax_depth ", settings.max_depth, "\nseed ",
                       settings.seed, "\ncolor ", ColorTransportName(settings.color),
                       "\nscattering ", settings.single_scattering ? "single" : "full", outputs,
-                      "\nprofile ", numeric_profile, "\n");
+                      color, "\nprofile ", numeric_profile, "\n");
 }
 
 std::string FrameDigest(const std::string& scene_digest, const FrameSettings& settings,

@@ -12,6 +12,7 @@
 
 #include "absl/status/statusor.h"
 #include "common/film/film_outputs.h"
+#include "common/film/picture_color.h"
 #include "common/film/tile_geometry.h"
 #include "common/scene/scene_description.h"
 
@@ -34,8 +35,9 @@ struct RenderSettings {
   std::optional<uint64_t> seed;
   std::optional<PixelRect> crop;  // Within the frame; otherwise the scene's.
   ColorTransport color = ColorTransport::kAuto;
-  FilmOutputs outputs;        // Besides those that the scene's film asks for.
-  bool light_groups = false;  // One output for each light group of the scene.
+  std::optional<Primaries> primaries;  // Of the picture; otherwise the scene's.
+  FilmOutputs outputs;                 // Besides those that the scene's film asks for.
+  bool light_groups = false;           // One output for each light group of the scene.
   // Rough surfaces scatter light once and lose what is scattered again, as in pbrt-v4, whose
   // pictures can then be matched. Otherwise they keep that energy.
   bool single_scattering = false;
@@ -52,6 +54,9 @@ struct FrameSettings {
   bool single_scattering = false;
   bool force_generic_variant = false;
   FilmOutputs outputs;
+  // Of the delivered picture; parts do not depend on them.
+  Primaries primaries = Primaries::kSrgb;
+  float white_balance_k = 0;  // As PictureColorOf.
 };
 
 // Errors: kInvalidArgument for an empty crop, 0 samples, negative depth, a frame beyond limits,

@@ -79,7 +79,7 @@ TEST(RenderSettingsTest, DigestCoversWhatChangesPixelsOnly) {
   FrameSettings generic = settings;
   generic.force_generic_variant = true;
   EXPECT_EQ(FrameDigest("scene", generic, "profile"), digest);
-  std::vector<FrameSettings> others(7, settings);
+  std::vector<FrameSettings> others(9, settings);
   others[0].width_px = 9;
   others[1].height_px = 9;
   others[2].window.x0 = 1;
@@ -87,6 +87,8 @@ TEST(RenderSettingsTest, DigestCoversWhatChangesPixelsOnly) {
   others[4].samples = 17;
   others[5].max_depth = 6;
   others[6].seed = 1;
+  others[7].primaries = Primaries::kAcesCg;
+  others[8].white_balance_k = 5000;
   for (const FrameSettings& other : others)
     EXPECT_NE(FrameDigest("scene", other, "profile"), digest);
   EXPECT_NE(FrameDigest("other", settings, "profile"), digest);

@@ -310,6 +310,11 @@ void SceneBuilder::EndOfScene() {
   if (!is_world_) {
     diagnostics_->Error({0, 1, 1}, "the scene has no WorldBegin; is this a pbrt-v4 scene file?");
   }
+  if (frame_.has_diagonal && !scene_->camera.IsRealistic()) {
+    diagnostics_->Note(frame_.diagonal_location,
+                       "film: parameter \"diagonal\" has no effect: only realistic cameras have a "
+                       "film size");
+  }
   SettleFrame(frame_, &scene_->camera, &scene_->film);
   FinishMedia();
   FinishObjects();

@@ -83,7 +83,7 @@ void SceneBuilder::Camera(const std::string& type, std::vector<Parameter> own,
       Parameters(absl::StrCat("camera \"", type, "\""), "", std::move(own), location);
   CameraDescription camera;
   camera.location = location;
-  SetCamera(type, parameters, &camera, &frame_);
+  SetCamera(type, parameters, *files_, &camera, &frame_);
   const TransformOverTime camera_from_world = CurrentTransform();
   camera.world_from_camera = camera_from_world;
   if (!Invert(camera_from_world.start, &camera.world_from_camera.start) ||
@@ -92,7 +92,7 @@ void SceneBuilder::Camera(const std::string& type, std::vector<Parameter> own,
   }
   coordinate_systems_["camera"] = {camera.world_from_camera.start, camera.world_from_camera.end};
   camera.medium = state_.media.outside;
-  scene_->camera = camera;
+  scene_->camera = std::move(camera);
 }
 
 void SceneBuilder::Film(const std::string& type, std::vector<Parameter> own,
@@ -103,11 +103,7 @@ void SceneBuilder::Film(const std::string& type, std::vector<Parameter> own,
   FilmDescription film;
   film.location = location;
   SetFilm(type, parameters, &film, &frame_);
-  if (state_.primaries != Primaries::kSrgb) {
-    diagnostics_->Note(location,
-                       "the color space of rgb values here is not that of the picture, which Sheaf "
-                       "writes as linear sRGB");
-  }
+  film.primaries = state_.primaries;
   scene_->film = std::move(film);
 }
 

@@ -13,10 +13,12 @@
 #include <vector>
 
 #include "common/film/film_outputs.h"
+#include "common/film/picture_color.h"
 #include "common/math/transform.h"
 #include "common/math/vec.h"
 #include "common/scene/color_spec.h"
 #include "common/scene/curve_set.h"
+#include "common/scene/lens_description.h"
 #include "common/scene/medium_description.h"
 
 namespace sheaf {
@@ -332,25 +334,34 @@ struct CameraDescription {
     kPerspective,
     kOrthographic,
     kEquirectangular,
-    kEqualArea
+    kEqualArea,
+    kRealistic
   } kind = Kind::kPerspective;
   TransformOverTime world_from_camera;  // Camera looks along +z, x right, y up (left-handed).
   float fov_degrees = 90;               // Of the shorter side. Perspective cameras only.
   float lens_radius = 0;                // Scene units; 0 is a pinhole, as spherical cameras are.
   float focal_distance = 1e6f;          // Scene units along +z.
+  int32_t blade_count = 0;              // Of a lens with an opening of straight blades; 0: round.
+  float blade_rotation_degrees = 0;     // Of the first corner from +x towards +y.
+  LensDescription lens;                 // kRealistic only; then scene units are metres.
   double screen_window[4] = {-1, 1, -1,
                              1};  // x0 x1 y0 y1; filled in from the aspect by the reader.
   float shutter_open = 0, shutter_close = 1;
   int32_t medium = kNone;  // Index in media: what the camera is in.
+  // How open the shutter is: time (0 at shutter_open, 1 at shutter_close, ascending) and openness,
+  // straight in between. Empty: as open all the time.
+  std::vector<Vec2f> shutter_shape;
   SourceLocation location;
 
   bool IsSpherical() const { return kind == Kind::kEquirectangular || kind == Kind::kEqualArea; }
+  bool IsRealistic() const { return kind == Kind::kRealistic; }
 };
 struct FilterDescription {
-  enum class Kind { kBox, kTriangle, kGaussian, kMitchell } kind = Kind::kGaussian;
+  enum class Kind { kBox, kTriangle, kGaussian, kMitchell, kSinc } kind = Kind::kGaussian;
   float radius_x_px = 1.5f, radius_y_px = 1.5f;
   float sigma = 0.5f;              // Gaussian.
   float b = 1.f / 3, c = 1.f / 3;  // Mitchell.
+  float tau = 3;                   // Sinc: first zero of its window, in pixels.
   SourceLocation location;
 };
 struct FilmDescription {
@@ -359,6 +370,8 @@ struct FilmDescription {
   bool has_pixel_bounds = false;
   int32_t pixel_bounds[4] = {0, 0, 0, 0};  // x0 x1 y0 y1, half-open.
   float exposure_scale = 1;                // Sensor's imaging ratio: ISO / 100.
+  Primaries primaries = Primaries::kSrgb;  // Of the picture.
+  float white_balance_k = 0;               // Temperature of what shall be white; 0: none.
   FilmOutputs outputs;                     // Those of "gbuffer".
   std::string filename;
   SourceLocation location;

@@ -130,9 +130,9 @@ constexpr BadScene kBadScenes[] = {
     {"UnknownShape", "WorldBegin\nShape \"paraboloid\"\n",
      "main.pbrt:2:1: shape \"paraboloid\" is not supported; Sheaf does trianglemesh, plymesh, "
      "loopsubdiv, bilinearmesh, sphere, disk, cylinder and curve"},
-    {"UnknownCamera", "Camera \"realistic\"\nWorldBegin\n",
-     "main.pbrt:1:1: camera \"realistic\" is not supported; Sheaf does perspective, orthographic "
-     "and spherical"},
+    {"UnknownCamera", "Camera \"fisheye\"\nWorldBegin\n",
+     "main.pbrt:1:1: camera \"fisheye\" is not supported; Sheaf does perspective, orthographic, "
+     "spherical and realistic"},
     {"UnknownLight", "WorldBegin\nLightSource \"laser\"\n",
      "main.pbrt:2:1: light \"laser\" is not supported; Sheaf does infinite, distant, point, spot, "
      "goniometric and projection"},
@@ -186,8 +186,8 @@ constexpr BadScene kBadScenes[] = {
      "main.pbrt:1:1: film \"spectral\" is not supported"},
     {"Sensor", "Film \"rgb\" \"string sensor\" \"canon_eos_100d\"\nWorldBegin\n",
      "main.pbrt:1:12: film \"rgb\": parameter \"sensor\" \"canon_eos_100d\" is not supported"},
-    {"Filter", "PixelFilter \"sinc\"\nWorldBegin\n",
-     "main.pbrt:1:1: filter \"sinc\" is not supported"},
+    {"Filter", "PixelFilter \"catmull\"\nWorldBegin\n",
+     "main.pbrt:1:1: filter \"catmull\" is not supported"},
     {"Integrator", "Integrator \"bdpt\"\nWorldBegin\n",
      "main.pbrt:1:1: integrator \"bdpt\" is not supported"},
     {"Regularize", "Integrator \"path\" \"bool regularize\" true\nWorldBegin\n",

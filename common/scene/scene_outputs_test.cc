@@ -9,6 +9,7 @@
 #include <string>
 
 #include "common/scene/file_source.h"
+#include "common/scene/render_settings.h"
 #include "common/scene/scene_reader.h"
 #include "tests/support/temporary_path.h"
 
@@ -36,6 +37,32 @@ TEST(SceneOutputsTest, GeometryBufferAsksForOutputs) {
   EXPECT_EQ(OutputsOf("Film \"gbuffer\" \"string coordinatesystem\" \"world\""),
             "position,normal-geometric,normal-shading,uv");
   EXPECT_FALSE(Read("Film \"gbuffer\" \"string coordinatesystem\" \"here\"\nWorldBegin\n").ok());
+}
+
+// The color space in effect at Film, not the one after it.
+TEST(SceneOutputsTest, ThePicturesPrimariesAreThoseAtTheFilm) {
+  const auto result = Read(
+      "ColorSpace \"aces2065-1\"\nFilm \"rgb\" \"float whitebalance\" 5000\nColorSpace \"srgb\"\n"
+      "WorldBegin\n");
+  ASSERT_TRUE(result.ok()) << result.status();
+  EXPECT_TRUE(result->diagnostics.empty());
+  EXPECT_EQ(result->scene.film.primaries, Primaries::kAces2065);
+  EXPECT_EQ(ResolveSettings(result->scene, {})->primaries, Primaries::kAces2065);
+  EXPECT_EQ(ResolveSettings(result->scene, {})->white_balance_k, 5000);
+  RenderSettings asked;
+  asked.primaries = Primaries::kSrgb;
+  EXPECT_EQ(ResolveSettings(result->scene, asked)->primaries, Primaries::kSrgb);
+  EXPECT_EQ(Read("Film \"rgb\"\nWorldBegin\n")->scene.film.primaries, Primaries::kSrgb);
+}
+
+TEST(SceneOutputsTest, ImpossibleWhiteBalancesAreRefused) {
+  for (const char* temperature : {"-5000", "999", "25001"}) {
+    const auto result =
+        Read(std::string("Film \"rgb\" \"float whitebalance\" ") + temperature + "\nWorldBegin\n");
+    ASSERT_FALSE(result.ok());
+    EXPECT_NE(std::string(result.status().message()).find("main.pbrt:1:"), std::string::npos)
+        << result.status();
+  }
 }
 
 TEST(SceneOutputsTest, LightsHaveGroups) {

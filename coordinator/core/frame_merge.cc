@@ -6,6 +6,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "common/base/check.h"
+#include "common/scene/primaries.h"
 
 namespace sheaf::coordinator {
 namespace {
@@ -21,8 +22,10 @@ uint64_t TreeBytes(const TileTree& tree) {
 FrameMerge::FrameMerge(const FrameSpec& spec, std::vector<PixelRect> tiles, MergeBudget* budget)
     : samples_(spec.settings.samples),
       budget_(budget),
-      picture_(MakeFramePicture(spec.settings.window, spec.settings.width_px,
-                                spec.settings.height_px, spec.settings.outputs)) {
+      picture_(MakeFramePicture(
+          spec.settings.window, spec.settings.width_px, spec.settings.height_px,
+          spec.settings.outputs,
+          PictureColorOf(spec.settings.primaries, spec.settings.white_balance_k))) {
   tiles_.resize(tiles.size());
   for (size_t i = 0; i < tiles.size(); ++i) tiles_[i].rect = tiles[i];
 }

@@ -23,7 +23,7 @@ constexpr double kPreviewShareMax = 0.05;
 std::map<std::string, std::string> PictureMetadata(const FrameSpec& spec,
                                                    const std::string& numeric_profile) {
   const FrameSettings& s = spec.settings;
-  return {
+  std::map<std::string, std::string> metadata{
       {"sceneDigest", spec.scene.sha256_hex},
       {"frameDigest", spec.frame_digest},
       {"frameNumber", absl::StrCat(spec.frame_number)},
@@ -33,6 +33,9 @@ std::map<std::string, std::string> PictureMetadata(const FrameSpec& spec,
       {"seed", absl::StrCat(s.seed)},
       {"size", absl::StrCat(s.width_px, "x", s.height_px)},
       {"window", absl::StrCat(s.window.x0, ",", s.window.y0, ",", s.window.x1, ",", s.window.y1)}};
+  if (s.primaries != Primaries::kSrgb) metadata["primaries"] = PrimariesName(s.primaries);
+  if (s.white_balance_k != 0) metadata["whiteBalanceK"] = absl::StrCat(s.white_balance_k);
+  return metadata;
 }
 
 }  // namespace

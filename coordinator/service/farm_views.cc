@@ -68,6 +68,7 @@ FramePicture ColourOf(const FramePicture& picture) {
   colour.window = picture.window;
   colour.frame_width_px = picture.frame_width_px;
   colour.frame_height_px = picture.frame_height_px;
+  colour.color = picture.color;
   for (const char* channel : {"R", "G", "B"}) {
     const std::vector<float>* plane = picture.Find(channel);
     SHEAF_CHECK(plane != nullptr);  // Made by MakeFramePicture, or read by ReadPicture.

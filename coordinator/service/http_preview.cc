@@ -34,6 +34,11 @@ float MeanOfSquare(const std::vector<float>& plane, int32_t width, int32_t x0, i
 }  // namespace
 
 absl::StatusOr<DisplayPicture> MakeDisplayPicture(const FramePicture& picture) {
+  if (!(picture.color.chromaticities == Chromaticities())) {
+    FramePicture shown = picture;
+    if (absl::Status status = ConvertColor(Chromaticities(), &shown); !status.ok()) return status;
+    return MakeDisplayPicture(shown);
+  }
   const std::array<const std::vector<float>*, 3> planes = {picture.Find("R"), picture.Find("G"),
                                                            picture.Find("B")};
   if (planes[0] == nullptr || planes[1] == nullptr || planes[2] == nullptr) {

@@ -22,7 +22,7 @@
 namespace sheaf::coordinator {
 namespace {
 
-constexpr int64_t kSchemaVersion = 3;
+constexpr int64_t kSchemaVersion = 4;
 // Lease ids of one life lie below those of the next; no life grants so many.
 constexpr int kLeaseIdBitsPerLife = 40;
 
@@ -59,6 +59,10 @@ ALTER TABLE frames ADD COLUMN single_scattering INTEGER NOT NULL DEFAULT 0;
 )sql";
 constexpr char kAddedBy3[] = R"sql(
 ALTER TABLE frames ADD COLUMN outputs TEXT NOT NULL DEFAULT '';
+)sql";
+constexpr char kAddedBy4[] = R"sql(
+ALTER TABLE frames ADD COLUMN primaries INTEGER NOT NULL DEFAULT 0;
+ALTER TABLE frames ADD COLUMN white_balance_k REAL NOT NULL DEFAULT 0;
 )sql";
 
 int64_t ToNanoseconds(absl::Time time) {
@@ -129,9 +133,9 @@ absl::Status SqliteJobStore::MigrateSchema() {
                      ", this one knows ", kSchemaVersion, ")"));
   }
   if (version == kSchemaVersion) return absl::OkStatus();
-  return database_->Execute(absl::StrCat("BEGIN;", version == 0 ? kSchema : "",
-                                         version < 2 ? kAddedBy2 : "", kAddedBy3,
-                                         "PRAGMA user_version=", kSchemaVersion, ";COMMIT;"));
+  return database_->Execute(absl::StrCat(
+      "BEGIN;", version == 0 ? kSchema : "", version < 2 ? kAddedBy2 : "",
+      version < 3 ? kAddedBy3 : "", kAddedBy4, "PRAGMA user_version=", kSchemaVersion, ";COMMIT;"));
 }
 
 std::string SqliteJobStore::FrameDirectory(const FrameId& frame) const {
@@ -151,7 +155,8 @@ absl::Status SqliteJobStore::LoadFrames(StoredJob* job) {
       "x1, "
       "y1, samples, max_depth, seed, force_generic, delivered, picture_digest, relative_mse, "
       "wall_ns, "
-      "ray_count, nonfinite_count, cpu_ns, color, single_scattering, outputs FROM frames WHERE "
+      "ray_count, nonfinite_count, cpu_ns, color, single_scattering, outputs, primaries, "
+      "white_balance_k FROM frames WHERE "
       "job_id = ? "
       "ORDER BY frame_number");
   query.Bind(job->spec.job_id);
@@ -177,6 +182,8 @@ absl::Status SqliteJobStore::LoadFrames(StoredJob* job) {
     absl::StatusOr<FilmOutputs> outputs = ParseOutputs(query.Text(23));
     if (!outputs.ok()) return Annotate(outputs.status(), "a stored frame");
     s.outputs = *std::move(outputs);
+    s.primaries = static_cast<Primaries>(query.Int64(24));
+    s.white_balance_k = static_cast<float>(query.Double(25));
     if (query.Int64(14) != 0) {
       StoredFrame stored{frame.frame_number, {}};
       stored.delivered = {
@@ -298,7 +305,8 @@ absl::StatusOr<JobStore::CreatedJob> SqliteJobStore::CreateJob(const JobSpec& sp
         "INSERT INTO frames(job_id, frame_number, scene_sha256, scene_bytes, frame_digest, "
         "width_px, "
         "height_px, x0, y0, x1, y1, samples, max_depth, seed, force_generic, color, "
-        "single_scattering, outputs) VALUES(?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?)");
+        "single_scattering, outputs, primaries, white_balance_k) "
+        "VALUES(?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?)");
     for (const FrameSpec& frame : spec.frames) {
       const FrameSettings& s = frame.settings;
       status = frames.Bind(created.job_id)
@@ -319,6 +327,8 @@ absl::StatusOr<JobStore::CreatedJob> SqliteJobStore::CreateJob(const JobSpec& sp
                    .Bind(static_cast<int32_t>(s.color))
                    .Bind(s.single_scattering ? 1 : 0)
                    .Bind(FormatOutputs(s.outputs))
+                   .Bind(static_cast<int32_t>(s.primaries))
+                   .Bind(double{s.white_balance_k})
                    .Run();
       if (!status.ok()) return status;
     }

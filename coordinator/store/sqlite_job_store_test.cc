@@ -58,6 +58,8 @@ class SqliteJobStoreTest : public testing::Test {
       frame.settings.color = ColorTransport::kSpectral;
       frame.settings.single_scattering = true;
       frame.settings.outputs.Add(Aov::kUv);
+      frame.settings.primaries = Primaries::kRec2020;
+      frame.settings.white_balance_k = 3200.5f;
       spec.frames.push_back(frame);
     }
     return spec;
@@ -103,6 +105,8 @@ TEST_F(SqliteJobStoreTest, JobsSurviveAReopen) {
   EXPECT_EQ(stored.spec.frames[1].settings.color, ColorTransport::kSpectral);
   EXPECT_TRUE(stored.spec.frames[1].settings.single_scattering);
   EXPECT_TRUE(stored.spec.frames[1].settings.outputs.Has(Aov::kUv));
+  EXPECT_EQ(stored.spec.frames[1].settings.primaries, Primaries::kRec2020);
+  EXPECT_EQ(stored.spec.frames[1].settings.white_balance_k, 3200.5f);
   EXPECT_EQ(stored.spec.frames[1].settings.window, (PixelRect{1, 2, 3, 4}));
   ASSERT_EQ(stored.delivered.size(), 1u);
   EXPECT_EQ(stored.delivered[0].delivered.cost.cpu_duration, absl::Seconds(4));
@@ -211,6 +215,8 @@ TEST_F(SqliteJobStoreTest, EarlierSchemaIsBroughtUpToDate) {
                   ->Execute("ALTER TABLE frames DROP COLUMN color;"
                             "ALTER TABLE frames DROP COLUMN single_scattering;"
                             "ALTER TABLE frames DROP COLUMN outputs;"
+                            "ALTER TABLE frames DROP COLUMN primaries;"
+                            "ALTER TABLE frames DROP COLUMN white_balance_k;"
                             "PRAGMA user_version=1;")
                   .ok());
   Reopen();
@@ -220,6 +226,7 @@ TEST_F(SqliteJobStoreTest, EarlierSchemaIsBroughtUpToDate) {
   EXPECT_EQ((*jobs)[0].spec.frames[0].settings.seed, UINT64_MAX - 1);
   EXPECT_EQ((*jobs)[0].spec.frames[0].settings.color, ColorTransport::kAuto);
   EXPECT_TRUE((*jobs)[0].spec.frames[0].settings.outputs.empty());
+  EXPECT_EQ((*jobs)[0].spec.frames[0].settings.primaries, Primaries::kSrgb);
 }
 
 TEST_F(SqliteJobStoreTest, LaterSchemaIsRefused) {
@@ -230,7 +237,7 @@ TEST_F(SqliteJobStoreTest, LaterSchemaIsRefused) {
   EXPECT_EQ(status.code(), absl::StatusCode::kFailedPrecondition);
   EXPECT_THAT(std::string(status.message()), HasSubstr("later version"));
   ASSERT_TRUE(
-      (*SqliteDatabase::Open(directory_ + "/farm.db"))->Execute("PRAGMA user_version=3").ok());
+      (*SqliteDatabase::Open(directory_ + "/farm.db"))->Execute("PRAGMA user_version=4").ok());
   Reopen();
 }
 

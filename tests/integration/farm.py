@@ -161,3 +161,9 @@ def picture_digest(path):
     done = subprocess.run([os.path.join(programs(), "sheaf"), "compare", "--json", path, path],
                           capture_output=True, text=True, check=True)
     return json.loads(done.stdout)["image_digest"]
+
+
+def compare(reference, image):
+    """What `sheaf compare --json` prints."""
+    command = [os.path.join(programs(), "sheaf"), "compare", "--json", reference, image]
+    return subprocess.run(command, capture_output=True, text=True, check=True).stdout

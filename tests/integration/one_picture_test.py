@@ -8,6 +8,7 @@ samples, leases of 1 and 8 passes, in one process and over gRPC: one SHA-256 of 
 SHEAF_SCENE names another scene to try.
 """
 import itertools
+import json
 import os
 import tempfile
 import unittest
@@ -93,6 +94,27 @@ class OnePictureTest(unittest.TestCase):
             f.sheaf("submit", SCENE, "--wait", "-o", output, *JOB, *OUTPUTS,
                     *partition_flags(32, 16, 1))
             self.assertEqual(farm.picture_digest(output), expected)
+
+    def test_primaries(self):
+        flags = ("--primaries", "acescg", "--light-groups")
+        expected = self.rendered("a", *flags)
+        self.assertNotEqual(expected, self.rendered("g", "--light-groups"))
+        for partition in ((16, 4, 1), (64, 64, 8)):
+            with self.subTest(partition=partition):
+                self.assertEqual(self.rendered("a", *flags, *partition_flags(*partition)),
+                                 expected)
+        with farm.Farm() as f:
+            f.start_worker()
+            f.start_worker()
+            output = f.path("out.exr")
+            f.sheaf("submit", SCENE, "--wait", "-o", output, *JOB, *flags,
+                    *partition_flags(32, 16, 1))
+            self.assertEqual(farm.picture_digest(output), expected)
+        # The same colours: compare converts the one, and rounding is all that is left.
+        report = json.loads(farm.compare(os.path.join(self.folder.name, "reference.exr"),
+                                         os.path.join(self.folder.name, "a.exr")))
+        self.assertTrue(report["reference_converted"])
+        self.assertLess(report["relative_mse"], 1e-12)
 
     def test_another_seed_is_another_picture(self):
         self.assertNotEqual(self.rendered("s", "--seed", 1), self.expected)

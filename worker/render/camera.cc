@@ -50,32 +50,27 @@ Vec3d EquirectangularDirection(Vec2d screen) {
 
 }  // namespace
 
-Vec2d SampleUnitDisk(Vec2f u) {
-  const double x = 2 * static_cast<double>(u.x) - 1, y = 2 * static_cast<double>(u.y) - 1;
-  if (x == 0 && y == 0) return {0, 0};
-  double radius = x, angle = 0;
-  if (std::fabs(x) > std::fabs(y)) {
-    angle = (std::numbers::pi / 4) * (y / x);
-  } else {
-    radius = y;
-    angle = (std::numbers::pi / 2) - (std::numbers::pi / 4) * (x / y);
-  }
-  const auto turn = SinCos(angle);
-  return {radius * turn.cos, radius * turn.sin};
-}
-
 absl::StatusOr<Camera> Camera::Make(const SceneDescription& scene, int32_t width_px,
-                                    int32_t height_px, Vec3d render_origin_world) {
+                                    int32_t height_px, Vec3d render_origin_world,
+                                    FileSource* files) {
   const CameraDescription& description = scene.camera;
   const auto fail = [&](const absl::Status& status) {
     return Annotate(status, absl::StrCat(FormatLocation(scene, description.location), ": Camera"));
   };
   Camera camera;
   camera.kind_ = description.kind;
-  camera.is_spherical_ = description.IsSpherical();
+  camera.bends_rays_ = description.IsSpherical() || description.IsRealistic();
   absl::Status status = camera.SetScreen(description, width_px, height_px);
   if (status.ok()) status = camera.SetLens(description);
   if (!status.ok()) return fail(status);
+  if (description.IsRealistic()) {
+    absl::StatusOr<RealisticLens> lens = RealisticLens::Make(scene, width_px, height_px, files);
+    if (!lens.ok()) return fail(lens.status());
+    camera.realistic_ = std::make_shared<const RealisticLens>(*std::move(lens));
+  }
+  absl::StatusOr<ShutterShape> shutter = ShutterShape::Make(description.shutter_shape);
+  if (!shutter.ok()) return fail(shutter.status());
+  camera.shutter_ = *std::move(shutter);
   absl::StatusOr<AnimatedTransform> transform =
       AnimatedTransform::Make(description.world_from_camera);
   if (!transform.ok()) return fail(transform.status());
@@ -91,7 +86,7 @@ absl::StatusOr<Camera> Camera::Make(const SceneDescription& scene, int32_t width
 
 absl::Status Camera::SetScreen(const CameraDescription& description, int32_t width_px,
                                int32_t height_px) {
-  if (description.IsSpherical()) {
+  if (bends_rays_) {
     screen_origin_ = {0, 0};
     screen_step_ = {1.0 / width_px, 1.0 / height_px};
     return absl::OkStatus();
@@ -116,6 +111,7 @@ absl::Status Camera::SetScreen(const CameraDescription& description, int32_t wid
 }
 
 absl::Status Camera::SetLens(const CameraDescription& description) {
+  if (description.IsRealistic()) return absl::OkStatus();
   lens_radius_ = description.lens_radius;
   if (!(lens_radius_ > 0)) return absl::OkStatus();
   if (description.IsSpherical()) {
@@ -126,18 +122,31 @@ absl::Status Camera::SetLens(const CameraDescription& description) {
         absl::StrCat("\"float focaldistance\" ", description.focal_distance,
                      " must be above 0 where \"float lensradius\" is"));
   }
+  if (description.blade_count >= 3) {
+    blades_ = BladePolygon(description.blade_count,
+                           static_cast<double>(description.blade_rotation_degrees));
+  }
   inverse_focal_distance_ = 1 / static_cast<double>(description.focal_distance);
   return absl::OkStatus();
 }
 
-Ray Camera::MakeSphericalRay(Vec2d film, float shutter_fraction) const {
+Ray Camera::MakeBentRay(Vec2d film, Vec2f lens, float shutter_fraction, float* weight) const {
   const Vec2d screen{film.x * screen_step_.x, film.y * screen_step_.y};
-  const Vec3d d =
-      kind_ == Kind::kEqualArea ? EqualAreaDirection(screen) : EquirectangularDirection(screen);
+  Vec3d o, d;
+  if (realistic_ != nullptr) {
+    LensRay bent;
+    const double share = realistic_->MakeRay(screen, lens, &bent);
+    if (weight != nullptr) *weight = static_cast<float>(share);
+    if (share == 0) return {};
+    o = bent.o * 0.001;  // Scenes are in metres then.
+    d = bent.d;
+  } else {
+    d = kind_ == Kind::kEqualArea ? EqualAreaDirection(screen) : EquirectangularDirection(screen);
+  }
   const Affine render_from_camera =
       moves_ ? RenderFromCameraAt(shutter_fraction) : render_from_camera_;
   Ray ray;
-  ray.o = ToFloat(render_from_camera.offset);
+  ray.o = ToFloat(render_from_camera.Point(o));
   ray.d = ToFloat(Normalize(render_from_camera.Vector(d)));
   ray.time = shutter_fraction;
   return ray;

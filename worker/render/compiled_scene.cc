@@ -86,7 +86,7 @@ absl::StatusOr<CompiledScenePtr> CompileScene(SceneDescription description,
   }
   absl::StatusOr<Camera> camera =
       Camera::Make(scene->description, settings.width_px, settings.height_px,
-                   scene->geometry.render_origin_world);
+                   scene->geometry.render_origin_world, &files);
   if (!camera.ok()) return camera.status();
   scene->camera = *camera;
   absl::StatusOr<PixelFilter> filter = PixelFilter::Make(scene->description);

@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 #include <string>
 
 #include "absl/strings/str_cat.h"
@@ -33,6 +34,25 @@ double Mitchell(double x, double b, double c) {
   return ((12 - 9 * b - 6 * c) * x * x * x + (-18 + 12 * b + 6 * c) * x * x + (6 - 2 * b)) / 6;
 }
 
+double Sinc(double x) {
+  // Below, the next term of the series is less than a rounding.
+  return x < 1e-8 ? 1 : SinCos(std::numbers::pi * x).sin / (std::numbers::pi * x);
+}
+double WindowedSinc(double x, double radius, double tau) {
+  return Sinc(x * radius) * Sinc(x * radius / tau);
+}
+
+double Value(const FilterDescription& filter, double x, double radius) {
+  switch (filter.kind) {
+    case FilterDescription::Kind::kGaussian:
+      return Gaussian(x, radius, filter.sigma);
+    case FilterDescription::Kind::kSinc:
+      return WindowedSinc(x, radius, filter.tau);
+    default:
+      return Mitchell(x, filter.b, filter.c);
+  }
+}
+
 }  // namespace
 
 absl::StatusOr<PixelFilter> PixelFilter::Make(const SceneDescription& scene) {
@@ -56,6 +76,9 @@ absl::StatusOr<PixelFilter> PixelFilter::Make(const SceneDescription& scene) {
   if (description.kind == FilterDescription::Kind::kGaussian && !(description.sigma > 0)) {
     return fail("\"float sigma\" must be above 0");
   }
+  if (description.kind == FilterDescription::Kind::kSinc && !(description.tau > 0)) {
+    return fail("\"float tau\" must be above 0");
+  }
   for (Table* table : {&filter.table_x_, &filter.table_y_}) {
     const double radius = table == &filter.table_x_ ? filter.radius_x_px_ : filter.radius_y_px_;
     table->cdf.push_back(0);
@@ -63,9 +86,7 @@ absl::StatusOr<PixelFilter> PixelFilter::Make(const SceneDescription& scene) {
     std::vector<double> running{0};
     for (int i = 0; i <= kIntervalCount; ++i) {
       const double x = static_cast<double>(i) / kIntervalCount;
-      const double value = description.kind == FilterDescription::Kind::kGaussian
-                               ? Gaussian(x, radius, description.sigma)
-                               : Mitchell(x, description.b, description.c);
+      const double value = Value(description, x, radius);
       table->value.push_back(static_cast<float>(value));
       if (i == 0) continue;
       const double before = table->value[i - 1], after = table->value[i];
@@ -116,7 +137,7 @@ PixelFilter::AxisSample PixelFilter::SampleAxis(float u) const {
 
 FilterSample PixelFilter::Sample(Vec2f u) const {
   const bool tabulated =
-      kind_ == FilterDescription::Kind::kGaussian || kind_ == FilterDescription::Kind::kMitchell;
+      kind_ != FilterDescription::Kind::kBox && kind_ != FilterDescription::Kind::kTriangle;
   const AxisSample x = tabulated ? SampleTable(table_x_, u.x) : SampleAxis(u.x);
   const AxisSample y = tabulated ? SampleTable(table_y_, u.y) : SampleAxis(u.y);
   return {{x.x * radius_x_px_, y.x * radius_y_px_}, x.weight * y.weight};

@@ -39,6 +39,10 @@ double FilterAt(Kind kind, double x_px, double radius_px) {
       return v < 1 ? (7 * v * v * v - 12 * v * v + 16.0 / 3) / 6
                    : (-7.0 / 3 * v * v * v + 12 * v * v - 20 * v + 32.0 / 3) / 6;
     }
+    case Kind::kSinc: {
+      const auto sinc = [](double t) { return t == 0 ? 1 : std::sin(kPi * t) / (kPi * t); };
+      return sinc(x) * sinc(x / 3);  // Lanczos of three lobes.
+    }
   }
   return 0;
 }
@@ -100,7 +104,7 @@ TEST_P(PixelFilterTest, WeightsCarryTheSign) {
   ASSERT_TRUE(filter.ok()) << filter.status();
   const float size = std::fabs(filter->Sample({0.5f, 0.5f}).weight);
   EXPECT_GE(size, 1);
-  EXPECT_EQ(size > 1, GetParam() == Kind::kMitchell);
+  EXPECT_EQ(size > 1, GetParam() == Kind::kMitchell || GetParam() == Kind::kSinc);
   for (int i = 0; i < 1000; ++i) {
     const FilterSample s = filter->Sample({static_cast<float>((i + 0.5) / 1000), 0.5f});
     EXPECT_FLOAT_EQ(std::fabs(s.weight), size);
@@ -113,14 +117,16 @@ TEST_P(PixelFilterTest, WeightsCarryTheSign) {
 
 INSTANTIATE_TEST_SUITE_P(AllKinds, PixelFilterTest,
                          ::testing::Values(Kind::kBox, Kind::kTriangle, Kind::kGaussian,
-                                           Kind::kMitchell));
+                                           Kind::kMitchell, Kind::kSinc));
 
 TEST(PixelFilterErrors, NameTheFilterAndWhatIsWrong) {
   SceneDescription no_sigma = SceneWith(Kind::kGaussian, 2, 2);
   no_sigma.filter.sigma = 0;
+  SceneDescription no_tau = SceneWith(Kind::kSinc, 4, 4);
+  no_tau.filter.tau = 0;
   for (const SceneDescription& scene :
        {SceneWith(Kind::kBox, 0, 1), SceneWith(Kind::kBox, 1, std::nanf("")),
-        SceneWith(Kind::kTriangle, 1, HUGE_VALF), no_sigma}) {
+        SceneWith(Kind::kTriangle, 1, HUGE_VALF), no_sigma, no_tau}) {
     const auto filter = PixelFilter::Make(scene);
     ASSERT_FALSE(filter.ok());
     EXPECT_EQ(filter.status().code(), absl::StatusCode::kInvalidArgument);

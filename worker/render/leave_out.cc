@@ -5,12 +5,15 @@
 #include "worker/render/leave_out.h"
 
 #include <algorithm>
+#include <cmath>
 #include <iterator>
+#include <numbers>
 #include <type_traits>
 #include <utility>
 #include <variant>
 
 #include "absl/strings/str_cat.h"
+#include "worker/render/lens_system.h"
 #include "worker/render/plain_shape.h"
 #include "worker/render/texture_mean.h"
 #include "worker/render/trait_set.h"
@@ -167,6 +170,19 @@ void ShineEvenly(SceneDescription* scene) {
   }
 }
 
+// A pinhole that sees the same frame. A lens that cannot be focused has none, and says so itself.
+void TakeOutLens(SceneDescription* scene) {
+  const absl::StatusOr<LensSystem> lens = LensSystem::Make(scene->camera.lens, {});
+  const double focal_length_mm = lens.ok() ? lens->focal_length_mm() : 50;
+  const double aspect = static_cast<double>(std::max(scene->film.width_px, scene->film.height_px)) /
+                        std::min(scene->film.width_px, scene->film.height_px);
+  const double shorter_mm =
+      static_cast<double>(scene->camera.lens.film_diagonal_mm) / std::sqrt(1 + aspect * aspect);
+  scene->camera.kind = CameraDescription::Kind::kPerspective;
+  scene->camera.fov_degrees = static_cast<float>(2 * (180 / std::numbers::pi) *
+                                                 std::atan(0.5 * shorter_mm / focal_length_mm));
+}
+
 void ClearTheAir(SceneDescription* scene) {
   scene->media.clear();
   scene->camera.medium = kNone;
@@ -196,7 +212,10 @@ constexpr Change kChanges[] = {
     {Trait::kDeformation, "meshes keep the shape they have when the shutter opens",
      [](SceneWithout* without) { KeepShapes(&without->scene); }},
     {Trait::kLens, "through a pinhole",
-     [](SceneWithout* without) { without->scene.camera.lens_radius = 0; }},
+     [](SceneWithout* without) {
+       without->scene.camera.lens_radius = 0;
+       if (without->scene.camera.IsRealistic()) TakeOutLens(&without->scene);
+     }},
     {Trait::kEnvironment, "without infinite lights",
      [](SceneWithout* without) { RemoveLights(&without->scene, true); }},
     {Trait::kDeltaLights, "without lights that have no size",

@@ -128,7 +128,9 @@ class PathTracer {
   using Tilt = std::conditional_t<kMapsNormals, SurfaceTilt, NoTilt>;
   using Plane = std::conditional_t<kMapsNormals, std::optional<TangentPlane>, NoTilt>;
 
-  Ray CameraRay(const Sampler& sampler, int32_t x, int32_t y, FilmSample* film) const;
+  // *weight: as Camera::MakeRay's.
+  Ray CameraRay(const Sampler& sampler, int32_t x, int32_t y, FilmSample* film,
+                float* weight) const;
   void Trace(const Sampler& sampler, Path* path, FilmSample* film);
   TexturePoint TexturePointOf(const SurfacePoint& point) const;
   bool IsCutOut(const SurfacePoint& point, float u) const;
@@ -251,7 +253,10 @@ FilmSample PathTracer<kTraits, Tracer, kDirectLight>::TraceSample(int32_t x, int
   const Sampler sampler(scene_.settings.seed, x, y, sample_index);
   FilmSample film;
   Path path;
-  path.ray = CameraRay(sampler, x, y, &film);
+  float weight = 1;
+  path.ray = CameraRay(sampler, x, y, &film, &weight);
+  // What a lens holds back is dark, and a sample like others.
+  if (Has(kTraits, Trait::kLens) && weight == 0) return film;
   if constexpr (Has(kTraits, Trait::kEnvironment)) path.from = path.ray.o;
   if constexpr (kSpectral) {
     path.wavelengths = Wavelengths::Sample(sampler.Get1(Slot(CameraSlot::kWavelength)));
@@ -259,8 +264,9 @@ FilmSample PathTracer<kTraits, Tracer, kDirectLight>::TraceSample(int32_t x, int
   if constexpr (kMedia) StartInMedia(&path);
   Trace(sampler, &path, &film);
   film.radiance = RgbOfSample(path.radiance, path);
+  if constexpr (Has(kTraits, Trait::kLens)) film.radiance *= weight;
   if constexpr (kOutputs) {
-    groups_.MoveTo(outputs_, [&](const Color& sum) { return RgbOfSample(sum, path); });
+    groups_.MoveTo(outputs_, [&](const Color& sum) { return RgbOfSample(sum, path) * weight; });
   }
   return film;
 }
@@ -290,7 +296,8 @@ Rgb PathTracer<kTraits, Tracer, kDirectLight>::AlbedoOf(const BsdfOf<Color>& bsd
 
 template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight>
 Ray PathTracer<kTraits, Tracer, kDirectLight>::CameraRay(const Sampler& sampler, int32_t x,
-                                                         int32_t y, FilmSample* film) const {
+                                                         int32_t y, FilmSample* film,
+                                                         float* weight) const {
   Vec2f filter_u, lens_u;
   if constexpr (Has(kTraits, Trait::kLens)) {
     const std::array<float, 4> u = sampler.Get4(Slot(CameraSlot::kFilterAndLens));
@@ -299,13 +306,14 @@ Ray PathTracer<kTraits, Tracer, kDirectLight>::CameraRay(const Sampler& sampler,
   } else {
     filter_u = sampler.Get2(Slot(CameraSlot::kFilterAndLens));
   }
-  float time = 0;
-  if constexpr (Has(kTraits, Trait::kMotion)) time = sampler.Get1(Slot(CameraSlot::kTime));
+  const float time = Has(kTraits, Trait::kMotion)
+                         ? scene_.camera.ShutterFraction(sampler.Get1(Slot(CameraSlot::kTime)))
+                         : 0;
   const FilterSample filtered = scene_.filter.Sample(filter_u);
   film->filter_weight = filtered.weight;
   const Vec2d raster{x + 0.5 + static_cast<double>(filtered.offset.x),
                      y + 0.5 + static_cast<double>(filtered.offset.y)};
-  return scene_.camera.template MakeRay<kTraits>(raster, lens_u, time);
+  return scene_.camera.template MakeRay<kTraits>(raster, lens_u, time, weight);
 }
 
 template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight>

@@ -104,6 +104,10 @@ class PlanMaker {
       Ask(Trait::kLens, camera.location,
           absl::StrCat("Camera \"float lensradius\" [", camera.lens_radius, "]"));
     }
+    if (camera.IsRealistic()) {
+      Ask(Trait::kLens, camera.location,
+          absl::StrCat("Camera \"realistic\" \"string lensfile\" \"", camera.lens.file, "\""));
+    }
     if (camera.world_from_camera.IsAnimated() && ShutterIsOpen()) {
       Ask(Trait::kMotion, camera.location, "Camera moves while the shutter is open");
     }

@@ -17,7 +17,7 @@ namespace sheaf::render {
 // One bit each. A variant compiled with fewer traits runs no code for the others.
 enum class Trait : uint32_t {
   kMotion = 1u << 0,                // Animated transforms within an open shutter.
-  kLens = 1u << 1,                  // Lens radius > 0.
+  kLens = 1u << 1,                  // Lens radius > 0, or a realistic lens.
   kTextures = 1u << 2,              // Image textures or procedural ones.
   kEnvironment = 1u << 3,           // Infinite lights.
   kDeltaLights = 1u << 4,           // Lights without size.

@@ -1,0 +1,60 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// What a picture's red, green and blue mean: the primaries it is delivered in, and the way there
+// from the linear sRGB of the film's sums. The way is linear and is gone when a tile is developed,
+// so that parts and their merging know nothing of it. Sources of the chromaticities: IEC 61966-2-1,
+// SMPTE ST 2065-1, ITU-R BT.2020, SMPTE RP 431-2 (with D65, as pbrt-v4's), Academy S-2014-004.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "common/math/transform.h"
+#include "common/math/vec.h"
+
+namespace sheaf {
+
+// The numbers are part of stored jobs: append, never change.
+enum class Primaries : uint8_t { kSrgb = 0, kAces2065 = 1, kRec2020 = 2, kDciP3 = 3, kAcesCg = 4 };
+inline constexpr size_t kPrimariesCount = 5;
+
+// CIE 1931 x, y of (1, 0, 0), (0, 1, 0), (0, 0, 1) and (1, 1, 1). Those of sRGB by default, as in
+// EXR files that say nothing.
+struct Chromaticities {
+  Vec2d red{0.64, 0.33}, green{0.30, 0.60}, blue{0.15, 0.06}, white{0.3127, 0.3290};
+  // As files keep them: in the order above, x before y.
+  std::array<float, 8> AsStored() const;
+  static Chromaticities FromStored(const std::array<float, 8>& xy);
+  // The same in a file.
+  friend bool operator==(const Chromaticities& a, const Chromaticities& b) {
+    return a.AsStored() == b.AsStored();
+  }
+};
+
+// "srgb", "aces2065-1", "rec2020", "dci-p3", "acescg". Case does not matter when reading.
+const char* PrimariesName(Primaries primaries);
+std::optional<Primaries> PrimariesFromName(const std::string& name);
+std::vector<std::string> PrimariesNames();
+Chromaticities ChromaticitiesOf(Primaries primaries);
+
+// CIE XYZ of linear RGB, white having Y = 1. None where the primaries lie on a line, or where
+// the white is not a sum of them with a luminance.
+std::optional<Matrix4> XyzFromRgb(const Chromaticities& chromaticities);
+// Linear RGB of one kind to another, by way of XYZ: no adaptation to the other white. None where
+// either has no XyzFromRgb.
+std::optional<Matrix4> RgbFromRgb(const Chromaticities& to, const Chromaticities& from);
+
+// Of a picture that is developed or was read.
+struct PictureColor {
+  Chromaticities chromaticities;
+  // What the sums' linear sRGB is multiplied by: light, and albedo, of which white stays white.
+  Matrix4 light_from_srgb, albedo_from_srgb;
+  // Nothing is done then, and the sums keep their bits.
+  bool AsSummed() const { return light_from_srgb == Matrix4() && albedo_from_srgb == Matrix4(); }
+};
+
+}  // namespace sheaf
