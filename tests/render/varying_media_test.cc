@@ -87,7 +87,7 @@ TEST(VaryingMediaTest, AConstantGridIsAHomogeneousMedium) {
     for (SmokeScene* t : {&grid, &fog}) t->ConstantEnvironment({0.5f, 0.7f, 1});
     grid.Fill(0.8f, grid.AddGrid(std::vector<float>(40 * 40 * 40, 1.0f), sigma_a, sigma_s, 0.4f));
     fog.Fill(0.8f, fog.AddFog(sigma_a, sigma_s, 0.4f));
-    const int samples = DrawCount(128, 2048);
+    const int samples = DrawCount(256, 2048);
     ExpectEqual(Render(grid, samples, color), Render(fog, samples, color));
   }
 }
