@@ -31,6 +31,8 @@ struct MediumMix {
   bool is_grey = true;      // sigma_t and sigma_s are the same in all components.
   bool scatters = false;    // sigma_s is not black.
   bool is_bounded = false;  // Of one of them: closed surfaces surround it on all sides.
+  bool is_matter = false;   // One of them is the inside of a material.
+  bool is_hidden = false;   // The same, whose boundary no shadow ray can pass.
 };
 
 // distance is uniform in [0, 1) and fine: flights through thin media end where it is nearly 0.

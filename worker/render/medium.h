@@ -50,6 +50,7 @@ class MediumTable {
     float g = 0;
     bool emits = false;
     bool is_bounded = false;
+    bool is_matter = false, is_hidden = false;  // As MediumMix has them.
   };
   template <typename Color>
   static Color Evaluate(Rgb rgb, const SpectralColor& spectrum, float scale,
@@ -84,6 +85,8 @@ MediumMix<Color> MediumTable::MixOf(const MediumSet& media,
       sigma_s[i] += static_cast<double>(s[i]);
     }
     mix.is_bounded = mix.is_bounded || medium.is_bounded;
+    mix.is_matter = mix.is_matter || medium.is_matter;
+    mix.is_hidden = mix.is_hidden || medium.is_hidden;
     if (!medium.emits) continue;
     const Color radiance = Evaluate<Color>(medium.radiance, medium.radiance_spectrum,
                                            medium.radiance_scale, wavelengths);

@@ -40,11 +40,15 @@ struct RayCounts {
   // they say: a medium was left that had not been entered, or has no end where it should have one,
   // or kMediaAtOnceMax are entered and another one.
   uint64_t broken_nestings = 0;
+  uint64_t long_walks = 0;  // Paths that ended for kMatterStepsMax.
 };
 
 // Surfaces that let a ray pass (cut-outs, interfaces) do not count as scattering; beyond this many
 // in one segment the path ends, so that no arrangement of them can hold a worker.
 inline constexpr uint32_t kPassesMax = 1024;
+// Vertices of a path in matter; one that has more ends and is counted. Of paths into a half space
+// that absorbs nothing a thousandth has more.
+inline constexpr uint32_t kMatterStepsMax = 1u << 20;
 // Roulette starts after this many scattering events and ends a path with at most this probability.
 inline constexpr uint32_t kRouletteDepthMin = 1;
 inline constexpr float kRouletteStopMax = 0.95f;
@@ -75,7 +79,9 @@ class PathTracer {
   static constexpr bool kSpectral = Has(kTraits, Trait::kSpectral);
   static constexpr bool kOutputs = Has(kTraits, Trait::kOutputs);
   static constexpr bool kMapsNormals = Has(kTraits, Trait::kNormalMaps);
-  static constexpr bool kMedia = Has(kTraits, Trait::kMedia);
+  static constexpr bool kMedia = (kTraits & kInsides) != 0;
+  static constexpr bool kNested = Has(kTraits, Trait::kNestedDielectrics);
+  static constexpr bool kSubsurface = Has(kTraits, Trait::kSubsurface);
   static constexpr bool kChromaticMedia = Has(kTraits, Trait::kChromaticMedia);
   // What asks for no colour, or for the colour as RGB, leaves the wavelengths out.
   static constexpr uint32_t kRgbTraits = kTraits & ~TraitSet(Trait::kSpectral);
@@ -87,15 +93,29 @@ class PathTracer {
   struct NearPlane {
     Vec3f p, n;
     bool is_set = false;
+    float p_error = 0;  // Of p along n, for matter.
   };
+  struct InVacuum {};
   // What the path is in, and what that does to light.
   struct InMedia {
+    // Ranks of the shapes with a priority that it is inside of. The medium of the highest is in
+    // `set`.
+    [[no_unique_address]] std::conditional_t<kNested, MediumSet, InVacuum> interiors;
     MediumSet set;
     MediumMix<Color> mix;
     NearPlane near;
     Vec3f camera_o;  // Where the path began.
   };
-  struct InVacuum {};
+  // A path in matter: path_tracer_matter.h.
+  struct InMatter {
+    uint32_t steps = 0;   // Vertices so far.
+    uint32_t vertex = 0;  // The last one's, for its slots.
+    // Of the true place from the rounded one, or from near.p where the walk is next to it.
+    Vec3d offset{};
+    bool is_near = false;      // The walk goes on before a plane, without rays.
+    bool has_arrived = false;  // The ray leads to the boundary, which the path meets along:
+    Vec3f arrives_along;
+  };
 
   struct Path {
     Ray ray;
@@ -110,6 +130,7 @@ class PathTracer {
     Vec3f from, from_n;               // Where the ray began, and the hint of light sampling there.
     EnvironmentMap::Place sky_place;  // Of the ray's direction, once scattered.
     [[no_unique_address]] std::conditional_t<kMedia, InMedia, InVacuum> media;
+    [[no_unique_address]] std::conditional_t<kSubsurface, InMatter, InVacuum> matter;
   };
 
   // Numbers to sample a light with, and what could be begun with them alone.
@@ -214,6 +235,59 @@ class PathTracer {
   // Whether the surface lets the choice-th ray pass that comes by for light.
   bool LetsPass(const SurfacePoint& point, PassChoice choice) const;
 
+  // Whose slots the next vertex draws from, and the last.
+  static uint32_t NextVertex(const Path& path) {
+    if constexpr (kSubsurface) {
+      if (path.media.mix.is_matter) return kMatterVertex + path.matter.steps;
+    }
+    return path.depth;
+  }
+  static uint32_t LastVertex(const Path& path) {
+    if constexpr (kSubsurface) return path.matter.vertex;
+    return path.depth - 1;
+  }
+  // Counts a vertex. False where the path ends before it. in_matter: it is of the walk beneath a
+  // surface, or of the surface from below.
+  bool CountVertex(bool in_matter, Path* path) {
+    if constexpr (kSubsurface) {
+      path->matter.vertex = NextVertex(*path);
+      if (path->media.mix.is_matter && ++path->matter.steps > kMatterStepsMax) {
+        ++counts_.long_walks;
+        return false;
+      }
+      if (in_matter) return true;
+    }
+    return path->depth++ != static_cast<uint32_t>(scene_.settings.max_depth);
+  }
+
+  // path_tracer_matter.h.
+  // Requires: path->matter.is_near. Takes the path before its plane to where it meets that, or
+  // farther away. False where the path ends.
+  bool WalkNearPlane(const Sampler& sampler, Path* path);
+  // The vertex in a medium is truly at place, and p is what that was rounded to.
+  static void PlaceInMatter(Vec3d place, Vec3f p, Path* path);
+  // The same at a surface, which the path has entered or not left.
+  static void StartAtBoundary(const SurfacePoint& point, Path* path);
+  static bool IsFine(const Path& path);
+
+  // path_tracer_interiors.h.
+  enum class BoundaryKind : uint8_t {
+    kPlain,   // Of no matter with a priority.
+    kMatter,  // Between matter of the surface's rank and of rank `other`.
+    kHidden,  // Not there, as other matter is on both sides of it.
+    kBroken,  // Left from where it had not been entered; counted.
+  };
+  struct Boundary {
+    BoundaryKind kind = BoundaryKind::kPlain;
+    uint16_t other = kNoRank;
+  };
+  // What a ray along d meets at the point.
+  Boundary BoundaryAt(const SurfacePoint& point, Vec3f d, const InMedia& media) const;
+  bool LetsPassByPriority(const SurfacePoint& point, Vec3f d, const Path& path,
+                          const InMedia& media) const;
+  // Cross for a surface with a rank. False where the nesting is broken.
+  bool CrossInterior(const Surface& surface, bool enters, InMedia* media) const;
+
   // path_tracer_media.h.
   enum class Travel : uint8_t { kArrived, kScattered, kEnded };
   void StartInMedia(Path* path) const;
@@ -315,6 +389,9 @@ void PathTracer<kTraits, Tracer, kDirectLight>::Trace(const Sampler& sampler, Pa
   bool is_first = true;
   uint32_t passes = 0;
   for (;;) {
+    if constexpr (kSubsurface) {
+      if (path->matter.is_near && !WalkNearPlane(sampler, path)) return;
+    }
     ++counts_.rays;
     RawHit hit;
     const bool meets = tracer_.Intersect(path->ray, &hit);
@@ -326,13 +403,19 @@ void PathTracer<kTraits, Tracer, kDirectLight>::Trace(const Sampler& sampler, Pa
     }
     if (!meets) return AddEscape(path);
     // Begun here, the look-up of a light need not be waited for when the surface is known.
-    const LightDraw draw = DrawLight(sampler, path->depth);
+    const LightDraw draw = DrawLight(sampler, NextVertex(*path));
     Plane plane;
     SurfacePoint point = MakeSurfacePoint<kTraits>(scene_.geometry, path->ray, hit, &plane);
     const Surface& surface = *point.surface;
+    bool in_matter = false;
+    if constexpr (kSubsurface) {
+      if (path->matter.has_arrived) path->ray.d = path->matter.arrives_along;
+      path->matter.has_arrived = false;
+      in_matter = path->media.mix.is_matter && surface.encloses_matter;
+    }
     PassChoice choice{};
     if (kMayPass && (surface.has_alpha || surface.may_pass)) {
-      const Vec2f u = sampler.Get2(Slot(path->depth, VertexSlot::kSurface));
+      const Vec2f u = sampler.Get2(Slot(NextVertex(*path), VertexSlot::kSurface));
       choice = MakeChoice({u.x, u.y}, passes);
     }
     bool passes_through = IsCutOut(point, choice.cut_out);
@@ -340,10 +423,21 @@ void PathTracer<kTraits, Tracer, kDirectLight>::Trace(const Sampler& sampler, Pa
     if (!passes_through) {
       if (Has(kTraits, Trait::kAreaLights) && point.emitter != kNoEmitter) AddEmission(point, path);
       // The last vertex needs no material, unless it may turn out not to be there.
-      if (path->depth == depth_max && !is_first && !(kMayPass && surface.may_pass)) return;
+      if (path->depth == depth_max && !is_first && !in_matter && !(kMayPass && surface.may_pass)) {
+        return;
+      }
       bsdf = scene_.materials->template Evaluate<kTraits>(surface.material, TexturePointOf(point),
                                                           choice.mix, path->wavelengths);
       passes_through = kMayPass && bsdf.kind == BsdfKind::kInterface;
+      if constexpr (kNested) {
+        const Boundary boundary = BoundaryAt(point, path->ray.d, path->media);
+        if (boundary.kind == BoundaryKind::kBroken) return;
+        if (boundary.kind == BoundaryKind::kHidden) passes_through = true;
+        if (boundary.kind == BoundaryKind::kMatter && !passes_through) {
+          passes_through = !scene_.interiors->template SetOutside<Color>(surface, boundary.other,
+                                                                         path->wavelengths, &bsdf);
+        }
+      }
     }
     if (passes_through) {
       if (++passes > kPassesMax) return;
@@ -363,7 +457,8 @@ void PathTracer<kTraits, Tracer, kDirectLight>::Trace(const Sampler& sampler, Pa
       point.shading = Frame::FromNormal(point.ng);
     Tilt tilt;
     if constexpr (kMapsNormals) {
-      if (plane && !is_hair) tilt = MapNormal(sampler, *plane, choice.mix, path->depth, wo, &point);
+      if (plane && !is_hair)
+        tilt = MapNormal(sampler, *plane, choice.mix, NextVertex(*path), wo, &point);
     }
     if (is_first) {
       is_first = false;
@@ -375,7 +470,7 @@ void PathTracer<kTraits, Tracer, kDirectLight>::Trace(const Sampler& sampler, Pa
         if (outputs_ != nullptr) RecordFirstHit(scene_, path->ray, point, outputs_);
       }
     }
-    if (path->depth++ == depth_max) return;
+    if (!CountVertex(in_matter, path)) return;
     if constexpr (kSpectral) {
       if (bsdf.disperses) FollowHero(path);
     }
@@ -439,6 +534,8 @@ void PathTracer<kTraits, Tracer, kDirectLight>::AddEmission(const SurfacePoint& 
 
 }  // namespace sheaf::render
 
+#include "worker/render/path_tracer_interiors.h"
+#include "worker/render/path_tracer_matter.h"
 #include "worker/render/path_tracer_media.h"
 #include "worker/render/path_tracer_scattering.h"
 #include "worker/render/path_tracer_visibility.h"

@@ -39,8 +39,10 @@ enum class Trait : uint32_t {
   kHeterogeneousMedia = 1u << 20,   // Some that are not the same everywhere.
   kChromaticMedia = 1u << 21,       // Some that absorb or scatter some colours more than others.
   kEmissiveMedia = 1u << 22,        // Some that shine.
+  kSubsurface = 1u << 23,           // Matter that scatters light beneath its surface.
+  kNestedDielectrics = 1u << 24,    // Matter that overlaps, by priority.
 };
-inline constexpr int kTraitCount = 23;
+inline constexpr int kTraitCount = 25;
 
 struct PlannedEffect {
   Trait trait{};

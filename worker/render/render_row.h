@@ -45,6 +45,7 @@ void RenderRow(const CompiledScene& scene, int32_t x0, int32_t x1, int32_t y, Sa
   counts->rays += local.rays;
   counts->shadow_rays += local.shadow_rays;
   counts->broken_nestings += local.broken_nestings;
+  counts->long_walks += local.long_walks;
 }
 
 }  // namespace sheaf::render

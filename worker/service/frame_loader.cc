@@ -66,6 +66,11 @@ class FrameScene : public LoadedScene {
                               "surfaces that bound media must be closed, and both sides of each "
                               "MediumInterface right"));
     }
+    if (stats.long_walks > 0) {
+      LogWarning(absl::StrCat(lease.frame_name, ": ", stats.long_walks,
+                              " paths ended because they scattered too often beneath a surface, "
+                              "which darkens it: raise sigma_a or lower sigma_s"));
+    }
     FinishedPart part;
     part.lease_id = lease.lease_id;
     part.frame_digest = lease.frame_digest;
