@@ -229,6 +229,35 @@ void MakeGreyWhatIsColored(SceneDescription* scene) {
   }
 }
 
+// The same of what paths can be in.
+void ChangeInsides(Trait trait, SceneWithout* without) {
+  SceneDescription* scene = &without->scene;
+  switch (trait) {
+    case Trait::kMedia:
+      without->how = "without media";
+      return ClearTheAir(scene);
+    case Trait::kHeterogeneousMedia:
+      without->how = "media are the same everywhere";
+      for (MediumDescription& medium : scene->media) medium.kind = HomogeneousMedium{};
+      return;
+    case Trait::kChromaticMedia:
+      without->how = "media are grey";
+      return MakeGreyWhatIsColored(scene);
+    case Trait::kEmissiveMedia:
+      without->how = "media do not shine";
+      for (MediumDescription& medium : scene->media) medium.emits = false;
+      return;
+    case Trait::kSubsurface:
+      without->how = "matter is as bright and opaque";
+      return MakeSkinDeep(scene);
+    case Trait::kNestedDielectrics:
+      without->how = "priorities are forgotten";
+      return ForgetPriorities(scene);
+    default:
+      return;
+  }
+}
+
 void Change(Trait trait, SceneWithout* without) {
   SceneDescription* scene = &without->scene;
   switch (trait) {
@@ -292,25 +321,12 @@ void Change(Trait trait, SceneWithout* without) {
       without->settings.outputs = {};
       return;
     case Trait::kMedia:
-      without->how = "without media";
-      return ClearTheAir(scene);
     case Trait::kHeterogeneousMedia:
-      without->how = "media are the same everywhere";
-      for (MediumDescription& medium : scene->media) medium.kind = HomogeneousMedium{};
-      return;
     case Trait::kChromaticMedia:
-      without->how = "media are grey";
-      return MakeGreyWhatIsColored(scene);
     case Trait::kEmissiveMedia:
-      without->how = "media do not shine";
-      for (MediumDescription& medium : scene->media) medium.emits = false;
-      return;
     case Trait::kSubsurface:
-      without->how = "matter is as bright and opaque";
-      return MakeSkinDeep(scene);
     case Trait::kNestedDielectrics:
-      without->how = "priorities are forgotten";
-      return ForgetPriorities(scene);
+      return ChangeInsides(trait, without);
     case Trait::kTextures:  // LeaveOut's, as it needs files.
       return;
   }

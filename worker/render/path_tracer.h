@@ -149,6 +149,8 @@ class PathTracer {
   struct PassChoice {
     float cut_out, mix;
   };
+  static PassChoice ChoiceAt(const Sampler& sampler, const Surface& surface, uint32_t passes,
+                             const Path& path);
   static PassChoice MakeChoice(std::array<float, 2> u, uint32_t pass);
 
   // Of a vertex where maps may have turned the normal.
@@ -158,6 +160,8 @@ class PathTracer {
 
   Ray CameraRay(const Sampler& sampler, int32_t x, int32_t y, FilmSample* film) const;
   void Trace(const Sampler& sampler, Path* path, FilmSample* film);
+  void RecordSurface(const BsdfOf<Color>& bsdf, const SurfacePoint& point, float u_mix,
+                     const Path& path, Vec3f camera_o, FilmSample* film) const;
   TexturePoint TexturePointOf(const SurfacePoint& point) const;
   bool IsCutOut(const SurfacePoint& point, float u) const;
   void AddEscape(Path* path);
@@ -261,6 +265,8 @@ class PathTracer {
   }
 
   // path_tracer_matter.h.
+  // Whether the path comes to the boundary of the matter it is in; then it does so along its walk.
+  static bool ArriveInMatter(const Surface& surface, Path* path);
   // Requires: path->matter.is_near. Takes the path before its plane to where it meets that, or
   // farther away. False where the path ends.
   bool WalkNearPlane(const Sampler& sampler, Path* path);
@@ -283,6 +289,9 @@ class PathTracer {
   };
   // What a ray along d meets at the point.
   Boundary BoundaryAt(const SurfacePoint& point, Vec3f d, const InMedia& media) const;
+  // The same for the ray of the path; bsdf becomes that between the two matters. kHidden also where
+  // their indices are the same.
+  BoundaryKind MeetInterior(const SurfacePoint& point, const Path& path, BsdfOf<Color>* bsdf) const;
   bool LetsPassByPriority(const SurfacePoint& point, Vec3f d, const Path& path,
                           const InMedia& media) const;
   // Cross for a surface with a rank. False where the nesting is broken.
@@ -381,161 +390,11 @@ Ray PathTracer<kTraits, Tracer, kDirectLight>::CameraRay(const Sampler& sampler,
   return scene_.camera.template MakeRay<kTraits>(raster, lens_u, time);
 }
 
-template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight>
-void PathTracer<kTraits, Tracer, kDirectLight>::Trace(const Sampler& sampler, Path* path,
-                                                      FilmSample* film) {
-  const auto depth_max = static_cast<uint32_t>(scene_.settings.max_depth);
-  const Vec3f camera_o = path->ray.o;
-  bool is_first = true;
-  uint32_t passes = 0;
-  for (;;) {
-    if constexpr (kSubsurface) {
-      if (path->matter.is_near && !WalkNearPlane(sampler, path)) return;
-    }
-    ++counts_.rays;
-    RawHit hit;
-    const bool meets = tracer_.Intersect(path->ray, &hit);
-    if constexpr (kMedia) {
-      const Travel travel =
-          TravelThroughMedia(sampler, meets ? &hit : nullptr, &passes, &is_first, path, film);
-      if (travel == Travel::kEnded) return;
-      if (travel == Travel::kScattered) continue;
-    }
-    if (!meets) return AddEscape(path);
-    // Begun here, the look-up of a light need not be waited for when the surface is known.
-    const LightDraw draw = DrawLight(sampler, NextVertex(*path));
-    Plane plane;
-    SurfacePoint point = MakeSurfacePoint<kTraits>(scene_.geometry, path->ray, hit, &plane);
-    const Surface& surface = *point.surface;
-    bool in_matter = false;
-    if constexpr (kSubsurface) {
-      if (path->matter.has_arrived) path->ray.d = path->matter.arrives_along;
-      path->matter.has_arrived = false;
-      in_matter = path->media.mix.is_matter && surface.encloses_matter;
-    }
-    PassChoice choice{};
-    if (kMayPass && (surface.has_alpha || surface.may_pass)) {
-      const Vec2f u = sampler.Get2(Slot(NextVertex(*path), VertexSlot::kSurface));
-      choice = MakeChoice({u.x, u.y}, passes);
-    }
-    bool passes_through = IsCutOut(point, choice.cut_out);
-    BsdfOf<Color> bsdf;
-    if (!passes_through) {
-      if (Has(kTraits, Trait::kAreaLights) && point.emitter != kNoEmitter) AddEmission(point, path);
-      // The last vertex needs no material, unless it may turn out not to be there.
-      if (path->depth == depth_max && !is_first && !in_matter && !(kMayPass && surface.may_pass)) {
-        return;
-      }
-      bsdf = scene_.materials->template Evaluate<kTraits>(surface.material, TexturePointOf(point),
-                                                          choice.mix, path->wavelengths);
-      passes_through = kMayPass && bsdf.kind == BsdfKind::kInterface;
-      if constexpr (kNested) {
-        const Boundary boundary = BoundaryAt(point, path->ray.d, path->media);
-        if (boundary.kind == BoundaryKind::kBroken) return;
-        if (boundary.kind == BoundaryKind::kHidden) passes_through = true;
-        if (boundary.kind == BoundaryKind::kMatter && !passes_through) {
-          passes_through = !scene_.interiors->template SetOutside<Color>(surface, boundary.other,
-                                                                         path->wavelengths, &bsdf);
-        }
-      }
-    }
-    if (passes_through) {
-      if (++passes > kPassesMax) return;
-      if constexpr (kMedia) {
-        if (!Cross(point, path->ray.d, *path, &path->media)) return;
-      }
-      path->ray.o = OffsetRayOrigin(point.p, point.p_error, point.ng, path->ray.d);
-      path->ray.source = point.id;
-      continue;
-    }
-    passes = 0;
-    const Vec3f wo = -path->ray.d;
-    // Seen from below its own horizon a shading normal has no meaning: the true one takes its
-    // place.
-    const bool is_hair = IsHair<kTraits>(bsdf);
-    if (!is_hair && Dot(wo, point.shading.n) * Dot(wo, point.ng) <= 0)
-      point.shading = Frame::FromNormal(point.ng);
-    Tilt tilt;
-    if constexpr (kMapsNormals) {
-      if (plane && !is_hair)
-        tilt = MapNormal(sampler, *plane, choice.mix, NextVertex(*path), wo, &point);
-    }
-    if (is_first) {
-      is_first = false;
-      film->albedo = AlbedoOf(bsdf, point, choice.mix);
-      film->alpha = 1;
-      film->normal = point.shading.n;
-      film->depth = Length(point.p - camera_o);
-      if constexpr (kOutputs) {
-        if (outputs_ != nullptr) RecordFirstHit(scene_, path->ray, point, outputs_);
-      }
-    }
-    if (!CountVertex(in_matter, path)) return;
-    if constexpr (kSpectral) {
-      if (bsdf.disperses) FollowHero(path);
-    }
-    const Vec3f wo_local = point.shading.ToLocal(wo);
-    const bool transmits = TransmitsLight(bsdf);
-    // Lights behind an opaque surface need not be looked at.
-    Vec3f light_hint{};
-    if (!transmits) light_hint = Dot(wo, point.ng) < 0 ? -point.ng : point.ng;
-    if (!bsdf.specular) AddDirect(draw, point, tilt, bsdf, wo_local, light_hint, path);
-    if (!Scatter(sampler, point, tilt, bsdf, wo_local, light_hint, path)) return;
-  }
-}
-
-template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight>
-TexturePoint PathTracer<kTraits, Tracer, kDirectLight>::TexturePointOf(
-    const SurfacePoint& point) const {
-  TexturePoint texture_point;
-  if constexpr (Has(kTraits, Trait::kHair)) texture_point.uv = point.uv;
-  if constexpr (Has(kTraits, Trait::kTextures)) {
-    texture_point.uv = point.uv;
-    if (point.surface->reads_textures) {
-      texture_point.p_world = ToFloat(ToDouble(point.p) + scene_.geometry.render_origin_world);
-    }
-  }
-  return texture_point;
-}
-
-template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight>
-void PathTracer<kTraits, Tracer, kDirectLight>::AddEscape(Path* path) {
-  if constexpr (Has(kTraits, Trait::kEnvironment)) {
-    if (path->specular) {
-      AddSky(path->from, path->ray.d, path->throughput,
-             path->throughput * scene_.lights->template EnvironmentRadiance<kTraits>(
-                                    path->from, path->ray.d, path->wavelengths),
-             path);
-      return;
-    }
-    const EnvironmentValueOf<Color> value = scene_.lights->template EvalEnvironment<kTraits>(
-        path->from, path->from_n, path->ray.d, path->wavelengths, path->sky_place);
-    const float weight = MetShare(path->pdf, value.pdf);
-    AddSky(path->from, path->ray.d, path->throughput * weight,
-           path->throughput * value.radiance * weight, path);
-  }
-}
-
-template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight>
-void PathTracer<kTraits, Tracer, kDirectLight>::AddEmission(const SurfacePoint& point, Path* path) {
-  if constexpr (Has(kTraits, Trait::kAreaLights)) {
-    const Color radiance = scene_.lights->template EmitterRadianceAt<kTraits>(
-        point.emitter, point.EmitterNormal(), -path->ray.d, point.uv, path->wavelengths);
-    if (radiance.IsBlack()) return;
-    float weight = 1;
-    if (!path->specular) {
-      weight =
-          MetShare(path->pdf, scene_.lights->template PdfEmitter<kTraits>(
-                                  point.emitter, path->from, path->from_n, path->ray.d, point.p));
-    }
-    AddLight(point.emitter, path->throughput * radiance * weight, path);
-  }
-}
-
 }  // namespace sheaf::render
 
 #include "worker/render/path_tracer_interiors.h"
 #include "worker/render/path_tracer_matter.h"
 #include "worker/render/path_tracer_media.h"
 #include "worker/render/path_tracer_scattering.h"
+#include "worker/render/path_tracer_surface.h"
 #include "worker/render/path_tracer_visibility.h"

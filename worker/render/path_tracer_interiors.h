@@ -30,6 +30,21 @@ PathTracer<kTraits, Tracer, kDirectLight>::BoundaryAt(const SurfacePoint& point,
 }
 
 template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight>
+typename PathTracer<kTraits, Tracer, kDirectLight>::BoundaryKind
+PathTracer<kTraits, Tracer, kDirectLight>::MeetInterior(const SurfacePoint& point, const Path& path,
+                                                        BsdfOf<Color>* bsdf) const {
+  const Boundary boundary = BoundaryAt(point, path.ray.d, path.media);
+  if constexpr (kNested) {
+    if (boundary.kind == BoundaryKind::kMatter &&
+        !scene_.interiors->template SetOutside<Color>(*point.surface, boundary.other,
+                                                      path.wavelengths, bsdf)) {
+      return BoundaryKind::kHidden;
+    }
+  }
+  return boundary.kind;
+}
+
+template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight>
 bool PathTracer<kTraits, Tracer, kDirectLight>::LetsPassByPriority(const SurfacePoint& point,
                                                                    Vec3f d, const Path& path,
                                                                    const InMedia& media) const {

@@ -41,6 +41,13 @@ bool PathTracer<kTraits, Tracer, kDirectLight>::IsFine(const Path& path) {
 }
 
 template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight>
+bool PathTracer<kTraits, Tracer, kDirectLight>::ArriveInMatter(const Surface& surface, Path* path) {
+  if (path->matter.has_arrived) path->ray.d = path->matter.arrives_along;
+  path->matter.has_arrived = false;
+  return path->media.mix.is_matter && surface.encloses_matter;
+}
+
+template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight>
 void PathTracer<kTraits, Tracer, kDirectLight>::StartAtBoundary(const SurfacePoint& point,
                                                                 Path* path) {
   path->media.near.p_error = ErrorAlongNormal(point);
