@@ -58,9 +58,8 @@ void ExpectSound(const Rendered& rendered) {
   EXPECT_EQ(rendered.stats.broken_nestings, 0u);
 }
 
-// A block of glass with water in it, as three interfaces by hand and as bodies that overlap: the
-// water reaches into the glass around it, which displaces it.
-TEST(NestedStability, GlassOfWaterIsItsThreeInterfaces) {
+// Water within glass, by hand as interfaces of relative indices, and as bodies that overlap.
+TEST(NestedStability, WaterInGlassIsItsInterfaces) {
   for (const float alpha : {0.0f, 0.2f}) {
     SCOPED_TRACE(alpha);
     const FrameSettings settings = SquareSettings(24, DrawCount(128, 4096), 12);
@@ -72,7 +71,7 @@ TEST(NestedStability, GlassOfWaterIsItsThreeInterfaces) {
                  by_hand.Clear(kWater / kGlass, {}, alpha));
     NestedScene nested(kEye, kCenter, 35);
     nested.LightUp();
-    // The glass is hollow: the water is within the hole, and larger.
+    // Water displaces glass.
     nested.Fill({-1, -1, -1}, {1, 1, 1}, nested.Clear(kGlass, 1, alpha));
     nested.Fill({-0.6f, -0.6f, -0.6f}, {0.6f, 0.6f, 0.6f}, nested.Clear(kWater, 2, alpha));
     const Rendered a = RenderCounted(by_hand.scene, settings);

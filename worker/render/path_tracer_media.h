@@ -104,6 +104,12 @@ PathTracer<kTraits, Tracer, kDirectLight>::ShareThroughMedia(const SurfacePoint&
         return {};
       }
     }
+    if constexpr (kNested) {
+      if (!meets && light.is_infinite && !media.interiors.empty()) {
+        ++counts_.broken_nestings;
+        return {};
+      }
+    }
     if (!media.set.empty()) {
       if (!meets && light.is_infinite && media.mix.is_bounded) {
         ++counts_.broken_nestings;
@@ -207,7 +213,10 @@ PathTracer<kTraits, Tracer, kDirectLight>::TravelThroughMedia(const Sampler& sam
       SampleFlight<kChromaticMedia>(media.mix, length, u, path->throughput);
   path->throughput *= flight.weight;
   if (path->throughput.IsBlack()) return Travel::kEnded;
-  if (!flight.scatters) return Travel::kArrived;
+  if (!flight.scatters) {
+    if constexpr (kSubsurface) path->matter.offset = {};
+    return Travel::kArrived;
+  }
   *passes = 0;
   const double t = flight.distance / unit;
   const Vec3f p = PointInMedium(path->ray, hit, t, &media.near);
