@@ -25,9 +25,6 @@ ColorSpec NamedColor(const std::string& name) {
   return color;
 }
 
-// pbrt-v4 materials that Sheaf does not do yet, for a better message than "unknown".
-constexpr const char* kKnownMaterials[] = {"subsurface"};
-
 }  // namespace
 
 int32_t MaterialTable::Add(const std::string& type, ParameterList parameters) {
@@ -117,6 +114,8 @@ MaterialDescription MaterialTable::Make(const std::string& type, ParameterList& 
     material = MakeHair(parameters);
   } else if (type == "measured") {
     material = MakeMeasured(parameters);
+  } else if (type == "subsurface") {
+    material = MakeSubsurface(parameters);
   } else if (type == "mix") {
     material = MakeMix(parameters);
   } else if (type == "interface" || type.empty() || type == "none") {
@@ -127,13 +126,17 @@ MaterialDescription MaterialTable::Make(const std::string& type, ParameterList& 
     }
     material = InterfaceMaterial{};
   } else {
-    const bool is_known = std::find(std::begin(kKnownMaterials), std::end(kKnownMaterials), type) !=
-                          std::end(kKnownMaterials);
     parameters.Error(absl::StrCat(
-        parameters.owner(), ": type \"", type, "\" is ", is_known ? "not supported" : "unknown",
-        "; Sheaf does diffuse, diffusetransmission, conductor, dielectric, thindielectric, "
-        "coateddiffuse, coatedconductor, hair, measured, mix and interface"));
+        parameters.owner(), ": type \"", type,
+        "\" is unknown; Sheaf does diffuse, diffusetransmission, conductor, dielectric, "
+        "thindielectric, coateddiffuse, coatedconductor, hair, measured, subsurface, mix and "
+        "interface"));
     return description;
+  }
+  if (std::holds_alternative<DielectricMaterial>(material) ||
+      std::holds_alternative<SubsurfaceMaterial>(material) ||
+      std::holds_alternative<InterfaceMaterial>(material)) {
+    if (parameters.Has("priority")) description.priority = parameters.GetInteger("priority", 0);
   }
   if (!std::holds_alternative<InterfaceMaterial>(material)) GetBumps(parameters, &description);
   parameters.ReportUnused();
@@ -383,6 +386,20 @@ void MaterialTable::Finish() {
                           absl::StrCat("the mix material \"", name, "\" contains itself"));
     }
     if (diagnostics_->Exhausted()) return;
+  }
+  for (const MaterialDescription& material : scene_->materials) {
+    const auto* mix = std::get_if<MixMaterial>(&material.material);
+    if (mix == nullptr) continue;
+    for (const int32_t part : mix->material) {
+      if (part == kNone) continue;
+      const MaterialDescription& mixed = scene_->materials[static_cast<size_t>(part)];
+      const bool is_matter = std::holds_alternative<SubsurfaceMaterial>(mixed.material);
+      if (!is_matter && !mixed.priority.has_value()) continue;
+      diagnostics_->Error(material.location,
+                          absl::StrCat("a mix cannot hold \"", mixed.name, "\", which ",
+                                       is_matter ? "is subsurface" : "has a priority",
+                                       ": a path must leave matter as it entered it"));
+    }
   }
 }
 

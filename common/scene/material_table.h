@@ -8,6 +8,7 @@
 #include <cstdint>
 #include <map>
 #include <string>
+#include <vector>
 
 #include "common/scene/parameter_list.h"
 #include "common/scene/scene_description.h"
@@ -33,6 +34,10 @@ class MaterialTable {
   // Whether the material is "interface". Named materials count once they are made.
   bool IsInterface(int32_t material) const;
 
+  // What is inside of subsurface materials, by their `medium` until these take a place in the
+  // scene.
+  const std::vector<MediumDescription>& matter() const { return matter_; }
+
   // Reports names that lead nowhere and mixes that contain themselves. Call once, at the end.
   void Finish();
 
@@ -54,6 +59,7 @@ class MaterialTable {
   CoatedConductorMaterial MakeCoatedConductor(ParameterList& parameters);
   HairMaterial MakeHair(ParameterList& parameters);
   MeasuredMaterial MakeMeasured(ParameterList& parameters);
+  SubsurfaceMaterial MakeSubsurface(ParameterList& parameters);
   MixMaterial MakeMix(ParameterList& parameters);
   // Fills in what a coat has whatever is below it. eta_name: of its index of refraction.
   void GetCoat(ParameterList& parameters, const std::string& eta_name, ClearCoat* coat);
@@ -73,6 +79,7 @@ class MaterialTable {
   FileSource* files_;
   Diagnostics* diagnostics_;
   std::map<std::string, Slot> slots_;
+  std::vector<MediumDescription> matter_;
   int32_t default_ = kNone;
 };
 

@@ -69,6 +69,9 @@ struct MediumDescription {
   bool emits = false;        // Then what is absorbed over a length is emitted over it, in units of
   ColorSpec radiance;        // this (an illuminant)
   float radiance_scale = 1;  // times this. Grids of temperatures use radiance_scale only.
+  // The inside of a material: scattering there counts no depth, and every path in it must come to
+  // the boundary. Homogeneous.
+  bool is_matter = false;
   Matrix4 world_from_medium;
   SourceLocation location;
 

@@ -16,38 +16,12 @@
 namespace sheaf {
 namespace {
 
-// Reports coefficients that no matter has, and makes them 0.
-void RequireCoefficient(ParameterList& parameters, const std::string& name, ColorSpec* color) {
-  bool is_right = IsFinite(color->rgb) && std::min({color->rgb.r, color->rgb.g, color->rgb.b}) >= 0;
-  for (const float value : color->values) is_right = is_right && std::isfinite(value) && value >= 0;
-  if (is_right) return;
-  parameters.ErrorAt(*parameters.Find(name), "must be finite and 0 or more everywhere");
-  *color = {};
-}
-
 void GetCoefficients(ParameterList& parameters, FileSource& files, MediumDescription* medium) {
   const ColorSpec one = RgbColor(Rgb::Grey(1));
   medium->sigma_a = GetColor(parameters, "sigma_a", ColorRole::kUnbounded, one, files);
   medium->sigma_s = GetColor(parameters, "sigma_s", ColorRole::kUnbounded, one, files);
   RequireCoefficient(parameters, "sigma_a", &medium->sigma_a);
   RequireCoefficient(parameters, "sigma_s", &medium->sigma_s);
-}
-
-// "scale" and "g", which every type has.
-void GetScaleAndPhase(ParameterList& parameters, MediumDescription* medium) {
-  medium->scale = parameters.GetFloat("scale", 1);
-  if (!(medium->scale >= 0 && std::isfinite(medium->scale))) {
-    parameters.ErrorAt(*parameters.Find("scale"), "must be finite and 0 or more");
-    medium->scale = 1;
-  }
-  medium->g = parameters.GetFloat("g", 0);
-  if (!(std::fabs(medium->g) <= kPhaseAsymmetryMax)) {
-    parameters.ErrorAt(
-        *parameters.Find("g"),
-        absl::StrCat("is ", medium->g, " but must lie in [", -kPhaseAsymmetryMax, ", ",
-                     kPhaseAsymmetryMax, "]: beyond, all is scattered straight on or back"));
-    medium->g = 0;
-  }
 }
 
 void GetRadianceScale(ParameterList& parameters, MediumDescription* medium) {
@@ -249,6 +223,30 @@ void SetVolumeFile(ParameterList& parameters, FileSource& files, MediumDescripti
 }
 
 }  // namespace
+
+void RequireCoefficient(ParameterList& parameters, const std::string& name, ColorSpec* color) {
+  bool is_right = IsFinite(color->rgb) && std::min({color->rgb.r, color->rgb.g, color->rgb.b}) >= 0;
+  for (const float value : color->values) is_right = is_right && std::isfinite(value) && value >= 0;
+  if (is_right) return;
+  parameters.ErrorAt(*parameters.Find(name), "must be finite and 0 or more everywhere");
+  *color = {};
+}
+
+void GetScaleAndPhase(ParameterList& parameters, MediumDescription* medium) {
+  medium->scale = parameters.GetFloat("scale", 1);
+  if (!(medium->scale >= 0 && std::isfinite(medium->scale))) {
+    parameters.ErrorAt(*parameters.Find("scale"), "must be finite and 0 or more");
+    medium->scale = 1;
+  }
+  medium->g = parameters.GetFloat("g", 0);
+  if (!(std::fabs(medium->g) <= kPhaseAsymmetryMax)) {
+    parameters.ErrorAt(
+        *parameters.Find("g"),
+        absl::StrCat("is ", medium->g, " but must lie in [", -kPhaseAsymmetryMax, ", ",
+                     kPhaseAsymmetryMax, "]: beyond, all is scattered straight on or back"));
+    medium->g = 0;
+  }
+}
 
 bool SetMedium(const Matrix4& world_from_medium, ParameterList& parameters, FileSource& files,
                MediumDescription* medium) {

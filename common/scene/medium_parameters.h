@@ -21,6 +21,11 @@ inline constexpr int64_t kGridCellsMax = int64_t{1} << 30;
 bool SetMedium(const Matrix4& world_from_medium, ParameterList& parameters, FileSource& files,
                MediumDescription* medium);
 
+// Reports coefficients that no matter has, and makes them 0.
+void RequireCoefficient(ParameterList& parameters, const std::string& name, ColorSpec* color);
+// "scale" and "g", which every type has.
+void GetScaleAndPhase(ParameterList& parameters, MediumDescription* medium);
+
 // Substances that "string preset" may name: reduced scattering and absorption per millimetre, as
 // linear sRGB. Sources: Jensen et al. 2001, "A Practical Model for Subsurface Light Transport",
 // table of section 5; Narasimhan et al. 2006, "Acquiring Scattering Properties of Participating

@@ -107,6 +107,8 @@ class SceneBuilder {
   ParameterList Parameters(const std::string& owner, const std::string& attribute_target,
                            std::vector<Parameter> own, SourceLocation location);
   void FinishMedia();
+  // What is inside of subsurface materials becomes media, and that of the shapes they are on.
+  void FinishMatter();
   void FinishObjects();
   bool ObjectSlot(const std::string& name, SourceLocation location, int32_t* object);
   // The index of the medium called so, made or not; kNone for no name.

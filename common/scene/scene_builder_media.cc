@@ -4,6 +4,7 @@
 // The part of SceneBuilder that handles media. They may be used before they are made.
 #include <algorithm>
 #include <utility>
+#include <variant>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
@@ -58,6 +59,32 @@ void SceneBuilder::MakeNamedMedium(const std::string& name, std::vector<Paramete
   SetMedium(state_.start, parameters, *files_, &medium);
 }
 
+void SceneBuilder::FinishMatter() {
+  const auto first = static_cast<int32_t>(scene_->media.size());
+  const std::vector<MediumDescription>& matter = materials_.matter();
+  if (matter.empty()) return;
+  scene_->media.insert(scene_->media.end(), matter.begin(), matter.end());
+  for (MaterialDescription& material : scene_->materials) {
+    auto* subsurface = std::get_if<SubsurfaceMaterial>(&material.material);
+    if (subsurface != nullptr) subsurface->medium += first;
+  }
+  for (ShapeDescription& shape : scene_->shapes) {
+    if (shape.material == kNone) continue;
+    const MaterialDescription& material = scene_->materials[static_cast<size_t>(shape.material)];
+    const auto* subsurface = std::get_if<SubsurfaceMaterial>(&material.material);
+    if (subsurface == nullptr) continue;
+    if (std::holds_alternative<CurveShape>(shape.shape)) {
+      diagnostics_->Error(shape.location,
+                          "curves have no inside; give them a material other than subsurface");
+    }
+    if (shape.media.inside != shape.media.outside && shape.media.inside != kNone) {
+      diagnostics_->Warning(shape.location,
+                            "the medium inside has no effect: the shape's material is subsurface");
+    }
+    shape.media.inside = subsurface->medium;
+  }
+}
+
 void SceneBuilder::FinishMedia() {
   std::vector<std::string> names;
   for (const MediumDescription& medium : scene_->media) names.push_back(medium.name);
@@ -74,13 +101,14 @@ void SceneBuilder::FinishMedia() {
     }
   }
   const std::string& integrator = scene_->sampling.integrator;
-  if (scene_->media.empty() || !IntegratorIgnoresMedia(integrator)) return;
+  if (scene_->media.empty() || !IntegratorIgnoresMedia(integrator)) return FinishMatter();
   diagnostics_->Warning(scene_->media[0].location,
                         absl::StrCat("media have no effect: the integrator \"", integrator,
                                      "\" ignores them, as in pbrt-v4"));
   scene_->media.clear();
   scene_->camera.medium = kNone;
   for (ShapeDescription& shape : scene_->shapes) shape.media = {};
+  FinishMatter();
 }
 
 }  // namespace sheaf

@@ -8,6 +8,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <variant>
 #include <vector>
@@ -125,6 +126,12 @@ struct DielectricMaterial {
   RoughnessInput roughness;
   RefractiveIndex eta;
 };
+// The boundary of matter that scatters light beneath it.
+struct SubsurfaceMaterial {
+  RoughnessInput roughness;
+  RefractiveIndex eta{1.33f, {}};
+  int32_t medium = kNone;  // The matter: index in media, which has is_matter.
+};
 struct ThinDielectricMaterial {
   RefractiveIndex eta;
 };
@@ -171,12 +178,15 @@ struct MaterialDescription {
   std::string name;  // Empty for unnamed ones.
   std::variant<DiffuseMaterial, DiffuseTransmissionMaterial, ConductorMaterial, DielectricMaterial,
                ThinDielectricMaterial, CoatedDiffuseMaterial, CoatedConductorMaterial, HairMaterial,
-               MeasuredMaterial, MixMaterial, InterfaceMaterial>
+               MeasuredMaterial, MixMaterial, InterfaceMaterial, SubsurfaceMaterial>
       material;
   SourceLocation location;
   int32_t normal_map = kNone;  // Index in textures: red, green, blue from [0, 1] to [-1, 1].
   // A bump map's height, in scene units; unused with normal_map.
   FloatInput displacement{0, kNone};
+  // Which matter is there where closed shapes overlap: that of the highest. Materials without one
+  // take no part. Only dielectrics, interfaces and subsurface matter have one.
+  std::optional<int32_t> priority = std::nullopt;
 };
 
 // --- Geometry ----------------------------------------------------------------------------------

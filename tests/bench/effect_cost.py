@@ -90,6 +90,9 @@ SCENES = {
     "colored media": hazed('"rgb sigma_a" [0.02 0.05 0.1] "rgb sigma_s" [0.05 0.1 0.2]'),
     "glowing media": hazed('"rgb sigma_a" [0.05 0.05 0.05] "rgb sigma_s" [0.1 0.1 0.1] '
                            '"rgb Le" [0.2 0.1 0.05]'),
+    "subsurface": boxed('Material "subsurface" "rgb reflectance" [0.8 0.5 0.3] '
+                        '"rgb mfp" [0.05 0.05 0.05]'),
+    "nested dielectrics": boxed('Material "dielectric" "integer priority" 1'),
     "wavelengths": boxed('Material "dielectric" "spectrum eta" "glass-BK7"\n'),
 }
 

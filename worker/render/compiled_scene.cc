@@ -107,7 +107,7 @@ absl::StatusOr<CompiledScenePtr> CompileScene(SceneDescription description,
   if (!settings.outputs.light_groups.empty()) {
     scene->lights->AssignGroups(scene->description, settings.outputs.light_groups);
   }
-  if (Has(scene->plan.traits, Trait::kMedia)) {
+  if ((scene->plan.traits & kInsides) != 0) {
     absl::StatusOr<std::unique_ptr<MediumTable>> media = MediumTable::Build(
         scene->description, scene->geometry, files, spectral,
         static_cast<int>(limits.build_threads > 0
@@ -119,10 +119,22 @@ absl::StatusOr<CompiledScenePtr> CompileScene(SceneDescription description,
     scene->media_group = static_cast<uint32_t>(
         std::find(groups.begin(), groups.end(), kDefaultLightGroup) - groups.begin());
   }
+  if (Has(scene->plan.traits, Trait::kNestedDielectrics)) {
+    absl::StatusOr<std::unique_ptr<InteriorTable>> interiors =
+        InteriorTable::Build(scene->description, scene->media.get(), *scene->materials, spectral,
+                             settings.single_scattering, &scene->geometry);
+    if (!interiors.ok()) return interiors.status();
+    scene->interiors = *std::move(interiors);
+  }
   absl::StatusOr<std::unique_ptr<EmbreeScene>> tracer =
       EmbreeScene::Build(scene->geometry, limits.build_threads);
   if (!tracer.ok()) return tracer.status();
   scene->tracer = *std::move(tracer);
+  if (scene->interiors) {
+    const Ray center =
+        scene->camera.MakeRay<0>({settings.width_px / 2.0, settings.height_px / 2.0}, {}, 0);
+    scene->interiors->LookAround(scene->geometry, *scene->tracer, center.o);
+  }
   return CompiledScenePtr(scene.release());
 }
 

@@ -11,6 +11,7 @@
 #include "worker/render/camera.h"
 #include "worker/render/embree_scene.h"
 #include "worker/render/filter.h"
+#include "worker/render/interior_table.h"
 #include "worker/render/light_table.h"
 #include "worker/render/material.h"
 #include "worker/render/medium.h"
@@ -32,9 +33,10 @@ class CompiledScene {
   std::unique_ptr<EmbreeScene> tracer;
   std::unique_ptr<MaterialTable> materials;
   std::unique_ptr<LightTable> lights;
-  std::unique_ptr<MediumTable> media;  // Null where the plan has none.
-  uint32_t media_group = 0;            // Index of the light group that what shines in media is in.
-  SceneIds ids;                        // Empty unless asked for.
+  std::unique_ptr<MediumTable> media;        // Null where the plan has none.
+  std::unique_ptr<InteriorTable> interiors;  // Null where the plan has no nested dielectrics.
+  uint32_t media_group = 0;  // Index of the light group that what shines in media is in.
+  SceneIds ids;              // Empty unless asked for.
 };
 
 }  // namespace sheaf::render

@@ -31,4 +31,8 @@ constexpr uint32_t Slot(uint32_t depth, VertexSlot use) {
          depth * static_cast<uint32_t>(VertexSlot::kCount) + static_cast<uint32_t>(use);
 }
 
+// Vertices in matter count no depth, and have slots of their own: the step-th is vertex
+// kMatterVertex + step. No path is as deep.
+inline constexpr uint32_t kMatterVertex = 1u << 28;
+
 }  // namespace sheaf::render

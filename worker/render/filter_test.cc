@@ -4,6 +4,7 @@
 
 #include <cmath>
 #include <functional>
+#include <numbers>
 #include <string>
 
 #include "gtest/gtest.h"
@@ -40,7 +41,9 @@ double FilterAt(Kind kind, double x_px, double radius_px) {
                    : (-7.0 / 3 * v * v * v + 12 * v * v - 20 * v + 32.0 / 3) / 6;
     }
     case Kind::kSinc: {
-      const auto sinc = [](double t) { return t == 0 ? 1 : std::sin(kPi * t) / (kPi * t); };
+      const auto sinc = [](double t) {
+        return t == 0 ? 1 : std::sin(std::numbers::pi * t) / (std::numbers::pi * t);
+      };
       return sinc(x) * sinc(x / 3);  // Lanczos of three lobes.
     }
   }

@@ -33,6 +33,8 @@ struct MediumMix {
   bool is_bounded = false;  // Of one of them: closed surfaces surround it on all sides.
   // There are others, which are not the same everywhere and not in these sums.
   bool varies = false;
+  bool is_matter = false;  // One of them is the inside of a material.
+  bool is_hidden = false;  // The same, whose boundary no shadow ray can pass.
 };
 
 // distance is uniform in [0, 1) and fine: flights through thin media end where it is nearly 0.

@@ -11,8 +11,10 @@
 #include <type_traits>
 #include <utility>
 #include <variant>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "common/scene/half_space.h"
 #include "worker/render/lens_system.h"
 #include "worker/render/plain_shape.h"
 #include "worker/render/texture_mean.h"
@@ -86,7 +88,8 @@ void MakeOpaque(SceneDescription* scene) {
     if constexpr (std::is_same_v<Old, DiffuseTransmissionMaterial>) {
       *material = DiffuseMaterial{old.reflectance};
     } else if constexpr (std::is_same_v<Old, DielectricMaterial> ||
-                         std::is_same_v<Old, ThinDielectricMaterial>) {
+                         std::is_same_v<Old, ThinDielectricMaterial> ||
+                         std::is_same_v<Old, SubsurfaceMaterial>) {
       if (!old.eta.IsMatched()) *material = DiffuseMaterial{Grey(kPlainReflectance)};
     }
   });
@@ -128,6 +131,7 @@ void CloseCutOuts(SceneDescription* scene) {
     if (material == kNone) return false;
     const auto& kind = scene->materials[material].material;
     if (const auto* glass = std::get_if<DielectricMaterial>(&kind)) return glass->eta.IsMatched();
+    if (const auto* skin = std::get_if<SubsurfaceMaterial>(&kind)) return skin->eta.IsMatched();
     if (const auto* pane = std::get_if<ThinDielectricMaterial>(&kind)) return pane->eta.IsMatched();
     return std::holds_alternative<InterfaceMaterial>(kind);
   };
@@ -183,10 +187,57 @@ void TakeOutLens(SceneDescription* scene) {
                                                  std::atan(0.5 * shorter_mm / focal_length_mm));
 }
 
+// Takes away media, and what refers to them.
+template <typename Predicate>
+void RemoveMedia(SceneDescription* scene, const Predicate& is_removed) {
+  std::vector<MediumDescription> kept;
+  std::vector<int32_t> index_of;
+  for (MediumDescription& medium : scene->media) {
+    const bool goes = is_removed(medium);
+    index_of.push_back(goes ? kNone : static_cast<int32_t>(kept.size()));
+    if (!goes) kept.push_back(std::move(medium));
+  }
+  scene->media = std::move(kept);
+  const auto move = [&](int32_t* index) {
+    if (*index != kNone) *index = index_of[static_cast<size_t>(*index)];
+  };
+  move(&scene->camera.medium);
+  for (ShapeDescription& shape : scene->shapes) {
+    move(&shape.media.inside);
+    move(&shape.media.outside);
+  }
+  for (MaterialDescription& material : scene->materials) {
+    auto* subsurface = std::get_if<SubsurfaceMaterial>(&material.material);
+    if (subsurface != nullptr) move(&subsurface->medium);
+  }
+}
+
 void ClearTheAir(SceneDescription* scene) {
-  scene->media.clear();
-  scene->camera.medium = kNone;
-  for (ShapeDescription& shape : scene->shapes) shape.media = {};
+  RemoveMedia(scene, [](const MediumDescription& medium) { return !medium.is_matter; });
+}
+
+// Diffuse as even light would see the matter.
+void MakeSkinDeep(SceneDescription* scene) {
+  ChangeMaterials(scene, [scene](const auto& old, auto* material) {
+    if constexpr (std::is_same_v<std::decay_t<decltype(old)>, SubsurfaceMaterial>) {
+      const MediumDescription& matter = scene->media[static_cast<size_t>(old.medium)];
+      ColorInput reflectance;
+      for (size_t c = 0; c < 3; ++c) {
+        const auto a = static_cast<double>(matter.sigma_a.rgb[c]);
+        const double s =
+            static_cast<double>(matter.sigma_s.rgb[c]) * (1 - static_cast<double>(matter.g));
+        const double albedo = s > 0 ? s / (a + s) : 0;
+        reflectance.value.rgb[c] =
+            static_cast<float>(HalfSpaceReflectance(albedo, static_cast<double>(old.eta.mean)));
+      }
+      *material = DiffuseMaterial{reflectance};
+    }
+  });
+  RemoveMedia(scene, [](const MediumDescription& medium) { return medium.is_matter; });
+}
+
+void ForgetPriorities(SceneDescription* scene) {
+  for (MaterialDescription& material : scene->materials) material.priority.reset();
 }
 
 void MakeGreyWhatIsColored(SceneDescription* scene) {
@@ -261,6 +312,10 @@ constexpr Change kChanges[] = {
      [](SceneWithout* without) {
        for (MediumDescription& medium : without->scene.media) medium.emits = false;
      }},
+    {Trait::kSubsurface, "matter is as bright and opaque",
+     [](SceneWithout* without) { MakeSkinDeep(&without->scene); }},
+    {Trait::kNestedDielectrics, "priorities are forgotten",
+     [](SceneWithout* without) { ForgetPriorities(&without->scene); }},
 };
 static_assert(std::size(kChanges) == kTraitCount - 1);
 

@@ -217,7 +217,10 @@ class MaterialBuilder {
     if (absl::Status status = SetRoughness(d.roughness, m); !status.ok()) return status;
     if (absl::Status status = SetIndex(d.eta, m); !status.ok()) return status;
     const float eta = d.eta.mean;
-    if (d.eta.IsMatched()) return MakeInvisible(m);
+    if (d.eta.IsMatched()) {
+      if (!description_->priority.has_value()) return MakeInvisible(m);
+      return absl::OkStatus();  // The index of what is outside may be another.
+    }
     const Ggx ggx = TableAlpha(*m);
     if (IsSmooth(ggx) || options_.single_scattering) return absl::OkStatus();
     m->dielectric_rows = FindTable(
@@ -225,6 +228,10 @@ class MaterialBuilder {
         [&] { return MakeDielectricEnergyRow(ggx, eta); },
         [&] { return MakeDielectricEnergyTable(eta); });
     return absl::OkStatus();
+  }
+
+  absl::Status Fill(const SubsurfaceMaterial& d, CompiledMaterial* m) {
+    return Fill(DielectricMaterial{d.roughness, d.eta}, m);
   }
 
   absl::Status Fill(const ThinDielectricMaterial& d, CompiledMaterial* m) {

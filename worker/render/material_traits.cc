@@ -29,6 +29,10 @@ class NeedsCollector {
   void Visit(int32_t material) {
     if (material == kNone) return;
     const MaterialDescription& description = scene_.materials[material];
+    if (description.priority.has_value()) {
+      needs_.traits |= Bit(Trait::kNestedDielectrics);
+      needs_.may_pass = has_priority_ = true;
+    }
     std::visit([this](const auto& m) { Add(m); }, description.material);
     if (description.normal_map == kNone && description.displacement.texture == kNone) return;
     needs_.traits |= Bit(Trait::kNormalMaps);
@@ -72,10 +76,14 @@ class NeedsCollector {
   }
   // Without a step of the index there is no surface: MaterialTable makes it an interface.
   void Add(const DielectricMaterial& m) {
-    if (m.eta.IsMatched()) return Add(InterfaceMaterial{});
+    if (m.eta.IsMatched() && !has_priority_) return Add(InterfaceMaterial{});
     needs_.traits |= Bit(Trait::kSpecularTransmission);
     if (m.eta.Disperses()) needs_.traits |= Bit(Trait::kSpectral);
     Read(m.roughness);
+  }
+  void Add(const SubsurfaceMaterial& m) {
+    needs_.traits |= Bit(Trait::kSubsurface);
+    Add(DielectricMaterial{m.roughness, m.eta});
   }
   void Add(const ThinDielectricMaterial& m) {
     if (m.eta.IsMatched()) return Add(InterfaceMaterial{});
@@ -123,6 +131,7 @@ class NeedsCollector {
 
   const SceneDescription& scene_;
   MaterialNeeds needs_;
+  bool has_priority_ = false;  // Then the index of what is outside is not 1.
 };
 
 }  // namespace

@@ -66,6 +66,17 @@ std::vector<bool> FindBounded(const SceneDescription& scene, const SceneGeometry
   return is_bounded;
 }
 
+// Matter beneath boundaries that bend light.
+std::vector<bool> FindHidden(const SceneDescription& scene) {
+  std::vector<bool> is_hidden(scene.media.size(), false);
+  for (const MaterialDescription& description : scene.materials) {
+    const auto* material = std::get_if<SubsurfaceMaterial>(&description.material);
+    if (material == nullptr || material->eta.IsMatched()) continue;
+    is_hidden[static_cast<size_t>(material->medium)] = true;
+  }
+  return is_hidden;
+}
+
 }  // namespace
 
 absl::StatusOr<std::unique_ptr<MediumTable>> MediumTable::Build(const SceneDescription& scene,
@@ -77,6 +88,7 @@ absl::StatusOr<std::unique_ptr<MediumTable>> MediumTable::Build(const SceneDescr
                                                      " media, more than the limit of ", kMediaMax));
   }
   const std::vector<bool> is_bounded = FindBounded(scene, geometry);
+  const std::vector<bool> is_hidden = FindHidden(scene);
   std::vector<Medium> media;
   for (const MediumDescription& description : scene.media) {
     Medium medium;
@@ -95,7 +107,10 @@ absl::StatusOr<std::unique_ptr<MediumTable>> MediumTable::Build(const SceneDescr
     medium.g = description.g;
     medium.emits =
         description.IsHomogeneous() && description.emits && description.radiance_scale > 0;
-    medium.is_bounded = is_bounded[media.size()];
+    medium.is_matter = description.is_matter;
+    medium.is_hidden = is_hidden[media.size()];
+    // Whatever its mesh: what leaves matter without meeting its boundary has no right to be there.
+    medium.is_bounded = is_bounded[media.size()] || description.is_matter;
     medium.radiance_scale = description.radiance_scale;
     if (medium.emits) medium.radiance = description.radiance.rgb * description.radiance_scale;
     if (spectral) {
@@ -113,8 +128,9 @@ absl::StatusOr<std::unique_ptr<MediumTable>> MediumTable::Build(const SceneDescr
   std::iota(order.begin(), order.end(), size_t{0});
   const auto key = [&media](size_t i) {
     const Medium& m = media[i];
-    return std::tuple(m.g, m.sigma_s.r, m.sigma_s.g, m.sigma_s.b, m.sigma_a.r, m.sigma_a.g,
-                      m.sigma_a.b, m.radiance.r, m.radiance.g, m.radiance.b);
+    return std::tuple(m.g, m.is_matter, m.is_hidden, m.sigma_s.r, m.sigma_s.g, m.sigma_s.b,
+                      m.sigma_a.r, m.sigma_a.g, m.sigma_a.b, m.radiance.r, m.radiance.g,
+                      m.radiance.b);
   };
   std::stable_sort(order.begin(), order.end(),
                    [&key](size_t a, size_t b) { return key(a) < key(b); });

@@ -74,6 +74,7 @@ class MediumTable {
     bool emits = false;
     bool is_bounded = false;
     std::unique_ptr<const VaryingMedium> varying;
+    bool is_matter = false, is_hidden = false;  // As MediumMix has them.
   };
   // Errors: see Build.
   static absl::StatusOr<std::unique_ptr<const VaryingMedium>> MakeVarying(
@@ -104,6 +105,8 @@ MediumMix<Color> MediumTable::MixOf(const MediumSet& media,
   for (const uint16_t index : media) {
     const Medium& medium = media_[index];
     mix.is_bounded = mix.is_bounded || medium.is_bounded;
+    mix.is_matter = mix.is_matter || medium.is_matter;
+    mix.is_hidden = mix.is_hidden || medium.is_hidden;
     if (medium.varying != nullptr) {
       mix.varies = true;
       continue;

@@ -6,6 +6,7 @@
 // entered and left does not matter. See docs/adr/0018.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 
@@ -15,6 +16,8 @@ namespace sheaf::render {
 inline constexpr uint32_t kMediaAtOnceMax = 8;
 // Media of a scene: an index is two bytes.
 inline constexpr uint32_t kMediaMax = 1u << 16;
+// Of surfaces that bound no matter with a priority, and of no matter.
+inline constexpr uint16_t kNoRank = 0xffff;
 
 class MediumSet {
  public:
@@ -23,6 +26,10 @@ class MediumSet {
   // In ascending order.
   const uint16_t* begin() const { return media_.data(); }
   const uint16_t* end() const { return media_.data() + count_; }
+
+  friend bool operator==(const MediumSet& a, const MediumSet& b) {
+    return std::equal(a.begin(), a.end(), b.begin(), b.end());
+  }
 
   // False where the set is full.
   [[nodiscard]] bool Add(uint16_t medium) {

@@ -37,6 +37,9 @@ namespace sheaf::render {
 // Surfaces that let a ray pass (cut-outs, interfaces) do not count as scattering; beyond this many
 // in one segment the path ends, so that no arrangement of them can hold a worker.
 inline constexpr uint32_t kPassesMax = 1024;
+// Vertices of a path in matter; one that has more ends and is counted. Of paths into a half space
+// that absorbs nothing a thousandth has more.
+inline constexpr uint32_t kMatterStepsMax = 1u << 20;
 // Roulette starts after this many scattering events and ends a path with at most this probability.
 inline constexpr uint32_t kRouletteDepthMin = 1;
 inline constexpr float kRouletteStopMax = 0.95f;
@@ -67,7 +70,9 @@ class PathTracer {
   static constexpr bool kSpectral = Has(kTraits, Trait::kSpectral);
   static constexpr bool kOutputs = Has(kTraits, Trait::kOutputs);
   static constexpr bool kMapsNormals = Has(kTraits, Trait::kNormalMaps);
-  static constexpr bool kMedia = Has(kTraits, Trait::kMedia);
+  static constexpr bool kMedia = (kTraits & kInsides) != 0;
+  static constexpr bool kNested = Has(kTraits, Trait::kNestedDielectrics);
+  static constexpr bool kSubsurface = Has(kTraits, Trait::kSubsurface);
   static constexpr bool kChromaticMedia = Has(kTraits, Trait::kChromaticMedia);
   static constexpr bool kVaryingMedia = kMedia && Has(kTraits, Trait::kHeterogeneousMedia);
   // What asks for no colour, or for the colour as RGB, leaves the wavelengths out.
@@ -80,15 +85,29 @@ class PathTracer {
   struct NearPlane {
     Vec3f p, n;
     bool is_set = false;
+    float p_error = 0;  // Of p along n, for matter.
   };
+  struct InVacuum {};
   // What the path is in, and what that does to light.
   struct InMedia {
+    // Ranks of the shapes with a priority that it is inside of. The medium of the highest is in
+    // `set`.
+    [[no_unique_address]] std::conditional_t<kNested, MediumSet, InVacuum> interiors;
     MediumSet set;
     MediumMix<Color> mix;
     NearPlane near;
     Vec3f camera_o;  // Where the path began.
   };
-  struct InVacuum {};
+  // A path in matter: path_tracer_matter.h.
+  struct InMatter {
+    uint32_t steps = 0;   // Vertices so far.
+    uint32_t vertex = 0;  // The last one's, for its slots.
+    // Of the true place from the rounded one, or from near.p where the walk is next to it.
+    Vec3d offset{};
+    bool is_near = false;      // The walk goes on before a plane, without rays.
+    bool has_arrived = false;  // The ray leads to the boundary, which the path meets along:
+    Vec3f arrives_along;
+  };
 
   struct Path {
     Ray ray;
@@ -103,6 +122,7 @@ class PathTracer {
     Vec3f from, from_n;               // Where the ray began, and the hint of light sampling there.
     EnvironmentMap::Place sky_place;  // Of the ray's direction, once scattered.
     [[no_unique_address]] std::conditional_t<kMedia, InMedia, InVacuum> media;
+    [[no_unique_address]] std::conditional_t<kSubsurface, InMatter, InVacuum> matter;
   };
 
   // Numbers to sample a light with, and what could be begun with them alone.
@@ -121,6 +141,8 @@ class PathTracer {
   struct PassChoice {
     float cut_out, mix;
   };
+  static PassChoice ChoiceAt(const Sampler& sampler, const Surface& surface, uint32_t passes,
+                             const Path& path);
   static PassChoice MakeChoice(std::array<float, 2> u, uint32_t pass);
 
   // Of a vertex where maps may have turned the normal.
@@ -132,6 +154,8 @@ class PathTracer {
   Ray CameraRay(const Sampler& sampler, int32_t x, int32_t y, FilmSample* film,
                 float* weight) const;
   void Trace(const Sampler& sampler, Path* path, FilmSample* film);
+  void RecordSurface(const BsdfOf<Color>& bsdf, const SurfacePoint& point, float u_mix,
+                     const Path& path, Vec3f camera_o, FilmSample* film) const;
   TexturePoint TexturePointOf(const SurfacePoint& point) const;
   bool IsCutOut(const SurfacePoint& point, float u) const;
   void AddEscape(Path* path);
@@ -208,6 +232,64 @@ class PathTracer {
   bool IsVisibleThroughCutOuts(Ray ray, bool is_infinite, Vec3f end, std::array<float, 2> u_pass);
   // Whether the surface lets the choice-th ray pass that comes by for light.
   bool LetsPass(const SurfacePoint& point, PassChoice choice) const;
+
+  // Whose slots the next vertex draws from, and the last.
+  static uint32_t NextVertex(const Path& path) {
+    if constexpr (kSubsurface) {
+      if (path.media.mix.is_matter) return kMatterVertex + path.matter.steps;
+    }
+    return path.depth;
+  }
+  static uint32_t LastVertex(const Path& path) {
+    if constexpr (kSubsurface) return path.matter.vertex;
+    return path.depth - 1;
+  }
+  // Counts a vertex. False where the path ends before it. in_matter: it is of the walk beneath a
+  // surface, or of the surface from below.
+  bool CountVertex(bool in_matter, Path* path) {
+    if constexpr (kSubsurface) {
+      path->matter.vertex = NextVertex(*path);
+      if (path->media.mix.is_matter && ++path->matter.steps > kMatterStepsMax) {
+        ++counts_.long_walks;
+        return false;
+      }
+      if (in_matter) return true;
+    }
+    return path->depth++ != static_cast<uint32_t>(scene_.settings.max_depth);
+  }
+
+  // path_tracer_matter.h.
+  // Whether the path comes to the boundary of the matter it is in; then it does so along its walk.
+  static bool ArriveInMatter(const Surface& surface, Path* path);
+  // Requires: path->matter.is_near. Takes the path before its plane to where it meets that, or
+  // farther away. False where the path ends.
+  bool WalkNearPlane(const Sampler& sampler, Path* path);
+  // The vertex in a medium is truly at place, and p is what that was rounded to.
+  static void PlaceInMatter(Vec3d place, Vec3f p, Path* path);
+  // The same at a surface, which the path has entered or not left.
+  static void StartAtBoundary(const SurfacePoint& point, Path* path);
+  static bool IsFine(const Path& path);
+
+  // path_tracer_interiors.h.
+  enum class BoundaryKind : uint8_t {
+    kPlain,   // Of no matter with a priority.
+    kMatter,  // Between matter of the surface's rank and of rank `other`.
+    kHidden,  // Not there, as other matter is on both sides of it.
+    kBroken,  // Left from where it had not been entered; counted.
+  };
+  struct Boundary {
+    BoundaryKind kind = BoundaryKind::kPlain;
+    uint16_t other = kNoRank;
+  };
+  // What a ray along d meets at the point.
+  Boundary BoundaryAt(const SurfacePoint& point, Vec3f d, const InMedia& media) const;
+  // The same for the ray of the path; bsdf becomes that between the two matters. kHidden also where
+  // their indices are the same.
+  BoundaryKind MeetInterior(const SurfacePoint& point, const Path& path, BsdfOf<Color>* bsdf) const;
+  bool LetsPassByPriority(const SurfacePoint& point, Vec3f d, const Path& path,
+                          const InMedia& media) const;
+  // Cross for a surface with a rank. False where the nesting is broken.
+  bool CrossInterior(const Surface& surface, bool enters, InMedia* media) const;
 
   // path_tracer_media.h.
   enum class Travel : uint8_t { kArrived, kScattered, kEnded };
@@ -316,139 +398,12 @@ Ray PathTracer<kTraits, Tracer, kDirectLight>::CameraRay(const Sampler& sampler,
   return scene_.camera.template MakeRay<kTraits>(raster, lens_u, time, weight);
 }
 
-template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight>
-void PathTracer<kTraits, Tracer, kDirectLight>::Trace(const Sampler& sampler, Path* path,
-                                                      FilmSample* film) {
-  const auto depth_max = static_cast<uint32_t>(scene_.settings.max_depth);
-  const Vec3f camera_o = path->ray.o;
-  bool is_first = true;
-  uint32_t passes = 0;
-  for (;;) {
-    ++counts_.rays;
-    RawHit hit;
-    const bool meets = tracer_.Intersect(path->ray, &hit);
-    if constexpr (kMedia) {
-      const Travel travel =
-          TravelThroughMedia(sampler, meets ? &hit : nullptr, &passes, &is_first, path, film);
-      if (travel == Travel::kEnded) return;
-      if (travel == Travel::kScattered) continue;
-    }
-    if (!meets) return AddEscape(path);
-    // Begun here, the look-up of a light need not be waited for when the surface is known.
-    const LightDraw draw = DrawLight(sampler, path->depth);
-    Plane plane;
-    SurfacePoint point = MakeSurfacePoint<kTraits>(scene_.geometry, path->ray, hit, &plane);
-    const Surface& surface = *point.surface;
-    PassChoice choice{};
-    if (kMayPass && (surface.has_alpha || surface.may_pass)) {
-      const Vec2f u = sampler.Get2(Slot(path->depth, VertexSlot::kSurface));
-      choice = MakeChoice({u.x, u.y}, passes);
-    }
-    bool passes_through = IsCutOut(point, choice.cut_out);
-    BsdfOf<Color> bsdf;
-    if (!passes_through) {
-      if (Has(kTraits, Trait::kAreaLights) && point.emitter != kNoEmitter) AddEmission(point, path);
-      // The last vertex needs no material, unless it may turn out not to be there.
-      if (path->depth == depth_max && !is_first && !(kMayPass && surface.may_pass)) return;
-      bsdf = scene_.materials->template Evaluate<kTraits>(surface.material, TexturePointOf(point),
-                                                          choice.mix, path->wavelengths);
-      passes_through = kMayPass && bsdf.kind == BsdfKind::kInterface;
-    }
-    if (passes_through) {
-      if (++passes > kPassesMax) return;
-      if constexpr (kMedia) {
-        if (!Cross(point, path->ray.d, *path, &path->media)) return;
-      }
-      path->ray.o = OffsetRayOrigin(point.p, point.p_error, point.ng, path->ray.d);
-      path->ray.source = point.id;
-      continue;
-    }
-    passes = 0;
-    const Vec3f wo = -path->ray.d;
-    // Seen from below its own horizon a shading normal has no meaning: the true one takes its
-    // place.
-    const bool is_hair = IsHair<kTraits>(bsdf);
-    if (!is_hair && Dot(wo, point.shading.n) * Dot(wo, point.ng) <= 0)
-      point.shading = Frame::FromNormal(point.ng);
-    Tilt tilt;
-    if constexpr (kMapsNormals) {
-      if (plane && !is_hair) tilt = MapNormal(sampler, *plane, choice.mix, path->depth, wo, &point);
-    }
-    if (is_first) {
-      is_first = false;
-      film->albedo = AlbedoOf(bsdf, point, choice.mix);
-      film->alpha = 1;
-      film->normal = point.shading.n;
-      film->depth = Length(point.p - camera_o);
-      if constexpr (kOutputs) {
-        if (outputs_ != nullptr) RecordFirstHit(scene_, path->ray, point, outputs_);
-      }
-    }
-    if (path->depth++ == depth_max) return;
-    if constexpr (kSpectral) {
-      if (bsdf.disperses) FollowHero(path);
-    }
-    const Vec3f wo_local = point.shading.ToLocal(wo);
-    const bool transmits = TransmitsLight(bsdf);
-    // Lights behind an opaque surface need not be looked at.
-    Vec3f light_hint{};
-    if (!transmits) light_hint = Dot(wo, point.ng) < 0 ? -point.ng : point.ng;
-    if (!bsdf.specular) AddDirect(draw, point, tilt, bsdf, wo_local, light_hint, path);
-    if (!Scatter(sampler, point, tilt, bsdf, wo_local, light_hint, path)) return;
-  }
-}
-
-template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight>
-TexturePoint PathTracer<kTraits, Tracer, kDirectLight>::TexturePointOf(
-    const SurfacePoint& point) const {
-  TexturePoint texture_point;
-  if constexpr (Has(kTraits, Trait::kHair)) texture_point.uv = point.uv;
-  if constexpr (Has(kTraits, Trait::kTextures)) {
-    texture_point.uv = point.uv;
-    if (point.surface->reads_textures) {
-      texture_point.p_world = ToFloat(ToDouble(point.p) + scene_.geometry.render_origin_world);
-    }
-  }
-  return texture_point;
-}
-
-template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight>
-void PathTracer<kTraits, Tracer, kDirectLight>::AddEscape(Path* path) {
-  if constexpr (Has(kTraits, Trait::kEnvironment)) {
-    if (path->specular) {
-      AddSky(path->from, path->ray.d, path->throughput,
-             path->throughput * scene_.lights->template EnvironmentRadiance<kTraits>(
-                                    path->from, path->ray.d, path->wavelengths),
-             path);
-      return;
-    }
-    const EnvironmentValueOf<Color> value = scene_.lights->template EvalEnvironment<kTraits>(
-        path->from, path->from_n, path->ray.d, path->wavelengths, path->sky_place);
-    const float weight = MetShare(path->pdf, value.pdf);
-    AddSky(path->from, path->ray.d, path->throughput * weight,
-           path->throughput * value.radiance * weight, path);
-  }
-}
-
-template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight>
-void PathTracer<kTraits, Tracer, kDirectLight>::AddEmission(const SurfacePoint& point, Path* path) {
-  if constexpr (Has(kTraits, Trait::kAreaLights)) {
-    const Color radiance = scene_.lights->template EmitterRadianceAt<kTraits>(
-        point.emitter, point.EmitterNormal(), -path->ray.d, point.uv, path->wavelengths);
-    if (radiance.IsBlack()) return;
-    float weight = 1;
-    if (!path->specular) {
-      weight =
-          MetShare(path->pdf, scene_.lights->template PdfEmitter<kTraits>(
-                                  point.emitter, path->from, path->from_n, path->ray.d, point.p));
-    }
-    AddLight(point.emitter, path->throughput * radiance * weight, path);
-  }
-}
-
 }  // namespace sheaf::render
 
+#include "worker/render/path_tracer_interiors.h"
+#include "worker/render/path_tracer_matter.h"
 #include "worker/render/path_tracer_media.h"
 #include "worker/render/path_tracer_scattering.h"
+#include "worker/render/path_tracer_surface.h"
 #include "worker/render/path_tracer_varying.h"
 #include "worker/render/path_tracer_visibility.h"

@@ -12,6 +12,7 @@
 #include <limits>
 #include <optional>
 
+#include "common/base/check.h"
 #include "worker/render/path_tracer.h"
 
 namespace sheaf::render {
@@ -21,6 +22,19 @@ void PathTracer<kTraits, Tracer, kDirectLight>::StartInMedia(Path* path) const {
   path->media.camera_o = path->ray.o;
   if (!scene_.media) return;
   path->media.set = scene_.media->camera_media();
+  if constexpr (kNested) {
+    if (scene_.interiors) {
+      path->media.interiors = scene_.interiors->camera_interiors();
+      const uint16_t top = TopOf(path->media.interiors);
+      const int32_t medium = top == kNoRank ? kNone : scene_.interiors->MediumOf(top);
+      const MediumSet& declared = path->media.set;
+      // A camera within matter may be said to be in its medium, or in what is outside of it.
+      if (medium != kNone && (declared.empty() || *declared.begin() != medium)) {
+        const bool fits = path->media.set.Add(static_cast<uint16_t>(medium));
+        SHEAF_CHECK(fits);
+      }
+    }
+  }
   path->media.mix = scene_.media->template MixOf<Color>(path->media.set, path->wavelengths);
 }
 
@@ -29,6 +43,16 @@ bool PathTracer<kTraits, Tracer, kDirectLight>::Cross(const SurfacePoint& point,
                                                       const Path& path, InMedia* media) const {
   const bool enters = Dot(w, point.ng) < 0;
   media->near = {point.p, enters ? -point.ng : point.ng, true};
+  if constexpr (kNested) {
+    if (point.surface->rank != kNoRank) {
+      if (!CrossInterior(*point.surface, enters, media)) {
+        ++counts_.broken_nestings;
+        return false;
+      }
+      media->mix = scene_.media->template MixOf<Color>(media->set, path.wavelengths);
+      return true;
+    }
+  }
   const MediumBoundary& boundary = point.surface->media;
   if (!boundary.Separates()) return true;
   const int32_t left = enters ? boundary.outside : boundary.inside;
@@ -75,7 +99,16 @@ PathTracer<kTraits, Tracer, kDirectLight>::ShareThroughMedia(const SurfacePoint&
     if (meets) {
       met = MakeSurfacePoint<kTraits>(scene_.geometry, ray, hit);
       // Pass numbers from 1 on: the slot's own numbers have been used to choose the light.
-      if (!LetsPass(*met, MakeChoice(u_pass, pass + 1))) return {};
+      if (!LetsPass(*met, MakeChoice(u_pass, pass + 1)) &&
+          !LetsPassByPriority(*met, ray.d, path, media)) {
+        return {};
+      }
+    }
+    if constexpr (kNested) {
+      if (!meets && light.is_infinite && !media.interiors.empty()) {
+        ++counts_.broken_nestings;
+        return {};
+      }
     }
     if (!media.set.empty()) {
       if (!meets && light.is_infinite && media.mix.is_bounded) {
@@ -128,6 +161,7 @@ Vec3f PathTracer<kTraits, Tracer, kDirectLight>::PointInMedium(const Ray& ray, c
   if (ahead * Length(ToDouble(ray.d)) > kNearness * size) return p;
   const SurfacePoint met = MakeSurfacePoint<kTraits>(scene_.geometry, ray, *hit);
   *near = {met.p, Dot(ray.d, met.ng) > 0 ? -met.ng : met.ng, true};
+  if constexpr (kSubsurface) near->p_error = ErrorAlongNormal(met);
   return on_its_side(*near, p);
 }
 
@@ -161,7 +195,16 @@ PathTracer<kTraits, Tracer, kDirectLight>::TravelThroughMedia(const Sampler& sam
                                                               bool* is_first, Path* path,
                                                               FilmSample* film) {
   InMedia& media = path->media;
+  if constexpr (kNested) {
+    if (hit == nullptr && !media.interiors.empty()) {
+      ++counts_.broken_nestings;
+      return Travel::kEnded;
+    }
+  }
   if (media.set.empty()) return Travel::kArrived;
+  if constexpr (kSubsurface) {
+    if (path->matter.has_arrived && hit != nullptr) return Travel::kArrived;
+  }
   if (hit == nullptr && media.mix.is_bounded) {
     ++counts_.broken_nestings;
     return Travel::kEnded;
@@ -180,26 +223,37 @@ PathTracer<kTraits, Tracer, kDirectLight>::TravelThroughMedia(const Sampler& sam
   const Flight<Color> flight = [&] {
     if constexpr (kVaryingMedia) {
       if (media.mix.varies) {
-        return FlyThroughVarying(path->ray, sampler.Get4(Slot(path->depth, VertexSlot::kMedium)),
+        return FlyThroughVarying(path->ray,
+                                 sampler.Get4(Slot(NextVertex(*path), VertexSlot::kMedium)),
                                  *passes, length, *path, &scatterer);
       }
     }
     FlightNumbers u;
     if (media.mix.scatters) {
-      u = MakeFlightNumbers(sampler.Get4(Slot(path->depth, VertexSlot::kMedium)), *passes);
+      u = MakeFlightNumbers(sampler.Get4(Slot(NextVertex(*path), VertexSlot::kMedium)), *passes);
     }
     return SampleFlight<kChromaticMedia>(media.mix, length, u, path->throughput);
   }();
   path->throughput *= flight.weight;
   if (path->throughput.IsBlack()) return Travel::kEnded;
-  if (!flight.scatters) return Travel::kArrived;
+  if (!flight.scatters) {
+    if constexpr (kSubsurface) path->matter.offset = {};
+    return Travel::kArrived;
+  }
   *passes = 0;
-  const Vec3f p = PointInMedium(path->ray, hit, flight.distance / unit, &media.near);
+  const double t = flight.distance / unit;
+  const Vec3f p = PointInMedium(path->ray, hit, t, &media.near);
   if (*is_first) {
     *is_first = false;
     RecordMedium(p, scatterer, *path, film);
   }
-  if (path->depth++ == static_cast<uint32_t>(scene_.settings.max_depth)) return Travel::kEnded;
+  if (!CountVertex(media.mix.is_matter, path)) return Travel::kEnded;
+  if constexpr (kSubsurface) {
+    if (media.mix.is_matter) {
+      PlaceInMatter(ToDouble(path->ray.o) + path->matter.offset + ToDouble(path->ray.d) * t, p,
+                    path);
+    }
+  }
   return ScatterInMedium(sampler, p, scatterer, path) ? Travel::kScattered : Travel::kEnded;
 }
 
@@ -220,8 +274,8 @@ bool PathTracer<kTraits, Tracer, kDirectLight>::ScatterInMedium(
   }();
   SurfacePoint here;  // Without a normal there is no side, and nothing to be kept away from.
   here.p = p;
-  if (!scene_.lights->empty()) {
-    const LightDraw draw = DrawLight(sampler, path->depth - 1);
+  if (!scene_.lights->empty() && !path->media.mix.is_hidden) {
+    const LightDraw draw = DrawLight(sampler, LastVertex(*path));
     const std::array<float, 4>& u = draw.u;
     std::optional<LightSampleOf<Color>> light = scene_.lights->template Sample<kTraits>(
         p, {}, u[0], {u[1], u[2]}, path->wavelengths, draw.preparation);
@@ -234,11 +288,11 @@ bool PathTracer<kTraits, Tracer, kDirectLight>::ScatterInMedium(
       if (!share.IsBlack()) AddSampled(*light, p, value.f * share, value.pdf, path);
     }
   }
-  const std::array<float, 4> u = sampler.Get4(Slot(path->depth - 1, VertexSlot::kBsdf));
+  const std::array<float, 4> u = sampler.Get4(Slot(LastVertex(*path), VertexSlot::kBsdf));
   const typename PhaseMix<Color>::Sample sample = phase.SampleDirection(d, u[0], {u[1], u[2]});
   path->throughput *= sample.weight;
   if (path->throughput.IsBlack()) return false;
-  path->specular = false;
+  path->specular = path->media.mix.is_hidden;
   path->pdf = sample.pdf;
   path->from = p;
   path->from_n = {};

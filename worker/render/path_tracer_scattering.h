@@ -81,7 +81,9 @@ void PathTracer<kTraits, Tracer, kDirectLight>::AddSampled(const LightSampleOf<C
 template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight>
 bool PathTracer<kTraits, Tracer, kDirectLight>::SurvivesRoulette(float u, Path* path) {
   const float survival = MaxComponent(path->throughput) * path->eta_scale;
-  if (survival < 1 && path->depth > kRouletteDepthMin) {
+  bool may_end = path->depth > kRouletteDepthMin;
+  if constexpr (kSubsurface) may_end = may_end || path->media.mix.is_matter;
+  if (survival < 1 && may_end) {
     const float stop = std::min(kRouletteStopMax, 1 - survival);
     if (u < stop) return false;
     path->throughput *= 1 / (1 - stop);
@@ -94,7 +96,7 @@ bool PathTracer<kTraits, Tracer, kDirectLight>::Scatter(const Sampler& sampler,
                                                         const SurfacePoint& point, const Tilt& tilt,
                                                         const BsdfOf<Color>& bsdf, Vec3f wo_local,
                                                         Vec3f light_hint, Path* path) const {
-  const std::array<float, 4> u = sampler.Get4(Slot(path->depth - 1, VertexSlot::kBsdf));
+  const std::array<float, 4> u = sampler.Get4(Slot(LastVertex(*path), VertexSlot::kBsdf));
   const std::optional<BsdfSampleOf<Color>> sample = [&] {
     if constexpr (kMapsNormals) {
       if (tilt.active()) return tilt.template Sample<kTraits>(bsdf, wo_local, u[0], {u[1], u[2]});
@@ -109,6 +111,7 @@ bool PathTracer<kTraits, Tracer, kDirectLight>::Scatter(const Sampler& sampler,
   if constexpr (kMedia) {
     if (!CrossOrStay(point, wi, IsHair<kTraits>(bsdf), *path, &path->media)) return false;
   }
+  if constexpr (kSubsurface) StartAtBoundary(point, path);
   path->eta_scale *= sample->eta_scale;
   path->specular = (sample->flags & kBsdfSpecular) != 0;
   path->pdf = sample->pdf;

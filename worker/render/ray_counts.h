@@ -17,6 +17,7 @@ struct RayCounts {
   uint64_t broken_nestings = 0;
   // Densities beyond what they had been found to be at most: none, or the picture is biased.
   uint64_t broken_majorants = 0;
+  uint64_t long_walks = 0;  // Paths that ended for kMatterStepsMax.
 };
 
 }  // namespace sheaf::render

@@ -51,6 +51,8 @@ constexpr TraitName kTraitNames[] = {
     {Trait::kHeterogeneousMedia, "uneven media"},
     {Trait::kChromaticMedia, "colored media"},
     {Trait::kEmissiveMedia, "glowing media"},
+    {Trait::kSubsurface, "subsurface"},
+    {Trait::kNestedDielectrics, "nested dielectrics"},
 };
 static_assert(std::size(kTraitNames) == kTraitCount);
 
@@ -63,7 +65,9 @@ class PlanMaker {
     for (const int32_t shape : scene_.world_shapes) LookAtShape(scene_.shapes[shape], true);
     LookAtInstances();
     for (const LightDescription& light : scene_.lights) LookAtLight(light);
-    for (const MediumDescription& medium : scene_.media) LookAtMedium(medium);
+    for (const MediumDescription& medium : scene_.media) {
+      if (!medium.is_matter) LookAtMedium(medium);
+    }
     light_count_ += scene_.lights.size();
     Cause& wavelengths = causes_[TraitIndex(Trait::kSpectral)];
     if (settings.color == ColorTransport::kSpectral) {
@@ -189,6 +193,8 @@ class PlanMaker {
     for (const TraitName& t : kTraitNames) {
       if ((traits & static_cast<uint32_t>(t.trait)) != 0) Ask(t.trait, description.location, what);
     }
+    const auto* subsurface = std::get_if<SubsurfaceMaterial>(&description.material);
+    if (subsurface != nullptr) LookAtMedium(scene_.media[subsurface->medium]);
   }
 
   void LookAtInstances() {
@@ -234,9 +240,10 @@ class PlanMaker {
   }
 
   void LookAtMedium(const MediumDescription& medium) {
-    const std::string what = absl::StrCat("medium \"", medium.name, "\"");
+    const std::string what = medium.is_matter ? absl::StrCat("what is inside ", medium.name)
+                                              : absl::StrCat("medium \"", medium.name, "\"");
     const auto ask = [&](Trait trait) { Ask(trait, medium.location, what); };
-    ask(Trait::kMedia);
+    ask(medium.is_matter ? Trait::kSubsurface : Trait::kMedia);
     const auto* grid = std::get_if<RgbGridMedium>(&medium.kind);
     if (!medium.IsHomogeneous()) ask(Trait::kHeterogeneousMedia);
     if (grid != nullptr || !IsGrey(medium.sigma_a) || !IsGrey(medium.sigma_s)) {

@@ -40,8 +40,10 @@ enum class Trait : uint32_t {
   kChromaticMedia = 1u << 21,       // Some that absorb or scatter some colours more than others.
   kEmissiveMedia = 1u << 22,        // Some that shine.
   kDeformation = 1u << 23,          // Meshes whose vertices move within an open shutter.
+  kSubsurface = 1u << 24,           // Matter that scatters light beneath its surface.
+  kNestedDielectrics = 1u << 25,    // Matter that overlaps, by priority.
 };
-inline constexpr int kTraitCount = 24;
+inline constexpr int kTraitCount = 26;
 
 struct PlannedEffect {
   Trait trait{};

@@ -46,6 +46,7 @@ void RenderRow(const CompiledScene& scene, int32_t x0, int32_t x1, int32_t y, Sa
   counts->shadow_rays += local.shadow_rays;
   counts->broken_nestings += local.broken_nestings;
   counts->broken_majorants += local.broken_majorants;
+  counts->long_walks += local.long_walks;
 }
 
 }  // namespace sheaf::render

@@ -17,6 +17,7 @@
 #include "worker/render/bilinear_patch.h"
 #include "worker/render/curve.h"
 #include "worker/render/light_table.h"
+#include "worker/render/medium_set.h"
 #include "worker/render/quadric.h"
 
 namespace sheaf::render {
@@ -32,9 +33,11 @@ struct Surface {
   bool has_alpha = false;
   bool may_pass = false;  // The material is an interface, or a mix (which may turn into one).
   bool is_sphere = false;
-  bool needs_tangent = false;   // Scatters differently along u and v.
-  bool reads_textures = false;  // The material, the cut-out or the emission reads a texture.
-  bool has_normal_map = false;  // Or a bump map.
+  bool needs_tangent = false;    // Scatters differently along u and v.
+  bool reads_textures = false;   // The material, the cut-out or the emission reads a texture.
+  bool has_normal_map = false;   // Or a bump map.
+  uint16_t rank = kNoRank;       // Of the matter inside, where it has a priority: InteriorTable.
+  bool encloses_matter = false;  // The inside of the material begins here.
   MediumBoundary media;
   // Each triangle that emits a picture is so many emitters squared: emission_cells.h.
   uint16_t emission_cells = 1;

@@ -44,6 +44,7 @@ absl::StatusOr<FilmTile> RenderTilePass(const CompiledScene& scene, PixelRect ti
     stats->shadow_rays = counts.shadow_rays;
     stats->broken_nestings = counts.broken_nestings;
     stats->broken_majorants = counts.broken_majorants;
+    stats->long_walks = counts.long_walks;
     stats->cpu_seconds = ThreadCpuSeconds() - start_seconds;
     stats->non_finite = accumulator.non_finite();
   }

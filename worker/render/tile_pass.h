@@ -52,7 +52,8 @@ struct RenderStats {
   uint64_t samples = 0;
   uint64_t rays = 0;  // All rays traced: camera, scattered and shadow.
   uint64_t shadow_rays = 0;
-  uint64_t broken_nestings = 0;   // Paths that ended for it: RayCounts.
+  // Paths that ended for them: RayCounts.
+  uint64_t broken_nestings = 0, long_walks = 0;
   uint64_t broken_majorants = 0;  // Biased look-ups: RayCounts.
   double cpu_seconds = 0;
   std::vector<PixelAccumulator::NonFinite> non_finite;

@@ -20,6 +20,10 @@ constexpr uint32_t TraitSet(Trait first, Rest... rest) {
   return static_cast<uint32_t>(first) | TraitSet(rest...);
 }
 
+// Those for which a path knows what it is in.
+inline constexpr uint32_t kInsides =
+    TraitSet(Trait::kMedia, Trait::kSubsurface, Trait::kNestedDielectrics);
+
 // Every trait a scene may call for, with colour as RGB and as spectra.
 inline constexpr uint32_t kAllSpectralTraits = ~0u;
 inline constexpr uint32_t kAllTraits = kAllSpectralTraits & ~TraitSet(Trait::kSpectral);

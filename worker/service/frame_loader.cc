@@ -71,6 +71,11 @@ class FrameScene : public LoadedScene {
           absl::StrCat(lease.frame_name, ": ", stats.broken_majorants,
                        " densities of a medium lie beyond their bounds: the picture is biased"));
     }
+    if (stats.long_walks > 0) {
+      LogWarning(absl::StrCat(lease.frame_name, ": ", stats.long_walks,
+                              " paths ended because they scattered too often beneath a surface, "
+                              "which darkens it: raise sigma_a or lower sigma_s"));
+    }
     FinishedPart part;
     part.lease_id = lease.lease_id;
     part.frame_digest = lease.frame_digest;

@@ -1,0 +1,117 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "common/scene/half_space.h"
+
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+namespace sheaf {
+namespace {
+
+// Cosines inside the matter with weights that add up to 1.
+struct Node {
+  double mu, weight;
+  double reflected;  // By the boundary, of what comes from inside.
+};
+
+// Unpolarized. eta: far side over near side.
+double Fresnel(double cosine, double eta) {
+  const double sine2 = (1 - cosine * cosine) / (eta * eta);
+  if (sine2 >= 1) return 1;
+  const double far_cosine = std::sqrt(1 - sine2);
+  const double parallel = (eta * cosine - far_cosine) / (eta * cosine + far_cosine);
+  const double perpendicular = (cosine - eta * far_cosine) / (cosine + eta * far_cosine);
+  return (parallel * parallel + perpendicular * perpendicular) / 2;
+}
+
+// Midpoints, closer together towards `low`, where what is integrated has a root.
+void AddNodes(double low, double high, double eta, std::vector<Node>* nodes) {
+  constexpr int kCount = 28;
+  for (int i = 0; i < kCount; ++i) {
+    const double t = (i + 0.5) / kCount;
+    const double mu = low + (high - low) * t * t;
+    nodes->push_back({mu, (high - low) * 2 * t / kCount, Fresnel(mu, 1 / eta)});
+  }
+}
+
+std::vector<Node> MakeNodes(double eta) {
+  std::vector<Node> nodes;
+  const double critical = eta > 1 ? std::sqrt(1 - 1 / (eta * eta)) : 0;
+  if (critical > 0) AddNodes(0, critical, eta, &nodes);
+  AddNodes(critical, 1, eta, &nodes);
+  return nodes;
+}
+
+// Chandrasekhar's H at the nodes, by iterating the form of its equation that converges up to
+// albedo 1.
+std::vector<double> MakeH(const std::vector<Node>& nodes, double albedo) {
+  constexpr int kIterations = 200;
+  constexpr double kTolerance = 1e-10;
+  const double lost = std::sqrt(1 - albedo);
+  std::vector<double> h(nodes.size(), 1);
+  for (int iteration = 0; iteration < kIterations; ++iteration) {
+    double change = 0;
+    for (size_t i = 0; i < nodes.size(); ++i) {
+      double sum = 0;
+      for (size_t j = 0; j < nodes.size(); ++j) {
+        sum += nodes[j].weight * nodes[j].mu * h[j] / (nodes[i].mu + nodes[j].mu);
+      }
+      const double next = (h[i] + 1 / (lost + albedo / 2 * sum)) / 2;
+      change = std::max(change, std::fabs(next - h[i]));
+      h[i] = next;
+    }
+    if (change < kTolerance) break;
+  }
+  return h;
+}
+
+}  // namespace
+
+double HalfSpaceReflectance(double albedo, double eta) {
+  if (albedo <= 0) return 0;
+  if (albedo >= 1) return 1;
+  const std::vector<Node> nodes = MakeNodes(eta);
+  const std::vector<double> h = MakeH(nodes, albedo);
+  constexpr int kOrdersMax = 2000;
+  constexpr double kTolerance = 1e-9;
+  // What goes down from the boundary, by how often the boundary has thrown it back.
+  std::vector<double> down(nodes.size());
+  double entered = 0, left = 0;
+  for (size_t i = 0; i < nodes.size(); ++i) {
+    down[i] = 1 - nodes[i].reflected;
+    entered += down[i] * nodes[i].mu * nodes[i].weight;
+  }
+  for (int order = 0; order < kOrdersMax; ++order) {
+    std::vector<double> next(nodes.size());
+    double kept = 0;
+    for (size_t i = 0; i < nodes.size(); ++i) {
+      double up = 0;
+      for (size_t j = 0; j < nodes.size(); ++j) {
+        up += nodes[j].weight * h[j] * nodes[j].mu / (nodes[i].mu + nodes[j].mu) * down[j];
+      }
+      up *= albedo / 2 * h[i];
+      left += up * (1 - nodes[i].reflected) * nodes[i].mu * nodes[i].weight;
+      next[i] = up * nodes[i].reflected;
+      kept += next[i] * nodes[i].mu * nodes[i].weight;
+    }
+    if (kept < kTolerance * entered) break;
+    down = next;
+  }
+  return std::min(1.0, left / entered);
+}
+
+double AlbedoForReflectance(double reflectance, double eta, double g) {
+  if (!(reflectance > 0)) return 0;
+  if (reflectance >= 1) return 1;
+  // By the root of what is lost, in which the reflectance is nearly straight.
+  double low = 0, high = 1;
+  for (int step = 0; step < 30; ++step) {
+    const double middle = (low + high) / 2;
+    (HalfSpaceReflectance(1 - middle * middle, eta) > reflectance ? low : high) = middle;
+  }
+  const double isotropic = 1 - low * low;
+  return isotropic / (1 - g + isotropic * g);
+}
+
+}  // namespace sheaf

@@ -1,0 +1,53 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "common/scene/half_space.h"
+
+#include <gtest/gtest.h>
+
+namespace sheaf {
+namespace {
+
+// Values of Chandrasekhar's H functions: 1 - 2 sqrt(1 - albedo) times the first moment of H.
+TEST(HalfSpaceTest, WhiteSkyAlbedoOfMatchedIndex) {
+  const double expected[][2] = {
+      {0.5, .146544}, {0.8, .341867}, {0.9, .478024}, {0.99, .794564}, {0.999, .929713}};
+  for (const auto& [albedo, reflectance] : expected) {
+    EXPECT_NEAR(HalfSpaceReflectance(albedo, 1), reflectance, 1e-3) << albedo;
+  }
+}
+
+// What is thrown back by the boundary is absorbed in part before it can leave.
+TEST(HalfSpaceTest, ABoundaryDarkens) {
+  for (const double albedo : {0.1, 0.5, 0.9, 0.99}) {
+    double before = HalfSpaceReflectance(albedo, 1);
+    for (const double eta : {1.1, 1.33, 1.5, 2.0}) {
+      const double now = HalfSpaceReflectance(albedo, eta);
+      EXPECT_LT(now, before) << albedo << " " << eta;
+      before = now;
+    }
+  }
+}
+
+TEST(HalfSpaceTest, NothingIsLostWhereNothingIsAbsorbed) {
+  for (const double eta : {0.8, 1.0, 1.5}) {
+    EXPECT_EQ(HalfSpaceReflectance(1, eta), 1);
+    EXPECT_EQ(HalfSpaceReflectance(0, eta), 0);
+    EXPECT_NEAR(HalfSpaceReflectance(1 - 1e-10, eta), 1, 2e-3);
+  }
+}
+
+TEST(HalfSpaceTest, InverseIsInverse) {
+  for (const double eta : {1.0, 1.33, 1.5}) {
+    for (const double reflectance : {0.01, 0.2, 0.5, 0.8, 0.97}) {
+      const double albedo = AlbedoForReflectance(reflectance, eta, 0);
+      EXPECT_NEAR(HalfSpaceReflectance(albedo, eta), reflectance, 1e-4);
+      const double forward = AlbedoForReflectance(reflectance, eta, 0.5);
+      EXPECT_NEAR(forward * 0.5 / (1 - forward * 0.5), albedo, 1e-12);
+    }
+  }
+  EXPECT_EQ(AlbedoForReflectance(-1, 1.3, 0), 0);
+  EXPECT_EQ(AlbedoForReflectance(2, 1.3, 0), 1);
+}
+
+}  // namespace
+}  // namespace sheaf

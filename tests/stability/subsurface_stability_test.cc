@@ -1,0 +1,246 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Hard cases of matter that scatters light beneath its surface, by the names of the catalogue (V1,
+// V11, V12, V14, G2, G12). Means are held by ExpectMean's 5 standard errors, where not said
+// otherwise.
+#include <array>
+#include <cmath>
+#include <string>
+#include <vector>
+
+#include "common/scene/half_space.h"
+#include "gtest/gtest.h"
+#include "tests/support/interior_scene.h"
+#include "tests/support/long_tests.h"
+
+namespace sheaf::render {
+namespace {
+
+const SphereShape kBall{1, -1, 1, 360};
+
+InteriorScene FurnaceScene(double fov_degrees = 30) {
+  InteriorScene t({0.4, 0.7, -4}, {0, 0, 0}, static_cast<float>(fov_degrees));
+  t.ConstantEnvironment(Rgb::Grey(1));
+  return t;
+}
+
+// V11, V12: what absorbs nothing cannot be seen under an even sky, whatever its index, shape,
+// density and colour.
+TEST(SubsurfaceStability, V12WhiteFurnace) {
+  struct Case {
+    Rgb sigma_s;
+    float g, eta;
+    bool is_box;
+  };
+  for (const Case& c :
+       {Case{Rgb::Grey(1), 0, 1.33f, false}, Case{Rgb::Grey(1e-3f), 0.5f, 1.5f, false},
+        Case{Rgb::Grey(8), 0.9f, 1.33f, true}, Case{Rgb::Grey(3), -0.7f, 2.0f, false},
+        Case{{1, 3, 9}, 0, 1.5f, true}, Case{{0.1f, 1, 10}, 0.8f, 1.1f, false},
+        Case{Rgb::Grey(3), 0, 0.7f, false}, Case{Rgb::Grey(2), 0.3f, 1, true}}) {
+    for (const bool spectral : {false, true}) {
+      SCOPED_TRACE(std::to_string(c.eta) + " " + std::to_string(c.sigma_s.b));
+      InteriorScene t = FurnaceScene();
+      const int32_t matter = t.Matter({}, c.sigma_s, c.g, c.eta);
+      if (c.is_box) {
+        t.AddMatter(MeshShape{t.Box({-1, -1, -1}, {1, 1, 1})}, matter);
+      } else {
+        t.AddMatter(kBall, matter);
+      }
+      FrameSettings settings = SquareSettings(8, DrawCount(64, 2048), 100);
+      if (spectral) settings.color = ColorTransport::kSpectral;
+      const Rendered rendered = RenderCounted(t.scene, settings);
+      EXPECT_EQ(rendered.mean.non_finite, 0u);
+      EXPECT_EQ(rendered.stats.broken_nestings, 0u);
+      EXPECT_EQ(rendered.stats.long_walks, 0u);
+      for (size_t i = 0; i < 3; ++i) {
+        EXPECT_NEAR(rendered.mean.mean[i], 1, 5 * rendered.mean.standard_error[i] + 5e-4);
+      }
+    }
+  }
+}
+
+// A rough boundary keeps the energy but for what its tables of lost energy round.
+TEST(SubsurfaceStability, V12RoughFurnace) {
+  InteriorScene t = FurnaceScene();
+  t.AddMatter(kBall, t.Matter({}, Rgb::Grey(4), 0, 1.4f, 0.3f));
+  const Rendered rendered = RenderCounted(t.scene, SquareSettings(8, DrawCount(128, 2048), 100));
+  EXPECT_NEAR(rendered.mean.mean.g, 1, 5 * rendered.mean.standard_error.g + 5e-3);
+}
+
+// V1: of matched index a half space has Chandrasekhar's plane albedo, as a plain medium has; for
+// the settings too a walk is one bounce.
+InteriorScene HalfSpace(double mu, float albedo, double density, float eta) {
+  const double height = 1, side = height * std::sqrt(1 - mu * mu) / mu;
+  InteriorScene t({side, height, 0}, {0, 0, 0}, 0.01f, {0, 0, 1});
+  t.ConstantEnvironment(Rgb::Grey(1));
+  const auto sigma_t = static_cast<float>(density);
+  const int32_t matter =
+      t.Matter(Rgb::Grey((1 - albedo) * sigma_t), Rgb::Grey(albedo * sigma_t), 0, eta);
+  const auto size = static_cast<float>(1000 + 4e4 / density);
+  t.AddMatter(MeshShape{t.Box({-size, -size, -size}, {size, 0, size})}, matter);
+  return t;
+}
+
+TEST(SubsurfaceStability, V1MatchedHalfSpaceHasItsPlaneAlbedo) {
+  struct Row {
+    float albedo;
+    double from_above, at_half;
+  };
+  for (const Row& row : {Row{0.5f, .115226, .160144}, Row{0.8f, .285255, .367970},
+                         Row{0.9f, .414947, .507939}, Row{0.99f, .752721, .815140}}) {
+    SCOPED_TRACE(row.albedo);
+    const FrameSettings settings = SquareSettings(8, DrawCount(128, 4096), 2);
+    ExpectMean(RenderCounted(HalfSpace(1, row.albedo, 1, 1).scene, settings).mean,
+               Rgb::Grey(static_cast<float>(row.from_above)));
+    ExpectMean(RenderCounted(HalfSpace(0.5, row.albedo, 1, 1).scene, settings).mean,
+               Rgb::Grey(static_cast<float>(row.at_half)));
+  }
+}
+
+// What leaves of what has entered, by Gauss's rule over the cosines of the views.
+double MeasuredReflectance(float albedo, double density, float eta, double* standard_error) {
+  constexpr std::array<double, 5> kMu{0.0469100770, 0.2307653449, 0.5, 0.7692346551, 0.9530899230},
+      kWeight{0.1184634425, 0.2393143352, 0.2844444444, 0.2393143352, 0.1184634425};
+  double left = 0, entered = 0, variance = 0;
+  for (size_t i = 0; i < kMu.size(); ++i) {
+    const double mu = kMu[i], share = kWeight[i] * mu;
+    const double mu_in = std::sqrt(1 - (1 - mu * mu) / static_cast<double>(eta * eta));
+    const double e = static_cast<double>(eta);
+    const double p = (e * mu - mu_in) / (e * mu + mu_in), s = (mu - e * mu_in) / (mu + e * mu_in);
+    const double mirrored = (p * p + s * s) / 2;
+    const Rendered rendered = RenderCounted(HalfSpace(mu, albedo, density, eta).scene,
+                                            SquareSettings(8, DrawCount(128, 4096), 2));
+    EXPECT_EQ(rendered.mean.non_finite, 0u);
+    EXPECT_EQ(rendered.stats.broken_nestings, 0u);
+    left += share * (static_cast<double>(rendered.mean.mean.g) - mirrored);
+    entered += share * (1 - mirrored);
+    variance += std::pow(share * static_cast<double>(rendered.mean.standard_error.g), 2);
+  }
+  *standard_error = std::sqrt(variance) / entered;
+  return left / entered;
+}
+
+// V14: a half space reflects what HalfSpaceReflectance says, which is what "reflectance" is turned
+// into coefficients by, at any density: free paths of 1 / density scene units. From about 1e4 on
+// rays cannot follow them. Bound: 5 standard errors and 0.003 for both quadratures.
+TEST(SubsurfaceStability, V14ReflectanceAtAnyDensity) {
+  for (const double density : {1.0, 1e3, 1e4, 1e5, 1e6, 1e9, 1e15}) {
+    for (const float albedo : {0.6f, 0.95f}) {
+      SCOPED_TRACE(std::to_string(density) + " " + std::to_string(albedo));
+      double standard_error = 0;
+      const double measured = MeasuredReflectance(albedo, density, 1.33f, &standard_error);
+      EXPECT_LT(standard_error, 0.01);
+      EXPECT_NEAR(measured, HalfSpaceReflectance(static_cast<double>(albedo), 1.33),
+                  5 * standard_error + 0.003);
+    }
+  }
+}
+
+// V14: the same of a ball whose free paths are a millionth of its radius: under an even sky it
+// reflects what the half space does.
+TEST(SubsurfaceStability, V14SmallFreePathsAreDiffuse) {
+  std::vector<Rendered> balls;
+  for (size_t i = 0; i < 2; ++i) {
+    InteriorScene t = FurnaceScene();
+    const float density = i == 0 ? 1e6f : 1e8f;
+    t.AddMatter(kBall, t.Matter(Rgb::Grey(0.1f * density), Rgb::Grey(0.9f * density), 0, 1.4f));
+    balls.push_back(RenderCounted(t.scene, SquareSettings(8, DrawCount(256, 4096), 3)));
+    EXPECT_EQ(balls[i].mean.non_finite, 0u);
+    EXPECT_EQ(balls[i].stats.broken_nestings, 0u);
+  }
+  EXPECT_NEAR(balls[0].mean.mean.g, balls[1].mean.mean.g,
+              5 * std::hypot(balls[0].mean.standard_error.g, balls[1].mean.standard_error.g));
+}
+
+// From thin to thick nothing is lost but what is absorbed.
+TEST(SubsurfaceStability, V14AnyThickness) {
+  for (const float thickness : {1e-3f, 1e-1f, 10.0f, 1e3f, 1e6f}) {
+    SCOPED_TRACE(thickness);
+    InteriorScene t = FurnaceScene();
+    t.AddMatter(kBall, t.Matter(Rgb{0.01f, 0.1f, 0.5f} * thickness, Rgb{1, 0.5f, 0.1f} * thickness,
+                                0.2f, 1.4f, 0.1f));
+    const Rendered rendered = RenderCounted(t.scene, SquareSettings(8, 64, 8));
+    EXPECT_EQ(rendered.mean.non_finite, 0u);
+    EXPECT_EQ(rendered.stats.broken_nestings, 0u);
+    for (size_t c = 0; c < 3; ++c) {
+      EXPECT_LT(rendered.mean.mean[c], 1.01f + 5 * rendered.mean.standard_error[c]);
+      EXPECT_GT(rendered.mean.mean[c], 0.3f);
+    }
+  }
+}
+
+// However long a walk is, it is one bounce: a ball, which sends nothing back to itself, has all its
+// light with a depth of 1.
+TEST(SubsurfaceStability, AWalkIsOneBounce) {
+  InteriorScene t = FurnaceScene();
+  t.AddMatter(kBall, t.Matter(Rgb::Grey(0.1f), Rgb::Grey(5), 0, 1.33f));
+  const Rendered shallow = RenderCounted(t.scene, SquareSettings(8, 64, 1));
+  const Rendered deep = RenderCounted(t.scene, SquareSettings(8, 64, 50));
+  EXPECT_TRUE(shallow.film == deep.film);
+  EXPECT_GT(shallow.mean.mean.g, 0.3f);
+}
+
+// A plain medium within glass is the same matter, where depth does not matter.
+TEST(SubsurfaceStability, AgreesWithGlassAroundAMedium) {
+  for (const float roughness : {0.0f, 0.25f}) {
+    for (const Rgb sigma_s : {Rgb::Grey(2), Rgb{0.5f, 2, 6}}) {
+      const auto slab = [&](bool by_hand) {
+        InteriorScene t({0.3, 0.4, -4}, {0, 0, 0}, 40);
+        t.ConstantEnvironment({1, 0.5f, 0.2f});
+        t.AddShape(MeshShape{t.Quad({-2, 2.5f, -2}, {2, 2.5f, -2}, {2, 2.5f, 2}, {-2, 2.5f, 2})},
+                   t.Diffuse({}))
+            .area_light = t.AreaLight(Rgb::Grey(4));
+        const int32_t matter = t.Matter({0.1f, 0.2f, 0.3f}, sigma_s, 0.3f, 1.4f, roughness);
+        const MeshShape box{t.Box({-1, -1, -0.4f}, {1, 1, 0.4f})};
+        if (!by_hand) {
+          t.AddMatter(box, matter);
+          return RenderCounted(t.scene, SquareSettings(16, DrawCount(256, 4096), 1000));
+        }
+        t.scene.media[0].is_matter = false;
+        DielectricMaterial glass;
+        glass.roughness = {{roughness, kNone}, {roughness, kNone}, false};
+        glass.eta.mean = 1.4f;
+        t.AddShape(box, t.AddMaterial(glass)).media.inside = 0;
+        return RenderCounted(t.scene, SquareSettings(16, DrawCount(256, 4096), 1000));
+      };
+      const Rendered matter = slab(false), by_hand = slab(true);
+      ExpectSameMean(matter.mean, by_hand.mean);
+      EXPECT_EQ(by_hand.stats.broken_nestings, 0u);
+    }
+  }
+}
+
+// G2: 2^20 times as large or small, with coefficients to match, it is the same to the bit; also
+// where walks leave rays behind.
+TEST(SubsurfaceStability, G2ScaleKeepsTheBits) {
+  for (const double density : {3.0, 1e7}) {
+    const auto scaled = [&](double scale) {
+      TestScene room = LitRoom(scale);
+      InteriorScene t(room);
+      const auto unit = static_cast<float>(density / scale);
+      const int32_t matter =
+          t.Matter(Rgb{0.1f, 0.2f, 0.3f} * unit, Rgb{1, 0.9f, 0.8f} * unit, 0.2f, 1.4f, 0.2f);
+      t.AddMatter(SphereShape{0.25f, -0.25f, 0.25f, 360}, matter,
+                  ScaleMatrix({scale, scale, scale}) * TranslateMatrix({-0.3, -0.5, 0.4}));
+      return RenderCounted(t.scene, SquareSettings(12, 16, 6));
+    };
+    const Rendered one = scaled(1);
+    EXPECT_GT(one.mean.mean.g, 0.01f);
+    for (const double scale : {0x1p-20, 0x1p20}) ExpectSameBits(one.film, scaled(scale).film);
+  }
+}
+
+// G12: what leaves matter without meeting its boundary ends, and is counted.
+TEST(SubsurfaceStability, G12OpenMeshIsCounted) {
+  InteriorScene t({0.1, 0.2, -4}, {0, 0, 0}, 0.01f);
+  t.ConstantEnvironment(Rgb::Grey(1));
+  t.AddMatter(MeshShape{t.Quad({-1, -1, 0}, {-1, 1, 0}, {1, 1, 0}, {1, -1, 0})},
+              t.Matter(Rgb::Grey(1e-6f), Rgb::Grey(1e-6f), 0, 1.5f));
+  const Rendered rendered = RenderCounted(t.scene, SquareSettings(4, 64, 5));
+  EXPECT_GT(rendered.stats.broken_nestings, 900u);
+  EXPECT_LT(rendered.mean.mean.g, 0.1f);  // What is mirrored.
+}
+
+}  // namespace
+}  // namespace sheaf::render

@@ -1,0 +1,78 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// InteriorScene: small scenes of things that light goes into; and pictures of them with what was
+// counted on the way.
+#pragma once
+
+#include <cmath>
+#include <cstdint>
+#include <string>
+#include <utility>
+
+#include "tests/support/test_scene.h"
+
+namespace sheaf::render {
+
+class InteriorScene : public TestScene {
+ public:
+  using TestScene::TestScene;
+  explicit InteriorScene(const TestScene& room) : TestScene(room) {}
+
+  int32_t Matter(Rgb sigma_a, Rgb sigma_s, float g, float eta, float alpha = 0) {
+    MediumDescription medium;
+    medium.name = std::to_string(scene.media.size());
+    medium.sigma_a.rgb = sigma_a;
+    medium.sigma_s.rgb = sigma_s;
+    medium.g = g;
+    medium.is_matter = true;
+    scene.media.push_back(medium);
+    SubsurfaceMaterial material;
+    material.roughness = {{alpha, kNone}, {alpha, kNone}, false};
+    material.eta.mean = eta;
+    material.medium = static_cast<int32_t>(scene.media.size() - 1);
+    return AddMaterial(material);
+  }
+  template <typename Shape>
+  ShapeDescription& AddMatter(Shape shape, int32_t material, Matrix4 world_from_object = {}) {
+    ShapeDescription& added = AddShape(shape, material, world_from_object);
+    added.media.inside =
+        std::get<SubsurfaceMaterial>(scene.materials[static_cast<size_t>(material)].material)
+            .medium;
+    return added;
+  }
+};
+
+struct Rendered {
+  TileMean mean;
+  FilmTile film;
+  RenderStats stats;
+};
+inline Rendered RenderCounted(const SceneDescription& scene, const FrameSettings& settings) {
+  const CompiledScenePtr compiled = Compile(scene, settings);
+  RenderStats stats;
+  FilmTile film = RenderAll(*compiled, &stats);
+  TileMean mean = MeanOf(film);
+  return {mean, std::move(film), std::move(stats)};
+}
+
+// Two independent estimates of one picture's mean: 5 standard errors of the difference, as in
+// ExpectMean, and 2e-4 for what tables round.
+inline void ExpectSameMean(const TileMean& a, const TileMean& b) {
+  EXPECT_EQ(a.non_finite + b.non_finite, 0u);
+  for (size_t c = 0; c < 3; ++c) {
+    const double error = std::hypot(static_cast<double>(a.standard_error[c]),
+                                    static_cast<double>(b.standard_error[c]));
+    EXPECT_NEAR(a.mean[c], b.mean[c], 5 * error + 2e-4) << "channel " << c;
+  }
+}
+inline void ExpectSameBits(const FilmTile& a, const FilmTile& b) {
+  for (const FilmChannel channel :
+       {FilmChannel::kRedHi, FilmChannel::kGreenHi, FilmChannel::kBlueHi}) {
+    for (size_t i = 0; i < a.plane_size(); ++i) {
+      ASSERT_EQ(a.channel(channel)[i], b.channel(channel)[i]);
+    }
+  }
+}
+
+}  // namespace sheaf::render
