@@ -167,7 +167,7 @@ void GetRealistic(ParameterList& parameters, FileSource& files, LensDescription*
     for (const char* name : {"aperturediameter", "aperture"}) {
       parameters.NoteWithoutEffect(name, "the lens file has no stop, a surface of radius 0 in air");
     }
-  } else if (double{lens->aperture_diameter_mm} > stop_mm) {
+  } else if (lens->aperture_diameter_mm > static_cast<float>(stop_mm)) {
     parameters.diagnostics().Warning(
         parameters.location(),
         absl::StrCat(parameters.owner(), ": aperturediameter ", lens->aperture_diameter_mm,
