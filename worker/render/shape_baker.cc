@@ -231,6 +231,10 @@ absl::Status ShapeBaker::AddCurves(const ShapeDescription& shape, Surface surfac
   }
   if (!baked.pieces.empty()) {
     baked.pieces.shrink_to_fit();
+    baked.rods.reserve(baked.pieces.size());
+    for (const CurvePiece& piece : baked.pieces) {
+      baked.rods.push_back(RodAbout(SegmentOf(baked.set, piece.segment), piece, target_from_shape));
+    }
     group->curves.push_back(std::move(baked));
   }
   return absl::OkStatus();
