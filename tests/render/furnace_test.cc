@@ -204,5 +204,30 @@ TEST(FurnaceTest, PlacedAndMovingCylindersAndPatchesVanish) {
   ExpectMean(RenderMean(t.scene, SquareSettings(16, 128, kDepth)), Rgb::Grey(1));
 }
 
+// Emissive quadrics that have no sampling of their own light as triangles, to their 4e-4: half a
+// disk half as much as the whole, pi / 2 at a distance of its radius; a stretched sphere of radius
+// R at distance d nearly pi R^2 / d^2.
+TEST(LightOfQuadricsTest, PartialAndStretchedOnesAreTriangles) {
+  const auto lit_by = [](auto shape, const Matrix4& place) {
+    TestScene t({0, 0.2, -0.2}, {0, 0, 0}, 0.1f);
+    t.AddShape(MeshShape{t.Quad({-9, 0, -9}, {-9, 0, 9}, {9, 0, 9}, {9, 0, -9})},
+               t.Diffuse(Rgb::Grey(1)));
+    const int32_t light = t.AreaLight(Rgb::Grey(1), /*two_sided=*/true);
+    t.AddShape(shape, t.Diffuse({}), place).area_light = light;
+    return RenderMean(t.scene, SquareSettings(8, 1024, 1));
+  };
+  const auto expect = [](const TileMean& mean, double irradiance) {
+    const double expected = irradiance / std::numbers::pi;
+    EXPECT_EQ(mean.non_finite, 0u);
+    EXPECT_NEAR(mean.mean.g, expected,
+                5 * static_cast<double>(mean.standard_error.g) + 1e-3 * expected);
+  };
+  const Matrix4 down = TranslateMatrix({0, 1, 0}) * RotateMatrix(90, {1, 0, 0});
+  expect(lit_by(DiskShape{1, 0, 0, 180}, down), std::numbers::pi / 4);
+  expect(
+      lit_by(SphereShape{1, -1, 1, 360}, TranslateMatrix({0, 3, 0}) * ScaleMatrix({1, 1.0001, 1})),
+      std::numbers::pi / 9);
+}
+
 }  // namespace
 }  // namespace sheaf::render

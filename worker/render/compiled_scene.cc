@@ -35,7 +35,8 @@ uint64_t GeometryBytes(const SceneGeometry& geometry) {
     for (const BakedCurves& curves : group.curves) {
       bytes += (curves.set.points.capacity() + curves.set.normals.capacity()) * sizeof(Vec3f) +
                curves.set.widths.capacity() * sizeof(float) +
-               curves.pieces.capacity() * sizeof(CurvePiece);
+               curves.pieces.capacity() * sizeof(CurvePiece) +
+               curves.rods.capacity() * sizeof(CurveRod);
     }
     bytes += group.quadrics.capacity() * sizeof(BakedQuadric);
   }

@@ -275,6 +275,27 @@ std::array<Vec3f, 2> CurveBounds(const CurveSegment& segment, const CurvePiece& 
   return bounds;
 }
 
+CurveRod RodAbout(const CurveSegment& segment, const CurvePiece& piece, const Affine& transform) {
+  const Bezier part = PartOf(segment.points, piece);
+  CurveRod rod{ToFloat(transform.Point(part[0])), ToFloat(transform.Point(part[3])), HUGE_VALF};
+  const Vec3d begin = ToDouble(rod.begin), along = ToDouble(rod.end) - begin;
+  const double length = Length(along);
+  if (!(length > 0)) return rod;
+  // The curve lies within the hull of its control points.
+  double bend = 0;
+  for (const Vec3d& control : part) {
+    bend = std::max(bend, Length(Cross(transform.Point(control) - begin, along)) / length);
+  }
+  const double step = 1.0 / piece.count, u = piece.index * step;
+  const double reach = 0.5 * std::max(segment.WidthAt(u), segment.WidthAt(u + step));
+  // No vector is stretched by more than the root of the sum of squares.
+  const double stretch = std::sqrt(LengthSquared(transform.x) + LengthSquared(transform.y) +
+                                   LengthSquared(transform.z));
+  // A thousandth more than the rounding of all these could make up for.
+  rod.radius = NextUp(static_cast<float>((bend + reach * stretch) * 1.001));
+  return rod;
+}
+
 void SortCurves(CurveSet* curves) {
   const auto middle_of = [curves](size_t i) {
     return ToDouble(curves->points[4 * i]) + ToDouble(curves->points[4 * i + 3]);

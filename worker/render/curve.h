@@ -8,6 +8,7 @@
 #pragma once
 
 #include <array>
+#include <cmath>
 #include <cstdint>
 #include <optional>
 #include <vector>
@@ -43,6 +44,17 @@ struct CurvePiece {
 // as many would be a sixth faster and take twice the memory.
 inline constexpr uint16_t kCurvePiecesMax = 4;
 
+// A rod about a piece, for telling cheaply that a ray passes it by: most of the pieces whose boxes
+// a ray meets are thin and slanted. Space: where the curves are traced. Every line that passes the
+// piece within half its width passes the line through `begin` and `end` within `radius`.
+struct CurveRod {
+  Vec3f begin, end;
+  float radius = 0;
+};
+CurveRod RodAbout(const CurveSegment& segment, const CurvePiece& piece, const Affine& transform);
+// False where the line o + t d cannot meet what the rod is about.
+inline bool MayMeet(const CurveRod& rod, Vec3d o, Vec3d d);
+
 struct CurveHit {
   double t = 0;         // In lengths of d: of the ray's nearest point to the centre line.
   double u = 0, v = 0;  // Along the segment, and across: 0.5 on the centre line.
@@ -67,6 +79,16 @@ std::array<Vec3f, 2> CurveBounds(const CurveSegment& segment, const CurvePiece& 
 // Adds the pieces the segment is worth splitting into: as long as that makes their boxes smaller.
 void SplitCurve(const CurveSegment& segment, uint32_t index, const Affine& transform,
                 std::vector<CurvePiece>* pieces);
+
+inline bool MayMeet(const CurveRod& rod, Vec3d o, Vec3d d) {
+  const auto sum = [](Vec3d v) { return std::fabs(v.x) + std::fabs(v.y) + std::fabs(v.z); };
+  const Vec3d begin = ToDouble(rod.begin);
+  const Vec3d e = ToDouble(rod.end) - begin, w = begin - o, n = Cross(d, e);
+  // The distance of the two lines is that of w along n. Its rounding: some of three factors each.
+  const double apart = std::fabs(Dot(w, n)) - 0x1p-48 * sum(w) * sum(d) * sum(e);
+  const double reach = static_cast<double>(rod.radius);
+  return !(apart > 0 && apart * apart > reach * reach * LengthSquared(n));
+}
 
 // Brings segments that are near each other in space near each other in memory (Morton order of
 // their middles; equal ones stay in order). Files have curves in any order, and a ray's candidates

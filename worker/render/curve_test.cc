@@ -308,5 +308,55 @@ TEST(CurveTest, OnlySlantedCurvesAreSplit) {
   EXPECT_EQ(pieces.size(), kCurvePiecesMax);
 }
 
+// Whoever meets a piece meets its rod, whatever the transform; of thin hair's boxes, rods leave
+// little over.
+TEST(CurveTest, RodsHoldEveryMeeting) {
+  Random random;
+  int met = 0, passed_by = 0, told = 0;
+  for (int i = 0; i < 2000; ++i) {
+    const bool is_hair = i % 2 == 0;
+    CurveSegment segment = RandomSegment(&random, is_hair ? 1e-3 : random.Uniform(0.01, 0.5));
+    if (is_hair) {  // Nearly straight.
+      segment.points[1] = segment.points[0] * (2.0 / 3) + segment.points[3] * (1.0 / 3);
+      segment.points[2] = segment.points[0] * (1.0 / 3) + segment.points[3] * (2.0 / 3);
+      segment.points[1] += random.InBox(1e-3);
+    }
+    segment.kind = static_cast<CurveSet::Kind>(i % 3);
+    segment.normals = {Vec3d{0, 0, 1}, Vec3d{0, 1, 0}};
+    Affine transform{random.InBox(2), random.InBox(2), random.InBox(2), random.InBox(100)};
+    if (std::fabs(transform.Determinant()) < 0.1) continue;
+    const Affine back = Inverse(transform);
+    const CurvePiece piece{0, static_cast<uint16_t>(i % 4), 4};
+    const CurveRod rod = RodAbout(segment, piece, transform);
+    const std::array<Vec3f, 2> box = CurveBounds(segment, piece, transform);
+    for (int k = 0; k < 100; ++k) {
+      const Vec3d o = transform.offset + random.InBox(10);
+      // Half of them to the piece's width, half to its box.
+      Vec3d target;
+      if (k % 2 == 0) {
+        const double u = (piece.index + random.Uniform(0, 1)) / 4;
+        target = transform.Point(segment.PointAt(u) + random.InBox(0.3) * segment.WidthAt(u));
+      } else {
+        for (size_t c = 0; c < 3; ++c) {
+          target[c] =
+              random.Uniform(static_cast<double>(box[0][c]), static_cast<double>(box[1][c]));
+        }
+      }
+      // Rays are of float.
+      const Vec3d from = ToDouble(ToFloat(o)), d = ToDouble(ToFloat(target - o));
+      const bool may = MayMeet(rod, from, d);
+      if (IntersectCurve(segment, piece, back.Point(from), back.Vector(d), kInfinite)) {
+        ++met;
+        ASSERT_TRUE(may);
+      } else if (is_hair && k % 2 == 1) {
+        ++passed_by;
+        told += !may;
+      }
+    }
+  }
+  EXPECT_GT(met, 20000);
+  EXPECT_GT(told, 0.95 * passed_by);
+}
+
 }  // namespace
 }  // namespace sheaf::render

@@ -173,6 +173,7 @@ void BoundCurve(const RTCBoundsFunctionArguments* args) {
 // A ray may meet the curve it leaves: it starts beyond the width it could meet at once.
 std::optional<CurveHit> MeetCurve(const BakedCurves& curves, uint32_t index, const RTCRay& ray) {
   const Vec3d o = Origin(ray), d = Direction(ray);
+  if (!MayMeet(curves.rods[index], o, d)) return std::nullopt;
   const CurvePiece& piece = curves.pieces[index];
   return IntersectCurve(SegmentOf(curves.set, piece.segment), piece,
                         curves.shape_from_target.Point(o), curves.shape_from_target.Vector(d),

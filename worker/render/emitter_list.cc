@@ -224,30 +224,15 @@ uint32_t EmitterList::AddMesh(int32_t light, BakedMesh* mesh) {
   return first;
 }
 
-std::string EmitterList::ProblemWith(const Quadric& q) {
+bool EmitterList::IsSampled(const Quadric& q) {
+  if (q.kind == Quadric::Kind::kCylinder) return false;
   const Affine& m = q.target_from_object;
   const double x = Length(m.x), y = Length(m.y), z = Length(m.z);
   const double tolerance = kSimilarityTolerance * x;
   const bool round_xy = std::fabs(x - y) <= tolerance && std::fabs(Dot(m.x, m.y)) <= tolerance * y;
-  if (q.kind == Quadric::Kind::kSphere) {
-    const bool round = round_xy && std::fabs(x - z) <= tolerance &&
-                       std::fabs(Dot(m.x, m.z)) <= tolerance * z &&
-                       std::fabs(Dot(m.y, m.z)) <= tolerance * z;
-    if (!round || q.is_partial) {
-      return "Shape \"sphere\": as an area light it must be whole and scaled alike along all axes; "
-             "use a triangle mesh for other shapes";
-    }
-    return "";
-  }
-  if (q.kind == Quadric::Kind::kCylinder) {
-    return "Shape \"cylinder\": it cannot be an area light; use a triangle mesh";
-  }
-  if (!round_xy || q.phi_max < 2 * std::numbers::pi) {
-    return "Shape \"disk\": as an area light it must be round and go all the way about (phimax "
-           "360); "
-           "use a triangle mesh for other shapes";
-  }
-  return "";
+  if (q.kind == Quadric::Kind::kDisk) return round_xy && q.phi_max >= 2 * std::numbers::pi;
+  return round_xy && std::fabs(x - z) <= tolerance && std::fabs(Dot(m.x, m.z)) <= tolerance * z &&
+         std::fabs(Dot(m.y, m.z)) <= tolerance * z && !q.is_partial;
 }
 
 uint32_t EmitterList::AddQuadric(const Quadric& q, const Surface& surface, int32_t light) {

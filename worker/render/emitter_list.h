@@ -30,8 +30,9 @@ class EmitterList {
   // AddMesh sets how fine in the mesh's surface.
   uint32_t AddMesh(int32_t light, BakedMesh* mesh);
   uint32_t AddQuadric(const Quadric& quadric, const Surface& surface, int32_t light);
-  // Why the quadric cannot be an area light; empty where it can.
-  static std::string ProblemWith(const Quadric& quadric);
+  // Whether the light table has a sampling of the quadric's own: whole spheres scaled alike along
+  // all axes, and round disks that go all the way about.
+  static bool IsSampled(const Quadric& quadric);
 
   // Ids in the light table count triangles first, then spheres, then disks. Call once, after all.
   void AssignIds(GeometryGroup* world) const;

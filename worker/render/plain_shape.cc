@@ -18,13 +18,13 @@ struct SurfaceSpot {
 
 // A grid of quads over [0, 1]^2, cut into triangles that go round the normals.
 template <typename Surface>
-void AddGrid(const Surface& surface, TriangleMesh* mesh) {
+void AddGrid(uint32_t steps, const Surface& surface, TriangleMesh* mesh) {
   const auto first = static_cast<uint32_t>(mesh->positions.size());
-  constexpr uint32_t kColumns = kPlainShapeSteps + 1;
-  for (uint32_t j = 0; j < kColumns; ++j) {
-    for (uint32_t i = 0; i < kColumns; ++i) {
-      const Vec2f uv{static_cast<float>(i) / kPlainShapeSteps,
-                     static_cast<float>(j) / kPlainShapeSteps};
+  const uint32_t columns = steps + 1;
+  for (uint32_t j = 0; j < columns; ++j) {
+    for (uint32_t i = 0; i < columns; ++i) {
+      const Vec2f uv{static_cast<float>(i) / static_cast<float>(steps),
+                     static_cast<float>(j) / static_cast<float>(steps)};
       const SurfaceSpot spot = surface(uv);
       mesh->positions.push_back(spot.p);
       mesh->normals.push_back(spot.n);
@@ -37,11 +37,11 @@ void AddGrid(const Surface& surface, TriangleMesh* mesh) {
     if (Dot(cross, mesh->normals[a] + mesh->normals[b] + mesh->normals[c]) < 0) std::swap(b, c);
     mesh->indices.insert(mesh->indices.end(), {a, b, c});
   };
-  for (uint32_t j = 0; j < kPlainShapeSteps; ++j) {
-    for (uint32_t i = 0; i < kPlainShapeSteps; ++i) {
-      const uint32_t corner = first + j * kColumns + i;
-      add(corner, corner + 1, corner + kColumns + 1);
-      add(corner, corner + kColumns + 1, corner + kColumns);
+  for (uint32_t j = 0; j < steps; ++j) {
+    for (uint32_t i = 0; i < steps; ++i) {
+      const uint32_t corner = first + j * columns + i;
+      add(corner, corner + 1, corner + columns + 1);
+      add(corner, corner + columns + 1, corner + columns);
     }
   }
 }
@@ -49,11 +49,12 @@ void AddGrid(const Surface& surface, TriangleMesh* mesh) {
 float Radians(float degrees) { return degrees * static_cast<float>(kPi / 180); }
 float Between(float a, float b, float x) { return a + (b - a) * x; }
 
-TriangleMesh MeshOf(const SphereShape& s) {
+TriangleMesh MeshOf(const SphereShape& s, uint32_t steps) {
   const float low = std::clamp(std::min(s.z_min, s.z_max) / s.radius, -1.0f, 1.0f);
   const float high = std::clamp(std::max(s.z_min, s.z_max) / s.radius, -1.0f, 1.0f);
   TriangleMesh mesh;
   AddGrid(
+      steps,
       [&](Vec2f uv) -> SurfaceSpot {
         const float theta = Between(Acos(low), Acos(high), uv.y);
         const float phi = uv.x * Radians(s.phi_max_degrees);
@@ -64,9 +65,10 @@ TriangleMesh MeshOf(const SphereShape& s) {
   return mesh;
 }
 
-TriangleMesh MeshOf(const DiskShape& d) {
+TriangleMesh MeshOf(const DiskShape& d, uint32_t steps) {
   TriangleMesh mesh;
   AddGrid(
+      steps,
       [&](Vec2f uv) -> SurfaceSpot {
         const float r = Between(d.radius, d.inner_radius, uv.y);
         const float phi = uv.x * Radians(d.phi_max_degrees);
@@ -76,9 +78,10 @@ TriangleMesh MeshOf(const DiskShape& d) {
   return mesh;
 }
 
-TriangleMesh MeshOf(const CylinderShape& c) {
+TriangleMesh MeshOf(const CylinderShape& c, uint32_t steps) {
   TriangleMesh mesh;
   AddGrid(
+      steps,
       [&](Vec2f uv) -> SurfaceSpot {
         const float phi = uv.x * Radians(c.phi_max_degrees);
         const Vec3f n{Cos(phi), Sin(phi), 0};
@@ -96,6 +99,7 @@ TriangleMesh MeshOf(const BilinearMesh& patches) {
     const Vec3f p01 = patches.positions[patches.indices[at + 2]];
     const Vec3f p11 = patches.positions[patches.indices[at + 3]];
     AddGrid(
+        kPlainShapeSteps,
         [&](Vec2f uv) -> SurfaceSpot {
           const Vec3f low = p00 + (p10 - p00) * uv.x, high = p01 + (p11 - p01) * uv.x;
           const Vec3f along_u = (p10 - p00) * (1 - uv.y) + (p11 - p01) * uv.y;
@@ -110,22 +114,24 @@ TriangleMesh MeshOf(const BilinearMesh& patches) {
 
 }  // namespace
 
+std::optional<TriangleMesh> TrianglesOf(const ShapeDescription& shape, uint32_t steps) {
+  if (const auto* sphere = std::get_if<SphereShape>(&shape.shape)) return MeshOf(*sphere, steps);
+  if (const auto* disk = std::get_if<DiskShape>(&shape.shape)) return MeshOf(*disk, steps);
+  if (const auto* cylinder = std::get_if<CylinderShape>(&shape.shape)) {
+    return MeshOf(*cylinder, steps);
+  }
+  return std::nullopt;
+}
+
 void MakePlain(SceneDescription* scene) {
   for (ShapeDescription& shape : scene->shapes) {
-    TriangleMesh mesh;
-    if (const auto* sphere = std::get_if<SphereShape>(&shape.shape)) {
-      mesh = MeshOf(*sphere);
-    } else if (const auto* disk = std::get_if<DiskShape>(&shape.shape)) {
-      mesh = MeshOf(*disk);
-    } else if (const auto* cylinder = std::get_if<CylinderShape>(&shape.shape)) {
-      mesh = MeshOf(*cylinder);
-    } else if (const auto* patches = std::get_if<BilinearMeshShape>(&shape.shape)) {
+    std::optional<TriangleMesh> mesh = TrianglesOf(shape, kPlainShapeSteps);
+    if (const auto* patches = std::get_if<BilinearMeshShape>(&shape.shape)) {
       mesh = MeshOf(scene->bilinear_meshes[static_cast<size_t>(patches->mesh)]);
-    } else {
-      continue;
     }
+    if (!mesh.has_value()) continue;
     shape.shape = MeshShape{static_cast<int32_t>(scene->meshes.size())};
-    scene->meshes.push_back(std::move(mesh));
+    scene->meshes.push_back(*std::move(mesh));
   }
 }
 

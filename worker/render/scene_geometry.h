@@ -93,6 +93,7 @@ struct BakedCurves {
   Surface surface;
   CurveSet set;
   std::vector<CurvePiece> pieces;  // Segments without length or width are gone.
+  std::vector<CurveRod> rods;      // About each piece.
   Affine target_from_shape, shape_from_target;
   Vec3f coordinate_max;  // Of the numbers that points are computed from, in the target.
 

@@ -12,11 +12,16 @@
 #include <variant>
 
 #include "absl/strings/str_cat.h"
+#include "common/base/log.h"
 #include "worker/render/material_traits.h"
+#include "worker/render/plain_shape.h"
 
 namespace sheaf::render {
 namespace {
 
+// Along each parameter of an emissive quadric that is sampled as triangles: its area is smaller by
+// (2 pi / steps)^2 / 6 of itself, 4e-4, and its outline by less.
+constexpr uint32_t kEmissiveQuadricSteps = 128;
 constexpr char kLeavesFloat[] = "Shape: it leaves the range of float once it is placed";
 
 bool IsFinite(Vec3f v) { return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z); }
@@ -233,6 +238,10 @@ absl::Status ShapeBaker::AddCurves(const ShapeDescription& shape, Surface surfac
   }
   if (!baked.pieces.empty()) {
     baked.pieces.shrink_to_fit();
+    baked.rods.reserve(baked.pieces.size());
+    for (const CurvePiece& piece : baked.pieces) {
+      baked.rods.push_back(RodAbout(SegmentOf(baked.set, piece.segment), piece, target_from_shape));
+    }
     group->curves.push_back(std::move(baked));
   }
   return absl::OkStatus();
@@ -252,9 +261,18 @@ absl::Status ShapeBaker::AddQuadric(const ShapeDescription& shape, Surface surfa
   if (!IsFinite(bounds[0]) || !IsFinite(bounds[1]) || !IsFinite(q.coordinate_max)) {
     return Fail(shape, kLeavesFloat);
   }
+  if (shape.area_light != kNone && !EmitterList::IsSampled(q)) {
+    LogWarning(absl::StrCat(FormatLocation(scene_, shape.location),
+                            ": Shape: as an area light of this form it is ",
+                            2 * kEmissiveQuadricSteps * kEmissiveQuadricSteps, " triangles"));
+    surface.is_sphere = false;
+    const uint64_t degenerate = degenerate_triangle_count_;
+    const absl::Status status = AddMesh(shape, surface, *TrianglesOf(shape, kEmissiveQuadricSteps),
+                                        target_from_shape, group);
+    degenerate_triangle_count_ = degenerate;  // Those at its poles are no fault of the scene.
+    return status;
+  }
   if (shape.area_light != kNone) {
-    const std::string problem = emitters_.ProblemWith(q);
-    if (!problem.empty()) return Fail(shape, problem);
     surface.emitter = emitters_.AddQuadric(q, surface, shape.area_light);
   }
   group->quadrics.push_back({surface, q});
