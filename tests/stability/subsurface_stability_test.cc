@@ -122,10 +122,10 @@ double MeasuredReflectance(float albedo, double density, float eta, double* stan
 }
 
 // V14: a half space reflects what HalfSpaceReflectance says, which is what "reflectance" is turned
-// into coefficients by, at any density: free paths of 1 / density scene units. From about 1e4 on
-// rays cannot follow them. Bound: 5 standard errors and 0.003 for both quadratures.
+// into coefficients by, at any density: free paths of 1 / density scene units. Below some 0.01 of
+// them rays cannot follow. Bound: 5 standard errors and 0.003 for both quadratures.
 TEST(SubsurfaceStability, V14ReflectanceAtAnyDensity) {
-  for (const double density : {1.0, 1e3, 1e4, 1e5, 1e6, 1e9, 1e15}) {
+  for (const double density : {1.0, 50.0, 100.0, 1e3, 1e6, 1e15}) {
     for (const float albedo : {0.6f, 0.95f}) {
       SCOPED_TRACE(std::to_string(density) + " " + std::to_string(albedo));
       double standard_error = 0;

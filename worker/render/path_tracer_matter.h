@@ -23,9 +23,9 @@
 namespace sheaf::render {
 
 // Shorter than so many times the rounding of places is a free path that rays cannot follow.
-inline constexpr float kFreePathOverErrorMin = 64;
-// A surface is a plane up to so many times the rounding: a 2^-14th of the distance to the camera.
-inline constexpr double kPlaneOverError = 256;
+inline constexpr float kFreePathOverErrorMin = 32;
+// A surface is a plane up to so many times the rounding: some 2^-15th of the distance to the camera.
+inline constexpr double kPlaneOverError = 128;
 
 // Of a surface point along its normal.
 inline float ErrorAlongNormal(const SurfacePoint& point) {
