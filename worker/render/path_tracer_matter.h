@@ -24,7 +24,7 @@ namespace sheaf::render {
 
 // Shorter than so many times the rounding of places is a free path that rays cannot follow.
 inline constexpr float kFreePathOverErrorMin = 32;
-// A surface is a plane up to so many times the rounding: some 2^-15th of the distance to the camera.
+// A surface is a plane up to so many times the rounding: 2^-15th of the distance to the camera.
 inline constexpr double kPlaneOverError = 128;
 
 // Of a surface point along its normal.
