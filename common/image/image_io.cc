@@ -56,6 +56,10 @@ absl::StatusOr<FloatImage> ReadOpened(const std::string& path, OIIO::ImageInput&
   image.channels = spec.nchannels;
   image.is_8bit = spec.format == OIIO::TypeDesc::UINT8;
   image.is_integer = !spec.format.is_floating_point();
+  std::array<float, 8> xy{};
+  if (spec.getattribute("chromaticities", OIIO::TypeDesc(OIIO::TypeDesc::FLOAT, 8), xy.data())) {
+    image.chromaticities = xy;
+  }
   image.pixels.resize(static_cast<size_t>(spec.width) * static_cast<size_t>(spec.height) *
                       static_cast<size_t>(spec.nchannels));
   if (!input.read_image(0, 0, 0, spec.nchannels, OIIO::TypeDesc::FLOAT, image.pixels.data())) {

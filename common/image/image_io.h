@@ -6,7 +6,9 @@
 // their own (common/film/exr_codec.h). This folder is the only door to OpenImageIO.
 #pragma once
 
+#include <array>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -37,6 +39,8 @@ struct FloatImage {
   std::vector<float> pixels;  // Row-major [height][width][channels], top row first.
   bool is_8bit = false;       // The file holds 8-bit integers.
   bool is_integer = false;    // The file holds integers of any width.
+  // Of red, green, blue and white, x before y, where the file says (EXR).
+  std::optional<std::array<float, 8>> chromaticities;
 
   // Requires: 0 <= x < width, 0 <= y < height, 0 <= channel < channels.
   float At(int x, int y, int channel) const {

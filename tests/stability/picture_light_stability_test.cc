@@ -12,8 +12,11 @@
 #include <fstream>
 #include <limits>
 #include <string>
+#include <utility>
 #include <vector>
 
+#include "common/film/exr_codec.h"
+#include "common/film/frame_picture.h"
 #include "common/math/elementary.h"
 #include "tests/support/light_tables.h"
 #include "tests/support/temporary_path.h"
@@ -182,6 +185,39 @@ TEST_F(PictureLightStabilityTest, L5PowerOfCandelasIsTheIntegral) {
   two.scale.power_w = 1;
   EXPECT_NEAR(IntensityTowards(*MakeTable({}, {two}), Towards(80, 180)).r, 1 / (4 * kPi), 1e-6);
   EXPECT_TRUE(MakeTable({}, {Luminaire({{0, 180}, {0}, {0, 0}})})->empty());
+}
+
+// Files say what colours their numbers are: the same sky written with other primaries is the same
+// light, and what sRGB cannot hold is brought to its edge.
+TEST_F(PictureLightStabilityTest, L6PicturesAreReadWithTheirPrimaries) {
+  const Rgb sky{0.25f, 0.5f, 1};
+  const auto radiance_of = [&](Rgb srgb, Primaries primaries) {
+    FramePicture picture = MakeFramePicture({0, 0, 2, 2}, 2, 2);
+    for (const auto& [channel, value] :
+         {std::pair{"R", srgb.r}, std::pair{"G", srgb.g}, std::pair{"B", srgb.b}}) {
+      picture.Find(channel)->assign(4, value);
+    }
+    EXPECT_TRUE(ConvertColor(ChromaticitiesOf(primaries), &picture).ok());
+    const std::string path = (directory_ / "sky.exr").string();
+    EXPECT_TRUE(WritePicture(picture, path).ok());
+    SceneDescription scene;
+    scene.files = {"room.pbrt"};
+    LightDescription light;
+    light.light = InfiniteLight{.radiance = {}, .file = "sky.exr", .portal = {}};
+    scene.lights = {light};
+    TableFileSource files({{"sky.exr", path}});
+    const auto table = LightTable::Build(scene, {}, files);
+    EXPECT_TRUE(table.ok()) << table.status();
+    return table.ok() ? (*table)->EnvironmentRadiance<kAllTraits>({}, {0, 0, 1}) : Rgb{};
+  };
+  for (const Primaries primaries :
+       {Primaries::kSrgb, Primaries::kAces2065, Primaries::kAcesCg, Primaries::kRec2020}) {
+    const Rgb read = radiance_of(sky, primaries);
+    for (size_t c = 0; c < 3; ++c) EXPECT_NEAR(read[c], sky[c], 1e-4f) << PrimariesName(primaries);
+  }
+  const Rgb laser = radiance_of({-0.5f, 1, 0.25f}, Primaries::kAces2065);
+  EXPECT_EQ(laser.r, 0);
+  EXPECT_NEAR(laser.g, 1, 1e-4f);
 }
 
 // A projector 2 above a plane, looking down: E = I cos / d^2 = I cos^3 / 4 inside of the picture,

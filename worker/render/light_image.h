@@ -17,7 +17,8 @@ namespace sheaf::render {
 // Pictures wider or higher than this are larger than a worker should hold: 12 to 18 bytes a pixel.
 inline constexpr int kLightImageSizeMax = 8192;
 
-// Linear, row-major [height][width], top row first.
+// Linear sRGB, row-major [height][width], top row first. Files that say so may have other
+// primaries; negative components that this leaves become 0, with a warning.
 struct LightImage {
   int width = 0, height = 0;
   std::vector<Rgb> texels;
