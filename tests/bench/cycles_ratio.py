@@ -76,7 +76,7 @@ def main():
         for seed in range(1, options.seeds + 1):
             for name, render in renderers.items():
                 seconds = render(options, options.samples, seed, path(name, seed)) - start[name]
-                error = compare(path(name, "reference"), path(name, seed))["rel_mse"]
+                error = compare(path(name, "reference"), path(name, seed))["relative_mse"]
                 products[name].append(error * seconds)
                 print("%-7s seed %d: relMSE %.5f in %.2f CPU s (and %.2f to start): %.5f" %
                       (name, seed, error, seconds, start[name], products[name][-1]), flush=True)
