@@ -66,19 +66,22 @@ class OnePictureTest(unittest.TestCase):
                         self.assertEqual(farm.picture_digest(output), self.expected)
                         os.remove(output)
 
+    def farmed(self, *flags):
+        """Digest of the picture that two workers of a farm of their own make."""
+        with farm.Farm() as f:
+            f.start_worker()
+            f.start_worker()
+            output = f.path("out.exr")
+            f.sheaf("submit", SCENE, "--wait", "-o", output, *JOB, *flags)
+            return farm.picture_digest(output)
+
     def test_wavelengths_and_lossy_surfaces_cross_the_wire(self):
         for flags in (("--color", "spectral"), ("--single-scattering",)):
             with self.subTest(flags=flags):
                 expected = self.rendered("c", *flags)
                 self.assertNotEqual(expected, self.expected)
                 self.assertEqual(self.rendered("c", *flags, "--generic"), expected)
-                with farm.Farm() as f:
-                    f.start_worker()
-                    f.start_worker()
-                    output = f.path("out.exr")
-                    f.sheaf("submit", SCENE, "--wait", "-o", output, *JOB, *flags,
-                            *partition_flags(16, 4, 1))
-                    self.assertEqual(farm.picture_digest(output), expected)
+                self.assertEqual(self.farmed(*flags, *partition_flags(16, 4, 1)), expected)
 
     def test_outputs(self):
         expected = self.rendered("o", *OUTPUTS)
@@ -87,13 +90,7 @@ class OnePictureTest(unittest.TestCase):
             with self.subTest(partition=partition):
                 flags = OUTPUTS + partition_flags(*partition)
                 self.assertEqual(self.rendered("o", *flags), expected)
-        with farm.Farm() as f:
-            f.start_worker()
-            f.start_worker()
-            output = f.path("out.exr")
-            f.sheaf("submit", SCENE, "--wait", "-o", output, *JOB, *OUTPUTS,
-                    *partition_flags(32, 16, 1))
-            self.assertEqual(farm.picture_digest(output), expected)
+        self.assertEqual(self.farmed(*OUTPUTS, *partition_flags(32, 16, 1)), expected)
 
     def test_primaries(self):
         flags = ("--primaries", "acescg", "--light-groups")
@@ -103,13 +100,7 @@ class OnePictureTest(unittest.TestCase):
             with self.subTest(partition=partition):
                 self.assertEqual(self.rendered("a", *flags, *partition_flags(*partition)),
                                  expected)
-        with farm.Farm() as f:
-            f.start_worker()
-            f.start_worker()
-            output = f.path("out.exr")
-            f.sheaf("submit", SCENE, "--wait", "-o", output, *JOB, *flags,
-                    *partition_flags(32, 16, 1))
-            self.assertEqual(farm.picture_digest(output), expected)
+        self.assertEqual(self.farmed(*flags, *partition_flags(32, 16, 1)), expected)
         # The same colours: compare converts the one, and rounding is all that is left.
         report = json.loads(farm.compare(os.path.join(self.folder.name, "reference.exr"),
                                          os.path.join(self.folder.name, "a.exr")))
