@@ -17,7 +17,9 @@ set(SHEAF_MARCH "x86-64-v3" CACHE STRING "Instruction set; part of the numeric p
 
 find_program(SHEAF_CCACHE ccache)
 if(SHEAF_CCACHE)
-  set(CMAKE_CXX_COMPILER_LAUNCHER ${SHEAF_CCACHE})
+  # What ccache wants before it keeps objects that were made with precompiled headers.
+  set(CMAKE_CXX_COMPILER_LAUNCHER ${CMAKE_COMMAND} -E env
+    CCACHE_SLOPPINESS=pch_defines,time_macros,include_file_mtime,include_file_ctime ${SHEAF_CCACHE})
   set(CMAKE_C_COMPILER_LAUNCHER ${SHEAF_CCACHE})
 endif()
 

@@ -11,6 +11,8 @@
 #include <limits>
 #include <string>
 
+#include "absl/strings/str_cat.h"
+
 namespace sheaf {
 namespace {
 
@@ -80,7 +82,7 @@ TEST(PlyReaderTest, ReadsBothBinaryOrders) {
 
 TEST(PlyReaderTest, ReadsAsciiWithoutATrailingNewline) {
   const auto mesh =
-      ReadPly(WriteMesh(std::string(kAsciiHead) + "0 0 0\n1 0 0\n0 1e-50 2.5\n3 0 1 2"), {});
+      ReadPly(WriteMesh(absl::StrCat(kAsciiHead, "0 0 0\n1 0 0\n0 1e-50 2.5\n3 0 1 2")), {});
   ASSERT_TRUE(mesh.ok()) << mesh.status().message();
   EXPECT_EQ(mesh->positions[2], (Vec3f{0, 0, 2.5f}));
   EXPECT_EQ(mesh->indices, (std::vector<uint32_t>{0, 1, 2}));
