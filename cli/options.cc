@@ -100,6 +100,9 @@ void AddSettingsOptions(CLI::App* command, JobArguments* arguments) {
                     "Write what each group of lights (\"string lightgroup\") contributes");
   command->add_flag("--single-scattering", settings.single_scattering,
                     "Rough surfaces scatter once and lose the rest, as pbrt-v4's do");
+  command->add_flag("--one-sequence", settings.one_sequence,
+                    "Draw a pixel's samples from one sequence, not from 16 independent ones: less "
+                    "noise where it is smooth, but errors shown are upper estimates");
   command->add_flag("--generic", settings.force_generic_variant,
                     "Run the variant that knows every effect; changes no pixel");
 }

@@ -56,6 +56,7 @@ v1::FrameSettings ToWire(const FrameSettings& settings) {
   wire.set_force_generic_variant(settings.force_generic_variant);
   wire.set_color(ToWire(settings.color));
   wire.set_single_scattering(settings.single_scattering);
+  wire.set_one_sequence(settings.one_sequence);
   wire.set_outputs(FormatOutputs(settings.outputs));
   wire.set_primaries(static_cast<v1::Primaries>(settings.primaries));
   wire.set_white_balance_k(settings.white_balance_k);
@@ -73,6 +74,7 @@ absl::StatusOr<FrameSettings> FromWire(const v1::FrameSettings& wire) {
   settings.force_generic_variant = wire.force_generic_variant();
   settings.color = FromWire(wire.color());
   settings.single_scattering = wire.single_scattering();
+  settings.one_sequence = wire.one_sequence();
   absl::StatusOr<FilmOutputs> outputs = ParseOutputs(wire.outputs());
   if (!outputs.ok()) return outputs.status();
   settings.outputs = *std::move(outputs);

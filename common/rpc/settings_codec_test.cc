@@ -19,6 +19,7 @@ TEST(SettingsCodecTest, EverySettingSurvivesTheWire) {
   settings.max_depth = 17;
   settings.seed = ~uint64_t{0};
   settings.single_scattering = true;
+  settings.one_sequence = true;
   settings.force_generic_variant = true;
   settings.outputs.Add(Aov::kPosition);
   settings.outputs.Add(Aov::kMotion);

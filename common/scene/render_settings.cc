@@ -148,6 +148,7 @@ absl::StatusOr<FrameSettings> ResolveSettings(const SceneDescription& scene,
   resolved.seed = settings.seed.value_or(scene.sampling.seed);
   resolved.color = settings.color;
   resolved.single_scattering = settings.single_scattering;
+  resolved.one_sequence = settings.one_sequence;
   resolved.force_generic_variant = settings.force_generic_variant;
   resolved.primaries = settings.primaries.value_or(scene.film.primaries);
   resolved.white_balance_k = scene.film.white_balance_k;
@@ -196,8 +197,9 @@ std::string FrameDigestText(const std::string& scene_digest, const FrameSettings
                       settings.height_px, "\nwindow_px ", w.x0, " ", w.y0, " ", w.x1, " ", w.y1,
                       "\nsamples ", settings.samples, "\nmax_depth ", settings.max_depth, "\nseed ",
                       settings.seed, "\ncolor ", ColorTransportName(settings.color),
-                      "\nscattering ", settings.single_scattering ? "single" : "full", outputs,
-                      color, "\nprofile ", numeric_profile, "\n");
+                      "\nscattering ", settings.single_scattering ? "single" : "full",
+                      settings.one_sequence ? "\nsampling one-sequence" : "", outputs, color,
+                      "\nprofile ", numeric_profile, "\n");
 }
 
 std::string FrameDigest(const std::string& scene_digest, const FrameSettings& settings,

@@ -41,6 +41,9 @@ struct RenderSettings {
   // Rough surfaces scatter light once and lose what is scattered again, as in pbrt-v4, whose
   // pictures can then be matched. Otherwise they keep that energy.
   bool single_scattering = false;
+  // A pixel's samples come from one sequence, not from kReplicateCount independent ones: less noise
+  // where a pixel is smooth, and of the standard error no more than an upper estimate.
+  bool one_sequence = false;
   bool force_generic_variant = false;  // Changes no pixel, so it is not part of the digest.
 };
 
@@ -52,6 +55,7 @@ struct FrameSettings {
   uint64_t seed = 0;
   ColorTransport color = ColorTransport::kAuto;
   bool single_scattering = false;
+  bool one_sequence = false;
   bool force_generic_variant = false;
   FilmOutputs outputs;
   // Of the delivered picture; parts do not depend on them.

@@ -78,6 +78,7 @@ std::string FrameJson(const std::string& job_id, const FrameView& frame) {
       {"sample_count", settings.samples},
       {"depth_max", settings.max_depth},
       {"seed", settings.seed},
+      {"one_sequence", settings.one_sequence},
       {"complete", frame.complete},
       {"picture_digest", frame.picture_digest},
       {"preview_version", frame.preview_version},

@@ -22,7 +22,7 @@
 namespace sheaf::coordinator {
 namespace {
 
-constexpr int64_t kSchemaVersion = 4;
+constexpr int64_t kSchemaVersion = 5;
 // Lease ids of one life lie below those of the next; no life grants so many.
 constexpr int kLeaseIdBitsPerLife = 40;
 
@@ -63,6 +63,9 @@ ALTER TABLE frames ADD COLUMN outputs TEXT NOT NULL DEFAULT '';
 constexpr char kAddedBy4[] = R"sql(
 ALTER TABLE frames ADD COLUMN primaries INTEGER NOT NULL DEFAULT 0;
 ALTER TABLE frames ADD COLUMN white_balance_k REAL NOT NULL DEFAULT 0;
+)sql";
+constexpr char kAddedBy5[] = R"sql(
+ALTER TABLE frames ADD COLUMN one_sequence INTEGER NOT NULL DEFAULT 0;
 )sql";
 
 int64_t ToNanoseconds(absl::Time time) {
@@ -133,9 +136,10 @@ absl::Status SqliteJobStore::MigrateSchema() {
                      ", this one knows ", kSchemaVersion, ")"));
   }
   if (version == kSchemaVersion) return absl::OkStatus();
-  return database_->Execute(absl::StrCat(
-      "BEGIN;", version == 0 ? kSchema : "", version < 2 ? kAddedBy2 : "",
-      version < 3 ? kAddedBy3 : "", kAddedBy4, "PRAGMA user_version=", kSchemaVersion, ";COMMIT;"));
+  return database_->Execute(absl::StrCat("BEGIN;", version == 0 ? kSchema : "",
+                                         version < 2 ? kAddedBy2 : "", version < 3 ? kAddedBy3 : "",
+                                         version < 4 ? kAddedBy4 : "", kAddedBy5,
+                                         "PRAGMA user_version=", kSchemaVersion, ";COMMIT;"));
 }
 
 std::string SqliteJobStore::FrameDirectory(const FrameId& frame) const {
@@ -156,7 +160,7 @@ absl::Status SqliteJobStore::LoadFrames(StoredJob* job) {
       "y1, samples, max_depth, seed, force_generic, delivered, picture_digest, relative_mse, "
       "wall_ns, "
       "ray_count, nonfinite_count, cpu_ns, color, single_scattering, outputs, primaries, "
-      "white_balance_k FROM frames WHERE "
+      "white_balance_k, one_sequence FROM frames WHERE "
       "job_id = ? "
       "ORDER BY frame_number");
   query.Bind(job->spec.job_id);
@@ -184,6 +188,7 @@ absl::Status SqliteJobStore::LoadFrames(StoredJob* job) {
     s.outputs = *std::move(outputs);
     s.primaries = static_cast<Primaries>(query.Int64(24));
     s.white_balance_k = static_cast<float>(query.Double(25));
+    s.one_sequence = query.Int64(26) != 0;
     if (query.Int64(14) != 0) {
       StoredFrame stored{frame.frame_number, {}};
       stored.delivered = {
@@ -305,8 +310,8 @@ absl::StatusOr<JobStore::CreatedJob> SqliteJobStore::CreateJob(const JobSpec& sp
         "INSERT INTO frames(job_id, frame_number, scene_sha256, scene_bytes, frame_digest, "
         "width_px, "
         "height_px, x0, y0, x1, y1, samples, max_depth, seed, force_generic, color, "
-        "single_scattering, outputs, primaries, white_balance_k) "
-        "VALUES(?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?)");
+        "single_scattering, outputs, primaries, white_balance_k, one_sequence) "
+        "VALUES(?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?)");
     for (const FrameSpec& frame : spec.frames) {
       const FrameSettings& s = frame.settings;
       status = frames.Bind(created.job_id)
@@ -329,6 +334,7 @@ absl::StatusOr<JobStore::CreatedJob> SqliteJobStore::CreateJob(const JobSpec& sp
                    .Bind(FormatOutputs(s.outputs))
                    .Bind(static_cast<int32_t>(s.primaries))
                    .Bind(double{s.white_balance_k})
+                   .Bind(s.one_sequence ? 1 : 0)
                    .Run();
       if (!status.ok()) return status;
     }

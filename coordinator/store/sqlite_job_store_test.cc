@@ -60,6 +60,7 @@ class SqliteJobStoreTest : public testing::Test {
       frame.settings.outputs.Add(Aov::kUv);
       frame.settings.primaries = Primaries::kRec2020;
       frame.settings.white_balance_k = 3200.5f;
+      frame.settings.one_sequence = true;
       spec.frames.push_back(frame);
     }
     return spec;
@@ -107,6 +108,7 @@ TEST_F(SqliteJobStoreTest, JobsSurviveAReopen) {
   EXPECT_TRUE(stored.spec.frames[1].settings.outputs.Has(Aov::kUv));
   EXPECT_EQ(stored.spec.frames[1].settings.primaries, Primaries::kRec2020);
   EXPECT_EQ(stored.spec.frames[1].settings.white_balance_k, 3200.5f);
+  EXPECT_TRUE(stored.spec.frames[1].settings.one_sequence);
   EXPECT_EQ(stored.spec.frames[1].settings.window, (PixelRect{1, 2, 3, 4}));
   ASSERT_EQ(stored.delivered.size(), 1u);
   EXPECT_EQ(stored.delivered[0].delivered.cost.cpu_duration, absl::Seconds(4));
@@ -217,6 +219,7 @@ TEST_F(SqliteJobStoreTest, EarlierSchemaIsBroughtUpToDate) {
                             "ALTER TABLE frames DROP COLUMN outputs;"
                             "ALTER TABLE frames DROP COLUMN primaries;"
                             "ALTER TABLE frames DROP COLUMN white_balance_k;"
+                            "ALTER TABLE frames DROP COLUMN one_sequence;"
                             "PRAGMA user_version=1;")
                   .ok());
   Reopen();
@@ -237,7 +240,7 @@ TEST_F(SqliteJobStoreTest, LaterSchemaIsRefused) {
   EXPECT_EQ(status.code(), absl::StatusCode::kFailedPrecondition);
   EXPECT_THAT(std::string(status.message()), HasSubstr("later version"));
   ASSERT_TRUE(
-      (*SqliteDatabase::Open(directory_ + "/farm.db"))->Execute("PRAGMA user_version=4").ok());
+      (*SqliteDatabase::Open(directory_ + "/farm.db"))->Execute("PRAGMA user_version=5").ok());
   Reopen();
 }
 

@@ -16,3 +16,5 @@ target_link_libraries(variant_speed_bench PRIVATE sheaf::render sheaf::scene she
 sheaf_add_script_test(NAME variant_speed LABEL slow TIMEOUT 1500 COMMAND variant_speed_bench)
 add_executable(volume_bench ${CMAKE_CURRENT_LIST_DIR}/volume_bench.cc)
 target_link_libraries(volume_bench PRIVATE sheaf::render_volume absl::status absl::strings sheaf_warnings)
+add_executable(fog_light_bench ${CMAKE_CURRENT_LIST_DIR}/fog_light_bench.cc)
+target_link_libraries(fog_light_bench PRIVATE sheaf::render sheaf::film GTest::gtest sheaf_warnings)

@@ -4,7 +4,7 @@
 """Error times cost of Sheaf against Cycles on one scene, in one run.
 
     SHEAF_BIN=build/release/bin tests/bench/cycles_ratio.py SCENE.pbrt CYCLES_SCRIPT.py
-        [--samples N] [--seeds K] [--reference-samples M] [--max-ratio R]
+        [--samples N] [--seeds K] [--reference-samples M] [--max-ratio R] [--one-sequence]
 
 CYCLES_SCRIPT is run by Debian's Blender as `blender ... --python CYCLES_SCRIPT -- SCENE SAMPLES OUT
 SEED` and must build the same scene there. Each renderer is held against a long picture of its own
@@ -39,7 +39,8 @@ def cpu_seconds(command):
 
 def sheaf(options, samples, seed, out):
     return cpu_seconds([SHEAF, "render", options.scene, "--samples", str(samples), "--seed",
-                        str(seed), "--threads", str(THREADS), "-o", out])
+                        str(seed), "--threads", str(THREADS), "-o", out] +
+                       (["--one-sequence"] if options.one_sequence else []))
 
 
 def cycles(options, samples, seed, out):
@@ -62,6 +63,8 @@ def main():
     parser.add_argument("--samples", type=int, default=256)
     parser.add_argument("--seeds", type=int, default=4)
     parser.add_argument("--reference-samples", type=int, default=4096)
+    parser.add_argument("--one-sequence", action="store_true",
+                        help="render without independent replicates, as Cycles does")
     parser.add_argument("--max-ratio", type=float, default=float("inf"))
     options = parser.parse_args()
     renderers = {"Sheaf": sheaf, "Cycles": cycles}

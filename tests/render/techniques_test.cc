@@ -149,6 +149,33 @@ TestScene Hazy(Tint tint) {
   return t;
 }
 
+// A room full of fog of two kinds, a part of which overlaps, with a lamp of each sort that has a
+// place: flat ones, a ball, a point and a cone.
+TestScene Foggy(Tint tint) {
+  TestScene t = Diffuse(tint);
+  PointLight point;
+  point.intensity.rgb = tint({0.8f, 0.6f, 0.4f});
+  point.from = {1, 1.4f, -0.5f};
+  t.scene.lights.push_back({point, {}, {}, {}});
+  SpotLight spot;
+  spot.intensity.rgb = tint({3, 4, 5});
+  spot.from = {-0.3f, 2, -0.6f};
+  spot.to = {0.2f, 0, 0.2f};
+  t.scene.lights.push_back({spot, {}, {}, {}});
+  const auto add = [&](Rgb sigma_a, Rgb sigma_s, float g, Vec3f lower, Vec3f upper) {
+    MediumDescription medium;
+    medium.sigma_a.rgb = tint(sigma_a);
+    medium.sigma_s.rgb = tint(sigma_s);
+    medium.g = g;
+    t.AddShape(MeshShape{t.Box(lower, upper)}, t.AddMaterial(InterfaceMaterial{})).media.inside =
+        static_cast<int32_t>(t.scene.media.size());
+    t.scene.media.push_back(medium);
+  };
+  add({0.02f, 0.05f, 0.1f}, {0.1f, 0.2f, 0.3f}, 0.5f, {-2.5f, -0.5f, -2.4f}, {2.5f, 3.5f, 2.5f});
+  add({0.1f, 0, 0}, {0.8f, 0.4f, 0.2f}, -0.2f, {-1, 0.1f, -1}, {1, 1.6f, 1});
+  return t;
+}
+
 // More lights than are weighed one by one: rows of small lamps of unlike power, one of them without
 // size, and a dim sky.
 TestScene ManyLamps(Tint tint) {
@@ -222,6 +249,8 @@ FilmTile Render(const TestScene& test_scene, const Technique& technique, uint64_
   PixelAccumulator accumulator(&tile);
   if (technique.direct_light == DirectLight::kBySampling) {
     RenderPixels<DirectLight::kBySampling>(scene, &accumulator);
+  } else if (technique.direct_light == DirectLight::kByLines) {
+    RenderPixels<DirectLight::kByLines>(scene, &accumulator);
   } else {
     RenderPixels<DirectLight::kByMeeting>(scene, &accumulator);
   }
@@ -298,6 +327,18 @@ TEST(TechniquesTest, L16LightSampledAndLightMet) {
   ExpectAgreement("sampling against meeting", BiasOfNoisyPair(),
                   TilePairs(LitScenes(kColored), {.direct_light = DirectLight::kBySampling},
                             {.direct_light = DirectLight::kByMeeting}, 300));
+}
+
+// The same several times, for power.
+std::vector<TestScene> FoggyScenes() { return std::vector<TestScene>(4, Foggy(kColored)); }
+// In fog: light gathered along lines, by flights that end where light is sampled, and by both.
+TEST(TechniquesTest, V7LightAlongLinesAndAllTogether) {
+  ExpectAgreement("all against lines", 1.5 * Bias(),
+                  TilePairs(FoggyScenes(), kBoth, {.direct_light = DirectLight::kByLines}, 600));
+}
+TEST(TechniquesTest, V7LightAtTheEndOfFlightsAndAllTogether) {
+  ExpectAgreement("all against flights", BiasOfNoisyPair(),
+                  TilePairs(FoggyScenes(), kBoth, {.direct_light = DirectLight::kBySampling}, 700));
 }
 
 TEST(TechniquesTest, LightsByTheirImportanceAndEvenly) {

@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "common/math/elementary.h"
 #include "gtest/gtest.h"
 #include "tests/support/long_tests.h"
 #include "tests/support/test_scene.h"
@@ -140,6 +141,43 @@ TEST(MediumStability, V9CameraInFog) {
       expected[c] = static_cast<float>(radiance * -std::expm1(-sigma * distance));
     }
     ExpectFog(t, SquareSettings(4, 16, 5), expected);
+  }
+}
+
+// V7: the light of a lamp without size that fog scatters once towards the camera, against the
+// integral of e^(-sigma (t + d)) / d^2: lamps at any height over the ray, fog of any density.
+TEST(MediumStability, V7Airlight) {
+  struct Row {
+    float height, sigma, wall;
+  };
+  for (const Row& row : {Row{1, 0.1f, 8}, Row{1e-2f, 0.1f, 8}, Row{1e-4f, 1e-4f, 8},
+                         Row{1, 1e-6f, 1e3f}, Row{0.5f, 4, 8}}) {
+    SCOPED_TRACE(::testing::Message() << row.height << " " << row.sigma);
+    constexpr double kAlong = 4, kIntensity = 3;
+    FogScene t({0, 0, 0}, {0, 0, 1}, 1e-4f);
+    t.scene.camera.medium = t.AddMedium(Rgb::Grey(0.25f * row.sigma), Rgb::Grey(0.75f * row.sigma));
+    const float z = row.wall;
+    t.AddShape(MeshShape{t.Quad({-9, -9, z}, {-9, 9, z}, {9, 9, z}, {9, -9, z})}, t.Diffuse({}));
+    PointLight lamp;
+    lamp.intensity.rgb = Rgb::Grey(kIntensity);
+    lamp.from = {0, row.height, kAlong};
+    t.scene.lights.push_back({lamp, {}, {}, {}});
+    // By the angle at the lamp, where the integrand is smooth.
+    const double h = static_cast<double>(row.height), sigma = static_cast<double>(row.sigma);
+    const double first = std::atan2(-kAlong, h), last = std::atan2(double{z} - kAlong, h);
+    constexpr int kSteps = 1 << 16;
+    double sum = 0;
+    for (int i = 0; i < kSteps; ++i) {
+      const double angle = first + (last - first) * (i + 0.5) / kSteps;
+      const double along = kAlong + h * std::tan(angle), distance = h / std::cos(angle);
+      sum += std::exp(-sigma * (along + distance));
+    }
+    const double expected =
+        kIntensity * 0.75 * sigma / (4 * kPi) * sum * (last - first) / kSteps / h;
+    const Rendered rendered = RenderFog(t.scene, SquareSettings(4, DrawCount(1024, 1 << 16), 1));
+    ExpectMean(rendered.mean, Rgb::Grey(static_cast<float>(expected)));
+    // Distances alone would leave errors of tens of percent here.
+    EXPECT_LT(rendered.mean.standard_error[0], 2e-3 * expected);
   }
 }
 

@@ -133,6 +133,24 @@ TEST(SamplingStabilityTest, R2SamplesAreAFunctionOfTheirIndexAlone) {
   }
 }
 
+// All samples of a pixel together are a net where they come from one sequence, and are another set
+// than any replicate's.
+TEST(SamplingStabilityTest, R2OneSequenceIsOneNet) {
+  constexpr uint32_t kBits = 4;
+  for (uint32_t slot : {0u, 7u, 1000u}) {
+    std::vector<int> cells(1u << (2 * kBits));
+    for (uint64_t i = 0; i < cells.size(); ++i) {
+      const Vec2f u = Sampler(5, 3, 4, i, true).Get2(slot);
+      ++cells[(static_cast<uint32_t>(u.x * (1 << kBits)) << kBits) |
+              static_cast<uint32_t>(u.y * (1 << kBits))];
+    }
+    EXPECT_EQ(std::count(cells.begin(), cells.end(), 1), static_cast<long>(cells.size()));
+    for (uint64_t i = 0; i < kReplicateCount; ++i) {
+      EXPECT_NE(Sampler(5, 3, 4, i, true).Get4(slot), Sampler(5, 3, 4, i).Get4(slot));
+    }
+  }
+}
+
 // --- R3 ----------------------------------------------------------------------------------------
 
 // Counts pairs of coordinates (slot a, dimension i) and (slot b, dimension j) in 8 x 8 cells, over

@@ -162,4 +162,26 @@ Flight<Color> SampleFlight(const MediumMix<Color>& mix, double length, const Fli
   return flight;
 }
 
+// Per scene unit, that SampleFlight with the same throughput scatters a path after `distance`.
+// Requires: mix scatters.
+template <bool kChromatic, typename Color>
+double FlightDensity(const MediumMix<Color>& mix, double distance,
+                     [[maybe_unused]] const Color& throughput) {
+  const auto of_component = [&](size_t i) {
+    return static_cast<double>(mix.sigma_t[i] *
+                               AttenuationOf(OpticalThickness(mix.sigma_t[i], distance)));
+  };
+  if constexpr (kChromatic) {
+    if (!mix.is_grey) {
+      const Color shares = internal::ComponentShares(throughput);
+      double density = 0;
+      for (size_t i = 0; i < kComponentCount<Color>; ++i) {
+        if (shares[i] > 0) density += static_cast<double>(shares[i]) * of_component(i);
+      }
+      return density;
+    }
+  }
+  return of_component(0);
+}
+
 }  // namespace sheaf::render

@@ -126,15 +126,38 @@ template <uint32_t kMask>
 std::optional<LightSampleOf<ColorOf<kMask>>> LightTable::SampleLights(
     const Impl& impl, Vec3f p, Vec3f n, float u_select, Vec2f u,
     const WavelengthsOf<ColorOf<kMask>>& wavelengths, const Preparation& preparation) {
-  using Color = ColorOf<kMask>;
   if (impl.empty) return std::nullopt;
   const std::optional<ChosenLight> chosen = impl.choice.Choose(p, n, u_select, SaltOf(u));
   if (!chosen) return std::nullopt;
-  const uint32_t light = chosen->light;
+  return SampleOne<kMask>(impl, *chosen, p, n, u, wavelengths, preparation);
+}
+
+template <uint32_t kMask>
+std::optional<LightSampleOf<ColorOf<kMask>>> LightTable::SampleChosenLight(
+    const Impl& impl, const ChosenLight& chosen, Vec3f p, Vec2f u,
+    const WavelengthsOf<ColorOf<kMask>>& wavelengths) {
+  return SampleOne<kMask>(impl, chosen, p, {}, u, wavelengths, Prepare(impl, u));
+}
+
+std::optional<ChosenLight> LightTable::Choose(Vec3f p, float u_select, Vec2f u) const {
+  if (impl_->empty) return std::nullopt;
+  return impl_->choice.Choose(p, {}, u_select, SaltOf(u));
+}
+
+float LightTable::ChoiceProbability(uint32_t light, Vec3f p) const {
+  return impl_->choice.Probability(light, p, {});
+}
+
+template <uint32_t kMask>
+std::optional<LightSampleOf<ColorOf<kMask>>> LightTable::SampleOne(
+    const Impl& impl, const ChosenLight& chosen, Vec3f p, Vec3f n, Vec2f u,
+    const WavelengthsOf<ColorOf<kMask>>& wavelengths, const Preparation& preparation) {
+  using Color = ColorOf<kMask>;
+  const uint32_t light = chosen.light;
   std::optional<LightSampleOf<Color>> sample;
   const auto sample_area = [&](const auto& emitter) {
     const Color radiance = impl.ColorOfEmission(emitter.radiance, wavelengths);
-    sample = SampleEmitter(emitter, radiance, chosen->probability, p, u);
+    sample = SampleEmitter(emitter, radiance, chosen.probability, p, u);
     if constexpr (Has(kMask, Trait::kVaryingEmission)) {
       if (sample) AddDetail<Color>(impl, light, wavelengths, &*sample);
     }
@@ -154,7 +177,7 @@ std::optional<LightSampleOf<ColorOf<kMask>>> LightTable::SampleLights(
   } else if (light < impl.first_infinite()) {
     if constexpr (Has(kMask, Trait::kDeltaLights)) {
       const DeltaLight& delta = impl.deltas[light - impl.first_delta()];
-      sample = render::Sample<Color>(impl, delta, wavelengths, chosen->probability, p);
+      sample = render::Sample<Color>(impl, delta, wavelengths, chosen.probability, p);
     }
   } else if constexpr (Has(kMask, Trait::kEnvironment)) {
     // Infinite lights share every direction, so each is drawn as a part of their sum.
@@ -315,11 +338,13 @@ template void LightTable::AddByGroup<Spectral>(Vec3f, Vec3f, const Wavelengths&,
 #define SHEAF_INSTANTIATE_FOR(mask) \
   SHEAF_INSTANTIATE_IN_COLOR(mask)  \
   SHEAF_INSTANTIATE_IN_COLOR((mask) | static_cast<uint32_t>(Trait::kSpectral))
-#define SHEAF_INSTANTIATE_IN_COLOR(mask)                                                      \
-  template std::optional<LightSampleOf<ColorOf<(mask)>>> LightTable::SampleLights<(mask)>(    \
-      const Impl&, Vec3f, Vec3f, float, Vec2f, const WavelengthsOf<ColorOf<(mask)>>&,         \
-      const Preparation&);                                                                    \
-  template float LightTable::PdfOfEmitter<(mask)>(const Impl&, uint32_t, Vec3f, Vec3f, Vec3f, \
+#define SHEAF_INSTANTIATE_IN_COLOR(mask)                                                        \
+  template std::optional<LightSampleOf<ColorOf<(mask)>>> LightTable::SampleLights<(mask)>(      \
+      const Impl&, Vec3f, Vec3f, float, Vec2f, const WavelengthsOf<ColorOf<(mask)>>&,           \
+      const Preparation&);                                                                      \
+  template std::optional<LightSampleOf<ColorOf<(mask)>>> LightTable::SampleChosenLight<(mask)>( \
+      const Impl&, const ChosenLight&, Vec3f, Vec2f, const WavelengthsOf<ColorOf<(mask)>>&);    \
+  template float LightTable::PdfOfEmitter<(mask)>(const Impl&, uint32_t, Vec3f, Vec3f, Vec3f,   \
                                                   Vec3f);
 #define SHEAF_INSTANTIATE_WITH(mask)                                          \
   SHEAF_INSTANTIATE_FOR(mask)                                                 \

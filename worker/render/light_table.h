@@ -19,6 +19,7 @@
 #include "worker/render/bsdf.h"
 #include "worker/render/emission_map.h"
 #include "worker/render/environment_map.h"
+#include "worker/render/light_bounds.h"
 #include "worker/render/quadric.h"
 #include "worker/render/wavelengths.h"
 
@@ -209,6 +210,22 @@ class LightTable {
     return FromInfinity<ColorOf<kTraits>>(*impl_, p, n, d, wavelengths, {place});
   }
 
+  // --- For lines through media, where another way to a point than Sample's may lead to it. All in
+  // free space (Sample's n is zero).
+
+  // The light that is worth most at p, none where no light reaches it. u: independent of u_select.
+  std::optional<ChosenLight> Choose(Vec3f p, float u_select, Vec2f u) const;
+  // With which Choose, and Sample, choose the light at p.
+  float ChoiceProbability(uint32_t light, Vec3f p) const;
+  LightBounds BoundsOf(uint32_t light) const;
+  // Sample, once it has chosen. Requires: chosen.probability is ChoiceProbability at p.
+  template <uint32_t kTraits>
+  std::optional<LightSampleOf<ColorOf<kTraits>>> SampleChosen(
+      const ChosenLight& chosen, Vec3f p, Vec2f u,
+      const WavelengthsOf<ColorOf<kTraits>>& wavelengths) const {
+    return SampleChosenLight<kTraits & kLightTraits>(*impl_, chosen, p, u, wavelengths);
+  }
+
   // --- Light groups: what follows may be called once AssignGroups was.
 
   // groups: ascending names, among them those of all lights of the scene.
@@ -234,6 +251,15 @@ class LightTable {
   template <uint32_t kMask>
   static std::optional<LightSampleOf<ColorOf<kMask>>> SampleLights(
       const Impl& impl, Vec3f p, Vec3f n, float u_select, Vec2f u,
+      const WavelengthsOf<ColorOf<kMask>>& wavelengths, const Preparation& preparation);
+  template <uint32_t kMask>
+  static std::optional<LightSampleOf<ColorOf<kMask>>> SampleChosenLight(
+      const Impl& impl, const ChosenLight& chosen, Vec3f p, Vec2f u,
+      const WavelengthsOf<ColorOf<kMask>>& wavelengths);
+  // Inlined into those two.
+  template <uint32_t kMask>
+  [[gnu::always_inline]] static inline std::optional<LightSampleOf<ColorOf<kMask>>> SampleOne(
+      const Impl& impl, const ChosenLight& chosen, Vec3f p, Vec3f n, Vec2f u,
       const WavelengthsOf<ColorOf<kMask>>& wavelengths, const Preparation& preparation);
   template <uint32_t kMask>
   static float PdfOfEmitter(const Impl& impl, uint32_t emitter, Vec3f p, Vec3f n, Vec3f wi,

@@ -126,14 +126,17 @@ LightBounds BoundsOf(const InfiniteEmitter& light) {
           .strength = static_cast<float>(kPi) * std::fabs(mean)};
 }
 
+LightBounds BoundsOfLight(const LightTable::Impl& impl, uint32_t light) {
+  if (light < impl.first_sphere()) return BoundsOf(impl.triangles[light]);
+  if (light < impl.first_disk()) return BoundsOf(impl.spheres[light - impl.first_sphere()]);
+  if (light < impl.first_delta()) return BoundsOf(impl.disks[light - impl.first_disk()]);
+  if (light < impl.first_infinite()) return BoundsOf(impl, impl.deltas[light - impl.first_delta()]);
+  return BoundsOf(impl.infinites[light - impl.first_infinite()]);
+}
+
 std::vector<LightBounds> AllBounds(const LightTable::Impl& impl) {
-  std::vector<LightBounds> bounds;
-  bounds.reserve(impl.first_infinite() + impl.infinites.size());
-  for (const TriangleEmitter& t : impl.triangles) bounds.push_back(BoundsOf(t));
-  for (const SphereEmitter& s : impl.spheres) bounds.push_back(BoundsOf(s));
-  for (const DiskEmitter& d : impl.disks) bounds.push_back(BoundsOf(d));
-  for (const DeltaLight& light : impl.deltas) bounds.push_back(BoundsOf(impl, light));
-  for (const InfiniteEmitter& light : impl.infinites) bounds.push_back(BoundsOf(light));
+  std::vector<LightBounds> bounds(impl.first_infinite() + impl.infinites.size());
+  for (uint32_t i = 0; i < bounds.size(); ++i) bounds[i] = BoundsOfLight(impl, i);
   return bounds;
 }
 
@@ -143,6 +146,8 @@ LightBounds SameForAll(const LightBounds& light) {
 }
 
 }  // namespace
+
+LightBounds LightTable::BoundsOf(uint32_t light) const { return BoundsOfLight(*impl_, light); }
 
 void LightTable::AssignGroups(const SceneDescription& scene,
                               const std::vector<std::string>& groups) {

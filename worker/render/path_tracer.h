@@ -44,10 +44,11 @@ inline constexpr uint32_t kMatterStepsMax = 1u << 20;
 inline constexpr uint32_t kRouletteDepthMin = 1;
 inline constexpr float kRouletteStopMax = 0.95f;
 
-// Which of the two techniques finds the light that arrives at a vertex. Pictures are made with
-// both; either alone has the same expectation, and there for tests of that. Lights without size can
-// only be sampled, and what is seen directly or along perfect reflections can only be met.
-enum class DirectLight : uint8_t { kByBoth, kBySampling, kByMeeting };
+// Which of the techniques finds the light that arrives at a vertex. Pictures are made with all;
+// others have the same expectation, and are there for tests of that. Lights without size can only
+// be sampled, and what is seen directly or along perfect reflections can only be met. kByLines: as
+// kByBoth, but what can be gathered along a line through a medium is.
+enum class DirectLight : uint8_t { kByBoth, kBySampling, kByMeeting, kByLines };
 
 template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight = DirectLight::kByBoth>
 class PathTracer {
@@ -74,7 +75,12 @@ class PathTracer {
   static constexpr bool kNested = Has(kTraits, Trait::kNestedDielectrics);
   static constexpr bool kSubsurface = Has(kTraits, Trait::kSubsurface);
   static constexpr bool kChromaticMedia = Has(kTraits, Trait::kChromaticMedia);
+  // Whether segments in media gather light along them: path_tracer_lines.h.
+  static constexpr bool kLines = Has(kTraits, Trait::kMedia) && (Has(kTraits, Trait::kAreaLights) ||
+                                                                 Has(kTraits, Trait::kDeltaLights));
   static constexpr bool kVaryingMedia = kMedia && Has(kTraits, Trait::kHeterogeneousMedia);
+  static constexpr bool kUsesBoth =
+      kDirectLight == DirectLight::kByBoth || kDirectLight == DirectLight::kByLines;
   // What asks for no colour, or for the colour as RGB, leaves the wavelengths out.
   static constexpr uint32_t kRgbTraits = kTraits & ~TraitSet(Trait::kSpectral);
 
@@ -88,6 +94,18 @@ class PathTracer {
     float p_error = 0;  // Of p along n, for matter.
   };
   struct InVacuum {};
+  // A segment of a path through media that scatter. Space: render.
+  struct Line {
+    Vec3d o, d;  // d: unit.
+    double length = 0;
+    Vec3f where_chosen;  // A point of it, at which its light is chosen.
+    Color carried;       // The path's throughput where it begins.
+    // Set where a medium that is the same everywhere scattered the path on it:
+    bool has_scattered = false;
+    double t = 0;        // At this distance.
+    double density = 0;  // As FlightDensity.
+  };
+  struct NoLine {};
   // What the path is in, and what that does to light.
   struct InMedia {
     // Ranks of the shapes with a priority that it is inside of. The medium of the highest is in
@@ -96,7 +114,8 @@ class PathTracer {
     MediumSet set;
     MediumMix<Color> mix;
     NearPlane near;
-    Vec3f camera_o;  // Where the path began.
+    Vec3f camera_o;                                                       // Where the path began.
+    [[no_unique_address]] std::conditional_t<kLines, Line, NoLine> line;  // That led to its vertex.
   };
   // A path in matter: path_tracer_matter.h.
   struct InMatter {
@@ -133,7 +152,7 @@ class PathTracer {
 
   LightDraw DrawLight(const Sampler& sampler, uint32_t depth) const {
     LightDraw draw{sampler.Get4(Slot(depth, VertexSlot::kLight)), {}};
-    draw.preparation = scene_.lights->template PrepareSample<kTraits>({draw.u[1], draw.u[2]});
+    draw.preparation = scene_.lights->template PrepareSample<kTraits>({draw.u[0], draw.u[1]});
     return draw;
   }
 
@@ -212,15 +231,19 @@ class PathTracer {
   // The share of a contribution that goes to the technique that found it with `pdf`, where the
   // other would have done so with `other_pdf`.
   static float SampledShare(float pdf, float other_pdf) {
-    if constexpr (kDirectLight == DirectLight::kByBoth) return PowerHeuristic(pdf, other_pdf);
+    if constexpr (kUsesBoth) return PowerHeuristic(pdf, other_pdf);
     return kDirectLight == DirectLight::kBySampling ? 1 : 0;
   }
   static float MetShare(float pdf, float other_pdf) {
-    if constexpr (kDirectLight == DirectLight::kByBoth) return PowerHeuristic(pdf, other_pdf);
+    if constexpr (kUsesBoth) return PowerHeuristic(pdf, other_pdf);
     return kDirectLight == DirectLight::kByMeeting ? 1 : 0;
   }
-  // What a light that was sampled with light.pdf, and would have been met with `pdf`, adds at p.
-  void AddSampled(const LightSampleOf<Color>& light, Vec3f p, const Color& f_cos, float pdf,
+  // Of a light that was sampled, and would have been met with `pdf`.
+  static float ShareOfSample(const LightSampleOf<Color>& light, float pdf) {
+    return light.is_delta ? 1.0f : SampledShare(light.pdf, pdf);
+  }
+  // What share of a light that was sampled adds at p.
+  void AddSampled(const LightSampleOf<Color>& light, Vec3f p, const Color& f_cos, float share,
                   Path* path);
   // False where chance ends a path that carries little.
   static bool SurvivesRoulette(float u, Path* path);
@@ -314,6 +337,22 @@ class PathTracer {
   Color ShareThroughMedia(const SurfacePoint& point, const LightSampleOf<Color>& light,
                           std::array<float, 2> u_pass, const Path& path, InMedia media);
 
+  // path_tracer_lines.h. Where kLines.
+  static Line LineOf(const Path& path, double length);
+  PhaseMix<Color> PhaseOnLine(const Line& line, double t, const Path& path) const;
+  // The density, per distance along the line and solid angle at p (delta lights: probability), with
+  // which AddLightAlong finds p, at t, and a point of the light that Sample finds from there with
+  // pdf_sampled. 0 where it finds nothing of the light.
+  double PdfByLine(const Line& line, uint32_t light, Vec3f p, double t, float pdf_sampled) const;
+  // SampledShare and MetShare at p, where the path was scattered on the line.
+  float SampledShareOnLine(const Line& line, const LightSampleOf<Color>& light, Vec3f p,
+                           float pdf) const;
+  float MetShareOnLine(const Line& line, uint32_t emitter, float sampled_pdf,
+                       const Path& path) const;
+  // Adds light from one light that is scattered once on the way to the line's beginning.
+  void AddLightAlong(const Sampler& sampler, const Line& line, const RawHit* hit, uint32_t passes,
+                     Path* path);
+
   // path_tracer_varying.h. In media some of which vary, along a ray up to `length`.
   Flight<Color> FlyThroughVarying(const Ray& ray, const std::array<float, 4>& u, uint32_t passes,
                                   double length, const Path& path, Scatterer* scatterer);
@@ -332,7 +371,7 @@ class PathTracer {
 template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight>
 FilmSample PathTracer<kTraits, Tracer, kDirectLight>::TraceSample(int32_t x, int32_t y,
                                                                   uint64_t sample_index) {
-  const Sampler sampler(scene_.settings.seed, x, y, sample_index);
+  const Sampler sampler(scene_.settings.seed, x, y, sample_index, scene_.settings.one_sequence);
   FilmSample film;
   Path path;
   float weight = 1;
@@ -401,6 +440,7 @@ Ray PathTracer<kTraits, Tracer, kDirectLight>::CameraRay(const Sampler& sampler,
 }  // namespace sheaf::render
 
 #include "worker/render/path_tracer_interiors.h"
+#include "worker/render/path_tracer_lines.h"
 #include "worker/render/path_tracer_matter.h"
 #include "worker/render/path_tracer_media.h"
 #include "worker/render/path_tracer_scattering.h"

@@ -114,7 +114,7 @@ bool PathTracer<kTraits, Tracer, kDirectLight>::WalkNearPlane(const Sampler& sam
         path->media.set, mix, path->throughput, path->wavelengths);
     const std::array<float, 4> v = sampler.Get4(Slot(LastVertex(*path), VertexSlot::kBsdf));
     const typename PhaseMix<Color>::Sample sample =
-        phase.SampleDirection(ToFloat(d), v[0], {v[1], v[2]});
+        phase.SampleDirection(ToFloat(d), v[2], {v[0], v[1]});
     path->throughput *= sample.weight;
     if (path->throughput.IsBlack()) return false;
     path->specular = true;

@@ -219,6 +219,13 @@ PathTracer<kTraits, Tracer, kDirectLight>::TravelThroughMedia(const Sampler& sam
       if constexpr (kOutputs) groups_.AddToGroup(scene_.media_group, arriving);
     }
   }
+  [[maybe_unused]] std::conditional_t<kLines, Line, NoLine> line;
+  if constexpr (kLines) {
+    if (media.mix.scatters) {
+      line = LineOf(*path, length);
+      AddLightAlong(sampler, line, hit, *passes, path);
+    }
+  }
   Scatterer scatterer;
   const Flight<Color> flight = [&] {
     if constexpr (kVaryingMedia) {
@@ -241,6 +248,12 @@ PathTracer<kTraits, Tracer, kDirectLight>::TravelThroughMedia(const Sampler& sam
     return Travel::kArrived;
   }
   *passes = 0;
+  if constexpr (kLines) {
+    media.line = line;
+    media.line.has_scattered = !scatterer && !media.mix.is_hidden;
+    media.line.t = flight.distance;
+    media.line.density = FlightDensity<kChromaticMedia>(media.mix, flight.distance, line.carried);
+  }
   const double t = flight.distance / unit;
   const Vec3f p = PointInMedium(path->ray, hit, t, &media.near);
   if (*is_first) {
@@ -269,6 +282,10 @@ bool PathTracer<kTraits, Tracer, kDirectLight>::ScatterInMedium(
         return its;
       }
     }
+    if constexpr (kLines) {
+      const Line& line = path->media.line;
+      if (line.has_scattered) return PhaseOnLine(line, line.t, *path);
+    }
     return scene_.media->template PhaseOf<Color>(path->media.set, path->media.mix, path->throughput,
                                                  path->wavelengths);
   }();
@@ -278,18 +295,27 @@ bool PathTracer<kTraits, Tracer, kDirectLight>::ScatterInMedium(
     const LightDraw draw = DrawLight(sampler, LastVertex(*path));
     const std::array<float, 4>& u = draw.u;
     std::optional<LightSampleOf<Color>> light = scene_.lights->template Sample<kTraits>(
-        p, {}, u[0], {u[1], u[2]}, path->wavelengths, draw.preparation);
+        p, {}, u[2], {u[0], u[1]}, path->wavelengths, draw.preparation);
     if (light.has_value()) {
       if constexpr (kMayPass && Has(kTraits, Trait::kVaryingEmission)) {
         if (light->cut_out != kNone) light->radiance *= ShareOfCutOut(*light);
       }
       const typename PhaseMix<Color>::Value value = phase.Eval(d, light->wi);
-      const Color share = ShareThroughMedia(here, *light, {u[3], u[0]}, *path, path->media);
-      if (!share.IsBlack()) AddSampled(*light, p, value.f * share, value.pdf, path);
+      const Color share = ShareThroughMedia(here, *light, {u[3], u[2]}, *path, path->media);
+      if (!share.IsBlack()) {
+        const float of_sample = [&] {
+          if constexpr (kLines) {
+            const Line& line = path->media.line;
+            if (line.has_scattered) return SampledShareOnLine(line, *light, p, value.pdf);
+          }
+          return ShareOfSample(*light, value.pdf);
+        }();
+        AddSampled(*light, p, value.f * share, of_sample, path);
+      }
     }
   }
   const std::array<float, 4> u = sampler.Get4(Slot(LastVertex(*path), VertexSlot::kBsdf));
-  const typename PhaseMix<Color>::Sample sample = phase.SampleDirection(d, u[0], {u[1], u[2]});
+  const typename PhaseMix<Color>::Sample sample = phase.SampleDirection(d, u[2], {u[0], u[1]});
   path->throughput *= sample.weight;
   if (path->throughput.IsBlack()) return false;
   path->specular = path->media.mix.is_hidden;

@@ -142,9 +142,15 @@ void PathTracer<kTraits, Tracer, kDirectLight>::AddEmission(const SurfacePoint& 
     if (radiance.IsBlack()) return;
     float weight = 1;
     if (!path->specular) {
-      weight =
-          MetShare(path->pdf, scene_.lights->template PdfEmitter<kTraits>(
-                                  point.emitter, path->from, path->from_n, path->ray.d, point.p));
+      const float sampled_pdf = scene_.lights->template PdfEmitter<kTraits>(
+          point.emitter, path->from, path->from_n, path->ray.d, point.p);
+      weight = [&] {
+        if constexpr (kLines) {
+          const Line& line = path->media.line;
+          if (line.has_scattered) return MetShareOnLine(line, point.emitter, sampled_pdf, *path);
+        }
+        return MetShare(path->pdf, sampled_pdf);
+      }();
     }
     AddLight(point.emitter, path->throughput * radiance * weight, path);
   }

@@ -83,15 +83,18 @@ constexpr float UnitFloat(uint32_t bits) {
 
 class Sampler {
  public:
-  // sample_index is the film's: replicate and index within it follow from it.
-  Sampler(uint64_t seed, int32_t pixel_x, int32_t pixel_y, uint64_t sample_index)
-      : index_reversed_(sobol::ReverseBits64(IndexInReplicate(sample_index))) {
+  // sample_index is the film's: replicate and index within it follow from it. one_sequence: there
+  // is but one replicate, of another scramble than the film's.
+  Sampler(uint64_t seed, int32_t pixel_x, int32_t pixel_y, uint64_t sample_index,
+          bool one_sequence = false)
+      : index_reversed_(
+            sobol::ReverseBits64(one_sequence ? sample_index : IndexInReplicate(sample_index))) {
     const uint64_t pixel =
         (uint64_t{static_cast<uint32_t>(pixel_y)} << 32) | static_cast<uint32_t>(pixel_x);
     // One full mix an input: sums of raw inputs would let seeds and pixels cancel each other.
     key_ = MixBits(seed + 1);
     key_ = MixBits(key_ ^ pixel);
-    key_ = MixBits(key_ + ReplicateOf(sample_index) + 1);
+    key_ = MixBits(key_ + (one_sequence ? kReplicateCount : ReplicateOf(sample_index)) + 1);
   }
 
   // All four coordinates of a slot. Values are multiples of 2^-24 in [0, 1), never 1.
