@@ -162,6 +162,36 @@ TEST(TrackingTest, TransmittanceIsUnbiasedAtAnyThickness) {
   }
 }
 
+// V10: what shines evenly by its density gives (1 - e^-tau) / sigma of it, however thin.
+TEST(TrackingTest, V10EmissionIsUnbiasedAtAnyThickness) {
+  const LumpyMedium& medium = Lumps();
+  const double whole = medium.Depth(LumpyMedium::kLength);
+  const int count = DrawCount(50000, 1000000);
+  const auto density = [&](double t) { return medium.DensityAt(t); };
+  const auto source = [](double) { return Rgb{1, 2, 3}; };
+  for (const double thickness : {0.0, 1e-8, 1e-4, 1e-2, 0.3, 1.0, 10.0, 1e3}) {
+    SCOPED_TRACE(thickness);
+    const auto sigma = static_cast<float>(thickness / whole);
+    Mean measured;
+    TrackingTally tally;
+    for (int i = 0; i < count; ++i) {
+      EventStream stream({static_cast<uint32_t>(i), 8, 9, 1});
+      MajorantWalk walk = medium.Walk();
+      const Rgb sum = TrackEmission(&walk, density, source, Rgb::Grey(sigma), &stream, &tally);
+      ASSERT_NEAR(sum.b, 3 * sum.r, 1e-5 * sum.b);
+      measured.Add(sum.r);
+    }
+    const double taken = -std::expm1(-double{sigma} * whole);
+    const double expected = thickness > 0 ? taken / double{sigma} : whole;
+    EXPECT_LT(measured.Z(expected), kZMax) << measured.mean() << " for " << expected;
+    EXPECT_EQ(tally.violation_count, 0u);
+    // Thin or not, one walk already says something.
+    if (thickness < 2) {
+      EXPECT_LT(measured.variance() * count, 0.5 * expected * expected);
+    }
+  }
+}
+
 // V11: extinctions of 1 : 10 : 100 in one walk.
 TEST(TrackingTest, V11ChromaticMediaAreUnbiasedPerComponent) {
   const LumpyMedium& medium = Lumps();
@@ -176,21 +206,18 @@ TEST(TrackingTest, V11ChromaticMediaAreUnbiasedPerComponent) {
     EventStream stream({static_cast<uint32_t>(i), 8, 8, 8});
     const auto density = [&](double t) { return medium.DensityAt(t); };
     MajorantWalk walk = medium.Walk();
-    double emitted[3] = {0, 0, 0};
-    const auto flight = TrackFlight(&walk, density, sigma, Rgb::Grey(1), &stream, &tally,
-                                    [&](double, double rho, double rate, const Rgb& weight) {
-                                      for (size_t c = 0; c < 3; ++c) {
-                                        emitted[c] += weight[c] * rho / rate;
-                                      }
-                                    });
+    const auto flight = TrackFlight(&walk, density, sigma, Rgb::Grey(1), &stream, &tally);
     MajorantWalk again = medium.Walk();
     const Rgb passing = TrackTransmittance(&again, density, sigma, &stream, &tally);
+    MajorantWalk third = medium.Walk();
+    const Rgb emitted = TrackEmission(
+        &third, density, [&](double) { return sigma; }, sigma, &stream, &tally);
     for (size_t c = 0; c < 3; ++c) {
       passed[c].Add(flight.collides ? 0 : flight.weight[c]);
       collided[c].Add(flight.collides ? flight.weight[c] : 0);
       all[c].Add(flight.weight[c]);
       ratio[c].Add(passing[c]);
-      glow[c].Add(emitted[c] * sigma[c]);
+      glow[c].Add(emitted[c]);
     }
     largest_weight = std::max(largest_weight, MaxComponent(flight.weight));
   }

@@ -6,8 +6,10 @@
 // the difference of two pictures.
 #include <cmath>
 #include <string>
+#include <variant>
 #include <vector>
 
+#include "common/scene/spectrum.h"
 #include "gtest/gtest.h"
 #include "tests/support/long_tests.h"
 #include "tests/support/test_scene.h"
@@ -128,17 +130,72 @@ TEST(VaryingMediaTest, OverlappingMediaAddUp) {
   ExpectEqual(Render(parts, samples), Render(fog, samples));
 }
 
+// V10: grids that shine, by a radiance, by factors of it or as black bodies, are the homogeneous
+// media that shine the same; alone, and dimmed by others that vary or do not.
+TEST(VaryingMediaTest, V10GridsShineAsHomogeneousMediaDo) {
+  const std::vector<float> even(40 * 40 * 40, 1.0f);
+  const Rgb sigma_a{0.1f, 0.2f, 0.6f}, sigma_s{0.6f, 0.3f, 0.2f};
+  ColorSpec warm;
+  warm.kind = ColorSpec::Kind::kBlackbody;
+  warm.temperature_k = 3000;
+  warm.rgb = SpectrumToRgb(warm, ColorRole::kIlluminant);
+  // Of luminance 1 so far; a grid's black bodies have a peak of 1.
+  const auto luminance =
+      static_cast<float>(SpectrumLuminance(warm) / EvaluateSpectrum(warm, 2.8977721e6 / 3000));
+  const auto shining = [](SmokeScene* t, int32_t index, const ColorSpec& color, float scale) {
+    MediumDescription& medium = t->scene.media[static_cast<size_t>(index)];
+    medium.emits = true;
+    medium.radiance = color;
+    medium.radiance_scale = scale;
+    return index;
+  };
+  const auto grid_of = [](SmokeScene* t, int32_t index) -> UniformGridMedium& {
+    return std::get<UniformGridMedium>(t->scene.media[static_cast<size_t>(index)].kind);
+  };
+  const int samples = DrawCount(256, 2048);
+  for (const ColorTransport color : {ColorTransport::kRgb, ColorTransport::kSpectral}) {
+    SmokeScene fog, plain, factors, heat, dimmed, dims;
+    fog.Fill(0.8f, shining(&fog, fog.AddFog(sigma_a, sigma_s), warm, 0.5f));
+    plain.Fill(0.8f, shining(&plain, plain.AddGrid(even, sigma_a, sigma_s), warm, 0.5f));
+    const int32_t scaled = factors.AddGrid(even, sigma_a, sigma_s);
+    grid_of(&factors, scaled).radiance_scale = std::vector<float>(even.size(), 0.25f);
+    factors.Fill(0.8f, shining(&factors, scaled, warm, 2));
+    const int32_t hot = heat.AddGrid(even, sigma_a, sigma_s);
+    grid_of(&heat, hot).temperature_k = std::vector<float>(even.size(), 31);
+    grid_of(&heat, hot).emission = {1, 100};
+    heat.Fill(0.8f, shining(&heat, hot, {}, 0.5f / luminance));
+    // Half of the absorption shines twice as much, in fog; the rest is a grid's.
+    dimmed.Fill(0.8f, shining(&dimmed, dimmed.AddFog(sigma_a * 0.5f, sigma_s * 0.5f), warm, 1));
+    dimmed.Fill(0.8001f, dimmed.AddGrid(even, sigma_a * 0.5f, sigma_s * 0.5f));
+    // The same, in the grid.
+    dims.Fill(0.8f, dims.AddFog({}, sigma_s * 0.5f));
+    dims.Fill(0.8001f, shining(&dims, dims.AddGrid(even, sigma_a * 0.5f, {}), warm, 1));
+    dims.Fill(0.8002f, dims.AddGrid(even, sigma_a * 0.5f, sigma_s * 0.5f));
+    const TileMean expected = Render(fog, samples, color);
+    const auto expect = [&](const char* name, const SmokeScene& t) {
+      SCOPED_TRACE(name);
+      ExpectEqual(Render(t, samples, color), expected);
+    };
+    expect("radiance", plain);
+    expect("factors", factors);
+    expect("temperatures", heat);
+    expect("fog among grids", dimmed);
+    expect("grid among others", dims);
+  }
+}
+
 TEST(VaryingMediaTest, WhatCannotBeRenderedIsRefusedWithItsPlace) {
   SmokeScene t;
   const int32_t grid = t.AddGrid(Lumps(8), Rgb::Grey(1), {});
   t.Fill(0.7f, grid);
-  t.scene.media[static_cast<size_t>(grid)].emits = true;
-  t.scene.media[static_cast<size_t>(grid)].radiance.rgb = Rgb::Grey(1);
+  RgbGridMedium colors;
+  colors.box = {{1, 1, 1}, {-1, -1, -1}, {1, 1, 1}};
+  colors.sigma_a = {Rgb{1, 2, 3}};
+  t.scene.media[static_cast<size_t>(grid)].kind = colors;
   TableFileSource files({});
   const auto compiled = CompileScene(t.scene, SquareSettings(4, 1, 4), files, {}, {});
   ASSERT_FALSE(compiled.ok());
-  EXPECT_NE(compiled.status().message().find("shines and is not the same everywhere"),
-            std::string::npos)
+  EXPECT_NE(compiled.status().message().find("is a grid of colours"), std::string::npos)
       << compiled.status();
 }
 

@@ -46,21 +46,12 @@ struct TrackedFlight {
   Color weight = Color::Grey(1);
 };
 
-// For flights through media that do not glow.
-struct NoVisit {
-  template <typename Color>
-  void operator()(double, double, double, const Color&) const {}
-};
-
 // sigma_t: extinction per unit of density and of t, no component negative. throughput: what the
 // path carries, no component negative; it decides which event serves it best.
-// visit(t, density, rate, weight) is called at each tentative collision, before it is decided:
-// the sum of weight * f(t) * density / rate over them is an unbiased estimate of the integral of
-// transmittance * density * f up to the collision-free end, as emission wants it.
-template <typename Color, typename Walk, typename Density, typename Visit = NoVisit>
+template <typename Color, typename Walk, typename Density>
 TrackedFlight<Color> TrackFlight(Walk* walk, const Density& density, const Color& sigma_t,
-                                 const Color& throughput, EventStream* stream, TrackingTally* tally,
-                                 const Visit& visit = {}) {
+                                 const Color& throughput, EventStream* stream,
+                                 TrackingTally* tally) {
   constexpr size_t kComponents = kComponentCount<Color>;
   TrackedFlight<Color> flight;
   const double sigma_max = MaxComponent(sigma_t);
@@ -91,8 +82,6 @@ TrackedFlight<Color> TrackFlight(Walk* walk, const Density& density, const Color
       const double rho = density(t);
       if (rho > upper) ++tally->violation_count;
       const double p = std::min(std::max(rho / upper, 0.0), 1.0);
-      visit(t, rho, rate,
-            MakeColor<Color>([&](size_t c) { return static_cast<float>(weight[c]); }));
       // The probability of a collision: the mean over components by what they carry.
       double carried = 0, colliding = 0;
       for (size_t c = 0; c < kComponents; ++c) {
@@ -166,6 +155,67 @@ Color TrackTransmittance(Walk* walk, const Density& density, const Color& sigma_
   return MakeColor<Color>([&](size_t c) {
     return static_cast<float>(ratio[c] * Exp(-static_cast<double>(sigma_t[c]) * control_depth));
   });
+}
+
+// An unbiased estimate of the integral over the walk of transmittance * density * source: one point
+// of each segment, evenly drawn, however thin what shines is, and ratio tracking in between.
+// source: Color(double t). Source: Simon et al. 2017, "Line Integration for Rendering Heterogeneous
+// Emissive Volumes".
+template <typename Color, typename Walk, typename Density, typename Source>
+Color TrackEmission(Walk* walk, const Density& density, const Source& source, const Color& sigma_t,
+                    EventStream* stream, TrackingTally* tally) {
+  constexpr size_t kComponents = kComponentCount<Color>;
+  const double sigma_max = MaxComponent(sigma_t);
+  double ratio[kComponents], relative[kComponents];
+  for (size_t c = 0; c < kComponents; ++c) {
+    ratio[c] = 1;
+    relative[c] = sigma_max > 0 ? sigma_t[c] / sigma_max : 0;
+  }
+  Color sum;
+  double depth = stream->Exponential();
+  MajorantSegment segment;
+  while (walk->Next(&segment)) {
+    ++tally->segment_count;
+    const double upper = segment.bounds.upper, rate = upper * sigma_max;
+    if (!(upper > 0)) continue;
+    const double length = segment.t1 - segment.t0;
+    const double point = segment.t0 + stream->Uniform() * length;
+    bool is_behind_point = false;
+    for (double t = segment.t0;;) {
+      const double next = t + depth / rate;  // Infinite, or NaN, where nothing is taken.
+      if (!is_behind_point && !(next < point)) {
+        is_behind_point = true;
+        ++tally->look_up_count;
+        const double rho = density(point);
+        if (rho > upper) ++tally->violation_count;
+        if (rho > 0) {
+          const Color seen = source(point);
+          sum += MakeColor<Color>(
+              [&](size_t c) { return static_cast<float>(ratio[c] * rho * length) * seen[c]; });
+        }
+      }
+      if (!(next < segment.t1)) {
+        depth -= rate * (segment.t1 - t);
+        break;
+      }
+      t = next;
+      depth = stream->Exponential();
+      ++tally->look_up_count;
+      const double rho = density(t);
+      if (rho > upper) ++tally->violation_count;
+      const double p = std::min(std::max(rho / upper, 0.0), 1.0);
+      double largest = 0;
+      for (size_t c = 0; c < kComponents; ++c) {
+        ratio[c] *= 1 - p * relative[c];
+        largest = std::max(largest, ratio[c]);
+      }
+      if (largest < kTransmittanceRoulette) {
+        if (!(stream->Uniform() < kRouletteSurvival) || largest == 0) return sum;
+        for (double& r : ratio) r /= kRouletteSurvival;
+      }
+    }
+  }
+  return sum;
 }
 
 }  // namespace sheaf::render

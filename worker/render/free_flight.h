@@ -33,6 +33,7 @@ struct MediumMix {
   bool is_bounded = false;  // Of one of them: closed surfaces surround it on all sides.
   // There are others, which are not the same everywhere and not in these sums.
   bool varies = false;
+  bool glows = false;  // One of those shines.
   bool is_matter = false;  // One of them is the inside of a material.
   bool is_hidden = false;  // The same, whose boundary no shadow ray can pass.
 };

@@ -95,11 +95,14 @@ absl::StatusOr<std::unique_ptr<MediumTable>> MediumTable::Build(const SceneDescr
     if (!description.IsHomogeneous()) {
       Affine placement = AffineOf(description.world_from_medium);
       placement.offset = placement.offset - geometry.render_origin_world;
-      auto varying = MakeVarying(absl::StrCat(FormatLocation(scene, description.location),
-                                              ": medium \"", description.name, "\""),
-                                 description, placement, files, thread_count);
+      const std::string where = absl::StrCat(FormatLocation(scene, description.location),
+                                             ": medium \"", description.name, "\"");
+      auto varying = MakeVarying(where, description, placement, files, thread_count);
       if (!varying.ok()) return varying.status();
       medium.varying = *std::move(varying);
+      auto glow = MakeGlow(where, description, placement, files, spectral, thread_count);
+      if (!glow.ok()) return glow.status();
+      medium.glow = *std::move(glow);
     }
     medium.scale = description.scale;
     medium.sigma_a = description.sigma_a.rgb * description.scale;
@@ -151,6 +154,7 @@ uint64_t MediumTable::memory_bytes() const {
   uint64_t bytes = media_.capacity() * sizeof(Medium);
   for (const Medium& medium : media_) {
     if (medium.varying != nullptr) bytes += medium.varying->memory_bytes();
+    if (medium.glow != nullptr) bytes += medium.glow->memory_bytes();
   }
   return bytes;
 }

@@ -14,6 +14,7 @@
 #include "common/scene/file_source.h"
 #include "common/scene/scene_description.h"
 #include "worker/render/free_flight.h"
+#include "worker/render/medium_glow.h"
 #include "worker/render/medium_set.h"
 #include "worker/render/phase_function.h"
 #include "worker/render/scene_geometry.h"
@@ -48,10 +49,12 @@ class MediumTable {
                           const Color& throughput, const WavelengthsOf<Color>& wavelengths) const;
   // Null where the medium is the same everywhere.
   const VaryingMedium* VaryingOf(uint16_t index) const { return media_[index].varying.get(); }
+  // Null where a medium that varies does not shine.
+  const MediumGlow* GlowOf(uint16_t index) const { return media_[index].glow.get(); }
   // Of a density of 1, per scene unit.
   template <typename Color>
   struct Coefficients {
-    Color sigma_t, sigma_s;
+    Color sigma_t, sigma_s, sigma_a;
   };
   template <typename Color>
   Coefficients<Color> CoefficientsOf(uint16_t index,
@@ -59,8 +62,9 @@ class MediumTable {
     const Medium& medium = media_[index];
     const Color s =
         Evaluate<Color>(medium.sigma_s, medium.sigma_s_spectrum, medium.scale, wavelengths);
-    return {s + Evaluate<Color>(medium.sigma_a, medium.sigma_a_spectrum, medium.scale, wavelengths),
-            s};
+    const Color a =
+        Evaluate<Color>(medium.sigma_a, medium.sigma_a_spectrum, medium.scale, wavelengths);
+    return {s + a, s, a};
   }
   float PhaseAsymmetryOf(uint16_t index) const { return media_[index].g; }
   uint64_t memory_bytes() const;
@@ -74,12 +78,17 @@ class MediumTable {
     bool emits = false;
     bool is_bounded = false;
     std::unique_ptr<const VaryingMedium> varying;
+    std::unique_ptr<const MediumGlow> glow;     // Of one that varies.
     bool is_matter = false, is_hidden = false;  // As MediumMix has them.
   };
   // Errors: see Build.
   static absl::StatusOr<std::unique_ptr<const VaryingMedium>> MakeVarying(
       const std::string& where, const MediumDescription& description, const Affine& placement,
       FileSource& files, int thread_count);
+  // Null where the medium does not shine. Errors: see Build.
+  static absl::StatusOr<std::unique_ptr<const MediumGlow>> MakeGlow(
+      const std::string& where, const MediumDescription& description, const Affine& placement,
+      FileSource& files, bool spectral, int thread_count);
   template <typename Color>
   static Color Evaluate(Rgb rgb, const SpectralColor& spectrum, float scale,
                         const WavelengthsOf<Color>& wavelengths) {
@@ -109,6 +118,7 @@ MediumMix<Color> MediumTable::MixOf(const MediumSet& media,
     mix.is_hidden = mix.is_hidden || medium.is_hidden;
     if (medium.varying != nullptr) {
       mix.varies = true;
+      mix.glows = mix.glows || medium.glow != nullptr;
       continue;
     }
     const Color a =

@@ -20,6 +20,7 @@
 #include "common/film/film_tile.h"
 #include "worker/render/compiled_scene.h"
 #include "worker/render/dimensions.h"
+#include "worker/render/direct_light.h"
 #include "worker/render/first_hit.h"
 #include "worker/render/free_flight.h"
 #include "worker/render/light_groups.h"
@@ -43,12 +44,6 @@ inline constexpr uint32_t kMatterStepsMax = 1u << 20;
 // Roulette starts after this many scattering events and ends a path with at most this probability.
 inline constexpr uint32_t kRouletteDepthMin = 1;
 inline constexpr float kRouletteStopMax = 0.95f;
-
-// Which of the techniques finds the light that arrives at a vertex. Pictures are made with all;
-// others have the same expectation, and are there for tests of that. Lights without size can only
-// be sampled, and what is seen directly or along perfect reflections can only be met. kByLines: as
-// kByBoth, but what can be gathered along a line through a medium is.
-enum class DirectLight : uint8_t { kByBoth, kBySampling, kByMeeting, kByLines };
 
 template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight = DirectLight::kByBoth>
 class PathTracer {
@@ -317,6 +312,8 @@ class PathTracer {
   // path_tracer_media.h.
   enum class Travel : uint8_t { kArrived, kScattered, kEnded };
   void StartInMedia(Path* path) const;
+  // Adds what the media shine with along `length`.
+  void AddGlow(const Sampler& sampler, uint32_t passes, double length, Path* path);
   // Takes path and path->ray through the media up to `hit` (null: without end), or to where they
   // scatter it; then the path is ready to be traced on. *passes: surfaces passed since the
   // last vertex.
@@ -358,6 +355,9 @@ class PathTracer {
                                   double length, const Path& path, Scatterer* scatterer);
   Color ShareThroughVarying(const Ray& ray, std::array<float, 2> u, uint32_t pass, double length,
                             const Path& path, const InMedia& media);
+  // What arrives at the beginning of the path's ray of all that shines along `length`.
+  Color EmissionAmongVarying(const std::array<float, 4>& u, uint32_t passes, double length,
+                             const Path& path);
 
   const CompiledScene& scene_;
   Tracer& tracer_;

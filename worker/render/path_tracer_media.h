@@ -189,6 +189,25 @@ void PathTracer<kTraits, Tracer, kDirectLight>::RecordMedium(Vec3f p,
 }
 
 template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight>
+void PathTracer<kTraits, Tracer, kDirectLight>::AddGlow([[maybe_unused]] const Sampler& sampler,
+                                                        [[maybe_unused]] uint32_t passes,
+                                                        double length, Path* path) {
+  const MediumMix<Color>& mix = path->media.mix;
+  if (mix.emission.IsBlack() && !mix.glows) return;
+  const Color arriving = path->throughput * [&] {
+    if constexpr (kVaryingMedia) {
+      if (mix.varies) {
+        return EmissionAmongVarying(sampler.Get4(Slot(NextVertex(*path), VertexSlot::kMedium)),
+                                    passes, length, *path);
+      }
+    }
+    return EmissionAlong(mix, length);
+  }();
+  path->radiance += arriving;
+  if constexpr (kOutputs) groups_.AddToGroup(scene_.media_group, arriving);
+}
+
+template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight>
 typename PathTracer<kTraits, Tracer, kDirectLight>::Travel
 PathTracer<kTraits, Tracer, kDirectLight>::TravelThroughMedia(const Sampler& sampler,
                                                               const RawHit* hit, uint32_t* passes,
@@ -212,13 +231,7 @@ PathTracer<kTraits, Tracer, kDirectLight>::TravelThroughMedia(const Sampler& sam
   const double unit = Length(ToDouble(path->ray.d));
   const double length =
       hit == nullptr ? std::numeric_limits<double>::infinity() : static_cast<double>(hit->t) * unit;
-  if constexpr (Has(kTraits, Trait::kEmissiveMedia)) {
-    if (!media.mix.emission.IsBlack()) {
-      const Color arriving = path->throughput * EmissionAlong(media.mix, length);
-      path->radiance += arriving;
-      if constexpr (kOutputs) groups_.AddToGroup(scene_.media_group, arriving);
-    }
-  }
+  if constexpr (Has(kTraits, Trait::kEmissiveMedia)) AddGlow(sampler, *passes, length, path);
   [[maybe_unused]] std::conditional_t<kLines, Line, NoLine> line;
   if constexpr (kLines) {
     if (media.mix.scatters) {

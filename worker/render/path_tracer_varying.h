@@ -107,4 +107,63 @@ PathTracer<kTraits, Tracer, kDirectLight>::ShareThroughVarying(const Ray& ray,
   return share;
 }
 
+template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight>
+typename PathTracer<kTraits, Tracer, kDirectLight>::Color
+PathTracer<kTraits, Tracer, kDirectLight>::EmissionAmongVarying(const std::array<float, 4>& u,
+                                                                uint32_t passes, double length,
+                                                                const Path& path) {
+  const Vec3d o = ToDouble(path.ray.o), d = ToDouble(path.ray.d);
+  const double unit = Length(d);
+  const MediumMix<Color>& mix = path.media.mix;
+  const uint16_t* set = path.media.set.begin();
+  const uint32_t count = path.media.set.size();
+  TrackingTally tally;
+  // Keys that no flight and no shadow ray has. by: what shines; count: the media that do not vary.
+  const auto stream = [&](uint32_t by, uint32_t through) {
+    return EventStream({std::bit_cast<uint32_t>(u[0]), std::bit_cast<uint32_t>(u[1]),
+                        ~((by << 8) + through + 1), passes});
+  };
+  // What media that vary, but for the by-th, leave of light that comes from t.
+  const auto left_by_others = [&](double t, uint32_t by) {
+    Color left = Color::Grey(1);
+    for (uint32_t j = 0; j < count; ++j) {
+      const VaryingMedium* other = j == by ? nullptr : scene_.media->VaryingOf(set[j]);
+      if (other == nullptr) continue;
+      const auto its = scene_.media->template CoefficientsOf<Color>(set[j], path.wavelengths);
+      EventStream events = stream(by, j);
+      left *=
+          other->Transmittance(o, d, t, its.sigma_t * static_cast<float>(unit), &events, &tally);
+    }
+    return left;
+  };
+  Color sum;
+  for (uint32_t i = 0; i < count; ++i) {
+    const MediumGlow* glow = scene_.media->GlowOf(set[i]);
+    if (glow == nullptr) continue;
+    const auto its = scene_.media->template CoefficientsOf<Color>(set[i], path.wavelengths);
+    EventStream events = stream(i, i);
+    const auto source = [&](double t) {
+      const Color shines = glow->template At<Color>(o + t * d, path.wavelengths) * its.sigma_a;
+      if (shines.IsBlack()) return shines;
+      return shines * TransmittanceOf<kChromaticMedia>(mix, t * unit) * left_by_others(t, i);
+    };
+    sum +=
+        scene_.media->VaryingOf(set[i])->Emission(
+            o, d, length / unit, source, its.sigma_t * static_cast<float>(unit), &events, &tally) *
+        static_cast<float>(unit);
+  }
+  if (!mix.emission.IsBlack()) {
+    // One point for all that shines the same everywhere, by what reaches the ray's beginning.
+    const double sigma = MaxComponent(mix.sigma_t);
+    EventStream events = stream(count, count);
+    const double share = -Expm1(-sigma * length);
+    const double at = -Log1p(-events.Uniform() * share) / sigma;
+    const double pdf = sigma * Exp(-sigma * at) / share;
+    sum += mix.emission * TransmittanceOf<kChromaticMedia>(mix, at) *
+           left_by_others(at / unit, count) * static_cast<float>(1 / pdf);
+  }
+  counts_.broken_majorants += tally.violation_count;
+  return sum;
+}
+
 }  // namespace sheaf::render

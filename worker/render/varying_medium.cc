@@ -6,7 +6,6 @@
 #include <cmath>
 
 #include "absl/strings/str_cat.h"
-#include "common/base/check.h"
 
 namespace sheaf::render {
 
@@ -18,7 +17,6 @@ absl::Status VaryingMedium::Place(const std::string& where, const Placement& pla
     return absl::InvalidArgumentError(absl::StrCat(
         where, ": the medium's transform is singular or not finite; scale it by something else"));
   }
-  render_from_medium_ = placement.render_from_medium;
   index_from_render_ = Inverse(render_from_index);
   const double voxel = std::max(
       {Length(render_from_index.x), Length(render_from_index.y), Length(render_from_index.z)});
@@ -52,16 +50,9 @@ absl::StatusOr<VaryingMedium> VaryingMedium::FromCloud(const std::string& where,
   return medium;
 }
 
-void VaryingMedium::SetEmission(VolumeGrid grid) {
-  SHEAF_CHECK(!grid.is_vector());
-  emission_index_from_render_ = Inverse(render_from_medium_ * AffineOf(grid.medium_from_index()));
-  emission_ = std::move(grid);
-}
-
 uint64_t VaryingMedium::memory_bytes() const {
   const auto* grid = std::get_if<VolumeGrid>(&density_);
-  return majorants_.memory_bytes() + (grid != nullptr ? grid->info().memory_bytes : 0) +
-         (emission_ ? emission_->info().memory_bytes : 0);
+  return majorants_.memory_bytes() + (grid != nullptr ? grid->info().memory_bytes : 0);
 }
 
 double VaryingMedium::DensityAt(Vec3d p) const {
@@ -76,12 +67,6 @@ double VaryingMedium::DensityAt(Vec3d p) const {
   const auto& grid = *std::get_if<VolumeGrid>(&density_);
   VolumeGrid::Cursor cursor(grid);
   return grid.At(index, &cursor);
-}
-
-double VaryingMedium::EmissionAt(Vec3d p) const {
-  SHEAF_CHECK(emission_.has_value());
-  VolumeGrid::Cursor cursor(*emission_);
-  return emission_->At(emission_index_from_render_.Point(p), &cursor);
 }
 
 }  // namespace sheaf::render

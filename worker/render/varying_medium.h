@@ -34,10 +34,6 @@ class VaryingMedium {
   static absl::StatusOr<VaryingMedium> FromCloud(const std::string& where,
                                                  const CloudDensity& cloud,
                                                  const Placement& placement);
-  // Beside the density: temperatures or factors of emission, in medium space too.
-  // Requires: the grid is scalar.
-  void SetEmission(VolumeGrid grid);
-
   uint64_t memory_bytes() const;
   const MajorantGrid& majorants() const { return majorants_; }
   // The density, where it is the same in the whole box.
@@ -46,12 +42,12 @@ class VaryingMedium {
   // Where a path that starts at o and flies to o + t_max d collides; see TrackFlight.
   // Space: render. sigma_t: per unit of density and of t. Requires: |o| is less than 2^38 voxels.
   // Thread safety: any number of threads at once.
-  template <typename Color, typename Visit = NoVisit>
+  template <typename Color>
   TrackedFlight<Color> Fly(Vec3d o, Vec3d d, double t_max, const Color& sigma_t,
-                           const Color& throughput, EventStream* stream, TrackingTally* tally,
-                           const Visit& visit = {}) const {
+                           const Color& throughput, EventStream* stream,
+                           TrackingTally* tally) const {
     return AlongRay(o, d, t_max, [&](MajorantWalk* walk, const auto& density) {
-      return TrackFlight(walk, density, sigma_t, throughput, stream, tally, visit);
+      return TrackFlight(walk, density, sigma_t, throughput, stream, tally);
     });
   }
   // An unbiased estimate of what passes; see TrackTransmittance.
@@ -62,11 +58,16 @@ class VaryingMedium {
       return TrackTransmittance(walk, density, sigma_t, stream, tally);
     });
   }
+  // An unbiased estimate of what arrives of what shines; see TrackEmission.
+  template <typename Color, typename Source>
+  Color Emission(Vec3d o, Vec3d d, double t_max, const Source& source, const Color& sigma_t,
+                 EventStream* stream, TrackingTally* tally) const {
+    return AlongRay(o, d, t_max, [&](MajorantWalk* walk, const auto& density) {
+      return TrackEmission(walk, density, source, sigma_t, stream, tally);
+    });
+  }
   // At a point of render space; 0 outside of the box.
   double DensityAt(Vec3d p) const;
-  // Of the grid set by SetEmission, at a point of render space. Requires: there is one.
-  double EmissionAt(Vec3d p) const;
-  bool has_emission() const { return emission_.has_value(); }
 
  private:
   VaryingMedium() = default;
@@ -88,9 +89,8 @@ class VaryingMedium {
   }
 
   std::variant<std::monostate, VolumeGrid, CloudDensity> density_;
-  std::optional<VolumeGrid> emission_;
   MajorantGrid majorants_;
-  Affine index_from_render_, emission_index_from_render_, render_from_medium_;
+  Affine index_from_render_;
 };
 
 }  // namespace sheaf::render

@@ -65,15 +65,6 @@ TEST(VaryingMediumTest, DensityIsThatOfTheMediumsSpace) {
   EXPECT_EQ(medium->DensityAt({0, 0, 0}), 0);
 }
 
-TEST(VaryingMediumTest, EmissionIsLookedUpBesideTheDensity) {
-  auto medium = VaryingMedium::FromGrid("a", Wedge(), {});
-  ASSERT_TRUE(medium.ok() && !medium->has_emission());
-  const std::vector<float> temperatures(8, 2500.0f);
-  medium->SetEmission(
-      *VolumeGridFromArray("a", "temperature", {{2, 2, 2}, {}, {1, 1, 1}}, temperatures));
-  EXPECT_EQ(medium->EmissionAt({0.5, 0.5, 0.5}), 2500);
-}
-
 TEST(VaryingMediumTest, WhatIsNoDensityIsRefused) {
   const std::vector<float> negative(8, -1.0f);
   const auto medium = VaryingMedium::FromGrid(

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 # Media of varying density: bounds along a ray, tracking between them, procedural densities.
 sheaf_add_module(NAME render_volume
-  HEADERS cloud_density.h delta_tracking.h event_stream.h majorant_grid.h varying_medium.h
-  SOURCES cloud_density.cc majorant_grid.cc varying_medium.cc
-  DEPS sheaf::render_spectral sheaf::base sheaf::math sheaf::volume
+  HEADERS cloud_density.h delta_tracking.h event_stream.h majorant_grid.h medium_glow.h
+    varying_medium.h
+  SOURCES cloud_density.cc majorant_grid.cc medium_glow.cc varying_medium.cc
+  DEPS sheaf::render_spectral sheaf::scene sheaf::base sheaf::math sheaf::volume
   PRIVATE_DEPS absl::strings
-  TESTS majorant_grid_test.cc varying_medium_test.cc
+  TESTS majorant_grid_test.cc medium_glow_test.cc varying_medium_test.cc
 )
