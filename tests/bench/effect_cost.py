@@ -3,7 +3,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What each effect costs in a small scene of its own: where the plan's expected costs come from.
 
-    SHEAF_BIN=build/dev/bin tests/bench/effect_cost.py [SECONDS] [--check]
+    SHEAF_BIN=build/dev/bin tests/bench/effect_cost.py [SECONDS] [--check] [--effects NAME ...]
 
 For every effect, renders a floor and a box under a lamp, with the effect and without, in turns
 (`sheaf plan --measure`), and prints the ratio of times beside the one that the plan states
@@ -49,6 +49,14 @@ def hazed(medium):
             '\nMediumInterface "" "haze"\n' + boxed(DIFFUSE))
 
 
+UNEVEN = ('WorldBegin\nMakeNamedMedium "haze" "string type" "uniformgrid" "integer nx" [2]\n'
+          '"integer ny" [2] "integer nz" [2] "float density" [0 .5 1 1.5 2 1 .5 0]\n'
+          '"point3 p0" [-2 0 -2] "point3 p1" [2 3 2]\n'
+          '"rgb sigma_a" [.05 .05 .05] "rgb sigma_s" [.2 .2 .2]\n'
+          'AttributeBegin\nMaterial "interface"\nMediumInterface "haze" ""\nTranslate 0 1.5 0\n'
+          'Shape "sphere" "float radius" [1.4]\nAttributeEnd\n')
+
+
 SCENES = {
     "motion": CAMERA + "WorldBegin\n" + FLOOR + LAMP + DIFFUSE +
               "AttributeBegin\nActiveTransform EndTime\nTranslate 0.5 0 0\nActiveTransform All\n" +
@@ -90,9 +98,11 @@ SCENES = {
     "colored media": hazed('"rgb sigma_a" [0.02 0.05 0.1] "rgb sigma_s" [0.05 0.1 0.2]'),
     "glowing media": hazed('"rgb sigma_a" [0.05 0.05 0.05] "rgb sigma_s" [0.1 0.1 0.1] '
                            '"rgb Le" [0.2 0.1 0.05]'),
+    "uneven media": boxed(DIFFUSE).replace("WorldBegin\n", UNEVEN),
+    "outputs": boxed(DIFFUSE),
     "subsurface": boxed('Material "subsurface" "rgb reflectance" [0.8 0.5 0.3] '
                         '"rgb mfp" [0.05 0.05 0.05]'),
-    "nested dielectrics": boxed('Material "dielectric" "integer priority" 1'),
+    "nested dielectrics": boxed('Material "dielectric" "integer priority" 1\n'),
     "wavelengths": boxed('Material "dielectric" "spectrum eta" "glass-BK7"\n'),
 }
 
@@ -112,7 +122,10 @@ def measure(name, text, seconds):
         write_picture(folder)
         path = os.path.join(folder, "scene.pbrt")
         with open(path, "w", encoding="utf-8") as scene:
-            scene.write(HEAD + text)
+            head = HEAD.replace('"path"', '"volpath"')
+            if name == "outputs":
+                head = head.replace('"rgb"', '"gbuffer"', 1)
+            scene.write(head + text)
         done = subprocess.run([SHEAF, "plan", path, "--json", "--measure", "--measure-seconds",
                                str(seconds)], capture_output=True, text=True, check=False)
         if done.returncode != 0:
@@ -126,10 +139,13 @@ def main():
     parser = argparse.ArgumentParser()
     parser.add_argument("seconds", nargs="?", type=float, default=10)
     parser.add_argument("--check", action="store_true")
+    parser.add_argument("--effects", nargs="+", choices=list(SCENES))
     arguments = parser.parse_args()
     failed = False
+    names = arguments.effects or list(SCENES)
     print("%-20s %-18s %s" % ("effect", "time ratio", "stated"))
-    for name, text in SCENES.items():
+    for name in names:
+        text = SCENES[name]
         stated, effect = measure(name, text, arguments.seconds)
         if "problem" in effect:
             sys.exit("%s: %s" % (name, effect["problem"]))

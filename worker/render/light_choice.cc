@@ -5,8 +5,10 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstring>
 
 #include "common/math/elementary.h"
+#include "worker/render/lanes.h"
 
 namespace sheaf::render {
 namespace {
@@ -15,68 +17,101 @@ namespace {
 constexpr float kEvenShare = 0.25f;
 // The least share of infinite lights together and of local ones together where there are both.
 constexpr double kGroupShareMin = 0.1;
-// Keeps sums of weights finite next to a point light.
-constexpr float kWeightMax = 1e30f;
+// Keep sums of weights finite next to a point light, and what is small above 0.
+constexpr float kWeightMin = 1e-30f, kWeightMax = 1e30f;
 constexpr float kCoordinateError = 0x1p-21f;
 // What cosines of unit vectors of floats may be off by.
 constexpr float kCosineError = 0x1p-20f;
 constexpr double kBelowOne = 1 - 0x1p-53;
 
-// Whether a light with a normal certainly sends nothing to p.
-bool FacesAway(const LightBounds& light, Vec3f to_p, float error) {
-  const float height = Dot(light.normal, to_p);
-  if (light.kind == LightBounds::Kind::kPlanar) return !light.two_sided && height < -error;
-  return light.kind == LightBounds::Kind::kPoint && light.cos_end > 0 &&
-         height + error < (light.cos_end - kCosineError) * Length(to_p);
-}
-
-// An estimate of the unoccluded irradiance at p on a plane of normal n, or on one that faces the
-// light. 0 only for lights that emit nothing, and where they certainly face away or are behind p.
-float WeightAt(const LightBounds& light, Vec3f p, Vec3f n) {
-  if (!(light.strength > 0)) return 0;
-  if (light.kind == LightBounds::Kind::kInfinite) return std::min(light.strength, kWeightMax);
-  const Vec3f to_p = p - light.center;
-  const float d_squared = LengthSquared(to_p);
-  const Vec3f reach{std::fabs(p.x) + std::fabs(light.center.x),
-                    std::fabs(p.y) + std::fabs(light.center.y),
-                    std::fabs(p.z) + std::fabs(light.center.z)};
-  const float error = kCoordinateError * (reach.x + reach.y + reach.z);
-  if (FacesAway(light, to_p, error)) return 0;
-  // The greatest height any part of the light can have over the horizon.
-  const float rise = light.radius + error - Dot(n, to_p);
-  if (rise < 0) return 0;
-  float weight = 0;
-  if (light.kind == LightBounds::Kind::kPoint) {
-    weight = d_squared > 0 ? light.strength / d_squared : kWeightMax;
-  } else {
-    // Far away area / distance^2, close by at most a hemisphere.
-    constexpr float kInverseTwoPi = static_cast<float>(1 / (2 * kPi));
-    weight = light.strength * light.area / (d_squared + light.area * kInverseTwoPi);
-  }
-  if (light.kind == LightBounds::Kind::kPlanar) {
-    // The greatest cosine any part of the light can show.
-    const float height = std::fabs(Dot(light.normal, to_p)) + light.radius;
-    if (height * height < d_squared) weight *= height / std::sqrt(d_squared);
-  }
-  if (n != Vec3f{} && rise * rise < d_squared) weight *= rise / std::sqrt(d_squared);
-  return std::min(std::max(weight, 1e-30f), kWeightMax);
-}
-
 }  // namespace
 
+// Lights that are weighed together.
+struct LightChoice::Block {
+  explicit Block(const LightBounds* lights, size_t count);
+  // Of each light: an estimate of the unoccluded irradiance at p on a plane of normal n, or on one
+  // that faces the light. 0 only for lights that emit nothing, and where they certainly face away
+  // or are behind p.
+  Lanes WeightsAt(Vec3f p, Vec3f n) const;
+
+  Lanes center_x{}, center_y{}, center_z{}, center_reach{};
+  Lanes normal_x{}, normal_y{}, normal_z{};
+  Lanes radius{};
+  // Far away strength over distance^2, close by no more than over `nearest`: a hemisphere's share
+  // of what has an area.
+  Lanes strength{}, nearest{};
+  // They send nothing along directions of a lesser cosine with the normal.
+  Lanes cos_end = All(-2);
+  MaskLanes is_planar{}, is_infinite{};
+};
+
+LightChoice::Block::Block(const LightBounds* lights, size_t count) {
+  constexpr float kInverseTwoPi = static_cast<float>(1 / (2 * kPi));
+  for (size_t i = 0; i < count; ++i) {
+    const LightBounds& light = lights[i];
+    if (!(light.strength > 0)) continue;
+    strength[i] = light.strength;
+    is_infinite[i] = light.kind == LightBounds::Kind::kInfinite ? -1 : 0;
+    if (is_infinite[i] != 0) continue;
+    center_x[i] = light.center.x;
+    center_y[i] = light.center.y;
+    center_z[i] = light.center.z;
+    center_reach[i] =
+        std::fabs(light.center.x) + std::fabs(light.center.y) + std::fabs(light.center.z);
+    normal_x[i] = light.normal.x;
+    normal_y[i] = light.normal.y;
+    normal_z[i] = light.normal.z;
+    radius[i] = light.radius;
+    if (light.kind == LightBounds::Kind::kPoint) {
+      if (light.cos_end > 0) cos_end[i] = light.cos_end - kCosineError;
+      continue;
+    }
+    strength[i] *= light.area;
+    nearest[i] = light.area * kInverseTwoPi;
+    if (light.kind != LightBounds::Kind::kPlanar) continue;
+    is_planar[i] = -1;
+    if (!light.two_sided) cos_end[i] = 0;
+  }
+}
+
+inline Lanes LightChoice::Block::WeightsAt(Vec3f p, Vec3f n) const {
+  const Lanes x = p.x - center_x, y = p.y - center_y, z = p.z - center_z;
+  const Lanes d_squared = x * x + y * y + z * z, d = Sqrt(d_squared);
+  const float reach = std::fabs(p.x) + std::fabs(p.y) + std::fabs(p.z);
+  const Lanes error = kCoordinateError * (reach + center_reach);
+  const Lanes height = normal_x * x + normal_y * y + normal_z * z;
+  // The greatest height any part of the light can have over the horizon.
+  const Lanes rise = radius + error - (n.x * x + n.y * y + n.z * z);
+  const MaskLanes is_none = (height + error < cos_end * d) | (rise < 0);
+  Lanes weight = strength / (d_squared + nearest);
+  // The greatest cosines any part of the light can show.
+  const Lanes at_light = Abs(height) + radius;
+  weight *= (is_planar & (at_light < d)) ? at_light / d : All(1);
+  if (n != Vec3f{}) weight *= rise < d ? rise / d : All(1);
+  weight = Max(All(kWeightMin), weight);
+  weight = Min(All(kWeightMax), is_infinite ? strength : weight);
+  return (strength > 0) & (is_infinite | ~is_none) ? weight : Lanes{};
+}
+
+// Probabilities of the lights.
 struct LightChoice::Weights {
-  std::array<float, kLightsWeighedMax> weight{};
-  float scale = 0;  // Of weights, to their share of the probability.
-  float even = 0;   // Added for every light of positive weight.
+  std::array<Lanes, kLightsWeighedMax / kLaneCount> probability;  // Of as many as there are blocks.
 
   float Probability(size_t light) const {
-    return weight[light] > 0 ? weight[light] * scale + even : 0;
+    return probability[light / kLaneCount][light % kLaneCount];
   }
 };
 
+LightChoice::LightChoice() = default;
+LightChoice::~LightChoice() = default;
+LightChoice::LightChoice(LightChoice&&) noexcept = default;
+LightChoice& LightChoice::operator=(LightChoice&&) noexcept = default;
+
 LightChoice::LightChoice(std::vector<LightBounds> lights) : count_(lights.size()) {
   if (count_ <= kLightsWeighedMax) {
-    weighed_ = std::move(lights);
+    for (size_t i = 0; i < count_; i += kLaneCount) {
+      blocks_.emplace_back(&lights[i], std::min(kLaneCount, count_ - i));
+    }
     return;
   }
   std::vector<double> irradiances;
@@ -92,22 +127,23 @@ LightChoice::LightChoice(std::vector<LightBounds> lights) : count_(lights.size()
   tree_ = LightTree(lights);
 }
 
-LightChoice::Weights LightChoice::Weigh(Vec3f p, Vec3f n) const {
+inline LightChoice::Weights LightChoice::Weigh(Vec3f p, Vec3f n) const {
   Weights w;
-  float sum = 0;
-  int positive_count = 0;
-  for (size_t i = 0; i < weighed_.size(); ++i) {
-    w.weight[i] = WeightAt(weighed_[i], p, n);
-    sum += w.weight[i];
-    positive_count += w.weight[i] > 0;
+  float sum = 0, positive_count = 0;
+  for (size_t b = 0; b < blocks_.size(); ++b) {
+    w.probability[b] = blocks_[b].WeightsAt(p, n);
+    sum += Sum(w.probability[b]);
+    positive_count += Sum(w.probability[b] > 0 ? All(1) : Lanes{});
   }
   if (positive_count == 0) return w;
-  if (positive_count == 1) {
-    w.even = 1;
-    return w;
+  // A light alone has probability 1 exactly.
+  const bool is_alone = positive_count == 1;
+  const float scale = is_alone ? 0 : (1 - kEvenShare) / sum;
+  const float even = is_alone ? 1 : kEvenShare / positive_count;
+  for (size_t b = 0; b < blocks_.size(); ++b) {
+    const Lanes weight = w.probability[b];
+    w.probability[b] = weight > 0 ? weight * scale + even : Lanes{};
   }
-  w.scale = (1 - kEvenShare) / sum;
-  w.even = kEvenShare / static_cast<float>(positive_count);
   return w;
 }
 
@@ -144,7 +180,7 @@ std::optional<ChosenLight> LightChoice::Choose(Vec3f p, Vec3f n, float u, uint64
   std::optional<ChosenLight> chosen;
   // Where rounding leaves the sum below u, the last light that may be chosen stands.
   float begin = 0;
-  for (size_t i = 0; i < weighed_.size(); ++i) {
+  for (size_t i = 0; i < count_; ++i) {
     const float probability = w.Probability(i);
     if (!(probability > 0)) continue;
     chosen = ChosenLight{static_cast<uint32_t>(i), probability};

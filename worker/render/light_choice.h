@@ -27,7 +27,10 @@ inline constexpr size_t kLightsWeighedMax = 16;
 
 class LightChoice {
  public:
-  LightChoice() = default;
+  LightChoice();
+  ~LightChoice();
+  LightChoice(LightChoice&&) noexcept;
+  LightChoice& operator=(LightChoice&&) noexcept;
   explicit LightChoice(std::vector<LightBounds> lights);
 
   // A light as seen from p, none where no light reaches p. n: unit normal at p on whose side alone
@@ -38,13 +41,14 @@ class LightChoice {
 
  private:
   struct Weights;
+  struct Block;
   Weights Weigh(Vec3f p, Vec3f n) const;
   double InfiniteShare(Vec3f p, Vec3f n) const;
   float ProbabilityInfinite(size_t rank, double share) const;
 
   size_t count_ = 0;
-  // Where there are at most kLightsWeighedMax.
-  std::vector<LightBounds> weighed_;
+  // Where there are at most kLightsWeighedMax, those.
+  std::vector<Block> blocks_;
   // Where there are more.
   LightTree tree_;
   std::vector<uint32_t> infinite_lights_;  // Ascending, not black.

@@ -6,9 +6,9 @@
 
 #include <array>
 #include <cmath>
-#include <cstring>
 
 #include "common/base/check.h"
+#include "worker/render/lanes.h"
 
 namespace sheaf::render {
 namespace {
@@ -26,42 +26,17 @@ constexpr float kDistanceSquaredMin = 0x1p-125f;
 // Of a box's squared radius, what counts for its lights' squared distance.
 constexpr float kFarPart = 1 / 8.0f;
 
-// One value for each child of a node. The vector types of GCC and Clang: element by element, as
-// IEEE 754 has it, in as few instructions as there are.
-using Lanes = float __attribute__((vector_size(LightTree::kWidth * sizeof(float))));
-using MaskLanes = int32_t __attribute__((vector_size(LightTree::kWidth * sizeof(int32_t))));
+// One value for each child of a node.
+static_assert(LightTree::kWidth == kLaneCount);
+using ShortLanes = int16_t __attribute__((vector_size(kLaneCount * sizeof(int16_t))));
+using UnsignedShortLanes = uint16_t __attribute__((vector_size(kLaneCount * sizeof(uint16_t))));
 
-using ShortLanes = int16_t __attribute__((vector_size(LightTree::kWidth * sizeof(int16_t))));
-using UnsignedShortLanes =
-    uint16_t __attribute__((vector_size(LightTree::kWidth * sizeof(uint16_t))));
-
-template <typename Result, typename Value>
-inline Result Load(const Value (&values)[LightTree::kWidth]) {
-  Result lanes;
-  static_assert(sizeof(lanes) == sizeof(values));
-  std::memcpy(&lanes, values, sizeof(lanes));
-  return lanes;
-}
 template <typename IntegerLanes>
 inline Lanes ToFloats(IntegerLanes lanes) {
   return __builtin_convertvector(lanes, Lanes);
 }
-inline Lanes LoadShorts(const int16_t (&values)[LightTree::kWidth]) {
-  return ToFloats(Load<ShortLanes>(values));
-}
-inline Lanes Sqrt(Lanes a) {
-  Lanes root;
-  for (size_t i = 0; i < LightTree::kWidth; ++i) root[i] = std::sqrt(a[i]);
-  return root;
-}
-// The first where the other is not a number.
-inline Lanes Max(Lanes a, Lanes b) { return a < b ? b : a; }
-inline Lanes Min(Lanes a, Lanes b) { return b < a ? b : a; }
-inline Lanes Abs(Lanes a) { return Max(a, -a); }
-inline Lanes All(float value) { return Lanes{} + value; }
-inline float Sum(Lanes a) {
-  static_assert(LightTree::kWidth == 8);
-  return ((a[0] + a[4]) + (a[2] + a[6])) + ((a[1] + a[5]) + (a[3] + a[7]));
+inline Lanes LoadShorts(const int16_t (&values)[kLaneCount]) {
+  return ToFloats(LoadLanes<ShortLanes>(values));
 }
 
 }  // namespace
@@ -122,9 +97,9 @@ LightTree::Weights LightTree::Weigh(const Node& node, const Receiver& receiver) 
   const float node_reach = std::fabs(node.origin.x) + std::fabs(node.origin.y) +
                            std::fabs(node.origin.z) + 255 * (step.x + step.y + step.z);
   const float error = kCoordinateError * (receiver.reach + node_reach);
-  const auto box_x = Load<UnsignedShortLanes>(node.box[0]);
-  const auto box_y = Load<UnsignedShortLanes>(node.box[1]);
-  const auto box_z = Load<UnsignedShortLanes>(node.box[2]);
+  const auto box_x = LoadLanes<UnsignedShortLanes>(node.box[0]);
+  const auto box_y = LoadLanes<UnsignedShortLanes>(node.box[1]);
+  const auto box_z = LoadLanes<UnsignedShortLanes>(node.box[2]);
   const Lanes dx = from_p.x + step.x * ToFloats(box_x & 255);
   const Lanes dy = from_p.y + step.y * ToFloats(box_y & 255);
   const Lanes dz = from_p.z + step.z * ToFloats(box_z & 255);
@@ -140,7 +115,7 @@ LightTree::Weights LightTree::Weigh(const Node& node, const Receiver& receiver) 
   const Lanes cos_signed = (-1 / kAxisSteps) * inverse_d *
                            (dx * LoadShorts(node.axis[0]) + dy * LoadShorts(node.axis[1]) +
                             dz * LoadShorts(node.axis[2]));
-  const auto emission = Load<UnsignedShortLanes>(node.emission);
+  const auto emission = LoadLanes<UnsignedShortLanes>(node.emission);
   const Lanes mirror = 1 - 2 * ToFloats(emission >> 8);
   const Lanes cos_axis = Max(cos_signed, mirror * cos_signed);
   const Lanes sin_axis = Sqrt(Max(Lanes{}, 1 - cos_axis * cos_axis));
@@ -159,7 +134,7 @@ LightTree::Weights LightTree::Weigh(const Node& node, const Receiver& receiver) 
   // along its axis, those over the sphere 1/4. The smooth curve between is within a quarter of the
   // truth, for lights of two sides within a third. As seen from p, the box turns the normals it
   // holds further apart.
-  const auto mean = Load<UnsignedShortLanes>(node.mean);
+  const auto mean = LoadLanes<UnsignedShortLanes>(node.mean);
   const Lanes gathered = (1 / kMeanSteps) * ToFloats(mean & 255) * cos_sphere;
   const Lanes along = gathered * cos_signed;
   const Lanes across = Sqrt(along * along + 0.25f * Max(Lanes{}, 1 - gathered * gathered));
@@ -181,7 +156,7 @@ LightTree::Weights LightTree::Weigh(const Node& node, const Receiver& receiver) 
   const Lanes way = Sqrt(gap * Sqrt(far_squared));
   const Lanes cos_receiver = Max(All(receiver.unhinted), Min(All(1), mean_rise / way));
 
-  const Lanes intensity = Load<Lanes>(node.intensity);
+  const Lanes intensity = LoadLanes<Lanes>(node.intensity);
   const Lanes weight = intensity / far_squared *
                        (Max(All(kCosineSlack), turned) * Max(All(kCosineSlack), cos_receiver));
   const MaskLanes is_none = (cos_light < cos_emission) | (rise < 0) | (intensity <= 0);

@@ -28,7 +28,7 @@ struct TraitName {
 };
 constexpr TraitName kTraitNames[] = {
     {Trait::kMotion, "motion", 1.38},
-    {Trait::kDeformation, "deformation"},
+    {Trait::kDeformation, "deformation", 1.62},
     {Trait::kLens, "lens", 1.05},
     {Trait::kTextures, "textures", 1.03},
     {Trait::kNormalMaps, "normal and bump maps", 1.38},
@@ -46,13 +46,13 @@ constexpr TraitName kTraitNames[] = {
     {Trait::kHair, "hair", 1.26},
     {Trait::kMeasured, "measured materials"},
     {Trait::kCurves, "curves", 1.34},
-    {Trait::kOutputs, "outputs"},
-    {Trait::kMedia, "media"},
-    {Trait::kHeterogeneousMedia, "uneven media"},
-    {Trait::kChromaticMedia, "colored media"},
-    {Trait::kEmissiveMedia, "glowing media"},
-    {Trait::kSubsurface, "subsurface"},
-    {Trait::kNestedDielectrics, "nested dielectrics"},
+    {Trait::kOutputs, "outputs", 1.34},
+    {Trait::kMedia, "media", 4.75},
+    {Trait::kHeterogeneousMedia, "uneven media", 0.81},
+    {Trait::kChromaticMedia, "colored media", 1.22},
+    {Trait::kEmissiveMedia, "glowing media", 1.07},
+    {Trait::kSubsurface, "subsurface", 3.9},
+    {Trait::kNestedDielectrics, "nested dielectrics", 1.26},
 };
 static_assert(std::size(kTraitNames) == kTraitCount);
 

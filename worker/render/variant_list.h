@@ -64,6 +64,13 @@ constexpr uint32_t MediaTraits(bool environment) {
 // The same where media have a colour or shine.
 inline constexpr uint32_t kColoredMediaTraits =
     MediaTraits(true) | TraitSet(Trait::kChromaticMedia, Trait::kEmissiveMedia);
+// Rooms with glass or liquids that have a colour of their own, and surfaces for boundaries.
+inline constexpr uint32_t kColoredGlassTraits =
+    CommonTraits(false, false, false, false) | TraitSet(Trait::kMedia, Trait::kChromaticMedia);
+// Clouds, smoke and fire on grids, under the sun and a sky, with little else.
+inline constexpr uint32_t kCloudTraits = TraitSet(
+    Trait::kEnvironment, Trait::kDeltaLights, Trait::kAlpha, Trait::kMicrofacet, Trait::kQuadrics,
+    Trait::kMedia, Trait::kHeterogeneousMedia, Trait::kChromaticMedia, Trait::kEmissiveMedia);
 
 }  // namespace sheaf::render
 
@@ -108,6 +115,8 @@ inline constexpr uint32_t kColoredMediaTraits =
   X("open", ::sheaf::render::kOpenTraits)                                             \
   X("moving", ::sheaf::render::kMovingTraits)                                         \
   X("studio", ::sheaf::render::kStudioTraits)                                         \
+  X("cloud", ::sheaf::render::kCloudTraits)                                           \
+  X("colored glass", ::sheaf::render::kColoredGlassTraits)                            \
   SHEAF_COMMON_VARIANTS(X, "", )                                                      \
   SHEAF_COMMON_VARIANTS(X, "mapped ", ::sheaf::render::Mapped)                        \
   SHEAF_MEDIA_VARIANTS(X, "", )                                                       \
