@@ -76,7 +76,7 @@ class OnePictureTest(unittest.TestCase):
             return farm.picture_digest(output)
 
     def test_wavelengths_and_lossy_surfaces_cross_the_wire(self):
-        for flags in (("--color", "spectral"), ("--single-scattering",)):
+        for flags in (("--color", "spectral"), ("--single-scattering",), ("--one-sequence",)):
             with self.subTest(flags=flags):
                 expected = self.rendered("c", *flags)
                 self.assertNotEqual(expected, self.expected)

@@ -98,6 +98,43 @@ TEST(SubsurfaceStability, V1MatchedHalfSpaceHasItsPlaneAlbedo) {
   }
 }
 
+// A walk is one bounce under a lamp too, in a scene that knows media of other kinds: a matched ball
+// of matter is the ball of a plain medium, whose every vertex is one. No bounce is left for the
+// walk, which takes none.
+TEST(SubsurfaceStability, V1AWalkUnderALampIsOneBounce) {
+  const auto lit = [](bool is_matter) {
+    InteriorScene t({0.3, 0.8, -4}, {0, 0, 0}, 30);
+    MediumDescription medium;
+    medium.name = "thin";
+    medium.sigma_s.rgb = Rgb::Grey(1e-6f);
+    t.scene.media.push_back(medium);
+    t.AddShape(MeshShape{t.Box({-3, -3, -3}, {3, 3, 3})}, t.AddMaterial(InterfaceMaterial{}))
+        .media.inside = 0;
+    const Rgb sigma_a{0.1f, 0.2f, 0.4f}, sigma_s{2, 1, 0.5f};
+    if (is_matter) {
+      t.AddMatter(kBall, t.Matter(sigma_a, sigma_s, 0.3f, 1));
+    } else {
+      medium.name = "plain";
+      medium.sigma_a.rgb = sigma_a;
+      medium.sigma_s.rgb = sigma_s;
+      medium.g = 0.3f;
+      t.scene.media.push_back(medium);
+      t.AddShape(kBall, t.AddMaterial(InterfaceMaterial{})).media.inside = 1;
+    }
+    PointLight lamp;
+    lamp.intensity.rgb = {9, 8, 7};
+    lamp.from = {-1.2f, 1.5f, -0.8f};
+    t.scene.lights.push_back({lamp, {}, {}, {}});
+    return RenderCounted(t.scene,
+                         SquareSettings(16, DrawCount(512, 8192), is_matter ? 0 : 1 << 16));
+  };
+  const Rendered matter = lit(true), plain = lit(false);
+  ExpectSameMean(matter.mean, plain.mean);
+  for (size_t c = 0; c < 3; ++c) {
+    EXPECT_LT(matter.mean.standard_error[c], 0.01 * matter.mean.mean[c]);
+  }
+}
+
 // What leaves of what has entered, by Gauss's rule over the cosines of the views.
 double MeasuredReflectance(float albedo, double density, float eta, double* standard_error) {
   constexpr std::array<double, 5> kMu{0.0469100770, 0.2307653449, 0.5, 0.7692346551, 0.9530899230},

@@ -335,6 +335,7 @@ class PathTracer {
                           std::array<float, 2> u_pass, const Path& path, InMedia media);
 
   // path_tracer_lines.h. Where kLines.
+  static bool GathersAlongLines(const MediumMix<Color>& m) { return m.scatters && !m.is_matter; }
   static Line LineOf(const Path& path, double length);
   PhaseMix<Color> PhaseOnLine(const Line& line, double t, const Path& path) const;
   // The density, per distance along the line and solid angle at p (delta lights: probability), with

@@ -7,7 +7,8 @@
 // third way to a point of a medium and a point of a light, beside a flight that ends there followed
 // by a sampled or a met light. The three are combined by the power heuristic, over densities of
 // both points. Where media that vary are there too, the density of a flight is taken as if they
-// were not: weights need only be the same function of the two points for every technique.
+// were not: weights need only be the same function of the two points for every technique. Walks in
+// matter are short and count no depth: they do without lines.
 //
 // Sources: Kulla and Fajardo 2012; Veach 1997, ch. 9. docs/adr/0024-light-along-lines.md.
 #pragma once
@@ -90,8 +91,7 @@ void PathTracer<kTraits, Tracer, kDirectLight>::AddLightAlong(const Sampler& sam
   if constexpr (kDirectLight == DirectLight::kBySampling) return;
   if constexpr (kDirectLight == DirectLight::kByMeeting) return;
   const MediumMix<Color>& mix = path->media.mix;
-  if (scene_.lights->empty() || mix.is_hidden ||
-      path->depth >= static_cast<uint32_t>(scene_.settings.max_depth)) {
+  if (scene_.lights->empty() || path->depth >= static_cast<uint32_t>(scene_.settings.max_depth)) {
     return;
   }
   const std::array<float, 4> u = sampler.Get4(LineSlot(NextVertex(*path), passes));

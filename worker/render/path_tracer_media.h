@@ -234,7 +234,7 @@ PathTracer<kTraits, Tracer, kDirectLight>::TravelThroughMedia(const Sampler& sam
   if constexpr (Has(kTraits, Trait::kEmissiveMedia)) AddGlow(sampler, *passes, length, path);
   [[maybe_unused]] std::conditional_t<kLines, Line, NoLine> line;
   if constexpr (kLines) {
-    if (media.mix.scatters) {
+    if (GathersAlongLines(media.mix)) {
       line = LineOf(*path, length);
       AddLightAlong(sampler, line, hit, *passes, path);
     }
@@ -263,7 +263,7 @@ PathTracer<kTraits, Tracer, kDirectLight>::TravelThroughMedia(const Sampler& sam
   *passes = 0;
   if constexpr (kLines) {
     media.line = line;
-    media.line.has_scattered = !scatterer && !media.mix.is_hidden;
+    media.line.has_scattered = !scatterer && GathersAlongLines(media.mix);
     media.line.t = flight.distance;
     media.line.density = FlightDensity<kChromaticMedia>(media.mix, flight.distance, line.carried);
   }
