@@ -26,7 +26,8 @@ constexpr Entry kEntries[] = {SHEAF_RENDER_VARIANTS(SHEAF_VARIANT_ENTRY)};
 
 // Orders what variants carry for other scenes: first by what every path pays for, then by number.
 std::pair<int, int> CostOf(uint32_t carried) {
-  return {std::popcount(carried & kPaidByEveryPath), std::popcount(carried)};
+  constexpr uint32_t kPaid = kPaidByEveryPath | TraitSet(Trait::kMedia);
+  return {std::popcount(carried & kPaid), std::popcount(carried)};
 }
 
 }  // namespace
