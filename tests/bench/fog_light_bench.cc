@@ -12,6 +12,7 @@
 
 #include "common/film/film_tile.h"
 #include "tests/bench/measures.h"
+#include "tests/bench/picture_error.h"
 #include "tests/support/test_scene.h"
 #include "worker/render/render_row.h"
 #include "worker/render/variant_list.h"
@@ -38,7 +39,6 @@ TestScene ThinFog() {
   return t;
 }
 
-// Variance of the mean, averaged over pixels and channels, times CPU seconds.
 template <DirectLight kDirectLight>
 double ErrorTimesSeconds(const CompiledScene& scene) {
   const FrameSettings& settings = SettingsOf(scene);
@@ -57,19 +57,7 @@ double ErrorTimesSeconds(const CompiledScene& scene) {
     }
   }
   const double seconds = ThreadCpuSeconds() - start;
-  double variance = 0;
-  for (size_t pixel = 0; pixel < tile.plane_size(); ++pixel) {
-    double sum = 0, squares = 0;
-    for (uint32_t r = 0; r < tile.replicate_count(); ++r) {
-      const double mean = static_cast<double>(tile.replicate(r, 0)[pixel]) /
-                          static_cast<double>(tile.replicate(r, 3)[pixel]);
-      sum += mean;
-      squares += mean * mean;
-    }
-    const double count = tile.replicate_count();
-    variance += (squares - sum * sum / count) / (count * (count - 1));
-  }
-  return variance / static_cast<double>(tile.plane_size()) * seconds;
+  return VarianceOfMeans(tile) * seconds;
 }
 
 int Run(double gain_min) {

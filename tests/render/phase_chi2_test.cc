@@ -216,5 +216,35 @@ TEST(FlightStability, V6NothingArrivesFromInfinityAndVacuumTakesNothing) {
   EXPECT_FLOAT_EQ(EmissionAlong(glow, 1e-9).r, 6e-9f);
 }
 
+// One point stands for all that shines along a length: right in the mean, and no draw worth more
+// than as many times the mean as there are components, however different those are.
+TEST(FlightStability, V10PointsOfWhatShinesHaveBoundedWorth) {
+  constexpr int kSide = 300;
+  MediumMix<Rgb> glow = Mix({1e-3f, 1, 1e3f}, {});
+  for (const Rgb emission : {Rgb{1e-3f, 2, 5e2f}, Rgb{0, 2, 5e2f}, Rgb{0, 0, 1}}) {
+    glow.emission = emission;
+    for (const double length : {1e-8, 0.1, 50.0, 1e6, HUGE_VAL}) {
+      const Rgb expected = EmissionAlong(glow, length);
+      std::array<double, 3> sum{}, most{};
+      for (int i = 0; i < kSide * kSide; ++i) {
+        const ShiningPoint point = SampleShining(glow, length, (i / kSide + 0.5) / kSide,  // NOLINT
+                                                 (i % kSide + 0.5) / kSide);
+        ASSERT_GE(point.distance, 0);
+        ASSERT_LE(point.distance, length);
+        const Rgb worth = emission * TransmittanceOf<true>(glow, point.distance) *
+                          static_cast<float>(1 / point.pdf);
+        for (size_t c = 0; c < 3; ++c) {
+          sum[c] += worth[c];
+          most[c] = std::max(most[c], static_cast<double>(worth[c]));
+        }
+      }
+      for (size_t c = 0; c < 3; ++c) {
+        EXPECT_NEAR(sum[c] / (kSide * kSide), expected[c], 5e-3 * expected[c]) << length << c;
+        EXPECT_LE(most[c], 3.0001 * expected[c]) << length << c;
+      }
+    }
+  }
+}
+
 }  // namespace
 }  // namespace sheaf::render

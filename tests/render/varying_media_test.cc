@@ -4,6 +4,7 @@
 // Media that are not the same everywhere, rendered: against homogeneous ones, in a white furnace,
 // in each other, and in colour. Means are held by ExpectMean's 5 standard errors, or by as many of
 // the difference of two pictures.
+#include <algorithm>
 #include <cmath>
 #include <string>
 #include <variant>
@@ -182,6 +183,60 @@ TEST(VaryingMediaTest, V10GridsShineAsHomogeneousMediaDo) {
     expect("fog among grids", dimmed);
     expect("grid among others", dims);
   }
+}
+
+// V5: bounds that are too low are found out, raised, and the block rendered again: the picture is
+// the one of bounds that were right at once.
+TEST(VaryingMediaTest, V5BoundsThatAreTooLowAreRaised) {
+  SmokeScene t;
+  t.ConstantEnvironment({0.5f, 0.7f, 1});
+  t.Fill(0.8f, t.AddGrid(Lumps(20), {0.1f, 0.2f, 0.6f}, {2, 1, 0.5f}, 0.4f));
+  const FrameSettings settings = SquareSettings(16, 64, 64);
+  const auto render = [&](float factor, RenderStats* stats) {
+    TableFileSource files({});
+    const auto scene = CompileScene(t.scene, settings, files, {}, {.majorant_factor = factor});
+    EXPECT_TRUE(scene.ok()) << scene.status();
+    return RenderAll(**scene, stats);
+  };
+  RenderStats as_found, halved, tiny;
+  const FilmTile right = render(1, &as_found);
+  EXPECT_EQ(as_found.raised_majorants, 0u);
+  const FilmTile raised = render(0.5f, &halved);
+  EXPECT_EQ(halved.raised_majorants, 1u);
+  EXPECT_EQ(halved.broken_majorants, 0u);
+  for (const FilmChannel c : {FilmChannel::kRedHi, FilmChannel::kGreenHi, FilmChannel::kWeight}) {
+    EXPECT_TRUE(
+        std::equal(right.channel(c), right.channel(c) + right.plane_size(), raised.channel(c)));
+  }
+  const FilmTile from_far = render(0x1p-12f, &tiny);
+  EXPECT_GT(tiny.raised_majorants, 4u);
+  EXPECT_EQ(tiny.broken_majorants, 0u);
+  ExpectEqual(MeanOf(from_far), MeanOf(right));
+}
+
+// V10: fog that shines among a grid, with components a thousandfold different: blue shines close to
+// the eye only, red from all of a long way.
+TEST(VaryingMediaTest, V10ChromaticGlowAmongAGridIsThatOfBothTogether) {
+  const Rgb sigma_a{0.01f, 0.3f, 10}, thin = sigma_a * 0.01f;
+  ColorSpec white;
+  white.rgb = Rgb::Grey(1);
+  white.kind = ColorSpec::Kind::kRgb;
+  SmokeScene together, apart;
+  const int32_t all = together.AddFog(sigma_a + thin, {});
+  together.Fill(0.8f, all);
+  const int32_t shines = apart.AddFog(sigma_a, {});
+  apart.Fill(0.8f, shines);
+  apart.Fill(0.8001f, apart.AddGrid(std::vector<float>(40 * 40 * 40, 1.0f), thin, {}));
+  const auto shine = [&](SmokeScene* t, int32_t index, Rgb radiance) {
+    MediumDescription& medium = t->scene.media[static_cast<size_t>(index)];
+    medium.emits = true;
+    medium.radiance = white;
+    medium.radiance.rgb = radiance;
+  };
+  shine(&apart, shines, Rgb::Grey(1));
+  shine(&together, all, Rgb::Grey(1 / 1.01f));
+  const int samples = DrawCount(256, 2048);
+  ExpectEqual(Render(apart, samples), Render(together, samples));
 }
 
 TEST(VaryingMediaTest, WhatCannotBeRenderedIsRefusedWithItsPlace) {

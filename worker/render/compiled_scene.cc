@@ -109,13 +109,15 @@ absl::StatusOr<CompiledScenePtr> CompileScene(SceneDescription description,
     scene->lights->AssignGroups(scene->description, settings.outputs.light_groups);
   }
   if ((scene->plan.traits & kInsides) != 0) {
-    absl::StatusOr<std::unique_ptr<MediumTable>> media = MediumTable::Build(
-        scene->description, scene->geometry, files, spectral,
-        static_cast<int>(limits.build_threads > 0
-                             ? limits.build_threads
-                             : std::max(1u, std::thread::hardware_concurrency())));
+    const uint32_t threads = limits.build_threads > 0
+                                 ? limits.build_threads
+                                 : std::max(1u, std::thread::hardware_concurrency());
+    absl::StatusOr<std::unique_ptr<MediumTable>> media =
+        MediumTable::Build(scene->description, scene->geometry, files,
+                           {spectral, static_cast<int>(threads), techniques.bound_media_once});
     if (!media.ok()) return media.status();
     scene->media = *std::move(media);
+    scene->majorant_factor = techniques.majorant_factor;
     const std::vector<std::string>& groups = settings.outputs.light_groups;
     scene->media_group = static_cast<uint32_t>(
         std::find(groups.begin(), groups.end(), kDefaultLightGroup) - groups.begin());

@@ -17,7 +17,8 @@
 // there are factors. Transmittances multiply.
 //
 // A walk is anything with bool Next(MajorantSegment*). A density is double(double t), at most the
-// segment's upper and at least its lower bound; where it is not, the violation is counted.
+// segment's upper and at least its lower bound; where it is not, the violation is counted, and
+// whoever asked tracks again with bounds that are raised.
 #pragma once
 
 #include <algorithm>
@@ -32,6 +33,8 @@ namespace sheaf::render {
 
 // What tracking met that it must not meet, and what it cost.
 struct TrackingTally {
+  // In: what upper bounds are multiplied by. The lower ones are taken as 0 where that is not 1.
+  float bound_factor = 1;
   uint64_t violation_count = 0;  // Densities beyond their bounds: the result is biased.
   uint64_t look_up_count = 0;
   uint64_t segment_count = 0;
@@ -45,6 +48,101 @@ struct TrackedFlight {
   // in it: what is left to apply is the albedo, sigma_s / sigma_t.
   Color weight = Color::Grey(1);
 };
+
+namespace internal {
+
+template <typename Walk>
+bool NextSegment(Walk* walk, MajorantSegment* segment, TrackingTally* tally) {
+  if (!walk->Next(segment)) return false;
+  ++tally->segment_count;
+  segment->bounds.upper *= tally->bound_factor;
+  if (tally->bound_factor != 1) segment->bounds.lower = 0;
+  return true;
+}
+
+// Tentative collisions: a Poisson process over optical depth, from a piece of a walk to the next.
+class TentativeCollisions {
+ public:
+  explicit TentativeCollisions(EventStream* stream)
+      : stream_(stream), depth_(stream->Exponential()) {}
+
+  // Moves *t to the next one at `rate` per t. False where that lies beyond `end`: the depth up to
+  // there is flown through.
+  bool Next(double rate, double end, double* t) {
+    const double left = rate * (end - *t);
+    if (depth_ >= left) {
+      depth_ -= left;
+      return false;
+    }
+    *t = std::min(*t + depth_ / rate, end);
+    depth_ = stream_->Exponential();
+    return true;
+  }
+
+ private:
+  EventStream* stream_;
+  double depth_;
+};
+
+inline double RangeOf(DensityBounds bounds) {
+  return static_cast<double>(bounds.upper) - static_cast<double>(bounds.lower);
+}
+// A density that was looked up, as a share of what its bounds leave open.
+inline double ShareOfRange(double rho, DensityBounds bounds, TrackingTally* tally) {
+  ++tally->look_up_count;
+  const double lower = bounds.lower;
+  if (rho > bounds.upper || rho < lower) ++tally->violation_count;
+  return std::min(std::max((rho - lower) / RangeOf(bounds), 0.0), 1.0);
+}
+
+// Below this a walk of ratio tracking ends by chance, at this chance to go on.
+inline constexpr double kRatioRoulette = 0.05, kRatioSurvival = 0.25;
+
+// What is left of light, per component, over the pieces of a walk so far.
+template <typename Color>
+class RatioTracker {
+ public:
+  RatioTracker(const Color& sigma_t, EventStream* stream, TrackingTally* tally)
+      : sigma_max_(MaxComponent(sigma_t)), stream_(stream), tally_(tally), collisions_(stream) {
+    for (size_t c = 0; c < kComponents; ++c) {
+      ratio_[c] = 1;
+      relative_[c] = sigma_max_ > 0 ? sigma_t[c] / sigma_max_ : 0;
+    }
+  }
+
+  double operator[](size_t c) const { return ratio_[c]; }
+  // Over the densities between t0 and t1 less the lower bound. False where the walk ends by chance:
+  // nothing is left.
+  template <typename Density>
+  bool Pass(const Density& density, double t0, double t1, DensityBounds bounds) {
+    const double rate = RangeOf(bounds) * sigma_max_;
+    if (!(rate > 0)) return true;
+    for (double t = t0; collisions_.Next(rate, t1, &t);) {
+      const double p = ShareOfRange(density(t), bounds, tally_);
+      double largest = 0;
+      for (size_t c = 0; c < kComponents; ++c) {
+        ratio_[c] *= 1 - p * relative_[c];
+        largest = std::max(largest, ratio_[c]);
+      }
+      if (largest < kRatioRoulette) {
+        if (!(stream_->Uniform() < kRatioSurvival) || largest == 0) return false;
+        for (double& r : ratio_) r /= kRatioSurvival;
+      }
+    }
+    return true;
+  }
+
+ private:
+  static constexpr size_t kComponents = kComponentCount<Color>;
+
+  double sigma_max_;
+  double ratio_[kComponents], relative_[kComponents];
+  EventStream* stream_;
+  TrackingTally* tally_;
+  TentativeCollisions collisions_;
+};
+
+}  // namespace internal
 
 // sigma_t: extinction per unit of density and of t, no component negative. throughput: what the
 // path carries, no component negative; it decides which event serves it best.
@@ -64,24 +162,13 @@ TrackedFlight<Color> TrackFlight(Walk* walk, const Density& density, const Color
     flight.weight = MakeColor<Color>([&](size_t c) { return static_cast<float>(weight[c]); });
     return flight;
   };
-  double depth = stream->Exponential();
+  internal::TentativeCollisions collisions(stream);
   MajorantSegment segment;
-  while (walk->Next(&segment)) {
-    ++tally->segment_count;
-    const double upper = segment.bounds.upper, rate = upper * sigma_max;
+  while (internal::NextSegment(walk, &segment, tally)) {
+    const double rate = segment.bounds.upper * sigma_max;
     if (!(rate > 0)) continue;
-    for (double t = segment.t0;;) {
-      const double left = rate * (segment.t1 - t);
-      if (depth >= left) {
-        depth -= left;
-        break;
-      }
-      t = std::min(t + depth / rate, segment.t1);
-      depth = stream->Exponential();
-      ++tally->look_up_count;
-      const double rho = density(t);
-      if (rho > upper) ++tally->violation_count;
-      const double p = std::min(std::max(rho / upper, 0.0), 1.0);
+    for (double t = segment.t0; collisions.Next(rate, segment.t1, &t);) {
+      const double p = internal::ShareOfRange(density(t), {0, segment.bounds.upper}, tally);
       // The probability of a collision: the mean over components by what they carry.
       double carried = 0, colliding = 0;
       for (size_t c = 0; c < kComponents; ++c) {
@@ -104,53 +191,19 @@ TrackedFlight<Color> TrackFlight(Walk* walk, const Density& density, const Color
   return finish();
 }
 
-// Below this the walk of a transmittance ends by chance, at this chance to go on.
-inline constexpr double kTransmittanceRoulette = 0.05, kRouletteSurvival = 0.25;
-
 // An unbiased estimate of exp(-sigma_t * integral of the density over the walk), per component.
 // Exact, without a look-up, where bounds meet: in cells of one density.
 template <typename Color, typename Walk, typename Density>
 Color TrackTransmittance(Walk* walk, const Density& density, const Color& sigma_t,
                          EventStream* stream, TrackingTally* tally) {
-  constexpr size_t kComponents = kComponentCount<Color>;
-  const double sigma_max = MaxComponent(sigma_t);
-  if (!(sigma_max > 0)) return Color::Grey(1);
-  double ratio[kComponents], relative[kComponents];
-  for (size_t c = 0; c < kComponents; ++c) {
-    ratio[c] = 1;
-    relative[c] = sigma_t[c] / sigma_max;
-  }
+  if (!(MaxComponent(sigma_t) > 0)) return Color::Grey(1);
+  internal::RatioTracker<Color> ratio(sigma_t, stream, tally);
   double control_depth = 0;  // Of the lower bounds: known, not estimated.
-  double depth = stream->Exponential();
   MajorantSegment segment;
-  while (walk->Next(&segment)) {
-    ++tally->segment_count;
-    const double lower = segment.bounds.lower, range = segment.bounds.upper - lower;
+  while (internal::NextSegment(walk, &segment, tally)) {
+    const double lower = segment.bounds.lower;
     if (lower > 0) control_depth += lower * (segment.t1 - segment.t0);
-    const double rate = range * sigma_max;
-    if (!(rate > 0)) continue;
-    for (double t = segment.t0;;) {
-      const double left = rate * (segment.t1 - t);
-      if (depth >= left) {
-        depth -= left;
-        break;
-      }
-      t = std::min(t + depth / rate, segment.t1);
-      depth = stream->Exponential();
-      ++tally->look_up_count;
-      const double rho = density(t);
-      if (rho > segment.bounds.upper || rho < lower) ++tally->violation_count;
-      const double p = std::min(std::max((rho - lower) / range, 0.0), 1.0);
-      double largest = 0;
-      for (size_t c = 0; c < kComponents; ++c) {
-        ratio[c] *= 1 - p * relative[c];
-        largest = std::max(largest, ratio[c]);
-      }
-      if (largest < kTransmittanceRoulette) {
-        if (!(stream->Uniform() < kRouletteSurvival) || largest == 0) return Color::Grey(0);
-        for (double& r : ratio) r /= kRouletteSurvival;
-      }
-    }
+    if (!ratio.Pass(density, segment.t0, segment.t1, segment.bounds)) return Color::Grey(0);
   }
   return MakeColor<Color>([&](size_t c) {
     return static_cast<float>(ratio[c] * Exp(-static_cast<double>(sigma_t[c]) * control_depth));
@@ -164,56 +217,22 @@ Color TrackTransmittance(Walk* walk, const Density& density, const Color& sigma_
 template <typename Color, typename Walk, typename Density, typename Source>
 Color TrackEmission(Walk* walk, const Density& density, const Source& source, const Color& sigma_t,
                     EventStream* stream, TrackingTally* tally) {
-  constexpr size_t kComponents = kComponentCount<Color>;
-  const double sigma_max = MaxComponent(sigma_t);
-  double ratio[kComponents], relative[kComponents];
-  for (size_t c = 0; c < kComponents; ++c) {
-    ratio[c] = 1;
-    relative[c] = sigma_max > 0 ? sigma_t[c] / sigma_max : 0;
-  }
+  internal::RatioTracker<Color> ratio(sigma_t, stream, tally);
   Color sum;
-  double depth = stream->Exponential();
   MajorantSegment segment;
-  while (walk->Next(&segment)) {
-    ++tally->segment_count;
-    const double upper = segment.bounds.upper, rate = upper * sigma_max;
-    if (!(upper > 0)) continue;
+  while (internal::NextSegment(walk, &segment, tally)) {
+    const DensityBounds bounds{0, segment.bounds.upper};
+    if (!(bounds.upper > 0)) continue;
     const double length = segment.t1 - segment.t0;
     const double point = segment.t0 + stream->Uniform() * length;
-    bool is_behind_point = false;
-    for (double t = segment.t0;;) {
-      const double next = t + depth / rate;  // Infinite, or NaN, where nothing is taken.
-      if (!is_behind_point && !(next < point)) {
-        is_behind_point = true;
-        ++tally->look_up_count;
-        const double rho = density(point);
-        if (rho > upper) ++tally->violation_count;
-        if (rho > 0) {
-          const Color seen = source(point);
-          sum += MakeColor<Color>(
-              [&](size_t c) { return static_cast<float>(ratio[c] * rho * length) * seen[c]; });
-        }
-      }
-      if (!(next < segment.t1)) {
-        depth -= rate * (segment.t1 - t);
-        break;
-      }
-      t = next;
-      depth = stream->Exponential();
-      ++tally->look_up_count;
-      const double rho = density(t);
-      if (rho > upper) ++tally->violation_count;
-      const double p = std::min(std::max(rho / upper, 0.0), 1.0);
-      double largest = 0;
-      for (size_t c = 0; c < kComponents; ++c) {
-        ratio[c] *= 1 - p * relative[c];
-        largest = std::max(largest, ratio[c]);
-      }
-      if (largest < kTransmittanceRoulette) {
-        if (!(stream->Uniform() < kRouletteSurvival) || largest == 0) return sum;
-        for (double& r : ratio) r /= kRouletteSurvival;
-      }
+    if (!ratio.Pass(density, segment.t0, point, bounds)) return sum;
+    const double rho = bounds.upper * internal::ShareOfRange(density(point), bounds, tally);
+    if (rho > 0) {
+      const Color seen = source(point);
+      sum += MakeColor<Color>(
+          [&](size_t c) { return static_cast<float>(ratio[c] * rho * length) * seen[c]; });
     }
+    if (!ratio.Pass(density, point, segment.t1, bounds)) return sum;
   }
   return sum;
 }

@@ -12,6 +12,7 @@
 // need none of this: a flight that arrives keeps all, one that scatters keeps the albedo.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <bit>
 #include <cstdint>
@@ -33,7 +34,7 @@ struct MediumMix {
   bool is_bounded = false;  // Of one of them: closed surfaces surround it on all sides.
   // There are others, which are not the same everywhere and not in these sums.
   bool varies = false;
-  bool glows = false;  // One of those shines.
+  bool glows = false;      // One of those shines.
   bool is_matter = false;  // One of them is the inside of a material.
   bool is_hidden = false;  // The same, whose boundary no shadow ray can pass.
 };
@@ -80,6 +81,35 @@ Color EmissionAlong(const MediumMix<Color>& mix, double length) {
     const float tau = static_cast<float>(OpticalThickness(mix.sigma_t[i], length));
     return mix.emission[i] * (-Expm1(-tau) / mix.sigma_t[i]);
   });
+}
+
+// A point of what shines along a length, and its density per scene unit.
+struct ShiningPoint {
+  double distance = 0;
+  double pdf = 0;
+};
+
+// Drawn by what arrives of one component, chosen evenly among those that shine; the density is the
+// mean over them, so that no component of what arrives / pdf exceeds its EmissionAlong by more than
+// their number (the balance heuristic for one sample: Veach 1997, sec. 9.2). choice, u: uniform in
+// [0, 1). Requires: mix.emission is not black.
+template <typename Color>
+ShiningPoint SampleShining(const MediumMix<Color>& mix, double length, double choice, double u) {
+  std::array<double, kComponentCount<Color>> sigma{};
+  size_t count = 0;
+  for (size_t i = 0; i < kComponentCount<Color>; ++i) {
+    if (mix.emission[i] > 0) sigma[count++] = static_cast<double>(mix.sigma_t[i]);
+  }
+  const auto absorbed = [&](size_t i) { return -Expm1(-sigma[i] * length); };
+  const size_t chosen =
+      std::min(static_cast<size_t>(choice * static_cast<double>(count)), count - 1);
+  ShiningPoint point;
+  point.distance = -Log1p(-u * absorbed(chosen)) / sigma[chosen];
+  for (size_t i = 0; i < count; ++i) {
+    point.pdf += sigma[i] * Exp(-sigma[i] * point.distance) / absorbed(i);
+  }
+  point.pdf /= static_cast<double>(count);
+  return point;
 }
 
 template <typename Color>

@@ -217,6 +217,7 @@ class LightTable {
   std::optional<ChosenLight> Choose(Vec3f p, float u_select, Vec2f u) const;
   // With which Choose, and Sample, choose the light at p.
   float ChoiceProbability(uint32_t light, Vec3f p) const;
+  // Made from the light at each call.
   LightBounds BoundsOf(uint32_t light) const;
   // Sample, once it has chosen. Requires: chosen.probability is ChoiceProbability at p.
   template <uint32_t kTraits>

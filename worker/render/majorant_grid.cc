@@ -237,6 +237,12 @@ MajorantGrid MajorantGrid::Build(const DensitySource& source, const Options& opt
   }
   grid.levels_ = 1;
   while (SideOf(grid.levels_) < extent) ++grid.levels_;
+  if (options.block_count_max == 0) {
+    grid.bounds_ = source.Bounds();
+    grid.nodes_.assign(1, Node{});
+    grid.nodes_[0].fill({grid.bounds_, 0});
+    return grid;
+  }
   using Pass = MajorantBuilder::Pass;
   std::vector<MajorantBuilder::Task> tasks;
   if (grid.levels_ > kTaskLevel) {

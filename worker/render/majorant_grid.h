@@ -66,7 +66,7 @@ class MajorantGrid {
     // Extinction per unit of density over the length of a voxel: what decides how fine cells are.
     double extinction_per_voxel = 1;
     int thread_count = 1;
-    // Beyond so many blocks of 8^3 voxels cells stay coarse.
+    // Beyond so many blocks of 8^3 voxels cells stay coarse. 0: one cell is the whole box.
     uint64_t block_count_max = uint64_t{1} << 26;
   };
   // Empty: majorant 0 everywhere.

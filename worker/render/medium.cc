@@ -81,8 +81,8 @@ std::vector<bool> FindHidden(const SceneDescription& scene) {
 
 absl::StatusOr<std::unique_ptr<MediumTable>> MediumTable::Build(const SceneDescription& scene,
                                                                 const SceneGeometry& geometry,
-                                                                FileSource& files, bool spectral,
-                                                                int thread_count) {
+                                                                FileSource& files,
+                                                                const Options& options) {
   if (scene.media.size() > kMediaMax) {
     return absl::ResourceExhaustedError(absl::StrCat("the scene has ", scene.media.size(),
                                                      " media, more than the limit of ", kMediaMax));
@@ -97,10 +97,10 @@ absl::StatusOr<std::unique_ptr<MediumTable>> MediumTable::Build(const SceneDescr
       placement.offset = placement.offset - geometry.render_origin_world;
       const std::string where = absl::StrCat(FormatLocation(scene, description.location),
                                              ": medium \"", description.name, "\"");
-      auto varying = MakeVarying(where, description, placement, files, thread_count);
+      auto varying = MakeVarying(where, description, placement, files, options);
       if (!varying.ok()) return varying.status();
       medium.varying = *std::move(varying);
-      auto glow = MakeGlow(where, description, placement, files, spectral, thread_count);
+      auto glow = MakeGlow(where, description, placement, files, options);
       if (!glow.ok()) return glow.status();
       medium.glow = *std::move(glow);
     }
@@ -116,7 +116,7 @@ absl::StatusOr<std::unique_ptr<MediumTable>> MediumTable::Build(const SceneDescr
     medium.is_bounded = is_bounded[media.size()] || description.is_matter;
     medium.radiance_scale = description.radiance_scale;
     if (medium.emits) medium.radiance = description.radiance.rgb * description.radiance_scale;
-    if (spectral) {
+    if (options.spectral) {
       medium.sigma_a_spectrum = SpectralColor::Make(description.sigma_a, ColorRole::kUnbounded);
       medium.sigma_s_spectrum = SpectralColor::Make(description.sigma_s, ColorRole::kUnbounded);
       if (medium.emits) {

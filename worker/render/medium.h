@@ -25,13 +25,17 @@ namespace sheaf::render {
 
 class MediumTable {
  public:
-  // Reads and bounds the grids of media, by thread_count threads. spectral: MixOf may be asked for
-  // Spectral too. Errors: those of the files, and kInvalidArgument for what cannot be rendered,
-  // with the location of the medium; kResourceExhausted over kMediaMax.
+  struct Options {
+    bool spectral = false;    // MixOf may be asked for Spectral too.
+    int thread_count = 1;     // That read and bound grids.
+    bool bound_once = false;  // VaryingMedium::Placement::bound_once.
+  };
+  // Errors: those of the grids' files, and kInvalidArgument for what cannot be rendered, with the
+  // location of the medium; kResourceExhausted over kMediaMax.
   static absl::StatusOr<std::unique_ptr<MediumTable>> Build(const SceneDescription& scene,
                                                             const SceneGeometry& geometry,
-                                                            FileSource& files, bool spectral,
-                                                            int thread_count);
+                                                            FileSource& files,
+                                                            const Options& options);
 
   // All else knows media by this: they are in an order of their properties, so that the order in
   // the scene file changes no bit. medium: an index in SceneDescription::media.
@@ -84,11 +88,11 @@ class MediumTable {
   // Errors: see Build.
   static absl::StatusOr<std::unique_ptr<const VaryingMedium>> MakeVarying(
       const std::string& where, const MediumDescription& description, const Affine& placement,
-      FileSource& files, int thread_count);
+      FileSource& files, const Options& options);
   // Null where the medium does not shine. Errors: see Build.
   static absl::StatusOr<std::unique_ptr<const MediumGlow>> MakeGlow(
       const std::string& where, const MediumDescription& description, const Affine& placement,
-      FileSource& files, bool spectral, int thread_count);
+      FileSource& files, const Options& options);
   template <typename Color>
   static Color Evaluate(Rgb rgb, const SpectralColor& spectrum, float scale,
                         const WavelengthsOf<Color>& wavelengths) {

@@ -48,9 +48,10 @@ absl::StatusOr<VolumeGrid> GridOf(const std::string& where, const std::string& n
 
 absl::StatusOr<std::unique_ptr<const VaryingMedium>> MediumTable::MakeVarying(
     const std::string& where, const MediumDescription& description, const Affine& placement,
-    FileSource& files, int thread_count) {
+    FileSource& files, const Options& options) {
   const Rgb sigma_t = (description.sigma_a.rgb + description.sigma_s.rgb) * description.scale;
-  const VaryingMedium::Placement placed{placement, MaxComponent(sigma_t), thread_count};
+  const VaryingMedium::Placement placed{placement, MaxComponent(sigma_t), options.thread_count,
+                                        options.bound_once};
   const auto own = [](absl::StatusOr<VaryingMedium> medium)
       -> absl::StatusOr<std::unique_ptr<const VaryingMedium>> {
     if (!medium.ok()) return medium.status();
@@ -71,7 +72,7 @@ absl::StatusOr<std::unique_ptr<const VaryingMedium>> MediumTable::MakeVarying(
     if (!path.ok()) return path.status();
     // The error of a file without it names the grids that are there.
     grid = ReadVolumeGrid(absl::StrCat(where, ": ", volume->file), *path, kDensityGrid, {},
-                          thread_count);
+                          options.thread_count);
   } else if (const auto* uniform = std::get_if<UniformGridMedium>(&description.kind)) {
     grid = GridOf(where, kDensityGrid, uniform->box, uniform->density);
   }
@@ -81,12 +82,12 @@ absl::StatusOr<std::unique_ptr<const VaryingMedium>> MediumTable::MakeVarying(
 
 absl::StatusOr<std::unique_ptr<const MediumGlow>> MediumTable::MakeGlow(
     const std::string& where, const MediumDescription& description, const Affine& placement,
-    FileSource& files, bool spectral, int thread_count) {
+    FileSource& files, const Options& options) {
   if (!description.emits || !(description.radiance_scale > 0)) return nullptr;
   auto glow = std::make_unique<MediumGlow>(placement, description.radiance,
-                                           description.radiance_scale, spectral);
+                                           description.radiance_scale, options.spectral);
   if (const auto* volume = std::get_if<VolumeFileMedium>(&description.kind)) {
-    auto grid = ReadGrid(where, *volume, kTemperatureGrid, files, thread_count);
+    auto grid = ReadGrid(where, *volume, kTemperatureGrid, files, options.thread_count);
     if (!grid.ok()) return grid.status();
     if (!*grid) return nullptr;
     if ((*grid)->is_vector()) {

@@ -27,7 +27,7 @@ PathTracer<kTraits, Tracer, kDirectLight>::FlyThroughVarying(const Ray& ray,
   const FlightNumbers even = MakeFlightNumbers(u, passes);
   Flight<Color> flight = SampleFlight<kChromaticMedia>(mix, length, even, path.throughput);
   double end = flight.scatters ? flight.distance : length;
-  TrackingTally tally;
+  TrackingTally tally{.bound_factor = counts_.majorant_factor};
   const auto stream = [&](uint32_t i) {
     return EventStream({std::bit_cast<uint32_t>(u[0]), std::bit_cast<uint32_t>(u[1]),
                         std::bit_cast<uint32_t>(u[2]), (passes << 8) | i});
@@ -91,7 +91,7 @@ PathTracer<kTraits, Tracer, kDirectLight>::ShareThroughVarying(const Ray& ray,
   const Vec3d o = ToDouble(ray.o), d = ToDouble(ray.d);
   const double unit = Length(d);
   Color share = Color::Grey(1);
-  TrackingTally tally;
+  TrackingTally tally{.bound_factor = counts_.majorant_factor};
   const uint16_t* set = media.set.begin();
   for (uint32_t i = 0; i < media.set.size() && !share.IsBlack(); ++i) {
     const VaryingMedium* medium = scene_.media->VaryingOf(set[i]);
@@ -117,7 +117,7 @@ PathTracer<kTraits, Tracer, kDirectLight>::EmissionAmongVarying(const std::array
   const MediumMix<Color>& mix = path.media.mix;
   const uint16_t* set = path.media.set.begin();
   const uint32_t count = path.media.set.size();
-  TrackingTally tally;
+  TrackingTally tally{.bound_factor = counts_.majorant_factor};
   // Keys that no flight and no shadow ray has. by: what shines; count: the media that do not vary.
   const auto stream = [&](uint32_t by, uint32_t through) {
     return EventStream({std::bit_cast<uint32_t>(u[0]), std::bit_cast<uint32_t>(u[1]),
@@ -153,14 +153,12 @@ PathTracer<kTraits, Tracer, kDirectLight>::EmissionAmongVarying(const std::array
         static_cast<float>(unit);
   }
   if (!mix.emission.IsBlack()) {
-    // One point for all that shines the same everywhere, by what reaches the ray's beginning.
-    const double sigma = MaxComponent(mix.sigma_t);
+    // One point for all that shines the same everywhere.
     EventStream events = stream(count, count);
-    const double share = -Expm1(-sigma * length);
-    const double at = -Log1p(-events.Uniform() * share) / sigma;
-    const double pdf = sigma * Exp(-sigma * at) / share;
-    sum += mix.emission * TransmittanceOf<kChromaticMedia>(mix, at) *
-           left_by_others(at / unit, count) * static_cast<float>(1 / pdf);
+    const double choice = events.Uniform();
+    const ShiningPoint point = SampleShining(mix, length, choice, events.Uniform());
+    sum += mix.emission * TransmittanceOf<kChromaticMedia>(mix, point.distance) *
+           left_by_others(point.distance / unit, count) * static_cast<float>(1 / point.pdf);
   }
   counts_.broken_majorants += tally.violation_count;
   return sum;

@@ -1,7 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// RayCounts: what tracing counts beside the picture.
+// RayCounts: what tracing counts beside the picture, and what it does differently for what it
+// counted before.
 #pragma once
 
 #include <cstdint>
@@ -17,6 +18,9 @@ struct RayCounts {
   uint64_t broken_nestings = 0;
   // Densities beyond what they had been found to be at most: none, or the picture is biased.
   uint64_t broken_majorants = 0;
+  // What bounds of densities are multiplied by: not 1 where a block is rendered again for
+  // broken_majorants.
+  float majorant_factor = 1;
   uint64_t long_walks = 0;  // Paths that ended for kMatterStepsMax.
 };
 

@@ -5,6 +5,8 @@
 #include "worker/render/tile_pass.h"
 
 #include <ctime>
+#include <optional>
+#include <utility>
 
 #include "common/base/check.h"
 #include "worker/render/compiled_scene.h"
@@ -12,6 +14,9 @@
 
 namespace sheaf::render {
 namespace {
+
+// Beyond this factor bounds that are still too low are left so, and reported.
+constexpr float kMajorantFactorMax = 1 << 12;
 
 double ThreadCpuSeconds() {
   timespec now{};
@@ -30,25 +35,34 @@ absl::StatusOr<FilmTile> RenderTilePass(const CompiledScene& scene, PixelRect ti
   const double start_seconds = ThreadCpuSeconds();
   const RenderRowFunction render_row =
       RowFunctionOf(ChooseVariant(scene.plan.traits, scene.settings.force_generic_variant));
-  FilmTile film(tile, block, scene.settings.outputs);
-  PixelAccumulator accumulator(&film);
+  std::optional<FilmTile> film;
+  std::optional<PixelAccumulator> accumulator;
   RayCounts counts;
-  for (int32_t y = tile.y0; y < tile.y1; ++y) {
-    if (stop.stop_requested()) return absl::CancelledError("the tile pass was stopped");
-    render_row(scene, tile.x0, tile.x1, y, block, &accumulator, &counts);
+  uint32_t raised_majorants = 0;
+  for (float factor = scene.majorant_factor;; factor *= 2, ++raised_majorants) {
+    film.emplace(tile, block, scene.settings.outputs);
+    accumulator.emplace(&*film);
+    counts.broken_majorants = 0;
+    counts.majorant_factor = factor;
+    for (int32_t y = tile.y0; y < tile.y1; ++y) {
+      if (stop.stop_requested()) return absl::CancelledError("the tile pass was stopped");
+      render_row(scene, tile.x0, tile.x1, y, block, &*accumulator, &counts);
+    }
+    if (counts.broken_majorants == 0 || factor >= kMajorantFactorMax) break;
   }
-  if (scene.settings.outputs.HasIds()) scene.ids.NameAll(scene.description, &film);
+  if (scene.settings.outputs.HasIds()) scene.ids.NameAll(scene.description, &*film);
   if (stats != nullptr) {
     stats->samples = static_cast<uint64_t>(tile.PixelCount()) * block.count;
     stats->rays = counts.rays;
     stats->shadow_rays = counts.shadow_rays;
     stats->broken_nestings = counts.broken_nestings;
     stats->broken_majorants = counts.broken_majorants;
+    stats->raised_majorants = raised_majorants;
     stats->long_walks = counts.long_walks;
     stats->cpu_seconds = ThreadCpuSeconds() - start_seconds;
-    stats->non_finite = accumulator.non_finite();
+    stats->non_finite = accumulator->non_finite();
   }
-  return film;
+  return *std::move(film);
 }
 
 }  // namespace sheaf::render

@@ -29,6 +29,9 @@ struct CompileLimits {
 // with each other.
 struct CompileTechniques {
   bool choose_lights_evenly = false;  // Instead of by what each may send to a point.
+  bool bound_media_once = false;      // One bound for all of a medium, not one where it is dense.
+  // What bounds of densities are multiplied by. Below 1 they are wrong, which rendering must find.
+  float majorant_factor = 1;
 };
 
 // Immutable after CompileScene; all const members may be used from many threads at once.
@@ -54,14 +57,16 @@ struct RenderStats {
   uint64_t shadow_rays = 0;
   // Paths that ended for them: RayCounts.
   uint64_t broken_nestings = 0, long_walks = 0;
-  uint64_t broken_majorants = 0;  // Biased look-ups: RayCounts.
+  uint64_t broken_majorants = 0;  // Biased look-ups that are left: RayCounts.
+  uint32_t raised_majorants = 0;  // Times that the block was rendered again for such look-ups.
   double cpu_seconds = 0;
   std::vector<PixelAccumulator::NonFinite> non_finite;
 };
 
 // TilePass > FilmTile: renders every sample of the block in every pixel of the tile. A pure
-// function of (scene, tile, block). Single-threaded; call from as many threads as wanted. Errors:
-// kCancelled when stop was requested (checked once a row).
+// function of (scene, tile, block): where a density is found beyond its bounds, all of the block is
+// rendered again with bounds that are raised. Single-threaded; call from as many threads as wanted.
+// Errors: kCancelled when stop was requested (checked once a row).
 absl::StatusOr<FilmTile> RenderTilePass(const CompiledScene& scene, PixelRect tile,
                                         SampleBlock block, std::stop_token stop,
                                         RenderStats* stats);

@@ -24,7 +24,8 @@ struct Entry {
 constexpr Entry kEntries[] = {SHEAF_RENDER_VARIANTS(SHEAF_VARIANT_ENTRY)};
 #undef SHEAF_VARIANT_ENTRY
 
-// Orders what variants carry for other scenes: first by what every path pays for, then by number.
+// Orders what variants carry for other scenes: first by what paths pay for whatever they meet (a
+// path asks at each segment which media it is in), then by number.
 std::pair<int, int> CostOf(uint32_t carried) {
   constexpr uint32_t kPaid = kPaidByEveryPath | TraitSet(Trait::kMedia);
   return {std::popcount(carried & kPaid), std::popcount(carried)};

@@ -20,9 +20,10 @@ absl::Status VaryingMedium::Place(const std::string& where, const Placement& pla
   index_from_render_ = Inverse(render_from_index);
   const double voxel = std::max(
       {Length(render_from_index.x), Length(render_from_index.y), Length(render_from_index.z)});
-  majorants_ =
-      MajorantGrid::Build(source, {.extinction_per_voxel = placement.extinction_max * voxel,
-                                   .thread_count = placement.thread_count});
+  MajorantGrid::Options options{.extinction_per_voxel = placement.extinction_max * voxel,
+                                .thread_count = placement.thread_count};
+  if (placement.bound_once) options.block_count_max = 0;
+  majorants_ = MajorantGrid::Build(source, options);
   return absl::OkStatus();
 }
 

@@ -26,6 +26,7 @@ class VaryingMedium {
     // The largest extinction that a density of 1 has, over colours, per unit of render space.
     double extinction_max = 1;
     int thread_count = 1;
+    bool bound_once = false;  // One pair of bounds for all of it.
   };
   // Errors: kInvalidArgument where the density cannot be one (negative, vectors) or the transform
   // is singular. Messages begin with `where`.

@@ -66,6 +66,11 @@ class FrameScene : public LoadedScene {
                               "surfaces that bound media must be closed, and both sides of each "
                               "MediumInterface right"));
     }
+    if (stats.raised_majorants > 0) {
+      LogWarning(absl::StrCat(
+          lease.frame_name, ": densities of a medium lie beyond their bounds; a ",
+          "block was rendered ", stats.raised_majorants, " times more, with higher ones"));
+    }
     if (stats.broken_majorants > 0) {
       LogError(
           absl::StrCat(lease.frame_name, ": ", stats.broken_majorants,
