@@ -7,10 +7,12 @@
 #include <bit>
 #include <cmath>
 #include <cstddef>
+#include <cstring>
 #include <utility>
 
 #include "common/base/check.h"
 #include "common/math/double_float.h"
+#include "common/math/lanes.h"
 
 namespace sheaf {
 namespace {
@@ -41,21 +43,17 @@ double WideProduct(float value, float weight) {
   return std::fabs(product) < kMagnitudeMin ? 0.0 : product;
 }
 
+// Also what the weight makes of it.
 bool IsUsable(const FilmSample& s) {
-  bool usable = true;
-  const auto require = [&usable](auto v) { usable &= std::fabs(v) <= kSampleMagnitudeMax; };
-  const double weight = s.filter_weight;
-  require(s.filter_weight);
-  for (size_t i = 0; i < 3; ++i) {
-    require(s.radiance[i]);
-    require(s.radiance[i] * weight);
-    require(s.albedo[i]);
-    require(s.normal[i]);
+  std::array<Floats4, 4> values;
+  static_assert(sizeof(s) == 3 * sizeof(Floats4));  // Numbers, all of them.
+  std::memcpy(values.data(), &s, sizeof(s));
+  values[3] = Floats4{s.radiance.r, s.radiance.g, s.radiance.b, s.depth} * s.filter_weight;
+  Ints4 usable = Ints4{} - 1;
+  for (const Floats4 v : values) {
+    usable &= (v <= kSampleMagnitudeMax) & (v >= -kSampleMagnitudeMax);
   }
-  require(s.alpha);
-  require(s.depth);
-  require(s.depth * weight);
-  return usable;
+  return (usable[0] & usable[1] & usable[2] & usable[3]) != 0;
 }
 
 bool IsUsable(const OutputSample& s, float weight) {
@@ -239,7 +237,7 @@ FilmTile AddTiles(const FilmTile& left, const FilmTile& right, SampleBlock block
 struct PixelAccumulator::Stack {
   NodeStack<PixelNode> main;
   // All replicates have trees of one shape: one stack whose nodes hold all of them, and one leaf
-  // that fills up as their samples come by.
+  // that fills up as their samples come by, anew for each push.
   NodeStack<ReplicateNode> replicates;
   ReplicateNode replicate_leaf{};
   int32_t x = 0, y = 0;
@@ -312,7 +310,6 @@ void PixelAccumulator::Begin(int32_t x, int32_t y) {
   SHEAF_CHECK(x >= rect.x0 && x < rect.x1 && y >= rect.y0 && y < rect.y1);
   stack_->main.Clear();
   stack_->replicates.Clear();
-  stack_->replicate_leaf = {};
   if (output_stack_ != nullptr) output_stack_->Clear();
   stack_->x = x;
   stack_->y = y;

@@ -66,9 +66,11 @@ TEST(NextFloatTest, StepsThroughZeroAndStopsAtInfinity) {
     EXPECT_EQ(NextUp(v), std::nextafter(v, kInf)) << v;
     EXPECT_EQ(NextDown(-v), std::nextafter(-v, -kInf)) << v;
     if (std::isinf(v)) continue;
-    EXPECT_EQ(NextTowards(v, 2.5f), NextUp(v)) << v;
-    EXPECT_EQ(NextTowards(v, -1e-40f), NextDown(v)) << v;
-    EXPECT_EQ(std::bit_cast<uint32_t>(NextTowards(v, 0)), std::bit_cast<uint32_t>(v)) << v;
+    const Floats4 beside = NextTowards(Floats4{v, v, v, v}, Floats4{2.5f, -1e-40f, 0, -0.0f});
+    EXPECT_EQ(beside[0], NextUp(v)) << v;
+    EXPECT_EQ(beside[1], NextDown(v)) << v;
+    EXPECT_EQ(std::bit_cast<uint32_t>(beside[2]), std::bit_cast<uint32_t>(v)) << v;
+    EXPECT_EQ(beside[3], v) << v;
   }
   EXPECT_EQ(NextUp(kInf), kInf);
   EXPECT_EQ(NextDown(-kInf), -kInf);

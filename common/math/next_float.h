@@ -8,6 +8,8 @@
 #include <cmath>
 #include <cstdint>
 
+#include "common/math/lanes.h"
+
 namespace sheaf {
 
 // The least float greater than v. Infinity and NaN stay what they are; from -0 and 0 on to the
@@ -21,16 +23,17 @@ inline float NextUp(float v) {
 // The greatest float less than v.
 inline float NextDown(float v) { return -NextUp(-v); }
 
-// The neighbour of v on the side that the sign of `side` says; v itself where side is 0. Requires:
-// v is finite. The same as NextUp and NextDown, without branches: signs are hard to foresee.
-inline float NextTowards(float v, float side) {
+// The neighbours of each v on the side that the sign of its `side` says; v itself where side is 0.
+// Requires: v is finite. The same as NextUp and NextDown, without branches: signs are hard to
+// foresee.
+inline Floats4 NextTowards(Floats4 v, Floats4 side) {
   // Unsigned, whose sums wrap around: of -0 something is worked out too, and not used.
-  const auto bits = std::bit_cast<uint32_t>(v);
-  const uint32_t negative = -(bits >> 31);
-  const uint32_t step = static_cast<uint32_t>(side > 0) - static_cast<uint32_t>(side < 0);
-  const uint32_t moved = bits + ((step ^ negative) - negative);
-  const uint32_t beside_zero = side < 0 ? 0x80000001u : 1u;
-  return std::bit_cast<float>(v == 0 && step != 0 ? beside_zero : moved);
+  const Ints4 negative = std::bit_cast<Ints4>(v) >> 31;
+  const Ints4 step = (side < 0) - (side > 0);
+  const Words4 moved =
+      std::bit_cast<Words4>(v) + std::bit_cast<Words4>((step ^ negative) - negative);
+  const Words4 beside_zero = side < 0 ? Words4{} + 0x80000001u : Words4{} + 1u;
+  return std::bit_cast<Floats4>((v == 0) & (step != 0) ? beside_zero : moved);
 }
 
 inline double NextUp(double v) {

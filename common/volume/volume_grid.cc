@@ -44,17 +44,48 @@ bool SplitPoint(Vec3d p, Split* split) {
   return true;
 }
 
+constexpr uint32_t kLeafMask = 7;  // Of coordinates: the part within a leaf.
+
 template <typename ValueT>
 ValueT Trilinear(const ValueT (&v)[8], const float (&w)[3]) {
   return Lerp(w[0], Lerp(w[1], Lerp(w[2], v[0], v[1]), Lerp(w[2], v[2], v[3])),
               Lerp(w[1], Lerp(w[2], v[4], v[5]), Lerp(w[2], v[6], v[7])));
 }
 
+// The voxels ijk + (c >> 2, c >> 1 & 1, c & 1), c < 8, which lie in several leaves or tiles: each
+// of those is looked for once.
+template <typename BuildT, typename ValueT>
+void ReadAcrossLeaves(const Accessor<BuildT>& accessor, nanovdb::Coord ijk, ValueT (&v)[8]) {
+  const auto local = [&](int axis, uint32_t step) {
+    return (static_cast<uint32_t>(ijk[axis]) + step) & kLeafMask;
+  };
+  uint32_t crossing = 0;  // The axes on which a step leads into the next leaf.
+  for (int axis = 0; axis < 3; ++axis) {
+    crossing |= static_cast<uint32_t>(local(axis, 0) == kLeafMask) << (2 - axis);
+  }
+  const uint32_t within = ~crossing & 7;
+  // Subsets of both masks, the whole first.
+  for (uint32_t first = crossing;; first = (first - 1) & crossing) {
+    const nanovdb::Coord at = ijk + nanovdb::Coord(static_cast<int32_t>(first >> 2),
+                                                   static_cast<int32_t>((first >> 1) & 1),
+                                                   static_cast<int32_t>(first & 1));
+    const auto* leaf = accessor.probeLeaf(at);
+    for (uint32_t step = within;; step = (step - 1) & within) {
+      const uint32_t c = first | step;
+      v[c] = leaf == nullptr
+                 ? ValueT(accessor.getValue(at))
+                 : ValueT(leaf->data()->getValue((local(0, c >> 2) << 6) |
+                                                 (local(1, (c >> 1) & 1) << 3) | local(2, c & 1)));
+      if (step == 0) break;
+    }
+    if (first == 0) break;
+  }
+}
+
 // Source: the order of interpolation (z, y, x) is that of NanoVDB's trilinear sampler.
 template <typename BuildT>
 auto Sample(const Accessor<BuildT>& accessor, Vec3d p) {
   using ValueT = typename nanovdb::NanoRoot<BuildT>::ValueType;
-  constexpr int kLeafMask = 7;
   Split split;
   if (!SplitPoint(p, &split)) return ValueT(accessor.root().background());
   const nanovdb::Coord ijk = split.voxel;
@@ -72,9 +103,7 @@ auto Sample(const Accessor<BuildT>& accessor, Vec3d p) {
       v[c] = data.getValue(n + ((c >> 2) << 6) + (((c >> 1) & 1) << 3) + (c & 1));
     }
   } else {
-    for (int c = 0; c < 8; ++c) {
-      v[c] = accessor.getValue(ijk + nanovdb::Coord(c >> 2, (c >> 1) & 1, c & 1));
-    }
+    ReadAcrossLeaves(accessor, ijk, v);
   }
   return Trilinear(v, split.w);
 }

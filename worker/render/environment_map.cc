@@ -10,6 +10,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "common/math/elementary.h"
+#include "common/math/lanes.h"
 #include "worker/render/equal_area_map.h"
 #include "worker/render/large_pages.h"
 
@@ -24,10 +25,7 @@ constexpr float kLeastPart = 1.0f / 16;
 
 bool IsUsable(Rgb c) { return IsFinite(c) && c.r >= 0 && c.g >= 0 && c.b >= 0; }
 
-// Four numbers in one register.
 using Halves4 [[gnu::vector_size(8)]] = uint16_t;
-using Ints4 [[gnu::vector_size(16)]] = int32_t;
-using Floats4 [[gnu::vector_size(16)]] = float;
 
 float ScaleOf(uint16_t bits) { return std::bit_cast<float>(uint32_t{bits} << 16); }
 

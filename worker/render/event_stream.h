@@ -24,8 +24,8 @@ class EventStream {
     state_ += kStep;
     return static_cast<double>(Mix(state_) >> 11) * 0x1p-53;
   }
-  // An exponential of mean 1: an optical depth.
-  double Exponential() { return -Log(1 - Uniform()); }
+  // An exponential of mean 1, to 2^-39 of itself: an optical depth.
+  double Exponential() { return -elementary::LogForFloat(1 - Uniform()); }
 
  private:
   static constexpr uint64_t kStep = 0x9e3779b97f4a7c15u;

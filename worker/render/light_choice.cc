@@ -8,7 +8,7 @@
 #include <cstring>
 
 #include "common/math/elementary.h"
-#include "worker/render/lanes.h"
+#include "common/math/lanes.h"
 
 namespace sheaf::render {
 namespace {

@@ -8,7 +8,7 @@
 #include <cmath>
 
 #include "common/base/check.h"
-#include "worker/render/lanes.h"
+#include "common/math/lanes.h"
 
 namespace sheaf::render {
 namespace {

@@ -11,6 +11,7 @@
 #include <cstdint>
 #include <limits>
 
+#include "common/math/lanes.h"
 #include "common/math/next_float.h"
 #include "common/math/vec.h"
 
@@ -39,19 +40,16 @@ struct Ray {
   PrimitiveId source;
 };
 
-constexpr Vec3f Abs(Vec3f v) {
-  return {v.x < 0 ? -v.x : v.x, v.y < 0 ? -v.y : v.y, v.z < 0 ? -v.z : v.z};
-}
+inline Vec3f Abs(Vec3f v) { return {std::fabs(v.x), std::fabs(v.y), std::fabs(v.z)}; }
 
 // Origin for a ray that leaves the surface point p (known to p_error, per component) towards w.
 // n: unit geometric normal, of either side.
 inline Vec3f OffsetRayOrigin(Vec3f p, Vec3f p_error, Vec3f n, Vec3f w) {
   const float distance = Dot(Abs(n), p_error);
-  const Vec3f offset = Dot(w, n) < 0 ? n * -distance : n * distance;
-  Vec3f origin = p + offset;
+  const Floats4 offset = Floats4{n.x, n.y, n.z, 0} * (Dot(w, n) < 0 ? -distance : distance);
   // The sum itself rounds: away from p, never back to it.
-  for (size_t i = 0; i < 3; ++i) origin[i] = NextTowards(origin[i], offset[i]);
-  return origin;
+  const Floats4 origin = NextTowards(Floats4{p.x, p.y, p.z, 0} + offset, offset);
+  return {origin[0], origin[1], origin[2]};
 }
 
 // What a shadow ray leaves out at its far end, as a fraction of its length: the intersector's own

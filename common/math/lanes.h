@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Lanes: eight floats at once. The vector types of GCC and Clang: element by element, as IEEE 754
-// has it, in as few instructions as there are.
+// Lanes: eight floats at once; Floats4: four. The vector types of GCC and Clang: element by
+// element, as IEEE 754 has it, in as few instructions as there are.
 #pragma once
 
 #include <cmath>
@@ -10,9 +10,13 @@
 #include <cstdint>
 #include <cstring>
 
-namespace sheaf::render {
+namespace sheaf {
 
 inline constexpr size_t kLaneCount = 8;
+
+using Floats4 = float __attribute__((vector_size(16)));
+using Ints4 = int32_t __attribute__((vector_size(16)));
+using Words4 = uint32_t __attribute__((vector_size(16)));
 
 using Lanes = float __attribute__((vector_size(kLaneCount * sizeof(float))));
 // Of comparisons: -1 where they hold, else 0.
@@ -40,4 +44,4 @@ inline float Sum(Lanes a) {
   return ((a[0] + a[4]) + (a[2] + a[6])) + ((a[1] + a[5]) + (a[3] + a[7]));
 }
 
-}  // namespace sheaf::render
+}  // namespace sheaf
