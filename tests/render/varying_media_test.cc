@@ -14,6 +14,7 @@
 #include "gtest/gtest.h"
 #include "tests/support/long_tests.h"
 #include "tests/support/test_scene.h"
+#include "worker/render/color_parts.h"
 #include "worker/render/event_stream.h"
 
 namespace sheaf::render {
@@ -239,19 +240,96 @@ TEST(VaryingMediaTest, V10ChromaticGlowAmongAGridIsThatOfBothTogether) {
   ExpectEqual(Render(apart, samples), Render(together, samples));
 }
 
-TEST(VaryingMediaTest, WhatCannotBeRenderedIsRefusedWithItsPlace) {
-  SmokeScene t;
-  const int32_t grid = t.AddGrid(Lumps(8), Rgb::Grey(1), {});
-  t.Fill(0.7f, grid);
-  RgbGridMedium colors;
-  colors.box = {{1, 1, 1}, {-1, -1, -1}, {1, 1, 1}};
-  colors.sigma_a = {Rgb{1, 2, 3}};
-  t.scene.media[static_cast<size_t>(grid)].kind = colors;
-  TableFileSource files({});
-  const auto compiled = CompileScene(t.scene, SquareSettings(4, 1, 4), files, {}, {});
-  ASSERT_FALSE(compiled.ok());
-  EXPECT_NE(compiled.status().message().find("is a grid of colours"), std::string::npos)
-      << compiled.status();
+// Grids of colours: of one colour everywhere they are the homogeneous medium, also where they
+// shine; where pbrt-v4 lets cells be left out they are 1.
+TEST(VaryingMediaTest, ColorGridsOfOneColorAreHomogeneousMedia) {
+  constexpr size_t kCells = 40 * 40 * 40;
+  const Rgb sigma_a{0.3f, 0.5f, 1.2f}, sigma_s{1.2f, 0.8f, 0.4f}, glow{0.5f, 0.2f, 1};
+  const auto colors = [](SmokeScene* t, const RgbGridMedium& grid) {
+    const int32_t index = t->AddGrid({1}, Rgb::Grey(1), Rgb::Grey(1), 0.3f);
+    MediumDescription& medium = t->scene.media[static_cast<size_t>(index)];
+    medium.kind = grid;
+    medium.emits = !grid.radiance.empty();
+    t->Fill(0.8f, index);
+  };
+  RgbGridMedium grid;
+  grid.box = {{40, 40, 40}, {-1, -1, -1}, {1, 1, 1}};
+  grid.sigma_a.assign(kCells, sigma_a);
+  grid.sigma_s.assign(kCells, sigma_s);
+  SmokeScene shining, shining_fog, plain, plain_fog;
+  plain.ConstantEnvironment({0.5f, 0.7f, 1});
+  plain_fog.ConstantEnvironment({0.5f, 0.7f, 1});
+  grid.radiance.assign(kCells, glow);
+  colors(&shining, grid);
+  const int32_t fog = shining_fog.AddFog(sigma_a, sigma_s, 0.3f);
+  shining_fog.scene.media[static_cast<size_t>(fog)].emits = true;
+  shining_fog.scene.media[static_cast<size_t>(fog)].radiance.rgb = glow;
+  shining_fog.Fill(0.8f, fog);
+  grid.radiance.clear();
+  grid.sigma_a.clear();
+  colors(&plain, grid);
+  plain_fog.Fill(0.8f, plain_fog.AddFog(Rgb::Grey(1), sigma_s, 0.3f));
+  const int samples = DrawCount(512, 2048);
+  ExpectEqual(Render(shining, samples), Render(shining_fog, samples));
+  ExpectEqual(Render(plain, samples), Render(plain_fog, samples));
+}
+
+// Grids of greys are grids of numbers, also in spectra; grids that only scatter keep furnaces
+// white, whatever their colours.
+TEST(VaryingMediaTest, ColorGridsAreTheSumOfTheirColors) {
+  const std::vector<float> lumps = Lumps(20);
+  RgbGridMedium greys;
+  greys.box = {{20, 20, 20}, {-1, -1, -1}, {1, 1, 1}};
+  for (const float v : lumps) {
+    greys.sigma_a.push_back(Rgb::Grey(v));
+    greys.sigma_s.push_back(Rgb::Grey(2 * v));
+  }
+  const int samples = DrawCount(256, 2048);
+  for (const ColorTransport color : {ColorTransport::kRgb, ColorTransport::kSpectral}) {
+    SmokeScene numbers, colors, furnace;
+    for (SmokeScene* t : {&numbers, &colors}) t->ConstantEnvironment({0.5f, 0.7f, 1});
+    numbers.Fill(0.9f, numbers.AddGrid(lumps, Rgb::Grey(1), Rgb::Grey(2)));
+    const int32_t grid = colors.AddGrid(lumps, {}, {});
+    colors.scene.media[static_cast<size_t>(grid)].kind = greys;
+    colors.Fill(0.9f, grid);
+    ExpectEqual(Render(colors, samples, color), Render(numbers, samples, color));
+    RgbGridMedium bright;
+    bright.box = greys.box;
+    bright.sigma_a.assign(lumps.size(), Rgb{});
+    for (size_t i = 0; i < lumps.size(); ++i) {
+      bright.sigma_s.push_back({3 * lumps[i], lumps[(7 * i + 1) % lumps.size()], 1});
+    }
+    furnace.ConstantEnvironment(Rgb::Grey(1));
+    const int32_t all = furnace.AddGrid(lumps, {}, {}, 0.5f);
+    furnace.scene.media[static_cast<size_t>(all)].kind = bright;
+    furnace.Fill(0.9f, all);
+    FrameSettings settings = SquareSettings(16, static_cast<uint64_t>(samples), 1 << 20);
+    settings.color = color;
+    ExpectMean(MeanOf(RenderAll(*Compile(furnace.scene, settings))), Rgb::Grey(1));
+  }
+}
+
+TEST(VaryingMediaTest, PartsOfColorsAddUp) {
+  const std::vector<Rgb> cells{{1, 2, 3}, {5, 5, 5}, {0, 0, 0}, {4, 0, 1}};
+  const auto parts = SplitColors(cells);
+  for (size_t i = 0; i < cells.size(); ++i) {
+    Rgb sum;
+    for (size_t k = 0; k < kColorPartCount; ++k) {
+      if (parts[k].empty()) continue;
+      sum += ShareOf<Rgb>(static_cast<ColorPart>(k), {}) * parts[k][i];
+    }
+    EXPECT_EQ(sum, cells[i]);
+  }
+  EXPECT_TRUE(SplitColors({Rgb::Grey(3)})[static_cast<size_t>(ColorPart::kRed)].empty());
+  const Wavelengths wavelengths = Wavelengths::Sample(0.3f);
+  const auto share = [&](ColorPart part) { return ShareOf<Spectral>(part, wavelengths); };
+  const Spectral all = share(ColorPart::kRed) + share(ColorPart::kGreen) + share(ColorPart::kBlue);
+  for (size_t i = 0; i < kWavelengthCount; ++i) {
+    EXPECT_NEAR(all[i], 1, 1e-6);
+    for (const ColorPart part : {ColorPart::kRed, ColorPart::kGreen, ColorPart::kBlue}) {
+      EXPECT_GE(share(part)[i], 0);
+    }
+  }
 }
 
 }  // namespace

@@ -241,13 +241,18 @@ void ForgetPriorities(SceneDescription* scene) {
 }
 
 void MakeGreyWhatIsColored(SceneDescription* scene) {
+  const auto grey_of = [](Rgb rgb) { return Rgb::Grey((rgb.r + rgb.g + rgb.b) / 3); };
   for (MediumDescription& medium : scene->media) {
     for (ColorSpec* color : {&medium.sigma_a, &medium.sigma_s}) {
-      const Rgb rgb = color->rgb;
+      const Rgb grey = grey_of(color->rgb);
       *color = {};
-      color->rgb = Rgb::Grey((rgb.r + rgb.g + rgb.b) / 3);
+      color->rgb = grey;
     }
-    if (std::holds_alternative<RgbGridMedium>(medium.kind)) medium.kind = HomogeneousMedium{};
+    auto* grid = std::get_if<RgbGridMedium>(&medium.kind);
+    if (grid == nullptr) continue;
+    for (std::vector<Rgb>* cells : {&grid->sigma_a, &grid->sigma_s}) {
+      for (Rgb& cell : *cells) cell = grey_of(cell);
+    }
   }
 }
 

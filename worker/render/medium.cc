@@ -97,9 +97,9 @@ absl::StatusOr<std::unique_ptr<MediumTable>> MediumTable::Build(const SceneDescr
       placement.offset = placement.offset - geometry.render_origin_world;
       const std::string where = absl::StrCat(FormatLocation(scene, description.location),
                                              ": medium \"", description.name, "\"");
-      auto varying = MakeVarying(where, description, placement, files, options);
-      if (!varying.ok()) return varying.status();
-      medium.varying = *std::move(varying);
+      auto parts = MakeParts(where, description, placement, files, options);
+      if (!parts.ok()) return parts.status();
+      medium.parts = *std::move(parts);
       auto glow = MakeGlow(where, description, placement, files, options);
       if (!glow.ok()) return glow.status();
       medium.glow = *std::move(glow);
@@ -153,7 +153,7 @@ absl::StatusOr<std::unique_ptr<MediumTable>> MediumTable::Build(const SceneDescr
 uint64_t MediumTable::memory_bytes() const {
   uint64_t bytes = media_.capacity() * sizeof(Medium);
   for (const Medium& medium : media_) {
-    if (medium.varying != nullptr) bytes += medium.varying->memory_bytes();
+    for (const Part& part : medium.parts) bytes += part.density.memory_bytes();
     if (medium.glow != nullptr) bytes += medium.glow->memory_bytes();
   }
   return bytes;

@@ -6,6 +6,7 @@
 // end.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <memory>
 #include <vector>
@@ -13,6 +14,7 @@
 #include "absl/status/statusor.h"
 #include "common/scene/file_source.h"
 #include "common/scene/scene_description.h"
+#include "worker/render/color_parts.h"
 #include "worker/render/free_flight.h"
 #include "worker/render/medium_glow.h"
 #include "worker/render/medium_set.h"
@@ -51,29 +53,60 @@ class MediumTable {
   template <typename Color>
   PhaseMix<Color> PhaseOf(const MediumSet& media, const MediumMix<Color>& mix,
                           const Color& throughput, const WavelengthsOf<Color>& wavelengths) const;
-  // Null where the medium is the same everywhere.
-  const VaryingMedium* VaryingOf(uint16_t index) const { return media_[index].varying.get(); }
-  // Null where a medium that varies does not shine.
-  const MediumGlow* GlowOf(uint16_t index) const { return media_[index].glow.get(); }
+
+  // --- Media that vary. Each has one density or, where it is a grid of colours, one for each of
+  // the colours that add up to it.
+  struct PartId {
+    uint16_t medium, part;
+  };
+  class PartList {
+   public:
+    uint32_t size() const { return size_; }
+    PartId operator[](uint32_t i) const { return parts_[i]; }
+
+   private:
+    friend class MediumTable;
+    uint32_t size_ = 0;
+    std::array<PartId, kMediaAtOnceMax * kMediumPartsMax> parts_;
+  };
+  PartList PartsOf(const MediumSet& media) const {
+    PartList list;
+    for (const uint16_t medium : media) {
+      for (uint16_t part = 0; part < media_[medium].parts.size(); ++part) {
+        list.parts_[list.size_++] = {medium, part};
+      }
+    }
+    return list;
+  }
+  const VaryingMedium& DensityOf(PartId id) const { return PartAt(id).density; }
+  // Null where it does not shine.
+  const MediumGlow* GlowOf(PartId id) const {
+    return PartAt(id).kind == Part::Kind::kScatters ? nullptr : media_[id.medium].glow.get();
+  }
   // Of a density of 1, per scene unit.
   template <typename Color>
   struct Coefficients {
     Color sigma_t, sigma_s, sigma_a;
   };
   template <typename Color>
-  Coefficients<Color> CoefficientsOf(uint16_t index,
-                                     const WavelengthsOf<Color>& wavelengths) const {
-    const Medium& medium = media_[index];
-    const Color s =
-        Evaluate<Color>(medium.sigma_s, medium.sigma_s_spectrum, medium.scale, wavelengths);
-    const Color a =
-        Evaluate<Color>(medium.sigma_a, medium.sigma_a_spectrum, medium.scale, wavelengths);
-    return {s + a, s, a};
-  }
+  Coefficients<Color> CoefficientsOf(PartId id, const WavelengthsOf<Color>& wavelengths) const;
+  // At a point of render space.
+  template <typename Color>
+  Coefficients<Color> CoefficientsAt(uint16_t medium, Vec3d p,
+                                     const WavelengthsOf<Color>& wavelengths) const;
   float PhaseAsymmetryOf(uint16_t index) const { return media_[index].g; }
   uint64_t memory_bytes() const;
 
  private:
+  struct Part {
+    // What it does to light; that of colours does only one of both, for some of the light.
+    enum class Kind : uint8_t { kBoth, kAbsorbs, kScatters };
+    VaryingMedium density;
+    Kind kind = Kind::kBoth;
+    ColorPart color = ColorPart::kGrey;
+  };
+  const Part& PartAt(PartId id) const { return media_[id.medium].parts[id.part]; }
+
   struct Medium {
     Rgb sigma_a, sigma_s, radiance;  // Scaled, per scene unit.
     SpectralColor sigma_a_spectrum, sigma_s_spectrum, radiance_spectrum;
@@ -81,14 +114,15 @@ class MediumTable {
     float g = 0;
     bool emits = false;
     bool is_bounded = false;
-    std::unique_ptr<const VaryingMedium> varying;
+    std::vector<Part> parts;                    // None where it is the same everywhere.
     std::unique_ptr<const MediumGlow> glow;     // Of one that varies.
     bool is_matter = false, is_hidden = false;  // As MediumMix has them.
   };
   // Errors: see Build.
-  static absl::StatusOr<std::unique_ptr<const VaryingMedium>> MakeVarying(
-      const std::string& where, const MediumDescription& description, const Affine& placement,
-      FileSource& files, const Options& options);
+  static absl::StatusOr<std::vector<Part>> MakeParts(const std::string& where,
+                                                     const MediumDescription& description,
+                                                     const Affine& placement, FileSource& files,
+                                                     const Options& options);
   // Null where the medium does not shine. Errors: see Build.
   static absl::StatusOr<std::unique_ptr<const MediumGlow>> MakeGlow(
       const std::string& where, const MediumDescription& description, const Affine& placement,
@@ -120,7 +154,7 @@ MediumMix<Color> MediumTable::MixOf(const MediumSet& media,
     mix.is_bounded = mix.is_bounded || medium.is_bounded;
     mix.is_matter = mix.is_matter || medium.is_matter;
     mix.is_hidden = mix.is_hidden || medium.is_hidden;
-    if (medium.varying != nullptr) {
+    if (!medium.parts.empty()) {
       mix.varies = true;
       mix.glows = mix.glows || medium.glow != nullptr;
       continue;
@@ -163,7 +197,7 @@ PhaseMix<Color> MediumTable::PhaseOf(const MediumSet& media, const MediumMix<Col
   const Color chosen_by = internal::ComponentShares(throughput);
   for (const uint16_t index : media) {
     const Medium& medium = media_[index];
-    if (medium.varying != nullptr) continue;
+    if (!medium.parts.empty()) continue;
     const Color s =
         Evaluate<Color>(medium.sigma_s, medium.sigma_s_spectrum, medium.scale, wavelengths);
     float share = 0;
@@ -175,6 +209,37 @@ PhaseMix<Color> MediumTable::PhaseOf(const MediumSet& media, const MediumMix<Col
     if (share > 0) phase.Add(medium.g, part, share);
   }
   return phase;
+}
+
+template <typename Color>
+MediumTable::Coefficients<Color> MediumTable::CoefficientsOf(
+    PartId id, const WavelengthsOf<Color>& wavelengths) const {
+  const Medium& medium = media_[id.medium];
+  const Part& part = PartAt(id);
+  if (part.kind != Part::Kind::kBoth) {
+    const Color sigma = ShareOf<Color>(part.color, wavelengths) * medium.scale;
+    if (part.kind == Part::Kind::kScatters) return {sigma, sigma, {}};
+    return {sigma, {}, sigma};
+  }
+  const Color s =
+      Evaluate<Color>(medium.sigma_s, medium.sigma_s_spectrum, medium.scale, wavelengths);
+  const Color a =
+      Evaluate<Color>(medium.sigma_a, medium.sigma_a_spectrum, medium.scale, wavelengths);
+  return {s + a, s, a};
+}
+
+template <typename Color>
+MediumTable::Coefficients<Color> MediumTable::CoefficientsAt(
+    uint16_t medium, Vec3d p, const WavelengthsOf<Color>& wavelengths) const {
+  Coefficients<Color> sum;
+  for (uint16_t part = 0; part < media_[medium].parts.size(); ++part) {
+    const auto its = CoefficientsOf<Color>({medium, part}, wavelengths);
+    const auto density = static_cast<float>(DensityOf({medium, part}).DensityAt(p));
+    sum.sigma_t += its.sigma_t * density;
+    sum.sigma_s += its.sigma_s * density;
+    sum.sigma_a += its.sigma_a * density;
+  }
+  return sum;
 }
 
 }  // namespace sheaf::render

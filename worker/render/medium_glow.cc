@@ -77,7 +77,6 @@ MediumGlow::MediumGlow(const Affine& render_from_medium, const ColorSpec& radian
 }
 
 MediumGlow::Grid MediumGlow::Placed(VolumeGrid grid) const {
-  SHEAF_CHECK(!grid.is_vector());
   const Affine index_from_render =
       Inverse(render_from_medium_ * AffineOf(grid.medium_from_index()));
   return {std::move(grid), index_from_render};
@@ -88,18 +87,35 @@ float MediumGlow::Grid::At(Vec3d p) const {
   return values.At(index_from_render.Point(p), &cursor);
 }
 
+Vec3f MediumGlow::Grid::VectorAt(Vec3d p) const {
+  VolumeGrid::Cursor cursor(values);
+  return values.VectorAt(index_from_render.Point(p), &cursor);
+}
+
 void MediumGlow::SetTemperatures(VolumeGrid grid, const TemperatureEmission& emission) {
+  SHEAF_CHECK(!grid.is_vector());
   temperatures_ = Placed(std::move(grid));
   emission_ = emission;
   BlackbodyRgbOfPeakOne(kTemperatureMinK);  // Makes the table, not in the middle of a picture.
 }
 
-void MediumGlow::SetFactors(VolumeGrid grid) { factors_ = Placed(std::move(grid)); }
+void MediumGlow::SetFactors(VolumeGrid grid) {
+  SHEAF_CHECK(!grid.is_vector());
+  factors_ = Placed(std::move(grid));
+}
+void MediumGlow::SetColors(VolumeGrid grid) {
+  SHEAF_CHECK(grid.is_vector());
+  colors_ = Placed(std::move(grid));
+}
 
 template <typename Color>
 Color MediumGlow::At(Vec3d p, const WavelengthsOf<Color>& wavelengths) const {
   const float scale = factors_ ? scale_ * std::max(factors_->At(p), 0.0f) : scale_;
   if (!(scale > 0)) return {};
+  if (colors_) {
+    const Vec3f c = colors_->VectorAt(p);
+    return ColorOfRgb<Color>(Rgb{c.x, c.y, c.z} * scale, ColorRole::kIlluminant, wavelengths);
+  }
   if (!temperatures_) {
     if constexpr (std::is_same_v<Color, Spectral>) {
       return spectrum_.At(wavelengths) * scale;
@@ -121,7 +137,8 @@ template Spectral MediumGlow::At<Spectral>(Vec3d, const Wavelengths&) const;
 
 uint64_t MediumGlow::memory_bytes() const {
   return (temperatures_ ? temperatures_->values.info().memory_bytes : 0) +
-         (factors_ ? factors_->values.info().memory_bytes : 0);
+         (factors_ ? factors_->values.info().memory_bytes : 0) +
+         (colors_ ? colors_->values.info().memory_bytes : 0);
 }
 
 }  // namespace sheaf::render

@@ -2,8 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // MediumGlow: what a medium of varying density shines with, per absorption: one radiance for all of
-// it, or that of black bodies of the temperatures of a grid, either times the factors of a grid.
-// Source: pbrt-v4's GridMedium and NanoVDBMedium.
+// it, or that of black bodies of the temperatures of a grid, either times the factors of a grid; or
+// the colours of a grid. Source: pbrt-v4's GridMedium, RGBGridMedium and NanoVDBMedium.
 #pragma once
 
 #include <optional>
@@ -31,6 +31,8 @@ class MediumGlow {
   void SetTemperatures(VolumeGrid grid, const TemperatureEmission& emission);
   // Factors of the radiance. Requires: a scalar grid.
   void SetFactors(VolumeGrid grid);
+  // Radiance, as RGB, in place of the one for all. Requires: a grid of vectors.
+  void SetColors(VolumeGrid grid);
 
   // Radiance at a point of render space. Thread safety: any number of threads at once.
   template <typename Color>
@@ -42,11 +44,12 @@ class MediumGlow {
     VolumeGrid values;
     Affine index_from_render;
     float At(Vec3d p) const;
+    Vec3f VectorAt(Vec3d p) const;
   };
   Grid Placed(VolumeGrid grid) const;
 
   Affine render_from_medium_;
-  std::optional<Grid> temperatures_, factors_;
+  std::optional<Grid> temperatures_, factors_, colors_;
   TemperatureEmission emission_;
   float scale_;
   Rgb radiance_;

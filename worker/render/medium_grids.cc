@@ -4,6 +4,7 @@
 // The grids and clouds of media, read and made ready.
 #include <algorithm>
 #include <optional>
+#include <span>
 #include <string>
 #include <utility>
 #include <vector>
@@ -44,40 +45,83 @@ absl::StatusOr<VolumeGrid> GridOf(const std::string& where, const std::string& n
   return VolumeGridFromArray(where, name, {box.counts, box.p0, box.p1}, values);
 }
 
+// Of a uniform grid or a file.
+absl::StatusOr<VolumeGrid> DensityGrid(const std::string& where,
+                                       const MediumDescription& description, FileSource& files,
+                                       int thread_count) {
+  if (const auto* uniform = std::get_if<UniformGridMedium>(&description.kind)) {
+    return GridOf(where, kDensityGrid, uniform->box, uniform->density);
+  }
+  const auto& volume = std::get<VolumeFileMedium>(description.kind);
+  const auto path = files.LocalPath(volume.file);
+  if (!path.ok()) return path.status();
+  // The error of a file without it names the grids that are there.
+  return ReadVolumeGrid(absl::StrCat(where, ": ", volume.file), *path, kDensityGrid, {},
+                        thread_count);
+}
+
+// 1 in all of the box, up to its faces.
+absl::StatusOr<VaryingMedium> EvenDensity(const std::string& where, const GridBox& box,
+                                          const VaryingMedium::Placement& placement) {
+  const Vec3d size = box.p1 - box.p0;
+  auto grid = GridOf(where, kDensityGrid, {{3, 3, 3}, box.p0 - size, box.p1 + size},
+                     std::vector<float>(27, 1.0f));
+  if (!grid.ok()) return grid.status();
+  grid->set_box({{0.5, 0.5, 0.5}, {1.5, 1.5, 1.5}});
+  return VaryingMedium::FromGrid(where, *std::move(grid), placement);
+}
+
 }  // namespace
 
-absl::StatusOr<std::unique_ptr<const VaryingMedium>> MediumTable::MakeVarying(
+absl::StatusOr<std::vector<MediumTable::Part>> MediumTable::MakeParts(
     const std::string& where, const MediumDescription& description, const Affine& placement,
     FileSource& files, const Options& options) {
   const Rgb sigma_t = (description.sigma_a.rgb + description.sigma_s.rgb) * description.scale;
-  const VaryingMedium::Placement placed{placement, MaxComponent(sigma_t), options.thread_count,
-                                        options.bound_once};
-  const auto own = [](absl::StatusOr<VaryingMedium> medium)
-      -> absl::StatusOr<std::unique_ptr<const VaryingMedium>> {
-    if (!medium.ok()) return medium.status();
-    return std::make_unique<const VaryingMedium>(*std::move(medium));
+  VaryingMedium::Placement placed{placement, MaxComponent(sigma_t), options.thread_count,
+                                  options.bound_once};
+  std::vector<Part> parts;
+  const auto add = [&](absl::StatusOr<VaryingMedium> density, Part::Kind kind, ColorPart color) {
+    if (density.ok()) parts.push_back({*std::move(density), kind, color});
+    return density.status();
   };
+  absl::Status status;
   if (const auto* cloud = std::get_if<CloudMedium>(&description.kind)) {
-    return own(VaryingMedium::FromCloud(
-        where,
-        CloudDensity({cloud->density, cloud->wispiness, cloud->frequency, cloud->p0, cloud->p1}),
-        placed));
+    const CloudDensity density(
+        {cloud->density, cloud->wispiness, cloud->frequency, cloud->p0, cloud->p1});
+    status =
+        add(VaryingMedium::FromCloud(where, density, placed), Part::Kind::kBoth, ColorPart::kGrey);
+  } else if (const auto* colors = std::get_if<RgbGridMedium>(&description.kind)) {
+    placed.extinction_max = description.scale;
+    const auto add_colors = [&](const std::vector<Rgb>& cells, Part::Kind kind) -> absl::Status {
+      // pbrt-v4 has 1 everywhere in the box where there are no cells.
+      if (cells.empty())
+        return add(EvenDensity(where, colors->box, placed), kind, ColorPart::kGrey);
+      const auto split = SplitColors(cells);
+      for (size_t i = 0; i < split.size(); ++i) {
+        if (split[i].empty()) continue;
+        auto grid = GridOf(where, kDensityGrid, colors->box, split[i]);
+        if (!grid.ok()) return grid.status();
+        const absl::Status added = add(VaryingMedium::FromGrid(where, *std::move(grid), placed),
+                                       kind, static_cast<ColorPart>(i));
+        if (!added.ok()) return added;
+      }
+      return absl::OkStatus();
+    };
+    status = add_colors(colors->sigma_a, Part::Kind::kAbsorbs);
+    if (status.ok()) status = add_colors(colors->sigma_s, Part::Kind::kScatters);
+    // One that does nothing is still a medium that varies.
+    if (status.ok() && parts.empty()) {
+      placed.extinction_max = 0;
+      status = add(EvenDensity(where, colors->box, placed), Part::Kind::kBoth, ColorPart::kGrey);
+    }
+  } else {
+    absl::StatusOr<VolumeGrid> grid = DensityGrid(where, description, files, options.thread_count);
+    if (!grid.ok()) return grid.status();
+    status = add(VaryingMedium::FromGrid(where, *std::move(grid), placed), Part::Kind::kBoth,
+                 ColorPart::kGrey);
   }
-  absl::StatusOr<VolumeGrid> grid = absl::InvalidArgumentError(
-      absl::StrCat(where,
-                   " is a grid of colours, which Sheaf does not render; use a uniformgrid of "
-                   "densities"));
-  if (const auto* volume = std::get_if<VolumeFileMedium>(&description.kind)) {
-    const auto path = files.LocalPath(volume->file);
-    if (!path.ok()) return path.status();
-    // The error of a file without it names the grids that are there.
-    grid = ReadVolumeGrid(absl::StrCat(where, ": ", volume->file), *path, kDensityGrid, {},
-                          options.thread_count);
-  } else if (const auto* uniform = std::get_if<UniformGridMedium>(&description.kind)) {
-    grid = GridOf(where, kDensityGrid, uniform->box, uniform->density);
-  }
-  if (!grid.ok()) return grid.status();
-  return own(VaryingMedium::FromGrid(where, *std::move(grid), placed));
+  if (!status.ok()) return status;
+  return parts;
 }
 
 absl::StatusOr<std::unique_ptr<const MediumGlow>> MediumTable::MakeGlow(
@@ -107,6 +151,14 @@ absl::StatusOr<std::unique_ptr<const MediumGlow>> MediumTable::MakeGlow(
       if (!grid.ok()) return grid.status();
       glow->SetFactors(*std::move(grid));
     }
+  } else if (const auto* colors = std::get_if<RgbGridMedium>(&description.kind)) {
+    std::vector<Vec3f> cells;
+    for (const Rgb& cell : colors->radiance) cells.push_back({cell.r, cell.g, cell.b});
+    auto grid =
+        VolumeGridFromArray(where, "Le", {colors->box.counts, colors->box.p0, colors->box.p1},
+                            std::span<const Vec3f>(cells));
+    if (!grid.ok()) return grid.status();
+    glow->SetColors(*std::move(grid));
   }
   return glow;
 }

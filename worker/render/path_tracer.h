@@ -319,7 +319,7 @@ class PathTracer {
   // last vertex.
   Travel TravelThroughMedia(const Sampler& sampler, const RawHit* hit, uint32_t* passes,
                             bool* is_first, Path* path, FilmSample* film);
-  // Where media vary: what of them scatters the path, if not those that are the same everywhere.
+  // Where media vary: which of them scatters the path, if not those that are the same everywhere.
   using Scatterer = std::optional<uint16_t>;
   bool ScatterInMedium(const Sampler& sampler, Vec3f p, Scatterer scatterer, Path* path);
   Vec3f PointInMedium(const Ray& ray, const RawHit* hit, double t, NearPlane* near) const;

@@ -32,50 +32,44 @@ PathTracer<kTraits, Tracer, kDirectLight>::FlyThroughVarying(const Ray& ray,
     return EventStream({std::bit_cast<uint32_t>(u[0]), std::bit_cast<uint32_t>(u[1]),
                         std::bit_cast<uint32_t>(u[2]), (passes << 8) | i});
   };
-  const uint16_t* set = path.media.set.begin();
-  const uint32_t count = path.media.set.size();
-  std::array<Color, kMediaAtOnceMax> weights{};
-  std::array<double, kMediaAtOnceMax> ends{};
-  uint32_t nearest = count;
-  for (uint32_t i = 0; i < count; ++i) {
-    const VaryingMedium* medium = scene_.media->VaryingOf(set[i]);
-    if (medium == nullptr) continue;
-    const auto its = scene_.media->template CoefficientsOf<Color>(set[i], path.wavelengths);
-    if (its.sigma_s.IsBlack()) {
-      ends[i] = -1;  // It stops nothing; what it takes is known when the end is.
-      continue;
-    }
+  const MediumTable& media = *scene_.media;
+  const MediumTable::PartList parts = media.PartsOf(path.media.set);
+  const auto fly = [&](uint32_t i, const MediumTable::Coefficients<Color>& its) {
     EventStream events = stream(i);
-    const auto tracked = medium->Fly(o, d, end / unit, its.sigma_t * static_cast<float>(unit),
-                                     path.throughput, &events, &tally);
-    weights[i] = tracked.weight;
+    return media.DensityOf(parts[i]).Fly(o, d, end / unit, its.sigma_t * static_cast<float>(unit),
+                                         path.throughput, &events, &tally);
+  };
+  // What the part that was met first and those after it weigh, up to there.
+  Color weight = Color::Grey(1);
+  uint32_t nearest = parts.size();
+  for (uint32_t i = 0; i < parts.size(); ++i) {
+    const auto its = media.template CoefficientsOf<Color>(parts[i], path.wavelengths);
+    if (its.sigma_s.IsBlack()) continue;  // Stops nothing: takes what it takes, up to the end.
+    const TrackedFlight<Color> tracked = fly(i, its);
     if (tracked.collides) {
       end = tracked.t * unit;
       nearest = i;
-      weights[i] *= MakeColor<Color>(
+      weight = MakeColor<Color>(
           [&](size_t c) { return its.sigma_t[c] > 0 ? its.sigma_s[c] / its.sigma_t[c] : 0; });
     }
-    ends[i] = end;
+    weight *= tracked.weight;
   }
-  if (nearest < count) {
+  if (nearest < parts.size()) {
     flight = SampleFlight<kChromaticMedia>(mix, end, even, path.throughput);
     flight.scatters = true;
     flight.distance = end;
-    *scatterer = set[nearest];
+    *scatterer = parts[nearest].medium;
   }
-  for (uint32_t i = 0; i < count; ++i) {
-    const VaryingMedium* medium = scene_.media->VaryingOf(set[i]);
-    if (medium == nullptr) continue;
-    if (ends[i] != end) {
-      const auto its = scene_.media->template CoefficientsOf<Color>(set[i], path.wavelengths);
-      const Color sigma_t = its.sigma_t * static_cast<float>(unit);
+  flight.weight *= weight;
+  for (uint32_t i = 0; i < parts.size(); ++i) {
+    const auto its = media.template CoefficientsOf<Color>(parts[i], path.wavelengths);
+    if (its.sigma_s.IsBlack()) {
       EventStream events = stream(i);
-      weights[i] =
-          its.sigma_s.IsBlack()
-              ? medium->Transmittance(o, d, end / unit, sigma_t, &events, &tally)
-              : medium->Fly(o, d, end / unit, sigma_t, path.throughput, &events, &tally).weight;
+      flight.weight *= media.DensityOf(parts[i]).Transmittance(
+          o, d, end / unit, its.sigma_t * static_cast<float>(unit), &events, &tally);
+    } else if (nearest < parts.size() && i < nearest) {
+      flight.weight *= fly(i, its).weight;
     }
-    flight.weight *= weights[i];
   }
   counts_.broken_majorants += tally.violation_count;
   return flight;
@@ -92,16 +86,14 @@ PathTracer<kTraits, Tracer, kDirectLight>::ShareThroughVarying(const Ray& ray,
   const double unit = Length(d);
   Color share = Color::Grey(1);
   TrackingTally tally{.bound_factor = counts_.majorant_factor};
-  const uint16_t* set = media.set.begin();
-  for (uint32_t i = 0; i < media.set.size() && !share.IsBlack(); ++i) {
-    const VaryingMedium* medium = scene_.media->VaryingOf(set[i]);
-    if (medium == nullptr) continue;
-    const auto its = scene_.media->template CoefficientsOf<Color>(set[i], path.wavelengths);
+  const MediumTable::PartList parts = scene_.media->PartsOf(media.set);
+  for (uint32_t i = 0; i < parts.size() && !share.IsBlack(); ++i) {
+    const auto its = scene_.media->template CoefficientsOf<Color>(parts[i], path.wavelengths);
     // A key that no flight has: flights' third number is below 1, and so are its bits.
     EventStream events({std::bit_cast<uint32_t>(u[0]), std::bit_cast<uint32_t>(u[1]), ~uint32_t{0},
                         (pass << 8) | i});
-    share *= medium->Transmittance(o, d, length / unit, its.sigma_t * static_cast<float>(unit),
-                                   &events, &tally);
+    share *= scene_.media->DensityOf(parts[i]).Transmittance(
+        o, d, length / unit, its.sigma_t * static_cast<float>(unit), &events, &tally);
   }
   counts_.broken_majorants += tally.violation_count;
   return share;
@@ -115,8 +107,8 @@ PathTracer<kTraits, Tracer, kDirectLight>::EmissionAmongVarying(const std::array
   const Vec3d o = ToDouble(path.ray.o), d = ToDouble(path.ray.d);
   const double unit = Length(d);
   const MediumMix<Color>& mix = path.media.mix;
-  const uint16_t* set = path.media.set.begin();
-  const uint32_t count = path.media.set.size();
+  const MediumTable::PartList parts = scene_.media->PartsOf(path.media.set);
+  const uint32_t count = parts.size();
   TrackingTally tally{.bound_factor = counts_.majorant_factor};
   // Keys that no flight and no shadow ray has. by: what shines; count: the media that do not vary.
   const auto stream = [&](uint32_t by, uint32_t through) {
@@ -127,20 +119,19 @@ PathTracer<kTraits, Tracer, kDirectLight>::EmissionAmongVarying(const std::array
   const auto left_by_others = [&](double t, uint32_t by) {
     Color left = Color::Grey(1);
     for (uint32_t j = 0; j < count; ++j) {
-      const VaryingMedium* other = j == by ? nullptr : scene_.media->VaryingOf(set[j]);
-      if (other == nullptr) continue;
-      const auto its = scene_.media->template CoefficientsOf<Color>(set[j], path.wavelengths);
+      if (j == by) continue;
+      const auto its = scene_.media->template CoefficientsOf<Color>(parts[j], path.wavelengths);
       EventStream events = stream(by, j);
-      left *=
-          other->Transmittance(o, d, t, its.sigma_t * static_cast<float>(unit), &events, &tally);
+      left *= scene_.media->DensityOf(parts[j]).Transmittance(
+          o, d, t, its.sigma_t * static_cast<float>(unit), &events, &tally);
     }
     return left;
   };
   Color sum;
   for (uint32_t i = 0; i < count; ++i) {
-    const MediumGlow* glow = scene_.media->GlowOf(set[i]);
+    const MediumGlow* glow = scene_.media->GlowOf(parts[i]);
     if (glow == nullptr) continue;
-    const auto its = scene_.media->template CoefficientsOf<Color>(set[i], path.wavelengths);
+    const auto its = scene_.media->template CoefficientsOf<Color>(parts[i], path.wavelengths);
     EventStream events = stream(i, i);
     const auto source = [&](double t) {
       const Color shines = glow->template At<Color>(o + t * d, path.wavelengths) * its.sigma_a;
@@ -148,7 +139,7 @@ PathTracer<kTraits, Tracer, kDirectLight>::EmissionAmongVarying(const std::array
       return shines * TransmittanceOf<kChromaticMedia>(mix, t * unit) * left_by_others(t, i);
     };
     sum +=
-        scene_.media->VaryingOf(set[i])->Emission(
+        scene_.media->DensityOf(parts[i]).Emission(
             o, d, length / unit, source, its.sigma_t * static_cast<float>(unit), &events, &tally) *
         static_cast<float>(unit);
   }

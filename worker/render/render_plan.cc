@@ -239,6 +239,11 @@ class PlanMaker {
            rgb.g == rgb.b;
   }
 
+  static bool IsGrey(const std::vector<Rgb>& cells) {
+    return std::all_of(cells.begin(), cells.end(),
+                       [](Rgb cell) { return cell == Rgb::Grey(cell.r); });
+  }
+
   void LookAtMedium(const MediumDescription& medium) {
     const std::string what = medium.is_matter ? absl::StrCat("what is inside ", medium.name)
                                               : absl::StrCat("medium \"", medium.name, "\"");
@@ -246,9 +251,9 @@ class PlanMaker {
     ask(medium.is_matter ? Trait::kSubsurface : Trait::kMedia);
     const auto* grid = std::get_if<RgbGridMedium>(&medium.kind);
     if (!medium.IsHomogeneous()) ask(Trait::kHeterogeneousMedia);
-    if (grid != nullptr || !IsGrey(medium.sigma_a) || !IsGrey(medium.sigma_s)) {
-      ask(Trait::kChromaticMedia);
-    }
+    const bool is_grey = grid != nullptr ? IsGrey(grid->sigma_a) && IsGrey(grid->sigma_s)
+                                         : IsGrey(medium.sigma_a) && IsGrey(medium.sigma_s);
+    if (!is_grey) ask(Trait::kChromaticMedia);
     for (const ColorSpec* color : {&medium.sigma_a, &medium.sigma_s}) {
       if (color->is_out_of_gamut) ask(Trait::kSpectral);
     }
