@@ -29,9 +29,13 @@ struct GridBox {
            static_cast<size_t>(counts[2]);
   }
 };
-// How temperatures shine: as a black body of (value - offset_k) * scale, where that is over 100 K.
+// What is colder does not shine. Source: pbrt-v4.
+inline constexpr float kGlowTemperatureMinK = 100;
+// How temperatures shine: as a black body of (value - offset_k) * scale, where that is over
+// kGlowTemperatureMinK.
 struct TemperatureEmission {
   float offset_k = 0, scale = 1;
+  float KelvinOf(float value) const { return (value - offset_k) * scale; }
 };
 struct UniformGridMedium {
   GridBox box;

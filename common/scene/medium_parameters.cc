@@ -248,6 +248,40 @@ void GetScaleAndPhase(ParameterList& parameters, MediumDescription* medium) {
   }
 }
 
+bool IsBlack(const std::vector<Rgb>& cells) {
+  return !cells.empty() &&
+         std::all_of(cells.begin(), cells.end(), [](Rgb cell) { return cell.IsBlack(); });
+}
+
+// Grids that do nothing, or shine nowhere: named, and not carried along.
+void LeaveOutWhatDoesNothing(ParameterList& parameters, MediumDescription* medium) {
+  auto* grid = std::get_if<UniformGridMedium>(&medium->kind);
+  if (grid != nullptr && !grid->temperature_k.empty()) {
+    const auto [low, high] =
+        std::minmax_element(grid->temperature_k.begin(), grid->temperature_k.end());
+    // The scale may be negative.
+    const float hottest = std::max(grid->emission.KelvinOf(*low), grid->emission.KelvinOf(*high));
+    if (!(hottest > kGlowTemperatureMinK)) {
+      parameters.NoteWithoutEffect(
+          "temperature", absl::StrCat("no cell is hotter than ", kGlowTemperatureMinK, " K"));
+      grid->temperature_k.clear();
+      medium->emits = false;
+    }
+  }
+  bool is_empty = false;
+  if (grid != nullptr) {
+    is_empty = !grid->density.empty() &&
+               *std::max_element(grid->density.begin(), grid->density.end()) == 0;
+  } else if (const auto* colors = std::get_if<RgbGridMedium>(&medium->kind)) {
+    is_empty = IsBlack(colors->sigma_a) && IsBlack(colors->sigma_s);
+  }
+  if (!is_empty) return;
+  parameters.Note(absl::StrCat(parameters.owner(), " has no effect: its grid is 0 in all cells"));
+  medium->kind = HomogeneousMedium{};
+  medium->sigma_a = medium->sigma_s = {};
+  medium->emits = false;
+}
+
 bool SetMedium(const Matrix4& world_from_medium, ParameterList& parameters, FileSource& files,
                MediumDescription* medium) {
   medium->world_from_medium = world_from_medium;
@@ -273,6 +307,7 @@ bool SetMedium(const Matrix4& world_from_medium, ParameterList& parameters, File
     return false;
   }
   GetScaleAndPhase(parameters, medium);
+  LeaveOutWhatDoesNothing(parameters, medium);
   parameters.ReportUnused();
   return true;
 }

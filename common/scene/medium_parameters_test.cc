@@ -119,6 +119,29 @@ TEST_F(MediumReaderTest, GridsCloudsAndFiles) {
   EXPECT_TRUE(std::get<VolumeFileMedium>(scene.media[4].kind).is_openvdb);
 }
 
+TEST_F(MediumReaderTest, GridsThatDoNothingAreNamedAndLeftOut) {
+  const SceneDescription scene = ReadGood(
+      "WorldBegin\nMakeNamedMedium \"u\" \"string type\" \"uniformgrid\" \"integer nx\" 2\n"
+      "\"float density\" [0 0] \"rgb Le\" [1 1 1]\n"
+      "MakeNamedMedium \"r\" \"string type\" \"rgbgrid\" \"integer nx\" 2\n"
+      "\"rgb sigma_s\" [0 0 0 0 0 0] \"rgb sigma_a\" [0 0 0 0 0 0]\n"
+      "MakeNamedMedium \"cold\" \"string type\" \"uniformgrid\" \"float density\" 1\n"
+      "\"float temperature\" 120 \"float temperatureoffset\" 21\n"
+      "MediumInterface \"u\" \"r\" MediumInterface \"cold\" \"\"\n");
+  ASSERT_EQ(scene.media.size(), 3u);
+  for (size_t i = 0; i < 2; ++i) {
+    EXPECT_TRUE(scene.media[i].IsHomogeneous());
+    EXPECT_TRUE(scene.media[i].sigma_s.rgb.IsBlack() && scene.media[i].sigma_a.rgb.IsBlack());
+  }
+  EXPECT_FALSE(scene.media[2].IsHomogeneous());
+  for (const MediumDescription& medium : scene.media) EXPECT_FALSE(medium.emits);
+  EXPECT_NE(notes_.find("medium \"u\" has no effect: its grid is 0 in all cells"),
+            std::string::npos);
+  EXPECT_NE(notes_.find("medium \"r\" has no effect"), std::string::npos);
+  EXPECT_NE(notes_.find("\"temperature\" has no effect: no cell is hotter than 100 K"),
+            std::string::npos);
+}
+
 TEST_F(MediumReaderTest, PathIgnoresMediaWithAWarning) {
   const SceneDescription scene = ReadGood(
       "Integrator \"path\"\nMakeNamedMedium \"fog\" \"string type\" \"homogeneous\"\n"

@@ -101,6 +101,7 @@ class ParameterList {
 
   void Error(std::string_view text) { diagnostics_->Error(location_, text); }
   void ErrorAt(const Parameter& parameter, std::string_view text);
+  void Note(std::string_view text) { diagnostics_->Note(location_, text); }
   // Reports what nobody asked for. Call once, after the last Get.
   void ReportUnused();
 

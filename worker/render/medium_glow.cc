@@ -16,7 +16,6 @@ namespace sheaf::render {
 namespace {
 
 // Below it a black body gives no light; pbrt-v4's limit.
-constexpr float kTemperatureMinK = 100;
 
 // RGB by the logarithm of the temperature.
 class BlackbodyTable {
@@ -96,7 +95,7 @@ void MediumGlow::SetTemperatures(VolumeGrid grid, const TemperatureEmission& emi
   SHEAF_CHECK(!grid.is_vector());
   temperatures_ = Placed(std::move(grid));
   emission_ = emission;
-  BlackbodyRgbOfPeakOne(kTemperatureMinK);  // Makes the table, not in the middle of a picture.
+  BlackbodyRgbOfPeakOne(kGlowTemperatureMinK);  // Makes the table, not in the middle of a picture.
 }
 
 void MediumGlow::SetFactors(VolumeGrid grid) {
@@ -123,8 +122,8 @@ Color MediumGlow::At(Vec3d p, const WavelengthsOf<Color>& wavelengths) const {
       return radiance_ * scale;
     }
   }
-  const float kelvin = (temperatures_->At(p) - emission_.offset_k) * emission_.scale;
-  if (!(kelvin > kTemperatureMinK)) return {};
+  const float kelvin = emission_.KelvinOf(temperatures_->At(p));
+  if (!(kelvin > kGlowTemperatureMinK)) return {};
   if constexpr (std::is_same_v<Color, Spectral>) {
     return MakeColor<Color>(
         [&](size_t i) { return scale * BlackbodyOfPeakOne(kelvin, wavelengths.nm[i]); });
