@@ -309,6 +309,20 @@ TEST(VaryingMediaTest, ColorGridsAreTheSumOfTheirColors) {
   }
 }
 
+// V3: also of colours, a grid of nothing is nothing.
+TEST(VaryingMediaTest, V3ColorGridsOfBlackDoNothing) {
+  SmokeScene t;
+  t.ConstantEnvironment(Rgb::Grey(1));
+  const int32_t index = t.AddGrid({1}, Rgb::Grey(1), Rgb::Grey(1));
+  RgbGridMedium grid;
+  grid.box = {{2, 2, 2}, {-1, -1, -1}, {1, 1, 1}};
+  grid.sigma_a.assign(8, Rgb{});
+  grid.sigma_s.assign(8, Rgb{});
+  t.scene.media[static_cast<size_t>(index)].kind = grid;
+  t.Fill(0.8f, index);
+  ExpectMean(MeanOf(RenderAll(*Compile(t.scene, SquareSettings(8, 16, 64)))), Rgb::Grey(1));
+}
+
 TEST(VaryingMediaTest, PartsOfColorsAddUp) {
   const std::vector<Rgb> cells{{1, 2, 3}, {5, 5, 5}, {0, 0, 0}, {4, 0, 1}};
   const auto parts = SplitColors(cells);

@@ -15,8 +15,6 @@
 namespace sheaf::render {
 namespace {
 
-// Below it a black body gives no light; pbrt-v4's limit.
-
 // RGB by the logarithm of the temperature.
 class BlackbodyTable {
  public:

@@ -111,8 +111,11 @@ absl::StatusOr<std::vector<MediumTable::Part>> MediumTable::MakeParts(
     if (status.ok()) status = add_colors(colors->sigma_s, Part::Kind::kScatters);
     // One that does nothing is still a medium that varies.
     if (status.ok() && parts.empty()) {
-      placed.extinction_max = 0;
-      status = add(EvenDensity(where, colors->box, placed), Part::Kind::kBoth, ColorPart::kGrey);
+      auto nothing =
+          GridOf(where, kDensityGrid, colors->box, std::vector<float>(colors->box.size()));
+      if (!nothing.ok()) return nothing.status();
+      status = add(VaryingMedium::FromGrid(where, *std::move(nothing), placed),
+                   Part::Kind::kAbsorbs, ColorPart::kGrey);
     }
   } else {
     absl::StatusOr<VolumeGrid> grid = DensityGrid(where, description, files, options.thread_count);
