@@ -217,8 +217,14 @@ HttpResponse HttpApi::GetPreview(const HttpRequest& request) {
   uint64_t version = 0;
   absl::StatusOr<std::string> png =
       previews_.Png(farm_, request.path_parameters[0], *frame, &version);
-  if (!png.ok()) return HttpErrorFromStatus(png.status());
   HttpResponse response;
+  if (absl::IsUnavailable(png.status())) {
+    // No failure: a job may end between the event that names a picture and the request for it.
+    response.status = 204;
+    response.headers = {{"Cache-Control", "no-store"}};
+    return response;
+  }
+  if (!png.ok()) return HttpErrorFromStatus(png.status());
   response.content_type = "image/png";
   response.headers = {{"ETag", etag(version)}, {"Cache-Control", "no-cache"}};
   response.body = *std::move(png);

@@ -10,7 +10,7 @@
 //   GET  /api/v1/jobs/ID?page_size&page_token       one job with a page of its frames
 //   POST /api/v1/jobs/ID:cancel                     cancels; repeating it changes nothing
 //   GET  /api/v1/jobs/ID/frames/N                   one frame
-//   GET  /api/v1/jobs/ID/frames/N/preview.png       the picture so far
+//   GET  /api/v1/jobs/ID/frames/N/preview.png       the picture so far; 204 where there is none
 //   GET  /api/v1/jobs/ID/frames/N/output.exr        the delivered picture
 //   GET  /api/v1/workers                            workers
 //   GET  /api/v1/counters                           the numbers of /metrics as JSON

@@ -136,9 +136,11 @@ TEST_F(HttpApiTest, PreviewIsAPngThatIsSentOnce) {
   EXPECT_EQ(second.body, "");
 }
 
-TEST_F(HttpApiTest, PreviewWithoutSamplesIsUnavailable) {
+TEST_F(HttpApiTest, PreviewWithoutSamplesIsEmptyAndNoError) {
   farm_.preview.version = 0;
-  EXPECT_EQ(Send("GET", "/api/v1/jobs/1/frames/1/preview.png").status, 503);
+  const HttpResponse response = Send("GET", "/api/v1/jobs/1/frames/1/preview.png");
+  EXPECT_EQ(response.status, 204);
+  EXPECT_EQ(response.body, "");
 }
 
 TEST_F(HttpApiTest, OutputIsAFileOnceComplete) {

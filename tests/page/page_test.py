@@ -105,6 +105,13 @@ def check_cancel(browser, farm):
     browser.run("setTimeout(() => document.getElementById('cancel').click(), 0)")
     wait_until(lambda: accept(browser), PAGE_SECONDS_MAX, "the question")
     wait_until(lambda: browser.run(TEXT, "job-state") == "cancelled", PAGE_SECONDS_MAX, "the end")
+    # A picture named by an event may be gone when it is asked for: that must not be an error.
+    status = browser.run("""
+      const path = new URL("/api/v1/jobs/2/frames/1/preview.png", location.href);
+      const image = new Image();
+      image.src = path;
+      return image.decode().catch(() => fetch(path)).then((response) => response.status);""")
+    assert status == 204, status
 
 
 def accept(browser):
