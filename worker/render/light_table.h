@@ -130,6 +130,7 @@ class LightTable {
                                                            FileSource& files);
   ~LightTable();
 
+  uint64_t memory_bytes() const;
   // Whether there is nothing to sample: no light, or all of them black.
   bool empty() const;
   // Chooses a light and a point on it, as seen from p. n: the receiver's geometric normal, or zero

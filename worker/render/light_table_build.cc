@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <memory>
+#include <set>
 #include <utility>
 #include <variant>
 
@@ -14,6 +15,7 @@
 #include "worker/render/light_reader.h"
 #include "worker/render/light_table.h"
 #include "worker/render/light_table_impl.h"
+#include "worker/render/vector_bytes.h"
 
 namespace sheaf::render {
 namespace {
@@ -151,6 +153,28 @@ LightBounds SameForAll(const LightBounds& light) {
 }
 
 }  // namespace
+
+uint64_t LightTable::memory_bytes() const {
+  const Impl& impl = *impl_;
+  uint64_t bytes = VectorBytes(impl.triangles, impl.spheres, impl.disks, impl.detail_of,
+                               impl.details, impl.quadrics, impl.deltas, impl.intensities,
+                               impl.projected_images, impl.infinites, impl.spectra) +
+                   impl.choice.memory_bytes();
+  // Shapes of one picture share it.
+  std::set<const EmissionMap*> maps;
+  for (const auto& map : impl.maps) {
+    if (map != nullptr && maps.insert(map.get()).second) bytes += map->memory_bytes();
+  }
+  for (const IntensityDistribution& intensity : impl.intensities) {
+    if (const auto* map = std::get_if<IntensityMap>(&intensity)) bytes += map->memory_bytes();
+  }
+  for (const ProjectedImage& image : impl.projected_images) bytes += image.memory_bytes();
+  for (const InfiniteEmitter& light : impl.infinites) {
+    if (light.map) bytes += light.map->size_bytes();
+    if (light.portal) bytes += light.portal->memory_bytes();
+  }
+  return bytes;
+}
 
 LightBounds LightTable::BoundsOf(uint32_t light) const { return BoundsOfLight(*impl_, light); }
 
