@@ -3,7 +3,7 @@
 sheaf_add_module(NAME render_volume
   HEADERS cloud_density.h delta_tracking.h event_stream.h majorant_grid.h medium_glow.h
     varying_medium.h
-  SOURCES cloud_density.cc majorant_grid.cc medium_glow.cc varying_medium.cc
+  SOURCES cloud_density.cc majorant_grid.cc majorant_walk.cc medium_glow.cc varying_medium.cc
   DEPS sheaf::render_spectral sheaf::scene sheaf::base sheaf::math sheaf::volume
   PRIVATE_DEPS absl::strings
   TESTS majorant_grid_test.cc medium_glow_test.cc varying_medium_test.cc
