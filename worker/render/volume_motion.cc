@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "common/base/parallel.h"
 
 namespace sheaf::render {
 namespace {
@@ -71,10 +72,10 @@ MovingDensitySource::MovingDensitySource(const MajorantGrid& still, const Volume
   const MajorantGrid::Options options{
       .extinction_per_voxel = voxels_per_velocity / kFineDisplacement,
       .thread_count = thread_count};
-  for (size_t c = 0; c < 3; ++c) {
-    velocities_[c] =
-        MajorantGrid::Build(ComponentSource(motion.velocities_, c, motion.box_), options);
-  }
+  ParallelRanges(3, 1, thread_count, [&](uint64_t c, uint64_t) {
+    const ComponentSource component(motion.velocities_, c, motion.box_);
+    velocities_[c] = MajorantGrid::Build(component, options);
+  });
 }
 
 IndexBox MovingDensitySource::DisplacementsOf(
