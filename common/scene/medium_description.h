@@ -43,6 +43,7 @@ struct UniformGridMedium {
   std::vector<float> temperature_k;   // Empty or one per cell.
   std::vector<float> radiance_scale;  // Empty or one per cell; multiplies the radiance.
   TemperatureEmission emission;
+  std::vector<Vec3f> velocity;  // Empty or one per cell; see MediumDescription::velocity_scale.
 };
 struct RgbGridMedium {
   GridBox box;
@@ -59,7 +60,12 @@ struct VolumeFileMedium {
   std::string file;         // Canonical name for FileSource.
   bool is_openvdb = false;  // .vdb; otherwise .nvdb.
   TemperatureEmission emission;
+  // The grid of velocities. Empty: it stands still.
+  std::string velocity_grid;
 };
+// As a velocity_grid: the first of kVelocityGridNames that the file has.
+inline constexpr char kAnyVelocityGrid[] = "auto";
+inline constexpr std::array<const char*, 3> kVelocityGridNames{"velocity", "vel", "v"};
 
 struct MediumDescription {
   std::string name;
@@ -76,10 +82,24 @@ struct MediumDescription {
   // The inside of a material: scattering there counts no depth, and every path in it must come to
   // the boundary. Homogeneous.
   bool is_matter = false;
+  // Of velocities, which are in medium space, per unit of the time that the shutter is given in.
+  // What is there when the shutter opens moves by them while it is open.
+  float velocity_scale = 1;
   Matrix4 world_from_medium;
   SourceLocation location;
 
   bool IsHomogeneous() const { return std::holds_alternative<HomogeneousMedium>(kind); }
+  // Whether there are velocities, in a file maybe of 0.
+  bool Moves() const {
+    if (velocity_scale == 0) return false;
+    if (const auto* grid = std::get_if<UniformGridMedium>(&kind)) return !grid->velocity.empty();
+    const auto* volume = std::get_if<VolumeFileMedium>(&kind);
+    return volume != nullptr && !volume->velocity_grid.empty();
+  }
+  void StandStill() {
+    if (auto* grid = std::get_if<UniformGridMedium>(&kind)) grid->velocity.clear();
+    if (auto* volume = std::get_if<VolumeFileMedium>(&kind)) volume->velocity_grid.clear();
+  }
 };
 
 // What |g| may be at most: beyond, the phase function is narrower than float directions can tell.

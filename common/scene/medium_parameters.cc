@@ -117,6 +117,25 @@ std::vector<float> GetCells(ParameterList& parameters, const std::string& name,
   return values;
 }
 
+// A velocity for each cell, or none.
+std::vector<Vec3f> GetVelocityCells(ParameterList& parameters, const GridBox& box) {
+  std::vector<Vec3f> values = parameters.GetTriples("velocity", ParameterType::kVector3);
+  if (values.empty() || values.size() == box.size()) return values;
+  parameters.ErrorAt(
+      *parameters.Find("velocity"),
+      absl::StrCat("needs nx * ny * nz = ", box.size(), " vectors but has ", values.size()));
+  return {};
+}
+
+void GetVelocityScale(ParameterList& parameters, MediumDescription* medium) {
+  medium->velocity_scale = parameters.GetFloat("velocityscale", 1);
+  if (!parameters.Has("velocity")) {
+    parameters.NoteWithoutEffect("velocityscale", "there is no \"velocity\"");
+  } else if (medium->velocity_scale == 0) {
+    parameters.NoteWithoutEffect("velocity", "its \"velocityscale\" is 0");
+  }
+}
+
 std::vector<Rgb> GetColorCells(ParameterList& parameters, const std::string& name,
                                const GridBox& box, ColorRole role) {
   const Parameter* parameter = parameters.FindTyped(name, ParameterType::kRgb);
@@ -147,6 +166,7 @@ void SetUniformGrid(ParameterList& parameters, FileSource& files, MediumDescript
   if (GetBox(parameters, &grid.box)) {
     grid.density = GetCells(parameters, "density", grid.box);
     grid.temperature_k = GetCells(parameters, "temperature", grid.box);
+    grid.velocity = GetVelocityCells(parameters, grid.box);
     if (!parameters.Has("density")) {
       parameters.Error(absl::StrCat(parameters.owner(), " needs \"float density\", one per cell"));
     }
@@ -164,6 +184,7 @@ void SetUniformGrid(ParameterList& parameters, FileSource& files, MediumDescript
                        "excludes \"Le\": both say how the medium shines; give one or the other");
   }
   medium->emits = medium->emits || !grid.temperature_k.empty();
+  GetVelocityScale(parameters, medium);
   medium->kind = std::move(grid);
 }
 
@@ -217,6 +238,12 @@ void SetVolumeFile(ParameterList& parameters, FileSource& files, MediumDescripti
   }
   GetRadianceScale(parameters, medium);
   volume.emission = GetTemperatureEmission(parameters);
+  volume.velocity_grid = parameters.GetString("velocity", "");
+  if (volume.velocity_grid.empty() && parameters.Has("velocity")) {
+    parameters.ErrorAt(*parameters.Find("velocity"),
+                       absl::StrCat("must name a grid of the file, or \"", kAnyVelocityGrid, "\""));
+  }
+  GetVelocityScale(parameters, medium);
   // Whether there are temperatures says the file.
   medium->emits = medium->radiance_scale > 0;
   medium->kind = std::move(volume);
@@ -267,6 +294,12 @@ void LeaveOutWhatDoesNothing(ParameterList& parameters, MediumDescription* mediu
       grid->temperature_k.clear();
       medium->emits = false;
     }
+  }
+  if (grid != nullptr && !grid->velocity.empty() &&
+      std::all_of(grid->velocity.begin(), grid->velocity.end(),
+                  [](Vec3f v) { return v == Vec3f{}; })) {
+    parameters.NoteWithoutEffect("velocity", "it is 0 in all cells");
+    grid->velocity.clear();
   }
   bool is_empty = false;
   if (grid != nullptr) {

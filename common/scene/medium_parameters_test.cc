@@ -142,6 +142,44 @@ TEST_F(MediumReaderTest, GridsThatDoNothingAreNamedAndLeftOut) {
             std::string::npos);
 }
 
+TEST_F(MediumReaderTest, VelocitiesAreReadWhereTheyAreAskedFor) {
+  const SceneDescription scene = ReadGood(
+      "WorldBegin\nMakeNamedMedium \"u\" \"string type\" \"uniformgrid\" \"integer nx\" 2\n"
+      "\"float density\" [0 1] \"vector3 velocity\" [1 2 3 4 5 6] \"float velocityscale\" -2\n"
+      "MakeNamedMedium \"n\" \"string type\" \"nanovdb\" \"string filename\" \"smoke.nvdb\"\n"
+      "\"string velocity\" \"vel\"\n"
+      "MakeNamedMedium \"v\" \"string type\" \"openvdb\" \"string filename\" \"fire.VDB\"\n"
+      "MakeNamedMedium \"z\" \"string type\" \"uniformgrid\" \"float density\" 1\n"
+      "\"vector3 velocity\" [0 0 0]\n"
+      "MediumInterface \"u\" \"n\" MediumInterface \"v\" \"z\"\n");
+  ASSERT_EQ(scene.media.size(), 4u);
+  const auto& grid = std::get<UniformGridMedium>(scene.media[0].kind);
+  EXPECT_EQ(grid.velocity, (std::vector<Vec3f>{{1, 2, 3}, {4, 5, 6}}));
+  EXPECT_EQ(scene.media[0].velocity_scale, -2);
+  EXPECT_EQ(std::get<VolumeFileMedium>(scene.media[1].kind).velocity_grid, "vel");
+  for (size_t i = 0; i < 4; ++i) EXPECT_EQ(scene.media[i].Moves(), i < 2) << i;
+  EXPECT_THAT(notes_, ::testing::HasSubstr("main.pbrt:8:1: medium \"z\": parameter \"velocity\" "
+                                           "has no effect: it is 0 in all cells"));
+}
+
+TEST_F(MediumReaderTest, WhatIsNoVelocityIsRefusedWithItsPlace) {
+  const auto message = [this](const std::string& parameters) {
+    const absl::StatusOr<ReadSceneResult> result =
+        Read("WorldBegin\nMakeNamedMedium \"m\" \"string type\" \"uniformgrid\"\n  " + parameters +
+             " \"float density\" 1\nMediumInterface \"m\" \"\"\n");
+    EXPECT_FALSE(result.ok());
+    return std::string(result.status().message());
+  };
+  using ::testing::HasSubstr;
+  EXPECT_THAT(message("\"vector3 velocity\" [1 nan 0]"),
+              HasSubstr("main.pbrt:3:25: parameter \"velocity\": \"nan\" is not a number"));
+  EXPECT_THAT(message("\"vector3 velocity\" [1 2 3 4 5 6]"),
+              HasSubstr("\"velocity\" needs nx * ny * nz = 1 vectors but has 2"));
+  EXPECT_THAT(message("\"float velocity\" [1 2 3]"), HasSubstr("main.pbrt:3:3: "));
+  EXPECT_THAT(message("\"vector3 velocity\" [1 2 3] \"float velocityscale\" inf"),
+              HasSubstr("main.pbrt:3:52: parameter \"velocityscale\": \"inf\" is not a number"));
+}
+
 TEST_F(MediumReaderTest, PathIgnoresMediaWithAWarning) {
   const SceneDescription scene = ReadGood(
       "Integrator \"path\"\nMakeNamedMedium \"fog\" \"string type\" \"homogeneous\"\n"

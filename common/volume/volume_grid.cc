@@ -132,6 +132,7 @@ bool Contains(const std::string& text, std::initializer_list<const char*> words)
 // The value of all voxels of [lo, hi] where the tree holds one; see VolumeGrid::UniformValue.
 template <typename BuildT>
 class UniformSearch {
+  using ValueT = typename nanovdb::NanoRoot<BuildT>::ValueType;
   using Root = nanovdb::NanoRoot<BuildT>;
   using Upper = nanovdb::NanoUpper<BuildT>;
   using Lower = nanovdb::NanoLower<BuildT>;
@@ -139,7 +140,7 @@ class UniformSearch {
  public:
   UniformSearch(const Root& root, Index3 lo, Index3 hi) : root_(root), lo_(lo), hi_(hi) {}
 
-  std::optional<float> Run() {
+  std::optional<ValueT> Run() {
     uint64_t covered = 0;
     for (uint32_t i = 0; i < root_.data()->mTableSize; ++i) {
       const auto& tile = *root_.data()->tile(i);
@@ -160,7 +161,7 @@ class UniformSearch {
   }
 
  private:
-  bool Meet(float value) {
+  bool Meet(const ValueT& value) {
     if (!value_) value_ = value;
     return *value_ == value;
   }
@@ -203,8 +204,31 @@ class UniformSearch {
 
   const Root& root_;
   Index3 lo_, hi_;
-  std::optional<float> value_;
+  std::optional<ValueT> value_;
 };
+
+// See VolumeGrid::ReadBox.
+template <typename BuildT, typename Out>
+void ReadVoxels(const Accessor<BuildT>& accessor, Index3 lo, Index3 hi, const Out& out) {
+  size_t at = 0;
+  for (int32_t x = lo[0]; x <= hi[0]; ++x) {
+    for (int32_t y = lo[1]; y <= hi[1]; ++y) {
+      for (int32_t z = lo[2]; z <= hi[2];) {
+        // As far as the leaf or tile goes.
+        const int32_t last = std::min(hi[2], z | 7);
+        const auto* leaf = accessor.probeLeaf({x, y, z});
+        if (leaf == nullptr) {
+          const auto value = accessor.getValue({x, y, z});
+          for (; z <= last; ++z) out(at++, value);
+          continue;
+        }
+        const auto& data = *leaf->data();
+        const auto row = static_cast<uint32_t>(((x & 7) << 6) | ((y & 7) << 3));
+        for (; z <= last; ++z) out(at++, data.getValue(row | static_cast<uint32_t>(z & 7)));
+      }
+    }
+  }
+}
 
 }  // namespace
 
@@ -299,32 +323,30 @@ absl::Status VolumeGrid::CheckDensity(const std::string& where) const {
 
 void VolumeGrid::ReadBox(Index3 lo, Index3 hi, std::span<float> out, Cursor* cursor) const {
   volume::WithScalarType(info_.type, [&]<typename BuildT>() {
-    const auto& accessor = AccessorOf<BuildT>(cursor->accessor_.data());
-    size_t at = 0;
-    for (int32_t x = lo[0]; x <= hi[0]; ++x) {
-      for (int32_t y = lo[1]; y <= hi[1]; ++y) {
-        for (int32_t z = lo[2]; z <= hi[2];) {
-          // As far as the leaf or tile goes.
-          const int32_t last = std::min(hi[2], z | 7);
-          const auto* leaf = accessor.probeLeaf({x, y, z});
-          if (leaf == nullptr) {
-            const float value = accessor.getValue({x, y, z});
-            for (; z <= last; ++z) out[at++] = value;
-            continue;
-          }
-          const auto& data = *leaf->data();
-          const auto row = static_cast<uint32_t>(((x & 7) << 6) | ((y & 7) << 3));
-          for (; z <= last; ++z) out[at++] = data.getValue(row | static_cast<uint32_t>(z & 7));
-        }
-      }
-    }
+    ReadVoxels<BuildT>(AccessorOf<BuildT>(cursor->accessor_.data()), lo, hi,
+                       [out](size_t i, float value) { out[i] = value; });
   });
+}
+
+void VolumeGrid::ReadComponentBox(size_t component, Index3 lo, Index3 hi, std::span<float> out,
+                                  Cursor* cursor) const {
+  SHEAF_CHECK(is_vector());
+  ReadVoxels<nanovdb::Vec3f>(
+      AccessorOf<nanovdb::Vec3f>(cursor->accessor_.data()), lo, hi,
+      [&](size_t i, const nanovdb::Vec3f& value) { out[i] = value[static_cast<int>(component)]; });
 }
 
 std::optional<float> VolumeGrid::UniformValue(Index3 lo, Index3 hi) const {
   return volume::WithScalarType(info_.type, [&]<typename BuildT>() {
     return UniformSearch<BuildT>(volume::RootOf<BuildT>(image_), lo, hi).Run();
   });
+}
+
+std::optional<Vec3f> VolumeGrid::UniformVector(Index3 lo, Index3 hi) const {
+  SHEAF_CHECK(is_vector());
+  using BuildT = nanovdb::Vec3f;
+  const auto v = UniformSearch<BuildT>(volume::RootOf<BuildT>(image_), lo, hi).Run();
+  return v ? std::optional<Vec3f>({(*v)[0], (*v)[1], (*v)[2]}) : std::nullopt;
 }
 
 }  // namespace sheaf

@@ -129,6 +129,10 @@ class VolumeGrid {
   // The one value of all voxels of lo..hi, where they lie in tiles (or outside all nodes) of one
   // value.
   std::optional<float> UniformValue(Index3 lo, Index3 hi) const;
+  // The same two of one component, and of all, of a grid of vectors. Requires: is_vector().
+  void ReadComponentBox(size_t component, Index3 lo, Index3 hi, std::span<float> out,
+                        Cursor* cursor) const;
+  std::optional<Vec3f> UniformVector(Index3 lo, Index3 hi) const;
 
  private:
   VolumeGrid() = default;

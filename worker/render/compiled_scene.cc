@@ -13,6 +13,7 @@
 #include "absl/strings/str_cat.h"
 #include "common/base/log.h"
 #include "worker/render/displacement.h"
+#include "worker/render/medium_velocities.h"
 #include "worker/render/vector_bytes.h"
 
 namespace sheaf::render {
@@ -46,6 +47,21 @@ void WantParameters(SceneGeometry* geometry) {
   }
 }
 
+// The table of media, and the light group that their glow belongs to.
+absl::Status BuildMedia(FileSource& files, int threads, const CompileTechniques& techniques,
+                        MediumVelocities velocities, CompiledScene* scene) {
+  absl::StatusOr<std::unique_ptr<MediumTable>> media = MediumTable::Build(
+      scene->description, scene->geometry, std::move(velocities), files,
+      {Has(scene->plan.traits, Trait::kSpectral), threads, techniques.bound_media_once});
+  if (!media.ok()) return media.status();
+  scene->media = *std::move(media);
+  scene->majorant_factor = techniques.majorant_factor;
+  const std::vector<std::string>& groups = scene->settings.outputs.light_groups;
+  scene->media_group = static_cast<uint32_t>(
+      std::find(groups.begin(), groups.end(), kDefaultLightGroup) - groups.begin());
+  return absl::OkStatus();
+}
+
 }  // namespace
 
 void CompiledSceneDeleter::operator()(const CompiledScene* scene) const { delete scene; }
@@ -56,6 +72,11 @@ absl::StatusOr<CompiledScenePtr> CompileScene(SceneDescription description,
                                               const CompileTechniques& techniques) {
   auto scene = std::make_unique<CompiledScene>();
   scene->settings = settings;
+  const int threads = static_cast<int>(limits.build_threads > 0
+                                           ? limits.build_threads
+                                           : std::max(1u, std::thread::hardware_concurrency()));
+  absl::StatusOr<MediumVelocities> velocities = ReadMediumVelocities(files, threads, &description);
+  if (!velocities.ok()) return velocities.status();
   scene->plan = MakeRenderPlan(description, settings);
   scene->settings.max_depth = scene->plan.max_depth;
   const absl::Status displaced = DisplaceMeshes(
@@ -102,18 +123,9 @@ absl::StatusOr<CompiledScenePtr> CompileScene(SceneDescription description,
     scene->lights->AssignGroups(scene->description, settings.outputs.light_groups);
   }
   if ((scene->plan.traits & kInsides) != 0) {
-    const uint32_t threads = limits.build_threads > 0
-                                 ? limits.build_threads
-                                 : std::max(1u, std::thread::hardware_concurrency());
-    absl::StatusOr<std::unique_ptr<MediumTable>> media =
-        MediumTable::Build(scene->description, scene->geometry, files,
-                           {spectral, static_cast<int>(threads), techniques.bound_media_once});
-    if (!media.ok()) return media.status();
-    scene->media = *std::move(media);
-    scene->majorant_factor = techniques.majorant_factor;
-    const std::vector<std::string>& groups = settings.outputs.light_groups;
-    scene->media_group = static_cast<uint32_t>(
-        std::find(groups.begin(), groups.end(), kDefaultLightGroup) - groups.begin());
+    const absl::Status built =
+        BuildMedia(files, threads, techniques, *std::move(velocities), scene.get());
+    if (!built.ok()) return built;
   }
   if (Has(scene->plan.traits, Trait::kNestedDielectrics)) {
     absl::StatusOr<std::unique_ptr<InteriorTable>> interiors =

@@ -30,8 +30,13 @@ void KeepShapes(SceneDescription* scene) {
   for (TriangleMesh& mesh : scene->meshes) mesh.steps.clear();
 }
 
+void HoldMedia(SceneDescription* scene) {
+  for (MediumDescription& medium : scene->media) medium.StandStill();
+}
+
 void StandStill(SceneDescription* scene) {
   KeepShapes(scene);
+  HoldMedia(scene);
   const auto hold = [](TransformOverTime* transform) { transform->end = transform->start; };
   hold(&scene->camera.world_from_camera);
   for (ShapeDescription& shape : scene->shapes) hold(&shape.world_from_object);
@@ -311,6 +316,8 @@ constexpr Change kChanges[] = {
      [](SceneWithout* without) {
        for (MediumDescription& medium : without->scene.media) medium.kind = HomogeneousMedium{};
      }},
+    {Trait::kMovingVolumes, "media stay where they are when the shutter opens",
+     [](SceneWithout* without) { HoldMedia(&without->scene); }},
     {Trait::kChromaticMedia, "media are grey",
      [](SceneWithout* without) { MakeGreyWhatIsColored(&without->scene); }},
     {Trait::kEmissiveMedia, "media do not shine",

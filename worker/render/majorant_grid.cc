@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 #include "common/base/check.h"
 #include "common/base/parallel.h"
@@ -15,7 +16,6 @@ namespace {
 constexpr int32_t kBlock = 8;      // Voxels a side: a leaf of the volume grid.
 constexpr int32_t kFine = 2;       // Voxels a side of the finest cells.
 constexpr int32_t kTaskLevel = 3;  // Cells of 8 * 4^3 voxels a side are built independently.
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 // What a step to the next cell and what a tentative collision cost, relative to each other, as
 // volume_bench measures them.
@@ -31,25 +31,17 @@ struct Built {
   double cost = 0;  // Expected, per unit of volume.
 };
 
-}  // namespace
-
-DensityBounds GridDensitySource::Bounds() const {
-  const ValueRange values = grid_.info().values;
-  return {values.min * factor_, values.max * factor_};
-}
-
-std::optional<float> GridDensitySource::UniformValue(Index3 lo, Index3 hi) const {
-  const auto value = grid_.UniformValue(lo, hi);
-  return value ? std::optional<float>(*value * factor_) : std::nullopt;
-}
-
-void GridDensitySource::BlockBounds(Index3 origin, std::span<DensityBounds, 64> cells) const {
-  // A cell from x to x + 2 is looked up in voxels x .. x + 3, and a voxel off in x - 1 .. x + 4.
-  constexpr int32_t kSide = kBlock + 4, kReach = kFine + 4, kCells = kBlock / kFine;
-  std::array<float, size_t{kSide} * kSide * kSide> values;
+// What look-ups in a block may meet. A cell from x to x + 2 is looked up in voxels x .. x + 3, and
+// a voxel off in x - 1 .. x + 4.
+constexpr int32_t kSide = kBlock + 4, kReach = kFine + 4, kCells = kBlock / kFine;
+using BlockValues = std::array<float, size_t{kSide} * kSide * kSide>;
+std::pair<Index3, Index3> VoxelsOfBlock(Index3 origin) {
   const Index3 lo{origin[0] - 1, origin[1] - 1, origin[2] - 1};
-  VolumeGrid::Cursor cursor(grid_);
-  grid_.ReadBox(lo, {lo[0] + kSide - 1, lo[1] + kSide - 1, lo[2] + kSide - 1}, values, &cursor);
+  return {lo, {lo[0] + kSide - 1, lo[1] + kSide - 1, lo[2] + kSide - 1}};
+}
+
+// Of values times a factor.
+void ReduceToCells(const BlockValues& values, float factor, std::span<DensityBounds, 64> cells) {
   // Axis by axis, the last first: kSide values become kCells bounds.
   std::array<float, size_t{kSide} * kSide * kCells> z_min, z_max;
   for (int32_t row = 0; row < kSide * kSide; ++row) {
@@ -82,10 +74,49 @@ void GridDensitySource::BlockBounds(Index3 origin, std::span<DensityBounds, 64> 
     for (int32_t c = 0; c < kCells * kCells; ++c) {
       const auto from = static_cast<size_t>(cx * kFine * kCells * kCells + c);
       cells[static_cast<size_t>(cx * kCells * kCells + c)] = {
-          factor_ * reduce(&y_min[from], kCells * kCells, true),
-          factor_ * reduce(&y_max[from], kCells * kCells, false)};
+          factor * reduce(&y_min[from], kCells * kCells, true),
+          factor * reduce(&y_max[from], kCells * kCells, false)};
     }
   }
+}
+
+}  // namespace
+
+DensityBounds GridDensitySource::Bounds() const {
+  const ValueRange values = grid_.info().values;
+  return {values.min * factor_, values.max * factor_};
+}
+
+std::optional<float> GridDensitySource::UniformValue(Index3 lo, Index3 hi) const {
+  const auto value = grid_.UniformValue(lo, hi);
+  return value ? std::optional<float>(*value * factor_) : std::nullopt;
+}
+
+void GridDensitySource::BlockBounds(Index3 origin, std::span<DensityBounds, 64> cells) const {
+  BlockValues values;
+  VolumeGrid::Cursor cursor(grid_);
+  const auto [lo, hi] = VoxelsOfBlock(origin);
+  grid_.ReadBox(lo, hi, values, &cursor);
+  ReduceToCells(values, factor_, cells);
+}
+
+DensityBounds ComponentSource::Bounds() const {
+  const float longest = grid_.info().values.max;
+  return {-longest, longest};
+}
+
+std::optional<float> ComponentSource::UniformValue(Index3 lo, Index3 hi) const {
+  const auto value = grid_.UniformVector(lo, hi);
+  if (!value) return std::nullopt;
+  return component_ == 0 ? value->x : component_ == 1 ? value->y : value->z;
+}
+
+void ComponentSource::BlockBounds(Index3 origin, std::span<DensityBounds, 64> cells) const {
+  BlockValues values;
+  VolumeGrid::Cursor cursor(grid_);
+  const auto [lo, hi] = VoxelsOfBlock(origin);
+  grid_.ReadComponentBox(component_, lo, hi, values, &cursor);
+  ReduceToCells(values, 1, cells);
 }
 
 // Builds the tree below one cell, or the whole of a small one.
@@ -275,136 +306,74 @@ std::optional<float> MajorantGrid::constant() const {
   return bounds_.upper;
 }
 
-uint64_t MajorantGrid::memory_bytes() const {
-  return nodes_.capacity() * sizeof(Node) + bricks_.capacity() * sizeof(Brick);
-}
-
-MajorantWalk::MajorantWalk(const MajorantGrid& grid, Vec3d o, Vec3d d, double t_min, double t_max)
-    : grid_(grid), o_(o), d_(d), t_(t_min), t_box_begin_(t_min), t_box_end_(t_max), t_max_(t_max) {
-  bool meets = !grid.nodes_.empty();
+DensityBounds MajorantGrid::BoundsOver(const IndexBox& region) const {
+  DensityBounds bounds;
+  if (nodes_.empty()) return bounds;
+  bool is_within = true;
   for (size_t a = 0; a < 3; ++a) {
-    inverse_d_[a] = 1 / d[a];
-    // What moves so slowly that its inverse is infinite does not move.
-    if (!std::isfinite(inverse_d_[a])) {
-      d_[a] = 0;
-      meets &= o[a] >= grid.box_.lo[a] && o[a] <= grid.box_.hi[a];
-      continue;
-    }
-    const double t_lo = (grid.box_.lo[a] - o[a]) * inverse_d_[a];
-    const double t_hi = (grid.box_.hi[a] - o[a]) * inverse_d_[a];
-    t_box_begin_ = std::max(t_box_begin_, std::min(t_lo, t_hi));
-    t_box_end_ = std::min(t_box_end_, std::max(t_lo, t_hi));
+    // Disjoint, or nothing that could be compared.
+    if (!(region.lo[a] <= box_.hi[a] + 1 && region.hi[a] >= box_.lo[a] - 1)) return bounds;
+    is_within &= region.lo[a] >= box_.lo[a] + 1 && region.hi[a] <= box_.hi[a] - 1;
   }
-  if (!meets || !(t_box_begin_ < t_box_end_)) {
-    phase_ = Phase::kAfter;
-    return;
-  }
+  Index3 lo, hi;
+  // Cells hold a voxel around them, so one that only begins where the region ends adds nothing.
   for (size_t a = 0; a < 3; ++a) {
-    const double p = std::floor(o_[a] + (d_[a] == 0 ? 0 : t_box_begin_ * d_[a]));
-    const double low = grid.cell_min_[a], high = grid.cell_max_[a];
-    cell_[a] = static_cast<int32_t>(std::min(std::max(p, low), high));
+    const double low = cell_min_[a], high = cell_max_[a];
+    lo[a] = static_cast<int32_t>(std::clamp(std::floor(region.lo[a]), low, high));
+    hi[a] = static_cast<int32_t>(std::clamp(std::ceil(region.hi[a]) - 1, double(lo[a]), high));
   }
+  if (is_within) {
+    constexpr float kMax = std::numeric_limits<float>::max();
+    bounds = {kMax, -kMax};
+  }
+  Include(nodes_[0], origin_, 3 + 2 * (levels_ - 1), lo, hi, &bounds);
+  return bounds;
 }
 
-bool MajorantWalk::Next(MajorantSegment* segment) {
-  if (phase_ == Phase::kBefore) {
-    phase_ = Phase::kInside;
-    if (t_ < t_box_begin_) {
-      *segment = {t_, t_box_begin_, {}};
-      t_ = t_box_begin_;
-      return true;
-    }
+void MajorantGrid::Include(const Node& node, Index3 origin, int32_t shift, Index3 lo, Index3 hi,
+                           DensityBounds* bounds) const {
+  Index3 first, last;
+  for (size_t a = 0; a < 3; ++a) {
+    first[a] = std::max(0, (lo[a] - origin[a]) >> shift);
+    last[a] = std::min(3, (hi[a] - origin[a]) >> shift);
   }
-  if (phase_ == Phase::kInside && NextInside(segment)) return true;
-  if (phase_ == Phase::kAfter) {
-    phase_ = Phase::kDone;
-    if (t_ < t_max_) {
-      *segment = {t_, t_max_, {}};
-      t_ = t_max_;
-      return true;
-    }
-  }
-  return false;
-}
-
-bool MajorantWalk::NextInside(MajorantSegment* segment) {
-  while (phase_ == Phase::kInside) {
-    Index3 lo;
-    int32_t size;
-    const DensityBounds bounds = FindCell(&lo, &size);
-    double exit = kInfinity;
-    size_t axis = 3;
-    for (size_t a = 0; a < 3; ++a) {
-      if (d_[a] == 0) continue;
-      const double plane = d_[a] > 0 ? lo[a] + size : lo[a];
-      const double t = (plane - o_[a]) * inverse_d_[a];
-      if (t < exit) {
-        exit = t;
-        axis = a;
+  const auto add = [bounds](DensityBounds more) {
+    *bounds = {std::min(bounds->lower, more.lower), std::max(bounds->upper, more.upper)};
+  };
+  for (int32_t x = first[0]; x <= last[0]; ++x) {
+    for (int32_t y = first[1]; y <= last[1]; ++y) {
+      for (int32_t z = first[2]; z <= last[2]; ++z) {
+        const Child& child = node[static_cast<size_t>((x << 4) | (y << 2) | z)];
+        if (child.bounds.lower >= bounds->lower && child.bounds.upper <= bounds->upper) continue;
+        const Index3 at{origin[0] + (x << shift), origin[1] + (y << shift),
+                        origin[2] + (z << shift)};
+        bool is_inside = true;
+        for (size_t a = 0; a < 3; ++a) {
+          is_inside &= at[a] >= lo[a] && int64_t{at[a]} + (1 << shift) - 1 <= hi[a];
+        }
+        if (child.link == 0 || is_inside) {
+          add(child.bounds);
+        } else if (shift > 3) {
+          Include(nodes_[child.link - 1], at, shift - 2, lo, hi, bounds);
+        } else {
+          const Brick& brick = bricks_[child.link - 1];
+          for (int32_t c = 0; c < 64; ++c) {
+            const Index3 cell{at[0] + (c >> 4) * kFine, at[1] + ((c >> 2) & 3) * kFine,
+                              at[2] + (c & 3) * kFine};
+            bool meets = true;
+            for (size_t a = 0; a < 3; ++a) {
+              meets &= cell[a] <= hi[a] && cell[a] + kFine > lo[a];
+            }
+            if (meets) add(brick[static_cast<size_t>(c)]);
+          }
+        }
       }
     }
-    const double begin = t_;
-    if (axis == 3 || exit >= t_box_end_) {
-      t_ = t_box_end_;
-      phase_ = Phase::kAfter;
-    } else {
-      t_ = std::max(t_, exit);
-      Leave(axis, lo, size);
-      // Out of the box by cells: what is left of it by numbers is rounding, and this cell's.
-      if (phase_ == Phase::kAfter) t_ = t_box_end_;
-    }
-    if (begin < t_) {
-      *segment = {begin, t_, bounds};
-      return true;
-    }
-  }
-  return false;
-}
-
-void MajorantWalk::Leave(size_t axis, Index3 lo, int32_t size) {
-  for (size_t a = 0; a < 3; ++a) {
-    if (d_[a] == 0) continue;
-    if (a == axis) {
-      cell_[a] = d_[a] > 0 ? lo[a] + size : lo[a] - 1;
-      if (cell_[a] < grid_.cell_min_[a] || cell_[a] > grid_.cell_max_[a]) phase_ = Phase::kAfter;
-      continue;
-    }
-    // Where the point is, but within the cell that is left, and never back.
-    const double p = std::floor(o_[a] + t_ * d_[a]);
-    const double low = d_[a] > 0 ? cell_[a] : lo[a];
-    const double high = d_[a] > 0 ? lo[a] + size - 1 : cell_[a];
-    cell_[a] = static_cast<int32_t>(std::min(std::max(p, low), high));
-    cell_[a] = std::clamp(cell_[a], grid_.cell_min_[a], grid_.cell_max_[a]);
   }
 }
 
-DensityBounds MajorantWalk::FindCell(Index3* lo, int32_t* size) const {
-  const auto x = static_cast<uint32_t>(cell_[0] - grid_.origin_[0]);
-  const auto y = static_cast<uint32_t>(cell_[1] - grid_.origin_[1]);
-  const auto z = static_cast<uint32_t>(cell_[2] - grid_.origin_[2]);
-  const auto child = [&](int32_t shift) {
-    return (((x >> shift) & 3) << 4) | (((y >> shift) & 3) << 2) | ((z >> shift) & 3);
-  };
-  const auto place = [&](int32_t shift) {
-    *size = 1 << shift;
-    for (size_t a = 0; a < 3; ++a) {
-      (*lo)[a] = cell_[a] - ((cell_[a] - grid_.origin_[a]) & (*size - 1));
-    }
-  };
-  const MajorantGrid::Node* node = grid_.nodes_.data();
-  int32_t shift = 3 + 2 * (grid_.levels_ - 1);
-  for (;; shift -= 2) {
-    const MajorantGrid::Child& c = (*node)[child(shift)];
-    if (c.link == 0) {
-      place(shift);
-      return c.bounds;
-    }
-    if (shift == 3) {
-      place(1);
-      return grid_.bricks_[c.link - 1][child(1)];
-    }
-    node = &grid_.nodes_[c.link - 1];
-  }
+uint64_t MajorantGrid::memory_bytes() const {
+  return nodes_.capacity() * sizeof(Node) + bricks_.capacity() * sizeof(Brick);
 }
 
 }  // namespace sheaf::render

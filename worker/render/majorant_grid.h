@@ -60,6 +60,22 @@ class GridDensitySource : public DensitySource {
   float factor_;
 };
 
+// One component of a grid of vectors, 0 outside of the box. Requires: the grid lives longer.
+class ComponentSource : public DensitySource {
+ public:
+  ComponentSource(const VolumeGrid& grid, size_t component, const IndexBox& box)
+      : grid_(grid), component_(component), box_(box) {}
+  IndexBox Box() const override { return box_; }
+  DensityBounds Bounds() const override;
+  std::optional<float> UniformValue(Index3 lo, Index3 hi) const override;
+  void BlockBounds(Index3 origin, std::span<DensityBounds, 64> cells) const override;
+
+ private:
+  const VolumeGrid& grid_;
+  size_t component_;
+  IndexBox box_;
+};
+
 class MajorantGrid {
  public:
   struct Options {
@@ -76,6 +92,8 @@ class MajorantGrid {
   const IndexBox& box() const { return box_; }
   // Over the whole box.
   DensityBounds bounds() const { return bounds_; }
+  // Of what is looked up in a region and up to a voxel around it, where it is 0 outside of the box.
+  DensityBounds BoundsOver(const IndexBox& region) const;
   // The density, where it is the same in the whole box: the medium is homogeneous.
   std::optional<float> constant() const;
   uint64_t memory_bytes() const;
@@ -92,6 +110,11 @@ class MajorantGrid {
   };
   using Node = std::array<Child, 64>;
   using Brick = std::array<DensityBounds, 64>;
+
+  // Adds the bounds of what lies between voxels lo and hi, both included, of a node whose children
+  // are 2^shift voxels a side.
+  void Include(const Node& node, Index3 origin, int32_t shift, Index3 lo, Index3 hi,
+               DensityBounds* bounds) const;
 
   IndexBox box_;
   Index3 cell_min_{0, 0, 0}, cell_max_{-1, -1, -1};  // Voxel coordinates that the box meets.

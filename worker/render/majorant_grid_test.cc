@@ -197,6 +197,67 @@ TEST(MajorantGridTest, ThreadsDoNotMatter) {
   EXPECT_GT(lumpy_count, 10000);
 }
 
+// Regions of every size, within the box and beyond it, against the voxels themselves.
+TEST(MajorantGridTest, BoundsOverRegionsHoldAndAreTight) {
+  const VolumeGrid grid = SparseGrid({40, 44, 300}, {9, 12, 200}, 19);
+  // So dense that every cell is divided where it can be.
+  const MajorantGrid majorants =
+      MajorantGrid::Build(GridDensitySource(grid), {.extinction_per_voxel = 1e6});
+  EventStream random({4, 5, 6, 7});
+  VolumeGrid::Cursor cursor(grid);
+  const IndexBox& box = grid.box();
+  int lumpy_count = 0, within_count = 0;
+  for (int i = 0; i < 3000; ++i) {
+    IndexBox region;
+    for (size_t a = 0; a < 3; ++a) {
+      const double size = std::pow(2.0, 6 * random.Uniform() - 1);
+      region.lo[a] = (a == 2 ? 180 : -5) + 50 * random.Uniform();
+      region.hi[a] = region.lo[a] + size;
+    }
+    const DensityBounds bounds = majorants.BoundsOver(region);
+    float least = 1e9f, most = -1e9f;
+    const auto add = [&](float v) {
+      least = std::min(least, v);
+      most = std::max(most, v);
+    };
+    bool is_within = true;
+    for (size_t a = 0; a < 3; ++a) {
+      is_within &= region.lo[a] >= box.lo[a] + 5 && region.hi[a] <= box.hi[a] - 5;
+    }
+    if (!is_within) add(0);
+    for (int k = 0; k < 30; ++k) {
+      Vec3d p;
+      for (size_t a = 0; a < 3; ++a) {
+        const double length = region.hi[a] - region.lo[a];
+        p[a] = region.lo[a] - 0.99 + (length + 1.98) * random.Uniform();
+      }
+      bool is_in_box = true;
+      for (size_t a = 0; a < 3; ++a) is_in_box &= p[a] >= box.lo[a] && p[a] <= box.hi[a];
+      const float density = is_in_box ? grid.At(p, &cursor) : 0;
+      ASSERT_GE(density, bounds.lower);
+      ASSERT_LE(density, bounds.upper);
+    }
+    // Cells add up to 2 voxels, what they reach 2 more.
+    for (int x = int(region.lo.x) - 5; x <= region.hi.x + 5; ++x) {
+      for (int y = int(region.lo.y) - 5; y <= region.hi.y + 5; ++y) {
+        for (int z = int(region.lo.z) - 5; z <= region.hi.z + 5; ++z) {
+          add(grid.At({double(x), double(y), double(z)}, &cursor));
+        }
+      }
+    }
+    ASSERT_LE(bounds.upper, most);
+    ASSERT_GE(bounds.lower, least);
+    lumpy_count += bounds.upper > bounds.lower;
+    within_count += is_within;
+  }
+  EXPECT_GT(lumpy_count, 500);
+  EXPECT_GT(within_count, 300);
+  EXPECT_EQ(majorants.BoundsOver({{-90, 0, 0}, {-80, 40, 40}}), DensityBounds{});
+  EXPECT_EQ(majorants.BoundsOver({{-1e300, -1e300, -1e300}, {1e300, 1e300, 1e300}}),
+            majorants.bounds());
+  EXPECT_EQ(MajorantGrid().BoundsOver({{0, 0, 0}, {1, 1, 1}}), DensityBounds{});
+}
+
 // V3: nothing is a medium too.
 TEST(MajorantGridTest, AnEmptyGridIsVacuum) {
   const MajorantGrid none;

@@ -81,6 +81,7 @@ std::vector<bool> FindHidden(const SceneDescription& scene) {
 
 absl::StatusOr<std::unique_ptr<MediumTable>> MediumTable::Build(const SceneDescription& scene,
                                                                 const SceneGeometry& geometry,
+                                                                MediumVelocities velocities,
                                                                 FileSource& files,
                                                                 const Options& options) {
   if (scene.media.size() > kMediaMax) {
@@ -89,6 +90,8 @@ absl::StatusOr<std::unique_ptr<MediumTable>> MediumTable::Build(const SceneDescr
   }
   const std::vector<bool> is_bounded = FindBounded(scene, geometry);
   const std::vector<bool> is_hidden = FindHidden(scene);
+  const double shutter_time = static_cast<double>(scene.camera.shutter_close) -
+                              static_cast<double>(scene.camera.shutter_open);
   std::vector<Medium> media;
   for (const MediumDescription& description : scene.media) {
     Medium medium;
@@ -97,7 +100,9 @@ absl::StatusOr<std::unique_ptr<MediumTable>> MediumTable::Build(const SceneDescr
       placement.offset = placement.offset - geometry.render_origin_world;
       const std::string where = absl::StrCat(FormatLocation(scene, description.location),
                                              ": medium \"", description.name, "\"");
-      auto parts = MakeParts(where, description, placement, files, options);
+      Movement movement{std::move(velocities[media.size()]),
+                        shutter_time * static_cast<double>(description.velocity_scale)};
+      auto parts = MakeParts(where, description, placement, std::move(movement), files, options);
       if (!parts.ok()) return parts.status();
       medium.parts = *std::move(parts);
       auto glow = MakeGlow(where, description, placement, files, options);

@@ -9,6 +9,7 @@
 #include <array>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <vector>
 
 #include "absl/status/statusor.h"
@@ -19,6 +20,7 @@
 #include "worker/render/glow_lights.h"
 #include "worker/render/medium_glow.h"
 #include "worker/render/medium_set.h"
+#include "worker/render/medium_velocities.h"
 #include "worker/render/phase_function.h"
 #include "worker/render/scene_geometry.h"
 #include "worker/render/spectral_color.h"
@@ -37,6 +39,7 @@ class MediumTable {
   // location of the medium; kResourceExhausted over kMediaMax.
   static absl::StatusOr<std::unique_ptr<MediumTable>> Build(const SceneDescription& scene,
                                                             const SceneGeometry& geometry,
+                                                            MediumVelocities velocities,
                                                             FileSource& files,
                                                             const Options& options);
 
@@ -93,9 +96,9 @@ class MediumTable {
   };
   template <typename Color>
   Coefficients<Color> CoefficientsOf(PartId id, const WavelengthsOf<Color>& wavelengths) const;
-  // At a point of render space.
-  template <typename Color>
-  Coefficients<Color> CoefficientsAt(uint16_t medium, Vec3d p,
+  // At a point of render space. time: as VaryingMedium's.
+  template <typename Color, typename Time>
+  Coefficients<Color> CoefficientsAt(uint16_t medium, Vec3d p, Time time,
                                      const WavelengthsOf<Color>& wavelengths) const;
   float PhaseAsymmetryOf(uint16_t index) const { return media_[index].g; }
   uint64_t memory_bytes() const;
@@ -121,11 +124,16 @@ class MediumTable {
     std::unique_ptr<const MediumGlow> glow;     // Of one that varies.
     bool is_matter = false, is_hidden = false;  // As MediumMix has them.
   };
+  // How a medium moves while the shutter is open, if it does.
+  struct Movement {
+    std::optional<VolumeGrid> velocities;
+    double duration = 0;  // VolumeMotion::Make's.
+  };
   // Errors: see Build.
   static absl::StatusOr<std::vector<Part>> MakeParts(const std::string& where,
                                                      const MediumDescription& description,
-                                                     const Affine& placement, FileSource& files,
-                                                     const Options& options);
+                                                     const Affine& placement, Movement movement,
+                                                     FileSource& files, const Options& options);
   // Null where the medium does not shine. Errors: see Build.
   static absl::StatusOr<std::unique_ptr<const MediumGlow>> MakeGlow(
       const std::string& where, const MediumDescription& description, const Affine& placement,
@@ -233,13 +241,13 @@ MediumTable::Coefficients<Color> MediumTable::CoefficientsOf(
   return {s + a, s, a};
 }
 
-template <typename Color>
+template <typename Color, typename Time>
 MediumTable::Coefficients<Color> MediumTable::CoefficientsAt(
-    uint16_t medium, Vec3d p, const WavelengthsOf<Color>& wavelengths) const {
+    uint16_t medium, Vec3d p, Time time, const WavelengthsOf<Color>& wavelengths) const {
   Coefficients<Color> sum;
   for (uint16_t part = 0; part < media_[medium].parts.size(); ++part) {
     const auto its = CoefficientsOf<Color>({medium, part}, wavelengths);
-    const auto density = static_cast<float>(DensityOf({medium, part}).DensityAt(p));
+    const auto density = static_cast<float>(DensityOf({medium, part}).DensityAt(p, time));
     sum.sigma_t += its.sigma_t * density;
     sum.sigma_s += its.sigma_s * density;
     sum.sigma_a += its.sigma_a * density;

@@ -71,11 +71,19 @@ absl::StatusOr<VaryingMedium> EvenDensity(const std::string& where, const GridBo
   return VaryingMedium::FromGrid(where, *std::move(grid), placement);
 }
 
+absl::StatusOr<VaryingMedium> MovingGrid(const std::string& where, VolumeGrid density,
+                                         VolumeGrid velocities, double duration,
+                                         const VaryingMedium::Placement& placement) {
+  auto motion = VolumeMotion::Make(where, std::move(velocities), duration, density);
+  if (!motion.ok()) return motion.status();
+  return VaryingMedium::FromMovingGrid(where, std::move(density), *std::move(motion), placement);
+}
+
 }  // namespace
 
 absl::StatusOr<std::vector<MediumTable::Part>> MediumTable::MakeParts(
     const std::string& where, const MediumDescription& description, const Affine& placement,
-    FileSource& files, const Options& options) {
+    Movement movement, FileSource& files, const Options& options) {
   const Rgb sigma_t = (description.sigma_a.rgb + description.sigma_s.rgb) * description.scale;
   VaryingMedium::Placement placed{placement, MaxComponent(sigma_t), options.thread_count,
                                   options.bound_once};
@@ -120,8 +128,11 @@ absl::StatusOr<std::vector<MediumTable::Part>> MediumTable::MakeParts(
   } else {
     absl::StatusOr<VolumeGrid> grid = DensityGrid(where, description, files, options.thread_count);
     if (!grid.ok()) return grid.status();
-    status = add(VaryingMedium::FromGrid(where, *std::move(grid), placed), Part::Kind::kBoth,
-                 ColorPart::kGrey);
+    auto medium = movement.velocities
+                      ? MovingGrid(where, *std::move(grid), *std::move(movement.velocities),
+                                   movement.duration, placed)
+                      : VaryingMedium::FromGrid(where, *std::move(grid), placed);
+    status = add(std::move(medium), Part::Kind::kBoth, ColorPart::kGrey);
   }
   if (!status.ok()) return status;
   return parts;

@@ -185,7 +185,8 @@ void PathTracer<kTraits, Tracer, kDirectLight>::RecordMedium(Vec3f p,
   MediumMix<Rgb> mix = scene_.media->template MixOf<Rgb>(path.media.set, {});
   if constexpr (kVaryingMedia) {
     if (scatterer) {
-      const auto its = scene_.media->template CoefficientsAt<Rgb>(*scatterer, ToDouble(p), {});
+      const auto its = scene_.media->template CoefficientsAt<Rgb>(
+          *scatterer, ToDouble(p), TimeOfMedia<kTraits>(path.ray.time), {});
       mix.sigma_t = its.sigma_t;
       mix.sigma_s = its.sigma_s;
     }

@@ -32,12 +32,13 @@ PathTracer<kTraits, Tracer, kDirectLight>::FlyThroughVarying(const Ray& ray,
     return EventStream({std::bit_cast<uint32_t>(u[0]), std::bit_cast<uint32_t>(u[1]),
                         std::bit_cast<uint32_t>(u[2]), (passes << 8) | i});
   };
+  const auto time = TimeOfMedia<kTraits>(ray.time);
   const MediumTable& media = *scene_.media;
   const MediumTable::PartList parts = media.PartsOf(path.media.set);
   const auto fly = [&](uint32_t i, const MediumTable::Coefficients<Color>& its) {
     EventStream events = stream(i);
     return media.DensityOf(parts[i]).Fly(o, d, end / unit, its.sigma_t * static_cast<float>(unit),
-                                         path.throughput, &events, &tally);
+                                         path.throughput, &events, &tally, time);
   };
   // What the part that was met first and those after it weigh, up to there.
   Color weight = Color::Grey(1);
@@ -66,7 +67,7 @@ PathTracer<kTraits, Tracer, kDirectLight>::FlyThroughVarying(const Ray& ray,
     if (its.sigma_s.IsBlack()) {
       EventStream events = stream(i);
       flight.weight *= media.DensityOf(parts[i]).Transmittance(
-          o, d, end / unit, its.sigma_t * static_cast<float>(unit), &events, &tally);
+          o, d, end / unit, its.sigma_t * static_cast<float>(unit), &events, &tally, time);
     } else if (nearest < parts.size() && i < nearest) {
       flight.weight *= fly(i, its).weight;
     }
@@ -84,6 +85,7 @@ PathTracer<kTraits, Tracer, kDirectLight>::ShareThroughVarying(const Ray& ray,
                                                                const InMedia& media) {
   const Vec3d o = ToDouble(ray.o), d = ToDouble(ray.d);
   const double unit = Length(d);
+  const auto time = TimeOfMedia<kTraits>(ray.time);
   Color share = Color::Grey(1);
   TrackingTally tally{.bound_factor = counts_.majorant_factor};
   const MediumTable::PartList parts = scene_.media->PartsOf(media.set);
@@ -93,7 +95,7 @@ PathTracer<kTraits, Tracer, kDirectLight>::ShareThroughVarying(const Ray& ray,
     EventStream events({std::bit_cast<uint32_t>(u[0]), std::bit_cast<uint32_t>(u[1]), ~uint32_t{0},
                         (pass << 8) | i});
     share *= scene_.media->DensityOf(parts[i]).Transmittance(
-        o, d, length / unit, its.sigma_t * static_cast<float>(unit), &events, &tally);
+        o, d, length / unit, its.sigma_t * static_cast<float>(unit), &events, &tally, time);
   }
   counts_.broken_majorants += tally.violation_count;
   return share;
@@ -108,6 +110,7 @@ PathTracer<kTraits, Tracer, kDirectLight>::EmissionAmongVarying(const Ray& ray,
                                                                 const InMedia& media) {
   const Vec3d o = ToDouble(ray.o), d = ToDouble(ray.d);
   const double unit = Length(d);
+  const auto time = TimeOfMedia<kTraits>(ray.time);
   const MediumMix<Color>& mix = media.mix;
   const MediumTable::PartList parts = scene_.media->PartsOf(media.set);
   const uint32_t count = parts.size();
@@ -125,7 +128,7 @@ PathTracer<kTraits, Tracer, kDirectLight>::EmissionAmongVarying(const Ray& ray,
       const auto its = scene_.media->template CoefficientsOf<Color>(parts[j], path.wavelengths);
       EventStream events = stream(by, j);
       left *= scene_.media->DensityOf(parts[j]).Transmittance(
-          o, d, t, its.sigma_t * static_cast<float>(unit), &events, &tally);
+          o, d, t, its.sigma_t * static_cast<float>(unit), &events, &tally, time);
     }
     return left;
   };
@@ -136,14 +139,15 @@ PathTracer<kTraits, Tracer, kDirectLight>::EmissionAmongVarying(const Ray& ray,
     const auto its = scene_.media->template CoefficientsOf<Color>(parts[i], path.wavelengths);
     EventStream events = stream(i, i);
     const auto source = [&](double t) {
-      const Color shines = glow->template At<Color>(o + t * d, path.wavelengths) * its.sigma_a;
+      const Vec3d origin = scene_.media->DensityOf(parts[i]).OriginOf(o + t * d, time);
+      const Color shines = glow->template At<Color>(origin, path.wavelengths) * its.sigma_a;
       if (shines.IsBlack()) return shines;
       return shines * TransmittanceOf<kChromaticMedia>(mix, t * unit) * left_by_others(t, i);
     };
-    sum +=
-        scene_.media->DensityOf(parts[i]).Emission(
-            o, d, length / unit, source, its.sigma_t * static_cast<float>(unit), &events, &tally) *
-        static_cast<float>(unit);
+    sum += scene_.media->DensityOf(parts[i]).Emission(o, d, length / unit, source,
+                                                      its.sigma_t * static_cast<float>(unit),
+                                                      &events, &tally, time) *
+           static_cast<float>(unit);
   }
   if (!mix.emission.IsBlack()) {
     // One point for all that shines the same everywhere.

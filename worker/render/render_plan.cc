@@ -49,6 +49,7 @@ constexpr TraitName kTraitNames[] = {
     {Trait::kOutputs, "outputs", 1.34},
     {Trait::kMedia, "media", 4.75},
     {Trait::kHeterogeneousMedia, "uneven media", 0.81},
+    {Trait::kMovingVolumes, "moving volumes"},
     {Trait::kChromaticMedia, "colored media", 1.22},
     {Trait::kEmissiveMedia, "glowing media", 1.07},
     {Trait::kSubsurface, "subsurface", 3.9},
@@ -251,6 +252,10 @@ class PlanMaker {
     ask(medium.is_matter ? Trait::kSubsurface : Trait::kMedia);
     const auto* grid = std::get_if<RgbGridMedium>(&medium.kind);
     if (!medium.IsHomogeneous()) ask(Trait::kHeterogeneousMedia);
+    if (medium.Moves() && ShutterIsOpen()) {
+      Ask(Trait::kMotion, medium.location, absl::StrCat(what, " moves while the shutter is open"));
+      ask(Trait::kMovingVolumes);
+    }
     const bool is_grey = grid != nullptr ? IsGrey(grid->sigma_a) && IsGrey(grid->sigma_s)
                                          : IsGrey(medium.sigma_a) && IsGrey(medium.sigma_s);
     if (!is_grey) ask(Trait::kChromaticMedia);

@@ -42,8 +42,9 @@ enum class Trait : uint32_t {
   kDeformation = 1u << 23,          // Meshes whose vertices move within an open shutter.
   kSubsurface = 1u << 24,           // Matter that scatters light beneath its surface.
   kNestedDielectrics = 1u << 25,    // Matter that overlaps, by priority.
+  kMovingVolumes = 1u << 26,        // Media that velocities move within an open shutter.
 };
-inline constexpr int kTraitCount = 26;
+inline constexpr int kTraitCount = 27;
 
 struct PlannedEffect {
   Trait trait{};

@@ -9,22 +9,22 @@
 
 namespace sheaf::render {
 
-absl::Status VaryingMedium::Place(const std::string& where, const Placement& placement,
-                                  const Affine& medium_from_index, const DensitySource& source) {
-  const Affine render_from_index = placement.render_from_medium * medium_from_index;
-  const double inverse = 1 / render_from_index.Determinant();
+absl::StatusOr<MajorantGrid::Options> VaryingMedium::Place(const std::string& where,
+                                                           const Placement& placement,
+                                                           const Affine& medium_from_index) {
+  render_from_index_ = placement.render_from_medium * medium_from_index;
+  const double inverse = 1 / render_from_index_.Determinant();
   if (!std::isfinite(inverse)) {
     return absl::InvalidArgumentError(absl::StrCat(
         where, ": the medium's transform is singular or not finite; scale it by something else"));
   }
-  index_from_render_ = Inverse(render_from_index);
+  index_from_render_ = Inverse(render_from_index_);
   const double voxel = std::max(
-      {Length(render_from_index.x), Length(render_from_index.y), Length(render_from_index.z)});
+      {Length(render_from_index_.x), Length(render_from_index_.y), Length(render_from_index_.z)});
   MajorantGrid::Options options{.extinction_per_voxel = placement.extinction_max * voxel,
                                 .thread_count = placement.thread_count};
   if (placement.bound_once) options.block_count_max = 0;
-  majorants_ = MajorantGrid::Build(source, options);
-  return absl::OkStatus();
+  return options;
 }
 
 absl::StatusOr<VaryingMedium> VaryingMedium::FromGrid(const std::string& where, VolumeGrid density,
@@ -32,10 +32,25 @@ absl::StatusOr<VaryingMedium> VaryingMedium::FromGrid(const std::string& where, 
   const absl::Status sound = density.CheckDensity(where);
   if (!sound.ok()) return sound;
   VaryingMedium medium;
-  const absl::Status placed = medium.Place(where, placement, AffineOf(density.medium_from_index()),
-                                           GridDensitySource(density));
-  if (!placed.ok()) return placed;
+  const auto options = medium.Place(where, placement, AffineOf(density.medium_from_index()));
+  if (!options.ok()) return options.status();
+  medium.majorants_ = MajorantGrid::Build(GridDensitySource(density), *options);
   medium.density_ = std::move(density);
+  return medium;
+}
+
+absl::StatusOr<VaryingMedium> VaryingMedium::FromMovingGrid(const std::string& where,
+                                                            VolumeGrid density, VolumeMotion motion,
+                                                            const Placement& placement) {
+  auto medium = FromGrid(where, std::move(density), placement);
+  if (!medium.ok()) return medium;
+  const auto& grid = *std::get_if<VolumeGrid>(&medium->density_);
+  const auto options = medium->Place(where, placement, AffineOf(grid.medium_from_index()));
+  if (!options.ok()) return options.status();
+  const MovingDensitySource source(medium->majorants_, motion, placement.thread_count);
+  MajorantGrid moving = MajorantGrid::Build(source, *options);
+  medium->majorants_ = std::move(moving);
+  medium->motion_ = std::make_unique<const VolumeMotion>(std::move(motion));
   return medium;
 }
 
@@ -44,16 +59,18 @@ absl::StatusOr<VaryingMedium> VaryingMedium::FromCloud(const std::string& where,
                                                        const Placement& placement) {
   const double voxel = cloud.voxel_size();
   VaryingMedium medium;
-  const absl::Status placed = medium.Place(
-      where, placement, {{voxel, 0, 0}, {0, voxel, 0}, {0, 0, voxel}, cloud.index_offset()}, cloud);
-  if (!placed.ok()) return placed;
+  const auto options = medium.Place(
+      where, placement, {{voxel, 0, 0}, {0, voxel, 0}, {0, 0, voxel}, cloud.index_offset()});
+  if (!options.ok()) return options.status();
+  medium.majorants_ = MajorantGrid::Build(cloud, *options);
   medium.density_ = cloud;
   return medium;
 }
 
 uint64_t VaryingMedium::memory_bytes() const {
   const auto* grid = std::get_if<VolumeGrid>(&density_);
-  return majorants_.memory_bytes() + (grid != nullptr ? grid->info().memory_bytes : 0);
+  return majorants_.memory_bytes() + (grid != nullptr ? grid->info().memory_bytes : 0) +
+         (moves() ? motion_->memory_bytes() : 0);
 }
 
 double VaryingMedium::DensityAt(Vec3d p) const {
@@ -68,6 +85,20 @@ double VaryingMedium::DensityAt(Vec3d p) const {
   const auto& grid = *std::get_if<VolumeGrid>(&density_);
   VolumeGrid::Cursor cursor(grid);
   return grid.At(index, &cursor);
+}
+
+double VaryingMedium::DensityAt(Vec3d p, double time) const {
+  if (!moves()) return DensityAt(p);
+  MovingCursor cursor{VolumeGrid::Cursor(*std::get_if<VolumeGrid>(&density_)),
+                      motion_->MakeCursor()};
+  return MovedDensityAt(index_from_render_.Point(p), time, &cursor);
+}
+
+Vec3d VaryingMedium::OriginOf(Vec3d p, double time) const {
+  if (!moves()) return p;
+  VolumeGrid::Cursor cursor = motion_->MakeCursor();
+  const Vec3d displacement = motion_->DisplacementAt(index_from_render_.Point(p), &cursor);
+  return p - render_from_index_.Vector(time * displacement);
 }
 
 }  // namespace sheaf::render
