@@ -28,7 +28,7 @@ size_t CountOf(const std::array<int32_t, 3>& counts) {
 GlowLights::Cells GlowLights::CutUp(const VaryingMedium& medium) {
   Cells cells;
   const IndexBox& box = medium.majorants().box();
-  const Affine render_from_index = Inverse(medium.index_from_render());
+  const Affine& render_from_index = medium.render_from_index();
   const Vec3d size = box.hi - box.lo;
   const Vec3d sides[3] = {size.x * render_from_index.x, size.y * render_from_index.y,
                           size.z * render_from_index.z};

@@ -57,7 +57,7 @@ class VaryingMedium {
   uint64_t memory_bytes() const;
   const MajorantGrid& majorants() const { return majorants_; }
   // Index space is that of majorants().
-  const Affine& index_from_render() const { return index_from_render_; }
+  const Affine& render_from_index() const { return render_from_index_; }
   // The density, where it is the same in the whole box.
   std::optional<float> constant() const { return majorants_.constant(); }
 
