@@ -130,6 +130,17 @@ TEST(VaryingMediaTest, OverlappingMediaAddUp) {
   parts.Fill(0.7001f, parts.AddGrid(even, sigma_a, {}));
   parts.Fill(0.7002f, parts.AddGrid(even, {}, sigma_s * 0.5f));
   ExpectEqual(Render(parts, samples), Render(fog, samples));
+  // As many as there may be at once: grids of two kinds, each thirtieth a fog.
+  SmokeScene many;
+  many.ConstantEnvironment({0.5f, 0.7f, 1});
+  constexpr float kShare = 1.0f / kMediaAtOnceMax;
+  const int32_t kinds[] = {many.AddGrid(even, sigma_a * kShare, sigma_s * kShare),
+                           many.AddGrid(even, sigma_a * kShare, sigma_s * kShare),
+                           many.AddFog(sigma_a * kShare, sigma_s * kShare)};
+  for (uint32_t i = 0; i < kMediaAtOnceMax; ++i) {
+    many.Fill(0.7f + 1e-4f * static_cast<float>(i), kinds[i + 1 == kMediaAtOnceMax ? 2 : i % 2]);
+  }
+  ExpectEqual(Render(many, samples), Render(fog, samples));
 }
 
 // V10: grids that shine, by a radiance, by factors of it or as black bodies, are the homogeneous

@@ -71,6 +71,8 @@ class MediumTable {
    private:
     friend class MediumTable;
     uint32_t size_ = 0;
+    // Streams of events tell parts apart by 8 bits.
+    static_assert(kMediaAtOnceMax * kMediumPartsMax < 255);
     std::array<PartId, kMediaAtOnceMax * kMediumPartsMax> parts_;
   };
   PartList PartsOf(const MediumSet& media) const {

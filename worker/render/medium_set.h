@@ -12,8 +12,9 @@
 
 namespace sheaf::render {
 
-// Media that one path can be in at once; a path that enters more ends and is counted.
-inline constexpr uint32_t kMediaAtOnceMax = 8;
+// Media that one path can be in at once; a path that enters more ends and is counted. With their
+// number they fill a cache line, and the densities of all of them have numbers of 8 bits.
+inline constexpr uint32_t kMediaAtOnceMax = 30;
 // Media of a scene: an index is two bytes.
 inline constexpr uint32_t kMediaMax = 1u << 16;
 // Of surfaces that bound no matter with a priority, and of no matter.

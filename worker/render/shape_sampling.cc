@@ -47,23 +47,32 @@ double ClampToUnit(double v) { return v > 0 ? std::min(v, 1.0) : 0; }
 
 namespace {
 
+// A vertex, and where it is from the receiver.
+struct Corner {
+  Vec3d q, from_p;
+  double distance = 0;
+};
+Corner CornerFrom(Vec3d p, Vec3f v) {
+  const Vec3d q = ToDouble(v);
+  return {q, q - p, Length(q - p)};
+}
+
 // All of a view but its solid angle, which is twice the angle of the vector (*denominator, triple).
-TriangleView ViewWithoutAngle(Vec3f v0, Vec3f v1, Vec3f v2, Vec3f p, double* denominator) {
+inline TriangleView ViewWithoutAngle(Vec3d p, const Corner& a, const Corner& b, const Corner& c,
+                                     double* denominator) {
   TriangleView view;
-  const Vec3d q0 = ToDouble(v0), pd = ToDouble(p);
-  view.a = q0 - pd;
-  view.e1 = ToDouble(v1) - q0;
-  view.e2 = ToDouble(v2) - q0;
+  view.a = a.from_p;
+  view.e1 = b.q - a.q;
+  view.e2 = c.q - a.q;
   view.normal_area = Cross(view.e1, view.e2);
   view.triple = Dot(view.a, view.normal_area);
   // Also refuses NaN and triangles without area.
-  if (!(std::fabs(view.triple) > PlaneError(view.normal_area, pd, q0))) return view;
-  const Vec3d b = view.a + view.e1, c = view.a + view.e2;
-  view.length_a = Length(view.a);
-  view.length_b = Length(b);
-  view.length_c = Length(c);
-  *denominator = view.length_a * view.length_b * view.length_c + Dot(view.a, b) * view.length_c +
-                 Dot(b, c) * view.length_a + Dot(c, view.a) * view.length_b;
+  if (!(std::fabs(view.triple) > PlaneError(view.normal_area, p, a.q))) return view;
+  view.length_a = a.distance;
+  view.length_b = b.distance;
+  view.length_c = c.distance;
+  *denominator = a.distance * b.distance * c.distance + Dot(a.from_p, b.from_p) * c.distance +
+                 Dot(b.from_p, c.from_p) * a.distance + Dot(c.from_p, a.from_p) * b.distance;
   view.visible = std::isfinite(*denominator);
   return view;
 }
@@ -71,8 +80,10 @@ TriangleView ViewWithoutAngle(Vec3f v0, Vec3f v1, Vec3f v2, Vec3f p, double* den
 }  // namespace
 
 TriangleView ViewTriangle(Vec3f v0, Vec3f v1, Vec3f v2, Vec3f p) {
+  const Vec3d pd = ToDouble(p);
   double denominator = 0;
-  TriangleView view = ViewWithoutAngle(v0, v1, v2, p, &denominator);
+  TriangleView view = ViewWithoutAngle(pd, CornerFrom(pd, v0), CornerFrom(pd, v1),
+                                       CornerFrom(pd, v2), &denominator);
   if (!view.visible) return view;
   view.solid_angle = 2 * AngleOf(std::fabs(view.triple), denominator);
   view.by_area = !(view.solid_angle > kTriangleSolidAngleMin);
@@ -154,8 +165,10 @@ double PdfTriangle(const TriangleView& view, Vec3f p, Vec3f p_light) {
 QuadView ViewQuad(Vec3f v0, Vec3f v1, Vec3f v2, Vec3f v3, Vec3f p) {
   QuadView view;
   double re1 = 0, re2 = 0;
-  view.first = ViewWithoutAngle(v0, v1, v2, p, &re1);
-  view.second = ViewWithoutAngle(v2, v1, v3, p, &re2);
+  const Vec3d pd = ToDouble(p);
+  const Corner c1 = CornerFrom(pd, v1), c2 = CornerFrom(pd, v2);
+  view.first = ViewWithoutAngle(pd, CornerFrom(pd, v0), c1, c2, &re1);
+  view.second = ViewWithoutAngle(pd, c2, c1, CornerFrom(pd, v3), &re2);
   view.visible =
       view.first.visible && view.second.visible && view.first.front() == view.second.front();
   if (!view.visible) return view;
