@@ -149,6 +149,45 @@ TestScene Hazy(Tint tint) {
   return t;
 }
 
+// A lumpy cloud that shines by factors of a colour and scatters, above a floor, in a haze that
+// shines a little; and a second one that is only bright.
+TestScene Burning(Tint tint) {
+  TestScene t = OpenBox(tint);
+  t.ConstantEnvironment(tint({0.05f, 0.06f, 0.08f}));
+  const auto add = [&](MediumDescription medium, Vec3f lower, Vec3f upper) {
+    t.AddShape(MeshShape{t.Box(lower, upper)}, t.AddMaterial(InterfaceMaterial{})).media.inside =
+        static_cast<int32_t>(t.scene.media.size());
+    t.scene.media.push_back(std::move(medium));
+  };
+  const auto shining = [&](Rgb sigma_a, Rgb sigma_s, Rgb radiance) {
+    MediumDescription medium;
+    medium.sigma_a.rgb = tint(sigma_a);
+    medium.sigma_s.rgb = tint(sigma_s);
+    medium.g = 0.3f;
+    medium.emits = true;
+    medium.radiance.rgb = tint(radiance);
+    return medium;
+  };
+  const auto lumps = [](Vec3d lower, Vec3d upper) {
+    UniformGridMedium grid;
+    grid.box = {{4, 4, 4}, lower, upper};
+    for (int i = 0; i < 64; ++i) {
+      grid.density.push_back(i % 3 == 0 ? 0.0f : 0.25f * static_cast<float>(i % 7));
+      grid.radiance_scale.push_back(static_cast<float>(i % 5));
+    }
+    return grid;
+  };
+  MediumDescription fire = shining({1, 0.6f, 0.8f}, {0.5f, 0.8f, 1}, {0.5f, 0.4f, 0.2f});
+  fire.kind = lumps({-0.9, 0.1, -0.6}, {0.3, 1.5, 0.6});
+  add(std::move(fire), {-0.9f, 0.1f, -0.6f}, {0.3f, 1.5f, 0.6f});
+  MediumDescription bright = shining({0.4f, 0.5f, 0.3f}, {}, {0.2f, 0.6f, 0.9f});
+  bright.kind = lumps({0.6, 0.3, -0.5}, {1.6, 1.3, 0.5});
+  add(std::move(bright), {0.6f, 0.3f, -0.5f}, {1.6f, 1.3f, 0.5f});
+  add(shining({0.02f, 0.03f, 0.04f}, {0.05f, 0.05f, 0.1f}, {0.3f, 0.2f, 0.2f}),
+      {-1.95f, 0.05f, -1.9f}, {1.95f, 2.5f, 1.9f});
+  return t;
+}
+
 // A room full of fog of two kinds, a part of which overlaps, with a lamp of each sort that has a
 // place: flat ones, a ball, a point and a cone.
 TestScene Foggy(Tint tint) {
@@ -322,6 +361,13 @@ TEST(TechniquesTest, L16LightMetAndLightSampledBoth) {
   ExpectAgreement(
       "both against meeting", Bias(),
       TilePairs(LitScenes(kColored), kBoth, {.direct_light = DirectLight::kByMeeting}, 200));
+}
+TEST(TechniquesTest, V10GlowSampledAndGlowMet) {
+  const std::vector<TestScene> scenes = {Burning(kColored)};
+  ExpectAgreement("glow: both against sampling", BiasOfNoisyPair(),
+                  TilePairs(scenes, kBoth, {.direct_light = DirectLight::kBySampling}, 400));
+  ExpectAgreement("glow: both against meeting", Bias(),
+                  TilePairs(scenes, kBoth, {.direct_light = DirectLight::kByMeeting}, 420));
 }
 TEST(TechniquesTest, L16LightSampledAndLightMet) {
   ExpectAgreement("sampling against meeting", BiasOfNoisyPair(),

@@ -77,6 +77,17 @@ Rgb IntensityTowards(const LightTable& table, Vec3d d) {
   return sample->radiance * 4;
 }
 
+TEST_F(PictureLightStabilityTest, PicturesCountAsMemory) {
+  const auto none = MakeTable({}, {MakePoint(kWhite, {})});
+  const std::vector<Rgb> texels(64 * 64, kWhite);
+  const auto goniometric = Build(64, texels, {Goniometric()});
+  const auto projection = Build(64, texels, {Projection()});
+  ASSERT_TRUE(goniometric.ok() && projection.ok());
+  EXPECT_GE((*goniometric)->memory_bytes(), none->memory_bytes() + 64 * 64 * sizeof(float));
+  EXPECT_GE((*projection)->memory_bytes(), none->memory_bytes() + 64 * 64 * sizeof(Rgb));
+  EXPECT_LE((*projection)->memory_bytes(), none->memory_bytes() + 2 * 64 * 64 * sizeof(Rgb));
+}
+
 TEST_F(PictureLightStabilityTest, L5GoniometricTexelsShineWherePbrtHasThem) {
   constexpr int kSize = 8;
   RandomPoints random(7);

@@ -14,6 +14,7 @@
 #include "common/base/log.h"
 #include "worker/render/displacement.h"
 #include "worker/render/medium_velocities.h"
+#include "worker/render/vector_bytes.h"
 
 namespace sheaf::render {
 namespace {
@@ -22,27 +23,19 @@ uint64_t GeometryBytes(const SceneGeometry& geometry) {
   uint64_t bytes = 0;
   for (const GeometryGroup& group : geometry.groups) {
     for (const BakedMesh& mesh : group.meshes) {
-      bytes += mesh.positions.capacity() * sizeof(Vec3f) + mesh.normals.capacity() * sizeof(Vec3f) +
-               mesh.uvs.capacity() * sizeof(Vec2f) + mesh.indices.capacity() * sizeof(uint32_t);
-      for (const VertexStep& step : mesh.steps) {
-        bytes += (step.positions.capacity() + step.normals.capacity()) * sizeof(Vec3f);
-      }
+      bytes += VectorBytes(mesh.positions, mesh.normals, mesh.uvs, mesh.indices);
+      for (const VertexStep& step : mesh.steps) bytes += VectorBytes(step.positions, step.normals);
     }
     for (const BakedPatches& patches : group.patches) {
-      bytes += patches.positions.capacity() * sizeof(Vec3f) +
-               patches.normals.capacity() * sizeof(Vec3f) + patches.uvs.capacity() * sizeof(Vec2f) +
-               patches.indices.capacity() * sizeof(uint32_t);
+      bytes += VectorBytes(patches.positions, patches.normals, patches.uvs, patches.indices);
     }
     for (const BakedCurves& curves : group.curves) {
-      bytes += (curves.set.points.capacity() + curves.set.normals.capacity()) * sizeof(Vec3f) +
-               curves.set.widths.capacity() * sizeof(float) +
-               curves.pieces.capacity() * sizeof(CurvePiece) +
-               curves.rods.capacity() * sizeof(CurveRod);
+      bytes += VectorBytes(curves.set.points, curves.set.normals, curves.set.widths, curves.pieces,
+                           curves.rods);
     }
-    bytes += group.quadrics.capacity() * sizeof(BakedQuadric);
+    bytes += VectorBytes(group.quadrics);
   }
-  return bytes + (geometry.still.capacity() + geometry.moving.capacity()) * sizeof(PlacedGroup) +
-         geometry.motions.capacity() * sizeof(GroupMotion);
+  return bytes + VectorBytes(geometry.still, geometry.moving, geometry.motions);
 }
 
 // Has every hit work out its parameters, whether or not a texture reads them.
@@ -157,6 +150,7 @@ const RenderPlan& PlanOf(const CompiledScene& scene) { return scene.plan; }
 const FrameSettings& SettingsOf(const CompiledScene& scene) { return scene.settings; }
 uint64_t MemoryBytesOf(const CompiledScene& scene) {
   return sizeof(CompiledScene) + GeometryBytes(scene.geometry) + scene.tracer->memory_bytes() +
+         scene.materials->memory_bytes() + scene.lights->memory_bytes() +
          (scene.media ? scene.media->memory_bytes() : 0);
 }
 

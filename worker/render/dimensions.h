@@ -42,4 +42,7 @@ constexpr uint32_t LineSlot(uint32_t vertex, uint32_t passes) {
   return (7u << 28) + ((passes & 1023u) << 18) + (vertex & 0x3ffffu);
 }
 
+// For what shines in media, as seen from a vertex: a point of a cell; which cell.
+constexpr uint32_t GlowSlot(uint32_t vertex) { return (8u << 28) + (vertex & 0xfffffffu); }
+
 }  // namespace sheaf::render

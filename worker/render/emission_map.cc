@@ -10,6 +10,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "worker/render/light_image.h"
+#include "worker/render/vector_bytes.h"
 
 namespace sheaf::render {
 namespace {
@@ -86,6 +87,12 @@ Rgb EmissionMap::At(Vec2f uv) const {
   const Rgb lower =
       texel(x.first, y.second) * (1 - x.fraction) + texel(x.second, y.second) * x.fraction;
   return upper * (1 - y.fraction) + lower * y.fraction;
+}
+
+uint64_t EmissionMap::memory_bytes() const {
+  uint64_t bytes = VectorBytes(texels_, levels_);
+  for (const Level& level : levels_) bytes += VectorBytes(level.means);
+  return bytes;
 }
 
 double EmissionMap::MeanLuminance(Vec2f lower, Vec2f upper) const {

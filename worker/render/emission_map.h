@@ -29,6 +29,7 @@ class EmissionMap {
   // Roughly the same over a box of uv; positive wherever At is anywhere in it. Cost: bounded,
   // however many texels there are.
   double MeanLuminance(Vec2f lower, Vec2f upper) const;
+  uint64_t memory_bytes() const;
 
  private:
   // Luminance, averaged over squares of 2^level texels.

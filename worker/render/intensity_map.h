@@ -9,6 +9,7 @@
 
 #include "absl/status/statusor.h"
 #include "common/math/vec.h"
+#include "worker/render/vector_bytes.h"
 
 namespace sheaf::render {
 
@@ -23,6 +24,7 @@ class IntensityMap {
   // Over all directions.
   double mean() const { return mean_; }
   float peak() const { return peak_; }
+  uint64_t memory_bytes() const { return VectorBytes(texels_); }
 
  private:
   int size_ = 0;

@@ -9,6 +9,7 @@
 
 #include "common/math/elementary.h"
 #include "common/math/lanes.h"
+#include "worker/render/vector_bytes.h"
 
 namespace sheaf::render {
 namespace {
@@ -158,6 +159,10 @@ double LightChoice::InfiniteShare(Vec3f p, Vec3f n) const {
 
 float LightChoice::ProbabilityInfinite(size_t rank, double share) const {
   return static_cast<float>(share * infinite_.Probability(rank));
+}
+
+uint64_t LightChoice::memory_bytes() const {
+  return VectorBytes(blocks_, infinite_lights_) + tree_.size_bytes() + infinite_.size_bytes();
 }
 
 std::optional<ChosenLight> LightChoice::Choose(Vec3f p, Vec3f n, float u, uint64_t salt) const {

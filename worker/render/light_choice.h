@@ -38,6 +38,7 @@ class LightChoice {
   std::optional<ChosenLight> Choose(Vec3f p, Vec3f n, float u, uint64_t salt) const;
   // The probability with which Choose returns the light at p: the same bits.
   float Probability(uint32_t light, Vec3f p, Vec3f n) const;
+  uint64_t memory_bytes() const;
 
  private:
   struct Weights;

@@ -74,6 +74,10 @@ struct TriangleEmitter {
   Vec3f v0, v1, v2;
   Emission radiance;
   bool two_sided = false;
+  // The triangle v2 v1 v3 shines as well, which lies in the same plane to within rounding. Has no
+  // EmissionDetail.
+  bool is_quad = false;
+  Vec3f v3{};
 };
 struct SphereEmitter {
   Vec3d center;
@@ -126,6 +130,7 @@ class LightTable {
                                                            FileSource& files);
   ~LightTable();
 
+  uint64_t memory_bytes() const;
   // Whether there is nothing to sample: no light, or all of them black.
   bool empty() const;
   // Chooses a light and a point on it, as seen from p. n: the receiver's geometric normal, or zero

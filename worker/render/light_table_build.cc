@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <memory>
+#include <set>
 #include <utility>
 #include <variant>
 
@@ -14,6 +15,7 @@
 #include "worker/render/light_reader.h"
 #include "worker/render/light_table.h"
 #include "worker/render/light_table_impl.h"
+#include "worker/render/vector_bytes.h"
 
 namespace sheaf::render {
 namespace {
@@ -35,12 +37,17 @@ LightBounds NoLight() { return {.kind = LightBounds::Kind::kPlanar, .strength = 
 
 LightBounds BoundsOf(const TriangleEmitter& t) {
   const Vec3d v0 = ToDouble(t.v0), e1 = ToDouble(t.v1) - v0, e2 = ToDouble(t.v2) - v0;
-  const Vec3d normal = Cross(e1, e2);
+  Vec3d normal = Cross(e1, e2), center = v0 + (e1 + e2) / 3.0;
+  const Vec3d e3 = ToDouble(t.v3) - v0;
+  if (t.is_quad) {
+    normal = normal + Cross(e1 - e2, e3 - e2);
+    center = v0 + (e1 + e2 + e3) / 4.0;
+  }
   const double doubled_area = Length(normal);
   if (!(doubled_area > 0) || !std::isfinite(doubled_area)) return NoLight();
-  const Vec3d center = v0 + (e1 + e2) / 3.0;
-  const double radius =
+  double radius =
       std::max({Length(v0 - center), Length(v0 + e1 - center), Length(v0 + e2 - center)});
+  if (t.is_quad) radius = std::max(radius, Length(v0 + e3 - center));
   return {.kind = LightBounds::Kind::kPlanar,
           .two_sided = t.two_sided,
           .center = ToFloat(center),
@@ -146,6 +153,28 @@ LightBounds SameForAll(const LightBounds& light) {
 }
 
 }  // namespace
+
+uint64_t LightTable::memory_bytes() const {
+  const Impl& impl = *impl_;
+  uint64_t bytes = VectorBytes(impl.triangles, impl.spheres, impl.disks, impl.detail_of,
+                               impl.details, impl.quadrics, impl.deltas, impl.intensities,
+                               impl.projected_images, impl.infinites, impl.spectra) +
+                   impl.choice.memory_bytes();
+  // Shapes of one picture share it.
+  std::set<const EmissionMap*> maps;
+  for (const auto& map : impl.maps) {
+    if (map != nullptr && maps.insert(map.get()).second) bytes += map->memory_bytes();
+  }
+  for (const IntensityDistribution& intensity : impl.intensities) {
+    if (const auto* map = std::get_if<IntensityMap>(&intensity)) bytes += map->memory_bytes();
+  }
+  for (const ProjectedImage& image : impl.projected_images) bytes += image.memory_bytes();
+  for (const InfiniteEmitter& light : impl.infinites) {
+    if (light.map) bytes += light.map->size_bytes();
+    if (light.portal) bytes += light.portal->memory_bytes();
+  }
+  return bytes;
+}
 
 LightBounds LightTable::BoundsOf(uint32_t light) const { return BoundsOfLight(*impl_, light); }
 

@@ -11,6 +11,7 @@
 #include "worker/render/fresnel.h"
 #include "worker/render/material_impl.h"
 #include "worker/render/variant_list.h"
+#include "worker/render/vector_bytes.h"
 
 namespace sheaf::render {
 namespace {
@@ -331,6 +332,17 @@ BsdfOf<ColorOf<kTraits>> MaterialTable::Evaluate(
   bsdf = ConstantAt(*chosen, wavelengths);
   SetDispersion(*chosen, wavelengths, &bsdf);
   return bsdf;
+}
+
+uint64_t MaterialTable::memory_bytes() const {
+  const ScatteringTables& tables = impl_->tables;
+  uint64_t bytes = VectorBytes(impl_->materials) + tables.hairs.size() * sizeof(CompiledHair) +
+                   tables.conductor_coats.size() * sizeof(ConductorCoatRow);
+  for (const auto& [key, rows] : tables.coats) bytes += VectorBytes(rows);
+  for (const auto& [key, rows] : tables.conductors) bytes += VectorBytes(rows);
+  for (const auto& [key, rows] : tables.dielectrics) bytes += VectorBytes(rows);
+  for (const auto& [file, brdf] : tables.measured) bytes += sizeof brdf + brdf.memory_bytes();
+  return bytes;
 }
 
 template <uint32_t kTraits>

@@ -64,6 +64,8 @@ class MaterialTable {
   // Value of a float input (cut-outs), as it is: a mask's author may have left [0, 1].
   template <uint32_t kTraits>
   float EvaluateFloat(const FloatInput& input, const TexturePoint& point) const;
+  // Without texels, which the texture cache holds within a limit of its own.
+  uint64_t memory_bytes() const;
 
   // Mixes of mixes may be nested this deep.
   static constexpr int kMixDepthMax = 64;

@@ -12,6 +12,7 @@
 
 #include "common/math/vec.h"
 #include "common/scene/measured_file.h"
+#include "worker/render/vector_bytes.h"
 #include "worker/render/warp_table.h"
 #include "worker/render/wavelengths.h"
 
@@ -38,6 +39,10 @@ class MeasuredBrdf {
 
   // Of light along the normal.
   Rgb albedo() const { return albedo_; }
+  uint64_t memory_bytes() const {
+    return VectorBytes(phi_, theta_, wavelengths_, rgb_, spectra_) + ndf_.memory_bytes() +
+           sigma_.memory_bytes() + vndf_.memory_bytes() + luminance_.memory_bytes();
+  }
 
  private:
   SliceBlend BlendFor(float phi, float theta) const;

@@ -148,6 +148,7 @@ absl::StatusOr<std::unique_ptr<MediumTable>> MediumTable::Build(const SceneDescr
     table->index_of_[i] = static_cast<uint16_t>(table->media_.size());
     table->media_.push_back(std::move(media[i]));
   }
+  table->glow_lights_ = table->FindGlowLights();
   if (scene.camera.medium != kNone) {
     const bool fits = table->camera_media_.Add(table->IndexOf(scene.camera.medium));
     SHEAF_CHECK(fits);
@@ -155,8 +156,21 @@ absl::StatusOr<std::unique_ptr<MediumTable>> MediumTable::Build(const SceneDescr
   return table;
 }
 
+GlowLights MediumTable::FindGlowLights() const {
+  std::vector<GlowLights::Source> sources;
+  for (uint16_t medium = 0; medium < media_.size(); ++medium) {
+    for (uint16_t part = 0; part < media_[medium].parts.size(); ++part) {
+      const MediumGlow* glow = GlowOf({medium, part});
+      if (glow == nullptr) continue;
+      sources.push_back({&DensityOf({medium, part}), glow,
+                         CoefficientsOf<Rgb>({medium, part}, NoWavelengths{}).sigma_a});
+    }
+  }
+  return GlowLights(sources);
+}
+
 uint64_t MediumTable::memory_bytes() const {
-  uint64_t bytes = media_.capacity() * sizeof(Medium);
+  uint64_t bytes = media_.capacity() * sizeof(Medium) + glow_lights_.memory_bytes();
   for (const Medium& medium : media_) {
     for (const Part& part : medium.parts) bytes += part.density.memory_bytes();
     if (medium.glow != nullptr) bytes += medium.glow->memory_bytes();

@@ -17,6 +17,7 @@
 #include "common/scene/scene_description.h"
 #include "worker/render/color_parts.h"
 #include "worker/render/free_flight.h"
+#include "worker/render/glow_lights.h"
 #include "worker/render/medium_glow.h"
 #include "worker/render/medium_set.h"
 #include "worker/render/medium_velocities.h"
@@ -86,6 +87,8 @@ class MediumTable {
   const MediumGlow* GlowOf(PartId id) const {
     return PartAt(id).kind == Part::Kind::kScatters ? nullptr : media_[id.medium].glow.get();
   }
+  // Of all media that vary and shine.
+  const GlowLights& glow_lights() const { return glow_lights_; }
   // Of a density of 1, per scene unit.
   template <typename Color>
   struct Coefficients {
@@ -135,6 +138,7 @@ class MediumTable {
   static absl::StatusOr<std::unique_ptr<const MediumGlow>> MakeGlow(
       const std::string& where, const MediumDescription& description, const Affine& placement,
       FileSource& files, const Options& options);
+  GlowLights FindGlowLights() const;
   template <typename Color>
   static Color Evaluate(Rgb rgb, const SpectralColor& spectrum, float scale,
                         const WavelengthsOf<Color>& wavelengths) {
@@ -148,6 +152,7 @@ class MediumTable {
   std::vector<Medium> media_;
   std::vector<uint16_t> index_of_;
   MediumSet camera_media_;
+  GlowLights glow_lights_;
 };
 
 template <typename Color>

@@ -74,6 +74,7 @@ class PathTracer {
   static constexpr bool kLines = Has(kTraits, Trait::kMedia) && (Has(kTraits, Trait::kAreaLights) ||
                                                                  Has(kTraits, Trait::kDeltaLights));
   static constexpr bool kVaryingMedia = kMedia && Has(kTraits, Trait::kHeterogeneousMedia);
+  static constexpr bool kSamplesGlow = kVaryingMedia && Has(kTraits, Trait::kEmissiveMedia);
   static constexpr bool kUsesBoth =
       kDirectLight == DirectLight::kByBoth || kDirectLight == DirectLight::kByLines;
   // What asks for no colour, or for the colour as RGB, leaves the wavelengths out.
@@ -205,6 +206,9 @@ class PathTracer {
     }
     return IsHair<kTraits>(bsdf) || cos_shading * cos_true > 0;
   }
+  // What the surface scatters from w, with the pdf of Scatter's choosing it.
+  static BsdfValueOf<Color> ValueTowards(Vec3f w, const SurfacePoint& point, const Tilt& tilt,
+                                         const BsdfOf<Color>& bsdf, Vec3f wo_local);
   void AddDirect(const LightDraw& draw, const SurfacePoint& point, const Tilt& tilt,
                  const BsdfOf<Color>& bsdf, Vec3f wo_local, Vec3f light_hint, Path* path);
   // Whether light may arrive at a surface from behind it.
@@ -264,17 +268,7 @@ class PathTracer {
   }
   // Counts a vertex. False where the path ends before it. in_matter: it is of the walk beneath a
   // surface, or of the surface from below.
-  bool CountVertex(bool in_matter, Path* path) {
-    if constexpr (kSubsurface) {
-      path->matter.vertex = NextVertex(*path);
-      if (path->media.mix.is_matter && ++path->matter.steps > kMatterStepsMax) {
-        ++counts_.long_walks;
-        return false;
-      }
-      if (in_matter) return true;
-    }
-    return path->depth++ != static_cast<uint32_t>(scene_.settings.max_depth);
-  }
+  bool CountVertex(bool in_matter, Path* path);
 
   // path_tracer_matter.h.
   // Whether the path comes to the boundary of the matter it is in; then it does so along its walk.
@@ -333,6 +327,22 @@ class PathTracer {
   // What of the light arrives at the point, by way of media and surfaces that let it pass.
   Color ShareThroughMedia(const SurfacePoint& point, const LightSampleOf<Color>& light,
                           std::array<float, 2> u_pass, const Path& path, InMedia media);
+  // The same along a shadow ray, to `end` where that is not null. on_segment(ray, pass, length,
+  // share, media) is called where each segment begins, with what share of its light arrives.
+  template <typename OnSegment>
+  Color PassThroughMedia(Ray ray, const Vec3f* end, std::array<float, 2> u_pass, const Path& path,
+                         InMedia media, const OnSegment& on_segment);
+
+  // path_tracer_glow.h. Where kSamplesGlow.
+  // Adds what media shine with along one ray from a vertex. towards(w, &media): a
+  // BsdfValueOf<Color> of the direction w; media becomes that on its side.
+  template <typename Towards>
+  void AddSampledGlow(const Sampler& sampler, const SurfacePoint& point, const Towards& towards,
+                      Path* path);
+  void AddGlowAtSurface(const Sampler& sampler, const SurfacePoint& point, const Tilt& tilt,
+                        const BsdfOf<Color>& bsdf, Vec3f wo_local, Path* path);
+  // The share of glow that the path's ray meets.
+  float MetShareOfGlow(const Path& path) const;
 
   // path_tracer_lines.h. Where kLines.
   static bool GathersAlongLines(const MediumMix<Color>& m) { return m.scatters && !m.is_matter; }
@@ -356,9 +366,9 @@ class PathTracer {
                                   double length, const Path& path, Scatterer* scatterer);
   Color ShareThroughVarying(const Ray& ray, std::array<float, 2> u, uint32_t pass, double length,
                             const Path& path, const InMedia& media);
-  // What arrives at the beginning of the path's ray of all that shines along `length`.
-  Color EmissionAmongVarying(const std::array<float, 4>& u, uint32_t passes, double length,
-                             const Path& path);
+  // What arrives at the beginning of the ray of all that shines along `length`.
+  Color EmissionAmongVarying(const Ray& ray, const std::array<float, 4>& u, uint32_t passes,
+                             double length, const Path& path, const InMedia& media);
 
   const CompiledScene& scene_;
   Tracer& tracer_;
@@ -404,19 +414,6 @@ Rgb PathTracer<kTraits, Tracer, kDirectLight>::RgbOfSample(const Color& radiance
 }
 
 template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight>
-Rgb PathTracer<kTraits, Tracer, kDirectLight>::AlbedoOf(const BsdfOf<Color>& bsdf,
-                                                        const SurfacePoint& point,
-                                                        float u_mix) const {
-  if constexpr (kSpectral) {
-    return scene_.materials
-        ->template Evaluate<kRgbTraits>(point.surface->material, TexturePointOf(point), u_mix)
-        .albedo;
-  } else {
-    return bsdf.albedo;
-  }
-}
-
-template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight>
 Ray PathTracer<kTraits, Tracer, kDirectLight>::CameraRay(const Sampler& sampler, int32_t x,
                                                          int32_t y, FilmSample* film,
                                                          float* weight) const {
@@ -440,6 +437,7 @@ Ray PathTracer<kTraits, Tracer, kDirectLight>::CameraRay(const Sampler& sampler,
 
 }  // namespace sheaf::render
 
+#include "worker/render/path_tracer_glow.h"
 #include "worker/render/path_tracer_interiors.h"
 #include "worker/render/path_tracer_lines.h"
 #include "worker/render/path_tracer_matter.h"

@@ -83,18 +83,34 @@ PathTracer<kTraits, Tracer, kDirectLight>::ShareThroughMedia(const SurfacePoint&
                                                              std::array<float, 2> u_pass,
                                                              const Path& path, InMedia media) {
   Vec3f end{};
-  Ray ray = ShadowRay(point, light, path.ray.time, &end);
+  const Ray ray = ShadowRay(point, light, path.ray.time, &end);
+  return PassThroughMedia(ray, light.is_infinite ? nullptr : &end, u_pass, path, std::move(media),
+                          nullptr);
+}
+
+template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight>
+template <typename OnSegment>
+typename PathTracer<kTraits, Tracer, kDirectLight>::Color
+PathTracer<kTraits, Tracer, kDirectLight>::PassThroughMedia(Ray ray, const Vec3f* end,
+                                                            std::array<float, 2> u_pass,
+                                                            const Path& path, InMedia media,
+                                                            const OnSegment& on_segment) {
+  constexpr bool kLooksOn = !std::is_null_pointer_v<OnSegment>;
   Color share = Color::Grey(1);
   for (uint32_t pass = 0; pass < kPassesMax; ++pass) {
     ++counts_.rays;
     ++counts_.shadow_rays;
     RawHit hit;
     bool meets = false;
-    if constexpr (kMayPass) {
+    if constexpr (kMayPass || kLooksOn) {
       meets = tracer_.Intersect(ray, &hit);
     } else {
       if (tracer_.Occluded(ray)) return {};
     }
+    const bool is_endless = !meets && end == nullptr;
+    double length = std::numeric_limits<double>::infinity();
+    if (!is_endless) length = Length(ToDouble(ray.d)) * (meets ? static_cast<double>(hit.t) : 1);
+    if constexpr (kLooksOn) on_segment(ray, pass, length, share, media);
     std::optional<SurfacePoint> met;
     if (meets) {
       met = MakeSurfacePoint<kTraits>(scene_.geometry, ray, hit);
@@ -105,19 +121,15 @@ PathTracer<kTraits, Tracer, kDirectLight>::ShareThroughMedia(const SurfacePoint&
       }
     }
     if constexpr (kNested) {
-      if (!meets && light.is_infinite && !media.interiors.empty()) {
+      if (is_endless && !media.interiors.empty()) {
         ++counts_.broken_nestings;
         return {};
       }
     }
     if (!media.set.empty()) {
-      if (!meets && light.is_infinite && media.mix.is_bounded) {
+      if (is_endless && media.mix.is_bounded) {
         ++counts_.broken_nestings;
         return {};
-      }
-      double length = std::numeric_limits<double>::infinity();
-      if (meets || !light.is_infinite) {
-        length = Length(ToDouble(ray.d)) * (meets ? static_cast<double>(hit.t) : 1);
       }
       share *= TransmittanceOf<kChromaticMedia>(media.mix, length);
       if constexpr (kVaryingMedia) {
@@ -131,7 +143,7 @@ PathTracer<kTraits, Tracer, kDirectLight>::ShareThroughMedia(const SurfacePoint&
     if (!Cross(*met, ray.d, path, &media)) return {};
     ray.o = OffsetRayOrigin(met->p, met->p_error, met->ng, ray.d);
     ray.source = met->id;
-    if (!light.is_infinite) ray.d = end - ray.o;
+    if (end != nullptr) ray.d = *end - ray.o;
   }
   return {};
 }
@@ -195,15 +207,17 @@ void PathTracer<kTraits, Tracer, kDirectLight>::AddGlow([[maybe_unused]] const S
                                                         double length, Path* path) {
   const MediumMix<Color>& mix = path->media.mix;
   if (mix.emission.IsBlack() && !mix.glows) return;
-  const Color arriving = path->throughput * [&] {
+  Color arriving = path->throughput * [&] {
     if constexpr (kVaryingMedia) {
       if (mix.varies) {
-        return EmissionAmongVarying(sampler.Get4(Slot(NextVertex(*path), VertexSlot::kMedium)),
-                                    passes, length, *path);
+        return EmissionAmongVarying(path->ray,
+                                    sampler.Get4(Slot(NextVertex(*path), VertexSlot::kMedium)),
+                                    passes, length, *path, path->media);
       }
     }
     return EmissionAlong(mix, length);
   }();
+  if constexpr (kSamplesGlow) arriving *= MetShareOfGlow(*path);
   path->radiance += arriving;
   if constexpr (kOutputs) groups_.AddToGroup(scene_.media_group, arriving);
 }
@@ -326,6 +340,15 @@ bool PathTracer<kTraits, Tracer, kDirectLight>::ScatterInMedium(
         }();
         AddSampled(*light, p, value.f * share, of_sample, path);
       }
+    }
+  }
+  if constexpr (kSamplesGlow) {
+    if (!path->media.mix.is_hidden) {
+      const auto towards = [&](Vec3f w, InMedia*) {
+        const typename PhaseMix<Color>::Value value = phase.Eval(d, w);
+        return BsdfValueOf<Color>{value.f, value.pdf};
+      };
+      AddSampledGlow(sampler, here, towards, path);
     }
   }
   const std::array<float, 4> u = sampler.Get4(Slot(LastVertex(*path), VertexSlot::kBsdf));

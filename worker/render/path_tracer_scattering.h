@@ -32,6 +32,19 @@ PathTracer<kTraits, Tracer, kDirectLight>::MapNormal(const Sampler& sampler,
 }
 
 template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight>
+inline BsdfValueOf<typename PathTracer<kTraits, Tracer, kDirectLight>::Color>
+PathTracer<kTraits, Tracer, kDirectLight>::ValueTowards(Vec3f w, const SurfacePoint& point,
+                                                        const Tilt& tilt, const BsdfOf<Color>& bsdf,
+                                                        Vec3f wo_local) {
+  const Vec3f wi_local = point.shading.ToLocal(w);
+  if (!AgreesOnSide(bsdf, tilt, wi_local.z, Dot(w, point.ng))) return {};
+  if constexpr (kMapsNormals) {
+    if (tilt.active()) return tilt.template Eval<kTraits>(bsdf, wo_local, wi_local);
+  }
+  return EvalBsdf<kTraits>(bsdf, wo_local, wi_local);
+}
+
+template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight>
 void PathTracer<kTraits, Tracer, kDirectLight>::AddDirect(const LightDraw& draw,
                                                           const SurfacePoint& point,
                                                           const Tilt& tilt,
@@ -42,14 +55,7 @@ void PathTracer<kTraits, Tracer, kDirectLight>::AddDirect(const LightDraw& draw,
   std::optional<LightSampleOf<Color>> light = scene_.lights->template Sample<kTraits>(
       point.p, light_hint, u[2], {u[0], u[1]}, path->wavelengths, draw.preparation);
   if (!light.has_value()) return;
-  const Vec3f wi_local = point.shading.ToLocal(light->wi);
-  if (!AgreesOnSide(bsdf, tilt, wi_local.z, Dot(light->wi, point.ng))) return;
-  const BsdfValueOf<Color> value = [&] {
-    if constexpr (kMapsNormals) {
-      if (tilt.active()) return tilt.template Eval<kTraits>(bsdf, wo_local, wi_local);
-    }
-    return EvalBsdf<kTraits>(bsdf, wo_local, wi_local);
-  }();
+  const BsdfValueOf<Color> value = ValueTowards(light->wi, point, tilt, bsdf, wo_local);
   if (value.f_cos.IsBlack()) return;
   if constexpr (kMayPass && Has(kTraits, Trait::kVaryingEmission)) {
     if (light->cut_out != kNone) light->radiance *= ShareOfCutOut(*light);

@@ -89,6 +89,7 @@ void PathTracer<kTraits, Tracer, kDirectLight>::Trace(const Sampler& sampler, Pa
     Vec3f light_hint{};
     if (!TransmitsLight(bsdf)) light_hint = Dot(wo, point.ng) < 0 ? -point.ng : point.ng;
     if (!bsdf.specular) AddDirect(draw, point, tilt, bsdf, wo_local, light_hint, path);
+    if constexpr (kSamplesGlow) AddGlowAtSurface(sampler, point, tilt, bsdf, wo_local, path);
     if (!Scatter(sampler, point, tilt, bsdf, wo_local, light_hint, path)) return;
   }
 }
@@ -153,6 +154,32 @@ void PathTracer<kTraits, Tracer, kDirectLight>::AddEmission(const SurfacePoint& 
       }();
     }
     AddLight(point.emitter, path->throughput * radiance * weight, path);
+  }
+}
+
+template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight>
+bool PathTracer<kTraits, Tracer, kDirectLight>::CountVertex(bool in_matter, Path* path) {
+  if constexpr (kSubsurface) {
+    path->matter.vertex = NextVertex(*path);
+    if (path->media.mix.is_matter && ++path->matter.steps > kMatterStepsMax) {
+      ++counts_.long_walks;
+      return false;
+    }
+    if (in_matter) return true;
+  }
+  return path->depth++ != static_cast<uint32_t>(scene_.settings.max_depth);
+}
+
+template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight>
+Rgb PathTracer<kTraits, Tracer, kDirectLight>::AlbedoOf(const BsdfOf<Color>& bsdf,
+                                                        const SurfacePoint& point,
+                                                        float u_mix) const {
+  if constexpr (kSpectral) {
+    return scene_.materials
+        ->template Evaluate<kRgbTraits>(point.surface->material, TexturePointOf(point), u_mix)
+        .albedo;
+  } else {
+    return bsdf.albedo;
   }
 }
 

@@ -103,14 +103,16 @@ PathTracer<kTraits, Tracer, kDirectLight>::ShareThroughVarying(const Ray& ray,
 
 template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight>
 typename PathTracer<kTraits, Tracer, kDirectLight>::Color
-PathTracer<kTraits, Tracer, kDirectLight>::EmissionAmongVarying(const std::array<float, 4>& u,
+PathTracer<kTraits, Tracer, kDirectLight>::EmissionAmongVarying(const Ray& ray,
+                                                                const std::array<float, 4>& u,
                                                                 uint32_t passes, double length,
-                                                                const Path& path) {
-  const Vec3d o = ToDouble(path.ray.o), d = ToDouble(path.ray.d);
+                                                                const Path& path,
+                                                                const InMedia& media) {
+  const Vec3d o = ToDouble(ray.o), d = ToDouble(ray.d);
   const double unit = Length(d);
-  const auto time = TimeOfMedia<kTraits>(path.ray.time);
-  const MediumMix<Color>& mix = path.media.mix;
-  const MediumTable::PartList parts = scene_.media->PartsOf(path.media.set);
+  const auto time = TimeOfMedia<kTraits>(ray.time);
+  const MediumMix<Color>& mix = media.mix;
+  const MediumTable::PartList parts = scene_.media->PartsOf(media.set);
   const uint32_t count = parts.size();
   TrackingTally tally{.bound_factor = counts_.majorant_factor};
   // Keys that no flight and no shadow ray has. by: what shines; count: the media that do not vary.

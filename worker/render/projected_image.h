@@ -10,6 +10,7 @@
 
 #include "absl/status/statusor.h"
 #include "common/math/vec.h"
+#include "worker/render/vector_bytes.h"
 
 namespace sheaf::render {
 
@@ -29,6 +30,7 @@ class ProjectedImage {
   double CosCorner() const;
   // The integral of luminance over all directions.
   double Power() const;
+  uint64_t memory_bytes() const { return VectorBytes(texels_); }
 
  private:
   int width_ = 0, height_ = 0;

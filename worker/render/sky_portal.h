@@ -19,6 +19,7 @@
 #include <vector>
 
 #include "common/math/vec.h"
+#include "worker/render/vector_bytes.h"
 
 namespace sheaf::render {
 
@@ -41,6 +42,7 @@ class SkyPortal {
   Sample SampleFrom(Vec3f p, Vec2f u) const;
   // The pdf of SampleFrom; positive for directions through the portal and for no others. d: unit.
   float Pdf(Vec3f p, Vec3f d) const;
+  uint64_t memory_bytes() const { return VectorBytes(values_, sums_); }
 
  private:
   // Angles as places in the table, both in [0, cells].

@@ -273,10 +273,12 @@ template <uint32_t kTraits>
 uint32_t EmitterOfFace(const Surface& surface, const RawHit& hit) {
   if constexpr (Has(kTraits, Trait::kVaryingEmission)) {
     const uint32_t cells = surface.emission_cells;
-    return hit.id.primitive * cells * cells +
-           CellAt(cells, static_cast<double>(hit.u), static_cast<double>(hit.v));
+    if (cells > 1) {
+      return hit.id.primitive * cells * cells +
+             CellAt(cells, static_cast<double>(hit.u), static_cast<double>(hit.v));
+    }
   }
-  return hit.id.primitive;
+  return hit.id.primitive >> surface.emitter_shift;
 }
 
 // The hit's point in its group, with point->surface and emitter. placement: null in the world.

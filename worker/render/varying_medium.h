@@ -56,6 +56,8 @@ class VaryingMedium {
                                                  const Placement& placement);
   uint64_t memory_bytes() const;
   const MajorantGrid& majorants() const { return majorants_; }
+  // Index space is that of majorants().
+  const Affine& index_from_render() const { return index_from_render_; }
   // The density, where it is the same in the whole box.
   std::optional<float> constant() const { return majorants_.constant(); }
 

@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "common/math/vec.h"
+#include "worker/render/vector_bytes.h"
 
 namespace sheaf::render {
 
@@ -50,6 +51,7 @@ class BilinearGrid {
   BilinearGrid(uint32_t width, uint32_t height, std::vector<float> values)
       : width_(width), height_(height), values_(std::move(values)) {}
   float At(Vec2f p) const;
+  uint64_t memory_bytes() const { return VectorBytes(values_); }
 
  private:
   uint32_t width_ = 0, height_ = 0;
@@ -74,6 +76,7 @@ class WarpTable {
   // The u that Sample takes to p, and p's density.
   Point Invert(const SliceBlend& blend, Vec2f p) const;
   float Pdf(const SliceBlend& blend, Vec2f p) const;
+  uint64_t memory_bytes() const { return VectorBytes(values_, line_sums_, row_sums_); }
 
  private:
   // Blended values: of the density at two corners of a row, and of the sums.
