@@ -43,18 +43,25 @@ GlowLights::Cells GlowLights::CutUp(const VaryingMedium& medium) {
   return cells;
 }
 
-// By what shines at the middles of equal parts of each cell.
+// By what shines at the middles of equal parts of each cell, and of the shutter's time.
 void GlowLights::Weigh(const Source& source, const Cells& cells, std::vector<double>* powers) {
   const auto count = static_cast<double>(CountOf(cells.counts));
   const int parts = std::max(1, static_cast<int>(std::cbrt(kPlacesMax / count)));
   const double volume = std::fabs(cells.render_from_cell.Determinant());
+  const int moments = source.density->moves() ? kMoments : 1;
   std::array<int32_t, 3> cell{};
   const auto shines_at = [&](int x, int y, int z) {
     const Vec3d p = cells.render_from_cell.Point(
         {cell[0] + (x + 0.5) / parts, cell[1] + (y + 0.5) / parts, cell[2] + (z + 0.5) / parts});
-    const double density = source.density->DensityAt(p);
-    if (!(density > 0)) return 0.0;
-    return density * double{Luminance(source.glow->At<Rgb>(p, {}) * source.sigma_a)};
+    double sum = 0;
+    for (int moment = 0; moment < moments; ++moment) {
+      const double time = (moment + 0.5) / moments;
+      const double density = source.density->DensityAt(p, time);
+      if (!(density > 0)) continue;
+      const Vec3d origin = source.density->OriginOf(p, time);
+      sum += density * double{Luminance(source.glow->At<Rgb>(origin, {}) * source.sigma_a)};
+    }
+    return sum / moments;
   };
   for (cell[0] = 0; cell[0] < cells.counts[0]; ++cell[0]) {
     for (cell[1] = 0; cell[1] < cells.counts[1]; ++cell[1]) {

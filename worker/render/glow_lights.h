@@ -32,6 +32,8 @@ class GlowLights {
   // Cells of a source along its longest side, and places that are looked at for all of them.
   static constexpr int32_t kCellsAcross = 16;
   static constexpr int64_t kPlacesMax = int64_t{1} << 18;
+  // At which places of a source that moves are looked at.
+  static constexpr int kMoments = 4;
 
   GlowLights() = default;
   explicit GlowLights(const std::vector<Source>& sources);

@@ -11,6 +11,7 @@
 #include <algorithm>
 #include <cmath>
 #include <optional>
+#include <span>
 #include <utility>
 #include <vector>
 
@@ -156,6 +157,29 @@ TEST(GlowLightsTest, WhatDoesNotShineIsNotALight) {
   EXPECT_TRUE(GlowLights({dark.source()}).empty());
   EXPECT_TRUE(GlowLights({bright.source(Rgb{})}).empty());
   EXPECT_FALSE(GlowLights({dark.source(), bright.source()}).empty());
+}
+
+// Something at the left end of the box that blows to its middle is looked for there too.
+TEST(GlowLightsTest, WhatMovesIsLookedForWhereItComes) {
+  std::vector<float> values(48);
+  for (size_t i = 0; i < values.size(); i += 6) values[i] = 1;
+  const Flame still = MakeFlame(values, {});
+  Flame moving = MakeFlame(values, {});
+  const std::vector<Vec3f> wind(8, {1.5f, 0, 0});
+  auto grid = VolumeGridFromArray("a", "density", {{6, 4, 2}, {0, 0, 0}, {3, 2, 1}}, values);
+  auto velocities = VolumeGridFromArray("a", "vel", {{2, 2, 2}, {-9, -9, -9}, {9, 9, 9}},
+                                        std::span<const Vec3f>(wind));
+  auto motion = VolumeMotion::Make("a", *std::move(velocities), 1, *grid);
+  ASSERT_TRUE(motion.ok()) << motion.status();
+  auto density = VaryingMedium::FromMovingGrid("a", *std::move(grid), *std::move(motion), {});
+  ASSERT_TRUE(density.ok()) << density.status();
+  moving.density.emplace(*std::move(density));
+  const GlowLights where_it_is({still.source()}), where_it_comes({moving.source()});
+  const Vec3f down{0, 0, -1};
+  EXPECT_GT(where_it_is.Pdf({0.25f, 1, 5}, down), 0);
+  EXPECT_EQ(where_it_is.Pdf({1.25f, 1, 5}, down), 0);
+  for (const float x : {0.25f, 0.75f, 1.25f}) EXPECT_GT(where_it_comes.Pdf({x, 1, 5}, down), 0);
+  EXPECT_EQ(where_it_comes.Pdf({2.9f, 1, 5}, down), 0);
 }
 
 }  // namespace
