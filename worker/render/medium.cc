@@ -107,7 +107,11 @@ absl::StatusOr<std::unique_ptr<MediumTable>> MediumTable::Build(const SceneDescr
     medium.scale = description.scale;
     medium.sigma_a = description.sigma_a.rgb * description.scale;
     medium.sigma_s = description.sigma_s.rgb * description.scale;
-    medium.g = description.g;
+    const float g = description.g;
+    medium.scattering[static_cast<size_t>(MediumForm::kTrue)] = {1, g};
+    // What scatters backward would become denser: it stays as it is.
+    medium.scattering[static_cast<size_t>(MediumForm::kReduced)] = {1 - std::max(g, 0.0f),
+                                                                    std::min(g, 0.0f)};
     medium.emits =
         description.IsHomogeneous() && description.emits && description.radiance_scale > 0;
     medium.is_matter = description.is_matter;
@@ -131,9 +135,9 @@ absl::StatusOr<std::unique_ptr<MediumTable>> MediumTable::Build(const SceneDescr
   std::iota(order.begin(), order.end(), size_t{0});
   const auto key = [&media](size_t i) {
     const Medium& m = media[i];
-    return std::tuple(m.g, m.is_matter, m.is_hidden, m.sigma_s.r, m.sigma_s.g, m.sigma_s.b,
-                      m.sigma_a.r, m.sigma_a.g, m.sigma_a.b, m.radiance.r, m.radiance.g,
-                      m.radiance.b);
+    return std::tuple(m.In(MediumForm::kTrue).g, m.is_matter, m.is_hidden, m.sigma_s.r, m.sigma_s.g,
+                      m.sigma_s.b, m.sigma_a.r, m.sigma_a.g, m.sigma_a.b, m.radiance.r,
+                      m.radiance.g, m.radiance.b);
   };
   std::stable_sort(order.begin(), order.end(),
                    [&key](size_t a, size_t b) { return key(a) < key(b); });

@@ -16,6 +16,7 @@
 #include "worker/render/bilinear_patch.h"
 #include "worker/render/light_choice.h"
 #include "worker/render/material_traits.h"
+#include "worker/render/similarity.h"
 #include "worker/render/variants.h"
 
 namespace sheaf::render {
@@ -81,6 +82,7 @@ class PlanMaker {
     }
     RenderPlan plan = Finish(settings.force_generic_variant);
     BoundDepth(settings.max_depth, &plan);
+    plan.notes = SimilarityNotes(scene_, settings.similarity_after);
     return plan;
   }
 
@@ -351,6 +353,7 @@ std::string FormatRenderPlan(const RenderPlan& plan) {
   if (!plan.depth_cause.empty()) {
     absl::StrAppend(&text, "depth: ", plan.max_depth, ", ", plan.depth_cause, "\n");
   }
+  for (const std::string& note : plan.notes) absl::StrAppend(&text, note, "\n");
   std::vector<std::string> carried;
   for (const TraitName& t : kTraitNames) {
     const auto bit = static_cast<uint32_t>(t.trait);
