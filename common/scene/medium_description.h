@@ -76,6 +76,8 @@ struct MediumDescription {
   // The inside of a material: scattering there counts no depth, and every path in it must come to
   // the boundary. Homogeneous.
   bool is_matter = false;
+  // Of a grid with one value in all cells: what was made of it, and why. See constant_grid.h.
+  std::string constant_grid;
   Matrix4 world_from_medium;
   SourceLocation location;
 

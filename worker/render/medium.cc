@@ -19,7 +19,7 @@ namespace {
 // Whether what lies inside of a surface (behind its front) is enclosed by it.
 bool EnclosesInside(const BakedMesh& mesh) {
   const EnclosedSide side = EnclosedSideOf(mesh.positions, mesh.indices);
-  if (side == EnclosedSide::kNone) return false;
+  if (side == EnclosedSide::kNeither) return false;
   const float front = side == EnclosedSide::kBack ? 1.0f : -1.0f;
   for (size_t i = 0; i + 2 < mesh.indices.size(); i += 3) {
     const uint32_t* t = &mesh.indices[i];

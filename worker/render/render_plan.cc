@@ -9,6 +9,7 @@
 #include <cmath>
 #include <iterator>
 #include <set>
+#include <utility>
 #include <variant>
 
 #include "absl/strings/str_cat.h"
@@ -82,7 +83,10 @@ class PlanMaker {
     }
     RenderPlan plan = Finish(settings.force_generic_variant);
     BoundDepth(settings.max_depth, &plan);
-    plan.notes = SimilarityNotes(scene_, settings.similarity_after);
+    plan.notes = std::move(notes_);
+    for (std::string& note : SimilarityNotes(scene_, settings.similarity_after)) {
+      plan.notes.push_back(std::move(note));
+    }
     return plan;
   }
 
@@ -251,6 +255,10 @@ class PlanMaker {
                                               : absl::StrCat("medium \"", medium.name, "\"");
     const auto ask = [&](Trait trait) { Ask(trait, medium.location, what); };
     ask(medium.is_matter ? Trait::kSubsurface : Trait::kMedia);
+    if (!medium.constant_grid.empty()) {
+      notes_.push_back(absl::StrCat(FormatLocation(scene_, medium.location), ": ", what, ": ",
+                                    medium.constant_grid));
+    }
     const auto* grid = std::get_if<RgbGridMedium>(&medium.kind);
     if (!medium.IsHomogeneous()) ask(Trait::kHeterogeneousMedia);
     const bool is_grey = grid != nullptr ? IsGrey(grid->sigma_a) && IsGrey(grid->sigma_s)
@@ -310,6 +318,7 @@ class PlanMaker {
   const SceneDescription& scene_;
   std::array<Cause, std::size(kTraitNames)> causes_;
   std::set<int32_t> materials_seen_, area_lights_seen_;
+  std::vector<std::string> notes_;
   size_t light_count_ = 0;
   bool something_scatters_ = false, something_glows_ = false;
 };
