@@ -106,7 +106,8 @@ class PlanCommand : public Command {
                                    {"light_count", plan.light_count},
                                    {"max_depth", plan.max_depth},
                                    {"effects", nlohmann::ordered_json::array()},
-                                   {"unused", plan.unused}};
+                                   {"unused", plan.unused},
+                                   {"notes", plan.notes}};
     for (const render::PlannedEffect& effect : plan.effects) {
       json["effects"].push_back({{"name", effect.name}, {"cause", effect.cause}});
       if (effect.expected_time_ratio > 0) {

@@ -68,6 +68,7 @@ Json FrameJson(const v1::Frame& frame) {
       {"sample_count", settings.sample_count()},
       {"depth_max", settings.depth_max()},
       {"seed", settings.seed()},
+      {"similarity_after_count", settings.similarity_after_count()},
       {"complete", frame.complete()},
       {"picture_digest", frame.picture_digest()},
       {"progress", ProgressJson(frame.progress())},

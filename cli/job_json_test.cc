@@ -19,6 +19,7 @@ TEST(JobJsonTest, WritesAJobOnOneLine) {
   v1::Frame* frame = job.add_frames();
   frame->mutable_spec()->set_frame_number(3);
   frame->mutable_spec()->mutable_settings()->set_sample_count(16);
+  frame->mutable_spec()->mutable_settings()->set_similarity_after_count(8);
   const std::string text = JobJson(job);
   EXPECT_EQ(text.find('\n'), std::string::npos);
   const nlohmann::json json = nlohmann::json::parse(text);
@@ -30,6 +31,7 @@ TEST(JobJsonTest, WritesAJobOnOneLine) {
   EXPECT_TRUE(json["progress"]["remaining_duration_seconds"].is_null());
   EXPECT_EQ(json["frames"][0]["frame_number"], 3);
   EXPECT_EQ(json["frames"][0]["sample_count"], 16);
+  EXPECT_EQ(json["frames"][0]["similarity_after_count"], 8);
 }
 
 TEST(JobJsonTest, NamesAllStates) {

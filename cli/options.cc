@@ -103,6 +103,13 @@ void AddSettingsOptions(CLI::App* command, JobArguments* arguments) {
   command->add_flag("--one-sequence", settings.one_sequence,
                     "Draw a pixel's samples from one sequence, not from 16 independent ones: less "
                     "noise where it is smooth, but errors shown are upper estimates");
+  command
+      ->add_option("--similarity", settings.similarity_after,
+                   "Scatterings in media after which a path takes them for ones that scatter "
+                   "evenly and less often: faster in dense ones, but BIASED, and errors shown do "
+                   "not tell by how much; 0: never")
+      ->check(CLI::Range(0, kSimilarityAfterMax))
+      ->capture_default_str();
   command->add_flag("--generic", settings.force_generic_variant,
                     "Run the variant that knows every effect; changes no pixel");
 }

@@ -36,10 +36,15 @@ std::string FormatCosts(const v1::Progress& progress) {
 std::string FormatPictureSummary(const v1::Frame& frame, const PicturePaths& paths) {
   const v1::FrameSettings& settings = frame.spec().settings();
   const v1::PixelRect& window = settings.window();
-  return absl::StrCat(
-      paths.exr, paths.png.empty() ? "" : " and ", paths.png, ": ", window.x1_px() - window.x0_px(),
-      "x", window.y1_px() - window.y0_px(), ", ", settings.sample_count(),
-      settings.sample_count() == 1 ? " sample" : " samples", ", ", FormatCosts(frame.progress()));
+  const std::string bias = settings.similarity_after_count() == 0
+                               ? std::string()
+                               : absl::StrCat(", biased: similarity after ",
+                                              settings.similarity_after_count(), " scatterings");
+  return absl::StrCat(paths.exr, paths.png.empty() ? "" : " and ", paths.png, ": ",
+                      window.x1_px() - window.x0_px(), "x", window.y1_px() - window.y0_px(), ", ",
+                      settings.sample_count(),
+                      settings.sample_count() == 1 ? " sample" : " samples", bias, ", ",
+                      FormatCosts(frame.progress()));
 }
 
 std::string FormatJobSummary(const v1::Job& job) {

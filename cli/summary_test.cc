@@ -36,6 +36,14 @@ TEST(SummaryTest, PictureSaysWhereItIsAndWhatItTook) {
                   .starts_with("out.exr and out.png: 640x360"));
 }
 
+TEST(SummaryTest, BiasIsSaid) {
+  v1::Frame frame = Picture();
+  frame.mutable_spec()->mutable_settings()->set_similarity_after_count(8);
+  EXPECT_TRUE(FormatPictureSummary(frame, {"out.exr", ""})
+                  .starts_with("out.exr: 640x360, 128 samples, biased: similarity after 8 "
+                               "scatterings, 12.3 s"));
+}
+
 TEST(SummaryTest, WhatCannotBeToldIsLeftOut) {
   v1::Frame frame = Picture();
   frame.mutable_spec()->mutable_settings()->set_sample_count(1);

@@ -57,6 +57,7 @@ v1::FrameSettings ToWire(const FrameSettings& settings) {
   wire.set_color(ToWire(settings.color));
   wire.set_single_scattering(settings.single_scattering);
   wire.set_one_sequence(settings.one_sequence);
+  wire.set_similarity_after_count(settings.similarity_after);
   wire.set_outputs(FormatOutputs(settings.outputs));
   wire.set_primaries(static_cast<v1::Primaries>(settings.primaries));
   wire.set_white_balance_k(settings.white_balance_k);
@@ -75,6 +76,11 @@ absl::StatusOr<FrameSettings> FromWire(const v1::FrameSettings& wire) {
   settings.color = FromWire(wire.color());
   settings.single_scattering = wire.single_scattering();
   settings.one_sequence = wire.one_sequence();
+  settings.similarity_after = wire.similarity_after_count();
+  if (settings.similarity_after < 0 || settings.similarity_after > kSimilarityAfterMax) {
+    return absl::InvalidArgumentError(absl::StrCat("similarity after ", settings.similarity_after,
+                                                   " scatterings is out of range"));
+  }
   absl::StatusOr<FilmOutputs> outputs = ParseOutputs(wire.outputs());
   if (!outputs.ok()) return outputs.status();
   settings.outputs = *std::move(outputs);

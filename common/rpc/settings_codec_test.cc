@@ -20,6 +20,7 @@ TEST(SettingsCodecTest, EverySettingSurvivesTheWire) {
   settings.seed = ~uint64_t{0};
   settings.single_scattering = true;
   settings.one_sequence = true;
+  settings.similarity_after = 12;
   settings.force_generic_variant = true;
   settings.outputs.Add(Aov::kPosition);
   settings.outputs.Add(Aov::kMotion);
@@ -37,6 +38,7 @@ TEST(SettingsCodecTest, EverySettingSurvivesTheWire) {
     EXPECT_EQ(back->outputs, settings.outputs);
     EXPECT_EQ(back->primaries, settings.primaries);
     EXPECT_EQ(back->white_balance_k, settings.white_balance_k);
+    EXPECT_EQ(back->similarity_after, settings.similarity_after);
   }
 }
 
@@ -55,6 +57,14 @@ TEST(SettingsCodecTest, UnknownPrimariesAreRefused) {
   EXPECT_TRUE(FromWire(wire).ok());
   for (const float temperature_k : {-1.0f, 999.0f, 1e9f, NAN}) {
     wire.set_white_balance_k(temperature_k);
+    EXPECT_EQ(FromWire(wire).status().code(), absl::StatusCode::kInvalidArgument);
+  }
+}
+
+TEST(SettingsCodecTest, SimilarityOutOfRangeIsRefused) {
+  for (const int32_t after : {-1, kSimilarityAfterMax + 1}) {
+    v1::FrameSettings wire;
+    wire.set_similarity_after_count(after);
     EXPECT_EQ(FromWire(wire).status().code(), absl::StatusCode::kInvalidArgument);
   }
 }

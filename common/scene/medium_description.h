@@ -85,6 +85,8 @@ struct MediumDescription {
   // Of velocities, which are in medium space, per unit of the time that the shutter is given in.
   // What is there when the shutter opens moves by them while it is open.
   float velocity_scale = 1;
+  // Of a grid with one value in all cells: what was made of it, and why. See constant_grid.h.
+  std::string constant_grid;
   Matrix4 world_from_medium;
   SourceLocation location;
 

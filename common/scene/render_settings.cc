@@ -73,6 +73,11 @@ absl::Status CheckCounts(const FrameSettings& settings) {
     return absl::InvalidArgumentError(
         absl::StrCat("maximum depth ", settings.max_depth, " is outside [0, ", kMaxDepthMax, "]"));
   }
+  if (settings.similarity_after < 0 || settings.similarity_after > kSimilarityAfterMax) {
+    return absl::InvalidArgumentError(absl::StrCat("similarity after ", settings.similarity_after,
+                                                   " scatterings is outside [0, ",
+                                                   kSimilarityAfterMax, "]; 0 is without"));
+  }
   return absl::OkStatus();
 }
 
@@ -149,6 +154,7 @@ absl::StatusOr<FrameSettings> ResolveSettings(const SceneDescription& scene,
   resolved.color = settings.color;
   resolved.single_scattering = settings.single_scattering;
   resolved.one_sequence = settings.one_sequence;
+  resolved.similarity_after = settings.similarity_after;
   resolved.force_generic_variant = settings.force_generic_variant;
   resolved.primaries = settings.primaries.value_or(scene.film.primaries);
   resolved.white_balance_k = scene.film.white_balance_k;
@@ -185,7 +191,11 @@ std::string FrameDigestText(const std::string& scene_digest, const FrameSettings
   const std::string outputs = settings.outputs.empty()
                                   ? std::string()
                                   : absl::StrCat("\noutputs ", FormatOutputs(settings.outputs));
-  // So do pictures in linear sRGB.
+  // So do pictures without bias, and those in linear sRGB.
+  const std::string similarity =
+      settings.similarity_after == 0
+          ? std::string()
+          : absl::StrCat("\nsimilarity_after ", settings.similarity_after);
   std::string color;
   if (settings.primaries != Primaries::kSrgb) {
     color = absl::StrCat("\nprimaries ", PrimariesName(settings.primaries));
@@ -198,8 +208,8 @@ std::string FrameDigestText(const std::string& scene_digest, const FrameSettings
                       "\nsamples ", settings.samples, "\nmax_depth ", settings.max_depth, "\nseed ",
                       settings.seed, "\ncolor ", ColorTransportName(settings.color),
                       "\nscattering ", settings.single_scattering ? "single" : "full",
-                      settings.one_sequence ? "\nsampling one-sequence" : "", outputs, color,
-                      "\nprofile ", numeric_profile, "\n");
+                      settings.one_sequence ? "\nsampling one-sequence" : "", similarity, outputs,
+                      color, "\nprofile ", numeric_profile, "\n");
 }
 
 std::string FrameDigest(const std::string& scene_digest, const FrameSettings& settings,

@@ -22,6 +22,7 @@ namespace sheaf {
 inline constexpr int64_t kFramePixelsMax = int64_t{1} << 40;
 inline constexpr uint64_t kSamplesPerPixelMax = uint64_t{1} << 48;
 inline constexpr int32_t kMaxDepthMax = 1 << 20;
+inline constexpr int32_t kSimilarityAfterMax = 1 << 20;
 
 // What a path carries. kAuto: wavelengths where the scene calls for them (dispersion,
 // colours outside of sRGB), else RGB.
@@ -44,6 +45,9 @@ struct RenderSettings {
   // A pixel's samples come from one sequence, not from kReplicateCount independent ones: less noise
   // where a pixel is smooth, and of the standard error no more than an upper estimate.
   bool one_sequence = false;
+  // Biased, unless 0: after so many scatterings in media a path goes on in media that scatter
+  // evenly and less often, by similarity. See docs/adr/0031.
+  int32_t similarity_after = 0;
   bool force_generic_variant = false;  // Changes no pixel, so it is not part of the digest.
 };
 
@@ -56,6 +60,7 @@ struct FrameSettings {
   ColorTransport color = ColorTransport::kAuto;
   bool single_scattering = false;
   bool one_sequence = false;
+  int32_t similarity_after = 0;
   bool force_generic_variant = false;
   FilmOutputs outputs;
   // Of the delivered picture; parts do not depend on them.
@@ -63,8 +68,9 @@ struct FrameSettings {
   float white_balance_k = 0;  // As PictureColorOf.
 };
 
-// Errors: kInvalidArgument for an empty crop, 0 samples, negative depth, a frame beyond limits,
-// outputs that the scene's camera does not have, more than kLightGroupsMax light groups.
+// Errors: kInvalidArgument for an empty crop, 0 samples, a depth or similarity_after outside of its
+// range, a frame beyond limits, outputs that the scene's camera does not have, more than
+// kLightGroupsMax light groups.
 absl::StatusOr<FrameSettings> ResolveSettings(const SceneDescription& scene,
                                               const RenderSettings& settings);
 

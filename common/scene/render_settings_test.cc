@@ -7,6 +7,7 @@
 
 #include <string>
 
+#include "absl/strings/str_cat.h"
 #include "common/base/digest.h"
 #include "common/scene/file_source.h"
 
@@ -30,11 +31,14 @@ TEST(RenderSettingsTest, SceneFillsTheGaps) {
   asked.samples = 5;
   asked.max_depth = 0;
   asked.seed = 9;
+  asked.similarity_after = 3;
   const auto resolved = ResolveSettings(scene, asked);
   ASSERT_TRUE(resolved.ok());
   EXPECT_EQ(resolved->samples, 5u);
   EXPECT_EQ(resolved->max_depth, 0);
   EXPECT_EQ(resolved->seed, 9u);
+  EXPECT_EQ(from_scene->similarity_after, 0);
+  EXPECT_EQ(resolved->similarity_after, 3);
 }
 
 TEST(RenderSettingsTest, CropsRoundUpAndIntersect) {
@@ -63,6 +67,12 @@ TEST(RenderSettingsTest, ImpossibleSettingsAreRefused) {
   asked = {};
   asked.max_depth = -1;
   EXPECT_FALSE(ResolveSettings(scene, asked).ok());
+  for (const int32_t after : {-1, kSimilarityAfterMax + 1}) {
+    asked = {};
+    asked.similarity_after = after;
+    EXPECT_THAT(std::string(ResolveSettings(scene, asked).status().message()),
+                ::testing::HasSubstr(absl::StrCat("similarity after ", after, " scatterings")));
+  }
   scene.film.width_px = scene.film.height_px = 2000000;
   EXPECT_THAT(std::string(ResolveSettings(scene, {}).status().message()),
               ::testing::HasSubstr("exceeds the limit"));
@@ -79,7 +89,7 @@ TEST(RenderSettingsTest, DigestCoversWhatChangesPixelsOnly) {
   FrameSettings generic = settings;
   generic.force_generic_variant = true;
   EXPECT_EQ(FrameDigest("scene", generic, "profile"), digest);
-  std::vector<FrameSettings> others(9, settings);
+  std::vector<FrameSettings> others(11, settings);
   others[0].width_px = 9;
   others[1].height_px = 9;
   others[2].window.x0 = 1;
@@ -89,8 +99,12 @@ TEST(RenderSettingsTest, DigestCoversWhatChangesPixelsOnly) {
   others[6].seed = 1;
   others[7].primaries = Primaries::kAcesCg;
   others[8].white_balance_k = 5000;
+  others[9].similarity_after = 1;
+  others[10].similarity_after = 2;
   for (const FrameSettings& other : others)
     EXPECT_NE(FrameDigest("scene", other, "profile"), digest);
+  EXPECT_NE(FrameDigest("scene", others[9], "profile"),
+            FrameDigest("scene", others[10], "profile"));
   EXPECT_NE(FrameDigest("other", settings, "profile"), digest);
   EXPECT_NE(FrameDigest("scene", settings, "other"), digest);
 }
@@ -126,6 +140,14 @@ TEST(RenderSettingsTest, DigestTellsOutputsWhereThereAreAny) {
   EXPECT_NE(FrameDigest("scene", settings, "profile"), digest);
   EXPECT_THAT(FrameDigestText("scene", settings, "profile"),
               testing::HasSubstr("\noutputs uv\nprofile profile\n"));
+}
+
+TEST(RenderSettingsTest, DigestTellsBiasWhereThereIsAny) {
+  FrameSettings settings;
+  EXPECT_EQ(FrameDigestText("scene", settings, "profile").find("similarity"), std::string::npos);
+  settings.similarity_after = 8;
+  EXPECT_THAT(FrameDigestText("scene", settings, "profile"),
+              testing::HasSubstr("\nsimilarity_after 8\nprofile profile\n"));
 }
 
 TEST(RenderSettingsTest, ProfileNamesBuildAndInstructionSet) {

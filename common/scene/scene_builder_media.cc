@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "common/scene/constant_grid.h"
 #include "common/scene/medium_parameters.h"
 #include "common/scene/option_parameters.h"
 #include "common/scene/scene_builder.h"
@@ -101,7 +102,11 @@ void SceneBuilder::FinishMedia() {
     }
   }
   const std::string& integrator = scene_->sampling.integrator;
-  if (scene_->media.empty() || !IntegratorIgnoresMedia(integrator)) return FinishMatter();
+  if (scene_->media.empty() || !IntegratorIgnoresMedia(integrator)) {
+    FinishMatter();
+    if (!diagnostics_->HasErrors()) TakeConstantGridsAsHomogeneous(scene_);
+    return;
+  }
   diagnostics_->Warning(scene_->media[0].location,
                         absl::StrCat("media have no effect: the integrator \"", integrator,
                                      "\" ignores them, as in pbrt-v4"));

@@ -87,10 +87,14 @@ TEST_F(CoordinatorServerTest, WorkersAtTheSameTimeGiveTheSamePicture) {
 
 TEST_F(CoordinatorServerTest, DeliveredFileHoldsThePictureAndHowToMakeItAgain) {
   Start();
-  const v1::Job job = Create(Request(20));
+  v1::CreateJobRequest biased = Request(20);
+  biased.mutable_frames(0)->mutable_settings()->set_similarity_after_count(8);
+  const v1::Job job = Create(biased);
   ASSERT_TRUE(MakeWorker("w").RenderAll().ok());
   const v1::Job after = Watch(job.name());
   ASSERT_EQ(after.state(), v1::Job::STATE_SUCCEEDED);
+  EXPECT_NE(after.frames(0).frame_digest(),
+            Create(Request(20, "another")).frames(0).frame_digest());
   grpc::ClientContext context;
   v1::ReadFrameOutputRequest request;
   request.set_name(after.frames(0).name());
@@ -108,6 +112,8 @@ TEST_F(CoordinatorServerTest, DeliveredFileHoldsThePictureAndHowToMakeItAgain) {
   EXPECT_EQ(*picture->Find("R"), *expected.Find("R"));
   EXPECT_EQ(picture->metadata.at("frameDigest"), after.frames(0).frame_digest());
   EXPECT_EQ(picture->metadata.at("numericProfile"), after.numeric_profile());
+  EXPECT_EQ(picture->metadata.at("similarityAfter"), "8");
+  EXPECT_EQ(picture->metadata.at("bias"), "similarity");
 }
 
 TEST_F(CoordinatorServerTest, RestartLosesNothingThatWasAcknowledged) {

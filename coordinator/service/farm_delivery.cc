@@ -34,6 +34,10 @@ std::map<std::string, std::string> PictureMetadata(const FrameSpec& spec,
       {"size", absl::StrCat(s.width_px, "x", s.height_px)},
       {"window", absl::StrCat(s.window.x0, ",", s.window.y0, ",", s.window.x1, ",", s.window.y1)}};
   if (s.one_sequence) metadata["sampling"] = "one-sequence";
+  if (s.similarity_after != 0) {
+    metadata["similarityAfter"] = absl::StrCat(s.similarity_after);
+    metadata["bias"] = "similarity";
+  }
   if (s.primaries != Primaries::kSrgb) metadata["primaries"] = PrimariesName(s.primaries);
   if (s.white_balance_k != 0) metadata["whiteBalanceK"] = absl::StrCat(s.white_balance_k);
   return metadata;

@@ -79,6 +79,7 @@ std::string FrameJson(const std::string& job_id, const FrameView& frame) {
       {"depth_max", settings.max_depth},
       {"seed", settings.seed},
       {"one_sequence", settings.one_sequence},
+      {"similarity_after_count", settings.similarity_after},
       {"complete", frame.complete},
       {"picture_digest", frame.picture_digest},
       {"preview_version", frame.preview_version},

@@ -22,7 +22,7 @@
 namespace sheaf::coordinator {
 namespace {
 
-constexpr int64_t kSchemaVersion = 5;
+constexpr int64_t kSchemaVersion = 6;
 // Lease ids of one life lie below those of the next; no life grants so many.
 constexpr int kLeaseIdBitsPerLife = 40;
 
@@ -66,6 +66,9 @@ ALTER TABLE frames ADD COLUMN white_balance_k REAL NOT NULL DEFAULT 0;
 )sql";
 constexpr char kAddedBy5[] = R"sql(
 ALTER TABLE frames ADD COLUMN one_sequence INTEGER NOT NULL DEFAULT 0;
+)sql";
+constexpr char kAddedBy6[] = R"sql(
+ALTER TABLE frames ADD COLUMN similarity_after INTEGER NOT NULL DEFAULT 0;
 )sql";
 
 int64_t ToNanoseconds(absl::Time time) {
@@ -136,10 +139,10 @@ absl::Status SqliteJobStore::MigrateSchema() {
                      ", this one knows ", kSchemaVersion, ")"));
   }
   if (version == kSchemaVersion) return absl::OkStatus();
-  return database_->Execute(absl::StrCat("BEGIN;", version == 0 ? kSchema : "",
-                                         version < 2 ? kAddedBy2 : "", version < 3 ? kAddedBy3 : "",
-                                         version < 4 ? kAddedBy4 : "", kAddedBy5,
-                                         "PRAGMA user_version=", kSchemaVersion, ";COMMIT;"));
+  return database_->Execute(absl::StrCat(
+      "BEGIN;", version == 0 ? kSchema : "", version < 2 ? kAddedBy2 : "",
+      version < 3 ? kAddedBy3 : "", version < 4 ? kAddedBy4 : "", version < 5 ? kAddedBy5 : "",
+      kAddedBy6, "PRAGMA user_version=", kSchemaVersion, ";COMMIT;"));
 }
 
 std::string SqliteJobStore::FrameDirectory(const FrameId& frame) const {
@@ -160,7 +163,7 @@ absl::Status SqliteJobStore::LoadFrames(StoredJob* job) {
       "y1, samples, max_depth, seed, force_generic, delivered, picture_digest, relative_mse, "
       "wall_ns, "
       "ray_count, nonfinite_count, cpu_ns, color, single_scattering, outputs, primaries, "
-      "white_balance_k, one_sequence FROM frames WHERE "
+      "white_balance_k, one_sequence, similarity_after FROM frames WHERE "
       "job_id = ? "
       "ORDER BY frame_number");
   query.Bind(job->spec.job_id);
@@ -189,6 +192,7 @@ absl::Status SqliteJobStore::LoadFrames(StoredJob* job) {
     s.primaries = static_cast<Primaries>(query.Int64(24));
     s.white_balance_k = static_cast<float>(query.Double(25));
     s.one_sequence = query.Int64(26) != 0;
+    s.similarity_after = edge(27);
     if (query.Int64(14) != 0) {
       StoredFrame stored{frame.frame_number, {}};
       stored.delivered = {
@@ -310,8 +314,8 @@ absl::StatusOr<JobStore::CreatedJob> SqliteJobStore::CreateJob(const JobSpec& sp
         "INSERT INTO frames(job_id, frame_number, scene_sha256, scene_bytes, frame_digest, "
         "width_px, "
         "height_px, x0, y0, x1, y1, samples, max_depth, seed, force_generic, color, "
-        "single_scattering, outputs, primaries, white_balance_k, one_sequence) "
-        "VALUES(?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?)");
+        "single_scattering, outputs, primaries, white_balance_k, one_sequence, similarity_after) "
+        "VALUES(?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?)");
     for (const FrameSpec& frame : spec.frames) {
       const FrameSettings& s = frame.settings;
       status = frames.Bind(created.job_id)
@@ -335,6 +339,7 @@ absl::StatusOr<JobStore::CreatedJob> SqliteJobStore::CreateJob(const JobSpec& sp
                    .Bind(static_cast<int32_t>(s.primaries))
                    .Bind(double{s.white_balance_k})
                    .Bind(s.one_sequence ? 1 : 0)
+                   .Bind(s.similarity_after)
                    .Run();
       if (!status.ok()) return status;
     }

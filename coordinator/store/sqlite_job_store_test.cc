@@ -61,6 +61,7 @@ class SqliteJobStoreTest : public testing::Test {
       frame.settings.primaries = Primaries::kRec2020;
       frame.settings.white_balance_k = 3200.5f;
       frame.settings.one_sequence = true;
+      frame.settings.similarity_after = 24;
       spec.frames.push_back(frame);
     }
     return spec;
@@ -109,6 +110,7 @@ TEST_F(SqliteJobStoreTest, JobsSurviveAReopen) {
   EXPECT_EQ(stored.spec.frames[1].settings.primaries, Primaries::kRec2020);
   EXPECT_EQ(stored.spec.frames[1].settings.white_balance_k, 3200.5f);
   EXPECT_TRUE(stored.spec.frames[1].settings.one_sequence);
+  EXPECT_EQ(stored.spec.frames[1].settings.similarity_after, 24);
   EXPECT_EQ(stored.spec.frames[1].settings.window, (PixelRect{1, 2, 3, 4}));
   ASSERT_EQ(stored.delivered.size(), 1u);
   EXPECT_EQ(stored.delivered[0].delivered.cost.cpu_duration, absl::Seconds(4));
@@ -220,6 +222,7 @@ TEST_F(SqliteJobStoreTest, EarlierSchemaIsBroughtUpToDate) {
                             "ALTER TABLE frames DROP COLUMN primaries;"
                             "ALTER TABLE frames DROP COLUMN white_balance_k;"
                             "ALTER TABLE frames DROP COLUMN one_sequence;"
+                            "ALTER TABLE frames DROP COLUMN similarity_after;"
                             "PRAGMA user_version=1;")
                   .ok());
   Reopen();
@@ -230,6 +233,7 @@ TEST_F(SqliteJobStoreTest, EarlierSchemaIsBroughtUpToDate) {
   EXPECT_EQ((*jobs)[0].spec.frames[0].settings.color, ColorTransport::kAuto);
   EXPECT_TRUE((*jobs)[0].spec.frames[0].settings.outputs.empty());
   EXPECT_EQ((*jobs)[0].spec.frames[0].settings.primaries, Primaries::kSrgb);
+  EXPECT_EQ((*jobs)[0].spec.frames[0].settings.similarity_after, 0);
 }
 
 TEST_F(SqliteJobStoreTest, LaterSchemaIsRefused) {
@@ -240,7 +244,7 @@ TEST_F(SqliteJobStoreTest, LaterSchemaIsRefused) {
   EXPECT_EQ(status.code(), absl::StatusCode::kFailedPrecondition);
   EXPECT_THAT(std::string(status.message()), HasSubstr("later version"));
   ASSERT_TRUE(
-      (*SqliteDatabase::Open(directory_ + "/farm.db"))->Execute("PRAGMA user_version=5").ok());
+      (*SqliteDatabase::Open(directory_ + "/farm.db"))->Execute("PRAGMA user_version=6").ok());
   Reopen();
 }
 

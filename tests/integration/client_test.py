@@ -179,6 +179,19 @@ class ClientTest(unittest.TestCase):
         self.assertTrue(plan["variant"])
         self.assertTrue(plan["effects"])
 
+    def test_plan_says_what_is_biased(self):
+        scene = self.write("milk.pbrt", SCENE + 'MakeNamedMedium "milk" "float g" 0.75\n'
+                           '"string type" "homogeneous"\nMediumInterface "milk" ""\n'
+                           'Shape "sphere"\n')
+        self.assertEqual(json.loads(self.expect(run("plan", "--json", scene), OK).stdout)["notes"],
+                         [])
+        said = self.expect(run("plan", scene, "--similarity", 4), OK).stdout
+        self.assertIn("BIASED after 4 scatterings", said)
+        self.assertIn('medium "milk", g 0.75', said)
+        notes = json.loads(self.expect(run("plan", "--json", scene, "--similarity", 4), OK).stdout)
+        self.assertIn("BIASED", notes["notes"][0])
+        self.expect(run("plan", scene, "--similarity", -1), USAGE)
+
     def test_completion(self):
         for shell, check in (("bash", ["bash", "-n"]), ("zsh", None), ("fish", None)):
             script = self.expect(run("completion", shell), OK).stdout

@@ -20,6 +20,19 @@ SCENE = os.environ.get("SHEAF_SCENE", os.path.join(farm.ROOT, "scenes", "showroo
 JOB = ("--crop", "270,150,340,200", "--samples", "76")
 OUTPUTS = ("--aov", "position,normal-geometric,normal-shading,uv,motion,object-id",
            "--cryptomatte", "object,material,asset", "--light-groups")
+FOG = '''Film "rgb" "integer xresolution" 16 "integer yresolution" 12
+Sampler "zsobol" "integer pixelsamples" 4
+Integrator "volpath" "integer maxdepth" 50
+LookAt 0 0 -4  0 0 0  0 1 0
+Camera "perspective" "float fov" 30
+WorldBegin
+LightSource "infinite" "rgb L" [1 1 1]
+MakeNamedMedium "milk" "string type" "homogeneous" "rgb sigma_s" [9 8 7] "rgb sigma_a" [0 0.1 0.2]
+  "float g" 0.8
+Material "interface"
+MediumInterface "milk" ""
+Shape "sphere" "float radius" 1
+'''
 PARTITIONS = list(itertools.product((16, 32, 64), (4, 16, 64), (1, 8)))
 
 
@@ -82,6 +95,22 @@ class OnePictureTest(unittest.TestCase):
                 self.assertNotEqual(expected, self.expected)
                 self.assertEqual(self.rendered("c", *flags, "--generic"), expected)
                 self.assertEqual(self.farmed(*flags, *partition_flags(16, 4, 1)), expected)
+
+    def test_similarity_crosses_the_wire(self):
+        fog = os.path.join(self.folder.name, "fog.pbrt")
+        with open(fog, "w", encoding="utf-8") as f:
+            f.write(FOG)
+        pictures = {}
+        with farm.Farm() as f:
+            f.start_worker()
+            for after in (0, 1, 3):
+                path = os.path.join(self.folder.name, "fog.exr")
+                farm.render(fog, path, "--similarity", after)
+                pictures[after] = farm.picture_digest(path)
+                output = f.path("fog.exr")
+                f.sheaf("submit", fog, "--wait", "-o", output, "--similarity", after)
+                self.assertEqual(farm.picture_digest(output), pictures[after])
+        self.assertEqual(len(set(pictures.values())), 3)
 
     def test_outputs(self):
         expected = self.rendered("o", *OUTPUTS)

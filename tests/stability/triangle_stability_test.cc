@@ -117,7 +117,7 @@ TEST(TriangleStability, G3NoRayLeavesARoomOfOpenMeshes) {
       return globe.indices.begin() + static_cast<std::ptrdiff_t>(triangles * mesh / kMeshes * 3);
     };
     const std::vector<uint32_t> indices(at(i), at(i + 1));
-    ASSERT_EQ(EnclosedSideOf(globe.positions, indices), EnclosedSide::kNone);
+    ASSERT_EQ(EnclosedSideOf(globe.positions, indices), EnclosedSide::kNeither);
     t.AddShape(MeshShape{t.AddMesh(globe.positions, indices)}, kNone);
   }
   ExpectNoEscape(*Traced(t.scene), globe, FromTheMiddle);
@@ -232,10 +232,10 @@ TEST(TriangleStability, G3ClosedMeshesAreKnownByTheirEdges) {
   // One triangle less, or one turned over, leaves a border.
   Triangles open = globe;
   open.indices.resize(open.indices.size() - 3);
-  EXPECT_EQ(side(open), EnclosedSide::kNone);
+  EXPECT_EQ(side(open), EnclosedSide::kNeither);
   std::swap(globe.indices[0], globe.indices[1]);
-  EXPECT_EQ(side(globe), EnclosedSide::kNone);
-  EXPECT_EQ(side({}), EnclosedSide::kNone);
+  EXPECT_EQ(side(globe), EnclosedSide::kNeither);
+  EXPECT_EQ(side({}), EnclosedSide::kNeither);
 }
 
 }  // namespace

@@ -24,6 +24,12 @@
 
 namespace sheaf::render {
 
+// Media as they are, or what many scatterings in them come to: those that scatter forward are taken
+// for ones that scatter evenly, but less often: sigma_s' = sigma_s (1 - g), g' = 0. The flow of
+// light deep in them stays the same, all else does not. Sources: Wyman, Patterson and Wilson 1989;
+// Zhao, Ramamoorthi and Bala 2014. See docs/adr/0031.
+enum class MediumForm : uint8_t { kTrue, kReduced };
+
 // What the media at a place do to light, per scene unit. Sums over the media.
 template <typename Color>
 struct MediumMix {
@@ -37,6 +43,7 @@ struct MediumMix {
   bool glows = false;      // One of those shines.
   bool is_matter = false;  // One of them is the inside of a material.
   bool is_hidden = false;  // The same, whose boundary no shadow ray can pass.
+  MediumForm form = MediumForm::kTrue;
 };
 
 // distance is uniform in [0, 1) and fine: flights through thin media end where it is nearly 0.

@@ -5,7 +5,6 @@
 #include "worker/render/leak_guard.h"
 
 #include <algorithm>
-#include <bit>
 #include <cmath>
 #include <numbers>
 
@@ -14,51 +13,11 @@
 #include "worker/render/embree_scene.h"
 
 namespace sheaf::render {
-namespace {
-
-// Mixer of SplitMix64. Source: Steele, Lea and Flood 2014.
-uint64_t Mix(uint64_t state) {
-  state = (state ^ (state >> 30)) * 0xbf58476d1ce4e5b9u;
-  state = (state ^ (state >> 27)) * 0x94d049bb133111ebu;
-  return state ^ (state >> 31);
-}
-uint64_t HashOf(Vec3f p, uint64_t seed) {
-  uint64_t state = seed;
-  // + 0 makes one zero of the two.
-  for (size_t i = 0; i < 3; ++i) {
-    state = Mix(state + std::bit_cast<uint32_t>(p[i] + 0.0f) + 0x9e3779b97f4a7c15u);
-  }
-  return state;
-}
-
-}  // namespace
-
-EnclosedSide EnclosedSideOf(const std::vector<Vec3f>& positions,
-                            const std::vector<uint32_t>& indices) {
-  if (indices.empty()) return EnclosedSide::kNone;
-  const Vec3d base = ToDouble(positions[indices[0]]);
-  // Each directed edge adds its hash and takes away that of its reverse: nothing is left where all
-  // edges cancel.
-  uint64_t border = 0;
-  double volume = 0;
-  for (size_t i = 0; i + 2 < indices.size(); i += 3) {
-    const Vec3f p[3] = {positions[indices[i]], positions[indices[i + 1]],
-                        positions[indices[i + 2]]};
-    const uint64_t corner[3] = {HashOf(p[0], 1), HashOf(p[1], 1), HashOf(p[2], 1)};
-    for (size_t k = 0; k < 3; ++k) {
-      const uint64_t a = corner[k], b = corner[(k + 1) % 3];
-      border += Mix(a + 3 * b) - Mix(b + 3 * a);
-    }
-    volume += Dot(ToDouble(p[0]) - base, Cross(ToDouble(p[1]) - base, ToDouble(p[2]) - base));
-  }
-  if (border != 0 || volume == 0) return EnclosedSide::kNone;
-  return volume > 0 ? EnclosedSide::kBack : EnclosedSide::kFront;
-}
 
 EnclosedSide EnclosedSideOf(const BakedMesh& mesh) {
   const EnclosedSide side = EnclosedSideOf(mesh.positions, mesh.indices);
   for (const VertexStep& step : mesh.steps) {
-    if (EnclosedSideOf(step.positions, mesh.indices) != side) return EnclosedSide::kNone;
+    if (EnclosedSideOf(step.positions, mesh.indices) != side) return EnclosedSide::kNeither;
   }
   return side;
 }
@@ -98,7 +57,7 @@ bool LeakGuard::IsEnclosed(const Ray& ray) const {
   const std::vector<EnclosedSide>& sides = sides_[group];
   if (source.geometry >= sides.size()) return false;  // Others are met in double: no holes.
   const EnclosedSide side = sides[source.geometry];
-  if (side == EnclosedSide::kNone) return false;
+  if (side == EnclosedSide::kNeither) return false;
   const BakedMesh& mesh = geometry_->groups[group].meshes[source.geometry];
   const uint32_t* t = &mesh.indices[3 * static_cast<size_t>(source.primitive)];
   const auto [a, b, c] = CornersAt(mesh, t, ray.time);
@@ -113,7 +72,7 @@ Ray NudgedRay(const Ray& ray, int attempt) {
   const float length =
       std::max(std::fabs(ray.d.x), std::max(std::fabs(ray.d.y), std::fabs(ray.d.z)));
   const float step = std::ldexp(length, 2 * attempt - 21);
-  uint64_t state = HashOf(ray.d, HashOf(ray.o, static_cast<uint64_t>(attempt)));
+  uint64_t state = HashOfPoint(ray.d, HashOfPoint(ray.o, static_cast<uint64_t>(attempt)));
   for (size_t i = 0; i < 3; ++i) {
     const auto number = static_cast<int32_t>(state >> (21 * i) & 0x1fffff) - (1 << 20);
     nudged.d[i] += step * (static_cast<float>(number) * 0x1p-20f);

@@ -10,19 +10,12 @@
 #include <cstdint>
 #include <vector>
 
+#include "common/scene/enclosed_side.h"
 #include "worker/render/ray_origin.h"
 #include "worker/render/scene_geometry.h"
 
 namespace sheaf::render {
 
-// The side of its triangles (counter-clockwise: front) on which a mesh encloses space.
-enum class EnclosedSide : uint8_t { kNone, kBack, kFront };
-
-// A mesh encloses where it has no border: every edge is passed as often in one direction as in the
-// other. Corners are told apart by their positions, so seams of indices do not matter. One pass, no
-// memory; an open mesh counts as closed with probability 2^-64.
-EnclosedSide EnclosedSideOf(const std::vector<Vec3f>& positions,
-                            const std::vector<uint32_t>& indices);
 // Of a mesh that may deform: the side that it encloses at every step.
 EnclosedSide EnclosedSideOf(const BakedMesh& mesh);
 

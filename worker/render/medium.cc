@@ -19,7 +19,7 @@ namespace {
 // Whether what lies inside of a surface (behind its front) is enclosed by it.
 bool EnclosesInside(const BakedMesh& mesh) {
   const EnclosedSide side = EnclosedSideOf(mesh.positions, mesh.indices);
-  if (side == EnclosedSide::kNone) return false;
+  if (side == EnclosedSide::kNeither) return false;
   const float front = side == EnclosedSide::kBack ? 1.0f : -1.0f;
   for (size_t i = 0; i + 2 < mesh.indices.size(); i += 3) {
     const uint32_t* t = &mesh.indices[i];
@@ -112,7 +112,11 @@ absl::StatusOr<std::unique_ptr<MediumTable>> MediumTable::Build(const SceneDescr
     medium.scale = description.scale;
     medium.sigma_a = description.sigma_a.rgb * description.scale;
     medium.sigma_s = description.sigma_s.rgb * description.scale;
-    medium.g = description.g;
+    const float g = description.g;
+    medium.scattering[static_cast<size_t>(MediumForm::kTrue)] = {1, g};
+    // What scatters backward would become denser: it stays as it is.
+    medium.scattering[static_cast<size_t>(MediumForm::kReduced)] = {1 - std::max(g, 0.0f),
+                                                                    std::min(g, 0.0f)};
     medium.emits =
         description.IsHomogeneous() && description.emits && description.radiance_scale > 0;
     medium.is_matter = description.is_matter;
@@ -136,9 +140,9 @@ absl::StatusOr<std::unique_ptr<MediumTable>> MediumTable::Build(const SceneDescr
   std::iota(order.begin(), order.end(), size_t{0});
   const auto key = [&media](size_t i) {
     const Medium& m = media[i];
-    return std::tuple(m.g, m.is_matter, m.is_hidden, m.sigma_s.r, m.sigma_s.g, m.sigma_s.b,
-                      m.sigma_a.r, m.sigma_a.g, m.sigma_a.b, m.radiance.r, m.radiance.g,
-                      m.radiance.b);
+    return std::tuple(m.In(MediumForm::kTrue).g, m.is_matter, m.is_hidden, m.sigma_s.r, m.sigma_s.g,
+                      m.sigma_s.b, m.sigma_a.r, m.sigma_a.g, m.sigma_a.b, m.radiance.r,
+                      m.radiance.g, m.radiance.b);
   };
   std::stable_sort(order.begin(), order.end(),
                    [&key](size_t a, size_t b) { return key(a) < key(b); });
@@ -162,8 +166,9 @@ GlowLights MediumTable::FindGlowLights() const {
     for (uint16_t part = 0; part < media_[medium].parts.size(); ++part) {
       const MediumGlow* glow = GlowOf({medium, part});
       if (glow == nullptr) continue;
-      sources.push_back({&DensityOf({medium, part}), glow,
-                         CoefficientsOf<Rgb>({medium, part}, NoWavelengths{}).sigma_a});
+      sources.push_back(
+          {&DensityOf({medium, part}), glow,
+           CoefficientsOf<Rgb>({medium, part}, NoWavelengths{}, MediumForm::kTrue).sigma_a});
     }
   }
   return GlowLights(sources);

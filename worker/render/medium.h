@@ -52,7 +52,8 @@ class MediumTable {
   // Thread safety: any number of threads at once.
   // Of media that are the same everywhere; MediumMix::varies says that there are others.
   template <typename Color>
-  MediumMix<Color> MixOf(const MediumSet& media, const WavelengthsOf<Color>& wavelengths) const;
+  MediumMix<Color> MixOf(const MediumSet& media, const WavelengthsOf<Color>& wavelengths,
+                         MediumForm form) const;
   // Requires: mix is MixOf the same, and scatters. throughput chooses among several.
   template <typename Color>
   PhaseMix<Color> PhaseOf(const MediumSet& media, const MediumMix<Color>& mix,
@@ -97,12 +98,14 @@ class MediumTable {
     Color sigma_t, sigma_s, sigma_a;
   };
   template <typename Color>
-  Coefficients<Color> CoefficientsOf(PartId id, const WavelengthsOf<Color>& wavelengths) const;
+  Coefficients<Color> CoefficientsOf(PartId id, const WavelengthsOf<Color>& wavelengths,
+                                     MediumForm form) const;
   // At a point of render space. time: as VaryingMedium's.
   template <typename Color, typename Time>
   Coefficients<Color> CoefficientsAt(uint16_t medium, Vec3d p, Time time,
-                                     const WavelengthsOf<Color>& wavelengths) const;
-  float PhaseAsymmetryOf(uint16_t index) const { return media_[index].g; }
+                                     const WavelengthsOf<Color>& wavelengths,
+                                     MediumForm form) const;
+  float PhaseAsymmetryOf(uint16_t index, MediumForm form) const { return media_[index].In(form).g; }
   uint64_t memory_bytes() const;
 
  private:
@@ -115,11 +118,17 @@ class MediumTable {
   };
   const Part& PartAt(PartId id) const { return media_[id.medium].parts[id.part]; }
 
+  // What a form of a medium leaves of sigma_s, and its mean cosine.
+  struct Scattering {
+    float share = 1, g = 0;
+  };
   struct Medium {
+    const Scattering& In(MediumForm form) const { return scattering[static_cast<size_t>(form)]; }
+
     Rgb sigma_a, sigma_s, radiance;  // Scaled, per scene unit.
     SpectralColor sigma_a_spectrum, sigma_s_spectrum, radiance_spectrum;
-    float scale = 1, radiance_scale = 1;  // Of the spectra.
-    float g = 0;
+    float scale = 1, radiance_scale = 1;   // Of the spectra.
+    std::array<Scattering, 2> scattering;  // By MediumForm.
     bool emits = false;
     bool is_bounded = false;
     std::vector<Part> parts;                    // None where it is the same everywhere.
@@ -158,12 +167,13 @@ class MediumTable {
 };
 
 template <typename Color>
-MediumMix<Color> MediumTable::MixOf(const MediumSet& media,
-                                    const WavelengthsOf<Color>& wavelengths) const {
+MediumMix<Color> MediumTable::MixOf(const MediumSet& media, const WavelengthsOf<Color>& wavelengths,
+                                    MediumForm form) const {
   constexpr size_t kCount = kComponentCount<Color>;
   // Sums in double are the same in any order, but for coefficients some 2^29 apart.
   std::array<double, kCount> sigma_t{}, sigma_s{}, emission{};
   MediumMix<Color> mix;
+  mix.form = form;
   for (const uint16_t index : media) {
     const Medium& medium = media_[index];
     mix.is_bounded = mix.is_bounded || medium.is_bounded;
@@ -177,7 +187,8 @@ MediumMix<Color> MediumTable::MixOf(const MediumSet& media,
     const Color a =
         Evaluate<Color>(medium.sigma_a, medium.sigma_a_spectrum, medium.scale, wavelengths);
     const Color s =
-        Evaluate<Color>(medium.sigma_s, medium.sigma_s_spectrum, medium.scale, wavelengths);
+        Evaluate<Color>(medium.sigma_s, medium.sigma_s_spectrum, medium.scale, wavelengths) *
+        medium.In(form).share;
     for (size_t i = 0; i < kCount; ++i) {
       sigma_t[i] += static_cast<double>(a[i]) + static_cast<double>(s[i]);
       sigma_s[i] += static_cast<double>(s[i]);
@@ -206,38 +217,40 @@ PhaseMix<Color> MediumTable::PhaseOf(const MediumSet& media, const MediumMix<Col
                                      const WavelengthsOf<Color>& wavelengths) const {
   PhaseMix<Color> phase;
   if (media.size() == 1) {
-    phase.Add(media_[*media.begin()].g, Color::Grey(1), 1);
+    phase.Add(media_[*media.begin()].In(mix.form).g, Color::Grey(1), 1);
     return phase;
   }
   const Color chosen_by = internal::ComponentShares(throughput);
   for (const uint16_t index : media) {
     const Medium& medium = media_[index];
     if (!medium.parts.empty()) continue;
+    const auto [kept, g] = medium.In(mix.form);
     const Color s =
-        Evaluate<Color>(medium.sigma_s, medium.sigma_s_spectrum, medium.scale, wavelengths);
+        Evaluate<Color>(medium.sigma_s, medium.sigma_s_spectrum, medium.scale, wavelengths) * kept;
     float share = 0;
     const Color part = MakeColor<Color>([&](size_t i) {
       const float of_all = mix.sigma_s[i] > 0 ? s[i] / mix.sigma_s[i] : 0;
       share += of_all * chosen_by[i];
       return of_all;
     });
-    if (share > 0) phase.Add(medium.g, part, share);
+    if (share > 0) phase.Add(g, part, share);
   }
   return phase;
 }
 
 template <typename Color>
 MediumTable::Coefficients<Color> MediumTable::CoefficientsOf(
-    PartId id, const WavelengthsOf<Color>& wavelengths) const {
+    PartId id, const WavelengthsOf<Color>& wavelengths, MediumForm form) const {
   const Medium& medium = media_[id.medium];
   const Part& part = PartAt(id);
+  const float kept = medium.In(form).share;
   if (part.kind != Part::Kind::kBoth) {
     const Color sigma = ShareOf<Color>(part.color, wavelengths) * medium.scale;
-    if (part.kind == Part::Kind::kScatters) return {sigma, sigma, {}};
+    if (part.kind == Part::Kind::kScatters) return {sigma * kept, sigma * kept, {}};
     return {sigma, {}, sigma};
   }
   const Color s =
-      Evaluate<Color>(medium.sigma_s, medium.sigma_s_spectrum, medium.scale, wavelengths);
+      Evaluate<Color>(medium.sigma_s, medium.sigma_s_spectrum, medium.scale, wavelengths) * kept;
   const Color a =
       Evaluate<Color>(medium.sigma_a, medium.sigma_a_spectrum, medium.scale, wavelengths);
   return {s + a, s, a};
@@ -245,10 +258,11 @@ MediumTable::Coefficients<Color> MediumTable::CoefficientsOf(
 
 template <typename Color, typename Time>
 MediumTable::Coefficients<Color> MediumTable::CoefficientsAt(
-    uint16_t medium, Vec3d p, Time time, const WavelengthsOf<Color>& wavelengths) const {
+    uint16_t medium, Vec3d p, Time time, const WavelengthsOf<Color>& wavelengths,
+    MediumForm form) const {
   Coefficients<Color> sum;
   for (uint16_t part = 0; part < media_[medium].parts.size(); ++part) {
-    const auto its = CoefficientsOf<Color>({medium, part}, wavelengths);
+    const auto its = CoefficientsOf<Color>({medium, part}, wavelengths, form);
     const auto density = static_cast<float>(DensityOf({medium, part}).DensityAt(p, time));
     sum.sigma_t += its.sigma_t * density;
     sum.sigma_s += its.sigma_s * density;

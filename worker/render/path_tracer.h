@@ -26,6 +26,7 @@
 #include "worker/render/light_groups.h"
 #include "worker/render/medium.h"
 #include "worker/render/mis.h"
+#include "worker/render/path_limits.h"
 #include "worker/render/ray_counts.h"
 #include "worker/render/sampler.h"
 #include "worker/render/spectral_color.h"
@@ -34,16 +35,6 @@
 #include "worker/render/wavelengths.h"
 
 namespace sheaf::render {
-
-// Surfaces that let a ray pass (cut-outs, interfaces) do not count as scattering; beyond this many
-// in one segment the path ends, so that no arrangement of them can hold a worker.
-inline constexpr uint32_t kPassesMax = 1024;
-// Vertices of a path in matter; one that has more ends and is counted. Of paths into a half space
-// that absorbs nothing a thousandth has more.
-inline constexpr uint32_t kMatterStepsMax = 1u << 20;
-// Roulette starts after this many scattering events and ends a path with at most this probability.
-inline constexpr uint32_t kRouletteDepthMin = 1;
-inline constexpr float kRouletteStopMax = 0.95f;
 
 template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight = DirectLight::kByBoth>
 class PathTracer {
@@ -109,6 +100,7 @@ class PathTracer {
     [[no_unique_address]] std::conditional_t<kNested, MediumSet, InVacuum> interiors;
     MediumSet set;
     MediumMix<Color> mix;
+    uint32_t scatterings = 0;  // So far.
     NearPlane near;
     Vec3f camera_o;                                                       // Where the path began.
     [[no_unique_address]] std::conditional_t<kLines, Line, NoLine> line;  // That led to its vertex.
@@ -306,6 +298,12 @@ class PathTracer {
   // path_tracer_media.h.
   enum class Travel : uint8_t { kArrived, kScattered, kEnded };
   void StartInMedia(Path* path) const;
+  // Counts one in *media; after so many as the settings say, what follows is in their reduced form.
+  void CountScattering(const Path& path, InMedia* media) const;
+  // Mixes what *media holds now, in the form that it has.
+  void MixAgain(const Path& path, InMedia* media) const {
+    media->mix = scene_.media->template MixOf<Color>(media->set, path.wavelengths, media->mix.form);
+  }
   // Adds what the media shine with along `length`.
   void AddGlow(const Sampler& sampler, uint32_t passes, double length, Path* path);
   // Takes path and path->ray through the media up to `hit` (null: without end), or to where they

@@ -127,6 +127,7 @@ void PathTracer<kTraits, Tracer, kDirectLight>::AddLightAlong(const Sampler& sam
     const double met_pdf = light->is_delta ? 0 : static_cast<double>(phase.pdf);
     weight = PowerHeuristic(line_pdf, static_cast<double>(light->pdf) * density, met_pdf * density);
   }
+  CountScattering(*path, &media);  // The light comes through what follows a scattering there.
   Color share = ShareThroughMedia(here, *light, {u[3], u[2]}, *path, media);
   if constexpr (kVaryingMedia) {
     if (mix.varies && !share.IsBlack()) {

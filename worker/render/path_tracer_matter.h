@@ -117,6 +117,7 @@ bool PathTracer<kTraits, Tracer, kDirectLight>::WalkNearPlane(const Sampler& sam
         phase.SampleDirection(ToFloat(d), v[2], {v[0], v[1]});
     path->throughput *= sample.weight;
     if (path->throughput.IsBlack()) return false;
+    CountScattering(*path, &path->media);
     path->specular = true;
     path->ray.d = sample.w;
     if (!SurvivesRoulette(v[3], path)) return false;

@@ -35,7 +35,17 @@ void PathTracer<kTraits, Tracer, kDirectLight>::StartInMedia(Path* path) const {
       }
     }
   }
-  path->media.mix = scene_.media->template MixOf<Color>(path->media.set, path->wavelengths);
+  path->media.mix =
+      scene_.media->template MixOf<Color>(path->media.set, path->wavelengths, MediumForm::kTrue);
+}
+
+template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight>
+void PathTracer<kTraits, Tracer, kDirectLight>::CountScattering(const Path& path,
+                                                                InMedia* media) const {
+  const auto similar_after = static_cast<uint32_t>(scene_.settings.similarity_after);
+  if (++media->scatterings != similar_after) return;
+  media->mix.form = MediumForm::kReduced;
+  MixAgain(path, media);
 }
 
 template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight>
@@ -49,7 +59,7 @@ bool PathTracer<kTraits, Tracer, kDirectLight>::Cross(const SurfacePoint& point,
         ++counts_.broken_nestings;
         return false;
       }
-      media->mix = scene_.media->template MixOf<Color>(media->set, path.wavelengths);
+      MixAgain(path, media);
       return true;
     }
   }
@@ -62,7 +72,7 @@ bool PathTracer<kTraits, Tracer, kDirectLight>::Cross(const SurfacePoint& point,
     ++counts_.broken_nestings;
     return false;
   }
-  media->mix = scene_.media->template MixOf<Color>(media->set, path.wavelengths);
+  MixAgain(path, media);
   return true;
 }
 
@@ -182,11 +192,12 @@ void PathTracer<kTraits, Tracer, kDirectLight>::RecordMedium(Vec3f p,
                                                              [[maybe_unused]] Scatterer scatterer,
                                                              const Path& path,
                                                              FilmSample* film) const {
-  MediumMix<Rgb> mix = scene_.media->template MixOf<Rgb>(path.media.set, {});
+  const MediumForm form = path.media.mix.form;
+  MediumMix<Rgb> mix = scene_.media->template MixOf<Rgb>(path.media.set, {}, form);
   if constexpr (kVaryingMedia) {
     if (scatterer) {
       const auto its = scene_.media->template CoefficientsAt<Rgb>(
-          *scatterer, ToDouble(p), TimeOfMedia<kTraits>(path.ray.time), {});
+          *scatterer, ToDouble(p), TimeOfMedia<kTraits>(path.ray.time), {}, form);
       mix.sigma_t = its.sigma_t;
       mix.sigma_s = its.sigma_s;
     }
@@ -306,7 +317,8 @@ bool PathTracer<kTraits, Tracer, kDirectLight>::ScatterInMedium(
     if constexpr (kVaryingMedia) {
       if (scatterer) {
         PhaseMix<Color> its;
-        its.Add(scene_.media->PhaseAsymmetryOf(*scatterer), Color::Grey(1), 1);
+        its.Add(scene_.media->PhaseAsymmetryOf(*scatterer, path->media.mix.form), Color::Grey(1),
+                1);
         return its;
       }
     }
@@ -317,6 +329,7 @@ bool PathTracer<kTraits, Tracer, kDirectLight>::ScatterInMedium(
     return scene_.media->template PhaseOf<Color>(path->media.set, path->media.mix, path->throughput,
                                                  path->wavelengths);
   }();
+  CountScattering(*path, &path->media);
   SurfacePoint here;  // Without a normal there is no side, and nothing to be kept away from.
   here.p = p;
   if (!scene_.lights->empty() && !path->media.mix.is_hidden) {

@@ -44,7 +44,7 @@ PathTracer<kTraits, Tracer, kDirectLight>::FlyThroughVarying(const Ray& ray,
   Color weight = Color::Grey(1);
   uint32_t nearest = parts.size();
   for (uint32_t i = 0; i < parts.size(); ++i) {
-    const auto its = media.template CoefficientsOf<Color>(parts[i], path.wavelengths);
+    const auto its = media.template CoefficientsOf<Color>(parts[i], path.wavelengths, mix.form);
     if (its.sigma_s.IsBlack()) continue;  // Stops nothing: takes what it takes, up to the end.
     const TrackedFlight<Color> tracked = fly(i, its);
     if (tracked.collides) {
@@ -63,7 +63,7 @@ PathTracer<kTraits, Tracer, kDirectLight>::FlyThroughVarying(const Ray& ray,
   }
   flight.weight *= weight;
   for (uint32_t i = 0; i < parts.size(); ++i) {
-    const auto its = media.template CoefficientsOf<Color>(parts[i], path.wavelengths);
+    const auto its = media.template CoefficientsOf<Color>(parts[i], path.wavelengths, mix.form);
     if (its.sigma_s.IsBlack()) {
       EventStream events = stream(i);
       flight.weight *= media.DensityOf(parts[i]).Transmittance(
@@ -90,7 +90,8 @@ PathTracer<kTraits, Tracer, kDirectLight>::ShareThroughVarying(const Ray& ray,
   TrackingTally tally{.bound_factor = counts_.majorant_factor};
   const MediumTable::PartList parts = scene_.media->PartsOf(media.set);
   for (uint32_t i = 0; i < parts.size() && !share.IsBlack(); ++i) {
-    const auto its = scene_.media->template CoefficientsOf<Color>(parts[i], path.wavelengths);
+    const auto its =
+        scene_.media->template CoefficientsOf<Color>(parts[i], path.wavelengths, media.mix.form);
     // A key that no flight has: flights' third number is below 1, and so are its bits.
     EventStream events({std::bit_cast<uint32_t>(u[0]), std::bit_cast<uint32_t>(u[1]), ~uint32_t{0},
                         (pass << 8) | i});
@@ -125,7 +126,8 @@ PathTracer<kTraits, Tracer, kDirectLight>::EmissionAmongVarying(const Ray& ray,
     Color left = Color::Grey(1);
     for (uint32_t j = 0; j < count; ++j) {
       if (j == by) continue;
-      const auto its = scene_.media->template CoefficientsOf<Color>(parts[j], path.wavelengths);
+      const auto its =
+          scene_.media->template CoefficientsOf<Color>(parts[j], path.wavelengths, mix.form);
       EventStream events = stream(by, j);
       left *= scene_.media->DensityOf(parts[j]).Transmittance(
           o, d, t, its.sigma_t * static_cast<float>(unit), &events, &tally, time);
@@ -136,7 +138,8 @@ PathTracer<kTraits, Tracer, kDirectLight>::EmissionAmongVarying(const Ray& ray,
   for (uint32_t i = 0; i < count; ++i) {
     const MediumGlow* glow = scene_.media->GlowOf(parts[i]);
     if (glow == nullptr) continue;
-    const auto its = scene_.media->template CoefficientsOf<Color>(parts[i], path.wavelengths);
+    const auto its =
+        scene_.media->template CoefficientsOf<Color>(parts[i], path.wavelengths, mix.form);
     EventStream events = stream(i, i);
     const auto source = [&](double t) {
       const Vec3d origin = scene_.media->DensityOf(parts[i]).OriginOf(o + t * d, time);

@@ -9,6 +9,7 @@
 #include <cmath>
 #include <iterator>
 #include <set>
+#include <utility>
 #include <variant>
 
 #include "absl/strings/str_cat.h"
@@ -16,6 +17,7 @@
 #include "worker/render/bilinear_patch.h"
 #include "worker/render/light_choice.h"
 #include "worker/render/material_traits.h"
+#include "worker/render/similarity.h"
 #include "worker/render/variants.h"
 
 namespace sheaf::render {
@@ -82,6 +84,10 @@ class PlanMaker {
     }
     RenderPlan plan = Finish(settings.force_generic_variant);
     BoundDepth(settings.max_depth, &plan);
+    plan.notes = std::move(notes_);
+    for (std::string& note : SimilarityNotes(scene_, settings.similarity_after)) {
+      plan.notes.push_back(std::move(note));
+    }
     return plan;
   }
 
@@ -250,6 +256,10 @@ class PlanMaker {
                                               : absl::StrCat("medium \"", medium.name, "\"");
     const auto ask = [&](Trait trait) { Ask(trait, medium.location, what); };
     ask(medium.is_matter ? Trait::kSubsurface : Trait::kMedia);
+    if (!medium.constant_grid.empty()) {
+      notes_.push_back(absl::StrCat(FormatLocation(scene_, medium.location), ": ", what, ": ",
+                                    medium.constant_grid));
+    }
     const auto* grid = std::get_if<RgbGridMedium>(&medium.kind);
     if (!medium.IsHomogeneous()) ask(Trait::kHeterogeneousMedia);
     if (medium.Moves() && ShutterIsOpen()) {
@@ -313,6 +323,7 @@ class PlanMaker {
   const SceneDescription& scene_;
   std::array<Cause, std::size(kTraitNames)> causes_;
   std::set<int32_t> materials_seen_, area_lights_seen_;
+  std::vector<std::string> notes_;
   size_t light_count_ = 0;
   bool something_scatters_ = false, something_glows_ = false;
 };
@@ -356,6 +367,7 @@ std::string FormatRenderPlan(const RenderPlan& plan) {
   if (!plan.depth_cause.empty()) {
     absl::StrAppend(&text, "depth: ", plan.max_depth, ", ", plan.depth_cause, "\n");
   }
+  for (const std::string& note : plan.notes) absl::StrAppend(&text, note, "\n");
   std::vector<std::string> carried;
   for (const TraitName& t : kTraitNames) {
     const auto bit = static_cast<uint32_t>(t.trait);

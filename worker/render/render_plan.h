@@ -66,10 +66,12 @@ struct RenderPlan {
   size_t light_count = 0;              // Of emissive triangles, spheres, disks and other lights.
   std::vector<PlannedEffect> effects;  // In the order of Trait.
   std::vector<std::string> unused;     // Names of the effects that cost nothing here.
+  // What else whoever sees the picture should know: a line each.
+  std::vector<std::string> notes;
 };
 
 RenderPlan MakeRenderPlan(const SceneDescription& scene, const FrameSettings& settings);
-// The plan as people read it: one line an effect, then the lights and the variant.
+// The plan as people read it: one line an effect, then the lights, notes and the variant.
 std::string FormatRenderPlan(const RenderPlan& plan);
 
 }  // namespace sheaf::render

@@ -62,6 +62,7 @@ TEST(WireTest, RefusesLeasesThatARendererWouldTripOver) {
       [](v1::Lease* l) { l->mutable_settings()->set_width_px(1 << 30); },
       [](v1::Lease* l) { l->mutable_settings()->clear_window(); },
       [](v1::Lease* l) { l->mutable_settings()->set_depth_max(-1); },
+      [](v1::Lease* l) { l->mutable_settings()->set_similarity_after_count(-1); },
       [](v1::Lease* l) { l->mutable_scene()->set_sha256_hex("../../secret"); },
   };
   for (const Change change : changes) {
