@@ -100,7 +100,7 @@ SCENES = {
                            '"rgb Le" [0.2 0.1 0.05]'),
     "uneven media": boxed(DIFFUSE).replace("WorldBegin\n", UNEVEN),
     "moving volumes": boxed(DIFFUSE).replace("WorldBegin\n", UNEVEN.replace(
-        '"point3 p0"', '"vector3 velocity" [%s]\n"point3 p0"' % ".2 .1 0 " * 8)),
+        '"point3 p0"', '"vector3 velocity" [%s]\n"point3 p0"' % (".2 .1 0 " * 8))),
     "outputs": boxed(DIFFUSE),
     "subsurface": boxed('Material "subsurface" "rgb reflectance" [0.8 0.5 0.3] '
                         '"rgb mfp" [0.05 0.05 0.05]'),

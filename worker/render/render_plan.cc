@@ -51,7 +51,7 @@ constexpr TraitName kTraitNames[] = {
     {Trait::kOutputs, "outputs", 1.34},
     {Trait::kMedia, "media", 4.75},
     {Trait::kHeterogeneousMedia, "uneven media", 0.81},
-    {Trait::kMovingVolumes, "moving volumes"},
+    {Trait::kMovingVolumes, "moving volumes", 1.05},
     {Trait::kChromaticMedia, "colored media", 1.22},
     {Trait::kEmissiveMedia, "glowing media", 1.07},
     {Trait::kSubsurface, "subsurface", 3.9},
