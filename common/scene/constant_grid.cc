@@ -169,6 +169,8 @@ std::string ObstacleTo(const Candidate& candidate, const SceneDescription& scene
   const MediumDescription& medium = scene.media[candidate.medium];
   const auto index = static_cast<int32_t>(candidate.medium);
   if (scene.camera.medium == index) return "the camera is in it";
+  // From where its values end, 0 may come.
+  if (medium.Moves()) return "it moves by velocities";
   Matrix4 medium_from_world;
   if (!Invert(medium.world_from_medium, &medium_from_world)) return "its transform is singular";
   bool is_bounded = false;

@@ -162,6 +162,10 @@ TEST_F(ConstantGridTest, WhatMovesStaysAGrid) {
              absl::StrCat("ActiveTransform EndTime Translate 0.1 0 0 ActiveTransform All\n",
                           "Scale 0.5 0.5 0.5\n", kCube),
              "the shape at main.pbrt:11:1 moves");
+  std::string velocities = "  \"vector3 velocity\" [1 0 0";
+  for (int i = 1; i < 8; ++i) velocities += " 0 0 0";
+  ExpectLeft(absl::StrCat(even_, velocities, "]\n"), absl::StrCat("Scale 0.5 0.5 0.5\n", kCube),
+             "it moves by velocities");
 }
 
 TEST_F(ConstantGridTest, OtherGridsAreNotEvenLookedAt) {

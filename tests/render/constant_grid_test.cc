@@ -67,8 +67,10 @@ TEST(ConstantGridTest, ThePictureIsThatOfTheHomogeneousMedium) {
 // homogeneous is what tracking estimates.
 TEST(ConstantGridTest, TrackingThroughItHasTheSameMean) {
   SceneDescription tracked = Read(Grid(4, kColored));
-  tracked.media[0].kind = UniformGridMedium{
-      {{4, 4, 4}, {-2, -2, -2}, {2, 2, 2}}, std::vector<float>(64, 1.0f), {}, {}, {}};
+  UniformGridMedium one;
+  one.box = {{4, 4, 4}, {-2, -2, -2}, {2, 2, 2}};
+  one.density.assign(64, 1.0f);
+  tracked.media[0].kind = one;
   FrameSettings settings = SquareSettings(16, 128, 16);
   ASSERT_TRUE(Has(MakeRenderPlan(tracked, settings).traits, Trait::kHeterogeneousMedia));
   const Rendered with = RenderCounted(tracked, settings);
