@@ -167,57 +167,6 @@ TEST(LightChi2Test, Triangles) {
   }
 }
 
-// The left half of the square for one triangle, the right half for the other.
-Surface QuadSurface(const TriangleEmitter& q) {
-  const Surface first = TriangleSurface({q.v0, q.v1, q.v2, kWhite});
-  const Surface second = TriangleSurface({q.v2, q.v1, q.v3, kWhite});
-  const Vec3d v1 = ToDouble(q.v1), edge = ToDouble(q.v2) - v1;
-  const Vec3d beyond = Cross(edge, Cross(edge, ToDouble(q.v0) - v1));
-  return {[=](double s, double v) {
-            SurfacePoint point = s < 0.5 ? first.at(2 * s, v) : second.at(2 * s - 1, v);
-            point.area *= 2;
-            return point;
-          },
-          [=](Vec3d p) {
-            if (Dot(p - v1, beyond) < 0) {
-              const Vec2d st = first.inverse(p);
-              return Vec2d{std::min(0.5 * st.x, std::nextafter(0.5, 0.0)), st.y};
-            }
-            const Vec2d st = second.inverse(p);
-            return Vec2d{std::max(0.5 + 0.5 * st.x, 0.5), st.y};
-          }};
-}
-
-TEST(LightChi2Test, Quads) {
-  const auto quad = [](Vec3f v0, Vec3f e1, Vec3f e2, float u, float v) {
-    TriangleEmitter q{v0, v0 + e1, v0 + e2, kWhite, true, true};
-    q.v3 = v0 + u * e1 + v * e2;
-    return q;
-  };
-  const TriangleEmitter quads[] = {
-      quad({-1, -1, 2}, {2, 0, 0.5f}, {0, 2, 0}, 1, 1),            // A rectangle.
-      quad({-1, -1, 2}, {2, 0, 0}, {0, 2, 0}, 0.6f, 2),            // Any other.
-      quad({-1, -1, 0.1f}, {2, 0, 0}, {0, 2, 0}, 1, 1),            // Close.
-      quad({-0.1f, -1, 0.01f}, {2, 0, 0}, {0, 2, 0}, 1, 1),        // Very close.
-      quad({100, 0, 0}, {0, 1, 0}, {0, 0, 1}, 1, 1),               // Far.
-      quad({2, 0, 0}, {0, 1, 0}, {0, 0, 1e-3f}, 1, 1),             // A strip.
-      quad({1, 0.01f, 0}, {2, 0, 0}, {0, 0, 2}, 1, 1),             // Grazing.
-      quad({-1, -1, 1}, {2, 0, 0}, {0, 2, 0}, 0.500001f, 0.5001f)  // Almost one triangle.
-  };
-  uint64_t seed = 150;
-  for (const TriangleEmitter& q : quads) {
-    SCOPED_TRACE(seed);
-    LightTableInput input;
-    input.triangles = {q};
-    ExpectMatches(*MakeTable(input), 0, QuadSurface(q), {0, 0, 0}, seed++);
-  }
-  // By area: the receiver far away.
-  TriangleEmitter far = quad({0, 0, 0}, {0, 1, 0}, {0, 0, 2}, 0.7f, 1);
-  LightTableInput input;
-  input.triangles = {far};
-  ExpectMatches(*MakeTable(input), 0, QuadSurface(far), {-3e7f, 0, 0}, seed);
-}
-
 // The part of a sphere's surface seen from p (all of it from inside), in polar coordinates about
 // the point nearest to p, where cells are densest.
 Surface SphereSurface(const SphereEmitter& s, Vec3d p) {

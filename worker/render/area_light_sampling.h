@@ -43,14 +43,6 @@ inline DiskShapeView ViewEmitter(const DiskEmitter& disk, Vec3f p) {
 inline TriangleView ViewEmitter(const TriangleEmitter& t, Vec3f p) {
   return ViewTriangle(t.v0, t.v1, t.v2, p);
 }
-inline QuadView ViewAsQuad(const TriangleEmitter& t, Vec3f p) {
-  return ViewQuad(t.v0, t.v1, t.v2, t.v3, p);
-}
-// Measure: solid angle.
-inline double PdfOnEmitter(const TriangleEmitter& t, Vec3f p, Vec3f p_light) {
-  return t.is_quad ? PdfQuad(ViewAsQuad(t, p), p, p_light)
-                   : PdfTriangle(ViewEmitter(t, p), p, p_light);
-}
 inline SphereView ViewEmitter(const SphereEmitter& s, Vec3f p) {
   return ViewSphere(s.center, s.radius, s.inward && !s.two_sided, p);
 }
@@ -58,13 +50,6 @@ inline SphereView ViewEmitter(const SphereEmitter& s, Vec3f p) {
 template <typename Color>
 std::optional<LightSampleOf<Color>> SampleEmitter(const TriangleEmitter& t, const Color& radiance,
                                                   float probability, Vec3f p, Vec2f u) {
-  if (t.is_quad) {
-    const QuadView view = ViewAsQuad(t, p);
-    if (!view.visible || !(view.front() || t.two_sided)) return std::nullopt;
-    LightSampleOf<Color> sample = AreaSample(SampleQuad(view, t.v0, t.v2, u), radiance);
-    sample.pdf = PdfSolidAngle(PdfQuad(view, p, sample.p_light), probability);
-    return sample;
-  }
   const TriangleView view = ViewEmitter(t, p);
   if (!view.visible || !(view.front() || t.two_sided)) return std::nullopt;
   const ShapePoint point = SampleTriangle(view, t.v0, p, u);

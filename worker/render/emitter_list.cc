@@ -41,40 +41,6 @@ Vec3d TriangleCross(const BakedMesh& mesh, const uint32_t* t) {
   return Cross(ToDouble(mesh.positions[t[1]]) - p0, ToDouble(mesh.positions[t[2]]) - p0);
 }
 
-// Half an ulp of rounding in each coordinate of the corners, and as much of whatever moved them.
-constexpr double kFlatness = 0x1p-23;
-
-Vec3f Corner(const BakedMesh& mesh, const uint32_t* t, size_t i) {
-  return mesh.positions[t[i % 3]];
-}
-
-// Two faces with an edge in common as a quad of one plane, if they are that; v0 to v3 of *emitter.
-bool MakeQuad(const BakedMesh& mesh, const uint32_t* t, TriangleEmitter* emitter) {
-  const uint32_t* next = t + 3;
-  const Vec3d normal = TriangleCross(mesh, t), next_normal = TriangleCross(mesh, next);
-  if (!(Dot(normal, next_normal) > 0)) return false;
-  if (TriangleFacing(mesh, t, normal) != TriangleFacing(mesh, next, next_normal)) return false;
-  for (size_t i = 0; i < 3; ++i) {
-    for (size_t k = 0; k < 3; ++k) {
-      // The edge runs the other way about in the second face.
-      if (Corner(mesh, t, i + 1) != Corner(mesh, next, k + 2) ||
-          Corner(mesh, t, i + 2) != Corner(mesh, next, k + 1)) {
-        continue;
-      }
-      emitter->v0 = Corner(mesh, t, i);
-      emitter->v1 = Corner(mesh, t, i + 1);
-      emitter->v2 = Corner(mesh, t, i + 2);
-      emitter->v3 = Corner(mesh, next, k);
-      const Vec3d p = ToDouble(emitter->v3), q = ToDouble(emitter->v0);
-      const double size = std::fabs(normal.x) * (std::fabs(p.x) + std::fabs(q.x)) +
-                          std::fabs(normal.y) * (std::fabs(p.y) + std::fabs(q.y)) +
-                          std::fabs(normal.z) * (std::fabs(p.z) + std::fabs(q.z));
-      return std::fabs(Dot(normal, p - q)) <= kFlatness * size;
-    }
-  }
-  return false;
-}
-
 using FaceUvs = std::array<Vec2f, 3>;
 
 FaceUvs UvsOf(const BakedMesh& mesh, const uint32_t* t) {
@@ -237,23 +203,6 @@ void EmitterList::AddFace(const BakedMesh& mesh, const uint32_t* t, TriangleEmit
   }
 }
 
-bool EmitterList::AddQuads(const BakedMesh& mesh, TriangleEmitter emitter) {
-  emitter.is_quad = true;
-  const size_t first = input_.triangles.size();
-  for (size_t i = 0; i < mesh.indices.size(); i += 6) {
-    const uint32_t* t = &mesh.indices[i];
-    if (i + 6 > mesh.indices.size() || !MakeQuad(mesh, t, &emitter)) {
-      input_.triangles.resize(first);
-      return false;
-    }
-    input_.triangles.push_back(emitter);
-    TriangleEmitter& quad = input_.triangles.back();
-    // Facing the other way: mirrored about the edge.
-    if (TriangleFacing(mesh, t, TriangleCross(mesh, t)) < 0) std::swap(quad.v1, quad.v2);
-  }
-  return true;
-}
-
 uint32_t EmitterList::AddMesh(int32_t light, BakedMesh* mesh) {
   double area = 0;
   for (size_t i = 0; i < mesh->indices.size(); i += 3) {
@@ -269,10 +218,6 @@ uint32_t EmitterList::AddMesh(int32_t light, BakedMesh* mesh) {
   emitter.radiance = radiance;
   emitter.two_sided = LightAt(light).two_sided;
   const auto first = static_cast<uint32_t>(input_.triangles.size());
-  if (!detail && AddQuads(*mesh, emitter)) {
-    mesh->surface.emitter_shift = 1;
-    return first;
-  }
   for (size_t i = 0; i < mesh->indices.size(); i += 3) {
     AddFace(*mesh, &mesh->indices[i], emitter, detail ? &*detail : nullptr);
   }

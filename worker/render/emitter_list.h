@@ -26,9 +26,8 @@ class EmitterList {
   // light: index of the shape's light. Return a preliminary id for Surface::emitter, or kNoEmitter
   // where the light is black; AssignIds makes it final. flips: whether the shape faces inwards
   // (spheres) or along -z (disks). A mesh that emits a picture of much contrast is a grid of
-  // emitters for each of its triangles, so that the choice of lights knows its bright parts; one
-  // of flat quads, two triangles each, has one for each quad. AddMesh sets in the mesh's surface
-  // how to tell them apart.
+  // emitters for each of its triangles, so that the choice of lights knows its bright parts:
+  // AddMesh sets how fine in the mesh's surface.
   uint32_t AddMesh(int32_t light, BakedMesh* mesh);
   uint32_t AddQuadric(const Quadric& quadric, const Surface& surface, int32_t light);
   // Whether the light table has a sampling of the quadric's own: whole spheres scaled alike along
@@ -51,8 +50,6 @@ class EmitterList {
   std::optional<EmissionDetail> DetailOf(const Surface& surface, int32_t light,
                                          const Emission& mean) const;
   bool IsAlwaysCutOut(const Surface& surface) const;
-  // All faces of the mesh, if each two that follow each other are a quad; else none of them.
-  bool AddQuads(const BakedMesh& mesh, TriangleEmitter emitter);
   // The emitter of one face, or of each cell of it.
   void AddFace(const BakedMesh& mesh, const uint32_t* indices, TriangleEmitter emitter,
                const EmissionDetail* detail);

@@ -222,7 +222,7 @@ float LightTable::PdfOfEmitter(const Impl& impl, uint32_t emitter, Vec3f p, Vec3
   double shape_pdf = 0;
   if constexpr (Has(kMask, Trait::kAreaLights)) {
     if (emitter < impl.first_sphere()) {
-      shape_pdf = PdfOnEmitter(impl.triangles[emitter], p, p_light);
+      shape_pdf = PdfTriangle(ViewEmitter(impl.triangles[emitter], p), p, p_light);
     } else if constexpr (Has(kMask, Trait::kQuadrics)) {
       if (emitter < impl.first_disk()) {
         const SphereView view = ViewEmitter(impl.spheres[emitter - impl.first_sphere()], p);

@@ -74,10 +74,6 @@ struct TriangleEmitter {
   Vec3f v0, v1, v2;
   Emission radiance;
   bool two_sided = false;
-  // The triangle v2 v1 v3 shines as well, which lies in the same plane to within rounding. Has no
-  // EmissionDetail.
-  bool is_quad = false;
-  Vec3f v3{};
 };
 struct SphereEmitter {
   Vec3d center;

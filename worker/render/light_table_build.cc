@@ -37,17 +37,12 @@ LightBounds NoLight() { return {.kind = LightBounds::Kind::kPlanar, .strength = 
 
 LightBounds BoundsOf(const TriangleEmitter& t) {
   const Vec3d v0 = ToDouble(t.v0), e1 = ToDouble(t.v1) - v0, e2 = ToDouble(t.v2) - v0;
-  Vec3d normal = Cross(e1, e2), center = v0 + (e1 + e2) / 3.0;
-  const Vec3d e3 = ToDouble(t.v3) - v0;
-  if (t.is_quad) {
-    normal = normal + Cross(e1 - e2, e3 - e2);
-    center = v0 + (e1 + e2 + e3) / 4.0;
-  }
+  const Vec3d normal = Cross(e1, e2);
   const double doubled_area = Length(normal);
   if (!(doubled_area > 0) || !std::isfinite(doubled_area)) return NoLight();
-  double radius =
+  const Vec3d center = v0 + (e1 + e2) / 3.0;
+  const double radius =
       std::max({Length(v0 - center), Length(v0 + e1 - center), Length(v0 + e2 - center)});
-  if (t.is_quad) radius = std::max(radius, Length(v0 + e3 - center));
   return {.kind = LightBounds::Kind::kPlanar,
           .two_sided = t.two_sided,
           .center = ToFloat(center),

@@ -41,9 +41,6 @@ struct Surface {
   MediumBoundary media;
   // Each triangle that emits a picture is so many emitters squared: emission_cells.h.
   uint16_t emission_cells = 1;
-  // Or two triangles that follow each other are one: then 1. The bits of a primitive's number to be
-  // left out for that of its emitter.
-  uint8_t emitter_shift = 0;
 };
 struct BakedMesh {
   Surface surface;

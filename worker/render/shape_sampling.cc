@@ -45,74 +45,51 @@ double ClampToUnit(double v) { return v > 0 ? std::min(v, 1.0) : 0; }
 
 }  // namespace
 
-namespace {
-
-// A vertex, and where it is from the receiver.
-struct Corner {
-  Vec3d q, from_p;
-  double distance = 0;
-};
-Corner CornerFrom(Vec3d p, Vec3f v) {
-  const Vec3d q = ToDouble(v);
-  return {q, q - p, Length(q - p)};
-}
-
-// All of a view but its solid angle, which is twice the angle of the vector (*denominator, triple).
-inline TriangleView ViewWithoutAngle(Vec3d p, const Corner& a, const Corner& b, const Corner& c,
-                                     double* denominator) {
+TriangleView ViewTriangle(Vec3f v0, Vec3f v1, Vec3f v2, Vec3f p) {
   TriangleView view;
-  view.a = a.from_p;
-  view.e1 = b.q - a.q;
-  view.e2 = c.q - a.q;
+  const Vec3d q0 = ToDouble(v0), pd = ToDouble(p);
+  view.a = q0 - pd;
+  view.e1 = ToDouble(v1) - q0;
+  view.e2 = ToDouble(v2) - q0;
   view.normal_area = Cross(view.e1, view.e2);
   view.triple = Dot(view.a, view.normal_area);
   // Also refuses NaN and triangles without area.
-  if (!(std::fabs(view.triple) > PlaneError(view.normal_area, p, a.q))) return view;
-  view.length_a = a.distance;
-  view.length_b = b.distance;
-  view.length_c = c.distance;
-  *denominator = a.distance * b.distance * c.distance + Dot(a.from_p, b.from_p) * c.distance +
-                 Dot(b.from_p, c.from_p) * a.distance + Dot(c.from_p, a.from_p) * b.distance;
-  view.visible = std::isfinite(*denominator);
-  return view;
-}
-
-}  // namespace
-
-TriangleView ViewTriangle(Vec3f v0, Vec3f v1, Vec3f v2, Vec3f p) {
-  const Vec3d pd = ToDouble(p);
-  double denominator = 0;
-  TriangleView view = ViewWithoutAngle(pd, CornerFrom(pd, v0), CornerFrom(pd, v1),
-                                       CornerFrom(pd, v2), &denominator);
-  if (!view.visible) return view;
+  if (!(std::fabs(view.triple) > PlaneError(view.normal_area, pd, q0))) return view;
+  const Vec3d b = view.a + view.e1, c = view.a + view.e2;
+  view.length_a = Length(view.a);
+  view.length_b = Length(b);
+  view.length_c = Length(c);
+  const double denominator = view.length_a * view.length_b * view.length_c +
+                             Dot(view.a, b) * view.length_c + Dot(b, c) * view.length_a +
+                             Dot(c, view.a) * view.length_b;
   view.solid_angle = 2 * AngleOf(std::fabs(view.triple), denominator);
+  view.visible = std::isfinite(denominator);
   view.by_area = !(view.solid_angle > kTriangleSolidAngleMin);
   return view;
 }
 
 namespace {
 
-// Unit direction in the spherical triangle of the view: on the arc from b that, with the edge b a,
-// encloses the solid angle `swept`, and along it by v, so that uniform numbers give uniform
-// directions.
-Vec3d SampleSphericalTriangle(const TriangleView& view, double swept, double v) {
+// Unit direction, uniform over the spherical triangle of the view.
+Vec3d SampleSphericalTriangle(const TriangleView& view, Vec2f u) {
   const double scale_a = 1 / view.length_a, scale_b = 1 / view.length_b;
   const double scale_c = 1 / view.length_c;
   const Vec3d a = view.a * scale_a;
   const Vec3d b = (view.a + view.e1) * scale_b;
   const Vec3d c = (view.a + view.e2) * scale_c;
   // The half-angle direction r between a and the point of the arc ac that, with a and b, cuts off
-  // that solid angle.
+  // the fraction u.x of the solid angle.
   const double g0 = std::fabs(view.triple) * (scale_a * scale_b * scale_c);
   const double g1 = Dot(a + b, c);
   const double g2 = 0.5 * LengthSquared(a + b);
-  const SinCosPair<double> half = SinCosOf(0.5 * swept);
+  const SinCosPair<double> half = SinCosOf(0.5 * view.solid_angle * static_cast<double>(u.x));
   const Vec3d r = (g0 * half.cos - g1 * half.sin) * a + (g2 * half.sin) * c;
   const double r_squared = LengthSquared(r);
   const Vec3d c_cut = r_squared > 0 ? (2 * Dot(a, r) / r_squared) * r - a : c;
   // Along the arc from b to there, uniform in the cosine. 1 - cos and 1 + cos of the whole arc come
   // from its chord and from the sum of its ends: next to a receiver in the triangle's plane the arc
   // is almost half a circle, and which half is in the last digits of that sum.
+  const double v = static_cast<double>(u.y);
   const Vec3d chord = c_cut - b, sum = c_cut + b;
   const double q = 0.5 * LengthSquared(chord), q_sum = 0.5 * LengthSquared(sum);
   const double t = q_sum > 0 ? std::sqrt(std::max(v * (2 - v * q), 0.0) / q_sum) : v;
@@ -121,9 +98,9 @@ Vec3d SampleSphericalTriangle(const TriangleView& view, double swept, double v) 
   return Unit(w);
 }
 
-ShapePoint SampleTriangleByArea(const TriangleView& view, Vec3f v0, Vec2d u) {
+ShapePoint SampleTriangleByArea(const TriangleView& view, Vec3f v0, Vec2f u) {
   // Source: Heitz 2019, "A Low-Distortion Map Between Triangle and Square".
-  double b1 = u.x, b2 = u.y;
+  double b1 = static_cast<double>(u.x), b2 = static_cast<double>(u.y);
   if (b1 < b2) {
     b1 *= 0.5;
     b2 -= b1;
@@ -136,8 +113,12 @@ ShapePoint SampleTriangleByArea(const TriangleView& view, Vec3f v0, Vec2d u) {
   return {Unit(l), ToDouble(v0) + from_v0, Unit(view.normal_area)};
 }
 
-// Where the ray along w meets the triangle. Source: Moeller and Trumbore 1997.
-ShapePoint PointAlong(const TriangleView& view, Vec3f v0, Vec3d w) {
+}  // namespace
+
+ShapePoint SampleTriangle(const TriangleView& view, Vec3f v0, Vec3f /*p*/, Vec2f u) {
+  if (view.by_area) return SampleTriangleByArea(view, v0, u);
+  const Vec3d w = SampleSphericalTriangle(view, u);
+  // Where the ray meets the triangle. Source: Moeller and Trumbore 1997.
   const Vec3d p_cross = Cross(w, view.e2);
   const double scale = 1 / Dot(view.e1, p_cross);
   const double b1 = ClampToUnit(-Dot(view.a, p_cross) * scale);
@@ -146,62 +127,12 @@ ShapePoint PointAlong(const TriangleView& view, Vec3f v0, Vec3d w) {
   return {w, p_light, Unit(view.normal_area)};
 }
 
-}  // namespace
-
-ShapePoint SampleTriangle(const TriangleView& view, Vec3f v0, Vec3f /*p*/, Vec2f u) {
-  const Vec2d x{static_cast<double>(u.x), static_cast<double>(u.y)};
-  if (view.by_area) return SampleTriangleByArea(view, v0, x);
-  return PointAlong(view, v0, SampleSphericalTriangle(view, x.x * view.solid_angle, x.y));
-}
-
 double PdfTriangle(const TriangleView& view, Vec3f p, Vec3f p_light) {
   if (!view.visible) return 0;
   if (!view.by_area) return 1 / view.solid_angle;
   // distance^2 / (cos * area), with the cosine and the area both from the triple product.
   const Vec3d l = ToDouble(p_light) - ToDouble(p);
   return 2 * LengthSquared(l) * Length(l) / std::fabs(view.triple);
-}
-
-QuadView ViewQuad(Vec3f v0, Vec3f v1, Vec3f v2, Vec3f v3, Vec3f p) {
-  QuadView view;
-  double re1 = 0, re2 = 0;
-  const Vec3d pd = ToDouble(p);
-  const Corner c1 = CornerFrom(pd, v1), c2 = CornerFrom(pd, v2);
-  view.first = ViewWithoutAngle(pd, CornerFrom(pd, v0), c1, c2, &re1);
-  view.second = ViewWithoutAngle(pd, c2, c1, CornerFrom(pd, v3), &re2);
-  view.visible =
-      view.first.visible && view.second.visible && view.first.front() == view.second.front();
-  if (!view.visible) return view;
-  // Angles add up as those of complex numbers that are multiplied. A plane fills no more than half
-  // of the sphere: half the sum is at most pi, and where rounding takes it beyond, it is pi.
-  const double im1 = std::fabs(view.first.triple), im2 = std::fabs(view.second.triple);
-  view.first.solid_angle = 2 * AngleOf(im1, re1);
-  view.solid_angle = 2 * AngleOf(std::max(im1 * re2 + im2 * re1, 0.0), re1 * re2 - im1 * im2);
-  view.by_area = !(view.solid_angle > kTriangleSolidAngleMin);
-  return view;
-}
-
-ShapePoint SampleQuad(const QuadView& view, Vec3f v0, Vec3f v2, Vec2f u) {
-  const double y = static_cast<double>(u.y);
-  if (view.by_area) {
-    // As the areas are: p is equally high over both.
-    const double first = std::fabs(view.first.triple), second = std::fabs(view.second.triple);
-    const double x = static_cast<double>(u.x) * (first + second);
-    return x < first ? SampleTriangleByArea(view.first, v0, {x / first, y})
-                     : SampleTriangleByArea(view.second, v2, {(x - first) / second, y});
-  }
-  const double swept = static_cast<double>(u.x) * view.solid_angle;
-  const double beyond = swept - view.first.solid_angle;
-  return beyond < 0 ? PointAlong(view.first, v0, SampleSphericalTriangle(view.first, swept, y))
-                    : PointAlong(view.second, v2, SampleSphericalTriangle(view.second, beyond, y));
-}
-
-double PdfQuad(const QuadView& view, Vec3f p, Vec3f p_light) {
-  if (!view.visible) return 0;
-  if (!view.by_area) return 1 / view.solid_angle;
-  const Vec3d l = ToDouble(p_light) - ToDouble(p);
-  return 2 * LengthSquared(l) * Length(l) /
-         (std::fabs(view.first.triple) + std::fabs(view.second.triple));
 }
 
 SphereView ViewSphere(Vec3d center, double radius, bool from_inside, Vec3f p) {

@@ -1,10 +1,10 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Points on triangles, quads, spheres and disks as a receiver at p sees them, with pdfs in solid
-// angle. Every shape has a View: all that depends on (shape, p) and nothing else, so that sampling
-// and evaluating switch between techniques on the same bit and give the same pdf to the bit. Inputs
-// are floats; the arithmetic between them is double, which makes differences exact and leaves no
+// Points on triangles, spheres and disks as a receiver at p sees them, with pdfs in solid angle.
+// Every shape has a View: all that depends on (shape, p) and nothing else, so that sampling and
+// evaluating switch between techniques on the same bit and give the same pdf to the bit. Inputs are
+// floats; the arithmetic between them is double, which makes differences exact and leaves no
 // distance or size at which a form breaks down. Space: any, the same for all arguments.
 //
 // A View is not `visible` where the receiver cannot be told from a point in the shape's plane
@@ -45,22 +45,6 @@ TriangleView ViewTriangle(Vec3f v0, Vec3f v1, Vec3f v2, Vec3f p);
 ShapePoint SampleTriangle(const TriangleView& view, Vec3f v0, Vec3f p, Vec2f u);
 // p_light: a point of the triangle. 0 where not visible.
 double PdfTriangle(const TriangleView& view, Vec3f p, Vec3f p_light);
-
-// --- Quads -------------------------------------------------------------------------------------
-
-// Two triangles of one plane and one winding that share the edge v1 v2: v0 v1 v2 and v2 v1 v3. What
-// light comes from both needs no choice between them, and one map of the square covers both.
-struct QuadView {
-  TriangleView first, second;
-  double solid_angle = 0;  // Of both.
-  bool visible = false;    // Only where both are, from one side.
-  bool by_area = false;
-  bool front() const { return first.front(); }
-};
-QuadView ViewQuad(Vec3f v0, Vec3f v1, Vec3f v2, Vec3f v3, Vec3f p);
-// As SampleTriangle: the arc from v1 sweeps over the first triangle and on over the second.
-ShapePoint SampleQuad(const QuadView& view, Vec3f v0, Vec3f v2, Vec2f u);
-double PdfQuad(const QuadView& view, Vec3f p, Vec3f p_light);
 
 // --- Spheres -----------------------------------------------------------------------------------
 

@@ -273,12 +273,10 @@ template <uint32_t kTraits>
 uint32_t EmitterOfFace(const Surface& surface, const RawHit& hit) {
   if constexpr (Has(kTraits, Trait::kVaryingEmission)) {
     const uint32_t cells = surface.emission_cells;
-    if (cells > 1) {
-      return hit.id.primitive * cells * cells +
-             CellAt(cells, static_cast<double>(hit.u), static_cast<double>(hit.v));
-    }
+    return hit.id.primitive * cells * cells +
+           CellAt(cells, static_cast<double>(hit.u), static_cast<double>(hit.v));
   }
-  return hit.id.primitive >> surface.emitter_shift;
+  return hit.id.primitive;
 }
 
 // The hit's point in its group, with point->surface and emitter. placement: null in the world.
