@@ -218,7 +218,7 @@ HttpResponse HttpApi::GetPreview(const HttpRequest& request) {
   absl::StatusOr<std::string> png =
       previews_.Png(farm_, request.path_parameters[0], *frame, &version);
   HttpResponse response;
-  if (absl::IsUnavailable(png.status())) {
+  if (absl::IsUnavailable(png.status()) && !frame->complete) {
     // No failure: a job may end between the event that names a picture and the request for it.
     response.status = 204;
     response.headers = {{"Cache-Control", "no-store"}};

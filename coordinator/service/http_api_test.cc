@@ -142,6 +142,9 @@ TEST_F(HttpApiTest, PreviewWithoutSamplesIsEmptyAndNoError) {
   const HttpResponse response = Send("GET", "/api/v1/jobs/1/frames/1/preview.png");
   EXPECT_EQ(response.status, 204);
   EXPECT_EQ(response.body, "");
+  // That a picture which is there cannot be had is an error.
+  farm_.jobs[2].frames[0].complete = true;
+  EXPECT_EQ(Send("GET", "/api/v1/jobs/1/frames/1/preview.png").status, 503);
 }
 
 TEST_F(HttpApiTest, OutputIsAFileOnceComplete) {

@@ -12,6 +12,7 @@
 #include "absl/strings/str_cat.h"
 #include "common/base/check.h"
 #include "worker/render/leak_guard.h"
+#include "worker/render/vector_bytes.h"
 
 namespace sheaf::render {
 namespace {
@@ -175,7 +176,7 @@ GlowLights MediumTable::FindGlowLights() const {
 }
 
 uint64_t MediumTable::memory_bytes() const {
-  uint64_t bytes = media_.capacity() * sizeof(Medium) + glow_lights_.memory_bytes();
+  uint64_t bytes = VectorBytes(media_) + glow_lights_.memory_bytes();
   for (const Medium& medium : media_) {
     for (const Part& part : medium.parts) bytes += part.density.memory_bytes();
     if (medium.glow != nullptr) bytes += medium.glow->memory_bytes();
