@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
+#include "absl/strings/ascii.h"
 #include "absl/time/time.h"
 
 namespace sheaf::cli {
@@ -50,6 +51,38 @@ Json ProgressJson(const v1::Progress& progress) {
   };
 }
 
+Json StopJson(const v1::StopRule& rule) {
+  return {
+      {"target_error", rule.target_error() > 0 ? Json(rule.target_error()) : Json()},
+      {"time_max_seconds", rule.has_time_max() ? Json(Seconds(rule.time_max())) : Json()},
+      {"cpu_max_seconds", rule.has_cpu_max() ? Json(Seconds(rule.cpu_max())) : Json()},
+  };
+}
+
+// "STOP_REASON_TARGET_ERROR" to "target-error".
+std::string StopReasonName(v1::StopReason reason) {
+  std::string name = v1::StopReason_Name(reason).substr(std::string("STOP_REASON_").size());
+  for (char& c : name) c = c == '_' ? '-' : absl::ascii_tolower(static_cast<unsigned char>(c));
+  return name;
+}
+
+Json RoundsJson(const v1::Frame& frame) {
+  Json json = Json::array();
+  for (const v1::Round& round : frame.rounds()) {
+    json.push_back({
+        {"relative_mse", round.relative_mse()},
+        {"relative_mse_upper", round.relative_mse_upper()},
+        {"predicted_relative_mse", round.predicted_relative_mse()},
+        {"sample_count", round.sample_count()},
+        {"ray_count", round.ray_count()},
+        {"cpu_duration_seconds", Seconds(round.cpu_duration())},
+        {"wall_duration_seconds", Seconds(round.wall_duration())},
+        {"part_bytes", round.part_bytes()},
+    });
+  }
+  return json;
+}
+
 Json FrameJson(const v1::Frame& frame) {
   const v1::FrameSettings& settings = frame.spec().settings();
   const v1::PixelRect& window = settings.window();
@@ -69,6 +102,9 @@ Json FrameJson(const v1::Frame& frame) {
       {"depth_max", settings.depth_max()},
       {"seed", settings.seed()},
       {"similarity_after_count", settings.similarity_after_count()},
+      {"stop", StopJson(frame.spec().stop())},
+      {"stop_reason", frame.complete() ? StopReasonName(frame.stop_reason()) : ""},
+      {"rounds", RoundsJson(frame)},
       {"complete", frame.complete()},
       {"picture_digest", frame.picture_digest()},
       {"progress", ProgressJson(frame.progress())},

@@ -6,12 +6,15 @@
 #include <vector>
 
 #include "absl/strings/numbers.h"
+#include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
+#include "absl/time/time.h"
 
 namespace sheaf::cli {
 namespace {
 
 constexpr int kTileSizePxMax = 1024;
+constexpr double kStopNumberMax = 1e6;
 
 // "x0,y0,x1,y1", half-open.
 PixelRect ParseCrop(const std::string& text) {
@@ -31,6 +34,24 @@ PixelRect ParseCrop(const std::string& text) {
 void AddOutputs(const std::string& names, FilmOutputs* outputs) {
   const absl::Status status = AddAovs(names, outputs);
   if (!status.ok()) throw CLI::ValidationError("--aov", std::string(status.message()));
+}
+
+// "90s", "10m", "1h30m".
+double ParseSeconds(const std::string& text) {
+  absl::Duration duration;
+  if (!absl::ParseDuration(text, &duration) || duration <= absl::ZeroDuration() ||
+      duration == absl::InfiniteDuration()) {
+    throw CLI::ValidationError("--time",
+                               text + ": expected a time with its unit, as in 90s, 10m or 1h30m");
+  }
+  return absl::ToDoubleSeconds(duration);
+}
+
+// Written so that what is no number is refused too.
+std::string CheckPositive(const std::string& text) {
+  double value = 0;
+  if (absl::SimpleAtod(text, &value) && value > 0 && value <= kStopNumberMax) return "";
+  return absl::StrCat(text, " is not a number above 0 and at most ", kStopNumberMax);
 }
 
 std::string CheckPowerOfTwo(const std::string& text) {
@@ -114,14 +135,33 @@ void AddSettingsOptions(CLI::App* command, JobArguments* arguments) {
                     "Run the variant that knows every effect; changes no pixel");
 }
 
+void AddStopOptions(CLI::App* command, StopArguments* stop) {
+  command
+      ->add_option("--target-error", stop->target_error,
+                   "Stop where the picture's relMSE is no larger than this, with 95 % confidence; "
+                   "samples go to the tiles that need them, at most --samples to a pixel (65536)")
+      ->check(CheckPositive);
+  command->add_option_function<std::string>(
+      "--time", [stop](const std::string& text) { stop->seconds = ParseSeconds(text); },
+      "Stop before a frame has taken this long, e.g. 90s, 10m or 1h30m");
+  command
+      ->add_option("--budget", stop->budget_cpu_hours,
+                   "Stop before the job has taken this many CPU hours; each frame has an equal "
+                   "share")
+      ->check(CheckPositive);
+}
+
 void AddJobOptions(CLI::App* command, JobArguments* arguments) {
   AddSettingsOptions(command, arguments);
+  AddStopOptions(command, &arguments->stop);
   command->add_option("--frames", arguments->frames,
                       "Frames of a pattern such as shot.####.pbrt: 1-24, 1-100x5 or 1,4,9-12");
   command->add_option("-o,--output", arguments->output,
                       "Picture to write: .exr, or .png with an .exr beside it; #### is the frame");
   command->add_option("--png", arguments->png, "Also write a PNG (sRGB curve, values cut at 1)");
-  command->add_option("--tile-size", arguments->tile_size_px, "Edge of a tile; changes no pixel")
+  command
+      ->add_option("--tile-size", arguments->tile_size_px,
+                   "Edge of a tile; changes no pixel, unless samples go to tiles that need them")
       ->check(CLI::Range(8, kTileSizePxMax));
   command
       ->add_option("--pass-samples", arguments->pass_sample_count,

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <cmath>
 #include <filesystem>
 #include <mutex>
 #include <optional>
@@ -103,6 +104,8 @@ absl::StatusOr<PreparedJob> PrepareJob(const JobArguments& arguments) {
   const absl::StatusOr<std::vector<int32_t>> numbers = FrameNumbers(arguments);
   if (!numbers.ok()) return numbers.status();
   FileDigests digests;
+  RenderSettings settings = arguments.settings;
+  if (arguments.stop.IsActive() && !settings.samples) settings.samples = kStoppedSamplesMax;
   std::vector<std::optional<absl::StatusOr<ReadFrameResult>>> results(numbers->size());
   std::atomic<size_t> next{0};
   std::atomic<bool> failed{false};
@@ -114,8 +117,8 @@ absl::StatusOr<PreparedJob> PrepareJob(const JobArguments& arguments) {
       readers.emplace_back([&] {
         for (size_t i = next++; i < results.size() && !failed; i = next++) {
           const int32_t number = (*numbers)[i];
-          results[i].emplace(ReadFrame(ExpandPattern(arguments.scene, number), number,
-                                       arguments.settings, &digests));
+          results[i].emplace(
+              ReadFrame(ExpandPattern(arguments.scene, number), number, settings, &digests));
           if (!results[i]->ok()) failed = true;
         }
       });
@@ -160,6 +163,22 @@ std::vector<PicturePaths> OutputPaths(const JobArguments& arguments, const Prepa
   return paths;
 }
 
+v1::StopRule StopRuleOf(const StopArguments& stop, const PreparedJob& job) {
+  const auto set = [](double seconds, google::protobuf::Duration* duration) {
+    const double whole = std::floor(seconds);
+    duration->set_seconds(static_cast<int64_t>(whole));
+    duration->set_nanos(static_cast<int32_t>((seconds - whole) * 1e9));
+  };
+  v1::StopRule rule;
+  rule.set_target_error(stop.target_error);
+  if (stop.seconds > 0) set(stop.seconds, rule.mutable_time_max());
+  if (stop.budget_cpu_hours > 0) {
+    set(3600 * stop.budget_cpu_hours / static_cast<double>(job.frames.size()),
+        rule.mutable_cpu_max());
+  }
+  return rule;
+}
+
 v1::CreateJobRequest MakeCreateJobRequest(const JobArguments& arguments, const PreparedJob& job) {
   v1::CreateJobRequest request;
   request.set_request_id(MakeRequestId());
@@ -175,6 +194,7 @@ v1::CreateJobRequest MakeCreateJobRequest(const JobArguments& arguments, const P
     spec->mutable_scene()->set_sha256_hex(frame.manifest.sha256_hex);
     spec->mutable_scene()->set_size_bytes(frame.manifest.size_bytes);
     *spec->mutable_settings() = ToWire(frame.settings);
+    if (arguments.stop.IsActive()) *spec->mutable_stop() = StopRuleOf(arguments.stop, job);
   }
   return request;
 }

@@ -18,6 +18,17 @@
 
 namespace sheaf::cli {
 
+// When frames are good enough, as asked for; see v1::StopRule.
+struct StopArguments {
+  double target_error = 0;      // 0 in all three: not asked for.
+  double seconds = 0;           // Wall, of a frame.
+  double budget_cpu_hours = 0;  // Of the job; each frame has an equal share.
+
+  bool IsActive() const { return target_error > 0 || seconds > 0 || budget_cpu_hours > 0; }
+};
+// The samples that a pixel may get at most where StopArguments decide and no number is asked for.
+inline constexpr uint64_t kStoppedSamplesMax = uint64_t{1} << 16;
+
 // What submit and render have in common.
 struct JobArguments {
   std::string scene;   // A path, or a pattern with #### when frames is given.
@@ -27,6 +38,7 @@ struct JobArguments {
   std::string title;   // Empty: the scene's file name.
   int32_t priority = 0;
   RenderSettings settings;
+  StopArguments stop;
   int32_t tile_size_px = 0;  // 0 in these three: the coordinator's choice.
   uint64_t pass_sample_count = 0;
   uint64_t lease_pass_count = 0;
@@ -62,6 +74,7 @@ struct PicturePaths {
 // For all frames, in their order. An output that ends in .png names a PNG with an EXR beside it.
 std::vector<PicturePaths> OutputPaths(const JobArguments& arguments, const PreparedJob& job);
 
+v1::StopRule StopRuleOf(const StopArguments& stop, const PreparedJob& job);
 v1::CreateJobRequest MakeCreateJobRequest(const JobArguments& arguments, const PreparedJob& job);
 
 // A random UUID (version 4).

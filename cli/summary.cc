@@ -31,6 +31,38 @@ std::string FormatCosts(const v1::Progress& progress) {
   return text;
 }
 
+std::string FormatSamples(const v1::Frame& frame) {
+  const v1::FrameSettings& settings = frame.spec().settings();
+  if (!frame.spec().has_stop()) {
+    return absl::StrCat(settings.sample_count(),
+                        settings.sample_count() == 1 ? " sample" : " samples");
+  }
+  const v1::PixelRect& window = settings.window();
+  const double pixel_count =
+      double{window.x1_px() - window.x0_px() + 0.0} * (window.y1_px() - window.y0_px());
+  return absl::StrFormat("%.1f samples on average",
+                         static_cast<double>(frame.progress().sample_count_done()) / pixel_count);
+}
+
+// Whether the target that was asked for is reached.
+std::string FormatStop(const v1::Frame& frame) {
+  const double target = frame.spec().stop().target_error();
+  if (target <= 0 || frame.rounds().empty()) return "";
+  const double upper = frame.rounds().rbegin()->relative_mse_upper();
+  const std::string bound = absl::StrFormat("at most %.2g with 95 %% confidence", upper);
+  switch (frame.stop_reason()) {
+    case v1::STOP_REASON_TARGET_ERROR:
+      return absl::StrFormat(", %s (asked: %.2g)", bound, target);
+    case v1::STOP_REASON_TIME:
+      return absl::StrFormat("; the time ended before the target of %.2g: %s", target, bound);
+    case v1::STOP_REASON_CPU:
+      return absl::StrFormat("; the budget ended before the target of %.2g: %s", target, bound);
+    default:
+      return absl::StrFormat("; all samples were used before the target of %.2g: %s", target,
+                             bound);
+  }
+}
+
 }  // namespace
 
 std::string FormatPictureSummary(const v1::Frame& frame, const PicturePaths& paths) {
@@ -42,9 +74,8 @@ std::string FormatPictureSummary(const v1::Frame& frame, const PicturePaths& pat
                                               settings.similarity_after_count(), " scatterings");
   return absl::StrCat(paths.exr, paths.png.empty() ? "" : " and ", paths.png, ": ",
                       window.x1_px() - window.x0_px(), "x", window.y1_px() - window.y0_px(), ", ",
-                      settings.sample_count(),
-                      settings.sample_count() == 1 ? " sample" : " samples", bias, ", ",
-                      FormatCosts(frame.progress()));
+                      FormatSamples(frame), bias, ", ", FormatCosts(frame.progress()),
+                      FormatStop(frame));
 }
 
 std::string FormatJobSummary(const v1::Job& job) {

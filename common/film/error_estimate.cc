@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "common/film/error_estimate.h"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <optional>
@@ -70,46 +71,173 @@ std::array<double, 3> LuminanceWeights(const Chromaticities& chromaticities) {
   return {std::fabs(y[0]), std::fabs(y[1]), std::fabs(y[2])};
 }
 
+// The planes that errors are estimated from.
+struct ErrorPlanes {
+  explicit ErrorPlanes(const FramePicture& picture)
+      : value{picture.Find("R"), picture.Find("G"), picture.Find("B")},
+        error{picture.Find("stderr.R"), picture.Find("stderr.G"), picture.Find("stderr.B")},
+        samples(picture.Find("samples")),
+        nonfinite(picture.Find("nonfinite")) {
+    SHEAF_CHECK(samples != nullptr && nonfinite != nullptr && value[0] != nullptr &&
+                error[0] != nullptr);
+  }
+  // The mean of R, G and B over all pixels with samples.
+  double Mean() const {
+    double sum = 0, count = 0;
+    for (size_t p = 0; p < samples->size(); ++p) {
+      if ((*samples)[p] == 0) continue;
+      for (size_t i = 0; i < 3; ++i) sum += (*value[i])[p];
+      count += 3;
+    }
+    return count == 0 ? 0 : sum / count;
+  }
+
+  std::array<const std::vector<float>*, 3> value, error;
+  const std::vector<float>* samples;
+  const std::vector<float>* nonfinite;
+};
+
+// Of pixels with samples: how many, the sums of their values and squares, and of their variances.
+struct LocalSums {
+  double count = 0, value = 0, square = 0, variance = 0;
+  void Add(const LocalSums& other) {
+    count += other.count;
+    value += other.value;
+    square += other.square;
+    variance += other.variance;
+  }
+};
+
+// The square of a pixel's true value, predicted from its mean `value`, whose variance is
+// `variance`, and the pixels about it.
+double PredictTrueSquare(double value, double variance, const LocalSums& about) {
+  // What is left of a square after its variance is taken off may not vanish by chance.
+  constexpr double kSquareShareMin = 0.25;
+  double weight = 0, mean = 0, noise = 0;
+  if (about.count > 0 && variance > 0) {
+    mean = about.value / about.count;
+    noise = about.variance / about.count;
+    const double spread = about.square / about.count - mean * mean;
+    const double of_truth = std::max(0.0, spread - noise * (1 - 1 / about.count));
+    weight = variance / (variance + of_truth);
+  }
+  const double truth = weight * mean + (1 - weight) * value;
+  const double error =
+      weight * weight * noise / std::max(about.count, 1.0) + (1 - weight) * (1 - weight) * variance;
+  const double square = truth * truth;
+  return std::max(square - error, kSquareShareMin * square);
+}
+
+constexpr int32_t kAboutPx = 2;  // In each direction.
+
+// Adds the relative errors of one channel to *errors: of the pixels of `rect`, which is in
+// coordinates of the planes, row-major.
+void AddChannelErrors(const ErrorPlanes& planes, size_t channel, const PixelRect& rect,
+                      int32_t width, int32_t height, double floor_square,
+                      std::vector<double>* errors) {
+  const float* values = planes.value[channel]->data();
+  const float* deviations = planes.error[channel]->data();
+  const auto index = [&](int32_t x, int32_t y) {
+    return static_cast<size_t>(y) * static_cast<size_t>(width) + static_cast<size_t>(x);
+  };
+  const auto pixel = [&](int32_t x, int32_t y) -> LocalSums {
+    const size_t p = index(x, y);
+    if ((*planes.samples)[p] == 0) return {};
+    const double v = values[p], s = deviations[p];
+    return {1, v, v * v, s * s};
+  };
+  const int32_t x_begin = std::max(rect.x0 - kAboutPx, 0);
+  const int32_t x_end = std::min(rect.x1 + kAboutPx, width);
+  // Of each column, the pixels above and below the row, and those with its own.
+  std::vector<LocalSums> others(static_cast<size_t>(x_end - x_begin)), all(others.size());
+  size_t out = 0;
+  for (int32_t y = rect.y0; y < rect.y1; ++y) {
+    for (int32_t x = x_begin; x < x_end; ++x) {
+      LocalSums sums;
+      for (int32_t v = std::max(y - kAboutPx, 0); v < std::min(y + kAboutPx + 1, height); ++v) {
+        if (v != y) sums.Add(pixel(x, v));
+      }
+      const auto column = static_cast<size_t>(x - x_begin);
+      others[column] = all[column] = sums;
+      all[column].Add(pixel(x, y));
+    }
+    for (int32_t x = rect.x0; x < rect.x1; ++x, ++out) {
+      const LocalSums own = pixel(x, y);
+      if (own.count == 0 || own.variance == 0) continue;
+      LocalSums about = others[static_cast<size_t>(x - x_begin)];
+      for (int32_t u = std::max(x - kAboutPx, 0); u < std::min(x + kAboutPx + 1, width); ++u) {
+        if (u != x) about.Add(all[static_cast<size_t>(u - x_begin)]);
+      }
+      const double square = PredictTrueSquare(own.value, own.variance, about);
+      (*errors)[out] += own.variance / (square + floor_square) / 3;
+    }
+  }
+}
+
+ErrorSums SumErrors(const ErrorPlanes& planes, const FramePicture& picture, const PixelRect& tile,
+                    double mean) {
+  const PixelRect& window = picture.window;
+  const PixelRect rect{tile.x0 - window.x0, tile.y0 - window.y0, tile.x1 - window.x0,
+                       tile.y1 - window.y0};
+  SHEAF_CHECK(rect.x0 >= 0 && rect.y0 >= 0 && tile.x1 <= window.x1 && tile.y1 <= window.y1);
+  std::vector<double> errors(static_cast<size_t>(rect.PixelCount()));
+  const double floor = 0.1 * mean;
+  for (size_t channel = 0; channel < 3; ++channel) {
+    AddChannelErrors(planes, channel, rect, window.Width(), window.Height(), floor * floor,
+                     &errors);
+  }
+  ErrorSums sums;
+  size_t next = 0;
+  for (int32_t y = rect.y0; y < rect.y1; ++y) {
+    for (int32_t x = rect.x0; x < rect.x1; ++x) {
+      const double error = errors[next++];
+      const auto p =
+          static_cast<size_t>(y) * static_cast<size_t>(window.Width()) + static_cast<size_t>(x);
+      if ((*planes.samples)[p] == 0) continue;
+      ++sums.pixel_count;
+      sums.sum += error;
+      sums.square_sum += error * error;
+    }
+  }
+  return sums;
+}
+
 }  // namespace
+
+double ErrorSums::Deviation() const {
+  return pixel_count == 0 ? 0 : std::sqrt(3 * square_sum) / static_cast<double>(pixel_count);
+}
+
+std::vector<ErrorSums> EstimateTileErrors(const FramePicture& picture,
+                                          std::span<const PixelRect> tiles) {
+  const ErrorPlanes planes(picture);
+  const double mean = planes.Mean();
+  std::vector<ErrorSums> sums;
+  sums.reserve(tiles.size());
+  for (const PixelRect& tile : tiles) sums.push_back(SumErrors(planes, picture, tile, mean));
+  return sums;
+}
 
 FrameError EstimateError(const FramePicture& picture) {
   const std::array<double, 3> luminance = LuminanceWeights(picture.color.chromaticities);
-  const std::array<const std::vector<float>*, 3> value{picture.Find("R"), picture.Find("G"),
-                                                       picture.Find("B")};
-  const std::array<const std::vector<float>*, 3> error{
-      picture.Find("stderr.R"), picture.Find("stderr.G"), picture.Find("stderr.B")};
-  const std::vector<float>* samples = picture.Find("samples");
-  const std::vector<float>* nonfinite = picture.Find("nonfinite");
-  SHEAF_CHECK(samples != nullptr && nonfinite != nullptr && value[0] != nullptr &&
-              error[0] != nullptr);
-
+  const ErrorPlanes planes(picture);
   FrameError result;
-  double value_sum = 0, sample_sum = 0, nonfinite_sum = 0, pixel_count = 0;
-  for (size_t p = 0; p < samples->size(); ++p) {
-    nonfinite_sum += (*nonfinite)[p];
-    if ((*samples)[p] == 0) continue;
-    sample_sum += (*samples)[p];
-    pixel_count += 1;
-    for (size_t i = 0; i < 3; ++i) value_sum += (*value[i])[p];
+  double sample_sum = 0, nonfinite_sum = 0, luminance_variance = 0;
+  for (size_t p = 0; p < planes.samples->size(); ++p) {
+    nonfinite_sum += (*planes.nonfinite)[p];
+    sample_sum += (*planes.samples)[p];
+    if ((*planes.samples)[p] == 0) continue;
+    double luminance_error = 0;
+    for (size_t i = 0; i < 3; ++i) luminance_error += luminance[i] * (*planes.error[i])[p];
+    luminance_variance += luminance_error * luminance_error;
   }
   result.sample_count = static_cast<uint64_t>(sample_sum);
   result.nonfinite_count = static_cast<uint64_t>(nonfinite_sum);
-  if (pixel_count == 0) return result;
-
-  const double floor = 0.1 * value_sum / (3 * pixel_count);
-  double relative_sum = 0, luminance_variance = 0;
-  for (size_t p = 0; p < samples->size(); ++p) {
-    if ((*samples)[p] == 0) continue;
-    double luminance_error = 0;
-    for (size_t i = 0; i < 3; ++i) {
-      const double e = (*error[i])[p], v = (*value[i])[p];
-      luminance_error += luminance[i] * e;
-      if (e != 0) relative_sum += e * e / (v * v + floor * floor);
-    }
-    luminance_variance += luminance_error * luminance_error;
-  }
-  result.relative_mse = relative_sum / (3 * pixel_count);
-  result.standard_error = std::sqrt(luminance_variance) / pixel_count;
+  const ErrorSums sums = SumErrors(planes, picture, picture.window, planes.Mean());
+  if (sums.pixel_count == 0) return result;
+  result.relative_mse = sums.RelativeMse();
+  result.relative_mse_deviation = sums.Deviation();
+  result.standard_error = std::sqrt(luminance_variance) / static_cast<double>(sums.pixel_count);
   return result;
 }
 

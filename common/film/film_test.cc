@@ -165,6 +165,45 @@ TEST(FilmTest, FrameErrorPredictsRelativeMse) {
   EXPECT_LT(error.standard_error, 0.01);
 }
 
+// One sample in 400 is 200 times as bright as the others, so most pixels have none of those, and
+// those that do look accurate by their own means.
+TEST(FilmTest, FrameErrorKnowsOfRareBrightSamples) {
+  constexpr int32_t kPixels = 64 * 64;
+  constexpr uint64_t kCount = 64;
+  constexpr double kTruth = 0.1 + 20.0 / 400;
+  const FilmTile row = MakeTile(kPixels, kCount, [](int32_t x, uint64_t n) {
+    const bool bright = HashToUnit(static_cast<uint64_t>(x) * 1000003 + n) < 1 / 400.0f;
+    return FilmSample{.radiance = Rgb::Grey(bright ? 20.1f : 0.1f)};
+  });
+  FramePicture of_row = MakeFramePicture(row.rect(), kPixels, 1);
+  DevelopTile(row, &of_row);
+  FramePicture picture = MakeFramePicture({0, 0, 64, 64}, 64, 64);
+  picture.planes = of_row.planes;
+  double actual = 0, by_own_mean = 0;
+  for (size_t p = 0; p < kPixels; ++p) {
+    const double v = At(picture, "R", p), s = At(picture, "stderr.R", p);
+    actual += (v - kTruth) * (v - kTruth) / (1.01 * kTruth * kTruth) / kPixels;
+    by_own_mean += s * s / (v * v + 0.01 * kTruth * kTruth) / kPixels;
+  }
+  EXPECT_NEAR(EstimateError(picture).relative_mse / actual, 1, 0.15);
+  EXPECT_LT(by_own_mean / actual, 0.15);
+}
+
+TEST(FilmTest, TilesShareTheErrorOfTheirFrame) {
+  const FilmTile tile = MakeTile(64, 32, [](int32_t x, uint64_t n) {
+    return FilmSample{.radiance = Rgb::Grey(HashToUnit(static_cast<uint64_t>(x) * 7919 + n))};
+  });
+  FramePicture picture = MakeFramePicture(tile.rect(), 64, 1);
+  DevelopTile(tile, &picture);
+  const std::array<PixelRect, 2> halves{{{0, 0, 20, 1}, {20, 0, 64, 1}}};
+  ErrorSums both;
+  for (const ErrorSums& half : EstimateTileErrors(picture, halves)) both.Add(half);
+  const FrameError frame = EstimateError(picture);
+  EXPECT_EQ(both.pixel_count, 64);
+  EXPECT_NEAR(both.RelativeMse(), frame.relative_mse, 1e-12 * frame.relative_mse);
+  EXPECT_NEAR(both.Deviation(), frame.relative_mse_deviation, 1e-12 * both.Deviation());
+}
+
 TEST(FilmTest, FrameErrorOfNothingIsNothing) {
   const FrameError error = EstimateError(MakeFramePicture({0, 0, 4, 4}, 4, 4));
   EXPECT_EQ(error.relative_mse, 0);

@@ -203,9 +203,9 @@ std::string FrameDigestText(const std::string& scene_digest, const FrameSettings
   if (settings.white_balance_k != 0) {
     absl::StrAppendFormat(&color, "\nwhite_balance_k %.9g", settings.white_balance_k);
   }
-  return absl::StrCat("sheaf-frame 2\nscene ", scene_digest, "\nsize_px ", settings.width_px, " ",
+  return absl::StrCat("sheaf-frame 3\nscene ", scene_digest, "\nsize_px ", settings.width_px, " ",
                       settings.height_px, "\nwindow_px ", w.x0, " ", w.y0, " ", w.x1, " ", w.y1,
-                      "\nsamples ", settings.samples, "\nmax_depth ", settings.max_depth, "\nseed ",
+                      "\nmax_depth ", settings.max_depth, "\nseed ",
                       settings.seed, "\ncolor ", ColorTransportName(settings.color),
                       "\nscattering ", settings.single_scattering ? "single" : "full",
                       settings.one_sequence ? "\nsampling one-sequence" : "", similarity, outputs,

@@ -2,8 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // RenderSettings: what the person who submits decides beyond the scene file, and FrameSettings, the
-// same after the scene's own values have filled the gaps. Together with the scene digest, the frame
-// and the numeric profile they determine every bit of the picture (frame digest).
+// same after the scene's own values have filled the gaps. Together with the scene digest and the
+// numeric profile they determine every sample (frame digest).
 #pragma once
 
 #include <cstdint>
@@ -82,7 +82,8 @@ std::string NumericProfile();
 std::string FrameDigestText(const std::string& scene_digest, const FrameSettings& settings,
                             const std::string& numeric_profile);
 
-// Hex SHA-256 over scene digest, settings (without force_generic_variant), and profile.
+// Hex SHA-256 over scene digest, settings and profile. Without force_generic_variant, and without
+// the number of samples, which changes none of them: a frame's parts serve whoever asks for more.
 std::string FrameDigest(const std::string& scene_digest, const FrameSettings& settings,
                         const std::string& numeric_profile);
 

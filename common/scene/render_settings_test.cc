@@ -80,7 +80,7 @@ TEST(RenderSettingsTest, ImpossibleSettingsAreRefused) {
   EXPECT_FALSE(ResolveSettings(scene, {}).ok());
 }
 
-TEST(RenderSettingsTest, DigestCoversWhatChangesPixelsOnly) {
+TEST(RenderSettingsTest, DigestCoversWhatChangesSamplesOnly) {
   FrameSettings settings;
   settings.width_px = settings.height_px = 8;
   settings.window = {0, 0, 8, 8};
@@ -89,12 +89,15 @@ TEST(RenderSettingsTest, DigestCoversWhatChangesPixelsOnly) {
   FrameSettings generic = settings;
   generic.force_generic_variant = true;
   EXPECT_EQ(FrameDigest("scene", generic, "profile"), digest);
+  FrameSettings more = settings;
+  more.samples = 17;
+  EXPECT_EQ(FrameDigest("scene", more, "profile"), digest);
   std::vector<FrameSettings> others(11, settings);
   others[0].width_px = 9;
   others[1].height_px = 9;
   others[2].window.x0 = 1;
   others[3].window.y1 = 7;
-  others[4].samples = 17;
+  others[4].single_scattering = true;
   others[5].max_depth = 6;
   others[6].seed = 1;
   others[7].primaries = Primaries::kAcesCg;

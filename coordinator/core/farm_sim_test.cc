@@ -99,7 +99,7 @@ class FarmSim {
   void StartCoordinator() {
     scheduler_ = std::make_unique<Scheduler>(limits_, static_cast<uint64_t>(++lives_) << 40);
     for (const JobSpec& job : jobs_) scheduler_->AddJob(job);
-    for (const FrameId& id : delivered_) scheduler_->RestoreDelivered(id, {});
+    for (const FrameId& id : delivered_) scheduler_->RestoreDelivered(id, {}, 0);
     for (const auto& [key, tile] : journal_) {
       if (delivered_.contains(key.first)) continue;
       for (const SampleBlock& block : tile.blocks) {

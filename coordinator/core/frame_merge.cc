@@ -19,15 +19,20 @@ uint64_t TreeBytes(const TileTree& tree) {
 
 }  // namespace
 
-FrameMerge::FrameMerge(const FrameSpec& spec, std::vector<PixelRect> tiles, MergeBudget* budget)
-    : samples_(spec.settings.samples),
+FrameMerge::FrameMerge(const FrameSpec& spec, std::vector<PixelRect> tiles,
+                       std::span<const uint64_t> samples, MergeBudget* budget)
+    : grows_(spec.stop.IsActive()),
       budget_(budget),
       picture_(MakeFramePicture(
           spec.settings.window, spec.settings.width_px, spec.settings.height_px,
           spec.settings.outputs,
           PictureColorOf(spec.settings.primaries, spec.settings.white_balance_k))) {
+  SHEAF_CHECK(samples.size() == tiles.size());
   tiles_.resize(tiles.size());
-  for (size_t i = 0; i < tiles.size(); ++i) tiles_[i].rect = tiles[i];
+  for (size_t i = 0; i < tiles.size(); ++i) {
+    tiles_[i].rect = tiles[i];
+    tiles_[i].samples = samples[i];
+  }
 }
 
 FrameMerge::~FrameMerge() {
@@ -39,14 +44,15 @@ void FrameMerge::SetSize(Tile* tile, uint64_t size_bytes) {
   tile->size_bytes = size_bytes;
 }
 
-void FrameMerge::Develop(uint32_t index, const TileTree& tree) {
+void FrameMerge::Develop(uint32_t index, std::unique_ptr<TileTree> tree) {
   Tile& tile = tiles_[index];
-  const FilmTile root = tree.Root();
+  const FilmTile root = tree->Root();
   DevelopTile(root, &picture_);
   NoteNames(root, &picture_);
   tile.state = State::kDeveloped;
-  tile.tree.reset();
-  SetSize(&tile, 0);
+  if (!grows_ || budget_->Exhausted()) tree.reset();
+  tile.tree = std::move(tree);
+  SetSize(&tile, tile.tree == nullptr ? 0 : TreeBytes(*tile.tree));
   changed_.erase(index);
   developed_since_refresh_ = true;
   has_samples_ = true;
@@ -57,7 +63,7 @@ void FrameMerge::Insert(uint32_t index, FilmTile part) {
   Tile& tile = tiles_[index];
   if (tile.state == State::kDeveloped) return;  // Built from disk meanwhile, this part included.
   if (tile.state == State::kEmpty) {
-    const bool whole = part.block().first == 0 && part.block().count == samples_;
+    const bool whole = part.block().first == 0 && part.block().count == tile.samples;
     if (budget_->Exhausted() && !whole) {
       tile.state = State::kOnDisk;
     } else {
@@ -68,13 +74,22 @@ void FrameMerge::Insert(uint32_t index, FilmTile part) {
   if (tile.state == State::kOnDisk) return;
   SHEAF_CHECK(tile.tree->Insert(std::move(part)).ok());
   has_samples_ = true;
-  if (tile.tree->SampleCount() == samples_) {
-    const std::unique_ptr<TileTree> tree = std::move(tile.tree);
-    Develop(index, *tree);
+  if (tile.tree->SampleCount() == tile.samples) {
+    Develop(index, std::move(tile.tree));
     return;
   }
   SetSize(&tile, TreeBytes(*tile.tree));
   changed_.insert(index);
+}
+
+void FrameMerge::Grow(uint32_t index, uint64_t samples) {
+  Tile& tile = tiles_[index];
+  SHEAF_CHECK(samples >= tile.samples);
+  if (samples == tile.samples) return;
+  tile.samples = samples;
+  if (tile.state != State::kDeveloped) return;
+  --developed_count_;
+  tile.state = tile.tree == nullptr ? State::kOnDisk : State::kInMemory;
 }
 
 void FrameMerge::MarkOnDisk(uint32_t index) {
@@ -88,17 +103,17 @@ void FrameMerge::MarkOnDisk(uint32_t index) {
 
 absl::Status FrameMerge::Rebuild(uint32_t index, std::vector<FilmTile> parts) {
   Tile& tile = tiles_[index];
-  TileTree tree(tile.rect);
+  auto tree = std::make_unique<TileTree>(tile.rect);
   for (FilmTile& part : parts) {
-    absl::Status status = tree.Insert(std::move(part));
+    absl::Status status = tree->Insert(std::move(part));
     if (!status.ok()) return status;
   }
-  if (tree.SampleCount() != samples_) {
-    return absl::InvalidArgumentError(absl::StrCat("tile ", index, " has ", tree.SampleCount(),
-                                                   " of ", samples_, " samples on disk"));
+  if (tree->SampleCount() != tile.samples) {
+    return absl::InvalidArgumentError(absl::StrCat("tile ", index, " has ", tree->SampleCount(),
+                                                   " of ", tile.samples, " samples on disk"));
   }
   if (tile.state == State::kDeveloped) --developed_count_;
-  Develop(index, tree);
+  Develop(index, std::move(tree));
   return absl::OkStatus();
 }
 

@@ -3,7 +3,7 @@
 //
 // FrameMerge: the parts of one frame as they become its picture. A pure function of the set of
 // parts: each tile's parts go into a TileTree, and a tile whose samples are all there is developed
-// from the tree's root, once and for good.
+// from the tree's root; for good, or until it gets more (sample_rounds.h).
 //
 // Memory is bounded by a budget that all frames share. A tile that finds the budget used up is not
 // kept: its parts are on disk, and it is built from them when the last one has come. Tiles are
@@ -15,6 +15,7 @@
 #include <cstdint>
 #include <memory>
 #include <set>
+#include <span>
 #include <vector>
 
 #include "absl/status/status.h"
@@ -39,7 +40,9 @@ class MergeBudget {
 // Thread safety: none; one lock a frame. The budget may be shared.
 class FrameMerge {
  public:
-  FrameMerge(const FrameSpec& spec, std::vector<PixelRect> tiles, MergeBudget* budget);
+  // samples: of each tile's pixels.
+  FrameMerge(const FrameSpec& spec, std::vector<PixelRect> tiles, std::span<const uint64_t> samples,
+             MergeBudget* budget);
   ~FrameMerge();
   FrameMerge(const FrameMerge&) = delete;
   FrameMerge& operator=(const FrameMerge&) = delete;
@@ -47,6 +50,9 @@ class FrameMerge {
   // Adds a part that is on disk. Nothing happens where the tile was built from disk meanwhile.
   // Requires: no part that overlaps it was added before (SHEAF_CHECKed).
   void Insert(uint32_t tile, FilmTile part);
+  // Gives the tile this many samples in all. Nothing happens where it has them. Requires: no less
+  // than it has.
+  void Grow(uint32_t tile, uint64_t samples);
   // The tile has parts that are only on disk: after a start, or when one of them was lost.
   void MarkOnDisk(uint32_t tile);
   // Whether the tile must be built from its parts on disk before it can be developed.
@@ -72,15 +78,17 @@ class FrameMerge {
   enum class State : uint8_t { kEmpty, kInMemory, kOnDisk, kDeveloped };
   struct Tile {
     PixelRect rect;
+    uint64_t samples = 0;
     State state = State::kEmpty;
-    std::unique_ptr<TileTree> tree;  // While in memory.
-    uint64_t size_bytes = 0;         // Of the tree, as counted in the budget.
+    // While in memory; once developed, where the tile may grow and the budget allows.
+    std::unique_ptr<TileTree> tree;
+    uint64_t size_bytes = 0;  // Of the tree, as counted in the budget.
   };
 
   void SetSize(Tile* tile, uint64_t size_bytes);
-  void Develop(uint32_t tile, const TileTree& tree);
+  void Develop(uint32_t tile, std::unique_ptr<TileTree> tree);
 
-  const uint64_t samples_;
+  const bool grows_;
   std::vector<Tile> tiles_;
   MergeBudget* budget_;
   FramePicture picture_;

@@ -7,14 +7,29 @@
 namespace sheaf::coordinator {
 
 FrameTasks::FrameTasks(PixelRect window, uint64_t samples, int32_t tile_size_px)
-    : tiles_(CutTiles(window, tile_size_px)), samples_(samples) {
+    : tiles_(CutTiles(window, tile_size_px)) {
   SHEAF_CHECK(!tiles_.empty() && samples > 0);
   states_.resize(tiles_.size());
   for (uint32_t tile = 0; tile < tiles_.size(); ++tile) {
     tile_at_[{tiles_[tile].y0, tiles_[tile].x0}] = tile;
-    total_count_ += PixelSamples(tile, samples);
-    SetFresh(tile, [&](SampleRanges& fresh) { fresh.Add({0, samples}); });
+    Grow(tile, samples);
   }
+}
+
+void FrameTasks::Grow(uint32_t tile, uint64_t samples) {
+  const uint64_t before = states_[tile].samples;
+  SHEAF_CHECK(samples >= before);
+  if (samples == before) return;
+  states_[tile].samples = samples;
+  total_count_ += PixelSamples(tile, samples - before);
+  SetFresh(tile, [&](SampleRanges& fresh) { fresh.Add({before, samples}); });
+}
+
+std::vector<uint64_t> FrameTasks::SamplesOfTiles() const {
+  std::vector<uint64_t> samples;
+  samples.reserve(states_.size());
+  for (const Tile& tile : states_) samples.push_back(tile.samples);
+  return samples;
 }
 
 uint64_t FrameTasks::PixelSamples(uint32_t tile, uint64_t samples) const {
@@ -28,7 +43,7 @@ std::optional<uint32_t> FrameTasks::FindTile(const PixelRect& rect) const {
 }
 
 bool FrameTasks::TileComplete(uint32_t tile) const {
-  return states_[tile].done.Contains({0, samples_});
+  return states_[tile].done.Contains({0, states_[tile].samples});
 }
 
 void FrameTasks::SetFresh(uint32_t tile, const std::function<void(SampleRanges&)>& change) {
@@ -89,8 +104,9 @@ std::vector<SampleBlock> FrameTasks::Overlapping(const Blocks& blocks, const Tas
 }
 
 FrameTasks::Fit FrameTasks::FitOf(const Task& task) const {
-  if (task.tile >= tiles_.size() || !IsAligned(task.block) || task.block.first >= samples_ ||
-      task.block.count > samples_ - task.block.first) {
+  if (task.tile >= tiles_.size() || !IsAligned(task.block)) return Fit::kOutside;
+  const uint64_t samples = states_[task.tile].samples;
+  if (task.block.first >= samples || task.block.count > samples - task.block.first) {
     return Fit::kOutside;
   }
   const SampleRanges& done = states_[task.tile].done;

@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // FrameTasks: which samples of which tile of one frame are done, leased, returned or fresh. These
-// four always cut a tile's samples [0, N) without overlap:
+// four always cut a tile's samples [0, N) without overlap; N may grow (sample_rounds.h):
 //
 //     fresh     never leased in this life of the coordinator; cut into blocks when it is leased
 //     leased    one block, held by one lease or two (a hedge)
@@ -31,10 +31,12 @@ class FrameTasks {
  public:
   // Requires: window not empty, samples at least 1, tile_size_px positive.
   FrameTasks(PixelRect window, uint64_t samples, int32_t tile_size_px);
+  // Gives the tile this many samples in all. Requires: no less than it has.
+  void Grow(uint32_t tile, uint64_t samples);
 
   const std::vector<PixelRect>& tiles() const { return tiles_; }
   std::optional<uint32_t> FindTile(const PixelRect& rect) const;
-  uint64_t samples() const { return samples_; }
+  std::vector<uint64_t> SamplesOfTiles() const;
 
   // Pixel samples.
   uint64_t sample_count_done() const { return done_count_; }
@@ -71,6 +73,7 @@ class FrameTasks {
 
  private:
   struct Tile {
+    uint64_t samples = 0;
     SampleRanges fresh, done;
   };
   using Key = std::pair<uint32_t, uint64_t>;  // Tile and first sample.
@@ -83,7 +86,6 @@ class FrameTasks {
   std::vector<PixelRect> tiles_;
   std::map<std::pair<int32_t, int32_t>, uint32_t> tile_at_;  // By y0 and x0.
   std::vector<Tile> states_;
-  uint64_t samples_;
   std::set<std::pair<uint64_t, uint32_t>> fresh_queue_;  // First fresh sample and tile.
   Blocks returned_, leased_;
   uint64_t done_count_ = 0, total_count_ = 0, ready_count_ = 0;

@@ -12,6 +12,7 @@
 #include "common/content/blob_digest.h"
 #include "common/film/tile_geometry.h"
 #include "common/scene/render_settings.h"
+#include "coordinator/core/stop_rule.h"
 
 namespace sheaf::coordinator {
 
@@ -25,7 +26,8 @@ struct Partition {
 struct FrameSpec {
   int32_t frame_number = 0;  // Unique in the job.
   BlobDigest scene;          // Of the manifest blob.
-  FrameSettings settings;
+  FrameSettings settings;    // With a stop rule, samples is the most that a pixel may get.
+  StopRule stop;
   std::string frame_digest;  // Hex SHA-256 over scene, settings and numeric profile.
 };
 
@@ -45,6 +47,14 @@ struct ResultCost {
   uint64_t ray_count = 0;
   uint64_t nonfinite_count = 0;
   absl::Duration cpu_duration;
+  uint64_t part_bytes = 0;
+
+  void Add(const ResultCost& other) {
+    ray_count += other.ray_count;
+    nonfinite_count += other.nonfinite_count;
+    cpu_duration += other.cpu_duration;
+    part_bytes += other.part_bytes;
+  }
 };
 
 // Names a frame. Frames of equal digest in different jobs are different frames.

@@ -8,6 +8,7 @@
 #include "absl/strings/str_cat.h"
 #include "common/base/check.h"
 #include "common/film/frame_picture.h"
+#include "coordinator/core/sample_rounds.h"
 
 namespace sheaf::coordinator {
 namespace {
@@ -42,6 +43,11 @@ absl::Status CheckFrame(const FrameSpec& frame, const Partition& partition, cons
   return absl::OkStatus();
 }
 
+uint64_t FirstRoundSamplesOf(const FrameSpec& spec) {
+  const uint64_t samples = spec.settings.samples;
+  return spec.stop.IsActive() ? std::min(samples, kFirstRoundSamples) : samples;
+}
+
 // What an open frame counts for: its pixels, in units of a picture without outputs.
 int64_t OpenPixelsOf(const FrameSettings& settings) {
   const auto channel_count = static_cast<int64_t>(PictureChannelCount(settings.outputs));
@@ -49,10 +55,18 @@ int64_t OpenPixelsOf(const FrameSettings& settings) {
   return settings.window.PixelCount() * ((channel_count + kUnit - 1) / kUnit);
 }
 
+void GrowTasks(std::span<const uint64_t> samples, FrameTasks* tasks) {
+  SHEAF_CHECK(samples.size() == tasks->tiles().size());
+  for (uint32_t tile = 0; tile < samples.size(); ++tile) tasks->Grow(tile, samples[tile]);
+}
+
 }  // namespace
 
-uint64_t SampleCountTotal(const FrameSpec& spec) {
-  return static_cast<uint64_t>(spec.settings.window.PixelCount()) * spec.settings.samples;
+uint64_t SampleCountTotal(const FrameRecord& frame) {
+  if (frame.tasks != nullptr) return frame.tasks->sample_count_total();
+  if (frame.phase == FrameRecord::Phase::kDelivered) return frame.sample_count_done;
+  return static_cast<uint64_t>(frame.spec.settings.window.PixelCount()) *
+         FirstRoundSamplesOf(frame.spec);
 }
 
 Scheduler::Scheduler(const Limits& limits, uint64_t first_lease_id)
@@ -126,16 +140,22 @@ void Scheduler::RestoreEnded(uint64_t job_id, JobPhase phase, const std::string&
   std::erase(ended_jobs_, job_id);
 }
 
-void Scheduler::RestoreDelivered(const FrameId& id, const ResultCost& cost) {
+void Scheduler::RestoreDelivered(const FrameId& id, const ResultCost& cost, uint64_t sample_count) {
   JobRecord& job = jobs_.at(id.job_id);
   const uint32_t index = job.index_of_number.at(id.frame_number);
   FrameRecord& frame = job.frames[index];
-  frame.sample_count_done = frame.sample_count_restored = SampleCountTotal(frame.spec);
-  frame.ray_count = cost.ray_count;
-  frame.nonfinite_count = cost.nonfinite_count;
-  frame.cpu_duration = cost.cpu_duration;
+  frame.sample_count_done = frame.sample_count_restored = sample_count;
+  frame.cost = cost;
   ++job.delivered_count;
   Close(&job, index, FrameRecord::Phase::kDelivered);
+}
+
+void Scheduler::RestoreRound(const FrameId& id, std::span<const uint64_t> samples) {
+  JobRecord& job = jobs_.at(id.job_id);
+  const uint32_t index = job.index_of_number.at(id.frame_number);
+  if (job.frames[index].phase == FrameRecord::Phase::kPending) Open(&job, index);
+  GrowTasks(samples, job.frames[index].tasks.get());
+  UpdateReady(&job, index);
 }
 
 bool Scheduler::RestorePart(const FrameId& id, const PixelRect& tile, SampleBlock block,
@@ -150,9 +170,7 @@ bool Scheduler::RestorePart(const FrameId& id, const PixelRect& tile, SampleBloc
   if (frame.tasks->FitOf(task) != FrameTasks::Fit::kWanted) return false;
   frame.tasks->Accept(task);
   frame.sample_count_done = frame.sample_count_restored = frame.tasks->sample_count_done();
-  frame.ray_count += cost.ray_count;
-  frame.nonfinite_count += cost.nonfinite_count;
-  frame.cpu_duration += cost.cpu_duration;
+  frame.cost.Add(cost);
   if (frame.tasks->Complete()) frame.phase = FrameRecord::Phase::kRendered;
   UpdateReady(&job, index);
   return true;
@@ -210,7 +228,7 @@ void Scheduler::Open(JobRecord* job, uint32_t index) {
   FrameRecord& frame = job->frames[index];
   SHEAF_CHECK(frame.phase == FrameRecord::Phase::kPending);
   const FrameSettings& settings = frame.spec.settings;
-  frame.tasks = std::make_unique<FrameTasks>(settings.window, settings.samples,
+  frame.tasks = std::make_unique<FrameTasks>(settings.window, FirstRoundSamplesOf(frame.spec),
                                              job->spec.partition.tile_size_px);
   frame.phase = FrameRecord::Phase::kOpen;
   open_pixels_ += OpenPixelsOf(settings);
@@ -294,9 +312,7 @@ bool Scheduler::Accept(const FrameId& id, const Task& task, uint64_t lease_id,
   const uint64_t samples =
       static_cast<uint64_t>(frame.tasks->tiles()[task.tile].PixelCount()) * task.block.count;
   frame.sample_count_done += samples;
-  frame.ray_count += cost.ray_count;
-  frame.nonfinite_count += cost.nonfinite_count;
-  frame.cpu_duration += cost.cpu_duration;
+  frame.cost.Add(cost);
   ++counters_.results_accepted;
   counters_.samples_accepted += samples;
   counters_.rays_accepted += cost.ray_count;
@@ -322,6 +338,16 @@ void Scheduler::Revoke(const FrameId& id, const Task& task) {
   frame.phase = FrameRecord::Phase::kOpen;
   frame.sample_count_done = frame.tasks->sample_count_done();
   ++counters_.parts_revoked;
+  UpdateReady(&job, index);
+}
+
+void Scheduler::Grow(const FrameId& id, std::span<const uint64_t> samples) {
+  JobRecord& job = jobs_.at(id.job_id);
+  const uint32_t index = job.index_of_number.at(id.frame_number);
+  FrameRecord& frame = job.frames[index];
+  SHEAF_CHECK(frame.phase == FrameRecord::Phase::kRendered);
+  GrowTasks(samples, frame.tasks.get());
+  if (!frame.tasks->Complete()) frame.phase = FrameRecord::Phase::kOpen;
   UpdateReady(&job, index);
 }
 

@@ -26,6 +26,7 @@
 #include <memory>
 #include <optional>
 #include <set>
+#include <span>
 #include <string>
 #include <tuple>
 #include <unordered_map>
@@ -66,11 +67,10 @@ struct FrameRecord {
   absl::Time first_lease_time = absl::InfiniteFuture();
   uint64_t sample_count_done = 0;      // Pixel samples; valid in every phase.
   uint64_t sample_count_restored = 0;  // Of those, done before this start.
-  uint64_t ray_count = 0, nonfinite_count = 0;
-  absl::Duration cpu_duration;
+  ResultCost cost;
 };
-// Pixel samples of the whole frame.
-uint64_t SampleCountTotal(const FrameSpec& spec);
+// Pixel samples of the whole frame: where it is rendered in rounds, as far as they are decided.
+uint64_t SampleCountTotal(const FrameRecord& frame);
 
 struct JobRecord {
   JobSpec spec;  // Without frames: they are in `frames`.
@@ -96,7 +96,10 @@ class Scheduler {
   // Puts back what was durable, after AddJob at a start. Restore* of one frame come before any
   // lease.
   void RestoreEnded(uint64_t job_id, JobPhase phase, const std::string& failure);
-  void RestoreDelivered(const FrameId& id, const ResultCost& cost);
+  // sample_count: pixel samples of the whole frame.
+  void RestoreDelivered(const FrameId& id, const ResultCost& cost, uint64_t sample_count);
+  // The samples of each tile that the frame's last round gives. Before its parts.
+  void RestoreRound(const FrameId& id, std::span<const uint64_t> samples);
   // Returns false where the block does not fit (it overlaps one that was restored).
   bool RestorePart(const FrameId& id, const PixelRect& tile, SampleBlock block,
                    const ResultCost& cost);
@@ -125,6 +128,9 @@ class Scheduler {
               const ResultCost& cost);
   // The part of an accepted block is lost: it is rendered again.
   void Revoke(const FrameId& id, const Task& task);
+  // Gives the tiles of a rendered frame more samples: their next round. One count a tile, none less
+  // than it has.
+  void Grow(const FrameId& id, std::span<const uint64_t> samples);
   // A lease came to nothing. Nothing happens for a lease that is not held by the worker.
   void Fail(const LeaseFailure& failure, const std::string& worker_id, absl::Time now);
   void Quarantine(const std::string& worker_id, const std::string& reason);

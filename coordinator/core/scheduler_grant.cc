@@ -160,8 +160,8 @@ uint64_t Scheduler::BlockSamplesMax(const JobRecord& job, const FrameRecord& fra
   const double left = static_cast<double>(frame.tasks->sample_count_ready());
   samples = std::min(samples, left / (limits_.tail_divisor * workers * pixels));
   if (first == 0) {
-    samples =
-        std::min(samples, static_cast<double>(frame.tasks->samples() / limits_.first_lease_share));
+    samples = std::min(
+        samples, static_cast<double>(frame.spec.settings.samples / limits_.first_lease_share));
   }
   const double passes = std::clamp(samples / static_cast<double>(pass), 1.0,
                                    static_cast<double>(limits_.lease_pass_count_max));

@@ -58,8 +58,10 @@ absl::Status Farm::Load() {
     account.end_time = job.end_time;
     for (const StoredFrame& frame : job.delivered) {
       account.delivered[frame.frame_number] = frame.delivered;
-      scheduler_.RestoreDelivered({job.spec.job_id, frame.frame_number}, frame.delivered.cost);
+      scheduler_.RestoreDelivered({job.spec.job_id, frame.frame_number}, frame.delivered.cost,
+                                  frame.delivered.sample_count);
     }
+    if (absl::Status status = LoadRounds(job); !status.ok()) return status;
     if (job.phase != JobPhase::kLive) {
       scheduler_.RestoreEnded(job.spec.job_id, job.phase, job.failure);
     } else if (absl::Status status = LoadLiveJob(job); !status.ok()) {
@@ -111,7 +113,7 @@ std::shared_ptr<Farm::OpenFrame> Farm::OpenFrameOf(const FrameId& id) {
   std::shared_ptr<OpenFrame>& open = open_frames_[id];
   if (open == nullptr) {
     const FrameRecord& record = *scheduler_.FindFrame(id);
-    open = std::make_shared<OpenFrame>(record.spec, record.tasks->tiles(), &merge_budget_);
+    open = std::make_shared<OpenFrame>(record.spec, *record.tasks, &merge_budget_);
   }
   return open;
 }

@@ -121,12 +121,15 @@ class Farm : public FarmView {
     absl::Time create_time;
     absl::Time end_time = absl::InfiniteFuture();
     std::map<int32_t, DeliveredFrame> delivered;
+    // By frame. Tiles of the last round only, and only of frames that are not delivered.
+    std::map<int32_t, std::vector<RoundRecord>> rounds;
+    std::map<int32_t, absl::Duration> wall_before;  // By frame: before this start.
   };
   // A frame between its first part and its delivery. Shared: an upload may still merge into a frame
   // whose job was just cancelled.
   struct OpenFrame {
-    OpenFrame(FrameSpec frame_spec, std::vector<PixelRect> tiles, MergeBudget* budget)
-        : spec(frame_spec), merge(spec, std::move(tiles), budget) {}
+    OpenFrame(FrameSpec frame_spec, const FrameTasks& tasks, MergeBudget* budget)
+        : spec(std::move(frame_spec)), merge(spec, tasks.tiles(), tasks.SamplesOfTiles(), budget) {}
     const FrameSpec spec;
     std::mutex mutex;  // Guards merge and next_refresh_time.
     FrameMerge merge;
@@ -170,6 +173,19 @@ class Farm : public FarmView {
   absl::Status RebuildTile(OpenFrame* frame, const FrameId& id, uint32_t tile);
   void RevokePart(const PartRow& row, const absl::Status& why);
   DeliveredFrame Account(const FrameId& id, const FramePicture& picture) const;
+
+  // farm_rounds.cc
+  // Decides what follows the round that was just finished, and begins it. Returns whether the frame
+  // is done. Requires: frame->mutex is held, all tiles are developed.
+  absl::StatusOr<bool> FinishRound(OpenFrame* frame, const FrameId& id);
+  // Requires: mutex_ is held; after AddJob, before the job's parts.
+  absl::Status LoadRounds(const StoredJob& job);
+  // Null where the frame was not rendered in rounds. Requires: mutex_ is held.
+  const RoundRecord* LastRoundOf(const FrameId& id) const;
+  // Why the picture has its samples, and its errors on the way there.
+  void AddRoundMetadata(const FrameId& id, FramePicture* picture) const;
+  // Since the frame's first lease, in this life and earlier ones. Requires: mutex_ is held.
+  absl::Duration WallOf(const FrameId& id, absl::Time now) const;
 
   // farm_views.cc; all require the farm's mutex.
   JobView ViewOf(const JobRecord& job, bool with_frames, absl::Time now) const;

@@ -28,7 +28,7 @@ std::map<std::string, std::string> PictureMetadata(const FrameSpec& spec,
       {"frameDigest", spec.frame_digest},
       {"frameNumber", absl::StrCat(spec.frame_number)},
       {"numericProfile", numeric_profile},
-      {"samplesPerPixel", absl::StrCat(s.samples)},
+      {spec.stop.IsActive() ? "samplesPerPixelMax" : "samplesPerPixel", absl::StrCat(s.samples)},
       {"depthMax", absl::StrCat(s.max_depth)},
       {"seed", absl::StrCat(s.seed)},
       {"size", absl::StrCat(s.width_px, "x", s.height_px)},
@@ -157,9 +157,12 @@ DeliveredFrame Farm::Account(const FrameId& id, const FramePicture& picture) con
   delivered.relative_mse = EstimateError(picture).relative_mse;
   const std::lock_guard lock(mutex_);
   const FrameRecord& record = *scheduler_.FindFrame(id);
-  delivered.cost = {record.ray_count, record.nonfinite_count, record.cpu_duration};
-  if (record.first_lease_time != absl::InfiniteFuture()) {
-    delivered.wall_duration = absl::Now() - record.first_lease_time;
+  delivered.sample_count = record.sample_count_done;
+  delivered.cost = record.cost;
+  delivered.wall_duration = WallOf(id, absl::Now());
+  if (const RoundRecord* last = LastRoundOf(id)) {
+    delivered.relative_mse_upper = last->relative_mse_upper;
+    delivered.stop_reason = last->stop_reason;
   }
   return delivered;
 }
@@ -182,8 +185,14 @@ absl::Status Farm::DeliverFrame(const FrameId& id) {
       if (absl::Status s = RebuildTile(frame.get(), id, tile); !s.ok()) return s;
     }
     if (!frame->merge.AllDeveloped()) return absl::OkStatus();  // Parts were lost; see RevokePart.
+    if (frame->spec.stop.IsActive()) {
+      const absl::StatusOr<bool> done = FinishRound(frame.get(), id);
+      if (!done.ok()) return done.status();
+      if (!*done) return absl::OkStatus();
+    }
     FramePicture* picture = frame->merge.mutable_picture();
     picture->metadata = PictureMetadata(frame->spec, numeric_profile);
+    if (frame->spec.stop.IsActive()) AddRoundMetadata(id, picture);
     picture->attributes = CryptomatteAttributes(*picture);
     delivered = Account(id, *picture);
     const absl::StatusOr<std::string> path = store_->OutputPath(id);

@@ -139,7 +139,8 @@ absl::StatusOr<ResultOutcome> Farm::JudgeCovered(const ResultReport& report,
 absl::StatusOr<ResultOutcome> Farm::StoreResult(const ResultReport& report,
                                                 const std::string& bytes,
                                                 const Scheduler::FoundTask& found, FilmTile part) {
-  const ResultCost cost{report.ray_count, NonfiniteCount(part), report.cpu_duration};
+  const ResultCost cost{report.ray_count, NonfiniteCount(part), report.cpu_duration,
+                        report.digest.size_bytes};
   const PartRow row{
       {found.frame, report.tile, report.block}, report.digest, report.worker_id, cost};
   absl::Status written = store_->WritePart(row, bytes);

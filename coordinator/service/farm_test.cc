@@ -77,6 +77,12 @@ class GatedJobStore : public JobStore {
   absl::Status DeliverFrame(const FrameId& frame, const DeliveredFrame& delivered) override {
     return store_->DeliverFrame(frame, delivered);
   }
+  absl::Status AddRound(const FrameId& frame, const RoundRecord& round) override {
+    return store_->AddRound(frame, round);
+  }
+  absl::StatusOr<std::vector<StoredRound>> LoadRounds(uint64_t job_id, bool with_tiles) override {
+    return store_->LoadRounds(job_id, with_tiles);
+  }
   uint64_t PartsBytes() const override { return store_->PartsBytes(); }
   uint64_t FirstLeaseId() const override { return store_->FirstLeaseId(); }
 

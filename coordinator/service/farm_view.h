@@ -30,16 +30,30 @@ struct ProgressView {
   double remaining_seconds = -1;  // At the present rate; negative until it can be told.
 };
 
+// A point of a frame's curve: how it stood at the end of a round (sample_rounds.h).
+struct RoundView {
+  double relative_mse = 0;
+  double relative_mse_upper = 0;      // Its upper confidence bound.
+  double predicted_relative_mse = 0;  // For the next round, as foretold; 0 at the last.
+  uint64_t sample_count = 0;          // Pixel samples so far; this and the following are sums.
+  uint64_t ray_count = 0;
+  double cpu_seconds = 0, wall_seconds = 0;
+  uint64_t part_bytes = 0;
+};
+
 struct FrameView {
   int32_t frame_number = 0;
   std::string scene_digest;       // Hex, of the manifest blob.
   uint64_t scene_size_bytes = 0;  // Of the manifest blob.
   std::string frame_digest;       // Hex.
   FrameSettings settings;
-  bool complete = false;         // The EXR is delivered.
-  std::string picture_digest;    // Hex; empty until complete.
-  std::string output_path;       // Of the delivered EXR; empty until complete.
-  uint64_t preview_version = 0;  // Grows whenever Preview() would show something new.
+  StopRule stop;
+  StopReason stop_reason = StopReason::kSamples;  // Once complete.
+  std::vector<RoundView> rounds;  // Ascending; empty where there are none, and in ListJobs.
+  bool complete = false;          // The EXR is delivered.
+  std::string picture_digest;     // Hex; empty until complete.
+  std::string output_path;        // Of the delivered EXR; empty until complete.
+  uint64_t preview_version = 0;   // Grows whenever Preview() would show something new.
   ProgressView progress;
 };
 

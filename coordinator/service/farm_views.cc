@@ -58,6 +58,17 @@ WorkerState StateOf(const WorkerRecord& worker) {
   return worker.leases.empty() ? WorkerState::kIdle : WorkerState::kBusy;
 }
 
+std::vector<RoundView> ViewsOf(const std::vector<RoundRecord>& rounds) {
+  std::vector<RoundView> views;
+  views.reserve(rounds.size());
+  for (const RoundRecord& round : rounds) {
+    views.push_back({round.relative_mse, round.relative_mse_upper, round.predicted_relative_mse,
+                     round.sample_count, round.cost.ray_count, Seconds(round.cost.cpu_duration),
+                     Seconds(round.wall_duration), round.cost.part_bytes});
+  }
+  return views;
+}
+
 absl::Status NoSuchJob(const std::string& job_id) {
   return absl::NotFoundError(absl::StrCat("jobs/", job_id, ": there is no such job"));
 }
@@ -88,13 +99,14 @@ FrameView Farm::ViewOf(const JobRecord& job, const FrameRecord& frame, absl::Tim
   view.scene_size_bytes = frame.spec.scene.size_bytes;
   view.frame_digest = frame.spec.frame_digest;
   view.settings = frame.spec.settings;
+  view.stop = frame.spec.stop;
   view.complete = frame.phase == FrameRecord::Phase::kDelivered;
   ProgressView& progress = view.progress;
   progress.sample_count_done = frame.sample_count_done;
-  progress.sample_count_total = SampleCountTotal(frame.spec);
-  progress.nonfinite_count = frame.nonfinite_count;
-  progress.ray_count = frame.ray_count;
-  progress.cpu_seconds = Seconds(frame.cpu_duration);
+  progress.sample_count_total = SampleCountTotal(frame);
+  progress.nonfinite_count = frame.cost.nonfinite_count;
+  progress.ray_count = frame.cost.ray_count;
+  progress.cpu_seconds = Seconds(frame.cost.cpu_duration);
   if (view.complete) {
     const DeliveredFrame& delivered = accounts_.at(id.job_id).delivered.at(id.frame_number);
     view.picture_digest = delivered.picture_digest;
@@ -102,6 +114,7 @@ FrameView Farm::ViewOf(const JobRecord& job, const FrameRecord& frame, absl::Tim
                                     id.frame_number, ".exr");
     view.preview_version = kDeliveredPreviewVersion;
     progress.relative_mse = delivered.relative_mse;
+    view.stop_reason = delivered.stop_reason;
     progress.wall_seconds = Seconds(delivered.wall_duration);
     progress.remaining_seconds = 0;
     return view;
@@ -110,9 +123,7 @@ FrameView Farm::ViewOf(const JobRecord& job, const FrameRecord& frame, absl::Tim
     view.preview_version = open->second->preview_version;
     progress.relative_mse = open->second->error.relative_mse;
   }
-  const absl::Time until = std::min(now, accounts_.at(id.job_id).end_time);
-  if (frame.first_lease_time < until)
-    progress.wall_seconds = Seconds(until - frame.first_lease_time);
+  progress.wall_seconds = Seconds(WallOf(id, now));
   if (job.phase == JobPhase::kLive) {
     EstimateRemaining(
         frame.sample_count_done - std::min(frame.sample_count_restored, frame.sample_count_done),
@@ -145,7 +156,10 @@ JobView Farm::ViewOf(const JobRecord& job, bool with_frames, absl::Time now) con
     first_lease_time = std::min(first_lease_time, frame.first_lease_time);
     done_since_start +=
         frame.sample_count_done - std::min(frame.sample_count_restored, frame.sample_count_done);
-    if (with_frames) view.frames.push_back(std::move(of_frame));
+    if (!with_frames) continue;
+    const auto rounds = account.rounds.find(frame.spec.frame_number);
+    if (rounds != account.rounds.end()) of_frame.rounds = ViewsOf(rounds->second);
+    view.frames.push_back(std::move(of_frame));
   }
   ProgressView& progress = view.progress;
   if (progress.sample_count_done > 0) {

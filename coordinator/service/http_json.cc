@@ -42,6 +42,34 @@ Json ProgressJson(const ProgressView& progress) {
   };
 }
 
+Json StopJson(const StopRule& rule) {
+  const auto seconds = [](absl::Duration limit) {
+    return limit == absl::InfiniteDuration() ? Json() : Json(absl::ToDoubleSeconds(limit));
+  };
+  return {
+      {"target_error", rule.target_error > 0 ? Json(rule.target_error) : Json()},
+      {"time_max_seconds", seconds(rule.time_max)},
+      {"cpu_max_seconds", seconds(rule.cpu_max)},
+  };
+}
+
+Json RoundsJson(const std::vector<RoundView>& rounds) {
+  Json json = Json::array();
+  for (const RoundView& round : rounds) {
+    json.push_back({
+        {"relative_mse", round.relative_mse},
+        {"relative_mse_upper", round.relative_mse_upper},
+        {"predicted_relative_mse", round.predicted_relative_mse},
+        {"sample_count", round.sample_count},
+        {"ray_count", round.ray_count},
+        {"cpu_duration_seconds", round.cpu_seconds},
+        {"wall_duration_seconds", round.wall_seconds},
+        {"part_bytes", round.part_bytes},
+    });
+  }
+  return json;
+}
+
 Json JobObject(const JobView& job) {
   return {
       {"name", absl::StrCat("jobs/", job.job_id)},
@@ -76,6 +104,9 @@ std::string FrameJson(const std::string& job_id, const FrameView& frame) {
       {"window",
        {{"x0_px", window.x0}, {"y0_px", window.y0}, {"x1_px", window.x1}, {"y1_px", window.y1}}},
       {"sample_count", settings.samples},
+      {"stop", StopJson(frame.stop)},
+      {"stop_reason", frame.complete ? StopReasonName(frame.stop_reason) : ""},
+      {"rounds", RoundsJson(frame.rounds)},
       {"depth_max", settings.max_depth},
       {"seed", settings.seed},
       {"one_sequence", settings.one_sequence},

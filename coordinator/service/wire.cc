@@ -13,6 +13,10 @@
 namespace sheaf::coordinator {
 namespace {
 
+// The wire has the numbers of stored frames.
+static_assert(static_cast<int>(StopReason::kCpu) == v1::STOP_REASON_CPU &&
+              v1::StopReason_ARRAYSIZE == kStopReasonCount);
+
 absl::Status Invalid(const std::string& field, const std::string& why) {
   return absl::InvalidArgumentError(absl::StrCat(field, ": ", why));
 }
@@ -23,6 +27,34 @@ Partition FromWire(const v1::Partition& wire) {
   if (wire.pass_sample_count() != 0) partition.pass_sample_count = wire.pass_sample_count();
   partition.lease_pass_count = wire.lease_pass_count();
   return partition;
+}
+
+absl::StatusOr<absl::Duration> FromWire(const std::string& field,
+                                        const google::protobuf::Duration& wire) {
+  const absl::Duration duration = absl::Seconds(wire.seconds()) + absl::Nanoseconds(wire.nanos());
+  if (duration <= absl::ZeroDuration()) return Invalid(field, "is not positive");
+  if (duration > kStopDurationMax) return Invalid(field, "is longer than 100 years");
+  return duration;
+}
+
+absl::StatusOr<StopRule> FromWire(const v1::StopRule& wire) {
+  StopRule rule;
+  rule.target_error = wire.target_error();
+  if (!(rule.target_error >= 0 && rule.target_error <= kTargetErrorMax)) {
+    return Invalid("frames.stop.target_error",
+                   absl::StrCat(rule.target_error, " is outside 0 to ", kTargetErrorMax));
+  }
+  if (wire.has_time_max()) {
+    const absl::StatusOr<absl::Duration> time = FromWire("frames.stop.time_max", wire.time_max());
+    if (!time.ok()) return time.status();
+    rule.time_max = *time;
+  }
+  if (wire.has_cpu_max()) {
+    const absl::StatusOr<absl::Duration> cpu = FromWire("frames.stop.cpu_max", wire.cpu_max());
+    if (!cpu.ok()) return cpu.status();
+    rule.cpu_max = *cpu;
+  }
+  return rule;
 }
 
 void SetDuration(absl::Duration duration, google::protobuf::Duration* wire) {
@@ -52,6 +84,29 @@ v1::Progress ToWire(const ProgressView& progress) {
   return wire;
 }
 
+v1::StopRule ToWire(const StopRule& rule) {
+  v1::StopRule wire;
+  wire.set_target_error(rule.target_error);
+  if (rule.time_max != absl::InfiniteDuration()) {
+    SetDuration(rule.time_max, wire.mutable_time_max());
+  }
+  if (rule.cpu_max != absl::InfiniteDuration()) SetDuration(rule.cpu_max, wire.mutable_cpu_max());
+  return wire;
+}
+
+v1::Round ToWire(const RoundView& view) {
+  v1::Round wire;
+  wire.set_relative_mse(view.relative_mse);
+  wire.set_relative_mse_upper(view.relative_mse_upper);
+  wire.set_predicted_relative_mse(view.predicted_relative_mse);
+  wire.set_sample_count(view.sample_count);
+  wire.set_ray_count(view.ray_count);
+  SetDuration(absl::Seconds(view.cpu_seconds), wire.mutable_cpu_duration());
+  SetDuration(absl::Seconds(view.wall_seconds), wire.mutable_wall_duration());
+  wire.set_part_bytes(view.part_bytes);
+  return wire;
+}
+
 v1::Frame ToWire(const std::string& job_name, const FrameView& view) {
   v1::Frame wire;
   wire.set_name(absl::StrCat(job_name, "/frames/", view.frame_number));
@@ -59,6 +114,9 @@ v1::Frame ToWire(const std::string& job_name, const FrameView& view) {
   wire.mutable_spec()->mutable_scene()->set_sha256_hex(view.scene_digest);
   wire.mutable_spec()->mutable_scene()->set_size_bytes(view.scene_size_bytes);
   *wire.mutable_spec()->mutable_settings() = ToWire(view.settings);
+  if (view.stop.IsActive()) *wire.mutable_spec()->mutable_stop() = ToWire(view.stop);
+  for (const RoundView& round : view.rounds) *wire.add_rounds() = ToWire(round);
+  wire.set_stop_reason(static_cast<v1::StopReason>(view.stop_reason));
   wire.set_frame_digest(view.frame_digest);
   wire.set_complete(view.complete);
   *wire.mutable_progress() = ToWire(view.progress);
@@ -179,7 +237,10 @@ absl::StatusOr<JobSpec> FromWire(const v1::CreateJobRequest& request) {
     if (!scene.ok()) return Invalid("frames.scene", std::string(scene.status().message()));
     absl::StatusOr<FrameSettings> settings = sheaf::FromWire(wire.settings());
     if (!settings.ok()) return Invalid("frames.settings", std::string(settings.status().message()));
+    absl::StatusOr<StopRule> stop = FromWire(wire.stop());
+    if (!stop.ok()) return stop.status();
     FrameSpec frame;
+    frame.stop = *stop;
     frame.frame_number = wire.frame_number();
     frame.scene = *std::move(scene);
     frame.settings = *std::move(settings);

@@ -20,6 +20,8 @@ inline constexpr size_t kRequestIdBytesMax = 100;
 inline constexpr size_t kWorkerTextBytesMax = 300;
 inline constexpr size_t kFailureTextBytesMax = 10'000;
 inline constexpr int kLeaseReportsMax = 10'000;
+inline constexpr absl::Duration kStopDurationMax = absl::Hours(24 * 36525);
+inline constexpr double kTargetErrorMax = 1e6;
 
 // Errors of all FromWire: kInvalidArgument, naming the field.
 absl::StatusOr<BlobDigest> FromWire(const v1::Digest& digest);

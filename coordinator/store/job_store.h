@@ -13,6 +13,7 @@
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
 #include "coordinator/core/job.h"
+#include "coordinator/core/sample_rounds.h"
 
 namespace sheaf::coordinator {
 
@@ -35,8 +36,29 @@ struct PartRow {
 struct DeliveredFrame {
   std::string picture_digest;
   double relative_mse = 0;
+  double relative_mse_upper = 0;  // RoundDecision's; 0 where the frame was not rendered in rounds.
+  StopReason stop_reason = StopReason::kSamples;
+  uint64_t sample_count = 0;  // Pixel samples.
   absl::Duration wall_duration;
   ResultCost cost;  // Sums over its parts.
+};
+
+// A round of a frame, as it was decided at its end (sample_rounds.h).
+struct RoundRecord {
+  int32_t round = 0;
+  // Of each tile: how it is at the end of the round, and its samples in the next one.
+  std::vector<TileRound> tiles;
+  std::vector<uint64_t> samples_next;             // Empty for the last round.
+  StopReason stop_reason = StopReason::kSamples;  // Of the last round.
+  double relative_mse = 0, relative_mse_upper = 0, predicted_relative_mse = 0;
+  uint64_t sample_count = 0;  // Pixel samples of the frame so far.
+  absl::Duration wall_duration;
+  ResultCost cost;
+};
+
+struct StoredRound {
+  int32_t frame_number = 0;
+  RoundRecord record;
 };
 
 struct StoredFrame {
@@ -97,6 +119,13 @@ class JobStore {
   // Where the EXR of a frame is or shall be; its directory exists when this returns.
   virtual absl::StatusOr<std::string> OutputPath(const FrameId& frame) = 0;
   virtual absl::Status DeliverFrame(const FrameId& frame, const DeliveredFrame& delivered) = 0;
+
+  // Writes down what a round decided, before anybody works on the next one. Nothing happens where
+  // the frame has the round already.
+  virtual absl::Status AddRound(const FrameId& frame, const RoundRecord& round) = 0;
+  // Of all frames of a job, ascending by frame and round.
+  // Without tiles, `tiles` and samples_next are empty.
+  virtual absl::StatusOr<std::vector<StoredRound>> LoadRounds(uint64_t job_id, bool with_tiles) = 0;
 
   // Bytes of all parts on disk.
   virtual uint64_t PartsBytes() const = 0;

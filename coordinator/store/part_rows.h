@@ -27,7 +27,7 @@ inline PartRow ReadPartRow(const SqliteStatement& row) {
   part.digest = {row.Text(8), static_cast<uint64_t>(row.Int64(9))};
   part.worker_id = row.Text(10);
   part.cost = {static_cast<uint64_t>(row.Int64(11)), static_cast<uint64_t>(row.Int64(12)),
-               absl::Nanoseconds(row.Int64(13))};
+               absl::Nanoseconds(row.Int64(13)), part.digest.size_bytes};
   return part;
 }
 

@@ -73,6 +73,13 @@ SqliteStatement& SqliteStatement::Bind(const std::string& value) {
   return *this;
 }
 
+SqliteStatement& SqliteStatement::BindBytes(std::string_view bytes) {
+  Rewind();
+  SHEAF_CHECK(sqlite3_bind_blob64(statement_, ++bound_count_, bytes.data(), bytes.size(),
+                                  SQLITE_TRANSIENT) == SQLITE_OK);
+  return *this;
+}
+
 absl::StatusOr<bool> SqliteStatement::Step() {
   stepped_ = true;
   const int result = sqlite3_step(statement_);
@@ -105,6 +112,13 @@ std::string SqliteStatement::Text(int column) const {
   const unsigned char* text = sqlite3_column_text(statement_, column);
   if (text == nullptr) return "";
   return {reinterpret_cast<const char*>(text),
+          static_cast<size_t>(sqlite3_column_bytes(statement_, column))};
+}
+
+std::string SqliteStatement::Bytes(int column) const {
+  const void* bytes = sqlite3_column_blob(statement_, column);
+  if (bytes == nullptr) return "";
+  return {static_cast<const char*>(bytes),
           static_cast<size_t>(sqlite3_column_bytes(statement_, column))};
 }
 

@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <memory>
 #include <string>
+#include <string_view>
 
 #include "absl/status/statusor.h"
 
@@ -30,6 +31,7 @@ class SqliteStatement {
   SqliteStatement& Bind(int32_t value) { return Bind(static_cast<int64_t>(value)); }
   SqliteStatement& Bind(double value);
   SqliteStatement& Bind(const std::string& value);
+  SqliteStatement& BindBytes(std::string_view bytes);
 
   // Returns true where a row is there, false at the end.
   // Errors: kAlreadyExists (a key is there already), kResourceExhausted (disk full), kUnavailable.
@@ -40,6 +42,7 @@ class SqliteStatement {
   int64_t Int64(int column) const;
   double Double(int column) const;
   std::string Text(int column) const;
+  std::string Bytes(int column) const;
 
  private:
   void Rewind();

@@ -22,7 +22,7 @@
 namespace sheaf::coordinator {
 namespace {
 
-constexpr int64_t kSchemaVersion = 6;
+constexpr int64_t kSchemaVersion = 7;
 // Lease ids of one life lie below those of the next; no life grants so many.
 constexpr int kLeaseIdBitsPerLife = 40;
 
@@ -70,12 +70,37 @@ ALTER TABLE frames ADD COLUMN one_sequence INTEGER NOT NULL DEFAULT 0;
 constexpr char kAddedBy6[] = R"sql(
 ALTER TABLE frames ADD COLUMN similarity_after INTEGER NOT NULL DEFAULT 0;
 )sql";
+constexpr char kAddedBy7[] = R"sql(
+ALTER TABLE frames ADD COLUMN target_error REAL NOT NULL DEFAULT 0;
+ALTER TABLE frames ADD COLUMN time_max_ns INTEGER NOT NULL DEFAULT 9223372036854775807;
+ALTER TABLE frames ADD COLUMN cpu_max_ns INTEGER NOT NULL DEFAULT 9223372036854775807;
+ALTER TABLE frames ADD COLUMN sample_count INTEGER NOT NULL DEFAULT 0;
+ALTER TABLE frames ADD COLUMN part_bytes INTEGER NOT NULL DEFAULT 0;
+ALTER TABLE frames ADD COLUMN relative_mse_upper REAL NOT NULL DEFAULT 0;
+ALTER TABLE frames ADD COLUMN stop_reason INTEGER NOT NULL DEFAULT 0;
+UPDATE frames SET sample_count = (x1 - x0) * (y1 - y0) * samples WHERE delivered = 1;
+CREATE TABLE rounds(
+  job_id INTEGER NOT NULL, frame_number INTEGER NOT NULL, round INTEGER NOT NULL,
+  relative_mse REAL NOT NULL, relative_mse_upper REAL NOT NULL,
+  predicted_relative_mse REAL NOT NULL, sample_count INTEGER NOT NULL, wall_ns INTEGER NOT NULL,
+  ray_count INTEGER NOT NULL, nonfinite_count INTEGER NOT NULL, cpu_ns INTEGER NOT NULL,
+  part_bytes INTEGER NOT NULL, stop_reason INTEGER NOT NULL, tiles BLOB NOT NULL,
+  PRIMARY KEY(job_id, frame_number, round)) WITHOUT ROWID;
+)sql";
 
 int64_t ToNanoseconds(absl::Time time) {
   return time == absl::InfiniteFuture() ? INT64_MAX : absl::ToUnixNanos(time);
 }
 absl::Time FromNanoseconds(int64_t ns) {
   return ns == INT64_MAX ? absl::InfiniteFuture() : absl::FromUnixNanos(ns);
+}
+
+// The longest duration that fits stands for all that are longer.
+int64_t ToNanoseconds(absl::Duration duration) {
+  return duration >= absl::Nanoseconds(INT64_MAX) ? INT64_MAX : absl::ToInt64Nanoseconds(duration);
+}
+absl::Duration DurationFromNanoseconds(int64_t ns) {
+  return ns == INT64_MAX ? absl::InfiniteDuration() : absl::Nanoseconds(ns);
 }
 
 // Takes the lock that keeps a second coordinator away. The system releases it when the process
@@ -142,7 +167,7 @@ absl::Status SqliteJobStore::MigrateSchema() {
   return database_->Execute(absl::StrCat(
       "BEGIN;", version == 0 ? kSchema : "", version < 2 ? kAddedBy2 : "",
       version < 3 ? kAddedBy3 : "", version < 4 ? kAddedBy4 : "", version < 5 ? kAddedBy5 : "",
-      kAddedBy6, "PRAGMA user_version=", kSchemaVersion, ";COMMIT;"));
+      version < 6 ? kAddedBy6 : "", kAddedBy7, "PRAGMA user_version=", kSchemaVersion, ";COMMIT;"));
 }
 
 std::string SqliteJobStore::FrameDirectory(const FrameId& frame) const {
@@ -163,8 +188,8 @@ absl::Status SqliteJobStore::LoadFrames(StoredJob* job) {
       "y1, samples, max_depth, seed, force_generic, delivered, picture_digest, relative_mse, "
       "wall_ns, "
       "ray_count, nonfinite_count, cpu_ns, color, single_scattering, outputs, primaries, "
-      "white_balance_k, one_sequence, similarity_after FROM frames WHERE "
-      "job_id = ? "
+      "white_balance_k, one_sequence, similarity_after, target_error, time_max_ns, cpu_max_ns, "
+      "sample_count, part_bytes, relative_mse_upper, stop_reason FROM frames WHERE job_id = ? "
       "ORDER BY frame_number");
   query.Bind(job->spec.job_id);
   while (true) {
@@ -193,14 +218,20 @@ absl::Status SqliteJobStore::LoadFrames(StoredJob* job) {
     s.white_balance_k = static_cast<float>(query.Double(25));
     s.one_sequence = query.Int64(26) != 0;
     s.similarity_after = edge(27);
+    frame.stop = {query.Double(28), DurationFromNanoseconds(query.Int64(29)),
+                  DurationFromNanoseconds(query.Int64(30))};
     if (query.Int64(14) != 0) {
       StoredFrame stored{frame.frame_number, {}};
-      stored.delivered = {
-          query.Text(15),
-          query.Double(16),
-          absl::Nanoseconds(query.Int64(17)),
-          {static_cast<uint64_t>(query.Int64(18)), static_cast<uint64_t>(query.Int64(19)),
-           absl::Nanoseconds(query.Int64(20))}};
+      DeliveredFrame& delivered = stored.delivered;
+      delivered.picture_digest = query.Text(15);
+      delivered.relative_mse = query.Double(16);
+      delivered.wall_duration = absl::Nanoseconds(query.Int64(17));
+      delivered.cost = {static_cast<uint64_t>(query.Int64(18)),
+                        static_cast<uint64_t>(query.Int64(19)), absl::Nanoseconds(query.Int64(20)),
+                        static_cast<uint64_t>(query.Int64(32))};
+      delivered.sample_count = static_cast<uint64_t>(query.Int64(31));
+      delivered.relative_mse_upper = query.Double(33);
+      delivered.stop_reason = static_cast<StopReason>(query.Int64(34));
       job->delivered.push_back(std::move(stored));
     }
     job->spec.frames.push_back(std::move(frame));
@@ -314,8 +345,9 @@ absl::StatusOr<JobStore::CreatedJob> SqliteJobStore::CreateJob(const JobSpec& sp
         "INSERT INTO frames(job_id, frame_number, scene_sha256, scene_bytes, frame_digest, "
         "width_px, "
         "height_px, x0, y0, x1, y1, samples, max_depth, seed, force_generic, color, "
-        "single_scattering, outputs, primaries, white_balance_k, one_sequence, similarity_after) "
-        "VALUES(?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?)");
+        "single_scattering, outputs, primaries, white_balance_k, one_sequence, similarity_after, "
+        "target_error, time_max_ns, cpu_max_ns) "
+        "VALUES(?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?)");
     for (const FrameSpec& frame : spec.frames) {
       const FrameSettings& s = frame.settings;
       status = frames.Bind(created.job_id)
@@ -340,6 +372,9 @@ absl::StatusOr<JobStore::CreatedJob> SqliteJobStore::CreateJob(const JobSpec& sp
                    .Bind(double{s.white_balance_k})
                    .Bind(s.one_sequence ? 1 : 0)
                    .Bind(s.similarity_after)
+                   .Bind(frame.stop.target_error)
+                   .Bind(ToNanoseconds(frame.stop.time_max))
+                   .Bind(ToNanoseconds(frame.stop.cpu_max))
                    .Run();
       if (!status.ok()) return status;
     }
@@ -378,13 +413,18 @@ absl::Status SqliteJobStore::DeliverFrame(const FrameId& frame, const DeliveredF
   return database_
       ->Prepare(
           "UPDATE frames SET delivered = 1, picture_digest = ?, relative_mse = ?, wall_ns = ?, "
-          "ray_count = ?, nonfinite_count = ?, cpu_ns = ? WHERE job_id = ? AND frame_number = ?")
+          "ray_count = ?, nonfinite_count = ?, cpu_ns = ?, sample_count = ?, part_bytes = ?, "
+          "relative_mse_upper = ?, stop_reason = ? WHERE job_id = ? AND frame_number = ?")
       .Bind(delivered.picture_digest)
       .Bind(delivered.relative_mse)
       .Bind(absl::ToInt64Nanoseconds(delivered.wall_duration))
       .Bind(delivered.cost.ray_count)
       .Bind(delivered.cost.nonfinite_count)
       .Bind(absl::ToInt64Nanoseconds(delivered.cost.cpu_duration))
+      .Bind(delivered.sample_count)
+      .Bind(delivered.cost.part_bytes)
+      .Bind(delivered.relative_mse_upper)
+      .Bind(static_cast<int32_t>(delivered.stop_reason))
       .Bind(frame.job_id)
       .Bind(frame.frame_number)
       .Run();

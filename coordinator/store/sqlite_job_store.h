@@ -49,6 +49,8 @@ class SqliteJobStore : public JobStore {
   absl::Status RemoveFrameParts(const FrameId& frame) override;
   absl::StatusOr<std::string> OutputPath(const FrameId& frame) override;
   absl::Status DeliverFrame(const FrameId& frame, const DeliveredFrame& delivered) override;
+  absl::Status AddRound(const FrameId& frame, const RoundRecord& round) override;
+  absl::StatusOr<std::vector<StoredRound>> LoadRounds(uint64_t job_id, bool with_tiles) override;
   uint64_t PartsBytes() const override { return parts_bytes_; }
   uint64_t FirstLeaseId() const override { return first_lease_id_; }
 

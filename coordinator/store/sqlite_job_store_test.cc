@@ -62,6 +62,7 @@ class SqliteJobStoreTest : public testing::Test {
       frame.settings.white_balance_k = 3200.5f;
       frame.settings.one_sequence = true;
       frame.settings.similarity_after = 24;
+      frame.stop = {.target_error = 0.25, .cpu_max = absl::Hours(3)};
       spec.frames.push_back(frame);
     }
     return spec;
@@ -84,9 +85,15 @@ class SqliteJobStoreTest : public testing::Test {
 
 TEST_F(SqliteJobStoreTest, JobsSurviveAReopen) {
   const uint64_t job = CreateJob();
-  ASSERT_TRUE(
-      store_->DeliverFrame({job, 7}, {"digest", 0.5, absl::Seconds(3), {1, 2, absl::Seconds(4)}})
-          .ok());
+  ASSERT_TRUE(store_
+                  ->DeliverFrame({job, 7}, {.picture_digest = "digest",
+                                            .relative_mse = 0.5,
+                                            .relative_mse_upper = 0.75,
+                                            .stop_reason = StopReason::kTime,
+                                            .sample_count = 1234,
+                                            .wall_duration = absl::Seconds(3),
+                                            .cost = {1, 2, absl::Seconds(4), 5}})
+                  .ok());
   ASSERT_TRUE(store_->EndJob(job, JobPhase::kFailed, "why", absl::FromUnixSeconds(200)).ok());
   Reopen();
   const auto jobs = store_->LoadJobs();
@@ -113,7 +120,58 @@ TEST_F(SqliteJobStoreTest, JobsSurviveAReopen) {
   EXPECT_EQ(stored.spec.frames[1].settings.similarity_after, 24);
   EXPECT_EQ(stored.spec.frames[1].settings.window, (PixelRect{1, 2, 3, 4}));
   ASSERT_EQ(stored.delivered.size(), 1u);
-  EXPECT_EQ(stored.delivered[0].delivered.cost.cpu_duration, absl::Seconds(4));
+  EXPECT_EQ(stored.spec.frames[1].stop, MakeSpec().frames[1].stop);
+  const DeliveredFrame& delivered = stored.delivered[0].delivered;
+  EXPECT_EQ(delivered.relative_mse_upper, 0.75);
+  EXPECT_EQ(delivered.stop_reason, StopReason::kTime);
+  EXPECT_EQ(delivered.sample_count, 1234u);
+  EXPECT_EQ(delivered.cost.cpu_duration, absl::Seconds(4));
+  EXPECT_EQ(delivered.cost.part_bytes, 5u);
+}
+
+TEST_F(SqliteJobStoreTest, RoundsSurviveAReopen) {
+  const uint64_t job = CreateJob();
+  RoundRecord round;
+  round.round = 0;
+  round.tiles = {{16, {256, 0.5, 0.25}}, {16, {128, 1.5, 1.25}}};
+  round.samples_next = {32, 48};
+  round.relative_mse = 0.125;
+  round.relative_mse_upper = 0.5;
+  round.predicted_relative_mse = 0.0625;
+  round.sample_count = 6144;
+  round.wall_duration = absl::Seconds(7);
+  round.cost = {11, 1, absl::Milliseconds(5), 99};
+  RoundRecord last = round;
+  last.round = 1;
+  last.samples_next.clear();
+  last.stop_reason = StopReason::kTargetError;
+  ASSERT_TRUE(store_->AddRound({job, 7}, last).ok());
+  ASSERT_TRUE(store_->AddRound({job, 7}, round).ok());
+  RoundRecord again = round;
+  again.relative_mse = 0.75;  // A decision is never taken back.
+  ASSERT_TRUE(store_->AddRound({job, 7}, again).ok());
+  Reopen();
+  const auto rounds = store_->LoadRounds(job, /*with_tiles=*/true);
+  ASSERT_TRUE(rounds.ok()) << rounds.status();
+  ASSERT_EQ(rounds->size(), 2u);
+  const RoundRecord& first = rounds->front().record;
+  EXPECT_EQ(rounds->front().frame_number, 7);
+  EXPECT_EQ(first.samples_next, round.samples_next);
+  ASSERT_EQ(first.tiles.size(), 2u);
+  EXPECT_EQ(first.tiles[1].samples, 16u);
+  EXPECT_EQ(first.tiles[1].error.pixel_count, 128);
+  EXPECT_EQ(first.tiles[1].error.sum, 1.5);
+  EXPECT_EQ(first.tiles[1].error.square_sum, 1.25);
+  EXPECT_EQ(first.relative_mse, 0.125);
+  EXPECT_EQ(first.relative_mse_upper, 0.5);
+  EXPECT_EQ(first.predicted_relative_mse, 0.0625);
+  EXPECT_EQ(first.sample_count, 6144u);
+  EXPECT_EQ(first.wall_duration, absl::Seconds(7));
+  EXPECT_EQ(first.cost.part_bytes, 99u);
+  EXPECT_EQ(first.cost.cpu_duration, absl::Milliseconds(5));
+  EXPECT_TRUE(rounds->back().record.samples_next.empty());
+  EXPECT_EQ(rounds->back().record.stop_reason, StopReason::kTargetError);
+  EXPECT_TRUE(store_->LoadRounds(job, /*with_tiles=*/false)->front().record.tiles.empty());
 }
 
 TEST_F(SqliteJobStoreTest, EqualRequestIdIsTheSameJob) {
@@ -223,6 +281,15 @@ TEST_F(SqliteJobStoreTest, EarlierSchemaIsBroughtUpToDate) {
                             "ALTER TABLE frames DROP COLUMN white_balance_k;"
                             "ALTER TABLE frames DROP COLUMN one_sequence;"
                             "ALTER TABLE frames DROP COLUMN similarity_after;"
+                            "ALTER TABLE frames DROP COLUMN target_error;"
+                            "ALTER TABLE frames DROP COLUMN time_max_ns;"
+                            "ALTER TABLE frames DROP COLUMN cpu_max_ns;"
+                            "ALTER TABLE frames DROP COLUMN sample_count;"
+                            "ALTER TABLE frames DROP COLUMN part_bytes;"
+                            "ALTER TABLE frames DROP COLUMN relative_mse_upper;"
+                            "ALTER TABLE frames DROP COLUMN stop_reason;"
+                            "DROP TABLE rounds;"
+                            "UPDATE frames SET delivered = 1 WHERE frame_number = 7;"
                             "PRAGMA user_version=1;")
                   .ok());
   Reopen();
@@ -234,6 +301,9 @@ TEST_F(SqliteJobStoreTest, EarlierSchemaIsBroughtUpToDate) {
   EXPECT_TRUE((*jobs)[0].spec.frames[0].settings.outputs.empty());
   EXPECT_EQ((*jobs)[0].spec.frames[0].settings.primaries, Primaries::kSrgb);
   EXPECT_EQ((*jobs)[0].spec.frames[0].settings.similarity_after, 0);
+  EXPECT_FALSE((*jobs)[0].spec.frames[0].stop.IsActive());
+  ASSERT_EQ((*jobs)[0].delivered.size(), 1u);
+  EXPECT_EQ((*jobs)[0].delivered[0].delivered.sample_count, 2u * 2u * 77u);
 }
 
 TEST_F(SqliteJobStoreTest, LaterSchemaIsRefused) {
@@ -244,7 +314,7 @@ TEST_F(SqliteJobStoreTest, LaterSchemaIsRefused) {
   EXPECT_EQ(status.code(), absl::StatusCode::kFailedPrecondition);
   EXPECT_THAT(std::string(status.message()), HasSubstr("later version"));
   ASSERT_TRUE(
-      (*SqliteDatabase::Open(directory_ + "/farm.db"))->Execute("PRAGMA user_version=6").ok());
+      (*SqliteDatabase::Open(directory_ + "/farm.db"))->Execute("PRAGMA user_version=7").ok());
   Reopen();
 }
 

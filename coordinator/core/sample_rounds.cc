@@ -1,0 +1,189 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "coordinator/core/sample_rounds.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "common/base/check.h"
+
+namespace sheaf::coordinator {
+namespace {
+
+// Errors fall at least as those of independent samples do, and no tile is smooth enough for more.
+constexpr double kRateMin = 1, kRateMax = 2;
+// The rate is measured where the round should have lowered the error by this.
+constexpr double kRateDropMin = 1.3;
+// A tile's error is taken for at least this share of the frame's: what rarely happens may not have
+// happened in it yet.
+constexpr double kTileShareMin = 0.01;
+// Of the target, what a round aims at: so that the next look is likely the last.
+constexpr double kAimShare = 0.98;
+constexpr int kBisectionSteps = 60;
+
+ErrorSums SumOf(std::span<const TileRound> tiles) {
+  ErrorSums sum;
+  for (const TileRound& tile : tiles) sum.Add(tile.error);
+  return sum;
+}
+
+// Standard deviations above the estimate for the confidence of a look: P(z > t) <= exp(-t^2 / 2).
+double DeviationsOf(int round) {
+  const double look = round + 1;
+  const double miss = kMissShare * 6 / (std::numbers::pi * std::numbers::pi * look * look);
+  return std::sqrt(-2 * std::log(miss));
+}
+
+double PixelSamples(std::span<const TileRound> tiles) {
+  double sum = 0;
+  for (const TileRound& tile : tiles) {
+    sum += static_cast<double>(tile.error.pixel_count) * static_cast<double>(tile.samples);
+  }
+  return sum;
+}
+
+// b with which the errors of `before` come to those of `tiles`.
+double MeasureRate(std::span<const TileRound> tiles, std::span<const TileRound> before) {
+  if (before.empty()) return kRateMin;
+  const double now = SumOf(tiles).sum;
+  const auto predicted = [&](double rate) {
+    double sum = 0;
+    for (size_t i = 0; i < tiles.size(); ++i) {
+      const double growth =
+          static_cast<double>(tiles[i].samples) / static_cast<double>(before[i].samples);
+      sum += before[i].error.sum * std::pow(growth, -rate);
+    }
+    return sum;
+  };
+  if (SumOf(before).sum < kRateDropMin * predicted(kRateMin)) return kRateMin;
+  double low = kRateMin, high = kRateMax;
+  for (int i = 0; i < kBisectionSteps; ++i) {
+    const double middle = (low + high) / 2;
+    (predicted(middle) > now ? low : high) = middle;
+  }
+  return (low + high) / 2;
+}
+
+// How samples are shared out, for any number of them.
+class Allocation {
+ public:
+  Allocation(std::span<const TileRound> tiles, uint64_t samples_max, double rate)
+      : tiles_(tiles), samples_max_(samples_max), rate_(rate) {
+    // Errors of a pixel at one sample, at which they can be compared.
+    double sum = 0;
+    for (const TileRound& tile : tiles) {
+      weights_.push_back(tile.error.RelativeMse() *
+                         std::pow(static_cast<double>(tile.samples), rate));
+      sum += static_cast<double>(tile.error.pixel_count) * weights_.back();
+    }
+    const double mean = sum / static_cast<double>(SumOf(tiles).pixel_count);
+    for (double& weight : weights_) {
+      weight = std::pow(std::max(weight, kTileShareMin * mean), 1 / (1 + rate));
+    }
+  }
+
+  // Of pixels of tile i.
+  double Ideal(size_t i, double scale) const {
+    return std::clamp(scale * weights_[i], static_cast<double>(tiles_[i].samples),
+                      static_cast<double>(samples_max_));
+  }
+  double ErrorSum(double scale) const {
+    double sum = 0;
+    for (size_t i = 0; i < tiles_.size(); ++i) sum += ErrorAt(i, Ideal(i, scale));
+    return sum;
+  }
+  // Within a round.
+  uint64_t Samples(size_t i, double scale) const {
+    const uint64_t now = tiles_[i].samples;
+    const double ideal = Ideal(i, scale);
+    constexpr double kStep = kReplicateCount;
+    const auto rounded = static_cast<uint64_t>(std::ceil(ideal / kStep) * kStep);
+    return std::max(now, std::min({rounded, kRoundGrowthMax * now, samples_max_}));
+  }
+  double PixelSamples(double scale) const {
+    double sum = 0;
+    for (size_t i = 0; i < tiles_.size(); ++i) {
+      sum +=
+          static_cast<double>(tiles_[i].error.pixel_count) * static_cast<double>(Samples(i, scale));
+    }
+    return sum;
+  }
+  double ErrorAt(size_t i, double samples) const {
+    return tiles_[i].error.sum * std::pow(static_cast<double>(tiles_[i].samples) / samples, rate_);
+  }
+  // Of which no tile can get more.
+  double ScaleMax() const {
+    double scale = 0;
+    for (const double weight : weights_) {
+      if (weight > 0) scale = std::max(scale, static_cast<double>(samples_max_) / weight);
+    }
+    return scale;
+  }
+
+ private:
+  std::span<const TileRound> tiles_;
+  const uint64_t samples_max_;
+  const double rate_;
+  std::vector<double> weights_;
+};
+
+// The largest scale in [0, high] for which `fits` holds; 0 where it holds for none. fits is true up
+// to some scale and false above.
+template <typename Fits>
+double LargestScale(double high, const Fits& fits) {
+  if (fits(high)) return high;
+  double low = 0;
+  for (int i = 0; i < kBisectionSteps; ++i) {
+    const double middle = (low + high) / 2;
+    (fits(middle) ? low : high) = middle;
+  }
+  return low;
+}
+
+}  // namespace
+
+RoundDecision DecideRound(const StopRule& rule, uint64_t samples_max, int round,
+                          std::span<const TileRound> tiles, std::span<const TileRound> before,
+                          const RoundAllowance& allowance) {
+  SHEAF_CHECK(!tiles.empty() && (before.empty() || before.size() == tiles.size()));
+  const ErrorSums sum = SumOf(tiles);
+  RoundDecision decision;
+  decision.relative_mse = sum.RelativeMse();
+  decision.relative_mse_upper = decision.relative_mse + DeviationsOf(round) * sum.Deviation();
+  if (rule.target_error > 0 && decision.relative_mse_upper <= rule.target_error) {
+    decision.reason = StopReason::kTargetError;
+    return decision;
+  }
+  const Allocation allocation(tiles, samples_max, MeasureRate(tiles, before));
+  double scale = allocation.ScaleMax();
+  if (rule.target_error > 0) {
+    const double aim =
+        kAimShare * rule.target_error * decision.relative_mse / decision.relative_mse_upper;
+    const double error_sum = aim * static_cast<double>(sum.pixel_count);
+    scale = LargestScale(scale, [&](double s) { return allocation.ErrorSum(s) >= error_sum; });
+  }
+  const double now = PixelSamples(tiles);
+  const double least = now * (1 + kRoundGrowthMin);
+  if (allocation.PixelSamples(scale) < least) {
+    scale = LargestScale(allocation.ScaleMax(),
+                         [&](double s) { return allocation.PixelSamples(s) <= least; });
+    scale = std::nextafter(scale, allocation.ScaleMax());
+  }
+  const double allowed = std::min(allowance.time, allowance.cpu);
+  if (allocation.PixelSamples(scale) > allowed) {
+    decision.reason = allowance.time < allowance.cpu ? StopReason::kTime : StopReason::kCpu;
+    if (allowed < least) return decision;
+    scale = LargestScale(scale, [&](double s) { return allocation.PixelSamples(s) <= allowed; });
+  }
+  if (allocation.PixelSamples(scale) <= now) return decision;  // All have samples_max.
+  double error_sum = 0;
+  for (size_t i = 0; i < tiles.size(); ++i) {
+    decision.samples.push_back(allocation.Samples(i, scale));
+    error_sum += allocation.ErrorAt(i, static_cast<double>(decision.samples.back()));
+  }
+  decision.predicted_relative_mse = error_sum / static_cast<double>(sum.pixel_count);
+  return decision;
+}
+
+}  // namespace sheaf::coordinator

@@ -1,0 +1,75 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Rounds: how a frame with a StopRule gets its samples. The first round gives every tile the same
+// few; when all tiles have theirs, DecideRound looks at the merged picture and either ends the
+// frame or gives each tile its count for the next round:
+//
+//     parts of all tiles > EstimateTileErrors > DecideRound > FrameTasks::Grow, or delivery
+//
+// The decision is a pure function of merged data (and, for limits of time, of clocks), so that the
+// picture does not depend on who rendered it; it is stored before anybody works on it.
+//
+// Samples go where they lower the frame's error most. A tile whose pixels err by k / n^b at n
+// samples gets them in proportion to k^(1 / (1 + b)): the least sum of samples for a given sum of
+// errors, as in Neyman's allocation to strata (Cochran 1977, Sampling Techniques, sec. 5.5). b is 1
+// for independent samples, and more where those of one sequence do better; it is measured from one
+// round to the next. No tile gets more than kRoundGrowthMax times what it has, so that a guess
+// from few samples costs little, and the round that is predicted to reach the target is cut to it.
+//
+// The target is reached when the upper confidence bound of the frame's error is no larger. Frames
+// are looked at after every round, which gives luck as many chances; so the confidence is spent
+// over the looks: the k-th (from 1) takes 6 / (pi k)^2 of kMissShare, and all of them together no
+// more than kMissShare.
+#pragma once
+
+#include <cstdint>
+#include <limits>
+#include <span>
+#include <vector>
+
+#include "common/film/error_estimate.h"
+#include "common/film/film_tile.h"
+#include "coordinator/core/stop_rule.h"
+
+namespace sheaf::coordinator {
+
+// Samples of a pixel in the first round: the least with which errors can be told.
+inline constexpr uint64_t kFirstRoundSamples = kReplicateCount;
+// At most so many times the samples that a tile has.
+inline constexpr uint64_t kRoundGrowthMax = 4;
+// At least this share of the samples that the frame has, lest rounds become endless.
+inline constexpr double kRoundGrowthMin = 1.0 / 16;
+// Of all frames, those that may stop although their expected error is above the target.
+inline constexpr double kMissShare = 0.05;
+
+// A tile at the end of a round.
+struct TileRound {
+  uint64_t samples = 0;  // Of each pixel.
+  ErrorSums error;
+};
+
+struct RoundDecision {
+  // Samples of each tile's pixels in the next round, none less than now, all multiples of
+  // kReplicateCount but for the largest count allowed. Empty: the frame is done.
+  std::vector<uint64_t> samples;
+  StopReason reason = StopReason::kSamples;  // Where it is done.
+  double relative_mse = 0;
+  double relative_mse_upper = 0;      // Of the confidence that this look has.
+  double predicted_relative_mse = 0;  // After the next round; 0 where there is none.
+};
+
+// What clocks allow, in pixel samples of the whole frame, those it has included.
+struct RoundAllowance {
+  double time = std::numeric_limits<double>::infinity();
+  double cpu = std::numeric_limits<double>::infinity();
+};
+
+// round: from 0, the one that was just finished. `before`: the tiles at the end of the round before
+// it; empty for the first. samples_max: of a pixel.
+// Requires: as many tiles as before.
+RoundDecision DecideRound(const StopRule& rule, uint64_t samples_max, int round,
+                          std::span<const TileRound> tiles, std::span<const TileRound> before,
+                          const RoundAllowance& allowance);
+
+}  // namespace sheaf::coordinator

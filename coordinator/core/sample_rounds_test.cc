@@ -1,0 +1,171 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "coordinator/core/sample_rounds.h"
+
+#include <cmath>
+#include <vector>
+
+#include "gtest/gtest.h"
+
+namespace sheaf::coordinator {
+namespace {
+
+constexpr int64_t kTilePixels = 256;
+constexpr uint64_t kSamplesMax = 1 << 20;
+
+// A tile whose pixels all err by k / n^rate.
+TileRound TileAt(double k, uint64_t samples, double rate = 1) {
+  const double error = k * std::pow(static_cast<double>(samples), -rate);
+  const auto count = static_cast<double>(kTilePixels);
+  return {samples, {kTilePixels, count * error, count * error * error}};
+}
+
+StopRule Target(double error) { return {.target_error = error}; }
+
+struct Course {
+  std::vector<uint64_t> samples;
+  std::vector<TileRound> tiles;
+  RoundDecision last;
+  int round_count = 0;
+};
+// Renders tiles of these errors at one sample until they are done.
+Course RunToTheEnd(const StopRule& rule, const std::vector<double>& ks, double rate = 1,
+                   uint64_t samples_max = kSamplesMax) {
+  Course run;
+  run.samples.assign(ks.size(), kFirstRoundSamples);
+  std::vector<TileRound> before;
+  while (run.round_count < 100) {
+    run.tiles.clear();
+    for (size_t i = 0; i < ks.size(); ++i) run.tiles.push_back(TileAt(ks[i], run.samples[i], rate));
+    run.last = DecideRound(rule, samples_max, run.round_count++, run.tiles, before, {});
+    if (run.last.samples.empty()) return run;
+    for (size_t i = 0; i < ks.size(); ++i) {
+      EXPECT_GE(run.last.samples[i], run.samples[i]);
+      EXPECT_LE(run.last.samples[i], kRoundGrowthMax * run.samples[i]);
+      EXPECT_TRUE(run.last.samples[i] % kReplicateCount == 0 || run.last.samples[i] == samples_max);
+    }
+    before = run.tiles;
+    run.samples = run.last.samples;
+  }
+  ADD_FAILURE() << "did not end";
+  return run;
+}
+
+double MeanSamples(const Course& run) {
+  double sum = 0;
+  for (const uint64_t samples : run.samples) sum += static_cast<double>(samples);
+  return sum / static_cast<double>(run.samples.size());
+}
+
+TEST(SampleRoundsTest, ReachesTheTargetWithLittleMoreThanItTakes) {
+  // 1 / n = 0.001 at 1000 samples, and the bound is a little above the error.
+  const Course run = RunToTheEnd(Target(1e-3), std::vector<double>(1000, 1.0));
+  EXPECT_EQ(run.last.reason, StopReason::kTargetError);
+  EXPECT_LE(run.last.relative_mse_upper, 1e-3);
+  EXPECT_GE(MeanSamples(run), 1000);
+  EXPECT_LE(MeanSamples(run), 1070);
+  EXPECT_LE(run.round_count, 5);
+}
+
+TEST(SampleRoundsTest, FasterRatesAreFoundOut) {
+  // 1 / n^1.5 = 1e-4 at 464 samples; taken for 1 / n it would go on to 1000 and more.
+  const Course run = RunToTheEnd(Target(1e-4), std::vector<double>(1000, 1.0), 1.5);
+  EXPECT_EQ(run.last.reason, StopReason::kTargetError);
+  EXPECT_GE(MeanSamples(run), 464);
+  EXPECT_LE(MeanSamples(run), 530);
+}
+
+// The least sum of samples for an error E is (sum sqrt(k))^2 / E over the tiles' mean error k / n.
+TEST(SampleRoundsTest, SamplesGoWhereTheyHelpMost) {
+  std::vector<double> ks;
+  for (int i = 0; i < 500; ++i) {
+    ks.push_back(i % 2 == 0 ? 16.0 : 1.0);
+  }
+  constexpr double kTarget = 0.002;
+  const Course run = RunToTheEnd(Target(kTarget), ks);
+  const double least = std::pow((4.0 + 1.0) / 2, 2) / kTarget;
+  const double evenly = (16.0 + 1.0) / 2 / kTarget;
+  EXPECT_NEAR(MeanSamples(run) / least, 1.05, 0.05);
+  EXPECT_LT(MeanSamples(run), evenly / 1.2);
+  EXPECT_NEAR(static_cast<double>(run.samples[0]) / static_cast<double>(run.samples[1]), 4, 0.3);
+}
+
+TEST(SampleRoundsTest, TilesThatSeemDoneAreStillLookedAt) {
+  std::vector<double> ks(100, 1.0);
+  ks[7] = 0;
+  const Course run = RunToTheEnd(Target(1e-3), ks);
+  EXPECT_GE(run.samples[7], 80u);  // A tenth of the others' samples: a hundredth of their error.
+  EXPECT_LE(run.samples[7], 130u);
+}
+
+TEST(SampleRoundsTest, WhatIsGoodEnoughAtOnceHasOneRound) {
+  const Course run = RunToTheEnd(Target(0.5), std::vector<double>(10, 1.0));
+  EXPECT_EQ(run.round_count, 1);
+  EXPECT_EQ(run.last.reason, StopReason::kTargetError);
+  EXPECT_EQ(run.samples, std::vector<uint64_t>(10, kFirstRoundSamples));
+}
+
+TEST(SampleRoundsTest, BlackFramesEnd) {
+  const Course run = RunToTheEnd(Target(1e-3), std::vector<double>(10, 0.0));
+  EXPECT_EQ(run.round_count, 1);
+}
+
+TEST(SampleRoundsTest, EndsWhereNoMoreSamplesAreAllowed) {
+  const Course run = RunToTheEnd(Target(1e-9), std::vector<double>(10, 1.0), 1, 100);
+  EXPECT_EQ(run.last.reason, StopReason::kSamples);
+  EXPECT_EQ(run.samples, std::vector<uint64_t>(10, 100));
+  EXPECT_GT(run.last.relative_mse_upper, 1e-9);
+}
+
+// A single pixel that makes the whole error may be luck, so the bound is far above the estimate.
+TEST(SampleRoundsTest, ErrorsOfFewPixelsAreNotTrusted) {
+  std::vector<TileRound> tiles(100, TileAt(1e-6, 64));
+  tiles[3].error = {kTilePixels, 1.0, 1.0};
+  const RoundDecision decision = DecideRound(Target(1e-4), kSamplesMax, 0, tiles, {}, {});
+  EXPECT_LT(decision.relative_mse, 5e-5);
+  EXPECT_GT(decision.relative_mse_upper, 1e-4);
+  EXPECT_FALSE(decision.samples.empty());
+}
+
+TEST(SampleRoundsTest, EveryLookIsStricterThanTheOneBefore) {
+  const std::vector<TileRound> tiles(10, TileAt(1, 64));
+  double last = 0;
+  for (int round = 0; round < 20; ++round) {
+    const double upper =
+        DecideRound(Target(1e-9), kSamplesMax, round, tiles, {}, {}).relative_mse_upper;
+    EXPECT_GT(upper, last);
+    last = upper;
+  }
+}
+
+TEST(SampleRoundsTest, TimeAndBudgetLimitARound) {
+  const std::vector<TileRound> tiles(10, TileAt(1, 64));
+  const double now = 10.0 * kTilePixels * 64;
+  StopRule rule = Target(1e-9);
+  rule.time_max = absl::Seconds(10);
+  const RoundDecision some =
+      DecideRound(rule, kSamplesMax, 0, tiles, {}, {.time = 2 * now, .cpu = 3 * now});
+  ASSERT_EQ(some.samples.size(), tiles.size());
+  for (const uint64_t samples : some.samples) EXPECT_EQ(samples, 128u);
+  const RoundDecision none =
+      DecideRound(rule, kSamplesMax, 0, tiles, {}, {.time = 3 * now, .cpu = 1.01 * now});
+  EXPECT_TRUE(none.samples.empty());
+  EXPECT_EQ(none.reason, StopReason::kCpu);
+  const RoundDecision late = DecideRound(rule, kSamplesMax, 0, tiles, {}, {.time = 0.5 * now});
+  EXPECT_TRUE(late.samples.empty());
+  EXPECT_EQ(late.reason, StopReason::kTime);
+}
+
+TEST(SampleRoundsTest, WithoutATargetSamplesStillGoWhereTheyHelp) {
+  std::vector<TileRound> tiles(10, TileAt(1, 64));
+  tiles[0] = TileAt(4, 64);
+  StopRule rule;
+  rule.cpu_max = absl::Hours(1);
+  const double now = 10.0 * kTilePixels * 64;
+  const RoundDecision decision = DecideRound(rule, kSamplesMax, 0, tiles, {}, {.cpu = 3 * now});
+  ASSERT_EQ(decision.samples.size(), tiles.size());
+  EXPECT_GT(decision.samples[0], decision.samples[1]);
+}
+
+}  // namespace
+}  // namespace sheaf::coordinator

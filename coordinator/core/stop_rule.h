@@ -1,0 +1,44 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// StopRule: when a frame is good enough.
+#pragma once
+
+#include "absl/time/time.h"
+
+namespace sheaf::coordinator {
+
+// Without any of these a frame has FrameSettings::samples in each pixel; with one, at most as many.
+// What is reached first ends the frame.
+struct StopRule {
+  double target_error = 0;  // relMSE (FrameError) that the frame shall not exceed; 0: none.
+  absl::Duration time_max = absl::InfiniteDuration();  // Of wall, from the frame's first lease.
+  absl::Duration cpu_max = absl::InfiniteDuration();   // Of workers' CPU, for the frame.
+
+  // Whether the frame is rendered in rounds (sample_rounds.h).
+  bool IsActive() const {
+    return target_error > 0 || time_max != absl::InfiniteDuration() ||
+           cpu_max != absl::InfiniteDuration();
+  }
+  friend bool operator==(const StopRule&, const StopRule&) = default;
+};
+
+// Why a frame has the samples that it has.
+enum class StopReason { kSamples, kTargetError, kTime, kCpu };
+inline constexpr int kStopReasonCount = 4;
+// Returns "samples", "target-error", "time" or "cpu".
+inline const char* StopReasonName(StopReason reason) {
+  switch (reason) {
+    case StopReason::kSamples:
+      return "samples";
+    case StopReason::kTargetError:
+      return "target-error";
+    case StopReason::kTime:
+      return "time";
+    case StopReason::kCpu:
+      return "cpu";
+  }
+  return "unknown";
+}
+
+}  // namespace sheaf::coordinator

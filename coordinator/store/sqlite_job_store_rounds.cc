@@ -1,0 +1,116 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// The part of SqliteJobStore that keeps rounds.
+#include <array>
+#include <cstring>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "coordinator/store/sqlite_job_store.h"
+
+namespace sheaf::coordinator {
+namespace {
+
+// A tile in the column `tiles`, in the byte order of x86-64, the one instruction set there is.
+struct PackedTile {
+  uint64_t samples, samples_next;
+  int64_t pixel_count;
+  double error_sum, error_square_sum;
+};
+static_assert(sizeof(PackedTile) == 40);
+
+std::string PackTiles(const RoundRecord& round) {
+  std::string bytes;
+  bytes.reserve(round.tiles.size() * sizeof(PackedTile));
+  for (size_t i = 0; i < round.tiles.size(); ++i) {
+    const TileRound& tile = round.tiles[i];
+    const uint64_t next = round.samples_next.empty() ? 0 : round.samples_next[i];
+    const PackedTile packed{tile.samples, next, tile.error.pixel_count, tile.error.sum,
+                            tile.error.square_sum};
+    std::array<char, sizeof packed> of_tile;
+    std::memcpy(of_tile.data(), &packed, sizeof packed);
+    bytes.append(of_tile.data(), of_tile.size());
+  }
+  return bytes;
+}
+
+// Errors: kDataLoss.
+absl::Status UnpackTiles(const std::string& bytes, RoundRecord* round) {
+  if (bytes.empty() || bytes.size() % sizeof(PackedTile) != 0) {
+    return absl::DataLossError(
+        absl::StrCat("round ", round->round, " of a frame has ", bytes.size(), " bytes of tiles"));
+  }
+  for (size_t at = 0; at < bytes.size(); at += sizeof(PackedTile)) {
+    PackedTile packed;
+    std::memcpy(&packed, bytes.data() + at, sizeof packed);
+    round->tiles.push_back(
+        {packed.samples, {packed.pixel_count, packed.error_sum, packed.error_square_sum}});
+    if (packed.samples_next != 0) round->samples_next.push_back(packed.samples_next);
+  }
+  if (!round->samples_next.empty() && round->samples_next.size() != round->tiles.size()) {
+    return absl::DataLossError(absl::StrCat("round ", round->round, " of a frame lacks tiles"));
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+absl::Status SqliteJobStore::AddRound(const FrameId& frame, const RoundRecord& round) {
+  const std::lock_guard lock(database_mutex_);
+  return database_
+      ->Prepare(
+          "INSERT OR IGNORE INTO rounds(job_id, frame_number, round, relative_mse, "
+          "relative_mse_upper, predicted_relative_mse, sample_count, wall_ns, ray_count, "
+          "nonfinite_count, cpu_ns, part_bytes, stop_reason, tiles) "
+          "VALUES(?,?,?,?,?,?,?,?,?,?,?,?,?,?)")
+      .Bind(frame.job_id)
+      .Bind(frame.frame_number)
+      .Bind(round.round)
+      .Bind(round.relative_mse)
+      .Bind(round.relative_mse_upper)
+      .Bind(round.predicted_relative_mse)
+      .Bind(round.sample_count)
+      .Bind(absl::ToInt64Nanoseconds(round.wall_duration))
+      .Bind(round.cost.ray_count)
+      .Bind(round.cost.nonfinite_count)
+      .Bind(absl::ToInt64Nanoseconds(round.cost.cpu_duration))
+      .Bind(round.cost.part_bytes)
+      .Bind(static_cast<int32_t>(round.stop_reason))
+      .BindBytes(PackTiles(round))
+      .Run();
+}
+
+absl::StatusOr<std::vector<StoredRound>> SqliteJobStore::LoadRounds(uint64_t job_id,
+                                                                    bool with_tiles) {
+  const std::lock_guard lock(database_mutex_);
+  SqliteStatement query = database_->Prepare(absl::StrCat(
+      "SELECT frame_number, round, relative_mse, relative_mse_upper, predicted_relative_mse, "
+      "sample_count, wall_ns, ray_count, nonfinite_count, cpu_ns, part_bytes, stop_reason",
+      with_tiles ? ", tiles" : "", " FROM rounds WHERE job_id = ? ORDER BY frame_number, round"));
+  query.Bind(job_id);
+  std::vector<StoredRound> rounds;
+  while (true) {
+    const absl::StatusOr<bool> row = query.Step();
+    if (!row.ok()) return row.status();
+    if (!*row) return rounds;
+    StoredRound stored;
+    stored.frame_number = static_cast<int32_t>(query.Int64(0));
+    RoundRecord& round = stored.record;
+    round.round = static_cast<int32_t>(query.Int64(1));
+    round.relative_mse = query.Double(2);
+    round.relative_mse_upper = query.Double(3);
+    round.predicted_relative_mse = query.Double(4);
+    round.sample_count = static_cast<uint64_t>(query.Int64(5));
+    round.wall_duration = absl::Nanoseconds(query.Int64(6));
+    round.cost = {static_cast<uint64_t>(query.Int64(7)), static_cast<uint64_t>(query.Int64(8)),
+                  absl::Nanoseconds(query.Int64(9)), static_cast<uint64_t>(query.Int64(10))};
+    round.stop_reason = static_cast<StopReason>(query.Int64(11));
+    if (with_tiles) {
+      if (absl::Status status = UnpackTiles(query.Bytes(12), &round); !status.ok()) return status;
+    }
+    rounds.push_back(std::move(stored));
+  }
+}
+
+}  // namespace sheaf::coordinator

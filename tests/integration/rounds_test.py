@@ -1,0 +1,118 @@
+#!/usr/bin/env python3
+# Copyright the Sheaf authors.
+# SPDX-License-Identifier: Apache-2.0
+"""Frames that stop at an error: the picture, and with it the samples of every tile, is the same to
+the bit on one worker or four, with a worker and the coordinator killed, however tiles are passed
+round; and it reaches what was asked for. SHEAF_SEED repeats a run's kills.
+"""
+import json
+import os
+import random
+import tempfile
+import time
+import unittest
+
+import farm
+
+SCENE = os.environ.get("SHEAF_SCENE", os.path.join(farm.ROOT, "scenes", "showroom.pbrt"))
+WINDOW = ("--crop", "270,150,366,214", "--tile-size", "16")
+TARGET = 0.008
+JOB = WINDOW + ("--target-error", TARGET)
+
+
+def last_json(text):
+    return json.loads(text.splitlines()[-1])
+
+
+class RoundsTest(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.folder = tempfile.TemporaryDirectory()
+        path = os.path.join(cls.folder.name, "expected.exr")
+        done = farm.render(SCENE, path, *JOB, "--json")
+        cls.frame = last_json(done.stdout)["frames"][0]
+        cls.expected = farm.picture_digest(path)
+
+    @classmethod
+    def tearDownClass(cls):
+        cls.folder.cleanup()
+
+    def path(self, name):
+        return os.path.join(self.folder.name, name)
+
+    def test_the_curve_leads_to_the_target(self):
+        rounds = self.frame["rounds"]
+        self.assertEqual(self.frame["stop_reason"], "target-error")
+        self.assertGreater(len(rounds), 2)
+        self.assertLessEqual(rounds[-1]["relative_mse_upper"], TARGET)
+        for before, after in zip(rounds, rounds[1:]):
+            self.assertGreater(before["relative_mse_upper"], TARGET)
+            for sum_of in ("sample_count", "ray_count", "cpu_duration_seconds",
+                           "wall_duration_seconds", "part_bytes"):
+                self.assertGreater(after[sum_of], before[sum_of], sum_of)
+        self.assertEqual(rounds[-1]["sample_count"],
+                         self.frame["progress"]["sample_count_done"])
+
+    def test_cuts_and_threads_do_not_matter(self):
+        for flags in (("--threads", 1), ("--pass-samples", 4, "--lease-passes", 1),
+                      ("--pass-samples", 64)):
+            with self.subTest(flags=flags):
+                farm.render(SCENE, self.path("cut.exr"), *JOB, *flags)
+                self.assertEqual(farm.picture_digest(self.path("cut.exr")), self.expected)
+
+    def test_one_worker_and_four_with_kills(self):
+        seed = int(os.environ.get("SHEAF_SEED", time.time_ns() % 1_000_000))
+        print(f"SHEAF_SEED={seed}", flush=True)
+        chance = random.Random(seed)
+        with farm.Farm() as f:
+            f.start_worker()
+            f.sheaf("submit", SCENE, "--wait", "-o", f.path("one.exr"), *JOB)
+            self.assertEqual(farm.picture_digest(f.path("one.exr")), self.expected)
+        with farm.Farm(["--lease-seconds", "2"]) as f:
+            for _ in range(4):
+                f.start_worker()
+            submitted = f.sheaf("submit", SCENE, *JOB, "--pass-samples", 4, "--lease-passes", 1,
+                                "--json").stdout
+            job = last_json(submitted)["name"]
+            time.sleep(chance.uniform(0.2, 1))
+            f.kill(f.workers[0])
+            for _ in range(3):
+                time.sleep(chance.uniform(0.2, 1))
+                f.kill(f.coordinator)
+                f.start_coordinator()
+            watched = f.sheaf("watch", job, "-o", f.path("four.exr"), "--json").stdout
+            self.assertEqual(farm.picture_digest(f.path("four.exr")), self.expected)
+            rounds = last_json(watched)["frames"][0]["rounds"]
+            self.assertEqual([r["sample_count"] for r in rounds],
+                             [r["sample_count"] for r in self.frame["rounds"]])
+            self.assertEqual([r["relative_mse_upper"] for r in rounds],
+                             [r["relative_mse_upper"] for r in self.frame["rounds"]])
+
+    def test_samples_are_the_most_a_pixel_gets(self):
+        done = farm.render(SCENE, self.path("few.exr"), *JOB, "--samples", 40, "--json")
+        frame = last_json(done.stdout)["frames"][0]
+        self.assertEqual(frame["stop_reason"], "samples")
+        self.assertIn("before the target", done.stderr)
+        farm.render(SCENE, self.path("forty.exr"), *WINDOW, "--samples", 40)
+        self.assertEqual(farm.picture_digest(self.path("few.exr")),
+                         farm.picture_digest(self.path("forty.exr")))
+
+    def test_time_and_budget_end_a_frame(self):
+        done = farm.render(SCENE, self.path("time.exr"), *WINDOW, "--time", "3s", "--json")
+        frame = last_json(done.stdout)["frames"][0]
+        self.assertEqual(frame["stop_reason"], "time")
+        self.assertLess(frame["progress"]["wall_duration_seconds"], 6 * farm.TIME_SCALE)
+        done = farm.render(SCENE, self.path("cpu.exr"), *WINDOW, "--budget", 2 / 3600, "--json")
+        frame = last_json(done.stdout)["frames"][0]
+        self.assertEqual(frame["stop_reason"], "cpu")
+        self.assertLess(frame["progress"]["cpu_duration_seconds"], 3 * farm.TIME_SCALE)
+
+    def test_what_makes_no_sense_is_refused(self):
+        for flags in (("--target-error", 0), ("--target-error", "nan"), ("--time", "10"),
+                      ("--time", "-3s"), ("--time", "inf"), ("--budget", 0)):
+            with self.subTest(flags=flags), self.assertRaisesRegex(AssertionError, flags[0]):
+                farm.render(SCENE, self.path("no.exr"), *flags)
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)
