@@ -27,6 +27,7 @@ std::unique_ptr<Command> MakeWatchCommand();
 std::unique_ptr<Command> MakeListCommand();
 std::unique_ptr<Command> MakeShowCommand();
 std::unique_ptr<Command> MakeCancelCommand();
+std::unique_ptr<Command> MakeRefineCommand();
 std::unique_ptr<Command> MakeWorkersCommand();
 std::unique_ptr<Command> MakePlanCommand();
 std::unique_ptr<Command> MakeCompareCommand();

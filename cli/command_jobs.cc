@@ -7,47 +7,13 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "cli/command.h"
+#include "cli/farm_command.h"
 #include "cli/follow_job.h"
-#include "cli/frame_range.h"
-#include "cli/interruption.h"
 #include "cli/job_json.h"
-#include "cli/options.h"
 #include "cli/progress_line.h"
-#include "common/rpc/channel.h"
 
 namespace sheaf::cli {
 namespace {
-
-// What these commands have in common: a coordinator, --json, and for most of them a job.
-class FarmCommand : public Command {
- public:
-  ExitCode Run() override {
-    const Interruption interruption;
-    FarmClient client(MakeChannel(coordinator_), coordinator_, interruption.token());
-    return RunWith(&client);
-  }
-
- protected:
-  virtual ExitCode RunWith(FarmClient* client) = 0;
-
-  CLI::App* AddCommon(CLI::App* app, const std::string& name, const std::string& help) {
-    CLI::App* command = app->add_subcommand(name, help);
-    AddCoordinatorOption(command, &coordinator_);
-    AddJsonFlag(command, &json_);
-    return command;
-  }
-  void AddJob(CLI::App* command) {
-    command->add_option("JOB", job_, "The job, as in jobs/7 or 7")->required();
-  }
-  bool json() const { return json_; }
-  std::string job_name() const { return JobName(job_); }
-
- private:
-  std::string coordinator_ = "127.0.0.1:7400";
-  std::string job_;
-  bool json_ = false;
-};
 
 class WatchCommand : public FarmCommand {
  public:
@@ -72,18 +38,9 @@ class WatchCommand : public FarmCommand {
     }
     const absl::StatusOr<v1::Job> job = client->GetJob(job_name());
     if (!job.ok()) return ReportCallError(job.status());
-    PreparedJob frames;
-    for (const v1::Frame& frame : job->frames()) {
-      frames.frames.push_back({frame.spec().frame_number(), {}, {}, ""});
-    }
-    arguments_.scene = job->title();
-    for (const std::string& pattern : {arguments_.output, arguments_.png}) {
-      if (frames.frames.size() < 2 || pattern.empty() || IsPattern(pattern)) continue;
-      return ReportError(ExitCode::kUsage, absl::InvalidArgumentError(absl::StrCat(
-                                               pattern, ": the job has ", frames.frames.size(),
-                                               " frames; put #### where the number goes")));
-    }
-    return FollowToTheEnd(client, job_name(), json(), OutputPaths(arguments_, frames));
+    const absl::StatusOr<std::vector<PicturePaths>> paths = PathsOf(*job, arguments_);
+    if (!paths.ok()) return ReportError(ExitCode::kUsage, paths.status());
+    return FollowToTheEnd(client, job_name(), json(), *paths);
   }
 
  private:

@@ -122,6 +122,7 @@ class RenderCommand : public Command {
     if (!state.ok()) return ReportError(ExitCode::kFile, state.status());
     coordinator::CoordinatorOptions options;
     options.farm.state_directory = (*state)->path();
+    if (keep_state_.empty()) options.farm.kept_parts_bytes_max = 0;
     options.listen_address.clear();
     options.http_address = http_;
     const absl::StatusOr<std::unique_ptr<coordinator::CoordinatorServer>> server =

@@ -165,6 +165,17 @@ absl::StatusOr<v1::Job> FarmClient::CancelJob(const std::string& name) {
   return job;
 }
 
+absl::StatusOr<v1::Job> FarmClient::RefineJob(const v1::RefineJobRequest& request) {
+  v1::Job job;
+  const absl::Status status = Call(
+      [&](grpc::ClientContext* context) {
+        return FromGrpcStatus(jobs_->RefineJob(context, request, &job));
+      },
+      kUnaryDeadline);
+  if (!status.ok()) return status;
+  return job;
+}
+
 absl::StatusOr<std::vector<v1::Job>> FarmClient::ListJobs(size_t count_max) {
   std::vector<v1::Job> jobs;
   v1::ListJobsRequest request;

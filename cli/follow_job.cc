@@ -12,6 +12,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "cli/frame_range.h"
 #include "cli/job_json.h"
 #include "cli/progress_line.h"
 #include "cli/summary.h"
@@ -101,6 +102,21 @@ absl::Status UploadMissing(FarmClient* client, const PreparedJob& job) {
     }
   }
   return first_error;
+}
+
+absl::StatusOr<std::vector<PicturePaths>> PathsOf(const v1::Job& job, JobArguments arguments) {
+  if (arguments.output.empty() && arguments.png.empty()) return std::vector<PicturePaths>();
+  PreparedJob frames;
+  for (const v1::Frame& frame : job.frames()) {
+    frames.frames.push_back({frame.spec().frame_number(), {}, {}, ""});
+  }
+  for (const std::string& pattern : {arguments.output, arguments.png}) {
+    if (frames.frames.size() < 2 || pattern.empty() || IsPattern(pattern)) continue;
+    return absl::InvalidArgumentError(absl::StrCat(pattern, ": the job has ", frames.frames.size(),
+                                                   " frames; put #### where the number goes"));
+  }
+  arguments.scene = job.title();
+  return OutputPaths(arguments, frames);
 }
 
 absl::StatusOr<v1::Job> FollowJob(FarmClient* client, const std::string& name, bool json) {

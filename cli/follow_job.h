@@ -18,6 +18,10 @@ namespace sheaf::cli {
 // Uploads the blobs that the coordinator lacks, several at a time, with a progress line.
 absl::Status UploadMissing(FarmClient* client, const PreparedJob& job);
 
+// Where the pictures of a job go that was submitted before: as arguments' output and png say, none
+// where both are empty. Errors: kInvalidArgument where one name stands for several frames.
+absl::StatusOr<std::vector<PicturePaths>> PathsOf(const v1::Job& job, JobArguments arguments);
+
 // Shows the job until it ends. With json, prints it on standard output whenever it changes.
 // Errors: those of FarmClient::WatchJob.
 absl::StatusOr<v1::Job> FollowJob(FarmClient* client, const std::string& name, bool json);

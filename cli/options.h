@@ -17,6 +17,8 @@ void AddJsonFlag(CLI::App* command, bool* json);
 // SCENE and what decides its pixels.
 void AddSettingsOptions(CLI::App* command, JobArguments* arguments);
 // Frames, outputs and how the work is cut.
+// --target-error, --time and --budget.
+void AddStopOptions(CLI::App* command, StopArguments* stop);
 void AddJobOptions(CLI::App* command, JobArguments* arguments);
 
 }  // namespace sheaf::cli

@@ -163,7 +163,7 @@ std::vector<PicturePaths> OutputPaths(const JobArguments& arguments, const Prepa
   return paths;
 }
 
-v1::StopRule StopRuleOf(const StopArguments& stop, const PreparedJob& job) {
+v1::StopRule StopRuleOf(const StopArguments& stop, int frame_count) {
   const auto set = [](double seconds, google::protobuf::Duration* duration) {
     const double whole = std::floor(seconds);
     duration->set_seconds(static_cast<int64_t>(whole));
@@ -173,8 +173,7 @@ v1::StopRule StopRuleOf(const StopArguments& stop, const PreparedJob& job) {
   rule.set_target_error(stop.target_error);
   if (stop.seconds > 0) set(stop.seconds, rule.mutable_time_max());
   if (stop.budget_cpu_hours > 0) {
-    set(3600 * stop.budget_cpu_hours / static_cast<double>(job.frames.size()),
-        rule.mutable_cpu_max());
+    set(3600 * stop.budget_cpu_hours / frame_count, rule.mutable_cpu_max());
   }
   return rule;
 }
@@ -194,7 +193,8 @@ v1::CreateJobRequest MakeCreateJobRequest(const JobArguments& arguments, const P
     spec->mutable_scene()->set_sha256_hex(frame.manifest.sha256_hex);
     spec->mutable_scene()->set_size_bytes(frame.manifest.size_bytes);
     *spec->mutable_settings() = ToWire(frame.settings);
-    if (arguments.stop.IsActive()) *spec->mutable_stop() = StopRuleOf(arguments.stop, job);
+    if (arguments.stop.IsActive())
+      *spec->mutable_stop() = StopRuleOf(arguments.stop, static_cast<int>(job.frames.size()));
   }
   return request;
 }

@@ -74,7 +74,7 @@ struct PicturePaths {
 // For all frames, in their order. An output that ends in .png names a PNG with an EXR beside it.
 std::vector<PicturePaths> OutputPaths(const JobArguments& arguments, const PreparedJob& job);
 
-v1::StopRule StopRuleOf(const StopArguments& stop, const PreparedJob& job);
+v1::StopRule StopRuleOf(const StopArguments& stop, int frame_count);
 v1::CreateJobRequest MakeCreateJobRequest(const JobArguments& arguments, const PreparedJob& job);
 
 // A random UUID (version 4).

@@ -205,7 +205,7 @@ ErrorSums SumErrors(const ErrorPlanes& planes, const FramePicture& picture, cons
 }  // namespace
 
 double ErrorSums::Deviation() const {
-  return pixel_count == 0 ? 0 : std::sqrt(3 * square_sum) / static_cast<double>(pixel_count);
+  return pixel_count == 0 ? 0 : std::sqrt(2 * square_sum) / static_cast<double>(pixel_count);
 }
 
 std::vector<ErrorSums> EstimateTileErrors(const FramePicture& picture,

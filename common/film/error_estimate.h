@@ -74,9 +74,10 @@ struct ErrorSums {
   double RelativeMse() const {
     return pixel_count == 0 ? 0 : sum / static_cast<double>(pixel_count);
   }
-  // As FrameError::relative_mse_deviation. A pixel's estimated variance may be wrong by as much as
-  // itself (it is, where one replicate makes it), the square of its error differs from its
-  // expectation by sqrt(2) times that.
+  // As FrameError::relative_mse_deviation. Of normal errors, the squared error of a pixel has twice
+  // its squared expectation as variance, and the estimate with 15 degrees of freedom 2 / 15 of it:
+  // together less than twice the estimate's square, which is 17 / 15 of that. Where one bright
+  // sample makes a pixel's error, the estimate rises with it, and the two are closer.
   double Deviation() const;
 };
 // The same for each of the tiles, which lie in the picture's window.

@@ -103,7 +103,8 @@ class FarmSim {
     for (const auto& [key, tile] : journal_) {
       if (delivered_.contains(key.first)) continue;
       for (const SampleBlock& block : tile.blocks) {
-        ASSERT_TRUE(scheduler_->RestorePart(key.first, tile.rect, block, {}));
+        ASSERT_EQ(scheduler_->RestorePart(key.first, tile.rect, block, {}),
+                  FrameTasks::Fit::kWanted);
       }
     }
     for (const JobSpec& job : jobs_) {

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <utility>
 
 #include "common/base/check.h"
 
@@ -28,11 +29,17 @@ ErrorSums SumOf(std::span<const TileRound> tiles) {
   return sum;
 }
 
-// Standard deviations above the estimate for the confidence of a look: P(z > t) <= exp(-t^2 / 2).
+// Standard deviations above the estimate for the confidence of a look: the normal distribution has
+// the look's share beyond them.
 double DeviationsOf(int round) {
   const double look = round + 1;
   const double miss = kMissShare * 6 / (std::numbers::pi * std::numbers::pi * look * look);
-  return std::sqrt(-2 * std::log(miss));
+  double low = 0, high = 40;
+  for (int i = 0; i < kBisectionSteps; ++i) {
+    const double middle = (low + high) / 2;
+    (std::erfc(middle / std::numbers::sqrt2) / 2 > miss ? low : high) = middle;
+  }
+  return high;
 }
 
 double PixelSamples(std::span<const TileRound> tiles) {
@@ -184,6 +191,31 @@ RoundDecision DecideRound(const StopRule& rule, uint64_t samples_max, int round,
   }
   decision.predicted_relative_mse = error_sum / static_cast<double>(sum.pixel_count);
   return decision;
+}
+
+void RoundRecord::Take(RoundDecision decision) {
+  relative_mse = decision.relative_mse;
+  relative_mse_upper = decision.relative_mse_upper;
+  predicted_relative_mse = decision.predicted_relative_mse;
+  samples_next = std::move(decision.samples);
+  stop_reason = decision.reason;
+}
+
+bool ReplayRounds(const StopRule& rule, uint64_t samples_max, std::vector<RoundRecord>* rounds) {
+  SHEAF_CHECK(!rounds->empty());
+  std::span<const TileRound> before;
+  for (size_t i = 0; i < rounds->size(); ++i) {
+    RoundRecord& record = (*rounds)[i];
+    RoundDecision decision = DecideRound(rule, samples_max, record.round, record.tiles, before, {});
+    const bool same = decision.samples == record.samples_next;
+    record.Take(std::move(decision));
+    if (!same) {
+      rounds->resize(i + 1);
+      break;
+    }
+    before = record.tiles;
+  }
+  return !rounds->back().samples_next.empty();
 }
 
 }  // namespace sheaf::coordinator

@@ -7,6 +7,8 @@
 //
 //     parts of all tiles > EstimateTileErrors > DecideRound > FrameTasks::Grow, or delivery
 //
+// The first round has the least samples with which errors can be told, one of each replicate.
+//
 // The decision is a pure function of merged data (and, for limits of time, of clocks), so that the
 // picture does not depend on who rendered it; it is stored before anybody works on it.
 //
@@ -30,12 +32,10 @@
 
 #include "common/film/error_estimate.h"
 #include "common/film/film_tile.h"
-#include "coordinator/core/stop_rule.h"
+#include "coordinator/core/job.h"
 
 namespace sheaf::coordinator {
 
-// Samples of a pixel in the first round: the least with which errors can be told.
-inline constexpr uint64_t kFirstRoundSamples = kReplicateCount;
 // At most so many times the samples that a tile has.
 inline constexpr uint64_t kRoundGrowthMax = 4;
 // At least this share of the samples that the frame has, lest rounds become endless.
@@ -59,6 +59,21 @@ struct RoundDecision {
   double predicted_relative_mse = 0;  // After the next round; 0 where there is none.
 };
 
+// A round of a frame, as it was decided at its end.
+struct RoundRecord {
+  int32_t round = 0;
+  // Of each tile: how it is at the end of the round, and its samples in the next one.
+  std::vector<TileRound> tiles;
+  std::vector<uint64_t> samples_next;             // Empty for the last round.
+  StopReason stop_reason = StopReason::kSamples;  // Of the last round.
+  double relative_mse = 0, relative_mse_upper = 0, predicted_relative_mse = 0;
+  uint64_t sample_count = 0;  // Pixel samples of the frame so far.
+  absl::Duration wall_duration;
+  ResultCost cost;
+
+  void Take(RoundDecision decision);
+};
+
 // What clocks allow, in pixel samples of the whole frame, those it has included.
 struct RoundAllowance {
   double time = std::numeric_limits<double>::infinity();
@@ -71,5 +86,12 @@ struct RoundAllowance {
 RoundDecision DecideRound(const StopRule& rule, uint64_t samples_max, int round,
                           std::span<const TileRound> tiles, std::span<const TileRound> before,
                           const RoundAllowance& allowance);
+
+// What of a frame's rounds holds under another rule, for a frame that goes on: decisions are made
+// again from what each round found, and kept as long as they are the same. The first that differs
+// is the last of `rounds` and has the new decision, so that the frame goes on as if it had never
+// had another rule; tiles that have more samples by now must do without those. True where there is
+// more to render. Requires: rounds have their tiles. Clocks are not looked at.
+bool ReplayRounds(const StopRule& rule, uint64_t samples_max, std::vector<RoundRecord>* rounds);
 
 }  // namespace sheaf::coordinator

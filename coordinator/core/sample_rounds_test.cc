@@ -26,18 +26,23 @@ struct Course {
   std::vector<uint64_t> samples;
   std::vector<TileRound> tiles;
   RoundDecision last;
+  std::vector<RoundRecord> records;
   int round_count = 0;
 };
 // Renders tiles of these errors at one sample until they are done.
 Course RunToTheEnd(const StopRule& rule, const std::vector<double>& ks, double rate = 1,
                    uint64_t samples_max = kSamplesMax) {
   Course run;
-  run.samples.assign(ks.size(), kFirstRoundSamples);
+  run.samples.assign(ks.size(), uint64_t{kReplicateCount});
   std::vector<TileRound> before;
   while (run.round_count < 100) {
     run.tiles.clear();
     for (size_t i = 0; i < ks.size(); ++i) run.tiles.push_back(TileAt(ks[i], run.samples[i], rate));
     run.last = DecideRound(rule, samples_max, run.round_count++, run.tiles, before, {});
+    RoundRecord& record = run.records.emplace_back();
+    record.round = run.round_count - 1;
+    record.tiles = run.tiles;
+    record.Take(run.last);
     if (run.last.samples.empty()) return run;
     for (size_t i = 0; i < ks.size(); ++i) {
       EXPECT_GE(run.last.samples[i], run.samples[i]);
@@ -102,7 +107,7 @@ TEST(SampleRoundsTest, WhatIsGoodEnoughAtOnceHasOneRound) {
   const Course run = RunToTheEnd(Target(0.5), std::vector<double>(10, 1.0));
   EXPECT_EQ(run.round_count, 1);
   EXPECT_EQ(run.last.reason, StopReason::kTargetError);
-  EXPECT_EQ(run.samples, std::vector<uint64_t>(10, kFirstRoundSamples));
+  EXPECT_EQ(run.samples, std::vector<uint64_t>(10, uint64_t{kReplicateCount}));
 }
 
 TEST(SampleRoundsTest, BlackFramesEnd) {
@@ -136,6 +141,28 @@ TEST(SampleRoundsTest, EveryLookIsStricterThanTheOneBefore) {
     EXPECT_GT(upper, last);
     last = upper;
   }
+}
+
+// A frame that was finished goes on as if the smaller error had been asked for from the beginning.
+TEST(SampleRoundsTest, RefinedFramesGetTheSamplesOfThoseThatNeverStopped) {
+  std::vector<double> ks;
+  for (int i = 0; i < 200; ++i) ks.push_back(1 + i % 7);
+  for (const double first : {0.5, 0.1, 0.02, 0.004}) {
+    Course course = RunToTheEnd(Target(first), ks);
+    ASSERT_EQ(course.last.reason, StopReason::kTargetError);
+    std::vector<RoundRecord> rounds = course.records;
+    const Course at_once = RunToTheEnd(Target(0.001), ks);
+    ASSERT_TRUE(ReplayRounds(Target(0.001), kSamplesMax, &rounds));
+    EXPECT_LE(rounds.size(), course.records.size());
+    ASSERT_LT(rounds.size(), at_once.records.size());
+    EXPECT_EQ(rounds.back().samples_next, at_once.records[rounds.size() - 1].samples_next);
+  }
+}
+
+TEST(SampleRoundsTest, WhatIsGoodEnoughIsNotRefined) {
+  std::vector<RoundRecord> rounds = RunToTheEnd(Target(0.01), {1, 2, 3}).records;
+  EXPECT_FALSE(ReplayRounds(Target(0.01), kSamplesMax, &rounds));
+  EXPECT_FALSE(ReplayRounds(Target(0.3), kSamplesMax, &rounds));
 }
 
 TEST(SampleRoundsTest, TimeAndBudgetLimitARound) {

@@ -8,7 +8,6 @@
 #include "absl/strings/str_cat.h"
 #include "common/base/check.h"
 #include "common/film/frame_picture.h"
-#include "coordinator/core/sample_rounds.h"
 
 namespace sheaf::coordinator {
 namespace {
@@ -45,7 +44,7 @@ absl::Status CheckFrame(const FrameSpec& frame, const Partition& partition, cons
 
 uint64_t FirstRoundSamplesOf(const FrameSpec& spec) {
   const uint64_t samples = spec.settings.samples;
-  return spec.stop.IsActive() ? std::min(samples, kFirstRoundSamples) : samples;
+  return spec.stop.IsActive() ? std::min(samples, spec.stop.first_round_samples) : samples;
 }
 
 // What an open frame counts for: its pixels, in units of a picture without outputs.
@@ -135,6 +134,11 @@ void Scheduler::AddJob(const JobSpec& spec) {
   ++live_job_count_;
 }
 
+void Scheduler::RemoveJob(uint64_t job_id) {
+  SHEAF_CHECK(jobs_.at(job_id).phase != JobPhase::kLive);
+  jobs_.erase(job_id);
+}
+
 void Scheduler::RestoreEnded(uint64_t job_id, JobPhase phase, const std::string& failure) {
   EndJob(job_id, phase, failure);
   std::erase(ended_jobs_, job_id);
@@ -158,22 +162,23 @@ void Scheduler::RestoreRound(const FrameId& id, std::span<const uint64_t> sample
   UpdateReady(&job, index);
 }
 
-bool Scheduler::RestorePart(const FrameId& id, const PixelRect& tile, SampleBlock block,
-                            const ResultCost& cost) {
+FrameTasks::Fit Scheduler::RestorePart(const FrameId& id, const PixelRect& tile, SampleBlock block,
+                                       const ResultCost& cost) {
   JobRecord& job = jobs_.at(id.job_id);
   const uint32_t index = job.index_of_number.at(id.frame_number);
   FrameRecord& frame = job.frames[index];
   if (frame.phase == FrameRecord::Phase::kPending) Open(&job, index);
   const std::optional<uint32_t> tile_index = frame.tasks->FindTile(tile);
-  if (!tile_index) return false;
+  if (!tile_index) return FrameTasks::Fit::kPartial;
   const Task task{*tile_index, block};
-  if (frame.tasks->FitOf(task) != FrameTasks::Fit::kWanted) return false;
+  const FrameTasks::Fit fit = frame.tasks->FitOf(task);
+  if (fit != FrameTasks::Fit::kWanted) return fit;
   frame.tasks->Accept(task);
   frame.sample_count_done = frame.sample_count_restored = frame.tasks->sample_count_done();
   frame.cost.Add(cost);
   if (frame.tasks->Complete()) frame.phase = FrameRecord::Phase::kRendered;
   UpdateReady(&job, index);
-  return true;
+  return fit;
 }
 
 const FrameRecord* Scheduler::FindFrame(const FrameId& id) const {

@@ -93,6 +93,8 @@ class Scheduler {
   absl::Status CheckJob(const JobSpec& spec) const;
   // Requires: CheckJob is OK, job_id is new.
   void AddJob(const JobSpec& spec);
+  // Forgets a job that has ended.
+  void RemoveJob(uint64_t job_id);
   // Puts back what was durable, after AddJob at a start. Restore* of one frame come before any
   // lease.
   void RestoreEnded(uint64_t job_id, JobPhase phase, const std::string& failure);
@@ -100,9 +102,10 @@ class Scheduler {
   void RestoreDelivered(const FrameId& id, const ResultCost& cost, uint64_t sample_count);
   // The samples of each tile that the frame's last round gives. Before its parts.
   void RestoreRound(const FrameId& id, std::span<const uint64_t> samples);
-  // Returns false where the block does not fit (it overlaps one that was restored).
-  bool RestorePart(const FrameId& id, const PixelRect& tile, SampleBlock block,
-                   const ResultCost& cost);
+  // Returns kWanted where it is put back. kOutside: the frame does not want so many samples (any
+  // more); otherwise it overlaps one that was restored.
+  FrameTasks::Fit RestorePart(const FrameId& id, const PixelRect& tile, SampleBlock block,
+                              const ResultCost& cost);
 
   struct SynchronizeAnswer {
     std::vector<Lease> leases;

@@ -4,7 +4,10 @@
 // StopRule: when a frame is good enough.
 #pragma once
 
+#include <cstdint>
+
 #include "absl/time/time.h"
+#include "common/film/film_tile.h"
 
 namespace sheaf::coordinator {
 
@@ -14,6 +17,9 @@ struct StopRule {
   double target_error = 0;  // relMSE (FrameError) that the frame shall not exceed; 0: none.
   absl::Duration time_max = absl::InfiniteDuration();  // Of wall, from the frame's first lease.
   absl::Duration cpu_max = absl::InfiniteDuration();   // Of workers' CPU, for the frame.
+  // Samples of a pixel in the first round; more than the usual where a frame without rounds is
+  // refined.
+  uint64_t first_round_samples = kReplicateCount;
 
   // Whether the frame is rendered in rounds (sample_rounds.h).
   bool IsActive() const {

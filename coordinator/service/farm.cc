@@ -3,6 +3,8 @@
 #include "coordinator/service/farm.h"
 
 #include <algorithm>
+#include <optional>
+#include <set>
 
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
@@ -52,28 +54,37 @@ absl::Status Farm::Load() {
   if (!jobs.ok()) return jobs.status();
   const std::lock_guard lock(mutex_);
   for (const StoredJob& job : *jobs) {
-    scheduler_.AddJob(job.spec);
+    std::optional<JobStore::LoadedParts> parts;
+    if (job.phase == JobPhase::kLive) {
+      absl::StatusOr<JobStore::LoadedParts> loaded = store_->LoadParts(job.spec.job_id);
+      if (!loaded.ok()) return loaded.status();
+      parts = *std::move(loaded);
+    }
     JobAccount& account = accounts_[job.spec.job_id];
     account.create_time = job.create_time;
     account.end_time = job.end_time;
-    for (const StoredFrame& frame : job.delivered) {
-      account.delivered[frame.frame_number] = frame.delivered;
-      scheduler_.RestoreDelivered({job.spec.job_id, frame.frame_number}, frame.delivered.cost,
-                                  frame.delivered.sample_count);
-    }
-    if (absl::Status status = LoadRounds(job); !status.ok()) return status;
-    if (job.phase != JobPhase::kLive) {
-      scheduler_.RestoreEnded(job.spec.job_id, job.phase, job.failure);
-    } else if (absl::Status status = LoadLiveJob(job); !status.ok()) {
-      return status;
-    }
+    absl::Status status = RestoreJob(job, parts ? &*parts : nullptr);
+    if (!status.ok()) return status;
   }
   return absl::OkStatus();
 }
 
-absl::Status Farm::LoadLiveJob(const StoredJob& job) {
-  const absl::StatusOr<JobStore::LoadedParts> parts = store_->LoadParts(job.spec.job_id);
-  if (!parts.ok()) return parts.status();
+absl::Status Farm::RestoreJob(const StoredJob& job, const JobStore::LoadedParts* parts) {
+  scheduler_.AddJob(job.spec);
+  JobAccount& account = accounts_[job.spec.job_id];
+  for (const StoredFrame& frame : job.delivered) {
+    account.delivered[frame.frame_number] = frame.delivered;
+    scheduler_.RestoreDelivered({job.spec.job_id, frame.frame_number}, frame.delivered.cost,
+                                frame.delivered.sample_count);
+  }
+  if (absl::Status status = LoadRounds(job); !status.ok()) return status;
+  if (job.phase == JobPhase::kLive) return RestoreLiveJob(job, *parts);
+  scheduler_.RestoreEnded(job.spec.job_id, job.phase, job.failure);
+  return absl::OkStatus();
+}
+
+absl::Status Farm::RestoreLiveJob(const StoredJob& job, const JobStore::LoadedParts& loaded) {
+  const JobStore::LoadedParts* parts = &loaded;
   scheduler_.counters().parts_revoked += static_cast<uint64_t>(parts->rows_lost);
   if (parts->rows_lost > 0) {
     LogWarning(absl::StrCat("job ", job.spec.job_id, ": ", parts->rows_lost,
@@ -84,7 +95,14 @@ absl::Status Farm::LoadLiveJob(const StoredJob& job) {
     const FrameRecord* frame = scheduler_.FindFrame(row.key.frame);
     const bool wanted = frame != nullptr && frame->phase != FrameRecord::Phase::kDelivered;
     if (!wanted) continue;  // Delivered, and stopped before its parts were removed.
-    if (!scheduler_.RestorePart(row.key.frame, row.key.tile, row.key.block, row.cost)) {
+    const FrameTasks::Fit fit =
+        scheduler_.RestorePart(row.key.frame, row.key.tile, row.key.block, row.cost);
+    if (fit == FrameTasks::Fit::kOutside) {
+      // A refined frame goes on from a round before this part's.
+      if (absl::Status status = store_->RemovePart(row); !status.ok()) return status;
+      continue;
+    }
+    if (fit != FrameTasks::Fit::kWanted) {
       return absl::DataLossError(
           absl::StrCat(options_.state_directory, "/farm.db: overlapping parts of frame ",
                        row.key.frame.frame_number, " of job ", row.key.frame.job_id));

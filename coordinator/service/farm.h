@@ -39,7 +39,9 @@ namespace sheaf::coordinator {
 struct FarmOptions {
   std::string state_directory;
   Limits limits;
-  bool keep_parts = false;  // Keep the parts of delivered frames; they are removed otherwise.
+  // Parts of delivered frames are kept for RefineJob while all parts together are no more than
+  // this; then the oldest go.
+  uint64_t kept_parts_bytes_max = uint64_t{20} << 30;
   // Memory of unfinished tiles; beyond it tiles are merged when their last part has come.
   uint64_t merge_bytes_max = uint64_t{1} << 30;
   absl::Duration preview_interval_min =
@@ -53,6 +55,12 @@ struct LeaseGrant {
   std::string frame_digest;
   BlobDigest scene;
   FrameSettings settings;
+};
+
+// How a finished job shall go on.
+struct Refinement {
+  StopRule stop;
+  uint64_t samples = 0;  // Of a pixel, at most where there is a rule; 0: as many as before.
 };
 
 // One result as it came in.
@@ -88,6 +96,12 @@ class Farm : public FarmView {
   absl::StatusOr<uint64_t> CreateJob(JobSpec spec, const std::string& request_id);
   // OK means: the job's end is durable. Errors: kNotFound; kUnavailable (the disk).
   absl::Status CancelJob(uint64_t job_id);
+
+  // Goes on with a job that succeeded, from the parts that are kept of it; what is not kept is
+  // rendered again. Nothing happens where all of its frames are good enough. OK means: it is
+  // durable. Errors: kNotFound; kFailedPrecondition (it has not succeeded); kInvalidArgument (fewer
+  // samples than it has); kUnavailable, kResourceExhausted (the disk).
+  absl::Status RefineJob(uint64_t job_id, const Refinement& refinement);
 
   struct SynchronizeAnswer {
     std::vector<LeaseGrant> leases;
@@ -147,7 +161,10 @@ class Farm : public FarmView {
 
   // farm.cc
   absl::Status Load();
-  absl::Status LoadLiveJob(const StoredJob& job);
+  // Puts a job that the scheduler does not know into it, with what is durable of it: its delivered
+  // frames, rounds and, where it is live, parts. Requires: mutex_ is held; the job has an account.
+  absl::Status RestoreJob(const StoredJob& job, const JobStore::LoadedParts* parts);
+  absl::Status RestoreLiveJob(const StoredJob& job, const JobStore::LoadedParts& parts);
   void Changed() const;
   void NoteDisk(const absl::Status& status);
   void NoteEndedJobs();
@@ -186,6 +203,11 @@ class Farm : public FarmView {
   void AddRoundMetadata(const FrameId& id, FramePicture* picture) const;
   // Since the frame's first lease, in this life and earlier ones. Requires: mutex_ is held.
   absl::Duration WallOf(const FrameId& id, absl::Time now) const;
+
+  // farm_refine.cc
+  // Requires: mutex_ is held.
+  absl::Status CheckRefinement(const JobRecord& job, const Refinement& refinement) const;
+  void LimitKeptParts();
 
   // farm_views.cc; all require the farm's mutex.
   JobView ViewOf(const JobRecord& job, bool with_frames, absl::Time now) const;

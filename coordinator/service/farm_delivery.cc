@@ -210,7 +210,7 @@ absl::Status Farm::DeliverFrame(const FrameId& id) {
   }
   LogInfo(absl::StrCat("job ", id.job_id, ": frame ", id.frame_number, " is delivered, picture ",
                        delivered.picture_digest.substr(0, 12)));
-  if (!options_.keep_parts) NoteDisk(store_->RemoveFrameParts(id));
+  LimitKeptParts();
   SettleEndedJobs();
   Changed();
   return absl::OkStatus();

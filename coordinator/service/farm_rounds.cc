@@ -67,19 +67,15 @@ absl::StatusOr<bool> Farm::FinishRound(OpenFrame* frame, const FrameId& id) {
   allowance.cpu = Allowed(record.sample_count, record.cost.cpu_duration, rule.cpu_max);
   RoundDecision decision = DecideRound(rule, frame->spec.settings.samples, record.round,
                                        record.tiles, before, allowance);
-  record.relative_mse = decision.relative_mse;
-  record.relative_mse_upper = decision.relative_mse_upper;
-  record.predicted_relative_mse = decision.predicted_relative_mse;
-  record.samples_next = std::move(decision.samples);
+  record.Take(std::move(decision));
   const bool ended = record.samples_next.empty();
-  if (ended) record.stop_reason = decision.reason;
   absl::Status stored = store_->AddRound(id, record);
   NoteDisk(stored);
   if (!stored.ok()) return stored;
   LogInfo(absl::StrFormat(
       "job %d: frame %d, round %d: relMSE %.2e, at most %.2e%s", id.job_id, id.frame_number,
       record.round, record.relative_mse, record.relative_mse_upper,
-      ended ? absl::StrCat("; ended by ", StopReasonName(decision.reason))
+      ended ? absl::StrCat("; ended by ", StopReasonName(record.stop_reason))
             : absl::StrFormat("; the next shall have %.2e", record.predicted_relative_mse)));
   const std::lock_guard lock(mutex_);
   std::vector<RoundRecord>& rounds = accounts_[id.job_id].rounds[id.frame_number];

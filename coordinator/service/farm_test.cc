@@ -83,6 +83,12 @@ class GatedJobStore : public JobStore {
   absl::StatusOr<std::vector<StoredRound>> LoadRounds(uint64_t job_id, bool with_tiles) override {
     return store_->LoadRounds(job_id, with_tiles);
   }
+  absl::Status ReopenJob(uint64_t job_id, const std::vector<ReopenedFrame>& frames) override {
+    return store_->ReopenJob(job_id, frames);
+  }
+  absl::StatusOr<std::optional<FrameId>> OldestDeliveredWithParts() override {
+    return store_->OldestDeliveredWithParts();
+  }
   uint64_t PartsBytes() const override { return store_->PartsBytes(); }
   uint64_t FirstLeaseId() const override { return store_->FirstLeaseId(); }
 

@@ -118,16 +118,33 @@ grpc::Status JobService::ListJobs(grpc::ServerContext* /*context*/,
   return grpc::Status::OK;
 }
 
+absl::StatusOr<JobView> JobService::Change(const std::string& name,
+                                           const std::function<absl::Status(uint64_t)>& change) {
+  const absl::StatusOr<JobView> view = Find(name);
+  if (!view.ok()) return view.status();
+  uint64_t id = 0;
+  if (!absl::SimpleAtoi(view->job_id, &id)) return absl::NotFoundError("no such job");
+  if (absl::Status status = change(id); !status.ok()) return status;
+  return Find(name);
+}
+
 grpc::Status JobService::CancelJob(grpc::ServerContext* /*context*/,
                                    const v1::CancelJobRequest* request, v1::Job* response) {
-  const absl::StatusOr<JobView> view = Find(request->name());
+  const absl::StatusOr<JobView> view =
+      Change(request->name(), [&](uint64_t id) { return farm_->CancelJob(id); });
   if (!view.ok()) return ToGrpcStatus(view.status());
-  uint64_t id = 0;
-  if (!absl::SimpleAtoi(view->job_id, &id)) return ToGrpcStatus(absl::NotFoundError("no such job"));
-  if (absl::Status status = farm_->CancelJob(id); !status.ok()) return ToGrpcStatus(status);
-  const absl::StatusOr<JobView> after = Find(request->name());
-  if (!after.ok()) return ToGrpcStatus(after.status());
-  *response = ToWire(*after);
+  *response = ToWire(*view);
+  return grpc::Status::OK;
+}
+
+grpc::Status JobService::RefineJob(grpc::ServerContext* /*context*/,
+                                   const v1::RefineJobRequest* request, v1::Job* response) {
+  const absl::StatusOr<Refinement> refinement = FromWire(*request);
+  if (!refinement.ok()) return ToGrpcStatus(refinement.status());
+  const absl::StatusOr<JobView> view =
+      Change(request->name(), [&](uint64_t id) { return farm_->RefineJob(id, *refinement); });
+  if (!view.ok()) return ToGrpcStatus(view.status());
+  *response = ToWire(*view);
   return grpc::Status::OK;
 }
 

@@ -5,6 +5,7 @@
 #pragma once
 
 #include <atomic>
+#include <functional>
 #include <string>
 
 #include "coordinator/service/farm.h"
@@ -32,6 +33,8 @@ class JobService final : public v1::JobService::Service {
                         v1::ListJobsResponse* response) override;
   grpc::Status CancelJob(grpc::ServerContext* context, const v1::CancelJobRequest* request,
                          v1::Job* response) override;
+  grpc::Status RefineJob(grpc::ServerContext* context, const v1::RefineJobRequest* request,
+                         v1::Job* response) override;
   grpc::Status WatchJob(grpc::ServerContext* context, const v1::WatchJobRequest* request,
                         grpc::ServerWriter<v1::Job>* writer) override;
   grpc::Status ReadFrameOutput(grpc::ServerContext* context,
@@ -42,6 +45,9 @@ class JobService final : public v1::JobService::Service {
 
  private:
   absl::StatusOr<JobView> Find(const std::string& name) const;
+  // Changes a job, by its number, and returns how it is then.
+  absl::StatusOr<JobView> Change(const std::string& name,
+                                 const std::function<absl::Status(uint64_t)>& change);
   // Errors: kFailedPrecondition naming what is missing.
   absl::Status RequireBlobs(const JobSpec& spec) const;
   absl::Status RequireFilesOf(const BlobDigest& scene) const;

@@ -56,7 +56,11 @@ void AddOptions(CommandLine* line, CLI::App* app) {
       ->capture_default_str();
   app->add_option("--merge-bytes", farm.merge_bytes_max, "Memory for unfinished tiles")
       ->capture_default_str();
-  app->add_flag("--keep-parts", farm.keep_parts, "Keep the parts of delivered frames on disk");
+  app->add_option("--kept-parts-max", farm.kept_parts_bytes_max,
+                  "Disk for parts, e.g. 20G: those of delivered frames are kept for sheaf refine "
+                  "within it, the oldest go first")
+      ->transform(CLI::AsSizeValue(false))
+      ->capture_default_str();
   app->add_flag("--insecure-allow-remote", line->server.insecure_remote_allowed,
                 "Listen, without encryption, where other machines can connect");
   app->add_option("--log-level", line->log_level, "debug, info, warning, error or off")

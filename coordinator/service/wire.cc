@@ -41,16 +41,16 @@ absl::StatusOr<StopRule> FromWire(const v1::StopRule& wire) {
   StopRule rule;
   rule.target_error = wire.target_error();
   if (!(rule.target_error >= 0 && rule.target_error <= kTargetErrorMax)) {
-    return Invalid("frames.stop.target_error",
+    return Invalid("stop.target_error",
                    absl::StrCat(rule.target_error, " is outside 0 to ", kTargetErrorMax));
   }
   if (wire.has_time_max()) {
-    const absl::StatusOr<absl::Duration> time = FromWire("frames.stop.time_max", wire.time_max());
+    const absl::StatusOr<absl::Duration> time = FromWire("stop.time_max", wire.time_max());
     if (!time.ok()) return time.status();
     rule.time_max = *time;
   }
   if (wire.has_cpu_max()) {
-    const absl::StatusOr<absl::Duration> cpu = FromWire("frames.stop.cpu_max", wire.cpu_max());
+    const absl::StatusOr<absl::Duration> cpu = FromWire("stop.cpu_max", wire.cpu_max());
     if (!cpu.ok()) return cpu.status();
     rule.cpu_max = *cpu;
   }
@@ -247,6 +247,12 @@ absl::StatusOr<JobSpec> FromWire(const v1::CreateJobRequest& request) {
     spec.frames.push_back(std::move(frame));
   }
   return spec;
+}
+
+absl::StatusOr<Refinement> FromWire(const v1::RefineJobRequest& request) {
+  const absl::StatusOr<StopRule> stop = FromWire(request.stop());
+  if (!stop.ok()) return stop.status();
+  return Refinement{*stop, request.sample_count()};
 }
 
 absl::StatusOr<WorkerReport> FromWire(const v1::SynchronizeRequest& request) {

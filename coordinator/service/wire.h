@@ -27,6 +27,7 @@ inline constexpr double kTargetErrorMax = 1e6;
 absl::StatusOr<BlobDigest> FromWire(const v1::Digest& digest);
 // Without job id, profile and frame digests, which the farm fills in.
 absl::StatusOr<JobSpec> FromWire(const v1::CreateJobRequest& request);
+absl::StatusOr<Refinement> FromWire(const v1::RefineJobRequest& request);
 absl::StatusOr<WorkerReport> FromWire(const v1::SynchronizeRequest& request);
 absl::StatusOr<ResultReport> FromWire(const v1::ResultHeader& header);
 

@@ -43,19 +43,6 @@ struct DeliveredFrame {
   ResultCost cost;  // Sums over its parts.
 };
 
-// A round of a frame, as it was decided at its end (sample_rounds.h).
-struct RoundRecord {
-  int32_t round = 0;
-  // Of each tile: how it is at the end of the round, and its samples in the next one.
-  std::vector<TileRound> tiles;
-  std::vector<uint64_t> samples_next;             // Empty for the last round.
-  StopReason stop_reason = StopReason::kSamples;  // Of the last round.
-  double relative_mse = 0, relative_mse_upper = 0, predicted_relative_mse = 0;
-  uint64_t sample_count = 0;  // Pixel samples of the frame so far.
-  absl::Duration wall_duration;
-  ResultCost cost;
-};
-
 struct StoredRound {
   int32_t frame_number = 0;
   RoundRecord record;
@@ -126,6 +113,17 @@ class JobStore {
   // Of all frames of a job, ascending by frame and round.
   // Without tiles, `tiles` and samples_next are empty.
   virtual absl::StatusOr<std::vector<StoredRound>> LoadRounds(uint64_t job_id, bool with_tiles) = 0;
+
+  // A job that has ended goes on: these frames of it are no longer delivered, and have new rules,
+  // samples and rounds.
+  struct ReopenedFrame {
+    FrameSpec spec;
+    std::vector<RoundRecord> rounds;
+  };
+  virtual absl::Status ReopenJob(uint64_t job_id, const std::vector<ReopenedFrame>& frames) = 0;
+
+  // The frame that has been delivered for longest and still has parts; none where there is none.
+  virtual absl::StatusOr<std::optional<FrameId>> OldestDeliveredWithParts() = 0;
 
   // Bytes of all parts on disk.
   virtual uint64_t PartsBytes() const = 0;

@@ -18,6 +18,7 @@
 #include "common/base/file.h"
 #include "common/base/status.h"
 #include "coordinator/store/part_rows.h"
+#include "coordinator/store/stored_times.h"
 
 namespace sheaf::coordinator {
 namespace {
@@ -74,6 +75,7 @@ constexpr char kAddedBy7[] = R"sql(
 ALTER TABLE frames ADD COLUMN target_error REAL NOT NULL DEFAULT 0;
 ALTER TABLE frames ADD COLUMN time_max_ns INTEGER NOT NULL DEFAULT 9223372036854775807;
 ALTER TABLE frames ADD COLUMN cpu_max_ns INTEGER NOT NULL DEFAULT 9223372036854775807;
+ALTER TABLE frames ADD COLUMN first_round_samples INTEGER NOT NULL DEFAULT 16;
 ALTER TABLE frames ADD COLUMN sample_count INTEGER NOT NULL DEFAULT 0;
 ALTER TABLE frames ADD COLUMN part_bytes INTEGER NOT NULL DEFAULT 0;
 ALTER TABLE frames ADD COLUMN relative_mse_upper REAL NOT NULL DEFAULT 0;
@@ -87,21 +89,6 @@ CREATE TABLE rounds(
   part_bytes INTEGER NOT NULL, stop_reason INTEGER NOT NULL, tiles BLOB NOT NULL,
   PRIMARY KEY(job_id, frame_number, round)) WITHOUT ROWID;
 )sql";
-
-int64_t ToNanoseconds(absl::Time time) {
-  return time == absl::InfiniteFuture() ? INT64_MAX : absl::ToUnixNanos(time);
-}
-absl::Time FromNanoseconds(int64_t ns) {
-  return ns == INT64_MAX ? absl::InfiniteFuture() : absl::FromUnixNanos(ns);
-}
-
-// The longest duration that fits stands for all that are longer.
-int64_t ToNanoseconds(absl::Duration duration) {
-  return duration >= absl::Nanoseconds(INT64_MAX) ? INT64_MAX : absl::ToInt64Nanoseconds(duration);
-}
-absl::Duration DurationFromNanoseconds(int64_t ns) {
-  return ns == INT64_MAX ? absl::InfiniteDuration() : absl::Nanoseconds(ns);
-}
 
 // Takes the lock that keeps a second coordinator away. The system releases it when the process
 // ends.
@@ -147,6 +134,10 @@ absl::Status SqliteJobStore::Initialize() {
   const absl::StatusOr<bool> row = lives.Step();
   if (!row.ok()) return row.status();
   first_lease_id_ = static_cast<uint64_t>(lives.Int64(0)) << kLeaseIdBitsPerLife;
+  SqliteStatement bytes = database_->Prepare("SELECT COALESCE(SUM(size_bytes), 0) FROM parts");
+  const absl::StatusOr<bool> sum = bytes.Step();
+  if (!sum.ok()) return sum.status();
+  parts_bytes_ = static_cast<uint64_t>(bytes.Int64(0));
   return absl::OkStatus();
 }
 
@@ -189,7 +180,8 @@ absl::Status SqliteJobStore::LoadFrames(StoredJob* job) {
       "wall_ns, "
       "ray_count, nonfinite_count, cpu_ns, color, single_scattering, outputs, primaries, "
       "white_balance_k, one_sequence, similarity_after, target_error, time_max_ns, cpu_max_ns, "
-      "sample_count, part_bytes, relative_mse_upper, stop_reason FROM frames WHERE job_id = ? "
+      "sample_count, part_bytes, relative_mse_upper, stop_reason, first_round_samples FROM frames "
+      "WHERE job_id = ? "
       "ORDER BY frame_number");
   query.Bind(job->spec.job_id);
   while (true) {
@@ -219,7 +211,7 @@ absl::Status SqliteJobStore::LoadFrames(StoredJob* job) {
     s.one_sequence = query.Int64(26) != 0;
     s.similarity_after = edge(27);
     frame.stop = {query.Double(28), DurationFromNanoseconds(query.Int64(29)),
-                  DurationFromNanoseconds(query.Int64(30))};
+                  DurationFromNanoseconds(query.Int64(30)), static_cast<uint64_t>(query.Int64(35))};
     if (query.Int64(14) != 0) {
       StoredFrame stored{frame.frame_number, {}};
       DeliveredFrame& delivered = stored.delivered;
@@ -292,7 +284,6 @@ absl::StatusOr<JobStore::LoadedParts> SqliteJobStore::LoadParts(uint64_t job_id)
       continue;
     }
     known.insert(path);
-    parts_bytes_ += size;
     loaded.rows.push_back(std::move(row));
   }
   std::error_code error;
@@ -346,8 +337,8 @@ absl::StatusOr<JobStore::CreatedJob> SqliteJobStore::CreateJob(const JobSpec& sp
         "width_px, "
         "height_px, x0, y0, x1, y1, samples, max_depth, seed, force_generic, color, "
         "single_scattering, outputs, primaries, white_balance_k, one_sequence, similarity_after, "
-        "target_error, time_max_ns, cpu_max_ns) "
-        "VALUES(?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?)");
+        "target_error, time_max_ns, cpu_max_ns, first_round_samples) "
+        "VALUES(?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?)");
     for (const FrameSpec& frame : spec.frames) {
       const FrameSettings& s = frame.settings;
       status = frames.Bind(created.job_id)
@@ -375,20 +366,28 @@ absl::StatusOr<JobStore::CreatedJob> SqliteJobStore::CreateJob(const JobSpec& sp
                    .Bind(frame.stop.target_error)
                    .Bind(ToNanoseconds(frame.stop.time_max))
                    .Bind(ToNanoseconds(frame.stop.cpu_max))
+                   .Bind(frame.stop.first_round_samples)
                    .Run();
       if (!status.ok()) return status;
     }
     return created;
   };
-  if (absl::Status status = database_->Execute("BEGIN IMMEDIATE"); !status.ok()) return status;
-  absl::StatusOr<CreatedJob> created = insert();
-  if (created.ok()) {
-    absl::Status status = database_->Execute("COMMIT");
-    if (status.ok()) return created;
-    created = status;
-  }
-  database_->Execute("ROLLBACK").IgnoreError();
+  absl::StatusOr<CreatedJob> created;
+  absl::Status status = InTransaction([&] {
+    created = insert();
+    return created.status();
+  });
+  if (!status.ok()) return status;
   return created;
+}
+
+absl::Status SqliteJobStore::InTransaction(const std::function<absl::Status()>& body) {
+  absl::Status status = database_->Execute("BEGIN IMMEDIATE");
+  if (!status.ok()) return status;
+  status = body();
+  if (status.ok()) status = database_->Execute("COMMIT");
+  if (!status.ok()) database_->Execute("ROLLBACK").IgnoreError();
+  return status;
 }
 
 absl::Status SqliteJobStore::EndJob(uint64_t job_id, JobPhase phase, const std::string& failure,

@@ -15,6 +15,7 @@
 #include <atomic>
 #include <condition_variable>
 #include <deque>
+#include <functional>
 #include <memory>
 #include <mutex>
 #include <string>
@@ -51,6 +52,8 @@ class SqliteJobStore : public JobStore {
   absl::Status DeliverFrame(const FrameId& frame, const DeliveredFrame& delivered) override;
   absl::Status AddRound(const FrameId& frame, const RoundRecord& round) override;
   absl::StatusOr<std::vector<StoredRound>> LoadRounds(uint64_t job_id, bool with_tiles) override;
+  absl::Status ReopenJob(uint64_t job_id, const std::vector<ReopenedFrame>& frames) override;
+  absl::StatusOr<std::optional<FrameId>> OldestDeliveredWithParts() override;
   uint64_t PartsBytes() const override { return parts_bytes_; }
   uint64_t FirstLeaseId() const override { return first_lease_id_; }
 
@@ -74,6 +77,9 @@ class SqliteJobStore : public JobStore {
   absl::Status InsertRow(const PartRow& row);
   std::string FrameDirectory(const FrameId& frame) const;
   absl::Status LoadFrames(StoredJob* job);
+  // Runs `body` as one transaction. Requires: database_mutex_ is held.
+  absl::Status InTransaction(const std::function<absl::Status()>& body);
+  absl::Status InsertRound(const FrameId& frame, const RoundRecord& round);
 
   const std::string directory_;
   const int lock_fd_;

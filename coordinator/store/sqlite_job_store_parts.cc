@@ -149,6 +149,7 @@ absl::Status SqliteJobStore::RemovePart(const PartRow& row) {
             .Run();
     if (!status.ok()) return status;
   }
+  parts_bytes_ -= std::min<uint64_t>(row.digest.size_bytes, parts_bytes_);
   std::error_code ignored;
   std::filesystem::remove(PartPath(row), ignored);
   return absl::OkStatus();
@@ -175,6 +176,18 @@ absl::Status SqliteJobStore::RemoveFrameParts(const FrameId& frame) {
   std::filesystem::remove_all(FrameDirectory(frame), ignored);
   std::filesystem::remove(std::filesystem::path(FrameDirectory(frame)).parent_path(), ignored);
   return absl::OkStatus();
+}
+
+absl::StatusOr<std::optional<FrameId>> SqliteJobStore::OldestDeliveredWithParts() {
+  const std::lock_guard lock(database_mutex_);
+  SqliteStatement query = database_->Prepare(
+      "SELECT parts.job_id, parts.frame_number FROM parts JOIN frames USING(job_id, frame_number) "
+      "WHERE delivered = 1 ORDER BY parts.job_id, parts.frame_number LIMIT 1");
+  const absl::StatusOr<bool> row = query.Step();
+  if (!row.ok()) return row.status();
+  if (!*row) return std::optional<FrameId>();
+  return std::optional<FrameId>(
+      FrameId{static_cast<uint64_t>(query.Int64(0)), static_cast<int32_t>(query.Int64(1))});
 }
 
 }  // namespace sheaf::coordinator

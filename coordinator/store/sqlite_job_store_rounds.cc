@@ -8,6 +8,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "coordinator/store/sqlite_job_store.h"
+#include "coordinator/store/stored_times.h"
 
 namespace sheaf::coordinator {
 namespace {
@@ -58,6 +59,10 @@ absl::Status UnpackTiles(const std::string& bytes, RoundRecord* round) {
 
 absl::Status SqliteJobStore::AddRound(const FrameId& frame, const RoundRecord& round) {
   const std::lock_guard lock(database_mutex_);
+  return InsertRound(frame, round);
+}
+
+absl::Status SqliteJobStore::InsertRound(const FrameId& frame, const RoundRecord& round) {
   return database_
       ->Prepare(
           "INSERT OR IGNORE INTO rounds(job_id, frame_number, round, relative_mse, "
@@ -79,6 +84,44 @@ absl::Status SqliteJobStore::AddRound(const FrameId& frame, const RoundRecord& r
       .Bind(static_cast<int32_t>(round.stop_reason))
       .BindBytes(PackTiles(round))
       .Run();
+}
+
+absl::Status SqliteJobStore::ReopenJob(uint64_t job_id, const std::vector<ReopenedFrame>& frames) {
+  const std::lock_guard lock(database_mutex_);
+  return InTransaction([&]() -> absl::Status {
+    absl::Status status =
+        database_->Prepare("UPDATE jobs SET phase = 0, failure = '', end_ns = ? WHERE job_id = ?")
+            .Bind(ToNanoseconds(absl::InfiniteFuture()))
+            .Bind(job_id)
+            .Run();
+    for (const ReopenedFrame& frame : frames) {
+      if (!status.ok()) return status;
+      const FrameId id{job_id, frame.spec.frame_number};
+      const StopRule& stop = frame.spec.stop;
+      status = database_
+                   ->Prepare(
+                       "UPDATE frames SET delivered = 0, samples = ?, target_error = ?, "
+                       "time_max_ns = ?, cpu_max_ns = ?, first_round_samples = ? "
+                       "WHERE job_id = ? AND frame_number = ?")
+                   .Bind(frame.spec.settings.samples)
+                   .Bind(stop.target_error)
+                   .Bind(ToNanoseconds(stop.time_max))
+                   .Bind(ToNanoseconds(stop.cpu_max))
+                   .Bind(stop.first_round_samples)
+                   .Bind(job_id)
+                   .Bind(id.frame_number)
+                   .Run();
+      if (!status.ok()) return status;
+      status = database_->Prepare("DELETE FROM rounds WHERE job_id = ? AND frame_number = ?")
+                   .Bind(job_id)
+                   .Bind(id.frame_number)
+                   .Run();
+      for (const RoundRecord& round : frame.rounds) {
+        if (status.ok()) status = InsertRound(id, round);
+      }
+    }
+    return status;
+  });
 }
 
 absl::StatusOr<std::vector<StoredRound>> SqliteJobStore::LoadRounds(uint64_t job_id,

@@ -41,7 +41,7 @@ class KillTest(unittest.TestCase):
                 "SELECT frame_number, x0, y0, first, count FROM parts"))
 
     def test_kill_workers_then_coordinator(self):
-        with farm.Farm(["--lease-seconds", "2", "--keep-parts"]) as f:
+        with farm.Farm(["--lease-seconds", "2"]) as f:
             for _ in range(2):
                 f.start_worker("--log-level", "debug")
             submitted = f.sheaf("submit", SCENE, *JOB, "--json").stdout

@@ -107,6 +107,72 @@ class RoundsTest(unittest.TestCase):
         self.assertEqual(frame["stop_reason"], "cpu")
         self.assertLess(frame["progress"]["cpu_duration_seconds"], 3 * farm.TIME_SCALE)
 
+    def refined(self, first, then, coordinator_arguments=()):
+        """A job that is submitted one way and refined another: its last JSON and digest."""
+        with farm.Farm(coordinator_arguments) as f:
+            f.start_worker()
+            f.start_worker()
+            f.sheaf("submit", SCENE, "--wait", "-o", f.path("first.exr"), *WINDOW, *first)
+            refined = f.sheaf("refine", "jobs/1", *then, "-o", f.path("then.exr"), "--json").stdout
+            return last_json(refined)["frames"][0], farm.picture_digest(f.path("then.exr"))
+
+    def test_refining_is_as_if_it_had_never_stopped(self):
+        done = farm.render(SCENE, self.path("many.exr"), *WINDOW, "--samples", 192, "--json")
+        at_once = last_json(done.stdout)["frames"][0]
+        frame, digest = self.refined(("--samples", 48), ("--samples", 192))
+        self.assertEqual(digest, farm.picture_digest(self.path("many.exr")))
+        # What was there was not rendered again: not a ray more than at once.
+        self.assertEqual(frame["progress"]["ray_count"], at_once["progress"]["ray_count"])
+        frame, digest = self.refined(("--target-error", 4 * TARGET), ("--target-error", TARGET))
+        self.assertEqual(digest, self.expected)
+        self.assertEqual(frame["progress"]["ray_count"], self.frame["progress"]["ray_count"])
+        self.assertEqual([r["sample_count"] for r in frame["rounds"]],
+                         [r["sample_count"] for r in self.frame["rounds"]])
+
+    def test_a_frame_of_even_samples_is_refined_to_an_error(self):
+        frame, _ = self.refined(("--samples", 24), ("--target-error", TARGET))
+        self.assertEqual(frame["stop_reason"], "target-error")
+        self.assertLessEqual(frame["rounds"][-1]["relative_mse_upper"], TARGET)
+        pixels = 96 * 64
+        self.assertEqual(frame["rounds"][0]["sample_count"], 24 * pixels)
+
+    def test_what_is_not_kept_is_rendered_again(self):
+        frame, digest = self.refined(("--target-error", 4 * TARGET), ("--target-error", TARGET),
+                                     ("--kept-parts-max", "0"))
+        self.assertEqual(digest, self.expected)
+        self.assertEqual(frame["stop_reason"], "target-error")
+
+    def test_only_finished_jobs_are_refined_and_only_forward(self):
+        with farm.Farm() as f:
+            job = f.sheaf("submit", SCENE, *WINDOW, "--samples", 16).stdout.strip()
+            refused = f.sheaf("refine", job, "--samples", 32, check=False)
+            self.assertIn("is not finished yet", refused.stderr)
+            f.start_worker()
+            f.sheaf("watch", job)
+            self.assertIn("has 16 samples already",
+                          f.sheaf("refine", job, "--samples", 8, check=False).stderr)
+            self.assertIn("say how far", f.sheaf("refine", job, check=False).stderr)
+            self.assertIn("no such job",
+                          f.sheaf("refine", "jobs/9", "--samples", 32, check=False).stderr)
+            # Good enough already: nothing happens.
+            before = last_json(f.sheaf("show", job, "--json").stdout)
+            f.sheaf("refine", job, "--samples", 16, "--wait")
+            self.assertEqual(last_json(f.sheaf("show", job, "--json").stdout), before)
+
+    def test_a_refined_job_survives_kills(self):
+        with farm.Farm(["--lease-seconds", "2"]) as f:
+            f.start_worker()
+            f.sheaf("submit", SCENE, "--wait", "-o", f.path("first.exr"), *WINDOW,
+                    "--target-error", 4 * TARGET)
+            f.sheaf("refine", "jobs/1", "--target-error", TARGET)
+            time.sleep(0.3)
+            f.kill(f.coordinator)
+            f.start_coordinator()
+            f.kill(f.workers[0])
+            f.start_worker()
+            f.sheaf("watch", "jobs/1", "-o", f.path("then.exr"))
+            self.assertEqual(farm.picture_digest(f.path("then.exr")), self.expected)
+
     def test_what_makes_no_sense_is_refused(self):
         for flags in (("--target-error", 0), ("--target-error", "nan"), ("--time", "10"),
                       ("--time", "-3s"), ("--time", "inf"), ("--budget", 0)):

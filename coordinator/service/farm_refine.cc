@@ -1,0 +1,161 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// The part of Farm that goes on with what was finished, and lets go of what that would need.
+#include <algorithm>
+#include <optional>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "common/base/log.h"
+#include "coordinator/service/farm.h"
+
+namespace sheaf::coordinator {
+namespace {
+
+bool LooksAtClocks(const StopRule& rule) {
+  return rule.time_max != absl::InfiniteDuration() || rule.cpu_max != absl::InfiniteDuration();
+}
+
+// The frame under a new rule. None where nothing is left to render.
+std::optional<JobStore::ReopenedFrame> Refined(const FrameSpec& old, const Refinement& refinement,
+                                               std::vector<RoundRecord> rounds) {
+  JobStore::ReopenedFrame frame{old, std::move(rounds)};
+  frame.spec.stop = refinement.stop;
+  if (refinement.samples != 0) frame.spec.settings.samples = refinement.samples;
+  const uint64_t samples = frame.spec.settings.samples;
+  if (!old.stop.IsActive()) {
+    frame.spec.stop.first_round_samples = old.settings.samples;
+    if (samples <= old.settings.samples) return std::nullopt;
+    return frame;
+  }
+  frame.spec.stop.first_round_samples = old.stop.first_round_samples;
+  if (LooksAtClocks(frame.spec.stop)) {
+    frame.rounds.pop_back();  // Its end is decided again.
+  } else if (!ReplayRounds(frame.spec.stop, samples, &frame.rounds)) {
+    return std::nullopt;
+  }
+  return frame;
+}
+
+// Whether a call before this one has begun it already.
+bool IsBeingRefined(const JobRecord& job, const Refinement& refinement) {
+  if (job.phase != JobPhase::kLive) return false;
+  return std::any_of(job.frames.begin(), job.frames.end(), [&](const FrameRecord& frame) {
+    StopRule rule = refinement.stop;
+    rule.first_round_samples = frame.spec.stop.first_round_samples;
+    return frame.spec.stop == rule &&
+           (refinement.samples == 0 || frame.spec.settings.samples == refinement.samples);
+  });
+}
+
+}  // namespace
+
+absl::Status Farm::CheckRefinement(const JobRecord& job, const Refinement& refinement) const {
+  const std::string name = absl::StrCat("jobs/", job.spec.job_id);
+  if (job.phase != JobPhase::kSucceeded) {
+    return absl::FailedPreconditionError(absl::StrCat(
+        name, job.phase == JobPhase::kLive ? " is not finished yet" : " did not succeed",
+        "; only a job that succeeded can be refined"));
+  }
+  if (!refinement.stop.IsActive() && refinement.samples == 0) {
+    return absl::InvalidArgumentError(
+        "a refinement needs a target error, a time, a budget or a number of samples");
+  }
+  for (const FrameRecord& frame : job.frames) {
+    if (refinement.samples > options_.limits.samples_max) {
+      return absl::InvalidArgumentError(absl::StrCat(
+          refinement.samples, " samples are more than the limit of ", options_.limits.samples_max));
+    }
+    const uint64_t samples = frame.spec.settings.samples;
+    if (frame.spec.stop.IsActive()) {
+      if (refinement.stop.IsActive()) continue;
+      return absl::InvalidArgumentError(absl::StrCat(
+          name,
+          " has as many samples as each tile needed; refine it by an error, a time or a "
+          "budget, not by a number of samples alone"));
+    }
+    if (refinement.samples != 0 && refinement.samples < samples) {
+      return absl::InvalidArgumentError(
+          absl::StrCat(name, " has ", samples, " samples already, more than the ",
+                       refinement.samples, " that it shall be refined to"));
+    }
+  }
+  return absl::OkStatus();
+}
+
+absl::Status Farm::RefineJob(uint64_t job_id, const Refinement& refinement) {
+  const std::lock_guard settling(settle_mutex_);  // The job's end is written down.
+  StoredJob job;
+  {
+    const std::lock_guard lock(mutex_);
+    const auto found = scheduler_.jobs().find(job_id);
+    if (found == scheduler_.jobs().end()) {
+      return absl::NotFoundError(absl::StrCat("jobs/", job_id, ": there is no such job"));
+    }
+    if (IsBeingRefined(found->second, refinement)) return absl::OkStatus();
+    if (absl::Status s = CheckRefinement(found->second, refinement); !s.ok()) return s;
+    job.spec = found->second.spec;
+    for (const FrameRecord& frame : found->second.frames) job.spec.frames.push_back(frame.spec);
+    job.create_time = accounts_.at(job_id).create_time;
+  }
+  absl::StatusOr<std::vector<StoredRound>> stored = store_->LoadRounds(job_id, /*with_tiles=*/true);
+  if (!stored.ok()) return stored.status();
+  std::map<int32_t, std::vector<RoundRecord>> rounds;
+  for (StoredRound& round : *stored) rounds[round.frame_number].push_back(std::move(round.record));
+  std::vector<JobStore::ReopenedFrame> reopened;
+  std::set<int32_t> numbers;
+  for (FrameSpec& frame : job.spec.frames) {
+    std::optional<JobStore::ReopenedFrame> refined =
+        Refined(frame, refinement, std::move(rounds[frame.frame_number]));
+    if (!refined) continue;
+    frame = refined->spec;
+    numbers.insert(frame.frame_number);
+    reopened.push_back(*std::move(refined));
+  }
+  if (reopened.empty()) return absl::OkStatus();  // It is good enough.
+  absl::Status written = store_->ReopenJob(job_id, reopened);
+  NoteDisk(written);
+  if (!written.ok()) return written;
+  const absl::StatusOr<JobStore::LoadedParts> parts = store_->LoadParts(job_id);
+  if (!parts.ok()) return parts.status();
+  const std::lock_guard lock(mutex_);
+  JobAccount& account = accounts_.at(job_id);
+  account.end_time = absl::InfiniteFuture();
+  std::map<int32_t, absl::Duration> wall_before;
+  for (const auto& [number, delivered] : account.delivered) {
+    if (numbers.contains(number)) {
+      wall_before[number] = delivered.wall_duration;
+    } else {
+      job.delivered.push_back({number, delivered});
+    }
+  }
+  account.delivered.clear();
+  account.rounds.clear();
+  scheduler_.RemoveJob(job_id);
+  LogInfo(absl::StrCat("job ", job_id, ": goes on, ", reopened.size(),
+                       reopened.size() == 1 ? " frame" : " frames"));
+  absl::Status restored = RestoreJob(job, &*parts);
+  account.wall_before = std::move(wall_before);
+  Changed();
+  return restored;
+}
+
+void Farm::LimitKeptParts() {
+  while (store_->PartsBytes() > options_.kept_parts_bytes_max) {
+    const absl::StatusOr<std::optional<FrameId>> oldest = store_->OldestDeliveredWithParts();
+    NoteDisk(oldest.status());
+    if (!oldest.ok() || !oldest->has_value()) return;
+    {
+      // Not those of a frame that goes on.
+      const std::lock_guard lock(mutex_);
+      const FrameRecord* frame = scheduler_.FindFrame(**oldest);
+      if (frame != nullptr && frame->phase != FrameRecord::Phase::kDelivered) return;
+    }
+    const absl::Status removed = store_->RemoveFrameParts(**oldest);
+    NoteDisk(removed);
+    if (!removed.ok()) return;
+  }
+}
+
+}  // namespace sheaf::coordinator
