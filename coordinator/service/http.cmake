@@ -2,18 +2,12 @@
 # The HTTP side: sheaf::coordinator_http. Included by CMakeLists.txt beside this file.
 find_package(Boost 1.74 REQUIRED)   # Beast and Asio, headers only: the HTTP port
 
-set(page_dir ${PROJECT_SOURCE_DIR}/dashboard)
-set(page_files
-  index.html style.css favicon.svg
-  api.js app.js counters.js dom.js error_chart.js format.js frames.js job_details.js jobs.js live.js
-  picture.js store.js theme.js
-  virtual_list.js workers.js)
-list(TRANSFORM page_files PREPEND ${page_dir}/ OUTPUT_VARIABLE page_paths)
+list(TRANSFORM sheaf_page_files PREPEND ${sheaf_page_dir}/ OUTPUT_VARIABLE page_paths)
 set(page_source ${CMAKE_CURRENT_BINARY_DIR}/http_page_files.cc)
 add_custom_command(OUTPUT ${page_source}
-  COMMAND ${CMAKE_COMMAND} -DPAGE_DIR=${page_dir} "-DFILES=${page_files}" -DOUTPUT=${page_source}
-          -P ${CMAKE_CURRENT_SOURCE_DIR}/http_embed.cmake
-  DEPENDS ${page_paths} ${CMAKE_CURRENT_SOURCE_DIR}/http_embed.cmake
+  COMMAND ${CMAKE_COMMAND} -DPAGE_DIR=${sheaf_page_dir} "-DFILES=${sheaf_page_files}"
+          -DOUTPUT=${page_source} -P ${CMAKE_CURRENT_SOURCE_DIR}/http_embed.cmake
+  DEPENDS sheaf_page ${page_paths} ${CMAKE_CURRENT_SOURCE_DIR}/http_embed.cmake
   COMMENT "Embedding the web page" VERBATIM)
 
 sheaf_add_module(NAME coordinator_http

@@ -5,48 +5,63 @@
 // taken from the style sheet, and are reused while scrolling. It is one stop of the Tab key;
 // arrows, Home, End and the page keys move the selection.
 
-import {el} from './dom.js';
+import {el} from './dom';
 
 // Rows drawn beyond the visible ones at each end, so that a quick scroll shows no gap.
 const OVERSCAN = 6;
 
-export class VirtualList {
-  // makeRow() returns an element; updateRow(element, item) fills it; onSelect(item) is optional.
-  constructor(root, {label, rowHeightProperty, makeRow, updateRow, keyOf, onSelect}) {
-    Object.assign(this, {root, makeRow, updateRow, keyOf, onSelect, rowHeightProperty});
-    this.items = [];
-    this.selectedKey = null;
-    this.rows = [];
-    this.space = el('div', {class: 'vlist-space'});
+export interface VirtualListOptions<Item> {
+  label: string;
+  // Of the style sheet, in rem.
+  rowHeightProperty: string;
+  makeRow: () => HTMLElement;
+  updateRow: (row: HTMLElement, item: Item) => void;
+  keyOf: (item: Item) => string;
+  // Where it is given, the list is one to choose from.
+  onSelect?: (item: Item) => void;
+}
+
+export class VirtualList<Item> {
+  private items: Item[] = [];
+  private selectedKey: string|null = null;
+  private readonly rows: HTMLElement[] = [];
+  private readonly space = el('div', {class: 'vlist-space'});
+  private readonly onSelect: ((item: Item) => void)|undefined;
+
+  constructor(
+      private readonly root: HTMLElement, private readonly options: VirtualListOptions<Item>) {
+    this.onSelect = options.onSelect;
     root.classList.add('vlist');
     root.tabIndex = 0;
-    root.setAttribute('role', onSelect ? 'listbox' : 'list');
-    root.setAttribute('aria-label', label);
+    root.setAttribute('role', this.onSelect ? 'listbox' : 'list');
+    root.setAttribute('aria-label', options.label);
     root.replaceChildren(this.space);
     root.addEventListener('scroll', () => this.draw(), {passive: true});
     new ResizeObserver(() => this.draw()).observe(root);
-    if (onSelect) {
+    if (this.onSelect) {
       root.addEventListener('keydown', (event) => this.onKey(event));
       root.addEventListener('click', (event) => this.onClick(event));
     }
   }
 
-  get rowHeight() {
+  private get rowHeight() {
     const rem = parseFloat(getComputedStyle(document.documentElement).fontSize);
-    return parseFloat(getComputedStyle(this.root).getPropertyValue(this.rowHeightProperty)) * rem;
+    return parseFloat(
+               getComputedStyle(this.root).getPropertyValue(this.options.rowHeightProperty)) *
+        rem;
   }
 
-  setItems(items, selectedKey) {
+  setItems(items: Item[], selectedKey: string|null) {
     this.items = items;
     this.selectedKey = selectedKey;
     this.draw();
   }
 
-  draw() {
+  private draw() {
     const height = this.rowHeight;
     this.space.style.height = this.items.length * height + 'px';
     // For style sheets that make a short list no higher than it needs.
-    this.root.style.setProperty('--row-count', this.items.length);
+    this.root.style.setProperty('--row-count', String(this.items.length));
     const first = Math.max(0, Math.floor(this.root.scrollTop / height) - OVERSCAN);
     const visible = Math.ceil(this.root.clientHeight / height) + 2 * OVERSCAN;
     const last = Math.min(this.items.length, first + visible);
@@ -54,49 +69,52 @@ export class VirtualList {
     this.rows.forEach((row, i) => this.drawRow(row, first + i, height));
   }
 
-  resizePool(count) {
+  private resizePool(count: number) {
     while (this.rows.length < count) {
-      const row = this.makeRow();
+      const row = this.options.makeRow();
       row.classList.add('vlist-row');
       row.setAttribute('role', this.onSelect ? 'option' : 'listitem');
       this.rows.push(row);
       this.space.append(row);
     }
-    while (this.rows.length > count) this.rows.pop().remove();
+    while (this.rows.length > count) this.rows.pop()?.remove();
   }
 
-  drawRow(row, index, height) {
+  private drawRow(row: HTMLElement, index: number, height: number) {
     const item = this.items[index];
-    const selected = this.keyOf(item) === this.selectedKey;
+    if (item === undefined) return;
+    const selected = this.options.keyOf(item) === this.selectedKey;
     row.id = this.root.id + '-' + index;
-    row.dataset.index = index;
+    row.dataset.index = String(index);
     row.style.transform = 'translateY(' + index * height + 'px)';
-    row.setAttribute('aria-setsize', this.items.length);
-    row.setAttribute('aria-posinset', index + 1);
-    if (this.onSelect) row.setAttribute('aria-selected', selected);
+    row.setAttribute('aria-setsize', String(this.items.length));
+    row.setAttribute('aria-posinset', String(index + 1));
+    if (this.onSelect) row.setAttribute('aria-selected', String(selected));
     if (selected && this.onSelect) this.root.setAttribute('aria-activedescendant', row.id);
-    this.updateRow(row, item);
+    this.options.updateRow(row, item);
   }
 
-  onClick(event) {
-    const row = event.target.closest('.vlist-row');
-    if (row) this.onSelect(this.items[Number(row.dataset.index)]);
+  private onClick(event: MouseEvent) {
+    const row = (event.target as Element).closest<HTMLElement>('.vlist-row');
+    const item = row && this.items[Number(row.dataset.index)];
+    if (item) this.onSelect?.(item);
   }
 
-  onKey(event) {
+  private onKey(event: KeyboardEvent) {
     const page = Math.max(1, Math.floor(this.root.clientHeight / this.rowHeight) - 1);
-    const steps =
+    const steps: Record<string, number> =
         {ArrowDown: 1, ArrowUp: -1, PageDown: page, PageUp: -page, Home: -Infinity, End: Infinity};
     const step = steps[event.key];
     if (step === undefined || this.items.length === 0) return;
     event.preventDefault();
-    const at = this.items.findIndex((item) => this.keyOf(item) === this.selectedKey);
+    const at = this.items.findIndex((item) => this.options.keyOf(item) === this.selectedKey);
     const to = Math.max(0, Math.min(this.items.length - 1, at + step));
+    const item = this.items[to];
     this.scrollTo(to);
-    this.onSelect(this.items[to]);
+    if (item) this.onSelect?.(item);
   }
 
-  scrollTo(index) {
+  private scrollTo(index: number) {
     const height = this.rowHeight;
     const top = index * height;
     if (top < this.root.scrollTop) this.root.scrollTop = top;

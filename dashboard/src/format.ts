@@ -3,10 +3,12 @@
 //
 // Numbers, times and names as people read them.
 
+import type {Job, Progress} from './api';
+
 const SUFFIXES = ['', 'k', 'M', 'G', 'T', 'P'];
 
 // 1234567 -> "1.23 M".
-export function count(value) {
+export function count(value: number): string {
   let scaled = value;
   let index = 0;
   while (Math.abs(scaled) >= 999.5 && index < SUFFIXES.length - 1) {
@@ -18,21 +20,21 @@ export function count(value) {
 }
 
 // Exact, with thin spaces between thousands.
-export function exact(value) {
+export function exact(value: number): string {
   return Math.round(value).toString().replace(/\B(?=(\d{3})+$)/g, '\u2009');
 }
 
-export function percent(share) {
+export function percent(share: number): string {
   return (share >= 1 ? 100 : Math.floor(share * 1000) / 10).toFixed(share >= 1 ? 0 : 1) + ' %';
 }
 
 // 3725 -> "1 h 02 min"; the two leading units only.
-export function duration(seconds) {
-  if (seconds === null || seconds === undefined) return '–';
+export function duration(seconds: number|null): string {
+  if (seconds === null) return '–';
   if (seconds < 10) return seconds.toFixed(1) + ' s';
   const whole = Math.round(seconds);
   if (whole < 60) return whole + ' s';
-  const two = (n) => String(n).padStart(2, '0');
+  const two = (n: number) => String(n).padStart(2, '0');
   if (whole < 3600) return Math.floor(whole / 60) + ' min ' + two(whole % 60) + ' s';
   if (whole < 86400)
     return Math.floor(whole / 3600) + ' h ' + two(Math.floor(whole / 60) % 60) + ' min';
@@ -40,13 +42,13 @@ export function duration(seconds) {
 }
 
 // A relative mean squared error and what it means: its root is the typical error of a pixel.
-export function error(relativeMse) {
-  if (relativeMse === null || relativeMse === undefined) return '–';
+export function error(relativeMse: number|null): string {
+  if (relativeMse === null) return '–';
   return relativeMse.toExponential(2).replace('e-', 'e\u2212').replace('e+', 'e');
 }
 
-export function typicalError(relativeMse) {
-  if (relativeMse === null || relativeMse === undefined) return '–';
+export function typicalError(relativeMse: number|null): string {
+  if (relativeMse === null) return '–';
   const share = Math.sqrt(relativeMse) * 100;
   return '±' +
       (share < 1      ? share.toFixed(2) :
@@ -56,7 +58,7 @@ export function typicalError(relativeMse) {
 }
 
 // "12:34:56" today, else with the date.
-export function clock(iso) {
+export function clock(iso: string|null): string {
   if (!iso) return '–';
   const time = new Date(iso);
   const today = time.toDateString() === new Date().toDateString();
@@ -64,24 +66,24 @@ export function clock(iso) {
 }
 
 // Seconds since a time, in words.
-export function ago(iso) {
+export function ago(iso: string|null): string {
   if (!iso) return 'never';
   const seconds = Math.max(0, (Date.now() - new Date(iso).getTime()) / 1000);
   return seconds < 2 ? 'now' : duration(seconds) + ' ago';
 }
 
 // "jobs/7" -> "7".
-export const shortName = (name) => name.slice(name.lastIndexOf('/') + 1);
+export const shortName = (name: string) => name.slice(name.lastIndexOf('/') + 1);
 
 // Whether nothing more will happen to a job.
-export const hasEnded = (job) => ['succeeded', 'failed', 'cancelled'].includes(job.state);
+export const hasEnded = (job: Job) => ['succeeded', 'failed', 'cancelled'].includes(job.state);
 
 // Orders jobs for Array.sort. ISO times in UTC compare as text.
-export const newestFirst = (a, b) =>
+export const newestFirst = (a: Job, b: Job) =>
     Number(a.create_time < b.create_time) - Number(a.create_time > b.create_time);
 
 // Share of the samples that are merged, 0 to 1.
-export function doneShare(progress) {
+export function doneShare(progress: Progress): number {
   return progress.sample_count_total > 0 ?
       progress.sample_count_done / progress.sample_count_total :
       0;

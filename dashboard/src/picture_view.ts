@@ -5,26 +5,28 @@
 // it is decoded, so the picture never flickers and a slow link sees fewer versions, not a queue of
 // them.
 
-import * as api from './api.js';
-import {byId, setText} from './dom.js';
+import * as api from './api';
+import type {Frame, Job} from './api';
+import {byId, setText} from './dom';
+import type {Store} from './store';
 
 // Between two versions at least.
 const REFRESH_MS = 400;
 
 export class PictureView {
-  constructor(store) {
-    this.store = store;
-    this.image = byId('picture');
-    this.shown = '';
-    this.job = null;
-    this.busy = false;
+  private readonly image = byId<HTMLImageElement>('picture');
+  private shown = '';
+  private job: string|null = null;
+  private busy = false;
+
+  constructor(private readonly store: Store) {
     byId('picture-zoom').addEventListener('click', () => this.toggleZoom());
-    for (const topic of ['frames', 'selection']) store.listen(topic, this.draw);
+    for (const topic of ['frames', 'selection'] as const) store.listen(topic, this.draw);
   }
 
-  draw = () => {
+  private readonly draw = () => {
     const frame = this.store.frame;
-    const hasPicture = Boolean(frame) && frame.preview_version > 0;
+    const hasPicture = frame !== undefined && frame.preview_version > 0;
     // While a frame of the same job has its first picture on the way, the one before stays.
     if (!hasPicture || this.job !== this.store.jobName) this.clear();
     this.job = this.store.jobName;
@@ -34,14 +36,14 @@ export class PictureView {
     if (hasPicture && !this.busy && api.previewPath(frame) !== this.shown) this.fetch(frame);
   };
 
-  clear() {
+  private clear() {
     this.shown = '';
     this.image.hidden = true;
     this.image.removeAttribute('src');
   }
 
   // Keeps the place free before the first pixel is there.
-  setShape(frame) {
+  private setShape(frame: Frame|undefined) {
     if (!frame) return;
     const width = frame.window.x1_px - frame.window.x0_px;
     const height = frame.window.y1_px - frame.window.y0_px;
@@ -50,7 +52,7 @@ export class PictureView {
         height + ' pixels';
   }
 
-  async fetch(frame) {
+  private async fetch(frame: Frame) {
     this.busy = true;
     const path = api.previewPath(frame);
     try {
@@ -73,13 +75,13 @@ export class PictureView {
     }, REFRESH_MS);
   }
 
-  toggleZoom() {
+  private toggleZoom() {
     const actual = byId('picture-box').classList.toggle('actual-size');
-    byId('picture-zoom').setAttribute('aria-pressed', actual);
+    byId('picture-zoom').setAttribute('aria-pressed', String(actual));
   }
 }
 
-function noteOf(job, frame) {
+function noteOf(job: Job|undefined, frame: Frame|undefined): string {
   if (!job) return 'Choose a job to see its picture.';
   if (job.waiting_reason) return 'Waiting: ' + job.waiting_reason;
   return frame ? 'No samples yet.' : '';

@@ -4,7 +4,8 @@
 // Error against samples of the selected job, both axes logarithmic: a straight line that falls by
 // one half for four times the samples is what path tracing promises.
 
-import {byId} from './dom.js';
+import {byId} from './dom';
+import type {Store} from './store';
 
 const WIDTH = 320;
 const HEIGHT = 72;
@@ -13,32 +14,33 @@ const MARGIN = 6;
 const POINTS_MAX = 160;
 
 export class ErrorChart {
-  constructor(store) {
-    this.store = store;
-    for (const topic of ['jobs', 'selection']) store.listen(topic, this.draw);
+  constructor(private readonly store: Store) {
+    for (const topic of ['jobs', 'selection'] as const) store.listen(topic, this.draw);
   }
 
-  draw = () => {
+  private readonly draw = () => {
     const history = this.store.errorHistory;
     byId('chart-section').hidden = history.length < 2;
     if (history.length < 2) return;
     const stride = Math.ceil(history.length / POINTS_MAX);
-    const points = history.filter((_, i) => i % stride === 0 || i === history.length - 1)
-                       .map(({samples, mse}) => [Math.log(samples), Math.log(mse) / 2]);
-    const [x, y] = [0, 1].map((axis) => scale(points.map((point) => point[axis])));
+    const points =
+        history.filter((_, i) => i % stride === 0 || i === history.length - 1)
+            .map(({samples, mse}): [number, number] => [Math.log(samples), Math.log(mse) / 2]);
+    const x = scale(points.map(([u]) => u));
+    const y = scale(points.map(([, v]) => v));
     const line = points.map(
         ([u, v]) => (MARGIN + x(u) * (WIDTH - 2 * MARGIN)).toFixed(1) + ',' +
             (HEIGHT - MARGIN - y(v) * (HEIGHT - 2 * MARGIN)).toFixed(1));
     byId('chart-line').setAttribute('points', line.join(' '));
-    const [endX, endY] = line[line.length - 1].split(',');
-    byId('chart-end').setAttribute('cx', endX);
-    byId('chart-end').setAttribute('cy', endY);
+    const [endX, endY] = (line.at(-1) ?? ',').split(',');
+    byId('chart-end').setAttribute('cx', endX ?? '');
+    byId('chart-end').setAttribute('cy', endY ?? '');
   };
 }
 
 // Maps the range of the values to [0, 1].
-function scale(values) {
+function scale(values: number[]) {
   const low = Math.min(...values);
   const span = Math.max(...values) - low || 1;
-  return (value) => (value - low) / span;
+  return (value: number) => (value - low) / span;
 }

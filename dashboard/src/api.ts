@@ -1,0 +1,114 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// The coordinator's HTTP API. Names go into paths segment by segment, escaped.
+
+export interface Progress {
+  sample_count_done: number;
+  sample_count_total: number;
+  // Null until it can be told.
+  relative_mse: number|null;
+  nonfinite_count: number;
+  ray_count: number;
+  cpu_duration_seconds: number;
+  wall_duration_seconds: number;
+  remaining_duration_seconds: number|null;
+}
+
+export interface Job {
+  name: string;
+  title: string;
+  state: string;
+  failure: string;
+  waiting_reason: string;
+  create_time: string;
+  end_time: string|null;
+  frame_count: number;
+  frame_complete_count: number;
+  progress: Progress;
+}
+
+export interface Frame {
+  name: string;
+  frame_number: number;
+  window: {x0_px: number; y0_px: number; x1_px: number; y1_px: number};
+  sample_count: number;
+  complete: boolean;
+  preview_version: number;
+  progress: Progress;
+}
+
+export interface Worker {
+  name: string;
+  host: string;
+  state: string;
+  thread_count: number;
+  numeric_profile: string;
+  lease_count: number;
+  result_count: number;
+  samples_per_second: number;
+  last_seen_time: string|null;
+  reason: string;
+}
+
+export interface Counter {
+  name: string;
+  help: string;
+  label_value: string;
+  value: number;
+}
+
+export interface JobPage {
+  jobs: Job[];
+  next_page_token: string;
+}
+
+export interface JobWithFrames extends Job {
+  frames: Frame[];
+  next_page_token: string;
+}
+
+// What the coordinator refused, with its words.
+export class ApiError extends Error {
+  constructor(message: string, readonly status: number) {
+    super(message);
+  }
+}
+
+const BASE = '/api/v1/';
+
+const pathOf = (name: string) => BASE + name.split('/').map(encodeURIComponent).join('/');
+
+async function errorOf(response: Response): Promise<ApiError> {
+  let message = response.statusText || 'HTTP status ' + response.status;
+  try {
+    message = (await response.json()).error.message;
+  } catch {
+    // No answer of ours: the status is all that can be told.
+  }
+  return new ApiError(message, response.status);
+}
+
+async function request<Answer>(path: string, options: RequestInit = {}): Promise<Answer> {
+  const response = await fetch(path, {cache: 'no-store', ...options});
+  if (!response.ok) throw await errorOf(response);
+  return await response.json() as Answer;
+}
+
+const query = (pageSize: number, token: string) =>
+    '?page_size=' + pageSize + (token ? '&page_token=' + encodeURIComponent(token) : '');
+
+export const listJobs = (pageSize: number, token: string) =>
+    request<JobPage>(BASE + 'jobs' + query(pageSize, token));
+export const getJob = (name: string, pageSize: number, token: string) =>
+    request<JobWithFrames>(pathOf(name) + query(pageSize, token));
+export const listWorkers = () => request<{workers: Worker[]}>(BASE + 'workers');
+export const listCounters = () => request<{counters: Counter[]}>(BASE + 'counters');
+// The header tells the coordinator that a page of its own asks, not one of another site.
+export const cancelJob = (name: string) =>
+    request<Job>(pathOf(name) + ':cancel', {method: 'POST', headers: {'X-Sheaf-Request': '1'}});
+
+export const eventsPath = BASE + 'events';
+export const previewPath = (frame: Frame) =>
+    pathOf(frame.name) + '/preview.png?version=' + frame.preview_version;
+export const outputPath = (frame: Frame) => pathOf(frame.name) + '/output.exr';
