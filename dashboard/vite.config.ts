@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// One script and one style sheet under fixed names, which CMakeLists.txt beside this file lists.
-// The coordinator sends them with digests, so the names need none.
+// A script, its worker and a style sheet under fixed names, which CMakeLists.txt beside this file
+// lists. The coordinator sends them with digests, so the names need none.
 
 import {readFileSync} from 'node:fs';
 import {defineConfig} from 'vite';
@@ -19,7 +19,7 @@ function notices(): Plugin {
       for (const file of Object.values(bundle)) {
         if (file.type === 'chunk')
           file.code = NOTICE + file.code;
-        else if (file.fileName.endsWith('.css'))
+        else if (/\.(css|js)$/.test(file.fileName))
           file.source = NOTICE + file.source;
       }
       const licence = readFileSync('node_modules/uplot/LICENSE', 'utf8');
@@ -36,6 +36,7 @@ function notices(): Plugin {
 export default defineConfig({
   base: './',
   plugins: [notices()],
+  worker: {format: 'es', rollupOptions: {output: {entryFileNames: '[name].js'}}},
   build: {
     outDir: 'dist',
     target: 'es2022',

@@ -139,6 +139,19 @@ TEST_F(HttpApiTest, PreviewIsAPngThatIsSentOnce) {
   EXPECT_EQ(second.body, "");
 }
 
+TEST_F(HttpApiTest, PreviewHasLayersWithTheirRanges) {
+  const std::string path = "/api/v1/jobs/1/frames/1/preview.png";
+  EXPECT_EQ(Header(Send("GET", path + "?layer=picture"), "X-Sheaf-Range"), "");
+  EXPECT_EQ(Header(Send("GET", path + "?layer=samples"), "X-Sheaf-Range"), "16 16");
+  const HttpResponse error = Send("GET", path + "?version=3&layer=error");
+  EXPECT_EQ(error.body.substr(1, 3), "PNG");
+  EXPECT_EQ(Header(error, "X-Sheaf-Range"), "0.05 0.1");
+  const HttpResponse unknown = Send("GET", path + "?layer=depth");
+  EXPECT_EQ(unknown.status, 400);
+  EXPECT_THAT(unknown.body, HasSubstr("none of picture, light, error, samples"));
+  EXPECT_EQ(Send("GET", "/api/v1/false-color.png").content_type, "image/png");
+}
+
 TEST_F(HttpApiTest, PreviewWithoutSamplesIsEmptyAndNoError) {
   farm_.preview.version = 0;
   const HttpResponse response = Send("GET", "/api/v1/jobs/1/frames/1/preview.png");

@@ -68,6 +68,20 @@ export interface JobWithFrames extends Job {
   next_page_token: string;
 }
 
+// Layers of a picture, as the coordinator names them: "light" is the picture before any exposure.
+export type Layer = 'picture'|'light'|'error'|'samples';
+
+// What the ends of false colours stand for; both are 0 where nothing can be told yet.
+export interface LayerRange {
+  low: number;
+  high: number;
+}
+
+export interface Preview {
+  bitmap: ImageBitmap;
+  range: LayerRange|null;
+}
+
 // What the coordinator refused, with its words.
 export class ApiError extends Error {
   constructor(message: string, readonly status: number) {
@@ -109,6 +123,18 @@ export const cancelJob = (name: string) =>
     request<Job>(pathOf(name) + ':cancel', {method: 'POST', headers: {'X-Sheaf-Request': '1'}});
 
 export const eventsPath = BASE + 'events';
-export const previewPath = (frame: Frame) =>
-    pathOf(frame.name) + '/preview.png?version=' + frame.preview_version;
+export const falseColorPath = BASE + 'false-color.png';
+export const previewPath = (frame: Frame, layer: Layer) =>
+    pathOf(frame.name) + '/preview.png?layer=' + layer + '&version=' + frame.preview_version;
 export const outputPath = (frame: Frame) => pathOf(frame.name) + '/output.exr';
+
+// A picture so far; null where there is none yet. Its levels are as sent, whatever the screen is.
+export async function getPreview(path: string): Promise<Preview|null> {
+  const response = await fetch(path);
+  if (!response.ok) throw await errorOf(response);
+  if (response.status === 204) return null;
+  const bitmap = await createImageBitmap(
+      await response.blob(), {colorSpaceConversion: 'none', premultiplyAlpha: 'none'});
+  const [low, high] = (response.headers.get('X-Sheaf-Range') ?? '').split(' ').map(Number);
+  return {bitmap, range: low === undefined || high === undefined ? null : {low, high}};
+}

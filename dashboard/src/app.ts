@@ -4,6 +4,7 @@
 // Starts the page: the store, the views over it, and the address bar, which names what is selected
 // so that a link leads back to it.
 
+import './viewer.css';
 import './style.css';
 
 import {CountersView} from './counters';

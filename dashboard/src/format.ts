@@ -28,6 +28,22 @@ export function percent(share: number): string {
   return (share >= 1 ? 100 : Math.floor(share * 1000) / 10).toFixed(share >= 1 ? 0 : 1) + ' %';
 }
 
+// 0.05 -> "5 %", 0.00123 -> "0.12 %": two digits that count.
+export function share(value: number): string {
+  return Number((value * 100).toPrecision(2)) + ' %';
+}
+
+// A zoom: pixels of the screen for one of the picture.
+export function zoom(scale: number): string {
+  const percent = scale * 100;
+  return (percent < 10 ? percent.toFixed(1) : Math.round(percent)) + ' %';
+}
+
+// An exposure: "+1.5", "0", "−2".
+export function stops(value: number): string {
+  return (value > 0 ? '+' : value < 0 ? '\u2212' : '') + Math.abs(value);
+}
+
 // 3725 -> "1 h 02 min"; the two leading units only.
 export function duration(seconds: number|null): string {
   if (seconds === null) return '–';

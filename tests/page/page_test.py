@@ -18,26 +18,18 @@ HERE = os.path.dirname(os.path.abspath(__file__))
 sys.path += [HERE, os.path.join(HERE, "..", "integration")]
 from browser import Browser  # noqa: E402
 from farm import Farm, ROOT, TIME_SCALE, programs, wait_until  # noqa: E402
+from viewer_checks import PIXELS, TEXT, check_viewer  # noqa: E402
 
 PAGE_SECONDS_MAX = 20
 PICTURE_SECONDS_MAX = 120
 MADE_UP_JOB_COUNT = 5000
+# From its start, with time to spare.
+MADE_UP_RENDER_SECONDS_MAX = 60
 MADE_UP_SECONDS = int(240 * TIME_SCALE)
 # A scroll through all jobs may not hold a drawn picture back longer than this.
 FRAME_MS_MAX = 200 * TIME_SCALE
 ARROW_DOWN = "\ue015"
 
-# The shown picture, shrunk to 16 x 16: a text that changes with the pixels.
-PIXELS = """
-  const image = document.getElementById("picture");
-  if (image.hidden || !image.complete || !image.naturalWidth) return "";
-  const canvas = document.createElement("canvas");
-  canvas.width = canvas.height = 16;
-  const context = canvas.getContext("2d");
-  context.drawImage(image, 0, 0, 16, 16);
-  return Array.from(context.getImageData(0, 0, 16, 16).data).join();
-"""
-TEXT = "return document.getElementById(arguments[0]).textContent"
 NO_SIDEWAYS = "return document.documentElement.scrollWidth <= window.innerWidth"
 SCROLL_ALL = """
   const list = document.getElementById("jobs");
@@ -160,6 +152,14 @@ def check_keyboard(browser, _):
     browser.run("location.hash = 'jobs/' + arguments[0]", MADE_UP_JOB_COUNT)
 
 
+def check_the_viewer(browser, _):
+    """Of the job that has ended, so that the picture stands still."""
+    browser.run("location.hash = 'jobs/' + arguments[0]", MADE_UP_JOB_COUNT)
+    wait_until(lambda: browser.run(TEXT, "job-state") == "succeeded", MADE_UP_RENDER_SECONDS_MAX,
+               "the end of the made-up job")
+    check_viewer(browser, lambda name: browser.screenshot(artefact(name)))
+
+
 def check_every_width(browser, _):
     """No sideways scroll from a telephone to a wall, in light and dark."""
     for name, width_px, height_px, dark in (("narrow", 400, 1800, False), ("dark", 1440, 900, True),
@@ -226,8 +226,8 @@ def run_farm():
 
 def run_made_up():
     # The restart comes last: a browser reports every refused connection as an error.
-    checks = [check_thousands_of_jobs, check_titles_are_text, check_keyboard, check_every_width,
-              check_no_console_errors, check_page_survives_a_restart]
+    checks = [check_thousands_of_jobs, check_titles_are_text, check_keyboard, check_the_viewer,
+              check_every_width, check_no_console_errors, check_page_survives_a_restart]
     server = MadeUpServer()
     server.start(MADE_UP_JOB_COUNT)
     try:
