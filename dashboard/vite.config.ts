@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// A script, its worker and a style sheet under fixed names, which CMakeLists.txt beside this file
+// A few scripts and a style sheet under fixed names, which CMakeLists.txt beside this file
 // lists. The coordinator sends them with digests, so the names need none.
 
 import {readFileSync} from 'node:fs';
@@ -15,6 +15,8 @@ const NOTICE = '/*! Copyright the Sheaf authors. SPDX-License-Identifier: Apache
 function notices(): Plugin {
   return {
     name: 'sheaf-notices',
+    // After Vite's own plugins, which make the style sheet.
+    enforce: 'post',
     generateBundle(_, bundle) {
       for (const file of Object.values(bundle)) {
         if (file.type === 'chunk')
@@ -42,9 +44,14 @@ export default defineConfig({
     target: 'es2022',
     // The server's policy allows no inlined pictures or scripts.
     assetsInlineLimit: 0,
-    modulePreload: {polyfill: false},
+    modulePreload: false,
+    cssCodeSplit: false,
     rollupOptions: {
-      output: {entryFileNames: 'app.js', assetFileNames: '[name][extname]'},
+      output: {
+        entryFileNames: 'app.js',
+        chunkFileNames: '[name].js',
+        assetFileNames: '[name][extname]',
+      },
     },
   },
 });

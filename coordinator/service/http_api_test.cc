@@ -212,6 +212,18 @@ TEST_F(HttpApiTest, ThePageIsEmbeddedWithAllThatItLoads) {
     EXPECT_EQ(type_of.count((*at)[1]), 1u) << "the page names " << (*at)[1];
     types.insert(type_of[(*at)[1]]);
   }
+  // And so must what the scripts load.
+  const std::regex script("\\./([a-z_]+\\.js)|\"([a-z_]+\\.js)\"");
+  int script_count = 0;
+  for (const PageFile& file : PageFiles()) {
+    const std::string text(file.bytes);
+    for (std::sregex_iterator at(text.begin(), text.end(), script), end; at != end; ++at) {
+      const std::string name = (*at)[1].str() + (*at)[2].str();
+      EXPECT_EQ(type_of.count("./" + name), 1u) << file.name << " loads " << name;
+      ++script_count;
+    }
+  }
+  EXPECT_GE(script_count, 3);  // The page itself, the chart, the worker.
   EXPECT_THAT(types, testing::ElementsAre("image/svg+xml", "text/css; charset=utf-8",
                                           "text/javascript; charset=utf-8"));
 }

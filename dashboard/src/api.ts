@@ -35,6 +35,10 @@ export interface Frame {
   sample_count: number;
   complete: boolean;
   preview_version: number;
+  // The relative error of a pixel, the root of relMSE, at which the frame is to end; absent or 0
+  // where it ends by its number of samples.
+  targetError?: number;
+  target_error?: number;
   progress: Progress;
 }
 

@@ -9,7 +9,6 @@ import './style.css';
 
 import {CountersView} from './counters';
 import {byId, setText} from './dom';
-import {ErrorChart} from './error_chart';
 import * as format from './format';
 import {FramesView} from './frames';
 import {JobDetailsView} from './job_details';
@@ -40,7 +39,7 @@ function readAddress() {
 
 function followNewest() {
   if (chosen) return;
-  const jobs = [...store.jobs.values()].sort(format.newestFirst);
+  const jobs = store.jobs.sorted;
   const job = jobs.find((candidate) => candidate.state === 'running') ?? store.job ?? jobs[0];
   if (job && job.name !== store.jobName) selectJob(job.name);
 }
@@ -50,10 +49,10 @@ function drawHead() {
       {live: 'Live', connecting: 'Connecting', polling: 'Polling', reconnecting: 'Reconnecting'};
   byId('connection').dataset.state = store.connection;
   setText(byId('connection-text'), words[store.connection]);
-  const workers = [...store.workers.values()];
+  const workers = store.workers.sorted;
   const busy = workers.filter((worker) => worker.state === 'busy');
   const rate = busy.reduce((sum, worker) => sum + worker.samples_per_second, 0);
-  const running = [...store.jobs.values()].filter((job) => job.state === 'running').length;
+  const running = store.jobs.sorted.filter((job) => job.state === 'running').length;
   setText(byId('total-running'), format.exact(running));
   setText(byId('total-workers'), busy.length + ' / ' + workers.length);
   setText(byId('total-rate'), format.count(rate));
@@ -64,9 +63,9 @@ function drawHead() {
 }
 
 function drawProblems() {
-  const lines =
-      [...store.problems].map(([attempt, why]) => 'Failed: ' + attempt + ' (' + why + ')');
-  setText(byId('problems'), lines.join('\n'));
+  const lines: string[] = [];
+  for (const [attempt, why] of store.problems) lines.push('Failed: ' + attempt + ' (' + why + ')');
+  setText(byId('problems-text'), lines.join('\n'));
   byId('problems').hidden = lines.length === 0;
 }
 
@@ -75,6 +74,7 @@ for (const topic of ['jobs', 'workers', 'connection', 'selection'] as const) {
   store.listen(topic, drawHead);
 }
 store.listen('problems', drawProblems);
+byId('problems-dismiss').addEventListener('click', () => store.forgetProblems());
 store.listen('jobs', followNewest);
 new JobsView(store, (name) => {
   location.hash = name;
@@ -84,10 +84,20 @@ new FramesView(store, (name) => {
   location.hash = name;
 }, () => live?.showMoreFrames());
 new PictureView(store);
-new ErrorChart(store);
 new WorkersView(store);
 new CountersView(store);
 addEventListener('hashchange', readAddress);
 readAddress();
 live = new Live(store);
-drawHead();
+for (const topic of ['jobs', 'workers', 'frames', 'counters'] as const) store.touch(topic);
+
+// The chart and its library come after the page: nothing waits for them.
+async function startChart() {
+  try {
+    const {ErrorChart} = await import('./error_chart');
+    new ErrorChart(store);
+  } catch (failure) {
+    store.note('loading the chart', failure);
+  }
+}
+void startChart();

@@ -28,6 +28,9 @@ export function percent(share: number): string {
   return (share >= 1 ? 100 : Math.floor(share * 1000) / 10).toFixed(share >= 1 ? 0 : 1) + ' %';
 }
 
+// The same without decimals that say nothing, for axes: 1e7 -> "10 M".
+export const roundCount = (value: number) => count(value).replace(/\.0+(?= )/, '');
+
 // 0.05 -> "5 %", 0.00123 -> "0.12 %": two digits that count.
 export function share(value: number): string {
   return Number((value * 100).toPrecision(2)) + ' %';
@@ -57,6 +60,13 @@ export function duration(seconds: number|null): string {
   return Math.floor(whole / 86400) + ' d ' + two(Math.floor(whole / 3600) % 24) + ' h';
 }
 
+// One unit and two digits, for axes: 100 -> "1.7 min".
+export function roundDuration(seconds: number): string {
+  const units: [number, string][] = [[86400, ' d'], [3600, ' h'], [60, ' min']];
+  const [size, unit] = units.find(([size]) => seconds >= 1.5 * size) ?? [1, ' s'];
+  return Number((seconds / size).toPrecision(2)) + unit;
+}
+
 // A relative mean squared error and what it means: its root is the typical error of a pixel.
 export function error(relativeMse: number|null): string {
   if (relativeMse === null) return '–';
@@ -73,12 +83,18 @@ export function typicalError(relativeMse: number|null): string {
       ' %';
 }
 
+let clockOfToday: Intl.DateTimeFormat|undefined;
+let calendar: Intl.DateTimeFormat|undefined;
+
 // "12:34:56" today, else with the date.
 export function clock(iso: string|null): string {
   if (!iso) return '–';
   const time = new Date(iso);
   const today = time.toDateString() === new Date().toDateString();
-  return today ? time.toLocaleTimeString() : time.toLocaleString();
+  // Made at first use and kept: making one takes far longer than using it.
+  clockOfToday ??= new Intl.DateTimeFormat(undefined, {timeStyle: 'medium'});
+  calendar ??= new Intl.DateTimeFormat(undefined, {dateStyle: 'short', timeStyle: 'medium'});
+  return (today ? clockOfToday : calendar).format(time);
 }
 
 // Seconds since a time, in words.

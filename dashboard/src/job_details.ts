@@ -5,6 +5,7 @@
 
 import * as api from './api';
 import type {Frame, Job} from './api';
+import {confirm} from './confirm';
 import {byId, child, el, setBadge, setProgress, setText} from './dom';
 import * as format from './format';
 import type {Store} from './store';
@@ -13,7 +14,6 @@ export class JobDetailsView {
   constructor(private readonly store: Store) {
     byId('cancel').addEventListener('click', () => this.cancel());
     for (const topic of ['jobs', 'frames', 'selection'] as const) store.listen(topic, this.draw);
-    this.draw();
   }
 
   private readonly draw = () => {
@@ -49,14 +49,21 @@ export class JobDetailsView {
 
   private async cancel() {
     const {job} = this.store;
-    if (!job ||
-        !window.confirm('Cancel “' + (job.title || job.name) + '”? Rendered samples are given up.'))
-      return;
+    if (!job) return;
+    const title = job.title || job.name;
+    const sure = await confirm({
+      title: 'Cancel “' + title + '”?',
+      text: 'Its workers turn to other jobs, and the samples rendered so far are given up.',
+      no: 'Keep rendering',
+      yes: 'Cancel job',
+    });
+    if (!sure) return;
+    const attempt = 'cancelling “' + title + '”';
     try {
       this.store.setJob(await api.cancelJob(job.name));
+      this.store.note(attempt, null);
     } catch (failure) {
-      setText(byId('job-message'), 'Could not cancel: ' + (failure as Error).message);
-      byId('job-message').hidden = false;
+      this.store.note(attempt, failure);
     }
   }
 }

@@ -24,12 +24,10 @@ export class JobsView {
     });
     this.filter.addEventListener('input', () => this.draw());
     for (const topic of ['jobs', 'selection'] as const) store.listen(topic, this.draw);
-    this.draw();
   }
 
   private readonly draw = () => {
-    const all = [...this.store.jobs.values()];
-    all.sort(format.newestFirst);
+    const all = this.store.jobs.sorted;
     const words = this.filter.value.trim().toLowerCase();
     const shown = words ? all.filter((job) => matches(job, words)) : all;
     setText(

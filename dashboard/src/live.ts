@@ -130,14 +130,14 @@ export class Live {
       token = list.next_page_token;
       if (!token) break;
     }
-    this.store.keepOnly(this.store.jobs, names);
+    this.store.jobs.keepOnly(names);
     this.store.touch('jobs');
   }
 
   private async loadWorkers() {
     const list = await api.listWorkers();
     for (const worker of list.workers) this.store.setWorker(worker);
-    this.store.keepOnly(this.store.workers, new Set(list.workers.map((worker) => worker.name)));
+    this.store.workers.keepOnly(new Set(list.workers.map((worker) => worker.name)));
     this.store.touch('workers');
   }
 

@@ -7,7 +7,7 @@
 import type {Point} from './view_transform';
 import {ViewTransform} from './view_transform';
 
-// From this scale on pixels are squares; below it they are blended.
+// From this scale on pixels are squares; below it, and while fitted, they are blended.
 const SQUARES_SCALE_MIN = 2;
 // Wheel travel, in the unit of WheelEvent.deltaY, that doubles the scale.
 const WHEEL_DOUBLING_PX = 300;
@@ -95,7 +95,7 @@ export class PictureViewport {
     context.setTransform(1, 0, 0, 1, 0, 0);
     context.clearRect(0, 0, this.canvas.width, this.canvas.height);
     if (this.bitmap) {
-      context.imageSmoothingEnabled = scale < SQUARES_SCALE_MIN;
+      context.imageSmoothingEnabled = isFitted || scale < SQUARES_SCALE_MIN;
       context.imageSmoothingQuality = 'high';
       context.setTransform(scale, 0, 0, scale, origin.x, origin.y);
       context.drawImage(this.bitmap, 0, 0);

@@ -2,16 +2,24 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // What the page knows: the latest object under each name, what is selected, and what went wrong.
-// Views listen to a topic and are told at most once per drawn picture, however many events came.
+// Views listen to a topic and are told at most once per drawn picture, however many events came,
+// and a few at a time, so that no task grows long.
 
 import type {Counter, Frame, Job, Worker} from './api';
+import {WatchedCurve} from './curve';
+import type {CurveSource} from './curve';
+import {newestFirst} from './format';
+import {SortedMap} from './sorted_map';
 
 export type Topic = 'jobs'|'workers'|'frames'|'counters'|'selection'|'connection'|'problems';
 export type Connection = 'live'|'connecting'|'polling'|'reconnecting';
 
+// Of drawing in one task; what is left is drawn with the next picture.
+const TELL_MS_MAX = 8;
+
 export class Store {
-  readonly jobs = new Map<string, Job>();
-  readonly workers = new Map<string, Worker>();
+  readonly jobs = new SortedMap<Job>(newestFirst);
+  readonly workers = new SortedMap<Worker>((a, b) => a.name < b.name ? -1 : 1);
   // Frames of the selected job only.
   readonly frames = new Map<string, Frame>();
   framesToken = '';
@@ -21,26 +29,42 @@ export class Store {
   connection: Connection = 'connecting';
   // What could not be done, by what it was: "loading frames" -> "why".
   readonly problems = new Map<string, string>();
-  // Relative error of the selected job against samples, as seen since it was selected.
-  errorHistory: {samples: number; mse: number}[] = [];
+  // Of the selected job, as seen since it was selected.
+  private watchedCurve = new WatchedCurve();
   private readonly listeners = new Map<Topic, (() => void)[]>();
   private readonly changed = new Set<Topic>();
+  // Those that are to be told yet.
+  private readonly untold = new Set<() => void>();
+  private scheduled = false;
 
   listen(topic: Topic, listener: () => void) {
     this.listeners.set(topic, [...this.listeners.get(topic) ?? [], listener]);
   }
 
   touch(topic: Topic) {
-    if (this.changed.size === 0) requestAnimationFrame(() => this.tell());
     this.changed.add(topic);
+    this.schedule();
+  }
+
+  private schedule() {
+    if (this.scheduled) return;
+    this.scheduled = true;
+    requestAnimationFrame(() => this.tell());
   }
 
   private tell() {
-    const topics = [...this.changed];
-    this.changed.clear();
-    for (const listener of new Set(topics.flatMap((topic) => this.listeners.get(topic) ?? []))) {
-      listener();
+    this.scheduled = false;
+    for (const topic of this.changed) {
+      for (const listener of this.listeners.get(topic) ?? []) this.untold.add(listener);
     }
+    this.changed.clear();
+    const end = performance.now() + TELL_MS_MAX;
+    for (const listener of this.untold) {
+      this.untold.delete(listener);
+      listener();
+      if (performance.now() > end) break;
+    }
+    if (this.untold.size > 0) this.schedule();
   }
 
   // Notes how an attempt ended: what was wrong, or null where it went well.
@@ -54,9 +78,14 @@ export class Store {
     this.touch('problems');
   }
 
+  forgetProblems() {
+    this.problems.clear();
+    this.touch('problems');
+  }
+
   setJob(job: Job) {
-    this.jobs.set(job.name, job);
-    if (job.name === this.jobName) this.noteError(job);
+    this.jobs.set(job);
+    if (job.name === this.jobName) this.watchedCurve.add(job.progress);
     this.touch('jobs');
   }
 
@@ -67,7 +96,7 @@ export class Store {
   }
 
   setWorker(worker: Worker) {
-    this.workers.set(worker.name, worker);
+    this.workers.set(worker);
     this.touch('workers');
   }
 
@@ -82,21 +111,14 @@ export class Store {
     this.touch('connection');
   }
 
-  // Forgets what the coordinator no longer lists.
-  keepOnly(map: Map<string, unknown>, names: Set<string>) {
-    for (const name of map.keys()) {
-      if (!names.has(name)) map.delete(name);
-    }
-  }
-
   selectJob(name: string) {
     if (this.jobName === name) return;
     this.jobName = name;
     this.frameName = null;
     this.frames.clear();
     this.framesToken = '';
-    this.errorHistory = [];
-    if (this.job) this.noteError(this.job);
+    this.watchedCurve = new WatchedCurve();
+    if (this.job) this.watchedCurve.add(this.job.progress);
     this.touch('selection');
     this.touch('frames');
   }
@@ -107,10 +129,14 @@ export class Store {
     this.touch('selection');
   }
 
-  private noteError(job: Job) {
-    const {sample_count_done: samples, relative_mse: mse} = job.progress;
-    const last = this.errorHistory.at(-1);
-    if (mse && (!last || samples > last.samples)) this.errorHistory.push({samples, mse});
+  // How the error of the selected job fell.
+  get curve(): CurveSource {
+    return this.watchedCurve;
+  }
+
+  // The error at which the shown frame is to end; 0 for none.
+  get targetError(): number {
+    return this.frame?.target_error ?? this.frame?.targetError ?? 0;
   }
 
   get job(): Job|undefined {

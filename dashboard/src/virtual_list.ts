@@ -22,10 +22,14 @@ export interface VirtualListOptions<Item> {
 }
 
 export class VirtualList<Item> {
-  private items: Item[] = [];
+  private items: readonly Item[] = [];
   private selectedKey: string|null = null;
   private readonly rows: HTMLElement[] = [];
   private readonly space = el('div', {class: 'vlist-space'});
+  // In pixels, as last measured; a row of height 0 means not yet.
+  private rowHeight = 0;
+  private height = 0;
+  private scrollTop = 0;
   private readonly onSelect: ((item: Item) => void)|undefined;
 
   constructor(
@@ -36,34 +40,46 @@ export class VirtualList<Item> {
     root.setAttribute('role', this.onSelect ? 'listbox' : 'list');
     root.setAttribute('aria-label', options.label);
     root.replaceChildren(this.space);
-    root.addEventListener('scroll', () => this.draw(), {passive: true});
-    new ResizeObserver(() => this.draw()).observe(root);
+    root.addEventListener('scroll', () => {
+      this.scrollTop = root.scrollTop;
+      this.draw();
+    }, {passive: true});
+    new ResizeObserver(() => this.measure()).observe(root);
+    // A row's height follows the root font, which follows the window.
+    addEventListener('resize', () => this.measure());
     if (this.onSelect) {
       root.addEventListener('keydown', (event) => this.onKey(event));
       root.addEventListener('click', (event) => this.onClick(event));
     }
   }
 
-  private get rowHeight() {
+  // Asked for only when something may have changed: each question makes the browser lay the page
+  // out.
+  private measure() {
     const rem = parseFloat(getComputedStyle(document.documentElement).fontSize);
-    return parseFloat(
-               getComputedStyle(this.root).getPropertyValue(this.options.rowHeightProperty)) *
-        rem;
+    const rows = getComputedStyle(this.root).getPropertyValue(this.options.rowHeightProperty);
+    this.rowHeight = parseFloat(rows) * rem;
+    this.height = this.root.clientHeight;
+    this.scrollTop = this.root.scrollTop;
+    this.draw();
   }
 
-  setItems(items: Item[], selectedKey: string|null) {
+  setItems(items: readonly Item[], selectedKey: string|null) {
     this.items = items;
     this.selectedKey = selectedKey;
     this.draw();
   }
 
   private draw() {
-    const height = this.rowHeight;
-    this.space.style.height = this.items.length * height + 'px';
     // For style sheets that make a short list no higher than it needs.
     this.root.style.setProperty('--row-count', String(this.items.length));
-    const first = Math.max(0, Math.floor(this.root.scrollTop / height) - OVERSCAN);
-    const visible = Math.ceil(this.root.clientHeight / height) + 2 * OVERSCAN;
+    const height = this.rowHeight;
+    if (height === 0) return;
+    this.space.style.height = this.items.length * height + 'px';
+    const visible = Math.ceil(this.height / height) + 2 * OVERSCAN;
+    // A list that became shorter is scrolled back by the browser, but later.
+    const firstMax = Math.max(0, this.items.length - visible);
+    const first = Math.min(firstMax, Math.max(0, Math.floor(this.scrollTop / height) - OVERSCAN));
     const last = Math.min(this.items.length, first + visible);
     this.resizePool(last - first);
     this.rows.forEach((row, i) => this.drawRow(row, first + i, height));
@@ -101,7 +117,7 @@ export class VirtualList<Item> {
   }
 
   private onKey(event: KeyboardEvent) {
-    const page = Math.max(1, Math.floor(this.root.clientHeight / this.rowHeight) - 1);
+    const page = Math.max(1, Math.floor(this.height / this.rowHeight) - 1);
     const steps: Record<string, number> =
         {ArrowDown: 1, ArrowUp: -1, PageDown: page, PageUp: -page, Home: -Infinity, End: Infinity};
     const step = steps[event.key];

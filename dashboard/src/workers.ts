@@ -25,11 +25,10 @@ export class WorkersView {
     });
     store.listen('workers', this.draw);
     setInterval(this.draw, AGE_MS);
-    this.draw();
   }
 
   private readonly draw = () => {
-    const workers = [...this.store.workers.values()].sort((a, b) => (a.name < b.name ? -1 : 1));
+    const workers = this.store.workers.sorted;
     setText(byId('worker-count'), format.exact(workers.length));
     byId('workers-empty').hidden = workers.length > 0;
     byId('workers').hidden = workers.length === 0;

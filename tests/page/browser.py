@@ -79,6 +79,10 @@ class Browser:
         """A command of the DevTools protocol."""
         return self._do("POST", "/goog/cdp/execute", {"cmd": command, "params": parameters})
 
+    def run_before_pages(self, script):
+        """Runs the script in every page that is opened from now on, before its own."""
+        self.chrome("Page.addScriptToEvaluateOnNewDocument", source=script)
+
     def set_size(self, width_px, height_px, device_scale=1):
         self.chrome("Emulation.setDeviceMetricsOverride", width=width_px, height=height_px,
                     deviceScaleFactor=device_scale, mobile=False)
