@@ -60,6 +60,7 @@ const ABSCISSAS: Record<Abscissa, Axis> = {
 
 // From this ratio of an axis' ends on only powers of ten are labelled.
 const DECADES_RATIO = 30;
+const AXIS_FONT_REM = 0.75;
 // Decades with ticks at most.
 const DECADES_MAX = 24;
 // Room beyond the highest and lowest value, as a factor.
@@ -141,11 +142,12 @@ export class ErrorChart {
 
   private options(size: Size): uPlot.Options {
     const colour = (name: string) => () => this.colourOf(name);
+    const rem = parseFloat(this.style.fontSize);
     const axis = (words: (value: number) => string): uPlot.Axis => ({
       stroke: colour('--quiet'),
       grid: {stroke: colour('--panel-edge'), width: 1},
       ticks: {stroke: colour('--panel-edge'), width: 1, size: 4},
-      font: '11px system-ui, sans-serif',
+      font: (AXIS_FONT_REM * rem) + 'px system-ui, sans-serif',
       splits: (_, __, low, high) => ticksOf(low, high),
       filter: (_, splits) => labelled(splits),
       // Ticks without a label come as null.
@@ -155,11 +157,11 @@ export class ErrorChart {
       ...size,
       legend: {show: false},
       cursor: {drag: {x: false, y: false}},
-      padding: [8, 24, 0, 0],
+      padding: [0.5 * rem, 1.7 * rem, 0, 0],
       scales: {x: {time: false, distr: 3, range}, y: {distr: 3, range}},
       axes: [
-        {...axis((value) => ABSCISSAS[this.abscissa].tick(value)), size: 28},
-        {...axis(format.share), size: 52},
+        {...axis((value) => ABSCISSAS[this.abscissa].tick(value)), size: 2 * rem},
+        {...axis(format.share), size: 3.7 * rem},
       ],
       series: [
         {},

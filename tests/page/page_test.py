@@ -31,6 +31,18 @@ MADE_UP_RENDER_SECONDS_MAX = 60
 MADE_UP_SECONDS = int(240 * TIME_SCALE)
 ARROW_DOWN, ENTER, ESCAPE, TAB = "\ue015", "\ue007", "\ue00c", "\ue004"
 DIALOG_IS_OPEN = "return document.getElementById('confirm').open"
+TAB_STOP_COUNT_MAX = 30
+TAB_STOPS = {"skip", "theme", "job-filter", "jobs", "layer", "exposure", "zoom-out", "zoom-in",
+             "zoom-fit", "picture-zoom", "picture-box", "frame", "abscissa", "workers"}
+# Name of what has the focus, and whether an outline shows it; a switch shows it on its label.
+FOCUSED = """
+  const focused = document.activeElement;
+  if (focused === document.body) return ["body", true];
+  const shown = focused.type === "radio" ? focused.nextElementSibling : focused;
+  const style = getComputedStyle(shown);
+  const seen = style.outlineStyle !== "none" && parseFloat(style.outlineWidth) >= 2;
+  return [focused.id || focused.name || focused.className, seen];
+"""
 NO_SIDEWAYS = "return document.documentElement.scrollWidth <= window.innerWidth"
 
 
@@ -169,6 +181,23 @@ def check_keyboard(browser, _):
     browser.run("location.hash = 'jobs/' + arguments[0]", MADE_UP_JOB_COUNT)
 
 
+def check_focus_is_visible(browser, _):
+    """The Tab key reaches every control in turn, and each shows that it has the focus."""
+    browser.run("location.hash = 'jobs/' + arguments[0]", MADE_UP_JOB_COUNT)
+    wait_until(lambda: browser.run(TEXT, "job-title").startswith("turntable"), PAGE_SECONDS_MAX,
+               "the selected job")
+    browser.run("document.activeElement.blur()")
+    reached = {}
+    for _ in range(TAB_STOP_COUNT_MAX):
+        browser.press(TAB)
+        name, visible = browser.run(FOCUSED)
+        reached[name] = visible
+    missing = TAB_STOPS - set(reached)
+    assert not missing, f"the Tab key does not reach {missing}"
+    hidden = [name for name, visible in reached.items() if not visible]
+    assert not hidden, f"no focus is seen on {hidden}"
+
+
 def check_the_viewer(browser, _):
     """Of the job that has ended, so that the picture stands still."""
     browser.run("location.hash = 'jobs/' + arguments[0]", MADE_UP_JOB_COUNT)
@@ -243,9 +272,9 @@ def run_farm():
 
 def run_made_up():
     # The restart comes last: a browser reports every refused connection as an error.
-    checks = [check_the_chart, check_thousands_of_jobs_and_workers, check_titles_are_text,
-              check_keyboard, check_the_viewer, check_every_width, check_no_console_errors,
-              check_page_survives_a_restart]
+    checks = [check_the_chart, check_focus_is_visible, check_thousands_of_jobs_and_workers,
+              check_titles_are_text, check_keyboard, check_the_viewer, check_every_width,
+              check_no_console_errors, check_page_survives_a_restart]
     server = MadeUpServer()
     server.start(MADE_UP_JOB_COUNT, MADE_UP_WORKER_COUNT)
     try:
