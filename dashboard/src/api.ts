@@ -28,6 +28,13 @@ export interface Job {
   progress: Progress;
 }
 
+export interface Round {
+  relative_mse: number;
+  sample_count: number;
+  cpu_duration_seconds: number;
+  wall_duration_seconds: number;
+}
+
 export interface Frame {
   name: string;
   frame_number: number;
@@ -35,10 +42,11 @@ export interface Frame {
   sample_count: number;
   complete: boolean;
   preview_version: number;
-  // The relative error of a pixel, the root of relMSE, at which the frame is to end; absent or 0
-  // where it ends by its number of samples.
-  targetError?: number;
-  target_error?: number;
+  // When the frame is to end; coordinators that know no such rule leave it out. The target is a
+  // relative mean squared error, null for none.
+  stop?: {target_error: number|null};
+  // How the frame stood at the end of each round, where it is rendered in rounds.
+  rounds?: Round[];
   progress: Progress;
 }
 

@@ -1,10 +1,10 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// How the error of a job falls: its points, and the straight line that they follow where both axes
-// are logarithmic. Views see a CurveSource alone, wherever the points come from.
+// How the error of a job or frame falls: its points, and the straight line that they follow where
+// both axes are logarithmic. Views see a CurveSource alone, wherever the points come from.
 
-import type {Progress} from './api';
+import type {Progress, Round} from './api';
 
 export interface CurvePoint {
   sampleCount: number;
@@ -38,6 +38,19 @@ export class WatchedCurve implements CurveSource {
     const half = CURVE_POINTS_MAX / 2;
     this.points = this.points.filter((_, i) => i >= half || i % 2 === 0);
   }
+}
+
+// What the coordinator itself noted of a frame.
+export function curveOfRounds(rounds: readonly Round[]): CurveSource {
+  const points =
+      rounds.filter((round) => round.relative_mse > 0).map((round) => ({
+                                                             sampleCount: round.sample_count,
+                                                             relativeMse: round.relative_mse,
+                                                             cpuSeconds: round.cpu_duration_seconds,
+                                                             wallSeconds:
+                                                                 round.wall_duration_seconds,
+                                                           }));
+  return {points};
 }
 
 // y = y0 * (x / x0)^exponent. Around a point among those it was laid through: factors of x^exponent

@@ -106,7 +106,10 @@ export class ErrorChart {
 
   private readonly draw = () => {
     const {points} = this.store.curve;
-    const key = [this.store.jobName, points.length, this.abscissa, this.store.targetError].join();
+    const key = [
+      this.store.jobName, points.length, points.at(-1)?.sampleCount, this.abscissa,
+      this.store.targetError
+    ].join();
     if (key === this.drawn) return;
     this.drawn = key;
     const curve = makeCurve(points, this.abscissa, this.store.targetError);

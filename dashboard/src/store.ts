@@ -6,7 +6,7 @@
 // and a few at a time, so that no task grows long.
 
 import type {Counter, Frame, Job, Worker} from './api';
-import {WatchedCurve} from './curve';
+import {WatchedCurve, curveOfRounds} from './curve';
 import type {CurveSource} from './curve';
 import {newestFirst} from './format';
 import {SortedMap} from './sorted_map';
@@ -16,6 +16,9 @@ export type Connection = 'live'|'connecting'|'polling'|'reconnecting';
 
 // Of drawing in one task; what is left is drawn with the next picture.
 const TELL_MS_MAX = 8;
+
+// Rounds of a frame that make a curve.
+const ROUNDS_MIN = 2;
 
 export class Store {
   readonly jobs = new SortedMap<Job>(newestFirst);
@@ -129,14 +132,16 @@ export class Store {
     this.touch('selection');
   }
 
-  // How the error of the selected job fell.
+  // How the error fell: of the shown frame from its beginning where the coordinator noted that,
+  // or else of the selected job since somebody looks.
   get curve(): CurveSource {
-    return this.watchedCurve;
+    const rounds = this.frame?.rounds ?? [];
+    return rounds.length >= ROUNDS_MIN ? curveOfRounds(rounds) : this.watchedCurve;
   }
 
-  // The error at which the shown frame is to end; 0 for none.
+  // The error of a pixel, the root of relMSE, at which the shown frame is to end; 0 for none.
   get targetError(): number {
-    return this.frame?.target_error ?? this.frame?.targetError ?? 0;
+    return Math.sqrt(this.frame?.stop?.target_error ?? 0);
   }
 
   get job(): Job|undefined {
