@@ -23,7 +23,6 @@ namespace sheaf::coordinator {
 namespace {
 
 using Response = v1::UploadResultsResponse;
-using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 
 TEST_F(CoordinatorServerTest, JobsAreCheckedAndCreatedOnce) {
@@ -114,12 +113,14 @@ TEST_F(CoordinatorServerTest, WorkerOfAnotherProfileGetsNoWorkAndTheJobSaysWhy) 
 }
 
 TEST_F(CoordinatorServerTest, PreviewGrowsWithTheResults) {
+  const std::vector<std::string> kChannels{"R", "stderr.R", "samples"};
   Start();
   v1::CreateJobRequest request = Request(64);
   request.mutable_partition()->set_pass_sample_count(16);
   const std::string id = Create(request).name().substr(5);
-  EXPECT_EQ(server_->farm().Preview(id, 1).status().code(), absl::StatusCode::kUnavailable);
-  EXPECT_EQ(server_->farm().Preview(id, 2).status().code(), absl::StatusCode::kNotFound);
+  EXPECT_EQ(server_->farm().Preview(id, 1, kChannels).status().code(),
+            absl::StatusCode::kUnavailable);
+  EXPECT_EQ(server_->farm().Preview(id, 2, kChannels).status().code(), absl::StatusCode::kNotFound);
   SyntheticWorker worker = MakeWorker("w");
   ASSERT_TRUE(worker.Synchronize(1).ok());
   ASSERT_EQ(*worker.RenderOne(), Response::OUTCOME_ACCEPTED);
@@ -127,21 +128,23 @@ TEST_F(CoordinatorServerTest, PreviewGrowsWithTheResults) {
   const absl::Time deadline = absl::Now() + kPatience;
   while (!preview.ok() && absl::Now() < deadline) {
     const uint64_t seen = server_->farm().ChangeCount();
-    preview = server_->farm().Preview(id, 1);
+    preview = server_->farm().Preview(id, 1, kChannels);
     if (!preview.ok()) server_->farm().WaitForChange(seen, absl::Milliseconds(50));
   }
   ASSERT_TRUE(preview.ok()) << preview.status();
   EXPECT_FALSE(preview->complete);
-  EXPECT_THAT(preview->picture.channel_names, ElementsAre("R", "G", "B"));
+  EXPECT_EQ(preview->picture.channel_names, kChannels);
   double sum = 0;
   for (const float value : *preview->picture.Find("R")) sum += static_cast<double>(value);
   EXPECT_GT(sum, 0);
+  EXPECT_EQ(server_->farm().Preview(id, 1, {"no such"}).status().code(),
+            absl::StatusCode::kInternal);
   ASSERT_TRUE(worker.RenderAll().ok());
   Watch("jobs/" + id);
-  preview = server_->farm().Preview(id, 1);
+  preview = server_->farm().Preview(id, 1, kChannels);
   ASSERT_TRUE(preview.ok()) << preview.status();
   EXPECT_TRUE(preview->complete);
-  EXPECT_THAT(preview->picture.channel_names, ElementsAre("R", "G", "B"));
+  EXPECT_EQ(preview->picture.channel_names, kChannels);
 }
 
 TEST_F(CoordinatorServerTest, ContentGoesInAndOutOverTheWire) {

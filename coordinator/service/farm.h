@@ -123,8 +123,8 @@ class Farm : public FarmView {
   absl::StatusOr<JobView> FindJob(const std::string& job_id) const override;
   std::vector<WorkerView> ListWorkers() const override;
   std::vector<MetricView> Metrics() const override;
-  absl::StatusOr<PreviewView> Preview(const std::string& job_id,
-                                      int32_t frame_number) const override;
+  absl::StatusOr<PreviewView> Preview(const std::string& job_id, int32_t frame_number,
+                                      const std::vector<std::string>& channels) const override;
   absl::Status Ready() const override;
   uint64_t ChangeCount() const override;
   uint64_t WaitForChange(uint64_t seen, absl::Duration timeout) const override;

@@ -110,8 +110,8 @@ struct MetricView {
 // The picture so far.
 struct PreviewView {
   uint64_t version = 0;  // FrameView::preview_version that it shows.
-  // The channels R, G and B, linear; pixels without samples are 0. The display transform is the
-  // viewer's business.
+  // The channels that were asked for, linear; pixels without samples are 0. The display transform
+  // is the viewer's business.
   FramePicture picture;
   bool complete = false;
 };
@@ -130,9 +130,11 @@ class FarmView {
   virtual std::vector<WorkerView> ListWorkers() const = 0;
   // All counters and gauges; those of one name are adjacent.
   virtual std::vector<MetricView> Metrics() const = 0;
-  // Errors: kNotFound (no such frame); kUnavailable (no sample is there yet).
-  virtual absl::StatusOr<PreviewView> Preview(const std::string& job_id,
-                                              int32_t frame_number) const = 0;
+  // The picture so far in the given channels of FramePicture alone: copying all would take long.
+  // Errors: kNotFound (no such frame); kUnavailable (no sample is there yet); kInternal (no such
+  // channel).
+  virtual absl::StatusOr<PreviewView> Preview(const std::string& job_id, int32_t frame_number,
+                                              const std::vector<std::string>& channels) const = 0;
   // Whether the coordinator accepts work: state is loaded and the disk takes writes. Otherwise why
   // not (kUnavailable or kResourceExhausted).
   virtual absl::Status Ready() const = 0;

@@ -8,7 +8,6 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
-#include "common/base/check.h"
 #include "common/film/exr_codec.h"
 #include "coordinator/service/farm.h"
 
@@ -73,20 +72,23 @@ absl::Status NoSuchJob(const std::string& job_id) {
   return absl::NotFoundError(absl::StrCat("jobs/", job_id, ": there is no such job"));
 }
 
-// What people look at of a developed picture. Full planes of the other channels are most of it.
-FramePicture ColourOf(const FramePicture& picture) {
-  FramePicture colour;
-  colour.window = picture.window;
-  colour.frame_width_px = picture.frame_width_px;
-  colour.frame_height_px = picture.frame_height_px;
-  colour.color = picture.color;
-  for (const char* channel : {"R", "G", "B"}) {
+// The wanted channels of a developed picture. Full planes of the others are most of it.
+absl::StatusOr<FramePicture> CopyChannels(const FramePicture& picture,
+                                          const std::vector<std::string>& channels) {
+  FramePicture copy;
+  copy.window = picture.window;
+  copy.frame_width_px = picture.frame_width_px;
+  copy.frame_height_px = picture.frame_height_px;
+  copy.color = picture.color;
+  for (const std::string& channel : channels) {
     const std::vector<float>* plane = picture.Find(channel);
-    SHEAF_CHECK(plane != nullptr);  // Made by MakeFramePicture, or read by ReadPicture.
-    colour.channel_names.emplace_back(channel);
-    colour.planes.push_back(*plane);
+    if (plane == nullptr) {
+      return absl::InternalError(absl::StrCat("the picture has no channel ", channel));
+    }
+    copy.channel_names.push_back(channel);
+    copy.planes.push_back(*plane);
   }
-  return colour;
+  return copy;
 }
 
 }  // namespace
@@ -216,7 +218,8 @@ std::vector<WorkerView> Farm::ListWorkers() const {
   return views;
 }
 
-absl::StatusOr<PreviewView> Farm::Preview(const std::string& job_id, int32_t frame_number) const {
+absl::StatusOr<PreviewView> Farm::Preview(const std::string& job_id, int32_t frame_number,
+                                          const std::vector<std::string>& channels) const {
   uint64_t id = 0;
   if (!absl::SimpleAtoi(job_id, &id)) return NoSuchJob(job_id);
   PreviewView view;
@@ -239,8 +242,10 @@ absl::StatusOr<PreviewView> Farm::Preview(const std::string& job_id, int32_t fra
     if (!path.ok()) return path.status();
     const absl::StatusOr<FramePicture> picture = ReadPicture(*path);
     if (!picture.ok()) return picture.status();
+    absl::StatusOr<FramePicture> copy = CopyChannels(*picture, channels);
+    if (!copy.ok()) return copy.status();
     view.version = kDeliveredPreviewVersion;
-    view.picture = ColourOf(*picture);
+    view.picture = *std::move(copy);
     return view;
   }
   if (open == nullptr || view.version == 0) {
@@ -248,7 +253,9 @@ absl::StatusOr<PreviewView> Farm::Preview(const std::string& job_id, int32_t fra
         absl::StrCat("jobs/", job_id, "/frames/", frame_number, ": no sample is there yet"));
   }
   const std::lock_guard lock(open->mutex);
-  view.picture = ColourOf(open->merge.picture());
+  absl::StatusOr<FramePicture> copy = CopyChannels(open->merge.picture(), channels);
+  if (!copy.ok()) return copy.status();
+  view.picture = *std::move(copy);
   return view;
 }
 

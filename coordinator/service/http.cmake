@@ -2,31 +2,25 @@
 # The HTTP side: sheaf::coordinator_http. Included by CMakeLists.txt beside this file.
 find_package(Boost 1.74 REQUIRED)   # Beast and Asio, headers only: the HTTP port
 
-set(page_dir ${PROJECT_SOURCE_DIR}/dashboard)
-set(page_files
-  index.html style.css favicon.svg
-  api.js app.js counters.js dom.js error_chart.js format.js frames.js job_details.js jobs.js live.js
-  picture.js store.js theme.js
-  virtual_list.js workers.js)
-list(TRANSFORM page_files PREPEND ${page_dir}/ OUTPUT_VARIABLE page_paths)
+list(TRANSFORM sheaf_page_files PREPEND ${sheaf_page_dir}/ OUTPUT_VARIABLE page_paths)
 set(page_source ${CMAKE_CURRENT_BINARY_DIR}/http_page_files.cc)
 add_custom_command(OUTPUT ${page_source}
-  COMMAND ${CMAKE_COMMAND} -DPAGE_DIR=${page_dir} "-DFILES=${page_files}" -DOUTPUT=${page_source}
-          -P ${CMAKE_CURRENT_SOURCE_DIR}/http_embed.cmake
-  DEPENDS ${page_paths} ${CMAKE_CURRENT_SOURCE_DIR}/http_embed.cmake
+  COMMAND ${CMAKE_COMMAND} -DPAGE_DIR=${sheaf_page_dir} "-DFILES=${sheaf_page_files}"
+          -DOUTPUT=${page_source} -P ${CMAKE_CURRENT_SOURCE_DIR}/http_embed.cmake
+  DEPENDS sheaf_page ${page_paths} ${CMAKE_CURRENT_SOURCE_DIR}/http_embed.cmake
   COMMENT "Embedding the web page" VERBATIM)
 
 sheaf_add_module(NAME coordinator_http
-  HEADERS event_stream.h http_api.h http_json.h http_message.h http_metrics.h http_page.h
-          http_preview.h http_router.h http_server.h http_service.h http_watch.h
-  SOURCES event_stream.cc http_api.cc http_json.cc http_message.cc http_metrics.cc http_page.cc
-          http_preview.cc http_router.cc http_server.cc http_service.cc http_watch.cc
+  HEADERS event_stream.h false_color.h http_api.h http_json.h http_message.h http_metrics.h http_page.h
+          http_preview.h http_router.h http_server.h http_service.h http_watch.h picture_layer.h
+  SOURCES event_stream.cc false_color.cc http_api.cc http_json.cc http_message.cc http_metrics.cc http_page.cc
+          http_preview.cc http_router.cc http_server.cc http_service.cc http_watch.cc picture_layer.cc
           ${page_source}
   DEPS sheaf::coordinator_view absl::status absl::statusor absl::time sheaf::film sheaf::image
   PRIVATE_DEPS sheaf::base absl::strings absl::str_format Boost::headers
                nlohmann_json::nlohmann_json Threads::Threads
   TESTS event_stream_test.cc http_api_test.cc http_preview_test.cc http_router_test.cc
-        http_server_test.cc http_watch_test.cc
+        http_server_test.cc http_watch_test.cc picture_layer_test.cc
 )
 # g++ 12 and 13 warn wrongly about the allocation of coroutine frames in Boost 1.74.
 set_source_files_properties(http_server.cc PROPERTIES COMPILE_OPTIONS -Wno-mismatched-new-delete)

@@ -10,6 +10,7 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "coordinator/service/false_color.h"
 #include "coordinator/service/http_json.h"
 #include "coordinator/service/http_metrics.h"
 
@@ -119,6 +120,7 @@ std::vector<HttpRoute> HttpApi::Routes() {
       {"POST", "/api/v1/jobs/{}:cancel", [this](const Request& r) { return CancelJob(r); }},
       {"GET", frame, [this](const Request& r) { return GetFrame(r); }},
       {"GET", frame + "/preview.png", [this](const Request& r) { return GetPreview(r); }},
+      {"GET", "/api/v1/false-color.png", [this](const Request&) { return GetFalseColor(); }},
       {"GET", frame + "/output.exr", [this](const Request& r) { return GetOutput(r); }},
       {"GET", "/api/v1/workers", [this](const Request&) { return ListWorkers(); }},
       {"GET", "/api/v1/counters", [this](const Request&) { return ListCounters(); }},
@@ -214,19 +216,41 @@ HttpResponse HttpApi::GetPreview(const HttpRequest& request) {
   if (ClientHas(request, etag(frame->preview_version))) {
     return NotModified(etag(frame->preview_version));
   }
-  uint64_t version = 0;
-  absl::StatusOr<std::string> png =
-      previews_.Png(farm_, request.path_parameters[0], *frame, &version);
+  const std::string name = QueryValue(request, "layer");
+  const std::optional<PictureLayer> layer = PictureLayerFromName(name);
+  if (!layer) {
+    return HttpErrorFromStatus(absl::InvalidArgumentError(
+        absl::StrCat("layer \"", name, "\" is none of picture, light, error, samples")));
+  }
+  absl::StatusOr<EncodedPreview> preview =
+      previews_.Find(farm_, request.path_parameters[0], *frame, *layer);
   HttpResponse response;
-  if (absl::IsUnavailable(png.status()) && !frame->complete) {
+  if (absl::IsUnavailable(preview.status()) && !frame->complete) {
     // No failure: a job may end between the event that names a picture and the request for it.
     response.status = 204;
     response.headers = {{"Cache-Control", "no-store"}};
     return response;
   }
-  if (!png.ok()) return HttpErrorFromStatus(png.status());
+  if (!preview.ok()) return HttpErrorFromStatus(preview.status());
   response.content_type = "image/png";
-  response.headers = {{"ETag", etag(version)}, {"Cache-Control", "no-cache"}};
+  response.headers = {{"ETag", etag(preview->version)}, {"Cache-Control", "no-cache"}};
+  if (preview->range) {
+    response.headers.emplace_back(kRangeHeader,
+                                  absl::StrCat(preview->range->low, " ", preview->range->high));
+  }
+  response.body = std::move(preview->png);
+  return response;
+}
+
+HttpResponse HttpApi::GetFalseColor() const {
+  constexpr int kWidthPx = 256;
+  std::vector<Rgb8> row;
+  for (int x = 0; x < kWidthPx; ++x) row.push_back(Viridis(x / (kWidthPx - 1.0)));
+  absl::StatusOr<std::string> png = EncodePng(kWidthPx, 1, row);
+  if (!png.ok()) return HttpErrorFromStatus(png.status());
+  HttpResponse response;
+  response.content_type = "image/png";
+  response.headers = {{"Cache-Control", "no-cache"}};
   response.body = *std::move(png);
   return response;
 }

@@ -10,7 +10,11 @@
 //   GET  /api/v1/jobs/ID?page_size&page_token       one job with a page of its frames
 //   POST /api/v1/jobs/ID:cancel                     cancels; repeating it changes nothing
 //   GET  /api/v1/jobs/ID/frames/N                   one frame
-//   GET  /api/v1/jobs/ID/frames/N/preview.png       the picture so far; 204 where there is none
+//   GET  /api/v1/jobs/ID/frames/N/preview.png?layer=NAME
+//        the picture so far; 204 where there is none. Layers: picture, light, error and samples,
+//        see picture_layer.h; the last two come with X-Sheaf-Range: LOW HIGH, the ends of their
+//        colours
+//   GET  /api/v1/false-color.png                    the false colours from low to high, one row
 //   GET  /api/v1/jobs/ID/frames/N/output.exr        the delivered picture
 //   GET  /api/v1/workers                            workers
 //   GET  /api/v1/counters                           the numbers of /metrics as JSON
@@ -32,6 +36,8 @@
 
 namespace sheaf::coordinator {
 
+// The header that tells the range of a layer in false colour: two numbers.
+inline constexpr char kRangeHeader[] = "X-Sheaf-Range";
 // Objects on a page of a list.
 inline constexpr int kPageSizeDefault = 100;
 inline constexpr int kPageSizeMax = 1000;
@@ -59,6 +65,7 @@ class HttpApi {
   HttpResponse CancelJob(const HttpRequest& request);
   HttpResponse GetFrame(const HttpRequest& request) const;
   HttpResponse GetPreview(const HttpRequest& request);
+  HttpResponse GetFalseColor() const;
   HttpResponse GetOutput(const HttpRequest& request) const;
   HttpResponse ListWorkers() const;
   HttpResponse ListCounters() const;

@@ -1,11 +1,21 @@
 # SPDX-License-Identifier: Apache-2.0
-# Run by the build: writes the files of dashboard/ into one C++ source, as bytes.
+# Run by the build: writes the built files of dashboard/ into one C++ source, as bytes.
 #   cmake -DPAGE_DIR=... -DFILES=a;b -DOUTPUT=... -P http_embed.cmake
+cmake_policy(VERSION 3.25)
 set(types
   "html=text/html\\; charset=utf-8"
   "css=text/css\\; charset=utf-8"
   "js=text/javascript\\; charset=utf-8"
-  "svg=image/svg+xml")
+  "svg=image/svg+xml"
+  "txt=text/plain\\; charset=utf-8")
+
+# What the page's build makes and no list names would be missing in the browser.
+file(GLOB built RELATIVE ${PAGE_DIR} ${PAGE_DIR}/*)
+foreach(name IN LISTS built)
+  if(NOT name IN_LIST FILES)
+    message(FATAL_ERROR "${PAGE_DIR}/${name} is not listed in dashboard/CMakeLists.txt")
+  endif()
+endforeach()
 
 set(arrays "")
 set(rows "")

@@ -59,7 +59,8 @@ class FakeFarm : public FarmView {
     const std::lock_guard<std::mutex> lock(mutex_);
     return metrics;
   }
-  absl::StatusOr<PreviewView> Preview(const std::string&, int32_t) const override {
+  absl::StatusOr<PreviewView> Preview(const std::string&, int32_t,
+                                      const std::vector<std::string>&) const override {
     const std::lock_guard<std::mutex> lock(mutex_);
     if (preview.version == 0) return absl::UnavailableError("no sample is there yet");
     return preview;
@@ -108,14 +109,17 @@ inline JobView MakeFakeJob(const std::string& job_id) {
   return job;
 }
 
-// A picture of one colour in the channels R, G and B.
+// A picture of one colour, with 16 samples in every pixel and standard errors of a tenth of it.
 inline FramePicture MakeFakePicture(int32_t width_px, int32_t height_px, float level) {
   FramePicture picture;
   picture.window = {0, 0, width_px, height_px};
   picture.frame_width_px = width_px;
   picture.frame_height_px = height_px;
-  picture.channel_names = {"R", "G", "B"};
-  picture.planes.assign(3, std::vector<float>(static_cast<size_t>(width_px) * height_px, level));
+  picture.channel_names = {"R", "G", "B", "stderr.R", "stderr.G", "stderr.B", "samples"};
+  const size_t count = static_cast<size_t>(width_px) * static_cast<size_t>(height_px);
+  picture.planes.assign(3, std::vector<float>(count, level));
+  picture.planes.resize(6, std::vector<float>(count, 0.1f * level));
+  picture.planes.emplace_back(count, 16.0f);
   return picture;
 }
 

@@ -79,6 +79,10 @@ class Browser:
         """A command of the DevTools protocol."""
         return self._do("POST", "/goog/cdp/execute", {"cmd": command, "params": parameters})
 
+    def run_before_pages(self, script):
+        """Runs the script in every page that is opened from now on, before its own."""
+        self.chrome("Page.addScriptToEvaluateOnNewDocument", source=script)
+
     def set_size(self, width_px, height_px, device_scale=1):
         self.chrome("Emulation.setDeviceMetricsOverride", width=width_px, height=height_px,
                     deviceScaleFactor=device_scale, mobile=False)
@@ -92,8 +96,23 @@ class Browser:
         self._do("POST", "/actions", {"actions": [{"type": "key", "id": "keyboard", "actions": [
             {"type": "keyDown", "value": key}, {"type": "keyUp", "value": key}]}]})
 
-    def accept_dialog(self):
-        self._do("POST", "/alert/accept", {})
+    def _mouse(self, kind, x_px, y_px, **more):
+        self.chrome("Input.dispatchMouseEvent", type=kind, x=x_px, y=y_px, **more)
+
+    def turn_wheel(self, place, delta_px):
+        """Turns the wheel towards the user by `delta_px` at (x, y)."""
+        self._mouse("mouseWheel", *place, deltaX=0, deltaY=delta_px)
+
+    def drag(self, start, end):
+        """Presses the left button at `start` and releases it at `end`."""
+        self._mouse("mousePressed", *start, button="left", buttons=1, clickCount=1)
+        self._mouse("mouseMoved", *end, button="left", buttons=1)
+        self._mouse("mouseReleased", *end, button="left", clickCount=1)
+
+    def middle_of(self, element_id):
+        return self.run("""
+          const frame = document.getElementById(arguments[0]).getBoundingClientRect();
+          return [frame.left + frame.width / 2, frame.top + frame.height / 2];""", element_id)
 
     def screenshot(self, path):
         with open(path, "wb") as file:

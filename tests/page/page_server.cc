@@ -2,9 +2,10 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Serves the page over a made-up farm whose pictures converge before one's eyes: for working on the
-// page without rendering, and for trying it with thousands of jobs.
+// page without rendering, and for trying it with thousands of jobs and workers.
 //
-//   sheaf_page_server JOBS SECONDS [PORT]    prints "listening on URL", ends after SECONDS
+//   sheaf_page_server JOBS SECONDS [PORT [WORKERS]]    prints "listening on URL", ends after
+//   SECONDS
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -12,6 +13,7 @@
 #include <random>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
 #include "coordinator/service/http_fake_farm.h"
 #include "coordinator/service/http_service.h"
 
@@ -24,27 +26,36 @@ constexpr int kWidthPx = 640;
 constexpr int kHeightPx = 360;
 constexpr uint64_t kSampleCount = 256;
 constexpr int kFrameCount = 24;
+// Pixels of a tile's edge; tiles have different numbers of samples.
+constexpr int kTilePx = 40;
+constexpr int kWorkerCount = 3;
 // Steps from the first sample to the last.
 constexpr int kStepCount = 120;
 constexpr absl::Duration kStep = absl::Milliseconds(250);
 
-// A soft sphere before a horizon, with the noise that `samples` samples leave.
+// A soft sphere before a horizon, with the noise that `samples` samples leave. Its lit side is
+// brighter than a screen can show.
 FramePicture MakePicture(uint64_t samples, std::mt19937* random) {
   FramePicture picture = MakeFakePicture(kWidthPx, kHeightPx, 0);
-  std::normal_distribution<float> noise(0, 1 / std::sqrt(static_cast<float>(samples)));
+  std::normal_distribution<float> noise(0, 1);
   for (int y = 0; y < kHeightPx; ++y) {
     for (int x = 0; x < kWidthPx; ++x) {
       const float u = (static_cast<float>(x) - 0.5f * kWidthPx) / kHeightPx;
       const float v = (static_cast<float>(y) - 0.5f * kHeightPx) / kHeightPx;
       const float r2 = (u * u + v * v) * 12;
-      const float shade = r2 < 1 ? std::max(0.04f, (std::sqrt(1 - r2) - 2 * u - 2 * v) * 0.4f) : 0;
+      const float shade = r2 < 1 ? std::max(0.04f, (std::sqrt(1 - r2) - 2 * u - 2 * v) * 0.8f) : 0;
       const float sky = v < 0.2f ? 0.35f - 0.5f * v : 0.12f;
       const float colours[3] = {r2 < 1 ? shade : sky * 0.8f, r2 < 1 ? shade * 0.6f : sky,
                                 r2 < 1 ? shade * 0.2f : sky * 1.3f};
-      const size_t pixel = static_cast<size_t>(y) * kWidthPx + x;
+      const size_t pixel = static_cast<size_t>(y) * kWidthPx + static_cast<size_t>(x);
+      const int share = (x / kTilePx + y / kTilePx) % 3 + 1;
+      const float count = static_cast<float>(samples * static_cast<uint64_t>(share));
+      const float spread = (r2 < 1 ? 1.0f : 0.3f) / std::sqrt(count);
       for (size_t c = 0; c < 3; ++c) {
-        picture.planes[c][pixel] = std::max(0.0f, colours[c] * (1 + noise(*random)));
+        picture.planes[c][pixel] = std::max(0.0f, colours[c] * (1 + spread * noise(*random)));
+        picture.planes[3 + c][pixel] = colours[c] * spread;
       }
+      picture.planes[6][pixel] = count;
     }
   }
   return picture;
@@ -128,20 +139,21 @@ void Step(FakeFarm* farm, int step, std::mt19937* random) {
   farm->metrics[1].value += 6;
 }
 
-void FillFarm(FakeFarm* farm, int job_count) {
+void FillFarm(FakeFarm* farm, int job_count, int worker_count) {
   farm->jobs.push_back(MakeRunningJob(job_count));
   for (int i = job_count - 1; i > 0; --i) {
     farm->jobs.push_back(MakeJob(i, absl::Now() - absl::Minutes(3 * (job_count - i))));
   }
-  farm->workers.resize(3);
-  for (int i = 0; i < 3; ++i) {
+  farm->workers.resize(static_cast<size_t>(worker_count));
+  for (int i = 0; i < worker_count; ++i) {
     WorkerView& worker = farm->workers[static_cast<size_t>(i)];
-    worker.worker_id = absl::StrCat("worker-", i + 1);
+    worker.worker_id = absl::StrFormat("worker-%04d", i + 1);
     worker.host = absl::StrCat("render-", i + 1);
-    worker.state = i < 2 ? WorkerState::kBusy : WorkerState::kLost;
+    const bool busy = i % 3 < 2;
+    worker.state = busy ? WorkerState::kBusy : WorkerState::kLost;
     worker.thread_count = 1;
-    worker.lease_count = i < 2 ? 2 : 0;
-    worker.samples_per_second = i < 2 ? 1.83e6 : 0;
+    worker.lease_count = busy ? 2 : 0;
+    worker.samples_per_second = busy ? 1.83e6 : 0;
     worker.last_seen_time = absl::Now();
   }
   using Kind = MetricView::Kind;
@@ -159,7 +171,8 @@ int main(int argc, char** argv) {
   const int job_count = argc > 1 ? std::atoi(argv[1]) : 12;
   const int seconds = argc > 2 ? std::atoi(argv[2]) : 60;
   FakeFarm farm;
-  FillFarm(&farm, std::max(1, job_count));
+  const int worker_count = argc > 4 ? std::atoi(argv[4]) : kWorkerCount;
+  FillFarm(&farm, std::max(1, job_count), std::max(1, worker_count));
   FarmActions actions;
   actions.cancel_job = [&farm](const std::string& job_id) {
     absl::Status status = absl::NotFoundError(absl::StrCat("no job jobs/", job_id));

@@ -5,6 +5,7 @@
 
 Run from anywhere: tests/tidy/tidy_test.py. Each check is one test; a failure lists every place.
 """
+import json
 import os
 import re
 import subprocess
@@ -79,6 +80,10 @@ def cpp_files():
     return [f for f in tracked(".h", ".cc") if f.startswith(SOURCE_FOLDERS)]
 
 
+def page_files():
+    return [f for f in tracked(".ts", ".css") if f.startswith("dashboard/")]
+
+
 def product_files():
     return [f for f in cpp_files() if not f.startswith("tests/") and not f.endswith("_test.cc")]
 
@@ -138,30 +143,31 @@ class TidyTest(unittest.TestCase):
                 problems.append(path + ": no paragraph that says what the file is for")
             if path.endswith(".h") and "#pragma once" not in read(path):
                 problems.append(path + ": no #pragma once")
-        for path in tracked(".cmake", "CMakeLists.txt", ".py", ".sh", ".mjs", ".js", ".css"):
+        for path in tracked(".cmake", "CMakeLists.txt", ".py", ".sh", ".ts", ".css"):
             if "SPDX-License-Identifier: Apache-2.0" not in read(path)[:400]:
                 problems.append(path + ": no SPDX line")
         self.expect_none(problems, "file head")
 
     def test_lines_fit(self):
-        problems = [f"{p}:{n}" for p in cpp_files() + tracked(".proto", ".py")
+        problems = [f"{p}:{n}" for p in cpp_files() + page_files() + tracked(".proto", ".py")
                     for n, line in enumerate(read(p).split("\n"), 1) if len(line) > LINE_LENGTH_MAX]
         self.expect_none(problems, f"longer than {LINE_LENGTH_MAX} columns")
 
     def test_files_are_one_idea(self):
-        problems = [f"{p}: {read(p).count(chr(10))} lines" for p in cpp_files()
+        problems = [f"{p}: {read(p).count(chr(10))} lines" for p in cpp_files() + page_files()
                     if read(p).count("\n") > FILE_LINES_MAX and not p.endswith("_data.cc")]
         self.expect_none(problems, f"longer than {FILE_LINES_MAX} lines")
 
     def test_functions_fit_a_screen(self):
-        problems = [f"{p}:{at}: {n} lines" for p in product_files() if not p.endswith("_data.cc")
+        problems = [f"{p}:{at}: {n} lines" for p in product_files() + page_files()
+                    if not p.endswith("_data.cc")
                     for at, n in function_lengths(read(p)) if n > FUNCTION_LINES_MAX]
         self.expect_none(problems, f"functions longer than {FUNCTION_LINES_MAX} lines")
 
     def test_nothing_is_left_over(self):
         own = os.path.relpath(os.path.abspath(__file__), ROOT)
         problems = [f"{p}:{n}: {line.strip()}"
-                    for p in tracked(".h", ".cc", ".proto", ".py", ".sh", ".js", ".md", ".cmake")
+                    for p in tracked(".h", ".cc", ".proto", ".py", ".sh", ".ts", ".md", ".cmake")
                     if p != own
                     for n, line in enumerate(read(p).split("\n"), 1) if LEFT_OVERS.search(line)]
         self.expect_none(problems, "left-over markers")
@@ -180,9 +186,19 @@ class TidyTest(unittest.TestCase):
 
     def test_every_source_is_built(self):
         lists = "\n".join(read(p) for p in tracked("CMakeLists.txt", ".cmake"))
-        problems = [p for p in cpp_files() if p.endswith(".cc") and os.path.basename(p) not in lists
-                    and not p.startswith("tests/fuzz/")]
+        problems = [p for p in cpp_files() + page_files() if p.endswith((".cc", ".ts", ".css"))
+                    and os.path.basename(p) not in lists and not p.startswith("tests/fuzz/")]
         self.expect_none(problems, "in no CMake list")
+
+
+    def test_the_page_locks_versions_and_no_registry(self):
+        lock = read("dashboard/package-lock.json")
+        self.assertNotIn('"resolved"', lock, "the lock file names a registry")
+        package = json.loads(read("dashboard/package.json"))
+        versions = {**package["dependencies"], **package["devDependencies"]}
+        loose = [f"{name} {version}" for name, version in versions.items()
+                 if not re.fullmatch(r"\d+\.\d+\.\d+", version)]
+        self.expect_none(loose, "not an exact version")
 
 
 if __name__ == "__main__":

@@ -3,19 +3,20 @@
 //
 // The selected job's head: what it is, how far it is, its numbers, and the button to cancel it.
 
-import * as api from './api.js';
-import {byId, el, setBadge, setProgress, setText} from './dom.js';
-import * as format from './format.js';
+import * as api from './api';
+import type {Frame, Job} from './api';
+import {confirm} from './confirm';
+import {byId, child, el, setBadge, setProgress, setText} from './dom';
+import * as format from './format';
+import type {Store} from './store';
 
 export class JobDetailsView {
-  constructor(store) {
-    this.store = store;
+  constructor(private readonly store: Store) {
     byId('cancel').addEventListener('click', () => this.cancel());
-    for (const topic of ['jobs', 'frames', 'selection']) store.listen(topic, this.draw);
-    this.draw();
+    for (const topic of ['jobs', 'frames', 'selection'] as const) store.listen(topic, this.draw);
   }
 
-  draw = () => {
+  private readonly draw = () => {
     const {job, frame} = this.store;
     byId('details').dataset.empty = job ? 'no' : 'yes';
     if (!job) return;
@@ -26,45 +27,52 @@ export class JobDetailsView {
     byId('job-message').hidden = !job.failure && !job.waiting_reason;
     setProgress(byId('job-bar'), format.doneShare(job.progress), job.state);
     byId('cancel').hidden = format.hasEnded(job);
-    const output = byId('output');
+    const output = byId<HTMLAnchorElement>('output');
     output.hidden = !frame || !frame.complete;
     if (frame && frame.complete) output.href = api.outputPath(frame);
     this.drawFacts(job, frame);
   };
 
-  drawFacts(job, frame) {
+  private drawFacts(job: Job, frame: Frame|undefined) {
     const facts = factsOf(job, frame);
     const list = byId('facts');
     if (list.children.length !== facts.length) {
       list.replaceChildren(...facts.map(() => el('div', {class: 'fact'}, el('dt'), el('dd'))));
     }
     facts.forEach(([label, value, title], i) => {
-      const [dt, dd] = list.children[i].children;
-      setText(dt, label);
-      setText(dd, value);
-      list.children[i].title = title || '';
+      const row = child(list, i);
+      setText(child(row, 0), label);
+      setText(child(row, 1), value);
+      row.title = title || '';
     });
   }
 
-  async cancel() {
+  private async cancel() {
     const {job} = this.store;
-    if (!job ||
-        !window.confirm('Cancel “' + (job.title || job.name) + '”? Rendered samples are given up.'))
-      return;
+    if (!job) return;
+    const title = job.title || job.name;
+    const sure = await confirm({
+      title: 'Cancel “' + title + '”?',
+      text: 'Its workers turn to other jobs, and the samples rendered so far are given up.',
+      no: 'Keep rendering',
+      yes: 'Cancel job',
+    });
+    if (!sure) return;
+    const attempt = 'cancelling “' + title + '”';
     try {
       this.store.setJob(await api.cancelJob(job.name));
+      this.store.note(attempt, null);
     } catch (failure) {
-      setText(byId('job-message'), 'Could not cancel: ' + failure.message);
-      byId('job-message').hidden = false;
+      this.store.note(attempt, failure);
     }
   }
 }
 
 // [label, value, explanation] of each number.
-function factsOf(job, frame) {
+function factsOf(job: Job, frame: Frame|undefined): [string, string, string?][] {
   const progress = job.progress;
   const wall = progress.wall_duration_seconds;
-  const facts = [
+  return [
     ['Done', format.percent(format.doneShare(progress))],
     [
       'Time left', format.hasEnded(job) ? '–' : format.duration(progress.remaining_duration_seconds)
@@ -88,10 +96,9 @@ function factsOf(job, frame) {
     ],
     ['Created', format.clock(job.create_time)],
   ];
-  return facts;
 }
 
-function samplesOf(frame) {
+function samplesOf(frame: Frame|undefined): string {
   if (!frame) return '–';
   const {window} = frame;
   const pixels = (window.x1_px - window.x0_px) * (window.y1_px - window.y0_px);

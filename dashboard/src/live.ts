@@ -5,7 +5,8 @@
 // stream fails it polls until the stream is back. A hidden page lets go of its stream, because a
 // browser holds only six connections to one server.
 
-import * as api from './api.js';
+import * as api from './api';
+import type {Store} from './store';
 
 const FIRST_PAGE = 100;
 const PAGE = 1000;
@@ -14,48 +15,55 @@ const PAGES_MAX = 20;
 const POLL_MS = 2000;
 const COUNTERS_MS = 3000;
 
+type Timer = ReturnType<typeof setInterval>;
+
 export class Live {
-  constructor(store) {
-    this.store = store;
-    this.source = null;
-    this.pollTimer = null;
-    this.loading = null;
+  private source: EventSource|null = null;
+  private pollTimer: Timer|undefined;
+  private counterTimer: Timer|undefined;
+  private loading: Promise<boolean>|null = null;
+
+  constructor(private readonly store: Store) {
     document.addEventListener(
         'visibilitychange', () => document.hidden ? this.stop() : this.start());
     this.start();
   }
 
-  start() {
+  private start() {
     if (this.source || document.hidden) return;
     // Subscribe first and fetch on open: what changes in between arrives as an event.
-    this.source = new EventSource(api.eventsPath);
-    this.source.onopen = () => this.refresh();
-    this.source.onerror = () => this.onStreamLost();
-    const follow = (type, apply) =>
-        this.source.addEventListener(type, (event) => apply(JSON.parse(event.data)));
-    follow('job', (job) => this.store.setJob(job));
-    follow('frame', (frame) => this.store.setFrame(frame));
-    follow('worker', (worker) => this.store.setWorker(worker));
-    follow('reset', () => this.refresh());
-    this.counterTimer = setInterval(() => this.loadCounters().catch(() => {}), COUNTERS_MS);
+    const source = new EventSource(api.eventsPath);
+    this.source = source;
+    source.onopen = () => this.refresh();
+    source.onerror = () => this.onStreamLost();
+    const follow = <Type>(type: string, apply: (object: Type) => void) =>
+        source.addEventListener(type, (event: MessageEvent<string>) => {
+          apply(JSON.parse(event.data) as Type);
+        });
+    follow<api.Job>('job', (job) => this.store.setJob(job));
+    follow<api.Frame>('frame', (frame) => this.store.setFrame(frame));
+    follow<api.Worker>('worker', (worker) => this.store.setWorker(worker));
+    source.addEventListener('reset', () => this.refresh());
+    this.counterTimer =
+        setInterval(() => this.attempt('loading counters', () => this.loadCounters()), COUNTERS_MS);
   }
 
-  stop() {
-    if (this.source) this.source.close();
+  private stop() {
+    this.source?.close();
     this.source = null;
     clearInterval(this.pollTimer);
     clearInterval(this.counterTimer);
-    this.pollTimer = null;
+    this.pollTimer = undefined;
   }
 
-  onStreamLost() {
+  private onStreamLost() {
     this.store.setConnection('reconnecting');
     // A refused stream (too many readers) is closed for good: try again along with the polls.
-    if (this.source && this.source.readyState === EventSource.CLOSED) this.source = null;
+    if (this.source?.readyState === EventSource.CLOSED) this.source = null;
     this.poll();
   }
 
-  poll() {
+  private poll() {
     if (this.pollTimer) return;
     this.pollTimer = setInterval(async () => {
       this.settle(await this.load());
@@ -68,38 +76,50 @@ export class Live {
 
   // Fetches everything from now on. A load that is under way began before the stream was there: it
   // may miss what changed since, or fail because the coordinator was away.
-  async refresh() {
+  private async refresh() {
     await this.loading;
     this.settle(await this.load());
   }
 
   // Says how things stand after a load, and polls until they stand well.
-  settle(loaded) {
+  private settle(loaded: boolean) {
     if (document.hidden) return;
-    const streams = this.source && this.source.readyState === EventSource.OPEN;
+    const streams = this.source?.readyState === EventSource.OPEN;
     this.store.setConnection(!loaded ? 'reconnecting' : streams ? 'live' : 'polling');
     if (!loaded || !streams) return this.poll();
     clearInterval(this.pollTimer);
-    this.pollTimer = null;
+    this.pollTimer = undefined;
   }
 
   // One load at a time; returns whether it succeeded.
-  load() {
-    if (!this.loading) {
-      this.loading = this.loadAll().then(() => true, () => false).finally(() => {
-        this.loading = null;
-      });
-    }
+  private load(): Promise<boolean> {
+    this.loading ??= this.attempt('loading the farm', () => this.loadAll()).finally(() => {
+      this.loading = null;
+    });
     return this.loading;
   }
 
-  async loadAll() {
-    await Promise.all([this.loadJobs(), this.loadWorkers(), this.loadCounters()]);
-    await this.loadFrames();
+  // Returns whether `work` went well; the page shows why it did not.
+  private async attempt(what: string, work: () => Promise<void>): Promise<boolean> {
+    try {
+      await work();
+      this.store.note(what, null);
+      return true;
+    } catch (failure) {
+      this.store.note(what, failure);
+      return false;
+    }
   }
 
-  async loadJobs() {
-    const names = new Set();
+  private async loadAll() {
+    await Promise.all([this.loadJobs(), this.loadWorkers(), this.loadCounters()]);
+    await this.loadFrames('');
+    this.store.note('loading counters', null);
+    this.store.note('loading frames', null);
+  }
+
+  private async loadJobs() {
+    const names = new Set<string>();
     let token = '';
     for (let page = 0; page < PAGES_MAX; ++page) {
       const list = await api.listJobs(page === 0 ? FIRST_PAGE : PAGE, token);
@@ -110,32 +130,39 @@ export class Live {
       token = list.next_page_token;
       if (!token) break;
     }
-    this.store.keepOnly(this.store.jobs, names);
+    this.store.jobs.keepOnly(names);
     this.store.touch('jobs');
   }
 
-  async loadWorkers() {
+  private async loadWorkers() {
     const list = await api.listWorkers();
     for (const worker of list.workers) this.store.setWorker(worker);
-    this.store.keepOnly(this.store.workers, new Set(list.workers.map((worker) => worker.name)));
+    this.store.workers.keepOnly(new Set(list.workers.map((worker) => worker.name)));
     this.store.touch('workers');
   }
 
-  async loadCounters() {
+  private async loadCounters() {
     this.store.setCounters((await api.listCounters()).counters);
   }
 
+  // Fetches the selected job's first frames, or more of them.
+  showFrames() {
+    void this.attempt('loading frames', () => this.loadFrames(''));
+  }
+  showMoreFrames() {
+    void this.attempt('loading frames', () => this.loadFrames(this.store.framesToken));
+  }
+
   // The first page of the selected job's frames, or the page after `token`.
-  async loadFrames(token = '') {
+  private async loadFrames(token: string) {
     const name = this.store.jobName;
     if (!name) return;
-    const job = await api.getJob(name, PAGE, token).catch((error) => {
+    const job = await api.getJob(name, PAGE, token).catch((failure: unknown) => {
       // The coordinator may have come back without it; everything else is to be followed still.
-      if (error.status === 404) return null;
-      throw error;
+      if (failure instanceof api.ApiError && failure.status === 404) return null;
+      throw failure;
     });
-    if (job === null) return;
-    if (name !== this.store.jobName) return;
+    if (job === null || name !== this.store.jobName) return;
     for (const frame of job.frames) this.store.setFrame(frame);
     this.store.framesToken = job.next_page_token;
     this.store.touch('frames');

@@ -3,13 +3,17 @@
 //
 // The list of jobs, newest first, with a filter.
 
-import {badge, byId, el, progressBar, setBadge, setProgress, setText} from './dom.js';
-import * as format from './format.js';
-import {VirtualList} from './virtual_list.js';
+import type {Job} from './api';
+import {badge, byId, child, el, progressBar, setBadge, setProgress, setText} from './dom';
+import * as format from './format';
+import type {Store} from './store';
+import {VirtualList} from './virtual_list';
 
 export class JobsView {
-  constructor(store, select) {
-    this.store = store;
+  private readonly list: VirtualList<Job>;
+  private readonly filter = byId<HTMLInputElement>('job-filter');
+
+  constructor(private readonly store: Store, select: (name: string) => void) {
     this.list = new VirtualList(byId('jobs'), {
       label: 'Jobs, newest first',
       rowHeightProperty: '--job-row',
@@ -18,15 +22,12 @@ export class JobsView {
       keyOf: (job) => job.name,
       onSelect: (job) => select(job.name),
     });
-    this.filter = byId('job-filter');
     this.filter.addEventListener('input', () => this.draw());
-    for (const topic of ['jobs', 'selection']) store.listen(topic, this.draw);
-    this.draw();
+    for (const topic of ['jobs', 'selection'] as const) store.listen(topic, this.draw);
   }
 
-  draw = () => {
-    const all = [...this.store.jobs.values()];
-    all.sort(format.newestFirst);
+  private readonly draw = () => {
+    const all = this.store.jobs.sorted;
     const words = this.filter.value.trim().toLowerCase();
     const shown = words ? all.filter((job) => matches(job, words)) : all;
     setText(
@@ -40,10 +41,10 @@ export class JobsView {
   };
 }
 
-const matches = (job, words) =>
+const matches = (job: Job, words: string) =>
     (job.title + ' ' + job.state + ' ' + job.name).toLowerCase().includes(words);
 
-function makeRow() {
+function makeRow(): HTMLElement {
   return el(
       'div', {class: 'job-row'},
       el('div', {class: 'job-line'}, el('span', {class: 'job-title'}), badge('queued')),
@@ -51,17 +52,17 @@ function makeRow() {
       el('div', {class: 'job-line job-small'}, el('span', {class: 'job-facts'}), el('span')));
 }
 
-function updateRow(row, job) {
-  const [top, bar, bottom] = row.children;
-  setText(top.firstElementChild, job.title || job.name);
-  setBadge(top.lastElementChild, job.state);
+function updateRow(row: HTMLElement, job: Job) {
+  const [top, bar, bottom] = [child(row, 0), child(row, 1), child(row, 2)];
+  setText(child(top, 0), job.title || job.name);
+  setBadge(child(top, 1), job.state);
   const share = format.doneShare(job.progress);
   setProgress(bar, share, job.state);
-  setText(bottom.firstElementChild, factsOf(job, share));
-  setText(bottom.lastElementChild, timeOf(job));
+  setText(child(bottom, 0), factsOf(job, share));
+  setText(child(bottom, 1), timeOf(job));
 }
 
-function factsOf(job, share) {
+function factsOf(job: Job, share: number): string {
   const facts = [format.percent(share)];
   if (job.frame_count > 1)
     facts.push(job.frame_complete_count + ' of ' + job.frame_count + ' frames');
@@ -70,7 +71,7 @@ function factsOf(job, share) {
   return facts.join(' · ');
 }
 
-function timeOf(job) {
+function timeOf(job: Job): string {
   const left = job.progress.remaining_duration_seconds;
   if (job.state === 'running' && left !== null) return format.duration(left) + ' left';
   return format.hasEnded(job) ? 'took ' + format.duration(job.progress.wall_duration_seconds) : '';

@@ -3,16 +3,19 @@
 //
 // The workers, with what each holds and how fast it is.
 
-import {badge, byId, el, setBadge, setText} from './dom.js';
-import * as format from './format.js';
-import {VirtualList} from './virtual_list.js';
+import type {Worker} from './api';
+import {badge, byId, child, el, setBadge, setText} from './dom';
+import * as format from './format';
+import type {Store} from './store';
+import {VirtualList} from './virtual_list';
 
 // "Seen 3 s ago" grows old without an event.
 const AGE_MS = 1000;
 
 export class WorkersView {
-  constructor(store) {
-    this.store = store;
+  private readonly list: VirtualList<Worker>;
+
+  constructor(private readonly store: Store) {
     this.list = new VirtualList(byId('workers'), {
       label: 'Workers',
       rowHeightProperty: '--worker-row',
@@ -22,11 +25,10 @@ export class WorkersView {
     });
     store.listen('workers', this.draw);
     setInterval(this.draw, AGE_MS);
-    this.draw();
   }
 
-  draw = () => {
-    const workers = [...this.store.workers.values()].sort((a, b) => (a.name < b.name ? -1 : 1));
+  private readonly draw = () => {
+    const workers = this.store.workers.sorted;
     setText(byId('worker-count'), format.exact(workers.length));
     byId('workers-empty').hidden = workers.length > 0;
     byId('workers').hidden = workers.length === 0;
@@ -34,26 +36,24 @@ export class WorkersView {
   };
 }
 
-function makeRow() {
+function makeRow(): HTMLElement {
   return el(
       'div', {class: 'worker-row'},
       el('div', {class: 'job-line'}, el('span', {class: 'job-title'}), badge('idle')),
       el('div', {class: 'job-line job-small'}, el('span', {class: 'job-facts'}), el('span')));
 }
 
-function updateRow(row, worker) {
-  const [top, bottom] = row.children;
+function updateRow(row: HTMLElement, worker: Worker) {
+  const [top, bottom] = [child(row, 0), child(row, 1)];
   const name = format.shortName(worker.name);
-  setText(
-      top.firstElementChild,
-      worker.host && worker.host !== name ? name + ' on ' + worker.host : name);
+  setText(child(top, 0), worker.host && worker.host !== name ? name + ' on ' + worker.host : name);
   row.title = worker.numeric_profile;
-  setBadge(top.lastElementChild, worker.state);
-  setText(bottom.firstElementChild, worker.reason || factsOf(worker));
-  setText(bottom.lastElementChild, 'seen ' + format.ago(worker.last_seen_time));
+  setBadge(child(top, 1), worker.state);
+  setText(child(bottom, 0), worker.reason || factsOf(worker));
+  setText(child(bottom, 1), 'seen ' + format.ago(worker.last_seen_time));
 }
 
-function factsOf(worker) {
+function factsOf(worker: Worker): string {
   const threads = worker.thread_count === 1 ? '1 thread' : worker.thread_count + ' threads';
   const leases = worker.lease_count === 1 ? '1 lease' : worker.lease_count + ' leases';
   return [

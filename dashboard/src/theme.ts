@@ -3,7 +3,7 @@
 //
 // Light, dark, or as the system says. A choice is kept in the browser.
 
-import {byId} from './dom.js';
+import {byId} from './dom';
 
 const KEY = 'sheaf-theme';
 
@@ -13,7 +13,7 @@ export function startTheme() {
       (localStorage.getItem(KEY) || (system.matches ? 'dark' : 'light')) === 'dark';
   const apply = () => {
     document.documentElement.dataset.theme = isDark() ? 'dark' : 'light';
-    byId('theme').setAttribute('aria-pressed', isDark());
+    byId('theme').setAttribute('aria-pressed', String(isDark()));
   };
   byId('theme').addEventListener('click', () => {
     localStorage.setItem(KEY, isDark() ? 'light' : 'dark');

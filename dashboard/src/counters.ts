@@ -3,48 +3,53 @@
 //
 // The farm's counters; those that count failures come first and stand out when they are not 0.
 
-import {byId, el, setText} from './dom.js';
-import * as format from './format.js';
+import type {Counter} from './api';
+import {byId, child, el, setText} from './dom';
+import * as format from './format';
+import type {Store} from './store';
 
 const FAILURE = /fail|mismatch|expired|lost|nonfinite|quarantin|poison|invalid|revoked|damag/;
 
 export class CountersView {
-  constructor(store) {
-    this.store = store;
-    this.cells = new Map();
+  private cells = new Map<string, HTMLElement>();
+
+  constructor(private readonly store: Store) {
     store.listen('counters', this.draw);
   }
 
-  draw = () => {
+  private readonly draw = () => {
     const list = byId('counters');
     const counters = [...this.store.counters];
-    counters.sort((a, b) => FAILURE.test(b.name) - FAILURE.test(a.name));
+    counters.sort((a, b) => Number(FAILURE.test(b.name)) - Number(FAILURE.test(a.name)));
     byId('counters-empty').hidden = counters.length > 0;
     const keys = counters.map(keyOf);
     if (keys.join() !== [...this.cells.keys()].join()) {
       this.cells = new Map(counters.map((counter) => [keyOf(counter), makeCell(counter)]));
       list.replaceChildren(...this.cells.values());
     }
-    for (const counter of counters) updateCell(this.cells.get(keyOf(counter)), counter);
+    for (const counter of counters) {
+      const cell = this.cells.get(keyOf(counter));
+      if (cell) updateCell(cell, counter);
+    }
   };
 }
 
-const keyOf = (counter) => counter.name + '=' + counter.label_value;
+const keyOf = (counter: Counter) => counter.name + '=' + counter.label_value;
 
 // "sheaf_results_accepted_total" -> "results accepted".
-function labelOf(counter) {
+function labelOf(counter: Counter): string {
   const words = counter.name.replace(/^sheaf_/, '').replace(/_total$/, '').replaceAll('_', ' ');
   return counter.label_value ? words + ', ' + counter.label_value : words;
 }
 
-function makeCell(counter) {
+function makeCell(counter: Counter): HTMLElement {
   return el(
       'div', {class: 'counter', title: counter.help}, el('dt', {}, labelOf(counter)), el('dd', {}));
 }
 
-function updateCell(cell, counter) {
+function updateCell(cell: HTMLElement, counter: Counter) {
   const whole = Number.isInteger(counter.value) && counter.value < 1e7;
-  setText(cell.lastElementChild, whole ? format.exact(counter.value) : format.count(counter.value));
+  setText(child(cell, 1), whole ? format.exact(counter.value) : format.count(counter.value));
   const alarming = FAILURE.test(counter.name) && counter.value > 0;
   cell.dataset.alarm = alarming ? 'yes' : 'no';
 }

@@ -4,32 +4,34 @@
 // Starts the page: the store, the views over it, and the address bar, which names what is selected
 // so that a link leads back to it.
 
-import {CountersView} from './counters.js';
-import {byId, setText} from './dom.js';
-import {ErrorChart} from './error_chart.js';
-import * as format from './format.js';
-import {FramesView} from './frames.js';
-import {JobDetailsView} from './job_details.js';
-import {JobsView} from './jobs.js';
-import {Live} from './live.js';
-import {PictureView} from './picture.js';
-import {Store} from './store.js';
-import {startTheme} from './theme.js';
-import {WorkersView} from './workers.js';
+import './viewer.css';
+import './style.css';
+
+import {CountersView} from './counters';
+import {byId, setText} from './dom';
+import * as format from './format';
+import {FramesView} from './frames';
+import {JobDetailsView} from './job_details';
+import {JobsView} from './jobs';
+import {Live} from './live';
+import {PictureView} from './picture_view';
+import {Store} from './store';
+import {startTheme} from './theme';
+import {WorkersView} from './workers';
 
 const store = new Store();
-let live = null;
+let live: Live|null = null;
 // Whether a person chose the job; until then the page follows the newest that runs.
 let chosen = false;
 
-function selectJob(name) {
+function selectJob(name: string) {
   store.selectJob(name);
-  if (live) live.loadFrames().catch(() => {});
+  live?.showFrames();
 }
 
 function readAddress() {
   const match = /^#(jobs\/[^/]+)(\/frames\/-?\d+)?$/.exec(decodeURI(location.hash));
-  if (!match) return;
+  if (!match?.[1]) return;
   chosen = true;
   selectJob(match[1]);
   store.selectFrame(match[2] ? match[1] + match[2] : null);
@@ -37,8 +39,8 @@ function readAddress() {
 
 function followNewest() {
   if (chosen) return;
-  const jobs = [...store.jobs.values()].sort(format.newestFirst);
-  const job = jobs.find((candidate) => candidate.state === 'running') || store.job || jobs[0];
+  const jobs = store.jobs.sorted;
+  const job = jobs.find((candidate) => candidate.state === 'running') ?? store.job ?? jobs[0];
   if (job && job.name !== store.jobName) selectJob(job.name);
 }
 
@@ -47,21 +49,32 @@ function drawHead() {
       {live: 'Live', connecting: 'Connecting', polling: 'Polling', reconnecting: 'Reconnecting'};
   byId('connection').dataset.state = store.connection;
   setText(byId('connection-text'), words[store.connection]);
-  const workers = [...store.workers.values()];
+  const workers = store.workers.sorted;
   const busy = workers.filter((worker) => worker.state === 'busy');
   const rate = busy.reduce((sum, worker) => sum + worker.samples_per_second, 0);
-  const running = [...store.jobs.values()].filter((job) => job.state === 'running').length;
+  const running = store.jobs.sorted.filter((job) => job.state === 'running').length;
   setText(byId('total-running'), format.exact(running));
   setText(byId('total-workers'), busy.length + ' / ' + workers.length);
   setText(byId('total-rate'), format.count(rate));
-  const share = store.job && store.job.state === 'running' ?
+  const share = store.job?.state === 'running' ?
       format.percent(format.doneShare(store.job.progress)) + ' · ' :
       '';
   document.title = share + (store.job ? store.job.title + ' · ' : '') + 'Sheaf';
 }
 
+function drawProblems() {
+  const lines: string[] = [];
+  for (const [attempt, why] of store.problems) lines.push('Failed: ' + attempt + ' (' + why + ')');
+  setText(byId('problems-text'), lines.join('\n'));
+  byId('problems').hidden = lines.length === 0;
+}
+
 startTheme();
-for (const topic of ['jobs', 'workers', 'connection', 'selection']) store.listen(topic, drawHead);
+for (const topic of ['jobs', 'workers', 'connection', 'selection'] as const) {
+  store.listen(topic, drawHead);
+}
+store.listen('problems', drawProblems);
+byId('problems-dismiss').addEventListener('click', () => store.forgetProblems());
 store.listen('jobs', followNewest);
 new JobsView(store, (name) => {
   location.hash = name;
@@ -69,12 +82,22 @@ new JobsView(store, (name) => {
 new JobDetailsView(store);
 new FramesView(store, (name) => {
   location.hash = name;
-}, () => live.loadFrames(store.framesToken).catch(() => {}));
+}, () => live?.showMoreFrames());
 new PictureView(store);
-new ErrorChart(store);
 new WorkersView(store);
 new CountersView(store);
 addEventListener('hashchange', readAddress);
 readAddress();
 live = new Live(store);
-drawHead();
+for (const topic of ['jobs', 'workers', 'frames', 'counters'] as const) store.touch(topic);
+
+// The chart and its library come after the page: nothing waits for them.
+async function startChart() {
+  try {
+    const {ErrorChart} = await import('./error_chart');
+    new ErrorChart(store);
+  } catch (failure) {
+    store.note('loading the chart', failure);
+  }
+}
+void startChart();

@@ -1,0 +1,67 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// What can be looked at of a developed picture on a screen: the picture itself, its light with all
+// its range, and in false colour how wrong and how well sampled each pixel is. Every layer is
+// shrunk by the same whole factor where the picture is larger than any screen needs.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "common/film/film.h"
+#include "common/image/image_io.h"
+
+namespace sheaf::coordinator {
+
+// Pixels shown at most; larger pictures are averaged over squares of 2x2, 3x3 and so on.
+inline constexpr int64_t kPreviewPixelCountMax = int64_t{1} << 21;
+
+enum class PictureLayer {
+  // sRGB curve, clamped to [0, 1].
+  kPicture,
+  // Linear sRGB with a common exponent, for viewers that choose the exposure. The upper half holds
+  // the mantissas: with e the level in the lower half at the same place, which is the same in all
+  // three channels, a component is level * 2^(e - 136), and 0 where e is 0.
+  // Source: Ward 1991, "Real Pixels", Graphics Gems II (the RGBE format), without its half level.
+  kLight,
+  // Relative standard error, on a logarithmic scale: the root of the mean over R, G, B and the
+  // shown
+  // pixel's square of stderr^2 / (value^2 + (0.1 m)^2), m the picture's mean. The mean square of
+  // this layer is the relative mean squared error that a frame tells
+  // (common/film/error_estimate.h).
+  kError,
+  // Samples of a pixel, on a linear scale.
+  kSamples,
+};
+
+// By the names "picture", "light", "error" and "samples"; "" means the picture.
+std::optional<PictureLayer> PictureLayerFromName(const std::string& name);
+
+// The channels of FramePicture that a layer is made from.
+std::vector<std::string> ChannelsOf(PictureLayer layer);
+
+// What the ends of the false colours stand for, both 0 where nothing can be told yet.
+struct LayerRange {
+  double low = 0, high = 0;
+  friend bool operator==(const LayerRange&, const LayerRange&) = default;
+};
+
+// Shape: row-major [height_px][width_px].
+struct DisplayPicture {
+  int32_t width_px = 0;
+  int32_t height_px = 0;
+  std::vector<Rgb8> pixels;
+  std::optional<LayerRange> range;  // Of layers in false colour.
+};
+
+// False colours show what cannot be told, for example for want of samples, in this grey.
+inline constexpr Rgb8 kUnknownColor{96, 96, 96};
+
+// Errors: kInternal where the picture lacks a channel of ChannelsOf(layer).
+absl::StatusOr<DisplayPicture> MakeDisplayPicture(const FramePicture& picture, PictureLayer layer);
+
+}  // namespace sheaf::coordinator

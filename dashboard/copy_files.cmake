@@ -1,0 +1,11 @@
+# SPDX-License-Identifier: Apache-2.0
+# Run by the build: copies FILES from one folder to another and keeps their paths. The folder ONLY,
+# where given, is emptied first, so that nothing is built from a file that is gone.
+#   cmake -DFROM=... -DTO=... -DFILES=a;b [-DONLY=src] -P copy_files.cmake
+if(ONLY)
+  file(REMOVE_RECURSE ${TO}/${ONLY})
+endif()
+foreach(name IN LISTS FILES)
+  get_filename_component(folder ${name} DIRECTORY)
+  file(COPY ${FROM}/${name} DESTINATION ${TO}/${folder})
+endforeach()

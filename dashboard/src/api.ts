@@ -1,0 +1,152 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// The coordinator's HTTP API. Names go into paths segment by segment, escaped.
+
+export interface Progress {
+  sample_count_done: number;
+  sample_count_total: number;
+  // Null until it can be told.
+  relative_mse: number|null;
+  nonfinite_count: number;
+  ray_count: number;
+  cpu_duration_seconds: number;
+  wall_duration_seconds: number;
+  remaining_duration_seconds: number|null;
+}
+
+export interface Job {
+  name: string;
+  title: string;
+  state: string;
+  failure: string;
+  waiting_reason: string;
+  create_time: string;
+  end_time: string|null;
+  frame_count: number;
+  frame_complete_count: number;
+  progress: Progress;
+}
+
+export interface Round {
+  relative_mse: number;
+  sample_count: number;
+  cpu_duration_seconds: number;
+  wall_duration_seconds: number;
+}
+
+export interface Frame {
+  name: string;
+  frame_number: number;
+  window: {x0_px: number; y0_px: number; x1_px: number; y1_px: number};
+  sample_count: number;
+  complete: boolean;
+  preview_version: number;
+  // When the frame is to end; coordinators that know no such rule leave it out. The target is a
+  // relative mean squared error, null for none.
+  stop?: {target_error: number|null};
+  // How the frame stood at the end of each round, where it is rendered in rounds.
+  rounds?: Round[];
+  progress: Progress;
+}
+
+export interface Worker {
+  name: string;
+  host: string;
+  state: string;
+  thread_count: number;
+  numeric_profile: string;
+  lease_count: number;
+  result_count: number;
+  samples_per_second: number;
+  last_seen_time: string|null;
+  reason: string;
+}
+
+export interface Counter {
+  name: string;
+  help: string;
+  label_value: string;
+  value: number;
+}
+
+export interface JobPage {
+  jobs: Job[];
+  next_page_token: string;
+}
+
+export interface JobWithFrames extends Job {
+  frames: Frame[];
+  next_page_token: string;
+}
+
+// Layers of a picture, as the coordinator names them: "light" is the picture before any exposure.
+export type Layer = 'picture'|'light'|'error'|'samples';
+
+// What the ends of false colours stand for; both are 0 where nothing can be told yet.
+export interface LayerRange {
+  low: number;
+  high: number;
+}
+
+export interface Preview {
+  bitmap: ImageBitmap;
+  range: LayerRange|null;
+}
+
+// What the coordinator refused, with its words.
+export class ApiError extends Error {
+  constructor(message: string, readonly status: number) {
+    super(message);
+  }
+}
+
+const BASE = '/api/v1/';
+
+const pathOf = (name: string) => BASE + name.split('/').map(encodeURIComponent).join('/');
+
+async function errorOf(response: Response): Promise<ApiError> {
+  let message = response.statusText || 'HTTP status ' + response.status;
+  try {
+    message = (await response.json()).error.message;
+  } catch {
+    // No answer of ours: the status is all that can be told.
+  }
+  return new ApiError(message, response.status);
+}
+
+async function request<Answer>(path: string, options: RequestInit = {}): Promise<Answer> {
+  const response = await fetch(path, {cache: 'no-store', ...options});
+  if (!response.ok) throw await errorOf(response);
+  return await response.json() as Answer;
+}
+
+const query = (pageSize: number, token: string) =>
+    '?page_size=' + pageSize + (token ? '&page_token=' + encodeURIComponent(token) : '');
+
+export const listJobs = (pageSize: number, token: string) =>
+    request<JobPage>(BASE + 'jobs' + query(pageSize, token));
+export const getJob = (name: string, pageSize: number, token: string) =>
+    request<JobWithFrames>(pathOf(name) + query(pageSize, token));
+export const listWorkers = () => request<{workers: Worker[]}>(BASE + 'workers');
+export const listCounters = () => request<{counters: Counter[]}>(BASE + 'counters');
+// The header tells the coordinator that a page of its own asks, not one of another site.
+export const cancelJob = (name: string) =>
+    request<Job>(pathOf(name) + ':cancel', {method: 'POST', headers: {'X-Sheaf-Request': '1'}});
+
+export const eventsPath = BASE + 'events';
+export const falseColorPath = BASE + 'false-color.png';
+export const previewPath = (frame: Frame, layer: Layer) =>
+    pathOf(frame.name) + '/preview.png?layer=' + layer + '&version=' + frame.preview_version;
+export const outputPath = (frame: Frame) => pathOf(frame.name) + '/output.exr';
+
+// A picture so far; null where there is none yet. Its levels are as sent, whatever the screen is.
+export async function getPreview(path: string): Promise<Preview|null> {
+  const response = await fetch(path);
+  if (!response.ok) throw await errorOf(response);
+  if (response.status === 204) return null;
+  const bitmap = await createImageBitmap(
+      await response.blob(), {colorSpaceConversion: 'none', premultiplyAlpha: 'none'});
+  const [low, high] = (response.headers.get('X-Sheaf-Range') ?? '').split(' ').map(Number);
+  return {bitmap, range: low === undefined || high === undefined ? null : {low, high}};
+}

@@ -1,0 +1,262 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Error against samples or time of the shown job, both axes logarithmic: a straight line that falls
+// by one half for four times the samples is what path tracing promises. The dotted line goes where
+// the last points lead; the dashed one is the error at which the frame is to end, where it has one.
+
+import 'uplot/dist/uPlot.min.css';
+
+import uPlot from 'uplot';
+
+import type {CurvePoint, PowerLaw} from './curve';
+import {fitPowerLaw} from './curve';
+import {byId, setText} from './dom';
+import * as format from './format';
+import type {Store} from './store';
+
+interface Size {
+  width: number;
+  height: number;
+}
+
+type Abscissa = 'samples'|'seconds'|'cpu';
+
+// The line is laid through the points of the last factor of this in x: two halvings of the error.
+const FIT_SPAN = 16;
+const FIT_POINTS_MIN = 3;
+// Points closer together than this factor in x tell nothing of where the error goes.
+const FIT_SPAN_MIN = 1.25;
+// A line steeper than this is noise: path tracing falls with an exponent of -0.5.
+const EXPONENT_MIN = -2;
+// How far on the line is drawn, as a factor of x: without a target, and with one at most.
+const REACH = 4;
+const REACH_MAX = 1000;
+
+interface Axis {
+  of: (point: CurvePoint) => number;
+  tick: (value: number) => string;
+  // "with 3 M samples".
+  words: (value: number) => string;
+}
+
+const ABSCISSAS: Record<Abscissa, Axis> = {
+  samples: {
+    of: (point) => point.sampleCount,
+    tick: format.roundCount,
+    words: (value) => 'with ' + format.count(value) + ' samples',
+  },
+  seconds: {
+    of: (point) => point.wallSeconds,
+    tick: format.roundDuration,
+    words: (value) => 'after ' + format.duration(value),
+  },
+  cpu: {
+    of: (point) => point.cpuSeconds,
+    tick: format.roundDuration,
+    words: (value) => 'for ' + format.duration(value) + ' of processor time',
+  },
+};
+
+// From this ratio of an axis' ends on only powers of ten are labelled.
+const DECADES_RATIO = 30;
+const AXIS_FONT_REM = 0.75;
+// Decades with ticks at most.
+const DECADES_MAX = 24;
+// Room beyond the highest and lowest value, as a factor.
+const MARGIN = 1.15;
+
+// What is drawn: positions and errors as far as measured, and where the line leads.
+interface Curve {
+  xs: number[];
+  errors: number[];
+  // Where the line ends; null where it cannot be told.
+  end: {x: number; error: number}|null;
+  // 0 for none.
+  target: number;
+}
+
+export class ErrorChart {
+  private readonly host = byId('chart');
+  private plot: uPlot|null = null;
+  private abscissa: Abscissa = 'samples';
+  // Of the style sheet.
+  private readonly style = getComputedStyle(document.documentElement);
+  private readonly colours = new Map<string, string>();
+  // Of the box; null until it was shown.
+  private size: Size|null = null;
+  // What is drawn, as a text.
+  private drawn = '';
+
+  constructor(private readonly store: Store) {
+    for (const topic of ['jobs', 'frames', 'selection'] as const) store.listen(topic, this.draw);
+    for (const input of document.querySelectorAll<HTMLInputElement>('input[name="abscissa"]')) {
+      input.addEventListener('change', () => {
+        this.abscissa = input.value as Abscissa;
+        this.draw();
+      });
+    }
+    new ResizeObserver((entries) => this.onSize(entries)).observe(this.host);
+    this.draw();
+    new MutationObserver(() => {
+      this.colours.clear();
+      this.plot?.redraw();
+    }).observe(document.documentElement, {attributeFilter: ['data-theme']});
+  }
+
+  private readonly draw = () => {
+    const {points} = this.store.curve;
+    const key = [
+      this.store.jobName, points.length, points.at(-1)?.sampleCount, this.abscissa,
+      this.store.targetError
+    ].join();
+    if (key === this.drawn) return;
+    this.drawn = key;
+    const curve = makeCurve(points, this.abscissa, this.store.targetError);
+    byId('chart-section').hidden = curve.xs.length < 2;
+    if (curve.xs.length < 2) return;
+    const data = dataOf(curve);
+    if (this.plot)
+      this.plot.setData(data);
+    else if (this.size)
+      this.plot = new uPlot(this.options(this.size), data, this.host);
+    else
+      this.drawn = '';
+    setText(byId('chart-words'), wordsOf(curve, this.abscissa));
+  };
+
+  // Looked up once for each theme: the browser may have to work out all styles for an answer.
+  private colourOf(name: string): string {
+    const found = this.colours.get(name) ?? this.style.getPropertyValue(name);
+    this.colours.set(name, found);
+    return found;
+  }
+
+  // The browser tells the size; asking would make it lay the page out.
+  private onSize(entries: ResizeObserverEntry[]) {
+    const box = entries.at(-1)?.contentRect;
+    if (!box || box.width < 1 || box.height < 1) return;
+    this.size = {width: box.width, height: box.height};
+    if (this.plot)
+      this.plot.setSize(this.size);
+    else
+      this.draw();
+  }
+
+  private options(size: Size): uPlot.Options {
+    const colour = (name: string) => () => this.colourOf(name);
+    const rem = parseFloat(this.style.fontSize);
+    const axis = (words: (value: number) => string): uPlot.Axis => ({
+      stroke: colour('--quiet'),
+      grid: {stroke: colour('--panel-edge'), width: 1},
+      ticks: {stroke: colour('--panel-edge'), width: 1, size: 4},
+      font: (AXIS_FONT_REM * rem) + 'px system-ui, sans-serif',
+      splits: (_, __, low, high) => ticksOf(low, high),
+      filter: (_, splits) => labelled(splits),
+      // Ticks without a label come as null.
+      values: (_, splits) => splits.map((value: number|null) => value === null ? '' : words(value)),
+    });
+    return {
+      ...size,
+      legend: {show: false},
+      cursor: {drag: {x: false, y: false}},
+      padding: [0.5 * rem, 1.7 * rem, 0, 0],
+      scales: {x: {time: false, distr: 3, range}, y: {distr: 3, range}},
+      axes: [
+        {...axis((value) => ABSCISSAS[this.abscissa].tick(value)), size: 2 * rem},
+        {...axis(format.share), size: 3.7 * rem},
+      ],
+      series: [
+        {},
+        {stroke: colour('--accent'), width: 2, points: {show: false}},
+        {stroke: colour('--accent'), width: 2, dash: [2, 5], points: {show: false}, spanGaps: true},
+        {stroke: colour('--good'), width: 1.5, dash: [8, 5], points: {show: false}},
+      ],
+    };
+  }
+}
+
+function makeCurve(points: readonly CurvePoint[], abscissa: Abscissa, target: number): Curve {
+  const {of} = ABSCISSAS[abscissa];
+  const xs: number[] = [];
+  const errors: number[] = [];
+  for (const point of points) {
+    // Strictly ascending, as the chart needs it: time may stand still between two points.
+    if (!(of(point) > (xs.at(-1) ?? 0))) continue;
+    xs.push(of(point));
+    errors.push(Math.sqrt(point.relativeMse));
+  }
+  return {xs, errors, end: endOf(xs, errors, target), target};
+}
+
+function endOf(xs: number[], errors: number[], target: number): {x: number; error: number}|null {
+  const last = xs.at(-1);
+  if (last === undefined) return null;
+  const recent =
+      xs.map((x, i): [number, number] => [x, errors[i] ?? 0]).filter(([x]) => x * FIT_SPAN >= last);
+  const law = recent.length < FIT_POINTS_MIN ? null : fitPowerLaw(recent);
+  const first = recent[0]?.[0] ?? last;
+  // An error that does not fall leads nowhere.
+  if (!law || last < FIT_SPAN_MIN * first || law.exponent >= 0 || law.exponent < EXPONENT_MIN) {
+    return null;
+  }
+  const x = last * reachOf(law, last, target);
+  return {x, error: law.y0 * (x / law.x0) ** law.exponent};
+}
+
+// How far the line is drawn: to the target where it can be reached.
+function reachOf(law: PowerLaw, last: number, target: number): number {
+  const toTarget = target > 0 ? (target / law.y0) ** (1 / law.exponent) * law.x0 / last : 0;
+  return toTarget > 1 ? Math.min(REACH_MAX, toTarget) : REACH;
+}
+
+// Columns of the chart: x, measured, extrapolated, target.
+function dataOf({xs, errors, end, target}: Curve): uPlot.AlignedData {
+  const allX = end ? [...xs, end.x] : xs;
+  const lastIndex = xs.length - 1;
+  const extrapolated = allX.map((_, i) => {
+    if (!end || i < lastIndex) return null;
+    return i === lastIndex ? errors[i] ?? null : end.error;
+  });
+  const measured = allX.map((_, i) => errors[i] ?? null);
+  return [allX, measured, extrapolated, allX.map(() => target > 0 ? target : null)];
+}
+
+// A little more than what is drawn; null where nothing is.
+function range(_: uPlot, low: number|null, high: number|null): [number, number] {
+  if (low === null || high === null) return [1, 10];
+  return [low / MARGIN, high * MARGIN];
+}
+
+// 1 to 9 times each power of ten from `low` to `high`. The library's own ticks need an axis that
+// begins at a power of ten, and never end on some others.
+function ticksOf(low: number, high: number): number[] {
+  const ticks: number[] = [];
+  const last = Math.min(Math.floor(Math.log10(high)), Math.floor(Math.log10(low)) + DECADES_MAX);
+  for (let power = Math.floor(Math.log10(low)); power <= last; ++power) {
+    for (let digit = 1; digit < 10; ++digit) {
+      const tick = Number(digit + 'e' + power);
+      if (tick >= low && tick <= high) ticks.push(tick);
+    }
+  }
+  return ticks;
+}
+
+// The ticks of an axis that have room for a label; null stands for the others.
+function labelled(ticks: number[]): (number|null)[] {
+  const [low, high] = [ticks[0] ?? 1, ticks.at(-1) ?? 1];
+  const digits = high / low >= DECADES_RATIO ? [1] : [1, 2, 5];
+  return ticks.map((tick) => {
+    const leading = Math.round(tick / 10 ** Math.floor(Math.log10(tick) + 1e-9));
+    return digits.includes(leading) ? tick : null;
+  });
+}
+
+// The chart in a sentence, for those who do not see it too.
+function wordsOf({xs, errors, end, target}: Curve, abscissa: Abscissa): string {
+  const {words} = ABSCISSAS[abscissa];
+  const now = 'Now ±' + format.share(errors.at(-1) ?? 0) + ' ' + words(xs.at(-1) ?? 0);
+  const aim = target > 0 ? '; target ±' + format.share(target) : '';
+  const lead = end ? '; leads to ±' + format.share(end.error) + ' ' + words(end.x) : '';
+  return now + aim + lead + '.';
+}

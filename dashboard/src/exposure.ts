@@ -1,0 +1,56 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Asks the worker for exposed pictures, one at a time: while it works only the newest wish waits.
+
+import type {ExposureReply, ExposureRequest} from './exposure_worker';
+
+export const STOPS_MAX = 10;
+export const STOPS_STEP = 0.5;
+
+export class Exposure {
+  private worker: Worker|null = null;
+  private busy = false;
+  private waiting: ExposureRequest|null = null;
+
+  constructor(
+      private readonly onPicture: (key: string, picture: ImageBitmap) => void,
+      private readonly onFailure: (failure: string) => void) {}
+
+  // `key` comes back with the picture. `light` is given away; null means the one given before.
+  ask(key: string, light: ImageBitmap|null, stops: number) {
+    if (this.waiting?.light && light) this.waiting.light.close();
+    this.waiting = {key, light: light ?? this.waiting?.light ?? null, stops};
+    this.send();
+  }
+
+  private send() {
+    if (this.busy || !this.waiting) return;
+    this.worker ??= this.start();
+    this.worker.postMessage(this.waiting, this.waiting.light ? [this.waiting.light] : []);
+    this.waiting = null;
+    this.busy = true;
+  }
+
+  private start(): Worker {
+    const worker = new Worker(new URL('./exposure_worker.ts', import.meta.url), {type: 'module'});
+    worker.onmessage = (event: MessageEvent<ExposureReply>) => {
+      const {key, picture, failure} = event.data;
+      this.busy = false;
+      if (picture)
+        this.onPicture(key, picture);
+      else
+        this.onFailure(failure);
+      this.send();
+    };
+    worker.onerror = (event) => {
+      // Nothing comes back any more: another worker may fare better with the next picture.
+      this.onFailure(event.message || 'the script that exposes pictures could not be loaded');
+      worker.terminate();
+      this.worker = null;
+      this.busy = false;
+      this.waiting = null;
+    };
+    return worker;
+  }
+}

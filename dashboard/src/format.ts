@@ -1,0 +1,122 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Numbers, times and names as people read them.
+
+import type {Job, Progress} from './api';
+
+const SUFFIXES = ['', 'k', 'M', 'G', 'T', 'P'];
+
+// 1234567 -> "1.23 M".
+export function count(value: number): string {
+  let scaled = value;
+  let index = 0;
+  while (Math.abs(scaled) >= 999.5 && index < SUFFIXES.length - 1) {
+    scaled /= 1000;
+    index += 1;
+  }
+  const digits = index === 0 ? 0 : scaled < 9.995 ? 2 : scaled < 99.95 ? 1 : 0;
+  return scaled.toFixed(digits) + (index ? ' ' + SUFFIXES[index] : '');
+}
+
+// Exact, with thin spaces between thousands.
+export function exact(value: number): string {
+  return Math.round(value).toString().replace(/\B(?=(\d{3})+$)/g, '\u2009');
+}
+
+export function percent(share: number): string {
+  return (share >= 1 ? 100 : Math.floor(share * 1000) / 10).toFixed(share >= 1 ? 0 : 1) + ' %';
+}
+
+// The same without decimals that say nothing, for axes: 1e7 -> "10 M".
+export const roundCount = (value: number) => count(value).replace(/\.0+(?= )/, '');
+
+// 0.05 -> "5 %", 0.00123 -> "0.12 %": two digits that count.
+export function share(value: number): string {
+  return Number((value * 100).toPrecision(2)) + ' %';
+}
+
+// A zoom: pixels of the screen for one of the picture.
+export function zoom(scale: number): string {
+  const percent = scale * 100;
+  return (percent < 10 ? percent.toFixed(1) : Math.round(percent)) + ' %';
+}
+
+// An exposure: "+1.5", "0", "−2".
+export function stops(value: number): string {
+  return (value > 0 ? '+' : value < 0 ? '\u2212' : '') + Math.abs(value);
+}
+
+// 3725 -> "1 h 02 min"; the two leading units only.
+export function duration(seconds: number|null): string {
+  if (seconds === null) return '–';
+  if (seconds < 10) return seconds.toFixed(1) + ' s';
+  const whole = Math.round(seconds);
+  if (whole < 60) return whole + ' s';
+  const two = (n: number) => String(n).padStart(2, '0');
+  if (whole < 3600) return Math.floor(whole / 60) + ' min ' + two(whole % 60) + ' s';
+  if (whole < 86400)
+    return Math.floor(whole / 3600) + ' h ' + two(Math.floor(whole / 60) % 60) + ' min';
+  return Math.floor(whole / 86400) + ' d ' + two(Math.floor(whole / 3600) % 24) + ' h';
+}
+
+// One unit and two digits, for axes: 100 -> "1.7 min".
+export function roundDuration(seconds: number): string {
+  const units: [number, string][] = [[86400, ' d'], [3600, ' h'], [60, ' min']];
+  const [size, unit] = units.find(([size]) => seconds >= 1.5 * size) ?? [1, ' s'];
+  return Number((seconds / size).toPrecision(2)) + unit;
+}
+
+// A relative mean squared error and what it means: its root is the typical error of a pixel.
+export function error(relativeMse: number|null): string {
+  if (relativeMse === null) return '–';
+  return relativeMse.toExponential(2).replace('e-', 'e\u2212').replace('e+', 'e');
+}
+
+export function typicalError(relativeMse: number|null): string {
+  if (relativeMse === null) return '–';
+  const share = Math.sqrt(relativeMse) * 100;
+  return '±' +
+      (share < 1      ? share.toFixed(2) :
+           share < 10 ? share.toFixed(1) :
+                        share.toFixed(0)) +
+      ' %';
+}
+
+let clockOfToday: Intl.DateTimeFormat|undefined;
+let calendar: Intl.DateTimeFormat|undefined;
+
+// "12:34:56" today, else with the date.
+export function clock(iso: string|null): string {
+  if (!iso) return '–';
+  const time = new Date(iso);
+  const today = time.toDateString() === new Date().toDateString();
+  // Made at first use and kept: making one takes far longer than using it.
+  clockOfToday ??= new Intl.DateTimeFormat(undefined, {timeStyle: 'medium'});
+  calendar ??= new Intl.DateTimeFormat(undefined, {dateStyle: 'short', timeStyle: 'medium'});
+  return (today ? clockOfToday : calendar).format(time);
+}
+
+// Seconds since a time, in words.
+export function ago(iso: string|null): string {
+  if (!iso) return 'never';
+  const seconds = Math.max(0, (Date.now() - new Date(iso).getTime()) / 1000);
+  return seconds < 2 ? 'now' : duration(seconds) + ' ago';
+}
+
+// "jobs/7" -> "7".
+export const shortName = (name: string) => name.slice(name.lastIndexOf('/') + 1);
+
+// Whether nothing more will happen to a job.
+export const hasEnded = (job: Job) => ['succeeded', 'failed', 'cancelled'].includes(job.state);
+
+// Orders jobs for Array.sort. ISO times in UTC compare as text.
+export const newestFirst = (a: Job, b: Job) =>
+    Number(a.create_time < b.create_time) - Number(a.create_time > b.create_time);
+
+// Share of the samples that are merged, 0 to 1.
+export function doneShare(progress: Progress): number {
+  return progress.sample_count_total > 0 ?
+      progress.sample_count_done / progress.sample_count_total :
+      0;
+}

@@ -1,0 +1,146 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Draws a picture into the box at the wanted zoom, and zooms and pans by wheel and by dragging. The
+// canvas has the pixels of the screen, so a zoom of 1 shows every pixel of the picture as one.
+
+import type {Point} from './view_transform';
+import {ViewTransform} from './view_transform';
+
+// From this scale on pixels are squares; below it, and while fitted, they are blended.
+const SQUARES_SCALE_MIN = 2;
+// Wheel travel, in the unit of WheelEvent.deltaY, that doubles the scale.
+const WHEEL_DOUBLING_PX = 300;
+// Of a line where a wheel counts in lines.
+const WHEEL_LINE_PX = 20;
+
+export class PictureViewport {
+  private readonly view = new ViewTransform();
+  private bitmap: ImageBitmap|null = null;
+  private scheduled = false;
+  private dragged: Point|null = null;
+
+  // `onView` is told of every change of the zoom.
+  constructor(
+      private readonly box: HTMLElement, private readonly canvas: HTMLCanvasElement,
+      private readonly onView: () => void) {
+    new ResizeObserver(() => this.resize()).observe(box);
+    box.addEventListener('wheel', (event) => this.onWheel(event), {passive: false});
+    box.addEventListener('pointerdown', (event) => this.onPointerDown(event));
+    box.addEventListener('pointermove', (event) => this.onPointerMove(event));
+    for (const end of ['pointerup', 'pointercancel'] as const) {
+      box.addEventListener(end, () => this.onPointerEnd());
+    }
+  }
+
+  // Shows a picture from now on, or none.
+  setPicture(bitmap: ImageBitmap|null) {
+    this.bitmap?.close();
+    this.bitmap = bitmap;
+    if (bitmap) this.view.setPicture(bitmap);
+    this.canvas.hidden = bitmap === null;
+    this.redraw();
+  }
+
+  // Screen pixels for one of the picture.
+  get scale(): number {
+    return this.view.scale;
+  }
+
+  get isFitted(): boolean {
+    return this.view.isFitted;
+  }
+
+  fit() {
+    this.view.fit();
+    this.redraw();
+  }
+
+  zoomTo(scale: number) {
+    this.view.zoomTo(scale);
+    this.redraw();
+  }
+
+  // By shares of the box.
+  panByShare(x: number, y: number) {
+    this.view.panBy(x * this.canvas.width, y * this.canvas.height);
+    this.redraw();
+  }
+
+  private resize() {
+    const width = Math.round(this.box.clientWidth * devicePixelRatio);
+    const height = Math.round(this.box.clientHeight * devicePixelRatio);
+    if (width === this.canvas.width && height === this.canvas.height) return;
+    this.canvas.width = width;
+    this.canvas.height = height;
+    this.view.setBox({width, height});
+    // Setting a size has emptied the canvas: draw before the screen shows it.
+    this.draw();
+  }
+
+  // At most once for each picture of the screen.
+  private redraw() {
+    if (this.scheduled) return;
+    this.scheduled = true;
+    requestAnimationFrame(() => {
+      this.scheduled = false;
+      this.draw();
+    });
+  }
+
+  private draw() {
+    const context = this.canvas.getContext('2d');
+    if (!context) throw new Error('this browser draws no 2D canvas');
+    const {scale, origin, isFitted} = this.view;
+    context.setTransform(1, 0, 0, 1, 0, 0);
+    context.clearRect(0, 0, this.canvas.width, this.canvas.height);
+    if (this.bitmap) {
+      context.imageSmoothingEnabled = isFitted || scale < SQUARES_SCALE_MIN;
+      context.imageSmoothingQuality = 'high';
+      context.setTransform(scale, 0, 0, scale, origin.x, origin.y);
+      context.drawImage(this.bitmap, 0, 0);
+    }
+    // A fitted picture leaves touches to the page, so that one can scroll past it.
+    this.box.dataset.fitted = isFitted ? 'yes' : 'no';
+    this.onView();
+  }
+
+  private pointOf(event: MouseEvent): Point {
+    const frame = this.box.getBoundingClientRect();
+    return {
+      x: (event.clientX - frame.left) * devicePixelRatio,
+      y: (event.clientY - frame.top) * devicePixelRatio,
+    };
+  }
+
+  private onWheel(event: WheelEvent) {
+    if (!this.bitmap || event.deltaY === 0) return;
+    const travel = event.deltaMode === WheelEvent.DOM_DELTA_PIXEL ? event.deltaY :
+                                                                    event.deltaY * WHEEL_LINE_PX;
+    const scale = this.view.scale * 2 ** (-travel / WHEEL_DOUBLING_PX);
+    // At the end of the zoom the wheel scrolls the page again.
+    if (!this.view.zoomTo(scale, this.pointOf(event))) return;
+    event.preventDefault();
+    this.redraw();
+  }
+
+  private onPointerDown(event: PointerEvent) {
+    if (event.button !== 0 || this.view.isFitted) return;
+    this.dragged = this.pointOf(event);
+    this.box.setPointerCapture(event.pointerId);
+    this.box.dataset.dragged = 'yes';
+  }
+
+  private onPointerMove(event: PointerEvent) {
+    if (!this.dragged) return;
+    const at = this.pointOf(event);
+    this.view.panBy(at.x - this.dragged.x, at.y - this.dragged.y);
+    this.dragged = at;
+    this.redraw();
+  }
+
+  private onPointerEnd() {
+    this.dragged = null;
+    delete this.box.dataset.dragged;
+  }
+}

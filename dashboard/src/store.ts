@@ -1,0 +1,160 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// What the page knows: the latest object under each name, what is selected, and what went wrong.
+// Views listen to a topic and are told at most once per drawn picture, however many events came,
+// and a few at a time, so that no task grows long.
+
+import type {Counter, Frame, Job, Worker} from './api';
+import {WatchedCurve, curveOfRounds} from './curve';
+import type {CurveSource} from './curve';
+import {newestFirst} from './format';
+import {SortedMap} from './sorted_map';
+
+export type Topic = 'jobs'|'workers'|'frames'|'counters'|'selection'|'connection'|'problems';
+export type Connection = 'live'|'connecting'|'polling'|'reconnecting';
+
+// Of drawing in one task; what is left is drawn with the next picture.
+const TELL_MS_MAX = 8;
+
+// Rounds of a frame that make a curve.
+const ROUNDS_MIN = 2;
+
+export class Store {
+  readonly jobs = new SortedMap<Job>(newestFirst);
+  readonly workers = new SortedMap<Worker>((a, b) => a.name < b.name ? -1 : 1);
+  // Frames of the selected job only.
+  readonly frames = new Map<string, Frame>();
+  framesToken = '';
+  counters: Counter[] = [];
+  jobName: string|null = null;
+  frameName: string|null = null;
+  connection: Connection = 'connecting';
+  // What could not be done, by what it was: "loading frames" -> "why".
+  readonly problems = new Map<string, string>();
+  // Of the selected job, as seen since it was selected.
+  private watchedCurve = new WatchedCurve();
+  private readonly listeners = new Map<Topic, (() => void)[]>();
+  private readonly changed = new Set<Topic>();
+  // Those that are to be told yet.
+  private readonly untold = new Set<() => void>();
+  private scheduled = false;
+
+  listen(topic: Topic, listener: () => void) {
+    this.listeners.set(topic, [...this.listeners.get(topic) ?? [], listener]);
+  }
+
+  touch(topic: Topic) {
+    this.changed.add(topic);
+    this.schedule();
+  }
+
+  private schedule() {
+    if (this.scheduled) return;
+    this.scheduled = true;
+    requestAnimationFrame(() => this.tell());
+  }
+
+  private tell() {
+    this.scheduled = false;
+    for (const topic of this.changed) {
+      for (const listener of this.listeners.get(topic) ?? []) this.untold.add(listener);
+    }
+    this.changed.clear();
+    const end = performance.now() + TELL_MS_MAX;
+    for (const listener of this.untold) {
+      this.untold.delete(listener);
+      listener();
+      if (performance.now() > end) break;
+    }
+    if (this.untold.size > 0) this.schedule();
+  }
+
+  // Notes how an attempt ended: what was wrong, or null where it went well.
+  note(attempt: string, failure: unknown) {
+    const words = failure instanceof Error ? failure.message : failure === null ? '' : `${failure}`;
+    if ((this.problems.get(attempt) ?? '') === words) return;
+    if (words)
+      this.problems.set(attempt, words);
+    else
+      this.problems.delete(attempt);
+    this.touch('problems');
+  }
+
+  forgetProblems() {
+    this.problems.clear();
+    this.touch('problems');
+  }
+
+  setJob(job: Job) {
+    this.jobs.set(job);
+    if (job.name === this.jobName) this.watchedCurve.add(job.progress);
+    this.touch('jobs');
+  }
+
+  setFrame(frame: Frame) {
+    if (!frame.name.startsWith(this.jobName + '/')) return;
+    this.frames.set(frame.name, frame);
+    this.touch('frames');
+  }
+
+  setWorker(worker: Worker) {
+    this.workers.set(worker);
+    this.touch('workers');
+  }
+
+  setCounters(counters: Counter[]) {
+    this.counters = counters;
+    this.touch('counters');
+  }
+
+  setConnection(connection: Connection) {
+    if (this.connection === connection) return;
+    this.connection = connection;
+    this.touch('connection');
+  }
+
+  selectJob(name: string) {
+    if (this.jobName === name) return;
+    this.jobName = name;
+    this.frameName = null;
+    this.frames.clear();
+    this.framesToken = '';
+    this.watchedCurve = new WatchedCurve();
+    if (this.job) this.watchedCurve.add(this.job.progress);
+    this.touch('selection');
+    this.touch('frames');
+  }
+
+  selectFrame(name: string|null) {
+    if (this.frameName === name) return;
+    this.frameName = name;
+    this.touch('selection');
+  }
+
+  // How the error fell: of the shown frame from its beginning where the coordinator noted that,
+  // or else of the selected job since somebody looks.
+  get curve(): CurveSource {
+    const rounds = this.frame?.rounds ?? [];
+    return rounds.length >= ROUNDS_MIN ? curveOfRounds(rounds) : this.watchedCurve;
+  }
+
+  // The error of a pixel, the root of relMSE, at which the shown frame is to end; 0 for none.
+  get targetError(): number {
+    return Math.sqrt(this.frame?.stop?.target_error ?? 0);
+  }
+
+  get job(): Job|undefined {
+    return this.jobs.get(this.jobName ?? '');
+  }
+
+  // The chosen frame, or else the one that shows most life: the first that is begun and not
+  // complete, or the last complete one.
+  get frame(): Frame|undefined {
+    const chosen = this.frames.get(this.frameName ?? '');
+    if (chosen) return chosen;
+    const frames = [...this.frames.values()];
+    return frames.find((frame) => !frame.complete && frame.preview_version > 0) ??
+        frames.filter((frame) => frame.complete).pop() ?? frames[0];
+  }
+}

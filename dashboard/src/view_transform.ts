@@ -1,0 +1,105 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Where a picture lies in a box: fitted, or at a scale of its own with the box over some part of
+// it. Numbers alone, no elements. Lengths are pixels of the screen; the scale is pixels of the
+// screen for one of the picture.
+
+export interface Size {
+  width: number;
+  height: number;
+}
+
+export interface Point {
+  x: number;
+  y: number;
+}
+
+export const SCALE_MAX = 64;
+
+export class ViewTransform {
+  private box: Size = {width: 1, height: 1};
+  private picture: Size = {width: 1, height: 1};
+  // Null while the picture is fitted into the box.
+  private chosenScale: number|null = null;
+  // The point of the picture in the middle of the box, 0 to 1 along each side.
+  private centre: Point = {x: 0.5, y: 0.5};
+
+  setBox(size: Size) {
+    this.box = {width: Math.max(1, size.width), height: Math.max(1, size.height)};
+  }
+
+  // A picture of another size is fitted anew; one of the same size is seen as the one before.
+  setPicture(size: Size) {
+    if (size.width === this.picture.width && size.height === this.picture.height) return;
+    this.picture = {width: size.width, height: size.height};
+    this.fit();
+  }
+
+  get isFitted(): boolean {
+    return this.chosenScale === null;
+  }
+
+  private get fittedScale(): number {
+    return Math.min(
+        this.box.width / this.picture.width, this.box.height / this.picture.height, SCALE_MAX);
+  }
+
+  get scale(): number {
+    return this.chosenScale ?? this.fittedScale;
+  }
+
+  // Where the picture's first pixel lies in the box, in whole pixels.
+  get origin(): Point {
+    const along = (box: number, picture: number, centre: number) => {
+      const length = picture * this.scale;
+      if (length <= box) return Math.round((box - length) / 2);
+      return Math.round(Math.min(0, Math.max(box - length, box / 2 - centre * length)));
+    };
+    return {
+      x: along(this.box.width, this.picture.width, this.centre.x),
+      y: along(this.box.height, this.picture.height, this.centre.y),
+    };
+  }
+
+  fit() {
+    this.chosenScale = null;
+    this.centre = {x: 0.5, y: 0.5};
+  }
+
+  // Zooms so that the picture stays where it is at `anchor`, by default the middle of the box.
+  // Returns whether anything changed.
+  zoomTo(scale: number, anchor?: Point): boolean {
+    const {fittedScale, scale: before} = this;
+    const at = anchor ?? {x: this.box.width / 2, y: this.box.height / 2};
+    const after = Math.min(SCALE_MAX, Math.max(Math.min(fittedScale, 1), scale));
+    if (after === before) return false;
+    const origin = this.origin;
+    this.chosenScale = after;
+    this.moveTo({
+      x: at.x - (at.x - origin.x) / before * after,
+      y: at.y - (at.y - origin.y) / before * after,
+    });
+    if (Math.abs(after / fittedScale - 1) < 1e-6) this.fit();
+    return true;
+  }
+
+  // Moves the picture, as far as it reaches.
+  panBy(dx: number, dy: number) {
+    const origin = this.origin;
+    this.moveTo({x: origin.x + dx, y: origin.y + dy});
+  }
+
+  // Puts the first pixel there, or as near as the picture's edges let it.
+  private moveTo(origin: Point) {
+    const along = (box: number, picture: number, start: number) => {
+      const length = picture * this.scale;
+      if (length <= box) return 0.5;
+      return (box / 2 - Math.min(0, Math.max(box - length, start))) / length;
+    };
+    this.centre = {
+      x: along(this.box.width, this.picture.width, origin.x),
+      y: along(this.box.height, this.picture.height, origin.y),
+    };
+  }
+}

@@ -1,0 +1,140 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// A list of any length that keeps only the visible rows in the document. Rows have one height,
+// taken from the style sheet, and are reused while scrolling. It is one stop of the Tab key;
+// arrows, Home, End and the page keys move the selection.
+
+import {el} from './dom';
+
+// Rows drawn beyond the visible ones at each end, so that a quick scroll shows no gap.
+const OVERSCAN = 6;
+
+export interface VirtualListOptions<Item> {
+  label: string;
+  // Of the style sheet, in rem.
+  rowHeightProperty: string;
+  makeRow: () => HTMLElement;
+  updateRow: (row: HTMLElement, item: Item) => void;
+  keyOf: (item: Item) => string;
+  // Where it is given, the list is one to choose from.
+  onSelect?: (item: Item) => void;
+}
+
+export class VirtualList<Item> {
+  private items: readonly Item[] = [];
+  private selectedKey: string|null = null;
+  private readonly rows: HTMLElement[] = [];
+  private readonly space = el('div', {class: 'vlist-space'});
+  // In pixels, as last measured; a row of height 0 means not yet.
+  private rowHeight = 0;
+  private height = 0;
+  private scrollTop = 0;
+  private readonly onSelect: ((item: Item) => void)|undefined;
+
+  constructor(
+      private readonly root: HTMLElement, private readonly options: VirtualListOptions<Item>) {
+    this.onSelect = options.onSelect;
+    root.classList.add('vlist');
+    root.tabIndex = 0;
+    root.setAttribute('role', this.onSelect ? 'listbox' : 'list');
+    root.setAttribute('aria-label', options.label);
+    root.replaceChildren(this.space);
+    root.addEventListener('scroll', () => {
+      this.scrollTop = root.scrollTop;
+      this.draw();
+    }, {passive: true});
+    new ResizeObserver(() => this.measure()).observe(root);
+    // A row's height follows the root font, which follows the window.
+    addEventListener('resize', () => this.measure());
+    if (this.onSelect) {
+      root.addEventListener('keydown', (event) => this.onKey(event));
+      root.addEventListener('click', (event) => this.onClick(event));
+    }
+  }
+
+  // Asked for only when something may have changed: each question makes the browser lay the page
+  // out.
+  private measure() {
+    const rem = parseFloat(getComputedStyle(document.documentElement).fontSize);
+    const rows = getComputedStyle(this.root).getPropertyValue(this.options.rowHeightProperty);
+    this.rowHeight = parseFloat(rows) * rem;
+    this.height = this.root.clientHeight;
+    this.scrollTop = this.root.scrollTop;
+    this.draw();
+  }
+
+  setItems(items: readonly Item[], selectedKey: string|null) {
+    this.items = items;
+    this.selectedKey = selectedKey;
+    this.draw();
+  }
+
+  private draw() {
+    // For style sheets that make a short list no higher than it needs.
+    this.root.style.setProperty('--row-count', String(this.items.length));
+    const height = this.rowHeight;
+    if (height === 0) return;
+    this.space.style.height = this.items.length * height + 'px';
+    const visible = Math.ceil(this.height / height) + 2 * OVERSCAN;
+    // A list that became shorter is scrolled back by the browser, but later.
+    const firstMax = Math.max(0, this.items.length - visible);
+    const first = Math.min(firstMax, Math.max(0, Math.floor(this.scrollTop / height) - OVERSCAN));
+    const last = Math.min(this.items.length, first + visible);
+    this.resizePool(last - first);
+    this.rows.forEach((row, i) => this.drawRow(row, first + i, height));
+  }
+
+  private resizePool(count: number) {
+    while (this.rows.length < count) {
+      const row = this.options.makeRow();
+      row.classList.add('vlist-row');
+      row.setAttribute('role', this.onSelect ? 'option' : 'listitem');
+      this.rows.push(row);
+      this.space.append(row);
+    }
+    while (this.rows.length > count) this.rows.pop()?.remove();
+  }
+
+  private drawRow(row: HTMLElement, index: number, height: number) {
+    const item = this.items[index];
+    if (item === undefined) return;
+    const selected = this.options.keyOf(item) === this.selectedKey;
+    row.id = this.root.id + '-' + index;
+    row.dataset.index = String(index);
+    row.style.transform = 'translateY(' + index * height + 'px)';
+    row.setAttribute('aria-setsize', String(this.items.length));
+    row.setAttribute('aria-posinset', String(index + 1));
+    if (this.onSelect) row.setAttribute('aria-selected', String(selected));
+    if (selected && this.onSelect) this.root.setAttribute('aria-activedescendant', row.id);
+    this.options.updateRow(row, item);
+  }
+
+  private onClick(event: MouseEvent) {
+    const row = (event.target as Element).closest<HTMLElement>('.vlist-row');
+    const item = row && this.items[Number(row.dataset.index)];
+    if (item) this.onSelect?.(item);
+  }
+
+  private onKey(event: KeyboardEvent) {
+    const page = Math.max(1, Math.floor(this.height / this.rowHeight) - 1);
+    const steps: Record<string, number> =
+        {ArrowDown: 1, ArrowUp: -1, PageDown: page, PageUp: -page, Home: -Infinity, End: Infinity};
+    const step = steps[event.key];
+    if (step === undefined || this.items.length === 0) return;
+    event.preventDefault();
+    const at = this.items.findIndex((item) => this.options.keyOf(item) === this.selectedKey);
+    const to = Math.max(0, Math.min(this.items.length - 1, at + step));
+    const item = this.items[to];
+    this.scrollTo(to);
+    if (item) this.onSelect?.(item);
+  }
+
+  private scrollTo(index: number) {
+    const height = this.rowHeight;
+    const top = index * height;
+    if (top < this.root.scrollTop) this.root.scrollTop = top;
+    const bottom = top + height - this.root.clientHeight;
+    if (bottom > this.root.scrollTop) this.root.scrollTop = bottom;
+  }
+}

@@ -1,0 +1,57 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// A few scripts and a style sheet under fixed names, which CMakeLists.txt beside this file
+// lists. The coordinator sends them with digests, so the names need none.
+
+import {readFileSync} from 'node:fs';
+import {defineConfig} from 'vite';
+import type {Plugin} from 'vite';
+
+const NOTICE = '/*! Copyright the Sheaf authors. SPDX-License-Identifier: Apache-2.0\n' +
+    '    Contains uPlot, see licences.txt. */\n';
+
+// Minifying drops comments: puts the notice back, and the licence of what is built in beside it.
+function notices(): Plugin {
+  return {
+    name: 'sheaf-notices',
+    // After Vite's own plugins, which make the style sheet.
+    enforce: 'post',
+    generateBundle(_, bundle) {
+      for (const file of Object.values(bundle)) {
+        if (file.type === 'chunk')
+          file.code = NOTICE + file.code;
+        else if (/\.(css|js)$/.test(file.fileName))
+          file.source = NOTICE + file.source;
+      }
+      const licence = readFileSync('node_modules/uplot/LICENSE', 'utf8');
+      this.emitFile({
+        type: 'asset',
+        fileName: 'licences.txt',
+        source: 'Sheaf: Copyright the Sheaf authors. SPDX-License-Identifier: Apache-2.0\n\n' +
+            'uPlot, https://github.com/leeoniya/uPlot:\n\n' + licence,
+      });
+    },
+  };
+}
+
+export default defineConfig({
+  base: './',
+  plugins: [notices()],
+  worker: {format: 'es', rollupOptions: {output: {entryFileNames: '[name].js'}}},
+  build: {
+    outDir: 'dist',
+    target: 'es2022',
+    // The server's policy allows no inlined pictures or scripts.
+    assetsInlineLimit: 0,
+    modulePreload: false,
+    cssCodeSplit: false,
+    rollupOptions: {
+      output: {
+        entryFileNames: 'app.js',
+        chunkFileNames: '[name].js',
+        assetFileNames: '[name][extname]',
+      },
+    },
+  },
+});

@@ -1,0 +1,169 @@
+# Copyright the Sheaf authors.
+# SPDX-License-Identifier: Apache-2.0
+"""The picture viewer, used by keys, wheel and mouse as a person would. For page_test.py.
+
+The made-up job must have ended: its picture then stands still, so every change is the viewer's.
+"""
+import math
+import time
+
+from farm import wait_until
+
+CHANGE_SECONDS_MAX = 10
+# Twice as long as the page waits between two versions of a picture.
+STILL_SECONDS = 0.8
+ARROW_DOWN, ARROW_RIGHT = "\ue015", "\ue014"
+TEXT = "return document.getElementById(arguments[0]).textContent"
+FOCUS = "document.getElementById(arguments[0]).focus()"
+HIDDEN = "return document.getElementById(arguments[0]).hidden"
+PRESSED = "return document.getElementById(arguments[0]).getAttribute('aria-pressed') === 'true'"
+# The pixels of the canvas, shrunk to 16 x 16, as a text; and the one in its middle.
+PIXELS = """
+  const image = document.getElementById("picture");
+  if (image.hidden || !image.width) return "";
+  const canvas = document.createElement("canvas");
+  canvas.width = canvas.height = 16;
+  const context = canvas.getContext("2d");
+  context.drawImage(image, 0, 0, 16, 16);
+  return Array.from(context.getImageData(0, 0, 16, 16).data).join();
+"""
+MIDDLE = """
+  const image = document.getElementById("picture");
+  const [x, y] = [Math.floor(image.width / 2), Math.floor(image.height / 2)];
+  return Array.from(image.getContext("2d").getImageData(x, y, 1, 1).data);
+"""
+# The lengths of the runs of equal pixels in the canvas's middle row.
+RUNS = """
+  const image = document.getElementById("picture");
+  const y = Math.floor(image.height / 2);
+  const row = image.getContext("2d").getImageData(0, y, image.width, 1).data;
+  const runs = [];
+  let start = 0;
+  for (let x = 1; x < image.width; ++x) {
+    if ([0, 1, 2].every((c) => row[4 * x + c] === row[4 * (x - 1) + c])) continue;
+    runs.push(x - start);
+    start = x;
+  }
+  return runs.slice(1);
+"""
+
+
+def zoom_percent(browser):
+    return float(browser.run(TEXT, "zoom-level").rstrip("% "))
+
+
+def wait_for_zoom(browser, percent):
+    wait_until(lambda: math.isclose(zoom_percent(browser), percent, rel_tol=0.02),
+               CHANGE_SECONDS_MAX, f"a zoom of {percent} %")
+
+
+def wait_for_new_pixels(browser, before, what):
+    return wait_until(lambda: (now := browser.run(PIXELS)) != before and now, CHANGE_SECONDS_MAX,
+                      what)
+
+
+def check_zoom_and_pan(browser, _):
+    """Keys, buttons and wheel zoom until a pixel is a square; arrows and dragging pan."""
+    browser.run(FOCUS, "picture-box")
+    fitted = zoom_percent(browser)
+    whole = browser.run(PIXELS)
+    browser.press("+")
+    wait_for_zoom(browser, 2 * fitted)
+    assert not browser.run(PRESSED, "zoom-fit")
+    browser.press("-")
+    browser.press("1")
+    wait_for_zoom(browser, 100)
+    for _ in range(4):
+        browser.press("+")
+    wait_for_zoom(browser, 1600)
+    wait_for_new_pixels(browser, whole, "the zoomed picture")
+    runs = browser.run(RUNS)
+    assert runs and all(run % 16 == 0 for run in runs), f"pixels are no squares of 16: {runs}"
+    before = browser.run(PIXELS)
+    browser.press(ARROW_RIGHT)
+    before = wait_for_new_pixels(browser, before, "panning by an arrow")
+    x, y = browser.middle_of("picture-box")
+    browser.drag((x, y), (x + 90, y - 40))
+    wait_for_new_pixels(browser, before, "panning by dragging")
+    browser.turn_wheel((x, y), 300)
+    wait_for_zoom(browser, 800)
+    browser.run("document.getElementById('zoom-in').click()")
+    wait_for_zoom(browser, 1600)
+    browser.press("0")
+    wait_for_zoom(browser, fitted)
+    assert browser.run(PRESSED, "zoom-fit")
+    wait_until(lambda: browser.run(PIXELS) == whole, CHANGE_SECONDS_MAX, "the whole picture again")
+
+
+def wait_for_still_picture(browser):
+    """The last version comes a little after the job's end."""
+    before = ""
+
+    def is_still():
+        nonlocal before
+        time.sleep(STILL_SECONDS)
+        now = browser.run(PIXELS)
+        same, before = now == before, now
+        return same and now
+
+    wait_until(is_still, CHANGE_SECONDS_MAX, "a picture that stands still")
+
+
+def light_of_level(level):
+    """The sRGB curve, IEC 61966-2-1."""
+    share = level / 255
+    return share / 12.92 if share <= 0.04045 else ((share + 0.055) / 1.055) ** 2.4
+
+
+def check_exposure(browser, _):
+    """A stop less halves the light, also of what was brighter than the screen."""
+    browser.run(FOCUS, "picture-box")
+    browser.press("1")
+    wait_for_zoom(browser, 100)
+    whole = browser.run(PIXELS)
+    before = browser.run(MIDDLE)
+    for _ in range(4):
+        browser.press("[")
+    assert browser.run(TEXT, "exposure-value") == "\u22122", browser.run(TEXT, "exposure-value")
+    wait_for_new_pixels(browser, whole, "the darker picture")
+    after = browser.run(MIDDLE)
+    for old, new in zip(before[:3], after[:3]):
+        assert old == 255 or abs(light_of_level(new) * 4 - light_of_level(old)) < 0.03, (before,
+                                                                                        after)
+    browser.run("const e = document.getElementById('exposure'); e.value = 1;"
+                "e.dispatchEvent(new Event('input'))")
+    assert browser.run(TEXT, "exposure-value") == "+1"
+    browser.run("document.getElementById('exposure-reset').click()")
+    wait_until(lambda: browser.run(PIXELS) == whole, CHANGE_SECONDS_MAX, "the picture as it was")
+    browser.press("0")
+
+
+def check_layers(browser, screenshot):
+    """Chosen by the keyboard; a legend tells the range of the colours."""
+    browser.run(FOCUS, "layer")
+    picture = browser.run(PIXELS)
+    assert browser.run(HIDDEN, "legend"), "a legend without false colours"
+    browser.press(ARROW_DOWN)
+    error = wait_for_new_pixels(browser, picture, "the standard error")
+    low, high = (browser.run(TEXT, name) for name in ("legend-low", "legend-high"))
+    assert 0 < float(low.rstrip("% ")) < float(high.rstrip("% ")), (low, high)
+    assert "Standard error" in browser.run(TEXT, "legend-words")
+    assert browser.run("return document.getElementById('exposure').disabled"), "errors are exposed"
+    assert browser.run("return document.getElementById('legend-colors').naturalWidth") == 256
+    screenshot("page-error.png")
+    browser.press(ARROW_DOWN)
+    wait_for_new_pixels(browser, error, "the sample count")
+    assert browser.run(TEXT, "legend-low") == "257", browser.run(TEXT, "legend-low")
+    assert browser.run(TEXT, "legend-high") == "771", browser.run(TEXT, "legend-high")
+    screenshot("page-samples.png")
+    browser.press("\ue013")
+    browser.press("\ue013")
+    wait_until(lambda: browser.run(PIXELS) == picture, CHANGE_SECONDS_MAX, "the picture again")
+    assert browser.run(HIDDEN, "legend")
+
+
+def check_viewer(browser, screenshot):
+    wait_for_still_picture(browser)
+    check_zoom_and_pan(browser, screenshot)
+    check_exposure(browser, screenshot)
+    check_layers(browser, screenshot)
