@@ -95,6 +95,14 @@ class Allocation {
     return std::clamp(scale * weights_[i], static_cast<double>(tiles_[i].samples),
                       static_cast<double>(samples_max_));
   }
+  // As many as it takes, in however many rounds.
+  double IdealPixelSamples(double scale) const {
+    double sum = 0;
+    for (size_t i = 0; i < tiles_.size(); ++i) {
+      sum += static_cast<double>(tiles_[i].error.pixel_count) * Ideal(i, scale);
+    }
+    return sum;
+  }
   double ErrorSum(double scale) const {
     double sum = 0;
     for (size_t i = 0; i < tiles_.size(); ++i) sum += ErrorAt(i, Ideal(i, scale));
@@ -157,6 +165,7 @@ RoundDecision DecideRound(const StopRule& rule, uint64_t samples_max, int round,
   const ErrorSums sum = SumOf(tiles);
   RoundDecision decision;
   decision.relative_mse = sum.RelativeMse();
+  decision.sample_count_expected = static_cast<uint64_t>(PixelSamples(tiles));
   decision.relative_mse_upper = decision.relative_mse + DeviationsOf(round) * sum.Deviation();
   if (rule.target_error > 0 && decision.relative_mse_upper <= rule.target_error) {
     decision.reason = StopReason::kTargetError;
@@ -171,13 +180,15 @@ RoundDecision DecideRound(const StopRule& rule, uint64_t samples_max, int round,
     scale = LargestScale(scale, [&](double s) { return allocation.ErrorSum(s) >= error_sum; });
   }
   const double now = PixelSamples(tiles);
+  const double allowed = std::min(allowance.time, allowance.cpu);
+  decision.sample_count_expected =
+      static_cast<uint64_t>(std::max(now, std::min(allowed, allocation.IdealPixelSamples(scale))));
   const double least = now * (1 + kRoundGrowthMin);
   if (allocation.PixelSamples(scale) < least) {
     scale = LargestScale(allocation.ScaleMax(),
                          [&](double s) { return allocation.PixelSamples(s) <= least; });
     scale = std::nextafter(scale, allocation.ScaleMax());
   }
-  const double allowed = std::min(allowance.time, allowance.cpu);
   if (allocation.PixelSamples(scale) > allowed) {
     decision.reason = allowance.time < allowance.cpu ? StopReason::kTime : StopReason::kCpu;
     if (allowed < least) return decision;
@@ -198,6 +209,7 @@ void RoundRecord::Take(RoundDecision decision) {
   relative_mse_upper = decision.relative_mse_upper;
   predicted_relative_mse = decision.predicted_relative_mse;
   samples_next = std::move(decision.samples);
+  sample_count_expected = decision.sample_count_expected;
   stop_reason = decision.reason;
 }
 

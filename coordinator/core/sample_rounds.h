@@ -57,6 +57,8 @@ struct RoundDecision {
   double relative_mse = 0;
   double relative_mse_upper = 0;      // Of the confidence that this look has.
   double predicted_relative_mse = 0;  // After the next round; 0 where there is none.
+  // Pixel samples of the frame, all that it has had included, that it is expected to end with.
+  uint64_t sample_count_expected = 0;
 };
 
 // A round of a frame, as it was decided at its end.
@@ -67,7 +69,8 @@ struct RoundRecord {
   std::vector<uint64_t> samples_next;             // Empty for the last round.
   StopReason stop_reason = StopReason::kSamples;  // Of the last round.
   double relative_mse = 0, relative_mse_upper = 0, predicted_relative_mse = 0;
-  uint64_t sample_count = 0;  // Pixel samples of the frame so far.
+  uint64_t sample_count = 0;           // Pixel samples of the frame so far.
+  uint64_t sample_count_expected = 0;  // RoundDecision's.
   absl::Duration wall_duration;
   ResultCost cost;
 

@@ -72,6 +72,17 @@ TEST(SampleRoundsTest, ReachesTheTargetWithLittleMoreThanItTakes) {
   EXPECT_LE(run.round_count, 5);
 }
 
+// Errors of equal tiles fall as foretold, so the first look knows where it will end.
+TEST(SampleRoundsTest, FirstRoundForetellsTheEnd) {
+  const Course course = RunToTheEnd(Target(1e-3), std::vector<double>(1000, 1.0));
+  const double pixel_count = 1000.0 * kTilePixels;
+  const double expected =
+      static_cast<double>(course.records.front().sample_count_expected) / pixel_count;
+  EXPECT_NEAR(expected / MeanSamples(course), 1, 0.05);
+  EXPECT_EQ(static_cast<double>(course.records.back().sample_count_expected) / pixel_count,
+            MeanSamples(course));
+}
+
 TEST(SampleRoundsTest, FasterRatesAreFoundOut) {
   // 1 / n^1.5 = 1e-4 at 464 samples; taken for 1 / n it would go on to 1000 and more.
   const Course run = RunToTheEnd(Target(1e-4), std::vector<double>(1000, 1.0), 1.5);

@@ -20,9 +20,9 @@ namespace sheaf::coordinator {
 
 // How far something is and what it took.
 struct ProgressView {
-  uint64_t sample_count_done = 0;  // Pixel samples merged and durable.
-  uint64_t sample_count_total = 0;
-  double relative_mse = 0;  // Estimated; 0 until it can be told.
+  uint64_t sample_count_done = 0;   // Pixel samples merged and durable.
+  uint64_t sample_count_total = 0;  // As many as are expected, where a frame stops by itself.
+  double relative_mse = 0;          // Estimated; 0 until it can be told.
   uint64_t nonfinite_count = 0;
   uint64_t ray_count = 0;
   double cpu_seconds = 0;         // Of workers, on accepted results.

@@ -106,6 +106,10 @@ FrameView Farm::ViewOf(const JobRecord& job, const FrameRecord& frame, absl::Tim
   ProgressView& progress = view.progress;
   progress.sample_count_done = frame.sample_count_done;
   progress.sample_count_total = SampleCountTotal(frame);
+  if (const RoundRecord* last = LastRoundOf(id); last != nullptr && !view.complete) {
+    progress.sample_count_total =
+        std::max(progress.sample_count_total, last->sample_count_expected);
+  }
   progress.nonfinite_count = frame.cost.nonfinite_count;
   progress.ray_count = frame.cost.ray_count;
   progress.cpu_seconds = Seconds(frame.cost.cpu_duration);

@@ -84,7 +84,8 @@ UPDATE frames SET sample_count = (x1 - x0) * (y1 - y0) * samples WHERE delivered
 CREATE TABLE rounds(
   job_id INTEGER NOT NULL, frame_number INTEGER NOT NULL, round INTEGER NOT NULL,
   relative_mse REAL NOT NULL, relative_mse_upper REAL NOT NULL,
-  predicted_relative_mse REAL NOT NULL, sample_count INTEGER NOT NULL, wall_ns INTEGER NOT NULL,
+  predicted_relative_mse REAL NOT NULL, sample_count INTEGER NOT NULL,
+  sample_count_expected INTEGER NOT NULL, wall_ns INTEGER NOT NULL,
   ray_count INTEGER NOT NULL, nonfinite_count INTEGER NOT NULL, cpu_ns INTEGER NOT NULL,
   part_bytes INTEGER NOT NULL, stop_reason INTEGER NOT NULL, tiles BLOB NOT NULL,
   PRIMARY KEY(job_id, frame_number, round)) WITHOUT ROWID;

@@ -67,8 +67,8 @@ absl::Status SqliteJobStore::InsertRound(const FrameId& frame, const RoundRecord
       ->Prepare(
           "INSERT OR IGNORE INTO rounds(job_id, frame_number, round, relative_mse, "
           "relative_mse_upper, predicted_relative_mse, sample_count, wall_ns, ray_count, "
-          "nonfinite_count, cpu_ns, part_bytes, stop_reason, tiles) "
-          "VALUES(?,?,?,?,?,?,?,?,?,?,?,?,?,?)")
+          "nonfinite_count, cpu_ns, part_bytes, stop_reason, sample_count_expected, tiles) "
+          "VALUES(?,?,?,?,?,?,?,?,?,?,?,?,?,?,?)")
       .Bind(frame.job_id)
       .Bind(frame.frame_number)
       .Bind(round.round)
@@ -82,6 +82,7 @@ absl::Status SqliteJobStore::InsertRound(const FrameId& frame, const RoundRecord
       .Bind(absl::ToInt64Nanoseconds(round.cost.cpu_duration))
       .Bind(round.cost.part_bytes)
       .Bind(static_cast<int32_t>(round.stop_reason))
+      .Bind(round.sample_count_expected)
       .BindBytes(PackTiles(round))
       .Run();
 }
@@ -129,7 +130,8 @@ absl::StatusOr<std::vector<StoredRound>> SqliteJobStore::LoadRounds(uint64_t job
   const std::lock_guard lock(database_mutex_);
   SqliteStatement query = database_->Prepare(absl::StrCat(
       "SELECT frame_number, round, relative_mse, relative_mse_upper, predicted_relative_mse, "
-      "sample_count, wall_ns, ray_count, nonfinite_count, cpu_ns, part_bytes, stop_reason",
+      "sample_count, wall_ns, ray_count, nonfinite_count, cpu_ns, part_bytes, stop_reason, "
+      "sample_count_expected",
       with_tiles ? ", tiles" : "", " FROM rounds WHERE job_id = ? ORDER BY frame_number, round"));
   query.Bind(job_id);
   std::vector<StoredRound> rounds;
@@ -149,8 +151,9 @@ absl::StatusOr<std::vector<StoredRound>> SqliteJobStore::LoadRounds(uint64_t job
     round.cost = {static_cast<uint64_t>(query.Int64(7)), static_cast<uint64_t>(query.Int64(8)),
                   absl::Nanoseconds(query.Int64(9)), static_cast<uint64_t>(query.Int64(10))};
     round.stop_reason = static_cast<StopReason>(query.Int64(11));
+    round.sample_count_expected = static_cast<uint64_t>(query.Int64(12));
     if (with_tiles) {
-      if (absl::Status status = UnpackTiles(query.Bytes(12), &round); !status.ok()) return status;
+      if (absl::Status status = UnpackTiles(query.Bytes(13), &round); !status.ok()) return status;
     }
     rounds.push_back(std::move(stored));
   }

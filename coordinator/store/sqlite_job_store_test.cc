@@ -139,6 +139,7 @@ TEST_F(SqliteJobStoreTest, RoundsSurviveAReopen) {
   round.relative_mse_upper = 0.5;
   round.predicted_relative_mse = 0.0625;
   round.sample_count = 6144;
+  round.sample_count_expected = 9999;
   round.wall_duration = absl::Seconds(7);
   round.cost = {11, 1, absl::Milliseconds(5), 99};
   RoundRecord last = round;
@@ -166,6 +167,7 @@ TEST_F(SqliteJobStoreTest, RoundsSurviveAReopen) {
   EXPECT_EQ(first.relative_mse_upper, 0.5);
   EXPECT_EQ(first.predicted_relative_mse, 0.0625);
   EXPECT_EQ(first.sample_count, 6144u);
+  EXPECT_EQ(first.sample_count_expected, 9999u);
   EXPECT_EQ(first.wall_duration, absl::Seconds(7));
   EXPECT_EQ(first.cost.part_bytes, 99u);
   EXPECT_EQ(first.cost.cpu_duration, absl::Milliseconds(5));
@@ -284,6 +286,7 @@ TEST_F(SqliteJobStoreTest, EarlierSchemaIsBroughtUpToDate) {
                             "ALTER TABLE frames DROP COLUMN target_error;"
                             "ALTER TABLE frames DROP COLUMN time_max_ns;"
                             "ALTER TABLE frames DROP COLUMN cpu_max_ns;"
+                            "ALTER TABLE frames DROP COLUMN first_round_samples;"
                             "ALTER TABLE frames DROP COLUMN sample_count;"
                             "ALTER TABLE frames DROP COLUMN part_bytes;"
                             "ALTER TABLE frames DROP COLUMN relative_mse_upper;"
