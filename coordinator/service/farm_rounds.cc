@@ -92,7 +92,9 @@ absl::StatusOr<bool> Farm::FinishRound(OpenFrame* frame, const FrameId& id) {
 const RoundRecord* Farm::LastRoundOf(const FrameId& id) const {
   const JobAccount& account = accounts_.at(id.job_id);
   const auto rounds = account.rounds.find(id.frame_number);
-  return rounds == account.rounds.end() ? nullptr : &rounds->second.back();
+  // While the first round is decided there is none yet.
+  return rounds == account.rounds.end() || rounds->second.empty() ? nullptr
+                                                                  : &rounds->second.back();
 }
 
 void Farm::AddRoundMetadata(const FrameId& id, FramePicture* picture) const {

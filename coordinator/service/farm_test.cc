@@ -12,18 +12,23 @@
 #include <string>
 #include <utility>
 
+#include "absl/strings/str_cat.h"
+#include "absl/time/clock.h"
+#include "common/base/check.h"
+#include "common/base/digest.h"
+#include "common/film/exr_codec.h"
 #include "coordinator/store/sqlite_job_store.h"
 #include "gtest/gtest.h"
 
 namespace sheaf::coordinator {
 namespace {
 
-// Holds every EndJob at the gate until it is opened; all else goes straight through.
+// Holds every EndJob and AddRound at the gate until it is opened; all else goes straight through.
 class GatedJobStore : public JobStore {
  public:
   explicit GatedJobStore(std::unique_ptr<JobStore> store) : store_(std::move(store)) {}
 
-  void WaitUntilSomeoneEndsAJob() {
+  void WaitUntilSomeoneIsThere() {
     std::unique_lock lock(mutex_);
     changed_.wait(lock, [this] { return waiting_ > 0; });
   }
@@ -35,12 +40,7 @@ class GatedJobStore : public JobStore {
 
   absl::Status EndJob(uint64_t job_id, JobPhase phase, const std::string& failure,
                       absl::Time end_time) override {
-    {
-      std::unique_lock lock(mutex_);
-      ++waiting_;
-      changed_.notify_all();
-      changed_.wait(lock, [this] { return open_; });
-    }
+    PassTheGate();
     return store_->EndJob(job_id, phase, failure, end_time);
   }
   absl::StatusOr<std::vector<StoredJob>> LoadJobs() override { return store_->LoadJobs(); }
@@ -78,6 +78,7 @@ class GatedJobStore : public JobStore {
     return store_->DeliverFrame(frame, delivered);
   }
   absl::Status AddRound(const FrameId& frame, const RoundRecord& round) override {
+    PassTheGate();
     return store_->AddRound(frame, round);
   }
   absl::StatusOr<std::vector<StoredRound>> LoadRounds(uint64_t job_id, bool with_tiles) override {
@@ -93,6 +94,13 @@ class GatedJobStore : public JobStore {
   uint64_t FirstLeaseId() const override { return store_->FirstLeaseId(); }
 
  private:
+  void PassTheGate() {
+    std::unique_lock lock(mutex_);
+    ++waiting_;
+    changed_.notify_all();
+    changed_.wait(lock, [this] { return open_; });
+  }
+
   const std::unique_ptr<JobStore> store_;
   std::mutex mutex_;
   std::condition_variable changed_;
@@ -100,41 +108,114 @@ class GatedJobStore : public JobStore {
   bool open_ = false;
 };
 
+// A farm over a gated store, with a job of one tile.
+class FarmTest : public testing::Test {
+ protected:
+  FarmTest() {
+    FarmOptions options;
+    options.state_directory = testing::TempDir() + "sheaf-farm-" +
+                              testing::UnitTest::GetInstance()->current_test_info()->name();
+    directory_ = options.state_directory;
+    std::filesystem::remove_all(directory_);
+    auto sqlite = SqliteJobStore::Open(directory_);
+    SHEAF_CHECK(sqlite.ok());
+    auto gated = std::make_unique<GatedJobStore>(*std::move(sqlite));
+    store_ = gated.get();
+    auto farm = Farm::Open(options, std::move(gated));
+    SHEAF_CHECK(farm.ok());
+    farm_ = *std::move(farm);
+  }
+  ~FarmTest() override {
+    store_->Open();
+    farm_.reset();
+    std::filesystem::remove_all(directory_);
+  }
+  uint64_t MakeJob(const StopRule& stop) {
+    JobSpec spec;
+    spec.title = "job";
+    spec.partition = {16, 16, 1};
+    FrameSpec frame;
+    frame.frame_number = 1;
+    const auto scene = farm_->blobs().Put("a scene");
+    SHEAF_CHECK(scene.ok());
+    frame.scene = *scene;
+    frame.settings.width_px = frame.settings.height_px = 16;
+    frame.settings.window = {0, 0, 16, 16};
+    frame.settings.samples = 256;
+    frame.stop = stop;
+    spec.frames = {frame};
+    const auto job = farm_->CreateJob(spec, "request");
+    SHEAF_CHECK(job.ok());
+    return *job;
+  }
+  // Renders what there is to do, in grey that varies from sample to sample.
+  void Work() {
+    WorkerReport report;
+    report.worker_id = report.host = "w";
+    report.numeric_profile = NumericProfile();
+    report.lease_count_wanted = 1;
+    const auto answer = farm_->Synchronize(report);
+    ASSERT_TRUE(answer.ok()) << answer.status();
+    for (const LeaseGrant& grant : answer->leases) {
+      const SampleBlock block = grant.lease.task.block;
+      FilmTile tile(grant.lease.tile_rect, block);
+      PixelAccumulator accumulator(&tile);
+      for (int32_t pixel = 0; pixel < 256; ++pixel) {
+        accumulator.Begin(pixel % 16, pixel / 16);
+        for (uint64_t i = block.first; i < block.End(); ++i) {
+          accumulator.Add(i, {.radiance = Rgb::Grey(static_cast<float>(i % 7)), .alpha = 1});
+        }
+        accumulator.End();
+      }
+      const std::string bytes = EncodePart(tile, {grant.frame_digest, report.numeric_profile});
+      ResultReport result;
+      result.frame_digest = grant.frame_digest;
+      result.tile = grant.lease.tile_rect;
+      result.block = block;
+      result.lease_id = grant.lease.lease_id;
+      result.worker_id = report.worker_id;
+      result.digest = {Sha256Hex(bytes), bytes.size()};
+      EXPECT_TRUE(farm_->AddResult(result, bytes).ok());
+    }
+  }
+
+  std::string directory_;
+  GatedJobStore* store_ = nullptr;
+  std::unique_ptr<Farm> farm_;
+};
+
 // Whoever cancels a job that somebody else is writing down as cancelled has no answer before that
 // is durable: after a power cut the job would be alive again, against what was said.
-TEST(FarmTest, ASecondCancelWaitsUntilTheFirstIsDurable) {
-  FarmOptions options;
-  options.state_directory = testing::TempDir() + "sheaf-farm-cancel";
-  std::filesystem::remove_all(options.state_directory);
-  auto sqlite = SqliteJobStore::Open(options.state_directory);
-  ASSERT_TRUE(sqlite.ok()) << sqlite.status();
-  auto gated = std::make_unique<GatedJobStore>(*std::move(sqlite));
-  GatedJobStore& store = *gated;
-  auto farm = Farm::Open(options, std::move(gated));
-  ASSERT_TRUE(farm.ok()) << farm.status();
-  JobSpec spec;
-  spec.title = "job";
-  spec.partition = {16, 4, 1};
-  FrameSpec frame;
-  frame.frame_number = 1;
-  const auto scene = (*farm)->blobs().Put("a scene");
-  ASSERT_TRUE(scene.ok());
-  frame.scene = *scene;
-  frame.settings.width_px = frame.settings.height_px = 16;
-  frame.settings.window = {0, 0, 16, 16};
-  spec.frames = {frame};
-  const auto job = (*farm)->CreateJob(spec, "request");
-  ASSERT_TRUE(job.ok()) << job.status();
-
-  const auto cancel = [&] { return (*farm)->CancelJob(*job); };
+TEST_F(FarmTest, ASecondCancelWaitsUntilTheFirstIsDurable) {
+  const uint64_t job = MakeJob({});
+  const auto cancel = [&] { return farm_->CancelJob(job); };
   std::future<absl::Status> first = std::async(std::launch::async, cancel);
-  store.WaitUntilSomeoneEndsAJob();
+  store_->WaitUntilSomeoneIsThere();
   std::future<absl::Status> second = std::async(std::launch::async, cancel);
   EXPECT_EQ(second.wait_for(std::chrono::milliseconds(200)), std::future_status::timeout);
-  store.Open();
+  store_->Open();
   EXPECT_TRUE(first.get().ok());
   EXPECT_TRUE(second.get().ok());
-  std::filesystem::remove_all(options.state_directory);
+}
+
+// Who looks while the first round is being decided sees a frame without rounds.
+TEST_F(FarmTest, JobsCanBeLookedAtWhileARoundIsDecided) {
+  const std::string job = absl::StrCat(MakeJob({.target_error = 1e-6}));
+  Work();
+  store_->WaitUntilSomeoneIsThere();
+  const auto before = farm_->FindJob(job);
+  ASSERT_TRUE(before.ok());
+  EXPECT_TRUE(before->frames[0].rounds.empty());
+  EXPECT_EQ(before->progress.sample_count_done, 16u * 256u);
+  store_->Open();
+  const absl::Time deadline = absl::Now() + absl::Seconds(20);
+  uint64_t seen = 0;
+  while (farm_->FindJob(job)->frames[0].rounds.empty() && absl::Now() < deadline) {
+    seen = farm_->WaitForChange(seen, absl::Seconds(1));
+  }
+  const auto after = farm_->FindJob(job);
+  ASSERT_EQ(after->frames[0].rounds.size(), 1u);
+  EXPECT_GT(after->progress.sample_count_total, 16u * 256u);
 }
 
 }  // namespace
