@@ -105,6 +105,8 @@ Json FrameJson(const v1::Frame& frame) {
       {"stop", StopJson(frame.spec().stop())},
       {"stop_reason", frame.complete() ? StopReasonName(frame.stop_reason()) : ""},
       {"rounds", RoundsJson(frame)},
+      {"tile_count", frame.tile_count()},
+      {"unreliable_tile_count", frame.unreliable_tile_count()},
       {"complete", frame.complete()},
       {"picture_digest", frame.picture_digest()},
       {"progress", ProgressJson(frame.progress())},

@@ -63,6 +63,13 @@ std::string FormatStop(const v1::Frame& frame) {
   }
 }
 
+std::string FormatReliability(const v1::Frame& frame) {
+  if (frame.unreliable_tile_count() == 0) return "";
+  return absl::StrFormat(
+      "; in %d of %d tiles light comes in rare bright samples: their errors are not reliable yet",
+      frame.unreliable_tile_count(), frame.tile_count());
+}
+
 }  // namespace
 
 std::string FormatPictureSummary(const v1::Frame& frame, const PicturePaths& paths) {
@@ -75,7 +82,7 @@ std::string FormatPictureSummary(const v1::Frame& frame, const PicturePaths& pat
   return absl::StrCat(paths.exr, paths.png.empty() ? "" : " and ", paths.png, ": ",
                       window.x1_px() - window.x0_px(), "x", window.y1_px() - window.y0_px(), ", ",
                       FormatSamples(frame), bias, ", ", FormatCosts(frame.progress()),
-                      FormatStop(frame));
+                      FormatStop(frame), FormatReliability(frame));
 }
 
 std::string FormatJobSummary(const v1::Job& job) {

@@ -20,34 +20,59 @@ double StudentQuantile975(double degrees_of_freedom) {
   return z + (g1 + (g2 + g3 / n) / n) / n;
 }
 
-MeanInterval MeanIntervalOf(const FilmTile& sums, const std::array<double, 3>& weights) {
+namespace {
+
+struct PixelSpread {
+  double mean = 0;
+  double squares = 0, largest = 0;  // Of the replicates' deviations: their sum and the largest.
+};
+
+PixelSpread SpreadOf(const FilmTile& sums, size_t p, const std::array<double, 3>& weights) {
   const uint32_t count = sums.replicate_count();
-  SHEAF_CHECK(count >= 2);
+  std::array<double, kReplicateCount> colors{};
+  double color = 0, weight = 0;
+  for (uint32_t r = 0; r < count; ++r) {
+    for (size_t i = 0; i < 3; ++i) {
+      colors[r] += weights[i] * static_cast<double>(sums.replicate(r, i)[p]);
+    }
+    color += colors[r];
+    weight += static_cast<double>(sums.replicate(r, 3)[p]);
+  }
+  PixelSpread spread;
+  if (weight == 0) return spread;
+  spread.mean = color / weight;
+  for (uint32_t r = 0; r < count; ++r) {
+    const double residual = colors[r] - spread.mean * static_cast<double>(sums.replicate(r, 3)[p]);
+    const double deviation = residual * count / weight;
+    spread.squares += deviation * deviation;
+    spread.largest = std::max(spread.largest, deviation * deviation);
+  }
+  return spread;
+}
+
+}  // namespace
+
+MeanInterval MeanIntervalOf(const FilmTile& sums, const PixelRect& rect,
+                            const std::array<double, 3>& weights) {
+  const uint32_t count = sums.replicate_count();
+  const PixelRect& all = sums.rect();
+  SHEAF_CHECK(count >= 2 && rect.x0 >= all.x0 && rect.y0 >= all.y0 && rect.x1 <= all.x1 &&
+              rect.y1 <= all.y1);
   MeanInterval interval;
   double variance_sum = 0, square_sum = 0, share_sum = 0;
-  for (size_t p = 0; p < sums.plane_size(); ++p) {
-    double mean = 0;
-    std::array<double, kReplicateCount> of_replicate{};
-    for (uint32_t r = 0; r < count; ++r) {
-      for (size_t i = 0; i < 3; ++i) {
-        of_replicate[r] += weights[i] * static_cast<double>(sums.replicate(r, i)[p]) /
-                           static_cast<double>(sums.replicate(r, 3)[p]);
-      }
-      mean += of_replicate[r] / count;
+  for (int32_t y = rect.y0; y < rect.y1; ++y) {
+    for (int32_t x = rect.x0; x < rect.x1; ++x) {
+      const auto p = static_cast<size_t>(y - all.y0) * static_cast<size_t>(all.Width()) +
+                     static_cast<size_t>(x - all.x0);
+      const PixelSpread spread = SpreadOf(sums, p, weights);
+      const double variance = spread.squares / (count * (count - 1.0));
+      interval.mean += spread.mean;
+      variance_sum += variance;
+      square_sum += variance * variance;
+      if (spread.squares > 0) share_sum += variance * spread.largest / spread.squares;
     }
-    double squares = 0, largest = 0;
-    for (uint32_t r = 0; r < count; ++r) {
-      const double square = (of_replicate[r] - mean) * (of_replicate[r] - mean);
-      squares += square;
-      largest = std::max(largest, square);
-    }
-    const double variance = squares / (count * (count - 1.0));
-    interval.mean += mean;
-    variance_sum += variance;
-    square_sum += variance * variance;
-    if (squares > 0) share_sum += variance * largest / squares;
   }
-  const auto pixels = static_cast<double>(sums.plane_size());
+  const auto pixels = static_cast<double>(rect.PixelCount());
   interval.mean /= pixels;
   interval.standard_error = std::sqrt(variance_sum) / pixels;
   if (variance_sum == 0) return interval;

@@ -33,9 +33,11 @@ struct MeanInterval {
   bool is_reliable = true;
 };
 
-// Of the weighted sum of red, green and blue over all pixels of `sums`. Requires: at least two
-// replicates, each with samples in every pixel.
-MeanInterval MeanIntervalOf(const FilmTile& sums, const std::array<double, 3>& weights);
+// Of the weighted sum of red, green and blue over the pixels of `rect`, which lies in the tile.
+// A pixel's deviations are the ratio estimator's (error_estimate.h). Requires: at least two
+// replicates.
+MeanInterval MeanIntervalOf(const FilmTile& sums, const PixelRect& rect,
+                            const std::array<double, 3>& weights);
 
 // The quantile of Student's distribution that leaves 2.5 % above. Within 0.1 % for 10 degrees of
 // freedom and more, not below 3. Source: Hill 1970, "Algorithm 396: Student's t-quantiles".

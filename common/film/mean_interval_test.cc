@@ -34,6 +34,8 @@ constexpr std::array<double, 3> kGreen{0, 1, 0};
 constexpr int kRuns = 1000;
 constexpr int kLongRuns = 60;  // Of many samples.
 
+MeanInterval IntervalOf(const FilmTile& tile) { return MeanIntervalOf(tile, tile.rect(), kGreen); }
+
 struct Coverage {
   int reliable = 0, held = 0;
   double Share() const { return held / static_cast<double>(reliable); }
@@ -43,7 +45,7 @@ Coverage CoverageOf(const Draw& draw, double truth, int32_t pixels, uint64_t sam
   Coverage coverage;
   for (int run = 0; run < runs; ++run) {
     const MeanInterval interval =
-        MeanIntervalOf(TileOf(draw, pixels, samples, static_cast<uint64_t>(run)), kGreen);
+        IntervalOf(TileOf(draw, pixels, samples, static_cast<uint64_t>(run)));
     if (!interval.is_reliable) continue;
     ++coverage.reliable;
     if (std::fabs(interval.mean - truth) <= interval.half_width) ++coverage.held;
@@ -97,17 +99,16 @@ TEST(MeanIntervalTest, InfiniteVarianceIsTold) {
 TEST(MeanIntervalTest, RareLightIsToldUntilItIsNotRare) {
   const Draw rare = [](std::mt19937_64& r) { return Uniform(r) < 0.001 ? 1000 : 0; };
   for (uint64_t run = 0; run < kRuns; ++run) {
-    const MeanInterval interval = MeanIntervalOf(TileOf(rare, 64, 64, run), kGreen);
+    const MeanInterval interval = IntervalOf(TileOf(rare, 64, 64, run));
     EXPECT_TRUE(!interval.is_reliable || interval.mean == 0) << run;
   }
-  const MeanInterval often = MeanIntervalOf(TileOf(rare, 16, 1 << 16, 7), kGreen);
+  const MeanInterval often = IntervalOf(TileOf(rare, 16, 1 << 16, 7));
   EXPECT_TRUE(often.is_reliable);
   EXPECT_LT(std::fabs(often.mean - 1), 2 * often.half_width);
 }
 
 TEST(MeanIntervalTest, WhatDoesNotVaryHasNoWidth) {
-  const MeanInterval interval =
-      MeanIntervalOf(TileOf([](std::mt19937_64&) { return 0.25; }, 4, 32, 1), kGreen);
+  const MeanInterval interval = IntervalOf(TileOf([](std::mt19937_64&) { return 0.25; }, 4, 32, 1));
   EXPECT_EQ(interval.mean, 0.25);
   EXPECT_EQ(interval.half_width, 0);
   EXPECT_TRUE(interval.is_reliable);

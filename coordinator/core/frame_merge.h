@@ -70,6 +70,8 @@ class FrameMerge {
   // anything had.
   bool Refresh();
   bool HasChanges() const { return !changed_.empty() || developed_since_refresh_; }
+  // Of developed tiles, those whose error is not to be trusted (mean_interval.h).
+  uint32_t unreliable_count() const { return unreliable_count_; }
   bool HasSamples() const { return has_samples_; }
   const FramePicture& picture() const { return picture_; }
   FramePicture* mutable_picture() { return &picture_; }
@@ -80,6 +82,7 @@ class FrameMerge {
     PixelRect rect;
     uint64_t samples = 0;
     State state = State::kEmpty;
+    bool unreliable = false;
     // While in memory; once developed, where the tile may grow and the budget allows.
     std::unique_ptr<TileTree> tree;
     uint64_t size_bytes = 0;  // Of the tree, as counted in the budget.
@@ -96,6 +99,7 @@ class FrameMerge {
   bool developed_since_refresh_ = false;
   bool has_samples_ = false;
   size_t developed_count_ = 0;
+  uint32_t unreliable_count_ = 0;
 };
 
 }  // namespace sheaf::coordinator

@@ -151,8 +151,11 @@ absl::Status Farm::RebuildTile(OpenFrame* frame, const FrameId& id, uint32_t til
   return frame->merge.Rebuild(tile, std::move(parts));
 }
 
-DeliveredFrame Farm::Account(const FrameId& id, const FramePicture& picture) const {
+DeliveredFrame Farm::Account(const FrameId& id, const FrameMerge& merge) const {
+  const FramePicture& picture = merge.picture();
   DeliveredFrame delivered;
+  delivered.tile_count = merge.tile_count();
+  delivered.unreliable_tile_count = merge.unreliable_count();
   delivered.picture_digest = PictureDigest(picture);
   delivered.relative_mse = EstimateError(picture).relative_mse;
   const std::lock_guard lock(mutex_);
@@ -194,7 +197,7 @@ absl::Status Farm::DeliverFrame(const FrameId& id) {
     picture->metadata = PictureMetadata(frame->spec, numeric_profile);
     if (frame->spec.stop.IsActive()) AddRoundMetadata(id, picture);
     picture->attributes = CryptomatteAttributes(*picture);
-    delivered = Account(id, *picture);
+    delivered = Account(id, frame->merge);
     const absl::StatusOr<std::string> path = store_->OutputPath(id);
     if (!path.ok()) return path.status();
     if (absl::Status s = WritePicture(*picture, *path); !s.ok()) return s;

@@ -48,12 +48,14 @@ struct FrameView {
   std::string frame_digest;       // Hex.
   FrameSettings settings;
   StopRule stop;
-  StopReason stop_reason = StopReason::kSamples;  // Once complete.
-  std::vector<RoundView> rounds;  // Ascending; empty where there are none, and in ListJobs.
-  bool complete = false;          // The EXR is delivered.
-  std::string picture_digest;     // Hex; empty until complete.
-  std::string output_path;        // Of the delivered EXR; empty until complete.
-  uint64_t preview_version = 0;   // Grows whenever Preview() would show something new.
+  StopReason stop_reason = StopReason::kSamples;  // Once complete; this and the next two.
+  uint32_t tile_count = 0;
+  uint32_t unreliable_tile_count = 0;  // With errors that are not to be trusted.
+  std::vector<RoundView> rounds;       // Ascending; empty where there are none, and in ListJobs.
+  bool complete = false;               // The EXR is delivered.
+  std::string picture_digest;          // Hex; empty until complete.
+  std::string output_path;             // Of the delivered EXR; empty until complete.
+  uint64_t preview_version = 0;        // Grows whenever Preview() would show something new.
   ProgressView progress;
 };
 

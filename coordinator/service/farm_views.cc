@@ -121,6 +121,8 @@ FrameView Farm::ViewOf(const JobRecord& job, const FrameRecord& frame, absl::Tim
     view.preview_version = kDeliveredPreviewVersion;
     progress.relative_mse = delivered.relative_mse;
     view.stop_reason = delivered.stop_reason;
+    view.tile_count = delivered.tile_count;
+    view.unreliable_tile_count = delivered.unreliable_tile_count;
     progress.wall_seconds = Seconds(delivered.wall_duration);
     progress.remaining_seconds = 0;
     return view;

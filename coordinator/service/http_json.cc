@@ -107,6 +107,8 @@ std::string FrameJson(const std::string& job_id, const FrameView& frame) {
       {"stop", StopJson(frame.stop)},
       {"stop_reason", frame.complete ? StopReasonName(frame.stop_reason) : ""},
       {"rounds", RoundsJson(frame.rounds)},
+      {"tile_count", frame.tile_count},
+      {"unreliable_tile_count", frame.unreliable_tile_count},
       {"depth_max", settings.max_depth},
       {"seed", settings.seed},
       {"one_sequence", settings.one_sequence},

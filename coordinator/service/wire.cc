@@ -117,6 +117,8 @@ v1::Frame ToWire(const std::string& job_name, const FrameView& view) {
   if (view.stop.IsActive()) *wire.mutable_spec()->mutable_stop() = ToWire(view.stop);
   for (const RoundView& round : view.rounds) *wire.add_rounds() = ToWire(round);
   wire.set_stop_reason(static_cast<v1::StopReason>(view.stop_reason));
+  wire.set_tile_count(view.tile_count);
+  wire.set_unreliable_tile_count(view.unreliable_tile_count);
   wire.set_frame_digest(view.frame_digest);
   wire.set_complete(view.complete);
   *wire.mutable_progress() = ToWire(view.progress);

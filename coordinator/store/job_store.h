@@ -39,6 +39,8 @@ struct DeliveredFrame {
   double relative_mse_upper = 0;  // RoundDecision's; 0 where the frame was not rendered in rounds.
   StopReason stop_reason = StopReason::kSamples;
   uint64_t sample_count = 0;  // Pixel samples.
+  uint32_t tile_count = 0;
+  uint32_t unreliable_tile_count = 0;  // Of those, with errors that are not to be trusted.
   absl::Duration wall_duration;
   ResultCost cost;  // Sums over its parts.
 };

@@ -76,6 +76,8 @@ ALTER TABLE frames ADD COLUMN target_error REAL NOT NULL DEFAULT 0;
 ALTER TABLE frames ADD COLUMN time_max_ns INTEGER NOT NULL DEFAULT 9223372036854775807;
 ALTER TABLE frames ADD COLUMN cpu_max_ns INTEGER NOT NULL DEFAULT 9223372036854775807;
 ALTER TABLE frames ADD COLUMN first_round_samples INTEGER NOT NULL DEFAULT 16;
+ALTER TABLE frames ADD COLUMN tile_count INTEGER NOT NULL DEFAULT 0;
+ALTER TABLE frames ADD COLUMN unreliable_tile_count INTEGER NOT NULL DEFAULT 0;
 ALTER TABLE frames ADD COLUMN sample_count INTEGER NOT NULL DEFAULT 0;
 ALTER TABLE frames ADD COLUMN part_bytes INTEGER NOT NULL DEFAULT 0;
 ALTER TABLE frames ADD COLUMN relative_mse_upper REAL NOT NULL DEFAULT 0;
@@ -181,8 +183,8 @@ absl::Status SqliteJobStore::LoadFrames(StoredJob* job) {
       "wall_ns, "
       "ray_count, nonfinite_count, cpu_ns, color, single_scattering, outputs, primaries, "
       "white_balance_k, one_sequence, similarity_after, target_error, time_max_ns, cpu_max_ns, "
-      "sample_count, part_bytes, relative_mse_upper, stop_reason, first_round_samples FROM frames "
-      "WHERE job_id = ? "
+      "sample_count, part_bytes, relative_mse_upper, stop_reason, first_round_samples, "
+      "tile_count, unreliable_tile_count FROM frames WHERE job_id = ? "
       "ORDER BY frame_number");
   query.Bind(job->spec.job_id);
   while (true) {
@@ -225,6 +227,8 @@ absl::Status SqliteJobStore::LoadFrames(StoredJob* job) {
       delivered.sample_count = static_cast<uint64_t>(query.Int64(31));
       delivered.relative_mse_upper = query.Double(33);
       delivered.stop_reason = static_cast<StopReason>(query.Int64(34));
+      delivered.tile_count = static_cast<uint32_t>(query.Int64(36));
+      delivered.unreliable_tile_count = static_cast<uint32_t>(query.Int64(37));
       job->delivered.push_back(std::move(stored));
     }
     job->spec.frames.push_back(std::move(frame));
@@ -414,7 +418,8 @@ absl::Status SqliteJobStore::DeliverFrame(const FrameId& frame, const DeliveredF
       ->Prepare(
           "UPDATE frames SET delivered = 1, picture_digest = ?, relative_mse = ?, wall_ns = ?, "
           "ray_count = ?, nonfinite_count = ?, cpu_ns = ?, sample_count = ?, part_bytes = ?, "
-          "relative_mse_upper = ?, stop_reason = ? WHERE job_id = ? AND frame_number = ?")
+          "relative_mse_upper = ?, stop_reason = ?, tile_count = ?, unreliable_tile_count = ? "
+          "WHERE job_id = ? AND frame_number = ?")
       .Bind(delivered.picture_digest)
       .Bind(delivered.relative_mse)
       .Bind(absl::ToInt64Nanoseconds(delivered.wall_duration))
@@ -425,6 +430,8 @@ absl::Status SqliteJobStore::DeliverFrame(const FrameId& frame, const DeliveredF
       .Bind(delivered.cost.part_bytes)
       .Bind(delivered.relative_mse_upper)
       .Bind(static_cast<int32_t>(delivered.stop_reason))
+      .Bind(int64_t{delivered.tile_count})
+      .Bind(int64_t{delivered.unreliable_tile_count})
       .Bind(frame.job_id)
       .Bind(frame.frame_number)
       .Run();

@@ -91,6 +91,8 @@ TEST_F(SqliteJobStoreTest, JobsSurviveAReopen) {
                                             .relative_mse_upper = 0.75,
                                             .stop_reason = StopReason::kTime,
                                             .sample_count = 1234,
+                                            .tile_count = 12,
+                                            .unreliable_tile_count = 3,
                                             .wall_duration = absl::Seconds(3),
                                             .cost = {1, 2, absl::Seconds(4), 5}})
                   .ok());
@@ -125,6 +127,8 @@ TEST_F(SqliteJobStoreTest, JobsSurviveAReopen) {
   EXPECT_EQ(delivered.relative_mse_upper, 0.75);
   EXPECT_EQ(delivered.stop_reason, StopReason::kTime);
   EXPECT_EQ(delivered.sample_count, 1234u);
+  EXPECT_EQ(delivered.tile_count, 12u);
+  EXPECT_EQ(delivered.unreliable_tile_count, 3u);
   EXPECT_EQ(delivered.cost.cpu_duration, absl::Seconds(4));
   EXPECT_EQ(delivered.cost.part_bytes, 5u);
 }
@@ -287,6 +291,8 @@ TEST_F(SqliteJobStoreTest, EarlierSchemaIsBroughtUpToDate) {
                             "ALTER TABLE frames DROP COLUMN time_max_ns;"
                             "ALTER TABLE frames DROP COLUMN cpu_max_ns;"
                             "ALTER TABLE frames DROP COLUMN first_round_samples;"
+                            "ALTER TABLE frames DROP COLUMN tile_count;"
+                            "ALTER TABLE frames DROP COLUMN unreliable_tile_count;"
                             "ALTER TABLE frames DROP COLUMN sample_count;"
                             "ALTER TABLE frames DROP COLUMN part_bytes;"
                             "ALTER TABLE frames DROP COLUMN relative_mse_upper;"
