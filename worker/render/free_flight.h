@@ -41,6 +41,7 @@ struct MediumMix {
   // There are others, which are not the same everywhere and not in these sums.
   bool varies = false;
   bool glows = false;      // One of those shines.
+  bool gathers = false;    // Light is gathered along lines through one of those.
   bool is_matter = false;  // One of them is the inside of a material.
   bool is_hidden = false;  // The same, whose boundary no shadow ray can pass.
   MediumForm form = MediumForm::kTrue;
@@ -220,6 +221,24 @@ double FlightDensity(const MediumMix<Color>& mix, double distance,
     }
   }
   return of_component(0);
+}
+
+// What FlightDensity is for media that vary, as far as it can be known: the extinction is sigma_t
+// where the path is scattered, and `depth` is taken for the optical depth up to there. Requires:
+// throughput is not black.
+template <bool kChromatic, typename Color>
+double CollisionDensity(const Color& sigma_t, const Color& depth,
+                        [[maybe_unused]] const Color& throughput) {
+  const auto of_component = [&](size_t i) {
+    return static_cast<double>(sigma_t[i] * AttenuationOf(static_cast<double>(depth[i])));
+  };
+  if constexpr (!kChromatic) return of_component(0);
+  const Color shares = internal::ComponentShares(throughput);
+  double density = 0;
+  for (size_t i = 0; i < kComponentCount<Color>; ++i) {
+    if (shares[i] > 0) density += static_cast<double>(shares[i]) * of_component(i);
+  }
+  return density;
 }
 
 }  // namespace sheaf::render
