@@ -223,22 +223,17 @@ double FlightDensity(const MediumMix<Color>& mix, double distance,
   return of_component(0);
 }
 
-// What FlightDensity is for media that vary, as far as it can be known: the extinction is sigma_t
-// where the path is scattered, and `depth` is taken for the optical depth up to there. Requires:
-// throughput is not black.
+// Of a medium that varies, per scene unit, that a path which comes to a place collides there,
+// about: the mean over components by what it carries. Requires: throughput is not black.
 template <bool kChromatic, typename Color>
-double CollisionDensity(const Color& sigma_t, const Color& depth,
-                        [[maybe_unused]] const Color& throughput) {
-  const auto of_component = [&](size_t i) {
-    return static_cast<double>(sigma_t[i] * AttenuationOf(static_cast<double>(depth[i])));
-  };
-  if constexpr (!kChromatic) return of_component(0);
+double MeanExtinction(const Color& sigma_t, [[maybe_unused]] const Color& throughput) {
+  if constexpr (!kChromatic) return static_cast<double>(sigma_t[0]);
   const Color shares = internal::ComponentShares(throughput);
-  double density = 0;
+  double sum = 0;
   for (size_t i = 0; i < kComponentCount<Color>; ++i) {
-    if (shares[i] > 0) density += static_cast<double>(shares[i]) * of_component(i);
+    sum += static_cast<double>(shares[i]) * static_cast<double>(sigma_t[i]);
   }
-  return density;
+  return sum;
 }
 
 }  // namespace sheaf::render

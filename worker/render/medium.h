@@ -121,11 +121,6 @@ class MediumTable {
     double begin = 0, end = 0, extinction = 0;
   };
   LinePart PartOfLine(const MediumSet& media, Vec3d o, Vec3d d, double length) const;
-  // What may be taken for the optical depth of media that vary up to t, where a rough value will do
-  // but must always be the same: that of the mean densities of their boxes.
-  template <typename Color>
-  Color GuessDepth(const MediumSet& media, Vec3d o, Vec3d d, double t,
-                   const WavelengthsOf<Color>& wavelengths, MediumForm form) const;
   uint64_t memory_bytes() const;
 
  private:
@@ -135,7 +130,6 @@ class MediumTable {
     VaryingMedium density;
     Kind kind = Kind::kBoth;
     ColorPart color = ColorPart::kGrey;
-    double mean = 0;  // Of the density over its box.
   };
   const Part& PartAt(PartId id) const { return media_[id.medium].parts[id.part]; }
 
@@ -292,21 +286,6 @@ MediumTable::Coefficients<Color> MediumTable::CoefficientsAt(
     sum.sigma_t += its.sigma_t * density;
     sum.sigma_s += its.sigma_s * density;
     sum.sigma_a += its.sigma_a * density;
-  }
-  return sum;
-}
-
-template <typename Color>
-Color MediumTable::GuessDepth(const MediumSet& media, Vec3d o, Vec3d d, double t,
-                              const WavelengthsOf<Color>& wavelengths, MediumForm form) const {
-  Color sum;
-  for (const uint16_t medium : media) {
-    for (uint16_t part = 0; part < media_[medium].parts.size(); ++part) {
-      double begin = 0, end = t;
-      if (!DensityOf({medium, part}).ClipToBox(o, d, &begin, &end)) continue;
-      const auto depth = static_cast<float>(PartAt({medium, part}).mean * (end - begin));
-      sum += CoefficientsOf<Color>({medium, part}, wavelengths, form).sigma_t * depth;
-    }
   }
   return sum;
 }

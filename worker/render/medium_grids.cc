@@ -89,7 +89,7 @@ absl::StatusOr<std::vector<MediumTable::Part>> MediumTable::MakeParts(
                                   options.bound_once};
   std::vector<Part> parts;
   const auto add = [&](absl::StatusOr<VaryingMedium> density, Part::Kind kind, ColorPart color) {
-    if (density.ok()) parts.push_back({*std::move(density), kind, color, 0});
+    if (density.ok()) parts.push_back({*std::move(density), kind, color});
     return density.status();
   };
   absl::Status status;

@@ -21,7 +21,7 @@ struct MediumLine {
   // Set where a medium that gathers light scattered the path on it:
   bool has_scattered = false;
   double t = 0;        // At this distance.
-  double density = 0;  // As FlightDensity or CollisionDensity.
+  double density = 0;  // As FlightDensity; in media that vary, MeanExtinction.
 };
 
 }  // namespace sheaf::render

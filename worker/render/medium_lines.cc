@@ -49,11 +49,10 @@ void MediumTable::ChooseLines(const LightTable& lights, LinesInVarying lines) {
     bool scatters = false;
     for (uint16_t i = 0; i < medium.parts.size(); ++i) {
       const auto its = CoefficientsOf<Rgb>({index, i}, NoWavelengths{}, MediumForm::kTrue);
-      Part& part = medium.parts[i];
-      part.mean = part.density.MeanDensity();
+      const double mean = medium.parts[i].density.MeanDensity();
       medium.extinction +=
-          part.mean * static_cast<double>(its.sigma_t.r + its.sigma_t.g + its.sigma_t.b) / 3;
-      scatters = scatters || (!its.sigma_s.IsBlack() && part.mean > 0);
+          mean * static_cast<double>(its.sigma_t.r + its.sigma_t.g + its.sigma_t.b) / 3;
+      scatters = scatters || (!its.sigma_s.IsBlack() && mean > 0);
     }
     if (!scatters) continue;
     medium.gathers = gathers_always_ ||

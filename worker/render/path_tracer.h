@@ -342,8 +342,6 @@ class PathTracer {
   // Where on the line the light's light is gathered. None where that does not pay.
   std::optional<EquiangularDistances> DistancesOn(const Line& line, uint32_t light) const;
   void EndLine(const Line& line, double t, Scatterer scatterer, Path* path) const;  // At t.
-  // What is taken for the optical depth of the line up to t.
-  Color GuessDepth(const Line& line, double t, const Path& path) const;
   PhaseMix<Color> PhaseOnLine(const Line& line, double t, const Path& path) const;
   // The density, per distance along the line and solid angle at p (delta lights: probability), with
   // which AddLightAlong finds p, at t, and a point of the light that Sample finds from there with

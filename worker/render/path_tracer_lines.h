@@ -6,11 +6,16 @@
 // by how that light shines along it; that is the third way to a point of a medium and a point of a
 // light, beside a flight that ends there followed by a sampled or a met light. The three are
 // combined by the power heuristic, over densities of both points. Where media that vary are there
-// too, the density of a flight that those which do not vary end is taken as if the others were not;
-// that of one which a medium that varies ends is the extinction where it does, times what a depth
-// that is guessed leaves: weights need only be the same function of the two points, and of what
-// scatters, for every technique. Media that vary gather light only on lines where flights alone are
-// much noise (DistancesOn). Walks in matter are short and count no depth: they do without lines.
+// too, the density of a flight that one of the others ends is taken as if they were not: weights
+// need only be the same function of the two points, and of what scatters, for every technique.
+// Walks in matter are short and count no depth: they do without lines.
+//
+// In media that vary no density of flights is known at a point. In place of it stands the
+// extinction there, as if all light arrived: with a known transmittance T lines of density p would
+// have to be weighed against flights of extinction * T, but theirs is an estimate that is nearly
+// always 0 or nearly 1 where the medium is thick, so that it is as if they came there with a
+// density of p * T. Where it is thin T is about 1, and the weights those of the true densities.
+// Lines gather there only where flights alone are much noise (DistancesOn).
 //
 // Sources: Kulla and Fajardo 2012; Veach 1997, ch. 9. docs/adr/0024-light-along-lines.md.
 #pragma once
@@ -85,23 +90,12 @@ void PathTracer<kTraits, Tracer, kDirectLight>::EndLine(const Line& line, double
       const auto its = media.template CoefficientsAt<Color>(*scatterer, line.o + t * line.d,
                                                             TimeOfMedia<kTraits>(path->ray.time),
                                                             path->wavelengths, mix.form);
-      kept.density =
-          CollisionDensity<kChromaticMedia>(its.sigma_t, GuessDepth(line, t, *path), line.carried);
+      kept.density = MeanExtinction<kChromaticMedia>(its.sigma_t, line.carried);
       return;
     }
   }
   kept.has_scattered = !scatterer && GathersAlongLines(mix);
   kept.density = FlightDensity<kChromaticMedia>(mix, t, line.carried);
-}
-
-template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight>
-typename PathTracer<kTraits, Tracer, kDirectLight>::Color
-PathTracer<kTraits, Tracer, kDirectLight>::GuessDepth(const Line& line, double t,
-                                                      const Path& path) const {
-  const MediumMix<Color>& mix = path.media.mix;
-  return mix.sigma_t * static_cast<float>(t) +
-         scene_.media->template GuessDepth<Color>(path.media.set, line.o, line.d, t,
-                                                  path.wavelengths, mix.form);
 }
 
 template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight>
@@ -118,8 +112,9 @@ double PathTracer<kTraits, Tracer, kDirectLight>::PdfByLine(const Line& line, ui
                                                             Vec3f p, double t,
                                                             float pdf_sampled) const {
   const auto distances = DistancesOn(line, light);
+  if (!distances) return 0;
   const float chosen_there = scene_.lights->ChoiceProbability(light, p);
-  if (!distances || !(chosen_there > 0)) return 0;
+  if (!(chosen_there > 0)) return 0;
   const float chosen_for_line = scene_.lights->ChoiceProbability(light, line.where_chosen);
   return static_cast<double>(pdf_sampled) / static_cast<double>(chosen_there) *
          static_cast<double>(chosen_for_line) * distances->Pdf(t);
@@ -133,9 +128,6 @@ float PathTracer<kTraits, Tracer, kDirectLight>::SampledShareOnLine(
   const double met_pdf = light.is_delta ? 0 : static_cast<double>(pdf);
   const double line_pdf = PdfByLine(line, light.light, p, line.t, light.pdf);
   if (kDirectLight == DirectLight::kByLines && line_pdf > 0) return 0;
-  if constexpr (kVaryingLines) {
-    if (!(line.density > 0) && !(line_pdf > 0)) return ShareOfSample(light, pdf);
-  }
   return static_cast<float>(PowerHeuristic(static_cast<double>(light.pdf) * line.density,
                                            met_pdf * line.density, line_pdf));
 }
@@ -148,9 +140,6 @@ float PathTracer<kTraits, Tracer, kDirectLight>::MetShareOnLine(const Line& line
   if constexpr (kDirectLight == DirectLight::kByMeeting) return 1;
   const double line_pdf = PdfByLine(line, emitter, path.from, line.t, sampled_pdf);
   if (kDirectLight == DirectLight::kByLines && line_pdf > 0) return 0;
-  if constexpr (kVaryingLines) {
-    if (!(line.density > 0) && !(line_pdf > 0)) return MetShare(path.pdf, sampled_pdf);
-  }
   return static_cast<float>(PowerHeuristic(static_cast<double>(path.pdf) * line.density,
                                            static_cast<double>(sampled_pdf) * line.density,
                                            line_pdf));
@@ -165,10 +154,9 @@ PathTracer<kTraits, Tracer, kDirectLight>::ScatteredOnLine(const Line& line, dou
                                                            double* weight) const {
   const MediumMix<Color>& mix = path.media.mix;
   const Vec3f d = ToFloat(line.d);
-  const auto weight_of = [&](const auto& density, float phase_pdf) -> double {
+  const auto weight_of = [&](double by_flight, float phase_pdf) -> double {
     if constexpr (kDirectLight != DirectLight::kByBoth) return 1;
     const double met_pdf = light.is_delta ? 0 : static_cast<double>(phase_pdf);
-    const double by_flight = density();
     return PowerHeuristic(line_pdf, static_cast<double>(light.pdf) * by_flight,
                           met_pdf * by_flight);
   };
@@ -176,15 +164,13 @@ PathTracer<kTraits, Tracer, kDirectLight>::ScatteredOnLine(const Line& line, dou
   if (!kVaryingLines || mix.scatters) {
     const auto phase = PhaseOnLine(line, t, path).Eval(d, light.wi);
     sum = left * mix.sigma_s * phase.f;
-    *weight =
-        weight_of([&] { return FlightDensity<kChromaticMedia>(mix, t, line.carried); }, phase.pdf);
+    *weight = weight_of(FlightDensity<kChromaticMedia>(mix, t, line.carried), phase.pdf);
   }
   if constexpr (kVaryingLines) {
     if (!mix.gathers) return sum;
     sum *= static_cast<float>(*weight);
     *weight = 1;
     const MediumTable& media = *scene_.media;
-    std::optional<Color> depth;
     for (const uint16_t medium : path.media.set) {
       if (!media.Gathers(medium)) continue;
       const auto its = media.template CoefficientsAt<Color>(medium, line.o + t * line.d,
@@ -192,12 +178,8 @@ PathTracer<kTraits, Tracer, kDirectLight>::ScatteredOnLine(const Line& line, dou
                                                             path.wavelengths, mix.form);
       if (its.sigma_s.IsBlack()) continue;
       const float phase = HenyeyGreenstein(media.PhaseAsymmetryOf(medium, mix.form), d, light.wi);
-      const double its_weight = weight_of(
-          [&] {
-            if (!depth) depth = GuessDepth(line, t, path);
-            return CollisionDensity<kChromaticMedia>(its.sigma_t, *depth, line.carried);
-          },
-          phase);
+      const double its_weight =
+          weight_of(MeanExtinction<kChromaticMedia>(its.sigma_t, line.carried), phase);
       sum += left * its.sigma_s * phase * static_cast<float>(its_weight);
     }
   }
