@@ -54,6 +54,7 @@ absl::Status BuildMedia(FileSource& files, int threads, const CompileTechniques&
       scene->description, scene->geometry, std::move(velocities), files,
       {Has(scene->plan.traits, Trait::kSpectral), threads, techniques.bound_media_once});
   if (!media.ok()) return media.status();
+  (*media)->ChooseLines(*scene->lights, techniques.lines_in_varying);
   scene->media = *std::move(media);
   scene->majorant_factor = techniques.majorant_factor;
   const std::vector<std::string>& groups = scene->settings.outputs.light_groups;

@@ -60,12 +60,35 @@ void ClipToLight(const LightBounds& light, Vec3d o, Vec3d d, double* t0, double*
 }  // namespace
 
 std::optional<EquiangularDistances> DistancesTo(const LightBounds& light, Vec3d o, Vec3d d,
-                                                double length) {
+                                                double begin, double end) {
   if (light.kind == LightBounds::Kind::kInfinite || !(light.strength > 0)) return std::nullopt;
-  double t0 = 0, t1 = length;
+  double t0 = begin, t1 = end;
   ClipToLight(light, o, d, &t0, &t1);
   return EquiangularDistances::Make(o, d, t0, t1, ToDouble(light.center),
                                     static_cast<double>(light.radius));
+}
+
+// Of the integrals over 1 / distance^2 and its square, by the density of flights: what comes from
+// the first free path, and from where the ray is nearest to the light. The larger of both stands
+// for their sum.
+double SpreadOfFlights(const LightBounds& light, Vec3d o, Vec3d d, double begin, double end,
+                       double extinction) {
+  const Vec3d to_light = ToDouble(light.center) - o;
+  const double along = Dot(to_light, d), nearest = std::clamp(along, begin, end);
+  const double radius = light.radius;
+  const double height_squared = LengthSquared(to_light - nearest * d) + radius * radius;
+  const double height = std::sqrt(height_squared), way = nearest - begin;
+  const double reach = std::min(end - begin, 1 / extinction);
+  const double beyond = std::max(way, 0.5 * reach);
+  const double first = 1 / (height_squared + beyond * beyond);
+  const double scattered = -Expm1(-extinction * (end - begin));
+  const double arrives = extinction * Exp(-extinction * way);
+  const double mean =
+      std::max(scattered * first, arrives * std::min(kPi / height, reach / height_squared));
+  const double square =
+      std::max(scattered * first * first,
+               arrives * std::min(0.5 * kPi / height, reach / height_squared) / height_squared);
+  return square / (mean * mean);
 }
 
 }  // namespace sheaf::render

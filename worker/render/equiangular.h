@@ -75,9 +75,19 @@ class EquiangularDistances {
   double angle_ = 0;            // That the span takes up, seen from the light. 0: see Make.
 };
 
-// On the part of the ray o + t d, t in [0, length], where the light shines; length may be infinite.
+// On the part of the ray o + t d, t in [begin, end], where the light shines; end may be infinite.
 // d: unit. None where it does not shine there, and for lights that stand nowhere. Space: render.
 std::optional<EquiangularDistances> DistancesTo(const LightBounds& light, Vec3d o, Vec3d d,
-                                                double length);
+                                                double begin, double end);
+
+// What flights alone make of such light: the mean of its square over the square of its mean, about,
+// in a medium of that extinction between begin and end, where paths are scattered and the light is
+// sampled. Large where flights are seldom scattered, and where the ray comes near the light.
+// Requires: begin < end, and the light has a place.
+double SpreadOfFlights(const LightBounds& light, Vec3d o, Vec3d d, double begin, double end,
+                       double extinction);
+// From this on a line through media that vary gathers light: below, what that takes of the time is
+// more than what it takes of the noise (tests/bench/fog_light_bench).
+inline constexpr double kSpreadGathered = 2;
 
 }  // namespace sheaf::render

@@ -91,7 +91,7 @@ TEST(EquiangularTest, G2PowersOfTwoChangeNoBit) {
 // The span [*begin, *end] is where Pdf is positive, to steps of 2^-10.
 void ExpectLit(const LightBounds& light, Vec3d o, Vec3d d, double length, double begin,
                double end) {
-  const auto line = DistancesTo(light, o, d, length);
+  const auto line = DistancesTo(light, o, d, 0, length);
   if (begin >= end) {
     EXPECT_FALSE(line.has_value());
     return;
@@ -138,9 +138,24 @@ TEST(EquiangularTest, SpotsShineInTheirCone) {
   ExpectLit(wide, {0, 8, 0}, {0, 0, 1}, 16, 0, 16);
 }
 
+// Thin media spread by how seldom they scatter, dense ones not at all, unless the light is near.
+TEST(EquiangularTest, FlightsSpreadWhereTheyAreFewOrTheLightIsNear) {
+  const auto spread = [](double height, double extinction) {
+    const LightBounds light{.kind = LightBounds::Kind::kPoint,
+                            .center = {0, static_cast<float>(height), 4},
+                            .strength = 1};
+    return SpreadOfFlights(light, {}, {0, 0, 1}, 0, 8, extinction);
+  };
+  EXPECT_NEAR(spread(1e3, 1e-4), 1 / (8e-4), 1);
+  EXPECT_NEAR(spread(1e3, 10), 1, 1e-3);
+  EXPECT_LT(spread(8, 0.5), kSpreadGathered);
+  EXPECT_GT(spread(0.02, 0.5), kSpreadGathered);
+  EXPECT_LT(spread(0.02, 50), kSpreadGathered);
+}
+
 TEST(EquiangularTest, LightsThatStandNowhereHaveNoDistances) {
   EXPECT_FALSE(
-      DistancesTo({.kind = LightBounds::Kind::kInfinite, .strength = 1}, {}, {0, 0, 1}, 1));
+      DistancesTo({.kind = LightBounds::Kind::kInfinite, .strength = 1}, {}, {0, 0, 1}, 0, 1));
 }
 
 }  // namespace

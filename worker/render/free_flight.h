@@ -41,6 +41,7 @@ struct MediumMix {
   // There are others, which are not the same everywhere and not in these sums.
   bool varies = false;
   bool glows = false;      // One of those shines.
+  bool gathers = false;    // Light is gathered along lines through one of those.
   bool is_matter = false;  // One of them is the inside of a material.
   bool is_hidden = false;  // The same, whose boundary no shadow ray can pass.
   MediumForm form = MediumForm::kTrue;
@@ -220,6 +221,19 @@ double FlightDensity(const MediumMix<Color>& mix, double distance,
     }
   }
   return of_component(0);
+}
+
+// Of a medium that varies, per scene unit, that a path which comes to a place collides there,
+// about: the mean over components by what it carries. Requires: throughput is not black.
+template <bool kChromatic, typename Color>
+double MeanExtinction(const Color& sigma_t, [[maybe_unused]] const Color& throughput) {
+  if constexpr (!kChromatic) return static_cast<double>(sigma_t[0]);
+  const Color shares = internal::ComponentShares(throughput);
+  double sum = 0;
+  for (size_t i = 0; i < kComponentCount<Color>; ++i) {
+    sum += static_cast<double>(shares[i]) * static_cast<double>(sigma_t[i]);
+  }
+  return sum;
 }
 
 }  // namespace sheaf::render

@@ -218,6 +218,8 @@ class LightTable {
   std::optional<ChosenLight> Choose(Vec3f p, float u_select, Vec2f u) const;
   // With which Choose, and Sample, choose the light at p.
   float ChoiceProbability(uint32_t light, Vec3f p) const;
+  // Of all lights, from 0 on.
+  uint32_t light_count() const;
   // Made from the light at each call.
   LightBounds BoundsOf(uint32_t light) const;
   // Sample, once it has chosen. Requires: chosen.probability is ChoiceProbability at p.

@@ -171,6 +171,9 @@ uint64_t LightTable::memory_bytes() const {
   return bytes;
 }
 
+uint32_t LightTable::light_count() const {
+  return impl_->first_infinite() + static_cast<uint32_t>(impl_->infinites.size());
+}
 LightBounds LightTable::BoundsOf(uint32_t light) const { return BoundsOfLight(*impl_, light); }
 
 void LightTable::AssignGroups(const SceneDescription& scene,

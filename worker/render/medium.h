@@ -18,12 +18,14 @@
 #include "worker/render/color_parts.h"
 #include "worker/render/free_flight.h"
 #include "worker/render/glow_lights.h"
+#include "worker/render/light_table.h"
 #include "worker/render/medium_glow.h"
 #include "worker/render/medium_set.h"
 #include "worker/render/medium_velocities.h"
 #include "worker/render/phase_function.h"
 #include "worker/render/scene_geometry.h"
 #include "worker/render/spectral_color.h"
+#include "worker/render/tile_pass.h"
 #include "worker/render/varying_medium.h"
 
 namespace sheaf::render {
@@ -106,6 +108,19 @@ class MediumTable {
                                      const WavelengthsOf<Color>& wavelengths,
                                      MediumForm form) const;
   float PhaseAsymmetryOf(uint16_t index, MediumForm form) const { return media_[index].In(form).g; }
+
+  // --- Light along lines through media that vary: medium_lines.cc.
+  // Decides for each such medium whether it is gathered there; without this for none. To be called
+  // once, before the table is used.
+  void ChooseLines(const LightTable& lights, LinesInVarying lines);
+  bool Gathers(uint16_t medium) const { return media_[medium].gathers; }
+  bool gathers_always() const { return gathers_always_; }  // Whether or not it pays.
+  // The part of o + t d, t in [0, length], that leads through those of them that gather, and the
+  // mean extinction of these over their boxes; d: unit. Empty where begin == end.
+  struct LinePart {
+    double begin = 0, end = 0, extinction = 0;
+  };
+  LinePart PartOfLine(const MediumSet& media, Vec3d o, Vec3d d, double length) const;
   uint64_t memory_bytes() const;
 
  private:
@@ -133,6 +148,8 @@ class MediumTable {
     bool is_bounded = false;
     std::vector<Part> parts;                    // None where it is the same everywhere.
     std::unique_ptr<const MediumGlow> glow;     // Of one that varies.
+    bool gathers = false;                       // As MediumMix has it.
+    double extinction = 0;                      // Where it gathers: the mean over its boxes.
     bool is_matter = false, is_hidden = false;  // As MediumMix has them.
   };
   // How a medium moves while the shutter is open, if it does.
@@ -164,6 +181,7 @@ class MediumTable {
   std::vector<uint16_t> index_of_;
   MediumSet camera_media_;
   GlowLights glow_lights_;
+  bool gathers_always_ = false;
 };
 
 template <typename Color>
@@ -182,6 +200,7 @@ MediumMix<Color> MediumTable::MixOf(const MediumSet& media, const WavelengthsOf<
     if (!medium.parts.empty()) {
       mix.varies = true;
       mix.glows = mix.glows || medium.glow != nullptr;
+      mix.gathers = mix.gathers || medium.gathers;
       continue;
     }
     const Color a =

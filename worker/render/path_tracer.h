@@ -25,6 +25,7 @@
 #include "worker/render/free_flight.h"
 #include "worker/render/light_groups.h"
 #include "worker/render/medium.h"
+#include "worker/render/medium_line.h"
 #include "worker/render/mis.h"
 #include "worker/render/path_limits.h"
 #include "worker/render/ray_counts.h"
@@ -65,6 +66,7 @@ class PathTracer {
   static constexpr bool kLines = Has(kTraits, Trait::kMedia) && (Has(kTraits, Trait::kAreaLights) ||
                                                                  Has(kTraits, Trait::kDeltaLights));
   static constexpr bool kVaryingMedia = kMedia && Has(kTraits, Trait::kHeterogeneousMedia);
+  static constexpr bool kVaryingLines = kLines && kVaryingMedia;
   static constexpr bool kSamplesGlow = kVaryingMedia && Has(kTraits, Trait::kEmissiveMedia);
   static constexpr bool kUsesBoth =
       kDirectLight == DirectLight::kByBoth || kDirectLight == DirectLight::kByLines;
@@ -81,17 +83,7 @@ class PathTracer {
     float p_error = 0;  // Of p along n, for matter.
   };
   struct InVacuum {};
-  // A segment of a path through media that scatter. Space: render.
-  struct Line {
-    Vec3d o, d;  // d: unit.
-    double length = 0;
-    Vec3f where_chosen;  // A point of it, at which its light is chosen.
-    Color carried;       // The path's throughput where it begins.
-    // Set where a medium that is the same everywhere scattered the path on it:
-    bool has_scattered = false;
-    double t = 0;        // At this distance.
-    double density = 0;  // As FlightDensity.
-  };
+  using Line = MediumLine<Color>;
   struct NoLine {};
   // What the path is in, and what that does to light.
   struct InMedia {
@@ -343,8 +335,13 @@ class PathTracer {
   float MetShareOfGlow(const Path& path) const;
 
   // path_tracer_lines.h. Where kLines.
-  static bool GathersAlongLines(const MediumMix<Color>& m) { return m.scatters && !m.is_matter; }
-  static Line LineOf(const Path& path, double length);
+  static bool GathersAlongLines(const MediumMix<Color>& m) {
+    return (m.scatters || (kVaryingLines && m.gathers)) && !m.is_matter;
+  }
+  Line LineOf(const Path& path, double length) const;
+  // Where on the line the light's light is gathered. None where that does not pay.
+  std::optional<EquiangularDistances> DistancesOn(const Line& line, uint32_t light) const;
+  void EndLine(const Line& line, double t, Scatterer scatterer, Path* path) const;  // At t.
   PhaseMix<Color> PhaseOnLine(const Line& line, double t, const Path& path) const;
   // The density, per distance along the line and solid angle at p (delta lights: probability), with
   // which AddLightAlong finds p, at t, and a point of the light that Sample finds from there with
@@ -355,6 +352,11 @@ class PathTracer {
                            float pdf) const;
   float MetShareOnLine(const Line& line, uint32_t emitter, float sampled_pdf,
                        const Path& path) const;
+  // What share of the light that comes to t is scattered along the line, times *weight; left: what
+  // of the throughput is left there by media that are the same everywhere.
+  Color ScatteredOnLine(const Line& line, double t, const Color& left,
+                        const LightSampleOf<Color>& light, double line_pdf, const Path& path,
+                        double* weight) const;
   // Adds light from one light that is scattered once on the way to the line's beginning.
   void AddLightAlong(const Sampler& sampler, const Line& line, const RawHit* hit, uint32_t passes,
                      Path* path);

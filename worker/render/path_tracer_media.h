@@ -287,12 +287,7 @@ PathTracer<kTraits, Tracer, kDirectLight>::TravelThroughMedia(const Sampler& sam
     return Travel::kArrived;
   }
   *passes = 0;
-  if constexpr (kLines) {
-    media.line = line;
-    media.line.has_scattered = !scatterer && GathersAlongLines(media.mix);
-    media.line.t = flight.distance;
-    media.line.density = FlightDensity<kChromaticMedia>(media.mix, flight.distance, line.carried);
-  }
+  if constexpr (kLines) EndLine(line, flight.distance, scatterer, path);
   const double t = flight.distance / unit;
   const Vec3f p = PointInMedium(path->ray, hit, t, &media.near);
   if (*is_first) {

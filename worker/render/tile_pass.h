@@ -25,11 +25,15 @@ struct CompileLimits {
   uint64_t displaced_triangles_max = uint64_t{1} << 24;
 };
 
+// Whether light is gathered along lines through media that vary.
+enum class LinesInVarying : uint8_t { kWhereItPays, kAlways, kNever };
+
 // Choices that change the noise of a picture and not its expectation; tests compare the techniques
 // with each other.
 struct CompileTechniques {
   bool choose_lights_evenly = false;  // Instead of by what each may send to a point.
   bool bound_media_once = false;      // One bound for all of a medium, not one where it is dense.
+  LinesInVarying lines_in_varying = LinesInVarying::kWhereItPays;
   // What bounds of densities are multiplied by. Below 1 they are wrong, which rendering must find.
   float majorant_factor = 1;
 };

@@ -73,6 +73,39 @@ uint64_t VaryingMedium::memory_bytes() const {
          (moves() ? motion_->memory_bytes() : 0);
 }
 
+double VaryingMedium::MeanDensity() const {
+  constexpr int kPlacesAcross = 16;
+  const Vec3d lo = majorants_.box().lo, size = majorants_.box().hi - lo;
+  const auto at = [&](size_t axis, int i) {
+    return lo[axis] + (i + 0.5) / kPlacesAcross * size[axis];
+  };
+  double sum = 0;
+  for (int x = 0; x < kPlacesAcross; ++x) {
+    for (int y = 0; y < kPlacesAcross; ++y) {
+      for (int z = 0; z < kPlacesAcross; ++z) {
+        sum += DensityAt(render_from_index_.Point({at(0, x), at(1, y), at(2, z)}), 0.5);
+      }
+    }
+  }
+  return sum / (kPlacesAcross * kPlacesAcross * kPlacesAcross);
+}
+
+bool VaryingMedium::ClipToBox(Vec3d o, Vec3d d, double* t0, double* t1) const {
+  const Vec3d o_index = index_from_render_.Point(o), d_index = index_from_render_.Vector(d);
+  const IndexBox& box = majorants_.box();
+  for (size_t a = 0; a < 3; ++a) {
+    const double inverse = 1 / d_index[a];
+    if (!std::isfinite(inverse)) {
+      if (!(o_index[a] >= box.lo[a] && o_index[a] <= box.hi[a])) return false;
+      continue;
+    }
+    const double lo = (box.lo[a] - o_index[a]) * inverse, hi = (box.hi[a] - o_index[a]) * inverse;
+    *t0 = std::max(*t0, std::min(lo, hi));
+    *t1 = std::min(*t1, std::max(lo, hi));
+  }
+  return *t0 < *t1;
+}
+
 double VaryingMedium::DensityAt(Vec3d p) const {
   const Vec3d index = index_from_render_.Point(p);
   const IndexBox& box = majorants_.box();

@@ -91,6 +91,10 @@ class VaryingMedium {
       return TrackEmission(walk, density, source, sigma_t, stream, tally);
     });
   }
+  // Of places all over the box, when half of the shutter's time is over.
+  double MeanDensity() const;
+  // Makes [*t0, *t1] the part of it where o + t d is in the box. False where there is none.
+  bool ClipToBox(Vec3d o, Vec3d d, double* t0, double* t1) const;
   // At a point of render space; 0 outside of the box.
   double DensityAt(Vec3d p) const;
   double DensityAt(Vec3d p, NoTime) const { return DensityAt(p); }

@@ -1,0 +1,240 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Scenes for tests of techniques that must have one expectation: of large lights and wide lobes,
+// so that what one technique finds seldom is not too rare to measure.
+#pragma once
+
+#include <utility>
+
+#include "tests/support/test_scene.h"
+
+namespace sheaf::render {
+
+// Colours are mixed with grey so far; 0 makes all grey.
+struct Tint {
+  float share = 0;
+  Rgb operator()(Rgb c) const {
+    const float grey = (c.r + c.g + c.b) / 3;
+    return Rgb::Grey(grey * (1 - share)) + c * share;
+  }
+};
+
+// The picture ends below the height of the lamps: where a lamp is seen edge on, meeting it is so
+// rare that the draws of a tile are far from normal.
+inline TestScene OpenBox(Tint tint) {
+  TestScene t({0, 1, -3.2}, {0, 0.6, 0}, 36);
+  t.AddShape(MeshShape{t.Quad({-2, 0, -2}, {-2, 0, 2}, {2, 0, 2}, {2, 0, -2})},
+             t.Diffuse(tint({0.6f, 0.5f, 0.4f})));
+  t.AddShape(MeshShape{t.Quad({-2, 0, 2}, {-2, 3, 2}, {2, 3, 2}, {2, 0, 2})},
+             t.Diffuse(tint({0.3f, 0.5f, 0.7f})));
+  return t;
+}
+
+inline void AddLamp(TestScene* t, Tint tint, float half_width) {
+  const float w = half_width;
+  t->AddShape(MeshShape{t->Quad({-w, 2.5f, -w}, {w, 2.5f, -w}, {w, 2.5f, w}, {-w, 2.5f, w})},
+              t->Diffuse({}))
+      .area_light = t->AreaLight(tint({6, 5, 4}));
+}
+
+inline constexpr SphereShape kBall{0.6f, -0.6f, 0.6f, 360};
+
+// A lamp, a lamp that is a ball, and diffuse surfaces.
+inline TestScene Diffuse(Tint tint) {
+  TestScene t = OpenBox(tint);
+  AddLamp(&t, tint, 0.9f);
+  t.AddShape(SphereShape{0.4f, -0.4f, 0.4f, 360}, t.Diffuse({}), TranslateMatrix({-1.2, 0.6, 0.5}))
+      .area_light = t.AreaLight(tint({2, 3, 4}));
+  t.AddShape(kBall, t.Diffuse(tint({0.7f, 0.7f, 0.3f})), TranslateMatrix({0.5, 0.6, 0}));
+  return t;
+}
+
+// Rough metal, a rough coat, rough glass: wide lobes, for those that are narrow are met by samples
+// of light too rarely for 16 draws to know their own variance.
+inline TestScene Glossy(Tint tint) {
+  TestScene t = OpenBox(tint);
+  AddLamp(&t, tint, 1);
+  ConductorMaterial metal;
+  metal.roughness = {{0.5f, kNone}, {0.4f, kNone}, true};
+  metal.has_reflectance = true;
+  metal.reflectance.value.rgb = tint({0.9f, 0.7f, 0.5f});
+  CoatedDiffuseMaterial coat;
+  coat.roughness = {{0.5f, kNone}, {0.5f, kNone}, true};
+  coat.reflectance.value.rgb = tint({0.2f, 0.5f, 0.6f});
+  DielectricMaterial glass;
+  glass.roughness = {{0.8f, kNone}, {0.8f, kNone}, true};
+  t.AddShape(kBall, t.AddMaterial(metal), TranslateMatrix({-1.25, 0.6, 0.3}));
+  t.AddShape(kBall, t.AddMaterial(coat), TranslateMatrix({0, 0.6, 0.6}));
+  t.AddShape(kBall, t.AddMaterial(glass), TranslateMatrix({1.25, 0.6, 0.3}));
+  return t;
+}
+
+// A sky, a lamp without size, leaves, a lens, a cut-out, and a ball that moves.
+inline TestScene Outdoor(Tint tint) {
+  TestScene t = OpenBox(tint);
+  t.ConstantEnvironment(tint({0.6f, 0.8f, 1}));
+  PointLight lamp;
+  lamp.intensity.rgb = tint({2, 2, 1});
+  lamp.from = {1, 2, -1};
+  t.scene.lights.push_back({lamp, {}, {}, {}});
+  t.scene.camera.lens_radius = 0.05f;
+  t.scene.camera.focal_distance = 3.5f;
+  t.scene.camera.shutter_close = 1;
+  DiffuseTransmissionMaterial leaf;
+  leaf.reflectance.value.rgb = tint({0.2f, 0.4f, 0.1f});
+  leaf.transmittance.value.rgb = tint({0.1f, 0.4f, 0.1f});
+  t.AddShape(MeshShape{t.Quad({-1.5f, 0.4f, 0}, {-0.5f, 0.4f, 0.4f}, {-0.5f, 1.4f, 0.4f},
+                              {-1.5f, 1.4f, 0})},
+             t.AddMaterial(leaf));
+  ShapeDescription& lace =
+      t.AddShape(kBall, t.Diffuse(tint({0.7f, 0.3f, 0.3f})), TranslateMatrix({0.2, 0.6, 0.6}));
+  lace.has_alpha = true;
+  lace.alpha.value = 0.6f;
+  ShapeDescription& moving =
+      t.AddShape(kBall, t.Diffuse(tint({0.3f, 0.3f, 0.7f})), TranslateMatrix({1.1, 0.6, 0.2}));
+  moving.world_from_object.end = TranslateMatrix({1.1, 1.0, 0.2});
+  return t;
+}
+
+// Two volumes that overlap, with a colour and a phase function each, one of them glowing; a lamp
+// and a sky that light them through their own surfaces.
+inline TestScene Hazy(Tint tint) {
+  TestScene t = OpenBox(tint);
+  AddLamp(&t, tint, 1);
+  t.ConstantEnvironment(tint({0.3f, 0.4f, 0.5f}));
+  const auto add = [&](Rgb sigma_a, Rgb sigma_s, float g, Matrix4 place) {
+    MediumDescription medium;
+    medium.sigma_a.rgb = tint(sigma_a);
+    medium.sigma_s.rgb = tint(sigma_s);
+    medium.g = g;
+    t.AddShape(kBall, t.AddMaterial(InterfaceMaterial{}), place).media.inside =
+        static_cast<int32_t>(t.scene.media.size());
+    t.scene.media.push_back(medium);
+  };
+  add({0.2f, 0.1f, 0.4f}, {1, 2, 3}, 0.4f, TranslateMatrix({-0.4, 0.7, 0.2}));
+  add({0.1f, 0.3f, 0}, {2, 1, 0.5f}, -0.3f, TranslateMatrix({0.4, 0.7, 0}));
+  t.scene.media[1].emits = true;
+  t.scene.media[1].radiance.rgb = tint({0.5f, 0.3f, 0.1f});
+  return t;
+}
+
+// A lumpy cloud that shines by factors of a colour and scatters, above a floor, in a haze that
+// shines a little; and a second one that is only bright.
+inline TestScene Burning(Tint tint) {
+  TestScene t = OpenBox(tint);
+  t.ConstantEnvironment(tint({0.05f, 0.06f, 0.08f}));
+  const auto add = [&](MediumDescription medium, Vec3f lower, Vec3f upper) {
+    t.AddShape(MeshShape{t.Box(lower, upper)}, t.AddMaterial(InterfaceMaterial{})).media.inside =
+        static_cast<int32_t>(t.scene.media.size());
+    t.scene.media.push_back(std::move(medium));
+  };
+  const auto shining = [&](Rgb sigma_a, Rgb sigma_s, Rgb radiance) {
+    MediumDescription medium;
+    medium.sigma_a.rgb = tint(sigma_a);
+    medium.sigma_s.rgb = tint(sigma_s);
+    medium.g = 0.3f;
+    medium.emits = true;
+    medium.radiance.rgb = tint(radiance);
+    return medium;
+  };
+  const auto lumps = [](Vec3d lower, Vec3d upper) {
+    UniformGridMedium grid;
+    grid.box = {{4, 4, 4}, lower, upper};
+    for (int i = 0; i < 64; ++i) {
+      grid.density.push_back(i % 3 == 0 ? 0.0f : 0.25f * static_cast<float>(i % 7));
+      grid.radiance_scale.push_back(static_cast<float>(i % 5));
+    }
+    return grid;
+  };
+  MediumDescription fire = shining({1, 0.6f, 0.8f}, {0.5f, 0.8f, 1}, {0.5f, 0.4f, 0.2f});
+  fire.kind = lumps({-0.9, 0.1, -0.6}, {0.3, 1.5, 0.6});
+  add(std::move(fire), {-0.9f, 0.1f, -0.6f}, {0.3f, 1.5f, 0.6f});
+  MediumDescription bright = shining({0.4f, 0.5f, 0.3f}, {}, {0.2f, 0.6f, 0.9f});
+  bright.kind = lumps({0.6, 0.3, -0.5}, {1.6, 1.3, 0.5});
+  add(std::move(bright), {0.6f, 0.3f, -0.5f}, {1.6f, 1.3f, 0.5f});
+  add(shining({0.02f, 0.03f, 0.04f}, {0.05f, 0.05f, 0.1f}, {0.3f, 0.2f, 0.2f}),
+      {-1.95f, 0.05f, -1.9f}, {1.95f, 2.5f, 1.9f});
+  return t;
+}
+
+// A room full of fog of two kinds, a part of which overlaps, with a lamp of each sort that has a
+// place: flat ones, a ball, a point and a cone.
+inline TestScene Foggy(Tint tint) {
+  TestScene t = Diffuse(tint);
+  PointLight point;
+  point.intensity.rgb = tint({0.8f, 0.6f, 0.4f});
+  point.from = {1, 1.4f, -0.5f};
+  t.scene.lights.push_back({point, {}, {}, {}});
+  SpotLight spot;
+  spot.intensity.rgb = tint({3, 4, 5});
+  spot.from = {-0.3f, 2, -0.6f};
+  spot.to = {0.2f, 0, 0.2f};
+  t.scene.lights.push_back({spot, {}, {}, {}});
+  const auto add = [&](Rgb sigma_a, Rgb sigma_s, float g, Vec3f lower, Vec3f upper) {
+    MediumDescription medium;
+    medium.sigma_a.rgb = tint(sigma_a);
+    medium.sigma_s.rgb = tint(sigma_s);
+    medium.g = g;
+    t.AddShape(MeshShape{t.Box(lower, upper)}, t.AddMaterial(InterfaceMaterial{})).media.inside =
+        static_cast<int32_t>(t.scene.media.size());
+    t.scene.media.push_back(medium);
+  };
+  add({0.02f, 0.05f, 0.1f}, {0.1f, 0.2f, 0.3f}, 0.5f, {-2.5f, -0.5f, -2.4f}, {2.5f, 3.5f, 2.5f});
+  add({0.1f, 0, 0}, {0.8f, 0.4f, 0.2f}, -0.2f, {-1, 0.1f, -1}, {1, 1.6f, 1});
+  return t;
+}
+
+// The same lamps about a cloud of lumps in one colour and, over a part of it, haze of another that
+// varies too and a fog that does not; a point and a ball shine within them, the flat one from
+// outside.
+inline TestScene Cloudy(Tint tint) {
+  TestScene t = Diffuse(tint);
+  PointLight point;
+  point.intensity.rgb = tint({0.8f, 0.6f, 0.4f});
+  point.from = {1, 1.4f, -0.5f};
+  t.scene.lights.push_back({point, {}, {}, {}});
+  const auto add = [&](Rgb sigma_a, Rgb sigma_s, float g, int modulus, Vec3f lower, Vec3f upper) {
+    MediumDescription medium;
+    medium.sigma_a.rgb = tint(sigma_a);
+    medium.sigma_s.rgb = tint(sigma_s);
+    medium.g = g;
+    if (modulus > 0) {
+      UniformGridMedium grid;
+      grid.box = {{5, 5, 5}, ToDouble(lower), ToDouble(upper)};
+      for (int i = 0; i < 125; ++i) grid.density.push_back(0.3f * static_cast<float>(i % modulus));
+      medium.kind = std::move(grid);
+    }
+    t.AddShape(MeshShape{t.Box(lower, upper)}, t.AddMaterial(InterfaceMaterial{})).media.inside =
+        static_cast<int32_t>(t.scene.media.size());
+    t.scene.media.push_back(std::move(medium));
+  };
+  add({0.02f, 0.05f, 0.1f}, {0.2f, 0.4f, 0.6f}, 0.5f, 7, {-2.5f, -0.5f, -2.4f}, {1.9f, 2.2f, 2.4f});
+  add({0.1f, 0, 0}, {0.8f, 0.4f, 0.2f}, -0.2f, 4, {-1, 0.1f, -1}, {1, 1.6f, 1});
+  add({0.05f, 0.02f, 0}, {0.1f, 0.2f, 0.2f}, 0, 0, {0.2f, 0.2f, -1.2f}, {1.6f, 1.9f, 1.2f});
+  return t;
+}
+
+// More lights than are weighed one by one: rows of small lamps of unlike power, one of them without
+// size, and a dim sky.
+inline TestScene ManyLamps(Tint tint) {
+  TestScene t = OpenBox(tint);
+  t.ConstantEnvironment(tint({0.02f, 0.03f, 0.05f}));
+  PointLight lamp;
+  lamp.intensity.rgb = tint({0.5f, 0.3f, 0.2f});
+  lamp.from = {-1, 1.5f, 0};
+  t.scene.lights.push_back({lamp, {}, {}, {}});
+  for (int i = 0; i < 20; ++i) {
+    const float x = -1.8f + 0.9f * static_cast<float>(i % 5);
+    const float z = -1.5f + 1.0f * static_cast<float>(i / 5);
+    const float strength = 1.0f + static_cast<float>(i * 7 % 10);
+    t.AddShape(MeshShape{t.Quad({x, 2.2f, z}, {x + 0.2f, 2.2f, z}, {x + 0.2f, 2.2f, z + 0.2f},
+                                {x, 2.2f, z + 0.2f})},
+               t.Diffuse({}))
+        .area_light = t.AreaLight(tint({strength, strength, 0.5f * strength}));
+  }
+  t.AddShape(kBall, t.Diffuse(tint({0.7f, 0.7f, 0.3f})), TranslateMatrix({0.5, 0.6, 0}));
+  return t;
+}
+
+}  // namespace sheaf::render
