@@ -39,7 +39,7 @@ std::string FormatSamples(const v1::Frame& frame) {
   }
   const v1::PixelRect& window = settings.window();
   const double pixel_count =
-      double{window.x1_px() - window.x0_px() + 0.0} * (window.y1_px() - window.y0_px());
+      1.0 * (window.x1_px() - window.x0_px()) * (window.y1_px() - window.y0_px());
   return absl::StrFormat("%.1f samples on average",
                          static_cast<double>(frame.progress().sample_count_done()) / pixel_count);
 }

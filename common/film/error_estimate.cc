@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "common/base/check.h"
+#include "common/film/mean_interval.h"
 
 namespace sheaf {
 namespace {
@@ -62,10 +63,9 @@ namespace {
 
 // What a standard error of each channel adds to that of luminance, at most.
 std::array<double, 3> LuminanceWeights(const Chromaticities& chromaticities) {
-  constexpr std::array<double, 3> kOfSrgb{0.212639, 0.715169, 0.072192};
-  if (chromaticities == Chromaticities()) return kOfSrgb;
+  if (chromaticities == Chromaticities()) return kLuminanceOfSrgb;
   const std::optional<Matrix4> xyz_from_rgb = XyzFromRgb(chromaticities);
-  if (!xyz_from_rgb) return kOfSrgb;
+  if (!xyz_from_rgb) return kLuminanceOfSrgb;
   // The blue of ACES2065-1 has negative luminance.
   const auto& y = xyz_from_rgb->m[1];
   return {std::fabs(y[0]), std::fabs(y[1]), std::fabs(y[2])};

@@ -24,6 +24,9 @@ namespace sheaf {
 
 inline constexpr double kOneReplicateMax = 0.5;
 
+// What luminance weighs linear sRGB's red, green and blue with.
+inline constexpr std::array<double, 3> kLuminanceOfSrgb{0.212639, 0.715169, 0.072192};
+
 struct MeanInterval {
   double mean = 0;
   double standard_error = 0;

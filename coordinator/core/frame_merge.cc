@@ -2,7 +2,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "coordinator/core/frame_merge.h"
 
-#include <array>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -12,9 +11,6 @@
 
 namespace sheaf::coordinator {
 namespace {
-
-// The sums of the film are linear sRGB.
-constexpr std::array<double, 3> kLuminanceWeights{0.212639, 0.715169, 0.072192};
 
 uint64_t TreeBytes(const TileTree& tree) {
   uint64_t size_bytes = 0;
@@ -56,7 +52,7 @@ void FrameMerge::Develop(uint32_t index, std::unique_ptr<TileTree> tree) {
   NoteNames(root, &picture_);
   unreliable_count_ -= tile.unreliable ? 1 : 0;
   tile.unreliable = root.replicate_count() == kReplicateCount &&
-                    !MeanIntervalOf(root, root.rect(), kLuminanceWeights).is_reliable;
+                    !MeanIntervalOf(root, root.rect(), kLuminanceOfSrgb).is_reliable;
   unreliable_count_ += tile.unreliable ? 1 : 0;
   tile.state = State::kDeveloped;
   if (!grows_ || budget_->Exhausted()) tree.reset();

@@ -83,15 +83,14 @@ absl::Status Farm::RestoreJob(const StoredJob& job, const JobStore::LoadedParts*
   return absl::OkStatus();
 }
 
-absl::Status Farm::RestoreLiveJob(const StoredJob& job, const JobStore::LoadedParts& loaded) {
-  const JobStore::LoadedParts* parts = &loaded;
-  scheduler_.counters().parts_revoked += static_cast<uint64_t>(parts->rows_lost);
-  if (parts->rows_lost > 0) {
-    LogWarning(absl::StrCat("job ", job.spec.job_id, ": ", parts->rows_lost,
+absl::Status Farm::RestoreLiveJob(const StoredJob& job, const JobStore::LoadedParts& parts) {
+  scheduler_.counters().parts_revoked += static_cast<uint64_t>(parts.rows_lost);
+  if (parts.rows_lost > 0) {
+    LogWarning(absl::StrCat("job ", job.spec.job_id, ": ", parts.rows_lost,
                             " parts are missing on disk and will be rendered again"));
   }
   std::set<FrameId> frames;
-  for (const PartRow& row : parts->rows) {
+  for (const PartRow& row : parts.rows) {
     const FrameRecord* frame = scheduler_.FindFrame(row.key.frame);
     const bool wanted = frame != nullptr && frame->phase != FrameRecord::Phase::kDelivered;
     if (!wanted) continue;  // Delivered, and stopped before its parts were removed.
@@ -114,8 +113,8 @@ absl::Status Farm::RestoreLiveJob(const StoredJob& job, const JobStore::LoadedPa
   for (const FrameId& id : frames) {
     if (scheduler_.FindFrame(id)->phase == FrameRecord::Phase::kRendered) to_deliver_.push_back(id);
   }
-  if (!parts->rows.empty()) {
-    LogInfo(absl::StrCat("job ", job.spec.job_id, ": resumed with ", parts->rows.size(),
+  if (!parts.rows.empty()) {
+    LogInfo(absl::StrCat("job ", job.spec.job_id, ": resumed with ", parts.rows.size(),
                          " results on disk"));
   }
   // All frames were delivered, but the coordinator was stopped before it noted the job's end.

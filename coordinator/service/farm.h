@@ -228,7 +228,8 @@ class Farm : public FarmView {
   std::vector<uint64_t> unsettled_jobs_;  // Ended, but not yet written down.
   absl::Status disk_status_;              // Of the last write.
 
-  // One at a time writes down the end of jobs, so that who comes second waits until it is durable.
+  // One at a time writes down the end of jobs, so that who comes second waits until it is durable;
+  // goes on with one; or removes parts of delivered frames.
   // Taken before mutex_.
   std::mutex settle_mutex_;
 

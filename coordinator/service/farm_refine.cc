@@ -142,16 +142,12 @@ absl::Status Farm::RefineJob(uint64_t job_id, const Refinement& refinement) {
 }
 
 void Farm::LimitKeptParts() {
+  // No frame goes on meanwhile: its parts would be taken from under it.
+  const std::lock_guard settling(settle_mutex_);
   while (store_->PartsBytes() > options_.kept_parts_bytes_max) {
     const absl::StatusOr<std::optional<FrameId>> oldest = store_->OldestDeliveredWithParts();
     NoteDisk(oldest.status());
     if (!oldest.ok() || !oldest->has_value()) return;
-    {
-      // Not those of a frame that goes on.
-      const std::lock_guard lock(mutex_);
-      const FrameRecord* frame = scheduler_.FindFrame(**oldest);
-      if (frame != nullptr && frame->phase != FrameRecord::Phase::kDelivered) return;
-    }
     const absl::Status removed = store_->RemoveFrameParts(**oldest);
     NoteDisk(removed);
     if (!removed.ok()) return;

@@ -3,6 +3,7 @@
 //
 // The part of Farm that goes from one round of a frame to the next.
 #include <algorithm>
+#include <limits>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -50,14 +51,13 @@ absl::StatusOr<bool> Farm::FinishRound(OpenFrame* frame, const FrameId& id) {
     const std::lock_guard lock(mutex_);
     const FrameRecord* scheduled = scheduler_.FindFrame(id);
     if (scheduled->phase != FrameRecord::Phase::kRendered) return false;  // The job has ended.
-    std::vector<RoundRecord>& rounds = accounts_[id.job_id].rounds[id.frame_number];
-    if (!rounds.empty()) {
-      if (rounds.back().samples_next.empty()) return true;  // Decided, not yet delivered.
-      before = rounds.back().tiles;
+    if (const RoundRecord* last = LastRoundOf(id)) {
+      if (last->samples_next.empty()) return true;  // Decided, not yet delivered.
+      before = last->tiles;
+      record.round = last->round + 1;
     }
     const std::vector<uint64_t> samples = scheduled->tasks->SamplesOfTiles();
     for (size_t i = 0; i < tiles.size(); ++i) record.tiles.push_back({samples[i], errors[i]});
-    record.round = static_cast<int32_t>(rounds.size());
     record.sample_count = scheduled->sample_count_done;
     record.cost = scheduled->cost;
     record.wall_duration = WallOf(id, absl::Now());
@@ -92,9 +92,7 @@ absl::StatusOr<bool> Farm::FinishRound(OpenFrame* frame, const FrameId& id) {
 const RoundRecord* Farm::LastRoundOf(const FrameId& id) const {
   const JobAccount& account = accounts_.at(id.job_id);
   const auto rounds = account.rounds.find(id.frame_number);
-  // While the first round is decided there is none yet.
-  return rounds == account.rounds.end() || rounds->second.empty() ? nullptr
-                                                                  : &rounds->second.back();
+  return rounds == account.rounds.end() ? nullptr : &rounds->second.back();
 }
 
 void Farm::AddRoundMetadata(const FrameId& id, FramePicture* picture) const {
