@@ -22,6 +22,7 @@ class Command {
 };
 
 std::unique_ptr<Command> MakeRenderCommand();
+std::unique_ptr<Command> MakeQuoteCommand();
 std::unique_ptr<Command> MakeSubmitCommand();
 std::unique_ptr<Command> MakeWatchCommand();
 std::unique_ptr<Command> MakeListCommand();

@@ -1,82 +1,22 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// sheaf render: a farm of one. Coordinator and worker live in this process and talk over a channel
-// that never leaves it; the code is that of the large farm.
-#include <unistd.h>
-
-#include <cerrno>
-#include <chrono>
+// sheaf render: a farm of one in this process (local_farm.h).
 #include <cstdio>
-#include <cstdlib>
-#include <filesystem>
 #include <memory>
 #include <string>
-#include <thread>
-#include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "absl/time/clock.h"
-#include "absl/time/time.h"
 #include "cli/command.h"
 #include "cli/follow_job.h"
 #include "cli/interruption.h"
+#include "cli/local_farm.h"
 #include "cli/options.h"
 #include "common/base/digest.h"
-#include "common/base/file.h"
 #include "common/base/log.h"
-#include "common/base/status.h"
-#include "coordinator/service/coordinator_server.h"
-#include "worker/service/embedded_worker.h"
 
 namespace sheaf::cli {
 namespace {
-
-// The folder of one run's state; removed at the end unless it has a name of its own.
-class StateDirectory {
- public:
-  static absl::StatusOr<std::unique_ptr<StateDirectory>> Open(const std::string& kept) {
-    if (!kept.empty()) {
-      if (absl::Status status = MakeDirectories(kept); !status.ok()) return status;
-      return std::unique_ptr<StateDirectory>(new StateDirectory(kept, true));
-    }
-    const char* parent = std::getenv("TMPDIR");
-    std::string path = absl::StrCat(parent == nullptr || parent[0] == '\0' ? "/tmp" : parent,
-                                    "/sheaf-render-XXXXXX");
-    if (::mkdtemp(path.data()) == nullptr) {
-      return StatusFromErrno(errno, absl::StrCat("creating a folder ", path,
-                                                 " (TMPDIR or --keep-state choose another)"));
-    }
-    return std::unique_ptr<StateDirectory>(new StateDirectory(path, false));
-  }
-  ~StateDirectory() {
-    std::error_code ignored;  // Left-overs in a temporary folder are no error of the picture.
-    if (!kept_) std::filesystem::remove_all(path_, ignored);
-  }
-  StateDirectory(const StateDirectory&) = delete;
-  StateDirectory& operator=(const StateDirectory&) = delete;
-  const std::string& path() const { return path_; }
-
- private:
-  StateDirectory(std::string path, bool kept) : path_(std::move(path)), kept_(kept) {}
-  const std::string path_;
-  const bool kept_;
-};
-
-// How long the worker in this process may take to report before the progress line goes without it.
-constexpr absl::Duration kWorkerReportWait = absl::Seconds(2);
-
-// The first progress line shall not say that no worker is connected: waits for the one that is just
-// starting.
-void AwaitWorker(const coordinator::FarmView& farm) {
-  const absl::Time deadline = absl::Now() + kWorkerReportWait;
-  while (true) {
-    const uint64_t seen = farm.ChangeCount();
-    const absl::Duration rest = deadline - absl::Now();
-    if (!farm.ListWorkers().empty() || rest <= absl::ZeroDuration()) return;
-    farm.WaitForChange(seen, rest);
-  }
-}
 
 class RenderCommand : public Command {
  public:
@@ -84,19 +24,19 @@ class RenderCommand : public Command {
     CLI::App* command = app->add_subcommand("render", "Render a scene in this process");
     AddJobOptions(command, &arguments_);
     AddJsonFlag(command, &json_);
-    command->add_option("--threads", worker_.thread_count, "Threads; 0: all processors")
+    command->add_option("--threads", farm_.worker.thread_count, "Threads; 0: all processors")
         ->check(CLI::Range(0, 4096))
         ->capture_default_str();
-    command->add_option("--http", http_,
+    command->add_option("--http", farm_.http_address,
                         "Serve the page that shows the picture growing, HOST:PORT");
-    command->add_option("--keep-state", keep_state_,
+    command->add_option("--keep-state", farm_.kept_state,
                         "Keep finished work in this folder; the same command goes on from there");
     command
-        ->add_option("--scene-memory-max", worker_.scene_memory_bytes_max,
+        ->add_option("--scene-memory-max", farm_.worker.scene_memory_bytes_max,
                      "Limit of memory for scenes, e.g. 4G (default 4G)")
         ->transform(CLI::AsSizeValue(false));
     command
-        ->add_option("--texture-memory-max", worker_.texture_memory_bytes_max,
+        ->add_option("--texture-memory-max", farm_.worker.texture_memory_bytes_max,
                      "Limit of memory for texture tiles, e.g. 512M (default 512M)")
         ->transform(CLI::AsSizeValue(false));
     command->footer(
@@ -118,49 +58,31 @@ class RenderCommand : public Command {
     if (!job.ok()) return ReportSceneError(job.status());
     for (const std::string& text : job->diagnostics) std::fprintf(stderr, "%s\n", text.c_str());
 
-    const absl::StatusOr<std::unique_ptr<StateDirectory>> state = StateDirectory::Open(keep_state_);
-    if (!state.ok()) return ReportError(ExitCode::kFile, state.status());
-    coordinator::CoordinatorOptions options;
-    options.farm.state_directory = (*state)->path();
-    if (keep_state_.empty()) options.farm.kept_parts_bytes_max = 0;
-    options.listen_address.clear();
-    options.http_address = http_;
-    const absl::StatusOr<std::unique_ptr<coordinator::CoordinatorServer>> server =
-        coordinator::CoordinatorServer::Start(options);
-    if (!server.ok()) return ReportError(ExitCode::kFile, server.status());
-    if (!http_.empty()) {
-      std::fprintf(stderr, "sheaf: watch at %s\n", (*server)->http_url().c_str());
+    const absl::StatusOr<std::unique_ptr<LocalFarm>> farm = LocalFarm::Open(farm_);
+    if (!farm.ok()) return ReportError(ExitCode::kFile, farm.status());
+    if (!farm_.http_address.empty()) {
+      std::fprintf(stderr, "sheaf: watch at %s\n", (*farm)->http_url().c_str());
     }
-    worker_.cache_directory = absl::StrCat((*state)->path(), "/cache");
-    worker_.grace = std::chrono::milliseconds(0);
-    return RenderOn(server->get(), *job, interruption);
+    return RenderOn(farm->get(), *job, interruption);
   }
 
  private:
-  ExitCode RenderOn(coordinator::CoordinatorServer* server, const PreparedJob& job,
-                    const Interruption& interruption) {
-    const std::shared_ptr<grpc::Channel> channel = server->InProcessChannel();
-    FarmClient client(channel, "this process", interruption.token());
+  ExitCode RenderOn(LocalFarm* farm, const PreparedJob& job, const Interruption& interruption) {
+    FarmClient client(farm->channel(), "this process", interruption.token());
     if (absl::Status status = UploadMissing(&client, job); !status.ok()) {
       return ReportCallError(status);
     }
     v1::CreateJobRequest request = MakeCreateJobRequest(arguments_, job);
-    if (!keep_state_.empty()) request.set_request_id(RepeatableRequestId(request));
+    if (!farm_.kept_state.empty()) request.set_request_id(RepeatableRequestId(request));
     const absl::StatusOr<v1::Job> created = client.CreateJob(request);
     if (!created.ok()) return ReportCallError(created.status());
 
-    const absl::StatusOr<std::unique_ptr<worker::EmbeddedWorker>> worker =
-        worker::EmbeddedWorker::Open(channel, worker_);
-    if (!worker.ok()) return ReportError(ExitCode::kFile, worker.status());
-    std::jthread working([&worker](std::stop_token stop) {
-      if (absl::Status status = (*worker)->Run(stop); !status.ok()) {
-        LogWarning(std::string(status.message()));
-      }
-    });
-    AwaitWorker(server->farm());
+    if (absl::Status status = farm->StartWorker(); !status.ok()) {
+      return ReportError(ExitCode::kFile, status);
+    }
     const absl::StatusOr<v1::Job> ended = FollowJob(&client, created->name(), json_);
     if (absl::IsCancelled(ended.status())) {
-      std::fprintf(stderr, keep_state_.empty()
+      std::fprintf(stderr, farm_.kept_state.empty()
                                ? "sheaf: interrupted\n"
                                : "sheaf: interrupted; the same command goes on from here\n");
       return ExitCode::kInterrupted;
@@ -182,8 +104,7 @@ class RenderCommand : public Command {
   }
 
   JobArguments arguments_;
-  worker::WorkerOptions worker_;
-  std::string http_, keep_state_;
+  LocalFarmOptions farm_;
   bool json_ = false;
 };
 

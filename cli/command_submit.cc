@@ -10,10 +10,14 @@
 #include "cli/interruption.h"
 #include "cli/job_json.h"
 #include "cli/options.h"
+#include "cli/quote.h"
 #include "common/rpc/channel.h"
 
 namespace sheaf::cli {
 namespace {
+
+// A submission waits so long for its quote.
+constexpr absl::Duration kQuoteWaitMax = absl::Seconds(30);
 
 class SubmitCommand : public Command {
  public:
@@ -23,6 +27,9 @@ class SubmitCommand : public Command {
     AddCoordinatorOption(command, &coordinator_);
     AddJsonFlag(command, &json_);
     command->add_flag("--wait", wait_, "Stay until the pictures are here");
+    command
+        ->add_flag("--no-quote", no_quote_, "Do not say before what it will cost (see sheaf quote)")
+        ->envname("SHEAF_NO_QUOTE");
     command->add_option("--title", arguments_.title, "Title for people (default: the file's name)");
     command->add_option("--priority", arguments_.priority, "Higher goes first")
         ->check(CLI::Range(-1000, 1000))
@@ -32,7 +39,9 @@ class SubmitCommand : public Command {
         "  sheaf submit room.pbrt --samples 256 --wait -o room.exr --png room.png\n"
         "  sheaf submit 'shot.####.pbrt' --frames 1-24 -o 'out/shot.####.exr' --wait\n"
         "  job=$(sheaf submit room.pbrt) && sheaf watch \"$job\" -o room.exr\n"
-        "Ctrl-C ends the waiting, never the job.");
+        "Before, it says what the job will cost, by a pilot of a few pixels; --no-quote leaves "
+        "that\n"
+        "out. Ctrl-C ends the waiting, never the job.");
     return command;
   }
 
@@ -48,6 +57,11 @@ class SubmitCommand : public Command {
     if (absl::Status status = UploadMissing(&client, *job); !status.ok()) {
       return ReportCallError(status);
     }
+    if (!no_quote_) {
+      if (absl::Status status = PrintQuote(&client, *job); absl::IsCancelled(status)) {
+        return ReportCallError(status);
+      }
+    }
     const absl::StatusOr<v1::Job> created =
         client.CreateJob(MakeCreateJobRequest(arguments_, *job));
     if (!created.ok()) return ReportCallError(created.status());
@@ -59,9 +73,24 @@ class SubmitCommand : public Command {
   }
 
  private:
+  // On standard error. A farm that cannot tell at once is no reason not to submit.
+  absl::Status PrintQuote(FarmClient* client, const PreparedJob& job) {
+    QuoteArguments asked{.targets = kQuotedErrors, .wait_max = kQuoteWaitMax};
+    if (const double target = arguments_.stop.target_error; target > 0) {
+      asked.targets = {target};
+    }
+    const absl::StatusOr<Quote> quote = MakeQuote(client, arguments_, job, asked);
+    if (quote.ok()) {
+      std::fputs(FormatQuote(*quote).c_str(), stderr);
+    } else if (!absl::IsCancelled(quote.status())) {
+      std::fprintf(stderr, "sheaf: no quote: %s\n", std::string(quote.status().message()).c_str());
+    }
+    return quote.status();
+  }
+
   JobArguments arguments_;
   std::string coordinator_ = "127.0.0.1:7400";
-  bool wait_ = false, json_ = false;
+  bool wait_ = false, json_ = false, no_quote_ = false;
 };
 
 }  // namespace

@@ -102,6 +102,7 @@ Json FrameJson(const v1::Frame& frame) {
       {"depth_max", settings.depth_max()},
       {"seed", settings.seed()},
       {"similarity_after_count", settings.similarity_after_count()},
+      {"pixel_stride_px", settings.pixel_stride_px()},
       {"stop", StopJson(frame.spec().stop())},
       {"stop_reason", frame.complete() ? StopReasonName(frame.stop_reason()) : ""},
       {"rounds", RoundsJson(frame)},

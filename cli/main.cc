@@ -18,6 +18,7 @@ namespace {
 std::vector<std::unique_ptr<Command>> MakeCommands() {
   std::vector<std::unique_ptr<Command>> commands;
   commands.push_back(MakeRenderCommand());
+  commands.push_back(MakeQuoteCommand());
   commands.push_back(MakeSubmitCommand());
   commands.push_back(MakeWatchCommand());
   commands.push_back(MakeListCommand());

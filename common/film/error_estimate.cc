@@ -174,8 +174,9 @@ void AddChannelErrors(const ErrorPlanes& planes, size_t channel, const PixelRect
   }
 }
 
-ErrorSums SumErrors(const ErrorPlanes& planes, const FramePicture& picture, const PixelRect& tile,
-                    double mean) {
+// Of the pixels of `tile`, row-major.
+std::vector<double> PixelErrors(const ErrorPlanes& planes, const FramePicture& picture,
+                                const PixelRect& tile, double mean) {
   const PixelRect& window = picture.window;
   const PixelRect rect{tile.x0 - window.x0, tile.y0 - window.y0, tile.x1 - window.x0,
                        tile.y1 - window.y0};
@@ -186,13 +187,20 @@ ErrorSums SumErrors(const ErrorPlanes& planes, const FramePicture& picture, cons
     AddChannelErrors(planes, channel, rect, window.Width(), window.Height(), floor * floor,
                      &errors);
   }
+  return errors;
+}
+
+ErrorSums SumErrors(const ErrorPlanes& planes, const FramePicture& picture, const PixelRect& tile,
+                    double mean) {
+  const std::vector<double> errors = PixelErrors(planes, picture, tile, mean);
+  const PixelRect& window = picture.window;
   ErrorSums sums;
   size_t next = 0;
-  for (int32_t y = rect.y0; y < rect.y1; ++y) {
-    for (int32_t x = rect.x0; x < rect.x1; ++x) {
+  for (int32_t y = tile.y0; y < tile.y1; ++y) {
+    for (int32_t x = tile.x0; x < tile.x1; ++x) {
       const double error = errors[next++];
-      const auto p =
-          static_cast<size_t>(y) * static_cast<size_t>(window.Width()) + static_cast<size_t>(x);
+      const auto p = static_cast<size_t>(y - window.y0) * static_cast<size_t>(window.Width()) +
+                     static_cast<size_t>(x - window.x0);
       if ((*planes.samples)[p] == 0) continue;
       ++sums.pixel_count;
       sums.sum += error;
@@ -206,6 +214,11 @@ ErrorSums SumErrors(const ErrorPlanes& planes, const FramePicture& picture, cons
 
 double ErrorSums::Deviation() const {
   return pixel_count == 0 ? 0 : std::sqrt(2 * square_sum) / static_cast<double>(pixel_count);
+}
+
+std::vector<double> EstimatePixelErrors(const FramePicture& picture) {
+  const ErrorPlanes planes(picture);
+  return PixelErrors(planes, picture, picture.window, planes.Mean());
 }
 
 std::vector<ErrorSums> EstimateTileErrors(const FramePicture& picture,

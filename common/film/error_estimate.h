@@ -80,6 +80,8 @@ struct ErrorSums {
   // sample makes a pixel's error, the estimate rises with it, and the two are closer.
   double Deviation() const;
 };
+// The same of each pixel of the picture's window, row-major; 0 for those without samples.
+std::vector<double> EstimatePixelErrors(const FramePicture& picture);
 // The same for each of the tiles, which lie in the picture's window.
 std::vector<ErrorSums> EstimateTileErrors(const FramePicture& picture,
                                           std::span<const PixelRect> tiles);

@@ -136,6 +136,23 @@ TEST(ExrCodecTest, SumsThatCannotBeAreRefused) {
   ExpectRefused(EncodePart(bad, kHeader), "sample counts");
 }
 
+TEST(ExrCodecTest, APartOfALatticeHasItsPixelsAndNoOthers) {
+  const PartHeader header{"digest", "profile", {4}};
+  FilmTile tile({8, 8, 16, 16}, {0, 16});
+  for (int32_t y = 8; y < 16; ++y) {
+    for (int32_t x = 8; x < 16; ++x) {
+      if (!header.lattice.Has(x, y)) continue;
+      tile.channel(FilmChannel::kSampleCount)[(y - 8) * 8 + x - 8] = 16;
+    }
+  }
+  const absl::StatusOr<DecodedPart> part = DecodePart(EncodePart(tile, header));
+  ASSERT_TRUE(part.ok()) << part.status();
+  EXPECT_EQ(part->header.lattice.stride_px, 4);
+  ExpectRefused(EncodePart(tile, {"digest", "profile"}), "sample counts");
+  ExpectRefused(EncodePart(tile, {"digest", "profile", {5}}), "sample counts");
+  ExpectRefused(EncodePart(tile, {"digest", "profile", {1000}}), "pixel stride");
+}
+
 TEST(ExrCodecTest, PartLargerThanTheLimitIsRefused) {
   EXPECT_TRUE(DecodePart(MakePart({0, 1}), 64).ok());
   EXPECT_TRUE(absl::IsInvalidArgument(DecodePart(MakePart({0, 1}), 63).status()));

@@ -58,6 +58,7 @@ v1::FrameSettings ToWire(const FrameSettings& settings) {
   wire.set_single_scattering(settings.single_scattering);
   wire.set_one_sequence(settings.one_sequence);
   wire.set_similarity_after_count(settings.similarity_after);
+  wire.set_pixel_stride_px(settings.lattice.All() ? 0 : settings.lattice.stride_px);
   wire.set_outputs(FormatOutputs(settings.outputs));
   wire.set_primaries(static_cast<v1::Primaries>(settings.primaries));
   wire.set_white_balance_k(settings.white_balance_k);
@@ -80,6 +81,14 @@ absl::StatusOr<FrameSettings> FromWire(const v1::FrameSettings& wire) {
   if (settings.similarity_after < 0 || settings.similarity_after > kSimilarityAfterMax) {
     return absl::InvalidArgumentError(absl::StrCat("similarity after ", settings.similarity_after,
                                                    " scatterings is out of range"));
+  }
+  if (const int32_t stride_px = wire.pixel_stride_px(); stride_px != 0) {
+    if (stride_px < kPixelStrideMin || stride_px > kPixelStrideMax) {
+      return absl::InvalidArgumentError(absl::StrCat("a pixel stride of ", stride_px,
+                                                     " is outside [", kPixelStrideMin, ", ",
+                                                     kPixelStrideMax, "]"));
+    }
+    settings.lattice.stride_px = stride_px;
   }
   absl::StatusOr<FilmOutputs> outputs = ParseOutputs(wire.outputs());
   if (!outputs.ok()) return outputs.status();

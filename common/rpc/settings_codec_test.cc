@@ -21,6 +21,7 @@ TEST(SettingsCodecTest, EverySettingSurvivesTheWire) {
   settings.single_scattering = true;
   settings.one_sequence = true;
   settings.similarity_after = 12;
+  settings.lattice.stride_px = 8;
   settings.force_generic_variant = true;
   settings.outputs.Add(Aov::kPosition);
   settings.outputs.Add(Aov::kMotion);

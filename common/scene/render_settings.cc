@@ -196,6 +196,9 @@ std::string FrameDigestText(const std::string& scene_digest, const FrameSettings
       settings.similarity_after == 0
           ? std::string()
           : absl::StrCat("\nsimilarity_after ", settings.similarity_after);
+  const std::string lattice = settings.lattice.All()
+                                  ? std::string()
+                                  : absl::StrCat("\npixel_stride_px ", settings.lattice.stride_px);
   std::string color;
   if (settings.primaries != Primaries::kSrgb) {
     color = absl::StrCat("\nprimaries ", PrimariesName(settings.primaries));
@@ -205,11 +208,11 @@ std::string FrameDigestText(const std::string& scene_digest, const FrameSettings
   }
   return absl::StrCat("sheaf-frame 3\nscene ", scene_digest, "\nsize_px ", settings.width_px, " ",
                       settings.height_px, "\nwindow_px ", w.x0, " ", w.y0, " ", w.x1, " ", w.y1,
-                      "\nmax_depth ", settings.max_depth, "\nseed ",
-                      settings.seed, "\ncolor ", ColorTransportName(settings.color),
-                      "\nscattering ", settings.single_scattering ? "single" : "full",
-                      settings.one_sequence ? "\nsampling one-sequence" : "", similarity, outputs,
-                      color, "\nprofile ", numeric_profile, "\n");
+                      "\nmax_depth ", settings.max_depth, "\nseed ", settings.seed, "\ncolor ",
+                      ColorTransportName(settings.color), "\nscattering ",
+                      settings.single_scattering ? "single" : "full",
+                      settings.one_sequence ? "\nsampling one-sequence" : "", similarity, lattice,
+                      outputs, color, "\nprofile ", numeric_profile, "\n");
 }
 
 std::string FrameDigest(const std::string& scene_digest, const FrameSettings& settings,

@@ -13,6 +13,7 @@
 #include "absl/status/statusor.h"
 #include "common/film/film_outputs.h"
 #include "common/film/picture_color.h"
+#include "common/film/pixel_lattice.h"
 #include "common/film/tile_geometry.h"
 #include "common/scene/scene_description.h"
 
@@ -62,6 +63,8 @@ struct FrameSettings {
   bool one_sequence = false;
   int32_t similarity_after = 0;
   bool force_generic_variant = false;
+  // The pixels of the window that are rendered; others stay empty.
+  PixelLattice lattice;
   FilmOutputs outputs;
   // Of the delivered picture; parts do not depend on them.
   Primaries primaries = Primaries::kSrgb;

@@ -92,7 +92,7 @@ TEST(RenderSettingsTest, DigestCoversWhatChangesSamplesOnly) {
   FrameSettings more = settings;
   more.samples = 17;
   EXPECT_EQ(FrameDigest("scene", more, "profile"), digest);
-  std::vector<FrameSettings> others(11, settings);
+  std::vector<FrameSettings> others(12, settings);
   others[0].width_px = 9;
   others[1].height_px = 9;
   others[2].window.x0 = 1;
@@ -104,6 +104,7 @@ TEST(RenderSettingsTest, DigestCoversWhatChangesSamplesOnly) {
   others[8].white_balance_k = 5000;
   others[9].similarity_after = 1;
   others[10].similarity_after = 2;
+  others[11].lattice.stride_px = 8;
   for (const FrameSettings& other : others)
     EXPECT_NE(FrameDigest("scene", other, "profile"), digest);
   EXPECT_NE(FrameDigest("scene", others[9], "profile"),

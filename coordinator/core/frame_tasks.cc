@@ -2,15 +2,19 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "coordinator/core/frame_tasks.h"
 
+#include <algorithm>
+
 #include "common/base/check.h"
 
 namespace sheaf::coordinator {
 
-FrameTasks::FrameTasks(PixelRect window, uint64_t samples, int32_t tile_size_px)
+FrameTasks::FrameTasks(PixelRect window, uint64_t samples, int32_t tile_size_px,
+                       const PixelLattice& lattice)
     : tiles_(CutTiles(window, tile_size_px)) {
   SHEAF_CHECK(!tiles_.empty() && samples > 0);
   states_.resize(tiles_.size());
   for (uint32_t tile = 0; tile < tiles_.size(); ++tile) {
+    states_[tile].pixel_count = std::max<int64_t>(1, lattice.CountIn(tiles_[tile]));
     tile_at_[{tiles_[tile].y0, tiles_[tile].x0}] = tile;
     Grow(tile, samples);
   }
@@ -33,7 +37,7 @@ std::vector<uint64_t> FrameTasks::SamplesOfTiles() const {
 }
 
 uint64_t FrameTasks::PixelSamples(uint32_t tile, uint64_t samples) const {
-  return static_cast<uint64_t>(tiles_[tile].PixelCount()) * samples;
+  return static_cast<uint64_t>(states_[tile].pixel_count) * samples;
 }
 
 std::optional<uint32_t> FrameTasks::FindTile(const PixelRect& rect) const {
@@ -75,7 +79,7 @@ std::optional<Task> FrameTasks::TakeFresh(
   const auto [first, tile] = *fresh_queue_.begin();
   Task task{tile, {}};
   SetFresh(tile, [&, t = tile, f = first](SampleRanges& fresh) {
-    task.block = fresh.FirstBlock(block_samples_max(f, tiles_[t].PixelCount()));
+    task.block = fresh.FirstBlock(block_samples_max(f, states_[t].pixel_count));
     fresh.Remove(RangeOf(task.block));
   });
   leased_[{tile, task.block.first}] = task.block;
@@ -118,7 +122,7 @@ FrameTasks::Fit FrameTasks::FitOf(const Task& task) const {
   return Fit::kWanted;
 }
 
-std::vector<Task> FrameTasks::Accept(const Task& task) {
+std::vector<Task> FrameTasks::Accept(const Task& task, absl::Duration cpu_duration) {
   SHEAF_CHECK(FitOf(task) == Fit::kWanted);
   std::vector<Task> covered;
   for (const SampleBlock& leased : Overlapping(leased_, task)) {
@@ -138,6 +142,7 @@ std::vector<Task> FrameTasks::Accept(const Task& task) {
     for (const SampleRanges::Range& range : rest.ranges()) fresh.Add(range);
   });
   states_[task.tile].done.Add(RangeOf(task.block));
+  states_[task.tile].cpu_duration += cpu_duration;
   done_count_ += PixelSamples(task.tile, task.block.count);
   return covered;
 }

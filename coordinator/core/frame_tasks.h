@@ -30,13 +30,19 @@ namespace sheaf::coordinator {
 class FrameTasks {
  public:
   // Requires: window not empty, samples at least 1, tile_size_px positive.
-  FrameTasks(PixelRect window, uint64_t samples, int32_t tile_size_px);
+  FrameTasks(PixelRect window, uint64_t samples, int32_t tile_size_px,
+             const PixelLattice& lattice = {});
   // Gives the tile this many samples in all. Requires: no less than it has.
   void Grow(uint32_t tile, uint64_t samples);
 
   const std::vector<PixelRect>& tiles() const { return tiles_; }
   std::optional<uint32_t> FindTile(const PixelRect& rect) const;
   std::vector<uint64_t> SamplesOfTiles() const;
+  // Of workers, on what is done of the tile.
+  absl::Duration CpuOfTile(uint32_t tile) const { return states_[tile].cpu_duration; }
+  uint64_t PixelSamples(const Task& task) const {
+    return PixelSamples(task.tile, task.block.count);
+  }
 
   // Pixel samples.
   uint64_t sample_count_done() const { return done_count_; }
@@ -66,14 +72,16 @@ class FrameTasks {
   };
   Fit FitOf(const Task& task) const;
   // Marks a block as done. Returns the leased blocks it covers, whose leases are now pointless (its
-  // own among them). Requires: FitOf(task) is kWanted.
-  std::vector<Task> Accept(const Task& task);
+  // own among them). cpu_duration: what it took. Requires: FitOf(task) is kWanted.
+  std::vector<Task> Accept(const Task& task, absl::Duration cpu_duration = {});
   // Takes back an Accept: the part was lost. Requires: done.
   void Revoke(const Task& task);
 
  private:
   struct Tile {
+    int64_t pixel_count = 0;  // That are rendered; at least 1, so that every tile counts.
     uint64_t samples = 0;
+    absl::Duration cpu_duration;
     SampleRanges fresh, done;
   };
   using Key = std::pair<uint32_t, uint64_t>;  // Tile and first sample.

@@ -64,7 +64,8 @@ void GrowTasks(std::span<const uint64_t> samples, FrameTasks* tasks) {
 uint64_t SampleCountTotal(const FrameRecord& frame) {
   if (frame.tasks != nullptr) return frame.tasks->sample_count_total();
   if (frame.phase == FrameRecord::Phase::kDelivered) return frame.sample_count_done;
-  return static_cast<uint64_t>(frame.spec.settings.window.PixelCount()) *
+  const FrameSettings& settings = frame.spec.settings;
+  return static_cast<uint64_t>(settings.lattice.CountIn(settings.window)) *
          FirstRoundSamplesOf(frame.spec);
 }
 
@@ -173,7 +174,7 @@ FrameTasks::Fit Scheduler::RestorePart(const FrameId& id, const PixelRect& tile,
   const Task task{*tile_index, block};
   const FrameTasks::Fit fit = frame.tasks->FitOf(task);
   if (fit != FrameTasks::Fit::kWanted) return fit;
-  frame.tasks->Accept(task);
+  frame.tasks->Accept(task, cost.cpu_duration);
   frame.sample_count_done = frame.sample_count_restored = frame.tasks->sample_count_done();
   frame.cost.Add(cost);
   if (frame.tasks->Complete()) frame.phase = FrameRecord::Phase::kRendered;
@@ -234,7 +235,7 @@ void Scheduler::Open(JobRecord* job, uint32_t index) {
   SHEAF_CHECK(frame.phase == FrameRecord::Phase::kPending);
   const FrameSettings& settings = frame.spec.settings;
   frame.tasks = std::make_unique<FrameTasks>(settings.window, FirstRoundSamplesOf(frame.spec),
-                                             job->spec.partition.tile_size_px);
+                                             job->spec.partition.tile_size_px, settings.lattice);
   frame.phase = FrameRecord::Phase::kOpen;
   open_pixels_ += OpenPixelsOf(settings);
   UpdateReady(job, index);
@@ -306,7 +307,7 @@ bool Scheduler::Accept(const FrameId& id, const Task& task, uint64_t lease_id,
   const uint32_t index = job.index_of_number.at(id.frame_number);
   FrameRecord& frame = job.frames[index];
   if (leases_.Find(lease_id) == nullptr) ++counters_.results_late;
-  for (const Task& covered : frame.tasks->Accept(task)) {
+  for (const Task& covered : frame.tasks->Accept(task, cost.cpu_duration)) {
     for (const uint64_t holder : leases_.HoldersOf(MakeTaskId(id, covered))) {
       if (holder != lease_id) ++counters_.leases_cancelled;
       DropLease(holder, /*put_back=*/false);
@@ -314,8 +315,7 @@ bool Scheduler::Accept(const FrameId& id, const Task& task, uint64_t lease_id,
     frame.failures.erase(MakeTaskId(id, covered));
   }
   frame.failures.erase(MakeTaskId(id, task));
-  const uint64_t samples =
-      static_cast<uint64_t>(frame.tasks->tiles()[task.tile].PixelCount()) * task.block.count;
+  const uint64_t samples = frame.tasks->PixelSamples(task);
   frame.sample_count_done += samples;
   frame.cost.Add(cost);
   ++counters_.results_accepted;

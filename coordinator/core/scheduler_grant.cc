@@ -135,7 +135,7 @@ void Scheduler::AddLease(JobRecord* job, FrameRecord* frame, const Task& task, W
   frame->first_lease_time = std::min(frame->first_lease_time, now);
   ++counters_.leases_granted;
   const JobKey key_before = KeyOf(*job);
-  job->share += static_cast<uint64_t>(stored.tile_rect.PixelCount()) * task.block.count;
+  job->share += frame->tasks->PixelSamples(task);
   UpdateReadyJob(job, key_before);
 }
 

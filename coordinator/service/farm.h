@@ -200,6 +200,8 @@ class Farm : public FarmView {
   // Null where the frame was not rendered in rounds. Requires: mutex_ is held.
   const RoundRecord* LastRoundOf(const FrameId& id) const;
   // Why the picture has its samples, and its errors on the way there.
+  // CPU seconds of workers, of each tile of a frame that is not delivered yet, with blanks between.
+  std::string TileCpuSeconds(const FrameId& id) const;
   void AddRoundMetadata(const FrameId& id, FramePicture* picture) const;
   // Since the frame's first lease, in this life and earlier ones. Requires: mutex_ is held.
   absl::Duration WallOf(const FrameId& id, absl::Time now) const;

@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
 #include "absl/time/clock.h"
 #include "common/base/log.h"
 #include "common/film/cryptomatte.h"
@@ -170,6 +171,17 @@ DeliveredFrame Farm::Account(const FrameId& id, const FrameMerge& merge) const {
   return delivered;
 }
 
+std::string Farm::TileCpuSeconds(const FrameId& id) const {
+  const std::lock_guard lock(mutex_);
+  const FrameTasks& tasks = *scheduler_.FindFrame(id)->tasks;
+  std::string text;
+  for (uint32_t tile = 0; tile < tasks.tiles().size(); ++tile) {
+    absl::StrAppendFormat(&text, "%s%.6g", tile == 0 ? "" : " ",
+                          absl::ToDoubleSeconds(tasks.CpuOfTile(tile)));
+  }
+  return text;
+}
+
 absl::Status Farm::DeliverFrame(const FrameId& id) {
   std::shared_ptr<OpenFrame> frame;
   std::string numeric_profile;
@@ -196,6 +208,10 @@ absl::Status Farm::DeliverFrame(const FrameId& id) {
     FramePicture* picture = frame->merge.mutable_picture();
     picture->metadata = PictureMetadata(frame->spec, numeric_profile);
     if (frame->spec.stop.IsActive()) AddRoundMetadata(id, picture);
+    // Whoever asks for few pixels asks for their price.
+    if (!frame->spec.settings.lattice.All()) {
+      picture->metadata["tileCpuSeconds"] = TileCpuSeconds(id);
+    }
     picture->attributes = CryptomatteAttributes(*picture);
     delivered = Account(id, frame->merge);
     const absl::StatusOr<std::string> path = store_->OutputPath(id);

@@ -29,7 +29,7 @@ uint64_t NonfiniteCount(const FilmTile& part) {
 
 // Decodes a part and compares what it says of itself with its key. Empty text: it fits.
 std::string WhyNotPartOf(const ResultReport& report, const std::string& numeric_profile,
-                         const FilmOutputs& outputs, const DecodedPart& part) {
+                         const FrameSettings& settings, const DecodedPart& part) {
   if (part.header.frame_digest != report.frame_digest) return "the part is of another frame";
   if (part.header.numeric_profile != numeric_profile) {
     return absl::StrCat("the part was rendered by numeric profile \"", part.header.numeric_profile,
@@ -37,7 +37,12 @@ std::string WhyNotPartOf(const ResultReport& report, const std::string& numeric_
   }
   if (!(part.tile.rect() == report.tile)) return "the part is of another tile";
   if (!(part.tile.block() == report.block)) return "the part is of other samples";
-  if (!(part.tile.outputs() == outputs)) return "the part has other outputs than the job wants";
+  if (!(part.tile.outputs() == settings.outputs)) {
+    return "the part has other outputs than the job wants";
+  }
+  if (part.header.lattice.stride_px != settings.lattice.stride_px) {
+    return "the part has other pixels than the job wants";
+  }
   return "";
 }
 
@@ -73,13 +78,13 @@ absl::StatusOr<ResultOutcome> Farm::AddResult(const ResultReport& report,
   const TileReservation reservation(this, {report.frame_digest, {report.tile.y0, report.tile.x0}});
   Scheduler::FoundTask found;
   std::string numeric_profile;
-  FilmOutputs outputs;
+  FrameSettings settings;
   {
     const std::lock_guard lock(mutex_);
     found = scheduler_.FindTask(report.frame_digest, report.tile, report.block, report.lease_id);
     if (found.kind == Scheduler::FoundTask::Kind::kWanted) {
       numeric_profile = scheduler_.jobs().at(found.frame.job_id).spec.numeric_profile;
-      outputs = scheduler_.FindFrame(found.frame)->spec.settings.outputs;
+      settings = scheduler_.FindFrame(found.frame)->spec.settings;
     }
   }
   using Kind = Scheduler::FoundTask::Kind;
@@ -92,7 +97,7 @@ absl::StatusOr<ResultOutcome> Farm::AddResult(const ResultReport& report,
   if (found.kind == Kind::kCovered) return JudgeCovered(report, found);
   absl::StatusOr<DecodedPart> part = DecodePart(bytes);
   if (!part.ok()) return RejectResult(report, std::string(part.status().message()));
-  const std::string why_not = WhyNotPartOf(report, numeric_profile, outputs, *part);
+  const std::string why_not = WhyNotPartOf(report, numeric_profile, settings, *part);
   if (!why_not.empty()) return RejectResult(report, why_not);
   return StoreResult(report, bytes, found, std::move(part->tile));
 }

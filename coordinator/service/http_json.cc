@@ -113,6 +113,7 @@ std::string FrameJson(const std::string& job_id, const FrameView& frame) {
       {"seed", settings.seed},
       {"one_sequence", settings.one_sequence},
       {"similarity_after_count", settings.similarity_after},
+      {"pixel_stride_px", settings.lattice.All() ? 0 : settings.lattice.stride_px},
       {"complete", frame.complete},
       {"picture_digest", frame.picture_digest},
       {"preview_version", frame.preview_version},

@@ -23,7 +23,7 @@
 namespace sheaf::coordinator {
 namespace {
 
-constexpr int64_t kSchemaVersion = 7;
+constexpr int64_t kSchemaVersion = 8;
 // Lease ids of one life lie below those of the next; no life grants so many.
 constexpr int kLeaseIdBitsPerLife = 40;
 
@@ -91,6 +91,10 @@ CREATE TABLE rounds(
   ray_count INTEGER NOT NULL, nonfinite_count INTEGER NOT NULL, cpu_ns INTEGER NOT NULL,
   part_bytes INTEGER NOT NULL, stop_reason INTEGER NOT NULL, tiles BLOB NOT NULL,
   PRIMARY KEY(job_id, frame_number, round)) WITHOUT ROWID;
+)sql";
+
+constexpr char kAddedBy8[] = R"sql(
+ALTER TABLE frames ADD COLUMN pixel_stride_px INTEGER NOT NULL DEFAULT 1;
 )sql";
 
 // Takes the lock that keeps a second coordinator away. The system releases it when the process
@@ -161,7 +165,8 @@ absl::Status SqliteJobStore::MigrateSchema() {
   return database_->Execute(absl::StrCat(
       "BEGIN;", version == 0 ? kSchema : "", version < 2 ? kAddedBy2 : "",
       version < 3 ? kAddedBy3 : "", version < 4 ? kAddedBy4 : "", version < 5 ? kAddedBy5 : "",
-      version < 6 ? kAddedBy6 : "", kAddedBy7, "PRAGMA user_version=", kSchemaVersion, ";COMMIT;"));
+      version < 6 ? kAddedBy6 : "", version < 7 ? kAddedBy7 : "", kAddedBy8,
+      "PRAGMA user_version=", kSchemaVersion, ";COMMIT;"));
 }
 
 std::string SqliteJobStore::FrameDirectory(const FrameId& frame) const {
@@ -184,7 +189,7 @@ absl::Status SqliteJobStore::LoadFrames(StoredJob* job) {
       "ray_count, nonfinite_count, cpu_ns, color, single_scattering, outputs, primaries, "
       "white_balance_k, one_sequence, similarity_after, target_error, time_max_ns, cpu_max_ns, "
       "sample_count, part_bytes, relative_mse_upper, stop_reason, first_round_samples, "
-      "tile_count, unreliable_tile_count FROM frames WHERE job_id = ? "
+      "tile_count, unreliable_tile_count, pixel_stride_px FROM frames WHERE job_id = ? "
       "ORDER BY frame_number");
   query.Bind(job->spec.job_id);
   while (true) {
@@ -213,6 +218,7 @@ absl::Status SqliteJobStore::LoadFrames(StoredJob* job) {
     s.white_balance_k = static_cast<float>(query.Double(25));
     s.one_sequence = query.Int64(26) != 0;
     s.similarity_after = edge(27);
+    s.lattice.stride_px = edge(38);
     frame.stop = {query.Double(28), DurationFromNanoseconds(query.Int64(29)),
                   DurationFromNanoseconds(query.Int64(30)), static_cast<uint64_t>(query.Int64(35))};
     if (query.Int64(14) != 0) {
@@ -342,8 +348,8 @@ absl::StatusOr<JobStore::CreatedJob> SqliteJobStore::CreateJob(const JobSpec& sp
         "width_px, "
         "height_px, x0, y0, x1, y1, samples, max_depth, seed, force_generic, color, "
         "single_scattering, outputs, primaries, white_balance_k, one_sequence, similarity_after, "
-        "target_error, time_max_ns, cpu_max_ns, first_round_samples) "
-        "VALUES(?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?)");
+        "target_error, time_max_ns, cpu_max_ns, first_round_samples, pixel_stride_px) "
+        "VALUES(?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?)");
     for (const FrameSpec& frame : spec.frames) {
       const FrameSettings& s = frame.settings;
       status = frames.Bind(created.job_id)
@@ -372,6 +378,7 @@ absl::StatusOr<JobStore::CreatedJob> SqliteJobStore::CreateJob(const JobSpec& sp
                    .Bind(ToNanoseconds(frame.stop.time_max))
                    .Bind(ToNanoseconds(frame.stop.cpu_max))
                    .Bind(frame.stop.first_round_samples)
+                   .Bind(s.lattice.stride_px)
                    .Run();
       if (!status.ok()) return status;
     }

@@ -62,6 +62,7 @@ class SqliteJobStoreTest : public testing::Test {
       frame.settings.white_balance_k = 3200.5f;
       frame.settings.one_sequence = true;
       frame.settings.similarity_after = 24;
+      frame.settings.lattice.stride_px = 6;
       frame.stop = {.target_error = 0.25, .cpu_max = absl::Hours(3)};
       spec.frames.push_back(frame);
     }
@@ -120,6 +121,7 @@ TEST_F(SqliteJobStoreTest, JobsSurviveAReopen) {
   EXPECT_EQ(stored.spec.frames[1].settings.white_balance_k, 3200.5f);
   EXPECT_TRUE(stored.spec.frames[1].settings.one_sequence);
   EXPECT_EQ(stored.spec.frames[1].settings.similarity_after, 24);
+  EXPECT_EQ(stored.spec.frames[1].settings.lattice.stride_px, 6);
   EXPECT_EQ(stored.spec.frames[1].settings.window, (PixelRect{1, 2, 3, 4}));
   ASSERT_EQ(stored.delivered.size(), 1u);
   EXPECT_EQ(stored.spec.frames[1].stop, MakeSpec().frames[1].stop);
@@ -287,6 +289,7 @@ TEST_F(SqliteJobStoreTest, EarlierSchemaIsBroughtUpToDate) {
                             "ALTER TABLE frames DROP COLUMN white_balance_k;"
                             "ALTER TABLE frames DROP COLUMN one_sequence;"
                             "ALTER TABLE frames DROP COLUMN similarity_after;"
+                            "ALTER TABLE frames DROP COLUMN pixel_stride_px;"
                             "ALTER TABLE frames DROP COLUMN target_error;"
                             "ALTER TABLE frames DROP COLUMN time_max_ns;"
                             "ALTER TABLE frames DROP COLUMN cpu_max_ns;"
@@ -323,7 +326,7 @@ TEST_F(SqliteJobStoreTest, LaterSchemaIsRefused) {
   EXPECT_EQ(status.code(), absl::StatusCode::kFailedPrecondition);
   EXPECT_THAT(std::string(status.message()), HasSubstr("later version"));
   ASSERT_TRUE(
-      (*SqliteDatabase::Open(directory_ + "/farm.db"))->Execute("PRAGMA user_version=7").ok());
+      (*SqliteDatabase::Open(directory_ + "/farm.db"))->Execute("PRAGMA user_version=8").ok());
   Reopen();
 }
 

@@ -37,11 +37,19 @@ def run(*arguments):
     return done.stdout
 
 
+def render_frame(scene, flags, seed, path, *how):
+    out = run("render", scene, "--seed", seed, "-o", path, "--json", *flags, *how)
+    return json.loads(out.splitlines()[-1])["frames"][0]
+
+
 def render(scene, crop, target, seed, path):
     flags = ["--crop", crop] if crop else []
-    out = run("render", scene, "--target-error", target, "--seed", seed, "-o", path, "--json",
-              *flags)
-    return json.loads(out.splitlines()[-1])["frames"][0]
+    return render_frame(scene, flags, seed, path, "--target-error", target)
+
+
+def pixel_count(frame):
+    window = frame["window"]
+    return (window["x1_px"] - window["x0_px"]) * (window["y1_px"] - window["y0_px"])
 
 
 def relative_mse(reference, image):
@@ -54,8 +62,7 @@ def measure(scene, options, folder):
     reference = os.path.join(folder, "reference.exr")
     made = render(scene, options.crop, targets[-1] * REFERENCE_SHARE, REFERENCE_SEED, reference)
     left = made["rounds"][-1]["relative_mse"]
-    window = made["window"]
-    pixels = ((window["x1_px"] - window["x0_px"]) * (window["y1_px"] - window["y0_px"]))
+    pixels = pixel_count(made)
     name = os.path.basename(scene)
     print(f"{name}: reference has relMSE {left:.2e} by "
           f"{made['rounds'][-1]['sample_count'] / pixels:.0f} samples a pixel", flush=True)

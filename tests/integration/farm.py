@@ -129,6 +129,7 @@ class Farm:
 
     def sheaf(self, *arguments, check=True, seconds=JOB_SECONDS_MAX):
         environment = dict(os.environ, SHEAF_COORDINATOR=self.address)
+        environment.setdefault("SHEAF_NO_QUOTE", "1")  # Tests count jobs.
         done = subprocess.run([os.path.join(programs(), "sheaf"), *map(str, arguments)],
                               env=environment, stdin=subprocess.DEVNULL, capture_output=True,
                               text=True, timeout=seconds * TIME_SCALE)

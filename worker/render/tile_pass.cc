@@ -35,6 +35,7 @@ absl::StatusOr<FilmTile> RenderTilePass(const CompiledScene& scene, PixelRect ti
   const double start_seconds = ThreadCpuSeconds();
   const RenderRowFunction render_row =
       RowFunctionOf(ChooseVariant(scene.plan.traits, scene.settings.force_generic_variant));
+  const PixelLattice& lattice = scene.settings.lattice;
   std::optional<FilmTile> film;
   std::optional<PixelAccumulator> accumulator;
   RayCounts counts;
@@ -46,13 +47,22 @@ absl::StatusOr<FilmTile> RenderTilePass(const CompiledScene& scene, PixelRect ti
     counts.majorant_factor = factor;
     for (int32_t y = tile.y0; y < tile.y1; ++y) {
       if (stop.stop_requested()) return absl::CancelledError("the tile pass was stopped");
-      render_row(scene, tile.x0, tile.x1, y, block, &*accumulator, &counts);
+      if (lattice.All()) {
+        render_row(scene, tile.x0, tile.x1, y, block, &*accumulator, &counts);
+        continue;
+      }
+      for (int32_t x = tile.x0; x < tile.x1;) {
+        const int32_t begin = x;
+        while (x < tile.x1 && lattice.Has(x, y)) ++x;
+        if (x > begin) render_row(scene, begin, x, y, block, &*accumulator, &counts);
+        if (x < tile.x1) ++x;
+      }
     }
     if (counts.broken_majorants == 0 || factor >= kMajorantFactorMax) break;
   }
   if (scene.settings.outputs.HasIds()) scene.ids.NameAll(scene.description, &*film);
   if (stats != nullptr) {
-    stats->samples = static_cast<uint64_t>(tile.PixelCount()) * block.count;
+    stats->samples = static_cast<uint64_t>(lattice.CountIn(tile)) * block.count;
     stats->rays = counts.rays;
     stats->shadow_rays = counts.shadow_rays;
     stats->broken_nestings = counts.broken_nestings;

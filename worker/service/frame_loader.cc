@@ -86,7 +86,8 @@ class FrameScene : public LoadedScene {
     part.frame_digest = lease.frame_digest;
     part.tile = lease.tile;
     part.block = lease.block;
-    part.exr_bytes = EncodePart(*tile, {lease.frame_digest, NumericProfile()});
+    part.exr_bytes =
+        EncodePart(*tile, {lease.frame_digest, NumericProfile(), lease.settings.lattice});
     part.digest = {Sha256Hex(part.exr_bytes), part.exr_bytes.size()};
     part.ray_count = stats.rays;
     part.cpu_seconds = stats.cpu_seconds;

@@ -1,0 +1,313 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "cli/quote.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <utility>
+
+#include "absl/strings/numbers.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_split.h"
+#include "absl/time/clock.h"
+#include "common/film/exr_codec.h"
+#include "common/rpc/settings_codec.h"
+#include "coordinator/core/pilot_model.h"
+
+namespace sheaf::cli {
+namespace {
+
+using coordinator::ErrorModel;
+using coordinator::Forecast;
+using coordinator::PilotLevel;
+using coordinator::PilotPicture;
+
+// Deviations from the mean within which 8 of 10 values of a normal distribution lie.
+constexpr double kBandDeviations = 1.2816;
+// Log-normal deviation of CPU time for the same work: processors share caches, memory and clocks.
+constexpr double kCpuLogDeviation = 0.06;
+// Of the price that is allowed, what is planned for: overheads come on top.
+constexpr double kPilotShareAim = 0.025;
+// A second pilot has at least so many times the samples of the first, or is not worth its while.
+constexpr double kSecondPilotMin = 2;
+// Of the threads' time, what goes into samples.
+constexpr double kFarmEfficiency = 0.95;
+constexpr absl::Duration kPollInterval = absl::Milliseconds(30);
+constexpr uint64_t kPilotBytesMax = uint64_t{4} << 30;
+
+struct PilotFrame {
+  size_t index = 0;  // In the job's frames.
+  std::vector<PilotPicture> pictures;
+  ErrorModel model;
+};
+
+// Evenly over the range, its ends included.
+std::vector<PilotFrame> ChooseFrames(size_t frame_count) {
+  const size_t count = std::min<size_t>(frame_count, kQuotedFramesMax);
+  std::vector<PilotFrame> frames(count);
+  for (size_t i = 0; i < count; ++i) {
+    frames[i].index = count == 1 ? 0 : i * (frame_count - 1) / (count - 1);
+  }
+  return frames;
+}
+
+std::vector<PixelRect> TilesOf(const JobArguments& arguments, const FrameSettings& settings) {
+  const int32_t chosen = arguments.tile_size_px;
+  return CutTiles(settings.window, chosen != 0 ? chosen : coordinator::Partition().tile_size_px);
+}
+
+absl::StatusOr<PilotPicture> FetchPicture(FarmClient* client, const v1::Frame& frame,
+                                          const PilotLevel& level) {
+  const absl::StatusOr<std::string> bytes = client->ReadFrameOutput(frame.name(), kPilotBytesMax);
+  if (!bytes.ok()) return bytes.status();
+  absl::StatusOr<FramePicture> picture = DecodePicture(*bytes);
+  if (!picture.ok()) return picture.status();
+  PilotPicture pilot{level, *std::move(picture), {}};
+  const std::vector<std::string> times =
+      absl::StrSplit(pilot.picture.metadata["tileCpuSeconds"], ' ', absl::SkipEmpty());
+  for (const std::string& text : times) {
+    double seconds = 0;
+    if (!absl::SimpleAtod(text, &seconds)) return absl::DataLossError("a pilot has no CPU times");
+    pilot.cpu_seconds_of_tiles.push_back(seconds);
+  }
+  return pilot;
+}
+
+absl::StatusOr<v1::Job> AwaitJob(FarmClient* client, const std::string& name,
+                                 absl::Duration wait_max) {
+  const absl::Time deadline = absl::Now() + wait_max;
+  while (true) {
+    const absl::StatusOr<v1::Job> job = client->GetJob(name);
+    if (!job.ok()) return job.status();
+    if (job->state() == v1::Job::STATE_SUCCEEDED) return job;
+    if (HasEnded(*job)) {
+      return absl::FailedPreconditionError(
+          absl::StrCat("the quote's pilot failed: ", job->failure()));
+    }
+    if (absl::Now() > deadline) {
+      client->CancelJob(name).IgnoreError();
+      return absl::UnavailableError(job->waiting_reason().empty() ? "the pilot takes too long"
+                                                                  : job->waiting_reason());
+    }
+    absl::SleepFor(kPollInterval);
+  }
+}
+
+// Renders the levels of each frame, as one job.
+absl::Status RenderPilot(FarmClient* client, const JobArguments& arguments, const PreparedJob& job,
+                         const std::vector<std::vector<PilotLevel>>& levels,
+                         absl::Duration wait_max, std::vector<PilotFrame>* frames) {
+  PreparedJob pilot;
+  for (size_t i = 0; i < frames->size(); ++i) {
+    for (const PilotLevel& level : levels[i]) {
+      PreparedFrame frame = job.frames[(*frames)[i].index];
+      frame.number = static_cast<int>(pilot.frames.size()) + 1;
+      frame.settings.samples = level.samples;
+      frame.settings.lattice = level.lattice;
+      pilot.frames.push_back(std::move(frame));
+    }
+  }
+  JobArguments pilot_arguments = arguments;
+  // Pictures of a pair are of as many parts, so that what a part costs besides samples is told.
+  pilot_arguments.pass_sample_count = coordinator::kPilotSamplesMax;
+  pilot_arguments.stop = {};
+  pilot_arguments.priority = kPilotPriority;
+  pilot_arguments.title =
+      absl::StrCat("quote of ", arguments.title.empty() ? arguments.scene : arguments.title);
+  const absl::StatusOr<v1::Job> created =
+      client->CreateJob(MakeCreateJobRequest(pilot_arguments, pilot));
+  if (!created.ok()) return created.status();
+  const absl::StatusOr<v1::Job> ended = AwaitJob(client, created->name(), wait_max);
+  if (!ended.ok()) return ended.status();
+  int next = 0;
+  for (size_t i = 0; i < frames->size(); ++i) {
+    for (const PilotLevel& level : levels[i]) {
+      absl::StatusOr<PilotPicture> picture = FetchPicture(client, ended->frames(next++), level);
+      if (!picture.ok()) return picture.status();
+      (*frames)[i].pictures.push_back(*std::move(picture));
+    }
+  }
+  return absl::OkStatus();
+}
+
+void FitModels(const JobArguments& arguments, const PreparedJob& job, int thread_count,
+               std::vector<PilotFrame>* frames) {
+  for (PilotFrame& frame : *frames) {
+    const std::vector<PixelRect> tiles = TilesOf(arguments, job.frames[frame.index].settings);
+    frame.model = coordinator::FitErrorModel(tiles, frame.pictures, thread_count);
+  }
+}
+
+// Cheapest first pilot, then as much more as the cheapest target allows.
+absl::StatusOr<std::vector<PilotFrame>> RenderPilots(FarmClient* client,
+                                                     const JobArguments& arguments,
+                                                     const PreparedJob& job, int thread_count,
+                                                     double target, absl::Duration wait_max) {
+  std::vector<PilotFrame> frames = ChooseFrames(job.frames.size());
+  std::vector<std::vector<PilotLevel>> levels;
+  const double least = kPilotShareAim * kReplicateCount;
+  for (const PilotFrame& frame : frames) {
+    levels.push_back(
+        coordinator::PilotLevels(least, job.frames[frame.index].settings.window.PixelCount()));
+  }
+  absl::Status status = RenderPilot(client, arguments, job, levels, wait_max, &frames);
+  if (!status.ok()) return status;
+  FitModels(arguments, job, thread_count, &frames);
+  bool more = false;
+  for (size_t i = 0; i < frames.size(); ++i) {
+    // The lower end, so that the price holds where the first pilot was wrong.
+    const Forecast cheapest = coordinator::ForecastTarget(frames[i].model, {.target_error = target},
+                                                          kStoppedSamplesMax, -kBandDeviations);
+    const double allowed = kPilotShareAim * cheapest.samples - least;
+    levels[i].clear();
+    if (allowed < kSecondPilotMin * least) continue;
+    levels[i] =
+        coordinator::PilotPair(allowed, job.frames[frames[i].index].settings.window.PixelCount());
+    more |= !levels[i].empty();
+  }
+  if (!more) return frames;
+  status = RenderPilot(client, arguments, job, levels, wait_max, &frames);
+  if (!status.ok()) return status;
+  FitModels(arguments, job, thread_count, &frames);
+  return frames;
+}
+
+// Sum over all frames of what is known of some, linear in between. Requires: ascending indices.
+double SumOverFrames(const std::vector<PilotFrame>& frames, const std::vector<double>& values,
+                     size_t frame_count) {
+  if (frames.size() == 1) return values[0] * static_cast<double>(frame_count);
+  double sum = 0;
+  for (size_t i = 0, right = 1; i < frame_count; ++i) {
+    while (right + 1 < frames.size() && frames[right].index < i) ++right;
+    const auto begin = static_cast<double>(frames[right - 1].index);
+    const double span = static_cast<double>(frames[right].index) - begin;
+    const double t = (static_cast<double>(i) - begin) / span;
+    sum += (1 - t) * values[right - 1] + t * values[right];
+  }
+  return sum;
+}
+
+// As MakeRow, for errors so many deviations above those of the models.
+struct RowValues {
+  double relative_mse = 0, samples = 0, cpu_seconds = 0;
+  bool reached = true;
+};
+template <typename MakeForecast>
+RowValues ValuesAt(const std::vector<PilotFrame>& frames, size_t frame_count,
+                   const MakeForecast& make) {
+  std::vector<double> errors, samples, cpu;
+  RowValues values;
+  for (const PilotFrame& frame : frames) {
+    const Forecast forecast = make(frame.model);
+    errors.push_back(forecast.relative_mse);
+    samples.push_back(forecast.samples);
+    cpu.push_back(forecast.cpu_seconds);
+    values.reached &= forecast.reached;
+  }
+  const auto count = static_cast<double>(frame_count);
+  values.relative_mse = SumOverFrames(frames, errors, frame_count) / count;
+  values.samples = SumOverFrames(frames, samples, frame_count) / count;
+  values.cpu_seconds = SumOverFrames(frames, cpu, frame_count);
+  return values;
+}
+
+Banded Band(double value, double low, double high, double log_deviation) {
+  if (!(value > 0)) return {};
+  const double more = kBandDeviations * log_deviation;
+  const double down = std::hypot(std::log(value / std::min(low, value)), more);
+  const double up = std::hypot(std::log(std::max(high, value) / value), more);
+  return {value, value * std::exp(-down), value * std::exp(up)};
+}
+
+template <typename MakeForecast>
+QuoteRow MakeRow(const std::vector<PilotFrame>& frames, size_t frame_count, int thread_count,
+                 const MakeForecast& make) {
+  const auto at = [&](double deviations) {
+    return ValuesAt(frames, frame_count,
+                    [&](const ErrorModel& model) { return make(model, deviations); });
+  };
+  const RowValues values = at(0), low = at(-kBandDeviations), high = at(kBandDeviations);
+  double log_cpu_deviation = 0;
+  for (const PilotFrame& frame : frames) {
+    log_cpu_deviation =
+        std::max(log_cpu_deviation, std::hypot(kCpuLogDeviation, frame.model.log_cpu_deviation));
+  }
+  QuoteRow row;
+  row.reached = values.reached;
+  row.relative_mse = Band(values.relative_mse, low.relative_mse, high.relative_mse, 0);
+  row.samples = Band(values.samples, low.samples, high.samples, 0);
+  row.cpu_seconds = Band(values.cpu_seconds, low.cpu_seconds, high.cpu_seconds, log_cpu_deviation);
+  if (thread_count > 0) {
+    const double speed = thread_count * kFarmEfficiency;
+    row.wall_seconds = {row.cpu_seconds.value / speed, row.cpu_seconds.low / speed,
+                        row.cpu_seconds.high / speed};
+  }
+  return row;
+}
+
+absl::Status DescribeFarm(FarmClient* client, const JobArguments& arguments, Quote* quote) {
+  constexpr size_t kJobsMax = 1000;
+  const absl::StatusOr<std::vector<v1::Worker>> workers = client->ListWorkers();
+  if (!workers.ok()) return workers.status();
+  for (const v1::Worker& worker : *workers) {
+    const bool works =
+        worker.state() == v1::Worker::STATE_IDLE || worker.state() == v1::Worker::STATE_BUSY;
+    if (works) quote->thread_count += worker.thread_count();
+  }
+  const absl::StatusOr<std::vector<v1::Job>> jobs = client->ListJobs(kJobsMax);
+  if (!jobs.ok()) return jobs.status();
+  for (const v1::Job& job : *jobs) {
+    if (!HasEnded(job) && job.priority() >= arguments.priority) ++quote->jobs_before;
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+absl::StatusOr<Quote> MakeQuote(FarmClient* client, const JobArguments& arguments,
+                                const PreparedJob& job, const QuoteArguments& asked) {
+  Quote quote;
+  if (absl::Status status = DescribeFarm(client, arguments, &quote); !status.ok()) return status;
+  if (quote.thread_count == 0 && asked.wait_max != absl::InfiniteDuration()) {
+    return absl::UnavailableError("no worker is connected");
+  }
+  const double loosest = *std::max_element(asked.targets.begin(), asked.targets.end());
+  const absl::StatusOr<std::vector<PilotFrame>> frames =
+      RenderPilots(client, arguments, job, quote.thread_count, loosest, asked.wait_max);
+  if (!frames.ok()) return frames.status();
+  const FrameSettings& settings = job.frames.front().settings;
+  quote.width_px = settings.window.Width();
+  quote.height_px = settings.window.Height();
+  quote.frame_count = static_cast<int>(job.frames.size());
+  quote.pilot_frame_count = static_cast<int>(frames->size());
+  quote.rate = frames->front().model.rate;
+  quote.rate_deviation = frames->front().model.rate_deviation;
+  for (const PilotFrame& frame : *frames) {
+    for (const PilotPicture& picture : frame.pictures) {
+      for (const double seconds : picture.cpu_seconds_of_tiles) quote.pilot_cpu_seconds += seconds;
+    }
+  }
+  for (const double target : asked.targets) {
+    QuoteRow& row = quote.rows.emplace_back(
+        MakeRow(*frames, job.frames.size(), quote.thread_count,
+                [&](const ErrorModel& model, double deviations) {
+                  return coordinator::ForecastTarget(model, {.target_error = target},
+                                                     kStoppedSamplesMax, deviations);
+                }));
+    row.target_error = target;
+  }
+  if (asked.with_samples && !arguments.stop.IsActive()) {
+    const uint64_t samples = settings.samples;
+    QuoteRow& row = quote.rows.emplace_back(
+        MakeRow(*frames, job.frames.size(), quote.thread_count,
+                [&](const ErrorModel& model, double deviations) {
+                  return coordinator::ForecastSamples(model, samples, deviations);
+                }));
+    row.reached = true;
+    row.samples_given = samples;
+  }
+  return quote;
+}
+
+}  // namespace sheaf::cli

@@ -1,0 +1,72 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Quote: what a job will cost for each of some errors, before it runs. A pilot of few pixels is
+// rendered on the farm, as a job that goes first:
+//
+//     pilot job > pictures > FitErrorModel > ForecastTarget for each error > Quote
+//
+// Of a range of frames a few have pilots, and what lies between them is interpolated.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "absl/time/time.h"
+#include "cli/farm_client.h"
+#include "cli/prepared_job.h"
+
+namespace sheaf::cli {
+
+// Of what the cheapest target costs, a pilot takes at most this share.
+inline constexpr double kPilotShareMax = 0.03;
+inline constexpr int kQuotedFramesMax = 3;
+// A quote's pilot goes before all other jobs.
+inline constexpr int32_t kPilotPriority = 1000;
+
+// An estimate with a band that holds the truth in 8 of 10 cases.
+struct Banded {
+  double value = 0, low = 0, high = 0;
+};
+
+struct QuoteRow {
+  double target_error = 0;                // 0: samples are given.
+  std::optional<uint64_t> samples_given;  // In every pixel.
+  bool reached = true;                    // Within the most samples that a pixel may get.
+  Banded relative_mse;
+  Banded samples;                    // Of a pixel, on average over pixels and frames.
+  Banded cpu_seconds, wall_seconds;  // Of all frames. wall: 0 where there are no workers.
+};
+
+struct Quote {
+  int32_t width_px = 0, height_px = 0;
+  int frame_count = 1, pilot_frame_count = 1;
+  double rate = 1, rate_deviation = 0;  // Errors fall as 1 / n^rate; of the first frame.
+  int thread_count = 0;                 // Of the farm, now.
+  int jobs_before = 0;                  // That are not finished and go before or beside it.
+  double pilot_cpu_seconds = 0;
+  std::vector<QuoteRow> rows;
+};
+
+// What is quoted where nothing else is asked for.
+inline const std::vector<double> kQuotedErrors = {0.1, 0.05, 0.02, 0.01};
+
+struct QuoteArguments {
+  std::vector<double> targets;  // Of relMSE.
+  bool with_samples = true;     // Also a row for the samples that the job or its scene asks for.
+  absl::Duration wait_max = absl::InfiniteDuration();  // For the pilot.
+};
+
+// Errors: those of the calls; kUnavailable where the pilot has not ended in time, and the pilot is
+// cancelled then; kFailedPrecondition with the farm's message where it failed.
+absl::StatusOr<Quote> MakeQuote(FarmClient* client, const JobArguments& arguments,
+                                const PreparedJob& job, const QuoteArguments& asked);
+
+// A table for people, with a line of what it rests on.
+std::string FormatQuote(const Quote& quote);
+std::string QuoteJson(const Quote& quote);
+
+}  // namespace sheaf::cli

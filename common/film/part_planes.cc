@@ -1,0 +1,36 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "common/film/part_planes.h"
+
+#include <cmath>
+#include <cstdint>
+
+#include "absl/strings/str_cat.h"
+
+namespace sheaf {
+
+std::string WhyNoSums(FilmTile& tile, const PixelLattice& lattice) {
+  for (const auto& plane : PlanesOf<float>(tile)) {
+    for (size_t p = 0; p < tile.plane_size(); ++p) {
+      if (std::isfinite(plane.pixels[p])) continue;
+      return absl::StrCat("channel \"", plane.name, "\" holds a value that is not finite");
+    }
+  }
+  constexpr uint64_t kExactCountMax = 1 << 24;  // Floats above this skip integers.
+  const auto block_count = static_cast<float>(tile.block().count);
+  const float* samples = tile.channel(FilmChannel::kSampleCount);
+  const float* nonfinite = tile.channel(FilmChannel::kNonFiniteCount);
+  const PixelRect& rect = tile.rect();
+  size_t p = 0;
+  for (int32_t y = rect.y0; y < rect.y1; ++y) {
+    for (int32_t x = rect.x0; x < rect.x1; ++x, ++p) {
+      const bool rendered = lattice.Has(x, y);
+      const bool adds_up = (rendered && tile.block().count > kExactCountMax) ||
+                           samples[p] + nonfinite[p] == (rendered ? block_count : 0);
+      if (samples[p] < 0 || nonfinite[p] < 0 || !adds_up) return "wrong sample counts";
+    }
+  }
+  return "";
+}
+
+}  // namespace sheaf

@@ -1,0 +1,55 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// The planes of a film tile by the names that they have in a part (exr_codec.h).
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <string>
+#include <vector>
+
+#include "absl/strings/str_format.h"
+#include "common/film/film_tile.h"
+#include "common/film/pixel_lattice.h"
+
+namespace sheaf {
+
+// In the order of FilmChannel.
+inline constexpr std::array<const char*, kFilmChannelCount> kPartChannels{
+    "R",        "G",         "B",        "weight",   "lo.R",     "lo.G",
+    "lo.B",     "lo.weight", "A",        "albedo.R", "albedo.G", "albedo.B",
+    "normal.X", "normal.Y",  "normal.Z", "depth.Z",  "samples",  "nonfinite"};
+
+// A float32 plane that becomes, or comes from, one channel.
+template <typename Float>
+struct NamedPlane {
+  std::string name;
+  Float* pixels = nullptr;
+};
+
+// The tile's planes with their channel names. Tile is FilmTile or const FilmTile.
+template <typename Float, typename Tile>
+std::vector<NamedPlane<Float>> PlanesOf(Tile& tile) {
+  std::vector<NamedPlane<Float>> planes;
+  for (size_t i = 0; i < kFilmChannelCount; ++i) {
+    planes.push_back({kPartChannels[i], tile.channel(static_cast<FilmChannel>(i))});
+  }
+  const std::vector<MeanChannel> means = MeanChannelsOf(tile.outputs());
+  for (size_t i = 0; i < means.size(); ++i) {
+    planes.push_back({means[i].name, tile.mean(i, 0)});
+    planes.push_back({absl::StrCat("lo.", means[i].name), tile.mean(i, 1)});
+  }
+  for (uint32_t slot = 0; slot < tile.replicate_count(); ++slot) {
+    for (size_t i = 0; i < kReplicateChannelCount; ++i) {
+      planes.push_back({absl::StrFormat("r%02d.%c", tile.replicate_first() + slot, "RGBW"[i]),
+                        tile.replicate(slot, i)});
+    }
+  }
+  return planes;
+}
+
+// Why these are no sums of samples of the lattice's pixels; empty where they may be.
+std::string WhyNoSums(FilmTile& tile, const PixelLattice& lattice);
+
+}  // namespace sheaf

@@ -1,0 +1,108 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "coordinator/core/pilot_model.h"
+
+#include <cmath>
+#include <random>
+
+#include "gtest/gtest.h"
+
+namespace sheaf::coordinator {
+namespace {
+
+constexpr PixelRect kWindow{0, 0, 320, 256};
+constexpr int32_t kTileSizePx = 32;
+
+// Pixels of value 1 whose variances at 16 samples are as `variance` says and fall as 1 / n^rate,
+// estimated with 15 degrees of freedom.
+template <typename Variance>
+PilotPicture MakePilot(const PilotLevel& level, double rate, uint64_t seed,
+                       const Variance& variance) {
+  PilotPicture pilot{level, MakeFramePicture(kWindow, kWindow.x1, kWindow.y1), {}};
+  std::mt19937_64 random(seed);
+  std::chi_squared_distribution<double> chi_squared(15);
+  const double growth = static_cast<double>(level.samples) / 16;
+  size_t p = 0;
+  for (int32_t y = 0; y < kWindow.y1; ++y) {
+    for (int32_t x = 0; x < kWindow.x1; ++x, ++p) {
+      if (!level.lattice.Has(x, y)) continue;
+      const double v = variance(x, y) * std::pow(growth, -rate) * chi_squared(random) / 15;
+      (*pilot.picture.Find("samples"))[p] = static_cast<float>(level.samples);
+      for (const char* channel : {"R", "G", "B"}) (*pilot.picture.Find(channel))[p] = 1;
+      for (const char* channel : {"stderr.R", "stderr.G", "stderr.B"}) {
+        (*pilot.picture.Find(channel))[p] = static_cast<float>(std::sqrt(v));
+      }
+    }
+  }
+  for (const PixelRect& tile : CutTiles(kWindow, kTileSizePx)) {
+    // 10 us a sample, and 1 ms a part.
+    pilot.cpu_seconds_of_tiles.push_back(1e-3 +
+                                         1e-5 * static_cast<double>(level.samples) *
+                                             static_cast<double>(level.lattice.CountIn(tile)));
+  }
+  return pilot;
+}
+
+template <typename Variance>
+ErrorModel FitOf(double rate, const Variance& variance, double samples_per_pixel = 0.5) {
+  std::vector<PilotPicture> pilot;
+  uint64_t seed = 1;
+  for (const PilotLevel& level : PilotLevels(samples_per_pixel, kWindow.PixelCount())) {
+    pilot.push_back(MakePilot(level, rate, ++seed, variance));
+  }
+  const std::vector<PixelRect> tiles = CutTiles(kWindow, kTileSizePx);
+  return FitErrorModel(tiles, pilot, /*thread_count=*/0);
+}
+
+TEST(PilotModelTest, PilotsCostNoMoreThanTheyMay) {
+  for (const int64_t pixels : {int64_t{1000}, int64_t{192 * 192}, int64_t{3840 * 2160}}) {
+    for (const double allowed : {0.4, 2.0, 20.0}) {
+      double cost = 0;
+      for (const PilotLevel& level : PilotLevels(allowed, pixels)) cost += level.SamplesPerPixel();
+      EXPECT_LE(cost, allowed);
+      if (pixels < 100'000) {
+        EXPECT_GT(cost, 0.5 * allowed);
+      }
+    }
+  }
+}
+
+TEST(PilotModelTest, FindsErrorRateAndCost) {
+  for (const double rate : {1.0, 1.25}) {
+    const ErrorModel model = FitOf(rate, [](int32_t, int32_t) { return 0.04; });
+    EXPECT_NEAR(model.rate, rate, 3 * model.rate_deviation);
+    EXPECT_LT(model.rate_deviation, 0.1);
+    // 0.04 / (1 + 0.1^2) at 16 samples.
+    EXPECT_NEAR(ForecastSamples(model, 16).relative_mse, 0.0396, 3 * 0.0396 * 0.05);
+    // Without what parts cost besides; tiles of few samples are less certain.
+    EXPECT_NEAR(ForecastSamples(model, 100).cpu_seconds / (1e-3 * 320 * 256), 1, 0.1);
+  }
+}
+
+TEST(PilotModelTest, TilesThatDifferAreToldApart) {
+  // So many that every tile has a block.
+  const ErrorModel model = FitOf(
+      1, [](int32_t x, int32_t) { return x < 160 ? 0.001 : 0.1; }, 2.0);
+  const std::vector<PixelRect> tiles = CutTiles(kWindow, kTileSizePx);
+  for (size_t i = 0; i < tiles.size(); ++i) {
+    const double error = model.tiles[i].measured.error.RelativeMse();
+    if (tiles[i].x1 <= 160) {
+      EXPECT_LT(error, 0.01) << i;
+    } else {
+      EXPECT_NEAR(error, 0.099, 0.06) << i;
+    }
+  }
+}
+
+// A mean over hundreds of estimates with 15 degrees of freedom has 2 / 15 of variance each.
+TEST(PilotModelTest, StatesWhatItDoesNotKnow) {
+  const ErrorModel even = FitOf(1, [](int32_t, int32_t) { return 0.04; });
+  EXPECT_LT(even.log_error_deviation, 0.05);
+  // One pixel in 50 has nearly all of the error.
+  const ErrorModel rare =
+      FitOf(1, [](int32_t x, int32_t y) { return (x * 7 + y * 13) % 50 == 0 ? 2.0 : 1e-4; });
+  EXPECT_GT(rare.log_error_deviation, 3 * even.log_error_deviation);
+}
+
+}  // namespace
+}  // namespace sheaf::coordinator

@@ -1,0 +1,126 @@
+#!/usr/bin/env python3
+# Copyright the Sheaf authors.
+# SPDX-License-Identifier: Apache-2.0
+"""Quotes: what they say before, held against what then happens; on a farm and on one machine.
+
+How good they are over many scenes and targets is measured by tests/accuracy/quote_accuracy.py.
+"""
+import json
+import os
+import subprocess
+import tempfile
+import unittest
+
+import farm
+
+ROOM = os.path.join(farm.ROOT, "scenes", "cornell-box.pbrt")
+TURNTABLE = os.path.join(farm.ROOT, "scenes", "turntable", "turntable.####.pbrt")
+# One run against a band that 8 of 10 runs keep: this much further off would be a wrong quote.
+FACTOR_MAX = 2.5
+
+
+def local(*arguments):
+    done = subprocess.run([os.path.join(farm.programs(), "sheaf"), *map(str, arguments)],
+                          capture_output=True, text=True, check=True)
+    return done.stdout
+
+
+def quote_rows(text):
+    quote = json.loads(text)
+    return quote, {row["target_error"]: row for row in quote["rows"]}
+
+
+class QuoteHereTest(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.quote, cls.rows = quote_rows(local("quote", ROOM, "--here", "--json"))
+
+    def test_costs_little_and_says_what(self):
+        cheapest = min(row["cpu_hours"]["value"] for row in self.rows.values())
+        # 3 % of the samples; of so small a picture, starting and ending tiles count as well.
+        self.assertLess(self.quote["pilot_cpu_hours"], 0.06 * cheapest)
+        self.assertGreater(self.quote["pilot_cpu_hours"], 0)
+
+    def test_smaller_errors_cost_more_and_bands_hold_their_value(self):
+        targets = sorted((t for t in self.rows if t is not None), reverse=True)
+        self.assertEqual(targets, [0.1, 0.05, 0.02, 0.01])
+        for looser, tighter in zip(targets, targets[1:]):
+            self.assertLessEqual(self.rows[looser]["cpu_hours"]["value"],
+                                 self.rows[tighter]["cpu_hours"]["value"])
+        for row in self.rows.values():
+            self.assertTrue(row["reached"])
+            for name in ("cpu_hours", "wall_seconds"):
+                band = row[name]
+                self.assertLess(band["low"], band["value"])
+                self.assertLess(band["value"], band["high"])
+
+    def test_what_happens_is_near(self):
+        with tempfile.TemporaryDirectory() as folder:
+            for target in (0.05, 0.02):
+                out = local("render", ROOM, "--target-error", target, "--json", "-o",
+                            os.path.join(folder, "room.exr"))
+                frame = json.loads(out.splitlines()[-1])["frames"][0]
+                hours = frame["progress"]["cpu_duration_seconds"] / 3600
+                ratio = hours / self.rows[target]["cpu_hours"]["value"]
+                self.assertLess(ratio, FACTOR_MAX, target)
+                self.assertGreater(ratio, 1 / FACTOR_MAX, target)
+
+    def test_a_number_of_samples_has_its_row(self):
+        _, rows = quote_rows(local("quote", ROOM, "--here", "--json", "--samples", 64,
+                                   "--targets", 0.5))
+        row = rows[None]
+        self.assertEqual(row["sample_count"], 64)
+        with tempfile.TemporaryDirectory() as folder:
+            out = local("render", ROOM, "--samples", 64, "--json", "-o",
+                        os.path.join(folder, "room.exr"))
+            error = json.loads(out.splitlines()[-1])["frames"][0]["progress"]["relative_mse"]
+            self.assertLess(error / row["relative_mse"]["value"], FACTOR_MAX)
+            self.assertGreater(error / row["relative_mse"]["value"], 1 / FACTOR_MAX)
+
+
+class QuoteOnFarmTest(unittest.TestCase):
+    def test_before_all_other_jobs_and_for_all_threads(self):
+        with farm.Farm() as f:
+            f.start_worker(threads=2)
+            busy = f.sheaf("submit", ROOM, "--samples", 1 << 20).stdout.strip()
+            quote, _ = quote_rows(f.sheaf("quote", ROOM, "--json").stdout)
+            self.assertEqual(quote["thread_count"], 2)
+            self.assertEqual(quote["jobs_before"], 1)
+            text = f.sheaf("quote", ROOM).stdout
+            self.assertIn("2 threads, which now work on 1 job as well", text)
+            job = json.loads(f.sheaf("show", busy, "--json").stdout)
+            self.assertEqual(job["state"], "running")
+
+    def test_ranges_are_quoted_from_some_frames(self):
+        with farm.Farm() as f:
+            f.start_worker()
+            quote, rows = quote_rows(f.sheaf("quote", TURNTABLE, "--frames", "1-9", "--crop",
+                                             "100,60,164,124", "--json").stdout)
+            one, of_one = quote_rows(f.sheaf("quote", TURNTABLE, "--frames", "5", "--crop",
+                                             "100,60,164,124", "--json").stdout)
+            self.assertEqual((quote["frame_count"], quote["pilot_frame_count"]), (9, 3))
+            self.assertEqual((one["frame_count"], one["pilot_frame_count"]), (1, 1))
+            ratio = rows[0.1]["cpu_hours"]["value"] / of_one[0.1]["cpu_hours"]["value"]
+            self.assertGreater(ratio, 9 / FACTOR_MAX)
+            self.assertLess(ratio, 9 * FACTOR_MAX)
+
+    def test_submit_says_it_unless_told_not_to(self):
+        with farm.Farm() as f:
+            os.environ["SHEAF_NO_QUOTE"] = "0"
+            try:
+                nobody = f.sheaf("submit", ROOM, "--samples", 1)
+                self.assertIn("no quote: no worker is connected", nobody.stderr)
+                self.assertEqual(nobody.stdout.strip(), "jobs/1")
+                f.start_worker()
+                farm.wait_until(lambda: f.sheaf("workers").stdout.count("\n") > 1, 30, "a worker")
+                quoted = f.sheaf("submit", ROOM, "--target-error", 0.05)
+                self.assertRegex(quoted.stderr, r"\n0\.05 +[0-9.]+  .* to ")
+                self.assertNotIn("\n0.1 ", quoted.stderr)
+                silent = f.sheaf("submit", ROOM, "--target-error", 0.05, "--no-quote")
+                self.assertNotIn("pilot", silent.stderr)
+            finally:
+                del os.environ["SHEAF_NO_QUOTE"]
+
+
+if __name__ == "__main__":
+    unittest.main()
