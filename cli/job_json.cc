@@ -73,6 +73,7 @@ Json RoundsJson(const v1::Frame& frame) {
         {"relative_mse", round.relative_mse()},
         {"relative_mse_upper", round.relative_mse_upper()},
         {"predicted_relative_mse", round.predicted_relative_mse()},
+        {"prediction_ratio", round.prediction_ratio()},
         {"sample_count", round.sample_count()},
         {"ray_count", round.ray_count()},
         {"cpu_duration_seconds", Seconds(round.cpu_duration())},

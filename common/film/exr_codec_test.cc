@@ -137,19 +137,20 @@ TEST(ExrCodecTest, SumsThatCannotBeAreRefused) {
 }
 
 TEST(ExrCodecTest, APartOfALatticeHasItsPixelsAndNoOthers) {
-  const PartHeader header{"digest", "profile", {4}};
+  const PartHeader header{"digest", "profile", {6}};
   FilmTile tile({8, 8, 16, 16}, {0, 16});
   for (int32_t y = 8; y < 16; ++y) {
     for (int32_t x = 8; x < 16; ++x) {
-      if (!header.lattice.Has(x, y)) continue;
-      tile.channel(FilmChannel::kSampleCount)[(y - 8) * 8 + x - 8] = 16;
+      const SampleBlock samples = header.lattice.SamplesOf(header.lattice.PartOf(x, y), {0, 16});
+      tile.channel(FilmChannel::kSampleCount)[(y - 8) * 8 + x - 8] =
+          static_cast<float>(samples.count);
     }
   }
   const absl::StatusOr<DecodedPart> part = DecodePart(EncodePart(tile, header));
   ASSERT_TRUE(part.ok()) << part.status();
-  EXPECT_EQ(part->header.lattice.stride_px, 4);
+  EXPECT_EQ(part->header.lattice.stride_px, 6);
   ExpectRefused(EncodePart(tile, {"digest", "profile"}), "sample counts");
-  ExpectRefused(EncodePart(tile, {"digest", "profile", {5}}), "sample counts");
+  ExpectRefused(EncodePart(tile, {"digest", "profile", {7}}), "sample counts");
   ExpectRefused(EncodePart(tile, {"digest", "profile", {1000}}), "pixel stride");
 }
 

@@ -17,16 +17,15 @@ std::string WhyNoSums(FilmTile& tile, const PixelLattice& lattice) {
     }
   }
   constexpr uint64_t kExactCountMax = 1 << 24;  // Floats above this skip integers.
-  const auto block_count = static_cast<float>(tile.block().count);
   const float* samples = tile.channel(FilmChannel::kSampleCount);
   const float* nonfinite = tile.channel(FilmChannel::kNonFiniteCount);
   const PixelRect& rect = tile.rect();
   size_t p = 0;
   for (int32_t y = rect.y0; y < rect.y1; ++y) {
     for (int32_t x = rect.x0; x < rect.x1; ++x, ++p) {
-      const bool rendered = lattice.Has(x, y);
-      const bool adds_up = (rendered && tile.block().count > kExactCountMax) ||
-                           samples[p] + nonfinite[p] == (rendered ? block_count : 0);
+      const uint64_t count = lattice.SamplesOf(lattice.PartOf(x, y), tile.block()).count;
+      const bool adds_up =
+          count > kExactCountMax || samples[p] + nonfinite[p] == static_cast<float>(count);
       if (samples[p] < 0 || nonfinite[p] < 0 || !adds_up) return "wrong sample counts";
     }
   }

@@ -19,8 +19,8 @@ constexpr uint64_t kBaseSamples = kReplicateCount;
 constexpr uint64_t kPairSamples = kPilotSamplesMax;
 // Of the price, what goes into the picture that is not of the pair.
 constexpr double kSingleShare = 0.35;
-// More pixels than these tell nothing that matters.
-constexpr double kPixelsEnough = 1 << 15;
+// More blocks than these tell nothing that matters.
+constexpr double kBlocksEnough = 1 << 12;
 // What is known of b before anything was rendered; over scenes of all kinds.
 constexpr double kRatePrior = 1.1, kRatePriorDeviation = 0.1;
 constexpr double kRateMin = 0.9, kRateMax = 1.8;
@@ -29,9 +29,15 @@ constexpr double kRateMin = 0.9, kRateMax = 1.8;
 constexpr double kColdSeconds = 2.5e-3, kColdShareMax = 0.3;
 constexpr int kBootstrapCount = 200;
 
-int32_t StrideFor(double samples, double samples_per_pixel, int64_t frame_pixel_count) {
-  const double least = std::sqrt(static_cast<double>(frame_pixel_count) / kPixelsEnough);
-  const double stride = kPixelBlockPx * std::max(std::sqrt(samples / samples_per_pixel), least);
+// Of a block's pixels, all together.
+double BlockSamples(uint64_t samples) {
+  const PixelLattice lattice{kPixelStrideMin};
+  return lattice.SamplesPerPixel(samples) * lattice.stride_px * lattice.stride_px;
+}
+
+int32_t StrideFor(double block_samples, double samples_per_pixel, int64_t frame_pixel_count) {
+  const double least = std::sqrt(static_cast<double>(frame_pixel_count) / kBlocksEnough);
+  const double stride = std::max(std::sqrt(block_samples / samples_per_pixel), least);
   return static_cast<int32_t>(
       std::clamp(std::ceil(stride), double{kPixelStrideMin}, double{kPixelStrideMax}));
 }
@@ -66,14 +72,14 @@ class TileFinder {
 
 Blocks ErrorsOf(const PilotPicture& pilot, const TileFinder& tiles) {
   const std::vector<double> errors = EstimatePixelErrors(pilot.picture);
-  const std::vector<float>& samples = *pilot.picture.Find("samples");
   const PixelRect& window = pilot.picture.window;
-  const int32_t stride = pilot.level.lattice.stride_px;
+  const PixelLattice& lattice = pilot.level.lattice;
+  const int32_t stride = lattice.stride_px;
   Blocks blocks;
   size_t next = 0;
   for (int32_t y = window.y0; y < window.y1; ++y) {
     for (int32_t x = window.x0; x < window.x1; ++x, ++next) {
-      if (samples[next] == 0) continue;
+      if (lattice.PartOf(x, y) != PixelLattice::Part::kCore) continue;
       blocks[{x / stride, y / stride}].push_back({tiles.Find(x, y), errors[next]});
     }
   }
@@ -206,8 +212,8 @@ double FitIdleCost(std::span<const PilotPicture> pilot) {
     const PilotLevel& level = picture.level;
     Cost& cost = levels[level.lattice.stride_px][level.samples];
     cost.pixel_count = static_cast<double>(picture.picture.window.PixelCount());
-    cost.samples = static_cast<double>(level.lattice.CountIn(picture.picture.window)) *
-                   static_cast<double>(level.samples);
+    cost.samples =
+        static_cast<double>(level.lattice.SampleCountIn(picture.picture.window, level.samples));
     for (const double seconds : picture.cpu_seconds_of_tiles) cost.cpu_seconds += seconds;
   }
   double idle_seconds = 0, pixel_count = 0;
@@ -238,7 +244,7 @@ CpuModel FitCpu(std::span<const PixelRect> tiles, std::span<const PilotPicture> 
     for (size_t i = 0; i < tile_count; ++i) {
       const double idle_seconds = idle * static_cast<double>(tiles[i].PixelCount());
       of_tile[i].samples +=
-          static_cast<double>(level.lattice.CountIn(tiles[i])) * static_cast<double>(level.samples);
+          static_cast<double>(level.lattice.SampleCountIn(tiles[i], level.samples));
       of_tile[i].cpu_seconds += std::max(0.0, picture.cpu_seconds_of_tiles[i] - idle_seconds);
     }
   }
@@ -264,7 +270,7 @@ CpuModel FitCpu(std::span<const PixelRect> tiles, std::span<const PilotPicture> 
 
 std::vector<PilotLevel> PilotPair(double samples_per_pixel, int64_t frame_pixel_count) {
   if (samples_per_pixel <= 0) return {};
-  const PixelLattice lattice{StrideFor(static_cast<double>(kBaseSamples + kPairSamples),
+  const PixelLattice lattice{StrideFor(BlockSamples(kBaseSamples) + BlockSamples(kPairSamples),
                                        samples_per_pixel, frame_pixel_count)};
   // The larger goes first, so that caches are warm for the other.
   const std::vector<PilotLevel> levels{{lattice, kPairSamples}, {lattice, kBaseSamples}};
@@ -275,7 +281,7 @@ std::vector<PilotLevel> PilotPair(double samples_per_pixel, int64_t frame_pixel_
 std::vector<PilotLevel> PilotLevels(double samples_per_pixel, int64_t frame_pixel_count) {
   const double single = kSingleShare * samples_per_pixel;
   std::vector<PilotLevel> levels = PilotPair(samples_per_pixel - single, frame_pixel_count);
-  PixelLattice lattice{StrideFor(static_cast<double>(kBaseSamples), single, frame_pixel_count)};
+  PixelLattice lattice{StrideFor(BlockSamples(kBaseSamples), single, frame_pixel_count)};
   // Pictures of one lattice and one number of samples would be the same.
   if (!levels.empty() && lattice.stride_px == levels[0].lattice.stride_px) ++lattice.stride_px;
   levels.insert(levels.begin() + (levels.empty() ? 0 : 1), {lattice, kBaseSamples});

@@ -24,8 +24,8 @@ inline constexpr uint64_t kPilotSamplesMax = 4 * uint64_t{kReplicateCount};
 struct PilotLevel {
   PixelLattice lattice;
   uint64_t samples = kReplicateCount;  // Of each of its pixels.
-  // Samples that it costs, spread over all pixels of the frame.
-  double SamplesPerPixel() const { return static_cast<double>(samples) * lattice.Share(); }
+  // What it costs, spread over all pixels of the frame.
+  double SamplesPerPixel() const { return lattice.SamplesPerPixel(samples); }
 };
 struct PilotPicture {
   PilotLevel level;

@@ -21,13 +21,15 @@ PilotPicture MakePilot(const PilotLevel& level, double rate, uint64_t seed,
   PilotPicture pilot{level, MakeFramePicture(kWindow, kWindow.x1, kWindow.y1), {}};
   std::mt19937_64 random(seed);
   std::chi_squared_distribution<double> chi_squared(15);
-  const double growth = static_cast<double>(level.samples) / 16;
   size_t p = 0;
   for (int32_t y = 0; y < kWindow.y1; ++y) {
     for (int32_t x = 0; x < kWindow.x1; ++x, ++p) {
-      if (!level.lattice.Has(x, y)) continue;
+      const SampleBlock samples =
+          level.lattice.SamplesOf(level.lattice.PartOf(x, y), {0, level.samples});
+      if (samples.count == 0) continue;
+      const double growth = static_cast<double>(samples.count) / 16;
       const double v = variance(x, y) * std::pow(growth, -rate) * chi_squared(random) / 15;
-      (*pilot.picture.Find("samples"))[p] = static_cast<float>(level.samples);
+      (*pilot.picture.Find("samples"))[p] = static_cast<float>(samples.count);
       for (const char* channel : {"R", "G", "B"}) (*pilot.picture.Find(channel))[p] = 1;
       for (const char* channel : {"stderr.R", "stderr.G", "stderr.B"}) {
         (*pilot.picture.Find(channel))[p] = static_cast<float>(std::sqrt(v));
@@ -36,9 +38,8 @@ PilotPicture MakePilot(const PilotLevel& level, double rate, uint64_t seed,
   }
   for (const PixelRect& tile : CutTiles(kWindow, kTileSizePx)) {
     // 10 us a sample, and 1 ms a part.
-    pilot.cpu_seconds_of_tiles.push_back(1e-3 +
-                                         1e-5 * static_cast<double>(level.samples) *
-                                             static_cast<double>(level.lattice.CountIn(tile)));
+    pilot.cpu_seconds_of_tiles.push_back(
+        1e-3 + 1e-5 * static_cast<double>(level.lattice.SampleCountIn(tile, level.samples)));
   }
   return pilot;
 }

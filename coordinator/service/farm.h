@@ -76,6 +76,14 @@ struct ResultReport {
 };
 enum class ResultOutcome { kAccepted, kDuplicateEqual, kDuplicateMismatch, kSuperseded };
 
+// How a job stands, for /metrics: sums and extremes over its frames and their rounds.
+struct JobCurve {
+  double samples = 0, cpu_seconds = 0, part_bytes = 0;
+  double relative_mse = 0, predicted_relative_mse = 0;
+  double ratio_sum = 0;  // relMSE over what was foretold.
+  int prediction_count = 0;
+};
+
 // Thread safety: all members may be called from any thread.
 class Farm : public FarmView {
  public:
@@ -199,9 +207,11 @@ class Farm : public FarmView {
   absl::Status LoadRounds(const StoredJob& job);
   // Null where the frame was not rendered in rounds. Requires: mutex_ is held.
   const RoundRecord* LastRoundOf(const FrameId& id) const;
-  // Why the picture has its samples, and its errors on the way there.
+  // How live jobs stand, the oldest first. Requires: mutex_ is held.
+  std::vector<std::pair<uint64_t, JobCurve>> LiveCurves(size_t count_max) const;
   // CPU seconds of workers, of each tile of a frame that is not delivered yet, with blanks between.
   std::string TileCpuSeconds(const FrameId& id) const;
+  // Why the picture has its samples, and its errors on the way there.
   void AddRoundMetadata(const FrameId& id, FramePicture* picture) const;
   // Since the frame's first lease, in this life and earlier ones. Requires: mutex_ is held.
   absl::Duration WallOf(const FrameId& id, absl::Time now) const;

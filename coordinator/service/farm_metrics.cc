@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // The part of Farm that counts, for /metrics.
+#include <algorithm>
 #include <array>
 #include <string>
 #include <utility>
@@ -47,7 +48,57 @@ MetricView Gauge(const std::string& name, const std::string& help, double value)
   return {"sheaf_" + name, help, MetricView::Kind::kGauge, "", "", value};
 }
 
+// Live jobs that /metrics tells of one by one, the oldest first.
+constexpr size_t kJobMetricsMax = 200;
+
+struct JobMetric {
+  const char* name;
+  const char* help;
+  double (*value)(const JobCurve&);
+};
+constexpr JobMetric kJobMetrics[] = {
+    {"job_samples", "Pixel samples of a live job so far.",
+     [](const JobCurve& curve) { return curve.samples; }},
+    {"job_cpu_seconds", "CPU time that a live job has taken.",
+     [](const JobCurve& curve) { return curve.cpu_seconds; }},
+    {"job_part_bytes", "Bytes of parts that a live job has received.",
+     [](const JobCurve& curve) { return curve.part_bytes; }},
+    {"job_relative_mse", "The largest relMSE of a live job's frames, at their last rounds.",
+     [](const JobCurve& curve) { return curve.relative_mse; }},
+    {"job_relative_mse_predicted", "The largest relMSE foretold for the next rounds of a live job.",
+     [](const JobCurve& curve) { return curve.predicted_relative_mse; }},
+    {"job_prediction_ratio", "relMSE over what was foretold, mean over a live job's rounds.",
+     [](const JobCurve& curve) {
+       return curve.prediction_count == 0 ? 0 : curve.ratio_sum / curve.prediction_count;
+     }},
+};
+
 }  // namespace
+
+std::vector<std::pair<uint64_t, JobCurve>> Farm::LiveCurves(size_t count_max) const {
+  std::vector<std::pair<uint64_t, JobCurve>> curves;
+  for (const auto& [id, job] : scheduler_.jobs()) {
+    if (job.phase != JobPhase::kLive) continue;
+    if (curves.size() == count_max) break;
+    JobCurve& curve = curves.emplace_back(id, JobCurve()).second;
+    for (const FrameRecord& frame : job.frames) {
+      curve.samples += static_cast<double>(frame.sample_count_done);
+      curve.cpu_seconds += absl::ToDoubleSeconds(frame.cost.cpu_duration);
+      curve.part_bytes += static_cast<double>(frame.cost.part_bytes);
+    }
+    for (const auto& [number, rounds] : accounts_.at(id).rounds) {
+      curve.relative_mse = std::max(curve.relative_mse, rounds.back().relative_mse);
+      curve.predicted_relative_mse =
+          std::max(curve.predicted_relative_mse, rounds.back().predicted_relative_mse);
+      for (size_t i = 1; i < rounds.size(); ++i) {
+        if (!(rounds[i - 1].predicted_relative_mse > 0)) continue;
+        curve.ratio_sum += rounds[i].relative_mse / rounds[i - 1].predicted_relative_mse;
+        ++curve.prediction_count;
+      }
+    }
+  }
+  return curves;
+}
 
 std::vector<MetricView> Farm::Metrics() const {
   std::vector<MetricView> metrics;
@@ -76,6 +127,13 @@ std::vector<MetricView> Farm::Metrics() const {
   int live_jobs = 0;
   for (const auto& [id, job] : scheduler_.jobs()) live_jobs += job.phase == JobPhase::kLive ? 1 : 0;
   metrics.push_back(Gauge("jobs_live", "Jobs that have not ended.", live_jobs));
+  const std::vector<std::pair<uint64_t, JobCurve>> curves = LiveCurves(kJobMetricsMax);
+  for (const JobMetric& metric : kJobMetrics) {
+    for (const auto& [id, curve] : curves) {
+      metrics.push_back({absl::StrCat("sheaf_", metric.name), metric.help, MetricView::Kind::kGauge,
+                         "job", absl::StrCat("jobs/", id), metric.value(curve)});
+    }
+  }
   metrics.push_back(Gauge("leases_held", "Leases that workers hold now.",
                           static_cast<double>(scheduler_.leases().size())));
   metrics.push_back(Gauge("frames_open", "Frames between their first part and their delivery.",

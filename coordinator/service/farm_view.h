@@ -35,6 +35,7 @@ struct RoundView {
   double relative_mse = 0;
   double relative_mse_upper = 0;      // Its upper confidence bound.
   double predicted_relative_mse = 0;  // For the next round, as foretold; 0 at the last.
+  double prediction_ratio = 0;        // relative_mse over what was foretold; 0 at the first.
   uint64_t sample_count = 0;          // Pixel samples so far; this and the following are sums.
   uint64_t ray_count = 0;
   double cpu_seconds = 0, wall_seconds = 0;

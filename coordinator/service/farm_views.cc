@@ -61,8 +61,10 @@ std::vector<RoundView> ViewsOf(const std::vector<RoundRecord>& rounds) {
   std::vector<RoundView> views;
   views.reserve(rounds.size());
   for (const RoundRecord& round : rounds) {
+    const double foretold = views.empty() ? 0 : views.back().predicted_relative_mse;
     views.push_back({round.relative_mse, round.relative_mse_upper, round.predicted_relative_mse,
-                     round.sample_count, round.cost.ray_count, Seconds(round.cost.cpu_duration),
+                     foretold > 0 ? round.relative_mse / foretold : 0, round.sample_count,
+                     round.cost.ray_count, Seconds(round.cost.cpu_duration),
                      Seconds(round.wall_duration), round.cost.part_bytes});
   }
   return views;

@@ -60,6 +60,7 @@ Json RoundsJson(const std::vector<RoundView>& rounds) {
         {"relative_mse", round.relative_mse},
         {"relative_mse_upper", round.relative_mse_upper},
         {"predicted_relative_mse", round.predicted_relative_mse},
+        {"prediction_ratio", round.prediction_ratio},
         {"sample_count", round.sample_count},
         {"ray_count", round.ray_count},
         {"cpu_duration_seconds", round.cpu_seconds},

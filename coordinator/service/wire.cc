@@ -99,6 +99,7 @@ v1::Round ToWire(const RoundView& view) {
   wire.set_relative_mse(view.relative_mse);
   wire.set_relative_mse_upper(view.relative_mse_upper);
   wire.set_predicted_relative_mse(view.predicted_relative_mse);
+  wire.set_prediction_ratio(view.prediction_ratio);
   wire.set_sample_count(view.sample_count);
   wire.set_ray_count(view.ray_count);
   SetDuration(absl::Seconds(view.cpu_seconds), wire.mutable_cpu_duration());

@@ -53,16 +53,19 @@ absl::StatusOr<FilmTile> RenderTilePass(const CompiledScene& scene, PixelRect ti
       }
       for (int32_t x = tile.x0; x < tile.x1;) {
         const int32_t begin = x;
-        while (x < tile.x1 && lattice.Has(x, y)) ++x;
-        if (x > begin) render_row(scene, begin, x, y, block, &*accumulator, &counts);
-        if (x < tile.x1) ++x;
+        const PixelLattice::Part part = lattice.PartOf(x, y);
+        while (x < tile.x1 && lattice.PartOf(x, y) == part) ++x;
+        const SampleBlock samples = lattice.SamplesOf(part, block);
+        if (samples.count > 0) {
+          render_row(scene, begin, x, y, samples, &*accumulator, &counts);
+        }
       }
     }
     if (counts.broken_majorants == 0 || factor >= kMajorantFactorMax) break;
   }
   if (scene.settings.outputs.HasIds()) scene.ids.NameAll(scene.description, &*film);
   if (stats != nullptr) {
-    stats->samples = static_cast<uint64_t>(lattice.CountIn(tile)) * block.count;
+    stats->samples = lattice.SampleCountIn(tile, block.count);
     stats->rays = counts.rays;
     stats->shadow_rays = counts.shadow_rays;
     stats->broken_nestings = counts.broken_nestings;
