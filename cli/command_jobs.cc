@@ -20,9 +20,7 @@ class WatchCommand : public FarmCommand {
   CLI::App* AddTo(CLI::App* app) override {
     CLI::App* command = AddCommon(app, "watch", "Show a job until it ends; fetch its pictures");
     AddJob(command);
-    command->add_option("-o,--output", arguments_.output,
-                        "Picture to write at the end: .exr or .png; #### is the frame");
-    command->add_option("--png", arguments_.png, "Also write a PNG");
+    AddPictureOptions(command, &arguments_);
     command->footer(
         "Examples:\n"
         "  sheaf watch jobs/7\n"
@@ -33,14 +31,16 @@ class WatchCommand : public FarmCommand {
 
  protected:
   ExitCode RunWith(FarmClient* client) override {
+    const absl::StatusOr<ViewTransform> view = OpenView(arguments_);
+    if (!view.ok()) return ReportError(ExitCode::kUsage, view.status());
     if (arguments_.output.empty() && arguments_.png.empty()) {
-      return FollowToTheEnd(client, job_name(), json(), {});
+      return FollowToTheEnd(client, job_name(), json(), {}, *view);
     }
     const absl::StatusOr<v1::Job> job = client->GetJob(job_name());
     if (!job.ok()) return ReportCallError(job.status());
     const absl::StatusOr<std::vector<PicturePaths>> paths = PathsOf(*job, arguments_);
     if (!paths.ok()) return ReportError(ExitCode::kUsage, paths.status());
-    return FollowToTheEnd(client, job_name(), json(), *paths);
+    return FollowToTheEnd(client, job_name(), json(), *paths, *view);
   }
 
  private:

@@ -112,6 +112,33 @@ class ClientTest(unittest.TestCase):
         self.assertEqual(farm.picture_digest(self.farm.path("out", "again.2.exr")), digests[1])
         self.expect(self.farm.sheaf("watch", name, "-o", "one.exr", check=False), USAGE)
 
+    def test_views(self):
+        scene = self.write("view.pbrt", SCENE)
+        exr, png = self.farm.path("view.exr"), self.farm.path("view.png")
+        for wrong in (("--view", "Filmic"), ("--display", "TV"), ("--ocio", "/nowhere.ocio")):
+            done = self.expect(run("render", scene, "-o", exr, "--png", png, *wrong), USAGE)
+            self.assertIn(wrong[1], done.stderr)
+            self.assertFalse(os.path.exists(exr), "checked before rendering")
+        self.assertIn("it has: sRGB, ACES 1.0 SDR, Raw",
+                      run("watch", "1", "--view", "Filmic").stderr)
+
+        shown = {}
+        for view in ("sRGB", "ACES 1.0 SDR", "Raw"):
+            self.expect(run("render", scene, "--samples", 4, "-o", exr, "--png", png,
+                            "--view", view.lower()), OK)
+            with open(png, "rb") as f:
+                shown[view] = f.read()
+            self.assertIn(b"tEXtView\0" + view.encode(), shown[view])
+        self.assertEqual(len(set(shown.values())), 3)
+        self.expect(run("render", scene, "--samples", 4, "-o", exr, "--png", png,
+                        environment={"OCIO": ""}), OK)
+        with open(png, "rb") as f:
+            self.assertEqual(f.read(), shown["sRGB"], "the default")
+        self.expect(run("render", scene, "--samples", 4, "-o", exr, "--png", png,
+                        environment={"OCIO": "/nowhere.ocio"}), USAGE)
+        self.expect(run("render", scene, "--samples", 4, "-o", exr, "--png", png, "--ocio", "",
+                        environment={"OCIO": "/nowhere.ocio"}), OK)
+
     def test_workers(self):
         worker = json.loads(self.farm.sheaf("workers", "--json").stdout)
         self.assertEqual(worker["thread_count"], 1)
