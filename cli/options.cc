@@ -152,11 +152,12 @@ void AddStopOptions(CLI::App* command, StopArguments* stop) {
 }
 
 void AddViewOptions(CLI::App* command, ViewArguments* view) {
-  command->add_option("--view", view->view,
-                      "What PNGs show the picture as: sRGB (values cut at 1), \"ACES 1.0 SDR\" or "
-                      "Raw, or a view of the --ocio config (default: the first)");
+  command->add_option(
+      "--view", view->view,
+      "How PNGs and terminals show the picture: sRGB (values cut at 1), \"ACES 1.0 SDR\" or "
+      "Raw, or a view of the --ocio config (default: the first)");
   command->add_option("--display", view->display,
-                      "The display that PNGs are for, of the --ocio config (default: the first)");
+                      "The display that they are for, of the --ocio config (default: the first)");
   command
       ->add_option("--ocio", view->config,
                    "Config of OpenColorIO to take displays and views from (default: Sheaf's own)")
