@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// sheaf watch, list, show, cancel and workers: what the farm does and how to stop it.
+// sheaf watch, list, cancel and workers: what the farm does and how to stop it.
 #include <cstdio>
 #include <string>
 
@@ -20,9 +20,7 @@ class WatchCommand : public FarmCommand {
   CLI::App* AddTo(CLI::App* app) override {
     CLI::App* command = AddCommon(app, "watch", "Show a job until it ends; fetch its pictures");
     AddJob(command);
-    command->add_option("-o,--output", arguments_.output,
-                        "Picture to write at the end: .exr or .png; #### is the frame");
-    command->add_option("--png", arguments_.png, "Also write a PNG");
+    AddPictureOptions(command, &arguments_);
     command->footer(
         "Examples:\n"
         "  sheaf watch jobs/7\n"
@@ -33,14 +31,16 @@ class WatchCommand : public FarmCommand {
 
  protected:
   ExitCode RunWith(FarmClient* client) override {
+    const absl::StatusOr<ViewTransform> view = OpenView(arguments_);
+    if (!view.ok()) return ReportError(ExitCode::kUsage, view.status());
     if (arguments_.output.empty() && arguments_.png.empty()) {
-      return FollowToTheEnd(client, job_name(), json(), {});
+      return FollowToTheEnd(client, job_name(), json(), {}, *view);
     }
     const absl::StatusOr<v1::Job> job = client->GetJob(job_name());
     if (!job.ok()) return ReportCallError(job.status());
     const absl::StatusOr<std::vector<PicturePaths>> paths = PathsOf(*job, arguments_);
     if (!paths.ok()) return ReportError(ExitCode::kUsage, paths.status());
-    return FollowToTheEnd(client, job_name(), json(), *paths);
+    return FollowToTheEnd(client, job_name(), json(), *paths, *view);
   }
 
  private:
@@ -79,50 +79,6 @@ class ListCommand : public FarmCommand {
 
  private:
   int limit_ = 100;
-};
-
-class ShowCommand : public FarmCommand {
- public:
-  CLI::App* AddTo(CLI::App* app) override {
-    CLI::App* command = AddCommon(app, "show", "Show a job with its frames");
-    AddJob(command);
-    command->footer("Examples:\n  sheaf show jobs/7\n  sheaf show 7 --json");
-    return command;
-  }
-
- protected:
-  ExitCode RunWith(FarmClient* client) override {
-    const absl::StatusOr<v1::Job> job = client->GetJob(job_name());
-    if (!job.ok()) return ReportCallError(job.status());
-    if (json()) {
-      std::printf("%s\n", JobJson(*job).c_str());
-      return ExitCode::kOk;
-    }
-    std::printf("%s  %s\n", job->name().c_str(), job->title().c_str());
-    std::printf("state      %s\n", JobStateName(job->state()).c_str());
-    if (!job->failure().empty()) std::printf("failure    %s\n", job->failure().c_str());
-    std::printf("progress   %s\n", FormatProgress(*job).c_str());
-    std::printf("rays       %s\n",
-                FormatCount(static_cast<double>(job->progress().ray_count())).c_str());
-    std::printf("priority   %d\n", job->priority());
-    std::printf("profile    %s\n", job->numeric_profile().c_str());
-    std::printf("\n%-8s %-12s %8s %7s  %-10s %s\n", "FRAME", "PIXELS", "SAMPLES", "DONE", "ERROR",
-                "PICTURE");
-    for (const v1::Frame& frame : job->frames()) PrintFrame(frame);
-    return ExitCode::kOk;
-  }
-
- private:
-  static void PrintFrame(const v1::Frame& frame) {
-    const v1::PixelRect& window = frame.spec().settings().window();
-    const double error = frame.progress().relative_mse();
-    std::printf(
-        "%-8d %-12s %8llu %6.1f%%  %-10s %s\n", frame.spec().frame_number(),
-        absl::StrCat(window.x1_px() - window.x0_px(), "x", window.y1_px() - window.y0_px()).c_str(),
-        static_cast<unsigned long long>(frame.spec().settings().sample_count()),
-        100 * ShareDone(frame.progress()), error > 0 ? absl::StrFormat("%.2e", error).c_str() : "-",
-        frame.complete() ? frame.picture_digest().substr(0, 16).c_str() : "-");
-  }
 };
 
 class CancelCommand : public FarmCommand {
@@ -182,7 +138,6 @@ class WorkersCommand : public FarmCommand {
 
 std::unique_ptr<Command> MakeWatchCommand() { return std::make_unique<WatchCommand>(); }
 std::unique_ptr<Command> MakeListCommand() { return std::make_unique<ListCommand>(); }
-std::unique_ptr<Command> MakeShowCommand() { return std::make_unique<ShowCommand>(); }
 std::unique_ptr<Command> MakeCancelCommand() { return std::make_unique<CancelCommand>(); }
 std::unique_ptr<Command> MakeWorkersCommand() { return std::make_unique<WorkersCommand>(); }
 

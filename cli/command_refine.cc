@@ -26,9 +26,7 @@ class RefineCommand : public FarmCommand {
                      "Samples per pixel in all; with an error, a time or a budget: at most")
         ->check(CLI::PositiveNumber);
     command->add_flag("--wait", wait_, "Stay until the pictures are here");
-    command->add_option("-o,--output", arguments_.output,
-                        "Picture to write at the end: .exr or .png; #### is the frame");
-    command->add_option("--png", arguments_.png, "Also write a PNG");
+    AddPictureOptions(command, &arguments_);
     command->footer(
         "Examples:\n"
         "  sheaf refine jobs/7 --target-error 0.001 --wait -o room.exr\n"
@@ -46,6 +44,8 @@ class RefineCommand : public FarmCommand {
                          absl::InvalidArgumentError("say how far: --target-error, --time, "
                                                     "--budget or --samples"));
     }
+    const absl::StatusOr<ViewTransform> view = OpenView(arguments_);
+    if (!view.ok()) return ReportError(ExitCode::kUsage, view.status());
     const absl::StatusOr<v1::Job> job = client->GetJob(job_name());
     if (!job.ok()) return ReportCallError(job.status());
     const absl::StatusOr<std::vector<PicturePaths>> paths = PathsOf(*job, arguments_);
@@ -60,7 +60,7 @@ class RefineCommand : public FarmCommand {
     const absl::StatusOr<v1::Job> refined = client->RefineJob(request);
     if (!refined.ok()) return ReportCallError(refined.status());
     if (wait_ || !paths->empty()) {
-      return FollowToTheEnd(client, refined->name(), json(), *paths);
+      return FollowToTheEnd(client, refined->name(), json(), *paths, *view);
     }
     std::printf("%s\n", json() ? JobJson(*refined).c_str() : refined->name().c_str());
     return ExitCode::kOk;

@@ -51,6 +51,8 @@ class RenderCommand : public Command {
     if (absl::Status status = CheckJobArguments(arguments_); !status.ok()) {
       return ReportError(ExitCode::kUsage, status);
     }
+    const absl::StatusOr<ViewTransform> view = OpenView(arguments_);
+    if (!view.ok()) return ReportError(ExitCode::kUsage, view.status());
     const Interruption interruption;
     SetLogName("sheaf render");
     SetLogLevel(LogLevel::kWarning);  // The progress line tells the rest.
@@ -63,11 +65,12 @@ class RenderCommand : public Command {
     if (!farm_.http_address.empty()) {
       std::fprintf(stderr, "sheaf: watch at %s\n", (*farm)->http_url().c_str());
     }
-    return RenderOn(farm->get(), *job, interruption);
+    return RenderOn(farm->get(), *job, *view, interruption);
   }
 
  private:
-  ExitCode RenderOn(LocalFarm* farm, const PreparedJob& job, const Interruption& interruption) {
+  ExitCode RenderOn(LocalFarm* farm, const PreparedJob& job, const ViewTransform& view,
+                    const Interruption& interruption) {
     FarmClient client(farm->channel(), "this process", interruption.token());
     if (absl::Status status = UploadMissing(&client, job); !status.ok()) {
       return ReportCallError(status);
@@ -89,7 +92,7 @@ class RenderCommand : public Command {
     }
     if (!ended.ok()) return ReportCallError(ended.status());
     if (ended->state() == v1::Job::STATE_SUCCEEDED) {
-      const absl::Status saved = SavePictures(&client, *ended, OutputPaths(arguments_, job));
+      const absl::Status saved = SavePictures(&client, *ended, OutputPaths(arguments_, job), view);
       if (!saved.ok()) return ReportError(ExitCode::kFile, saved);
     }
     return ReportEnd(*ended, /*pictures_written=*/true);

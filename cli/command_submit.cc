@@ -49,6 +49,8 @@ class SubmitCommand : public Command {
     if (absl::Status status = CheckJobArguments(arguments_); !status.ok()) {
       return ReportError(ExitCode::kUsage, status);
     }
+    const absl::StatusOr<ViewTransform> view = OpenView(arguments_);
+    if (!view.ok()) return ReportError(ExitCode::kUsage, view.status());
     const Interruption interruption;
     const absl::StatusOr<PreparedJob> job = PrepareJob(arguments_);
     if (!job.ok()) return ReportSceneError(job.status());
@@ -66,7 +68,7 @@ class SubmitCommand : public Command {
         client.CreateJob(MakeCreateJobRequest(arguments_, *job));
     if (!created.ok()) return ReportCallError(created.status());
     if (wait_) {
-      return FollowToTheEnd(&client, created->name(), json_, OutputPaths(arguments_, *job));
+      return FollowToTheEnd(&client, created->name(), json_, OutputPaths(arguments_, *job), *view);
     }
     std::printf("%s\n", json_ ? JobJson(*created).c_str() : created->name().c_str());
     return ExitCode::kOk;

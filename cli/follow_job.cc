@@ -16,10 +16,8 @@
 #include "cli/job_json.h"
 #include "cli/progress_line.h"
 #include "cli/summary.h"
-#include "cli/tone_map.h"
 #include "common/base/file.h"
 #include "common/film/exr_codec.h"
-#include "common/image/image_io.h"
 
 namespace sheaf::cli {
 namespace {
@@ -50,7 +48,8 @@ class UploadProgress {
   uint64_t sent_bytes_ = 0;
 };
 
-absl::Status SavePicture(FarmClient* client, const v1::Frame& frame, const PicturePaths& paths) {
+absl::Status SavePicture(FarmClient* client, const v1::Frame& frame, const PicturePaths& paths,
+                         const ViewTransform& view) {
   const absl::StatusOr<std::string> bytes = client->ReadFrameOutput(frame.name(), kPictureBytesMax);
   if (!bytes.ok()) return bytes.status();
   if (absl::Status status = WriteFileAtomically(paths.exr, *bytes); !status.ok()) return status;
@@ -62,10 +61,7 @@ absl::Status SavePicture(FarmClient* client, const v1::Frame& frame, const Pictu
         ": is not the picture the coordinator delivered; fetch it again with sheaf watch"));
   }
   if (!paths.png.empty()) {
-    const PixelRect& window = picture->window;
-    absl::Status status =
-        WritePng(paths.png, window.Width(), window.Height(), ToneMapSrgb(*picture));
-    if (!status.ok()) return status;
+    if (absl::Status status = WriteView(view, *picture, paths.png); !status.ok()) return status;
   }
   std::fprintf(stderr, "sheaf: %s\n", FormatPictureSummary(frame, paths).c_str());
   return absl::OkStatus();
@@ -132,9 +128,10 @@ absl::StatusOr<v1::Job> FollowJob(FarmClient* client, const std::string& name, b
 }
 
 absl::Status SavePictures(FarmClient* client, const v1::Job& job,
-                          const std::vector<PicturePaths>& paths) {
+                          const std::vector<PicturePaths>& paths, const ViewTransform& view) {
   for (size_t i = 0; i < paths.size() && i < static_cast<size_t>(job.frames_size()); ++i) {
-    const absl::Status status = SavePicture(client, job.frames(static_cast<int>(i)), paths[i]);
+    const absl::Status status =
+        SavePicture(client, job.frames(static_cast<int>(i)), paths[i], view);
     if (!status.ok()) return status;
   }
   return absl::OkStatus();
@@ -156,7 +153,7 @@ ExitCode ReportEnd(const v1::Job& job, bool pictures_written) {
 }
 
 ExitCode FollowToTheEnd(FarmClient* client, const std::string& name, bool json,
-                        const std::vector<PicturePaths>& paths) {
+                        const std::vector<PicturePaths>& paths, const ViewTransform& view) {
   const absl::StatusOr<v1::Job> job = FollowJob(client, name, json);
   if (absl::IsCancelled(job.status())) {
     std::fprintf(stderr,
@@ -167,7 +164,7 @@ ExitCode FollowToTheEnd(FarmClient* client, const std::string& name, bool json,
   }
   if (!job.ok()) return ReportCallError(job.status());
   if (job->state() == v1::Job::STATE_SUCCEEDED) {
-    const absl::Status saved = SavePictures(client, *job, paths);
+    const absl::Status saved = SavePictures(client, *job, paths, view);
     if (absl::IsCancelled(saved) || absl::IsUnavailable(saved)) return ReportCallError(saved);
     if (!saved.ok()) return ReportError(ExitCode::kFile, saved);
   }

@@ -12,6 +12,7 @@
 #include "cli/exit_code.h"
 #include "cli/farm_client.h"
 #include "cli/prepared_job.h"
+#include "cli/view_transform.h"
 
 namespace sheaf::cli {
 
@@ -28,9 +29,10 @@ absl::StatusOr<v1::Job> FollowJob(FarmClient* client, const std::string& name, b
 
 // Fetches all pictures of a job that succeeded; says on standard error of each where it is and what
 // it took.
-// paths: one per frame, in the order of numbers. Errors: those of the calls and of writing.
+// paths: one per frame, in the order of numbers. view: for PNGs. Errors: those of the calls and of
+// writing.
 absl::Status SavePictures(FarmClient* client, const v1::Job& job,
-                          const std::vector<PicturePaths>& paths);
+                          const std::vector<PicturePaths>& paths, const ViewTransform& view);
 
 // Says on standard error how it ended: what it took, or why it failed. pictures_written:
 // SavePictures has told of each picture, so a job of one needs no line of its own. Returns the code
@@ -40,6 +42,6 @@ ExitCode ReportEnd(const v1::Job& job, bool pictures_written);
 // The usual way through all of these: FollowJob, SavePictures, ReportEnd. Interrupted, it says how
 // to go on.
 ExitCode FollowToTheEnd(FarmClient* client, const std::string& name, bool json,
-                        const std::vector<PicturePaths>& paths);
+                        const std::vector<PicturePaths>& paths, const ViewTransform& view);
 
 }  // namespace sheaf::cli

@@ -101,7 +101,7 @@ void AddSettingsOptions(CLI::App* command, JobArguments* arguments) {
       ->add_option(
           "--primaries", settings.primaries,
           "What the picture's R, G, B are: srgb, aces2065-1, acescg, rec2020 or dci-p3, all "
-          "linear (default: the ColorSpace at the scene's Film); PNGs stay sRGB")
+          "linear (default: the ColorSpace at the scene's Film)")
       ->transform(CLI::CheckedTransformer(kPrimaries, CLI::ignore_case));
   command->add_option_function<std::string>(
       "--aov", [&settings](const std::string& text) { AddOutputs(text, &settings.outputs); },
@@ -151,6 +151,26 @@ void AddStopOptions(CLI::App* command, StopArguments* stop) {
       ->check(CheckPositive);
 }
 
+void AddViewOptions(CLI::App* command, ViewArguments* view) {
+  command->add_option(
+      "--view", view->view,
+      "How PNGs and terminals show the picture: sRGB (values cut at 1), \"ACES 1.0 SDR\" or "
+      "Raw, or a view of the --ocio config (default: the first)");
+  command->add_option("--display", view->display,
+                      "The display that they are for, of the --ocio config (default: the first)");
+  command
+      ->add_option("--ocio", view->config,
+                   "Config of OpenColorIO to take displays and views from (default: Sheaf's own)")
+      ->envname("OCIO");
+}
+
+void AddPictureOptions(CLI::App* command, JobArguments* arguments) {
+  command->add_option("-o,--output", arguments->output,
+                      "Picture to write at the end: .exr or .png; #### is the frame");
+  command->add_option("--png", arguments->png, "Also write a PNG");
+  AddViewOptions(command, &arguments->view);
+}
+
 void AddJobOptions(CLI::App* command, JobArguments* arguments) {
   AddSettingsOptions(command, arguments);
   AddStopOptions(command, &arguments->stop);
@@ -158,7 +178,8 @@ void AddJobOptions(CLI::App* command, JobArguments* arguments) {
                       "Frames of a pattern such as shot.####.pbrt: 1-24, 1-100x5 or 1,4,9-12");
   command->add_option("-o,--output", arguments->output,
                       "Picture to write: .exr, or .png with an .exr beside it; #### is the frame");
-  command->add_option("--png", arguments->png, "Also write a PNG (sRGB curve, values cut at 1)");
+  command->add_option("--png", arguments->png, "Also write a PNG");
+  AddViewOptions(command, &arguments->view);
   command
       ->add_option("--tile-size", arguments->tile_size_px,
                    "Edge of a tile; changes no pixel, unless samples go to tiles that need them")

@@ -16,9 +16,13 @@ void AddCoordinatorOption(CLI::App* command, std::string* address);
 void AddJsonFlag(CLI::App* command, bool* json);
 // SCENE and what decides its pixels.
 void AddSettingsOptions(CLI::App* command, JobArguments* arguments);
-// Frames, outputs and how the work is cut.
 // --target-error, --time and --budget.
 void AddStopOptions(CLI::App* command, StopArguments* stop);
+// --output and --png, for pictures of a job that was submitted before, and --view.
+void AddPictureOptions(CLI::App* command, JobArguments* arguments);
+// --view, --display and --ocio, the last also from OCIO.
+void AddViewOptions(CLI::App* command, ViewArguments* view);
+// Frames, outputs and how the work is cut.
 void AddJobOptions(CLI::App* command, JobArguments* arguments);
 
 }  // namespace sheaf::cli

@@ -163,6 +163,12 @@ std::vector<PicturePaths> OutputPaths(const JobArguments& arguments, const Prepa
   return paths;
 }
 
+absl::StatusOr<ViewTransform> OpenView(const JobArguments& arguments) {
+  const bool writes_png = !arguments.png.empty() || arguments.output.ends_with(".png");
+  if (!writes_png && !arguments.view.IsActive()) return ViewTransform();
+  return ViewTransform::Open(arguments.view);
+}
+
 v1::StopRule StopRuleOf(const StopArguments& stop, int frame_count) {
   const auto set = [](double seconds, google::protobuf::Duration* duration) {
     const double whole = std::floor(seconds);

@@ -14,6 +14,7 @@
 
 #include "absl/status/statusor.h"
 #include "cli/farm_client.h"
+#include "cli/view_transform.h"
 #include "common/scene/render_settings.h"
 
 namespace sheaf::cli {
@@ -35,6 +36,7 @@ struct JobArguments {
   std::string frames;  // As ParseFrameRange; empty for a single picture.
   std::string output;  // A path or pattern; empty: from the scene.
   std::string png;     // The same for a PNG beside it; empty: none.
+  ViewArguments view;  // What PNGs show the picture as.
   std::string title;   // Empty: the scene's file name.
   int32_t priority = 0;
   RenderSettings settings;
@@ -73,6 +75,10 @@ struct PicturePaths {
 };
 // For all frames, in their order. An output that ends in .png names a PNG with an EXR beside it.
 std::vector<PicturePaths> OutputPaths(const JobArguments& arguments, const PreparedJob& job);
+
+// The view for the PNGs of these arguments, found before there are pictures. It is the default
+// where no PNG is written and none is named. Errors: those of ViewTransform::Open.
+absl::StatusOr<ViewTransform> OpenView(const JobArguments& arguments);
 
 v1::StopRule StopRuleOf(const StopArguments& stop, int frame_count);
 v1::CreateJobRequest MakeCreateJobRequest(const JobArguments& arguments, const PreparedJob& job);

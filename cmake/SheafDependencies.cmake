@@ -14,6 +14,8 @@ pkg_check_modules(gRPC REQUIRED IMPORTED_TARGET grpc++)
 # Through pkg-config: the CMake package names tools and folders that Debian packs elsewhere.
 pkg_check_modules(OpenImageIO REQUIRED IMPORTED_TARGET GLOBAL OpenImageIO)  # textures, PNG
 add_library(OpenImageIO::OpenImageIO ALIAS PkgConfig::OpenImageIO)
+pkg_check_modules(OpenColorIO REQUIRED IMPORTED_TARGET GLOBAL OpenColorIO)  # views of pictures
+add_library(OpenColorIO::OpenColorIO ALIAS PkgConfig::OpenColorIO)
 pkg_check_modules(sqlite3 REQUIRED IMPORTED_TARGET sqlite3)   # durable state
 pkg_check_modules(zstd REQUIRED IMPORTED_TARGET libzstd)      # content transfer
 pkg_check_modules(blosc REQUIRED IMPORTED_TARGET GLOBAL blosc)  # volume grids

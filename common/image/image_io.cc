@@ -12,6 +12,7 @@
 #include "absl/strings/str_cat.h"
 #include "common/base/check.h"
 #include "common/base/file.h"
+#include "common/image/png_tags.h"
 #include "common/math/elementary.h"
 
 namespace sheaf {
@@ -73,6 +74,11 @@ absl::StatusOr<FloatImage> ReadOpened(const std::string& path, OIIO::ImageInput&
 }  // namespace
 
 absl::StatusOr<std::string> EncodePng(int width, int height, const std::vector<Rgb8>& pixels) {
+  return EncodeTaggedPng(width, height, pixels, {});
+}
+
+absl::StatusOr<std::string> EncodeTaggedPng(int width, int height, const std::vector<Rgb8>& pixels,
+                                            const PngTags& tags) {
   SHEAF_CHECK(width > 0 && height > 0);
   SHEAF_CHECK(pixels.size() == static_cast<size_t>(width) * static_cast<size_t>(height));
   static_assert(sizeof(Rgb8) == 3, "pixels are handed over as packed bytes");
@@ -80,7 +86,8 @@ absl::StatusOr<std::string> EncodePng(int width, int height, const std::vector<R
     std::unique_ptr<OIIO::ImageOutput> output = OIIO::ImageOutput::create("picture.png");
     if (!output) return absl::InternalError("OpenImageIO of this machine has no PNG writer");
     OIIO::ImageSpec spec(width, height, 3, OIIO::TypeDesc::UINT8);
-    spec.attribute("oiio:ColorSpace", "sRGB");
+    if (tags.is_srgb) spec.attribute("oiio:ColorSpace", "sRGB");
+    for (const auto& [keyword, text] : tags.text) spec.attribute(keyword, text);
     std::vector<unsigned char> bytes;
     OIIO::Filesystem::IOVecOutput sink(bytes);
     const bool written = output->set_ioproxy(&sink) && output->open("picture.png", spec) &&

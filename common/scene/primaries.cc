@@ -91,8 +91,8 @@ Vec2d ChromaticityOfTemperature(double temperature_k) {
   return {xyz.x / sum, xyz.y / sum};
 }
 
-// XYZ of what looks under the white `to` as it did under `from`. Source: Lam 1985 (Bradford), in
-// the linear form of ICC.1:2010, annex E.
+}  // namespace
+
 Matrix4 AdaptWhite(Vec2d from, Vec2d to) {
   const Matrix4 cones_from_xyz{{{{0.8951, 0.2664, -0.1614, 0},
                                  {-0.7502, 1.7135, 0.0367, 0},
@@ -107,8 +107,6 @@ Matrix4 AdaptWhite(Vec2d from, Vec2d to) {
   return xyz_from_cones *
          ScaleMatrix({after.x / before.x, after.y / before.y, after.z / before.z}) * cones_from_xyz;
 }
-
-}  // namespace
 
 PictureColor PictureColorOf(Primaries primaries, float white_balance_k) {
   PictureColor color;

@@ -16,6 +16,11 @@ namespace sheaf {
 // formula of daylight ends.
 inline constexpr float kWhiteBalanceMinK = 1000, kWhiteBalanceMaxK = 25000;
 
+// XYZ of what looks under the white `to` as it did under `from`. Source: Lam 1985 (Bradford), in
+// the linear form of ICC.1:2010, annex E.
+// Requires: neither has y = 0.
+Matrix4 AdaptWhite(Vec2d from, Vec2d to);
+
 // How a frame's sums become its picture. white_balance_k: 0, or the temperature of the light that
 // shall look white (pbrt-v4's "whitebalance" with the sensor cie1931): Bradford's adaptation from
 // it to the white of the primaries. Otherwise nothing is adapted: what is white in sRGB has the

@@ -6,6 +6,7 @@
 One farm of one worker serves all tests; the scenes are the turntable's first frames and a few lines
 of text.
 """
+import base64
 import json
 import os
 import re
@@ -111,6 +112,58 @@ class ClientTest(unittest.TestCase):
         self.farm.sheaf("watch", name, "-o", again)
         self.assertEqual(farm.picture_digest(self.farm.path("out", "again.2.exr")), digests[1])
         self.expect(self.farm.sheaf("watch", name, "-o", "one.exr", check=False), USAGE)
+
+    def test_views(self):
+        scene = self.write("view.pbrt", SCENE)
+        exr, png = self.farm.path("view.exr"), self.farm.path("view.png")
+        for wrong in (("--view", "Filmic"), ("--display", "TV"), ("--ocio", "/nowhere.ocio")):
+            done = self.expect(run("render", scene, "-o", exr, "--png", png, *wrong), USAGE)
+            self.assertIn(wrong[1], done.stderr)
+            self.assertFalse(os.path.exists(exr), "checked before rendering")
+        self.assertIn("it has: sRGB, ACES 1.0 SDR, Raw",
+                      run("watch", "1", "--view", "Filmic").stderr)
+
+        shown = {}
+        for view in ("sRGB", "ACES 1.0 SDR", "Raw"):
+            self.expect(run("render", scene, "--samples", 4, "-o", exr, "--png", png,
+                            "--view", view.lower()), OK)
+            with open(png, "rb") as f:
+                shown[view] = f.read()
+            self.assertIn(b"tEXtView\0" + view.encode(), shown[view])
+        self.assertEqual(len(set(shown.values())), 3)
+        self.expect(run("render", scene, "--samples", 4, "-o", exr, "--png", png,
+                        environment={"OCIO": ""}), OK)
+        with open(png, "rb") as f:
+            self.assertEqual(f.read(), shown["sRGB"], "the default")
+        self.expect(run("render", scene, "--samples", 4, "-o", exr, "--png", png,
+                        environment={"OCIO": "/nowhere.ocio"}), USAGE)
+        self.expect(run("render", scene, "--samples", 4, "-o", exr, "--png", png, "--ocio", "",
+                        environment={"OCIO": "/nowhere.ocio"}), OK)
+
+    def test_pictures_in_the_terminal(self):
+        scene, exr = self.write("shown.pbrt", SCENE), self.farm.path("shown.exr")
+        self.farm.sheaf("submit", scene, "--samples", 4, "--wait", "-o", exr)
+        job = json.loads(self.farm.sheaf("list", "--json", "--limit", 1).stdout)["name"]
+        half_block = "\u2580"
+        for target, command in ((job, self.farm.sheaf), (exr, run)):
+            self.assertNotIn("\x1b", command("show", target).stdout, "no terminal")
+            text = command("show", target, "--picture").stdout
+            self.assertEqual(text.count(half_block), 48 * 32 / 2)
+            self.assertIn("\x1b[38;2;", text)
+            self.assertIn("\x1b[38;5;", command("show", target, "--picture=blocks256").stdout)
+            kitty = command("show", target, "--picture=kitty").stdout
+            payload = "".join(re.findall(r"\x1b_G[^;]*;([^\x1b]*)\x1b", kitty))
+            self.assertTrue(base64.b64decode(payload).startswith(b"\x89PNG"))
+            samples = command("show", target, "--picture", "--layer", "samples").stdout
+            self.assertIn("samples per pixel: dark blue 4, yellow 4", samples)
+            self.assertIn("relative error: ",
+                          command("show", target, "--picture", "--layer", "error").stdout)
+        self.expect(run("show", exr, "--picture=sixel"), USAGE)
+        self.expect(run("show", exr, "--picture", "--view", "Filmic"), USAGE)
+        self.expect(run("show", self.farm.path("none.exr")), FILE)
+        self.assertEqual(json.loads(run("show", exr, "--json").stdout)["width_px"], 48)
+        narrow = run("show", exr, "--picture", environment={"COLUMNS": "20"}).stdout
+        self.assertEqual(narrow.count(half_block), 20 * 7, "20 x 13 pixels")
 
     def test_workers(self):
         worker = json.loads(self.farm.sheaf("workers", "--json").stdout)

@@ -46,6 +46,7 @@ DOORS = {
     r"openssl/": r"^common/base/digest\.cc$",
     r"spdlog/": r"^common/base/log\.cc$",
     r"OpenImageIO/": r"^common/image/",
+    r"OpenColorIO/": r"^cli/view_transform\.cc$",
     r"nanovdb/": r"^common/volume/nanovdb_door\.h$",
     r"common/volume/nanovdb_door\.h": r"^common/volume/",
     r"blosc\.h": r"^common/volume/",
