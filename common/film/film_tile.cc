@@ -346,7 +346,16 @@ void PixelAccumulator::AddLeaf(uint64_t sample_index, const FilmSample& sample, 
 }
 
 void PixelAccumulator::End() {
-  SHEAF_CHECK(stack_->main.leaf_count() == tile_->block().count);
+  const uint64_t count = stack_->main.leaf_count();
+  const uint64_t replicate_count = tile_->replicate_count();
+  SHEAF_CHECK(count == tile_->block().count ||
+              (count < replicate_count && std::has_single_bit(count)));
+  if (count < replicate_count) {
+    // The others have none.
+    std::fill_n(stack_->replicate_leaf.begin() + count * kReplicateChannelCount,
+                (replicate_count - count) * kReplicateChannelCount, 0.0F);
+    stack_->replicates.Push(stack_->replicate_leaf);
+  }
   const PixelRect& rect = tile_->rect();
   const size_t p = static_cast<size_t>(stack_->y - rect.y0) * static_cast<size_t>(rect.Width()) +
                    static_cast<size_t>(stack_->x - rect.x0);

@@ -141,7 +141,8 @@ FilmTile AddTiles(const FilmTile& left, const FilmTile& right, SampleBlock block
 
 // Adds the samples of one pixel of a tile in index order, building the canonical tree with a stack
 // as deep as log2(block count): no allocation. Use: Begin, Add for every sample of the block in
-// ascending index order, End.
+// ascending index order, End. A pixel may have the first few alone: a power of two, fewer than the
+// tile has replicates (pixel_lattice.h).
 // Thread safety: none; use one a thread. The tile must outlive it.
 class PixelAccumulator {
  public:
@@ -154,7 +155,7 @@ class PixelAccumulator {
   void Add(uint64_t sample_index, const FilmSample& sample);
   // The same for tiles with outputs, whose layout `outputs` has.
   void Add(uint64_t sample_index, const FilmSample& sample, const OutputSample& outputs);
-  // Requires: every sample of the block has been added.
+  // Requires: every sample of the block has been added, or the first few.
   void End();
   // The first samples that were not finite, at most kNonFiniteReportsMax, for the report.
   struct NonFinite {

@@ -74,6 +74,29 @@ TEST(FilmTileTest, MergingSiblingsGivesTheParent) {
   }
 }
 
+// As a pixel of a lattice's rim: the same sums as in a tile of those samples alone.
+TEST(FilmTileTest, APixelMayHaveTheFirstSamplesAlone) {
+  FilmTile tile(kRect, {0, 64});
+  PixelAccumulator accumulator(&tile);
+  for (const uint64_t count : {64, 4}) {  // What the first leaves behind must not show.
+    accumulator.Begin(kRect.x0, kRect.y0);
+    for (uint64_t s = 0; s < count; ++s) {
+      accumulator.Add(s, MakeTestSample(kRect.x0, kRect.y0, s));
+    }
+    accumulator.End();
+  }
+  const FilmTile few = MakeTestTile(kRect, {0, 4});
+  for (size_t i = 0; i < kFilmChannelCount; ++i) {
+    const auto channel = static_cast<FilmChannel>(i);
+    EXPECT_EQ(tile.channel(channel)[0], few.channel(channel)[0]) << i;
+  }
+  for (uint32_t slot = 0; slot < kReplicateCount; ++slot) {
+    for (size_t i = 0; i < kReplicateChannelCount; ++i) {
+      EXPECT_EQ(tile.replicate(slot, i)[0], slot < 4 ? few.replicate(slot, i)[0] : 0.0F);
+    }
+  }
+}
+
 TEST(FilmTileTest, EverySumIsWeightedByTheFilter) {
   FilmTile tile({0, 0, 1, 1}, {0, 1});
   PixelAccumulator accumulator(&tile);

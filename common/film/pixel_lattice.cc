@@ -30,13 +30,13 @@ PixelLattice::Part PixelLattice::PartOf(int32_t x, int32_t y) const {
   if (All()) return Part::kCore;
   const PixelRect block = BlockOf(x / stride_px, y / stride_px);
   const int32_t inside = std::min({x - block.x0, block.x1 - 1 - x, y - block.y0, block.y1 - 1 - y});
-  if (inside < 0) return Part::kNone;
+  if (inside < 0) return Part::kOutside;
   return inside < kLatticeRimPx ? Part::kRim : Part::kCore;
 }
 
 SampleBlock PixelLattice::SamplesOf(Part part, SampleBlock block) const {
   if (part == Part::kCore) return block;
-  if (part == Part::kNone || block.first >= kLatticeRimSamples) return {block.first, 0};
+  if (part == Part::kOutside || block.first >= kLatticeRimSamples) return {block.first, 0};
   return {block.first, std::min(block.count, kLatticeRimSamples - block.first)};
 }
 

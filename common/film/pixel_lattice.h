@@ -28,7 +28,7 @@ struct PixelLattice {
   // The block that is chosen of the cell, its rim included. Requires: not All().
   PixelRect BlockOf(int32_t cell_x, int32_t cell_y) const;
   // Whether a pixel has all samples, or those of the rim. Requires: x, y >= 0.
-  enum class Part { kNone, kRim, kCore };
+  enum class Part { kOutside, kRim, kCore };
   Part PartOf(int32_t x, int32_t y) const;
   // The samples of the block that the pixel has; a count of 0 where it has none.
   SampleBlock SamplesOf(Part part, SampleBlock block) const;

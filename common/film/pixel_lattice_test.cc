@@ -64,7 +64,7 @@ TEST(PixelLatticeTest, TheRimHasTheFirstSamplesAlone) {
   EXPECT_EQ(rim({0, 16}), (SampleBlock{0, 4}));
   EXPECT_EQ(rim({2, 2}), (SampleBlock{2, 2}));
   EXPECT_EQ(rim({16, 16}).count, 0u);
-  EXPECT_EQ(lattice.SamplesOf(Part::kNone, {0, 16}).count, 0u);
+  EXPECT_EQ(lattice.SamplesOf(Part::kOutside, {0, 16}).count, 0u);
   EXPECT_EQ(lattice.SamplesOf(Part::kCore, {16, 16}), (SampleBlock{16, 16}));
 }
 
