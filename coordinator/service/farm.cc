@@ -78,7 +78,10 @@ absl::Status Farm::RestoreJob(const StoredJob& job, const JobStore::LoadedParts*
                                 frame.delivered.sample_count);
   }
   if (absl::Status status = LoadRounds(job); !status.ok()) return status;
-  if (job.phase == JobPhase::kLive) return RestoreLiveJob(job, *parts);
+  if (job.phase == JobPhase::kLive) {
+    if (job.paused) scheduler_.Pause(job.spec.job_id, absl::Now());
+    return RestoreLiveJob(job, *parts);
+  }
   scheduler_.RestoreEnded(job.spec.job_id, job.phase, job.failure);
   return absl::OkStatus();
 }
@@ -200,9 +203,7 @@ absl::StatusOr<uint64_t> Farm::CreateJob(JobSpec spec, const std::string& reques
 absl::Status Farm::CancelJob(uint64_t job_id) {
   {
     const std::lock_guard lock(mutex_);
-    if (!scheduler_.jobs().contains(job_id)) {
-      return absl::NotFoundError(absl::StrCat("jobs/", job_id, ": there is no such job"));
-    }
+    if (absl::Status status = FindRecord(job_id).status(); !status.ok()) return status;
     scheduler_.EndJob(job_id, JobPhase::kCancelled, "");
     NoteEndedJobs();
   }

@@ -105,6 +105,13 @@ class Farm : public FarmView {
   // OK means: the job's end is durable. Errors: kNotFound; kUnavailable (the disk).
   absl::Status CancelJob(uint64_t job_id);
 
+  // A paused job gets no new leases until it is resumed. Nothing happens to a job that has ended,
+  // or is as it shall be. OK means: it is durable. Errors: kNotFound; kUnavailable (the disk).
+  absl::Status PauseJob(uint64_t job_id);
+  absl::Status ResumeJob(uint64_t job_id);
+  // Also of a job that has ended, for the case that it is refined. Errors: also kInvalidArgument.
+  absl::Status SetJobPriority(uint64_t job_id, int32_t priority);
+
   // Goes on with a job that succeeded, from the parts that are kept of it; what is not kept is
   // rendered again. Nothing happens where all of its frames are good enough. OK means: it is
   // durable. Errors: kNotFound; kFailedPrecondition (it has not succeeded); kInvalidArgument (fewer
@@ -216,6 +223,11 @@ class Farm : public FarmView {
   // Since the frame's first lease, in this life and earlier ones. Requires: mutex_ is held.
   absl::Duration WallOf(const FrameId& id, absl::Time now) const;
 
+  // farm_control.cc
+  absl::Status SetPaused(uint64_t job_id, bool paused);
+  // Errors: kNotFound. Requires: mutex_ is held.
+  absl::StatusOr<const JobRecord*> FindRecord(uint64_t job_id) const;
+
   // farm_refine.cc
   // Requires: mutex_ is held.
   absl::Status CheckRefinement(const JobRecord& job, const Refinement& refinement) const;
@@ -241,7 +253,7 @@ class Farm : public FarmView {
   absl::Status disk_status_;              // Of the last write.
 
   // One at a time writes down the end of jobs, so that who comes second waits until it is durable;
-  // goes on with one; or removes parts of delivered frames.
+  // goes on with one; lets one wait; or removes parts of delivered frames.
   // Taken before mutex_.
   std::mutex settle_mutex_;
 

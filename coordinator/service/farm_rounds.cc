@@ -33,7 +33,8 @@ absl::Duration Farm::WallOf(const FrameId& id, absl::Time now) const {
       before != account.wall_before.end()) {
     wall = before->second;
   }
-  const absl::Time until = std::min(now, account.end_time);
+  const absl::Time until =
+      std::min({now, account.end_time, scheduler_.jobs().at(id.job_id).paused_time});
   if (record.first_lease_time < until) wall += until - record.first_lease_time;
   return wall;
 }

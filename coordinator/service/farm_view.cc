@@ -10,6 +10,8 @@ const char* JobStateName(JobState state) {
       return "queued";
     case JobState::kRunning:
       return "running";
+    case JobState::kPaused:
+      return "paused";
     case JobState::kSucceeded:
       return "succeeded";
     case JobState::kFailed:
@@ -18,6 +20,11 @@ const char* JobStateName(JobState state) {
       return "cancelled";
   }
   return "unknown";
+}
+
+bool HasEnded(JobState state) {
+  return state == JobState::kSucceeded || state == JobState::kFailed ||
+         state == JobState::kCancelled;
 }
 
 const char* WorkerStateName(WorkerState state) {

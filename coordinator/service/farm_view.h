@@ -61,9 +61,10 @@ struct FrameView {
 };
 
 // The states of proto Job.State, by the same names without prefix.
-enum class JobState { kQueued, kRunning, kSucceeded, kFailed, kCancelled };
-// Returns "queued", "running", "succeeded", "failed" or "cancelled".
+enum class JobState { kQueued, kRunning, kPaused, kSucceeded, kFailed, kCancelled };
+// Returns "queued", "running", "paused", "succeeded", "failed" or "cancelled".
 const char* JobStateName(JobState state);
+bool HasEnded(JobState state);
 
 struct JobView {
   std::string job_id;  // The resource name is "jobs/" + job_id.

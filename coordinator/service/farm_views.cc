@@ -37,6 +37,7 @@ void AddProgress(const ProgressView& frame, ProgressView* sum) {
 }
 
 JobState StateOf(const JobRecord& job, bool begun) {
+  if (job.Paused()) return JobState::kPaused;
   switch (job.phase) {
     case JobPhase::kSucceeded:
       return JobState::kSucceeded;
@@ -134,7 +135,7 @@ FrameView Farm::ViewOf(const JobRecord& job, const FrameRecord& frame, absl::Tim
     progress.relative_mse = open->second->error.relative_mse;
   }
   progress.wall_seconds = Seconds(WallOf(id, now));
-  if (job.phase == JobPhase::kLive) {
+  if (job.phase == JobPhase::kLive && !job.Paused()) {
     EstimateRemaining(
         frame.sample_count_done - std::min(frame.sample_count_restored, frame.sample_count_done),
         &progress);
@@ -175,9 +176,11 @@ JobView Farm::ViewOf(const JobRecord& job, bool with_frames, absl::Time now) con
   if (progress.sample_count_done > 0) {
     progress.relative_mse /= static_cast<double>(progress.sample_count_done);
   }
-  const absl::Time until = std::min(now, account.end_time);
+  const absl::Time until = std::min({now, account.end_time, job.paused_time});
   if (first_lease_time < until) progress.wall_seconds = Seconds(until - first_lease_time);
-  if (job.phase == JobPhase::kLive) EstimateRemaining(done_since_start, &progress);
+  if (job.phase == JobPhase::kLive && !job.Paused()) {
+    EstimateRemaining(done_since_start, &progress);
+  }
   if (job.phase == JobPhase::kSucceeded) progress.remaining_seconds = 0;
   const bool begun =
       progress.sample_count_done > 0 || scheduler_.leases().CountOfJob(job.spec.job_id) > 0;

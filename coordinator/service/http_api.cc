@@ -110,14 +110,21 @@ std::vector<HttpRoute> HttpApi::Routes() {
     response.body = PrometheusText(farm_.Metrics());
     return response;
   };
-  const std::string frame = "/api/v1/jobs/{}/frames/{}";
+  const std::string job = "/api/v1/jobs/{}";
+  const std::string frame = job + "/frames/{}";
   return {
       {"GET", "/healthz", healthy},
       {"GET", "/readyz", [this](const Request&) { return Ready(); }},
       {"GET", "/metrics", metrics},
       {"GET", "/api/v1/jobs", [this](const Request& r) { return ListJobs(r); }},
-      {"GET", "/api/v1/jobs/{}", [this](const Request& r) { return GetJob(r); }},
-      {"POST", "/api/v1/jobs/{}:cancel", [this](const Request& r) { return CancelJob(r); }},
+      {"GET", job, [this](const Request& r) { return GetJob(r); }},
+      {"POST", job + ":cancel",
+       [this](const Request& r) { return ChangeJob(r, actions_.cancel_job); }},
+      {"POST", job + ":pause",
+       [this](const Request& r) { return ChangeJob(r, actions_.pause_job); }},
+      {"POST", job + ":resume",
+       [this](const Request& r) { return ChangeJob(r, actions_.resume_job); }},
+      {"POST", job + ":priority", [this](const Request& r) { return SetPriority(r); }},
       {"GET", frame, [this](const Request& r) { return GetFrame(r); }},
       {"GET", frame + "/preview.png", [this](const Request& r) { return GetPreview(r); }},
       {"GET", "/api/v1/false-color.png", [this](const Request&) { return GetFalseColor(); }},
@@ -177,13 +184,26 @@ HttpResponse HttpApi::GetJob(const HttpRequest& request) const {
       JobWithFramesJson(*job, page, ended ? "" : absl::StrCat(std::prev(frame)->frame_number)));
 }
 
-HttpResponse HttpApi::CancelJob(const HttpRequest& request) {
+HttpResponse HttpApi::ChangeJob(const HttpRequest& request,
+                                const std::function<absl::Status(const std::string&)>& act) const {
   const std::string& job_id = request.path_parameters[0];
-  const absl::Status cancelled = actions_.cancel_job(job_id);
-  if (!cancelled.ok()) return HttpErrorFromStatus(cancelled);
+  const absl::Status done = act(job_id);
+  if (!done.ok()) return HttpErrorFromStatus(done);
   const absl::StatusOr<JobView> job = farm_.FindJob(job_id);
   if (!job.ok()) return HttpErrorFromStatus(job.status());
   return JsonResponse(JobJson(*job));
+}
+
+HttpResponse HttpApi::SetPriority(const HttpRequest& request) const {
+  const std::string text = QueryValue(request, "value");
+  int32_t priority = 0;
+  if (!absl::SimpleAtoi(text, &priority)) {
+    return HttpErrorFromStatus(
+        absl::InvalidArgumentError(absl::StrCat("value \"", text, "\" is no whole number")));
+  }
+  return ChangeJob(request, [&](const std::string& job_id) {
+    return actions_.set_job_priority(job_id, priority);
+  });
 }
 
 absl::StatusOr<FrameView> HttpApi::FindFrame(const HttpRequest& request) const {

@@ -9,6 +9,8 @@
 //   GET  /api/v1/jobs?page_size&page_token          jobs, newest first, without frames
 //   GET  /api/v1/jobs/ID?page_size&page_token       one job with a page of its frames
 //   POST /api/v1/jobs/ID:cancel                     cancels; repeating it changes nothing
+//   POST /api/v1/jobs/ID:pause, ID:resume           no new leases, or leases again; likewise
+//   POST /api/v1/jobs/ID:priority?value=N           higher goes first, from -1000 to 1000; likewise
 //   GET  /api/v1/jobs/ID/frames/N                   one frame
 //   GET  /api/v1/jobs/ID/frames/N/preview.png?layer=NAME
 //        the picture so far; 204 where there is none. Layers: picture, light, error and samples,
@@ -46,6 +48,9 @@ inline constexpr int kPageSizeMax = 1000;
 struct FarmActions {
   // Cancels a job; nothing happens to one that has ended. Errors: kNotFound.
   std::function<absl::Status(const std::string& job_id)> cancel_job;
+  // The same of its pause, and of its priority, where kInvalidArgument is an error too.
+  std::function<absl::Status(const std::string&job_id)> pause_job, resume_job;
+  std::function<absl::Status(const std::string& job_id, int32_t priority)> set_job_priority;
 };
 
 class HttpApi {
@@ -62,7 +67,10 @@ class HttpApi {
   HttpResponse Ready() const;
   HttpResponse ListJobs(const HttpRequest& request) const;
   HttpResponse GetJob(const HttpRequest& request) const;
-  HttpResponse CancelJob(const HttpRequest& request);
+  // Acts on the job that the path names and answers with the job as it is then.
+  HttpResponse ChangeJob(const HttpRequest& request,
+                         const std::function<absl::Status(const std::string&)>& act) const;
+  HttpResponse SetPriority(const HttpRequest& request) const;
   HttpResponse GetFrame(const HttpRequest& request) const;
   HttpResponse GetPreview(const HttpRequest& request);
   HttpResponse GetFalseColor() const;

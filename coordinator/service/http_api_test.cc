@@ -20,18 +20,27 @@ using testing::HasSubstr;
 
 class HttpApiTest : public testing::Test {
  protected:
-  HttpApiTest()
-      : api_(farm_, {[this](const std::string& id) { return Cancel(id); }}, "run"),
-        router_(api_.Routes(), {}) {
+  HttpApiTest() : api_(farm_, Actions(), "run"), router_(api_.Routes(), {}) {
     farm_.jobs = {MakeFakeJob("3"), MakeFakeJob("2"), MakeFakeJob("1")};
     farm_.preview.version = 3;
     farm_.preview.picture = MakeFakePicture(4, 2, 0.5f);
   }
 
-  absl::Status Cancel(const std::string& job_id) {
+  FarmActions Actions() {
+    FarmActions actions;
+    actions.cancel_job = [this](const std::string& id) { return Set(id, JobState::kCancelled); };
+    actions.pause_job = [this](const std::string& id) { return Set(id, JobState::kPaused); };
+    actions.resume_job = [this](const std::string& id) { return Set(id, JobState::kRunning); };
+    actions.set_job_priority = [this](const std::string& id, int32_t priority) {
+      farm_.jobs[0].priority = priority;
+      return Set(id, JobState::kRunning);
+    };
+    return actions;
+  }
+  absl::Status Set(const std::string& job_id, JobState state) {
     for (JobView& job : farm_.jobs) {
       if (job.job_id != job_id) continue;
-      job.state = JobState::kCancelled;
+      job.state = state;
       return absl::OkStatus();
     }
     return absl::NotFoundError("no job jobs/" + job_id);
@@ -126,6 +135,16 @@ TEST_F(HttpApiTest, CancelAnswersWithTheJob) {
   const HttpResponse response = Send("POST", "/api/v1/jobs/2:cancel");
   EXPECT_EQ(response.status, 200);
   EXPECT_EQ(json::parse(response.body)["state"], "cancelled");
+}
+
+TEST_F(HttpApiTest, JobsArePausedResumedAndPutFirst) {
+  EXPECT_EQ(json::parse(Send("POST", "/api/v1/jobs/2:pause").body)["state"], "paused");
+  EXPECT_EQ(json::parse(Send("POST", "/api/v1/jobs/2:resume").body)["state"], "running");
+  EXPECT_EQ(json::parse(Send("POST", "/api/v1/jobs/3:priority?value=-7").body)["priority"], -7);
+  EXPECT_EQ(Send("POST", "/api/v1/jobs/9:pause").status, 404);
+  for (const char* wrong : {"", "?value=", "?value=high", "?value=1.5"}) {
+    EXPECT_EQ(Send("POST", std::string("/api/v1/jobs/3:priority") + wrong).status, 400) << wrong;
+  }
 }
 
 TEST_F(HttpApiTest, PreviewIsAPngThatIsSentOnce) {

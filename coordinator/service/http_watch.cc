@@ -15,9 +15,9 @@ namespace sheaf::coordinator {
 namespace {
 
 std::string Mark(const JobView& job) {
-  return absl::StrCat(static_cast<int>(job.state), " ", job.progress.sample_count_done, " ",
-                      job.frame_complete_count, " ", job.progress.nonfinite_count, " ",
-                      job.waiting_reason, " ", job.failure);
+  return absl::StrCat(static_cast<int>(job.state), " ", job.priority, " ",
+                      job.progress.sample_count_done, " ", job.frame_complete_count, " ",
+                      job.progress.nonfinite_count, " ", job.waiting_reason, " ", job.failure);
 }
 
 std::string Mark(const FrameView& frame) {
@@ -49,8 +49,7 @@ void FarmDifference::Publish(const FarmView& farm) {
     if (!Differs(&jobs_, job.job_id, Mark(job)) || !watched) continue;
     PublishFrames(farm, job.job_id);
     hub_->Publish({"job", absl::StrCat("jobs/", job.job_id), JobJson(job)});
-    const bool open = job.state == JobState::kQueued || job.state == JobState::kRunning;
-    if (!open) frames_.erase(job.job_id);
+    if (HasEnded(job.state)) frames_.erase(job.job_id);
   }
   for (const WorkerView& worker : farm.ListWorkers()) {
     if (!Differs(&workers_, worker.worker_id, Mark(worker)) || !watched) continue;

@@ -133,6 +133,8 @@ v1::Job::State ToWire(JobState state) {
       return v1::Job::STATE_QUEUED;
     case JobState::kRunning:
       return v1::Job::STATE_RUNNING;
+    case JobState::kPaused:
+      return v1::Job::STATE_PAUSED;
     case JobState::kSucceeded:
       return v1::Job::STATE_SUCCEEDED;
     case JobState::kFailed:

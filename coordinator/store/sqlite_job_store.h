@@ -41,6 +41,8 @@ class SqliteJobStore : public JobStore {
   absl::StatusOr<std::optional<uint64_t>> FindRequest(const std::string& request_id) override;
   absl::Status EndJob(uint64_t job_id, JobPhase phase, const std::string& failure,
                       absl::Time end_time) override;
+  absl::Status SetPaused(uint64_t job_id, bool paused) override;
+  absl::Status SetPriority(uint64_t job_id, int32_t priority) override;
   absl::Status WritePart(const PartRow& row, const std::string& bytes) override;
   absl::StatusOr<std::optional<PartRow>> FindPart(const PartKey& key) override;
   absl::StatusOr<std::vector<PartRow>> FindTileParts(const FrameId& frame,
@@ -71,7 +73,6 @@ class SqliteJobStore : public JobStore {
   SqliteJobStore(std::string directory, int lock_fd)
       : directory_(std::move(directory)), lock_fd_(lock_fd) {}
   absl::Status Initialize();
-  absl::Status MigrateSchema();
   absl::Status CommitRow(const PartRow& row);
   void CommitPending(const std::vector<PendingRow*>& rows);
   absl::Status InsertRow(const PartRow& row);

@@ -19,6 +19,7 @@ export interface Job {
   name: string;
   title: string;
   state: string;
+  priority: number;
   failure: string;
   waiting_reason: string;
   create_time: string;
@@ -130,9 +131,15 @@ export const getJob = (name: string, pageSize: number, token: string) =>
     request<JobWithFrames>(pathOf(name) + query(pageSize, token));
 export const listWorkers = () => request<{workers: Worker[]}>(BASE + 'workers');
 export const listCounters = () => request<{counters: Counter[]}>(BASE + 'counters');
+
 // The header tells the coordinator that a page of its own asks, not one of another site.
-export const cancelJob = (name: string) =>
-    request<Job>(pathOf(name) + ':cancel', {method: 'POST', headers: {'X-Sheaf-Request': '1'}});
+const act = (name: string, action: string) =>
+    request<Job>(pathOf(name) + action, {method: 'POST', headers: {'X-Sheaf-Request': '1'}});
+export const cancelJob = (name: string) => act(name, ':cancel');
+export const pauseJob = (name: string) => act(name, ':pause');
+export const resumeJob = (name: string) => act(name, ':resume');
+export const setPriority = (name: string, priority: number) =>
+    act(name, ':priority?value=' + priority);
 
 export const eventsPath = BASE + 'events';
 export const falseColorPath = BASE + 'false-color.png';

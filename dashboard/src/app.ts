@@ -11,6 +11,7 @@ import {CountersView} from './counters';
 import {byId, setText} from './dom';
 import * as format from './format';
 import {FramesView} from './frames';
+import {JobActions} from './job_actions';
 import {JobDetailsView} from './job_details';
 import {JobsView} from './jobs';
 import {Live} from './live';
@@ -80,6 +81,7 @@ new JobsView(store, (name) => {
   location.hash = name;
 });
 new JobDetailsView(store);
+new JobActions(store);
 new FramesView(store, (name) => {
   location.hash = name;
 }, () => live?.showMoreFrames());

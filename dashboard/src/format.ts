@@ -42,8 +42,8 @@ export function zoom(scale: number): string {
   return (percent < 10 ? percent.toFixed(1) : Math.round(percent)) + ' %';
 }
 
-// An exposure: "+1.5", "0", "−2".
-export function stops(value: number): string {
+// With its sign, as of an exposure or a priority: "+1.5", "0", "−2".
+export function signed(value: number): string {
   return (value > 0 ? '+' : value < 0 ? '\u2212' : '') + Math.abs(value);
 }
 

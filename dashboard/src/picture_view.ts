@@ -127,5 +127,6 @@ export class PictureView {
 function noteOf(job: Job|undefined, frame: Frame|undefined): string {
   if (!job) return 'Choose a job to see its picture.';
   if (job.waiting_reason) return 'Waiting: ' + job.waiting_reason;
+  if (job.state === 'paused') return 'Paused before the first samples.';
   return frame ? 'No samples yet.' : '';
 }

@@ -87,8 +87,8 @@ export class ViewerControls {
 
   private drawExposure() {
     const usable = this.layerSelect.value === 'picture';
-    setText(byId('exposure-value'), format.stops(this.stops));
-    this.exposure.setAttribute('aria-valuetext', format.stops(this.stops) + ' stops');
+    setText(byId('exposure-value'), format.signed(this.stops));
+    this.exposure.setAttribute('aria-valuetext', format.signed(this.stops) + ' stops');
     this.exposure.disabled = !usable;
     byId<HTMLButtonElement>('exposure-reset').disabled = !usable || this.stops === 0;
   }

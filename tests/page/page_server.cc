@@ -173,18 +173,32 @@ int main(int argc, char** argv) {
   FakeFarm farm;
   const int worker_count = argc > 4 ? std::atoi(argv[4]) : kWorkerCount;
   FillFarm(&farm, std::max(1, job_count), std::max(1, worker_count));
-  FarmActions actions;
-  actions.cancel_job = [&farm](const std::string& job_id) {
+  const auto change = [&farm](const std::string& job_id, auto apply) {
     absl::Status status = absl::NotFoundError(absl::StrCat("no job jobs/", job_id));
     farm.Update([&](FakeFarm& it) {
       for (JobView& job : it.jobs) {
         if (job.job_id != job_id) continue;
-        job.state = JobState::kCancelled;
-        job.end_time = absl::Now();
+        apply(&job);
         status = absl::OkStatus();
       }
     });
     return status;
+  };
+  FarmActions actions;
+  actions.cancel_job = [&](const std::string& job_id) {
+    return change(job_id, [](JobView* job) {
+      job->state = JobState::kCancelled;
+      job->end_time = absl::Now();
+    });
+  };
+  actions.pause_job = [&](const std::string& job_id) {
+    return change(job_id, [](JobView* job) { job->state = JobState::kPaused; });
+  };
+  actions.resume_job = [&](const std::string& job_id) {
+    return change(job_id, [](JobView* job) { job->state = JobState::kRunning; });
+  };
+  actions.set_job_priority = [&](const std::string& job_id, int32_t priority) {
+    return change(job_id, [=](JobView* job) { job->priority = priority; });
   };
   HttpServiceOptions options;
   options.server.port = static_cast<uint16_t>(argc > 3 ? std::atoi(argv[3]) : 0);

@@ -18,6 +18,7 @@ HERE = os.path.dirname(os.path.abspath(__file__))
 sys.path += [HERE, os.path.join(HERE, "..", "integration")]
 from browser import Browser  # noqa: E402
 from chart_checks import ADD_TARGETS, check_chart  # noqa: E402
+from control_checks import check_control  # noqa: E402
 from farm import Farm, ROOT, TIME_SCALE, programs, wait_until  # noqa: E402
 from load_checks import NOTE_LONG_TASKS, check_lists  # noqa: E402
 from viewer_checks import PIXELS, TEXT, check_viewer  # noqa: E402
@@ -87,10 +88,17 @@ def check_output_is_an_exr(browser, farm):
     assert size == [0x76, 0x2F, 0x31, 0x01], size
 
 
-def check_cancel(browser, farm):
-    """The button, its question, both answers by keys alone, and the state that follows."""
+def check_pause_and_priority(browser, farm):
+    """Of a job that is long enough to be cancelled by the next check."""
     farm.sheaf("submit", os.path.join(ROOT, "scenes", "cornell-box.pbrt"), "--samples", 1 << 16)
     wait_until(lambda: browser.run(TEXT, "job-state") == "running", PAGE_SECONDS_MAX, "new job")
+    check_control(browser, farm, "jobs/2")
+    browser.screenshot(artefact("page-control.png"))
+
+
+def check_cancel(browser, farm):
+    """The button, its question, both answers by keys alone, and the state that follows."""
+    assert browser.run(TEXT, "job-state") == "running"
     ask(browser)
     assert "Cancel" in browser.run(TEXT, "confirm-title")
     browser.screenshot(artefact("page-question.png"))
@@ -264,7 +272,7 @@ def run_checks(checks, browser, subject):
 
 def run_farm():
     checks = [check_page_follows_a_job, check_output_is_an_exr, check_layers_of_a_real_picture,
-              check_cancel, check_no_console_errors]
+              check_pause_and_priority, check_cancel, check_no_console_errors]
     with Farm() as farm, Browser() as browser:
         farm.start_worker()
         return run_checks(checks, browser, farm)
