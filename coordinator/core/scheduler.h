@@ -24,6 +24,7 @@
 #pragma once
 
 #include <cstdint>
+#include <deque>
 #include <map>
 #include <memory>
 #include <optional>
@@ -86,6 +87,10 @@ struct JobRecord {
   uint64_t share = 0;  // Pixel samples leased, plus the share it began with.
   absl::Time paused_time = absl::InfiniteFuture();  // Since when; InfiniteFuture: it goes on.
   int32_t delivered_count = 0;
+
+  // Those that cost something, the last ones of this start, oldest first; and how many there were.
+  std::deque<FailureRecord> failures_kept;
+  int64_t failure_count = 0;
 
   bool Paused() const { return paused_time != absl::InfiniteFuture(); }
 };
@@ -208,6 +213,7 @@ class Scheduler {
   void DropLease(uint64_t lease_id, bool put_back);
   void ApplyReport(WorkerRecord* worker, const WorkerReport& report, absl::Time now);
   void LoseLeases(const std::string& worker_id, absl::Time now);
+  void KeepFailure(const Lease& lease, const LeaseFailure& failure, absl::Time now);
   void CountTaskFailure(const Lease& lease, const LeaseFailure& failure, absl::Time now);
   void RefuseFrame(const Lease& lease, const LeaseFailure& failure);
   void JudgeScene(const FrameId& id);

@@ -108,6 +108,25 @@ TEST_F(CoordinatorServerTest, PausedJobCanBeCancelledButNotRefined) {
             v1::Job::STATE_CANCELLED);
 }
 
+TEST_F(CoordinatorServerTest, FailuresNameTheSceneAndHowToRepeatThem) {
+  Start();
+  const std::string id = Create(Request(64)).name().substr(std::string("jobs/").size());
+  SyntheticWorker worker = MakeWorker("w");
+  ASSERT_TRUE(worker.Synchronize(1).ok());
+  const v1::Lease lease = worker.leases().at(0);
+  ASSERT_EQ(server_->farm().ListWorkers().at(0).leases.size(), 1u);
+  EXPECT_EQ(server_->farm().ListWorkers()[0].warm_scenes, std::vector<std::string>{"scene.pbrt"});
+  worker.ReportFailure(lease.lease_id(), v1::LeaseFailure::KIND_INFRASTRUCTURE, "no disk");
+  ASSERT_TRUE(worker.Synchronize(0).ok());
+  const auto failures = server_->farm().ListFailures(id);
+  ASSERT_TRUE(failures.ok());
+  ASSERT_EQ(failures->size(), 1u);
+  EXPECT_EQ(failures->at(0).failure.message, "no disk");
+  EXPECT_EQ(failures->at(0).command.find("sheaf render scene.pbrt --crop "), 0u);
+  EXPECT_TRUE(absl::IsNotFound(server_->farm().ListFailures("99").status()));
+  EXPECT_TRUE(absl::IsNotFound(server_->farm().ListFailures("x").status()));
+}
+
 TEST_F(CoordinatorServerTest, WhoeverSeesAJobEndedSeesWhen) {
   Start();
   v1::CreateJobRequest request = Request(64);

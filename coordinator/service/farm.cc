@@ -38,6 +38,7 @@ Farm::Farm(const FarmOptions& options, std::unique_ptr<JobStore> store,
       blobs_(std::move(blobs)),
       numeric_profile_(NumericProfile()),
       merge_budget_(options.merge_bytes_max),
+      scene_names_(blobs_.get()),
       scheduler_(options.limits, store_->FirstLeaseId()) {}
 
 Farm::~Farm() {

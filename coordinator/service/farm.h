@@ -32,6 +32,7 @@
 #include "coordinator/core/limits.h"
 #include "coordinator/core/scheduler.h"
 #include "coordinator/service/farm_view.h"
+#include "coordinator/service/scene_names.h"
 #include "coordinator/store/job_store.h"
 
 namespace sheaf::coordinator {
@@ -136,6 +137,7 @@ class Farm : public FarmView {
   // FarmView.
   std::vector<JobView> ListJobs() const override;
   absl::StatusOr<JobView> FindJob(const std::string& job_id) const override;
+  absl::StatusOr<std::vector<FailureView>> ListFailures(const std::string& job_id) const override;
   std::vector<WorkerView> ListWorkers() const override;
   std::vector<MetricView> Metrics() const override;
   absl::StatusOr<PreviewView> Preview(const std::string& job_id, int32_t frame_number,
@@ -233,7 +235,7 @@ class Farm : public FarmView {
   absl::Status CheckRefinement(const JobRecord& job, const Refinement& refinement) const;
   void LimitKeptParts();
 
-  // farm_views.cc; all require the farm's mutex.
+  // farm_views.cc, farm_workers.cc; all require the farm's mutex.
   JobView ViewOf(const JobRecord& job, bool with_frames, absl::Time now) const;
   FrameView ViewOf(const JobRecord& job, const FrameRecord& frame, absl::Time now) const;
   WorkerView ViewOf(const WorkerRecord& worker) const;
@@ -243,6 +245,7 @@ class Farm : public FarmView {
   const std::unique_ptr<BlobStore> blobs_;
   const std::string numeric_profile_;
   MergeBudget merge_budget_;
+  mutable SceneNames scene_names_;
 
   mutable std::mutex mutex_;  // Guards everything down to disk_status_.
   Scheduler scheduler_;

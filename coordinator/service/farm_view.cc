@@ -27,6 +27,20 @@ bool HasEnded(JobState state) {
          state == JobState::kCancelled;
 }
 
+const char* LeasePhaseName(LeasePhase phase) {
+  switch (phase) {
+    case LeasePhase::kQueued:
+      return "queued";
+    case LeasePhase::kLoading:
+      return "loading";
+    case LeasePhase::kRendering:
+      return "rendering";
+    case LeasePhase::kUploading:
+      return "uploading";
+  }
+  return "unknown";
+}
+
 const char* WorkerStateName(WorkerState state) {
   switch (state) {
     case WorkerState::kIdle:

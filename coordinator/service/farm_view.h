@@ -18,6 +18,10 @@
 
 namespace sheaf::coordinator {
 
+// What is shown of one worker at most.
+inline constexpr size_t kWorkerLeasesShownMax = 4;
+inline constexpr size_t kWorkerScenesShownMax = 8;
+
 // How far something is and what it took.
 struct ProgressView {
   uint64_t sample_count_done = 0;   // Pixel samples merged and durable.
@@ -75,6 +79,7 @@ struct JobView {
   Partition partition;
   std::string failure;         // Why it failed; empty otherwise.
   std::string waiting_reason;  // Why nothing happens; empty otherwise.
+  int64_t failure_count = 0;   // Leases that came to nothing since the coordinator's start.
   absl::Time create_time;
   absl::Time end_time = absl::InfiniteFuture();  // InfiniteFuture until it has ended.
   int32_t frame_count = 0;
@@ -88,6 +93,17 @@ enum class WorkerState { kIdle, kBusy, kDraining, kLost, kQuarantined };
 // Returns "idle", "busy", "draining", "lost" or "quarantined".
 const char* WorkerStateName(WorkerState state);
 
+// A lease that a worker holds.
+struct LeaseView {
+  FrameId frame;
+  PixelRect tile;
+  SampleBlock block;
+  LeasePhase phase = LeasePhase::kQueued;
+  absl::Time grant_time;
+};
+// Returns "queued", "loading", "rendering" or "uploading".
+const char* LeasePhaseName(LeasePhase phase);
+
 struct WorkerView {
   std::string worker_id;
   std::string host;
@@ -99,6 +115,18 @@ struct WorkerView {
   double samples_per_second = 0;
   absl::Time last_seen_time;
   std::string reason;  // Why it is quarantined; empty otherwise.
+  // At most kWorkerLeasesShownMax, what is rendered first.
+  std::vector<LeaseView> leases;
+  // File names of the scenes in its memory, at most kWorkerScenesShownMax of warm_scene_count.
+  std::vector<std::string> warm_scenes;
+  int32_t warm_scene_count = 0;
+  uint64_t scene_memory_bytes = 0;  // 0: not known.
+};
+
+// A lease of a job that came to nothing.
+struct FailureView {
+  FailureRecord failure;
+  std::string command;  // Renders the tile again on one machine.
 };
 
 // One number for /metrics, in Prometheus' terms.
@@ -130,6 +158,9 @@ class FarmView {
   virtual std::vector<JobView> ListJobs() const = 0;
   // With its frames. Errors: kNotFound.
   virtual absl::StatusOr<JobView> FindJob(const std::string& job_id) const = 0;
+  // The last failures of a job since the coordinator's start, newest first. Errors: kNotFound.
+  virtual absl::StatusOr<std::vector<FailureView>> ListFailures(
+      const std::string& job_id) const = 0;
   // Ascending by id.
   virtual std::vector<WorkerView> ListWorkers() const = 0;
   // All counters and gauges; those of one name are adjacent.

@@ -51,13 +51,6 @@ JobState StateOf(const JobRecord& job, bool begun) {
   return begun ? JobState::kRunning : JobState::kQueued;
 }
 
-WorkerState StateOf(const WorkerRecord& worker) {
-  if (worker.Quarantined()) return WorkerState::kQuarantined;
-  if (worker.lost) return WorkerState::kLost;
-  if (worker.draining) return WorkerState::kDraining;
-  return worker.leases.empty() ? WorkerState::kIdle : WorkerState::kBusy;
-}
-
 std::vector<RoundView> ViewsOf(const std::vector<RoundRecord>& rounds) {
   std::vector<RoundView> views;
   views.reserve(rounds.size());
@@ -155,6 +148,7 @@ JobView Farm::ViewOf(const JobRecord& job, bool with_frames, absl::Time now) con
   view.waiting_reason = scheduler_.WaitingReason(job);
   view.create_time = account.create_time;
   view.end_time = account.end_time;
+  view.failure_count = job.failure_count;
   view.frame_count = static_cast<int32_t>(job.frames.size());
   view.frame_complete_count = job.delivered_count;
   absl::Time first_lease_time = absl::InfiniteFuture();
@@ -188,21 +182,6 @@ JobView Farm::ViewOf(const JobRecord& job, bool with_frames, absl::Time now) con
   return view;
 }
 
-WorkerView Farm::ViewOf(const WorkerRecord& worker) const {
-  WorkerView view;
-  view.worker_id = worker.worker_id;
-  view.host = worker.host;
-  view.state = StateOf(worker);
-  view.thread_count = worker.thread_count;
-  view.numeric_profile = worker.numeric_profile;
-  view.lease_count = static_cast<int32_t>(worker.leases.size());
-  view.result_count = worker.result_count;
-  view.samples_per_second = worker.SamplesPerThreadSecond() * worker.thread_count;
-  view.last_seen_time = worker.last_seen_time;
-  view.reason = worker.quarantine_reason;
-  return view;
-}
-
 std::vector<JobView> Farm::ListJobs() const {
   const std::lock_guard lock(mutex_);
   const absl::Time now = absl::Now();
@@ -220,13 +199,6 @@ absl::StatusOr<JobView> Farm::FindJob(const std::string& job_id) const {
   const auto job = scheduler_.jobs().find(id);
   if (job == scheduler_.jobs().end()) return NoSuchJob(job_id);
   return ViewOf(job->second, /*with_frames=*/true, absl::Now());
-}
-
-std::vector<WorkerView> Farm::ListWorkers() const {
-  const std::lock_guard lock(mutex_);
-  std::vector<WorkerView> views;
-  for (const auto& [id, worker] : scheduler_.workers().workers()) views.push_back(ViewOf(worker));
-  return views;
 }
 
 absl::StatusOr<PreviewView> Farm::Preview(const std::string& job_id, int32_t frame_number,

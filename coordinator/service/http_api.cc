@@ -118,6 +118,7 @@ std::vector<HttpRoute> HttpApi::Routes() {
       {"GET", "/metrics", metrics},
       {"GET", "/api/v1/jobs", [this](const Request& r) { return ListJobs(r); }},
       {"GET", job, [this](const Request& r) { return GetJob(r); }},
+      {"GET", job + "/failures", [this](const Request& r) { return ListFailures(r); }},
       {"POST", job + ":cancel",
        [this](const Request& r) { return ChangeJob(r, actions_.cancel_job); }},
       {"POST", job + ":pause",
@@ -182,6 +183,15 @@ HttpResponse HttpApi::GetJob(const HttpRequest& request) const {
   const bool ended = frame == job->frames.end();
   return JsonResponse(
       JobWithFramesJson(*job, page, ended ? "" : absl::StrCat(std::prev(frame)->frame_number)));
+}
+
+HttpResponse HttpApi::ListFailures(const HttpRequest& request) const {
+  const std::string& job_id = request.path_parameters[0];
+  const absl::StatusOr<std::vector<FailureView>> failures = farm_.ListFailures(job_id);
+  if (!failures.ok()) return HttpErrorFromStatus(failures.status());
+  std::vector<std::string> list;
+  for (const FailureView& failure : *failures) list.push_back(FailureJson(job_id, failure));
+  return JsonResponse(ListJson("failures", list, ""));
 }
 
 HttpResponse HttpApi::ChangeJob(const HttpRequest& request,

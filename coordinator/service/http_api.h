@@ -8,6 +8,8 @@
 //   GET  /metrics                                   Prometheus text
 //   GET  /api/v1/jobs?page_size&page_token          jobs, newest first, without frames
 //   GET  /api/v1/jobs/ID?page_size&page_token       one job with a page of its frames
+//   GET  /api/v1/jobs/ID/failures                   leases that came to nothing, the last ones,
+//        newest first, each with the command that renders its tile again on one machine
 //   POST /api/v1/jobs/ID:cancel                     cancels; repeating it changes nothing
 //   POST /api/v1/jobs/ID:pause, ID:resume           no new leases, or leases again; likewise
 //   POST /api/v1/jobs/ID:priority?value=N           higher goes first, from -1000 to 1000; likewise
@@ -67,6 +69,7 @@ class HttpApi {
   HttpResponse Ready() const;
   HttpResponse ListJobs(const HttpRequest& request) const;
   HttpResponse GetJob(const HttpRequest& request) const;
+  HttpResponse ListFailures(const HttpRequest& request) const;
   // Acts on the job that the path names and answers with the job as it is then.
   HttpResponse ChangeJob(const HttpRequest& request,
                          const std::function<absl::Status(const std::string&)>& act) const;

@@ -147,6 +147,43 @@ TEST_F(HttpApiTest, JobsArePausedResumedAndPutFirst) {
   }
 }
 
+TEST_F(HttpApiTest, FailuresComeWithTheCommandThatRepeatsThem) {
+  FailureRecord failure;
+  failure.frame_number = 1;
+  failure.tile = {0, 0, 4, 2};
+  failure.block = {16, 16};
+  failure.worker_id = "w";
+  failure.kind = FailureKind::kMemory;
+  failure.message = "too large";
+  farm_.failures = {{failure, "sheaf render a.pbrt"}};
+  farm_.jobs[0].failure_count = 1;
+  EXPECT_EQ(Get("/api/v1/jobs/3")["failure_count"], 1);
+  const json list = Get("/api/v1/jobs/3/failures")["failures"];
+  ASSERT_EQ(list.size(), 1u);
+  EXPECT_EQ(list[0]["frame_name"], "jobs/3/frames/1");
+  EXPECT_EQ(list[0]["kind"], "memory");
+  EXPECT_EQ(list[0]["tile"]["x1_px"], 4);
+  EXPECT_EQ(list[0]["first_sample"], 16);
+  EXPECT_EQ(list[0]["command"], "sheaf render a.pbrt");
+  EXPECT_EQ(Send("GET", "/api/v1/jobs/9/failures").status, 404);
+}
+
+TEST_F(HttpApiTest, WorkersTellWhatTheyDoAndHave) {
+  WorkerView worker;
+  worker.worker_id = "w";
+  worker.leases = {{{3, 1}, {0, 0, 2, 2}, {0, 8}, LeasePhase::kRendering, absl::UnixEpoch()}};
+  worker.warm_scenes = {"room.pbrt"};
+  worker.warm_scene_count = 1;
+  farm_.workers = {worker};
+  json shown = Get("/api/v1/workers")["workers"][0];
+  EXPECT_EQ(shown["leases"][0]["frame_name"], "jobs/3/frames/1");
+  EXPECT_EQ(shown["leases"][0]["phase"], "rendering");
+  EXPECT_EQ(shown["warm_scenes"], json({"room.pbrt"}));
+  EXPECT_TRUE(shown["scene_memory_bytes"].is_null());
+  farm_.workers[0].scene_memory_bytes = 4096;
+  EXPECT_EQ(Get("/api/v1/workers")["workers"][0]["scene_memory_bytes"], 4096);
+}
+
 TEST_F(HttpApiTest, PreviewIsAPngThatIsSentOnce) {
   const std::string path = "/api/v1/jobs/1/frames/1/preview.png";
   const HttpResponse first = Send("GET", path);

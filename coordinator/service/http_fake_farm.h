@@ -24,6 +24,7 @@ class FakeFarm : public FarmView {
   std::vector<JobView> jobs;  // With their frames.
   std::vector<WorkerView> workers;
   std::vector<MetricView> metrics;
+  std::vector<FailureView> failures;  // Of every job.
   absl::Status ready;
   PreviewView preview;  // Of every frame.
 
@@ -50,6 +51,11 @@ class FakeFarm : public FarmView {
       if (job.job_id == job_id) return job;
     }
     return absl::NotFoundError(absl::StrCat("no job jobs/", job_id));
+  }
+  absl::StatusOr<std::vector<FailureView>> ListFailures(const std::string& job_id) const override {
+    if (absl::Status found = FindJob(job_id).status(); !found.ok()) return found;
+    const std::lock_guard<std::mutex> lock(mutex_);
+    return failures;
   }
   std::vector<WorkerView> ListWorkers() const override {
     const std::lock_guard<std::mutex> lock(mutex_);

@@ -279,6 +279,7 @@ absl::StatusOr<WorkerReport> FromWire(const v1::SynchronizeRequest& request) {
   report.lease_count_wanted = request.lease_count_wanted();
   report.draining = request.draining();
   report.warm_scenes.assign(request.warm_scenes().begin(), request.warm_scenes().end());
+  report.scene_memory_bytes = request.scene_memory_bytes();
   for (const v1::LeaseState& lease : request.leases()) {
     const absl::StatusOr<LeasePhase> phase = FromWire(lease.phase());
     if (!phase.ok()) return phase.status();

@@ -15,6 +15,13 @@ export interface Progress {
   remaining_duration_seconds: number|null;
 }
 
+export interface Rect {
+  x0_px: number;
+  y0_px: number;
+  x1_px: number;
+  y1_px: number;
+}
+
 export interface Job {
   name: string;
   title: string;
@@ -22,6 +29,8 @@ export interface Job {
   priority: number;
   failure: string;
   waiting_reason: string;
+  // Leases that came to nothing since the coordinator's start.
+  failure_count: number;
   create_time: string;
   end_time: string|null;
   frame_count: number;
@@ -39,7 +48,7 @@ export interface Round {
 export interface Frame {
   name: string;
   frame_number: number;
-  window: {x0_px: number; y0_px: number; x1_px: number; y1_px: number};
+  window: Rect;
   sample_count: number;
   complete: boolean;
   preview_version: number;
@@ -51,6 +60,27 @@ export interface Frame {
   progress: Progress;
 }
 
+// A lease that came to nothing.
+export interface Failure {
+  frame_number: number;
+  tile: Rect;
+  first_sample: number;
+  sample_count: number;
+  worker: string;
+  kind: string;
+  message: string;
+  time: string;
+  // Renders the tile again on one machine.
+  command: string;
+}
+
+// What a worker holds.
+export interface Lease {
+  frame_name: string;
+  tile: Rect;
+  phase: string;
+}
+
 export interface Worker {
   name: string;
   host: string;
@@ -58,6 +88,13 @@ export interface Worker {
   thread_count: number;
   numeric_profile: string;
   lease_count: number;
+  // The first of them, what is rendered before what waits.
+  leases: Lease[];
+  warm_scene_count: number;
+  // File names of some of them.
+  warm_scenes: string[];
+  // Null where it is not known.
+  scene_memory_bytes: number|null;
   result_count: number;
   samples_per_second: number;
   last_seen_time: string|null;
@@ -129,6 +166,8 @@ export const listJobs = (pageSize: number, token: string) =>
     request<JobPage>(BASE + 'jobs' + query(pageSize, token));
 export const getJob = (name: string, pageSize: number, token: string) =>
     request<JobWithFrames>(pathOf(name) + query(pageSize, token));
+export const listFailures = (name: string) =>
+    request<{failures: Failure[]}>(pathOf(name) + '/failures');
 export const listWorkers = () => request<{workers: Worker[]}>(BASE + 'workers');
 export const listCounters = () => request<{counters: Counter[]}>(BASE + 'counters');
 

@@ -9,6 +9,7 @@ import './style.css';
 
 import {CountersView} from './counters';
 import {byId, setText} from './dom';
+import {FailuresView} from './failures';
 import * as format from './format';
 import {FramesView} from './frames';
 import {JobActions} from './job_actions';
@@ -82,6 +83,7 @@ new JobsView(store, (name) => {
 });
 new JobDetailsView(store);
 new JobActions(store);
+new FailuresView(store);
 new FramesView(store, (name) => {
   location.hash = name;
 }, () => live?.showMoreFrames());

@@ -3,7 +3,7 @@
 //
 // Numbers, times and names as people read them.
 
-import type {Job, Progress} from './api';
+import type {Job, Progress, Rect} from './api';
 
 const SUFFIXES = ['', 'k', 'M', 'G', 'T', 'P'];
 
@@ -18,6 +18,12 @@ export function count(value: number): string {
   const digits = index === 0 ? 0 : scaled < 9.995 ? 2 : scaled < 99.95 ? 1 : 0;
   return scaled.toFixed(digits) + (index ? ' ' + SUFFIXES[index] : '');
 }
+
+// 1536000 -> "1.54 MB".
+export const bytes = (value: number) => count(value) + (value < 999.5 ? ' B' : 'B');
+
+// "32, 0": where a tile begins.
+export const place = (rect: Rect) => rect.x0_px + ', ' + rect.y0_px;
 
 // Exact, with thin spaces between thousands.
 export function exact(value: number): string {

@@ -68,6 +68,7 @@ JobView MakeJob(int number, absl::Time create_time) {
   job.create_time = create_time;
   job.state = number % 11 == 5 ? JobState::kFailed : JobState::kSucceeded;
   if (job.state == JobState::kFailed) {
+    job.failure_count = 2;
     job.failure = "turntable.0007.pbrt:41:7: material \"glass\": roughness 1.7 is outside [0, 1]";
   }
   job.end_time = create_time + absl::Seconds(95);
@@ -83,6 +84,7 @@ JobView MakeRunningJob(int number) {
   job.title = "turntable, 24 frames";
   job.state = JobState::kRunning;
   job.failure.clear();
+  job.failure_count = 0;
   job.end_time = absl::InfiniteFuture();
   job.frame_count = kFrameCount;
   FrameView frame = job.frames[0];
@@ -140,6 +142,17 @@ void Step(FakeFarm* farm, int step, std::mt19937* random) {
 }
 
 void FillFarm(FakeFarm* farm, int job_count, int worker_count) {
+  FailureRecord failure;
+  failure.frame_number = 7;
+  failure.tile = {320, 160, 360, 200};
+  failure.block = {16, 16};
+  failure.worker_id = "worker-0003";
+  failure.kind = FailureKind::kScene;
+  failure.message = "turntable.0007.pbrt:41:7: material \"glass\": roughness 1.7 is outside [0, 1]";
+  failure.time = absl::Now();
+  farm->failures.assign(2, {failure,
+                            "sheaf render turntable.0007.pbrt --crop 320,160,360,200 "
+                            "--samples 32 --seed 0 --max-depth 5"});
   farm->jobs.push_back(MakeRunningJob(job_count));
   for (int i = job_count - 1; i > 0; --i) {
     farm->jobs.push_back(MakeJob(i, absl::Now() - absl::Minutes(3 * (job_count - i))));
@@ -154,6 +167,17 @@ void FillFarm(FakeFarm* farm, int job_count, int worker_count) {
     worker.thread_count = 1;
     worker.lease_count = busy ? 2 : 0;
     worker.samples_per_second = busy ? 1.83e6 : 0;
+    if (busy) {
+      const int32_t x0 = i * kTilePx % kWidthPx;
+      worker.leases = {{{static_cast<uint64_t>(job_count), i % kFrameCount + 1},
+                        {x0, 0, x0 + kTilePx, kTilePx},
+                        {0, 16},
+                        i % 4 == 0 ? LeasePhase::kLoading : LeasePhase::kRendering,
+                        absl::Now()}};
+      worker.warm_scenes = {"turntable.0001.pbrt", "turntable.0002.pbrt"};
+      worker.warm_scene_count = 2;
+      worker.scene_memory_bytes = 1'234'567'890;
+    }
     worker.last_seen_time = absl::Now();
   }
   using Kind = MetricView::Kind;

@@ -22,6 +22,7 @@ from control_checks import check_control  # noqa: E402
 from farm import Farm, ROOT, TIME_SCALE, programs, wait_until  # noqa: E402
 from load_checks import NOTE_LONG_TASKS, check_lists  # noqa: E402
 from viewer_checks import PIXELS, TEXT, check_viewer  # noqa: E402
+from worker_checks import check_failures, check_workers  # noqa: E402
 
 PAGE_SECONDS_MAX = 20
 PICTURE_SECONDS_MAX = 120
@@ -94,6 +95,12 @@ def check_pause_and_priority(browser, farm):
     wait_until(lambda: browser.run(TEXT, "job-state") == "running", PAGE_SECONDS_MAX, "new job")
     check_control(browser, farm, "jobs/2")
     browser.screenshot(artefact("page-control.png"))
+
+
+def check_workers_and_failures(browser, farm):
+    check_workers(browser)
+    check_failures(browser, farm, farm.folder)
+    browser.screenshot(artefact("page-failures.png"))
 
 
 def check_cancel(browser, farm):
@@ -272,7 +279,8 @@ def run_checks(checks, browser, subject):
 
 def run_farm():
     checks = [check_page_follows_a_job, check_output_is_an_exr, check_layers_of_a_real_picture,
-              check_pause_and_priority, check_cancel, check_no_console_errors]
+              check_pause_and_priority, check_workers_and_failures, check_cancel,
+              check_no_console_errors]
     with Farm() as farm, Browser() as browser:
         farm.start_worker()
         return run_checks(checks, browser, farm)
