@@ -119,6 +119,9 @@ class Farm : public FarmView {
   // samples than it has); kUnavailable, kResourceExhausted (the disk).
   absl::Status RefineJob(uint64_t job_id, const Refinement& refinement);
 
+  // The version of a delivered frame's preview, which never changes again.
+  static constexpr uint64_t kDeliveredPreviewVersion = uint64_t{1} << 32;
+
   struct SynchronizeAnswer {
     std::vector<LeaseGrant> leases;
     absl::Duration next_synchronize;
@@ -142,6 +145,8 @@ class Farm : public FarmView {
   std::vector<MetricView> Metrics() const override;
   absl::StatusOr<PreviewView> Preview(const std::string& job_id, int32_t frame_number,
                                       const std::vector<std::string>& channels) const override;
+  absl::StatusOr<PreviewView> Thumbnail(const std::string& job_id,
+                                        int32_t frame_number) const override;
   absl::Status Ready() const override;
   uint64_t ChangeCount() const override;
   uint64_t WaitForChange(uint64_t seen, absl::Duration timeout) const override;
@@ -234,6 +239,20 @@ class Farm : public FarmView {
   // Requires: mutex_ is held.
   absl::Status CheckRefinement(const JobRecord& job, const Refinement& refinement) const;
   void LimitKeptParts();
+
+  // farm_preview.cc
+  // A frame whose picture is asked for; open is null where it has no samples in memory.
+  struct ShownFrame {
+    FrameId id;
+    bool complete = false;
+    std::shared_ptr<OpenFrame> open;
+    uint64_t version = 0;
+  };
+  // Errors: kNotFound.
+  absl::StatusOr<ShownFrame> FindShown(const std::string& job_id, int32_t frame_number) const;
+  // The shrunk picture of a delivered frame, beside its EXR. What cannot be written is not shown.
+  void KeepThumbnail(const FrameId& id, const FramePicture& picture) const;
+  absl::StatusOr<std::string> ThumbnailPath(const FrameId& id) const;
 
   // farm_views.cc, farm_workers.cc; all require the farm's mutex.
   JobView ViewOf(const JobRecord& job, bool with_frames, absl::Time now) const;

@@ -18,6 +18,8 @@
 
 namespace sheaf::coordinator {
 
+// Pixels of a frame's picture among many.
+inline constexpr int64_t kThumbnailPixelCountMax = int64_t{1} << 14;
 // What is shown of one worker at most.
 inline constexpr size_t kWorkerLeasesShownMax = 4;
 inline constexpr size_t kWorkerScenesShownMax = 8;
@@ -170,6 +172,10 @@ class FarmView {
   // channel).
   virtual absl::StatusOr<PreviewView> Preview(const std::string& job_id, int32_t frame_number,
                                               const std::vector<std::string>& channels) const = 0;
+  // R, G and B of the picture so far, shrunk to kThumbnailPixelCountMax. Errors: kNotFound;
+  // kUnavailable (no sample is there yet, or none was kept).
+  virtual absl::StatusOr<PreviewView> Thumbnail(const std::string& job_id,
+                                                int32_t frame_number) const = 0;
   // Whether the coordinator accepts work: state is loaded and the disk takes writes. Otherwise why
   // not (kUnavailable or kResourceExhausted).
   virtual absl::Status Ready() const = 0;

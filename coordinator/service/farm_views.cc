@@ -8,14 +8,10 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
-#include "common/film/exr_codec.h"
 #include "coordinator/service/farm.h"
 
 namespace sheaf::coordinator {
 namespace {
-
-// The preview of a delivered frame never changes again.
-constexpr uint64_t kDeliveredPreviewVersion = uint64_t{1} << 32;
 
 double Seconds(absl::Duration duration) { return absl::ToDoubleSeconds(duration); }
 
@@ -66,25 +62,6 @@ std::vector<RoundView> ViewsOf(const std::vector<RoundRecord>& rounds) {
 
 absl::Status NoSuchJob(const std::string& job_id) {
   return absl::NotFoundError(absl::StrCat("jobs/", job_id, ": there is no such job"));
-}
-
-// The wanted channels of a developed picture. Full planes of the others are most of it.
-absl::StatusOr<FramePicture> CopyChannels(const FramePicture& picture,
-                                          const std::vector<std::string>& channels) {
-  FramePicture copy;
-  copy.window = picture.window;
-  copy.frame_width_px = picture.frame_width_px;
-  copy.frame_height_px = picture.frame_height_px;
-  copy.color = picture.color;
-  for (const std::string& channel : channels) {
-    const std::vector<float>* plane = picture.Find(channel);
-    if (plane == nullptr) {
-      return absl::InternalError(absl::StrCat("the picture has no channel ", channel));
-    }
-    copy.channel_names.push_back(channel);
-    copy.planes.push_back(*plane);
-  }
-  return copy;
 }
 
 }  // namespace
@@ -199,47 +176,6 @@ absl::StatusOr<JobView> Farm::FindJob(const std::string& job_id) const {
   const auto job = scheduler_.jobs().find(id);
   if (job == scheduler_.jobs().end()) return NoSuchJob(job_id);
   return ViewOf(job->second, /*with_frames=*/true, absl::Now());
-}
-
-absl::StatusOr<PreviewView> Farm::Preview(const std::string& job_id, int32_t frame_number,
-                                          const std::vector<std::string>& channels) const {
-  uint64_t id = 0;
-  if (!absl::SimpleAtoi(job_id, &id)) return NoSuchJob(job_id);
-  PreviewView view;
-  std::shared_ptr<OpenFrame> open;
-  {
-    const std::lock_guard lock(mutex_);
-    const FrameRecord* frame = scheduler_.FindFrame({id, frame_number});
-    if (frame == nullptr) {
-      return absl::NotFoundError(
-          absl::StrCat("jobs/", job_id, "/frames/", frame_number, ": there is no such frame"));
-    }
-    view.complete = frame->phase == FrameRecord::Phase::kDelivered;
-    if (const auto found = open_frames_.find({id, frame_number}); found != open_frames_.end()) {
-      open = found->second;
-      view.version = open->preview_version;
-    }
-  }
-  if (view.complete) {
-    const absl::StatusOr<std::string> path = store_->OutputPath({id, frame_number});
-    if (!path.ok()) return path.status();
-    const absl::StatusOr<FramePicture> picture = ReadPicture(*path);
-    if (!picture.ok()) return picture.status();
-    absl::StatusOr<FramePicture> copy = CopyChannels(*picture, channels);
-    if (!copy.ok()) return copy.status();
-    view.version = kDeliveredPreviewVersion;
-    view.picture = *std::move(copy);
-    return view;
-  }
-  if (open == nullptr || view.version == 0) {
-    return absl::UnavailableError(
-        absl::StrCat("jobs/", job_id, "/frames/", frame_number, ": no sample is there yet"));
-  }
-  const std::lock_guard lock(open->mutex);
-  absl::StatusOr<FramePicture> copy = CopyChannels(open->merge.picture(), channels);
-  if (!copy.ok()) return copy.status();
-  view.picture = *std::move(copy);
-  return view;
 }
 
 absl::Status Farm::Ready() const {

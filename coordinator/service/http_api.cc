@@ -87,6 +87,22 @@ HttpResponse NotModified(const std::string& etag) {
   return response;
 }
 
+// Errors: kInvalidArgument.
+absl::StatusOr<PreviewChoice> ChoiceOf(const HttpRequest& request) {
+  const std::string name = QueryValue(request, "layer");
+  const std::optional<PictureLayer> layer = PictureLayerFromName(name);
+  if (!layer) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("layer \"", name, "\" is none of picture, light, error, samples"));
+  }
+  const std::string size = QueryValue(request, "size");
+  const bool thumbnail = size == "thumbnail";
+  if (!size.empty() && (!thumbnail || *layer != PictureLayer::kPicture)) {
+    return absl::InvalidArgumentError("the only other size is thumbnail, of the picture alone");
+  }
+  return PreviewChoice{*layer, thumbnail};
+}
+
 }  // namespace
 
 HttpResponse HttpErrorFromStatus(const absl::Status& status) {
@@ -246,17 +262,15 @@ HttpResponse HttpApi::GetPreview(const HttpRequest& request) {
   if (ClientHas(request, etag(frame->preview_version))) {
     return NotModified(etag(frame->preview_version));
   }
-  const std::string name = QueryValue(request, "layer");
-  const std::optional<PictureLayer> layer = PictureLayerFromName(name);
-  if (!layer) {
-    return HttpErrorFromStatus(absl::InvalidArgumentError(
-        absl::StrCat("layer \"", name, "\" is none of picture, light, error, samples")));
-  }
+  const absl::StatusOr<PreviewChoice> choice = ChoiceOf(request);
+  if (!choice.ok()) return HttpErrorFromStatus(choice.status());
   absl::StatusOr<EncodedPreview> preview =
-      previews_.Find(farm_, request.path_parameters[0], *frame, *layer);
+      (choice->thumbnail ? thumbnails_ : previews_)
+          .Find(farm_, request.path_parameters[0], *frame, *choice);
   HttpResponse response;
-  if (absl::IsUnavailable(preview.status()) && !frame->complete) {
-    // No failure: a job may end between the event that names a picture and the request for it.
+  if (absl::IsUnavailable(preview.status()) && (!frame->complete || choice->thumbnail)) {
+    // No failure: a job may end between the event that names a picture and the request for it, and
+    // frames of earlier versions have no thumbnail.
     response.status = 204;
     response.headers = {{"Cache-Control", "no-store"}};
     return response;

@@ -18,6 +18,8 @@
 //        the picture so far; 204 where there is none. Layers: picture, light, error and samples,
 //        see picture_layer.h; the last two come with X-Sheaf-Range: LOW HIGH, the ends of their
 //        colours
+//   GET  /api/v1/jobs/ID/frames/N/preview.png?size=thumbnail
+//        the picture so far, small; 204 where there is none
 //   GET  /api/v1/false-color.png                    the false colours from low to high, one row
 //   GET  /api/v1/jobs/ID/frames/N/output.exr        the delivered picture
 //   GET  /api/v1/workers                            workers
@@ -86,7 +88,7 @@ class HttpApi {
   const FarmView& farm_;
   const FarmActions actions_;
   const std::string instance_;
-  PreviewCache previews_;
+  PreviewCache previews_, thumbnails_{kThumbnailCacheCountMax};
 };
 
 // The response that tells of a status. Requires: !status.ok().

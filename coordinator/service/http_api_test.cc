@@ -208,6 +208,18 @@ TEST_F(HttpApiTest, PreviewHasLayersWithTheirRanges) {
   EXPECT_EQ(Send("GET", "/api/v1/false-color.png").content_type, "image/png");
 }
 
+TEST_F(HttpApiTest, ThumbnailsAreSmallPictures) {
+  farm_.preview.picture = MakeFakePicture(400, 200, 0.5f);
+  const std::string path = "/api/v1/jobs/2/frames/1/preview.png";
+  const HttpResponse small = Send("GET", path + "?size=thumbnail");
+  EXPECT_EQ(small.status, 200);
+  EXPECT_LT(small.body.size(), Send("GET", path).body.size());
+  // Width and height follow the PNG's signature and its first chunk's head.
+  EXPECT_EQ(small.body.substr(16, 8), std::string("\0\0\0\x85\0\0\0\x42", 8));
+  EXPECT_EQ(Send("GET", path + "?size=huge").status, 400);
+  EXPECT_EQ(Send("GET", path + "?size=thumbnail&layer=error").status, 400);
+}
+
 TEST_F(HttpApiTest, PreviewWithoutSamplesIsEmptyAndNoError) {
   farm_.preview.version = 0;
   const HttpResponse response = Send("GET", "/api/v1/jobs/1/frames/1/preview.png");

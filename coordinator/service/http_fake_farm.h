@@ -14,6 +14,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
+#include "common/film/shrink_picture.h"
 #include "coordinator/service/farm_view.h"
 
 namespace sheaf::coordinator {
@@ -70,6 +71,16 @@ class FakeFarm : public FarmView {
     const std::lock_guard<std::mutex> lock(mutex_);
     if (preview.version == 0) return absl::UnavailableError("no sample is there yet");
     return preview;
+  }
+  absl::StatusOr<PreviewView> Thumbnail(const std::string& job_id,
+                                        int32_t frame_number) const override {
+    absl::StatusOr<PreviewView> view = Preview(job_id, frame_number, {});
+    if (!view.ok()) return view.status();
+    absl::StatusOr<FramePicture> small =
+        ShrinkPicture(view->picture, {"R", "G", "B"}, kThumbnailPixelCountMax);
+    if (!small.ok()) return small.status();
+    view->picture = *std::move(small);
+    return view;
   }
   absl::Status Ready() const override {
     const std::lock_guard<std::mutex> lock(mutex_);

@@ -7,10 +7,11 @@
 namespace sheaf::coordinator {
 
 absl::StatusOr<EncodedPreview> PreviewCache::Find(const FarmView& farm, const std::string& job_id,
-                                                  const FrameView& frame, PictureLayer layer) {
+                                                  const FrameView& frame,
+                                                  const PreviewChoice& choice) {
   for (auto entry = entries_.begin(); entry != entries_.end(); ++entry) {
     if (entry->job_id != job_id || entry->frame_number != frame.frame_number ||
-        entry->layer != layer) {
+        entry->choice != choice) {
       continue;
     }
     if (entry->preview.version == frame.preview_version) {
@@ -21,16 +22,17 @@ absl::StatusOr<EncodedPreview> PreviewCache::Find(const FarmView& farm, const st
     break;
   }
   const absl::StatusOr<PreviewView> view =
-      farm.Preview(job_id, frame.frame_number, ChannelsOf(layer));
+      choice.thumbnail ? farm.Thumbnail(job_id, frame.frame_number)
+                       : farm.Preview(job_id, frame.frame_number, ChannelsOf(choice.layer));
   if (!view.ok()) return view.status();
-  const absl::StatusOr<DisplayPicture> display = MakeDisplayPicture(view->picture, layer);
+  const absl::StatusOr<DisplayPicture> display = MakeDisplayPicture(view->picture, choice.layer);
   if (!display.ok()) return display.status();
   absl::StatusOr<std::string> png =
       EncodePng(display->width_px, display->height_px, display->pixels);
   if (!png.ok()) return png.status();
   EncodedPreview preview{view->version, *std::move(png), display->range};
-  entries_.push_front({job_id, frame.frame_number, layer, preview});
-  if (entries_.size() > kPreviewCacheCountMax) entries_.pop_back();
+  entries_.push_front({job_id, frame.frame_number, choice, preview});
+  if (entries_.size() > count_max_) entries_.pop_back();
   return preview;
 }
 

@@ -11,6 +11,7 @@
 #include <limits>
 
 #include "absl/strings/str_cat.h"
+#include "common/film/shrink_picture.h"
 #include "coordinator/service/false_color.h"
 
 namespace sheaf::coordinator {
@@ -23,16 +24,6 @@ constexpr double kErrorFloorShare = 0.1;
 constexpr float kUnknown = std::numeric_limits<float>::quiet_NaN();
 
 using Planes = std::vector<const std::vector<float>*>;
-
-// The smallest whole factor that brings a picture under the limit, and leaves at least one pixel.
-int32_t ShrinkFactor(int32_t width_px, int32_t height_px) {
-  int32_t factor = 1;
-  while (int64_t{width_px / factor} * (height_px / factor) > kPreviewPixelCountMax &&
-         factor < std::min(width_px, height_px)) {
-    ++factor;
-  }
-  return factor;
-}
 
 // A picture as it is shown: its planes, and which square of pixels each shown pixel stands for.
 struct Source {
@@ -251,7 +242,7 @@ absl::StatusOr<DisplayPicture> MakeDisplayPicture(const FramePicture& picture, P
     }
   }
   source.width_px = picture.window.Width();
-  source.factor = ShrinkFactor(source.width_px, picture.window.Height());
+  source.factor = ShrinkFactor(source.width_px, picture.window.Height(), kPreviewPixelCountMax);
   source.shown_width_px = source.width_px / source.factor;
   source.shown_height_px = picture.window.Height() / source.factor;
   DisplayPicture display;

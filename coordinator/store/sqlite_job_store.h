@@ -7,6 +7,7 @@
 //     DIR/farm.db                            SQLite, WAL, synchronous=FULL: jobs, frames, parts
 //     DIR/parts/JOB/FRAME/X0_Y0_X1_Y1-FIRST-COUNT-DIGEST.exr   parts, until their frame is
 //     delivered DIR/outputs/JOB/FRAME.exr              delivered pictures
+//     DIR/outputs/JOB/FRAME.thumbnail.exr    the same, small, for looking at many
 //
 // A part's file comes before its row, so a crash between them leaves a file that nobody was told
 // of. Rows of concurrent calls are committed together, so that many results share one disk flush.

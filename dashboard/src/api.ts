@@ -184,6 +184,8 @@ export const eventsPath = BASE + 'events';
 export const falseColorPath = BASE + 'false-color.png';
 export const previewPath = (frame: Frame, layer: Layer) =>
     pathOf(frame.name) + '/preview.png?layer=' + layer + '&version=' + frame.preview_version;
+export const thumbnailPath = (frame: Frame) =>
+    pathOf(frame.name) + '/preview.png?size=thumbnail&version=' + frame.preview_version;
 export const outputPath = (frame: Frame) => pathOf(frame.name) + '/output.exr';
 
 // A picture so far; null where there is none yet. Its levels are as sent, whatever the screen is.

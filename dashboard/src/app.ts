@@ -6,6 +6,7 @@
 
 import './viewer.css';
 import './style.css';
+import './frames.css';
 
 import {CountersView} from './counters';
 import {byId, setText} from './dom';

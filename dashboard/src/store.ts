@@ -24,7 +24,7 @@ export class Store {
   readonly jobs = new SortedMap<Job>(newestFirst);
   readonly workers = new SortedMap<Worker>((a, b) => a.name < b.name ? -1 : 1);
   // Frames of the selected job only.
-  readonly frames = new Map<string, Frame>();
+  readonly frames = new SortedMap<Frame>((a, b) => a.frame_number - b.frame_number);
   framesToken = '';
   counters: Counter[] = [];
   jobName: string|null = null;
@@ -94,7 +94,7 @@ export class Store {
 
   setFrame(frame: Frame) {
     if (!frame.name.startsWith(this.jobName + '/')) return;
-    this.frames.set(frame.name, frame);
+    this.frames.set(frame);
     this.touch('frames');
   }
 
@@ -118,7 +118,7 @@ export class Store {
     if (this.jobName === name) return;
     this.jobName = name;
     this.frameName = null;
-    this.frames.clear();
+    this.frames.keepOnly(new Set());
     this.framesToken = '';
     this.watchedCurve = new WatchedCurve();
     if (this.job) this.watchedCurve.add(this.job.progress);
@@ -153,8 +153,8 @@ export class Store {
   get frame(): Frame|undefined {
     const chosen = this.frames.get(this.frameName ?? '');
     if (chosen) return chosen;
-    const frames = [...this.frames.values()];
+    const frames = this.frames.sorted;
     return frames.find((frame) => !frame.complete && frame.preview_version > 0) ??
-        frames.filter((frame) => frame.complete).pop() ?? frames[0];
+        frames.filter((frame) => frame.complete).at(-1) ?? frames[0];
   }
 }

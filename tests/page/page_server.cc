@@ -4,8 +4,8 @@
 // Serves the page over a made-up farm whose pictures converge before one's eyes: for working on the
 // page without rendering, and for trying it with thousands of jobs and workers.
 //
-//   sheaf_page_server JOBS SECONDS [PORT [WORKERS]]    prints "listening on URL", ends after
-//   SECONDS
+//   sheaf_page_server JOBS SECONDS [PORT [WORKERS [FRAMES]]]    prints "listening on URL", ends
+//   after SECONDS
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -78,15 +78,15 @@ JobView MakeJob(int number, absl::Time create_time) {
   return job;
 }
 
-// The newest job: 24 frames that render one after the other.
-JobView MakeRunningJob(int number) {
+// The newest job: frames that render one after the other.
+JobView MakeRunningJob(int number, int frame_count) {
   JobView job = MakeJob(number, absl::Now());
-  job.title = "turntable, 24 frames";
+  job.title = absl::StrCat("turntable, ", frame_count, " frames");
   job.state = JobState::kRunning;
   job.failure.clear();
   job.failure_count = 0;
   job.end_time = absl::InfiniteFuture();
-  job.frame_count = kFrameCount;
+  job.frame_count = frame_count;
   FrameView frame = job.frames[0];
   frame.settings.width_px = kWidthPx;
   frame.settings.height_px = kHeightPx;
@@ -96,12 +96,13 @@ JobView MakeRunningJob(int number) {
   frame.progress = {};
   frame.progress.sample_count_total = uint64_t{kWidthPx} * kHeightPx * kSampleCount;
   job.frames.clear();
-  for (int i = 1; i <= kFrameCount; ++i) {
+  for (int i = 1; i <= frame_count; ++i) {
     frame.frame_number = i;
     job.frames.push_back(frame);
   }
   job.progress = {};
-  job.progress.sample_count_total = frame.progress.sample_count_total * kFrameCount;
+  job.progress.sample_count_total =
+      frame.progress.sample_count_total * static_cast<uint64_t>(frame_count);
   return job;
 }
 
@@ -113,9 +114,9 @@ void Step(FakeFarm* farm, int step, std::mt19937* random) {
   ProgressView& sum = job.progress;
   sum.sample_count_done = 0;
   job.frame_complete_count = 0;
-  for (int i = 0; i < kFrameCount; ++i) {
+  for (int i = 0; i < job.frame_count; ++i) {
     FrameView& frame = job.frames[static_cast<size_t>(i)];
-    const double own = std::clamp(share * 6 - i * 5.0 / kFrameCount, 0.0, 1.0);
+    const double own = std::clamp(share * 6 - i * 5.0 / job.frame_count, 0.0, 1.0);
     frame.progress.sample_count_done =
         static_cast<uint64_t>(own * static_cast<double>(frame.progress.sample_count_total));
     frame.complete = own >= 1;
@@ -141,7 +142,7 @@ void Step(FakeFarm* farm, int step, std::mt19937* random) {
   farm->metrics[1].value += 6;
 }
 
-void FillFarm(FakeFarm* farm, int job_count, int worker_count) {
+void FillFarm(FakeFarm* farm, int job_count, int worker_count, int frame_count) {
   FailureRecord failure;
   failure.frame_number = 7;
   failure.tile = {320, 160, 360, 200};
@@ -153,7 +154,7 @@ void FillFarm(FakeFarm* farm, int job_count, int worker_count) {
   farm->failures.assign(2, {failure,
                             "sheaf render turntable.0007.pbrt --crop 320,160,360,200 "
                             "--samples 32 --seed 0 --max-depth 5"});
-  farm->jobs.push_back(MakeRunningJob(job_count));
+  farm->jobs.push_back(MakeRunningJob(job_count, frame_count));
   for (int i = job_count - 1; i > 0; --i) {
     farm->jobs.push_back(MakeJob(i, absl::Now() - absl::Minutes(3 * (job_count - i))));
   }
@@ -169,7 +170,7 @@ void FillFarm(FakeFarm* farm, int job_count, int worker_count) {
     worker.samples_per_second = busy ? 1.83e6 : 0;
     if (busy) {
       const int32_t x0 = i * kTilePx % kWidthPx;
-      worker.leases = {{{static_cast<uint64_t>(job_count), i % kFrameCount + 1},
+      worker.leases = {{{static_cast<uint64_t>(job_count), i % frame_count + 1},
                         {x0, 0, x0 + kTilePx, kTilePx},
                         {0, 16},
                         i % 4 == 0 ? LeasePhase::kLoading : LeasePhase::kRendering,
@@ -196,7 +197,8 @@ int main(int argc, char** argv) {
   const int seconds = argc > 2 ? std::atoi(argv[2]) : 60;
   FakeFarm farm;
   const int worker_count = argc > 4 ? std::atoi(argv[4]) : kWorkerCount;
-  FillFarm(&farm, std::max(1, job_count), std::max(1, worker_count));
+  const int frame_count = argc > 5 ? std::atoi(argv[5]) : kFrameCount;
+  FillFarm(&farm, std::max(1, job_count), std::max(1, worker_count), std::max(1, frame_count));
   const auto change = [&farm](const std::string& job_id, auto apply) {
     absl::Status status = absl::NotFoundError(absl::StrCat("no job jobs/", job_id));
     farm.Update([&](FakeFarm& it) {
