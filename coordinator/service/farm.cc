@@ -25,17 +25,22 @@ absl::StatusOr<std::unique_ptr<Farm>> Farm::Open(const FarmOptions& options,
   absl::StatusOr<std::unique_ptr<BlobStore>> blobs =
       BlobStore::Open(options.state_directory + "/content");
   if (!blobs.ok()) return blobs.status();
-  std::unique_ptr<Farm> farm(new Farm(options, std::move(store), *std::move(blobs)));
+  absl::StatusOr<std::unique_ptr<RoundPreviews>> round_previews = RoundPreviews::Open(
+      options.state_directory + "/rounds", {.bytes_max = options.round_previews_bytes_max});
+  if (!round_previews.ok()) return round_previews.status();
+  std::unique_ptr<Farm> farm(
+      new Farm(options, std::move(store), *std::move(blobs), *std::move(round_previews)));
   if (absl::Status status = farm->Load(); !status.ok()) return status;
   farm->background_ = std::thread([f = farm.get()] { f->RunBackground(); });
   return farm;
 }
 
 Farm::Farm(const FarmOptions& options, std::unique_ptr<JobStore> store,
-           std::unique_ptr<BlobStore> blobs)
+           std::unique_ptr<BlobStore> blobs, std::unique_ptr<RoundPreviews> round_previews)
     : options_(options),
       store_(std::move(store)),
       blobs_(std::move(blobs)),
+      round_previews_(std::move(round_previews)),
       numeric_profile_(NumericProfile()),
       merge_budget_(options.merge_bytes_max),
       scene_names_(blobs_.get()),
@@ -262,7 +267,10 @@ void Farm::SettleEndedJobs() {
       LogInfo(absl::StrCat("job ", job.job_id,
                            job.phase == JobPhase::kSucceeded ? " succeeded" : " was cancelled"));
     }
-    for (const FrameId& frame : job.frames) NoteDisk(store_->RemoveFrameParts(frame));
+    for (const FrameId& frame : job.frames) {
+      NoteDisk(store_->RemoveFrameParts(frame));
+      round_previews_->RemoveFrom(frame, 0);
+    }
     EraseOpenFrames(job.job_id);
   }
   if (!ended.empty()) Changed();

@@ -34,6 +34,7 @@
 #include "coordinator/service/farm_view.h"
 #include "coordinator/service/scene_names.h"
 #include "coordinator/store/job_store.h"
+#include "coordinator/store/round_previews.h"
 
 namespace sheaf::coordinator {
 
@@ -43,6 +44,8 @@ struct FarmOptions {
   // Parts of delivered frames are kept for RefineJob while all parts together are no more than
   // this; then the oldest go.
   uint64_t kept_parts_bytes_max = uint64_t{20} << 30;
+  // Small pictures of the ends of rounds; the oldest go beyond it.
+  uint64_t round_previews_bytes_max = uint64_t{2} << 30;
   // Memory of unfinished tiles; beyond it tiles are merged when their last part has come.
   uint64_t merge_bytes_max = uint64_t{1} << 30;
   absl::Duration preview_interval_min =
@@ -89,7 +92,7 @@ struct JobCurve {
 class Farm : public FarmView {
  public:
   // Loads the state and starts the background thread.
-  // Errors: those of SqliteJobStore::Open and BlobStore::Open.
+  // Errors: those of SqliteJobStore::Open, BlobStore::Open and RoundPreviews::Open.
   static absl::StatusOr<std::unique_ptr<Farm>> Open(const FarmOptions& options);
   // The same with a store of another kind.
   static absl::StatusOr<std::unique_ptr<Farm>> Open(const FarmOptions& options,
@@ -147,6 +150,8 @@ class Farm : public FarmView {
                                       const std::vector<std::string>& channels) const override;
   absl::StatusOr<PreviewView> Thumbnail(const std::string& job_id,
                                         int32_t frame_number) const override;
+  absl::StatusOr<PreviewView> RoundPreview(const std::string& job_id, int32_t frame_number,
+                                           int32_t round) const override;
   absl::Status Ready() const override;
   uint64_t ChangeCount() const override;
   uint64_t WaitForChange(uint64_t seen, absl::Duration timeout) const override;
@@ -179,7 +184,7 @@ class Farm : public FarmView {
   class TileReservation;
 
   Farm(const FarmOptions& options, std::unique_ptr<JobStore> store,
-       std::unique_ptr<BlobStore> blobs);
+       std::unique_ptr<BlobStore> blobs, std::unique_ptr<RoundPreviews> round_previews);
 
   // farm.cc
   absl::Status Load();
@@ -262,6 +267,7 @@ class Farm : public FarmView {
   const FarmOptions options_;
   const std::unique_ptr<JobStore> store_;
   const std::unique_ptr<BlobStore> blobs_;
+  const std::unique_ptr<RoundPreviews> round_previews_;
   const std::string numeric_profile_;
   MergeBudget merge_budget_;
   mutable SceneNames scene_names_;

@@ -106,6 +106,16 @@ absl::StatusOr<PreviewView> Farm::Thumbnail(const std::string& job_id, int32_t f
   return PreviewView{shown->version, *std::move(small), shown->complete};
 }
 
+absl::StatusOr<PreviewView> Farm::RoundPreview(const std::string& job_id, int32_t frame_number,
+                                               int32_t round) const {
+  const absl::StatusOr<ShownFrame> shown = FindShown(job_id, frame_number);
+  if (!shown.ok()) return shown.status();
+  const uint64_t version = round_previews_->VersionOf(shown->id, round);
+  absl::StatusOr<FramePicture> picture = round_previews_->Read(shown->id, round);
+  if (!picture.ok()) return picture.status();
+  return PreviewView{version, *std::move(picture), shown->complete};
+}
+
 absl::StatusOr<std::string> Farm::ThumbnailPath(const FrameId& id) const {
   absl::StatusOr<std::string> path = store_->OutputPath(id);
   if (!path.ok()) return path.status();

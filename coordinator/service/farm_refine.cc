@@ -119,6 +119,10 @@ absl::Status Farm::RefineJob(uint64_t job_id, const Refinement& refinement) {
   if (!written.ok()) return written;
   const absl::StatusOr<JobStore::LoadedParts> parts = store_->LoadParts(job_id);
   if (!parts.ok()) return parts.status();
+  for (const JobStore::ReopenedFrame& frame : reopened) {
+    const auto kept = static_cast<int32_t>(frame.rounds.size());
+    round_previews_->RemoveFrom({job_id, frame.spec.frame_number}, kept);
+  }
   const std::lock_guard lock(mutex_);
   JobAccount& account = accounts_.at(job_id);
   account.end_time = absl::InfiniteFuture();

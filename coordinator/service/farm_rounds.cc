@@ -73,6 +73,8 @@ absl::StatusOr<bool> Farm::FinishRound(OpenFrame* frame, const FrameId& id) {
   absl::Status stored = store_->AddRound(id, record);
   NoteDisk(stored);
   if (!stored.ok()) return stored;
+  const absl::Status kept = round_previews_->Keep(id, record.round, frame->merge.picture());
+  if (!kept.ok()) LogWarning(absl::StrCat("keeping a round's picture: ", kept.message()));
   LogInfo(absl::StrFormat(
       "job %d: frame %d, round %d: relMSE %.2e, at most %.2e%s", id.job_id, id.frame_number,
       record.round, record.relative_mse, record.relative_mse_upper,

@@ -46,6 +46,7 @@ struct RoundView {
   uint64_t ray_count = 0;
   double cpu_seconds = 0, wall_seconds = 0;
   uint64_t part_bytes = 0;
+  uint64_t preview_version = 0;  // Of what RoundPreview() shows; 0: nothing is kept.
 };
 
 struct FrameView {
@@ -176,6 +177,10 @@ class FarmView {
   // kUnavailable (no sample is there yet, or none was kept).
   virtual absl::StatusOr<PreviewView> Thumbnail(const std::string& job_id,
                                                 int32_t frame_number) const = 0;
+  // The picture as it was at the end of a round, from 0, shrunk; with the channels of all layers.
+  // Errors: kNotFound (no such frame, or none is kept).
+  virtual absl::StatusOr<PreviewView> RoundPreview(const std::string& job_id, int32_t frame_number,
+                                                   int32_t round) const = 0;
   // Whether the coordinator accepts work: state is loaded and the disk takes writes. Otherwise why
   // not (kUnavailable or kResourceExhausted).
   virtual absl::Status Ready() const = 0;

@@ -47,7 +47,8 @@ JobState StateOf(const JobRecord& job, bool begun) {
   return begun ? JobState::kRunning : JobState::kQueued;
 }
 
-std::vector<RoundView> ViewsOf(const std::vector<RoundRecord>& rounds) {
+std::vector<RoundView> ViewsOf(const FrameId& frame, const std::vector<RoundRecord>& rounds,
+                               const RoundPreviews& previews) {
   std::vector<RoundView> views;
   views.reserve(rounds.size());
   for (const RoundRecord& round : rounds) {
@@ -55,7 +56,8 @@ std::vector<RoundView> ViewsOf(const std::vector<RoundRecord>& rounds) {
     views.push_back({round.relative_mse, round.relative_mse_upper, round.predicted_relative_mse,
                      foretold > 0 ? round.relative_mse / foretold : 0, round.sample_count,
                      round.cost.ray_count, Seconds(round.cost.cpu_duration),
-                     Seconds(round.wall_duration), round.cost.part_bytes});
+                     Seconds(round.wall_duration), round.cost.part_bytes,
+                     previews.VersionOf(frame, round.round)});
   }
   return views;
 }
@@ -140,7 +142,10 @@ JobView Farm::ViewOf(const JobRecord& job, bool with_frames, absl::Time now) con
         frame.sample_count_done - std::min(frame.sample_count_restored, frame.sample_count_done);
     if (!with_frames) continue;
     const auto rounds = account.rounds.find(frame.spec.frame_number);
-    if (rounds != account.rounds.end()) of_frame.rounds = ViewsOf(rounds->second);
+    if (rounds != account.rounds.end()) {
+      of_frame.rounds =
+          ViewsOf({job.spec.job_id, of_frame.frame_number}, rounds->second, *round_previews_);
+    }
     view.frames.push_back(std::move(of_frame));
   }
   ProgressView& progress = view.progress;

@@ -100,7 +100,16 @@ absl::StatusOr<PreviewChoice> ChoiceOf(const HttpRequest& request) {
   if (!size.empty() && (!thumbnail || *layer != PictureLayer::kPicture)) {
     return absl::InvalidArgumentError("the only other size is thumbnail, of the picture alone");
   }
-  return PreviewChoice{*layer, thumbnail};
+  PreviewChoice choice{*layer, thumbnail, std::nullopt};
+  const std::string round = QueryValue(request, "round");
+  if (round.empty()) return choice;
+  int32_t number = 0;
+  if (thumbnail || !absl::SimpleAtoi(round, &number) || number < 0) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("round \"", round, "\" is no number from 0, or there is a size too"));
+  }
+  choice.round = number;
+  return choice;
 }
 
 }  // namespace
@@ -256,14 +265,13 @@ HttpResponse HttpApi::GetFrame(const HttpRequest& request) const {
 HttpResponse HttpApi::GetPreview(const HttpRequest& request) {
   const absl::StatusOr<FrameView> frame = FindFrame(request);
   if (!frame.ok()) return HttpErrorFromStatus(frame.status());
+  const absl::StatusOr<PreviewChoice> choice = ChoiceOf(request);
+  if (!choice.ok()) return HttpErrorFromStatus(choice.status());
   const auto etag = [&](uint64_t version) {
     return absl::StrCat("\"", instance_, "-", version, "\"");
   };
-  if (ClientHas(request, etag(frame->preview_version))) {
-    return NotModified(etag(frame->preview_version));
-  }
-  const absl::StatusOr<PreviewChoice> choice = ChoiceOf(request);
-  if (!choice.ok()) return HttpErrorFromStatus(choice.status());
+  const uint64_t newest = PreviewCache::VersionOf(*frame, *choice);
+  if (ClientHas(request, etag(newest))) return NotModified(etag(newest));
   absl::StatusOr<EncodedPreview> preview =
       (choice->thumbnail ? thumbnails_ : previews_)
           .Find(farm_, request.path_parameters[0], *frame, *choice);

@@ -20,6 +20,9 @@
 //        colours
 //   GET  /api/v1/jobs/ID/frames/N/preview.png?size=thumbnail
 //        the picture so far, small; 204 where there is none
+//   GET  /api/v1/jobs/ID/frames/N/preview.png?layer=NAME&round=R
+//        a layer as it was at the end of a round, from 0, small; 404 where that is not kept, as the
+//        frame's rounds[R].preview_version tells by 0
 //   GET  /api/v1/false-color.png                    the false colours from low to high, one row
 //   GET  /api/v1/jobs/ID/frames/N/output.exr        the delivered picture
 //   GET  /api/v1/workers                            workers

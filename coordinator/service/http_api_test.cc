@@ -220,6 +220,25 @@ TEST_F(HttpApiTest, ThumbnailsAreSmallPictures) {
   EXPECT_EQ(Send("GET", path + "?size=thumbnail&layer=error").status, 400);
 }
 
+TEST_F(HttpApiTest, RoundsHavePicturesOfTheirOwn) {
+  farm_.jobs[1].frames[0].rounds.resize(2);
+  farm_.jobs[1].frames[0].rounds[1].preview_version = 7;
+  farm_.round_preview.picture = MakeFakePicture(2, 1, 0.25f);
+  const std::string path = "/api/v1/jobs/2/frames/1/preview.png?layer=";
+  const HttpResponse round = Send("GET", path + "samples&round=1");
+  EXPECT_EQ(round.status, 200);
+  EXPECT_EQ(Header(round, "X-Sheaf-Range"), "16 16");
+  EXPECT_EQ(Header(round, "ETag"), "\"run-7\"");
+  EXPECT_EQ(Send("GET", path + "samples&round=1", "\"run-7\"").status, 304);
+  EXPECT_NE(Send("GET", path + "&round=1").body, Send("GET", path).body);
+  EXPECT_EQ(Send("GET", path + "&round=0").status, 404) << "not kept";
+  EXPECT_EQ(Send("GET", path + "&round=2").status, 404);
+  for (const char* wrong : {"-1", "x", "1&size=thumbnail"}) {
+    EXPECT_EQ(Send("GET", path + "&round=" + wrong).status, 400) << wrong;
+  }
+  EXPECT_EQ(Get("/api/v1/jobs/2/frames/1")["rounds"][1]["preview_version"], 7);
+}
+
 TEST_F(HttpApiTest, PreviewWithoutSamplesIsEmptyAndNoError) {
   farm_.preview.version = 0;
   const HttpResponse response = Send("GET", "/api/v1/jobs/1/frames/1/preview.png");

@@ -27,7 +27,8 @@ class FakeFarm : public FarmView {
   std::vector<MetricView> metrics;
   std::vector<FailureView> failures;  // Of every job.
   absl::Status ready;
-  PreviewView preview;  // Of every frame.
+  PreviewView preview;        // Of every frame.
+  PreviewView round_preview;  // Of every round that has a version.
 
   // Applies a change under the lock and wakes whoever waits.
   template <class Change>
@@ -81,6 +82,23 @@ class FakeFarm : public FarmView {
     if (!small.ok()) return small.status();
     view->picture = *std::move(small);
     return view;
+  }
+  absl::StatusOr<PreviewView> RoundPreview(const std::string& job_id, int32_t frame_number,
+                                           int32_t round) const override {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    for (const JobView& job : jobs) {
+      if (job.job_id != job_id) continue;
+      for (const FrameView& frame : job.frames) {
+        const auto index = static_cast<size_t>(round);
+        if (frame.frame_number != frame_number || round < 0 || index >= frame.rounds.size()) {
+          continue;
+        }
+        PreviewView view = round_preview;
+        view.version = frame.rounds[index].preview_version;
+        if (view.version > 0) return view;
+      }
+    }
+    return absl::NotFoundError("no such round is kept");
   }
   absl::Status Ready() const override {
     const std::lock_guard<std::mutex> lock(mutex_);

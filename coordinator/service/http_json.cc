@@ -74,6 +74,7 @@ Json RoundsJson(const std::vector<RoundView>& rounds) {
         {"cpu_duration_seconds", round.cpu_seconds},
         {"wall_duration_seconds", round.wall_seconds},
         {"part_bytes", round.part_bytes},
+        {"preview_version", round.preview_version},
     });
   }
   return json;

@@ -23,7 +23,8 @@ inline constexpr size_t kThumbnailCacheCountMax = 1024;
 // Which picture of a frame is wanted.
 struct PreviewChoice {
   PictureLayer layer = PictureLayer::kPicture;
-  bool thumbnail = false;  // Small; of the picture alone.
+  bool thumbnail = false;        // Small; of the picture alone.
+  std::optional<int32_t> round;  // As it was at this round's end; otherwise as it is.
   friend bool operator==(const PreviewChoice&, const PreviewChoice&) = default;
 };
 
@@ -38,7 +39,10 @@ class PreviewCache {
  public:
   explicit PreviewCache(size_t count_max = kPreviewCacheCountMax) : count_max_(count_max) {}
 
-  // The PNG of a frame's present picture.
+  // The version of the picture that is chosen; 0 where there is none.
+  static uint64_t VersionOf(const FrameView& frame, const PreviewChoice& choice);
+
+  // The PNG of a frame's picture.
   // Errors: as FarmView::Preview and MakeDisplayPicture, and those of the PNG encoder.
   // Thread safety: from one thread at a time.
   absl::StatusOr<EncodedPreview> Find(const FarmView& farm, const std::string& job_id,

@@ -43,6 +43,8 @@ export interface Round {
   sample_count: number;
   cpu_duration_seconds: number;
   wall_duration_seconds: number;
+  // Of the picture as it was then; 0 where it is not kept.
+  preview_version: number;
 }
 
 export interface Frame {
@@ -182,8 +184,11 @@ export const setPriority = (name: string, priority: number) =>
 
 export const eventsPath = BASE + 'events';
 export const falseColorPath = BASE + 'false-color.png';
-export const previewPath = (frame: Frame, layer: Layer) =>
-    pathOf(frame.name) + '/preview.png?layer=' + layer + '&version=' + frame.preview_version;
+// As it is now, or was at the end of a round.
+export const previewPath = (frame: Frame, layer: Layer, round: number|null) => pathOf(frame.name) +
+    '/preview.png?layer=' + layer +
+    (round === null ? '&version=' + frame.preview_version :
+                      '&round=' + round + '&version=' + frame.rounds?.[round]?.preview_version);
 export const thumbnailPath = (frame: Frame) =>
     pathOf(frame.name) + '/preview.png?size=thumbnail&version=' + frame.preview_version;
 export const outputPath = (frame: Frame) => pathOf(frame.name) + '/output.exr';

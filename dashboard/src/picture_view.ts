@@ -10,12 +10,17 @@ import type {Frame, Job, Layer, LayerRange} from './api';
 import {byId, setText} from './dom';
 import {Exposure} from './exposure';
 import {PictureViewport} from './picture_viewport';
+import {RoundSlider} from './round_slider';
 import type {Store} from './store';
 import {ViewerControls} from './viewer_controls';
+import type {Size} from './view_transform';
 
 // Between two versions at least.
 const REFRESH_MS = 400;
 const ATTEMPT = 'loading the picture';
+// Pixels of a preview at most: larger pictures come shrunk (kPreviewPixelCountMax of the
+// coordinator).
+const PIXELS_MAX = 1 << 21;
 
 export class PictureView {
   private readonly box = byId('picture-box');
@@ -25,6 +30,7 @@ export class PictureView {
   private readonly exposure = new Exposure(
       (key, picture) => this.showExposed(key, picture),
       (failure) => this.store.note('exposing the picture', failure));
+  private readonly rounds = new RoundSlider(() => this.onControls());
   // What is shown or on its way to be shown: the path, or '' for nothing.
   private shown = '';
   private job: string|null = null;
@@ -44,8 +50,9 @@ export class PictureView {
     byId('picture-note').hidden = Boolean(this.shown);
     setText(byId('picture-note'), noteOf(this.store.job, frame));
     this.setShape(frame);
+    this.rounds.show(frame);
     if (!hasPicture || this.fetching || this.rest !== undefined) return;
-    const path = api.previewPath(frame, this.controls.layer);
+    const path = this.pathOf(frame);
     if (path !== this.shown) void this.fetch(frame, this.controls.layer, path);
   };
 
@@ -67,8 +74,8 @@ export class PictureView {
             ' pixels');
   }
 
-  // Another layer does not wait for the next version; another exposure of light that is there needs
-  // no fetch at all.
+  // Another layer or round does not wait for the next version; another exposure of light that is
+  // there needs no fetch at all.
   private onControls() {
     clearTimeout(this.rest);
     this.rest = undefined;
@@ -80,7 +87,11 @@ export class PictureView {
 
   private wantedPath(): string {
     const frame = this.store.frame;
-    return frame ? api.previewPath(frame, this.controls.layer) : '';
+    return frame ? this.pathOf(frame) : '';
+  }
+
+  private pathOf(frame: Frame): string {
+    return api.previewPath(frame, this.controls.layer, this.rounds.round);
   }
 
   private async fetch(frame: Frame, layer: Layer, path: string) {
@@ -88,8 +99,8 @@ export class PictureView {
     try {
       const preview = await api.getPreview(path);
       this.store.note(ATTEMPT, null);
-      // Another frame or layer may have been chosen meanwhile.
-      const wanted = this.store.frame?.name === frame.name && this.controls.layer === layer;
+      // Another frame, layer or round may have been chosen meanwhile; a newer version is no other.
+      const wanted = this.store.frame?.name === frame.name && this.pathOf(frame) === path;
       if (preview && wanted)
         this.show(path, layer, preview.bitmap, preview.range);
       else
@@ -99,11 +110,12 @@ export class PictureView {
       this.store.note(ATTEMPT, failure);
     }
     this.fetching = false;
+    const changed = this.pathOf(frame) !== path;
     byId('picture-note').hidden = Boolean(this.shown);
     this.rest = setTimeout(() => {
       this.rest = undefined;
       this.draw();
-    }, this.controls.layer === layer ? REFRESH_MS : 0);
+    }, changed ? 0 : REFRESH_MS);
   }
 
   private show(path: string, layer: Layer, bitmap: ImageBitmap, range: LayerRange|null) {
@@ -111,17 +123,36 @@ export class PictureView {
     if (layer === 'light')
       this.exposure.ask(path, bitmap, this.controls.stops);
     else
-      this.viewport.setPicture(bitmap);
+      this.setPicture(bitmap);
     this.controls.drawLegend(layer, range);
+  }
+
+  // A round's smaller picture is seen in the place of the whole one.
+  private setPicture(bitmap: ImageBitmap) {
+    const frame = this.store.frame;
+    this.viewport.setPicture(bitmap, frame ? shownSize(frame) : bitmap);
   }
 
   private showExposed(key: string, picture: ImageBitmap) {
     this.store.note('exposing the picture', null);
     if (key === this.shown)
-      this.viewport.setPicture(picture);
+      this.setPicture(picture);
     else
       picture.close();
   }
+}
+
+// Of a frame's preview.
+function shownSize({window}: Frame): Size {
+  const width = window.x1_px - window.x0_px;
+  const height = window.y1_px - window.y0_px;
+  const whole = (length: number, factor: number) => Math.floor(length / factor);
+  let factor = 1;
+  while (whole(width, factor) * whole(height, factor) > PIXELS_MAX &&
+         factor < Math.min(width, height)) {
+    ++factor;
+  }
+  return {width: whole(width, factor), height: whole(height, factor)};
 }
 
 function noteOf(job: Job|undefined, frame: Frame|undefined): string {

@@ -4,7 +4,7 @@
 // Draws a picture into the box at the wanted zoom, and zooms and pans by wheel and by dragging. The
 // canvas has the pixels of the screen, so a zoom of 1 shows every pixel of the picture as one.
 
-import type {Point} from './view_transform';
+import type {Point, Size} from './view_transform';
 import {ViewTransform} from './view_transform';
 
 // From this scale on pixels are squares; below it, and while fitted, they are blended.
@@ -17,6 +17,8 @@ const WHEEL_LINE_PX = 20;
 export class PictureViewport {
   private readonly view = new ViewTransform();
   private bitmap: ImageBitmap|null = null;
+  // As which the bitmap is shown.
+  private size: Size = {width: 1, height: 1};
   private scheduled = false;
   private dragged: Point|null = null;
 
@@ -33,11 +35,14 @@ export class PictureViewport {
     }
   }
 
-  // Shows a picture from now on, or none.
-  setPicture(bitmap: ImageBitmap|null) {
+  // Shows a picture from now on, or none; as one of this size, where it is a smaller copy.
+  setPicture(bitmap: ImageBitmap|null, size: Size|null = bitmap) {
     this.bitmap?.close();
     this.bitmap = bitmap;
-    if (bitmap) this.view.setPicture(bitmap);
+    if (size) {
+      this.size = {width: size.width, height: size.height};
+      this.view.setPicture(this.size);
+    }
     this.canvas.hidden = bitmap === null;
     this.redraw();
   }
@@ -95,10 +100,12 @@ export class PictureViewport {
     context.setTransform(1, 0, 0, 1, 0, 0);
     context.clearRect(0, 0, this.canvas.width, this.canvas.height);
     if (this.bitmap) {
-      context.imageSmoothingEnabled = isFitted || scale < SQUARES_SCALE_MIN;
+      const {width, height} = this.size;
+      const pixelScale = scale * width / this.bitmap.width;
+      context.imageSmoothingEnabled = isFitted || pixelScale < SQUARES_SCALE_MIN;
       context.imageSmoothingQuality = 'high';
       context.setTransform(scale, 0, 0, scale, origin.x, origin.y);
-      context.drawImage(this.bitmap, 0, 0);
+      context.drawImage(this.bitmap, 0, 0, width, height);
     }
     // A fitted picture leaves touches to the page, so that one can scroll past it.
     this.box.dataset.fitted = isFitted ? 'yes' : 'no';

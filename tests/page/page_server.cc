@@ -106,6 +106,21 @@ JobView MakeRunningJob(int number, int frame_count) {
   return job;
 }
 
+// The first frame has a round more for each kRoundShare of its samples.
+void EndRound(FrameView* frame, double relative_mse) {
+  constexpr uint64_t kRoundShare = 5;
+  const ProgressView& progress = frame->progress;
+  const uint64_t ended = progress.sample_count_done * kRoundShare / progress.sample_count_total;
+  while (frame->rounds.size() < ended) {
+    RoundView round;
+    round.relative_mse = round.relative_mse_upper = relative_mse;
+    round.sample_count = progress.sample_count_done;
+    round.cpu_seconds = round.wall_seconds = static_cast<double>(frame->rounds.size() + 1);
+    round.preview_version = frame->rounds.size() + 1;
+    frame->rounds.push_back(round);
+  }
+}
+
 // Moves the running job on by one step.
 void Step(FakeFarm* farm, int step, std::mt19937* random) {
   JobView& job = farm->jobs[0];
@@ -125,6 +140,7 @@ void Step(FakeFarm* farm, int step, std::mt19937* random) {
     job.frame_complete_count += frame.complete ? 1 : 0;
   }
   sum.relative_mse = 0.4 / (1 + 255 * share);
+  EndRound(&job.frames[0], sum.relative_mse);
   sum.wall_seconds = absl::ToDoubleSeconds(kStep) * step;
   sum.cpu_seconds = 2 * sum.wall_seconds;
   sum.remaining_seconds = absl::ToDoubleSeconds(kStep) * (kStepCount - step);
@@ -135,6 +151,7 @@ void Step(FakeFarm* farm, int step, std::mt19937* random) {
   }
   farm->preview.version = static_cast<uint64_t>(step) + 1;
   farm->preview.picture = MakePicture(1 + static_cast<uint64_t>(share * kSampleCount), random);
+  if (farm->round_preview.picture.planes.empty()) farm->round_preview = farm->preview;
   for (WorkerView& worker : farm->workers) {
     worker.last_seen_time = absl::Now();
     worker.result_count += 3;

@@ -22,6 +22,7 @@ from control_checks import check_control  # noqa: E402
 from farm import Farm, ROOT, TIME_SCALE, programs, wait_until  # noqa: E402
 from frame_checks import MANY_FRAMES, check_frame_grid, check_many_frames  # noqa: E402
 from load_checks import NOTE_LONG_TASKS, check_lists  # noqa: E402
+from round_checks import check_rounds  # noqa: E402
 from viewer_checks import PIXELS, TEXT, check_viewer  # noqa: E402
 from worker_checks import check_failures, check_workers  # noqa: E402
 
@@ -153,6 +154,13 @@ def check_layers_of_a_real_picture(browser, farm):
 def check_frames(browser, farm):
     check_frame_grid(browser, farm)
     browser.screenshot(artefact("page-range.png"))
+
+
+def check_slider_between_rounds(browser, farm):
+    check_rounds(browser, farm)
+    browser.run("document.getElementById('round').focus()")
+    browser.press("\ue011")
+    browser.screenshot(artefact("page-rounds.png"))
 
 
 def check_no_console_errors(browser, _):
@@ -299,7 +307,7 @@ def run_checks(checks, browser, subject):
 def run_farm():
     checks = [check_page_follows_a_job, check_output_is_an_exr, check_layers_of_a_real_picture,
               check_pause_and_priority, check_workers_and_failures, check_cancel,
-              check_frames, check_no_console_errors]
+              check_frames, check_slider_between_rounds, check_no_console_errors]
     with Farm() as farm, Browser() as browser:
         farm.start_worker()
         return run_checks(checks, browser, farm)
