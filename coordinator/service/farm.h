@@ -249,10 +249,13 @@ class Farm : public FarmView {
   // A frame whose picture is asked for; open is null where it has no samples in memory.
   struct ShownFrame {
     FrameId id;
+    PixelRect window;
     bool complete = false;
     std::shared_ptr<OpenFrame> open;
     uint64_t version = 0;
   };
+  // kCpuChannel of the frame. Errors: kUnavailable (no part of it is kept).
+  absl::StatusOr<FramePicture> CpuPicture(const ShownFrame& shown) const;
   // Errors: kNotFound.
   absl::StatusOr<ShownFrame> FindShown(const std::string& job_id, int32_t frame_number) const;
   // The shrunk picture of a delivered frame, beside its EXR. What cannot be written is not shown.

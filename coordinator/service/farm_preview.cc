@@ -2,6 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // The part of Farm that shows pictures: as merged so far, as delivered, and small.
+#include <algorithm>
+#include <cstddef>
 #include <utility>
 
 #include "absl/strings/numbers.h"
@@ -48,12 +50,13 @@ absl::StatusOr<Farm::ShownFrame> Farm::FindShown(const std::string& job_id,
   uint64_t id = 0;
   const bool is_number = absl::SimpleAtoi(job_id, &id);
   const std::lock_guard lock(mutex_);
-  ShownFrame shown{{id, frame_number}, false, nullptr, 0};
+  ShownFrame shown{{id, frame_number}, {}, false, nullptr, 0};
   const FrameRecord* frame = is_number ? scheduler_.FindFrame(shown.id) : nullptr;
   if (frame == nullptr) {
     return absl::NotFoundError(
         absl::StrCat("jobs/", job_id, "/frames/", frame_number, ": there is no such frame"));
   }
+  shown.window = frame->spec.settings.window;
   shown.complete = frame->phase == FrameRecord::Phase::kDelivered;
   if (shown.complete) shown.version = kDeliveredPreviewVersion;
   if (const auto found = open_frames_.find(shown.id);
@@ -64,12 +67,41 @@ absl::StatusOr<Farm::ShownFrame> Farm::FindShown(const std::string& job_id,
   return shown;
 }
 
+absl::StatusOr<FramePicture> Farm::CpuPicture(const ShownFrame& shown) const {
+  const absl::StatusOr<std::vector<JobStore::TileCost>> costs = store_->TileCosts(shown.id);
+  if (!costs.ok()) return costs.status();
+  if (costs->empty()) {
+    return absl::UnavailableError(absl::StrCat(Name(shown.id), ": no part of it is kept"));
+  }
+  const PixelRect& window = shown.window;
+  FramePicture picture;
+  picture.window = window;
+  picture.frame_width_px = window.x1;
+  picture.frame_height_px = window.y1;
+  picture.channel_names = {kCpuChannel};
+  std::vector<float> plane(static_cast<size_t>(window.PixelCount()));
+  for (const JobStore::TileCost& cost : *costs) {
+    const PixelRect& tile = cost.tile;
+    const double seconds = absl::ToDoubleSeconds(cost.cpu_duration);
+    const auto of_pixel = static_cast<float>(seconds / static_cast<double>(tile.PixelCount()));
+    for (int32_t y = tile.y0; y < tile.y1; ++y) {
+      const auto row = static_cast<size_t>(y - window.y0) * static_cast<size_t>(window.Width());
+      const auto start = plane.begin() + static_cast<std::ptrdiff_t>(row) + (tile.x0 - window.x0);
+      std::fill_n(start, tile.Width(), of_pixel);
+    }
+  }
+  picture.planes.push_back(std::move(plane));
+  return picture;
+}
+
 absl::StatusOr<PreviewView> Farm::Preview(const std::string& job_id, int32_t frame_number,
                                           const std::vector<std::string>& channels) const {
   const absl::StatusOr<ShownFrame> shown = FindShown(job_id, frame_number);
   if (!shown.ok()) return shown.status();
   absl::StatusOr<FramePicture> copy;
-  if (shown->complete) {
+  if (channels == std::vector<std::string>{kCpuChannel}) {
+    copy = CpuPicture(*shown);
+  } else if (shown->complete) {
     const absl::StatusOr<std::string> path = store_->OutputPath(shown->id);
     if (!path.ok()) return path.status();
     const absl::StatusOr<FramePicture> picture = ReadPicture(*path);

@@ -70,6 +70,9 @@ class GatedJobStore : public JobStore {
                                                      const PixelRect& tile) override {
     return store_->FindTileParts(frame, tile);
   }
+  absl::StatusOr<std::vector<TileCost>> TileCosts(const FrameId& frame) override {
+    return store_->TileCosts(frame);
+  }
   absl::StatusOr<std::string> ReadPart(const PartRow& row) override {
     return store_->ReadPart(row);
   }

@@ -20,6 +20,9 @@ namespace sheaf::coordinator {
 
 // Pixels of a frame's picture among many.
 inline constexpr int64_t kThumbnailPixelCountMax = int64_t{1} << 14;
+// A channel of previews that pictures do not have: CPU time that a pixel took, seconds, the mean
+// over its tile; 0 where nothing is known.
+inline constexpr char kCpuChannel[] = "cpu";
 // What is shown of one worker at most.
 inline constexpr size_t kWorkerLeasesShownMax = 4;
 inline constexpr size_t kWorkerScenesShownMax = 8;
@@ -169,8 +172,9 @@ class FarmView {
   // All counters and gauges; those of one name are adjacent.
   virtual std::vector<MetricView> Metrics() const = 0;
   // The picture so far in the given channels of FramePicture alone: copying all would take long.
-  // Errors: kNotFound (no such frame); kUnavailable (no sample is there yet); kInternal (no such
-  // channel).
+  // kCpuChannel comes alone, as far as parts of the frame are kept.
+  // Errors: kNotFound (no such frame); kUnavailable (no sample is there yet, or no part is kept);
+  // kInternal (no such channel).
   virtual absl::StatusOr<PreviewView> Preview(const std::string& job_id, int32_t frame_number,
                                               const std::vector<std::string>& channels) const = 0;
   // R, G and B of the picture so far, shrunk to kThumbnailPixelCountMax. Errors: kNotFound;

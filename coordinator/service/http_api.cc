@@ -93,7 +93,7 @@ absl::StatusOr<PreviewChoice> ChoiceOf(const HttpRequest& request) {
   const std::optional<PictureLayer> layer = PictureLayerFromName(name);
   if (!layer) {
     return absl::InvalidArgumentError(
-        absl::StrCat("layer \"", name, "\" is none of picture, light, error, samples"));
+        absl::StrCat("layer \"", name, "\" is none of picture, light, error, samples, time"));
   }
   const std::string size = QueryValue(request, "size");
   const bool thumbnail = size == "thumbnail";
@@ -104,9 +104,11 @@ absl::StatusOr<PreviewChoice> ChoiceOf(const HttpRequest& request) {
   const std::string round = QueryValue(request, "round");
   if (round.empty()) return choice;
   int32_t number = 0;
-  if (thumbnail || !absl::SimpleAtoi(round, &number) || number < 0) {
-    return absl::InvalidArgumentError(
-        absl::StrCat("round \"", round, "\" is no number from 0, or there is a size too"));
+  if (!absl::SimpleAtoi(round, &number) || number < 0) {
+    return absl::InvalidArgumentError(absl::StrCat("round \"", round, "\" is no number from 0"));
+  }
+  if (thumbnail || *layer == PictureLayer::kTime) {
+    return absl::InvalidArgumentError("rounds have no thumbnails and no times of their own");
   }
   choice.round = number;
   return choice;
@@ -276,9 +278,11 @@ HttpResponse HttpApi::GetPreview(const HttpRequest& request) {
       (choice->thumbnail ? thumbnails_ : previews_)
           .Find(farm_, request.path_parameters[0], *frame, *choice);
   HttpResponse response;
-  if (absl::IsUnavailable(preview.status()) && (!frame->complete || choice->thumbnail)) {
-    // No failure: a job may end between the event that names a picture and the request for it, and
-    // frames of earlier versions have no thumbnail.
+  const bool may_lack =
+      !frame->complete || choice->thumbnail || choice->layer == PictureLayer::kTime;
+  if (absl::IsUnavailable(preview.status()) && may_lack) {
+    // No failure: a job may end between the event that names a picture and the request for it,
+    // frames of earlier versions have no thumbnail, and those without parts no times.
     response.status = 204;
     response.headers = {{"Cache-Control", "no-store"}};
     return response;

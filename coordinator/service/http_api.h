@@ -15,9 +15,9 @@
 //   POST /api/v1/jobs/ID:priority?value=N           higher goes first, from -1000 to 1000; likewise
 //   GET  /api/v1/jobs/ID/frames/N                   one frame
 //   GET  /api/v1/jobs/ID/frames/N/preview.png?layer=NAME
-//        the picture so far; 204 where there is none. Layers: picture, light, error and samples,
-//        see picture_layer.h; the last two come with X-Sheaf-Range: LOW HIGH, the ends of their
-//        colours
+//        the picture so far; 204 where there is none. Layers: picture, light, error, samples and
+//        time, see picture_layer.h; the last three come with X-Sheaf-Range: LOW HIGH, the ends of
+//        their colours
 //   GET  /api/v1/jobs/ID/frames/N/preview.png?size=thumbnail
 //        the picture so far, small; 204 where there is none
 //   GET  /api/v1/jobs/ID/frames/N/preview.png?layer=NAME&round=R

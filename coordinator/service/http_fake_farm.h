@@ -144,17 +144,20 @@ inline JobView MakeFakeJob(const std::string& job_id) {
   return job;
 }
 
-// A picture of one colour, with 16 samples in every pixel and standard errors of a tenth of it.
+// A picture of one colour, with 16 samples in every pixel, standard errors of a tenth of it and a
+// millisecond of CPU time.
 inline FramePicture MakeFakePicture(int32_t width_px, int32_t height_px, float level) {
   FramePicture picture;
   picture.window = {0, 0, width_px, height_px};
   picture.frame_width_px = width_px;
   picture.frame_height_px = height_px;
-  picture.channel_names = {"R", "G", "B", "stderr.R", "stderr.G", "stderr.B", "samples"};
+  picture.channel_names = {"R",        "G",        "B",       "stderr.R",
+                           "stderr.G", "stderr.B", "samples", kCpuChannel};
   const size_t count = static_cast<size_t>(width_px) * static_cast<size_t>(height_px);
   picture.planes.assign(3, std::vector<float>(count, level));
   picture.planes.resize(6, std::vector<float>(count, 0.1f * level));
   picture.planes.emplace_back(count, 16.0f);
+  picture.planes.emplace_back(count, 0.001f);
   return picture;
 }
 

@@ -103,6 +103,12 @@ class JobStore {
   // The rows of one tile, ascending by first sample.
   virtual absl::StatusOr<std::vector<PartRow>> FindTileParts(const FrameId& frame,
                                                              const PixelRect& tile) = 0;
+  // What the parts that are kept of each tile cost.
+  struct TileCost {
+    PixelRect tile;
+    absl::Duration cpu_duration;
+  };
+  virtual absl::StatusOr<std::vector<TileCost>> TileCosts(const FrameId& frame) = 0;
   // Errors: kNotFound; kDataLoss where the bytes do not have the row's digest.
   virtual absl::StatusOr<std::string> ReadPart(const PartRow& row) = 0;
   virtual absl::Status RemovePart(const PartRow& row) = 0;

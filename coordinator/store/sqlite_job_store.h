@@ -48,6 +48,7 @@ class SqliteJobStore : public JobStore {
   absl::StatusOr<std::optional<PartRow>> FindPart(const PartKey& key) override;
   absl::StatusOr<std::vector<PartRow>> FindTileParts(const FrameId& frame,
                                                      const PixelRect& tile) override;
+  absl::StatusOr<std::vector<TileCost>> TileCosts(const FrameId& frame) override;
   absl::StatusOr<std::string> ReadPart(const PartRow& row) override;
   absl::Status RemovePart(const PartRow& row) override;
   absl::Status RemoveFrameParts(const FrameId& frame) override;

@@ -277,6 +277,20 @@ TEST_F(SqliteJobStoreTest, ConcurrentWritesShareCommitsAndAllHold) {
   EXPECT_EQ(store_->LoadParts(job)->rows.size(), 0u);
 }
 
+TEST_F(SqliteJobStoreTest, CostsOfATileAreAddedUp) {
+  const uint64_t job = CreateJob();
+  PartRow row = MakePart(job, 0, "one");
+  ASSERT_TRUE(store_->WritePart(row, "one").ok());
+  PartRow next = MakePart(job, 16, "two");
+  ASSERT_TRUE(store_->WritePart(next, "two").ok());
+  const auto costs = store_->TileCosts(row.key.frame);
+  ASSERT_TRUE(costs.ok());
+  ASSERT_EQ(costs->size(), 1u);
+  EXPECT_EQ(costs->at(0).tile, row.key.tile);
+  EXPECT_EQ(costs->at(0).cpu_duration, row.cost.cpu_duration + next.cost.cpu_duration);
+  EXPECT_TRUE(store_->TileCosts({job, 99})->empty());
+}
+
 TEST_F(SqliteJobStoreTest, LeaseIdsOfLivesDoNotMeet) {
   const uint64_t first = store_->FirstLeaseId();
   Reopen();

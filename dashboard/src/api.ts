@@ -121,7 +121,7 @@ export interface JobWithFrames extends Job {
 }
 
 // Layers of a picture, as the coordinator names them: "light" is the picture before any exposure.
-export type Layer = 'picture'|'light'|'error'|'samples';
+export type Layer = 'picture'|'light'|'error'|'samples'|'time';
 
 // What the ends of false colours stand for; both are 0 where nothing can be told yet.
 export interface LayerRange {

@@ -66,6 +66,12 @@ export function duration(seconds: number|null): string {
   return Math.floor(whole / 86400) + ' d ' + two(Math.floor(whole / 3600) % 24) + ' h';
 }
 
+// Of a pixel: 0.00034 -> "340 µs".
+export function shortTime(seconds: number): string {
+  const [factor, unit] = seconds < 1e-3 ? [1e6, ' µs'] : seconds < 1 ? [1e3, ' ms'] : [1, ' s'];
+  return Number((seconds * factor).toPrecision(2)) + unit;
+}
+
 // One unit and two digits, for axes: 100 -> "1.7 min".
 export function roundDuration(seconds: number): string {
   const units: [number, string][] = [[86400, ' d'], [3600, ' h'], [60, ' min']];

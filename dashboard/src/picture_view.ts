@@ -91,7 +91,9 @@ export class PictureView {
   }
 
   private pathOf(frame: Frame): string {
-    return api.previewPath(frame, this.controls.layer, this.rounds.round);
+    const {layer} = this.controls;
+    // Times are known of all rounds together.
+    return api.previewPath(frame, layer, layer === 'time' ? null : this.rounds.round);
   }
 
   private async fetch(frame: Frame, layer: Layer, path: string) {

@@ -20,6 +20,7 @@ const LEGENDS: Record<Layer, string> = {
   light: '',
   error: 'Standard error of a pixel, relative to its value; logarithmic. Grey: not known yet.',
   samples: 'Samples of a pixel. Grey: none yet.',
+  time: 'Processor time of a pixel, the mean over its tile; logarithmic. Grey: not known.',
 };
 
 export class ViewerControls {
@@ -70,9 +71,10 @@ export class ViewerControls {
     const known = range.high > 0;
     const words = (value: number) => !known ? '–' :
         layer === 'error'                   ? format.share(value) :
+        layer === 'time'                    ? format.shortTime(value) :
                                               format.exact(value);
     const middle =
-        layer === 'error' ? Math.sqrt(range.low * range.high) : (range.low + range.high) / 2;
+        layer !== 'samples' ? Math.sqrt(range.low * range.high) : (range.low + range.high) / 2;
     const single = range.low === range.high;
     setText(byId('legend-low'), single ? '' : words(range.low));
     setText(byId('legend-middle'), single ? '' : words(middle));

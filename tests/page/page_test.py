@@ -145,10 +145,11 @@ def check_layers_of_a_real_picture(browser, farm):
         if (!response.ok) throw new Error(layer + ": " + response.status);
         return response.headers.get("X-Sheaf-Range");
       });
-      return Promise.all(["picture", "light", "error", "samples"].map(range));""")
+      return Promise.all(["picture", "light", "error", "samples", "time"].map(range));""")
     assert ranges[:2] == [None, None] and ranges[3] == "128 128", ranges
-    low, high = map(float, ranges[2].split())
-    assert 0 < low < high < 10, ranges
+    for layer in (2, 4):
+        low, high = map(float, ranges[layer].split())
+        assert 0 < low < high < 10, ranges
 
 
 def check_frames(browser, farm):
