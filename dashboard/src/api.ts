@@ -168,6 +168,7 @@ export const listJobs = (pageSize: number, token: string) =>
     request<JobPage>(BASE + 'jobs' + query(pageSize, token));
 export const getJob = (name: string, pageSize: number, token: string) =>
     request<JobWithFrames>(pathOf(name) + query(pageSize, token));
+export const getFrame = (name: string) => request<Frame>(pathOf(name));
 export const listFailures = (name: string) =>
     request<{failures: Failure[]}>(pathOf(name) + '/failures');
 export const listWorkers = () => request<{workers: Worker[]}>(BASE + 'workers');

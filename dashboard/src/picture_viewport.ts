@@ -21,6 +21,10 @@ export class PictureViewport {
   private size: Size = {width: 1, height: 1};
   private scheduled = false;
   private dragged: Point|null = null;
+  // Another one that shows the same part of its picture; of the two, one leads where a picture is
+  // new.
+  private partner: PictureViewport|null = null;
+  private isLed = false;
 
   // `onView` is told of every change of the zoom.
   constructor(
@@ -42,9 +46,33 @@ export class PictureViewport {
     if (size) {
       this.size = {width: size.width, height: size.height};
       this.view.setPicture(this.size);
+      if (this.isLed && this.partner) this.view.follow(this.partner.view);
     }
     this.canvas.hidden = bitmap === null;
     this.redraw();
+    if (!this.isLed) this.lead();
+  }
+
+  // The second shows what the first does, and the other way round from then on.
+  link(led: PictureViewport) {
+    this.partner = led;
+    led.partner = this;
+    led.isLed = true;
+  }
+
+  private lead() {
+    this.partner?.follow(this.view);
+  }
+
+  private follow(view: ViewTransform) {
+    this.view.follow(view);
+    this.redraw();
+  }
+
+  // After a change by a person.
+  private moved() {
+    this.redraw();
+    this.lead();
   }
 
   // Screen pixels for one of the picture.
@@ -58,18 +86,18 @@ export class PictureViewport {
 
   fit() {
     this.view.fit();
-    this.redraw();
+    this.moved();
   }
 
   zoomTo(scale: number) {
     this.view.zoomTo(scale);
-    this.redraw();
+    this.moved();
   }
 
   // By shares of the box.
   panByShare(x: number, y: number) {
     this.view.panBy(x * this.canvas.width, y * this.canvas.height);
-    this.redraw();
+    this.moved();
   }
 
   private resize() {
@@ -128,7 +156,7 @@ export class PictureViewport {
     // At the end of the zoom the wheel scrolls the page again.
     if (!this.view.zoomTo(scale, this.pointOf(event))) return;
     event.preventDefault();
-    this.redraw();
+    this.moved();
   }
 
   private onPointerDown(event: PointerEvent) {
@@ -143,11 +171,16 @@ export class PictureViewport {
     const at = this.pointOf(event);
     this.view.panBy(at.x - this.dragged.x, at.y - this.dragged.y);
     this.dragged = at;
-    this.redraw();
+    this.moved();
   }
 
   private onPointerEnd() {
     this.dragged = null;
     delete this.box.dataset.dragged;
   }
+}
+
+// Both show the same part of their pictures from now on; at first that of `first`.
+export function linkViewports(first: PictureViewport, second: PictureViewport) {
+  first.link(second);
 }

@@ -11,7 +11,8 @@ import type {CurveSource} from './curve';
 import {newestFirst} from './format';
 import {SortedMap} from './sorted_map';
 
-export type Topic = 'jobs'|'workers'|'frames'|'counters'|'selection'|'connection'|'problems';
+export type Topic =
+    'jobs'|'workers'|'frames'|'counters'|'selection'|'beside'|'connection'|'problems';
 export type Connection = 'live'|'connecting'|'polling'|'reconnecting';
 
 // Of drawing in one task; what is left is drawn with the next picture.
@@ -26,6 +27,8 @@ export class Store {
   // Frames of the selected job only.
   readonly frames = new SortedMap<Frame>((a, b) => a.frame_number - b.frame_number);
   framesToken = '';
+  // A frame of any job, to be seen beside the shown one.
+  beside: Frame|undefined;
   counters: Counter[] = [];
   jobName: string|null = null;
   frameName: string|null = null;
@@ -93,9 +96,15 @@ export class Store {
   }
 
   setFrame(frame: Frame) {
+    if (frame.name === this.beside?.name) this.setBeside(frame);
     if (!frame.name.startsWith(this.jobName + '/')) return;
     this.frames.set(frame);
     this.touch('frames');
+  }
+
+  setBeside(frame: Frame|undefined) {
+    this.beside = frame;
+    this.touch('beside');
   }
 
   setWorker(worker: Worker) {

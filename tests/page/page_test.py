@@ -18,6 +18,7 @@ HERE = os.path.dirname(os.path.abspath(__file__))
 sys.path += [HERE, os.path.join(HERE, "..", "integration")]
 from browser import Browser  # noqa: E402
 from chart_checks import ADD_TARGETS, check_chart  # noqa: E402
+from compare_checks import check_compare  # noqa: E402
 from control_checks import check_control  # noqa: E402
 from farm import Farm, ROOT, TIME_SCALE, programs, wait_until  # noqa: E402
 from frame_checks import MANY_FRAMES, check_frame_grid, check_many_frames  # noqa: E402
@@ -37,7 +38,8 @@ ARROW_DOWN, ENTER, ESCAPE, TAB = "\ue015", "\ue007", "\ue00c", "\ue004"
 DIALOG_IS_OPEN = "return document.getElementById('confirm').open"
 TAB_STOP_COUNT_MAX = 30
 TAB_STOPS = {"skip", "theme", "job-filter", "jobs", "layer", "exposure", "zoom-out", "zoom-in",
-             "zoom-fit", "picture-zoom", "picture-box", "frames", "abscissa", "workers"}
+             "zoom-fit", "picture-zoom", "picture-box", "frames", "abscissa", "workers",
+             "beside-job"}
 # Name of what has the focus, and whether an outline shows it; a switch shows it on its label.
 FOCUSED = """
   const focused = document.activeElement;
@@ -162,6 +164,11 @@ def check_slider_between_rounds(browser, farm):
     browser.run("document.getElementById('round').focus()")
     browser.press("\ue011")
     browser.screenshot(artefact("page-rounds.png"))
+    browser.press("\ue010")
+
+
+def check_side_by_side(browser, _):
+    check_compare(browser, lambda name: browser.screenshot(artefact(name)))
 
 
 def check_no_console_errors(browser, _):
@@ -308,7 +315,8 @@ def run_checks(checks, browser, subject):
 def run_farm():
     checks = [check_page_follows_a_job, check_output_is_an_exr, check_layers_of_a_real_picture,
               check_pause_and_priority, check_workers_and_failures, check_cancel,
-              check_frames, check_slider_between_rounds, check_no_console_errors]
+              check_frames, check_slider_between_rounds, check_side_by_side,
+              check_no_console_errors]
     with Farm() as farm, Browser() as browser:
         farm.start_worker()
         return run_checks(checks, browser, farm)
