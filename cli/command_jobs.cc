@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// sheaf watch, list, cancel and workers: what the farm does and how to stop it.
+// sheaf watch, list and workers: what the farm does.
 #include <cstdio>
 #include <string>
 
@@ -81,26 +81,6 @@ class ListCommand : public FarmCommand {
   int limit_ = 100;
 };
 
-class CancelCommand : public FarmCommand {
- public:
-  CLI::App* AddTo(CLI::App* app) override {
-    CLI::App* command = AddCommon(app, "cancel", "Cancel a job");
-    AddJob(command);
-    command->footer("Example:\n  sheaf cancel jobs/7");
-    return command;
-  }
-
- protected:
-  ExitCode RunWith(FarmClient* client) override {
-    const absl::StatusOr<v1::Job> job = client->CancelJob(job_name());
-    if (!job.ok()) return ReportCallError(job.status());
-    const std::string state = JobStateName(job->state());
-    std::printf("%s\n",
-                json() ? JobJson(*job).c_str() : absl::StrCat(job->name(), " ", state).c_str());
-    return ExitCode::kOk;
-  }
-};
-
 class WorkersCommand : public FarmCommand {
  public:
   CLI::App* AddTo(CLI::App* app) override {
@@ -138,7 +118,6 @@ class WorkersCommand : public FarmCommand {
 
 std::unique_ptr<Command> MakeWatchCommand() { return std::make_unique<WatchCommand>(); }
 std::unique_ptr<Command> MakeListCommand() { return std::make_unique<ListCommand>(); }
-std::unique_ptr<Command> MakeCancelCommand() { return std::make_unique<CancelCommand>(); }
 std::unique_ptr<Command> MakeWorkersCommand() { return std::make_unique<WorkersCommand>(); }
 
 }  // namespace sheaf::cli

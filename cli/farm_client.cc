@@ -165,6 +165,46 @@ absl::StatusOr<v1::Job> FarmClient::CancelJob(const std::string& name) {
   return job;
 }
 
+absl::StatusOr<v1::Job> FarmClient::PauseJob(const std::string& name) {
+  v1::PauseJobRequest request;
+  request.set_name(name);
+  v1::Job job;
+  const absl::Status status = Call(
+      [&](grpc::ClientContext* context) {
+        return FromGrpcStatus(jobs_->PauseJob(context, request, &job));
+      },
+      kUnaryDeadline);
+  if (!status.ok()) return status;
+  return job;
+}
+
+absl::StatusOr<v1::Job> FarmClient::ResumeJob(const std::string& name) {
+  v1::ResumeJobRequest request;
+  request.set_name(name);
+  v1::Job job;
+  const absl::Status status = Call(
+      [&](grpc::ClientContext* context) {
+        return FromGrpcStatus(jobs_->ResumeJob(context, request, &job));
+      },
+      kUnaryDeadline);
+  if (!status.ok()) return status;
+  return job;
+}
+
+absl::StatusOr<v1::Job> FarmClient::SetJobPriority(const std::string& name, int32_t priority) {
+  v1::SetJobPriorityRequest request;
+  request.set_name(name);
+  request.set_priority(priority);
+  v1::Job job;
+  const absl::Status status = Call(
+      [&](grpc::ClientContext* context) {
+        return FromGrpcStatus(jobs_->SetJobPriority(context, request, &job));
+      },
+      kUnaryDeadline);
+  if (!status.ok()) return status;
+  return job;
+}
+
 absl::StatusOr<v1::Job> FarmClient::RefineJob(const v1::RefineJobRequest& request) {
   v1::Job job;
   const absl::Status status = Call(

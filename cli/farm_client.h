@@ -48,6 +48,9 @@ class FarmClient {
   absl::StatusOr<v1::Job> CreateJob(const v1::CreateJobRequest& request);
   absl::StatusOr<v1::Job> GetJob(const std::string& name);
   absl::StatusOr<v1::Job> CancelJob(const std::string& name);
+  absl::StatusOr<v1::Job> PauseJob(const std::string& name);
+  absl::StatusOr<v1::Job> ResumeJob(const std::string& name);
+  absl::StatusOr<v1::Job> SetJobPriority(const std::string& name, int32_t priority);
   absl::StatusOr<v1::Job> RefineJob(const v1::RefineJobRequest& request);
   absl::StatusOr<std::vector<v1::Job>> ListJobs(size_t count_max);
   absl::StatusOr<std::vector<v1::Worker>> ListWorkers();

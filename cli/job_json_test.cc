@@ -37,6 +37,7 @@ TEST(JobJsonTest, WritesAJobOnOneLine) {
 TEST(JobJsonTest, NamesAllStates) {
   EXPECT_EQ(JobStateName(v1::Job::STATE_SUCCEEDED), "succeeded");
   EXPECT_EQ(JobStateName(v1::Job::STATE_CANCELLED), "cancelled");
+  EXPECT_EQ(JobStateName(v1::Job::STATE_PAUSED), "paused");
   EXPECT_EQ(WorkerStateName(v1::Worker::STATE_QUARANTINED), "quarantined");
 }
 

@@ -24,6 +24,9 @@ std::vector<std::unique_ptr<Command>> MakeCommands() {
   commands.push_back(MakeListCommand());
   commands.push_back(MakeShowCommand());
   commands.push_back(MakeRefineCommand());
+  commands.push_back(MakePauseCommand());
+  commands.push_back(MakeResumeCommand());
+  commands.push_back(MakePriorityCommand());
   commands.push_back(MakeCancelCommand());
   commands.push_back(MakeWorkersCommand());
   commands.push_back(MakePlanCommand());

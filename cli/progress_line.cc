@@ -78,6 +78,7 @@ std::string FormatProgress(const v1::Job& job) {
       progress.sample_count_done() < progress.sample_count_total()) {
     absl::StrAppend(&text, ", ", FormatDuration(Seconds(progress.remaining_duration())), " left");
   }
+  if (job.state() == v1::Job::STATE_PAUSED) absl::StrAppend(&text, "; paused");
   if (!job.waiting_reason().empty()) absl::StrAppend(&text, "; waiting: ", job.waiting_reason());
   if (progress.nonfinite_count() > 0) {
     absl::StrAppend(&text, "; ", progress.nonfinite_count(), " samples are not finite");

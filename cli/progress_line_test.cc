@@ -41,6 +41,12 @@ TEST(ProgressLineTest, SaysOnlyWhatCanBeTold) {
             "3 samples are not finite");
 }
 
+TEST(ProgressLineTest, SaysThatAJobIsPaused) {
+  v1::Job job = HalfDone();
+  job.set_state(v1::Job::STATE_PAUSED);
+  EXPECT_EQ(FormatProgress(job), "50.0 %, 250 samples/s; paused");
+}
+
 TEST(ProgressLineTest, AJobWithoutSamplesIsNotDone) { EXPECT_EQ(ShareDone(v1::Progress()), 0); }
 
 class ProgressOutputTest : public testing::Test {

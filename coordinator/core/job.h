@@ -96,6 +96,17 @@ struct LeaseFailure {
   std::string message;
 };
 
+// A lease that came to nothing, as people are told of it.
+struct FailureRecord {
+  int32_t frame_number = 0;
+  PixelRect tile;
+  SampleBlock block;
+  std::string worker_id;
+  FailureKind kind = FailureKind::kInternal;
+  std::string message;
+  absl::Time time;
+};
+
 struct LeaseReport {
   uint64_t lease_id = 0;
   LeasePhase phase = LeasePhase::kQueued;
@@ -112,6 +123,7 @@ struct WorkerReport {
   int32_t lease_count_wanted = 0;
   bool draining = false;
   std::vector<std::string> warm_scenes;  // Hex digests.
+  uint64_t scene_memory_bytes = 0;       // Of those; 0: it does not say.
 };
 
 }  // namespace sheaf::coordinator

@@ -50,6 +50,7 @@ struct Limits {
                               // that are switched off must not spoil a job.
   int infrastructure_failures_max = 16;
   int scene_failure_workers_max = 2;  // Distinct workers that say: the scene cannot be rendered.
+  int failures_kept_max = 32;         // Of a job, the last ones, for people to look at.
   int quarantine_jobs_min = 3;        // A worker failing so many jobs in a row is sick.
   absl::Duration retry_delay_initial = absl::Seconds(1);  // After infrastructure failures: of the
   absl::Duration retry_delay_max = absl::Minutes(1);      // worker, doubling.

@@ -83,10 +83,7 @@ absl::Status Scheduler::CheckJob(const JobSpec& spec) const {
     return absl::ResourceExhaustedError(absl::StrCat(
         "there are ", live_job_count_, " unfinished jobs, the limit; try again later"));
   }
-  if (std::abs(spec.priority) > limits_.priority_magnitude_max) {
-    return absl::InvalidArgumentError(
-        absl::StrCat("priority ", spec.priority, " is outside +-", limits_.priority_magnitude_max));
-  }
+  if (absl::Status status = CheckPriority(spec.priority); !status.ok()) return status;
   if (p.tile_size_px < 1 || p.tile_size_px > limits_.frame_edge_px_max) {
     return absl::InvalidArgumentError(absl::StrCat(
         "a tile size of ", p.tile_size_px, " px is outside 1 to ", limits_.frame_edge_px_max));
@@ -127,11 +124,8 @@ void Scheduler::AddJob(const JobSpec& spec) {
     live_frames_[spec.frames[i].frame_digest].insert({spec.job_id, spec.frames[i].frame_number});
   }
   // A new job begins level with the least served one, not with a claim on everybody's past.
-  std::set<JobKey>& ready = ready_jobs_[spec.numeric_profile];
-  const auto level = ready.lower_bound({-spec.priority, 0, 0});
-  if (level != ready.end() && std::get<0>(*level) == -spec.priority)
-    job.share = std::get<1>(*level);
-  ready.insert(KeyOf(job));
+  job.share = LeastShareBeside(job).value_or(0);
+  ready_jobs_[spec.numeric_profile].insert(KeyOf(job));
   ++live_job_count_;
 }
 
@@ -202,7 +196,7 @@ void Scheduler::UpdateReadyJob(JobRecord* job, const JobKey& key_before) {
   std::set<JobKey>& ready = ready_jobs_[job->spec.numeric_profile];
   ready.erase(key_before);
   const bool has_work = !job->pending.empty() || !job->ready.empty();
-  if (job->phase == JobPhase::kLive && has_work) ready.insert(KeyOf(*job));
+  if (job->phase == JobPhase::kLive && has_work && !job->Paused()) ready.insert(KeyOf(*job));
 }
 
 void Scheduler::UpdateReady(JobRecord* job, uint32_t index) {
@@ -381,6 +375,7 @@ void Scheduler::EndJob(uint64_t job_id, JobPhase phase, const std::string& failu
   }
   job.phase = phase;
   job.failure = failure;
+  job.paused_time = absl::InfiniteFuture();
   UpdateReadyJob(&job, KeyOf(job));
   --live_job_count_;
   ended_jobs_.push_back(job_id);
@@ -389,7 +384,8 @@ void Scheduler::EndJob(uint64_t job_id, JobPhase phase, const std::string& failu
 std::vector<uint64_t> Scheduler::TakeEndedJobs() { return std::exchange(ended_jobs_, {}); }
 
 std::string Scheduler::WaitingReason(const JobRecord& job) const {
-  if (job.phase != JobPhase::kLive || leases_.CountOfJob(job.spec.job_id) > 0) return "";
+  if (job.phase != JobPhase::kLive || job.Paused()) return "";
+  if (leases_.CountOfJob(job.spec.job_id) > 0) return "";
   if (workers_.LiveCount(job.spec.numeric_profile) > 0) return "";
   if (workers_.LiveCount() == 0) return "no worker is connected";
   std::string other;

@@ -9,6 +9,8 @@
 //     Accept       ... and it is durable now
 //     Tick         time passed: workers that fell silent lose their leases
 //
+//     Pause        a person wants a job to wait: nothing new of it is leased
+//
 // Order of work: jobs by priority, then by fewest samples leased; within a job a scene that is warm
 // in the worker, then a frame nobody works on yet, then any; within a frame returned blocks, then
 // the tile with the fewest samples. A worker that holds nothing and finds nothing ready is leased a
@@ -22,6 +24,7 @@
 #pragma once
 
 #include <cstdint>
+#include <deque>
 #include <map>
 #include <memory>
 #include <optional>
@@ -82,7 +85,14 @@ struct JobRecord {
   FrameSet pending, ready;              // Not begun; open with something to lease.
   std::map<std::string, FrameSet> pending_by_scene, ready_by_scene;
   uint64_t share = 0;  // Pixel samples leased, plus the share it began with.
+  absl::Time paused_time = absl::InfiniteFuture();  // Since when; InfiniteFuture: it goes on.
   int32_t delivered_count = 0;
+
+  // Those that cost something, the last ones of this start, oldest first; and how many there were.
+  std::deque<FailureRecord> failures_kept;
+  int64_t failure_count = 0;
+
+  bool Paused() const { return paused_time != absl::InfiniteFuture(); }
 };
 
 class Scheduler {
@@ -143,9 +153,19 @@ class Scheduler {
   // Nothing happens to a job that has ended.
   void EndJob(uint64_t job_id, JobPhase phase, const std::string& failure);
 
+  // scheduler_control.cc
+  // A paused job gets no lease; what is leased is finished and taken. The time of its frames stands
+  // still meanwhile. Nothing happens to a job that has ended, or is as it shall be.
+  void Pause(uint64_t job_id, absl::Time now);
+  void Resume(uint64_t job_id, absl::Time now);
+  // Errors: kInvalidArgument beyond the limit.
+  absl::Status CheckPriority(int32_t priority) const;
+  // Requires: CheckPriority is OK.
+  void SetPriority(uint64_t job_id, int32_t priority);
+
   // Jobs that the scheduler itself ended since the last call, to be written down by the owner.
   std::vector<uint64_t> TakeEndedJobs();
-  // Why a live job makes no progress; empty where it does or may.
+  // Why a live job makes no progress; empty where it does or may, or is paused.
   std::string WaitingReason(const JobRecord& job) const;
 
   const std::map<uint64_t, JobRecord>& jobs() const { return jobs_; }
@@ -163,6 +183,8 @@ class Scheduler {
   // Keeps the ready sets true after a change to a frame or a job's share.
   void UpdateReady(JobRecord* job, uint32_t index);
   void UpdateReadyJob(JobRecord* job, const JobKey& key_before);
+  // The share of the least served job that is ready and has the same profile and priority.
+  std::optional<uint64_t> LeastShareBeside(const JobRecord& job) const;
   bool MayOpen(const FrameSpec& spec) const;
   void Open(JobRecord* job, uint32_t index);
   void Close(JobRecord* job, uint32_t index, FrameRecord::Phase phase);
@@ -191,6 +213,7 @@ class Scheduler {
   void DropLease(uint64_t lease_id, bool put_back);
   void ApplyReport(WorkerRecord* worker, const WorkerReport& report, absl::Time now);
   void LoseLeases(const std::string& worker_id, absl::Time now);
+  void KeepFailure(const Lease& lease, const LeaseFailure& failure, absl::Time now);
   void CountTaskFailure(const Lease& lease, const LeaseFailure& failure, absl::Time now);
   void RefuseFrame(const Lease& lease, const LeaseFailure& failure);
   void JudgeScene(const FrameId& id);

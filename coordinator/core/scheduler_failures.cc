@@ -7,6 +7,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
+#include "coordinator/core/render_command.h"
 #include "coordinator/core/scheduler.h"
 
 namespace sheaf::coordinator {
@@ -79,10 +80,22 @@ void Scheduler::Fail(const LeaseFailure& failure, const std::string& worker_id, 
   const Lease lease = *found;
   ++counters_.failures[static_cast<size_t>(failure.kind)];
   DropLease(failure.lease_id, /*put_back=*/true);
+  KeepFailure(lease, failure, now);
   CountTaskFailure(lease, failure, now);
   BlameWorker(worker_id, lease, failure, now);
   if (failure.kind == FailureKind::kScene || failure.kind == FailureKind::kMemory) {
     RefuseFrame(lease, failure);
+  }
+}
+
+void Scheduler::KeepFailure(const Lease& lease, const LeaseFailure& failure, absl::Time now) {
+  if (failure.kind == FailureKind::kReleased) return;
+  JobRecord& job = jobs_.at(lease.frame.job_id);
+  ++job.failure_count;
+  job.failures_kept.push_back({lease.frame.frame_number, lease.tile_rect, lease.task.block,
+                               lease.worker_id, failure.kind, failure.message, now});
+  if (job.failures_kept.size() > static_cast<size_t>(limits_.failures_kept_max)) {
+    job.failures_kept.pop_front();
   }
 }
 
@@ -151,8 +164,7 @@ std::string Scheduler::TaskFailureText(const FrameRecord& frame, const Lease& le
                       r.y0, ", ", r.y1, "), samples [", b.first, ", ", b.End(), "): failed ",
                       failures.attempt_count, " times, on ",
                       absl::StrJoin(failures.failed_by, ", "), "; last: ", failures.last_message,
-                      "; to reproduce: sheaf render SCENE --crop ", r.x0, ",", r.y0, ",", r.x1, ",",
-                      r.y1, " --samples ", b.End(), " --seed ", frame.spec.settings.seed,
+                      "; to reproduce: ", RenderCommand("SCENE", frame.spec.settings, r, b.End()),
                       " (scene digest ", frame.spec.scene.sha256_hex, ")");
 }
 

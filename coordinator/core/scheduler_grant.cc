@@ -191,7 +191,7 @@ bool Scheduler::Hedge(WorkerRecord* worker, absl::Time now) {
     JobRecord& job = jobs_.at(first.frame.job_id);
     FrameRecord& frame = Frame(first.frame);
     if (first.worker_id == worker->worker_id) continue;
-    if (job.spec.numeric_profile != worker->numeric_profile) continue;
+    if (job.Paused() || job.spec.numeric_profile != worker->numeric_profile) continue;
     if (!MayRender(frame, MakeTaskId(first.frame, first.task), *worker, now)) continue;
     ++counters_.leases_hedged;
     const Task task = first.task;

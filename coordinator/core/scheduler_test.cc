@@ -323,6 +323,29 @@ TEST_F(SchedulerTest, WorkerThatFailsSeveralJobsIsQuarantined) {
   EXPECT_EQ(scheduler_.counters().workers_quarantined, 1u);
 }
 
+TEST_F(SchedulerTest, TheLastFailuresOfAJobAreKept) {
+  const uint64_t job = AddJob();
+  Fail(Sync("a", 1)[0], FailureKind::kReleased);
+  const Lease lease = Sync("a", 1)[0];
+  Fail(lease, FailureKind::kInfrastructure, "disk");
+  Sync("a", 0);
+  ASSERT_EQ(Job(job).failure_count, 1) << "what is handed back is no failure";
+  const FailureRecord& kept = Job(job).failures_kept.back();
+  EXPECT_EQ(kept.frame_number, 1);
+  EXPECT_EQ(kept.tile, lease.tile_rect);
+  EXPECT_EQ(kept.block, lease.task.block);
+  EXPECT_EQ(kept.worker_id, "a");
+  EXPECT_EQ(kept.message, "disk");
+  while (Job(job).phase == JobPhase::kLive) {
+    now_ += absl::Seconds(20);
+    const std::vector<Lease> held = Sync("a", 4);
+    for (const Lease& one : held) Fail(one, FailureKind::kInfrastructure, "disk again");
+  }
+  EXPECT_EQ(Job(job).failures_kept.size(), static_cast<size_t>(limits_.failures_kept_max));
+  EXPECT_GT(Job(job).failure_count, limits_.failures_kept_max);
+  EXPECT_EQ(Job(job).failures_kept.front().message, "disk again");
+}
+
 TEST_F(SchedulerTest, MemoryFailureLeavesTheFrameToOthers) {
   AddJob();
   Sync("b", 0);

@@ -32,6 +32,7 @@ WorkerRecord* WorkerTable::Touch(const WorkerReport& report, absl::Time now) {
   worker.thread_count = report.thread_count;
   worker.lease_count_wanted = report.lease_count_wanted;
   worker.draining = report.draining;
+  worker.scene_memory_bytes = report.scene_memory_bytes;
   worker.lost = false;
   worker.last_seen_time = now;
   worker.warm_scenes.clear();

@@ -24,6 +24,30 @@ absl::Status PortTaken(const std::string& address) {
       "cannot listen on ", address, ": the port is taken or the address is not of this machine"));
 }
 
+// What people do to the farm through the page.
+FarmActions ActionsOn(Farm* farm) {
+  const auto by_number = [](const std::string& job_id,
+                            const std::function<absl::Status(uint64_t)>& act) -> absl::Status {
+    uint64_t id = 0;
+    if (absl::SimpleAtoi(job_id, &id)) return act(id);
+    return absl::NotFoundError(absl::StrCat("jobs/", job_id, ": there is no such job"));
+  };
+  FarmActions actions;
+  actions.cancel_job = [=](const std::string& job) {
+    return by_number(job, [=](uint64_t id) { return farm->CancelJob(id); });
+  };
+  actions.pause_job = [=](const std::string& job) {
+    return by_number(job, [=](uint64_t id) { return farm->PauseJob(id); });
+  };
+  actions.resume_job = [=](const std::string& job) {
+    return by_number(job, [=](uint64_t id) { return farm->ResumeJob(id); });
+  };
+  actions.set_job_priority = [=](const std::string& job, int32_t priority) {
+    return by_number(job, [=](uint64_t id) { return farm->SetJobPriority(id, priority); });
+  };
+  return actions;
+}
+
 }  // namespace
 
 absl::StatusOr<std::unique_ptr<CoordinatorServer>> CoordinatorServer::Start(
@@ -71,16 +95,8 @@ absl::Status CoordinatorServer::StartHttp(const CoordinatorOptions& options) {
   http.server.port = address->port;
   http.allowed_hosts = options.allowed_hosts;
   http.server.allow_remote = options.insecure_remote_allowed;
-  FarmActions actions;
-  actions.cancel_job = [farm = farm_.get()](const std::string& job_id) -> absl::Status {
-    uint64_t id = 0;
-    if (!absl::SimpleAtoi(job_id, &id)) {
-      return absl::NotFoundError(absl::StrCat("jobs/", job_id, ": there is no such job"));
-    }
-    return farm->CancelJob(id);
-  };
   absl::StatusOr<std::unique_ptr<HttpService>> service =
-      HttpService::Start(http, *farm_, std::move(actions));
+      HttpService::Start(http, *farm_, ActionsOn(farm_.get()));
   if (!service.ok()) return service.status();
   http_ = std::move(*service);
   return absl::OkStatus();

@@ -113,6 +113,18 @@ class CoordinatorServerTest : public testing::Test {
     EXPECT_TRUE(status.ok()) << status.error_message();
     return job;
   }
+  // Changes the job by one of the calls that answer with it.
+  template <class Request>
+  v1::Job Control(grpc::Status (v1::JobService::Stub::*call)(grpc::ClientContext*, const Request&,
+                                                             v1::Job*),
+                  const std::string& name, Request request = Request()) {
+    grpc::ClientContext context;
+    request.set_name(name);
+    v1::Job job;
+    const grpc::Status status = (jobs_.get()->*call)(&context, request, &job);
+    EXPECT_TRUE(status.ok()) << status.error_message();
+    return job;
+  }
   // Follows the watch to its end and returns the job's last state.
   v1::Job Watch(const std::string& name) {
     grpc::ClientContext context;

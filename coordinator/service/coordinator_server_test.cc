@@ -63,6 +63,70 @@ TEST_F(CoordinatorServerTest, CancelledJobStaysCancelledAndItsResultsAreSupersed
   EXPECT_EQ(Get(name).state(), v1::Job::STATE_CANCELLED);
 }
 
+TEST_F(CoordinatorServerTest, PausedJobStaysPausedOverARestartUntilItIsResumed) {
+  Start();
+  const std::string name = Create(Request(64)).name();
+  SyntheticWorker worker = MakeWorker("w");
+  ASSERT_TRUE(worker.Synchronize(1).ok());
+  EXPECT_EQ(Control<v1::PauseJobRequest>(&v1::JobService::Stub::PauseJob, name).state(),
+            v1::Job::STATE_PAUSED);
+  EXPECT_EQ(*worker.RenderOne(), Response::OUTCOME_ACCEPTED);
+  ASSERT_TRUE(worker.Synchronize(2).ok());
+  EXPECT_TRUE(worker.leases().empty());
+  v1::SetJobPriorityRequest priority;
+  priority.set_priority(5);
+  EXPECT_EQ(Control(&v1::JobService::Stub::SetJobPriority, name, priority).priority(), 5);
+  Start();
+  EXPECT_EQ(Get(name).state(), v1::Job::STATE_PAUSED);
+  EXPECT_EQ(Get(name).priority(), 5);
+  EXPECT_FALSE(Get(name).progress().has_remaining_duration());
+  SyntheticWorker other = MakeWorker("x");
+  ASSERT_TRUE(other.Synchronize(2).ok());
+  EXPECT_TRUE(other.leases().empty());
+  EXPECT_EQ(Control<v1::ResumeJobRequest>(&v1::JobService::Stub::ResumeJob, name).state(),
+            v1::Job::STATE_RUNNING);
+  ASSERT_TRUE(other.RenderAll().ok());
+  EXPECT_EQ(Watch(name).frames(0).picture_digest(), ExpectedDigest(64));
+  // Of what has ended, nothing changes.
+  EXPECT_EQ(Control<v1::PauseJobRequest>(&v1::JobService::Stub::PauseJob, name).state(),
+            v1::Job::STATE_SUCCEEDED);
+}
+
+TEST_F(CoordinatorServerTest, PausedJobCanBeCancelledButNotRefined) {
+  Start();
+  const std::string name = Create(Request(64)).name();
+  Control<v1::PauseJobRequest>(&v1::JobService::Stub::PauseJob, name);
+  grpc::ClientContext context;
+  v1::RefineJobRequest refine;
+  refine.set_name(name);
+  refine.set_sample_count(128);
+  v1::Job job;
+  const grpc::Status refused = jobs_->RefineJob(&context, refine, &job);
+  EXPECT_EQ(refused.error_code(), grpc::StatusCode::FAILED_PRECONDITION);
+  EXPECT_NE(refused.error_message().find("is paused"), std::string::npos);
+  EXPECT_EQ(Control<v1::CancelJobRequest>(&v1::JobService::Stub::CancelJob, name).state(),
+            v1::Job::STATE_CANCELLED);
+}
+
+TEST_F(CoordinatorServerTest, FailuresNameTheSceneAndHowToRepeatThem) {
+  Start();
+  const std::string id = Create(Request(64)).name().substr(std::string("jobs/").size());
+  SyntheticWorker worker = MakeWorker("w");
+  ASSERT_TRUE(worker.Synchronize(1).ok());
+  const v1::Lease lease = worker.leases().at(0);
+  ASSERT_EQ(server_->farm().ListWorkers().at(0).leases.size(), 1u);
+  EXPECT_EQ(server_->farm().ListWorkers()[0].warm_scenes, std::vector<std::string>{"scene.pbrt"});
+  worker.ReportFailure(lease.lease_id(), v1::LeaseFailure::KIND_INFRASTRUCTURE, "no disk");
+  ASSERT_TRUE(worker.Synchronize(0).ok());
+  const auto failures = server_->farm().ListFailures(id);
+  ASSERT_TRUE(failures.ok());
+  ASSERT_EQ(failures->size(), 1u);
+  EXPECT_EQ(failures->at(0).failure.message, "no disk");
+  EXPECT_EQ(failures->at(0).command.find("sheaf render scene.pbrt --crop "), 0u);
+  EXPECT_TRUE(absl::IsNotFound(server_->farm().ListFailures("99").status()));
+  EXPECT_TRUE(absl::IsNotFound(server_->farm().ListFailures("x").status()));
+}
+
 TEST_F(CoordinatorServerTest, WhoeverSeesAJobEndedSeesWhen) {
   Start();
   v1::CreateJobRequest request = Request(64);

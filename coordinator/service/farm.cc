@@ -25,19 +25,25 @@ absl::StatusOr<std::unique_ptr<Farm>> Farm::Open(const FarmOptions& options,
   absl::StatusOr<std::unique_ptr<BlobStore>> blobs =
       BlobStore::Open(options.state_directory + "/content");
   if (!blobs.ok()) return blobs.status();
-  std::unique_ptr<Farm> farm(new Farm(options, std::move(store), *std::move(blobs)));
+  absl::StatusOr<std::unique_ptr<RoundPreviews>> round_previews = RoundPreviews::Open(
+      options.state_directory + "/rounds", {.bytes_max = options.round_previews_bytes_max});
+  if (!round_previews.ok()) return round_previews.status();
+  std::unique_ptr<Farm> farm(
+      new Farm(options, std::move(store), *std::move(blobs), *std::move(round_previews)));
   if (absl::Status status = farm->Load(); !status.ok()) return status;
   farm->background_ = std::thread([f = farm.get()] { f->RunBackground(); });
   return farm;
 }
 
 Farm::Farm(const FarmOptions& options, std::unique_ptr<JobStore> store,
-           std::unique_ptr<BlobStore> blobs)
+           std::unique_ptr<BlobStore> blobs, std::unique_ptr<RoundPreviews> round_previews)
     : options_(options),
       store_(std::move(store)),
       blobs_(std::move(blobs)),
+      round_previews_(std::move(round_previews)),
       numeric_profile_(NumericProfile()),
       merge_budget_(options.merge_bytes_max),
+      scene_names_(blobs_.get()),
       scheduler_(options.limits, store_->FirstLeaseId()) {}
 
 Farm::~Farm() {
@@ -78,7 +84,10 @@ absl::Status Farm::RestoreJob(const StoredJob& job, const JobStore::LoadedParts*
                                 frame.delivered.sample_count);
   }
   if (absl::Status status = LoadRounds(job); !status.ok()) return status;
-  if (job.phase == JobPhase::kLive) return RestoreLiveJob(job, *parts);
+  if (job.phase == JobPhase::kLive) {
+    if (job.paused) scheduler_.Pause(job.spec.job_id, absl::Now());
+    return RestoreLiveJob(job, *parts);
+  }
   scheduler_.RestoreEnded(job.spec.job_id, job.phase, job.failure);
   return absl::OkStatus();
 }
@@ -200,9 +209,7 @@ absl::StatusOr<uint64_t> Farm::CreateJob(JobSpec spec, const std::string& reques
 absl::Status Farm::CancelJob(uint64_t job_id) {
   {
     const std::lock_guard lock(mutex_);
-    if (!scheduler_.jobs().contains(job_id)) {
-      return absl::NotFoundError(absl::StrCat("jobs/", job_id, ": there is no such job"));
-    }
+    if (absl::Status status = FindRecord(job_id).status(); !status.ok()) return status;
     scheduler_.EndJob(job_id, JobPhase::kCancelled, "");
     NoteEndedJobs();
   }
@@ -260,7 +267,10 @@ void Farm::SettleEndedJobs() {
       LogInfo(absl::StrCat("job ", job.job_id,
                            job.phase == JobPhase::kSucceeded ? " succeeded" : " was cancelled"));
     }
-    for (const FrameId& frame : job.frames) NoteDisk(store_->RemoveFrameParts(frame));
+    for (const FrameId& frame : job.frames) {
+      NoteDisk(store_->RemoveFrameParts(frame));
+      round_previews_->RemoveFrom(frame, 0);
+    }
     EraseOpenFrames(job.job_id);
   }
   if (!ended.empty()) Changed();

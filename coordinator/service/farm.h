@@ -32,7 +32,9 @@
 #include "coordinator/core/limits.h"
 #include "coordinator/core/scheduler.h"
 #include "coordinator/service/farm_view.h"
+#include "coordinator/service/scene_names.h"
 #include "coordinator/store/job_store.h"
+#include "coordinator/store/round_previews.h"
 
 namespace sheaf::coordinator {
 
@@ -42,6 +44,8 @@ struct FarmOptions {
   // Parts of delivered frames are kept for RefineJob while all parts together are no more than
   // this; then the oldest go.
   uint64_t kept_parts_bytes_max = uint64_t{20} << 30;
+  // Small pictures of the ends of rounds; the oldest go beyond it.
+  uint64_t round_previews_bytes_max = uint64_t{2} << 30;
   // Memory of unfinished tiles; beyond it tiles are merged when their last part has come.
   uint64_t merge_bytes_max = uint64_t{1} << 30;
   absl::Duration preview_interval_min =
@@ -88,7 +92,7 @@ struct JobCurve {
 class Farm : public FarmView {
  public:
   // Loads the state and starts the background thread.
-  // Errors: those of SqliteJobStore::Open and BlobStore::Open.
+  // Errors: those of SqliteJobStore::Open, BlobStore::Open and RoundPreviews::Open.
   static absl::StatusOr<std::unique_ptr<Farm>> Open(const FarmOptions& options);
   // The same with a store of another kind.
   static absl::StatusOr<std::unique_ptr<Farm>> Open(const FarmOptions& options,
@@ -105,11 +109,21 @@ class Farm : public FarmView {
   // OK means: the job's end is durable. Errors: kNotFound; kUnavailable (the disk).
   absl::Status CancelJob(uint64_t job_id);
 
+  // A paused job gets no new leases until it is resumed. Nothing happens to a job that has ended,
+  // or is as it shall be. OK means: it is durable. Errors: kNotFound; kUnavailable (the disk).
+  absl::Status PauseJob(uint64_t job_id);
+  absl::Status ResumeJob(uint64_t job_id);
+  // Also of a job that has ended, for the case that it is refined. Errors: also kInvalidArgument.
+  absl::Status SetJobPriority(uint64_t job_id, int32_t priority);
+
   // Goes on with a job that succeeded, from the parts that are kept of it; what is not kept is
   // rendered again. Nothing happens where all of its frames are good enough. OK means: it is
   // durable. Errors: kNotFound; kFailedPrecondition (it has not succeeded); kInvalidArgument (fewer
   // samples than it has); kUnavailable, kResourceExhausted (the disk).
   absl::Status RefineJob(uint64_t job_id, const Refinement& refinement);
+
+  // The version of a delivered frame's preview, which never changes again.
+  static constexpr uint64_t kDeliveredPreviewVersion = uint64_t{1} << 32;
 
   struct SynchronizeAnswer {
     std::vector<LeaseGrant> leases;
@@ -129,10 +143,15 @@ class Farm : public FarmView {
   // FarmView.
   std::vector<JobView> ListJobs() const override;
   absl::StatusOr<JobView> FindJob(const std::string& job_id) const override;
+  absl::StatusOr<std::vector<FailureView>> ListFailures(const std::string& job_id) const override;
   std::vector<WorkerView> ListWorkers() const override;
   std::vector<MetricView> Metrics() const override;
   absl::StatusOr<PreviewView> Preview(const std::string& job_id, int32_t frame_number,
                                       const std::vector<std::string>& channels) const override;
+  absl::StatusOr<PreviewView> Thumbnail(const std::string& job_id,
+                                        int32_t frame_number) const override;
+  absl::StatusOr<PreviewView> RoundPreview(const std::string& job_id, int32_t frame_number,
+                                           int32_t round) const override;
   absl::Status Ready() const override;
   uint64_t ChangeCount() const override;
   uint64_t WaitForChange(uint64_t seen, absl::Duration timeout) const override;
@@ -165,7 +184,7 @@ class Farm : public FarmView {
   class TileReservation;
 
   Farm(const FarmOptions& options, std::unique_ptr<JobStore> store,
-       std::unique_ptr<BlobStore> blobs);
+       std::unique_ptr<BlobStore> blobs, std::unique_ptr<RoundPreviews> round_previews);
 
   // farm.cc
   absl::Status Load();
@@ -216,12 +235,34 @@ class Farm : public FarmView {
   // Since the frame's first lease, in this life and earlier ones. Requires: mutex_ is held.
   absl::Duration WallOf(const FrameId& id, absl::Time now) const;
 
+  // farm_control.cc
+  absl::Status SetPaused(uint64_t job_id, bool paused);
+  // Errors: kNotFound. Requires: mutex_ is held.
+  absl::StatusOr<const JobRecord*> FindRecord(uint64_t job_id) const;
+
   // farm_refine.cc
   // Requires: mutex_ is held.
   absl::Status CheckRefinement(const JobRecord& job, const Refinement& refinement) const;
   void LimitKeptParts();
 
-  // farm_views.cc; all require the farm's mutex.
+  // farm_preview.cc
+  // A frame whose picture is asked for; open is null where it has no samples in memory.
+  struct ShownFrame {
+    FrameId id;
+    PixelRect window;
+    bool complete = false;
+    std::shared_ptr<OpenFrame> open;
+    uint64_t version = 0;
+  };
+  // kCpuChannel of the frame. Errors: kUnavailable (no part of it is kept).
+  absl::StatusOr<FramePicture> CpuPicture(const ShownFrame& shown) const;
+  // Errors: kNotFound.
+  absl::StatusOr<ShownFrame> FindShown(const std::string& job_id, int32_t frame_number) const;
+  // The shrunk picture of a delivered frame, beside its EXR. What cannot be written is not shown.
+  void KeepThumbnail(const FrameId& id, const FramePicture& picture) const;
+  absl::StatusOr<std::string> ThumbnailPath(const FrameId& id) const;
+
+  // farm_views.cc, farm_workers.cc; all require the farm's mutex.
   JobView ViewOf(const JobRecord& job, bool with_frames, absl::Time now) const;
   FrameView ViewOf(const JobRecord& job, const FrameRecord& frame, absl::Time now) const;
   WorkerView ViewOf(const WorkerRecord& worker) const;
@@ -229,8 +270,10 @@ class Farm : public FarmView {
   const FarmOptions options_;
   const std::unique_ptr<JobStore> store_;
   const std::unique_ptr<BlobStore> blobs_;
+  const std::unique_ptr<RoundPreviews> round_previews_;
   const std::string numeric_profile_;
   MergeBudget merge_budget_;
+  mutable SceneNames scene_names_;
 
   mutable std::mutex mutex_;  // Guards everything down to disk_status_.
   Scheduler scheduler_;
@@ -241,7 +284,7 @@ class Farm : public FarmView {
   absl::Status disk_status_;              // Of the last write.
 
   // One at a time writes down the end of jobs, so that who comes second waits until it is durable;
-  // goes on with one; or removes parts of delivered frames.
+  // goes on with one; lets one wait; or removes parts of delivered frames.
   // Taken before mutex_.
   std::mutex settle_mutex_;
 

@@ -217,6 +217,7 @@ absl::Status Farm::DeliverFrame(const FrameId& id) {
     const absl::StatusOr<std::string> path = store_->OutputPath(id);
     if (!path.ok()) return path.status();
     if (absl::Status s = WritePicture(*picture, *path); !s.ok()) return s;
+    KeepThumbnail(id, *picture);
   }
   if (absl::Status s = store_->DeliverFrame(id, delivered); !s.ok()) return s;
   {

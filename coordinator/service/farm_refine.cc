@@ -54,9 +54,11 @@ bool IsBeingRefined(const JobRecord& job, const Refinement& refinement) {
 absl::Status Farm::CheckRefinement(const JobRecord& job, const Refinement& refinement) const {
   const std::string name = absl::StrCat("jobs/", job.spec.job_id);
   if (job.phase != JobPhase::kSucceeded) {
-    return absl::FailedPreconditionError(absl::StrCat(
-        name, job.phase == JobPhase::kLive ? " is not finished yet" : " did not succeed",
-        "; only a job that succeeded can be refined"));
+    const char* const why = job.Paused()                   ? " is paused and not finished yet"
+                            : job.phase == JobPhase::kLive ? " is not finished yet"
+                                                           : " did not succeed";
+    return absl::FailedPreconditionError(
+        absl::StrCat(name, why, "; only a job that succeeded can be refined"));
   }
   if (!refinement.stop.IsActive() && refinement.samples == 0) {
     return absl::InvalidArgumentError(
@@ -89,14 +91,12 @@ absl::Status Farm::RefineJob(uint64_t job_id, const Refinement& refinement) {
   StoredJob job;
   {
     const std::lock_guard lock(mutex_);
-    const auto found = scheduler_.jobs().find(job_id);
-    if (found == scheduler_.jobs().end()) {
-      return absl::NotFoundError(absl::StrCat("jobs/", job_id, ": there is no such job"));
-    }
-    if (IsBeingRefined(found->second, refinement)) return absl::OkStatus();
-    if (absl::Status s = CheckRefinement(found->second, refinement); !s.ok()) return s;
-    job.spec = found->second.spec;
-    for (const FrameRecord& frame : found->second.frames) job.spec.frames.push_back(frame.spec);
+    const absl::StatusOr<const JobRecord*> found = FindRecord(job_id);
+    if (!found.ok()) return found.status();
+    if (IsBeingRefined(**found, refinement)) return absl::OkStatus();
+    if (absl::Status s = CheckRefinement(**found, refinement); !s.ok()) return s;
+    job.spec = (*found)->spec;
+    for (const FrameRecord& frame : (*found)->frames) job.spec.frames.push_back(frame.spec);
     job.create_time = accounts_.at(job_id).create_time;
   }
   absl::StatusOr<std::vector<StoredRound>> stored = store_->LoadRounds(job_id, /*with_tiles=*/true);
@@ -119,6 +119,10 @@ absl::Status Farm::RefineJob(uint64_t job_id, const Refinement& refinement) {
   if (!written.ok()) return written;
   const absl::StatusOr<JobStore::LoadedParts> parts = store_->LoadParts(job_id);
   if (!parts.ok()) return parts.status();
+  for (const JobStore::ReopenedFrame& frame : reopened) {
+    const auto kept = static_cast<int32_t>(frame.rounds.size());
+    round_previews_->RemoveFrom({job_id, frame.spec.frame_number}, kept);
+  }
   const std::lock_guard lock(mutex_);
   JobAccount& account = accounts_.at(job_id);
   account.end_time = absl::InfiniteFuture();

@@ -33,7 +33,8 @@ absl::Duration Farm::WallOf(const FrameId& id, absl::Time now) const {
       before != account.wall_before.end()) {
     wall = before->second;
   }
-  const absl::Time until = std::min(now, account.end_time);
+  const absl::Time until =
+      std::min({now, account.end_time, scheduler_.jobs().at(id.job_id).paused_time});
   if (record.first_lease_time < until) wall += until - record.first_lease_time;
   return wall;
 }
@@ -72,6 +73,8 @@ absl::StatusOr<bool> Farm::FinishRound(OpenFrame* frame, const FrameId& id) {
   absl::Status stored = store_->AddRound(id, record);
   NoteDisk(stored);
   if (!stored.ok()) return stored;
+  const absl::Status kept = round_previews_->Keep(id, record.round, frame->merge.picture());
+  if (!kept.ok()) LogWarning(absl::StrCat("keeping a round's picture: ", kept.message()));
   LogInfo(absl::StrFormat(
       "job %d: frame %d, round %d: relMSE %.2e, at most %.2e%s", id.job_id, id.frame_number,
       record.round, record.relative_mse, record.relative_mse_upper,

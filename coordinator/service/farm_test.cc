@@ -43,6 +43,12 @@ class GatedJobStore : public JobStore {
     PassTheGate();
     return store_->EndJob(job_id, phase, failure, end_time);
   }
+  absl::Status SetPaused(uint64_t job_id, bool paused) override {
+    return store_->SetPaused(job_id, paused);
+  }
+  absl::Status SetPriority(uint64_t job_id, int32_t priority) override {
+    return store_->SetPriority(job_id, priority);
+  }
   absl::StatusOr<std::vector<StoredJob>> LoadJobs() override { return store_->LoadJobs(); }
   absl::StatusOr<LoadedParts> LoadParts(uint64_t job_id) override {
     return store_->LoadParts(job_id);
@@ -63,6 +69,9 @@ class GatedJobStore : public JobStore {
   absl::StatusOr<std::vector<PartRow>> FindTileParts(const FrameId& frame,
                                                      const PixelRect& tile) override {
     return store_->FindTileParts(frame, tile);
+  }
+  absl::StatusOr<std::vector<TileCost>> TileCosts(const FrameId& frame) override {
+    return store_->TileCosts(frame);
   }
   absl::StatusOr<std::string> ReadPart(const PartRow& row) override {
     return store_->ReadPart(row);

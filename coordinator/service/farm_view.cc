@@ -10,12 +10,33 @@ const char* JobStateName(JobState state) {
       return "queued";
     case JobState::kRunning:
       return "running";
+    case JobState::kPaused:
+      return "paused";
     case JobState::kSucceeded:
       return "succeeded";
     case JobState::kFailed:
       return "failed";
     case JobState::kCancelled:
       return "cancelled";
+  }
+  return "unknown";
+}
+
+bool HasEnded(JobState state) {
+  return state == JobState::kSucceeded || state == JobState::kFailed ||
+         state == JobState::kCancelled;
+}
+
+const char* LeasePhaseName(LeasePhase phase) {
+  switch (phase) {
+    case LeasePhase::kQueued:
+      return "queued";
+    case LeasePhase::kLoading:
+      return "loading";
+    case LeasePhase::kRendering:
+      return "rendering";
+    case LeasePhase::kUploading:
+      return "uploading";
   }
   return "unknown";
 }

@@ -18,6 +18,15 @@
 
 namespace sheaf::coordinator {
 
+// Pixels of a frame's picture among many.
+inline constexpr int64_t kThumbnailPixelCountMax = int64_t{1} << 14;
+// A channel of previews that pictures do not have: CPU time that a pixel took, seconds, the mean
+// over its tile; 0 where nothing is known.
+inline constexpr char kCpuChannel[] = "cpu";
+// What is shown of one worker at most.
+inline constexpr size_t kWorkerLeasesShownMax = 4;
+inline constexpr size_t kWorkerScenesShownMax = 8;
+
 // How far something is and what it took.
 struct ProgressView {
   uint64_t sample_count_done = 0;   // Pixel samples merged and durable.
@@ -40,6 +49,7 @@ struct RoundView {
   uint64_t ray_count = 0;
   double cpu_seconds = 0, wall_seconds = 0;
   uint64_t part_bytes = 0;
+  uint64_t preview_version = 0;  // Of what RoundPreview() shows; 0: nothing is kept.
 };
 
 struct FrameView {
@@ -61,9 +71,10 @@ struct FrameView {
 };
 
 // The states of proto Job.State, by the same names without prefix.
-enum class JobState { kQueued, kRunning, kSucceeded, kFailed, kCancelled };
-// Returns "queued", "running", "succeeded", "failed" or "cancelled".
+enum class JobState { kQueued, kRunning, kPaused, kSucceeded, kFailed, kCancelled };
+// Returns "queued", "running", "paused", "succeeded", "failed" or "cancelled".
 const char* JobStateName(JobState state);
+bool HasEnded(JobState state);
 
 struct JobView {
   std::string job_id;  // The resource name is "jobs/" + job_id.
@@ -74,6 +85,7 @@ struct JobView {
   Partition partition;
   std::string failure;         // Why it failed; empty otherwise.
   std::string waiting_reason;  // Why nothing happens; empty otherwise.
+  int64_t failure_count = 0;   // Leases that came to nothing since the coordinator's start.
   absl::Time create_time;
   absl::Time end_time = absl::InfiniteFuture();  // InfiniteFuture until it has ended.
   int32_t frame_count = 0;
@@ -87,6 +99,17 @@ enum class WorkerState { kIdle, kBusy, kDraining, kLost, kQuarantined };
 // Returns "idle", "busy", "draining", "lost" or "quarantined".
 const char* WorkerStateName(WorkerState state);
 
+// A lease that a worker holds.
+struct LeaseView {
+  FrameId frame;
+  PixelRect tile;
+  SampleBlock block;
+  LeasePhase phase = LeasePhase::kQueued;
+  absl::Time grant_time;
+};
+// Returns "queued", "loading", "rendering" or "uploading".
+const char* LeasePhaseName(LeasePhase phase);
+
 struct WorkerView {
   std::string worker_id;
   std::string host;
@@ -98,6 +121,18 @@ struct WorkerView {
   double samples_per_second = 0;
   absl::Time last_seen_time;
   std::string reason;  // Why it is quarantined; empty otherwise.
+  // At most kWorkerLeasesShownMax, what is rendered first.
+  std::vector<LeaseView> leases;
+  // File names of the scenes in its memory, at most kWorkerScenesShownMax of warm_scene_count.
+  std::vector<std::string> warm_scenes;
+  int32_t warm_scene_count = 0;
+  uint64_t scene_memory_bytes = 0;  // 0: not known.
+};
+
+// A lease of a job that came to nothing.
+struct FailureView {
+  FailureRecord failure;
+  std::string command;  // Renders the tile again on one machine.
 };
 
 // One number for /metrics, in Prometheus' terms.
@@ -129,15 +164,27 @@ class FarmView {
   virtual std::vector<JobView> ListJobs() const = 0;
   // With its frames. Errors: kNotFound.
   virtual absl::StatusOr<JobView> FindJob(const std::string& job_id) const = 0;
+  // The last failures of a job since the coordinator's start, newest first. Errors: kNotFound.
+  virtual absl::StatusOr<std::vector<FailureView>> ListFailures(
+      const std::string& job_id) const = 0;
   // Ascending by id.
   virtual std::vector<WorkerView> ListWorkers() const = 0;
   // All counters and gauges; those of one name are adjacent.
   virtual std::vector<MetricView> Metrics() const = 0;
   // The picture so far in the given channels of FramePicture alone: copying all would take long.
-  // Errors: kNotFound (no such frame); kUnavailable (no sample is there yet); kInternal (no such
-  // channel).
+  // kCpuChannel comes alone, as far as parts of the frame are kept.
+  // Errors: kNotFound (no such frame); kUnavailable (no sample is there yet, or no part is kept);
+  // kInternal (no such channel).
   virtual absl::StatusOr<PreviewView> Preview(const std::string& job_id, int32_t frame_number,
                                               const std::vector<std::string>& channels) const = 0;
+  // R, G and B of the picture so far, shrunk to kThumbnailPixelCountMax. Errors: kNotFound;
+  // kUnavailable (no sample is there yet, or none was kept).
+  virtual absl::StatusOr<PreviewView> Thumbnail(const std::string& job_id,
+                                                int32_t frame_number) const = 0;
+  // The picture as it was at the end of a round, from 0, shrunk; with the channels of all layers.
+  // Errors: kNotFound (no such frame, or none is kept).
+  virtual absl::StatusOr<PreviewView> RoundPreview(const std::string& job_id, int32_t frame_number,
+                                                   int32_t round) const = 0;
   // Whether the coordinator accepts work: state is loaded and the disk takes writes. Otherwise why
   // not (kUnavailable or kResourceExhausted).
   virtual absl::Status Ready() const = 0;

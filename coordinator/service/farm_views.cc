@@ -8,14 +8,10 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
-#include "common/film/exr_codec.h"
 #include "coordinator/service/farm.h"
 
 namespace sheaf::coordinator {
 namespace {
-
-// The preview of a delivered frame never changes again.
-constexpr uint64_t kDeliveredPreviewVersion = uint64_t{1} << 32;
 
 double Seconds(absl::Duration duration) { return absl::ToDoubleSeconds(duration); }
 
@@ -37,6 +33,7 @@ void AddProgress(const ProgressView& frame, ProgressView* sum) {
 }
 
 JobState StateOf(const JobRecord& job, bool begun) {
+  if (job.Paused()) return JobState::kPaused;
   switch (job.phase) {
     case JobPhase::kSucceeded:
       return JobState::kSucceeded;
@@ -50,14 +47,8 @@ JobState StateOf(const JobRecord& job, bool begun) {
   return begun ? JobState::kRunning : JobState::kQueued;
 }
 
-WorkerState StateOf(const WorkerRecord& worker) {
-  if (worker.Quarantined()) return WorkerState::kQuarantined;
-  if (worker.lost) return WorkerState::kLost;
-  if (worker.draining) return WorkerState::kDraining;
-  return worker.leases.empty() ? WorkerState::kIdle : WorkerState::kBusy;
-}
-
-std::vector<RoundView> ViewsOf(const std::vector<RoundRecord>& rounds) {
+std::vector<RoundView> ViewsOf(const FrameId& frame, const std::vector<RoundRecord>& rounds,
+                               const RoundPreviews& previews) {
   std::vector<RoundView> views;
   views.reserve(rounds.size());
   for (const RoundRecord& round : rounds) {
@@ -65,32 +56,14 @@ std::vector<RoundView> ViewsOf(const std::vector<RoundRecord>& rounds) {
     views.push_back({round.relative_mse, round.relative_mse_upper, round.predicted_relative_mse,
                      foretold > 0 ? round.relative_mse / foretold : 0, round.sample_count,
                      round.cost.ray_count, Seconds(round.cost.cpu_duration),
-                     Seconds(round.wall_duration), round.cost.part_bytes});
+                     Seconds(round.wall_duration), round.cost.part_bytes,
+                     previews.VersionOf(frame, round.round)});
   }
   return views;
 }
 
 absl::Status NoSuchJob(const std::string& job_id) {
   return absl::NotFoundError(absl::StrCat("jobs/", job_id, ": there is no such job"));
-}
-
-// The wanted channels of a developed picture. Full planes of the others are most of it.
-absl::StatusOr<FramePicture> CopyChannels(const FramePicture& picture,
-                                          const std::vector<std::string>& channels) {
-  FramePicture copy;
-  copy.window = picture.window;
-  copy.frame_width_px = picture.frame_width_px;
-  copy.frame_height_px = picture.frame_height_px;
-  copy.color = picture.color;
-  for (const std::string& channel : channels) {
-    const std::vector<float>* plane = picture.Find(channel);
-    if (plane == nullptr) {
-      return absl::InternalError(absl::StrCat("the picture has no channel ", channel));
-    }
-    copy.channel_names.push_back(channel);
-    copy.planes.push_back(*plane);
-  }
-  return copy;
 }
 
 }  // namespace
@@ -134,7 +107,7 @@ FrameView Farm::ViewOf(const JobRecord& job, const FrameRecord& frame, absl::Tim
     progress.relative_mse = open->second->error.relative_mse;
   }
   progress.wall_seconds = Seconds(WallOf(id, now));
-  if (job.phase == JobPhase::kLive) {
+  if (job.phase == JobPhase::kLive && !job.Paused()) {
     EstimateRemaining(
         frame.sample_count_done - std::min(frame.sample_count_restored, frame.sample_count_done),
         &progress);
@@ -154,6 +127,7 @@ JobView Farm::ViewOf(const JobRecord& job, bool with_frames, absl::Time now) con
   view.waiting_reason = scheduler_.WaitingReason(job);
   view.create_time = account.create_time;
   view.end_time = account.end_time;
+  view.failure_count = job.failure_count;
   view.frame_count = static_cast<int32_t>(job.frames.size());
   view.frame_complete_count = job.delivered_count;
   absl::Time first_lease_time = absl::InfiniteFuture();
@@ -168,35 +142,25 @@ JobView Farm::ViewOf(const JobRecord& job, bool with_frames, absl::Time now) con
         frame.sample_count_done - std::min(frame.sample_count_restored, frame.sample_count_done);
     if (!with_frames) continue;
     const auto rounds = account.rounds.find(frame.spec.frame_number);
-    if (rounds != account.rounds.end()) of_frame.rounds = ViewsOf(rounds->second);
+    if (rounds != account.rounds.end()) {
+      of_frame.rounds =
+          ViewsOf({job.spec.job_id, of_frame.frame_number}, rounds->second, *round_previews_);
+    }
     view.frames.push_back(std::move(of_frame));
   }
   ProgressView& progress = view.progress;
   if (progress.sample_count_done > 0) {
     progress.relative_mse /= static_cast<double>(progress.sample_count_done);
   }
-  const absl::Time until = std::min(now, account.end_time);
+  const absl::Time until = std::min({now, account.end_time, job.paused_time});
   if (first_lease_time < until) progress.wall_seconds = Seconds(until - first_lease_time);
-  if (job.phase == JobPhase::kLive) EstimateRemaining(done_since_start, &progress);
+  if (job.phase == JobPhase::kLive && !job.Paused()) {
+    EstimateRemaining(done_since_start, &progress);
+  }
   if (job.phase == JobPhase::kSucceeded) progress.remaining_seconds = 0;
   const bool begun =
       progress.sample_count_done > 0 || scheduler_.leases().CountOfJob(job.spec.job_id) > 0;
   view.state = StateOf(job, begun);
-  return view;
-}
-
-WorkerView Farm::ViewOf(const WorkerRecord& worker) const {
-  WorkerView view;
-  view.worker_id = worker.worker_id;
-  view.host = worker.host;
-  view.state = StateOf(worker);
-  view.thread_count = worker.thread_count;
-  view.numeric_profile = worker.numeric_profile;
-  view.lease_count = static_cast<int32_t>(worker.leases.size());
-  view.result_count = worker.result_count;
-  view.samples_per_second = worker.SamplesPerThreadSecond() * worker.thread_count;
-  view.last_seen_time = worker.last_seen_time;
-  view.reason = worker.quarantine_reason;
   return view;
 }
 
@@ -217,54 +181,6 @@ absl::StatusOr<JobView> Farm::FindJob(const std::string& job_id) const {
   const auto job = scheduler_.jobs().find(id);
   if (job == scheduler_.jobs().end()) return NoSuchJob(job_id);
   return ViewOf(job->second, /*with_frames=*/true, absl::Now());
-}
-
-std::vector<WorkerView> Farm::ListWorkers() const {
-  const std::lock_guard lock(mutex_);
-  std::vector<WorkerView> views;
-  for (const auto& [id, worker] : scheduler_.workers().workers()) views.push_back(ViewOf(worker));
-  return views;
-}
-
-absl::StatusOr<PreviewView> Farm::Preview(const std::string& job_id, int32_t frame_number,
-                                          const std::vector<std::string>& channels) const {
-  uint64_t id = 0;
-  if (!absl::SimpleAtoi(job_id, &id)) return NoSuchJob(job_id);
-  PreviewView view;
-  std::shared_ptr<OpenFrame> open;
-  {
-    const std::lock_guard lock(mutex_);
-    const FrameRecord* frame = scheduler_.FindFrame({id, frame_number});
-    if (frame == nullptr) {
-      return absl::NotFoundError(
-          absl::StrCat("jobs/", job_id, "/frames/", frame_number, ": there is no such frame"));
-    }
-    view.complete = frame->phase == FrameRecord::Phase::kDelivered;
-    if (const auto found = open_frames_.find({id, frame_number}); found != open_frames_.end()) {
-      open = found->second;
-      view.version = open->preview_version;
-    }
-  }
-  if (view.complete) {
-    const absl::StatusOr<std::string> path = store_->OutputPath({id, frame_number});
-    if (!path.ok()) return path.status();
-    const absl::StatusOr<FramePicture> picture = ReadPicture(*path);
-    if (!picture.ok()) return picture.status();
-    absl::StatusOr<FramePicture> copy = CopyChannels(*picture, channels);
-    if (!copy.ok()) return copy.status();
-    view.version = kDeliveredPreviewVersion;
-    view.picture = *std::move(copy);
-    return view;
-  }
-  if (open == nullptr || view.version == 0) {
-    return absl::UnavailableError(
-        absl::StrCat("jobs/", job_id, "/frames/", frame_number, ": no sample is there yet"));
-  }
-  const std::lock_guard lock(open->mutex);
-  absl::StatusOr<FramePicture> copy = CopyChannels(open->merge.picture(), channels);
-  if (!copy.ok()) return copy.status();
-  view.picture = *std::move(copy);
-  return view;
 }
 
 absl::Status Farm::Ready() const {

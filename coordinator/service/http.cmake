@@ -17,7 +17,7 @@ sheaf_add_module(NAME coordinator_http
           http_preview.cc http_router.cc http_server.cc http_service.cc http_watch.cc picture_layer.cc
           ${page_source}
   DEPS sheaf::coordinator_view absl::status absl::statusor absl::time sheaf::film sheaf::image
-  PRIVATE_DEPS sheaf::base absl::strings absl::str_format Boost::headers
+  PRIVATE_DEPS sheaf::base sheaf::coordinator_core absl::strings absl::str_format Boost::headers
                nlohmann_json::nlohmann_json Threads::Threads
   TESTS event_stream_test.cc http_api_test.cc http_preview_test.cc http_router_test.cc
         http_server_test.cc http_watch_test.cc picture_layer_test.cc

@@ -87,6 +87,33 @@ HttpResponse NotModified(const std::string& etag) {
   return response;
 }
 
+// Errors: kInvalidArgument.
+absl::StatusOr<PreviewChoice> ChoiceOf(const HttpRequest& request) {
+  const std::string name = QueryValue(request, "layer");
+  const std::optional<PictureLayer> layer = PictureLayerFromName(name);
+  if (!layer) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("layer \"", name, "\" is none of picture, light, error, samples, time"));
+  }
+  const std::string size = QueryValue(request, "size");
+  const bool thumbnail = size == "thumbnail";
+  if (!size.empty() && (!thumbnail || *layer != PictureLayer::kPicture)) {
+    return absl::InvalidArgumentError("the only other size is thumbnail, of the picture alone");
+  }
+  PreviewChoice choice{*layer, thumbnail, std::nullopt};
+  const std::string round = QueryValue(request, "round");
+  if (round.empty()) return choice;
+  int32_t number = 0;
+  if (!absl::SimpleAtoi(round, &number) || number < 0) {
+    return absl::InvalidArgumentError(absl::StrCat("round \"", round, "\" is no number from 0"));
+  }
+  if (thumbnail || *layer == PictureLayer::kTime) {
+    return absl::InvalidArgumentError("rounds have no thumbnails and no times of their own");
+  }
+  choice.round = number;
+  return choice;
+}
+
 }  // namespace
 
 HttpResponse HttpErrorFromStatus(const absl::Status& status) {
@@ -110,14 +137,22 @@ std::vector<HttpRoute> HttpApi::Routes() {
     response.body = PrometheusText(farm_.Metrics());
     return response;
   };
-  const std::string frame = "/api/v1/jobs/{}/frames/{}";
+  const std::string job = "/api/v1/jobs/{}";
+  const std::string frame = job + "/frames/{}";
   return {
       {"GET", "/healthz", healthy},
       {"GET", "/readyz", [this](const Request&) { return Ready(); }},
       {"GET", "/metrics", metrics},
       {"GET", "/api/v1/jobs", [this](const Request& r) { return ListJobs(r); }},
-      {"GET", "/api/v1/jobs/{}", [this](const Request& r) { return GetJob(r); }},
-      {"POST", "/api/v1/jobs/{}:cancel", [this](const Request& r) { return CancelJob(r); }},
+      {"GET", job, [this](const Request& r) { return GetJob(r); }},
+      {"GET", job + "/failures", [this](const Request& r) { return ListFailures(r); }},
+      {"POST", job + ":cancel",
+       [this](const Request& r) { return ChangeJob(r, actions_.cancel_job); }},
+      {"POST", job + ":pause",
+       [this](const Request& r) { return ChangeJob(r, actions_.pause_job); }},
+      {"POST", job + ":resume",
+       [this](const Request& r) { return ChangeJob(r, actions_.resume_job); }},
+      {"POST", job + ":priority", [this](const Request& r) { return SetPriority(r); }},
       {"GET", frame, [this](const Request& r) { return GetFrame(r); }},
       {"GET", frame + "/preview.png", [this](const Request& r) { return GetPreview(r); }},
       {"GET", "/api/v1/false-color.png", [this](const Request&) { return GetFalseColor(); }},
@@ -177,13 +212,35 @@ HttpResponse HttpApi::GetJob(const HttpRequest& request) const {
       JobWithFramesJson(*job, page, ended ? "" : absl::StrCat(std::prev(frame)->frame_number)));
 }
 
-HttpResponse HttpApi::CancelJob(const HttpRequest& request) {
+HttpResponse HttpApi::ListFailures(const HttpRequest& request) const {
   const std::string& job_id = request.path_parameters[0];
-  const absl::Status cancelled = actions_.cancel_job(job_id);
-  if (!cancelled.ok()) return HttpErrorFromStatus(cancelled);
+  const absl::StatusOr<std::vector<FailureView>> failures = farm_.ListFailures(job_id);
+  if (!failures.ok()) return HttpErrorFromStatus(failures.status());
+  std::vector<std::string> list;
+  for (const FailureView& failure : *failures) list.push_back(FailureJson(job_id, failure));
+  return JsonResponse(ListJson("failures", list, ""));
+}
+
+HttpResponse HttpApi::ChangeJob(const HttpRequest& request,
+                                const std::function<absl::Status(const std::string&)>& act) const {
+  const std::string& job_id = request.path_parameters[0];
+  const absl::Status done = act(job_id);
+  if (!done.ok()) return HttpErrorFromStatus(done);
   const absl::StatusOr<JobView> job = farm_.FindJob(job_id);
   if (!job.ok()) return HttpErrorFromStatus(job.status());
   return JsonResponse(JobJson(*job));
+}
+
+HttpResponse HttpApi::SetPriority(const HttpRequest& request) const {
+  const std::string text = QueryValue(request, "value");
+  int32_t priority = 0;
+  if (!absl::SimpleAtoi(text, &priority)) {
+    return HttpErrorFromStatus(
+        absl::InvalidArgumentError(absl::StrCat("value \"", text, "\" is no whole number")));
+  }
+  return ChangeJob(request, [&](const std::string& job_id) {
+    return actions_.set_job_priority(job_id, priority);
+  });
 }
 
 absl::StatusOr<FrameView> HttpApi::FindFrame(const HttpRequest& request) const {
@@ -210,23 +267,22 @@ HttpResponse HttpApi::GetFrame(const HttpRequest& request) const {
 HttpResponse HttpApi::GetPreview(const HttpRequest& request) {
   const absl::StatusOr<FrameView> frame = FindFrame(request);
   if (!frame.ok()) return HttpErrorFromStatus(frame.status());
+  const absl::StatusOr<PreviewChoice> choice = ChoiceOf(request);
+  if (!choice.ok()) return HttpErrorFromStatus(choice.status());
   const auto etag = [&](uint64_t version) {
     return absl::StrCat("\"", instance_, "-", version, "\"");
   };
-  if (ClientHas(request, etag(frame->preview_version))) {
-    return NotModified(etag(frame->preview_version));
-  }
-  const std::string name = QueryValue(request, "layer");
-  const std::optional<PictureLayer> layer = PictureLayerFromName(name);
-  if (!layer) {
-    return HttpErrorFromStatus(absl::InvalidArgumentError(
-        absl::StrCat("layer \"", name, "\" is none of picture, light, error, samples")));
-  }
+  const uint64_t newest = PreviewCache::VersionOf(*frame, *choice);
+  if (ClientHas(request, etag(newest))) return NotModified(etag(newest));
   absl::StatusOr<EncodedPreview> preview =
-      previews_.Find(farm_, request.path_parameters[0], *frame, *layer);
+      (choice->thumbnail ? thumbnails_ : previews_)
+          .Find(farm_, request.path_parameters[0], *frame, *choice);
   HttpResponse response;
-  if (absl::IsUnavailable(preview.status()) && !frame->complete) {
-    // No failure: a job may end between the event that names a picture and the request for it.
+  const bool may_lack =
+      !frame->complete || choice->thumbnail || choice->layer == PictureLayer::kTime;
+  if (absl::IsUnavailable(preview.status()) && may_lack) {
+    // No failure: a job may end between the event that names a picture and the request for it,
+    // frames of earlier versions have no thumbnail, and those without parts no times.
     response.status = 204;
     response.headers = {{"Cache-Control", "no-store"}};
     return response;

@@ -8,12 +8,21 @@
 //   GET  /metrics                                   Prometheus text
 //   GET  /api/v1/jobs?page_size&page_token          jobs, newest first, without frames
 //   GET  /api/v1/jobs/ID?page_size&page_token       one job with a page of its frames
+//   GET  /api/v1/jobs/ID/failures                   leases that came to nothing, the last ones,
+//        newest first, each with the command that renders its tile again on one machine
 //   POST /api/v1/jobs/ID:cancel                     cancels; repeating it changes nothing
+//   POST /api/v1/jobs/ID:pause, ID:resume           no new leases, or leases again; likewise
+//   POST /api/v1/jobs/ID:priority?value=N           higher goes first, from -1000 to 1000; likewise
 //   GET  /api/v1/jobs/ID/frames/N                   one frame
 //   GET  /api/v1/jobs/ID/frames/N/preview.png?layer=NAME
-//        the picture so far; 204 where there is none. Layers: picture, light, error and samples,
-//        see picture_layer.h; the last two come with X-Sheaf-Range: LOW HIGH, the ends of their
-//        colours
+//        the picture so far; 204 where there is none. Layers: picture, light, error, samples and
+//        time, see picture_layer.h; the last three come with X-Sheaf-Range: LOW HIGH, the ends of
+//        their colours
+//   GET  /api/v1/jobs/ID/frames/N/preview.png?size=thumbnail
+//        the picture so far, small; 204 where there is none
+//   GET  /api/v1/jobs/ID/frames/N/preview.png?layer=NAME&round=R
+//        a layer as it was at the end of a round, from 0, small; 404 where that is not kept, as the
+//        frame's rounds[R].preview_version tells by 0
 //   GET  /api/v1/false-color.png                    the false colours from low to high, one row
 //   GET  /api/v1/jobs/ID/frames/N/output.exr        the delivered picture
 //   GET  /api/v1/workers                            workers
@@ -46,6 +55,9 @@ inline constexpr int kPageSizeMax = 1000;
 struct FarmActions {
   // Cancels a job; nothing happens to one that has ended. Errors: kNotFound.
   std::function<absl::Status(const std::string& job_id)> cancel_job;
+  // The same of its pause, and of its priority, where kInvalidArgument is an error too.
+  std::function<absl::Status(const std::string&job_id)> pause_job, resume_job;
+  std::function<absl::Status(const std::string& job_id, int32_t priority)> set_job_priority;
 };
 
 class HttpApi {
@@ -62,7 +74,11 @@ class HttpApi {
   HttpResponse Ready() const;
   HttpResponse ListJobs(const HttpRequest& request) const;
   HttpResponse GetJob(const HttpRequest& request) const;
-  HttpResponse CancelJob(const HttpRequest& request);
+  HttpResponse ListFailures(const HttpRequest& request) const;
+  // Acts on the job that the path names and answers with the job as it is then.
+  HttpResponse ChangeJob(const HttpRequest& request,
+                         const std::function<absl::Status(const std::string&)>& act) const;
+  HttpResponse SetPriority(const HttpRequest& request) const;
   HttpResponse GetFrame(const HttpRequest& request) const;
   HttpResponse GetPreview(const HttpRequest& request);
   HttpResponse GetFalseColor() const;
@@ -75,7 +91,7 @@ class HttpApi {
   const FarmView& farm_;
   const FarmActions actions_;
   const std::string instance_;
-  PreviewCache previews_;
+  PreviewCache previews_, thumbnails_{kThumbnailCacheCountMax};
 };
 
 // The response that tells of a status. Requires: !status.ok().

@@ -20,18 +20,27 @@ using testing::HasSubstr;
 
 class HttpApiTest : public testing::Test {
  protected:
-  HttpApiTest()
-      : api_(farm_, {[this](const std::string& id) { return Cancel(id); }}, "run"),
-        router_(api_.Routes(), {}) {
+  HttpApiTest() : api_(farm_, Actions(), "run"), router_(api_.Routes(), {}) {
     farm_.jobs = {MakeFakeJob("3"), MakeFakeJob("2"), MakeFakeJob("1")};
     farm_.preview.version = 3;
     farm_.preview.picture = MakeFakePicture(4, 2, 0.5f);
   }
 
-  absl::Status Cancel(const std::string& job_id) {
+  FarmActions Actions() {
+    FarmActions actions;
+    actions.cancel_job = [this](const std::string& id) { return Set(id, JobState::kCancelled); };
+    actions.pause_job = [this](const std::string& id) { return Set(id, JobState::kPaused); };
+    actions.resume_job = [this](const std::string& id) { return Set(id, JobState::kRunning); };
+    actions.set_job_priority = [this](const std::string& id, int32_t priority) {
+      farm_.jobs[0].priority = priority;
+      return Set(id, JobState::kRunning);
+    };
+    return actions;
+  }
+  absl::Status Set(const std::string& job_id, JobState state) {
     for (JobView& job : farm_.jobs) {
       if (job.job_id != job_id) continue;
-      job.state = JobState::kCancelled;
+      job.state = state;
       return absl::OkStatus();
     }
     return absl::NotFoundError("no job jobs/" + job_id);
@@ -128,6 +137,53 @@ TEST_F(HttpApiTest, CancelAnswersWithTheJob) {
   EXPECT_EQ(json::parse(response.body)["state"], "cancelled");
 }
 
+TEST_F(HttpApiTest, JobsArePausedResumedAndPutFirst) {
+  EXPECT_EQ(json::parse(Send("POST", "/api/v1/jobs/2:pause").body)["state"], "paused");
+  EXPECT_EQ(json::parse(Send("POST", "/api/v1/jobs/2:resume").body)["state"], "running");
+  EXPECT_EQ(json::parse(Send("POST", "/api/v1/jobs/3:priority?value=-7").body)["priority"], -7);
+  EXPECT_EQ(Send("POST", "/api/v1/jobs/9:pause").status, 404);
+  for (const char* wrong : {"", "?value=", "?value=high", "?value=1.5"}) {
+    EXPECT_EQ(Send("POST", std::string("/api/v1/jobs/3:priority") + wrong).status, 400) << wrong;
+  }
+}
+
+TEST_F(HttpApiTest, FailuresComeWithTheCommandThatRepeatsThem) {
+  FailureRecord failure;
+  failure.frame_number = 1;
+  failure.tile = {0, 0, 4, 2};
+  failure.block = {16, 16};
+  failure.worker_id = "w";
+  failure.kind = FailureKind::kMemory;
+  failure.message = "too large";
+  farm_.failures = {{failure, "sheaf render a.pbrt"}};
+  farm_.jobs[0].failure_count = 1;
+  EXPECT_EQ(Get("/api/v1/jobs/3")["failure_count"], 1);
+  const json list = Get("/api/v1/jobs/3/failures")["failures"];
+  ASSERT_EQ(list.size(), 1u);
+  EXPECT_EQ(list[0]["frame_name"], "jobs/3/frames/1");
+  EXPECT_EQ(list[0]["kind"], "memory");
+  EXPECT_EQ(list[0]["tile"]["x1_px"], 4);
+  EXPECT_EQ(list[0]["first_sample"], 16);
+  EXPECT_EQ(list[0]["command"], "sheaf render a.pbrt");
+  EXPECT_EQ(Send("GET", "/api/v1/jobs/9/failures").status, 404);
+}
+
+TEST_F(HttpApiTest, WorkersTellWhatTheyDoAndHave) {
+  WorkerView worker;
+  worker.worker_id = "w";
+  worker.leases = {{{3, 1}, {0, 0, 2, 2}, {0, 8}, LeasePhase::kRendering, absl::UnixEpoch()}};
+  worker.warm_scenes = {"room.pbrt"};
+  worker.warm_scene_count = 1;
+  farm_.workers = {worker};
+  json shown = Get("/api/v1/workers")["workers"][0];
+  EXPECT_EQ(shown["leases"][0]["frame_name"], "jobs/3/frames/1");
+  EXPECT_EQ(shown["leases"][0]["phase"], "rendering");
+  EXPECT_EQ(shown["warm_scenes"], json({"room.pbrt"}));
+  EXPECT_TRUE(shown["scene_memory_bytes"].is_null());
+  farm_.workers[0].scene_memory_bytes = 4096;
+  EXPECT_EQ(Get("/api/v1/workers")["workers"][0]["scene_memory_bytes"], 4096);
+}
+
 TEST_F(HttpApiTest, PreviewIsAPngThatIsSentOnce) {
   const std::string path = "/api/v1/jobs/1/frames/1/preview.png";
   const HttpResponse first = Send("GET", path);
@@ -150,6 +206,37 @@ TEST_F(HttpApiTest, PreviewHasLayersWithTheirRanges) {
   EXPECT_EQ(unknown.status, 400);
   EXPECT_THAT(unknown.body, HasSubstr("none of picture, light, error, samples"));
   EXPECT_EQ(Send("GET", "/api/v1/false-color.png").content_type, "image/png");
+}
+
+TEST_F(HttpApiTest, ThumbnailsAreSmallPictures) {
+  farm_.preview.picture = MakeFakePicture(400, 200, 0.5f);
+  const std::string path = "/api/v1/jobs/2/frames/1/preview.png";
+  const HttpResponse small = Send("GET", path + "?size=thumbnail");
+  EXPECT_EQ(small.status, 200);
+  EXPECT_LT(small.body.size(), Send("GET", path).body.size());
+  // Width and height follow the PNG's signature and its first chunk's head.
+  EXPECT_EQ(small.body.substr(16, 8), std::string("\0\0\0\x85\0\0\0\x42", 8));
+  EXPECT_EQ(Send("GET", path + "?size=huge").status, 400);
+  EXPECT_EQ(Send("GET", path + "?size=thumbnail&layer=error").status, 400);
+}
+
+TEST_F(HttpApiTest, RoundsHavePicturesOfTheirOwn) {
+  farm_.jobs[1].frames[0].rounds.resize(2);
+  farm_.jobs[1].frames[0].rounds[1].preview_version = 7;
+  farm_.round_preview.picture = MakeFakePicture(2, 1, 0.25f);
+  const std::string path = "/api/v1/jobs/2/frames/1/preview.png?layer=";
+  const HttpResponse round = Send("GET", path + "samples&round=1");
+  EXPECT_EQ(round.status, 200);
+  EXPECT_EQ(Header(round, "X-Sheaf-Range"), "16 16");
+  EXPECT_EQ(Header(round, "ETag"), "\"run-7\"");
+  EXPECT_EQ(Send("GET", path + "samples&round=1", "\"run-7\"").status, 304);
+  EXPECT_NE(Send("GET", path + "&round=1").body, Send("GET", path).body);
+  EXPECT_EQ(Send("GET", path + "&round=0").status, 404) << "not kept";
+  EXPECT_EQ(Send("GET", path + "&round=2").status, 404);
+  for (const char* wrong : {"-1", "x", "1&size=thumbnail"}) {
+    EXPECT_EQ(Send("GET", path + "&round=" + wrong).status, 400) << wrong;
+  }
+  EXPECT_EQ(Get("/api/v1/jobs/2/frames/1")["rounds"][1]["preview_version"], 7);
 }
 
 TEST_F(HttpApiTest, PreviewWithoutSamplesIsEmptyAndNoError) {

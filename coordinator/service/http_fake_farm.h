@@ -14,6 +14,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
+#include "common/film/shrink_picture.h"
 #include "coordinator/service/farm_view.h"
 
 namespace sheaf::coordinator {
@@ -24,8 +25,10 @@ class FakeFarm : public FarmView {
   std::vector<JobView> jobs;  // With their frames.
   std::vector<WorkerView> workers;
   std::vector<MetricView> metrics;
+  std::vector<FailureView> failures;  // Of every job.
   absl::Status ready;
-  PreviewView preview;  // Of every frame.
+  PreviewView preview;        // Of every frame.
+  PreviewView round_preview;  // Of every round that has a version.
 
   // Applies a change under the lock and wakes whoever waits.
   template <class Change>
@@ -51,6 +54,11 @@ class FakeFarm : public FarmView {
     }
     return absl::NotFoundError(absl::StrCat("no job jobs/", job_id));
   }
+  absl::StatusOr<std::vector<FailureView>> ListFailures(const std::string& job_id) const override {
+    if (absl::Status found = FindJob(job_id).status(); !found.ok()) return found;
+    const std::lock_guard<std::mutex> lock(mutex_);
+    return failures;
+  }
   std::vector<WorkerView> ListWorkers() const override {
     const std::lock_guard<std::mutex> lock(mutex_);
     return workers;
@@ -64,6 +72,33 @@ class FakeFarm : public FarmView {
     const std::lock_guard<std::mutex> lock(mutex_);
     if (preview.version == 0) return absl::UnavailableError("no sample is there yet");
     return preview;
+  }
+  absl::StatusOr<PreviewView> Thumbnail(const std::string& job_id,
+                                        int32_t frame_number) const override {
+    absl::StatusOr<PreviewView> view = Preview(job_id, frame_number, {});
+    if (!view.ok()) return view.status();
+    absl::StatusOr<FramePicture> small =
+        ShrinkPicture(view->picture, {"R", "G", "B"}, kThumbnailPixelCountMax);
+    if (!small.ok()) return small.status();
+    view->picture = *std::move(small);
+    return view;
+  }
+  absl::StatusOr<PreviewView> RoundPreview(const std::string& job_id, int32_t frame_number,
+                                           int32_t round) const override {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    for (const JobView& job : jobs) {
+      if (job.job_id != job_id) continue;
+      for (const FrameView& frame : job.frames) {
+        const auto index = static_cast<size_t>(round);
+        if (frame.frame_number != frame_number || round < 0 || index >= frame.rounds.size()) {
+          continue;
+        }
+        PreviewView view = round_preview;
+        view.version = frame.rounds[index].preview_version;
+        if (view.version > 0) return view;
+      }
+    }
+    return absl::NotFoundError("no such round is kept");
   }
   absl::Status Ready() const override {
     const std::lock_guard<std::mutex> lock(mutex_);
@@ -109,17 +144,20 @@ inline JobView MakeFakeJob(const std::string& job_id) {
   return job;
 }
 
-// A picture of one colour, with 16 samples in every pixel and standard errors of a tenth of it.
+// A picture of one colour, with 16 samples in every pixel, standard errors of a tenth of it and a
+// millisecond of CPU time.
 inline FramePicture MakeFakePicture(int32_t width_px, int32_t height_px, float level) {
   FramePicture picture;
   picture.window = {0, 0, width_px, height_px};
   picture.frame_width_px = width_px;
   picture.frame_height_px = height_px;
-  picture.channel_names = {"R", "G", "B", "stderr.R", "stderr.G", "stderr.B", "samples"};
+  picture.channel_names = {"R",        "G",        "B",       "stderr.R",
+                           "stderr.G", "stderr.B", "samples", kCpuChannel};
   const size_t count = static_cast<size_t>(width_px) * static_cast<size_t>(height_px);
   picture.planes.assign(3, std::vector<float>(count, level));
   picture.planes.resize(6, std::vector<float>(count, 0.1f * level));
   picture.planes.emplace_back(count, 16.0f);
+  picture.planes.emplace_back(count, 0.001f);
   return picture;
 }
 

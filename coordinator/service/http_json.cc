@@ -26,6 +26,14 @@ Json TimeJson(absl::Time time) {
   return absl::FormatTime("%Y-%m-%dT%H:%M:%E3SZ", time, absl::UTCTimeZone());
 }
 
+std::string FrameName(const std::string& job_id, int32_t frame_number) {
+  return absl::StrCat("jobs/", job_id, "/frames/", frame_number);
+}
+
+Json RectJson(const PixelRect& rect) {
+  return {{"x0_px", rect.x0}, {"y0_px", rect.y0}, {"x1_px", rect.x1}, {"y1_px", rect.y1}};
+}
+
 Json ProgressJson(const ProgressView& progress) {
   const bool error_known = progress.relative_mse > 0 && std::isfinite(progress.relative_mse);
   const bool remaining_known =
@@ -66,6 +74,7 @@ Json RoundsJson(const std::vector<RoundView>& rounds) {
         {"cpu_duration_seconds", round.cpu_seconds},
         {"wall_duration_seconds", round.wall_seconds},
         {"part_bytes", round.part_bytes},
+        {"preview_version", round.preview_version},
     });
   }
   return json;
@@ -80,6 +89,7 @@ Json JobObject(const JobView& job) {
       {"numeric_profile", job.numeric_profile},
       {"failure", job.failure},
       {"waiting_reason", job.waiting_reason},
+      {"failure_count", job.failure_count},
       {"create_time", TimeJson(job.create_time)},
       {"end_time", TimeJson(job.end_time)},
       {"frame_count", job.frame_count},
@@ -94,16 +104,14 @@ std::string JobJson(const JobView& job) { return Dump(JobObject(job)); }
 
 std::string FrameJson(const std::string& job_id, const FrameView& frame) {
   const FrameSettings& settings = frame.settings;
-  const PixelRect& window = settings.window;
   return Dump({
-      {"name", absl::StrCat("jobs/", job_id, "/frames/", frame.frame_number)},
+      {"name", FrameName(job_id, frame.frame_number)},
       {"frame_number", frame.frame_number},
       {"scene_digest", frame.scene_digest},
       {"frame_digest", frame.frame_digest},
       {"width_px", settings.width_px},
       {"height_px", settings.height_px},
-      {"window",
-       {{"x0_px", window.x0}, {"y0_px", window.y0}, {"x1_px", window.x1}, {"y1_px", window.y1}}},
+      {"window", RectJson(settings.window)},
       {"sample_count", settings.samples},
       {"stop", StopJson(frame.stop)},
       {"stop_reason", frame.complete ? StopReasonName(frame.stop_reason) : ""},
@@ -122,7 +130,34 @@ std::string FrameJson(const std::string& job_id, const FrameView& frame) {
   });
 }
 
+std::string FailureJson(const std::string& job_id, const FailureView& view) {
+  const FailureRecord& failure = view.failure;
+  return Dump({
+      {"frame_name", FrameName(job_id, failure.frame_number)},
+      {"frame_number", failure.frame_number},
+      {"tile", RectJson(failure.tile)},
+      {"first_sample", failure.block.first},
+      {"sample_count", failure.block.count},
+      {"worker", absl::StrCat("workers/", failure.worker_id)},
+      {"kind", FailureKindName(failure.kind)},
+      {"message", failure.message},
+      {"time", TimeJson(failure.time)},
+      {"command", view.command},
+  });
+}
+
 std::string WorkerJson(const WorkerView& worker) {
+  Json leases = Json::array();
+  for (const LeaseView& lease : worker.leases) {
+    leases.push_back({
+        {"frame_name", FrameName(absl::StrCat(lease.frame.job_id), lease.frame.frame_number)},
+        {"tile", RectJson(lease.tile)},
+        {"first_sample", lease.block.first},
+        {"sample_count", lease.block.count},
+        {"phase", LeasePhaseName(lease.phase)},
+        {"grant_time", TimeJson(lease.grant_time)},
+    });
+  }
   return Dump({
       {"name", absl::StrCat("workers/", worker.worker_id)},
       {"host", worker.host},
@@ -130,6 +165,11 @@ std::string WorkerJson(const WorkerView& worker) {
       {"thread_count", worker.thread_count},
       {"numeric_profile", worker.numeric_profile},
       {"lease_count", worker.lease_count},
+      {"leases", std::move(leases)},
+      {"warm_scene_count", worker.warm_scene_count},
+      {"warm_scenes", worker.warm_scenes},
+      {"scene_memory_bytes",
+       worker.scene_memory_bytes > 0 ? Json(worker.scene_memory_bytes) : Json()},
       {"result_count", worker.result_count},
       {"samples_per_second", worker.samples_per_second},
       {"last_seen_time", TimeJson(worker.last_seen_time)},

@@ -18,6 +18,8 @@ std::string JobJson(const JobView& job);
 // One frame of a job.
 std::string FrameJson(const std::string& job_id, const FrameView& frame);
 
+// One of a job's failures.
+std::string FailureJson(const std::string& job_id, const FailureView& view);
 std::string WorkerJson(const WorkerView& worker);
 
 // {"KEY": [objects...], "next_page_token": "..."}.

@@ -15,9 +15,9 @@ namespace sheaf::coordinator {
 namespace {
 
 std::string Mark(const JobView& job) {
-  return absl::StrCat(static_cast<int>(job.state), " ", job.progress.sample_count_done, " ",
-                      job.frame_complete_count, " ", job.progress.nonfinite_count, " ",
-                      job.waiting_reason, " ", job.failure);
+  return absl::StrCat(static_cast<int>(job.state), " ", job.priority, " ",
+                      job.progress.sample_count_done, " ", job.frame_complete_count, " ",
+                      job.progress.nonfinite_count, " ", job.waiting_reason, " ", job.failure);
 }
 
 std::string Mark(const FrameView& frame) {
@@ -26,8 +26,14 @@ std::string Mark(const FrameView& frame) {
 }
 
 std::string Mark(const WorkerView& worker) {
+  std::string leases;
+  for (const LeaseView& lease : worker.leases) {
+    absl::StrAppend(&leases, " ", lease.frame.job_id, "/", lease.frame.frame_number, "/",
+                    lease.tile.x0, "/", lease.tile.y0, "/", static_cast<int>(lease.phase));
+  }
   return absl::StrCat(static_cast<int>(worker.state), " ", worker.lease_count, " ",
                       worker.result_count, " ", absl::ToUnixSeconds(worker.last_seen_time), " ",
+                      worker.warm_scene_count, " ", worker.scene_memory_bytes, leases, " ",
                       worker.reason);
 }
 
@@ -49,8 +55,7 @@ void FarmDifference::Publish(const FarmView& farm) {
     if (!Differs(&jobs_, job.job_id, Mark(job)) || !watched) continue;
     PublishFrames(farm, job.job_id);
     hub_->Publish({"job", absl::StrCat("jobs/", job.job_id), JobJson(job)});
-    const bool open = job.state == JobState::kQueued || job.state == JobState::kRunning;
-    if (!open) frames_.erase(job.job_id);
+    if (HasEnded(job.state)) frames_.erase(job.job_id);
   }
   for (const WorkerView& worker : farm.ListWorkers()) {
     if (!Differs(&workers_, worker.worker_id, Mark(worker)) || !watched) continue;

@@ -17,12 +17,6 @@
 #include "coordinator/service/wire.h"
 
 namespace sheaf::coordinator {
-namespace {
-
-bool HasEnded(JobState state) { return state != JobState::kQueued && state != JobState::kRunning; }
-
-}  // namespace
-
 absl::StatusOr<JobView> JobService::Find(const std::string& name) const {
   const absl::StatusOr<std::string> id = ParseJobName(name);
   if (!id.ok()) return id.status();
@@ -132,6 +126,34 @@ grpc::Status JobService::CancelJob(grpc::ServerContext* /*context*/,
                                    const v1::CancelJobRequest* request, v1::Job* response) {
   const absl::StatusOr<JobView> view =
       Change(request->name(), [&](uint64_t id) { return farm_->CancelJob(id); });
+  if (!view.ok()) return ToGrpcStatus(view.status());
+  *response = ToWire(*view);
+  return grpc::Status::OK;
+}
+
+grpc::Status JobService::PauseJob(grpc::ServerContext* /*context*/,
+                                  const v1::PauseJobRequest* request, v1::Job* response) {
+  const absl::StatusOr<JobView> view =
+      Change(request->name(), [&](uint64_t id) { return farm_->PauseJob(id); });
+  if (!view.ok()) return ToGrpcStatus(view.status());
+  *response = ToWire(*view);
+  return grpc::Status::OK;
+}
+
+grpc::Status JobService::ResumeJob(grpc::ServerContext* /*context*/,
+                                   const v1::ResumeJobRequest* request, v1::Job* response) {
+  const absl::StatusOr<JobView> view =
+      Change(request->name(), [&](uint64_t id) { return farm_->ResumeJob(id); });
+  if (!view.ok()) return ToGrpcStatus(view.status());
+  *response = ToWire(*view);
+  return grpc::Status::OK;
+}
+
+grpc::Status JobService::SetJobPriority(grpc::ServerContext* /*context*/,
+                                        const v1::SetJobPriorityRequest* request,
+                                        v1::Job* response) {
+  const absl::StatusOr<JobView> view = Change(
+      request->name(), [&](uint64_t id) { return farm_->SetJobPriority(id, request->priority()); });
   if (!view.ok()) return ToGrpcStatus(view.status());
   *response = ToWire(*view);
   return grpc::Status::OK;

@@ -61,6 +61,11 @@ void AddOptions(CommandLine* line, CLI::App* app) {
                   "within it, the oldest go first")
       ->transform(CLI::AsSizeValue(false))
       ->capture_default_str();
+  app->add_option("--round-previews-max", farm.round_previews_bytes_max,
+                  "Disk for small pictures of the ends of rounds, e.g. 2G; the oldest go first, "
+                  "0 keeps none")
+      ->transform(CLI::AsSizeValue(false))
+      ->capture_default_str();
   app->add_flag("--insecure-allow-remote", line->server.insecure_remote_allowed,
                 "Listen, without encryption, where other machines can connect");
   app->add_option("--log-level", line->log_level, "debug, info, warning, error or off")

@@ -11,7 +11,9 @@
 #include <limits>
 
 #include "absl/strings/str_cat.h"
+#include "common/film/shrink_picture.h"
 #include "coordinator/service/false_color.h"
+#include "coordinator/service/farm_view.h"
 
 namespace sheaf::coordinator {
 namespace {
@@ -23,16 +25,6 @@ constexpr double kErrorFloorShare = 0.1;
 constexpr float kUnknown = std::numeric_limits<float>::quiet_NaN();
 
 using Planes = std::vector<const std::vector<float>*>;
-
-// The smallest whole factor that brings a picture under the limit, and leaves at least one pixel.
-int32_t ShrinkFactor(int32_t width_px, int32_t height_px) {
-  int32_t factor = 1;
-  while (int64_t{width_px / factor} * (height_px / factor) > kPreviewPixelCountMax &&
-         factor < std::min(width_px, height_px)) {
-    ++factor;
-  }
-  return factor;
-}
 
 // A picture as it is shown: its planes, and which square of pixels each shown pixel stands for.
 struct Source {
@@ -140,10 +132,10 @@ float Quantile(std::vector<float>* values, double share) {
 }
 
 // Between round numbers, without the few that lie far from the others.
-LayerRange ErrorRange(const std::vector<float>& errors) {
+LayerRange LogarithmicRange(const std::vector<float>& values) {
   std::vector<float> known;
-  for (const float error : errors) {
-    if (error > 0 && std::isfinite(error)) known.push_back(error);
+  for (const float value : values) {
+    if (value > 0 && std::isfinite(value)) known.push_back(value);
   }
   if (known.empty()) return {};
   const double low = RoundNumber(double{Quantile(&known, kRangeLowShare)}, /*up=*/false);
@@ -159,6 +151,19 @@ LayerRange SampleRange(const std::vector<float>& counts) {
     range.high = std::max(range.high, double{count});
   }
   return range.high > 0 ? range : LayerRange();
+}
+
+// NaN is what is not known.
+void FillLogarithmic(const std::vector<float>& values, DisplayPicture* display) {
+  const LayerRange range = LogarithmicRange(values);
+  display->range = range;
+  const double log_low = std::log(range.low), log_span = std::log(range.high) - log_low;
+  for (const float value : values) {
+    const bool known = range.high > 0 && !std::isnan(value);
+    display->pixels.push_back(
+        known ? Viridis(value > 0 ? (std::log(double{value}) - log_low) / log_span : 0)
+              : kUnknownColor);
+  }
 }
 
 // Planes: R, G, B, stderr.R, stderr.G, stderr.B, samples.
@@ -186,15 +191,7 @@ void FillError(const Source& source, DisplayPicture* display) {
   ForEachShown(source, [&](int32_t x, int32_t y) {
     errors.push_back(std::sqrt(MeanOfSquare(source, x, y, square)));
   });
-  const LayerRange range = ErrorRange(errors);
-  display->range = range;
-  const double log_low = std::log(range.low), log_span = std::log(range.high) - log_low;
-  for (const float error : errors) {
-    const bool known = range.high > 0 && !std::isnan(error);
-    display->pixels.push_back(
-        known ? Viridis(error > 0 ? (std::log(double{error}) - log_low) / log_span : 0)
-              : kUnknownColor);
-  }
+  FillLogarithmic(errors, display);
 }
 
 void FillSamples(const Source& source, DisplayPicture* display) {
@@ -212,6 +209,17 @@ void FillSamples(const Source& source, DisplayPicture* display) {
   }
 }
 
+void FillTime(const Source& source, DisplayPicture* display) {
+  const std::vector<float>& seconds = *source.planes[0];
+  std::vector<float> times;
+  ForEachShown(source, [&](int32_t x, int32_t y) {
+    times.push_back(MeanOfSquare(source, x, y, [&](size_t i) {
+      return seconds[i] > 0 ? double{seconds[i]} : double{kUnknown};
+    }));
+  });
+  FillLogarithmic(times, display);
+}
+
 }  // namespace
 
 std::optional<PictureLayer> PictureLayerFromName(const std::string& name) {
@@ -219,6 +227,7 @@ std::optional<PictureLayer> PictureLayerFromName(const std::string& name) {
   if (name == "light") return PictureLayer::kLight;
   if (name == "error") return PictureLayer::kError;
   if (name == "samples") return PictureLayer::kSamples;
+  if (name == "time") return PictureLayer::kTime;
   return std::nullopt;
 }
 
@@ -231,6 +240,8 @@ std::vector<std::string> ChannelsOf(PictureLayer layer) {
       return {"R", "G", "B", "stderr.R", "stderr.G", "stderr.B", "samples"};
     case PictureLayer::kSamples:
       return {"samples"};
+    case PictureLayer::kTime:
+      return {kCpuChannel};
   }
   return {};
 }
@@ -251,7 +262,7 @@ absl::StatusOr<DisplayPicture> MakeDisplayPicture(const FramePicture& picture, P
     }
   }
   source.width_px = picture.window.Width();
-  source.factor = ShrinkFactor(source.width_px, picture.window.Height());
+  source.factor = ShrinkFactor(source.width_px, picture.window.Height(), kPreviewPixelCountMax);
   source.shown_width_px = source.width_px / source.factor;
   source.shown_height_px = picture.window.Height() / source.factor;
   DisplayPicture display;
@@ -271,6 +282,9 @@ absl::StatusOr<DisplayPicture> MakeDisplayPicture(const FramePicture& picture, P
       break;
     case PictureLayer::kSamples:
       FillSamples(source, &display);
+      break;
+    case PictureLayer::kTime:
+      FillTime(source, &display);
       break;
   }
   return display;

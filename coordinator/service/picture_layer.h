@@ -36,9 +36,11 @@ enum class PictureLayer {
   kError,
   // Samples of a pixel, on a linear scale.
   kSamples,
+  // CPU time that a pixel took, seconds, the mean over its tile, on a logarithmic scale.
+  kTime,
 };
 
-// By the names "picture", "light", "error" and "samples"; "" means the picture.
+// By the names "picture", "light", "error", "samples" and "time"; "" means the picture.
 std::optional<PictureLayer> PictureLayerFromName(const std::string& name);
 
 // The channels of FramePicture that a layer is made from.

@@ -146,5 +146,18 @@ TEST(PictureLayerTest, AMissingChannelIsAnError) {
   EXPECT_FALSE(MakeDisplayPicture(picture, PictureLayer::kSamples).ok());
 }
 
+TEST(PictureLayerTest, TimeIsShownByTilesAndGreyWhereItIsNotKnown) {
+  FramePicture picture;
+  picture.window = {0, 0, 4, 1};
+  picture.channel_names = {"cpu"};
+  picture.planes = {{0.001f, 0.001f, 0.01f, 0}};
+  const auto display = MakeDisplayPicture(picture, PictureLayer::kTime);
+  ASSERT_TRUE(display.ok()) << display.status();
+  EXPECT_EQ(display->pixels[0], display->pixels[1]);
+  EXPECT_NE(display->pixels[0], display->pixels[2]);
+  EXPECT_EQ(display->pixels[3], kUnknownColor);
+  EXPECT_DOUBLE_EQ(display->range->low, 0.001);
+}
+
 }  // namespace
 }  // namespace sheaf::coordinator

@@ -133,6 +133,8 @@ v1::Job::State ToWire(JobState state) {
       return v1::Job::STATE_QUEUED;
     case JobState::kRunning:
       return v1::Job::STATE_RUNNING;
+    case JobState::kPaused:
+      return v1::Job::STATE_PAUSED;
     case JobState::kSucceeded:
       return v1::Job::STATE_SUCCEEDED;
     case JobState::kFailed:
@@ -277,6 +279,7 @@ absl::StatusOr<WorkerReport> FromWire(const v1::SynchronizeRequest& request) {
   report.lease_count_wanted = request.lease_count_wanted();
   report.draining = request.draining();
   report.warm_scenes.assign(request.warm_scenes().begin(), request.warm_scenes().end());
+  report.scene_memory_bytes = request.scene_memory_bytes();
   for (const v1::LeaseState& lease : request.leases()) {
     const absl::StatusOr<LeasePhase> phase = FromWire(lease.phase());
     if (!phase.ok()) return phase.status();

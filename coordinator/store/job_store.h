@@ -59,6 +59,7 @@ struct StoredJob {
   JobSpec spec;
   std::string request_id;
   JobPhase phase = JobPhase::kLive;
+  bool paused = false;  // Of live jobs.
   std::string failure;
   absl::Time create_time;
   absl::Time end_time = absl::InfiniteFuture();
@@ -92,6 +93,9 @@ class JobStore {
   virtual absl::StatusOr<std::optional<uint64_t>> FindRequest(const std::string& request_id) = 0;
   virtual absl::Status EndJob(uint64_t job_id, JobPhase phase, const std::string& failure,
                               absl::Time end_time) = 0;
+  // Ending a job ends its pause too.
+  virtual absl::Status SetPaused(uint64_t job_id, bool paused) = 0;
+  virtual absl::Status SetPriority(uint64_t job_id, int32_t priority) = 0;
 
   // Writes the bytes, then the row. Errors: kAlreadyExists where the key has a row.
   virtual absl::Status WritePart(const PartRow& row, const std::string& bytes) = 0;
@@ -99,6 +103,12 @@ class JobStore {
   // The rows of one tile, ascending by first sample.
   virtual absl::StatusOr<std::vector<PartRow>> FindTileParts(const FrameId& frame,
                                                              const PixelRect& tile) = 0;
+  // What the parts that are kept of each tile cost.
+  struct TileCost {
+    PixelRect tile;
+    absl::Duration cpu_duration;
+  };
+  virtual absl::StatusOr<std::vector<TileCost>> TileCosts(const FrameId& frame) = 0;
   // Errors: kNotFound; kDataLoss where the bytes do not have the row's digest.
   virtual absl::StatusOr<std::string> ReadPart(const PartRow& row) = 0;
   virtual absl::Status RemovePart(const PartRow& row) = 0;

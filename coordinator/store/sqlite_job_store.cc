@@ -18,84 +18,14 @@
 #include "common/base/file.h"
 #include "common/base/status.h"
 #include "coordinator/store/part_rows.h"
+#include "coordinator/store/sqlite_schema.h"
 #include "coordinator/store/stored_times.h"
 
 namespace sheaf::coordinator {
 namespace {
 
-constexpr int64_t kSchemaVersion = 8;
 // Lease ids of one life lie below those of the next; no life grants so many.
 constexpr int kLeaseIdBitsPerLife = 40;
-
-constexpr char kSchema[] = R"sql(
-CREATE TABLE meta(key TEXT PRIMARY KEY, value INTEGER NOT NULL) WITHOUT ROWID;
-INSERT INTO meta VALUES('lives', 0);
-CREATE TABLE jobs(
-  job_id INTEGER PRIMARY KEY AUTOINCREMENT, request_id TEXT NOT NULL UNIQUE, title TEXT NOT NULL,
-  priority INTEGER NOT NULL, numeric_profile TEXT NOT NULL, tile_size_px INTEGER NOT NULL,
-  pass_sample_count INTEGER NOT NULL, lease_pass_count INTEGER NOT NULL, phase INTEGER NOT NULL,
-  failure TEXT NOT NULL, create_ns INTEGER NOT NULL, end_ns INTEGER NOT NULL);
-CREATE TABLE frames(
-  job_id INTEGER NOT NULL REFERENCES jobs(job_id), frame_number INTEGER NOT NULL,
-  scene_sha256 TEXT NOT NULL, scene_bytes INTEGER NOT NULL, frame_digest TEXT NOT NULL,
-  width_px INTEGER NOT NULL, height_px INTEGER NOT NULL, x0 INTEGER NOT NULL, y0 INTEGER NOT NULL,
-  x1 INTEGER NOT NULL, y1 INTEGER NOT NULL, samples INTEGER NOT NULL, max_depth INTEGER NOT NULL,
-  seed INTEGER NOT NULL, force_generic INTEGER NOT NULL, delivered INTEGER NOT NULL DEFAULT 0,
-  picture_digest TEXT NOT NULL DEFAULT '', relative_mse REAL NOT NULL DEFAULT 0,
-  wall_ns INTEGER NOT NULL DEFAULT 0, ray_count INTEGER NOT NULL DEFAULT 0,
-  nonfinite_count INTEGER NOT NULL DEFAULT 0, cpu_ns INTEGER NOT NULL DEFAULT 0,
-  PRIMARY KEY(job_id, frame_number)) WITHOUT ROWID;
-CREATE TABLE parts(
-  job_id INTEGER NOT NULL, frame_number INTEGER NOT NULL, y0 INTEGER NOT NULL, x0 INTEGER NOT NULL,
-  first INTEGER NOT NULL, count INTEGER NOT NULL, y1 INTEGER NOT NULL, x1 INTEGER NOT NULL,
-  sha256 TEXT NOT NULL, size_bytes INTEGER NOT NULL, worker_id TEXT NOT NULL,
-  ray_count INTEGER NOT NULL, nonfinite_count INTEGER NOT NULL, cpu_ns INTEGER NOT NULL,
-  PRIMARY KEY(job_id, frame_number, y0, x0, first, count)) WITHOUT ROWID;
-)sql";
-
-// What each version added: earlier frames were rendered with what are now the defaults.
-constexpr char kAddedBy2[] = R"sql(
-ALTER TABLE frames ADD COLUMN color INTEGER NOT NULL DEFAULT 0;
-ALTER TABLE frames ADD COLUMN single_scattering INTEGER NOT NULL DEFAULT 0;
-)sql";
-constexpr char kAddedBy3[] = R"sql(
-ALTER TABLE frames ADD COLUMN outputs TEXT NOT NULL DEFAULT '';
-)sql";
-constexpr char kAddedBy4[] = R"sql(
-ALTER TABLE frames ADD COLUMN primaries INTEGER NOT NULL DEFAULT 0;
-ALTER TABLE frames ADD COLUMN white_balance_k REAL NOT NULL DEFAULT 0;
-)sql";
-constexpr char kAddedBy5[] = R"sql(
-ALTER TABLE frames ADD COLUMN one_sequence INTEGER NOT NULL DEFAULT 0;
-)sql";
-constexpr char kAddedBy6[] = R"sql(
-ALTER TABLE frames ADD COLUMN similarity_after INTEGER NOT NULL DEFAULT 0;
-)sql";
-constexpr char kAddedBy7[] = R"sql(
-ALTER TABLE frames ADD COLUMN target_error REAL NOT NULL DEFAULT 0;
-ALTER TABLE frames ADD COLUMN time_max_ns INTEGER NOT NULL DEFAULT 9223372036854775807;
-ALTER TABLE frames ADD COLUMN cpu_max_ns INTEGER NOT NULL DEFAULT 9223372036854775807;
-ALTER TABLE frames ADD COLUMN first_round_samples INTEGER NOT NULL DEFAULT 16;
-ALTER TABLE frames ADD COLUMN tile_count INTEGER NOT NULL DEFAULT 0;
-ALTER TABLE frames ADD COLUMN unreliable_tile_count INTEGER NOT NULL DEFAULT 0;
-ALTER TABLE frames ADD COLUMN sample_count INTEGER NOT NULL DEFAULT 0;
-ALTER TABLE frames ADD COLUMN part_bytes INTEGER NOT NULL DEFAULT 0;
-ALTER TABLE frames ADD COLUMN relative_mse_upper REAL NOT NULL DEFAULT 0;
-ALTER TABLE frames ADD COLUMN stop_reason INTEGER NOT NULL DEFAULT 0;
-UPDATE frames SET sample_count = (x1 - x0) * (y1 - y0) * samples WHERE delivered = 1;
-CREATE TABLE rounds(
-  job_id INTEGER NOT NULL, frame_number INTEGER NOT NULL, round INTEGER NOT NULL,
-  relative_mse REAL NOT NULL, relative_mse_upper REAL NOT NULL,
-  predicted_relative_mse REAL NOT NULL, sample_count INTEGER NOT NULL,
-  sample_count_expected INTEGER NOT NULL, wall_ns INTEGER NOT NULL,
-  ray_count INTEGER NOT NULL, nonfinite_count INTEGER NOT NULL, cpu_ns INTEGER NOT NULL,
-  part_bytes INTEGER NOT NULL, stop_reason INTEGER NOT NULL, tiles BLOB NOT NULL,
-  PRIMARY KEY(job_id, frame_number, round)) WITHOUT ROWID;
-)sql";
-
-constexpr char kAddedBy8[] = R"sql(
-ALTER TABLE frames ADD COLUMN pixel_stride_px INTEGER NOT NULL DEFAULT 1;
-)sql";
 
 // Takes the lock that keeps a second coordinator away. The system releases it when the process
 // ends.
@@ -134,7 +64,8 @@ absl::Status SqliteJobStore::Initialize() {
       SqliteDatabase::Open(directory_ + "/farm.db");
   if (!database.ok()) return database.status();
   database_ = std::move(*database);
-  if (absl::Status status = MigrateSchema(); !status.ok()) return status;
+  if (absl::Status status = MigrateSchema(database_.get(), directory_ + "/farm.db"); !status.ok())
+    return status;
   absl::Status status = database_->Execute("UPDATE meta SET value = value + 1 WHERE key = 'lives'");
   if (!status.ok()) return status;
   SqliteStatement lives = database_->Prepare("SELECT value FROM meta WHERE key = 'lives'");
@@ -146,27 +77,6 @@ absl::Status SqliteJobStore::Initialize() {
   if (!sum.ok()) return sum.status();
   parts_bytes_ = static_cast<uint64_t>(bytes.Int64(0));
   return absl::OkStatus();
-}
-
-absl::Status SqliteJobStore::MigrateSchema() {
-  int64_t version = 0;
-  {
-    SqliteStatement query = database_->Prepare("PRAGMA user_version");
-    const absl::StatusOr<bool> row = query.Step();
-    if (!row.ok()) return row.status();
-    version = query.Int64(0);
-  }
-  if (version > kSchemaVersion) {
-    return absl::FailedPreconditionError(
-        absl::StrCat(directory_, "/farm.db: written by a later version of Sheaf (schema ", version,
-                     ", this one knows ", kSchemaVersion, ")"));
-  }
-  if (version == kSchemaVersion) return absl::OkStatus();
-  return database_->Execute(absl::StrCat(
-      "BEGIN;", version == 0 ? kSchema : "", version < 2 ? kAddedBy2 : "",
-      version < 3 ? kAddedBy3 : "", version < 4 ? kAddedBy4 : "", version < 5 ? kAddedBy5 : "",
-      version < 6 ? kAddedBy6 : "", version < 7 ? kAddedBy7 : "", kAddedBy8,
-      "PRAGMA user_version=", kSchemaVersion, ";COMMIT;"));
 }
 
 std::string SqliteJobStore::FrameDirectory(const FrameId& frame) const {
@@ -247,7 +157,7 @@ absl::StatusOr<std::vector<StoredJob>> SqliteJobStore::LoadJobs() {
   SqliteStatement query = database_->Prepare(
       "SELECT job_id, request_id, title, priority, numeric_profile, tile_size_px, "
       "pass_sample_count, "
-      "lease_pass_count, phase, failure, create_ns, end_ns FROM jobs ORDER BY job_id");
+      "lease_pass_count, phase, failure, create_ns, end_ns, paused FROM jobs ORDER BY job_id");
   while (true) {
     const absl::StatusOr<bool> row = query.Step();
     if (!row.ok()) return row.status();
@@ -265,6 +175,7 @@ absl::StatusOr<std::vector<StoredJob>> SqliteJobStore::LoadJobs() {
     job.failure = query.Text(9);
     job.create_time = FromNanoseconds(query.Int64(10));
     job.end_time = FromNanoseconds(query.Int64(11));
+    job.paused = query.Int64(12) != 0;
     jobs.push_back(std::move(job));
   }
   for (StoredJob& job : jobs) {
@@ -405,10 +316,27 @@ absl::Status SqliteJobStore::InTransaction(const std::function<absl::Status()>& 
 absl::Status SqliteJobStore::EndJob(uint64_t job_id, JobPhase phase, const std::string& failure,
                                     absl::Time end_time) {
   const std::lock_guard lock(database_mutex_);
-  return database_->Prepare("UPDATE jobs SET phase = ?, failure = ?, end_ns = ? WHERE job_id = ?")
+  return database_
+      ->Prepare("UPDATE jobs SET phase = ?, failure = ?, end_ns = ?, paused = 0 WHERE job_id = ?")
       .Bind(static_cast<int32_t>(phase))
       .Bind(failure)
       .Bind(ToNanoseconds(end_time))
+      .Bind(job_id)
+      .Run();
+}
+
+absl::Status SqliteJobStore::SetPaused(uint64_t job_id, bool paused) {
+  const std::lock_guard lock(database_mutex_);
+  return database_->Prepare("UPDATE jobs SET paused = ? WHERE job_id = ?")
+      .Bind(paused ? 1 : 0)
+      .Bind(job_id)
+      .Run();
+}
+
+absl::Status SqliteJobStore::SetPriority(uint64_t job_id, int32_t priority) {
+  const std::lock_guard lock(database_mutex_);
+  return database_->Prepare("UPDATE jobs SET priority = ? WHERE job_id = ?")
+      .Bind(priority)
       .Bind(job_id)
       .Run();
 }

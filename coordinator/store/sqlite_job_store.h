@@ -7,6 +7,7 @@
 //     DIR/farm.db                            SQLite, WAL, synchronous=FULL: jobs, frames, parts
 //     DIR/parts/JOB/FRAME/X0_Y0_X1_Y1-FIRST-COUNT-DIGEST.exr   parts, until their frame is
 //     delivered DIR/outputs/JOB/FRAME.exr              delivered pictures
+//     DIR/outputs/JOB/FRAME.thumbnail.exr    the same, small, for looking at many
 //
 // A part's file comes before its row, so a crash between them leaves a file that nobody was told
 // of. Rows of concurrent calls are committed together, so that many results share one disk flush.
@@ -41,10 +42,13 @@ class SqliteJobStore : public JobStore {
   absl::StatusOr<std::optional<uint64_t>> FindRequest(const std::string& request_id) override;
   absl::Status EndJob(uint64_t job_id, JobPhase phase, const std::string& failure,
                       absl::Time end_time) override;
+  absl::Status SetPaused(uint64_t job_id, bool paused) override;
+  absl::Status SetPriority(uint64_t job_id, int32_t priority) override;
   absl::Status WritePart(const PartRow& row, const std::string& bytes) override;
   absl::StatusOr<std::optional<PartRow>> FindPart(const PartKey& key) override;
   absl::StatusOr<std::vector<PartRow>> FindTileParts(const FrameId& frame,
                                                      const PixelRect& tile) override;
+  absl::StatusOr<std::vector<TileCost>> TileCosts(const FrameId& frame) override;
   absl::StatusOr<std::string> ReadPart(const PartRow& row) override;
   absl::Status RemovePart(const PartRow& row) override;
   absl::Status RemoveFrameParts(const FrameId& frame) override;
@@ -71,7 +75,6 @@ class SqliteJobStore : public JobStore {
   SqliteJobStore(std::string directory, int lock_fd)
       : directory_(std::move(directory)), lock_fd_(lock_fd) {}
   absl::Status Initialize();
-  absl::Status MigrateSchema();
   absl::Status CommitRow(const PartRow& row);
   void CommitPending(const std::vector<PendingRow*>& rows);
   absl::Status InsertRow(const PartRow& row);

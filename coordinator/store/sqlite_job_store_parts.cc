@@ -122,6 +122,22 @@ absl::StatusOr<std::vector<PartRow>> SqliteJobStore::FindTileParts(const FrameId
   return ReadPartRows(&query);
 }
 
+absl::StatusOr<std::vector<JobStore::TileCost>> SqliteJobStore::TileCosts(const FrameId& frame) {
+  const std::lock_guard lock(database_mutex_);
+  SqliteStatement query = database_->Prepare(
+      "SELECT x0, y0, x1, y1, SUM(cpu_ns) FROM parts WHERE job_id = ? AND frame_number = ? "
+      "GROUP BY y0, x0, y1, x1");
+  query.Bind(frame.job_id).Bind(frame.frame_number);
+  std::vector<TileCost> costs;
+  while (true) {
+    const absl::StatusOr<bool> row = query.Step();
+    if (!row.ok()) return row.status();
+    if (!*row) return costs;
+    const auto edge = [&](int column) { return static_cast<int32_t>(query.Int64(column)); };
+    costs.push_back({{edge(0), edge(1), edge(2), edge(3)}, absl::Nanoseconds(query.Int64(4))});
+  }
+}
+
 absl::StatusOr<std::string> SqliteJobStore::ReadPart(const PartRow& row) {
   const std::string path = PartPath(row);
   absl::StatusOr<std::string> bytes = ReadWholeFile(path, row.digest.size_bytes + 1);

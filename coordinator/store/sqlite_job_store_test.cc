@@ -135,6 +135,17 @@ TEST_F(SqliteJobStoreTest, JobsSurviveAReopen) {
   EXPECT_EQ(delivered.cost.part_bytes, 5u);
 }
 
+TEST_F(SqliteJobStoreTest, PauseAndPrioritySurviveAReopenUntilTheEnd) {
+  const uint64_t job = CreateJob();
+  ASSERT_TRUE(store_->SetPaused(job, true).ok());
+  ASSERT_TRUE(store_->SetPriority(job, 17).ok());
+  Reopen();
+  EXPECT_TRUE((*store_->LoadJobs())[0].paused);
+  EXPECT_EQ((*store_->LoadJobs())[0].spec.priority, 17);
+  ASSERT_TRUE(store_->EndJob(job, JobPhase::kCancelled, "", absl::UnixEpoch()).ok());
+  EXPECT_FALSE((*store_->LoadJobs())[0].paused);
+}
+
 TEST_F(SqliteJobStoreTest, RoundsSurviveAReopen) {
   const uint64_t job = CreateJob();
   RoundRecord round;
@@ -266,6 +277,20 @@ TEST_F(SqliteJobStoreTest, ConcurrentWritesShareCommitsAndAllHold) {
   EXPECT_EQ(store_->LoadParts(job)->rows.size(), 0u);
 }
 
+TEST_F(SqliteJobStoreTest, CostsOfATileAreAddedUp) {
+  const uint64_t job = CreateJob();
+  PartRow row = MakePart(job, 0, "one");
+  ASSERT_TRUE(store_->WritePart(row, "one").ok());
+  PartRow next = MakePart(job, 16, "two");
+  ASSERT_TRUE(store_->WritePart(next, "two").ok());
+  const auto costs = store_->TileCosts(row.key.frame);
+  ASSERT_TRUE(costs.ok());
+  ASSERT_EQ(costs->size(), 1u);
+  EXPECT_EQ(costs->at(0).tile, row.key.tile);
+  EXPECT_EQ(costs->at(0).cpu_duration, row.cost.cpu_duration + next.cost.cpu_duration);
+  EXPECT_TRUE(store_->TileCosts({job, 99})->empty());
+}
+
 TEST_F(SqliteJobStoreTest, LeaseIdsOfLivesDoNotMeet) {
   const uint64_t first = store_->FirstLeaseId();
   Reopen();
@@ -301,6 +326,7 @@ TEST_F(SqliteJobStoreTest, EarlierSchemaIsBroughtUpToDate) {
                             "ALTER TABLE frames DROP COLUMN relative_mse_upper;"
                             "ALTER TABLE frames DROP COLUMN stop_reason;"
                             "DROP TABLE rounds;"
+                            "ALTER TABLE jobs DROP COLUMN paused;"
                             "UPDATE frames SET delivered = 1 WHERE frame_number = 7;"
                             "PRAGMA user_version=1;")
                   .ok());
@@ -314,6 +340,7 @@ TEST_F(SqliteJobStoreTest, EarlierSchemaIsBroughtUpToDate) {
   EXPECT_EQ((*jobs)[0].spec.frames[0].settings.primaries, Primaries::kSrgb);
   EXPECT_EQ((*jobs)[0].spec.frames[0].settings.similarity_after, 0);
   EXPECT_FALSE((*jobs)[0].spec.frames[0].stop.IsActive());
+  EXPECT_FALSE((*jobs)[0].paused);
   ASSERT_EQ((*jobs)[0].delivered.size(), 1u);
   EXPECT_EQ((*jobs)[0].delivered[0].delivered.sample_count, 2u * 2u * 77u);
 }
@@ -326,7 +353,7 @@ TEST_F(SqliteJobStoreTest, LaterSchemaIsRefused) {
   EXPECT_EQ(status.code(), absl::StatusCode::kFailedPrecondition);
   EXPECT_THAT(std::string(status.message()), HasSubstr("later version"));
   ASSERT_TRUE(
-      (*SqliteDatabase::Open(directory_ + "/farm.db"))->Execute("PRAGMA user_version=8").ok());
+      (*SqliteDatabase::Open(directory_ + "/farm.db"))->Execute("PRAGMA user_version=9").ok());
   Reopen();
 }
 

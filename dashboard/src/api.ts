@@ -15,12 +15,22 @@ export interface Progress {
   remaining_duration_seconds: number|null;
 }
 
+export interface Rect {
+  x0_px: number;
+  y0_px: number;
+  x1_px: number;
+  y1_px: number;
+}
+
 export interface Job {
   name: string;
   title: string;
   state: string;
+  priority: number;
   failure: string;
   waiting_reason: string;
+  // Leases that came to nothing since the coordinator's start.
+  failure_count: number;
   create_time: string;
   end_time: string|null;
   frame_count: number;
@@ -33,12 +43,14 @@ export interface Round {
   sample_count: number;
   cpu_duration_seconds: number;
   wall_duration_seconds: number;
+  // Of the picture as it was then; 0 where it is not kept.
+  preview_version: number;
 }
 
 export interface Frame {
   name: string;
   frame_number: number;
-  window: {x0_px: number; y0_px: number; x1_px: number; y1_px: number};
+  window: Rect;
   sample_count: number;
   complete: boolean;
   preview_version: number;
@@ -50,6 +62,27 @@ export interface Frame {
   progress: Progress;
 }
 
+// A lease that came to nothing.
+export interface Failure {
+  frame_number: number;
+  tile: Rect;
+  first_sample: number;
+  sample_count: number;
+  worker: string;
+  kind: string;
+  message: string;
+  time: string;
+  // Renders the tile again on one machine.
+  command: string;
+}
+
+// What a worker holds.
+export interface Lease {
+  frame_name: string;
+  tile: Rect;
+  phase: string;
+}
+
 export interface Worker {
   name: string;
   host: string;
@@ -57,6 +90,13 @@ export interface Worker {
   thread_count: number;
   numeric_profile: string;
   lease_count: number;
+  // The first of them, what is rendered before what waits.
+  leases: Lease[];
+  warm_scene_count: number;
+  // File names of some of them.
+  warm_scenes: string[];
+  // Null where it is not known.
+  scene_memory_bytes: number|null;
   result_count: number;
   samples_per_second: number;
   last_seen_time: string|null;
@@ -81,7 +121,7 @@ export interface JobWithFrames extends Job {
 }
 
 // Layers of a picture, as the coordinator names them: "light" is the picture before any exposure.
-export type Layer = 'picture'|'light'|'error'|'samples';
+export type Layer = 'picture'|'light'|'error'|'samples'|'time';
 
 // What the ends of false colours stand for; both are 0 where nothing can be told yet.
 export interface LayerRange {
@@ -128,16 +168,30 @@ export const listJobs = (pageSize: number, token: string) =>
     request<JobPage>(BASE + 'jobs' + query(pageSize, token));
 export const getJob = (name: string, pageSize: number, token: string) =>
     request<JobWithFrames>(pathOf(name) + query(pageSize, token));
+export const getFrame = (name: string) => request<Frame>(pathOf(name));
+export const listFailures = (name: string) =>
+    request<{failures: Failure[]}>(pathOf(name) + '/failures');
 export const listWorkers = () => request<{workers: Worker[]}>(BASE + 'workers');
 export const listCounters = () => request<{counters: Counter[]}>(BASE + 'counters');
+
 // The header tells the coordinator that a page of its own asks, not one of another site.
-export const cancelJob = (name: string) =>
-    request<Job>(pathOf(name) + ':cancel', {method: 'POST', headers: {'X-Sheaf-Request': '1'}});
+const act = (name: string, action: string) =>
+    request<Job>(pathOf(name) + action, {method: 'POST', headers: {'X-Sheaf-Request': '1'}});
+export const cancelJob = (name: string) => act(name, ':cancel');
+export const pauseJob = (name: string) => act(name, ':pause');
+export const resumeJob = (name: string) => act(name, ':resume');
+export const setPriority = (name: string, priority: number) =>
+    act(name, ':priority?value=' + priority);
 
 export const eventsPath = BASE + 'events';
 export const falseColorPath = BASE + 'false-color.png';
-export const previewPath = (frame: Frame, layer: Layer) =>
-    pathOf(frame.name) + '/preview.png?layer=' + layer + '&version=' + frame.preview_version;
+// As it is now, or was at the end of a round.
+export const previewPath = (frame: Frame, layer: Layer, round: number|null) => pathOf(frame.name) +
+    '/preview.png?layer=' + layer +
+    (round === null ? '&version=' + frame.preview_version :
+                      '&round=' + round + '&version=' + frame.rounds?.[round]?.preview_version);
+export const thumbnailPath = (frame: Frame) =>
+    pathOf(frame.name) + '/preview.png?size=thumbnail&version=' + frame.preview_version;
 export const outputPath = (frame: Frame) => pathOf(frame.name) + '/output.exr';
 
 // A picture so far; null where there is none yet. Its levels are as sent, whatever the screen is.

@@ -6,11 +6,14 @@
 
 import './viewer.css';
 import './style.css';
+import './frames.css';
 
 import {CountersView} from './counters';
 import {byId, setText} from './dom';
+import {FailuresView} from './failures';
 import * as format from './format';
 import {FramesView} from './frames';
+import {JobActions} from './job_actions';
 import {JobDetailsView} from './job_details';
 import {JobsView} from './jobs';
 import {Live} from './live';
@@ -80,6 +83,8 @@ new JobsView(store, (name) => {
   location.hash = name;
 });
 new JobDetailsView(store);
+new JobActions(store);
+new FailuresView(store);
 new FramesView(store, (name) => {
   location.hash = name;
 }, () => live?.showMoreFrames());

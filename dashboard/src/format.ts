@@ -3,7 +3,7 @@
 //
 // Numbers, times and names as people read them.
 
-import type {Job, Progress} from './api';
+import type {Job, Progress, Rect} from './api';
 
 const SUFFIXES = ['', 'k', 'M', 'G', 'T', 'P'];
 
@@ -18,6 +18,12 @@ export function count(value: number): string {
   const digits = index === 0 ? 0 : scaled < 9.995 ? 2 : scaled < 99.95 ? 1 : 0;
   return scaled.toFixed(digits) + (index ? ' ' + SUFFIXES[index] : '');
 }
+
+// 1536000 -> "1.54 MB".
+export const bytes = (value: number) => count(value) + (value < 999.5 ? ' B' : 'B');
+
+// "32, 0": where a tile begins.
+export const place = (rect: Rect) => rect.x0_px + ', ' + rect.y0_px;
 
 // Exact, with thin spaces between thousands.
 export function exact(value: number): string {
@@ -42,8 +48,8 @@ export function zoom(scale: number): string {
   return (percent < 10 ? percent.toFixed(1) : Math.round(percent)) + ' %';
 }
 
-// An exposure: "+1.5", "0", "−2".
-export function stops(value: number): string {
+// With its sign, as of an exposure or a priority: "+1.5", "0", "−2".
+export function signed(value: number): string {
   return (value > 0 ? '+' : value < 0 ? '\u2212' : '') + Math.abs(value);
 }
 
@@ -58,6 +64,12 @@ export function duration(seconds: number|null): string {
   if (whole < 86400)
     return Math.floor(whole / 3600) + ' h ' + two(Math.floor(whole / 60) % 60) + ' min';
   return Math.floor(whole / 86400) + ' d ' + two(Math.floor(whole / 3600) % 24) + ' h';
+}
+
+// Of a pixel: 0.00034 -> "340 µs".
+export function shortTime(seconds: number): string {
+  const [factor, unit] = seconds < 1e-3 ? [1e6, ' µs'] : seconds < 1 ? [1e3, ' ms'] : [1, ' s'];
+  return Number((seconds * factor).toPrecision(2)) + unit;
 }
 
 // One unit and two digits, for axes: 100 -> "1.7 min".

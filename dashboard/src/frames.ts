@@ -1,75 +1,119 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The frames of the selected job as a strip of small buttons that fill up as they are rendered.
+// The frames of the selected job as a grid of small pictures that fill up as they are rendered.
 
+import * as api from './api';
 import type {Frame} from './api';
 import {byId, child, el, setText} from './dom';
 import * as format from './format';
 import type {Store} from './store';
+import {VirtualList} from './virtual_list';
+
+// Between two pictures of a frame that is being rendered.
+const REFRESH_MS = 5000;
+
+interface Thumbnail {
+  path: string;
+  complete: boolean;
+  time: number;
+}
 
 export class FramesView {
-  private buttons = new Map<string, HTMLButtonElement>();
+  private readonly grid: VirtualList<Frame>;
+  // Of the selected job, by the frame's name.
+  private readonly thumbnails = new Map<string, Thumbnail>();
+  private job: string|null = null;
 
-  constructor(
-      private readonly store: Store, private readonly select: (name: string) => void,
-      loadMore: () => void) {
-    byId('frames').addEventListener('click', (event) => this.onClick(event));
-    byId('frames').addEventListener('keydown', (event) => this.onKey(event));
+  constructor(private readonly store: Store, select: (name: string) => void, loadMore: () => void) {
+    this.grid = new VirtualList(byId('frames'), {
+      label: 'Frames',
+      rowHeightProperty: '--frame-row',
+      cellWidthProperty: '--frame-cell',
+      makeRow,
+      updateRow: (cell, frame) => this.updateCell(cell, frame),
+      keyOf: (frame) => frame.name,
+      onSelect: (frame) => select(frame.name),
+    });
     byId('frames-more').addEventListener('click', loadMore);
     for (const topic of ['frames', 'selection'] as const) store.listen(topic, this.draw);
   }
 
   private readonly draw = () => {
-    const frames = [...this.store.frames.values()].sort((a, b) => a.frame_number - b.frame_number);
-    const current = this.store.frame;
+    if (this.job !== this.store.jobName) this.thumbnails.clear();
+    this.job = this.store.jobName;
+    const frames = this.store.frames.sorted;
     byId('frames-section').hidden = frames.length < 2;
     byId('frames-more').hidden = !this.store.framesToken;
-    const names = frames.map((frame) => frame.name);
-    if (names.length !== this.buttons.size || names.some((name) => !this.buttons.has(name))) {
-      this.buttons = new Map(frames.map((frame) => [frame.name, makeButton(frame)]));
-      byId('frames').replaceChildren(...this.buttons.values());
-    }
-    for (const frame of frames) {
-      const button = this.buttons.get(frame.name);
-      if (button) updateButton(button, frame, current);
-    }
+    setText(byId('frames-count'), countsOf(frames, this.store.job?.frame_count ?? 0));
+    this.grid.setItems(frames, this.store.frame?.name ?? null);
   };
 
-  private onClick(event: MouseEvent) {
-    const button = (event.target as Element).closest('button');
-    if (button) this.select(button.dataset.name ?? '');
+  private updateCell(cell: HTMLElement, frame: Frame) {
+    const share = format.doneShare(frame.progress);
+    const [picture, bar, words] = [child(cell, 0), child(cell, 1), child(cell, 2)];
+    this.showPicture(picture as HTMLImageElement, frame);
+    child(bar, 0).style.width = share * 100 + '%';
+    const complete = frame.complete ? 'yes' : 'no';
+    if (cell.dataset.complete !== complete) cell.dataset.complete = complete;
+    setText(child(words, 0), String(frame.frame_number));
+    const state = stateOf(frame, share);
+    setText(child(words, 1), state);
+    const label = 'Frame ' + frame.frame_number + ', ' + (state || 'complete');
+    if (cell.title !== label) {
+      cell.title = label;
+      cell.setAttribute('aria-label', label);
+    }
   }
 
-  private onKey(event: KeyboardEvent) {
-    const step = event.key === 'ArrowRight' ? 1 : event.key === 'ArrowLeft' ? -1 : 0;
-    const buttons = [...this.buttons.values()];
-    const next = buttons[buttons.indexOf(event.target as HTMLButtonElement) + step];
-    if (step === 0 || !next) return;
-    event.preventDefault();
-    next.focus();
-    this.select(next.dataset.name ?? '');
+  private showPicture(picture: HTMLImageElement, frame: Frame) {
+    const path = frame.preview_version > 0 ? this.pathOf(frame) : '';
+    if (picture.dataset.path === path) return;
+    picture.dataset.path = path;
+    // What comes is shown, what does not stays hidden; see makeRow.
+    if (!path || !path.startsWith(picture.dataset.frame ?? ' ')) picture.hidden = true;
+    picture.dataset.frame = path.slice(0, path.indexOf('?'));
+    if (path)
+      picture.src = path;
+    else
+      picture.removeAttribute('src');
+  }
+
+  // Of the newest version, or of one that is not old yet.
+  private pathOf(frame: Frame): string {
+    const path = api.thumbnailPath(frame);
+    const known = this.thumbnails.get(frame.name);
+    const {complete} = frame;
+    const time = performance.now();
+    if (known?.complete === complete && time - known.time < REFRESH_MS) return known.path;
+    if (known?.path !== path) this.thumbnails.set(frame.name, {path, complete, time});
+    return path;
   }
 }
 
-function makeButton(frame: Frame): HTMLButtonElement {
-  return el('button', {class: 'frame', type: 'button', 'data-name': frame.name},
-            el('span', {class: 'frame-fill'}),
-            el('span', {class: 'frame-number'}, String(frame.frame_number))) as HTMLButtonElement;
+function makeRow(): HTMLElement {
+  const picture =
+      el('img', {alt: '', decoding: 'async', fetchpriority: 'low', hidden: ''}) as HTMLImageElement;
+  picture.addEventListener('load', () => {
+    picture.hidden = false;
+  });
+  picture.addEventListener('error', () => {
+    picture.hidden = true;
+  });
+  return el(
+      'div', {class: 'frame'}, picture,
+      el('div', {class: 'bar frame-bar'}, el('div', {class: 'bar-fill'})),
+      el('div', {class: 'frame-words'}, el('span'), el('span')));
 }
 
-function updateButton(button: HTMLButtonElement, frame: Frame, current: Frame|undefined) {
-  const share = format.doneShare(frame.progress);
-  const chosen = frame.name === current?.name;
-  child(button, 0).style.width = share * 100 + '%';
-  button.dataset.complete = frame.complete ? 'yes' : 'no';
-  button.setAttribute('aria-pressed', String(chosen));
-  button.tabIndex = chosen ? 0 : -1;
-  const label =
-      'Frame ' + frame.frame_number + ', ' + (frame.complete ? 'complete' : format.percent(share));
-  if (button.title !== label) {
-    button.title = label;
-    button.setAttribute('aria-label', label);
-  }
-  setText(child(button, 1), String(frame.frame_number));
+function stateOf(frame: Frame, share: number): string {
+  if (frame.complete) return '';
+  return share > 0 || frame.preview_version > 0 ? format.percent(share) : 'waits';
+}
+
+// "3 of 24 complete".
+function countsOf(frames: readonly Frame[], all: number): string {
+  const complete = frames.filter((frame) => frame.complete).length;
+  const loaded = frames.length < all ? ' of the first ' + frames.length : '';
+  return complete + ' of ' + all + ' complete' + loaded;
 }

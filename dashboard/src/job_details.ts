@@ -1,18 +1,16 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The selected job's head: what it is, how far it is, its numbers, and the button to cancel it.
+// The selected job's head: what it is, how far it is, and its numbers.
 
 import * as api from './api';
 import type {Frame, Job} from './api';
-import {confirm} from './confirm';
 import {byId, child, el, setBadge, setProgress, setText} from './dom';
 import * as format from './format';
 import type {Store} from './store';
 
 export class JobDetailsView {
   constructor(private readonly store: Store) {
-    byId('cancel').addEventListener('click', () => this.cancel());
     for (const topic of ['jobs', 'frames', 'selection'] as const) store.listen(topic, this.draw);
   }
 
@@ -26,7 +24,6 @@ export class JobDetailsView {
     byId('job-message').dataset.failure = job.failure ? 'yes' : 'no';
     byId('job-message').hidden = !job.failure && !job.waiting_reason;
     setProgress(byId('job-bar'), format.doneShare(job.progress), job.state);
-    byId('cancel').hidden = format.hasEnded(job);
     const output = byId<HTMLAnchorElement>('output');
     output.hidden = !frame || !frame.complete;
     if (frame && frame.complete) output.href = api.outputPath(frame);
@@ -46,26 +43,6 @@ export class JobDetailsView {
       row.title = title || '';
     });
   }
-
-  private async cancel() {
-    const {job} = this.store;
-    if (!job) return;
-    const title = job.title || job.name;
-    const sure = await confirm({
-      title: 'Cancel “' + title + '”?',
-      text: 'Its workers turn to other jobs, and the samples rendered so far are given up.',
-      no: 'Keep rendering',
-      yes: 'Cancel job',
-    });
-    if (!sure) return;
-    const attempt = 'cancelling “' + title + '”';
-    try {
-      this.store.setJob(await api.cancelJob(job.name));
-      this.store.note(attempt, null);
-    } catch (failure) {
-      this.store.note(attempt, failure);
-    }
-  }
 }
 
 // [label, value, explanation] of each number.
@@ -77,7 +54,7 @@ function factsOf(job: Job, frame: Frame|undefined): [string, string, string?][] 
     [
       'Time left', format.hasEnded(job) ? '–' : format.duration(progress.remaining_duration_seconds)
     ],
-    ['Time', format.duration(wall), 'Since the first lease'],
+    ['Time', format.duration(wall), 'Since the first lease, but for pauses'],
     [
       'Error of a pixel', format.typicalError(progress.relative_mse),
       'Typical relative error, estimated from replicates'

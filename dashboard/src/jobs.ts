@@ -74,5 +74,6 @@ function factsOf(job: Job, share: number): string {
 function timeOf(job: Job): string {
   const left = job.progress.remaining_duration_seconds;
   if (job.state === 'running' && left !== null) return format.duration(left) + ' left';
+  if (job.priority !== 0 && !format.hasEnded(job)) return 'priority ' + format.signed(job.priority);
   return format.hasEnded(job) ? 'took ' + format.duration(job.progress.wall_duration_seconds) : '';
 }

@@ -1,131 +1,106 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The picture of the shown frame as it grows, in the layer and exposure that a person chose. One
-// version is fetched at a time and swapped in when it is decoded, so the picture never flickers and
-// a slow link sees fewer versions, not a queue of them.
+// The viewer: the picture of the shown frame, and another one beside it where a person wants to
+// compare. Both are seen in the same layer and exposure, and at the same place.
 
-import * as api from './api';
 import type {Frame, Job, Layer, LayerRange} from './api';
+import {CompareChoice} from './compare_choice';
 import {byId, setText} from './dom';
-import {Exposure} from './exposure';
-import {PictureViewport} from './picture_viewport';
+import {PicturePane} from './picture_pane';
+import {linkViewports} from './picture_viewport';
+import {RoundSlider} from './round_slider';
 import type {Store} from './store';
-import {ViewerControls} from './viewer_controls';
-
-// Between two versions at least.
-const REFRESH_MS = 400;
-const ATTEMPT = 'loading the picture';
+import {ViewerControls, rangeWords} from './viewer_controls';
 
 export class PictureView {
-  private readonly box = byId('picture-box');
-  private readonly viewport =
-      new PictureViewport(this.box, byId('picture'), () => this.controls.drawZoom());
-  private readonly controls = new ViewerControls(this.viewport, () => this.onControls());
-  private readonly exposure = new Exposure(
-      (key, picture) => this.showExposed(key, picture),
-      (failure) => this.store.note('exposing the picture', failure));
-  // What is shown or on its way to be shown: the path, or '' for nothing.
-  private shown = '';
+  private readonly pane: PicturePane;
+  private readonly beside: PicturePane;
+  private readonly controls: ViewerControls;
+  private readonly rounds = new RoundSlider(() => this.pane.hurry());
+  private readonly choice: CompareChoice;
   private job: string|null = null;
-  private fetching = false;
-  private rest: ReturnType<typeof setTimeout>|undefined;
+  private rangeWords = '';
+  private besideWords = '';
 
   constructor(private readonly store: Store) {
+    this.pane = new PicturePane(store, {
+      name: 'picture',
+      wanted: () => this.wanted(store.frame, noteOf(store.job, store.frame), this.rounds.round),
+      onView: () => this.controls.drawZoom(),
+      onRange: (layer, range) => this.onRange(layer, range),
+    });
+    this.beside = new PicturePane(store, {
+      name: 'beside',
+      wanted: () => this.wanted(store.beside, 'No picture yet.', null),
+      onView: () => {},
+      onRange: (layer, range) => {
+        this.besideWords = rangeWords(layer, range);
+        this.drawNames();
+      },
+    });
+    this.controls = new ViewerControls(this.pane.viewport, () => {
+      this.pane.hurry();
+      this.beside.hurry();
+    });
+    this.choice = new CompareChoice(store);
+    linkViewports(this.pane.viewport, this.beside.viewport);
     for (const topic of ['frames', 'selection'] as const) store.listen(topic, this.draw);
+    store.listen('beside', this.drawBeside);
   }
 
   private readonly draw = () => {
-    const frame = this.store.frame;
-    const hasPicture = frame !== undefined && frame.preview_version > 0;
+    const {frame, jobName} = this.store;
     // While a frame of the same job has its first picture on the way, the one before stays.
-    if (!hasPicture || this.job !== this.store.jobName) this.clear();
-    this.job = this.store.jobName;
-    byId('picture-note').hidden = Boolean(this.shown);
-    setText(byId('picture-note'), noteOf(this.store.job, frame));
-    this.setShape(frame);
-    if (!hasPicture || this.fetching || this.rest !== undefined) return;
-    const path = api.previewPath(frame, this.controls.layer);
-    if (path !== this.shown) void this.fetch(frame, this.controls.layer, path);
+    if (this.job !== jobName) this.pane.clear();
+    this.job = jobName;
+    this.rounds.show(frame);
+    this.pane.draw();
+    this.drawNames();
   };
 
-  private clear() {
-    this.shown = '';
-    this.viewport.setPicture(null);
-    this.controls.drawLegend('picture', null);
+  private readonly drawBeside = () => {
+    const {beside} = this.store;
+    byId('pictures').dataset.compare = beside ? 'yes' : 'no';
+    byId('beside-box').hidden = !beside;
+    this.choice.draw();
+    this.beside.draw();
+    this.drawNames();
+  };
+
+  private wanted(frame: Frame|undefined, note: string, chosen: number|null) {
+    const {layer, stops} = this.controls;
+    if (layer !== 'time') return {frame, layer, stops, note, round: chosen};
+    // Times are known of all rounds together.
+    return {frame, layer, stops, round: null, note: 'The times of this frame are not kept.'};
   }
 
-  // Keeps the place free before the first pixel is there.
-  private setShape(frame: Frame|undefined) {
-    if (!frame) return;
-    const width = frame.window.x1_px - frame.window.x0_px;
-    const height = frame.window.y1_px - frame.window.y0_px;
-    this.box.style.setProperty('--picture-shape', width + ' / ' + height);
-    byId('picture').setAttribute(
-        'aria-label',
-        'Frame ' + frame.frame_number + ' as rendered so far, ' + width + ' by ' + height +
-            ' pixels');
-  }
-
-  // Another layer does not wait for the next version; another exposure of light that is there needs
-  // no fetch at all.
-  private onControls() {
-    clearTimeout(this.rest);
-    this.rest = undefined;
-    if (this.shown && this.shown === this.wantedPath() && this.controls.layer === 'light') {
-      this.exposure.ask(this.shown, null, this.controls.stops);
-    }
-    this.draw();
-  }
-
-  private wantedPath(): string {
-    const frame = this.store.frame;
-    return frame ? api.previewPath(frame, this.controls.layer) : '';
-  }
-
-  private async fetch(frame: Frame, layer: Layer, path: string) {
-    this.fetching = true;
-    try {
-      const preview = await api.getPreview(path);
-      this.store.note(ATTEMPT, null);
-      // Another frame or layer may have been chosen meanwhile.
-      const wanted = this.store.frame?.name === frame.name && this.controls.layer === layer;
-      if (preview && wanted)
-        this.show(path, layer, preview.bitmap, preview.range);
-      else
-        preview?.bitmap.close();
-    } catch (failure) {
-      // The next version, or the next event, tries again.
-      this.store.note(ATTEMPT, failure);
-    }
-    this.fetching = false;
-    byId('picture-note').hidden = Boolean(this.shown);
-    this.rest = setTimeout(() => {
-      this.rest = undefined;
-      this.draw();
-    }, this.controls.layer === layer ? REFRESH_MS : 0);
-  }
-
-  private show(path: string, layer: Layer, bitmap: ImageBitmap, range: LayerRange|null) {
-    this.shown = path;
-    if (layer === 'light')
-      this.exposure.ask(path, bitmap, this.controls.stops);
-    else
-      this.viewport.setPicture(bitmap);
+  private onRange(layer: Layer, range: LayerRange|null) {
+    this.rangeWords = rangeWords(layer, range);
     this.controls.drawLegend(layer, range);
+    this.drawNames();
   }
 
-  private showExposed(key: string, picture: ImageBitmap) {
-    this.store.note('exposing the picture', null);
-    if (key === this.shown)
-      this.viewport.setPicture(picture);
-    else
-      picture.close();
+  // Tells two pictures apart, and their colours, which may stand for different ranges.
+  private drawNames() {
+    const {frame, beside} = this.store;
+    const name = (of: Frame|undefined, range: string) =>
+        of ? this.titleOf(of) + (range ? ' · ' + range : '') : '';
+    byId('picture-name').hidden = !beside;
+    setText(byId('picture-name'), name(frame, this.rangeWords));
+    setText(byId('beside-name'), name(beside, this.besideWords));
+  }
+
+  private titleOf(frame: Frame): string {
+    const name = frame.name.replace(/\/frames\/.*/, '');
+    return (this.store.jobs.get(name)?.title || name) + ' (' + name + '), frame ' +
+        frame.frame_number;
   }
 }
 
 function noteOf(job: Job|undefined, frame: Frame|undefined): string {
   if (!job) return 'Choose a job to see its picture.';
   if (job.waiting_reason) return 'Waiting: ' + job.waiting_reason;
+  if (job.state === 'paused') return 'Paused before the first samples.';
   return frame ? 'No samples yet.' : '';
 }

@@ -4,7 +4,7 @@
 // Draws a picture into the box at the wanted zoom, and zooms and pans by wheel and by dragging. The
 // canvas has the pixels of the screen, so a zoom of 1 shows every pixel of the picture as one.
 
-import type {Point} from './view_transform';
+import type {Point, Size} from './view_transform';
 import {ViewTransform} from './view_transform';
 
 // From this scale on pixels are squares; below it, and while fitted, they are blended.
@@ -17,8 +17,14 @@ const WHEEL_LINE_PX = 20;
 export class PictureViewport {
   private readonly view = new ViewTransform();
   private bitmap: ImageBitmap|null = null;
+  // As which the bitmap is shown.
+  private size: Size = {width: 1, height: 1};
   private scheduled = false;
   private dragged: Point|null = null;
+  // Another one that shows the same part of its picture; of the two, one leads where a picture is
+  // new.
+  private partner: PictureViewport|null = null;
+  private isLed = false;
 
   // `onView` is told of every change of the zoom.
   constructor(
@@ -33,13 +39,40 @@ export class PictureViewport {
     }
   }
 
-  // Shows a picture from now on, or none.
-  setPicture(bitmap: ImageBitmap|null) {
+  // Shows a picture from now on, or none; as one of this size, where it is a smaller copy.
+  setPicture(bitmap: ImageBitmap|null, size: Size|null = bitmap) {
     this.bitmap?.close();
     this.bitmap = bitmap;
-    if (bitmap) this.view.setPicture(bitmap);
+    if (size) {
+      this.size = {width: size.width, height: size.height};
+      this.view.setPicture(this.size);
+      if (this.isLed && this.partner) this.view.follow(this.partner.view);
+    }
     this.canvas.hidden = bitmap === null;
     this.redraw();
+    if (!this.isLed) this.lead();
+  }
+
+  // The second shows what the first does, and the other way round from then on.
+  link(led: PictureViewport) {
+    this.partner = led;
+    led.partner = this;
+    led.isLed = true;
+  }
+
+  private lead() {
+    this.partner?.follow(this.view);
+  }
+
+  private follow(view: ViewTransform) {
+    this.view.follow(view);
+    this.redraw();
+  }
+
+  // After a change by a person.
+  private moved() {
+    this.redraw();
+    this.lead();
   }
 
   // Screen pixels for one of the picture.
@@ -53,18 +86,18 @@ export class PictureViewport {
 
   fit() {
     this.view.fit();
-    this.redraw();
+    this.moved();
   }
 
   zoomTo(scale: number) {
     this.view.zoomTo(scale);
-    this.redraw();
+    this.moved();
   }
 
   // By shares of the box.
   panByShare(x: number, y: number) {
     this.view.panBy(x * this.canvas.width, y * this.canvas.height);
-    this.redraw();
+    this.moved();
   }
 
   private resize() {
@@ -95,10 +128,12 @@ export class PictureViewport {
     context.setTransform(1, 0, 0, 1, 0, 0);
     context.clearRect(0, 0, this.canvas.width, this.canvas.height);
     if (this.bitmap) {
-      context.imageSmoothingEnabled = isFitted || scale < SQUARES_SCALE_MIN;
+      const {width, height} = this.size;
+      const pixelScale = scale * width / this.bitmap.width;
+      context.imageSmoothingEnabled = isFitted || pixelScale < SQUARES_SCALE_MIN;
       context.imageSmoothingQuality = 'high';
       context.setTransform(scale, 0, 0, scale, origin.x, origin.y);
-      context.drawImage(this.bitmap, 0, 0);
+      context.drawImage(this.bitmap, 0, 0, width, height);
     }
     // A fitted picture leaves touches to the page, so that one can scroll past it.
     this.box.dataset.fitted = isFitted ? 'yes' : 'no';
@@ -121,7 +156,7 @@ export class PictureViewport {
     // At the end of the zoom the wheel scrolls the page again.
     if (!this.view.zoomTo(scale, this.pointOf(event))) return;
     event.preventDefault();
-    this.redraw();
+    this.moved();
   }
 
   private onPointerDown(event: PointerEvent) {
@@ -136,11 +171,16 @@ export class PictureViewport {
     const at = this.pointOf(event);
     this.view.panBy(at.x - this.dragged.x, at.y - this.dragged.y);
     this.dragged = at;
-    this.redraw();
+    this.moved();
   }
 
   private onPointerEnd() {
     this.dragged = null;
     delete this.box.dataset.dragged;
   }
+}
+
+// Both show the same part of their pictures from now on; at first that of `first`.
+export function linkViewports(first: PictureViewport, second: PictureViewport) {
+  first.link(second);
 }

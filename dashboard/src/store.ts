@@ -11,7 +11,8 @@ import type {CurveSource} from './curve';
 import {newestFirst} from './format';
 import {SortedMap} from './sorted_map';
 
-export type Topic = 'jobs'|'workers'|'frames'|'counters'|'selection'|'connection'|'problems';
+export type Topic =
+    'jobs'|'workers'|'frames'|'counters'|'selection'|'beside'|'connection'|'problems';
 export type Connection = 'live'|'connecting'|'polling'|'reconnecting';
 
 // Of drawing in one task; what is left is drawn with the next picture.
@@ -24,8 +25,10 @@ export class Store {
   readonly jobs = new SortedMap<Job>(newestFirst);
   readonly workers = new SortedMap<Worker>((a, b) => a.name < b.name ? -1 : 1);
   // Frames of the selected job only.
-  readonly frames = new Map<string, Frame>();
+  readonly frames = new SortedMap<Frame>((a, b) => a.frame_number - b.frame_number);
   framesToken = '';
+  // A frame of any job, to be seen beside the shown one.
+  beside: Frame|undefined;
   counters: Counter[] = [];
   jobName: string|null = null;
   frameName: string|null = null;
@@ -93,9 +96,15 @@ export class Store {
   }
 
   setFrame(frame: Frame) {
+    if (frame.name === this.beside?.name) this.setBeside(frame);
     if (!frame.name.startsWith(this.jobName + '/')) return;
-    this.frames.set(frame.name, frame);
+    this.frames.set(frame);
     this.touch('frames');
+  }
+
+  setBeside(frame: Frame|undefined) {
+    this.beside = frame;
+    this.touch('beside');
   }
 
   setWorker(worker: Worker) {
@@ -118,7 +127,7 @@ export class Store {
     if (this.jobName === name) return;
     this.jobName = name;
     this.frameName = null;
-    this.frames.clear();
+    this.frames.keepOnly(new Set());
     this.framesToken = '';
     this.watchedCurve = new WatchedCurve();
     if (this.job) this.watchedCurve.add(this.job.progress);
@@ -153,8 +162,8 @@ export class Store {
   get frame(): Frame|undefined {
     const chosen = this.frames.get(this.frameName ?? '');
     if (chosen) return chosen;
-    const frames = [...this.frames.values()];
+    const frames = this.frames.sorted;
     return frames.find((frame) => !frame.complete && frame.preview_version > 0) ??
-        frames.filter((frame) => frame.complete).pop() ?? frames[0];
+        frames.filter((frame) => frame.complete).at(-1) ?? frames[0];
   }
 }

@@ -62,6 +62,13 @@ export class ViewTransform {
     };
   }
 
+  // Shows the same part of this picture as `other` does of its own, whatever their sizes.
+  follow(other: ViewTransform) {
+    this.chosenScale =
+        other.isFitted ? null : other.scale * other.picture.width / this.picture.width;
+    this.centre = {...other.centre};
+  }
+
   fit() {
     this.chosenScale = null;
     this.centre = {x: 0.5, y: 0.5};

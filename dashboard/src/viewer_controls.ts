@@ -20,6 +20,7 @@ const LEGENDS: Record<Layer, string> = {
   light: '',
   error: 'Standard error of a pixel, relative to its value; logarithmic. Grey: not known yet.',
   samples: 'Samples of a pixel. Grey: none yet.',
+  time: 'Processor time of a pixel, the mean over its tile; logarithmic. Grey: not known.',
 };
 
 export class ViewerControls {
@@ -67,12 +68,9 @@ export class ViewerControls {
     if (!range) return;
     const colors = byId<HTMLImageElement>('legend-colors');
     if (!colors.src) colors.src = falseColorPath;
-    const known = range.high > 0;
-    const words = (value: number) => !known ? '–' :
-        layer === 'error'                   ? format.share(value) :
-                                              format.exact(value);
+    const words = (value: number) => valueWords(layer, range, value);
     const middle =
-        layer === 'error' ? Math.sqrt(range.low * range.high) : (range.low + range.high) / 2;
+        layer !== 'samples' ? Math.sqrt(range.low * range.high) : (range.low + range.high) / 2;
     const single = range.low === range.high;
     setText(byId('legend-low'), single ? '' : words(range.low));
     setText(byId('legend-middle'), single ? '' : words(middle));
@@ -87,8 +85,8 @@ export class ViewerControls {
 
   private drawExposure() {
     const usable = this.layerSelect.value === 'picture';
-    setText(byId('exposure-value'), format.stops(this.stops));
-    this.exposure.setAttribute('aria-valuetext', format.stops(this.stops) + ' stops');
+    setText(byId('exposure-value'), format.signed(this.stops));
+    this.exposure.setAttribute('aria-valuetext', format.signed(this.stops) + ' stops');
     this.exposure.disabled = !usable;
     byId<HTMLButtonElement>('exposure-reset').disabled = !usable || this.stops === 0;
   }
@@ -106,7 +104,8 @@ export class ViewerControls {
   private onKey(event: KeyboardEvent) {
     if (event.ctrlKey || event.metaKey || event.altKey) return;
     const act = this.actionOf(event.key) ??
-        (event.target === byId('picture-box') ? this.panOf(event.key) : undefined);
+        ((event.target as Element).classList.contains('picture-box') ? this.panOf(event.key) :
+                                                                       undefined);
     if (!act) return;
     event.preventDefault();
     act();
@@ -138,4 +137,16 @@ export class ViewerControls {
     if (!step || this.viewport.isFitted) return undefined;
     return () => this.viewport.panByShare(...step);
   }
+}
+
+function valueWords(layer: Layer, range: LayerRange, value: number): string {
+  if (!(range.high > 0)) return '–';
+  if (layer === 'error') return format.share(value);
+  return layer === 'time' ? format.shortTime(value) : format.exact(value);
+}
+
+// "0.1 % to 20 %"; nothing for layers without false colours.
+export function rangeWords(layer: Layer, range: LayerRange|null): string {
+  if (!range) return '';
+  return valueWords(layer, range, range.low) + ' to ' + valueWords(layer, range, range.high);
 }

@@ -1,9 +1,9 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// A list of any length that keeps only the visible rows in the document. Rows have one height,
-// taken from the style sheet, and are reused while scrolling. It is one stop of the Tab key;
-// arrows, Home, End and the page keys move the selection.
+// A list or grid of any length that keeps only the visible rows in the document. Rows have one
+// height, and a grid's cells one width, taken from the style sheet; they are reused while
+// scrolling. It is one stop of the Tab key; arrows, Home, End and the page keys move the selection.
 
 import {el} from './dom';
 
@@ -14,6 +14,8 @@ export interface VirtualListOptions<Item> {
   label: string;
   // Of the style sheet, in rem.
   rowHeightProperty: string;
+  // Likewise; where it is given, as many cells as have room make a row.
+  cellWidthProperty?: string;
   makeRow: () => HTMLElement;
   updateRow: (row: HTMLElement, item: Item) => void;
   keyOf: (item: Item) => string;
@@ -29,6 +31,8 @@ export class VirtualList<Item> {
   // In pixels, as last measured; a row of height 0 means not yet.
   private rowHeight = 0;
   private height = 0;
+  private cellWidth = 0;
+  private columns = 1;
   private scrollTop = 0;
   private readonly onSelect: ((item: Item) => void)|undefined;
 
@@ -57,9 +61,14 @@ export class VirtualList<Item> {
   // out.
   private measure() {
     const rem = parseFloat(getComputedStyle(document.documentElement).fontSize);
-    const rows = getComputedStyle(this.root).getPropertyValue(this.options.rowHeightProperty);
-    this.rowHeight = parseFloat(rows) * rem;
+    const style = getComputedStyle(this.root);
+    const {rowHeightProperty, cellWidthProperty} = this.options;
+    this.rowHeight = parseFloat(style.getPropertyValue(rowHeightProperty)) * rem;
     this.height = this.root.clientHeight;
+    if (cellWidthProperty) {
+      this.cellWidth = parseFloat(style.getPropertyValue(cellWidthProperty)) * rem;
+      this.columns = Math.max(1, Math.floor(this.root.clientWidth / this.cellWidth));
+    }
     this.scrollTop = this.root.scrollTop;
     this.draw();
   }
@@ -72,15 +81,19 @@ export class VirtualList<Item> {
 
   private draw() {
     // For style sheets that make a short list no higher than it needs.
-    this.root.style.setProperty('--row-count', String(this.items.length));
+    const rowCount = Math.ceil(this.items.length / this.columns);
+    this.root.style.setProperty('--row-count', String(rowCount));
     const height = this.rowHeight;
     if (height === 0) return;
-    this.space.style.height = this.items.length * height + 'px';
-    const visible = Math.ceil(this.height / height) + 2 * OVERSCAN;
+    this.space.style.height = rowCount * height + 'px';
+    const overscan = Math.ceil(OVERSCAN / this.columns);
+    const visible = Math.ceil(this.height / height) + 2 * overscan;
     // A list that became shorter is scrolled back by the browser, but later.
-    const firstMax = Math.max(0, this.items.length - visible);
-    const first = Math.min(firstMax, Math.max(0, Math.floor(this.scrollTop / height) - OVERSCAN));
-    const last = Math.min(this.items.length, first + visible);
+    const firstMax = Math.max(0, rowCount - visible);
+    const firstRow =
+        Math.min(firstMax, Math.max(0, Math.floor(this.scrollTop / height) - overscan));
+    const first = firstRow * this.columns;
+    const last = Math.min(this.items.length, (firstRow + visible) * this.columns);
     this.resizePool(last - first);
     this.rows.forEach((row, i) => this.drawRow(row, first + i, height));
   }
@@ -102,7 +115,9 @@ export class VirtualList<Item> {
     const selected = this.options.keyOf(item) === this.selectedKey;
     row.id = this.root.id + '-' + index;
     row.dataset.index = String(index);
-    row.style.transform = 'translateY(' + index * height + 'px)';
+    const x = index % this.columns * this.cellWidth;
+    const y = Math.floor(index / this.columns) * height;
+    row.style.transform = 'translate(' + x + 'px, ' + y + 'px)';
     row.setAttribute('aria-setsize', String(this.items.length));
     row.setAttribute('aria-posinset', String(index + 1));
     if (this.onSelect) row.setAttribute('aria-selected', String(selected));
@@ -117,9 +132,17 @@ export class VirtualList<Item> {
   }
 
   private onKey(event: KeyboardEvent) {
-    const page = Math.max(1, Math.floor(this.height / this.rowHeight) - 1);
-    const steps: Record<string, number> =
-        {ArrowDown: 1, ArrowUp: -1, PageDown: page, PageUp: -page, Home: -Infinity, End: Infinity};
+    const row = this.columns;
+    const page = row * Math.max(1, Math.floor(this.height / this.rowHeight) - 1);
+    const steps: Record<string, number> = {
+      ArrowDown: row,
+      ArrowUp: -row,
+      PageDown: page,
+      PageUp: -page,
+      Home: -Infinity,
+      End: Infinity,
+      ...this.options.cellWidthProperty && {ArrowRight: 1, ArrowLeft: -1},
+    };
     const step = steps[event.key];
     if (step === undefined || this.items.length === 0) return;
     event.preventDefault();
@@ -132,7 +155,7 @@ export class VirtualList<Item> {
 
   private scrollTo(index: number) {
     const height = this.rowHeight;
-    const top = index * height;
+    const top = Math.floor(index / this.columns) * height;
     if (top < this.root.scrollTop) this.root.scrollTop = top;
     const bottom = top + height - this.root.clientHeight;
     if (bottom > this.root.scrollTop) this.root.scrollTop = bottom;

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The workers, with what each holds and how fast it is.
+// The workers: what each does now, how fast it is, and what it has in its memory.
 
 import type {Worker} from './api';
 import {badge, byId, child, el, setBadge, setText} from './dom';
@@ -20,7 +20,7 @@ export class WorkersView {
       label: 'Workers',
       rowHeightProperty: '--worker-row',
       makeRow,
-      updateRow,
+      updateRow: (row, worker) => this.updateRow(row, worker),
       keyOf: (worker) => worker.name,
     });
     store.listen('workers', this.draw);
@@ -34,30 +34,59 @@ export class WorkersView {
     byId('workers').hidden = workers.length === 0;
     this.list.setItems(workers, null);
   };
+
+  private updateRow(row: HTMLElement, worker: Worker) {
+    const [top, middle, bottom] = [child(row, 0), child(row, 1), child(row, 2)];
+    const name = format.shortName(worker.name);
+    setText(
+        child(top, 0), worker.host && worker.host !== name ? name + ' on ' + worker.host : name);
+    const title = this.doingOf(worker) + '\n' + worker.numeric_profile + scenesOf(worker);
+    if (row.title !== title) row.title = title;
+    setBadge(child(top, 1), worker.state);
+    setText(child(middle, 0), worker.reason || this.doingOf(worker));
+    setText(child(middle, 1), 'seen ' + format.ago(worker.last_seen_time));
+    setText(child(bottom, 0), speedOf(worker));
+    setText(child(bottom, 1), cacheOf(worker));
+  }
+
+  // "rendering shot 7, frame 3 at 64, 32 and 1 more".
+  private doingOf(worker: Worker): string {
+    const [lease] = worker.leases;
+    if (!lease) return worker.state === 'idle' ? 'nothing to do' : '';
+    const [, job = '', frame = ''] = /^(jobs\/[^/]+)\/frames\/(.*)$/.exec(lease.frame_name) ?? [];
+    const title = this.store.jobs.get(job)?.title || job;
+    const more = worker.lease_count > 1 ? ' and ' + (worker.lease_count - 1) + ' more' : '';
+    return lease.phase + ' ' + title + ', frame ' + frame + ' at ' + format.place(lease.tile) +
+        more;
+  }
 }
 
 function makeRow(): HTMLElement {
+  const line = () =>
+      el('div', {class: 'job-line job-small'}, el('span', {class: 'job-facts'}), el('span'));
   return el(
       'div', {class: 'worker-row'},
-      el('div', {class: 'job-line'}, el('span', {class: 'job-title'}), badge('idle')),
-      el('div', {class: 'job-line job-small'}, el('span', {class: 'job-facts'}), el('span')));
+      el('div', {class: 'job-line'}, el('span', {class: 'job-title'}), badge('idle')), line(),
+      line());
 }
 
-function updateRow(row: HTMLElement, worker: Worker) {
-  const [top, bottom] = [child(row, 0), child(row, 1)];
-  const name = format.shortName(worker.name);
-  setText(child(top, 0), worker.host && worker.host !== name ? name + ' on ' + worker.host : name);
-  row.title = worker.numeric_profile;
-  setBadge(child(top, 1), worker.state);
-  setText(child(bottom, 0), worker.reason || factsOf(worker));
-  setText(child(bottom, 1), 'seen ' + format.ago(worker.last_seen_time));
-}
-
-function factsOf(worker: Worker): string {
+function speedOf(worker: Worker): string {
   const threads = worker.thread_count === 1 ? '1 thread' : worker.thread_count + ' threads';
-  const leases = worker.lease_count === 1 ? '1 lease' : worker.lease_count + ' leases';
-  return [
-    format.count(worker.samples_per_second) + '/s', threads, leases,
-    format.exact(worker.result_count) + ' results'
-  ].join(' · ');
+  const results =
+      worker.result_count === 1 ? '1 result' : format.exact(worker.result_count) + ' results';
+  return [format.count(worker.samples_per_second) + '/s', threads, results].join(' · ');
+}
+
+function cacheOf(worker: Worker): string {
+  const count = worker.warm_scene_count;
+  if (count === 0) return '';
+  const memory =
+      worker.scene_memory_bytes === null ? '' : ', ' + format.bytes(worker.scene_memory_bytes);
+  return (count === 1 ? '1 scene' : count + ' scenes') + memory;
+}
+
+function scenesOf(worker: Worker): string {
+  const more = worker.warm_scene_count - worker.warm_scenes.length;
+  const names = worker.warm_scenes.join('\n') + (more > 0 ? '\nand ' + more + ' more' : '');
+  return names ? '\nScenes in its memory:\n' + names : '';
 }

@@ -184,6 +184,29 @@ class ClientTest(unittest.TestCase):
         unknown = self.farm.sheaf("cancel", "jobs/999999", check=False)
         self.assertIn("jobs/999999", self.expect(unknown, FAILED).stderr)
 
+    def test_pause_resume_and_priority(self):
+        scene = self.write("paused.pbrt", SCENE)
+        sheaf = self.farm.sheaf
+        name = sheaf("submit", scene, "--samples", 1 << 24).stdout.strip()
+        self.assertEqual(sheaf("pause", name).stdout, f"{name} paused\n")
+        self.assertIn("paused", sheaf("list", "--limit", 1).stdout)
+        self.assertIn("; paused", sheaf("show", name).stdout)
+        again = json.loads(sheaf("pause", name, "--json").stdout)  # No harm.
+        self.assertEqual(again["state"], "paused")
+        self.assertIn("is paused", sheaf("refine", name, "--samples", 8, check=False).stderr)
+        # Others go before it, and it waits for as long as one likes.
+        sheaf("submit", scene, "--samples", 4, "--wait", "-o", self.farm.path("other.exr"))
+        self.assertEqual(json.loads(sheaf("show", name, "--json").stdout)["state"], "paused")
+        self.assertEqual(sheaf("priority", name, "-5").stdout, f"{name} priority -5\n")
+        self.assertEqual(json.loads(sheaf("priority", name, 7, "--json").stdout)["priority"], 7)
+        self.expect(sheaf("priority", name, 1001, check=False), USAGE)
+        self.assertRegex(sheaf("resume", name).stdout, f"^{name} (queued|running)\n$")
+        sheaf("pause", name)
+        self.assertEqual(sheaf("cancel", name).stdout, f"{name} cancelled\n")
+        self.assertEqual(sheaf("resume", name).stdout, f"{name} cancelled\n")
+        unknown = sheaf("pause", "jobs/999999", check=False)
+        self.assertIn("jobs/999999", self.expect(unknown, FAILED).stderr)
+
     def test_wrong_usage(self):
         scene = self.write("usage.pbrt", SCENE)
         for arguments in ([], ["nonsense"], ["render"], ["render", scene, "--crop", "1,2"],

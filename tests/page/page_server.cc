@@ -4,8 +4,8 @@
 // Serves the page over a made-up farm whose pictures converge before one's eyes: for working on the
 // page without rendering, and for trying it with thousands of jobs and workers.
 //
-//   sheaf_page_server JOBS SECONDS [PORT [WORKERS]]    prints "listening on URL", ends after
-//   SECONDS
+//   sheaf_page_server JOBS SECONDS [PORT [WORKERS [FRAMES]]]    prints "listening on URL", ends
+//   after SECONDS
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -68,6 +68,7 @@ JobView MakeJob(int number, absl::Time create_time) {
   job.create_time = create_time;
   job.state = number % 11 == 5 ? JobState::kFailed : JobState::kSucceeded;
   if (job.state == JobState::kFailed) {
+    job.failure_count = 2;
     job.failure = "turntable.0007.pbrt:41:7: material \"glass\": roughness 1.7 is outside [0, 1]";
   }
   job.end_time = create_time + absl::Seconds(95);
@@ -77,14 +78,15 @@ JobView MakeJob(int number, absl::Time create_time) {
   return job;
 }
 
-// The newest job: 24 frames that render one after the other.
-JobView MakeRunningJob(int number) {
+// The newest job: frames that render one after the other.
+JobView MakeRunningJob(int number, int frame_count) {
   JobView job = MakeJob(number, absl::Now());
-  job.title = "turntable, 24 frames";
+  job.title = absl::StrCat("turntable, ", frame_count, " frames");
   job.state = JobState::kRunning;
   job.failure.clear();
+  job.failure_count = 0;
   job.end_time = absl::InfiniteFuture();
-  job.frame_count = kFrameCount;
+  job.frame_count = frame_count;
   FrameView frame = job.frames[0];
   frame.settings.width_px = kWidthPx;
   frame.settings.height_px = kHeightPx;
@@ -94,13 +96,29 @@ JobView MakeRunningJob(int number) {
   frame.progress = {};
   frame.progress.sample_count_total = uint64_t{kWidthPx} * kHeightPx * kSampleCount;
   job.frames.clear();
-  for (int i = 1; i <= kFrameCount; ++i) {
+  for (int i = 1; i <= frame_count; ++i) {
     frame.frame_number = i;
     job.frames.push_back(frame);
   }
   job.progress = {};
-  job.progress.sample_count_total = frame.progress.sample_count_total * kFrameCount;
+  job.progress.sample_count_total =
+      frame.progress.sample_count_total * static_cast<uint64_t>(frame_count);
   return job;
+}
+
+// The first frame has a round more for each kRoundShare of its samples.
+void EndRound(FrameView* frame, double relative_mse) {
+  constexpr uint64_t kRoundShare = 5;
+  const ProgressView& progress = frame->progress;
+  const uint64_t ended = progress.sample_count_done * kRoundShare / progress.sample_count_total;
+  while (frame->rounds.size() < ended) {
+    RoundView round;
+    round.relative_mse = round.relative_mse_upper = relative_mse;
+    round.sample_count = progress.sample_count_done;
+    round.cpu_seconds = round.wall_seconds = static_cast<double>(frame->rounds.size() + 1);
+    round.preview_version = frame->rounds.size() + 1;
+    frame->rounds.push_back(round);
+  }
 }
 
 // Moves the running job on by one step.
@@ -111,9 +129,9 @@ void Step(FakeFarm* farm, int step, std::mt19937* random) {
   ProgressView& sum = job.progress;
   sum.sample_count_done = 0;
   job.frame_complete_count = 0;
-  for (int i = 0; i < kFrameCount; ++i) {
+  for (int i = 0; i < job.frame_count; ++i) {
     FrameView& frame = job.frames[static_cast<size_t>(i)];
-    const double own = std::clamp(share * 6 - i * 5.0 / kFrameCount, 0.0, 1.0);
+    const double own = std::clamp(share * 6 - i * 5.0 / job.frame_count, 0.0, 1.0);
     frame.progress.sample_count_done =
         static_cast<uint64_t>(own * static_cast<double>(frame.progress.sample_count_total));
     frame.complete = own >= 1;
@@ -122,6 +140,7 @@ void Step(FakeFarm* farm, int step, std::mt19937* random) {
     job.frame_complete_count += frame.complete ? 1 : 0;
   }
   sum.relative_mse = 0.4 / (1 + 255 * share);
+  EndRound(&job.frames[0], sum.relative_mse);
   sum.wall_seconds = absl::ToDoubleSeconds(kStep) * step;
   sum.cpu_seconds = 2 * sum.wall_seconds;
   sum.remaining_seconds = absl::ToDoubleSeconds(kStep) * (kStepCount - step);
@@ -132,6 +151,7 @@ void Step(FakeFarm* farm, int step, std::mt19937* random) {
   }
   farm->preview.version = static_cast<uint64_t>(step) + 1;
   farm->preview.picture = MakePicture(1 + static_cast<uint64_t>(share * kSampleCount), random);
+  if (farm->round_preview.picture.planes.empty()) farm->round_preview = farm->preview;
   for (WorkerView& worker : farm->workers) {
     worker.last_seen_time = absl::Now();
     worker.result_count += 3;
@@ -139,8 +159,19 @@ void Step(FakeFarm* farm, int step, std::mt19937* random) {
   farm->metrics[1].value += 6;
 }
 
-void FillFarm(FakeFarm* farm, int job_count, int worker_count) {
-  farm->jobs.push_back(MakeRunningJob(job_count));
+void FillFarm(FakeFarm* farm, int job_count, int worker_count, int frame_count) {
+  FailureRecord failure;
+  failure.frame_number = 7;
+  failure.tile = {320, 160, 360, 200};
+  failure.block = {16, 16};
+  failure.worker_id = "worker-0003";
+  failure.kind = FailureKind::kScene;
+  failure.message = "turntable.0007.pbrt:41:7: material \"glass\": roughness 1.7 is outside [0, 1]";
+  failure.time = absl::Now();
+  farm->failures.assign(2, {failure,
+                            "sheaf render turntable.0007.pbrt --crop 320,160,360,200 "
+                            "--samples 32 --seed 0 --max-depth 5"});
+  farm->jobs.push_back(MakeRunningJob(job_count, frame_count));
   for (int i = job_count - 1; i > 0; --i) {
     farm->jobs.push_back(MakeJob(i, absl::Now() - absl::Minutes(3 * (job_count - i))));
   }
@@ -154,6 +185,17 @@ void FillFarm(FakeFarm* farm, int job_count, int worker_count) {
     worker.thread_count = 1;
     worker.lease_count = busy ? 2 : 0;
     worker.samples_per_second = busy ? 1.83e6 : 0;
+    if (busy) {
+      const int32_t x0 = i * kTilePx % kWidthPx;
+      worker.leases = {{{static_cast<uint64_t>(job_count), i % frame_count + 1},
+                        {x0, 0, x0 + kTilePx, kTilePx},
+                        {0, 16},
+                        i % 4 == 0 ? LeasePhase::kLoading : LeasePhase::kRendering,
+                        absl::Now()}};
+      worker.warm_scenes = {"turntable.0001.pbrt", "turntable.0002.pbrt"};
+      worker.warm_scene_count = 2;
+      worker.scene_memory_bytes = 1'234'567'890;
+    }
     worker.last_seen_time = absl::Now();
   }
   using Kind = MetricView::Kind;
@@ -172,19 +214,34 @@ int main(int argc, char** argv) {
   const int seconds = argc > 2 ? std::atoi(argv[2]) : 60;
   FakeFarm farm;
   const int worker_count = argc > 4 ? std::atoi(argv[4]) : kWorkerCount;
-  FillFarm(&farm, std::max(1, job_count), std::max(1, worker_count));
-  FarmActions actions;
-  actions.cancel_job = [&farm](const std::string& job_id) {
+  const int frame_count = argc > 5 ? std::atoi(argv[5]) : kFrameCount;
+  FillFarm(&farm, std::max(1, job_count), std::max(1, worker_count), std::max(1, frame_count));
+  const auto change = [&farm](const std::string& job_id, auto apply) {
     absl::Status status = absl::NotFoundError(absl::StrCat("no job jobs/", job_id));
     farm.Update([&](FakeFarm& it) {
       for (JobView& job : it.jobs) {
         if (job.job_id != job_id) continue;
-        job.state = JobState::kCancelled;
-        job.end_time = absl::Now();
+        apply(&job);
         status = absl::OkStatus();
       }
     });
     return status;
+  };
+  FarmActions actions;
+  actions.cancel_job = [&](const std::string& job_id) {
+    return change(job_id, [](JobView* job) {
+      job->state = JobState::kCancelled;
+      job->end_time = absl::Now();
+    });
+  };
+  actions.pause_job = [&](const std::string& job_id) {
+    return change(job_id, [](JobView* job) { job->state = JobState::kPaused; });
+  };
+  actions.resume_job = [&](const std::string& job_id) {
+    return change(job_id, [](JobView* job) { job->state = JobState::kRunning; });
+  };
+  actions.set_job_priority = [&](const std::string& job_id, int32_t priority) {
+    return change(job_id, [=](JobView* job) { job->priority = priority; });
   };
   HttpServiceOptions options;
   options.server.port = static_cast<uint16_t>(argc > 3 ? std::atoi(argv[3]) : 0);

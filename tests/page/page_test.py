@@ -18,9 +18,14 @@ HERE = os.path.dirname(os.path.abspath(__file__))
 sys.path += [HERE, os.path.join(HERE, "..", "integration")]
 from browser import Browser  # noqa: E402
 from chart_checks import ADD_TARGETS, check_chart  # noqa: E402
+from compare_checks import check_compare  # noqa: E402
+from control_checks import check_control  # noqa: E402
 from farm import Farm, ROOT, TIME_SCALE, programs, wait_until  # noqa: E402
+from frame_checks import MANY_FRAMES, check_frame_grid, check_many_frames  # noqa: E402
 from load_checks import NOTE_LONG_TASKS, check_lists  # noqa: E402
+from round_checks import check_rounds  # noqa: E402
 from viewer_checks import PIXELS, TEXT, check_viewer  # noqa: E402
+from worker_checks import check_failures, check_workers  # noqa: E402
 
 PAGE_SECONDS_MAX = 20
 PICTURE_SECONDS_MAX = 120
@@ -33,7 +38,8 @@ ARROW_DOWN, ENTER, ESCAPE, TAB = "\ue015", "\ue007", "\ue00c", "\ue004"
 DIALOG_IS_OPEN = "return document.getElementById('confirm').open"
 TAB_STOP_COUNT_MAX = 30
 TAB_STOPS = {"skip", "theme", "job-filter", "jobs", "layer", "exposure", "zoom-out", "zoom-in",
-             "zoom-fit", "picture-zoom", "picture-box", "frame", "abscissa", "workers"}
+             "zoom-fit", "picture-zoom", "picture-box", "frames", "abscissa", "workers",
+             "beside-job"}
 # Name of what has the focus, and whether an outline shows it; a switch shows it on its label.
 FOCUSED = """
   const focused = document.activeElement;
@@ -87,10 +93,23 @@ def check_output_is_an_exr(browser, farm):
     assert size == [0x76, 0x2F, 0x31, 0x01], size
 
 
-def check_cancel(browser, farm):
-    """The button, its question, both answers by keys alone, and the state that follows."""
+def check_pause_and_priority(browser, farm):
+    """Of a job that is long enough to be cancelled by the next check."""
     farm.sheaf("submit", os.path.join(ROOT, "scenes", "cornell-box.pbrt"), "--samples", 1 << 16)
     wait_until(lambda: browser.run(TEXT, "job-state") == "running", PAGE_SECONDS_MAX, "new job")
+    check_control(browser, farm, "jobs/2")
+    browser.screenshot(artefact("page-control.png"))
+
+
+def check_workers_and_failures(browser, farm):
+    check_workers(browser)
+    check_failures(browser, farm, farm.folder)
+    browser.screenshot(artefact("page-failures.png"))
+
+
+def check_cancel(browser, farm):
+    """The button, its question, both answers by keys alone, and the state that follows."""
+    assert browser.run(TEXT, "job-state") == "running"
     ask(browser)
     assert "Cancel" in browser.run(TEXT, "confirm-title")
     browser.screenshot(artefact("page-question.png"))
@@ -128,10 +147,28 @@ def check_layers_of_a_real_picture(browser, farm):
         if (!response.ok) throw new Error(layer + ": " + response.status);
         return response.headers.get("X-Sheaf-Range");
       });
-      return Promise.all(["picture", "light", "error", "samples"].map(range));""")
+      return Promise.all(["picture", "light", "error", "samples", "time"].map(range));""")
     assert ranges[:2] == [None, None] and ranges[3] == "128 128", ranges
-    low, high = map(float, ranges[2].split())
-    assert 0 < low < high < 10, ranges
+    for layer in (2, 4):
+        low, high = map(float, ranges[layer].split())
+        assert 0 < low < high < 10, ranges
+
+
+def check_frames(browser, farm):
+    check_frame_grid(browser, farm)
+    browser.screenshot(artefact("page-range.png"))
+
+
+def check_slider_between_rounds(browser, farm):
+    check_rounds(browser, farm)
+    browser.run("document.getElementById('round').focus()")
+    browser.press("\ue011")
+    browser.screenshot(artefact("page-rounds.png"))
+    browser.press("\ue010")
+
+
+def check_side_by_side(browser, _):
+    check_compare(browser, lambda name: browser.screenshot(artefact(name)))
 
 
 def check_no_console_errors(browser, _):
@@ -218,9 +255,22 @@ def check_every_width(browser, _):
     assert browser.run("return document.documentElement.dataset.theme") == "dark"
 
 
+def check_a_thousand_frames(browser, _):
+    other = MadeUpServer()
+    other.start(job_count=3, worker_count=3, frame_count=MANY_FRAMES)
+    try:
+        check_many_frames(browser, other.url)
+        browser.screenshot(artefact("page-frames.png"))
+    finally:
+        browser.open("about:blank")
+        other.stop()
+
+
 def check_page_survives_a_restart(browser, server):
     """The page says that it lost the coordinator, and follows it again without a reload."""
     connection = lambda: browser.run(TEXT, "connection-text")  # noqa: E731
+    browser.open(server.url)
+    wait_until(lambda: connection() == "Live", PAGE_SECONDS_MAX, "events")
     server.stop()
     wait_until(lambda: connection() == "Reconnecting", PAGE_SECONDS_MAX, "the loss")
     server.start(job_count=7, worker_count=3)
@@ -236,9 +286,9 @@ class MadeUpServer:
         self.url = ""
         self.process = None
 
-    def start(self, job_count, worker_count):
+    def start(self, job_count, worker_count, frame_count=24):
         program = os.path.join(programs(), "sheaf_page_server")
-        arguments = map(str, (job_count, MADE_UP_SECONDS, self.port, worker_count))
+        arguments = map(str, (job_count, MADE_UP_SECONDS, self.port, worker_count, frame_count))
         self.process = subprocess.Popen([program, *arguments], stdout=subprocess.PIPE, text=True)
         self.url = self.process.stdout.readline().split()[-1]
         self.port = self.url.rsplit(":", 1)[1]
@@ -264,7 +314,9 @@ def run_checks(checks, browser, subject):
 
 def run_farm():
     checks = [check_page_follows_a_job, check_output_is_an_exr, check_layers_of_a_real_picture,
-              check_cancel, check_no_console_errors]
+              check_pause_and_priority, check_workers_and_failures, check_cancel,
+              check_frames, check_slider_between_rounds, check_side_by_side,
+              check_no_console_errors]
     with Farm() as farm, Browser() as browser:
         farm.start_worker()
         return run_checks(checks, browser, farm)
@@ -274,7 +326,7 @@ def run_made_up():
     # The restart comes last: a browser reports every refused connection as an error.
     checks = [check_the_chart, check_focus_is_visible, check_thousands_of_jobs_and_workers,
               check_titles_are_text, check_keyboard, check_the_viewer, check_every_width,
-              check_no_console_errors, check_page_survives_a_restart]
+              check_a_thousand_frames, check_no_console_errors, check_page_survives_a_restart]
     server = MadeUpServer()
     server.start(MADE_UP_JOB_COUNT, MADE_UP_WORKER_COUNT)
     try:

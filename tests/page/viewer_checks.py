@@ -156,8 +156,12 @@ def check_layers(browser, screenshot):
     assert browser.run(TEXT, "legend-low") == "257", browser.run(TEXT, "legend-low")
     assert browser.run(TEXT, "legend-high") == "771", browser.run(TEXT, "legend-high")
     screenshot("page-samples.png")
-    browser.press("\ue013")
-    browser.press("\ue013")
+    samples = browser.run(PIXELS)
+    browser.press(ARROW_DOWN)
+    wait_for_new_pixels(browser, samples, "the time spent")
+    assert browser.run(TEXT, "legend-high").endswith("ms"), browser.run(TEXT, "legend-high")
+    for _ in range(3):
+        browser.press("\ue013")
     wait_until(lambda: browser.run(PIXELS) == picture, CHANGE_SECONDS_MAX, "the picture again")
     assert browser.run(HIDDEN, "legend")
 

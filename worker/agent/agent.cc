@@ -107,6 +107,7 @@ WorkerState Agent::MakeState(const LeaseLedger::Snapshot& snapshot) const {
   state.failures = snapshot.failures;
   state.draining = stage_ != Stage::kWorking;
   state.warm_scenes = scenes_.WarmScenes();
+  state.scene_memory_bytes = scenes_.MemoryBytes();
   // Parts on their way are held, but keep no thread busy.
   if (!state.draining) {
     state.lease_count_wanted =

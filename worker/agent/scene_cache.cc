@@ -54,13 +54,23 @@ std::vector<std::string> SceneCache::WarmScenes() const {
   return {manifests.begin(), manifests.end()};
 }
 
+uint64_t SceneCache::MemoryBytes() const {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  return SumOfMemory();
+}
+
+uint64_t SceneCache::SumOfMemory() const {
+  uint64_t memory_bytes = 0;
+  for (const auto& [key, entry] : entries_) memory_bytes += entry.scene->memory_bytes();
+  return memory_bytes;
+}
+
 std::vector<SharedScene> SceneCache::EvictBeyondLimit() {
   const auto older = [](const auto& a, const auto& b) {
     return a.second.last_use < b.second.last_use;
   };
   std::vector<SharedScene> evicted;
-  uint64_t memory_bytes = 0;
-  for (const auto& [key, entry] : entries_) memory_bytes += entry.scene->memory_bytes();
+  uint64_t memory_bytes = SumOfMemory();
   while (memory_bytes > memory_bytes_max_ && entries_.size() > 1) {
     const auto oldest = std::min_element(entries_.begin(), entries_.end(), older);
     memory_bytes -= oldest->second.scene->memory_bytes();

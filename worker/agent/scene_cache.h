@@ -46,6 +46,8 @@ class SceneCache {
 
   // Digests of the manifests of the scenes in memory, in ascending order.
   std::vector<std::string> WarmScenes() const;
+  // Of the scenes in memory together.
+  uint64_t MemoryBytes() const;
 
  private:
   // Compiled scenes depend on the settings too, which the frame digest covers.
@@ -63,6 +65,8 @@ class SceneCache {
   // Loads on this thread. Requires: lock holds mutex_; it is released while loading.
   SharedLoadResult Load(const Key& key, const Lease& lease, std::stop_token stop,
                         std::unique_lock<std::mutex>* lock);
+  // Requires: mutex_ is held.
+  uint64_t SumOfMemory() const;
   // Takes the least recently used out, never the last one. Requires: mutex_ is held.
   std::vector<SharedScene> EvictBeyondLimit();
 

@@ -52,6 +52,7 @@ struct WorkerState {
   int32_t lease_count_wanted = 0;
   bool draining = false;
   std::vector<std::string> warm_scenes;
+  uint64_t scene_memory_bytes = 0;  // Of those.
 };
 
 // What the coordinator wants it to hold: the answer.

@@ -112,6 +112,7 @@ v1::SynchronizeRequest ToWire(const WorkerState& state) {
   request.set_lease_count_wanted(state.lease_count_wanted);
   request.set_draining(state.draining);
   for (const std::string& scene : state.warm_scenes) request.add_warm_scenes(scene);
+  request.set_scene_memory_bytes(state.scene_memory_bytes);
   return request;
 }
 

@@ -1,0 +1,35 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// SceneNames: file names of scenes by the digests of their manifests. What was read once is kept.
+#pragma once
+
+#include <map>
+#include <mutex>
+#include <string>
+
+#include "common/content/blob_store.h"
+
+namespace sheaf::coordinator {
+
+// Names kept; beyond it all are forgotten and read again when asked for.
+inline constexpr size_t kSceneNamesMax = 10'000;
+
+class SceneNames {
+ public:
+  // `blobs` must outlive the object.
+  explicit SceneNames(const BlobStore* blobs) : blobs_(blobs) {}
+
+  // "room.pbrt"; a few digits of the digest where the manifest cannot be read.
+  // Thread safety: may be called concurrently.
+  std::string Find(const std::string& scene_digest);
+
+ private:
+  std::string Read(const std::string& scene_digest) const;
+
+  const BlobStore* const blobs_;
+  std::mutex mutex_;  // Guards names_.
+  std::map<std::string, std::string> names_;
+};
+
+}  // namespace sheaf::coordinator

@@ -1,0 +1,74 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// RoundPreviews: the picture as it was at the end of each round, small, for looking back. A folder:
+//
+//     DIR/JOB/FRAME/ROUND.exr     R, G, B, stderr.{R,G,B} and samples
+//
+// They are for people alone: what is lost of them is lost, and beyond the limits the oldest go.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <set>
+#include <string>
+
+#include "absl/status/statusor.h"
+#include "common/film/frame_picture.h"
+#include "coordinator/core/job.h"
+
+namespace sheaf::coordinator {
+
+struct RoundPreviewLimits {
+  int64_t pixels_max = int64_t{1} << 17;   // Of one preview.
+  size_t rounds_max = 24;                  // Of a frame; beyond it every other one goes.
+  uint64_t bytes_max = uint64_t{2} << 30;  // Of all of them; 0: none are kept.
+};
+
+// Thread safety: all members may be called concurrently.
+class RoundPreviews {
+ public:
+  // Finds what earlier starts left; makes the directory where it is missing.
+  static absl::StatusOr<std::unique_ptr<RoundPreviews>> Open(const std::string& directory,
+                                                             const RoundPreviewLimits& limits);
+
+  // Keeps a copy of the picture, in the place of one of the same round.
+  // Errors: those of the disk; then it is not kept.
+  absl::Status Keep(const FrameId& frame, int32_t round, const FramePicture& picture);
+  // Grows with each Keep of this start; 0 where none is kept.
+  uint64_t VersionOf(const FrameId& frame, int32_t round) const;
+  // Errors: kNotFound (none is kept), those of ReadPicture.
+  absl::StatusOr<FramePicture> Read(const FrameId& frame, int32_t round) const;
+  // Forgets the rounds of a frame from this one on.
+  void RemoveFrom(const FrameId& frame, int32_t round);
+
+ private:
+  struct Entry {
+    uint64_t version = 0;
+    uint64_t size_bytes = 0;
+  };
+  using Name = std::pair<FrameId, int32_t>;  // Frame and round.
+
+  RoundPreviews(std::string directory, const RoundPreviewLimits& limits)
+      : directory_(std::move(directory)), limits_(limits) {}
+  void Scan();
+  std::string FolderOf(const FrameId& frame) const;
+  std::string PathOf(const Name& name) const;
+  // These require mutex_.
+  void Add(const Name& name, uint64_t size_bytes);
+  void Remove(const Name& name);
+  void ThinOut(const FrameId& frame);
+  std::set<int32_t> RoundsOf(const FrameId& frame) const;
+
+  const std::string directory_;
+  const RoundPreviewLimits limits_;
+  mutable std::mutex mutex_;  // Guards what follows.
+  std::map<Name, Entry> entries_;
+  std::map<uint64_t, Name> by_version_;  // The oldest first.
+  uint64_t size_bytes_ = 0;
+  uint64_t last_version_ = 0;
+};
+
+}  // namespace sheaf::coordinator

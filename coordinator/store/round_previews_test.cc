@@ -1,0 +1,92 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "coordinator/store/round_previews.h"
+
+#include <filesystem>
+
+#include "common/base/check.h"
+#include "gtest/gtest.h"
+
+namespace sheaf::coordinator {
+namespace {
+
+constexpr FrameId kFrame{3, -7};
+
+class RoundPreviewsTest : public testing::Test {
+ protected:
+  RoundPreviewsTest()
+      : directory_(testing::TempDir() + "sheaf-rounds-" +
+                   testing::UnitTest::GetInstance()->current_test_info()->name()) {
+    std::filesystem::remove_all(directory_);
+    Reopen();
+  }
+  ~RoundPreviewsTest() override { std::filesystem::remove_all(directory_); }
+  void Reopen() {
+    auto opened = RoundPreviews::Open(directory_, limits_);
+    SHEAF_CHECK(opened.ok());
+    previews_ = *std::move(opened);
+  }
+  // Light everywhere as bright as the round's number.
+  void Keep(const FrameId& frame, int32_t round) {
+    FramePicture picture = MakeFramePicture({0, 0, 64, 32}, 64, 32);
+    *picture.Find("R") = std::vector<float>(64 * 32, static_cast<float>(round));
+    EXPECT_TRUE(previews_->Keep(frame, round, picture).ok());
+  }
+  size_t CountOf(const FrameId& frame, int32_t end) const {
+    size_t count = 0;
+    for (int32_t i = 0; i < end; ++i) count += previews_->VersionOf(frame, i) > 0;
+    return count;
+  }
+
+  const std::string directory_;
+  RoundPreviewLimits limits_{.pixels_max = 128, .rounds_max = 4};
+  std::unique_ptr<RoundPreviews> previews_;
+};
+
+TEST_F(RoundPreviewsTest, KeepsSmallPicturesOverARestart) {
+  Keep(kFrame, 0);
+  Keep(kFrame, 1);
+  for (int i = 0; i < 2; ++i) {
+    const auto picture = previews_->Read(kFrame, 1);
+    ASSERT_TRUE(picture.ok()) << picture.status();
+    EXPECT_EQ(picture->window, (PixelRect{0, 0, 16, 8}));
+    EXPECT_EQ(picture->Find("R")->at(5), 1);
+    EXPECT_NE(picture->Find("stderr.B"), nullptr);
+    EXPECT_EQ(previews_->Read(kFrame, 2).status().code(), absl::StatusCode::kNotFound);
+    Reopen();
+  }
+  EXPECT_LT(previews_->VersionOf(kFrame, 0), previews_->VersionOf(kFrame, 1));
+  const uint64_t before = previews_->VersionOf(kFrame, 1);
+  Keep(kFrame, 1);
+  EXPECT_GT(previews_->VersionOf(kFrame, 1), before);
+}
+
+TEST_F(RoundPreviewsTest, ThinsOutTheRoundsOfAFrameButItsFirstAndLast) {
+  for (int32_t round = 0; round < 20; ++round) Keep(kFrame, round);
+  EXPECT_GT(previews_->VersionOf(kFrame, 0), 0u);
+  EXPECT_GT(previews_->VersionOf(kFrame, 19), 0u);
+  EXPECT_LE(CountOf(kFrame, 20), limits_.rounds_max);
+  EXPECT_GE(CountOf(kFrame, 20), 3u);
+}
+
+TEST_F(RoundPreviewsTest, ForgetsTheOldestBeyondItsBytesAndRoundsThatAreTakenBack) {
+  Keep(kFrame, 0);
+  const uint64_t size = std::filesystem::file_size(directory_ + "/3/-7/0.exr");
+  limits_.bytes_max = 3 * size + size / 2;
+  Reopen();
+  for (uint64_t job = 4; job < 8; ++job) Keep({job, 1}, 0);
+  EXPECT_EQ(previews_->VersionOf(kFrame, 0), 0u);
+  EXPECT_FALSE(std::filesystem::exists(directory_ + "/3/-7"));
+  EXPECT_GT(previews_->VersionOf({7, 1}, 0), 0u);
+  Keep({7, 1}, 1);
+  previews_->RemoveFrom({7, 1}, 1);
+  EXPECT_GT(previews_->VersionOf({7, 1}, 0), 0u);
+  EXPECT_EQ(previews_->VersionOf({7, 1}, 1), 0u);
+  limits_.bytes_max = 0;
+  Reopen();
+  Keep(kFrame, 0);
+  EXPECT_EQ(previews_->VersionOf(kFrame, 0), 0u);
+}
+
+}  // namespace
+}  // namespace sheaf::coordinator

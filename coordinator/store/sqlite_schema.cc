@@ -1,0 +1,113 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "coordinator/store/sqlite_schema.h"
+
+#include <cstdint>
+
+#include "absl/strings/str_cat.h"
+
+namespace sheaf::coordinator {
+namespace {
+
+constexpr int64_t kSchemaVersion = 9;
+
+constexpr char kSchema[] = R"sql(
+CREATE TABLE meta(key TEXT PRIMARY KEY, value INTEGER NOT NULL) WITHOUT ROWID;
+INSERT INTO meta VALUES('lives', 0);
+CREATE TABLE jobs(
+  job_id INTEGER PRIMARY KEY AUTOINCREMENT, request_id TEXT NOT NULL UNIQUE, title TEXT NOT NULL,
+  priority INTEGER NOT NULL, numeric_profile TEXT NOT NULL, tile_size_px INTEGER NOT NULL,
+  pass_sample_count INTEGER NOT NULL, lease_pass_count INTEGER NOT NULL, phase INTEGER NOT NULL,
+  failure TEXT NOT NULL, create_ns INTEGER NOT NULL, end_ns INTEGER NOT NULL);
+CREATE TABLE frames(
+  job_id INTEGER NOT NULL REFERENCES jobs(job_id), frame_number INTEGER NOT NULL,
+  scene_sha256 TEXT NOT NULL, scene_bytes INTEGER NOT NULL, frame_digest TEXT NOT NULL,
+  width_px INTEGER NOT NULL, height_px INTEGER NOT NULL, x0 INTEGER NOT NULL, y0 INTEGER NOT NULL,
+  x1 INTEGER NOT NULL, y1 INTEGER NOT NULL, samples INTEGER NOT NULL, max_depth INTEGER NOT NULL,
+  seed INTEGER NOT NULL, force_generic INTEGER NOT NULL, delivered INTEGER NOT NULL DEFAULT 0,
+  picture_digest TEXT NOT NULL DEFAULT '', relative_mse REAL NOT NULL DEFAULT 0,
+  wall_ns INTEGER NOT NULL DEFAULT 0, ray_count INTEGER NOT NULL DEFAULT 0,
+  nonfinite_count INTEGER NOT NULL DEFAULT 0, cpu_ns INTEGER NOT NULL DEFAULT 0,
+  PRIMARY KEY(job_id, frame_number)) WITHOUT ROWID;
+CREATE TABLE parts(
+  job_id INTEGER NOT NULL, frame_number INTEGER NOT NULL, y0 INTEGER NOT NULL, x0 INTEGER NOT NULL,
+  first INTEGER NOT NULL, count INTEGER NOT NULL, y1 INTEGER NOT NULL, x1 INTEGER NOT NULL,
+  sha256 TEXT NOT NULL, size_bytes INTEGER NOT NULL, worker_id TEXT NOT NULL,
+  ray_count INTEGER NOT NULL, nonfinite_count INTEGER NOT NULL, cpu_ns INTEGER NOT NULL,
+  PRIMARY KEY(job_id, frame_number, y0, x0, first, count)) WITHOUT ROWID;
+)sql";
+
+// What each version added: earlier frames were rendered with what are now the defaults.
+constexpr char kAddedBy2[] = R"sql(
+ALTER TABLE frames ADD COLUMN color INTEGER NOT NULL DEFAULT 0;
+ALTER TABLE frames ADD COLUMN single_scattering INTEGER NOT NULL DEFAULT 0;
+)sql";
+constexpr char kAddedBy3[] = R"sql(
+ALTER TABLE frames ADD COLUMN outputs TEXT NOT NULL DEFAULT '';
+)sql";
+constexpr char kAddedBy4[] = R"sql(
+ALTER TABLE frames ADD COLUMN primaries INTEGER NOT NULL DEFAULT 0;
+ALTER TABLE frames ADD COLUMN white_balance_k REAL NOT NULL DEFAULT 0;
+)sql";
+constexpr char kAddedBy5[] = R"sql(
+ALTER TABLE frames ADD COLUMN one_sequence INTEGER NOT NULL DEFAULT 0;
+)sql";
+constexpr char kAddedBy6[] = R"sql(
+ALTER TABLE frames ADD COLUMN similarity_after INTEGER NOT NULL DEFAULT 0;
+)sql";
+constexpr char kAddedBy7[] = R"sql(
+ALTER TABLE frames ADD COLUMN target_error REAL NOT NULL DEFAULT 0;
+ALTER TABLE frames ADD COLUMN time_max_ns INTEGER NOT NULL DEFAULT 9223372036854775807;
+ALTER TABLE frames ADD COLUMN cpu_max_ns INTEGER NOT NULL DEFAULT 9223372036854775807;
+ALTER TABLE frames ADD COLUMN first_round_samples INTEGER NOT NULL DEFAULT 16;
+ALTER TABLE frames ADD COLUMN tile_count INTEGER NOT NULL DEFAULT 0;
+ALTER TABLE frames ADD COLUMN unreliable_tile_count INTEGER NOT NULL DEFAULT 0;
+ALTER TABLE frames ADD COLUMN sample_count INTEGER NOT NULL DEFAULT 0;
+ALTER TABLE frames ADD COLUMN part_bytes INTEGER NOT NULL DEFAULT 0;
+ALTER TABLE frames ADD COLUMN relative_mse_upper REAL NOT NULL DEFAULT 0;
+ALTER TABLE frames ADD COLUMN stop_reason INTEGER NOT NULL DEFAULT 0;
+UPDATE frames SET sample_count = (x1 - x0) * (y1 - y0) * samples WHERE delivered = 1;
+CREATE TABLE rounds(
+  job_id INTEGER NOT NULL, frame_number INTEGER NOT NULL, round INTEGER NOT NULL,
+  relative_mse REAL NOT NULL, relative_mse_upper REAL NOT NULL,
+  predicted_relative_mse REAL NOT NULL, sample_count INTEGER NOT NULL,
+  sample_count_expected INTEGER NOT NULL, wall_ns INTEGER NOT NULL,
+  ray_count INTEGER NOT NULL, nonfinite_count INTEGER NOT NULL, cpu_ns INTEGER NOT NULL,
+  part_bytes INTEGER NOT NULL, stop_reason INTEGER NOT NULL, tiles BLOB NOT NULL,
+  PRIMARY KEY(job_id, frame_number, round)) WITHOUT ROWID;
+)sql";
+constexpr char kAddedBy8[] = R"sql(
+ALTER TABLE frames ADD COLUMN pixel_stride_px INTEGER NOT NULL DEFAULT 1;
+)sql";
+constexpr char kAddedBy9[] = R"sql(
+ALTER TABLE jobs ADD COLUMN paused INTEGER NOT NULL DEFAULT 0;
+)sql";
+
+}  // namespace
+
+absl::Status MigrateSchema(SqliteDatabase* database, const std::string& path) {
+  int64_t version = 0;
+  {
+    SqliteStatement query = database->Prepare("PRAGMA user_version");
+    const absl::StatusOr<bool> row = query.Step();
+    if (!row.ok()) return row.status();
+    version = query.Int64(0);
+  }
+  if (version > kSchemaVersion) {
+    return absl::FailedPreconditionError(
+        absl::StrCat(path, ": written by a later version of Sheaf (schema ", version,
+                     ", this one knows ", kSchemaVersion, ")"));
+  }
+  if (version == kSchemaVersion) return absl::OkStatus();
+  std::string statements = absl::StrCat("BEGIN;", version == 0 ? kSchema : "");
+  const char* const added[] = {kAddedBy2, kAddedBy3, kAddedBy4, kAddedBy5,
+                               kAddedBy6, kAddedBy7, kAddedBy8, kAddedBy9};
+  int64_t adds = 2;
+  for (const char* of_version : added) {
+    if (version < adds++) statements += of_version;
+  }
+  return database->Execute(
+      absl::StrCat(statements, "PRAGMA user_version=", kSchemaVersion, ";COMMIT;"));
+}
+
+}  // namespace sheaf::coordinator

@@ -1,0 +1,84 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Which job and frame stands beside the shown one. The jobs to choose from are listed when somebody
+// is about to choose, as they change all the time.
+
+import * as api from './api';
+import type {Frame} from './api';
+import {byId, el} from './dom';
+import type {Store} from './store';
+
+// To choose from: jobs, and frames of one.
+const JOBS_MAX = 200;
+const FRAMES_MAX = 1000;
+const ATTEMPT = 'loading the frame beside';
+
+export class CompareChoice {
+  private readonly jobs = byId<HTMLSelectElement>('beside-job');
+  private readonly numbers = byId<HTMLSelectElement>('beside-frame');
+  private frames: Frame[] = [];
+
+  constructor(private readonly store: Store) {
+    for (const event of ['focus', 'pointerdown'] as const) {
+      this.jobs.addEventListener(event, () => this.listJobs());
+    }
+    this.jobs.addEventListener('change', () => void this.chooseJob(this.jobs.value));
+    this.numbers.addEventListener('change', () => {
+      store.setBeside(this.frames.find((frame) => frame.name === this.numbers.value));
+    });
+    // Events may have been missed.
+    store.listen('connection', () => void this.refresh());
+    this.jobs.replaceChildren(el('option', {value: ''}, 'nothing'));
+  }
+
+  draw() {
+    const {beside} = this.store;
+    this.numbers.hidden = !beside || this.frames.length < 2;
+    if (!beside) this.jobs.value = '';
+  }
+
+  private listJobs() {
+    const {value} = this.jobs;
+    const jobs = this.store.jobs.sorted.slice(0, JOBS_MAX);
+    const chosen = this.store.jobs.get(value);
+    if (chosen && !jobs.includes(chosen)) jobs.push(chosen);
+    this.jobs.replaceChildren(
+        el('option', {value: ''}, 'nothing'),
+        ...jobs.map(
+            (job) =>
+                el('option', {value: job.name}, (job.title || job.name) + ' (' + job.name + ')')));
+    this.jobs.value = value;
+  }
+
+  private async chooseJob(name: string) {
+    if (!name) return this.store.setBeside(undefined);
+    try {
+      const job = await api.getJob(name, FRAMES_MAX, '');
+      if (this.jobs.value !== name) return;
+      this.frames = job.frames;
+      this.numbers.replaceChildren(...job.frames.map(
+          (frame) => el('option', {value: frame.name}, 'frame ' + frame.frame_number)));
+      // The shown frame's number, as of another version of the same shot.
+      const number = this.store.frame?.frame_number;
+      const frame = job.frames.find((one) => one.frame_number === number) ?? job.frames[0];
+      if (frame) this.numbers.value = frame.name;
+      this.store.setBeside(frame);
+      this.store.note(ATTEMPT, null);
+    } catch (failure) {
+      this.store.note(ATTEMPT, failure);
+    }
+  }
+
+  private async refresh() {
+    const name = this.store.beside?.name;
+    if (!name || this.store.connection !== 'live') return;
+    try {
+      const frame = await api.getFrame(name);
+      if (this.store.beside?.name === name) this.store.setBeside(frame);
+    } catch {
+      // It may be gone with an earlier coordinator.
+      if (this.store.beside?.name === name) this.store.setBeside(undefined);
+    }
+  }
+}

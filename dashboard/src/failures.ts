@@ -1,0 +1,100 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// What of the selected job came to nothing: where, why, and the command that does it again on one
+// machine. Fetched when there is more of it than before.
+
+import * as api from './api';
+import type {Failure, Job} from './api';
+import {byId, child, el, setText} from './dom';
+import * as format from './format';
+import type {Store} from './store';
+
+// "Copied" stands so long on the button.
+const COPIED_MS = 2000;
+const ATTEMPT = 'loading failures';
+
+export class FailuresView {
+  private readonly list = byId('failures');
+  // What is shown or on its way: job and count.
+  private shown = '';
+
+  constructor(private readonly store: Store) {
+    this.list.addEventListener('click', (event) => void this.onClick(event));
+    for (const topic of ['jobs', 'selection'] as const) store.listen(topic, this.draw);
+  }
+
+  private readonly draw = () => {
+    const {job} = this.store;
+    const count = job?.failure_count ?? 0;
+    byId('failures-section').hidden = count === 0;
+    const key = job ? job.name + ' ' + count : '';
+    if (key === this.shown) return;
+    this.shown = key;
+    if (!job || count === 0)
+      this.list.replaceChildren();
+    else
+      void this.fetch(job, key);
+  };
+
+  private async fetch(job: Job, key: string) {
+    try {
+      const {failures} = await api.listFailures(job.name);
+      if (key !== this.shown) return;
+      const rest = job.failure_count - failures.length;
+      setText(
+          byId('failures-heading'),
+          rest > 0 ? 'Failures: the last ' + failures.length + ' of ' + job.failure_count :
+                     'Failures');
+      this.list.replaceChildren(...failures.map(makeItem));
+      this.store.note(ATTEMPT, null);
+    } catch (failure) {
+      // The next event of the job tries again.
+      if (key === this.shown) this.shown = '';
+      this.store.note(ATTEMPT, failure);
+    }
+  }
+
+  private async onClick(event: MouseEvent) {
+    const button = (event.target as Element).closest('button');
+    const field = button?.parentElement?.querySelector('input');
+    if (!button || !field) return;
+    const copied = await copy(field);
+    button.textContent = copied ? 'Copied' : 'Press Ctrl+C';
+    setTimeout(() => {
+      button.textContent = 'Copy';
+    }, COPIED_MS);
+  }
+}
+
+// Browsers lend the clipboard to safe origins alone; elsewhere the text is selected at least.
+async function copy(field: HTMLInputElement): Promise<boolean> {
+  field.select();
+  try {
+    await navigator.clipboard.writeText(field.value);
+    return true;
+  } catch {
+    return document.execCommand('copy');
+  }
+}
+
+function makeItem(failure: Failure): HTMLElement {
+  const item =
+      el('li', {}, el('p', {class: 'failure-message'}, failure.message || 'no reason was told'),
+         el('p', {class: 'job-small'}, whereOf(failure)),
+         el('div', {class: 'command'},
+            el('input', {readonly: '', 'aria-label': 'Command that renders the tile again'}),
+            el('button', {class: 'button', type: 'button'}, 'Copy')));
+  const field = child(child(item, 2), 0) as HTMLInputElement;
+  field.value = failure.command;
+  return item;
+}
+
+function whereOf(failure: Failure): string {
+  const last = failure.first_sample + failure.sample_count - 1;
+  return [
+    'frame ' + failure.frame_number + ', tile at ' + format.place(failure.tile) + ', samples ' +
+        failure.first_sample + ' to ' + last,
+    failure.kind, 'on ' + format.shortName(failure.worker), format.clock(failure.time)
+  ].join(' · ');
+}

@@ -1,0 +1,89 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// What one may do to the selected job: pause it and go on, put it before others, cancel it.
+
+import * as api from './api';
+import type {Job} from './api';
+import {confirm} from './confirm';
+import {byId, setText} from './dom';
+import * as format from './format';
+import type {Store} from './store';
+
+export class JobActions {
+  private readonly priority = byId<HTMLInputElement>('priority');
+  // Ends with what was asked for last; one thing is asked for at a time, so that the last one
+  // holds.
+  private turn = Promise.resolve();
+  // Not answered yet.
+  private asked = 0;
+
+  constructor(private readonly store: Store) {
+    byId('pause').addEventListener('click', () => this.pauseOrResume());
+    byId('cancel').addEventListener('click', () => this.cancel());
+    this.priority.addEventListener('change', () => this.setPriority());
+    // What was typed and not taken is forgotten.
+    this.priority.addEventListener('blur', this.draw);
+    for (const topic of ['jobs', 'selection'] as const) store.listen(topic, this.draw);
+  }
+
+  private readonly draw = () => {
+    const {job} = this.store;
+    const ended = !job || format.hasEnded(job);
+    for (const id of ['priority-box', 'pause', 'cancel']) byId(id).hidden = ended;
+    if (!job) return;
+    setText(byId('pause'), job.state === 'paused' ? 'Resume job' : 'Pause job');
+    const isTyped =
+        document.activeElement === this.priority && this.priority.dataset.job === job.name;
+    if (isTyped || this.asked > 0) return;
+    this.priority.value = String(job.priority);
+    this.priority.dataset.job = job.name;
+  };
+
+  private pauseOrResume() {
+    const {job} = this.store;
+    if (!job) return;
+    if (job.state === 'paused')
+      void this.act('resuming', job, () => api.resumeJob(job.name));
+    else
+      void this.act('pausing', job, () => api.pauseJob(job.name));
+  }
+
+  private setPriority() {
+    const {job} = this.store;
+    const value = this.priority.valueAsNumber;
+    if (!job || !Number.isInteger(value) || !this.priority.checkValidity()) return;
+    void this.act('setting the priority of', job, () => api.setPriority(job.name, value));
+  }
+
+  private async cancel() {
+    const {job} = this.store;
+    if (!job) return;
+    const sure = await confirm({
+      title: 'Cancel “' + titleOf(job) + '”?',
+      text: 'Its workers turn to other jobs, and the samples rendered so far are given up.',
+      no: 'Keep rendering',
+      yes: 'Cancel job',
+    });
+    if (sure) await this.act('cancelling', job, () => api.cancelJob(job.name));
+  }
+
+  private act(what: string, job: Job, ask: () => Promise<Job>): Promise<void> {
+    this.asked += 1;
+    this.turn = this.turn.then(() => this.finish(what + ' “' + titleOf(job) + '”', ask));
+    return this.turn;
+  }
+
+  private async finish(attempt: string, ask: () => Promise<Job>) {
+    try {
+      this.store.setJob(await ask());
+      this.store.note(attempt, null);
+    } catch (failure) {
+      this.store.note(attempt, failure);
+    }
+    this.asked -= 1;
+    this.store.touch('jobs');
+  }
+}
+
+const titleOf = (job: Job) => job.title || job.name;

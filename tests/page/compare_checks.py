@@ -1,0 +1,70 @@
+# Copyright the Sheaf authors.
+# SPDX-License-Identifier: Apache-2.0
+"""Two jobs side by side, over a real farm. For page_test.py."""
+import re
+
+from farm import wait_until
+from viewer_checks import FOCUS, HIDDEN, PIXELS, TEXT, zoom_percent
+
+CHANGE_SECONDS_MAX = 20
+BESIDE = PIXELS.replace('"picture"', '"beside"')
+assert BESIDE != PIXELS
+# Chooses an option as a person does: the list is made when the select gets the focus.
+CHOOSE = """
+  const select = document.getElementById(arguments[0]);
+  select.focus();
+  select.value = arguments[1];
+  select.dispatchEvent(new Event("change"));
+  return select.value;
+"""
+HOME = "\ue011"
+ARROW_RIGHT = "\ue014"
+
+
+def both(browser):
+    return browser.run(PIXELS), browser.run(BESIDE)
+
+
+def check_compare(browser, screenshot):
+    """The shown job is delivered and has rounds; jobs/1 is another picture of the Cornell box."""
+    assert browser.run(HIDDEN, "beside-box")
+    assert browser.run(CHOOSE, "beside-job", "jobs/1") == "jobs/1", "jobs/1 is not offered"
+    wait_until(lambda: all(both(browser)), CHANGE_SECONDS_MAX, "two pictures")
+    assert re.match(r"cornell-box\.pbrt \(jobs/1\), frame 1$", browser.run(TEXT, "beside-name"))
+    fitted = both(browser)
+    assert fitted[0] != fitted[1], "two jobs, one picture"
+
+    def changed(before, what):
+        def differ():
+            now = both(browser)
+            return now if now[0] != before[0] and now[1] != before[1] else None
+        return wait_until(differ, CHANGE_SECONDS_MAX, what)
+
+    browser.run(FOCUS, "picture-box")
+    browser.press("1")
+    zoomed = changed(fitted, "zooming both")
+    browser.run(FOCUS, "beside-box")
+    for _ in range(3):  # Until both are larger than their boxes.
+        browser.press("+")
+    browser.press(ARROW_RIGHT)
+    zoomed = changed(zoomed, "zooming and panning both by the second")
+    x, y = browser.middle_of("beside-box")
+    browser.drag((x, y), (x + 60, y - 30))
+    zoomed = changed(zoomed, "dragging both")
+    browser.press("[")
+    changed(zoomed, "exposing both")
+    browser.press("]")
+    wait_until(lambda: both(browser) == zoomed, CHANGE_SECONDS_MAX, "the exposure as it was")
+    browser.press("0")
+    wait_until(lambda: both(browser) == fitted, CHANGE_SECONDS_MAX, "both fitted")
+    browser.run(CHOOSE, "layer", "error")
+    changed(fitted, "errors of both")
+    wait_until(lambda: re.search(r"frame 1 · [\d.]+ % to [\d.]+ %$",
+                                 browser.run(TEXT, "beside-name")), CHANGE_SECONDS_MAX, "a range")
+    screenshot("page-compare.png")
+    browser.run(CHOOSE, "layer", "picture")
+    wait_until(lambda: both(browser) == fitted, CHANGE_SECONDS_MAX, "both pictures")
+    zoom = zoom_percent(browser)
+    browser.run(CHOOSE, "beside-job", "")
+    wait_until(lambda: browser.run(HIDDEN, "beside-box"), CHANGE_SECONDS_MAX, "one picture")
+    wait_until(lambda: zoom_percent(browser) >= zoom, CHANGE_SECONDS_MAX, "all the room")

@@ -1,0 +1,48 @@
+# Copyright the Sheaf authors.
+# SPDX-License-Identifier: Apache-2.0
+"""What workers do, and what comes to nothing, over a real farm. For page_test.py."""
+import os
+import re
+import shlex
+import subprocess
+
+from farm import ROOT, programs, wait_until
+from viewer_checks import HIDDEN, TEXT
+
+CHANGE_SECONDS_MAX = 20
+ENTER = "\ue007"
+ROWS = "return [...document.querySelectorAll('#workers .vlist-row')].map((row) => row.textContent)"
+TITLES = "return [...document.querySelectorAll('#workers .vlist-row')].map((row) => row.title)"
+FAILURES = "return [...document.querySelectorAll('#failures li')].map((item) => item.textContent)"
+COMMAND = "return document.querySelector('#failures input').value"
+COPY = "return document.querySelector('#failures button').textContent"
+
+
+def check_workers(browser):
+    """While a job of the Cornell box is rendered by one worker of one thread."""
+    def row():
+        return re.search(r"busy.*(rendering|loading|uploading) cornell-box\.pbrt, "
+                         r"frame 1 at \d+, \d+.*seen .*[\d.]+ [kM]/s · 1 thread · "
+                         r"[\d\u2009]+ results1 scene, [\d.]+ [kMG]?B", browser.run(ROWS)[0])
+    wait_until(row, CHANGE_SECONDS_MAX, "what the worker does")
+    assert "cornell-box.pbrt" in browser.run(TITLES)[0], browser.run(TITLES)
+
+
+def check_failures(browser, farm, folder):
+    """A worker without memory for the scene fails; the command on the page renders its tile."""
+    assert browser.run(HIDDEN, "failures-section"), "failures of a job that has none"
+    poor = farm.start_worker("--scene-memory-max", "1K")
+    wait_until(lambda: browser.run(FAILURES), CHANGE_SECONDS_MAX, "a failure on the page")
+    farm.kill(poor)
+    text = browser.run(FAILURES)[0]
+    assert "exceeds the limit of 1024 bytes" in text and "frame 1, tile at" in text, text
+    browser.run("document.querySelector('#failures button').focus()")
+    browser.press(ENTER)
+    wait_until(lambda: browser.run(COPY) in ("Copied", "Press Ctrl+C"), CHANGE_SECONDS_MAX,
+               "the answer of the button")
+    words = shlex.split(browser.run(COMMAND))
+    assert words[:3] == ["sheaf", "render", "cornell-box.pbrt"], words
+    output = os.path.join(folder, "tile.exr")
+    command = [os.path.join(programs(), "sheaf"), *words[1:], "-o", output]
+    done = subprocess.run(command, cwd=os.path.join(ROOT, "scenes"), capture_output=True, text=True)
+    assert done.returncode == 0 and os.path.getsize(output) > 0, done.stderr
