@@ -83,18 +83,20 @@ void AddSettingsOptions(CLI::App* command, JobArguments* arguments) {
   command->add_option_function<std::string>(
       "--crop", [&settings](const std::string& text) { settings.crop = ParseCrop(text); },
       "Render only the pixels X0,Y0,X1,Y1 (X1 and Y1 excluded)");
-  static const std::map<std::string, ColorTransport> kColors = {
-      {"auto", ColorTransport::kAuto},
-      {"rgb", ColorTransport::kRgb},
-      {"spectral", ColorTransport::kSpectral}};
+  static const std::map<std::string, int> kColors = {
+      {"auto", static_cast<int>(ColorTransport::kAuto)},
+      {"rgb", static_cast<int>(ColorTransport::kRgb)},
+      {"spectral", static_cast<int>(ColorTransport::kSpectral)}};
   command
       ->add_option("--color", settings.color,
                    "What a path carries: rgb, spectral (four wavelengths), or auto: spectral where "
                    "light is dispersed or a color lies outside of sRGB")
       ->transform(CLI::CheckedTransformer(kColors));
-  static const std::map<std::string, Primaries> kPrimaries = [] {
-    std::map<std::string, Primaries> map;
-    for (const std::string& name : PrimariesNames()) map[name] = *PrimariesFromName(name);
+  static const std::map<std::string, int> kPrimaries = [] {
+    std::map<std::string, int> map;
+    for (const std::string& name : PrimariesNames()) {
+      map[name] = static_cast<int>(*PrimariesFromName(name));
+    }
     return map;
   }();
   command

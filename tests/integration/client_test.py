@@ -79,6 +79,11 @@ class ClientTest(unittest.TestCase):
         self.assertEqual(done.returncode, code, done.stdout + done.stderr)
         return done
 
+    def test_help_is_text(self):
+        for command in ("render", "submit", "quote", "refine", "plan"):
+            text = self.farm.sheaf(command, "--help").stdout
+            self.assertTrue(all(c.isprintable() or c == "\n" for c in text), command)
+
     def test_frames_of_a_pattern(self):
         os.makedirs(self.farm.path("out"), exist_ok=True)
         done = self.farm.sheaf("submit", TURNTABLE, "--frames", "1-3", *SMALL, "--wait", "--json",
