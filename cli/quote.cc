@@ -75,9 +75,7 @@ absl::StatusOr<PilotPicture> FetchPicture(FarmClient* client, const v1::Frame& f
   return pilot;
 }
 
-absl::StatusOr<v1::Job> AwaitJob(FarmClient* client, const std::string& name,
-                                 absl::Duration wait_max) {
-  const absl::Time deadline = absl::Now() + wait_max;
+absl::StatusOr<v1::Job> AwaitJob(FarmClient* client, const std::string& name, absl::Time deadline) {
   while (true) {
     const absl::StatusOr<v1::Job> job = client->GetJob(name);
     if (!job.ok()) return job.status();
@@ -97,8 +95,8 @@ absl::StatusOr<v1::Job> AwaitJob(FarmClient* client, const std::string& name,
 
 // Renders the levels of each frame, as one job.
 absl::Status RenderPilot(FarmClient* client, const JobArguments& arguments, const PreparedJob& job,
-                         const std::vector<std::vector<PilotLevel>>& levels,
-                         absl::Duration wait_max, std::vector<PilotFrame>* frames) {
+                         const std::vector<std::vector<PilotLevel>>& levels, absl::Time deadline,
+                         std::vector<PilotFrame>* frames) {
   PreparedJob pilot;
   for (size_t i = 0; i < frames->size(); ++i) {
     for (const PilotLevel& level : levels[i]) {
@@ -119,13 +117,17 @@ absl::Status RenderPilot(FarmClient* client, const JobArguments& arguments, cons
   const absl::StatusOr<v1::Job> created =
       client->CreateJob(MakeCreateJobRequest(pilot_arguments, pilot));
   if (!created.ok()) return created.status();
-  const absl::StatusOr<v1::Job> ended = AwaitJob(client, created->name(), wait_max);
+  const absl::StatusOr<v1::Job> ended = AwaitJob(client, created->name(), deadline);
   if (!ended.ok()) return ended.status();
   int next = 0;
   for (size_t i = 0; i < frames->size(); ++i) {
     for (const PilotLevel& level : levels[i]) {
       absl::StatusOr<PilotPicture> picture = FetchPicture(client, ended->frames(next++), level);
       if (!picture.ok()) return picture.status();
+      const FrameSettings& settings = job.frames[(*frames)[i].index].settings;
+      if (picture->cpu_seconds_of_tiles.size() != TilesOf(arguments, settings).size()) {
+        return absl::DataLossError("the coordinator does not tell CPU times of a pilot's tiles");
+      }
       (*frames)[i].pictures.push_back(*std::move(picture));
     }
   }
@@ -160,7 +162,7 @@ std::vector<PilotLevel> NextLevels(const PilotFrame& frame, int64_t pixel_count,
 absl::StatusOr<std::vector<PilotFrame>> RenderPilots(FarmClient* client,
                                                      const JobArguments& arguments,
                                                      const PreparedJob& job, int thread_count,
-                                                     double target, absl::Duration wait_max) {
+                                                     double target, absl::Time deadline) {
   std::vector<PilotFrame> frames = ChooseFrames(job.frames.size());
   for (int i = 0; i < kPilotCountMax; ++i) {
     std::vector<std::vector<PilotLevel>> levels;
@@ -171,7 +173,7 @@ absl::StatusOr<std::vector<PilotFrame>> RenderPilots(FarmClient* client,
       more |= !levels.back().empty();
     }
     if (!more) break;
-    absl::Status status = RenderPilot(client, arguments, job, levels, wait_max, &frames);
+    absl::Status status = RenderPilot(client, arguments, job, levels, deadline, &frames);
     if (!status.ok()) return status;
     FitModels(arguments, job, thread_count, &frames);
   }
@@ -278,8 +280,8 @@ absl::StatusOr<Quote> MakeQuote(FarmClient* client, const JobArguments& argument
     return absl::UnavailableError("no worker is connected");
   }
   const double loosest = *std::max_element(asked.targets.begin(), asked.targets.end());
-  const absl::StatusOr<std::vector<PilotFrame>> frames =
-      RenderPilots(client, arguments, job, quote.thread_count, loosest, asked.wait_max);
+  const absl::StatusOr<std::vector<PilotFrame>> frames = RenderPilots(
+      client, arguments, job, quote.thread_count, loosest, absl::Now() + asked.wait_max);
   if (!frames.ok()) return frames.status();
   const FrameSettings& settings = job.frames.front().settings;
   quote.width_px = settings.window.Width();

@@ -76,13 +76,6 @@ Forecast ForecastTarget(const ErrorModel& model, const StopRule& rule, uint64_t 
                     deviations);
 }
 
-Forecast ForecastRefinement(const ErrorModel& model, const StopRule& rule, uint64_t samples_max,
-                            double deviations) {
-  std::vector<uint64_t> samples;
-  for (const ForecastTile& tile : model.tiles) samples.push_back(tile.measured.samples);
-  return PlayRounds(model, rule, samples_max, std::move(samples), deviations);
-}
-
 Forecast ForecastSamples(const ErrorModel& model, uint64_t samples, double deviations) {
   const std::vector<uint64_t> all(model.tiles.size(), samples);
   return Account(model, TilesAt(model, all, deviations));

@@ -45,9 +45,6 @@ struct Forecast {
 // above it. Requires: tiles, with samples, and a target.
 Forecast ForecastTarget(const ErrorModel& model, const StopRule& rule, uint64_t samples_max,
                         double deviations = 0);
-// The same for a frame that goes on from the samples that its tiles have.
-Forecast ForecastRefinement(const ErrorModel& model, const StopRule& rule, uint64_t samples_max,
-                            double deviations = 0);
 // With so many samples in every pixel.
 Forecast ForecastSamples(const ErrorModel& model, uint64_t samples, double deviations = 0);
 

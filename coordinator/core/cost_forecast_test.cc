@@ -75,20 +75,6 @@ TEST(CostForecastTest, SaysWhereSamplesDoNotSuffice) {
   EXPECT_NEAR(forecast.relative_mse, 0.25, 1e-9);
 }
 
-TEST(CostForecastTest, RefinementGoesOnFromWhereTilesAre) {
-  ErrorModel model{std::vector<ForecastTile>(100, TileOf(0.16))};
-  for (ForecastTile& tile : model.tiles) {
-    tile.measured.samples = 64;
-    tile.measured.error.sum /= 4;
-    tile.measured.error.square_sum /= 16;
-  }
-  const StopRule rule{.target_error = 0.01};
-  const Forecast whole = ForecastTarget(model, rule, kSamplesMax);
-  const Forecast rest = ForecastRefinement(model, rule, kSamplesMax);
-  EXPECT_LT(rest.round_count, whole.round_count);
-  EXPECT_NEAR(rest.samples / whole.samples, 1, 0.05);  // In all, those of before included.
-}
-
 TEST(CostForecastTest, AGivenNumberOfSamplesHasTheErrorOfTheRate) {
   const ErrorModel model{{TileOf(0.16)}, 1.5};
   EXPECT_NEAR(ForecastSamples(model, 256).relative_mse, 0.16 / 64, 1e-12);
