@@ -28,10 +28,9 @@ constexpr double kBandDeviations = 1.2816;
 // Log-normal deviation of CPU time for the same work: processors share caches, memory and clocks.
 constexpr double kCpuLogDeviation = 0.06;
 // Of the price that is allowed, what is planned for: overheads come on top.
-constexpr double kPilotShareAim = 0.022;
-// A further pilot has at least so many times the samples of those before.
-constexpr double kPilotGrowthMin = 1;
-constexpr int kPilotCountMax = 6;
+constexpr double kPilotShareAim = 0.025;
+// A second pilot has at least so many times the samples of the first, or is not worth its while.
+constexpr double kSecondPilotMin = 2;
 // Of the threads' time, what goes into samples.
 constexpr double kFarmEfficiency = 0.95;
 constexpr absl::Duration kPollInterval = absl::Milliseconds(30);
@@ -75,7 +74,9 @@ absl::StatusOr<PilotPicture> FetchPicture(FarmClient* client, const v1::Frame& f
   return pilot;
 }
 
-absl::StatusOr<v1::Job> AwaitJob(FarmClient* client, const std::string& name, absl::Time deadline) {
+absl::StatusOr<v1::Job> AwaitJob(FarmClient* client, const std::string& name,
+                                 absl::Duration wait_max) {
+  const absl::Time deadline = absl::Now() + wait_max;
   while (true) {
     const absl::StatusOr<v1::Job> job = client->GetJob(name);
     if (!job.ok()) return job.status();
@@ -95,8 +96,8 @@ absl::StatusOr<v1::Job> AwaitJob(FarmClient* client, const std::string& name, ab
 
 // Renders the levels of each frame, as one job.
 absl::Status RenderPilot(FarmClient* client, const JobArguments& arguments, const PreparedJob& job,
-                         const std::vector<std::vector<PilotLevel>>& levels, absl::Time deadline,
-                         std::vector<PilotFrame>* frames) {
+                         const std::vector<std::vector<PilotLevel>>& levels,
+                         absl::Duration wait_max, std::vector<PilotFrame>* frames) {
   PreparedJob pilot;
   for (size_t i = 0; i < frames->size(); ++i) {
     for (const PilotLevel& level : levels[i]) {
@@ -117,17 +118,13 @@ absl::Status RenderPilot(FarmClient* client, const JobArguments& arguments, cons
   const absl::StatusOr<v1::Job> created =
       client->CreateJob(MakeCreateJobRequest(pilot_arguments, pilot));
   if (!created.ok()) return created.status();
-  const absl::StatusOr<v1::Job> ended = AwaitJob(client, created->name(), deadline);
+  const absl::StatusOr<v1::Job> ended = AwaitJob(client, created->name(), wait_max);
   if (!ended.ok()) return ended.status();
   int next = 0;
   for (size_t i = 0; i < frames->size(); ++i) {
     for (const PilotLevel& level : levels[i]) {
       absl::StatusOr<PilotPicture> picture = FetchPicture(client, ended->frames(next++), level);
       if (!picture.ok()) return picture.status();
-      const FrameSettings& settings = job.frames[(*frames)[i].index].settings;
-      if (picture->cpu_seconds_of_tiles.size() != TilesOf(arguments, settings).size()) {
-        return absl::DataLossError("the coordinator does not tell CPU times of a pilot's tiles");
-      }
       (*frames)[i].pictures.push_back(*std::move(picture));
     }
   }
@@ -142,41 +139,37 @@ void FitModels(const JobArguments& arguments, const PreparedJob& job, int thread
   }
 }
 
-// What a frame's next pilot is: at first what the first round allows, then as much more as the
-// target is found to allow. Empty where that is not worth its while.
-std::vector<PilotLevel> NextLevels(const PilotFrame& frame, int64_t pixel_count, double target) {
-  if (frame.pictures.empty()) {
-    return coordinator::PilotLevels(kPilotShareAim * kReplicateCount, pixel_count);
-  }
-  // The lower end, so that the price holds where pilots so far were wrong.
-  const Forecast cheapest = coordinator::ForecastTarget(frame.model, {.target_error = target},
-                                                        kStoppedSamplesMax, -kBandDeviations);
-  double spent = 0;
-  for (const PilotPicture& picture : frame.pictures) spent += picture.level.SamplesPerPixel();
-  const double allowed = kPilotShareAim * cheapest.samples - spent;
-  if (allowed < kPilotGrowthMin * spent) return {};
-  return coordinator::PilotPair(allowed, pixel_count);
-}
-
-// Ever larger pilots, as long as the loosest target's price allows them.
+// Cheapest first pilot, then as much more as the cheapest target allows.
 absl::StatusOr<std::vector<PilotFrame>> RenderPilots(FarmClient* client,
                                                      const JobArguments& arguments,
                                                      const PreparedJob& job, int thread_count,
-                                                     double target, absl::Time deadline) {
+                                                     double target, absl::Duration wait_max) {
   std::vector<PilotFrame> frames = ChooseFrames(job.frames.size());
-  for (int i = 0; i < kPilotCountMax; ++i) {
-    std::vector<std::vector<PilotLevel>> levels;
-    bool more = false;
-    for (const PilotFrame& frame : frames) {
-      const int64_t pixel_count = job.frames[frame.index].settings.window.PixelCount();
-      levels.push_back(NextLevels(frame, pixel_count, target));
-      more |= !levels.back().empty();
-    }
-    if (!more) break;
-    absl::Status status = RenderPilot(client, arguments, job, levels, deadline, &frames);
-    if (!status.ok()) return status;
-    FitModels(arguments, job, thread_count, &frames);
+  std::vector<std::vector<PilotLevel>> levels;
+  const double least = kPilotShareAim * kReplicateCount;
+  for (const PilotFrame& frame : frames) {
+    levels.push_back(
+        coordinator::PilotLevels(least, job.frames[frame.index].settings.window.PixelCount()));
   }
+  absl::Status status = RenderPilot(client, arguments, job, levels, wait_max, &frames);
+  if (!status.ok()) return status;
+  FitModels(arguments, job, thread_count, &frames);
+  bool more = false;
+  for (size_t i = 0; i < frames.size(); ++i) {
+    // The lower end, so that the price holds where the first pilot was wrong.
+    const Forecast cheapest = coordinator::ForecastTarget(frames[i].model, {.target_error = target},
+                                                          kStoppedSamplesMax, -kBandDeviations);
+    const double allowed = kPilotShareAim * cheapest.samples - least;
+    levels[i].clear();
+    if (allowed < kSecondPilotMin * least) continue;
+    levels[i] =
+        coordinator::PilotPair(allowed, job.frames[frames[i].index].settings.window.PixelCount());
+    more |= !levels[i].empty();
+  }
+  if (!more) return frames;
+  status = RenderPilot(client, arguments, job, levels, wait_max, &frames);
+  if (!status.ok()) return status;
+  FitModels(arguments, job, thread_count, &frames);
   return frames;
 }
 
@@ -280,8 +273,8 @@ absl::StatusOr<Quote> MakeQuote(FarmClient* client, const JobArguments& argument
     return absl::UnavailableError("no worker is connected");
   }
   const double loosest = *std::max_element(asked.targets.begin(), asked.targets.end());
-  const absl::StatusOr<std::vector<PilotFrame>> frames = RenderPilots(
-      client, arguments, job, quote.thread_count, loosest, absl::Now() + asked.wait_max);
+  const absl::StatusOr<std::vector<PilotFrame>> frames =
+      RenderPilots(client, arguments, job, quote.thread_count, loosest, asked.wait_max);
   if (!frames.ok()) return frames.status();
   const FrameSettings& settings = job.frames.front().settings;
   quote.width_px = settings.window.Width();

@@ -57,7 +57,7 @@ inline const std::vector<double> kQuotedErrors = {0.1, 0.05, 0.02, 0.01};
 struct QuoteArguments {
   std::vector<double> targets;  // Of relMSE.
   bool with_samples = true;     // Also a row for the samples that the job or its scene asks for.
-  absl::Duration wait_max = absl::InfiniteDuration();  // For all pilots.
+  absl::Duration wait_max = absl::InfiniteDuration();  // For the pilot.
 };
 
 // Errors: those of the calls; kUnavailable where the pilot has not ended in time, and the pilot is
