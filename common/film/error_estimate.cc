@@ -130,11 +130,20 @@ double PredictTrueSquare(double value, double variance, const LocalSums& about) 
 
 constexpr int32_t kAboutPx = 2;  // In each direction.
 
+struct PixelError {
+  double value = 0;  // Expected: mean over R, G, B of stderr^2 / (truth^2 + floor^2).
+  // Of `value`, what one bright hit makes, and the most that it may be instead (RareHits).
+  double rare = 0, rare_max = 0;
+};
+
+// Of two equal hits among sixteen replicates it is 0.68.
+constexpr double kOneHitDeviationMin = 0.8;
+
 // Adds the relative errors of one channel to *errors: of the pixels of `rect`, which is in
 // coordinates of the planes, row-major.
 void AddChannelErrors(const ErrorPlanes& planes, size_t channel, const PixelRect& rect,
                       int32_t width, int32_t height, double floor_square,
-                      std::vector<double>* errors) {
+                      std::vector<PixelError>* errors) {
   const float* values = planes.value[channel]->data();
   const float* deviations = planes.error[channel]->data();
   const auto index = [&](int32_t x, int32_t y) {
@@ -169,19 +178,26 @@ void AddChannelErrors(const ErrorPlanes& planes, size_t channel, const PixelRect
         if (u != x) about.Add(all[static_cast<size_t>(u - x_begin)]);
       }
       const double square = PredictTrueSquare(own.value, own.variance, about);
-      (*errors)[out] += own.variance / (square + floor_square) / 3;
+      PixelError& error = (*errors)[out];
+      const double expected = own.variance / (square + floor_square) / 3;
+      error.value += expected;
+      const double deviation = std::sqrt(own.variance), size = std::fabs(own.value);
+      if (deviation < kOneHitDeviationMin * size) continue;
+      const double rest = std::max(size - deviation, 0.0);
+      error.rare += expected;
+      error.rare_max += own.variance / (rest * rest + floor_square) / 3;
     }
   }
 }
 
 // Of the pixels of `tile`, row-major.
-std::vector<double> PixelErrors(const ErrorPlanes& planes, const FramePicture& picture,
-                                const PixelRect& tile, double mean) {
+std::vector<PixelError> PixelErrors(const ErrorPlanes& planes, const FramePicture& picture,
+                                    const PixelRect& tile, double mean) {
   const PixelRect& window = picture.window;
   const PixelRect rect{tile.x0 - window.x0, tile.y0 - window.y0, tile.x1 - window.x0,
                        tile.y1 - window.y0};
   SHEAF_CHECK(rect.x0 >= 0 && rect.y0 >= 0 && tile.x1 <= window.x1 && tile.y1 <= window.y1);
-  std::vector<double> errors(static_cast<size_t>(rect.PixelCount()));
+  std::vector<PixelError> errors(static_cast<size_t>(rect.PixelCount()));
   const double floor = 0.1 * mean;
   for (size_t channel = 0; channel < 3; ++channel) {
     AddChannelErrors(planes, channel, rect, window.Width(), window.Height(), floor * floor,
@@ -190,21 +206,66 @@ std::vector<double> PixelErrors(const ErrorPlanes& planes, const FramePicture& p
   return errors;
 }
 
+// Pixels in which one replicate alone met something bright, at the rim of a lamp, say, where the
+// pixels about are no guide, being lamp and wall. The pixel's share p of it may be any that is
+// smaller than seen, and what was seen is of 1 / n of it: the error is 1 / (n p)^2 times the one
+// that is told, up to what it is where all that was seen was luck. One hit, and Jeffreys' prior of
+// the mean of a Poisson distribution, which has it that small shares are frequent, as at the tails
+// of pixel filters, leave for n p the density 2 / sqrt(pi) sqrt(n p) exp(-n p); so
+//
+//   P(error > x) = kScale (told / x)^kIndex for large x, kIndex = 3 / 4, kScale = 4 / (3 sqrt(pi)).
+//
+// A sum of such errors is as large as its largest; what is beyond the largest's quantile is left to
+// chance, and up to there each has a variance of kIndex kScale / (2 - kIndex) of
+// told^kIndex x^(2 - kIndex).
+// Source: Jeffreys 1946, "An Invariant Form for the Prior Probability in Estimation Problems".
+class RareHits {
+ public:
+  void Add(size_t tile, const PixelError& error) {
+    if (!(error.rare_max > error.rare)) return;
+    hits_.push_back({tile, std::pow(error.rare, kIndex), error.rare_max});
+    sum_ += hits_.back().told;
+  }
+  // To the sums of the tiles.
+  void AddVariances(std::vector<ErrorSums>* tiles) const {
+    // What a first look leaves to chance (coordinator/core/sample_rounds.h).
+    constexpr double kBeyondShare = 0.03;
+    const double largest = std::pow(kScale * sum_ / kBeyondShare, 1 / kIndex);
+    for (const Hit& hit : hits_) {
+      const double variance = kIndex * kScale / (2 - kIndex) * hit.told *
+                              std::pow(std::min(hit.error_max, largest), 2 - kIndex);
+      (*tiles)[hit.tile].square_sum += variance / 2;  // Deviation() doubles it.
+    }
+  }
+
+ private:
+  static constexpr double kIndex = 0.75, kScale = 0.752253;
+  struct Hit {
+    size_t tile;
+    double told;  // To the power of kIndex.
+    double error_max;
+  };
+  std::vector<Hit> hits_;
+  double sum_ = 0;  // Of `told`.
+};
+
+// rare: where those of the pixels are added to, for the tile of this number.
 ErrorSums SumErrors(const ErrorPlanes& planes, const FramePicture& picture, const PixelRect& tile,
-                    double mean) {
-  const std::vector<double> errors = PixelErrors(planes, picture, tile, mean);
+                    double mean, size_t tile_number, RareHits* rare) {
+  const std::vector<PixelError> errors = PixelErrors(planes, picture, tile, mean);
   const PixelRect& window = picture.window;
   ErrorSums sums;
   size_t next = 0;
   for (int32_t y = tile.y0; y < tile.y1; ++y) {
     for (int32_t x = tile.x0; x < tile.x1; ++x) {
-      const double error = errors[next++];
+      const PixelError& error = errors[next++];
       const auto p = static_cast<size_t>(y - window.y0) * static_cast<size_t>(window.Width()) +
                      static_cast<size_t>(x - window.x0);
       if ((*planes.samples)[p] == 0) continue;
       ++sums.pixel_count;
-      sums.sum += error;
-      sums.square_sum += error * error;
+      sums.sum += error.value;
+      sums.square_sum += error.value * error.value;
+      rare->Add(tile_number, error);
     }
   }
   return sums;
@@ -218,7 +279,12 @@ double ErrorSums::Deviation() const {
 
 std::vector<double> EstimatePixelErrors(const FramePicture& picture) {
   const ErrorPlanes planes(picture);
-  return PixelErrors(planes, picture, picture.window, planes.Mean());
+  std::vector<double> errors;
+  errors.reserve(planes.samples->size());
+  for (const PixelError& error : PixelErrors(planes, picture, picture.window, planes.Mean())) {
+    errors.push_back(error.value);
+  }
+  return errors;
 }
 
 std::vector<ErrorSums> EstimateTileErrors(const FramePicture& picture,
@@ -227,7 +293,11 @@ std::vector<ErrorSums> EstimateTileErrors(const FramePicture& picture,
   const double mean = planes.Mean();
   std::vector<ErrorSums> sums;
   sums.reserve(tiles.size());
-  for (const PixelRect& tile : tiles) sums.push_back(SumErrors(planes, picture, tile, mean));
+  RareHits rare;
+  for (const PixelRect& tile : tiles) {
+    sums.push_back(SumErrors(planes, picture, tile, mean, sums.size(), &rare));
+  }
+  rare.AddVariances(&sums);
   return sums;
 }
 
@@ -246,7 +316,7 @@ FrameError EstimateError(const FramePicture& picture) {
   }
   result.sample_count = static_cast<uint64_t>(sample_sum);
   result.nonfinite_count = static_cast<uint64_t>(nonfinite_sum);
-  const ErrorSums sums = SumErrors(planes, picture, picture.window, planes.Mean());
+  const ErrorSums sums = EstimateTileErrors(picture, {&picture.window, 1}).front();
   if (sums.pixel_count == 0) return result;
   result.relative_mse = sums.RelativeMse();
   result.relative_mse_deviation = sums.Deviation();

@@ -189,6 +189,45 @@ TEST(FilmTest, FrameErrorKnowsOfRareBrightSamples) {
   EXPECT_LT(by_own_mean / actual, 0.15);
 }
 
+// A lamp 1,000 times as bright as the wall, and pixels at its rim that have as good as any share of
+// it. Where one sample of the 32 met the lamp, the share may be far below 1 / 32, and the error
+// that was made far above the deviation that was seen.
+TEST(FilmTest, FrameErrorsBoundKnowsOfTheRimsOfLamps) {
+  constexpr int32_t kSide = 48, kPixels = kSide * kSide;
+  constexpr int kPictures = 60;
+  constexpr float kLamp = 500, kWall = 0.5f;
+  // A lamp of 16 pixels, beside them a rim with shares of it that are small more often than large.
+  const auto share = [](int32_t p) {
+    const int32_t x = p % kSide, y = p / kSide;
+    if (y % 3 != 0 || x > 1) return 0.0f;
+    return x == 0 ? 1.0f : 0.05f * std::pow((static_cast<float>(y) + 0.5f) / kSide, 2.0f);
+  };
+  int missed = 0, missed_by_variance = 0;
+  for (uint64_t seed = 0; seed < kPictures; ++seed) {
+    const FilmTile row = MakeTile(kPixels, 32, [&](int32_t p, uint64_t n) {
+      const uint64_t key = (seed * kPixels + static_cast<uint64_t>(p)) * 1000003 + n;
+      return FilmSample{.radiance = Rgb::Grey(HashToUnit(key) < share(p) ? kLamp : kWall)};
+    });
+    FramePicture of_row = MakeFramePicture(row.rect(), kPixels, 1);
+    DevelopTile(row, &of_row);
+    FramePicture picture = MakeFramePicture({0, 0, kSide, kSide}, kSide, kSide);
+    picture.planes = of_row.planes;
+    double mean = 0, actual = 0, squares = 0;
+    for (const float v : *picture.Find("R")) mean += v / kPixels;
+    for (const double e : EstimatePixelErrors(picture)) squares += e * e;
+    for (int32_t p = 0; p < kPixels; ++p) {
+      const double truth = share(p) * kLamp + (1 - share(p)) * kWall;
+      const double d = At(picture, "R", static_cast<size_t>(p)) - truth;
+      actual += d * d / (truth * truth + 0.01 * mean * mean) / kPixels;
+    }
+    const FrameError error = EstimateError(picture);
+    missed += actual > error.relative_mse + 2 * error.relative_mse_deviation;
+    missed_by_variance += actual > error.relative_mse + 2 * std::sqrt(2 * squares) / kPixels;
+  }
+  EXPECT_LE(missed, 0.1 * kPictures);
+  EXPECT_GE(missed_by_variance, 0.1 * kPictures);
+}
+
 TEST(FilmTest, TilesShareTheErrorOfTheirFrame) {
   const FilmTile tile = MakeTile(64, 32, [](int32_t x, uint64_t n) {
     return FilmSample{.radiance = Rgb::Grey(HashToUnit(static_cast<uint64_t>(x) * 7919 + n))};
