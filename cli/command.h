@@ -34,6 +34,7 @@ std::unique_ptr<Command> MakeResumeCommand();
 std::unique_ptr<Command> MakePriorityCommand();
 std::unique_ptr<Command> MakeWorkersCommand();
 std::unique_ptr<Command> MakePlanCommand();
+std::unique_ptr<Command> MakeStudyCommand();
 std::unique_ptr<Command> MakeCompareCommand();
 std::unique_ptr<Command> MakeCompletionCommand();
 

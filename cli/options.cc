@@ -121,6 +121,8 @@ void AddSettingsOptions(CLI::App* command, JobArguments* arguments) {
       "Mattes to write too, separated by commas: object, material, asset");
   command->add_flag("--light-groups", settings.light_groups,
                     "Write what each group of lights (\"string lightgroup\") contributes");
+  command->add_flag("--light-paths", settings.light_paths,
+                    "Write what each kind of light path contributes: direct, caustic, fog ...");
   command->add_flag("--single-scattering", settings.single_scattering,
                     "Rough surfaces scatter once and lose the rest, as pbrt-v4's do");
   command->add_flag("--one-sequence", settings.one_sequence,

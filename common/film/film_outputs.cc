@@ -11,6 +11,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "absl/strings/str_split.h"
+#include "common/film/light_path_kind.h"
 
 namespace sheaf {
 namespace {
@@ -32,6 +33,7 @@ constexpr char kIdSuffix[] = "-id";
 constexpr const char* kAlwaysThere[] = {"albedo", "normal", "depth"};
 constexpr char kCameraSpace[] = "space:camera";
 constexpr char kLightPrefix[] = "light:";
+constexpr char kLightPaths[] = "light-paths";
 constexpr char kCryptomattePrefix[] = "cryptomatte:";
 // Layers of every picture and part, in small letters.
 constexpr const char* kReservedLayers[] = {"albedo", "normal", "depth",  "stderr",  "lo",     "p",
@@ -88,6 +90,12 @@ std::string WhyNotLightGroup(std::string_view name) {
                             std::end(kReservedLayers) ||
                         IsReplicateLayer(small) || small.starts_with("crypto");
   return reserved ? "is the name of other channels; choose another for the light group" : "";
+}
+
+std::vector<std::string> LightPathLayers() {
+  std::vector<std::string> layers;
+  for (const LightPathName& kind : kLightPathNames) layers.emplace_back(kind.name);
+  return layers;
 }
 
 std::vector<MeanChannel> MeanChannelsOf(const FilmOutputs& outputs) {
@@ -162,7 +170,11 @@ std::string FormatOutputs(const FilmOutputs& outputs) {
     }
   }
   if (outputs.camera_space) words.emplace_back(kCameraSpace);
-  for (const std::string& group : outputs.light_groups) words.push_back(kLightPrefix + group);
+  if (outputs.light_paths) {
+    words.emplace_back(kLightPaths);
+  } else {
+    for (const std::string& group : outputs.light_groups) words.push_back(kLightPrefix + group);
+  }
   return absl::StrJoin(words, ",");
 }
 
@@ -173,6 +185,9 @@ absl::StatusOr<FilmOutputs> ParseOutputs(std::string_view text) {
        static_cast<std::vector<std::string>>(absl::StrSplit(std::string(text), ','))) {
     if (word == kCameraSpace) {
       outputs.camera_space = true;
+    } else if (word == kLightPaths) {
+      outputs.light_paths = true;
+      outputs.light_groups = LightPathLayers();
     } else if (word.starts_with(kLightPrefix)) {
       outputs.light_groups.push_back(word.substr(std::strlen(kLightPrefix)));
       const std::string why_not = WhyNotLightGroup(outputs.light_groups.back());
@@ -188,6 +203,7 @@ absl::StatusOr<FilmOutputs> ParseOutputs(std::string_view text) {
   const std::vector<std::string>& groups = outputs.light_groups;
   if (groups.size() > kLightGroupsMax) return absl::InvalidArgumentError("too many light groups");
   const bool ascending =
+      outputs.light_paths ||
       std::adjacent_find(groups.begin(), groups.end(), std::greater_equal<>()) == groups.end();
   if (FormatOutputs(outputs) != text || !ascending) {
     return absl::InvalidArgumentError("the outputs are not in their order");

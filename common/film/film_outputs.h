@@ -48,6 +48,8 @@ inline constexpr char kDefaultLightGroup[] = "default";
 // Why the text cannot name a light group; empty where it can: 1 to 64 letters, digits, "_" and "-",
 // not a name that other channels have.
 std::string WhyNotLightGroup(std::string_view name);
+// The layers of `light_paths`: the names of light_path_kind.h in their order.
+std::vector<std::string> LightPathLayers();
 
 struct FilmOutputs {
   uint32_t aovs = 0;          // One bit each: Has, Add.
@@ -55,6 +57,7 @@ struct FilmOutputs {
   uint32_t id_numbers = 0;    // One bit for each IdKind: the leading id's number, `objectId`.
   uint32_t cryptomattes = 0;  // One bit for each IdKind: CryptoObject00.R and on (cryptomatte.h).
   std::vector<std::string> light_groups;  // In the order of their names; at most kLightGroupsMax.
+  bool light_paths = false;               // light_groups are LightPathLayers().
 
   bool Has(Aov aov) const { return (aovs >> static_cast<uint32_t>(aov) & 1) != 0; }
   void Add(Aov aov) { aovs |= 1u << static_cast<uint32_t>(aov); }

@@ -40,6 +40,7 @@ struct RenderSettings {
   std::optional<Primaries> primaries;  // Of the picture; otherwise the scene's.
   FilmOutputs outputs;                 // Besides those that the scene's film asks for.
   bool light_groups = false;           // One output for each light group of the scene.
+  bool light_paths = false;            // One for each LightPathKind. Not both.
   // Rough surfaces scatter light once and lose what is scattered again, as in pbrt-v4, whose
   // pictures can then be matched. Otherwise they keep that energy.
   bool single_scattering = false;

@@ -41,7 +41,11 @@ void AddOutputs(const FilmOutputs& outputs, std::string* command) {
   if (!cryptomattes.empty()) {
     absl::StrAppend(command, " --cryptomatte ", absl::StrJoin(cryptomattes, ","));
   }
-  if (!outputs.light_groups.empty()) absl::StrAppend(command, " --light-groups");
+  if (outputs.light_paths) {
+    absl::StrAppend(command, " --light-paths");
+  } else if (!outputs.light_groups.empty()) {
+    absl::StrAppend(command, " --light-groups");
+  }
 }
 
 }  // namespace

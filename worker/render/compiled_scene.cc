@@ -120,7 +120,8 @@ absl::StatusOr<CompiledScenePtr> CompileScene(SceneDescription description,
       LightTable::Build(scene->description, std::move(baked->emitters), files);
   if (!lights.ok()) return lights.status();
   scene->lights = *std::move(lights);
-  if (!settings.outputs.light_groups.empty()) {
+  scene->roulette_depth_min = techniques.roulette_depth_min;
+  if (!settings.outputs.light_groups.empty() && !settings.outputs.light_paths) {
     scene->lights->AssignGroups(scene->description, settings.outputs.light_groups);
   }
   if ((scene->plan.traits & kInsides) != 0) {

@@ -36,6 +36,7 @@ class CompiledScene {
   std::unique_ptr<MediumTable> media;        // Null where the plan has none.
   std::unique_ptr<InteriorTable> interiors;  // Null where the plan has no nested dielectrics.
   float majorant_factor = 1;                 // As CompileTechniques has it.
+  uint32_t roulette_depth_min = kRouletteDepthMin;
   uint32_t media_group = 0;  // Index of the light group that what shines in media is in.
   SceneIds ids;              // Empty unless asked for.
 };

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// LightGroups: what each group of lights contributes to one sample. Where no groups were asked for
-// it holds nothing, and does nothing.
+// LightGroups: what each group of lights, or each kind of light path, contributes to one sample.
+// Where none were asked for it holds nothing, and does nothing.
 #pragma once
 
 #include <cstddef>
@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "common/film/film_outputs.h"
+#include "common/film/light_path_kind.h"
 #include "worker/render/light_table.h"
 
 namespace sheaf::render {
@@ -18,21 +19,31 @@ namespace sheaf::render {
 template <typename Color>
 class LightGroups {
  public:
-  // Starts with `count` groups that contribute nothing.
-  void Reset(size_t count) { sums_.assign(count, Color{}); }
+  // Starts with all groups of the outputs contributing nothing.
+  void Reset(const FilmOutputs& outputs) {
+    sums_.assign(outputs.light_groups.size(), Color{});
+    by_path_ = outputs.light_paths;
+  }
 
-  void Add(const LightTable& lights, uint32_t light, const Color& radiance) {
-    if (!sums_.empty()) sums_[lights.GroupOf(light)] += radiance;
+  void Add(const LightTable& lights, uint32_t light, LightPathKind kind, const Color& radiance) {
+    if (sums_.empty()) return;
+    sums_[by_path_ ? static_cast<size_t>(kind) : lights.GroupOf(light)] += radiance;
   }
   // The same for `radiance`, which is weight times what all infinite lights together send to p
   // along d.
   void AddSky(const LightTable& lights, Vec3f p, Vec3f d, const WavelengthsOf<Color>& wavelengths,
-              const Color& weight, const Color& radiance) {
-    if (!sums_.empty()) lights.AddByGroup(p, d, wavelengths, weight, radiance, &sums_);
+              const Color& weight, LightPathKind kind, const Color& radiance) {
+    if (sums_.empty()) return;
+    if (by_path_) {
+      sums_[static_cast<size_t>(kind)] += radiance;
+    } else {
+      lights.AddByGroup(p, d, wavelengths, weight, radiance, &sums_);
+    }
   }
-  // To a group by its index.
-  void AddToGroup(uint32_t group, const Color& radiance) {
-    if (!sums_.empty()) sums_[group] += radiance;
+  // From media; group: the index of theirs.
+  void AddGlow(uint32_t group, const Color& radiance) {
+    if (sums_.empty()) return;
+    sums_[by_path_ ? static_cast<size_t>(LightPathKind::kGlow) : group] += radiance;
   }
   // Writes each group's to_rgb(sum) to its channels, the last ones, and starts anew.
   template <typename ToRgb>
@@ -48,6 +59,7 @@ class LightGroups {
 
  private:
   std::vector<Color> sums_;
+  bool by_path_ = false;
 };
 
 }  // namespace sheaf::render

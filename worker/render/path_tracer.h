@@ -27,6 +27,7 @@
 #include "worker/render/medium.h"
 #include "worker/render/medium_line.h"
 #include "worker/render/mis.h"
+#include "worker/render/path_history.h"
 #include "worker/render/path_limits.h"
 #include "worker/render/ray_counts.h"
 #include "worker/render/sampler.h"
@@ -50,7 +51,7 @@ class PathTracer {
   // Variants without kOutputs leave nothing.
   void set_outputs(OutputSample* outputs) {
     outputs_ = outputs;
-    groups_.Reset(scene_.settings.outputs.light_groups.size());
+    groups_.Reset(scene_.settings.outputs);
   }
 
  private:
@@ -122,6 +123,7 @@ class PathTracer {
     EnvironmentMap::Place sky_place;  // Of the ray's direction, once scattered.
     [[no_unique_address]] std::conditional_t<kMedia, InMedia, InVacuum> media;
     [[no_unique_address]] std::conditional_t<kSubsurface, InMatter, InVacuum> matter;
+    [[no_unique_address]] std::conditional_t<kOutputs, PathHistory, NoHistory> history;
   };
 
   // Numbers to sample a light with, and what could be begun with them alone.
@@ -161,15 +163,16 @@ class PathTracer {
   // Requires: the point is an emitter's.
   void AddEmission(const SurfacePoint& point, Path* path);
   // Adds light that came from the one light to the path, and to the light's group.
-  void AddLight(uint32_t light, const Color& radiance, Path* path) {
+  void AddLight(uint32_t light, LightPathKind kind, const Color& radiance, Path* path) {
     path->radiance += radiance;
-    if constexpr (kOutputs) groups_.Add(*scene_.lights, light, radiance);
+    if constexpr (kOutputs) groups_.Add(*scene_.lights, light, kind, radiance);
   }
   // The same for weight times what all infinite lights together send to p along d.
-  void AddSky(Vec3f p, Vec3f d, const Color& weight, const Color& radiance, Path* path) {
+  void AddSky(Vec3f p, Vec3f d, const Color& weight, LightPathKind kind, const Color& radiance,
+              Path* path) {
     path->radiance += radiance;
     if constexpr (kOutputs) {
-      groups_.AddSky(*scene_.lights, p, d, path->wavelengths, weight, radiance);
+      groups_.AddSky(*scene_.lights, p, d, path->wavelengths, weight, kind, radiance);
     }
   }
   Rgb RgbOfSample(const Color& radiance, const Path& path) const;
@@ -227,9 +230,9 @@ class PathTracer {
   }
   // What share of a light that was sampled adds at p.
   void AddSampled(const LightSampleOf<Color>& light, Vec3f p, const Color& f_cos, float share,
-                  Path* path);
+                  LightPathKind kind, Path* path);
   // False where chance ends a path that carries little.
-  static bool SurvivesRoulette(float u, Path* path);
+  bool SurvivesRoulette(float u, Path* path) const;
   // From the point to the light. *end is set for lights that have a place.
   static Ray ShadowRay(const SurfacePoint& point, const LightSampleOf<Color>& light, float time,
                        Vec3f* end);

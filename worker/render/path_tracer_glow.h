@@ -42,7 +42,7 @@ void PathTracer<kTraits, Tracer, kDirectLight>::AddSampledGlow(const Sampler& sa
   const float share = SampledShare(sample.pdf, value.pdf);
   const Color arriving = path->throughput * value.f_cos * sum * (share / sample.pdf);
   path->radiance += arriving;
-  if constexpr (kOutputs) groups_.AddToGroup(scene_.media_group, arriving);
+  if constexpr (kOutputs) groups_.AddGlow(scene_.media_group, arriving);
 }
 
 template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight>

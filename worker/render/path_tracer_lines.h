@@ -240,7 +240,8 @@ void PathTracer<kTraits, Tracer, kDirectLight>::AddLightAlong(const Sampler& sam
   share *= ShareThroughMedia(here, *light, {u[3], u[2]}, *path, media);
   if (share.IsBlack()) return;
   const auto scale = static_cast<float>(weight / line_pdf);
-  AddLight(light->light, scattered * share * light->radiance * scale, path);
+  AddLight(light->light, path->history.KindFromMedium(),
+           scattered * share * light->radiance * scale, path);
 }
 
 }  // namespace sheaf::render

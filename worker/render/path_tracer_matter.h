@@ -119,6 +119,7 @@ bool PathTracer<kTraits, Tracer, kDirectLight>::WalkNearPlane(const Sampler& sam
     if (path->throughput.IsBlack()) return false;
     CountScattering(*path, &path->media);
     path->specular = true;
+    path->history.AddMedium(true);
     path->ray.d = sample.w;
     if (!SurvivesRoulette(v[3], path)) return false;
   }

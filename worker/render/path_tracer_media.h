@@ -230,7 +230,7 @@ void PathTracer<kTraits, Tracer, kDirectLight>::AddGlow([[maybe_unused]] const S
   }();
   if constexpr (kSamplesGlow) arriving *= MetShareOfGlow(*path);
   path->radiance += arriving;
-  if constexpr (kOutputs) groups_.AddToGroup(scene_.media_group, arriving);
+  if constexpr (kOutputs) groups_.AddGlow(scene_.media_group, arriving);
 }
 
 template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight>
@@ -346,7 +346,7 @@ bool PathTracer<kTraits, Tracer, kDirectLight>::ScatterInMedium(
           }
           return ShareOfSample(*light, value.pdf);
         }();
-        AddSampled(*light, p, value.f * share, of_sample, path);
+        AddSampled(*light, p, value.f * share, of_sample, path->history.KindFromMedium(), path);
       }
     }
   }
@@ -364,6 +364,7 @@ bool PathTracer<kTraits, Tracer, kDirectLight>::ScatterInMedium(
   path->throughput *= sample.weight;
   if (path->throughput.IsBlack()) return false;
   path->specular = path->media.mix.is_hidden;
+  path->history.AddMedium(path->media.mix.is_matter);
   path->pdf = sample.pdf;
   path->from = p;
   path->from_n = {};

@@ -65,32 +65,34 @@ void PathTracer<kTraits, Tracer, kDirectLight>::AddDirect(const LightDraw& draw,
     if (!CrossOrStay(point, light->wi, IsHair<kTraits>(bsdf), *path, &media)) return;
     const Color share = ShareThroughMedia(point, *light, {u[3], u[2]}, *path, media);
     if (share.IsBlack()) return;
-    AddSampled(*light, point.p, value.f_cos * share, ShareOfSample(*light, value.pdf), path);
+    AddSampled(*light, point.p, value.f_cos * share, ShareOfSample(*light, value.pdf),
+               path->history.KindFromSurface(), path);
   } else {
     if (!IsVisible(point, *light, {u[3], u[2]}, path->ray.time)) return;
-    AddSampled(*light, point.p, value.f_cos, ShareOfSample(*light, value.pdf), path);
+    AddSampled(*light, point.p, value.f_cos, ShareOfSample(*light, value.pdf),
+               path->history.KindFromSurface(), path);
   }
 }
 
 template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight>
 void PathTracer<kTraits, Tracer, kDirectLight>::AddSampled(const LightSampleOf<Color>& light,
                                                            Vec3f p, const Color& f_cos, float share,
-                                                           Path* path) {
+                                                           LightPathKind kind, Path* path) {
   const float scale = share / light.pdf;
   const Color arriving = path->throughput * f_cos * light.radiance * scale;
   if (light.is_infinite && !light.is_delta) {
-    AddSky(p, light.wi, path->throughput * f_cos * scale, arriving, path);
+    AddSky(p, light.wi, path->throughput * f_cos * scale, kind, arriving, path);
   } else {
-    AddLight(light.light, arriving, path);
+    AddLight(light.light, kind, arriving, path);
   }
 }
 
 template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight>
-bool PathTracer<kTraits, Tracer, kDirectLight>::SurvivesRoulette(float u, Path* path) {
+bool PathTracer<kTraits, Tracer, kDirectLight>::SurvivesRoulette(float u, Path* path) const {
   // The square root ends fewer of the paths that bring light to dark places, where relative errors
   // are largest: a tenth more rays, a fifth to a half less relMSE.
   const float survival = std::sqrt(MaxComponent(path->throughput) * path->eta_scale);
-  bool may_end = path->depth > kRouletteDepthMin;
+  bool may_end = path->depth > scene_.roulette_depth_min;
   if constexpr (kSubsurface) may_end = may_end || path->media.mix.is_matter;
   if (survival < 1 && may_end) {
     const float stop = std::min(kRouletteStopMax, 1 - survival);
@@ -124,6 +126,7 @@ bool PathTracer<kTraits, Tracer, kDirectLight>::Scatter(const Sampler& sampler,
   if constexpr (kLines) path->media.line.has_scattered = false;
   path->eta_scale *= sample->eta_scale;
   path->specular = (sample->flags & kBsdfSpecular) != 0;
+  path->history.AddSurface(path->specular);
   path->pdf = sample->pdf;
   path->from = point.p;
   path->from_n = light_hint;

@@ -121,7 +121,7 @@ template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight>
 void PathTracer<kTraits, Tracer, kDirectLight>::AddEscape(Path* path) {
   if constexpr (Has(kTraits, Trait::kEnvironment)) {
     if (path->specular) {
-      AddSky(path->from, path->ray.d, path->throughput,
+      AddSky(path->from, path->ray.d, path->throughput, path->history.KindMet(),
              path->throughput * scene_.lights->template EnvironmentRadiance<kTraits>(
                                     path->from, path->ray.d, path->wavelengths),
              path);
@@ -130,7 +130,7 @@ void PathTracer<kTraits, Tracer, kDirectLight>::AddEscape(Path* path) {
     const EnvironmentValueOf<Color> value = scene_.lights->template EvalEnvironment<kTraits>(
         path->from, path->from_n, path->ray.d, path->wavelengths, path->sky_place);
     const float weight = MetShare(path->pdf, value.pdf);
-    AddSky(path->from, path->ray.d, path->throughput * weight,
+    AddSky(path->from, path->ray.d, path->throughput * weight, path->history.KindMet(),
            path->throughput * value.radiance * weight, path);
   }
 }
@@ -153,7 +153,7 @@ void PathTracer<kTraits, Tracer, kDirectLight>::AddEmission(const SurfacePoint& 
         return MetShare(path->pdf, sampled_pdf);
       }();
     }
-    AddLight(point.emitter, path->throughput * radiance * weight, path);
+    AddLight(point.emitter, path->history.KindMet(), path->throughput * radiance * weight, path);
   }
 }
 

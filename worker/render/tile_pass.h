@@ -14,6 +14,7 @@
 #include "common/scene/file_source.h"
 #include "common/scene/render_settings.h"
 #include "common/scene/scene_description.h"
+#include "worker/render/path_limits.h"
 #include "worker/render/render_plan.h"
 
 namespace sheaf::render {
@@ -34,6 +35,8 @@ struct CompileTechniques {
   bool choose_lights_evenly = false;  // Instead of by what each may send to a point.
   bool bound_media_once = false;      // One bound for all of a medium, not one where it is dense.
   LinesInVarying lines_in_varying = LinesInVarying::kWhereItPays;
+  // Roulette may end paths on surfaces after more than so many scatterings.
+  uint32_t roulette_depth_min = kRouletteDepthMin;
   // What bounds of densities are multiplied by. Below 1 they are wrong, which rendering must find.
   float majorant_factor = 1;
 };

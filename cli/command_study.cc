@@ -1,0 +1,97 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// sheaf study: what the accuracy of a scene costs, by which settings, as a page and as JSON.
+#include <algorithm>
+#include <cstdio>
+#include <filesystem>
+#include <string>
+#include <thread>
+
+#include "cli/command.h"
+#include "cli/options.h"
+#include "cli/study/study.h"
+#include "common/base/file.h"
+#include "common/base/status.h"
+#include "common/scene/file_source.h"
+#include "common/scene/scene_reader.h"
+
+namespace sheaf::cli {
+namespace {
+
+class StudyCommand : public Command {
+ public:
+  CLI::App* AddTo(CLI::App* app) override {
+    CLI::App* command = app->add_subcommand(
+        "study", "Measure what accuracy costs: settings, effects and light paths of a scene");
+    AddSettingsOptions(command, &arguments_);
+    AddJsonFlag(command, &json_);
+    command->add_option("-o,--output", page_path_, "The page to write, whole in one file (.html)");
+    command->add_option("--json-output", json_path_, "The same figures to write as JSON");
+    command
+        ->add_option("--minutes", options_.minutes, "About how long it may take; more, less noise")
+        ->check(CLI::Range(kStudyMinutesMin, kStudyMinutesMax))
+        ->capture_default_str();
+    command->add_option("--threads", options_.threads, "Threads that render (default: all)")
+        ->check(CLI::Range(1, 4096));
+    command->footer(
+        "Examples:\n  sheaf study room.pbrt -o room.html\n"
+        "  sheaf study room.pbrt --minutes 60 --json-output room.json\n"
+        "Tiles spread over the frame are rendered with one setting after the other, all against\n"
+        "one reference that the study makes. Everything is rendered on this machine.");
+    return command;
+  }
+
+  ExitCode Run() override {
+    const std::filesystem::path path(arguments_.scene);
+    const std::string directory = path.parent_path().string();
+    DirectoryFileSource files(directory.empty() ? "." : directory);
+    const absl::StatusOr<ReadSceneResult> read = ReadScene(path.filename().string(), files);
+    if (!read.ok()) return ReportSceneError(read.status());
+    for (const SceneDiagnostic& diagnostic : read->diagnostics) {
+      std::fprintf(stderr, "%s\n", diagnostic.text.c_str());
+    }
+    const absl::StatusOr<FrameSettings> settings =
+        ResolveSettings(read->scene, arguments_.settings);
+    if (!settings.ok()) {
+      return ReportError(ExitCode::kUsage, Annotate(settings.status(), arguments_.scene));
+    }
+    if (options_.threads == 0) {
+      options_.threads = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
+    }
+    options_.on_progress = [](const std::string& line) {
+      std::fprintf(stderr, "%s\n", line.c_str());
+    };
+    absl::StatusOr<StudyResult> result = RunStudy(read->scene, *settings, files, options_);
+    if (!result.ok()) return ReportSceneError(result.status());
+    result->scene = arguments_.scene;
+    return Deliver(*result);
+  }
+
+ private:
+  ExitCode Deliver(const StudyResult& result) const {
+    const std::string json = StudyJson(result);
+    if (!json_path_.empty()) {
+      if (absl::Status status = WriteFileAtomically(json_path_, json); !status.ok()) {
+        return ReportError(ExitCode::kFile, status);
+      }
+    }
+    if (json_) {
+      std::printf("%s\n", json.c_str());
+      return ExitCode::kOk;
+    }
+    for (const std::string& line : result.recommendation) std::printf("%s\n", line.c_str());
+    return ExitCode::kOk;
+  }
+
+  JobArguments arguments_;
+  StudyOptions options_{.minutes = 10, .threads = 0, .on_progress = {}};
+  std::string page_path_, json_path_;
+  bool json_ = false;
+};
+
+}  // namespace
+
+std::unique_ptr<Command> MakeStudyCommand() { return std::make_unique<StudyCommand>(); }
+
+}  // namespace sheaf::cli

@@ -1,0 +1,196 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "cli/study/study_analysis.h"
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <numeric>
+#include <random>
+#include <utility>
+
+namespace sheaf::cli {
+namespace {
+
+constexpr int kBootstrapCount = 200;
+// How far beyond its first and last point the base's curve is trusted, in error.
+constexpr double kExtrapolationMax = 4;
+// A point is told from 0 when it is so many standard errors above.
+constexpr double kToldDeviations = 2;
+
+using TileSums = std::vector<double>;
+// Which tiles a figure is made of, with repetitions.
+using Choice = std::vector<size_t>;
+
+double MeanOver(const Choice& tiles, const TileSums& sums, const TileSums& counts) {
+  double sum = 0, count = 0;
+  for (const size_t tile : tiles) {
+    sum += sums[tile];
+    count += counts[tile];
+  }
+  return sum / count;
+}
+
+Choice AllOf(size_t count) {
+  Choice all(count);
+  std::iota(all.begin(), all.end(), size_t{0});
+  return all;
+}
+
+Estimate EstimateMean(const TileSums& sums, const TileSums& counts) {
+  Estimate estimate{MeanOver(AllOf(sums.size()), sums, counts), 0};
+  const auto n = static_cast<double>(sums.size());
+  if (sums.size() < 2) return estimate;
+  double squares = 0, count = 0;
+  for (size_t tile = 0; tile < sums.size(); ++tile) {
+    const double rest = sums[tile] - estimate.value * counts[tile];
+    squares += rest * rest;
+    count += counts[tile];
+  }
+  estimate.error = std::sqrt(squares * n / (n - 1)) / count;
+  return estimate;
+}
+
+// value(tiles): of the tiles chosen; none where they do not tell.
+std::optional<Estimate> Bootstrap(
+    size_t tile_count, const std::function<std::optional<double>(const Choice&)>& value) {
+  const std::optional<double> of_all = value(AllOf(tile_count));
+  if (!of_all) return std::nullopt;
+  std::mt19937_64 random(tile_count);
+  double sum = 0, square_sum = 0, count = 0;
+  Choice choice(tile_count);
+  for (int i = 0; i < kBootstrapCount; ++i) {
+    for (size_t& tile : choice) tile = random() % tile_count;
+    const std::optional<double> v = value(choice);
+    if (!v) continue;
+    sum += *v;
+    square_sum += *v * *v;
+    ++count;
+  }
+  if (count < kBootstrapCount / 2) return std::nullopt;
+  const double mean = sum / count;
+  return Estimate{*of_all, std::sqrt(std::max(0.0, square_sum / count - mean * mean))};
+}
+
+struct LogPoint {
+  double x = 0, y = 0;
+};
+
+// Slope of the line through the points with least squares; none below two.
+std::optional<double> SlopeOf(const std::vector<LogPoint>& points) {
+  if (points.size() < 2) return std::nullopt;
+  double x = 0, y = 0, xx = 0, xy = 0;
+  const auto n = static_cast<double>(points.size());
+  for (const LogPoint& p : points) {
+    x += p.x / n;
+    y += p.y / n;
+  }
+  for (const LogPoint& p : points) {
+    xx += (p.x - x) * (p.x - x);
+    xy += (p.x - x) * (p.y - y);
+  }
+  return xx > 0 ? std::optional(xy / xx) : std::nullopt;
+}
+
+bool TellsVariance(const StudySetting& setting) {
+  return !setting.settings.one_sequence && setting.clamp_means == 0;
+}
+
+std::optional<double> RateOf(const StudyMeasurement& measured, const TileSums& counts,
+                             const Choice& tiles) {
+  if (measured.setting.stops_tiles) return std::nullopt;
+  const bool of_variance = TellsVariance(measured.setting);
+  std::vector<LogPoint> points;
+  for (const StudyCheckpoint& c : measured.checkpoints) {
+    const double error = MeanOver(tiles, of_variance ? c.variance : c.error, counts);
+    if (error > 0) points.push_back({std::log(c.samples), std::log(error)});
+  }
+  const std::optional<double> slope = SlopeOf(points);
+  return slope ? std::optional(-*slope) : std::nullopt;
+}
+
+// CPU seconds with which the base has this error: between its points by the line through the two,
+// beyond them by that through the nearest two.
+std::optional<double> BaseSeconds(const StudyMeasurement& base, const TileSums& counts,
+                                  const Choice& tiles, double error) {
+  std::vector<LogPoint> points;
+  for (const StudyCheckpoint& c : base.checkpoints) {
+    const double e = MeanOver(tiles, c.error, counts);
+    if (e > 0) points.push_back({std::log(e), std::log(c.cpu_seconds)});
+  }
+  if (points.size() < 2 || !(error > 0)) return std::nullopt;
+  const double x = std::log(error), reach = std::log(kExtrapolationMax);
+  if (x > points.front().x + reach || x < points.back().x - reach) return std::nullopt;
+  size_t right = 1;  // Errors fall with the index.
+  while (right + 1 < points.size() && points[right].x > x) ++right;
+  const LogPoint a = points[right - 1], b = points[right];
+  if (a.x == b.x) return std::nullopt;
+  return std::exp(a.y + (b.y - a.y) * (x - a.x) / (b.x - a.x));
+}
+
+std::optional<double> GainOf(const StudyMeasurement& base, const StudyMeasurement& measured,
+                             const TileSums& counts, const Choice& tiles) {
+  const StudyCheckpoint& last = measured.checkpoints.back();
+  const std::optional<double> seconds =
+      BaseSeconds(base, counts, tiles, MeanOver(tiles, last.error, counts));
+  return seconds ? std::optional(*seconds / last.cpu_seconds) : std::nullopt;
+}
+
+StudyCurve CurveOf(const StudyMeasurement& base, const StudyMeasurement& measured,
+                   const TileSums& counts) {
+  StudyCurve curve;
+  curve.setting = measured.setting;
+  for (const StudyCheckpoint& c : measured.checkpoints) {
+    const Estimate error = EstimateMean(c.error, counts);
+    if (error.value > kToldDeviations * error.error && error.value > 0) {
+      curve.points.push_back({c.samples, c.cpu_seconds, error, false});
+    }
+  }
+  if (measured.checkpoints.empty()) return curve;
+  curve.rate = Bootstrap(counts.size(),
+                         [&](const Choice& tiles) { return RateOf(measured, counts, tiles); });
+  if (TellsVariance(measured.setting)) {
+    const StudyCheckpoint& last = measured.checkpoints.back();
+    TileSums bias(counts.size());
+    for (size_t tile = 0; tile < counts.size(); ++tile) {
+      bias[tile] = last.error[tile] - last.variance[tile];
+    }
+    curve.bias_floor = EstimateMean(bias, counts);
+  }
+  if (!measured.setting.is_base) {
+    curve.gain = Bootstrap(
+        counts.size(), [&](const Choice& tiles) { return GainOf(base, measured, counts, tiles); });
+  }
+  return curve;
+}
+
+void MarkFront(std::vector<StudyCurve>* curves) {
+  std::vector<StudyPoint*> points;
+  for (StudyCurve& curve : *curves) {
+    for (StudyPoint& point : curve.points) points.push_back(&point);
+  }
+  std::sort(points.begin(), points.end(), [](const StudyPoint* a, const StudyPoint* b) {
+    return std::pair(a->cpu_seconds, a->relative_mse.value) <
+           std::pair(b->cpu_seconds, b->relative_mse.value);
+  });
+  double least = 0;
+  for (StudyPoint* point : points) {
+    point->on_front = least == 0 || point->relative_mse.value < least;
+    if (point->on_front) least = point->relative_mse.value;
+  }
+}
+
+}  // namespace
+
+std::vector<StudyCurve> AnalyzeStudy(const std::vector<StudyMeasurement>& measurements,
+                                     const std::vector<double>& pixel_counts) {
+  std::vector<StudyCurve> curves;
+  curves.reserve(measurements.size());
+  for (const StudyMeasurement& measured : measurements) {
+    curves.push_back(CurveOf(measurements.front(), measured, pixel_counts));
+  }
+  MarkFront(&curves);
+  return curves;
+}
+
+}  // namespace sheaf::cli

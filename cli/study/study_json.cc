@@ -1,0 +1,107 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "cli/study/study.h"
+
+namespace sheaf::cli {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+// Infinity and NaN have no JSON number.
+Json Number(double value) { return std::isfinite(value) ? Json(value) : Json(); }
+
+Json EstimateJson(const std::optional<Estimate>& estimate) {
+  if (!estimate) return {};
+  return {{"value", Number(estimate->value)}, {"error", Number(estimate->error)}};
+}
+
+Json CurveJson(const StudyCurve& curve) {
+  Json points = Json::array();
+  for (const StudyPoint& point : curve.points) {
+    points.push_back({{"samples", point.samples},
+                      {"cpu_seconds", point.cpu_seconds},
+                      {"relative_mse", Number(point.relative_mse.value)},
+                      {"relative_mse_error", Number(point.relative_mse.error)},
+                      {"on_front", point.on_front}});
+  }
+  Json json = {{"name", curve.setting.name},
+               {"how", curve.setting.how},
+               {"flag", curve.setting.flag},
+               {"is_base", curve.setting.is_base},
+               {"is_unbiased", curve.setting.is_unbiased},
+               {"points", std::move(points)},
+               {"rate", curve.rate ? Number(curve.rate->value) : Json()},
+               {"rate_error", curve.rate ? Number(curve.rate->error) : Json()},
+               {"bias_floor", Json()},
+               {"gain", EstimateJson(curve.gain)}};
+  if (curve.bias_floor) {
+    json["bias_floor"] = {{"relative_mse", Number(curve.bias_floor->value)},
+                          {"error", Number(curve.bias_floor->error)},
+                          {"is_significant", curve.HasBias()}};
+  }
+  return json;
+}
+
+Json EffectJson(const render::EffectMeasurement& effect) {
+  if (!effect.problem.empty()) return {{"name", effect.name}, {"problem", effect.problem}};
+  return {{"name", effect.name},
+          {"without", effect.without},
+          {"time_share", Number(effect.TimeShare())},
+          {"time_ratio", Number(effect.time_ratio.value)},
+          {"time_ratio_error", Number(effect.time_ratio.error)},
+          {"variance_ratio", Number(effect.variance_ratio)},
+          {"mean_change", Number(effect.mean_change.value)},
+          {"mean_change_error", Number(effect.mean_change.error)},
+          {"rel_mse", Number(effect.rel_mse)},
+          {"problem", Json()}};
+}
+
+const char* NameOf(LightPathKind kind) { return kLightPathNames[static_cast<size_t>(kind)].name; }
+
+}  // namespace
+
+std::string StudyJson(const StudyResult& result) {
+  Json json = {{"format", 1},
+               {"scene", result.scene},
+               {"width_px", result.width_px},
+               {"height_px", result.height_px},
+               {"pixels", result.pixels},
+               {"seconds", result.seconds},
+               {"threads", result.threads},
+               {"reference",
+                {{"samples", result.reference_samples},
+                 {"relative_mse", Number(result.reference_relative_mse)},
+                 {"cpu_seconds", result.reference_cpu_seconds}}},
+               {"entries", Json::array()},
+               {"effects", Json::array()},
+               {"paths", Json::array()},
+               {"unreliable_tiles", Json::array()},
+               {"recommendation", result.recommendation},
+               {"not_studied", result.not_studied}};
+  for (const StudyCurve& curve : result.curves) json["entries"].push_back(CurveJson(curve));
+  for (const render::EffectMeasurement& effect : result.effects.effects) {
+    json["effects"].push_back(EffectJson(effect));
+  }
+  for (const StudyPath& path : result.paths) {
+    json["paths"].push_back({{"name", NameOf(path.kind)},
+                             {"meaning", kLightPathNames[static_cast<size_t>(path.kind)].meaning},
+                             {"light_share", Number(path.shares.light)},
+                             {"noise_share", Number(path.shares.variance)},
+                             {"rare_share", Number(path.shares.one_replicate)}});
+  }
+  for (const UnreliableTile& tile : result.unreliable_tiles) {
+    json["unreliable_tiles"].push_back({{"x0", tile.rect.x0},
+                                        {"y0", tile.rect.y0},
+                                        {"x1", tile.rect.x1},
+                                        {"y1", tile.rect.y1},
+                                        {"path", NameOf(tile.kind)},
+                                        {"share", Number(tile.variance_share)}});
+  }
+  // Names of files may be of any bytes.
+  return json.dump(1, ' ', false, nlohmann::json::error_handler_t::replace);
+}
+
+}  // namespace sheaf::cli

@@ -1,0 +1,159 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "cli/study/study_ladder.h"
+
+#include <algorithm>
+#include <limits>
+#include <set>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "worker/render/light_choice.h"
+#include "worker/render/trait_set.h"
+
+namespace sheaf::cli {
+namespace {
+
+constexpr int32_t kSimilarityStudied = 8;
+constexpr uint32_t kLateRoulette = 8;
+constexpr double kClampsStudied[] = {10, 100};
+
+class Ladder {
+ public:
+  Ladder(const FrameSettings& settings, const render::RenderPlan& plan)
+      : given_(settings), plan_(plan) {
+    StudySetting& base = Add("as given", "", "");
+    base.is_base = true;
+    base.how =
+        absl::StrCat("depth ", plan.max_depth, ", ",
+                     render::Has(plan.traits, render::Trait::kSpectral) ? "spectral" : "RGB", ", ",
+                     settings.one_sequence ? "one sequence a pixel" : "16 sequences a pixel");
+  }
+
+  std::vector<StudySetting> Take() { return std::move(settings_); }
+
+  void AddSampling() {
+    const bool one = given_.one_sequence;
+    Add(one ? "16 sequences" : "one sequence",
+        one ? "a pixel's samples from 16 independent sequences, whose spread is the error shown"
+            : "a pixel's samples from one sequence; errors shown are upper estimates",
+        one ? "" : "--one-sequence")
+        .settings.one_sequence = !one;
+    StudySetting& stop =
+        Add("tiles stop", "samples go where errors are, in rounds", "--target-error");
+    stop.stops_tiles = true;
+    StudySetting& never = Add("no roulette", "no path ends by chance", "");
+    never.techniques.roulette_depth_min = std::numeric_limits<uint32_t>::max();
+    StudySetting& late =
+        Add("late roulette",
+            absl::StrCat("no path ends by chance before ", kLateRoulette, " scatterings"), "");
+    late.techniques.roulette_depth_min = kLateRoulette;
+    if (plan_.max_depth <= static_cast<int32_t>(kLateRoulette)) settings_.pop_back();
+    if (plan_.light_count > render::kLightsWeighedMax) {
+      Add("lights alike", "no hierarchy: every light as probable as any other", "")
+          .techniques.choose_lights_evenly = true;
+    }
+  }
+
+  void AddDepths() {
+    std::set<int32_t> depths = {1, 2, plan_.max_depth / 2};
+    // Where the plan found less to be enough, more brings nothing.
+    if (plan_.depth_cause.empty()) depths.insert(2 * plan_.max_depth);
+    for (const int32_t depth : depths) {
+      if (depth < 1 || depth == plan_.max_depth) continue;
+      StudySetting& setting = Add(absl::StrCat("depth ", depth),
+                                  absl::StrCat("at most ", depth, " scatterings of light"),
+                                  absl::StrCat("--max-depth ", depth));
+      setting.settings.max_depth = depth;
+      setting.is_unbiased = false;
+    }
+  }
+
+  void AddColor() {
+    const bool spectral = render::Has(plan_.traits, render::Trait::kSpectral);
+    StudySetting& setting =
+        Add(spectral ? "RGB" : "spectral",
+            spectral ? "paths carry red, green and blue" : "paths carry four wavelengths",
+            spectral ? "--color rgb" : "--color spectral");
+    setting.settings.color = spectral ? ColorTransport::kRgb : ColorTransport::kSpectral;
+    setting.is_unbiased = false;
+  }
+
+  void AddMedia() {
+    if (!render::Has(plan_.traits, render::Trait::kMedia)) return;
+    if (render::Has(plan_.traits, render::Trait::kHeterogeneousMedia)) {
+      Add("flights alone", "no light is gathered along lines in media that vary", "")
+          .techniques.lines_in_varying = render::LinesInVarying::kNever;
+      Add("lines always", "light is gathered along lines in all media that vary", "")
+          .techniques.lines_in_varying = render::LinesInVarying::kAlways;
+      Add("one majorant", "one bound of density for all of a medium", "")
+          .techniques.bound_media_once = true;
+    }
+    if (given_.similarity_after != 0) return;
+    StudySetting& similar =
+        Add("similarity", absl::StrCat("media scatter evenly after ", kSimilarityStudied, " times"),
+            absl::StrCat("--similarity ", kSimilarityStudied));
+    similar.settings.similarity_after = kSimilarityStudied;
+    similar.is_unbiased = false;
+  }
+
+  void AddClamps() {
+    for (const double clamp : kClampsStudied) {
+      StudySetting& setting =
+          Add(absl::StrCat("clamped at ", clamp),
+              absl::StrCat("samples cut at ", clamp, " times the picture's mean"), "");
+      setting.clamp_means = clamp;
+      setting.is_unbiased = false;
+    }
+  }
+
+  void AddGeneric() {
+    if (plan_.variant_name == "generic" || given_.force_generic_variant) return;
+    Add("generic variant", "the code for all effects, of which this scene uses few", "")
+        .settings.force_generic_variant = true;
+  }
+
+ private:
+  StudySetting& Add(std::string name, std::string how, std::string flag) {
+    StudySetting& setting = settings_.emplace_back();
+    setting.name = std::move(name);
+    setting.how = std::move(how);
+    setting.flag = std::move(flag);
+    setting.settings = given_;
+    return setting;
+  }
+
+  const FrameSettings& given_;
+  const render::RenderPlan& plan_;
+  std::vector<StudySetting> settings_;
+};
+
+}  // namespace
+
+std::vector<StudySetting> MakeLadder(const FrameSettings& settings,
+                                     const render::RenderPlan& plan) {
+  Ladder ladder(settings, plan);
+  ladder.AddSampling();
+  ladder.AddDepths();
+  ladder.AddColor();
+  ladder.AddMedia();
+  ladder.AddClamps();
+  ladder.AddGeneric();
+  return ladder.Take();
+}
+
+std::vector<std::string> WhatLaddersLack(const render::RenderPlan& plan) {
+  std::vector<std::string> lines = {
+      "guiding: Sheaf has none",
+      "clamping is shown for what it would do; Sheaf does not clamp, as it darkens pictures"};
+  if (plan.light_count <= render::kLightsWeighedMax) {
+    lines.push_back(absl::StrCat("hierarchy of lights: with ", plan.light_count,
+                                 " lights each is weighed by itself"));
+  }
+  if (!render::Has(plan.traits, render::Trait::kMedia)) {
+    lines.emplace_back("techniques for media: the scene has none");
+  }
+  return lines;
+}
+
+}  // namespace sheaf::cli

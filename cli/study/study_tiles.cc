@@ -1,0 +1,130 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "cli/study/study_tiles.h"
+
+#include <algorithm>
+#include <mutex>
+#include <numeric>
+#include <utility>
+
+#include "common/base/parallel.h"
+
+namespace sheaf::cli {
+namespace {
+
+constexpr const char* kColorChannels[3] = {"R", "G", "B"};
+constexpr const char* kErrorChannels[3] = {"stderr.R", "stderr.G", "stderr.B"};
+// Rows without samples between packed tiles: errors are estimated from 2 pixels about.
+constexpr int32_t kPackGapPx = 2;
+
+}  // namespace
+
+absl::Status ForEachTile(int threads, size_t count,
+                         const std::function<absl::Status(size_t)>& work) {
+  std::mutex mutex;
+  absl::Status failure;
+  ParallelRanges(count, 1, threads, [&](uint64_t i, uint64_t) {
+    absl::Status status = work(i);
+    if (status.ok()) return;
+    const std::lock_guard lock(mutex);
+    failure.Update(std::move(status));
+  });
+  return failure;
+}
+
+TileRenderer::TileRenderer(const render::CompiledScene& scene, const std::vector<PixelRect>& tiles,
+                           int threads)
+    : scene_(scene), tiles_(tiles), threads_(threads), cpu_seconds_(tiles.size()) {
+  for (const PixelRect& tile : tiles) trees_.emplace_back(tile);
+}
+
+absl::Status TileRenderer::RenderBlock(const std::vector<uint64_t>* wanted, const OnPart& on_part) {
+  return ForEachTile(threads_, tiles_.size(), [&](size_t tile) -> absl::Status {
+    const uint64_t first = trees_[tile].SampleCount();
+    if (wanted != nullptr && (*wanted)[tile] <= first) return absl::OkStatus();
+    render::RenderStats stats;
+    absl::StatusOr<FilmTile> part =
+        RenderTilePass(scene_, tiles_[tile], {first, kStudyBlockSamples}, {}, &stats);
+    if (!part.ok()) return part.status();
+    cpu_seconds_[tile] += stats.cpu_seconds;
+    if (on_part) on_part(tile, *part);
+    return trees_[tile].Insert(*std::move(part));
+  });
+}
+
+double TileRenderer::CpuSeconds() const {
+  return std::accumulate(cpu_seconds_.begin(), cpu_seconds_.end(), 0.0);
+}
+
+FramePicture TileRenderer::DevelopPicture(size_t tile) const {
+  const FrameSettings& settings = SettingsOf(scene_);
+  FramePicture picture =
+      MakeFramePicture(tiles_[tile], settings.width_px, settings.height_px, settings.outputs);
+  DevelopTile(trees_[tile].Root(), &picture);
+  return picture;
+}
+
+TilePixels TileRenderer::Develop(size_t tile) const {
+  const FramePicture picture = DevelopPicture(tile);
+  const auto count = static_cast<size_t>(tiles_[tile].PixelCount());
+  TilePixels pixels{std::vector<std::array<float, 3>>(count),
+                    std::vector<std::array<float, 3>>(count)};
+  for (size_t c = 0; c < 3; ++c) {
+    const std::vector<float>& value = *picture.Find(kColorChannels[c]);
+    const std::vector<float>& deviation = *picture.Find(kErrorChannels[c]);
+    for (size_t p = 0; p < count; ++p) {
+      pixels.value[p][c] = value[p];
+      pixels.deviation[p][c] = deviation[p];
+    }
+  }
+  return pixels;
+}
+
+FramePicture TileRenderer::Pack(std::vector<PixelRect>* rects) const {
+  int32_t width = 0, height = 0;
+  rects->clear();
+  for (const PixelRect& tile : tiles_) {
+    rects->push_back({0, height, tile.Width(), height + tile.Height()});
+    width = std::max(width, tile.Width());
+    height += tile.Height() + kPackGapPx;
+  }
+  FramePicture packed =
+      MakeFramePicture({0, 0, width, height}, width, height, SettingsOf(scene_).outputs);
+  for (size_t tile = 0; tile < tiles_.size(); ++tile) {
+    const FramePicture picture = DevelopPicture(tile);
+    const auto tile_width = static_cast<size_t>(tiles_[tile].Width());
+    for (size_t plane = 0; plane < packed.planes.size(); ++plane) {
+      for (int32_t y = 0; y < tiles_[tile].Height(); ++y) {
+        const auto from = picture.planes[plane].begin() +
+                          static_cast<std::ptrdiff_t>(static_cast<size_t>(y) * tile_width);
+        const size_t to = static_cast<size_t>((*rects)[tile].y0 + y) * static_cast<size_t>(width);
+        std::copy_n(from, tile_width,
+                    packed.planes[plane].begin() + static_cast<std::ptrdiff_t>(to));
+      }
+    }
+  }
+  return packed;
+}
+
+absl::StatusOr<StudyReference> RenderReference(TileRenderer* renderer, size_t tile_count,
+                                               uint64_t blocks,
+                                               const std::function<bool()>& may_go_on) {
+  StudyReference reference;
+  for (uint64_t i = 0; i < blocks && (i < 2 || may_go_on()); ++i) {
+    if (absl::Status status = renderer->RenderBlock(); !status.ok()) return status;
+  }
+  reference.samples = renderer->samples(0);
+  reference.cpu_seconds = renderer->CpuSeconds();
+  double sum = 0, count = 0;
+  for (size_t tile = 0; tile < tile_count; ++tile) {
+    reference.tiles.push_back(renderer->Develop(tile));
+    for (const std::array<float, 3>& value : reference.tiles.back().value) {
+      for (const float v : value) sum += static_cast<double>(v);
+      count += 3;
+    }
+  }
+  reference.mean = sum / count;
+  return reference;
+}
+
+}  // namespace sheaf::cli

@@ -1,0 +1,159 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
+#include <cmath>
+#include <iterator>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
+#include "cli/study/study.h"
+
+namespace sheaf::cli {
+namespace {
+
+// A gain is told from 1 when it is so many standard errors away.
+constexpr double kToldDeviations = 2;
+// What is not worth a sentence.
+constexpr double kGainMin = 1.03;
+constexpr double kEffectTimeMin = 0.05;
+constexpr double kNoiseShareMin = 0.25;
+
+const LightPathName& NameOf(LightPathKind kind) {
+  return kLightPathNames[static_cast<size_t>(kind)];
+}
+
+std::string OfBase(const StudyCurve& base) {
+  if (base.points.empty()) {
+    return "The errors of the settings as given are not told from 0: give the study more minutes.";
+  }
+  const StudyPoint& last = base.points.back();
+  std::string text = absl::StrFormat(
+      "As given, %.0f samples a pixel take %.3g CPU seconds and are wrong by relMSE %.2g +- %.1g",
+      last.samples, last.cpu_seconds, last.relative_mse.value, last.relative_mse.error);
+  if (base.rate) {
+    absl::StrAppendFormat(
+        &text,
+        "; errors fall as 1 / samples^%.2f, so a quarter of the error takes %.1f times as long",
+        base.rate->value, std::pow(4, 1 / std::max(base.rate->value, 0.1)));
+  }
+  return text + ".";
+}
+
+bool IsFaster(const StudyCurve& curve) {
+  return curve.gain && curve.gain->value > kGainMin &&
+         curve.gain->value - kToldDeviations * curve.gain->error > 1;
+}
+
+std::string GainText(const StudyCurve& curve) {
+  const bool faster = curve.gain->value > 1;
+  const double ratio = faster ? curve.gain->value : 1 / curve.gain->value;
+  return absl::StrFormat("%.2f +- %.2f times as %s", ratio,
+                         ratio * curve.gain->error / curve.gain->value, faster ? "fast" : "slow");
+}
+
+std::string FlagText(const StudySetting& setting) {
+  return setting.flag.empty() ? "" : absl::StrCat(" (", setting.flag, ")");
+}
+
+void AddUnbiased(const StudyResult& result, std::vector<std::string>* lines) {
+  const StudyCurve* best = nullptr;
+  std::vector<std::string> slower;
+  for (const StudyCurve& curve : result.curves) {
+    if (curve.setting.is_base || !curve.setting.is_unbiased || !curve.gain) continue;
+    if (IsFaster(curve) && !curve.setting.flag.empty() &&
+        (best == nullptr || curve.gain->value > best->gain->value)) {
+      best = &curve;
+    }
+    if (curve.gain->value + kToldDeviations * curve.gain->error < 1 / kGainMin) {
+      slower.push_back(absl::StrCat(curve.setting.name, " (", GainText(curve), ")"));
+    }
+  }
+  if (best != nullptr) {
+    lines->push_back(absl::StrCat("Take \"", best->setting.name, "\"", FlagText(best->setting),
+                                  ": the same expectation, ", GainText(*best),
+                                  " to the same error; ", best->setting.how, "."));
+  } else {
+    lines->emplace_back(
+        "No setting with the same expectation that you can choose is faster to the same error.");
+  }
+  if (!slower.empty()) {
+    lines->push_back(absl::StrCat("What is on already earns its keep: without it, ",
+                                  absl::StrJoin(slower, ", "), "."));
+  }
+}
+
+void AddBiased(const StudyResult& result, std::vector<std::string>* lines) {
+  for (const StudyCurve& curve : result.curves) {
+    if (curve.setting.is_unbiased || curve.setting.flag.empty() || curve.points.empty()) continue;
+    if (!curve.HasBias()) {
+      if (IsFaster(curve)) {
+        lines->push_back(absl::StrCat("\"", curve.setting.name, "\"", FlagText(curve.setting),
+                                      " is ", GainText(curve),
+                                      ", and its bias is too small to be told here."));
+      }
+      continue;
+    }
+    const double floor = curve.bias_floor->value;
+    const double per_sample = curve.points.back().cpu_seconds / curve.points.back().samples;
+    const StudyCurve& base = result.curves.front();
+    if (base.points.empty()) continue;
+    const double base_per_sample = base.points.back().cpu_seconds / base.points.back().samples;
+    lines->push_back(absl::StrFormat(
+        "\"%s\"%s changes the picture: its error never falls below relMSE %.2g +- %.1g. A sample "
+        "takes %.0f %% of the time; for targets well above that floor it may do.",
+        curve.setting.name, FlagText(curve.setting), floor, curve.bias_floor->error,
+        100 * per_sample / base_per_sample));
+  }
+}
+
+void AddEffects(const StudyResult& result, std::vector<std::string>* lines) {
+  if (result.curves.front().points.empty()) return;
+  const double error = result.curves.front().points.back().relative_mse.value;
+  for (const render::EffectMeasurement& effect : result.effects.effects) {
+    if (!effect.problem.empty() || effect.TimeShare() < kEffectTimeMin) continue;
+    const char* gives = effect.rel_mse < error / 4
+                            ? "less than the error that is left: leave it out where time is short"
+                            : "which is more than the error that is left";
+    lines->push_back(absl::StrFormat(
+        "%s takes %.0f %% of the time and changes the picture by relMSE %.2g, %s.", effect.name,
+        100 * effect.TimeShare(), std::max(0.0, effect.rel_mse), gives));
+  }
+}
+
+void AddPaths(const StudyResult& result, std::vector<std::string>* lines) {
+  for (const StudyPath& path : result.paths) {
+    if (path.shares.variance < kNoiseShareMin) continue;
+    lines->push_back(absl::StrFormat(
+        "%.0f %% of the noise comes with %.0f %% of the light: %s, %s.", 100 * path.shares.variance,
+        100 * path.shares.light, NameOf(path.kind).name, NameOf(path.kind).meaning));
+  }
+  if (result.unreliable_tiles.empty()) return;
+  std::array<size_t, kLightPathKindCount> counts{};
+  for (const UnreliableTile& tile : result.unreliable_tiles) {
+    ++counts[static_cast<size_t>(tile.kind)];
+  }
+  std::vector<std::string> blamed;
+  for (size_t k = 0; k < counts.size(); ++k) {
+    if (counts[k] > 0) blamed.push_back(absl::StrCat(kLightPathNames[k].name, " in ", counts[k]));
+  }
+  lines->push_back(absl::StrCat("In ", result.unreliable_tiles.size(),
+                                " of the tiles light comes in rare bright samples, and errors are "
+                                "not reliable. To blame: ",
+                                absl::StrJoin(blamed, ", "), "."));
+}
+
+}  // namespace
+
+std::vector<std::string> Recommend(const StudyResult& result) {
+  std::vector<std::string> lines;
+  if (result.curves.empty()) return lines;
+  lines.push_back(OfBase(result.curves.front()));
+  AddUnbiased(result, &lines);
+  AddBiased(result, &lines);
+  AddEffects(result, &lines);
+  AddPaths(result, &lines);
+  return lines;
+}
+
+}  // namespace sheaf::cli

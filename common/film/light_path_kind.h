@@ -1,0 +1,46 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// LightPathKind: what happened to light between a lamp and the camera. Every contribution to a
+// picture is of one kind. "Rough" is every surface that is not a perfect mirror or smooth glass.
+// Source: the notation is Heckbert's, of whose kinds these are unions: Heckbert 1990, "Adaptive
+// Radiosity Textures for Bidirectional Ray Tracing".
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+
+namespace sheaf {
+
+enum class LightPathKind : uint8_t {
+  kSeen,      // E L
+  kMirrored,  // E S+ L
+  kDirect,    // E S* D L
+  kIndirect,  // E (S | D)* D L with two D or more
+  kCaustic,   // E (S | D)* D S+ L
+  kFogOnce,   // As kDirect, scattered by a medium instead of a surface.
+  kFog,       // All else that a medium scattered.
+  kBeneath,   // By way of matter beneath a surface.
+  kGlow,      // From media that shine, by any way.
+  kCount
+};
+inline constexpr size_t kLightPathKindCount = static_cast<size_t>(LightPathKind::kCount);
+
+struct LightPathName {
+  const char* name;  // Of the layer in pictures; part of stored jobs: append, never rename.
+  const char* meaning;
+};
+inline constexpr std::array<LightPathName, kLightPathKindCount> kLightPathNames{{
+    {"seen", "lamps and sky that the camera sees"},
+    {"mirrored", "lamps and sky seen in mirrors and through smooth glass"},
+    {"direct", "light that one rough surface scattered"},
+    {"indirect", "light that rough surfaces scattered several times"},
+    {"caustic", "light that mirrors or smooth glass threw on a rough surface"},
+    {"fog-once", "light that a medium scattered once"},
+    {"fog", "light that media scattered several times, or surfaces too"},
+    {"beneath", "light that came out from beneath a surface"},
+    {"glow", "media that shine"},
+}};
+
+}  // namespace sheaf

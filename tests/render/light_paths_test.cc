@@ -1,0 +1,189 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Kinds of light paths: they add up to the picture, are what they are called, and share its noise.
+#include <gtest/gtest.h>
+
+#include <array>
+#include <cmath>
+#include <map>
+#include <string>
+
+#include "common/film/film.h"
+#include "common/film/light_path_kind.h"
+#include "tests/support/technique_scenes.h"
+#include "tests/support/test_scene.h"
+#include "worker/render/path_history.h"
+#include "worker/render/path_noise.h"
+
+namespace sheaf::render {
+namespace {
+
+constexpr int32_t kSizePx = 16;
+constexpr uint64_t kSamples = 64;
+
+FrameSettings PathSettings(int32_t depth) {
+  FrameSettings settings = SquareSettings(kSizePx, kSamples, depth);
+  settings.outputs.light_paths = true;
+  settings.outputs.light_groups = LightPathLayers();
+  return settings;
+}
+
+FramePicture RenderPicture(const SceneDescription& scene, const FrameSettings& settings) {
+  const CompiledScenePtr compiled = Compile(scene, settings);
+  FramePicture picture =
+      MakeFramePicture(settings.window, settings.width_px, settings.height_px, settings.outputs);
+  DevelopTile(RenderAll(*compiled), &picture);
+  return picture;
+}
+
+double SumOf(const FramePicture& picture, const std::string& channel) {
+  const std::vector<float>* plane = picture.Find(channel);
+  EXPECT_NE(plane, nullptr) << channel;
+  double sum = 0;
+  for (const float v : *plane) sum += static_cast<double>(v);
+  return sum;
+}
+
+// Of every kind, the sum of its green over the picture; expects that kinds add up in every pixel.
+std::map<std::string, double> KindsOf(const SceneDescription& scene, int32_t depth) {
+  const FramePicture picture = RenderPicture(scene, PathSettings(depth));
+  for (const std::string component : {".R", ".G", ".B"}) {
+    const std::vector<float>& whole = *picture.Find(component.substr(1));
+    for (size_t p = 0; p < whole.size(); ++p) {
+      double sum = 0;
+      for (const LightPathName& kind : kLightPathNames) {
+        sum += static_cast<double>((*picture.Find(kind.name + component))[p]);
+      }
+      EXPECT_NEAR(sum, whole[p], 1e-5 * static_cast<double>(whole[p]) + 1e-7);
+    }
+  }
+  std::map<std::string, double> kinds;
+  for (const LightPathName& kind : kLightPathNames) {
+    kinds[kind.name] = SumOf(picture, std::string(kind.name) + ".G");
+  }
+  return kinds;
+}
+
+TestScene RoomWithGlass() {
+  TestScene t = LitRoom(1);
+  DielectricMaterial glass;
+  t.AddShape(SphereShape{0.3f, -0.3f, 0.3f, 360}, t.AddMaterial(glass),
+             TranslateMatrix({-0.3, -0.4, 0.3}));
+  return t;
+}
+
+// Green of the picture with no more than one scattering.
+double GreenOfDepthOne(const SceneDescription& scene) {
+  return SumOf(RenderPicture(scene, SquareSettings(kSizePx, kSamples, 1)), "G");
+}
+
+TEST(LightPathsTest, RoughRoomHasWhatIsSeenDirectAndIndirect) {
+  const TestScene t = LitRoom(1);
+  std::map<std::string, double> kinds = KindsOf(t.scene, 5);
+  const double first = kinds["seen"] + kinds["direct"];
+  EXPECT_NEAR(first, GreenOfDepthOne(t.scene), 1e-4 * first);
+  EXPECT_GT(kinds["indirect"], 0.05 * first);
+  for (const char* none : {"mirrored", "caustic", "fog-once", "fog", "beneath", "glow"}) {
+    EXPECT_EQ(kinds[none], 0) << none;
+  }
+  EXPECT_EQ(KindsOf(t.scene, 1)["indirect"], 0);
+}
+
+TEST(LightPathsTest, GlassMakesCausticsAndShowsLamps) {
+  std::map<std::string, double> kinds = KindsOf(RoomWithGlass().scene, 8);
+  EXPECT_GT(kinds["caustic"], 0);
+  EXPECT_GT(kinds["mirrored"], 0);
+  EXPECT_EQ(kinds["fog"], 0);
+}
+
+TEST(LightPathsTest, FogScattersOnceAndOften) {
+  const TestScene t = Foggy(Tint{1});
+  std::map<std::string, double> kinds = KindsOf(t.scene, 5);
+  const double first = kinds["seen"] + kinds["direct"] + kinds["fog-once"];
+  EXPECT_NEAR(first, GreenOfDepthOne(t.scene), 1e-4 * first);
+  EXPECT_GT(kinds["fog-once"], 0);
+  EXPECT_GT(kinds["fog"], 0);
+}
+
+TEST(LightPathsTest, GlowIsThatOfMedia) {
+  std::map<std::string, double> kinds = KindsOf(Burning(Tint{1}).scene, 5);
+  EXPECT_GT(kinds["glow"], 0);
+}
+
+TEST(LightPathsTest, HistoryTellsKindsApart) {
+  PathHistory seen;
+  EXPECT_EQ(seen.KindMet(), LightPathKind::kSeen);
+  EXPECT_EQ(seen.KindFromSurface(), LightPathKind::kDirect);
+  EXPECT_EQ(seen.KindFromMedium(), LightPathKind::kFogOnce);
+  PathHistory mirrored = seen;
+  mirrored.AddSurface(true);
+  EXPECT_EQ(mirrored.KindMet(), LightPathKind::kMirrored);
+  EXPECT_EQ(mirrored.KindFromSurface(), LightPathKind::kDirect);
+  PathHistory rough = mirrored;
+  rough.AddSurface(false);
+  EXPECT_EQ(rough.KindMet(), LightPathKind::kDirect);
+  EXPECT_EQ(rough.KindFromSurface(), LightPathKind::kIndirect);
+  EXPECT_EQ(rough.KindFromMedium(), LightPathKind::kFog);
+  PathHistory caustic = rough;
+  caustic.AddSurface(true);
+  EXPECT_EQ(caustic.KindMet(), LightPathKind::kCaustic);
+  EXPECT_EQ(caustic.KindFromSurface(), LightPathKind::kIndirect);
+  PathHistory beneath = rough;
+  beneath.AddMedium(true);
+  beneath.AddSurface(false);
+  EXPECT_EQ(beneath.KindMet(), LightPathKind::kBeneath);
+}
+
+TEST(LightPathsTest, GroupsAndPathsAreNotBothAsked) {
+  RenderSettings asked;
+  asked.light_groups = asked.light_paths = true;
+  TestScene t = LitRoom(1);
+  t.scene.film.width_px = t.scene.film.height_px = kSizePx;
+  EXPECT_FALSE(ResolveSettings(t.scene, asked).ok());
+  asked.light_groups = false;
+  const absl::StatusOr<FrameSettings> settings = ResolveSettings(t.scene, asked);
+  ASSERT_TRUE(settings.ok());
+  EXPECT_EQ(settings->outputs.light_groups.size(), kLightPathKindCount);
+}
+
+PathNoise NoiseOf(const SceneDescription& scene, int32_t depth, uint64_t samples) {
+  const CompiledScenePtr compiled = Compile(scene, PathSettings(depth));
+  const absl::StatusOr<PathNoiseSums> sums =
+      PathNoiseSums::Of(*compiled, {0, 0, kSizePx, kSizePx}, samples, 0.01);
+  EXPECT_TRUE(sums.ok()) << sums.status();
+  return sums->Shares();
+}
+
+TEST(PathNoiseTest, SharesAddUp) {
+  const PathNoise noise = NoiseOf(RoomWithGlass().scene, 8, kSamples);
+  double light = 0, variance = 0;
+  for (const PathShares& kind : noise.kinds) {
+    light += kind.light;
+    variance += kind.variance;
+    EXPECT_LE(kind.one_replicate, 1);
+  }
+  EXPECT_NEAR(light, 1, 1e-9);
+  EXPECT_NEAR(variance, 1, 1e-9);
+}
+
+// Caustics of a smaller lamp come in rare bright samples: little light, most of the noise.
+TEST(PathNoiseTest, CausticsAreToBlame) {
+  TestScene t = RoomWithGlass();
+  t.scene.area_lights[0].radiance.rgb = Rgb::Grey(50);
+  t.scene.meshes.back().positions = {{-0.1f, 0.99f, -0.1f},
+                                     {0.1f, 0.99f, -0.1f},
+                                     {0.1f, 0.99f, 0.1f},
+                                     {-0.1f, 0.99f, 0.1f}};
+  const PathNoise noise = NoiseOf(t.scene, 8, kSamples);
+  const PathShares& caustic = noise.kinds[static_cast<size_t>(LightPathKind::kCaustic)];
+  EXPECT_LT(caustic.light, 0.3);
+  EXPECT_GT(caustic.variance, 0.7);
+  EXPECT_GT(caustic.one_replicate, 0.5);
+  const PathNoise plain = NoiseOf(LitRoom(1).scene, 5, kSamples);
+  EXPECT_LT(plain.one_replicate_share, 0.5);
+  EXPECT_EQ(plain.kinds[static_cast<size_t>(LightPathKind::kCaustic)].variance, 0);
+}
+
+}  // namespace
+}  // namespace sheaf::render

@@ -1,0 +1,72 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// PathHistory: what has scattered a path so far, as far as LightPathKind asks. Paths of variants
+// without outputs have a NoHistory, which costs nothing.
+#pragma once
+
+#include <algorithm>
+#include <cstdint>
+
+#include "common/film/light_path_kind.h"
+
+namespace sheaf::render {
+
+class PathHistory {
+ public:
+  void AddSurface(bool is_specular) {
+    specular_last_ = is_specular;
+    if (is_specular) {
+      has_specular_ = true;
+    } else {
+      rough_ = Increased(rough_);
+    }
+  }
+  void AddMedium(bool in_matter) {
+    specular_last_ = false;
+    if (in_matter) {
+      in_matter_ = true;
+    } else {
+      media_ = Increased(media_);
+    }
+  }
+  // Of what the path's ray meets.
+  LightPathKind KindMet() const {
+    if (in_matter_) return LightPathKind::kBeneath;
+    if (media_ > 0) {
+      const bool once = media_ == 1 && rough_ == 0 && !specular_last_;
+      return once ? LightPathKind::kFogOnce : LightPathKind::kFog;
+    }
+    if (rough_ == 0) return has_specular_ ? LightPathKind::kMirrored : LightPathKind::kSeen;
+    if (specular_last_) return LightPathKind::kCaustic;
+    return rough_ == 1 ? LightPathKind::kDirect : LightPathKind::kIndirect;
+  }
+  // Of a light that is sampled from a rough surface, or from a point in a medium.
+  LightPathKind KindFromSurface() const {
+    PathHistory next = *this;
+    next.AddSurface(false);
+    return next.KindMet();
+  }
+  LightPathKind KindFromMedium() const {
+    PathHistory next = *this;
+    next.AddMedium(false);
+    return next.KindMet();
+  }
+
+ private:
+  // More than 2 are not told apart.
+  static uint8_t Increased(uint8_t count) { return std::min<uint8_t>(count + 1, 2); }
+
+  uint8_t rough_ = 0, media_ = 0;
+  bool has_specular_ = false, specular_last_ = false, in_matter_ = false;
+};
+
+struct NoHistory {
+  void AddSurface(bool) {}
+  void AddMedium(bool) {}
+  LightPathKind KindMet() const { return {}; }
+  LightPathKind KindFromSurface() const { return {}; }
+  LightPathKind KindFromMedium() const { return {}; }
+};
+
+}  // namespace sheaf::render
