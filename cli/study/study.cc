@@ -194,6 +194,7 @@ class Study {
     size_t measurement;  // Index.
     render::CompiledScenePtr scene;
     std::unique_ptr<TileRenderer> renderer;
+    std::vector<double> block_seconds;  // CPU, of each block.
   };
 
   absl::Status StartLadder(std::vector<Running>* running, std::vector<Clamped>* clamped) {
@@ -214,7 +215,7 @@ class Study {
         continue;
       }
       auto renderer = std::make_unique<TileRenderer>(**scene, tiles_, options_.threads);
-      running->push_back({index, *std::move(scene), std::move(renderer)});
+      running->push_back({index, *std::move(scene), std::move(renderer), {}});
     }
     return absl::OkStatus();
   }
@@ -233,9 +234,11 @@ class Study {
       for (size_t i = 0; i < running.size(); ++i) {
         Running& one = running[(i + block) % running.size()];
         const bool is_base = measurements_[one.measurement].setting.is_base;
+        const double before = one.renderer->CpuSeconds();
         const absl::Status status = one.renderer->RenderBlock(
             nullptr, is_base ? TileRenderer::OnPart(on_part) : TileRenderer::OnPart());
         if (!status.ok()) return status;
+        one.block_seconds.push_back(one.renderer->CpuSeconds() - before);
       }
       if (!std::has_single_bit(block + 1)) continue;
       const auto samples = static_cast<double>((block + 1) * kStudyBlockSamples);
@@ -250,6 +253,10 @@ class Study {
                          [&](size_t tile) { return one.tiles.Develop(tile); }));
       }
       Tell(absl::StrFormat("%.0f samples", samples));
+    }
+    for (const Running& one : running) {
+      measurements_[one.measurement].time_deviation =
+          RatioDeviation(one.block_seconds, running.front().block_seconds);
     }
     const TileRenderer& base = *running.front().renderer;
     for (size_t tile = 0; tile < tiles_.size(); ++tile) {

@@ -160,6 +160,10 @@ StudyCurve CurveOf(const StudyMeasurement& base, const StudyMeasurement& measure
   if (!measured.setting.is_base) {
     curve.gain = Bootstrap(
         counts.size(), [&](const Choice& tiles) { return GainOf(base, measured, counts, tiles); });
+    if (curve.gain) {
+      curve.gain->error =
+          std::hypot(curve.gain->error, curve.gain->value * measured.time_deviation);
+    }
   }
   return curve;
 }
@@ -181,6 +185,18 @@ void MarkFront(std::vector<StudyCurve>* curves) {
 }
 
 }  // namespace
+
+double RatioDeviation(const std::vector<double>& over, const std::vector<double>& under) {
+  const auto n = static_cast<double>(over.size());
+  double sum = 0, square_sum = 0;
+  for (size_t i = 0; i < over.size(); ++i) {
+    const double ratio = under[i] > 0 ? over[i] / under[i] : 0;
+    sum += ratio;
+    square_sum += ratio * ratio;
+  }
+  if (n < 2 || !(sum > 0)) return 0;
+  return std::sqrt(std::max(0.0, square_sum - sum * sum / n) * n / (n - 1)) / sum;
+}
 
 std::vector<StudyCurve> AnalyzeStudy(const std::vector<StudyMeasurement>& measurements,
                                      const std::vector<double>& pixel_counts) {

@@ -32,6 +32,8 @@ struct StudyCheckpoint {
 struct StudyMeasurement {
   StudySetting setting;
   std::vector<StudyCheckpoint> checkpoints;
+  // Relative standard error of its CPU time over the base's, by the spread over turns.
+  double time_deviation = 0;
 };
 
 // A number and its standard error.
@@ -58,6 +60,10 @@ struct StudyCurve {
 
   bool HasBias() const { return bias_floor && bias_floor->value > 3 * bias_floor->error; }
 };
+
+// Relative standard error of the sum of `over` over that of `under`, which vary together: by the
+// spread of their ratios.
+double RatioDeviation(const std::vector<double>& over, const std::vector<double>& under);
 
 // pixel_counts: of each tile. The first measurement is the base.
 std::vector<StudyCurve> AnalyzeStudy(const std::vector<StudyMeasurement>& measurements,

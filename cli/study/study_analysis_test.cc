@@ -76,6 +76,12 @@ TEST(StudyAnalysisTest, GainBeyondTheBasesCurveIsNotTold) {
   EXPECT_FALSE(curves[1].gain);
 }
 
+TEST(StudyAnalysisTest, TimesAreAsTrueAsTheirRatiosAreAlike) {
+  EXPECT_EQ(RatioDeviation({2, 4, 6}, {1, 2, 3}), 0);
+  // Ratios 1 and 3: mean 2, its standard error 1.
+  EXPECT_NEAR(RatioDeviation({1, 3}, {1, 1}), 0.5, 1e-12);
+}
+
 TEST(StudyAnalysisTest, FrontIsWhatNothingBeatsInBoth) {
   const auto curves = Analyze({MakeMeasurement(1, 0, 1, 1, 11), MakeMeasurement(1.5, 0, 1, 2, 12),
                                MakeMeasurement(1, 0.05, 1, 0.1, 13)});

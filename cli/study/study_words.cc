@@ -78,32 +78,33 @@ void AddUnbiased(const StudyResult& result, std::vector<std::string>* lines) {
         "No setting with the same expectation that you can choose is faster to the same error.");
   }
   if (!slower.empty()) {
-    lines->push_back(absl::StrCat("What is on already earns its keep: without it, ",
-                                  absl::StrJoin(slower, ", "), "."));
+    lines->push_back(absl::StrCat("Slower than as given: ", absl::StrJoin(slower, ", "), "."));
   }
 }
 
 void AddBiased(const StudyResult& result, std::vector<std::string>* lines) {
+  const StudyCurve& base = result.curves.front();
   for (const StudyCurve& curve : result.curves) {
-    if (curve.setting.is_unbiased || curve.setting.flag.empty() || curve.points.empty()) continue;
+    const StudySetting& setting = curve.setting;
+    if (setting.is_unbiased || setting.flag.empty() || !curve.bias_floor) continue;
+    const Estimate& floor = *curve.bias_floor;
+    const std::string name = absl::StrCat("\"", setting.name, "\"", FlagText(setting));
     if (!curve.HasBias()) {
-      if (IsFaster(curve)) {
-        lines->push_back(absl::StrCat("\"", curve.setting.name, "\"", FlagText(curve.setting),
-                                      " is ", GainText(curve),
-                                      ", and its bias is too small to be told here."));
-      }
+      if (!IsFaster(curve)) continue;
+      lines->push_back(absl::StrFormat(
+          "%s is %s. Its bias is too small to be told here: below relMSE %.1g.", name,
+          GainText(curve), std::max(0.0, floor.value) + kToldDeviations * floor.error));
       continue;
     }
-    const double floor = curve.bias_floor->value;
-    const double per_sample = curve.points.back().cpu_seconds / curve.points.back().samples;
-    const StudyCurve& base = result.curves.front();
-    if (base.points.empty()) continue;
-    const double base_per_sample = base.points.back().cpu_seconds / base.points.back().samples;
+    if (curve.points.empty() || base.points.empty()) continue;
+    const auto seconds_per_sample = [](const StudyCurve& of) {
+      return of.points.back().cpu_seconds / of.points.back().samples;
+    };
     lines->push_back(absl::StrFormat(
-        "\"%s\"%s changes the picture: its error never falls below relMSE %.2g +- %.1g. A sample "
-        "takes %.0f %% of the time; for targets well above that floor it may do.",
-        curve.setting.name, FlagText(curve.setting), floor, curve.bias_floor->error,
-        100 * per_sample / base_per_sample));
+        "%s changes the picture: its error never falls below relMSE %.2g +- %.1g. A sample takes "
+        "%.0f %% of the time; for targets well above that floor it may do.",
+        name, floor.value, floor.error,
+        100 * seconds_per_sample(curve) / seconds_per_sample(base)));
   }
 }
 
@@ -112,12 +113,12 @@ void AddEffects(const StudyResult& result, std::vector<std::string>* lines) {
   const double error = result.curves.front().points.back().relative_mse.value;
   for (const render::EffectMeasurement& effect : result.effects.effects) {
     if (!effect.problem.empty() || effect.TimeShare() < kEffectTimeMin) continue;
-    const char* gives = effect.rel_mse < error / 4
-                            ? "less than the error that is left: leave it out where time is short"
-                            : "which is more than the error that is left";
+    const double loss = std::max(0.0, effect.rel_mse);
     lines->push_back(absl::StrFormat(
-        "%s takes %.0f %% of the time and changes the picture by relMSE %.2g, %s.", effect.name,
-        100 * effect.TimeShare(), std::max(0.0, effect.rel_mse), gives));
+        "%.0f %% of the time goes into \"%s\". Left out, the picture is off by relMSE %.2g, %s "
+        "than "
+        "the error that is left.",
+        100 * effect.TimeShare(), effect.name, loss, loss < error ? "less" : "more"));
   }
 }
 

@@ -407,16 +407,6 @@ FilmSample PathTracer<kTraits, Tracer, kDirectLight>::TraceSample(int32_t x, int
 }
 
 template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight>
-Rgb PathTracer<kTraits, Tracer, kDirectLight>::RgbOfSample(const Color& radiance,
-                                                           const Path& path) const {
-  if constexpr (kSpectral) {
-    return RgbOf(radiance, path.wavelengths) * scene_.description.film.exposure_scale;
-  } else {
-    return radiance * scene_.description.film.exposure_scale;
-  }
-}
-
-template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight>
 Ray PathTracer<kTraits, Tracer, kDirectLight>::CameraRay(const Sampler& sampler, int32_t x,
                                                          int32_t y, FilmSample* film,
                                                          float* weight) const {
