@@ -15,6 +15,7 @@
 
 #include "common/film/mean_interval.h"
 #include "tests/support/long_tests.h"
+#include "tests/support/technique_scenes.h"
 #include "tests/support/test_scene.h"
 
 namespace sheaf::render {
@@ -69,6 +70,13 @@ TestScene FogInTheRoom() {
   return t;
 }
 
+TestScene BlurredRoom() {
+  TestScene t = LitRoom(1);
+  t.scene.camera.lens_radius = 0.05f;
+  t.scene.camera.focal_distance = 1;
+  return t;
+}
+
 class CoverageTest : public testing::TestWithParam<CoverageCase> {};
 
 struct Count {
@@ -117,6 +125,80 @@ TEST_P(CoverageTest, IntervalsHoldTheTruthAsOftenAsTheySay) {
   frames.Expect();
 }
 
+// Scenes whose samples have no finite variance, or as good as none: what was seen of it says
+// nothing of what was not, and the interval of the frame or of a tile owns up to it.
+struct HeavyCase {
+  std::string name;
+  std::function<TestScene()> make;
+  CompileTechniques techniques;
+};
+void PrintTo(const HeavyCase& c, std::ostream* out) { *out << c.name; }
+
+// The light at r from a point lamp goes with 1 / r^2, its square over a volume as the integral of
+// 1 / r^2: infinite. Lines would cure it (path_tracer_lines.h).
+TestScene LampInACloud(float density) {
+  TestScene t({0, 0, -4}, {0, 0, 0}, 40);
+  PointLight lamp;
+  lamp.intensity.rgb = Rgb::Grey(1);
+  t.scene.lights.push_back({lamp, {}, {}, {}});
+  MediumDescription cloud;
+  cloud.sigma_s.rgb = Rgb::Grey(1);
+  UniformGridMedium grid;
+  grid.box = {{3, 3, 3}, {-1, -1, -1}, {1, 1, 1}};
+  for (int i = 0; i < 27; ++i) grid.density.push_back(density * static_cast<float>(1 + i % 3));
+  cloud.kind = std::move(grid);
+  t.scene.media.push_back(std::move(cloud));
+  t.AddShape(MeshShape{t.Box({-1, -1, -1}, {1, 1, 1})}, t.AddMaterial(InterfaceMaterial{}))
+      .media.inside = 0;
+  return t;
+}
+// A point lamp at height h above a floor: the square of its light, over the floor, is as 1 / h^2.
+// The camera sees what other walls get of it, not the place itself.
+TestScene LampOnTheFloor() {
+  TestScene t = LitRoom(1);
+  t.scene.area_lights[0].radiance.rgb = Rgb::Grey(0.01f);
+  PointLight lamp;
+  lamp.intensity.rgb = Rgb::Grey(1);
+  lamp.from = {-0.6, -1 + 1e-4, -0.9};
+  t.scene.lights.push_back({lamp, {}, {}, {}});
+  return t;
+}
+
+class HeavyTailTest : public testing::TestWithParam<HeavyCase> {};
+
+TEST_P(HeavyTailTest, PicturesAreCalledUnreliable) {
+  const SceneDescription scene = GetParam().make().scene;
+  FrameSettings settings = SquareSettings(kSizePx, 64, 5);
+  const auto run_count = static_cast<uint64_t>(DrawCount(30, 500));
+  uint64_t flagged = 0;
+  for (settings.seed = 1; settings.seed <= run_count; ++settings.seed) {
+    TableFileSource files({});
+    const absl::StatusOr<CompiledScenePtr> compiled =
+        CompileScene(scene, settings, files, {.build_threads = 1}, GetParam().techniques);
+    ASSERT_TRUE(compiled.ok()) << compiled.status();
+    const FilmTile picture = RenderAll(**compiled);
+    bool is_reliable = MeanIntervalOf(picture, settings.window, kLuminance).is_reliable;
+    for (const PixelRect& tile : CutTiles(settings.window, kTilePx)) {
+      is_reliable = is_reliable && MeanIntervalOf(picture, tile, kLuminance).is_reliable;
+    }
+    if (!is_reliable) ++flagged;
+  }
+  std::printf("%-12s %zu of %zu pictures called unreliable\n", GetParam().name.c_str(),
+              size_t{flagged}, size_t{run_count});
+  EXPECT_EQ(flagged, run_count);
+}
+
+std::string NameOfHeavy(const testing::TestParamInfo<HeavyCase>& tested) {
+  return tested.param.name;
+}
+constexpr CompileTechniques kFlightsAlone{.lines_in_varying = LinesInVarying::kNever};
+INSTANTIATE_TEST_SUITE_P(
+    Scenes, HeavyTailTest,
+    testing::Values(HeavyCase{"thin_cloud", [] { return LampInACloud(0.2f); }, kFlightsAlone},
+                    HeavyCase{"cloud", [] { return LampInACloud(1); }, kFlightsAlone},
+                    HeavyCase{"floor", LampOnTheFloor, {}}),
+    NameOfHeavy);
+
 std::string NameOf(const testing::TestParamInfo<CoverageCase>& tested) { return tested.param.name; }
 
 INSTANTIATE_TEST_SUITE_P(Scenes, CoverageTest,
@@ -124,7 +206,12 @@ INSTANTIATE_TEST_SUITE_P(Scenes, CoverageTest,
                                          CoverageCase{"sky", UnderTheSky},
                                          CoverageCase{"lamp", SmallLamp},
                                          CoverageCase{"metal", MetalInTheRoom},
-                                         CoverageCase{"fog", FogInTheRoom}),
+                                         CoverageCase{"fog", FogInTheRoom},
+                                         CoverageCase{"blur", BlurredRoom},
+                                         CoverageCase{"glossy", [] { return Glossy(Tint{1}); }},
+                                         CoverageCase{"outdoor", [] { return Outdoor(Tint{1}); }},
+                                         CoverageCase{"lamps", [] { return ManyLamps(Tint{1}); }},
+                                         CoverageCase{"haze", [] { return Hazy(Tint{1}); }}),
                          NameOf);
 
 }  // namespace
