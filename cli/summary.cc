@@ -66,7 +66,8 @@ std::string FormatStop(const v1::Frame& frame) {
 std::string FormatReliability(const v1::Frame& frame) {
   if (frame.unreliable_tile_count() == 0) return "";
   return absl::StrFormat(
-      "; in %d of %d tiles light comes in rare bright samples: their errors are not reliable yet",
+      "; in %d of %d tiles light comes in rare bright samples: their errors are not reliable yet "
+      "(sheaf study says which paths)",
       frame.unreliable_tile_count(), frame.tile_count());
 }
 
