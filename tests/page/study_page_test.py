@@ -157,7 +157,7 @@ def check_empty_study(browser, pages):
     """No chart is an empty frame: each says why it is not there."""
     counts = check_study_page(browser, pages.make("empty", empty_study()), 0)
     assert counts == dict.fromkeys(CHARTS, 0), counts
-    assert not browser.run("return document.querySelector('#sections figure')")
+    assert not browser.run("return document.querySelector('#sections figure, #sections table')")
 
 
 def check_bare_study(browser, pages):

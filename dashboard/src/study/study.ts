@@ -57,7 +57,7 @@ function notStudied(study: Study): HTMLElement {
   return section(
       'not-studied', 'What was not studied', [],
       items.length ? el('ul', {class: 'plain-list'}, ...items) :
-                     el('p', {class: 'empty'}, 'Nothing was left out on purpose.'));
+                     el('p', {class: 'empty'}, 'The study names nothing that it left out.'));
 }
 
 function start() {

@@ -8,9 +8,10 @@ import {el} from '../dom';
 // Rows of a table at most; a page with more would be slow, and nobody reads them.
 const ROWS_MAX = 2000;
 
-// The first `textColumns` columns are words, the others numbers.
+// The first `textColumns` columns are words, the others numbers. Null where there are no rows.
 export function numbersTable(
-    caption: string, headings: string[], rows: string[][], textColumns = 1): HTMLElement {
+    caption: string, headings: string[], rows: string[][], textColumns = 1): HTMLElement|null {
+  if (!rows.length) return null;
   const kind = (i: number) => i < textColumns ? null : 'number';
   const head = el(
       'tr', {}, ...headings.map((heading, i) => el('th', {scope: 'col', class: kind(i)}, heading)));

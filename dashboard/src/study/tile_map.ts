@@ -12,7 +12,8 @@ import {Tips} from './tips';
 
 // A tile's ink: of one that is barely unreliable, and of one that is wholly.
 const OPACITY_MIN = 0.35;
-const EMPTY = 'No tile has error bars that are unreliable.';
+const NONE_FOUND = 'No tile has error bars that are unreliable.';
+const NOT_LOOKED_FOR = 'Kinds of light paths were not told apart, so tiles were not judged.';
 
 // Names of the kinds in the order of their colours.
 export function kindNames(study: Study): string[] {
@@ -23,7 +24,10 @@ export function kindNames(study: Study): string[] {
 export function tileMap(study: Study): HTMLElement {
   const id = 'chart-tiles';
   const {width_px: width, height_px: height, unreliable_tiles: tiles} = study;
-  if (!tiles.length) return el('p', {id, class: 'empty', 'data-count': '0'}, EMPTY);
+  if (!tiles.length) {
+    const words = study.paths.length ? NONE_FOUND : NOT_LOOKED_FOR;
+    return el('p', {id, class: 'empty', 'data-count': '0'}, words);
+  }
   const names = kindNames(study);
   const picture =
       svg('svg', {viewBox: [0, 0, width, height].join(' '), preserveAspectRatio: 'none'},
