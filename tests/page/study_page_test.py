@@ -25,6 +25,10 @@ TIP = """
   const tip = document.querySelector(arguments[0] + " .tip");
   return tip.hidden ? "" : tip.innerText;
 """
+DRAWN_FOR_WIDTH = """
+  const plot = document.querySelector(".error-plot");
+  return Number(plot.firstChild.getAttribute("width")) === plot.clientWidth;
+"""
 SHOWN_LINES = """
   return [...document.querySelectorAll("#chart-error .line")]
     .filter((line) => line.querySelector(".curve")).length;
@@ -104,6 +108,8 @@ def check_legend_toggles(browser, _):
 def check_tips(browser, _):
     """Arrow keys and the pointer tell what is at a point or tile."""
     browser.set_size(1440, 900)
+    # A chart that is drawn anew for another width shows no note.
+    wait_until(lambda: browser.run(DRAWN_FOR_WIDTH), CHANGE_SECONDS_MAX, "the chart")
     browser.run("document.querySelector('.error-plot').focus()")
     browser.press(ARROW_RIGHT)
     first = browser.run(TIP, "#chart-error")

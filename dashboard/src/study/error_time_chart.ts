@@ -282,7 +282,7 @@ const tipsOf = ({entry, points}: Line, plot: Plot): Tip[] =>
                  y: plot.y(point.relative_mse),
                  lines: [
                    entry.name,
-                   numbers.count(point.samples) + ' samples a pixel',
+                   numbers.samples(point.samples) + ' samples a pixel',
                    numbers.time(point.cpu_seconds) + ' of processor time',
                    'relMSE ' + numbers.measured(point.relative_mse, point.relative_mse_error),
                    'a pixel is off by ' + numbers.typicalError(point.relative_mse),

@@ -81,6 +81,9 @@ export const times = (value: Maybe) => isKnown(value) ? plain(value) + ' ×' : U
 
 export const count = (value: Maybe) => isKnown(value) ? format.exact(value) : UNKNOWN;
 
+// Of a pixel: whole, or on average where tiles differ: "16", "12.7".
+export const samples = (value: number) => Number.isInteger(value) ? count(value) : plain(value);
+
 // "12 ms", "1.23 s", "3 min 20 s".
 export function time(seconds: Maybe): string {
   if (!isKnown(seconds)) return UNKNOWN;
