@@ -8,6 +8,7 @@ add_custom_command(OUTPUT ${page_source}
   COMMAND ${CMAKE_COMMAND} -DPAGE_DIR=${sheaf_page_dir} "-DFILES=${sheaf_page_files}"
           -DOUTPUT=${page_source} -P ${CMAKE_CURRENT_SOURCE_DIR}/http_embed.cmake
   DEPENDS sheaf_page ${page_paths} ${CMAKE_CURRENT_SOURCE_DIR}/http_embed.cmake
+          ${PROJECT_SOURCE_DIR}/cmake/EmbedBytes.cmake
   COMMENT "Embedding the web page" VERBATIM)
 
 sheaf_add_module(NAME coordinator_http

@@ -2,6 +2,7 @@
 # Run by the build: writes the built files of dashboard/ into one C++ source, as bytes.
 #   cmake -DPAGE_DIR=... -DFILES=a;b -DOUTPUT=... -P http_embed.cmake
 cmake_policy(VERSION 3.25)
+include(${CMAKE_CURRENT_LIST_DIR}/../../cmake/EmbedBytes.cmake)
 set(types
   "html=text/html\\; charset=utf-8"
   "css=text/css\\; charset=utf-8"
@@ -21,12 +22,8 @@ set(arrays "")
 set(rows "")
 set(index 0)
 foreach(name IN LISTS FILES)
-  file(READ ${PAGE_DIR}/${name} bytes HEX)
+  sheaf_read_bytes(bytes ${PAGE_DIR}/${name})
   file(SHA256 ${PAGE_DIR}/${name} digest)
-  string(REGEX REPLACE "([0-9a-f][0-9a-f])" "0x\\1," bytes "${bytes}")
-  # Lines of 8 bytes keep the file readable for tools.
-  string(REPEAT "0x..," 8 eight_bytes)
-  string(REGEX REPLACE "(${eight_bytes})" "\\1\n" bytes "${bytes}")
   get_filename_component(extension ${name} LAST_EXT)
   string(SUBSTRING ${extension} 1 -1 extension)
   set(content_type "")

@@ -13,6 +13,7 @@ import type {CurvePoint, PowerLaw} from './curve';
 import {fitPowerLaw} from './curve';
 import {byId, setText} from './dom';
 import * as format from './format';
+import {labelled, ticksOf} from './log_ticks';
 import type {Store} from './store';
 
 interface Size {
@@ -58,11 +59,7 @@ const ABSCISSAS: Record<Abscissa, Axis> = {
   },
 };
 
-// From this ratio of an axis' ends on only powers of ten are labelled.
-const DECADES_RATIO = 30;
 const AXIS_FONT_REM = 0.75;
-// Decades with ticks at most.
-const DECADES_MAX = 24;
 // Room beyond the highest and lowest value, as a factor.
 const MARGIN = 1.15;
 
@@ -226,30 +223,6 @@ function dataOf({xs, errors, end, target}: Curve): uPlot.AlignedData {
 function range(_: uPlot, low: number|null, high: number|null): [number, number] {
   if (low === null || high === null) return [1, 10];
   return [low / MARGIN, high * MARGIN];
-}
-
-// 1 to 9 times each power of ten from `low` to `high`. The library's own ticks need an axis that
-// begins at a power of ten, and never end on some others.
-function ticksOf(low: number, high: number): number[] {
-  const ticks: number[] = [];
-  const last = Math.min(Math.floor(Math.log10(high)), Math.floor(Math.log10(low)) + DECADES_MAX);
-  for (let power = Math.floor(Math.log10(low)); power <= last; ++power) {
-    for (let digit = 1; digit < 10; ++digit) {
-      const tick = Number(digit + 'e' + power);
-      if (tick >= low && tick <= high) ticks.push(tick);
-    }
-  }
-  return ticks;
-}
-
-// The ticks of an axis that have room for a label; null stands for the others.
-function labelled(ticks: number[]): (number|null)[] {
-  const [low, high] = [ticks[0] ?? 1, ticks.at(-1) ?? 1];
-  const digits = high / low >= DECADES_RATIO ? [1] : [1, 2, 5];
-  return ticks.map((tick) => {
-    const leading = Math.round(tick / 10 ** Math.floor(Math.log10(tick) + 1e-9));
-    return digits.includes(leading) ? tick : null;
-  });
 }
 
 // The chart in a sentence, for those who do not see it too.

@@ -1,0 +1,209 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// The sections that compare entries: their errors against time, time to the same error, what bias
+// leaves, and how fast errors fall.
+
+import {el} from '../dom';
+
+import type {Cell, Column, Row} from './bars';
+import {barChart} from './bars';
+import {errorTimeChart} from './error_time_chart';
+import * as numbers from './numbers';
+import {isKnown} from './numbers';
+import {linearBetween, logScale} from './scale';
+import type {Entry, Study} from './schema';
+import {section} from './section';
+import {seriesAt} from './svg';
+import {numbersTable} from './table';
+
+// Standard errors that a floor that was not found may have at most, in words and as drawn.
+const LIMIT_ERRORS = 2;
+// The least that the axis of rates shows: the rate of Monte Carlo in its middle.
+const RATE_LOW = 0.5;
+const RATE_HIGH = 1.5;
+
+const yes = (is: boolean) => is ? 'yes' : 'no';
+
+const baseOf = (study: Study) => study.entries.find((entry) => entry.is_base);
+
+const rowsOf = (study: Study, cellOf: (entry: Entry) => Cell): Row[] =>
+    study.entries.map((entry, i) => ({
+                        name: entry.name + (entry.is_base ? ' (base)' : ''),
+                        note: entry.how,
+                        series: seriesAt(i),
+                        cells: [cellOf(entry)],
+                      }));
+
+export function errorSection(study: Study): HTMLElement {
+  const rows = study.entries.flatMap(
+      ({name, points}) => points.map(
+          (point) =>
+              [name, numbers.samples(point.samples), numbers.time(point.cpu_seconds),
+               numbers.plain(point.relative_mse), numbers.plain(point.relative_mse_error),
+               numbers.typicalError(point.relative_mse), yes(point.on_front)]));
+  const floors = study.entries.filter(({bias_floor: floor}) => floor?.is_significant).length;
+  return section(
+      'error', 'Error against processor time',
+      [
+        'Each point is the picture with a number of samples for each pixel: lower and further ' +
+            'left is better. Upright strokes are one standard error.',
+        'The broad line is the least error to be had for a time; its corners are the points that ' +
+            'no other beats in both, the Pareto front. The dotted line is what Monte Carlo ' +
+            'promises the base: half the error for twice the time. ' +
+            (floors ? 'Dashed lines are bias floors: no number of samples leads below them.' :
+                      'No entry has a bias floor that was found for certain.')
+      ],
+      errorTimeChart(study),
+      numbersTable(
+          'errors and times',
+          [
+            'Entry', 'Samples', 'Processor time', 'relMSE', 'Standard error',
+            'Typical error of a pixel', 'On the front'
+          ],
+          rows));
+}
+
+export function gainSection(study: Study): HTMLElement {
+  const base = baseOf(study)?.name ?? 'the base';
+  const values = study.entries.flatMap(
+      ({gain}) => isKnown(gain?.value) ?
+          [gain.value, gain.value + (gain.error ?? 0), gain.value - (gain.error ?? 0)] :
+          []);
+  const column: Column = {
+    heading: 'Time of the base over time of the entry',
+    scale: logScale([1, ...values]),
+    origin: 1,
+    marks: [1],
+  };
+  const rows = rowsOf(study, ({gain}) => ({
+                               value: gain?.value,
+                               error: gain?.error,
+                               words: gain ? numbers.measured(gain.value, gain.error) : 'not known',
+                             }));
+  return section(
+      'gain', 'Time to the same error',
+      ['How many times less processor time than “' + base + '” each entry takes to the error of ' +
+       'its last point. Right of 1 is faster, left of it slower; whiskers are one standard error.'],
+      barChart(
+          'chart-gain', 'Time of the base over that of each entry, to the same error', [column],
+          rows, 'No two entries were compared at the same error.'),
+      numbersTable(
+          'time to the same error',
+          ['Entry', 'How', 'Gain', 'Standard error', 'Unbiased against the base'],
+          study.entries.map(
+              (entry) =>
+                  [entry.name, entry.how, numbers.plain(entry.gain?.value),
+                   numbers.plain(entry.gain?.error), yes(entry.is_unbiased)]),
+          2));
+}
+
+// The highest floor that the measurement leaves possible; null where nothing is known.
+function limitOf({bias_floor: floor}: Entry): number|null {
+  if (!floor || !isKnown(floor.relative_mse)) return null;
+  return Math.max(0, floor.relative_mse) + LIMIT_ERRORS * (floor.error ?? 0);
+}
+
+function bestErrorOf({points}: Entry): number|null {
+  const errors = points.map((point) => point.relative_mse).filter(isKnown);
+  return errors.length ? Math.min(...errors) : null;
+}
+
+function floorWords(entry: Entry): string {
+  const floor = entry.bias_floor;
+  const limit = limitOf(entry);
+  if (!floor || limit === null) return 'not known';
+  return floor.is_significant ? numbers.measured(floor.relative_mse, floor.error) :
+                                'none found, below ' + numbers.plain(limit);
+}
+
+export function biasSection(study: Study): HTMLElement {
+  const floorValues = study.entries.flatMap((entry) => {
+    const floor = entry.bias_floor;
+    if (!floor?.is_significant) return [limitOf(entry)];
+    return [floor.relative_mse, (floor.relative_mse ?? 0) + (floor.error ?? 0)];
+  });
+  const column: Column = {
+    heading: 'relMSE that is left however many samples are taken',
+    scale: logScale([...floorValues, ...study.entries.map(bestErrorOf)], numbers.powerTick),
+    origin: null,
+    marks: [],
+  };
+  const rows = rowsOf(study, (entry) => {
+    const isFound = entry.bias_floor?.is_significant === true;
+    return {
+      value: isFound ? entry.bias_floor?.relative_mse : limitOf(entry),
+      error: entry.bias_floor?.error,
+      isLimit: !isFound,
+      other: entry.bias_floor ? bestErrorOf(entry) : null,
+      words: floorWords(entry),
+      isAlarming: isFound && entry.is_unbiased,
+    };
+  });
+  return section(
+      'bias', 'What bias leaves',
+      [
+        'The mean squared error is the square of the bias plus the variance. Samples bring the ' +
+            'variance to nothing; the square of the bias stays, and is the floor of the error.',
+        'A dot is a floor with its standard error, a pale band reaches up to the highest floor ' +
+            'that the measurement leaves possible where none was found (' + LIMIT_ERRORS +
+            ' standard ' +
+            'errors), and a ring is the lowest error that was measured of the entry.'
+      ],
+      barChart(
+          'chart-bias', 'Bias floor of each entry', [column], rows,
+          'No bias floor could be told from these points.'),
+      numbersTable(
+          'bias floors',
+          [
+            'Entry', 'In words', 'relMSE of the floor', 'Standard error', 'Certain',
+            'Lowest error measured', 'Unbiased against the base'
+          ],
+          study.entries.map(
+              (entry) =>
+                  [entry.name, floorWords(entry), numbers.plain(entry.bias_floor?.relative_mse),
+                   numbers.plain(entry.bias_floor?.error),
+                   yes(entry.bias_floor?.is_significant === true),
+                   numbers.plain(bestErrorOf(entry)), yes(entry.is_unbiased)]),
+          2));
+}
+
+export function rateSection(study: Study): HTMLElement {
+  const ends = study.entries.flatMap(
+      ({rate, rate_error: error}) =>
+          isKnown(rate) ? [rate - (error ?? 0), rate + (error ?? 0)] : []);
+  const column: Column = {
+    heading: 'Exponent',
+    scale: linearBetween(Math.min(RATE_LOW, ...ends), Math.max(RATE_HIGH, ...ends)),
+    origin: null,
+    marks: [1],
+  };
+  const rows = rowsOf(study, ({rate, rate_error: error}) => ({
+                               value: rate,
+                               error,
+                               words: isKnown(rate) ? numbers.measured(rate, error) : 'not known',
+                             }));
+  return section(
+      'rate', 'How fast the variance falls',
+      ['The variance falls as 1 / samples to the power of this exponent. The line at 1 is Monte ' +
+       'Carlo: half of it for twice the samples. More is what well spread samples win where the ' +
+       'picture is smooth; less is light that is rarely met.'],
+      barChart(
+          'chart-rate', 'Exponent by which the variance of each entry falls', [column], rows,
+          'Too few points to tell how fast the variance falls.'),
+      numbersTable(
+          'rates', ['Entry', 'Exponent', 'Standard error'],
+          study.entries.map(
+              (entry) =>
+                  [entry.name, numbers.plain(entry.rate), numbers.plain(entry.rate_error)])));
+}
+
+// Every entry, how it differs, and what chooses it.
+export function entriesList(study: Study): HTMLElement {
+  const items = study.entries.map(({name, how, flag}) => {
+    const item = el('li', {}, el('strong', {}, name), how ? ': ' + how : '');
+    if (flag) item.append(', ', el('code', {}, flag));
+    return item;
+  });
+  return el('ul', {class: 'plain-list'}, ...items);
+}

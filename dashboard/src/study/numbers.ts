@@ -1,0 +1,101 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Measured numbers as people read them. What is not known is a dash.
+
+import * as format from '../format';
+
+export type Maybe = number|null|undefined;
+
+const UNKNOWN = '–';
+const MINUS = '\u2212';
+const SUPERSCRIPTS = '⁰¹²³⁴⁵⁶⁷⁸⁹';
+// Numbers from here on are written with a power of ten.
+const PLAIN_MIN = 1e-3;
+const PLAIN_MAX = 1e5;
+
+export const isKnown = (value: Maybe): value is number =>
+    typeof value === 'number' && Number.isFinite(value);
+
+// The power of ten at which the digits of a number begin. Requires: value is not 0.
+const powerOf = (value: number) => Math.floor(Math.log10(Math.abs(value)) + 1e-12);
+
+const withMinus = (text: string) => text.replace('-', MINUS);
+
+// -5 -> "10⁻⁵".
+export function tenTo(power: number): string {
+  const digits = [...String(Math.abs(power))].map((digit) => SUPERSCRIPTS[Number(digit)]).join('');
+  return '10' + (power < 0 ? '⁻' : '') + digits;
+}
+
+// Of a logarithmic axis: 0.0002 -> "2·10⁻⁴", 0.1 -> "10⁻¹".
+export function powerTick(value: number): string {
+  const power = powerOf(value);
+  const leading = Math.round(value / 10 ** power);
+  return (leading === 1 ? '' : leading + '·') + tenTo(power);
+}
+
+// The same, but plain where that is short: 0.05 -> "0.05".
+export const tick = (value: number) =>
+    value >= 0.01 && value < 1e4 ? String(Number(value.toPrecision(2))) : powerTick(value);
+
+// "0.0123", "1.23·10⁻⁵": three digits that count.
+export function plain(value: Maybe): string {
+  if (!isKnown(value)) return UNKNOWN;
+  if (value === 0) return '0';
+  const size = Math.abs(value);
+  if (size >= PLAIN_MIN && size < PLAIN_MAX) return withMinus(String(Number(value.toPrecision(3))));
+  const power = powerOf(value);
+  return withMinus((value / 10 ** power).toFixed(2)) + '·' + tenTo(power);
+}
+
+// "1.20 ± 0.10", "(1.23 ± 0.02)·10⁻⁵": as many digits as the error leaves a meaning.
+export function measured(value: Maybe, error: Maybe): string {
+  if (!isKnown(value)) return UNKNOWN;
+  if (!isKnown(error) || !(error > 0)) return plain(value);
+  const size = Math.max(Math.abs(value), error);
+  const isPlain = size >= PLAIN_MIN && size < PLAIN_MAX;
+  const power = isPlain ? 0 : powerOf(size);
+  const scale = 10 ** power;
+  const digits = Math.max(0, Math.min(8, 1 - powerOf(error / scale)));
+  const text = withMinus((value / scale).toFixed(digits)) + ' ± ' + (error / scale).toFixed(digits);
+  return isPlain ? text : '(' + text + ')·' + tenTo(power);
+}
+
+// "12.3 %", "0.12 %", "−1.0 %".
+export function share(value: Maybe): string {
+  if (!isKnown(value)) return UNKNOWN;
+  const percent = 100 * value;
+  const size = Math.abs(percent);
+  return withMinus(percent.toFixed(size >= 10 || size < 0.005 ? 0 : size >= 1 ? 1 : 2)) + ' %';
+}
+
+export function measuredShare(value: Maybe, error: Maybe): string {
+  if (!isKnown(value)) return UNKNOWN;
+  if (!isKnown(error) || !(error > 0)) return share(value);
+  return measured(100 * value, 100 * error) + ' %';
+}
+
+// "1.2 ×".
+export const times = (value: Maybe) => isKnown(value) ? plain(value) + ' ×' : UNKNOWN;
+
+export const count = (value: Maybe) => isKnown(value) ? format.exact(value) : UNKNOWN;
+
+// Of a pixel: whole, or on average where tiles differ: "16", "12.7".
+export const samples = (value: number) => Number.isInteger(value) ? count(value) : plain(value);
+
+// "12 ms", "1.23 s", "3 min 20 s".
+export function time(seconds: Maybe): string {
+  if (!isKnown(seconds)) return UNKNOWN;
+  if (seconds === 0) return '0 s';
+  if (seconds < 1) return format.shortTime(seconds);
+  return seconds < 60 ? Number(seconds.toPrecision(3)) + ' s' : format.duration(seconds);
+}
+
+// What a relMSE means for a pixel: "±3.2 %".
+export const typicalError = (relativeMse: Maybe) =>
+    isKnown(relativeMse) && relativeMse >= 0 ? format.typicalError(relativeMse) : UNKNOWN;
+
+// Of an axis: 0.25 -> "25 %".
+export const roundShare = (value: number) =>
+    withMinus(String(Number((100 * value).toPrecision(3)))) + ' %';

@@ -1,0 +1,82 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// The page of `sheaf study`: one file that loads nothing, made of the JSON within it.
+
+import './study.css';
+
+import {byId, el, setText} from '../dom';
+import {startTheme} from '../theme';
+
+import {biasSection, entriesList, errorSection, gainSection, rateSection} from './entry_sections';
+import * as numbers from './numbers';
+import {isKnown} from './numbers';
+import {effectsSection, pathsSection, tilesSection} from './scene_sections';
+import type {Study} from './schema';
+import {readStudy} from './schema';
+import {section} from './section';
+
+function fact(name: string, words: string): HTMLElement {
+  return el('div', {}, el('dt', {}, name), el('dd', {}, words));
+}
+
+function summary(study: Study): HTMLElement {
+  const sentences = study.recommendation.map((text) => el('li', {}, text));
+  const found = sentences.length ?
+      el('ul', {id: 'recommendation', class: 'recommendation'}, ...sentences) :
+      el('p', {id: 'recommendation', class: 'empty'}, 'The numbers allow no recommendation.');
+  return section('summary', 'What to do', [], found);
+}
+
+function facts(study: Study): HTMLElement {
+  const {width_px: width, height_px: height, pixels, reference} = study;
+  const all = width * height;
+  const share = isKnown(pixels) && all > 0 ? ', ' + numbers.share(pixels / all) + ' of all' : '';
+  const list = el(
+      'dl', {class: 'facts'}, fact('Scene', study.scene),
+      fact('Picture', width + ' × ' + height + ' pixels'),
+      fact('Pixels studied', numbers.count(pixels) + share),
+      fact('The study took', numbers.time(study.seconds)),
+      fact('Threads', numbers.count(study.threads)),
+      fact('Reference', reference ? numbers.count(reference.samples) + ' samples a pixel' : 'none'),
+      fact(
+          'Error of the reference',
+          reference ? 'relMSE ' + numbers.plain(reference.relative_mse) : '–'),
+      fact('Time of the reference', numbers.time(reference?.cpu_seconds)));
+  return section(
+      'facts', 'What was studied',
+      ['Every error is against a reference that the study rendered itself, whose own error is ' +
+       'taken off.'],
+      list,
+      study.entries.length ? entriesList(study) :
+                             el('p', {class: 'empty'}, 'No settings were compared.'));
+}
+
+function notStudied(study: Study): HTMLElement {
+  const items = study.not_studied.map((text) => el('li', {}, text));
+  return section(
+      'not-studied', 'What was not studied', [],
+      items.length ? el('ul', {class: 'plain-list'}, ...items) :
+                     el('p', {class: 'empty'}, 'The study names nothing that it left out.'));
+}
+
+function start() {
+  const study = readStudy(byId('study').textContent ?? '');
+  document.title = 'Study of ' + study.scene;
+  setText(byId('title'), 'Study of ' + study.scene);
+  byId('sections')
+      .append(
+          summary(study), errorSection(study), gainSection(study), biasSection(study),
+          rateSection(study), effectsSection(study), pathsSection(study), tilesSection(study),
+          facts(study), notStudied(study));
+}
+
+try {
+  start();
+} catch (error) {
+  byId('sections').append(el('p', {class: 'empty', role: 'alert'}, String(error)));
+  throw error;
+} finally {
+  // Last: a browser that keeps nothing for files of the disk may refuse it its memory.
+  startTheme();
+}

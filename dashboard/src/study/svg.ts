@@ -1,0 +1,59 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Builds SVG elements. Colours come from the style sheet, so a change of theme redraws nothing.
+
+// Asked of the parser: the page is to hold no address, not even the name of a namespace.
+const namespace = (() => {
+  const probe = document.createElement('div');
+  probe.innerHTML = '<svg></svg>';
+  return probe.firstElementChild?.namespaceURI ?? null;
+})();
+
+type Attributes = Record<string, string|number|null>;
+
+// svg("circle", {cx: 1, cy: 2, r: 3}). Null leaves an attribute out; text becomes a text node.
+export function svg(
+    tag: string, attributes: Attributes = {}, ...children: (Node|string)[]): SVGElement {
+  const element = document.createElementNS(namespace, tag) as SVGElement;
+  for (const [name, value] of Object.entries(attributes)) {
+    if (value === null) continue;
+    element.setAttribute(name, typeof value === 'number' ? round(value) : value);
+  }
+  element.append(...children);
+  return element;
+}
+
+// A hundredth of a pixel is enough.
+const round = (value: number) => String(Math.round(value * 100) / 100);
+
+// Marks of the entries, so that they differ by more than colour. Around (0, 0), `r` in size.
+const SHAPES: ((r: number) => string)[] = [
+  (r) => `M${- r},0A${r},${r} 0 1 1 ${r},0A${r},${r} 0 1 1 ${- r},0Z`,
+  (r) => `M${- r},${- r}H${r}V${r}H${- r}Z`,
+  (r) => `M0,${- 1.3 * r}L${1.3 * r},0L0,${1.3 * r}L${- 1.3 * r},0Z`,
+  (r) => `M0,${- 1.2 * r}L${1.2 * r},${r}H${- 1.2 * r}Z`,
+  (r) => `M0,${1.2 * r}L${1.2 * r},${- r}H${- 1.2 * r}Z`,
+];
+// Colours of the style sheet, --series-0 and on. Prime to the number of shapes.
+const COLOUR_COUNT = 8;
+
+export interface Series {
+  // "var(--series-3)".
+  colour: string;
+  shape: (r: number) => string;
+}
+
+// How the entry or kind at `index` is drawn everywhere.
+export function seriesAt(index: number): Series {
+  const shape = SHAPES[index % SHAPES.length];
+  if (!shape) throw new Error('no shape for series ' + index);
+  return {colour: 'var(--series-' + index % COLOUR_COUNT + ')', shape};
+}
+
+// The mark before a name in a legend. Colour and outline come from `style`.
+export function swatch({colour, shape}: Series): SVGElement {
+  const mark = svg('path', {d: shape(5)});
+  mark.style.fill = colour;
+  return svg('svg', {class: 'swatch', viewBox: '-8 -8 16 16', 'aria-hidden': 'true'}, mark);
+}

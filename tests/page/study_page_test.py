@@ -1,0 +1,187 @@
+# Copyright the Sheaf authors.
+# SPDX-License-Identifier: Apache-2.0
+"""The page of a study in real headless Chromium, from a file.
+
+  study_page_test.py sheaf_study_page_maker    over made-up studies that it makes pages of
+
+Screenshots are kept in SHEAF_ARTEFACTS. Ends with "N passed, N failed".
+"""
+import json
+import os
+import subprocess
+import sys
+
+HERE = os.path.dirname(os.path.abspath(__file__))
+sys.path += [HERE, os.path.join(HERE, "..", "integration")]
+from browser import Browser  # noqa: E402
+from farm import wait_until  # noqa: E402
+from page_test import artefact, run_checks  # noqa: E402
+from study_checks import CHARTS, check_study_page  # noqa: E402
+from study_fixture import ENTRIES, SAMPLES, bare_study, empty_study, whole_study  # noqa: E402
+
+CHANGE_SECONDS_MAX = 10
+ARROW_RIGHT, END, ESCAPE, SPACE, TAB = "\ue014", "\ue010", "\ue00c", " ", "\ue004"
+TIP = """
+  const tip = document.querySelector(arguments[0] + " .tip");
+  return tip.hidden ? "" : tip.innerText;
+"""
+DRAWN_FOR_WIDTH = """
+  const plot = document.querySelector(".error-plot");
+  return Number(plot.firstChild.getAttribute("width")) === plot.clientWidth;
+"""
+SHOWN_LINES = """
+  return [...document.querySelectorAll("#chart-error .line")]
+    .filter((line) => line.querySelector(".curve")).length;
+"""
+TAB_STOP_COUNT_MAX = 40
+FOCUSED = """
+  const focused = document.activeElement;
+  if (focused === document.body) return ["body", true];
+  const style = getComputedStyle(focused);
+  const seen = style.outlineStyle !== "none" && parseFloat(style.outlineWidth) >= 2;
+  return [focused.id || focused.classList[0] || focused.nodeName, seen];
+"""
+TAB_STOPS = {"skip", "theme", "error-plot", "legend-button", "tile-plot", "SUMMARY"}
+
+
+class StudyPages:
+    """Makes a page of a study; returns its path."""
+
+    def __init__(self, maker):
+        self.maker = maker
+
+    def make(self, name, study):
+        path = artefact(f"study-{name}.html")
+        with open(path, "wb") as page:
+            subprocess.run([self.maker], input=json.dumps(study).encode(), stdout=page, check=True)
+        return path
+
+
+def check_whole_study(browser, pages):
+    study = whole_study()
+    counts = check_study_page(browser, pages.make("whole", study), len(ENTRIES),
+                              lambda name: browser.screenshot(artefact(f"study-{name}.png")))
+    expected = {"chart-error": len(ENTRIES) * len(SAMPLES), "chart-gain": len(ENTRIES) - 1,
+                "chart-bias": len(ENTRIES) - 1, "chart-rate": len(ENTRIES) - 1,
+                "chart-effects": 8, "chart-paths": 3 * len(study["paths"]),
+                "chart-tiles": len(study["unreliable_tiles"])}
+    assert counts == expected, counts
+
+
+def check_words_and_names(browser, _):
+    """What the study says stands on the page as text, and its numbers in tables."""
+    study = whole_study()
+    words = browser.run("return document.body.textContent")
+    names = [entry["name"] for entry in study["entries"]] + [e["name"] for e in study["effects"]]
+    for part in study["recommendation"] + study["not_studied"] + names:
+        assert part in words, part
+    assert not browser.run("return document.querySelector('#sections b')"), "markup of a name"
+    rows = browser.run("return [...document.querySelectorAll('table')]"
+                       ".map((table) => table.tBodies[0].rows.length)")
+    entry_count, tile_count = len(ENTRIES), len(study["unreliable_tiles"])
+    assert rows == [entry_count * len(SAMPLES), entry_count, entry_count, entry_count,
+                    len(study["effects"]), len(study["paths"]), tile_count], rows
+
+
+def check_front_and_floors(browser, _):
+    """The front is drawn, and a dashed line for each floor that is certain."""
+    study = whole_study()
+    front = sum(point["on_front"] for entry in study["entries"] for point in entry["points"])
+    count = "return document.querySelectorAll('#chart-error ' + arguments[0]).length"
+    assert browser.run(count, ".front") == 1
+    assert browser.run(count, ".on-front") == front
+    floors = sum(bool(entry["bias_floor"] and entry["bias_floor"]["is_significant"])
+                 for entry in study["entries"])
+    assert browser.run(count, ".floor") == floors
+    assert browser.run(count, ".spread") == len(ENTRIES) * len(SAMPLES)
+
+
+def check_legend_toggles(browser, _):
+    """By keys: an entry goes and comes back."""
+    browser.run("document.querySelector('.legend-button').focus()")
+    for expected in (len(ENTRIES) - 1, len(ENTRIES)):
+        browser.press(SPACE)
+        wait_until(lambda: browser.run(SHOWN_LINES) == expected, CHANGE_SECONDS_MAX,
+                   f"{expected} entries")
+
+
+def check_tips(browser, _):
+    """Arrow keys and the pointer tell what is at a point or tile."""
+    browser.set_size(1440, 900)
+    # A chart that is drawn anew for another width shows no note.
+    wait_until(lambda: browser.run(DRAWN_FOR_WIDTH), CHANGE_SECONDS_MAX, "the chart")
+    browser.run("document.querySelector('.error-plot').focus()")
+    browser.press(ARROW_RIGHT)
+    first = browser.run(TIP, "#chart-error")
+    assert "as given" in first and "4 samples" in first and "relMSE 0.1" in first, first
+    browser.press(ARROW_RIGHT)
+    assert "16 samples" in browser.run(TIP, "#chart-error")
+    browser.press(ESCAPE)
+    assert not browser.run(TIP, "#chart-error"), "Escape leaves the note"
+    browser.run("document.querySelector('.tile-plot').focus()")
+    browser.press(END)
+    assert "caustic" in browser.run(TIP, "#chart-tiles")
+    x, y = browser.run("""
+      const point = document.querySelectorAll("#chart-error .point")[7];
+      point.scrollIntoView({block: "center"});
+      const box = point.getBoundingClientRect();
+      return [box.x + box.width / 2, box.y + box.height / 2];""")
+    browser.chrome("Input.dispatchMouseEvent", type="mouseMoved", x=x, y=y)
+    wait_until(lambda: "depth 4" in browser.run(TIP, "#chart-error"), CHANGE_SECONDS_MAX,
+               "the note at the pointer")
+
+
+def check_focus_is_visible(browser, _):
+    browser.run("document.activeElement.blur(); window.scrollTo(0, 0)")
+    reached = {}
+    for _ in range(TAB_STOP_COUNT_MAX):
+        browser.press(TAB)
+        name, visible = browser.run(FOCUSED)
+        reached[name] = visible
+    missing = TAB_STOPS - set(reached)
+    assert not missing, f"the Tab key does not reach {missing}, but {set(reached)}"
+    hidden = [name for name, visible in reached.items() if not visible]
+    assert not hidden, f"no focus is seen on {hidden}"
+
+
+def check_unfolded_tables(browser, _):
+    """Open tables scroll within themselves on a telephone."""
+    browser.set_size(400, 900)
+    browser.run("for (const d of document.querySelectorAll('details')) d.open = true")
+    assert browser.run("return document.documentElement.scrollWidth <= window.innerWidth")
+
+
+def check_theme_button(browser, _):
+    theme = "return document.documentElement.dataset.theme"
+    before = browser.run(theme)
+    browser.run("document.getElementById('theme').click()")
+    assert browser.run(theme) != before
+    browser.run("document.getElementById('theme').click(); localStorage.clear()")
+
+
+def check_empty_study(browser, pages):
+    """No chart is an empty frame: each says why it is not there."""
+    counts = check_study_page(browser, pages.make("empty", empty_study()), 0)
+    assert counts == dict.fromkeys(CHARTS, 0), counts
+    assert not browser.run("return document.querySelector('#sections figure, #sections table')")
+
+
+def check_bare_study(browser, pages):
+    counts = check_study_page(browser, pages.make("bare", bare_study()), 1,
+                              lambda name: browser.screenshot(artefact(f"study-bare-{name}.png")))
+    drawn = {chart: count for chart, count in counts.items() if count}
+    assert drawn == {"chart-error": 1, "chart-gain": 1, "chart-bias": 1}, drawn
+
+
+def main():
+    checks = [check_whole_study, check_words_and_names, check_front_and_floors,
+              check_legend_toggles, check_tips, check_focus_is_visible, check_theme_button,
+              check_unfolded_tables, check_empty_study, check_bare_study]
+    with Browser() as browser:
+        passed, failed = run_checks(checks, browser, StudyPages(sys.argv[1]))
+    print(f"{passed} passed, {failed} failed")
+    return 1 if failed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
