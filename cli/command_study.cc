@@ -7,10 +7,12 @@
 #include <filesystem>
 #include <string>
 #include <thread>
+#include <utility>
 
 #include "cli/command.h"
 #include "cli/options.h"
 #include "cli/study/study.h"
+#include "cli/study_page.h"
 #include "common/base/file.h"
 #include "common/base/status.h"
 #include "common/scene/file_source.h"
@@ -71,8 +73,10 @@ class StudyCommand : public Command {
  private:
   ExitCode Deliver(const StudyResult& result) const {
     const std::string json = StudyJson(result);
-    if (!json_path_.empty()) {
-      if (absl::Status status = WriteFileAtomically(json_path_, json); !status.ok()) {
+    for (const auto& [path, bytes] :
+         {std::pair(json_path_, json), std::pair(page_path_, StudyPage(json))}) {
+      if (path.empty()) continue;
+      if (absl::Status status = WriteFileAtomically(path, bytes); !status.ok()) {
         return ReportError(ExitCode::kFile, status);
       }
     }
