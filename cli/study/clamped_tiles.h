@@ -19,12 +19,13 @@ class ClampedTiles {
   // Requires: the part is a block of one sample of each replicate. Distinct tiles may be added to
   // concurrently.
   void Add(size_t tile, const FilmTile& part);
-  // Without deviations.
   TilePixels Develop(size_t tile) const;
 
  private:
   double limit_;
-  std::vector<std::vector<std::array<double, 4>>> sums_;  // Of each tile: R, G, B, weight.
+  // Of a pixel, by replicate: R, G, B, weight.
+  using Sums = std::array<std::array<double, 4>, kReplicateCount>;
+  std::vector<std::vector<Sums>> sums_;  // Of each tile.
 };
 
 }  // namespace sheaf::cli

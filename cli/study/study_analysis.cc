@@ -92,9 +92,7 @@ std::optional<double> SlopeOf(const std::vector<LogPoint>& points) {
   return xx > 0 ? std::optional(xy / xx) : std::nullopt;
 }
 
-bool TellsVariance(const StudySetting& setting) {
-  return !setting.settings.one_sequence && setting.clamp_means == 0;
-}
+bool TellsVariance(const StudySetting& setting) { return !setting.settings.one_sequence; }
 
 std::optional<double> RateOf(const StudyMeasurement& measured, const TileSums& counts,
                              const Choice& tiles) {

@@ -65,6 +65,7 @@ class Ladder {
                                   absl::StrCat("at most ", depth, " scatterings of light"),
                                   absl::StrCat("--max-depth ", depth));
       setting.settings.max_depth = depth;
+      setting.is_truer = depth > plan_.max_depth;
       setting.is_unbiased = false;
     }
   }

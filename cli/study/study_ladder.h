@@ -22,6 +22,7 @@ struct StudySetting {
   render::CompileTechniques techniques;
   bool is_base = false;
   bool is_unbiased = true;   // Against the given settings: pictures differ by noise alone.
+  bool is_truer = false;     // Of what is not unbiased: the settings given leave out what this has.
   bool stops_tiles = false;  // Tiles get samples by rounds, as with --target-error.
   // Samples of the base are cut at so many times the picture's mean; 0: they are not.
   double clamp_means = 0;

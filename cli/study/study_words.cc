@@ -96,6 +96,13 @@ void AddBiased(const StudyResult& result, std::vector<std::string>* lines) {
           GainText(curve), std::max(0.0, floor.value) + kToldDeviations * floor.error));
       continue;
     }
+    if (setting.is_truer) {
+      lines->push_back(absl::StrFormat(
+          "As given, the scene leaves light out: the picture of %s differs by relMSE %.2g +- %.1g, "
+          "and is nearer to the truth.",
+          name, floor.value, floor.error));
+      continue;
+    }
     if (curve.points.empty() || base.points.empty()) continue;
     const auto seconds_per_sample = [](const StudyCurve& of) {
       return of.points.back().cpu_seconds / of.points.back().samples;
