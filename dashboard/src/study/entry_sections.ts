@@ -39,7 +39,7 @@ export function errorSection(study: Study): HTMLElement {
   const rows = study.entries.flatMap(
       ({name, points}) => points.map(
           (point) =>
-              [name, numbers.count(point.samples), numbers.time(point.cpu_seconds),
+              [name, numbers.samples(point.samples), numbers.time(point.cpu_seconds),
                numbers.plain(point.relative_mse), numbers.plain(point.relative_mse_error),
                numbers.typicalError(point.relative_mse), yes(point.on_front)]));
   const floors = study.entries.filter(({bias_floor: floor}) => floor?.is_significant).length;
@@ -76,22 +76,23 @@ export function gainSection(study: Study): HTMLElement {
     origin: 1,
     marks: [1],
   };
-  const rows = rowsOf(study, ({gain}) => ({
+  const rows = rowsOf(study, ({gain, is_base}) => ({
                                value: gain?.value,
                                error: gain?.error,
-                               words: gain ? numbers.measured(gain.value, gain.error) : 'not known',
+                               words: gain ? numbers.measured(gain.value, gain.error) :
+                                   is_base ? '1' :
+                                             'not known',
                              }));
   return section(
       'gain', 'Time to the same error',
-      ['How many times less processor time than “' + base +
-       '” each entry takes to the same error. ' +
-       'Right of 1 is faster, left of it slower; whiskers are one standard error.'],
+      ['How many times less processor time than “' + base + '” each entry takes to the error of ' +
+       'its last point. Right of 1 is faster, left of it slower; whiskers are one standard error.'],
       barChart(
           'chart-gain', 'Time of the base over that of each entry, to the same error', [column],
           rows, 'No two entries were compared at the same error.'),
       numbersTable(
           'time to the same error',
-          ['Entry', 'How', 'Gain', 'Standard error', 'Unbiased by construction'],
+          ['Entry', 'How', 'Gain', 'Standard error', 'Unbiased against the base'],
           study.entries.map(
               (entry) =>
                   [entry.name, entry.how, numbers.plain(entry.gain?.value),
@@ -158,7 +159,7 @@ export function biasSection(study: Study): HTMLElement {
           'bias floors',
           [
             'Entry', 'In words', 'relMSE of the floor', 'Standard error', 'Certain',
-            'Lowest error measured', 'Unbiased by construction'
+            'Lowest error measured', 'Unbiased against the base'
           ],
           study.entries.map(
               (entry) =>
@@ -185,13 +186,13 @@ export function rateSection(study: Study): HTMLElement {
                                words: isKnown(rate) ? numbers.measured(rate, error) : 'not known',
                              }));
   return section(
-      'rate', 'How fast the error falls',
-      ['The relMSE falls with the number of samples to the power of minus this exponent. The ' +
-       'line at 1 is Monte Carlo: half the error for twice the samples. More is what well spread ' +
-       'samples win; less is a bias floor that shows, or light that is rarely met.'],
+      'rate', 'How fast the variance falls',
+      ['The variance falls as 1 / samples to the power of this exponent. The line at 1 is Monte ' +
+       'Carlo: half of it for twice the samples. More is what well spread samples win where the ' +
+       'picture is smooth; less is light that is rarely met.'],
       barChart(
-          'chart-rate', 'Exponent by which the error of each entry falls', [column], rows,
-          'Too few points to tell how fast errors fall.'),
+          'chart-rate', 'Exponent by which the variance of each entry falls', [column], rows,
+          'Too few points to tell how fast the variance falls.'),
       numbersTable(
           'rates', ['Entry', 'Exponent', 'Standard error'],
           study.entries.map(
@@ -199,9 +200,12 @@ export function rateSection(study: Study): HTMLElement {
                   [entry.name, numbers.plain(entry.rate), numbers.plain(entry.rate_error)])));
 }
 
-// What the page says of the entries as a whole.
+// Every entry, how it differs, and what chooses it.
 export function entriesList(study: Study): HTMLElement {
-  const items = study.entries.map(
-      ({name, how}) => el('li', {}, el('strong', {}, name), how ? ': ' + how : ''));
+  const items = study.entries.map(({name, how, flag}) => {
+    const item = el('li', {}, el('strong', {}, name), how ? ': ' + how : '');
+    if (flag) item.append(', ', el('code', {}, flag));
+    return item;
+  });
   return el('ul', {class: 'plain-list'}, ...items);
 }

@@ -136,8 +136,9 @@ export function pathsSection(study: Study): HTMLElement {
 export function tilesSection(study: Study): HTMLElement {
   return section(
       'tiles', 'Where error bars are unreliable',
-      ['Tiles of the picture in which one replicate makes most of the variance, with the kind of ' +
-       'light path that is the cause; the stronger the colour, the larger its share.'],
+      ['Tiles of those that were rendered whose errors are not reliable, as too few of their ' +
+       'samples make the noise. The colour is the kind of light path with the largest share of ' +
+       'the tile’s variance; the stronger, the larger the share.'],
       tileMap(study),
       numbersTable(
           'unreliable tiles', ['Tile', 'Kind of path', 'Share of the variance'],

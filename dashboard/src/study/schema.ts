@@ -1,10 +1,11 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// What `sheaf study` writes as JSON. Null is a number that is not known; a list that is missing is
-// an empty one.
+// What `sheaf study` writes as JSON (docs/study.md). Null is a number that is not known; what is
+// missing is not known either, or empty.
 
 export interface Point {
+  // Of a pixel; on average where tiles differ.
   samples: number;
   // Of the whole picture.
   cpu_seconds: number|null;
@@ -19,16 +20,18 @@ export interface Entry {
   name: string;
   // "depth 8, RGB, 16 sequences".
   how: string;
+  // What chooses it on the command line: "--max-depth 4"; empty where nothing does.
+  flag: string;
   is_base: boolean;
-  // By construction, whatever was measured.
+  // Whether its expectation is that of the base, whatever was measured.
   is_unbiased: boolean;
   points: Point[];
-  // Exponent by which the error falls with samples; 1 is plain Monte Carlo.
+  // Exponent by which the variance falls with samples; 1 is plain Monte Carlo.
   rate: number|null;
   rate_error: number|null;
-  // The error that is left however long one renders.
+  // The error that is left however long one renders; null where the variance is not told.
   bias_floor: {relative_mse: number|null; error: number | null; is_significant: boolean}|null;
-  // Time of the base over this entry's to the same error.
+  // Time of the base over this entry's, to the error of this one's last point.
   gain: {value: number|null; error: number | null}|null;
 }
 
@@ -64,6 +67,7 @@ export interface Tile {
   x1: number;
   y1: number;
   path: string;
+  // Of the tile's variance.
   share: number|null;
 }
 
@@ -74,6 +78,7 @@ export interface Study {
   pixels: number|null;
   seconds: number|null;
   threads: number|null;
+  // Its own error is taken off from all others.
   reference: {samples: number|null; relative_mse: number | null; cpu_seconds: number | null}|null;
   entries: Entry[];
   effects: Effect[];
@@ -99,7 +104,8 @@ export function readStudy(json: string): Study {
     threads: read.threads ?? null,
     reference: read.reference ?? null,
     entries: (read.entries ?? []).map((entry) => ({...entry, points: entry.points ?? []})),
-    effects: read.effects ?? [],
+    // One that was not measured has a name and a problem alone.
+    effects: (read.effects ?? []).map((effect) => ({...effect, without: effect.without ?? ''})),
     paths: read.paths ?? [],
     unreliable_tiles: read.unreliable_tiles ?? [],
     recommendation: read.recommendation ?? [],

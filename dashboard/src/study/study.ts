@@ -45,8 +45,8 @@ function facts(study: Study): HTMLElement {
       fact('Time of the reference', numbers.time(reference?.cpu_seconds)));
   return section(
       'facts', 'What was studied',
-      ['Every error is against a reference that the study rendered itself; what is nearer to it ' +
-       'than its own error cannot be told from it.'],
+      ['Every error is against a reference that the study rendered itself, whose own error is ' +
+       'taken off.'],
       list,
       study.entries.length ? entriesList(study) :
                              el('p', {class: 'empty'}, 'No settings were compared.'));

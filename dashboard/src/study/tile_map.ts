@@ -12,7 +12,7 @@ import {Tips} from './tips';
 
 // A tile's ink: of one that is barely unreliable, and of one that is wholly.
 const OPACITY_MIN = 0.35;
-const NONE_FOUND = 'No tile has error bars that are unreliable.';
+const NONE_FOUND = 'None of the tiles that were rendered has errors that are unreliable.';
 const NOT_LOOKED_FOR = 'Kinds of light paths were not told apart, so tiles were not judged.';
 
 // Names of the kinds in the order of their colours.
