@@ -76,10 +76,12 @@ export function gainSection(study: Study): HTMLElement {
     origin: 1,
     marks: [1],
   };
-  const rows = rowsOf(study, ({gain}) => ({
+  const rows = rowsOf(study, ({gain, is_base}) => ({
                                value: gain?.value,
                                error: gain?.error,
-                               words: gain ? numbers.measured(gain.value, gain.error) : 'not known',
+                               words: gain ? numbers.measured(gain.value, gain.error) :
+                                   is_base ? '1' :
+                                             'not known',
                              }));
   return section(
       'gain', 'Time to the same error',

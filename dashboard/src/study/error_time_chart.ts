@@ -122,6 +122,9 @@ class ErrorTimeChart {
         svg('svg', {width, height: plot.height, viewBox: `0 0 ${width} ${plot.height}`},
             ...drawAxes(plot), drawPromise(this.lines, plot), drawFront(this.lines, plot),
             drawReference(this.reference(), plot), ...this.groups);
+    // On top, as entries that differ in nothing seen lie upon each other.
+    const base = this.groups[this.lines.findIndex(({entry}) => entry.is_base)];
+    if (base) picture.append(base);
     if (this.picture)
       this.picture.replaceWith(picture);
     else

@@ -13,6 +13,8 @@ const SUPERSCRIPTS = '⁰¹²³⁴⁵⁶⁷⁸⁹';
 // Numbers from here on are written with a power of ten.
 const PLAIN_MIN = 1e-3;
 const PLAIN_MAX = 1e5;
+// Digits that a number with an error may have.
+const DIGITS_MAX = 5;
 
 export const isKnown = (value: Maybe): value is number =>
     typeof value === 'number' && Number.isFinite(value);
@@ -57,7 +59,9 @@ export function measured(value: Maybe, error: Maybe): string {
   const isPlain = size >= PLAIN_MIN && size < PLAIN_MAX;
   const power = isPlain ? 0 : powerOf(size);
   const scale = 10 ** power;
-  const digits = Math.max(0, Math.min(8, 1 - powerOf(error / scale)));
+  const digits = Math.max(0, 1 - powerOf(error / scale));
+  // An error so far below its number says no more than that there is next to none.
+  if (digits + powerOf(size / scale) >= DIGITS_MAX) return plain(value);
   const text = withMinus((value / scale).toFixed(digits)) + ' ± ' + (error / scale).toFixed(digits);
   return isPlain ? text : '(' + text + ')·' + tenTo(power);
 }
