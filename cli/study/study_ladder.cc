@@ -61,9 +61,10 @@ class Ladder {
     if (plan_.depth_cause.empty()) depths.insert(2 * plan_.max_depth);
     for (const int32_t depth : depths) {
       if (depth < 1 || depth == plan_.max_depth) continue;
-      StudySetting& setting = Add(absl::StrCat("depth ", depth),
-                                  absl::StrCat("at most ", depth, " scatterings of light"),
-                                  absl::StrCat("--max-depth ", depth));
+      StudySetting& setting =
+          Add(absl::StrCat("depth ", depth),
+              absl::StrCat("light scatters at most ", depth, depth == 1 ? " time" : " times"),
+              absl::StrCat("--max-depth ", depth));
       setting.settings.max_depth = depth;
       setting.is_truer = depth > plan_.max_depth;
       setting.is_unbiased = false;
