@@ -323,6 +323,12 @@ class ClientTest(unittest.TestCase):
                                             "--tiles", "--reference-samples", 16), OK).stdout)
         self.assertEqual(result["tiles_beyond"], 0)
         self.assertGreater(result["relative_mse"], 0)
+        self.assertGreater(result["flip"], 0)
+        self.assertLess(result["flip"], 0.2)
+        self.assertNotIn("hdr_flip", result)
+        hdr = json.loads(self.expect(run("compare", more, few, "--json", "--hdr-flip"), OK).stdout)
+        self.assertEqual(hdr["flip"], result["flip"])
+        self.assertGreater(hdr["hdr_flip"], 0)
         self.assertNotEqual(result["image_digest"], result["reference_digest"])
         with open(difference, "rb") as f:
             self.assertEqual(f.read(8), b"\x89PNG\r\n\x1a\n")
