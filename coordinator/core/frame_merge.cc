@@ -29,6 +29,9 @@ FrameMerge::FrameMerge(const FrameSpec& spec, std::vector<PixelRect> tiles,
           spec.settings.outputs,
           PictureColorOf(spec.settings.primaries, spec.settings.white_balance_k))) {
   SHEAF_CHECK(samples.size() == tiles.size());
+  if (!spec.settings.one_sequence && spec.settings.lattice.All()) {
+    error_sample_.emplace(spec.settings.window);
+  }
   tiles_.resize(tiles.size());
   for (size_t i = 0; i < tiles.size(); ++i) {
     tiles_[i].rect = tiles[i];
@@ -49,6 +52,7 @@ void FrameMerge::Develop(uint32_t index, std::unique_ptr<TileTree> tree) {
   Tile& tile = tiles_[index];
   const FilmTile root = tree->Root();
   DevelopTile(root, &picture_);
+  if (error_sample_) error_sample_->DevelopTile(root, picture_.color);
   NoteNames(root, &picture_);
   unreliable_count_ -= tile.unreliable ? 1 : 0;
   tile.unreliable = root.replicate_count() == kReplicateCount &&

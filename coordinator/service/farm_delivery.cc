@@ -44,6 +44,14 @@ std::map<std::string, std::string> PictureMetadata(const FrameSpec& spec,
   return metadata;
 }
 
+// What is found when it is delivered. Estimates that cannot be told are left out.
+void AddFindings(const DeliveredFrame& delivered, FramePicture* picture) {
+  if (delivered.relative_mse > 0) {
+    picture->metadata["relativeMse"] = absl::StrFormat("%.6g", delivered.relative_mse);
+  }
+  if (delivered.flip > 0) picture->metadata["flip"] = absl::StrFormat("%.6g", delivered.flip);
+}
+
 }  // namespace
 
 void Farm::RunBackground() {
@@ -159,6 +167,9 @@ DeliveredFrame Farm::Account(const FrameId& id, const FrameMerge& merge) const {
   delivered.unreliable_tile_count = merge.unreliable_count();
   delivered.picture_digest = PictureDigest(picture);
   delivered.relative_mse = EstimateError(picture).relative_mse;
+  if (merge.error_sample() != nullptr) {
+    delivered.flip = EstimateFlip(picture, *merge.error_sample()).value_or(0);
+  }
   const std::lock_guard lock(mutex_);
   const FrameRecord& record = *scheduler_.FindFrame(id);
   delivered.sample_count = record.sample_count_done;
@@ -214,6 +225,7 @@ absl::Status Farm::DeliverFrame(const FrameId& id) {
     }
     picture->attributes = CryptomatteAttributes(*picture);
     delivered = Account(id, frame->merge);
+    AddFindings(delivered, picture);
     const absl::StatusOr<std::string> path = store_->OutputPath(id);
     if (!path.ok()) return path.status();
     if (absl::Status s = WritePicture(*picture, *path); !s.ok()) return s;
