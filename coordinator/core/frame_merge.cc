@@ -18,6 +18,16 @@ uint64_t TreeBytes(const TileTree& tree) {
   return size_bytes;
 }
 
+bool HasSignedWeights(const FilmTile& sums) {
+  const float* weight = sums.channel(FilmChannel::kWeight);
+  const float* weight_low = sums.channel(FilmChannel::kWeightLo);
+  const float* count = sums.channel(FilmChannel::kSampleCount);
+  for (size_t p = 0; p < sums.plane_size(); ++p) {
+    if (weight[p] != count[p] || weight_low[p] != 0) return true;
+  }
+  return false;
+}
+
 }  // namespace
 
 FrameMerge::FrameMerge(const FrameSpec& spec, std::vector<PixelRect> tiles,
@@ -53,6 +63,7 @@ void FrameMerge::Develop(uint32_t index, std::unique_ptr<TileTree> tree) {
   const FilmTile root = tree->Root();
   DevelopTile(root, &picture_);
   if (error_sample_) error_sample_->DevelopTile(root, picture_.color);
+  signed_weights_ = signed_weights_ || HasSignedWeights(root);
   NoteNames(root, &picture_);
   unreliable_count_ -= tile.unreliable ? 1 : 0;
   tile.unreliable = root.replicate_count() == kReplicateCount &&

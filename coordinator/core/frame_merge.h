@@ -75,6 +75,8 @@ class FrameMerge {
   // Of developed tiles, those whose error is not to be trusted (mean_interval.h).
   uint32_t unreliable_count() const { return unreliable_count_; }
   bool HasSamples() const { return has_samples_; }
+  // Whether the filter weighs samples otherwise than by 1, in developed tiles.
+  bool signed_weights() const { return signed_weights_; }
   // Of developed tiles; null where the frame's replicates are not independent, or not all of its
   // pixels are rendered.
   const ErrorSample* error_sample() const { return error_sample_ ? &*error_sample_ : nullptr; }
@@ -104,6 +106,7 @@ class FrameMerge {
   std::set<uint32_t> changed_;  // In memory, not yet developed as they are.
   bool developed_since_refresh_ = false;
   bool has_samples_ = false;
+  bool signed_weights_ = false;
   size_t developed_count_ = 0;
   uint32_t unreliable_count_ = 0;
 };
