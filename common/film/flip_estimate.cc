@@ -13,35 +13,34 @@
 namespace sheaf {
 namespace {
 
-// Sums over half of the replicates: those of even number, or the others.
-struct HalfSums {
-  Vec3d color;
-  double weight = 0;
-};
-HalfSums SumHalf(const FilmTile& sums, uint32_t parity, size_t p) {
+// Sums of R, G, B and weight of all pixels over half of the replicates: those of even number, or
+// the others. Plane by plane, as they lie in memory.
+using HalfSums = std::array<std::vector<double>, kReplicateChannelCount>;
+HalfSums SumHalf(const FilmTile& sums, uint32_t parity) {
   HalfSums half;
-  for (uint32_t slot = 0; slot < sums.replicate_count(); ++slot) {
-    if ((sums.replicate_first() + slot) % 2 != parity) continue;
-    for (size_t i = 0; i < 3; ++i) half.color[i] += double{sums.replicate(slot, i)[p]};
-    half.weight += double{sums.replicate(slot, 3)[p]};
+  for (size_t i = 0; i < half.size(); ++i) {
+    half[i].resize(sums.plane_size());
+    for (uint32_t slot = 0; slot < sums.replicate_count(); ++slot) {
+      if ((sums.replicate_first() + slot) % 2 != parity) continue;
+      const float* plane = sums.replicate(slot, i);
+      for (size_t p = 0; p < sums.plane_size(); ++p) half[i][p] += double{plane[p]};
+    }
   }
   return half;
 }
 
 // With S and W the sums over even replicates and m the mean over all, S - m W is (a - b) / 2 times
 // half of all weight where both halves weigh the same; and no weight need differ from 0.
-Vec3d ErrorAt(const FilmTile& sums, size_t p) {
-  const HalfSums even = SumHalf(sums, 0, p), odd = SumHalf(sums, 1, p);
-  const double weight = even.weight + odd.weight;
-  const double count = sums.channel(FilmChannel::kSampleCount)[p];
+Vec3d ErrorAt(const HalfSums& even, const HalfSums& odd, double count, size_t p) {
+  const double weight = even[3][p] + odd[3][p];
   if (weight == 0 || count < 2) return {};
   // Samples are dealt to the halves in turn.
   const double even_count = std::ceil(count / 2), odd_count = count - even_count;
   const double scale = count / (std::sqrt(even_count * odd_count) * weight);
   Vec3d error;
   for (size_t i = 0; i < 3; ++i) {
-    const double mean = (even.color[i] + odd.color[i]) / weight;
-    error[i] = (even.color[i] - mean * even.weight) * scale;
+    const double mean = (even[i][p] + odd[i][p]) / weight;
+    error[i] = (even[i][p] - mean * even[3][p]) * scale;
   }
   return error;
 }
@@ -55,12 +54,14 @@ void ErrorSample::DevelopTile(const FilmTile& sums, const PictureColor& color) {
   for (std::vector<float>& plane : planes_) {
     plane.resize(static_cast<size_t>(window_.PixelCount()));
   }
+  const HalfSums even = SumHalf(sums, 0), odd = SumHalf(sums, 1);
+  const float* counts = sums.channel(FilmChannel::kSampleCount);
   size_t from = 0;
   for (int32_t y = tile.y0; y < tile.y1; ++y) {
     size_t to = static_cast<size_t>(y - window_.y0) * static_cast<size_t>(window_.Width()) +
                 static_cast<size_t>(tile.x0 - window_.x0);
     for (int32_t x = tile.x0; x < tile.x1; ++x, ++from, ++to) {
-      Vec3d error = ErrorAt(sums, from);
+      Vec3d error = ErrorAt(even, odd, double{counts[from]}, from);
       if (!color.AsSummed()) error = TransformVector(color.light_from_srgb, error);
       for (size_t i = 0; i < 3; ++i) planes_[i][to] = static_cast<float>(error[i]);
     }
