@@ -55,6 +55,8 @@ class CompareCommand : public Command {
         ->add_option("--tolerance", tolerance_,
                      "Exit with 1 when relMSE is larger; 0 also asks for equal bits")
         ->check(CLI::NonNegativeNumber);
+    command->add_flag("--hdr-flip", hdr_flip_,
+                      "Also say how different they look at all exposures (HDR-FLIP; slow)");
     command->add_flag("--tiles", tiles_, "Also look for tiles that are off by more than noise");
     command
         ->add_option("--allow", limits_.mean_share_max,
@@ -73,6 +75,8 @@ class CompareCommand : public Command {
         ->capture_default_str();
     AddJsonFlag(command, &json_);
     command->footer(
+        "flip is how different the pictures look as the view sRGB shows them, without exposure:\n"
+        "the mean of LDR-FLIP for 67 pixels a degree, from 0 (nothing to see) to 1.\n\n"
         "Examples:\n"
         "  sheaf compare reference.exr picture.exr --diff difference.exr\n"
         "  sheaf compare a.exr b.exr --tolerance 0          # the same to the bit?\n"
@@ -96,7 +100,10 @@ class CompareCommand : public Command {
     }
     const absl::StatusOr<Comparison> comparison = ComparePictures(*reference, *image);
     if (!comparison.ok()) return ReportError(ExitCode::kFailed, comparison.status());
+    const absl::StatusOr<double> flip = PerceivedDifference(*reference, *image, FlipRange::kScreen);
+    if (!flip.ok()) return ReportError(ExitCode::kFailed, flip.status());
     Json json = {{"relative_mse", Number(comparison->relative_mse)},
+                 {"flip", Number(*flip)},
                  {"mse", Number(comparison->mse)},
                  {"reference_mean", Number(comparison->reference_mean)},
                  {"image_mean", Number(comparison->image_mean)},
@@ -107,6 +114,11 @@ class CompareCommand : public Command {
                  {"reference_digest", reference_digest},
                  {"image_digest", PictureDigest(*image)}};
     if (converts) json["reference_converted"] = true;
+    if (hdr_flip_) {
+      const absl::StatusOr<double> hdr = PerceivedDifference(*reference, *image, FlipRange::kAll);
+      if (!hdr.ok()) return ReportError(ExitCode::kFailed, hdr.status());
+      json["hdr_flip"] = Number(*hdr);
+    }
     for (const double ratio : comparison->mean_ratio) json["mean_ratio"].push_back(Number(ratio));
     bool within = tolerance_ < 0 || comparison->relative_mse <= tolerance_;
     if (tolerance_ == 0) within = within && comparison->share_differing == 0;
@@ -159,7 +171,7 @@ class CompareCommand : public Command {
 
   std::string reference_path_, image_path_, diff_path_;
   double tolerance_ = -1;  // Negative: only report.
-  bool tiles_ = false, json_ = false;
+  bool hdr_flip_ = false, tiles_ = false, json_ = false;
   double reference_samples_ = 0;
   TileDeviationLimits limits_;
 };

@@ -39,10 +39,11 @@ void PrintFrame(const v1::Frame& frame) {
   const v1::PixelRect& window = frame.spec().settings().window();
   const double error = frame.progress().relative_mse();
   std::printf(
-      "%-8d %-12s %8llu %6.1f%%  %-10s %s\n", frame.spec().frame_number(),
+      "%-8d %-12s %8llu %6.1f%%  %-10s %-7s %s\n", frame.spec().frame_number(),
       absl::StrCat(window.x1_px() - window.x0_px(), "x", window.y1_px() - window.y0_px()).c_str(),
       static_cast<unsigned long long>(frame.spec().settings().sample_count()),
       100 * ShareDone(frame.progress()), error > 0 ? absl::StrFormat("%.2e", error).c_str() : "-",
+      frame.flip() > 0 ? absl::StrFormat("%.4f", frame.flip()).c_str() : "-",
       frame.complete() ? frame.picture_digest().substr(0, 16).c_str() : "-");
 }
 
@@ -55,8 +56,8 @@ void PrintJob(const v1::Job& job) {
               FormatCount(static_cast<double>(job.progress().ray_count())).c_str());
   std::printf("priority   %d\n", job.priority());
   std::printf("profile    %s\n", job.numeric_profile().c_str());
-  std::printf("\n%-8s %-12s %8s %7s  %-10s %s\n", "FRAME", "PIXELS", "SAMPLES", "DONE", "ERROR",
-              "PICTURE");
+  std::printf("\n%-8s %-12s %8s %7s  %-10s %-7s %s\n", "FRAME", "PIXELS", "SAMPLES", "DONE",
+              "ERROR", "FLIP", "PICTURE");
   for (const v1::Frame& frame : job.frames()) PrintFrame(frame);
 }
 
@@ -74,6 +75,13 @@ void PrintFile(const std::string& path, const FramePicture& picture, bool json) 
   }
   std::printf("%s  %dx%d, %zu channels, %s\n", path.c_str(), width, height,
               picture.channel_names.size(), PictureDigest(picture).substr(0, 16).c_str());
+  // What it said of itself when it was delivered.
+  for (const auto& [key, name] : {std::pair{"relativeMse", "relMSE"}, std::pair{"flip", "FLIP"}}) {
+    const auto found = picture.metadata.find(key);
+    if (found != picture.metadata.end()) {
+      std::printf("estimated %-7s %s\n", name, found->second.c_str());
+    }
+  }
 }
 
 // A picture and what is said below it.

@@ -59,7 +59,8 @@ class SubmitCommand : public Command {
     if (absl::Status status = UploadMissing(&client, *job); !status.ok()) {
       return ReportCallError(status);
     }
-    if (!no_quote_) {
+    // A quote would be of all samples, those that are there included.
+    if (!no_quote_ && arguments_.resume_from.empty()) {
       if (absl::Status status = PrintQuote(&client, *job); absl::IsCancelled(status)) {
         return ReportCallError(status);
       }

@@ -111,6 +111,7 @@ Json FrameJson(const v1::Frame& frame) {
       {"unreliable_tile_count", frame.unreliable_tile_count()},
       {"complete", frame.complete()},
       {"picture_digest", frame.picture_digest()},
+      {"flip", frame.flip() > 0 ? Json(frame.flip()) : Json()},
       {"progress", ProgressJson(frame.progress())},
   };
 }

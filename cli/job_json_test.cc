@@ -30,6 +30,7 @@ TEST(JobJsonTest, WritesAJobOnOneLine) {
   EXPECT_TRUE(json["progress"]["relative_mse"].is_null());
   EXPECT_TRUE(json["progress"]["remaining_duration_seconds"].is_null());
   EXPECT_EQ(json["frames"][0]["frame_number"], 3);
+  EXPECT_TRUE(json["frames"][0]["flip"].is_null());
   EXPECT_EQ(json["frames"][0]["sample_count"], 16);
   EXPECT_EQ(json["frames"][0]["similarity_after_count"], 8);
 }

@@ -185,6 +185,12 @@ void AddJobOptions(CLI::App* command, JobArguments* arguments) {
   command->add_option("--png", arguments->png, "Also write a PNG");
   AddViewOptions(command, &arguments->view);
   command
+      ->add_option("--resume-from", arguments->resume_from,
+                   "Go on from this EXR, which Sheaf delivered of the same scene with the same "
+                   "settings: only samples that it does not have are rendered (--samples and "
+                   "--target-error count those that it has)")
+      ->check(CLI::ExistingFile);
+  command
       ->add_option("--tile-size", arguments->tile_size_px,
                    "Edge of a tile; changes no pixel, unless samples go to tiles that need them")
       ->check(CLI::Range(8, kTileSizePxMax));

@@ -96,6 +96,11 @@ absl::Status CheckJobArguments(const JobArguments& arguments) {
   const absl::StatusOr<std::vector<int32_t>> numbers = FrameNumbers(arguments);
   if (!numbers.ok()) return numbers.status();
   if (numbers->size() == 1) return absl::OkStatus();
+  if (!arguments.resume_from.empty()) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        "--resume-from ", arguments.resume_from, ": one picture is of one frame, and there are ",
+        numbers->size(), " frames; submit them one by one"));
+  }
   if (absl::Status status = CheckPattern("-o", arguments.output); !status.ok()) return status;
   return CheckPattern("--png", arguments.png);
 }
@@ -137,6 +142,12 @@ absl::StatusOr<PreparedJob> PrepareJob(const JobArguments& arguments) {
     for (std::string& text : (**result).diagnostics) {
       if (seen.insert(text).second) job.diagnostics.push_back(std::move(text));
     }
+  }
+  if (!arguments.resume_from.empty()) {
+    const absl::StatusOr<BlobDigest> digest = digests.Of(arguments.resume_from);
+    if (!digest.ok()) return digest.status();
+    job.blobs.emplace(digest->sha256_hex, BlobSource{*digest, arguments.resume_from, ""});
+    job.frames.front().resumed = *digest;
   }
   return job;
 }
@@ -199,6 +210,10 @@ v1::CreateJobRequest MakeCreateJobRequest(const JobArguments& arguments, const P
     spec->mutable_scene()->set_sha256_hex(frame.manifest.sha256_hex);
     spec->mutable_scene()->set_size_bytes(frame.manifest.size_bytes);
     *spec->mutable_settings() = ToWire(frame.settings);
+    if (!frame.resumed.sha256_hex.empty()) {
+      spec->mutable_resumed_picture()->set_sha256_hex(frame.resumed.sha256_hex);
+      spec->mutable_resumed_picture()->set_size_bytes(frame.resumed.size_bytes);
+    }
     if (arguments.stop.IsActive())
       *spec->mutable_stop() = StopRuleOf(arguments.stop, static_cast<int>(job.frames.size()));
   }

@@ -41,6 +41,7 @@ struct JobArguments {
   int32_t priority = 0;
   RenderSettings settings;
   StopArguments stop;
+  std::string resume_from;   // A delivered EXR that the frame goes on from; empty: none.
   int32_t tile_size_px = 0;  // 0 in these three: the coordinator's choice.
   uint64_t pass_sample_count = 0;
   uint64_t lease_pass_count = 0;
@@ -51,6 +52,7 @@ struct PreparedFrame {
   BlobDigest manifest;
   FrameSettings settings;
   std::string film_filename;  // As the scene names its picture; may be empty.
+  BlobDigest resumed = {};    // Of the EXR to go on from; empty: none.
 };
 
 struct PreparedJob {

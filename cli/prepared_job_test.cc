@@ -61,6 +61,24 @@ TEST_F(PreparedJobTest, SharesFilesBetweenFrames) {
   EXPECT_NE(request.request_id(), MakeCreateJobRequest(arguments, *job).request_id());
 }
 
+TEST_F(PreparedJobTest, APictureToGoOnFromIsUploaded) {
+  Write("shared.pbrt", "LightSource \"infinite\" \"rgb L\" [1 1 1]\n");
+  WriteFrame("one.pbrt", "1");
+  JobArguments arguments;
+  arguments.scene = directory_ + "/one.pbrt";
+  arguments.resume_from = Write("before.exr", "a picture");
+  const absl::StatusOr<PreparedJob> job = PrepareJob(arguments);
+  ASSERT_TRUE(job.ok()) << job.status();
+  const v1::CreateJobRequest request = MakeCreateJobRequest(arguments, *job);
+  const std::string digest = request.frames(0).resumed_picture().sha256_hex();
+  EXPECT_EQ(request.frames(0).resumed_picture().size_bytes(), 9u);
+  ASSERT_TRUE(job->blobs.contains(digest));
+  EXPECT_EQ(job->blobs.at(digest).path, arguments.resume_from);
+  arguments.scene = "shot.####.pbrt";
+  arguments.frames = "1-2";
+  EXPECT_THAT(std::string(CheckJobArguments(arguments).message()), HasSubstr("--resume-from"));
+}
+
 TEST_F(PreparedJobTest, ReportsASceneErrorWithItsPlace) {
   JobArguments arguments;
   arguments.scene = Write("bad.pbrt", "WorldBegin\nShape \"teapot\"\n");

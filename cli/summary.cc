@@ -13,7 +13,8 @@ double Seconds(const google::protobuf::Duration& duration) {
   return static_cast<double>(duration.seconds()) + duration.nanos() * 1e-9;
 }
 
-std::string FormatCosts(const v1::Progress& progress) {
+// flip: 0 where it cannot be told.
+std::string FormatCosts(const v1::Progress& progress, double flip) {
   const double wall_seconds = Seconds(progress.wall_duration());
   std::string text = absl::StrFormat("%.1f s", wall_seconds);
   if (wall_seconds > 0) {
@@ -26,6 +27,7 @@ std::string FormatCosts(const v1::Progress& progress) {
   if (progress.relative_mse() > 0) {
     absl::StrAppend(&text, absl::StrFormat(", relMSE %.1e", progress.relative_mse()));
   }
+  if (flip > 0) absl::StrAppend(&text, absl::StrFormat(", FLIP %.2g", flip));
   absl::StrAppend(&text, ", ", progress.nonfinite_count(), " non-finite");
   if (progress.nonfinite_count() > 0) text += " (a defect, please report it)";
   return text;
@@ -82,14 +84,14 @@ std::string FormatPictureSummary(const v1::Frame& frame, const PicturePaths& pat
                                               settings.similarity_after_count(), " scatterings");
   return absl::StrCat(paths.exr, paths.png.empty() ? "" : " and ", paths.png, ": ",
                       window.x1_px() - window.x0_px(), "x", window.y1_px() - window.y0_px(), ", ",
-                      FormatSamples(frame), bias, ", ", FormatCosts(frame.progress()),
+                      FormatSamples(frame), bias, ", ", FormatCosts(frame.progress(), frame.flip()),
                       FormatStop(frame), FormatReliability(frame));
 }
 
 std::string FormatJobSummary(const v1::Job& job) {
   return absl::StrCat(job.name(), ": ", job.frames_size(),
                       job.frames_size() == 1 ? " frame, " : " frames, ",
-                      FormatCosts(job.progress()));
+                      FormatCosts(job.progress(), /*flip=*/0));
 }
 
 }  // namespace sheaf::cli

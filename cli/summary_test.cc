@@ -36,6 +36,13 @@ TEST(SummaryTest, PictureSaysWhereItIsAndWhatItTook) {
                   .starts_with("out.exr and out.png: 640x360"));
 }
 
+TEST(SummaryTest, WhatIsSeenOfTheErrorStandsBesideIt) {
+  v1::Frame frame = Picture();
+  frame.set_flip(0.0421);
+  EXPECT_NE(FormatPictureSummary(frame, {"out.exr", ""}).find("relMSE 2.1e-03, FLIP 0.042, 0 non"),
+            std::string::npos);
+}
+
 TEST(SummaryTest, BiasIsSaid) {
   v1::Frame frame = Picture();
   frame.mutable_spec()->mutable_settings()->set_similarity_after_count(8);

@@ -12,6 +12,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "common/film/flip.h"
 
 namespace sheaf {
 namespace {
@@ -55,6 +56,18 @@ absl::StatusOr<Pair> MatchPictures(const FramePicture& reference, const FramePic
   const absl::StatusOr<ColorPlanes> x = FindPlanes(image, kColor, "image");
   if (!x.ok()) return x.status();
   return Pair{*r, *x};
+}
+
+// R, G and B alone.
+FramePicture ColorsOf(const FramePicture& picture, const ColorPlanes& planes) {
+  FramePicture colors;
+  colors.window = picture.window;
+  colors.color.chromaticities = picture.color.chromaticities;
+  for (size_t i = 0; i < 3; ++i) {
+    colors.channel_names.emplace_back(kColor[i]);
+    colors.planes.push_back(*planes[i]);
+  }
+  return colors;
 }
 
 double RatioOfMeans(double image, double reference) {
@@ -177,6 +190,25 @@ absl::StatusOr<Comparison> ComparePictures(const FramePicture& reference,
   }
   result.relative_mse = relative / count;
   return result;
+}
+
+absl::StatusOr<double> PerceivedDifference(const FramePicture& reference, const FramePicture& image,
+                                           FlipRange range) {
+  const absl::StatusOr<Pair> pair = MatchPictures(reference, image);
+  if (!pair.ok()) return pair.status();
+  FramePicture of_reference = ColorsOf(reference, pair->reference);
+  FramePicture of_image = ColorsOf(image, pair->image);
+  for (FramePicture* shown : {&of_reference, &of_image}) {
+    if (absl::Status status = ConvertColor(Chromaticities(), shown); !status.ok()) return status;
+  }
+  const auto picture_of = [](const FramePicture& shown) {
+    const auto& planes = shown.planes;
+    return FlipPicture{shown.window.Width(),
+                       shown.window.Height(),
+                       {planes[0].data(), planes[1].data(), planes[2].data()}};
+  };
+  const FlipPicture a = picture_of(of_reference), b = picture_of(of_image);
+  return range == FlipRange::kScreen ? MeanFlip(a, b) : MeanHdrFlip(a, b);
 }
 
 absl::StatusOr<TileDeviations> FindTileDeviations(const FramePicture& reference,

@@ -34,6 +34,15 @@ struct Comparison {
 absl::StatusOr<Comparison> ComparePictures(const FramePicture& reference,
                                            const FramePicture& image);
 
+// Of which light FLIP (flip.h) is asked for.
+enum class FlipRange {
+  kScreen,  // LDR-FLIP of the pictures as the view sRGB shows them: no exposure, light above 1 cut.
+  kAll,     // HDR-FLIP: at all exposures that show something of the reference; slow.
+};
+// Mean FLIP over the pixels. Errors: as ComparePictures; also where the primaries are degenerate.
+absl::StatusOr<double> PerceivedDifference(const FramePicture& reference, const FramePicture& image,
+                                           FlipRange range);
+
 // What a tile-by-tile comparison allows.
 struct TileDeviationLimits {
   int32_t tile_size_px = 16;

@@ -18,6 +18,16 @@ uint64_t TreeBytes(const TileTree& tree) {
   return size_bytes;
 }
 
+bool HasSignedWeights(const FilmTile& sums) {
+  const float* weight = sums.channel(FilmChannel::kWeight);
+  const float* weight_low = sums.channel(FilmChannel::kWeightLo);
+  const float* count = sums.channel(FilmChannel::kSampleCount);
+  for (size_t p = 0; p < sums.plane_size(); ++p) {
+    if (weight[p] != count[p] || weight_low[p] != 0) return true;
+  }
+  return false;
+}
+
 }  // namespace
 
 FrameMerge::FrameMerge(const FrameSpec& spec, std::vector<PixelRect> tiles,
@@ -29,6 +39,9 @@ FrameMerge::FrameMerge(const FrameSpec& spec, std::vector<PixelRect> tiles,
           spec.settings.outputs,
           PictureColorOf(spec.settings.primaries, spec.settings.white_balance_k))) {
   SHEAF_CHECK(samples.size() == tiles.size());
+  if (!spec.settings.one_sequence && spec.settings.lattice.All()) {
+    error_sample_.emplace(spec.settings.window);
+  }
   tiles_.resize(tiles.size());
   for (size_t i = 0; i < tiles.size(); ++i) {
     tiles_[i].rect = tiles[i];
@@ -49,6 +62,8 @@ void FrameMerge::Develop(uint32_t index, std::unique_ptr<TileTree> tree) {
   Tile& tile = tiles_[index];
   const FilmTile root = tree->Root();
   DevelopTile(root, &picture_);
+  if (error_sample_) error_sample_->DevelopTile(root, picture_.color);
+  signed_weights_ = signed_weights_ || HasSignedWeights(root);
   NoteNames(root, &picture_);
   unreliable_count_ -= tile.unreliable ? 1 : 0;
   tile.unreliable = root.replicate_count() == kReplicateCount &&

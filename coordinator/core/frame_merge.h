@@ -14,12 +14,14 @@
 #include <atomic>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <set>
 #include <span>
 #include <vector>
 
 #include "absl/status/status.h"
 #include "common/film/film.h"
+#include "common/film/flip_estimate.h"
 #include "coordinator/core/job.h"
 
 namespace sheaf::coordinator {
@@ -73,6 +75,11 @@ class FrameMerge {
   // Of developed tiles, those whose error is not to be trusted (mean_interval.h).
   uint32_t unreliable_count() const { return unreliable_count_; }
   bool HasSamples() const { return has_samples_; }
+  // Whether the filter weighs samples otherwise than by 1, in developed tiles.
+  bool signed_weights() const { return signed_weights_; }
+  // Of developed tiles; null where the frame's replicates are not independent, or not all of its
+  // pixels are rendered.
+  const ErrorSample* error_sample() const { return error_sample_ ? &*error_sample_ : nullptr; }
   const FramePicture& picture() const { return picture_; }
   FramePicture* mutable_picture() { return &picture_; }
 
@@ -95,9 +102,11 @@ class FrameMerge {
   std::vector<Tile> tiles_;
   MergeBudget* budget_;
   FramePicture picture_;
+  std::optional<ErrorSample> error_sample_;
   std::set<uint32_t> changed_;  // In memory, not yet developed as they are.
   bool developed_since_refresh_ = false;
   bool has_samples_ = false;
+  bool signed_weights_ = false;
   size_t developed_count_ = 0;
   uint32_t unreliable_count_ = 0;
 };

@@ -29,6 +29,8 @@ struct FrameSpec {
   FrameSettings settings;    // With a stop rule, samples is the most that a pixel may get.
   StopRule stop;
   std::string frame_digest;  // Hex SHA-256 over scene, settings and numeric profile.
+  // Of the EXR that the frame goes on from (resumed_picture.h); empty where there is none.
+  BlobDigest resumed;
 };
 
 struct JobSpec {

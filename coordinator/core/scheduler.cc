@@ -153,7 +153,11 @@ void Scheduler::RestoreRound(const FrameId& id, std::span<const uint64_t> sample
   JobRecord& job = jobs_.at(id.job_id);
   const uint32_t index = job.index_of_number.at(id.frame_number);
   if (job.frames[index].phase == FrameRecord::Phase::kPending) Open(&job, index);
-  GrowTasks(samples, job.frames[index].tasks.get());
+  FrameTasks* tasks = job.frames[index].tasks.get();
+  std::vector<uint64_t> grown = tasks->SamplesOfTiles();
+  SHEAF_CHECK(samples.size() == grown.size());
+  for (size_t i = 0; i < grown.size(); ++i) grown[i] = std::max(grown[i], samples[i]);
+  GrowTasks(grown, tasks);
   UpdateReady(&job, index);
 }
 

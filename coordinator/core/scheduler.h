@@ -110,7 +110,8 @@ class Scheduler {
   void RestoreEnded(uint64_t job_id, JobPhase phase, const std::string& failure);
   // sample_count: pixel samples of the whole frame.
   void RestoreDelivered(const FrameId& id, const ResultCost& cost, uint64_t sample_count);
-  // The samples of each tile that the frame's last round gives. Before its parts.
+  // Gives each tile at least so many samples: what the frame's last round gives, or what it goes on
+  // from has. Before its parts.
   void RestoreRound(const FrameId& id, std::span<const uint64_t> samples);
   // Returns kWanted where it is put back. kOutside: the frame does not want so many samples (any
   // more); otherwise it overlaps one that was restored.

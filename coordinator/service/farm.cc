@@ -55,13 +55,29 @@ Farm::~Farm() {
   if (background_.joinable()) background_.join();
 }
 
+namespace {
+
+std::vector<FrameSpec> UndeliveredOf(const StoredJob& job) {
+  std::set<int32_t> delivered;
+  for (const StoredFrame& frame : job.delivered) delivered.insert(frame.frame_number);
+  std::vector<FrameSpec> frames;
+  for (const FrameSpec& frame : job.spec.frames) {
+    if (!delivered.contains(frame.frame_number)) frames.push_back(frame);
+  }
+  return frames;
+}
+
+}  // namespace
+
 absl::Status Farm::Load() {
   const absl::StatusOr<std::vector<StoredJob>> jobs = store_->LoadJobs();
   if (!jobs.ok()) return jobs.status();
   const std::lock_guard lock(mutex_);
   for (const StoredJob& job : *jobs) {
     std::optional<JobStore::LoadedParts> parts;
+    absl::StatusOr<ResumedCounts> resumed = ResumedCounts();
     if (job.phase == JobPhase::kLive) {
+      resumed = CountResumed(UndeliveredOf(job), job.spec.partition.tile_size_px);
       absl::StatusOr<JobStore::LoadedParts> loaded = store_->LoadParts(job.spec.job_id);
       if (!loaded.ok()) return loaded.status();
       parts = *std::move(loaded);
@@ -69,13 +85,18 @@ absl::Status Farm::Load() {
     JobAccount& account = accounts_[job.spec.job_id];
     account.create_time = job.create_time;
     account.end_time = job.end_time;
-    absl::Status status = RestoreJob(job, parts ? &*parts : nullptr);
+    absl::Status status = RestoreJob(job, parts && resumed.ok() ? &*parts : nullptr,
+                                     resumed.ok() ? *resumed : ResumedCounts());
     if (!status.ok()) return status;
+    if (resumed.ok()) continue;
+    scheduler_.EndJob(job.spec.job_id, JobPhase::kFailed, std::string(resumed.status().message()));
+    NoteEndedJobs();
   }
   return absl::OkStatus();
 }
 
-absl::Status Farm::RestoreJob(const StoredJob& job, const JobStore::LoadedParts* parts) {
+absl::Status Farm::RestoreJob(const StoredJob& job, const JobStore::LoadedParts* parts,
+                              const ResumedCounts& resumed) {
   scheduler_.AddJob(job.spec);
   JobAccount& account = accounts_[job.spec.job_id];
   for (const StoredFrame& frame : job.delivered) {
@@ -83,8 +104,11 @@ absl::Status Farm::RestoreJob(const StoredJob& job, const JobStore::LoadedParts*
     scheduler_.RestoreDelivered({job.spec.job_id, frame.frame_number}, frame.delivered.cost,
                                 frame.delivered.sample_count);
   }
+  RestoreResumed(job.spec.job_id, resumed);
   if (absl::Status status = LoadRounds(job); !status.ok()) return status;
   if (job.phase == JobPhase::kLive) {
+    if (parts == nullptr) return absl::OkStatus();  // It cannot go on.
+    RestoreResumedParts(job.spec.job_id, resumed);
     if (job.paused) scheduler_.Pause(job.spec.job_id, absl::Now());
     return RestoreLiveJob(job, *parts);
   }
@@ -98,7 +122,6 @@ absl::Status Farm::RestoreLiveJob(const StoredJob& job, const JobStore::LoadedPa
     LogWarning(absl::StrCat("job ", job.spec.job_id, ": ", parts.rows_lost,
                             " parts are missing on disk and will be rendered again"));
   }
-  std::set<FrameId> frames;
   for (const PartRow& row : parts.rows) {
     const FrameRecord* frame = scheduler_.FindFrame(row.key.frame);
     const bool wanted = frame != nullptr && frame->phase != FrameRecord::Phase::kDelivered;
@@ -117,9 +140,9 @@ absl::Status Farm::RestoreLiveJob(const StoredJob& job, const JobStore::LoadedPa
     }
     const std::shared_ptr<OpenFrame> open = OpenFrameOf(row.key.frame);
     open->merge.MarkOnDisk(*scheduler_.FindFrame(row.key.frame)->tasks->FindTile(row.key.tile));
-    frames.insert(row.key.frame);
   }
-  for (const FrameId& id : frames) {
+  for (const FrameSpec& spec : job.spec.frames) {
+    const FrameId id{job.spec.job_id, spec.frame_number};
     if (scheduler_.FindFrame(id)->phase == FrameRecord::Phase::kRendered) to_deliver_.push_back(id);
   }
   if (!parts.rows.empty()) {
@@ -190,17 +213,24 @@ absl::StatusOr<uint64_t> Farm::CreateJob(JobSpec spec, const std::string& reques
     const std::lock_guard lock(mutex_);
     if (absl::Status status = scheduler_.CheckJob(spec); !status.ok()) return status;
   }
+  StoredJob job;
+  job.spec = std::move(spec);
+  const absl::StatusOr<ResumedCounts> resumed =
+      CountResumed(job.spec.frames, job.spec.partition.tile_size_px);
+  if (!resumed.ok()) return resumed.status();
   const absl::Time now = absl::Now();
-  const absl::StatusOr<JobStore::CreatedJob> created = store_->CreateJob(spec, request_id, now);
+  const absl::StatusOr<JobStore::CreatedJob> created = store_->CreateJob(job.spec, request_id, now);
   NoteDisk(created.status());
   if (!created.ok()) return created.status();
   if (created->is_new) {
     const std::lock_guard lock(mutex_);
-    spec.job_id = created->job_id;
-    scheduler_.AddJob(spec);
-    accounts_[spec.job_id].create_time = now;
-    LogInfo(absl::StrCat("job ", spec.job_id, ": \"", spec.title, "\", ", spec.frames.size(),
-                         spec.frames.size() == 1 ? " frame" : " frames"));
+    job.spec.job_id = created->job_id;
+    accounts_[job.spec.job_id].create_time = now;
+    const JobStore::LoadedParts none;
+    if (absl::Status s = RestoreJob(job, &none, *resumed); !s.ok()) return s;
+    const size_t frame_count = job.spec.frames.size();
+    LogInfo(absl::StrCat("job ", job.spec.job_id, ": \"", job.spec.title, "\", ", frame_count,
+                         frame_count == 1 ? " frame" : " frames"));
   }
   Changed();
   return created->job_id;

@@ -19,6 +19,7 @@
 #include <map>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <set>
 #include <string>
 #include <thread>
@@ -28,6 +29,7 @@
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
 #include "common/content/blob_store.h"
+#include "common/film/resumed_picture.h"
 #include "coordinator/core/frame_merge.h"
 #include "coordinator/core/limits.h"
 #include "coordinator/core/scheduler.h"
@@ -104,7 +106,8 @@ class Farm : public FarmView {
 
   // Stores and starts a job; job_id, numeric_profile and frame digests are filled in here. Returns
   // the id, also of the job that an equal request_id made before. Errors: those of
-  // Scheduler::CheckJob; kResourceExhausted (disk).
+  // Scheduler::CheckJob; kInvalidArgument (a frame cannot go on from its picture);
+  // kResourceExhausted (disk).
   absl::StatusOr<uint64_t> CreateJob(JobSpec spec, const std::string& request_id);
   // OK means: the job's end is durable. Errors: kNotFound; kUnavailable (the disk).
   absl::Status CancelJob(uint64_t job_id);
@@ -175,6 +178,8 @@ class Farm : public FarmView {
     std::mutex mutex;  // Guards merge and next_refresh_time.
     FrameMerge merge;
     absl::Time next_refresh_time = absl::InfinitePast();
+    // Read when a tile is first built from it; guarded by `mutex`.
+    std::optional<ResumedPicture> resumed;
     // Guarded by the farm's mutex.
     FrameError error;
     uint64_t preview_version = 0;
@@ -188,9 +193,13 @@ class Farm : public FarmView {
 
   // farm.cc
   absl::Status Load();
+  // By frame: the samples that a picture, from which the frame goes on, has in each of its tiles.
+  using ResumedCounts = std::map<int32_t, std::vector<uint64_t>>;
   // Puts a job that the scheduler does not know into it, with what is durable of it: its delivered
-  // frames, rounds and, where it is live, parts. Requires: mutex_ is held; the job has an account.
-  absl::Status RestoreJob(const StoredJob& job, const JobStore::LoadedParts* parts);
+  // frames, rounds and, where it is live, parts and what its frames go on from. Requires: mutex_ is
+  // held; the job has an account.
+  absl::Status RestoreJob(const StoredJob& job, const JobStore::LoadedParts* parts,
+                          const ResumedCounts& resumed);
   absl::Status RestoreLiveJob(const StoredJob& job, const JobStore::LoadedParts& parts);
   void Changed() const;
   void NoteDisk(const absl::Status& status);
@@ -207,6 +216,21 @@ class Farm : public FarmView {
                                             const Scheduler::FoundTask& found, FilmTile part);
   void MergeResult(OpenFrame* frame, const FrameId& id, uint32_t tile, FilmTile part,
                    bool tile_complete);
+
+  // farm_resume.cc
+  // Errors: kInvalidArgument, kNotFound, kDataLoss: the frame cannot go on from its picture.
+  absl::StatusOr<ResumedPicture> OpenResumed(const FrameSpec& spec, int32_t tile_size_px) const;
+  // Of those frames that go on from pictures. Errors: those of OpenResumed.
+  absl::StatusOr<ResumedCounts> CountResumed(const std::vector<FrameSpec>& frames,
+                                             int32_t tile_size_px) const;
+  // Gives the tiles at least the samples that they have: after AddJob, before rounds. Then, before
+  // other parts, puts those back that the pictures stand for. Both require: mutex_ is held.
+  void RestoreResumed(uint64_t job_id, const ResumedCounts& resumed);
+  void RestoreResumedParts(uint64_t job_id, const ResumedCounts& resumed);
+  // The parts of a tile that the picture stands for; none where the frame goes on from none.
+  // Requires: frame->mutex is held.
+  absl::StatusOr<std::vector<FilmTile>> ResumedParts(OpenFrame* frame, const FrameId& id,
+                                                     uint32_t tile) const;
 
   // farm_delivery.cc
   void RunBackground();

@@ -22,11 +22,12 @@ constexpr double kPreviewShareMax = 0.05;
 
 // What it takes to render the picture again. No date and no host: equal pictures are equal files.
 std::map<std::string, std::string> PictureMetadata(const FrameSpec& spec,
-                                                   const std::string& numeric_profile) {
+                                                   const std::string& numeric_profile,
+                                                   int32_t tile_size_px) {
   const FrameSettings& s = spec.settings;
   std::map<std::string, std::string> metadata{
       {"sceneDigest", spec.scene.sha256_hex},
-      {"frameDigest", spec.frame_digest},
+      {kFrameDigestKey, spec.frame_digest},
       {"frameNumber", absl::StrCat(spec.frame_number)},
       {"numericProfile", numeric_profile},
       {spec.stop.IsActive() ? "samplesPerPixelMax" : "samplesPerPixel", absl::StrCat(s.samples)},
@@ -34,6 +35,9 @@ std::map<std::string, std::string> PictureMetadata(const FrameSpec& spec,
       {"seed", absl::StrCat(s.seed)},
       {"size", absl::StrCat(s.width_px, "x", s.height_px)},
       {"window", absl::StrCat(s.window.x0, ",", s.window.y0, ",", s.window.x1, ",", s.window.y1)}};
+  // Samples went to tiles; equal counts do not tell how large those were.
+  if (spec.stop.IsActive()) metadata["tileSizePx"] = absl::StrCat(tile_size_px);
+  if (!spec.resumed.sha256_hex.empty()) metadata["resumedFrom"] = spec.resumed.sha256_hex;
   if (s.one_sequence) metadata["sampling"] = "one-sequence";
   if (s.similarity_after != 0) {
     metadata["similarityAfter"] = absl::StrCat(s.similarity_after);
@@ -42,6 +46,16 @@ std::map<std::string, std::string> PictureMetadata(const FrameSpec& spec,
   if (s.primaries != Primaries::kSrgb) metadata["primaries"] = PrimariesName(s.primaries);
   if (s.white_balance_k != 0) metadata["whiteBalanceK"] = absl::StrCat(s.white_balance_k);
   return metadata;
+}
+
+// What is found when it is delivered. Estimates that cannot be told are left out.
+void AddFindings(const DeliveredFrame& delivered, const FrameMerge& merge, FramePicture* picture) {
+  picture->metadata[kPictureDigestKey] = delivered.picture_digest;
+  if (merge.signed_weights()) picture->metadata[kSampleWeightKey] = "signed";
+  if (delivered.relative_mse > 0) {
+    picture->metadata["relativeMse"] = absl::StrFormat("%.6g", delivered.relative_mse);
+  }
+  if (delivered.flip > 0) picture->metadata["flip"] = absl::StrFormat("%.6g", delivered.flip);
 }
 
 }  // namespace
@@ -131,7 +145,9 @@ absl::Status Farm::RebuildTile(OpenFrame* frame, const FrameId& id, uint32_t til
   const absl::StatusOr<std::vector<PartRow>> rows =
       store_->FindTileParts(id, frame->merge.rect(tile));
   if (!rows.ok()) return rows.status();
-  std::vector<FilmTile> parts;
+  absl::StatusOr<std::vector<FilmTile>> resumed = ResumedParts(frame, id, tile);
+  if (!resumed.ok()) return resumed.status();
+  std::vector<FilmTile> parts = *std::move(resumed);
   bool lost = false;
   for (const PartRow& row : *rows) {
     absl::StatusOr<std::string> bytes = store_->ReadPart(row);
@@ -159,6 +175,9 @@ DeliveredFrame Farm::Account(const FrameId& id, const FrameMerge& merge) const {
   delivered.unreliable_tile_count = merge.unreliable_count();
   delivered.picture_digest = PictureDigest(picture);
   delivered.relative_mse = EstimateError(picture).relative_mse;
+  if (merge.error_sample() != nullptr) {
+    delivered.flip = EstimateFlip(picture, *merge.error_sample()).value_or(0);
+  }
   const std::lock_guard lock(mutex_);
   const FrameRecord& record = *scheduler_.FindFrame(id);
   delivered.sample_count = record.sample_count_done;
@@ -185,12 +204,15 @@ std::string Farm::TileCpuSeconds(const FrameId& id) const {
 absl::Status Farm::DeliverFrame(const FrameId& id) {
   std::shared_ptr<OpenFrame> frame;
   std::string numeric_profile;
+  int32_t tile_size_px = 0;
   {
     const std::lock_guard lock(mutex_);
     const FrameRecord* record = scheduler_.FindFrame(id);
     if (record->phase != FrameRecord::Phase::kRendered) return absl::OkStatus();  // Job ended.
     frame = OpenFrameOf(id);
-    numeric_profile = scheduler_.jobs().at(id.job_id).spec.numeric_profile;
+    const JobSpec& job = scheduler_.jobs().at(id.job_id).spec;
+    numeric_profile = job.numeric_profile;
+    tile_size_px = job.partition.tile_size_px;
   }
   DeliveredFrame delivered;
   {
@@ -206,7 +228,7 @@ absl::Status Farm::DeliverFrame(const FrameId& id) {
       if (!*done) return absl::OkStatus();
     }
     FramePicture* picture = frame->merge.mutable_picture();
-    picture->metadata = PictureMetadata(frame->spec, numeric_profile);
+    picture->metadata = PictureMetadata(frame->spec, numeric_profile, tile_size_px);
     if (frame->spec.stop.IsActive()) AddRoundMetadata(id, picture);
     // Whoever asks for few pixels asks for their price.
     if (!frame->spec.settings.lattice.All()) {
@@ -214,6 +236,7 @@ absl::Status Farm::DeliverFrame(const FrameId& id) {
     }
     picture->attributes = CryptomatteAttributes(*picture);
     delivered = Account(id, frame->merge);
+    AddFindings(delivered, frame->merge, picture);
     const absl::StatusOr<std::string> path = store_->OutputPath(id);
     if (!path.ok()) return path.status();
     if (absl::Status s = WritePicture(*picture, *path); !s.ok()) return s;

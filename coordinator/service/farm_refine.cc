@@ -114,6 +114,11 @@ absl::Status Farm::RefineJob(uint64_t job_id, const Refinement& refinement) {
     reopened.push_back(*std::move(refined));
   }
   if (reopened.empty()) return absl::OkStatus();  // It is good enough.
+  std::vector<FrameSpec> specs;
+  for (const JobStore::ReopenedFrame& frame : reopened) specs.push_back(frame.spec);
+  const absl::StatusOr<ResumedCounts> resumed =
+      CountResumed(specs, job.spec.partition.tile_size_px);
+  if (!resumed.ok()) return resumed.status();
   absl::Status written = store_->ReopenJob(job_id, reopened);
   NoteDisk(written);
   if (!written.ok()) return written;
@@ -139,7 +144,7 @@ absl::Status Farm::RefineJob(uint64_t job_id, const Refinement& refinement) {
   scheduler_.RemoveJob(job_id);
   LogInfo(absl::StrCat("job ", job_id, ": goes on, ", reopened.size(),
                        reopened.size() == 1 ? " frame" : " frames"));
-  absl::Status restored = RestoreJob(job, &*parts);
+  absl::Status restored = RestoreJob(job, &*parts, *resumed);
   account.wall_before = std::move(wall_before);
   Changed();
   return restored;

@@ -59,9 +59,11 @@ struct FrameView {
   std::string frame_digest;       // Hex.
   FrameSettings settings;
   StopRule stop;
-  StopReason stop_reason = StopReason::kSamples;  // Once complete; this and the next two.
+  BlobDigest resumed;  // Of the EXR that it goes on from; empty where there is none.
+  StopReason stop_reason = StopReason::kSamples;  // Once complete; this and the next three.
   uint32_t tile_count = 0;
   uint32_t unreliable_tile_count = 0;  // With errors that are not to be trusted.
+  double flip = 0;                     // As delivered; 0 where it cannot be told.
   std::vector<RoundView> rounds;       // Ascending; empty where there are none, and in ListJobs.
   bool complete = false;               // The EXR is delivered.
   std::string picture_digest;          // Hex; empty until complete.

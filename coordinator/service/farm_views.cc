@@ -77,6 +77,7 @@ FrameView Farm::ViewOf(const JobRecord& job, const FrameRecord& frame, absl::Tim
   view.frame_digest = frame.spec.frame_digest;
   view.settings = frame.spec.settings;
   view.stop = frame.spec.stop;
+  view.resumed = frame.spec.resumed;
   view.complete = frame.phase == FrameRecord::Phase::kDelivered;
   ProgressView& progress = view.progress;
   progress.sample_count_done = frame.sample_count_done;
@@ -98,6 +99,7 @@ FrameView Farm::ViewOf(const JobRecord& job, const FrameRecord& frame, absl::Tim
     view.stop_reason = delivered.stop_reason;
     view.tile_count = delivered.tile_count;
     view.unreliable_tile_count = delivered.unreliable_tile_count;
+    view.flip = delivered.flip;
     progress.wall_seconds = Seconds(delivered.wall_duration);
     progress.remaining_seconds = 0;
     return view;

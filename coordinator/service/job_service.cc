@@ -51,6 +51,13 @@ absl::Status JobService::RequireFilesOf(const BlobDigest& scene) const {
 absl::Status JobService::RequireBlobs(const JobSpec& spec) const {
   std::set<std::string> checked;
   for (const FrameSpec& frame : spec.frames) {
+    if (!frame.resumed.sha256_hex.empty()) {
+      if (absl::Status status = farm_->blobs().PathOf(frame.resumed).status(); !status.ok()) {
+        return absl::FailedPreconditionError(
+            absl::StrCat("the picture that frame ", frame.frame_number,
+                         " goes on from is not uploaded: ", status.message()));
+      }
+    }
     if (!checked.insert(frame.scene.sha256_hex).second) continue;
     const absl::StatusOr<std::vector<BlobDigest>> missing =
         farm_->blobs().FindMissing({frame.scene});

@@ -116,10 +116,14 @@ v1::Frame ToWire(const std::string& job_name, const FrameView& view) {
   wire.mutable_spec()->mutable_scene()->set_size_bytes(view.scene_size_bytes);
   *wire.mutable_spec()->mutable_settings() = ToWire(view.settings);
   if (view.stop.IsActive()) *wire.mutable_spec()->mutable_stop() = ToWire(view.stop);
+  if (!view.resumed.sha256_hex.empty()) {
+    *wire.mutable_spec()->mutable_resumed_picture() = coordinator::ToWire(view.resumed);
+  }
   for (const RoundView& round : view.rounds) *wire.add_rounds() = ToWire(round);
   wire.set_stop_reason(static_cast<v1::StopReason>(view.stop_reason));
   wire.set_tile_count(view.tile_count);
   wire.set_unreliable_tile_count(view.unreliable_tile_count);
+  wire.set_flip(view.flip);
   wire.set_frame_digest(view.frame_digest);
   wire.set_complete(view.complete);
   *wire.mutable_progress() = ToWire(view.progress);
@@ -245,6 +249,13 @@ absl::StatusOr<JobSpec> FromWire(const v1::CreateJobRequest& request) {
     absl::StatusOr<StopRule> stop = FromWire(wire.stop());
     if (!stop.ok()) return stop.status();
     FrameSpec frame;
+    if (wire.has_resumed_picture()) {
+      absl::StatusOr<BlobDigest> resumed = FromWire(wire.resumed_picture());
+      if (!resumed.ok()) {
+        return Invalid("frames.resumed_picture", std::string(resumed.status().message()));
+      }
+      frame.resumed = *std::move(resumed);
+    }
     frame.stop = *stop;
     frame.frame_number = wire.frame_number();
     frame.scene = *std::move(scene);

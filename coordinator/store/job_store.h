@@ -36,6 +36,7 @@ struct PartRow {
 struct DeliveredFrame {
   std::string picture_digest;
   double relative_mse = 0;
+  double flip = 0;                // Estimated mean (flip_estimate.h); 0 where it cannot be told.
   double relative_mse_upper = 0;  // RoundDecision's; 0 where the frame was not rendered in rounds.
   StopReason stop_reason = StopReason::kSamples;
   uint64_t sample_count = 0;  // Pixel samples.

@@ -99,7 +99,8 @@ absl::Status SqliteJobStore::LoadFrames(StoredJob* job) {
       "ray_count, nonfinite_count, cpu_ns, color, single_scattering, outputs, primaries, "
       "white_balance_k, one_sequence, similarity_after, target_error, time_max_ns, cpu_max_ns, "
       "sample_count, part_bytes, relative_mse_upper, stop_reason, first_round_samples, "
-      "tile_count, unreliable_tile_count, pixel_stride_px FROM frames WHERE job_id = ? "
+      "tile_count, unreliable_tile_count, pixel_stride_px, flip, resumed_sha256, resumed_bytes "
+      "FROM frames WHERE job_id = ? "
       "ORDER BY frame_number");
   query.Bind(job->spec.job_id);
   while (true) {
@@ -111,6 +112,7 @@ absl::Status SqliteJobStore::LoadFrames(StoredJob* job) {
     frame.frame_number = edge(0);
     frame.scene = {query.Text(1), static_cast<uint64_t>(query.Int64(2))};
     frame.frame_digest = query.Text(3);
+    frame.resumed = {query.Text(40), static_cast<uint64_t>(query.Int64(41))};
     FrameSettings& s = frame.settings;
     s.width_px = edge(4);
     s.height_px = edge(5);
@@ -145,6 +147,7 @@ absl::Status SqliteJobStore::LoadFrames(StoredJob* job) {
       delivered.stop_reason = static_cast<StopReason>(query.Int64(34));
       delivered.tile_count = static_cast<uint32_t>(query.Int64(36));
       delivered.unreliable_tile_count = static_cast<uint32_t>(query.Int64(37));
+      delivered.flip = query.Double(39);
       job->delivered.push_back(std::move(stored));
     }
     job->spec.frames.push_back(std::move(frame));
@@ -259,8 +262,9 @@ absl::StatusOr<JobStore::CreatedJob> SqliteJobStore::CreateJob(const JobSpec& sp
         "width_px, "
         "height_px, x0, y0, x1, y1, samples, max_depth, seed, force_generic, color, "
         "single_scattering, outputs, primaries, white_balance_k, one_sequence, similarity_after, "
-        "target_error, time_max_ns, cpu_max_ns, first_round_samples, pixel_stride_px) "
-        "VALUES(?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?)");
+        "target_error, time_max_ns, cpu_max_ns, first_round_samples, pixel_stride_px, "
+        "resumed_sha256, resumed_bytes) "
+        "VALUES(?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?)");
     for (const FrameSpec& frame : spec.frames) {
       const FrameSettings& s = frame.settings;
       status = frames.Bind(created.job_id)
@@ -290,6 +294,8 @@ absl::StatusOr<JobStore::CreatedJob> SqliteJobStore::CreateJob(const JobSpec& sp
                    .Bind(ToNanoseconds(frame.stop.cpu_max))
                    .Bind(frame.stop.first_round_samples)
                    .Bind(s.lattice.stride_px)
+                   .Bind(frame.resumed.sha256_hex)
+                   .Bind(frame.resumed.size_bytes)
                    .Run();
       if (!status.ok()) return status;
     }
@@ -353,7 +359,8 @@ absl::Status SqliteJobStore::DeliverFrame(const FrameId& frame, const DeliveredF
       ->Prepare(
           "UPDATE frames SET delivered = 1, picture_digest = ?, relative_mse = ?, wall_ns = ?, "
           "ray_count = ?, nonfinite_count = ?, cpu_ns = ?, sample_count = ?, part_bytes = ?, "
-          "relative_mse_upper = ?, stop_reason = ?, tile_count = ?, unreliable_tile_count = ? "
+          "relative_mse_upper = ?, stop_reason = ?, tile_count = ?, unreliable_tile_count = ?, "
+          "flip = ? "
           "WHERE job_id = ? AND frame_number = ?")
       .Bind(delivered.picture_digest)
       .Bind(delivered.relative_mse)
@@ -367,6 +374,7 @@ absl::Status SqliteJobStore::DeliverFrame(const FrameId& frame, const DeliveredF
       .Bind(static_cast<int32_t>(delivered.stop_reason))
       .Bind(int64_t{delivered.tile_count})
       .Bind(int64_t{delivered.unreliable_tile_count})
+      .Bind(delivered.flip)
       .Bind(frame.job_id)
       .Bind(frame.frame_number)
       .Run();

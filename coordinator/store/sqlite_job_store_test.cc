@@ -63,6 +63,7 @@ class SqliteJobStoreTest : public testing::Test {
       frame.settings.one_sequence = true;
       frame.settings.similarity_after = 24;
       frame.settings.lattice.stride_px = 8;
+      frame.resumed = {std::string(64, 'd'), 55};
       frame.stop = {.target_error = 0.25, .cpu_max = absl::Hours(3)};
       spec.frames.push_back(frame);
     }
@@ -89,6 +90,7 @@ TEST_F(SqliteJobStoreTest, JobsSurviveAReopen) {
   ASSERT_TRUE(store_
                   ->DeliverFrame({job, 7}, {.picture_digest = "digest",
                                             .relative_mse = 0.5,
+                                            .flip = 0.0625,
                                             .relative_mse_upper = 0.75,
                                             .stop_reason = StopReason::kTime,
                                             .sample_count = 1234,
@@ -122,12 +124,14 @@ TEST_F(SqliteJobStoreTest, JobsSurviveAReopen) {
   EXPECT_TRUE(stored.spec.frames[1].settings.one_sequence);
   EXPECT_EQ(stored.spec.frames[1].settings.similarity_after, 24);
   EXPECT_EQ(stored.spec.frames[1].settings.lattice.stride_px, 8);
+  EXPECT_EQ(stored.spec.frames[1].resumed, MakeSpec().frames[1].resumed);
   EXPECT_EQ(stored.spec.frames[1].settings.window, (PixelRect{1, 2, 3, 4}));
   ASSERT_EQ(stored.delivered.size(), 1u);
   EXPECT_EQ(stored.spec.frames[1].stop, MakeSpec().frames[1].stop);
   const DeliveredFrame& delivered = stored.delivered[0].delivered;
   EXPECT_EQ(delivered.relative_mse_upper, 0.75);
   EXPECT_EQ(delivered.stop_reason, StopReason::kTime);
+  EXPECT_EQ(delivered.flip, 0.0625);
   EXPECT_EQ(delivered.sample_count, 1234u);
   EXPECT_EQ(delivered.tile_count, 12u);
   EXPECT_EQ(delivered.unreliable_tile_count, 3u);
@@ -327,6 +331,9 @@ TEST_F(SqliteJobStoreTest, EarlierSchemaIsBroughtUpToDate) {
                             "ALTER TABLE frames DROP COLUMN stop_reason;"
                             "DROP TABLE rounds;"
                             "ALTER TABLE jobs DROP COLUMN paused;"
+                            "ALTER TABLE frames DROP COLUMN flip;"
+                            "ALTER TABLE frames DROP COLUMN resumed_sha256;"
+                            "ALTER TABLE frames DROP COLUMN resumed_bytes;"
                             "UPDATE frames SET delivered = 1 WHERE frame_number = 7;"
                             "PRAGMA user_version=1;")
                   .ok());
@@ -353,7 +360,7 @@ TEST_F(SqliteJobStoreTest, LaterSchemaIsRefused) {
   EXPECT_EQ(status.code(), absl::StatusCode::kFailedPrecondition);
   EXPECT_THAT(std::string(status.message()), HasSubstr("later version"));
   ASSERT_TRUE(
-      (*SqliteDatabase::Open(directory_ + "/farm.db"))->Execute("PRAGMA user_version=9").ok());
+      (*SqliteDatabase::Open(directory_ + "/farm.db"))->Execute("PRAGMA user_version=10").ok());
   Reopen();
 }
 

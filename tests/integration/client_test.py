@@ -98,7 +98,8 @@ class ClientTest(unittest.TestCase):
             self.assertEqual(farm.picture_digest(path), digest)
             # "t.0001.exr: 80x60, 4 samples, 0.3 s, 60 k samples/s, 200 k rays/s, relMSE 1e-2, ..."
             self.assertRegex(done.stderr, re.escape(path) + r": 80x60, 4 samples, \d+\.\d s, "
-                             r"\S+ \w?\s?samples/s, \S+ \w?\s?rays/s, relMSE \S+, 0 non-finite")
+                             r"\S+ \w?\s?samples/s, \S+ \w?\s?rays/s, relMSE \S+, "
+                             r"FLIP \S+, 0 non-finite")
         self.assertRegex(done.stderr, r"sheaf: jobs/\d+: 3 frames, \d+\.\d s")
 
         name = job["name"]
@@ -323,6 +324,14 @@ class ClientTest(unittest.TestCase):
                                             "--tiles", "--reference-samples", 16), OK).stdout)
         self.assertEqual(result["tiles_beyond"], 0)
         self.assertGreater(result["relative_mse"], 0)
+        self.assertGreater(result["flip"], 0)
+        self.assertLess(result["flip"], 0.2)
+        self.assertNotIn("hdr_flip", result)
+        hdr = json.loads(self.expect(run("compare", more, few, "--json", "--hdr-flip"), OK).stdout)
+        self.assertEqual(hdr["flip"], result["flip"])
+        self.assertGreater(hdr["hdr_flip"], 0)
+        shown = json.loads(self.expect(run("show", more, "--json"), OK).stdout)
+        self.assertGreater(float(shown["metadata"]["flip"]), 0)
         self.assertNotEqual(result["image_digest"], result["reference_digest"])
         with open(difference, "rb") as f:
             self.assertEqual(f.read(8), b"\x89PNG\r\n\x1a\n")

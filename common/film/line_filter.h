@@ -1,0 +1,43 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Kernels of separable filters, and lines of pixels through them.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+namespace sheaf {
+
+// Even or odd about its middle: weights[i] is that of +i; of -i the same, or the negative.
+struct LineKernel {
+  std::vector<float> weights;
+  int32_t Radius() const { return static_cast<int32_t>(weights.size()) - 1; }
+};
+
+// exp(-x^2 / (2 deviation^2)) for |x| <= radius, scaled to the sum `total`. Ends where it is
+// nothing beside 1.
+LineKernel GaussKernel(double deviation, int32_t radius, double total);
+// Scaled so that the positive weights sum to 1 and the negative ones to -1. values: from the
+// middle on. Requires: an odd kernel is 0 in the middle and of one sign to its right.
+LineKernel BalancedKernel(const std::vector<double>& values, bool odd);
+
+// out[x], for x below width, is the sum over i of the kernel's weight of i times line_at(i)[x]:
+// lines are neighbours, or one line shifted. Adds pairs before it multiplies.
+template <bool kOdd, typename LineAt>
+void FilterLine(const LineKernel& kernel, int32_t width, const LineAt& line_at, float* out) {
+  const float* middle = line_at(0);
+  const float first = kernel.weights[0];
+  for (int32_t x = 0; x < width; ++x) out[x] = first * middle[x];
+  for (int32_t i = 1; i <= kernel.Radius(); ++i) {
+    const float weight = kernel.weights[static_cast<size_t>(i)];
+    const float* before = line_at(-i);
+    const float* after = line_at(i);
+    for (int32_t x = 0; x < width; ++x) {
+      out[x] += weight * (kOdd ? after[x] - before[x] : after[x] + before[x]);
+    }
+  }
+}
+
+}  // namespace sheaf
