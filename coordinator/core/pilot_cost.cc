@@ -12,7 +12,7 @@ namespace sheaf::coordinator {
 namespace {
 
 // CPU seconds that a pixel costs without any sample, where no pair tells it: for the film.
-constexpr double kIdleSeconds = 3e-8;
+constexpr double kIdleSeconds = 7e-8;
 // What is known of a sample's cost in a tile before is worth so many blocks there.
 constexpr double kCostBlocks = 1;
 
