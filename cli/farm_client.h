@@ -43,6 +43,11 @@ class FarmClient {
   // address is for messages only. Waits end early when stop is requested.
   FarmClient(std::shared_ptr<grpc::Channel> channel, std::string address, std::stop_token stop);
 
+  // A client of the same farm for what must be said even after stop was requested.
+  std::unique_ptr<FarmClient> Uninterrupted() const {
+    return std::make_unique<FarmClient>(channel_, address_, std::stop_token());
+  }
+
   // All of these: errors are those of the call; kUnavailable, naming the address, where nobody
   // answered for long enough; kCancelled where stop was requested.
   absl::StatusOr<v1::Job> CreateJob(const v1::CreateJobRequest& request);

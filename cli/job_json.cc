@@ -7,6 +7,7 @@
 
 #include "absl/strings/ascii.h"
 #include "absl/time/time.h"
+#include "cli/duration.h"
 
 namespace sheaf::cli {
 namespace {
@@ -31,10 +32,6 @@ Json TimeJson(bool present, const google::protobuf::Timestamp& time) {
   if (!present) return nullptr;
   const absl::Time value = absl::FromUnixSeconds(time.seconds()) + absl::Nanoseconds(time.nanos());
   return absl::FormatTime("%Y-%m-%dT%H:%M:%E3SZ", value, absl::UTCTimeZone());
-}
-
-double Seconds(const google::protobuf::Duration& duration) {
-  return static_cast<double>(duration.seconds()) + duration.nanos() * 1e-9;
 }
 
 Json ProgressJson(const v1::Progress& progress) {

@@ -12,6 +12,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "cli/duration.h"
 
 namespace sheaf::cli {
 namespace {
@@ -29,10 +30,6 @@ int TerminalColumns() {
 void WriteToStandardError(const std::string& text) {
   std::fwrite(text.data(), 1, text.size(), stderr);
   std::fflush(stderr);
-}
-
-double Seconds(const google::protobuf::Duration& duration) {
-  return static_cast<double>(duration.seconds()) + duration.nanos() * 1e-9;
 }
 
 }  // namespace

@@ -5,12 +5,12 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <memory>
 #include <utility>
 
-#include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
-#include "absl/strings/str_split.h"
 #include "absl/time/clock.h"
+#include "cli/duration.h"
 #include "common/film/exr_codec.h"
 #include "common/rpc/settings_codec.h"
 #include "coordinator/core/pilot_model.h"
@@ -25,12 +25,14 @@ using coordinator::PilotPicture;
 
 // Deviations from the mean within which 8 of 10 values of a normal distribution lie.
 constexpr double kBandDeviations = 1.2816;
-// Log-normal deviation of CPU time for the same work: processors share caches, memory and clocks.
-constexpr double kCpuLogDeviation = 0.06;
+// Log-normal deviation of CPU time for the same work, of hours and of a pilot's milliseconds:
+// processors share caches, memory and clocks. Measured over eight scenes on a busy machine.
+constexpr double kCpuLogDeviation = 0.12;
 // Of the price that is allowed, what is planned for: overheads come on top.
-constexpr double kPilotShareAim = 0.025;
-// A second pilot has at least so many times the samples of the first, or is not worth its while.
-constexpr double kSecondPilotMin = 2;
+constexpr double kPilotShareAim = 0.021;
+// A further pilot has at least so many times the samples of those before.
+constexpr double kPilotGrowthMin = 1;
+constexpr int kPilotCountMax = 6;
 // Of the threads' time, what goes into samples.
 constexpr double kFarmEfficiency = 0.95;
 constexpr absl::Duration kPollInterval = absl::Milliseconds(30);
@@ -39,6 +41,7 @@ constexpr uint64_t kPilotBytesMax = uint64_t{4} << 30;
 struct PilotFrame {
   size_t index = 0;  // In the job's frames.
   std::vector<PilotPicture> pictures;
+  double cpu_seconds = 0;  // Of the pilot's pictures.
   ErrorModel model;
 };
 
@@ -58,25 +61,21 @@ std::vector<PixelRect> TilesOf(const JobArguments& arguments, const FrameSetting
 }
 
 absl::StatusOr<PilotPicture> FetchPicture(FarmClient* client, const v1::Frame& frame,
-                                          const PilotLevel& level) {
+                                          const PilotLevel& level, size_t tile_count) {
   const absl::StatusOr<std::string> bytes = client->ReadFrameOutput(frame.name(), kPilotBytesMax);
   if (!bytes.ok()) return bytes.status();
   absl::StatusOr<FramePicture> picture = DecodePicture(*bytes);
   if (!picture.ok()) return picture.status();
   PilotPicture pilot{level, *std::move(picture), {}};
-  const std::vector<std::string> times =
-      absl::StrSplit(pilot.picture.metadata["tileCpuSeconds"], ' ', absl::SkipEmpty());
-  for (const std::string& text : times) {
-    double seconds = 0;
-    if (!absl::SimpleAtod(text, &seconds)) return absl::DataLossError("a pilot has no CPU times");
-    pilot.cpu_seconds_of_tiles.push_back(seconds);
-  }
+  if (level.lattice.All()) return pilot;
+  absl::StatusOr<std::vector<double>> times =
+      coordinator::TileCpuSecondsOf(pilot.picture.metadata, tile_count);
+  if (!times.ok()) return times.status();
+  pilot.cpu_seconds_of_tiles = *std::move(times);
   return pilot;
 }
 
-absl::StatusOr<v1::Job> AwaitJob(FarmClient* client, const std::string& name,
-                                 absl::Duration wait_max) {
-  const absl::Time deadline = absl::Now() + wait_max;
+absl::StatusOr<v1::Job> AwaitJob(FarmClient* client, const std::string& name, absl::Time deadline) {
   while (true) {
     const absl::StatusOr<v1::Job> job = client->GetJob(name);
     if (!job.ok()) return job.status();
@@ -86,7 +85,6 @@ absl::StatusOr<v1::Job> AwaitJob(FarmClient* client, const std::string& name,
           absl::StrCat("the quote's pilot failed: ", job->failure()));
     }
     if (absl::Now() > deadline) {
-      client->CancelJob(name).IgnoreError();
       return absl::UnavailableError(job->waiting_reason().empty() ? "the pilot takes too long"
                                                                   : job->waiting_reason());
     }
@@ -94,15 +92,40 @@ absl::StatusOr<v1::Job> AwaitJob(FarmClient* client, const std::string& name,
   }
 }
 
+// Leaves no job behind on the farm that nobody waits for.
+absl::StatusOr<v1::Job> RunJob(FarmClient* client, const v1::CreateJobRequest& request,
+                               absl::Time deadline) {
+  absl::StatusOr<v1::Job> job = client->CreateJob(request);
+  absl::StatusOr<v1::Job> ended = job.ok() ? AwaitJob(client, job->name(), deadline) : job.status();
+  if (ended.ok()) return ended;
+  const std::unique_ptr<FarmClient> last = client->Uninterrupted();
+  // The answer was not waited for; by its id the same request makes the same job.
+  if (absl::IsCancelled(job.status())) job = last->CreateJob(request);
+  if (job.ok()) last->CancelJob(job->name()).IgnoreError();
+  return ended;
+}
+
+// Of the same view, each length so many times smaller.
+FrameSettings Shrunk(FrameSettings settings, int32_t shrink) {
+  const auto length = [&](int32_t full) { return (full + shrink / 2) / shrink; };
+  PixelRect& window = settings.window;
+  const int32_t x0 = length(window.x0), y0 = length(window.y0);
+  window = {x0, y0, std::max(x0 + 1, length(window.x1)), std::max(y0 + 1, length(window.y1))};
+  settings.width_px = std::max(length(settings.width_px), window.x1);
+  settings.height_px = std::max(length(settings.height_px), window.y1);
+  return settings;
+}
+
 // Renders the levels of each frame, as one job.
 absl::Status RenderPilot(FarmClient* client, const JobArguments& arguments, const PreparedJob& job,
-                         const std::vector<std::vector<PilotLevel>>& levels,
-                         absl::Duration wait_max, std::vector<PilotFrame>* frames) {
+                         const std::vector<std::vector<PilotLevel>>& levels, absl::Time deadline,
+                         std::vector<PilotFrame>* frames) {
   PreparedJob pilot;
   for (size_t i = 0; i < frames->size(); ++i) {
     for (const PilotLevel& level : levels[i]) {
       PreparedFrame frame = job.frames[(*frames)[i].index];
       frame.number = static_cast<int>(pilot.frames.size()) + 1;
+      frame.settings = Shrunk(frame.settings, level.shrink);
       frame.settings.samples = level.samples;
       frame.settings.lattice = level.lattice;
       pilot.frames.push_back(std::move(frame));
@@ -115,61 +138,67 @@ absl::Status RenderPilot(FarmClient* client, const JobArguments& arguments, cons
   pilot_arguments.priority = kPilotPriority;
   pilot_arguments.title =
       absl::StrCat("quote of ", arguments.title.empty() ? arguments.scene : arguments.title);
-  const absl::StatusOr<v1::Job> created =
-      client->CreateJob(MakeCreateJobRequest(pilot_arguments, pilot));
-  if (!created.ok()) return created.status();
-  const absl::StatusOr<v1::Job> ended = AwaitJob(client, created->name(), wait_max);
+  const absl::StatusOr<v1::Job> ended =
+      RunJob(client, MakeCreateJobRequest(pilot_arguments, pilot), deadline);
   if (!ended.ok()) return ended.status();
   int next = 0;
   for (size_t i = 0; i < frames->size(); ++i) {
+    PilotFrame& frame = (*frames)[i];
+    const size_t tile_count = TilesOf(arguments, job.frames[frame.index].settings).size();
     for (const PilotLevel& level : levels[i]) {
-      absl::StatusOr<PilotPicture> picture = FetchPicture(client, ended->frames(next++), level);
+      const v1::Frame& rendered = ended->frames(next++);
+      absl::StatusOr<PilotPicture> picture = FetchPicture(client, rendered, level, tile_count);
       if (!picture.ok()) return picture.status();
-      (*frames)[i].pictures.push_back(*std::move(picture));
+      frame.pictures.push_back(*std::move(picture));
+      frame.cpu_seconds += Seconds(rendered.progress().cpu_duration());
     }
   }
   return absl::OkStatus();
 }
 
-void FitModels(const JobArguments& arguments, const PreparedJob& job, int thread_count,
+void FitModels(const JobArguments& arguments, const PreparedJob& job,
                std::vector<PilotFrame>* frames) {
   for (PilotFrame& frame : *frames) {
     const std::vector<PixelRect> tiles = TilesOf(arguments, job.frames[frame.index].settings);
-    frame.model = coordinator::FitErrorModel(tiles, frame.pictures, thread_count);
+    frame.model = coordinator::FitErrorModel(tiles, frame.pictures);
   }
 }
 
-// Cheapest first pilot, then as much more as the cheapest target allows.
+// What a frame's next pilot is: at first what the first round allows, then as much more as the
+// target is found to allow. Empty where that is not worth its while.
+std::vector<PilotLevel> NextLevels(const PilotFrame& frame, int64_t pixel_count, double target) {
+  std::vector<PilotLevel> before;
+  for (const PilotPicture& picture : frame.pictures) before.push_back(picture.level);
+  if (before.empty()) {
+    return coordinator::PilotLevels(kPilotShareAim * kReplicateCount, pixel_count, before);
+  }
+  // The lower end, so that the price holds where pilots so far were wrong.
+  const Forecast cheapest = coordinator::ForecastTarget(frame.model, {.target_error = target},
+                                                        kStoppedSamplesMax, -kBandDeviations);
+  const double spent = frame.cpu_seconds / cheapest.cpu_seconds;
+  if (kPilotShareAim < (1 + kPilotGrowthMin) * spent) return {};
+  return coordinator::PilotLevels((kPilotShareAim - spent) * cheapest.samples, pixel_count, before);
+}
+
+// Ever larger pilots, as long as the loosest target's price allows them.
 absl::StatusOr<std::vector<PilotFrame>> RenderPilots(FarmClient* client,
                                                      const JobArguments& arguments,
-                                                     const PreparedJob& job, int thread_count,
-                                                     double target, absl::Duration wait_max) {
+                                                     const PreparedJob& job, double target,
+                                                     absl::Time deadline) {
   std::vector<PilotFrame> frames = ChooseFrames(job.frames.size());
-  std::vector<std::vector<PilotLevel>> levels;
-  const double least = kPilotShareAim * kReplicateCount;
-  for (const PilotFrame& frame : frames) {
-    levels.push_back(
-        coordinator::PilotLevels(least, job.frames[frame.index].settings.window.PixelCount()));
+  for (int i = 0; i < kPilotCountMax; ++i) {
+    std::vector<std::vector<PilotLevel>> levels;
+    bool more = false;
+    for (const PilotFrame& frame : frames) {
+      const int64_t pixel_count = job.frames[frame.index].settings.window.PixelCount();
+      levels.push_back(NextLevels(frame, pixel_count, target));
+      more |= !levels.back().empty();
+    }
+    if (!more) break;
+    absl::Status status = RenderPilot(client, arguments, job, levels, deadline, &frames);
+    if (!status.ok()) return status;
+    FitModels(arguments, job, &frames);
   }
-  absl::Status status = RenderPilot(client, arguments, job, levels, wait_max, &frames);
-  if (!status.ok()) return status;
-  FitModels(arguments, job, thread_count, &frames);
-  bool more = false;
-  for (size_t i = 0; i < frames.size(); ++i) {
-    // The lower end, so that the price holds where the first pilot was wrong.
-    const Forecast cheapest = coordinator::ForecastTarget(frames[i].model, {.target_error = target},
-                                                          kStoppedSamplesMax, -kBandDeviations);
-    const double allowed = kPilotShareAim * cheapest.samples - least;
-    levels[i].clear();
-    if (allowed < kSecondPilotMin * least) continue;
-    levels[i] =
-        coordinator::PilotPair(allowed, job.frames[frames[i].index].settings.window.PixelCount());
-    more |= !levels[i].empty();
-  }
-  if (!more) return frames;
-  status = RenderPilot(client, arguments, job, levels, wait_max, &frames);
-  if (!status.ok()) return status;
-  FitModels(arguments, job, thread_count, &frames);
   return frames;
 }
 
@@ -274,7 +303,7 @@ absl::StatusOr<Quote> MakeQuote(FarmClient* client, const JobArguments& argument
   }
   const double loosest = *std::max_element(asked.targets.begin(), asked.targets.end());
   const absl::StatusOr<std::vector<PilotFrame>> frames =
-      RenderPilots(client, arguments, job, quote.thread_count, loosest, asked.wait_max);
+      RenderPilots(client, arguments, job, loosest, absl::Now() + asked.wait_max);
   if (!frames.ok()) return frames.status();
   const FrameSettings& settings = job.frames.front().settings;
   quote.width_px = settings.window.Width();
@@ -283,11 +312,7 @@ absl::StatusOr<Quote> MakeQuote(FarmClient* client, const JobArguments& argument
   quote.pilot_frame_count = static_cast<int>(frames->size());
   quote.rate = frames->front().model.rate;
   quote.rate_deviation = frames->front().model.rate_deviation;
-  for (const PilotFrame& frame : *frames) {
-    for (const PilotPicture& picture : frame.pictures) {
-      for (const double seconds : picture.cpu_seconds_of_tiles) quote.pilot_cpu_seconds += seconds;
-    }
-  }
+  for (const PilotFrame& frame : *frames) quote.pilot_cpu_seconds += frame.cpu_seconds;
   for (const double target : asked.targets) {
     QuoteRow& row = quote.rows.emplace_back(
         MakeRow(*frames, job.frames.size(), quote.thread_count,

@@ -57,11 +57,12 @@ inline const std::vector<double> kQuotedErrors = {0.1, 0.05, 0.02, 0.01};
 struct QuoteArguments {
   std::vector<double> targets;  // Of relMSE.
   bool with_samples = true;     // Also a row for the samples that the job or its scene asks for.
-  absl::Duration wait_max = absl::InfiniteDuration();  // For the pilot.
+  absl::Duration wait_max = absl::InfiniteDuration();  // For all pilots.
 };
 
-// Errors: those of the calls; kUnavailable where the pilot has not ended in time, and the pilot is
-// cancelled then; kFailedPrecondition with the farm's message where it failed.
+// Errors: those of the calls; kUnavailable where the pilot has not ended in time;
+// kFailedPrecondition with the farm's message where it failed; kDataLoss where the coordinator does
+// not tell its cost. No pilot is left running on the farm, whatever the error, kCancelled included.
 absl::StatusOr<Quote> MakeQuote(FarmClient* client, const JobArguments& arguments,
                                 const PreparedJob& job, const QuoteArguments& asked);
 

@@ -4,14 +4,11 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "cli/duration.h"
 #include "cli/progress_line.h"
 
 namespace sheaf::cli {
 namespace {
-
-double Seconds(const google::protobuf::Duration& duration) {
-  return static_cast<double>(duration.seconds()) + duration.nanos() * 1e-9;
-}
 
 // flip: 0 where it cannot be told.
 std::string FormatCosts(const v1::Progress& progress, double flip) {

@@ -277,20 +277,16 @@ double ErrorSums::Deviation() const {
   return pixel_count == 0 ? 0 : std::sqrt(2 * square_sum) / static_cast<double>(pixel_count);
 }
 
-std::vector<double> EstimatePixelErrors(const FramePicture& picture) {
-  const ErrorPlanes planes(picture);
-  std::vector<double> errors;
-  errors.reserve(planes.samples->size());
-  for (const PixelError& error : PixelErrors(planes, picture, picture.window, planes.Mean())) {
-    errors.push_back(error.value);
-  }
-  return errors;
-}
-
 std::vector<ErrorSums> EstimateTileErrors(const FramePicture& picture,
                                           std::span<const PixelRect> tiles) {
+  return EstimateTileErrors(picture, tiles, MeanOfPicture(picture));
+}
+
+double MeanOfPicture(const FramePicture& picture) { return ErrorPlanes(picture).Mean(); }
+
+std::vector<ErrorSums> EstimateTileErrors(const FramePicture& picture,
+                                          std::span<const PixelRect> tiles, double mean) {
   const ErrorPlanes planes(picture);
-  const double mean = planes.Mean();
   std::vector<ErrorSums> sums;
   sums.reserve(tiles.size());
   RareHits rare;

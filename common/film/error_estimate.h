@@ -80,10 +80,13 @@ struct ErrorSums {
   // sample makes a pixel's error, the estimate rises with it, and the two are closer.
   double Deviation() const;
 };
-// The same of each pixel of the picture's window, row-major; 0 for those without samples.
-std::vector<double> EstimatePixelErrors(const FramePicture& picture);
-// The same for each of the tiles, which lie in the picture's window.
+// For each of the tiles, which lie in the picture's window.
 std::vector<ErrorSums> EstimateTileErrors(const FramePicture& picture,
                                           std::span<const PixelRect> tiles);
+// m above: the mean of R, G and B over the pixels that have samples. Where few have, it may be far
+// from that of the picture: then the tiles' errors can be told with a better one.
+double MeanOfPicture(const FramePicture& picture);
+std::vector<ErrorSums> EstimateTileErrors(const FramePicture& picture,
+                                          std::span<const PixelRect> tiles, double mean);
 
 }  // namespace sheaf

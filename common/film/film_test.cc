@@ -214,7 +214,9 @@ TEST(FilmTest, FrameErrorsBoundKnowsOfTheRimsOfLamps) {
     picture.planes = of_row.planes;
     double mean = 0, actual = 0, squares = 0;
     for (const float v : *picture.Find("R")) mean += v / kPixels;
-    for (const double e : EstimatePixelErrors(picture)) squares += e * e;
+    for (const ErrorSums& pixel : EstimateTileErrors(picture, CutTiles(picture.window, 1))) {
+      squares += pixel.sum * pixel.sum;
+    }
     for (int32_t p = 0; p < kPixels; ++p) {
       const double truth = share(p) * kLamp + (1 - share(p)) * kWall;
       const double d = At(picture, "R", static_cast<size_t>(p)) - truth;
@@ -241,6 +243,23 @@ TEST(FilmTest, TilesShareTheErrorOfTheirFrame) {
   EXPECT_EQ(both.pixel_count, 64);
   EXPECT_NEAR(both.RelativeMse(), frame.relative_mse, 1e-12 * frame.relative_mse);
   EXPECT_NEAR(both.Deviation(), frame.relative_mse_deviation, 1e-12 * both.Deviation());
+}
+
+TEST(FilmTest, TilesErrorsAreHeldAgainstTheMeanThatIsGiven) {
+  const FilmTile tile = MakeTile(64, 32, [](int32_t x, uint64_t n) {
+    return FilmSample{.radiance = Rgb::Grey(HashToUnit(static_cast<uint64_t>(x) * 7919 + n))};
+  });
+  FramePicture picture = MakeFramePicture(tile.rect(), 64, 1);
+  DevelopTile(tile, &picture);
+  const std::array<PixelRect, 1> all{tile.rect()};
+  const auto error = [&](double mean) {
+    return EstimateTileErrors(picture, all, mean)[0].RelativeMse();
+  };
+  EXPECT_NEAR(MeanOfPicture(picture), 0.5, 0.05);
+  EXPECT_DOUBLE_EQ(EstimateTileErrors(picture, all)[0].RelativeMse(),
+                   error(MeanOfPicture(picture)));
+  // 1 / (.5^2 + (.1 m)^2) for m of .5 and of 20, and little for pixels that are not all alike.
+  EXPECT_NEAR(error(20) / error(0.5), (0.25 + 0.0025) / (0.25 + 4), 0.01);
 }
 
 TEST(FilmTest, FrameErrorOfNothingIsNothing) {

@@ -3,30 +3,39 @@
 #include "coordinator/core/pilot_model.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
+#include <limits>
 #include <map>
+#include <numbers>
 #include <random>
 #include <utility>
 
+#include "absl/strings/numbers.h"
+#include "absl/strings/str_split.h"
 #include "common/base/check.h"
 #include "common/film/error_estimate.h"
+#include "coordinator/core/pilot_cost.h"
 
 namespace sheaf::coordinator {
 namespace {
 
 constexpr uint64_t kBaseSamples = kReplicateCount;
 constexpr uint64_t kPairSamples = kPilotSamplesMax;
-// Of the price, what goes into the picture that is not of the pair.
-constexpr double kSingleShare = 0.35;
+// Of the price, what goes into the small picture, and pixels that it has at most.
+constexpr double kMeanShare = 0.1, kMeanPixelsMax = 1 << 14;
+// Of what is left, what goes into a pair, if it has so many blocks: fewer know less of the rate
+// than is known before.
+constexpr double kPairShare = 0.5, kPairBlocksMin = 200;
 // More blocks than these tell nothing that matters.
 constexpr double kBlocksEnough = 1 << 12;
 // What is known of b before anything was rendered; over scenes of all kinds.
-constexpr double kRatePrior = 1.1, kRatePriorDeviation = 0.1;
+constexpr double kRatePrior = 1.12, kRatePriorDeviation = 0.08;
 constexpr double kRateMin = 0.9, kRateMax = 1.8;
-// What a thread takes longer in its first milliseconds, with cold caches; measured over small
-// scenes. Of a pilot, it is taken for no more than this share.
-constexpr double kColdSeconds = 2.5e-3, kColdShareMax = 0.3;
+// How logarithms of errors vary, known before: of all the variance of blocks, the share that is
+// within a tile; and how many blocks that knowledge is worth.
+constexpr double kBlockLogVariance = 1.4, kWithinShare = 0.55, kVarianceFreedom = 10;
+// A tile's error is taken for at least this share of the frame's.
+constexpr double kTileShareMin = 0.01;
 constexpr int kBootstrapCount = 200;
 
 // Of a block's pixels, all together.
@@ -41,14 +50,6 @@ int32_t StrideFor(double block_samples, double samples_per_pixel, int64_t frame_
   return static_cast<int32_t>(
       std::clamp(std::ceil(stride), double{kPixelStrideMin}, double{kPixelStrideMax}));
 }
-
-struct PixelError {
-  size_t tile = 0;
-  double error = 0;
-};
-using Cell = std::pair<int32_t, int32_t>;
-// Of a picture's lattice: the errors of each cell's block.
-using Blocks = std::map<Cell, std::vector<PixelError>>;
 
 class TileFinder {
  public:
@@ -70,47 +71,69 @@ class TileFinder {
   std::map<std::pair<int32_t, int32_t>, size_t> by_corner_;
 };
 
-Blocks ErrorsOf(const PilotPicture& pilot, const TileFinder& tiles) {
-  const std::vector<double> errors = EstimatePixelErrors(pilot.picture);
-  const PixelRect& window = pilot.picture.window;
-  const PixelLattice& lattice = pilot.level.lattice;
+struct Block {
+  size_t tile = 0;  // That its middle lies in.
+  ErrorSums error;
+};
+
+// Cores of a lattice's blocks, as far as they are in the window; row by row.
+std::vector<PixelRect> CoresIn(const PixelLattice& lattice, const PixelRect& window) {
   const int32_t stride = lattice.stride_px;
-  Blocks blocks;
-  size_t next = 0;
-  for (int32_t y = window.y0; y < window.y1; ++y) {
-    for (int32_t x = window.x0; x < window.x1; ++x, ++next) {
-      if (lattice.PartOf(x, y) != PixelLattice::Part::kCore) continue;
-      blocks[{x / stride, y / stride}].push_back({tiles.Find(x, y), errors[next]});
+  std::vector<PixelRect> cores;
+  for (int32_t cell_y = window.y0 / stride; cell_y * stride < window.y1; ++cell_y) {
+    for (int32_t cell_x = window.x0 / stride; cell_x * stride < window.x1; ++cell_x) {
+      const PixelRect block = lattice.BlockOf(cell_x, cell_y);
+      const PixelRect core{std::max(block.x0 + kLatticeRimPx, window.x0),
+                           std::max(block.y0 + kLatticeRimPx, window.y0),
+                           std::min(block.x1 - kLatticeRimPx, window.x1),
+                           std::min(block.y1 - kLatticeRimPx, window.y1)};
+      if (core.Width() > 0 && core.Height() > 0) cores.push_back(core);
     }
+  }
+  return cores;
+}
+
+// The frame's mean, of places that are independent: pixels of the small picture, and blocks. Held
+// against the mean of the blocks alone, where a lamp is in view and no block shows it, errors are
+// ten times those of the picture.
+double FitMean(std::span<const PilotPicture> pilot) {
+  double sum = 0, places = 0;
+  for (const PilotPicture& picture : pilot) {
+    const PixelRect& window = picture.picture.window;
+    const double count = picture.level.lattice.All()
+                             ? static_cast<double>(window.PixelCount())
+                             : static_cast<double>(CoresIn(picture.level.lattice, window).size());
+    sum += count * MeanOfPicture(picture.picture);
+    places += count;
+  }
+  return sum / places;
+}
+
+std::vector<Block> BlocksOf(const PilotPicture& pilot, const TileFinder& tiles, double mean) {
+  const std::vector<PixelRect> cores = CoresIn(pilot.level.lattice, pilot.picture.window);
+  const std::vector<ErrorSums> errors = EstimateTileErrors(pilot.picture, cores, mean);
+  std::vector<Block> blocks;
+  for (size_t i = 0; i < cores.size(); ++i) {
+    const PixelRect& core = cores[i];
+    blocks.push_back({tiles.Find((core.x0 + core.x1) / 2, (core.y0 + core.y1) / 2), errors[i]});
   }
   return blocks;
 }
 
-// Of a block, whose pixels err alike.
-struct BlockSum {
-  double count = 0, error = 0;
-};
-BlockSum SumOf(const std::vector<PixelError>& block) {
-  BlockSum sum{static_cast<double>(block.size()), 0};
-  for (const PixelError& pixel : block) sum.error += pixel.error;
-  return sum;
-}
-
 // Relative, of the mean error over all pixels: a ratio over blocks of unequal sizes.
 // Source: Cochran 1977, Sampling Techniques, sec. 9A.2.
-double LogDeviationOf(const std::vector<BlockSum>& blocks) {
-  double count = 0, error = 0, squares = 0;
-  for (const BlockSum& block : blocks) {
-    count += block.count;
-    error += block.error;
-  }
-  if (blocks.size() < 2 || error <= 0) return 0;
-  for (const BlockSum& block : blocks) {
-    const double difference = block.error - error / count * block.count;
+double LogDeviationOf(const std::vector<Block>& blocks) {
+  ErrorSums all;
+  for (const Block& block : blocks) all.Add(block.error);
+  if (blocks.size() < 2 || all.sum <= 0) return 0;
+  double squares = 0;
+  for (const Block& block : blocks) {
+    const double difference =
+        block.error.sum - all.RelativeMse() * static_cast<double>(block.error.pixel_count);
     squares += difference * difference;
   }
   const auto n = static_cast<double>(blocks.size());
-  return std::sqrt(squares * n / (n - 1)) / error;
+  return std::sqrt(squares * n / (n - 1)) / all.sum;
 }
 
 struct Rate {
@@ -146,187 +169,184 @@ Rate FitRate(const std::vector<std::pair<double, double>>& pairs) {
   return {std::clamp(rate, kRateMin, kRateMax), 1 / std::sqrt(precision)};
 }
 
-// Errors of tiles from few pixels each: nearer to their common mean the more they look alike.
+// The i-th of a sequence whose members, any number of them, have a normal distribution.
+// Source: Weyl 1916, multiples of the golden ratio.
+double NormalValue(size_t i) {
+  const double place = (static_cast<double>(i) + 0.5) / std::numbers::phi;
+  const double share = place - std::floor(place);
+  double low = -8, high = 8;
+  for (int step = 0; step < 50; ++step) {
+    const double middle = (low + high) / 2;
+    (std::erfc(-middle / std::numbers::sqrt2) / 2 < share ? low : high) = middle;
+  }
+  return low;
+}
+
+// Errors of tiles from few blocks each. They have the mean of all blocks, and what rounds save by
+// giving samples where they are needed depends on how unequal they are. So where little is known of
+// a tile it does not get the mean of all, but is drawn from what it may be.
 class TileErrors {
  public:
-  TileErrors(size_t tile_count, const std::vector<PixelError>& pixels) : of_tile_(tile_count) {
-    for (const PixelError& pixel : pixels) {
-      for (Sums* sums : {&of_tile_[pixel.tile], &all_}) {
-        ++sums->count;
-        sums->sum += pixel.error;
-        sums->square_sum += pixel.error * pixel.error;
-      }
+  TileErrors(std::span<const PixelRect> tiles, const std::vector<Block>& blocks) {
+    std::vector<ErrorSums> of_tile(tiles.size());
+    ErrorSums all;
+    for (const Block& block : blocks) {
+      of_tile[block.tile].Add(block.error);
+      all.Add(block.error);
     }
-    double within = 0, between = 0, noise = 0, freedom = 0;
-    const double mean = Mean();
-    for (const Sums& tile : of_tile_) {
-      if (tile.count < 2) continue;
-      within += tile.square_sum - tile.sum * tile.sum / tile.count;
-      freedom += tile.count - 1;
-      const double difference = tile.sum / tile.count - mean;
-      between += tile.count * difference * difference;
-      noise += 1;
+    const double least = kTileShareMin * all.RelativeMse();
+    const auto log_of = [&](const ErrorSums& error) {
+      return std::log(std::max(error.RelativeMse(), least));
+    };
+    const Variances variances = FitVariances(tiles.size(), blocks, log_of);
+    std::vector<double> counts(tiles.size());
+    for (const Block& block : blocks) ++counts[block.tile];
+    double sum = 0, pixel_count = 0;
+    for (size_t i = 0; i < tiles.size(); ++i) {
+      const double weight =
+          counts[i] * variances.between / (counts[i] * variances.between + variances.within);
+      double log_error = std::sqrt((1 - weight) * variances.between) * NormalValue(i);
+      if (counts[i] > 0) log_error += weight * (log_of(of_tile[i]) - std::log(all.RelativeMse()));
+      errors_.push_back(std::exp(log_error));
+      sum += errors_.back() * static_cast<double>(tiles[i].PixelCount());
+      pixel_count += static_cast<double>(tiles[i].PixelCount());
     }
-    if (freedom == 0) return;
-    within_ = within / freedom;
-    // Sources of variance by the one-way analysis; Searle 1971, Linear Models, chapter 10.
-    const double per_tile = all_.count / std::max(1.0, noise);
-    between_ = std::max(0.0, (between / std::max(1.0, noise - 1) - within_) / per_tile);
-  }
-  double Mean() const { return all_.count == 0 ? 0 : all_.sum / all_.count; }
-  double MeanOf(size_t tile) const {
-    const Sums& sums = of_tile_[tile];
-    if (sums.count == 0 || between_ == 0) return Mean();
-    const double weight = between_ / (between_ + within_ / sums.count);
-    return weight * sums.sum / sums.count + (1 - weight) * Mean();
-  }
-  // Mean square of a pixel's error over the square of its tile's mean.
-  double SquareRatio() const {
     double squares = 0;
-    for (size_t i = 0; i < of_tile_.size(); ++i) {
-      squares += of_tile_[i].count * MeanOf(i) * MeanOf(i);
+    for (size_t i = 0; i < tiles.size(); ++i) {
+      errors_[i] *= all.RelativeMse() * pixel_count / sum;
+      squares += static_cast<double>(of_tile[i].pixel_count) * errors_[i] * errors_[i];
     }
-    return squares == 0 ? 1 : std::max(1.0, all_.square_sum / squares);
+    if (squares > 0) square_ratio_ = std::max(1.0, all.square_sum / squares);
   }
+  double MeanOf(size_t tile) const { return errors_[tile]; }
+  // Mean square of a pixel's error over the square of its tile's mean.
+  double SquareRatio() const { return square_ratio_; }
 
  private:
-  struct Sums {
-    double count = 0, sum = 0, square_sum = 0;
+  // Of logarithms: of blocks in a tile, and of tiles.
+  struct Variances {
+    double within = 0, between = 0;
   };
-  std::vector<Sums> of_tile_;
-  Sums all_;
-  double within_ = 0, between_ = 0;
-};
-
-// What pictures took.
-struct Cost {
-  double pixel_count = 0, samples = 0, cpu_seconds = 0;
-};
-
-// CPU seconds that each pixel of a picture costs besides its samples, whether it has any or not:
-// for the film and for what goes with a part. It is little in a picture and much in a pilot. The
-// two of a pair have the same.
-double FitIdleCost(std::span<const PilotPicture> pilot) {
-  std::map<int32_t, std::map<uint64_t, Cost>> levels;  // By stride and samples.
-  for (const PilotPicture& picture : pilot) {
-    const PilotLevel& level = picture.level;
-    Cost& cost = levels[level.lattice.stride_px][level.samples];
-    cost.pixel_count = static_cast<double>(picture.picture.window.PixelCount());
-    cost.samples =
-        static_cast<double>(level.lattice.SampleCountIn(picture.picture.window, level.samples));
-    for (const double seconds : picture.cpu_seconds_of_tiles) cost.cpu_seconds += seconds;
-  }
-  double idle_seconds = 0, pixel_count = 0;
-  for (const auto& [stride, pair] : levels) {
-    if (pair.size() < 2) continue;
-    const Cost& low = pair.begin()->second;
-    const Cost& high = pair.rbegin()->second;
-    const double per_sample = (high.cpu_seconds - low.cpu_seconds) / (high.samples - low.samples);
-    idle_seconds += low.cpu_seconds - std::max(0.0, per_sample) * low.samples;
-    pixel_count += low.pixel_count;
-  }
-  return pixel_count == 0 ? 0 : std::max(0.0, idle_seconds) / pixel_count;
-}
-
-struct CpuModel {
-  std::vector<double> seconds;  // Of one sample of a pixel, in each tile.
-  double log_deviation = 0;     // Of the frame's, for the choice of blocks and for cold caches.
-};
-
-CpuModel FitCpu(std::span<const PixelRect> tiles, std::span<const PilotPicture> pilot,
-                int thread_count) {
-  const size_t tile_count = tiles.size();
-  const double idle = FitIdleCost(pilot);
-  std::vector<Cost> of_tile(tile_count);
-  Cost all;
-  for (const PilotPicture& picture : pilot) {
-    const PilotLevel& level = picture.level;
-    for (size_t i = 0; i < tile_count; ++i) {
-      const double idle_seconds = idle * static_cast<double>(tiles[i].PixelCount());
-      of_tile[i].samples +=
-          static_cast<double>(level.lattice.SampleCountIn(tiles[i], level.samples));
-      of_tile[i].cpu_seconds += std::max(0.0, picture.cpu_seconds_of_tiles[i] - idle_seconds);
+  // Sources of variance by the one-way analysis; Searle 1971, Linear Models, chapter 10.
+  template <typename LogOf>
+  static Variances FitVariances(size_t tile_count, const std::vector<Block>& blocks,
+                                const LogOf& log_of) {
+    struct Sums {
+      double count = 0, sum = 0, square_sum = 0;
+      void Add(double value) {
+        ++count;
+        sum += value;
+        square_sum += value * value;
+      }
+      double Squares() const { return count == 0 ? 0 : square_sum - sum * sum / count; }
+    };
+    std::vector<Sums> of_tile(tile_count);
+    Sums all;
+    for (const Block& block : blocks) {
+      const double value = log_of(block.error);
+      of_tile[block.tile].Add(value);
+      all.Add(value);
     }
+    const double total = (all.Squares() + kVarianceFreedom * kBlockLogVariance) /
+                         (std::max(all.count - 1, 0.0) + kVarianceFreedom);
+    double squares = 0, freedom = 0;
+    for (const Sums& tile : of_tile) {
+      squares += tile.Squares();
+      freedom += std::max(tile.count - 1, 0.0);
+    }
+    Variances variances;
+    variances.within =
+        (squares + kVarianceFreedom * kWithinShare * total) / (freedom + kVarianceFreedom);
+    variances.between = std::max(total - variances.within, 0.1 * total);
+    return variances;
   }
-  for (const Cost& cost : of_tile) {
-    all.samples += cost.samples;
-    all.cpu_seconds += cost.samples > 0 ? cost.cpu_seconds : 0;
-  }
-  const double cold = std::min(kColdSeconds * thread_count, kColdShareMax * all.cpu_seconds);
-  const double warm = 1 - cold / all.cpu_seconds;
-  const double mean = all.cpu_seconds / all.samples;
-  double squares = 0;
-  CpuModel model;
-  for (const Cost& cost : of_tile) {
-    const double own = cost.samples > 0 ? cost.cpu_seconds / cost.samples : mean;
-    model.seconds.push_back(warm * own);
-    squares += (cost.cpu_seconds - mean * cost.samples) * (cost.cpu_seconds - mean * cost.samples);
-  }
-  model.log_deviation = std::hypot(std::sqrt(squares) / all.cpu_seconds, 1 - warm);
-  return model;
-}
+
+  std::vector<double> errors_;
+  double square_ratio_ = 1;
+};
 
 }  // namespace
 
-std::vector<PilotLevel> PilotPair(double samples_per_pixel, int64_t frame_pixel_count) {
-  if (samples_per_pixel <= 0) return {};
-  const PixelLattice lattice{StrideFor(BlockSamples(kBaseSamples) + BlockSamples(kPairSamples),
-                                       samples_per_pixel, frame_pixel_count)};
-  // The larger goes first, so that caches are warm for the other.
-  const std::vector<PilotLevel> levels{{lattice, kPairSamples}, {lattice, kBaseSamples}};
-  if (levels[0].SamplesPerPixel() + levels[1].SamplesPerPixel() > samples_per_pixel) return {};
-  return levels;
-}
-
-std::vector<PilotLevel> PilotLevels(double samples_per_pixel, int64_t frame_pixel_count) {
-  const double single = kSingleShare * samples_per_pixel;
-  std::vector<PilotLevel> levels = PilotPair(samples_per_pixel - single, frame_pixel_count);
-  PixelLattice lattice{StrideFor(BlockSamples(kBaseSamples), single, frame_pixel_count)};
-  // Pictures of one lattice and one number of samples would be the same.
-  if (!levels.empty() && lattice.stride_px == levels[0].lattice.stride_px) ++lattice.stride_px;
-  levels.insert(levels.begin() + (levels.empty() ? 0 : 1), {lattice, kBaseSamples});
-  return levels;
-}
-
-ErrorModel FitErrorModel(std::span<const PixelRect> tiles, std::span<const PilotPicture> pilot,
-                         int thread_count) {
-  const TileFinder finder(tiles);
-  std::map<int32_t, Blocks> base, deep;  // By stride.
-  for (const PilotPicture& picture : pilot) {
-    auto& levels = picture.level.samples == kBaseSamples ? base : deep;
-    levels[picture.level.lattice.stride_px] = ErrorsOf(picture, finder);
+std::vector<PilotLevel> PilotLevels(double samples_per_pixel, int64_t frame_pixel_count,
+                                    std::span<const PilotLevel> before) {
+  const auto pixel_count = static_cast<double>(frame_pixel_count);
+  int32_t finest = kPixelStrideMax + 1;
+  for (const PilotLevel& level : before) {
+    if (!level.lattice.All()) finest = std::min(finest, level.lattice.stride_px);
   }
-  std::vector<PixelError> pixels;
-  std::vector<BlockSum> blocks;
-  std::vector<std::pair<double, double>> pairs;
-  for (const auto& [stride, low] : base) {
-    const auto high = deep.find(stride);
-    for (const auto& [cell, block] : low) {
-      pixels.insert(pixels.end(), block.begin(), block.end());
-      blocks.push_back(SumOf(block));
-      if (high == deep.end()) continue;
-      pairs.emplace_back(blocks.back().error, SumOf(high->second.at(cell)).error);
+  std::vector<PilotLevel> levels;
+  double left = samples_per_pixel;
+  if (before.empty()) {
+    const double shrink =
+        std::sqrt(std::max(1 / (kMeanShare * left), pixel_count / kMeanPixelsMax));
+    levels.push_back({{}, 1, std::max(2, static_cast<int32_t>(std::ceil(shrink)))});
+    left -= levels.back().SamplesPerPixel();
+  }
+  const PixelLattice lattice{StrideFor(BlockSamples(kBaseSamples) + BlockSamples(kPairSamples),
+                                       kPairShare * left, frame_pixel_count)};
+  const double blocks = pixel_count / (1.0 * lattice.stride_px * lattice.stride_px);
+  if (lattice.stride_px < finest && blocks >= kPairBlocksMin) {
+    for (const uint64_t samples : {kPairSamples, kBaseSamples}) {
+      levels.push_back({lattice, samples});
+      left -= levels.back().SamplesPerPixel();
     }
   }
-  const TileErrors errors(tiles.size(), pixels);
+  // Pictures of one lattice and one number of samples would be the same.
+  PixelLattice single{StrideFor(BlockSamples(kBaseSamples), left, frame_pixel_count)};
+  if (levels.size() > 1 && single.stride_px == lattice.stride_px) ++single.stride_px;
+  if (single.stride_px < finest) levels.push_back({single, kBaseSamples});
+  return levels;
+}
+
+absl::StatusOr<std::vector<double>> TileCpuSecondsOf(
+    const std::map<std::string, std::string>& metadata, size_t tile_count) {
+  const auto entry = metadata.find("tileCpuSeconds");
+  std::vector<double> times;
+  if (entry != metadata.end()) {
+    for (const absl::string_view text : absl::StrSplit(entry->second, ' ', absl::SkipEmpty())) {
+      if (!absl::SimpleAtod(text, &times.emplace_back())) times.clear();
+    }
+  }
+  if (times.size() == tile_count) return times;
+  return absl::DataLossError(
+      "the coordinator does not tell what each tile of a pilot cost, so nothing can be quoted; "
+      "it may be older than this program: use the same version of both");
+}
+
+ErrorModel FitErrorModel(std::span<const PixelRect> tiles, std::span<const PilotPicture> pilot) {
+  const TileFinder finder(tiles);
+  const double mean = FitMean(pilot);
+  std::map<int32_t, std::vector<Block>> base, deep;  // By stride.
+  for (const PilotPicture& picture : pilot) {
+    if (picture.level.lattice.All()) continue;
+    auto& levels = picture.level.samples == kBaseSamples ? base : deep;
+    levels[picture.level.lattice.stride_px] = BlocksOf(picture, finder, mean);
+  }
+  std::vector<Block> blocks;
+  std::vector<std::pair<double, double>> pairs;
+  for (const auto& [stride, low] : base) {
+    blocks.insert(blocks.end(), low.begin(), low.end());
+    const auto high = deep.find(stride);
+    if (high == deep.end()) continue;
+    for (size_t i = 0; i < low.size(); ++i) {
+      pairs.emplace_back(low[i].error.sum, high->second[i].error.sum);
+    }
+  }
+  const TileErrors errors(tiles, blocks);
   ErrorModel model;
   const Rate rate = FitRate(pairs);
   model.rate = rate.value;
   model.rate_deviation = rate.deviation;
   model.log_error_deviation = LogDeviationOf(blocks);
-
-  for (const PilotPicture& picture : pilot) {
-    SHEAF_CHECK(picture.cpu_seconds_of_tiles.size() == tiles.size());
-  }
-  const CpuModel cpu = FitCpu(tiles, pilot, thread_count);
+  const CpuModel cpu = FitCpu(tiles, pilot);
   model.log_cpu_deviation = cpu.log_deviation;
-  const double square_ratio = errors.SquareRatio();
   for (size_t i = 0; i < tiles.size(); ++i) {
     ForecastTile tile;
     const auto count = static_cast<double>(tiles[i].PixelCount());
     const double error = errors.MeanOf(i);
-    tile.measured = {kBaseSamples,
-                     {tiles[i].PixelCount(), count * error, count * square_ratio * error * error}};
+    tile.measured = {
+        kBaseSamples,
+        {tiles[i].PixelCount(), count * error, count * errors.SquareRatio() * error * error}};
     tile.cpu_seconds_per_sample = count * cpu.seconds[i];
     model.tiles.push_back(tile);
   }

@@ -1,16 +1,19 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// From a pilot to an ErrorModel. A pilot is a frame rendered at few of its pixels (PixelLattice):
-// some once at the samples of a first round, and some of them twice, so that it can be told how
-// their errors fall:
+// From a pilot to an ErrorModel. A pilot is a frame rendered at few of its pixels (PixelLattice) at
+// the samples of a first round, some of them with more, so that it can be told how their errors
+// fall; and the whole frame made small, for its mean, against which dark pixels' errors are held:
 //
-//     pictures of the pilot > errors of their pixels > errors of tiles, rate b > ErrorModel
+//     pictures of the pilot > errors of their blocks > errors of tiles, rate b > ErrorModel
 #pragma once
 
+#include <map>
 #include <span>
+#include <string>
 #include <vector>
 
+#include "absl/status/statusor.h"
 #include "common/film/frame_picture.h"
 #include "common/film/pixel_lattice.h"
 #include "coordinator/core/cost_forecast.h"
@@ -24,25 +27,32 @@ inline constexpr uint64_t kPilotSamplesMax = 4 * uint64_t{kReplicateCount};
 struct PilotLevel {
   PixelLattice lattice;
   uint64_t samples = kReplicateCount;  // Of each of its pixels.
+  int32_t shrink = 1;  // More: all pixels of the frame made so many times smaller, and no lattice.
   // What it costs, spread over all pixels of the frame.
-  double SamplesPerPixel() const { return lattice.SamplesPerPixel(samples); }
+  double SamplesPerPixel() const {
+    return lattice.SamplesPerPixel(samples) / (1.0 * shrink * shrink);
+  }
 };
 struct PilotPicture {
   PilotLevel level;
   FramePicture picture;
-  std::vector<double> cpu_seconds_of_tiles;
+  std::vector<double> cpu_seconds_of_tiles;  // Of a lattice.
 };
 
-// The levels of a pilot that costs at most `samples_per_pixel` of all of a frame's pixels: one
-// picture with the first round's samples, and a pair at fewer pixels. Coarser for large frames, of
-// which so many pixels are not needed.
-std::vector<PilotLevel> PilotLevels(double samples_per_pixel, int64_t frame_pixel_count);
-// Just a pair, to go on with where that was not enough; empty where even that costs too much.
-std::vector<PilotLevel> PilotPair(double samples_per_pixel, int64_t frame_pixel_count);
+// The levels of a pilot that costs at most `samples_per_pixel` of all of a frame's pixels, where
+// those of `before` are there. The first has the small picture. Blocks are fewer in large frames,
+// which do not need so many pixels; a pair, of the same blocks with more samples, is there where it
+// tells more than what is known of all scenes. Empty where more would not tell more.
+std::vector<PilotLevel> PilotLevels(double samples_per_pixel, int64_t frame_pixel_count,
+                                    std::span<const PilotLevel> before);
 
-// thread_count: that took part. Requires: pictures of one frame, each with the CPU time of all of
-// its tiles; levels with the least samples, and pairs of one lattice.
-ErrorModel FitErrorModel(std::span<const PixelRect> tiles, std::span<const PilotPicture> pilot,
-                         int thread_count);
+// What a pilot's metadata tell of each of the frame's tiles. Errors: kDataLoss where they do not
+// tell it of so many.
+absl::StatusOr<std::vector<double>> TileCpuSecondsOf(
+    const std::map<std::string, std::string>& metadata, size_t tile_count);
+
+// Requires: pictures of one frame, one of a lattice with the least
+// samples among them; those of lattices with the CPU time of all tiles; pairs of one lattice.
+ErrorModel FitErrorModel(std::span<const PixelRect> tiles, std::span<const PilotPicture> pilot);
 
 }  // namespace sheaf::coordinator

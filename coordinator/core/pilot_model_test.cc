@@ -15,6 +15,16 @@ constexpr int32_t kTileSizePx = 32;
 
 // Pixels of value 1 whose variances at 16 samples are as `variance` says and fall as 1 / n^rate,
 // estimated with 15 degrees of freedom.
+// The frame made small, of this mean.
+PilotPicture MakeSmall(const PilotLevel& level, float mean) {
+  const int32_t width = kWindow.x1 / level.shrink, height = kWindow.y1 / level.shrink;
+  PilotPicture pilot{level, MakeFramePicture({0, 0, width, height}, width, height), {}};
+  for (const char* channel : {"R", "G", "B", "samples"}) {
+    for (float& value : *pilot.picture.Find(channel)) value = *channel == 's' ? 1 : mean;
+  }
+  return pilot;
+}
+
 template <typename Variance>
 PilotPicture MakePilot(const PilotLevel& level, double rate, uint64_t seed,
                        const Variance& variance) {
@@ -45,39 +55,79 @@ PilotPicture MakePilot(const PilotLevel& level, double rate, uint64_t seed,
 }
 
 template <typename Variance>
-ErrorModel FitOf(double rate, const Variance& variance, double samples_per_pixel = 0.5) {
+ErrorModel FitOf(double rate, const Variance& variance, double samples_per_pixel = 0.5,
+                 float mean = 1) {
   std::vector<PilotPicture> pilot;
   uint64_t seed = 1;
-  for (const PilotLevel& level : PilotLevels(samples_per_pixel, kWindow.PixelCount())) {
-    pilot.push_back(MakePilot(level, rate, ++seed, variance));
+  for (const PilotLevel& level : PilotLevels(samples_per_pixel, kWindow.PixelCount(), {})) {
+    pilot.push_back(level.shrink > 1 ? MakeSmall(level, mean)
+                                     : MakePilot(level, rate, ++seed, variance));
   }
   const std::vector<PixelRect> tiles = CutTiles(kWindow, kTileSizePx);
-  return FitErrorModel(tiles, pilot, /*thread_count=*/0);
+  return FitErrorModel(tiles, pilot);
 }
 
 TEST(PilotModelTest, PilotsCostNoMoreThanTheyMay) {
   for (const int64_t pixels : {int64_t{1000}, int64_t{192 * 192}, int64_t{3840 * 2160}}) {
     for (const double allowed : {0.4, 2.0, 20.0}) {
       double cost = 0;
-      for (const PilotLevel& level : PilotLevels(allowed, pixels)) cost += level.SamplesPerPixel();
+      for (const PilotLevel& level : PilotLevels(allowed, pixels, {})) {
+        cost += level.SamplesPerPixel();
+      }
       EXPECT_LE(cost, allowed);
-      if (pixels < 100'000) {
+      if (pixels < 100'000 && allowed < 4) {
         EXPECT_GT(cost, 0.5 * allowed);
       }
     }
   }
 }
 
+TEST(PilotModelTest, FurtherPilotsHaveOtherBlocksOrAreNone) {
+  std::vector<PilotLevel> before = PilotLevels(0.4, 400 * 400, {});
+  EXPECT_GT(before.front().shrink, 1);
+  for (int i = 0; i < 12; ++i) {
+    const std::vector<PilotLevel> more = PilotLevels(0.4 * std::pow(2, i), 400 * 400, before);
+    if (more.empty()) return;
+    for (const PilotLevel& level : more) {
+      EXPECT_EQ(level.shrink, 1);
+      for (const PilotLevel& other : before) {
+        EXPECT_FALSE(level.lattice.stride_px == other.lattice.stride_px &&
+                     level.samples == other.samples);
+      }
+    }
+    before.insert(before.end(), more.begin(), more.end());
+  }
+  FAIL() << "there are no more blocks than the picture has";
+}
+
 TEST(PilotModelTest, FindsErrorRateAndCost) {
   for (const double rate : {1.0, 1.25}) {
-    const ErrorModel model = FitOf(rate, [](int32_t, int32_t) { return 0.04; });
+    // Of so much, a part goes into a pair.
+    const ErrorModel model = FitOf(
+        rate, [](int32_t, int32_t) { return 0.04; }, 8);
     EXPECT_NEAR(model.rate, rate, 3 * model.rate_deviation);
-    EXPECT_LT(model.rate_deviation, 0.1);
+    EXPECT_LT(model.rate_deviation, 0.05);
     // 0.04 / (1 + 0.1^2) at 16 samples.
     EXPECT_NEAR(ForecastSamples(model, 16).relative_mse, 0.0396, 3 * 0.0396 * 0.05);
-    // Without what parts cost besides; tiles of few samples are less certain.
+    // Without what parts cost besides.
     EXPECT_NEAR(ForecastSamples(model, 100).cpu_seconds / (1e-3 * 320 * 256), 1, 0.1);
   }
+  // Of little, none does.
+  EXPECT_GT(FitOf(
+                1.0, [](int32_t, int32_t) { return 0.04; }, 0.4)
+                .rate_deviation,
+            0.05);
+}
+
+// A lamp that no block shows makes the frame's mean ten times theirs, and errors of dark pixels are
+// held against a tenth of it: all of 1 + 1^2, not of 1 + 0.1^2.
+TEST(PilotModelTest, DarkPixelsAreHeldAgainstTheMeanOfTheWholeFrame) {
+  const auto error = [](float mean) {
+    const ErrorModel model = FitOf(
+        1, [](int32_t, int32_t) { return 0.04; }, 0.5, mean);
+    return ForecastSamples(model, 16).relative_mse;
+  };
+  EXPECT_NEAR(error(10) / error(1), 1.01 / 2, 0.1);
 }
 
 TEST(PilotModelTest, TilesThatDifferAreToldApart) {
@@ -88,11 +138,30 @@ TEST(PilotModelTest, TilesThatDifferAreToldApart) {
   for (size_t i = 0; i < tiles.size(); ++i) {
     const double error = model.tiles[i].measured.error.RelativeMse();
     if (tiles[i].x1 <= 160) {
-      EXPECT_LT(error, 0.01) << i;
+      EXPECT_LT(error, 0.04) << i;  // Blocks may reach into a neighbour by a third.
     } else {
-      EXPECT_NEAR(error, 0.099, 0.06) << i;
+      EXPECT_NEAR(error, 0.099, 0.05) << i;
     }
   }
+}
+
+// Rounds save by giving samples where they are needed: with tiles all alike, those would seem to
+// cost what even samples do.
+TEST(PilotModelTest, TilesOfWhichLittleIsKnownAreNotAllAlike) {
+  const ErrorModel model = FitOf(
+      1,
+      [](int32_t x, int32_t y) {
+        return 0.04 * std::exp(0.9 * std::sin(0.7 * (x / 32)) + 0.9 * std::sin(1.1 * (y / 32)));
+      },
+      0.2);
+  double sum = 0, square_sum = 0;
+  for (const ForecastTile& tile : model.tiles) {
+    const double log_error = std::log(tile.measured.error.RelativeMse());
+    sum += log_error;
+    square_sum += log_error * log_error;
+  }
+  const auto count = static_cast<double>(model.tiles.size());
+  EXPECT_NEAR(std::sqrt(square_sum / count - sum * sum / count / count), 0.9, 0.3);
 }
 
 // A mean over hundreds of estimates with 15 degrees of freedom has 2 / 15 of variance each.
@@ -103,6 +172,17 @@ TEST(PilotModelTest, StatesWhatItDoesNotKnow) {
   const ErrorModel rare =
       FitOf(1, [](int32_t x, int32_t y) { return (x * 7 + y * 13) % 50 == 0 ? 2.0 : 1e-4; });
   EXPECT_GT(rare.log_error_deviation, 3 * even.log_error_deviation);
+}
+
+TEST(PilotModelTest, CpuTimesAreOfAllTilesOrNone) {
+  const auto times = [](const std::string& text) {
+    return TileCpuSecondsOf({{"tileCpuSeconds", text}}, 3);
+  };
+  EXPECT_EQ(*times("0.5 2e-3 0"), (std::vector<double>{0.5, 2e-3, 0}));
+  for (const char* text : {"", "0.5 2", "0.5 2 1 1", "0.5 x 1"}) {
+    EXPECT_TRUE(absl::IsDataLoss(times(text).status())) << text;
+  }
+  EXPECT_TRUE(absl::IsDataLoss(TileCpuSecondsOf({}, 3).status()));  // Of an older coordinator.
 }
 
 }  // namespace

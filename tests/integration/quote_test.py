@@ -7,6 +7,7 @@ How good they are over many scenes and targets is measured by tests/accuracy/quo
 """
 import json
 import os
+import signal
 import subprocess
 import tempfile
 import unittest
@@ -90,6 +91,26 @@ class QuoteOnFarmTest(unittest.TestCase):
             self.assertIn("2 threads, which now work on 1 job as well", text)
             job = json.loads(f.sheaf("show", busy, "--json").stdout)
             self.assertEqual(job["state"], "running")
+
+    def test_interrupted_it_leaves_no_pilot_behind(self):
+        with farm.Farm() as f:  # Without workers the pilot waits for ever.
+            def states():
+                lines = f.sheaf("list", "--json").stdout.splitlines()
+                return [json.loads(line)["state"] for line in lines]
+
+            for sent in (signal.SIGINT, signal.SIGTERM):
+                count = len(states())
+                quote = subprocess.Popen([os.path.join(farm.programs(), "sheaf"), "quote", ROOM],
+                                         env=dict(os.environ, SHEAF_COORDINATOR=f.address),
+                                         stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+                try:
+                    farm.wait_until(lambda: len(states()) > count, 30, "a pilot")
+                    quote.send_signal(sent)
+                    self.assertEqual(quote.wait(30 * farm.TIME_SCALE), 130)
+                finally:
+                    quote.kill()
+                    quote.wait()
+                self.assertEqual(set(states()), {"cancelled"})
 
     def test_ranges_are_quoted_from_some_frames(self):
         with farm.Farm() as f:

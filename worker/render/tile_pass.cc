@@ -4,6 +4,7 @@
 // TilePass > samples > FilmTile.
 #include "worker/render/tile_pass.h"
 
+#include <algorithm>
 #include <ctime>
 #include <optional>
 #include <utility>
@@ -22,6 +23,25 @@ double ThreadCpuSeconds() {
   timespec now{};
   if (clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now) != 0) return 0;
   return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
+}
+
+// Calls render with each run of pixels of the tile's row that have samples of the block, and those.
+template <typename Render>
+void RenderChosen(const PixelLattice& lattice, const PixelRect& tile, int32_t y, SampleBlock block,
+                  const Render& render) {
+  const int32_t stride = lattice.stride_px;
+  for (int32_t cell_x = tile.x0 / stride; cell_x * stride < tile.x1; ++cell_x) {
+    const PixelRect chosen = lattice.BlockOf(cell_x, y / stride);
+    if (y < chosen.y0 || y >= chosen.y1) continue;
+    const int32_t end = std::min(chosen.x1, tile.x1);
+    for (int32_t x = std::max(chosen.x0, tile.x0); x < end;) {
+      const int32_t begin = x;
+      const PixelLattice::Part part = lattice.PartOf(x, y);
+      while (x < end && lattice.PartOf(x, y) == part) ++x;
+      const SampleBlock samples = lattice.SamplesOf(part, block);
+      if (samples.count > 0) render(begin, x, samples);
+    }
+  }
 }
 
 }  // namespace
@@ -51,15 +71,9 @@ absl::StatusOr<FilmTile> RenderTilePass(const CompiledScene& scene, PixelRect ti
         render_row(scene, tile.x0, tile.x1, y, block, &*accumulator, &counts);
         continue;
       }
-      for (int32_t x = tile.x0; x < tile.x1;) {
-        const int32_t begin = x;
-        const PixelLattice::Part part = lattice.PartOf(x, y);
-        while (x < tile.x1 && lattice.PartOf(x, y) == part) ++x;
-        const SampleBlock samples = lattice.SamplesOf(part, block);
-        if (samples.count > 0) {
-          render_row(scene, begin, x, y, samples, &*accumulator, &counts);
-        }
-      }
+      RenderChosen(lattice, tile, y, block, [&](int32_t x0, int32_t x1, SampleBlock samples) {
+        render_row(scene, x0, x1, y, samples, &*accumulator, &counts);
+      });
     }
     if (counts.broken_majorants == 0 || factor >= kMajorantFactorMax) break;
   }

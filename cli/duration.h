@@ -1,0 +1,15 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Durations of messages as numbers.
+#pragma once
+
+#include <google/protobuf/duration.pb.h>
+
+namespace sheaf::cli {
+
+inline double Seconds(const google::protobuf::Duration& duration) {
+  return static_cast<double>(duration.seconds()) + duration.nanos() * 1e-9;
+}
+
+}  // namespace sheaf::cli
