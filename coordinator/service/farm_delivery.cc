@@ -75,25 +75,29 @@ void Farm::RunBackground() {
 }
 
 void Farm::RefreshFrames() {
-  std::vector<std::shared_ptr<OpenFrame>> frames;
+  std::vector<std::pair<FrameId, std::shared_ptr<OpenFrame>>> frames;
   {
     const std::lock_guard lock(mutex_);
-    for (const auto& [id, frame] : open_frames_) frames.push_back(frame);
+    frames.assign(open_frames_.begin(), open_frames_.end());
   }
-  for (const std::shared_ptr<OpenFrame>& frame : frames) {
+  for (const auto& [id, frame] : frames) {
     const absl::Time start = absl::Now();
-    FrameError error;
+    double relative_mse = 0;
     {
       const std::lock_guard lock(frame->mutex);
-      if (start < frame->next_refresh_time || !frame->merge.Refresh()) continue;
-      error = EstimateError(frame->merge.picture());
+      if (start < frame->next_refresh_time) continue;
+      const std::vector<uint32_t> changed = frame->merge.Refresh();
+      if (changed.empty()) continue;
+      frame->error.Update(frame->merge.picture(), changed);
+      relative_mse = frame->error.RelativeMse();
+      if (!frame->spec.stop.IsActive()) NotePoint(frame.get(), id, /*ended=*/false);
       const absl::Duration cost = absl::Now() - start;
       frame->next_refresh_time =
           start + std::max(options_.preview_interval_min, cost / kPreviewShareMax);
     }
     {
       const std::lock_guard lock(mutex_);
-      frame->error = error;
+      frame->relative_mse = relative_mse;
       ++frame->preview_version;
     }
     Changed();
@@ -204,6 +208,8 @@ absl::Status Farm::DeliverFrame(const FrameId& id) {
       const absl::StatusOr<bool> done = FinishRound(frame.get(), id);
       if (!done.ok()) return done.status();
       if (!*done) return absl::OkStatus();
+    } else {
+      NotePoint(frame.get(), id, /*ended=*/true);
     }
     FramePicture* picture = frame->merge.mutable_picture();
     picture->metadata = PictureMetadata(frame->spec, numeric_profile);

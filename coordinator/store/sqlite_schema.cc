@@ -9,7 +9,7 @@
 namespace sheaf::coordinator {
 namespace {
 
-constexpr int64_t kSchemaVersion = 9;
+constexpr int64_t kSchemaVersion = 10;
 
 constexpr char kSchema[] = R"sql(
 CREATE TABLE meta(key TEXT PRIMARY KEY, value INTEGER NOT NULL) WITHOUT ROWID;
@@ -82,6 +82,13 @@ ALTER TABLE frames ADD COLUMN pixel_stride_px INTEGER NOT NULL DEFAULT 1;
 constexpr char kAddedBy9[] = R"sql(
 ALTER TABLE jobs ADD COLUMN paused INTEGER NOT NULL DEFAULT 0;
 )sql";
+constexpr char kAddedBy10[] = R"sql(
+CREATE TABLE effects(
+  job_id INTEGER NOT NULL, position INTEGER NOT NULL, name TEXT NOT NULL, problem TEXT NOT NULL,
+  without TEXT NOT NULL, time_share REAL NOT NULL, time_share_error REAL NOT NULL,
+  mean_change REAL NOT NULL, mean_change_error REAL NOT NULL, relative_mse REAL NOT NULL,
+  variance_ratio REAL NOT NULL, PRIMARY KEY(job_id, position)) WITHOUT ROWID;
+)sql";
 
 }  // namespace
 
@@ -100,8 +107,8 @@ absl::Status MigrateSchema(SqliteDatabase* database, const std::string& path) {
   }
   if (version == kSchemaVersion) return absl::OkStatus();
   std::string statements = absl::StrCat("BEGIN;", version == 0 ? kSchema : "");
-  const char* const added[] = {kAddedBy2, kAddedBy3, kAddedBy4, kAddedBy5,
-                               kAddedBy6, kAddedBy7, kAddedBy8, kAddedBy9};
+  const char* const added[] = {kAddedBy2, kAddedBy3, kAddedBy4, kAddedBy5, kAddedBy6,
+                               kAddedBy7, kAddedBy8, kAddedBy9, kAddedBy10};
   int64_t adds = 2;
   for (const char* of_version : added) {
     if (version < adds++) statements += of_version;
