@@ -7,6 +7,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/time/clock.h"
+#include "common/base/cpu_clock.h"
 #include "common/base/log.h"
 #include "common/film/cryptomatte.h"
 #include "common/film/exr_codec.h"
@@ -82,6 +83,7 @@ void Farm::RefreshFrames() {
   }
   for (const auto& [id, frame] : frames) {
     const absl::Time start = absl::Now();
+    const double start_cpu_seconds = ThreadCpuSeconds();
     double relative_mse = 0;
     {
       const std::lock_guard lock(frame->mutex);
@@ -90,10 +92,10 @@ void Farm::RefreshFrames() {
       if (changed.empty()) continue;
       frame->error.Update(frame->merge.picture(), changed);
       relative_mse = frame->error.RelativeMse();
-      if (!frame->spec.stop.IsActive()) NotePoint(frame.get(), id, /*ended=*/false);
-      const absl::Duration cost = absl::Now() - start;
+      const absl::Duration cost = absl::Seconds(ThreadCpuSeconds() - start_cpu_seconds);
       frame->next_refresh_time =
           start + std::max(options_.preview_interval_min, cost / kPreviewShareMax);
+      if (!frame->spec.stop.IsActive()) NotePoint(frame.get(), id, /*ended=*/false);
     }
     {
       const std::lock_guard lock(mutex_);

@@ -15,7 +15,7 @@ import type {Size} from './view_transform';
 
 // From asking for one version to asking for the next, at least; and from having it.
 const REFRESH_MS = 350;
-const REST_MS = 100;
+const REST_MS = 50;
 // Pixels of a preview at most: larger pictures come shrunk (kPreviewPixelCountMax of the
 // coordinator).
 const PIXELS_MAX = 1 << 21;
