@@ -7,12 +7,23 @@
 #include <string>
 
 #include "absl/status/status.h"
+#include "absl/strings/str_cat.h"
 #include "cli/farm_command.h"
 #include "cli/follow_job.h"
 #include "cli/job_json.h"
+#include "cli/progress_line.h"
 
 namespace sheaf::cli {
 namespace {
+
+// Of the present error, those that are priced where none is asked for.
+constexpr double kPricedShares[] = {0.5, 0.25, 0.1, 0.05, 0.01};
+
+std::string BandText(const v1::Estimate& seconds) {
+  if (seconds.value() == 0) return "-";
+  return absl::StrCat(FormatTime(seconds.value()), " (", FormatTime(seconds.low()), " to ",
+                      FormatTime(seconds.high()), ")");
+}
 
 class RefineCommand : public FarmCommand {
  public:
@@ -26,11 +37,15 @@ class RefineCommand : public FarmCommand {
                      "Samples per pixel in all; with an error, a time or a budget: at most")
         ->check(CLI::PositiveNumber);
     command->add_flag("--wait", wait_, "Stay until the pictures are here");
+    command->add_flag(
+        "--price", price_,
+        "Only say what it would cost: for --target-error, or else for several errors");
     AddPictureOptions(command, &arguments_);
     command->footer(
         "Examples:\n"
         "  sheaf refine jobs/7 --target-error 0.001 --wait -o room.exr\n"
         "  sheaf refine 7 --samples 1024\n"
+        "  sheaf refine 7 --price\n"
         "Time and budget count from the job's beginning. What the coordinator no longer keeps of\n"
         "the job (--kept-parts-max) is rendered again.");
     return command;
@@ -39,6 +54,7 @@ class RefineCommand : public FarmCommand {
  protected:
   ExitCode RunWith(FarmClient* client) override {
     const StopArguments& stop = arguments_.stop;
+    if (price_) return PrintPrices(client);
     if (!stop.IsActive() && samples_ == 0) {
       return ReportError(ExitCode::kUsage,
                          absl::InvalidArgumentError("say how far: --target-error, --time, "
@@ -67,9 +83,44 @@ class RefineCommand : public FarmCommand {
   }
 
  private:
+  ExitCode PrintPrices(FarmClient* client) {
+    const absl::StatusOr<v1::Job> job = client->GetJob(job_name());
+    if (!job.ok()) return ReportCallError(job.status());
+    v1::PriceRefinementRequest request;
+    request.set_name(job->name());
+    if (arguments_.stop.target_error > 0) {
+      request.add_target_errors(arguments_.stop.target_error);
+    } else {
+      for (const double share : kPricedShares) {
+        request.add_target_errors(share * job->progress().relative_mse());
+      }
+    }
+    const absl::StatusOr<v1::PriceRefinementResponse> prices = client->PriceRefinement(request);
+    if (!prices.ok()) return ReportCallError(prices.status());
+    if (json()) {
+      std::printf("%s\n", RefinementPricesJson(*prices).c_str());
+      return ExitCode::kOk;
+    }
+    std::printf("%-14s %10s  %-34s %s\n", "error (relMSE)", "samples", "more CPU time (80 % band)",
+                "wall time (80 % band)");
+    for (const v1::RefinementPrice& price : prices->prices()) {
+      std::printf("%-14.3g %10.1f  %-34s %s%s\n", price.target_error(),
+                  price.samples_per_pixel().value(), BandText(price.cpu_seconds()).c_str(),
+                  BandText(price.wall_seconds()).c_str(),
+                  price.reached() ? "" : "  not within the most samples that a pixel may get");
+    }
+    std::printf("now %.3g; wall time for %d threads", job->progress().relative_mse(),
+                prices->thread_count());
+    if (prices->jobs_before_count() > 0) {
+      std::printf(", beside %d other jobs", prices->jobs_before_count());
+    }
+    std::printf("\n");
+    return ExitCode::kOk;
+  }
+
   JobArguments arguments_;
   uint64_t samples_ = 0;
-  bool wait_ = false;
+  bool wait_ = false, price_ = false;
 };
 
 }  // namespace

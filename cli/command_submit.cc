@@ -6,12 +6,14 @@
 #include <string>
 
 #include "cli/command.h"
+#include "cli/effect_costs.h"
 #include "cli/follow_job.h"
 #include "cli/interruption.h"
 #include "cli/job_json.h"
 #include "cli/options.h"
 #include "cli/quote.h"
 #include "common/rpc/channel.h"
+#include "worker/render/plan_measurement.h"
 
 namespace sheaf::cli {
 namespace {
@@ -34,6 +36,11 @@ class SubmitCommand : public Command {
     command->add_option("--priority", arguments_.priority, "Higher goes first")
         ->check(CLI::Range(-1000, 1000))
         ->capture_default_str();
+    command
+        ->add_option("--measure", measure_seconds_,
+                     "Before, measure so many seconds here what each effect of the first frame's "
+                     "scene costs and gives (see sheaf plan), to be shown with the job")
+        ->check(CLI::Range(render::kMeasureSecondsMin, render::kMeasureSecondsMax));
     command->footer(
         "Examples:\n"
         "  sheaf submit room.pbrt --samples 256 --wait -o room.exr --png room.png\n"
@@ -65,8 +72,14 @@ class SubmitCommand : public Command {
         return ReportCallError(status);
       }
     }
-    const absl::StatusOr<v1::Job> created =
-        client.CreateJob(MakeCreateJobRequest(arguments_, *job));
+    v1::CreateJobRequest request = MakeCreateJobRequest(arguments_, *job);
+    if (measure_seconds_ > 0) {
+      const absl::StatusOr<std::vector<v1::EffectCost>> costs =
+          MeasureEffects(arguments_, measure_seconds_);
+      if (!costs.ok()) return ReportSceneError(costs.status());
+      request.mutable_effect_costs()->Assign(costs->begin(), costs->end());
+    }
+    const absl::StatusOr<v1::Job> created = client.CreateJob(request);
     if (!created.ok()) return ReportCallError(created.status());
     if (wait_) {
       return FollowToTheEnd(&client, created->name(), json_, OutputPaths(arguments_, *job), *view);
@@ -94,6 +107,7 @@ class SubmitCommand : public Command {
   JobArguments arguments_;
   std::string coordinator_ = "127.0.0.1:7400";
   bool wait_ = false, json_ = false, no_quote_ = false;
+  double measure_seconds_ = 0;
 };
 
 }  // namespace

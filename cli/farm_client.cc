@@ -216,6 +216,18 @@ absl::StatusOr<v1::Job> FarmClient::RefineJob(const v1::RefineJobRequest& reques
   return job;
 }
 
+absl::StatusOr<v1::PriceRefinementResponse> FarmClient::PriceRefinement(
+    const v1::PriceRefinementRequest& request) {
+  v1::PriceRefinementResponse response;
+  const absl::Status status = Call(
+      [&](grpc::ClientContext* context) {
+        return FromGrpcStatus(jobs_->PriceRefinement(context, request, &response));
+      },
+      kUnaryDeadline);
+  if (!status.ok()) return status;
+  return response;
+}
+
 absl::StatusOr<std::vector<v1::Job>> FarmClient::ListJobs(size_t count_max) {
   std::vector<v1::Job> jobs;
   v1::ListJobsRequest request;

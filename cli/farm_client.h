@@ -57,6 +57,8 @@ class FarmClient {
   absl::StatusOr<v1::Job> ResumeJob(const std::string& name);
   absl::StatusOr<v1::Job> SetJobPriority(const std::string& name, int32_t priority);
   absl::StatusOr<v1::Job> RefineJob(const v1::RefineJobRequest& request);
+  absl::StatusOr<v1::PriceRefinementResponse> PriceRefinement(
+      const v1::PriceRefinementRequest& request);
   absl::StatusOr<std::vector<v1::Job>> ListJobs(size_t count_max);
   absl::StatusOr<std::vector<v1::Worker>> ListWorkers();
   absl::StatusOr<std::vector<BlobDigest>> FindMissing(const std::vector<BlobDigest>& digests);

@@ -133,10 +133,41 @@ std::string JobJson(const v1::Job& job) {
       {"create_time", TimeJson(job.has_create_time(), job.create_time())},
       {"end_time", TimeJson(job.has_end_time(), job.end_time())},
       {"progress", ProgressJson(job.progress())},
+      {"effect_costs", Json::array()},
       {"frames", Json::array()},
   };
+  for (const v1::EffectCost& effect : job.effect_costs()) {
+    json["effect_costs"].push_back({{"name", effect.name()},
+                                    {"problem", effect.problem()},
+                                    {"without", effect.without()},
+                                    {"time_share", effect.time_share()},
+                                    {"time_share_error", effect.time_share_error()},
+                                    {"mean_change", effect.mean_change()},
+                                    {"mean_change_error", effect.mean_change_error()},
+                                    {"relative_mse", effect.relative_mse()},
+                                    {"variance_ratio", effect.variance_ratio()}});
+  }
   for (const v1::Frame& frame : job.frames()) json["frames"].push_back(FrameJson(frame));
   return Dump(json);
+}
+
+std::string RefinementPricesJson(const v1::PriceRefinementResponse& response) {
+  const auto estimate = [](const v1::Estimate& of) {
+    return Json{{"value", of.value()}, {"low", of.low()}, {"high", of.high()}};
+  };
+  Json prices = Json::array();
+  for (const v1::RefinementPrice& price : response.prices()) {
+    prices.push_back(
+        {{"target_error", price.target_error()},
+         {"reached", price.reached()},
+         {"relative_mse", estimate(price.relative_mse())},
+         {"samples_per_pixel", estimate(price.samples_per_pixel())},
+         {"cpu_seconds", estimate(price.cpu_seconds())},
+         {"wall_seconds", response.thread_count() > 0 ? estimate(price.wall_seconds()) : Json()}});
+  }
+  return Dump({{"prices", std::move(prices)},
+               {"thread_count", response.thread_count()},
+               {"jobs_before_count", response.jobs_before_count()}});
 }
 
 std::string WorkerJson(const v1::Worker& worker) {

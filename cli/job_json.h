@@ -17,6 +17,7 @@ std::string JobStateName(v1::Job::State state);
 std::string WorkerStateName(v1::Worker::State state);
 
 std::string JobJson(const v1::Job& job);
+std::string RefinementPricesJson(const v1::PriceRefinementResponse& response);
 std::string WorkerJson(const v1::Worker& worker);
 
 }  // namespace sheaf::cli

@@ -16,6 +16,7 @@
 #include "cli/farm_client.h"
 #include "cli/view_transform.h"
 #include "common/scene/render_settings.h"
+#include "coordinator/core/job.h"
 
 namespace sheaf::cli {
 
@@ -27,8 +28,7 @@ struct StopArguments {
 
   bool IsActive() const { return target_error > 0 || seconds > 0 || budget_cpu_hours > 0; }
 };
-// The samples that a pixel may get at most where StopArguments decide and no number is asked for.
-inline constexpr uint64_t kStoppedSamplesMax = uint64_t{1} << 16;
+using coordinator::kStoppedSamplesMax;
 
 // What submit and render have in common.
 struct JobArguments {

@@ -42,6 +42,13 @@ std::string FormatDuration(double seconds) {
   return absl::StrFormat("%d:%02d", total / 60, total % 60);
 }
 
+std::string FormatTime(double seconds) {
+  if (seconds < 1) return absl::StrFormat("%.0f ms", 1000 * seconds);
+  if (seconds < 100) return absl::StrFormat("%.3g s", seconds);
+  if (seconds < 6000) return absl::StrFormat("%.3g min", seconds / 60);
+  return absl::StrFormat("%.3g h", seconds / 3600);
+}
+
 std::string FormatCount(double count) {
   const char* const letters[] = {"", "k", "M", "G", "T", "P"};
   size_t letter = 0;

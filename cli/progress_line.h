@@ -15,6 +15,8 @@ namespace sheaf::cli {
 
 // "1:02:03", "4:05" or "0:07".
 std::string FormatDuration(double seconds);
+// An estimate: "850 ms", "12.3 s", "4.5 min", "1.2 h".
+std::string FormatTime(double seconds);
 // "1.23 k", "4.56 M", "7.89 G" and so on; below 1000 without a letter.
 std::string FormatCount(double count);
 // "12.3 %, error (relMSE) 1.2e-03, 4.56 M samples/s, 0:42 left": what can be told of it.

@@ -6,20 +6,13 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "cli/progress_line.h"
 #include "cli/quote.h"
 
 namespace sheaf::cli {
 namespace {
 
 using Json = nlohmann::ordered_json;
-
-// "850 ms", "12.3 s", "4.5 min", "1.2 h".
-std::string FormatTime(double seconds) {
-  if (seconds < 1) return absl::StrFormat("%.0f ms", 1000 * seconds);
-  if (seconds < 100) return absl::StrFormat("%.3g s", seconds);
-  if (seconds < 6000) return absl::StrFormat("%.3g min", seconds / 60);
-  return absl::StrFormat("%.3g h", seconds / 3600);
-}
 
 std::string FormatBanded(const Banded& time) {
   if (time.value == 0) return "-";

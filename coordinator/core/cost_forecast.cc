@@ -2,7 +2,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "coordinator/core/cost_forecast.h"
 
+#include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "common/base/check.h"
 
@@ -40,7 +42,8 @@ Forecast Account(const ErrorModel& model, std::span<const TileRound> tiles) {
   for (size_t i = 0; i < tiles.size(); ++i) {
     const auto samples = static_cast<double>(tiles[i].samples);
     pixel_samples += static_cast<double>(tiles[i].error.pixel_count) * samples;
-    forecast.cpu_seconds += model.tiles[i].cpu_seconds_per_sample * samples;
+    const auto kept = static_cast<double>(model.tiles[i].samples_kept);
+    forecast.cpu_seconds += model.tiles[i].cpu_seconds_per_sample * std::max(0.0, samples - kept);
     sum.Add(tiles[i].error);
   }
   forecast.samples = pixel_samples / static_cast<double>(sum.pixel_count);
@@ -48,12 +51,24 @@ Forecast Account(const ErrorModel& model, std::span<const TileRound> tiles) {
   return forecast;
 }
 
-Forecast PlayRounds(const ErrorModel& model, const StopRule& rule, uint64_t samples_max,
-                    std::vector<uint64_t> samples, double deviations) {
-  SHEAF_CHECK(!model.tiles.empty() && rule.target_error > 0);
-  std::vector<TileRound> before;
-  for (int round = 0;; ++round) {
-    std::vector<TileRound> tiles = TilesAt(model, samples, deviations);
+}  // namespace
+
+Estimate WithBand(double value, double low, double high, double log_deviation) {
+  if (!(value > 0)) return {};
+  const double more = kBandDeviations * log_deviation;
+  const double down = low > 0 ? std::hypot(std::log(value / std::min(low, value)), more)
+                              : std::numeric_limits<double>::infinity();
+  const double up = std::hypot(std::log(std::max(high, value) / value), more);
+  return {value, value * std::exp(-down), value * std::exp(up)};
+}
+
+Forecast ForecastFrom(const ErrorModel& model, const StopRule& rule, uint64_t samples_max,
+                      ForecastStart start, double deviations) {
+  SHEAF_CHECK(!model.tiles.empty() && model.tiles.size() == start.samples.size() &&
+              rule.target_error > 0);
+  std::vector<TileRound> before = std::move(start.before);
+  for (int round = start.round;; ++round) {
+    std::vector<TileRound> tiles = TilesAt(model, start.samples, deviations);
     const RoundDecision decision = DecideRound(rule, samples_max, round, tiles, before, {});
     if (decision.samples.empty()) {
       Forecast forecast = Account(model, tiles);
@@ -62,18 +77,16 @@ Forecast PlayRounds(const ErrorModel& model, const StopRule& rule, uint64_t samp
       forecast.round_count = round + 1;
       return forecast;
     }
-    samples = decision.samples;
+    start.samples = decision.samples;
     before = std::move(tiles);
   }
 }
 
-}  // namespace
-
 Forecast ForecastTarget(const ErrorModel& model, const StopRule& rule, uint64_t samples_max,
                         double deviations) {
   const uint64_t first = std::min(samples_max, rule.first_round_samples);
-  return PlayRounds(model, rule, samples_max, std::vector<uint64_t>(model.tiles.size(), first),
-                    deviations);
+  return ForecastFrom(model, rule, samples_max,
+                      {0, std::vector<uint64_t>(model.tiles.size(), first), {}}, deviations);
 }
 
 Forecast ForecastSamples(const ErrorModel& model, uint64_t samples, double deviations) {

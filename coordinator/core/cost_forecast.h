@@ -22,6 +22,7 @@ namespace sheaf::coordinator {
 struct ForecastTile {
   TileRound measured;
   double cpu_seconds_per_sample = 0;  // Of one sample of each of the tile's pixels.
+  uint64_t samples_kept = 0;          // Of each pixel, that are there already and cost nothing.
 };
 
 struct ErrorModel {
@@ -36,15 +37,35 @@ struct Forecast {
   double target_error = 0;
   bool reached = false;  // Before samples_max.
   double relative_mse = 0;
-  double samples = 0;  // Of a pixel, on average.
-  double cpu_seconds = 0;
+  double samples = 0;      // Of a pixel, on average.
+  double cpu_seconds = 0;  // Beyond what is kept.
   int round_count = 0;
 };
+
+// Deviations from the mean within which 8 of 10 values of a normal distribution lie.
+inline constexpr double kBandDeviations = 1.2816;
+// A value and its band, in which 8 of 10 lie.
+struct Estimate {
+  double value = 0, low = 0, high = 0;
+};
+// low and high: as forecast so many deviations below and above. They are spread further by an
+// independent log-normal deviation of the value itself. 0 where the value is.
+Estimate WithBand(double value, double low, double high, double log_deviation);
 
 // From the first round on. `deviations`: how many of the model's standard deviations the errors lie
 // above it. Requires: tiles, with samples, and a target.
 Forecast ForecastTarget(const ErrorModel& model, const StopRule& rule, uint64_t samples_max,
                         double deviations = 0);
+// Where a frame goes on: the samples of each tile in the round that comes next, that round's number
+// and how the tiles were at the end of the one before.
+struct ForecastStart {
+  int round = 0;
+  std::vector<uint64_t> samples;
+  std::vector<TileRound> before;
+};
+// The same from there on.
+Forecast ForecastFrom(const ErrorModel& model, const StopRule& rule, uint64_t samples_max,
+                      ForecastStart start, double deviations = 0);
 // With so many samples in every pixel.
 Forecast ForecastSamples(const ErrorModel& model, uint64_t samples, double deviations = 0);
 

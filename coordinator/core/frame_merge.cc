@@ -74,9 +74,15 @@ void FrameMerge::Develop(uint32_t index, std::unique_ptr<TileTree> tree) {
   tile.tree = std::move(tree);
   SetSize(&tile, tile.tree == nullptr ? 0 : TreeBytes(*tile.tree));
   changed_.erase(index);
-  developed_since_refresh_ = true;
+  developed_since_refresh_.insert(index);
   has_samples_ = true;
   ++developed_count_;
+}
+
+uint64_t FrameMerge::SamplesOf(uint32_t index) const {
+  const Tile& tile = tiles_[index];
+  if (tile.state == State::kDeveloped) return tile.samples;
+  return tile.tree == nullptr ? 0 : tile.tree->SampleCount();
 }
 
 void FrameMerge::Insert(uint32_t index, FilmTile part) {
@@ -137,12 +143,11 @@ absl::Status FrameMerge::Rebuild(uint32_t index, std::vector<FilmTile> parts) {
   return absl::OkStatus();
 }
 
-bool FrameMerge::Refresh() {
-  const bool any = HasChanges();
+std::vector<uint32_t> FrameMerge::Refresh() {
   for (const uint32_t index : changed_) DevelopTile(tiles_[index].tree->PreviewSum(), &picture_);
-  changed_.clear();
-  developed_since_refresh_ = false;
-  return any;
+  changed_.merge(std::exchange(developed_since_refresh_, {}));
+  const std::set<uint32_t> refreshed = std::exchange(changed_, {});
+  return {refreshed.begin(), refreshed.end()};
 }
 
 }  // namespace sheaf::coordinator

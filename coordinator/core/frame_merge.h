@@ -67,11 +67,13 @@ class FrameMerge {
   bool AllDeveloped() const { return developed_count_ == tiles_.size(); }
   uint32_t tile_count() const { return static_cast<uint32_t>(tiles_.size()); }
   const PixelRect& rect(uint32_t tile) const { return tiles_[tile].rect; }
+  // Of each pixel of the tile, as far as they are in memory or developed; what the picture shows
+  // once it is refreshed.
+  uint64_t SamplesOf(uint32_t tile) const;
 
-  // Develops what has changed since the last call into the picture, for looking at. Returns whether
-  // anything had.
-  bool Refresh();
-  bool HasChanges() const { return !changed_.empty() || developed_since_refresh_; }
+  // Develops what has changed since the last call into the picture, for looking at. Returns the
+  // tiles that had.
+  std::vector<uint32_t> Refresh();
   // Of developed tiles, those whose error is not to be trusted (mean_interval.h).
   uint32_t unreliable_count() const { return unreliable_count_; }
   bool HasSamples() const { return has_samples_; }
@@ -104,7 +106,7 @@ class FrameMerge {
   FramePicture picture_;
   std::optional<ErrorSample> error_sample_;
   std::set<uint32_t> changed_;  // In memory, not yet developed as they are.
-  bool developed_since_refresh_ = false;
+  std::set<uint32_t> developed_since_refresh_;
   bool has_samples_ = false;
   bool signed_weights_ = false;
   size_t developed_count_ = 0;

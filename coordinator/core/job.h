@@ -33,13 +33,23 @@ struct FrameSpec {
   BlobDigest resumed;
 };
 
+// What an effect of a scene costs and gives, as v1::EffectCost says; measured by who submitted it.
+struct EffectCost {
+  std::string name, problem, without;
+  double time_share = 0, time_share_error = 0;
+  double mean_change = 0, mean_change_error = 0;
+  double relative_mse = 0, variance_ratio = 0;
+  friend bool operator==(const EffectCost&, const EffectCost&) = default;
+};
+
 struct JobSpec {
   uint64_t job_id = 0;  // Given by the store, ascending.
   std::string title;
   int32_t priority = 0;
   Partition partition;
   std::string numeric_profile;
-  std::vector<FrameSpec> frames;  // Ascending by number.
+  std::vector<FrameSpec> frames;         // Ascending by number.
+  std::vector<EffectCost> effect_costs;  // Of the first frame's scene; empty: not measured.
 };
 
 enum class JobPhase { kLive, kSucceeded, kFailed, kCancelled };

@@ -23,12 +23,6 @@ constexpr double kTileShareMin = 0.01;
 constexpr double kAimShare = 0.98;
 constexpr int kBisectionSteps = 60;
 
-ErrorSums SumOf(std::span<const TileRound> tiles) {
-  ErrorSums sum;
-  for (const TileRound& tile : tiles) sum.Add(tile.error);
-  return sum;
-}
-
 // Standard deviations above the estimate for the confidence of a look: the normal distribution has
 // the look's share beyond them.
 double DeviationsOf(int round) {
@@ -40,36 +34,6 @@ double DeviationsOf(int round) {
     (std::erfc(middle / std::numbers::sqrt2) / 2 > miss ? low : high) = middle;
   }
   return high;
-}
-
-double PixelSamples(std::span<const TileRound> tiles) {
-  double sum = 0;
-  for (const TileRound& tile : tiles) {
-    sum += static_cast<double>(tile.error.pixel_count) * static_cast<double>(tile.samples);
-  }
-  return sum;
-}
-
-// b with which the errors of `before` come to those of `tiles`.
-double MeasureRate(std::span<const TileRound> tiles, std::span<const TileRound> before) {
-  if (before.empty()) return kRateMin;
-  const double now = SumOf(tiles).sum;
-  const auto predicted = [&](double rate) {
-    double sum = 0;
-    for (size_t i = 0; i < tiles.size(); ++i) {
-      const double growth =
-          static_cast<double>(tiles[i].samples) / static_cast<double>(before[i].samples);
-      sum += before[i].error.sum * std::pow(growth, -rate);
-    }
-    return sum;
-  };
-  if (SumOf(before).sum < kRateDropMin * predicted(kRateMin)) return kRateMin;
-  double low = kRateMin, high = kRateMax;
-  for (int i = 0; i < kBisectionSteps; ++i) {
-    const double middle = (low + high) / 2;
-    (predicted(middle) > now ? low : high) = middle;
-  }
-  return (low + high) / 2;
 }
 
 // How samples are shared out, for any number of them.
@@ -157,6 +121,41 @@ double LargestScale(double high, const Fits& fits) {
 }
 
 }  // namespace
+
+ErrorSums SumOf(std::span<const TileRound> tiles) {
+  ErrorSums sum;
+  for (const TileRound& tile : tiles) sum.Add(tile.error);
+  return sum;
+}
+
+double PixelSamples(std::span<const TileRound> tiles) {
+  double sum = 0;
+  for (const TileRound& tile : tiles) {
+    sum += static_cast<double>(tile.error.pixel_count) * static_cast<double>(tile.samples);
+  }
+  return sum;
+}
+
+double MeasureRate(std::span<const TileRound> tiles, std::span<const TileRound> before) {
+  if (before.empty()) return kRateMin;
+  const double now = SumOf(tiles).sum;
+  const auto predicted = [&](double rate) {
+    double sum = 0;
+    for (size_t i = 0; i < tiles.size(); ++i) {
+      const double growth =
+          static_cast<double>(tiles[i].samples) / static_cast<double>(before[i].samples);
+      sum += before[i].error.sum * std::pow(growth, -rate);
+    }
+    return sum;
+  };
+  if (SumOf(before).sum < kRateDropMin * predicted(kRateMin)) return kRateMin;
+  double low = kRateMin, high = kRateMax;
+  for (int i = 0; i < kBisectionSteps; ++i) {
+    const double middle = (low + high) / 2;
+    (predicted(middle) > now ? low : high) = middle;
+  }
+  return (low + high) / 2;
+}
 
 RoundDecision DecideRound(const StopRule& rule, uint64_t samples_max, int round,
                           std::span<const TileRound> tiles, std::span<const TileRound> before,

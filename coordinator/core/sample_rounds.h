@@ -49,6 +49,10 @@ struct TileRound {
   ErrorSums error;
 };
 
+// Of all tiles.
+ErrorSums SumOf(std::span<const TileRound> tiles);
+double PixelSamples(std::span<const TileRound> tiles);
+
 struct RoundDecision {
   // Samples of each tile's pixels in the next round, none less than now, all multiples of
   // kReplicateCount but for the largest count allowed. Empty: the frame is done.
@@ -89,6 +93,10 @@ struct RoundAllowance {
 RoundDecision DecideRound(const StopRule& rule, uint64_t samples_max, int round,
                           std::span<const TileRound> tiles, std::span<const TileRound> before,
                           const RoundAllowance& allowance);
+
+// b with which the errors of `before` came to those of `tiles`, from 1 to 2; 1 where there are no
+// earlier ones, or errors fell by too little to tell. Requires: as many tiles as before.
+double MeasureRate(std::span<const TileRound> tiles, std::span<const TileRound> before);
 
 // What of a frame's rounds holds under another rule, for a frame that goes on: decisions are made
 // again from what each round found, and kept as long as they are the same. The first that differs

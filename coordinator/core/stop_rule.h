@@ -29,6 +29,17 @@ struct StopRule {
   friend bool operator==(const StopRule&, const StopRule&) = default;
 };
 
+// The largest target error that is taken.
+inline constexpr double kTargetErrorMax = 1e6;
+// The samples that a pixel may get at most where a rule decides and nobody gives a number.
+inline constexpr uint64_t kStoppedSamplesMax = uint64_t{1} << 16;
+
+// How a finished job shall go on.
+struct Refinement {
+  StopRule stop;
+  uint64_t samples = 0;  // Of a pixel, at most where there is a rule; 0: as many as before.
+};
+
 // Why a frame has the samples that it has.
 enum class StopReason { kSamples, kTargetError, kTime, kCpu };
 inline constexpr int kStopReasonCount = 4;

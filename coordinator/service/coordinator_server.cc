@@ -45,6 +45,9 @@ FarmActions ActionsOn(Farm* farm) {
   actions.set_job_priority = [=](const std::string& job, int32_t priority) {
     return by_number(job, [=](uint64_t id) { return farm->SetJobPriority(id, priority); });
   };
+  actions.refine_job = [=](const std::string& job, const Refinement& refinement) {
+    return by_number(job, [=](uint64_t id) { return farm->RefineJob(id, refinement); });
+  };
   return actions;
 }
 

@@ -163,6 +163,7 @@ std::shared_ptr<Farm::OpenFrame> Farm::OpenFrameOf(const FrameId& id) {
   if (open == nullptr) {
     const FrameRecord& record = *scheduler_.FindFrame(id);
     open = std::make_shared<OpenFrame>(record.spec, *record.tasks, &merge_budget_);
+    if (const RoundRecord* last = LastRoundOf(id)) open->next_point_samples = NextPoint(*last);
   }
   return open;
 }

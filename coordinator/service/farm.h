@@ -30,6 +30,7 @@
 #include "absl/time/time.h"
 #include "common/content/blob_store.h"
 #include "common/film/resumed_picture.h"
+#include "common/film/running_error.h"
 #include "coordinator/core/frame_merge.h"
 #include "coordinator/core/limits.h"
 #include "coordinator/core/scheduler.h"
@@ -51,7 +52,7 @@ struct FarmOptions {
   // Memory of unfinished tiles; beyond it tiles are merged when their last part has come.
   uint64_t merge_bytes_max = uint64_t{1} << 30;
   absl::Duration preview_interval_min =
-      absl::Milliseconds(500);                    // Between two previews of a frame.
+      absl::Milliseconds(300);                    // Between two previews of a frame.
   uint64_t part_bytes_max = uint64_t{256} << 20;  // Of one result.
 };
 
@@ -61,12 +62,6 @@ struct LeaseGrant {
   std::string frame_digest;
   BlobDigest scene;
   FrameSettings settings;
-};
-
-// How a finished job shall go on.
-struct Refinement {
-  StopRule stop;
-  uint64_t samples = 0;  // Of a pixel, at most where there is a rule; 0: as many as before.
 };
 
 // One result as it came in.
@@ -147,6 +142,8 @@ class Farm : public FarmView {
   std::vector<JobView> ListJobs() const override;
   absl::StatusOr<JobView> FindJob(const std::string& job_id) const override;
   absl::StatusOr<std::vector<FailureView>> ListFailures(const std::string& job_id) const override;
+  absl::StatusOr<RefinementPrices> PriceRefinement(
+      const std::string& job_id, const std::vector<double>& target_errors) const override;
   std::vector<WorkerView> ListWorkers() const override;
   std::vector<MetricView> Metrics() const override;
   absl::StatusOr<PreviewView> Preview(const std::string& job_id, int32_t frame_number,
@@ -173,15 +170,20 @@ class Farm : public FarmView {
   // whose job was just cancelled.
   struct OpenFrame {
     OpenFrame(FrameSpec frame_spec, const FrameTasks& tasks, MergeBudget* budget)
-        : spec(std::move(frame_spec)), merge(spec, tasks.tiles(), tasks.SamplesOfTiles(), budget) {}
+        : spec(std::move(frame_spec)),
+          merge(spec, tasks.tiles(), tasks.SamplesOfTiles(), budget),
+          error(tasks.tiles()) {}
     const FrameSpec spec;
-    std::mutex mutex;  // Guards merge and next_refresh_time.
+    std::mutex mutex;  // Guards what follows, down to next_point_samples.
     FrameMerge merge;
     absl::Time next_refresh_time = absl::InfinitePast();
     // Read when a tile is first built from it; guarded by `mutex`.
     std::optional<ResumedPicture> resumed;
+    // Where the tile with the fewest samples has so many, a frame without rounds gets a point.
+    uint64_t next_point_samples = kReplicateCount;
+    RunningError error;
     // Guarded by the farm's mutex.
-    FrameError error;
+    double relative_mse = 0;
     uint64_t preview_version = 0;
   };
   using TileName = std::pair<std::string, std::pair<int32_t, int32_t>>;  // Frame digest, y0, x0.
@@ -246,6 +248,18 @@ class Farm : public FarmView {
   // Decides what follows the round that was just finished, and begins it. Returns whether the frame
   // is done. Requires: frame->mutex is held, all tiles are developed.
   absl::StatusOr<bool> FinishRound(OpenFrame* frame, const FrameId& id);
+  // The record of what the frame's picture is now, with the errors of its tiles; its decision is
+  // still to be made. Requires: frame->mutex is held.
+  RoundRecord RecordOf(const OpenFrame& frame, const FrameId& id,
+                       const std::vector<ErrorSums>& errors) const;
+  // Notes a point of the curve of a frame without rounds where one is due, or at its end. What
+  // cannot be stored is left out. Requires: frame->mutex is held, the picture is refreshed.
+  void NotePoint(OpenFrame* frame, const FrameId& id, bool ended);
+  // next_point_samples after this point.
+  static uint64_t NextPoint(const RoundRecord& last);
+  void KeepPreview(const OpenFrame& frame, const FrameId& id, int32_t round);
+  // Returns the frame's rounds. Requires: mutex_ is held.
+  const std::vector<RoundRecord>& AddRound(const FrameId& id, RoundRecord record);
   // Requires: mutex_ is held; after AddJob, before the job's parts.
   absl::Status LoadRounds(const StoredJob& job);
   // Null where the frame was not rendered in rounds. Requires: mutex_ is held.
@@ -264,8 +278,14 @@ class Farm : public FarmView {
   // Errors: kNotFound. Requires: mutex_ is held.
   absl::StatusOr<const JobRecord*> FindRecord(uint64_t job_id) const;
 
+  // farm_price.cc
+  absl::StatusOr<FinishedFrame> FinishedFrameOf(const FrameId& id, const FrameSpec& spec,
+                                                int32_t tile_size_px,
+                                                const DeliveredFrame& delivered) const;
+
   // farm_refine.cc
   // Requires: mutex_ is held.
+  static absl::Status RequireSucceeded(const JobRecord& job);
   absl::Status CheckRefinement(const JobRecord& job, const Refinement& refinement) const;
   void LimitKeptParts();
 

@@ -7,6 +7,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/time/clock.h"
+#include "common/base/cpu_clock.h"
 #include "common/base/log.h"
 #include "common/film/cryptomatte.h"
 #include "common/film/exr_codec.h"
@@ -89,25 +90,30 @@ void Farm::RunBackground() {
 }
 
 void Farm::RefreshFrames() {
-  std::vector<std::shared_ptr<OpenFrame>> frames;
+  std::vector<std::pair<FrameId, std::shared_ptr<OpenFrame>>> frames;
   {
     const std::lock_guard lock(mutex_);
-    for (const auto& [id, frame] : open_frames_) frames.push_back(frame);
+    frames.assign(open_frames_.begin(), open_frames_.end());
   }
-  for (const std::shared_ptr<OpenFrame>& frame : frames) {
+  for (const auto& [id, frame] : frames) {
     const absl::Time start = absl::Now();
-    FrameError error;
+    const double start_cpu_seconds = ThreadCpuSeconds();
+    double relative_mse = 0;
     {
       const std::lock_guard lock(frame->mutex);
-      if (start < frame->next_refresh_time || !frame->merge.Refresh()) continue;
-      error = EstimateError(frame->merge.picture());
-      const absl::Duration cost = absl::Now() - start;
+      if (start < frame->next_refresh_time) continue;
+      const std::vector<uint32_t> changed = frame->merge.Refresh();
+      if (changed.empty()) continue;
+      frame->error.Update(frame->merge.picture(), changed);
+      relative_mse = frame->error.RelativeMse();
+      const absl::Duration cost = absl::Seconds(ThreadCpuSeconds() - start_cpu_seconds);
       frame->next_refresh_time =
           start + std::max(options_.preview_interval_min, cost / kPreviewShareMax);
+      if (!frame->spec.stop.IsActive()) NotePoint(frame.get(), id, /*ended=*/false);
     }
     {
       const std::lock_guard lock(mutex_);
-      frame->error = error;
+      frame->relative_mse = relative_mse;
       ++frame->preview_version;
     }
     Changed();
@@ -226,6 +232,8 @@ absl::Status Farm::DeliverFrame(const FrameId& id) {
       const absl::StatusOr<bool> done = FinishRound(frame.get(), id);
       if (!done.ok()) return done.status();
       if (!*done) return absl::OkStatus();
+    } else {
+      NotePoint(frame.get(), id, /*ended=*/true);
     }
     FramePicture* picture = frame->merge.mutable_picture();
     picture->metadata = PictureMetadata(frame->spec, numeric_profile, tile_size_px);

@@ -12,6 +12,7 @@
 #include "common/film/exr_codec.h"
 #include "common/film/shrink_picture.h"
 #include "coordinator/service/farm.h"
+#include "coordinator/service/picture_layer.h"
 
 namespace sheaf::coordinator {
 namespace {
@@ -109,7 +110,11 @@ absl::StatusOr<PreviewView> Farm::Preview(const std::string& job_id, int32_t fra
     copy = CopyChannels(*picture, channels);
   } else if (shown->open != nullptr) {
     const std::lock_guard lock(shown->open->mutex);
-    copy = CopyChannels(shown->open->merge.picture(), channels);
+    const FramePicture& picture = shown->open->merge.picture();
+    // Means over squares are all that is shown of light, and far less to copy.
+    const bool is_light = channels == std::vector<std::string>{"R", "G", "B"};
+    copy = is_light ? ShrinkPicture(picture, channels, kPreviewPixelCountMax)
+                    : CopyChannels(picture, channels);
   } else {
     return NoSamplesYet(shown->id);
   }

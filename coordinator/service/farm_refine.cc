@@ -27,6 +27,7 @@ std::optional<JobStore::ReopenedFrame> Refined(const FrameSpec& old, const Refin
   if (!old.stop.IsActive()) {
     frame.spec.stop.first_round_samples = old.settings.samples;
     if (samples <= old.settings.samples) return std::nullopt;
+    if (frame.spec.stop.IsActive()) frame.rounds.clear();  // Points decide nothing.
     return frame;
   }
   frame.spec.stop.first_round_samples = old.stop.first_round_samples;
@@ -51,15 +52,18 @@ bool IsBeingRefined(const JobRecord& job, const Refinement& refinement) {
 
 }  // namespace
 
+absl::Status Farm::RequireSucceeded(const JobRecord& job) {
+  if (job.phase == JobPhase::kSucceeded) return absl::OkStatus();
+  const char* const why = job.Paused()                   ? " is paused and not finished yet"
+                          : job.phase == JobPhase::kLive ? " is not finished yet"
+                                                         : " did not succeed";
+  return absl::FailedPreconditionError(
+      absl::StrCat("jobs/", job.spec.job_id, why, "; only a job that succeeded can be refined"));
+}
+
 absl::Status Farm::CheckRefinement(const JobRecord& job, const Refinement& refinement) const {
+  if (absl::Status s = RequireSucceeded(job); !s.ok()) return s;
   const std::string name = absl::StrCat("jobs/", job.spec.job_id);
-  if (job.phase != JobPhase::kSucceeded) {
-    const char* const why = job.Paused()                   ? " is paused and not finished yet"
-                            : job.phase == JobPhase::kLive ? " is not finished yet"
-                                                           : " did not succeed";
-    return absl::FailedPreconditionError(
-        absl::StrCat(name, why, "; only a job that succeeded can be refined"));
-  }
   if (!refinement.stop.IsActive() && refinement.samples == 0) {
     return absl::InvalidArgumentError(
         "a refinement needs a target error, a time, a budget or a number of samples");

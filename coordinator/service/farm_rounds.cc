@@ -3,6 +3,7 @@
 //
 // The part of Farm that goes from one round of a frame to the next.
 #include <algorithm>
+#include <bit>
 #include <limits>
 #include <utility>
 
@@ -23,6 +24,22 @@ double Allowed(uint64_t sample_count, absl::Duration spent, absl::Duration limit
   return static_cast<double>(sample_count) * absl::FDivDuration(limit, spent);
 }
 
+// Standard deviations above the estimate of 95 of 100 normal values.
+constexpr double kPointDeviations = 1.645;
+
+std::vector<ErrorSums> ErrorsOf(const FrameMerge& merge) {
+  std::vector<PixelRect> tiles;
+  for (uint32_t tile = 0; tile < merge.tile_count(); ++tile) tiles.push_back(merge.rect(tile));
+  return EstimateTileErrors(merge.picture(), tiles);
+}
+
+// The fewest samples of a tile; 0 where a tile is not known.
+uint64_t FewestSamples(const RoundRecord& record) {
+  uint64_t fewest = std::numeric_limits<uint64_t>::max();
+  for (const TileRound& tile : record.tiles) fewest = std::min(fewest, tile.samples);
+  return record.tiles.empty() ? 0 : fewest;
+}
+
 }  // namespace
 
 absl::Duration Farm::WallOf(const FrameId& id, absl::Time now) const {
@@ -39,13 +56,22 @@ absl::Duration Farm::WallOf(const FrameId& id, absl::Time now) const {
   return wall;
 }
 
-absl::StatusOr<bool> Farm::FinishRound(OpenFrame* frame, const FrameId& id) {
-  std::vector<PixelRect> tiles;
-  for (uint32_t tile = 0; tile < frame->merge.tile_count(); ++tile) {
-    tiles.push_back(frame->merge.rect(tile));
-  }
-  const std::vector<ErrorSums> errors = EstimateTileErrors(frame->merge.picture(), tiles);
+RoundRecord Farm::RecordOf(const OpenFrame& frame, const FrameId& id,
+                           const std::vector<ErrorSums>& errors) const {
   RoundRecord record;
+  for (uint32_t tile = 0; tile < frame.merge.tile_count(); ++tile) {
+    record.tiles.push_back({frame.merge.SamplesOf(tile), errors[tile]});
+  }
+  const std::lock_guard lock(mutex_);
+  const FrameRecord& scheduled = *scheduler_.FindFrame(id);
+  record.sample_count = scheduled.sample_count_done;
+  record.cost = scheduled.cost;
+  record.wall_duration = WallOf(id, absl::Now());
+  return record;
+}
+
+absl::StatusOr<bool> Farm::FinishRound(OpenFrame* frame, const FrameId& id) {
+  RoundRecord record = RecordOf(*frame, id, ErrorsOf(frame->merge));
   RoundAllowance allowance;
   std::vector<TileRound> before;
   {
@@ -57,11 +83,6 @@ absl::StatusOr<bool> Farm::FinishRound(OpenFrame* frame, const FrameId& id) {
       before = last->tiles;
       record.round = last->round + 1;
     }
-    const std::vector<uint64_t> samples = scheduled->tasks->SamplesOfTiles();
-    for (size_t i = 0; i < tiles.size(); ++i) record.tiles.push_back({samples[i], errors[i]});
-    record.sample_count = scheduled->sample_count_done;
-    record.cost = scheduled->cost;
-    record.wall_duration = WallOf(id, absl::Now());
   }
   const StopRule& rule = frame->spec.stop;
   allowance.time = Allowed(record.sample_count, record.wall_duration, rule.time_max);
@@ -73,23 +94,73 @@ absl::StatusOr<bool> Farm::FinishRound(OpenFrame* frame, const FrameId& id) {
   absl::Status stored = store_->AddRound(id, record);
   NoteDisk(stored);
   if (!stored.ok()) return stored;
-  const absl::Status kept = round_previews_->Keep(id, record.round, frame->merge.picture());
-  if (!kept.ok()) LogWarning(absl::StrCat("keeping a round's picture: ", kept.message()));
+  KeepPreview(*frame, id, record.round);
   LogInfo(absl::StrFormat(
       "job %d: frame %d, round %d: relMSE %.2e, at most %.2e%s", id.job_id, id.frame_number,
       record.round, record.relative_mse, record.relative_mse_upper,
       ended ? absl::StrCat("; ended by ", StopReasonName(record.stop_reason))
             : absl::StrFormat("; the next shall have %.2e", record.predicted_relative_mse)));
   const std::lock_guard lock(mutex_);
-  std::vector<RoundRecord>& rounds = accounts_[id.job_id].rounds[id.frame_number];
-  if (!rounds.empty()) rounds.back().tiles.clear();  // Only the last round's are asked for again.
-  rounds.push_back(std::move(record));
+  const std::vector<RoundRecord>& rounds = AddRound(id, std::move(record));
   if (ended) return true;
   if (scheduler_.FindFrame(id)->phase != FrameRecord::Phase::kRendered) return false;
   const std::vector<uint64_t>& next = rounds.back().samples_next;
   for (uint32_t tile = 0; tile < next.size(); ++tile) frame->merge.Grow(tile, next[tile]);
   scheduler_.Grow(id, next);
   return false;
+}
+
+void Farm::KeepPreview(const OpenFrame& frame, const FrameId& id, int32_t round) {
+  const absl::Status kept = round_previews_->Keep(id, round, frame.merge.picture());
+  if (!kept.ok()) LogWarning(absl::StrCat("keeping a round's picture: ", kept.message()));
+}
+
+const std::vector<RoundRecord>& Farm::AddRound(const FrameId& id, RoundRecord record) {
+  std::vector<RoundRecord>& rounds = accounts_[id.job_id].rounds[id.frame_number];
+  if (!rounds.empty()) rounds.back().tiles.clear();  // Only the last round's are asked for again.
+  rounds.push_back(std::move(record));
+  return rounds;
+}
+
+uint64_t Farm::NextPoint(const RoundRecord& last) {
+  return 2 * std::bit_floor(std::max(FewestSamples(last), kReplicateCount / uint64_t{2}));
+}
+
+void Farm::NotePoint(OpenFrame* frame, const FrameId& id, bool ended) {
+  uint64_t fewest = std::numeric_limits<uint64_t>::max();
+  for (uint32_t tile = 0; tile < frame->merge.tile_count(); ++tile) {
+    fewest = std::min(fewest, frame->merge.SamplesOf(tile));
+  }
+  if (!ended && fewest < frame->next_point_samples) return;
+  {
+    const std::lock_guard lock(mutex_);
+    const FrameRecord* record = scheduler_.FindFrame(id);
+    if (record->phase == FrameRecord::Phase::kDelivered) return;  // With a point at its end.
+  }
+  // Of a frame at work those that are known already: a large picture is not looked at as a whole.
+  RoundRecord record =
+      RecordOf(*frame, id, ended ? ErrorsOf(frame->merge) : frame->error.OfTiles());
+  const ErrorSums sum = SumOf(record.tiles);
+  record.relative_mse = sum.RelativeMse();
+  record.relative_mse_upper = record.relative_mse + kPointDeviations * sum.Deviation();
+  record.sample_count_expected = record.sample_count;
+  frame->next_point_samples = NextPoint(record);
+  {
+    const std::lock_guard lock(mutex_);
+    if (const RoundRecord* last = LastRoundOf(id)) {
+      if (last->sample_count >= record.sample_count) return;  // Noted before a restart.
+      record.round = last->round + 1;
+    }
+  }
+  const absl::Status stored = store_->AddRound(id, record);
+  NoteDisk(stored);
+  if (!stored.ok()) {
+    LogWarning(absl::StrCat("noting a point of a frame's curve: ", stored.message()));
+    return;
+  }
+  if (!ended) KeepPreview(*frame, id, record.round);
+  const std::lock_guard lock(mutex_);
+  AddRound(id, std::move(record));
 }
 
 const RoundRecord* Farm::LastRoundOf(const FrameId& id) const {

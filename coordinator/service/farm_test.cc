@@ -70,6 +70,9 @@ class GatedJobStore : public JobStore {
                                                      const PixelRect& tile) override {
     return store_->FindTileParts(frame, tile);
   }
+  absl::StatusOr<std::vector<RoundRecord>> LoadFrameRounds(const FrameId& frame) override {
+    return store_->LoadFrameRounds(frame);
+  }
   absl::StatusOr<std::vector<TileCost>> TileCosts(const FrameId& frame) override {
     return store_->TileCosts(frame);
   }
@@ -225,6 +228,32 @@ TEST_F(FarmTest, JobsCanBeLookedAtWhileARoundIsDecided) {
   const auto after = farm_->FindJob(job);
   ASSERT_EQ(after->frames[0].rounds.size(), 1u);
   EXPECT_GT(after->progress.sample_count_total, 16u * 256u);
+}
+
+// A frame without a rule has a point at each doubling that is seen, and one at its end.
+TEST_F(FarmTest, FramesWithoutARuleHaveACurveToo) {
+  store_->Open();
+  const std::string job = absl::StrCat(MakeJob({}));
+  const absl::Time deadline = absl::Now() + absl::Seconds(60);
+  const auto rounds = [&] { return farm_->FindJob(job)->frames[0].rounds; };
+  Work();
+  while (rounds().empty() && absl::Now() < deadline) absl::SleepFor(absl::Milliseconds(10));
+  ASSERT_EQ(rounds().size(), 1u);
+  EXPECT_EQ(rounds()[0].sample_count, 16u * 256u);
+  EXPECT_GT(rounds()[0].relative_mse, 0);
+  EXPECT_GT(rounds()[0].relative_mse_upper, rounds()[0].relative_mse);
+  EXPECT_GT(rounds()[0].part_bytes, 0u);
+  while (!farm_->FindJob(job)->frames[0].complete && absl::Now() < deadline) Work();
+  const std::vector<RoundView> curve = rounds();
+  ASSERT_GE(curve.size(), 2u);
+  EXPECT_LE(curve.size(), 5u);  // 16, 32, 64, 128 and 256 samples.
+  EXPECT_EQ(curve.back().sample_count, 256u * 256u);
+  const double delivered = farm_->FindJob(job)->frames[0].progress.relative_mse;
+  EXPECT_NEAR(curve.back().relative_mse, delivered, 1e-6 * delivered);
+  for (size_t i = 1; i < curve.size(); ++i) {
+    EXPECT_GT(curve[i].sample_count, curve[i - 1].sample_count);
+    EXPECT_LT(curve[i].relative_mse, curve[i - 1].relative_mse);
+  }
 }
 
 }  // namespace

@@ -15,6 +15,7 @@
 #include "common/film/tile_geometry.h"
 #include "common/scene/render_settings.h"
 #include "coordinator/core/job.h"
+#include "coordinator/core/refinement_price.h"
 
 namespace sheaf::coordinator {
 
@@ -39,7 +40,8 @@ struct ProgressView {
   double remaining_seconds = -1;  // At the present rate; negative until it can be told.
 };
 
-// A point of a frame's curve: how it stood at the end of a round (sample_rounds.h).
+// A point of a frame's curve: how it stood at the end of a round (sample_rounds.h), or on the way
+// of a frame without rounds.
 struct RoundView {
   double relative_mse = 0;
   double relative_mse_upper = 0;      // Its upper confidence bound.
@@ -92,8 +94,9 @@ struct JobView {
   absl::Time end_time = absl::InfiniteFuture();  // InfiniteFuture until it has ended.
   int32_t frame_count = 0;
   int32_t frame_complete_count = 0;
-  ProgressView progress;          // Sums over the frames.
-  std::vector<FrameView> frames;  // Ascending by number; empty in ListJobs.
+  std::vector<EffectCost> effect_costs;  // Empty where nobody measured them, and in ListJobs.
+  ProgressView progress;                 // Sums over the frames.
+  std::vector<FrameView> frames;         // Ascending by number; empty in ListJobs.
 };
 
 // The states of proto Worker.State.
@@ -131,6 +134,13 @@ struct WorkerView {
   uint64_t scene_memory_bytes = 0;  // 0: not known.
 };
 
+// What it costs to refine a job, on the farm as it is now.
+struct RefinementPrices {
+  std::vector<RefinementPrice> prices;  // In the order of the targets.
+  int32_t thread_count = 0;             // Of workers that would render it.
+  int32_t jobs_before_count = 0;        // Not finished, and of no lower priority.
+};
+
 // A lease of a job that came to nothing.
 struct FailureView {
   FailureRecord failure;
@@ -157,7 +167,7 @@ struct PreviewView {
 };
 
 // Thread safety: all functions may be called from any thread. None waits longer than for a short
-// lock but WaitForChange and Preview (which copies planes of a picture).
+// lock but WaitForChange, Preview (which copies planes of a picture) and PriceRefinement.
 class FarmView {
  public:
   virtual ~FarmView() = default;
@@ -169,6 +179,11 @@ class FarmView {
   // The last failures of a job since the coordinator's start, newest first. Errors: kNotFound.
   virtual absl::StatusOr<std::vector<FailureView>> ListFailures(
       const std::string& job_id) const = 0;
+  // What it costs to refine a job until its frames are at each of these errors. Takes up to some
+  // tenths of a second. Errors: kNotFound; kFailedPrecondition (it has not succeeded);
+  // kInvalidArgument (no target, more than kPricedTargetsMax, or one out of range).
+  virtual absl::StatusOr<RefinementPrices> PriceRefinement(
+      const std::string& job_id, const std::vector<double>& target_errors) const = 0;
   // Ascending by id.
   virtual std::vector<WorkerView> ListWorkers() const = 0;
   // All counters and gauges; those of one name are adjacent.

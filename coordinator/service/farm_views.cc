@@ -106,7 +106,7 @@ FrameView Farm::ViewOf(const JobRecord& job, const FrameRecord& frame, absl::Tim
   }
   if (const auto open = open_frames_.find(id); open != open_frames_.end()) {
     view.preview_version = open->second->preview_version;
-    progress.relative_mse = open->second->error.relative_mse;
+    progress.relative_mse = open->second->relative_mse;
   }
   progress.wall_seconds = Seconds(WallOf(id, now));
   if (job.phase == JobPhase::kLive && !job.Paused()) {
@@ -132,6 +132,7 @@ JobView Farm::ViewOf(const JobRecord& job, bool with_frames, absl::Time now) con
   view.failure_count = job.failure_count;
   view.frame_count = static_cast<int32_t>(job.frames.size());
   view.frame_complete_count = job.delivered_count;
+  if (with_frames) view.effect_costs = job.spec.effect_costs;
   absl::Time first_lease_time = absl::InfiniteFuture();
   uint64_t done_since_start = 0;
   for (const FrameRecord& frame : job.frames) {

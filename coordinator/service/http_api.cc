@@ -5,6 +5,7 @@
 #include "coordinator/service/http_api.h"
 
 #include <algorithm>
+#include <limits>
 
 #include "absl/strings/ascii.h"
 #include "absl/strings/numbers.h"
@@ -16,15 +17,6 @@
 
 namespace sheaf::coordinator {
 namespace {
-
-HttpResponse JsonResponse(std::string json) {
-  HttpResponse response;
-  response.content_type = "application/json";
-  response.headers = {{"Cache-Control", "no-store"}};
-  response.body = std::move(json);
-  response.body.push_back('\n');
-  return response;
-}
 
 int HttpStatusFromCode(absl::StatusCode code) {
   switch (code) {
@@ -116,6 +108,15 @@ absl::StatusOr<PreviewChoice> ChoiceOf(const HttpRequest& request) {
 
 }  // namespace
 
+HttpResponse JsonResponse(std::string json) {
+  HttpResponse response;
+  response.content_type = "application/json";
+  response.headers = {{"Cache-Control", "no-store"}};
+  response.body = std::move(json);
+  response.body.push_back('\n');
+  return response;
+}
+
 HttpResponse HttpErrorFromStatus(const absl::Status& status) {
   return HttpError(HttpStatusFromCode(status.code()), absl::StatusCodeToString(status.code()),
                    std::string(status.message()));
@@ -153,11 +154,13 @@ std::vector<HttpRoute> HttpApi::Routes() {
       {"POST", job + ":resume",
        [this](const Request& r) { return ChangeJob(r, actions_.resume_job); }},
       {"POST", job + ":priority", [this](const Request& r) { return SetPriority(r); }},
+      {"POST", job + ":refine", [this](const Request& r) { return RefineJob(r); }},
+      {"GET", job + "/refine-price", [this](const Request& r) { return GetRefinePrice(r); }},
       {"GET", frame, [this](const Request& r) { return GetFrame(r); }},
       {"GET", frame + "/preview.png", [this](const Request& r) { return GetPreview(r); }},
       {"GET", "/api/v1/false-color.png", [this](const Request&) { return GetFalseColor(); }},
       {"GET", frame + "/output.exr", [this](const Request& r) { return GetOutput(r); }},
-      {"GET", "/api/v1/workers", [this](const Request&) { return ListWorkers(); }},
+      {"GET", "/api/v1/workers", [this](const Request& r) { return ListWorkers(r); }},
       {"GET", "/api/v1/counters", [this](const Request&) { return ListCounters(); }},
   };
 }
@@ -333,10 +336,22 @@ HttpResponse HttpApi::GetOutput(const HttpRequest& request) const {
   return response;
 }
 
-HttpResponse HttpApi::ListWorkers() const {
-  std::vector<std::string> workers;
-  for (const WorkerView& worker : farm_.ListWorkers()) workers.push_back(WorkerJson(worker));
-  return JsonResponse(ListJson("workers", workers, ""));
+HttpResponse HttpApi::ListWorkers(const HttpRequest& request) const {
+  const absl::StatusOr<int> size = PageSize(request, std::numeric_limits<int>::max());
+  if (!size.ok()) return HttpErrorFromStatus(size.status());
+  // A token is the last worker of the page before, whether it is still there or not.
+  const std::string token = QueryValue(request, "page_token");
+  std::vector<std::string> page;
+  std::string last;
+  for (const WorkerView& worker : farm_.ListWorkers()) {
+    if (worker.worker_id <= token) continue;
+    if (page.size() == static_cast<size_t>(*size)) {
+      return JsonResponse(ListJson("workers", page, last));
+    }
+    page.push_back(WorkerJson(worker));
+    last = worker.worker_id;
+  }
+  return JsonResponse(ListJson("workers", page, ""));
 }
 
 HttpResponse HttpApi::ListCounters() const {

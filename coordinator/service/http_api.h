@@ -13,6 +13,11 @@
 //   POST /api/v1/jobs/ID:cancel                     cancels; repeating it changes nothing
 //   POST /api/v1/jobs/ID:pause, ID:resume           no new leases, or leases again; likewise
 //   POST /api/v1/jobs/ID:priority?value=N           higher goes first, from -1000 to 1000; likewise
+//   POST /api/v1/jobs/ID:refine?target_error=E&samples=N
+//        goes on with a job that succeeded until its frames' relMSE is at most E, with at most N
+//        samples a pixel; without E, with N samples; repeating it changes nothing
+//   GET  /api/v1/jobs/ID/refine-price?target_error=E,E,...
+//        what that costs beyond what is there, by the farm as it is now, for up to 32 errors
 //   GET  /api/v1/jobs/ID/frames/N                   one frame
 //   GET  /api/v1/jobs/ID/frames/N/preview.png?layer=NAME
 //        the picture so far; 204 where there is none. Layers: picture, light, error, samples and
@@ -25,7 +30,7 @@
 //        frame's rounds[R].preview_version tells by 0
 //   GET  /api/v1/false-color.png                    the false colours from low to high, one row
 //   GET  /api/v1/jobs/ID/frames/N/output.exr        the delivered picture
-//   GET  /api/v1/workers                            workers
+//   GET  /api/v1/workers?page_size&page_token       workers; all where no size is given
 //   GET  /api/v1/counters                           the numbers of /metrics as JSON
 //   GET  /api/v1/events                             what changes, as server-sent events: types job,
 //        frame and worker carry the objects of the calls above, and reset says that some were left
@@ -58,6 +63,8 @@ struct FarmActions {
   // The same of its pause, and of its priority, where kInvalidArgument is an error too.
   std::function<absl::Status(const std::string&job_id)> pause_job, resume_job;
   std::function<absl::Status(const std::string& job_id, int32_t priority)> set_job_priority;
+  // Goes on with a job that succeeded. Errors: those of Farm::RefineJob.
+  std::function<absl::Status(const std::string& job_id, const Refinement& refinement)> refine_job;
 };
 
 class HttpApi {
@@ -79,11 +86,13 @@ class HttpApi {
   HttpResponse ChangeJob(const HttpRequest& request,
                          const std::function<absl::Status(const std::string&)>& act) const;
   HttpResponse SetPriority(const HttpRequest& request) const;
+  HttpResponse RefineJob(const HttpRequest& request) const;  // These two in http_refine.cc.
+  HttpResponse GetRefinePrice(const HttpRequest& request) const;
   HttpResponse GetFrame(const HttpRequest& request) const;
   HttpResponse GetPreview(const HttpRequest& request);
   HttpResponse GetFalseColor() const;
   HttpResponse GetOutput(const HttpRequest& request) const;
-  HttpResponse ListWorkers() const;
+  HttpResponse ListWorkers(const HttpRequest& request) const;
   HttpResponse ListCounters() const;
   // The job and frame that the path names. Errors: kNotFound, kInvalidArgument.
   absl::StatusOr<FrameView> FindFrame(const HttpRequest& request) const;
@@ -94,6 +103,7 @@ class HttpApi {
   PreviewCache previews_, thumbnails_{kThumbnailCacheCountMax};
 };
 
+HttpResponse JsonResponse(std::string json);
 // The response that tells of a status. Requires: !status.ok().
 HttpResponse HttpErrorFromStatus(const absl::Status& status);
 

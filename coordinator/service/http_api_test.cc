@@ -35,6 +35,11 @@ class HttpApiTest : public testing::Test {
       farm_.jobs[0].priority = priority;
       return Set(id, JobState::kRunning);
     };
+    actions.refine_job = [this](const std::string& id, const Refinement& refinement) {
+      if (id == "2") return absl::FailedPreconditionError("jobs/2 is not finished yet");
+      refinement_ = refinement;
+      return Set(id, JobState::kRunning);
+    };
     return actions;
   }
   absl::Status Set(const std::string& job_id, JobState state) {
@@ -57,6 +62,7 @@ class HttpApiTest : public testing::Test {
   json Get(const std::string& target) { return json::parse(Send("GET", target).body); }
 
   FakeFarm farm_;
+  Refinement refinement_;  // That was asked for last.
   HttpApi api_;
   HttpRouter router_;
 };
@@ -145,6 +151,70 @@ TEST_F(HttpApiTest, JobsArePausedResumedAndPutFirst) {
   for (const char* wrong : {"", "?value=", "?value=high", "?value=1.5"}) {
     EXPECT_EQ(Send("POST", std::string("/api/v1/jobs/3:priority") + wrong).status, 400) << wrong;
   }
+}
+
+TEST_F(HttpApiTest, WorkersComeInPages) {
+  for (const char* id : {"a", "b", "c"}) farm_.workers.emplace_back().worker_id = id;
+  EXPECT_EQ(Get("/api/v1/workers")["workers"].size(), 3u);
+  const json first = Get("/api/v1/workers?page_size=2");
+  ASSERT_EQ(first["workers"].size(), 2u);
+  EXPECT_EQ(first["next_page_token"], "b");
+  const json second = Get("/api/v1/workers?page_size=2&page_token=b");
+  ASSERT_EQ(second["workers"].size(), 1u);
+  EXPECT_EQ(second["workers"][0]["name"], "workers/c");
+  EXPECT_EQ(second["next_page_token"], "");
+  EXPECT_EQ(Send("GET", "/api/v1/workers?page_size=0").status, 400);
+}
+
+TEST_F(HttpApiTest, FinishedJobsAreRefined) {
+  const std::string refine = "/api/v1/jobs/3:refine";
+  EXPECT_EQ(json::parse(Send("POST", refine + "?target_error=1e-3").body)["state"], "running");
+  EXPECT_EQ(refinement_.stop.target_error, 1e-3);
+  EXPECT_EQ(refinement_.samples, kStoppedSamplesMax);
+  EXPECT_EQ(Send("POST", refine + "?samples=512").status, 200);
+  EXPECT_FALSE(refinement_.stop.IsActive());
+  EXPECT_EQ(refinement_.samples, 512u);
+  EXPECT_EQ(Send("POST", refine + "?target_error=0.01&samples=99").status, 200);
+  EXPECT_EQ(refinement_.samples, 99u);
+  for (const char* wrong :
+       {"", "?target_error=", "?target_error=good", "?target_error=0", "?target_error=-1",
+        "?target_error=nan", "?target_error=1e7", "?samples=0", "?samples=-4", "?samples=many"}) {
+    EXPECT_EQ(Send("POST", refine + wrong).status, 400) << wrong;
+  }
+  EXPECT_EQ(Send("POST", "/api/v1/jobs/9:refine?samples=64").status, 404);
+  const HttpResponse unfinished = Send("POST", "/api/v1/jobs/2:refine?samples=64");
+  EXPECT_EQ(unfinished.status, 409);
+  EXPECT_NE(unfinished.body.find("not finished"), std::string::npos);
+}
+
+TEST_F(HttpApiTest, RefinementsArePriced) {
+  farm_.prices.thread_count = 6;
+  const std::string price = "/api/v1/jobs/3/refine-price";
+  const json priced = Get(price + "?target_error=1e-3,5e-4");
+  ASSERT_EQ(priced["prices"].size(), 2u);
+  EXPECT_EQ(priced["prices"][1]["target_error"], 5e-4);
+  EXPECT_EQ(priced["prices"][1]["cpu_seconds"]["value"], 2);
+  EXPECT_EQ(priced["prices"][1]["wall_seconds"]["value"], 1);
+  EXPECT_LT(priced["prices"][1]["cpu_seconds"]["low"], priced["prices"][1]["cpu_seconds"]["high"]);
+  EXPECT_EQ(priced["thread_count"], 6);
+  EXPECT_EQ(priced["jobs_before_count"], 0);
+  farm_.prices.thread_count = 0;
+  EXPECT_TRUE(Get(price + "?target_error=1")["prices"][0]["wall_seconds"].is_null());
+  for (const char* wrong : {"", "?target_error=", "?target_error=1,", "?target_error=1,x"}) {
+    EXPECT_EQ(Send("GET", price + wrong).status, 400) << wrong;
+  }
+  EXPECT_EQ(Send("GET", "/api/v1/jobs/9/refine-price?target_error=1").status, 404);
+}
+
+TEST_F(HttpApiTest, EffectsComeWithOneJobAndNotWithAll) {
+  farm_.jobs[0].effect_costs = {{"lens", "", "a pinhole", 0.25, 0.01, -0.5, 0.03, 1e-4, 1.5}};
+  const json effect = Get("/api/v1/jobs/3")["effect_costs"][0];
+  EXPECT_EQ(effect["name"], "lens");
+  EXPECT_EQ(effect["time_share"], 0.25);
+  EXPECT_EQ(effect["mean_change"], -0.5);
+  EXPECT_EQ(effect["variance_ratio"], 1.5);
+  EXPECT_TRUE(Get("/api/v1/jobs/2")["effect_costs"].empty());
+  EXPECT_FALSE(Get("/api/v1/jobs")["jobs"][0].contains("effect_costs"));
 }
 
 TEST_F(HttpApiTest, FailuresComeWithTheCommandThatRepeatsThem) {

@@ -26,6 +26,7 @@ class FakeFarm : public FarmView {
   std::vector<WorkerView> workers;
   std::vector<MetricView> metrics;
   std::vector<FailureView> failures;  // Of every job.
+  RefinementPrices prices;            // Of every job; their targets are as asked for.
   absl::Status ready;
   PreviewView preview;        // Of every frame.
   PreviewView round_preview;  // Of every round that has a version.
@@ -58,6 +59,24 @@ class FakeFarm : public FarmView {
     if (absl::Status found = FindJob(job_id).status(); !found.ok()) return found;
     const std::lock_guard<std::mutex> lock(mutex_);
     return failures;
+  }
+  absl::StatusOr<RefinementPrices> PriceRefinement(
+      const std::string& job_id, const std::vector<double>& target_errors) const override {
+    if (absl::Status found = FindJob(job_id).status(); !found.ok()) return found;
+    const std::lock_guard<std::mutex> lock(mutex_);
+    RefinementPrices priced = prices;
+    for (const double target : target_errors) {
+      RefinementPrice& price = priced.prices.emplace_back();
+      price.target_error = target;
+      // A thousandth of relMSE costs a second of CPU time, half of it one of 0.002.
+      const double seconds = 1e-3 / target;
+      price.reached = true;
+      price.relative_mse = {target, 0.9 * target, target};
+      price.samples_per_pixel = {16 * seconds, 12 * seconds, 24 * seconds};
+      price.cpu_seconds = {seconds, 0.8 * seconds, 1.25 * seconds};
+      price.wall_seconds = {seconds / 2, 0.4 * seconds, 0.625 * seconds};
+    }
+    return priced;
   }
   std::vector<WorkerView> ListWorkers() const override {
     const std::lock_guard<std::mutex> lock(mutex_);

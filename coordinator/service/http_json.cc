@@ -80,6 +80,28 @@ Json RoundsJson(const std::vector<RoundView>& rounds) {
   return json;
 }
 
+Json EstimateJson(const Estimate& estimate) {
+  return {{"value", estimate.value}, {"low", estimate.low}, {"high", estimate.high}};
+}
+
+Json EffectsJson(const std::vector<EffectCost>& effects) {
+  Json json = Json::array();
+  for (const EffectCost& effect : effects) {
+    json.push_back({
+        {"name", effect.name},
+        {"problem", effect.problem},
+        {"without", effect.without},
+        {"time_share", effect.time_share},
+        {"time_share_error", effect.time_share_error},
+        {"mean_change", effect.mean_change},
+        {"mean_change_error", effect.mean_change_error},
+        {"relative_mse", effect.relative_mse},
+        {"variance_ratio", effect.variance_ratio},
+    });
+  }
+  return json;
+}
+
 Json JobObject(const JobView& job) {
   return {
       {"name", absl::StrCat("jobs/", job.job_id)},
@@ -177,6 +199,23 @@ std::string WorkerJson(const WorkerView& worker) {
   });
 }
 
+std::string RefinementPricesJson(const RefinementPrices& priced) {
+  Json prices = Json::array();
+  for (const RefinementPrice& price : priced.prices) {
+    prices.push_back({
+        {"target_error", price.target_error},
+        {"reached", price.reached},
+        {"relative_mse", EstimateJson(price.relative_mse)},
+        {"samples_per_pixel", EstimateJson(price.samples_per_pixel)},
+        {"cpu_seconds", EstimateJson(price.cpu_seconds)},
+        {"wall_seconds", priced.thread_count > 0 ? EstimateJson(price.wall_seconds) : Json()},
+    });
+  }
+  return Dump({{"prices", std::move(prices)},
+               {"thread_count", priced.thread_count},
+               {"jobs_before_count", priced.jobs_before_count}});
+}
+
 std::string MetricJson(const MetricView& metric) {
   return Dump({
       {"name", metric.name},
@@ -198,7 +237,8 @@ std::string JobWithFramesJson(const JobView& job, const std::vector<std::string>
                               const std::string& next_page_token) {
   std::string text = JobJson(job);
   text.pop_back();
-  return absl::StrCat(text, ",", ListJson("frames", frames, next_page_token).substr(1));
+  return absl::StrCat(text, ",\"effect_costs\":", Dump(EffectsJson(job.effect_costs)), ",",
+                      ListJson("frames", frames, next_page_token).substr(1));
 }
 
 }  // namespace sheaf::coordinator

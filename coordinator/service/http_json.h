@@ -27,7 +27,9 @@ std::string WorkerJson(const WorkerView& worker);
 std::string ListJson(const std::string& key, const std::vector<std::string>& objects,
                      const std::string& next_page_token);
 
-// The job with {"frames": [...], "next_page_token": "..."} added.
+std::string RefinementPricesJson(const RefinementPrices& priced);
+
+// The job with {"effect_costs": [...], "frames": [...], "next_page_token": "..."} added.
 std::string JobWithFramesJson(const JobView& job, const std::vector<std::string>& frames,
                               const std::string& next_page_token);
 

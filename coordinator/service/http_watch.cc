@@ -9,6 +9,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
+#include "common/base/cpu_clock.h"
 #include "coordinator/service/http_json.h"
 
 namespace sheaf::coordinator {
@@ -92,10 +93,10 @@ void FarmWatcher::Run() {
     if (now == seen) continue;
     // Read before looking: a change during the look leads to another look.
     seen = now;
-    const absl::Time start = absl::Now();
+    const double start_seconds = ThreadCpuSeconds();
     difference_.Publish(farm_);
-    const absl::Duration rest =
-        std::max(absl::FromChrono(kWatchInterval), (absl::Now() - start) * kWatchRestFactor);
+    const absl::Duration took = absl::Seconds(ThreadCpuSeconds() - start_seconds);
+    const absl::Duration rest = std::max(absl::FromChrono(kWatchInterval), took * kWatchRestFactor);
     const absl::Time wake = absl::Now() + rest;
     while (!stopping_ && absl::Now() < wake) {
       absl::SleepFor(std::min(wake - absl::Now(), absl::FromChrono(kWatchWait)));

@@ -17,8 +17,8 @@
 
 namespace sheaf::coordinator {
 
-// Looks at the farm at most this often, and rests four times as long as a look took, so that a farm
-// with very many jobs gives at most a fifth of one processor to being watched.
+// Looks at the farm at most this often, and rests four times the CPU time that a look took, so that
+// a farm with very many jobs gives at most a fifth of one processor to being watched.
 inline constexpr std::chrono::milliseconds kWatchInterval{200};
 inline constexpr int kWatchRestFactor = 4;
 // How long a stop may have to wait.

@@ -177,6 +177,18 @@ grpc::Status JobService::RefineJob(grpc::ServerContext* /*context*/,
   return grpc::Status::OK;
 }
 
+grpc::Status JobService::PriceRefinement(grpc::ServerContext* /*context*/,
+                                         const v1::PriceRefinementRequest* request,
+                                         v1::PriceRefinementResponse* response) {
+  const absl::StatusOr<std::string> id = ParseJobName(request->name());
+  if (!id.ok()) return ToGrpcStatus(id.status());
+  const absl::StatusOr<RefinementPrices> prices = farm_->PriceRefinement(
+      *id, {request->target_errors().begin(), request->target_errors().end()});
+  if (!prices.ok()) return ToGrpcStatus(prices.status());
+  *response = ToWire(*prices);
+  return grpc::Status::OK;
+}
+
 grpc::Status JobService::WatchJob(grpc::ServerContext* context, const v1::WatchJobRequest* request,
                                   grpc::ServerWriter<v1::Job>* writer) {
   std::string last;

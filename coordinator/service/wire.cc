@@ -21,6 +21,12 @@ absl::Status Invalid(const std::string& field, const std::string& why) {
   return absl::InvalidArgumentError(absl::StrCat(field, ": ", why));
 }
 
+absl::Status CheckText(const std::string& field, const std::string& text, size_t bytes_max) {
+  if (text.empty()) return Invalid(field, "is empty");
+  if (text.size() > bytes_max) return Invalid(field, absl::StrCat("is longer than ", bytes_max));
+  return absl::OkStatus();
+}
+
 Partition FromWire(const v1::Partition& wire) {
   Partition partition;
   if (wire.tile_size_px() != 0) partition.tile_size_px = wire.tile_size_px();
@@ -197,12 +203,6 @@ absl::StatusOr<FailureKind> FromWire(v1::LeaseFailure::Kind kind) {
   }
 }
 
-absl::Status CheckText(const std::string& field, const std::string& text, size_t bytes_max) {
-  if (text.empty()) return Invalid(field, "is empty");
-  if (text.size() > bytes_max) return Invalid(field, absl::StrCat("is longer than ", bytes_max));
-  return absl::OkStatus();
-}
-
 v1::Lease ToWire(const LeaseGrant& grant) {
   v1::Lease wire;
   wire.set_lease_id(grant.lease.lease_id);
@@ -261,6 +261,14 @@ absl::StatusOr<JobSpec> FromWire(const v1::CreateJobRequest& request) {
     frame.scene = *std::move(scene);
     frame.settings = *std::move(settings);
     spec.frames.push_back(std::move(frame));
+  }
+  if (request.effect_costs_size() > kEffectCostsMax) {
+    return Invalid("effect_costs", absl::StrCat("more than ", kEffectCostsMax));
+  }
+  for (const v1::EffectCost& wire : request.effect_costs()) {
+    absl::StatusOr<EffectCost> effect = FromWire(wire);
+    if (!effect.ok()) return effect.status();
+    spec.effect_costs.push_back(*std::move(effect));
   }
   return spec;
 }
@@ -340,6 +348,7 @@ v1::Job ToWire(const JobView& view) {
   wire.mutable_partition()->set_lease_pass_count(view.partition.lease_pass_count);
   *wire.mutable_progress() = ToWire(view.progress);
   wire.set_waiting_reason(view.waiting_reason);
+  for (const EffectCost& effect : view.effect_costs) *wire.add_effect_costs() = ToWire(effect);
   return wire;
 }
 

@@ -20,8 +20,9 @@ inline constexpr size_t kRequestIdBytesMax = 100;
 inline constexpr size_t kWorkerTextBytesMax = 300;
 inline constexpr size_t kFailureTextBytesMax = 10'000;
 inline constexpr int kLeaseReportsMax = 10'000;
+inline constexpr int kEffectCostsMax = 64;
+inline constexpr size_t kEffectTextBytesMax = 1000;
 inline constexpr absl::Duration kStopDurationMax = absl::Hours(24 * 36525);
-inline constexpr double kTargetErrorMax = 1e6;
 
 // Errors of all FromWire: kInvalidArgument, naming the field.
 absl::StatusOr<BlobDigest> FromWire(const v1::Digest& digest);
@@ -32,6 +33,10 @@ absl::StatusOr<WorkerReport> FromWire(const v1::SynchronizeRequest& request);
 absl::StatusOr<ResultReport> FromWire(const v1::ResultHeader& header);
 
 v1::Job ToWire(const JobView& view);
+// In wire_prices.cc, these three. Errors: kInvalidArgument.
+absl::StatusOr<EffectCost> FromWire(const v1::EffectCost& wire);
+v1::EffectCost ToWire(const EffectCost& effect);
+v1::PriceRefinementResponse ToWire(const RefinementPrices& priced);
 v1::Worker ToWire(const WorkerView& view);
 v1::SynchronizeResponse ToWire(const Farm::SynchronizeAnswer& answer);
 v1::UploadResultsResponse::Outcome ToWire(ResultOutcome outcome);

@@ -126,6 +126,8 @@ class JobStore {
   // Of all frames of a job, ascending by frame and round.
   // Without tiles, `tiles` and samples_next are empty.
   virtual absl::StatusOr<std::vector<StoredRound>> LoadRounds(uint64_t job_id, bool with_tiles) = 0;
+  // Of one frame, with tiles.
+  virtual absl::StatusOr<std::vector<RoundRecord>> LoadFrameRounds(const FrameId& frame) = 0;
 
   // A job that has ended goes on: these frames of it are no longer delivered, and have new rules,
   // samples and rounds.

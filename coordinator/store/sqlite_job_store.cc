@@ -184,6 +184,7 @@ absl::StatusOr<std::vector<StoredJob>> SqliteJobStore::LoadJobs() {
   for (StoredJob& job : jobs) {
     if (absl::Status status = LoadFrames(&job); !status.ok()) return status;
   }
+  if (absl::Status status = LoadEffects(&jobs); !status.ok()) return status;
   return jobs;
 }
 
@@ -299,6 +300,8 @@ absl::StatusOr<JobStore::CreatedJob> SqliteJobStore::CreateJob(const JobSpec& sp
                    .Run();
       if (!status.ok()) return status;
     }
+    status = InsertEffects(created.job_id, spec.effect_costs);
+    if (!status.ok()) return status;
     return created;
   };
   absl::StatusOr<CreatedJob> created;

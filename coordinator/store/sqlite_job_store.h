@@ -56,6 +56,7 @@ class SqliteJobStore : public JobStore {
   absl::Status DeliverFrame(const FrameId& frame, const DeliveredFrame& delivered) override;
   absl::Status AddRound(const FrameId& frame, const RoundRecord& round) override;
   absl::StatusOr<std::vector<StoredRound>> LoadRounds(uint64_t job_id, bool with_tiles) override;
+  absl::StatusOr<std::vector<RoundRecord>> LoadFrameRounds(const FrameId& frame) override;
   absl::Status ReopenJob(uint64_t job_id, const std::vector<ReopenedFrame>& frames) override;
   absl::StatusOr<std::optional<FrameId>> OldestDeliveredWithParts() override;
   uint64_t PartsBytes() const override { return parts_bytes_; }
@@ -80,6 +81,9 @@ class SqliteJobStore : public JobStore {
   absl::Status InsertRow(const PartRow& row);
   std::string FrameDirectory(const FrameId& frame) const;
   absl::Status LoadFrames(StoredJob* job);
+  // Both require that database_mutex_ is held.
+  absl::Status InsertEffects(uint64_t job_id, const std::vector<EffectCost>& effects);
+  absl::Status LoadEffects(std::vector<StoredJob>* jobs);
   // Runs `body` as one transaction. Requires: database_mutex_ is held.
   absl::Status InTransaction(const std::function<absl::Status()>& body);
   absl::Status InsertRound(const FrameId& frame, const RoundRecord& round);

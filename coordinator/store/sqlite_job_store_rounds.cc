@@ -55,6 +55,38 @@ absl::Status UnpackTiles(const std::string& bytes, RoundRecord* round) {
   return absl::OkStatus();
 }
 
+constexpr char kRoundColumns[] =
+    "SELECT frame_number, round, relative_mse, relative_mse_upper, predicted_relative_mse, "
+    "sample_count, wall_ns, ray_count, nonfinite_count, cpu_ns, part_bytes, stop_reason, "
+    "sample_count_expected";
+
+// Requires: the columns are kRoundColumns, and tiles after them where they are wanted.
+absl::StatusOr<std::vector<StoredRound>> ReadRounds(SqliteStatement* query, bool with_tiles) {
+  std::vector<StoredRound> rounds;
+  while (true) {
+    const absl::StatusOr<bool> row = query->Step();
+    if (!row.ok()) return row.status();
+    if (!*row) return rounds;
+    const auto count = [&](int column) { return static_cast<uint64_t>(query->Int64(column)); };
+    StoredRound stored;
+    stored.frame_number = static_cast<int32_t>(query->Int64(0));
+    RoundRecord& round = stored.record;
+    round.round = static_cast<int32_t>(query->Int64(1));
+    round.relative_mse = query->Double(2);
+    round.relative_mse_upper = query->Double(3);
+    round.predicted_relative_mse = query->Double(4);
+    round.sample_count = count(5);
+    round.wall_duration = absl::Nanoseconds(query->Int64(6));
+    round.cost = {count(7), count(8), absl::Nanoseconds(query->Int64(9)), count(10)};
+    round.stop_reason = static_cast<StopReason>(query->Int64(11));
+    round.sample_count_expected = count(12);
+    if (with_tiles) {
+      if (absl::Status status = UnpackTiles(query->Bytes(13), &round); !status.ok()) return status;
+    }
+    rounds.push_back(std::move(stored));
+  }
+}
+
 }  // namespace
 
 absl::Status SqliteJobStore::AddRound(const FrameId& frame, const RoundRecord& round) {
@@ -128,35 +160,23 @@ absl::Status SqliteJobStore::ReopenJob(uint64_t job_id, const std::vector<Reopen
 absl::StatusOr<std::vector<StoredRound>> SqliteJobStore::LoadRounds(uint64_t job_id,
                                                                     bool with_tiles) {
   const std::lock_guard lock(database_mutex_);
-  SqliteStatement query = database_->Prepare(absl::StrCat(
-      "SELECT frame_number, round, relative_mse, relative_mse_upper, predicted_relative_mse, "
-      "sample_count, wall_ns, ray_count, nonfinite_count, cpu_ns, part_bytes, stop_reason, "
-      "sample_count_expected",
-      with_tiles ? ", tiles" : "", " FROM rounds WHERE job_id = ? ORDER BY frame_number, round"));
+  SqliteStatement query = database_->Prepare(
+      absl::StrCat(kRoundColumns, with_tiles ? ", tiles" : "",
+                   " FROM rounds WHERE job_id = ? ORDER BY frame_number, round"));
   query.Bind(job_id);
-  std::vector<StoredRound> rounds;
-  while (true) {
-    const absl::StatusOr<bool> row = query.Step();
-    if (!row.ok()) return row.status();
-    if (!*row) return rounds;
-    StoredRound stored;
-    stored.frame_number = static_cast<int32_t>(query.Int64(0));
-    RoundRecord& round = stored.record;
-    round.round = static_cast<int32_t>(query.Int64(1));
-    round.relative_mse = query.Double(2);
-    round.relative_mse_upper = query.Double(3);
-    round.predicted_relative_mse = query.Double(4);
-    round.sample_count = static_cast<uint64_t>(query.Int64(5));
-    round.wall_duration = absl::Nanoseconds(query.Int64(6));
-    round.cost = {static_cast<uint64_t>(query.Int64(7)), static_cast<uint64_t>(query.Int64(8)),
-                  absl::Nanoseconds(query.Int64(9)), static_cast<uint64_t>(query.Int64(10))};
-    round.stop_reason = static_cast<StopReason>(query.Int64(11));
-    round.sample_count_expected = static_cast<uint64_t>(query.Int64(12));
-    if (with_tiles) {
-      if (absl::Status status = UnpackTiles(query.Bytes(13), &round); !status.ok()) return status;
-    }
-    rounds.push_back(std::move(stored));
-  }
+  return ReadRounds(&query, with_tiles);
+}
+
+absl::StatusOr<std::vector<RoundRecord>> SqliteJobStore::LoadFrameRounds(const FrameId& frame) {
+  const std::lock_guard lock(database_mutex_);
+  SqliteStatement query = database_->Prepare(absl::StrCat(
+      kRoundColumns, ", tiles FROM rounds WHERE job_id = ? AND frame_number = ? ORDER BY round"));
+  query.Bind(frame.job_id).Bind(frame.frame_number);
+  absl::StatusOr<std::vector<StoredRound>> stored = ReadRounds(&query, /*with_tiles=*/true);
+  if (!stored.ok()) return stored.status();
+  std::vector<RoundRecord> rounds;
+  for (StoredRound& round : *stored) rounds.push_back(std::move(round.record));
+  return rounds;
 }
 
 }  // namespace sheaf::coordinator

@@ -67,6 +67,8 @@ class SqliteJobStoreTest : public testing::Test {
       frame.stop = {.target_error = 0.25, .cpu_max = absl::Hours(3)};
       spec.frames.push_back(frame);
     }
+    spec.effect_costs = {{"lens", "", "a pinhole", 0.25, 0.01, -0.002, 0.003, 1e-4, 1.5},
+                         {"indirect light", "the time was up", "", 0, 0, 0, 0, 0, 0}};
     return spec;
   }
   uint64_t CreateJob(const std::string& request_id = "r") {
@@ -109,6 +111,7 @@ TEST_F(SqliteJobStoreTest, JobsSurviveAReopen) {
   EXPECT_EQ(stored.spec.title, spec.title);
   EXPECT_EQ(stored.spec.priority, -3);
   EXPECT_EQ(stored.spec.partition.lease_pass_count, 2u);
+  EXPECT_EQ(stored.spec.effect_costs, spec.effect_costs);
   EXPECT_EQ(stored.phase, JobPhase::kFailed);
   EXPECT_EQ(stored.failure, "why");
   EXPECT_EQ(stored.create_time, absl::FromUnixSeconds(100));
@@ -195,6 +198,8 @@ TEST_F(SqliteJobStoreTest, RoundsSurviveAReopen) {
   EXPECT_TRUE(rounds->back().record.samples_next.empty());
   EXPECT_EQ(rounds->back().record.stop_reason, StopReason::kTargetError);
   EXPECT_TRUE(store_->LoadRounds(job, /*with_tiles=*/false)->front().record.tiles.empty());
+  EXPECT_EQ(store_->LoadFrameRounds({job, 7})->at(1).tiles.size(), 2u);
+  EXPECT_TRUE(store_->LoadFrameRounds({job, -5})->empty());
 }
 
 TEST_F(SqliteJobStoreTest, EqualRequestIdIsTheSameJob) {
@@ -330,6 +335,7 @@ TEST_F(SqliteJobStoreTest, EarlierSchemaIsBroughtUpToDate) {
                             "ALTER TABLE frames DROP COLUMN relative_mse_upper;"
                             "ALTER TABLE frames DROP COLUMN stop_reason;"
                             "DROP TABLE rounds;"
+                            "DROP TABLE effects;"
                             "ALTER TABLE jobs DROP COLUMN paused;"
                             "ALTER TABLE frames DROP COLUMN flip;"
                             "ALTER TABLE frames DROP COLUMN resumed_sha256;"

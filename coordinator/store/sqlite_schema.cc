@@ -86,6 +86,11 @@ constexpr char kAddedBy10[] = R"sql(
 ALTER TABLE frames ADD COLUMN flip REAL NOT NULL DEFAULT 0;
 ALTER TABLE frames ADD COLUMN resumed_sha256 TEXT NOT NULL DEFAULT '';
 ALTER TABLE frames ADD COLUMN resumed_bytes INTEGER NOT NULL DEFAULT 0;
+CREATE TABLE effects(
+  job_id INTEGER NOT NULL, position INTEGER NOT NULL, name TEXT NOT NULL, problem TEXT NOT NULL,
+  without TEXT NOT NULL, time_share REAL NOT NULL, time_share_error REAL NOT NULL,
+  mean_change REAL NOT NULL, mean_change_error REAL NOT NULL, relative_mse REAL NOT NULL,
+  variance_ratio REAL NOT NULL, PRIMARY KEY(job_id, position)) WITHOUT ROWID;
 )sql";
 
 }  // namespace

@@ -110,12 +110,60 @@ export interface Counter {
   value: number;
 }
 
+export interface WorkerPage {
+  workers: Worker[];
+  next_page_token: string;
+}
+
 export interface JobPage {
   jobs: Job[];
   next_page_token: string;
 }
 
+// What an effect of the scene costs and gives, with standard errors.
+export interface EffectCost {
+  name: string;
+  // Why nothing was measured; else empty.
+  problem: string;
+  // How it was left out.
+  without: string;
+  // Of the processor time; below 0 where leaving it out costs time.
+  time_share: number;
+  time_share_error: number;
+  // Of the picture's mean without it.
+  mean_change: number;
+  mean_change_error: number;
+  relative_mse: number;
+  // Of a sample with it over one without.
+  variance_ratio: number;
+}
+
+// 8 of 10 lie between low and high.
+export interface Estimate {
+  value: number;
+  low: number;
+  high: number;
+}
+
+// What it costs to refine a job until its relMSE is at target_error, beyond what is there.
+export interface RefinePrice {
+  target_error: number;
+  reached: boolean;
+  relative_mse: Estimate;
+  samples_per_pixel: Estimate;
+  cpu_seconds: Estimate;
+  // Null where no worker is there.
+  wall_seconds: Estimate|null;
+}
+
+export interface RefinePrices {
+  prices: RefinePrice[];
+  thread_count: number;
+  jobs_before_count: number;
+}
+
 export interface JobWithFrames extends Job {
+  effect_costs: EffectCost[];
   frames: Frame[];
   next_page_token: string;
 }
@@ -171,7 +219,10 @@ export const getJob = (name: string, pageSize: number, token: string) =>
 export const getFrame = (name: string) => request<Frame>(pathOf(name));
 export const listFailures = (name: string) =>
     request<{failures: Failure[]}>(pathOf(name) + '/failures');
-export const listWorkers = () => request<{workers: Worker[]}>(BASE + 'workers');
+export const getRefinePrices = (name: string, targets: readonly number[]) =>
+    request<RefinePrices>(pathOf(name) + '/refine-price?target_error=' + targets.join(','));
+export const listWorkers = (pageSize: number, token: string) =>
+    request<WorkerPage>(BASE + 'workers' + query(pageSize, token));
 export const listCounters = () => request<{counters: Counter[]}>(BASE + 'counters');
 
 // The header tells the coordinator that a page of its own asks, not one of another site.
@@ -182,6 +233,8 @@ export const pauseJob = (name: string) => act(name, ':pause');
 export const resumeJob = (name: string) => act(name, ':resume');
 export const setPriority = (name: string, priority: number) =>
     act(name, ':priority?value=' + priority);
+export const refineJob = (name: string, targetError: number) =>
+    act(name, ':refine?target_error=' + targetError);
 
 export const eventsPath = BASE + 'events';
 export const falseColorPath = BASE + 'false-color.png';

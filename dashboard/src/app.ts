@@ -7,9 +7,11 @@
 import './viewer.css';
 import './style.css';
 import './frames.css';
+import './effects.css';
 
 import {CountersView} from './counters';
 import {byId, setText} from './dom';
+import {EffectsView} from './effects';
 import {FailuresView} from './failures';
 import * as format from './format';
 import {FramesView} from './frames';
@@ -84,6 +86,7 @@ new JobsView(store, (name) => {
 });
 new JobDetailsView(store);
 new JobActions(store);
+new EffectsView(store);
 new FailuresView(store);
 new FramesView(store, (name) => {
   location.hash = name;

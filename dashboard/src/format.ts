@@ -53,6 +53,10 @@ export function signed(value: number): string {
   return (value > 0 ? '+' : value < 0 ? '\u2212' : '') + Math.abs(value);
 }
 
+// With a minus of the right length: "-0.3" -> "−0.3", "-0.0" -> "0.0".
+export const signedNumber = (digits: string) =>
+    Number(digits) === 0 ? digits.replace('-', '') : digits.replace('-', '\u2212');
+
 // 3725 -> "1 h 02 min"; the two leading units only.
 export function duration(seconds: number|null): string {
   if (seconds === null) return '–';

@@ -1,16 +1,19 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// What one may do to the selected job: pause it and go on, put it before others, cancel it.
+// What one may do to the selected job: pause it and go on, put it before others, cancel it, and
+// refine it when it is finished.
 
 import * as api from './api';
 import type {Job} from './api';
 import {confirm} from './confirm';
 import {byId, setText} from './dom';
 import * as format from './format';
+import {RefineDialog} from './refine_dialog';
 import type {Store} from './store';
 
 export class JobActions {
+  private readonly refineDialog = new RefineDialog();
   private readonly priority = byId<HTMLInputElement>('priority');
   // Ends with what was asked for last; one thing is asked for at a time, so that the last one
   // holds.
@@ -21,6 +24,7 @@ export class JobActions {
   constructor(private readonly store: Store) {
     byId('pause').addEventListener('click', () => this.pauseOrResume());
     byId('cancel').addEventListener('click', () => this.cancel());
+    byId('refine').addEventListener('click', () => this.refine());
     this.priority.addEventListener('change', () => this.setPriority());
     // What was typed and not taken is forgotten.
     this.priority.addEventListener('blur', this.draw);
@@ -31,6 +35,7 @@ export class JobActions {
     const {job} = this.store;
     const ended = !job || format.hasEnded(job);
     for (const id of ['priority-box', 'pause', 'cancel']) byId(id).hidden = ended;
+    byId('refine').hidden = job?.state !== 'succeeded' || !job.progress.relative_mse;
     if (!job) return;
     setText(byId('pause'), job.state === 'paused' ? 'Resume job' : 'Pause job');
     const isTyped =
@@ -66,6 +71,13 @@ export class JobActions {
       yes: 'Cancel job',
     });
     if (sure) await this.act('cancelling', job, () => api.cancelJob(job.name));
+  }
+
+  private async refine() {
+    const {job} = this.store;
+    if (!job) return;
+    const target = await this.refineDialog.ask(job);
+    if (target !== null) await this.act('refining', job, () => api.refineJob(job.name, target));
   }
 
   private act(what: string, job: Job, ask: () => Promise<Job>): Promise<void> {

@@ -8,10 +8,12 @@
 import * as api from './api';
 import type {Store} from './store';
 
+// Jobs and workers of a page: few, so that reading one is no long task.
 const FIRST_PAGE = 100;
-const PAGE = 1000;
-// Pages of jobs fetched at most; older jobs are not listed.
-const PAGES_MAX = 20;
+const PAGE = 250;
+// Of jobs and workers, fetched at most; older jobs are not listed.
+const PAGES_MAX = 80;
+const FRAMES_PAGE = 1000;
 const POLL_MS = 2000;
 const COUNTERS_MS = 3000;
 
@@ -119,25 +121,22 @@ export class Live {
   }
 
   private async loadJobs() {
-    const names = new Set<string>();
-    let token = '';
-    for (let page = 0; page < PAGES_MAX; ++page) {
-      const list = await api.listJobs(page === 0 ? FIRST_PAGE : PAGE, token);
-      for (const job of list.jobs) {
-        names.add(job.name);
-        this.store.setJob(job);
-      }
-      token = list.next_page_token;
-      if (!token) break;
-    }
+    const names = await namesOf(async (pageSize, token) => {
+      const {jobs, next_page_token} = await api.listJobs(pageSize, token);
+      for (const job of jobs) this.store.setJob(job);
+      return [jobs, next_page_token];
+    });
     this.store.jobs.keepOnly(names);
     this.store.touch('jobs');
   }
 
   private async loadWorkers() {
-    const list = await api.listWorkers();
-    for (const worker of list.workers) this.store.setWorker(worker);
-    this.store.workers.keepOnly(new Set(list.workers.map((worker) => worker.name)));
+    const names = await namesOf(async (pageSize, token) => {
+      const {workers, next_page_token} = await api.listWorkers(pageSize, token);
+      for (const worker of workers) this.store.setWorker(worker);
+      return [workers, next_page_token];
+    });
+    this.store.workers.keepOnly(names);
     this.store.touch('workers');
   }
 
@@ -157,7 +156,7 @@ export class Live {
   private async loadFrames(token: string) {
     const name = this.store.jobName;
     if (!name) return;
-    const job = await api.getJob(name, PAGE, token).catch((failure: unknown) => {
+    const job = await api.getJob(name, FRAMES_PAGE, token).catch((failure: unknown) => {
       // The coordinator may have come back without it; everything else is to be followed still.
       if (failure instanceof api.ApiError && failure.status === 404) return null;
       throw failure;
@@ -165,6 +164,21 @@ export class Live {
     if (job === null || name !== this.store.jobName) return;
     for (const frame of job.frames) this.store.setFrame(frame);
     this.store.framesToken = job.next_page_token;
+    this.store.setEffects(job.effect_costs);
     this.store.touch('frames');
   }
+}
+
+// The names on all pages. `load` fetches one: its objects and the token of the next.
+async function namesOf(
+    load: (pageSize: number, token: string) => Promise<[{name: string}[], string]>) {
+  const names = new Set<string>();
+  let token = '';
+  for (let page = 0; page < PAGES_MAX; ++page) {
+    const [objects, next] = await load(page === 0 ? FIRST_PAGE : PAGE, token);
+    for (const object of objects) names.add(object.name);
+    token = next;
+    if (!token) break;
+  }
+  return names;
 }

@@ -13,8 +13,9 @@ import {PictureViewport} from './picture_viewport';
 import type {Store} from './store';
 import type {Size} from './view_transform';
 
-// Between two versions at least.
-const REFRESH_MS = 400;
+// From asking for one version to asking for the next, at least; and from having it.
+const REFRESH_MS = 350;
+const REST_MS = 50;
 // Pixels of a preview at most: larger pictures come shrunk (kPreviewPixelCountMax of the
 // coordinator).
 const PIXELS_MAX = 1 << 21;
@@ -122,6 +123,7 @@ export class PicturePane {
 
   private async fetch(frame: Frame, path: string) {
     this.fetching = true;
+    const begin = performance.now();
     const {layer} = this.options.wanted();
     try {
       const preview = await api.getPreview(path);
@@ -140,10 +142,11 @@ export class PicturePane {
     }
     this.fetching = false;
     const changed = !isSame(this.options.wanted(), frame, path);
+    const rest = Math.max(REST_MS, REFRESH_MS - (performance.now() - begin));
     this.rest = setTimeout(() => {
       this.rest = undefined;
       this.draw();
-    }, changed ? 0 : REFRESH_MS);
+    }, changed ? 0 : rest);
   }
 
   // Null where there is no such picture.

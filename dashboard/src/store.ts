@@ -5,14 +5,14 @@
 // Views listen to a topic and are told at most once per drawn picture, however many events came,
 // and a few at a time, so that no task grows long.
 
-import type {Counter, Frame, Job, Worker} from './api';
+import type {Counter, EffectCost, Frame, Job, Worker} from './api';
 import {WatchedCurve, curveOfRounds} from './curve';
 import type {CurveSource} from './curve';
 import {newestFirst} from './format';
 import {SortedMap} from './sorted_map';
 
 export type Topic =
-    'jobs'|'workers'|'frames'|'counters'|'selection'|'beside'|'connection'|'problems';
+    'jobs'|'workers'|'frames'|'effects'|'counters'|'selection'|'beside'|'connection'|'problems';
 export type Connection = 'live'|'connecting'|'polling'|'reconnecting';
 
 // Of drawing in one task; what is left is drawn with the next picture.
@@ -27,6 +27,8 @@ export class Store {
   // Frames of the selected job only.
   readonly frames = new SortedMap<Frame>((a, b) => a.frame_number - b.frame_number);
   framesToken = '';
+  // Of the selected job's scene.
+  effects: readonly EffectCost[] = [];
   // A frame of any job, to be seen beside the shown one.
   beside: Frame|undefined;
   counters: Counter[] = [];
@@ -102,6 +104,13 @@ export class Store {
     this.touch('frames');
   }
 
+  // The same ones again change nothing.
+  setEffects(effects: readonly EffectCost[]) {
+    if (JSON.stringify(effects) === JSON.stringify(this.effects)) return;
+    this.effects = effects;
+    this.touch('effects');
+  }
+
   setBeside(frame: Frame|undefined) {
     this.beside = frame;
     this.touch('beside');
@@ -129,6 +138,7 @@ export class Store {
     this.frameName = null;
     this.frames.keepOnly(new Set());
     this.framesToken = '';
+    this.setEffects([]);
     this.watchedCurve = new WatchedCurve();
     if (this.job) this.watchedCurve.add(this.job.progress);
     this.touch('selection');
@@ -145,7 +155,13 @@ export class Store {
   // or else of the selected job since somebody looks.
   get curve(): CurveSource {
     const rounds = this.frame?.rounds ?? [];
-    return rounds.length >= ROUNDS_MIN ? curveOfRounds(rounds) : this.watchedCurve;
+    if (rounds.length < ROUNDS_MIN) return this.watchedCurve;
+    const noted = curveOfRounds(rounds);
+    // Without a rule they are few, and what was seen since goes on from them.
+    if (this.frame?.stop?.target_error || this.job?.frame_count !== 1) return noted;
+    const last = noted.points.at(-1)?.sampleCount ?? 0;
+    const seen = this.watchedCurve.points.filter((point) => point.sampleCount > last);
+    return {points: [...noted.points, ...seen]};
   }
 
   // The error of a pixel, the root of relMSE, at which the shown frame is to end; 0 for none.

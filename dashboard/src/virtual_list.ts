@@ -26,7 +26,11 @@ export interface VirtualListOptions<Item> {
 export class VirtualList<Item> {
   private items: readonly Item[] = [];
   private selectedKey: string|null = null;
+  // Item i is in row i modulo their number, so that what stays in sight while scrolling stays in
+  // its row.
   private readonly rows: HTMLElement[] = [];
+  // What each row was drawn with last.
+  private readonly drawn = new WeakMap<HTMLElement, Item>();
   private readonly space = el('div', {class: 'vlist-space'});
   // In pixels, as last measured; a row of height 0 means not yet.
   private rowHeight = 0;
@@ -46,7 +50,7 @@ export class VirtualList<Item> {
     root.replaceChildren(this.space);
     root.addEventListener('scroll', () => {
       this.scrollTop = root.scrollTop;
-      this.draw();
+      this.draw(true);
     }, {passive: true});
     new ResizeObserver(() => this.measure()).observe(root);
     // A row's height follows the root font, which follows the window.
@@ -79,7 +83,8 @@ export class VirtualList<Item> {
     this.draw();
   }
 
-  private draw() {
+  // `scrolled`: nothing but the place has changed since the last time.
+  private draw(scrolled = false) {
     // For style sheets that make a short list no higher than it needs.
     const rowCount = Math.ceil(this.items.length / this.columns);
     this.root.style.setProperty('--row-count', String(rowCount));
@@ -95,7 +100,13 @@ export class VirtualList<Item> {
     const first = firstRow * this.columns;
     const last = Math.min(this.items.length, (firstRow + visible) * this.columns);
     this.resizePool(last - first);
-    this.rows.forEach((row, i) => this.drawRow(row, first + i, height));
+    for (let index = first; index < last; ++index) {
+      const row = this.rows[index % this.rows.length];
+      const item = this.items[index];
+      if (!row || item === undefined) continue;
+      const isDrawn = row.dataset.index === String(index) && this.drawn.get(row) === item;
+      if (!scrolled || !isDrawn) this.drawRow(row, item, index, height);
+    }
   }
 
   private resizePool(count: number) {
@@ -109,9 +120,8 @@ export class VirtualList<Item> {
     while (this.rows.length > count) this.rows.pop()?.remove();
   }
 
-  private drawRow(row: HTMLElement, index: number, height: number) {
-    const item = this.items[index];
-    if (item === undefined) return;
+  private drawRow(row: HTMLElement, item: Item, index: number, height: number) {
+    this.drawn.set(row, item);
     const selected = this.options.keyOf(item) === this.selectedKey;
     row.id = this.root.id + '-' + index;
     row.dataset.index = String(index);

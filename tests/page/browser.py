@@ -103,6 +103,15 @@ class Browser:
         """Turns the wheel towards the user by `delta_px` at (x, y)."""
         self._mouse("mouseWheel", *place, deltaX=0, deltaY=delta_px)
 
+    def click_at(self, x_px, y_px):
+        place = (x_px, y_px)
+        self._mouse("mousePressed", *place, button="left", buttons=1, clickCount=1)
+        self._mouse("mouseReleased", *place, button="left", clickCount=1)
+
+    def click(self, element_id):
+        """Clicks with the mouse in the middle of an element, which must be seen."""
+        self.click_at(*self.middle_of(element_id))
+
     def drag(self, start, end):
         """Presses the left button at `start` and releases it at `end`."""
         self._mouse("mousePressed", *start, button="left", buttons=1, clickCount=1)

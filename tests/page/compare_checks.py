@@ -64,6 +64,15 @@ def check_compare(browser, screenshot):
     screenshot("page-compare.png")
     browser.run(CHOOSE, "layer", "picture")
     wait_until(lambda: both(browser) == fitted, CHANGE_SECONDS_MAX, "both pictures")
+    # A frame of a range.
+    job = browser.run("""
+      return [...document.getElementById("beside-job").options].find(
+        (option) => option.textContent.includes("turntable")).value;""")
+    browser.run(CHOOSE, "beside-job", job)
+    wait_until(lambda: not browser.run(HIDDEN, "beside-frame"), CHANGE_SECONDS_MAX, "its frames")
+    browser.run(CHOOSE, "beside-frame", f"{job}/frames/3")
+    wait_until(lambda: browser.run(TEXT, "beside-name").endswith("frame 3"), CHANGE_SECONDS_MAX,
+               "the frame beside")
     zoom = zoom_percent(browser)
     browser.run(CHOOSE, "beside-job", "")
     wait_until(lambda: browser.run(HIDDEN, "beside-box"), CHANGE_SECONDS_MAX, "one picture")

@@ -1,14 +1,22 @@
 # Copyright the Sheaf authors.
 # SPDX-License-Identifier: Apache-2.0
-"""Pausing, resuming and putting first, by keys alone, over a real farm. For page_test.py."""
+"""Pausing, resuming, putting first and refining, by keys alone, over a real farm. For
+page_test.py."""
 import json
+import os
+import re
 import time
 
-from farm import wait_until
+from farm import ROOT, wait_until
 from viewer_checks import FOCUS, HIDDEN, TEXT
 
 CHANGE_SECONDS_MAX = 20
-ARROW_UP, ENTER, TAB = "\ue013", "\ue007", "\ue004"
+ARROW_UP, ENTER, ESCAPE, TAB = "\ue013", "\ue007", "\ue00c", "\ue004"
+ARROW_RIGHT, END = "\ue014", "\ue010"
+JOB_SECONDS_MAX = 120
+# With time to spare: the price is asked for and drawn.
+PRICE_SECONDS_MAX = 5
+IS_ASKED = "return document.getElementById('refine-dialog').open"
 FOCUSED = "return document.activeElement.id"
 PRIORITY = "return document.getElementById('priority').value"
 # Twice the time that results on their way may take.
@@ -71,3 +79,100 @@ def check_control(browser, farm, job):
     """The job must be running and selected."""
     check_pause(browser, farm, job)
     check_priority(browser, farm, job)
+
+
+def price_words(browser):
+    """What the question says of the error, processor time and time."""
+    return [browser.run(TEXT, f"refine-{name}") for name in ("error", "cpu", "wall")]
+
+
+def wait_for_price(browser, before):
+    def other():
+        now = price_words(browser)
+        return now if now != before and "(" in now[1] and "(" in now[2] else None
+    return wait_until(other, PRICE_SECONDS_MAX, "a price")
+
+
+def seconds_of(words):
+    """"1 min 05 s (...)" in seconds: what stands before the band."""
+    units = {"s": 1, "min": 60, "h": 3600, "d": 86400}
+    parts = re.findall(r"([\d.]+) (s|min|h|d)\b", words.split("(")[0])
+    assert parts, words
+    return sum(float(value) * units[unit] for value, unit in parts)
+
+
+def ask_for_refinement(browser):
+    browser.run(FOCUS, "refine")
+    browser.press(ENTER)
+    wait_until(lambda: browser.run(IS_ASKED), CHANGE_SECONDS_MAX, "the question")
+    assert browser.run(FOCUSED) == "refine-target", "the slider has no focus"
+
+
+def check_refine(browser, farm, screenshot):
+    """The slider shows what each error costs; what is confirmed is rendered."""
+    job = farm.sheaf("submit", os.path.join(ROOT, "scenes", "cornell-box.pbrt"), "--crop",
+                     "60,60,188,156", "--samples", 32, "--measure", 1).stdout.strip()
+    farm.sheaf("watch", job, seconds=JOB_SECONDS_MAX)
+    browser.run("location.hash = arguments[0]", job)
+    wait_until(lambda: not browser.run(HIDDEN, "refine") and
+               browser.run("return location.hash") == "#" + job, CHANGE_SECONDS_MAX, "the button")
+    ask_for_refinement(browser)
+    begin = time.monotonic()
+    first = wait_for_price(browser, [])
+    print(f"  a price is there {time.monotonic() - begin:.2f} s after the question")
+    browser.press(ARROW_RIGHT)
+    for _ in range(9):
+        browser.press(ARROW_RIGHT)
+    dearer = wait_for_price(browser, first)
+    assert seconds_of(dearer[1]) > seconds_of(first[1]), (first, dearer)
+    screenshot("page-refine.png")
+    browser.press(END)
+    dearest = wait_for_price(browser, dearer)
+    assert seconds_of(dearest[1]) > 4 * seconds_of(dearer[1]), (dearer, dearest)
+    browser.press(ESCAPE)
+    wait_until(lambda: not browser.run(IS_ASKED), CHANGE_SECONDS_MAX, "no by Escape")
+    assert show(farm, job)["state"] == "succeeded", "a job was refined by a no"
+    ask_for_refinement(browser)
+    browser.click("refine-no")
+    wait_until(lambda: not browser.run(IS_ASKED), CHANGE_SECONDS_MAX, "no by the button")
+    assert show(farm, job)["state"] == "succeeded"
+    # Half the error of a pixel.
+    ask_for_refinement(browser)
+    words = wait_for_price(browser, [])
+    said = seconds_of(words[1])
+    target = float(re.search(r"relMSE ([\d.]+e\u2212\d+)", words[0])[1].replace("\u2212", "-"))
+    before = show(farm, job)["progress"]
+    assert 0.2 < target / before["relative_mse"] < 0.3, (words, before)
+    browser.run(FOCUS, "refine-yes")
+    browser.press(ENTER)
+    wait_until(lambda: show(farm, job)["progress"]["sample_count_done"] >
+               before["sample_count_done"] and show(farm, job)["state"] == "succeeded",
+               JOB_SECONDS_MAX, "the refined picture")
+    wait_for_state(browser, "succeeded")
+    after = show(farm, job)["progress"]
+    assert after["relative_mse"] <= target * 1.01, (after, target)
+    spent = after["cpu_duration_seconds"] - before["cpu_duration_seconds"]
+    print(f"  refined from relMSE {before['relative_mse']:.1e} to {after['relative_mse']:.1e}: "
+          f"{said:.1f} s said, {spent:.1f} s taken")
+    # A shown price has one decimal.
+    assert said < 2 * spent + 0.1 and spent < 2 * said + 0.1, (said, spent)
+    wait_until(lambda: after["relative_mse"] == browser.run("""
+      return fetch("/api/v1/" + location.hash.slice(1)).then((r) => r.json())
+        .then((job) => job.progress.relative_mse);"""), CHANGE_SECONDS_MAX, "the new error")
+
+
+def check_effects(browser, farm):
+    """The job that was refined was measured, with bars; another says how one gets them."""
+    wait_until(lambda: not browser.run(HIDDEN, "effects"), CHANGE_SECONDS_MAX, "the bars")
+    rows = browser.run("""
+      return [...document.querySelectorAll("#effects .effect")].map((row) => [
+        row.children[0].textContent, row.children[2].textContent,
+        row.querySelector(".effect-fill").getBoundingClientRect().width]);""")
+    [indirect] = [row for row in rows if row[0] == "indirect light"]
+    assert indirect[2] > 5, rows
+    assert re.match(r"[\d.]+ ± [\d.]+ % of the time; [\d.]+ ± [\d.]+ % of the light; variance × ",
+                    indirect[1]), indirect
+    browser.run("location.hash = 'jobs/1'")
+    wait_until(lambda: browser.run(HIDDEN, "effects"), CHANGE_SECONDS_MAX, "no bars")
+    assert "sheaf submit SCENE --measure" in browser.run(TEXT, "effects-empty")
+    assert not browser.run(HIDDEN, "effects-empty")

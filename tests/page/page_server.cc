@@ -172,6 +172,12 @@ void FillFarm(FakeFarm* farm, int job_count, int worker_count, int frame_count) 
                             "sheaf render turntable.0007.pbrt --crop 320,160,360,200 "
                             "--samples 32 --seed 0 --max-depth 5"});
   farm->jobs.push_back(MakeRunningJob(job_count, frame_count));
+  farm->jobs.back().effect_costs = {
+      {"lens", "", "a pinhole", 0.043, 0.011, -0.0021, 0.0032, 1e-4, 1.02},
+      {"indirect light", "", "direct light alone", 0.62, 0.018, -0.41, 0.006, 0.3, 1.7},
+      {"choice of lights", "", "by power alone", -0.08, 0.03, 0.0004, 0.002, 1e-5, 0.31},
+      {"media", "the time was up", "", 0, 0, 0, 0, 0, 0}};
+  farm->prices.thread_count = worker_count;
   for (int i = job_count - 1; i > 0; --i) {
     farm->jobs.push_back(MakeJob(i, absl::Now() - absl::Minutes(3 * (job_count - i))));
   }
@@ -242,6 +248,9 @@ int main(int argc, char** argv) {
   };
   actions.set_job_priority = [&](const std::string& job_id, int32_t priority) {
     return change(job_id, [=](JobView* job) { job->priority = priority; });
+  };
+  actions.refine_job = [&](const std::string& job_id, const Refinement&) {
+    return change(job_id, [](JobView* job) { job->state = JobState::kRunning; });
   };
   HttpServiceOptions options;
   options.server.port = static_cast<uint16_t>(argc > 3 ? std::atoi(argv[3]) : 0);

@@ -16,11 +16,14 @@ import traceback
 
 HERE = os.path.dirname(os.path.abspath(__file__))
 sys.path += [HERE, os.path.join(HERE, "..", "integration")]
+from action_checks import MORE_FRAMES, check_clicks, check_dismissed  # noqa: E402
+from action_checks import check_more_frames  # noqa: E402
 from browser import Browser  # noqa: E402
 from chart_checks import ADD_TARGETS, check_chart  # noqa: E402
 from compare_checks import check_compare  # noqa: E402
-from control_checks import check_control  # noqa: E402
+from control_checks import check_control, check_effects, check_refine  # noqa: E402
 from farm import Farm, ROOT, TIME_SCALE, programs, wait_until  # noqa: E402
+from figure_checks import NOTE_PICTURES, check_large_picture  # noqa: E402
 from frame_checks import MANY_FRAMES, check_frame_grid, check_many_frames  # noqa: E402
 from load_checks import NOTE_LONG_TASKS, check_lists  # noqa: E402
 from round_checks import check_rounds  # noqa: E402
@@ -171,6 +174,23 @@ def check_side_by_side(browser, _):
     check_compare(browser, lambda name: browser.screenshot(artefact(name)))
 
 
+def check_refining(browser, farm):
+    check_refine(browser, farm, lambda name: browser.screenshot(artefact(name)))
+
+
+def check_cost_by_effect(browser, farm):
+    browser.run("document.getElementById('effects-section').scrollIntoView()")
+    browser.screenshot(artefact("page-effects.png"))
+    check_effects(browser, farm)
+
+
+def check_figures(browser, farm):
+    browser.run_before_pages(NOTE_LONG_TASKS)
+    browser.run_before_pages(NOTE_PICTURES)
+    check_large_picture(browser, farm)
+    browser.screenshot(artefact("page-large.png"))
+
+
 def check_no_console_errors(browser, _):
     errors = browser.console_errors()
     assert not errors, "\n".join(errors)
@@ -243,6 +263,23 @@ def check_the_viewer(browser, _):
     check_viewer(browser, lambda name: browser.screenshot(artefact(name)))
 
 
+def check_mouse(browser, _):
+    check_clicks(browser)
+    browser.run("location.hash = 'jobs/' + arguments[0]", MADE_UP_JOB_COUNT)
+    wait_until(lambda: browser.run(TEXT, "job-title").startswith("turntable"), PAGE_SECONDS_MAX,
+               "the selected job")
+
+
+def check_frames_come_in_pages(browser, _):
+    other = MadeUpServer()
+    other.start(job_count=3, worker_count=3, frame_count=MORE_FRAMES)
+    try:
+        check_more_frames(browser, other.url)
+    finally:
+        browser.open("about:blank")
+        other.stop()
+
+
 def check_every_width(browser, _):
     """No sideways scroll from a telephone to a wall, in light and dark."""
     for name, width_px, height_px, dark in (("narrow", 400, 1800, False), ("dark", 1440, 900, True),
@@ -273,6 +310,7 @@ def check_page_survives_a_restart(browser, server):
     wait_until(lambda: connection() == "Live", PAGE_SECONDS_MAX, "events")
     server.stop()
     wait_until(lambda: connection() == "Reconnecting", PAGE_SECONDS_MAX, "the loss")
+    check_dismissed(browser)
     server.start(job_count=7, worker_count=3)
     wait_until(lambda: connection() == "Live", PAGE_SECONDS_MAX, "the return")
     wait_until(lambda: browser.run(TEXT, "job-count") == "7", PAGE_SECONDS_MAX, "the new jobs")
@@ -315,8 +353,8 @@ def run_checks(checks, browser, subject):
 def run_farm():
     checks = [check_page_follows_a_job, check_output_is_an_exr, check_layers_of_a_real_picture,
               check_pause_and_priority, check_workers_and_failures, check_cancel,
-              check_frames, check_slider_between_rounds, check_side_by_side,
-              check_no_console_errors]
+              check_frames, check_slider_between_rounds, check_side_by_side, check_refining,
+              check_cost_by_effect, check_figures, check_no_console_errors]
     with Farm() as farm, Browser() as browser:
         farm.start_worker()
         return run_checks(checks, browser, farm)
@@ -325,8 +363,9 @@ def run_farm():
 def run_made_up():
     # The restart comes last: a browser reports every refused connection as an error.
     checks = [check_the_chart, check_focus_is_visible, check_thousands_of_jobs_and_workers,
-              check_titles_are_text, check_keyboard, check_the_viewer, check_every_width,
-              check_a_thousand_frames, check_no_console_errors, check_page_survives_a_restart]
+              check_titles_are_text, check_keyboard, check_the_viewer, check_mouse,
+              check_every_width, check_a_thousand_frames, check_frames_come_in_pages,
+              check_no_console_errors, check_page_survives_a_restart]
     server = MadeUpServer()
     server.start(MADE_UP_JOB_COUNT, MADE_UP_WORKER_COUNT)
     try:

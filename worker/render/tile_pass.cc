@@ -5,11 +5,11 @@
 #include "worker/render/tile_pass.h"
 
 #include <algorithm>
-#include <ctime>
 #include <optional>
 #include <utility>
 
 #include "common/base/check.h"
+#include "common/base/cpu_clock.h"
 #include "worker/render/compiled_scene.h"
 #include "worker/render/variants.h"
 
@@ -18,12 +18,6 @@ namespace {
 
 // Beyond this factor bounds that are still too low are left so, and reported.
 constexpr float kMajorantFactorMax = 1 << 12;
-
-double ThreadCpuSeconds() {
-  timespec now{};
-  if (clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now) != 0) return 0;
-  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
-}
 
 // Calls render with each run of pixels of the tile's row that have samples of the block, and those.
 template <typename Render>

@@ -1,0 +1,60 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "cli/effect_costs.h"
+
+#include <cmath>
+#include <filesystem>
+
+#include "cli/frame_range.h"
+#include "common/scene/file_source.h"
+#include "common/scene/scene_reader.h"
+#include "worker/render/plan_measurement.h"
+
+namespace sheaf::cli {
+namespace {
+
+v1::EffectCost ToWire(const render::EffectMeasurement& effect) {
+  v1::EffectCost wire;
+  wire.set_name(effect.name);
+  wire.set_problem(effect.problem);
+  if (!effect.problem.empty()) return wire;
+  const double ratio = effect.time_ratio.value;
+  wire.set_without(effect.without);
+  wire.set_time_share(effect.TimeShare());
+  wire.set_time_share_error(effect.time_ratio.error / (ratio * ratio));
+  wire.set_mean_change(effect.mean_change.value);
+  wire.set_mean_change_error(effect.mean_change.error);
+  wire.set_relative_mse(effect.rel_mse);
+  // 0: it cannot be told, as where there is no variance without the effect.
+  wire.set_variance_ratio(std::isfinite(effect.variance_ratio) ? effect.variance_ratio : 0);
+  return wire;
+}
+
+}  // namespace
+
+absl::StatusOr<std::vector<v1::EffectCost>> MeasureEffects(const JobArguments& arguments,
+                                                           double seconds) {
+  std::string scene = arguments.scene;
+  if (IsPattern(scene)) {
+    const absl::StatusOr<std::vector<int32_t>> numbers = ParseFrameRange(arguments.frames);
+    if (!numbers.ok()) return numbers.status();
+    scene = ExpandPattern(scene, numbers->front());
+  }
+  const std::filesystem::path path(scene);
+  const std::string directory = path.parent_path().string();
+  DirectoryFileSource files(directory.empty() ? "." : directory);
+  const absl::StatusOr<ReadSceneResult> read = ReadScene(path.filename().string(), files);
+  if (!read.ok()) return read.status();
+  const absl::StatusOr<FrameSettings> settings = ResolveSettings(read->scene, arguments.settings);
+  if (!settings.ok()) return settings.status();
+  const absl::StatusOr<render::PlanMeasurement> measured =
+      render::MeasurePlan(read->scene, *settings, files, seconds);
+  if (!measured.ok()) return measured.status();
+  std::vector<v1::EffectCost> costs;
+  for (const render::EffectMeasurement& effect : measured->effects) {
+    costs.push_back(ToWire(effect));
+  }
+  return costs;
+}
+
+}  // namespace sheaf::cli

@@ -1,0 +1,124 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// The part of Farm that says what refining a finished job costs.
+#include <algorithm>
+#include <map>
+#include <utility>
+
+#include "absl/strings/numbers.h"
+#include "absl/strings/str_cat.h"
+#include "coordinator/service/farm.h"
+
+namespace sheaf::coordinator {
+namespace {
+
+absl::Status CheckTargets(const std::vector<double>& target_errors) {
+  if (target_errors.empty() || target_errors.size() > kPricedTargetsMax) {
+    return absl::InvalidArgumentError(absl::StrCat("target_error: ", target_errors.size(),
+                                                   " are outside 1 to ", kPricedTargetsMax));
+  }
+  for (const double target : target_errors) {
+    if (target > 0 && target <= kTargetErrorMax) continue;
+    return absl::InvalidArgumentError(
+        absl::StrCat("target_error: ", target, " is not above 0 and up to ", kTargetErrorMax));
+  }
+  return absl::OkStatus();
+}
+
+// Its end as one tile, for frames of earlier versions, of which no more is known.
+RoundRecord WholeFrame(const FrameSpec& spec, const DeliveredFrame& delivered) {
+  // Mean square of a pixel's error over the square of the mean.
+  constexpr double kSquareRatio = 4;
+  const int64_t pixel_count = spec.settings.window.PixelCount();
+  const double sum = delivered.relative_mse * static_cast<double>(pixel_count);
+  RoundRecord record;
+  record.tiles.push_back(
+      {spec.settings.samples, {pixel_count, sum, kSquareRatio * delivered.relative_mse * sum}});
+  return record;
+}
+
+}  // namespace
+
+absl::StatusOr<FinishedFrame> Farm::FinishedFrameOf(const FrameId& id, const FrameSpec& spec,
+                                                    int32_t tile_size_px,
+                                                    const DeliveredFrame& delivered) const {
+  absl::StatusOr<std::vector<RoundRecord>> rounds = store_->LoadFrameRounds(id);
+  if (!rounds.ok()) return rounds.status();
+  const absl::StatusOr<std::vector<JobStore::TileCost>> costs = store_->TileCosts(id);
+  if (!costs.ok()) return costs.status();
+  FinishedFrame frame;
+  frame.had_rule = spec.stop.IsActive();
+  frame.first_round_samples =
+      frame.had_rule ? spec.stop.first_round_samples : spec.settings.samples;
+  frame.rounds = *std::move(rounds);
+  frame.cpu_seconds = absl::ToDoubleSeconds(delivered.cost.cpu_duration);
+  std::map<std::pair<int32_t, int32_t>, double> seconds_at;  // By y0 and x0.
+  for (const JobStore::TileCost& cost : *costs) {
+    seconds_at[{cost.tile.y0, cost.tile.x0}] = absl::ToDoubleSeconds(cost.cpu_duration);
+  }
+  const std::vector<PixelRect> tiles = CutTiles(spec.settings.window, tile_size_px);
+  if (seconds_at.size() == tiles.size()) {
+    for (const PixelRect& tile : tiles) {
+      frame.cpu_seconds_of_tiles.push_back(seconds_at[{tile.y0, tile.x0}]);
+    }
+  }
+  if (!frame.rounds.empty()) return frame;
+  frame.rounds.push_back(WholeFrame(spec, delivered));
+  if (!frame.cpu_seconds_of_tiles.empty()) frame.cpu_seconds_of_tiles = {frame.cpu_seconds};
+  return frame;
+}
+
+absl::StatusOr<RefinementPrices> Farm::PriceRefinement(
+    const std::string& job_id, const std::vector<double>& target_errors) const {
+  uint64_t number = 0;
+  const bool is_number = absl::SimpleAtoi(job_id, &number);
+  if (absl::Status s = CheckTargets(target_errors); !s.ok()) return s;
+  RefinementPrices priced;
+  std::vector<std::pair<FrameSpec, DeliveredFrame>> chosen;
+  size_t frame_count = 0;
+  int32_t tile_size_px = 0;
+  uint64_t samples_max = kStoppedSamplesMax;
+  {
+    const std::lock_guard lock(mutex_);
+    const absl::StatusOr<const JobRecord*> found = FindRecord(is_number ? number : 0);
+    if (!found.ok()) return found.status();
+    const JobRecord& job = **found;
+    if (absl::Status s = RequireSucceeded(job); !s.ok()) return s;
+    frame_count = job.frames.size();
+    tile_size_px = job.spec.partition.tile_size_px;
+    const std::map<int32_t, DeliveredFrame>& delivered = accounts_.at(number).delivered;
+    const size_t count = std::min(kPricedFramesMax, frame_count);
+    for (size_t i = 0; i < count; ++i) {
+      const size_t index = count == 1 ? 0 : i * (frame_count - 1) / (count - 1);
+      const FrameSpec& spec = job.frames[index].spec;
+      samples_max = std::max(samples_max, spec.settings.samples);
+      chosen.emplace_back(spec, delivered.at(spec.frame_number));
+    }
+    for (const auto& [id, worker] : scheduler_.workers().workers()) {
+      const WorkerState state = ViewOf(worker).state;
+      const bool works = state == WorkerState::kIdle || state == WorkerState::kBusy;
+      if (works && worker.numeric_profile == job.spec.numeric_profile) {
+        priced.thread_count += worker.thread_count;
+      }
+    }
+    for (const auto& [id, other] : scheduler_.jobs()) {
+      if (other.phase == JobPhase::kLive && !other.Paused() &&
+          other.spec.priority >= job.spec.priority) {
+        ++priced.jobs_before_count;
+      }
+    }
+  }
+  std::vector<FinishedFrame> frames;
+  for (const auto& [spec, delivered] : chosen) {
+    absl::StatusOr<FinishedFrame> frame =
+        FinishedFrameOf({number, spec.frame_number}, spec, tile_size_px, delivered);
+    if (!frame.ok()) return frame.status();
+    frames.push_back(*std::move(frame));
+  }
+  priced.prices = coordinator::PriceRefinement(frames, frame_count, target_errors, samples_max,
+                                               priced.thread_count);
+  return priced;
+}
+
+}  // namespace sheaf::coordinator

@@ -1,0 +1,65 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// What each effect of the selected job's scene costs and gives, as bars of its share of the time,
+// where whoever submitted the job measured it.
+
+import type {EffectCost} from './api';
+import {byId, child, el, setText} from './dom';
+import * as format from './format';
+import type {Store} from './store';
+
+export class EffectsView {
+  private shown: readonly EffectCost[] = [];
+
+  constructor(private readonly store: Store) {
+    for (const topic of ['effects', 'selection'] as const) store.listen(topic, this.draw);
+  }
+
+  private readonly draw = () => {
+    const {effects} = this.store;
+    byId('effects-section').hidden = !this.store.job;
+    byId('effects-empty').hidden = effects.length > 0;
+    byId('effects').hidden = effects.length === 0;
+    if (effects === this.shown) return;
+    this.shown = effects;
+    byId('effects').replaceChildren(...effects.map(makeRow));
+  };
+}
+
+function makeRow(effect: EffectCost): HTMLElement {
+  const row =
+      el('li', {class: 'effect'}, el('span', {class: 'effect-name'}),
+         el('div', {class: 'effect-bar', 'aria-hidden': 'true'}, el('div', {class: 'effect-fill'}),
+            el('div', {class: 'effect-error'})),
+         el('span', {class: 'effect-words'}));
+  setText(child(row, 0), effect.name);
+  row.title = effect.problem || 'Left out: ' + effect.without;
+  const {time_share: share, time_share_error: error} = effect;
+  const bar = child(row, 1);
+  child(bar, 0).style.width = percentOf(share);
+  child(bar, 1).style.left = percentOf(share - error);
+  child(bar, 1).style.right = percentOf(1 - share - error);
+  bar.hidden = effect.problem !== '';
+  setText(child(row, 2), effect.problem ? 'not measured: ' + effect.problem : wordsOf(effect));
+  return row;
+}
+
+const percentOf = (share: number) => (100 * Math.max(0, Math.min(1, share))).toFixed(2) + '%';
+
+// "31 ± 2 % of the time; 12 ± 0.5 % of the light; noise × 1.3".
+function wordsOf(effect: EffectCost): string {
+  // 0 where it cannot be told.
+  const ratio = effect.variance_ratio;
+  const noise = ratio > 0 ? '; variance × ' + Number(ratio.toPrecision(2)) : '';
+  const light = withError(-effect.mean_change, effect.mean_change_error);
+  return withError(effect.time_share, effect.time_share_error) + ' of the time; ' + light +
+      ' of the light' + noise;
+}
+
+// To the first digit that is not sure.
+function withError(share: number, error: number): string {
+  const digits = error > 0 ? Math.max(0, Math.min(3, -Math.floor(Math.log10(100 * error)))) : 1;
+  const words = (value: number) => format.signedNumber((100 * value).toFixed(digits));
+  return words(share) + ' ± ' + (100 * error).toFixed(digits) + ' %';
+}

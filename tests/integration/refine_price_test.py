@@ -1,0 +1,153 @@
+#!/usr/bin/env python3
+# Copyright the Sheaf authors.
+# SPDX-License-Identifier: Apache-2.0
+"""What a refinement was said to cost against what it then costs, on a real farm; the curve of a
+frame without rounds; and effects that were measured for a job.
+"""
+import json
+import os
+import unittest
+import urllib.error
+import urllib.request
+
+import farm
+
+SCENE = os.path.join(farm.ROOT, "scenes", "cornell-box.pbrt")
+WINDOW = ("--crop", "60,60,188,156", "--tile-size", "16")
+# CPU time of the same work varies by some tens of percent on a machine that others use too.
+RATIO_MAX = 1.5
+
+
+class RefinePriceTest(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.farm = farm.Farm()
+        cls.farm.__enter__()
+        cls.farm.start_worker(threads=2)
+
+    @classmethod
+    def tearDownClass(cls):
+        cls.farm.__exit__()
+
+    def rendered(self, *arguments):
+        job = self.farm.sheaf("submit", SCENE, *WINDOW, *arguments).stdout.strip()
+        self.farm.sheaf("watch", job)
+        return job
+
+    def show(self, job):
+        return json.loads(self.farm.sheaf("show", job, "--json").stdout)
+
+    def price(self, job, *arguments):
+        return json.loads(self.farm.sheaf("refine", job, "--price", "--json", *arguments).stdout)
+
+    def http(self, path, method="GET"):
+        request = urllib.request.Request(f"http://{self.farm.http}/api/v1/{path}", method=method,
+                                         headers={"X-Sheaf-Request": "1"})
+        with urllib.request.urlopen(request, timeout=30) as response:
+            return json.load(response)
+
+    def check_price(self, job, target):
+        """The price of refining the job to `target` against what it then takes."""
+        [price] = self.price(job, "--target-error", target)["prices"]
+        self.assertTrue(price["reached"])
+        before = self.show(job)["progress"]
+        self.farm.sheaf("refine", job, "--target-error", target, "--wait")
+        after = self.show(job)["progress"]
+        spent = after["cpu_duration_seconds"] - before["cpu_duration_seconds"]
+        pixels = 128 * 96
+        said = price["cpu_seconds"]
+        print(f"  {job} to {target}: {said['value']:.3f} s ({said['low']:.3f} to "
+              f"{said['high']:.3f}) said, {spent:.3f} s of CPU time taken; "
+              f"{price['samples_per_pixel']['value']:.1f} samples a pixel said, "
+              f"{after['sample_count_done'] / pixels:.1f} taken", flush=True)
+        self.assertLess(max(said["value"] / spent, spent / said["value"]), RATIO_MAX)
+        self.assertLess(said["low"], said["value"])
+        self.assertLess(said["value"], said["high"])
+        self.assertAlmostEqual(price["wall_seconds"]["value"], said["value"] / 2,
+                               delta=0.1 * said["value"])
+        self.assertLessEqual(after["relative_mse"], target)
+        # Now it is good enough.
+        [price] = self.price(job, "--target-error", 2 * target)["prices"]
+        self.assertEqual(price["cpu_seconds"]["value"], 0)
+
+    def test_a_frame_of_rounds_costs_what_was_said(self):
+        job = self.rendered("--target-error", 0.05)
+        self.check_price(job, 0.01)
+        self.check_price(job, 0.003)
+
+    def test_a_frame_without_rounds_costs_what_was_said(self):
+        self.check_price(self.rendered("--samples", 32), 0.005)
+
+    def test_several_errors_are_priced_at_once(self):
+        job = self.rendered("--samples", 16)
+        priced = self.price(job)
+        self.assertEqual(priced["thread_count"], 2)
+        seconds = [price["cpu_seconds"]["value"] for price in priced["prices"]]
+        self.assertEqual(seconds, sorted(seconds))
+        self.assertGreater(seconds[-1], 4 * seconds[0])
+        text = self.farm.sheaf("refine", job, "--price").stdout
+        self.assertIn("2 threads", text)
+        self.assertEqual(len(text.splitlines()), 2 + len(seconds))
+        name = job.split("/")[1]
+        errors = ",".join(str(price["target_error"]) for price in priced["prices"])
+        by_http = self.http(f"jobs/{name}/refine-price?target_error={errors}")
+        self.assertEqual([price["cpu_seconds"] for price in by_http["prices"]],
+                         [price["cpu_seconds"] for price in priced["prices"]])
+
+    def test_http_refines_and_says_why_not(self):
+        job = self.rendered("--samples", 16)
+        name = job.split("/")[1]
+        for path, status in ((f"jobs/{name}:refine", 400), (f"jobs/{name}:refine?samples=8", 400),
+                             (f"jobs/{name}:refine?target_error=x", 400),
+                             ("jobs/999:refine?samples=64", 404)):
+            with self.subTest(path=path), self.assertRaises(urllib.error.HTTPError) as refused:
+                self.http(path, "POST")
+            with refused.exception as error:
+                self.assertEqual(error.code, status)
+                self.assertTrue(json.load(error)["error"]["message"])
+        state = self.http(f"jobs/{name}:refine?samples=48", "POST")["state"]
+        self.assertIn(state, ("queued", "running"))
+        self.farm.sheaf("watch", job)
+        self.assertEqual(self.show(job)["progress"]["sample_count_done"], 48 * 128 * 96)
+        # Its points go on from those that it had.
+        counts = [point["sample_count"] for point in self.show(job)["frames"][0]["rounds"]]
+        self.assertEqual(counts, sorted(set(counts)))
+        self.assertEqual((counts[0], counts[-1]), (16 * 128 * 96, 48 * 128 * 96))
+        unfinished = self.farm.sheaf("submit", SCENE, "--samples", 1 << 16).stdout.strip()
+        with self.assertRaises(urllib.error.HTTPError) as refused:
+            self.http(unfinished + ":refine?samples=99999", "POST")
+        with refused.exception as error:
+            self.assertEqual(error.code, 409)
+        done = self.farm.sheaf("refine", unfinished, "--price", check=False)
+        self.assertNotEqual(done.returncode, 0)
+        self.assertIn("not finished", done.stderr)
+        self.farm.sheaf("cancel", unfinished)
+
+    def test_a_frame_without_rounds_has_a_curve(self):
+        points = self.show(self.rendered("--samples", 256, "--lease-passes", 1))[
+            "frames"][0]["rounds"]
+        print("  points of a frame of 256 samples:",
+              [point["sample_count"] / (128 * 96) for point in points], flush=True)
+        self.assertGreater(len(points), 1)
+        self.assertEqual(points[-1]["sample_count"], 256 * 128 * 96)
+        for before, after in zip(points, points[1:]):
+            self.assertLess(after["relative_mse"], before["relative_mse"])
+            for sum_of in ("sample_count", "ray_count", "cpu_duration_seconds",
+                           "wall_duration_seconds", "part_bytes"):
+                self.assertGreater(after[sum_of], before[sum_of], sum_of)
+
+    def test_effects_are_measured_for_a_job(self):
+        job = self.rendered("--samples", 1, "--measure", 2)
+        effects = {effect["name"]: effect for effect in self.show(job)["effect_costs"]}
+        indirect = effects["indirect light"]
+        self.assertEqual(indirect["problem"], "")
+        self.assertTrue(0.05 < indirect["time_share"] < 1, indirect)
+        self.assertGreater(indirect["time_share_error"], 0)
+        self.assertLess(indirect["mean_change"], 0, "without it the room is darker")
+        self.assertEqual(self.show(self.rendered("--samples", 1))["effect_costs"], [])
+        by_http = self.http(job)["effect_costs"]
+        self.assertEqual({effect["name"] for effect in by_http}, set(effects))
+
+
+if __name__ == "__main__":
+    unittest.main()

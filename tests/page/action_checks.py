@@ -1,0 +1,65 @@
+# Copyright the Sheaf authors.
+# SPDX-License-Identifier: Apache-2.0
+"""What is clicked by the mouse alone: every button that other checks reach by keys, or not at all.
+For page_test.py."""
+from farm import wait_until
+from viewer_checks import FOCUS, HIDDEN, PRESSED, TEXT, wait_for_zoom, zoom_percent
+
+CHANGE_SECONDS_MAX = 20
+ENTER = "\ue007"
+THEME = "return document.documentElement.dataset.theme"
+ROW_NAME = "return document.querySelectorAll('#jobs .vlist-row .job-title')[1].textContent"
+MORE_FRAMES = 1050
+
+
+def check_clicks(browser):
+    """Over made-up jobs, of which the shown one has ended."""
+    before = browser.run(THEME)
+    browser.click("theme")
+    assert browser.run(THEME) != before, "the appearance stays"
+    browser.click("theme")
+    assert browser.run(THEME) == before
+    browser.run("localStorage.clear()")  # What follows goes by the system again.
+    fitted = zoom_percent(browser)
+    browser.click("zoom-in")
+    wait_until(lambda: zoom_percent(browser) > fitted, CHANGE_SECONDS_MAX, "zooming in")
+    nearer = zoom_percent(browser)
+    browser.click("zoom-out")
+    wait_until(lambda: zoom_percent(browser) < nearer, CHANGE_SECONDS_MAX, "zooming out")
+    browser.click("picture-zoom")
+    wait_for_zoom(browser, 100)
+    browser.click("zoom-fit")
+    wait_for_zoom(browser, fitted)
+    assert browser.run(PRESSED, "zoom-fit")
+    browser.run("document.querySelector('.skip').focus()")
+    browser.press(ENTER)
+    wait_until(lambda: browser.run("return document.activeElement.id") == "details",
+               CHANGE_SECONDS_MAX, "the skip link")
+    name = browser.run(ROW_NAME)
+    browser.click_at(*browser.run("""
+      const box = document.querySelectorAll("#jobs .vlist-row")[1].getBoundingClientRect();
+      return [box.left + box.width / 2, box.top + box.height / 2];"""))
+    wait_until(lambda: browser.run(TEXT, "job-title") == name, CHANGE_SECONDS_MAX,
+               "a job by the mouse")
+
+
+def check_more_frames(browser, url):
+    """Of a server whose job has MORE_FRAMES frames."""
+    browser.open("about:blank")
+    browser.open(url)
+    wait_until(lambda: not browser.run(HIDDEN, "frames-more"), CHANGE_SECONDS_MAX, "the button")
+    assert browser.run(TEXT, "frames-count").endswith("of the first 1000")
+    browser.run("document.getElementById('frames-more').scrollIntoView()")
+    browser.click("frames-more")
+    wait_until(lambda: browser.run(TEXT, "frames-count").endswith(f"of {MORE_FRAMES} complete"),
+               CHANGE_SECONDS_MAX, "all frames")
+    assert browser.run(HIDDEN, "frames-more")
+
+
+def check_dismissed(browser):
+    """While the coordinator is away: its absence can be put aside, until it is noticed again."""
+    wait_until(lambda: not browser.run(HIDDEN, "problems"), CHANGE_SECONDS_MAX, "a problem")
+    assert browser.run(TEXT, "problems-text").startswith("Failed: ")
+    browser.run(FOCUS, "problems-dismiss")
+    browser.press(ENTER)
+    wait_until(lambda: browser.run(HIDDEN, "problems"), CHANGE_SECONDS_MAX, "its end")
