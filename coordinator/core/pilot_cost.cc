@@ -13,6 +13,9 @@ namespace {
 
 // CPU seconds that a pixel costs without any sample, where no pair tells it: for the film.
 constexpr double kIdleSeconds = 7e-8;
+// What a sample costs more than among its neighbours' samples, as caches hold less of what it
+// needs; measured over eight scenes.
+constexpr double kSparseCost = 1.05;
 // What is known of a sample's cost in a tile before is worth so many blocks there.
 constexpr double kCostBlocks = 1;
 
@@ -77,7 +80,7 @@ CpuModel FitCpu(std::span<const PixelRect> tiles, std::span<const PilotPicture> 
   CpuModel model;
   for (const Cost& cost : of_tile) {
     const double own = (cost.cpu_seconds + known * mean) / (cost.samples + known);
-    model.seconds.push_back(std::max(own, 0.01 * mean));
+    model.seconds.push_back(std::max(own, 0.01 * mean) / kSparseCost);
     squares += (cost.cpu_seconds - mean * cost.samples) * (cost.cpu_seconds - mean * cost.samples);
   }
   model.log_deviation = std::sqrt(squares) / all.cpu_seconds;
