@@ -289,6 +289,12 @@ def check_every_width(browser, _):
         time.sleep(1)
         browser.screenshot(artefact(f"page-{name}.png"))
         assert browser.run(NO_SIDEWAYS), f"{width_px} px wide scrolls sideways"
+        if width_px <= 820:
+            browser.run("document.getElementById('refine').click()")
+            wait_until(lambda: "(" in browser.run(TEXT, "refine-cpu"), PAGE_SECONDS_MAX, "a price")
+            browser.screenshot(artefact(f"page-refine-{name}.png"))
+            assert browser.run(NO_SIDEWAYS), f"the question scrolls {width_px} px sideways"
+            browser.press(ESCAPE)
     assert browser.run("return document.documentElement.dataset.theme") == "dark"
 
 
