@@ -36,6 +36,9 @@ constexpr double kRateMin = 0.9, kRateMax = 1.8;
 constexpr double kBlockLogVariance = 1.4, kWithinShare = 0.55, kVarianceFreedom = 10;
 // A tile's error is taken for at least this share of the frame's.
 constexpr double kTileShareMin = 0.01;
+// Square of what blocks deviate by from their mean, over it, as known before; and how many blocks
+// that is worth. Where few pixels have most of the error, few blocks show none of them.
+constexpr double kTailSquare = 2.5 * 2.5, kTailBlocks = 10;
 constexpr int kBootstrapCount = 200;
 
 // Of a block's pixels, all together.
@@ -133,7 +136,8 @@ double LogDeviationOf(const std::vector<Block>& blocks) {
     squares += difference * difference;
   }
   const auto n = static_cast<double>(blocks.size());
-  return std::sqrt(squares * n / (n - 1)) / all.sum;
+  const double relative_square = squares * n / all.sum / all.sum;
+  return std::sqrt((n * relative_square + kTailBlocks * kTailSquare) / (n + kTailBlocks) / (n - 1));
 }
 
 struct Rate {

@@ -167,11 +167,11 @@ TEST(PilotModelTest, TilesOfWhichLittleIsKnownAreNotAllAlike) {
 // A mean over hundreds of estimates with 15 degrees of freedom has 2 / 15 of variance each.
 TEST(PilotModelTest, StatesWhatItDoesNotKnow) {
   const ErrorModel even = FitOf(1, [](int32_t, int32_t) { return 0.04; });
-  EXPECT_LT(even.log_error_deviation, 0.05);
+  EXPECT_LT(even.log_error_deviation, 0.08);
   // One pixel in 50 has nearly all of the error.
   const ErrorModel rare =
       FitOf(1, [](int32_t x, int32_t y) { return (x * 7 + y * 13) % 50 == 0 ? 2.0 : 1e-4; });
-  EXPECT_GT(rare.log_error_deviation, 3 * even.log_error_deviation);
+  EXPECT_GT(rare.log_error_deviation, 2 * even.log_error_deviation);
 }
 
 TEST(PilotModelTest, CpuTimesAreOfAllTilesOrNone) {
