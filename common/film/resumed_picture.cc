@@ -13,6 +13,7 @@
 #include "common/base/check.h"
 #include "common/film/film_outputs.h"
 #include "common/math/double_float.h"
+#include "common/math/mix_bits.h"
 
 namespace sheaf {
 namespace {
@@ -35,13 +36,8 @@ enum Channel : size_t {
 
 absl::Status Refuse(const std::string& why) { return absl::InvalidArgumentError(why); }
 
-// SplitMix64 (Steele et al. 2014).
-uint64_t Mix(uint64_t key) {
-  key += 0x9e3779b97f4a7c15;
-  key = (key ^ (key >> 30)) * 0xbf58476d1ce4e5b9;
-  key = (key ^ (key >> 27)) * 0x94d049bb133111eb;
-  return key ^ (key >> 31);
-}
+// A step of SplitMix64.
+uint64_t Mix(uint64_t key) { return MixBits(key + 0x9e3779b97f4a7c15); }
 
 // +1 for half of the replicates, -1 for the others; any half is as likely (Fisher and Yates).
 std::array<double, kReplicateCount> DrawSigns(int32_t x, int32_t y) {

@@ -4,23 +4,15 @@
 
 #include <bit>
 
+#include "common/math/mix_bits.h"
+
 namespace sheaf {
-namespace {
-
-// Mixer of SplitMix64. Source: Steele, Lea and Flood 2014.
-uint64_t Mix(uint64_t state) {
-  state = (state ^ (state >> 30)) * 0xbf58476d1ce4e5b9u;
-  state = (state ^ (state >> 27)) * 0x94d049bb133111ebu;
-  return state ^ (state >> 31);
-}
-
-}  // namespace
 
 uint64_t HashOfPoint(Vec3f p, uint64_t seed) {
   uint64_t state = seed;
   // + 0 makes one zero of the two.
   for (size_t i = 0; i < 3; ++i) {
-    state = Mix(state + std::bit_cast<uint32_t>(p[i] + 0.0f) + 0x9e3779b97f4a7c15u);
+    state = MixBits(state + std::bit_cast<uint32_t>(p[i] + 0.0f) + 0x9e3779b97f4a7c15u);
   }
   return state;
 }
@@ -39,7 +31,7 @@ EnclosedSide EnclosedSideOf(const std::vector<Vec3f>& positions,
     const uint64_t corner[3] = {HashOfPoint(p[0], 1), HashOfPoint(p[1], 1), HashOfPoint(p[2], 1)};
     for (size_t k = 0; k < 3; ++k) {
       const uint64_t a = corner[k], b = corner[(k + 1) % 3];
-      border += Mix(a + 3 * b) - Mix(b + 3 * a);
+      border += MixBits(a + 3 * b) - MixBits(b + 3 * a);
     }
     volume += Dot(ToDouble(p[0]) - base, Cross(ToDouble(p[1]) - base, ToDouble(p[2]) - base));
   }

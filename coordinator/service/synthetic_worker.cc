@@ -6,6 +6,7 @@
 
 #include "common/base/digest.h"
 #include "common/film/exr_codec.h"
+#include "common/math/mix_bits.h"
 #include "common/rpc/channel.h"
 #include "common/rpc/grpc_status.h"
 #include "common/scene/render_settings.h"
@@ -13,20 +14,13 @@
 namespace sheaf::coordinator {
 namespace {
 
-// SplitMix64's finalizer: enough to make neighbouring indices unlike.
-uint64_t Scramble(uint64_t value) {
-  value = (value ^ (value >> 30)) * 0xbf58476d1ce4e5b9ull;
-  value = (value ^ (value >> 27)) * 0x94d049bb133111ebull;
-  return value ^ (value >> 31);
-}
-
 float Unit(uint64_t bits) { return static_cast<float>(bits & 0xffffff) * 0x1p-24f; }
 
 }  // namespace
 
 FilmSample SyntheticSample(uint64_t seed, int32_t x, int32_t y, uint64_t sample_index) {
   const uint64_t pixel = static_cast<uint64_t>(y) * 65536 + static_cast<uint64_t>(x);
-  const uint64_t bits = Scramble(Scramble(Scramble(seed + 1) + pixel) + sample_index);
+  const uint64_t bits = MixBits(MixBits(MixBits(seed + 1) + pixel) + sample_index);
   FilmSample sample;
   // Magnitudes far apart, so that another order of additions gives other bits.
   const float scale = (bits >> 60) == 0 ? 1000.0f : 1.0f;

@@ -10,6 +10,7 @@
 #include <cstdint>
 
 #include "common/math/elementary.h"
+#include "common/math/mix_bits.h"
 
 namespace sheaf::render {
 
@@ -17,12 +18,12 @@ class EventStream {
  public:
   // The key: numbers that no other walk of the picture has together.
   explicit EventStream(const std::array<uint32_t, 4>& key)
-      : state_(Mix(Mix(Join(key[0], key[1]) + kStep) ^ Join(key[2], key[3]))) {}
+      : state_(MixBits(MixBits(Join(key[0], key[1]) + kStep) ^ Join(key[2], key[3]))) {}
 
   // In [0, 1), with 53 bits: thin media need the small ones.
   double Uniform() {
     state_ += kStep;
-    return static_cast<double>(Mix(state_) >> 11) * 0x1p-53;
+    return static_cast<double>(MixBits(state_) >> 11) * 0x1p-53;
   }
   // An exponential of mean 1, to 2^-39 of itself: an optical depth.
   double Exponential() { return -elementary::LogForFloat(1 - Uniform()); }
@@ -31,12 +32,6 @@ class EventStream {
   static constexpr uint64_t kStep = 0x9e3779b97f4a7c15u;
   static constexpr uint64_t Join(uint32_t high, uint32_t low) {
     return (uint64_t{high} << 32) | low;
-  }
-  // Source: the mixer of SplitMix64, Steele, Lea and Flood 2014.
-  static constexpr uint64_t Mix(uint64_t v) {
-    v = (v ^ (v >> 30)) * 0xbf58476d1ce4e5b9u;
-    v = (v ^ (v >> 27)) * 0x94d049bb133111ebu;
-    return v ^ (v >> 31);
   }
 
   uint64_t state_;

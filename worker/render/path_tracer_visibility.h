@@ -8,6 +8,7 @@
 #include <array>
 #include <bit>
 
+#include "common/math/mix_bits.h"
 #include "worker/render/path_tracer.h"
 
 namespace sheaf::render {
@@ -19,10 +20,7 @@ PathTracer<kTraits, Tracer, kDirectLight>::MakeChoice(std::array<float, 2> u, ui
   // Later surfaces of the same segment must decide independently: hash the slot's numbers.
   uint64_t state = (uint64_t{std::bit_cast<uint32_t>(u[0])} << 32) | std::bit_cast<uint32_t>(u[1]);
   state += uint64_t{pass} * 0x9e3779b97f4a7c15u;
-  state =
-      (state ^ (state >> 30)) * 0xbf58476d1ce4e5b9u;  // Mixer of SplitMix64, Steele et al. 2014.
-  state = (state ^ (state >> 27)) * 0x94d049bb133111ebu;
-  state ^= state >> 31;
+  state = MixBits(state);
   return {static_cast<float>(state >> 40) * 0x1p-24f,
           static_cast<float>((state >> 8) & 0xffffff) * 0x1p-24f};
 }

@@ -23,17 +23,11 @@
 #include <cstdint>
 
 #include "common/film/film_tile.h"
+#include "common/math/mix_bits.h"
 #include "common/math/vec.h"
 #include "worker/render/sobol_points.h"
 
 namespace sheaf::render {
-
-// 64-bit finaliser with full avalanche. Source: Stafford 2011, "Better Bit Mixing", variant 13.
-constexpr uint64_t MixBits(uint64_t v) {
-  v = (v ^ (v >> 30)) * 0xbf58476d1ce4e5b9u;
-  v = (v ^ (v >> 27)) * 0x94d049bb133111ebu;
-  return v ^ (v >> 31);
-}
 
 namespace sobol {
 
