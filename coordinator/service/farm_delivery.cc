@@ -19,7 +19,7 @@ namespace {
 constexpr absl::Duration kBackgroundInterval = absl::Milliseconds(100);
 constexpr absl::Duration kDeliveryRetryInterval = absl::Seconds(5);
 // A preview may take at most this share of one core.
-constexpr double kPreviewShareMax = 0.05;
+constexpr double kPreviewShareMax = 0.1;
 
 // What it takes to render the picture again. No date and no host: equal pictures are equal files.
 std::map<std::string, std::string> PictureMetadata(const FrameSpec& spec,
