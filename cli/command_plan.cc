@@ -4,16 +4,13 @@
 // sheaf plan: which effects a scene calls for, who asked, and which compiled variant serves them;
 // and on request what each costs and gives.
 #include <cstdio>
-#include <filesystem>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
 
 #include "cli/command.h"
+#include "cli/opened_scene.h"
 #include "cli/options.h"
-#include "common/base/status.h"
-#include "common/scene/file_source.h"
-#include "common/scene/scene_reader.h"
 #include "worker/render/plan_measurement.h"
 #include "worker/render/render_plan.h"
 
@@ -41,24 +38,14 @@ class PlanCommand : public Command {
   }
 
   ExitCode Run() override {
-    const std::filesystem::path path(arguments_.scene);
-    const std::string directory = path.parent_path().string();
-    DirectoryFileSource files(directory.empty() ? "." : directory);
-    const absl::StatusOr<ReadSceneResult> read = ReadScene(path.filename().string(), files);
-    if (!read.ok()) return ReportSceneError(read.status());
-    for (const SceneDiagnostic& diagnostic : read->diagnostics) {
-      std::fprintf(stderr, "%s\n", diagnostic.text.c_str());
-    }
-    const absl::StatusOr<FrameSettings> settings =
-        ResolveSettings(read->scene, arguments_.settings);
-    if (!settings.ok()) {
-      return ReportError(ExitCode::kUsage, Annotate(settings.status(), arguments_.scene));
-    }
-    const render::RenderPlan plan = render::MakeRenderPlan(read->scene, *settings);
+    OpenedScene opened;
+    if (const ExitCode code = OpenScene(arguments_, &opened); code != ExitCode::kOk) return code;
+    const SceneDescription& scene = opened.file.read.scene;
+    const render::RenderPlan plan = render::MakeRenderPlan(scene, opened.settings);
     std::optional<render::PlanMeasurement> measurement;
     if (measure_) {
       absl::StatusOr<render::PlanMeasurement> measured =
-          render::MeasurePlan(read->scene, *settings, files, measure_seconds_);
+          render::MeasurePlan(scene, opened.settings, *opened.file.files, measure_seconds_);
       if (!measured.ok()) return ReportSceneError(measured.status());
       measurement = *std::move(measured);
     }

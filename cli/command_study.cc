@@ -4,19 +4,16 @@
 // sheaf study: what the accuracy of a scene costs, by which settings, as a page and as JSON.
 #include <algorithm>
 #include <cstdio>
-#include <filesystem>
 #include <string>
 #include <thread>
 #include <utility>
 
 #include "cli/command.h"
+#include "cli/opened_scene.h"
 #include "cli/options.h"
 #include "cli/study/study.h"
 #include "cli/study_page.h"
 #include "common/base/file.h"
-#include "common/base/status.h"
-#include "common/scene/file_source.h"
-#include "common/scene/scene_reader.h"
 
 namespace sheaf::cli {
 namespace {
@@ -45,26 +42,26 @@ class StudyCommand : public Command {
   }
 
   ExitCode Run() override {
-    const std::filesystem::path path(arguments_.scene);
-    const std::string directory = path.parent_path().string();
-    DirectoryFileSource files(directory.empty() ? "." : directory);
-    const absl::StatusOr<ReadSceneResult> read = ReadScene(path.filename().string(), files);
-    if (!read.ok()) return ReportSceneError(read.status());
-    for (const SceneDiagnostic& diagnostic : read->diagnostics) {
-      std::fprintf(stderr, "%s\n", diagnostic.text.c_str());
+    const RenderSettings& asked = arguments_.settings;
+    if (asked.samples || !asked.outputs.empty() || asked.light_groups || asked.light_paths) {
+      return ReportError(
+          ExitCode::kUsage,
+          absl::InvalidArgumentError(
+              "a study delivers no picture and chooses its samples: leave --samples, "
+              "--aov, --cryptomatte, --light-groups and --light-paths out, and give "
+              "--minutes instead"));
     }
-    const absl::StatusOr<FrameSettings> settings =
-        ResolveSettings(read->scene, arguments_.settings);
-    if (!settings.ok()) {
-      return ReportError(ExitCode::kUsage, Annotate(settings.status(), arguments_.scene));
-    }
+    OpenedScene opened;
+    if (const ExitCode code = OpenScene(arguments_, &opened); code != ExitCode::kOk) return code;
+    const SceneDescription& scene = opened.file.read.scene;
     if (options_.threads == 0) {
       options_.threads = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
     }
     options_.on_progress = [](const std::string& line) {
       std::fprintf(stderr, "%s\n", line.c_str());
     };
-    absl::StatusOr<StudyResult> result = RunStudy(read->scene, *settings, files, options_);
+    absl::StatusOr<StudyResult> result =
+        RunStudy(scene, opened.settings, *opened.file.files, options_);
     if (!result.ok()) return ReportSceneError(result.status());
     result->scene = arguments_.scene;
     return Deliver(*result);

@@ -3,11 +3,9 @@
 #include "cli/effect_costs.h"
 
 #include <cmath>
-#include <filesystem>
 
 #include "cli/frame_range.h"
-#include "common/scene/file_source.h"
-#include "common/scene/scene_reader.h"
+#include "cli/opened_scene.h"
 #include "worker/render/plan_measurement.h"
 
 namespace sheaf::cli {
@@ -40,15 +38,13 @@ absl::StatusOr<std::vector<v1::EffectCost>> MeasureEffects(const JobArguments& a
     if (!numbers.ok()) return numbers.status();
     scene = ExpandPattern(scene, numbers->front());
   }
-  const std::filesystem::path path(scene);
-  const std::string directory = path.parent_path().string();
-  DirectoryFileSource files(directory.empty() ? "." : directory);
-  const absl::StatusOr<ReadSceneResult> read = ReadScene(path.filename().string(), files);
-  if (!read.ok()) return read.status();
-  const absl::StatusOr<FrameSettings> settings = ResolveSettings(read->scene, arguments.settings);
+  const absl::StatusOr<SceneFile> file = ReadSceneFile(scene);
+  if (!file.ok()) return file.status();
+  const absl::StatusOr<FrameSettings> settings =
+      ResolveSettings(file->read.scene, arguments.settings);
   if (!settings.ok()) return settings.status();
   const absl::StatusOr<render::PlanMeasurement> measured =
-      render::MeasurePlan(read->scene, *settings, files, seconds);
+      render::MeasurePlan(file->read.scene, *settings, *file->files, seconds);
   if (!measured.ok()) return measured.status();
   std::vector<v1::EffectCost> costs;
   for (const render::EffectMeasurement& effect : measured->effects) {

@@ -17,6 +17,7 @@
 #include "absl/strings/str_format.h"
 #include "cli/file_digests.h"
 #include "cli/frame_range.h"
+#include "cli/opened_scene.h"
 #include "common/base/digest.h"
 #include "common/base/status.h"
 #include "common/rpc/manifest_codec.h"
@@ -41,31 +42,28 @@ struct ReadFrameResult {
 
 absl::StatusOr<ReadFrameResult> ReadFrame(const std::string& path, int32_t number,
                                           const RenderSettings& settings, FileDigests* digests) {
-  const fs::path scene_path(path);
-  const std::string directory = scene_path.parent_path().string();
-  const std::string main_file = scene_path.filename().string();
-  DirectoryFileSource source(directory.empty() ? "." : directory);
-  absl::StatusOr<ReadSceneResult> read = ReadScene(main_file, source);
-  if (!read.ok()) return read.status();
+  const absl::StatusOr<SceneFile> file = ReadSceneFile(path);
+  if (!file.ok()) return file.status();
+  const ReadSceneResult& read = file->read;
   ReadFrameResult result;
-  for (const SceneDiagnostic& diagnostic : read->diagnostics) {
+  for (const SceneDiagnostic& diagnostic : read.diagnostics) {
     result.diagnostics.push_back(diagnostic.text);
   }
-  const absl::StatusOr<FrameSettings> resolved = ResolveSettings(read->scene, settings);
+  const absl::StatusOr<FrameSettings> resolved = ResolveSettings(read.scene, settings);
   if (!resolved.ok()) return Annotate(resolved.status(), path);
   std::vector<ManifestFile> files;
-  for (const auto& [name, local_path] : source.FilesUsed()) {
+  for (const auto& [name, local_path] : file->files->FilesUsed()) {
     const absl::StatusOr<BlobDigest> digest = digests->Of(local_path);
     if (!digest.ok()) return digest.status();
     files.push_back({name, *digest});
     result.blobs.push_back({*digest, local_path, ""});
   }
-  const Manifest manifest = MakeManifest(main_file, std::move(files));
+  const Manifest manifest = MakeManifest(fs::path(path).filename().string(), std::move(files));
   if (absl::Status status = CheckManifest(manifest); !status.ok()) return status;
   const std::string bytes = EncodeManifest(manifest);
   const BlobDigest digest{Sha256Hex(bytes), bytes.size()};
   result.blobs.push_back({digest, "", bytes});
-  result.frame = {number, digest, *resolved, read->scene.film.filename};
+  result.frame = {number, digest, *resolved, read.scene.film.filename};
   return result;
 }
 

@@ -20,11 +20,11 @@ namespace {
 
 using coordinator::ErrorModel;
 using coordinator::Forecast;
+using coordinator::kBandDeviations;
 using coordinator::PilotLevel;
 using coordinator::PilotPicture;
+using coordinator::WithBand;
 
-// Deviations from the mean within which 8 of 10 values of a normal distribution lie.
-constexpr double kBandDeviations = 1.2816;
 // Log-normal deviation of CPU time for the same work, of hours and of a pilot's milliseconds:
 // processors share caches, memory and clocks. Measured over eight scenes on a busy machine.
 constexpr double kCpuLogDeviation = 0.12;
@@ -242,14 +242,6 @@ RowValues ValuesAt(const std::vector<PilotFrame>& frames, size_t frame_count,
   return values;
 }
 
-Banded Band(double value, double low, double high, double log_deviation) {
-  if (!(value > 0)) return {};
-  const double more = kBandDeviations * log_deviation;
-  const double down = std::hypot(std::log(value / std::min(low, value)), more);
-  const double up = std::hypot(std::log(std::max(high, value) / value), more);
-  return {value, value * std::exp(-down), value * std::exp(up)};
-}
-
 template <typename MakeForecast>
 QuoteRow MakeRow(const std::vector<PilotFrame>& frames, size_t frame_count, int thread_count,
                  const MakeForecast& make) {
@@ -265,9 +257,10 @@ QuoteRow MakeRow(const std::vector<PilotFrame>& frames, size_t frame_count, int 
   }
   QuoteRow row;
   row.reached = values.reached;
-  row.relative_mse = Band(values.relative_mse, low.relative_mse, high.relative_mse, 0);
-  row.samples = Band(values.samples, low.samples, high.samples, 0);
-  row.cpu_seconds = Band(values.cpu_seconds, low.cpu_seconds, high.cpu_seconds, log_cpu_deviation);
+  row.relative_mse = WithBand(values.relative_mse, low.relative_mse, high.relative_mse, 0);
+  row.samples = WithBand(values.samples, low.samples, high.samples, 0);
+  row.cpu_seconds =
+      WithBand(values.cpu_seconds, low.cpu_seconds, high.cpu_seconds, log_cpu_deviation);
   if (thread_count > 0) {
     const double speed = thread_count * kFarmEfficiency;
     row.wall_seconds = {row.cpu_seconds.value / speed, row.cpu_seconds.low / speed,

@@ -18,6 +18,7 @@
 #include "absl/time/time.h"
 #include "cli/farm_client.h"
 #include "cli/prepared_job.h"
+#include "coordinator/core/cost_forecast.h"
 
 namespace sheaf::cli {
 
@@ -28,9 +29,7 @@ inline constexpr int kQuotedFramesMax = 3;
 inline constexpr int32_t kPilotPriority = 1000;
 
 // An estimate with a band that holds the truth in 8 of 10 cases.
-struct Banded {
-  double value = 0, low = 0, high = 0;
-};
+using Banded = coordinator::Estimate;
 
 struct QuoteRow {
   double target_error = 0;                // 0: samples are given.

@@ -23,6 +23,7 @@ from chart_checks import ADD_TARGETS, check_chart  # noqa: E402
 from compare_checks import check_compare  # noqa: E402
 from control_checks import check_control, check_effects, check_refine  # noqa: E402
 from farm import Farm, ROOT, TIME_SCALE, programs, wait_until  # noqa: E402
+from focus_checks import TAB, check_tab_stops  # noqa: E402
 from figure_checks import NOTE_PICTURES, check_large_picture  # noqa: E402
 from frame_checks import MANY_FRAMES, check_frame_grid, check_many_frames  # noqa: E402
 from load_checks import NOTE_LONG_TASKS, check_lists  # noqa: E402
@@ -37,7 +38,7 @@ MADE_UP_WORKER_COUNT = 1000
 # From its start, with time to spare.
 MADE_UP_RENDER_SECONDS_MAX = 60
 MADE_UP_SECONDS = int(240 * TIME_SCALE)
-ARROW_DOWN, ENTER, ESCAPE, TAB = "\ue015", "\ue007", "\ue00c", "\ue004"
+ARROW_DOWN, ENTER, ESCAPE = "\ue015", "\ue007", "\ue00c"
 DIALOG_IS_OPEN = "return document.getElementById('confirm').open"
 TAB_STOP_COUNT_MAX = 30
 TAB_STOPS = {"skip", "theme", "job-filter", "jobs", "layer", "exposure", "zoom-out", "zoom-in",
@@ -244,15 +245,7 @@ def check_focus_is_visible(browser, _):
     wait_until(lambda: browser.run(TEXT, "job-title").startswith("turntable"), PAGE_SECONDS_MAX,
                "the selected job")
     browser.run("document.activeElement.blur()")
-    reached = {}
-    for _ in range(TAB_STOP_COUNT_MAX):
-        browser.press(TAB)
-        name, visible = browser.run(FOCUSED)
-        reached[name] = visible
-    missing = TAB_STOPS - set(reached)
-    assert not missing, f"the Tab key does not reach {missing}"
-    hidden = [name for name, visible in reached.items() if not visible]
-    assert not hidden, f"no focus is seen on {hidden}"
+    check_tab_stops(browser, TAB_STOPS, FOCUSED, TAB_STOP_COUNT_MAX)
 
 
 def check_the_viewer(browser, _):

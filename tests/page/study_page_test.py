@@ -15,12 +15,13 @@ HERE = os.path.dirname(os.path.abspath(__file__))
 sys.path += [HERE, os.path.join(HERE, "..", "integration")]
 from browser import Browser  # noqa: E402
 from farm import wait_until  # noqa: E402
+from focus_checks import check_tab_stops  # noqa: E402
 from page_test import artefact, run_checks  # noqa: E402
 from study_checks import CHARTS, check_study_page  # noqa: E402
 from study_fixture import ENTRIES, SAMPLES, bare_study, empty_study, whole_study  # noqa: E402
 
 CHANGE_SECONDS_MAX = 10
-ARROW_RIGHT, END, ESCAPE, SPACE, TAB = "\ue014", "\ue010", "\ue00c", " ", "\ue004"
+ARROW_RIGHT, END, ESCAPE, SPACE = "\ue014", "\ue010", "\ue00c", " "
 TIP = """
   const tip = document.querySelector(arguments[0] + " .tip");
   return tip.hidden ? "" : tip.innerText;
@@ -133,15 +134,7 @@ def check_tips(browser, _):
 
 def check_focus_is_visible(browser, _):
     browser.run("document.activeElement.blur(); window.scrollTo(0, 0)")
-    reached = {}
-    for _ in range(TAB_STOP_COUNT_MAX):
-        browser.press(TAB)
-        name, visible = browser.run(FOCUSED)
-        reached[name] = visible
-    missing = TAB_STOPS - set(reached)
-    assert not missing, f"the Tab key does not reach {missing}, but {set(reached)}"
-    hidden = [name for name, visible in reached.items() if not visible]
-    assert not hidden, f"no focus is seen on {hidden}"
+    check_tab_stops(browser, TAB_STOPS, FOCUSED, TAB_STOP_COUNT_MAX)
 
 
 def check_unfolded_tables(browser, _):
