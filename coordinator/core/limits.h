@@ -17,6 +17,8 @@ struct Limits {
   absl::Duration lease_age_max = absl::Hours(2);      // A lease that never ends is a hung renderer.
   absl::Duration heartbeat_interval_max = absl::Seconds(5);    // Of a worker that holds leases.
   absl::Duration idle_interval_min = absl::Milliseconds(200);  // Of a worker that waits for work.
+  absl::Duration round_interval_min =
+      absl::Milliseconds(20);          // The same where a frame's next round is soon.
   double synchronize_rate_max = 2000;  // Calls per second; more idle workers ask less often.
   int leases_per_worker_max = 256;
   int warm_scenes_max = 64;  // Looked at in one Synchronize.

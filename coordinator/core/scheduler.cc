@@ -236,6 +236,7 @@ void Scheduler::Open(JobRecord* job, uint32_t index) {
                                              job->spec.partition.tile_size_px, settings.lattice);
   frame.phase = FrameRecord::Phase::kOpen;
   open_pixels_ += OpenPixelsOf(settings);
+  if (frame.spec.stop.IsActive()) round_frames_.insert({job->spec.job_id, frame.spec.frame_number});
   UpdateReady(job, index);
 }
 
@@ -247,6 +248,7 @@ void Scheduler::Close(JobRecord* job, uint32_t index, FrameRecord::Phase phase) 
   frame.phase = phase;
   const FrameId id{job->spec.job_id, frame.spec.frame_number};
   doubtful_frames_.erase(id);
+  round_frames_.erase(id);
   const auto live = live_frames_.find(frame.spec.frame_digest);
   if (live != live_frames_.end()) {
     live->second.erase(id);

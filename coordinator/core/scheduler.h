@@ -206,6 +206,8 @@ class Scheduler {
   bool MayRender(const FrameRecord& frame, const TaskId& task, const WorkerRecord& worker,
                  absl::Time now) const;
   bool MayOpenFor(const FrameRecord& frame, const WorkerRecord& worker) const;
+  // Whether a frame that this worker could render is between rounds, or will soon be.
+  bool RoundIsSoon(const WorkerRecord& worker) const;
   absl::Duration NextSynchronize(const WorkerRecord& worker) const;
 
   // scheduler_failures.cc
@@ -228,6 +230,7 @@ class Scheduler {
   std::map<uint64_t, JobRecord> jobs_;
   std::map<std::string, std::set<JobKey>> ready_jobs_;              // By numeric profile.
   std::unordered_map<std::string, std::set<FrameId>> live_frames_;  // By frame digest.
+  std::set<FrameId> round_frames_;                                  // Open, and rendered in rounds.
   std::set<FrameId> doubtful_frames_;  // With a scene failure that is not yet confirmed.
   WorkerTable workers_;
   LeaseTable leases_;

@@ -41,12 +41,24 @@ absl::StatusOr<Scheduler::SynchronizeAnswer> Scheduler::Synchronize(const Worker
   return answer;
 }
 
+bool Scheduler::RoundIsSoon(const WorkerRecord& worker) const {
+  int scanned = 0;
+  for (const FrameId& id : round_frames_) {
+    if (++scanned > limits_.job_scan_max) break;
+    const JobRecord& job = jobs_.at(id.job_id);
+    if (!job.Paused() && job.spec.numeric_profile == worker.numeric_profile) return true;
+  }
+  return false;
+}
+
 absl::Duration Scheduler::NextSynchronize(const WorkerRecord& worker) const {
   const absl::Duration busy = std::min(limits_.heartbeat_interval_max, limits_.lease_duration / 4);
   if (!worker.leases.empty()) return busy;
   // Waiting workers share the call rate that the coordinator serves with ease.
   const absl::Duration fair = absl::Seconds(workers_.LiveCount() / limits_.synchronize_rate_max);
-  return std::min(std::max(limits_.idle_interval_min, fair), busy);
+  const absl::Duration least =
+      RoundIsSoon(worker) ? limits_.round_interval_min : limits_.idle_interval_min;
+  return std::min(std::max(least, fair), busy);
 }
 
 bool Scheduler::Grant(WorkerRecord* worker, absl::Time now) {

@@ -34,7 +34,7 @@ class SchedulerTest : public testing::Test {
     return frame;
   }
   // A job of frames of four tiles with four passes each.
-  uint64_t AddJob(int frame_count = 1, int32_t priority = 0) {
+  uint64_t AddJob(int frame_count = 1, int32_t priority = 0, const StopRule& stop = {}) {
     JobSpec job;
     job.job_id = ++last_job_id_;
     job.priority = priority;
@@ -43,6 +43,7 @@ class SchedulerTest : public testing::Test {
     for (int i = 1; i <= frame_count; ++i) {
       job.frames.push_back(
           Frame(i, absl::StrCat("scene", job.job_id, "-", i), job.job_id * 100 + i));
+      job.frames.back().stop = stop;
     }
     EXPECT_TRUE(scheduler_.CheckJob(job).ok());
     scheduler_.AddJob(job);
@@ -68,6 +69,7 @@ class SchedulerTest : public testing::Test {
     const absl::StatusOr<Scheduler::SynchronizeAnswer> answer =
         scheduler_.Synchronize(report, now_);
     status_ = answer.status();
+    next_synchronize_ = answer.ok() ? answer->next_synchronize : absl::InfiniteDuration();
     held_[id] = answer.ok() ? answer->leases : std::vector<Lease>{};
     return held_[id];
   }
@@ -94,6 +96,7 @@ class SchedulerTest : public testing::Test {
   absl::Time now_ = absl::UnixEpoch();
   uint64_t last_job_id_ = 0;
   absl::Status status_;
+  absl::Duration next_synchronize_;
   bool draining_ = false;
   std::vector<std::string> warm_;
   std::map<std::string, std::vector<Lease>> held_;
@@ -115,6 +118,22 @@ TEST_F(SchedulerTest, OneWorkerFinishesAJob) {
   EXPECT_EQ(Job(job).phase, JobPhase::kSucceeded);
   EXPECT_EQ(scheduler_.TakeEndedJobs(), std::vector<uint64_t>{job});
   EXPECT_EQ(scheduler_.leases().size(), 0u);
+}
+
+// Between rounds nothing can be leased: who asks again late is idle for that long.
+TEST_F(SchedulerTest, IdleWorkersAskSoonForTheNextRound) {
+  const uint64_t job = AddJob(1, 0, {.target_error = 0.1});
+  EXPECT_FALSE(Sync("a", 100).empty());
+  EXPECT_EQ(next_synchronize_, limits_.heartbeat_interval_max);
+  while (!Sync("a", 2).empty()) Accept(held_["a"][0]);
+  EXPECT_EQ(next_synchronize_, limits_.round_interval_min);
+  scheduler_.Pause(job, now_);
+  Sync("a", 2);
+  EXPECT_EQ(next_synchronize_, limits_.idle_interval_min);
+  scheduler_.Resume(job, now_);
+  scheduler_.Deliver({job, 1});
+  Sync("a", 2);
+  EXPECT_EQ(next_synchronize_, limits_.idle_interval_min);
 }
 
 TEST_F(SchedulerTest, LostReplyIsHarmless) {
