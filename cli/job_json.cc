@@ -81,6 +81,14 @@ Json RoundsJson(const v1::Frame& frame) {
   return json;
 }
 
+Json LayersJson(const v1::Frame& frame) {
+  Json json = Json::array();
+  for (const v1::UnreliableLayer& layer : frame.unreliable_layers()) {
+    json.push_back({{"layer", layer.layer()}, {"tile_count", layer.tile_count()}});
+  }
+  return json;
+}
+
 Json FrameJson(const v1::Frame& frame) {
   const v1::FrameSettings& settings = frame.spec().settings();
   const v1::PixelRect& window = settings.window();
@@ -106,6 +114,7 @@ Json FrameJson(const v1::Frame& frame) {
       {"rounds", RoundsJson(frame)},
       {"tile_count", frame.tile_count()},
       {"unreliable_tile_count", frame.unreliable_tile_count()},
+      {"unreliable_layers", LayersJson(frame)},
       {"complete", frame.complete()},
       {"picture_digest", frame.picture_digest()},
       {"flip", frame.flip() > 0 ? Json(frame.flip()) : Json()},

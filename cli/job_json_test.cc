@@ -20,6 +20,9 @@ TEST(JobJsonTest, WritesAJobOnOneLine) {
   frame->mutable_spec()->set_frame_number(3);
   frame->mutable_spec()->mutable_settings()->set_sample_count(16);
   frame->mutable_spec()->mutable_settings()->set_similarity_after_count(8);
+  v1::UnreliableLayer* layer = frame->add_unreliable_layers();
+  layer->set_layer("caustic");
+  layer->set_tile_count(5);
   const std::string text = JobJson(job);
   EXPECT_EQ(text.find('\n'), std::string::npos);
   const nlohmann::json json = nlohmann::json::parse(text);
@@ -31,6 +34,8 @@ TEST(JobJsonTest, WritesAJobOnOneLine) {
   EXPECT_TRUE(json["progress"]["remaining_duration_seconds"].is_null());
   EXPECT_EQ(json["frames"][0]["frame_number"], 3);
   EXPECT_TRUE(json["frames"][0]["flip"].is_null());
+  EXPECT_EQ(json["frames"][0]["unreliable_layers"][0]["layer"], "caustic");
+  EXPECT_EQ(json["frames"][0]["unreliable_layers"][0]["tile_count"], 5);
   EXPECT_EQ(json["frames"][0]["sample_count"], 16);
   EXPECT_EQ(json["frames"][0]["similarity_after_count"], 8);
 }

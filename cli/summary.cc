@@ -64,10 +64,15 @@ std::string FormatStop(const v1::Frame& frame) {
 
 std::string FormatReliability(const v1::Frame& frame) {
   if (frame.unreliable_tile_count() == 0) return "";
+  std::string cause;
+  for (const v1::UnreliableLayer& layer : frame.unreliable_layers()) {
+    absl::StrAppend(&cause, cause.empty() ? "" : ", ", layer.layer(), " in ", layer.tile_count());
+  }
+  if (cause.empty()) cause = "--light-paths and sheaf study say which paths";
   return absl::StrFormat(
       "; in %d of %d tiles light comes in rare bright samples: their errors are not reliable yet "
-      "(sheaf study says which paths)",
-      frame.unreliable_tile_count(), frame.tile_count());
+      "(%s)",
+      frame.unreliable_tile_count(), frame.tile_count(), cause);
 }
 
 }  // namespace

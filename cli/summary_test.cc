@@ -43,6 +43,24 @@ TEST(SummaryTest, WhatIsSeenOfTheErrorStandsBesideIt) {
             std::string::npos);
 }
 
+TEST(SummaryTest, UnreliableTilesAreSaidAndWhatMakesThemSo) {
+  v1::Frame frame = Picture();
+  frame.set_tile_count(64);
+  frame.set_unreliable_tile_count(12);
+  EXPECT_NE(FormatPictureSummary(frame, {"out.exr", ""})
+                .find("; in 12 of 64 tiles light comes in rare bright samples: their errors are "
+                      "not reliable yet (--light-paths and sheaf study say which paths)"),
+            std::string::npos);
+  for (const auto& [layer, tiles] : {std::pair{"caustic", 9}, std::pair{"indirect", 3}}) {
+    v1::UnreliableLayer* count = frame.add_unreliable_layers();
+    count->set_layer(layer);
+    count->set_tile_count(tiles);
+  }
+  EXPECT_NE(FormatPictureSummary(frame, {"out.exr", ""})
+                .find("not reliable yet (caustic in 9, indirect in 3)"),
+            std::string::npos);
+}
+
 TEST(SummaryTest, BiasIsSaid) {
   v1::Frame frame = Picture();
   frame.mutable_spec()->mutable_settings()->set_similarity_after_count(8);

@@ -79,6 +79,14 @@ void FrameMerge::Develop(uint32_t index, std::unique_ptr<TileTree> tree) {
   ++developed_count_;
 }
 
+std::vector<PixelRect> FrameMerge::UnreliableTiles() const {
+  std::vector<PixelRect> tiles;
+  for (const Tile& tile : tiles_) {
+    if (tile.unreliable) tiles.push_back(tile.rect);
+  }
+  return tiles;
+}
+
 uint64_t FrameMerge::SamplesOf(uint32_t index) const {
   const Tile& tile = tiles_[index];
   if (tile.state == State::kDeveloped) return tile.samples;

@@ -76,6 +76,7 @@ class FrameMerge {
   std::vector<uint32_t> Refresh();
   // Of developed tiles, those whose error is not to be trusted (mean_interval.h).
   uint32_t unreliable_count() const { return unreliable_count_; }
+  std::vector<PixelRect> UnreliableTiles() const;
   bool HasSamples() const { return has_samples_; }
   // Whether the filter weighs samples otherwise than by 1, in developed tiles.
   bool signed_weights() const { return signed_weights_; }

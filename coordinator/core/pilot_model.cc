@@ -28,8 +28,6 @@ constexpr double kMeanShare = 0.1, kMeanPixelsMax = 1 << 14;
 constexpr double kPairShare = 0.5, kPairBlocksMin = 200;
 // More blocks than these tell nothing that matters.
 constexpr double kBlocksEnough = 1 << 12;
-// What is known of b before anything was rendered; over scenes of all kinds.
-constexpr double kRatePrior = 1.12, kRatePriorDeviation = 0.08;
 constexpr double kRateMin = 0.9, kRateMax = 1.8;
 // How logarithms of errors vary, known before: of all the variance of blocks, the share that is
 // within a tile; and how many blocks that knowledge is worth.

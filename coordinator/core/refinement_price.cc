@@ -13,8 +13,6 @@
 namespace sheaf::coordinator {
 namespace {
 
-// What is known of b without having seen errors fall; over scenes of all kinds.
-constexpr double kRateExpected = 1.1, kRateExpectedDeviation = 0.1;
 // Log-normal deviation of CPU time for the same work: processors share caches, memory and clocks.
 constexpr double kCpuLogDeviation = 0.1;
 // Of the threads' time, what goes into samples.
@@ -83,8 +81,8 @@ FinishedFrame Grouped(const FinishedFrame& frame) {
 
 // b as it was seen between the first and the last round, and as it is expected, by what each tells.
 void FitRate(const std::vector<RoundRecord>& rounds, ErrorModel* model) {
-  model->rate = kRateExpected;
-  model->rate_deviation = kRateExpectedDeviation;
+  model->rate = kRatePrior;
+  model->rate_deviation = kRatePriorDeviation;
   const std::vector<TileRound>& first = rounds.front().tiles;
   const std::vector<TileRound>& last = rounds.back().tiles;
   const double growth = PixelSamples(last) / PixelSamples(first);
@@ -94,8 +92,8 @@ void FitRate(const std::vector<RoundRecord>& rounds, ErrorModel* model) {
       std::hypot(early.Deviation() / early.RelativeMse(), late.Deviation() / late.RelativeMse()) /
       std::log(growth);
   const double seen = 1 / (deviation * deviation);
-  const double expected = 1 / (kRateExpectedDeviation * kRateExpectedDeviation);
-  model->rate = (MeasureRate(last, first) * seen + kRateExpected * expected) / (seen + expected);
+  const double expected = 1 / (kRatePriorDeviation * kRatePriorDeviation);
+  model->rate = (MeasureRate(last, first) * seen + kRatePrior * expected) / (seen + expected);
   model->rate_deviation = 1 / std::sqrt(seen + expected);
 }
 

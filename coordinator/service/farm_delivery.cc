@@ -11,6 +11,7 @@
 #include "common/base/log.h"
 #include "common/film/cryptomatte.h"
 #include "common/film/exr_codec.h"
+#include "common/film/rare_layers.h"
 #include "coordinator/service/farm.h"
 
 namespace sheaf::coordinator {
@@ -179,6 +180,7 @@ DeliveredFrame Farm::Account(const FrameId& id, const FrameMerge& merge) const {
   DeliveredFrame delivered;
   delivered.tile_count = merge.tile_count();
   delivered.unreliable_tile_count = merge.unreliable_count();
+  delivered.unreliable_layers = RareLayers(picture, merge.UnreliableTiles());
   delivered.picture_digest = PictureDigest(picture);
   delivered.relative_mse = EstimateError(picture).relative_mse;
   if (merge.error_sample() != nullptr) {

@@ -12,6 +12,7 @@
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
 #include "common/film/film.h"
+#include "common/film/rare_layers.h"
 #include "common/film/tile_geometry.h"
 #include "common/scene/render_settings.h"
 #include "coordinator/core/job.h"
@@ -62,15 +63,16 @@ struct FrameView {
   FrameSettings settings;
   StopRule stop;
   BlobDigest resumed;  // Of the EXR that it goes on from; empty where there is none.
-  StopReason stop_reason = StopReason::kSamples;  // Once complete; this and the next three.
+  StopReason stop_reason = StopReason::kSamples;  // Once complete; this and the next four.
   uint32_t tile_count = 0;
-  uint32_t unreliable_tile_count = 0;  // With errors that are not to be trusted.
-  double flip = 0;                     // As delivered; 0 where it cannot be told.
-  std::vector<RoundView> rounds;       // Ascending; empty where there are none, and in ListJobs.
-  bool complete = false;               // The EXR is delivered.
-  std::string picture_digest;          // Hex; empty until complete.
-  std::string output_path;             // Of the delivered EXR; empty until complete.
-  uint64_t preview_version = 0;        // Grows whenever Preview() would show something new.
+  uint32_t unreliable_tile_count = 0;         // With errors that are not to be trusted.
+  std::vector<LayerCount> unreliable_layers;  // What makes them so, where the frame has layers.
+  double flip = 0;                            // As delivered; 0 where it cannot be told.
+  std::vector<RoundView> rounds;  // Ascending; empty where there are none, and in ListJobs.
+  bool complete = false;          // The EXR is delivered.
+  std::string picture_digest;     // Hex; empty until complete.
+  std::string output_path;        // Of the delivered EXR; empty until complete.
+  uint64_t preview_version = 0;   // Grows whenever Preview() would show something new.
   ProgressView progress;
 };
 

@@ -99,6 +99,7 @@ FrameView Farm::ViewOf(const JobRecord& job, const FrameRecord& frame, absl::Tim
     view.stop_reason = delivered.stop_reason;
     view.tile_count = delivered.tile_count;
     view.unreliable_tile_count = delivered.unreliable_tile_count;
+    view.unreliable_layers = delivered.unreliable_layers;
     view.flip = delivered.flip;
     progress.wall_seconds = Seconds(delivered.wall_duration);
     progress.remaining_seconds = 0;

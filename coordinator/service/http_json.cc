@@ -120,6 +120,14 @@ Json JobObject(const JobView& job) {
   };
 }
 
+Json LayersJson(const std::vector<LayerCount>& counts) {
+  Json json = Json::array();
+  for (const LayerCount& count : counts) {
+    json.push_back({{"layer", count.layer}, {"tile_count", count.tile_count}});
+  }
+  return json;
+}
+
 }  // namespace
 
 std::string JobJson(const JobView& job) { return Dump(JobObject(job)); }
@@ -140,6 +148,8 @@ std::string FrameJson(const std::string& job_id, const FrameView& frame) {
       {"rounds", RoundsJson(frame.rounds)},
       {"tile_count", frame.tile_count},
       {"unreliable_tile_count", frame.unreliable_tile_count},
+      {"unreliable_layers", LayersJson(frame.unreliable_layers)},
+      {"flip", frame.flip > 0 ? Json(frame.flip) : Json()},
       {"depth_max", settings.max_depth},
       {"seed", settings.seed},
       {"one_sequence", settings.one_sequence},

@@ -129,6 +129,11 @@ v1::Frame ToWire(const std::string& job_name, const FrameView& view) {
   wire.set_stop_reason(static_cast<v1::StopReason>(view.stop_reason));
   wire.set_tile_count(view.tile_count);
   wire.set_unreliable_tile_count(view.unreliable_tile_count);
+  for (const LayerCount& count : view.unreliable_layers) {
+    v1::UnreliableLayer& layer = *wire.add_unreliable_layers();
+    layer.set_layer(count.layer);
+    layer.set_tile_count(count.tile_count);
+  }
   wire.set_flip(view.flip);
   wire.set_frame_digest(view.frame_digest);
   wire.set_complete(view.complete);

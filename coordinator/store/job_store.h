@@ -12,6 +12,7 @@
 
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
+#include "common/film/rare_layers.h"
 #include "coordinator/core/job.h"
 #include "coordinator/core/sample_rounds.h"
 
@@ -42,6 +43,7 @@ struct DeliveredFrame {
   uint64_t sample_count = 0;  // Pixel samples.
   uint32_t tile_count = 0;
   uint32_t unreliable_tile_count = 0;  // Of those, with errors that are not to be trusted.
+  std::vector<LayerCount> unreliable_layers;  // What makes them so (rare_layers.h).
   absl::Duration wall_duration;
   ResultCost cost;  // Sums over its parts.
 };

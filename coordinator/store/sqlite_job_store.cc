@@ -12,7 +12,10 @@
 #include <system_error>
 #include <utility>
 
+#include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
+#include "absl/strings/str_split.h"
 #include "common/base/check.h"
 #include "common/base/digest.h"
 #include "common/base/file.h"
@@ -39,6 +42,23 @@ absl::StatusOr<int> LockDirectory(const std::string& directory) {
   if (error != EWOULDBLOCK) return StatusFromErrno(error, path);
   return absl::FailedPreconditionError(
       directory + ": another coordinator uses this state directory; stop it or choose another one");
+}
+
+// "caustic 12 direct 3": names of layers have no spaces.
+std::string FormatLayers(const std::vector<LayerCount>& counts) {
+  return absl::StrJoin(counts, " ", [](std::string* text, const LayerCount& count) {
+    absl::StrAppend(text, count.layer, " ", count.tile_count);
+  });
+}
+
+std::vector<LayerCount> ParseLayers(const std::string& text) {
+  const std::vector<std::string> words = absl::StrSplit(text, ' ', absl::SkipEmpty());
+  std::vector<LayerCount> counts;
+  for (size_t i = 0; i + 1 < words.size(); i += 2) {
+    LayerCount& count = counts.emplace_back(LayerCount{words[i]});
+    if (!absl::SimpleAtoi(words[i + 1], &count.tile_count)) count.tile_count = 0;
+  }
+  return counts;
 }
 
 }  // namespace
@@ -99,8 +119,8 @@ absl::Status SqliteJobStore::LoadFrames(StoredJob* job) {
       "ray_count, nonfinite_count, cpu_ns, color, single_scattering, outputs, primaries, "
       "white_balance_k, one_sequence, similarity_after, target_error, time_max_ns, cpu_max_ns, "
       "sample_count, part_bytes, relative_mse_upper, stop_reason, first_round_samples, "
-      "tile_count, unreliable_tile_count, pixel_stride_px, flip, resumed_sha256, resumed_bytes "
-      "FROM frames WHERE job_id = ? "
+      "tile_count, unreliable_tile_count, pixel_stride_px, flip, resumed_sha256, resumed_bytes, "
+      "unreliable_layers FROM frames WHERE job_id = ? "
       "ORDER BY frame_number");
   query.Bind(job->spec.job_id);
   while (true) {
@@ -148,6 +168,7 @@ absl::Status SqliteJobStore::LoadFrames(StoredJob* job) {
       delivered.tile_count = static_cast<uint32_t>(query.Int64(36));
       delivered.unreliable_tile_count = static_cast<uint32_t>(query.Int64(37));
       delivered.flip = query.Double(39);
+      delivered.unreliable_layers = ParseLayers(query.Text(42));
       job->delivered.push_back(std::move(stored));
     }
     job->spec.frames.push_back(std::move(frame));
@@ -363,7 +384,7 @@ absl::Status SqliteJobStore::DeliverFrame(const FrameId& frame, const DeliveredF
           "UPDATE frames SET delivered = 1, picture_digest = ?, relative_mse = ?, wall_ns = ?, "
           "ray_count = ?, nonfinite_count = ?, cpu_ns = ?, sample_count = ?, part_bytes = ?, "
           "relative_mse_upper = ?, stop_reason = ?, tile_count = ?, unreliable_tile_count = ?, "
-          "flip = ? "
+          "flip = ?, unreliable_layers = ? "
           "WHERE job_id = ? AND frame_number = ?")
       .Bind(delivered.picture_digest)
       .Bind(delivered.relative_mse)
@@ -378,6 +399,7 @@ absl::Status SqliteJobStore::DeliverFrame(const FrameId& frame, const DeliveredF
       .Bind(int64_t{delivered.tile_count})
       .Bind(int64_t{delivered.unreliable_tile_count})
       .Bind(delivered.flip)
+      .Bind(FormatLayers(delivered.unreliable_layers))
       .Bind(frame.job_id)
       .Bind(frame.frame_number)
       .Run();

@@ -98,6 +98,7 @@ TEST_F(SqliteJobStoreTest, JobsSurviveAReopen) {
                                             .sample_count = 1234,
                                             .tile_count = 12,
                                             .unreliable_tile_count = 3,
+                                            .unreliable_layers = {{"caustic", 7}, {"fog-once", 2}},
                                             .wall_duration = absl::Seconds(3),
                                             .cost = {1, 2, absl::Seconds(4), 5}})
                   .ok());
@@ -135,6 +136,8 @@ TEST_F(SqliteJobStoreTest, JobsSurviveAReopen) {
   EXPECT_EQ(delivered.relative_mse_upper, 0.75);
   EXPECT_EQ(delivered.stop_reason, StopReason::kTime);
   EXPECT_EQ(delivered.flip, 0.0625);
+  EXPECT_EQ(delivered.unreliable_layers,
+            (std::vector<LayerCount>{{"caustic", 7}, {"fog-once", 2}}));
   EXPECT_EQ(delivered.sample_count, 1234u);
   EXPECT_EQ(delivered.tile_count, 12u);
   EXPECT_EQ(delivered.unreliable_tile_count, 3u);
@@ -338,6 +341,7 @@ TEST_F(SqliteJobStoreTest, EarlierSchemaIsBroughtUpToDate) {
                             "DROP TABLE effects;"
                             "ALTER TABLE jobs DROP COLUMN paused;"
                             "ALTER TABLE frames DROP COLUMN flip;"
+                            "ALTER TABLE frames DROP COLUMN unreliable_layers;"
                             "ALTER TABLE frames DROP COLUMN resumed_sha256;"
                             "ALTER TABLE frames DROP COLUMN resumed_bytes;"
                             "UPDATE frames SET delivered = 1 WHERE frame_number = 7;"
@@ -360,13 +364,18 @@ TEST_F(SqliteJobStoreTest, EarlierSchemaIsBroughtUpToDate) {
 
 TEST_F(SqliteJobStoreTest, LaterSchemaIsRefused) {
   store_.reset();
-  ASSERT_TRUE(
-      (*SqliteDatabase::Open(directory_ + "/farm.db"))->Execute("PRAGMA user_version=99").ok());
+  const auto database = *SqliteDatabase::Open(directory_ + "/farm.db");
+  int64_t version = 0;
+  {
+    SqliteStatement query = database->Prepare("PRAGMA user_version");
+    ASSERT_TRUE(*query.Step());
+    version = query.Int64(0);
+  }
+  ASSERT_TRUE(database->Execute(absl::StrCat("PRAGMA user_version=", version + 1)).ok());
   const absl::Status status = SqliteJobStore::Open(directory_).status();
   EXPECT_EQ(status.code(), absl::StatusCode::kFailedPrecondition);
   EXPECT_THAT(std::string(status.message()), HasSubstr("later version"));
-  ASSERT_TRUE(
-      (*SqliteDatabase::Open(directory_ + "/farm.db"))->Execute("PRAGMA user_version=10").ok());
+  ASSERT_TRUE(database->Execute(absl::StrCat("PRAGMA user_version=", version)).ok());
   Reopen();
 }
 

@@ -9,7 +9,7 @@
 namespace sheaf::coordinator {
 namespace {
 
-constexpr int64_t kSchemaVersion = 10;
+constexpr int64_t kSchemaVersion = 11;
 
 constexpr char kSchema[] = R"sql(
 CREATE TABLE meta(key TEXT PRIMARY KEY, value INTEGER NOT NULL) WITHOUT ROWID;
@@ -92,6 +92,9 @@ CREATE TABLE effects(
   mean_change REAL NOT NULL, mean_change_error REAL NOT NULL, relative_mse REAL NOT NULL,
   variance_ratio REAL NOT NULL, PRIMARY KEY(job_id, position)) WITHOUT ROWID;
 )sql";
+constexpr char kAddedBy11[] = R"sql(
+ALTER TABLE frames ADD COLUMN unreliable_layers TEXT NOT NULL DEFAULT '';
+)sql";
 
 }  // namespace
 
@@ -110,8 +113,8 @@ absl::Status MigrateSchema(SqliteDatabase* database, const std::string& path) {
   }
   if (version == kSchemaVersion) return absl::OkStatus();
   std::string statements = absl::StrCat("BEGIN;", version == 0 ? kSchema : "");
-  const char* const added[] = {kAddedBy2, kAddedBy3, kAddedBy4, kAddedBy5, kAddedBy6,
-                               kAddedBy7, kAddedBy8, kAddedBy9, kAddedBy10};
+  const char* const added[] = {kAddedBy2, kAddedBy3, kAddedBy4, kAddedBy5,  kAddedBy6,
+                               kAddedBy7, kAddedBy8, kAddedBy9, kAddedBy10, kAddedBy11};
   int64_t adds = 2;
   for (const char* of_version : added) {
     if (version < adds++) statements += of_version;

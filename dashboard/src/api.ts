@@ -59,6 +59,12 @@ export interface Frame {
   stop?: {target_error: number|null};
   // How the frame stood at the end of each round, where it is rendered in rounds.
   rounds?: Round[];
+  // Of a complete frame: tiles whose errors are not to be trusted, and the layers that make them so
+  // (none where the frame has no layers); how different from the true picture it looks.
+  tile_count?: number;
+  unreliable_tile_count?: number;
+  unreliable_layers?: {layer: string; tile_count: number}[];
+  flip?: number|null;
   progress: Progress;
 }
 

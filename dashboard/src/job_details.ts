@@ -60,6 +60,16 @@ function factsOf(job: Job, frame: Frame|undefined): [string, string, string?][] 
       'Typical relative error, estimated from replicates'
     ],
     ['relMSE', format.error(progress.relative_mse), 'Relative mean squared error, estimated'],
+    [
+      'FLIP', frame?.flip ? frame.flip.toFixed(3) : '–',
+      'How different from the true picture the shown frame looks, from 0 to 1, estimated once it ' +
+          'is complete'
+    ],
+    [
+      'Unreliable tiles', unreliableTilesOf(frame),
+      'Of the shown frame: light comes in rare bright samples there, so their errors are not to ' +
+          'be trusted yet. Layers of light paths (--light-paths) or sheaf study say which paths.'
+    ],
     ['Samples a pixel', samplesOf(frame), 'Of the shown frame, mean over its pixels'],
     ['Samples a second', wall > 0 ? format.count(progress.sample_count_done / wall) : '–'],
     ['Rays a second', wall > 0 ? format.count(progress.ray_count / wall) : '–'],
@@ -73,6 +83,13 @@ function factsOf(job: Job, frame: Frame|undefined): [string, string, string?][] 
     ],
     ['Created', format.clock(job.create_time)],
   ];
+}
+
+function unreliableTilesOf(frame: Frame|undefined): string {
+  if (!frame || !frame.complete || !frame.tile_count) return '–';
+  const layers = frame.unreliable_layers || [];
+  const cause = layers.map(({layer, tile_count}) => `${layer} in ${tile_count}`).join(', ');
+  return `${frame.unreliable_tile_count || 0} of ${frame.tile_count}` + (cause && `: ${cause}`);
 }
 
 function samplesOf(frame: Frame|undefined): string {

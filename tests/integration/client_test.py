@@ -313,6 +313,19 @@ class ClientTest(unittest.TestCase):
             self.assertEqual(farm.picture_digest(kept), farm.picture_digest(whole))
             os.remove(kept)
 
+    def test_unreliable_tiles_and_what_makes_them_so(self):
+        """The room's glass ball throws light on its floor, by way of few samples."""
+        scene = os.path.join(farm.ROOT, "scenes/cornell-box.pbrt")
+        size = ("--crop", "120,240,320,400", "--samples", 16)
+        plain = farm.render(scene, self.farm.path("plain.exr"), *size)
+        self.assertIn("--light-paths and sheaf study say which paths", plain.stderr)
+        done = farm.render(scene, self.farm.path("paths.exr"), *size, "--light-paths", "--json")
+        self.assertRegex(done.stderr, r"not reliable yet \(.*caustic in [0-9]+.*\)")
+        frame = json.loads(done.stdout.splitlines()[-1])["frames"][0]
+        tiles = [layer["tile_count"] for layer in frame["unreliable_layers"]]
+        self.assertEqual(sum(tiles), frame["unreliable_tile_count"])
+        self.assertEqual(tiles, sorted(tiles, reverse=True))
+
     def test_compare(self):
         scene = self.write("compared.pbrt", SCENE)
         few, more = self.farm.path("few.exr"), self.farm.path("more.png")

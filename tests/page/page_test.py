@@ -9,6 +9,7 @@
 Screenshots are kept in SHEAF_ARTEFACTS. Ends with "N passed, N failed".
 """
 import os
+import re
 import subprocess
 import sys
 import time
@@ -68,7 +69,8 @@ def check_page_follows_a_job(browser, farm):
     browser.open(f"http://{farm.http}/")
     wait_until(lambda: browser.run(TEXT, "connection-text") == "Live", PAGE_SECONDS_MAX, "events")
     # Submitted after the page was opened: nothing but events can make it appear.
-    farm.sheaf("submit", os.path.join(ROOT, "scenes", "cornell-box.pbrt"), "--samples", 128)
+    farm.sheaf("submit", os.path.join(ROOT, "scenes", "cornell-box.pbrt"), "--samples", 128,
+               "--light-paths")
     seen = []
 
     def picture_changed():
@@ -95,6 +97,19 @@ def check_output_is_an_exr(browser, farm):
         .then((response) => response.arrayBuffer())
         .then((bytes) => [...new Uint8Array(bytes.slice(0, 4))]);""")
     assert size == [0x76, 0x2F, 0x31, 0x01], size
+
+
+def check_what_is_known_of_errors(browser, _):
+    """FLIP, the tiles that are not to be trusted yet and the kinds of light paths to blame."""
+    facts = dict(browser.run("""
+      return [...document.querySelectorAll("#facts .fact")].map(
+          (fact) => [fact.children[0].textContent, fact.children[1].textContent]);"""))
+    assert 0 < float(facts["FLIP"]) < 0.5, facts
+    found = re.fullmatch(r"(\d+) of (\d+)(?:: (.*))?", facts["Unreliable tiles"])
+    assert found and int(found[2]) > 100, facts
+    blamed = re.findall(r"(\S+) in (\d+)", found[3] or "")
+    assert sum(int(tiles) for _, tiles in blamed) == int(found[1]) > 0, facts
+    assert "caustic" in dict(blamed), facts
 
 
 def check_pause_and_priority(browser, farm):
@@ -351,9 +366,9 @@ def run_checks(checks, browser, subject):
 
 def run_farm():
     checks = [check_page_follows_a_job, check_output_is_an_exr, check_layers_of_a_real_picture,
-              check_pause_and_priority, check_workers_and_failures, check_cancel,
-              check_frames, check_slider_between_rounds, check_side_by_side, check_refining,
-              check_cost_by_effect, check_figures, check_no_console_errors]
+              check_what_is_known_of_errors, check_pause_and_priority, check_workers_and_failures,
+              check_cancel, check_frames, check_slider_between_rounds, check_side_by_side,
+              check_refining, check_cost_by_effect, check_figures, check_no_console_errors]
     with Farm() as farm, Browser() as browser:
         farm.start_worker()
         return run_checks(checks, browser, farm)
