@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Which layers the rare bright samples of unreliable tiles are in: the light groups or the kinds of
-// light paths (FilmOutputs) that make their errors unreliable.
+// light paths (FilmOutputs) that make their errors unreliable. docs/adr/0040 says how well it tells.
 #pragma once
 
 #include <cstdint>

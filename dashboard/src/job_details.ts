@@ -68,7 +68,7 @@ function factsOf(job: Job, frame: Frame|undefined): [string, string, string?][] 
     [
       'Unreliable tiles', unreliableTilesOf(frame),
       'Of the shown frame: light comes in rare bright samples there, so their errors are not to ' +
-          'be trusted yet. Layers of light paths (--light-paths) or sheaf study say which paths.'
+          'be trusted yet. ' + rareLayersOf(frame)
     ],
     ['Samples a pixel', samplesOf(frame), 'Of the shown frame, mean over its pixels'],
     ['Samples a second', wall > 0 ? format.count(progress.sample_count_done / wall) : '–'],
@@ -87,9 +87,15 @@ function factsOf(job: Job, frame: Frame|undefined): [string, string, string?][] 
 
 function unreliableTilesOf(frame: Frame|undefined): string {
   if (!frame || !frame.complete || !frame.tile_count) return '–';
-  const layers = frame.unreliable_layers || [];
-  const cause = layers.map(({layer, tile_count}) => `${layer} in ${tile_count}`).join(', ');
-  return `${frame.unreliable_tile_count || 0} of ${frame.tile_count}` + (cause && `: ${cause}`);
+  const [most] = frame.unreliable_layers || [];
+  return `${frame.unreliable_tile_count || 0} of ${frame.tile_count}` +
+      (most ? `, most by ${most.layer}` : '');
+}
+
+function rareLayersOf(frame: Frame|undefined): string {
+  const layers = frame?.unreliable_layers || [];
+  if (!layers.length) return 'Layers of light paths (--light-paths) or sheaf study say which paths.';
+  return 'By ' + layers.map(({layer, tile_count}) => `${layer} in ${tile_count}`).join(', ') + '.';
 }
 
 function samplesOf(frame: Frame|undefined): string {
