@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Which layers the rare bright samples of unreliable tiles are in: the light groups or the kinds of
-// light paths (FilmOutputs) that make their errors unreliable. docs/adr/0040 says how well it tells.
+// light paths (FilmOutputs) that make their errors unreliable. How well it tells: docs/adr/0040.
 #pragma once
 
 #include <cstdint>

@@ -89,12 +89,12 @@ function unreliableTilesOf(frame: Frame|undefined): string {
   if (!frame || !frame.complete || !frame.tile_count) return '–';
   const [most] = frame.unreliable_layers || [];
   return `${frame.unreliable_tile_count || 0} of ${frame.tile_count}` +
-      (most ? `, most by ${most.layer}` : '');
+      (most ? ` (${most.layer})` : '');
 }
 
 function rareLayersOf(frame: Frame|undefined): string {
   const layers = frame?.unreliable_layers || [];
-  if (!layers.length) return 'Layers of light paths (--light-paths) or sheaf study say which paths.';
+  if (!layers.length) return 'Layers of light paths (--light-paths) or sheaf study say why.';
   return 'By ' + layers.map(({layer, tile_count}) => `${layer} in ${tile_count}`).join(', ') + '.';
 }
 

@@ -106,7 +106,7 @@ def check_what_is_known_of_errors(browser, _):
           (fact) => [...[...fact.children].map((part) => part.textContent), fact.title]);""")}
     assert 0 < float(facts["FLIP"][0]) < 0.5, facts
     value, title = facts["Unreliable tiles"]
-    found = re.fullmatch(r"(\d+) of (\d+), most by caustic", value)
+    found = re.fullmatch(r"(\d+) of (\d+) \(caustic\)", value)
     assert found and int(found[2]) > 100, facts
     blamed = re.findall(r"(\S+) in (\d+)", title.split(" By ")[1])
     assert sum(int(tiles) for _, tiles in blamed) == int(found[1]) > 0, facts
