@@ -23,12 +23,13 @@ Planes PlanesOf(const FramePicture& picture, const std::string& prefix) {
   return planes;
 }
 
+size_t IndexOf(const PixelRect& window, int32_t x, int32_t y) {
+  return static_cast<size_t>(y - window.y0) * static_cast<size_t>(window.Width()) +
+         static_cast<size_t>(x - window.x0);
+}
+
 // Of one layer in one pixel, over R, G and B.
 double SquaredDifference(const Planes& layer, const PixelRect& window, int32_t x, int32_t y) {
-  const auto at = [&](int32_t px, int32_t py) {
-    return static_cast<size_t>(py - window.y0) * static_cast<size_t>(window.Width()) +
-           static_cast<size_t>(px - window.x0);
-  };
   double sum = 0;
   for (const std::vector<float>* plane : layer) {
     double about = 0;
@@ -36,11 +37,11 @@ double SquaredDifference(const Planes& layer, const PixelRect& window, int32_t x
     for (int32_t py = std::max(y - 1, window.y0); py < std::min(y + 2, window.y1); ++py) {
       for (int32_t px = std::max(x - 1, window.x0); px < std::min(x + 2, window.x1); ++px) {
         if (px == x && py == y) continue;
-        about += (*plane)[at(px, py)];
+        about += (*plane)[IndexOf(window, px, py)];
         ++count;
       }
     }
-    const double difference = (*plane)[at(x, y)] - (count == 0 ? 0 : about / count);
+    const double difference = (*plane)[IndexOf(window, x, y)] - (count == 0 ? 0 : about / count);
     sum += difference * difference;
   }
   return sum;
@@ -52,8 +53,7 @@ size_t RareLayerOf(const std::vector<Planes>& layers, const Planes& errors, cons
   std::vector<double> shares(layers.size()), squares(layers.size());
   for (int32_t y = tile.y0; y < tile.y1; ++y) {
     for (int32_t x = tile.x0; x < tile.x1; ++x) {
-      const size_t p = static_cast<size_t>(y - window.y0) * static_cast<size_t>(window.Width()) +
-                       static_cast<size_t>(x - window.x0);
+      const size_t p = IndexOf(window, x, y);
       double variance = 0;
       for (const std::vector<float>* plane : errors) variance += double{(*plane)[p]} * (*plane)[p];
       if (variance == 0) continue;

@@ -42,6 +42,7 @@ absl::StatusOr<Scheduler::SynchronizeAnswer> Scheduler::Synchronize(const Worker
 }
 
 bool Scheduler::RoundIsSoon(const WorkerRecord& worker) const {
+  if (worker.draining) return false;
   int scanned = 0;
   for (const FrameId& id : round_frames_) {
     if (++scanned > limits_.job_scan_max) break;
