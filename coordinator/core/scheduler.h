@@ -207,8 +207,8 @@ class Scheduler {
                  absl::Time now) const;
   bool MayOpenFor(const FrameRecord& frame, const WorkerRecord& worker) const;
   // Whether a frame that this worker could render is between rounds, or will soon be.
-  bool RoundIsSoon(const WorkerRecord& worker) const;
-  absl::Duration NextSynchronize(const WorkerRecord& worker) const;
+  bool RoundIsSoon(const WorkerRecord& worker, absl::Time now) const;
+  absl::Duration NextSynchronize(const WorkerRecord& worker, absl::Time now) const;
 
   // scheduler_failures.cc
   // Whether a live worker is left that is not in `failed`.

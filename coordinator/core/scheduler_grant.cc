@@ -37,12 +37,12 @@ absl::StatusOr<Scheduler::SynchronizeAnswer> Scheduler::Synchronize(const Worker
   }
   SynchronizeAnswer answer;
   for (const uint64_t id : worker->leases) answer.leases.push_back(*leases_.Find(id));
-  answer.next_synchronize = NextSynchronize(*worker);
+  answer.next_synchronize = NextSynchronize(*worker, now);
   return answer;
 }
 
-bool Scheduler::RoundIsSoon(const WorkerRecord& worker) const {
-  if (worker.draining) return false;
+bool Scheduler::RoundIsSoon(const WorkerRecord& worker, absl::Time now) const {
+  if (worker.draining || now < worker.no_work_before) return false;
   int scanned = 0;
   for (const FrameId& id : round_frames_) {
     if (++scanned > limits_.job_scan_max) break;
@@ -52,13 +52,13 @@ bool Scheduler::RoundIsSoon(const WorkerRecord& worker) const {
   return false;
 }
 
-absl::Duration Scheduler::NextSynchronize(const WorkerRecord& worker) const {
+absl::Duration Scheduler::NextSynchronize(const WorkerRecord& worker, absl::Time now) const {
   const absl::Duration busy = std::min(limits_.heartbeat_interval_max, limits_.lease_duration / 4);
   if (!worker.leases.empty()) return busy;
   // Waiting workers share the call rate that the coordinator serves with ease.
   const absl::Duration fair = absl::Seconds(workers_.LiveCount() / limits_.synchronize_rate_max);
   const absl::Duration least =
-      RoundIsSoon(worker) ? limits_.round_interval_min : limits_.idle_interval_min;
+      RoundIsSoon(worker, now) ? limits_.round_interval_min : limits_.idle_interval_min;
   return std::min(std::max(least, fair), busy);
 }
 

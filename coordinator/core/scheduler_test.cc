@@ -127,6 +127,10 @@ TEST_F(SchedulerTest, IdleWorkersAskSoonForTheNextRound) {
   EXPECT_EQ(next_synchronize_, limits_.heartbeat_interval_max);
   while (!Sync("a", 2).empty()) Accept(held_["a"][0]);
   EXPECT_EQ(next_synchronize_, limits_.round_interval_min);
+  draining_ = true;
+  Sync("a", 2);
+  EXPECT_EQ(next_synchronize_, limits_.idle_interval_min);
+  draining_ = false;
   scheduler_.Pause(job, now_);
   Sync("a", 2);
   EXPECT_EQ(next_synchronize_, limits_.idle_interval_min);
