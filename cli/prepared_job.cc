@@ -63,7 +63,7 @@ absl::StatusOr<ReadFrameResult> ReadFrame(const std::string& path, int32_t numbe
   const std::string bytes = EncodeManifest(manifest);
   const BlobDigest digest{Sha256Hex(bytes), bytes.size()};
   result.blobs.push_back({digest, "", bytes});
-  result.frame = {number, digest, *resolved, read.scene.film.filename};
+  result.frame = {number, digest, *resolved, read.scene.film.filename, read.scene.filter};
   return result;
 }
 

@@ -51,8 +51,9 @@ struct PreparedFrame {
   int32_t number = 1;
   BlobDigest manifest;
   FrameSettings settings;
-  std::string film_filename;  // As the scene names its picture; may be empty.
-  BlobDigest resumed = {};    // Of the EXR to go on from; empty: none.
+  std::string film_filename;      // As the scene names its picture; may be empty.
+  FilterDescription filter = {};  // Of the scene.
+  BlobDigest resumed = {};        // Of the EXR to go on from; empty: none.
 };
 
 struct PreparedJob {

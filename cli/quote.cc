@@ -30,9 +30,9 @@ using coordinator::WithBand;
 constexpr double kCpuLogDeviation = 0.12;
 // Of the price that is allowed, what is planned for: overheads come on top, and clocks differ by a
 // third over a pilot's milliseconds on a busy machine.
-constexpr double kPilotShareAim = 0.018;
+constexpr double kPilotShareAim = 0.017;
 // A further pilot has at least so many times the samples of those before.
-constexpr double kPilotGrowthMin = 1;
+constexpr double kPilotGrowthMin = 0.4;
 constexpr int kPilotCountMax = 6;
 // Of the threads' time, what goes into samples.
 constexpr double kFarmEfficiency = 0.95;
@@ -129,6 +129,10 @@ absl::Status RenderPilot(FarmClient* client, const JobArguments& arguments, cons
       frame.settings = Shrunk(frame.settings, level.shrink);
       frame.settings.samples = level.samples;
       frame.settings.lattice = level.lattice;
+      if (level.lattice.All()) {
+        frame.settings.outputs = {};
+        frame.settings.outputs.AddLightPaths();
+      }
       pilot.frames.push_back(std::move(frame));
     }
   }
@@ -161,7 +165,7 @@ void FitModels(const JobArguments& arguments, const PreparedJob& job,
                std::vector<PilotFrame>* frames) {
   for (PilotFrame& frame : *frames) {
     const std::vector<PixelRect> tiles = TilesOf(arguments, job.frames[frame.index].settings);
-    frame.model = coordinator::FitErrorModel(tiles, frame.pictures);
+    frame.model = coordinator::FitErrorModel(tiles, frame.pictures, job.frames[frame.index].filter);
   }
 }
 

@@ -309,8 +309,7 @@ class Study {
 
   absl::Status MeasurePaths() {
     FrameSettings settings = settings_;
-    settings.outputs.light_paths = true;
-    settings.outputs.light_groups = LightPathLayers();
+    settings.outputs.AddLightPaths();
     const absl::StatusOr<render::CompiledScenePtr> scene = Compile(settings);
     if (!scene.ok()) return scene.status();
     std::vector<render::PathNoiseSums> of_tiles(tiles_.size());

@@ -133,9 +133,9 @@ std::vector<PixelError> PixelErrors(const ErrorPlanes& planes, const FramePictur
   return errors;
 }
 
-void RareHits::Add(size_t tile, const PixelError& error) {
+void RareHits::Add(size_t tile, const PixelError& error, double count) {
   if (!(error.rare_max > error.rare)) return;
-  hits_.push_back({tile, std::pow(error.rare, kIndex), error.rare_max});
+  hits_.push_back({tile, count * std::pow(error.rare, kIndex), error.rare_max});
   sum_ += hits_.back().told;
 }
 
@@ -153,15 +153,12 @@ void RareHits::AddVariances(std::vector<ErrorSums>* tiles) const {
 ErrorSums SumErrors(const ErrorPlanes& planes, const FramePicture& picture, const PixelRect& tile,
                     double mean, size_t tile_number, RareHits* rare) {
   const std::vector<PixelError> errors = PixelErrors(planes, picture, tile, mean);
-  const PixelRect& window = picture.window;
   ErrorSums sums;
   size_t next = 0;
   for (int32_t y = tile.y0; y < tile.y1; ++y) {
     for (int32_t x = tile.x0; x < tile.x1; ++x) {
       const PixelError& error = errors[next++];
-      const auto p = static_cast<size_t>(y - window.y0) * static_cast<size_t>(window.Width()) +
-                     static_cast<size_t>(x - window.x0);
-      if ((*planes.samples)[p] == 0) continue;
+      if ((*planes.samples)[picture.window.IndexOf(x, y)] == 0) continue;
       ++sums.pixel_count;
       sums.sum += error.value;
       sums.square_sum += error.value * error.value;

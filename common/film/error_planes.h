@@ -48,7 +48,8 @@ std::vector<PixelError> PixelErrors(const ErrorPlanes& planes, const FramePictur
 // Source: Jeffreys 1946, "An Invariant Form for the Prior Probability in Estimation Problems".
 class RareHits {
  public:
-  void Add(size_t tile, const PixelError& error);
+  // count: of such pixels, of what is expected and not of one that was seen.
+  void Add(size_t tile, const PixelError& error, double count = 1);
   // To the sums of the tiles.
   void AddVariances(std::vector<ErrorSums>* tiles) const;
 
@@ -56,7 +57,7 @@ class RareHits {
   static constexpr double kIndex = 0.75, kScale = 0.752253;
   struct Hit {
     size_t tile;
-    double told;  // To the power of kIndex.
+    double told;  // Summed over the pixels, each to the power of kIndex.
     double error_max;
   };
   std::vector<Hit> hits_;

@@ -175,8 +175,7 @@ void DevelopTile(const FilmTile& sums, FramePicture* picture) {
   const Planes planes = FindPlanes(picture);
   size_t from = 0;
   for (int32_t y = tile.y0; y < tile.y1; ++y) {
-    size_t to = static_cast<size_t>(y - window.y0) * static_cast<size_t>(window.Width()) +
-                static_cast<size_t>(tile.x0 - window.x0);
+    size_t to = window.IndexOf(tile.x0, y);
     for (int32_t x = tile.x0; x < tile.x1; ++x) DevelopPixel(sums, from++, to++, planes);
   }
 }

@@ -98,6 +98,11 @@ std::vector<std::string> LightPathLayers() {
   return layers;
 }
 
+void FilmOutputs::AddLightPaths() {
+  light_paths = true;
+  light_groups = LightPathLayers();
+}
+
 std::vector<MeanChannel> MeanChannelsOf(const FilmOutputs& outputs) {
   std::vector<MeanChannel> channels;
   for (size_t i = 0; i < kAovCount; ++i) {
@@ -186,8 +191,7 @@ absl::StatusOr<FilmOutputs> ParseOutputs(std::string_view text) {
     if (word == kCameraSpace) {
       outputs.camera_space = true;
     } else if (word == kLightPaths) {
-      outputs.light_paths = true;
-      outputs.light_groups = LightPathLayers();
+      outputs.AddLightPaths();
     } else if (word.starts_with(kLightPrefix)) {
       outputs.light_groups.push_back(word.substr(std::strlen(kLightPrefix)));
       const std::string why_not = WhyNotLightGroup(outputs.light_groups.back());

@@ -357,8 +357,7 @@ void PixelAccumulator::End() {
     stack_->replicates.Push(stack_->replicate_leaf);
   }
   const PixelRect& rect = tile_->rect();
-  const size_t p = static_cast<size_t>(stack_->y - rect.y0) * static_cast<size_t>(rect.Width()) +
-                   static_cast<size_t>(stack_->x - rect.x0);
+  const size_t p = rect.IndexOf(stack_->x, stack_->y);
   const PixelNode& root = stack_->main.Root();
   for (size_t i = 0; i < kWideCount; ++i) {
     const DoubleFloat wide = DoubleFloat::Make(root.wide[i]);

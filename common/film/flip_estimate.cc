@@ -58,8 +58,7 @@ void ErrorSample::DevelopTile(const FilmTile& sums, const PictureColor& color) {
   const float* counts = sums.channel(FilmChannel::kSampleCount);
   size_t from = 0;
   for (int32_t y = tile.y0; y < tile.y1; ++y) {
-    size_t to = static_cast<size_t>(y - window_.y0) * static_cast<size_t>(window_.Width()) +
-                static_cast<size_t>(tile.x0 - window_.x0);
+    size_t to = window_.IndexOf(tile.x0, y);
     for (int32_t x = tile.x0; x < tile.x1; ++x, ++from, ++to) {
       Vec3d error = ErrorAt(even, odd, double{counts[from]}, from);
       if (!color.AsSummed()) error = TransformVector(color.light_from_srgb, error);

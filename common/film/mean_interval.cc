@@ -62,8 +62,7 @@ MeanInterval MeanIntervalOf(const FilmTile& sums, const PixelRect& rect,
   double variance_sum = 0, square_sum = 0, share_sum = 0;
   for (int32_t y = rect.y0; y < rect.y1; ++y) {
     for (int32_t x = rect.x0; x < rect.x1; ++x) {
-      const auto p = static_cast<size_t>(y - all.y0) * static_cast<size_t>(all.Width()) +
-                     static_cast<size_t>(x - all.x0);
+      const size_t p = all.IndexOf(x, y);
       const PixelSpread spread = SpreadOf(sums, p, weights);
       const double variance = spread.squares / (count * (count - 1.0));
       interval.mean += spread.mean;

@@ -23,11 +23,6 @@ Planes PlanesOf(const FramePicture& picture, const std::string& prefix) {
   return planes;
 }
 
-size_t IndexOf(const PixelRect& window, int32_t x, int32_t y) {
-  return static_cast<size_t>(y - window.y0) * static_cast<size_t>(window.Width()) +
-         static_cast<size_t>(x - window.x0);
-}
-
 // Of one layer in one pixel, over R, G and B.
 double SquaredDifference(const Planes& layer, const PixelRect& window, int32_t x, int32_t y) {
   double sum = 0;
@@ -37,11 +32,11 @@ double SquaredDifference(const Planes& layer, const PixelRect& window, int32_t x
     for (int32_t py = std::max(y - 1, window.y0); py < std::min(y + 2, window.y1); ++py) {
       for (int32_t px = std::max(x - 1, window.x0); px < std::min(x + 2, window.x1); ++px) {
         if (px == x && py == y) continue;
-        about += (*plane)[IndexOf(window, px, py)];
+        about += (*plane)[window.IndexOf(px, py)];
         ++count;
       }
     }
-    const double difference = (*plane)[IndexOf(window, x, y)] - (count == 0 ? 0 : about / count);
+    const double difference = (*plane)[window.IndexOf(x, y)] - (count == 0 ? 0 : about / count);
     sum += difference * difference;
   }
   return sum;
@@ -53,7 +48,7 @@ size_t RareLayerOf(const std::vector<Planes>& layers, const Planes& errors, cons
   std::vector<double> shares(layers.size()), squares(layers.size());
   for (int32_t y = tile.y0; y < tile.y1; ++y) {
     for (int32_t x = tile.x0; x < tile.x1; ++x) {
-      const size_t p = IndexOf(window, x, y);
+      const size_t p = window.IndexOf(x, y);
       double variance = 0;
       for (const std::vector<float>* plane : errors) variance += double{(*plane)[p]} * (*plane)[p];
       if (variance == 0) continue;

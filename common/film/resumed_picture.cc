@@ -155,17 +155,11 @@ float ResumedPicture::At(size_t channel, size_t p) const {
 
 float ResumedPicture::CountAt(size_t p) const { return At(kSamples, p) + At(kNonFinite, p); }
 
-size_t ResumedPicture::IndexOf(int32_t x, int32_t y) const {
-  const PixelRect& window = picture_.window;
-  return static_cast<size_t>(y - window.y0) * static_cast<size_t>(window.Width()) +
-         static_cast<size_t>(x - window.x0);
-}
-
 absl::StatusOr<uint64_t> ResumedPicture::SamplesOf(const PixelRect& tile) const {
-  const float count = CountAt(IndexOf(tile.x0, tile.y0));
+  const float count = CountAt(picture_.window.IndexOf(tile.x0, tile.y0));
   for (int32_t y = tile.y0; y < tile.y1; ++y) {
     for (int32_t x = tile.x0; x < tile.x1; ++x) {
-      if (CountAt(IndexOf(x, y)) == count) continue;
+      if (CountAt(picture_.window.IndexOf(x, y)) == count) continue;
       const auto size = picture_.metadata.find("tileSizePx");
       return Refuse(absl::StrCat("its samples were given to tiles of another size",
                                  size == picture_.metadata.end()
@@ -177,7 +171,7 @@ absl::StatusOr<uint64_t> ResumedPicture::SamplesOf(const PixelRect& tile) const 
 }
 
 ResumedPicture::Pixel ResumedPicture::PixelAt(int32_t x, int32_t y) const {
-  const size_t p = IndexOf(x, y);
+  const size_t p = picture_.window.IndexOf(x, y);
   Pixel pixel;
   pixel.finite = At(kSamples, p);
   pixel.nonfinite = At(kNonFinite, p);

@@ -52,7 +52,6 @@ class ResumedPicture {
   ResumedPicture(FramePicture picture, const FilmOutputs& outputs, const PictureColor& color);
   float At(size_t channel, size_t p) const;
   float CountAt(size_t p) const;
-  size_t IndexOf(int32_t x, int32_t y) const;
   Pixel PixelAt(int32_t x, int32_t y) const;
   void AddPixel(const Pixel& pixel, size_t to, double share_samples, FilmTile* part) const;
 

@@ -9,12 +9,10 @@ namespace {
 
 RunningError::Values ValuesOf(const ErrorPlanes& planes, const FramePicture& picture,
                               const PixelRect& tile) {
-  const PixelRect& window = picture.window;
   RunningError::Values values;
   for (int32_t y = tile.y0; y < tile.y1; ++y) {
-    const auto row = static_cast<size_t>(y - window.y0) * static_cast<size_t>(window.Width());
     for (int32_t x = tile.x0; x < tile.x1; ++x) {
-      const size_t p = row + static_cast<size_t>(x - window.x0);
+      const size_t p = picture.window.IndexOf(x, y);
       if ((*planes.samples)[p] == 0) continue;
       for (size_t i = 0; i < 3; ++i) values.sum += (*planes.value[i])[p];
       values.count += 3;

@@ -4,6 +4,7 @@
 // How a frame is cut: pixel rectangles (tiles) and aligned power-of-two blocks of sample indices.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <vector>
 
@@ -16,6 +17,10 @@ struct PixelRect {
   constexpr int32_t Width() const { return x1 - x0; }
   constexpr int32_t Height() const { return y1 - y0; }
   constexpr int64_t PixelCount() const { return int64_t{Width()} * Height(); }
+  // Of a pixel within, in planes of the rectangle's pixels: row-major.
+  constexpr size_t IndexOf(int32_t x, int32_t y) const {
+    return static_cast<size_t>(y - y0) * static_cast<size_t>(Width()) + static_cast<size_t>(x - x0);
+  }
   friend constexpr bool operator==(const PixelRect&, const PixelRect&) = default;
 };
 

@@ -166,10 +166,7 @@ absl::StatusOr<FrameSettings> ResolveSettings(const SceneDescription& scene,
         "light is told apart by groups of lights or by kinds of paths: ask for one of them");
   }
   if (settings.light_groups) resolved.outputs.light_groups = LightGroupsOf(scene);
-  if (settings.light_paths) {
-    resolved.outputs.light_paths = true;
-    resolved.outputs.light_groups = LightPathLayers();
-  }
+  if (settings.light_paths) resolved.outputs.AddLightPaths();
   if (absl::Status status = CheckCounts(resolved); !status.ok()) return status;
   if (resolved.white_balance_k != 0 && !(resolved.white_balance_k >= kWhiteBalanceMinK &&
                                          resolved.white_balance_k <= kWhiteBalanceMaxK)) {

@@ -4,6 +4,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
+#include <random>
 #include <utility>
 
 #include "common/base/check.h"
@@ -11,27 +13,31 @@
 namespace sheaf::coordinator {
 namespace {
 
-// A tile as the model has it at `samples`.
-TileRound TileAt(const ErrorModel& model, const ForecastTile& tile, uint64_t samples,
-                 double deviations) {
+// Where chance decides, a frame's rounds are played so many times.
+constexpr uint64_t kPlays = 9;
+
+// The errors of a tile as the model has it at `samples`, without those of rims.
+ErrorSums ErrorAt(const ErrorModel& model, const ForecastTile& tile, uint64_t samples,
+                  double deviations) {
   const TileRound& measured = tile.measured;
   const double log_growth =
       std::log(static_cast<double>(samples) / static_cast<double>(measured.samples));
   // Independent: the error where it was measured, and how it falls from there.
   const double log_error = std::hypot(model.log_error_deviation, log_growth * model.rate_deviation);
   const double factor = std::exp(deviations * log_error - model.rate * log_growth);
-  return {samples,
-          {measured.error.pixel_count, measured.error.sum * factor,
-           measured.error.square_sum * factor * factor}};
+  return {measured.error.pixel_count, measured.error.sum * factor,
+          measured.error.square_sum * factor * factor};
 }
 
 std::vector<TileRound> TilesAt(const ErrorModel& model, const std::vector<uint64_t>& samples,
-                               double deviations) {
-  std::vector<TileRound> tiles;
-  tiles.reserve(model.tiles.size());
+                               double deviations, std::mt19937_64* random) {
+  std::vector<ErrorSums> errors;
   for (size_t i = 0; i < model.tiles.size(); ++i) {
-    tiles.push_back(TileAt(model, model.tiles[i], samples[i], deviations));
+    errors.push_back(ErrorAt(model, model.tiles[i], samples[i], deviations));
   }
+  if (!model.rims.empty()) model.rims.AddVariances(samples, deviations, random, &errors);
+  std::vector<TileRound> tiles;
+  for (size_t i = 0; i < samples.size(); ++i) tiles.push_back({samples[i], errors[i]});
   return tiles;
 }
 
@@ -51,6 +57,24 @@ Forecast Account(const ErrorModel& model, std::span<const TileRound> tiles) {
   return forecast;
 }
 
+Forecast PlayRounds(const ErrorModel& model, const StopRule& rule, uint64_t samples_max,
+                    ForecastStart start, double deviations, std::mt19937_64* random) {
+  std::vector<TileRound> before = std::move(start.before);
+  for (int round = start.round;; ++round) {
+    std::vector<TileRound> tiles = TilesAt(model, start.samples, deviations, random);
+    const RoundDecision decision = DecideRound(rule, samples_max, round, tiles, before, {});
+    if (decision.samples.empty()) {
+      Forecast forecast = Account(model, tiles);
+      forecast.target_error = rule.target_error;
+      forecast.reached = decision.reason == StopReason::kTargetError;
+      forecast.round_count = round + 1;
+      return forecast;
+    }
+    start.samples = decision.samples;
+    before = std::move(tiles);
+  }
+}
+
 }  // namespace
 
 Estimate WithBand(double value, double low, double high, double log_deviation) {
@@ -66,20 +90,19 @@ Forecast ForecastFrom(const ErrorModel& model, const StopRule& rule, uint64_t sa
                       ForecastStart start, double deviations) {
   SHEAF_CHECK(!model.tiles.empty() && model.tiles.size() == start.samples.size() &&
               rule.target_error > 0);
-  std::vector<TileRound> before = std::move(start.before);
-  for (int round = start.round;; ++round) {
-    std::vector<TileRound> tiles = TilesAt(model, start.samples, deviations);
-    const RoundDecision decision = DecideRound(rule, samples_max, round, tiles, before, {});
-    if (decision.samples.empty()) {
-      Forecast forecast = Account(model, tiles);
-      forecast.target_error = rule.target_error;
-      forecast.reached = decision.reason == StopReason::kTargetError;
-      forecast.round_count = round + 1;
-      return forecast;
-    }
-    start.samples = decision.samples;
-    before = std::move(tiles);
+  if (model.rims.empty()) {
+    return PlayRounds(model, rule, samples_max, std::move(start), deviations, nullptr);
   }
+  // Which pixels at rims a round meets is a matter of chance, and a frame stops at the first round
+  // that is lucky, so what is expected of each round does not tell when that is.
+  std::vector<Forecast> plays;
+  for (uint64_t seed = 0; seed < kPlays; ++seed) {
+    std::mt19937_64 random(seed);
+    plays.push_back(PlayRounds(model, rule, samples_max, start, deviations, &random));
+  }
+  std::ranges::sort(plays, {}, &Forecast::cpu_seconds);
+  const double share = std::erfc(-deviations / std::numbers::sqrt2) / 2;
+  return plays[static_cast<size_t>(std::lround(share * (kPlays - 1)))];
 }
 
 Forecast ForecastTarget(const ErrorModel& model, const StopRule& rule, uint64_t samples_max,
@@ -91,7 +114,7 @@ Forecast ForecastTarget(const ErrorModel& model, const StopRule& rule, uint64_t 
 
 Forecast ForecastSamples(const ErrorModel& model, uint64_t samples, double deviations) {
   const std::vector<uint64_t> all(model.tiles.size(), samples);
-  return Account(model, TilesAt(model, all, deviations));
+  return Account(model, TilesAt(model, all, deviations, nullptr));
 }
 
 }  // namespace sheaf::coordinator

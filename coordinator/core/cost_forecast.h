@@ -15,6 +15,7 @@
 #include <span>
 #include <vector>
 
+#include "coordinator/core/lamp_rims.h"
 #include "coordinator/core/sample_rounds.h"
 
 namespace sheaf::coordinator {
@@ -34,6 +35,7 @@ struct ErrorModel {
   // log-normal standard deviation of the frame's error as measured, and of b: what is not known.
   double log_error_deviation = 0, rate_deviation = 0;
   double log_cpu_deviation = 0;  // Of CPU time, for the same samples.
+  LampRims rims = {};            // What they add to the variances of the tiles' errors.
 };
 
 struct Forecast {

@@ -13,9 +13,6 @@ namespace {
 
 // CPU seconds that a pixel costs without any sample, where no pair tells it: for the film.
 constexpr double kIdleSeconds = 7e-8;
-// What a sample costs more than among its neighbours' samples, as caches hold less of what it
-// needs; measured over eight scenes.
-constexpr double kSparseCost = 1.05;
 // What is known of a sample's cost in a tile before is worth so many blocks there.
 constexpr double kCostBlocks = 1;
 
@@ -75,12 +72,12 @@ CpuModel FitCpu(std::span<const PixelRect> tiles, std::span<const PilotPicture> 
   const double mean = all.cpu_seconds / all.samples;
   constexpr PixelLattice block{kPixelStrideMin};
   const double known =
-      kCostBlocks * block.SamplesPerPixel(kReplicateCount) * block.stride_px * block.stride_px;
+      kCostBlocks * block.SamplesPerPixel(kPilotSamples) * block.stride_px * block.stride_px;
   double squares = 0;
   CpuModel model;
   for (const Cost& cost : of_tile) {
     const double own = (cost.cpu_seconds + known * mean) / (cost.samples + known);
-    model.seconds.push_back(std::max(own, 0.01 * mean) / kSparseCost);
+    model.seconds.push_back(std::max(own, 0.01 * mean));
     squares += (cost.cpu_seconds - mean * cost.samples) * (cost.cpu_seconds - mean * cost.samples);
   }
   model.log_deviation = std::sqrt(squares) / all.cpu_seconds;

@@ -13,14 +13,16 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_split.h"
 #include "common/base/check.h"
-#include "common/film/error_estimate.h"
+#include "common/film/error_planes.h"
 #include "coordinator/core/pilot_cost.h"
 
 namespace sheaf::coordinator {
 namespace {
 
+// What errors of all blocks are told at.
 constexpr uint64_t kBaseSamples = kReplicateCount;
 constexpr uint64_t kPairSamples = kPilotSamplesMax;
+static_assert(kPilotSamples <= kReplicateCount);
 // Of the price, what goes into the small picture, and pixels that it has at most.
 constexpr double kMeanShare = 0.1, kMeanPixelsMax = 1 << 14;
 // Of what is left, what goes into a pair, if it has so many blocks: fewer know less of the rate
@@ -65,6 +67,12 @@ class TileFinder {
     const auto tile = std::prev(by_corner_.upper_bound({y0, x}));
     SHEAF_CHECK(x < tiles_[tile->second].x1 && y < tiles_[tile->second].y1);
     return tile->second;
+  }
+
+  // Also of pixels a little outside of the frame.
+  size_t Nearest(int32_t x, int32_t y) const {
+    const PixelRect &first = tiles_.front(), &last = tiles_.back();
+    return Find(std::clamp(x, first.x0, last.x1 - 1), std::clamp(y, first.y0, last.y1 - 1));
   }
 
  private:
@@ -112,11 +120,17 @@ double FitMean(std::span<const PilotPicture> pilot) {
 
 std::vector<Block> BlocksOf(const PilotPicture& pilot, const TileFinder& tiles, double mean) {
   const std::vector<PixelRect> cores = CoresIn(pilot.level.lattice, pilot.picture.window);
-  const std::vector<ErrorSums> errors = EstimateTileErrors(pilot.picture, cores, mean);
+  const ErrorPlanes planes(pilot.picture);
+  RareHits ignored;  // Few of the frame's; LampRims has them.
+  // Up to one sample in each replicate they are independent.
+  const double growth =
+      static_cast<double>(std::min(pilot.level.samples, kBaseSamples)) / kBaseSamples;
   std::vector<Block> blocks;
-  for (size_t i = 0; i < cores.size(); ++i) {
-    const PixelRect& core = cores[i];
-    blocks.push_back({tiles.Find((core.x0 + core.x1) / 2, (core.y0 + core.y1) / 2), errors[i]});
+  for (const PixelRect& core : cores) {
+    ErrorSums error = SumErrors(planes, pilot.picture, core, mean, 0, &ignored);
+    error.sum *= growth;
+    error.square_sum *= growth * growth;
+    blocks.push_back({tiles.Find((core.x0 + core.x1) / 2, (core.y0 + core.y1) / 2), error});
   }
   return blocks;
 }
@@ -142,7 +156,7 @@ struct Rate {
   double value = kRatePrior, deviation = kRatePriorDeviation;
 };
 
-// pairs: summed errors of a block at kBaseSamples and at kPairSamples.
+// pairs: summed errors of a block, as at kBaseSamples and at kPairSamples.
 Rate FitRate(const std::vector<std::pair<double, double>>& pairs) {
   const double log_growth = std::log(static_cast<double>(kPairSamples) / kBaseSamples);
   const auto rate_of = [&](const auto& index_of) {
@@ -284,19 +298,19 @@ std::vector<PilotLevel> PilotLevels(double samples_per_pixel, int64_t frame_pixe
     levels.push_back({{}, 1, std::max(2, static_cast<int32_t>(std::ceil(shrink)))});
     left -= levels.back().SamplesPerPixel();
   }
-  const PixelLattice lattice{StrideFor(BlockSamples(kBaseSamples) + BlockSamples(kPairSamples),
+  const PixelLattice lattice{StrideFor(BlockSamples(kPilotSamples) + BlockSamples(kPairSamples),
                                        kPairShare * left, frame_pixel_count)};
   const double blocks = pixel_count / (1.0 * lattice.stride_px * lattice.stride_px);
   if (lattice.stride_px < finest && blocks >= kPairBlocksMin) {
-    for (const uint64_t samples : {kPairSamples, kBaseSamples}) {
+    for (const uint64_t samples : {kPairSamples, kPilotSamples}) {
       levels.push_back({lattice, samples});
       left -= levels.back().SamplesPerPixel();
     }
   }
   // Pictures of one lattice and one number of samples would be the same.
-  PixelLattice single{StrideFor(BlockSamples(kBaseSamples), left, frame_pixel_count)};
+  PixelLattice single{StrideFor(BlockSamples(kPilotSamples), left, frame_pixel_count)};
   if (levels.size() > 1 && single.stride_px == lattice.stride_px) ++single.stride_px;
-  if (single.stride_px < finest) levels.push_back({single, kBaseSamples});
+  if (single.stride_px < finest) levels.push_back({single, kPilotSamples});
   return levels;
 }
 
@@ -315,13 +329,19 @@ absl::StatusOr<std::vector<double>> TileCpuSecondsOf(
       "it may be older than this program: use the same version of both");
 }
 
-ErrorModel FitErrorModel(std::span<const PixelRect> tiles, std::span<const PilotPicture> pilot) {
+ErrorModel FitErrorModel(std::span<const PixelRect> tiles, std::span<const PilotPicture> pilot,
+                         const FilterDescription& filter) {
   const TileFinder finder(tiles);
   const double mean = FitMean(pilot);
   std::map<int32_t, std::vector<Block>> base, deep;  // By stride.
+  ErrorModel model;
   for (const PilotPicture& picture : pilot) {
-    if (picture.level.lattice.All()) continue;
-    auto& levels = picture.level.samples == kBaseSamples ? base : deep;
+    if (picture.level.lattice.All()) {
+      model.rims = LampRims(picture.picture, picture.level.shrink, mean, filter,
+                            [&](int32_t x, int32_t y) { return finder.Nearest(x, y); });
+      continue;
+    }
+    auto& levels = picture.level.samples == kPilotSamples ? base : deep;
     levels[picture.level.lattice.stride_px] = BlocksOf(picture, finder, mean);
   }
   std::vector<Block> blocks;
@@ -335,7 +355,6 @@ ErrorModel FitErrorModel(std::span<const PixelRect> tiles, std::span<const Pilot
     }
   }
   const TileErrors errors(tiles, blocks);
-  ErrorModel model;
   const Rate rate = FitRate(pairs);
   model.rate = rate.value;
   model.rate_deviation = rate.deviation;

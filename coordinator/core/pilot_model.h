@@ -3,9 +3,11 @@
 //
 // From a pilot to an ErrorModel. A pilot is a frame rendered at few of its pixels (PixelLattice) at
 // the samples of a first round, some of them with more, so that it can be told how their errors
-// fall; and the whole frame made small, for its mean, against which dark pixels' errors are held:
+// fall; and the whole frame made small, for its mean, against which dark pixels' errors are held,
+// and for the rims of lamps, which blocks do not meet:
 //
 //     pictures of the pilot > errors of their blocks > errors of tiles, rate b > ErrorModel
+//     the small picture > mean, LampRims                                       >
 #pragma once
 
 #include <map>
@@ -16,17 +18,22 @@
 #include "absl/status/statusor.h"
 #include "common/film/frame_picture.h"
 #include "common/film/pixel_lattice.h"
+#include "common/scene/scene_description.h"
 #include "coordinator/core/cost_forecast.h"
 
 namespace sheaf::coordinator {
 
-// Of a pixel of a pilot, at most; a power of two.
+// Of a pixel of a pilot: those of most blocks, and at most; powers of two. Errors of 8 samples, one
+// in each of 8 replicates, are twice those of the 16 of a first round, and twice as many pixels
+// tell more. Those of 4 are 1.1 times what they should be in two of seven scenes, those of 2 up to
+// twice: too little is known then of what pixels' true values are.
+inline constexpr uint64_t kPilotSamples = 8;
 inline constexpr uint64_t kPilotSamplesMax = 4 * uint64_t{kReplicateCount};
 
 // One picture of a pilot.
 struct PilotLevel {
   PixelLattice lattice;
-  uint64_t samples = kReplicateCount;  // Of each of its pixels.
+  uint64_t samples = kPilotSamples;  // Of each of its pixels.
   int32_t shrink = 1;  // More: all pixels of the frame made so many times smaller, and no lattice.
   // What it costs, spread over all pixels of the frame.
   double SamplesPerPixel() const {
@@ -51,8 +58,10 @@ std::vector<PilotLevel> PilotLevels(double samples_per_pixel, int64_t frame_pixe
 absl::StatusOr<std::vector<double>> TileCpuSecondsOf(
     const std::map<std::string, std::string>& metadata, size_t tile_count);
 
-// Requires: pictures of one frame, one of a lattice with the least
-// samples among them; those of lattices with the CPU time of all tiles; pairs of one lattice.
-ErrorModel FitErrorModel(std::span<const PixelRect> tiles, std::span<const PilotPicture> pilot);
+// filter: the scene's. Requires: pictures of one frame, one of a lattice with the least samples
+// among them; those of lattices with the CPU time of all tiles; pairs of one lattice; the small one
+// with the layers of light paths.
+ErrorModel FitErrorModel(std::span<const PixelRect> tiles, std::span<const PilotPicture> pilot,
+                         const FilterDescription& filter);
 
 }  // namespace sheaf::coordinator

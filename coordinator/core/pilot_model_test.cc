@@ -13,18 +13,20 @@ namespace {
 constexpr PixelRect kWindow{0, 0, 320, 256};
 constexpr int32_t kTileSizePx = 32;
 
-// Pixels of value 1 whose variances at 16 samples are as `variance` says and fall as 1 / n^rate,
-// estimated with 15 degrees of freedom.
 // The frame made small, of this mean.
 PilotPicture MakeSmall(const PilotLevel& level, float mean) {
   const int32_t width = kWindow.x1 / level.shrink, height = kWindow.y1 / level.shrink;
-  PilotPicture pilot{level, MakeFramePicture({0, 0, width, height}, width, height), {}};
+  FilmOutputs outputs;
+  outputs.AddLightPaths();
+  PilotPicture pilot{level, MakeFramePicture({0, 0, width, height}, width, height, outputs), {}};
   for (const char* channel : {"R", "G", "B", "samples"}) {
     for (float& value : *pilot.picture.Find(channel)) value = *channel == 's' ? 1 : mean;
   }
   return pilot;
 }
 
+// Pixels of value 1 whose variances at 16 samples are as `variance` says, fall as 1 / n^rate from
+// there on and as 1 / n before, and are estimated with 15 degrees of freedom.
 template <typename Variance>
 PilotPicture MakePilot(const PilotLevel& level, double rate, uint64_t seed,
                        const Variance& variance) {
@@ -38,7 +40,8 @@ PilotPicture MakePilot(const PilotLevel& level, double rate, uint64_t seed,
           level.lattice.SamplesOf(level.lattice.PartOf(x, y), {0, level.samples});
       if (samples.count == 0) continue;
       const double growth = static_cast<double>(samples.count) / 16;
-      const double v = variance(x, y) * std::pow(growth, -rate) * chi_squared(random) / 15;
+      const double v =
+          variance(x, y) * std::pow(growth, growth < 1 ? -1 : -rate) * chi_squared(random) / 15;
       (*pilot.picture.Find("samples"))[p] = static_cast<float>(samples.count);
       for (const char* channel : {"R", "G", "B"}) (*pilot.picture.Find(channel))[p] = 1;
       for (const char* channel : {"stderr.R", "stderr.G", "stderr.B"}) {
@@ -64,7 +67,7 @@ ErrorModel FitOf(double rate, const Variance& variance, double samples_per_pixel
                                      : MakePilot(level, rate, ++seed, variance));
   }
   const std::vector<PixelRect> tiles = CutTiles(kWindow, kTileSizePx);
-  return FitErrorModel(tiles, pilot);
+  return FitErrorModel(tiles, pilot, {});
 }
 
 TEST(PilotModelTest, PilotsCostNoMoreThanTheyMay) {
@@ -128,6 +131,37 @@ TEST(PilotModelTest, DarkPixelsAreHeldAgainstTheMeanOfTheWholeFrame) {
     return ForecastSamples(model, 16).relative_mse;
   };
   EXPECT_NEAR(error(10) / error(1), 1.01 / 2, 0.1);
+}
+
+// Between pictures that differ in what is said of their light alone: lamps in view, or bright
+// walls.
+TEST(PilotModelTest, RimsOfLampsInViewMakeTargetsDearer) {
+  const auto variance = [](int32_t, int32_t) { return 0.01; };
+  const std::vector<PixelRect> tiles = CutTiles(kWindow, kTileSizePx);
+  std::vector<PilotPicture> pilot;
+  uint64_t seed = 1;
+  for (const PilotLevel& level : PilotLevels(0.5, kWindow.PixelCount(), {})) {
+    pilot.push_back(level.shrink > 1 ? MakeSmall(level, 0.2F)
+                                     : MakePilot(level, 1, ++seed, variance));
+  }
+  FramePicture& small = pilot.front().picture;
+  std::vector<double> samples;
+  for (const float seen : {0.0F, 500.0F}) {
+    for (const char* channel : {"R", "G", "B"}) {
+      for (int32_t y = 3; y < 9; ++y) {
+        const size_t p = small.window.IndexOf(7, y);
+        (*small.Find(channel))[p] = 500;
+        (*small.Find(std::string("seen.") + channel))[p] = seen;
+      }
+    }
+    const ErrorModel model = FitErrorModel(tiles, pilot, {});
+    EXPECT_EQ(model.rims.empty(), seen == 0);
+    const Forecast low = ForecastTarget(model, {.target_error = 0.005}, 1 << 20, -kBandDeviations);
+    const Forecast high = ForecastTarget(model, {.target_error = 0.005}, 1 << 20, kBandDeviations);
+    EXPECT_LE(low.cpu_seconds, high.cpu_seconds);
+    samples.push_back(ForecastTarget(model, {.target_error = 0.005}, 1 << 20).samples);
+  }
+  EXPECT_GT(samples[1], 2 * samples[0]);
 }
 
 TEST(PilotModelTest, TilesThatDifferAreToldApart) {

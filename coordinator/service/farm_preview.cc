@@ -86,9 +86,7 @@ absl::StatusOr<FramePicture> Farm::CpuPicture(const ShownFrame& shown) const {
     const double seconds = absl::ToDoubleSeconds(cost.cpu_duration);
     const auto of_pixel = static_cast<float>(seconds / static_cast<double>(tile.PixelCount()));
     for (int32_t y = tile.y0; y < tile.y1; ++y) {
-      const auto row = static_cast<size_t>(y - window.y0) * static_cast<size_t>(window.Width());
-      const auto start = plane.begin() + static_cast<std::ptrdiff_t>(row) + (tile.x0 - window.x0);
-      std::fill_n(start, tile.Width(), of_pixel);
+      std::fill_n(plane.data() + window.IndexOf(tile.x0, y), tile.Width(), of_pixel);
     }
   }
   picture.planes.push_back(std::move(plane));

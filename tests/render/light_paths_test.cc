@@ -24,8 +24,7 @@ constexpr uint64_t kSamples = 64;
 
 FrameSettings PathSettings(int32_t depth) {
   FrameSettings settings = SquareSettings(kSizePx, kSamples, depth);
-  settings.outputs.light_paths = true;
-  settings.outputs.light_groups = LightPathLayers();
+  settings.outputs.AddLightPaths();
   return settings;
 }
 

@@ -6,52 +6,16 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 #include <string>
 
 #include "absl/strings/str_cat.h"
-#include "common/math/elementary.h"
+#include "common/scene/filter_value.h"
 
 namespace sheaf::render {
 namespace {
 
 // The error of a linear piece falls with the square of this: far below what a pixel can show.
 constexpr int kIntervalCount = 512;
-
-// x in [0, 1], 1 at the radius.
-double Gaussian(double x, double radius, double sigma) {
-  const double k = -1 / (2 * sigma * sigma);
-  return std::max(0.0, Exp(k * x * x * radius * radius) - Exp(k * radius * radius));
-}
-double Mitchell(double x, double b, double c) {
-  x = 2 * std::fabs(x);
-  if (x >= 2) return 0;
-  if (x > 1) {
-    return ((-b - 6 * c) * x * x * x + (6 * b + 30 * c) * x * x + (-12 * b - 48 * c) * x +
-            (8 * b + 24 * c)) /
-           6;
-  }
-  return ((12 - 9 * b - 6 * c) * x * x * x + (-18 + 12 * b + 6 * c) * x * x + (6 - 2 * b)) / 6;
-}
-
-double Sinc(double x) {
-  // Below, the next term of the series is less than a rounding.
-  return x < 1e-8 ? 1 : SinCos(std::numbers::pi * x).sin / (std::numbers::pi * x);
-}
-double WindowedSinc(double x, double radius, double tau) {
-  return Sinc(x * radius) * Sinc(x * radius / tau);
-}
-
-double Value(const FilterDescription& filter, double x, double radius) {
-  switch (filter.kind) {
-    case FilterDescription::Kind::kGaussian:
-      return Gaussian(x, radius, filter.sigma);
-    case FilterDescription::Kind::kSinc:
-      return WindowedSinc(x, radius, filter.tau);
-    default:
-      return Mitchell(x, filter.b, filter.c);
-  }
-}
 
 }  // namespace
 
@@ -86,7 +50,7 @@ absl::StatusOr<PixelFilter> PixelFilter::Make(const SceneDescription& scene) {
     std::vector<double> running{0};
     for (int i = 0; i <= kIntervalCount; ++i) {
       const double x = static_cast<double>(i) / kIntervalCount;
-      const double value = Value(description, x, radius);
+      const double value = FilterValue(description, x, radius);
       table->value.push_back(static_cast<float>(value));
       if (i == 0) continue;
       const double before = table->value[i - 1], after = table->value[i];

@@ -3,8 +3,7 @@
 //
 // PixelFilter: where in the filter's footprint a sample falls. Positions are drawn in proportion to
 // the filter's magnitude, so that a sample counts for one pixel only and tiles need no borders.
-// Source: Ernst, Stamminger and Greiner 2006, "Filter Importance Sampling"; Mitchell and Netravali
-// 1988; Duchon 1979 for the sinc in the window of its own middle (Lanczos).
+// Source: Ernst, Stamminger and Greiner 2006, "Filter Importance Sampling".
 #pragma once
 
 #include <cstdint>

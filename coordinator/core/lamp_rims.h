@@ -1,0 +1,71 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// LampRims: what the bound of a target (RareHits, error_planes.h) will say of the rims of lamps in
+// view. Those are lines, of whose pixels a pilot's sparse blocks meet next to none. The pilot's
+// small picture crosses them: its layer `seen` (light_path_kind.h) has what the camera sees of
+// lamps, and rows and columns a distance s apart that change between lamp and no lamp C times have
+// crossed rims of a length of pi / 4 s C (Cauchy and Crofton). Of a length of rim, how many pixels
+// will have met the lamp in one replicate alone is a matter of the pixel filter:
+//
+//     small picture > crossings > stretches of rim
+//     stretch, samples of its tile > pixels with one hit, what it makes of their error > RareHits
+//
+// A lamp smaller than a pixel of the small picture may be missed.
+// Source: Santaló 1976, Integral Geometry and Geometric Probability, chapter I.3.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <random>
+#include <span>
+#include <vector>
+
+#include "common/film/error_estimate.h"
+#include "common/film/frame_picture.h"
+#include "common/scene/scene_description.h"
+
+namespace sheaf::coordinator {
+
+// Of pixels along a straight rim of any direction: of how many, for each pixel of its length, the
+// filter has this share beyond it.
+struct RimShare {
+  double width_px = 0;
+  double lamp = 0;
+};
+std::vector<RimShare> SharesBeyondRims(const FilterDescription& filter);
+
+class LampRims {
+ public:
+  LampRims() = default;  // There are none.
+  // small: of one sample a pixel, with the layers of light paths; of the frame made `shrink` times
+  // smaller. mean: the frame's, of R, G and B. tile_of: of a pixel of the frame.
+  LampRims(const FramePicture& small, int32_t shrink, double mean, const FilterDescription& filter,
+           const std::function<size_t(int32_t x, int32_t y)>& tile_of);
+
+  bool empty() const { return stretches_.empty(); }
+  double LengthPx() const;
+  // To the errors of tiles that have so many samples. deviations: how many of its standard
+  // deviations the length lies above what is known. random: where given, pixels are met by chance,
+  // otherwise as many as are expected. Requires: multiples of kReplicateCount.
+  void AddVariances(std::span<const uint64_t> samples, double deviations, std::mt19937_64* random,
+                    std::vector<ErrorSums>* tiles) const;
+
+ private:
+  struct Stretch {
+    size_t tile = 0;
+    double length_px = 0;
+    std::array<double, 3> lamp, beside;  // R, G and B.
+  };
+  // Pixels for each pixel of length in whose samples one replicate alone meets the lamp.
+  double OneHitPixels(uint64_t samples) const;
+
+  std::vector<Stretch> stretches_;
+  std::vector<RimShare> shares_;
+  double floor_ = 0;  // Of relative errors.
+  double log_length_deviation_ = 0;
+};
+
+}  // namespace sheaf::coordinator

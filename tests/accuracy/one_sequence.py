@@ -1,0 +1,71 @@
+#!/usr/bin/env python3
+# Copyright the Sheaf authors.
+# SPDX-License-Identifier: Apache-2.0
+"""What sixteen replicates, which make error bars true, cost against one sequence a pixel.
+
+    SHEAF_BIN=build/dev/bin tests/accuracy/one_sequence.py SCENE... [--samples 64] [--runs 4]
+        [--reference-samples 4096] [--crop X0,Y0,X1,Y1] [--check]
+
+Of every scene it renders a reference by one sequence with another seed, then pictures of several
+seeds both ways, and prints the errors of replicates over those of one sequence, as relMSE and as
+MSE: what the reference itself is still wrong by, the same in both, makes the ratios a little too
+close to 1. With --check, exits with 1 where the median loss in relMSE over the scenes is 10 % or
+more.
+"""
+import argparse
+import json
+import os
+import statistics
+import sys
+import tempfile
+
+import target_error
+
+LOSS_MAX = 0.1
+
+
+def errors(scene, flags, options, folder, reference, *how):
+    """Means over the runs of relMSE and MSE."""
+    rows = []
+    for seed in range(1, options.runs + 1):
+        image = os.path.join(folder, "image.exr")
+        target_error.render_frame(scene, flags, seed, image, "--samples", options.samples, *how)
+        found = json.loads(target_error.run("compare", reference, image, "--json"))
+        rows.append((found["relative_mse"], found["mse"]))
+    return [statistics.mean(column) for column in zip(*rows)]
+
+
+def measure(scene, options, folder):
+    flags = ["--crop", options.crop] if options.crop else []
+    reference = os.path.join(folder, "reference.exr")
+    target_error.render_frame(scene, flags, target_error.REFERENCE_SEED, reference, "--samples",
+                              options.reference_samples, "--one-sequence")
+    apart = errors(scene, flags, options, folder, reference)
+    whole = errors(scene, flags, options, folder, reference, "--one-sequence")
+    print(f"{os.path.basename(scene)}: replicates over one sequence at {options.samples} samples: "
+          f"relMSE {apart[0] / whole[0]:.2f} ({apart[0]:.5f} over {whole[0]:.5f}), "
+          f"MSE {apart[1] / whole[1]:.2f}", flush=True)
+    return apart[0] / whole[0]
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__,
+                                     formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("scenes", nargs="+")
+    parser.add_argument("--samples", type=int, default=64)
+    parser.add_argument("--runs", type=int, default=4)
+    parser.add_argument("--reference-samples", type=int, default=4096)
+    parser.add_argument("--crop")
+    parser.add_argument("--check", action="store_true")
+    options = parser.parse_args()
+    ratios = []
+    for scene in options.scenes:
+        with tempfile.TemporaryDirectory() as folder:
+            ratios.append(measure(scene, options, folder))
+    print(f"{len(ratios)} scenes: {100 * (statistics.median(ratios) - 1):.0f} % more in the median")
+    if options.check and statistics.median(ratios) - 1 >= LOSS_MAX:
+        sys.exit(1)
+
+
+if __name__ == "__main__":
+    main()
