@@ -126,11 +126,12 @@ TEST(LampRimsTest, SharesAreThoseOfAnEdgeAcrossTheFilter) {
 // What is foreseen from a small picture against what pictures at full size turn out to say.
 class LampRimsForesee : public testing::TestWithParam<FilterDescription::Kind> {};
 TEST_P(LampRimsForesee, WhatTheBoundWillBe) {
+  constexpr int kPictures = 6;
   const FilterDescription filter = FilterOf(GetParam());
   const std::vector<PixelRect> tiles = CutTiles({0, 0, kSidePx, kSidePx}, kTileSizePx);
   for (const uint64_t samples : {16, 64}) {
     double actual = 0, foreseen = 0;
-    for (uint64_t seed = 1; seed <= 6; ++seed) {
+    for (uint64_t seed = 1; seed <= uint64_t{kPictures}; ++seed) {
       ErrorSums sum;
       for (const ErrorSums& error : EstimateTileErrors(Render(filter, samples, seed), tiles)) {
         sum.Add(error);
@@ -144,7 +145,7 @@ TEST_P(LampRimsForesee, WhatTheBoundWillBe) {
       for (const ErrorSums& error : errors) of_rims.Add(error);
       foreseen += std::log(of_rims.Deviation());
     }
-    EXPECT_NEAR((foreseen - actual) / 6, 0, std::log(1.5)) << samples;
+    EXPECT_NEAR((foreseen - actual) / kPictures, 0, std::log(1.5)) << samples;
   }
 }
 INSTANTIATE_TEST_SUITE_P(Filters, LampRimsForesee,

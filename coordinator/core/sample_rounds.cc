@@ -54,10 +54,15 @@ class Allocation {
     }
   }
 
-  // Of pixels of tile i.
+  // Of pixels of tile i: what they shall have, in as many more steps of one sample for each
+  // replicate as reach it.
   double Ideal(size_t i, double scale) const {
-    return std::clamp(scale * weights_[i], static_cast<double>(tiles_[i].samples),
-                      static_cast<double>(samples_max_));
+    constexpr double kStep = kReplicateCount;
+    const auto now = static_cast<double>(tiles_[i].samples);
+    const double ideal = scale * weights_[i];
+    const auto most = static_cast<double>(samples_max_);
+    if (ideal >= most) return most;
+    return std::clamp(std::round(ideal / kStep) * kStep, now, most);
   }
   // As many as it takes, in however many rounds.
   double IdealPixelSamples(double scale) const {
@@ -74,11 +79,7 @@ class Allocation {
   }
   // Within a round.
   uint64_t Samples(size_t i, double scale) const {
-    const uint64_t now = tiles_[i].samples;
-    const double ideal = Ideal(i, scale);
-    constexpr double kStep = kReplicateCount;
-    const auto rounded = static_cast<uint64_t>(std::ceil(ideal / kStep) * kStep);
-    return std::max(now, std::min({rounded, kRoundGrowthMax * now, samples_max_}));
+    return std::min(static_cast<uint64_t>(Ideal(i, scale)), kRoundGrowthMax * tiles_[i].samples);
   }
   double PixelSamples(double scale) const {
     double sum = 0;
@@ -107,17 +108,21 @@ class Allocation {
   std::vector<double> weights_;
 };
 
-// The largest scale in [0, high] for which `fits` holds; 0 where it holds for none. fits is true up
-// to some scale and false above.
+// Where `fits`, true up to some scale in [0, high] and false above, changes: the largest scale for
+// which it holds, 0 where it holds for none, and the smallest for which it does not, `high` where
+// it holds for all. Samples come in steps, so errors of the two may differ.
+struct Scales {
+  double largest = 0, next = 0;
+};
 template <typename Fits>
-double LargestScale(double high, const Fits& fits) {
-  if (fits(high)) return high;
+Scales FindScales(double high, const Fits& fits) {
+  if (fits(high)) return {high, high};
   double low = 0;
   for (int i = 0; i < kBisectionSteps; ++i) {
     const double middle = (low + high) / 2;
     (fits(middle) ? low : high) = middle;
   }
-  return low;
+  return {low, high};
 }
 
 }  // namespace
@@ -176,7 +181,7 @@ RoundDecision DecideRound(const StopRule& rule, uint64_t samples_max, int round,
     const double aim =
         kAimShare * rule.target_error * decision.relative_mse / decision.relative_mse_upper;
     const double error_sum = aim * static_cast<double>(sum.pixel_count);
-    scale = LargestScale(scale, [&](double s) { return allocation.ErrorSum(s) >= error_sum; });
+    scale = FindScales(scale, [&](double s) { return allocation.ErrorSum(s) > error_sum; }).next;
   }
   const double now = PixelSamples(tiles);
   const double allowed = std::min(allowance.time, allowance.cpu);
@@ -184,14 +189,15 @@ RoundDecision DecideRound(const StopRule& rule, uint64_t samples_max, int round,
       static_cast<uint64_t>(std::max(now, std::min(allowed, allocation.IdealPixelSamples(scale))));
   const double least = now * (1 + kRoundGrowthMin);
   if (allocation.PixelSamples(scale) < least) {
-    scale = LargestScale(allocation.ScaleMax(),
-                         [&](double s) { return allocation.PixelSamples(s) <= least; });
-    scale = std::nextafter(scale, allocation.ScaleMax());
+    scale = FindScales(allocation.ScaleMax(), [&](double s) {
+              return allocation.PixelSamples(s) <= least;
+            }).next;
   }
   if (allocation.PixelSamples(scale) > allowed) {
     decision.reason = allowance.time < allowance.cpu ? StopReason::kTime : StopReason::kCpu;
     if (allowed < least) return decision;
-    scale = LargestScale(scale, [&](double s) { return allocation.PixelSamples(s) <= allowed; });
+    scale =
+        FindScales(scale, [&](double s) { return allocation.PixelSamples(s) <= allowed; }).largest;
   }
   if (allocation.PixelSamples(scale) <= now) return decision;  // All have samples_max.
   double error_sum = 0;

@@ -72,6 +72,22 @@ TEST(SampleRoundsTest, ReachesTheTargetWithLittleMoreThanItTakes) {
   EXPECT_LE(run.round_count, 5);
 }
 
+// Samples come in steps of 16; few tiles take the next one where little more is needed, and not all
+// that need one sample more.
+TEST(SampleRoundsTest, StepsCostNoMoreThanTheTargetNeeds) {
+  std::vector<double> ks;
+  for (int i = 0; i < 1000; ++i) ks.push_back(std::exp(1.2 * std::sin(i)));
+  std::vector<TileRound> tiles;
+  for (const double k : ks) tiles.push_back(TileAt(k, kReplicateCount));
+  const double error = SumOf(tiles).RelativeMse();
+  for (const double target : {0.9 * error, 0.7 * error, 0.5 * error}) {
+    const RoundDecision decision = DecideRound(Target(target), kSamplesMax, 0, tiles, {}, {});
+    const double aim = target * decision.relative_mse / decision.relative_mse_upper;
+    EXPECT_LE(decision.predicted_relative_mse, aim);
+    EXPECT_GE(decision.predicted_relative_mse, 0.95 * aim) << target / error;
+  }
+}
+
 // Errors of equal tiles fall as foretold, so the first look knows where it will end.
 TEST(SampleRoundsTest, FirstRoundForetellsTheEnd) {
   const Course course = RunToTheEnd(Target(1e-3), std::vector<double>(1000, 1.0));

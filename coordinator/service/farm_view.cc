@@ -27,6 +27,12 @@ bool HasEnded(JobState state) {
          state == JobState::kCancelled;
 }
 
+void NotePictured(const FrameView& frame, JobView* job) {
+  std::optional<PicturedFrame>& pictured = job->pictured_frame;
+  if (frame.preview_version == 0 || (pictured && !pictured->complete)) return;
+  pictured = {frame.frame_number, frame.preview_version, frame.complete};
+}
+
 const char* LeasePhaseName(LeasePhase phase) {
   switch (phase) {
     case LeasePhase::kQueued:

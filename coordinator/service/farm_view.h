@@ -6,6 +6,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -76,6 +77,13 @@ struct FrameView {
   ProgressView progress;
 };
 
+// What there is to see of a frame.
+struct PicturedFrame {
+  int32_t frame_number = 0;
+  uint64_t preview_version = 0;
+  bool complete = false;
+};
+
 // The states of proto Job.State, by the same names without prefix.
 enum class JobState { kQueued, kRunning, kPaused, kSucceeded, kFailed, kCancelled };
 // Returns "queued", "running", "paused", "succeeded", "failed" or "cancelled".
@@ -98,8 +106,13 @@ struct JobView {
   int32_t frame_complete_count = 0;
   std::vector<EffectCost> effect_costs;  // Empty where nobody measured them, and in ListJobs.
   ProgressView progress;                 // Sums over the frames.
-  std::vector<FrameView> frames;         // Ascending by number; empty in ListJobs.
+  // That shows most life: the first that is begun and not complete, or the last complete one. None
+  // while there is nothing to see.
+  std::optional<PicturedFrame> pictured_frame;
+  std::vector<FrameView> frames;  // Ascending by number; empty in ListJobs.
 };
+// Frames are told in ascending order.
+void NotePictured(const FrameView& frame, JobView* job);
 
 // The states of proto Worker.State.
 enum class WorkerState { kIdle, kBusy, kDraining, kLost, kQuarantined };

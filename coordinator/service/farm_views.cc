@@ -144,6 +144,7 @@ JobView Farm::ViewOf(const JobRecord& job, bool with_frames, absl::Time now) con
     first_lease_time = std::min(first_lease_time, frame.first_lease_time);
     done_since_start +=
         frame.sample_count_done - std::min(frame.sample_count_restored, frame.sample_count_done);
+    NotePictured(of_frame, &view);
     if (!with_frames) continue;
     const auto rounds = account.rounds.find(frame.spec.frame_number);
     if (rounds != account.rounds.end()) {

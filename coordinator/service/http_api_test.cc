@@ -115,6 +115,30 @@ TEST_F(HttpApiTest, AJobTellsTimesInIsoAndUnknownAsNull) {
   EXPECT_EQ(job["frames"][0]["window"]["x1_px"], 4);
 }
 
+TEST_F(HttpApiTest, JobsNameTheFrameThatShowsMostLife) {
+  const json shown = Get("/api/v1/jobs")["jobs"][0]["pictured_frame"];
+  EXPECT_EQ(shown["name"], "jobs/3/frames/1");
+  EXPECT_EQ(shown["preview_version"], 3);
+  EXPECT_EQ(shown["complete"], false);
+  farm_.jobs[0].pictured_frame.reset();
+  EXPECT_TRUE(Get("/api/v1/jobs")["jobs"][0]["pictured_frame"].is_null());
+  // The first that is begun and not complete, or else the last complete one.
+  FrameView frame;
+  const auto shown_after = [&](int32_t number, uint64_t version, bool complete) {
+    frame.frame_number = number;
+    frame.preview_version = version;
+    frame.complete = complete;
+    NotePictured(frame, &farm_.jobs[0]);
+    return farm_.jobs[0].pictured_frame.value_or(PicturedFrame()).frame_number;
+  };
+  EXPECT_EQ(shown_after(1, 0, false), 0);
+  EXPECT_EQ(shown_after(2, 9, true), 2);
+  EXPECT_EQ(shown_after(3, 9, true), 3);
+  EXPECT_EQ(shown_after(4, 5, false), 4);
+  EXPECT_EQ(shown_after(5, 5, false), 4);
+  EXPECT_EQ(shown_after(6, 9, true), 4);
+}
+
 TEST_F(HttpApiTest, FramesOfAJobArePaged) {
   FrameView frame = farm_.jobs[2].frames[0];
   for (int32_t number = 2; number <= 5; ++number) {

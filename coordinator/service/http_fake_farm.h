@@ -160,6 +160,7 @@ inline JobView MakeFakeJob(const std::string& job_id) {
   job.frame_count = 1;
   job.progress = frame.progress;
   job.frames = {frame};
+  NotePictured(frame, &job);
   return job;
 }
 

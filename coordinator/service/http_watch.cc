@@ -16,8 +16,10 @@ namespace sheaf::coordinator {
 namespace {
 
 std::string Mark(const JobView& job) {
+  const PicturedFrame pictured = job.pictured_frame.value_or(PicturedFrame());
   return absl::StrCat(static_cast<int>(job.state), " ", job.priority, " ",
                       job.progress.sample_count_done, " ", job.frame_complete_count, " ",
+                      pictured.frame_number, " ", pictured.preview_version, " ",
                       job.progress.nonfinite_count, " ", job.waiting_reason, " ", job.failure);
 }
 

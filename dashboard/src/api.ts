@@ -35,7 +35,16 @@ export interface Job {
   end_time: string|null;
   frame_count: number;
   frame_complete_count: number;
+  // That shows most life; null while there is nothing to see.
+  pictured_frame: Pictured|null;
   progress: Progress;
+}
+
+// A frame of which there is a picture.
+export interface Pictured {
+  name: string;
+  preview_version: number;
+  complete: boolean;
 }
 
 export interface Round {
@@ -249,7 +258,7 @@ export const previewPath = (frame: Frame, layer: Layer, round: number|null) => p
     '/preview.png?layer=' + layer +
     (round === null ? '&version=' + frame.preview_version :
                       '&round=' + round + '&version=' + frame.rounds?.[round]?.preview_version);
-export const thumbnailPath = (frame: Frame) =>
+export const thumbnailPath = (frame: Pictured) =>
     pathOf(frame.name) + '/preview.png?size=thumbnail&version=' + frame.preview_version;
 export const outputPath = (frame: Frame) => pathOf(frame.name) + '/output.exr';
 

@@ -3,26 +3,16 @@
 //
 // The frames of the selected job as a grid of small pictures that fill up as they are rendered.
 
-import * as api from './api';
 import type {Frame} from './api';
 import {byId, child, el, setText} from './dom';
 import * as format from './format';
 import type {Store} from './store';
+import {Thumbnails} from './thumbnails';
 import {VirtualList} from './virtual_list';
-
-// Between two pictures of a frame that is being rendered.
-const REFRESH_MS = 5000;
-
-interface Thumbnail {
-  path: string;
-  complete: boolean;
-  time: number;
-}
 
 export class FramesView {
   private readonly grid: VirtualList<Frame>;
-  // Of the selected job, by the frame's name.
-  private readonly thumbnails = new Map<string, Thumbnail>();
+  private readonly thumbnails = new Thumbnails();
   private job: string|null = null;
 
   constructor(private readonly store: Store, select: (name: string) => void, loadMore: () => void) {
@@ -52,7 +42,7 @@ export class FramesView {
   private updateCell(cell: HTMLElement, frame: Frame) {
     const share = format.doneShare(frame.progress);
     const [picture, bar, words] = [child(cell, 0), child(cell, 1), child(cell, 2)];
-    this.showPicture(picture as HTMLImageElement, frame);
+    this.thumbnails.show(picture as HTMLImageElement, frame);
     child(bar, 0).style.width = share * 100 + '%';
     const complete = frame.complete ? 'yes' : 'no';
     if (cell.dataset.complete !== complete) cell.dataset.complete = complete;
@@ -65,43 +55,11 @@ export class FramesView {
       cell.setAttribute('aria-label', label);
     }
   }
-
-  private showPicture(picture: HTMLImageElement, frame: Frame) {
-    const path = frame.preview_version > 0 ? this.pathOf(frame) : '';
-    if (picture.dataset.path === path) return;
-    picture.dataset.path = path;
-    // What comes is shown, what does not stays hidden; see makeRow.
-    if (!path || !path.startsWith(picture.dataset.frame ?? ' ')) picture.hidden = true;
-    picture.dataset.frame = path.slice(0, path.indexOf('?'));
-    if (path)
-      picture.src = path;
-    else
-      picture.removeAttribute('src');
-  }
-
-  // Of the newest version, or of one that is not old yet.
-  private pathOf(frame: Frame): string {
-    const path = api.thumbnailPath(frame);
-    const known = this.thumbnails.get(frame.name);
-    const {complete} = frame;
-    const time = performance.now();
-    if (known?.complete === complete && time - known.time < REFRESH_MS) return known.path;
-    if (known?.path !== path) this.thumbnails.set(frame.name, {path, complete, time});
-    return path;
-  }
 }
 
 function makeRow(): HTMLElement {
-  const picture =
-      el('img', {alt: '', decoding: 'async', fetchpriority: 'low', hidden: ''}) as HTMLImageElement;
-  picture.addEventListener('load', () => {
-    picture.hidden = false;
-  });
-  picture.addEventListener('error', () => {
-    picture.hidden = true;
-  });
   return el(
-      'div', {class: 'frame'}, picture,
+      'div', {class: 'frame'}, Thumbnails.make(),
       el('div', {class: 'bar frame-bar'}, el('div', {class: 'bar-fill'})),
       el('div', {class: 'frame-words'}, el('span'), el('span')));
 }

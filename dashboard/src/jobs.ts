@@ -1,16 +1,18 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The list of jobs, newest first, with a filter.
+// The list of jobs, newest first, with their pictures and a filter.
 
 import type {Job} from './api';
 import {badge, byId, child, el, progressBar, setBadge, setProgress, setText} from './dom';
 import * as format from './format';
 import type {Store} from './store';
+import {Thumbnails} from './thumbnails';
 import {VirtualList} from './virtual_list';
 
 export class JobsView {
   private readonly list: VirtualList<Job>;
+  private readonly thumbnails = new Thumbnails();
   private readonly filter = byId<HTMLInputElement>('job-filter');
 
   constructor(private readonly store: Store, select: (name: string) => void) {
@@ -18,7 +20,7 @@ export class JobsView {
       label: 'Jobs, newest first',
       rowHeightProperty: '--job-row',
       makeRow,
-      updateRow,
+      updateRow: (row, job) => this.updateRow(row, job),
       keyOf: (job) => job.name,
       onSelect: (job) => select(job.name),
     });
@@ -39,6 +41,18 @@ export class JobsView {
     byId('jobs').hidden = shown.length === 0;
     this.list.setItems(shown, this.store.jobName);
   };
+
+  private updateRow(row: HTMLElement, job: Job) {
+    this.thumbnails.show(child(child(row, 0), 0) as HTMLImageElement, job.pictured_frame);
+    const words = child(row, 1);
+    const [top, bar, bottom] = [child(words, 0), child(words, 1), child(words, 2)];
+    setText(child(top, 0), job.title || job.name);
+    setBadge(child(top, 1), job.state);
+    const share = format.doneShare(job.progress);
+    setProgress(bar, share, job.state);
+    setText(child(bottom, 0), factsOf(job, share));
+    setText(child(bottom, 1), timeOf(job));
+  }
 }
 
 const matches = (job: Job, words: string) =>
@@ -46,20 +60,11 @@ const matches = (job: Job, words: string) =>
 
 function makeRow(): HTMLElement {
   return el(
-      'div', {class: 'job-row'},
-      el('div', {class: 'job-line'}, el('span', {class: 'job-title'}), badge('queued')),
-      progressBar('Progress'),
-      el('div', {class: 'job-line job-small'}, el('span', {class: 'job-facts'}), el('span')));
-}
-
-function updateRow(row: HTMLElement, job: Job) {
-  const [top, bar, bottom] = [child(row, 0), child(row, 1), child(row, 2)];
-  setText(child(top, 0), job.title || job.name);
-  setBadge(child(top, 1), job.state);
-  const share = format.doneShare(job.progress);
-  setProgress(bar, share, job.state);
-  setText(child(bottom, 0), factsOf(job, share));
-  setText(child(bottom, 1), timeOf(job));
+      'div', {class: 'job-row'}, el('div', {class: 'job-picture'}, Thumbnails.make()),
+      el('div', {class: 'job-words'},
+         el('div', {class: 'job-line'}, el('span', {class: 'job-title'}), badge('queued')),
+         progressBar('Progress'),
+         el('div', {class: 'job-line job-small'}, el('span', {class: 'job-facts'}), el('span'))));
 }
 
 function factsOf(job: Job, share: number): string {

@@ -75,6 +75,7 @@ JobView MakeJob(int number, absl::Time create_time) {
   job.progress.sample_count_done = job.progress.sample_count_total;
   job.progress.relative_mse = 1.3e-3;
   job.progress.wall_seconds = 95;
+  if (job.state == JobState::kSucceeded) job.pictured_frame = {1, 1, true};
   return job;
 }
 
@@ -83,6 +84,7 @@ JobView MakeRunningJob(int number, int frame_count) {
   JobView job = MakeJob(number, absl::Now());
   job.title = absl::StrCat("turntable, ", frame_count, " frames");
   job.state = JobState::kRunning;
+  job.pictured_frame.reset();
   job.failure.clear();
   job.failure_count = 0;
   job.end_time = absl::InfiniteFuture();
@@ -129,6 +131,7 @@ void Step(FakeFarm* farm, int step, std::mt19937* random) {
   ProgressView& sum = job.progress;
   sum.sample_count_done = 0;
   job.frame_complete_count = 0;
+  job.pictured_frame.reset();
   for (int i = 0; i < job.frame_count; ++i) {
     FrameView& frame = job.frames[static_cast<size_t>(i)];
     const double own = std::clamp(share * 6 - i * 5.0 / job.frame_count, 0.0, 1.0);
@@ -138,6 +141,7 @@ void Step(FakeFarm* farm, int step, std::mt19937* random) {
     if (own > 0 && frame.preview_version < kStepCount + 1) ++frame.preview_version;
     sum.sample_count_done += frame.progress.sample_count_done;
     job.frame_complete_count += frame.complete ? 1 : 0;
+    NotePictured(frame, &job);
   }
   sum.relative_mse = 0.4 / (1 + 255 * share);
   EndRound(&job.frames[0], sum.relative_mse);

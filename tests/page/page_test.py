@@ -57,6 +57,12 @@ FOCUSED = """
 NO_SIDEWAYS = "return document.documentElement.scrollWidth <= window.innerWidth"
 
 
+# Where the newest job's small picture is from; empty while none is shown.
+LISTED_PICTURE = """
+  const picture = document.querySelector("#jobs .job-row img");
+  return picture && !picture.hidden && picture.naturalWidth > 0 ? picture.src : "";"""
+
+
 def artefact(name):
     folder = os.environ.get("SHEAF_ARTEFACTS", os.path.join(ROOT, "build", "artefacts"))
     os.makedirs(folder, exist_ok=True)
@@ -82,12 +88,16 @@ def check_page_follows_a_job(browser, farm):
         return len(seen) >= 3
 
     wait_until(picture_changed, PICTURE_SECONDS_MAX, "two changes of the picture")
+    wait_until(lambda: browser.run(LISTED_PICTURE), PAGE_SECONDS_MAX, "a picture in the list")
+    early = browser.run(LISTED_PICTURE)
     assert browser.run(TEXT, "worker-count") == "1", browser.run(TEXT, "worker-count")
     assert "cornell" in browser.run(TEXT, "job-title").lower()
     wait_until(lambda: browser.run(TEXT, "job-state") == "succeeded", PICTURE_SECONDS_MAX, "end")
     wait_until(lambda: not browser.run("return document.getElementById('output').hidden"),
                PAGE_SECONDS_MAX, "the download")
     assert browser.run("return document.getElementById('cancel').hidden"), "nothing to cancel"
+    wait_until(lambda: browser.run(LISTED_PICTURE) not in ("", early), PAGE_SECONDS_MAX,
+               "the last picture in the list")
     browser.screenshot(artefact("page-done.png"))
 
 
