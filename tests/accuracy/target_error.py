@@ -10,7 +10,8 @@ Of every scene it renders the smallest target, then a reference of another seed 
 many samples, in every pixel and by one sequence, and at least --reference-samples: at the rim of a
 lamp a pixel's share of it may be one in a thousand, and a reference that has missed it takes right
 pictures for wrong. Then each target with several seeds, and compares: the true error is the relMSE
-against the reference, what that is still wrong by included. Prints, for each scene and
+against the reference less what the reference itself is still wrong by, of which one sequence knows
+no more than an upper estimate, some hundredths of the smallest target. Prints, for each scene and
 target, the share of runs that reached it, and the overshoot: how much more was spent than an error
 of exactly the target takes, target / true error - 1, where the first round was not already enough
 (no picture has fewer samples than that). With --check, exits with 1 where fewer than 95 % of all
@@ -66,18 +67,21 @@ def measure(scene, options, folder):
     reference = os.path.join(folder, "reference.exr")
     made = render(scene, options.crop, targets[-1], REFERENCE_SEED, reference)
     pixels = pixel_count(made)
-    samples = max(options.reference_samples,
-                  math.ceil(REFERENCE_GROWTH * made["rounds"][-1]["sample_count"] / pixels))
+    count = max(options.reference_samples,
+                math.ceil(REFERENCE_GROWTH * made["rounds"][-1]["sample_count"] / pixels))
     flags = ["--crop", options.crop] if options.crop else []
-    render_frame(scene, flags, REFERENCE_SEED, reference, "--samples", samples, "--one-sequence")
-    print(f"{os.path.basename(scene)}: reference of {samples} samples a pixel", flush=True)
+    made = render_frame(scene, flags, REFERENCE_SEED, reference, "--samples", count,
+                        "--one-sequence")
+    left = made["progress"]["relative_mse"]
+    print(f"{os.path.basename(scene)}: reference of {count} samples a pixel has relMSE of at "
+          f"most {left:.2e}", flush=True)
     rows = []
     for target in targets:
         errors, samples, rounds = [], [], []
         for seed in range(1, options.runs + 1):
             image = os.path.join(folder, "image.exr")
             frame = render(scene, options.crop, target, seed, image)
-            errors.append(relative_mse(reference, image))
+            errors.append(relative_mse(reference, image) - left)
             samples.append(frame["rounds"][-1]["sample_count"] / pixels)
             rounds.append(len(frame["rounds"]))
             reached = errors[-1] <= target
