@@ -4,14 +4,14 @@
 """What it saves to give samples to the tiles that need them.
 
     SHEAF_BIN=build/dev/bin tests/accuracy/adaptive_gain.py SCENE... [--target 0.01] [--runs 3]
-        [--crop X0,Y0,X1,Y1] [--check]
+        [--reference-samples 4096] [--crop X0,Y0,X1,Y1] [--check]
 
-Of every scene it renders a reference with at most a sixteenth of the target's error, the target
-itself (adaptive), and pictures with the same samples in every pixel (uniform), about as many as the
-target took and twice that; then works out, by the line through the two on a log-log scale, the CPU
-time with which a uniform picture has the same true error as the adaptive one. Prints that time over
-the adaptive one's, of each run, in one process after the other. With --check, exits with 1 where
-the median over the scenes is below 1.3 or a scene's median below 1 / 1.05.
+Of every scene it renders a reference as target_error.py does, the target itself (adaptive), and
+pictures with the same samples in every pixel (uniform), about as many as the target took and twice
+that; then works out, by the line through the two on a log-log scale, the CPU time with which a
+uniform picture has the same true error as the adaptive one. Prints that time over the adaptive
+one's, of each run, in one process after the other. With --check, exits with 1 where the median over
+the scenes is below 1.3 or a scene's median below 1 / 1.05.
 """
 import argparse
 import math
@@ -36,10 +36,7 @@ def cost_and_error(scene, flags, seed, folder, reference, left, *how):
 def measure(scene, options, folder):
     flags = ["--crop", options.crop] if options.crop else []
     reference = os.path.join(folder, "reference.exr")
-    made = target_error.render_frame(
-        scene, flags, target_error.REFERENCE_SEED, reference, "--target-error",
-        options.target * target_error.REFERENCE_SHARE)
-    left = made["rounds"][-1]["relative_mse"]
+    left, _ = target_error.render_reference(scene, options, options.target, reference)
     gains = []
     for seed in range(1, options.runs + 1):
         adaptive, error, samples = cost_and_error(scene, flags, seed, folder, reference, left,
@@ -64,6 +61,8 @@ def main():
     parser.add_argument("scenes", nargs="+")
     parser.add_argument("--target", type=float, default=0.01)
     parser.add_argument("--runs", type=int, default=3)
+    parser.add_argument("--reference-samples", type=int,
+                        default=target_error.REFERENCE_SAMPLES_MIN)
     parser.add_argument("--crop")
     parser.add_argument("--check", action="store_true")
     options = parser.parse_args()

@@ -27,8 +27,8 @@ import sys
 import tempfile
 
 BIN = os.environ.get("SHEAF_BIN", "build/dev/bin")
-REFERENCE_SHARE = 1 / 16  # For adaptive_gain.py.
 REFERENCE_GROWTH = 16
+REFERENCE_SAMPLES_MIN = 4096
 REACHED_MIN = 0.95
 OVERSHOOT_MAX = 0.25
 REFERENCE_SEED = 1_000_003
@@ -61,20 +61,26 @@ def relative_mse(reference, image):
     return json.loads(run("compare", reference, image, "--json"))["relative_mse"]
 
 
-def measure(scene, options, folder):
-    """Rows (target, reached, overshoot or None, samples a pixel)."""
-    targets = sorted((float(t) for t in options.targets.split(",")), reverse=True)
-    reference = os.path.join(folder, "reference.exr")
-    made = render(scene, options.crop, targets[-1], REFERENCE_SEED, reference)
+def render_reference(scene, options, target, path):
+    """For pictures of at least this error; see above. Returns the relMSE that it is still wrong by,
+    at most, and how many pixels it has."""
+    made = render(scene, options.crop, target, REFERENCE_SEED, path)
     pixels = pixel_count(made)
     count = max(options.reference_samples,
                 math.ceil(REFERENCE_GROWTH * made["rounds"][-1]["sample_count"] / pixels))
     flags = ["--crop", options.crop] if options.crop else []
-    made = render_frame(scene, flags, REFERENCE_SEED, reference, "--samples", count,
-                        "--one-sequence")
-    left = made["progress"]["relative_mse"]
+    left = render_frame(scene, flags, REFERENCE_SEED, path, "--samples", count,
+                        "--one-sequence")["progress"]["relative_mse"]
     print(f"{os.path.basename(scene)}: reference of {count} samples a pixel has relMSE of at "
           f"most {left:.2e}", flush=True)
+    return left, pixels
+
+
+def measure(scene, options, folder):
+    """Rows (target, reached, overshoot or None, samples a pixel)."""
+    targets = sorted((float(t) for t in options.targets.split(",")), reverse=True)
+    reference = os.path.join(folder, "reference.exr")
+    left, pixels = render_reference(scene, options, targets[-1], reference)
     rows = []
     for target in targets:
         errors, samples, rounds = [], [], []
@@ -99,7 +105,7 @@ def main():
     parser.add_argument("scenes", nargs="+")
     parser.add_argument("--targets", default="0.1,0.05,0.02,0.01")
     parser.add_argument("--runs", type=int, default=5)
-    parser.add_argument("--reference-samples", type=int, default=4096)
+    parser.add_argument("--reference-samples", type=int, default=REFERENCE_SAMPLES_MIN)
     parser.add_argument("--crop")
     parser.add_argument("--check", action="store_true")
     options = parser.parse_args()
