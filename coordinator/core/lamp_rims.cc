@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <map>
 #include <numbers>
 #include <optional>
@@ -119,27 +120,35 @@ std::vector<RimShare> SharesBeyondRims(const FilterDescription& filter) {
 LampRims::LampRims(const FramePicture& small, int32_t shrink, double mean,
                    const FilterDescription& filter,
                    const std::function<size_t(int32_t x, int32_t y)>& tile_of)
-    : floor_(0.1 * mean) {
+    : stretch_px_(std::numbers::pi / 4 * shrink), floor_(0.1 * mean) {
   const SmallPicture picture(small);
   const PixelRect& window = picture.window();
-  const double length_px = std::numbers::pi / 4 * shrink;
   const auto cross = [&](int32_t x, int32_t y, int32_t other_x, int32_t other_y) {
     const Color lamp = picture.Seen(x, y), other = picture.Seen(other_x, other_y);
+    std::array<bool, 3> brighter;
+    for (size_t i = 0; i < 3; ++i) brighter[i] = lamp[i] > kHitOverBeside * other[i];
+    if (std::ranges::none_of(brighter, std::identity())) return;
     const std::optional<Color> beside = picture.Beside(other_x, other_y, lamp);
     if (!beside) return;
     bool rim = false;
     for (size_t i = 0; i < 3; ++i) {
-      rim |= lamp[i] > kHitOverBeside * other[i] &&
-             lamp[i] - (*beside)[i] > kHitOverBeside * kReplicateCount * (*beside)[i];
+      const double hit = (lamp[i] - (*beside)[i]) / kReplicateCount;
+      rim |= brighter[i] && hit > kHitOverBeside * (*beside)[i];
     }
     if (!rim) return;
     const size_t tile = tile_of(other_x * shrink + shrink / 2, other_y * shrink + shrink / 2);
-    stretches_.push_back({tile, length_px, lamp, *beside});
+    stretches_.push_back({tile, lamp, *beside});
   };
   for (int32_t y = window.y0; y < window.y1; ++y) {
     for (int32_t x = window.x0; x < window.x1; ++x) {
-      if (x + 1 < window.x1) cross(x, y, x + 1, y), cross(x + 1, y, x, y);
-      if (y + 1 < window.y1) cross(x, y, x, y + 1), cross(x, y + 1, x, y);
+      if (x + 1 < window.x1) {
+        cross(x, y, x + 1, y);
+        cross(x + 1, y, x, y);
+      }
+      if (y + 1 < window.y1) {
+        cross(x, y, x, y + 1);
+        cross(x, y + 1, x, y);
+      }
     }
   }
   if (stretches_.empty()) return;
@@ -148,11 +157,7 @@ LampRims::LampRims(const FramePicture& small, int32_t shrink, double mean,
   shares_ = SharesBeyondRims(filter);
 }
 
-double LampRims::LengthPx() const {
-  double length_px = 0;
-  for (const Stretch& stretch : stretches_) length_px += stretch.length_px;
-  return length_px;
-}
+double LampRims::LengthPx() const { return stretch_px_ * static_cast<double>(stretches_.size()); }
 
 double LampRims::OneHitPixels(uint64_t samples) const {
   const double of_replicate = static_cast<double>(samples) / kReplicateCount;
@@ -184,7 +189,7 @@ void LampRims::AddVariances(std::span<const uint64_t> samples, double deviations
       error.rare += hit * hit / (square + floor_ * floor_) / 3;
       error.rare_max += hit * hit / least / 3;
     }
-    double pixels = factor * known->second * stretch.length_px;
+    double pixels = factor * known->second * stretch_px_;
     if (random != nullptr) pixels = std::poisson_distribution<int32_t>(pixels)(*random);
     hits.Add(stretch.tile, error, pixels);
   }

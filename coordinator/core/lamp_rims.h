@@ -56,13 +56,13 @@ class LampRims {
  private:
   struct Stretch {
     size_t tile = 0;
-    double length_px = 0;
     std::array<double, 3> lamp, beside;  // R, G and B.
   };
   // Pixels for each pixel of length in whose samples one replicate alone meets the lamp.
   double OneHitPixels(uint64_t samples) const;
 
   std::vector<Stretch> stretches_;
+  double stretch_px_ = 0;  // The length of each.
   std::vector<RimShare> shares_;
   double floor_ = 0;  // Of relative errors.
   double log_length_deviation_ = 0;
