@@ -5,6 +5,7 @@ find_package(absl REQUIRED)            # Status, StatusOr, string formatting
 find_package(PkgConfig REQUIRED)
 find_package(OpenSSL REQUIRED)         # SHA-256
 find_package(ZLIB REQUIRED)            # gzipped scene files
+find_package(PNG REQUIRED)             # pictures for people
 find_package(spdlog REQUIRED)          # logging
 find_package(OpenEXR REQUIRED)         # film parts and pictures
 find_package(Protobuf REQUIRED)        # wire messages
@@ -12,7 +13,7 @@ find_package(CLI11 REQUIRED)           # command lines
 find_package(nlohmann_json REQUIRED)   # JSON output
 pkg_check_modules(gRPC REQUIRED IMPORTED_TARGET grpc++)
 # Through pkg-config: the CMake package names tools and folders that Debian packs elsewhere.
-pkg_check_modules(OpenImageIO REQUIRED IMPORTED_TARGET GLOBAL OpenImageIO)  # textures, PNG
+pkg_check_modules(OpenImageIO REQUIRED IMPORTED_TARGET GLOBAL OpenImageIO)  # images
 add_library(OpenImageIO::OpenImageIO ALIAS PkgConfig::OpenImageIO)
 pkg_check_modules(OpenColorIO REQUIRED IMPORTED_TARGET GLOBAL OpenColorIO)  # views of pictures
 add_library(OpenColorIO::OpenColorIO ALIAS PkgConfig::OpenColorIO)

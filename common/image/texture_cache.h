@@ -5,7 +5,7 @@
 // are cut into tiles that are read when touched and dropped when room is needed; what a texel's
 // value is never depends on what the cache holds. Wraps OpenImageIO's image cache, which its
 // texture system is built on; filtering is left to the caller so that texels are decoded before
-// they are averaged.
+// they are averaged. That library is loaded by the first image (image_library.h).
 #pragma once
 
 #include <array>
@@ -42,6 +42,8 @@ struct TexelIndex {
 };
 using Texel = std::array<float, 4>;  // Linear; channels the image lacks are 0.
 
+class TextureTiles;
+
 class TextureCache {
  public:
   // bytes_max: of tiles held. Beyond it every thread keeps at most two tiles in use.
@@ -52,7 +54,8 @@ class TextureCache {
 
   // Reads the whole image once, in bands, so that damage and texels that are no numbers are found
   // here and not while rendering. The same path and encoding give the same image.
-  // Errors: kNotFound; kInvalidArgument for what cannot be decoded. Messages begin with the path.
+  // Errors: kNotFound; kInvalidArgument for what cannot be decoded, in messages that begin with the
+  // path; those of LoadImageLibrary.
   // Thread safety: none; open everything before reading.
   absl::StatusOr<TextureImage> Open(const std::string& path, TexelEncoding encoding);
 
@@ -63,8 +66,8 @@ class TextureCache {
   void ReadTexels(int32_t image, std::span<const TexelIndex> where, std::span<Texel> values) const;
 
  private:
-  struct Impl;
-  std::unique_ptr<Impl> impl_;
+  const uint64_t bytes_max_;
+  std::unique_ptr<TextureTiles> tiles_;  // From the first image on.
 };
 
 }  // namespace sheaf
