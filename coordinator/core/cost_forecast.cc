@@ -24,9 +24,11 @@ ErrorSums ErrorAt(const ErrorModel& model, const ForecastTile& tile, uint64_t sa
       std::log(static_cast<double>(samples) / static_cast<double>(measured.samples));
   // Independent: the error where it was measured, and how it falls from there.
   const double log_error = std::hypot(model.log_error_deviation, log_growth * model.rate_deviation);
-  const double factor = std::exp(deviations * log_error - model.rate * log_growth);
-  return {measured.error.pixel_count, measured.error.sum * factor,
-          measured.error.square_sum * factor * factor};
+  const double factor = std::exp(deviations * log_error);
+  ErrorSums error = ForeseeError(measured, static_cast<double>(samples), model.rate);
+  error.sum *= factor;
+  error.square_sum *= factor * factor;
+  return error;
 }
 
 std::vector<TileRound> TilesAt(const ErrorModel& model, const std::vector<uint64_t>& samples,

@@ -26,9 +26,6 @@ struct ForecastTile {
   uint64_t samples_kept = 0;          // Of each pixel, that are there already and cost nothing.
 };
 
-// What is known of b before anything was rendered; over scenes of all kinds.
-inline constexpr double kRatePrior = 1.1, kRatePriorDeviation = 0.1;
-
 struct ErrorModel {
   std::vector<ForecastTile> tiles;
   double rate = 1;  // b.

@@ -36,6 +36,11 @@ double DeviationsOf(int round) {
   return high;
 }
 
+// Of the frame's error, at the end of a round.
+double UpperBound(const ErrorSums& frame, int round) {
+  return frame.RelativeMse() + DeviationsOf(round) * frame.Deviation();
+}
+
 // How samples are shared out, for any number of them.
 class Allocation {
  public:
@@ -72,9 +77,10 @@ class Allocation {
     }
     return sum;
   }
-  double ErrorSum(double scale) const {
-    double sum = 0;
-    for (size_t i = 0; i < tiles_.size(); ++i) sum += ErrorAt(i, Ideal(i, scale));
+  // Of the frame when all tiles have that.
+  ErrorSums Foreseen(double scale) const {
+    ErrorSums sum;
+    for (size_t i = 0; i < tiles_.size(); ++i) sum.Add(ErrorAt(i, Ideal(i, scale)));
     return sum;
   }
   // Within a round.
@@ -89,8 +95,8 @@ class Allocation {
     }
     return sum;
   }
-  double ErrorAt(size_t i, double samples) const {
-    return tiles_[i].error.sum * std::pow(static_cast<double>(tiles_[i].samples) / samples, rate_);
+  ErrorSums ErrorAt(size_t i, double samples) const {
+    return ForeseeError(tiles_[i], samples, rate_);
   }
   // Of which no tile can get more.
   double ScaleMax() const {
@@ -141,8 +147,18 @@ double PixelSamples(std::span<const TileRound> tiles) {
   return sum;
 }
 
+ErrorSums ForeseeError(const TileRound& tile, double samples, double rate) {
+  const double growth = samples / static_cast<double>(tile.samples);
+  const double factor = std::pow(growth, -rate);
+  const auto count = static_cast<double>(tile.error.pixel_count);
+  const double sum = tile.error.sum * factor;
+  const double least = count > 0 ? sum * sum / count : 0;
+  return {tile.error.pixel_count, sum,
+          std::max(tile.error.square_sum * factor * factor / growth, least)};
+}
+
 double MeasureRate(std::span<const TileRound> tiles, std::span<const TileRound> before) {
-  if (before.empty()) return kRateMin;
+  if (before.empty()) return kRatePrior;
   const double now = SumOf(tiles).sum;
   const auto predicted = [&](double rate) {
     double sum = 0;
@@ -153,7 +169,7 @@ double MeasureRate(std::span<const TileRound> tiles, std::span<const TileRound> 
     }
     return sum;
   };
-  if (SumOf(before).sum < kRateDropMin * predicted(kRateMin)) return kRateMin;
+  if (SumOf(before).sum < kRateDropMin * predicted(kRateMin)) return kRatePrior;
   double low = kRateMin, high = kRateMax;
   for (int i = 0; i < kBisectionSteps; ++i) {
     const double middle = (low + high) / 2;
@@ -170,7 +186,7 @@ RoundDecision DecideRound(const StopRule& rule, uint64_t samples_max, int round,
   RoundDecision decision;
   decision.relative_mse = sum.RelativeMse();
   decision.sample_count_expected = static_cast<uint64_t>(PixelSamples(tiles));
-  decision.relative_mse_upper = decision.relative_mse + DeviationsOf(round) * sum.Deviation();
+  decision.relative_mse_upper = UpperBound(sum, round);
   if (rule.target_error > 0 && decision.relative_mse_upper <= rule.target_error) {
     decision.reason = StopReason::kTargetError;
     return decision;
@@ -178,10 +194,10 @@ RoundDecision DecideRound(const StopRule& rule, uint64_t samples_max, int round,
   const Allocation allocation(tiles, samples_max, MeasureRate(tiles, before));
   double scale = allocation.ScaleMax();
   if (rule.target_error > 0) {
-    const double aim =
-        kAimShare * rule.target_error * decision.relative_mse / decision.relative_mse_upper;
-    const double error_sum = aim * static_cast<double>(sum.pixel_count);
-    scale = FindScales(scale, [&](double s) { return allocation.ErrorSum(s) > error_sum; }).next;
+    const double aim = kAimShare * rule.target_error;
+    scale = FindScales(scale, [&](double s) {
+              return UpperBound(allocation.Foreseen(s), round + 1) > aim;
+            }).next;
   }
   const double now = PixelSamples(tiles);
   const double allowed = std::min(allowance.time, allowance.cpu);
@@ -200,12 +216,12 @@ RoundDecision DecideRound(const StopRule& rule, uint64_t samples_max, int round,
         FindScales(scale, [&](double s) { return allocation.PixelSamples(s) <= allowed; }).largest;
   }
   if (allocation.PixelSamples(scale) <= now) return decision;  // All have samples_max.
-  double error_sum = 0;
+  ErrorSums next;
   for (size_t i = 0; i < tiles.size(); ++i) {
     decision.samples.push_back(allocation.Samples(i, scale));
-    error_sum += allocation.ErrorAt(i, static_cast<double>(decision.samples.back()));
+    next.Add(allocation.ErrorAt(i, static_cast<double>(decision.samples.back())));
   }
-  decision.predicted_relative_mse = error_sum / static_cast<double>(sum.pixel_count);
+  decision.predicted_relative_mse = next.RelativeMse();
   return decision;
 }
 

@@ -40,6 +40,8 @@ namespace sheaf::coordinator {
 inline constexpr uint64_t kRoundGrowthMax = 4;
 // At least this share of the samples that the frame has, lest rounds become endless.
 inline constexpr double kRoundGrowthMin = 1.0 / 16;
+// The rate b at which errors fall, before anything tells: over scenes of all kinds.
+inline constexpr double kRatePrior = 1.1, kRatePriorDeviation = 0.1;
 // Of all frames, those that may stop although their expected error is above the target.
 inline constexpr double kMissShare = 0.05;
 
@@ -94,8 +96,14 @@ RoundDecision DecideRound(const StopRule& rule, uint64_t samples_max, int round,
                           std::span<const TileRound> tiles, std::span<const TileRound> before,
                           const RoundAllowance& allowance);
 
-// b with which the errors of `before` came to those of `tiles`, from 1 to 2; 1 where there are no
-// earlier ones, or errors fell by too little to tell. Requires: as many tiles as before.
+// The errors of the tile when its pixels have so many samples, falling at `rate`. What varies in
+// squared errors beyond normal noise, of which equal pixels have the least, is an excess kurtosis:
+// it falls as 1 / n beside the squares, and with it the distance of bound and estimate.
+// Source: Cramér 1946, Mathematical Methods of Statistics, sec. 27.4 (variance of a variance).
+ErrorSums ForeseeError(const TileRound& tile, double samples, double rate);
+
+// b with which the errors of `before` came to those of `tiles`, from 1 to 2; kRatePrior where there
+// are no earlier ones, or errors fell by too little to tell. Requires: as many tiles as before.
 double MeasureRate(std::span<const TileRound> tiles, std::span<const TileRound> before);
 
 // What of a frame's rounds holds under another rule, for a frame that goes on: decisions are made

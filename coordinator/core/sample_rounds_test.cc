@@ -72,13 +72,19 @@ TEST(SampleRoundsTest, ReachesTheTargetWithLittleMoreThanItTakes) {
   EXPECT_LE(run.round_count, 5);
 }
 
+// After the first round.
+std::vector<TileRound> UnequalTiles() {
+  std::vector<TileRound> tiles;
+  for (int i = 0; i < 1000; ++i) {
+    tiles.push_back(TileAt(std::exp(1.2 * std::sin(i)), kReplicateCount));
+  }
+  return tiles;
+}
+
 // Samples come in steps of 16; few tiles take the next one where little more is needed, and not all
 // that need one sample more.
 TEST(SampleRoundsTest, StepsCostNoMoreThanTheTargetNeeds) {
-  std::vector<double> ks;
-  for (int i = 0; i < 1000; ++i) ks.push_back(std::exp(1.2 * std::sin(i)));
-  std::vector<TileRound> tiles;
-  for (const double k : ks) tiles.push_back(TileAt(k, kReplicateCount));
+  const std::vector<TileRound> tiles = UnequalTiles();
   const double error = SumOf(tiles).RelativeMse();
   for (const double target : {0.9 * error, 0.7 * error, 0.5 * error}) {
     const RoundDecision decision = DecideRound(Target(target), kSamplesMax, 0, tiles, {}, {});
@@ -90,13 +96,34 @@ TEST(SampleRoundsTest, StepsCostNoMoreThanTheTargetNeeds) {
 
 // Errors of equal tiles fall as foretold, so the first look knows where it will end.
 TEST(SampleRoundsTest, FirstRoundForetellsTheEnd) {
-  const Course course = RunToTheEnd(Target(1e-3), std::vector<double>(1000, 1.0));
+  const Course course = RunToTheEnd(Target(1e-3), std::vector<double>(1000, 1.0), kRatePrior);
   const double pixel_count = 1000.0 * kTilePixels;
   const double expected =
       static_cast<double>(course.records.front().sample_count_expected) / pixel_count;
   EXPECT_NEAR(expected / MeanSamples(course), 1, 0.05);
   EXPECT_EQ(static_cast<double>(course.records.back().sample_count_expected) / pixel_count,
             MeanSamples(course));
+}
+
+// At a first look the bound may be far above the estimate for what a few pixels may be. With more
+// samples it comes closer, and a round that aimed at the distance of now would go far too far.
+TEST(SampleRoundsTest, ForeseesThatTheBoundComesCloser) {
+  std::vector<TileRound> tiles = UnequalTiles();
+  for (TileRound& tile : tiles) tile.error.square_sum *= 2000;
+  const double target = SumOf(tiles).RelativeMse() / 3;
+  const RoundDecision decision = DecideRound(Target(target), kSamplesMax, 0, tiles, {}, {});
+  EXPECT_GT(decision.relative_mse_upper, 1.25 * decision.relative_mse);
+  EXPECT_LT(decision.predicted_relative_mse, 0.9 * target);
+  EXPECT_GT(decision.predicted_relative_mse, 0.78 * target);
+}
+
+// What cannot come closer does not: normal noise keeps its share.
+TEST(SampleRoundsTest, ErrorsOfEqualPixelsKeepTheirDeviation) {
+  const TileRound now = TileAt(1, kReplicateCount);
+  const ErrorSums next = ForeseeError(now, 4 * kReplicateCount, 1.2);
+  EXPECT_DOUBLE_EQ(next.RelativeMse(), now.error.RelativeMse() * std::pow(4, -1.2));
+  EXPECT_DOUBLE_EQ(next.Deviation() / next.RelativeMse(),
+                   now.error.Deviation() / now.error.RelativeMse());
 }
 
 TEST(SampleRoundsTest, FasterRatesAreFoundOut) {

@@ -4,7 +4,7 @@
 """What it saves to give samples to the tiles that need them.
 
     SHEAF_BIN=build/dev/bin tests/accuracy/adaptive_gain.py SCENE... [--target 0.01] [--runs 3]
-        [--reference-samples 4096] [--crop X0,Y0,X1,Y1] [--check]
+        [--reference-samples 4096] [--references FOLDER] [--crop X0,Y0,X1,Y1] [--check]
 
 Of every scene it renders a reference as target_error.py does, the target itself (adaptive), and
 pictures with the same samples in every pixel (uniform), about as many as the target took and twice
@@ -13,7 +13,6 @@ uniform picture has the same true error as the adaptive one. Prints that time ov
 one's, of each run, in one process after the other. With --check, exits with 1 where the median over
 the scenes is below 1.3 or a scene's median below 1 / 1.05.
 """
-import argparse
 import math
 import os
 import statistics
@@ -34,9 +33,8 @@ def cost_and_error(scene, flags, seed, folder, reference, left, *how):
 
 
 def measure(scene, options, folder):
-    flags = ["--crop", options.crop] if options.crop else []
-    reference = os.path.join(folder, "reference.exr")
-    left, _ = target_error.render_reference(scene, options, options.target, reference)
+    flags = target_error.crop_flags(options)
+    reference, left, _ = target_error.render_reference(scene, options, folder, options.target)
     gains = []
     for seed in range(1, options.runs + 1):
         adaptive, error, samples = cost_and_error(scene, flags, seed, folder, reference, left,
@@ -56,15 +54,9 @@ def measure(scene, options, folder):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__,
-                                     formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("scenes", nargs="+")
+    parser = target_error.make_parser(__doc__, target_error.REFERENCE_SAMPLES_MIN)
     parser.add_argument("--target", type=float, default=0.01)
     parser.add_argument("--runs", type=int, default=3)
-    parser.add_argument("--reference-samples", type=int,
-                        default=target_error.REFERENCE_SAMPLES_MIN)
-    parser.add_argument("--crop")
-    parser.add_argument("--check", action="store_true")
     options = parser.parse_args()
     gains = []
     for scene in options.scenes:

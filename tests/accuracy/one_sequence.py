@@ -4,7 +4,7 @@
 """What sixteen replicates, which make error bars true, cost against one sequence a pixel.
 
     SHEAF_BIN=build/dev/bin tests/accuracy/one_sequence.py SCENE... [--samples 64] [--runs 4]
-        [--reference-samples 4096] [--crop X0,Y0,X1,Y1] [--check]
+        [--reference-samples 4096] [--references FOLDER] [--crop X0,Y0,X1,Y1] [--check]
 
 Of every scene it renders a reference by one sequence with another seed, then pictures of several
 seeds both ways, and prints the errors of replicates over those of one sequence, as relMSE and as
@@ -12,7 +12,6 @@ MSE: what the reference itself is still wrong by, the same in both, makes the ra
 close to 1. With --check, exits with 1 where the median loss in relMSE over the scenes is 10 % or
 more.
 """
-import argparse
 import json
 import os
 import statistics
@@ -36,10 +35,8 @@ def errors(scene, flags, options, folder, reference, *how):
 
 
 def measure(scene, options, folder):
-    flags = ["--crop", options.crop] if options.crop else []
-    reference = os.path.join(folder, "reference.exr")
-    target_error.render_frame(scene, flags, target_error.REFERENCE_SEED, reference, "--samples",
-                              options.reference_samples, "--one-sequence")
+    flags = target_error.crop_flags(options)
+    reference, _ = target_error.make_reference(scene, options, folder, options.reference_samples)
     apart = errors(scene, flags, options, folder, reference)
     whole = errors(scene, flags, options, folder, reference, "--one-sequence")
     print(f"{os.path.basename(scene)}: replicates over one sequence at {options.samples} samples: "
@@ -49,14 +46,9 @@ def measure(scene, options, folder):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__,
-                                     formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("scenes", nargs="+")
+    parser = target_error.make_parser(__doc__, target_error.REFERENCE_SAMPLES_MIN)
     parser.add_argument("--samples", type=int, default=64)
     parser.add_argument("--runs", type=int, default=4)
-    parser.add_argument("--reference-samples", type=int, default=4096)
-    parser.add_argument("--crop")
-    parser.add_argument("--check", action="store_true")
     options = parser.parse_args()
     ratios = []
     for scene in options.scenes:

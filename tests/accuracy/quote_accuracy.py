@@ -12,7 +12,6 @@ of them the median of |ratio - 1|, the share that lies in the bands of 80 %, and
 quote's own price over that of its loosest target. With --check, exits with 1 where the median is
 above 15 %, the bands hold fewer than 70 or more than 90 %, or a quote costs more than 3 %.
 """
-import argparse
 import json
 import os
 import statistics
@@ -38,7 +37,7 @@ def spend(scene, flags, target, seed):
 
 def measure(scene, options):
     """Rows (ratio, held, price share)."""
-    flags = ["--crop", options.crop] if options.crop else []
+    flags = target_error.crop_flags(options)
     targets = sorted((float(t) for t in options.targets.split(",")), reverse=True)
     happened = {target: spend(scene, flags, target, 1) for target in targets}
     rows, text = [], {target: [] for target in targets}
@@ -65,13 +64,9 @@ def measure(scene, options):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__,
-                                     formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("scenes", nargs="+")
+    parser = target_error.make_parser(__doc__)
     parser.add_argument("--targets", default="0.1,0.05,0.02,0.01")
     parser.add_argument("--quotes", type=int, default=3)
-    parser.add_argument("--crop")
-    parser.add_argument("--check", action="store_true")
     options = parser.parse_args()
     rows = []
     for scene in options.scenes:

@@ -4,7 +4,7 @@
 """Whether --target-error keeps its word, and at what price.
 
     SHEAF_BIN=build/dev/bin tests/accuracy/target_error.py SCENE... [--targets 0.1,0.05,0.02,0.01]
-        [--runs 5] [--reference-samples 4096] [--crop X0,Y0,X1,Y1] [--check]
+        [--runs 5] [--reference-samples 4096] [--references FOLDER] [--crop X0,Y0,X1,Y1] [--check]
 
 Of every scene it renders the smallest target, then a reference of another seed with 16 times as
 many samples, in every pixel and by one sequence, and at least --reference-samples: at the rim of a
@@ -12,10 +12,11 @@ lamp a pixel's share of it may be one in a thousand, and a reference that has mi
 pictures for wrong. Then each target with several seeds, and compares: the true error is the relMSE
 against the reference less what the reference itself is still wrong by, of which one sequence knows
 no more than an upper estimate, some hundredths of the smallest target. Prints, for each scene and
-target, the share of runs that reached it, and the overshoot: how much more was spent than an error
-of exactly the target takes, target / true error - 1, where the first round was not already enough
-(no picture has fewer samples than that). With --check, exits with 1 where fewer than 95 % of all
-runs reach their target, or the median overshoot is above 25 %.
+target, the share of runs that reached it, and the overshoot: how many more samples were spent than
+an error of exactly the target takes, (target / true error)^(1 / b) - 1 with the rate b at which the
+errors of the scene's runs fall, where the first round was not already enough (no picture has fewer
+samples than that). With --check, exits with 1 where fewer than 95 % of all runs reach their target,
+or the median overshoot is above 25 %.
 """
 import argparse
 import json
@@ -61,59 +62,101 @@ def relative_mse(reference, image):
     return json.loads(run("compare", reference, image, "--json"))["relative_mse"]
 
 
-def render_reference(scene, options, target, path):
-    """For pictures of at least this error; see above. Returns the relMSE that it is still wrong by,
-    at most, and how many pixels it has."""
-    made = render(scene, options.crop, target, REFERENCE_SEED, path)
+def crop_flags(options):
+    return ["--crop", options.crop] if options.crop else []
+
+
+def make_parser(doc, reference_samples=None):
+    """What the programs of this folder take: scenes, a crop, --check, and where they compare with
+    the truth, how many samples that has and where it is kept."""
+    parser = argparse.ArgumentParser(description=doc,
+                                     formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("scenes", nargs="+")
+    parser.add_argument("--crop")
+    parser.add_argument("--check", action="store_true")
+    if reference_samples is not None:
+        parser.add_argument("--reference-samples", type=int, default=reference_samples)
+        parser.add_argument("--references", help="a folder where references are kept, and found "
+                            "by the next run with as many samples of the same scene and crop")
+    return parser
+
+
+def render_reference(scene, options, folder, target):
+    """For pictures of at least this error; see above. Returns its path, the relMSE that it is still
+    wrong by, at most, and how many pixels it has."""
+    made = render(scene, options.crop, target, REFERENCE_SEED, os.path.join(folder, "made.exr"))
     pixels = pixel_count(made)
     count = max(options.reference_samples,
                 math.ceil(REFERENCE_GROWTH * made["rounds"][-1]["sample_count"] / pixels))
-    flags = ["--crop", options.crop] if options.crop else []
-    left = render_frame(scene, flags, REFERENCE_SEED, path, "--samples", count,
-                        "--one-sequence")["progress"]["relative_mse"]
+    path, left = make_reference(scene, options, folder, count)
+    return path, left, pixels
+
+
+def make_reference(scene, options, folder, count):
+    name = os.path.basename(scene) + (f"-{options.crop}" if options.crop else "") + f"-{count}"
+    path = os.path.join(options.references or folder, name + ".exr")
+    notes = path + ".json"
+    if not os.path.exists(notes):
+        frame = render_frame(scene, crop_flags(options), REFERENCE_SEED, path, "--samples", count,
+                             "--one-sequence")
+        with open(notes, "w", encoding="utf-8") as file:
+            json.dump(frame["progress"]["relative_mse"], file)
+    with open(notes, encoding="utf-8") as file:
+        left = json.load(file)
     print(f"{os.path.basename(scene)}: reference of {count} samples a pixel has relMSE of at "
           f"most {left:.2e}", flush=True)
-    return left, pixels
+    return path, left
+
+
+def fit_rate(samples, errors):
+    """b of errors that fall as 1 / samples^b; 1 where they are all of as many samples."""
+    x = [math.log(s) for s in samples]
+    y = [math.log(e) for e in errors]
+    middle = statistics.mean(x)
+    spread = sum((a - middle) ** 2 for a in x)
+    if spread < 0.1:
+        return 1
+    return max(1, -sum((a - middle) * b for a, b in zip(x, y)) / spread)
 
 
 def measure(scene, options, folder):
-    """Rows (target, reached, overshoot or None, samples a pixel)."""
+    """Rows (target, true error, overshoot or None)."""
     targets = sorted((float(t) for t in options.targets.split(",")), reverse=True)
-    reference = os.path.join(folder, "reference.exr")
-    left, pixels = render_reference(scene, options, targets[-1], reference)
-    rows = []
+    reference, left, pixels = render_reference(scene, options, folder, targets[-1])
+    runs = []  # Target, true error, samples of a pixel, rounds.
     for target in targets:
-        errors, samples, rounds = [], [], []
         for seed in range(1, options.runs + 1):
             image = os.path.join(folder, "image.exr")
             frame = render(scene, options.crop, target, seed, image)
-            errors.append(relative_mse(reference, image) - left)
-            samples.append(frame["rounds"][-1]["sample_count"] / pixels)
-            rounds.append(len(frame["rounds"]))
-            reached = errors[-1] <= target
-            overshoot = target / errors[-1] - 1 if rounds[-1] > 1 else None
-            rows.append((target, reached, overshoot, samples[-1]))
+            runs.append((target, relative_mse(reference, image) - left,
+                         frame["rounds"][-1]["sample_count"] / pixels, len(frame["rounds"])))
+    rate = fit_rate([run[2] for run in runs], [run[1] for run in runs])
+    print(f"  errors fall as 1 / samples^{rate:.2f}")
+    rows = []
+    for target in targets:
+        of_target = [run for run in runs if run[0] == target]
+        errors = [run[1] for run in of_target]
+        over = [(target / run[1]) ** (1 / rate) - 1 if run[3] > 1 else None for run in of_target]
+        rows += zip([target] * len(over), errors, over)
+        counted = [o for o in over if o is not None]
         print(f"  target {target:<6g} true {min(errors):.5f} to {max(errors):.5f}, "
               f"{sum(e <= target for e in errors)} of {len(errors)} reached, "
-              f"{statistics.median(samples):7.1f} samples, {max(rounds)} rounds", flush=True)
+              f"{statistics.median(run[2] for run in of_target):7.1f} samples, "
+              f"{max(run[3] for run in of_target)} rounds, overshoot "
+              + (f"{100 * statistics.median(counted):.0f} %" if counted else "-"), flush=True)
     return rows
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__,
-                                     formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("scenes", nargs="+")
+    parser = make_parser(__doc__, REFERENCE_SAMPLES_MIN)
     parser.add_argument("--targets", default="0.1,0.05,0.02,0.01")
     parser.add_argument("--runs", type=int, default=5)
-    parser.add_argument("--reference-samples", type=int, default=REFERENCE_SAMPLES_MIN)
-    parser.add_argument("--crop")
-    parser.add_argument("--check", action="store_true")
     options = parser.parse_args()
     rows = []
     for scene in options.scenes:
         with tempfile.TemporaryDirectory() as folder:
             rows += measure(scene, options, folder)
-    reached = sum(row[1] for row in rows) / len(rows)
+    reached = sum(error <= target for target, error, _ in rows) / len(rows)
     overshoots = [row[2] for row in rows if row[2] is not None]
     overshoot = statistics.median(overshoots) if overshoots else 0
     print(f"{len(rows)} runs: {100 * reached:.1f} % reached their target; overshoot in cost of the "
