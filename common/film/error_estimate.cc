@@ -74,7 +74,9 @@ std::array<double, 3> LuminanceWeights(const Chromaticities& chromaticities) {
 }  // namespace
 
 double ErrorSums::Deviation() const {
-  return pixel_count == 0 ? 0 : std::sqrt(2 * square_sum) / static_cast<double>(pixel_count);
+  if (pixel_count == 0) return 0;
+  const double of_estimate = kEstimateDeviation * sum;
+  return std::sqrt(2 * square_sum + of_estimate * of_estimate) / static_cast<double>(pixel_count);
 }
 
 std::vector<ErrorSums> EstimateTileErrors(const FramePicture& picture,

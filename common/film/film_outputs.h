@@ -61,8 +61,8 @@ struct FilmOutputs {
 
   bool Has(Aov aov) const { return (aovs >> static_cast<uint32_t>(aov) & 1) != 0; }
   void Add(Aov aov) { aovs |= 1u << static_cast<uint32_t>(aov); }
+  void AddLightPaths();  // In place of what light groups there are.
   bool HasIdNumber(IdKind kind) const { return (id_numbers >> Index(kind) & 1) != 0; }
-  void AddLightPaths();  // In place of light groups.
   bool HasCryptomatte(IdKind kind) const { return (cryptomattes >> Index(kind) & 1) != 0; }
   bool HasIds(IdKind kind) const { return HasIdNumber(kind) || HasCryptomatte(kind); }
   bool HasIds() const { return id_numbers != 0 || cryptomattes != 0; }

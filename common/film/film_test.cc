@@ -230,6 +230,13 @@ TEST(FilmTest, FrameErrorsBoundKnowsOfTheRimsOfLamps) {
   EXPECT_GE(missed_by_variance, 0.1 * kPictures);
 }
 
+// Of so many pixels chance tells nothing any more, but the estimate is what it is.
+TEST(FilmTest, ErrorsOfLargeFramesAreNotKnownToTheLastDigit) {
+  const ErrorSums sums{100'000'000, 1e6, 1e4};
+  EXPECT_NEAR(sums.Deviation() / sums.RelativeMse(), kEstimateDeviation, 1e-5);
+  EXPECT_EQ(ErrorSums{}.Deviation(), 0);
+}
+
 TEST(FilmTest, TilesShareTheErrorOfTheirFrame) {
   const FilmTile tile = MakeTile(64, 32, [](int32_t x, uint64_t n) {
     return FilmSample{.radiance = Rgb::Grey(HashToUnit(static_cast<uint64_t>(x) * 7919 + n))};

@@ -63,12 +63,13 @@ double MeanSamples(const Course& run) {
 }
 
 TEST(SampleRoundsTest, ReachesTheTargetWithLittleMoreThanItTakes) {
-  // 1 / n = 0.001 at 1000 samples, and the bound is a little above the error.
+  // 1 / n = 0.001 at 1000 samples, and the bound is a little above the error: some three
+  // kEstimateDeviation.
   const Course run = RunToTheEnd(Target(1e-3), std::vector<double>(1000, 1.0));
   EXPECT_EQ(run.last.reason, StopReason::kTargetError);
   EXPECT_LE(run.last.relative_mse_upper, 1e-3);
   EXPECT_GE(MeanSamples(run), 1000);
-  EXPECT_LE(MeanSamples(run), 1070);
+  EXPECT_LE(MeanSamples(run), 1130);
   EXPECT_LE(run.round_count, 5);
 }
 
@@ -142,9 +143,10 @@ TEST(SampleRoundsTest, SamplesGoWhereTheyHelpMost) {
   }
   constexpr double kTarget = 0.002;
   const Course run = RunToTheEnd(Target(kTarget), ks);
-  const double least = std::pow((4.0 + 1.0) / 2, 2) / kTarget;
-  const double evenly = (16.0 + 1.0) / 2 / kTarget;
-  EXPECT_NEAR(MeanSamples(run) / least, 1.05, 0.05);
+  const double error = run.last.relative_mse;
+  const double least = std::pow((4.0 + 1.0) / 2, 2) / error;
+  const double evenly = (16.0 + 1.0) / 2 / error;
+  EXPECT_NEAR(MeanSamples(run) / least, 1, 0.02);
   EXPECT_LT(MeanSamples(run), evenly / 1.2);
   EXPECT_NEAR(static_cast<double>(run.samples[0]) / static_cast<double>(run.samples[1]), 4, 0.3);
 }
