@@ -73,7 +73,6 @@ absl::StatusOr<RefinementPrices> Farm::PriceRefinement(
     const std::string& job_id, const std::vector<double>& target_errors) const {
   uint64_t number = 0;
   const bool is_number = absl::SimpleAtoi(job_id, &number);
-  if (absl::Status s = CheckTargets(target_errors); !s.ok()) return s;
   RefinementPrices priced;
   std::vector<std::pair<FrameSpec, DeliveredFrame>> chosen;
   size_t frame_count = 0;
@@ -84,7 +83,9 @@ absl::StatusOr<RefinementPrices> Farm::PriceRefinement(
     const absl::StatusOr<const JobRecord*> found = FindRecord(is_number ? number : 0);
     if (!found.ok()) return found.status();
     const JobRecord& job = **found;
+    // First: clients ask for shares of the job's error, and one that has just begun has none.
     if (absl::Status s = RequireSucceeded(job); !s.ok()) return s;
+    if (absl::Status s = CheckTargets(target_errors); !s.ok()) return s;
     frame_count = job.frames.size();
     tile_size_px = job.spec.partition.tile_size_px;
     const std::map<int32_t, DeliveredFrame>& delivered = accounts_.at(number).delivered;
