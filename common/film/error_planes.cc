@@ -43,9 +43,6 @@ double PredictTrueSquare(double value, double variance, const LocalSums& about) 
 
 constexpr int32_t kAboutPx = 2;  // In each direction.
 
-// Of two equal hits among sixteen replicates it is 0.68.
-constexpr double kOneHitDeviationMin = 0.8;
-
 // Adds the relative errors of one channel to *errors: of the pixels of `rect`, which is in
 // coordinates of the planes, row-major.
 void AddChannelErrors(const ErrorPlanes& planes, size_t channel, const PixelRect& rect,

@@ -33,6 +33,10 @@ struct PixelError {
 std::vector<PixelError> PixelErrors(const ErrorPlanes& planes, const FramePicture& picture,
                                     const PixelRect& tile, double mean);
 
+// From this share of its value on, the deviation of a pixel is one hit's: of two equal ones among
+// sixteen replicates it is 0.68 of it.
+inline constexpr double kOneHitDeviationMin = 0.8;
+
 // Pixels in which one replicate alone met something bright, at the rim of a lamp, say, where the
 // pixels about are no guide, being lamp and wall. The pixel's share p of it may be any that is
 // smaller than seen, and what was seen is of 1 / n of it: the error is 1 / (n p)^2 times the one

@@ -18,9 +18,8 @@
 namespace sheaf::coordinator {
 namespace {
 
-// A pixel whose deviation is at least .8 of it is one of a lone hit (error_planes.cc): the hit is
-// four times what is beside it.
-constexpr double kHitOverBeside = 4;
+// The lone hit of a pixel of which the deviation is at least so much is four times what is beside.
+constexpr double kHitOverBeside = kOneHitDeviationMin / (1 - kOneHitDeviationMin);
 // What is beside a rim: pixels of the small picture up to so far off that show no lamp.
 constexpr int32_t kBesidePx = 2;
 // Directions of rims, over a quarter turn, and points of the filter across each axis.
