@@ -12,6 +12,13 @@ endfunction()
 # Sources of a module or test from which on headers that all of them have are read once.
 set(SHEAF_PRECOMPILE_SOURCES_MIN 5)
 
+# sheaf_join_sources(TARGET)
+# Compiles several sources at a time, for targets of many short ones that all read the headers of
+# gRPC and protobuf: a third of the time.
+function(sheaf_join_sources target)
+  set_target_properties(${target} PROPERTIES UNITY_BUILD ON UNITY_BUILD_BATCH_SIZE 6)
+endfunction()
+
 # sheaf_add_module(NAME film HEADERS a.h ... SOURCES a.cc ... DEPS sheaf::base ... PRIVATE_DEPS ...
 #                  TESTS a_test.cc ... TEST_DEPS ... LABEL fast PRECOMPILE <header.h> ...)
 # Makes the library sheaf_NAME with alias sheaf::NAME and, where TESTS are given, one GoogleTest
