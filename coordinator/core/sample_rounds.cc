@@ -36,9 +36,9 @@ double DeviationsOf(int round) {
   return high;
 }
 
-// Of the frame's error, at the end of a round.
-double UpperBound(const ErrorSums& frame, int round) {
-  return frame.RelativeMse() + DeviationsOf(round) * frame.Deviation();
+// Of the frame's error, at the confidence of DeviationsOf some round.
+double UpperBound(const ErrorSums& frame, double deviations) {
+  return frame.RelativeMse() + deviations * frame.Deviation();
 }
 
 // How samples are shared out, for any number of them.
@@ -186,7 +186,7 @@ RoundDecision DecideRound(const StopRule& rule, uint64_t samples_max, int round,
   RoundDecision decision;
   decision.relative_mse = sum.RelativeMse();
   decision.sample_count_expected = static_cast<uint64_t>(PixelSamples(tiles));
-  decision.relative_mse_upper = UpperBound(sum, round);
+  decision.relative_mse_upper = UpperBound(sum, DeviationsOf(round));
   if (rule.target_error > 0 && decision.relative_mse_upper <= rule.target_error) {
     decision.reason = StopReason::kTargetError;
     return decision;
@@ -195,8 +195,9 @@ RoundDecision DecideRound(const StopRule& rule, uint64_t samples_max, int round,
   double scale = allocation.ScaleMax();
   if (rule.target_error > 0) {
     const double aim = kAimShare * rule.target_error;
+    const double deviations = DeviationsOf(round + 1);
     scale = FindScales(scale, [&](double s) {
-              return UpperBound(allocation.Foreseen(s), round + 1) > aim;
+              return UpperBound(allocation.Foreseen(s), deviations) > aim;
             }).next;
   }
   const double now = PixelSamples(tiles);

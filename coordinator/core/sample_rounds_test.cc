@@ -62,14 +62,18 @@ double MeanSamples(const Course& run) {
   return sum / static_cast<double>(run.samples.size());
 }
 
+double BoundOverError(const Course& run) {
+  return run.last.relative_mse_upper / run.last.relative_mse;
+}
+
 TEST(SampleRoundsTest, ReachesTheTargetWithLittleMoreThanItTakes) {
-  // 1 / n = 0.001 at 1000 samples, and the bound is a little above the error: some three
-  // kEstimateDeviation.
+  // 1 / n = 0.001 at 1000 samples; what the bound keeps from the estimate comes on top.
   const Course run = RunToTheEnd(Target(1e-3), std::vector<double>(1000, 1.0));
   EXPECT_EQ(run.last.reason, StopReason::kTargetError);
   EXPECT_LE(run.last.relative_mse_upper, 1e-3);
   EXPECT_GE(MeanSamples(run), 1000);
-  EXPECT_LE(MeanSamples(run), 1130);
+  EXPECT_LE(MeanSamples(run) / BoundOverError(run), 1070);
+  EXPECT_LE(BoundOverError(run), 1 + 3.2 * kEstimateDeviation);
   EXPECT_LE(run.round_count, 5);
 }
 
@@ -104,6 +108,10 @@ TEST(SampleRoundsTest, FirstRoundForetellsTheEnd) {
   EXPECT_NEAR(expected / MeanSamples(course), 1, 0.05);
   EXPECT_EQ(static_cast<double>(course.records.back().sample_count_expected) / pixel_count,
             MeanSamples(course));
+  // And the second look does where they fall by a rate of their own.
+  const Course slower = RunToTheEnd(Target(1e-3), std::vector<double>(1000, 1.0));
+  const double second = static_cast<double>(slower.records[1].sample_count_expected) / pixel_count;
+  EXPECT_NEAR(second / MeanSamples(slower), 1, 0.05);
 }
 
 // At a first look the bound may be far above the estimate for what a few pixels may be. With more
@@ -143,10 +151,9 @@ TEST(SampleRoundsTest, SamplesGoWhereTheyHelpMost) {
   }
   constexpr double kTarget = 0.002;
   const Course run = RunToTheEnd(Target(kTarget), ks);
-  const double error = run.last.relative_mse;
-  const double least = std::pow((4.0 + 1.0) / 2, 2) / error;
-  const double evenly = (16.0 + 1.0) / 2 / error;
-  EXPECT_NEAR(MeanSamples(run) / least, 1, 0.02);
+  const double least = std::pow((4.0 + 1.0) / 2, 2) / kTarget;
+  const double evenly = (16.0 + 1.0) / 2 / kTarget;
+  EXPECT_NEAR(MeanSamples(run) / BoundOverError(run) / least, 1.05, 0.05);
   EXPECT_LT(MeanSamples(run), evenly / 1.2);
   EXPECT_NEAR(static_cast<double>(run.samples[0]) / static_cast<double>(run.samples[1]), 4, 0.3);
 }

@@ -12,11 +12,11 @@ lamp a pixel's share of it may be one in a thousand, and a reference that has mi
 pictures for wrong. Then each target with several seeds, and compares: the true error is the relMSE
 against the reference less what the reference itself is still wrong by, of which one sequence knows
 no more than an upper estimate, some hundredths of the smallest target. Prints, for each scene and
-target, the share of runs that reached it, and the overshoot: how many more samples were spent than
-an error of exactly the target takes, (target / true error)^(1 / b) - 1 with the rate b at which the
-errors of the scene's runs fall, where the first round was not already enough (no picture has fewer
-samples than that). With --check, exits with 1 where fewer than 95 % of all runs reach their target,
-or the median overshoot is above 25 %.
+target, the share of runs that reached it, and the overshoot: how much more was spent than an error
+of exactly the target takes, target / true error - 1 (where errors fall faster than 1 / samples it
+was less), where the first round was not already enough (no picture has fewer samples than that).
+With --check, exits with 1 where fewer than 95 % of all runs reach their target, or the median
+overshoot is above 25 %.
 """
 import argparse
 import json
@@ -108,17 +108,6 @@ def make_reference(scene, options, folder, count):
     return path, left
 
 
-def fit_rate(samples, errors):
-    """b of errors that fall as 1 / samples^b; 1 where they are all of as many samples."""
-    x = [math.log(s) for s in samples]
-    y = [math.log(e) for e in errors]
-    middle = statistics.mean(x)
-    spread = sum((a - middle) ** 2 for a in x)
-    if spread < 0.1:
-        return 1
-    return max(1, -sum((a - middle) * b for a, b in zip(x, y)) / spread)
-
-
 def measure(scene, options, folder):
     """Rows (target, true error, overshoot or None)."""
     targets = sorted((float(t) for t in options.targets.split(",")), reverse=True)
@@ -130,13 +119,11 @@ def measure(scene, options, folder):
             frame = render(scene, options.crop, target, seed, image)
             runs.append((target, relative_mse(reference, image) - left,
                          frame["rounds"][-1]["sample_count"] / pixels, len(frame["rounds"])))
-    rate = fit_rate([run[2] for run in runs], [run[1] for run in runs])
-    print(f"  errors fall as 1 / samples^{rate:.2f}")
     rows = []
     for target in targets:
         of_target = [run for run in runs if run[0] == target]
         errors = [run[1] for run in of_target]
-        over = [(target / run[1]) ** (1 / rate) - 1 if run[3] > 1 else None for run in of_target]
+        over = [target / run[1] - 1 if run[3] > 1 else None for run in of_target]
         rows += zip([target] * len(over), errors, over)
         counted = [o for o in over if o is not None]
         print(f"  target {target:<6g} true {min(errors):.5f} to {max(errors):.5f}, "

@@ -14,7 +14,6 @@
 #include <OpenImageIO/imagecache.h>
 
 #include "absl/strings/str_cat.h"
-#include "common/base/check.h"
 #include "common/image/openimageio/read_image.h"
 #include "common/math/elementary.h"
 
