@@ -90,6 +90,12 @@ class RefineCommand : public FarmCommand {
     request.set_name(job->name());
     if (arguments_.stop.target_error > 0) {
       request.add_target_errors(arguments_.stop.target_error);
+    } else if (job->state() == v1::Job::STATE_SUCCEEDED && job->progress().relative_mse() == 0) {
+      return ReportError(ExitCode::kUsage,
+                         absl::FailedPreconditionError(absl::StrCat(
+                             job->name(),
+                             ": no error is known of its pictures, so there are no shares of it to "
+                             "price; say which one they shall have: --target-error")));
     } else {
       for (const double share : kPricedShares) {
         request.add_target_errors(share * job->progress().relative_mse());

@@ -5,6 +5,7 @@
 #pragma once
 
 #include <cstdint>
+#include <deque>
 #include <string>
 #include <vector>
 
@@ -117,6 +118,13 @@ struct FailureRecord {
   FailureKind kind = FailureKind::kInternal;
   std::string message;
   absl::Time time;
+  friend bool operator==(const FailureRecord&, const FailureRecord&) = default;
+};
+
+// A job's failures that cost something: the last ones, oldest first, and how many there were.
+struct FailureLog {
+  std::deque<FailureRecord> last;
+  int64_t count = 0;
 };
 
 struct LeaseReport {

@@ -88,9 +88,7 @@ struct JobRecord {
   absl::Time paused_time = absl::InfiniteFuture();  // Since when; InfiniteFuture: it goes on.
   int32_t delivered_count = 0;
 
-  // Those that cost something, the last ones of this start, oldest first; and how many there were.
-  std::deque<FailureRecord> failures_kept;
-  int64_t failure_count = 0;
+  FailureLog failures;
 
   bool Paused() const { return paused_time != absl::InfiniteFuture(); }
 };
@@ -108,6 +106,7 @@ class Scheduler {
   // Puts back what was durable, after AddJob at a start. Restore* of one frame come before any
   // lease.
   void RestoreEnded(uint64_t job_id, JobPhase phase, const std::string& failure);
+  void RestoreFailures(uint64_t job_id, FailureLog failures);
   // sample_count: pixel samples of the whole frame.
   void RestoreDelivered(const FrameId& id, const ResultCost& cost, uint64_t sample_count);
   // Gives each tile at least so many samples: what the frame's last round gives, or what it goes on
@@ -166,6 +165,8 @@ class Scheduler {
 
   // Jobs that the scheduler itself ended since the last call, to be written down by the owner.
   std::vector<uint64_t> TakeEndedJobs();
+  // Jobs with failures that came since the last call; likewise.
+  std::set<uint64_t> TakeFailureJobs();
   // Why a live job makes no progress; empty where it does or may, or is paused.
   std::string WaitingReason(const JobRecord& job) const;
 
@@ -238,6 +239,7 @@ class Scheduler {
   int64_t open_pixels_ = 0;
   int live_job_count_ = 0;
   std::vector<uint64_t> ended_jobs_;
+  std::set<uint64_t> failure_jobs_;
 };
 
 }  // namespace sheaf::coordinator

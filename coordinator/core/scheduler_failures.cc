@@ -3,6 +3,7 @@
 //
 // The part of Scheduler that deals with leases that come to nothing.
 #include <algorithm>
+#include <utility>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
@@ -91,13 +92,19 @@ void Scheduler::Fail(const LeaseFailure& failure, const std::string& worker_id, 
 void Scheduler::KeepFailure(const Lease& lease, const LeaseFailure& failure, absl::Time now) {
   if (failure.kind == FailureKind::kReleased) return;
   JobRecord& job = jobs_.at(lease.frame.job_id);
-  ++job.failure_count;
-  job.failures_kept.push_back({lease.frame.frame_number, lease.tile_rect, lease.task.block,
-                               lease.worker_id, failure.kind, failure.message, now});
-  if (job.failures_kept.size() > static_cast<size_t>(limits_.failures_kept_max)) {
-    job.failures_kept.pop_front();
-  }
+  FailureLog& log = job.failures;
+  ++log.count;
+  log.last.push_back({lease.frame.frame_number, lease.tile_rect, lease.task.block, lease.worker_id,
+                      failure.kind, failure.message, now});
+  if (log.last.size() > static_cast<size_t>(limits_.failures_kept_max)) log.last.pop_front();
+  failure_jobs_.insert(lease.frame.job_id);
 }
+
+void Scheduler::RestoreFailures(uint64_t job_id, FailureLog failures) {
+  jobs_.at(job_id).failures = std::move(failures);
+}
+
+std::set<uint64_t> Scheduler::TakeFailureJobs() { return std::exchange(failure_jobs_, {}); }
 
 absl::Duration Scheduler::RetryDelay(int failure_count) const {
   absl::Duration delay = limits_.retry_delay_initial;

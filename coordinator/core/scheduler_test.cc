@@ -352,21 +352,23 @@ TEST_F(SchedulerTest, TheLastFailuresOfAJobAreKept) {
   const Lease lease = Sync("a", 1)[0];
   Fail(lease, FailureKind::kInfrastructure, "disk");
   Sync("a", 0);
-  ASSERT_EQ(Job(job).failure_count, 1) << "what is handed back is no failure";
-  const FailureRecord& kept = Job(job).failures_kept.back();
+  ASSERT_EQ(Job(job).failures.count, 1) << "what is handed back is no failure";
+  const FailureRecord& kept = Job(job).failures.last.back();
   EXPECT_EQ(kept.frame_number, 1);
   EXPECT_EQ(kept.tile, lease.tile_rect);
   EXPECT_EQ(kept.block, lease.task.block);
   EXPECT_EQ(kept.worker_id, "a");
   EXPECT_EQ(kept.message, "disk");
+  EXPECT_EQ(scheduler_.TakeFailureJobs(), std::set<uint64_t>{job});
+  EXPECT_TRUE(scheduler_.TakeFailureJobs().empty());
   while (Job(job).phase == JobPhase::kLive) {
     now_ += absl::Seconds(20);
     const std::vector<Lease> held = Sync("a", 4);
     for (const Lease& one : held) Fail(one, FailureKind::kInfrastructure, "disk again");
   }
-  EXPECT_EQ(Job(job).failures_kept.size(), static_cast<size_t>(limits_.failures_kept_max));
-  EXPECT_GT(Job(job).failure_count, limits_.failures_kept_max);
-  EXPECT_EQ(Job(job).failures_kept.front().message, "disk again");
+  EXPECT_EQ(Job(job).failures.last.size(), static_cast<size_t>(limits_.failures_kept_max));
+  EXPECT_GT(Job(job).failures.count, limits_.failures_kept_max);
+  EXPECT_EQ(Job(job).failures.last.front().message, "disk again");
 }
 
 TEST_F(SchedulerTest, MemoryFailureLeavesTheFrameToOthers) {

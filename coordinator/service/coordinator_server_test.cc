@@ -127,6 +127,37 @@ TEST_F(CoordinatorServerTest, FailuresNameTheSceneAndHowToRepeatThem) {
   EXPECT_TRUE(absl::IsNotFound(server_->farm().ListFailures("x").status()));
 }
 
+TEST_F(CoordinatorServerTest, FailuresSurviveRestartsAndRefinements) {
+  Start();
+  const std::string name = Create(Request(64)).name();
+  const std::string id = name.substr(std::string("jobs/").size());
+  SyntheticWorker worker = MakeWorker("w");
+  ASSERT_TRUE(worker.Synchronize(1).ok());
+  worker.ReportFailure(worker.leases().at(0).lease_id(), v1::LeaseFailure::KIND_INFRASTRUCTURE,
+                       "no disk");
+  ASSERT_TRUE(worker.Synchronize(0).ok());
+  const std::string command = server_->farm().ListFailures(id)->at(0).command;
+  const auto expect_kept = [&] {
+    const auto failures = server_->farm().ListFailures(id);
+    ASSERT_TRUE(failures.ok());
+    ASSERT_EQ(failures->size(), 1u);
+    EXPECT_EQ(failures->at(0).failure.message, "no disk");
+    EXPECT_EQ(failures->at(0).failure.worker_id, "w");
+    EXPECT_EQ(failures->at(0).command, command);
+    const absl::StatusOr<JobView> job = server_->farm().FindJob(id);
+    ASSERT_TRUE(job.ok());
+    EXPECT_EQ(job->failure_count, 1);
+  };
+  Start();
+  expect_kept();
+  ASSERT_TRUE(MakeWorker("v").RenderAll().ok());
+  ASSERT_EQ(Watch(name).state(), v1::Job::STATE_SUCCEEDED);
+  v1::RefineJobRequest refine;
+  refine.set_sample_count(128);
+  Control(&v1::JobService::Stub::RefineJob, name, refine);
+  expect_kept();
+}
+
 TEST_F(CoordinatorServerTest, WhoeverSeesAJobEndedSeesWhen) {
   Start();
   v1::CreateJobRequest request = Request(64);

@@ -53,6 +53,7 @@ Farm::~Farm() {
   }
   background_wake_.notify_all();
   if (background_.joinable()) background_.join();
+  SaveFailures();
 }
 
 namespace {
@@ -98,6 +99,7 @@ absl::Status Farm::Load() {
 absl::Status Farm::RestoreJob(const StoredJob& job, const JobStore::LoadedParts* parts,
                               const ResumedCounts& resumed) {
   scheduler_.AddJob(job.spec);
+  scheduler_.RestoreFailures(job.spec.job_id, job.failures);
   JobAccount& account = accounts_[job.spec.job_id];
   for (const StoredFrame& frame : job.delivered) {
     account.delivered[frame.frame_number] = frame.delivered;
@@ -271,6 +273,7 @@ void Farm::SettleEndedJobs() {
     absl::Time time;
   };
   const std::lock_guard settling(settle_mutex_);
+  SaveFailures();  // Who sees that a job has failed finds out why.
   std::vector<Ended> ended;
   {
     const std::lock_guard lock(mutex_);
@@ -305,6 +308,26 @@ void Farm::SettleEndedJobs() {
     EraseOpenFrames(job.job_id);
   }
   if (!ended.empty()) Changed();
+}
+
+// Writes down failures that are new. What the disk refuses is tried again with the next ones.
+void Farm::SaveFailures() {
+  std::map<uint64_t, FailureLog> logs;
+  {
+    const std::lock_guard lock(mutex_);
+    unsaved_failures_.merge(scheduler_.TakeFailureJobs());
+    for (const uint64_t id : std::exchange(unsaved_failures_, {})) {
+      const auto job = scheduler_.jobs().find(id);
+      if (job != scheduler_.jobs().end()) logs[id] = job->second.failures;
+    }
+  }
+  for (const auto& [id, log] : logs) {
+    const absl::Status status = store_->WriteFailures(id, log);
+    NoteDisk(status);
+    if (status.ok()) continue;
+    const std::lock_guard lock(mutex_);
+    unsaved_failures_.insert(id);
+  }
 }
 
 void Farm::EraseOpenFrames(uint64_t job_id) {

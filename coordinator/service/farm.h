@@ -207,6 +207,7 @@ class Farm : public FarmView {
   void NoteDisk(const absl::Status& status);
   void NoteEndedJobs();
   void SettleEndedJobs();
+  void SaveFailures();
   void EraseOpenFrames(uint64_t job_id);
   std::shared_ptr<OpenFrame> OpenFrameOf(const FrameId& id);
 
@@ -325,6 +326,7 @@ class Farm : public FarmView {
   std::map<FrameId, std::shared_ptr<OpenFrame>> open_frames_;
   std::deque<FrameId> to_deliver_;
   std::vector<uint64_t> unsettled_jobs_;  // Ended, but not yet written down.
+  std::set<uint64_t> unsaved_failures_;   // Jobs with failures that are not yet written down.
   absl::Status disk_status_;              // Of the last write.
 
   // One at a time writes down the end of jobs, so that who comes second waits until it is durable;

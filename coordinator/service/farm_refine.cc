@@ -100,6 +100,7 @@ absl::Status Farm::RefineJob(uint64_t job_id, const Refinement& refinement) {
     if (IsBeingRefined(**found, refinement)) return absl::OkStatus();
     if (absl::Status s = CheckRefinement(**found, refinement); !s.ok()) return s;
     job.spec = (*found)->spec;
+    job.failures = (*found)->failures;
     for (const FrameRecord& frame : (*found)->frames) job.spec.frames.push_back(frame.spec);
     job.create_time = accounts_.at(job_id).create_time;
   }

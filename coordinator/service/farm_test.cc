@@ -43,6 +43,9 @@ class GatedJobStore : public JobStore {
     PassTheGate();
     return store_->EndJob(job_id, phase, failure, end_time);
   }
+  absl::Status WriteFailures(uint64_t job_id, const FailureLog& failures) override {
+    return store_->WriteFailures(job_id, failures);
+  }
   absl::Status SetPaused(uint64_t job_id, bool paused) override {
     return store_->SetPaused(job_id, paused);
   }

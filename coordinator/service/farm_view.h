@@ -99,7 +99,7 @@ struct JobView {
   Partition partition;
   std::string failure;         // Why it failed; empty otherwise.
   std::string waiting_reason;  // Why nothing happens; empty otherwise.
-  int64_t failure_count = 0;   // Leases that came to nothing since the coordinator's start.
+  int64_t failure_count = 0;   // Leases that came to nothing.
   absl::Time create_time;
   absl::Time end_time = absl::InfiniteFuture();  // InfiniteFuture until it has ended.
   int32_t frame_count = 0;
@@ -191,7 +191,7 @@ class FarmView {
   virtual std::vector<JobView> ListJobs() const = 0;
   // With its frames. Errors: kNotFound.
   virtual absl::StatusOr<JobView> FindJob(const std::string& job_id) const = 0;
-  // The last failures of a job since the coordinator's start, newest first. Errors: kNotFound.
+  // The last failures of a job, newest first. Errors: kNotFound.
   virtual absl::StatusOr<std::vector<FailureView>> ListFailures(
       const std::string& job_id) const = 0;
   // What it costs to refine a job until its frames are at each of these errors. Takes up to some

@@ -130,7 +130,7 @@ JobView Farm::ViewOf(const JobRecord& job, bool with_frames, absl::Time now) con
   view.waiting_reason = scheduler_.WaitingReason(job);
   view.create_time = account.create_time;
   view.end_time = account.end_time;
-  view.failure_count = job.failure_count;
+  view.failure_count = job.failures.count;
   view.frame_count = static_cast<int32_t>(job.frames.size());
   view.frame_complete_count = job.delivered_count;
   if (with_frames) view.effect_costs = job.spec.effect_costs;

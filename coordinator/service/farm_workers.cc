@@ -79,7 +79,7 @@ absl::StatusOr<std::vector<FailureView>> Farm::ListFailures(const std::string& j
     const std::lock_guard lock(mutex_);
     const absl::StatusOr<const JobRecord*> job = FindRecord(is_number ? id : 0);
     if (!job.ok()) return job.status();
-    for (const FailureRecord& failure : (*job)->failures_kept) {
+    for (const FailureRecord& failure : (*job)->failures.last) {
       const FrameSpec& spec = scheduler_.FindFrame({id, failure.frame_number})->spec;
       found.push_back({failure, spec.settings, spec.scene.sha256_hex});
     }

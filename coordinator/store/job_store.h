@@ -42,7 +42,7 @@ struct DeliveredFrame {
   StopReason stop_reason = StopReason::kSamples;
   uint64_t sample_count = 0;  // Pixel samples.
   uint32_t tile_count = 0;
-  uint32_t unreliable_tile_count = 0;  // Of those, with errors that are not to be trusted.
+  uint32_t unreliable_tile_count = 0;         // Of those, with errors that are not to be trusted.
   std::vector<LayerCount> unreliable_layers;  // What makes them so (rare_layers.h).
   absl::Duration wall_duration;
   ResultCost cost;  // Sums over its parts.
@@ -64,6 +64,7 @@ struct StoredJob {
   JobPhase phase = JobPhase::kLive;
   bool paused = false;  // Of live jobs.
   std::string failure;
+  FailureLog failures;
   absl::Time create_time;
   absl::Time end_time = absl::InfiniteFuture();
   std::vector<StoredFrame> delivered;  // Ascending by number.
@@ -96,6 +97,8 @@ class JobStore {
   virtual absl::StatusOr<std::optional<uint64_t>> FindRequest(const std::string& request_id) = 0;
   virtual absl::Status EndJob(uint64_t job_id, JobPhase phase, const std::string& failure,
                               absl::Time end_time) = 0;
+  // Replaces what is stored of the job's failures.
+  virtual absl::Status WriteFailures(uint64_t job_id, const FailureLog& failures) = 0;
   // Ending a job ends its pause too.
   virtual absl::Status SetPaused(uint64_t job_id, bool paused) = 0;
   virtual absl::Status SetPriority(uint64_t job_id, int32_t priority) = 0;

@@ -181,7 +181,8 @@ absl::StatusOr<std::vector<StoredJob>> SqliteJobStore::LoadJobs() {
   SqliteStatement query = database_->Prepare(
       "SELECT job_id, request_id, title, priority, numeric_profile, tile_size_px, "
       "pass_sample_count, "
-      "lease_pass_count, phase, failure, create_ns, end_ns, paused FROM jobs ORDER BY job_id");
+      "lease_pass_count, phase, failure, create_ns, end_ns, paused, failure_count FROM jobs "
+      "ORDER BY job_id");
   while (true) {
     const absl::StatusOr<bool> row = query.Step();
     if (!row.ok()) return row.status();
@@ -200,12 +201,14 @@ absl::StatusOr<std::vector<StoredJob>> SqliteJobStore::LoadJobs() {
     job.create_time = FromNanoseconds(query.Int64(10));
     job.end_time = FromNanoseconds(query.Int64(11));
     job.paused = query.Int64(12) != 0;
+    job.failures.count = query.Int64(13);
     jobs.push_back(std::move(job));
   }
   for (StoredJob& job : jobs) {
     if (absl::Status status = LoadFrames(&job); !status.ok()) return status;
   }
   if (absl::Status status = LoadEffects(&jobs); !status.ok()) return status;
+  if (absl::Status status = LoadFailures(&jobs); !status.ok()) return status;
   return jobs;
 }
 

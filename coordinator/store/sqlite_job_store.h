@@ -42,6 +42,7 @@ class SqliteJobStore : public JobStore {
   absl::StatusOr<std::optional<uint64_t>> FindRequest(const std::string& request_id) override;
   absl::Status EndJob(uint64_t job_id, JobPhase phase, const std::string& failure,
                       absl::Time end_time) override;
+  absl::Status WriteFailures(uint64_t job_id, const FailureLog& failures) override;
   absl::Status SetPaused(uint64_t job_id, bool paused) override;
   absl::Status SetPriority(uint64_t job_id, int32_t priority) override;
   absl::Status WritePart(const PartRow& row, const std::string& bytes) override;
@@ -81,9 +82,10 @@ class SqliteJobStore : public JobStore {
   absl::Status InsertRow(const PartRow& row);
   std::string FrameDirectory(const FrameId& frame) const;
   absl::Status LoadFrames(StoredJob* job);
-  // Both require that database_mutex_ is held.
+  // All three require that database_mutex_ is held.
   absl::Status InsertEffects(uint64_t job_id, const std::vector<EffectCost>& effects);
   absl::Status LoadEffects(std::vector<StoredJob>* jobs);
+  absl::Status LoadFailures(std::vector<StoredJob>* jobs);
   // Runs `body` as one transaction. Requires: database_mutex_ is held.
   absl::Status InTransaction(const std::function<absl::Status()>& body);
   absl::Status InsertRound(const FrameId& frame, const RoundRecord& round);

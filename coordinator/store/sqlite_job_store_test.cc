@@ -87,6 +87,24 @@ class SqliteJobStoreTest : public testing::Test {
   std::unique_ptr<SqliteJobStore> store_;
 };
 
+TEST_F(SqliteJobStoreTest, FailuresSurviveAReopen) {
+  const uint64_t other = CreateJob("other"), job = CreateJob();
+  const FailureRecord first{7,  {0, 16, 16, 32},       {16, 32}, "w", FailureKind::kLost,
+                            "", absl::FromUnixNanos(9)};
+  FailureRecord second = first;
+  second.message = "the 'second'";
+  ASSERT_TRUE(store_->WriteFailures(job, {{first}, 1}).ok());
+  ASSERT_TRUE(store_->WriteFailures(job, {{second, first}, 40}).ok());
+  Reopen();
+  const auto jobs = store_->LoadJobs();
+  ASSERT_TRUE(jobs.ok()) << jobs.status();
+  ASSERT_EQ(jobs->at(0).spec.job_id, other);
+  EXPECT_EQ(jobs->at(0).failures.count, 0);
+  EXPECT_TRUE(jobs->at(0).failures.last.empty());
+  EXPECT_EQ(jobs->at(1).failures.count, 40);
+  EXPECT_EQ(jobs->at(1).failures.last, (std::deque<FailureRecord>{second, first}));
+}
+
 TEST_F(SqliteJobStoreTest, JobsSurviveAReopen) {
   const uint64_t job = CreateJob();
   ASSERT_TRUE(store_
@@ -339,6 +357,8 @@ TEST_F(SqliteJobStoreTest, EarlierSchemaIsBroughtUpToDate) {
                             "ALTER TABLE frames DROP COLUMN stop_reason;"
                             "DROP TABLE rounds;"
                             "DROP TABLE effects;"
+                            "DROP TABLE failures;"
+                            "ALTER TABLE jobs DROP COLUMN failure_count;"
                             "ALTER TABLE jobs DROP COLUMN paused;"
                             "ALTER TABLE frames DROP COLUMN flip;"
                             "ALTER TABLE frames DROP COLUMN unreliable_layers;"

@@ -9,7 +9,7 @@
 namespace sheaf::coordinator {
 namespace {
 
-constexpr int64_t kSchemaVersion = 11;
+constexpr int64_t kSchemaVersion = 12;
 
 constexpr char kSchema[] = R"sql(
 CREATE TABLE meta(key TEXT PRIMARY KEY, value INTEGER NOT NULL) WITHOUT ROWID;
@@ -95,6 +95,14 @@ CREATE TABLE effects(
 constexpr char kAddedBy11[] = R"sql(
 ALTER TABLE frames ADD COLUMN unreliable_layers TEXT NOT NULL DEFAULT '';
 )sql";
+constexpr char kAddedBy12[] = R"sql(
+ALTER TABLE jobs ADD COLUMN failure_count INTEGER NOT NULL DEFAULT 0;
+CREATE TABLE failures(
+  job_id INTEGER NOT NULL, position INTEGER NOT NULL, frame_number INTEGER NOT NULL,
+  x0 INTEGER NOT NULL, y0 INTEGER NOT NULL, x1 INTEGER NOT NULL, y1 INTEGER NOT NULL,
+  first INTEGER NOT NULL, count INTEGER NOT NULL, worker_id TEXT NOT NULL, kind INTEGER NOT NULL,
+  message TEXT NOT NULL, time_ns INTEGER NOT NULL, PRIMARY KEY(job_id, position)) WITHOUT ROWID;
+)sql";
 
 }  // namespace
 
@@ -113,8 +121,8 @@ absl::Status MigrateSchema(SqliteDatabase* database, const std::string& path) {
   }
   if (version == kSchemaVersion) return absl::OkStatus();
   std::string statements = absl::StrCat("BEGIN;", version == 0 ? kSchema : "");
-  const char* const added[] = {kAddedBy2, kAddedBy3, kAddedBy4, kAddedBy5,  kAddedBy6,
-                               kAddedBy7, kAddedBy8, kAddedBy9, kAddedBy10, kAddedBy11};
+  const char* const added[] = {kAddedBy2, kAddedBy3, kAddedBy4,  kAddedBy5,  kAddedBy6, kAddedBy7,
+                               kAddedBy8, kAddedBy9, kAddedBy10, kAddedBy11, kAddedBy12};
   int64_t adds = 2;
   for (const char* of_version : added) {
     if (version < adds++) statements += of_version;

@@ -29,7 +29,7 @@ export interface Job {
   priority: number;
   failure: string;
   waiting_reason: string;
-  // Leases that came to nothing since the coordinator's start.
+  // Leases that came to nothing.
   failure_count: number;
   create_time: string;
   end_time: string|null;

@@ -94,6 +94,14 @@ class RefinePriceTest(unittest.TestCase):
         self.assertEqual([price["cpu_seconds"] for price in by_http["prices"]],
                          [price["cpu_seconds"] for price in priced["prices"]])
 
+    def test_where_no_error_is_known_one_must_be_said(self):
+        job = self.rendered("--samples", 1)
+        done = self.farm.sheaf("refine", job, "--price", check=False)
+        self.assertNotEqual(done.returncode, 0)
+        self.assertIn("--target-error", done.stderr)
+        [price] = self.price(job, "--target-error", 0.05)["prices"]
+        self.assertEqual(price["target_error"], 0.05)
+
     def test_http_refines_and_says_why_not(self):
         job = self.rendered("--samples", 16)
         name = job.split("/")[1]
