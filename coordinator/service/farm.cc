@@ -310,7 +310,8 @@ void Farm::SettleEndedJobs() {
   if (!ended.empty()) Changed();
 }
 
-// Writes down failures that are new. What the disk refuses is tried again with the next ones.
+// Writes down failures that are new. What the disk refuses is tried again. Requires: settle_mutex_
+// is held, or all other threads have ended.
 void Farm::SaveFailures() {
   std::map<uint64_t, FailureLog> logs;
   {

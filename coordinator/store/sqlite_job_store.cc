@@ -8,6 +8,7 @@
 
 #include <cerrno>
 #include <filesystem>
+#include <map>
 #include <set>
 #include <system_error>
 #include <utility>
@@ -210,6 +211,20 @@ absl::StatusOr<std::vector<StoredJob>> SqliteJobStore::LoadJobs() {
   if (absl::Status status = LoadEffects(&jobs); !status.ok()) return status;
   if (absl::Status status = LoadFailures(&jobs); !status.ok()) return status;
   return jobs;
+}
+
+absl::Status SqliteJobStore::ReadRowsOfJobs(
+    SqliteStatement query, std::vector<StoredJob>* jobs,
+    const std::function<void(SqliteStatement*, StoredJob*)>& read) {
+  std::map<uint64_t, StoredJob*> by_id;
+  for (StoredJob& job : *jobs) by_id[job.spec.job_id] = &job;
+  while (true) {
+    const absl::StatusOr<bool> row = query.Step();
+    if (!row.ok()) return row.status();
+    if (!*row) return absl::OkStatus();
+    const auto job = by_id.find(static_cast<uint64_t>(query.Int64(0)));
+    if (job != by_id.end()) read(&query, job->second);
+  }
 }
 
 absl::StatusOr<JobStore::LoadedParts> SqliteJobStore::LoadParts(uint64_t job_id) {

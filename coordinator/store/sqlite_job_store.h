@@ -82,6 +82,10 @@ class SqliteJobStore : public JobStore {
   absl::Status InsertRow(const PartRow& row);
   std::string FrameDirectory(const FrameId& frame) const;
   absl::Status LoadFrames(StoredJob* job);
+  // Reads each row of the query into the job whose id is its first column; those of no job are left
+  // out.
+  static absl::Status ReadRowsOfJobs(SqliteStatement query, std::vector<StoredJob>* jobs,
+                                     const std::function<void(SqliteStatement*, StoredJob*)>& read);
   // All three require that database_mutex_ is held.
   absl::Status InsertEffects(uint64_t job_id, const std::vector<EffectCost>& effects);
   absl::Status LoadEffects(std::vector<StoredJob>* jobs);

@@ -2,8 +2,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // The part of SqliteJobStore that keeps what the effects of scenes cost.
-#include <map>
-
 #include "coordinator/store/sqlite_job_store.h"
 
 namespace sheaf::coordinator {
@@ -34,21 +32,15 @@ absl::Status SqliteJobStore::InsertEffects(uint64_t job_id,
 }
 
 absl::Status SqliteJobStore::LoadEffects(std::vector<StoredJob>* jobs) {
-  std::map<uint64_t, StoredJob*> by_id;
-  for (StoredJob& job : *jobs) by_id[job.spec.job_id] = &job;
-  SqliteStatement query = database_->Prepare(
-      "SELECT job_id, name, problem, without, time_share, time_share_error, mean_change, "
-      "mean_change_error, relative_mse, variance_ratio FROM effects ORDER BY job_id, position");
-  while (true) {
-    const absl::StatusOr<bool> row = query.Step();
-    if (!row.ok()) return row.status();
-    if (!*row) return absl::OkStatus();
-    const auto job = by_id.find(static_cast<uint64_t>(query.Int64(0)));
-    if (job == by_id.end()) continue;
-    job->second->spec.effect_costs.push_back({query.Text(1), query.Text(2), query.Text(3),
-                                              query.Double(4), query.Double(5), query.Double(6),
-                                              query.Double(7), query.Double(8), query.Double(9)});
-  }
+  return ReadRowsOfJobs(
+      database_->Prepare(
+          "SELECT job_id, name, problem, without, time_share, time_share_error, mean_change, "
+          "mean_change_error, relative_mse, variance_ratio FROM effects ORDER BY job_id, position"),
+      jobs, [](SqliteStatement* row, StoredJob* job) {
+        job->spec.effect_costs.push_back({row->Text(1), row->Text(2), row->Text(3), row->Double(4),
+                                          row->Double(5), row->Double(6), row->Double(7),
+                                          row->Double(8), row->Double(9)});
+      });
 }
 
 }  // namespace sheaf::coordinator

@@ -2,8 +2,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // The part of SqliteJobStore that keeps the leases that came to nothing, for people to look at.
-#include <map>
-
 #include "coordinator/store/sqlite_job_store.h"
 #include "coordinator/store/stored_times.h"
 
@@ -45,27 +43,21 @@ absl::Status SqliteJobStore::WriteFailures(uint64_t job_id, const FailureLog& fa
 }
 
 absl::Status SqliteJobStore::LoadFailures(std::vector<StoredJob>* jobs) {
-  std::map<uint64_t, StoredJob*> by_id;
-  for (StoredJob& job : *jobs) by_id[job.spec.job_id] = &job;
-  SqliteStatement query = database_->Prepare(
-      "SELECT job_id, frame_number, x0, y0, x1, y1, first, count, worker_id, kind, message, "
-      "time_ns FROM failures ORDER BY job_id, position");
-  while (true) {
-    const absl::StatusOr<bool> row = query.Step();
-    if (!row.ok()) return row.status();
-    if (!*row) return absl::OkStatus();
-    const auto job = by_id.find(static_cast<uint64_t>(query.Int64(0)));
-    if (job == by_id.end()) continue;
-    const auto number = [&](int column) { return static_cast<int32_t>(query.Int64(column)); };
-    const auto index = [&](int column) { return static_cast<uint64_t>(query.Int64(column)); };
-    job->second->failures.last.push_back({number(1),
-                                          {number(2), number(3), number(4), number(5)},
-                                          {index(6), index(7)},
-                                          query.Text(8),
-                                          static_cast<FailureKind>(number(9)),
-                                          query.Text(10),
-                                          FromNanoseconds(query.Int64(11))});
-  }
+  return ReadRowsOfJobs(
+      database_->Prepare(
+          "SELECT job_id, frame_number, x0, y0, x1, y1, first, count, worker_id, kind, message, "
+          "time_ns FROM failures ORDER BY job_id, position"),
+      jobs, [](SqliteStatement* row, StoredJob* job) {
+        const auto number = [&](int column) { return static_cast<int32_t>(row->Int64(column)); };
+        const auto index = [&](int column) { return static_cast<uint64_t>(row->Int64(column)); };
+        job->failures.last.push_back({number(1),
+                                      {number(2), number(3), number(4), number(5)},
+                                      {index(6), index(7)},
+                                      row->Text(8),
+                                      static_cast<FailureKind>(number(9)),
+                                      row->Text(10),
+                                      FromNanoseconds(row->Int64(11))});
+      });
 }
 
 }  // namespace sheaf::coordinator

@@ -16,7 +16,7 @@ Of every scene it renders a reference, to hold errors against, and some pictures
 worker. k comes from their standard errors, c from the CPU time of tiles as small as the smallest
 cells. Prints for each size of cells:
 
-    bound   with k and c of all pictures together: chance in them makes it larger, never smaller
+    bound   with k and c of all pictures together: chance in them makes it larger as a rule
     known   samples shared as one picture alone says, k and c as the others have them: what a
             rule can save that has seen as many samples
     errors  the same, shared by k alone, as costs are clocks' and no two farms have the same
@@ -84,7 +84,7 @@ def render_pictures(scene, options, reference, folder):
     pictures = []
     with farm.Farm() as one:
         one.start_worker(threads=1)
-        for seed in range(1, options.pictures + 1):
+        for seed in range(1, options.pictures + 1):  # The farm numbers its jobs likewise.
             path = os.path.join(folder, f"{seed}.exr")
             one.sheaf("submit", scene, "--wait", "--samples", options.samples, "--tile-size",
                       min(options.cells), "--seed", seed, "-o", path,
