@@ -143,7 +143,7 @@ void AddStopOptions(CLI::App* command, StopArguments* stop) {
   command
       ->add_option("--target-error", stop->target_error,
                    "Stop where the picture's relMSE is no larger than this, with 95 % confidence; "
-                   "samples go to the tiles that need them, at most --samples to a pixel (65536)")
+                   "samples go where they are needed, at most --samples to a pixel (65536)")
       ->check(CheckPositive);
   command->add_option_function<std::string>(
       "--time", [stop](const std::string& text) { stop->seconds = ParseSeconds(text); },
@@ -192,8 +192,15 @@ void AddJobOptions(CLI::App* command, JobArguments* arguments) {
       ->check(CLI::ExistingFile);
   command
       ->add_option("--tile-size", arguments->tile_size_px,
-                   "Edge of a tile; changes no pixel, unless samples go to tiles that need them")
+                   "Edge of a tile; changes no pixel, unless samples go where they are needed")
       ->check(CLI::Range(8, kTileSizePxMax));
+  command
+      ->add_option(
+          "--cell-size", arguments->cell_size_px,
+          "Where samples go where they are needed: edge of the squares of a tile that get "
+          "samples of their own; divides the tile's edge by at most 8 (default: 8 in small "
+          "frames, more in larger ones)")
+      ->check(CLI::Range(1, kTileSizePxMax));
   command
       ->add_option("--pass-samples", arguments->pass_sample_count,
                    "Samples of one pass, a power of two; changes no pixel")

@@ -200,6 +200,7 @@ v1::CreateJobRequest MakeCreateJobRequest(const JobArguments& arguments, const P
                                             : arguments.title);
   request.set_priority(arguments.priority);
   request.mutable_partition()->set_tile_size_px(arguments.tile_size_px);
+  request.mutable_partition()->set_cell_size_px(arguments.cell_size_px);
   request.mutable_partition()->set_pass_sample_count(arguments.pass_sample_count);
   request.mutable_partition()->set_lease_pass_count(arguments.lease_pass_count);
   for (const PreparedFrame& frame : job.frames) {

@@ -42,7 +42,8 @@ struct JobArguments {
   RenderSettings settings;
   StopArguments stop;
   std::string resume_from;   // A delivered EXR that the frame goes on from; empty: none.
-  int32_t tile_size_px = 0;  // 0 in these three: the coordinator's choice.
+  int32_t tile_size_px = 0;  // 0 in these four: the coordinator's choice.
+  int32_t cell_size_px = 0;
   uint64_t pass_sample_count = 0;
   uint64_t lease_pass_count = 0;
 };

@@ -56,9 +56,14 @@ std::vector<PilotFrame> ChooseFrames(size_t frame_count) {
   return frames;
 }
 
-std::vector<PixelRect> TilesOf(const JobArguments& arguments, const FrameSettings& settings) {
-  const int32_t chosen = arguments.tile_size_px;
-  return CutTiles(settings.window, chosen != 0 ? chosen : coordinator::Partition().tile_size_px);
+// As the coordinator will have it.
+coordinator::CellGrid GridOf(const JobArguments& arguments, const FrameSettings& settings) {
+  const int32_t tile_size_px =
+      arguments.tile_size_px != 0 ? arguments.tile_size_px : coordinator::Partition().tile_size_px;
+  const int32_t cell_size_px = arguments.cell_size_px != 0
+                                   ? arguments.cell_size_px
+                                   : coordinator::ChooseCellSize(settings.window, tile_size_px);
+  return {settings.window, tile_size_px, cell_size_px};
 }
 
 absl::StatusOr<PilotPicture> FetchPicture(FarmClient* client, const v1::Frame& frame,
@@ -149,7 +154,7 @@ absl::Status RenderPilot(FarmClient* client, const JobArguments& arguments, cons
   int next = 0;
   for (size_t i = 0; i < frames->size(); ++i) {
     PilotFrame& frame = (*frames)[i];
-    const size_t tile_count = TilesOf(arguments, job.frames[frame.index].settings).size();
+    const size_t tile_count = GridOf(arguments, job.frames[frame.index].settings).tiles().size();
     for (const PilotLevel& level : levels[i]) {
       const v1::Frame& rendered = ended->frames(next++);
       absl::StatusOr<PilotPicture> picture = FetchPicture(client, rendered, level, tile_count);
@@ -164,8 +169,9 @@ absl::Status RenderPilot(FarmClient* client, const JobArguments& arguments, cons
 void FitModels(const JobArguments& arguments, const PreparedJob& job,
                std::vector<PilotFrame>* frames) {
   for (PilotFrame& frame : *frames) {
-    const std::vector<PixelRect> tiles = TilesOf(arguments, job.frames[frame.index].settings);
-    frame.model = coordinator::FitErrorModel(tiles, frame.pictures, job.frames[frame.index].filter);
+    const PreparedFrame& prepared = job.frames[frame.index];
+    frame.model = coordinator::FitErrorModel(GridOf(arguments, prepared.settings), frame.pictures,
+                                             prepared.filter);
   }
 }
 

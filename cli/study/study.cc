@@ -279,7 +279,7 @@ class Study {
     const double until = (1 - kEffectsShare - kPathsShare) * Budget() * 1.1;
     const uint64_t samples_max = 4 * blocks_ * kStudyBlockSamples;
     std::vector<uint64_t> wanted(tiles_.size(), kStudyBlockSamples);
-    std::vector<coordinator::TileRound> before;
+    std::vector<coordinator::CellRound> before;
     for (int round = 0; !wanted.empty() && (round < 2 || Seconds() < until); ++round) {
       const uint64_t most = *std::max_element(wanted.begin(), wanted.end());
       for (uint64_t n = 0; n < most; n += kStudyBlockSamples) {
@@ -289,7 +289,7 @@ class Study {
       std::vector<PixelRect> rects;
       const FramePicture packed = renderer.Pack(&rects);
       const std::vector<ErrorSums> errors = EstimateTileErrors(packed, rects);
-      std::vector<coordinator::TileRound> tiles;
+      std::vector<coordinator::CellRound> tiles;
       for (size_t tile = 0; tile < tiles_.size(); ++tile) {
         const auto count = static_cast<double>(renderer.samples(tile));
         samples += count * pixel_counts_[tile] / static_cast<double>(result_.pixels);

@@ -12,6 +12,7 @@
 #include "common/film/film.h"
 #include "common/film/film_tile.h"
 #include "common/film/pixel_lattice.h"
+#include "common/film/tile_cells.h"
 
 namespace sheaf {
 
@@ -19,7 +20,9 @@ namespace sheaf {
 struct PartHeader {
   std::string frame_digest;  // Hex SHA-256: scene, settings, frame, numeric profile.
   std::string numeric_profile;
-  PixelLattice lattice = {};  // Pixels that it does not have are empty.
+  // Pixels that these do not have are empty.
+  PixelLattice lattice = {};
+  TileCells cells = {};
 };
 
 // A part as a float32 EXR that any viewer opens. Equal parts give equal bytes (of one build).
@@ -29,7 +32,8 @@ struct PartHeader {
 // kind of id that is asked for ids.KIND.NNN.{id,W,lo}: a pixel's list of ids (plus one; 0 is none)
 // with their weights, from NNN = 000. All are sums over the block. Attributes: sheaf:format
 // "film-part 1", sheaf:frameDigest, sheaf:numericProfile, sheaf:blockFirst, sheaf:blockCount
-// (decimal strings); where not all pixels are rendered, sheaf:pixelStridePx; with outputs,
+// (decimal strings); where not all pixels are rendered, sheaf:pixelStridePx, or sheaf:cellSizePx
+// and sheaf:cells (TileCells; decimal strings); with outputs,
 // sheaf:outputs; sheaf:ids.KIND: the ids' names, "NUMBER NAME" a line with C escapes.
 std::string EncodePart(const FilmTile& tile, const PartHeader& header);
 struct DecodedPart {

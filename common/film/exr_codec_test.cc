@@ -154,6 +154,22 @@ TEST(ExrCodecTest, APartOfALatticeHasItsPixelsAndNoOthers) {
   ExpectRefused(EncodePart(tile, {"digest", "profile", {1000}}), "pixel stride");
 }
 
+TEST(ExrCodecTest, APartOfCellsHasTheirPixelsAndNoOthers) {
+  const PartHeader header{"digest", "profile", {}, {4, 0b1001}};
+  FilmTile tile({8, 8, 16, 16}, {0, 16});
+  for (const PixelRect& cell : RectsOf(tile.rect(), header.cells)) {
+    Paste(MakeTestTile(cell, tile.block()), &tile);
+  }
+  const absl::StatusOr<DecodedPart> part = DecodePart(EncodePart(tile, header));
+  ASSERT_TRUE(part.ok()) << part.status();
+  EXPECT_EQ(part->header.cells, header.cells);
+  EXPECT_TRUE(SameBits(part->tile, tile));
+  ExpectRefused(EncodePart(tile, {"digest", "profile"}), "sample counts");
+  ExpectRefused(EncodePart(tile, {"digest", "profile", {}, {4, 0b1011}}), "sample counts");
+  ExpectRefused(EncodePart(tile, {"digest", "profile", {}, {4, 0b10000}}), "cells");
+  ExpectRefused(EncodePart(tile, {"digest", "profile", {}, {-4, 1}}), "cells");
+}
+
 TEST(ExrCodecTest, PartLargerThanTheLimitIsRefused) {
   EXPECT_TRUE(DecodePart(MakePart({0, 1}), 64).ok());
   EXPECT_TRUE(absl::IsInvalidArgument(DecodePart(MakePart({0, 1}), 63).status()));

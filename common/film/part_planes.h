@@ -12,6 +12,7 @@
 #include "absl/strings/str_format.h"
 #include "common/film/film_tile.h"
 #include "common/film/pixel_lattice.h"
+#include "common/film/tile_cells.h"
 
 namespace sheaf {
 
@@ -49,7 +50,7 @@ std::vector<NamedPlane<Float>> PlanesOf(Tile& tile) {
   return planes;
 }
 
-// Why these are no sums of samples of the lattice's pixels; empty where they may be.
-std::string WhyNoSums(FilmTile& tile, const PixelLattice& lattice);
+// Why these are no sums of samples of the pixels that both have; empty where they may be.
+std::string WhyNoSums(FilmTile& tile, const PixelLattice& lattice, const TileCells& cells);
 
 }  // namespace sheaf

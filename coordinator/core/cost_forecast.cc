@@ -16,10 +16,10 @@ namespace {
 // Where chance decides, a frame's rounds are played so many times.
 constexpr uint64_t kPlays = 9;
 
-// The errors of a tile as the model has it at `samples`, without those of rims.
-ErrorSums ErrorAt(const ErrorModel& model, const ForecastTile& tile, uint64_t samples,
+// The errors of a cell as the model has it at `samples`, without those of rims.
+ErrorSums ErrorAt(const ErrorModel& model, const ForecastCell& cell, uint64_t samples,
                   double deviations) {
-  const TileRound& measured = tile.measured;
+  const CellRound& measured = cell.measured;
   const double log_growth =
       std::log(static_cast<double>(samples) / static_cast<double>(measured.samples));
   // Independent: the error where it was measured, and how it falls from there.
@@ -31,28 +31,28 @@ ErrorSums ErrorAt(const ErrorModel& model, const ForecastTile& tile, uint64_t sa
   return error;
 }
 
-std::vector<TileRound> TilesAt(const ErrorModel& model, const std::vector<uint64_t>& samples,
+std::vector<CellRound> CellsAt(const ErrorModel& model, const std::vector<uint64_t>& samples,
                                double deviations, std::mt19937_64* random) {
   std::vector<ErrorSums> errors;
-  for (size_t i = 0; i < model.tiles.size(); ++i) {
-    errors.push_back(ErrorAt(model, model.tiles[i], samples[i], deviations));
+  for (size_t i = 0; i < model.cells.size(); ++i) {
+    errors.push_back(ErrorAt(model, model.cells[i], samples[i], deviations));
   }
-  if (!model.rims.empty()) model.rims.AddVariances(samples, deviations, random, &errors);
-  std::vector<TileRound> tiles;
-  for (size_t i = 0; i < samples.size(); ++i) tiles.push_back({samples[i], errors[i]});
-  return tiles;
+  if (!model.rims.empty()) model.rims.AddErrors(samples, deviations, random, &errors);
+  std::vector<CellRound> cells;
+  for (size_t i = 0; i < samples.size(); ++i) cells.push_back({samples[i], errors[i]});
+  return cells;
 }
 
-Forecast Account(const ErrorModel& model, std::span<const TileRound> tiles) {
+Forecast Account(const ErrorModel& model, std::span<const CellRound> cells) {
   Forecast forecast;
   double pixel_samples = 0;
   ErrorSums sum;
-  for (size_t i = 0; i < tiles.size(); ++i) {
-    const auto samples = static_cast<double>(tiles[i].samples);
-    pixel_samples += static_cast<double>(tiles[i].error.pixel_count) * samples;
-    const auto kept = static_cast<double>(model.tiles[i].samples_kept);
-    forecast.cpu_seconds += model.tiles[i].cpu_seconds_per_sample * std::max(0.0, samples - kept);
-    sum.Add(tiles[i].error);
+  for (size_t i = 0; i < cells.size(); ++i) {
+    const auto samples = static_cast<double>(cells[i].samples);
+    pixel_samples += static_cast<double>(cells[i].error.pixel_count) * samples;
+    const auto kept = static_cast<double>(model.cells[i].samples_kept);
+    forecast.cpu_seconds += model.cells[i].cpu_seconds_per_sample * std::max(0.0, samples - kept);
+    sum.Add(cells[i].error);
   }
   forecast.samples = pixel_samples / static_cast<double>(sum.pixel_count);
   forecast.relative_mse = sum.RelativeMse();
@@ -61,19 +61,19 @@ Forecast Account(const ErrorModel& model, std::span<const TileRound> tiles) {
 
 Forecast PlayRounds(const ErrorModel& model, const StopRule& rule, uint64_t samples_max,
                     ForecastStart start, double deviations, std::mt19937_64* random) {
-  std::vector<TileRound> before = std::move(start.before);
+  std::vector<CellRound> before = std::move(start.before);
   for (int round = start.round;; ++round) {
-    std::vector<TileRound> tiles = TilesAt(model, start.samples, deviations, random);
-    const RoundDecision decision = DecideRound(rule, samples_max, round, tiles, before, {});
+    std::vector<CellRound> cells = CellsAt(model, start.samples, deviations, random);
+    const RoundDecision decision = DecideRound(rule, samples_max, round, cells, before, {});
     if (decision.samples.empty()) {
-      Forecast forecast = Account(model, tiles);
+      Forecast forecast = Account(model, cells);
       forecast.target_error = rule.target_error;
       forecast.reached = decision.reason == StopReason::kTargetError;
       forecast.round_count = round + 1;
       return forecast;
     }
     start.samples = decision.samples;
-    before = std::move(tiles);
+    before = std::move(cells);
   }
 }
 
@@ -90,7 +90,7 @@ Estimate WithBand(double value, double low, double high, double log_deviation) {
 
 Forecast ForecastFrom(const ErrorModel& model, const StopRule& rule, uint64_t samples_max,
                       ForecastStart start, double deviations) {
-  SHEAF_CHECK(!model.tiles.empty() && model.tiles.size() == start.samples.size() &&
+  SHEAF_CHECK(!model.cells.empty() && model.cells.size() == start.samples.size() &&
               rule.target_error > 0);
   if (model.rims.empty()) {
     return PlayRounds(model, rule, samples_max, std::move(start), deviations, nullptr);
@@ -111,12 +111,12 @@ Forecast ForecastTarget(const ErrorModel& model, const StopRule& rule, uint64_t 
                         double deviations) {
   const uint64_t first = std::min(samples_max, rule.first_round_samples);
   return ForecastFrom(model, rule, samples_max,
-                      {0, std::vector<uint64_t>(model.tiles.size(), first), {}}, deviations);
+                      {0, std::vector<uint64_t>(model.cells.size(), first), {}}, deviations);
 }
 
 Forecast ForecastSamples(const ErrorModel& model, uint64_t samples, double deviations) {
-  const std::vector<uint64_t> all(model.tiles.size(), samples);
-  return Account(model, TilesAt(model, all, deviations, nullptr));
+  const std::vector<uint64_t> all(model.cells.size(), samples);
+  return Account(model, CellsAt(model, all, deviations, nullptr));
 }
 
 }  // namespace sheaf::coordinator

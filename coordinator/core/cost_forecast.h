@@ -2,13 +2,13 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // CostForecast: what a frame will cost by the time that its error is at a target, from what is
-// known of its tiles. It plays the frame's rounds through (sample_rounds.h) with errors as a model
+// known of its cells. It plays the frame's rounds through (sample_rounds.h) with errors as a model
 // gives them, so that what rounds add, their margins and their last steps, is in the price:
 //
-//     tiles, their errors and CPU time > model > DecideRound, again and again > Forecast
+//     cells, their errors and CPU time > model > DecideRound, again and again > Forecast
 //
-// The model: a tile's squared error falls as 1 / n^b from what it was measured at, with one b for
-// the frame, and a sample of a tile costs what those before it did.
+// The model: a cell's squared error falls as 1 / n^b from what it was measured at, with one b for
+// the frame, and a sample of a cell costs what those before it did.
 #pragma once
 
 #include <cstdint>
@@ -20,19 +20,19 @@
 
 namespace sheaf::coordinator {
 
-struct ForecastTile {
-  TileRound measured;
-  double cpu_seconds_per_sample = 0;  // Of one sample of each of the tile's pixels.
+struct ForecastCell {
+  CellRound measured;
+  double cpu_seconds_per_sample = 0;  // Of one sample of each of the cell's pixels.
   uint64_t samples_kept = 0;          // Of each pixel, that are there already and cost nothing.
 };
 
 struct ErrorModel {
-  std::vector<ForecastTile> tiles;
+  std::vector<ForecastCell> cells;
   double rate = 1;  // b.
   // log-normal standard deviation of the frame's error as measured, and of b: what is not known.
   double log_error_deviation = 0, rate_deviation = 0;
   double log_cpu_deviation = 0;  // Of CPU time, for the same samples.
-  LampRims rims = {};            // What they add to the variances of the tiles' errors.
+  LampRims rims = {};            // What they add to the cells' errors.
 };
 
 struct Forecast {
@@ -55,15 +55,15 @@ struct Estimate {
 Estimate WithBand(double value, double low, double high, double log_deviation);
 
 // From the first round on. `deviations`: how many of the model's standard deviations the errors lie
-// above it. Requires: tiles, with samples, and a target.
+// above it. Requires: cells, with samples, and a target.
 Forecast ForecastTarget(const ErrorModel& model, const StopRule& rule, uint64_t samples_max,
                         double deviations = 0);
-// Where a frame goes on: the samples of each tile in the round that comes next, that round's number
-// and how the tiles were at the end of the one before.
+// Where a frame goes on: the samples of each cell in the round that comes next, that round's number
+// and how the cells were at the end of the one before.
 struct ForecastStart {
   int round = 0;
   std::vector<uint64_t> samples;
-  std::vector<TileRound> before;
+  std::vector<CellRound> before;
 };
 // The same from there on.
 Forecast ForecastFrom(const ErrorModel& model, const StopRule& rule, uint64_t samples_max,

@@ -13,14 +13,14 @@ constexpr int64_t kTilePixels = 1024;
 constexpr uint64_t kSamplesMax = 1 << 20;
 
 // Measured at 16 samples, where every pixel errs by `error`.
-ForecastTile TileOf(double error, double cpu_seconds_per_sample = 1e-3) {
+ForecastCell CellOf(double error, double cpu_seconds_per_sample = 1e-3) {
   const auto count = static_cast<double>(kTilePixels);
   return {{kReplicateCount, {kTilePixels, count * error, count * error * error}},
           cpu_seconds_per_sample};
 }
 
 TEST(CostForecastTest, ATargetThatTheFirstRoundReachesCostsThatRound) {
-  const ErrorModel model{{TileOf(1e-3), TileOf(2e-3, 3e-3)}};
+  const ErrorModel model{{CellOf(1e-3), CellOf(2e-3, 3e-3)}};
   const Forecast forecast = ForecastTarget(model, {.target_error = 0.01}, kSamplesMax);
   EXPECT_TRUE(forecast.reached);
   EXPECT_EQ(forecast.round_count, 1);
@@ -33,7 +33,7 @@ TEST(CostForecastTest, ATargetThatTheFirstRoundReachesCostsThatRound) {
 // confidence.
 TEST(CostForecastTest, EqualTilesCostWhatTheRateSays) {
   for (const double rate : {1.0, 1.3}) {
-    ErrorModel model{std::vector<ForecastTile>(100, TileOf(0.16)), rate};
+    ErrorModel model{std::vector<ForecastCell>(100, CellOf(0.16)), rate};
     const Forecast forecast = ForecastTarget(model, {.target_error = 0.01}, kSamplesMax);
     EXPECT_TRUE(forecast.reached);
     const double least = 16 * std::pow(16, 1 / rate);
@@ -45,11 +45,11 @@ TEST(CostForecastTest, EqualTilesCostWhatTheRateSays) {
 }
 
 TEST(CostForecastTest, CostIsThatOfTheTilesThatGetTheSamples) {
-  // Half of the tiles are done at once and cost ten times as much a sample.
+  // Half of the cells are done at once and cost ten times as much a sample.
   ErrorModel model;
   for (int i = 0; i < 50; ++i) {
-    model.tiles.push_back(TileOf(1e-6, 1e-2));
-    model.tiles.push_back(TileOf(0.32, 1e-3));
+    model.cells.push_back(CellOf(1e-6, 1e-2));
+    model.cells.push_back(CellOf(0.32, 1e-3));
   }
   const Forecast forecast = ForecastTarget(model, {.target_error = 0.01}, kSamplesMax);
   const double noisy_samples = (2 * forecast.samples - 16);
@@ -59,7 +59,7 @@ TEST(CostForecastTest, CostIsThatOfTheTilesThatGetTheSamples) {
 TEST(CostForecastTest, DeviationsBoundThePriceFromBothSides) {
   // Unequal, or all would take the next step of sixteen samples at once.
   ErrorModel model{{}, 1.0, 0.2, 0.05};
-  for (int i = 0; i < 100; ++i) model.tiles.push_back(TileOf(0.16 * std::exp(0.3 * std::sin(i))));
+  for (int i = 0; i < 100; ++i) model.cells.push_back(CellOf(0.16 * std::exp(0.3 * std::sin(i))));
   const StopRule rule{.target_error = 0.01};
   const double low = ForecastTarget(model, rule, kSamplesMax, -1.28).cpu_seconds;
   const double middle = ForecastTarget(model, rule, kSamplesMax).cpu_seconds;
@@ -70,7 +70,7 @@ TEST(CostForecastTest, DeviationsBoundThePriceFromBothSides) {
 }
 
 TEST(CostForecastTest, SaysWhereSamplesDoNotSuffice) {
-  const ErrorModel model{std::vector<ForecastTile>(10, TileOf(1.0))};
+  const ErrorModel model{std::vector<ForecastCell>(10, CellOf(1.0))};
   const Forecast forecast = ForecastTarget(model, {.target_error = 1e-4}, 64);
   EXPECT_FALSE(forecast.reached);
   EXPECT_DOUBLE_EQ(forecast.samples, 64);
@@ -78,7 +78,7 @@ TEST(CostForecastTest, SaysWhereSamplesDoNotSuffice) {
 }
 
 TEST(CostForecastTest, AGivenNumberOfSamplesHasTheErrorOfTheRate) {
-  const ErrorModel model{{TileOf(0.16)}, 1.5};
+  const ErrorModel model{{CellOf(0.16)}, 1.5};
   EXPECT_NEAR(ForecastSamples(model, 256).relative_mse, 0.16 / 64, 1e-12);
   EXPECT_DOUBLE_EQ(ForecastSamples(model, 256).cpu_seconds, 0.256);
 }

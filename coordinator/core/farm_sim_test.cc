@@ -6,6 +6,7 @@
 // workers that die and come back under another name; a coordinator that dies between a row and its
 // acknowledgement and comes back with what its journal holds. After every step the checkers look.
 #include <algorithm>
+#include <array>
 #include <map>
 #include <memory>
 #include <random>
@@ -60,18 +61,23 @@ class FarmSim {
   const Scheduler& scheduler() const { return *scheduler_; }
   int lives() const { return lives_; }
 
-  // Every sample of every frame was merged once.
+  // Every sample of every cell of every frame was merged once.
   void CheckComplete() const {
     for (const JobSpec& job : jobs_) {
       EXPECT_EQ(scheduler_->jobs().at(job.job_id).phase, JobPhase::kSucceeded)
           << scheduler_->jobs().at(job.job_id).failure;
       for (const FrameSpec& frame : job.frames) {
         const FrameId id{job.job_id, frame.frame_number};
-        for (const PixelRect& tile : CutTiles(frame.settings.window, job.partition.tile_size_px)) {
-          const auto found = journal_.find({id, {tile.y0, tile.x0}});
+        const CellGrid grid(frame, job.partition);
+        const std::vector<uint64_t> samples = SamplesAfter(frame, grid, kRounds - 1);
+        for (uint32_t tile = 0; tile < grid.tiles().size(); ++tile) {
+          const auto found = journal_.find({id, tile});
           ASSERT_NE(found, journal_.end());
-          EXPECT_EQ(found->second.merged.SampleCount(), frame.settings.samples);
-          EXPECT_TRUE(found->second.merged.Contains({0, frame.settings.samples}));
+          for (uint32_t i = 0; i < grid.cell_count(tile); ++i) {
+            const uint64_t wanted = samples[grid.first_cell(tile) + i];
+            EXPECT_EQ(found->second.merged[i].SampleCount(), wanted);
+            EXPECT_TRUE(found->second.merged[i].Contains({0, wanted}));
+          }
         }
       }
     }
@@ -79,12 +85,33 @@ class FarmSim {
   }
 
  private:
-  using TileKey = std::pair<FrameId, std::pair<int32_t, int32_t>>;
-  struct TileJournal {
-    PixelRect rect;
-    std::vector<SampleBlock> blocks;
-    SampleRanges merged;
+  static constexpr int kRounds = 4;  // Of frames with a rule.
+  using TileKey = std::pair<FrameId, uint32_t>;
+  struct TilePart {
+    PixelRect tile;
+    SampleBlock block;
+    TileCells cells;
   };
+  struct TileJournal {
+    std::vector<TilePart> parts;
+    std::array<SampleRanges, kTileCellsMax> merged;  // By cell.
+  };
+
+  // Of each cell, as decided at the end of so many rounds: unequal, and often no more than before.
+  static std::vector<uint64_t> SamplesAfter(const FrameSpec& frame, const CellGrid& grid,
+                                            int rounds) {
+    if (!frame.stop.IsActive())
+      return std::vector<uint64_t>(grid.cells().size(), frame.settings.samples);
+    std::vector<uint64_t> samples(grid.cells().size(), kReplicateCount);
+    for (int round = 0; round < rounds; ++round) {
+      for (size_t cell = 0; cell < samples.size(); ++cell) {
+        std::mt19937_64 random(cell * 100 + static_cast<size_t>(round));
+        samples[cell] += kReplicateCount * (random() % 6);
+        samples[cell] = std::min(samples[cell], frame.settings.samples);
+      }
+    }
+    return samples;
+  }
 
   bool Happens(double probability) {
     return probability > 0 && std::uniform_real_distribution<double>(0, 1)(random_) < probability;
@@ -100,10 +127,13 @@ class FarmSim {
     scheduler_ = std::make_unique<Scheduler>(limits_, static_cast<uint64_t>(++lives_) << 40);
     for (const JobSpec& job : jobs_) scheduler_->AddJob(job);
     for (const FrameId& id : delivered_) scheduler_->RestoreDelivered(id, {}, 0);
+    for (const auto& [id, round] : rounds_) {
+      if (!delivered_.contains(id)) scheduler_->RestoreRound(id, RoundOf(id, round));
+    }
     for (const auto& [key, tile] : journal_) {
       if (delivered_.contains(key.first)) continue;
-      for (const SampleBlock& block : tile.blocks) {
-        ASSERT_EQ(scheduler_->RestorePart(key.first, tile.rect, block, {}),
+      for (const TilePart& part : tile.parts) {
+        ASSERT_EQ(scheduler_->RestorePart(key.first, part.tile, part.block, part.cells, {}),
                   FrameTasks::Fit::kWanted);
       }
     }
@@ -184,15 +214,17 @@ class FarmSim {
   bool TakeResult(const Lease& lease) {
     using Kind = Scheduler::FoundTask::Kind;
     const FrameSpec& spec = SpecOf(lease.frame);
-    const Scheduler::FoundTask found =
-        scheduler_->FindTask(spec.frame_digest, lease.tile_rect, lease.task.block, lease.lease_id);
+    const Scheduler::FoundTask found = scheduler_->FindTask(
+        spec.frame_digest, lease.tile_rect, lease.task.block, lease.cells, lease.lease_id);
     EXPECT_NE(found.kind, Kind::kMalformed);
     if (found.kind != Kind::kWanted) return true;
-    TileJournal& tile = journal_[{found.frame, {lease.tile_rect.y0, lease.tile_rect.x0}}];
-    tile.rect = lease.tile_rect;
-    EXPECT_FALSE(tile.merged.Overlaps(RangeOf(lease.task.block))) << "merged twice";
-    tile.merged.Add(RangeOf(lease.task.block));
-    tile.blocks.push_back(lease.task.block);
+    TileJournal& tile = journal_[{found.frame, found.task.tile}];
+    for (size_t i = 0; i < tile.merged.size(); ++i) {
+      if ((found.task.cells >> i & 1) == 0) continue;
+      EXPECT_FALSE(tile.merged[i].Overlaps(RangeOf(lease.task.block))) << "merged twice";
+      tile.merged[i].Add(RangeOf(lease.task.block));
+    }
+    tile.parts.push_back({lease.tile_rect, lease.task.block, lease.cells});
     if (Happens(faults_.coordinator_dies)) {
       StartCoordinator();  // Between the row and the acknowledgement.
       return false;
@@ -207,6 +239,12 @@ class FarmSim {
       for (const FrameSpec& frame : job.frames) {
         const FrameId id{job.job_id, frame.frame_number};
         if (scheduler_->FindFrame(id)->phase != FrameRecord::Phase::kRendered) continue;
+        if (frame.stop.IsActive() && rounds_[id] + 1 < kRounds) {
+          ++rounds_[id];
+          if (Happens(faults_.coordinator_dies)) return StartCoordinator();
+          scheduler_->Grow(id, RoundOf(id, rounds_[id]));
+          continue;
+        }
         delivered_.insert(id);
         if (Happens(faults_.coordinator_dies)) return StartCoordinator();
         scheduler_->Deliver(id);
@@ -215,12 +253,20 @@ class FarmSim {
   }
 
   const FrameSpec& SpecOf(const FrameId& id) const { return scheduler_->FindFrame(id)->spec; }
+  std::vector<uint64_t> RoundOf(const FrameId& id, int round) const {
+    const FrameSpec& frame = SpecOf(id);
+    const Partition& partition = scheduler_->jobs().at(id.job_id).spec.partition;
+    return SamplesAfter(frame, CellGrid(frame, partition), round);
+  }
 
   // No acknowledged sample is ever leased.
   void CheckNotMerged(const Lease& lease) const {
-    const auto found = journal_.find({lease.frame, {lease.tile_rect.y0, lease.tile_rect.x0}});
+    const auto found = journal_.find({lease.frame, lease.task.tile});
     if (found == journal_.end()) return;
-    EXPECT_FALSE(found->second.merged.Overlaps(RangeOf(lease.task.block)));
+    for (size_t i = 0; i < kTileCellsMax; ++i) {
+      if ((lease.task.cells >> i & 1) == 0) continue;
+      EXPECT_FALSE(found->second.merged[i].Overlaps(RangeOf(lease.task.block)));
+    }
   }
 
   // Every lease has a worker that is known to hold it, and no task more than two.
@@ -250,6 +296,7 @@ class FarmSim {
   std::vector<SimWorker> workers_;
   std::multimap<absl::Time, Lease> arrivals_;
   std::map<TileKey, TileJournal> journal_;  // What is on disk.
+  std::map<FrameId, int> rounds_;           // Likewise: the last that was decided.
   std::set<FrameId> delivered_;
 };
 
@@ -272,8 +319,17 @@ JobSpec MakeJob(uint64_t id, int frame_count, int32_t edge_px, uint64_t samples,
   return job;
 }
 
+// Rendered in rounds, which give each cell of 4 px samples of its own.
+JobSpec InRounds(JobSpec job) {
+  job.partition.cell_size_px = 4;
+  for (FrameSpec& frame : job.frames) frame.stop.target_error = 0.1;
+  return job;
+}
+
 TEST(FarmSimTest, WithoutFaultsNothingIsDoneTwice) {
-  FarmSim sim(1, {}, 5, {MakeJob(1, 2, 64, 50, 0), MakeJob(2, 1, 40, 64, 2)});
+  FarmSim sim(
+      1, {}, 5,
+      {MakeJob(1, 2, 64, 50, 0), MakeJob(2, 1, 40, 64, 2), InRounds(MakeJob(3, 2, 40, 200, 0))});
   ASSERT_GE(sim.Run(100'000), 0);
   sim.CheckComplete();
   const Counters& counters = sim.scheduler().counters();
@@ -300,9 +356,9 @@ TEST(FarmSimTest, EveryFrameFinishesUnderEveryMixOfFaults) {
     faults.coordinator_dies = chance(0.01);
     faults.released = chance(0.1);
     faults.infrastructure = chance(0.05);
-    FarmSim sim(
-        seed, faults, 1 + static_cast<int>(seed % 7),
-        {MakeJob(1, 3, 48, 100, seed % 3 == 0 ? 0 : seed % 3 * 2), MakeJob(2, 1, 64, 33, 0)});
+    FarmSim sim(seed, faults, 1 + static_cast<int>(seed % 7),
+                {MakeJob(1, 3, 48, 100, seed % 3 == 0 ? 0 : seed % 3 * 2), MakeJob(2, 1, 64, 33, 0),
+                 InRounds(MakeJob(3, 1, 40, 200, 0))});
     ASSERT_GE(sim.Run(50'000), 0);
     sim.CheckComplete();
     if (testing::Test::HasFailure()) return;
@@ -353,7 +409,7 @@ TEST(FarmSimTest, TenThousandWorkersShareOneFrameOfAHundredThousandTasks) {
       ASSERT_TRUE(answer.ok());
       for (const Lease& lease : answer->leases) {
         const auto found = scheduler.FindTask(job.frames[0].frame_digest, lease.tile_rect,
-                                              lease.task.block, lease.lease_id);
+                                              lease.task.block, lease.cells, lease.lease_id);
         if (found.kind != Scheduler::FoundTask::Kind::kWanted) continue;
         scheduler.Accept(frame, found.task, lease.lease_id, report.worker_id, {});
         ++accepted;

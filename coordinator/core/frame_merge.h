@@ -2,8 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // FrameMerge: the parts of one frame as they become its picture. A pure function of the set of
-// parts: each tile's parts go into a TileTree, and a tile whose samples are all there is developed
-// from the tree's root; for good, or until it gets more (sample_rounds.h).
+// parts: each tile's parts go into CellTrees, and a tile whose samples are all there is developed
+// from their roots; for good, or until it gets more (sample_rounds.h).
 //
 // Memory is bounded by a budget that all frames share. A tile that finds the budget used up is not
 // kept: its parts are on disk, and it is built from them when the last one has come. Tiles are
@@ -16,12 +16,13 @@
 #include <memory>
 #include <optional>
 #include <set>
-#include <span>
 #include <vector>
 
 #include "absl/status/status.h"
+#include "common/film/cell_trees.h"
 #include "common/film/film.h"
 #include "common/film/flip_estimate.h"
+#include "coordinator/core/cell_grid.h"
 #include "coordinator/core/job.h"
 
 namespace sheaf::coordinator {
@@ -39,11 +40,17 @@ class MergeBudget {
   std::atomic<uint64_t> bytes_{0};
 };
 
+// Sums of a tile that have samples in some of its cells: of the tile, or of the one cell.
+struct CellPart {
+  FilmTile sums;
+  uint64_t cells = 1;  // As Task::cells.
+};
+
 // Thread safety: none; one lock a frame. The budget may be shared.
 class FrameMerge {
  public:
-  // samples: of each tile's pixels.
-  FrameMerge(const FrameSpec& spec, std::vector<PixelRect> tiles, std::span<const uint64_t> samples,
+  // samples: of each cell's pixels.
+  FrameMerge(const FrameSpec& spec, CellGrid grid, std::vector<uint64_t> samples,
              MergeBudget* budget);
   ~FrameMerge();
   FrameMerge(const FrameMerge&) = delete;
@@ -51,25 +58,25 @@ class FrameMerge {
 
   // Adds a part that is on disk. Nothing happens where the tile was built from disk meanwhile.
   // Requires: no part that overlaps it was added before (SHEAF_CHECKed).
-  void Insert(uint32_t tile, FilmTile part);
-  // Gives the tile this many samples in all. Nothing happens where it has them. Requires: no less
+  void Insert(uint32_t tile, CellPart part);
+  // Gives the cell this many samples in all. Nothing happens where it has them. Requires: no less
   // than it has.
-  void Grow(uint32_t tile, uint64_t samples);
+  void Grow(uint32_t cell, uint64_t samples);
   // The tile has parts that are only on disk: after a start, or when one of them was lost.
   void MarkOnDisk(uint32_t tile);
   // Whether the tile must be built from its parts on disk before it can be developed.
   bool OnDisk(uint32_t tile) const { return tiles_[tile].state == State::kOnDisk; }
   // Builds a tile anew from all of its parts and develops it. The parts cover all samples.
   // Errors: kInvalidArgument, kAlreadyExists where they overlap or leave gaps.
-  absl::Status Rebuild(uint32_t tile, std::vector<FilmTile> parts);
+  absl::Status Rebuild(uint32_t tile, std::vector<CellPart> parts);
 
   bool Developed(uint32_t tile) const { return tiles_[tile].state == State::kDeveloped; }
   bool AllDeveloped() const { return developed_count_ == tiles_.size(); }
   uint32_t tile_count() const { return static_cast<uint32_t>(tiles_.size()); }
-  const PixelRect& rect(uint32_t tile) const { return tiles_[tile].rect; }
-  // Of each pixel of the tile, as far as they are in memory or developed; what the picture shows
+  const CellGrid& grid() const { return grid_; }
+  // Of each pixel of each cell, as far as they are in memory or developed; what the picture shows
   // once it is refreshed.
-  uint64_t SamplesOf(uint32_t tile) const;
+  std::vector<uint64_t> SamplesOfCells() const;
 
   // Develops what has changed since the last call into the picture, for looking at. Returns the
   // tiles that had.
@@ -89,19 +96,22 @@ class FrameMerge {
  private:
   enum class State : uint8_t { kEmpty, kInMemory, kOnDisk, kDeveloped };
   struct Tile {
-    PixelRect rect;
-    uint64_t samples = 0;
     State state = State::kEmpty;
     bool unreliable = false;
     // While in memory; once developed, where the tile may grow and the budget allows.
-    std::unique_ptr<TileTree> tree;
-    uint64_t size_bytes = 0;  // Of the tree, as counted in the budget.
+    std::unique_ptr<CellTrees> trees;
+    uint64_t size_bytes = 0;  // Of the trees, as counted in the budget.
   };
 
+  std::unique_ptr<CellTrees> MakeTrees(uint32_t tile) const;
+  // Whether all of the tile's cells have their samples in the trees.
+  bool Complete(uint32_t tile, const CellTrees& trees) const;
   void SetSize(Tile* tile, uint64_t size_bytes);
-  void Develop(uint32_t tile, std::unique_ptr<TileTree> tree);
+  void Develop(uint32_t tile, std::unique_ptr<CellTrees> trees);
 
   const bool grows_;
+  const CellGrid grid_;
+  std::vector<uint64_t> samples_;  // Of each cell.
   std::vector<Tile> tiles_;
   MergeBudget* budget_;
   FramePicture picture_;

@@ -3,71 +3,121 @@
 #include "coordinator/core/frame_tasks.h"
 
 #include <algorithm>
+#include <bit>
+#include <tuple>
 
 #include "common/base/check.h"
 
 namespace sheaf::coordinator {
 
-FrameTasks::FrameTasks(PixelRect window, uint64_t samples, int32_t tile_size_px,
-                       const PixelLattice& lattice)
-    : tiles_(CutTiles(window, tile_size_px)) {
-  SHEAF_CHECK(!tiles_.empty() && samples > 0);
-  states_.resize(tiles_.size());
-  for (uint32_t tile = 0; tile < tiles_.size(); ++tile) {
-    states_[tile].pixel_count = std::max<int64_t>(1, lattice.CountIn(tiles_[tile]));
-    tile_at_[{tiles_[tile].y0, tiles_[tile].x0}] = tile;
-    Grow(tile, samples);
+bool FrameTasks::ByTileAndSample::operator()(const Task& a, const Task& b) const {
+  return std::tie(a.tile, a.block.first, a.block.count, a.cells) <
+         std::tie(b.tile, b.block.first, b.block.count, b.cells);
+}
+
+template <typename Visit>
+bool FrameTasks::ForCells(uint32_t tile, uint64_t mask, const Visit& visit) const {
+  const uint32_t first = grid_.first_cell(tile);
+  for (; mask != 0; mask &= mask - 1) {
+    if (!visit(first + static_cast<uint32_t>(std::countr_zero(mask)))) return false;
+  }
+  return true;
+}
+
+template <typename Change>
+void FrameTasks::ChangeFresh(uint32_t tile, uint64_t mask, const Change& change) {
+  if (const std::optional<uint64_t> first = FirstFresh(tile)) fresh_queue_.erase({*first, tile});
+  ForCells(tile, mask, [&](uint32_t index) {
+    Cell& cell = cells_[index];
+    ready_count_ -= cell.PixelSamples(cell.fresh.SampleCount());
+    change(cell.fresh);
+    ready_count_ += cell.PixelSamples(cell.fresh.SampleCount());
+    return true;
+  });
+  if (const std::optional<uint64_t> first = FirstFresh(tile)) fresh_queue_.insert({*first, tile});
+}
+
+std::optional<uint64_t> FrameTasks::FirstFresh(uint32_t tile) const {
+  std::optional<uint64_t> first;
+  ForCells(tile, grid_.AllOf(tile), [&](uint32_t index) {
+    const SampleRanges& fresh = cells_[index].fresh;
+    if (fresh.empty()) return true;
+    first = std::min(first.value_or(kSampleIndexEnd), fresh.ranges().front().first);
+    return true;
+  });
+  return first;
+}
+
+FrameTasks::FrameTasks(CellGrid grid, uint64_t samples, const PixelLattice& lattice)
+    : grid_(std::move(grid)),
+      cells_(grid_.cells().size()),
+      cpu_of_tiles_(grid_.tiles().size(), absl::ZeroDuration()) {
+  SHEAF_CHECK(samples > 0);
+  for (uint32_t tile = 0; tile < grid_.tiles().size(); ++tile) {
+    ForCells(tile, grid_.AllOf(tile), [&](uint32_t index) {
+      Cell& cell = cells_[index];
+      cell.pixel_count = std::max<int64_t>(1, lattice.CountIn(grid_.cells()[index]));
+      cell.samples = samples;
+      total_count_ += cell.PixelSamples(samples);
+      return true;
+    });
+    ChangeFresh(tile, grid_.AllOf(tile), [&](SampleRanges& fresh) { fresh.Add({0, samples}); });
   }
 }
 
-void FrameTasks::Grow(uint32_t tile, uint64_t samples) {
-  const uint64_t before = states_[tile].samples;
+void FrameTasks::Grow(uint32_t index, uint64_t samples) {
+  Cell& cell = cells_[index];
+  const uint64_t before = cell.samples;
   SHEAF_CHECK(samples >= before);
   if (samples == before) return;
-  states_[tile].samples = samples;
-  total_count_ += PixelSamples(tile, samples - before);
-  SetFresh(tile, [&](SampleRanges& fresh) { fresh.Add({before, samples}); });
+  cell.samples = samples;
+  total_count_ += cell.PixelSamples(samples - before);
+  const uint32_t tile = grid_.TileOf(index);
+  ChangeFresh(tile, uint64_t{1} << (index - grid_.first_cell(tile)), [&](SampleRanges& fresh) {
+    fresh.Add({before, samples});
+  });
 }
 
-std::vector<uint64_t> FrameTasks::SamplesOfTiles() const {
+std::optional<Task> FrameTasks::Find(const PixelRect& tile, SampleBlock block,
+                                     const TileCells& cells) const {
+  const std::optional<uint32_t> index = grid_.FindTile(tile);
+  if (!index) return std::nullopt;
+  const std::optional<uint64_t> mask = grid_.MaskOf(*index, cells);
+  if (!mask) return std::nullopt;
+  return Task{*index, block, *mask};
+}
+
+std::vector<uint64_t> FrameTasks::SamplesOfCells() const {
   std::vector<uint64_t> samples;
-  samples.reserve(states_.size());
-  for (const Tile& tile : states_) samples.push_back(tile.samples);
+  samples.reserve(cells_.size());
+  for (const Cell& cell : cells_) samples.push_back(cell.samples);
   return samples;
 }
 
-uint64_t FrameTasks::PixelSamples(uint32_t tile, uint64_t samples) const {
-  return static_cast<uint64_t>(states_[tile].pixel_count) * samples;
-}
-
-std::optional<uint32_t> FrameTasks::FindTile(const PixelRect& rect) const {
-  const auto found = tile_at_.find({rect.y0, rect.x0});
-  if (found == tile_at_.end() || !(tiles_[found->second] == rect)) return std::nullopt;
-  return found->second;
+uint64_t FrameTasks::PixelSamples(const Task& task) const {
+  uint64_t sum = 0;
+  ForCells(task.tile, task.cells, [&](uint32_t index) {
+    sum += cells_[index].PixelSamples(task.block.count);
+    return true;
+  });
+  return sum;
 }
 
 bool FrameTasks::TileComplete(uint32_t tile) const {
-  return states_[tile].done.Contains({0, states_[tile].samples});
-}
-
-void FrameTasks::SetFresh(uint32_t tile, const std::function<void(SampleRanges&)>& change) {
-  SampleRanges& fresh = states_[tile].fresh;
-  if (!fresh.empty()) fresh_queue_.erase({fresh.ranges().front().first, tile});
-  ready_count_ -= PixelSamples(tile, fresh.SampleCount());
-  change(fresh);
-  ready_count_ += PixelSamples(tile, fresh.SampleCount());
-  if (!fresh.empty()) fresh_queue_.insert({fresh.ranges().front().first, tile});
+  return ForCells(tile, grid_.AllOf(tile), [&](uint32_t index) {
+    return cells_[index].done.Contains({0, cells_[index].samples});
+  });
 }
 
 std::optional<Task> FrameTasks::TakeReturned(const std::function<bool(const Task&)>& allowed,
                                              int scan_max) {
   int scanned = 0;
   for (auto it = returned_.begin(); it != returned_.end() && scanned < scan_max; ++it, ++scanned) {
-    const Task task{it->first.first, it->second};
+    const Task task = *it;
     if (!allowed(task)) continue;
-    leased_.insert(*it);
+    leased_.insert(task);
     returned_.erase(it);
-    ready_count_ -= PixelSamples(task.tile, task.block.count);
+    ready_count_ -= PixelSamples(task);
     return task;
   }
   return std::nullopt;
@@ -77,81 +127,99 @@ std::optional<Task> FrameTasks::TakeFresh(
     const std::function<uint64_t(uint64_t first, int64_t pixel_count)>& block_samples_max) {
   if (fresh_queue_.empty()) return std::nullopt;
   const auto [first, tile] = *fresh_queue_.begin();
-  Task task{tile, {}};
-  SetFresh(tile, [&, t = tile, f = first](SampleRanges& fresh) {
-    task.block = fresh.FirstBlock(block_samples_max(f, states_[t].pixel_count));
-    fresh.Remove(RangeOf(task.block));
+  const uint64_t all = grid_.AllOf(tile);
+  int64_t pixel_count = 0;
+  ForCells(tile, all, [&, f = first](uint32_t index) {
+    const Cell& cell = cells_[index];
+    if (cell.fresh.Contains({f, f + 1})) pixel_count += cell.pixel_count;
+    return true;
   });
-  leased_[{tile, task.block.first}] = task.block;
+  const uint64_t most = block_samples_max(first, pixel_count);
+  Task task{tile, {first, 1}, 0};
+  ForCells(tile, all, [&, f = first](uint32_t index) {
+    const SampleRanges& fresh = cells_[index].fresh;
+    if (!fresh.Contains({f, f + 1})) return true;
+    task.block.count = std::max(task.block.count, fresh.FirstBlock(most).count);
+    return true;
+  });
+  ForCells(tile, all, [&, t = tile](uint32_t index) {
+    const bool wants = cells_[index].fresh.Contains(RangeOf(task.block));
+    if (wants) task.cells |= uint64_t{1} << (index - grid_.first_cell(t));
+    return true;
+  });
+  ChangeFresh(tile, task.cells, [&](SampleRanges& fresh) { fresh.Remove(RangeOf(task.block)); });
+  leased_.insert(task);
   return task;
 }
 
 void FrameTasks::PutBack(const Task& task) {
-  const auto found = leased_.find({task.tile, task.block.first});
-  SHEAF_CHECK(found != leased_.end() && found->second == task.block);
-  returned_.insert(*found);
-  leased_.erase(found);
-  ready_count_ += PixelSamples(task.tile, task.block.count);
+  SHEAF_CHECK(leased_.erase(task) == 1);
+  returned_.insert(task);
+  ready_count_ += PixelSamples(task);
 }
 
-std::vector<SampleBlock> FrameTasks::Overlapping(const Blocks& blocks, const Task& task) {
-  std::vector<SampleBlock> overlapping;
-  auto it = blocks.upper_bound({task.tile, task.block.first});
-  // The block before may reach into this one.
-  if (it != blocks.begin()) --it;
-  for (; it != blocks.end() && it->first.first <= task.tile; ++it) {
-    if (it->first.first < task.tile || it->second.End() <= task.block.first) continue;
-    if (it->second.first >= task.block.End()) break;
-    overlapping.push_back(it->second);
+std::vector<Task> FrameTasks::Overlapping(const Tasks& tasks, const Task& task) {
+  std::vector<Task> overlapping;
+  for (auto it = tasks.lower_bound({task.tile, {0, 0}, 0});
+       it != tasks.end() && it->tile == task.tile && it->block.first < task.block.End(); ++it) {
+    if (it->block.End() > task.block.first && (it->cells & task.cells) != 0) {
+      overlapping.push_back(*it);
+    }
   }
   return overlapping;
 }
 
 FrameTasks::Fit FrameTasks::FitOf(const Task& task) const {
-  if (task.tile >= tiles_.size() || !IsAligned(task.block)) return Fit::kOutside;
-  const uint64_t samples = states_[task.tile].samples;
-  if (task.block.first >= samples || task.block.count > samples - task.block.first) {
+  if (task.tile >= grid_.tiles().size() || !IsAligned(task.block) || task.cells == 0 ||
+      (task.cells & ~grid_.AllOf(task.tile)) != 0) {
     return Fit::kOutside;
   }
-  const SampleRanges& done = states_[task.tile].done;
-  if (done.Contains(RangeOf(task.block))) return Fit::kCovered;
-  if (done.Overlaps(RangeOf(task.block))) return Fit::kPartial;
-  for (const SampleBlock& leased : Overlapping(leased_, task)) {
-    if (!Contains(task.block, leased)) return Fit::kPartial;
+  const SampleRanges::Range range = RangeOf(task.block);
+  const auto of_cells = [&](const auto& holds) {
+    return ForCells(task.tile, task.cells, [&](uint32_t i) { return holds(cells_[i]); });
+  };
+  if (!of_cells([&](const Cell& cell) { return range.end <= cell.samples; })) return Fit::kOutside;
+  if (of_cells([&](const Cell& cell) { return cell.done.Contains(range); })) return Fit::kCovered;
+  if (!of_cells([&](const Cell& cell) { return !cell.done.Overlaps(range); })) {
+    return Fit::kPartial;
+  }
+  for (const Task& leased : Overlapping(leased_, task)) {
+    const bool covered = Contains(task.block, leased.block) && (leased.cells & ~task.cells) == 0;
+    if (!covered) return Fit::kPartial;
   }
   return Fit::kWanted;
 }
 
 std::vector<Task> FrameTasks::Accept(const Task& task, absl::Duration cpu_duration) {
   SHEAF_CHECK(FitOf(task) == Fit::kWanted);
-  std::vector<Task> covered;
-  for (const SampleBlock& leased : Overlapping(leased_, task)) {
-    covered.push_back({task.tile, leased});
-    leased_.erase({task.tile, leased.first});
-  }
+  const std::vector<Task> covered = Overlapping(leased_, task);
+  for (const Task& leased : covered) leased_.erase(leased);
   // A returned block that is larger than the result is cut anew from what is left of it.
-  SampleRanges rest;
-  for (const SampleBlock& returned : Overlapping(returned_, task)) {
-    returned_.erase({task.tile, returned.first});
-    ready_count_ -= PixelSamples(task.tile, returned.count);
-    rest.Add(RangeOf(returned));
+  for (const Task& returned : Overlapping(returned_, task)) {
+    returned_.erase(returned);
+    ready_count_ -= PixelSamples(returned);
+    ChangeFresh(task.tile, returned.cells,
+                [&](SampleRanges& fresh) { fresh.Add(RangeOf(returned.block)); });
   }
-  rest.Remove(RangeOf(task.block));
-  SetFresh(task.tile, [&](SampleRanges& fresh) {
-    fresh.Remove(RangeOf(task.block));
-    for (const SampleRanges::Range& range : rest.ranges()) fresh.Add(range);
+  ChangeFresh(task.tile, task.cells,
+              [&](SampleRanges& fresh) { fresh.Remove(RangeOf(task.block)); });
+  ForCells(task.tile, task.cells, [&](uint32_t index) {
+    cells_[index].done.Add(RangeOf(task.block));
+    return true;
   });
-  states_[task.tile].done.Add(RangeOf(task.block));
-  states_[task.tile].cpu_duration += cpu_duration;
-  done_count_ += PixelSamples(task.tile, task.block.count);
+  cpu_of_tiles_[task.tile] += cpu_duration;
+  done_count_ += PixelSamples(task);
   return covered;
 }
 
 void FrameTasks::Revoke(const Task& task) {
   SHEAF_CHECK(FitOf(task) == Fit::kCovered);
-  states_[task.tile].done.Remove(RangeOf(task.block));
-  done_count_ -= PixelSamples(task.tile, task.block.count);
-  SetFresh(task.tile, [&](SampleRanges& fresh) { fresh.Add(RangeOf(task.block)); });
+  ForCells(task.tile, task.cells, [&](uint32_t index) {
+    cells_[index].done.Remove(RangeOf(task.block));
+    return true;
+  });
+  done_count_ -= PixelSamples(task);
+  ChangeFresh(task.tile, task.cells, [&](SampleRanges& fresh) { fresh.Add(RangeOf(task.block)); });
 }
 
 }  // namespace sheaf::coordinator

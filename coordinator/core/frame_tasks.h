@@ -1,27 +1,29 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// FrameTasks: which samples of which tile of one frame are done, leased, returned or fresh. These
-// four always cut a tile's samples [0, N) without overlap; N may grow (sample_rounds.h):
+// FrameTasks: which samples of which tile's cells are done, leased, returned or fresh. These four
+// always cut a cell's samples [0, N) without overlap; N may grow (sample_rounds.h):
 //
 //     fresh     never leased in this life of the coordinator; cut into blocks when it is leased
-//     leased    one block, held by one lease or two (a hedge)
+//     leased    one block of some cells of a tile, held by one lease or two (a hedge)
 //     returned  a block whose lease came to nothing; it is leased again as it was, never cut anew
 //     done      accepted and durable
 //
 // Because returned blocks keep their shape, a late result of this life meets exactly its own block.
 // A result from before a restart may meet blocks that were cut otherwise; Fit says which of those
-// fit. Pure: no clock, no lock. Every operation is O(log tiles) but the constructor.
+// fit. Pure: no clock, no lock. Every operation is O(log tiles), and linear in what is leased and
+// returned of one tile, but the constructor.
 #pragma once
 
+#include <compare>
 #include <cstdint>
 #include <functional>
-#include <map>
 #include <optional>
 #include <set>
 #include <utility>
 #include <vector>
 
+#include "coordinator/core/cell_grid.h"
 #include "coordinator/core/job.h"
 #include "coordinator/core/sample_ranges.h"
 
@@ -29,20 +31,18 @@ namespace sheaf::coordinator {
 
 class FrameTasks {
  public:
-  // Requires: window not empty, samples at least 1, tile_size_px positive.
-  FrameTasks(PixelRect window, uint64_t samples, int32_t tile_size_px,
-             const PixelLattice& lattice = {});
-  // Gives the tile this many samples in all. Requires: no less than it has.
-  void Grow(uint32_t tile, uint64_t samples);
+  // Requires: samples at least 1.
+  FrameTasks(CellGrid grid, uint64_t samples, const PixelLattice& lattice = {});
+  // Gives the cell this many samples in all. Requires: no less than it has.
+  void Grow(uint32_t cell, uint64_t samples);
 
-  const std::vector<PixelRect>& tiles() const { return tiles_; }
-  std::optional<uint32_t> FindTile(const PixelRect& rect) const;
-  std::vector<uint64_t> SamplesOfTiles() const;
+  const CellGrid& grid() const { return grid_; }
+  // The task as others name it; none where the frame has no such tile or cells.
+  std::optional<Task> Find(const PixelRect& tile, SampleBlock block, const TileCells& cells) const;
+  std::vector<uint64_t> SamplesOfCells() const;
   // Of workers, on what is done of the tile.
-  absl::Duration CpuOfTile(uint32_t tile) const { return states_[tile].cpu_duration; }
-  uint64_t PixelSamples(const Task& task) const {
-    return PixelSamples(task.tile, task.block.count);
-  }
+  absl::Duration CpuOfTile(uint32_t tile) const { return cpu_of_tiles_[tile]; }
+  uint64_t PixelSamples(const Task& task) const;
 
   // Pixel samples.
   uint64_t sample_count_done() const { return done_count_; }
@@ -55,8 +55,9 @@ class FrameTasks {
   // Takes a returned block for which `allowed` holds, looking at scan_max of them at most.
   std::optional<Task> TakeReturned(const std::function<bool(const Task&)>& allowed, int scan_max);
   // Takes a fresh block: of the tile with the fewest samples taken, so that every tile's first
-  // block comes before any second one. block_samples_max is asked with the block's first sample and
-  // the tile's pixel count.
+  // block comes before any second one, and there the largest that may be, for all cells that want
+  // it. block_samples_max is asked with the block's first sample and the number of pixels that have
+  // it fresh.
   std::optional<Task> TakeFresh(
       const std::function<uint64_t(uint64_t first, int64_t pixel_count)>& block_samples_max);
   // Gives a taken block back. Requires: it is leased.
@@ -78,24 +79,35 @@ class FrameTasks {
   void Revoke(const Task& task);
 
  private:
-  struct Tile {
-    int64_t pixel_count = 0;  // That are rendered; at least 1, so that every tile counts.
+  struct Cell {
+    int64_t pixel_count = 0;  // That are rendered; at least 1, so that every cell counts.
     uint64_t samples = 0;
-    absl::Duration cpu_duration;
     SampleRanges fresh, done;
+    uint64_t PixelSamples(uint64_t count) const {
+      return static_cast<uint64_t>(pixel_count) * count;
+    }
   };
-  using Key = std::pair<uint32_t, uint64_t>;  // Tile and first sample.
-  using Blocks = std::map<Key, SampleBlock>;
+  struct ByTileAndSample {
+    bool operator()(const Task& a, const Task& b) const;
+  };
+  using Tasks = std::set<Task, ByTileAndSample>;
 
-  static std::vector<SampleBlock> Overlapping(const Blocks& blocks, const Task& task);
-  void SetFresh(uint32_t tile, const std::function<void(SampleRanges&)>& change);
-  uint64_t PixelSamples(uint32_t tile, uint64_t samples) const;
+  // Those that share samples of a cell with the task.
+  static std::vector<Task> Overlapping(const Tasks& tasks, const Task& task);
+  // Calls visit with each cell of the mask; stops where it returns false, and returns that.
+  template <typename Visit>
+  bool ForCells(uint32_t tile, uint64_t mask, const Visit& visit) const;
+  // Calls change with the fresh samples of each cell of the mask.
+  template <typename Change>
+  void ChangeFresh(uint32_t tile, uint64_t mask, const Change& change);
+  // The lowest fresh sample of the tile's cells; none where none has one.
+  std::optional<uint64_t> FirstFresh(uint32_t tile) const;
 
-  std::vector<PixelRect> tiles_;
-  std::map<std::pair<int32_t, int32_t>, uint32_t> tile_at_;  // By y0 and x0.
-  std::vector<Tile> states_;
+  CellGrid grid_;
+  std::vector<Cell> cells_;
+  std::vector<absl::Duration> cpu_of_tiles_;
   std::set<std::pair<uint64_t, uint32_t>> fresh_queue_;  // First fresh sample and tile.
-  Blocks returned_, leased_;
+  Tasks returned_, leased_;
   uint64_t done_count_ = 0, total_count_ = 0, ready_count_ = 0;
 };
 

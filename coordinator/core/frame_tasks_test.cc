@@ -21,8 +21,8 @@ auto AtMost(uint64_t block_samples_max) {
 bool Anything(const Task& /*task*/) { return true; }
 
 TEST(FrameTasksTest, EveryTilesFirstBlockComesBeforeAnySecondOne) {
-  FrameTasks tasks({0, 0, 40, 40}, 64, 16);
-  ASSERT_EQ(tasks.tiles().size(), 9u);
+  FrameTasks tasks(CellGrid({0, 0, 40, 40}, 16, 16), 64);
+  ASSERT_EQ(tasks.grid().tiles().size(), 9u);
   std::set<uint32_t> tiles;
   for (int i = 0; i < 9; ++i) {
     const Task task = *tasks.TakeFresh(AtMost(16));
@@ -34,7 +34,7 @@ TEST(FrameTasksTest, EveryTilesFirstBlockComesBeforeAnySecondOne) {
 }
 
 TEST(FrameTasksTest, BlocksCoverAllSamplesOnce) {
-  FrameTasks tasks(kTwoTiles, 100, 16);
+  FrameTasks tasks(CellGrid(kTwoTiles, 16, 16), 100);
   std::set<std::pair<uint32_t, uint64_t>> seen;
   while (const std::optional<Task> task = tasks.TakeFresh(AtMost(32))) {
     EXPECT_TRUE(IsAligned(task->block));
@@ -50,7 +50,7 @@ TEST(FrameTasksTest, BlocksCoverAllSamplesOnce) {
 }
 
 TEST(FrameTasksTest, ReturnedBlockKeepsItsShape) {
-  FrameTasks tasks(kTwoTiles, 64, 16);
+  FrameTasks tasks(CellGrid(kTwoTiles, 16, 16), 64);
   const Task task = *tasks.TakeFresh(AtMost(32));
   tasks.PutBack(task);
   EXPECT_EQ(tasks.TakeReturned(Anything, 1), task);
@@ -60,7 +60,7 @@ TEST(FrameTasksTest, ReturnedBlockKeepsItsShape) {
 }
 
 TEST(FrameTasksTest, LateResultOfAReturnedBlockIsTaken) {
-  FrameTasks tasks(kTwoTiles, 64, 16);
+  FrameTasks tasks(CellGrid(kTwoTiles, 16, 16), 64);
   const Task task = *tasks.TakeFresh(AtMost(32));
   tasks.PutBack(task);
   EXPECT_EQ(tasks.FitOf(task), Fit::kWanted);
@@ -70,7 +70,7 @@ TEST(FrameTasksTest, LateResultOfAReturnedBlockIsTaken) {
 }
 
 TEST(FrameTasksTest, LateLargeResultMakesSmallerLeasesPointless) {
-  FrameTasks tasks({0, 0, 16, 16}, 64, 16);
+  FrameTasks tasks(CellGrid({0, 0, 16, 16}, 16, 16), 64);
   const Task first = *tasks.TakeFresh(AtMost(8)), second = *tasks.TakeFresh(AtMost(8));
   const Task late{0, {0, 32}};
   ASSERT_EQ(tasks.FitOf(late), Fit::kWanted);
@@ -80,20 +80,20 @@ TEST(FrameTasksTest, LateLargeResultMakesSmallerLeasesPointless) {
 }
 
 TEST(FrameTasksTest, LateResultInsideALeasedBlockIsDropped) {
-  FrameTasks tasks({0, 0, 16, 16}, 64, 16);
+  FrameTasks tasks(CellGrid({0, 0, 16, 16}, 16, 16), 64);
   tasks.TakeFresh(AtMost(32));
   EXPECT_EQ(tasks.FitOf({0, {8, 8}}), Fit::kPartial);
 }
 
 TEST(FrameTasksTest, LateResultThatIsPartlyDoneIsDropped) {
-  FrameTasks tasks({0, 0, 16, 16}, 64, 16);
+  FrameTasks tasks(CellGrid({0, 0, 16, 16}, 16, 16), 64);
   tasks.Accept(*tasks.TakeFresh(AtMost(8)));
   EXPECT_EQ(tasks.FitOf({0, {0, 32}}), Fit::kPartial);
   EXPECT_EQ(tasks.FitOf({0, {0, 4}}), Fit::kCovered);
 }
 
 TEST(FrameTasksTest, LateResultInsideAReturnedBlockLeavesTheRest) {
-  FrameTasks tasks({0, 0, 16, 16}, 64, 16);
+  FrameTasks tasks(CellGrid({0, 0, 16, 16}, 16, 16), 64);
   const Task task = *tasks.TakeFresh(AtMost(32));
   tasks.PutBack(task);
   ASSERT_EQ(tasks.FitOf({0, {8, 8}}), Fit::kWanted);
@@ -105,17 +105,87 @@ TEST(FrameTasksTest, LateResultInsideAReturnedBlockLeavesTheRest) {
 }
 
 TEST(FrameTasksTest, WhatIsNoBlockOfTheFrameIsOutside) {
-  const FrameTasks tasks(kTwoTiles, 100, 16);
+  const FrameTasks tasks(CellGrid(kTwoTiles, 16, 16), 100);
   EXPECT_EQ(tasks.FitOf({7, {0, 16}}), Fit::kOutside);
   EXPECT_EQ(tasks.FitOf({0, {96, 32}}), Fit::kOutside);
   EXPECT_EQ(tasks.FitOf({0, {uint64_t{1} << 63, uint64_t{1} << 63}}), Fit::kOutside);
   EXPECT_EQ(tasks.FitOf({0, {0, 3}}), Fit::kOutside);
-  EXPECT_FALSE(tasks.FindTile({0, 0, 16, 15}));
-  EXPECT_EQ(tasks.FindTile({16, 0, 32, 16}), 1u);
+  EXPECT_FALSE(tasks.grid().FindTile({0, 0, 16, 15}));
+  EXPECT_EQ(tasks.grid().FindTile({16, 0, 32, 16}), 1u);
+}
+
+// One tile of four cells of 64 pixels.
+CellGrid FourCells() { return {{0, 0, 16, 16}, 16, 8}; }
+
+TEST(FrameTasksTest, ABlockIsOfAllCellsThatWantIt) {
+  FrameTasks tasks(FourCells(), 16);
+  EXPECT_EQ(tasks.TakeFresh(AtMost(64)), (Task{0, {0, 16}, 0b1111}));
+  tasks.Grow(0, 64);
+  tasks.Grow(1, 32);
+  tasks.Grow(3, 96);
+  EXPECT_EQ(tasks.sample_count_ready(), 64u * (48 + 16 + 80));
+  // The largest block first, and what it leaves for others.
+  EXPECT_EQ(tasks.TakeFresh(AtMost(64)), (Task{0, {16, 16}, 0b1011}));
+  EXPECT_EQ(tasks.TakeFresh(AtMost(64)), (Task{0, {32, 32}, 0b1001}));
+  EXPECT_EQ(tasks.TakeFresh(AtMost(64)), (Task{0, {64, 32}, 0b1000}));
+  EXPECT_EQ(tasks.TakeFresh(AtMost(64)), std::nullopt);
+  EXPECT_EQ(tasks.SamplesOfCells(), (std::vector<uint64_t>{64, 32, 16, 96}));
+}
+
+TEST(FrameTasksTest, CellsThatWantMoreDoNotWaitForThoseThatWantLess) {
+  FrameTasks tasks(FourCells(), 16);
+  tasks.Accept(*tasks.TakeFresh(AtMost(16)));
+  tasks.Grow(0, 32);
+  tasks.Accept(*tasks.TakeFresh(AtMost(64)));
+  for (const uint32_t cell : {0u, 1u}) tasks.Grow(cell, 64);
+  // Cell 1 is at 16 and cell 0 at 32: they meet again at the next block that both want.
+  EXPECT_EQ(tasks.TakeFresh(AtMost(64)), (Task{0, {16, 16}, 0b10}));
+  EXPECT_EQ(tasks.TakeFresh(AtMost(64)), (Task{0, {32, 32}, 0b11}));
+}
+
+TEST(FrameTasksTest, PixelSamplesAreThoseOfTheCells) {
+  FrameTasks tasks(CellGrid({0, 0, 12, 16}, 16, 8), 16);  // Of 64 and 32 pixels by turns.
+  EXPECT_EQ(tasks.sample_count_total(), 12u * 16u * 16u);
+  EXPECT_EQ(tasks.PixelSamples({0, {0, 8}, 0b0110}), 8u * (32u + 64u));
+  ASSERT_EQ(tasks.FitOf({0, {0, 8}, 0b0110}), Fit::kWanted);
+  tasks.Accept({0, {0, 8}, 0b0110});
+  EXPECT_EQ(tasks.sample_count_done(), 8u * (32u + 64u));
+  EXPECT_FALSE(tasks.TileComplete(0));
+}
+
+TEST(FrameTasksTest, LateResultsOfCellsAreTakenOnce) {
+  FrameTasks tasks(FourCells(), 16);
+  const Task all = *tasks.TakeFresh(AtMost(16));
+  EXPECT_EQ(tasks.FitOf({0, {0, 16}, 0b0011}), Fit::kPartial) << "inside of a lease";
+  tasks.PutBack(all);
+  ASSERT_EQ(tasks.FitOf({0, {0, 16}, 0b0011}), Fit::kWanted);
+  EXPECT_TRUE(tasks.Accept({0, {0, 16}, 0b0011}).empty());
+  EXPECT_EQ(tasks.FitOf({0, {0, 16}, 0b0001}), Fit::kCovered);
+  EXPECT_EQ(tasks.FitOf(all), Fit::kPartial);
+  // What was put back is cut anew.
+  EXPECT_EQ(tasks.TakeReturned(Anything, 10), std::nullopt);
+  const Task rest = *tasks.TakeFresh(AtMost(16));
+  EXPECT_EQ(rest, (Task{0, {0, 16}, 0b1100}));
+  EXPECT_EQ(tasks.Accept({0, {0, 16}, 0b1100}), std::vector<Task>{rest});
+  EXPECT_TRUE(tasks.Complete());
+  tasks.Revoke({0, {0, 16}, 0b0011});
+  EXPECT_EQ(tasks.TakeFresh(AtMost(16)), (Task{0, {0, 16}, 0b0011}));
+}
+
+TEST(FrameTasksTest, CellsThatTheGridDoesNotHaveAreOutside) {
+  FrameTasks tasks(FourCells(), 16);
+  EXPECT_EQ(tasks.FitOf({0, {0, 16}, 0b10000}), Fit::kOutside);
+  EXPECT_EQ(tasks.FitOf({0, {0, 16}, 0}), Fit::kOutside);
+  tasks.Grow(2, 32);
+  EXPECT_EQ(tasks.FitOf({0, {16, 16}, 0b0100}), Fit::kWanted);
+  EXPECT_EQ(tasks.FitOf({0, {16, 16}, 0b0110}), Fit::kOutside);
+  EXPECT_EQ(tasks.Find({0, 0, 16, 16}, {0, 16}, {8, 0b0101}), (Task{0, {0, 16}, 0b0101}));
+  EXPECT_EQ(tasks.Find({0, 0, 16, 16}, {0, 16}, {}), (Task{0, {0, 16}, 0b1111}));
+  EXPECT_EQ(tasks.Find({0, 0, 16, 16}, {0, 16}, {4, 1}), std::nullopt);
 }
 
 TEST(FrameTasksTest, RevokedBlockIsRenderedAgain) {
-  FrameTasks tasks({0, 0, 16, 16}, 16, 16);
+  FrameTasks tasks(CellGrid({0, 0, 16, 16}, 16, 16), 16);
   const Task task = *tasks.TakeFresh(AtMost(16));
   tasks.Accept(task);
   ASSERT_TRUE(tasks.Complete());

@@ -11,17 +11,23 @@
 
 #include "absl/time/time.h"
 #include "common/content/blob_digest.h"
+#include "common/film/tile_cells.h"
 #include "common/film/tile_geometry.h"
 #include "common/scene/render_settings.h"
 #include "coordinator/core/stop_rule.h"
 
 namespace sheaf::coordinator {
 
-// How frames are cut into tasks; changes no pixel.
+// How frames are cut into tasks. Changes no pixel, but for tiles and their cells where samples go
+// where they are needed.
 struct Partition {
   int32_t tile_size_px = 32;
   uint64_t pass_sample_count = 16;  // A power of two.
   uint64_t lease_pass_count = 0;    // A power of two; 0 lets the coordinator choose.
+  // Edge of the squares that get samples of their own where those go where they are needed; divides
+  // the tile's (cell_grid.h). 0: chosen when the job is made; of jobs of earlier versions, the
+  // tile's.
+  int32_t cell_size_px = 0;
 };
 
 struct FrameSpec {
@@ -77,10 +83,11 @@ struct FrameId {
   friend auto operator<=>(const FrameId&, const FrameId&) = default;
 };
 
-// One tile's block of samples.
+// One tile's block of samples, for some of its cells.
 struct Task {
   uint32_t tile = 0;  // Index into the frame's tiles.
   SampleBlock block;
+  uint64_t cells = 1;  // Bit i: the tile's cell i (CellGrid). A tile that is one cell has bit 0.
   friend bool operator==(const Task&, const Task&) = default;
 };
 
@@ -92,6 +99,7 @@ struct Lease {
   FrameId frame;
   Task task;
   PixelRect tile_rect;
+  TileCells cells;  // The task's.
   std::string worker_id;
   LeasePhase phase = LeasePhase::kQueued;
   absl::Time grant_time;

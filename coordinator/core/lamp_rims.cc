@@ -14,6 +14,7 @@
 #include "common/film/error_planes.h"
 #include "common/film/light_path_kind.h"
 #include "common/scene/filter_value.h"
+#include "coordinator/core/cell_errors.h"
 
 namespace sheaf::coordinator {
 namespace {
@@ -27,6 +28,8 @@ constexpr int kDirectionCount = 8, kFilterPoints = 64;
 constexpr double kOctaveParts = 8;
 // Of a length of rim, for rims that are not straight and lamps that are small.
 constexpr double kLengthLogDeviation = 0.2;
+// Of the error of a pixel that makes its cell's, what is believed when samples are shared out.
+constexpr double kBelievedShare = 1 / (1 + kLeanPixels);
 
 using Color = std::array<double, 3>;
 
@@ -118,7 +121,7 @@ std::vector<RimShare> SharesBeyondRims(const FilterDescription& filter) {
 
 LampRims::LampRims(const FramePicture& small, int32_t shrink, double mean,
                    const FilterDescription& filter,
-                   const std::function<size_t(int32_t x, int32_t y)>& tile_of)
+                   const std::function<size_t(int32_t x, int32_t y)>& cell_of)
     : stretch_px_(std::numbers::pi / 4 * shrink), floor_(0.1 * mean) {
   const SmallPicture picture(small);
   const PixelRect& window = picture.window();
@@ -135,8 +138,8 @@ LampRims::LampRims(const FramePicture& small, int32_t shrink, double mean,
       rim |= brighter[i] && hit > kHitOverBeside * (*beside)[i];
     }
     if (!rim) return;
-    const size_t tile = tile_of(other_x * shrink + shrink / 2, other_y * shrink + shrink / 2);
-    stretches_.push_back({tile, lamp, *beside});
+    const size_t cell = cell_of(other_x * shrink + shrink / 2, other_y * shrink + shrink / 2);
+    stretches_.push_back({cell, lamp, *beside});
   };
   for (int32_t y = window.y0; y < window.y1; ++y) {
     for (int32_t x = window.x0; x < window.x1; ++x) {
@@ -168,13 +171,13 @@ double LampRims::OneHitPixels(uint64_t samples) const {
   return pixels;
 }
 
-void LampRims::AddVariances(std::span<const uint64_t> samples, double deviations,
-                            std::mt19937_64* random, std::vector<ErrorSums>* tiles) const {
+void LampRims::AddErrors(std::span<const uint64_t> samples, double deviations,
+                         std::mt19937_64* random, std::vector<ErrorSums>* cells) const {
   const double factor = std::exp(deviations * log_length_deviation_);
   std::map<uint64_t, double> pixels_of_length;
   RareHits hits;
   for (const Stretch& stretch : stretches_) {
-    const uint64_t count = samples[stretch.tile];
+    const uint64_t count = samples[stretch.cell];
     const auto [known, is_new] = pixels_of_length.try_emplace(count, 0);
     if (is_new) known->second = OneHitPixels(count);
     PixelError error;
@@ -190,9 +193,12 @@ void LampRims::AddVariances(std::span<const uint64_t> samples, double deviations
     }
     double pixels = factor * known->second * stretch_px_;
     if (random != nullptr) pixels = std::poisson_distribution<int32_t>(pixels)(*random);
-    hits.Add(stretch.tile, error, pixels);
+    hits.Add(stretch.cell, error, pixels);
+    ErrorSums& cell = (*cells)[stretch.cell];
+    cell.sum += kBelievedShare * pixels * error.rare;
+    cell.square_sum += kBelievedShare * pixels * error.rare * error.rare;
   }
-  hits.AddVariances(tiles);
+  hits.AddVariances(cells);
 }
 
 }  // namespace sheaf::coordinator

@@ -9,7 +9,7 @@
 // will have met the lamp in one replicate alone is a matter of the pixel filter:
 //
 //     small picture > crossings > stretches of rim
-//     stretch, samples of its tile > pixels with one hit, what it makes of their error > RareHits
+//     stretch, samples of its cell > pixels with one hit, what it makes of their error > RareHits
 //
 // A lamp smaller than a pixel of the small picture may be missed.
 // Source: Santaló 1976, Integral Geometry and Geometric Probability, chapter I.3.
@@ -41,21 +41,22 @@ class LampRims {
  public:
   LampRims() = default;  // There are none.
   // small: of one sample a pixel, with the layers of light paths; of the frame made `shrink` times
-  // smaller. mean: the frame's, of R, G and B. tile_of: of a pixel of the frame.
+  // smaller. mean: the frame's, of R, G and B. cell_of: of a pixel of the frame.
   LampRims(const FramePicture& small, int32_t shrink, double mean, const FilterDescription& filter,
-           const std::function<size_t(int32_t x, int32_t y)>& tile_of);
+           const std::function<size_t(int32_t x, int32_t y)>& cell_of);
 
   bool empty() const { return stretches_.empty(); }
   double LengthPx() const;
-  // To the errors of tiles that have so many samples. deviations: how many of its standard
-  // deviations the length lies above what is known. random: where given, pixels are met by chance,
-  // otherwise as many as are expected. Requires: multiples of kReplicateCount.
-  void AddVariances(std::span<const uint64_t> samples, double deviations, std::mt19937_64* random,
-                    std::vector<ErrorSums>* tiles) const;
+  // To the errors of cells that have so many samples: their variances, and of what those pixels are
+  // seen to err by as much as a cell keeps to itself (cell_errors.h). deviations: how many of its
+  // standard deviations the length lies above what is known. random: where given, pixels are met by
+  // chance, otherwise as many as are expected. Requires: multiples of kReplicateCount.
+  void AddErrors(std::span<const uint64_t> samples, double deviations, std::mt19937_64* random,
+                 std::vector<ErrorSums>* cells) const;
 
  private:
   struct Stretch {
-    size_t tile = 0;
+    size_t cell = 0;
     std::array<double, 3> lamp, beside;  // R, G and B.
   };
   // Pixels for each pixel of length in whose samples one replicate alone meets the lamp.

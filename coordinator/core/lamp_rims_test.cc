@@ -140,7 +140,7 @@ TEST_P(LampRimsForesee, WhatTheBoundWillBe) {
       std::vector<ErrorSums> errors(tiles.size());
       for (size_t i = 0; i < tiles.size(); ++i) errors[i].pixel_count = tiles[i].PixelCount();
       const std::vector<uint64_t> all(tiles.size(), samples);
-      RimsOf(filter, seed).AddVariances(all, 0, nullptr, &errors);
+      RimsOf(filter, seed).AddErrors(all, 0, nullptr, &errors);
       ErrorSums of_rims;
       for (const ErrorSums& error : errors) of_rims.Add(error);
       foreseen += std::log(of_rims.Deviation());

@@ -23,10 +23,11 @@ struct TaskId {
   uint32_t tile = 0;
   uint64_t first = 0;
   uint64_t count = 0;
+  uint64_t cells = 1;
   friend auto operator<=>(const TaskId&, const TaskId&) = default;
 };
 inline TaskId MakeTaskId(const FrameId& frame, const Task& task) {
-  return {frame, task.tile, task.block.first, task.block.count};
+  return {frame, task.tile, task.block.first, task.block.count, task.cells};
 }
 
 class LeaseTable {

@@ -12,12 +12,14 @@
 namespace sheaf::coordinator {
 
 struct CpuModel {
-  std::vector<double> seconds;  // Of one sample of a pixel, in each tile.
+  std::vector<double> seconds;  // Of one sample of a pixel, in each cell.
   double log_deviation = 0;     // Of the frame's, for the choice of blocks.
 };
 
 // By pictures of lattices alone: the small one comes first, and threads take longer in their first
-// milliseconds, with cold caches. Requires: as FitErrorModel.
-CpuModel FitCpu(std::span<const PixelRect> tiles, std::span<const PilotPicture> pilot);
+// milliseconds, with cold caches. errors: relMSE of each cell, as far as it is known. Requires: as
+// FitErrorModel.
+CpuModel FitCpu(const CellGrid& grid, std::span<const PilotPicture> pilot,
+                std::span<const double> errors);
 
 }  // namespace sheaf::coordinator

@@ -31,11 +31,15 @@ constexpr double kPairShare = 0.5, kPairBlocksMin = 200;
 // More blocks than these tell nothing that matters.
 constexpr double kBlocksEnough = 1 << 12;
 constexpr double kRateMin = 0.9, kRateMax = 1.8;
-// How logarithms of errors vary, known before: of all the variance of blocks, the share that is
-// within a tile; and how many blocks that knowledge is worth.
-constexpr double kBlockLogVariance = 1.4, kWithinShare = 0.55, kVarianceFreedom = 10;
-// A tile's error is taken for at least this share of the frame's.
-constexpr double kTileShareMin = 0.01;
+// How logarithms of errors of blocks vary, known before, as is the share of it that is within a
+// cell; and how many blocks that knowledge is worth.
+constexpr double kBlockLogVariance = 1.4, kVarianceFreedom = 10;
+// That share: .04 to .5 in cells of 8 pixels, .14 to .61 in 16, .31 to .74 in 32 (eight scenes).
+double WithinShare(int32_t cell_size_px) {
+  return std::min(0.8, 0.55 * std::pow(cell_size_px / 32.0, 0.57));
+}
+// A cell's error is taken for at least this share of the frame's.
+constexpr double kCellShareMin = 0.01;
 // Square of what blocks deviate by from their mean, over it, as known before; and how many blocks
 // that is worth. Where few pixels have most of the error, few blocks show none of them.
 constexpr double kTailSquare = 2.5 * 2.5, kTailBlocks = 10;
@@ -54,34 +58,34 @@ int32_t StrideFor(double block_samples, double samples_per_pixel, int64_t frame_
       std::clamp(std::ceil(stride), double{kPixelStrideMin}, double{kPixelStrideMax}));
 }
 
-class TileFinder {
+class CellFinder {
  public:
-  explicit TileFinder(std::span<const PixelRect> tiles) : tiles_(tiles) {
-    for (size_t i = 0; i < tiles.size(); ++i) by_corner_[{tiles[i].y0, tiles[i].x0}] = i;
+  explicit CellFinder(std::span<const PixelRect> cells) : cells_(cells) {
+    for (size_t i = 0; i < cells.size(); ++i) by_corner_[{cells[i].y0, cells[i].x0}] = i;
   }
   size_t Find(int32_t x, int32_t y) const {
-    // Tiles are rows of equal height, cut alike.
+    // Cells are rows of equal height, cut alike.
     auto row = by_corner_.upper_bound({y, std::numeric_limits<int32_t>::max()});
     SHEAF_CHECK(row != by_corner_.begin());
     const int32_t y0 = std::prev(row)->first.first;
-    const auto tile = std::prev(by_corner_.upper_bound({y0, x}));
-    SHEAF_CHECK(x < tiles_[tile->second].x1 && y < tiles_[tile->second].y1);
-    return tile->second;
+    const auto cell = std::prev(by_corner_.upper_bound({y0, x}));
+    SHEAF_CHECK(x < cells_[cell->second].x1 && y < cells_[cell->second].y1);
+    return cell->second;
   }
 
   // Also of pixels a little outside of the frame.
   size_t Nearest(int32_t x, int32_t y) const {
-    const PixelRect &first = tiles_.front(), &last = tiles_.back();
+    const PixelRect &first = cells_.front(), &last = cells_.back();
     return Find(std::clamp(x, first.x0, last.x1 - 1), std::clamp(y, first.y0, last.y1 - 1));
   }
 
  private:
-  std::span<const PixelRect> tiles_;
+  std::span<const PixelRect> cells_;
   std::map<std::pair<int32_t, int32_t>, size_t> by_corner_;
 };
 
 struct Block {
-  size_t tile = 0;  // That its middle lies in.
+  size_t cell = 0;  // That its middle lies in.
   ErrorSums error;
 };
 
@@ -118,7 +122,7 @@ double FitMean(std::span<const PilotPicture> pilot) {
   return sum / places;
 }
 
-std::vector<Block> BlocksOf(const PilotPicture& pilot, const TileFinder& tiles, double mean) {
+std::vector<Block> BlocksOf(const PilotPicture& pilot, const CellFinder& cells, double mean) {
   const std::vector<PixelRect> cores = CoresIn(pilot.level.lattice, pilot.picture.window);
   const ErrorPlanes planes(pilot.picture);
   RareHits ignored;  // Few of the frame's; LampRims has them.
@@ -130,7 +134,7 @@ std::vector<Block> BlocksOf(const PilotPicture& pilot, const TileFinder& tiles, 
     ErrorSums error = SumErrors(planes, pilot.picture, core, mean, 0, &ignored);
     error.sum *= growth;
     error.square_sum *= growth * growth;
-    blocks.push_back({tiles.Find((core.x0 + core.x1) / 2, (core.y0 + core.y1) / 2), error});
+    blocks.push_back({cells.Find((core.x0 + core.x1) / 2, (core.y0 + core.y1) / 2), error});
   }
   return blocks;
 }
@@ -198,54 +202,56 @@ double NormalValue(size_t i) {
   return low;
 }
 
-// Errors of tiles from few blocks each. They have the mean of all blocks, and what rounds save by
+// Errors of cells from few blocks each. They have the mean of all blocks, and what rounds save by
 // giving samples where they are needed depends on how unequal they are. So where little is known of
-// a tile it does not get the mean of all, but is drawn from what it may be.
-class TileErrors {
+// a cell it does not get the mean of all, but is drawn from what it may be.
+class CellErrors {
  public:
-  TileErrors(std::span<const PixelRect> tiles, const std::vector<Block>& blocks) {
-    std::vector<ErrorSums> of_tile(tiles.size());
+  CellErrors(const CellGrid& grid, const std::vector<Block>& blocks) {
+    const std::vector<PixelRect>& cells = grid.cells();
+    std::vector<ErrorSums> of_cell(cells.size());
     ErrorSums all;
     for (const Block& block : blocks) {
-      of_tile[block.tile].Add(block.error);
+      of_cell[block.cell].Add(block.error);
       all.Add(block.error);
     }
-    const double least = kTileShareMin * all.RelativeMse();
+    const double least = kCellShareMin * all.RelativeMse();
     const auto log_of = [&](const ErrorSums& error) {
       return std::log(std::max(error.RelativeMse(), least));
     };
-    const Variances variances = FitVariances(tiles.size(), blocks, log_of);
-    std::vector<double> counts(tiles.size());
-    for (const Block& block : blocks) ++counts[block.tile];
+    const Variances variances = FitVariances(grid, blocks, log_of);
+    std::vector<double> counts(cells.size());
+    for (const Block& block : blocks) ++counts[block.cell];
     double sum = 0, pixel_count = 0;
-    for (size_t i = 0; i < tiles.size(); ++i) {
+    for (size_t i = 0; i < cells.size(); ++i) {
       const double weight =
           counts[i] * variances.between / (counts[i] * variances.between + variances.within);
       double log_error = std::sqrt((1 - weight) * variances.between) * NormalValue(i);
-      if (counts[i] > 0) log_error += weight * (log_of(of_tile[i]) - std::log(all.RelativeMse()));
+      if (counts[i] > 0) log_error += weight * (log_of(of_cell[i]) - std::log(all.RelativeMse()));
       errors_.push_back(std::exp(log_error));
-      sum += errors_.back() * static_cast<double>(tiles[i].PixelCount());
-      pixel_count += static_cast<double>(tiles[i].PixelCount());
+      sum += errors_.back() * static_cast<double>(cells[i].PixelCount());
+      pixel_count += static_cast<double>(cells[i].PixelCount());
     }
     double squares = 0;
-    for (size_t i = 0; i < tiles.size(); ++i) {
+    for (size_t i = 0; i < cells.size(); ++i) {
       errors_[i] *= all.RelativeMse() * pixel_count / sum;
-      squares += static_cast<double>(of_tile[i].pixel_count) * errors_[i] * errors_[i];
+      squares += static_cast<double>(of_cell[i].pixel_count) * errors_[i] * errors_[i];
     }
     if (squares > 0) square_ratio_ = std::max(1.0, all.square_sum / squares);
   }
-  double MeanOf(size_t tile) const { return errors_[tile]; }
-  // Mean square of a pixel's error over the square of its tile's mean.
+  double MeanOf(size_t cell) const { return errors_[cell]; }
+  const std::vector<double>& means() const { return errors_; }
+  // Mean square of a pixel's error over the square of its cell's mean.
   double SquareRatio() const { return square_ratio_; }
 
  private:
-  // Of logarithms: of blocks in a tile, and of tiles.
+  // Of logarithms: of blocks in a cell, and of cells.
   struct Variances {
     double within = 0, between = 0;
   };
   // Sources of variance by the one-way analysis; Searle 1971, Linear Models, chapter 10.
   template <typename LogOf>
-  static Variances FitVariances(size_t tile_count, const std::vector<Block>& blocks,
+  static Variances FitVariances(const CellGrid& grid, const std::vector<Block>& blocks,
                                 const LogOf& log_of) {
     struct Sums {
       double count = 0, sum = 0, square_sum = 0;
@@ -256,23 +262,23 @@ class TileErrors {
       }
       double Squares() const { return count == 0 ? 0 : square_sum - sum * sum / count; }
     };
-    std::vector<Sums> of_tile(tile_count);
+    std::vector<Sums> of_cell(grid.cells().size());
     Sums all;
     for (const Block& block : blocks) {
       const double value = log_of(block.error);
-      of_tile[block.tile].Add(value);
+      of_cell[block.cell].Add(value);
       all.Add(value);
     }
     const double total = (all.Squares() + kVarianceFreedom * kBlockLogVariance) /
                          (std::max(all.count - 1, 0.0) + kVarianceFreedom);
     double squares = 0, freedom = 0;
-    for (const Sums& tile : of_tile) {
-      squares += tile.Squares();
-      freedom += std::max(tile.count - 1, 0.0);
+    for (const Sums& cell : of_cell) {
+      squares += cell.Squares();
+      freedom += std::max(cell.count - 1, 0.0);
     }
     Variances variances;
-    variances.within =
-        (squares + kVarianceFreedom * kWithinShare * total) / (freedom + kVarianceFreedom);
+    variances.within = (squares + kVarianceFreedom * WithinShare(grid.cell_size_px()) * total) /
+                       (freedom + kVarianceFreedom);
     variances.between = std::max(total - variances.within, 0.1 * total);
     return variances;
   }
@@ -329,9 +335,10 @@ absl::StatusOr<std::vector<double>> TileCpuSecondsOf(
       "it may be older than this program: use the same version of both");
 }
 
-ErrorModel FitErrorModel(std::span<const PixelRect> tiles, std::span<const PilotPicture> pilot,
+ErrorModel FitErrorModel(const CellGrid& grid, std::span<const PilotPicture> pilot,
                          const FilterDescription& filter) {
-  const TileFinder finder(tiles);
+  const std::vector<PixelRect>& cells = grid.cells();
+  const CellFinder finder(cells);
   const double mean = FitMean(pilot);
   std::map<int32_t, std::vector<Block>> base, deep;  // By stride.
   ErrorModel model;
@@ -354,22 +361,22 @@ ErrorModel FitErrorModel(std::span<const PixelRect> tiles, std::span<const Pilot
       pairs.emplace_back(low[i].error.sum, high->second[i].error.sum);
     }
   }
-  const TileErrors errors(tiles, blocks);
+  const CellErrors errors(grid, blocks);
   const Rate rate = FitRate(pairs);
   model.rate = rate.value;
   model.rate_deviation = rate.deviation;
   model.log_error_deviation = LogDeviationOf(blocks);
-  const CpuModel cpu = FitCpu(tiles, pilot);
+  const CpuModel cpu = FitCpu(grid, pilot, errors.means());
   model.log_cpu_deviation = cpu.log_deviation;
-  for (size_t i = 0; i < tiles.size(); ++i) {
-    ForecastTile tile;
-    const auto count = static_cast<double>(tiles[i].PixelCount());
+  for (uint32_t i = 0; i < cells.size(); ++i) {
+    ForecastCell cell;
+    const auto count = static_cast<double>(cells[i].PixelCount());
     const double error = errors.MeanOf(i);
-    tile.measured = {
+    cell.measured = {
         kBaseSamples,
-        {tiles[i].PixelCount(), count * error, count * errors.SquareRatio() * error * error}};
-    tile.cpu_seconds_per_sample = count * cpu.seconds[i];
-    model.tiles.push_back(tile);
+        {cells[i].PixelCount(), count * error, count * errors.SquareRatio() * error * error}};
+    cell.cpu_seconds_per_sample = count * cpu.seconds[i];
+    model.cells.push_back(cell);
   }
   return model;
 }

@@ -6,7 +6,7 @@
 // fall; and the whole frame made small, for its mean, against which dark pixels' errors are held,
 // and for the rims of lamps, which blocks do not meet:
 //
-//     pictures of the pilot > errors of their blocks > errors of tiles, rate b > ErrorModel
+//     pictures of the pilot > errors of their blocks > errors of cells, rate b > ErrorModel
 //     the small picture > mean, LampRims                                       >
 #pragma once
 
@@ -19,6 +19,7 @@
 #include "common/film/frame_picture.h"
 #include "common/film/pixel_lattice.h"
 #include "common/scene/scene_description.h"
+#include "coordinator/core/cell_grid.h"
 #include "coordinator/core/cost_forecast.h"
 
 namespace sheaf::coordinator {
@@ -61,7 +62,7 @@ absl::StatusOr<std::vector<double>> TileCpuSecondsOf(
 // filter: the scene's. Requires: pictures of one frame, one of a lattice with the least samples
 // among them; those of lattices with the CPU time of all tiles; pairs of one lattice; the small one
 // with the layers of light paths.
-ErrorModel FitErrorModel(std::span<const PixelRect> tiles, std::span<const PilotPicture> pilot,
+ErrorModel FitErrorModel(const CellGrid& grid, std::span<const PilotPicture> pilot,
                          const FilterDescription& filter);
 
 }  // namespace sheaf::coordinator

@@ -66,8 +66,7 @@ ErrorModel FitOf(double rate, const Variance& variance, double samples_per_pixel
     pilot.push_back(level.shrink > 1 ? MakeSmall(level, mean)
                                      : MakePilot(level, rate, ++seed, variance));
   }
-  const std::vector<PixelRect> tiles = CutTiles(kWindow, kTileSizePx);
-  return FitErrorModel(tiles, pilot, {});
+  return FitErrorModel({kWindow, kTileSizePx, kTileSizePx}, pilot, {});
 }
 
 TEST(PilotModelTest, PilotsCostNoMoreThanTheyMay) {
@@ -137,7 +136,6 @@ TEST(PilotModelTest, DarkPixelsAreHeldAgainstTheMeanOfTheWholeFrame) {
 // walls.
 TEST(PilotModelTest, RimsOfLampsInViewMakeTargetsDearer) {
   const auto variance = [](int32_t, int32_t) { return 0.01; };
-  const std::vector<PixelRect> tiles = CutTiles(kWindow, kTileSizePx);
   std::vector<PilotPicture> pilot;
   uint64_t seed = 1;
   for (const PilotLevel& level : PilotLevels(0.5, kWindow.PixelCount(), {})) {
@@ -154,7 +152,7 @@ TEST(PilotModelTest, RimsOfLampsInViewMakeTargetsDearer) {
         (*small.Find(std::string("seen.") + channel))[p] = seen;
       }
     }
-    const ErrorModel model = FitErrorModel(tiles, pilot, {});
+    const ErrorModel model = FitErrorModel({kWindow, kTileSizePx, kTileSizePx}, pilot, {});
     EXPECT_EQ(model.rims.empty(), seen == 0);
     const Forecast low = ForecastTarget(model, {.target_error = 0.005}, 1 << 20, -kBandDeviations);
     const Forecast high = ForecastTarget(model, {.target_error = 0.005}, 1 << 20, kBandDeviations);
@@ -170,7 +168,7 @@ TEST(PilotModelTest, TilesThatDifferAreToldApart) {
       1, [](int32_t x, int32_t) { return x < 160 ? 0.001 : 0.1; }, 2.0);
   const std::vector<PixelRect> tiles = CutTiles(kWindow, kTileSizePx);
   for (size_t i = 0; i < tiles.size(); ++i) {
-    const double error = model.tiles[i].measured.error.RelativeMse();
+    const double error = model.cells[i].measured.error.RelativeMse();
     if (tiles[i].x1 <= 160) {
       EXPECT_LT(error, 0.04) << i;  // Blocks may reach into a neighbour by a third.
     } else {
@@ -189,12 +187,12 @@ TEST(PilotModelTest, TilesOfWhichLittleIsKnownAreNotAllAlike) {
       },
       0.2);
   double sum = 0, square_sum = 0;
-  for (const ForecastTile& tile : model.tiles) {
-    const double log_error = std::log(tile.measured.error.RelativeMse());
+  for (const ForecastCell& cell : model.cells) {
+    const double log_error = std::log(cell.measured.error.RelativeMse());
     sum += log_error;
     square_sum += log_error * log_error;
   }
-  const auto count = static_cast<double>(model.tiles.size());
+  const auto count = static_cast<double>(model.cells.size());
   EXPECT_NEAR(std::sqrt(square_sum / count - sum * sum / count / count), 0.9, 0.3);
 }
 

@@ -20,30 +20,30 @@ constexpr double kFarmEfficiency = 0.95;
 // Decisions that differ by less than this share of all samples are the same for the price.
 constexpr double kSameShare = 0.05;
 
-// Which tiles are priced as one, by index; each has one at least.
+// Which cells are priced as one, by index; each has one at least.
 using Groups = std::vector<std::vector<size_t>>;
 
-// Tiles with the same samples and errors stand together.
-Groups GroupTiles(const std::vector<TileRound>& tiles) {
-  std::vector<size_t> order(tiles.size());
+// Cells with the same samples and errors stand together.
+Groups GroupCells(const std::vector<CellRound>& cells) {
+  std::vector<size_t> order(cells.size());
   std::iota(order.begin(), order.end(), size_t{0});
   std::stable_sort(order.begin(), order.end(), [&](size_t a, size_t b) {
-    return std::pair(tiles[a].samples, tiles[a].error.RelativeMse()) <
-           std::pair(tiles[b].samples, tiles[b].error.RelativeMse());
+    return std::pair(cells[a].samples, cells[a].error.RelativeMse()) <
+           std::pair(cells[b].samples, cells[b].error.RelativeMse());
   });
-  const size_t count = std::min(kPriceGroupsMax, tiles.size());
+  const size_t count = std::min(kPriceGroupsMax, cells.size());
   Groups groups(count);
   for (size_t i = 0; i < order.size(); ++i) groups[i * count / order.size()].push_back(order[i]);
   return groups;
 }
 
 // Mean over the group's pixels.
-uint64_t MeanSamples(const std::vector<size_t>& group, const std::vector<TileRound>& tiles,
+uint64_t MeanSamples(const std::vector<size_t>& group, const std::vector<CellRound>& cells,
                      const std::vector<uint64_t>& samples) {
   double sum = 0, pixel_count = 0;
-  for (const size_t tile : group) {
-    const double pixels = std::max(1.0, static_cast<double>(tiles[tile].error.pixel_count));
-    sum += pixels * static_cast<double>(samples[tile]);
+  for (const size_t cell : group) {
+    const double pixels = std::max(1.0, static_cast<double>(cells[cell].error.pixel_count));
+    sum += pixels * static_cast<double>(samples[cell]);
     pixel_count += pixels;
   }
   return std::max<uint64_t>(1, static_cast<uint64_t>(std::lround(sum / pixel_count)));
@@ -51,30 +51,30 @@ uint64_t MeanSamples(const std::vector<size_t>& group, const std::vector<TileRou
 
 RoundRecord Grouped(const RoundRecord& round, const Groups& groups) {
   std::vector<uint64_t> samples;
-  for (const TileRound& tile : round.tiles) samples.push_back(tile.samples);
+  for (const CellRound& cell : round.cells) samples.push_back(cell.samples);
   RoundRecord grouped;
   grouped.round = round.round;
   for (const std::vector<size_t>& group : groups) {
-    TileRound& sum = grouped.tiles.emplace_back();
-    sum.samples = MeanSamples(group, round.tiles, samples);
-    for (const size_t tile : group) sum.error.Add(round.tiles[tile].error);
+    CellRound& sum = grouped.cells.emplace_back();
+    sum.samples = MeanSamples(group, round.cells, samples);
+    for (const size_t cell : group) sum.error.Add(round.cells[cell].error);
     if (round.samples_next.empty()) continue;
-    grouped.samples_next.push_back(MeanSamples(group, round.tiles, round.samples_next));
+    grouped.samples_next.push_back(MeanSamples(group, round.cells, round.samples_next));
   }
   return grouped;
 }
 
-// The frame with groups for tiles.
+// The frame with groups for cells.
 FinishedFrame Grouped(const FinishedFrame& frame) {
-  const Groups groups = GroupTiles(frame.rounds.back().tiles);
+  const Groups groups = GroupCells(frame.rounds.back().cells);
   FinishedFrame grouped{frame.had_rule, frame.first_round_samples, {}, {}, frame.cpu_seconds};
   for (const RoundRecord& round : frame.rounds) {
     grouped.rounds.push_back(Grouped(round, groups));
   }
-  if (frame.cpu_seconds_of_tiles.empty()) return grouped;
+  if (frame.cpu_seconds_of_cells.empty()) return grouped;
   for (const std::vector<size_t>& group : groups) {
-    double& sum = grouped.cpu_seconds_of_tiles.emplace_back(0);
-    for (const size_t tile : group) sum += frame.cpu_seconds_of_tiles[tile];
+    double& sum = grouped.cpu_seconds_of_cells.emplace_back(0);
+    for (const size_t cell : group) sum += frame.cpu_seconds_of_cells[cell];
   }
   return grouped;
 }
@@ -83,8 +83,8 @@ FinishedFrame Grouped(const FinishedFrame& frame) {
 void FitRate(const std::vector<RoundRecord>& rounds, ErrorModel* model) {
   model->rate = kRatePrior;
   model->rate_deviation = kRatePriorDeviation;
-  const std::vector<TileRound>& first = rounds.front().tiles;
-  const std::vector<TileRound>& last = rounds.back().tiles;
+  const std::vector<CellRound>& first = rounds.front().cells;
+  const std::vector<CellRound>& last = rounds.back().cells;
   const double growth = PixelSamples(last) / PixelSamples(first);
   const ErrorSums early = SumOf(first), late = SumOf(last);
   if (growth <= 1 || early.sum <= 0 || late.sum <= 0) return;
@@ -98,19 +98,19 @@ void FitRate(const std::vector<RoundRecord>& rounds, ErrorModel* model) {
 }
 
 ErrorModel ModelOf(const FinishedFrame& frame) {
-  const std::vector<TileRound>& last = frame.rounds.back().tiles;
+  const std::vector<CellRound>& last = frame.rounds.back().cells;
   const ErrorSums sum = SumOf(last);
   ErrorModel model;
   if (sum.sum > 0) model.log_error_deviation = sum.Deviation() / sum.RelativeMse();
   FitRate(frame.rounds, &model);
-  const bool kept = !frame.cpu_seconds_of_tiles.empty();
+  const bool kept = !frame.cpu_seconds_of_cells.empty();
   const double cpu_seconds_per_sample = frame.cpu_seconds / PixelSamples(last);
   for (size_t i = 0; i < last.size(); ++i) {
     const auto pixels = static_cast<double>(last[i].error.pixel_count);
     const auto samples = static_cast<double>(last[i].samples);
-    ForecastTile tile{last[i], cpu_seconds_per_sample * pixels, kept ? last[i].samples : 0};
-    if (kept) tile.cpu_seconds_per_sample = frame.cpu_seconds_of_tiles[i] / samples;
-    model.tiles.push_back(tile);
+    ForecastCell cell{last[i], cpu_seconds_per_sample * pixels, kept ? last[i].samples : 0};
+    if (kept) cell.cpu_seconds_per_sample = frame.cpu_seconds_of_cells[i] / samples;
+    model.cells.push_back(cell);
   }
   return model;
 }
@@ -119,7 +119,7 @@ bool NearlySame(const std::vector<uint64_t>& samples, const RoundRecord& round) 
   if (samples.empty() || round.samples_next.empty()) return false;
   double difference = 0, sum = 0;
   for (size_t i = 0; i < samples.size(); ++i) {
-    const auto pixels = static_cast<double>(round.tiles[i].error.pixel_count);
+    const auto pixels = static_cast<double>(round.cells[i].error.pixel_count);
     const auto was = static_cast<double>(round.samples_next[i]);
     difference += pixels * std::abs(static_cast<double>(samples[i]) - was);
     sum += pixels * was;
@@ -131,23 +131,23 @@ bool NearlySame(const std::vector<uint64_t>& samples, const RoundRecord& round) 
 std::optional<ForecastStart> StartOf(const FinishedFrame& frame, const StopRule& rule,
                                      uint64_t samples_max) {
   const size_t first = frame.had_rule ? 0 : frame.rounds.size() - 1;
-  std::span<const TileRound> before;
+  std::span<const CellRound> before;
   for (size_t i = first; i < frame.rounds.size(); ++i) {
     const RoundRecord& record = frame.rounds[i];
     const int round = static_cast<int>(i - first);
-    RoundDecision decision = DecideRound(rule, samples_max, round, record.tiles, before, {});
+    RoundDecision decision = DecideRound(rule, samples_max, round, record.cells, before, {});
     if (decision.samples.empty()) return std::nullopt;
     if (!NearlySame(decision.samples, record)) {
-      return ForecastStart{round + 1, std::move(decision.samples), record.tiles};
+      return ForecastStart{round + 1, std::move(decision.samples), record.cells};
     }
-    before = record.tiles;
+    before = record.cells;
   }
   return std::nullopt;
 }
 
 // Of one frame, as it is.
 Forecast AsItIs(const FinishedFrame& frame, double target_error) {
-  const std::vector<TileRound>& last = frame.rounds.back().tiles;
+  const std::vector<CellRound>& last = frame.rounds.back().cells;
   const ErrorSums sum = SumOf(last);
   Forecast forecast;
   forecast.relative_mse = sum.RelativeMse();

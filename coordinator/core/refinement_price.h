@@ -2,11 +2,11 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // What it costs to refine a finished frame until its error is at a target. Its rounds tell what a
-// pilot would (pilot_model.h), of all pixels: the errors of its tiles, how they fell, and what a
-// sample of each tile cost. The frame goes on where ReplayRounds would let it, and from there its
+// pilot would (pilot_model.h), of all pixels: the errors of its cells, how they fell, and what a
+// sample of each cell cost. The frame goes on where ReplayRounds would let it, and from there its
 // rounds are played through:
 //
-//     rounds, CPU time of tiles > where the new rule differs > ErrorModel > ForecastFrom > price
+//     rounds, CPU time of cells > where the new rule differs > ErrorModel > ForecastFrom > price
 #pragma once
 
 #include <cstdint>
@@ -17,7 +17,7 @@
 
 namespace sheaf::coordinator {
 
-// Tiles of more are priced in groups of tiles that are alike.
+// Cells of more are priced in groups of cells that are alike.
 inline constexpr size_t kPriceGroupsMax = 64;
 // Frames of a job that are looked at, evenly over its range.
 inline constexpr size_t kPricedFramesMax = 3;
@@ -30,10 +30,10 @@ struct FinishedFrame {
   // the last.
   bool had_rule = false;
   uint64_t first_round_samples = kReplicateCount;  // Of its rule.
-  std::vector<RoundRecord> rounds;                 // With tiles; at least one.
-  // Of each tile, what all of its samples took; empty where its parts are not kept, and all of them
+  std::vector<RoundRecord> rounds;                 // With cells; at least one.
+  // Of each cell, what all of its samples took; empty where its parts are not kept, and all of them
   // must be rendered again.
-  std::vector<double> cpu_seconds_of_tiles;
+  std::vector<double> cpu_seconds_of_cells;
   double cpu_seconds = 0;  // Of the frame.
 };
 

@@ -13,34 +13,34 @@ constexpr uint64_t kSamplesMax = uint64_t{1} << 20;
 constexpr double kSecondsPerPixelSample = 1e-6;
 constexpr int64_t kTilePixels = 1024;
 
-// Tile i of a frame whose errors fall as 1 / n, unequally noisy.
-TileRound TileAt(size_t i, uint64_t samples) {
+// Cell i of a frame whose errors fall as 1 / n, unequally noisy.
+CellRound CellAt(size_t i, uint64_t samples) {
   const double error = (0.1 + 0.2 * static_cast<double>(i % 10)) / static_cast<double>(samples);
   const auto pixels = static_cast<double>(kTilePixels);
   return {samples, {kTilePixels, pixels * error, 4 * pixels * error * error}};
 }
 
-double SecondsOf(const std::vector<TileRound>& tiles) {
-  return kSecondsPerPixelSample * PixelSamples(tiles);
+double SecondsOf(const std::vector<CellRound>& cells) {
+  return kSecondsPerPixelSample * PixelSamples(cells);
 }
 
 // The frame rendered in rounds, as Farm does.
-FinishedFrame RenderTo(double target, size_t tile_count) {
+FinishedFrame RenderTo(double target, size_t cell_count) {
   FinishedFrame frame;
   frame.had_rule = true;
-  std::vector<uint64_t> samples(tile_count, kReplicateCount);
-  std::vector<TileRound> before;
+  std::vector<uint64_t> samples(cell_count, kReplicateCount);
+  std::vector<CellRound> before;
   while (!samples.empty()) {
     RoundRecord& record = frame.rounds.emplace_back();
     record.round = static_cast<int32_t>(frame.rounds.size()) - 1;
-    for (size_t i = 0; i < tile_count; ++i) record.tiles.push_back(TileAt(i, samples[i]));
+    for (size_t i = 0; i < cell_count; ++i) record.cells.push_back(CellAt(i, samples[i]));
     record.Take(
-        DecideRound({.target_error = target}, kSamplesMax, record.round, record.tiles, before, {}));
+        DecideRound({.target_error = target}, kSamplesMax, record.round, record.cells, before, {}));
     samples = record.samples_next;
-    before = record.tiles;
+    before = record.cells;
   }
   frame.cpu_seconds = SecondsOf(before);
-  for (const TileRound& tile : before) frame.cpu_seconds_of_tiles.push_back(SecondsOf({tile}));
+  for (const CellRound& cell : before) frame.cpu_seconds_of_cells.push_back(SecondsOf({cell}));
   return frame;
 }
 
@@ -66,8 +66,8 @@ TEST_P(RefinementPriceTest, IsWhatTheFrameCostsAtOnceLessWhatIsThere) {
   }
 }
 
-// In groups of tiles where there are many.
-INSTANTIATE_TEST_SUITE_P(Tiles, RefinementPriceTest, ::testing::Values(24, 1000));
+// In groups of cells where there are many.
+INSTANTIATE_TEST_SUITE_P(Cells, RefinementPriceTest, ::testing::Values(24, 1000));
 
 TEST(RefinementPriceOfOneTest, IsNothingWhereTheFrameIsGoodEnough) {
   const FinishedFrame frame = RenderTo(1e-3, 24);
@@ -79,7 +79,7 @@ TEST(RefinementPriceOfOneTest, IsNothingWhereTheFrameIsGoodEnough) {
 
 TEST(RefinementPriceOfOneTest, CountsAllSamplesWherePartsAreGone) {
   FinishedFrame frame = RenderTo(5e-3, 24);
-  frame.cpu_seconds_of_tiles.clear();
+  frame.cpu_seconds_of_cells.clear();
   const double whole = RenderTo(1e-3, 24).cpu_seconds;
   EXPECT_NEAR(PriceOf(frame, 1e-3).cpu_seconds.value, whole, 0.15 * whole);
 }
@@ -88,9 +88,9 @@ TEST(RefinementPriceOfOneTest, GoesOnFromAFrameWithoutRounds) {
   FinishedFrame frame;
   frame.first_round_samples = 64;
   RoundRecord& end = frame.rounds.emplace_back();
-  for (size_t i = 0; i < 24; ++i) end.tiles.push_back(TileAt(i, 64));
-  frame.cpu_seconds = SecondsOf(end.tiles);
-  for (const TileRound& tile : end.tiles) frame.cpu_seconds_of_tiles.push_back(SecondsOf({tile}));
+  for (size_t i = 0; i < 24; ++i) end.cells.push_back(CellAt(i, 64));
+  frame.cpu_seconds = SecondsOf(end.cells);
+  for (const CellRound& cell : end.cells) frame.cpu_seconds_of_cells.push_back(SecondsOf({cell}));
   const double beyond = RenderTo(1e-3, 24).cpu_seconds - frame.cpu_seconds;
   const RefinementPrice price = PriceOf(frame, 1e-3, 0);
   // Errors are expected to fall a little faster than these do.

@@ -12,16 +12,20 @@
 namespace sheaf::coordinator {
 namespace {
 
-// Errors fall at least as those of independent samples do, and no tile is smooth enough for more.
+// Errors fall at least as those of independent samples do, and no cell is smooth enough for more.
 constexpr double kRateMin = 1, kRateMax = 2;
 // The rate is measured where the round should have lowered the error by this.
 constexpr double kRateDropMin = 1.3;
-// A tile's error is taken for at least this share of the frame's: what rarely happens may not have
+// A cell's error is taken for at least this share of the frame's: what rarely happens may not have
 // happened in it yet.
-constexpr double kTileShareMin = 0.01;
+constexpr double kCellShareMin = 0.01;
 // Of the target, what a round aims at: so that the next look is likely the last.
 constexpr double kAimShare = 0.98;
 constexpr int kBisectionSteps = 60;
+// Samples come in steps of one for each replicate, and larger ones where those are small beside
+// what there is: what finer steps save in samples, parts of so many counts cost (docs/adr/0042).
+// First half of the power of two below, up to kStepEnough, and later kStepShare of it.
+constexpr double kStepEnough = 4 * kReplicateCount, kStepShare = 1.0 / 8;
 
 // Standard deviations above the estimate for the confidence of a look: the normal distribution has
 // the look's share beyond them.
@@ -41,64 +45,76 @@ double UpperBound(const ErrorSums& frame, double deviations) {
   return frame.RelativeMse() + deviations * frame.Deviation();
 }
 
+double StepAt(double samples) {
+  const double power = std::exp2(std::floor(std::log2(samples)));
+  return std::max({double{kReplicateCount}, std::min(power / 2, kStepEnough), kStepShare * power});
+}
+
+// What cell i has more before it is rounded down to steps, of one, in [0, 1): of cells that are
+// alike as many are rounded up as it takes. Source: Weyl 1916, multiples of the golden ratio.
+double Dither(size_t i) {
+  const double place = (static_cast<double>(i) + 0.5) / std::numbers::phi;
+  return place - std::floor(place);
+}
+
 // How samples are shared out, for any number of them.
 class Allocation {
  public:
-  Allocation(std::span<const TileRound> tiles, uint64_t samples_max, double rate)
-      : tiles_(tiles), samples_max_(samples_max), rate_(rate) {
+  Allocation(std::span<const CellRound> cells, uint64_t samples_max, double rate)
+      : cells_(cells), samples_max_(samples_max), rate_(rate) {
     // Errors of a pixel at one sample, at which they can be compared.
     double sum = 0;
-    for (const TileRound& tile : tiles) {
-      weights_.push_back(tile.error.RelativeMse() *
-                         std::pow(static_cast<double>(tile.samples), rate));
-      sum += static_cast<double>(tile.error.pixel_count) * weights_.back();
+    for (const CellRound& cell : cells) {
+      weights_.push_back(cell.error.RelativeMse() *
+                         std::pow(static_cast<double>(cell.samples), rate));
+      sum += static_cast<double>(cell.error.pixel_count) * weights_.back();
     }
-    const double mean = sum / static_cast<double>(SumOf(tiles).pixel_count);
+    const double mean = sum / static_cast<double>(SumOf(cells).pixel_count);
     for (double& weight : weights_) {
-      weight = std::pow(std::max(weight, kTileShareMin * mean), 1 / (1 + rate));
+      weight = std::pow(std::max(weight, kCellShareMin * mean), 1 / (1 + rate));
     }
   }
 
-  // Of pixels of tile i: what they shall have, in as many more steps of one sample for each
-  // replicate as reach it.
+  // Of pixels of cell i: what they shall have, in steps.
   double Ideal(size_t i, double scale) const {
-    constexpr double kStep = kReplicateCount;
-    const auto now = static_cast<double>(tiles_[i].samples);
+    const auto now = static_cast<double>(cells_[i].samples);
     const double ideal = scale * weights_[i];
     const auto most = static_cast<double>(samples_max_);
     if (ideal >= most) return most;
-    return std::clamp(std::round(ideal / kStep) * kStep, now, most);
+    if (ideal <= now) return now;
+    const double step = StepAt(ideal);
+    return std::clamp(std::floor(ideal / step + Dither(i)) * step, now, most);
   }
   // As many as it takes, in however many rounds.
   double IdealPixelSamples(double scale) const {
     double sum = 0;
-    for (size_t i = 0; i < tiles_.size(); ++i) {
-      sum += static_cast<double>(tiles_[i].error.pixel_count) * Ideal(i, scale);
+    for (size_t i = 0; i < cells_.size(); ++i) {
+      sum += static_cast<double>(cells_[i].error.pixel_count) * Ideal(i, scale);
     }
     return sum;
   }
-  // Of the frame when all tiles have that.
+  // Of the frame when all cells have that.
   ErrorSums Foreseen(double scale) const {
     ErrorSums sum;
-    for (size_t i = 0; i < tiles_.size(); ++i) sum.Add(ErrorAt(i, Ideal(i, scale)));
+    for (size_t i = 0; i < cells_.size(); ++i) sum.Add(ErrorAt(i, Ideal(i, scale)));
     return sum;
   }
   // Within a round.
   uint64_t Samples(size_t i, double scale) const {
-    return std::min(static_cast<uint64_t>(Ideal(i, scale)), kRoundGrowthMax * tiles_[i].samples);
+    return std::min(static_cast<uint64_t>(Ideal(i, scale)), kRoundGrowthMax * cells_[i].samples);
   }
   double PixelSamples(double scale) const {
     double sum = 0;
-    for (size_t i = 0; i < tiles_.size(); ++i) {
+    for (size_t i = 0; i < cells_.size(); ++i) {
       sum +=
-          static_cast<double>(tiles_[i].error.pixel_count) * static_cast<double>(Samples(i, scale));
+          static_cast<double>(cells_[i].error.pixel_count) * static_cast<double>(Samples(i, scale));
     }
     return sum;
   }
   ErrorSums ErrorAt(size_t i, double samples) const {
-    return ForeseeError(tiles_[i], samples, rate_);
+    return ForeseeError(cells_[i], samples, rate_);
   }
-  // Of which no tile can get more.
+  // Of which no cell can get more.
   double ScaleMax() const {
     double scale = 0;
     for (const double weight : weights_) {
@@ -108,7 +124,7 @@ class Allocation {
   }
 
  private:
-  std::span<const TileRound> tiles_;
+  std::span<const CellRound> cells_;
   const uint64_t samples_max_;
   const double rate_;
   std::vector<double> weights_;
@@ -133,38 +149,38 @@ Scales FindScales(double high, const Fits& fits) {
 
 }  // namespace
 
-ErrorSums SumOf(std::span<const TileRound> tiles) {
+ErrorSums SumOf(std::span<const CellRound> cells) {
   ErrorSums sum;
-  for (const TileRound& tile : tiles) sum.Add(tile.error);
+  for (const CellRound& cell : cells) sum.Add(cell.error);
   return sum;
 }
 
-double PixelSamples(std::span<const TileRound> tiles) {
+double PixelSamples(std::span<const CellRound> cells) {
   double sum = 0;
-  for (const TileRound& tile : tiles) {
-    sum += static_cast<double>(tile.error.pixel_count) * static_cast<double>(tile.samples);
+  for (const CellRound& cell : cells) {
+    sum += static_cast<double>(cell.error.pixel_count) * static_cast<double>(cell.samples);
   }
   return sum;
 }
 
-ErrorSums ForeseeError(const TileRound& tile, double samples, double rate) {
-  const double growth = samples / static_cast<double>(tile.samples);
+ErrorSums ForeseeError(const CellRound& cell, double samples, double rate) {
+  const double growth = samples / static_cast<double>(cell.samples);
   const double factor = std::pow(growth, -rate);
-  const auto count = static_cast<double>(tile.error.pixel_count);
-  const double sum = tile.error.sum * factor;
+  const auto count = static_cast<double>(cell.error.pixel_count);
+  const double sum = cell.error.sum * factor;
   const double least = count > 0 ? sum * sum / count : 0;
-  return {tile.error.pixel_count, sum,
-          std::max(tile.error.square_sum * factor * factor / growth, least)};
+  return {cell.error.pixel_count, sum,
+          std::max(cell.error.square_sum * factor * factor / growth, least)};
 }
 
-double MeasureRate(std::span<const TileRound> tiles, std::span<const TileRound> before) {
+double MeasureRate(std::span<const CellRound> cells, std::span<const CellRound> before) {
   if (before.empty()) return kRatePrior;
-  const double now = SumOf(tiles).sum;
+  const double now = SumOf(cells).sum;
   const auto predicted = [&](double rate) {
     double sum = 0;
-    for (size_t i = 0; i < tiles.size(); ++i) {
+    for (size_t i = 0; i < cells.size(); ++i) {
       const double growth =
-          static_cast<double>(tiles[i].samples) / static_cast<double>(before[i].samples);
+          static_cast<double>(cells[i].samples) / static_cast<double>(before[i].samples);
       sum += before[i].error.sum * std::pow(growth, -rate);
     }
     return sum;
@@ -179,19 +195,19 @@ double MeasureRate(std::span<const TileRound> tiles, std::span<const TileRound> 
 }
 
 RoundDecision DecideRound(const StopRule& rule, uint64_t samples_max, int round,
-                          std::span<const TileRound> tiles, std::span<const TileRound> before,
+                          std::span<const CellRound> cells, std::span<const CellRound> before,
                           const RoundAllowance& allowance) {
-  SHEAF_CHECK(!tiles.empty() && (before.empty() || before.size() == tiles.size()));
-  const ErrorSums sum = SumOf(tiles);
+  SHEAF_CHECK(!cells.empty() && (before.empty() || before.size() == cells.size()));
+  const ErrorSums sum = SumOf(cells);
   RoundDecision decision;
   decision.relative_mse = sum.RelativeMse();
-  decision.sample_count_expected = static_cast<uint64_t>(PixelSamples(tiles));
+  decision.sample_count_expected = static_cast<uint64_t>(PixelSamples(cells));
   decision.relative_mse_upper = UpperBound(sum, DeviationsOf(round));
   if (rule.target_error > 0 && decision.relative_mse_upper <= rule.target_error) {
     decision.reason = StopReason::kTargetError;
     return decision;
   }
-  const Allocation allocation(tiles, samples_max, MeasureRate(tiles, before));
+  const Allocation allocation(cells, samples_max, MeasureRate(cells, before));
   double scale = allocation.ScaleMax();
   if (rule.target_error > 0) {
     const double aim = kAimShare * rule.target_error;
@@ -200,7 +216,7 @@ RoundDecision DecideRound(const StopRule& rule, uint64_t samples_max, int round,
               return UpperBound(allocation.Foreseen(s), deviations) > aim;
             }).next;
   }
-  const double now = PixelSamples(tiles);
+  const double now = PixelSamples(cells);
   const double allowed = std::min(allowance.time, allowance.cpu);
   decision.sample_count_expected =
       static_cast<uint64_t>(std::max(now, std::min(allowed, allocation.IdealPixelSamples(scale))));
@@ -218,7 +234,7 @@ RoundDecision DecideRound(const StopRule& rule, uint64_t samples_max, int round,
   }
   if (allocation.PixelSamples(scale) <= now) return decision;  // All have samples_max.
   ErrorSums next;
-  for (size_t i = 0; i < tiles.size(); ++i) {
+  for (size_t i = 0; i < cells.size(); ++i) {
     decision.samples.push_back(allocation.Samples(i, scale));
     next.Add(allocation.ErrorAt(i, static_cast<double>(decision.samples.back())));
   }
@@ -237,17 +253,17 @@ void RoundRecord::Take(RoundDecision decision) {
 
 bool ReplayRounds(const StopRule& rule, uint64_t samples_max, std::vector<RoundRecord>* rounds) {
   SHEAF_CHECK(!rounds->empty());
-  std::span<const TileRound> before;
+  std::span<const CellRound> before;
   for (size_t i = 0; i < rounds->size(); ++i) {
     RoundRecord& record = (*rounds)[i];
-    RoundDecision decision = DecideRound(rule, samples_max, record.round, record.tiles, before, {});
+    RoundDecision decision = DecideRound(rule, samples_max, record.round, record.cells, before, {});
     const bool same = decision.samples == record.samples_next;
     record.Take(std::move(decision));
     if (!same) {
       rounds->resize(i + 1);
       break;
     }
-    before = record.tiles;
+    before = record.cells;
   }
   return !rounds->back().samples_next.empty();
 }

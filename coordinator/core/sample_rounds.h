@@ -1,22 +1,23 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Rounds: how a frame with a StopRule gets its samples. The first round gives every tile the same
-// few; when all tiles have theirs, DecideRound looks at the merged picture and either ends the
-// frame or gives each tile its count for the next round:
+// Rounds: how a frame with a StopRule gets its samples. Cells are tiles, or squares of them
+// (cell_grid.h). The first round gives every cell the same few; when all cells have theirs,
+// DecideRound looks at the merged picture and either ends the frame or gives each cell its count
+// for the next round:
 //
-//     parts of all tiles > EstimateTileErrors > DecideRound > FrameTasks::Grow, or delivery
+//     parts of all cells > EstimateCellErrors > DecideRound > FrameTasks::Grow, or delivery
 //
 // The first round has the least samples with which errors can be told, one of each replicate.
 //
 // The decision is a pure function of merged data (and, for limits of time, of clocks), so that the
 // picture does not depend on who rendered it; it is stored before anybody works on it.
 //
-// Samples go where they lower the frame's error most. A tile whose pixels err by k / n^b at n
+// Samples go where they lower the frame's error most. A cell whose pixels err by k / n^b at n
 // samples gets them in proportion to k^(1 / (1 + b)): the least sum of samples for a given sum of
 // errors, as in Neyman's allocation to strata (Cochran 1977, Sampling Techniques, sec. 5.5). b is 1
 // for independent samples, and more where those of one sequence do better; it is measured from one
-// round to the next. No tile gets more than kRoundGrowthMax times what it has, so that a guess
+// round to the next. No cell gets more than kRoundGrowthMax times what it has, so that a guess
 // from few samples costs little, and the round that is predicted to reach the target is cut to it.
 //
 // The target is reached when the upper confidence bound of the frame's error is no larger. Frames
@@ -36,7 +37,7 @@
 
 namespace sheaf::coordinator {
 
-// At most so many times the samples that a tile has.
+// At most so many times the samples that a cell has.
 inline constexpr uint64_t kRoundGrowthMax = 4;
 // At least this share of the samples that the frame has, lest rounds become endless.
 inline constexpr double kRoundGrowthMin = 1.0 / 16;
@@ -45,18 +46,18 @@ inline constexpr double kRatePrior = 1.1, kRatePriorDeviation = 0.1;
 // Of all frames, those that may stop although their expected error is above the target.
 inline constexpr double kMissShare = 0.05;
 
-// A tile at the end of a round.
-struct TileRound {
+// A cell at the end of a round.
+struct CellRound {
   uint64_t samples = 0;  // Of each pixel.
   ErrorSums error;
 };
 
-// Of all tiles.
-ErrorSums SumOf(std::span<const TileRound> tiles);
-double PixelSamples(std::span<const TileRound> tiles);
+// Of all cells.
+ErrorSums SumOf(std::span<const CellRound> cells);
+double PixelSamples(std::span<const CellRound> cells);
 
 struct RoundDecision {
-  // Samples of each tile's pixels in the next round, none less than now, all multiples of
+  // Samples of each cell's pixels in the next round, none less than now, all multiples of
   // kReplicateCount but for the largest count allowed. Empty: the frame is done.
   std::vector<uint64_t> samples;
   StopReason reason = StopReason::kSamples;  // Where it is done.
@@ -70,8 +71,8 @@ struct RoundDecision {
 // A round of a frame, as it was decided at its end.
 struct RoundRecord {
   int32_t round = 0;
-  // Of each tile: how it is at the end of the round, and its samples in the next one.
-  std::vector<TileRound> tiles;
+  // Of each cell: how it is at the end of the round, and its samples in the next one.
+  std::vector<CellRound> cells;
   std::vector<uint64_t> samples_next;             // Empty for the last round.
   StopReason stop_reason = StopReason::kSamples;  // Of the last round.
   double relative_mse = 0, relative_mse_upper = 0, predicted_relative_mse = 0;
@@ -89,28 +90,28 @@ struct RoundAllowance {
   double cpu = std::numeric_limits<double>::infinity();
 };
 
-// round: from 0, the one that was just finished. `before`: the tiles at the end of the round before
+// round: from 0, the one that was just finished. `before`: the cells at the end of the round before
 // it; empty for the first. samples_max: of a pixel.
-// Requires: as many tiles as before.
+// Requires: as many cells as before.
 RoundDecision DecideRound(const StopRule& rule, uint64_t samples_max, int round,
-                          std::span<const TileRound> tiles, std::span<const TileRound> before,
+                          std::span<const CellRound> cells, std::span<const CellRound> before,
                           const RoundAllowance& allowance);
 
-// The errors of the tile when its pixels have so many samples, falling at `rate`. What varies in
+// The errors of the cell when its pixels have so many samples, falling at `rate`. What varies in
 // squared errors beyond normal noise, of which equal pixels have the least, is an excess kurtosis:
 // it falls as 1 / n beside the squares, and with it the distance of bound and estimate.
 // Source: Cramér 1946, Mathematical Methods of Statistics, sec. 27.4 (variance of a variance).
-ErrorSums ForeseeError(const TileRound& tile, double samples, double rate);
+ErrorSums ForeseeError(const CellRound& cell, double samples, double rate);
 
-// b with which the errors of `before` came to those of `tiles`, from 1 to 2; kRatePrior where there
-// are no earlier ones, or errors fell by too little to tell. Requires: as many tiles as before.
-double MeasureRate(std::span<const TileRound> tiles, std::span<const TileRound> before);
+// b with which the errors of `before` came to those of `cells`, from 1 to 2; kRatePrior where there
+// are no earlier ones, or errors fell by too little to tell. Requires: as many cells as before.
+double MeasureRate(std::span<const CellRound> cells, std::span<const CellRound> before);
 
 // What of a frame's rounds holds under another rule, for a frame that goes on: decisions are made
 // again from what each round found, and kept as long as they are the same. The first that differs
 // is the last of `rounds` and has the new decision, so that the frame goes on as if it had never
-// had another rule; tiles that have more samples by now must do without those. True where there is
-// more to render. Requires: rounds have their tiles. Clocks are not looked at.
+// had another rule; cells that have more samples by now must do without those. True where there is
+// more to render. Requires: rounds have their cells. Clocks are not looked at.
 bool ReplayRounds(const StopRule& rule, uint64_t samples_max, std::vector<RoundRecord>* rounds);
 
 }  // namespace sheaf::coordinator

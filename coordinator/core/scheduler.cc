@@ -33,11 +33,14 @@ absl::Status CheckFrame(const FrameSpec& frame, const Partition& partition, cons
         absl::StrCat(s.samples, " samples per pixel are outside 1 to ", limits.samples_max));
   }
   if (s.max_depth < 0) return invalid("the depth is negative");
-  const int64_t columns = w.Width() / partition.tile_size_px + 2;
-  const int64_t rows = w.Height() / partition.tile_size_px + 2;
-  if (columns * rows > limits.tiles_per_frame_max) {
-    return invalid(absl::StrCat("tiles of ", partition.tile_size_px, " px make more than ",
-                                limits.tiles_per_frame_max, " tiles; use larger ones"));
+  for (const auto& [edge_px, what] : {std::pair{partition.tile_size_px, "tiles"},
+                                      std::pair{CellSizeOf(frame, partition), "cells"}}) {
+    const int64_t columns = w.Width() / edge_px + 2;
+    const int64_t rows = w.Height() / edge_px + 2;
+    if (columns * rows > limits.tiles_per_frame_max) {
+      return invalid(absl::StrCat(what, " of ", edge_px, " px make more than ",
+                                  limits.tiles_per_frame_max, " ", what, "; use larger ones"));
+    }
   }
   return absl::OkStatus();
 }
@@ -55,8 +58,8 @@ int64_t OpenPixelsOf(const FrameSettings& settings) {
 }
 
 void GrowTasks(std::span<const uint64_t> samples, FrameTasks* tasks) {
-  SHEAF_CHECK(samples.size() == tasks->tiles().size());
-  for (uint32_t tile = 0; tile < samples.size(); ++tile) tasks->Grow(tile, samples[tile]);
+  SHEAF_CHECK(samples.size() == tasks->grid().cells().size());
+  for (uint32_t cell = 0; cell < samples.size(); ++cell) tasks->Grow(cell, samples[cell]);
 }
 
 }  // namespace
@@ -87,6 +90,11 @@ absl::Status Scheduler::CheckJob(const JobSpec& spec) const {
   if (p.tile_size_px < 1 || p.tile_size_px > limits_.frame_edge_px_max) {
     return absl::InvalidArgumentError(absl::StrCat(
         "a tile size of ", p.tile_size_px, " px is outside 1 to ", limits_.frame_edge_px_max));
+  }
+  if (p.cell_size_px != 0 && !DividesIntoCells(p.tile_size_px, p.cell_size_px)) {
+    return absl::InvalidArgumentError(absl::StrCat("a cell size of ", p.cell_size_px,
+                                                   " px does not divide tiles of ", p.tile_size_px,
+                                                   " px into at most ", kTileCellsMax));
   }
   if (!std::has_single_bit(p.pass_sample_count) || p.pass_sample_count > limits_.samples_max) {
     return absl::InvalidArgumentError(
@@ -154,7 +162,7 @@ void Scheduler::RestoreRound(const FrameId& id, std::span<const uint64_t> sample
   const uint32_t index = job.index_of_number.at(id.frame_number);
   if (job.frames[index].phase == FrameRecord::Phase::kPending) Open(&job, index);
   FrameTasks* tasks = job.frames[index].tasks.get();
-  std::vector<uint64_t> grown = tasks->SamplesOfTiles();
+  std::vector<uint64_t> grown = tasks->SamplesOfCells();
   SHEAF_CHECK(samples.size() == grown.size());
   for (size_t i = 0; i < grown.size(); ++i) grown[i] = std::max(grown[i], samples[i]);
   GrowTasks(grown, tasks);
@@ -162,14 +170,14 @@ void Scheduler::RestoreRound(const FrameId& id, std::span<const uint64_t> sample
 }
 
 FrameTasks::Fit Scheduler::RestorePart(const FrameId& id, const PixelRect& tile, SampleBlock block,
-                                       const ResultCost& cost) {
+                                       const TileCells& cells, const ResultCost& cost) {
   JobRecord& job = jobs_.at(id.job_id);
   const uint32_t index = job.index_of_number.at(id.frame_number);
   FrameRecord& frame = job.frames[index];
   if (frame.phase == FrameRecord::Phase::kPending) Open(&job, index);
-  const std::optional<uint32_t> tile_index = frame.tasks->FindTile(tile);
-  if (!tile_index) return FrameTasks::Fit::kPartial;
-  const Task task{*tile_index, block};
+  const std::optional<Task> task_there = frame.tasks->Find(tile, block, cells);
+  if (!task_there) return FrameTasks::Fit::kPartial;
+  const Task& task = *task_there;
   const FrameTasks::Fit fit = frame.tasks->FitOf(task);
   if (fit != FrameTasks::Fit::kWanted) return fit;
   frame.tasks->Accept(task, cost.cpu_duration);
@@ -232,8 +240,8 @@ void Scheduler::Open(JobRecord* job, uint32_t index) {
   FrameRecord& frame = job->frames[index];
   SHEAF_CHECK(frame.phase == FrameRecord::Phase::kPending);
   const FrameSettings& settings = frame.spec.settings;
-  frame.tasks = std::make_unique<FrameTasks>(settings.window, FirstRoundSamplesOf(frame.spec),
-                                             job->spec.partition.tile_size_px, settings.lattice);
+  frame.tasks = std::make_unique<FrameTasks>(CellGrid(frame.spec, job->spec.partition),
+                                             FirstRoundSamplesOf(frame.spec), settings.lattice);
   frame.phase = FrameRecord::Phase::kOpen;
   open_pixels_ += OpenPixelsOf(settings);
   if (frame.spec.stop.IsActive()) round_frames_.insert({job->spec.job_id, frame.spec.frame_number});
@@ -258,7 +266,8 @@ void Scheduler::Close(JobRecord* job, uint32_t index, FrameRecord::Phase phase) 
 }
 
 Scheduler::FoundTask Scheduler::FindTask(const std::string& frame_digest, const PixelRect& tile,
-                                         SampleBlock block, uint64_t lease_id) {
+                                         SampleBlock block, const TileCells& cells,
+                                         uint64_t lease_id) {
   std::vector<FrameId> candidates;
   const Lease* lease = leases_.Find(lease_id);
   if (lease != nullptr && Frame(lease->frame).spec.frame_digest == frame_digest) {
@@ -277,9 +286,9 @@ Scheduler::FoundTask Scheduler::FindTask(const std::string& frame_digest, const 
       Open(&job, index);
     }
     if (frame.tasks == nullptr) continue;
-    const std::optional<uint32_t> tile_index = frame.tasks->FindTile(tile);
-    FoundTask found{FoundTask::Kind::kMalformed, id, {tile_index.value_or(0), block}};
-    if (tile_index) {
+    const std::optional<Task> task = frame.tasks->Find(tile, block, cells);
+    FoundTask found{FoundTask::Kind::kMalformed, id, task.value_or(Task{0, block})};
+    if (task) {
       switch (frame.tasks->FitOf(found.task)) {
         case FrameTasks::Fit::kWanted:
           found.kind = FoundTask::Kind::kWanted;

@@ -109,13 +109,13 @@ class Scheduler {
   void RestoreFailures(uint64_t job_id, FailureLog failures);
   // sample_count: pixel samples of the whole frame.
   void RestoreDelivered(const FrameId& id, const ResultCost& cost, uint64_t sample_count);
-  // Gives each tile at least so many samples: what the frame's last round gives, or what it goes on
+  // Gives each cell at least so many samples: what the frame's last round gives, or what it goes on
   // from has. Before its parts.
   void RestoreRound(const FrameId& id, std::span<const uint64_t> samples);
   // Returns kWanted where it is put back. kOutside: the frame does not want so many samples (any
   // more); otherwise it overlaps one that was restored.
   FrameTasks::Fit RestorePart(const FrameId& id, const PixelRect& tile, SampleBlock block,
-                              const ResultCost& cost);
+                              const TileCells& cells, const ResultCost& cost);
 
   struct SynchronizeAnswer {
     std::vector<Lease> leases;
@@ -135,13 +135,13 @@ class Scheduler {
     Task task;
   };
   FoundTask FindTask(const std::string& frame_digest, const PixelRect& tile, SampleBlock block,
-                     uint64_t lease_id);
+                     const TileCells& cells, uint64_t lease_id);
   // Requires: FindTask just said kWanted of it. Returns whether the frame is rendered now.
   bool Accept(const FrameId& id, const Task& task, uint64_t lease_id, const std::string& worker_id,
               const ResultCost& cost);
   // The part of an accepted block is lost: it is rendered again.
   void Revoke(const FrameId& id, const Task& task);
-  // Gives the tiles of a rendered frame more samples: their next round. One count a tile, none less
+  // Gives the cells of a rendered frame more samples: their next round. One count a cell, none less
   // than it has.
   void Grow(const FrameId& id, std::span<const uint64_t> samples);
   // A lease came to nothing. Nothing happens for a lease that is not held by the worker.

@@ -50,8 +50,10 @@ class SchedulerControlTest : public testing::Test {
   // Returns whether the frame is rendered now.
   bool Accept(const Lease& lease) {
     const std::string& digest = scheduler_.FindFrame(lease.frame)->spec.frame_digest;
-    EXPECT_EQ(scheduler_.FindTask(digest, lease.tile_rect, lease.task.block, lease.lease_id).kind,
-              Scheduler::FoundTask::Kind::kWanted);
+    EXPECT_EQ(
+        scheduler_.FindTask(digest, lease.tile_rect, lease.task.block, lease.cells, lease.lease_id)
+            .kind,
+        Scheduler::FoundTask::Kind::kWanted);
     return scheduler_.Accept(lease.frame, lease.task, lease.lease_id, lease.worker_id, {});
   }
   const JobRecord& Job(uint64_t id) { return scheduler_.jobs().at(id); }

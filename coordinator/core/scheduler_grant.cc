@@ -137,7 +137,9 @@ void Scheduler::AddLease(JobRecord* job, FrameRecord* frame, const Task& task, W
   Lease lease;
   lease.frame = {job->spec.job_id, frame->spec.frame_number};
   lease.task = task;
-  lease.tile_rect = frame->tasks->tiles()[task.tile];
+  const CellGrid& grid = frame->tasks->grid();
+  lease.tile_rect = grid.tiles()[task.tile];
+  lease.cells = grid.CellsOf(task.tile, task.cells);
   lease.worker_id = worker->worker_id;
   lease.grant_time = now;
   const auto failures = frame->failures.find(MakeTaskId(lease.frame, task));

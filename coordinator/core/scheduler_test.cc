@@ -75,7 +75,7 @@ class SchedulerTest : public testing::Test {
   }
   Scheduler::FoundTask Find(const Lease& lease) {
     return scheduler_.FindTask(scheduler_.FindFrame(lease.frame)->spec.frame_digest,
-                               lease.tile_rect, lease.task.block, lease.lease_id);
+                               lease.tile_rect, lease.task.block, lease.cells, lease.lease_id);
   }
   bool Accept(const Lease& lease) {
     EXPECT_EQ(Find(lease).kind, Found::kWanted);

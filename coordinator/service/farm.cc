@@ -78,7 +78,7 @@ absl::Status Farm::Load() {
     std::optional<JobStore::LoadedParts> parts;
     absl::StatusOr<ResumedCounts> resumed = ResumedCounts();
     if (job.phase == JobPhase::kLive) {
-      resumed = CountResumed(UndeliveredOf(job), job.spec.partition.tile_size_px);
+      resumed = CountResumed(UndeliveredOf(job), job.spec.partition);
       absl::StatusOr<JobStore::LoadedParts> loaded = store_->LoadParts(job.spec.job_id);
       if (!loaded.ok()) return loaded.status();
       parts = *std::move(loaded);
@@ -129,7 +129,7 @@ absl::Status Farm::RestoreLiveJob(const StoredJob& job, const JobStore::LoadedPa
     const bool wanted = frame != nullptr && frame->phase != FrameRecord::Phase::kDelivered;
     if (!wanted) continue;  // Delivered, and stopped before its parts were removed.
     const FrameTasks::Fit fit =
-        scheduler_.RestorePart(row.key.frame, row.key.tile, row.key.block, row.cost);
+        scheduler_.RestorePart(row.key.frame, row.key.tile, row.key.block, row.key.cells, row.cost);
     if (fit == FrameTasks::Fit::kOutside) {
       // A refined frame goes on from a round before this part's.
       if (absl::Status status = store_->RemovePart(row); !status.ok()) return status;
@@ -141,7 +141,7 @@ absl::Status Farm::RestoreLiveJob(const StoredJob& job, const JobStore::LoadedPa
                        row.key.frame.frame_number, " of job ", row.key.frame.job_id));
     }
     const std::shared_ptr<OpenFrame> open = OpenFrameOf(row.key.frame);
-    open->merge.MarkOnDisk(*scheduler_.FindFrame(row.key.frame)->tasks->FindTile(row.key.tile));
+    open->merge.MarkOnDisk(*open->merge.grid().FindTile(row.key.tile));
   }
   for (const FrameSpec& spec : job.spec.frames) {
     const FrameId id{job.spec.job_id, spec.frame_number};
@@ -216,10 +216,16 @@ absl::StatusOr<uint64_t> Farm::CreateJob(JobSpec spec, const std::string& reques
     const std::lock_guard lock(mutex_);
     if (absl::Status status = scheduler_.CheckJob(spec); !status.ok()) return status;
   }
+  if (spec.partition.cell_size_px == 0) {
+    // Also of frames that have no rule yet: they may be refined by one.
+    for (const FrameSpec& frame : spec.frames) {
+      const int32_t size = ChooseCellSize(frame.settings.window, spec.partition.tile_size_px);
+      spec.partition.cell_size_px = std::max(spec.partition.cell_size_px, size);
+    }
+  }
   StoredJob job;
   job.spec = std::move(spec);
-  const absl::StatusOr<ResumedCounts> resumed =
-      CountResumed(job.spec.frames, job.spec.partition.tile_size_px);
+  const absl::StatusOr<ResumedCounts> resumed = CountResumed(job.spec.frames, job.spec.partition);
   if (!resumed.ok()) return resumed.status();
   const absl::Time now = absl::Now();
   const absl::StatusOr<JobStore::CreatedJob> created = store_->CreateJob(job.spec, request_id, now);

@@ -69,6 +69,7 @@ struct ResultReport {
   std::string frame_digest;
   PixelRect tile;
   SampleBlock block;
+  TileCells cells;
   uint64_t lease_id = 0;
   std::string worker_id;
   BlobDigest digest;  // Of the part's bytes.
@@ -162,7 +163,7 @@ class Farm : public FarmView {
     absl::Time create_time;
     absl::Time end_time = absl::InfiniteFuture();
     std::map<int32_t, DeliveredFrame> delivered;
-    // By frame. Tiles of the last round only, and only of frames that are not delivered.
+    // By frame. Cells of the last round only, and only of frames that are not delivered.
     std::map<int32_t, std::vector<RoundRecord>> rounds;
     std::map<int32_t, absl::Duration> wall_before;  // By frame: before this start.
   };
@@ -171,15 +172,15 @@ class Farm : public FarmView {
   struct OpenFrame {
     OpenFrame(FrameSpec frame_spec, const FrameTasks& tasks, MergeBudget* budget)
         : spec(std::move(frame_spec)),
-          merge(spec, tasks.tiles(), tasks.SamplesOfTiles(), budget),
-          error(tasks.tiles()) {}
+          merge(spec, tasks.grid(), tasks.SamplesOfCells(), budget),
+          error(tasks.grid().tiles()) {}
     const FrameSpec spec;
     std::mutex mutex;  // Guards what follows, down to next_point_samples.
     FrameMerge merge;
     absl::Time next_refresh_time = absl::InfinitePast();
     // Read when a tile is first built from it; guarded by `mutex`.
     std::optional<ResumedPicture> resumed;
-    // Where the tile with the fewest samples has so many, a frame without rounds gets a point.
+    // Where the cell with the fewest samples has so many, a frame without rounds gets a point.
     uint64_t next_point_samples = kReplicateCount;
     RunningError error;
     // Guarded by the farm's mutex.
@@ -195,7 +196,7 @@ class Farm : public FarmView {
 
   // farm.cc
   absl::Status Load();
-  // By frame: the samples that a picture, from which the frame goes on, has in each of its tiles.
+  // By frame: the samples that a picture, from which the frame goes on, has in each of its cells.
   using ResumedCounts = std::map<int32_t, std::vector<uint64_t>>;
   // Puts a job that the scheduler does not know into it, with what is durable of it: its delivered
   // frames, rounds and, where it is live, parts and what its frames go on from. Requires: mutex_ is
@@ -217,23 +218,22 @@ class Farm : public FarmView {
   absl::Status RejectResult(const ResultReport& report, const std::string& why);
   absl::StatusOr<ResultOutcome> StoreResult(const ResultReport& report, const std::string& bytes,
                                             const Scheduler::FoundTask& found, FilmTile part);
-  void MergeResult(OpenFrame* frame, const FrameId& id, uint32_t tile, FilmTile part,
+  void MergeResult(OpenFrame* frame, const FrameId& id, uint32_t tile, CellPart part,
                    bool tile_complete);
 
   // farm_resume.cc
   // Errors: kInvalidArgument, kNotFound, kDataLoss: the frame cannot go on from its picture.
-  absl::StatusOr<ResumedPicture> OpenResumed(const FrameSpec& spec, int32_t tile_size_px) const;
+  absl::StatusOr<ResumedPicture> OpenResumed(const FrameSpec& spec, const CellGrid& grid) const;
   // Of those frames that go on from pictures. Errors: those of OpenResumed.
   absl::StatusOr<ResumedCounts> CountResumed(const std::vector<FrameSpec>& frames,
-                                             int32_t tile_size_px) const;
-  // Gives the tiles at least the samples that they have: after AddJob, before rounds. Then, before
+                                             const Partition& partition) const;
+  // Gives the cells at least the samples that they have: after AddJob, before rounds. Then, before
   // other parts, puts those back that the pictures stand for. Both require: mutex_ is held.
   void RestoreResumed(uint64_t job_id, const ResumedCounts& resumed);
   void RestoreResumedParts(uint64_t job_id, const ResumedCounts& resumed);
   // The parts of a tile that the picture stands for; none where the frame goes on from none.
   // Requires: frame->mutex is held.
-  absl::StatusOr<std::vector<FilmTile>> ResumedParts(OpenFrame* frame, const FrameId& id,
-                                                     uint32_t tile) const;
+  absl::StatusOr<std::vector<CellPart>> ResumedParts(OpenFrame* frame, uint32_t tile) const;
 
   // farm_delivery.cc
   void RunBackground();
@@ -249,7 +249,7 @@ class Farm : public FarmView {
   // Decides what follows the round that was just finished, and begins it. Returns whether the frame
   // is done. Requires: frame->mutex is held, all tiles are developed.
   absl::StatusOr<bool> FinishRound(OpenFrame* frame, const FrameId& id);
-  // The record of what the frame's picture is now, with the errors of its tiles; its decision is
+  // The record of what the frame's picture is now, with the errors of its cells; its decision is
   // still to be made. Requires: frame->mutex is held.
   RoundRecord RecordOf(const OpenFrame& frame, const FrameId& id,
                        const std::vector<ErrorSums>& errors) const;
@@ -281,7 +281,7 @@ class Farm : public FarmView {
 
   // farm_price.cc
   absl::StatusOr<FinishedFrame> FinishedFrameOf(const FrameId& id, const FrameSpec& spec,
-                                                int32_t tile_size_px,
+                                                const Partition& partition,
                                                 const DeliveredFrame& delivered) const;
 
   // farm_refine.cc

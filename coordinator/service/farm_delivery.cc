@@ -25,7 +25,7 @@ constexpr double kPreviewShareMax = 0.1;
 // What it takes to render the picture again. No date and no host: equal pictures are equal files.
 std::map<std::string, std::string> PictureMetadata(const FrameSpec& spec,
                                                    const std::string& numeric_profile,
-                                                   int32_t tile_size_px) {
+                                                   const Partition& partition) {
   const FrameSettings& s = spec.settings;
   std::map<std::string, std::string> metadata{
       {"sceneDigest", spec.scene.sha256_hex},
@@ -37,8 +37,11 @@ std::map<std::string, std::string> PictureMetadata(const FrameSpec& spec,
       {"seed", absl::StrCat(s.seed)},
       {"size", absl::StrCat(s.width_px, "x", s.height_px)},
       {"window", absl::StrCat(s.window.x0, ",", s.window.y0, ",", s.window.x1, ",", s.window.y1)}};
-  // Samples went to tiles; equal counts do not tell how large those were.
-  if (spec.stop.IsActive()) metadata["tileSizePx"] = absl::StrCat(tile_size_px);
+  // Samples went to cells of tiles; equal counts do not tell how large those were.
+  if (spec.stop.IsActive()) {
+    metadata["tileSizePx"] = absl::StrCat(partition.tile_size_px);
+    metadata["cellSizePx"] = absl::StrCat(CellSizeOf(spec, partition));
+  }
   if (!spec.resumed.sha256_hex.empty()) metadata["resumedFrom"] = spec.resumed.sha256_hex;
   if (s.one_sequence) metadata["sampling"] = "one-sequence";
   if (s.similarity_after != 0) {
@@ -144,17 +147,17 @@ void Farm::RevokePart(const PartRow& row, const absl::Status& why) {
   const std::lock_guard lock(mutex_);
   const FrameRecord* frame = scheduler_.FindFrame(row.key.frame);
   if (frame == nullptr || frame->tasks == nullptr) return;
-  const std::optional<uint32_t> tile = frame->tasks->FindTile(row.key.tile);
-  if (tile) scheduler_.Revoke(row.key.frame, {*tile, row.key.block});
+  const std::optional<Task> task = frame->tasks->Find(row.key.tile, row.key.block, row.key.cells);
+  if (task) scheduler_.Revoke(row.key.frame, *task);
 }
 
 absl::Status Farm::RebuildTile(OpenFrame* frame, const FrameId& id, uint32_t tile) {
-  const absl::StatusOr<std::vector<PartRow>> rows =
-      store_->FindTileParts(id, frame->merge.rect(tile));
+  const CellGrid& grid = frame->merge.grid();
+  const absl::StatusOr<std::vector<PartRow>> rows = store_->FindTileParts(id, grid.tiles()[tile]);
   if (!rows.ok()) return rows.status();
-  absl::StatusOr<std::vector<FilmTile>> resumed = ResumedParts(frame, id, tile);
+  absl::StatusOr<std::vector<CellPart>> resumed = ResumedParts(frame, tile);
   if (!resumed.ok()) return resumed.status();
-  std::vector<FilmTile> parts = *std::move(resumed);
+  std::vector<CellPart> parts = *std::move(resumed);
   bool lost = false;
   for (const PartRow& row : *rows) {
     absl::StatusOr<std::string> bytes = store_->ReadPart(row);
@@ -162,7 +165,7 @@ absl::Status Farm::RebuildTile(OpenFrame* frame, const FrameId& id, uint32_t til
     if (bytes.ok()) {
       absl::StatusOr<DecodedPart> part = DecodePart(*bytes);
       status = part.status();
-      if (part.ok()) parts.push_back(std::move(part->tile));
+      if (part.ok()) parts.push_back({std::move(part->tile), *grid.MaskOf(tile, row.key.cells)});
     }
     if (status.ok()) continue;
     RevokePart(row, status);
@@ -202,7 +205,7 @@ std::string Farm::TileCpuSeconds(const FrameId& id) const {
   const std::lock_guard lock(mutex_);
   const FrameTasks& tasks = *scheduler_.FindFrame(id)->tasks;
   std::string text;
-  for (uint32_t tile = 0; tile < tasks.tiles().size(); ++tile) {
+  for (uint32_t tile = 0; tile < tasks.grid().tiles().size(); ++tile) {
     absl::StrAppendFormat(&text, "%s%.6g", tile == 0 ? "" : " ",
                           absl::ToDoubleSeconds(tasks.CpuOfTile(tile)));
   }
@@ -212,7 +215,7 @@ std::string Farm::TileCpuSeconds(const FrameId& id) const {
 absl::Status Farm::DeliverFrame(const FrameId& id) {
   std::shared_ptr<OpenFrame> frame;
   std::string numeric_profile;
-  int32_t tile_size_px = 0;
+  Partition partition;
   {
     const std::lock_guard lock(mutex_);
     const FrameRecord* record = scheduler_.FindFrame(id);
@@ -220,7 +223,7 @@ absl::Status Farm::DeliverFrame(const FrameId& id) {
     frame = OpenFrameOf(id);
     const JobSpec& job = scheduler_.jobs().at(id.job_id).spec;
     numeric_profile = job.numeric_profile;
-    tile_size_px = job.partition.tile_size_px;
+    partition = job.partition;
   }
   DeliveredFrame delivered;
   {
@@ -238,7 +241,7 @@ absl::Status Farm::DeliverFrame(const FrameId& id) {
       NotePoint(frame.get(), id, /*ended=*/true);
     }
     FramePicture* picture = frame->merge.mutable_picture();
-    picture->metadata = PictureMetadata(frame->spec, numeric_profile, tile_size_px);
+    picture->metadata = PictureMetadata(frame->spec, numeric_profile, partition);
     if (frame->spec.stop.IsActive()) AddRoundMetadata(id, picture);
     // Whoever asks for few pixels asks for their price.
     if (!frame->spec.settings.lattice.All()) {

@@ -26,22 +26,42 @@ absl::Status CheckTargets(const std::vector<double>& target_errors) {
   return absl::OkStatus();
 }
 
-// Its end as one tile, for frames of earlier versions, of which no more is known.
+// Its end as one cell, for frames of earlier versions, of which no more is known.
 RoundRecord WholeFrame(const FrameSpec& spec, const DeliveredFrame& delivered) {
   // Mean square of a pixel's error over the square of the mean.
   constexpr double kSquareRatio = 4;
   const int64_t pixel_count = spec.settings.window.PixelCount();
   const double sum = delivered.relative_mse * static_cast<double>(pixel_count);
   RoundRecord record;
-  record.tiles.push_back(
+  record.cells.push_back(
       {spec.settings.samples, {pixel_count, sum, kSquareRatio * delivered.relative_mse * sum}});
   return record;
+}
+
+// What the cells of each tile took, by the samples that they have.
+std::vector<double> ShareCpuTime(const CellGrid& grid, const std::vector<double>& seconds_of_tiles,
+                                 const std::vector<RoundRecord>& rounds) {
+  std::vector<double> seconds(grid.cells().size());
+  const bool known = !rounds.empty() && rounds.back().cells.size() == seconds.size();
+  const auto work = [&](uint32_t cell) {
+    const auto pixels = static_cast<double>(grid.cells()[cell].PixelCount());
+    return known ? pixels * static_cast<double>(rounds.back().cells[cell].samples) : pixels;
+  };
+  for (uint32_t tile = 0; tile < grid.tiles().size(); ++tile) {
+    const uint32_t first = grid.first_cell(tile), end = first + grid.cell_count(tile);
+    double sum = 0;
+    for (uint32_t cell = first; cell < end; ++cell) sum += work(cell);
+    for (uint32_t cell = first; cell < end; ++cell) {
+      seconds[cell] = seconds_of_tiles[tile] * work(cell) / sum;
+    }
+  }
+  return seconds;
 }
 
 }  // namespace
 
 absl::StatusOr<FinishedFrame> Farm::FinishedFrameOf(const FrameId& id, const FrameSpec& spec,
-                                                    int32_t tile_size_px,
+                                                    const Partition& partition,
                                                     const DeliveredFrame& delivered) const {
   absl::StatusOr<std::vector<RoundRecord>> rounds = store_->LoadFrameRounds(id);
   if (!rounds.ok()) return rounds.status();
@@ -57,15 +77,15 @@ absl::StatusOr<FinishedFrame> Farm::FinishedFrameOf(const FrameId& id, const Fra
   for (const JobStore::TileCost& cost : *costs) {
     seconds_at[{cost.tile.y0, cost.tile.x0}] = absl::ToDoubleSeconds(cost.cpu_duration);
   }
-  const std::vector<PixelRect> tiles = CutTiles(spec.settings.window, tile_size_px);
-  if (seconds_at.size() == tiles.size()) {
-    for (const PixelRect& tile : tiles) {
-      frame.cpu_seconds_of_tiles.push_back(seconds_at[{tile.y0, tile.x0}]);
-    }
+  const CellGrid grid(spec, partition);
+  if (seconds_at.size() == grid.tiles().size()) {
+    std::vector<double> seconds;
+    for (const PixelRect& tile : grid.tiles()) seconds.push_back(seconds_at[{tile.y0, tile.x0}]);
+    frame.cpu_seconds_of_cells = ShareCpuTime(grid, seconds, frame.rounds);
   }
   if (!frame.rounds.empty()) return frame;
   frame.rounds.push_back(WholeFrame(spec, delivered));
-  if (!frame.cpu_seconds_of_tiles.empty()) frame.cpu_seconds_of_tiles = {frame.cpu_seconds};
+  if (!frame.cpu_seconds_of_cells.empty()) frame.cpu_seconds_of_cells = {frame.cpu_seconds};
   return frame;
 }
 
@@ -76,7 +96,7 @@ absl::StatusOr<RefinementPrices> Farm::PriceRefinement(
   RefinementPrices priced;
   std::vector<std::pair<FrameSpec, DeliveredFrame>> chosen;
   size_t frame_count = 0;
-  int32_t tile_size_px = 0;
+  Partition partition;
   uint64_t samples_max = kStoppedSamplesMax;
   {
     const std::lock_guard lock(mutex_);
@@ -87,7 +107,7 @@ absl::StatusOr<RefinementPrices> Farm::PriceRefinement(
     if (absl::Status s = RequireSucceeded(job); !s.ok()) return s;
     if (absl::Status s = CheckTargets(target_errors); !s.ok()) return s;
     frame_count = job.frames.size();
-    tile_size_px = job.spec.partition.tile_size_px;
+    partition = job.spec.partition;
     const std::map<int32_t, DeliveredFrame>& delivered = accounts_.at(number).delivered;
     const size_t count = std::min(kPricedFramesMax, frame_count);
     for (size_t i = 0; i < count; ++i) {
@@ -113,7 +133,7 @@ absl::StatusOr<RefinementPrices> Farm::PriceRefinement(
   std::vector<FinishedFrame> frames;
   for (const auto& [spec, delivered] : chosen) {
     absl::StatusOr<FinishedFrame> frame =
-        FinishedFrameOf({number, spec.frame_number}, spec, tile_size_px, delivered);
+        FinishedFrameOf({number, spec.frame_number}, spec, partition, delivered);
     if (!frame.ok()) return frame.status();
     frames.push_back(*std::move(frame));
   }

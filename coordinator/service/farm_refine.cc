@@ -104,7 +104,7 @@ absl::Status Farm::RefineJob(uint64_t job_id, const Refinement& refinement) {
     for (const FrameRecord& frame : (*found)->frames) job.spec.frames.push_back(frame.spec);
     job.create_time = accounts_.at(job_id).create_time;
   }
-  absl::StatusOr<std::vector<StoredRound>> stored = store_->LoadRounds(job_id, /*with_tiles=*/true);
+  absl::StatusOr<std::vector<StoredRound>> stored = store_->LoadRounds(job_id, /*with_cells=*/true);
   if (!stored.ok()) return stored.status();
   std::map<int32_t, std::vector<RoundRecord>> rounds;
   for (StoredRound& round : *stored) rounds[round.frame_number].push_back(std::move(round.record));
@@ -121,8 +121,7 @@ absl::Status Farm::RefineJob(uint64_t job_id, const Refinement& refinement) {
   if (reopened.empty()) return absl::OkStatus();  // It is good enough.
   std::vector<FrameSpec> specs;
   for (const JobStore::ReopenedFrame& frame : reopened) specs.push_back(frame.spec);
-  const absl::StatusOr<ResumedCounts> resumed =
-      CountResumed(specs, job.spec.partition.tile_size_px);
+  const absl::StatusOr<ResumedCounts> resumed = CountResumed(specs, job.spec.partition);
   if (!resumed.ok()) return resumed.status();
   absl::Status written = store_->ReopenJob(job_id, reopened);
   NoteDisk(written);

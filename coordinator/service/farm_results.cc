@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
 #include "absl/time/clock.h"
 #include "common/base/digest.h"
 #include "common/base/log.h"
@@ -17,7 +18,8 @@ namespace {
 std::string KeyText(const ResultReport& r) {
   return absl::StrCat("frame digest ", r.frame_digest.substr(0, 12), ", tile [", r.tile.x0, ", ",
                       r.tile.x1, ") x [", r.tile.y0, ", ", r.tile.y1, "), samples [", r.block.first,
-                      ", ", r.block.End(), ")");
+                      ", ", r.block.End(), ")",
+                      r.cells.All() ? "" : absl::StrFormat(", cells %#x", r.cells.mask));
 }
 
 uint64_t NonfiniteCount(const FilmTile& part) {
@@ -37,6 +39,7 @@ std::string WhyNotPartOf(const ResultReport& report, const std::string& numeric_
   }
   if (!(part.tile.rect() == report.tile)) return "the part is of another tile";
   if (!(part.tile.block() == report.block)) return "the part is of other samples";
+  if (part.header.cells != report.cells) return "the part is of other cells";
   if (!(part.tile.outputs() == settings.outputs)) {
     return "the part has other outputs than the job wants";
   }
@@ -81,7 +84,8 @@ absl::StatusOr<ResultOutcome> Farm::AddResult(const ResultReport& report,
   FrameSettings settings;
   {
     const std::lock_guard lock(mutex_);
-    found = scheduler_.FindTask(report.frame_digest, report.tile, report.block, report.lease_id);
+    found = scheduler_.FindTask(report.frame_digest, report.tile, report.block, report.cells,
+                                report.lease_id);
     if (found.kind == Scheduler::FoundTask::Kind::kWanted) {
       numeric_profile = scheduler_.jobs().at(found.frame.job_id).spec.numeric_profile;
       settings = scheduler_.FindFrame(found.frame)->spec.settings;
@@ -122,7 +126,7 @@ absl::Status Farm::RejectResult(const ResultReport& report, const std::string& w
 absl::StatusOr<ResultOutcome> Farm::JudgeCovered(const ResultReport& report,
                                                  const Scheduler::FoundTask& found) {
   const absl::StatusOr<std::optional<PartRow>> first =
-      store_->FindPart({found.frame, report.tile, report.block});
+      store_->FindPart({found.frame, report.tile, report.block, report.cells});
   if (!first.ok()) return first.status();
   const std::lock_guard lock(mutex_);
   if (!first->has_value()) {
@@ -146,8 +150,10 @@ absl::StatusOr<ResultOutcome> Farm::StoreResult(const ResultReport& report,
                                                 const Scheduler::FoundTask& found, FilmTile part) {
   const ResultCost cost{report.ray_count, NonfiniteCount(part), report.cpu_duration,
                         report.digest.size_bytes};
-  const PartRow row{
-      {found.frame, report.tile, report.block}, report.digest, report.worker_id, cost};
+  const PartRow row{{found.frame, report.tile, report.block, report.cells},
+                    report.digest,
+                    report.worker_id,
+                    cost};
   absl::Status written = store_->WritePart(row, bytes);
   NoteDisk(written);
   if (!written.ok()) return written;
@@ -156,8 +162,8 @@ absl::StatusOr<ResultOutcome> Farm::StoreResult(const ResultReport& report,
   bool rendered = false;
   {
     const std::lock_guard lock(mutex_);
-    const Scheduler::FoundTask again =
-        scheduler_.FindTask(report.frame_digest, report.tile, report.block, report.lease_id);
+    const Scheduler::FoundTask again = scheduler_.FindTask(
+        report.frame_digest, report.tile, report.block, report.cells, report.lease_id);
     const bool wanted =
         again.kind == Scheduler::FoundTask::Kind::kWanted && again.frame == found.frame;
     if (wanted) {
@@ -177,7 +183,8 @@ absl::StatusOr<ResultOutcome> Farm::StoreResult(const ResultReport& report,
   if (cost.nonfinite_count > 0) {
     LogWarning(absl::StrCat(cost.nonfinite_count, " samples were not finite in ", KeyText(report)));
   }
-  MergeResult(open.get(), found.frame, found.task.tile, std::move(part), tile_complete);
+  MergeResult(open.get(), found.frame, found.task.tile, {std::move(part), found.task.cells},
+              tile_complete);
   if (rendered) {
     {
       const std::lock_guard lock(mutex_);
@@ -193,7 +200,7 @@ absl::StatusOr<ResultOutcome> Farm::StoreResult(const ResultReport& report,
   return ResultOutcome::kAccepted;
 }
 
-void Farm::MergeResult(OpenFrame* frame, const FrameId& id, uint32_t tile, FilmTile part,
+void Farm::MergeResult(OpenFrame* frame, const FrameId& id, uint32_t tile, CellPart part,
                        bool tile_complete) {
   const std::lock_guard lock(frame->mutex);
   frame->merge.Insert(tile, std::move(part));

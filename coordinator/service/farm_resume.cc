@@ -51,7 +51,7 @@ std::string WhyNotOf(const FrameSpec& spec, const std::string& numeric_profile,
 }  // namespace
 
 absl::StatusOr<ResumedPicture> Farm::OpenResumed(const FrameSpec& spec,
-                                                 int32_t tile_size_px) const {
+                                                 const CellGrid& grid) const {
   const std::string about =
       absl::StrCat("frame ", spec.frame_number, " cannot go on from the picture");
   const FrameSettings& s = spec.settings;
@@ -67,8 +67,8 @@ absl::StatusOr<ResumedPicture> Farm::OpenResumed(const FrameSpec& spec,
       *std::move(picture), s.outputs, PictureColorOf(s.primaries, s.white_balance_k));
   if (!why_not.empty() && resumed.ok()) resumed = absl::InvalidArgumentError(why_not);
   if (!resumed.ok()) return Annotate(resumed.status(), about);
-  for (const PixelRect& tile : CutTiles(s.window, tile_size_px)) {
-    absl::StatusOr<uint64_t> samples = resumed->SamplesOf(tile);
+  for (const PixelRect& cell : grid.cells()) {
+    absl::StatusOr<uint64_t> samples = resumed->SamplesOf(cell);
     if (samples.ok() && *samples > s.samples) {
       samples = absl::InvalidArgumentError(
           absl::StrCat("it has ", *samples, " samples in a pixel already, and the job asks for ",
@@ -80,16 +80,15 @@ absl::StatusOr<ResumedPicture> Farm::OpenResumed(const FrameSpec& spec,
 }
 
 absl::StatusOr<Farm::ResumedCounts> Farm::CountResumed(const std::vector<FrameSpec>& frames,
-                                                       int32_t tile_size_px) const {
+                                                       const Partition& partition) const {
   ResumedCounts counts;
   for (const FrameSpec& spec : frames) {
     if (spec.resumed.sha256_hex.empty()) continue;
-    const absl::StatusOr<ResumedPicture> resumed = OpenResumed(spec, tile_size_px);
+    const CellGrid grid(spec, partition);
+    const absl::StatusOr<ResumedPicture> resumed = OpenResumed(spec, grid);
     if (!resumed.ok()) return resumed.status();
     std::vector<uint64_t>& of_frame = counts[spec.frame_number];
-    for (const PixelRect& tile : CutTiles(spec.settings.window, tile_size_px)) {
-      of_frame.push_back(*resumed->SamplesOf(tile));
-    }
+    for (const PixelRect& cell : grid.cells()) of_frame.push_back(*resumed->SamplesOf(cell));
   }
   return counts;
 }
@@ -104,29 +103,34 @@ void Farm::RestoreResumedParts(uint64_t job_id, const ResumedCounts& resumed) {
   for (const auto& [number, counts] : resumed) {
     const FrameId id{job_id, number};
     const std::shared_ptr<OpenFrame> open = OpenFrameOf(id);
-    for (uint32_t tile = 0; tile < counts.size(); ++tile) {
-      for (const SampleBlock& block : PrefixBlocks(counts[tile])) {
-        scheduler_.RestorePart(id, open->merge.rect(tile), block, {});
+    const CellGrid& grid = open->merge.grid();
+    for (uint32_t tile = 0; tile < grid.tiles().size(); ++tile) {
+      for (uint32_t i = 0; i < grid.cell_count(tile); ++i) {
+        const TileCells cell = grid.CellsOf(tile, uint64_t{1} << i);
+        for (const SampleBlock& block : PrefixBlocks(counts[grid.first_cell(tile) + i])) {
+          scheduler_.RestorePart(id, grid.tiles()[tile], block, cell, {});
+        }
       }
       open->merge.MarkOnDisk(tile);
     }
   }
 }
 
-absl::StatusOr<std::vector<FilmTile>> Farm::ResumedParts(OpenFrame* frame, const FrameId& id,
-                                                         uint32_t tile) const {
-  if (frame->spec.resumed.sha256_hex.empty()) return std::vector<FilmTile>();
+absl::StatusOr<std::vector<CellPart>> Farm::ResumedParts(OpenFrame* frame, uint32_t tile) const {
+  std::vector<CellPart> parts;
+  if (frame->spec.resumed.sha256_hex.empty()) return parts;
+  const CellGrid& grid = frame->merge.grid();
   if (!frame->resumed) {
-    int32_t tile_size_px = 0;
-    {
-      const std::lock_guard lock(mutex_);
-      tile_size_px = scheduler_.jobs().at(id.job_id).spec.partition.tile_size_px;
-    }
-    absl::StatusOr<ResumedPicture> resumed = OpenResumed(frame->spec, tile_size_px);
+    absl::StatusOr<ResumedPicture> resumed = OpenResumed(frame->spec, grid);
     if (!resumed.ok()) return resumed.status();
     frame->resumed = *std::move(resumed);
   }
-  return frame->resumed->PartsOf(frame->merge.rect(tile));
+  for (uint32_t i = 0; i < grid.cell_count(tile); ++i) {
+    for (FilmTile& part : frame->resumed->PartsOf(grid.cells()[grid.first_cell(tile) + i])) {
+      parts.push_back({std::move(part), uint64_t{1} << i});
+    }
+  }
+  return parts;
 }
 
 }  // namespace sheaf::coordinator

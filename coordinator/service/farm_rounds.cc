@@ -10,7 +10,9 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/time/clock.h"
+#include "common/base/check.h"
 #include "common/base/log.h"
+#include "coordinator/core/cell_errors.h"
 #include "coordinator/service/farm.h"
 
 namespace sheaf::coordinator {
@@ -28,16 +30,14 @@ double Allowed(uint64_t sample_count, absl::Duration spent, absl::Duration limit
 constexpr double kPointDeviations = 1.645;
 
 std::vector<ErrorSums> ErrorsOf(const FrameMerge& merge) {
-  std::vector<PixelRect> tiles;
-  for (uint32_t tile = 0; tile < merge.tile_count(); ++tile) tiles.push_back(merge.rect(tile));
-  return EstimateTileErrors(merge.picture(), tiles);
+  return EstimateCellErrors(merge.picture(), merge.grid());
 }
 
-// The fewest samples of a tile; 0 where a tile is not known.
+// The fewest samples of a cell; 0 where cells are not known.
 uint64_t FewestSamples(const RoundRecord& record) {
   uint64_t fewest = std::numeric_limits<uint64_t>::max();
-  for (const TileRound& tile : record.tiles) fewest = std::min(fewest, tile.samples);
-  return record.tiles.empty() ? 0 : fewest;
+  for (const CellRound& cell : record.cells) fewest = std::min(fewest, cell.samples);
+  return record.cells.empty() ? 0 : fewest;
 }
 
 }  // namespace
@@ -59,9 +59,9 @@ absl::Duration Farm::WallOf(const FrameId& id, absl::Time now) const {
 RoundRecord Farm::RecordOf(const OpenFrame& frame, const FrameId& id,
                            const std::vector<ErrorSums>& errors) const {
   RoundRecord record;
-  for (uint32_t tile = 0; tile < frame.merge.tile_count(); ++tile) {
-    record.tiles.push_back({frame.merge.SamplesOf(tile), errors[tile]});
-  }
+  const std::vector<uint64_t> samples = frame.merge.SamplesOfCells();
+  SHEAF_CHECK(errors.size() == samples.size());
+  for (size_t i = 0; i < samples.size(); ++i) record.cells.push_back({samples[i], errors[i]});
   const std::lock_guard lock(mutex_);
   const FrameRecord& scheduled = *scheduler_.FindFrame(id);
   record.sample_count = scheduled.sample_count_done;
@@ -73,14 +73,14 @@ RoundRecord Farm::RecordOf(const OpenFrame& frame, const FrameId& id,
 absl::StatusOr<bool> Farm::FinishRound(OpenFrame* frame, const FrameId& id) {
   RoundRecord record = RecordOf(*frame, id, ErrorsOf(frame->merge));
   RoundAllowance allowance;
-  std::vector<TileRound> before;
+  std::vector<CellRound> before;
   {
     const std::lock_guard lock(mutex_);
     const FrameRecord* scheduled = scheduler_.FindFrame(id);
     if (scheduled->phase != FrameRecord::Phase::kRendered) return false;  // The job has ended.
     if (const RoundRecord* last = LastRoundOf(id)) {
       if (last->samples_next.empty()) return true;  // Decided, not yet delivered.
-      before = last->tiles;
+      before = last->cells;
       record.round = last->round + 1;
     }
   }
@@ -88,7 +88,7 @@ absl::StatusOr<bool> Farm::FinishRound(OpenFrame* frame, const FrameId& id) {
   allowance.time = Allowed(record.sample_count, record.wall_duration, rule.time_max);
   allowance.cpu = Allowed(record.sample_count, record.cost.cpu_duration, rule.cpu_max);
   RoundDecision decision = DecideRound(rule, frame->spec.settings.samples, record.round,
-                                       record.tiles, before, allowance);
+                                       record.cells, before, allowance);
   record.Take(std::move(decision));
   const bool ended = record.samples_next.empty();
   absl::Status stored = store_->AddRound(id, record);
@@ -105,7 +105,7 @@ absl::StatusOr<bool> Farm::FinishRound(OpenFrame* frame, const FrameId& id) {
   if (ended) return true;
   if (scheduler_.FindFrame(id)->phase != FrameRecord::Phase::kRendered) return false;
   const std::vector<uint64_t>& next = rounds.back().samples_next;
-  for (uint32_t tile = 0; tile < next.size(); ++tile) frame->merge.Grow(tile, next[tile]);
+  for (uint32_t cell = 0; cell < next.size(); ++cell) frame->merge.Grow(cell, next[cell]);
   scheduler_.Grow(id, next);
   return false;
 }
@@ -117,7 +117,7 @@ void Farm::KeepPreview(const OpenFrame& frame, const FrameId& id, int32_t round)
 
 const std::vector<RoundRecord>& Farm::AddRound(const FrameId& id, RoundRecord record) {
   std::vector<RoundRecord>& rounds = accounts_[id.job_id].rounds[id.frame_number];
-  if (!rounds.empty()) rounds.back().tiles.clear();  // Only the last round's are asked for again.
+  if (!rounds.empty()) rounds.back().cells.clear();  // Only the last round's are asked for again.
   rounds.push_back(std::move(record));
   return rounds;
 }
@@ -127,10 +127,7 @@ uint64_t Farm::NextPoint(const RoundRecord& last) {
 }
 
 void Farm::NotePoint(OpenFrame* frame, const FrameId& id, bool ended) {
-  uint64_t fewest = std::numeric_limits<uint64_t>::max();
-  for (uint32_t tile = 0; tile < frame->merge.tile_count(); ++tile) {
-    fewest = std::min(fewest, frame->merge.SamplesOf(tile));
-  }
+  const uint64_t fewest = std::ranges::min(frame->merge.SamplesOfCells());
   if (!ended && fewest < frame->next_point_samples) return;
   {
     const std::lock_guard lock(mutex_);
@@ -138,9 +135,11 @@ void Farm::NotePoint(OpenFrame* frame, const FrameId& id, bool ended) {
     if (record->phase == FrameRecord::Phase::kDelivered) return;  // With a point at its end.
   }
   // Of a frame at work those that are known already: a large picture is not looked at as a whole.
+  // Without a rule each tile is a cell, but where the frame goes on from a picture.
+  const bool is_known = !ended && frame->merge.grid().cells() == frame->merge.grid().tiles();
   RoundRecord record =
-      RecordOf(*frame, id, ended ? ErrorsOf(frame->merge) : frame->error.OfTiles());
-  const ErrorSums sum = SumOf(record.tiles);
+      RecordOf(*frame, id, is_known ? frame->error.OfTiles() : ErrorsOf(frame->merge));
+  const ErrorSums sum = SumOf(record.cells);
   record.relative_mse = sum.RelativeMse();
   record.relative_mse_upper = record.relative_mse + kPointDeviations * sum.Deviation();
   record.sample_count_expected = record.sample_count;
@@ -190,12 +189,12 @@ void Farm::AddRoundMetadata(const FrameId& id, FramePicture* picture) const {
 absl::Status Farm::LoadRounds(const StoredJob& job) {
   const bool live = job.phase == JobPhase::kLive;
   absl::StatusOr<std::vector<StoredRound>> rounds =
-      store_->LoadRounds(job.spec.job_id, /*with_tiles=*/live);
+      store_->LoadRounds(job.spec.job_id, /*with_cells=*/live);
   if (!rounds.ok()) return rounds.status();
   JobAccount& account = accounts_[job.spec.job_id];
   for (StoredRound& round : *rounds) {
     std::vector<RoundRecord>& of_frame = account.rounds[round.frame_number];
-    if (!of_frame.empty()) of_frame.back().tiles.clear();
+    if (!of_frame.empty()) of_frame.back().cells.clear();
     account.wall_before[round.frame_number] = round.record.wall_duration;
     if (live && !round.record.samples_next.empty()) {
       const FrameId id{job.spec.job_id, round.frame_number};

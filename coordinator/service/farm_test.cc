@@ -96,8 +96,8 @@ class GatedJobStore : public JobStore {
     PassTheGate();
     return store_->AddRound(frame, round);
   }
-  absl::StatusOr<std::vector<StoredRound>> LoadRounds(uint64_t job_id, bool with_tiles) override {
-    return store_->LoadRounds(job_id, with_tiles);
+  absl::StatusOr<std::vector<StoredRound>> LoadRounds(uint64_t job_id, bool with_cells) override {
+    return store_->LoadRounds(job_id, with_cells);
   }
   absl::Status ReopenJob(uint64_t job_id, const std::vector<ReopenedFrame>& frames) override {
     return store_->ReopenJob(job_id, frames);
@@ -175,18 +175,22 @@ class FarmTest : public testing::Test {
       const SampleBlock block = grant.lease.task.block;
       FilmTile tile(grant.lease.tile_rect, block);
       PixelAccumulator accumulator(&tile);
-      for (int32_t pixel = 0; pixel < 256; ++pixel) {
-        accumulator.Begin(pixel % 16, pixel / 16);
-        for (uint64_t i = block.first; i < block.End(); ++i) {
-          accumulator.Add(i, {.radiance = Rgb::Grey(static_cast<float>(i % 7)), .alpha = 1});
+      for (const PixelRect& rect : RectsOf(tile.rect(), grant.lease.cells)) {
+        for (int32_t pixel = 0; pixel < rect.PixelCount(); ++pixel) {
+          accumulator.Begin(rect.x0 + pixel % rect.Width(), rect.y0 + pixel / rect.Width());
+          for (uint64_t i = block.first; i < block.End(); ++i) {
+            accumulator.Add(i, {.radiance = Rgb::Grey(static_cast<float>(i % 7)), .alpha = 1});
+          }
+          accumulator.End();
         }
-        accumulator.End();
       }
-      const std::string bytes = EncodePart(tile, {grant.frame_digest, report.numeric_profile});
+      const std::string bytes =
+          EncodePart(tile, {grant.frame_digest, report.numeric_profile, {}, grant.lease.cells});
       ResultReport result;
       result.frame_digest = grant.frame_digest;
       result.tile = grant.lease.tile_rect;
       result.block = block;
+      result.cells = grant.lease.cells;
       result.lease_id = grant.lease.lease_id;
       result.worker_id = report.worker_id;
       result.digest = {Sha256Hex(bytes), bytes.size()};

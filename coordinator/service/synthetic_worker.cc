@@ -6,9 +6,11 @@
 
 #include "common/base/digest.h"
 #include "common/film/exr_codec.h"
+#include "common/film/tile_cells.h"
 #include "common/math/mix_bits.h"
 #include "common/rpc/channel.h"
 #include "common/rpc/grpc_status.h"
+#include "common/rpc/settings_codec.h"
 #include "common/scene/render_settings.h"
 
 namespace sheaf::coordinator {
@@ -86,12 +88,15 @@ absl::Status SyntheticWorker::Synchronize(int lease_count_wanted) {
 }
 
 SyntheticWorker::Upload SyntheticWorker::MakeUpload(const v1::Lease& lease) const {
-  const v1::PixelRect& rect = lease.key().tile();
-  const FilmTile part = SyntheticPart(lease.settings().seed(),
-                                      {rect.x0_px(), rect.y0_px(), rect.x1_px(), rect.y1_px()},
-                                      {lease.key().block().first(), lease.key().block().count()});
+  const PixelRect rect = sheaf::FromWire(lease.key().tile());
+  const SampleBlock block{lease.key().block().first(), lease.key().block().count()};
+  const TileCells cells{lease.key().cell_size_px(), lease.key().cells()};
+  FilmTile part(rect, block);
+  for (const PixelRect& cell : RectsOf(rect, cells)) {
+    Paste(SyntheticPart(lease.settings().seed(), cell, block), &part);
+  }
   Upload upload;
-  upload.bytes = EncodePart(part, {lease.key().frame_digest(), numeric_profile_});
+  upload.bytes = EncodePart(part, {lease.key().frame_digest(), numeric_profile_, {}, cells});
   *upload.header.mutable_key() = lease.key();
   upload.header.set_lease_id(lease.lease_id());
   upload.header.set_worker_id(worker_id_);

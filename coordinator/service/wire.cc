@@ -32,6 +32,7 @@ Partition FromWire(const v1::Partition& wire) {
   if (wire.tile_size_px() != 0) partition.tile_size_px = wire.tile_size_px();
   if (wire.pass_sample_count() != 0) partition.pass_sample_count = wire.pass_sample_count();
   partition.lease_pass_count = wire.lease_pass_count();
+  partition.cell_size_px = wire.cell_size_px();
   return partition;
 }
 
@@ -217,6 +218,8 @@ v1::Lease ToWire(const LeaseGrant& grant) {
   *wire.mutable_key()->mutable_tile() = ToWire(grant.lease.tile_rect);
   wire.mutable_key()->mutable_block()->set_first(grant.lease.task.block.first);
   wire.mutable_key()->mutable_block()->set_count(grant.lease.task.block.count);
+  wire.mutable_key()->set_cell_size_px(grant.lease.cells.size_px);
+  wire.mutable_key()->set_cells(grant.lease.cells.mask);
   *wire.mutable_scene() = coordinator::ToWire(grant.scene);
   *wire.mutable_settings() = ToWire(grant.settings);
   return wire;
@@ -325,6 +328,9 @@ absl::StatusOr<ResultReport> FromWire(const v1::ResultHeader& header) {
   report.tile = sheaf::FromWire(header.key().tile());
   report.block = {header.key().block().first(), header.key().block().count()};
   if (!IsAligned(report.block)) return Invalid("key.block", "is not an aligned power of two");
+  report.cells = {header.key().cell_size_px(), header.key().cells()};
+  const std::string why_no_cells = WhyNoCells(report.tile, report.cells);
+  if (!why_no_cells.empty()) return Invalid("key.cells", why_no_cells);
   report.lease_id = header.lease_id();
   report.worker_id = header.worker_id();
   absl::StatusOr<BlobDigest> digest = FromWire(header.digest());
@@ -351,6 +357,7 @@ v1::Job ToWire(const JobView& view) {
   wire.mutable_partition()->set_tile_size_px(view.partition.tile_size_px);
   wire.mutable_partition()->set_pass_sample_count(view.partition.pass_sample_count);
   wire.mutable_partition()->set_lease_pass_count(view.partition.lease_pass_count);
+  wire.mutable_partition()->set_cell_size_px(view.partition.cell_size_px);
   *wire.mutable_progress() = ToWire(view.progress);
   wire.set_waiting_reason(view.waiting_reason);
   for (const EffectCost& effect : view.effect_costs) *wire.add_effect_costs() = ToWire(effect);

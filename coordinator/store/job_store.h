@@ -23,6 +23,7 @@ struct PartKey {
   FrameId frame;
   PixelRect tile;
   SampleBlock block;
+  TileCells cells = {};
   friend bool operator==(const PartKey&, const PartKey&) = default;
 };
 
@@ -129,9 +130,9 @@ class JobStore {
   // the frame has the round already.
   virtual absl::Status AddRound(const FrameId& frame, const RoundRecord& round) = 0;
   // Of all frames of a job, ascending by frame and round.
-  // Without tiles, `tiles` and samples_next are empty.
-  virtual absl::StatusOr<std::vector<StoredRound>> LoadRounds(uint64_t job_id, bool with_tiles) = 0;
-  // Of one frame, with tiles.
+  // Without cells, `cells` and samples_next are empty.
+  virtual absl::StatusOr<std::vector<StoredRound>> LoadRounds(uint64_t job_id, bool with_cells) = 0;
+  // Of one frame, with cells.
   virtual absl::StatusOr<std::vector<RoundRecord>> LoadFrameRounds(const FrameId& frame) = 0;
 
   // A job that has ended goes on: these frames of it are no longer delivered, and have new rules,

@@ -15,7 +15,7 @@ namespace sheaf::coordinator {
 // Begins every query for rows of parts.
 inline constexpr char kPartColumns[] =
     "SELECT job_id, frame_number, x0, y0, x1, y1, first, count, sha256, size_bytes, worker_id, "
-    "ray_count, nonfinite_count, cpu_ns FROM parts ";
+    "ray_count, nonfinite_count, cpu_ns, cell_size_px, cells FROM parts ";
 
 // The row a query of kPartColumns stands at.
 inline PartRow ReadPartRow(const SqliteStatement& row) {
@@ -24,6 +24,7 @@ inline PartRow ReadPartRow(const SqliteStatement& row) {
   part.key.frame = {static_cast<uint64_t>(row.Int64(0)), edge(1)};
   part.key.tile = {edge(2), edge(3), edge(4), edge(5)};
   part.key.block = {static_cast<uint64_t>(row.Int64(6)), static_cast<uint64_t>(row.Int64(7))};
+  part.key.cells = {edge(14), static_cast<uint64_t>(row.Int64(15))};
   part.digest = {row.Text(8), static_cast<uint64_t>(row.Int64(9))};
   part.worker_id = row.Text(10);
   part.cost = {static_cast<uint64_t>(row.Int64(11)), static_cast<uint64_t>(row.Int64(12)),

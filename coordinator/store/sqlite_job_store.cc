@@ -182,7 +182,8 @@ absl::StatusOr<std::vector<StoredJob>> SqliteJobStore::LoadJobs() {
   SqliteStatement query = database_->Prepare(
       "SELECT job_id, request_id, title, priority, numeric_profile, tile_size_px, "
       "pass_sample_count, "
-      "lease_pass_count, phase, failure, create_ns, end_ns, paused, failure_count FROM jobs "
+      "lease_pass_count, phase, failure, create_ns, end_ns, paused, failure_count, cell_size_px "
+      "FROM jobs "
       "ORDER BY job_id");
   while (true) {
     const absl::StatusOr<bool> row = query.Step();
@@ -194,9 +195,9 @@ absl::StatusOr<std::vector<StoredJob>> SqliteJobStore::LoadJobs() {
     job.spec.title = query.Text(2);
     job.spec.priority = static_cast<int32_t>(query.Int64(3));
     job.spec.numeric_profile = query.Text(4);
-    job.spec.partition = {static_cast<int32_t>(query.Int64(5)),
-                          static_cast<uint64_t>(query.Int64(6)),
-                          static_cast<uint64_t>(query.Int64(7))};
+    job.spec.partition = {
+        static_cast<int32_t>(query.Int64(5)), static_cast<uint64_t>(query.Int64(6)),
+        static_cast<uint64_t>(query.Int64(7)), static_cast<int32_t>(query.Int64(14))};
     job.phase = static_cast<JobPhase>(query.Int64(8));
     job.failure = query.Text(9);
     job.create_time = FromNanoseconds(query.Int64(10));
@@ -283,8 +284,8 @@ absl::StatusOr<JobStore::CreatedJob> SqliteJobStore::CreateJob(const JobSpec& sp
         database_
             ->Prepare(
                 "INSERT INTO jobs(request_id, title, priority, numeric_profile, tile_size_px, "
-                "pass_sample_count, lease_pass_count, phase, failure, create_ns, end_ns) "
-                "VALUES(?,?,?,?,?,?,?,0,'',?,?)")
+                "pass_sample_count, lease_pass_count, cell_size_px, phase, failure, create_ns, "
+                "end_ns) VALUES(?,?,?,?,?,?,?,?,0,'',?,?)")
             .Bind(request_id)
             .Bind(spec.title)
             .Bind(spec.priority)
@@ -292,6 +293,7 @@ absl::StatusOr<JobStore::CreatedJob> SqliteJobStore::CreateJob(const JobSpec& sp
             .Bind(spec.partition.tile_size_px)
             .Bind(spec.partition.pass_sample_count)
             .Bind(spec.partition.lease_pass_count)
+            .Bind(spec.partition.cell_size_px)
             .Bind(ToNanoseconds(create_time))
             .Bind(ToNanoseconds(absl::InfiniteFuture()))
             .Run();

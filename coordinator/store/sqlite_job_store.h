@@ -56,7 +56,7 @@ class SqliteJobStore : public JobStore {
   absl::StatusOr<std::string> OutputPath(const FrameId& frame) override;
   absl::Status DeliverFrame(const FrameId& frame, const DeliveredFrame& delivered) override;
   absl::Status AddRound(const FrameId& frame, const RoundRecord& round) override;
-  absl::StatusOr<std::vector<StoredRound>> LoadRounds(uint64_t job_id, bool with_tiles) override;
+  absl::StatusOr<std::vector<StoredRound>> LoadRounds(uint64_t job_id, bool with_cells) override;
   absl::StatusOr<std::vector<RoundRecord>> LoadFrameRounds(const FrameId& frame) override;
   absl::Status ReopenJob(uint64_t job_id, const std::vector<ReopenedFrame>& frames) override;
   absl::StatusOr<std::optional<FrameId>> OldestDeliveredWithParts() override;

@@ -76,8 +76,8 @@ absl::Status SqliteJobStore::InsertRow(const PartRow& row) {
   return database_
       ->Prepare(
           "INSERT INTO parts(job_id, frame_number, x0, y0, x1, y1, first, count, sha256, "
-          "size_bytes, worker_id, ray_count, nonfinite_count, cpu_ns) "
-          "VALUES(?,?,?,?,?,?,?,?,?,?,?,?,?,?)")
+          "size_bytes, worker_id, ray_count, nonfinite_count, cpu_ns, cell_size_px, cells) "
+          "VALUES(?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?)")
       .Bind(key.frame.job_id)
       .Bind(key.frame.frame_number)
       .Bind(key.tile.x0)
@@ -92,6 +92,8 @@ absl::Status SqliteJobStore::InsertRow(const PartRow& row) {
       .Bind(row.cost.ray_count)
       .Bind(row.cost.nonfinite_count)
       .Bind(absl::ToInt64Nanoseconds(row.cost.cpu_duration))
+      .Bind(key.cells.size_px)
+      .Bind(key.cells.mask)
       .Run();
 }
 
@@ -100,13 +102,14 @@ absl::StatusOr<std::optional<PartRow>> SqliteJobStore::FindPart(const PartKey& k
   SqliteStatement query = database_->Prepare(
       absl::StrCat(kPartColumns,
                    "WHERE job_id = ? AND frame_number = ? AND y0 = ? AND x0 = ? AND first = ? AND "
-                   "count = ?"));
+                   "count = ? AND cells = ?"));
   query.Bind(key.frame.job_id)
       .Bind(key.frame.frame_number)
       .Bind(key.tile.y0)
       .Bind(key.tile.x0)
       .Bind(key.block.first)
-      .Bind(key.block.count);
+      .Bind(key.block.count)
+      .Bind(key.cells.mask);
   absl::StatusOr<std::vector<PartRow>> rows = ReadPartRows(&query);
   if (!rows.ok()) return rows.status();
   if (rows->empty()) return std::optional<PartRow>();
@@ -155,13 +158,14 @@ absl::Status SqliteJobStore::RemovePart(const PartRow& row) {
         database_
             ->Prepare(
                 "DELETE FROM parts WHERE job_id = ? AND frame_number = ? AND y0 = ? AND x0 = ? "
-                "AND first = ? AND count = ?")
+                "AND first = ? AND count = ? AND cells = ?")
             .Bind(row.key.frame.job_id)
             .Bind(row.key.frame.frame_number)
             .Bind(row.key.tile.y0)
             .Bind(row.key.tile.x0)
             .Bind(row.key.block.first)
             .Bind(row.key.block.count)
+            .Bind(row.key.cells.mask)
             .Run();
     if (!status.ok()) return status;
   }

@@ -13,44 +13,44 @@
 namespace sheaf::coordinator {
 namespace {
 
-// A tile in the column `tiles`, in the byte order of x86-64, the one instruction set there is.
-struct PackedTile {
+// A cell in the column `tiles`, in the byte order of x86-64, the one instruction set there is.
+struct PackedCell {
   uint64_t samples, samples_next;
   int64_t pixel_count;
   double error_sum, error_square_sum;
 };
-static_assert(sizeof(PackedTile) == 40);
+static_assert(sizeof(PackedCell) == 40);
 
-std::string PackTiles(const RoundRecord& round) {
+std::string PackCells(const RoundRecord& round) {
   std::string bytes;
-  bytes.reserve(round.tiles.size() * sizeof(PackedTile));
-  for (size_t i = 0; i < round.tiles.size(); ++i) {
-    const TileRound& tile = round.tiles[i];
+  bytes.reserve(round.cells.size() * sizeof(PackedCell));
+  for (size_t i = 0; i < round.cells.size(); ++i) {
+    const CellRound& cell = round.cells[i];
     const uint64_t next = round.samples_next.empty() ? 0 : round.samples_next[i];
-    const PackedTile packed{tile.samples, next, tile.error.pixel_count, tile.error.sum,
-                            tile.error.square_sum};
-    std::array<char, sizeof packed> of_tile;
-    std::memcpy(of_tile.data(), &packed, sizeof packed);
-    bytes.append(of_tile.data(), of_tile.size());
+    const PackedCell packed{cell.samples, next, cell.error.pixel_count, cell.error.sum,
+                            cell.error.square_sum};
+    std::array<char, sizeof packed> of_cell;
+    std::memcpy(of_cell.data(), &packed, sizeof packed);
+    bytes.append(of_cell.data(), of_cell.size());
   }
   return bytes;
 }
 
 // Errors: kDataLoss.
-absl::Status UnpackTiles(const std::string& bytes, RoundRecord* round) {
-  if (bytes.empty() || bytes.size() % sizeof(PackedTile) != 0) {
+absl::Status UnpackCells(const std::string& bytes, RoundRecord* round) {
+  if (bytes.empty() || bytes.size() % sizeof(PackedCell) != 0) {
     return absl::DataLossError(
-        absl::StrCat("round ", round->round, " of a frame has ", bytes.size(), " bytes of tiles"));
+        absl::StrCat("round ", round->round, " of a frame has ", bytes.size(), " bytes of cells"));
   }
-  for (size_t at = 0; at < bytes.size(); at += sizeof(PackedTile)) {
-    PackedTile packed;
+  for (size_t at = 0; at < bytes.size(); at += sizeof(PackedCell)) {
+    PackedCell packed;
     std::memcpy(&packed, bytes.data() + at, sizeof packed);
-    round->tiles.push_back(
+    round->cells.push_back(
         {packed.samples, {packed.pixel_count, packed.error_sum, packed.error_square_sum}});
     if (packed.samples_next != 0) round->samples_next.push_back(packed.samples_next);
   }
-  if (!round->samples_next.empty() && round->samples_next.size() != round->tiles.size()) {
-    return absl::DataLossError(absl::StrCat("round ", round->round, " of a frame lacks tiles"));
+  if (!round->samples_next.empty() && round->samples_next.size() != round->cells.size()) {
+    return absl::DataLossError(absl::StrCat("round ", round->round, " of a frame lacks cells"));
   }
   return absl::OkStatus();
 }
@@ -60,8 +60,8 @@ constexpr char kRoundColumns[] =
     "sample_count, wall_ns, ray_count, nonfinite_count, cpu_ns, part_bytes, stop_reason, "
     "sample_count_expected";
 
-// Requires: the columns are kRoundColumns, and tiles after them where they are wanted.
-absl::StatusOr<std::vector<StoredRound>> ReadRounds(SqliteStatement* query, bool with_tiles) {
+// Requires: the columns are kRoundColumns, and those of cells after them where they are wanted.
+absl::StatusOr<std::vector<StoredRound>> ReadRounds(SqliteStatement* query, bool with_cells) {
   std::vector<StoredRound> rounds;
   while (true) {
     const absl::StatusOr<bool> row = query->Step();
@@ -80,8 +80,8 @@ absl::StatusOr<std::vector<StoredRound>> ReadRounds(SqliteStatement* query, bool
     round.cost = {count(7), count(8), absl::Nanoseconds(query->Int64(9)), count(10)};
     round.stop_reason = static_cast<StopReason>(query->Int64(11));
     round.sample_count_expected = count(12);
-    if (with_tiles) {
-      if (absl::Status status = UnpackTiles(query->Bytes(13), &round); !status.ok()) return status;
+    if (with_cells) {
+      if (absl::Status status = UnpackCells(query->Bytes(13), &round); !status.ok()) return status;
     }
     rounds.push_back(std::move(stored));
   }
@@ -115,7 +115,7 @@ absl::Status SqliteJobStore::InsertRound(const FrameId& frame, const RoundRecord
       .Bind(round.cost.part_bytes)
       .Bind(static_cast<int32_t>(round.stop_reason))
       .Bind(round.sample_count_expected)
-      .BindBytes(PackTiles(round))
+      .BindBytes(PackCells(round))
       .Run();
 }
 
@@ -158,13 +158,13 @@ absl::Status SqliteJobStore::ReopenJob(uint64_t job_id, const std::vector<Reopen
 }
 
 absl::StatusOr<std::vector<StoredRound>> SqliteJobStore::LoadRounds(uint64_t job_id,
-                                                                    bool with_tiles) {
+                                                                    bool with_cells) {
   const std::lock_guard lock(database_mutex_);
   SqliteStatement query = database_->Prepare(
-      absl::StrCat(kRoundColumns, with_tiles ? ", tiles" : "",
+      absl::StrCat(kRoundColumns, with_cells ? ", tiles" : "",
                    " FROM rounds WHERE job_id = ? ORDER BY frame_number, round"));
   query.Bind(job_id);
-  return ReadRounds(&query, with_tiles);
+  return ReadRounds(&query, with_cells);
 }
 
 absl::StatusOr<std::vector<RoundRecord>> SqliteJobStore::LoadFrameRounds(const FrameId& frame) {
@@ -172,7 +172,7 @@ absl::StatusOr<std::vector<RoundRecord>> SqliteJobStore::LoadFrameRounds(const F
   SqliteStatement query = database_->Prepare(absl::StrCat(
       kRoundColumns, ", tiles FROM rounds WHERE job_id = ? AND frame_number = ? ORDER BY round"));
   query.Bind(frame.job_id).Bind(frame.frame_number);
-  absl::StatusOr<std::vector<StoredRound>> stored = ReadRounds(&query, /*with_tiles=*/true);
+  absl::StatusOr<std::vector<StoredRound>> stored = ReadRounds(&query, /*with_cells=*/true);
   if (!stored.ok()) return stored.status();
   std::vector<RoundRecord> rounds;
   for (StoredRound& round : *stored) rounds.push_back(std::move(round.record));

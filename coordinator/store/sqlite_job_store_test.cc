@@ -43,7 +43,7 @@ class SqliteJobStoreTest : public testing::Test {
     spec.title = "a 'title' with \xC3\xA4";
     spec.priority = -3;
     spec.numeric_profile = "profile";
-    spec.partition = {16, 4, 2};
+    spec.partition = {16, 4, 2, 8};
     for (int32_t number : {-5, 7}) {
       FrameSpec frame;
       frame.frame_number = number;
@@ -130,6 +130,7 @@ TEST_F(SqliteJobStoreTest, JobsSurviveAReopen) {
   EXPECT_EQ(stored.spec.title, spec.title);
   EXPECT_EQ(stored.spec.priority, -3);
   EXPECT_EQ(stored.spec.partition.lease_pass_count, 2u);
+  EXPECT_EQ(stored.spec.partition.cell_size_px, 8);
   EXPECT_EQ(stored.spec.effect_costs, spec.effect_costs);
   EXPECT_EQ(stored.phase, JobPhase::kFailed);
   EXPECT_EQ(stored.failure, "why");
@@ -178,7 +179,7 @@ TEST_F(SqliteJobStoreTest, RoundsSurviveAReopen) {
   const uint64_t job = CreateJob();
   RoundRecord round;
   round.round = 0;
-  round.tiles = {{16, {256, 0.5, 0.25}}, {16, {128, 1.5, 1.25}}};
+  round.cells = {{16, {256, 0.5, 0.25}}, {16, {128, 1.5, 1.25}}};
   round.samples_next = {32, 48};
   round.relative_mse = 0.125;
   round.relative_mse_upper = 0.5;
@@ -197,17 +198,17 @@ TEST_F(SqliteJobStoreTest, RoundsSurviveAReopen) {
   again.relative_mse = 0.75;  // A decision is never taken back.
   ASSERT_TRUE(store_->AddRound({job, 7}, again).ok());
   Reopen();
-  const auto rounds = store_->LoadRounds(job, /*with_tiles=*/true);
+  const auto rounds = store_->LoadRounds(job, /*with_cells=*/true);
   ASSERT_TRUE(rounds.ok()) << rounds.status();
   ASSERT_EQ(rounds->size(), 2u);
   const RoundRecord& first = rounds->front().record;
   EXPECT_EQ(rounds->front().frame_number, 7);
   EXPECT_EQ(first.samples_next, round.samples_next);
-  ASSERT_EQ(first.tiles.size(), 2u);
-  EXPECT_EQ(first.tiles[1].samples, 16u);
-  EXPECT_EQ(first.tiles[1].error.pixel_count, 128);
-  EXPECT_EQ(first.tiles[1].error.sum, 1.5);
-  EXPECT_EQ(first.tiles[1].error.square_sum, 1.25);
+  ASSERT_EQ(first.cells.size(), 2u);
+  EXPECT_EQ(first.cells[1].samples, 16u);
+  EXPECT_EQ(first.cells[1].error.pixel_count, 128);
+  EXPECT_EQ(first.cells[1].error.sum, 1.5);
+  EXPECT_EQ(first.cells[1].error.square_sum, 1.25);
   EXPECT_EQ(first.relative_mse, 0.125);
   EXPECT_EQ(first.relative_mse_upper, 0.5);
   EXPECT_EQ(first.predicted_relative_mse, 0.0625);
@@ -218,8 +219,8 @@ TEST_F(SqliteJobStoreTest, RoundsSurviveAReopen) {
   EXPECT_EQ(first.cost.cpu_duration, absl::Milliseconds(5));
   EXPECT_TRUE(rounds->back().record.samples_next.empty());
   EXPECT_EQ(rounds->back().record.stop_reason, StopReason::kTargetError);
-  EXPECT_TRUE(store_->LoadRounds(job, /*with_tiles=*/false)->front().record.tiles.empty());
-  EXPECT_EQ(store_->LoadFrameRounds({job, 7})->at(1).tiles.size(), 2u);
+  EXPECT_TRUE(store_->LoadRounds(job, /*with_cells=*/false)->front().record.cells.empty());
+  EXPECT_EQ(store_->LoadFrameRounds({job, 7})->at(1).cells.size(), 2u);
   EXPECT_TRUE(store_->LoadFrameRounds({job, -5})->empty());
 }
 
@@ -246,6 +247,27 @@ TEST_F(SqliteJobStoreTest, PartsSurviveAReopen) {
   EXPECT_EQ(parts->rows[0].cost.ray_count, 11u);
   EXPECT_EQ(*store_->ReadPart(parts->rows[0]), "some bytes");
   EXPECT_EQ(store_->PartsBytes(), 10u);
+}
+
+TEST_F(SqliteJobStoreTest, PartsOfOtherCellsAreOtherParts) {
+  const uint64_t job = CreateJob();
+  std::vector<PartRow> rows;
+  for (const TileCells& cells : {TileCells{}, {8, 5}, {8, uint64_t{1} << 63}}) {
+    PartRow row = MakePart(job, 16, absl::StrCat("bytes ", cells.mask));
+    row.key.cells = cells;
+    ASSERT_TRUE(store_->WritePart(row, absl::StrCat("bytes ", cells.mask)).ok());
+    rows.push_back(row);
+  }
+  Reopen();
+  ASSERT_TRUE(store_->RemovePart(rows[1]).ok());
+  EXPECT_FALSE(store_->FindPart(rows[1].key)->has_value());
+  for (const size_t i : {0, 2}) {
+    const auto found = store_->FindPart(rows[i].key);
+    ASSERT_TRUE(found->has_value());
+    EXPECT_EQ((*found)->key, rows[i].key);
+    EXPECT_EQ(*store_->ReadPart(**found), absl::StrCat("bytes ", rows[i].key.cells.mask));
+  }
+  EXPECT_EQ(store_->FindTileParts(rows[0].key.frame, rows[0].key.tile)->size(), 2u);
 }
 
 TEST_F(SqliteJobStoreTest, KilledBetweenFileAndRowLeavesNothing) {
@@ -336,37 +358,44 @@ TEST_F(SqliteJobStoreTest, SecondStoreOnTheDirectoryIsRefused) {
 TEST_F(SqliteJobStoreTest, EarlierSchemaIsBroughtUpToDate) {
   CreateJob("a");
   store_.reset();
-  ASSERT_TRUE((*SqliteDatabase::Open(directory_ + "/farm.db"))
-                  ->Execute("ALTER TABLE frames DROP COLUMN color;"
-                            "ALTER TABLE frames DROP COLUMN single_scattering;"
-                            "ALTER TABLE frames DROP COLUMN outputs;"
-                            "ALTER TABLE frames DROP COLUMN primaries;"
-                            "ALTER TABLE frames DROP COLUMN white_balance_k;"
-                            "ALTER TABLE frames DROP COLUMN one_sequence;"
-                            "ALTER TABLE frames DROP COLUMN similarity_after;"
-                            "ALTER TABLE frames DROP COLUMN pixel_stride_px;"
-                            "ALTER TABLE frames DROP COLUMN target_error;"
-                            "ALTER TABLE frames DROP COLUMN time_max_ns;"
-                            "ALTER TABLE frames DROP COLUMN cpu_max_ns;"
-                            "ALTER TABLE frames DROP COLUMN first_round_samples;"
-                            "ALTER TABLE frames DROP COLUMN tile_count;"
-                            "ALTER TABLE frames DROP COLUMN unreliable_tile_count;"
-                            "ALTER TABLE frames DROP COLUMN sample_count;"
-                            "ALTER TABLE frames DROP COLUMN part_bytes;"
-                            "ALTER TABLE frames DROP COLUMN relative_mse_upper;"
-                            "ALTER TABLE frames DROP COLUMN stop_reason;"
-                            "DROP TABLE rounds;"
-                            "DROP TABLE effects;"
-                            "DROP TABLE failures;"
-                            "ALTER TABLE jobs DROP COLUMN failure_count;"
-                            "ALTER TABLE jobs DROP COLUMN paused;"
-                            "ALTER TABLE frames DROP COLUMN flip;"
-                            "ALTER TABLE frames DROP COLUMN unreliable_layers;"
-                            "ALTER TABLE frames DROP COLUMN resumed_sha256;"
-                            "ALTER TABLE frames DROP COLUMN resumed_bytes;"
-                            "UPDATE frames SET delivered = 1 WHERE frame_number = 7;"
-                            "PRAGMA user_version=1;")
-                  .ok());
+  ASSERT_TRUE(
+      (*SqliteDatabase::Open(directory_ + "/farm.db"))
+          ->Execute("ALTER TABLE frames DROP COLUMN color;"
+                    "ALTER TABLE frames DROP COLUMN single_scattering;"
+                    "ALTER TABLE frames DROP COLUMN outputs;"
+                    "ALTER TABLE frames DROP COLUMN primaries;"
+                    "ALTER TABLE frames DROP COLUMN white_balance_k;"
+                    "ALTER TABLE frames DROP COLUMN one_sequence;"
+                    "ALTER TABLE frames DROP COLUMN similarity_after;"
+                    "ALTER TABLE frames DROP COLUMN pixel_stride_px;"
+                    "ALTER TABLE frames DROP COLUMN target_error;"
+                    "ALTER TABLE frames DROP COLUMN time_max_ns;"
+                    "ALTER TABLE frames DROP COLUMN cpu_max_ns;"
+                    "ALTER TABLE frames DROP COLUMN first_round_samples;"
+                    "ALTER TABLE frames DROP COLUMN tile_count;"
+                    "ALTER TABLE frames DROP COLUMN unreliable_tile_count;"
+                    "ALTER TABLE frames DROP COLUMN sample_count;"
+                    "ALTER TABLE frames DROP COLUMN part_bytes;"
+                    "ALTER TABLE frames DROP COLUMN relative_mse_upper;"
+                    "ALTER TABLE frames DROP COLUMN stop_reason;"
+                    "DROP TABLE rounds;"
+                    "DROP TABLE effects;"
+                    "DROP TABLE failures;"
+                    "ALTER TABLE jobs DROP COLUMN failure_count;"
+                    "ALTER TABLE jobs DROP COLUMN paused;"
+                    "ALTER TABLE jobs DROP COLUMN cell_size_px;"
+                    "DROP TABLE parts;"
+                    "CREATE TABLE parts(job_id, frame_number, y0, x0, first, count, y1, x1,"
+                    "sha256, size_bytes, worker_id, ray_count, nonfinite_count, cpu_ns,"
+                    "PRIMARY KEY(job_id, frame_number, y0, x0, first, count)) WITHOUT ROWID;"
+                    "INSERT INTO parts VALUES(1,7,32,64,16,4,48,96,'ab',9,'w',1,2,3);"
+                    "ALTER TABLE frames DROP COLUMN flip;"
+                    "ALTER TABLE frames DROP COLUMN unreliable_layers;"
+                    "ALTER TABLE frames DROP COLUMN resumed_sha256;"
+                    "ALTER TABLE frames DROP COLUMN resumed_bytes;"
+                    "UPDATE frames SET delivered = 1 WHERE frame_number = 7;"
+                    "PRAGMA user_version=1;")
+          .ok());
   Reopen();
   const auto jobs = store_->LoadJobs();
   ASSERT_TRUE(jobs.ok());
@@ -380,6 +409,13 @@ TEST_F(SqliteJobStoreTest, EarlierSchemaIsBroughtUpToDate) {
   EXPECT_FALSE((*jobs)[0].paused);
   ASSERT_EQ((*jobs)[0].delivered.size(), 1u);
   EXPECT_EQ((*jobs)[0].delivered[0].delivered.sample_count, 2u * 2u * 77u);
+  EXPECT_EQ((*jobs)[0].spec.partition.cell_size_px, 0);
+  const auto part = store_->FindPart({{1, 7}, {64, 32, 96, 48}, {16, 4}, {}});
+  ASSERT_TRUE(part.ok() && part->has_value());
+  EXPECT_EQ((*part)->digest.sha256_hex, "ab");
+  EXPECT_EQ((*part)->digest.size_bytes, 9u);
+  EXPECT_EQ((*part)->cost.nonfinite_count, 2u);
+  EXPECT_TRUE((*part)->key.cells.All());
 }
 
 TEST_F(SqliteJobStoreTest, LaterSchemaIsRefused) {

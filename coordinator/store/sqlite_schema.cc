@@ -9,7 +9,7 @@
 namespace sheaf::coordinator {
 namespace {
 
-constexpr int64_t kSchemaVersion = 12;
+constexpr int64_t kSchemaVersion = 13;
 
 constexpr char kSchema[] = R"sql(
 CREATE TABLE meta(key TEXT PRIMARY KEY, value INTEGER NOT NULL) WITHOUT ROWID;
@@ -104,6 +104,22 @@ CREATE TABLE failures(
   message TEXT NOT NULL, time_ns INTEGER NOT NULL, PRIMARY KEY(job_id, position)) WITHOUT ROWID;
 )sql";
 
+// A tile's block may have parts of several choices of cells.
+constexpr char kAddedBy13[] = R"sql(
+ALTER TABLE jobs ADD COLUMN cell_size_px INTEGER NOT NULL DEFAULT 0;
+ALTER TABLE parts RENAME TO parts_of_tiles;
+CREATE TABLE parts(
+  job_id INTEGER NOT NULL, frame_number INTEGER NOT NULL, y0 INTEGER NOT NULL, x0 INTEGER NOT NULL,
+  first INTEGER NOT NULL, count INTEGER NOT NULL, cells INTEGER NOT NULL, y1 INTEGER NOT NULL,
+  x1 INTEGER NOT NULL, cell_size_px INTEGER NOT NULL, sha256 TEXT NOT NULL,
+  size_bytes INTEGER NOT NULL, worker_id TEXT NOT NULL, ray_count INTEGER NOT NULL,
+  nonfinite_count INTEGER NOT NULL, cpu_ns INTEGER NOT NULL,
+  PRIMARY KEY(job_id, frame_number, y0, x0, first, count, cells)) WITHOUT ROWID;
+INSERT INTO parts SELECT job_id, frame_number, y0, x0, first, count, 0, y1, x1, 0, sha256,
+  size_bytes, worker_id, ray_count, nonfinite_count, cpu_ns FROM parts_of_tiles;
+DROP TABLE parts_of_tiles;
+)sql";
+
 }  // namespace
 
 absl::Status MigrateSchema(SqliteDatabase* database, const std::string& path) {
@@ -121,8 +137,9 @@ absl::Status MigrateSchema(SqliteDatabase* database, const std::string& path) {
   }
   if (version == kSchemaVersion) return absl::OkStatus();
   std::string statements = absl::StrCat("BEGIN;", version == 0 ? kSchema : "");
-  const char* const added[] = {kAddedBy2, kAddedBy3, kAddedBy4,  kAddedBy5,  kAddedBy6, kAddedBy7,
-                               kAddedBy8, kAddedBy9, kAddedBy10, kAddedBy11, kAddedBy12};
+  const char* const added[] = {kAddedBy2,  kAddedBy3,  kAddedBy4,  kAddedBy5,
+                               kAddedBy6,  kAddedBy7,  kAddedBy8,  kAddedBy9,
+                               kAddedBy10, kAddedBy11, kAddedBy12, kAddedBy13};
   int64_t adds = 2;
   for (const char* of_version : added) {
     if (version < adds++) statements += of_version;

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "common/content/blob_digest.h"
+#include "common/film/tile_cells.h"
 #include "common/film/tile_geometry.h"
 #include "common/scene/render_settings.h"
 
@@ -24,6 +25,7 @@ struct Lease {
   std::string frame_digest;
   PixelRect tile;
   SampleBlock block;
+  TileCells cells;
   BlobDigest scene;  // Of the manifest.
   FrameSettings settings;
 };
@@ -68,6 +70,7 @@ struct FinishedPart {
   std::string frame_digest;
   PixelRect tile;
   SampleBlock block;
+  TileCells cells;
   std::string exr_bytes;
   BlobDigest digest;  // Of exr_bytes.
   uint64_t ray_count = 0;

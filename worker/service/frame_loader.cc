@@ -42,6 +42,18 @@ FailureKind KindOf(const absl::Status& status) {
   }
 }
 
+void AddStats(const render::RenderStats& more, render::RenderStats* stats) {
+  stats->samples += more.samples;
+  stats->rays += more.rays;
+  stats->shadow_rays += more.shadow_rays;
+  stats->broken_nestings += more.broken_nestings;
+  stats->long_walks += more.long_walks;
+  stats->broken_majorants += more.broken_majorants;
+  stats->raised_majorants += more.raised_majorants;
+  stats->cpu_seconds += more.cpu_seconds;
+  stats->non_finite.insert(stats->non_finite.end(), more.non_finite.begin(), more.non_finite.end());
+}
+
 // A compiled frame together with the files its textures are read from.
 class FrameScene : public LoadedScene {
  public:
@@ -53,8 +65,7 @@ class FrameScene : public LoadedScene {
 
   absl::StatusOr<FinishedPart> Render(const Lease& lease, std::stop_token stop) const override {
     render::RenderStats stats;
-    absl::StatusOr<FilmTile> tile =
-        render::RenderTilePass(*scene_, lease.tile, lease.block, stop, &stats);
+    absl::StatusOr<FilmTile> tile = RenderCells(lease, stop, &stats);
     if (!tile.ok()) return tile.status();
     for (const PixelAccumulator::NonFinite& sample : stats.non_finite) {
       LogError(absl::StrCat(lease.frame_name, ": sample ", sample.sample_index, " of pixel ",
@@ -86,8 +97,9 @@ class FrameScene : public LoadedScene {
     part.frame_digest = lease.frame_digest;
     part.tile = lease.tile;
     part.block = lease.block;
-    part.exr_bytes =
-        EncodePart(*tile, {lease.frame_digest, NumericProfile(), lease.settings.lattice});
+    part.cells = lease.cells;
+    part.exr_bytes = EncodePart(
+        *tile, {lease.frame_digest, NumericProfile(), lease.settings.lattice, lease.cells});
     part.digest = {Sha256Hex(part.exr_bytes), part.exr_bytes.size()};
     part.ray_count = stats.rays;
     part.cpu_seconds = stats.cpu_seconds;
@@ -95,6 +107,24 @@ class FrameScene : public LoadedScene {
   }
 
  private:
+  // The pixels of the lease, as one tile; others are empty.
+  absl::StatusOr<FilmTile> RenderCells(const Lease& lease, const std::stop_token& stop,
+                                       render::RenderStats* stats) const {
+    if (lease.cells.All()) {
+      return render::RenderTilePass(*scene_, lease.tile, lease.block, stop, stats);
+    }
+    FilmTile tile(lease.tile, lease.block, lease.settings.outputs);
+    for (const PixelRect& rect : RectsOf(lease.tile, lease.cells)) {
+      render::RenderStats of_cell;
+      const absl::StatusOr<FilmTile> cell =
+          render::RenderTilePass(*scene_, rect, lease.block, stop, &of_cell);
+      if (!cell.ok()) return cell.status();
+      Paste(*cell, &tile);
+      AddStats(of_cell, stats);
+    }
+    return tile;
+  }
+
   ContentLease files_;  // Pins the files until the scene is gone.
   std::unique_ptr<TableFileSource> source_;
   render::CompiledScenePtr scene_;

@@ -65,6 +65,8 @@ absl::Status CheckLease(const Lease& lease) {
       lease.block.End() > settings.samples) {
     return absl::InvalidArgumentError("its samples are no aligned block of the frame's samples");
   }
+  const std::string why_no_cells = WhyNoCells(lease.tile, lease.cells);
+  if (!why_no_cells.empty()) return absl::InvalidArgumentError("it is of " + why_no_cells);
   if (settings.max_depth < 0) return absl::InvalidArgumentError("its depth is negative");
   return CheckDigest(lease.scene);
 }
@@ -77,6 +79,7 @@ absl::StatusOr<Lease> FromWire(const v1::Lease& message) {
   lease.frame_digest = message.key().frame_digest();
   lease.tile = sheaf::FromWire(message.key().tile());
   lease.block = {message.key().block().first(), message.key().block().count()};
+  lease.cells = {message.key().cell_size_px(), message.key().cells()};
   lease.scene = {message.scene().sha256_hex(), message.scene().size_bytes()};
   absl::StatusOr<FrameSettings> settings = sheaf::FromWire(message.settings());
   if (!settings.ok()) return settings.status();
@@ -126,6 +129,8 @@ v1::ResultHeader ToWire(const FinishedPart& part, const std::string& worker_id) 
   tile->set_y1_px(part.tile.y1);
   header.mutable_key()->mutable_block()->set_first(part.block.first);
   header.mutable_key()->mutable_block()->set_count(part.block.count);
+  header.mutable_key()->set_cell_size_px(part.cells.size_px);
+  header.mutable_key()->set_cells(part.cells.mask);
   header.set_lease_id(part.lease_id);
   header.set_worker_id(worker_id);
   header.mutable_digest()->set_sha256_hex(part.digest.sha256_hex);

@@ -59,6 +59,8 @@ TEST(WireTest, RefusesLeasesThatARendererWouldTripOver) {
       [](v1::Lease* l) { l->mutable_key()->mutable_block()->set_first(16); },
       [](v1::Lease* l) { SetRect(l->mutable_key()->mutable_tile(), 8, 8, 8, 16); },
       [](v1::Lease* l) { SetRect(l->mutable_key()->mutable_tile(), 48, 0, 80, 16); },
+      [](v1::Lease* l) { l->mutable_key()->set_cells(1); },
+      [](v1::Lease* l) { l->mutable_key()->set_cell_size_px(8); },
       [](v1::Lease* l) { l->mutable_settings()->set_width_px(1 << 30); },
       [](v1::Lease* l) { l->mutable_settings()->clear_window(); },
       [](v1::Lease* l) { l->mutable_settings()->set_depth_max(-1); },
@@ -93,9 +95,12 @@ TEST(WireTest, WritesStateAndHeader) {
   EXPECT_TRUE(request.draining());
   FinishedPart part;
   part.cpu_seconds = 2.25;
+  part.cells = {8, uint64_t{1} << 63};
   const v1::ResultHeader header = ToWire(part, "host-1-x");
   EXPECT_EQ(header.cpu_duration().seconds(), 2);
   EXPECT_EQ(header.cpu_duration().nanos(), 250'000'000);
+  EXPECT_EQ(header.key().cell_size_px(), 8);
+  EXPECT_EQ(header.key().cells(), uint64_t{1} << 63);
   EXPECT_FALSE(FromWire(0).ok());
 }
 

@@ -1,0 +1,63 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "coordinator/core/cell_grid.h"
+
+#include <algorithm>
+
+#include "common/base/check.h"
+
+namespace sheaf::coordinator {
+
+int32_t ChooseCellSize(const PixelRect& window, int32_t tile_size_px) {
+  for (int32_t size = kCellSizePxMin; size < tile_size_px; size *= 2) {
+    const int64_t columns = (window.Width() + size - 1) / size;
+    const int64_t rows = (window.Height() + size - 1) / size;
+    if (DividesIntoCells(tile_size_px, size) && columns * rows <= kCellsEnough) return size;
+  }
+  return tile_size_px;
+}
+
+int32_t CellSizeOf(const FrameSpec& frame, const Partition& partition) {
+  // Of a picture that a frame goes on from, tiles may have had cells.
+  const bool shares_out = frame.stop.IsActive() || !frame.resumed.sha256_hex.empty();
+  return shares_out && partition.cell_size_px != 0 ? partition.cell_size_px
+                                                   : partition.tile_size_px;
+}
+
+CellGrid::CellGrid(const PixelRect& window, int32_t tile_size_px, int32_t cell_size_px)
+    : cell_size_px_(cell_size_px), tiles_(CutTiles(window, tile_size_px)) {
+  SHEAF_CHECK(!tiles_.empty() && DividesIntoCells(tile_size_px, cell_size_px));
+  for (uint32_t tile = 0; tile < tiles_.size(); ++tile) {
+    tile_at_[{tiles_[tile].y0, tiles_[tile].x0}] = tile;
+    first_cells_.push_back(static_cast<uint32_t>(cells_.size()));
+    const std::vector<PixelRect> cells = CutTiles(tiles_[tile], cell_size_px);
+    cells_.insert(cells_.end(), cells.begin(), cells.end());
+  }
+  first_cells_.push_back(static_cast<uint32_t>(cells_.size()));
+}
+
+std::optional<uint32_t> CellGrid::FindTile(const PixelRect& rect) const {
+  const auto found = tile_at_.find({rect.y0, rect.x0});
+  if (found == tile_at_.end() || !(tiles_[found->second] == rect)) return std::nullopt;
+  return found->second;
+}
+
+uint32_t CellGrid::TileOf(uint32_t cell) const {
+  const auto after = std::ranges::upper_bound(first_cells_, cell);
+  return static_cast<uint32_t>(after - first_cells_.begin()) - 1;
+}
+
+std::optional<uint64_t> CellGrid::MaskOf(uint32_t tile, const TileCells& cells) const {
+  if (cells.All()) return AllOf(tile);
+  if (cells.size_px != cell_size_px_ || !WhyNoCells(tiles_[tile], cells).empty()) {
+    return std::nullopt;
+  }
+  return cells.mask;
+}
+
+TileCells CellGrid::CellsOf(uint32_t tile, uint64_t mask) const {
+  SHEAF_CHECK(mask != 0 && (mask & ~AllOf(tile)) == 0);
+  return mask == AllOf(tile) ? TileCells{} : TileCells{cell_size_px_, mask};
+}
+
+}  // namespace sheaf::coordinator

@@ -1,0 +1,66 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "coordinator/core/cell_grid.h"
+
+#include <gtest/gtest.h>
+
+namespace sheaf::coordinator {
+namespace {
+
+TEST(CellGridTest, CellsAreSmallInSmallFramesAndTilesInLargeOnes) {
+  EXPECT_EQ(ChooseCellSize({0, 0, 200, 150}, 32), 8);
+  EXPECT_EQ(ChooseCellSize({0, 0, 256, 256}, 32), 8);
+  EXPECT_EQ(ChooseCellSize({0, 0, 264, 256}, 32), 16);
+  EXPECT_EQ(ChooseCellSize({0, 0, 1920, 1080}, 32), 32);
+  // Cells divide tiles, at most 8 times.
+  EXPECT_EQ(ChooseCellSize({0, 0, 100, 100}, 41), 41);
+  EXPECT_EQ(ChooseCellSize({0, 0, 100, 100}, 128), 16);
+  EXPECT_EQ(ChooseCellSize({0, 0, 100, 100}, 8), 8);
+  EXPECT_EQ(ChooseCellSize({0, 0, 100, 100}, 1), 1);
+}
+
+TEST(CellGridTest, FramesWhoseSamplesAreNotSharedOutHaveOneCellATile) {
+  const Partition partition{32, 16, 0, 8};
+  FrameSpec frame;
+  EXPECT_EQ(CellSizeOf(frame, partition), 32);
+  frame.stop.target_error = 0.1;
+  EXPECT_EQ(CellSizeOf(frame, partition), 8);
+  EXPECT_EQ(CellSizeOf(frame, {32, 16, 0, 0}), 32) << "a job of an earlier version";
+  frame.stop = {};
+  frame.resumed.sha256_hex = "a";
+  EXPECT_EQ(CellSizeOf(frame, partition), 8);
+}
+
+TEST(CellGridTest, CellsAreNumberedTileAfterTile) {
+  const CellGrid grid({4, 0, 40, 20}, 32, 16);
+  ASSERT_EQ(grid.tiles().size(), 2u);
+  ASSERT_EQ(grid.cells().size(), 6u);
+  EXPECT_EQ(grid.first_cell(0), 0u);
+  EXPECT_EQ(grid.cell_count(0), 4u);
+  EXPECT_EQ(grid.first_cell(1), 4u);
+  EXPECT_EQ(grid.cell_count(1), 2u);
+  EXPECT_EQ(grid.AllOf(0), 0b1111u);
+  EXPECT_EQ(grid.AllOf(1), 0b11u);
+  EXPECT_EQ(grid.cells()[1], (PixelRect{16, 0, 32, 16}));
+  EXPECT_EQ(grid.cells()[5], (PixelRect{32, 16, 40, 20}));
+  for (uint32_t cell = 0; cell < 6; ++cell) EXPECT_EQ(grid.TileOf(cell), cell < 4 ? 0u : 1u);
+  EXPECT_EQ(grid.FindTile({32, 0, 40, 20}), 1u);
+  EXPECT_EQ(grid.FindTile({32, 0, 40, 19}), std::nullopt);
+}
+
+TEST(CellGridTest, MasksHaveOneNameEach) {
+  const CellGrid grid({0, 0, 64, 64}, 64, 8);
+  EXPECT_EQ(grid.AllOf(0), ~uint64_t{0});
+  EXPECT_TRUE(grid.CellsOf(0, grid.AllOf(0)).All());
+  for (const uint64_t mask : {uint64_t{1}, uint64_t{1} << 63, ~uint64_t{0} >> 1}) {
+    EXPECT_EQ(grid.CellsOf(0, mask), (TileCells{8, mask}));
+    EXPECT_EQ(grid.MaskOf(0, {8, mask}), mask);
+  }
+  EXPECT_EQ(grid.MaskOf(0, {}), grid.AllOf(0));
+  EXPECT_EQ(grid.MaskOf(0, {16, 1}), std::nullopt);
+  EXPECT_EQ(grid.MaskOf(0, {8, 0}), std::nullopt);
+  EXPECT_EQ(CellGrid({0, 0, 64, 64}, 32, 32).MaskOf(0, {16, 1}), std::nullopt);
+}
+
+}  // namespace
+}  // namespace sheaf::coordinator
