@@ -6,6 +6,7 @@
 // the difference of two pictures.
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 #include <string>
 #include <variant>
 #include <vector>
@@ -23,7 +24,8 @@ namespace {
 
 class SmokeScene : public TestScene {
  public:
-  SmokeScene() : TestScene({0.2, 0.6, -2.5}, {0, 0, 0}, 30) {}
+  SmokeScene() : SmokeScene({0.2, 0.6, -2.5}, {0, 0, 0}, 30) {}
+  SmokeScene(Vec3d eye, Vec3d at, float fov_degrees) : TestScene(eye, at, fov_degrees) {}
 
   // A grid over the cube from -1 to 1; density times sigma.
   int32_t AddGrid(std::vector<float> density, Rgb sigma_a, Rgb sigma_s, float g = 0) {
@@ -142,6 +144,25 @@ TEST(VaryingMediaTest, OverlappingMediaAddUp) {
     many.Fill(0.7f + 1e-4f * static_cast<float>(i), kinds[i + 1 == kMediaAtOnceMax ? 2 : i % 2]);
   }
   ExpectEqual(Render(many, 2 * samples), Render(fog, 2 * samples));
+}
+
+// Rays along the plane through the edges of boxes within boxes enter and leave each of them once,
+// whichever of the two faces they go by.
+TEST(VaryingMediaTest, EdgesOfBoxesAreCrossedOnce) {
+  SmokeScene t({3, 0.1, 3}, {0, 0.1, 0}, 1e-5f);
+  t.ConstantEnvironment(Rgb::Grey(1));
+  double depth = 0;  // Optical.
+  for (uint32_t i = 0; i < kMediaAtOnceMax; ++i) {
+    const float half_side = 0.5f + 0.01f * static_cast<float>(i);
+    const float sigma_a = 0.01f;
+    t.Fill(half_side, t.AddFog(Rgb::Grey(sigma_a), {}));
+    depth += 2 * std::numbers::sqrt2 * double{half_side} * double{sigma_a};
+  }
+  const CompiledScenePtr compiled = Compile(t.scene, SquareSettings(16, 256, 8));
+  RenderStats stats;
+  const TileMean mean = MeanOf(RenderAll(*compiled, &stats));
+  EXPECT_EQ(stats.broken_nestings, 0u);
+  for (size_t c = 0; c < 3; ++c) EXPECT_NEAR(mean.mean[c], std::exp(-depth), 1e-4);
 }
 
 // V10: grids that shine, by a radiance, by factors of it or as black bodies, are the homogeneous

@@ -19,6 +19,7 @@
 
 #include "common/film/film_tile.h"
 #include "worker/render/compiled_scene.h"
+#include "worker/render/crossing.h"
 #include "worker/render/dimensions.h"
 #include "worker/render/direct_light.h"
 #include "worker/render/first_hit.h"
@@ -95,6 +96,7 @@ class PathTracer {
     MediumMix<Color> mix;
     uint32_t scatterings = 0;  // So far.
     NearPlane near;
+    Crossing last;                                                        // Of a boundary.
     Vec3f camera_o;                                                       // Where the path began.
     [[no_unique_address]] std::conditional_t<kLines, Line, NoLine> line;  // That led to its vertex.
   };

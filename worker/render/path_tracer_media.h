@@ -53,6 +53,9 @@ bool PathTracer<kTraits, Tracer, kDirectLight>::Cross(const SurfacePoint& point,
                                                       const Path& path, InMedia* media) const {
   const bool enters = Dot(w, point.ng) < 0;
   media->near = {point.p, enters ? -point.ng : point.ng, true};
+  const Crossing crossing{point.id, point.p, point.p_error, point.ng, enters};
+  if (IsSameCrossing(crossing, media->last)) return true;
+  media->last = crossing;
   if constexpr (kNested) {
     if (point.surface->rank != kNoRank) {
       if (!CrossInterior(*point.surface, enters, media)) {
