@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # Copyright the Sheaf authors.
 # SPDX-License-Identifier: Apache-2.0
-"""What it saves to give samples to the tiles that need them.
+"""What it saves to give samples where they are needed.
 
     SHEAF_BIN=build/dev/bin tests/accuracy/adaptive_gain.py SCENE... [--target 0.01] [--runs 3]
         [--reference-samples 4096] [--references FOLDER] [--crop X0,Y0,X1,Y1] [--check]
