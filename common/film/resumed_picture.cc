@@ -160,11 +160,16 @@ absl::StatusOr<uint64_t> ResumedPicture::SamplesOf(const PixelRect& tile) const 
   for (int32_t y = tile.y0; y < tile.y1; ++y) {
     for (int32_t x = tile.x0; x < tile.x1; ++x) {
       if (CountAt(picture_.window.IndexOf(x, y)) == count) continue;
-      const auto size = picture_.metadata.find("tileSizePx");
-      return Refuse(absl::StrCat("its samples were given to tiles of another size",
-                                 size == picture_.metadata.end()
-                                     ? std::string()
-                                     : absl::StrCat(": go on with --tile-size ", size->second)));
+      const auto tile_size = picture_.metadata.find("tileSizePx");
+      const auto cell_size = picture_.metadata.find("cellSizePx");  // Earlier versions had none.
+      std::string flags;
+      if (tile_size != picture_.metadata.end()) {
+        absl::StrAppend(&flags, ": go on with --tile-size ", tile_size->second);
+        if (cell_size != picture_.metadata.end()) {
+          absl::StrAppend(&flags, " --cell-size ", cell_size->second);
+        }
+      }
+      return Refuse(absl::StrCat("its samples were given to tiles of another size", flags));
     }
   }
   return static_cast<uint64_t>(count);

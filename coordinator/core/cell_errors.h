@@ -16,10 +16,9 @@ namespace sheaf::coordinator {
 //
 // What a cell errs by is known as well as the pixels that make it are many: where one of 64 has
 // most of it, a bright sample that any other cell of the tile might have met, it says little of
-// what the cell will do next. So a cell's error is drawn to its tile's by kLeanPixels /
-// (kLeanPixels
-// + m), m = sum^2 / sum of squares, the number of equal pixels that would vary as much. Sums over
-// tiles stay as they are.
+// what the cell will do next. So its error is drawn to its tile's, by a share of
+// kLeanPixels / (kLeanPixels + m), m = sum^2 / sum of squares: the number of equal pixels that
+// would vary as much. Sums over tiles stay as they are.
 // Source: Efron and Morris 1973, "Stein's Estimation Rule and Its Competitors"; m is Kish's
 // effective size (Kish 1965, Survey Sampling).
 inline constexpr double kLeanPixels = 2;
