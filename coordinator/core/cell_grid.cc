@@ -60,4 +60,16 @@ TileCells CellGrid::CellsOf(uint32_t tile, uint64_t mask) const {
   return mask == AllOf(tile) ? TileCells{} : TileCells{cell_size_px_, mask};
 }
 
+std::vector<double> CellGrid::ShareOut(std::span<const double> of_tiles,
+                                       std::span<const double> weights) const {
+  std::vector<double> shares(weights.begin(), weights.end());
+  for (uint32_t tile = 0; tile < tiles_.size(); ++tile) {
+    const std::span<double> cells = std::span(shares).subspan(first_cell(tile), cell_count(tile));
+    double sum = 0;
+    for (const double weight : cells) sum += weight;
+    for (double& share : cells) share *= of_tiles[tile] / sum;
+  }
+  return shares;
+}
+
 }  // namespace sheaf::coordinator

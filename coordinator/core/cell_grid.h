@@ -10,6 +10,7 @@
 #include <cstdint>
 #include <map>
 #include <optional>
+#include <span>
 #include <utility>
 #include <vector>
 
@@ -58,6 +59,9 @@ class CellGrid {
   std::optional<uint64_t> MaskOf(uint32_t tile, const TileCells& cells) const;
   // The same as others name it. Requires: mask has bits, and no others than AllOf.
   TileCells CellsOf(uint32_t tile, uint64_t mask) const;
+  // What each tile has, shared among its cells by their weights. Requires: weights above 0.
+  std::vector<double> ShareOut(std::span<const double> of_tiles,
+                               std::span<const double> weights) const;
 
  private:
   int32_t cell_size_px_;

@@ -62,5 +62,11 @@ TEST(CellGridTest, MasksHaveOneNameEach) {
   EXPECT_EQ(CellGrid({0, 0, 64, 64}, 32, 32).MaskOf(0, {16, 1}), std::nullopt);
 }
 
+TEST(CellGridTest, TilesAreSharedOutByWeights) {
+  const CellGrid grid({4, 0, 40, 20}, 32, 16);
+  const std::vector<double> tiles = {10, 3}, weights = {1, 2, 3, 4, 5, 1};
+  EXPECT_EQ(grid.ShareOut(tiles, weights), (std::vector<double>{1, 2, 3, 4, 2.5, 0.5}));
+}
+
 }  // namespace
 }  // namespace sheaf::coordinator

@@ -76,19 +76,19 @@ std::vector<double> CpuOfCells(const CellGrid& grid, std::span<const double> sec
     squares += (log_errors[tile] - mean_error) * (log_errors[tile] - mean_error);
   }
   const double power = product / squares;
-  std::vector<double> seconds(grid.cells().size());
+  std::vector<double> of_tiles, weights;  // Of all pixels.
   for (uint32_t tile = 0; tile < tile_count; ++tile) {
-    const uint32_t first = grid.first_cell(tile), end = first + grid.cell_count(tile);
-    double sum = 0, pixel_count = 0;
-    for (uint32_t cell = first; cell < end; ++cell) {
-      seconds[cell] = std::pow(std::max(errors[cell], kErrorMin), power);
-      const auto pixels = static_cast<double>(grid.cells()[cell].PixelCount());
-      sum += pixels * seconds[cell];
-      pixel_count += pixels;
-    }
-    for (uint32_t cell = first; cell < end; ++cell) {
-      seconds[cell] *= seconds_of_tiles[tile] * pixel_count / sum;
-    }
+    of_tiles.push_back(seconds_of_tiles[tile] *
+                       static_cast<double>(grid.tiles()[tile].PixelCount()));
+  }
+  const std::vector<PixelRect>& cells = grid.cells();
+  for (size_t i = 0; i < cells.size(); ++i) {
+    weights.push_back(static_cast<double>(cells[i].PixelCount()) *
+                      std::pow(std::max(errors[i], kErrorMin), power));
+  }
+  std::vector<double> seconds = grid.ShareOut(of_tiles, weights);
+  for (size_t i = 0; i < cells.size(); ++i) {
+    seconds[i] /= static_cast<double>(cells[i].PixelCount());
   }
   return seconds;
 }

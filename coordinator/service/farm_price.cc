@@ -41,21 +41,14 @@ RoundRecord WholeFrame(const FrameSpec& spec, const DeliveredFrame& delivered) {
 // What the cells of each tile took, by the samples that they have.
 std::vector<double> ShareCpuTime(const CellGrid& grid, const std::vector<double>& seconds_of_tiles,
                                  const std::vector<RoundRecord>& rounds) {
-  std::vector<double> seconds(grid.cells().size());
-  const bool known = !rounds.empty() && rounds.back().cells.size() == seconds.size();
-  const auto work = [&](uint32_t cell) {
-    const auto pixels = static_cast<double>(grid.cells()[cell].PixelCount());
-    return known ? pixels * static_cast<double>(rounds.back().cells[cell].samples) : pixels;
-  };
-  for (uint32_t tile = 0; tile < grid.tiles().size(); ++tile) {
-    const uint32_t first = grid.first_cell(tile), end = first + grid.cell_count(tile);
-    double sum = 0;
-    for (uint32_t cell = first; cell < end; ++cell) sum += work(cell);
-    for (uint32_t cell = first; cell < end; ++cell) {
-      seconds[cell] = seconds_of_tiles[tile] * work(cell) / sum;
-    }
+  const std::vector<PixelRect>& cells = grid.cells();
+  const bool known = !rounds.empty() && rounds.back().cells.size() == cells.size();
+  std::vector<double> work;
+  for (size_t i = 0; i < cells.size(); ++i) {
+    const uint64_t samples = known ? rounds.back().cells[i].samples : 1;
+    work.push_back(static_cast<double>(cells[i].PixelCount()) * static_cast<double>(samples));
   }
-  return seconds;
+  return grid.ShareOut(seconds_of_tiles, work);
 }
 
 }  // namespace
