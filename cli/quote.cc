@@ -31,6 +31,9 @@ constexpr double kCpuLogDeviation = 0.12;
 // Of the price that is allowed, what is planned for: overheads come on top, and clocks differ by a
 // third over a pilot's milliseconds on a busy machine.
 constexpr double kPilotShareAim = 0.017;
+// Below the error that pilots so far tell: what a further one is paid from, so that the price holds
+// where they were wrong.
+constexpr double kPriceDeviations = 2;
 // A further pilot has at least so many times the samples of those before.
 constexpr double kPilotGrowthMin = 0.4;
 constexpr int kPilotCountMax = 6;
@@ -183,9 +186,8 @@ std::vector<PilotLevel> NextLevels(const PilotFrame& frame, int64_t pixel_count,
   if (before.empty()) {
     return coordinator::PilotLevels(kPilotShareAim * kReplicateCount, pixel_count, before);
   }
-  // The lower end, so that the price holds where pilots so far were wrong.
   const Forecast cheapest = coordinator::ForecastTarget(frame.model, {.target_error = target},
-                                                        kStoppedSamplesMax, -kBandDeviations);
+                                                        kStoppedSamplesMax, -kPriceDeviations);
   const double spent = frame.cpu_seconds / cheapest.cpu_seconds;
   if (kPilotShareAim < (1 + kPilotGrowthMin) * spent) return {};
   return coordinator::PilotLevels((kPilotShareAim - spent) * cheapest.samples, pixel_count, before);

@@ -25,7 +25,9 @@ int32_t CellSizeOf(const FrameSpec& frame, const Partition& partition) {
 }
 
 CellGrid::CellGrid(const PixelRect& window, int32_t tile_size_px, int32_t cell_size_px)
-    : cell_size_px_(cell_size_px), tiles_(CutTiles(window, tile_size_px)) {
+    : tile_size_px_(tile_size_px),
+      cell_size_px_(cell_size_px),
+      tiles_(CutTiles(window, tile_size_px)) {
   SHEAF_CHECK(!tiles_.empty() && DividesIntoCells(tile_size_px, cell_size_px));
   for (uint32_t tile = 0; tile < tiles_.size(); ++tile) {
     tile_at_[{tiles_[tile].y0, tiles_[tile].x0}] = tile;

@@ -43,6 +43,7 @@ class CellGrid {
   CellGrid(const FrameSpec& frame, const Partition& partition)
       : CellGrid(frame.settings.window, partition.tile_size_px, CellSizeOf(frame, partition)) {}
 
+  int32_t tile_size_px() const { return tile_size_px_; }
   int32_t cell_size_px() const { return cell_size_px_; }
   const std::vector<PixelRect>& tiles() const { return tiles_; }
   // Tile after tile, within a tile row by row.
@@ -64,7 +65,7 @@ class CellGrid {
                                std::span<const double> weights) const;
 
  private:
-  int32_t cell_size_px_;
+  int32_t tile_size_px_, cell_size_px_;
   std::vector<PixelRect> tiles_, cells_;
   std::vector<uint32_t> first_cells_;                        // One more than tiles.
   std::map<std::pair<int32_t, int32_t>, uint32_t> tile_at_;  // By y0 and x0.

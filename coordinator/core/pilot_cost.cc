@@ -12,10 +12,11 @@
 namespace sheaf::coordinator {
 namespace {
 
-// CPU seconds that a pixel costs without any sample, where no pair tells it: for the film.
-constexpr double kIdleSeconds = 7e-8;
-// What is known of a sample's cost in a tile before is worth so many blocks there.
-constexpr double kCostBlocks = 1;
+// CPU seconds that a pixel costs without any sample, for the film: as known before, and how well.
+constexpr double kIdleSeconds = 5e-8, kIdleDeviation = 3e-8;
+// What the frame's mean tells of a sample's cost in a tile is worth so many blocks there: costs
+// differ more from tile to tile than within one.
+constexpr double kCostBlocks = 0.4;
 // Of logarithms of errors, squares that are worth the knowledge that costs need not go with them;
 // and errors that are as good as none.
 constexpr double kSlopeSquares = 5, kErrorMin = 1e-30;
@@ -25,10 +26,51 @@ struct Cost {
   double pixel_count = 0, samples = 0, cpu_seconds = 0;
 };
 
+// The same where there is no pair: what a sample's time grows by with the pixels there are to each,
+// which tiles differ in. Drawn to what is known before, as tiles' costs differ too.
+// Source: Draper and Smith 1998, Applied Regression Analysis, chapters 1 and 9.
+double IdleCostOfTiles(std::span<const PixelRect> tiles, std::span<const PilotPicture> pilot) {
+  struct Point {
+    double weight, x, y;  // Samples, pixels of each and seconds of each.
+  };
+  std::vector<Point> points;
+  double weight = 0, x_mean = 0, y_mean = 0;
+  for (const PilotPicture& picture : pilot) {
+    const PilotLevel& level = picture.level;
+    if (level.lattice.All()) continue;
+    for (size_t i = 0; i < tiles.size(); ++i) {
+      const auto samples =
+          static_cast<double>(level.lattice.SampleCountIn(tiles[i], level.samples));
+      if (samples == 0) continue;
+      points.push_back({samples, static_cast<double>(tiles[i].PixelCount()) / samples,
+                        picture.cpu_seconds_of_tiles[i] / samples});
+      weight += samples;
+      x_mean += samples * points.back().x;
+      y_mean += samples * points.back().y;
+    }
+  }
+  if (points.size() < 3) return kIdleSeconds;
+  x_mean /= weight;
+  y_mean /= weight;
+  double xx = 0, xy = 0, yy = 0;
+  for (const Point& point : points) {
+    const double dx = point.x - x_mean, dy = point.y - y_mean;
+    xx += point.weight * dx * dx;
+    xy += point.weight * dx * dy;
+    yy += point.weight * dy * dy;
+  }
+  if (!(xx > 0)) return kIdleSeconds;
+  const double slope = xy / xx;
+  const double residual =
+      std::max(yy - slope * xy, 1e-6 * yy) / static_cast<double>(points.size() - 2);
+  const double precision = xx / residual, prior = 1 / (kIdleDeviation * kIdleDeviation);
+  return std::max(0.0, (slope * precision + kIdleSeconds * prior) / (precision + prior));
+}
+
 // CPU seconds that each pixel of a picture costs besides its samples, whether it has any or not:
 // for the film and for what goes with a part. It is little in a picture and much in a pilot. The
 // two of a pair have the same.
-double FitIdleCost(std::span<const PilotPicture> pilot) {
+double FitIdleCost(std::span<const PixelRect> tiles, std::span<const PilotPicture> pilot) {
   std::map<int32_t, std::map<uint64_t, Cost>> levels;  // By stride and samples.
   for (const PilotPicture& picture : pilot) {
     const PilotLevel& level = picture.level;
@@ -47,7 +89,8 @@ double FitIdleCost(std::span<const PilotPicture> pilot) {
     idle_seconds += low.cpu_seconds - std::max(0.0, per_sample) * low.samples;
     pixel_count += low.pixel_count;
   }
-  return pixel_count == 0 ? kIdleSeconds : std::max(0.0, idle_seconds) / pixel_count;
+  return pixel_count == 0 ? IdleCostOfTiles(tiles, pilot)
+                          : std::max(0.0, idle_seconds) / pixel_count;
 }
 
 // CPU seconds of a sample of a pixel in each cell, of which pilots tell the mean over a tile. Where
@@ -98,7 +141,7 @@ std::vector<double> CpuOfCells(const CellGrid& grid, std::span<const double> sec
 CpuModel FitCpu(const CellGrid& grid, std::span<const PilotPicture> pilot,
                 std::span<const double> errors) {
   const std::vector<PixelRect>& tiles = grid.tiles();
-  const double idle = FitIdleCost(pilot);
+  const double idle = FitIdleCost(tiles, pilot);
   std::vector<Cost> of_tile(tiles.size());
   Cost all;
   for (const PilotPicture& picture : pilot) {

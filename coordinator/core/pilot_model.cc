@@ -6,7 +6,6 @@
 #include <cmath>
 #include <limits>
 #include <map>
-#include <numbers>
 #include <random>
 #include <utility>
 
@@ -15,6 +14,7 @@
 #include "common/base/check.h"
 #include "common/film/error_planes.h"
 #include "coordinator/core/pilot_cost.h"
+#include "coordinator/core/pilot_errors.h"
 
 namespace sheaf::coordinator {
 namespace {
@@ -31,15 +31,6 @@ constexpr double kPairShare = 0.5, kPairBlocksMin = 200;
 // More blocks than these tell nothing that matters.
 constexpr double kBlocksEnough = 1 << 12;
 constexpr double kRateMin = 0.9, kRateMax = 1.8;
-// How logarithms of errors of blocks vary, known before, as is the share of it that is within a
-// cell; and how many blocks that knowledge is worth.
-constexpr double kBlockLogVariance = 1.4, kVarianceFreedom = 10;
-// That share: .04 to .5 in cells of 8 pixels, .14 to .61 in 16, .31 to .74 in 32 (eight scenes).
-double WithinShare(int32_t cell_size_px) {
-  return std::min(0.8, 0.55 * std::pow(cell_size_px / 32.0, 0.57));
-}
-// A cell's error is taken for at least this share of the frame's.
-constexpr double kCellShareMin = 0.01;
 // Square of what blocks deviate by from their mean, over it, as known before; and how many blocks
 // that is worth. Where few pixels have most of the error, few blocks show none of them.
 constexpr double kTailSquare = 2.5 * 2.5, kTailBlocks = 10;
@@ -84,11 +75,6 @@ class CellFinder {
   std::map<std::pair<int32_t, int32_t>, size_t> by_corner_;
 };
 
-struct Block {
-  size_t cell = 0;  // That its middle lies in.
-  ErrorSums error;
-};
-
 // Cores of a lattice's blocks, as far as they are in the window; row by row.
 std::vector<PixelRect> CoresIn(const PixelLattice& lattice, const PixelRect& window) {
   const int32_t stride = lattice.stride_px;
@@ -122,14 +108,14 @@ double FitMean(std::span<const PilotPicture> pilot) {
   return sum / places;
 }
 
-std::vector<Block> BlocksOf(const PilotPicture& pilot, const CellFinder& cells, double mean) {
+std::vector<PilotBlock> BlocksOf(const PilotPicture& pilot, const CellFinder& cells, double mean) {
   const std::vector<PixelRect> cores = CoresIn(pilot.level.lattice, pilot.picture.window);
   const ErrorPlanes planes(pilot.picture);
   RareHits ignored;  // Few of the frame's; LampRims has them.
   // Up to one sample in each replicate they are independent.
   const double growth =
       static_cast<double>(std::min(pilot.level.samples, kBaseSamples)) / kBaseSamples;
-  std::vector<Block> blocks;
+  std::vector<PilotBlock> blocks;
   for (const PixelRect& core : cores) {
     ErrorSums error = SumErrors(planes, pilot.picture, core, mean, 0, &ignored);
     error.sum *= growth;
@@ -141,12 +127,12 @@ std::vector<Block> BlocksOf(const PilotPicture& pilot, const CellFinder& cells, 
 
 // Relative, of the mean error over all pixels: a ratio over blocks of unequal sizes.
 // Source: Cochran 1977, Sampling Techniques, sec. 9A.2.
-double LogDeviationOf(const std::vector<Block>& blocks) {
+double LogDeviationOf(const std::vector<PilotBlock>& blocks) {
   ErrorSums all;
-  for (const Block& block : blocks) all.Add(block.error);
+  for (const PilotBlock& block : blocks) all.Add(block.error);
   if (blocks.size() < 2 || all.sum <= 0) return 0;
   double squares = 0;
-  for (const Block& block : blocks) {
+  for (const PilotBlock& block : blocks) {
     const double difference =
         block.error.sum - all.RelativeMse() * static_cast<double>(block.error.pixel_count);
     squares += difference * difference;
@@ -188,104 +174,6 @@ Rate FitRate(const std::vector<std::pair<double, double>>& pairs) {
       (rate_of([](size_t i) { return i; }) / variance + kRatePrior * prior) / precision;
   return {std::clamp(rate, kRateMin, kRateMax), 1 / std::sqrt(precision)};
 }
-
-// The i-th of a sequence whose members, any number of them, have a normal distribution.
-// Source: Weyl 1916, multiples of the golden ratio.
-double NormalValue(size_t i) {
-  const double place = (static_cast<double>(i) + 0.5) / std::numbers::phi;
-  const double share = place - std::floor(place);
-  double low = -8, high = 8;
-  for (int step = 0; step < 50; ++step) {
-    const double middle = (low + high) / 2;
-    (std::erfc(-middle / std::numbers::sqrt2) / 2 < share ? low : high) = middle;
-  }
-  return low;
-}
-
-// Errors of cells from few blocks each. They have the mean of all blocks, and what rounds save by
-// giving samples where they are needed depends on how unequal they are. So where little is known of
-// a cell it does not get the mean of all, but is drawn from what it may be.
-class CellErrors {
- public:
-  CellErrors(const CellGrid& grid, const std::vector<Block>& blocks) {
-    const std::vector<PixelRect>& cells = grid.cells();
-    std::vector<ErrorSums> of_cell(cells.size());
-    ErrorSums all;
-    for (const Block& block : blocks) {
-      of_cell[block.cell].Add(block.error);
-      all.Add(block.error);
-    }
-    const double least = kCellShareMin * all.RelativeMse();
-    const auto log_of = [&](const ErrorSums& error) {
-      return std::log(std::max(error.RelativeMse(), least));
-    };
-    const Variances variances = FitVariances(grid, blocks, log_of);
-    std::vector<double> counts(cells.size());
-    for (const Block& block : blocks) ++counts[block.cell];
-    double sum = 0, pixel_count = 0;
-    for (size_t i = 0; i < cells.size(); ++i) {
-      const double weight =
-          counts[i] * variances.between / (counts[i] * variances.between + variances.within);
-      double log_error = std::sqrt((1 - weight) * variances.between) * NormalValue(i);
-      if (counts[i] > 0) log_error += weight * (log_of(of_cell[i]) - std::log(all.RelativeMse()));
-      errors_.push_back(std::exp(log_error));
-      sum += errors_.back() * static_cast<double>(cells[i].PixelCount());
-      pixel_count += static_cast<double>(cells[i].PixelCount());
-    }
-    double squares = 0;
-    for (size_t i = 0; i < cells.size(); ++i) {
-      errors_[i] *= all.RelativeMse() * pixel_count / sum;
-      squares += static_cast<double>(of_cell[i].pixel_count) * errors_[i] * errors_[i];
-    }
-    if (squares > 0) square_ratio_ = std::max(1.0, all.square_sum / squares);
-  }
-  double MeanOf(size_t cell) const { return errors_[cell]; }
-  const std::vector<double>& means() const { return errors_; }
-  // Mean square of a pixel's error over the square of its cell's mean.
-  double SquareRatio() const { return square_ratio_; }
-
- private:
-  // Of logarithms: of blocks in a cell, and of cells.
-  struct Variances {
-    double within = 0, between = 0;
-  };
-  // Sources of variance by the one-way analysis; Searle 1971, Linear Models, chapter 10.
-  template <typename LogOf>
-  static Variances FitVariances(const CellGrid& grid, const std::vector<Block>& blocks,
-                                const LogOf& log_of) {
-    struct Sums {
-      double count = 0, sum = 0, square_sum = 0;
-      void Add(double value) {
-        ++count;
-        sum += value;
-        square_sum += value * value;
-      }
-      double Squares() const { return count == 0 ? 0 : square_sum - sum * sum / count; }
-    };
-    std::vector<Sums> of_cell(grid.cells().size());
-    Sums all;
-    for (const Block& block : blocks) {
-      const double value = log_of(block.error);
-      of_cell[block.cell].Add(value);
-      all.Add(value);
-    }
-    const double total = (all.Squares() + kVarianceFreedom * kBlockLogVariance) /
-                         (std::max(all.count - 1, 0.0) + kVarianceFreedom);
-    double squares = 0, freedom = 0;
-    for (const Sums& cell : of_cell) {
-      squares += cell.Squares();
-      freedom += std::max(cell.count - 1, 0.0);
-    }
-    Variances variances;
-    variances.within = (squares + kVarianceFreedom * WithinShare(grid.cell_size_px()) * total) /
-                       (freedom + kVarianceFreedom);
-    variances.between = std::max(total - variances.within, 0.1 * total);
-    return variances;
-  }
-
-  std::vector<double> errors_;
-  double square_ratio_ = 1;
-};
 
 }  // namespace
 
@@ -340,7 +228,7 @@ ErrorModel FitErrorModel(const CellGrid& grid, std::span<const PilotPicture> pil
   const std::vector<PixelRect>& cells = grid.cells();
   const CellFinder finder(cells);
   const double mean = FitMean(pilot);
-  std::map<int32_t, std::vector<Block>> base, deep;  // By stride.
+  std::map<int32_t, std::vector<PilotBlock>> base, deep;  // By stride.
   ErrorModel model;
   for (const PilotPicture& picture : pilot) {
     if (picture.level.lattice.All()) {
@@ -351,7 +239,7 @@ ErrorModel FitErrorModel(const CellGrid& grid, std::span<const PilotPicture> pil
     auto& levels = picture.level.samples == kPilotSamples ? base : deep;
     levels[picture.level.lattice.stride_px] = BlocksOf(picture, finder, mean);
   }
-  std::vector<Block> blocks;
+  std::vector<PilotBlock> blocks;
   std::vector<std::pair<double, double>> pairs;
   for (const auto& [stride, low] : base) {
     blocks.insert(blocks.end(), low.begin(), low.end());
@@ -361,20 +249,23 @@ ErrorModel FitErrorModel(const CellGrid& grid, std::span<const PilotPicture> pil
       pairs.emplace_back(low[i].error.sum, high->second[i].error.sum);
     }
   }
-  const CellErrors errors(grid, blocks);
+  const PilotErrors errors = FitCellErrors(grid, blocks);
   const Rate rate = FitRate(pairs);
   model.rate = rate.value;
   model.rate_deviation = rate.deviation;
   model.log_error_deviation = LogDeviationOf(blocks);
-  const CpuModel cpu = FitCpu(grid, pilot, errors.means());
+  // Means over few blocks of unequal error are more often below the true mean than above it: by so
+  // much in the median, if their logarithms have a normal distribution.
+  const double skew = std::exp(model.log_error_deviation * model.log_error_deviation / 2);
+  const CpuModel cpu = FitCpu(grid, pilot, errors.of_cells);
   model.log_cpu_deviation = cpu.log_deviation;
   for (uint32_t i = 0; i < cells.size(); ++i) {
     ForecastCell cell;
     const auto count = static_cast<double>(cells[i].PixelCount());
-    const double error = errors.MeanOf(i);
+    const double error = skew * errors.of_cells[i];
     cell.measured = {
         kBaseSamples,
-        {cells[i].PixelCount(), count * error, count * errors.SquareRatio() * error * error}};
+        {cells[i].PixelCount(), count * error, count * errors.square_ratio * error * error}};
     cell.cpu_seconds_per_sample = count * cpu.seconds[i];
     model.cells.push_back(cell);
   }

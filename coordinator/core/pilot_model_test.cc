@@ -121,6 +121,36 @@ TEST(PilotModelTest, FindsErrorRateAndCost) {
             0.05);
 }
 
+// A pilot of a small frame has no pair, and its parts cost a fifth of what they take besides
+// samples.
+TEST(PilotModelTest, WhatPartsCostBesidesSamplesIsToldByTiles) {
+  const ErrorModel model = FitOf(
+      1, [](int32_t, int32_t) { return 0.04; }, 0.4);
+  EXPECT_NEAR(ForecastSamples(model, 100).cpu_seconds / (1.05e-3 * 320 * 256), 1, 0.05);
+}
+
+// Of means of few unequal blocks more are below the true mean than above; not of what is told.
+TEST(PilotModelTest, QuotesAreAsOftenTooLowAsTooHigh) {
+  int low = 0;
+  constexpr int kFrames = 200;
+  for (int frame = 0; frame < kFrames; ++frame) {
+    std::mt19937_64 random(static_cast<uint64_t>(frame));
+    std::lognormal_distribution<double> distribution(-0.5 * 1.6 * 1.6, 1.6);  // Its mean is 1.
+    std::vector<double> of_places;
+    for (int i = 0; i < 40 * 32; ++i) of_places.push_back(distribution(random));
+    const ErrorModel model = FitOf(
+        1,
+        [&](int32_t x, int32_t y) {
+          return 0.04 * of_places[static_cast<size_t>(y / 8 * 40 + x / 8)];
+        },
+        0.04);
+    double mean = 0;
+    for (const double place : of_places) mean += place / static_cast<double>(of_places.size());
+    if (ForecastSamples(model, 16).relative_mse < 0.0396 * mean) ++low;
+  }
+  EXPECT_NEAR(low, kFrames / 2, 20);
+}
+
 // A lamp that no block shows makes the frame's mean ten times theirs, and errors of dark pixels are
 // held against a tenth of it: all of 1 + 1^2, not of 1 + 0.1^2.
 TEST(PilotModelTest, DarkPixelsAreHeldAgainstTheMeanOfTheWholeFrame) {
