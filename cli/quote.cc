@@ -34,8 +34,9 @@ constexpr double kPilotShareAim = 0.017;
 // Below the error that pilots so far tell: what a further one is paid from, so that the price holds
 // where they were wrong.
 constexpr double kPriceDeviations = 2;
-// A further pilot has at least so many times the samples of those before.
-constexpr double kPilotGrowthMin = 0.4;
+// A further pilot has so many times the samples of those before: no more, as one bright sample
+// among few makes a scene seem dear, and the next pilot tells.
+constexpr double kPilotGrowthMin = 0.4, kPilotGrowthMax = 2;
 constexpr int kPilotCountMax = 6;
 // Of the threads' time, what goes into samples.
 constexpr double kFarmEfficiency = 0.95;
@@ -180,17 +181,26 @@ void FitModels(const JobArguments& arguments, const PreparedJob& job,
 
 // What a frame's next pilot is: at first what the first round allows, then as much more as the
 // target is found to allow. Empty where that is not worth its while.
-std::vector<PilotLevel> NextLevels(const PilotFrame& frame, int64_t pixel_count, double target) {
+std::vector<PilotLevel> NextLevels(const PilotFrame& frame, const FrameSettings& settings,
+                                   double target) {
+  const int64_t pixel_count = settings.window.PixelCount();
   std::vector<PilotLevel> before;
-  for (const PilotPicture& picture : frame.pictures) before.push_back(picture.level);
+  double samples_before = 0;
+  for (const PilotPicture& picture : frame.pictures) {
+    before.push_back(picture.level);
+    samples_before += picture.level.SamplesPerPixel();
+  }
   if (before.empty()) {
-    return coordinator::PilotLevels(kPilotShareAim * kReplicateCount, pixel_count, before);
+    return coordinator::PilotLevels(kPilotShareAim * kReplicateCount, pixel_count, settings.seed,
+                                    before);
   }
   const Forecast cheapest = coordinator::ForecastTarget(frame.model, {.target_error = target},
                                                         kStoppedSamplesMax, -kPriceDeviations);
   const double spent = frame.cpu_seconds / cheapest.cpu_seconds;
   if (kPilotShareAim < (1 + kPilotGrowthMin) * spent) return {};
-  return coordinator::PilotLevels((kPilotShareAim - spent) * cheapest.samples, pixel_count, before);
+  const double allowed =
+      std::min((kPilotShareAim - spent) * cheapest.samples, kPilotGrowthMax * samples_before);
+  return coordinator::PilotLevels(allowed, pixel_count, settings.seed, before);
 }
 
 // Ever larger pilots, as long as the loosest target's price allows them.
@@ -203,8 +213,7 @@ absl::StatusOr<std::vector<PilotFrame>> RenderPilots(FarmClient* client,
     std::vector<std::vector<PilotLevel>> levels;
     bool more = false;
     for (const PilotFrame& frame : frames) {
-      const int64_t pixel_count = job.frames[frame.index].settings.window.PixelCount();
-      levels.push_back(NextLevels(frame, pixel_count, target));
+      levels.push_back(NextLevels(frame, job.frames[frame.index].settings, target));
       more |= !levels.back().empty();
     }
     if (!more) break;

@@ -43,8 +43,9 @@ constexpr char kFrameDigestKey[] = "sheaf:frameDigest", kProfileKey[] = "sheaf:n
 constexpr char kBlockFirstKey[] = "sheaf:blockFirst", kBlockCountKey[] = "sheaf:blockCount";
 constexpr char kIdsKey[] = "sheaf:ids.";  // And the kind's name.
 constexpr char kCryptomattePrefix[] = "cryptomatte/";
-constexpr char kPixelStrideKey[] = "sheaf:pixelStridePx";  // Only where there is a lattice.
-constexpr char kCellSizeKey[] = "sheaf:cellSizePx";        // Only of a part of some cells.
+// Only where there is a lattice.
+constexpr char kPixelStrideKey[] = "sheaf:pixelStridePx", kPixelSeedKey[] = "sheaf:pixelSeed";
+constexpr char kCellSizeKey[] = "sheaf:cellSizePx";  // Only of a part of some cells.
 constexpr char kCellsKey[] = "sheaf:cells";
 constexpr char kOutputsKey[] = "sheaf:outputs";  // Only where there are any.
 constexpr char kMetadataPrefix[] = "sheaf:";
@@ -244,6 +245,7 @@ std::string EncodePart(const FilmTile& tile, const PartHeader& part) {
   SetText(&header, kBlockCountKey, absl::StrCat(tile.block().count));
   if (!part.lattice.All()) {
     SetText(&header, kPixelStrideKey, absl::StrCat(part.lattice.stride_px));
+    SetText(&header, kPixelSeedKey, absl::StrCat(part.lattice.seed));
   }
   if (!part.cells.All()) {
     SetText(&header, kCellSizeKey, absl::StrCat(part.cells.size_px));
@@ -282,10 +284,13 @@ absl::StatusOr<DecodedPart> DecodePart(std::string_view bytes, int64_t part_pixe
   part.header.frame_digest = header.strings.at(kFrameDigestKey);
   part.header.numeric_profile = header.strings.at(kProfileKey);
   if (const auto stride = header.strings.find(kPixelStrideKey); stride != header.strings.end()) {
-    int32_t& stride_px = part.header.lattice.stride_px;
-    if (!absl::SimpleAtoi(stride->second, &stride_px) || stride_px < kPixelStrideMin ||
-        stride_px > kPixelStrideMax || rect.x0 < 0 || rect.y0 < 0) {
-      return NotAPart("a pixel stride that cannot be");
+    PixelLattice& lattice = part.header.lattice;
+    const auto seed = header.strings.find(kPixelSeedKey);
+    if (!absl::SimpleAtoi(stride->second, &lattice.stride_px) ||
+        lattice.stride_px < kPixelStrideMin || lattice.stride_px > kPixelStrideMax || rect.x0 < 0 ||
+        rect.y0 < 0 || seed == header.strings.end() ||
+        !absl::SimpleAtoi(seed->second, &lattice.seed)) {
+      return NotAPart("a pixel stride, or seed, that cannot be");
     }
   }
   const absl::StatusOr<TileCells> cells = CellsOf(header);

@@ -32,9 +32,9 @@ struct PartHeader {
 // kind of id that is asked for ids.KIND.NNN.{id,W,lo}: a pixel's list of ids (plus one; 0 is none)
 // with their weights, from NNN = 000. All are sums over the block. Attributes: sheaf:format
 // "film-part 1", sheaf:frameDigest, sheaf:numericProfile, sheaf:blockFirst, sheaf:blockCount
-// (decimal strings); where not all pixels are rendered, sheaf:pixelStridePx, or sheaf:cellSizePx
-// and sheaf:cells (TileCells; decimal strings); with outputs,
-// sheaf:outputs; sheaf:ids.KIND: the ids' names, "NUMBER NAME" a line with C escapes.
+// (decimal strings); where not all pixels are rendered, sheaf:pixelStridePx and
+// sheaf:pixelSeed (PixelLattice), or sheaf:cellSizePx and sheaf:cells (TileCells; decimal strings);
+// with outputs, sheaf:outputs; sheaf:ids.KIND: the ids' names, "NUMBER NAME" a line with C escapes.
 std::string EncodePart(const FilmTile& tile, const PartHeader& header);
 struct DecodedPart {
   FilmTile tile;

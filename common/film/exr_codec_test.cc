@@ -137,7 +137,7 @@ TEST(ExrCodecTest, SumsThatCannotBeAreRefused) {
 }
 
 TEST(ExrCodecTest, APartOfALatticeHasItsPixelsAndNoOthers) {
-  const PartHeader header{"digest", "profile", {6}};
+  const PartHeader header{"digest", "profile", {6, 3}};
   FilmTile tile({8, 8, 16, 16}, {0, 16});
   for (int32_t y = 8; y < 16; ++y) {
     for (int32_t x = 8; x < 16; ++x) {
@@ -148,9 +148,10 @@ TEST(ExrCodecTest, APartOfALatticeHasItsPixelsAndNoOthers) {
   }
   const absl::StatusOr<DecodedPart> part = DecodePart(EncodePart(tile, header));
   ASSERT_TRUE(part.ok()) << part.status();
-  EXPECT_EQ(part->header.lattice.stride_px, 6);
+  EXPECT_EQ(part->header.lattice, header.lattice);
   ExpectRefused(EncodePart(tile, {"digest", "profile"}), "sample counts");
-  ExpectRefused(EncodePart(tile, {"digest", "profile", {7}}), "sample counts");
+  ExpectRefused(EncodePart(tile, {"digest", "profile", {7, 3}}), "sample counts");
+  ExpectRefused(EncodePart(tile, {"digest", "profile", {6, 4}}), "sample counts");
   ExpectRefused(EncodePart(tile, {"digest", "profile", {1000}}), "pixel stride");
 }
 

@@ -11,8 +11,8 @@ namespace sheaf {
 PixelRect PixelLattice::BlockOf(int32_t cell_x, int32_t cell_y) const {
   const uint64_t cell =
       (uint64_t{static_cast<uint32_t>(cell_y)} << 32) | static_cast<uint32_t>(cell_x);
-  const uint64_t bits =
-      MixBits(MixBits(cell + 0x9e3779b97f4a7c15u) ^ static_cast<uint32_t>(stride_px));
+  const uint64_t bits = MixBits(MixBits(MixBits(cell + 0x9e3779b97f4a7c15u) + seed) ^
+                                static_cast<uint32_t>(stride_px));
   const auto places = static_cast<uint32_t>(stride_px - kLatticeBlockPx + 1);
   const int32_t x = cell_x * stride_px + static_cast<int32_t>((bits >> 40) % places);
   const int32_t y = cell_y * stride_px + static_cast<int32_t>(((bits >> 16) & 0xffffff) % places);

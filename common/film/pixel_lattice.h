@@ -5,7 +5,8 @@
 // estimated (cost_forecast.h): of each cell of stride x stride pixels one block, at a place drawn
 // at random. The pixels of the block's core have all samples; a rim about it has the first few
 // alone, so that each pixel of the core has neighbours to tell how wrong it is (error_estimate.h).
-// Cells are aligned to the frame, so a pixel is chosen or not whatever the crop and the tiles.
+// Cells are aligned to the frame, so a pixel is chosen or not whatever the crop and the tiles; the
+// places change with the frame's seed, as its samples do.
 // Source: cluster sampling within strata, Cochran 1977, Sampling Techniques, chapters 5 and 9.
 #pragma once
 
@@ -23,7 +24,9 @@ inline constexpr int32_t kPixelStrideMin = kLatticeBlockPx + 1, kPixelStrideMax 
 
 struct PixelLattice {
   int32_t stride_px = 1;  // 1: all pixels. Otherwise from kPixelStrideMin to kPixelStrideMax.
+  uint64_t seed = 0;      // The frame's; 0 where all pixels are chosen.
 
+  bool operator==(const PixelLattice&) const = default;
   bool All() const { return stride_px == 1; }
   // The block that is chosen of the cell, its rim included. Requires: not All().
   PixelRect BlockOf(int32_t cell_x, int32_t cell_y) const;

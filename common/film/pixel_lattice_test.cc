@@ -58,6 +58,14 @@ TEST(PixelLatticeTest, CountsWhatItHasInAnyRectangle) {
   EXPECT_DOUBLE_EQ(PixelLattice().SamplesPerPixel(16), 16);
 }
 
+TEST(PixelLatticeTest, FramesOfOtherSeedsHaveOtherPlaces) {
+  int same = 0;
+  for (int32_t x = 0; x < 1600; ++x) {
+    same += PixelLattice{8, 1}.BlockOf(x, 5) == PixelLattice{8, 2}.BlockOf(x, 5) ? 1 : 0;
+  }
+  EXPECT_NEAR(same, 100, 40);  // Of 16 places, and four deviations.
+}
+
 TEST(PixelLatticeTest, TheRimHasTheFirstSamplesAlone) {
   const PixelLattice lattice{8};
   const auto rim = [&](SampleBlock block) { return lattice.SamplesOf(Part::kRim, block); };

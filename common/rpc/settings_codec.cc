@@ -88,7 +88,7 @@ absl::StatusOr<FrameSettings> FromWire(const v1::FrameSettings& wire) {
                                                      " is outside [", kPixelStrideMin, ", ",
                                                      kPixelStrideMax, "]"));
     }
-    settings.lattice.stride_px = stride_px;
+    settings.lattice = {stride_px, settings.seed};
   }
   absl::StatusOr<FilmOutputs> outputs = ParseOutputs(wire.outputs());
   if (!outputs.ok()) return outputs.status();

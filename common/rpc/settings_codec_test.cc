@@ -21,7 +21,7 @@ TEST(SettingsCodecTest, EverySettingSurvivesTheWire) {
   settings.single_scattering = true;
   settings.one_sequence = true;
   settings.similarity_after = 12;
-  settings.lattice.stride_px = 8;
+  settings.lattice = {8, settings.seed};
   settings.force_generic_variant = true;
   settings.outputs.Add(Aov::kPosition);
   settings.outputs.Add(Aov::kMotion);
@@ -36,6 +36,7 @@ TEST(SettingsCodecTest, EverySettingSurvivesTheWire) {
     EXPECT_EQ(FrameDigestText("scene", *back, "profile"),
               FrameDigestText("scene", settings, "profile"));
     EXPECT_TRUE(back->force_generic_variant);
+    EXPECT_EQ(back->lattice, settings.lattice);
     EXPECT_EQ(back->outputs, settings.outputs);
     EXPECT_EQ(back->primaries, settings.primaries);
     EXPECT_EQ(back->white_balance_k, settings.white_balance_k);

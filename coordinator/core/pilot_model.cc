@@ -178,7 +178,7 @@ Rate FitRate(const std::vector<std::pair<double, double>>& pairs) {
 }  // namespace
 
 std::vector<PilotLevel> PilotLevels(double samples_per_pixel, int64_t frame_pixel_count,
-                                    std::span<const PilotLevel> before) {
+                                    uint64_t frame_seed, std::span<const PilotLevel> before) {
   const auto pixel_count = static_cast<double>(frame_pixel_count);
   int32_t finest = kPixelStrideMax + 1;
   for (const PilotLevel& level : before) {
@@ -193,7 +193,8 @@ std::vector<PilotLevel> PilotLevels(double samples_per_pixel, int64_t frame_pixe
     left -= levels.back().SamplesPerPixel();
   }
   const PixelLattice lattice{StrideFor(BlockSamples(kPilotSamples) + BlockSamples(kPairSamples),
-                                       kPairShare * left, frame_pixel_count)};
+                                       kPairShare * left, frame_pixel_count),
+                             frame_seed};
   const double blocks = pixel_count / (1.0 * lattice.stride_px * lattice.stride_px);
   if (lattice.stride_px < finest && blocks >= kPairBlocksMin) {
     for (const uint64_t samples : {kPairSamples, kPilotSamples}) {
@@ -202,7 +203,7 @@ std::vector<PilotLevel> PilotLevels(double samples_per_pixel, int64_t frame_pixe
     }
   }
   // Pictures of one lattice and one number of samples would be the same.
-  PixelLattice single{StrideFor(BlockSamples(kPilotSamples), left, frame_pixel_count)};
+  PixelLattice single{StrideFor(BlockSamples(kPilotSamples), left, frame_pixel_count), frame_seed};
   if (levels.size() > 1 && single.stride_px == lattice.stride_px) ++single.stride_px;
   if (single.stride_px < finest) levels.push_back({single, kPilotSamples});
   return levels;

@@ -52,7 +52,7 @@ struct PilotPicture {
 // which do not need so many pixels; a pair, of the same blocks with more samples, is there where it
 // tells more than what is known of all scenes. Empty where more would not tell more.
 std::vector<PilotLevel> PilotLevels(double samples_per_pixel, int64_t frame_pixel_count,
-                                    std::span<const PilotLevel> before);
+                                    uint64_t frame_seed, std::span<const PilotLevel> before);
 
 // What a pilot's metadata tell of each of the frame's tiles. Errors: kDataLoss where they do not
 // tell it of so many.

@@ -62,7 +62,7 @@ ErrorModel FitOf(double rate, const Variance& variance, double samples_per_pixel
                  float mean = 1) {
   std::vector<PilotPicture> pilot;
   uint64_t seed = 1;
-  for (const PilotLevel& level : PilotLevels(samples_per_pixel, kWindow.PixelCount(), {})) {
+  for (const PilotLevel& level : PilotLevels(samples_per_pixel, kWindow.PixelCount(), 1, {})) {
     pilot.push_back(level.shrink > 1 ? MakeSmall(level, mean)
                                      : MakePilot(level, rate, ++seed, variance));
   }
@@ -73,7 +73,7 @@ TEST(PilotModelTest, PilotsCostNoMoreThanTheyMay) {
   for (const int64_t pixels : {int64_t{1000}, int64_t{192 * 192}, int64_t{3840 * 2160}}) {
     for (const double allowed : {0.4, 2.0, 20.0}) {
       double cost = 0;
-      for (const PilotLevel& level : PilotLevels(allowed, pixels, {})) {
+      for (const PilotLevel& level : PilotLevels(allowed, pixels, 1, {})) {
         cost += level.SamplesPerPixel();
       }
       EXPECT_LE(cost, allowed);
@@ -85,10 +85,10 @@ TEST(PilotModelTest, PilotsCostNoMoreThanTheyMay) {
 }
 
 TEST(PilotModelTest, FurtherPilotsHaveOtherBlocksOrAreNone) {
-  std::vector<PilotLevel> before = PilotLevels(0.4, 400 * 400, {});
+  std::vector<PilotLevel> before = PilotLevels(0.4, 400 * 400, 1, {});
   EXPECT_GT(before.front().shrink, 1);
   for (int i = 0; i < 12; ++i) {
-    const std::vector<PilotLevel> more = PilotLevels(0.4 * std::pow(2, i), 400 * 400, before);
+    const std::vector<PilotLevel> more = PilotLevels(0.4 * std::pow(2, i), 400 * 400, 1, before);
     if (more.empty()) return;
     for (const PilotLevel& level : more) {
       EXPECT_EQ(level.shrink, 1);
@@ -168,7 +168,7 @@ TEST(PilotModelTest, RimsOfLampsInViewMakeTargetsDearer) {
   const auto variance = [](int32_t, int32_t) { return 0.01; };
   std::vector<PilotPicture> pilot;
   uint64_t seed = 1;
-  for (const PilotLevel& level : PilotLevels(0.5, kWindow.PixelCount(), {})) {
+  for (const PilotLevel& level : PilotLevels(0.5, kWindow.PixelCount(), 1, {})) {
     pilot.push_back(level.shrink > 1 ? MakeSmall(level, 0.2F)
                                      : MakePilot(level, 1, ++seed, variance));
   }

@@ -43,7 +43,7 @@ std::string WhyNotPartOf(const ResultReport& report, const std::string& numeric_
   if (!(part.tile.outputs() == settings.outputs)) {
     return "the part has other outputs than the job wants";
   }
-  if (part.header.lattice.stride_px != settings.lattice.stride_px) {
+  if (part.header.lattice != settings.lattice) {
     return "the part has other pixels than the job wants";
   }
   return "";

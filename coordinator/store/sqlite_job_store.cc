@@ -151,7 +151,7 @@ absl::Status SqliteJobStore::LoadFrames(StoredJob* job) {
     s.white_balance_k = static_cast<float>(query.Double(25));
     s.one_sequence = query.Int64(26) != 0;
     s.similarity_after = edge(27);
-    s.lattice.stride_px = edge(38);
+    if (const int32_t stride_px = edge(38); stride_px != 1) s.lattice = {stride_px, s.seed};
     frame.stop = {query.Double(28), DurationFromNanoseconds(query.Int64(29)),
                   DurationFromNanoseconds(query.Int64(30)), static_cast<uint64_t>(query.Int64(35))};
     if (query.Int64(14) != 0) {

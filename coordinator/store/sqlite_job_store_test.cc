@@ -62,7 +62,7 @@ class SqliteJobStoreTest : public testing::Test {
       frame.settings.white_balance_k = 3200.5f;
       frame.settings.one_sequence = true;
       frame.settings.similarity_after = 24;
-      frame.settings.lattice.stride_px = 8;
+      frame.settings.lattice = {8, frame.settings.seed};
       frame.resumed = {std::string(64, 'd'), 55};
       frame.stop = {.target_error = 0.25, .cpu_max = absl::Hours(3)};
       spec.frames.push_back(frame);
@@ -146,7 +146,7 @@ TEST_F(SqliteJobStoreTest, JobsSurviveAReopen) {
   EXPECT_EQ(stored.spec.frames[1].settings.white_balance_k, 3200.5f);
   EXPECT_TRUE(stored.spec.frames[1].settings.one_sequence);
   EXPECT_EQ(stored.spec.frames[1].settings.similarity_after, 24);
-  EXPECT_EQ(stored.spec.frames[1].settings.lattice.stride_px, 8);
+  EXPECT_EQ(stored.spec.frames[1].settings.lattice, (PixelLattice{8, UINT64_MAX - 1}));
   EXPECT_EQ(stored.spec.frames[1].resumed, MakeSpec().frames[1].resumed);
   EXPECT_EQ(stored.spec.frames[1].settings.window, (PixelRect{1, 2, 3, 4}));
   ASSERT_EQ(stored.delivered.size(), 1u);
