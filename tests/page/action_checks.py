@@ -3,7 +3,7 @@
 """What is clicked by the mouse alone: every button that other checks reach by keys, or not at all.
 For page_test.py."""
 from farm import wait_until
-from viewer_checks import FOCUS, HIDDEN, PRESSED, TEXT, wait_for_zoom, zoom_percent
+from viewer_checks import FOCUS, HIDDEN, PIXELS, PRESSED, TEXT, wait_for_zoom, zoom_percent
 
 CHANGE_SECONDS_MAX = 20
 ENTER = "\ue007"
@@ -49,6 +49,8 @@ def check_more_frames(browser, url):
     browser.open(url)
     wait_until(lambda: not browser.run(HIDDEN, "frames-more"), CHANGE_SECONDS_MAX, "the button")
     assert browser.run(TEXT, "frames-count").endswith("of the first 1000")
+    # Above the button, which it moves.
+    wait_until(lambda: browser.run(PIXELS), CHANGE_SECONDS_MAX, "the picture")
     browser.run("document.getElementById('frames-more').scrollIntoView()")
     browser.click("frames-more")
     wait_until(lambda: browser.run(TEXT, "frames-count").endswith(f"of {MORE_FRAMES} complete"),

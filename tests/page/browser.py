@@ -12,12 +12,21 @@ import subprocess
 import urllib.error
 import urllib.request
 
+from farm import wait_until
+
 START_SECONDS_MAX = 60
 CALL_SECONDS_MAX = 60
+STILL_SECONDS_MAX = 10
 CHROMIUM_ARGUMENTS = [
     "--headless=new", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run",
     "--disable-background-networking", "--disable-component-update", "--disable-sync",
     "--disable-dev-shm-usage", "--hide-scrollbars", "--force-color-profile=srgb"]
+
+# Whether a place shows an element, or what is in it.
+IS_ON_TOP = """
+  const [id, x, y] = arguments;
+  return document.getElementById(id).contains(document.elementFromPoint(x, y));
+"""
 
 
 class Browser:
@@ -109,8 +118,17 @@ class Browser:
         self._mouse("mouseReleased", *place, button="left", clickCount=1)
 
     def click(self, element_id):
-        """Clicks with the mouse in the middle of an element, which must be seen."""
-        self.click_at(*self.middle_of(element_id))
+        """Clicks with the mouse in the middle of an element, once it is seen and stands still: what
+        arrives above it moves it."""
+        before = None
+
+        def is_still():
+            nonlocal before
+            last, before = before, self.middle_of(element_id)
+            return before == last and self.run(IS_ON_TOP, element_id, *before)
+
+        wait_until(is_still, STILL_SECONDS_MAX, f"{element_id} to stand still in sight")
+        self.click_at(*before)
 
     def drag(self, start, end):
         """Presses the left button at `start` and releases it at `end`."""

@@ -118,8 +118,9 @@ def light_of_level(level):
 def check_exposure(browser, _):
     """A stop less halves the light, also of what was brighter than the screen."""
     browser.run(FOCUS, "picture-box")
+    fitted = browser.run(PIXELS)
     browser.press("1")
-    wait_for_zoom(browser, 100)
+    wait_for_new_pixels(browser, fitted, "the picture at 100 %")
     whole = browser.run(PIXELS)
     before = browser.run(MIDDLE)
     for _ in range(4):
@@ -136,6 +137,7 @@ def check_exposure(browser, _):
     browser.run("document.getElementById('exposure-reset').click()")
     wait_until(lambda: browser.run(PIXELS) == whole, CHANGE_SECONDS_MAX, "the picture as it was")
     browser.press("0")
+    wait_until(lambda: browser.run(PIXELS) == fitted, CHANGE_SECONDS_MAX, "the whole picture")
 
 
 def check_layers(browser, screenshot):
