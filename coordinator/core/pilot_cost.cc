@@ -26,9 +26,10 @@ struct Cost {
   double pixel_count = 0, samples = 0, cpu_seconds = 0;
 };
 
-// The same where there is no pair: what a sample's time grows by with the pixels there are to each,
-// which tiles differ in. Drawn to what is known before, as tiles' costs differ too.
-// Source: Draper and Smith 1998, Applied Regression Analysis, chapters 1 and 9.
+// CPU seconds that each pixel of a picture costs besides its samples, from one picture alone: what
+// a sample's time grows by with the pixels there are to each, which tiles differ in. Drawn to what
+// is known before, as tiles' costs differ too. Source: Draper and Smith 1998, Applied Regression
+// Analysis, chapters 1 and 9.
 double IdleCostOfTiles(std::span<const PixelRect> tiles, std::span<const PilotPicture> pilot) {
   struct Point {
     double weight, x, y;  // Samples, pixels of each and seconds of each.
@@ -67,9 +68,8 @@ double IdleCostOfTiles(std::span<const PixelRect> tiles, std::span<const PilotPi
   return std::max(0.0, (slope * precision + kIdleSeconds * prior) / (precision + prior));
 }
 
-// CPU seconds that each pixel of a picture costs besides its samples, whether it has any or not:
-// for the film and for what goes with a part. It is little in a picture and much in a pilot. The
-// two of a pair have the same.
+// The same, whether a pixel has samples or not: for the film and for what goes with a part. It is
+// little in a picture and much in a pilot. The two of a pair have the same, and tell it best.
 double FitIdleCost(std::span<const PixelRect> tiles, std::span<const PilotPicture> pilot) {
   std::map<int32_t, std::map<uint64_t, Cost>> levels;  // By stride and samples.
   for (const PilotPicture& picture : pilot) {

@@ -6,6 +6,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "common/math/golden_sequence.h"
+
 namespace sheaf::coordinator {
 namespace {
 
@@ -18,10 +20,8 @@ double WithinShare(int32_t size_px) { return std::min(0.8, 0.55 * std::pow(size_
 constexpr double kCellShareMin = 0.05;
 
 // The i-th of a sequence whose members, any number of them, have a normal distribution.
-// Source: Weyl 1916, multiples of the golden ratio.
 double NormalValue(size_t i) {
-  const double place = (static_cast<double>(i) + 0.5) / std::numbers::phi;
-  const double share = place - std::floor(place);
+  const double share = GoldenShare(i);
   double low = -8, high = 8;
   for (int step = 0; step < 50; ++step) {
     const double middle = (low + high) / 2;

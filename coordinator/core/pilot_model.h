@@ -50,7 +50,8 @@ struct PilotPicture {
 // The levels of a pilot that costs at most `samples_per_pixel` of all of a frame's pixels, where
 // those of `before` are there. The first has the small picture. Blocks are fewer in large frames,
 // which do not need so many pixels; a pair, of the same blocks with more samples, is there where it
-// tells more than what is known of all scenes. Empty where more would not tell more.
+// tells more than what is known of all scenes. Empty where more would not tell more. frame_seed: of
+// the frame's settings, as PixelLattice has it.
 std::vector<PilotLevel> PilotLevels(double samples_per_pixel, int64_t frame_pixel_count,
                                     uint64_t frame_seed, std::span<const PilotLevel> before);
 

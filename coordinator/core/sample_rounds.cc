@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "common/base/check.h"
+#include "common/math/golden_sequence.h"
 
 namespace sheaf::coordinator {
 namespace {
@@ -51,11 +52,8 @@ double StepAt(double samples) {
 }
 
 // What cell i has more before it is rounded down to steps, of one, in [0, 1): of cells that are
-// alike as many are rounded up as it takes. Source: Weyl 1916, multiples of the golden ratio.
-double Dither(size_t i) {
-  const double place = (static_cast<double>(i) + 0.5) / std::numbers::phi;
-  return place - std::floor(place);
-}
+// alike as many are rounded up as it takes.
+double Dither(size_t i) { return GoldenShare(i); }
 
 // How samples are shared out, for any number of them.
 class Allocation {
