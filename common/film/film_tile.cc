@@ -133,7 +133,7 @@ class NodeStack {
 
 FilmTile::FilmTile(PixelRect rect, SampleBlock block, FilmOutputs outputs)
     : rect_(rect), block_(block), outputs_(std::move(outputs)) {
-  SHEAF_CHECK(rect.x0 < rect.x1 && rect.y0 < rect.y1 && IsAligned(block));
+  SHEAF_CHECK(!rect.IsEmpty() && IsAligned(block));
   plane_size_ = static_cast<size_t>(rect.PixelCount());
   main_.resize(kFilmChannelCount * plane_size_);
   replicates_.resize(replicate_count() * kReplicateChannelCount * plane_size_);

@@ -35,7 +35,7 @@ size_t PictureChannelCount(const FilmOutputs& outputs) {
 
 FramePicture MakeFramePicture(PixelRect window, int32_t frame_width_px, int32_t frame_height_px,
                               const FilmOutputs& outputs, const PictureColor& color) {
-  SHEAF_CHECK(window.x0 < window.x1 && window.y0 < window.y1);
+  SHEAF_CHECK(!window.IsEmpty());
   FramePicture picture;
   picture.window = window;
   picture.frame_width_px = frame_width_px;

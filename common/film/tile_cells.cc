@@ -10,11 +10,6 @@
 namespace sheaf {
 namespace {
 
-bool Encloses(const PixelRect& outer, const PixelRect& inner) {
-  return outer.x0 <= inner.x0 && outer.y0 <= inner.y0 && inner.x1 <= outer.x1 &&
-         inner.y1 <= outer.y1;
-}
-
 // Copies the planes of the pixels that both have. The part's block is in the whole's, or equal.
 class PixelCopy {
  public:
@@ -85,14 +80,14 @@ std::vector<PixelRect> RectsOf(const PixelRect& tile, const TileCells& cells) {
 }
 
 FilmTile CutOut(const FilmTile& tile, const PixelRect& rect) {
-  SHEAF_CHECK(Encloses(tile.rect(), rect));
+  SHEAF_CHECK(tile.rect().Contains(rect));
   FilmTile pixels(rect, tile.block(), tile.outputs());
   PixelCopy(tile, rect, &pixels).CopyAll();
   return pixels;
 }
 
 void Paste(const FilmTile& pixels, FilmTile* tile) {
-  SHEAF_CHECK(Encloses(tile->rect(), pixels.rect()) && pixels.outputs() == tile->outputs());
+  SHEAF_CHECK(tile->rect().Contains(pixels.rect()) && pixels.outputs() == tile->outputs());
   SHEAF_CHECK(Contains(tile->block(), pixels.block()));
   PixelCopy(pixels, pixels.rect(), tile).CopyAll();
 }

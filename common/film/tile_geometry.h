@@ -4,6 +4,7 @@
 // How a frame is cut: pixel rectangles (tiles) and aligned power-of-two blocks of sample indices.
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <vector>
@@ -21,8 +22,16 @@ struct PixelRect {
   constexpr size_t IndexOf(int32_t x, int32_t y) const {
     return static_cast<size_t>(y - y0) * static_cast<size_t>(Width()) + static_cast<size_t>(x - x0);
   }
+  constexpr bool IsEmpty() const { return x0 >= x1 || y0 >= y1; }
+  constexpr bool Contains(const PixelRect& inner) const {
+    return x0 <= inner.x0 && y0 <= inner.y0 && inner.x1 <= x1 && inner.y1 <= y1;
+  }
   friend constexpr bool operator==(const PixelRect&, const PixelRect&) = default;
 };
+// Of what both have; may be empty.
+constexpr PixelRect Intersect(const PixelRect& a, const PixelRect& b) {
+  return {std::max(a.x0, b.x0), std::max(a.y0, b.y0), std::min(a.x1, b.x1), std::min(a.y1, b.y1)};
+}
 
 // Aligned block of sample indices [first, first + count): count is a power of two and divides
 // first. It is one node of the canonical tree of merging.

@@ -11,6 +11,18 @@
 namespace sheaf {
 namespace {
 
+TEST(PixelRectTest, ContainsIntersectsAndIsEmpty) {
+  constexpr PixelRect rect{2, 3, 10, 8};
+  EXPECT_TRUE(rect.Contains(rect));
+  EXPECT_TRUE(rect.Contains({2, 7, 3, 8}));
+  EXPECT_FALSE(rect.Contains({1, 3, 10, 8}));
+  EXPECT_FALSE(rect.Contains({2, 3, 10, 9}));
+  EXPECT_EQ(Intersect(rect, {0, 5, 4, 99}), (PixelRect{2, 5, 4, 8}));
+  EXPECT_TRUE(Intersect(rect, {10, 3, 12, 8}).IsEmpty());
+  EXPECT_TRUE((PixelRect{2, 3, 10, 3}.IsEmpty()));
+  EXPECT_FALSE(rect.IsEmpty());
+}
+
 TEST(TileGeometryTest, BlocksKnowTheirFamily) {
   EXPECT_TRUE(IsAligned({0, 1}));
   EXPECT_TRUE(IsAligned({24, 8}));

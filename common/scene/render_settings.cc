@@ -40,12 +40,6 @@ PixelRect SceneWindow(const FilmDescription& film) {
           CropPixel(c[1], film.width_px), CropPixel(c[3], film.height_px)};
 }
 
-PixelRect Intersect(const PixelRect& a, const PixelRect& b) {
-  return {std::max(a.x0, b.x0), std::max(a.y0, b.y0), std::min(a.x1, b.x1), std::min(a.y1, b.y1)};
-}
-
-bool IsEmpty(const PixelRect& rect) { return rect.x0 >= rect.x1 || rect.y0 >= rect.y1; }
-
 absl::Status CheckFrame(const SceneDescription& scene) {
   const FilmDescription& film = scene.film;
   if (film.width_px < 1 || film.height_px < 1) {
@@ -133,14 +127,14 @@ absl::StatusOr<FrameSettings> ResolveSettings(const SceneDescription& scene,
   resolved.width_px = scene.film.width_px;
   resolved.height_px = scene.film.height_px;
   resolved.window = SceneWindow(scene.film);
-  if (IsEmpty(resolved.window)) {
+  if (resolved.window.IsEmpty()) {
     return absl::InvalidArgumentError(absl::StrCat(FormatLocation(scene, scene.film.location),
                                                    ": the film's crop ", RectText(resolved.window),
                                                    " holds no pixel of the frame"));
   }
   if (settings.crop.has_value()) {
     const PixelRect window = Intersect(*settings.crop, resolved.window);
-    if (IsEmpty(window)) {
+    if (window.IsEmpty()) {
       return absl::InvalidArgumentError(absl::StrCat("the crop ", RectText(*settings.crop),
                                                      " holds no pixel of the scene's window ",
                                                      RectText(resolved.window)));

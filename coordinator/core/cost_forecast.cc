@@ -4,11 +4,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 #include <random>
 #include <utility>
 
 #include "common/base/check.h"
+#include "common/math/normal_distribution.h"
 
 namespace sheaf::coordinator {
 namespace {
@@ -103,7 +103,7 @@ Forecast ForecastFrom(const ErrorModel& model, const StopRule& rule, uint64_t sa
     plays.push_back(PlayRounds(model, rule, samples_max, start, deviations, &random));
   }
   std::ranges::sort(plays, {}, &Forecast::cpu_seconds);
-  const double share = std::erfc(-deviations / std::numbers::sqrt2) / 2;
+  const double share = NormalShareBelow(deviations);
   return plays[static_cast<size_t>(std::lround(share * (kPlays - 1)))];
 }
 

@@ -4,9 +4,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 
 #include "common/math/golden_sequence.h"
+#include "common/math/normal_distribution.h"
 
 namespace sheaf::coordinator {
 namespace {
@@ -20,15 +20,7 @@ double WithinShare(int32_t size_px) { return std::min(0.8, 0.55 * std::pow(size_
 constexpr double kCellShareMin = 0.05;
 
 // The i-th of a sequence whose members, any number of them, have a normal distribution.
-double NormalValue(size_t i) {
-  const double share = GoldenShare(i);
-  double low = -8, high = 8;
-  for (int step = 0; step < 50; ++step) {
-    const double middle = (low + high) / 2;
-    (std::erfc(-middle / std::numbers::sqrt2) / 2 < share ? low : high) = middle;
-  }
-  return low;
-}
+double NormalValue(size_t i) { return NormalQuantileBelow(GoldenShare(i)); }
 
 // Of blocks' logarithms.
 struct LogSums {

@@ -9,6 +9,7 @@
 
 #include "common/base/check.h"
 #include "common/math/golden_sequence.h"
+#include "common/math/normal_distribution.h"
 
 namespace sheaf::coordinator {
 namespace {
@@ -33,12 +34,7 @@ constexpr double kStepEnough = 4 * kReplicateCount, kStepShare = 1.0 / 8;
 double DeviationsOf(int round) {
   const double look = round + 1;
   const double miss = kMissShare * 6 / (std::numbers::pi * std::numbers::pi * look * look);
-  double low = 0, high = 40;
-  for (int i = 0; i < kBisectionSteps; ++i) {
-    const double middle = (low + high) / 2;
-    (std::erfc(middle / std::numbers::sqrt2) / 2 > miss ? low : high) = middle;
-  }
-  return high;
+  return NormalQuantileAbove(miss);
 }
 
 // Of the frame's error, at the confidence of DeviationsOf some round.

@@ -24,8 +24,7 @@ absl::Status CheckFrame(const FrameSpec& frame, const Partition& partition, cons
                                 " px is outside 1 to ", limits.frame_edge_px_max));
   }
   const PixelRect& w = s.window;
-  if (w.x0 < 0 || w.y0 < 0 || w.x1 > s.width_px || w.y1 > s.height_px || w.x0 >= w.x1 ||
-      w.y0 >= w.y1) {
+  if (w.IsEmpty() || !PixelRect{0, 0, s.width_px, s.height_px}.Contains(w)) {
     return invalid("the window is empty or reaches beyond the frame");
   }
   if (s.samples < 1 || s.samples > limits.samples_max) {

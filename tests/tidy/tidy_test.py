@@ -57,7 +57,8 @@ DOORS = {
     r"embree\d/": r"^worker/render/embree_door\.h$",
     r"worker/render/embree_(door|callbacks)\.h": r"^worker/render/embree_",
     r"sqlite3\.h": r"^coordinator/store/",
-    r"boost/": r"^coordinator/service/http_",
+    r"boost/math/": r"^common/math/normal_distribution",
+    r"boost/(?!math/)": r"^coordinator/service/http_",
     r"CLI/": r"^(cli/|worker/service/|coordinator/service/)",
     r"nlohmann/": r"^(cli/|coordinator/service/)",
     r"grpcpp/|google/protobuf|sheaf/v1/":

@@ -47,18 +47,14 @@ v1::LeaseFailure::Kind ToWire(FailureKind kind) {
   return v1::LeaseFailure::KIND_UNSPECIFIED;
 }
 
-bool Encloses(const PixelRect& outer, const PixelRect& inner) {
-  return outer.x0 <= inner.x0 && outer.y0 <= inner.y0 && inner.x1 <= outer.x1 &&
-         inner.y1 <= outer.y1 && inner.x0 < inner.x1 && inner.y0 < inner.y1;
-}
-
 absl::Status CheckLease(const Lease& lease) {
   const FrameSettings& settings = lease.settings;
   const PixelRect frame{0, 0, settings.width_px, settings.height_px};
   if (frame.x1 < 1 || frame.y1 < 1 || frame.x1 > kFrameEdgePxMax || frame.y1 > kFrameEdgePxMax) {
     return absl::InvalidArgumentError("the frame's size is beyond the limits");
   }
-  if (!Encloses(frame, settings.window) || !Encloses(settings.window, lease.tile)) {
+  if (lease.tile.IsEmpty() || !settings.window.Contains(lease.tile) ||
+      !frame.Contains(settings.window)) {
     return absl::InvalidArgumentError("tile and window do not lie within the frame");
   }
   if (!IsAligned(lease.block) || lease.block.End() < lease.block.first ||
