@@ -23,6 +23,7 @@
 #include "common/rpc/manifest_codec.h"
 #include "common/rpc/settings_codec.h"
 #include "common/scene/file_source.h"
+#include "common/scene/lamps_in_view.h"
 #include "common/scene/scene_reader.h"
 
 namespace sheaf::cli {
@@ -63,7 +64,12 @@ absl::StatusOr<ReadFrameResult> ReadFrame(const std::string& path, int32_t numbe
   const std::string bytes = EncodeManifest(manifest);
   const BlobDigest digest{Sha256Hex(bytes), bytes.size()};
   result.blobs.push_back({digest, "", bytes});
-  result.frame = {number, digest, *resolved, read.scene.film.filename, read.scene.filter};
+  result.frame = {number,
+                  digest,
+                  *resolved,
+                  read.scene.film.filename,
+                  read.scene.filter,
+                  LampsInView(read.scene, resolved->width_px, resolved->height_px)};
   return result;
 }
 

@@ -52,9 +52,10 @@ struct PreparedFrame {
   int32_t number = 1;
   BlobDigest manifest;
   FrameSettings settings;
-  std::string film_filename;      // As the scene names its picture; may be empty.
-  FilterDescription filter = {};  // Of the scene.
-  BlobDigest resumed = {};        // Of the EXR to go on from; empty: none.
+  std::string film_filename;          // As the scene names its picture; may be empty.
+  FilterDescription filter = {};      // Of the scene.
+  std::vector<PixelRect> lamps = {};  // As LampsInView has them.
+  BlobDigest resumed = {};            // Of the EXR to go on from; empty: none.
 };
 
 struct PreparedJob {

@@ -24,9 +24,6 @@ namespace sheaf::cli {
 
 // Of what the cheapest target costs, a pilot takes at most this share.
 inline constexpr double kPilotShareMax = 0.03;
-inline constexpr int kQuotedFramesMax = 3;
-// A quote's pilot goes before all other jobs.
-inline constexpr int32_t kPilotPriority = 1000;
 
 // An estimate with a band that holds the truth in 8 of 10 cases.
 using Banded = coordinator::Estimate;

@@ -8,11 +8,8 @@
 #include <map>
 #include <numbers>
 #include <optional>
-#include <string>
 
-#include "common/base/check.h"
 #include "common/film/error_planes.h"
-#include "common/film/light_path_kind.h"
 #include "common/scene/filter_value.h"
 #include "coordinator/core/cell_errors.h"
 
@@ -31,55 +28,40 @@ constexpr double kLengthLogDeviation = 0.2;
 // Of the error of a pixel that makes its cell's, what is believed when samples are shared out.
 constexpr double kBelievedShare = 1 / (1 + kLeanPixels);
 
-using Color = std::array<double, 3>;
+using Color = SeenLamps::Color;
 
-class SmallPicture {
- public:
-  explicit SmallPicture(const FramePicture& picture) : window_(picture.window) {
-    const std::string seen =
-        kLightPathNames[static_cast<size_t>(LightPathKind::kSeen)].name + std::string(".");
-    for (size_t i = 0; i < 3; ++i) {
-      all_[i] = picture.Find(std::string(1, "RGB"[i]));
-      seen_[i] = picture.Find(seen + "RGB"[i]);
-      SHEAF_CHECK(all_[i] != nullptr && seen_[i] != nullptr);
+double Brightest(const Color& color) { return std::ranges::max(color); }
+
+// Mean of the pixels about one that show no lamp of a brightness near that of `lamp`.
+std::optional<Color> Beside(const SeenLamps& seen, int32_t x, int32_t y, const Color& lamp) {
+  const PixelRect about = Intersect(
+      {x - kBesidePx, y - kBesidePx, x + kBesidePx + 1, y + kBesidePx + 1}, seen.window());
+  Color sum{};
+  int count = 0;
+  for (int32_t v = about.y0; v < about.y1; ++v) {
+    for (int32_t u = about.x0; u < about.x1; ++u) {
+      if (kHitOverBeside * Brightest(seen.Seen(u, v)) > Brightest(lamp)) continue;
+      const Color color = seen.All(u, v);
+      for (size_t i = 0; i < 3; ++i) sum[i] += color[i];
+      ++count;
     }
   }
-  // Filters with negative lobes give some samples a negative weight, and their pixel the value.
-  Color Seen(int32_t x, int32_t y) const { return ColorAt(seen_, x, y); }
-  // Mean of the pixels about one that show no lamp of a brightness near that of `lamp`.
-  std::optional<Color> Beside(int32_t x, int32_t y, const Color& lamp) const {
-    Color sum{};
-    int count = 0;
-    for (int32_t v = std::max(y - kBesidePx, window_.y0);
-         v < std::min(y + kBesidePx + 1, window_.y1); ++v) {
-      for (int32_t u = std::max(x - kBesidePx, window_.x0);
-           u < std::min(x + kBesidePx + 1, window_.x1); ++u) {
-        if (IsLampBeside(Seen(u, v), lamp)) continue;
-        const Color color = ColorAt(all_, u, v);
-        for (size_t i = 0; i < 3; ++i) sum[i] += color[i];
-        ++count;
-      }
-    }
-    if (count == 0) return std::nullopt;
-    for (double& value : sum) value /= count;
-    return sum;
-  }
-  const PixelRect& window() const { return window_; }
+  if (count == 0) return std::nullopt;
+  for (double& value : sum) value /= count;
+  return sum;
+}
 
- private:
-  using Planes = std::array<const std::vector<float>*, 3>;
-  Color ColorAt(const Planes& planes, int32_t x, int32_t y) const {
-    const size_t p = window_.IndexOf(x, y);
-    return {std::fabs((*planes[0])[p]), std::fabs((*planes[1])[p]), std::fabs((*planes[2])[p])};
-  }
-  static double Brightest(const Color& color) { return std::ranges::max(color); }
-  static bool IsLampBeside(const Color& color, const Color& lamp) {
-    return kHitOverBeside * Brightest(color) > Brightest(lamp);
-  }
+// Whether a first round's pixels in which one replicate alone meets a lamp are told apart.
+bool IsLoneHit(double lamp, double beside) {
+  return (lamp - beside) / kReplicateCount > kHitOverBeside * beside;
+}
 
-  PixelRect window_;
-  Planes all_, seen_;
-};
+// Of a pixel, which `lamp` of its filter sees a lamp in: how likely one of its replicates alone,
+// of so many samples each, meets it.
+double OneHit(double lamp, double samples_of_replicate) {
+  const double miss = std::pow(1 - lamp, samples_of_replicate);
+  return kReplicateCount * (1 - miss) * std::pow(miss, kReplicateCount - 1);
+}
 
 }  // namespace
 
@@ -119,24 +101,48 @@ std::vector<RimShare> SharesBeyondRims(const FilterDescription& filter) {
   return result;
 }
 
-LampRims::LampRims(const FramePicture& small, int32_t shrink, double mean,
-                   const FilterDescription& filter,
+LampRims::LampRims(const FramePicture& small, int32_t shrink, std::span<const CloseUp> close_ups,
+                   double mean, const FilterDescription& filter, const PixelRect& window,
                    const std::function<size_t(int32_t x, int32_t y)>& cell_of)
     : stretch_px_(std::numbers::pi / 4 * shrink), floor_(0.1 * mean) {
-  const SmallPicture picture(small);
+  AddStretches(SeenLamps(small), shrink, close_ups, cell_of);
+  for (const CloseUp& close_up : close_ups) {
+    for (const LampPixel& pixel : LampPixelsOf(close_up, filter, window)) {
+      bool is_lone = false;
+      for (size_t i = 0; i < 3; ++i) is_lone |= IsLoneHit(pixel.lamp[i], pixel.beside[i]);
+      if (!is_lone) continue;
+      pixels_.push_back({cell_of(pixel.x, pixel.y), pixel.lamp, pixel.beside});
+      pixel_shares_.push_back(pixel.share);
+    }
+  }
+  if (empty()) return;
+  log_length_deviation_ = kLengthLogDeviation;
+  if (stretches_.empty()) return;
+  log_length_deviation_ =
+      std::hypot(kLengthLogDeviation, 1 / std::sqrt(static_cast<double>(stretches_.size())));
+  shares_ = SharesBeyondRims(filter);
+}
+
+void LampRims::AddStretches(const SeenLamps& picture, int32_t shrink,
+                            std::span<const CloseUp> close_ups,
+                            const std::function<size_t(int32_t x, int32_t y)>& cell_of) {
   const PixelRect& window = picture.window();
+  // Close-ups tell better.
+  const auto is_close = [&](int32_t x, int32_t y) {
+    const PixelRect pixel{x * shrink, y * shrink, (x + 1) * shrink, (y + 1) * shrink};
+    return std::ranges::any_of(close_ups, [&](const CloseUp& close_up) {
+      return !Intersect(pixel, close_up.place.rect).IsEmpty();
+    });
+  };
   const auto cross = [&](int32_t x, int32_t y, int32_t other_x, int32_t other_y) {
     const Color lamp = picture.Seen(x, y), other = picture.Seen(other_x, other_y);
     std::array<bool, 3> brighter;
     for (size_t i = 0; i < 3; ++i) brighter[i] = lamp[i] > kHitOverBeside * other[i];
-    if (std::ranges::none_of(brighter, std::identity())) return;
-    const std::optional<Color> beside = picture.Beside(other_x, other_y, lamp);
+    if (std::ranges::none_of(brighter, std::identity()) || is_close(x, y)) return;
+    const std::optional<Color> beside = Beside(picture, other_x, other_y, lamp);
     if (!beside) return;
     bool rim = false;
-    for (size_t i = 0; i < 3; ++i) {
-      const double hit = (lamp[i] - (*beside)[i]) / kReplicateCount;
-      rim |= brighter[i] && hit > kHitOverBeside * (*beside)[i];
-    }
+    for (size_t i = 0; i < 3; ++i) rim |= brighter[i] && IsLoneHit(lamp[i], (*beside)[i]);
     if (!rim) return;
     const size_t cell = cell_of(other_x * shrink + shrink / 2, other_y * shrink + shrink / 2);
     stretches_.push_back({cell, lamp, *beside});
@@ -153,10 +159,6 @@ LampRims::LampRims(const FramePicture& small, int32_t shrink, double mean,
       }
     }
   }
-  if (stretches_.empty()) return;
-  log_length_deviation_ =
-      std::hypot(kLengthLogDeviation, 1 / std::sqrt(static_cast<double>(stretches_.size())));
-  shares_ = SharesBeyondRims(filter);
 }
 
 double LampRims::LengthPx() const { return stretch_px_ * static_cast<double>(stretches_.size()); }
@@ -164,39 +166,49 @@ double LampRims::LengthPx() const { return stretch_px_ * static_cast<double>(str
 double LampRims::OneHitPixels(uint64_t samples) const {
   const double of_replicate = static_cast<double>(samples) / kReplicateCount;
   double pixels = 0;
-  for (const RimShare& share : shares_) {
-    const double miss = std::pow(1 - share.lamp, of_replicate);
-    pixels += share.width_px * kReplicateCount * (1 - miss) * std::pow(miss, kReplicateCount - 1);
-  }
+  for (const RimShare& share : shares_) pixels += share.width_px * OneHit(share.lamp, of_replicate);
   return pixels;
+}
+
+void LampRims::AddHits(const Place& place, uint64_t samples, double pixels, RareHits* hits,
+                       std::vector<ErrorSums>* cells) const {
+  PixelError error;
+  for (size_t i = 0; i < 3; ++i) {
+    const double beside = place.beside[i];
+    const double hit = (place.lamp[i] - beside) / static_cast<double>(samples);
+    if (!(hit > kHitOverBeside * beside)) continue;
+    // As AddChannelErrors has it where the pixels about are lamp and wall.
+    const double value = beside + hit, least = beside * beside + floor_ * floor_;
+    const double square = std::max(value * value - hit * hit, 0.25 * value * value);
+    error.rare += hit * hit / (square + floor_ * floor_) / 3;
+    error.rare_max += hit * hit / least / 3;
+  }
+  hits->Add(place.cell, error, pixels);
+  ErrorSums& cell = (*cells)[place.cell];
+  cell.sum += kBelievedShare * pixels * error.rare;
+  cell.square_sum += kBelievedShare * pixels * error.rare * error.rare;
 }
 
 void LampRims::AddErrors(std::span<const uint64_t> samples, double deviations,
                          std::mt19937_64* random, std::vector<ErrorSums>* cells) const {
   const double factor = std::exp(deviations * log_length_deviation_);
+  const auto drawn = [&](double pixels) {
+    if (random == nullptr) return pixels;
+    return static_cast<double>(std::poisson_distribution<int32_t>(pixels)(*random));
+  };
   std::map<uint64_t, double> pixels_of_length;
   RareHits hits;
-  for (const Stretch& stretch : stretches_) {
+  for (const Place& stretch : stretches_) {
     const uint64_t count = samples[stretch.cell];
     const auto [known, is_new] = pixels_of_length.try_emplace(count, 0);
     if (is_new) known->second = OneHitPixels(count);
-    PixelError error;
-    for (size_t i = 0; i < 3; ++i) {
-      const double beside = stretch.beside[i];
-      const double hit = (stretch.lamp[i] - beside) / static_cast<double>(count);
-      if (!(hit > kHitOverBeside * beside)) continue;
-      // As AddChannelErrors has it where the pixels about are lamp and wall.
-      const double value = beside + hit, least = beside * beside + floor_ * floor_;
-      const double square = std::max(value * value - hit * hit, 0.25 * value * value);
-      error.rare += hit * hit / (square + floor_ * floor_) / 3;
-      error.rare_max += hit * hit / least / 3;
-    }
-    double pixels = factor * known->second * stretch_px_;
-    if (random != nullptr) pixels = std::poisson_distribution<int32_t>(pixels)(*random);
-    hits.Add(stretch.cell, error, pixels);
-    ErrorSums& cell = (*cells)[stretch.cell];
-    cell.sum += kBelievedShare * pixels * error.rare;
-    cell.square_sum += kBelievedShare * pixels * error.rare * error.rare;
+    AddHits(stretch, count, drawn(factor * known->second * stretch_px_), &hits, cells);
+  }
+  for (size_t i = 0; i < pixels_.size(); ++i) {
+    const uint64_t count = samples[pixels_[i].cell];
+    const double of_replicate = static_cast<double>(count) / kReplicateCount;
+    AddHits(pixels_[i], count, drawn(factor * OneHit(pixel_shares_[i], of_replicate)), &hits,
+            cells);
   }
   hits.AddVariances(cells);
 }

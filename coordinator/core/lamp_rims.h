@@ -9,9 +9,9 @@
 // will have met the lamp in one replicate alone is a matter of the pixel filter:
 //
 //     small picture > crossings > stretches of rim
-//     stretch, samples of its cell > pixels with one hit, what it makes of their error > RareHits
+//     close-ups of lamps that it may miss (lamp_close_ups.h) > pixels, what share meets the lamp
+//     both, samples of their cells > pixels with one hit, what it makes of their error > RareHits
 //
-// A lamp smaller than a pixel of the small picture may be missed.
 // Source: Santaló 1976, Integral Geometry and Geometric Probability, chapter I.3.
 #pragma once
 
@@ -24,8 +24,11 @@
 #include <vector>
 
 #include "common/film/error_estimate.h"
+#include "common/film/error_planes.h"
 #include "common/film/frame_picture.h"
 #include "common/scene/scene_description.h"
+#include "coordinator/core/lamp_close_ups.h"
+#include "coordinator/core/seen_lamps.h"
 
 namespace sheaf::coordinator {
 
@@ -41,12 +44,14 @@ class LampRims {
  public:
   LampRims() = default;  // There are none.
   // small: of one sample a pixel, with the layers of light paths; of the frame made `shrink` times
-  // smaller. mean: the frame's, of R, G and B. cell_of: of a pixel of the frame.
-  LampRims(const FramePicture& small, int32_t shrink, double mean, const FilterDescription& filter,
+  // smaller. mean: the frame's, of R, G and B. window: the frame's. cell_of: of a pixel of the
+  // frame, or a little outside.
+  LampRims(const FramePicture& small, int32_t shrink, std::span<const CloseUp> close_ups,
+           double mean, const FilterDescription& filter, const PixelRect& window,
            const std::function<size_t(int32_t x, int32_t y)>& cell_of);
 
-  bool empty() const { return stretches_.empty(); }
-  double LengthPx() const;
+  bool empty() const { return stretches_.empty() && pixels_.empty(); }
+  double LengthPx() const;  // Of what the small picture tells.
   // To the errors of cells that have so many samples: their variances, and of what those pixels are
   // seen to err by as much as a cell keeps to itself (cell_errors.h). deviations: how many of its
   // standard deviations the length lies above what is known. random: where given, pixels are met by
@@ -55,15 +60,21 @@ class LampRims {
                  std::vector<ErrorSums>* cells) const;
 
  private:
-  struct Stretch {
+  struct Place {
     size_t cell = 0;
-    std::array<double, 3> lamp, beside;  // R, G and B.
+    SeenLamps::Color lamp, beside;
   };
+  void AddStretches(const SeenLamps& picture, int32_t shrink, std::span<const CloseUp> close_ups,
+                    const std::function<size_t(int32_t x, int32_t y)>& cell_of);
+  // Of so many pixels like one with one hit among so many samples.
+  void AddHits(const Place& place, uint64_t samples, double pixels, RareHits* hits,
+               std::vector<ErrorSums>* cells) const;
   // Pixels for each pixel of length in whose samples one replicate alone meets the lamp.
   double OneHitPixels(uint64_t samples) const;
 
-  std::vector<Stretch> stretches_;
-  double stretch_px_ = 0;  // The length of each.
+  std::vector<Place> stretches_, pixels_;
+  std::vector<double> pixel_shares_;  // Of each pixel's filter that meets the lamp.
+  double stretch_px_ = 0;             // The length of each.
   std::vector<RimShare> shares_;
   double floor_ = 0;  // Of relative errors.
   double log_length_deviation_ = 0;

@@ -15,7 +15,10 @@ namespace sheaf::coordinator {
 namespace {
 
 constexpr int32_t kSidePx = 120, kShrink = 5, kTileSizePx = 60;
-constexpr double kRadiusPx = 11.4, kLamp = 500, kWall = 0.5;
+constexpr double kRadiusPx = 11.4, kSmallRadiusPx = 0.7;
+constexpr double kLampX = 58.3, kLampY = 61.7, kLamp = 500, kWall = 0.5;
+
+constexpr PixelRect kFrame{0, 0, kSidePx, kSidePx};
 
 FilterDescription FilterOf(FilterDescription::Kind kind) {
   FilterDescription filter;
@@ -25,8 +28,8 @@ FilterDescription FilterOf(FilterDescription::Kind kind) {
 }
 
 // A round lamp before a wall, seen at a point of the frame, in pixels.
-double Radiance(double x, double y) {
-  return std::hypot(x - 58.3, y - 61.7) < kRadiusPx ? kLamp : kWall;
+double Radiance(double x, double y, double radius_px) {
+  return std::hypot(x - kLampX, y - kLampY) < radius_px ? kLamp : kWall;
 }
 
 size_t TileOf(int32_t x, int32_t y) {
@@ -43,16 +46,19 @@ double OffsetPx(const FilterDescription& filter, std::mt19937_64* random) {
   }
 }
 
-FramePicture Render(const FilterDescription& filter, uint64_t samples, uint64_t seed) {
+FramePicture Render(const FilterDescription& filter, double radius_px, uint64_t samples,
+                    uint64_t seed) {
   std::mt19937_64 random(seed);
   FilmTile tile({0, 0, kSidePx, kSidePx}, {0, samples});
   PixelAccumulator accumulator(&tile);
   for (int32_t y = 0; y < kSidePx; ++y) {
     for (int32_t x = 0; x < kSidePx; ++x) {
       accumulator.Begin(x, y);
+      const bool is_near = std::hypot(x - kLampX, y - kLampY) < radius_px + 4;
       for (uint64_t n = 0; n < samples; ++n) {
-        const double value =
-            Radiance(x + 0.5 + OffsetPx(filter, &random), y + 0.5 + OffsetPx(filter, &random));
+        const double value = !is_near ? kWall
+                                      : Radiance(x + 0.5 + OffsetPx(filter, &random),
+                                                 y + 0.5 + OffsetPx(filter, &random), radius_px);
         accumulator.Add(n, {.radiance = Rgb::Grey(static_cast<float>(value))});
       }
       accumulator.End();
@@ -63,49 +69,64 @@ FramePicture Render(const FilterDescription& filter, uint64_t samples, uint64_t 
   return picture;
 }
 
-FramePicture RenderSmall(uint64_t seed) {
+// One sample a pixel, of a window; a pixel has so many of the frame's along each side.
+FramePicture RenderSeen(const PixelRect& window, double pixel_px, double radius_px, uint64_t seed) {
   std::mt19937_64 random(seed);
   std::uniform_real_distribution<double> unit;
-  constexpr int32_t kSmallPx = kSidePx / kShrink;
   FilmOutputs outputs;
   outputs.AddLightPaths();
-  FramePicture small = MakeFramePicture({0, 0, kSmallPx, kSmallPx}, kSmallPx, kSmallPx, outputs);
-  for (int32_t p = 0; p < kSmallPx * kSmallPx; ++p) {
-    const double x = p % kSmallPx + unit(random), y = p / kSmallPx + unit(random);
-    const auto value = static_cast<float>(Radiance(kShrink * x, kShrink * y));
-    for (const std::string channel : {"R", "G", "B"}) {
-      (*small.Find(channel))[static_cast<size_t>(p)] = value;
-      (*small.Find("seen." + channel))[static_cast<size_t>(p)] = value == kLamp ? value : 0;
+  const auto side = static_cast<int32_t>(kSidePx / pixel_px);
+  FramePicture seen = MakeFramePicture(window, side, side, outputs);
+  for (int32_t y = window.y0; y < window.y1; ++y) {
+    for (int32_t x = window.x0; x < window.x1; ++x) {
+      const auto value = static_cast<float>(
+          Radiance(pixel_px * (x + unit(random)), pixel_px * (y + unit(random)), radius_px));
+      for (const std::string channel : {"R", "G", "B"}) {
+        (*seen.Find(channel))[window.IndexOf(x, y)] = value;
+        (*seen.Find("seen." + channel))[window.IndexOf(x, y)] = value == kLamp ? value : 0;
+      }
     }
   }
-  return small;
+  return seen;
+}
+FramePicture RenderSmall(double radius_px, uint64_t seed) {
+  return RenderSeen({0, 0, kSidePx / kShrink, kSidePx / kShrink}, kShrink, radius_px, seed);
 }
 
-LampRims RimsOf(const FilterDescription& filter, uint64_t seed) {
-  const double share = std::numbers::pi * kRadiusPx * kRadiusPx / kSidePx / kSidePx;
-  return {RenderSmall(seed), kShrink, share * kLamp + (1 - share) * kWall, filter, TileOf};
+// With a close-up of small lamps.
+LampRims RimsOf(const FilterDescription& filter, double radius_px, uint64_t seed) {
+  const double share = std::numbers::pi * radius_px * radius_px / kSidePx / kSidePx;
+  std::vector<CloseUp> close_ups;
+  if (radius_px < kShrink) {
+    constexpr int32_t kScale = kCloseUpScaleMax;
+    const PixelRect rect{56, 60, 61, 64};
+    const PixelRect window{rect.x0 * kScale, rect.y0 * kScale, rect.x1 * kScale, rect.y1 * kScale};
+    close_ups.push_back({{rect, kScale}, RenderSeen(window, 1.0 / kScale, radius_px, seed)});
+  }
+  const double mean = share * kLamp + (1 - share) * kWall;
+  return {RenderSmall(radius_px, seed), kShrink, close_ups, mean, filter, kFrame, TileOf};
 }
 
 TEST(LampRimsTest, LengthIsTheLampsOutline) {
   double length_px = 0;
   constexpr int kPictures = 20;
   for (uint64_t seed = 0; seed < kPictures; ++seed) {
-    length_px += RimsOf({}, seed).LengthPx() / kPictures;
+    length_px += RimsOf({}, kRadiusPx, seed).LengthPx() / kPictures;
   }
   const double outline_px = 2 * std::numbers::pi * kRadiusPx;
   EXPECT_NEAR(length_px, outline_px, 0.15 * outline_px);
 }
 
 TEST(LampRimsTest, ThereAreNoneWhereNoLampIsMuchBrighterThanWhatIsBeside) {
-  FramePicture small = RenderSmall(1);
+  FramePicture small = RenderSmall(kRadiusPx, 1);
   for (const std::string channel : {"R", "G", "B"}) {
     for (float& value : *small.Find(channel)) value = std::max(value, static_cast<float>(kLamp));
   }
-  EXPECT_TRUE(LampRims(small, kShrink, kLamp, {}, TileOf).empty());
+  EXPECT_TRUE(LampRims(small, kShrink, {}, kLamp, {}, kFrame, TileOf).empty());
   for (const std::string channel : {"R", "G", "B"}) {
     for (float& value : *small.Find("seen." + channel)) value = 0;
   }
-  EXPECT_TRUE(LampRims(small, kShrink, kLamp, {}, TileOf).empty());
+  EXPECT_TRUE(LampRims(small, kShrink, {}, kLamp, {}, kFrame, TileOf).empty());
 }
 
 // The widths that a box's shadow has, over directions: the mean of |cos| + |sin|, 4 / pi. Half of
@@ -123,35 +144,43 @@ TEST(LampRimsTest, SharesAreThoseOfAnEdgeAcrossTheFilter) {
   EXPECT_NEAR(lamp_px, width_px / 2, 0.03);
 }
 
-// What is foreseen from a small picture against what pictures at full size turn out to say.
-class LampRimsForesee : public testing::TestWithParam<FilterDescription::Kind> {};
+// What is foreseen from few samples against what pictures at full size turn out to say.
+struct ForeseenCase {
+  FilterDescription::Kind filter;
+  double radius_px;
+};
+class LampRimsForesee : public testing::TestWithParam<ForeseenCase> {};
 TEST_P(LampRimsForesee, WhatTheBoundWillBe) {
-  constexpr int kPictures = 6;
-  const FilterDescription filter = FilterOf(GetParam());
-  const std::vector<PixelRect> tiles = CutTiles({0, 0, kSidePx, kSidePx}, kTileSizePx);
+  constexpr uint64_t kPictures = 25;
+  const FilterDescription filter = FilterOf(GetParam().filter);
+  const double radius_px = GetParam().radius_px;
+  const std::vector<PixelRect> tiles = CutTiles(kFrame, kTileSizePx);
+  const auto deviation_of = [](const std::vector<ErrorSums>& errors) {
+    ErrorSums sum;
+    for (const ErrorSums& error : errors) sum.Add(error);
+    return sum.Deviation();
+  };
   for (const uint64_t samples : {16, 64}) {
     double actual = 0, foreseen = 0;
-    for (uint64_t seed = 1; seed <= uint64_t{kPictures}; ++seed) {
-      ErrorSums sum;
-      for (const ErrorSums& error : EstimateTileErrors(Render(filter, samples, seed), tiles)) {
-        sum.Add(error);
-      }
-      actual += std::log(sum.Deviation());
+    for (uint64_t seed = 1; seed <= kPictures; ++seed) {
+      actual += deviation_of(EstimateTileErrors(Render(filter, radius_px, samples, seed), tiles));
       std::vector<ErrorSums> errors(tiles.size());
       for (size_t i = 0; i < tiles.size(); ++i) errors[i].pixel_count = tiles[i].PixelCount();
       const std::vector<uint64_t> all(tiles.size(), samples);
-      RimsOf(filter, seed).AddErrors(all, 0, nullptr, &errors);
-      ErrorSums of_rims;
-      for (const ErrorSums& error : errors) of_rims.Add(error);
-      foreseen += std::log(of_rims.Deviation());
+      std::mt19937_64 random(seed);
+      RimsOf(filter, radius_px, seed).AddErrors(all, 0, &random, &errors);
+      foreseen += deviation_of(errors);
     }
-    EXPECT_NEAR((foreseen - actual) / kPictures, 0, std::log(1.5)) << samples;
+    EXPECT_NEAR(std::log(foreseen / actual), 0, std::log(1.5)) << samples;
   }
 }
-INSTANTIATE_TEST_SUITE_P(Filters, LampRimsForesee,
-                         testing::Values(FilterDescription::Kind::kGaussian,
-                                         FilterDescription::Kind::kTriangle,
-                                         FilterDescription::Kind::kBox));
+INSTANTIATE_TEST_SUITE_P(
+    Lamps, LampRimsForesee,
+    testing::Values(ForeseenCase{FilterDescription::Kind::kGaussian, kRadiusPx},
+                    ForeseenCase{FilterDescription::Kind::kTriangle, kRadiusPx},
+                    ForeseenCase{FilterDescription::Kind::kBox, kRadiusPx},
+                    ForeseenCase{FilterDescription::Kind::kGaussian, kSmallRadiusPx},
+                    ForeseenCase{FilterDescription::Kind::kTriangle, kSmallRadiusPx}));
 
 }  // namespace
 }  // namespace sheaf::coordinator

@@ -66,8 +66,11 @@ class CellFinder {
 
   // Also of pixels a little outside of the frame.
   size_t Nearest(int32_t x, int32_t y) const {
-    const PixelRect &first = cells_.front(), &last = cells_.back();
-    return Find(std::clamp(x, first.x0, last.x1 - 1), std::clamp(y, first.y0, last.y1 - 1));
+    const PixelRect all = window();
+    return Find(std::clamp(x, all.x0, all.x1 - 1), std::clamp(y, all.y0, all.y1 - 1));
+  }
+  PixelRect window() const {
+    return {cells_.front().x0, cells_.front().y0, cells_.back().x1, cells_.back().y1};
   }
 
  private:
@@ -225,7 +228,7 @@ absl::StatusOr<std::vector<double>> TileCpuSecondsOf(
 }
 
 ErrorModel FitErrorModel(const CellGrid& grid, std::span<const PilotPicture> pilot,
-                         const FilterDescription& filter) {
+                         std::span<const CloseUp> close_ups, const FilterDescription& filter) {
   const std::vector<PixelRect>& cells = grid.cells();
   const CellFinder finder(cells);
   const double mean = FitMean(pilot);
@@ -233,8 +236,9 @@ ErrorModel FitErrorModel(const CellGrid& grid, std::span<const PilotPicture> pil
   ErrorModel model;
   for (const PilotPicture& picture : pilot) {
     if (picture.level.lattice.All()) {
-      model.rims = LampRims(picture.picture, picture.level.shrink, mean, filter,
-                            [&](int32_t x, int32_t y) { return finder.Nearest(x, y); });
+      model.rims =
+          LampRims(picture.picture, picture.level.shrink, close_ups, mean, filter, finder.window(),
+                   [&](int32_t x, int32_t y) { return finder.Nearest(x, y); });
       continue;
     }
     auto& levels = picture.level.samples == kPilotSamples ? base : deep;

@@ -8,6 +8,7 @@
 //
 //     pictures of the pilot > errors of their blocks > errors of cells, rate b > ErrorModel
 //     the small picture > mean, LampRims                                       >
+//     close-ups of small lamps > LampRims                                      >
 #pragma once
 
 #include <map>
@@ -21,6 +22,7 @@
 #include "common/scene/scene_description.h"
 #include "coordinator/core/cell_grid.h"
 #include "coordinator/core/cost_forecast.h"
+#include "coordinator/core/lamp_close_ups.h"
 
 namespace sheaf::coordinator {
 
@@ -60,10 +62,10 @@ std::vector<PilotLevel> PilotLevels(double samples_per_pixel, int64_t frame_pixe
 absl::StatusOr<std::vector<double>> TileCpuSecondsOf(
     const std::map<std::string, std::string>& metadata, size_t tile_count);
 
-// filter: the scene's. Requires: pictures of one frame, one of a lattice with the least samples
-// among them; those of lattices with the CPU time of all tiles; pairs of one lattice; the small one
-// with the layers of light paths.
+// filter: the scene's. close_ups: of lamps that the small picture may miss. Requires: pictures of
+// one frame, one of a lattice with the least samples among them; those of lattices with the CPU
+// time of all tiles; pairs of one lattice; the small one with the layers of light paths.
 ErrorModel FitErrorModel(const CellGrid& grid, std::span<const PilotPicture> pilot,
-                         const FilterDescription& filter);
+                         std::span<const CloseUp> close_ups, const FilterDescription& filter);
 
 }  // namespace sheaf::coordinator

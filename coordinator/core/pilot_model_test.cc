@@ -66,7 +66,7 @@ ErrorModel FitOf(double rate, const Variance& variance, double samples_per_pixel
     pilot.push_back(level.shrink > 1 ? MakeSmall(level, mean)
                                      : MakePilot(level, rate, ++seed, variance));
   }
-  return FitErrorModel({kWindow, kTileSizePx, kTileSizePx}, pilot, {});
+  return FitErrorModel({kWindow, kTileSizePx, kTileSizePx}, pilot, {}, {});
 }
 
 TEST(PilotModelTest, PilotsCostNoMoreThanTheyMay) {
@@ -182,7 +182,7 @@ TEST(PilotModelTest, RimsOfLampsInViewMakeTargetsDearer) {
         (*small.Find(std::string("seen.") + channel))[p] = seen;
       }
     }
-    const ErrorModel model = FitErrorModel({kWindow, kTileSizePx, kTileSizePx}, pilot, {});
+    const ErrorModel model = FitErrorModel({kWindow, kTileSizePx, kTileSizePx}, pilot, {}, {});
     EXPECT_EQ(model.rims.empty(), seen == 0);
     const Forecast low = ForecastTarget(model, {.target_error = 0.005}, 1 << 20, -kBandDeviations);
     const Forecast high = ForecastTarget(model, {.target_error = 0.005}, 1 << 20, kBandDeviations);

@@ -1,0 +1,57 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Close-ups of lamps that a pilot's small picture may miss. Where a lamp is seen is known from the
+// scene (lamps_in_view.h); a few pixels about it, enlarged, of one sample each, tell which part of
+// it is seen, what it is brighter than, and so what share of each pixel's samples meets it:
+//
+//     lamps in view > places that are worth it > their pictures > pixels with a share of a lamp
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "common/film/frame_picture.h"
+#include "common/film/tile_geometry.h"
+#include "common/scene/scene_description.h"
+
+namespace sheaf::coordinator {
+
+inline constexpr int32_t kCloseUpScaleMax = 4;
+// Each is a frame of the pilot, of which a farm does some hundred a second.
+inline constexpr size_t kCloseUpsMax = 16;
+
+struct CloseUpPlace {
+  PixelRect rect;     // Of the frame, in its pixels.
+  int32_t scale = 1;  // One of them has so many of the close-up along each side.
+  friend bool operator==(const CloseUpPlace&, const CloseUpPlace&) = default;
+
+  double SampleCount() const { return static_cast<double>(rect.PixelCount()) * scale * scale; }
+};
+struct CloseUp {
+  CloseUpPlace place;
+  FramePicture picture;  // Of the frame enlarged, at the place; with the layers of light paths.
+};
+
+// A pixel of the frame and the share of its filter that a lamp has; colours of R, G and B.
+struct LampPixel {
+  int32_t x = 0, y = 0;
+  double share = 0;
+  std::array<double, 3> lamp, beside;
+};
+
+// Places in the window about lamps that are no wider or no higher than lamp_px_max, the cheapest
+// first, as long as their close-ups have at most samples_max samples together; at most
+// kCloseUpsMax. No two have a pixel in common.
+std::vector<CloseUpPlace> ChooseCloseUps(std::span<const PixelRect> lamps, const PixelRect& window,
+                                         double lamp_px_max, double samples_max);
+
+// The pixels of the window whose filter reaches a lamp of the close-up, also those outside of its
+// rectangle; none where it shows no lamp, or nothing beside it.
+std::vector<LampPixel> LampPixelsOf(const CloseUp& close_up, const FilterDescription& filter,
+                                    const PixelRect& window);
+
+}  // namespace sheaf::coordinator

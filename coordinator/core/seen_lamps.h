@@ -1,0 +1,37 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// What a pilot's picture of one sample a pixel shows of lamps: its layer `seen`
+// (light_path_kind.h), which has what the camera itself sees of them, and all light beside it.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <vector>
+
+#include "common/film/frame_picture.h"
+#include "common/film/tile_geometry.h"
+
+namespace sheaf::coordinator {
+
+class SeenLamps {
+ public:
+  using Color = std::array<double, 3>;  // R, G and B.
+
+  // Requires: the layers of light paths. The picture outlives this.
+  explicit SeenLamps(const FramePicture& picture);
+
+  // Filters with negative lobes give some samples a negative weight, and their pixel the value.
+  Color Seen(int32_t x, int32_t y) const { return ColorAt(seen_, x, y); }
+  Color All(int32_t x, int32_t y) const { return ColorAt(all_, x, y); }
+  const PixelRect& window() const { return window_; }
+
+ private:
+  using Planes = std::array<const std::vector<float>*, 3>;
+  Color ColorAt(const Planes& planes, int32_t x, int32_t y) const;
+
+  PixelRect window_;
+  Planes all_, seen_;
+};
+
+}  // namespace sheaf::coordinator
