@@ -21,8 +21,8 @@ using coordinator::Forecast;
 using coordinator::PilotLevel;
 using coordinator::PilotPicture;
 
-// Of the price that is allowed, what is planned for: overheads come on top, and clocks differ by a
-// third over a pilot's milliseconds on a busy machine.
+// Of what the cheapest target costs, what is planned for a pilot: overheads come on top, and clocks
+// differ by a third over a pilot's milliseconds on a busy machine; it shall be 3 % at most.
 constexpr double kPilotShareAim = 0.017;
 // Below the error that pilots so far tell: what a further one is paid from, so that the price holds
 // where they were wrong.

@@ -22,9 +22,6 @@
 
 namespace sheaf::cli {
 
-// Of what the cheapest target costs, a pilot takes at most this share.
-inline constexpr double kPilotShareMax = 0.03;
-
 // An estimate with a band that holds the truth in 8 of 10 cases.
 using Banded = coordinator::Estimate;
 

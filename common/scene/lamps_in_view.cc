@@ -9,6 +9,7 @@
 #include <span>
 #include <variant>
 
+#include "common/math/elementary.h"
 #include "common/math/transform.h"
 
 namespace sheaf {
@@ -64,13 +65,13 @@ class BoundsOfShape {
   const SceneDescription& scene_;
 };
 
-// Of the eight corners; none where one is not before the camera. film_from_camera maps the screen.
+// From a camera's space to the pixels of its film; as the camera itself has it (worker/render).
 class Film {
  public:
   Film(const CameraDescription& camera, int32_t width_px, int32_t height_px)
       : is_perspective_(camera.kind == CameraDescription::Kind::kPerspective) {
     if (is_perspective_) {
-      scale_ = std::tan(camera.fov_degrees * std::numbers::pi / 360);
+      scale_ = Tan(static_cast<double>(camera.fov_degrees) * (std::numbers::pi / 360));
     }
     const double* window = camera.screen_window;
     x0_ = window[0];
@@ -79,6 +80,7 @@ class Film {
     y_px_ = height_px / (window[3] - window[2]);
   }
 
+  // Of the eight corners; none where one is not before the camera.
   std::optional<PixelRect> BoundsOf(const Box& box, const Matrix4& camera_from_box) const {
     double low_x = kFilmPxMax, low_y = kFilmPxMax, high_x = -kFilmPxMax, high_y = -kFilmPxMax;
     for (int corner = 0; corner < 8; ++corner) {

@@ -16,6 +16,21 @@ import farm
 
 ROOM = os.path.join(farm.ROOT, "scenes", "cornell-box.pbrt")
 TURNTABLE = os.path.join(farm.ROOT, "scenes", "turntable", "turntable.####.pbrt")
+# A lamp of one pixel before a wall that a far light falls on.
+LAMP_WIDTH_PX = 240
+SMALL_LAMP = f"""
+Film "rgb" "integer xresolution" {LAMP_WIDTH_PX} "integer yresolution" 180
+LookAt 0 0 0  0 0 1  0 1 0
+Camera "perspective" "float fov" 45
+WorldBegin
+LightSource "distant" "rgb L" [0.6 0.6 0.6] "point3 from" [0 0 0] "point3 to" [0.2 0.1 1]
+Shape "bilinearmesh" "point3 P" [-9 -9 5  9 -9 5  -9 9 5  9 9 5]
+AttributeBegin
+  Translate 0.43 0.31 4
+  AreaLightSource "diffuse" "rgb L" [900 900 900]
+  Shape "sphere" "float radius" 0.01
+AttributeEnd
+"""
 # One run against a band that 8 of 10 runs keep: this much further off would be a wrong quote.
 FACTOR_MAX = 2.5
 
@@ -91,6 +106,26 @@ class QuoteOnFarmTest(unittest.TestCase):
             self.assertIn("2 threads, which now work on 1 job as well", text)
             job = json.loads(f.sheaf("show", busy, "--json").stdout)
             self.assertEqual(job["state"], "running")
+
+    def test_a_lamp_of_one_pixel_has_a_close_up(self):
+        with farm.Farm() as f, tempfile.TemporaryDirectory() as folder:
+            f.start_worker()
+            scene = os.path.join(folder, "lamp.pbrt")
+            with open(scene, "w", encoding="utf-8") as file:
+                file.write(SMALL_LAMP)
+            f.sheaf("quote", scene)
+            frames = [frame for line in f.sheaf("list", "--json").stdout.splitlines()
+                      for name in [json.loads(line)["name"]]
+                      for frame in json.loads(f.sheaf("show", name, "--json").stdout)["frames"]]
+            close_ups = [frame for frame in frames if frame["width_px"] == 4 * LAMP_WIDTH_PX]
+            self.assertEqual(len(close_ups), 1, frames)
+            window = close_ups[0]["window"]
+            # It is .43 to the right and .31 up at a distance of 4: .1075 and .0775 times
+            # 90 / tan(22.5 degrees) pixels from the middle.
+            for key, lamp_px in (("x", 120 + 23.4), ("y", 90 - 16.8)):
+                self.assertLess(window[f"{key}0_px"] / 4, lamp_px - 1)
+                self.assertGreater(window[f"{key}1_px"] / 4, lamp_px + 1)
+                self.assertLess(window[f"{key}1_px"] - window[f"{key}0_px"], 4 * 6)
 
     def test_interrupted_it_leaves_no_pilot_behind(self):
         with farm.Farm() as f:  # Without workers the pilot waits for ever.
