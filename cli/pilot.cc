@@ -131,7 +131,7 @@ FrameSettings Enlarged(FrameSettings settings, const CloseUpPlace& place) {
 }
 
 // Where lamps may be seen that are too small for the small picture. None where a frame is too large
-// to be enlarged: its small picture has pixels enough.
+// to be enlarged within a farm's limits.
 std::vector<CloseUpPlace> CloseUpsOf(const PreparedFrame& frame,
                                      const std::vector<PilotLevel>& levels) {
   const FrameSettings& settings = frame.settings;

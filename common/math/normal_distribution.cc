@@ -6,13 +6,10 @@
 
 namespace sheaf {
 
-using boost::math::complement;
 using boost::math::normal;
 
 double NormalShareBelow(double deviations) { return cdf(normal(), deviations); }
-double NormalShareAbove(double deviations) { return cdf(complement(normal(), deviations)); }
 
-double NormalQuantileBelow(double share) { return quantile(normal(), share); }
-double NormalQuantileAbove(double share) { return quantile(complement(normal(), share)); }
+double NormalQuantile(double share) { return quantile(normal(), share); }
 
 }  // namespace sheaf

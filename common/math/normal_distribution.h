@@ -6,12 +6,11 @@
 
 namespace sheaf {
 
-// Share of it that lies below so many deviations, and above.
+// Share of it that lies below so many deviations; what lies above lies below their negative, and
+// that loses nothing where it is small.
 double NormalShareBelow(double deviations);
-double NormalShareAbove(double deviations);
 
-// How many deviations have this share below, or above, them. Requires: 0 < share < 1.
-double NormalQuantileBelow(double share);
-double NormalQuantileAbove(double share);
+// How many deviations have this share below them. Requires: 0 < share < 1.
+double NormalQuantile(double share);
 
 }  // namespace sheaf

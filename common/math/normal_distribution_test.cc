@@ -13,19 +13,19 @@ TEST(NormalDistributionTest, SharesAreThoseOfTables) {
   EXPECT_DOUBLE_EQ(NormalShareBelow(0), 0.5);
   EXPECT_NEAR(NormalShareBelow(1), 0.841344746068543, 1e-15);
   EXPECT_NEAR(NormalShareBelow(-2), 0.022750131948179, 1e-15);
-  // 1 minus the share below would be 0.
-  EXPECT_NEAR(NormalShareAbove(10) / 7.61985e-24, 1, 1e-6);
+  // 1 minus the share below 10 would be 0.
+  EXPECT_NEAR(NormalShareBelow(-10) / 7.61985e-24, 1, 1e-6);
 }
 
 TEST(NormalDistributionTest, QuantilesAreThoseOfTables) {
-  EXPECT_NEAR(NormalQuantileBelow(0.975), 1.959963984540054, 1e-14);
-  EXPECT_NEAR(NormalQuantileBelow(0.1), -1.2815515655446004, 1e-14);
-  EXPECT_NEAR(NormalQuantileAbove(0.025), 1.959963984540054, 1e-14);
+  EXPECT_NEAR(NormalQuantile(0.975), 1.959963984540054, 1e-14);
+  EXPECT_NEAR(NormalQuantile(0.1), -1.2815515655446004, 1e-14);
+  EXPECT_NEAR(NormalQuantile(0.025), -1.959963984540054, 1e-14);
 }
 
 TEST(NormalDistributionTest, QuantilesOfSmallSharesLoseNothing) {
   for (const double deviations : {1.0, 5.0, 10.0, 30.0}) {
-    EXPECT_NEAR(NormalQuantileAbove(NormalShareAbove(deviations)), deviations, 1e-12);
+    EXPECT_NEAR(NormalQuantile(NormalShareBelow(-deviations)), -deviations, 1e-12);
   }
 }
 

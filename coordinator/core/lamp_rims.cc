@@ -111,8 +111,7 @@ LampRims::LampRims(const FramePicture& small, int32_t shrink, std::span<const Cl
       bool is_lone = false;
       for (size_t i = 0; i < 3; ++i) is_lone |= IsLoneHit(pixel.lamp[i], pixel.beside[i]);
       if (!is_lone) continue;
-      pixels_.push_back({cell_of(pixel.x, pixel.y), pixel.lamp, pixel.beside});
-      pixel_shares_.push_back(pixel.share);
+      pixels_.push_back({{cell_of(pixel.x, pixel.y), pixel.lamp, pixel.beside}, pixel.share});
     }
   }
   if (empty()) return;
@@ -204,11 +203,10 @@ void LampRims::AddErrors(std::span<const uint64_t> samples, double deviations,
     if (is_new) known->second = OneHitPixels(count);
     AddHits(stretch, count, drawn(factor * known->second * stretch_px_), &hits, cells);
   }
-  for (size_t i = 0; i < pixels_.size(); ++i) {
-    const uint64_t count = samples[pixels_[i].cell];
+  for (const Pixel& pixel : pixels_) {
+    const uint64_t count = samples[pixel.place.cell];
     const double of_replicate = static_cast<double>(count) / kReplicateCount;
-    AddHits(pixels_[i], count, drawn(factor * OneHit(pixel_shares_[i], of_replicate)), &hits,
-            cells);
+    AddHits(pixel.place, count, drawn(factor * OneHit(pixel.share, of_replicate)), &hits, cells);
   }
   hits.AddVariances(cells);
 }

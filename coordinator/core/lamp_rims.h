@@ -64,6 +64,10 @@ class LampRims {
     size_t cell = 0;
     SeenLamps::Color lamp, beside;
   };
+  struct Pixel {
+    Place place;
+    double share = 0;  // Of its filter that meets the lamp.
+  };
   void AddStretches(const SeenLamps& picture, int32_t shrink, std::span<const CloseUp> close_ups,
                     const std::function<size_t(int32_t x, int32_t y)>& cell_of);
   // Of so many pixels like one with one hit among so many samples.
@@ -72,9 +76,9 @@ class LampRims {
   // Pixels for each pixel of length in whose samples one replicate alone meets the lamp.
   double OneHitPixels(uint64_t samples) const;
 
-  std::vector<Place> stretches_, pixels_;
-  std::vector<double> pixel_shares_;  // Of each pixel's filter that meets the lamp.
-  double stretch_px_ = 0;             // The length of each.
+  std::vector<Place> stretches_;
+  double stretch_px_ = 0;      // The length of each.
+  std::vector<Pixel> pixels_;  // Of close-ups.
   std::vector<RimShare> shares_;
   double floor_ = 0;  // Of relative errors.
   double log_length_deviation_ = 0;

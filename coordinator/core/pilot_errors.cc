@@ -20,7 +20,7 @@ double WithinShare(int32_t size_px) { return std::min(0.8, 0.55 * std::pow(size_
 constexpr double kCellShareMin = 0.05;
 
 // The i-th of a sequence whose members, any number of them, have a normal distribution.
-double NormalValue(size_t i) { return NormalQuantileBelow(GoldenShare(i)); }
+double NormalValue(size_t i) { return NormalQuantile(GoldenShare(i)); }
 
 // Of blocks' logarithms.
 struct LogSums {

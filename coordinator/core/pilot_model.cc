@@ -85,11 +85,10 @@ std::vector<PixelRect> CoresIn(const PixelLattice& lattice, const PixelRect& win
   for (int32_t cell_y = window.y0 / stride; cell_y * stride < window.y1; ++cell_y) {
     for (int32_t cell_x = window.x0 / stride; cell_x * stride < window.x1; ++cell_x) {
       const PixelRect block = lattice.BlockOf(cell_x, cell_y);
-      const PixelRect core{std::max(block.x0 + kLatticeRimPx, window.x0),
-                           std::max(block.y0 + kLatticeRimPx, window.y0),
-                           std::min(block.x1 - kLatticeRimPx, window.x1),
-                           std::min(block.y1 - kLatticeRimPx, window.y1)};
-      if (core.Width() > 0 && core.Height() > 0) cores.push_back(core);
+      const PixelRect core = Intersect({block.x0 + kLatticeRimPx, block.y0 + kLatticeRimPx,
+                                        block.x1 - kLatticeRimPx, block.y1 - kLatticeRimPx},
+                                       window);
+      if (!core.IsEmpty()) cores.push_back(core);
     }
   }
   return cores;

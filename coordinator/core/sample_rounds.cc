@@ -34,7 +34,7 @@ constexpr double kStepEnough = 4 * kReplicateCount, kStepShare = 1.0 / 8;
 double DeviationsOf(int round) {
   const double look = round + 1;
   const double miss = kMissShare * 6 / (std::numbers::pi * std::numbers::pi * look * look);
-  return NormalQuantileAbove(miss);
+  return -NormalQuantile(miss);
 }
 
 // Of the frame's error, at the confidence of DeviationsOf some round.
