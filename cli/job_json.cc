@@ -118,6 +118,8 @@ Json FrameJson(const v1::Frame& frame) {
       {"complete", frame.complete()},
       {"picture_digest", frame.picture_digest()},
       {"flip", frame.flip() > 0 ? Json(frame.flip()) : Json()},
+      {"one_sequence_gain",
+       frame.one_sequence_gain() > 0 ? Json(frame.one_sequence_gain()) : Json()},
       {"progress", ProgressJson(frame.progress())},
   };
 }

@@ -61,6 +61,15 @@ TEST(SummaryTest, UnreliableTilesAreSaidAndWhatMakesThemSo) {
             std::string::npos);
 }
 
+TEST(SummaryTest, SmoothPicturesSayWhatOneSequenceWouldSave) {
+  v1::Frame frame = Picture();
+  frame.set_one_sequence_gain(1.44);
+  EXPECT_NE(FormatPictureSummary(frame, {"out.exr", ""})
+                .find("; the picture is smooth: if its errors go on falling as they do, "
+                      "--one-sequence has some 1.4 times less relMSE, and no true error bars"),
+            std::string::npos);
+}
+
 TEST(SummaryTest, BiasIsSaid) {
   v1::Frame frame = Picture();
   frame.mutable_spec()->mutable_settings()->set_similarity_after_count(8);

@@ -45,6 +45,9 @@ inline constexpr double kRoundGrowthMin = 1.0 / 16;
 inline constexpr double kRatePrior = 1.1, kRatePriorDeviation = 0.1;
 // Of all frames, those that may stop although their expected error is above the target.
 inline constexpr double kMissShare = 0.05;
+// Of frames without rounds, the standard deviations from the error of a point of their curve to its
+// upper bound: 95 of 100 normal values are below.
+inline constexpr double kPointDeviations = 1.645;
 
 // A cell at the end of a round.
 struct CellRound {

@@ -243,7 +243,9 @@ class Farm : public FarmView {
   // Builds a tile from its parts on disk; parts that are damaged are given back for rendering.
   absl::Status RebuildTile(OpenFrame* frame, const FrameId& id, uint32_t tile);
   void RevokePart(const PartRow& row, const absl::Status& why);
-  DeliveredFrame Account(const FrameId& id, const FrameMerge& merge) const;
+  DeliveredFrame Account(const FrameId& id, const OpenFrame& frame) const;
+  // DeliveredFrame::one_sequence_gain.
+  double PriceOfErrorBars(const FrameId& id, const FrameSpec& spec) const;
 
   // farm_rounds.cc
   // Decides what follows the round that was just finished, and begins it. Returns whether the frame

@@ -12,6 +12,7 @@
 #include "common/film/cryptomatte.h"
 #include "common/film/exr_codec.h"
 #include "common/film/rare_layers.h"
+#include "coordinator/core/one_sequence.h"
 #include "coordinator/service/farm.h"
 
 namespace sheaf::coordinator {
@@ -178,7 +179,16 @@ absl::Status Farm::RebuildTile(OpenFrame* frame, const FrameId& id, uint32_t til
   return frame->merge.Rebuild(tile, std::move(parts));
 }
 
-DeliveredFrame Farm::Account(const FrameId& id, const FrameMerge& merge) const {
+double Farm::PriceOfErrorBars(const FrameId& id, const FrameSpec& spec) const {
+  if (spec.stop.IsActive() || spec.settings.one_sequence) return 0;
+  const absl::StatusOr<std::vector<RoundRecord>> points = store_->LoadFrameRounds(id);
+  if (points.ok()) return OneSequenceGain(*points);
+  LogWarning(absl::StrCat("reading the points of a frame's curve: ", points.status().message()));
+  return 0;
+}
+
+DeliveredFrame Farm::Account(const FrameId& id, const OpenFrame& frame) const {
+  const FrameMerge& merge = frame.merge;
   const FramePicture& picture = merge.picture();
   DeliveredFrame delivered;
   delivered.tile_count = merge.tile_count();
@@ -186,6 +196,7 @@ DeliveredFrame Farm::Account(const FrameId& id, const FrameMerge& merge) const {
   delivered.unreliable_layers = RareLayers(picture, merge.UnreliableTiles());
   delivered.picture_digest = PictureDigest(picture);
   delivered.relative_mse = EstimateError(picture).relative_mse;
+  delivered.one_sequence_gain = PriceOfErrorBars(id, frame.spec);
   if (merge.error_sample() != nullptr) {
     delivered.flip = EstimateFlip(picture, *merge.error_sample()).value_or(0);
   }
@@ -248,7 +259,7 @@ absl::Status Farm::DeliverFrame(const FrameId& id) {
       picture->metadata["tileCpuSeconds"] = TileCpuSeconds(id);
     }
     picture->attributes = CryptomatteAttributes(*picture);
-    delivered = Account(id, frame->merge);
+    delivered = Account(id, *frame);
     AddFindings(delivered, frame->merge, picture);
     const absl::StatusOr<std::string> path = store_->OutputPath(id);
     if (!path.ok()) return path.status();

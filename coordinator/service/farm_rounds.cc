@@ -26,9 +26,6 @@ double Allowed(uint64_t sample_count, absl::Duration spent, absl::Duration limit
   return static_cast<double>(sample_count) * absl::FDivDuration(limit, spent);
 }
 
-// Standard deviations above the estimate of 95 of 100 normal values.
-constexpr double kPointDeviations = 1.645;
-
 std::vector<ErrorSums> ErrorsOf(const FrameMerge& merge) {
   return EstimateCellErrors(merge.picture(), merge.grid());
 }

@@ -64,11 +64,12 @@ struct FrameView {
   FrameSettings settings;
   StopRule stop;
   BlobDigest resumed;  // Of the EXR that it goes on from; empty where there is none.
-  StopReason stop_reason = StopReason::kSamples;  // Once complete; this and the next four.
+  StopReason stop_reason = StopReason::kSamples;  // Once complete; this and the next five.
   uint32_t tile_count = 0;
   uint32_t unreliable_tile_count = 0;         // With errors that are not to be trusted.
   std::vector<LayerCount> unreliable_layers;  // What makes them so, where the frame has layers.
   double flip = 0;                            // As delivered; 0 where it cannot be told.
+  double one_sequence_gain = 0;               // Of frames without a stop rule: OneSequenceGain.
   std::vector<RoundView> rounds;  // Ascending; empty where there are none, and in ListJobs.
   bool complete = false;          // The EXR is delivered.
   std::string picture_digest;     // Hex; empty until complete.

@@ -101,6 +101,7 @@ FrameView Farm::ViewOf(const JobRecord& job, const FrameRecord& frame, absl::Tim
     view.unreliable_tile_count = delivered.unreliable_tile_count;
     view.unreliable_layers = delivered.unreliable_layers;
     view.flip = delivered.flip;
+    view.one_sequence_gain = delivered.one_sequence_gain;
     progress.wall_seconds = Seconds(delivered.wall_duration);
     progress.remaining_seconds = 0;
     return view;

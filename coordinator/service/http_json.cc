@@ -159,6 +159,7 @@ std::string FrameJson(const std::string& job_id, const FrameView& frame) {
       {"unreliable_tile_count", frame.unreliable_tile_count},
       {"unreliable_layers", LayersJson(frame.unreliable_layers)},
       {"flip", frame.flip > 0 ? Json(frame.flip) : Json()},
+      {"one_sequence_gain", frame.one_sequence_gain > 0 ? Json(frame.one_sequence_gain) : Json()},
       {"depth_max", settings.max_depth},
       {"seed", settings.seed},
       {"one_sequence", settings.one_sequence},

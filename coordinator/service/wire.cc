@@ -136,6 +136,7 @@ v1::Frame ToWire(const std::string& job_name, const FrameView& view) {
     layer.set_tile_count(count.tile_count);
   }
   wire.set_flip(view.flip);
+  wire.set_one_sequence_gain(view.one_sequence_gain);
   wire.set_frame_digest(view.frame_digest);
   wire.set_complete(view.complete);
   *wire.mutable_progress() = ToWire(view.progress);

@@ -39,6 +39,7 @@ struct DeliveredFrame {
   std::string picture_digest;
   double relative_mse = 0;
   double flip = 0;                // Estimated mean (flip_estimate.h); 0 where it cannot be told.
+  double one_sequence_gain = 0;   // OneSequenceGain, of frames without a stop rule.
   double relative_mse_upper = 0;  // RoundDecision's; 0 where the frame was not rendered in rounds.
   StopReason stop_reason = StopReason::kSamples;
   uint64_t sample_count = 0;  // Pixel samples.

@@ -121,7 +121,7 @@ absl::Status SqliteJobStore::LoadFrames(StoredJob* job) {
       "white_balance_k, one_sequence, similarity_after, target_error, time_max_ns, cpu_max_ns, "
       "sample_count, part_bytes, relative_mse_upper, stop_reason, first_round_samples, "
       "tile_count, unreliable_tile_count, pixel_stride_px, flip, resumed_sha256, resumed_bytes, "
-      "unreliable_layers FROM frames WHERE job_id = ? "
+      "unreliable_layers, one_sequence_gain FROM frames WHERE job_id = ? "
       "ORDER BY frame_number");
   query.Bind(job->spec.job_id);
   while (true) {
@@ -170,6 +170,7 @@ absl::Status SqliteJobStore::LoadFrames(StoredJob* job) {
       delivered.unreliable_tile_count = static_cast<uint32_t>(query.Int64(37));
       delivered.flip = query.Double(39);
       delivered.unreliable_layers = ParseLayers(query.Text(42));
+      delivered.one_sequence_gain = query.Double(43);
       job->delivered.push_back(std::move(stored));
     }
     job->spec.frames.push_back(std::move(frame));
@@ -404,7 +405,7 @@ absl::Status SqliteJobStore::DeliverFrame(const FrameId& frame, const DeliveredF
           "UPDATE frames SET delivered = 1, picture_digest = ?, relative_mse = ?, wall_ns = ?, "
           "ray_count = ?, nonfinite_count = ?, cpu_ns = ?, sample_count = ?, part_bytes = ?, "
           "relative_mse_upper = ?, stop_reason = ?, tile_count = ?, unreliable_tile_count = ?, "
-          "flip = ?, unreliable_layers = ? "
+          "flip = ?, unreliable_layers = ?, one_sequence_gain = ? "
           "WHERE job_id = ? AND frame_number = ?")
       .Bind(delivered.picture_digest)
       .Bind(delivered.relative_mse)
@@ -420,6 +421,7 @@ absl::Status SqliteJobStore::DeliverFrame(const FrameId& frame, const DeliveredF
       .Bind(int64_t{delivered.unreliable_tile_count})
       .Bind(delivered.flip)
       .Bind(FormatLayers(delivered.unreliable_layers))
+      .Bind(delivered.one_sequence_gain)
       .Bind(frame.job_id)
       .Bind(frame.frame_number)
       .Run();

@@ -111,6 +111,7 @@ TEST_F(SqliteJobStoreTest, JobsSurviveAReopen) {
                   ->DeliverFrame({job, 7}, {.picture_digest = "digest",
                                             .relative_mse = 0.5,
                                             .flip = 0.0625,
+                                            .one_sequence_gain = 1.5,
                                             .relative_mse_upper = 0.75,
                                             .stop_reason = StopReason::kTime,
                                             .sample_count = 1234,
@@ -155,6 +156,7 @@ TEST_F(SqliteJobStoreTest, JobsSurviveAReopen) {
   EXPECT_EQ(delivered.relative_mse_upper, 0.75);
   EXPECT_EQ(delivered.stop_reason, StopReason::kTime);
   EXPECT_EQ(delivered.flip, 0.0625);
+  EXPECT_EQ(delivered.one_sequence_gain, 1.5);
   EXPECT_EQ(delivered.unreliable_layers,
             (std::vector<LayerCount>{{"caustic", 7}, {"fog-once", 2}}));
   EXPECT_EQ(delivered.sample_count, 1234u);
@@ -391,6 +393,7 @@ TEST_F(SqliteJobStoreTest, EarlierSchemaIsBroughtUpToDate) {
                     "INSERT INTO parts VALUES(1,7,32,64,16,4,48,96,'ab',9,'w',1,2,3);"
                     "ALTER TABLE frames DROP COLUMN flip;"
                     "ALTER TABLE frames DROP COLUMN unreliable_layers;"
+                    "ALTER TABLE frames DROP COLUMN one_sequence_gain;"
                     "ALTER TABLE frames DROP COLUMN resumed_sha256;"
                     "ALTER TABLE frames DROP COLUMN resumed_bytes;"
                     "UPDATE frames SET delivered = 1 WHERE frame_number = 7;"

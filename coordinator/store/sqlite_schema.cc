@@ -9,7 +9,7 @@
 namespace sheaf::coordinator {
 namespace {
 
-constexpr int64_t kSchemaVersion = 13;
+constexpr int64_t kSchemaVersion = 14;
 
 constexpr char kSchema[] = R"sql(
 CREATE TABLE meta(key TEXT PRIMARY KEY, value INTEGER NOT NULL) WITHOUT ROWID;
@@ -119,6 +119,9 @@ INSERT INTO parts SELECT job_id, frame_number, y0, x0, first, count, 0, y1, x1, 
   size_bytes, worker_id, ray_count, nonfinite_count, cpu_ns FROM parts_of_tiles;
 DROP TABLE parts_of_tiles;
 )sql";
+constexpr char kAddedBy14[] = R"sql(
+ALTER TABLE frames ADD COLUMN one_sequence_gain REAL NOT NULL DEFAULT 0;
+)sql";
 
 }  // namespace
 
@@ -137,9 +140,9 @@ absl::Status MigrateSchema(SqliteDatabase* database, const std::string& path) {
   }
   if (version == kSchemaVersion) return absl::OkStatus();
   std::string statements = absl::StrCat("BEGIN;", version == 0 ? kSchema : "");
-  const char* const added[] = {kAddedBy2,  kAddedBy3,  kAddedBy4,  kAddedBy5,
-                               kAddedBy6,  kAddedBy7,  kAddedBy8,  kAddedBy9,
-                               kAddedBy10, kAddedBy11, kAddedBy12, kAddedBy13};
+  const char* const added[] = {kAddedBy2,  kAddedBy3,  kAddedBy4, kAddedBy5,  kAddedBy6,
+                               kAddedBy7,  kAddedBy8,  kAddedBy9, kAddedBy10, kAddedBy11,
+                               kAddedBy12, kAddedBy13, kAddedBy14};
   int64_t adds = 2;
   for (const char* of_version : added) {
     if (version < adds++) statements += of_version;

@@ -74,6 +74,8 @@ export interface Frame {
   unreliable_tile_count?: number;
   unreliable_layers?: {layer: string; tile_count: number}[];
   flip?: number|null;
+  // Of a complete smooth frame: its relMSE over what it would be without true error bars.
+  one_sequence_gain?: number|null;
   progress: Progress;
 }
 

@@ -60,6 +60,7 @@ function factsOf(job: Job, frame: Frame|undefined): [string, string, string?][] 
       'Typical relative error, estimated from replicates'
     ],
     ['relMSE', format.error(progress.relative_mse), 'Relative mean squared error, estimated'],
+    ...priceOfErrorBars(frame),
     [
       'FLIP', frame?.flip ? frame.flip.toFixed(3) : '–',
       'How different from the true picture the shown frame looks, from 0 to 1, estimated once it ' +
@@ -83,6 +84,15 @@ function factsOf(job: Job, frame: Frame|undefined): [string, string, string?][] 
     ],
     ['Created', format.clock(job.create_time)],
   ];
+}
+
+function priceOfErrorBars(frame: Frame|undefined): [string, string, string][] {
+  if (!frame?.one_sequence_gain) return [];
+  return [[
+    'Price of error bars', `${frame.one_sequence_gain.toFixed(1)} × relMSE`,
+    'The shown frame is smooth: if its errors go on falling as they do, --one-sequence has so ' +
+        'many times less relMSE, and no true error bars (sheaf study measures it)'
+  ]];
 }
 
 function unreliableTilesOf(frame: Frame|undefined): string {

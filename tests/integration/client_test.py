@@ -8,6 +8,7 @@ of text.
 """
 import base64
 import json
+import math
 import os
 import re
 import signal
@@ -32,6 +33,20 @@ WorldBegin
 LightSource "infinite" "rgb L" [0.5 0.6 0.7]
 Shape "trianglemesh" "integer indices" [0 1 2 0 2 3]
   "point3 P" [-1 -1 0  1 -1 0  1 1 0  -1 1 0]
+"""
+# A floor under a lamp that is not in view.
+SMOOTH = """LookAt 0 1.5 -4  0 0.3 0  0 1 0
+Camera "perspective" "float fov" 45
+Film "rgb" "integer xresolution" 128 "integer yresolution" 80
+WorldBegin
+AttributeBegin
+  Translate 0 2.5 0
+  AreaLightSource "diffuse" "rgb L" [4 4 4]
+  Shape "disk" "float radius" 0.8
+AttributeEnd
+Material "diffuse" "rgb reflectance" [0.6 0.5 0.4]
+Shape "trianglemesh" "integer indices" [0 1 2 0 2 3]
+  "point3 P" [-9 0 -9  9 0 -9  9 0 9  -9 0 9]
 """
 TRUNCATED_PLY = """ply
 format ascii 1.0
@@ -325,6 +340,33 @@ class ClientTest(unittest.TestCase):
         tiles = [layer["tile_count"] for layer in frame["unreliable_layers"]]
         self.assertEqual(sum(tiles), frame["unreliable_tile_count"])
         self.assertEqual(tiles, sorted(tiles, reverse=True))
+
+    def test_smooth_pictures_say_what_one_sequence_would_save(self):
+        """It saves something, and no more than if errors went on falling as they did. The room with
+        the glass ball has nothing to save."""
+        scene = self.write("smooth.pbrt", SMOOTH)
+
+        def render(name, *how):
+            return farm.render(scene, self.farm.path(name), "--pass-samples", 16, *how, "--json")
+
+        def error(name):
+            done = run("compare", self.farm.path("true.exr"), self.farm.path(name), "--json")
+            return json.loads(self.expect(done, OK).stdout)["relative_mse"]
+
+        def gain(done):
+            return json.loads(done.stdout.splitlines()[-1])["frames"][0]["one_sequence_gain"]
+        render("true.exr", "--samples", 2048, "--one-sequence", "--seed", 9)
+        apart = render("apart.exr", "--samples", 128)
+        whole = render("whole.exr", "--samples", 128, "--one-sequence")
+        measured = error("apart.exr") / error("whole.exr")
+        self.assertGreater(measured, 1.1)
+        self.assertGreater(gain(apart), measured)
+        self.assertIn("the picture is smooth", apart.stderr)
+        self.assertIsNone(gain(whole))
+        rough = farm.render(os.path.join(farm.ROOT, "scenes/cornell-box.pbrt"),
+                            self.farm.path("rough.exr"), "--crop", "120,240,320,400",
+                            "--samples", 64, "--json")
+        self.assertIsNone(gain(rough))
 
     def test_compare(self):
         scene = self.write("compared.pbrt", SCENE)

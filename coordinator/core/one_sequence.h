@@ -1,0 +1,26 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// What true error bars cost a picture: kReplicateCount independent sequences of samples, whose
+// spread they are, against one sequence of as many (FrameSettings::one_sequence). The smoother a
+// picture, the more; docs/adr/0025-one-sequence-on-request.md.
+#pragma once
+
+#include <span>
+
+#include "coordinator/core/sample_rounds.h"
+
+namespace sheaf::coordinator {
+
+// What need not be told.
+inline constexpr double kOneSequenceGainMin = 1.1;
+
+// relMSE of a picture over what it would be with one sequence, as its curve tells. Where errors
+// fall as 1 / n^b, kReplicateCount sequences have kReplicateCount^(b - 1) times the error of one
+// that is as long as they together. b is that of the last samples of each; where it becomes less
+// in longer sequences, as where smooth areas are done and edges are left, so is the gain. 0 unless
+// it is, with 95 % confidence, above kOneSequenceGainMin. points: of a frame without a stop rule,
+// ascending, with their cells.
+double OneSequenceGain(std::span<const RoundRecord> points);
+
+}  // namespace sheaf::coordinator
