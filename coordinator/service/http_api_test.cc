@@ -154,6 +154,17 @@ TEST_F(HttpApiTest, FramesOfAJobArePaged) {
   EXPECT_EQ(second["next_page_token"], "");
 }
 
+TEST_F(HttpApiTest, WhatIsNotKnownOfAFrameIsNull) {
+  FrameView& frame = farm_.jobs[2].frames[0];
+  frame.flip = 0;
+  EXPECT_TRUE(Get("/api/v1/jobs/1/frames/1")["flip"].is_null());
+  EXPECT_TRUE(Get("/api/v1/jobs/1/frames/1")["one_sequence_gain"].is_null());
+  frame.flip = 0.25;
+  frame.one_sequence_gain = 1.5;
+  EXPECT_EQ(Get("/api/v1/jobs/1/frames/1")["flip"], 0.25);
+  EXPECT_EQ(Get("/api/v1/jobs/1/frames/1")["one_sequence_gain"], 1.5);
+}
+
 TEST_F(HttpApiTest, UnknownNamesAreNotFound) {
   EXPECT_EQ(Send("GET", "/api/v1/jobs/9").status, 404);
   EXPECT_EQ(Send("GET", "/api/v1/jobs/1/frames/9").status, 404);
