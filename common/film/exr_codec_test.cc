@@ -93,14 +93,27 @@ void ExpectRefused(const std::string& bytes, const std::string& why) {
 
 TEST(ExrCodecTest, HeadersThatLieAreRefusedBeforeMemoryIsTaken) {
   const std::string bytes = MakePart({64, 4});
-  const auto window = [](int32_t x1, int32_t y1) {
-    return std::string("dataWindow\0box2i\0\x10\0\0\0", 21) + BoxBytes(16, 32, x1, y1);
+  const auto window = [](const std::string& name, int32_t x1, int32_t y1) {
+    return name + std::string("Window\0box2i\0\x10\0\0\0", 17) + BoxBytes(16, 32, x1, y1);
   };
-  const std::string good = window(23, 39);
-  ExpectRefused(Replaced(bytes, good, window(0x3fffffff, 0x3fffffff)), "pixels");
-  ExpectRefused(Replaced(bytes, good, window(0x7fffffff, 39)), "out of bounds");
-  ExpectRefused(Replaced(bytes, good, window(0, 0)), "empty");
-  ExpectRefused(Replaced(bytes, good, window(2015, 2031)), "too short");
+  const auto with_windows = [&](int32_t x1, int32_t y1) {
+    std::string changed = bytes;
+    for (const char* name : {"data", "display"}) {
+      changed = Replaced(changed, window(name, 23, 39), window(name, x1, y1));
+    }
+    return changed;
+  };
+  ExpectRefused(with_windows(0x3fffffff, 0x3fffffff), "pixels");
+  ExpectRefused(with_windows(0x7fffffff, 39), "out of bounds");
+  ExpectRefused(with_windows(0, 0), "empty");
+  ExpectRefused(with_windows(2015, 2031), "too short");
+  ExpectRefused(with_windows(24, 39), "damaged");
+  ExpectRefused(with_windows(22, 39), "damaged");
+  for (const char* name : {"data", "display"}) {
+    const std::string good = window(name, 23, 39);
+    ExpectRefused(Replaced(bytes, good, window(name, 22, 39)), "other pixels");
+    ExpectRefused(Replaced(bytes, good, window(name, 24, 39)), "other pixels");
+  }
   ExpectRefused(Replaced(bytes, "film-part 1", "film-part 9"), "format");
   ExpectRefused(Replaced(bytes, "albedo.R", "albedo.Q"), "wrong channels");
   ExpectRefused(Replaced(bytes,
@@ -165,10 +178,30 @@ TEST(ExrCodecTest, APartOfCellsHasTheirPixelsAndNoOthers) {
   ASSERT_TRUE(part.ok()) << part.status();
   EXPECT_EQ(part->header.cells, header.cells);
   EXPECT_TRUE(SameBits(part->tile, tile));
+  // What no chosen cell is beside takes no room.
+  const TileCells below{4, 0b1100};
+  FilmTile half({8, 8, 16, 16}, {0, 16});
+  Paste(MakeTestTile({8, 12, 16, 16}, half.block()), &half);
+  const std::string small = EncodePart(half, {"digest", "profile", {}, below});
+  EXPECT_LT(small.size(), 0.7 * static_cast<double>(EncodePart(tile, header).size()));
+  const absl::StatusOr<DecodedPart> lower = DecodePart(small);
+  ASSERT_TRUE(lower.ok()) << lower.status();
+  EXPECT_TRUE(SameBits(lower->tile, half));
   ExpectRefused(EncodePart(tile, {"digest", "profile"}), "sample counts");
   ExpectRefused(EncodePart(tile, {"digest", "profile", {}, {4, 0b1011}}), "sample counts");
-  ExpectRefused(EncodePart(tile, {"digest", "profile", {}, {4, 0b10000}}), "cells");
-  ExpectRefused(EncodePart(tile, {"digest", "profile", {}, {-4, 1}}), "cells");
+  const std::string bytes = EncodePart(tile, header);
+  const auto cells_of = [](const std::string& mask) {
+    return std::string("sheaf:cells\0string\0\1\0\0\0", 23) + mask;
+  };
+  const auto cell_size = [](const std::string& size_px) {
+    return std::string("sheaf:cellSizePx\0string\0\1\0\0\0", 28) + size_px;
+  };
+  ExpectRefused(Replaced(bytes, cells_of("9"), cells_of("0")), "cells");
+  ExpectRefused(Replaced(bytes, cells_of("9"), cells_of("2")), "other pixels");
+  ExpectRefused(Replaced(bytes, cells_of("9"), cells_of("6")), "sample counts");
+  ExpectRefused(Replaced(bytes, cell_size("4"), cell_size("0")), "cells");
+  ExpectRefused(Replaced(bytes, cell_size("4"), cell_size("5")), "other pixels");
+  ExpectRefused(Replaced(bytes, cell_size("4"), cell_size("8")), "cells");
 }
 
 TEST(ExrCodecTest, PartLargerThanTheLimitIsRefused) {

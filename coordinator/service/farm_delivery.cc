@@ -164,7 +164,7 @@ absl::Status Farm::RebuildTile(OpenFrame* frame, const FrameId& id, uint32_t til
     absl::StatusOr<std::string> bytes = store_->ReadPart(row);
     absl::Status status = bytes.status();
     if (bytes.ok()) {
-      absl::StatusOr<DecodedPart> part = DecodePart(*bytes);
+      absl::StatusOr<DecodedPart> part = DecodePart(*bytes, row.key.tile.PixelCount());
       status = part.status();
       if (part.ok()) parts.push_back({std::move(part->tile), *grid.MaskOf(tile, row.key.cells)});
     }

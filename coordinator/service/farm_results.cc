@@ -99,7 +99,7 @@ absl::StatusOr<ResultOutcome> Farm::AddResult(const ResultReport& report,
     return ResultOutcome::kSuperseded;
   }
   if (found.kind == Kind::kCovered) return JudgeCovered(report, found);
-  absl::StatusOr<DecodedPart> part = DecodePart(bytes);
+  absl::StatusOr<DecodedPart> part = DecodePart(bytes, report.tile.PixelCount());
   if (!part.ok()) return RejectResult(report, std::string(part.status().message()));
   const std::string why_not = WhyNotPartOf(report, numeric_profile, settings, *part);
   if (!why_not.empty()) return RejectResult(report, why_not);
