@@ -200,6 +200,44 @@ TEST(TriangleStability, G3UnguardedRaysEscapeThroughVerticesAlone) {
   EXPECT_LT(escapes, RayCount() / 40);
 }
 
+// Of surfaces at one distance the one of the smallest id is met, whatever order a tree has them in:
+// eight of one mesh, and eight meshes, behind other triangles that make the tree differ.
+TEST(TriangleStability, TiesGoToTheSmallestId) {
+  const std::vector<Vec3f> corners{{-1, -1.3f, 0.4f}, {1.2f, -1, 0.1f}, {0.1f, 1.4f, -0.3f}};
+  const Vec3f normal = Normalize(Cross(corners[1] - corners[0], corners[2] - corners[0]));
+  Random random(9);
+  for (const bool one_mesh : {true, false}) {
+    TestScene t({0, 0, 0}, {0, 0, 1}, 60);
+    constexpr uint32_t kCount = 8;
+    std::vector<uint32_t> indices;
+    for (uint32_t i = 0; i < kCount; ++i) {
+      if (!one_mesh) t.AddShape(MeshShape{t.AddMesh(corners, {0, 1, 2})}, kNone);
+      indices.insert(indices.end(), {0, 1, 2});
+    }
+    if (one_mesh) t.AddShape(MeshShape{t.AddMesh(corners, indices)}, kNone);
+    const Triangles globe = Globe({0, 0, 5}, 20, 40);
+    t.AddShape(MeshShape{t.AddMesh(globe.positions, globe.indices)}, kNone);
+    const std::unique_ptr<TracedScene> scene = Traced(t.scene);
+    for (int i = 0; i < 10000; ++i) {
+      const auto a = static_cast<float>(random.Uniform(0.05, 0.5)),
+                 b = static_cast<float>(random.Uniform(0.05, 0.45));
+      Ray ray;
+      ray.o = random.Direction() * 3;
+      ray.d = corners[0] * (1 - a - b) + corners[1] * a + corners[2] * b - ray.o;
+      if (std::fabs(Dot(Normalize(ray.d), normal)) < 0.05f) continue;  // Along it.
+      ray.t_max = i % 2 == 0 ? ray.t_max : 1.01f;
+      RawHit hit;
+      ASSERT_TRUE(scene->tracer->Intersect(ray, &hit));
+      if (hit.t < 0.99f) continue;  // The globe is in the way.
+      ASSERT_EQ(hit.id.geometry, 0U);
+      ASSERT_EQ(hit.id.primitive, 0U);
+      ASSERT_NEAR(hit.t, 1, 1e-5);
+      ASSERT_NEAR(hit.u, a, 1e-5);
+      ASSERT_NEAR(hit.v, b, 1e-5);
+    }
+  }
+}
+
 // A room with a window is no room: rays that leave by the window are not looked at again.
 TEST(TriangleStability, G3AnOpenRoomLetsRaysOut) {
   Triangles globe = Globe({0, 0, 0}, 40, 80);

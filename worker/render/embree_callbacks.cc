@@ -22,45 +22,71 @@ namespace {
 Vec3d Origin(const RTCRay& r) { return {r.org_x, r.org_y, r.org_z}; }
 Vec3d Direction(const RTCRay& r) { return {r.dir_x, r.dir_y, r.dir_z}; }
 
-const SourceContext& ContextOf(const QueryContext* context) {
-  return *reinterpret_cast<const SourceContext*>(context);
-}
-bool IsSource(const RTCHit& hit, const SourceContext& context) {
-  return PrimitiveId{hit.geomID, hit.primID, context.here} == context.source;
+const TraceContext& ContextOf(const QueryContext* context) {
+  return *reinterpret_cast<const TraceContext*>(context);
 }
 
-// Refuses hits of the triangle that a ray leaves.
-void SkipSource(const RTCFilterFunctionNArguments* args) {
-  if (IsSource(*reinterpret_cast<const RTCHit*>(args->hit), ContextOf(args->context))) {
-    args->valid[0] = 0;
+// A hit that Embree found and a filter judges. While filters run, the ray ends at it.
+struct Candidate {
+  const TraceContext& context;
+  const BakedMesh& mesh;
+  RTCRay& ray;
+  RTCHit& hit;
+
+  explicit Candidate(const RTCFilterFunctionNArguments* args)
+      : context(ContextOf(args->context)),
+        mesh(*static_cast<const BakedMesh*>(args->geometryUserPtr)),
+        ray(*reinterpret_cast<RTCRay*>(args->ray)),
+        hit(*reinterpret_cast<RTCHit*>(args->hit)) {}
+
+  bool IsSource() const { return context.IsSource(hit.geomID, hit.primID); }
+  const uint32_t* Indices() const { return &mesh.indices[3 * static_cast<size_t>(hit.primID)]; }
+  // The distance to the plane of the triangle, as Embree has it before it divides.
+  float PlaneDistance() const {
+    const Vec3f corner = mesh.positions[Indices()[0]];
+    return TimesNormal(corner.x - ray.org_x, corner.y - ray.org_y, corner.z - ray.org_z) /
+           TimesNormal(ray.dir_x, ray.dir_y, ray.dir_z);
   }
+  float TimesNormal(float x, float y, float z) const {
+    return std::fma(x, hit.Ng_x, std::fma(y, hit.Ng_y, z * hit.Ng_z));
+  }
+  bool Take(float t) const {
+    if (!context.Take(t, hit.geomID, hit.primID)) return false;
+    ray.tfar = SearchEnd(t);
+    return true;
+  }
+};
+
+// Which hits of a mesh without needles there are is Embree's to say; where they are is ours.
+void JudgeNearest(const RTCFilterFunctionNArguments* args) {
+  const Candidate candidate(args);
+  args->valid[0] = 0;
+  if (candidate.IsSource() || !candidate.Take(candidate.PlaneDistance())) return;
+  args->valid[0] = -1;
+  candidate.context.unsettled = &candidate.mesh;
 }
-// While filters run, the ray ends at the hit they judge.
-void SkipSourceAndNote(const RTCFilterFunctionNArguments* args) {
-  SkipSource(args);
-  if (args->valid[0] == 0) return;
-  ContextOf(args->context).nearest = reinterpret_cast<const RTCRay*>(args->ray)->tfar;
+void JudgeAny(const RTCFilterFunctionNArguments* args) {
+  const Candidate candidate(args);
+  const float end = candidate.context.nearest;
+  const bool is_clear = candidate.ray.tfar <= end * (1 - kDistanceDoubt);
+  const bool is_in_the_way =
+      !candidate.IsSource() && (is_clear || candidate.PlaneDistance() <= end);
+  if (!is_in_the_way) args->valid[0] = 0;
 }
-// Sets a hit to where it is in double, or refuses it. A filter may move a hit back as well, as far
-// as the last one accepted. meet: where the ray meets a triangle of the mesh (its three indices).
+// Sets a hit to where it is in double, or refuses it. It may be further away than Embree has it, as
+// far as the last one accepted. meet: where the ray meets a triangle of the mesh (three indices).
 template <typename Meet>
 void TestAgain(const RTCFilterFunctionNArguments* args, const Meet& meet) {
-  SkipSource(args);
-  if (args->valid[0] == 0) return;
-  const SourceContext& context = ContextOf(args->context);
-  const auto& mesh = *static_cast<const BakedMesh*>(args->geometryUserPtr);
-  auto* ray = reinterpret_cast<RTCRay*>(args->ray);
-  auto* hit = reinterpret_cast<RTCHit*>(args->hit);
-  const uint32_t* t = &mesh.indices[3 * static_cast<size_t>(hit->primID)];
-  const std::optional<TriangleHit> met = meet(mesh, t, *ray);
-  const float distance = met.has_value() ? static_cast<float>(met->t) : 0;
-  if (!(distance > 0 && distance <= context.nearest)) {
-    args->valid[0] = 0;
-    return;
-  }
-  context.nearest = ray->tfar = distance;
-  hit->u = static_cast<float>(met->u);
-  hit->v = static_cast<float>(met->v);
+  const Candidate candidate(args);
+  args->valid[0] = 0;
+  if (candidate.IsSource()) return;
+  const std::optional<TriangleHit> met = meet(candidate.mesh, candidate.Indices(), candidate.ray);
+  const float t = met.has_value() ? static_cast<float>(met->t) : 0;
+  if (!(t > 0)) return;
+  if (!candidate.Take(t)) return;
+  args->valid[0] = -1;
+  candidate.hit.u = static_cast<float>(met->u);
+  candidate.hit.v = static_cast<float>(met->v);
 }
 void TestNeedleAgain(const RTCFilterFunctionNArguments* args) {
   TestAgain(args, [](const BakedMesh& mesh, const uint32_t* t, const RTCRay& ray) {
@@ -97,10 +123,12 @@ void BoundQuadric(const RTCBoundsFunctionArguments* args) {
   const std::array<Vec3f, 2> bounds = QuadricBounds((*list.quadrics)[args->primID].quadric);
   SetBounds(args->bounds_o, bounds[0], bounds[1]);
 }
-// Records the hit of a shape met in double.
-void Accept(const SourceContext& context, PrimitiveId id, double t, float u, float v,
+// Takes the hit of a shape met in double, if it is the nearest.
+void Accept(const TraceContext& context, PrimitiveId id, double t, float u, float v,
             RTCRayHit* ray_hit) {
-  context.nearest = ray_hit->ray.tfar = static_cast<float>(t);
+  const auto distance = static_cast<float>(t);
+  if (!context.Take(distance, id.geometry, id.primitive)) return;
+  ray_hit->ray.tfar = SearchEnd(distance);
   ray_hit->hit.u = u;
   ray_hit->hit.v = v;
   ray_hit->hit.primID = id.primitive;
@@ -124,7 +152,8 @@ void OccludeQuadricList(const RTCOccludedFunctionNArguments* args) {
   const auto& list = *static_cast<const QuadricList*>(args->geometryUserPtr);
   auto* ray = reinterpret_cast<RTCRay*>(args->ray);
   const Quadric& quadric = (*list.quadrics)[args->primID].quadric;
-  if (IntersectQuadric(quadric, Origin(*ray), Direction(*ray), ray->tfar).has_value()) {
+  const float end = ContextOf(args->context).nearest;
+  if (IntersectQuadric(quadric, Origin(*ray), Direction(*ray), end).has_value()) {
     ray->tfar = -std::numeric_limits<float>::infinity();
   }
 }
@@ -136,19 +165,19 @@ void BoundPatch(const RTCBoundsFunctionArguments* args) {
 }
 // A flat patch is not met again by a ray that leaves it; a curved one may be.
 std::optional<PatchHit> MeetPatch(const PatchList& list, uint32_t index, const RTCRay& ray,
-                                  const SourceContext& context) {
+                                  const TraceContext& context, float t_max) {
   const BilinearPatch patch = list.patches->PatchAt(index);
-  const bool is_source = PrimitiveId{list.geometry, index, context.here} == context.source;
-  if (is_source && patch.IsFlat()) return std::nullopt;
-  return IntersectPatch(patch, Origin(ray), Direction(ray), ray.tfar);
+  if (context.IsSource(list.geometry, index) && patch.IsFlat()) return std::nullopt;
+  return IntersectPatch(patch, Origin(ray), Direction(ray), t_max);
 }
 void IntersectPatchList(const RTCIntersectFunctionNArguments* args) {
   SHEAF_DCHECK(args->N == 1);
   if (args->valid[0] == 0) return;
   const auto& list = *static_cast<const PatchList*>(args->geometryUserPtr);
   auto* ray_hit = reinterpret_cast<RTCRayHit*>(args->rayhit);
-  const SourceContext& context = ContextOf(args->context);
-  const std::optional<PatchHit> hit = MeetPatch(list, args->primID, ray_hit->ray, context);
+  const TraceContext& context = ContextOf(args->context);
+  const std::optional<PatchHit> hit =
+      MeetPatch(list, args->primID, ray_hit->ray, context, ray_hit->ray.tfar);
   if (!hit.has_value()) return;
   Accept(context, {list.geometry, args->primID}, hit->t, static_cast<float>(hit->u),
          static_cast<float>(hit->v), ray_hit);
@@ -158,7 +187,8 @@ void OccludePatchList(const RTCOccludedFunctionNArguments* args) {
   if (args->valid[0] == 0) return;
   const auto& list = *static_cast<const PatchList*>(args->geometryUserPtr);
   auto* ray = reinterpret_cast<RTCRay*>(args->ray);
-  if (MeetPatch(list, args->primID, *ray, ContextOf(args->context)).has_value()) {
+  const TraceContext& context = ContextOf(args->context);
+  if (MeetPatch(list, args->primID, *ray, context, context.nearest).has_value()) {
     ray->tfar = -std::numeric_limits<float>::infinity();
   }
 }
@@ -171,20 +201,22 @@ void BoundCurve(const RTCBoundsFunctionArguments* args) {
   SetBounds(args->bounds_o, bounds[0], bounds[1]);
 }
 // A ray may meet the curve it leaves: it starts beyond the width it could meet at once.
-std::optional<CurveHit> MeetCurve(const BakedCurves& curves, uint32_t index, const RTCRay& ray) {
+std::optional<CurveHit> MeetCurve(const BakedCurves& curves, uint32_t index, const RTCRay& ray,
+                                  float t_max) {
   const Vec3d o = Origin(ray), d = Direction(ray);
   if (!MayMeet(curves.rods[index], o, d)) return std::nullopt;
   const CurvePiece& piece = curves.pieces[index];
   return IntersectCurve(SegmentOf(curves.set, piece.segment), piece,
                         curves.shape_from_target.Point(o), curves.shape_from_target.Vector(d),
-                        static_cast<double>(ray.tfar));
+                        static_cast<double>(t_max));
 }
 void IntersectCurveList(const RTCIntersectFunctionNArguments* args) {
   SHEAF_DCHECK(args->N == 1);
   if (args->valid[0] == 0) return;
   const auto& list = *static_cast<const CurveList*>(args->geometryUserPtr);
   auto* ray_hit = reinterpret_cast<RTCRayHit*>(args->rayhit);
-  const std::optional<CurveHit> hit = MeetCurve(*list.curves, args->primID, ray_hit->ray);
+  const std::optional<CurveHit> hit =
+      MeetCurve(*list.curves, args->primID, ray_hit->ray, ray_hit->ray.tfar);
   if (!hit.has_value()) return;
   Accept(ContextOf(args->context), {list.geometry, args->primID}, hit->t,
          static_cast<float>(hit->u), static_cast<float>(hit->v), ray_hit);
@@ -194,7 +226,8 @@ void OccludeCurveList(const RTCOccludedFunctionNArguments* args) {
   if (args->valid[0] == 0) return;
   const auto& list = *static_cast<const CurveList*>(args->geometryUserPtr);
   auto* ray = reinterpret_cast<RTCRay*>(args->ray);
-  if (MeetCurve(*list.curves, args->primID, *ray).has_value()) {
+  const float end = ContextOf(args->context).nearest;
+  if (MeetCurve(*list.curves, args->primID, *ray, end).has_value()) {
     ray->tfar = -std::numeric_limits<float>::infinity();
   }
 }
@@ -230,11 +263,15 @@ void IntersectPlacedList(const RTCIntersectFunctionNArguments* args) {
   RTCRayHit inner;
   inner.ray = RayInGroup(list, placed, outer->ray);
   ClearHit(&inner.hit);
-  const SourceContext& outside = ContextOf(args->context);
-  SourceContext context(outside.source, outer->ray.tfar, list.first + args->primID);
+  const TraceContext& outside = ContextOf(args->context);
+  const TraceContext context(outside, list.first + args->primID);
   TraceNearest((*list.scenes)[placed.group], &context, &inner);
   if (inner.hit.geomID == RTC_INVALID_GEOMETRY_ID) return;
-  outside.nearest = outer->ray.tfar = inner.ray.tfar;
+  Settle(context, &inner);
+  outside.unsettled = nullptr;
+  outside.nearest = context.nearest;
+  outside.nearest_id = context.nearest_id;
+  outer->ray.tfar = inner.ray.tfar;
   outer->hit = inner.hit;
   outer->hit.instID[0] = list.first + args->primID;
 }
@@ -245,27 +282,29 @@ void OccludePlacedList(const RTCOccludedFunctionNArguments* args) {
   auto* outer = reinterpret_cast<RTCRay*>(args->ray);
   const PlacedGroup& placed = (*list.placed)[args->primID];
   RTCRay inner = RayInGroup(list, placed, *outer);
-  SourceContext context(ContextOf(args->context).source, outer->tfar, list.first + args->primID);
+  const TraceContext context(ContextOf(args->context), list.first + args->primID);
   TraceAny((*list.scenes)[placed.group], &context, &inner);
   if (inner.tfar < 0) outer->tfar = -std::numeric_limits<float>::infinity();
 }
 
 }  // namespace
 
-void FilterSource(RTCGeometry triangles) {
-  rtcSetGeometryIntersectFilterFunction(triangles, SkipSource);
-  rtcSetGeometryOccludedFilterFunction(triangles, SkipSource);
+void Settle(const TraceContext& context, RTCRayHit* ray_hit) {
+  if (context.unsettled == nullptr) return;
+  const BakedMesh& mesh = *context.unsettled;
+  const uint32_t* t = &mesh.indices[3 * static_cast<size_t>(ray_hit->hit.primID)];
+  const std::array<double, 3> weights =
+      CornerWeights(Origin(ray_hit->ray), Direction(ray_hit->ray),
+                    {ToDouble(mesh.positions[t[0]]), ToDouble(mesh.positions[t[1]]),
+                     ToDouble(mesh.positions[t[2]])});
+  ray_hit->hit.u = static_cast<float>(weights[1]);
+  ray_hit->hit.v = static_cast<float>(weights[2]);
 }
 
-void FilterAmongNeedles(RTCGeometry triangles, const BakedMesh& mesh, bool has_needles) {
-  if (!has_needles) {
-    rtcSetGeometryIntersectFilterFunction(triangles, SkipSourceAndNote);
-    rtcSetGeometryOccludedFilterFunction(triangles, SkipSource);
-    return;
-  }
+void FilterTriangles(RTCGeometry triangles, const BakedMesh& mesh, bool has_needles) {
   rtcSetGeometryUserData(triangles, const_cast<BakedMesh*>(&mesh));
-  rtcSetGeometryIntersectFilterFunction(triangles, TestNeedleAgain);
-  rtcSetGeometryOccludedFilterFunction(triangles, TestNeedleAgain);
+  rtcSetGeometryIntersectFilterFunction(triangles, has_needles ? TestNeedleAgain : JudgeNearest);
+  rtcSetGeometryOccludedFilterFunction(triangles, has_needles ? TestNeedleAgain : JudgeAny);
 }
 
 void FilterDeforming(RTCGeometry triangles, const BakedMesh& mesh) {

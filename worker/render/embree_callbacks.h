@@ -32,13 +32,14 @@ struct PlacedList {
   const std::vector<RTCScene>* scenes = nullptr;
 };
 
-// Keeps rays from meeting the triangle they leave.
-void FilterSource(RTCGeometry triangles);
-// The same for a mesh of a group that holds needles: hits of a mesh with needles are tested again
-// in double, those of the group's others are made known to that. `mesh` must outlive the geometry.
-void FilterAmongNeedles(RTCGeometry triangles, const BakedMesh& mesh, bool has_needles);
+// Keeps rays from meeting the triangle they leave, and says where they meet others. Where the mesh
+// has needles, hits are tested again in double. `mesh` must outlive the geometry.
+void FilterTriangles(RTCGeometry triangles, const BakedMesh& mesh, bool has_needles);
 // The same for a mesh that deforms, whose triangles may be needles at any time.
 void FilterDeforming(RTCGeometry triangles, const BakedMesh& mesh);
+
+// Sets u and v of the hit that the trace ended with.
+void Settle(const TraceContext& context, RTCRayHit* ray_hit);
 
 // `list` must outlive the geometry.
 void SetQuadrics(RTCGeometry user, QuadricList* list);

@@ -79,15 +79,7 @@ struct EmbreeScene::State {
 };
 
 void EmbreeScene::State::AddMeshes(const GeometryGroup& group, RTCScene scene) const {
-  std::vector<bool> has_needles;
-  bool any_needles = false;
   for (const BakedMesh& mesh : group.meshes) {
-    const bool deforms = !mesh.steps.empty();
-    has_needles.push_back(!deforms && HasNeedles(mesh.positions, mesh.indices));
-    any_needles |= has_needles.back() || deforms;
-  }
-  for (size_t i = 0; i < group.meshes.size(); ++i) {
-    const BakedMesh& mesh = group.meshes[i];
     RTCGeometry geometry = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_TRIANGLE);
     rtcSetGeometryTimeStepCount(geometry, static_cast<unsigned>(1 + mesh.steps.size()));
     for (size_t step = 0; step <= mesh.steps.size(); ++step) {
@@ -101,10 +93,8 @@ void EmbreeScene::State::AddMeshes(const GeometryGroup& group, RTCScene scene) c
     if (filters == Filters::kSkipSource) {
       if (!mesh.steps.empty()) {
         FilterDeforming(geometry, mesh);
-      } else if (any_needles) {
-        FilterAmongNeedles(geometry, mesh, has_needles[i]);
       } else {
-        FilterSource(geometry);
+        FilterTriangles(geometry, mesh, HasNeedles(mesh.positions, mesh.indices));
       }
     }
     Attach(scene, geometry);
@@ -209,10 +199,11 @@ bool EmbreeScene::IntersectOnce(const Ray& ray, RawHit* hit) const {
   RTCRayHit ray_hit;
   ray_hit.ray = ToRtc(ray);
   ClearHit(&ray_hit.hit);
-  SourceContext context(ray.source, ray.t_max);
+  const TraceContext context(ray.source, ray.t_max);
   TraceNearest(state_->scenes[0], &context, &ray_hit);
   if (ray_hit.hit.geomID == RTC_INVALID_GEOMETRY_ID) return false;
-  *hit = {ray_hit.ray.tfar,
+  Settle(context, &ray_hit);
+  *hit = {context.nearest,
           ray_hit.hit.u,
           ray_hit.hit.v,
           {ray_hit.hit.geomID, ray_hit.hit.primID, ray_hit.hit.instID[0]}};
@@ -234,7 +225,7 @@ bool EmbreeScene::Intersect(const Ray& ray, RawHit* hit) const {
 
 bool EmbreeScene::Occluded(const Ray& ray) const {
   RTCRay r = ToRtc(ray);
-  SourceContext context(ray.source, ray.t_max);
+  const TraceContext context(ray.source, ray.t_max);
   TraceAny(state_->scenes[0], &context, &r);
   RawHit hit;
   return r.tfar < 0 || MeetsWhenNudged(ray, &hit);

@@ -4,15 +4,15 @@
 // EmbreeScene: the nearest surface along a ray, and whether anything is in the way. The only way to
 // Embree (3.13 and 4.x); its types stay in the embree_*.cc files.
 //
-// Same bits every time. The device is pinned to AVX2, so equal builds walk equal trees with equal
-// arithmetic: measured on Embree 3.13.5, 2e6 rays over coincident surfaces and vertices give the
-// same hit to the bit for repeated builds, one or two build threads, medium and high quality. Of
-// several surfaces at one distance the tracer therefore names the same one each time; which one is
-// its choice.
+// Same bits every time, whoever made the processor (docs/adr/0043). The device is pinned to AVX2, in
+// which all processors agree but for approximate reciprocals. Those decide where Embree looks, with
+// room to spare, and not what it finds: which triangles a ray meets has no division in it, how far
+// they are and where they are met is reckoned here, and of several hits at one distance the one of
+// the smallest id is the nearest, whatever order they are found in.
 //
-// Triangles are Embree's own, in robust mode; where a mesh holds needles its hits are met again in
-// double (needle.h). Quadrics, bilinear patches, curves and placed groups are user geometry, so
-// that they are met in double precision and the same under every version of Embree.
+// Where a mesh holds needles its hits are met again in double (needle.h). Quadrics, bilinear
+// patches, curves and placed groups are user geometry, so that they are met in double precision and
+// the same under every version of Embree.
 #pragma once
 
 #include <cstdint>
@@ -43,8 +43,8 @@ struct RecordedRay {
 
 class EmbreeScene {
  public:
-  // kSkipSource keeps rays from meeting the triangle they leave; kNone is for measuring what that
-  // costs.
+  // kSkipSource keeps rays from meeting the triangle they leave, and says where they meet others;
+  // kNone is for measuring what that costs: whether there is a hit, but not where.
   enum class Filters { kSkipSource, kNone };
   // `geometry` must outlive the result: its buffers are not copied. build_threads 0: all of them.
   // Errors: kResourceExhausted where memory runs out, kInternal with Embree's words otherwise.

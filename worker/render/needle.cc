@@ -30,6 +30,11 @@ Approach ApproachTo(Vec3d point, Vec3d d, double u, double v) {
   return {{t, u, v}, Length(point - d * t)};
 }
 
+// The weight of a corner is the volume that the line spans with the edge across.
+std::array<double, 3> VolumesOf(Vec3d d, Vec3d a, Vec3d b, Vec3d c) {
+  return {Dot(d, Cross(b, c - b)), Dot(d, Cross(c, a - c)), Dot(d, Cross(a, b - a))};
+}
+
 // The part of the way from `from` to `to` at which the line along d passes nearest.
 double NearestOnEdge(Vec3d from, Vec3d to, Vec3d d) {
   const Vec3d normal = Cross(d, to - from);
@@ -53,6 +58,17 @@ bool HasNeedles(const std::vector<Vec3f>& positions, const std::vector<uint32_t>
   return false;
 }
 
+std::array<double, 3> CornerWeights(Vec3d o, Vec3d d, const std::array<Vec3d, 3>& corners) {
+  const Vec3d a = corners[0] - o, b = corners[1] - o, c = corners[2] - o;
+  std::array<double, 3> weights = VolumesOf(d, a, b, c);
+  const double sign = weights[0] + weights[1] + weights[2] < 0 ? -1 : 1;
+  double sum = 0;
+  for (double& weight : weights) sum += weight = std::max(0.0, sign * weight);
+  if (!(sum > 0)) return {1.0 / 3, 1.0 / 3, 1.0 / 3};
+  for (double& weight : weights) weight /= sum;
+  return weights;
+}
+
 std::optional<TriangleHit> MeetTriangle(Vec3d o, Vec3d d, const std::array<Vec3d, 3>& corners,
                                         double corner_error) {
   const Vec3d a = corners[0] - o, b = corners[1] - o, c = corners[2] - o;
@@ -61,8 +77,7 @@ std::optional<TriangleHit> MeetTriangle(Vec3d o, Vec3d d, const std::array<Vec3d
   const double rounding =
       corner_error + kEdgeRounding * std::max(LargestCoordinate(a),
                                               std::max(LargestCoordinate(b), LargestCoordinate(c)));
-  // The weight of a corner is the volume that the line spans with the edge across.
-  const double wa = Dot(d, Cross(b, bc)), wb = Dot(d, Cross(c, ca)), wc = Dot(d, Cross(a, ab));
+  const auto [wa, wb, wc] = VolumesOf(d, a, b, c);
   const double sum = wa + wb + wc;
   const bool inside = (wa >= 0 && wb >= 0 && wc >= 0) || (wa <= 0 && wb <= 0 && wc <= 0);
   if (inside && sum != 0) {

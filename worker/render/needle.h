@@ -28,6 +28,10 @@ struct TriangleHit {
   double u = 0, v = 0;  // Barycentric weights of corners 1 and 2.
 };
 
+// The weights of the corners at the point where the line o + t d meets the plane of the triangle;
+// none below 0, as if it were within, and all of them 1; even where the line is in the plane.
+std::array<double, 3> CornerWeights(Vec3d o, Vec3d d, const std::array<Vec3d, 3>& corners);
+
 // Where the line o + t d meets the triangle, for t > 0. Lines that pass by within single-precision
 // rounding meet its edge: the tracer gives a ray on a shared edge to one of the neighbours, and
 // that one must keep it, or there is a hole. t is that of the point of u and v. corner_error: how

@@ -8,6 +8,7 @@
 #pragma once
 
 #include <cmath>
+#include <compare>
 #include <cstdint>
 #include <limits>
 
@@ -27,7 +28,7 @@ constexpr float Gamma(int n) {
 // placed group.
 struct PrimitiveId {
   uint32_t geometry = ~0u, primitive = ~0u, placed = ~0u;
-  friend constexpr bool operator==(const PrimitiveId&, const PrimitiveId&) = default;
+  friend constexpr auto operator<=>(const PrimitiveId&, const PrimitiveId&) = default;
 };
 
 // Space: render. d need not be unit; t counts in lengths of d, from 0 to t_max (both exclusive).
