@@ -135,8 +135,8 @@ def main():
     found = {size: [] for size in options.cells}
     for scene in options.scenes:
         with tempfile.TemporaryDirectory() as folder:
-            reference, _ = target_error.make_reference(scene, options, folder,
-                                                       options.reference_samples)
+            reference, _ = target_error.make_reference(
+                scene, options, folder, target_error.reference_samples(scene, options))
             pictures = render_pictures(scene, options, reference, folder)
         for size in options.cells:
             found[size].append(savings(pictures, size))

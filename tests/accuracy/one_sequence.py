@@ -37,7 +37,8 @@ def errors(scene, flags, options, folder, reference, *how):
 
 def measure(scene, options, folder):
     flags = target_error.crop_flags(options)
-    reference, _ = target_error.make_reference(scene, options, folder, options.reference_samples)
+    reference, _ = target_error.make_reference(scene, options, folder,
+                                               target_error.reference_samples(scene, options))
     apart = errors(scene, flags, options, folder, reference)
     whole = errors(scene, flags, options, folder, reference, "--one-sequence")
     print(f"{os.path.basename(scene)}: replicates over one sequence at {options.samples} samples: "

@@ -35,6 +35,22 @@ OVERSHOOT_MAX = 0.25
 REFERENCE_SEED = 1_000_003
 
 
+class Scene(str):
+    """A path, or PATH@SAMPLES, the least samples that a reference of this scene has."""
+    reference_samples = None
+
+    def __new__(cls, text):
+        path, at, samples = text.partition("@")
+        scene = super().__new__(cls, path)
+        if at:
+            scene.reference_samples = int(samples)
+        return scene
+
+
+def reference_samples(scene, options):
+    return scene.reference_samples or options.reference_samples
+
+
 def run(*arguments):
     done = subprocess.run([os.path.join(BIN, "sheaf"), *map(str, arguments)], capture_output=True,
                           text=True, check=False)
@@ -71,7 +87,7 @@ def make_parser(doc, reference_samples=None):
     the truth, how many samples that has and where it is kept."""
     parser = argparse.ArgumentParser(description=doc,
                                      formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("scenes", nargs="+")
+    parser.add_argument("scenes", nargs="+", metavar="SCENE", type=Scene)
     parser.add_argument("--crop")
     parser.add_argument("--check", action="store_true")
     if reference_samples is not None:
@@ -86,7 +102,7 @@ def render_reference(scene, options, folder, target):
     wrong by, at most, and how many pixels it has."""
     made = render(scene, options.crop, target, REFERENCE_SEED, os.path.join(folder, "made.exr"))
     pixels = pixel_count(made)
-    count = max(options.reference_samples,
+    count = max(reference_samples(scene, options),
                 math.ceil(REFERENCE_GROWTH * made["rounds"][-1]["sample_count"] / pixels))
     path, left = make_reference(scene, options, folder, count)
     return path, left, pixels
