@@ -174,7 +174,8 @@ CpuModel FitCpu(const CellGrid& grid, std::span<const PilotPicture> pilot,
   }
   CpuModel model;
   model.seconds = CpuOfCells(grid, seconds, errors);
-  model.log_deviation = std::sqrt(squares) / all.cpu_seconds;
+  for (double& of_cell : model.seconds) of_cell /= kSparseCost;
+  model.log_deviation = std::hypot(std::sqrt(squares) / all.cpu_seconds, kSparseLogDeviation);
   return model;
 }
 

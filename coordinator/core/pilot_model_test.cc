@@ -5,6 +5,7 @@
 #include <cmath>
 #include <random>
 
+#include "coordinator/core/pilot_cost.h"
 #include "gtest/gtest.h"
 
 namespace sheaf::coordinator {
@@ -50,9 +51,10 @@ PilotPicture MakePilot(const PilotLevel& level, double rate, uint64_t seed,
     }
   }
   for (const PixelRect& tile : CutTiles(kWindow, kTileSizePx)) {
-    // 10 us a sample, a little more where it is alone, and 1 ms a part.
+    // 10 us a sample, more where it is alone, and 1 ms a part.
     pilot.cpu_seconds_of_tiles.push_back(
-        1e-3 + 1.05e-5 * static_cast<double>(level.lattice.SampleCountIn(tile, level.samples)));
+        1e-3 +
+        1e-5 * kSparseCost * static_cast<double>(level.lattice.SampleCountIn(tile, level.samples)));
   }
   return pilot;
 }
@@ -126,7 +128,7 @@ TEST(PilotModelTest, FindsErrorRateAndCost) {
 TEST(PilotModelTest, WhatPartsCostBesidesSamplesIsToldByTiles) {
   const ErrorModel model = FitOf(
       1, [](int32_t, int32_t) { return 0.04; }, 0.4);
-  EXPECT_NEAR(ForecastSamples(model, 100).cpu_seconds / (1.05e-3 * 320 * 256), 1, 0.05);
+  EXPECT_NEAR(ForecastSamples(model, 100).cpu_seconds / (1e-3 * 320 * 256), 1, 0.05);
 }
 
 // Of means of few unequal blocks more are below the true mean than above; not of what is told.
