@@ -12,49 +12,46 @@
 #include "common/film/mean_interval.h"
 
 namespace sheaf {
-namespace {
 
-bool HasSamples(const FilmTile& sums, uint32_t slot, size_t p) {
-  for (size_t i = 0; i < kReplicateChannelCount; ++i) {
-    if (sums.replicate(slot, i)[p] != 0) return true;
+PixelReplicates::PixelReplicates(const FilmTile& sums, size_t p) {
+  for (uint32_t slot = 0; slot < sums.replicate_count(); ++slot) {
+    Sums& replicate = replicates_[count_];
+    bool has_samples = false;
+    for (size_t i = 0; i < replicate.size(); ++i) {
+      replicate[i] = sums.replicate(slot, i)[p];
+      has_samples |= replicate[i] != 0;
+    }
+    if (has_samples) ++count_;
   }
-  return false;
 }
 
-// color(slot): a replicate's sum of the quantity whose standard error is asked for.
-template <typename ColorSum>
-double StandardErrorOf(const FilmTile& sums, size_t p, const ColorSum& color) {
-  uint32_t replicate_count = 0;
+// color_of: a replicate's sum of the quantity whose standard error is asked for.
+template <typename ColorOf>
+double PixelReplicates::SpreadOf(const ColorOf& color_of) const {
   double sum = 0, weight = 0;
-  for (uint32_t slot = 0; slot < sums.replicate_count(); ++slot) {
-    if (!HasSamples(sums, slot, p)) continue;
-    ++replicate_count;
-    sum += color(slot);
-    weight += sums.replicate(slot, 3)[p];
+  for (size_t r = 0; r < count_; ++r) {
+    sum += color_of(replicates_[r]);
+    weight += double{replicates_[r][3]};
   }
-  if (replicate_count < 2 || weight == 0) return 0;
+  if (count_ < 2 || weight == 0) return 0;
   const double mean = sum / weight;
   double squares = 0;
-  for (uint32_t slot = 0; slot < sums.replicate_count(); ++slot) {
-    if (!HasSamples(sums, slot, p)) continue;
-    const double residual = color(slot) - mean * sums.replicate(slot, 3)[p];
+  for (size_t r = 0; r < count_; ++r) {
+    const double residual = color_of(replicates_[r]) - mean * double{replicates_[r][3]};
     squares += residual * residual;
   }
-  return std::sqrt(squares * replicate_count / (replicate_count - 1)) / std::fabs(weight);
+  const auto count = static_cast<double>(count_);
+  return std::sqrt(squares * count / (count - 1)) / std::fabs(weight);
 }
 
-}  // namespace
-
-double ReplicateStandardError(const FilmTile& sums, size_t component, size_t p) {
-  return StandardErrorOf(
-      sums, p, [&](uint32_t slot) -> float { return sums.replicate(slot, component)[p]; });
+double PixelReplicates::StandardError(size_t component) const {
+  return SpreadOf([component](const Sums& sums) { return double{sums[component]}; });
 }
 
-double ReplicateStandardError(const FilmTile& sums, const std::array<double, 3>& weights,
-                              size_t p) {
-  return StandardErrorOf(sums, p, [&](uint32_t slot) {
+double PixelReplicates::StandardError(const std::array<double, 3>& weights) const {
+  return SpreadOf([&weights](const Sums& sums) {
     double sum = 0;
-    for (size_t i = 0; i < 3; ++i) sum += weights[i] * double{sums.replicate(slot, i)[p]};
+    for (size_t i = 0; i < 3; ++i) sum += weights[i] * double{sums[i]};
     return sum;
   });
 }

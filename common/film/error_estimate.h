@@ -51,12 +51,26 @@ struct FrameError {
   uint64_t sample_count = 0;  // Over all pixels; finite ones.
 };
 
-// Standard error of one colour component (0..2 = R, G, B) of pixel `p` (index into the planes); 0
-// where fewer than 2 replicates have samples or the weights sum to 0.
-double ReplicateStandardError(const FilmTile& sums, size_t component, size_t p);
-// The same of a weighted sum of R, G and B: their errors are correlated, so it is found from the
-// replicates' sums, not from the errors of the three.
-double ReplicateStandardError(const FilmTile& sums, const std::array<double, 3>& weights, size_t p);
+// The sums of a pixel's replicates, of those that have samples, and what their spread says.
+class PixelReplicates {
+ public:
+  // p: index into the planes.
+  PixelReplicates(const FilmTile& sums, size_t p);
+  // Of one colour component (0..2 = R, G, B); 0 where fewer than 2 replicates have samples or the
+  // weights sum to 0.
+  double StandardError(size_t component) const;
+  // The same of a weighted sum of R, G and B: their errors are correlated, so it is found from the
+  // replicates' sums, not from the errors of the three.
+  double StandardError(const std::array<double, 3>& weights) const;
+
+ private:
+  using Sums = std::array<float, kReplicateChannelCount>;
+  template <typename ColorOf>
+  double SpreadOf(const ColorOf& color_of) const;
+
+  std::array<Sums, kReplicateCount> replicates_;
+  size_t count_ = 0;
+};
 
 // Error over the picture as developed so far (pixels without samples are left out).
 FrameError EstimateError(const FramePicture& picture);

@@ -104,14 +104,15 @@ void DevelopColor(const FilmTile& sums, size_t from, size_t to, double weight,
   if (planes.color_space != nullptr) {
     mean = TransformVector(planes.color_space->light_from_srgb, mean);
   }
+  const PixelReplicates replicates(sums, from);
   for (size_t i = 0; i < 3; ++i) {
     planes.color[i][to] = static_cast<float>(mean[i]);
     double error = 0;
     if (planes.color_space == nullptr) {
-      error = ReplicateStandardError(sums, i, from);
+      error = replicates.StandardError(i);
     } else {
       const auto& row = planes.color_space->light_from_srgb.m[i];
-      error = ReplicateStandardError(sums, {row[0], row[1], row[2]}, from);
+      error = replicates.StandardError({row[0], row[1], row[2]});
     }
     planes.error[i][to] = static_cast<float>(error);
   }

@@ -80,15 +80,15 @@ TEST(FilmTest, StandardErrorIsThatOfReplicateMeans) {
   const FilmTile tile = MakeTile(1, 64, [](int32_t, uint64_t n) {
     return FilmSample{.radiance = Rgb::Grey(static_cast<float>(n % 16))};
   });
-  EXPECT_NEAR(ReplicateStandardError(tile, 0, 0), std::sqrt(17.0 / 12), 1e-12);
+  EXPECT_NEAR(PixelReplicates(tile, 0).StandardError(0), std::sqrt(17.0 / 12), 1e-12);
 }
 
 TEST(FilmTest, StandardErrorNeedsTwoReplicates) {
   const auto sample = [](int32_t, uint64_t n) {
     return FilmSample{.radiance = Rgb::Grey(1.0f + static_cast<float>(n))};
   };
-  EXPECT_EQ(ReplicateStandardError(MakeTile(1, 1, sample), 0, 0), 0);
-  EXPECT_NEAR(ReplicateStandardError(MakeTile(1, 2, sample), 0, 0), 0.5, 1e-12);
+  EXPECT_EQ(PixelReplicates(MakeTile(1, 1, sample), 0).StandardError(0), 0);
+  EXPECT_NEAR(PixelReplicates(MakeTile(1, 2, sample), 0).StandardError(0), 0.5, 1e-12);
 }
 
 // Over many pixels of known mean the interval mean +- t standard errors holds the truth as often as
@@ -130,7 +130,7 @@ TEST(FilmTest, UnequalReplicatesKeepTheErrorHonest) {
   const FilmTile root = tree.Root();
   double variance = 0;
   for (size_t p = 0; p < kPixels; ++p) {
-    const double e = ReplicateStandardError(root, 0, p);
+    const double e = PixelReplicates(root, p).StandardError(0);
     variance += e * e / kPixels;
   }
   const double truth = 1.0 / 12 / 24;

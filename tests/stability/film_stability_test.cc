@@ -77,7 +77,7 @@ TEST(FilmStabilityTest, C2NegativeLobesKeepAConstantConstant) {
     });
     EXPECT_NEAR(DevelopRed(tile), kConstant, 1e-6 * kConstant) << count;
     // An error bar of a constant is rounding, nothing more.
-    EXPECT_LE(ReplicateStandardError(tile, 0, 0), 1e-6 * kConstant) << count;
+    EXPECT_LE(PixelReplicates(tile, 0).StandardError(0), 1e-6 * kConstant) << count;
   }
 }
 
@@ -124,7 +124,7 @@ TEST(FilmStabilityTest, C3ABillionSamplesKeepTheirMean) {
     const double exact = sample.radiance.r;
     EXPECT_NEAR(WideMean(root) / exact, 1, 1e-9);
     EXPECT_EQ(DevelopRed(root), sample.radiance.r);
-    EXPECT_LE(ReplicateStandardError(root, 0, 0), 1e-6 * exact);
+    EXPECT_LE(PixelReplicates(root, 0).StandardError(0), 1e-6 * exact);
   }
 }
 
@@ -229,15 +229,15 @@ TEST(FilmStabilityTest, C6HostsMayFinishInAnyOrder) {
 // rounding.
 TEST(FilmStabilityTest, R9VarianceOfNearlyEqualLargeValues) {
   const auto error_of = [](double spread, uint64_t count) {
-    return ReplicateStandardError(MakeOnePixelTile({0, count},
-                                                   [spread](uint64_t n) {
-                                                     const double v =
-                                                         1e6 + spread * (n % 2 == 0 ? 1 : -1);
-                                                     FilmSample s;
-                                                     s.radiance = Rgb::Grey(static_cast<float>(v));
-                                                     return s;
-                                                   }),
-                                  0, 0);
+    return PixelReplicates(MakeOnePixelTile({0, count},
+                                            [spread](uint64_t n) {
+                                              const double v = 1e6 + spread * (n % 2 == 0 ? 1 : -1);
+                                              FilmSample s;
+                                              s.radiance = Rgb::Grey(static_cast<float>(v));
+                                              return s;
+                                            }),
+                           0)
+        .StandardError(0);
   };
   EXPECT_EQ(error_of(1e-3, 16), 0);
   EXPECT_EQ(error_of(1e-3, 1024), 0);
