@@ -4,11 +4,11 @@
 // EmbreeScene: the nearest surface along a ray, and whether anything is in the way. The only way to
 // Embree (3.13 and 4.x); its types stay in the embree_*.cc files.
 //
-// Same bits every time, whoever made the processor (docs/adr/0043). The device is pinned to AVX2, in
-// which all processors agree but for approximate reciprocals. Those decide where Embree looks, with
-// room to spare, and not what it finds: which triangles a ray meets has no division in it, how far
-// they are and where they are met is reckoned here, and of several hits at one distance the one of
-// the smallest id is the nearest, whatever order they are found in.
+// Same bits every time, whoever made the processor (docs/adr/0043). The device is pinned to AVX2,
+// in which all processors agree but for approximate reciprocals. Those decide where Embree looks,
+// with room to spare, and not what it finds: which triangles a ray meets has no division in it, how
+// far they are and where they are met is reckoned here, and of several hits at one distance the one
+// of the smallest id is the nearest, whatever order they are found in.
 //
 // Where a mesh holds needles its hits are met again in double (needle.h). Quadrics, bilinear
 // patches, curves and placed groups are user geometry, so that they are met in double precision and
