@@ -36,9 +36,9 @@ constexpr char kCellSizeKey[] = "sheaf:cellSizePx";  // Only of a part of some c
 constexpr char kCellsKey[] = "sheaf:cells";
 constexpr char kOutputsKey[] = "sheaf:outputs";  // Only where there are any.
 // Sums of noise hardly compress, and what there is to gain is not worth its time: of a part of
-// 32x32 pixels and 16 samples a run-length coding takes an eighth, and three times as long as none
-// to encode and to decode (tests/bench/part_bench.cc); ZIP and PIZ take ten to thirty times as
-// long. But most of a lattice's pixels are empty.
+// 32x32 pixels and 16 samples a run-length coding takes an eighth of the bytes away, and seven
+// times as long to encode, ten times to decode (tests/bench/part_bench.cc); ZIP and PIZ are slower
+// still. But most of a lattice's pixels are empty.
 Imf::Compression CompressionOf(const PixelLattice& lattice) {
   return lattice.All() ? Imf::NO_COMPRESSION : Imf::RLE_COMPRESSION;
 }
