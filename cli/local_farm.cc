@@ -79,7 +79,10 @@ absl::StatusOr<std::unique_ptr<LocalFarm>> LocalFarm::Open(const LocalFarmOption
   farm->state_ = *std::move(state);
   coordinator::CoordinatorOptions coordinator;
   coordinator.farm.state_directory = farm->state_->path();
-  if (options.kept_state.empty()) coordinator.farm.kept_parts_bytes_max = 0;
+  if (options.kept_state.empty()) {  // Then it ends with this process.
+    coordinator.farm.durability = coordinator::Durability::kProcess;
+    coordinator.farm.kept_parts_bytes_max = 0;
+  }
   if (options.http_address.empty()) coordinator.farm.round_previews_bytes_max = 0;  // Nobody looks.
   coordinator.listen_address.clear();
   coordinator.http_address = options.http_address;

@@ -43,20 +43,26 @@ absl::Status WriteAll(int fd, std::string_view bytes, const std::string& path) {
   return absl::OkStatus();
 }
 
-absl::Status WriteTemporary(const std::string& temporary, std::string_view bytes) {
-  Descriptor file(::open(temporary.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644));
-  if (file.get() < 0) return StatusFromErrno(errno, absl::StrCat("creating ", temporary));
-  if (absl::Status status = WriteAll(file.get(), bytes, temporary); !status.ok()) return status;
-  if (::fsync(file.get()) != 0) return StatusFromErrno(errno, absl::StrCat("fsync of ", temporary));
+absl::Status WriteNewFile(const std::string& path, std::string_view bytes, bool sync) {
+  Descriptor file(::open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644));
+  if (file.get() < 0) return StatusFromErrno(errno, absl::StrCat("creating ", path));
+  if (absl::Status status = WriteAll(file.get(), bytes, path); !status.ok()) return status;
+  if (sync && ::fsync(file.get()) != 0) {
+    return StatusFromErrno(errno, absl::StrCat("fsync of ", path));
+  }
   return absl::OkStatus();
 }
 
 }  // namespace
 
+absl::Status WriteFileOnce(const std::string& path, std::string_view bytes) {
+  return WriteNewFile(path, bytes, /*sync=*/false);
+}
+
 absl::Status WriteFileAtomically(const std::string& path, std::string_view bytes) {
   static std::atomic<uint64_t> counter{0};
   const std::string temporary = absl::StrCat(path, ".tmp-", ::getpid(), "-", counter.fetch_add(1));
-  if (absl::Status status = WriteTemporary(temporary, bytes); !status.ok()) {
+  if (absl::Status status = WriteNewFile(temporary, bytes, /*sync=*/true); !status.ok()) {
     ::unlink(temporary.c_str());
     return status;
   }

@@ -14,6 +14,8 @@ namespace sheaf {
 
 // Writes PATH.tmp-PID-N in the same directory, fsyncs it, renames it to path, fsyncs the directory.
 absl::Status WriteFileAtomically(const std::string& path, std::string_view bytes);
+// Makes or replaces it, and may leave some of it where that fails or the machine stops.
+absl::Status WriteFileOnce(const std::string& path, std::string_view bytes);
 // Errors: kNotFound; kResourceExhausted beyond size_bytes_max.
 absl::StatusOr<std::string> ReadWholeFile(const std::string& path,
                                           uint64_t size_bytes_max = uint64_t{1} << 34);

@@ -26,7 +26,8 @@ struct PartHeader {
 };
 
 // A part as a float32 EXR that any viewer opens. Equal parts give equal bytes (of one build). The
-// display window is the tile, the data window what has its cells; compressed are lattices alone.
+// display window is the tile, and so is the data window; of a part of some cells that has a line
+// for each of them, with its pixels row by row. Compressed are lattices alone.
 // Channels: R, G, B, weight (heads of the double-float sums), lo.R, lo.G, lo.B, lo.weight (their
 // tails), A, albedo.{R,G,B}, normal.{X,Y,Z}, depth.Z, samples, nonfinite, and for each replicate NN
 // that is there rNN.{R,G,B,W}; with outputs, NAME and lo.NAME of each mean channel, and for each
@@ -36,7 +37,7 @@ struct PartHeader {
 // (decimal strings); where not all pixels are rendered, sheaf:pixelStridePx and
 // sheaf:pixelSeed (PixelLattice), or sheaf:cellSizePx and sheaf:cells (TileCells; decimal strings);
 // with outputs, sheaf:outputs; sheaf:ids.KIND: the ids' names, "NUMBER NAME" a line with C escapes.
-// Requires: the tile has the header's cells (WhyNoCells).
+// Requires: the tile has the header's cells (WhyNoCells); not some cells of a lattice.
 std::string EncodePart(const FilmTile& tile, const PartHeader& header);
 struct DecodedPart {
   FilmTile tile;

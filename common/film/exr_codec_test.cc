@@ -178,18 +178,11 @@ TEST(ExrCodecTest, APartOfCellsHasTheirPixelsAndNoOthers) {
   ASSERT_TRUE(part.ok()) << part.status();
   EXPECT_EQ(part->header.cells, header.cells);
   EXPECT_TRUE(SameBits(part->tile, tile));
-  // What no chosen cell is beside takes no room.
-  const TileCells below{4, 0b1100};
-  FilmTile half({8, 8, 16, 16}, {0, 16});
-  Paste(MakeTestTile({8, 12, 16, 16}, half.block()), &half);
-  const std::string small = EncodePart(half, {"digest", "profile", {}, below});
-  EXPECT_LT(small.size(), 0.7 * static_cast<double>(EncodePart(tile, header).size()));
-  const absl::StatusOr<DecodedPart> lower = DecodePart(small);
-  ASSERT_TRUE(lower.ok()) << lower.status();
-  EXPECT_TRUE(SameBits(lower->tile, half));
+  const std::string bytes = EncodePart(tile, header);
+  const size_t whole = EncodePart(MakeTestTile(tile.rect(), tile.block()), {"d", "p"}).size();
+  EXPECT_LT(bytes.size(), 0.7 * static_cast<double>(whole)) << "other cells take no room";
   ExpectRefused(EncodePart(tile, {"digest", "profile"}), "sample counts");
   ExpectRefused(EncodePart(tile, {"digest", "profile", {}, {4, 0b1011}}), "sample counts");
-  const std::string bytes = EncodePart(tile, header);
   const auto cells_of = [](const std::string& mask) {
     return std::string("sheaf:cells\0string\0\1\0\0\0", 23) + mask;
   };
@@ -198,10 +191,27 @@ TEST(ExrCodecTest, APartOfCellsHasTheirPixelsAndNoOthers) {
   };
   ExpectRefused(Replaced(bytes, cells_of("9"), cells_of("0")), "cells");
   ExpectRefused(Replaced(bytes, cells_of("9"), cells_of("2")), "other pixels");
-  ExpectRefused(Replaced(bytes, cells_of("9"), cells_of("6")), "sample counts");
+  ExpectRefused(Replaced(bytes, cells_of("9"), cells_of("7")), "other pixels");
   ExpectRefused(Replaced(bytes, cell_size("4"), cell_size("0")), "cells");
   ExpectRefused(Replaced(bytes, cell_size("4"), cell_size("5")), "other pixels");
   ExpectRefused(Replaced(bytes, cell_size("4"), cell_size("8")), "cells");
+  ExpectRefused(EncodePart(FilmTile({8, 8, 16, 16}, {0, 16}), {"d", "p", {6, 3}, {4, 0b1001}}),
+                "lattice");
+}
+
+// Of a frame's last tile: cells of 4 and of 2 columns, 4 and 3 rows.
+TEST(ExrCodecTest, CellsAtTheRimAreSmaller) {
+  const PixelRect rect{8, 8, 14, 15};
+  for (const uint64_t mask : {0b0111, 0b1010, 0b1100, 0b1000}) {
+    const PartHeader header{"digest", "profile", {}, {4, mask}};
+    FilmTile tile(rect, {0, 16});
+    for (const PixelRect& cell : RectsOf(rect, header.cells)) {
+      Paste(MakeTestTile(cell, tile.block()), &tile);
+    }
+    const absl::StatusOr<DecodedPart> part = DecodePart(EncodePart(tile, header));
+    ASSERT_TRUE(part.ok()) << part.status();
+    EXPECT_TRUE(SameBits(part->tile, tile)) << mask;
+  }
 }
 
 TEST(ExrCodecTest, PartLargerThanTheLimitIsRefused) {

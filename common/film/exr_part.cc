@@ -118,15 +118,50 @@ absl::StatusOr<TileCells> CellsOf(const ExrHeader& header) {
   return cells;
 }
 
-// The pixels that a part of the cells has in its file.
+// A part's pixels in its file: those of all of the tile are a picture of it, those of some cells a
+// line for each, row by row, lest what is between them take bytes. Cells at the rim are smaller:
+// the rest of their line is empty.
 PixelRect DataWindowOf(const PixelRect& tile, const TileCells& cells) {
+  if (cells.All()) return tile;
   const std::vector<PixelRect> rects = RectsOf(tile, cells);
-  PixelRect window = rects.front();
-  for (const PixelRect& rect : rects) {
-    window = {std::min(window.x0, rect.x0), std::min(window.y0, rect.y0),
-              std::max(window.x1, rect.x1), std::max(window.y1, rect.y1)};
+  int64_t width = 0;  // At most the tile's pixels, of which there are no more than int32_t has.
+  for (const PixelRect& rect : rects) width = std::max(width, rect.PixelCount());
+  return {tile.x0, tile.y0, tile.x0 + static_cast<int32_t>(width),
+          tile.y0 + static_cast<int32_t>(rects.size())};
+}
+
+// The rows of the tile, or of a cell, that line number `line` of such a file has.
+PixelRect RectOfLine(const PixelRect& tile, const TileCells& cells,
+                     const std::vector<PixelRect>& rects, size_t line) {
+  if (!cells.All()) return rects[line];
+  const int32_t y = tile.y0 + static_cast<int32_t>(line);
+  return {tile.x0, y, tile.x1, y + 1};
+}
+
+// The lines of DataWindowOf for each of the tile's planes, and those planes.
+struct PackedPlanes {
+  std::vector<float> pixels;
+  std::vector<NamedPlane<const float>> planes;
+};
+PackedPlanes Pack(const std::vector<NamedPlane<const float>>& planes, const PixelRect& tile,
+                  const TileCells& cells) {
+  const std::vector<PixelRect> rects = RectsOf(tile, cells);
+  const PixelRect window = DataWindowOf(tile, cells);
+  const auto width = static_cast<size_t>(window.Width());
+  PackedPlanes packed;
+  packed.pixels.resize(static_cast<size_t>(window.PixelCount()) * planes.size());
+  float* line = packed.pixels.data();
+  for (const NamedPlane<const float>& plane : planes) {
+    packed.planes.push_back({plane.name, line});
+    for (const PixelRect& rect : rects) {
+      float* row = line;
+      for (int32_t y = rect.y0; y < rect.y1; ++y) {
+        row = std::copy_n(plane.pixels + tile.IndexOf(rect.x0, y), rect.Width(), row);
+      }
+      line += width;
+    }
   }
-  return window;
+  return packed;
 }
 
 std::array<size_t, kIdKindCount> CountIdPlanes(const ExrHeader& header) {
@@ -152,27 +187,34 @@ absl::Status CheckPartChannels(const ExrHeader& header,
   return absl::OkStatus();
 }
 
-// As DecodePlanes, from a file without compression and with these planes alone, in the order of
-// their names. Takes lines as they are: OpenEXR puts each float together from single bytes, which
-// takes five times as long.
-absl::Status DecodeLines(std::string_view bytes, PixelRect data_window,
-                         const std::vector<NamedPlane<float>>& planes, PixelRect rect) {
+// Reads a file without compression and with these planes alone, in the order of their names. Takes
+// lines as they are: OpenEXR puts each float together from single bytes, which takes five times as
+// long.
+absl::Status DecodeLines(std::string_view bytes, const std::vector<NamedPlane<float>>& planes,
+                         const PixelRect& tile, const TileCells& cells) {
   static_assert(std::endian::native == std::endian::little, "as EXR files are");
   return Guard([&] {
     MemoryInput input(bytes);
     Imf::InputFile file(input, 0);
-    if (file.header().dataWindow() != BoxOf(data_window)) throw std::runtime_error(kTwoWindows);
-    const size_t row_bytes = static_cast<size_t>(data_window.Width()) * sizeof(float);
-    for (int32_t y = data_window.y0; y < data_window.y1; ++y) {
+    const PixelRect window = DataWindowOf(tile, cells);
+    if (file.header().dataWindow() != BoxOf(window)) throw std::runtime_error(kTwoWindows);
+    const std::vector<PixelRect> rects = RectsOf(tile, cells);
+    const size_t line_bytes = static_cast<size_t>(window.Width()) * sizeof(float);
+    for (int32_t i = 0; i < window.Height(); ++i) {
       const char* line = nullptr;
-      int line_bytes = 0;
-      file.rawPixelData(y, line, line_bytes);
-      if (static_cast<size_t>(line_bytes) != planes.size() * row_bytes) {
+      int size_bytes = 0;
+      file.rawPixelData(window.y0 + i, line, size_bytes);
+      if (static_cast<size_t>(size_bytes) != planes.size() * line_bytes) {
         throw std::runtime_error("a line of another length");
       }
+      const PixelRect rect = RectOfLine(tile, cells, rects, static_cast<size_t>(i));
+      const size_t row_bytes = static_cast<size_t>(rect.Width()) * sizeof(float);
       for (const NamedPlane<float>& plane : planes) {
-        std::memcpy(plane.pixels + rect.IndexOf(data_window.x0, y), line, row_bytes);
-        line += row_bytes;
+        const char* row = line;
+        for (int32_t y = rect.y0; y < rect.y1; ++y, row += row_bytes) {
+          std::memcpy(plane.pixels + tile.IndexOf(rect.x0, y), row, row_bytes);
+        }
+        line += line_bytes;
       }
     }
   });
@@ -201,6 +243,7 @@ absl::StatusOr<PartLayout> LayoutOf(const ExrFileHeader& file, size_t size_bytes
   if (!lattice.ok()) return lattice.status();
   const absl::StatusOr<TileCells> cells = CellsOf(header);
   if (!cells.ok()) return cells.status();
+  if (!lattice->All() && !cells->All()) return NotAPart("it has cells of a lattice");
   if (!(header.data_window == DataWindowOf(tile, *cells))) {
     return NotAPart("it has other pixels than its tile, or its cells");
   }
@@ -259,7 +302,9 @@ std::string EncodePart(const FilmTile& tile, const PartHeader& part) {
       id_planes.push_back(std::move(own[k]));
     }
   }
-  return EncodePlanes(std::move(header), planes, tile.rect());
+  if (part.cells.All()) return EncodePlanes(std::move(header), planes, tile.rect());
+  return EncodePlanes(std::move(header), Pack(planes, tile.rect(), part.cells).planes,
+                      DataWindowOf(tile.rect(), part.cells));
 }
 
 absl::StatusOr<DecodedPart> DecodePart(std::string_view bytes, int64_t part_pixels_max) {
@@ -280,8 +325,10 @@ absl::StatusOr<DecodedPart> DecodePart(std::string_view bytes, int64_t part_pixe
   }
   std::ranges::sort(planes, {}, &NamedPlane<float>::name);
   if (absl::Status status = CheckPartChannels(header, planes); !status.ok()) return status;
-  const auto decode = part.header.lattice.All() ? DecodeLines : DecodePlanes;
-  const absl::Status decoded = decode(bytes, header.data_window, planes, part.tile.rect());
+  const PixelRect& tile = part.tile.rect();
+  const absl::Status decoded = part.header.lattice.All()
+                                   ? DecodeLines(bytes, planes, tile, part.header.cells)
+                                   : DecodePlanes(bytes, header.data_window, planes, tile);
   if (!decoded.ok()) return decoded;
   const std::string why = WhyNoSums(part.tile, part.header.lattice, part.header.cells);
   if (!why.empty()) return NotAPart(why);

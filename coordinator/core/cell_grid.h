@@ -20,8 +20,8 @@
 namespace sheaf::coordinator {
 
 // Cells are as small as this, and larger in frames that would have more than so many.
-inline constexpr int32_t kCellSizePxMin = 8;
-inline constexpr int64_t kCellsEnough = 1024;
+inline constexpr int32_t kCellSizePxMin = 4;
+inline constexpr int64_t kCellsEnough = 4096;
 
 // Whether a tile can be divided into squares of that edge.
 constexpr bool DividesIntoCells(int32_t tile_size_px, int32_t cell_size_px) {

@@ -8,14 +8,15 @@ namespace sheaf::coordinator {
 namespace {
 
 TEST(CellGridTest, CellsAreSmallInSmallFramesAndTilesInLargeOnes) {
-  EXPECT_EQ(ChooseCellSize({0, 0, 200, 150}, 32), 8);
-  EXPECT_EQ(ChooseCellSize({0, 0, 256, 256}, 32), 8);
-  EXPECT_EQ(ChooseCellSize({0, 0, 264, 256}, 32), 16);
+  EXPECT_EQ(ChooseCellSize({0, 0, 200, 150}, 32), 4);
+  EXPECT_EQ(ChooseCellSize({0, 0, 256, 256}, 32), 4);
+  EXPECT_EQ(ChooseCellSize({0, 0, 260, 256}, 32), 8);
+  EXPECT_EQ(ChooseCellSize({0, 0, 1024, 576}, 32), 16);
   EXPECT_EQ(ChooseCellSize({0, 0, 1920, 1080}, 32), 32);
   // Cells divide tiles, at most 8 times.
   EXPECT_EQ(ChooseCellSize({0, 0, 100, 100}, 41), 41);
   EXPECT_EQ(ChooseCellSize({0, 0, 100, 100}, 128), 16);
-  EXPECT_EQ(ChooseCellSize({0, 0, 100, 100}, 8), 8);
+  EXPECT_EQ(ChooseCellSize({0, 0, 100, 100}, 4), 4);
   EXPECT_EQ(ChooseCellSize({0, 0, 100, 100}, 1), 1);
 }
 

@@ -15,7 +15,7 @@ namespace sheaf::coordinator {
 
 absl::StatusOr<std::unique_ptr<Farm>> Farm::Open(const FarmOptions& options) {
   absl::StatusOr<std::unique_ptr<SqliteJobStore>> store =
-      SqliteJobStore::Open(options.state_directory);
+      SqliteJobStore::Open(options.state_directory, options.durability);
   if (!store.ok()) return store.status();
   return Open(options, *std::move(store));
 }

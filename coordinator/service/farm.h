@@ -36,6 +36,7 @@
 #include "coordinator/core/scheduler.h"
 #include "coordinator/service/farm_view.h"
 #include "coordinator/service/scene_names.h"
+#include "coordinator/store/durability.h"
 #include "coordinator/store/job_store.h"
 #include "coordinator/store/round_previews.h"
 
@@ -43,6 +44,7 @@ namespace sheaf::coordinator {
 
 struct FarmOptions {
   std::string state_directory;
+  Durability durability = Durability::kPowerLoss;  // Of jobs and parts; pictures are durable.
   Limits limits;
   // Parts of delivered frames are kept for RefineJob while all parts together are no more than
   // this; then the oldest go.

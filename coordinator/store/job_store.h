@@ -2,7 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // JobStore: what the coordinator must not forget. Whatever a call returned OK for survives kill -9
-// and power loss, so that an acknowledgement sent after it is true.
+// and power loss (of a store that is Durability::kPowerLoss), so that an acknowledgement sent after
+// it is true.
 #pragma once
 
 #include <cstdint>

@@ -10,6 +10,7 @@
 #include <string_view>
 
 #include "absl/status/statusor.h"
+#include "coordinator/store/durability.h"
 
 struct sqlite3;
 struct sqlite3_stmt;
@@ -56,9 +57,10 @@ class SqliteStatement {
 // Thread safety: one thread at a time.
 class SqliteDatabase {
  public:
-  // Opens or makes the file, in WAL mode with synchronous=FULL: a commit is durable.
+  // Opens or makes the file, in WAL mode.
   // Errors: kUnavailable, kPermissionDenied, kResourceExhausted, with the path.
-  static absl::StatusOr<std::unique_ptr<SqliteDatabase>> Open(const std::string& path);
+  static absl::StatusOr<std::unique_ptr<SqliteDatabase>> Open(
+      const std::string& path, Durability durability = Durability::kPowerLoss);
   ~SqliteDatabase();
   SqliteDatabase(const SqliteDatabase&) = delete;
   SqliteDatabase& operator=(const SqliteDatabase&) = delete;

@@ -64,13 +64,14 @@ std::vector<LayerCount> ParseLayers(const std::string& text) {
 
 }  // namespace
 
-absl::StatusOr<std::unique_ptr<SqliteJobStore>> SqliteJobStore::Open(const std::string& directory) {
+absl::StatusOr<std::unique_ptr<SqliteJobStore>> SqliteJobStore::Open(const std::string& directory,
+                                                                     Durability durability) {
   for (const std::string sub : {"", "/parts", "/outputs"}) {
     if (absl::Status status = MakeDirectories(directory + sub); !status.ok()) return status;
   }
   const absl::StatusOr<int> lock = LockDirectory(directory);
   if (!lock.ok()) return lock.status();
-  std::unique_ptr<SqliteJobStore> store(new SqliteJobStore(directory, *lock));
+  std::unique_ptr<SqliteJobStore> store(new SqliteJobStore(directory, durability, *lock));
   if (absl::Status status = store->Initialize(); !status.ok()) return status;
   return store;
 }
@@ -82,7 +83,7 @@ SqliteJobStore::~SqliteJobStore() {
 
 absl::Status SqliteJobStore::Initialize() {
   absl::StatusOr<std::unique_ptr<SqliteDatabase>> database =
-      SqliteDatabase::Open(directory_ + "/farm.db");
+      SqliteDatabase::Open(directory_ + "/farm.db", durability_);
   if (!database.ok()) return database.status();
   database_ = std::move(*database);
   if (absl::Status status = MigrateSchema(database_.get(), directory_ + "/farm.db"); !status.ok())

@@ -32,7 +32,8 @@ class SqliteJobStore : public JobStore {
   // Makes the directory where it is missing.
   // Errors: kFailedPrecondition (another coordinator uses it; its schema is of a later version);
   // kPermissionDenied, kResourceExhausted, kUnavailable, kDataLoss, with the path.
-  static absl::StatusOr<std::unique_ptr<SqliteJobStore>> Open(const std::string& directory);
+  static absl::StatusOr<std::unique_ptr<SqliteJobStore>> Open(
+      const std::string& directory, Durability durability = Durability::kPowerLoss);
   ~SqliteJobStore() override;
 
   absl::StatusOr<std::vector<StoredJob>> LoadJobs() override;
@@ -74,8 +75,8 @@ class SqliteJobStore : public JobStore {
     absl::Status status;
   };
 
-  SqliteJobStore(std::string directory, int lock_fd)
-      : directory_(std::move(directory)), lock_fd_(lock_fd) {}
+  SqliteJobStore(std::string directory, Durability durability, int lock_fd)
+      : directory_(std::move(directory)), durability_(durability), lock_fd_(lock_fd) {}
   absl::Status Initialize();
   absl::Status CommitRow(const PartRow& row);
   void CommitPending(const std::vector<PendingRow*>& rows);
@@ -95,6 +96,7 @@ class SqliteJobStore : public JobStore {
   absl::Status InsertRound(const FrameId& frame, const RoundRecord& round);
 
   const std::string directory_;
+  const Durability durability_;
   const int lock_fd_;
   std::unique_ptr<SqliteDatabase> database_;
   std::mutex database_mutex_;  // Guards database_.

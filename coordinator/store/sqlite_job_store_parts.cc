@@ -21,7 +21,8 @@ absl::Status SqliteJobStore::WritePart(const PartRow& row, const std::string& by
   if (existing->has_value()) return absl::AlreadyExistsError("the part is there already");
   if (absl::Status s = MakeDirectories(FrameDirectory(row.key.frame)); !s.ok()) return s;
   const std::string path = PartPath(row);
-  if (absl::Status s = WriteFileAtomically(path, bytes); !s.ok()) return s;
+  const auto write = durability_ == Durability::kPowerLoss ? &WriteFileAtomically : &WriteFileOnce;
+  if (absl::Status s = write(path, bytes); !s.ok()) return s;
   absl::Status status = CommitRow(row);
   if (status.ok()) {
     parts_bytes_ += bytes.size();

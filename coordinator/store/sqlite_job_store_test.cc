@@ -32,9 +32,9 @@ class SqliteJobStoreTest : public testing::Test {
     store_.reset();
     std::filesystem::remove_all(directory_);
   }
-  void Reopen() {
+  void Reopen(Durability durability = Durability::kPowerLoss) {
     store_.reset();
-    absl::StatusOr<std::unique_ptr<SqliteJobStore>> store = SqliteJobStore::Open(directory_);
+    auto store = SqliteJobStore::Open(directory_, durability);
     SHEAF_CHECK(store.ok());
     store_ = std::move(*store);
   }
@@ -242,8 +242,7 @@ TEST_F(SqliteJobStoreTest, PartsSurviveAReopen) {
   EXPECT_EQ(store_->WritePart(row, "some bytes").code(), absl::StatusCode::kAlreadyExists);
   Reopen();
   const auto parts = store_->LoadParts(job);
-  ASSERT_TRUE(parts.ok());
-  ASSERT_EQ(parts->rows.size(), 1u);
+  ASSERT_TRUE(parts.ok() && parts->rows.size() == 1u);
   EXPECT_EQ(parts->rows_lost, 0);
   EXPECT_EQ(parts->rows[0].key, row.key);
   EXPECT_EQ(parts->rows[0].cost.ray_count, 11u);
@@ -252,6 +251,7 @@ TEST_F(SqliteJobStoreTest, PartsSurviveAReopen) {
 }
 
 TEST_F(SqliteJobStoreTest, PartsOfOtherCellsAreOtherParts) {
+  Reopen(Durability::kProcess);  // As in a farm of one.
   const uint64_t job = CreateJob();
   std::vector<PartRow> rows;
   for (const TileCells& cells : {TileCells{}, {8, 5}, {8, uint64_t{1} << 63}}) {

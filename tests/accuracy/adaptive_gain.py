@@ -23,6 +23,7 @@ import typing
 import target_error
 
 GAIN_MIN, LOSS_MAX = 1.3, 1.05
+STEP = 16  # Uniform pictures have as many samples in each replicate, as is best for them.
 
 
 class Spent(typing.NamedTuple):
@@ -55,7 +56,7 @@ def measure(scene, options, folder):
         def spend(*how, seed=seed):
             return cost_and_error(scene, flags, seed, folder, reference, left, *how)
         adaptive = spend("--target-error", options.target)
-        count = max(16, int(adaptive.samples))
+        count = STEP * max(1, round(adaptive.samples / STEP))
         few, many = spend("--samples", count), spend("--samples", 2 * count)
         cpu, wall = (cost_at(adaptive.error, few, many, of) / of(adaptive)
                      for of in (lambda s: s.cpu_seconds, lambda s: s.wall_seconds))
