@@ -198,7 +198,7 @@ void AddJobOptions(CLI::App* command, JobArguments* arguments) {
       ->add_option(
           "--cell-size", arguments->cell_size_px,
           "Where samples go where they are needed: edge of the squares of a tile that get "
-          "samples of their own; divides the tile's edge by at most 8 (default: 8 in small "
+          "samples of their own; divides the tile's edge by at most 8 (default: 4 in small "
           "frames, more in larger ones)")
       ->check(CLI::Range(1, kTileSizePxMax));
   command

@@ -189,6 +189,16 @@ uint64_t Farm::WaitForChange(uint64_t seen, absl::Duration timeout) const {
   return change_count_;
 }
 
+uint64_t Farm::EndCount() const {
+  const std::lock_guard lock(change_mutex_);
+  return end_count_;
+}
+
+void Farm::WaitForEnd(uint64_t seen, absl::Duration timeout) const {
+  std::unique_lock lock(change_mutex_);
+  end_.wait_for(lock, absl::ToChronoNanoseconds(timeout), [&] { return end_count_ != seen; });
+}
+
 void Farm::NoteDisk(const absl::Status& status) {
   const bool of_disk = absl::IsResourceExhausted(status) || absl::IsUnavailable(status) ||
                        absl::IsPermissionDenied(status);
@@ -313,7 +323,13 @@ void Farm::SettleEndedJobs() {
     }
     EraseOpenFrames(job.job_id);
   }
-  if (!ended.empty()) Changed();
+  if (ended.empty()) return;
+  Changed();
+  {
+    const std::lock_guard lock(change_mutex_);
+    end_count_ += ended.size();
+  }
+  end_.notify_all();
 }
 
 // Writes down failures that are new. What the disk refuses is tried again. Requires: settle_mutex_

@@ -158,6 +158,10 @@ class Farm : public FarmView {
   absl::Status Ready() const override;
   uint64_t ChangeCount() const override;
   uint64_t WaitForChange(uint64_t seen, absl::Duration timeout) const override;
+  // Grows whenever a job has ended.
+  uint64_t EndCount() const;
+  // As WaitForChange, of EndCount.
+  void WaitForEnd(uint64_t seen, absl::Duration timeout) const;
 
  private:
   // What the scheduler does not need to know of a job.
@@ -342,9 +346,10 @@ class Farm : public FarmView {
   std::condition_variable reservation_released_;
   std::set<TileName> reserved_;
 
-  mutable std::mutex change_mutex_;  // Guards change_count_.
-  mutable std::condition_variable change_;
+  mutable std::mutex change_mutex_;  // Guards change_count_ and end_count_.
+  mutable std::condition_variable change_, end_;
   mutable uint64_t change_count_ = 1;
+  uint64_t end_count_ = 0;
 
   std::mutex background_mutex_;  // Guards stopping_ and wake_.
   std::condition_variable background_wake_;

@@ -257,6 +257,8 @@ TEST_F(FarmTest, FramesWithoutARuleHaveACurveToo) {
   EXPECT_EQ(curve.back().sample_count, 256u * 256u);
   const double delivered = farm_->FindJob(job)->frames[0].progress.relative_mse;
   EXPECT_NEAR(curve.back().relative_mse, delivered, 1e-6 * delivered);
+  farm_->WaitForEnd(0, absl::Seconds(60));
+  EXPECT_EQ(farm_->EndCount(), 1u);
   for (size_t i = 1; i < curve.size(); ++i) {
     EXPECT_GT(curve[i].sample_count, curve[i - 1].sample_count);
     EXPECT_LT(curve[i].relative_mse, curve[i - 1].relative_mse);

@@ -192,18 +192,21 @@ grpc::Status JobService::PriceRefinement(grpc::ServerContext* /*context*/,
 grpc::Status JobService::WatchJob(grpc::ServerContext* context, const v1::WatchJobRequest* request,
                                   grpc::ServerWriter<v1::Job>* writer) {
   std::string last;
+  absl::Time next_write = absl::InfinitePast();
   while (!stopping_ && !context->IsCancelled()) {
-    const uint64_t seen = farm_->ChangeCount();
+    const uint64_t seen = farm_->ChangeCount(), ends_seen = farm_->EndCount();
     const absl::StatusOr<JobView> view = Find(request->name());
     if (!view.ok()) return ToGrpcStatus(view.status());
     const v1::Job job = ToWire(*view);
     std::string now = job.SerializeAsString();
-    if (now != last) {
+    if (now != last && (HasEnded(view->state) || absl::Now() >= next_write)) {
       last = std::move(now);
+      next_write = absl::Now() + kWatchIntervalMin;
       if (!writer->Write(job)) return grpc::Status::OK;  // The watcher has gone.
     }
     if (HasEnded(view->state)) return grpc::Status::OK;
-    absl::SleepFor(kWatchIntervalMin);
+    // Who waits for a job's end learns of it at once.
+    farm_->WaitForEnd(ends_seen, kWatchIntervalMin);
     farm_->WaitForChange(seen, kWatchIntervalMin);
   }
   return stopping_ ? ToGrpcStatus(absl::UnavailableError("the coordinator stops"))

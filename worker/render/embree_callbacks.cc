@@ -82,8 +82,7 @@ void TestAgain(const RTCFilterFunctionNArguments* args, const Meet& meet) {
   if (candidate.IsSource()) return;
   const std::optional<TriangleHit> met = meet(candidate.mesh, candidate.Indices(), candidate.ray);
   const float t = met.has_value() ? static_cast<float>(met->t) : 0;
-  if (!(t > 0)) return;
-  if (!candidate.Take(t)) return;
+  if (!(t > 0) || !candidate.Take(t)) return;
   args->valid[0] = -1;
   candidate.hit.u = static_cast<float>(met->u);
   candidate.hit.v = static_cast<float>(met->v);
