@@ -192,6 +192,10 @@ TEST(ExrCodecTest, APartOfCellsHasTheirPixelsAndNoOthers) {
   ExpectRefused(Replaced(bytes, cells_of("9"), cells_of("0")), "cells");
   ExpectRefused(Replaced(bytes, cells_of("9"), cells_of("2")), "other pixels");
   ExpectRefused(Replaced(bytes, cells_of("9"), cells_of("7")), "other pixels");
+  // As many others: a part of those, which whoever asked for these refuses by its header.
+  const auto others = DecodePart(Replaced(bytes, cells_of("9"), cells_of("6")));
+  ASSERT_TRUE(others.ok()) << others.status();
+  EXPECT_EQ(others->header.cells, (TileCells{4, 6}));
   ExpectRefused(Replaced(bytes, cell_size("4"), cell_size("0")), "cells");
   ExpectRefused(Replaced(bytes, cell_size("4"), cell_size("5")), "other pixels");
   ExpectRefused(Replaced(bytes, cell_size("4"), cell_size("8")), "cells");

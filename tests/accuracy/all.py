@@ -7,8 +7,8 @@
         [--only target_error,quote_accuracy] [--references FOLDER]
 
 Runs the programs of this folder with --check on the eight small scenes, and tells which checks
-held. On two cores quotes take three minutes and targets twelve; references take half an hour, and
---references keeps them. Exits with 1 where a check fails.
+held. On two cores quotes take three minutes, targets twelve, one_sequence eight and adaptive_gain
+fifty; references take half an hour, and --references keeps them. Exits with 1 where a check fails.
 """
 import argparse
 import os
