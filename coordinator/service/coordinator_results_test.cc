@@ -243,6 +243,12 @@ TEST_F(CoordinatorServerTest, ResultsThatAreNotPartsOfTheirKeyAreRefused) {
   bent = good;
   bent.bytes += "tail";
   EXPECT_EQ(code_of(bent), absl::StatusCode::kInvalidArgument);
+  v1::Lease of_cells = worker.leases()[0];
+  of_cells.mutable_key()->set_cell_size_px(8);
+  of_cells.mutable_key()->set_cells(1);
+  bent = worker.MakeUpload(of_cells);
+  *bent.header.mutable_key() = good.header.key();
+  EXPECT_EQ(code_of(bent), absl::StatusCode::kInvalidArgument) << "a part of other cells";
   bent = good;
   bent.header.mutable_key()->set_frame_digest(std::string(64, 'a'));
   EXPECT_EQ(*worker.Send(bent), Response::OUTCOME_SUPERSEDED);
