@@ -79,7 +79,7 @@ for (const topic of ['jobs', 'workers', 'connection', 'selection'] as const) {
   store.listen(topic, drawHead);
 }
 store.listen('problems', drawProblems);
-byId('problems-dismiss').addEventListener('click', () => store.forgetProblems());
+byId('problems-dismiss').addEventListener('click', () => store.dismissProblems());
 store.listen('jobs', followNewest);
 new JobsView(store, (name) => {
   location.hash = name;

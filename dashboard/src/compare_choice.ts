@@ -53,6 +53,7 @@ export class CompareChoice {
 
   private async chooseJob(name: string) {
     if (!name) return this.store.setBeside(undefined);
+    this.store.note(ATTEMPT, null);
     try {
       const job = await api.getJob(name, FRAMES_MAX, '');
       if (this.jobs.value !== name) return;
@@ -64,7 +65,6 @@ export class CompareChoice {
       const frame = job.frames.find((one) => one.frame_number === number) ?? job.frames[0];
       if (frame) this.numbers.value = frame.name;
       this.store.setBeside(frame);
-      this.store.note(ATTEMPT, null);
     } catch (failure) {
       this.store.note(ATTEMPT, failure);
     }

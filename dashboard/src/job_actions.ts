@@ -87,9 +87,9 @@ export class JobActions {
   }
 
   private async finish(attempt: string, ask: () => Promise<Job>) {
+    this.store.note(attempt, null);
     try {
       this.store.setJob(await ask());
-      this.store.note(attempt, null);
     } catch (failure) {
       this.store.note(attempt, failure);
     }

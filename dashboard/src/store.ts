@@ -37,6 +37,8 @@ export class Store {
   connection: Connection = 'connecting';
   // What could not be done, by what it was: "loading frames" -> "why".
   readonly problems = new Map<string, string>();
+  // Those that were dismissed: unseen until the attempt goes well once, or fails in another way.
+  private readonly dismissed = new Map<string, string>();
   // Of the selected job, as seen since it was selected.
   private watchedCurve = new WatchedCurve();
   private readonly listeners = new Map<Topic, (() => void)[]>();
@@ -75,9 +77,12 @@ export class Store {
     if (this.untold.size > 0) this.schedule();
   }
 
-  // Notes how an attempt ended: what was wrong, or null where it went well.
+  // Notes how an attempt ended: what was wrong, or null where it went well. What somebody asks for
+  // notes null before it begins, too: it is seen again that it fails.
   note(attempt: string, failure: unknown) {
     const words = failure instanceof Error ? failure.message : failure === null ? '' : `${failure}`;
+    if (words && this.dismissed.get(attempt) === words) return;
+    this.dismissed.delete(attempt);
     if ((this.problems.get(attempt) ?? '') === words) return;
     if (words)
       this.problems.set(attempt, words);
@@ -86,7 +91,8 @@ export class Store {
     this.touch('problems');
   }
 
-  forgetProblems() {
+  dismissProblems() {
+    for (const [attempt, words] of this.problems) this.dismissed.set(attempt, words);
     this.problems.clear();
     this.touch('problems');
   }

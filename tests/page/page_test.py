@@ -18,7 +18,7 @@ import traceback
 HERE = os.path.dirname(os.path.abspath(__file__))
 sys.path += [HERE, os.path.join(HERE, "..", "integration")]
 from action_checks import MORE_FRAMES, check_clicks, check_dismissed  # noqa: E402
-from action_checks import check_more_frames  # noqa: E402
+from action_checks import check_more_frames, wait_for_problems  # noqa: E402
 from browser import Browser  # noqa: E402
 from chart_checks import ADD_TARGETS, check_chart  # noqa: E402
 from compare_checks import check_compare  # noqa: E402
@@ -328,7 +328,8 @@ def check_a_thousand_frames(browser, _):
 
 
 def check_page_survives_a_restart(browser, server):
-    """The page says that it lost the coordinator, and follows it again without a reload."""
+    """The page says that it lost the coordinator, and follows it again without a reload; the next
+    loss is told, though the first was dismissed."""
     connection = lambda: browser.run(TEXT, "connection-text")  # noqa: E731
     browser.open(server.url)
     wait_until(lambda: connection() == "Live", PAGE_SECONDS_MAX, "events")
@@ -338,6 +339,10 @@ def check_page_survives_a_restart(browser, server):
     server.start(job_count=7, worker_count=3)
     wait_until(lambda: connection() == "Live", PAGE_SECONDS_MAX, "the return")
     wait_until(lambda: browser.run(TEXT, "job-count") == "7", PAGE_SECONDS_MAX, "the new jobs")
+    server.stop()
+    wait_for_problems(browser)
+    server.start(job_count=7, worker_count=3)
+    wait_until(lambda: connection() == "Live", PAGE_SECONDS_MAX, "the return")
 
 
 class MadeUpServer:
