@@ -27,6 +27,8 @@ class QuoteCommand : public Command {
     AddSettingsOptions(command, &arguments_);
     command->add_option("--frames", arguments_.frames,
                         "Frames of a range, as in 1-24; #### in SCENE is the frame");
+    AddResumeOption(command, &arguments_);
+    AddPartitionOptions(command, &arguments_);
     command->add_option("--targets", asked_.targets, "Errors (relMSE) to quote, 0.1,0.05,...")
         ->delimiter(',')
         ->check(CLI::Range(1e-9, 1e3))
@@ -43,8 +45,10 @@ class QuoteCommand : public Command {
         "  sheaf quote room.pbrt\n"
         "  sheaf quote room.pbrt --here --targets 0.02,0.01\n"
         "  sheaf quote 'shot.####.pbrt' --frames 1-240 --json\n"
+        "  sheaf quote room.pbrt --resume-from room.exr --targets 0.005\n"
         "It renders a few of the pixels, at no more than 3 % of the price of the loosest error,\n"
-        "before all other jobs. The band holds what then happens in 8 of 10 cases.");
+        "before all other jobs. The band holds what then happens in 8 of 10 cases. With\n"
+        "--resume-from the price is of what is not there yet.");
     return command;
   }
 

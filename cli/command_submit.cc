@@ -66,8 +66,7 @@ class SubmitCommand : public Command {
     if (absl::Status status = UploadMissing(&client, *job); !status.ok()) {
       return ReportCallError(status);
     }
-    // A quote would be of all samples, those that are there included.
-    if (!no_quote_ && arguments_.resume_from.empty()) {
+    if (!no_quote_) {
       if (absl::Status status = PrintQuote(&client, *job); absl::IsCancelled(status)) {
         return ReportCallError(status);
       }

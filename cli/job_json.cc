@@ -107,6 +107,7 @@ Json FrameJson(const v1::Frame& frame) {
       {"sample_count", settings.sample_count()},
       {"depth_max", settings.depth_max()},
       {"seed", settings.seed()},
+      {"one_sequence", settings.one_sequence()},
       {"similarity_after_count", settings.similarity_after_count()},
       {"pixel_stride_px", settings.pixel_stride_px()},
       {"stop", StopJson(frame.spec().stop())},

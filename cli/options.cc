@@ -175,21 +175,16 @@ void AddPictureOptions(CLI::App* command, JobArguments* arguments) {
   AddViewOptions(command, &arguments->view);
 }
 
-void AddJobOptions(CLI::App* command, JobArguments* arguments) {
-  AddSettingsOptions(command, arguments);
-  AddStopOptions(command, &arguments->stop);
-  command->add_option("--frames", arguments->frames,
-                      "Frames of a pattern such as shot.####.pbrt: 1-24, 1-100x5 or 1,4,9-12");
-  command->add_option("-o,--output", arguments->output,
-                      "Picture to write: .exr, or .png with an .exr beside it; #### is the frame");
-  command->add_option("--png", arguments->png, "Also write a PNG");
-  AddViewOptions(command, &arguments->view);
+void AddResumeOption(CLI::App* command, JobArguments* arguments) {
   command
       ->add_option("--resume-from", arguments->resume_from,
                    "Go on from this EXR, which Sheaf delivered of the same scene with the same "
                    "settings: only samples that it does not have are rendered (--samples and "
-                   "--target-error count those that it has)")
+                   "errors count those that it has)")
       ->check(CLI::ExistingFile);
+}
+
+void AddPartitionOptions(CLI::App* command, JobArguments* arguments) {
   command
       ->add_option("--tile-size", arguments->tile_size_px,
                    "Edge of a tile; changes no pixel, unless samples go where they are needed")
@@ -209,6 +204,19 @@ void AddJobOptions(CLI::App* command, JobArguments* arguments) {
       ->add_option("--lease-passes", arguments->lease_pass_count,
                    "Passes of one lease at most, a power of two; changes no pixel")
       ->check(CheckPowerOfTwo);
+}
+
+void AddJobOptions(CLI::App* command, JobArguments* arguments) {
+  AddSettingsOptions(command, arguments);
+  AddStopOptions(command, &arguments->stop);
+  command->add_option("--frames", arguments->frames,
+                      "Frames of a pattern such as shot.####.pbrt: 1-24, 1-100x5 or 1,4,9-12");
+  command->add_option("-o,--output", arguments->output,
+                      "Picture to write: .exr, or .png with an .exr beside it; #### is the frame");
+  command->add_option("--png", arguments->png, "Also write a PNG");
+  AddViewOptions(command, &arguments->view);
+  AddResumeOption(command, arguments);
+  AddPartitionOptions(command, arguments);
 }
 
 }  // namespace sheaf::cli

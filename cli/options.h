@@ -20,9 +20,13 @@ void AddSettingsOptions(CLI::App* command, JobArguments* arguments);
 void AddStopOptions(CLI::App* command, StopArguments* stop);
 // --output and --png, for pictures of a job that was submitted before, and --view.
 void AddPictureOptions(CLI::App* command, JobArguments* arguments);
+// --resume-from.
+void AddResumeOption(CLI::App* command, JobArguments* arguments);
+// How the work is cut: --tile-size, --cell-size, --pass-samples and --lease-passes.
+void AddPartitionOptions(CLI::App* command, JobArguments* arguments);
 // --view, --display and --ocio, the last also from OCIO.
 void AddViewOptions(CLI::App* command, ViewArguments* view);
-// Frames, outputs and how the work is cut.
+// The settings of a job, where its pictures go, and how it is cut.
 void AddJobOptions(CLI::App* command, JobArguments* arguments);
 
 }  // namespace sheaf::cli

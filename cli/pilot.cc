@@ -12,6 +12,7 @@
 #include "common/film/exr_codec.h"
 #include "common/rpc/settings_codec.h"
 #include "coordinator/core/limits.h"
+#include "coordinator/core/picture_start.h"
 
 namespace sheaf::cli {
 namespace {
@@ -48,16 +49,6 @@ std::vector<PilotFrame> ChooseFrames(size_t frame_count) {
     frames[i].index = count == 1 ? 0 : i * (frame_count - 1) / (count - 1);
   }
   return frames;
-}
-
-// As the coordinator will have it.
-coordinator::CellGrid GridOf(const JobArguments& arguments, const FrameSettings& settings) {
-  const int32_t tile_size_px =
-      arguments.tile_size_px != 0 ? arguments.tile_size_px : coordinator::Partition().tile_size_px;
-  const int32_t cell_size_px = arguments.cell_size_px != 0
-                                   ? arguments.cell_size_px
-                                   : coordinator::ChooseCellSize(settings.window, tile_size_px);
-  return {settings.window, tile_size_px, cell_size_px};
 }
 
 absl::StatusOr<FramePicture> FetchPicture(FarmClient* client, const v1::Frame& frame) {
@@ -160,6 +151,7 @@ absl::Status RenderPilot(FarmClient* client, const JobArguments& arguments, cons
   const auto add = [&](PreparedFrame frame, FrameSettings settings, const PilotLevel& level) {
     frame.number = static_cast<int>(pilot.frames.size()) + 1;
     frame.settings = std::move(settings);
+    frame.resumed = {};
     frame.settings.samples = level.samples;
     frame.settings.lattice = level.lattice;
     if (level.lattice.All()) {
@@ -210,11 +202,12 @@ absl::Status RenderPilot(FarmClient* client, const JobArguments& arguments, cons
 }
 
 void FitModels(const JobArguments& arguments, const PreparedJob& job,
-               std::vector<PilotFrame>* frames) {
+               const std::vector<coordinator::CellRound>& start, std::vector<PilotFrame>* frames) {
   for (PilotFrame& frame : *frames) {
     const PreparedFrame& prepared = job.frames[frame.index];
     frame.model = coordinator::FitErrorModel(GridOf(arguments, prepared.settings), frame.pictures,
                                              frame.close_ups, prepared.filter);
+    if (!start.empty()) coordinator::GoOnFrom(start, &frame.model);
   }
 }
 
@@ -244,12 +237,21 @@ std::vector<PilotLevel> NextLevels(const PilotFrame& frame, const FrameSettings&
 
 }  // namespace
 
-absl::StatusOr<std::vector<PilotFrame>> RenderPilots(FarmClient* client,
-                                                     const JobArguments& arguments,
-                                                     const PreparedJob& job, double target,
-                                                     absl::Time deadline) {
+coordinator::CellGrid GridOf(const JobArguments& arguments, const FrameSettings& settings) {
+  const int32_t tile_size_px =
+      arguments.tile_size_px != 0 ? arguments.tile_size_px : coordinator::Partition().tile_size_px;
+  const int32_t cell_size_px = arguments.cell_size_px != 0
+                                   ? arguments.cell_size_px
+                                   : coordinator::ChooseCellSize(settings.window, tile_size_px);
+  return {settings.window, tile_size_px, cell_size_px};
+}
+
+absl::StatusOr<std::vector<PilotFrame>> RenderPilots(
+    FarmClient* client, const JobArguments& arguments, const PreparedJob& job,
+    const std::vector<coordinator::CellRound>& start, double target, absl::Time deadline) {
   std::vector<PilotFrame> frames = ChooseFrames(job.frames.size());
-  for (int i = 0; i < kPilotCountMax; ++i) {
+  const int count_max = start.empty() ? kPilotCountMax : 1;
+  for (int i = 0; i < count_max; ++i) {
     std::vector<PilotPlan> plans;
     bool more = false;
     for (const PilotFrame& frame : frames) {
@@ -262,7 +264,7 @@ absl::StatusOr<std::vector<PilotFrame>> RenderPilots(FarmClient* client,
     if (!more) break;
     absl::Status status = RenderPilot(client, arguments, job, plans, deadline, &frames);
     if (!status.ok()) return status;
-    FitModels(arguments, job, &frames);
+    FitModels(arguments, job, start, &frames);
   }
   return frames;
 }

@@ -27,10 +27,14 @@ struct PilotFrame {
 };
 
 // Of at most three frames spread evenly over the job's, ascending, ever larger pilots as long as
-// the price of `target`, the loosest that is quoted, allows them. Errors: as MakeQuote.
-absl::StatusOr<std::vector<PilotFrame>> RenderPilots(FarmClient* client,
-                                                     const JobArguments& arguments,
-                                                     const PreparedJob& job, double target,
-                                                     absl::Time deadline);
+// the price of `target`, the loosest that is quoted, allows them. start: of the cells of a frame
+// that goes on from a picture, or empty; the picture tells more of errors than a pilot, which then
+// tells costs, and there is but one. Errors: as MakeQuote.
+absl::StatusOr<std::vector<PilotFrame>> RenderPilots(
+    FarmClient* client, const JobArguments& arguments, const PreparedJob& job,
+    const std::vector<coordinator::CellRound>& start, double target, absl::Time deadline);
+
+// As the coordinator will have it.
+coordinator::CellGrid GridOf(const JobArguments& arguments, const FrameSettings& settings);
 
 }  // namespace sheaf::cli

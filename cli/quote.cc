@@ -5,12 +5,17 @@
 #include <algorithm>
 #include <cmath>
 
+#include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
 #include "cli/pilot.h"
+#include "common/base/status.h"
+#include "common/film/exr_codec.h"
+#include "coordinator/core/picture_start.h"
 
 namespace sheaf::cli {
 namespace {
 
+using coordinator::CellRound;
 using coordinator::ErrorModel;
 using coordinator::Forecast;
 using coordinator::kBandDeviations;
@@ -105,18 +110,43 @@ absl::Status DescribeFarm(FarmClient* client, const JobArguments& arguments, Quo
   return absl::OkStatus();
 }
 
+// The cells of the job's frame as its picture has them; none where it begins anew.
+absl::StatusOr<std::vector<CellRound>> ReadStart(const JobArguments& arguments,
+                                                 const PreparedJob& job) {
+  if (arguments.resume_from.empty()) return std::vector<CellRound>();
+  absl::StatusOr<FramePicture> picture = ReadPicture(arguments.resume_from);
+  if (!picture.ok()) return picture.status();
+  const PreparedFrame& frame = job.frames.front();
+  // Whether the farm is of the picture's build is for the farm to say.
+  const std::string numeric_profile = picture->metadata["numericProfile"];
+  coordinator::FrameSpec spec;
+  spec.scene = frame.manifest;
+  spec.settings = frame.settings;
+  spec.frame_digest = FrameDigest(frame.manifest.sha256_hex, frame.settings, numeric_profile);
+  const std::string about = absl::StrCat("cannot go on from ", arguments.resume_from);
+  const absl::StatusOr<ResumedPicture> resumed =
+      coordinator::ResumePicture(*std::move(picture), spec, numeric_profile);
+  if (!resumed.ok()) return Annotate(resumed.status(), about);
+  absl::StatusOr<std::vector<CellRound>> cells =
+      coordinator::PictureStartOf(*resumed, GridOf(arguments, frame.settings));
+  if (!cells.ok()) return Annotate(cells.status(), about);
+  return cells;
+}
+
 }  // namespace
 
 absl::StatusOr<Quote> MakeQuote(FarmClient* client, const JobArguments& arguments,
                                 const PreparedJob& job, const QuoteArguments& asked) {
   Quote quote;
+  const absl::StatusOr<std::vector<CellRound>> start = ReadStart(arguments, job);
+  if (!start.ok()) return start.status();
   if (absl::Status status = DescribeFarm(client, arguments, &quote); !status.ok()) return status;
   if (quote.thread_count == 0 && asked.wait_max != absl::InfiniteDuration()) {
     return absl::UnavailableError("no worker is connected");
   }
   const double loosest = *std::max_element(asked.targets.begin(), asked.targets.end());
   const absl::StatusOr<std::vector<PilotFrame>> frames =
-      RenderPilots(client, arguments, job, loosest, absl::Now() + asked.wait_max);
+      RenderPilots(client, arguments, job, *start, loosest, absl::Now() + asked.wait_max);
   if (!frames.ok()) return frames.status();
   const FrameSettings& settings = job.frames.front().settings;
   quote.width_px = settings.window.Width();
@@ -126,6 +156,12 @@ absl::StatusOr<Quote> MakeQuote(FarmClient* client, const JobArguments& argument
   quote.rate = frames->front().model.rate;
   quote.rate_deviation = frames->front().model.rate_deviation;
   for (const PilotFrame& frame : *frames) quote.pilot_cpu_seconds += frame.cpu_seconds;
+  if (!start->empty()) {
+    const ErrorSums sum = coordinator::SumOf(*start);
+    quote.start =
+        Quote::Start{coordinator::PixelSamples(*start) / static_cast<double>(sum.pixel_count),
+                     sum.RelativeMse()};
+  }
   for (const double target : asked.targets) {
     QuoteRow& row = quote.rows.emplace_back(
         MakeRow(*frames, job.frames.size(), quote.thread_count,

@@ -6,7 +6,9 @@
 //
 //     pilot job > pictures > FitErrorModel > ForecastTarget for each error > Quote
 //
-// Of a range of frames a few have pilots, and what lies between them is interpolated.
+// Of a range of frames a few have pilots, and what lies between them is interpolated. Of a frame
+// that goes on from a picture (--resume-from) the errors are the picture's, and the price is of the
+// rest.
 #pragma once
 
 #include <cstdint>
@@ -30,7 +32,7 @@ struct QuoteRow {
   std::optional<uint64_t> samples_given;  // In every pixel.
   bool reached = true;                    // Within the most samples that a pixel may get.
   Banded relative_mse;
-  Banded samples;                    // Of a pixel, on average over pixels and frames.
+  Banded samples;                    // Of a pixel, on average over pixels and frames, in the end.
   Banded cpu_seconds, wall_seconds;  // Of all frames. wall: 0 where there are no workers.
 };
 
@@ -41,6 +43,11 @@ struct Quote {
   int thread_count = 0;                 // Of the farm, now.
   int jobs_before = 0;                  // That are not finished and go before or beside it.
   double pilot_cpu_seconds = 0;
+  // Where it goes on from a picture: what that has, samples of a pixel on average.
+  struct Start {
+    double samples = 0, relative_mse = 0;
+  };
+  std::optional<Start> start;
   std::vector<QuoteRow> rows;
 };
 
@@ -53,9 +60,10 @@ struct QuoteArguments {
   absl::Duration wait_max = absl::InfiniteDuration();  // For all pilots.
 };
 
-// Errors: those of the calls; kUnavailable where the pilot has not ended in time;
-// kFailedPrecondition with the farm's message where it failed; kDataLoss where the coordinator does
-// not tell its cost. No pilot is left running on the farm, whatever the error, kCancelled included.
+// Errors: those of the calls; kInvalidArgument where the frame cannot go on from its picture,
+// before there is a pilot; kUnavailable where the pilot has not ended in time; kFailedPrecondition
+// with the farm's message where it failed; kDataLoss where the coordinator does not tell its cost.
+// No pilot is left running on the farm, whatever the error, kCancelled included.
 absl::StatusOr<Quote> MakeQuote(FarmClient* client, const JobArguments& arguments,
                                 const PreparedJob& job, const QuoteArguments& asked);
 

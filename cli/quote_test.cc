@@ -29,16 +29,25 @@ Quote MakeTestQuote() {
 }
 
 TEST(QuoteTest, TableHasALineForEachErrorAndOneOfWhatItRestsOn) {
-  EXPECT_EQ(
-      FormatQuote(MakeTestQuote()),
-      "error (relMSE)              samples  CPU time (80 % band)               wall time (80 "
-      "% band)\n"
-      "0.02                           48.0  2 h (90 min to 2.5 h)              15.8 min (11.8 "
-      "min to 19.7 min)\n"
-      "0.015 (0.012 to 0.019)           64  2 h (90 min to 2.5 h)              15.8 min (11.8 "
-      "min to 19.7 min)\n"
-      "640 x 360 px; errors fall as 1 / samples^1.25; the pilot took 500 ms; wall time for "
-      "all of the farm's 8 threads\n");
+  EXPECT_EQ(FormatQuote(MakeTestQuote()),
+            "error (relMSE)                  samples  CPU time (80 % band)               "
+            "wall time (80 % band)\n"
+            "0.02                               48.0  2 h (90 min to 2.5 h)              "
+            "15.8 min (11.8 min to 19.7 min)\n"
+            "0.015 (0.012 to 0.019)               64  2 h (90 min to 2.5 h)              "
+            "15.8 min (11.8 min to 19.7 min)\n"
+            "640 x 360 px; errors fall as 1 / samples^1.25; the pilot took 500 ms; wall time for "
+            "all of the farm's 8 threads\n");
+}
+
+TEST(QuoteTest, OfWhatIsNotThereYet) {
+  Quote quote = MakeTestQuote();
+  quote.start = Quote::Start{16, 0.0336};
+  const std::string text = FormatQuote(quote);
+  EXPECT_NE(text.find("samples  more CPU time (80 % band)"), std::string::npos) << text;
+  EXPECT_NE(text.find("; 16.0 samples are there, with an error of 0.034; "), std::string::npos);
+  EXPECT_EQ(nlohmann::json::parse(QuoteJson(quote))["start"]["samples"], 16);
+  EXPECT_TRUE(nlohmann::json::parse(QuoteJson(MakeTestQuote()))["start"].is_null());
 }
 
 TEST(QuoteTest, SaysWhatIsMissing) {

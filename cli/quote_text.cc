@@ -27,7 +27,7 @@ std::string FormatRow(const QuoteRow& row) {
                                 : absl::StrFormat("%.3g", row.target_error);
   const std::string samples = row.samples_given ? absl::StrCat(*row.samples_given)
                                                 : absl::StrFormat("%.1f", row.samples.value);
-  return absl::StrFormat("%-24s %10s  %-34s %s%s\n", error, samples, FormatBanded(row.cpu_seconds),
+  return absl::StrFormat("%-28s %10s  %-34s %s%s\n", error, samples, FormatBanded(row.cpu_seconds),
                          FormatBanded(row.wall_seconds),
                          row.reached ? "" : "  not within the most samples that a pixel may get");
 }
@@ -40,16 +40,26 @@ Json HoursJson(const Banded& seconds) {
   return BandedJson({seconds.value / 3600, seconds.low / 3600, seconds.high / 3600});
 }
 
+Json StartJson(const Quote& quote) {
+  if (!quote.start) return nullptr;
+  return {{"samples", quote.start->samples}, {"relative_mse", quote.start->relative_mse}};
+}
+
 }  // namespace
 
 std::string FormatQuote(const Quote& quote) {
-  std::string text = absl::StrFormat("%-24s %10s  %-34s %s\n", "error (relMSE)", "samples",
-                                     "CPU time (80 % band)", "wall time (80 % band)");
+  std::string text = absl::StrFormat(
+      "%-28s %10s  %-34s %s\n", "error (relMSE)", "samples",
+      quote.start ? "more CPU time (80 % band)" : "CPU time (80 % band)", "wall time (80 % band)");
   for (const QuoteRow& row : quote.rows) text += FormatRow(row);
   absl::StrAppendFormat(&text, "%d x %d px", quote.width_px, quote.height_px);
   if (quote.frame_count > 1) {
     absl::StrAppendFormat(&text, ", %d frames, of which %d were tried", quote.frame_count,
                           quote.pilot_frame_count);
+  }
+  if (quote.start) {
+    absl::StrAppendFormat(&text, "; %.1f samples are there, with an error of %.2g",
+                          quote.start->samples, quote.start->relative_mse);
   }
   absl::StrAppendFormat(&text, "; errors fall as 1 / samples^%.2f; the pilot took %s", quote.rate,
                         FormatTime(quote.pilot_cpu_seconds));
@@ -87,6 +97,7 @@ std::string QuoteJson(const Quote& quote) {
                      {"thread_count", quote.thread_count},
                      {"jobs_before", quote.jobs_before},
                      {"pilot_cpu_hours", quote.pilot_cpu_seconds / 3600},
+                     {"start", StartJson(quote)},
                      {"band", 0.8},
                      {"rows", rows}};
   return json.dump();

@@ -110,8 +110,11 @@ Forecast ForecastFrom(const ErrorModel& model, const StopRule& rule, uint64_t sa
 Forecast ForecastTarget(const ErrorModel& model, const StopRule& rule, uint64_t samples_max,
                         double deviations) {
   const uint64_t first = std::min(samples_max, rule.first_round_samples);
-  return ForecastFrom(model, rule, samples_max,
-                      {0, std::vector<uint64_t>(model.cells.size(), first), {}}, deviations);
+  ForecastStart start;
+  for (const ForecastCell& cell : model.cells) {
+    start.samples.push_back(std::max(first, cell.samples_kept));
+  }
+  return ForecastFrom(model, rule, samples_max, std::move(start), deviations);
 }
 
 Forecast ForecastSamples(const ErrorModel& model, uint64_t samples, double deviations) {

@@ -54,7 +54,8 @@ struct Estimate {
 // independent log-normal deviation of the value itself. 0 where the value is.
 Estimate WithBand(double value, double low, double high, double log_deviation);
 
-// From the first round on. `deviations`: how many of the model's standard deviations the errors lie
+// From the first round on, which has the samples that are kept where these are more. `deviations`:
+// how many of the model's standard deviations the errors lie
 // above it. Requires: cells, with samples, and a target.
 Forecast ForecastTarget(const ErrorModel& model, const StopRule& rule, uint64_t samples_max,
                         double deviations = 0);

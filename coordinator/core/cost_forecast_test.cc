@@ -69,6 +69,19 @@ TEST(CostForecastTest, DeviationsBoundThePriceFromBothSides) {
   EXPECT_NEAR(std::log(middle / low), 1.28 * std::hypot(0.2, 0.139), 0.06);
 }
 
+TEST(CostForecastTest, WhatIsKeptCostsNothingAndIsWhereTheFirstRoundBegins) {
+  ErrorModel model{std::vector<ForecastCell>(100, CellOf(0.16))};
+  for (ForecastCell& cell : model.cells) cell.samples_kept = 64;
+  const Forecast forecast = ForecastTarget(model, {.target_error = 0.01}, kSamplesMax);
+  EXPECT_TRUE(forecast.reached);
+  EXPECT_NEAR(forecast.cpu_seconds, 100 * 1e-3 * (forecast.samples - 64), 1e-6);
+  const Forecast done = ForecastTarget(model, {.target_error = 0.1}, kSamplesMax);
+  EXPECT_EQ(done.round_count, 1);
+  EXPECT_DOUBLE_EQ(done.samples, 64);
+  EXPECT_DOUBLE_EQ(done.cpu_seconds, 0);
+  EXPECT_NEAR(done.relative_mse, 0.16 / 4, 1e-12);
+}
+
 TEST(CostForecastTest, SaysWhereSamplesDoNotSuffice) {
   const ErrorModel model{std::vector<ForecastCell>(10, CellOf(1.0))};
   const Forecast forecast = ForecastTarget(model, {.target_error = 1e-4}, 64);

@@ -127,9 +127,10 @@ class Farm:
         if process in self.workers:
             self.workers.remove(process)
 
-    def sheaf(self, *arguments, check=True, seconds=JOB_SECONDS_MAX):
-        environment = dict(os.environ, SHEAF_COORDINATOR=self.address)
-        environment.setdefault("SHEAF_NO_QUOTE", "1")  # Tests count jobs.
+    def sheaf(self, *arguments, check=True, seconds=JOB_SECONDS_MAX, quote=False):
+        """quote: whether a submission says its price, by jobs of its own."""
+        environment = dict(os.environ, SHEAF_COORDINATOR=self.address,
+                           SHEAF_NO_QUOTE="0" if quote else "1")
         done = subprocess.run([os.path.join(programs(), "sheaf"), *map(str, arguments)],
                               env=environment, stdin=subprocess.DEVNULL, capture_output=True,
                               text=True, timeout=seconds * TIME_SCALE)
@@ -157,14 +158,23 @@ def render(scene, output, *arguments, seconds=JOB_SECONDS_MAX):
     return done
 
 
+def read_bytes(path):
+    with open(path, "rb") as file:
+        return file.read()
+
+
+def local(*arguments):
+    """What `sheaf` prints of what needs no farm."""
+    return subprocess.run([os.path.join(programs(), "sheaf"), *map(str, arguments)],
+                          stdin=subprocess.DEVNULL, capture_output=True, text=True, check=True,
+                          timeout=JOB_SECONDS_MAX * TIME_SCALE).stdout
+
+
 def picture_digest(path):
     """SHA-256 of the pixels, as `sheaf compare` prints it."""
-    done = subprocess.run([os.path.join(programs(), "sheaf"), "compare", "--json", path, path],
-                          capture_output=True, text=True, check=True)
-    return json.loads(done.stdout)["image_digest"]
+    return json.loads(compare(path, path))["image_digest"]
 
 
 def compare(reference, image):
     """What `sheaf compare --json` prints."""
-    command = [os.path.join(programs(), "sheaf"), "compare", "--json", reference, image]
-    return subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    return local("compare", "--json", reference, image)

@@ -35,12 +35,6 @@ AttributeEnd
 FACTOR_MAX = 2.5
 
 
-def local(*arguments):
-    done = subprocess.run([os.path.join(farm.programs(), "sheaf"), *map(str, arguments)],
-                          capture_output=True, text=True, check=True)
-    return done.stdout
-
-
 def quote_rows(text):
     quote = json.loads(text)
     return quote, {row["target_error"]: row for row in quote["rows"]}
@@ -49,7 +43,7 @@ def quote_rows(text):
 class QuoteHereTest(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
-        cls.quote, cls.rows = quote_rows(local("quote", ROOM, "--here", "--json"))
+        cls.quote, cls.rows = quote_rows(farm.local("quote", ROOM, "--here", "--json"))
 
     def test_costs_little_and_says_what(self):
         cheapest = min(row["cpu_hours"]["value"] for row in self.rows.values())
@@ -73,7 +67,7 @@ class QuoteHereTest(unittest.TestCase):
     def test_what_happens_is_near(self):
         with tempfile.TemporaryDirectory() as folder:
             for target in (0.05, 0.02):
-                out = local("render", ROOM, "--target-error", target, "--json", "-o",
+                out = farm.local("render", ROOM, "--target-error", target, "--json", "-o",
                             os.path.join(folder, "room.exr"))
                 frame = json.loads(out.splitlines()[-1])["frames"][0]
                 hours = frame["progress"]["cpu_duration_seconds"] / 3600
@@ -82,12 +76,12 @@ class QuoteHereTest(unittest.TestCase):
                 self.assertGreater(ratio, 1 / FACTOR_MAX, target)
 
     def test_a_number_of_samples_has_its_row(self):
-        _, rows = quote_rows(local("quote", ROOM, "--here", "--json", "--samples", 64,
+        _, rows = quote_rows(farm.local("quote", ROOM, "--here", "--json", "--samples", 64,
                                    "--targets", 0.5))
         row = rows[None]
         self.assertEqual(row["sample_count"], 64)
         with tempfile.TemporaryDirectory() as folder:
-            out = local("render", ROOM, "--samples", 64, "--json", "-o",
+            out = farm.local("render", ROOM, "--samples", 64, "--json", "-o",
                         os.path.join(folder, "room.exr"))
             error = json.loads(out.splitlines()[-1])["frames"][0]["progress"]["relative_mse"]
             self.assertLess(error / row["relative_mse"]["value"], FACTOR_MAX)
@@ -162,20 +156,16 @@ class QuoteOnFarmTest(unittest.TestCase):
 
     def test_submit_says_it_unless_told_not_to(self):
         with farm.Farm() as f:
-            os.environ["SHEAF_NO_QUOTE"] = "0"
-            try:
-                nobody = f.sheaf("submit", ROOM, "--samples", 1)
-                self.assertIn("no quote: no worker is connected", nobody.stderr)
-                self.assertEqual(nobody.stdout.strip(), "jobs/1")
-                f.start_worker()
-                farm.wait_until(lambda: f.sheaf("workers").stdout.count("\n") > 1, 30, "a worker")
-                quoted = f.sheaf("submit", ROOM, "--target-error", 0.05)
-                self.assertRegex(quoted.stderr, r"\n0\.05 +[0-9.]+  .* to ")
-                self.assertNotIn("\n0.1 ", quoted.stderr)
-                silent = f.sheaf("submit", ROOM, "--target-error", 0.05, "--no-quote")
-                self.assertNotIn("pilot", silent.stderr)
-            finally:
-                del os.environ["SHEAF_NO_QUOTE"]
+            nobody = f.sheaf("submit", ROOM, "--samples", 1, quote=True)
+            self.assertIn("no quote: no worker is connected", nobody.stderr)
+            self.assertEqual(nobody.stdout.strip(), "jobs/1")
+            f.start_worker()
+            farm.wait_until(lambda: f.sheaf("workers").stdout.count("\n") > 1, 30, "a worker")
+            quoted = f.sheaf("submit", ROOM, "--target-error", 0.05, quote=True)
+            self.assertRegex(quoted.stderr, r"\n0\.05 +[0-9.]+  .* to ")
+            self.assertNotIn("\n0.1 ", quoted.stderr)
+            silent = f.sheaf("submit", ROOM, "--target-error", 0.05, "--no-quote", quote=True)
+            self.assertNotIn("pilot", silent.stderr)
 
 
 if __name__ == "__main__":

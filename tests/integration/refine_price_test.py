@@ -2,7 +2,7 @@
 # Copyright the Sheaf authors.
 # SPDX-License-Identifier: Apache-2.0
 """What a refinement was said to cost against what it then costs, on a real farm; the curve of a
-frame without rounds; and effects that were measured for a job.
+frame without rounds; effects that were measured for a job; and that client and HTTP say the same.
 """
 import json
 import os
@@ -45,6 +45,28 @@ class RefinePriceTest(unittest.TestCase):
                                          headers={"X-Sheaf-Request": "1"})
         with urllib.request.urlopen(request, timeout=30) as response:
             return json.load(response)
+
+    def expect_same(self, client, http, http_alone=()):
+        """What both sides say of one object, but for what only the page asks for."""
+        self.assertEqual(set(http) - set(client), set(http_alone))
+        for key, value in client.items():
+            if key == "progress":
+                self.expect_same(value, http[key])
+            elif key.endswith("_seconds") and value is not None:  # Nanoseconds on the wire.
+                self.assertAlmostEqual(http[key], value, delta=2e-9, msg=key)
+            elif key not in ("rounds", "frames"):
+                self.assertEqual(http[key], value, key)
+
+    def test_client_and_http_tell_the_same(self):
+        job = self.show(self.rendered("--target-error", 0.05))
+        by_http = self.http(job["name"])
+        self.expect_same(job, by_http, ("failure_count", "frame_count", "frame_complete_count",
+                                        "pictured_frame", "next_page_token"))
+        [frame], [frame_by_http] = job["frames"], by_http["frames"]
+        self.expect_same(frame, frame_by_http, ("preview_version",))
+        self.assertEqual(len(frame["rounds"]), len(frame_by_http["rounds"]))
+        for of_client, of_http in zip(frame["rounds"], frame_by_http["rounds"]):
+            self.expect_same(of_client, of_http, ("preview_version",))
 
     def check_price(self, job, target):
         """The price of refining the job to `target` against what it then takes."""

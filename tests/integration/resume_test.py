@@ -62,6 +62,36 @@ class ResumeTest(unittest.TestCase):
                          stopped["progress"]["sample_count_done"])
         self.assertLessEqual(frame["rounds"][-1]["relative_mse_upper"], 0.01)
 
+    def test_its_price_is_of_what_is_missing(self):
+        """Within a factor, of one run against a band that 8 of 10 runs keep."""
+        def quote(*arguments):
+            return json.loads(farm.local("quote", SCENE, *WINDOW, "--here", "--json", *arguments))
+
+        stopped = render(self.path("stopped.exr"), "--target-error", 0.02)
+        asked = ("--targets", "0.02,0.004", "--resume-from", self.path("stopped.exr"))
+        there = quote(*asked)
+        met, missing = there["rows"][:2]
+        self.assertEqual(met["cpu_hours"]["value"], 0)
+        self.assertAlmostEqual(there["start"]["relative_mse"] /
+                               stopped["rounds"][-1]["relative_mse"], 1, delta=0.1)
+        whole = quote("--targets", 0.004)
+        self.assertIsNone(whole["start"])
+        self.assertLess(missing["cpu_hours"]["value"], whole["rows"][0]["cpu_hours"]["value"])
+        on = render(self.path("priced.exr"), "--target-error", 0.004, "--resume-from",
+                    self.path("stopped.exr"))
+        hours = on["progress"]["cpu_duration_seconds"] / 3600
+        self.assertLess(max(hours / missing["cpu_hours"]["value"],
+                            missing["cpu_hours"]["value"] / hours), 2.5)
+
+    def test_submission_says_its_price(self):
+        with farm.Farm() as f:
+            f.start_worker()
+            farm.wait_until(lambda: f.sheaf("workers").stdout.count("\n") > 1, 30, "a worker")
+            done = f.sheaf("submit", SCENE, *WINDOW, "--samples", 256, "--resume-from",
+                           self.path("first.exr"), quote=True)
+            self.assertIn("more CPU time", done.stderr)
+            self.assertIn("64.0 samples are there", done.stderr)
+
     def test_another_coordinator_that_is_killed(self):
         with farm.Farm() as f:
             f.start_worker()
@@ -105,6 +135,12 @@ class ResumeTest(unittest.TestCase):
         self.assertIn("cryptomattes cannot",
                       refused(*WINDOW, "--samples", 128, "--cryptomatte", "object"))
         self.assertIn("picture", refused("--samples", 128, scene=OTHER))
+        done = subprocess.run(
+            [os.path.join(farm.programs(), "sheaf"), "quote", OTHER, "--here", "--resume-from",
+             self.path("first.exr")], capture_output=True, text=True,
+            timeout=60 * farm.TIME_SCALE)
+        self.assertNotEqual(done.returncode, 0)
+        self.assertIn("cannot go on from " + self.path("first.exr"), done.stderr)
 
 
 if __name__ == "__main__":
