@@ -20,6 +20,7 @@
 #include "cli/terminal_picture.h"
 #include "cli/view_transform.h"
 #include "common/film/exr_codec.h"
+#include "coordinator/core/error_curve.h"
 #include "coordinator/service/picture_layer.h"
 
 namespace sheaf::cli {
@@ -81,6 +82,15 @@ void PrintFile(const std::string& path, const FramePicture& picture, bool json) 
     if (found != picture.metadata.end()) {
       std::printf("estimated %-7s %s\n", name, found->second.c_str());
     }
+  }
+  const auto curve = picture.metadata.find(coordinator::kErrorCurveKey);
+  if (curve == picture.metadata.end()) return;
+  const std::vector<coordinator::ErrorPoint> points = coordinator::ParseErrorCurve(curve->second);
+  if (points.empty()) return;
+  std::printf("%10s  %-12s %s\n", "samples", "relMSE", "at most (95 %)");
+  for (const coordinator::ErrorPoint& point : points) {
+    std::printf("%10.1f  %-12.3g %.3g\n", point.samples, point.relative_mse,
+                point.relative_mse_upper);
   }
 }
 

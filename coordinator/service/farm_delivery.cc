@@ -253,9 +253,10 @@ absl::Status Farm::DeliverFrame(const FrameId& id) {
     }
     FramePicture* picture = frame->merge.mutable_picture();
     picture->metadata = PictureMetadata(frame->spec, numeric_profile, partition);
-    if (frame->spec.stop.IsActive()) AddRoundMetadata(id, picture);
-    // Whoever asks for few pixels asks for their price.
-    if (!frame->spec.settings.lattice.All()) {
+    if (frame->spec.settings.lattice.All()) {
+      AddRoundMetadata(id, picture);
+    } else {
+      // Whoever asks for few pixels asks for their price.
       picture->metadata["tileCpuSeconds"] = TileCpuSeconds(id);
     }
     picture->attributes = CryptomatteAttributes(*picture);

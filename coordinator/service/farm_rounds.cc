@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <bit>
 #include <limits>
+#include <span>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -13,6 +14,7 @@
 #include "common/base/check.h"
 #include "common/base/log.h"
 #include "coordinator/core/cell_errors.h"
+#include "coordinator/core/error_curve.h"
 #include "coordinator/service/farm.h"
 
 namespace sheaf::coordinator {
@@ -126,6 +128,8 @@ uint64_t Farm::NextPoint(const RoundRecord& last) {
 void Farm::NotePoint(OpenFrame* frame, const FrameId& id, bool ended) {
   const uint64_t fewest = std::ranges::min(frame->merge.SamplesOfCells());
   if (!ended && fewest < frame->next_point_samples) return;
+  // The last point is of the picture as a whole, on its delivery.
+  if (!ended && fewest >= frame->spec.settings.samples) return;
   {
     const std::lock_guard lock(mutex_);
     const FrameRecord* record = scheduler_.FindFrame(id);
@@ -168,19 +172,18 @@ const RoundRecord* Farm::LastRoundOf(const FrameId& id) const {
 void Farm::AddRoundMetadata(const FrameId& id, FramePicture* picture) const {
   const std::lock_guard lock(mutex_);
   const FrameSpec& spec = scheduler_.FindFrame(id)->spec;
+  const auto found = accounts_.at(id.job_id).rounds.find(id.frame_number);
+  if (found == accounts_.at(id.job_id).rounds.end()) return;
+  std::span<const RoundRecord> rounds(found->second);
+  if (spec.stop.IsActive()) {
+    picture->metadata["stopReason"] = StopReasonName(rounds.back().stop_reason);
+  } else {
+    rounds = rounds.last(1);  // Where else it was looked at depends on clocks.
+  }
   if (spec.stop.target_error > 0) {
     picture->metadata["targetError"] = absl::StrFormat("%.6g", spec.stop.target_error);
   }
-  picture->metadata["stopReason"] = StopReasonName(LastRoundOf(id)->stop_reason);
-  std::string curve;
-  const auto pixel_count = static_cast<double>(spec.settings.window.PixelCount());
-  for (const RoundRecord& round : accounts_.at(id.job_id).rounds.at(id.frame_number)) {
-    absl::StrAppendFormat(&curve, "%s%.6g %.6g %.6g", curve.empty() ? "" : ", ",
-                          static_cast<double>(round.sample_count) / pixel_count, round.relative_mse,
-                          round.relative_mse_upper);
-  }
-  // Of each round: mean samples of a pixel, relMSE, and the upper bound of its confidence.
-  picture->metadata["errorCurve"] = curve;
+  picture->metadata[kErrorCurveKey] = FormatErrorCurve(rounds, spec.settings.window.PixelCount());
 }
 
 absl::Status Farm::LoadRounds(const StoredJob& job) {

@@ -33,6 +33,7 @@ class KillTest(unittest.TestCase):
         expected = os.path.join(self.folder.name, "expected.exr")
         farm.render(SCENE, expected, *JOB)
         self.expected = farm.picture_digest(expected)
+        self.expected_file = farm.read_bytes(expected)
 
     def acknowledged(self, f):
         """Keys of all results the coordinator has acknowledged, read from its store."""
@@ -60,6 +61,8 @@ class KillTest(unittest.TestCase):
             output = f.path("out.exr")
             f.sheaf("watch", job, "-o", output)
             self.assertEqual(farm.picture_digest(output), self.expected)
+            self.assertEqual(farm.read_bytes(output), self.expected_file,
+                             "equal pictures in files that are not")
             self.check_nothing_was_done_twice(f)
 
     def check_nothing_was_done_twice(self, f):

@@ -32,6 +32,8 @@ class RoundsTest(unittest.TestCase):
         done = farm.render(SCENE, path, *JOB, "--json")
         cls.frame = last_json(done.stdout)["frames"][0]
         cls.expected = farm.picture_digest(path)
+        cls.expected_file = farm.read_bytes(path)
+        cls.metadata = last_json(farm.local("show", path, "--json"))["metadata"]
 
     @classmethod
     def tearDownClass(cls):
@@ -52,6 +54,18 @@ class RoundsTest(unittest.TestCase):
                 self.assertGreater(after[sum_of], before[sum_of], sum_of)
         self.assertEqual(rounds[-1]["sample_count"],
                          self.frame["progress"]["sample_count_done"])
+
+    def test_the_file_tells_the_curve(self):
+        pixel_count = 96 * 64
+        points = [[float(word) for word in point.split()]
+                  for point in self.metadata["errorCurve"].split(", ")]
+        self.assertEqual(len(points), len(self.frame["rounds"]))
+        for (samples, error, upper), told in zip(points, self.frame["rounds"]):
+            for value, key in ((samples * pixel_count, "sample_count"), (error, "relative_mse"),
+                               (upper, "relative_mse_upper")):
+                self.assertAlmostEqual(value / told[key], 1, delta=1e-5)
+        self.assertEqual(self.metadata["stopReason"], "target-error")
+        self.assertEqual(float(self.metadata["targetError"]), TARGET)
 
     def test_cuts_and_threads_do_not_matter(self):
         for flags in (("--threads", 1), ("--pass-samples", 4, "--lease-passes", 1),
@@ -82,6 +96,8 @@ class RoundsTest(unittest.TestCase):
                 f.start_coordinator()
             watched = f.sheaf("watch", job, "-o", f.path("four.exr"), "--json").stdout
             self.assertEqual(farm.picture_digest(f.path("four.exr")), self.expected)
+            self.assertEqual(farm.read_bytes(f.path("four.exr")), self.expected_file,
+                             "equal pictures in files that are not")
             rounds = last_json(watched)["frames"][0]["rounds"]
             self.assertEqual([r["sample_count"] for r in rounds],
                              [r["sample_count"] for r in self.frame["rounds"]])
