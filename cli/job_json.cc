@@ -110,6 +110,9 @@ Json FrameJson(const v1::Frame& frame) {
       {"one_sequence", settings.one_sequence()},
       {"similarity_after_count", settings.similarity_after_count()},
       {"pixel_stride_px", settings.pixel_stride_px()},
+      {"resumed_picture", frame.spec().has_resumed_picture()
+                              ? Json(frame.spec().resumed_picture().sha256_hex())
+                              : Json()},
       {"stop", StopJson(frame.spec().stop())},
       {"stop_reason", frame.complete() ? StopReasonName(frame.stop_reason()) : ""},
       {"rounds", RoundsJson(frame)},

@@ -2,6 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cli/summary.h"
 
+#include <algorithm>
+
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "cli/duration.h"
@@ -10,16 +12,16 @@
 namespace sheaf::cli {
 namespace {
 
-// flip: 0 where it cannot be told.
-std::string FormatCosts(const v1::Progress& progress, double flip) {
+// flip: 0 where it cannot be told. rendered: as IsRendered; others have no rate of samples.
+std::string FormatCosts(const v1::Progress& progress, double flip, bool rendered) {
   const double wall_seconds = Seconds(progress.wall_duration());
   std::string text = absl::StrFormat("%.1f s", wall_seconds);
   if (wall_seconds > 0) {
     const auto rate = [&](uint64_t count) {
       return FormatCount(static_cast<double>(count) / wall_seconds);
     };
-    absl::StrAppend(&text, ", ", rate(progress.sample_count_done()), " samples/s, ",
-                    rate(progress.ray_count()), " rays/s");
+    if (rendered) absl::StrAppend(&text, ", ", rate(progress.sample_count_done()), " samples/s");
+    absl::StrAppend(&text, ", ", rate(progress.ray_count()), " rays/s");
   }
   if (progress.relative_mse() > 0) {
     absl::StrAppend(&text, absl::StrFormat(", relMSE %.1e", progress.relative_mse()));
@@ -29,6 +31,9 @@ std::string FormatCosts(const v1::Progress& progress, double flip) {
   if (progress.nonfinite_count() > 0) text += " (a defect, please report it)";
   return text;
 }
+
+// Whether all of its samples were, and none came with a picture.
+bool IsRendered(const v1::Frame& frame) { return !frame.spec().has_resumed_picture(); }
 
 std::string FormatSamples(const v1::Frame& frame) {
   const v1::FrameSettings& settings = frame.spec().settings();
@@ -95,14 +100,16 @@ std::string FormatPictureSummary(const v1::Frame& frame, const PicturePaths& pat
                                               settings.similarity_after_count(), " scatterings");
   return absl::StrCat(paths.exr, paths.png.empty() ? "" : " and ", paths.png, ": ",
                       window.x1_px() - window.x0_px(), "x", window.y1_px() - window.y0_px(), ", ",
-                      FormatSamples(frame), bias, ", ", FormatCosts(frame.progress(), frame.flip()),
+                      FormatSamples(frame), bias, ", ",
+                      FormatCosts(frame.progress(), frame.flip(), IsRendered(frame)),
                       FormatStop(frame), FormatReliability(frame), FormatOneSequence(frame));
 }
 
 std::string FormatJobSummary(const v1::Job& job) {
-  return absl::StrCat(job.name(), ": ", job.frames_size(),
-                      job.frames_size() == 1 ? " frame, " : " frames, ",
-                      FormatCosts(job.progress(), /*flip=*/0));
+  return absl::StrCat(
+      job.name(), ": ", job.frames_size(), job.frames_size() == 1 ? " frame, " : " frames, ",
+      FormatCosts(job.progress(), /*flip=*/0,
+                  std::all_of(job.frames().begin(), job.frames().end(), IsRendered)));
 }
 
 }  // namespace sheaf::cli

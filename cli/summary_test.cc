@@ -36,6 +36,17 @@ TEST(SummaryTest, PictureSaysWhereItIsAndWhatItTook) {
                   .starts_with("out.exr and out.png: 640x360"));
 }
 
+TEST(SummaryTest, SamplesThatCameWithAPictureHaveNoRate) {
+  v1::Frame frame = Picture();
+  frame.mutable_spec()->mutable_resumed_picture()->set_size_bytes(7);
+  EXPECT_NE(FormatPictureSummary(frame, {"out.exr", ""}).find("128 samples, 12.3 s, 6.1 M rays/s"),
+            std::string::npos);
+  v1::Job job;
+  *job.add_frames() = frame;
+  *job.mutable_progress() = Costs();
+  EXPECT_EQ(FormatJobSummary(job).find("samples/s"), std::string::npos);
+}
+
 TEST(SummaryTest, WhatIsSeenOfTheErrorStandsBesideIt) {
   v1::Frame frame = Picture();
   frame.set_flip(0.0421);

@@ -152,6 +152,8 @@ std::string FrameJson(const std::string& job_id, const FrameView& frame) {
       {"height_px", settings.height_px},
       {"window", RectJson(settings.window)},
       {"sample_count", settings.samples},
+      {"resumed_picture",
+       frame.resumed.sha256_hex.empty() ? Json() : Json(frame.resumed.sha256_hex)},
       {"stop", StopJson(frame.stop)},
       {"stop_reason", frame.complete ? StopReasonName(frame.stop_reason) : ""},
       {"rounds", RoundsJson(frame.rounds)},

@@ -66,6 +66,8 @@ export interface Frame {
   // When the frame is to end; coordinators that know no such rule leave it out. The target is a
   // relative mean squared error, null for none.
   stop?: {target_error: number|null};
+  // Digest of the EXR whose samples it began with, null for none.
+  resumed_picture?: string|null;
   // How the frame stood at the end of each round, where it is rendered in rounds.
   rounds?: Round[];
   // Of a complete frame: tiles whose errors are not to be trusted, and the layers that make them so

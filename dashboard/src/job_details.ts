@@ -4,7 +4,7 @@
 // The selected job's head: what it is, how far it is, and its numbers.
 
 import * as api from './api';
-import type {Frame, Job} from './api';
+import type {Frame, Job, Progress} from './api';
 import {byId, child, el, setBadge, setProgress, setText} from './dom';
 import * as format from './format';
 import type {Store} from './store';
@@ -45,6 +45,13 @@ export class JobDetailsView {
   }
 }
 
+// Samples that came with a picture took no time.
+function sampleRateOf(progress: Progress, frame: Frame|undefined): string {
+  const wall = progress.wall_duration_seconds;
+  if (!(wall > 0) || frame?.resumed_picture) return '–';
+  return format.count(progress.sample_count_done / wall);
+}
+
 // [label, value, explanation] of each number.
 function factsOf(job: Job, frame: Frame|undefined): [string, string, string?][] {
   const progress = job.progress;
@@ -72,7 +79,7 @@ function factsOf(job: Job, frame: Frame|undefined): [string, string, string?][] 
           'be trusted yet. ' + rareLayersOf(frame)
     ],
     ['Samples a pixel', samplesOf(frame), 'Of the shown frame, mean over its pixels'],
-    ['Samples a second', wall > 0 ? format.count(progress.sample_count_done / wall) : '–'],
+    ['Samples a second', sampleRateOf(progress, frame)],
     ['Rays a second', wall > 0 ? format.count(progress.ray_count / wall) : '–'],
     [
       'Processor time', format.duration(progress.cpu_duration_seconds),
