@@ -183,6 +183,7 @@ void Farm::AddRoundMetadata(const FrameId& id, FramePicture* picture) const {
   if (spec.stop.target_error > 0) {
     picture->metadata["targetError"] = absl::StrFormat("%.6g", spec.stop.target_error);
   }
+  if (!(rounds.back().relative_mse > 0)) return;  // It cannot be told.
   picture->metadata[kErrorCurveKey] = FormatErrorCurve(rounds, spec.settings.window.PixelCount());
 }
 

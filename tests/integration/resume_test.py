@@ -62,6 +62,17 @@ class ResumeTest(unittest.TestCase):
                          stopped["progress"]["sample_count_done"])
         self.assertLessEqual(frame["rounds"][-1]["relative_mse_upper"], 0.01)
 
+    def test_the_file_tells_the_error_where_it_is_known(self):
+        def curve(path):
+            return json.loads(farm.local("show", path, "--json"))["metadata"].get("errorCurve")
+
+        [samples, error, upper] = map(float, curve(self.path("whole.exr")).split())
+        self.assertEqual(samples, 256)
+        self.assertAlmostEqual(error / self.whole["progress"]["relative_mse"], 1, delta=0.01)
+        self.assertGreater(upper, error)
+        render(self.path("single.exr"), "--samples", 1)
+        self.assertIsNone(curve(self.path("single.exr")), "one sample tells no error")
+
     def test_its_price_is_of_what_is_missing(self):
         """Within a factor, of one run against a band that 8 of 10 runs keep."""
         def quote(*arguments):
