@@ -7,9 +7,11 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
-#include "absl/strings/str_cat.h"
 #include "cli/command.h"
+#include "cli/comparison_report.h"
+#include "cli/message.h"
 #include "cli/options.h"
+#include "cli/output_files.h"
 #include "cli/tone_map.h"
 #include "common/film/compare.h"
 #include "common/film/exr_codec.h"
@@ -35,7 +37,7 @@ double MeanSampleCount(const FramePicture& picture) {
 }
 
 absl::Status WriteDifference(FramePicture difference, const std::string& path) {
-  if (!path.ends_with(".png")) return WritePicture(difference, path);
+  if (!IsPng(path)) return WritePicture(difference, path);
   // A PNG has no sign: it shows how much, not which way.
   for (std::vector<float>& plane : difference.planes) {
     for (float& value : plane) value = std::fabs(value);
@@ -47,7 +49,7 @@ absl::Status WriteDifference(FramePicture difference, const std::string& path) {
 class CompareCommand : public Command {
  public:
   CLI::App* AddTo(CLI::App* app) override {
-    CLI::App* command = app->add_subcommand("compare", "Say how far a picture is from a reference");
+    CLI::App* command = app->add_subcommand("compare", "Compare an image with a reference");
     command->add_option("REFERENCE", reference_path_, "The picture to trust (.exr)")->required();
     command->add_option("IMAGE", image_path_, "The picture to judge (.exr)")->required();
     command->add_option("--diff", diff_path_, "Write IMAGE - REFERENCE (.exr), or how much (.png)");
@@ -75,8 +77,10 @@ class CompareCommand : public Command {
         ->capture_default_str();
     AddJsonFlag(command, &json_);
     command->footer(
-        "flip is how different the pictures look as the view sRGB shows them, without exposure:\n"
-        "the mean of LDR-FLIP for 67 pixels a degree, from 0 (nothing to see) to 1.\n\n"
+        "FLIP is how different the pictures look as the view sRGB shows them, without exposure:\n"
+        "the mean of LDR-FLIP for 67 pixels a degree, from 0 (nothing to see) to 1. The verdict\n"
+        "holds relMSE against what the error bars of both pictures foretell; a reference without\n"
+        "error bars is taken to have converged.\n\n"
         "Examples:\n"
         "  sheaf compare reference.exr picture.exr --diff difference.exr\n"
         "  sheaf compare a.exr b.exr --tolerance 0          # the same to the bit?\n"
@@ -85,50 +89,32 @@ class CompareCommand : public Command {
   }
 
   ExitCode Run() override {
+    if (absl::Status status = CheckOutputName("--diff", diff_path_, {".exr", ".png"});
+        !status.ok()) {
+      return ReportError(ExitCode::kUsage, status);
+    }
+    if (absl::Status status = CheckOutputs({diff_path_}, {reference_path_, image_path_});
+        !status.ok()) {
+      return ReportOutputError(status);
+    }
     absl::StatusOr<FramePicture> reference = ReadPicture(reference_path_);
     if (!reference.ok()) return ReportError(ExitCode::kFile, reference.status());
     const absl::StatusOr<FramePicture> image = ReadPicture(image_path_);
     if (!image.ok()) return ReportError(ExitCode::kFile, image.status());
-    const std::string reference_digest = PictureDigest(*reference);
+    ComparisonReport report;
+    report.tolerance = tolerance_;
+    report.reference_digest = PictureDigest(*reference);
+    report.image_digest = PictureDigest(*image);
+    report.noise = NoiseOfDifference(NoiseOf(*reference), NoiseOf(*image));
     const bool converts = !(reference->color.chromaticities == image->color.chromaticities);
     if (converts) {
       // Not the image, whose standard errors go with its primaries.
       const absl::Status status = ConvertColor(image->color.chromaticities, &*reference);
       if (!status.ok()) return ReportError(ExitCode::kFailed, status);
-      std::fprintf(stderr, "sheaf: note: %s is converted to the primaries of %s\n",
-                   reference_path_.c_str(), image_path_.c_str());
+      TellNote(absl::StrCat(reference_path_, " is converted to the primaries of ", image_path_));
     }
-    const absl::StatusOr<Comparison> comparison = ComparePictures(*reference, *image);
-    if (!comparison.ok()) return ReportError(ExitCode::kFailed, comparison.status());
-    const absl::StatusOr<double> flip = PerceivedDifference(*reference, *image, FlipRange::kScreen);
-    if (!flip.ok()) return ReportError(ExitCode::kFailed, flip.status());
-    Json json = {{"relative_mse", Number(comparison->relative_mse)},
-                 {"flip", Number(*flip)},
-                 {"mse", Number(comparison->mse)},
-                 {"reference_mean", Number(comparison->reference_mean)},
-                 {"image_mean", Number(comparison->image_mean)},
-                 {"mean_ratio", Json::array()},
-                 {"share_differing", comparison->share_differing},
-                 {"max_abs_difference", Number(comparison->max_abs_difference)},
-                 {"nonfinite_count", comparison->nonfinite_count},
-                 {"reference_digest", reference_digest},
-                 {"image_digest", PictureDigest(*image)}};
-    if (converts) json["reference_converted"] = true;
-    if (hdr_flip_) {
-      const absl::StatusOr<double> hdr = PerceivedDifference(*reference, *image, FlipRange::kAll);
-      if (!hdr.ok()) return ReportError(ExitCode::kFailed, hdr.status());
-      json["hdr_flip"] = Number(*hdr);
-    }
-    for (const double ratio : comparison->mean_ratio) json["mean_ratio"].push_back(Number(ratio));
-    bool within = tolerance_ < 0 || comparison->relative_mse <= tolerance_;
-    if (tolerance_ == 0) within = within && comparison->share_differing == 0;
-    if (tiles_) {
-      const double samples = MeanSampleCount(*image);
-      limits_.samples_ratio = reference_samples_ > 0 ? samples / reference_samples_ : 0;
-      const absl::StatusOr<TileDeviations> tiles = FindTileDeviations(*reference, *image, limits_);
-      if (!tiles.ok()) return ReportError(ExitCode::kFailed, tiles.status());
-      within = within && tiles->deviating_count == 0;
-      AddTiles(*tiles, &json);
+    if (absl::Status status = Compare(*reference, *image, &report); !status.ok()) {
+      return ReportError(ExitCode::kFailed, status);
     }
     if (!diff_path_.empty()) {
       absl::StatusOr<FramePicture> difference = DifferencePicture(*reference, *image);
@@ -136,11 +122,65 @@ class CompareCommand : public Command {
       const absl::Status written = WriteDifference(*std::move(difference), diff_path_);
       if (!written.ok()) return ReportError(ExitCode::kFile, written);
     }
-    json_ ? static_cast<void>(std::printf("%s\n", json.dump().c_str())) : PrintText(json);
-    return within ? ExitCode::kOk : ExitCode::kFailed;
+    const std::string text = json_ ? ReportJson(report, converts) : FormatComparison(report);
+    std::fputs(text.c_str(), stdout);
+    return IsWithin(report) ? ExitCode::kOk : ExitCode::kFailed;
   }
 
  private:
+  absl::Status Compare(const FramePicture& reference, const FramePicture& image,
+                       ComparisonReport* report) {
+    const absl::StatusOr<Comparison> comparison = ComparePictures(reference, image);
+    if (!comparison.ok()) return comparison.status();
+    report->comparison = *comparison;
+    const absl::StatusOr<double> flip = PerceivedDifference(reference, image, FlipRange::kScreen);
+    if (!flip.ok()) return flip.status();
+    report->flip = *flip;
+    if (hdr_flip_) {
+      const absl::StatusOr<double> hdr = PerceivedDifference(reference, image, FlipRange::kAll);
+      if (!hdr.ok()) return hdr.status();
+      report->hdr_flip = *hdr;
+    }
+    if (!tiles_) return absl::OkStatus();
+    limits_.samples_ratio =
+        reference_samples_ > 0 ? MeanSampleCount(image) / reference_samples_ : 0;
+    absl::StatusOr<TileDeviations> tiles = FindTileDeviations(reference, image, limits_);
+    if (!tiles.ok()) return tiles.status();
+    report->tiles = *std::move(tiles);
+    return absl::OkStatus();
+  }
+
+  // What was asked for: whether the exit code is kOk.
+  static bool IsWithin(const ComparisonReport& report) {
+    if (report.tiles && report.tiles->deviating_count > 0) return false;
+    if (report.tolerance == 0 && report.comparison.share_differing > 0) return false;
+    return report.tolerance < 0 || report.comparison.relative_mse <= report.tolerance;
+  }
+
+  static std::string ReportJson(const ComparisonReport& report, bool converted) {
+    const Comparison& comparison = report.comparison;
+    Json json = {
+        {"relative_mse", Number(comparison.relative_mse)},
+        {"flip", Number(report.flip)},
+        {"mse", Number(comparison.mse)},
+        {"reference_mean", Number(comparison.reference_mean)},
+        {"image_mean", Number(comparison.image_mean)},
+        {"mean_ratio", Json::array()},
+        {"share_differing", comparison.share_differing},
+        {"max_abs_difference", Number(comparison.max_abs_difference)},
+        {"nonfinite_count", comparison.nonfinite_count},
+        {"reference_digest", report.reference_digest},
+        {"image_digest", report.image_digest},
+        {"expected_relative_mse", report.noise ? Json(report.noise->relative_mse) : Json()},
+        {"expected_deviation", report.noise ? Json(report.noise->deviation) : Json()},
+        {"verdict", VerdictOf(report)}};
+    if (converted) json["reference_converted"] = true;
+    if (report.hdr_flip) json["hdr_flip"] = Number(*report.hdr_flip);
+    for (const double ratio : comparison.mean_ratio) json["mean_ratio"].push_back(Number(ratio));
+    if (report.tiles) AddTiles(*report.tiles, &json);
+    return json.dump() + "\n";
+  }
+
   static void AddTiles(const TileDeviations& tiles, Json* json) {
     (*json)["tile_count"] = tiles.tile_count;
     (*json)["tiles_beyond"] = tiles.deviating_count;
@@ -155,18 +195,6 @@ class CompareCommand : public Command {
                        {"excess", Number(tile.excess)}});
     }
     (*json)["worst"] = std::move(worst);
-  }
-
-  // One line a value: names as in the JSON.
-  static void PrintText(const Json& json) {
-    for (const auto& [name, value] : json.items()) {
-      if (name != "worst") {
-        std::printf("%-20s %s\n", name.c_str(),
-                    value.is_string() ? value.get<std::string>().c_str() : value.dump().c_str());
-        continue;
-      }
-      for (const Json& tile : value) std::printf("  tile %s\n", tile.dump().c_str());
-    }
   }
 
   std::string reference_path_, image_path_, diff_path_;

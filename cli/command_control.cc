@@ -47,7 +47,7 @@ class CancelCommand : public ControlCommand {
 class PauseCommand : public ControlCommand {
  public:
   CLI::App* AddTo(CLI::App* app) override {
-    CLI::App* command = AddCommon(app, "pause", "Let a job wait; workers finish what they hold");
+    CLI::App* command = AddCommon(app, "pause", "Pause a job; running tasks finish");
     AddJob(command);
     command->footer(
         "Example:\n  sheaf pause jobs/7\n"

@@ -11,6 +11,7 @@
 #include "cli/follow_job.h"
 #include "cli/job_json.h"
 #include "cli/progress_line.h"
+#include "common/base/printable.h"
 
 namespace sheaf::cli {
 namespace {
@@ -34,13 +35,16 @@ class WatchCommand : public FarmCommand {
     const absl::StatusOr<ViewTransform> view = OpenView(arguments_);
     if (!view.ok()) return ReportError(ExitCode::kUsage, view.status());
     if (arguments_.output.empty() && arguments_.png.empty()) {
-      return FollowToTheEnd(client, job_name(), json(), {}, *view);
+      return FollowToTheEnd(client, job_name(), json(), {});
+    }
+    if (absl::Status status = CheckPictureNames(arguments_); !status.ok()) {
+      return ReportError(ExitCode::kUsage, status);
     }
     const absl::StatusOr<v1::Job> job = client->GetJob(job_name());
     if (!job.ok()) return ReportCallError(job.status());
-    const absl::StatusOr<std::vector<PicturePaths>> paths = PathsOf(*job, arguments_);
-    if (!paths.ok()) return ReportError(ExitCode::kUsage, paths.status());
-    return FollowToTheEnd(client, job_name(), json(), *paths, *view);
+    const absl::StatusOr<Delivery> delivery = MakeDelivery(arguments_, *job, *view);
+    if (!delivery.ok()) return ReportOutputError(delivery.status());
+    return FollowToTheEnd(client, job_name(), json(), *delivery);
   }
 
  private:
@@ -54,13 +58,15 @@ class ListCommand : public FarmCommand {
     command->add_option("--limit", limit_, "Jobs at most")
         ->check(CLI::Range(1, 1'000'000))
         ->capture_default_str();
+    command->add_flag("--all", all_, "Pilots of quotes too");
     command->footer("Examples:\n  sheaf list\n  sheaf list --json --limit 10");
     return command;
   }
 
  protected:
   ExitCode RunWith(FarmClient* client) override {
-    const absl::StatusOr<std::vector<v1::Job>> jobs = client->ListJobs(static_cast<size_t>(limit_));
+    const absl::StatusOr<std::vector<v1::Job>> jobs =
+        client->ListJobs(static_cast<size_t>(limit_), all_);
     if (!jobs.ok()) return ReportCallError(jobs.status());
     if (!json())
       std::printf("%-12s %-10s %7s  %-10s %s\n", "JOB", "STATE", "DONE", "ERROR", "TITLE");
@@ -72,13 +78,15 @@ class ListCommand : public FarmCommand {
       const double error = job.progress().relative_mse();
       std::printf("%-12s %-10s %6.1f%%  %-10s %s\n", job.name().c_str(),
                   JobStateName(job.state()).c_str(), 100 * ShareDone(job.progress()),
-                  error > 0 ? absl::StrFormat("%.2e", error).c_str() : "-", job.title().c_str());
+                  error > 0 ? absl::StrFormat("%.2e", error).c_str() : "-",
+                  Printable(job.title()).c_str());
     }
     return ExitCode::kOk;
   }
 
  private:
   int limit_ = 100;
+  bool all_ = false;
 };
 
 class WorkersCommand : public FarmCommand {
@@ -103,12 +111,12 @@ class WorkersCommand : public FarmCommand {
         continue;
       }
       std::printf("%-36s %-11s %7d %6d %8llu %12s  %s\n",
-                  worker.name().substr(worker.name().find('/') + 1).c_str(),
+                  Printable(worker.name().substr(worker.name().find('/') + 1)).c_str(),
                   WorkerStateName(worker.state()).c_str(), worker.thread_count(),
                   worker.lease_count(), static_cast<unsigned long long>(worker.result_count()),
                   FormatCount(worker.samples_per_second()).c_str(),
                   worker.numeric_profile().c_str());
-      if (!worker.reason().empty()) std::printf("  %s\n", worker.reason().c_str());
+      if (!worker.reason().empty()) std::printf("  %s\n", Printable(worker.reason()).c_str());
     }
     return ExitCode::kOk;
   }

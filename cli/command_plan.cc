@@ -11,6 +11,8 @@
 #include "cli/command.h"
 #include "cli/opened_scene.h"
 #include "cli/options.h"
+#include "common/base/printable.h"
+#include "worker/render/memory_estimate.h"
 #include "worker/render/plan_measurement.h"
 #include "worker/render/render_plan.h"
 
@@ -49,12 +51,14 @@ class PlanCommand : public Command {
       if (!measured.ok()) return ReportSceneError(measured.status());
       measurement = *std::move(measured);
     }
+    const render::MemoryEstimate memory = render::EstimateMemory(scene, *opened.file.files);
     if (json_) {
-      PrintJson(plan, measurement);
+      PrintJson(plan, memory, measurement);
     } else {
-      std::fputs(render::FormatRenderPlan(plan).c_str(), stdout);
+      std::fputs(PrintableLines(render::FormatRenderPlan(plan)).c_str(), stdout);
+      std::printf("memory: about %s\n", render::FormatMemoryEstimate(memory).c_str());
       if (measurement) {
-        std::printf("\n%s", render::FormatPlanMeasurement(*measurement).c_str());
+        std::printf("\n%s", PrintableLines(render::FormatPlanMeasurement(*measurement)).c_str());
       }
     }
     return ExitCode::kOk;
@@ -85,13 +89,15 @@ class PlanCommand : public Command {
     return json;
   }
 
-  static void PrintJson(const render::RenderPlan& plan,
+  static void PrintJson(const render::RenderPlan& plan, const render::MemoryEstimate& memory,
                         const std::optional<render::PlanMeasurement>& measurement) {
     nlohmann::ordered_json json = {{"variant", plan.variant_name},
                                    {"traits", plan.traits},
                                    {"variant_traits", plan.variant_traits},
                                    {"light_count", plan.light_count},
                                    {"max_depth", plan.max_depth},
+                                   {"memory_bytes", memory.TotalBytes()},
+                                   {"triangle_count", memory.triangle_count},
                                    {"effects", nlohmann::ordered_json::array()},
                                    {"unused", plan.unused},
                                    {"notes", plan.notes}};

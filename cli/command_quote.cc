@@ -11,9 +11,11 @@
 #include "cli/follow_job.h"
 #include "cli/interruption.h"
 #include "cli/local_farm.h"
+#include "cli/message.h"
 #include "cli/options.h"
 #include "cli/quote.h"
 #include "common/base/log.h"
+#include "common/rpc/address.h"
 #include "common/rpc/channel.h"
 
 namespace sheaf::cli {
@@ -25,8 +27,7 @@ class QuoteCommand : public Command {
     CLI::App* command =
         app->add_subcommand("quote", "Say what a scene will cost for each of some errors");
     AddSettingsOptions(command, &arguments_);
-    command->add_option("--frames", arguments_.frames,
-                        "Frames of a range, as in 1-24; #### in SCENE is the frame");
+    AddFramesOption(command, &arguments_);
     AddResumeOption(command, &arguments_);
     AddPartitionOptions(command, &arguments_);
     command->add_option("--targets", asked_.targets, "Errors (relMSE) to quote, 0.1,0.05,...")
@@ -47,7 +48,7 @@ class QuoteCommand : public Command {
         "  sheaf quote 'shot.####.pbrt' --frames 1-240 --json\n"
         "  sheaf quote room.pbrt --resume-from room.exr --targets 0.005\n"
         "It renders a few of the pixels, at no more than 3 % of the price of the loosest error,\n"
-        "before all other jobs. The band holds what then happens in 8 of 10 cases. With\n"
+        "before all other jobs. Bands are 80 % prediction intervals. With\n"
         "--resume-from the price is of what is not there yet.");
     return command;
   }
@@ -59,7 +60,7 @@ class QuoteCommand : public Command {
     const Interruption interruption;
     const absl::StatusOr<PreparedJob> job = PrepareJob(arguments_);
     if (!job.ok()) return ReportSceneError(job.status());
-    for (const std::string& text : job->diagnostics) std::fprintf(stderr, "%s\n", text.c_str());
+    for (const std::string& text : job->diagnostics) TellOfScene(text);
     if (!here_) {
       FarmClient client(MakeChannel(coordinator_), coordinator_, interruption.token());
       return QuoteOn(&client, *job);
@@ -89,7 +90,7 @@ class QuoteCommand : public Command {
   JobArguments arguments_;
   QuoteArguments asked_{.targets = kQuotedErrors};
   LocalFarmOptions farm_;
-  std::string coordinator_ = "127.0.0.1:7400";
+  std::string coordinator_ = kCoordinatorAddress;
   bool here_ = false, json_ = false;
 };
 

@@ -36,7 +36,7 @@ class RefineCommand : public FarmCommand {
         ->add_option("--samples", samples_,
                      "Samples per pixel in all; with an error, a time or a budget: at most")
         ->check(CLI::PositiveNumber);
-    command->add_flag("--wait", wait_, "Stay until the pictures are here");
+    command->add_flag("--wait", wait_, "Wait, then download the images");
     command->add_flag(
         "--price", price_,
         "Only say what it would cost: for --target-error, or else for several errors");
@@ -60,12 +60,15 @@ class RefineCommand : public FarmCommand {
                          absl::InvalidArgumentError("say how far: --target-error, --time, "
                                                     "--budget or --samples"));
     }
+    if (absl::Status status = CheckPictureNames(arguments_); !status.ok()) {
+      return ReportError(ExitCode::kUsage, status);
+    }
     const absl::StatusOr<ViewTransform> view = OpenView(arguments_);
     if (!view.ok()) return ReportError(ExitCode::kUsage, view.status());
     const absl::StatusOr<v1::Job> job = client->GetJob(job_name());
     if (!job.ok()) return ReportCallError(job.status());
-    const absl::StatusOr<std::vector<PicturePaths>> paths = PathsOf(*job, arguments_);
-    if (!paths.ok()) return ReportError(ExitCode::kUsage, paths.status());
+    const absl::StatusOr<Delivery> delivery = MakeDelivery(arguments_, *job, *view);
+    if (!delivery.ok()) return ReportOutputError(delivery.status());
     v1::RefineJobRequest request;
     request.set_name(job->name());
     request.set_sample_count(samples_);
@@ -75,8 +78,8 @@ class RefineCommand : public FarmCommand {
     }
     const absl::StatusOr<v1::Job> refined = client->RefineJob(request);
     if (!refined.ok()) return ReportCallError(refined.status());
-    if (wait_ || !paths->empty()) {
-      return FollowToTheEnd(client, refined->name(), json(), *paths, *view);
+    if (wait_ || !delivery->paths.empty()) {
+      return FollowToTheEnd(client, refined->name(), json(), *delivery);
     }
     std::printf("%s\n", json() ? JobJson(*refined).c_str() : refined->name().c_str());
     return ExitCode::kOk;

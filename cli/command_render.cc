@@ -2,16 +2,19 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // sheaf render: a farm of one in this process (local_farm.h).
-#include <cstdio>
 #include <memory>
 #include <string>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
 #include "cli/command.h"
 #include "cli/follow_job.h"
 #include "cli/interruption.h"
 #include "cli/local_farm.h"
+#include "cli/message.h"
 #include "cli/options.h"
+#include "cli/output_files.h"
+#include "cli/progress_line.h"
 #include "common/base/digest.h"
 #include "common/base/log.h"
 
@@ -43,7 +46,8 @@ class RenderCommand : public Command {
         "Examples:\n"
         "  sheaf render room.pbrt -o room.exr --png room.png\n"
         "  sheaf render room.pbrt --samples 16 --crop 200,80,456,272 -o detail.png\n"
-        "  sheaf render room.pbrt --samples 4096 --keep-state room.state -o room.exr");
+        "  sheaf render room.pbrt --samples 4096 --keep-state room.state -o room.exr\n"
+        "Ctrl-C keeps what is rendered in a folder for --keep-state, and says in which.");
     return command;
   }
 
@@ -53,30 +57,35 @@ class RenderCommand : public Command {
     }
     const absl::StatusOr<ViewTransform> view = OpenView(arguments_);
     if (!view.ok()) return ReportError(ExitCode::kUsage, view.status());
+    if (absl::Status status = ProbeOutputs(arguments_); !status.ok()) {
+      return ReportOutputError(status);
+    }
     const Interruption interruption;
     SetLogName("sheaf render");
     SetLogLevel(LogLevel::kWarning);  // The progress line tells the rest.
     const absl::StatusOr<PreparedJob> job = PrepareJob(arguments_);
     if (!job.ok()) return ReportSceneError(job.status());
-    for (const std::string& text : job->diagnostics) std::fprintf(stderr, "%s\n", text.c_str());
+    for (const std::string& text : job->diagnostics) TellOfScene(text);
 
+    const absl::StatusOr<Delivery> delivery = MakeDelivery(arguments_, *job, *view);
+    if (!delivery.ok()) return ReportOutputError(delivery.status());
     const absl::StatusOr<std::unique_ptr<LocalFarm>> farm = LocalFarm::Open(farm_);
     if (!farm.ok()) return ReportError(ExitCode::kFile, farm.status());
     if (!farm_.http_address.empty()) {
-      std::fprintf(stderr, "sheaf: watch at %s\n", (*farm)->http_url().c_str());
+      Tell("watch at " + (*farm)->http_url());
     }
-    return RenderOn(farm->get(), *job, *view, interruption);
+    return RenderOn(farm->get(), *job, *delivery, interruption);
   }
 
  private:
-  ExitCode RenderOn(LocalFarm* farm, const PreparedJob& job, const ViewTransform& view,
+  ExitCode RenderOn(LocalFarm* farm, const PreparedJob& job, const Delivery& delivery,
                     const Interruption& interruption) {
     FarmClient client(farm->channel(), "this process", interruption.token());
     if (absl::Status status = UploadMissing(&client, job); !status.ok()) {
       return ReportCallError(status);
     }
     v1::CreateJobRequest request = MakeCreateJobRequest(arguments_, job);
-    if (!farm_.kept_state.empty()) request.set_request_id(RepeatableRequestId(request));
+    request.set_request_id(RepeatableRequestId(request));
     const absl::StatusOr<v1::Job> created = client.CreateJob(request);
     if (!created.ok()) return ReportCallError(created.status());
 
@@ -85,17 +94,36 @@ class RenderCommand : public Command {
     }
     const absl::StatusOr<v1::Job> ended = FollowJob(&client, created->name(), json_);
     if (absl::IsCancelled(ended.status())) {
-      std::fprintf(stderr, farm_.kept_state.empty()
-                               ? "sheaf: interrupted\n"
-                               : "sheaf: interrupted; the same command goes on from here\n");
-      return ExitCode::kInterrupted;
+      return ReportInterruption(farm, client.Uninterrupted()->GetJob(created->name()));
     }
     if (!ended.ok()) return ReportCallError(ended.status());
     if (ended->state() == v1::Job::STATE_SUCCEEDED) {
-      const absl::Status saved = SavePictures(&client, *ended, OutputPaths(arguments_, job), view);
-      if (!saved.ok()) return ReportError(ExitCode::kFile, saved);
+      const absl::Status saved = SavePictures(&client, *ended, delivery);
+      if (!saved.ok()) {
+        Tell(KeepState(farm));
+        return ReportError(ExitCode::kFile, saved);
+      }
     }
     return ReportEnd(*ended, /*pictures_written=*/true);
+  }
+
+  // Says how to go on from what is rendered.
+  std::string KeepState(LocalFarm* farm) const {
+    const std::string& folder = farm->KeepState();
+    if (!farm_.kept_state.empty()) return "the same command goes on from here";
+    return absl::StrCat("what is rendered is kept in ", folder,
+                        "; the same command with --keep-state ", ShellQuoted(folder),
+                        " goes on from here");
+  }
+
+  // Nothing that was merged is lost.
+  ExitCode ReportInterruption(LocalFarm* farm, const absl::StatusOr<v1::Job>& job) const {
+    const double share = job.ok() ? ShareDone(job->progress()) : 0;
+    const bool keeps = share > 0 || !farm_.kept_state.empty();
+    return ReportError(ExitCode::kInterrupted,
+                       absl::CancelledError(
+                           absl::StrFormat("interrupted at %.1f %%; %s", 100 * share,
+                                           keeps ? KeepState(farm) : "nothing was rendered yet")));
   }
 
   // The same command makes the same job, so that a second run finds what the first one left.

@@ -16,9 +16,11 @@
 #include "absl/strings/str_format.h"
 #include "cli/farm_command.h"
 #include "cli/job_json.h"
+#include "cli/message.h"
 #include "cli/progress_line.h"
 #include "cli/terminal_picture.h"
 #include "cli/view_transform.h"
+#include "common/base/printable.h"
 #include "common/film/exr_codec.h"
 #include "coordinator/core/error_curve.h"
 #include "coordinator/service/picture_layer.h"
@@ -49,9 +51,11 @@ void PrintFrame(const v1::Frame& frame) {
 }
 
 void PrintJob(const v1::Job& job) {
-  std::printf("%s  %s\n", job.name().c_str(), job.title().c_str());
+  std::printf("%s  %s\n", job.name().c_str(), Printable(job.title()).c_str());
   std::printf("state      %s\n", JobStateName(job.state()).c_str());
-  if (!job.failure().empty()) std::printf("failure    %s\n", job.failure().c_str());
+  if (!job.failure().empty()) {
+    std::printf("failure    %s\n", PrintableLines(job.failure()).c_str());
+  }
   std::printf("progress   %s\n", FormatProgress(job).c_str());
   std::printf("rays       %s\n",
               FormatCount(static_cast<double>(job.progress().ray_count())).c_str());
@@ -80,7 +84,7 @@ void PrintFile(const std::string& path, const FramePicture& picture, bool json) 
   for (const auto& [key, name] : {std::pair{"relativeMse", "relMSE"}, std::pair{"flip", "FLIP"}}) {
     const auto found = picture.metadata.find(key);
     if (found != picture.metadata.end()) {
-      std::printf("estimated %-7s %s\n", name, found->second.c_str());
+      std::printf("estimated %-7s %s\n", name, Printable(found->second).c_str());
     }
   }
   const auto curve = picture.metadata.find(coordinator::kErrorCurveKey);
@@ -171,8 +175,7 @@ class ShowCommand : public FarmCommand {
         return ReportError(ExitCode::kUsage, view.status());
       } else {
         // The environment's config shall not keep anyone from the rest.
-        std::fprintf(stderr, "sheaf: note: no picture: %s\n",
-                     std::string(view.status().message()).c_str());
+        TellNote(absl::StrCat("no picture: ", view.status().message()));
         graphics_ = TerminalGraphics::kNone;
       }
     }
@@ -198,7 +201,7 @@ class ShowCommand : public FarmCommand {
     const absl::StatusOr<std::string> bytes =
         client->ReadFrameOutput(frame->name(), IsAsked() ? kAskedBytesMax : kUnaskedBytesMax);
     if (absl::IsOutOfRange(bytes.status())) {
-      std::fprintf(stderr, "sheaf: note: the picture is large; --picture shows it\n");
+      TellNote("the picture is large; --picture shows it");
       return ExitCode::kOk;
     }
     if (!bytes.ok()) return ReportCallError(bytes.status());

@@ -7,10 +7,13 @@
 #include <string>
 #include <thread>
 #include <utility>
+#include <vector>
 
 #include "cli/command.h"
+#include "cli/message.h"
 #include "cli/opened_scene.h"
 #include "cli/options.h"
+#include "cli/output_files.h"
 #include "cli/study/study.h"
 #include "cli/study_page.h"
 #include "common/base/file.h"
@@ -51,15 +54,25 @@ class StudyCommand : public Command {
               "--aov, --cryptomatte, --light-groups and --light-paths out, and give "
               "--minutes instead"));
     }
+    if (absl::Status status = CheckNames(); !status.ok()) {
+      return ReportError(ExitCode::kUsage, status);
+    }
+    if (absl::Status status = CheckOutputs({json_path_, page_path_}, {arguments_.scene});
+        !status.ok()) {
+      return ReportOutputError(status);
+    }
     OpenedScene opened;
     if (const ExitCode code = OpenScene(arguments_, &opened); code != ExitCode::kOk) return code;
+    std::vector<std::string> inputs;
+    for (const auto& [name, path] : opened.file.files->FilesUsed()) inputs.push_back(path);
+    if (absl::Status status = CheckOutputs({json_path_, page_path_}, inputs); !status.ok()) {
+      return ReportOutputError(status);
+    }
     const SceneDescription& scene = opened.file.read.scene;
     if (options_.threads == 0) {
       options_.threads = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
     }
-    options_.on_progress = [](const std::string& line) {
-      std::fprintf(stderr, "%s\n", line.c_str());
-    };
+    options_.on_progress = [](const std::string& line) { Tell(line); };
     absl::StatusOr<StudyResult> result =
         RunStudy(scene, opened.settings, *opened.file.files, options_);
     if (!result.ok()) return ReportSceneError(result.status());
@@ -68,14 +81,19 @@ class StudyCommand : public Command {
   }
 
  private:
+  absl::Status CheckNames() const {
+    const absl::Status status = CheckOutputName("-o", page_path_, {".html", ".htm"});
+    return status.ok() ? CheckOutputName("--json-output", json_path_, {".json"}) : status;
+  }
+
   ExitCode Deliver(const StudyResult& result) const {
     const std::string json = StudyJson(result);
     for (const auto& [path, bytes] :
          {std::pair(json_path_, json), std::pair(page_path_, StudyPage(json))}) {
       if (path.empty()) continue;
-      if (absl::Status status = WriteFileAtomically(path, bytes); !status.ok()) {
-        return ReportError(ExitCode::kFile, status);
-      }
+      const absl::Status status = WriteOrKeep(
+          path, [&bytes = bytes](const std::string& p) { return WriteFileAtomically(p, bytes); });
+      if (!status.ok()) return ReportError(ExitCode::kFile, status);
     }
     if (json_) {
       std::printf("%s\n", json.c_str());

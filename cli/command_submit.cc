@@ -5,13 +5,16 @@
 #include <cstdio>
 #include <string>
 
+#include "absl/strings/str_cat.h"
 #include "cli/command.h"
 #include "cli/effect_costs.h"
 #include "cli/follow_job.h"
 #include "cli/interruption.h"
 #include "cli/job_json.h"
+#include "cli/message.h"
 #include "cli/options.h"
 #include "cli/quote.h"
+#include "common/rpc/address.h"
 #include "common/rpc/channel.h"
 #include "worker/render/plan_measurement.h"
 
@@ -28,7 +31,7 @@ class SubmitCommand : public Command {
     AddJobOptions(command, &arguments_);
     AddCoordinatorOption(command, &coordinator_);
     AddJsonFlag(command, &json_);
-    command->add_flag("--wait", wait_, "Stay until the pictures are here");
+    command->add_flag("--wait", wait_, "Wait, then download the images");
     command
         ->add_flag("--no-quote", no_quote_, "Do not say before what it will cost (see sheaf quote)")
         ->envname("SHEAF_NO_QUOTE");
@@ -58,10 +61,19 @@ class SubmitCommand : public Command {
     }
     const absl::StatusOr<ViewTransform> view = OpenView(arguments_);
     if (!view.ok()) return ReportError(ExitCode::kUsage, view.status());
+    const bool is_named = !arguments_.output.empty() || !arguments_.png.empty();
+    if (wait_ || is_named) {
+      if (absl::Status status = ProbeOutputs(arguments_); !status.ok()) {
+        return ReportOutputError(status);
+      }
+    }
     const Interruption interruption;
     const absl::StatusOr<PreparedJob> job = PrepareJob(arguments_);
     if (!job.ok()) return ReportSceneError(job.status());
-    for (const std::string& text : job->diagnostics) std::fprintf(stderr, "%s\n", text.c_str());
+    for (const std::string& text : job->diagnostics) TellOfScene(text);
+    const absl::StatusOr<Delivery> delivery =
+        wait_ || is_named ? MakeDelivery(arguments_, *job, *view) : Delivery{};
+    if (!delivery.ok()) return ReportOutputError(delivery.status());
     FarmClient client(MakeChannel(coordinator_), coordinator_, interruption.token());
     if (absl::Status status = UploadMissing(&client, *job); !status.ok()) {
       return ReportCallError(status);
@@ -80,8 +92,10 @@ class SubmitCommand : public Command {
     }
     const absl::StatusOr<v1::Job> created = client.CreateJob(request);
     if (!created.ok()) return ReportCallError(created.status());
-    if (wait_) {
-      return FollowToTheEnd(&client, created->name(), json_, OutputPaths(arguments_, *job), *view);
+    if (wait_) return FollowToTheEnd(&client, created->name(), json_, *delivery);
+    if (is_named) {
+      TellNote("without --wait no picture is written; fetch it with: " +
+               FetchCommand(client, created->name(), *delivery));
     }
     std::printf("%s\n", json_ ? JobJson(*created).c_str() : created->name().c_str());
     return ExitCode::kOk;
@@ -96,15 +110,16 @@ class SubmitCommand : public Command {
     }
     const absl::StatusOr<Quote> quote = MakeQuote(client, arguments_, job, asked);
     if (quote.ok()) {
-      std::fputs(FormatQuote(*quote).c_str(), stderr);
+      json_ ? Tell(FormatQuote(*quote))
+            : static_cast<void>(std::fputs(FormatQuote(*quote).c_str(), stderr));
     } else if (!absl::IsCancelled(quote.status())) {
-      std::fprintf(stderr, "sheaf: no quote: %s\n", std::string(quote.status().message()).c_str());
+      TellNote(absl::StrCat("no quote: ", quote.status().message()));
     }
     return quote.status();
   }
 
   JobArguments arguments_;
-  std::string coordinator_ = "127.0.0.1:7400";
+  std::string coordinator_ = kCoordinatorAddress;
   bool wait_ = false, json_ = false, no_quote_ = false;
   double measure_seconds_ = 0;
 };

@@ -2,13 +2,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cli/exit_code.h"
 
-#include <cstdio>
 #include <string>
+
+#include "cli/message.h"
 
 namespace sheaf::cli {
 
 ExitCode ReportError(ExitCode code, const absl::Status& status) {
-  std::fprintf(stderr, "sheaf: %s\n", std::string(status.message()).c_str());
+  TellError(code, std::string(status.message()));
   return code;
 }
 
@@ -22,6 +23,10 @@ ExitCode ReportCallError(const absl::Status& status) {
     default:
       return ReportError(ExitCode::kFailed, status);
   }
+}
+
+ExitCode ReportOutputError(const absl::Status& status) {
+  return ReportError(absl::IsInvalidArgument(status) ? ExitCode::kUsage : ExitCode::kFile, status);
 }
 
 ExitCode ReportSceneError(const absl::Status& status) {

@@ -29,6 +29,8 @@ inline constexpr const char* kExitCodeHelp =
 ExitCode ReportCallError(const absl::Status& status);
 // The same for a failed PrepareJob: the scene's fault, a file's, or an interruption.
 ExitCode ReportSceneError(const absl::Status& status);
+// The same for a failed CheckOutputs: wrong usage, or a file that cannot be written.
+ExitCode ReportOutputError(const absl::Status& status);
 // Prints the same and returns code.
 ExitCode ReportError(ExitCode code, const absl::Status& status);
 

@@ -6,12 +6,12 @@
 
 #include <algorithm>
 #include <condition_variable>
-#include <cstdio>
 #include <fstream>
 #include <mutex>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "cli/message.h"
 #include "common/base/digest.h"
 #include "common/content/blob_store.h"
 #include "common/content/chunk_codec.h"
@@ -113,19 +113,13 @@ absl::Status FarmClient::Call(const std::function<absl::Status(grpc::ClientConte
         if (absl::IsResourceExhausted(result))
           return absl::FailedPreconditionError(result.message());
         if (answered_ && absl::IsUnavailable(result) && !silent_.exchange(true)) {
-          std::fprintf(stderr, "sheaf: the coordinator at %s does not answer; trying again\n",
-                       address_.c_str());
+          Tell(absl::StrCat("the coordinator at ", address_, " does not answer; trying again"));
         }
         if (result.ok()) silent_ = false;
         return result;
       });
   if (stop_.stop_requested() && !status.ok()) return absl::CancelledError("interrupted");
-  if (absl::IsUnavailable(status)) {
-    return absl::UnavailableError(absl::StrCat(
-        "no coordinator answers at ", address_, " (", std::string(status.message()),
-        "); start one with sheaf-coordinator, or name it with --coordinator HOST:PORT"));
-  }
-  return status;
+  return NoCoordinatorAnswers(address_, status);
 }
 
 absl::StatusOr<v1::Job> FarmClient::CreateJob(const v1::CreateJobRequest& request) {
@@ -228,9 +222,10 @@ absl::StatusOr<v1::PriceRefinementResponse> FarmClient::PriceRefinement(
   return response;
 }
 
-absl::StatusOr<std::vector<v1::Job>> FarmClient::ListJobs(size_t count_max) {
+absl::StatusOr<std::vector<v1::Job>> FarmClient::ListJobs(size_t count_max, bool with_pilots) {
   std::vector<v1::Job> jobs;
   v1::ListJobsRequest request;
+  request.set_with_pilots(with_pilots);
   do {
     request.set_page_size(static_cast<int>(std::min<size_t>(kJobsPageSize, count_max)));
     v1::ListJobsResponse response;

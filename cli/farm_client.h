@@ -48,6 +48,8 @@ class FarmClient {
     return std::make_unique<FarmClient>(channel_, address_, std::stop_token());
   }
 
+  const std::string& address() const { return address_; }
+
   // All of these: errors are those of the call; kUnavailable, naming the address, where nobody
   // answered for long enough; kCancelled where stop was requested.
   absl::StatusOr<v1::Job> CreateJob(const v1::CreateJobRequest& request);
@@ -59,7 +61,7 @@ class FarmClient {
   absl::StatusOr<v1::Job> RefineJob(const v1::RefineJobRequest& request);
   absl::StatusOr<v1::PriceRefinementResponse> PriceRefinement(
       const v1::PriceRefinementRequest& request);
-  absl::StatusOr<std::vector<v1::Job>> ListJobs(size_t count_max);
+  absl::StatusOr<std::vector<v1::Job>> ListJobs(size_t count_max, bool with_pilots = false);
   absl::StatusOr<std::vector<v1::Worker>> ListWorkers();
   absl::StatusOr<std::vector<BlobDigest>> FindMissing(const std::vector<BlobDigest>& digests);
   // The delivered EXR, at most size_bytes_max bytes.

@@ -10,6 +10,7 @@
 #include "cli/farm_client.h"
 #include "cli/interruption.h"
 #include "cli/options.h"
+#include "common/rpc/address.h"
 #include "common/rpc/channel.h"
 
 namespace sheaf::cli {
@@ -39,7 +40,7 @@ class FarmCommand : public Command {
   std::string job_name() const { return JobName(job_); }
 
  private:
-  std::string coordinator_ = "127.0.0.1:7400";
+  std::string coordinator_ = kCoordinatorAddress;
   std::string job_;
   bool json_ = false;
 };

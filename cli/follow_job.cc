@@ -8,16 +8,21 @@
 #include <cstdio>
 #include <map>
 #include <mutex>
+#include <optional>
 #include <thread>
+#include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "cli/frame_range.h"
 #include "cli/job_json.h"
+#include "cli/message.h"
+#include "cli/output_files.h"
 #include "cli/progress_line.h"
 #include "cli/summary.h"
 #include "common/base/file.h"
 #include "common/film/exr_codec.h"
+#include "common/rpc/address.h"
 
 namespace sheaf::cli {
 namespace {
@@ -48,22 +53,42 @@ class UploadProgress {
   uint64_t sent_bytes_ = 0;
 };
 
+bool IsBlack(const FramePicture& picture) {
+  for (const char* name : {"R", "G", "B"}) {
+    const std::vector<float>* plane = picture.Find(name);
+    if (plane == nullptr || std::ranges::any_of(*plane, [](float v) { return v != 0; })) {
+      return false;
+    }
+  }
+  return true;
+}
+
 absl::Status SavePicture(FarmClient* client, const v1::Frame& frame, const PicturePaths& paths,
                          const ViewTransform& view) {
   const absl::StatusOr<std::string> bytes = client->ReadFrameOutput(frame.name(), kPictureBytesMax);
   if (!bytes.ok()) return bytes.status();
-  if (absl::Status status = WriteFileAtomically(paths.exr, *bytes); !status.ok()) return status;
-  const absl::StatusOr<FramePicture> picture = ReadPicture(paths.exr);
-  if (!picture.ok()) return picture.status();
-  if (PictureDigest(*picture) != frame.picture_digest()) {
-    return absl::DataLossError(absl::StrCat(
-        paths.exr,
-        ": is not the picture the coordinator delivered; fetch it again with sheaf watch"));
-  }
+  std::optional<FramePicture> picture;
+  const auto write_exr = [&](const std::string& path) -> absl::Status {
+    if (absl::Status status = WriteFileAtomically(path, *bytes); !status.ok()) return status;
+    absl::StatusOr<FramePicture> read = ReadPicture(path);
+    if (!read.ok()) return read.status();
+    if (PictureDigest(*read) != frame.picture_digest()) {
+      return absl::DataLossError("it is not the picture that the coordinator delivered");
+    }
+    picture = *std::move(read);
+    return absl::OkStatus();
+  };
+  if (absl::Status status = WriteOrKeep(paths.exr, write_exr); !status.ok()) return status;
   if (!paths.png.empty()) {
-    if (absl::Status status = WriteView(view, *picture, paths.png); !status.ok()) return status;
+    const absl::Status status = WriteOrKeep(
+        paths.png, [&](const std::string& path) { return WriteView(view, *picture, path); });
+    if (!status.ok()) return status;
   }
-  std::fprintf(stderr, "sheaf: %s\n", FormatPictureSummary(frame, paths).c_str());
+  Tell(absl::StrCat(FormatPictureSummary(frame, paths),
+                    IsBlack(*picture)
+                        ? "; every pixel is black: no light that is in the scene comes to the "
+                          "camera (sheaf plan lists lights)"
+                        : ""));
   return absl::OkStatus();
 }
 
@@ -100,8 +125,34 @@ absl::Status UploadMissing(FarmClient* client, const PreparedJob& job) {
   return first_error;
 }
 
-absl::StatusOr<std::vector<PicturePaths>> PathsOf(const v1::Job& job, JobArguments arguments) {
-  if (arguments.output.empty() && arguments.png.empty()) return std::vector<PicturePaths>();
+absl::StatusOr<Delivery> MakeDelivery(const JobArguments& arguments, const PreparedJob& job,
+                                      ViewTransform view) {
+  Delivery delivery{OutputPaths(arguments, job), std::move(view), ""};
+  std::vector<std::string> outputs;
+  for (const PicturePaths& paths : delivery.paths) {
+    outputs.insert(outputs.end(), {paths.exr, paths.png});
+  }
+  if (absl::Status status = CheckOutputs(outputs, InputPaths(job)); !status.ok()) return status;
+  const PicturePaths patterns = OutputPatterns(arguments, job);
+  delivery.options = absl::StrCat("-o ", ShellQuoted(patterns.exr));
+  if (patterns.png.empty()) return delivery;
+  for (const auto& [flag, value] :
+       {std::pair("--png", patterns.png), std::pair("--ocio", arguments.view.config),
+        std::pair("--display", arguments.view.display), std::pair("--view", arguments.view.view)}) {
+    if (!value.empty()) absl::StrAppend(&delivery.options, " ", flag, " ", ShellQuoted(value));
+  }
+  return delivery;
+}
+
+absl::Status ProbeOutputs(const JobArguments& arguments) {
+  const PicturePaths patterns = OutputPatterns(arguments, {});
+  return CheckOutputs({arguments.output.empty() ? "" : patterns.exr, patterns.png},
+                      {arguments.scene, arguments.resume_from});
+}
+
+absl::StatusOr<Delivery> MakeDelivery(JobArguments arguments, const v1::Job& job,
+                                      ViewTransform view) {
+  if (arguments.output.empty() && arguments.png.empty()) return Delivery{{}, std::move(view), ""};
   PreparedJob frames;
   for (const v1::Frame& frame : job.frames()) {
     frames.frames.push_back({frame.spec().frame_number(), {}, {}, ""});
@@ -112,7 +163,16 @@ absl::StatusOr<std::vector<PicturePaths>> PathsOf(const v1::Job& job, JobArgumen
                                                    " frames; put #### where the number goes"));
   }
   arguments.scene = job.title();
-  return OutputPaths(arguments, frames);
+  return MakeDelivery(arguments, frames, std::move(view));
+}
+
+std::string FetchCommand(const FarmClient& client, const std::string& name,
+                         const Delivery& delivery) {
+  return absl::StrCat("sheaf watch ", name,
+                      client.address() == kCoordinatorAddress
+                          ? ""
+                          : absl::StrCat(" --coordinator ", ShellQuoted(client.address())),
+                      delivery.options.empty() ? "" : " ", delivery.options);
 }
 
 absl::StatusOr<v1::Job> FollowJob(FarmClient* client, const std::string& name, bool json) {
@@ -127,48 +187,58 @@ absl::StatusOr<v1::Job> FollowJob(FarmClient* client, const std::string& name, b
   });
 }
 
-absl::Status SavePictures(FarmClient* client, const v1::Job& job,
-                          const std::vector<PicturePaths>& paths, const ViewTransform& view) {
-  for (size_t i = 0; i < paths.size() && i < static_cast<size_t>(job.frames_size()); ++i) {
+absl::Status SavePictures(FarmClient* client, const v1::Job& job, const Delivery& delivery) {
+  absl::Status first;
+  for (size_t i = 0; i < delivery.paths.size() && i < static_cast<size_t>(job.frames_size()); ++i) {
     const absl::Status status =
-        SavePicture(client, job.frames(static_cast<int>(i)), paths[i], view);
-    if (!status.ok()) return status;
+        SavePicture(client, job.frames(static_cast<int>(i)), delivery.paths[i], delivery.view);
+    if (status.ok()) continue;
+    if (!absl::IsFailedPrecondition(status)) return status;
+    if (first.ok()) {
+      first = status;
+    } else {
+      ReportError(ExitCode::kFile, status);
+    }
   }
-  return absl::OkStatus();
+  return first;
 }
 
 ExitCode ReportEnd(const v1::Job& job, bool pictures_written) {
   if (job.state() == v1::Job::STATE_CANCELLED) {
-    std::fprintf(stderr, "sheaf: %s was cancelled\n", job.name().c_str());
-    return ExitCode::kCancelled;
+    return ReportError(ExitCode::kCancelled, absl::CancelledError(job.name() + " was cancelled"));
   }
   if (job.state() == v1::Job::STATE_FAILED) {
-    std::fprintf(stderr, "sheaf: %s failed: %s\n", job.name().c_str(), job.failure().c_str());
-    return ExitCode::kFailed;
+    return ReportError(ExitCode::kFailed, absl::FailedPreconditionError(absl::StrCat(
+                                              job.name(), " failed: ", job.failure())));
   }
   // A single picture's line, printed when it was written, has told the same.
   const bool told = pictures_written && job.frames_size() == 1;
-  if (!told) std::fprintf(stderr, "sheaf: %s\n", FormatJobSummary(job).c_str());
+  if (!told) Tell(FormatJobSummary(job));
   return ExitCode::kOk;
 }
 
 ExitCode FollowToTheEnd(FarmClient* client, const std::string& name, bool json,
-                        const std::vector<PicturePaths>& paths, const ViewTransform& view) {
+                        const Delivery& delivery) {
+  const std::string fetch = FetchCommand(*client, name, delivery);
   const absl::StatusOr<v1::Job> job = FollowJob(client, name, json);
   if (absl::IsCancelled(job.status())) {
-    std::fprintf(stderr,
-                 "sheaf: %s goes on without you; watch it with: sheaf watch %s; end it with: "
-                 "sheaf cancel %s\n",
-                 name.c_str(), name.c_str(), name.c_str());
-    return ExitCode::kInterrupted;
+    return ReportError(
+        ExitCode::kInterrupted,
+        absl::CancelledError(absl::StrCat(
+            name, " goes on without you; ",
+            delivery.paths.empty() ? "watch it with: " : "its pictures are fetched by: ", fetch,
+            "; end it with: sheaf cancel ", name)));
   }
   if (!job.ok()) return ReportCallError(job.status());
   if (job->state() == v1::Job::STATE_SUCCEEDED) {
-    const absl::Status saved = SavePictures(client, *job, paths, view);
-    if (absl::IsCancelled(saved) || absl::IsUnavailable(saved)) return ReportCallError(saved);
-    if (!saved.ok()) return ReportError(ExitCode::kFile, saved);
+    const absl::Status saved = SavePictures(client, *job, delivery);
+    if (!saved.ok()) {
+      Tell(absl::StrCat(name, " is finished; its pictures are fetched by: ", fetch));
+      return absl::IsFailedPrecondition(saved) ? ReportError(ExitCode::kFile, saved)
+                                               : ReportCallError(saved);
+    }
   }
-  return ReportEnd(*job, !paths.empty());
+  return ReportEnd(*job, !delivery.paths.empty());
 }
 
 }  // namespace sheaf::cli

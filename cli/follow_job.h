@@ -19,20 +19,33 @@ namespace sheaf::cli {
 // Uploads the blobs that the coordinator lacks, several at a time, with a progress line.
 absl::Status UploadMissing(FarmClient* client, const PreparedJob& job);
 
-// Where the pictures of a job go that was submitted before: as arguments' output and png say, none
-// where both are empty. Errors: kInvalidArgument where one name stands for several frames.
-absl::StatusOr<std::vector<PicturePaths>> PathsOf(const v1::Job& job, JobArguments arguments);
+// How a job's pictures come to this machine.
+struct Delivery {
+  std::vector<PicturePaths> paths;  // One per frame, in the order of numbers; none: not at all.
+  ViewTransform view;               // For PNGs.
+  std::string options;              // The same for `sheaf watch`, "-o room.exr".
+};
+// What of it can be told before the scene is read. Errors: those of CheckOutputs.
+absl::Status ProbeOutputs(const JobArguments& arguments);
+// Of a job that was prepared here. Errors: those of CheckOutputs, also for files of the scene.
+absl::StatusOr<Delivery> MakeDelivery(const JobArguments& arguments, const PreparedJob& job,
+                                      ViewTransform view);
+// Of a job that was submitted before, as arguments' output and png say, none where both are empty.
+// Errors: those of CheckOutputs; kInvalidArgument where one name stands for several frames.
+absl::StatusOr<Delivery> MakeDelivery(JobArguments arguments, const v1::Job& job,
+                                      ViewTransform view);
+// "sheaf watch jobs/7 -o room.exr": what brings the pictures once this command has ended.
+std::string FetchCommand(const FarmClient& client, const std::string& name,
+                         const Delivery& delivery);
 
 // Shows the job until it ends. With json, prints it on standard output whenever it changes.
 // Errors: those of FarmClient::WatchJob.
 absl::StatusOr<v1::Job> FollowJob(FarmClient* client, const std::string& name, bool json);
 
 // Fetches all pictures of a job that succeeded; says on standard error of each where it is and what
-// it took.
-// paths: one per frame, in the order of numbers. view: for PNGs. Errors: those of the calls and of
-// writing.
-absl::Status SavePictures(FarmClient* client, const v1::Job& job,
-                          const std::vector<PicturePaths>& paths, const ViewTransform& view);
+// it took. A picture that cannot be written does not keep the others from it.
+// Errors: those of the calls; the first of WriteOrKeep.
+absl::Status SavePictures(FarmClient* client, const v1::Job& job, const Delivery& delivery);
 
 // Says on standard error how it ended: what it took, or why it failed. pictures_written:
 // SavePictures has told of each picture, so a job of one needs no line of its own. Returns the code
@@ -42,6 +55,6 @@ ExitCode ReportEnd(const v1::Job& job, bool pictures_written);
 // The usual way through all of these: FollowJob, SavePictures, ReportEnd. Interrupted, it says how
 // to go on.
 ExitCode FollowToTheEnd(FarmClient* client, const std::string& name, bool json,
-                        const std::vector<PicturePaths>& paths, const ViewTransform& view);
+                        const Delivery& delivery);
 
 }  // namespace sheaf::cli

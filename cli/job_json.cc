@@ -109,6 +109,8 @@ Json FrameJson(const v1::Frame& frame) {
       {"seed", settings.seed()},
       {"one_sequence", settings.one_sequence()},
       {"similarity_after_count", settings.similarity_after_count()},
+      {"sensor", settings.sensor()},
+      {"max_component_value", settings.max_component_value()},
       {"pixel_stride_px", settings.pixel_stride_px()},
       {"resumed_picture", frame.spec().has_resumed_picture()
                               ? Json(frame.spec().resumed_picture().sha256_hex())
@@ -140,6 +142,7 @@ std::string JobJson(const v1::Job& job) {
   Json json = {
       {"name", job.name()},
       {"title", job.title()},
+      {"pilot", job.pilot()},
       {"state", JobStateName(job.state())},
       {"priority", job.priority()},
       {"numeric_profile", job.numeric_profile()},

@@ -11,11 +11,11 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "absl/time/clock.h"
 #include "absl/time/time.h"
 #include "common/base/file.h"
 #include "common/base/log.h"
 #include "common/base/status.h"
+#include "common/base/steady_time.h"
 
 namespace sheaf::cli {
 namespace {
@@ -26,10 +26,10 @@ constexpr absl::Duration kWorkerReportWait = absl::Seconds(2);
 // The first progress line shall not say that no worker is connected: waits for the one that is just
 // starting.
 void AwaitWorker(const coordinator::FarmView& farm) {
-  const absl::Time deadline = absl::Now() + kWorkerReportWait;
+  const SteadyTime deadline = SteadyTime::Now() + kWorkerReportWait;
   while (true) {
     const uint64_t seen = farm.ChangeCount();
-    const absl::Duration rest = deadline - absl::Now();
+    const absl::Duration rest = deadline - SteadyTime::Now();
     if (!farm.ListWorkers().empty() || rest <= absl::ZeroDuration()) return;
     farm.WaitForChange(seen, rest);
   }
@@ -61,11 +61,12 @@ class LocalFarm::StateDirectory {
   StateDirectory(const StateDirectory&) = delete;
   StateDirectory& operator=(const StateDirectory&) = delete;
   const std::string& path() const { return path_; }
+  void Keep() { kept_ = true; }
 
  private:
   StateDirectory(std::string path, bool kept) : path_(std::move(path)), kept_(kept) {}
   const std::string path_;
-  const bool kept_;
+  bool kept_;
 };
 
 LocalFarm::LocalFarm() = default;
@@ -96,9 +97,14 @@ absl::StatusOr<std::unique_ptr<LocalFarm>> LocalFarm::Open(const LocalFarmOption
   return farm;
 }
 
+const std::string& LocalFarm::KeepState() {
+  state_->Keep();
+  return state_->path();
+}
+
 absl::Status LocalFarm::StartWorker() {
   absl::StatusOr<std::unique_ptr<worker::EmbeddedWorker>> worker =
-      worker::EmbeddedWorker::Open(channel_, options_.worker);
+      worker::EmbeddedWorker::Open(channel_, channel_, options_.worker);
   if (!worker.ok()) return worker.status();
   worker_ = *std::move(worker);
   working_ = std::jthread([this](std::stop_token stop) {

@@ -25,13 +25,15 @@ class LocalFarm {
  public:
   // Errors: those of making folders and of CoordinatorServer::Start.
   static absl::StatusOr<std::unique_ptr<LocalFarm>> Open(const LocalFarmOptions& options);
-  // Stops the worker, then the coordinator; removes the folder unless it is kept.
+  // Stops the worker, then the coordinator; removes the folder unless it shall stay.
   ~LocalFarm();
   LocalFarm(const LocalFarm&) = delete;
   LocalFarm& operator=(const LocalFarm&) = delete;
 
   std::shared_ptr<grpc::Channel> channel() { return channel_; }
   std::string http_url() const { return server_->http_url(); }
+  // The folder stays, to go on from as LocalFarmOptions::kept_state. Returns it.
+  const std::string& KeepState();
   // Begins to render, and waits until the worker has reported.
   absl::Status StartWorker();
 

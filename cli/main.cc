@@ -2,15 +2,19 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // sheaf: one program for everything a person does with the farm.
-#include <CLI/CLI.hpp>
+#include <algorithm>
 #include <memory>
+#include <optional>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
 #include "cli/command.h"
 #include "cli/exit_code.h"
+#include "cli/message.h"
 #include "common/base/log.h"
+#include "common/command_line/command_line.h"
 
 namespace sheaf::cli {
 namespace {
@@ -36,6 +40,12 @@ std::vector<std::unique_ptr<Command>> MakeCommands() {
   return commands;
 }
 
+// Told before the command line is understood, as its own errors are JSON then, too.
+bool AsksForJson(int argc, char** argv) {
+  return std::any_of(argv + 1, argv + argc,
+                     [](const char* word) { return std::string_view(word) == "--json"; });
+}
+
 ExitCode Main(int argc, char** argv) {
   SetLogName("sheaf");
   CLI::App app("Renders scenes on any number of machines as one path tracer.", "sheaf");
@@ -48,10 +58,10 @@ ExitCode Main(int argc, char** argv) {
   for (const std::unique_ptr<Command>& command : commands) {
     added.emplace_back(command->AddTo(&app), command.get());
   }
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? ExitCode::kOk : ExitCode::kUsage;
+  if (AsksForJson(argc, argv)) UseJsonMessages();
+  const auto report = [](const std::string& text) { TellError(ExitCode::kUsage, text); };
+  if (const std::optional<int> code = ParseCommandLine(&app, argc, argv, report)) {
+    return static_cast<ExitCode>(*code);
   }
   for (const auto& [parsed, command] : added) {
     if (parsed->parsed()) return command->Run();

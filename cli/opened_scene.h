@@ -19,7 +19,7 @@ struct SceneFile {
   std::unique_ptr<DirectoryFileSource> files;
   ReadSceneResult read;
 };
-// Errors: those of ReadScene.
+// Also warns of a scene whose picture must be black. Errors: those of ReadScene.
 absl::StatusOr<SceneFile> ReadSceneFile(const std::string& path);
 
 struct OpenedScene {

@@ -2,19 +2,22 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cli/options.h"
 
-#include <map>
+#include <utility>
 #include <vector>
 
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
 #include "absl/time/time.h"
+#include "common/command_line/command_line.h"
+#include "common/rpc/address.h"
 
 namespace sheaf::cli {
 namespace {
 
 constexpr int kTileSizePxMax = 1024;
 constexpr double kStopNumberMax = 1e6;
+constexpr char kPictureGroup[] = "Where the picture goes";
 
 // "x0,y0,x1,y1", half-open.
 PixelRect ParseCrop(const std::string& text) {
@@ -60,11 +63,72 @@ std::string CheckPowerOfTwo(const std::string& text) {
   return text + " is not a power of two";
 }
 
+// What is written beside the colors, and in which.
+void AddOutputOptions(CLI::App* command, RenderSettings* settings) {
+  const OptionGroup group(command, "What the picture holds");
+  std::vector<std::pair<std::string, Primaries>> primaries;
+  for (const std::string& name : PrimariesNames()) {
+    primaries.emplace_back(name, *PrimariesFromName(name));
+  }
+  AddChoice(command, "--primaries", &settings->primaries, primaries,
+            "What the picture's R, G, B are, all linear (default: the ColorSpace at the scene's "
+            "Film)");
+  command->add_option_function<std::string>(
+      "--aov", [settings](const std::string& text) { AddOutputs(text, &settings->outputs); },
+      "Quantities of the first surface to write too, separated by commas: position, "
+      "normal-geometric, normal-shading, uv, motion, object-id, material-id, asset-id "
+      "(see docs/outputs.md)");
+  command->add_option_function<std::string>(
+      "--cryptomatte",
+      [settings](const std::string& text) {
+        const absl::Status status = AddCryptomattes(text, &settings->outputs);
+        if (!status.ok()) {
+          throw CLI::ValidationError("--cryptomatte", std::string(status.message()));
+        }
+      },
+      "Mattes to write too, separated by commas: object, material, asset");
+  command->add_flag("--light-groups", settings->light_groups,
+                    "Write what each group of lights (\"string lightgroup\") contributes");
+  command->add_flag("--light-paths", settings->light_paths,
+                    "Write what each kind of light path contributes: direct, caustic, fog ...");
+}
+
+// How light is followed.
+void AddTransportOptions(CLI::App* command, RenderSettings* settings) {
+  const OptionGroup group(command, "How light is followed");
+  AddChoice(
+      command, "--color", &settings->color,
+      std::vector<std::pair<std::string, ColorTransport>>{{"auto", ColorTransport::kAuto},
+                                                          {"rgb", ColorTransport::kRgb},
+                                                          {"spectral", ColorTransport::kSpectral}},
+      "What a path carries: rgb, spectral (four wavelengths), or auto: spectral where "
+      "light is dispersed, a color lies outside of sRGB, or the film names a sensor");
+  command->add_flag("--single-scattering", settings->single_scattering,
+                    "Rough surfaces scatter once and lose the rest, as pbrt-v4's do");
+  command->add_flag("--one-sequence", settings->one_sequence,
+                    "Draw a pixel's samples from one sequence, not from 16 independent ones: less "
+                    "noise where it is smooth, but errors shown are upper estimates");
+  command
+      ->add_option("--similarity", settings->similarity_after,
+                   "Scatterings in media after which a path takes them for ones that scatter "
+                   "evenly and less often: faster in dense ones, but BIASED, and errors shown do "
+                   "not tell by how much; 0: never")
+      ->check(CLI::Range(0, kSimilarityAfterMax))
+      ->capture_default_str();
+  command->add_flag("--generic", settings->force_generic_variant,
+                    "Run the variant that knows every effect; changes no pixel");
+}
+
 }  // namespace
 
 void AddCoordinatorOption(CLI::App* command, std::string* address) {
-  command->add_option("--coordinator", *address, "Address of the coordinator, HOST:PORT")
+  command
+      ->add_option("--coordinator", *address,
+                   absl::StrCat("Address of the coordinator, HOST:PORT or HOST (port ",
+                                kCoordinatorPort, ")"))
+      ->transform(CLI::Validator(CompleteCoordinatorAddress, ""))
       ->envname("SHEAF_COORDINATOR")
+      ->type_name("ADDRESS")
       ->capture_default_str();
 }
 
@@ -74,6 +138,7 @@ void AddJsonFlag(CLI::App* command, bool* json) {
 
 void AddSettingsOptions(CLI::App* command, JobArguments* arguments) {
   RenderSettings& settings = arguments->settings;
+  const OptionGroup group(command, "What is rendered");
   command->add_option("SCENE", arguments->scene, "Scene file (pbrt-v4 format)")->required();
   command->add_option("--samples", settings.samples, "Samples per pixel (default: the scene's)")
       ->check(CLI::PositiveNumber);
@@ -83,63 +148,12 @@ void AddSettingsOptions(CLI::App* command, JobArguments* arguments) {
   command->add_option_function<std::string>(
       "--crop", [&settings](const std::string& text) { settings.crop = ParseCrop(text); },
       "Render only the pixels X0,Y0,X1,Y1 (X1 and Y1 excluded)");
-  static const std::map<std::string, int> kColors = {
-      {"auto", static_cast<int>(ColorTransport::kAuto)},
-      {"rgb", static_cast<int>(ColorTransport::kRgb)},
-      {"spectral", static_cast<int>(ColorTransport::kSpectral)}};
-  command
-      ->add_option("--color", settings.color,
-                   "What a path carries: rgb, spectral (four wavelengths), or auto: spectral where "
-                   "light is dispersed or a color lies outside of sRGB")
-      ->transform(CLI::CheckedTransformer(kColors));
-  static const std::map<std::string, int> kPrimaries = [] {
-    std::map<std::string, int> map;
-    for (const std::string& name : PrimariesNames()) {
-      map[name] = static_cast<int>(*PrimariesFromName(name));
-    }
-    return map;
-  }();
-  command
-      ->add_option(
-          "--primaries", settings.primaries,
-          "What the picture's R, G, B are: srgb, aces2065-1, acescg, rec2020 or dci-p3, all "
-          "linear (default: the ColorSpace at the scene's Film)")
-      ->transform(CLI::CheckedTransformer(kPrimaries, CLI::ignore_case));
-  command->add_option_function<std::string>(
-      "--aov", [&settings](const std::string& text) { AddOutputs(text, &settings.outputs); },
-      "Quantities of the first surface to write too, separated by commas: position, "
-      "normal-geometric, normal-shading, uv, motion, object-id, material-id, asset-id "
-      "(see docs/outputs.md)");
-  command->add_option_function<std::string>(
-      "--cryptomatte",
-      [&settings](const std::string& text) {
-        const absl::Status status = AddCryptomattes(text, &settings.outputs);
-        if (!status.ok()) {
-          throw CLI::ValidationError("--cryptomatte", std::string(status.message()));
-        }
-      },
-      "Mattes to write too, separated by commas: object, material, asset");
-  command->add_flag("--light-groups", settings.light_groups,
-                    "Write what each group of lights (\"string lightgroup\") contributes");
-  command->add_flag("--light-paths", settings.light_paths,
-                    "Write what each kind of light path contributes: direct, caustic, fog ...");
-  command->add_flag("--single-scattering", settings.single_scattering,
-                    "Rough surfaces scatter once and lose the rest, as pbrt-v4's do");
-  command->add_flag("--one-sequence", settings.one_sequence,
-                    "Draw a pixel's samples from one sequence, not from 16 independent ones: less "
-                    "noise where it is smooth, but errors shown are upper estimates");
-  command
-      ->add_option("--similarity", settings.similarity_after,
-                   "Scatterings in media after which a path takes them for ones that scatter "
-                   "evenly and less often: faster in dense ones, but BIASED, and errors shown do "
-                   "not tell by how much; 0: never")
-      ->check(CLI::Range(0, kSimilarityAfterMax))
-      ->capture_default_str();
-  command->add_flag("--generic", settings.force_generic_variant,
-                    "Run the variant that knows every effect; changes no pixel");
+  AddOutputOptions(command, &settings);
+  AddTransportOptions(command, &settings);
 }
 
 void AddStopOptions(CLI::App* command, StopArguments* stop) {
+  const OptionGroup group(command, "When it stops");
   command
       ->add_option("--target-error", stop->target_error,
                    "Stop where the picture's relMSE is no larger than this, with 95 % confidence; "
@@ -156,6 +170,7 @@ void AddStopOptions(CLI::App* command, StopArguments* stop) {
 }
 
 void AddViewOptions(CLI::App* command, ViewArguments* view) {
+  const OptionGroup group(command, kPictureGroup);
   command->add_option(
       "--view", view->view,
       "How PNGs and terminals show the picture: sRGB (values cut at 1), \"ACES 1.0 SDR\" or "
@@ -169,6 +184,7 @@ void AddViewOptions(CLI::App* command, ViewArguments* view) {
 }
 
 void AddPictureOptions(CLI::App* command, JobArguments* arguments) {
+  const OptionGroup group(command, kPictureGroup);
   command->add_option("-o,--output", arguments->output,
                       "Picture to write at the end: .exr or .png; #### is the frame");
   command->add_option("--png", arguments->png, "Also write a PNG");
@@ -176,6 +192,7 @@ void AddPictureOptions(CLI::App* command, JobArguments* arguments) {
 }
 
 void AddResumeOption(CLI::App* command, JobArguments* arguments) {
+  const OptionGroup group(command, "What is rendered");
   command
       ->add_option("--resume-from", arguments->resume_from,
                    "Go on from this EXR, which Sheaf delivered of the same scene with the same "
@@ -185,6 +202,7 @@ void AddResumeOption(CLI::App* command, JobArguments* arguments) {
 }
 
 void AddPartitionOptions(CLI::App* command, JobArguments* arguments) {
+  const OptionGroup group(command, "How the work is cut");
   command
       ->add_option("--tile-size", arguments->tile_size_px,
                    "Edge of a tile; changes no pixel, unless samples go where they are needed")
@@ -206,11 +224,17 @@ void AddPartitionOptions(CLI::App* command, JobArguments* arguments) {
       ->check(CheckPowerOfTwo);
 }
 
+void AddFramesOption(CLI::App* command, JobArguments* arguments) {
+  const OptionGroup group(command, "What is rendered");
+  command->add_option("--frames", arguments->frames,
+                      "Frames of a pattern such as shot.####.pbrt: 1-24, 1-100x5 or 1,4,9-12");
+}
+
 void AddJobOptions(CLI::App* command, JobArguments* arguments) {
   AddSettingsOptions(command, arguments);
   AddStopOptions(command, &arguments->stop);
-  command->add_option("--frames", arguments->frames,
-                      "Frames of a pattern such as shot.####.pbrt: 1-24, 1-100x5 or 1,4,9-12");
+  AddFramesOption(command, arguments);
+  const OptionGroup group(command, kPictureGroup);
   command->add_option("-o,--output", arguments->output,
                       "Picture to write: .exr, or .png with an .exr beside it; #### is the frame");
   command->add_option("--png", arguments->png, "Also write a PNG");

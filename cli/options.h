@@ -20,6 +20,8 @@ void AddSettingsOptions(CLI::App* command, JobArguments* arguments);
 void AddStopOptions(CLI::App* command, StopArguments* stop);
 // --output and --png, for pictures of a job that was submitted before, and --view.
 void AddPictureOptions(CLI::App* command, JobArguments* arguments);
+// --frames.
+void AddFramesOption(CLI::App* command, JobArguments* arguments);
 // --resume-from.
 void AddResumeOption(CLI::App* command, JobArguments* arguments);
 // How the work is cut: --tile-size, --cell-size, --pass-samples and --lease-passes.

@@ -3,12 +3,14 @@
 #include "cli/pilot.h"
 
 #include <algorithm>
+#include <chrono>
 #include <memory>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
 #include "cli/duration.h"
+#include "cli/progress_line.h"
 #include "common/film/exr_codec.h"
 #include "common/rpc/settings_codec.h"
 #include "coordinator/core/limits.h"
@@ -39,6 +41,7 @@ constexpr int kQuotedFramesMax = 3;
 // A quote's pilot goes before all other jobs.
 constexpr int32_t kPilotPriority = 1000;
 constexpr absl::Duration kPollInterval = absl::Milliseconds(30);
+constexpr std::chrono::seconds kWaitSilence{2};
 constexpr uint64_t kPilotBytesMax = uint64_t{4} << 30;
 
 // Evenly over the range, its ends included.
@@ -70,16 +73,21 @@ absl::StatusOr<PilotPicture> FetchPilot(FarmClient* client, const v1::Frame& fra
   return pilot;
 }
 
-absl::StatusOr<v1::Job> AwaitJob(FarmClient* client, const std::string& name, absl::Time deadline) {
+// Says why it waits where that lasts.
+absl::StatusOr<v1::Job> AwaitJob(FarmClient* client, const std::string& name, SteadyTime deadline) {
+  ProgressLine line(kWaitSilence);
   while (true) {
     const absl::StatusOr<v1::Job> job = client->GetJob(name);
     if (!job.ok()) return job.status();
     if (job->state() == v1::Job::STATE_SUCCEEDED) return job;
     if (HasEnded(*job)) {
       return absl::FailedPreconditionError(
-          absl::StrCat("the quote's pilot failed: ", job->failure()));
+          job->state() == v1::Job::STATE_CANCELLED
+              ? "the quote's pilot was cancelled"
+              : absl::StrCat("the quote's pilot failed: ", job->failure()));
     }
-    if (absl::Now() > deadline) {
+    if (!job->waiting_reason().empty()) line.Show("quote", 0, "waiting: " + job->waiting_reason());
+    if (SteadyTime::Now() > deadline) {
       return absl::UnavailableError(job->waiting_reason().empty() ? "the pilot takes too long"
                                                                   : job->waiting_reason());
     }
@@ -89,7 +97,7 @@ absl::StatusOr<v1::Job> AwaitJob(FarmClient* client, const std::string& name, ab
 
 // Leaves no job behind on the farm that nobody waits for.
 absl::StatusOr<v1::Job> RunJob(FarmClient* client, const v1::CreateJobRequest& request,
-                               absl::Time deadline) {
+                               SteadyTime deadline) {
   absl::StatusOr<v1::Job> job = client->CreateJob(request);
   absl::StatusOr<v1::Job> ended = job.ok() ? AwaitJob(client, job->name(), deadline) : job.status();
   if (ended.ok()) return ended;
@@ -145,7 +153,7 @@ struct PilotPlan {
 
 // Renders the plan of each frame, as one job.
 absl::Status RenderPilot(FarmClient* client, const JobArguments& arguments, const PreparedJob& job,
-                         const std::vector<PilotPlan>& plans, absl::Time deadline,
+                         const std::vector<PilotPlan>& plans, SteadyTime deadline,
                          std::vector<PilotFrame>* frames) {
   PreparedJob pilot;
   const auto add = [&](PreparedFrame frame, FrameSettings settings, const PilotLevel& level) {
@@ -176,8 +184,9 @@ absl::Status RenderPilot(FarmClient* client, const JobArguments& arguments, cons
   pilot_arguments.priority = kPilotPriority;
   pilot_arguments.title =
       absl::StrCat("quote of ", arguments.title.empty() ? arguments.scene : arguments.title);
-  const absl::StatusOr<v1::Job> ended =
-      RunJob(client, MakeCreateJobRequest(pilot_arguments, pilot), deadline);
+  v1::CreateJobRequest request = MakeCreateJobRequest(pilot_arguments, pilot);
+  request.set_pilot(true);
+  const absl::StatusOr<v1::Job> ended = RunJob(client, request, deadline);
   if (!ended.ok()) return ended.status();
   int next = 0;
   for (size_t i = 0; i < frames->size(); ++i) {
@@ -248,7 +257,7 @@ coordinator::CellGrid GridOf(const JobArguments& arguments, const FrameSettings&
 
 absl::StatusOr<std::vector<PilotFrame>> RenderPilots(
     FarmClient* client, const JobArguments& arguments, const PreparedJob& job,
-    const std::vector<coordinator::CellRound>& start, double target, absl::Time deadline) {
+    const std::vector<coordinator::CellRound>& start, double target, SteadyTime deadline) {
   std::vector<PilotFrame> frames = ChooseFrames(job.frames.size());
   const int count_max = start.empty() ? kPilotCountMax : 1;
   for (int i = 0; i < count_max; ++i) {

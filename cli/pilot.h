@@ -10,9 +10,9 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
-#include "absl/time/time.h"
 #include "cli/farm_client.h"
 #include "cli/prepared_job.h"
+#include "common/base/steady_time.h"
 #include "coordinator/core/lamp_close_ups.h"
 #include "coordinator/core/pilot_model.h"
 
@@ -32,7 +32,7 @@ struct PilotFrame {
 // tells costs, and there is but one. Errors: as MakeQuote.
 absl::StatusOr<std::vector<PilotFrame>> RenderPilots(
     FarmClient* client, const JobArguments& arguments, const PreparedJob& job,
-    const std::vector<coordinator::CellRound>& start, double target, absl::Time deadline);
+    const std::vector<coordinator::CellRound>& start, double target, SteadyTime deadline);
 
 // As the coordinator will have it.
 coordinator::CellGrid GridOf(const JobArguments& arguments, const FrameSettings& settings);

@@ -17,8 +17,11 @@
 #include "absl/strings/str_format.h"
 #include "cli/file_digests.h"
 #include "cli/frame_range.h"
+#include "cli/input_check.h"
 #include "cli/opened_scene.h"
+#include "cli/output_files.h"
 #include "common/base/digest.h"
+#include "common/base/printable.h"
 #include "common/base/status.h"
 #include "common/rpc/manifest_codec.h"
 #include "common/rpc/settings_codec.h"
@@ -42,9 +45,13 @@ struct ReadFrameResult {
 };
 
 absl::StatusOr<ReadFrameResult> ReadFrame(const std::string& path, int32_t number,
-                                          const RenderSettings& settings, FileDigests* digests) {
+                                          const RenderSettings& settings, FileDigests* digests,
+                                          InputChecks* checks) {
   const absl::StatusOr<SceneFile> file = ReadSceneFile(path);
   if (!file.ok()) return file.status();
+  if (absl::Status status = checks->Check(file->read.scene, *file->files); !status.ok()) {
+    return status;
+  }
   const ReadSceneResult& read = file->read;
   ReadFrameResult result;
   for (const SceneDiagnostic& diagnostic : read.diagnostics) {
@@ -52,6 +59,9 @@ absl::StatusOr<ReadFrameResult> ReadFrame(const std::string& path, int32_t numbe
   }
   const absl::StatusOr<FrameSettings> resolved = ResolveSettings(read.scene, settings);
   if (!resolved.ok()) return Annotate(resolved.status(), path);
+  if (std::string note = ComparisonNote(read.scene, *resolved); !note.empty()) {
+    result.diagnostics.push_back(std::move(note));
+  }
   std::vector<ManifestFile> files;
   for (const auto& [name, local_path] : file->files->FilesUsed()) {
     const absl::StatusOr<BlobDigest> digest = digests->Of(local_path);
@@ -96,7 +106,13 @@ absl::Status CheckPattern(const std::string& flag, const std::string& pattern) {
 
 }  // namespace
 
+absl::Status CheckPictureNames(const JobArguments& arguments) {
+  const absl::Status status = CheckOutputName("-o", arguments.output, {".exr", ".png"});
+  return status.ok() ? CheckOutputName("--png", arguments.png, {".png"}) : status;
+}
+
 absl::Status CheckJobArguments(const JobArguments& arguments) {
+  if (absl::Status status = CheckPictureNames(arguments); !status.ok()) return status;
   const absl::StatusOr<std::vector<int32_t>> numbers = FrameNumbers(arguments);
   if (!numbers.ok()) return numbers.status();
   if (numbers->size() == 1) return absl::OkStatus();
@@ -113,6 +129,7 @@ absl::StatusOr<PreparedJob> PrepareJob(const JobArguments& arguments) {
   const absl::StatusOr<std::vector<int32_t>> numbers = FrameNumbers(arguments);
   if (!numbers.ok()) return numbers.status();
   FileDigests digests;
+  InputChecks checks;
   RenderSettings settings = arguments.settings;
   if (arguments.stop.IsActive() && !settings.samples) settings.samples = kStoppedSamplesMax;
   std::vector<std::optional<absl::StatusOr<ReadFrameResult>>> results(numbers->size());
@@ -126,8 +143,8 @@ absl::StatusOr<PreparedJob> PrepareJob(const JobArguments& arguments) {
       readers.emplace_back([&] {
         for (size_t i = next++; i < results.size() && !failed; i = next++) {
           const int32_t number = (*numbers)[i];
-          results[i].emplace(
-              ReadFrame(ExpandPattern(arguments.scene, number), number, settings, &digests));
+          results[i].emplace(ReadFrame(ExpandPattern(arguments.scene, number), number, settings,
+                                       &digests, &checks));
           if (!results[i]->ok()) failed = true;
         }
       });
@@ -156,7 +173,7 @@ absl::StatusOr<PreparedJob> PrepareJob(const JobArguments& arguments) {
   return job;
 }
 
-std::vector<PicturePaths> OutputPaths(const JobArguments& arguments, const PreparedJob& job) {
+PicturePaths OutputPatterns(const JobArguments& arguments, const PreparedJob& job) {
   std::string exr = arguments.output, png = arguments.png;
   if (exr.empty()) {
     // The scene's own name for the picture, if it is one picture; never its folder, which belongs
@@ -167,19 +184,33 @@ std::vector<PicturePaths> OutputPaths(const JobArguments& arguments, const Prepa
     }
     exr = name.replace_extension(".exr").string();
   }
-  if (exr.ends_with(".png")) {
+  if (IsPng(exr)) {
     if (png.empty()) png = exr;
     exr = fs::path(exr).replace_extension(".exr").string();
   }
+  return {exr, png};
+}
+
+std::vector<PicturePaths> OutputPaths(const JobArguments& arguments, const PreparedJob& job) {
+  const PicturePaths patterns = OutputPatterns(arguments, job);
   std::vector<PicturePaths> paths;
   for (const PreparedFrame& frame : job.frames) {
-    paths.push_back({ExpandPattern(exr, frame.number), ExpandPattern(png, frame.number)});
+    paths.push_back(
+        {ExpandPattern(patterns.exr, frame.number), ExpandPattern(patterns.png, frame.number)});
+  }
+  return paths;
+}
+
+std::vector<std::string> InputPaths(const PreparedJob& job) {
+  std::vector<std::string> paths;
+  for (const auto& [digest, blob] : job.blobs) {
+    if (!blob.path.empty()) paths.push_back(blob.path);
   }
   return paths;
 }
 
 absl::StatusOr<ViewTransform> OpenView(const JobArguments& arguments) {
-  const bool writes_png = !arguments.png.empty() || arguments.output.ends_with(".png");
+  const bool writes_png = !arguments.png.empty() || IsPng(arguments.output);
   if (!writes_png && !arguments.view.IsActive()) return ViewTransform();
   return ViewTransform::Open(arguments.view);
 }
@@ -202,8 +233,8 @@ v1::StopRule StopRuleOf(const StopArguments& stop, int frame_count) {
 v1::CreateJobRequest MakeCreateJobRequest(const JobArguments& arguments, const PreparedJob& job) {
   v1::CreateJobRequest request;
   request.set_request_id(MakeRequestId());
-  request.set_title(arguments.title.empty() ? fs::path(arguments.scene).filename().string()
-                                            : arguments.title);
+  const std::string file_name = fs::path(arguments.scene).filename().string();
+  request.set_title(arguments.title.empty() ? Printable(file_name) : arguments.title);
   request.set_priority(arguments.priority);
   request.mutable_partition()->set_tile_size_px(arguments.tile_size_px);
   request.mutable_partition()->set_cell_size_px(arguments.cell_size_px);

@@ -64,6 +64,8 @@ struct PreparedJob {
   std::vector<std::string> diagnostics;     // Notes and warnings of the reader, each once.
 };
 
+// Errors: kInvalidArgument where the pictures' names do not say what they hold.
+absl::Status CheckPictureNames(const JobArguments& arguments);
 // Errors: kInvalidArgument where the arguments do not fit together: wrong usage, not a wrong scene.
 absl::Status CheckJobArguments(const JobArguments& arguments);
 
@@ -78,8 +80,13 @@ struct PicturePaths {
   std::string exr;
   std::string png;  // Empty: none is wanted.
 };
-// For all frames, in their order. An output that ends in .png names a PNG with an EXR beside it.
+// With #### where the frame's number goes. An output that ends in .png names a PNG with an EXR
+// beside it.
+PicturePaths OutputPatterns(const JobArguments& arguments, const PreparedJob& job);
+// The same for all frames, in their order.
 std::vector<PicturePaths> OutputPaths(const JobArguments& arguments, const PreparedJob& job);
+// The files of this machine that the job is made of.
+std::vector<std::string> InputPaths(const PreparedJob& job);
 
 // The view for the PNGs of these arguments, found before there are pictures. It is the default
 // where no PNG is written and none is named. Errors: those of ViewTransform::Open.

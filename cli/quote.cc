@@ -6,7 +6,6 @@
 #include <cmath>
 
 #include "absl/strings/str_cat.h"
-#include "absl/time/clock.h"
 #include "cli/pilot.h"
 #include "common/base/status.h"
 #include "common/film/exr_codec.h"
@@ -146,7 +145,7 @@ absl::StatusOr<Quote> MakeQuote(FarmClient* client, const JobArguments& argument
   }
   const double loosest = *std::max_element(asked.targets.begin(), asked.targets.end());
   const absl::StatusOr<std::vector<PilotFrame>> frames =
-      RenderPilots(client, arguments, job, *start, loosest, absl::Now() + asked.wait_max);
+      RenderPilots(client, arguments, job, *start, loosest, SteadyTime::Now() + asked.wait_max);
   if (!frames.ok()) return frames.status();
   const FrameSettings& settings = job.frames.front().settings;
   quote.width_px = settings.window.Width();

@@ -67,26 +67,45 @@ std::string FormatStop(const v1::Frame& frame) {
   }
 }
 
+// Of the pixels of such tiles: the error of the picture as a whole has them in it.
 std::string FormatReliability(const v1::Frame& frame) {
   if (frame.unreliable_tile_count() == 0) return "";
-  std::string cause;
-  for (const v1::UnreliableLayer& layer : frame.unreliable_layers()) {
-    absl::StrAppend(&cause, cause.empty() ? "" : ", ", layer.layer(), " in ", layer.tile_count());
+  std::string text = absl::StrFormat(
+      "; %d of %d tiles contain fireflies, so error bars of their pixels may be "
+      "too small: more samples help",
+      frame.unreliable_tile_count(), frame.tile_count());
+  if (frame.unreliable_layers().empty()) {
+    return text + " (--light-paths or sheaf study name the light to blame)";
   }
-  if (cause.empty()) cause = "--light-paths and sheaf study say which paths";
-  return absl::StrFormat(
-      "; in %d of %d tiles light comes in rare bright samples: their errors are not reliable yet "
-      "(%s)",
-      frame.unreliable_tile_count(), frame.tile_count(), cause);
+  text += "; main cause: ";
+  for (const v1::UnreliableLayer& layer : frame.unreliable_layers()) {
+    const bool is_first = &layer == &frame.unreliable_layers(0);
+    absl::StrAppend(&text, is_first ? "" : ", then ", layer.layer(), " (", layer.tile_count(),
+                    layer.tile_count() == 1 ? " tile)" : " tiles)");
+  }
+  return text;
 }
 
 // What true error bars cost a smooth picture, and the choice there is.
 std::string FormatOneSequence(const v1::Frame& frame) {
   if (frame.one_sequence_gain() <= 0) return "";
   return absl::StrFormat(
-      "; the picture is smooth: if its errors go on falling as they do, --one-sequence has some "
-      "%.1f times less relMSE, and no true error bars (sheaf study measures it)",
+      "; the picture is smooth: --one-sequence would lower its relMSE about %.1fx, but gives no "
+      "true error bars (sheaf study measures it)",
       frame.one_sequence_gain());
+}
+
+// What the picture converges to where that is not the scene's light.
+std::string FormatBias(const v1::FrameSettings& settings) {
+  std::string bias;
+  if (settings.similarity_after_count() != 0) {
+    bias = absl::StrCat(", biased: similarity after ", settings.similarity_after_count(),
+                        " scatterings");
+  }
+  if (settings.max_component_value() != 0) {
+    absl::StrAppend(&bias, ", biased: samples clamped to ", settings.max_component_value());
+  }
+  return bias;
 }
 
 }  // namespace
@@ -94,13 +113,9 @@ std::string FormatOneSequence(const v1::Frame& frame) {
 std::string FormatPictureSummary(const v1::Frame& frame, const PicturePaths& paths) {
   const v1::FrameSettings& settings = frame.spec().settings();
   const v1::PixelRect& window = settings.window();
-  const std::string bias = settings.similarity_after_count() == 0
-                               ? std::string()
-                               : absl::StrCat(", biased: similarity after ",
-                                              settings.similarity_after_count(), " scatterings");
   return absl::StrCat(paths.exr, paths.png.empty() ? "" : " and ", paths.png, ": ",
                       window.x1_px() - window.x0_px(), "x", window.y1_px() - window.y0_px(), ", ",
-                      FormatSamples(frame), bias, ", ",
+                      FormatSamples(frame), FormatBias(settings), ", ",
                       FormatCosts(frame.progress(), frame.flip(), IsRendered(frame)),
                       FormatStop(frame), FormatReliability(frame), FormatOneSequence(frame));
 }

@@ -59,8 +59,9 @@ TEST(SummaryTest, UnreliableTilesAreSaidAndWhatMakesThemSo) {
   frame.set_tile_count(64);
   frame.set_unreliable_tile_count(12);
   EXPECT_NE(FormatPictureSummary(frame, {"out.exr", ""})
-                .find("; in 12 of 64 tiles light comes in rare bright samples: their errors are "
-                      "not reliable yet (--light-paths and sheaf study say which paths)"),
+                .find("; 12 of 64 tiles contain fireflies, so error bars of their pixels may be "
+                      "too small: more samples help (--light-paths or sheaf study name the light "
+                      "to blame)"),
             std::string::npos);
   for (const auto& [layer, tiles] : {std::pair{"caustic", 9}, std::pair{"indirect", 3}}) {
     v1::UnreliableLayer* count = frame.add_unreliable_layers();
@@ -68,7 +69,7 @@ TEST(SummaryTest, UnreliableTilesAreSaidAndWhatMakesThemSo) {
     count->set_tile_count(tiles);
   }
   EXPECT_NE(FormatPictureSummary(frame, {"out.exr", ""})
-                .find("not reliable yet (caustic in 9, indirect in 3)"),
+                .find("more samples help; main cause: caustic (9 tiles), then indirect (3 tiles)"),
             std::string::npos);
 }
 
@@ -76,8 +77,8 @@ TEST(SummaryTest, SmoothPicturesSayWhatOneSequenceWouldSave) {
   v1::Frame frame = Picture();
   frame.set_one_sequence_gain(1.44);
   EXPECT_NE(FormatPictureSummary(frame, {"out.exr", ""})
-                .find("; the picture is smooth: if its errors go on falling as they do, "
-                      "--one-sequence has some 1.4 times less relMSE, and no true error bars"),
+                .find("; the picture is smooth: --one-sequence would lower its relMSE about 1.4x, "
+                      "but gives no true error bars"),
             std::string::npos);
 }
 
@@ -87,6 +88,11 @@ TEST(SummaryTest, BiasIsSaid) {
   EXPECT_TRUE(FormatPictureSummary(frame, {"out.exr", ""})
                   .starts_with("out.exr: 640x360, 128 samples, biased: similarity after 8 "
                                "scatterings, 12.3 s"));
+  frame.mutable_spec()->mutable_settings()->clear_similarity_after_count();
+  frame.mutable_spec()->mutable_settings()->set_max_component_value(10);
+  EXPECT_TRUE(FormatPictureSummary(frame, {"out.exr", ""})
+                  .starts_with("out.exr: 640x360, 128 samples, biased: samples clamped to 10, "
+                               "12.3 s"));
 }
 
 TEST(SummaryTest, WhatCannotBeToldIsLeftOut) {

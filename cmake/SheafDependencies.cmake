@@ -29,4 +29,5 @@ find_program(SHEAF_GRPC_PLUGIN grpc_cpp_plugin REQUIRED)
 if(SHEAF_BUILD_TESTS)
   find_package(GTest REQUIRED)
   find_package(benchmark REQUIRED)
+  find_program(SHEAF_TEST_LINKER ld.gold)  # Links a test in a third of the time, where it is.
 endif()

@@ -1,41 +1,46 @@
 # SPDX-License-Identifier: Apache-2.0
 include(GoogleTest)
 
-# sheaf_precompile(TARGET HEADER ...)
-# Reads the headers once for all sources of the target, which need to be several for that to pay.
+# sheaf_precompile(TARGET HEADER ... | REUSE_FROM TARGET)
+# Reads the headers once for all sources of the target, which need to be many for that to pay.
 function(sheaf_precompile target)
-  target_precompile_headers(${target} PRIVATE ${ARGN})
+  if(NOT ARGV1 STREQUAL REUSE_FROM)
+    list(PREPEND ARGN PRIVATE)
+  endif()
+  target_precompile_headers(${target} ${ARGN})
   if(CMAKE_CXX_COMPILER_ID STREQUAL GNU)
     target_compile_options(${target} PRIVATE -fpch-preprocess)  # Or ccache would give up.
   endif()
 endfunction()
-# Sources of a module or test from which on headers that all of them have are read once.
-set(SHEAF_PRECOMPILE_SOURCES_MIN 5)
 
 # sheaf_join_sources(TARGET)
-# Compiles several sources at a time, for targets of many short ones that all read the headers of
-# gRPC and protobuf: a third of the time.
+# Compiles several sources at a time, so that headers are read and templates compiled once for all
+# of them: a third of the time. Two sources of a target then may not give one name to two things of
+# their own. SHEAF_JOIN_SOURCES=OFF shows that each compiles alone.
+set(SHEAF_JOINED_SOURCES_MAX 8)
 function(sheaf_join_sources target)
-  set_target_properties(${target} PROPERTIES UNITY_BUILD ON UNITY_BUILD_BATCH_SIZE 6)
+  if(SHEAF_JOIN_SOURCES)
+    set_target_properties(${target} PROPERTIES
+      UNITY_BUILD ON UNITY_BUILD_BATCH_SIZE ${SHEAF_JOINED_SOURCES_MAX})
+    if(CMAKE_CXX_COMPILER_ID STREQUAL GNU)
+      # Members of unnamed types warn wherever they are not in the file that is compiled.
+      target_compile_options(${target} PRIVATE -Wno-subobject-linkage)
+    endif()
+  endif()
 endfunction()
 
 # sheaf_add_module(NAME film HEADERS a.h ... SOURCES a.cc ... DEPS sheaf::base ... PRIVATE_DEPS ...
-#                  TESTS a_test.cc ... TEST_DEPS ... LABEL fast PRECOMPILE <header.h> ...)
+#                  TESTS a_test.cc ... TEST_DEPS ... LABEL fast)
 # Makes the library sheaf_NAME with alias sheaf::NAME and, where TESTS are given, one GoogleTest
 # program sheaf_NAME_test whose cases ctest knows by name and label.
 function(sheaf_add_module)
-  cmake_parse_arguments(M "" "NAME;LABEL" "HEADERS;SOURCES;DEPS;PRIVATE_DEPS;TESTS;TEST_DEPS;PRECOMPILE" ${ARGN})
+  cmake_parse_arguments(M "" "NAME;LABEL" "HEADERS;SOURCES;DEPS;PRIVATE_DEPS;TESTS;TEST_DEPS" ${ARGN})
   set(target sheaf_${M_NAME})
   if(M_SOURCES)
     add_library(${target} STATIC ${M_SOURCES} ${M_HEADERS})
     target_include_directories(${target} PUBLIC ${PROJECT_SOURCE_DIR})
     target_link_libraries(${target} PUBLIC sheaf_numerics ${M_DEPS} PRIVATE sheaf_warnings ${M_PRIVATE_DEPS})
-    list(LENGTH M_SOURCES source_count)
-    if(M_PRECOMPILE)
-      sheaf_precompile(${target} ${M_PRECOMPILE})
-    elseif(source_count GREATER_EQUAL SHEAF_PRECOMPILE_SOURCES_MIN AND "sheaf::base" IN_LIST M_DEPS)
-      sheaf_precompile(${target} <absl/status/statusor.h> <absl/strings/str_cat.h>)
-    endif()
+    sheaf_join_sources(${target})
   else()
     add_library(${target} INTERFACE)
     target_include_directories(${target} INTERFACE ${PROJECT_SOURCE_DIR})
@@ -49,6 +54,8 @@ endfunction()
 
 # sheaf_add_test(NAME stability SOURCES ... DEPS ... [LABEL fast|slow|integration] [TIMEOUT seconds]
 #                [PRECOMPILE <header.h> ...])
+# Not joined: tests give the same names to what they are set up with. All read the headers that
+# sheaf_test_support has read, unless they name others.
 function(sheaf_add_test)
   cmake_parse_arguments(T "" "NAME;LABEL;TIMEOUT" "SOURCES;DEPS;PRECOMPILE" ${ARGN})
   if(NOT T_LABEL)
@@ -60,12 +67,14 @@ function(sheaf_add_test)
   math(EXPR timeout "${T_TIMEOUT} * ${SHEAF_TEST_TIME_SCALE}")
   set(target sheaf_${T_NAME}_test)
   add_executable(${target} ${T_SOURCES})
-  target_link_libraries(${target} PRIVATE ${T_DEPS} sheaf_warnings GTest::gmock GTest::gtest_main)
-  list(LENGTH T_SOURCES source_count)
+  target_link_libraries(${target} PRIVATE ${T_DEPS} sheaf_test_support sheaf_warnings GTest::gtest_main)
   if(T_PRECOMPILE)
     sheaf_precompile(${target} ${T_PRECOMPILE})
-  elseif(source_count GREATER_EQUAL SHEAF_PRECOMPILE_SOURCES_MIN)
-    sheaf_precompile(${target} <gtest/gtest.h> <gmock/gmock.h>)
+  else()
+    sheaf_precompile(${target} REUSE_FROM sheaf_test_support)
+  endif()
+  if(SHEAF_TEST_LINKER)
+    target_link_options(${target} PRIVATE -fuse-ld=gold)
   endif()
   gtest_discover_tests(${target} DISCOVERY_MODE PRE_TEST
     PROPERTIES LABELS ${T_LABEL} TIMEOUT ${timeout})

@@ -11,14 +11,16 @@ endif()
 set(CMAKE_CXX_FLAGS_RELEASE "-O2 -DNDEBUG")
 
 option(SHEAF_BUILD_TESTS "Build the tests" ON)
+option(SHEAF_JOIN_SOURCES "Compile several sources of a target at a time" ON)
 set(SHEAF_TEST_TIME_SCALE 1 CACHE STRING "What the time limits of tests are multiplied by")
 set(SHEAF_SANITIZE "" CACHE STRING "Sanitizers, as for -fsanitize= (address,undefined or thread)")
 set(SHEAF_MARCH "x86-64-v3" CACHE STRING "Instruction set; part of the numeric profile")
 
 find_program(SHEAF_CCACHE ccache)
 if(SHEAF_CCACHE)
-  # What ccache wants before it keeps objects that were made with precompiled headers.
-  set(CMAKE_CXX_COMPILER_LAUNCHER ${CMAKE_COMMAND} -E env
+  # Objects are looked up by what the compiler says it read, so that nothing is preprocessed for
+  # that alone; and those that were made with precompiled headers are kept.
+  set(CMAKE_CXX_COMPILER_LAUNCHER env CCACHE_DEPEND=1
     CCACHE_SLOPPINESS=pch_defines,time_macros,include_file_mtime,include_file_ctime ${SHEAF_CCACHE})
   set(CMAKE_C_COMPILER_LAUNCHER ${SHEAF_CCACHE})
 endif()

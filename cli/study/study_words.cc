@@ -13,13 +13,13 @@ namespace sheaf::cli {
 namespace {
 
 // A gain is told from 1 when it is so many standard errors away.
-constexpr double kToldDeviations = 2;
+constexpr double kToldGainDeviations = 2;
 // What is not worth a sentence.
 constexpr double kGainMin = 1.03;
 constexpr double kEffectTimeMin = 0.05;
 constexpr double kNoiseShareMin = 0.25;
 
-const LightPathName& NameOf(LightPathKind kind) {
+const LightPathName& PathNameOf(LightPathKind kind) {
   return kLightPathNames[static_cast<size_t>(kind)];
 }
 
@@ -42,7 +42,7 @@ std::string OfBase(const StudyCurve& base) {
 
 bool IsFaster(const StudyCurve& curve) {
   return curve.gain && curve.gain->value > kGainMin &&
-         curve.gain->value - kToldDeviations * curve.gain->error > 1;
+         curve.gain->value - kToldGainDeviations * curve.gain->error > 1;
 }
 
 std::string GainText(const StudyCurve& curve) {
@@ -65,7 +65,7 @@ void AddUnbiased(const StudyResult& result, std::vector<std::string>* lines) {
         (best == nullptr || curve.gain->value > best->gain->value)) {
       best = &curve;
     }
-    if (curve.gain->value + kToldDeviations * curve.gain->error < 1 / kGainMin) {
+    if (curve.gain->value + kToldGainDeviations * curve.gain->error < 1 / kGainMin) {
       slower.push_back(absl::StrCat(curve.setting.name, " (", GainText(curve), ")"));
     }
   }
@@ -93,7 +93,7 @@ void AddBiased(const StudyResult& result, std::vector<std::string>* lines) {
       if (!IsFaster(curve)) continue;
       lines->push_back(absl::StrFormat(
           "%s is %s. Its bias is too small to be told here: below relMSE %.1g.", name,
-          GainText(curve), std::max(0.0, floor.value) + kToldDeviations * floor.error));
+          GainText(curve), std::max(0.0, floor.value) + kToldGainDeviations * floor.error));
       continue;
     }
     if (setting.is_truer) {
@@ -134,7 +134,7 @@ void AddPaths(const StudyResult& result, std::vector<std::string>* lines) {
     if (path.shares.variance < kNoiseShareMin) continue;
     lines->push_back(absl::StrFormat(
         "%.0f %% of the noise comes with %.0f %% of the light: %s, %s.", 100 * path.shares.variance,
-        100 * path.shares.light, NameOf(path.kind).name, NameOf(path.kind).meaning));
+        100 * path.shares.light, PathNameOf(path.kind).name, PathNameOf(path.kind).meaning));
   }
   if (result.unreliable_tiles.empty()) return;
   std::array<size_t, kLightPathKindCount> counts{};
@@ -145,9 +145,9 @@ void AddPaths(const StudyResult& result, std::vector<std::string>* lines) {
   for (size_t k = 0; k < counts.size(); ++k) {
     if (counts[k] > 0) blamed.push_back(absl::StrCat(kLightPathNames[k].name, " in ", counts[k]));
   }
-  lines->push_back(absl::StrCat("In ", result.unreliable_tiles.size(),
-                                " of the tiles light comes in rare bright samples, and errors are "
-                                "not reliable. To blame: ",
+  lines->push_back(absl::StrCat(result.unreliable_tiles.size(),
+                                " of the tiles contain fireflies; their error estimates are "
+                                "unreliable. Main cause: ",
                                 absl::StrJoin(blamed, ", "), "."));
 }
 

@@ -17,6 +17,8 @@
 namespace sheaf {
 namespace {
 
+constexpr int kLinksMax = 40;  // As Linux follows them.
+
 class Descriptor {
  public:
   explicit Descriptor(int fd) : fd_(fd) {}
@@ -53,25 +55,66 @@ absl::Status WriteNewFile(const std::string& path, std::string_view bytes, bool 
   return absl::OkStatus();
 }
 
+std::string TemporaryName(const std::string& path) {
+  static std::atomic<uint64_t> counter{0};
+  return absl::StrCat(path, ".tmp-", ::getpid(), "-", counter.fetch_add(1));
+}
+
 }  // namespace
 
 absl::Status WriteFileOnce(const std::string& path, std::string_view bytes) {
   return WriteNewFile(path, bytes, /*sync=*/false);
 }
 
+absl::StatusOr<std::string> FollowToFile(const std::string& path) {
+  std::string at = path;
+  for (int links = 0; links < kLinksMax; ++links) {
+    struct stat info {};
+    if (::lstat(at.c_str(), &info) != 0) {
+      if (errno == ENOENT) return at;
+      return StatusFromErrno(errno, at);
+    }
+    if (S_ISREG(info.st_mode)) return at;
+    if (!S_ISLNK(info.st_mode)) {
+      return absl::FailedPreconditionError(
+          absl::StrCat(path, ": is ", S_ISDIR(info.st_mode) ? "a directory" : "a device or a pipe",
+                       ", not a regular file; name another"));
+    }
+    std::error_code error;
+    const std::filesystem::path target = std::filesystem::read_symlink(at, error);
+    if (error) return StatusFromErrno(error.value(), at);
+    at = (std::filesystem::path(at).parent_path() / target).string();
+  }
+  return absl::FailedPreconditionError(
+      absl::StrCat(path, ": more than ", kLinksMax, " symbolic links in a row; name another"));
+}
+
+absl::Status CheckWritable(const std::string& path) {
+  const absl::StatusOr<std::string> file = FollowToFile(path);
+  if (!file.ok()) return file.status();
+  const std::string temporary = TemporaryName(*file);
+  const Descriptor probe(::open(temporary.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0644));
+  if (probe.get() < 0) {
+    return StatusFromErrno(errno, absl::StrCat(path, ": nothing can be written to its folder"));
+  }
+  ::unlink(temporary.c_str());
+  return absl::OkStatus();
+}
+
 absl::Status WriteFileAtomically(const std::string& path, std::string_view bytes) {
-  static std::atomic<uint64_t> counter{0};
-  const std::string temporary = absl::StrCat(path, ".tmp-", ::getpid(), "-", counter.fetch_add(1));
+  const absl::StatusOr<std::string> file = FollowToFile(path);
+  if (!file.ok()) return file.status();
+  const std::string temporary = TemporaryName(*file);
   if (absl::Status status = WriteNewFile(temporary, bytes, /*sync=*/true); !status.ok()) {
     ::unlink(temporary.c_str());
     return status;
   }
-  if (::rename(temporary.c_str(), path.c_str()) != 0) {
+  if (::rename(temporary.c_str(), file->c_str()) != 0) {
     const int error = errno;
     ::unlink(temporary.c_str());
     return StatusFromErrno(error, absl::StrCat("renaming to ", path));
   }
-  std::string directory = std::filesystem::path(path).parent_path().string();
+  std::string directory = std::filesystem::path(*file).parent_path().string();
   if (directory.empty()) directory = ".";
   Descriptor handle(::open(directory.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
   if (handle.get() < 0 || ::fsync(handle.get()) != 0) {

@@ -3,6 +3,7 @@
 #include "common/base/file.h"
 
 #include <gtest/gtest.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <cstdlib>
@@ -41,6 +42,38 @@ TEST_F(FileTest, WritesReadsAndReplaces) {
   ASSERT_TRUE(WriteFileAtomically(path, "").ok());
   EXPECT_EQ(*ReadWholeFile(path), "");
   EXPECT_EQ(CountEntries(), 1u) << "a temporary file was left";
+}
+
+TEST_F(FileTest, SymbolicLinksAreFollowedAndStay) {
+  const std::string file = directory_ + "/real", link = directory_ + "/link";
+  std::filesystem::create_symlink("real", link);
+  std::filesystem::create_symlink(link, directory_ + "/second");
+  ASSERT_TRUE(WriteFileAtomically(link, "to where nothing was").ok());
+  EXPECT_EQ(*ReadWholeFile(file), "to where nothing was");
+  ASSERT_TRUE(WriteFileAtomically(directory_ + "/second", "by two links").ok());
+  EXPECT_EQ(*ReadWholeFile(file), "by two links");
+  EXPECT_TRUE(std::filesystem::is_symlink(link));
+  EXPECT_EQ(CountEntries(), 3u);
+  std::filesystem::create_symlink("circle", directory_ + "/circle");
+  EXPECT_EQ(WriteFileAtomically(directory_ + "/circle", "").code(),
+            absl::StatusCode::kFailedPrecondition);
+}
+
+TEST_F(FileTest, ReplacesNothingButRegularFiles) {
+  const std::string pipe = directory_ + "/pipe";
+  ASSERT_EQ(::mkfifo(pipe.c_str(), 0600), 0);
+  std::filesystem::create_symlink("pipe", directory_ + "/link");
+  for (const std::string& path : {pipe, directory_ + "/link", directory_}) {
+    EXPECT_EQ(WriteFileAtomically(path, "x").code(), absl::StatusCode::kFailedPrecondition);
+    EXPECT_EQ(CheckWritable(path).code(), absl::StatusCode::kFailedPrecondition);
+  }
+  EXPECT_TRUE(std::filesystem::is_fifo(pipe));
+}
+
+TEST_F(FileTest, WhatCannotBeWrittenIsKnownBefore) {
+  EXPECT_TRUE(absl::IsNotFound(CheckWritable(directory_ + "/none/a.exr")));
+  EXPECT_TRUE(CheckWritable(directory_ + "/a.exr").ok());
+  EXPECT_EQ(CountEntries(), 0u) << "the probe was left";
 }
 
 TEST_F(FileTest, WritesBesideTheWorkingDirectoryToo) {

@@ -7,6 +7,8 @@
 
 #include <memory>
 
+#include "common/base/printable.h"
+
 namespace sheaf {
 namespace {
 
@@ -50,9 +52,9 @@ void SetLogName(const std::string& name) {
   Logger().set_pattern("%Y-%m-%dT%H:%M:%S.%e%z " + name + " %^%l%$ %v");
 }
 
-void LogDebug(std::string_view text) { Logger().debug("{}", text); }
-void LogInfo(std::string_view text) { Logger().info("{}", text); }
-void LogWarning(std::string_view text) { Logger().warn("{}", text); }
-void LogError(std::string_view text) { Logger().error("{}", text); }
+void LogDebug(std::string_view text) { Logger().debug("{}", Printable(text)); }
+void LogInfo(std::string_view text) { Logger().info("{}", Printable(text)); }
+void LogWarning(std::string_view text) { Logger().warn("{}", Printable(text)); }
+void LogError(std::string_view text) { Logger().error("{}", Printable(text)); }
 
 }  // namespace sheaf

@@ -8,31 +8,49 @@
 #include <algorithm>
 #include <atomic>
 #include <cstdint>
+#include <exception>
+#include <mutex>
+#include <system_error>
 #include <thread>
 #include <vector>
 
 namespace sheaf {
 
 // Calls function(begin, end) for disjoint ranges of at most grain that cover [0, count), from up to
-// thread_count threads, this one among them; returns when all are done.
+// thread_count threads, this one among them; returns when all are done. Does with fewer threads
+// where no more can be had. What function throws (lack of memory) is thrown here.
 // Requires: grain >= 1, thread_count >= 1.
 template <typename Function>
 void ParallelRanges(uint64_t count, uint64_t grain, int thread_count, const Function& function) {
   std::atomic<uint64_t> next{0};
+  std::atomic<bool> failed{false};
+  std::once_flag first;
+  std::exception_ptr failure;
   const auto work = [&] {
-    for (;;) {
-      const uint64_t begin = next.fetch_add(grain);
-      if (begin >= count) return;
-      function(begin, std::min(count, begin + grain));
+    try {
+      while (!failed) {
+        const uint64_t begin = next.fetch_add(grain);
+        if (begin >= count) return;
+        function(begin, std::min(count, begin + grain));
+      }
+    } catch (...) {
+      std::call_once(first, [&] { failure = std::current_exception(); });
+      failed = true;
     }
   };
   const uint64_t ranges = count / grain + (count % grain != 0);
-  std::vector<std::thread> threads;
-  for (uint64_t i = 1; i < std::min<uint64_t>(static_cast<uint64_t>(thread_count), ranges); ++i) {
-    threads.emplace_back(work);
+  {
+    std::vector<std::jthread> threads;
+    try {
+      for (uint64_t i = 1; i < std::min<uint64_t>(static_cast<uint64_t>(thread_count), ranges);
+           ++i) {
+        threads.emplace_back(work);
+      }
+    } catch (const std::system_error&) {
+    }
+    work();
   }
-  work();
-  for (std::thread& thread : threads) thread.join();
+  if (failure) std::rethrow_exception(failure);
 }
 
 }  // namespace sheaf

@@ -23,6 +23,7 @@ namespace {
 // How often a partial file may be renamed away between opening and locking it before we give up.
 constexpr int kLockAttemptsMax = 16;
 constexpr size_t kReadBufferBytes = size_t{1} << 18;
+constexpr size_t kLostNotedMax = 1000;
 
 absl::Status SyncDirectory(const std::string& path) {
   const FileDescriptor directory(::open(path.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
@@ -67,7 +68,8 @@ BlobWriter::~BlobWriter() {
 }
 
 BlobWriter::BlobWriter(BlobWriter&& other) noexcept
-    : partial_path_(std::move(other.partial_path_)),
+    : store_(other.store_),
+      partial_path_(std::move(other.partial_path_)),
       final_path_(std::move(other.final_path_)),
       digest_(std::move(other.digest_)),
       fd_(std::exchange(other.fd_, -1)),
@@ -128,17 +130,21 @@ absl::Status BlobWriter::Commit() {
     return StatusFromErrno(errno, absl::StrCat("renaming ", partial_path_, " to ", final_path_));
   }
   if (absl::Status status = SyncDirectory(directory); !status.ok()) return status;
+  if (const auto state = StateOfFile(final_path_)) {
+    store_->verified_.Remember(digest_.sha256_hex, *state);
+  }
   ::close(std::exchange(fd_, -1));
   return absl::OkStatus();
 }
 
-absl::StatusOr<std::unique_ptr<BlobStore>> BlobStore::Open(const std::string& directory) {
+absl::StatusOr<std::unique_ptr<BlobStore>> BlobStore::Open(const std::string& directory,
+                                                           std::function<Clock::time_point()> now) {
   for (const char* below : {"partial", "damaged"}) {
     if (absl::Status status = MakeDirectories(absl::StrCat(directory, "/", below)); !status.ok()) {
       return status;
     }
   }
-  return std::unique_ptr<BlobStore>(new BlobStore(directory));
+  return std::unique_ptr<BlobStore>(new BlobStore(directory, std::move(now)));
 }
 
 std::string BlobStore::FinalPath(const BlobDigest& digest) const {
@@ -149,19 +155,30 @@ std::string BlobStore::PartialPath(const BlobDigest& digest) const {
   return absl::StrCat(directory_, "/partial/", digest.sha256_hex, ".part");
 }
 
-absl::StatusOr<std::string> BlobStore::PathOf(const BlobDigest& digest) const {
+absl::StatusOr<FileState> BlobStore::StateOf(const BlobDigest& digest) const {
   if (absl::Status status = CheckDigest(digest); !status.ok()) return status;
-  std::string path = FinalPath(digest);
-  struct stat found {};
-  if (::stat(path.c_str(), &found) != 0) {
-    return StatusFromErrno(errno, absl::StrCat("blob ", digest.sha256_hex));
+  const std::string path = FinalPath(digest);
+  std::optional<FileState> state = StateOfFile(path);
+  if (state && !verified_.Contains(digest.sha256_hex, *state)) {
+    const std::lock_guard<std::mutex> lock(LockOf(digest));
+    state = StateOfFile(path);
+    if (state && !verified_.Contains(digest.sha256_hex, *state)) {
+      if (absl::Status status = VerifyFile(digest); !status.ok()) return status;
+      state = StateOfFile(path);
+    }
   }
-  if (static_cast<uint64_t>(found.st_size) != digest.size_bytes) {
+  if (!state) return StatusFromErrno(errno, absl::StrCat("blob ", digest.sha256_hex));
+  if (state->size_bytes != digest.size_bytes) {
     return absl::InvalidArgumentError(absl::StrCat("blob ", digest.sha256_hex, ": stored with ",
-                                                   found.st_size, " bytes, not the ",
+                                                   state->size_bytes, " bytes, not the ",
                                                    digest.size_bytes, " that were named"));
   }
-  return path;
+  return *state;
+}
+
+absl::StatusOr<std::string> BlobStore::PathOf(const BlobDigest& digest) const {
+  if (const absl::Status status = StateOf(digest).status(); !status.ok()) return status;
+  return FinalPath(digest);
 }
 
 absl::StatusOr<std::vector<BlobDigest>> BlobStore::FindMissing(
@@ -169,11 +186,7 @@ absl::StatusOr<std::vector<BlobDigest>> BlobStore::FindMissing(
   std::vector<BlobDigest> missing;
   for (const BlobDigest& digest : digests) {
     if (absl::Status status = CheckDigest(digest); !status.ok()) return status;
-    const absl::StatusOr<std::string> path = PathOf(digest);
-    // Touching tells a collector by age that somebody counts on this blob.
-    if (!path.ok() || ::utimensat(AT_FDCWD, path->c_str(), nullptr, 0) != 0) {
-      missing.push_back(digest);
-    }
+    if (!PathOf(digest).ok()) missing.push_back(digest);
   }
   return missing;
 }
@@ -200,7 +213,7 @@ absl::StatusOr<BlobWriter> BlobStore::BeginWrite(const BlobDigest& digest,
   if (offset_bytes == 0 && ::ftruncate(file->get(), 0) != 0) {
     return StatusFromErrno(errno, absl::StrCat("truncating ", PartialPath(digest)));
   }
-  BlobWriter writer(PartialPath(digest), FinalPath(digest), digest, file->Release());
+  BlobWriter writer(this, PartialPath(digest), FinalPath(digest), digest, file->Release());
   if (absl::Status status = writer.HashExistingBytes(); !status.ok()) return status;
   if (writer.committed_bytes() != offset_bytes || offset_bytes > digest.size_bytes) {
     return absl::OutOfRangeError(
@@ -248,16 +261,53 @@ absl::StatusOr<std::string> BlobStore::ReadChunk(const BlobDigest& digest, uint6
 
 absl::Status BlobStore::Verify(const BlobDigest& digest) const {
   if (absl::Status status = CheckDigest(digest); !status.ok()) return status;
+  const std::lock_guard<std::mutex> lock(LockOf(digest));
+  return VerifyFile(digest);
+}
+
+absl::Status BlobStore::VerifyFile(const BlobDigest& digest) const {
   const std::string path = FinalPath(digest);
+  ++digest_count_;
+  const std::optional<FileState> before = StateOfFile(path);
   const absl::StatusOr<FileDigest> actual = Sha256OfFile(path);
   if (!actual.ok()) return actual.status();
-  if (actual->sha256_hex == digest.sha256_hex) return absl::OkStatus();
-  const std::string damaged = absl::StrCat(directory_, "/damaged/", digest.sha256_hex);
-  if (::rename(path.c_str(), damaged.c_str()) != 0) {
-    return StatusFromErrno(errno, absl::StrCat("renaming ", path, " to ", damaged));
+  const std::optional<FileState> after = StateOfFile(path);
+  if (actual->sha256_hex == digest.sha256_hex) {
+    if (!before || before != after) {
+      return absl::UnavailableError(absl::StrCat(path, ": changes while it is read; try again"));
+    }
+    verified_.Remember(digest.sha256_hex, *before);
+    return absl::OkStatus();
   }
-  return absl::DataLossError(absl::StrCat("blob ", digest.sha256_hex,
-                                          ": the stored bytes are damaged; kept as ", damaged));
+  if (after) TakeOut(digest, *after);
+  return absl::DataLossError(absl::StrCat("blob ", digest.sha256_hex, ": the bytes stored as ",
+                                          path, " were damaged, and are moved to ", directory_,
+                                          "/damaged"));
+}
+
+void BlobStore::TakeOut(const BlobDigest& digest, const FileState& state) const {
+  const std::string path = FinalPath(digest);
+  // Another process may have healed it meanwhile.
+  const std::optional<FileState> now = StateOfFile(path);
+  if (!now || now->inode != state.inode) return;
+  verified_.Forget(digest.sha256_hex);
+  MoveAside(path, absl::StrCat(directory_, "/damaged"), digest.sha256_hex);
+  NoteLost(digest);
+}
+
+std::vector<BlobDigest> BlobStore::TakeLost() const {
+  const std::lock_guard<std::mutex> lock(lost_mutex_);
+  return std::exchange(lost_, {});
+}
+
+void BlobStore::NoteLost(const BlobDigest& digest) const {
+  const std::lock_guard<std::mutex> lock(lost_mutex_);
+  if (lost_.size() < kLostNotedMax) lost_.push_back(digest);
+}
+
+std::mutex& BlobStore::LockOf(const BlobDigest& digest) const {
+  const char digit = digest.sha256_hex.front();
+  return verifying_[static_cast<size_t>(digit <= '9' ? digit - '0' : digit - 'a' + 10)];
 }
 
 }  // namespace sheaf

@@ -4,21 +4,34 @@
 // BlobStore: a directory of blobs named by their SHA-256. What Commit returned OK for survives
 // kill -9 and power loss. Several threads and several processes may use one directory.
 //
+// Disks and people alter files. So a blob is there only as long as its bytes are known to be its
+// name's: they are digested when they are first asked for, whenever the file's state has changed
+// since, and once in kVerifiedAgeMax. One that is damaged is moved aside: it is missing from then
+// on, and whoever needs it brings it again.
+//
 //     DIR/ab/abcdef...        a complete, verified blob; never changes
 //     DIR/partial/HEX.part    an upload under way, or one that was cut off and can be resumed
-//     DIR/damaged/HEX         a blob whose bytes no longer match its name, kept for diagnosis
+//     DIR/damaged/HEX         a blob whose bytes no longer match its name, kept for diagnosis: the
+//                             last kDamagedKeptMax, of kDamagedBytesMax together
 #pragma once
 
+#include <array>
+#include <atomic>
 #include <cstdint>
+#include <functional>
 #include <memory>
+#include <mutex>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "common/base/digest.h"
 #include "common/content/blob_digest.h"
+#include "common/content/file_state.h"
+#include "common/content/verified_files.h"
 
 namespace sheaf {
 
@@ -30,6 +43,8 @@ struct BlobWriteStatus {
   uint64_t committed_bytes = 0;  // Where an upload resumes; size_bytes when complete.
   bool complete = false;
 };
+
+class BlobStore;
 
 // One upload; holds the partial file's lock as long as it lives. Destroyed without Commit, it
 // leaves the bytes appended so far to be resumed. Thread safety: one thread at a time.
@@ -52,13 +67,16 @@ class BlobWriter {
 
  private:
   friend class BlobStore;
-  BlobWriter(std::string partial_path, std::string final_path, BlobDigest digest, int fd)
-      : partial_path_(std::move(partial_path)),
+  BlobWriter(const BlobStore* store, std::string partial_path, std::string final_path,
+             BlobDigest digest, int fd)
+      : store_(store),
+        partial_path_(std::move(partial_path)),
         final_path_(std::move(final_path)),
         digest_(std::move(digest)),
         fd_(fd) {}
   absl::Status HashExistingBytes();
 
+  const BlobStore* store_;
   std::string partial_path_, final_path_;
   BlobDigest digest_;
   int fd_ = -1;
@@ -69,17 +87,21 @@ class BlobWriter {
 // Thread safety: all members may be called concurrently.
 class BlobStore {
  public:
-  // Makes the directory where it is missing.
-  static absl::StatusOr<std::unique_ptr<BlobStore>> Open(const std::string& directory);
+  using Clock = VerifiedFiles::Clock;
 
-  // Those that are not stored (or whose size is not the one given), in the order of digests.
-  // Touches the others, so that a collector by age leaves them alone. Errors: kInvalidArgument
-  // (malformed digest).
+  // Makes the directory where it is missing.
+  static absl::StatusOr<std::unique_ptr<BlobStore>> Open(
+      const std::string& directory, std::function<Clock::time_point()> now = Clock::now);
+
+  // Those that are not stored (or are damaged, or whose size is not the one given), in the order of
+  // digests. Errors: kInvalidArgument (malformed digest).
   absl::StatusOr<std::vector<BlobDigest>> FindMissing(const std::vector<BlobDigest>& digests) const;
 
-  // Path of a complete blob, to be opened for reading only.
-  // Errors: kNotFound; kInvalidArgument (malformed digest, or stored with another size).
+  // Path of a complete blob, to be opened for reading only; and the state in which its file's bytes
+  // are known to be the blob's. Errors: kNotFound; kDataLoss (it was damaged, and is missing now);
+  // kInvalidArgument (malformed digest, or stored with another size).
   absl::StatusOr<std::string> PathOf(const BlobDigest& digest) const;
+  absl::StatusOr<FileState> StateOf(const BlobDigest& digest) const;
 
   // Errors: kInvalidArgument (malformed digest).
   absl::StatusOr<BlobWriteStatus> GetWriteStatus(const BlobDigest& digest) const;
@@ -97,10 +119,16 @@ class BlobStore {
   absl::StatusOr<std::string> ReadChunk(const BlobDigest& digest, uint64_t offset_bytes,
                                         uint64_t size_bytes_max) const;
 
-  // Reads the whole blob and compares it with its name. A damaged one is moved to DIR/damaged, so
-  // that FindMissing asks for it again.
-  // Errors: kNotFound; kDataLoss (damaged).
+  // Reads the whole blob and compares it with its name, whatever is known of its file.
+  // Errors: kNotFound; kDataLoss (it was damaged, and is missing now).
   absl::Status Verify(const BlobDigest& digest) const;
+
+  // How many files were digested to verify them, for tests and metrics.
+  uint64_t digest_count() const { return digest_count_; }
+  // The blobs that were found to be damaged since the last call, or that NoteLost named.
+  std::vector<BlobDigest> TakeLost() const;
+  // Somebody asked in vain for a blob that was to be here.
+  void NoteLost(const BlobDigest& digest) const;
 
   const std::string& directory() const { return directory_; }
   // Path a blob has or would have. Requires: CheckDigest is OK.
@@ -108,8 +136,21 @@ class BlobStore {
   std::string PartialPath(const BlobDigest& digest) const;
 
  private:
-  explicit BlobStore(std::string directory) : directory_(std::move(directory)) {}
-  std::string directory_;
+  friend class BlobWriter;
+  BlobStore(std::string directory, std::function<Clock::time_point()> now)
+      : directory_(std::move(directory)), verified_(std::move(now)) {}
+  // Digests the file. Requires: the blob's lock is held.
+  absl::Status VerifyFile(const BlobDigest& digest) const;
+  void TakeOut(const BlobDigest& digest, const FileState& state) const;
+  std::mutex& LockOf(const BlobDigest& digest) const;
+
+  const std::string directory_;
+  mutable VerifiedFiles verified_;  // By digest.
+  // By the first digit of the digest: one thread digests a blob while others wait for it.
+  mutable std::array<std::mutex, 16> verifying_;
+  mutable std::atomic<uint64_t> digest_count_{0};
+  mutable std::mutex lost_mutex_;
+  mutable std::vector<BlobDigest> lost_;  // At most kLostNotedMax.
 };
 
 }  // namespace sheaf

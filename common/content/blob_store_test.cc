@@ -25,6 +25,11 @@ class BlobStoreTest : public testing::Test {
   void TearDown() override { std::filesystem::remove_all(directory_); }
 
   static BlobDigest DigestOf(const std::string& bytes) { return {Sha256Hex(bytes), bytes.size()}; }
+  void Alter(const BlobDigest& digest, const std::string& bytes) {
+    const std::string path = store_->FinalPath(digest);
+    ::chmod(path.c_str(), 0644);
+    std::ofstream(path, std::ios::binary) << bytes;
+  }
 
   std::string directory_;
   std::unique_ptr<BlobStore> store_;
@@ -118,6 +123,55 @@ TEST_F(BlobStoreTest, NoticesDamageAndAsksForTheBlobAgain) {
   EXPECT_THAT(*store_->FindMissing({digest}), testing::ElementsAre(digest));
   EXPECT_TRUE(store_->Put("precious").ok());
   EXPECT_TRUE(store_->Verify(digest).ok());
+}
+
+TEST_F(BlobStoreTest, IsMissingOnceItsBytesAreAltered) {
+  const BlobDigest digest = *store_->Put("precious");
+  Alter(digest, "previous");
+  EXPECT_THAT(*store_->FindMissing({digest}), testing::ElementsAre(digest));
+  EXPECT_FALSE(store_->GetWriteStatus(digest)->complete);
+  EXPECT_THAT(store_->TakeLost(), testing::ElementsAre(digest));
+  EXPECT_TRUE(store_->TakeLost().empty());
+  EXPECT_TRUE(std::filesystem::exists(directory_ + "/damaged/" + digest.sha256_hex));
+  EXPECT_TRUE(store_->Put("precious").ok());
+  EXPECT_EQ(*store_->ReadChunk(digest, 0, 100), "precious");
+}
+
+TEST_F(BlobStoreTest, NoAlteredByteIsRead) {
+  const BlobDigest digest = *store_->Put("precious");
+  Alter(digest, "previous");
+  EXPECT_EQ(store_->ReadChunk(digest, 0, 100).status().code(), absl::StatusCode::kDataLoss);
+  EXPECT_EQ(store_->ReadChunk(digest, 0, 100).status().code(), absl::StatusCode::kNotFound);
+}
+
+TEST_F(BlobStoreTest, WhatAnEarlierProcessLeftIsDigestedBeforeItIsTrusted) {
+  const BlobDigest digest = *store_->Put("precious");
+  Alter(digest, "previous");
+  store_ = *BlobStore::Open(directory_);
+  EXPECT_THAT(*store_->FindMissing({digest}), testing::ElementsAre(digest));
+}
+
+// Bits that a disk loses change no time.
+TEST_F(BlobStoreTest, IsDigestedAgainAfterATime) {
+  BlobStore::Clock::time_point now;
+  store_ = *BlobStore::Open(directory_, [&] { return now; });
+  const BlobDigest digest = *store_->Put("precious");
+  const FileState state = *store_->StateOf(digest);
+  now += kVerifiedAgeMax + std::chrono::seconds(1);
+  EXPECT_EQ(*store_->StateOf(digest), state);
+  EXPECT_EQ(store_->digest_count(), 1u);
+  EXPECT_EQ(*store_->StateOf(digest), state);
+  EXPECT_EQ(store_->digest_count(), 1u) << "what was just digested is known";
+}
+
+TEST_F(BlobStoreTest, KeepsABoundedNumberOfDamagedBlobs) {
+  for (size_t i = 0; i < 2 * kDamagedKeptMax; ++i) {
+    const BlobDigest digest = *store_->Put("blob " + std::to_string(i));
+    Alter(digest, "damage");
+    EXPECT_FALSE(store_->PathOf(digest).ok());
+  }
+  const std::filesystem::directory_iterator files(directory_ + "/damaged");
+  EXPECT_EQ(static_cast<size_t>(std::distance(begin(files), end(files))), kDamagedKeptMax);
 }
 
 TEST_F(BlobStoreTest, RefusesASizeThatIsNotTheStoredOne) {

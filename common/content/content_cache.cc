@@ -11,6 +11,8 @@
 #include <cerrno>
 #include <chrono>
 #include <filesystem>
+#include <mutex>
+#include <set>
 #include <system_error>
 #include <thread>
 #include <utility>
@@ -28,9 +30,8 @@ namespace fs = std::filesystem;
 constexpr std::chrono::milliseconds kDownloadPollInterval{50};
 // How often a blob may vanish or appear under our feet before Acquire gives up.
 constexpr int kDownloadAttemptsMax = 20;
-constexpr size_t kVerifiedDigestsMax = 1 << 20;
 constexpr size_t kLinkNameBytesMax = 100;
-constexpr int kLeasesMax = 10'000;  // Of one process.
+constexpr int kLeaseFoldersMax = 10'000;  // Of processes with the same number.
 
 // What room is made of: a blob that no lease uses, or a download that was cut off.
 struct Evictable {
@@ -94,8 +95,45 @@ uint64_t SizeOf(const std::string& path) {
   return ::stat(path.c_str(), &found) == 0 ? static_cast<uint64_t>(found.st_size) : 0;
 }
 
+// When a blob was used last.
+std::string StampPath(const std::string& cache, const std::string& sha256_hex) {
+  return absl::StrCat(cache, "/used/", sha256_hex);
+}
+
+void NoteUse(const std::string& stamp) {
+  const FileDescriptor file(::open(stamp.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC, 0644));
+  if (file.ok()) ::futimens(file.get(), nullptr);
+}
+
+// The folders of all leases, of all processes.
+std::vector<std::string> LeaseDirectories(const std::string& cache) {
+  const std::string leases = absl::StrCat(cache, "/leases/");
+  std::vector<std::string> directories;
+  for (const std::string& user : ListDirectory(leases)) {
+    for (const std::string& name : ListDirectory(absl::StrCat(leases, user))) {
+      directories.push_back(absl::StrCat(leases, user, "/", name));
+    }
+  }
+  return directories;
+}
+
+// Digests of the blobs that leases link to.
+std::set<std::string> PinnedBlobs(const std::string& cache) {
+  std::set<std::string> pinned;
+  for (const std::string& directory : LeaseDirectories(cache)) {
+    for (const std::string& name : ListDirectory(directory)) {
+      std::error_code error;
+      const fs::path blob = fs::read_symlink(absl::StrCat(directory, "/", name), error);
+      if (!error) pinned.insert(blob.filename().string());
+    }
+  }
+  return pinned;
+}
+
 // Everything below the cache's blobs: adds to used_bytes, and to evictable what may go.
-void ScanBlobs(const std::string& blobs, uint64_t* used_bytes, std::vector<Evictable>* evictable) {
+void ScanBlobs(const std::string& cache, const std::string& blobs, uint64_t* used_bytes,
+               std::vector<Evictable>* evictable) {
+  const std::set<std::string> pinned = PinnedBlobs(cache);
   for (const std::string& folder : ListDirectory(blobs)) {
     if (folder.size() != 2) continue;
     for (const std::string& name : ListDirectory(absl::StrCat(blobs, "/", folder))) {
@@ -104,8 +142,16 @@ void ScanBlobs(const std::string& blobs, uint64_t* used_bytes, std::vector<Evict
       if (::stat(path.c_str(), &found) != 0) continue;
       const auto size = static_cast<uint64_t>(found.st_size);
       *used_bytes += size;
-      if (found.st_nlink == 1) evictable->push_back({found.st_mtim, path, size, false});
+      if (pinned.contains(name)) continue;
+      struct stat used {};
+      const bool stamped = ::stat(StampPath(cache, name).c_str(), &used) == 0;
+      evictable->push_back({stamped ? used.st_mtim : found.st_mtim, path, size, false});
     }
+  }
+  for (const std::string& name : ListDirectory(absl::StrCat(blobs, "/damaged"))) {
+    const std::string path = absl::StrCat(blobs, "/damaged/", name);
+    *used_bytes += SizeOf(path);
+    evictable->push_back({timespec{}, path, SizeOf(path), false});
   }
   for (const std::string& name : ListDirectory(absl::StrCat(blobs, "/partial"))) {
     const std::string path = absl::StrCat(blobs, "/partial/", name);
@@ -128,21 +174,39 @@ bool Evict(const Evictable& victim) {
 
 }  // namespace
 
+// The leases of one cache object: one lock, however many there are.
+class ContentLease::Folder {
+ public:
+  Folder(std::string path, FileDescriptor lock) : path_(std::move(path)), lock_(std::move(lock)) {}
+  ~Folder() {
+    RemoveDirectoryTree(path_);
+    ::unlink(absl::StrCat(path_, ".lock").c_str());
+  }
+  Folder(const Folder&) = delete;
+  Folder& operator=(const Folder&) = delete;
+  const std::string& path() const { return path_; }
+
+ private:
+  const std::string path_;
+  const FileDescriptor lock_;
+};
+
 ContentLease::~ContentLease() {
-  if (directory_.empty()) return;
-  RemoveDirectoryTree(directory_);
-  ::unlink(absl::StrCat(directory_, ".lock").c_str());
+  if (!directory_.empty()) RemoveDirectoryTree(directory_);
 }
 
 ContentLease::ContentLease(ContentLease&& other) noexcept
     : directory_(std::exchange(other.directory_, std::string())),
-      lock_(std::move(other.lock_)),
-      local_paths_(std::move(other.local_paths_)) {}
+      folder_(std::move(other.folder_)),
+      local_paths_(std::move(other.local_paths_)),
+      pinned_(std::move(other.pinned_)) {}
 
 absl::StatusOr<std::unique_ptr<ContentCache>> ContentCache::Open(const std::string& directory,
                                                                  ContentCacheLimits limits) {
-  if (absl::Status status = MakeDirectories(absl::StrCat(directory, "/leases")); !status.ok()) {
-    return status;
+  for (const char* below : {"/leases", "/used"}) {
+    if (absl::Status status = MakeDirectories(absl::StrCat(directory, below)); !status.ok()) {
+      return status;
+    }
   }
   absl::StatusOr<std::unique_ptr<BlobStore>> blobs =
       BlobStore::Open(absl::StrCat(directory, "/blobs"));
@@ -151,6 +215,7 @@ absl::StatusOr<std::unique_ptr<ContentCache>> ContentCache::Open(const std::stri
   absl::StatusOr<FileDescriptor> lock = cache->LockCache();
   if (!lock.ok()) return lock.status();
   cache->FreeDeadLeases();
+  if (absl::Status status = cache->MakeLeaseFolder(); !status.ok()) return status;
   return cache;
 }
 
@@ -176,37 +241,48 @@ void ContentCache::FreeDeadLeases() const {
   }
 }
 
-absl::StatusOr<ContentLease> ContentCache::MakeLease() const {
+absl::Status ContentCache::MakeLeaseFolder() {
   // Numbers of processes repeat, over time and between containers: an id that is taken is passed
   // over.
-  for (int attempt = 0; attempt < kLeasesMax; ++attempt) {
-    const std::string directory = absl::StrCat(directory_, "/leases/", ::getpid(), "-", attempt);
-    const std::string lock_path = absl::StrCat(directory, ".lock");
+  for (int attempt = 0; attempt < kLeaseFoldersMax; ++attempt) {
+    const std::string path = absl::StrCat(directory_, "/leases/", ::getpid(), "-", attempt);
+    const std::string lock_path = absl::StrCat(path, ".lock");
     FileDescriptor lock(::open(lock_path.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0644));
     if (!lock.ok() && errno == EEXIST) continue;
     if (!lock.ok() || ::flock(lock.get(), LOCK_EX | LOCK_NB) != 0) {
       return StatusFromErrno(errno, absl::StrCat("creating ", lock_path));
     }
-    ContentLease lease(directory, std::move(lock));
-    if (absl::Status status = MakeDirectories(directory); !status.ok()) return status;
-    return lease;
+    lease_folder_ = std::make_shared<ContentLease::Folder>(path, std::move(lock));
+    return absl::OkStatus();
   }
   return absl::ResourceExhaustedError(
-      absl::StrCat("content cache ", directory_, ": more than ", kLeasesMax, " scenes in use"));
+      absl::StrCat("content cache ", directory_, ": more than ", kLeaseFoldersMax, " users"));
+}
+
+absl::StatusOr<ContentLease> ContentCache::MakeLease() {
+  uint64_t number = 0;
+  {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    number = lease_count_++;
+  }
+  ContentLease lease(absl::StrCat(lease_folder_->path(), "/", number), lease_folder_);
+  if (absl::Status status = MakeDirectories(lease.directory_); !status.ok()) return status;
+  return lease;
 }
 
 absl::Status ContentCache::MakeRoom(uint64_t size_bytes) const {
   uint64_t used_bytes = 0;
   std::vector<Evictable> evictable;
-  ScanBlobs(blobs_->directory(), &used_bytes, &evictable);
-  const std::string leases = absl::StrCat(directory_, "/leases/");
-  for (const std::string& name : ListDirectory(leases)) {
-    used_bytes += SizeOf(absl::StrCat(leases, name, "/reserved"));
+  ScanBlobs(directory_, blobs_->directory(), &used_bytes, &evictable);
+  for (const std::string& lease : LeaseDirectories(directory_)) {
+    used_bytes += SizeOf(absl::StrCat(lease, "/reserved"));
   }
   std::sort(evictable.begin(), evictable.end(), UsedBefore);
   for (const Evictable& victim : evictable) {
     if (used_bytes + size_bytes <= limits_.bytes_max) break;
-    if (Evict(victim)) used_bytes -= victim.size_bytes;
+    if (!Evict(victim)) continue;
+    used_bytes -= victim.size_bytes;
+    ::unlink(StampPath(directory_, fs::path(victim.path).filename().string()).c_str());
   }
   if (used_bytes + size_bytes <= limits_.bytes_max) return absl::OkStatus();
   return absl::ResourceExhaustedError(
@@ -215,36 +291,25 @@ absl::Status ContentCache::MakeRoom(uint64_t size_bytes) const {
                    " are in use by loaded scenes; raise the cache's limit (--cache-bytes-max)"));
 }
 
-absl::Status ContentCache::VerifyOnce(const BlobDigest& digest) {
-  {
-    const std::lock_guard<std::mutex> lock(mutex_);
-    if (verified_.contains(digest.sha256_hex)) return absl::OkStatus();
-  }
-  if (absl::Status status = blobs_->Verify(digest); !status.ok()) return status;
-  Trust(digest);
-  return absl::OkStatus();
-}
-
-void ContentCache::Trust(const BlobDigest& digest) {
-  const std::lock_guard<std::mutex> lock(mutex_);
-  if (verified_.size() < kVerifiedDigestsMax) verified_.insert(digest.sha256_hex);
-}
-
 absl::Status ContentCache::Link(const std::vector<ManifestFile>& files,
                                 const std::vector<size_t>& indices, ContentLease* lease) {
   const BlobDigest& digest = files[indices.front()].digest;
-  const absl::StatusOr<std::string> blob = blobs_->PathOf(digest);
-  if (!blob.ok()) return absl::NotFoundError(blob.status().message());
+  const absl::StatusOr<FileState> state = blobs_->StateOf(digest);
+  if (!state.ok()) return absl::NotFoundError(state.status().message());
+  // As seen from DIR/leases/ID/K.
+  const std::string blob =
+      absl::StrCat("../../../blobs/", digest.sha256_hex.substr(0, 2), "/", digest.sha256_hex);
   for (const size_t i : indices) {
     const std::string path = absl::StrCat(lease->directory_, "/", LinkName(i, files[i].name));
-    if (::link(blob->c_str(), path.c_str()) != 0 && errno != EEXIST) {
+    if (::symlink(blob.c_str(), path.c_str()) != 0 && errno != EEXIST) {
       return StatusFromErrno(errno,
-                             absl::StrCat("linking ", path, " to ", *blob,
-                                          " (the cache needs a file system with hard links)"));
+                             absl::StrCat("linking ", path, " to ", blob,
+                                          " (the cache needs a file system with symbolic links)"));
     }
     lease->local_paths_[files[i].name] = path;
   }
-  ::utimensat(AT_FDCWD, blob->c_str(), nullptr, 0);  // Marks it as used, for eviction by age.
+  lease->pinned_.push_back({files[indices.front()].name, digest, *state});
+  NoteUse(StampPath(directory_, digest.sha256_hex));
   return absl::OkStatus();
 }
 
@@ -263,7 +328,6 @@ absl::Status ContentCache::Download(const BlobDigest& digest, const Fetch& fetch
       if (!status.ok()) return status;
       status = writer->Commit();
       if (!status.ok()) return absl::DataLossError(status.message());
-      Trust(digest);
       return absl::OkStatus();
     }
     if (absl::IsAlreadyExists(writer.status())) return absl::OkStatus();
@@ -292,13 +356,10 @@ absl::StatusOr<ContentLease> ContentCache::Acquire(const std::vector<ManifestFil
         limits_.bytes_max, "; raise it (--cache-bytes-max)"));
   }
   for (const auto& [hex, indices] : by_digest) {
-    const BlobDigest& digest = files[indices.front()].digest;
-    if (!blobs_->PathOf(digest).ok()) continue;
-    // A damaged blob is moved aside and downloaded again below.
-    const absl::Status verified = VerifyOnce(digest);
-    if (!verified.ok() && !absl::IsDataLoss(verified) && !absl::IsNotFound(verified)) {
-      return verified;
-    }
+    // Digested here where it must be, before the cache is locked. A damaged blob is moved aside,
+    // and downloaded again below.
+    const absl::Status present = blobs_->PathOf(files[indices.front()].digest).status();
+    if (absl::IsUnavailable(present) || absl::IsPermissionDenied(present)) return present;
   }
   std::vector<std::string> missing;
   absl::StatusOr<ContentLease> lease = PinPresent(files, by_digest, &missing);
@@ -306,6 +367,17 @@ absl::StatusOr<ContentLease> ContentCache::Acquire(const std::vector<ManifestFil
   absl::Status status = DownloadMissing(files, by_digest, missing, fetch, stop, &*lease);
   if (!status.ok()) return status;
   return lease;
+}
+
+absl::Status ContentCache::CheckUnchanged(const ContentLease& lease) const {
+  for (const ContentLease::Pinned& pinned : lease.pinned_) {
+    const absl::StatusOr<FileState> state = blobs_->StateOf(pinned.digest);
+    if (state.ok() && *state == pinned.state) continue;
+    return absl::DataLossError(absl::StrCat(
+        "file ", pinned.name, " (blob ", pinned.digest.sha256_hex, ") was altered in the cache ",
+        directory_, " while its scene was in use; it is checked, and fetched again where it must"));
+  }
+  return absl::OkStatus();
 }
 
 absl::StatusOr<ContentLease> ContentCache::PinPresent(const std::vector<ManifestFile>& files,

@@ -3,14 +3,16 @@
 //
 // ContentCache: a disk cache of blobs with a limit, shared by all workers of a machine.
 //
-//     DIR/lock                taken (flock) while leases, room and eviction are decided
-//     DIR/blobs/              a BlobStore; a blob whose link count is above 1 is in use
-//     DIR/leases/ID.lock      held (flock) by the process that uses the files of DIR/leases/ID
-//     DIR/leases/ID/N-NAME    hard links to blobs, under names that end like the scene's own
-//     DIR/leases/ID/reserved  its length says how many bytes are still to be downloaded
+//     DIR/lock                  taken (flock) while leases, room and eviction are decided
+//     DIR/blobs/                a BlobStore
+//     DIR/used/HEX              its time says when the blob was used last
+//     DIR/leases/ID.lock        held (flock) by the process that uses the files of DIR/leases/ID
+//     DIR/leases/ID/K/N-NAME    symbolic links to blobs in use, named to end like the scene's own
+//     DIR/leases/ID/K/reserved  its length says how many bytes are still to be downloaded
 //
 // A lock dies with its process, so what a killed worker held is found and freed by the next one
-// that needs room. A hard link keeps a file's bytes whatever happens to its other names.
+// that needs room. Nothing here changes a blob's file once it is complete, not even its times:
+// whatever does has altered it.
 #pragma once
 
 #include <cstdint>
@@ -18,7 +20,6 @@
 #include <map>
 #include <memory>
 #include <mutex>
-#include <set>
 #include <stop_token>
 #include <string>
 #include <string_view>
@@ -29,6 +30,7 @@
 #include "absl/status/statusor.h"
 #include "common/content/blob_store.h"
 #include "common/content/file_descriptor.h"
+#include "common/content/file_state.h"
 #include "common/content/manifest.h"
 
 namespace sheaf {
@@ -48,11 +50,19 @@ class ContentLease {
 
  private:
   friend class ContentCache;
-  ContentLease(std::string directory, FileDescriptor lock)
-      : directory_(std::move(directory)), lock_(std::move(lock)) {}
-  std::string directory_;  // Empty after a move.
-  FileDescriptor lock_;
+  // A blob as it was when it was pinned.
+  struct Pinned {
+    std::string name;  // Of one of its files.
+    BlobDigest digest;
+    FileState state;
+  };
+  class Folder;
+  ContentLease(std::string directory, std::shared_ptr<Folder> folder)
+      : directory_(std::move(directory)), folder_(std::move(folder)) {}
+  std::string directory_;           // Empty after a move.
+  std::shared_ptr<Folder> folder_;  // Locked while its cache or one of its leases lives.
   std::map<std::string, std::string> local_paths_;
+  std::vector<Pinned> pinned_;
 };
 
 // Thread safety: all members may be called concurrently, also by several processes.
@@ -74,6 +84,11 @@ class ContentCache {
   absl::StatusOr<ContentLease> Acquire(const std::vector<ManifestFile>& files, const Fetch& fetch,
                                        std::stop_token stop);
 
+  // Whether the files of a lease are what they were when it was acquired. Cheap while they are.
+  // Errors: kDataLoss, naming a file: what was read of it since is not to be trusted, and all of
+  // them must be acquired anew.
+  absl::Status CheckUnchanged(const ContentLease& lease) const;
+
   const BlobStore& blobs() const { return *blobs_; }
 
  private:
@@ -82,16 +97,14 @@ class ContentCache {
   ContentCache(std::string directory, ContentCacheLimits limits, std::unique_ptr<BlobStore> blobs)
       : directory_(std::move(directory)), limits_(limits), blobs_(std::move(blobs)) {}
   absl::StatusOr<FileDescriptor> LockCache() const;
-  absl::StatusOr<ContentLease> MakeLease() const;
-  // Both require LockCache.
+  absl::StatusOr<ContentLease> MakeLease();
+  // All require LockCache.
+  absl::Status MakeLeaseFolder();
   void FreeDeadLeases() const;
   absl::Status MakeRoom(uint64_t size_bytes) const;
   // Links one blob into the lease under the names of its files. Errors: kNotFound.
   absl::Status Link(const std::vector<ManifestFile>& files, const std::vector<size_t>& indices,
                     ContentLease* lease);
-  // Reads a blob that an earlier process left once more before this one trusts it.
-  absl::Status VerifyOnce(const BlobDigest& digest);
-  void Trust(const BlobDigest& digest);
   // Makes a lease on the blobs that are here, and room for those that are missing.
   absl::StatusOr<ContentLease> PinPresent(const std::vector<ManifestFile>& files,
                                           const FilesByDigest& by_digest,
@@ -105,8 +118,9 @@ class ContentCache {
   const std::string directory_;
   const ContentCacheLimits limits_;
   const std::unique_ptr<BlobStore> blobs_;
+  std::shared_ptr<ContentLease::Folder> lease_folder_;
   std::mutex mutex_;
-  std::set<std::string> verified_;  // Digests; at most kVerifiedDigestsMax.
+  uint64_t lease_count_ = 0;  // Guarded by mutex_.
 };
 
 }  // namespace sheaf

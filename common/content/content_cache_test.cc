@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "common/content/content_cache.h"
 
+#include <fcntl.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/stat.h>
@@ -169,6 +170,46 @@ TEST_F(ContentCacheTest, FetchesADamagedBlobAgain) {
   EXPECT_EQ(fetch_count_, 2);
 }
 
+TEST_F(ContentCacheTest, NoticesThatAFileInUseWasAltered) {
+  const std::unique_ptr<ContentCache> cache = Open(100);
+  const std::vector<ManifestFile> files = {File("a.pbrt", "aaaa"), File("b.png", "bbbb")};
+  const absl::StatusOr<ContentLease> lease = cache->Acquire(files, FromOrigin(), {});
+  ASSERT_TRUE(lease.ok()) << lease.status();
+  EXPECT_TRUE(cache->CheckUnchanged(*lease).ok());
+  // Whoever uses the files of a scene at the same time changes nothing about them.
+  ASSERT_TRUE(Open(100)->Acquire(files, FromOrigin(), {}).ok());
+  EXPECT_TRUE(cache->CheckUnchanged(*lease).ok());
+  const std::string path = *cache->blobs().PathOf(files[1].digest);
+  struct stat before {};
+  ::stat(path.c_str(), &before);
+  ::chmod(path.c_str(), 0644);
+  std::ofstream(path, std::ios::binary | std::ios::in) << "bbbc";
+  const timespec times[2] = {before.st_atim, before.st_mtim};
+  ::utimensat(AT_FDCWD, path.c_str(), times, 0);  // As if nothing had happened.
+  const absl::Status status = cache->CheckUnchanged(*lease);
+  EXPECT_EQ(status.code(), absl::StatusCode::kDataLoss);
+  EXPECT_THAT(std::string(status.message()), testing::HasSubstr("b.png"));
+  const absl::StatusOr<ContentLease> again = cache->Acquire(files, FromOrigin(), {});
+  ASSERT_TRUE(again.ok()) << again.status();
+  EXPECT_EQ(*ReadWholeFile(again->local_paths().at("b.png")), "bbbb");
+  EXPECT_TRUE(cache->CheckUnchanged(*again).ok());
+  EXPECT_FALSE(cache->CheckUnchanged(*lease).ok()) << "its bytes may have been read";
+  EXPECT_EQ(fetch_count_, 3);
+}
+
+TEST_F(ContentCacheTest, WhatIsDamagedGivesWayFirst) {
+  const std::unique_ptr<ContentCache> cache = Open(10);
+  const ManifestFile a = File("a", "aaaa"), b = File("b", "bbbbbb");
+  ASSERT_TRUE(cache->Acquire({a}, FromOrigin(), {}).ok());
+  const std::string path = *cache->blobs().PathOf(a.digest);
+  ::chmod(path.c_str(), 0644);
+  std::ofstream(path, std::ios::binary) << "aaab";
+  ASSERT_TRUE(cache->Acquire({a}, FromOrigin(), {}).ok());
+  ASSERT_TRUE(cache->Acquire({b}, FromOrigin(), {}).ok());
+  EXPECT_TRUE(cache->blobs().PathOf(a.digest).ok());
+  EXPECT_TRUE(std::filesystem::is_empty(directory_ + "/blobs/damaged"));
+}
+
 TEST_F(ContentCacheTest, FreesWhatAKilledProcessHeld) {
   const ManifestFile a = File("a", "aaaa"), b = File("b", "bbbbbbbb");
   const pid_t child = ::fork();
@@ -183,6 +224,26 @@ TEST_F(ContentCacheTest, FreesWhatAKilledProcessHeld) {
   ASSERT_FALSE(std::filesystem::is_empty(directory_ + "/leases"));
   EXPECT_TRUE(Open(10)->Acquire({b}, FromOrigin(), {}).ok());
   EXPECT_TRUE(std::filesystem::is_empty(directory_ + "/leases"));
+}
+
+TEST_F(ContentCacheTest, LeasesKeepNoFilesOpen) {
+  const auto open_files = [] {
+    return std::distance(std::filesystem::directory_iterator("/proc/self/fd"), {});
+  };
+  const std::unique_ptr<ContentCache> cache = Open(1000);
+  const auto before = open_files();
+  std::vector<ContentLease> leases;
+  for (int i = 0; i < 50; ++i) {
+    absl::StatusOr<ContentLease> lease =
+        cache->Acquire({File("a", absl::StrCat("scene ", i))}, FromOrigin(), {});
+    ASSERT_TRUE(lease.ok()) << lease.status();
+    leases.push_back(*std::move(lease));
+  }
+  EXPECT_EQ(open_files(), before);
+  // What is leased is still safe from other processes.
+  EXPECT_EQ(Open(1)->Acquire({File("b", "b")}, FromOrigin(), {}).status().code(),
+            absl::StatusCode::kResourceExhausted);
+  EXPECT_EQ(*ReadWholeFile(leases.front().local_paths().at("a")), "scene 0");
 }
 
 TEST_F(ContentCacheTest, StopsWaitingWhenAsked) {

@@ -147,6 +147,50 @@ TEST(ExrCodecTest, SumsThatCannotBeAreRefused) {
   bad = tile;
   bad.channel(FilmChannel::kSampleCount)[1] = 17;
   ExpectRefused(EncodePart(bad, kHeader), "sample counts");
+  bad.channel(FilmChannel::kSampleCount)[1] = 15.5F;
+  bad.channel(FilmChannel::kNonFiniteCount)[1] = 0.5F;
+  ExpectRefused(EncodePart(bad, kHeader), "sample counts");
+}
+
+// Two pixels of 16 samples each, through a filter without negative weights.
+FilmTile BoxFilteredTile() {
+  FilmTile tile({0, 0, 2, 1}, {0, 16});
+  for (size_t p = 0; p < 2; ++p) {
+    tile.channel(FilmChannel::kSampleCount)[p] = tile.channel(FilmChannel::kWeight)[p] = 16;
+  }
+  return tile;
+}
+
+TEST(ExrCodecTest, SumsOfLightThatCannotBeAreRefused) {
+  const FilmTile tile = BoxFilteredTile();
+  ASSERT_TRUE(DecodePart(EncodePart(tile, kHeader)).ok());
+  FilmTile bad = tile;
+  bad.channel(FilmChannel::kGreenHi)[1] = -1e30F;
+  ExpectRefused(EncodePart(bad, kHeader), "negative light");
+  bad = tile;
+  bad.channel(FilmChannel::kBlueLo)[0] = -1;
+  ExpectRefused(EncodePart(bad, kHeader), "negative light");
+  bad = tile;
+  bad.replicate(3, 0)[1] = -2;
+  ExpectRefused(EncodePart(bad, kHeader), "negative light");
+  bad = tile;
+  bad.channel(FilmChannel::kRedHi)[0] = 17 * kSampleMagnitudeMax;
+  ExpectRefused(EncodePart(bad, kHeader), "more than 16 samples");
+  bad.channel(FilmChannel::kRedHi)[0] = 16 * kSampleMagnitudeMax;
+  EXPECT_TRUE(DecodePart(EncodePart(bad, kHeader)).ok());
+}
+
+// What is beyond sRGB has negative components, and filters with negative lobes have negative sums.
+TEST(ExrCodecTest, NegativeSumsThatCanBeAreTaken) {
+  FilmTile tile = BoxFilteredTile();
+  // 16 samples of light of 505 nm.
+  tile.channel(FilmChannel::kRedHi)[0] = -9.6F;
+  tile.channel(FilmChannel::kGreenHi)[0] = 12.8F;
+  tile.channel(FilmChannel::kBlueHi)[0] = 3.2F;
+  EXPECT_TRUE(DecodePart(EncodePart(tile, kHeader)).ok());
+  tile.channel(FilmChannel::kWeight)[1] = 13.5F;
+  tile.channel(FilmChannel::kRedHi)[1] = -100;
+  EXPECT_TRUE(DecodePart(EncodePart(tile, kHeader)).ok());
 }
 
 TEST(ExrCodecTest, APartOfALatticeHasItsPixelsAndNoOthers) {

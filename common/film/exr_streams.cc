@@ -8,6 +8,7 @@
 #include <ImfStringAttribute.h>
 
 #include <cstring>
+#include <new>
 #include <stdexcept>
 
 #include "common/base/check.h"
@@ -71,13 +72,19 @@ std::string EncodePlanes(Imf::Header header, const std::vector<NamedPlane<const 
   MemoryOutput output(
       kHeaderBytes +
       (raw ? static_cast<size_t>(rect.PixelCount()) * planes.size() * sizeof(float) : 0));
+  bool out_of_memory = false;
   const absl::Status status = Guard([&] {
     for (const auto& plane : planes) header.channels().insert(plane.name, Imf::Channel(Imf::FLOAT));
-    Imf::OutputFile file(output, header, 0);
-    file.setFrameBuffer(FrameBufferOf(planes, rect));
-    file.writePixels(header.dataWindow().max.y - header.dataWindow().min.y + 1);
+    try {
+      Imf::OutputFile file(output, header, 0);
+      file.setFrameBuffer(FrameBufferOf(planes, rect));
+      file.writePixels(header.dataWindow().max.y - header.dataWindow().min.y + 1);
+    } catch (const std::bad_alloc&) {
+      out_of_memory = true;
+    }
   });
-  // Writing our own planes to memory has no way to fail but a mistake of ours.
+  if (out_of_memory) throw std::bad_alloc();  // For the caller's border, as from any other code.
+  // Writing our own planes to memory has no other way to fail but a mistake of ours.
   SHEAF_CHECK(status.ok());
   return output.Take();
 }

@@ -34,7 +34,7 @@ constexpr const char* kAlwaysThere[] = {"albedo", "normal", "depth"};
 constexpr char kCameraSpace[] = "space:camera";
 constexpr char kLightPrefix[] = "light:";
 constexpr char kLightPaths[] = "light-paths";
-constexpr char kCryptomattePrefix[] = "cryptomatte:";
+constexpr char kCryptomatteWord[] = "cryptomatte:";
 // Layers of every picture and part, in small letters.
 constexpr const char* kReservedLayers[] = {"albedo", "normal", "depth",  "stderr",  "lo",     "p",
                                            "n",      "ns",     "motion", "samples", "weight", "r",
@@ -171,7 +171,7 @@ std::string FormatOutputs(const FilmOutputs& outputs) {
   }
   for (size_t i = 0; i < kIdKindCount; ++i) {
     if (outputs.HasCryptomatte(static_cast<IdKind>(i))) {
-      words.push_back(absl::StrCat(kCryptomattePrefix, kIdKinds[i]));
+      words.push_back(absl::StrCat(kCryptomatteWord, kIdKinds[i]));
     }
   }
   if (outputs.camera_space) words.emplace_back(kCameraSpace);
@@ -196,8 +196,8 @@ absl::StatusOr<FilmOutputs> ParseOutputs(std::string_view text) {
       outputs.light_groups.push_back(word.substr(std::strlen(kLightPrefix)));
       const std::string why_not = WhyNotLightGroup(outputs.light_groups.back());
       if (!why_not.empty()) return absl::InvalidArgumentError(absl::StrCat(word, " ", why_not));
-    } else if (word.starts_with(kCryptomattePrefix)) {
-      if (!AddCryptomatte(word.substr(std::strlen(kCryptomattePrefix)), &outputs)) {
+    } else if (word.starts_with(kCryptomatteWord)) {
+      if (!AddCryptomatte(word.substr(std::strlen(kCryptomatteWord)), &outputs)) {
         return absl::InvalidArgumentError(absl::StrCat("unknown output \"", word, "\""));
       }
     } else if (!AddAov(word, &outputs) && !AddIdNumber(word, &outputs)) {

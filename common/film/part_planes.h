@@ -50,7 +50,13 @@ std::vector<NamedPlane<Float>> PlanesOf(Tile& tile) {
   return planes;
 }
 
-// Why these are no sums of samples of the pixels that both have; empty where they may be.
+// A sum of colours may be negative in some component, where a colour lies outside of sRGB, but R +
+// G
+// + B of light is positive for each wavelength. Below this share of |R| + |G| + |B| it is no light.
+inline constexpr double kNegativeShareMax = 0.25;
+// Why these are no sums of samples of the pixels that both have; empty where they may be. Each
+// pixel has the samples of its block, of no more than kSampleMagnitudeMax each; and no negative
+// light but where the filter has negative weights, so that weights do not add up to the samples.
 std::string WhyNoSums(FilmTile& tile, const PixelLattice& lattice, const TileCells& cells);
 
 }  // namespace sheaf

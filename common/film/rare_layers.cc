@@ -12,10 +12,10 @@
 namespace sheaf {
 namespace {
 
-using Planes = std::array<const std::vector<float>*, 3>;
+using LayerPlanes = std::array<const std::vector<float>*, 3>;
 
-Planes PlanesOf(const FramePicture& picture, const std::string& prefix) {
-  Planes planes;
+LayerPlanes PlanesOf(const FramePicture& picture, const std::string& prefix) {
+  LayerPlanes planes;
   for (size_t c = 0; c < 3; ++c) {
     planes[c] = picture.Find(prefix + "RGB"[c]);
     SHEAF_CHECK(planes[c] != nullptr);
@@ -24,7 +24,7 @@ Planes PlanesOf(const FramePicture& picture, const std::string& prefix) {
 }
 
 // Of one layer in one pixel, over R, G and B.
-double SquaredDifference(const Planes& layer, const PixelRect& window, int32_t x, int32_t y) {
+double SquaredDifference(const LayerPlanes& layer, const PixelRect& window, int32_t x, int32_t y) {
   double sum = 0;
   for (const std::vector<float>* plane : layer) {
     double about = 0;
@@ -43,8 +43,8 @@ double SquaredDifference(const Planes& layer, const PixelRect& window, int32_t x
 }
 
 // The layer's index.
-size_t RareLayerOf(const std::vector<Planes>& layers, const Planes& errors, const PixelRect& window,
-                   const PixelRect& tile) {
+size_t RareLayerOf(const std::vector<LayerPlanes>& layers, const LayerPlanes& errors,
+                   const PixelRect& window, const PixelRect& tile) {
   std::vector<double> shares(layers.size()), squares(layers.size());
   for (int32_t y = tile.y0; y < tile.y1; ++y) {
     for (int32_t x = tile.x0; x < tile.x1; ++x) {
@@ -69,10 +69,10 @@ size_t RareLayerOf(const std::vector<Planes>& layers, const Planes& errors, cons
 std::vector<LayerCount> RareLayers(const FramePicture& picture, std::span<const PixelRect> tiles) {
   const std::vector<std::string>& names = picture.outputs.light_groups;
   if (names.empty()) return {};
-  std::vector<Planes> layers;
+  std::vector<LayerPlanes> layers;
   for (const std::string& name : names)
     layers.push_back(PlanesOf(picture, absl::StrCat(name, ".")));
-  const Planes errors = PlanesOf(picture, "stderr.");
+  const LayerPlanes errors = PlanesOf(picture, "stderr.");
   std::vector<LayerCount> counts;
   for (const std::string& name : names) counts.push_back({name, 0});
   for (const PixelRect& tile : tiles) {

@@ -23,8 +23,8 @@ constexpr std::array<const char*, 16> kChannels{
     "R",        "G",        "B",        "stderr.R", "stderr.G", "stderr.B", "A",       "albedo.R",
     "albedo.G", "albedo.B", "normal.X", "normal.Y", "normal.Z", "depth.Z",  "samples", "nonfinite"};
 enum Channel : size_t {
-  kColor = 0,
-  kColorError = 3,
+  kColorPlane = 0,
+  kColorErrorPlane = 3,
   kAlpha = 6,
   kAlbedo = 7,
   kNormal = 10,
@@ -182,8 +182,8 @@ ResumedPicture::Pixel ResumedPicture::PixelAt(int32_t x, int32_t y) const {
   pixel.nonfinite = At(kNonFinite, p);
   Vec3d color, error, albedo;
   for (size_t i = 0; i < 3; ++i) {
-    color[i] = At(kColor + i, p);
-    error[i] = At(kColorError + i, p);
+    color[i] = At(kColorPlane + i, p);
+    error[i] = At(kColorErrorPlane + i, p);
     albedo[i] = At(kAlbedo + i, p);
   }
   // The spread of sixteen means, half of them d above and half d below, is d / sqrt(15)

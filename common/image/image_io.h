@@ -9,6 +9,7 @@
 
 #include <array>
 #include <cstdint>
+#include <limits>
 #include <optional>
 #include <string>
 #include <vector>
@@ -54,6 +55,8 @@ struct FloatImage {
 struct ReadImageLimits {
   uint64_t memory_bytes_max = uint64_t{4} << 30;  // Of FloatImage::pixels.
   int channels_max = 64;
+  // Of more pixels the header alone is read, and FloatImage::pixels stays empty.
+  uint64_t whole_pixels_max = std::numeric_limits<uint64_t>::max();
 };
 
 // Reads EXR, PFM, HDR, PNG, TGA, JPEG, TIFF and what else OpenImageIO knows. Colour channels are

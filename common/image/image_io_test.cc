@@ -87,6 +87,19 @@ TEST(ImageIoTest, BadFilesAreErrorsThatNameThePath) {
   EXPECT_EQ(ReadImage(TemporaryPath("absent.png")).status().code(), absl::StatusCode::kNotFound);
 }
 
+TEST(ImageIoTest, LargePicturesAreReadAsFarAsTheirHeaderWhereAsked) {
+  std::vector<Rgb8> pixels(64 * 64);
+  for (size_t i = 0; i < pixels.size(); ++i) pixels[i].r = static_cast<uint8_t>(i * i * 37 >> 3);
+  const std::string whole = *EncodePng(64, 64, pixels);
+  const std::string cut = TemporaryPath("cut header.png");
+  std::ofstream(cut, std::ios::binary) << whole.substr(0, whole.size() / 2);
+  const absl::StatusOr<FloatImage> header = ReadImage(cut, {.whole_pixels_max = 64 * 64 - 1});
+  ASSERT_TRUE(header.ok()) << header.status();
+  EXPECT_EQ(header->width, 64);
+  EXPECT_TRUE(header->pixels.empty());
+  EXPECT_FALSE(ReadImage(cut, {.whole_pixels_max = 64 * 64}).ok());
+}
+
 TEST(ImageIoTest, APictureOverTheLimitIsRefusedBeforeItIsRead) {
   const std::string path = TemporaryPath("large.png");
   ASSERT_TRUE(WritePng(path, 32, 32, std::vector<Rgb8>(32 * 32)).ok());

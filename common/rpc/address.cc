@@ -19,9 +19,14 @@ absl::Status Malformed(const std::string& text, const std::string& why) {
 
 }  // namespace
 
-absl::StatusOr<Address> ParseAddress(const std::string& text) {
-  const size_t colon = text.rfind(':');
-  if (colon == std::string::npos) return Malformed(text, "has no port");
+absl::StatusOr<Address> ParseAddress(const std::string& text,
+                                     std::optional<uint16_t> default_port) {
+  size_t colon = text.rfind(':');
+  // The colons of "[::1]" are no port's.
+  if (colon != std::string::npos && text.find(']', colon) != std::string::npos) {
+    colon = std::string::npos;
+  }
+  if (colon == std::string::npos && !default_port) return Malformed(text, "has no port");
   Address address;
   address.host = text.substr(0, colon);
   if (address.host.size() >= 2 && address.host.front() == '[' && address.host.back() == ']') {
@@ -30,6 +35,10 @@ absl::StatusOr<Address> ParseAddress(const std::string& text) {
     return Malformed(text, "an IPv6 host needs brackets");
   }
   if (address.host.empty()) return Malformed(text, "has no host");
+  if (colon == std::string::npos) {
+    address.port = *default_port;
+    return address;
+  }
   const std::string port_text = text.substr(colon + 1);
   const bool digits =
       !port_text.empty() && port_text.size() <= 5 &&
@@ -40,6 +49,14 @@ absl::StatusOr<Address> ParseAddress(const std::string& text) {
   }
   address.port = static_cast<uint16_t>(port);
   return address;
+}
+
+std::string CompleteCoordinatorAddress(std::string& text) {
+  const absl::StatusOr<Address> address = ParseAddress(text, kCoordinatorPort);
+  if (!address.ok()) return std::string(address.status().message());
+  if (address->port == 0) return std::string(Malformed(text, "port 0 is nobody's").message());
+  text = FormatAddress(*address);
+  return "";
 }
 
 std::string FormatAddress(const Address& address) {

@@ -31,6 +31,22 @@ TEST(AddressTest, RejectsWhatIsNotAnAddress) {
   }
 }
 
+TEST(AddressTest, CompletesACoordinatorByItsPort) {
+  const auto complete = [](std::string text) {
+    const std::string wrong = CompleteCoordinatorAddress(text);
+    return wrong.empty() ? text : "wrong: " + wrong;
+  };
+  EXPECT_EQ(complete("localhost"), "localhost:7400");
+  EXPECT_EQ(complete("10.0.0.1"), "10.0.0.1:7400");
+  EXPECT_EQ(complete("[::1]"), "[::1]:7400");
+  EXPECT_EQ(complete("[fe80::1]:80"), "[fe80::1]:80");
+  EXPECT_EQ(complete("farm.example:7401"), "farm.example:7401");
+  for (const std::string text :
+       {"", "[]", "::1", "fe80::1:7400", "host:", ":7400", "host:0", "host:http", "[::1", "::1]"}) {
+    EXPECT_TRUE(complete(text).starts_with("wrong: ")) << text << ": " << complete(text);
+  }
+}
+
 TEST(AddressTest, KnowsLoopback) {
   EXPECT_TRUE(IsLoopback({"127.0.0.1", 1}));
   EXPECT_TRUE(IsLoopback({"127.8.9.1", 1}));

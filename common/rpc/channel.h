@@ -22,10 +22,17 @@ namespace sheaf {
 inline constexpr int kMessageBytesMax = 64 << 20;  // A job of 100,000 frames.
 inline constexpr size_t kStreamChunkBytesMax = size_t{1}
                                                << 20;  // Bytes of a part, picture or blob.
+// Until a connection can take calls. At a round trip of 0.8 s TCP, HTTP/2 and two round trips of
+// TLS take 3.2 s; a lost packet doubles a wait of 1 s, 2 s and so on.
+inline constexpr absl::Duration kConnectTimeout = absl::Seconds(20);
 inline constexpr absl::Duration kKeepaliveInterval = absl::Seconds(20);
-inline constexpr absl::Duration kKeepaliveTimeout = absl::Seconds(10);
-inline constexpr absl::Duration kUnaryDeadline = absl::Seconds(30);
-inline constexpr absl::Duration kStreamDeadline = absl::Minutes(10);
+// A ping waits behind what fills a slow link, up to a chunk in each direction.
+inline constexpr absl::Duration kKeepaliveTimeout = absl::Seconds(20);
+// Includes connecting.
+inline constexpr absl::Duration kUnaryDeadline = absl::Seconds(60);
+// Of one attempt: a picture of 400 MB on a link of 1 Mbit/s. A peer that is gone is found by
+// keepalive.
+inline constexpr absl::Duration kStreamDeadline = absl::Hours(1);
 
 // Returns a channel to "host:port"; connects at the first call and again whenever the connection is
 // lost, after at most two seconds.

@@ -3,8 +3,42 @@
 #include "common/rpc/grpc_status.h"
 
 #include <string>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
 
 namespace sheaf {
+namespace {
+
+// Parts of gRPC's messages, the telling ones first, and what they mean to a reader.
+constexpr std::pair<const char*, const char*> kPlainWords[] = {
+    {"Connection refused", "the connection was refused"},
+    {"No route to host", "there is no way to it"},
+    {"Network is unreachable", "there is no way to it"},
+    {"DNS resolution failed", "its name is not known"},
+    {"http1.x server", "what listens there is not a coordinator's gRPC port"},
+    {"handshaker shutdown", "it does not answer"},
+    {"before receiving SETTINGS", "it does not answer"},
+    {"Connection timed out", "it does not answer"},
+    {"watchdog timeout", "it does not answer any more"},
+    {"Deadline Exceeded", "no answer in time"},
+    {"Connection reset", "the connection was lost"},
+    {"Broken pipe", "the connection was lost"},
+    {"Socket closed", "the connection was lost"},
+    {"GOAWAY", "the connection was closed"},
+    {"failed to connect to all addresses", "there is no connection"},
+};
+
+std::string InPlainWords(const grpc::Status& status) {
+  const bool of_the_connection = status.error_code() == grpc::StatusCode::UNAVAILABLE ||
+                                 status.error_code() == grpc::StatusCode::DEADLINE_EXCEEDED;
+  for (const auto& [part, words] : kPlainWords) {
+    if (of_the_connection && status.error_message().find(part) != std::string::npos) return words;
+  }
+  return status.error_message();
+}
+
+}  // namespace
 
 grpc::Status ToGrpcStatus(const absl::Status& status) {
   if (status.ok()) return grpc::Status::OK;
@@ -18,7 +52,15 @@ absl::Status FromGrpcStatus(const grpc::Status& status) {
   const int code = static_cast<int>(status.error_code());
   const bool canonical = code >= 1 && code <= 16;
   return {canonical ? static_cast<absl::StatusCode>(code) : absl::StatusCode::kUnknown,
-          status.error_message()};
+          InPlainWords(status)};
+}
+
+absl::Status NoCoordinatorAnswers(const std::string& address, const absl::Status& status) {
+  if (!absl::IsUnavailable(status) && !absl::IsDeadlineExceeded(status)) return status;
+  return {status.code(),
+          absl::StrCat("no coordinator answers at ", address, ": ", status.message(),
+                       "; start one with sheaf-coordinator, or name another with --coordinator "
+                       "HOST:PORT")};
 }
 
 }  // namespace sheaf

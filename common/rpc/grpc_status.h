@@ -7,13 +7,20 @@
 
 #include <grpcpp/support/status.h>
 
+#include <string>
+
 #include "absl/status/status.h"
 
 namespace sheaf {
 
 // Returns the same code and message for the wire.
 grpc::Status ToGrpcStatus(const absl::Status& status);
-// Returns the same code and message; a code that is not canonical becomes kUnknown.
+// Returns the same code and message; a code that is not canonical becomes kUnknown. What gRPC
+// itself says of connections is said in plain words: "the connection was refused".
 absl::Status FromGrpcStatus(const grpc::Status& status);
+
+// What people read where a call to the coordinator ended with kUnavailable or kDeadlineExceeded:
+// the address, why, and what to do, under the same code. Others are returned as they are.
+absl::Status NoCoordinatorAnswers(const std::string& address, const absl::Status& status);
 
 }  // namespace sheaf

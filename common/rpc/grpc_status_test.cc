@@ -2,6 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "common/rpc/grpc_status.h"
 
+#include <string>
+
 #include "gtest/gtest.h"
 
 namespace sheaf {
@@ -26,6 +28,35 @@ TEST(GrpcStatusTest, NamesMeanTheSameOnBothSides) {
 TEST(GrpcStatusTest, OkStaysOk) {
   EXPECT_TRUE(ToGrpcStatus(absl::OkStatus()).ok());
   EXPECT_TRUE(FromGrpcStatus(grpc::Status::OK).ok());
+}
+
+TEST(GrpcStatusTest, ConnectionsAreTalkedOfInPlainWords) {
+  const auto words = [](grpc::StatusCode code, const char* message) {
+    return std::string(FromGrpcStatus({code, message}).message());
+  };
+  EXPECT_EQ(words(grpc::StatusCode::UNAVAILABLE,
+                  "failed to connect to all addresses; last error: UNKNOWN: ipv4:127.0.0.1:7610: "
+                  "Failed to connect to remote host: Connection refused"),
+            "the connection was refused");
+  EXPECT_EQ(words(grpc::StatusCode::UNAVAILABLE,
+                  "failed to connect to all addresses; last error: UNKNOWN: ipv4:127.0.0.1:7610: "
+                  "tcp handshaker shutdown"),
+            "it does not answer");
+  EXPECT_EQ(words(grpc::StatusCode::DEADLINE_EXCEEDED, "Deadline Exceeded"), "no answer in time");
+  // The coordinator's own words, and other codes, stay.
+  EXPECT_EQ(words(grpc::StatusCode::UNAVAILABLE, "the coordinator stops"), "the coordinator stops");
+  EXPECT_EQ(words(grpc::StatusCode::INTERNAL, "Socket closed"), "Socket closed");
+}
+
+TEST(GrpcStatusTest, SilenceNamesTheAddressAndWhatToDo) {
+  const absl::Status silence =
+      NoCoordinatorAnswers("farm:7400", absl::UnavailableError("the connection was refused"));
+  EXPECT_EQ(silence, absl::UnavailableError(
+                         "no coordinator answers at farm:7400: the connection was refused; start "
+                         "one with sheaf-coordinator, or name another with --coordinator "
+                         "HOST:PORT"));
+  const absl::Status full = absl::ResourceExhaustedError("the disk is full");
+  EXPECT_EQ(NoCoordinatorAnswers("farm:7400", full), full);
 }
 
 TEST(GrpcStatusTest, ForeignCodeBecomesUnknown) {

@@ -14,7 +14,7 @@ namespace sheaf {
 RetryEnvironment SystemRetryEnvironment() {
   auto generator = std::make_shared<std::mt19937_64>(std::random_device{}());
   RetryEnvironment environment;
-  environment.now = [] { return absl::Now(); };
+  environment.now = [] { return SteadyTime::Now(); };
   environment.sleep = [](absl::Duration duration) {
     absl::SleepFor(duration);
     return true;
@@ -33,7 +33,7 @@ bool IsTransient(const absl::Status& status) {
 absl::Status RetryLoop(const RetryPolicy& policy, Idempotency idempotency,
                        const RetryEnvironment& environment,
                        const std::function<absl::Status()>& call) {
-  const absl::Time deadline = environment.now() + policy.elapsed_max;
+  const SteadyTime deadline = environment.now() + policy.elapsed_max;
   absl::Duration backoff = policy.backoff_initial;
   for (int attempt = 1;; ++attempt) {
     absl::Status status = call();

@@ -10,6 +10,7 @@
 
 #include "absl/status/status.h"
 #include "absl/time/time.h"
+#include "common/base/steady_time.h"
 
 namespace sheaf {
 
@@ -24,13 +25,13 @@ struct RetryPolicy {
 
 // What the loop needs of the world.
 struct RetryEnvironment {
-  std::function<absl::Time()> now;
+  std::function<SteadyTime()> now;
   // Waits; returns false where the wait was cut short because the program stops.
   std::function<bool(absl::Duration)> sleep;
   // Uniform in [0, 1): spreads clients that failed at the same moment.
   std::function<double()> uniform;
 };
-// The system's clock, a plain sleep and a generator seeded from the system.
+// The system's steady clock, a plain sleep and a generator seeded from the system.
 RetryEnvironment SystemRetryEnvironment();
 
 // Whether a second delivery of the same request does no harm.

@@ -12,7 +12,7 @@ namespace {
 
 // A world in which sleeping moves the clock and nothing waits.
 struct SimulatedWorld {
-  absl::Time time = absl::UnixEpoch();
+  SteadyTime time;
   std::vector<absl::Duration> waits;
   bool stopping = false;
 
@@ -71,7 +71,7 @@ TEST(RetryLoopTest, GivesUpAtTheElapsedLimitAndSaysSo) {
   SimulatedWorld world;
   RetryPolicy policy;
   policy.elapsed_max = absl::Seconds(60);
-  const absl::Time start = world.time;
+  const SteadyTime start = world.time;
   const absl::Status status = RetryLoop(policy, Idempotency::kIdempotent, world.Environment(),
                                         [] { return absl::ResourceExhaustedError("disk full"); });
   EXPECT_EQ(status.code(), absl::StatusCode::kResourceExhausted);

@@ -2,8 +2,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "common/rpc/settings_codec.h"
 
+#include <cmath>
+
 #include "absl/strings/str_cat.h"
 #include "common/scene/primaries.h"
+#include "common/scene/sensor.h"
 
 namespace sheaf {
 namespace {
@@ -62,6 +65,8 @@ v1::FrameSettings ToWire(const FrameSettings& settings) {
   wire.set_outputs(FormatOutputs(settings.outputs));
   wire.set_primaries(static_cast<v1::Primaries>(settings.primaries));
   wire.set_white_balance_k(settings.white_balance_k);
+  wire.set_sensor(settings.sensor);
+  wire.set_max_component_value(settings.max_component_value);
   return wire;
 }
 
@@ -103,6 +108,15 @@ absl::StatusOr<FrameSettings> FromWire(const v1::FrameSettings& wire) {
                                          settings.white_balance_k <= kWhiteBalanceMaxK)) {
     return absl::InvalidArgumentError(
         absl::StrCat("a white balance of ", settings.white_balance_k, " K is out of range"));
+  }
+  settings.sensor = wire.sensor();
+  if (!settings.sensor.empty() && !IsSensor(settings.sensor)) {
+    return absl::InvalidArgumentError("the camera's sensor is unknown here");
+  }
+  settings.max_component_value = wire.max_component_value();
+  if (!(settings.max_component_value >= 0 && std::isfinite(settings.max_component_value))) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("samples cannot be clamped to ", settings.max_component_value));
   }
   return settings;
 }

@@ -28,6 +28,8 @@ TEST(SettingsCodecTest, EverySettingSurvivesTheWire) {
   settings.outputs.camera_space = true;
   settings.primaries = Primaries::kAcesCg;
   settings.white_balance_k = 5600.25f;
+  settings.sensor = "nikon_d850";
+  settings.max_component_value = 12.5f;
   for (const ColorTransport color :
        {ColorTransport::kAuto, ColorTransport::kRgb, ColorTransport::kSpectral}) {
     settings.color = color;
@@ -59,6 +61,18 @@ TEST(SettingsCodecTest, UnknownPrimariesAreRefused) {
   EXPECT_TRUE(FromWire(wire).ok());
   for (const float temperature_k : {-1.0f, 999.0f, 1e9f, NAN}) {
     wire.set_white_balance_k(temperature_k);
+    EXPECT_EQ(FromWire(wire).status().code(), absl::StatusCode::kInvalidArgument);
+  }
+}
+
+TEST(SettingsCodecTest, UnknownSensorsAndClampsAreRefused) {
+  v1::FrameSettings wire;
+  wire.set_sensor("camera_of_tomorrow");
+  EXPECT_EQ(FromWire(wire).status().code(), absl::StatusCode::kInvalidArgument);
+  wire.set_sensor("canon_eos_100d");
+  EXPECT_TRUE(FromWire(wire).ok());
+  for (const float value : {-1.0f, HUGE_VALF, NAN}) {
+    wire.set_max_component_value(value);
     EXPECT_EQ(FromWire(wire).status().code(), absl::StatusCode::kInvalidArgument);
   }
 }

@@ -2,33 +2,17 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "common/scene/diagnostics.h"
 
-#include <algorithm>
-#include <numeric>
-
 #include "absl/strings/str_cat.h"
+#include "common/base/printable.h"
 
 namespace sheaf {
 namespace {
 
 std::string WithPlace(const SceneDescription& scene, SourceLocation location,
                       std::string_view text) {
-  return absl::StrCat(FormatLocation(scene, location), ": ", std::string(text));
-}
-
-// Levenshtein distance, the number of single-byte edits from a to b.
-size_t EditDistance(std::string_view a, std::string_view b) {
-  std::vector<size_t> row(b.size() + 1);
-  std::iota(row.begin(), row.end(), size_t{0});
-  for (size_t i = 0; i < a.size(); ++i) {
-    size_t diagonal = row[0];
-    row[0] = i + 1;
-    for (size_t j = 0; j < b.size(); ++j) {
-      const size_t replaced = diagonal + (a[i] == b[j] ? 0 : 1);
-      diagonal = row[j + 1];
-      row[j + 1] = std::min({replaced, row[j] + 1, row[j + 1] + 1});
-    }
-  }
-  return row[b.size()];
+  constexpr size_t kTextBytesMax = 2000;  // Names in it may be as long as a word of the scene.
+  return Printable(
+      absl::StrCat(FormatLocation(scene, location), ": ", Printable(text, kTextBytesMax)));
 }
 
 }  // namespace
@@ -37,6 +21,15 @@ void Diagnostics::Error(SourceLocation location, std::string_view text) {
   if (Exhausted()) return;
   ++error_count_;
   diagnostics_.push_back({SceneDiagnostic::Severity::kError, WithPlace(*scene_, location, text)});
+}
+
+void Diagnostics::Explain(SourceLocation location, std::string_view text) {
+  if (explanation_.empty()) explanation_ = WithPlace(*scene_, location, text);
+}
+
+void Diagnostics::MemoryError(SourceLocation location, std::string_view text) {
+  lacks_memory_ = true;
+  Error(location, text);
 }
 
 void Diagnostics::Warning(SourceLocation location, std::string_view text) {
@@ -55,29 +48,13 @@ void Diagnostics::AddOnce(SceneDiagnostic::Severity severity, SourceLocation loc
 
 absl::Status Diagnostics::ToStatus() const {
   if (!HasErrors()) return absl::OkStatus();
-  std::string lines;
+  std::string lines = explanation_;
   for (const SceneDiagnostic& diagnostic : diagnostics_) {
     if (diagnostic.severity != SceneDiagnostic::Severity::kError) continue;
     absl::StrAppend(&lines, lines.empty() ? "" : "\n", diagnostic.text);
   }
   if (Exhausted()) absl::StrAppend(&lines, "\nreading stopped after ", errors_max_, " errors");
-  return absl::InvalidArgumentError(lines);
-}
-
-std::string NearestNameHint(std::string_view name, const std::vector<std::string>& candidates) {
-  constexpr size_t kNameBytesMax = 64;  // Longer names are not worth the quadratic comparison.
-  if (name.size() > kNameBytesMax) return "";
-  const std::string* best = nullptr;
-  size_t best_distance = std::max<size_t>(2, name.size() / 3) + 1;
-  for (const std::string& candidate : candidates) {
-    if (candidate.size() > kNameBytesMax) continue;
-    const size_t distance = EditDistance(name, candidate);
-    if (distance < best_distance) {
-      best_distance = distance;
-      best = &candidate;
-    }
-  }
-  return best == nullptr ? "" : absl::StrCat("; did you mean \"", *best, "\"?");
+  return lacks_memory_ ? absl::ResourceExhaustedError(lines) : absl::InvalidArgumentError(lines);
 }
 
 }  // namespace sheaf

@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Diagnostics: what a reader has to say about a scene, each with its place, collected so that one
-// run shows every mistake. Also the names that errors guess when a name is unknown.
+// run shows every mistake. What they quote of the scene is made printable.
 #pragma once
 
 #include <cstdint>
@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "absl/status/status.h"
+#include "common/base/nearest_name.h"
 #include "common/scene/scene_description.h"
 #include "common/scene/scene_reader.h"
 
@@ -24,14 +25,20 @@ class Diagnostics {
       : scene_(scene), errors_max_(limits.errors_max), notes_max_(limits.notes_max) {}
 
   void Error(SourceLocation location, std::string_view text);
+  // The scene needs more memory than there is: other machines may have more.
+  void MemoryError(SourceLocation location, std::string_view text);
   void Warning(SourceLocation location, std::string_view text);
+  // What explains the errors that follow from it; only the first is kept. It is said before them,
+  // and not at all where there are none.
+  void Explain(SourceLocation location, std::string_view text);
   // Notes and warnings of the same text are told once, at their first place.
   void Note(SourceLocation location, std::string_view text);
 
   // True once reading should stop.
   bool Exhausted() const { return error_count_ >= errors_max_; }
   bool HasErrors() const { return error_count_ > 0; }
-  // OK without errors; otherwise kInvalidArgument with every error, one a line.
+  // OK without errors; otherwise kInvalidArgument, or kResourceExhausted after a MemoryError, with
+  // every error, one a line.
   absl::Status ToStatus() const;
   std::vector<SceneDiagnostic> TakeAll() { return std::move(diagnostics_); }
 
@@ -42,11 +49,10 @@ class Diagnostics {
   uint32_t errors_max_;
   uint32_t notes_max_;
   uint32_t error_count_ = 0;
+  std::string explanation_;
+  bool lacks_memory_ = false;
   std::set<std::string, std::less<>> told_;
   std::vector<SceneDiagnostic> diagnostics_;
 };
-
-// "; did you mean \"radius\"?" where a candidate is close to name, otherwise "".
-std::string NearestNameHint(std::string_view name, const std::vector<std::string>& candidates);
 
 }  // namespace sheaf

@@ -20,7 +20,7 @@ constexpr uint64_t kLensFileBytesMax = uint64_t{1} << 20;
 constexpr double kLengthMaxMm = 1e9;
 constexpr double kEtaMin = 0.1, kEtaMax = 10;
 
-absl::StatusOr<std::string> ReadText(const std::string& path) {
+absl::StatusOr<std::string> ReadLensText(const std::string& path) {
   absl::StatusOr<std::unique_ptr<TextInput>> input = TextInput::Open(path, kLensFileBytesMax);
   if (!input.ok()) return input.status();
   std::string text;
@@ -105,7 +105,7 @@ std::string WhyNot(size_t column, double value) {
 
 absl::StatusOr<std::vector<LensSurface>> ReadLens(const std::string& name,
                                                   const std::string& path) {
-  const absl::StatusOr<std::string> text = ReadText(path);
+  const absl::StatusOr<std::string> text = ReadLensText(path);
   if (!text.ok()) return text.status();
   const absl::StatusOr<std::vector<PlacedNumber>> numbers = ReadNumbers(name, *text);
   if (!numbers.ok()) return numbers.status();

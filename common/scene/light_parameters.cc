@@ -35,6 +35,16 @@ std::string GetGroup(ParameterList& parameters) {
   return kDefaultLightGroup;
 }
 
+// Older scenes say how often a light is sampled at a point.
+void PassOverSampleCount(ParameterList& parameters) {
+  const Parameter* count = parameters.Find("nsamples");
+  if (count == nullptr) return;
+  parameters.diagnostics().Warning(
+      count->location, absl::StrCat(parameters.owner(),
+                                    ": parameter \"nsamples\" has no effect: lights have no number "
+                                    "of samples of their own in pbrt-v4"));
+}
+
 void CheckDirection(ParameterList& parameters, Vec3d from, Vec3d to) {
   if (LengthSquared(to - from) > 0) return;
   parameters.Error(absl::StrCat(parameters.owner(),
@@ -211,6 +221,7 @@ std::optional<LightDescription> GetLight(const std::string& type, const Matrix4&
   }
   light.scale = GetScale(parameters, has_power);
   light.group = GetGroup(parameters);
+  PassOverSampleCount(parameters);
   parameters.ReportUnused();
   return light;
 }
@@ -226,6 +237,7 @@ std::optional<AreaLightDescription> GetAreaLight(const std::string& type, Parame
   light.radiance = GetColor(parameters, "L", ColorRole::kIlluminant, White(), files);
   light.scale = GetScale(parameters, true);
   light.group = GetGroup(parameters);
+  PassOverSampleCount(parameters);
   light.two_sided = parameters.GetBool("twosided", false);
   light.file = GetFile(parameters, files);
   if (!light.file.empty() && parameters.Has("L")) {

@@ -146,14 +146,14 @@ MaterialDescription MaterialTable::Make(const std::string& type, ParameterList& 
 void MaterialTable::GetBumps(ParameterList& parameters, MaterialDescription* description) {
   if (std::holds_alternative<MixMaterial>(description->material)) {
     const char* why = "a mix has no surface of its own; give it to the materials it mixes";
-    parameters.RejectUnsupported("displacement", why);
-    parameters.RejectUnsupported("normalmap", why);
+    parameters.NoteWithoutEffect("displacement", why);
+    parameters.NoteWithoutEffect("normalmap", why);
     return;
   }
   if (std::holds_alternative<HairMaterial>(description->material)) {
-    const char* why = "light goes through hair whatever its normal; remove it";
-    parameters.RejectUnsupported("displacement", why);
-    parameters.RejectUnsupported("normalmap", why);
+    const char* why = "light goes through hair whatever its normal";
+    parameters.NoteWithoutEffect("displacement", why);
+    parameters.NoteWithoutEffect("normalmap", why);
     return;
   }
   description->normal_map = textures_->GetNormalMap(parameters);

@@ -15,7 +15,7 @@
 namespace sheaf {
 namespace {
 
-constexpr float kDefaultIndex = 1.33f;
+constexpr float kDefaultSubsurfaceIndex = 1.33f;
 // pbrt-v4's: milk's, per millimetre.
 constexpr Rgb kDefaultSigmaA{.0011f, .0024f, .014f}, kDefaultSigmaS{2.55f, 3.21f, 3.77f};
 // A free path of nothing would be infinitely dense.
@@ -91,7 +91,7 @@ SubsurfaceMaterial MaterialTable::MakeSubsurface(ParameterList& parameters) {
   if (parameters.Has("eta"))
     material.eta = GetIndex(parameters);
   else
-    material.eta.mean = kDefaultIndex;
+    material.eta.mean = kDefaultSubsurfaceIndex;
   MediumDescription matter;
   matter.name = parameters.owner();
   matter.location = parameters.location();

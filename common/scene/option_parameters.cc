@@ -3,12 +3,16 @@
 #include "common/scene/option_parameters.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <iterator>
 #include <utility>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
 #include "common/scene/primaries.h"
+#include "common/scene/sensor.h"
 
 namespace sheaf {
 namespace {
@@ -16,6 +20,25 @@ namespace {
 bool IsOneOf(const std::string& name, std::initializer_list<const char*> names) {
   return std::find(names.begin(), names.end(), name) != names.end();
 }
+
+// pbrt-v4's integrators that estimate the picture which path tracing estimates, and parameters of
+// theirs that say how.
+struct OtherIntegrator {
+  const char* name;
+  const char* why_path_tracing;  // "..., which"
+  std::array<const char*, 5> parameters;
+};
+constexpr OtherIntegrator kOtherIntegrators[] = {
+    {"simplepath", "has the same mean", {"samplelights", "samplebsdf"}},
+    {"simplevolpath", "has the same mean", {}},
+    {"lightpath", "has the same mean", {}},
+    {"bdpt", "has the same mean", {"visualizestrategies", "visualizeweights"}},
+    {"mlt",
+     "has the same mean",
+     {"bootstrapsamples", "chains", "mutationsperpixel", "largestepprobability", "sigma"}},
+    {"sppm", "has the mean that photon maps approach", {"photonsperiteration", "radius", "seed"}},
+    {"randomwalk", "also finds mirrors and lights without size", {}},
+};
 
 void GetCrop(ParameterList& parameters, FilmDescription* film) {
   const Parameter* crop = parameters.FindTyped("cropwindow", ParameterType::kFloat);
@@ -62,16 +85,50 @@ void GetGeometryBuffer(ParameterList& parameters, FilmDescription* film) {
   film->outputs.camera_space = space == "camera";
 }
 
+// Which sensor sees the light, and what its responses to one sample are clamped to.
+void GetSensor(ParameterList& parameters, FilmDescription* film) {
+  film->sensor = parameters.GetString("sensor", "cie1931");
+  if (film->sensor == "cie1931") {
+    film->sensor.clear();
+  } else if (!IsSensor(film->sensor)) {
+    std::vector<std::string> names = SensorNames();
+    names.insert(names.begin(), "cie1931");
+    parameters.ErrorAt(
+        *parameters.Find("sensor"),
+        absl::StrCat("\"", film->sensor, "\" is unknown; Sheaf does ", absl::StrJoin(names, ", ")));
+    film->sensor.clear();
+  }
+  const float clamp = parameters.GetFloat("maxcomponentvalue", INFINITY);
+  if (!(clamp > 0)) {
+    parameters.ErrorAt(*parameters.Find("maxcomponentvalue"), "must be greater than 0");
+  } else if (std::isfinite(clamp)) {
+    film->max_component_value = clamp;
+    parameters.diagnostics().Note(
+        parameters.Find("maxcomponentvalue")->location,
+        absl::StrCat(
+            parameters.owner(),
+            ": parameter \"maxcomponentvalue\" clamps bright samples, as in pbrt-v4: the "
+            "picture is biased, darker where light is rare; remove it for one that is not"));
+  }
+}
+
 }  // namespace
 
 void SetFilm(const std::string& type, ParameterList& parameters, FilmDescription* film,
              PendingFrame* frame) {
   if (type == "gbuffer") {
     GetGeometryBuffer(parameters, film);
+  } else if (type == "spectral") {
+    for (const char* name : {"nbuckets", "lambdamin", "lambdamax"}) parameters.Find(name);
+    parameters.diagnostics().Warning(
+        parameters.location(),
+        absl::StrCat(parameters.owner(),
+                     ": the picture is written in red, green and blue; Sheaf writes no channels of "
+                     "wavelengths"));
   } else if (type != "rgb") {
     parameters.Error(absl::StrCat(parameters.owner(),
-                                  " is not supported; Sheaf does rgb and gbuffer, and writes "
-                                  "albedo, normal and depth with every picture"));
+                                  " is unknown; Sheaf does rgb and gbuffer, and writes albedo, "
+                                  "normal and depth with every picture"));
     return;
   }
   film->width_px = parameters.GetInteger("xresolution", 1280);
@@ -84,22 +141,13 @@ void SetFilm(const std::string& type, ParameterList& parameters, FilmDescription
   film->filename = parameters.GetString("filename", "");
   frame->iso = parameters.GetFloat("iso", 100);
   if (!(frame->iso > 0)) parameters.ErrorAt(*parameters.Find("iso"), "must be greater than 0");
-  const std::string sensor = parameters.GetString("sensor", "cie1931");
-  if (sensor != "cie1931") {
-    parameters.ErrorAt(*parameters.Find("sensor"),
-                       absl::StrCat("\"", sensor, "\" is not supported; Sheaf does cie1931"));
-  }
+  GetSensor(parameters, film);
   film->white_balance_k = parameters.GetFloat("whitebalance", 0);
   if (film->white_balance_k != 0 &&
       !(film->white_balance_k >= kWhiteBalanceMinK && film->white_balance_k <= kWhiteBalanceMaxK)) {
     parameters.ErrorAt(*parameters.Find("whitebalance"),
                        absl::StrCat("is outside [", kWhiteBalanceMinK, ", ", kWhiteBalanceMaxK,
                                     "] kelvin; give 0 for none"));
-  }
-  const float clamp = parameters.GetFloat("maxcomponentvalue", INFINITY);
-  if (std::isfinite(clamp)) {
-    parameters.RejectUnsupported("maxcomponentvalue",
-                                 "Sheaf does not clamp samples, for that would darken the picture");
   }
   frame->diagonal_mm = parameters.GetFloat("diagonal", 35);
   if (const Parameter* diagonal = parameters.Find("diagonal"); diagonal != nullptr) {
@@ -153,6 +201,7 @@ void SetFilter(const std::string& type, ParameterList& parameters, FilterDescrip
 
 void SetSampler(const std::string& type, ParameterList& parameters, SamplingDescription* sampling) {
   sampling->sampler = type;
+  bool is_alike = false;  // Owen-scrambled Sobol' points in pbrt-v4, too: nothing to tell.
   if (type == "stratified") {
     const int64_t samples =
         int64_t{parameters.GetInteger("xsamples", 4)} * parameters.GetInteger("ysamples", 4);
@@ -167,7 +216,8 @@ void SetSampler(const std::string& type, ParameterList& parameters, SamplingDesc
   } else if (IsOneOf(type,
                      {"zsobol", "sobol", "paddedsobol", "halton", "independent", "pmj02bn"})) {
     sampling->samples_per_pixel = parameters.GetInteger("pixelsamples", 16);
-    parameters.GetString("randomization", "");
+    const std::string randomization = parameters.GetString("randomization", "");
+    is_alike = type.ends_with("sobol") && IsOneOf(randomization, {"", "fastowen", "owen"});
     if (sampling->samples_per_pixel < 1) {
       parameters.ErrorAt(*parameters.Find("pixelsamples"), "must be at least 1");
     }
@@ -180,52 +230,66 @@ void SetSampler(const std::string& type, ParameterList& parameters, SamplingDesc
   if (parameters.Has("seed")) {
     sampling->seed = static_cast<uint64_t>(int64_t{parameters.GetInteger("seed", 0)});
   }
-  parameters.diagnostics().Note(
-      parameters.location(), absl::StrCat(parameters.owner(),
-                                          ": Sheaf always uses Owen-scrambled "
-                                          "Sobol' points; only the number of samples and the seed "
-                                          "are taken from the file"));
+  if (!is_alike) {
+    parameters.diagnostics().Note(
+        parameters.location(), absl::StrCat(parameters.owner(),
+                                            ": Sheaf always uses Owen-scrambled "
+                                            "Sobol' points; only the number of samples and the "
+                                            "seed are taken from the file"));
+  }
   parameters.ReportUnused();
 }
 
 bool IntegratorIgnoresMedia(const std::string& integrator) {
-  return integrator == "path" || integrator == "simplepath";
+  return IsOneOf(integrator, {"path", "simplepath", "lightpath", "randomwalk", "sppm"});
 }
 
 void SetIntegrator(const std::string& type, ParameterList& parameters,
                    SamplingDescription* sampling) {
-  if (!IsOneOf(type, {"path", "volpath", "simplepath", "simplevolpath", "lightpath"})) {
+  if (IsOneOf(type, {"ambientocclusion", "function"})) {
     parameters.Error(absl::StrCat(parameters.owner(),
-                                  " is not supported; Sheaf does path tracing: "
-                                  "use volpath or path"));
+                                  " is not supported, for it shows something else than the light "
+                                  "of the scene; use volpath or path"));
+    return;
+  }
+  const bool is_ours = IsOneOf(type, {"path", "volpath"});
+  const auto other = std::find_if(std::begin(kOtherIntegrators), std::end(kOtherIntegrators),
+                                  [&](const OtherIntegrator& o) { return type == o.name; });
+  if (!is_ours && other == std::end(kOtherIntegrators)) {
+    parameters.Error(absl::StrCat(parameters.owner(), " is unknown; use volpath or path"));
     return;
   }
   sampling->integrator = type;
   sampling->max_depth = parameters.GetInteger("maxdepth", 5);
   if (sampling->max_depth < 0) parameters.ErrorAt(*parameters.Find("maxdepth"), "is negative");
   if (parameters.GetBool("regularize", false)) {
-    parameters.RejectUnsupported("regularize", "it makes rough what is smooth; give false");
+    parameters.NoteWithoutEffect(
+        "regularize", "Sheaf keeps smooth what is smooth, for else the picture would be biased");
   }
-  parameters.GetString("lightsampler", "");
-  parameters.NoteWithoutEffect("lightsampler", "Sheaf chooses lights in its own way");
-  if (type == "simplepath") {
-    parameters.GetBool("samplelights", true);
-    parameters.GetBool("samplebsdf", true);
+  for (const char* name : {"lightsampler", "lightsamplestrategy"}) {
+    parameters.NoteWithoutEffect(name, "Sheaf chooses lights in its own way");
   }
-  if (type == "lightpath" || type.rfind("simple", 0) == 0) {
-    parameters.diagnostics().Note(parameters.location(),
-                                  absl::StrCat(parameters.owner(),
-                                               ": the picture is made by path "
-                                               "tracing with next-event estimation, which has the "
-                                               "same mean"));
+  if (!is_ours) {
+    for (const char* name : other->parameters) {
+      if (name != nullptr) {
+        parameters.NoteWithoutEffect(name, "it is about how this integrator works in pbrt-v4");
+      }
+    }
+    parameters.Note(absl::StrCat(parameters.owner(),
+                                 ": the picture is made by path tracing with next-event "
+                                 "estimation, which ",
+                                 other->why_path_tracing));
   }
   parameters.ReportUnused();
 }
 
 void SettleFrame(const PendingFrame& frame, CameraDescription* camera, FilmDescription* film) {
   // A picture is the average over the shutter, so that a short one does not darken it and one of no
-  // length is the still. (pbrt-v4 multiplies by the shutter's length too.)
+  // length is the still. Who names a camera's sensor speaks of exposures, and there the length
+  // counts, as in pbrt-v4.
   film->exposure_scale = frame.iso / 100;
+  const float shutter = camera->shutter_close - camera->shutter_open;
+  if (!film->sensor.empty() && shutter > 0) film->exposure_scale *= shutter;
   camera->lens.film_diagonal_mm = frame.diagonal_mm;
   if (frame.has_screen_window) return;
   const double aspect = frame.frame_aspect_ratio > 0

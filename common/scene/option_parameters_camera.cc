@@ -176,7 +176,7 @@ void GetRealistic(ParameterList& parameters, FileSource& files, LensDescription*
 }
 
 // A spherical camera has neither lens nor screen. pbrt-v4 reads the parameters of both and goes on
-// without; a lens would have been meant to blur something, so it is refused here.
+// without.
 void GetMapping(ParameterList& parameters, CameraDescription* camera) {
   const std::string mapping = parameters.GetString("mapping", "equalarea");
   if (mapping == "equalarea") {
@@ -189,11 +189,10 @@ void GetMapping(ParameterList& parameters, CameraDescription* camera) {
                                     "\" is not supported; Sheaf does equalarea and "
                                     "equirectangular"));
   }
-  if (parameters.GetFloat("lensradius", 0) != 0) {
-    parameters.RejectUnsupported("lensradius", "a spherical camera has no lens; remove it");
+  for (const char* name : {"lensradius", "focaldistance"}) {
+    parameters.FindTyped(name, ParameterType::kFloat);
+    parameters.NoteWithoutEffect(name, "a spherical camera has no lens");
   }
-  parameters.GetFloat("focaldistance", 1e6f);
-  parameters.NoteWithoutEffect("focaldistance", "a spherical camera has no lens");
   for (const char* name : {"frameaspectratio", "screenwindow"}) {
     parameters.FindTyped(name, ParameterType::kFloat);
     parameters.NoteWithoutEffect(name, "a spherical camera's picture is the whole sphere");

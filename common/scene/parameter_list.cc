@@ -174,12 +174,6 @@ std::vector<Vec3f> ParameterList::GetTriples(const std::string& name, ParameterT
   return parameter == nullptr ? std::vector<Vec3f>() : ToTriples(parameter->floats);
 }
 
-void ParameterList::RejectUnsupported(const std::string& name, std::string_view why) {
-  if (const Parameter* parameter = Find(name)) {
-    ErrorAt(*parameter, absl::StrCat("is not supported: ", std::string(why)));
-  }
-}
-
 void ParameterList::NoteWithoutEffect(const std::string& name, std::string_view why) {
   if (const Parameter* parameter = Find(name)) {
     diagnostics_->Note(parameter->location, absl::StrCat(owner_, ": parameter \"", name,

@@ -92,8 +92,6 @@ class ParameterList {
   // The parameter if present and of this type with values; a wrong type is reported.
   Parameter* FindTyped(const std::string& name, ParameterType type);
 
-  // Reports the parameter, if present, as something Sheaf does not do.
-  void RejectUnsupported(const std::string& name, std::string_view why);
   // Notes that the parameter, if present, has no effect, and why that is so.
   void NoteWithoutEffect(const std::string& name, std::string_view why);
   // Lets every parameter pass unread. For directives that are noted as a whole.

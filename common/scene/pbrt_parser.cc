@@ -10,6 +10,7 @@
 #include "absl/strings/str_join.h"
 #include "common/base/check.h"
 #include "common/scene/number.h"
+#include "common/scene/old_syntax.h"
 
 namespace sheaf {
 namespace {
@@ -242,7 +243,7 @@ bool PbrtParser::ParseNamedDirective(std::string_view word, SourceLocation locat
   }
   for (const WithParameters& form : kWithParameters) {
     if (form.word != word) continue;
-    (builder_->*form.call)(name, ParseParameters(), location);
+    (builder_->*form.call)(name, ParametersOf(word, name, location), location);
     return true;
   }
   return false;
@@ -301,7 +302,18 @@ void PbrtParser::ParseTexture(SourceLocation location) {
   if (!ParseString("Texture", "its name", &name)) return;
   if (!ParseString("Texture", "its type, \"float\" or \"spectrum\",", &type)) return;
   if (!ParseString("Texture", "its class, such as \"imagemap\",", &kind)) return;
-  builder_->Texture(name, type, kind, ParseParameters(), location);
+  if (IsOldParameterType(type)) {
+    diagnostics_->Explain(location, OldSyntaxAdvice(absl::StrCat("a texture of type ", type)));
+  }
+  builder_->Texture(name, type, kind, ParametersOf("Texture", kind, location), location);
+}
+
+std::vector<Parameter> PbrtParser::ParametersOf(std::string_view directive, const std::string& type,
+                                                SourceLocation location) {
+  std::vector<Parameter> parameters = ParseParameters();
+  const std::string sign = OldSyntaxIn(directive, type, parameters);
+  if (!sign.empty()) diagnostics_->Explain(location, OldSyntaxAdvice(sign));
+  return parameters;
 }
 
 bool PbrtParser::ParseString(std::string_view directive, std::string_view what, std::string* text) {

@@ -41,6 +41,9 @@ class PbrtParser {
   void ParseTexture(SourceLocation location);
 
   std::vector<Parameter> ParseParameters();
+  // The same after a directive and what it names; explains errors where they are of an old format.
+  std::vector<Parameter> ParametersOf(std::string_view directive, const std::string& type,
+                                      SourceLocation location);
   bool ParseDeclaration(const Token& token, Parameter* parameter);
   void ParseValues(Parameter* parameter, bool* is_good);
   bool CheckComponents(const Parameter& parameter);

@@ -6,7 +6,9 @@
 #include <algorithm>
 
 #include "absl/strings/str_cat.h"
+#include "common/base/memory_room.h"
 #include "common/scene/number.h"
+#include "common/scene/old_syntax.h"
 #include "common/scene/pbrt_parser.h"
 
 namespace sheaf {
@@ -76,6 +78,10 @@ bool PbrtParser::ParseDeclaration(const Token& token, Parameter* parameter) {
     return false;
   }
   if (ParameterTypeFromName(type, &parameter->type)) return true;
+  if (IsOldParameterType(type)) {
+    diagnostics_->Explain(LocationOf(token),
+                          OldSyntaxAdvice(absl::StrCat("\"", std::string(text), "\"")));
+  }
   ErrorAt(token,
           absl::StrCat("parameter \"", parameter->name, "\" has the unknown type \"",
                        std::string(type), "\"",
@@ -171,9 +177,10 @@ bool PbrtParser::ChargeMemory(const Parameter& parameter) {
                          parameter.integers.size() * sizeof(int32_t) + parameter.bools.size() +
                          parameter.strings.size() * kStringBytes;
   if (bytes <= limits_.memory_bytes_max) return true;
-  diagnostics_->Error(parameter.location,
-                      absl::StrCat("parameter \"", parameter.name, "\" exceeds the limit of ",
-                                   limits_.memory_bytes_max, " bytes (memory_bytes_max)"));
+  diagnostics_->MemoryError(
+      parameter.location,
+      absl::StrCat("parameter \"", parameter.name, "\" takes more than ",
+                   FormatMemory(limits_.memory_bytes_max), ", which is ", limits_.memory_limit));
   return false;
 }
 

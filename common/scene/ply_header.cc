@@ -10,17 +10,17 @@
 namespace sheaf {
 namespace {
 
-constexpr size_t kBufferBytes = size_t{1} << 18;
+constexpr size_t kPlyBufferBytes = size_t{1} << 18;
 constexpr size_t kLineBytesMax = size_t{1} << 14;
 constexpr size_t kWordBytesMax = 512;
 constexpr size_t kElementsMax = 256;
 constexpr size_t kPropertiesMax = 1024;
 
-struct TypeName {
+struct PlyTypeName {
   std::string_view name;
   PlyType type;
 };
-constexpr TypeName kTypeNames[] = {
+constexpr PlyTypeName kPlyTypeNames[] = {
     {"char", PlyType::kInt8},       {"int8", PlyType::kInt8},       {"uchar", PlyType::kUint8},
     {"uint8", PlyType::kUint8},     {"short", PlyType::kInt16},     {"int16", PlyType::kInt16},
     {"ushort", PlyType::kUint16},   {"uint16", PlyType::kUint16},   {"int", PlyType::kInt32},
@@ -30,7 +30,7 @@ constexpr TypeName kTypeNames[] = {
 };
 
 bool TypeFromName(std::string_view name, PlyType* type) {
-  for (const TypeName& entry : kTypeNames) {
+  for (const PlyTypeName& entry : kPlyTypeNames) {
     if (entry.name != name) continue;
     *type = entry.type;
     return true;
@@ -119,7 +119,7 @@ size_t PlySizeBytes(PlyType type) {
 }
 
 PlyBytes::PlyBytes(std::unique_ptr<TextInput> input)
-    : input_(std::move(input)), buffer_(kBufferBytes) {}
+    : input_(std::move(input)), buffer_(kPlyBufferBytes) {}
 
 bool PlyBytes::Pull(size_t size_bytes) {
   if (!status_.ok()) return false;

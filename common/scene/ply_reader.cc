@@ -12,6 +12,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "common/base/check.h"
+#include "common/base/memory_room.h"
 #include "common/scene/number.h"
 #include "common/scene/ply_header.h"
 
@@ -257,8 +258,9 @@ absl::Status PlyMeshReader::CheckMemory() const {
                          mesh_.normals.size() * sizeof(Vec3f) + mesh_.uvs.size() * sizeof(Vec2f) +
                          mesh_.indices.size() * sizeof(uint32_t);
   if (bytes > limits_.memory_bytes_max) {
-    return absl::ResourceExhaustedError(absl::StrCat(
-        "the mesh exceeds the limit of ", limits_.memory_bytes_max, " bytes (memory_bytes_max)"));
+    return absl::ResourceExhaustedError(absl::StrCat("the mesh takes more than ",
+                                                     FormatMemory(limits_.memory_bytes_max),
+                                                     ", which is ", limits_.memory_limit));
   }
   if (mesh_.indices.size() / 3 > limits_.triangles_max) {
     return absl::ResourceExhaustedError(absl::StrCat(

@@ -6,6 +6,7 @@
 
 #include "common/base/check.h"
 #include "common/math/transform.h"
+#include "common/scene/sensor.h"
 #include "common/scene/spectrum.h"
 
 namespace sheaf {
@@ -91,6 +92,15 @@ Vec2d ChromaticityOfTemperature(double temperature_k) {
   return {xyz.x / sum, xyz.y / sum};
 }
 
+// Linear sRGB of a sensor's picture under other lights than those that its sums stand for.
+Matrix4 SensorBalance(const std::string& sensor, Primaries primaries, float white_balance_k) {
+  const std::string white = kWhites[static_cast<size_t>(primaries)];
+  if (white_balance_k == kSensorWhiteBalanceK && white == kWhites[0]) return {};
+  Matrix4 sensor_from_summed;
+  SHEAF_CHECK(Invert(SummedFromSensor(sensor), &sensor_from_summed));
+  return SrgbFromSensor(sensor, static_cast<double>(white_balance_k), white) * sensor_from_summed;
+}
+
 }  // namespace
 
 Matrix4 AdaptWhite(Vec2d from, Vec2d to) {
@@ -108,7 +118,7 @@ Matrix4 AdaptWhite(Vec2d from, Vec2d to) {
          ScaleMatrix({after.x / before.x, after.y / before.y, after.z / before.z}) * cones_from_xyz;
 }
 
-PictureColor PictureColorOf(Primaries primaries, float white_balance_k) {
+PictureColor PictureColorOf(Primaries primaries, float white_balance_k, const std::string& sensor) {
   PictureColor color;
   color.chromaticities = ChromaticitiesOf(primaries);
   const Matrix4 rgb_from_srgb = *RgbFromRgb(color.chromaticities, Chromaticities());
@@ -119,7 +129,12 @@ PictureColor PictureColorOf(Primaries primaries, float white_balance_k) {
     const Vec3d white = TransformVector(srgb_from_rgb, {1, 1, 1});
     color.albedo_from_srgb = rgb_from_srgb * ScaleMatrix(white);
   }
-  if (white_balance_k != 0) {
+  if (!sensor.empty()) {
+    color.light_from_srgb =
+        rgb_from_srgb *
+        SensorBalance(sensor, primaries,
+                      white_balance_k == 0 ? kSensorWhiteBalanceK : white_balance_k);
+  } else if (white_balance_k != 0) {
     Matrix4 rgb_from_xyz;
     SHEAF_CHECK(Invert(*XyzFromRgb(color.chromaticities), &rgb_from_xyz));
     const Vec2d light = ChromaticityOfTemperature(static_cast<double>(white_balance_k));

@@ -6,6 +6,8 @@
 // to the primaries and the white balance of the delivered picture.
 #pragma once
 
+#include <string>
+
 #include "common/film/picture_color.h"
 #include "common/math/vec.h"
 #include "common/scene/scene_description.h"
@@ -25,7 +27,10 @@ Matrix4 AdaptWhite(Vec2d from, Vec2d to);
 // shall look white (pbrt-v4's "whitebalance" with the sensor cie1931): Bradford's adaptation from
 // it to the white of the primaries. Otherwise nothing is adapted: what is white in sRGB has the
 // color of D65 in every primaries. Albedo is not adapted, and its white stays white.
-PictureColor PictureColorOf(Primaries primaries, float white_balance_k);
+// sensor: of a camera (sensor.h), or empty. Its matrix for the light and the primaries takes the
+// place of the one by which its sums were made; 0 is the light of kSensorWhiteBalanceK.
+PictureColor PictureColorOf(Primaries primaries, float white_balance_k,
+                            const std::string& sensor = "");
 
 // Linear sRGB of a color, by way of CIE XYZ. The white of an illuminant stays the white of its
 // primaries: (1, 1, 1) of ACES is the color of D60. Of all else white is what reflects everything,

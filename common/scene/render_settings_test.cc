@@ -92,7 +92,7 @@ TEST(RenderSettingsTest, DigestCoversWhatChangesSamplesOnly) {
   FrameSettings more = settings;
   more.samples = 17;
   EXPECT_EQ(FrameDigest("scene", more, "profile"), digest);
-  std::vector<FrameSettings> others(12, settings);
+  std::vector<FrameSettings> others(14, settings);
   others[0].width_px = 9;
   others[1].height_px = 9;
   others[2].window.x0 = 1;
@@ -105,6 +105,8 @@ TEST(RenderSettingsTest, DigestCoversWhatChangesSamplesOnly) {
   others[9].similarity_after = 1;
   others[10].similarity_after = 2;
   others[11].lattice.stride_px = 8;
+  others[12].sensor = "nikon_d850";
+  others[13].max_component_value = 10;
   for (const FrameSettings& other : others)
     EXPECT_NE(FrameDigest("scene", other, "profile"), digest);
   EXPECT_NE(FrameDigest("scene", others[9], "profile"),
@@ -152,6 +154,20 @@ TEST(RenderSettingsTest, DigestTellsBiasWhereThereIsAny) {
   settings.similarity_after = 8;
   EXPECT_THAT(FrameDigestText("scene", settings, "profile"),
               testing::HasSubstr("\nsimilarity_after 8\nprofile profile\n"));
+}
+
+TEST(RenderSettingsTest, MoreLightThanInPbrtIsSaidOnceAndWithTheFlag) {
+  SceneDescription scene;
+  scene.materials.push_back({"", DiffuseMaterial(), {}});
+  scene.materials.push_back({"", ConductorMaterial(), {}});
+  EXPECT_EQ(ComparisonNote(scene, {}), "");
+  std::get<ConductorMaterial>(scene.materials[1].material).roughness.v.value = 0.1f;
+  EXPECT_THAT(ComparisonNote(scene, {}), ::testing::HasSubstr("--single-scattering"));
+  scene.materials[1].material = CoatedDiffuseMaterial();
+  EXPECT_NE(ComparisonNote(scene, {}), "");
+  FrameSettings as_in_pbrt;
+  as_in_pbrt.single_scattering = true;
+  EXPECT_EQ(ComparisonNote(scene, as_in_pbrt), "");
 }
 
 TEST(RenderSettingsTest, ProfileNamesBuildAndInstructionSet) {

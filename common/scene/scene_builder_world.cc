@@ -48,7 +48,8 @@ void SceneBuilder::Option(const std::string& name, const std::string& value,
     }
     shapes_.set_displacement_edge_scale(scale);
   } else if (option == "disablewavelengthjitter" || option == "pixelstats" ||
-             option == "wavefront" || option == "rendercoordsys") {
+             option == "wavefront" || option == "rendercoordsys" ||
+             option == "msereferenceimage" || option == "msereferenceout") {
     diagnostics_->Note(location, absl::StrCat("option \"", option,
                                               "\" has no effect: it is about "
                                               "how pbrt works, not what it renders"));

@@ -379,7 +379,10 @@ struct FilmDescription {
   double crop_window[4] = {0, 1, 0, 1};  // x0 x1 y0 y1 as fractions.
   bool has_pixel_bounds = false;
   int32_t pixel_bounds[4] = {0, 0, 0, 0};  // x0 x1 y0 y1, half-open.
-  float exposure_scale = 1;                // Sensor's imaging ratio: ISO / 100.
+  // Sensor's imaging ratio: ISO / 100, of cameras' sensors times the shutter's length.
+  float exposure_scale = 1;
+  std::string sensor;             // Of a camera, by IsSensor; empty: the CIE 1931 observer.
+  float max_component_value = 0;  // What samples are clamped to; 0: they are not.
   Primaries primaries = Primaries::kSrgb;  // Of the picture.
   float white_balance_k = 0;               // Temperature of what shall be white; 0: none.
   FilmOutputs outputs;                     // Those of "gbuffer".

@@ -173,25 +173,33 @@ constexpr BadScene kBadScenes[] = {
      "parameter \"interface.roughness\" is not supported as a texture; give a number"},
     {"UnknownTexture", "WorldBegin\nTexture \"t\" \"float\" \"wrinkled\"\n",
      "main.pbrt:2:1: texture \"t\": class \"wrinkled\" is not supported"},
-    {"BumpOfMix", "WorldBegin\nMaterial \"mix\" \"texture displacement\" \"d\"\n",
-     "main.pbrt:2:16: material \"mix\": parameter \"displacement\" is not supported: a mix has no "
-     "surface of its own"},
     {"MissingNormalMap", "WorldBegin\nMaterial \"diffuse\" \"string normalmap\" \"no.png\"\n",
      "main.pbrt:2:20: material \"diffuse\": parameter \"normalmap\" cannot be read: file "
      "\"no.png\""},
     {"MissingEmission", "WorldBegin\nAreaLightSource \"diffuse\" \"string filename\" \"no.png\"\n",
      "main.pbrt:2:27: area light \"diffuse\": parameter \"filename\" cannot be read: file "
      "\"no.png\""},
-    {"FilmType", "Film \"spectral\"\nWorldBegin\n",
-     "main.pbrt:1:1: film \"spectral\" is not supported"},
-    {"Sensor", "Film \"rgb\" \"string sensor\" \"canon_eos_100d\"\nWorldBegin\n",
-     "main.pbrt:1:12: film \"rgb\": parameter \"sensor\" \"canon_eos_100d\" is not supported"},
+    {"FilmType", "Film \"deep\"\nWorldBegin\n", "main.pbrt:1:1: film \"deep\" is unknown"},
+    {"Sensor", "Film \"rgb\" \"string sensor\" \"canon_eos_101d\"\nWorldBegin\n",
+     "main.pbrt:1:12: film \"rgb\": parameter \"sensor\" \"canon_eos_101d\" is unknown; Sheaf "},
     {"Filter", "PixelFilter \"catmull\"\nWorldBegin\n",
      "main.pbrt:1:1: filter \"catmull\" is not supported"},
-    {"Integrator", "Integrator \"bdpt\"\nWorldBegin\n",
-     "main.pbrt:1:1: integrator \"bdpt\" is not supported"},
-    {"Regularize", "Integrator \"path\" \"bool regularize\" true\nWorldBegin\n",
-     "parameter \"regularize\" is not supported"},
+    {"Integrator", "Integrator \"ambientocclusion\"\nWorldBegin\n",
+     "main.pbrt:1:1: integrator \"ambientocclusion\" is not supported, for it shows something "
+     "else"},
+    {"OldFilm", "Camera \"perspective\"\nFilm \"image\" \"integer xresolution\" 8\nWorldBegin\n",
+     "main.pbrt:2:1: this is pbrt-v3 (Film \"image\"), and Sheaf reads pbrt-v4; pbrt-v4's own "
+     "program "
+     "rewrites such a file: pbrt --upgrade"},
+    {"OldMaterial", "WorldBegin\nMakeNamedMaterial \"m\" \"string type\" \"uber\"\n",
+     "main.pbrt:2:1: this is pbrt-v3 (\"string type\" \"uber\")"},
+    {"OldParameter", "WorldBegin\nMaterial \"diffuse\" \"rgb Kd\" [1 1 1]\n",
+     "main.pbrt:2:1: this is pbrt-v3 (parameter \"Kd\" of Material)"},
+    {"OldColor", "WorldBegin\nLightSource \"point\" \"color I\" [1 1 1]\n",
+     "main.pbrt:2:21: this is pbrt-v3 (\"color I\")"},
+    {"OldTexture",
+     "WorldBegin\nTexture \"t\" \"color\" \"imagemap\" \"string filename\" \"a.png\"\n",
+     "main.pbrt:2:1: this is pbrt-v3 (a texture of type color)"},
     {"Sampler", "Sampler \"best\"\nWorldBegin\n", "main.pbrt:1:1: sampler \"best\" is unknown"},
     {"ColorSpace", "ColorSpace \"prophoto\"\nWorldBegin\n",
      "main.pbrt:1:1: color space \"prophoto\" is unknown; Sheaf does srgb, aces2065-1, rec2020, "
@@ -202,9 +210,6 @@ constexpr BadScene kBadScenes[] = {
     {"UnknownMapping", "Camera \"spherical\" \"string mapping\" \"cube\"\nWorldBegin\n",
      "main.pbrt:1:20: camera \"spherical\": parameter \"mapping\" \"cube\" is not supported; Sheaf "
      "does equalarea and equirectangular"},
-    {"SphericalLens", "Camera \"spherical\" \"float lensradius\" 0.1\nWorldBegin\n",
-     "main.pbrt:1:20: camera \"spherical\": parameter \"lensradius\" is not supported: a spherical "
-     "camera has no lens; remove it"},
     {"Option", "Option \"forcediffuse\" true\nWorldBegin\n",
      "main.pbrt:1:1: option \"forcediffuse\" is not supported"},
     {"Medium", "MediumInterface \"\" \"fog\"\nWorldBegin\n",
@@ -325,6 +330,30 @@ constexpr BadScene kBadScenes[] = {
 };
 INSTANTIATE_TEST_SUITE_P(Diagnostics, BadSceneTest, ::testing::ValuesIn(kBadScenes),
                          [](const auto& test) { return std::string(test.param.name); });
+
+TEST(SceneMemoryTest, SurfacesAreNotRefinedBeyondIt) {
+  const std::string directory = ::testing::TempDir() + "sheaf-scene-memory";
+  ASSERT_TRUE(MakeDirectories(directory).ok());
+  SceneReaderLimits limits;
+  limits.memory_bytes_max = uint64_t{900} << 20;
+  limits.memory_limit = "what this machine has";
+  const auto read = [&](const std::string& levels) {
+    WriteText(directory + "/main.pbrt", "WorldBegin\nShape \"loopsubdiv\" \"integer levels\" " +
+                                            levels +
+                                            " \"integer indices\" [0 1 2 0 2 3]\n"
+                                            "\"point3 P\" [0 0 0 1 0 0 1 1 0 0 1 0]\n");
+    DirectoryFileSource files(directory);
+    return ReadScene("main.pbrt", files, limits).status();
+  };
+  const absl::Status status = read("11");
+  EXPECT_EQ(status.code(), absl::StatusCode::kResourceExhausted);
+  const std::string message(status.message());
+  EXPECT_THAT(message, HasSubstr("main.pbrt:2:1: "));
+  EXPECT_THAT(message, HasSubstr("11 levels make 8388608 triangles of its 2"));
+  EXPECT_THAT(message, HasSubstr("1.2 GiB"));
+  EXPECT_THAT(message, HasSubstr("what this machine has"));
+  EXPECT_TRUE(read("3").ok());
+}
 
 }  // namespace
 }  // namespace sheaf

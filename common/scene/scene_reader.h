@@ -21,6 +21,7 @@ struct SceneDiagnostic {
 struct SceneReaderLimits {
   uint64_t triangles_max = uint64_t{1} << 31;
   uint64_t memory_bytes_max = uint64_t{16} << 30;  // Of the description.
+  std::string memory_limit = "memory_bytes_max";   // What sets that, for people.
   uint32_t include_depth_max = 64;
   uint64_t file_bytes_max = uint64_t{8} << 30;
   uint32_t errors_max = 50;  // Reading stops after this many.
@@ -35,7 +36,7 @@ struct ReadSceneResult {
 // Reads main_file (canonical name, normally just its file name) in the pbrt-v4 format, with all
 // files it includes and all meshes. Image and texture files are resolved (so that FilesUsed is
 // complete) but not decoded. Errors: kInvalidArgument with every error that was found, one a line;
-// kNotFound for the main file.
+// kResourceExhausted, likewise, where lack of memory is among them; kNotFound for the main file.
 absl::StatusOr<ReadSceneResult> ReadScene(const std::string& main_file, FileSource& files,
                                           const SceneReaderLimits& limits = {});
 

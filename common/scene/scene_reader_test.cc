@@ -405,6 +405,7 @@ TEST_F(SceneReaderTest, LimitsAreNamed) {
   limits.memory_bytes_max = 64;
   const std::string mesh = std::string("WorldBegin\nShape \"trianglemesh\" ") + kTriangle;
   EXPECT_THAT(std::string(Read(mesh, limits).status().message()), HasSubstr("memory_bytes_max"));
+  EXPECT_EQ(Read(mesh, limits).status().code(), absl::StatusCode::kResourceExhausted);
   limits = {};
   limits.triangles_max = 0;
   EXPECT_THAT(std::string(Read(mesh, limits).status().message()), HasSubstr("triangles_max"));

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "common/base/memory_room.h"
 #include "common/scene/curve_reader.h"
 #include "common/scene/loop_subdivision.h"
 #include "common/scene/mesh_parameters.h"
@@ -41,9 +42,10 @@ bool ShapeTable::ChargeMemory(uint64_t size_bytes, SourceLocation location) {
   memory_bytes_ += size_bytes;
   if (memory_bytes_ <= limits_.memory_bytes_max) return true;
   if (was_within) {
-    diagnostics_->Error(location,
-                        absl::StrCat("the scene exceeds the limit of ", limits_.memory_bytes_max,
-                                     " bytes (memory_bytes_max)"));
+    diagnostics_->MemoryError(
+        location, absl::StrCat("the scene as it is read takes more than ",
+                               FormatMemory(limits_.memory_bytes_max), ", which is ",
+                               limits_.memory_limit, "; make it smaller, or raise that"));
   }
   return false;
 }
@@ -97,8 +99,14 @@ std::optional<TriangleMesh> ShapeTable::ReadPlyFiles(const std::vector<std::stri
     if (path.ok()) step = ReadPly(*path, limits_);
     const absl::Status status = path.ok() ? step.status() : path.status();
     if (!status.ok()) {
-      parameters.ErrorAt(parameter,
-                         absl::StrCat("cannot be read: ", names[i], ": ", status.message()));
+      const std::string text = absl::StrCat("cannot be read: ", names[i], ": ", status.message());
+      if (absl::IsResourceExhausted(status)) {
+        diagnostics_->MemoryError(
+            parameter.location,
+            absl::StrCat(parameters.owner(), ": parameter \"", parameter.name, "\" ", text));
+      } else {
+        parameters.ErrorAt(parameter, text);
+      }
       return std::nullopt;
     }
     if (!mesh.has_value()) {
@@ -182,10 +190,9 @@ bool ShapeTable::SetLoopSubdivision(ParameterList& parameters, ShapeDescription*
     return false;
   }
   if (!ReadTriangleIndices(parameters, &control)) return false;
-  const uint64_t triangles_max =
-      std::min(limits_.triangles_max, limits_.memory_bytes_max / kRefinedTriangleBytes);
+  if (!HasRoomToRefine(control.indices.size() / 3, levels, parameters)) return false;
   absl::StatusOr<TriangleMesh> mesh =
-      SubdivideLoop(control.positions, control.indices, levels, triangles_max);
+      SubdivideLoop(control.positions, control.indices, levels, limits_.triangles_max);
   if (!mesh.ok()) {
     parameters.Error(absl::StrCat(parameters.owner(), ": ", mesh.status().message()));
     return false;
@@ -193,6 +200,23 @@ bool ShapeTable::SetLoopSubdivision(ParameterList& parameters, ShapeDescription*
   MeshShape mesh_shape;
   if (!AddMesh(std::move(*mesh), parameters, &mesh_shape.mesh)) return false;
   return FinishMesh(parameters, shape, mesh_shape);
+}
+
+bool ShapeTable::HasRoomToRefine(uint64_t triangle_count, int32_t levels,
+                                 ParameterList& parameters) {
+  uint64_t count = triangle_count;
+  for (int32_t level = 0; level < levels && count <= limits_.triangles_max; ++level) count *= 4;
+  if (count > limits_.triangles_max) return true;  // Refining refuses it.
+  const uint64_t used = std::min(memory_bytes_, limits_.memory_bytes_max);
+  const uint64_t room = limits_.memory_bytes_max - used;
+  if (count * kRefinedTriangleBytes <= room) return true;
+  diagnostics_->MemoryError(
+      parameters.location(),
+      absl::StrCat(parameters.owner(), ": ", levels, " levels make ", count, " triangles of its ",
+                   triangle_count, ", which take ", FormatMemory(count * kRefinedTriangleBytes),
+                   " while they are refined; ", FormatMemory(room), " are left of ",
+                   limits_.memory_limit, "; each level less takes a quarter, or raise that"));
+  return false;
 }
 
 bool ShapeTable::ChargeTriangles(uint64_t count, ParameterList& parameters) {

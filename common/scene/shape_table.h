@@ -61,6 +61,8 @@ class ShapeTable {
   bool AddMesh(TriangleMesh mesh, ParameterList& parameters, int32_t* index);
   // What the shape does with its mesh. False (reported) where that does not go together.
   bool FinishMesh(ParameterList& parameters, ShapeDescription* shape, MeshShape mesh);
+  // False (reported) where there is no memory to refine so many triangles.
+  bool HasRoomToRefine(uint64_t triangle_count, int32_t levels, ParameterList& parameters);
   // False (reported) beyond triangles_max; a patch counts as two triangles.
   bool ChargeTriangles(uint64_t count, ParameterList& parameters);
 

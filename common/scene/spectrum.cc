@@ -66,8 +66,8 @@ double Daylight(double temperature_k, double nm) {
 
 // Temperatures of the daylight names. The constant of Planck's law has changed since D65 was named,
 // which moved its temperature from 6500 K.
+constexpr double kConstantRatio = 1.4388 / 1.438;
 std::optional<double> DaylightTemperature(const std::string& name) {
-  constexpr double kConstantRatio = 1.4388 / 1.438;
   if (name == "stdillum-D50") return 5000 * kConstantRatio;
   if (name == "stdillum-D65") return 6500 * kConstantRatio;
   if (name == "illum-acesD60") return 6000 * kConstantRatio;
@@ -284,6 +284,13 @@ std::array<double, 3> SrgbFromXyz(const std::array<double, 3>& xyz) {
     rgb[i] = row[0] * xyz[0] + row[1] * xyz[1] + row[2] * xyz[2];
   }
   return rgb;
+}
+
+double LuminousEfficiency(double wavelength_nm) { return CmfAt(data::kCmfY, wavelength_nm); }
+
+double LightOfTemperature(double temperature_k, double wavelength_nm) {
+  const double cct_k = temperature_k * kConstantRatio;
+  return cct_k >= 4000 ? Daylight(cct_k, wavelength_nm) : Blackbody(cct_k, wavelength_nm);
 }
 
 double UnitD65(double wavelength_nm) {

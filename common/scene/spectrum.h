@@ -35,6 +35,12 @@ inline constexpr size_t kSpectrumCount = kSpectrumLastNm - kSpectrumFirstNm + 1;
 std::array<double, 3> ObserverRgb(double wavelength_nm);
 // Linear sRGB of CIE XYZ, negative components included; XYZ of D65 with Y = 1 is (1, 1, 1).
 std::array<double, 3> SrgbFromXyz(const std::array<double, 3>& xyz);
+// The CIE 1931 observer's luminous efficiency. Held at the range's ends outside of it.
+double LuminousEfficiency(double wavelength_nm);
+// A light as warm as the temperature says, of any magnitude: a phase of daylight from 4000 K on,
+// below that a blackbody, as pbrt-v4 balances by. The temperature is in the scale in which D65 has
+// 6500 K. Source: CIE 15:2004, 3.2.
+double LightOfTemperature(double temperature_k, double wavelength_nm);
 // Spectral radiance of D65 scaled to luminance 1, so that it integrates to linear sRGB (1, 1, 1).
 double UnitD65(double wavelength_nm);
 // Luminance of the spectrum as written, which its use as an illuminant divides by.

@@ -17,7 +17,7 @@ constexpr int64_t kMagic = 0x56444220;
 constexpr uint32_t kVersionMin = 222, kVersionMax = 224;
 constexpr uint64_t kUuidBytes = 36;
 
-absl::Status CutShort(const std::string& file_name) {
+absl::Status VdbCutShort(const std::string& file_name) {
   return absl::DataLossError(absl::StrCat(file_name, ": the file is cut short or damaged"));
 }
 
@@ -87,7 +87,7 @@ absl::StatusOr<std::vector<VdbEntry>> ListVdb(const std::string& file_name,
   in.Skip(kUuidBytes);
   in.SkipMetadata();
   const auto count = in.Get<int32_t>();
-  if (!in.ok() || count < 0) return CutShort(file_name);
+  if (!in.ok() || count < 0) return VdbCutShort(file_name);
   if (!has_offsets && count > 1) {
     return absl::InvalidArgumentError(
         absl::StrCat(file_name, ": several grids without offsets (a stream); write it as a file"));
@@ -117,7 +117,7 @@ absl::StatusOr<std::vector<VdbEntry>> ListVdb(const std::string& file_name,
       if (entry.end_bytes < in.at()) in.Fail();
       in.Skip(entry.end_bytes - in.at());
     }
-    if (!in.ok()) return CutShort(file_name);
+    if (!in.ok()) return VdbCutShort(file_name);
     entries.push_back(std::move(entry));
   }
   return entries;
@@ -140,7 +140,7 @@ absl::StatusOr<VolumeGrid> ReadVdbGrid(const std::string& file_name, const std::
   in.SkipMetadata();
   const auto medium_from_index = ReadTransform(file_name, entry.name, &in);
   if (!medium_from_index.ok()) return medium_from_index.status();
-  if (!in.ok()) return CutShort(file_name);
+  if (!in.ok()) return VdbCutShort(file_name);
   const VdbTreeSource source{in, compression, entry.is_half};
   auto image =
       entry.grid_type == "Tree_float_5_4_3"

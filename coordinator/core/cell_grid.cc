@@ -3,6 +3,8 @@
 #include "coordinator/core/cell_grid.h"
 
 #include <algorithm>
+#include <numeric>
+#include <tuple>
 
 #include "common/base/check.h"
 
@@ -29,19 +31,28 @@ CellGrid::CellGrid(const PixelRect& window, int32_t tile_size_px, int32_t cell_s
       cell_size_px_(cell_size_px),
       tiles_(CutTiles(window, tile_size_px)) {
   SHEAF_CHECK(!tiles_.empty() && DividesIntoCells(tile_size_px, cell_size_px));
-  for (uint32_t tile = 0; tile < tiles_.size(); ++tile) {
-    tile_at_[{tiles_[tile].y0, tiles_[tile].x0}] = tile;
+  if (cell_size_px == tile_size_px) {
+    cells_ = tiles_;
+    first_cells_.resize(tiles_.size() + 1);
+    std::iota(first_cells_.begin(), first_cells_.end(), 0);
+    return;
+  }
+  first_cells_.reserve(tiles_.size() + 1);
+  for (const PixelRect& tile : tiles_) {
     first_cells_.push_back(static_cast<uint32_t>(cells_.size()));
-    const std::vector<PixelRect> cells = CutTiles(tiles_[tile], cell_size_px);
+    const std::vector<PixelRect> cells = CutTiles(tile, cell_size_px);
     cells_.insert(cells_.end(), cells.begin(), cells.end());
   }
   first_cells_.push_back(static_cast<uint32_t>(cells_.size()));
 }
 
 std::optional<uint32_t> CellGrid::FindTile(const PixelRect& rect) const {
-  const auto found = tile_at_.find({rect.y0, rect.x0});
-  if (found == tile_at_.end() || !(tiles_[found->second] == rect)) return std::nullopt;
-  return found->second;
+  const auto before = [](const PixelRect& tile, const PixelRect& wanted) {
+    return std::tie(tile.y0, tile.x0) < std::tie(wanted.y0, wanted.x0);
+  };
+  const auto found = std::lower_bound(tiles_.begin(), tiles_.end(), rect, before);
+  if (found == tiles_.end() || !(*found == rect)) return std::nullopt;
+  return static_cast<uint32_t>(found - tiles_.begin());
 }
 
 uint32_t CellGrid::TileOf(uint32_t cell) const {

@@ -8,10 +8,8 @@
 #pragma once
 
 #include <cstdint>
-#include <map>
 #include <optional>
 #include <span>
-#include <utility>
 #include <vector>
 
 #include "common/film/tile_cells.h"
@@ -66,9 +64,8 @@ class CellGrid {
 
  private:
   int32_t tile_size_px_, cell_size_px_;
-  std::vector<PixelRect> tiles_, cells_;
-  std::vector<uint32_t> first_cells_;                        // One more than tiles.
-  std::map<std::pair<int32_t, int32_t>, uint32_t> tile_at_;  // By y0 and x0.
+  std::vector<PixelRect> tiles_, cells_;  // Tiles row by row.
+  std::vector<uint32_t> first_cells_;     // One more than tiles.
 };
 
 }  // namespace sheaf::coordinator

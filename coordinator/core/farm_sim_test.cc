@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "common/base/digest.h"
 #include "coordinator/core/scheduler.h"
 #include "gtest/gtest.h"
 
@@ -213,7 +214,7 @@ class FarmSim {
   // Returns whether the result was acknowledged.
   bool TakeResult(const Lease& lease) {
     using Kind = Scheduler::FoundTask::Kind;
-    const FrameSpec& spec = SpecOf(lease.frame);
+    const FrameSpec spec = SpecOf(lease.frame);
     const Scheduler::FoundTask found = scheduler_->FindTask(
         spec.frame_digest, lease.tile_rect, lease.task.block, lease.cells, lease.lease_id);
     EXPECT_NE(found.kind, Kind::kMalformed);
@@ -252,9 +253,9 @@ class FarmSim {
     }
   }
 
-  const FrameSpec& SpecOf(const FrameId& id) const { return scheduler_->FindFrame(id)->spec; }
+  FrameSpec SpecOf(const FrameId& id) const { return scheduler_->FindFrame(id)->Spec(); }
   std::vector<uint64_t> RoundOf(const FrameId& id, int round) const {
-    const FrameSpec& frame = SpecOf(id);
+    const FrameSpec frame = SpecOf(id);
     const Partition& partition = scheduler_->jobs().at(id.job_id).spec.partition;
     return SamplesAfter(frame, CellGrid(frame, partition), round);
   }
@@ -290,11 +291,11 @@ class FarmSim {
   const std::vector<JobSpec> jobs_;
   Limits limits_;
   std::unique_ptr<Scheduler> scheduler_;
-  absl::Time now_ = absl::UnixEpoch();
+  SteadyTime now_;
   int lives_ = 0;
   int next_worker_ = 0;
   std::vector<SimWorker> workers_;
-  std::multimap<absl::Time, Lease> arrivals_;
+  std::multimap<SteadyTime, Lease> arrivals_;
   std::map<TileKey, TileJournal> journal_;  // What is on disk.
   std::map<FrameId, int> rounds_;           // Likewise: the last that was decided.
   std::set<FrameId> delivered_;
@@ -309,11 +310,11 @@ JobSpec MakeJob(uint64_t id, int frame_count, int32_t edge_px, uint64_t samples,
   for (int i = 1; i <= frame_count; ++i) {
     FrameSpec frame;
     frame.frame_number = i;
-    frame.scene = {absl::StrCat("scene", i), 1};
+    frame.scene = {Sha256Hex(absl::StrCat("scene", i)), 1};
     frame.settings.width_px = frame.settings.height_px = edge_px;
     frame.settings.window = {0, 0, edge_px, edge_px};
     frame.settings.samples = samples;
-    frame.frame_digest = absl::StrCat("frame", id, "-", i);
+    frame.frame_digest = Sha256Hex(absl::StrCat("frame", id, "-", i));
     job.frames.push_back(frame);
   }
   return job;
@@ -395,7 +396,7 @@ TEST(FarmSimTest, TenThousandWorkersShareOneFrameOfAHundredThousandTasks) {
   Scheduler scheduler(limits, 1);
   JobSpec job = MakeJob(1, 1, 16 * 160, 16, 1);  // 160 x 160 tiles of four passes.
   scheduler.AddJob(job);
-  absl::Time now = absl::UnixEpoch();
+  SteadyTime now;
   uint64_t accepted = 0;
   const FrameId frame{1, 1};
   while (scheduler.FindFrame(frame)->phase != FrameRecord::Phase::kRendered) {

@@ -32,10 +32,11 @@ FrameMerge::FrameMerge(const FrameSpec& spec, CellGrid grid, std::vector<uint64_
       samples_(std::move(samples)),
       tiles_(grid_.tiles().size()),
       budget_(budget),
-      picture_(MakeFramePicture(
-          spec.settings.window, spec.settings.width_px, spec.settings.height_px,
-          spec.settings.outputs,
-          PictureColorOf(spec.settings.primaries, spec.settings.white_balance_k))) {
+      picture_(
+          MakeFramePicture(spec.settings.window, spec.settings.width_px, spec.settings.height_px,
+                           spec.settings.outputs,
+                           PictureColorOf(spec.settings.primaries, spec.settings.white_balance_k,
+                                          spec.settings.sensor))) {
   SHEAF_CHECK(samples_.size() == grid_.cells().size());
   if (!spec.settings.one_sequence && spec.settings.lattice.All()) {
     error_sample_.emplace(spec.settings.window);

@@ -53,15 +53,17 @@ FrameTasks::FrameTasks(CellGrid grid, uint64_t samples, const PixelLattice& latt
       cells_(grid_.cells().size()),
       cpu_of_tiles_(grid_.tiles().size(), absl::ZeroDuration()) {
   SHEAF_CHECK(samples > 0);
+  // Under the farm's lock, so without a search for each of many tiles.
+  for (uint32_t index = 0; index < cells_.size(); ++index) {
+    Cell& cell = cells_[index];
+    cell.pixel_count = std::max<int64_t>(1, lattice.CountIn(grid_.cells()[index]));
+    cell.samples = samples;
+    cell.fresh.Add({0, samples});
+    total_count_ += cell.PixelSamples(samples);
+  }
+  ready_count_ = total_count_;
   for (uint32_t tile = 0; tile < grid_.tiles().size(); ++tile) {
-    ForCells(tile, grid_.AllOf(tile), [&](uint32_t index) {
-      Cell& cell = cells_[index];
-      cell.pixel_count = std::max<int64_t>(1, lattice.CountIn(grid_.cells()[index]));
-      cell.samples = samples;
-      total_count_ += cell.PixelSamples(samples);
-      return true;
-    });
-    ChangeFresh(tile, grid_.AllOf(tile), [&](SampleRanges& fresh) { fresh.Add({0, samples}); });
+    fresh_queue_.emplace_hint(fresh_queue_.end(), 0, tile);
   }
 }
 

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "absl/time/time.h"
+#include "common/base/steady_time.h"
 #include "common/content/blob_digest.h"
 #include "common/film/tile_cells.h"
 #include "common/film/tile_geometry.h"
@@ -51,6 +52,7 @@ struct EffectCost {
 
 struct JobSpec {
   uint64_t job_id = 0;  // Given by the store, ascending.
+  bool pilot = false;   // Rendered for a quote; has an id among those of pilots (IsPilot).
   std::string title;
   int32_t priority = 0;
   Partition partition;
@@ -58,6 +60,10 @@ struct JobSpec {
   std::vector<FrameSpec> frames;         // Ascending by number.
   std::vector<EffectCost> effect_costs;  // Of the first frame's scene; empty: not measured.
 };
+
+// Ids of pilots begin here, so that those of other jobs have no gaps.
+inline constexpr uint64_t kFirstPilotId = 1'000'000'001;
+inline bool IsPilot(uint64_t job_id) { return job_id >= kFirstPilotId; }
 
 enum class JobPhase { kLive, kSucceeded, kFailed, kCancelled };
 
@@ -102,13 +108,15 @@ struct Lease {
   TileCells cells;  // The task's.
   std::string worker_id;
   LeasePhase phase = LeasePhase::kQueued;
-  absl::Time grant_time;
+  SteadyTime grant_time;
 };
 
 // Why a lease came to nothing; each class has its own budget (limits.h).
-enum class FailureKind { kReleased, kInfrastructure, kScene, kMemory, kInternal, kLost };
-inline constexpr int kFailureKindCount = 6;
-// Returns "released", "infrastructure", "scene", "memory", "internal" or "lost".
+// Stored as numbers: new ones go to the end. kLost and kLoading: the worker vanished while it
+// rendered, or loaded the scene.
+enum class FailureKind { kReleased, kInfrastructure, kScene, kMemory, kInternal, kLost, kLoading };
+inline constexpr int kFailureKindCount = 7;
+// Returns "released", "infrastructure", "scene", "memory", "internal", "lost" or "loading".
 const char* FailureKindName(FailureKind kind);
 
 struct LeaseFailure {
@@ -125,7 +133,7 @@ struct FailureRecord {
   std::string worker_id;
   FailureKind kind = FailureKind::kInternal;
   std::string message;
-  absl::Time time;
+  absl::Time time = absl::InfinitePast();  // InfinitePast until it is dated.
   friend bool operator==(const FailureRecord&, const FailureRecord&) = default;
 };
 

@@ -20,6 +20,8 @@ const char* FailureKindName(FailureKind kind) {
       return "internal";
     case FailureKind::kLost:
       return "lost";
+    case FailureKind::kLoading:
+      return "loading";
   }
   return "unknown";
 }

@@ -47,7 +47,7 @@ class LeaseTable {
   size_t size() const { return leases_.size(); }
 
   // Leases that are their task's only one: those not begun first, then the oldest.
-  using HedgeKey = std::tuple<bool, absl::Time, uint64_t>;  // Begun, granted, id.
+  using HedgeKey = std::tuple<bool, SteadyTime, uint64_t>;  // Begun, granted, id.
   const std::set<HedgeKey>& hedgeable() const { return hedgeable_; }
 
  private:

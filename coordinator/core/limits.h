@@ -28,8 +28,18 @@ struct Limits {
   // Jobs.
   int frames_per_job_max = 100'000;
   int live_jobs_max = 10'000;
-  int64_t tiles_per_frame_max = 4'000'000;
+  absl::Duration pilot_unasked_max = absl::Seconds(30);  // A pilot nobody asks for is cancelled.
+  // Of a frame that is opened, which nobody else can do anything meanwhile.
+  int64_t tiles_per_frame_max = int64_t{1} << 18;  // Of 32 px in the largest frame.
+  int64_t cells_per_frame_max = int64_t{1} << 20;
   uint64_t samples_max = uint64_t{1} << 40;  // Per pixel.
+  // Pixels of a frame that are rendered: its picture takes the coordinator 20 GiB.
+  int64_t frame_pixels_max = int64_t{1} << 28;
+  // Pixel samples of a frame, and of a job: more than farms render in a year, and sums of a job are
+  // whole numbers in JSON.
+  uint64_t frame_samples_max = uint64_t{1} << 48;
+  uint64_t job_samples_max = uint64_t{1} << 53;
+  int64_t job_tasks_max = int64_t{1} << 28;  // Each is a file until its frame is delivered.
   int32_t frame_edge_px_max = 65'536;
   // Frames that are open at once share this many pixels; one is always allowed. An open frame costs
   // the coordinator about 80 bytes a pixel for its developed picture. With outputs, a pixel counts
@@ -47,9 +57,11 @@ struct Limits {
   uint64_t lease_pass_count_max = 1024;
 
   // Failures. A task fails for good, and its job with it, when one of these is used up.
-  int crash_workers_max = 3;  // Distinct workers that reported a defect or lack of memory.
-  int lost_workers_max = 6;   // Distinct workers that vanished while rendering it: machines
-                              // that are switched off must not spoil a job.
+  int crash_workers_max = 3;       // Distinct workers that reported a defect or lack of memory.
+  int lost_workers_max = 6;        // Distinct workers that vanished while rendering it: machines
+                                   // that are switched off must not spoil a job.
+  int loading_losses_max = 3;      // Workers that vanished one after the other while they loaded
+  int job_loading_losses_max = 6;  // a frame that nobody has loaded; the same of a job's frames.
   int infrastructure_failures_max = 16;
   int scene_failure_workers_max = 2;  // Distinct workers that say: the scene cannot be rendered.
   int failures_kept_max = 32;         // Of a job, the last ones, for people to look at.

@@ -54,7 +54,7 @@ absl::StatusOr<ResumedPicture> ResumePicture(FramePicture picture, const FrameSp
   if (!s.lattice.All()) return absl::InvalidArgumentError("not all of its pixels are rendered");
   const std::string why_not = WhyNotOf(spec, numeric_profile, picture);
   absl::StatusOr<ResumedPicture> resumed = ResumedPicture::Make(
-      std::move(picture), s.outputs, PictureColorOf(s.primaries, s.white_balance_k));
+      std::move(picture), s.outputs, PictureColorOf(s.primaries, s.white_balance_k, s.sensor));
   // What is wrong with the picture itself goes first.
   if (!why_not.empty() && resumed.ok()) return absl::InvalidArgumentError(why_not);
   return resumed;

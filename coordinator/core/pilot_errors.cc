@@ -17,7 +17,7 @@ constexpr double kBlockLogVariance = 1.4, kVarianceFreedom = 10;
 // That share: .04 to .5 in squares of 8 pixels, .14 to .61 in 16, .31 to .74 in 32 (eight scenes).
 double WithinShare(int32_t size_px) { return std::min(0.8, 0.55 * std::pow(size_px / 32.0, 0.57)); }
 // A cell's error is taken for at least this share of the frame's.
-constexpr double kCellShareMin = 0.05;
+constexpr double kPilotCellShareMin = 0.05;
 
 // The i-th of a sequence whose members, any number of them, have a normal distribution.
 double NormalValue(size_t i) { return NormalQuantile(GoldenShare(i)); }
@@ -93,7 +93,7 @@ PilotErrors FitCellErrors(const CellGrid& grid, std::span<const PilotBlock> bloc
   const std::vector<PixelRect>& cells = grid.cells();
   ErrorSums all;
   for (const PilotBlock& block : blocks) all.Add(block.error);
-  const double least = kCellShareMin * all.RelativeMse();
+  const double least = kPilotCellShareMin * all.RelativeMse();
   std::vector<LogSums> log_cells(cells.size()), log_tiles(grid.tiles().size());
   std::vector<double> pixel_counts(cells.size());  // That blocks have.
   LogSums log_all;

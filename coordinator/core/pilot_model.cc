@@ -30,7 +30,7 @@ constexpr double kMeanShare = 0.1, kMeanPixelsMax = 1 << 14;
 constexpr double kPairShare = 0.5, kPairBlocksMin = 200;
 // More blocks than these tell nothing that matters.
 constexpr double kBlocksEnough = 1 << 12;
-constexpr double kRateMin = 0.9, kRateMax = 1.8;
+constexpr double kPilotRateMin = 0.9, kPilotRateMax = 1.8;
 // Square of what blocks deviate by from their mean, over it, as known before; and how many blocks
 // that is worth. Where few pixels have most of the error, few blocks show none of them.
 constexpr double kTailSquare = 2.5 * 2.5, kTailBlocks = 10;
@@ -174,7 +174,7 @@ Rate FitRate(const std::vector<std::pair<double, double>>& pairs) {
   const double precision = 1 / variance + prior;
   const double rate =
       (rate_of([](size_t i) { return i; }) / variance + kRatePrior * prior) / precision;
-  return {std::clamp(rate, kRateMin, kRateMax), 1 / std::sqrt(precision)};
+  return {std::clamp(rate, kPilotRateMin, kPilotRateMax), 1 / std::sqrt(precision)};
 }
 
 }  // namespace

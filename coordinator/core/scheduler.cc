@@ -3,50 +3,19 @@
 #include "coordinator/core/scheduler.h"
 
 #include <algorithm>
-#include <bit>
 
 #include "absl/strings/str_cat.h"
 #include "common/base/check.h"
 #include "common/film/frame_picture.h"
+#include "coordinator/core/job_check.h"
 
 namespace sheaf::coordinator {
 namespace {
 
-absl::Status CheckFrame(const FrameSpec& frame, const Partition& partition, const Limits& limits) {
-  const FrameSettings& s = frame.settings;
-  const std::string name = absl::StrCat("frame ", frame.frame_number, ": ");
-  const auto invalid = [&](const std::string& why) {
-    return absl::InvalidArgumentError(absl::StrCat(name, why));
-  };
-  if (s.width_px < 1 || s.height_px < 1 || s.width_px > limits.frame_edge_px_max ||
-      s.height_px > limits.frame_edge_px_max) {
-    return invalid(absl::StrCat("a size of ", s.width_px, " x ", s.height_px,
-                                " px is outside 1 to ", limits.frame_edge_px_max));
-  }
-  const PixelRect& w = s.window;
-  if (w.IsEmpty() || !PixelRect{0, 0, s.width_px, s.height_px}.Contains(w)) {
-    return invalid("the window is empty or reaches beyond the frame");
-  }
-  if (s.samples < 1 || s.samples > limits.samples_max) {
-    return invalid(
-        absl::StrCat(s.samples, " samples per pixel are outside 1 to ", limits.samples_max));
-  }
-  if (s.max_depth < 0) return invalid("the depth is negative");
-  for (const auto& [edge_px, what] : {std::pair{partition.tile_size_px, "tiles"},
-                                      std::pair{CellSizeOf(frame, partition), "cells"}}) {
-    const int64_t columns = w.Width() / edge_px + 2;
-    const int64_t rows = w.Height() / edge_px + 2;
-    if (columns * rows > limits.tiles_per_frame_max) {
-      return invalid(absl::StrCat(what, " of ", edge_px, " px make more than ",
-                                  limits.tiles_per_frame_max, " ", what, "; use larger ones"));
-    }
-  }
-  return absl::OkStatus();
-}
-
-uint64_t FirstRoundSamplesOf(const FrameSpec& spec) {
-  const uint64_t samples = spec.settings.samples;
-  return spec.stop.IsActive() ? std::min(samples, spec.stop.first_round_samples) : samples;
+uint64_t FirstRoundSamplesOf(const FrameRecord& frame) {
+  const uint64_t samples = frame.settings().samples;
+  const StopRule& stop = frame.stop();
+  return stop.IsActive() ? std::min(samples, stop.first_round_samples) : samples;
 }
 
 // What an open frame counts for: its pixels, in units of a picture without outputs.
@@ -66,70 +35,62 @@ void GrowTasks(std::span<const uint64_t> samples, FrameTasks* tasks) {
 uint64_t SampleCountTotal(const FrameRecord& frame) {
   if (frame.tasks != nullptr) return frame.tasks->sample_count_total();
   if (frame.phase == FrameRecord::Phase::kDelivered) return frame.sample_count_done;
-  const FrameSettings& settings = frame.spec.settings;
+  const FrameSettings& settings = frame.settings();
   return static_cast<uint64_t>(settings.lattice.CountIn(settings.window)) *
-         FirstRoundSamplesOf(frame.spec);
+         FirstRoundSamplesOf(frame);
+}
+
+std::optional<uint32_t> JobRecord::FindIndex(int32_t frame_number) const {
+  const auto found = std::ranges::lower_bound(frames, frame_number, {}, &FrameRecord::number);
+  if (found == frames.end() || found->number() != frame_number) return std::nullopt;
+  return static_cast<uint32_t>(found - frames.begin());
+}
+
+uint32_t JobRecord::IndexOf(int32_t frame_number) const {
+  const std::optional<uint32_t> index = FindIndex(frame_number);
+  SHEAF_CHECK(index.has_value());
+  return *index;
+}
+
+SteadyTime FirstLeaseTime(const JobRecord& job) {
+  SteadyTime first = SteadyTime::InfiniteFuture();
+  for (const FrameRecord& frame : job.frames) first = std::min(first, frame.first_lease_time);
+  return first;
 }
 
 Scheduler::Scheduler(const Limits& limits, uint64_t first_lease_id)
     : limits_(limits), workers_(limits_), leases_(first_lease_id) {}
 
 absl::Status Scheduler::CheckJob(const JobSpec& spec) const {
-  const Partition& p = spec.partition;
-  if (spec.frames.empty()) return absl::InvalidArgumentError("a job needs at least one frame");
-  if (spec.frames.size() > static_cast<size_t>(limits_.frames_per_job_max)) {
-    return absl::ResourceExhaustedError(absl::StrCat(
-        spec.frames.size(), " frames are more than the limit of ", limits_.frames_per_job_max));
-  }
   if (live_job_count_ >= limits_.live_jobs_max) {
     return absl::ResourceExhaustedError(absl::StrCat(
         "there are ", live_job_count_, " unfinished jobs, the limit; try again later"));
   }
   if (absl::Status status = CheckPriority(spec.priority); !status.ok()) return status;
-  if (p.tile_size_px < 1 || p.tile_size_px > limits_.frame_edge_px_max) {
-    return absl::InvalidArgumentError(absl::StrCat(
-        "a tile size of ", p.tile_size_px, " px is outside 1 to ", limits_.frame_edge_px_max));
-  }
-  if (p.cell_size_px != 0 && !DividesIntoCells(p.tile_size_px, p.cell_size_px)) {
-    return absl::InvalidArgumentError(absl::StrCat("a cell size of ", p.cell_size_px,
-                                                   " px does not divide tiles of ", p.tile_size_px,
-                                                   " px into at most ", kTileCellsMax));
-  }
-  if (!std::has_single_bit(p.pass_sample_count) || p.pass_sample_count > limits_.samples_max) {
-    return absl::InvalidArgumentError(
-        absl::StrCat("samples of a pass: ", p.pass_sample_count, " is not a power of two"));
-  }
-  if (p.lease_pass_count != 0 && (!std::has_single_bit(p.lease_pass_count) ||
-                                  p.lease_pass_count > limits_.lease_pass_count_max)) {
-    return absl::InvalidArgumentError(absl::StrCat("passes of a lease: ", p.lease_pass_count,
-                                                   " is not a power of two up to ",
-                                                   limits_.lease_pass_count_max));
-  }
-  for (size_t i = 0; i < spec.frames.size(); ++i) {
-    if (i > 0 && spec.frames[i - 1].frame_number >= spec.frames[i].frame_number) {
-      return absl::InvalidArgumentError(absl::StrCat("frame number ", spec.frames[i].frame_number,
-                                                     " comes twice or out of order"));
-    }
-    absl::Status status = CheckFrame(spec.frames[i], p, limits_);
-    if (!status.ok()) return status;
-  }
-  return absl::OkStatus();
+  return CheckJobSpec(spec, limits_);
 }
 
 void Scheduler::AddJob(const JobSpec& spec) {
   const auto [it, is_new] = jobs_.emplace(spec.job_id, JobRecord{});
   SHEAF_CHECK(is_new);
   JobRecord& job = it->second;
-  job.spec = spec;
-  job.spec.frames.clear();
+  job.spec = {.job_id = spec.job_id,
+              .pilot = spec.pilot,
+              .title = spec.title,
+              .priority = spec.priority,
+              .partition = spec.partition,
+              .numeric_profile = spec.numeric_profile,
+              .frames = {},
+              .effect_costs = spec.effect_costs};
   job.frames.resize(spec.frames.size());
-  for (uint32_t i = 0; i < spec.frames.size(); ++i) {
-    job.frames[i].spec = spec.frames[i];
-    job.index_of_number[spec.frames[i].frame_number] = i;
-    job.pending.insert(i);
-    job.pending_by_scene[spec.frames[i].scene.sha256_hex].insert(i);
-    live_frames_[spec.frames[i].frame_digest].insert({spec.job_id, spec.frames[i].frame_number});
+  for (size_t i = 0; i < spec.frames.size(); ++i) {
+    const PackedFrame& frame = job.frames[i].packed = PackedFrame(spec.frames[i], &job.shapes);
+    live_frames_.Insert(frame.frame_digest(), {spec.job_id, frame.frame_number()});
   }
+  job.pending = PendingFrames(static_cast<uint32_t>(job.frames.size()),
+                              [&frames = job.frames](uint32_t i) -> const PackedDigest& {
+                                return frames[i].packed.scene();
+                              });
   // A new job begins level with the least served one, not with a claim on everybody's past.
   job.share = LeastShareBeside(job).value_or(0);
   ready_jobs_[spec.numeric_profile].insert(KeyOf(job));
@@ -148,7 +109,7 @@ void Scheduler::RestoreEnded(uint64_t job_id, JobPhase phase, const std::string&
 
 void Scheduler::RestoreDelivered(const FrameId& id, const ResultCost& cost, uint64_t sample_count) {
   JobRecord& job = jobs_.at(id.job_id);
-  const uint32_t index = job.index_of_number.at(id.frame_number);
+  const uint32_t index = job.IndexOf(id.frame_number);
   FrameRecord& frame = job.frames[index];
   frame.sample_count_done = frame.sample_count_restored = sample_count;
   frame.cost = cost;
@@ -158,7 +119,7 @@ void Scheduler::RestoreDelivered(const FrameId& id, const ResultCost& cost, uint
 
 void Scheduler::RestoreRound(const FrameId& id, std::span<const uint64_t> samples) {
   JobRecord& job = jobs_.at(id.job_id);
-  const uint32_t index = job.index_of_number.at(id.frame_number);
+  const uint32_t index = job.IndexOf(id.frame_number);
   if (job.frames[index].phase == FrameRecord::Phase::kPending) Open(&job, index);
   FrameTasks* tasks = job.frames[index].tasks.get();
   std::vector<uint64_t> grown = tasks->SamplesOfCells();
@@ -171,7 +132,7 @@ void Scheduler::RestoreRound(const FrameId& id, std::span<const uint64_t> sample
 FrameTasks::Fit Scheduler::RestorePart(const FrameId& id, const PixelRect& tile, SampleBlock block,
                                        const TileCells& cells, const ResultCost& cost) {
   JobRecord& job = jobs_.at(id.job_id);
-  const uint32_t index = job.index_of_number.at(id.frame_number);
+  const uint32_t index = job.IndexOf(id.frame_number);
   FrameRecord& frame = job.frames[index];
   if (frame.phase == FrameRecord::Phase::kPending) Open(&job, index);
   const std::optional<Task> task_there = frame.tasks->Find(tile, block, cells);
@@ -180,6 +141,7 @@ FrameTasks::Fit Scheduler::RestorePart(const FrameId& id, const PixelRect& tile,
   const FrameTasks::Fit fit = frame.tasks->FitOf(task);
   if (fit != FrameTasks::Fit::kWanted) return fit;
   frame.tasks->Accept(task, cost.cpu_duration);
+  NoteLoaded(id);
   frame.sample_count_done = frame.sample_count_restored = frame.tasks->sample_count_done();
   frame.cost.Add(cost);
   if (frame.tasks->Complete()) frame.phase = FrameRecord::Phase::kRendered;
@@ -190,13 +152,13 @@ FrameTasks::Fit Scheduler::RestorePart(const FrameId& id, const PixelRect& tile,
 const FrameRecord* Scheduler::FindFrame(const FrameId& id) const {
   const auto job = jobs_.find(id.job_id);
   if (job == jobs_.end()) return nullptr;
-  const auto index = job->second.index_of_number.find(id.frame_number);
-  return index == job->second.index_of_number.end() ? nullptr : &job->second.frames[index->second];
+  const std::optional<uint32_t> index = job->second.FindIndex(id.frame_number);
+  return index ? &job->second.frames[*index] : nullptr;
 }
 
 FrameRecord& Scheduler::Frame(const FrameId& id) {
   JobRecord& job = jobs_.at(id.job_id);
-  return job.frames[job.index_of_number.at(id.frame_number)];
+  return job.frames[job.IndexOf(id.frame_number)];
 }
 
 Scheduler::JobKey Scheduler::KeyOf(const JobRecord& job) {
@@ -212,76 +174,65 @@ void Scheduler::UpdateReadyJob(JobRecord* job, const JobKey& key_before) {
 
 void Scheduler::UpdateReady(JobRecord* job, uint32_t index) {
   const FrameRecord& frame = job->frames[index];
-  const std::string& scene = frame.spec.scene.sha256_hex;
-  const bool pending = frame.phase == FrameRecord::Phase::kPending;
-  const bool ready = frame.phase == FrameRecord::Phase::kOpen && frame.tasks->HasReady();
-  const auto put = [&](bool member, JobRecord::FrameSet* all,
-                       std::map<std::string, JobRecord::FrameSet>* by_scene) {
-    if (member) {
-      all->insert(index);
-      (*by_scene)[scene].insert(index);
-    } else if (all->erase(index) > 0) {
-      const auto of_scene = by_scene->find(scene);
-      of_scene->second.erase(index);
-      if (of_scene->second.empty()) by_scene->erase(of_scene);
-    }
-  };
-  put(pending, &job->pending, &job->pending_by_scene);
-  put(ready, &job->ready, &job->ready_by_scene);
+  if (frame.phase != FrameRecord::Phase::kPending) job->pending.Erase(index);
+  if (frame.phase == FrameRecord::Phase::kOpen && frame.tasks->HasReady()) {
+    job->ready.insert(index);
+    job->ready_by_scene[frame.packed.scene().Hex()].insert(index);
+  } else if (job->ready.erase(index) > 0) {
+    const auto of_scene = job->ready_by_scene.find(frame.packed.scene().Hex());
+    of_scene->second.erase(index);
+    if (of_scene->second.empty()) job->ready_by_scene.erase(of_scene);
+  }
   UpdateReadyJob(job, KeyOf(*job));
 }
 
-bool Scheduler::MayOpen(const FrameSpec& spec) const {
-  return open_pixels_ == 0 || open_pixels_ + OpenPixelsOf(spec.settings) <= limits_.open_pixels_max;
+bool Scheduler::MayOpen(const FrameRecord& frame) const {
+  return open_pixels_ == 0 ||
+         open_pixels_ + OpenPixelsOf(frame.settings()) <= limits_.open_pixels_max;
 }
 
 void Scheduler::Open(JobRecord* job, uint32_t index) {
   FrameRecord& frame = job->frames[index];
   SHEAF_CHECK(frame.phase == FrameRecord::Phase::kPending);
-  const FrameSettings& settings = frame.spec.settings;
-  frame.tasks = std::make_unique<FrameTasks>(CellGrid(frame.spec, job->spec.partition),
-                                             FirstRoundSamplesOf(frame.spec), settings.lattice);
+  const FrameSettings& settings = frame.settings();
+  frame.tasks = std::make_unique<FrameTasks>(CellGrid(frame.Spec(), job->spec.partition),
+                                             FirstRoundSamplesOf(frame), settings.lattice);
   frame.phase = FrameRecord::Phase::kOpen;
   open_pixels_ += OpenPixelsOf(settings);
-  if (frame.spec.stop.IsActive()) round_frames_.insert({job->spec.job_id, frame.spec.frame_number});
+  if (frame.stop().IsActive()) round_frames_.insert({job->spec.job_id, frame.number()});
   UpdateReady(job, index);
 }
 
 void Scheduler::Close(JobRecord* job, uint32_t index, FrameRecord::Phase phase) {
   FrameRecord& frame = job->frames[index];
-  if (frame.tasks != nullptr) open_pixels_ -= OpenPixelsOf(frame.spec.settings);
+  if (frame.tasks != nullptr) open_pixels_ -= OpenPixelsOf(frame.settings());
   frame.tasks.reset();
   frame.failures.clear();
   frame.phase = phase;
-  const FrameId id{job->spec.job_id, frame.spec.frame_number};
+  const FrameId id{job->spec.job_id, frame.number()};
   doubtful_frames_.erase(id);
   round_frames_.erase(id);
-  const auto live = live_frames_.find(frame.spec.frame_digest);
-  if (live != live_frames_.end()) {
-    live->second.erase(id);
-    if (live->second.empty()) live_frames_.erase(live);
-  }
+  live_frames_.Erase(frame.packed.frame_digest(), id);
   UpdateReady(job, index);
 }
 
 Scheduler::FoundTask Scheduler::FindTask(const std::string& frame_digest, const PixelRect& tile,
                                          SampleBlock block, const TileCells& cells,
                                          uint64_t lease_id) {
-  std::vector<FrameId> candidates;
-  const Lease* lease = leases_.Find(lease_id);
-  if (lease != nullptr && Frame(lease->frame).spec.frame_digest == frame_digest) {
-    candidates.push_back(lease->frame);
-  }
-  if (const auto live = live_frames_.find(frame_digest); live != live_frames_.end()) {
-    candidates.insert(candidates.end(), live->second.begin(), live->second.end());
+  const PackedDigest digest(frame_digest);
+  std::vector<FrameId> candidates = live_frames_.Find(digest);
+  // That which was leased comes first.
+  if (const Lease* lease = leases_.Find(lease_id)) {
+    candidates.insert(candidates.begin(), lease->frame);
   }
   FoundTask best;
   for (const FrameId& id : candidates) {
     JobRecord& job = jobs_.at(id.job_id);
-    const uint32_t index = job.index_of_number.at(id.frame_number);
+    const uint32_t index = job.IndexOf(id.frame_number);
     FrameRecord& frame = job.frames[index];
+    if (frame.packed.frame_digest() != digest) continue;
     if (frame.phase == FrameRecord::Phase::kPending) {
-      if (!MayOpen(frame.spec)) continue;
+      if (!MayOpen(frame)) continue;
       Open(&job, index);
     }
     if (frame.tasks == nullptr) continue;
@@ -312,7 +263,7 @@ Scheduler::FoundTask Scheduler::FindTask(const std::string& frame_digest, const 
 bool Scheduler::Accept(const FrameId& id, const Task& task, uint64_t lease_id,
                        const std::string& worker_id, const ResultCost& cost) {
   JobRecord& job = jobs_.at(id.job_id);
-  const uint32_t index = job.index_of_number.at(id.frame_number);
+  const uint32_t index = job.IndexOf(id.frame_number);
   FrameRecord& frame = job.frames[index];
   if (leases_.Find(lease_id) == nullptr) ++counters_.results_late;
   for (const Task& covered : frame.tasks->Accept(task, cost.cpu_duration)) {
@@ -323,6 +274,7 @@ bool Scheduler::Accept(const FrameId& id, const Task& task, uint64_t lease_id,
     frame.failures.erase(MakeTaskId(id, covered));
   }
   frame.failures.erase(MakeTaskId(id, task));
+  NoteLoaded(id);
   const uint64_t samples = frame.tasks->PixelSamples(task);
   frame.sample_count_done += samples;
   frame.cost.Add(cost);
@@ -344,7 +296,7 @@ bool Scheduler::Accept(const FrameId& id, const Task& task, uint64_t lease_id,
 
 void Scheduler::Revoke(const FrameId& id, const Task& task) {
   JobRecord& job = jobs_.at(id.job_id);
-  const uint32_t index = job.index_of_number.at(id.frame_number);
+  const uint32_t index = job.IndexOf(id.frame_number);
   FrameRecord& frame = job.frames[index];
   if (frame.tasks == nullptr) return;
   frame.tasks->Revoke(task);
@@ -356,7 +308,7 @@ void Scheduler::Revoke(const FrameId& id, const Task& task) {
 
 void Scheduler::Grow(const FrameId& id, std::span<const uint64_t> samples) {
   JobRecord& job = jobs_.at(id.job_id);
-  const uint32_t index = job.index_of_number.at(id.frame_number);
+  const uint32_t index = job.IndexOf(id.frame_number);
   FrameRecord& frame = job.frames[index];
   SHEAF_CHECK(frame.phase == FrameRecord::Phase::kRendered);
   GrowTasks(samples, frame.tasks.get());
@@ -367,7 +319,7 @@ void Scheduler::Grow(const FrameId& id, std::span<const uint64_t> samples) {
 bool Scheduler::Deliver(const FrameId& id) {
   JobRecord& job = jobs_.at(id.job_id);
   SHEAF_CHECK(Frame(id).phase == FrameRecord::Phase::kRendered);
-  Close(&job, job.index_of_number.at(id.frame_number), FrameRecord::Phase::kDelivered);
+  Close(&job, job.IndexOf(id.frame_number), FrameRecord::Phase::kDelivered);
   ++counters_.frames_delivered;
   ++job.delivered_count;
   if (job.delivered_count < static_cast<int32_t>(job.frames.size())) return false;
@@ -389,7 +341,7 @@ void Scheduler::EndJob(uint64_t job_id, JobPhase phase, const std::string& failu
   }
   job.phase = phase;
   job.failure = failure;
-  job.paused_time = absl::InfiniteFuture();
+  job.paused_time = SteadyTime::InfiniteFuture();
   UpdateReadyJob(&job, KeyOf(job));
   --live_job_count_;
   ended_jobs_.push_back(job_id);
@@ -397,9 +349,19 @@ void Scheduler::EndJob(uint64_t job_id, JobPhase phase, const std::string& failu
 
 std::vector<uint64_t> Scheduler::TakeEndedJobs() { return std::exchange(ended_jobs_, {}); }
 
+bool Scheduler::IsHeld(const FrameRecord& frame) const {
+  return !held_scenes_.empty() && held_scenes_.contains(frame.packed.scene().Hex());
+}
+
 std::string Scheduler::WaitingReason(const JobRecord& job) const {
   if (job.phase != JobPhase::kLive || job.Paused()) return "";
   if (leases_.CountOfJob(job.spec.job_id) > 0) return "";
+  for (const FrameRecord& frame : job.frames) {
+    if (held_scenes_.empty()) break;
+    const bool waits =
+        frame.phase == FrameRecord::Phase::kPending || frame.phase == FrameRecord::Phase::kOpen;
+    if (waits && IsHeld(frame)) return held_scenes_.at(frame.packed.scene().Hex());
+  }
   if (workers_.LiveCount(job.spec.numeric_profile) > 0) return "";
   if (workers_.LiveCount() == 0) return "no worker is connected";
   std::string other;

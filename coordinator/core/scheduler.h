@@ -32,15 +32,20 @@
 #include <span>
 #include <string>
 #include <tuple>
-#include <unordered_map>
 #include <utility>
 #include <vector>
 
+#include "absl/container/btree_map.h"
+#include "absl/container/btree_set.h"
 #include "absl/status/status.h"
 #include "coordinator/core/counters.h"
 #include "coordinator/core/frame_tasks.h"
+#include "coordinator/core/frames_by_digest.h"
 #include "coordinator/core/lease_table.h"
 #include "coordinator/core/limits.h"
+#include "coordinator/core/loading_losses.h"
+#include "coordinator/core/packed_frame.h"
+#include "coordinator/core/pending_frames.h"
 #include "coordinator/core/worker_table.h"
 
 namespace sheaf::coordinator {
@@ -52,25 +57,32 @@ struct TaskFailures {
   int attempt_count = 0;                // Leases that ended without result.
   int crash_count = 0;
   int infrastructure_count = 0;
-  absl::Time not_before = absl::InfinitePast();
+  SteadyTime not_before = SteadyTime::InfinitePast();
   std::string last_message;
 };
 
-// A frame as the scheduler sees it.
+// A frame as the scheduler sees it. Jobs have many: one that waits has less than 300 bytes of
+// memory, all told.
 struct FrameRecord {
   // kPending: not begun. kOpen: has tasks in memory. kRendered: all samples are done. kDelivered:
   // the EXR is there. kClosed: its job ended before.
-  enum class Phase { kPending, kOpen, kRendered, kDelivered, kClosed };
-  FrameSpec spec;
+  enum class Phase : uint8_t { kPending, kOpen, kRendered, kDelivered, kClosed };
+  PackedFrame packed;
   Phase phase = Phase::kPending;
+  bool loaded = false;                // Its scene, by any worker, ever.
   std::unique_ptr<FrameTasks> tasks;  // While open or rendered.
-  std::map<TaskId, TaskFailures> failures;
-  std::map<std::string, std::string> refused_by;  // Worker and its message: scene or memory.
-  std::set<std::string> scene_failed_by;          // Those of refused_by that blame the scene.
-  absl::Time first_lease_time = absl::InfiniteFuture();
+  absl::btree_map<TaskId, TaskFailures> failures;
+  absl::btree_map<std::string, std::string> refused_by;  // Worker, message: scene or memory.
+  absl::btree_set<std::string> scene_failed_by;          // Those that blame the scene.
+  SteadyTime first_lease_time = SteadyTime::InfiniteFuture();
   uint64_t sample_count_done = 0;      // Pixel samples; valid in every phase.
   uint64_t sample_count_restored = 0;  // Of those, done before this start.
   ResultCost cost;
+
+  int32_t number() const { return packed.frame_number(); }
+  const FrameSettings& settings() const { return packed.shape().settings; }
+  const StopRule& stop() const { return packed.shape().stop; }
+  FrameSpec Spec() const { return packed.Unpack(); }
 };
 // Pixel samples of the whole frame: where it is rendered in rounds, as far as they are decided.
 uint64_t SampleCountTotal(const FrameRecord& frame);
@@ -80,24 +92,33 @@ struct JobRecord {
   JobPhase phase = JobPhase::kLive;
   std::string failure;
   std::vector<FrameRecord> frames;  // Ascending by number.
-  std::map<int32_t, uint32_t> index_of_number;
+  FrameShapes shapes;               // Of the frames.
+  PendingFrames pending;
   using FrameSet = std::set<uint32_t>;  // Indices into frames.
-  FrameSet pending, ready;              // Not begun; open with something to lease.
-  std::map<std::string, FrameSet> pending_by_scene, ready_by_scene;
+  FrameSet ready;                       // Open with something to lease.
+  std::map<std::string, FrameSet> ready_by_scene;
   uint64_t share = 0;  // Pixel samples leased, plus the share it began with.
-  absl::Time paused_time = absl::InfiniteFuture();  // Since when; InfiniteFuture: it goes on.
+  SteadyTime paused_time = SteadyTime::InfiniteFuture();  // Since when; InfiniteFuture: it goes on.
   int32_t delivered_count = 0;
 
   FailureLog failures;
+  LoadingLosses loading_losses;  // Since a frame was loaded for the first time.
+  std::map<int32_t, LoadingLosses> frame_loading_losses;  // By number, of frames not yet loaded.
 
-  bool Paused() const { return paused_time != absl::InfiniteFuture(); }
+  std::optional<uint32_t> FindIndex(int32_t frame_number) const;
+  // Requires: there is such a frame.
+  uint32_t IndexOf(int32_t frame_number) const;
+  bool Paused() const { return paused_time != SteadyTime::InfiniteFuture(); }
 };
+// Of its frames, in this life; InfiniteFuture before.
+SteadyTime FirstLeaseTime(const JobRecord& job);
 
 class Scheduler {
  public:
   Scheduler(const Limits& limits, uint64_t first_lease_id);
 
-  // Whether a job keeps the limits. Errors: kInvalidArgument, kResourceExhausted.
+  // Whether a job keeps the limits (job_check.h) and there is room for it. Errors:
+  // kInvalidArgument, kResourceExhausted.
   absl::Status CheckJob(const JobSpec& spec) const;
   // Requires: CheckJob is OK, job_id is new.
   void AddJob(const JobSpec& spec);
@@ -122,9 +143,9 @@ class Scheduler {
     absl::Duration next_synchronize;
   };
   // Errors: kPermissionDenied (quarantined), kResourceExhausted (too many workers).
-  absl::StatusOr<SynchronizeAnswer> Synchronize(const WorkerReport& report, absl::Time now);
+  absl::StatusOr<SynchronizeAnswer> Synchronize(const WorkerReport& report, SteadyTime now);
   // Returns whether anything changed.
-  bool Tick(absl::Time now);
+  bool Tick(SteadyTime now);
 
   // What a result is a result of.
   struct FoundTask {
@@ -134,6 +155,7 @@ class Scheduler {
     FrameId frame;
     Task task;
   };
+  // Requires: frame_digest is a SHA-256.
   FoundTask FindTask(const std::string& frame_digest, const PixelRect& tile, SampleBlock block,
                      const TileCells& cells, uint64_t lease_id);
   // Requires: FindTask just said kWanted of it. Returns whether the frame is rendered now.
@@ -145,7 +167,7 @@ class Scheduler {
   // than it has.
   void Grow(const FrameId& id, std::span<const uint64_t> samples);
   // A lease came to nothing. Nothing happens for a lease that is not held by the worker.
-  void Fail(const LeaseFailure& failure, const std::string& worker_id, absl::Time now);
+  void Fail(const LeaseFailure& failure, const std::string& worker_id, SteadyTime now);
   void Quarantine(const std::string& worker_id, const std::string& reason);
 
   // The EXR of a rendered frame is there. Returns whether its job has succeeded by that.
@@ -156,17 +178,22 @@ class Scheduler {
   // scheduler_control.cc
   // A paused job gets no lease; what is leased is finished and taken. The time of its frames stands
   // still meanwhile. Nothing happens to a job that has ended, or is as it shall be.
-  void Pause(uint64_t job_id, absl::Time now);
-  void Resume(uint64_t job_id, absl::Time now);
+  void Pause(uint64_t job_id, SteadyTime now);
+  void Resume(uint64_t job_id, SteadyTime now);
   // Errors: kInvalidArgument beyond the limit.
   absl::Status CheckPriority(int32_t priority) const;
   // Requires: CheckPriority is OK.
   void SetPriority(uint64_t job_id, int32_t priority);
 
+  // No frame of these scenes is leased until they are no longer named; says why (WaitingReason).
+  // Digests of manifests to reasons; replaces what was held before.
+  void HoldScenes(std::map<std::string, std::string> reasons) { held_scenes_ = std::move(reasons); }
+  const std::map<std::string, std::string>& held_scenes() const { return held_scenes_; }
+
   // Jobs that the scheduler itself ended since the last call, to be written down by the owner.
   std::vector<uint64_t> TakeEndedJobs();
-  // Jobs with failures that came since the last call; likewise.
-  std::set<uint64_t> TakeFailureJobs();
+  // Jobs with failures that came since the last call, which it dates; likewise.
+  std::set<uint64_t> TakeFailureJobs(absl::Time stamp);
   // Why a live job makes no progress; empty where it does or may, or is paused.
   std::string WaitingReason(const JobRecord& job) const;
 
@@ -187,52 +214,68 @@ class Scheduler {
   void UpdateReadyJob(JobRecord* job, const JobKey& key_before);
   // The share of the least served job that is ready and has the same profile and priority.
   std::optional<uint64_t> LeastShareBeside(const JobRecord& job) const;
-  bool MayOpen(const FrameSpec& spec) const;
+  bool MayOpen(const FrameRecord& frame) const;
   void Open(JobRecord* job, uint32_t index);
   void Close(JobRecord* job, uint32_t index, FrameRecord::Phase phase);
 
   // scheduler_grant.cc
-  bool Grant(WorkerRecord* worker, absl::Time now);
-  bool GrantFromJob(JobRecord* job, WorkerRecord* worker, absl::Time now);
+  bool Grant(WorkerRecord* worker, SteadyTime now);
+  bool GrantFromJob(JobRecord* job, WorkerRecord* worker, SteadyTime now);
   bool GrantFromFrames(JobRecord* job, const JobRecord::FrameSet& frames, WorkerRecord* worker,
-                       absl::Time now);
-  bool GrantFromFrame(JobRecord* job, uint32_t index, WorkerRecord* worker, absl::Time now);
-  bool GrantByOpening(JobRecord* job, const JobRecord::FrameSet& pending, WorkerRecord* worker,
-                      absl::Time now);
-  bool Hedge(WorkerRecord* worker, absl::Time now);
+                       SteadyTime now);
+  bool GrantFromFrame(JobRecord* job, uint32_t index, WorkerRecord* worker, SteadyTime now);
+  bool GrantByOpening(JobRecord* job, uint32_t index, WorkerRecord* worker, SteadyTime now);
+  bool Hedge(WorkerRecord* worker, SteadyTime now);
   void AddLease(JobRecord* job, FrameRecord* frame, const Task& task, WorkerRecord* worker,
-                absl::Time now);
+                SteadyTime now);
   uint64_t BlockSamplesMax(const JobRecord& job, const FrameRecord& frame,
                            const WorkerRecord& worker, uint64_t first, int64_t pixel_count) const;
   bool MayRender(const FrameRecord& frame, const TaskId& task, const WorkerRecord& worker,
-                 absl::Time now) const;
+                 SteadyTime now) const;
   bool MayOpenFor(const FrameRecord& frame, const WorkerRecord& worker) const;
   // Whether a frame that this worker could render is between rounds, or will soon be.
-  bool RoundIsSoon(const WorkerRecord& worker, absl::Time now) const;
-  absl::Duration NextSynchronize(const WorkerRecord& worker, absl::Time now) const;
+  bool RoundIsSoon(const WorkerRecord& worker, SteadyTime now) const;
+  absl::Duration NextSynchronize(const WorkerRecord& worker, SteadyTime now) const;
+  // How often a worker that holds leases says what it does.
+  absl::Duration BusyInterval() const;
+
+  // Whether HoldScenes named the frame's scene.
+  bool IsHeld(const FrameRecord& frame) const;
 
   // scheduler_failures.cc
   // Whether a live worker is left that is not in `failed`.
   bool OthersLive(const std::string& numeric_profile, const std::set<std::string>& failed) const;
   void DropLease(uint64_t lease_id, bool put_back);
-  void ApplyReport(WorkerRecord* worker, const WorkerReport& report, absl::Time now);
-  void LoseLeases(const std::string& worker_id, absl::Time now);
-  void KeepFailure(const Lease& lease, const LeaseFailure& failure, absl::Time now);
-  void CountTaskFailure(const Lease& lease, const LeaseFailure& failure, absl::Time now);
+  void ApplyReport(WorkerRecord* worker, const WorkerReport& report, SteadyTime now);
+  void LoseLeases(const std::string& worker_id, SteadyTime now);
+  void KeepFailure(const Lease& lease, const LeaseFailure& failure);
+  void CountTaskFailure(const Lease& lease, const LeaseFailure& failure, SteadyTime now);
   void RefuseFrame(const Lease& lease, const LeaseFailure& failure);
   void JudgeScene(const FrameId& id);
+  void JudgeDoubtfulScenes();
   void BlameWorker(const std::string& worker_id, const Lease& lease, const LeaseFailure& failure,
-                   absl::Time now);
+                   SteadyTime now);
   absl::Duration RetryDelay(int failure_count) const;
+
+  // scheduler_loading.cc
+  // A worker renders the frame, or has.
+  void NoteLoaded(const FrameId& id);
+  // The lease's worker vanished while it loaded the frame's scene.
+  void CountLoadingLoss(const Lease& lease);
+  void JudgeLoadingLosses(const FrameId& id);
+  // From the failures that are known of a job. Before its parts.
+  void RestoreLoadingLosses(JobRecord* job);
+
   std::string TaskFailureText(const FrameRecord& frame, const Lease& lease,
                               const TaskFailures& failures) const;
 
   const Limits limits_;
   std::map<uint64_t, JobRecord> jobs_;
-  std::map<std::string, std::set<JobKey>> ready_jobs_;              // By numeric profile.
-  std::unordered_map<std::string, std::set<FrameId>> live_frames_;  // By frame digest.
-  std::set<FrameId> round_frames_;                                  // Open, and rendered in rounds.
+  std::map<std::string, std::set<JobKey>> ready_jobs_;  // By numeric profile.
+  FramesByDigest live_frames_;
+  std::set<FrameId> round_frames_;     // Open, and rendered in rounds.
   std::set<FrameId> doubtful_frames_;  // With a scene failure that is not yet confirmed.
+  std::map<std::string, std::string> held_scenes_;
   WorkerTable workers_;
   LeaseTable leases_;
   Counters counters_;

@@ -20,19 +20,19 @@ std::optional<uint64_t> Scheduler::LeastShareBeside(const JobRecord& job) const 
   return std::get<1>(*least);
 }
 
-void Scheduler::Pause(uint64_t job_id, absl::Time now) {
+void Scheduler::Pause(uint64_t job_id, SteadyTime now) {
   JobRecord& job = jobs_.at(job_id);
   if (job.phase != JobPhase::kLive || job.Paused()) return;
   job.paused_time = now;
   UpdateReadyJob(&job, KeyOf(job));
 }
 
-void Scheduler::Resume(uint64_t job_id, absl::Time now) {
+void Scheduler::Resume(uint64_t job_id, SteadyTime now) {
   JobRecord& job = jobs_.at(job_id);
   if (job.phase != JobPhase::kLive || !job.Paused()) return;
   const absl::Duration pause = std::max(absl::ZeroDuration(), now - job.paused_time);
   for (FrameRecord& frame : job.frames) frame.first_lease_time += pause;
-  job.paused_time = absl::InfiniteFuture();
+  job.paused_time = SteadyTime::InfiniteFuture();
   const JobKey key_before = KeyOf(job);
   // Like a new job it has no claim on what others had meanwhile.
   job.share = std::max(job.share, LeastShareBeside(job).value_or(0));

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "common/base/digest.h"
 #include "coordinator/core/scheduler.h"
 #include "gtest/gtest.h"
 
@@ -25,11 +26,11 @@ class SchedulerControlTest : public testing::Test {
     for (int i = 1; i <= frame_count; ++i) {
       FrameSpec frame;
       frame.frame_number = i;
-      frame.scene = {absl::StrCat("scene", job.job_id, "-", i), 1};
+      frame.scene = {Sha256Hex(absl::StrCat("scene", job.job_id, "-", i)), 1};
       frame.settings.width_px = frame.settings.height_px = 64;
       frame.settings.window = {0, 0, 64, 64};
       frame.settings.samples = 64;
-      frame.frame_digest = absl::StrCat(job.job_id, "/", i);
+      frame.frame_digest = Sha256Hex(absl::StrCat(job.job_id, "/", i));
       job.frames.push_back(frame);
     }
     EXPECT_TRUE(scheduler_.CheckJob(job).ok());
@@ -49,7 +50,7 @@ class SchedulerControlTest : public testing::Test {
   }
   // Returns whether the frame is rendered now.
   bool Accept(const Lease& lease) {
-    const std::string& digest = scheduler_.FindFrame(lease.frame)->spec.frame_digest;
+    const std::string digest = scheduler_.FindFrame(lease.frame)->Spec().frame_digest;
     EXPECT_EQ(
         scheduler_.FindTask(digest, lease.tile_rect, lease.task.block, lease.cells, lease.lease_id)
             .kind,
@@ -60,7 +61,7 @@ class SchedulerControlTest : public testing::Test {
 
   Limits limits_;
   Scheduler scheduler_{limits_, 1000};
-  absl::Time now_ = absl::UnixEpoch();
+  SteadyTime now_;
   uint64_t last_job_id_ = 0;
 };
 
@@ -82,7 +83,7 @@ TEST_F(SchedulerControlTest, PausedJobGetsNoLeasesAndWhatIsLeasedIsTaken) {
 TEST_F(SchedulerControlTest, PausesDoNotCountAsTime) {
   const uint64_t job = AddJob();
   Sync("a", 1);
-  const absl::Time first = Job(job).frames[0].first_lease_time;
+  const SteadyTime first = Job(job).frames[0].first_lease_time;
   scheduler_.Pause(job, now_ + absl::Seconds(5));
   scheduler_.Pause(job, now_ + absl::Seconds(50));  // Again: it stays paused since then.
   EXPECT_EQ(Job(job).paused_time, now_ + absl::Seconds(5));

@@ -13,41 +13,51 @@
 
 namespace sheaf::coordinator {
 
-bool Scheduler::Tick(absl::Time now) {
+bool Scheduler::Tick(SteadyTime now) {
   const std::vector<std::string> lost = workers_.MarkLost(now);
   for (const std::string& worker_id : lost) {
     ++counters_.workers_lost;
     LoseLeases(worker_id, now);
   }
-  // With fewer workers left, one report of a broken scene may be all there ever will be.
-  if (!lost.empty()) {
-    const std::set<FrameId> doubtful = doubtful_frames_;
-    for (const FrameId& id : doubtful) JudgeScene(id);
-  }
+  workers_.ForgetOld(now);  // Not before: a worker that holds leases is known.
+  if (!lost.empty()) JudgeDoubtfulScenes();
   return !lost.empty();
 }
 
-void Scheduler::LoseLeases(const std::string& worker_id, absl::Time now) {
+// With fewer workers left, one report of a broken scene may be all there ever will be.
+void Scheduler::JudgeDoubtfulScenes() {
+  const std::set<FrameId> doubtful = doubtful_frames_;
+  for (const FrameId& id : doubtful) JudgeScene(id);
+}
+
+void Scheduler::LoseLeases(const std::string& worker_id, SteadyTime now) {
   const std::set<uint64_t> held = workers_.Find(worker_id)->leases;
+  std::set<FrameId> loading;  // Threads that wait for one scene lose one load.
   for (const uint64_t lease_id : held) {
     const Lease* lease = leases_.Find(lease_id);
     if (lease == nullptr) continue;  // Its job ended by the loss of a lease before it.
     ++counters_.leases_expired;
-    // Only what was being rendered can have killed the worker.
-    const bool suspect = lease->phase == LeasePhase::kRendering;
-    Fail({lease_id, suspect ? FailureKind::kLost : FailureKind::kReleased,
-          absl::StrCat("worker ", worker_id, " fell silent")},
+    // Only what was being rendered or loaded can have killed the worker.
+    FailureKind kind = FailureKind::kReleased;
+    if (lease->phase == LeasePhase::kRendering) kind = FailureKind::kLost;
+    if (lease->phase == LeasePhase::kLoading && loading.insert(lease->frame).second) {
+      kind = FailureKind::kLoading;
+    }
+    Fail({lease_id, kind,
+          absl::StrCat("worker ", worker_id, " fell silent",
+                       kind == FailureKind::kLoading ? " while it loaded the scene" : "")},
          worker_id, now);
   }
 }
 
-void Scheduler::ApplyReport(WorkerRecord* worker, const WorkerReport& report, absl::Time now) {
+void Scheduler::ApplyReport(WorkerRecord* worker, const WorkerReport& report, SteadyTime now) {
   for (const LeaseFailure& failure : report.failures) Fail(failure, report.worker_id, now);
   std::set<uint64_t> listed;
   for (const LeaseReport& held : report.leases) {
     if (!worker->leases.contains(held.lease_id)) continue;
     listed.insert(held.lease_id);
     leases_.SetPhase(held.lease_id, held.phase);
+    if (held.phase == LeasePhase::kRendering) NoteLoaded(leases_.Find(held.lease_id)->frame);
   }
   const std::set<uint64_t> leases = worker->leases;
   for (const uint64_t lease_id : leases) {
@@ -62,6 +72,7 @@ void Scheduler::ApplyReport(WorkerRecord* worker, const WorkerReport& report, ab
            report.worker_id, now);
     }
   }
+  if (report.draining) JudgeDoubtfulScenes();
 }
 
 void Scheduler::DropLease(uint64_t lease_id, bool put_back) {
@@ -72,16 +83,16 @@ void Scheduler::DropLease(uint64_t lease_id, bool put_back) {
   if (!put_back || holders_left > 0 || frame.tasks == nullptr) return;
   frame.tasks->PutBack(lease.task);
   JobRecord& job = jobs_.at(lease.frame.job_id);
-  UpdateReady(&job, job.index_of_number.at(lease.frame.frame_number));
+  UpdateReady(&job, job.IndexOf(lease.frame.frame_number));
 }
 
-void Scheduler::Fail(const LeaseFailure& failure, const std::string& worker_id, absl::Time now) {
+void Scheduler::Fail(const LeaseFailure& failure, const std::string& worker_id, SteadyTime now) {
   const Lease* found = leases_.Find(failure.lease_id);
   if (found == nullptr || found->worker_id != worker_id) return;
   const Lease lease = *found;
   ++counters_.failures[static_cast<size_t>(failure.kind)];
   DropLease(failure.lease_id, /*put_back=*/true);
-  KeepFailure(lease, failure, now);
+  KeepFailure(lease, failure);
   CountTaskFailure(lease, failure, now);
   BlameWorker(worker_id, lease, failure, now);
   if (failure.kind == FailureKind::kScene || failure.kind == FailureKind::kMemory) {
@@ -89,22 +100,33 @@ void Scheduler::Fail(const LeaseFailure& failure, const std::string& worker_id, 
   }
 }
 
-void Scheduler::KeepFailure(const Lease& lease, const LeaseFailure& failure, absl::Time now) {
+void Scheduler::KeepFailure(const Lease& lease, const LeaseFailure& failure) {
   if (failure.kind == FailureKind::kReleased) return;
   JobRecord& job = jobs_.at(lease.frame.job_id);
   FailureLog& log = job.failures;
   ++log.count;
   log.last.push_back({lease.frame.frame_number, lease.tile_rect, lease.task.block, lease.worker_id,
-                      failure.kind, failure.message, now});
+                      failure.kind, failure.message});
   if (log.last.size() > static_cast<size_t>(limits_.failures_kept_max)) log.last.pop_front();
   failure_jobs_.insert(lease.frame.job_id);
 }
 
 void Scheduler::RestoreFailures(uint64_t job_id, FailureLog failures) {
-  jobs_.at(job_id).failures = std::move(failures);
+  JobRecord& job = jobs_.at(job_id);
+  job.failures = std::move(failures);
+  RestoreLoadingLosses(&job);
 }
 
-std::set<uint64_t> Scheduler::TakeFailureJobs() { return std::exchange(failure_jobs_, {}); }
+std::set<uint64_t> Scheduler::TakeFailureJobs(absl::Time stamp) {
+  for (const uint64_t id : failure_jobs_) {
+    const auto job = jobs_.find(id);
+    if (job == jobs_.end()) continue;
+    for (FailureRecord& failure : job->second.failures.last) {
+      if (failure.time == absl::InfinitePast()) failure.time = stamp;
+    }
+  }
+  return std::exchange(failure_jobs_, {});
+}
 
 absl::Duration Scheduler::RetryDelay(int failure_count) const {
   absl::Duration delay = limits_.retry_delay_initial;
@@ -124,7 +146,7 @@ bool Scheduler::OthersLive(const std::string& numeric_profile,
   return workers_.LiveCount(numeric_profile) > live_failed;
 }
 
-void Scheduler::CountTaskFailure(const Lease& lease, const LeaseFailure& failure, absl::Time now) {
+void Scheduler::CountTaskFailure(const Lease& lease, const LeaseFailure& failure, SteadyTime now) {
   FrameRecord& frame = Frame(lease.frame);
   if (frame.tasks == nullptr) return;
   TaskFailures& record = frame.failures[MakeTaskId(lease.frame, lease.task)];
@@ -154,6 +176,9 @@ void Scheduler::CountTaskFailure(const Lease& lease, const LeaseFailure& failure
                               !OthersLive(profile, record.failed_by));
       break;
     }
+    case FailureKind::kLoading:
+      CountLoadingLoss(lease);
+      return;
     case FailureKind::kScene:
     case FailureKind::kReleased:
       break;
@@ -167,12 +192,12 @@ std::string Scheduler::TaskFailureText(const FrameRecord& frame, const Lease& le
                                        const TaskFailures& failures) const {
   const PixelRect& r = lease.tile_rect;
   const SampleBlock& b = lease.task.block;
-  return absl::StrCat("frame ", frame.spec.frame_number, ", tile [", r.x0, ", ", r.x1, ") x [",
-                      r.y0, ", ", r.y1, "), samples [", b.first, ", ", b.End(), "): failed ",
+  return absl::StrCat("frame ", frame.number(), ", tile [", r.x0, ", ", r.x1, ") x [", r.y0, ", ",
+                      r.y1, "), samples [", b.first, ", ", b.End(), "): failed ",
                       failures.attempt_count, " times, on ",
                       absl::StrJoin(failures.failed_by, ", "), "; last: ", failures.last_message,
-                      "; to reproduce: ", RenderCommand("SCENE", frame.spec.settings, r, b.End()),
-                      " (scene digest ", frame.spec.scene.sha256_hex, ")");
+                      "; to reproduce: ", RenderCommand("SCENE", frame.settings(), r, b.End()),
+                      " (scene digest ", frame.packed.scene().Hex(), ")");
 }
 
 void Scheduler::RefuseFrame(const Lease& lease, const LeaseFailure& failure) {
@@ -192,8 +217,8 @@ void Scheduler::RefuseFrame(const Lease& lease, const LeaseFailure& failure) {
   if (OthersLive(jobs_.at(lease.frame.job_id).spec.numeric_profile, refused)) {
     frame.refused_by[lease.worker_id] = failure.message;
   } else {
-    std::erase_if(frame.refused_by,
-                  [&](const auto& entry) { return !frame.scene_failed_by.contains(entry.first); });
+    absl::erase_if(frame.refused_by,
+                   [&](const auto& entry) { return !frame.scene_failed_by.contains(entry.first); });
   }
 }
 
@@ -203,7 +228,8 @@ void Scheduler::JudgeScene(const FrameId& id) {
   const std::string& profile = jobs_.at(id.job_id).spec.numeric_profile;
   // One report is enough where nobody is left to contradict it.
   const bool judged =
-      reports >= limits_.scene_failure_workers_max || !OthersLive(profile, frame.scene_failed_by);
+      reports >= limits_.scene_failure_workers_max ||
+      !OthersLive(profile, {frame.scene_failed_by.begin(), frame.scene_failed_by.end()});
   if (reports == 0 || !judged) return;
   const std::string message = frame.refused_by.at(*frame.scene_failed_by.rbegin());
   EndJob(id.job_id, JobPhase::kFailed,
@@ -211,10 +237,10 @@ void Scheduler::JudgeScene(const FrameId& id) {
 }
 
 void Scheduler::BlameWorker(const std::string& worker_id, const Lease& lease,
-                            const LeaseFailure& failure, absl::Time now) {
+                            const LeaseFailure& failure, SteadyTime now) {
   WorkerRecord* worker = workers_.Find(worker_id);
   if (worker == nullptr || failure.kind == FailureKind::kReleased ||
-      failure.kind == FailureKind::kLost) {
+      failure.kind == FailureKind::kLost || failure.kind == FailureKind::kLoading) {
     return;
   }
   if (failure.kind == FailureKind::kInfrastructure) {

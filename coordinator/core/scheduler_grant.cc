@@ -12,7 +12,7 @@
 namespace sheaf::coordinator {
 
 absl::StatusOr<Scheduler::SynchronizeAnswer> Scheduler::Synchronize(const WorkerReport& report,
-                                                                    absl::Time now) {
+                                                                    SteadyTime now) {
   ++counters_.synchronize_calls;
   Tick(now);
   WorkerRecord* worker = workers_.Touch(report, now);
@@ -26,7 +26,7 @@ absl::StatusOr<Scheduler::SynchronizeAnswer> Scheduler::Synchronize(const Worker
         absl::StrCat("worker ", report.worker_id, " is quarantined: ", worker->quarantine_reason));
   }
   for (const uint64_t id : worker->leases) {
-    worker->warm_scenes.insert(Frame(leases_.Find(id)->frame).spec.scene.sha256_hex);
+    worker->warm_scenes.insert(Frame(leases_.Find(id)->frame).packed.scene().Hex());
   }
   const size_t wanted =
       static_cast<size_t>(std::clamp(report.lease_count_wanted, 0, limits_.leases_per_worker_max));
@@ -41,7 +41,7 @@ absl::StatusOr<Scheduler::SynchronizeAnswer> Scheduler::Synchronize(const Worker
   return answer;
 }
 
-bool Scheduler::RoundIsSoon(const WorkerRecord& worker, absl::Time now) const {
+bool Scheduler::RoundIsSoon(const WorkerRecord& worker, SteadyTime now) const {
   if (worker.draining || now < worker.no_work_before) return false;
   int scanned = 0;
   for (const FrameId& id : round_frames_) {
@@ -52,8 +52,12 @@ bool Scheduler::RoundIsSoon(const WorkerRecord& worker, absl::Time now) const {
   return false;
 }
 
-absl::Duration Scheduler::NextSynchronize(const WorkerRecord& worker, absl::Time now) const {
-  const absl::Duration busy = std::min(limits_.heartbeat_interval_max, limits_.lease_duration / 4);
+absl::Duration Scheduler::BusyInterval() const {
+  return std::min(limits_.heartbeat_interval_max, limits_.lease_duration / 4);
+}
+
+absl::Duration Scheduler::NextSynchronize(const WorkerRecord& worker, SteadyTime now) const {
+  const absl::Duration busy = BusyInterval();
   if (!worker.leases.empty()) return busy;
   // Waiting workers share the call rate that the coordinator serves with ease.
   const absl::Duration fair = absl::Seconds(workers_.LiveCount() / limits_.synchronize_rate_max);
@@ -62,7 +66,7 @@ absl::Duration Scheduler::NextSynchronize(const WorkerRecord& worker, absl::Time
   return std::min(std::max(least, fair), busy);
 }
 
-bool Scheduler::Grant(WorkerRecord* worker, absl::Time now) {
+bool Scheduler::Grant(WorkerRecord* worker, SteadyTime now) {
   const auto ready = ready_jobs_.find(worker->numeric_profile);
   if (ready == ready_jobs_.end()) return false;
   // Granting changes the set, so walk a copy of its bounded front.
@@ -78,22 +82,22 @@ bool Scheduler::Grant(WorkerRecord* worker, absl::Time now) {
   return false;
 }
 
-bool Scheduler::GrantFromJob(JobRecord* job, WorkerRecord* worker, absl::Time now) {
+bool Scheduler::GrantFromJob(JobRecord* job, WorkerRecord* worker, SteadyTime now) {
   for (const std::string& scene : worker->warm_scenes) {
     if (const auto warm = job->ready_by_scene.find(scene); warm != job->ready_by_scene.end()) {
       if (GrantFromFrames(job, warm->second, worker, now)) return true;
     }
-    if (const auto warm = job->pending_by_scene.find(scene); warm != job->pending_by_scene.end()) {
-      if (GrantByOpening(job, warm->second, worker, now)) return true;
+    if (const std::optional<uint32_t> warm = job->pending.FirstOf(PackedDigest(scene))) {
+      if (GrantByOpening(job, *warm, worker, now)) return true;
     }
   }
   // A cold worker reads a scene in any case; on a frame of its own it stays warm for longest.
-  if (GrantByOpening(job, job->pending, worker, now)) return true;
+  if (!job->pending.empty() && GrantByOpening(job, job->pending.First(), worker, now)) return true;
   return GrantFromFrames(job, job->ready, worker, now);
 }
 
 bool Scheduler::GrantFromFrames(JobRecord* job, const JobRecord::FrameSet& frames,
-                                WorkerRecord* worker, absl::Time now) {
+                                WorkerRecord* worker, SteadyTime now) {
   int scanned = 0;
   for (auto it = frames.begin(); it != frames.end() && scanned < limits_.avoid_scan_max;
        ++scanned) {
@@ -104,19 +108,17 @@ bool Scheduler::GrantFromFrames(JobRecord* job, const JobRecord::FrameSet& frame
   return false;
 }
 
-bool Scheduler::GrantByOpening(JobRecord* job, const JobRecord::FrameSet& pending,
-                               WorkerRecord* worker, absl::Time now) {
-  if (pending.empty()) return false;
-  const uint32_t index = *pending.begin();
-  if (!MayOpen(job->frames[index].spec)) return false;
+bool Scheduler::GrantByOpening(JobRecord* job, uint32_t index, WorkerRecord* worker,
+                               SteadyTime now) {
+  if (!MayOpen(job->frames[index]) || IsHeld(job->frames[index])) return false;
   Open(job, index);
   return GrantFromFrame(job, index, worker, now);
 }
 
 bool Scheduler::GrantFromFrame(JobRecord* job, uint32_t index, WorkerRecord* worker,
-                               absl::Time now) {
+                               SteadyTime now) {
   FrameRecord& frame = job->frames[index];
-  const FrameId id{job->spec.job_id, frame.spec.frame_number};
+  const FrameId id{job->spec.job_id, frame.number()};
   if (!MayOpenFor(frame, *worker)) return false;
   std::optional<Task> task = frame.tasks->TakeReturned(
       [&](const Task& t) { return MayRender(frame, MakeTaskId(id, t), *worker, now); },
@@ -133,9 +135,9 @@ bool Scheduler::GrantFromFrame(JobRecord* job, uint32_t index, WorkerRecord* wor
 }
 
 void Scheduler::AddLease(JobRecord* job, FrameRecord* frame, const Task& task, WorkerRecord* worker,
-                         absl::Time now) {
+                         SteadyTime now) {
   Lease lease;
-  lease.frame = {job->spec.job_id, frame->spec.frame_number};
+  lease.frame = {job->spec.job_id, frame->number()};
   lease.task = task;
   const CellGrid& grid = frame->tasks->grid();
   lease.tile_rect = grid.tiles()[task.tile];
@@ -146,7 +148,7 @@ void Scheduler::AddLease(JobRecord* job, FrameRecord* frame, const Task& task, W
   if (failures != frame->failures.end()) lease.attempt = failures->second.attempt_count;
   const Lease& stored = leases_.Add(std::move(lease));
   worker->leases.insert(stored.lease_id);
-  worker->warm_scenes.insert(frame->spec.scene.sha256_hex);
+  worker->warm_scenes.insert(frame->packed.scene().Hex());
   frame->first_lease_time = std::min(frame->first_lease_time, now);
   ++counters_.leases_granted;
   const JobKey key_before = KeyOf(*job);
@@ -175,8 +177,8 @@ uint64_t Scheduler::BlockSamplesMax(const JobRecord& job, const FrameRecord& fra
   const double left = static_cast<double>(frame.tasks->sample_count_ready());
   samples = std::min(samples, left / (limits_.tail_divisor * workers * pixels));
   if (first == 0) {
-    samples = std::min(
-        samples, static_cast<double>(frame.spec.settings.samples / limits_.first_lease_share));
+    samples = std::min(samples,
+                       static_cast<double>(frame.settings().samples / limits_.first_lease_share));
   }
   const double passes = std::clamp(samples / static_cast<double>(pass), 1.0,
                                    static_cast<double>(limits_.lease_pass_count_max));
@@ -184,11 +186,11 @@ uint64_t Scheduler::BlockSamplesMax(const JobRecord& job, const FrameRecord& fra
 }
 
 bool Scheduler::MayOpenFor(const FrameRecord& frame, const WorkerRecord& worker) const {
-  return !frame.refused_by.contains(worker.worker_id);
+  return !frame.refused_by.contains(worker.worker_id) && !IsHeld(frame);
 }
 
 bool Scheduler::MayRender(const FrameRecord& frame, const TaskId& task, const WorkerRecord& worker,
-                          absl::Time now) const {
+                          SteadyTime now) const {
   if (!MayOpenFor(frame, worker)) return false;
   const auto found = frame.failures.find(task);
   if (found == frame.failures.end()) return true;
@@ -198,7 +200,7 @@ bool Scheduler::MayRender(const FrameRecord& frame, const TaskId& task, const Wo
          !OthersLive(worker.numeric_profile, failures.failed_by);
 }
 
-bool Scheduler::Hedge(WorkerRecord* worker, absl::Time now) {
+bool Scheduler::Hedge(WorkerRecord* worker, SteadyTime now) {
   int scanned = 0;
   for (const LeaseTable::HedgeKey& key : leases_.hedgeable()) {
     if (++scanned > limits_.hedge_scan_max) return false;

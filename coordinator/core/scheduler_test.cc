@@ -4,10 +4,12 @@
 
 #include <algorithm>
 #include <map>
+#include <set>
 #include <string>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "common/base/digest.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
 
@@ -19,14 +21,14 @@ using Found = Scheduler::FoundTask::Kind;
 
 constexpr char kProfile[] = "profile";
 
-std::string Digest(uint64_t number) { return absl::StrCat(std::string(50, 'd'), 1000 + number); }
+std::string Digest(uint64_t number) { return Sha256Hex(absl::StrCat(number)); }
 
 class SchedulerTest : public testing::Test {
  protected:
   FrameSpec Frame(int32_t number, const std::string& scene, uint64_t digest) {
     FrameSpec frame;
     frame.frame_number = number;
-    frame.scene = {scene, 1};
+    frame.scene = {Sha256Hex(scene), 1};
     frame.settings.width_px = frame.settings.height_px = 64;
     frame.settings.window = {0, 0, 64, 64};
     frame.settings.samples = 64;
@@ -74,7 +76,7 @@ class SchedulerTest : public testing::Test {
     return held_[id];
   }
   Scheduler::FoundTask Find(const Lease& lease) {
-    return scheduler_.FindTask(scheduler_.FindFrame(lease.frame)->spec.frame_digest,
+    return scheduler_.FindTask(scheduler_.FindFrame(lease.frame)->Spec().frame_digest,
                                lease.tile_rect, lease.task.block, lease.cells, lease.lease_id);
   }
   bool Accept(const Lease& lease) {
@@ -93,7 +95,7 @@ class SchedulerTest : public testing::Test {
 
   Limits limits_;
   Scheduler scheduler_{limits_, 1000};
-  absl::Time now_ = absl::UnixEpoch();
+  SteadyTime now_;
   uint64_t last_job_id_ = 0;
   absl::Status status_;
   absl::Duration next_synchronize_;
@@ -204,7 +206,7 @@ TEST_F(SchedulerTest, ColdWorkersSpreadOverFramesAndWarmOnesStay) {
   EXPECT_EQ(Sync("a", 1)[0].frame.frame_number, 1);
   EXPECT_EQ(Sync("b", 1)[0].frame.frame_number, 2);
   EXPECT_EQ(Sync("a", 2)[1].frame.frame_number, 1);
-  warm_ = {"scene1-3"};
+  warm_ = {Sha256Hex("scene1-3")};
   EXPECT_EQ(Sync("c", 1)[0].frame.frame_number, 3);
 }
 
@@ -291,6 +293,26 @@ TEST_F(SchedulerTest, VanishingWorkersHaveTheirOwnLargerBudget) {
   EXPECT_EQ(Job(job).phase, JobPhase::kFailed);
 }
 
+// A coordinator that is stopped for hours, or whose clock leaps, finds everybody silent at once.
+TEST_F(SchedulerTest, AWorkerSilentForLongerThanItIsKeptGivesItsWorkBackBeforeItIsForgotten) {
+  const uint64_t job = AddJob();
+  const size_t held = Sync("a", 3).size();
+  ASSERT_EQ(scheduler_.leases().size(), held);
+  now_ += limits_.lost_worker_kept + limits_.lease_duration + absl::Seconds(1);
+  EXPECT_TRUE(scheduler_.Tick(now_));
+  EXPECT_EQ(scheduler_.leases().size(), 0u);
+  EXPECT_TRUE(scheduler_.workers().workers().empty());
+  EXPECT_EQ(scheduler_.counters().workers_lost, 1u);
+  EXPECT_EQ(Sync("b", 3).size(), held);  // The same work, for somebody else.
+  EXPECT_EQ(Job(job).phase, JobPhase::kLive);
+  // What the forgotten worker finished meanwhile still counts.
+  EXPECT_EQ(Find(held_["a"].front()).kind, Found::kWanted);
+  Accept(held_["a"].front());
+  now_ += limits_.lost_worker_kept + limits_.lease_duration + absl::Seconds(1);
+  EXPECT_FALSE(Sync("a", 1).empty());  // Which finds b silent.
+  EXPECT_EQ(scheduler_.workers().workers().size(), 1u);
+}
+
 TEST_F(SchedulerTest, SceneErrorNeedsASecondWorkerWhereThereIsOne) {
   const uint64_t job = AddJob();
   Sync("b", 0);
@@ -359,8 +381,10 @@ TEST_F(SchedulerTest, TheLastFailuresOfAJobAreKept) {
   EXPECT_EQ(kept.block, lease.task.block);
   EXPECT_EQ(kept.worker_id, "a");
   EXPECT_EQ(kept.message, "disk");
-  EXPECT_EQ(scheduler_.TakeFailureJobs(), std::set<uint64_t>{job});
-  EXPECT_TRUE(scheduler_.TakeFailureJobs().empty());
+  const absl::Time stamp = absl::FromUnixSeconds(1'700'000'000);
+  EXPECT_EQ(scheduler_.TakeFailureJobs(stamp), std::set<uint64_t>{job});
+  EXPECT_TRUE(scheduler_.TakeFailureJobs(stamp + absl::Hours(1)).empty());
+  EXPECT_EQ(Job(job).failures.last.back().time, stamp);
   while (Job(job).phase == JobPhase::kLive) {
     now_ += absl::Seconds(20);
     const std::vector<Lease> held = Sync("a", 4);
@@ -390,8 +414,8 @@ TEST_F(SchedulerTest, JobsBeyondLimitsAreRefused) {
   job.frames[0].settings.window.x1 = 65;
   EXPECT_THAT(std::string(scheduler_.CheckJob(job).message()), HasSubstr("window"));
   job.frames = {Frame(1, "s", 1)};
-  job.frames[0].settings.width_px = job.frames[0].settings.height_px = 60000;
-  job.frames[0].settings.window = {0, 0, 60000, 60000};
+  job.frames[0].settings.width_px = job.frames[0].settings.height_px = 16000;
+  job.frames[0].settings.window = {0, 0, 16000, 16000};
   job.partition.tile_size_px = 1;
   EXPECT_THAT(std::string(scheduler_.CheckJob(job).message()), HasSubstr("tiles"));
 }

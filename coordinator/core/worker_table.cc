@@ -2,6 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "coordinator/core/worker_table.h"
 
+#include "common/base/check.h"
+
 namespace sheaf::coordinator {
 
 double WorkerRecord::SamplesPerThreadSecond() const {
@@ -15,7 +17,7 @@ void WorkerTable::CountLive(const WorkerRecord& worker, int sign) {
   live_total_ += sign;
 }
 
-WorkerRecord* WorkerTable::Touch(const WorkerReport& report, absl::Time now) {
+WorkerRecord* WorkerTable::Touch(const WorkerReport& report, SteadyTime now) {
   auto found = workers_.find(report.worker_id);
   if (found == workers_.end()) {
     if (workers_.size() >= static_cast<size_t>(limits_.workers_max)) return nullptr;
@@ -24,7 +26,7 @@ WorkerRecord* WorkerTable::Touch(const WorkerReport& report, absl::Time now) {
   } else {
     CountLive(found->second, -1);
     heard_.erase({found->second.last_seen_time, report.worker_id});
-    lost_.erase({found->second.last_seen_time, report.worker_id});
+    silent_.erase({found->second.last_seen_time, report.worker_id});
   }
   WorkerRecord& worker = found->second;
   worker.host = report.host;
@@ -56,25 +58,27 @@ void WorkerTable::Quarantine(WorkerRecord* worker, const std::string& reason) {
   CountLive(*worker, +1);
 }
 
-std::vector<std::string> WorkerTable::MarkLost(absl::Time now) {
+std::vector<std::string> WorkerTable::MarkLost(SteadyTime now) {
   std::vector<std::string> newly_lost;
   while (!heard_.empty() && heard_.begin()->first + limits_.lease_duration < now) {
     const auto entry = *heard_.begin();
     heard_.erase(heard_.begin());
+    silent_.insert(entry);
     WorkerRecord& worker = workers_.at(entry.second);
+    if (worker.Stopped()) continue;
     CountLive(worker, -1);
     worker.lost = true;
-    lost_.insert(entry);
     newly_lost.push_back(entry.second);
   }
-  ForgetOld(now);
   return newly_lost;
 }
 
-void WorkerTable::ForgetOld(absl::Time now) {
-  while (!lost_.empty() && lost_.begin()->first + limits_.lost_worker_kept < now) {
-    workers_.erase(lost_.begin()->second);
-    lost_.erase(lost_.begin());
+void WorkerTable::ForgetOld(SteadyTime now) {
+  while (!silent_.empty() && silent_.begin()->first + limits_.lost_worker_kept < now) {
+    const auto worker = workers_.find(silent_.begin()->second);
+    SHEAF_CHECK(worker->second.leases.empty());
+    workers_.erase(worker);
+    silent_.erase(silent_.begin());
   }
 }
 

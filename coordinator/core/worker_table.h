@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "absl/time/time.h"
+#include "common/base/steady_time.h"
 #include "coordinator/core/job.h"
 #include "coordinator/core/limits.h"
 
@@ -27,15 +28,17 @@ struct WorkerRecord {
   std::set<std::string> warm_scenes;  // Compiled in its memory, or of leases it holds.
   uint64_t scene_memory_bytes = 0;    // Of those in its memory; 0: not known.
   std::set<uint64_t> leases;          // Ids, held now.
-  absl::Time last_seen_time;
+  SteadyTime last_seen_time;
   uint64_t result_count = 0;        // Accepted.
   uint64_t sample_count = 0;        // Pixel samples of those.
   absl::Duration cpu_duration;      // CPU time of those.
   std::set<uint64_t> failed_jobs;   // Since its last accepted result.
   int infrastructure_failures = 0;  // Since its last accepted result.
-  absl::Time no_work_before = absl::InfinitePast();
+  SteadyTime no_work_before = SteadyTime::InfinitePast();
 
   bool Quarantined() const { return !quarantine_reason.empty(); }
+  // Whether it has ended in order: it said that it stops, and holds nothing more.
+  bool Stopped() const { return draining && !lost && leases.empty(); }
   bool Live() const { return !lost && !draining && !Quarantined(); }
   // Pixel samples per second and thread; 0 until a result is there.
   double SamplesPerThreadSecond() const;
@@ -46,14 +49,16 @@ class WorkerTable {
   explicit WorkerTable(const Limits& limits) : limits_(limits) {}
 
   // Notes what a worker says of itself. Returns nullptr where the table is full.
-  WorkerRecord* Touch(const WorkerReport& report, absl::Time now);
+  WorkerRecord* Touch(const WorkerReport& report, SteadyTime now);
   // Returns nullptr for a worker never heard of.
   WorkerRecord* Find(const std::string& worker_id);
   // Changes of the fields that decide Live go through here.
   void Quarantine(WorkerRecord* worker, const std::string& reason);
-  // Marks workers as lost that were silent for longer than the lease duration; returns their ids.
-  // Also forgets those lost long ago.
-  std::vector<std::string> MarkLost(absl::Time now);
+  // Marks workers as lost that were silent for longer than the lease duration, but for those that
+  // have stopped; returns their ids.
+  std::vector<std::string> MarkLost(SteadyTime now);
+  // Forgets those silent for long. Requires: they hold no leases.
+  void ForgetOld(SteadyTime now);
 
   // Live workers of a numeric profile.
   int LiveCount(const std::string& numeric_profile) const;
@@ -62,11 +67,10 @@ class WorkerTable {
 
  private:
   void CountLive(const WorkerRecord& worker, int sign);
-  void ForgetOld(absl::Time now);
 
   const Limits& limits_;
   std::map<std::string, WorkerRecord> workers_;
-  std::set<std::pair<absl::Time, std::string>> heard_, lost_;  // By last_seen_time.
+  std::set<std::pair<SteadyTime, std::string>> heard_, silent_;  // By last_seen_time.
   std::map<std::string, int> live_;
   int live_total_ = 0;
 };

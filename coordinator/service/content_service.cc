@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "common/base/digest.h"
 #include "common/content/chunk_codec.h"
 #include "common/rpc/grpc_status.h"
 #include "coordinator/service/drain_stream.h"
@@ -107,11 +108,22 @@ grpc::Status ContentService::ReadBlob(grpc::ServerContext* context,
   const absl::StatusOr<BlobDigest> digest = FromWire(request->digest());
   if (!digest.ok()) return ToGrpcStatus(digest.status());
   uint64_t offset_bytes = request->offset_bytes();
+  const bool whole = offset_bytes == 0;
+  Sha256 hash;  // Of what is read now: a disk that loses bits changes no time of a file.
   while (!context->IsCancelled()) {
     const absl::StatusOr<std::string> chunk =
         blobs_->ReadChunk(*digest, offset_bytes, kBlobChunkBytesMax);
+    if (absl::IsNotFound(chunk.status())) blobs_->NoteLost(*digest);
     if (!chunk.ok()) return ToGrpcStatus(chunk.status());
-    if (chunk->empty()) break;
+    if (chunk->empty()) {
+      if (!whole || hash.FinishHex() == digest->sha256_hex) break;
+      const absl::Status verified = blobs_->Verify(*digest);
+      return ToGrpcStatus(!verified.ok() ? verified
+                                         : absl::UnavailableError(absl::StrCat(
+                                               "blob ", digest->sha256_hex,
+                                               ": was read with other bytes; read it again")));
+    }
+    if (whole) hash.Update(*chunk);
     v1::ReadBlobResponse response;
     response.set_zstd_chunk(CompressChunk(*chunk));
     if (!writer->Write(response)) break;

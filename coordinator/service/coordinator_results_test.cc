@@ -12,6 +12,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
+#include "common/base/digest.h"
 #include "common/film/exr_codec.h"
 #include "coordinator/service/coordinator_server_fixture.h"
 #include "gmock/gmock.h"
@@ -89,6 +90,8 @@ TEST_F(CoordinatorServerTest, DeliveredFileHoldsThePictureAndHowToMakeItAgain) {
   Start();
   v1::CreateJobRequest biased = Request(20);
   biased.mutable_frames(0)->mutable_settings()->set_similarity_after_count(8);
+  biased.mutable_frames(0)->mutable_settings()->set_max_component_value(12.5f);
+  biased.mutable_frames(0)->mutable_settings()->set_sensor("nikon_d850");
   const v1::Job job = Create(biased);
   ASSERT_TRUE(MakeWorker("w").RenderAll().ok());
   const v1::Job after = Watch(job.name());
@@ -113,7 +116,9 @@ TEST_F(CoordinatorServerTest, DeliveredFileHoldsThePictureAndHowToMakeItAgain) {
   EXPECT_EQ(picture->metadata.at("frameDigest"), after.frames(0).frame_digest());
   EXPECT_EQ(picture->metadata.at("numericProfile"), after.numeric_profile());
   EXPECT_EQ(picture->metadata.at("similarityAfter"), "8");
-  EXPECT_EQ(picture->metadata.at("bias"), "similarity");
+  EXPECT_EQ(picture->metadata.at("bias"), "similarity, clamped samples");
+  EXPECT_EQ(picture->metadata.at("maxComponentValue"), "12.5");
+  EXPECT_EQ(picture->metadata.at("sensor"), "nikon_d850");
 }
 
 TEST_F(CoordinatorServerTest, RestartLosesNothingThatWasAcknowledged) {
@@ -253,6 +258,29 @@ TEST_F(CoordinatorServerTest, ResultsThatAreNotPartsOfTheirKeyAreRefused) {
   bent.header.mutable_key()->set_frame_digest(std::string(64, 'a'));
   EXPECT_EQ(*worker.Send(bent), Response::OUTCOME_SUPERSEDED);
   EXPECT_EQ(Counter("sheaf_results_accepted_total"), 0);
+  EXPECT_EQ(*worker.Send(good), Response::OUTCOME_ACCEPTED);
+}
+
+TEST_F(CoordinatorServerTest, SumsThatNoSamplesCanHaveAreRefusedAndCounted) {
+  Start();
+  Create(Request(64));
+  SyntheticWorker worker = MakeWorker("w");
+  ASSERT_TRUE(worker.Synchronize(1).ok());
+  const SyntheticWorker::Upload good = worker.MakeUpload(worker.leases()[0]);
+  absl::StatusOr<DecodedPart> part = DecodePart(good.bytes);
+  ASSERT_TRUE(part.ok()) << part.status();
+  part->tile.channel(FilmChannel::kRedHi)[0] = -1e30F;
+  SyntheticWorker::Upload bent = good;
+  bent.bytes = EncodePart(part->tile, part->header);
+  bent.header.mutable_digest()->set_sha256_hex(Sha256Hex(bent.bytes));
+  bent.header.mutable_digest()->set_size_bytes(bent.bytes.size());
+  const absl::Status refused = worker.Send(bent).status();
+  EXPECT_EQ(refused.code(), absl::StatusCode::kInvalidArgument);
+  EXPECT_THAT(std::string(refused.message()), HasSubstr("negative light"));
+  EXPECT_EQ(Counter("sheaf_results_invalid_total"), 1);
+  bent = good;
+  bent.header.set_ray_count(~uint64_t{0});
+  EXPECT_THAT(std::string(worker.Send(bent).status().message()), HasSubstr("ray_count"));
   EXPECT_EQ(*worker.Send(good), Response::OUTCOME_ACCEPTED);
 }
 

@@ -44,6 +44,45 @@ TEST_F(CoordinatorServerTest, JobsAreCheckedAndCreatedOnce) {
   EXPECT_EQ(TryCreate(request, &job).error_code(), grpc::StatusCode::INVALID_ARGUMENT);
 }
 
+TEST_F(CoordinatorServerTest, TextsOfOthersHaveNoControlCharacters) {
+  Start();
+  v1::Job job;
+  v1::CreateJobRequest request = Request(4, "other");
+  request.set_title("a title\n2026-01-01T00:00:00 sheaf-coordinator error forged");
+  const grpc::Status status = TryCreate(request, &job);
+  EXPECT_EQ(status.error_code(), grpc::StatusCode::INVALID_ARGUMENT);
+  EXPECT_THAT(status.error_message(), HasSubstr("title: has a control character at byte 7"));
+  const absl::Status unnamed = MakeWorker("w\x1b[2J").Synchronize(1);
+  EXPECT_EQ(unnamed.code(), absl::StatusCode::kInvalidArgument);
+  EXPECT_THAT(std::string(unnamed.message()), HasSubstr("worker_id"));
+  const std::string name = Create(Request(4)).name();
+  SyntheticWorker worker = MakeWorker("w");
+  ASSERT_TRUE(worker.Synchronize(1).ok());
+  worker.ReportFailure(worker.leases().at(0).lease_id(), v1::LeaseFailure::KIND_INFRASTRUCTURE,
+                       "two\nlines");
+  ASSERT_TRUE(worker.Synchronize(0).ok());
+  const auto failures = server_->farm().ListFailures(name.substr(std::string("jobs/").size()));
+  ASSERT_TRUE(failures.ok()) << failures.status();
+  ASSERT_EQ(failures->size(), 1u);
+  EXPECT_EQ(failures->at(0).failure.message, "two\\nlines");
+}
+
+TEST_F(CoordinatorServerTest, JobsThatNobodyCanRenderAreRefused) {
+  Start();
+  v1::Job job;
+  v1::CreateJobRequest request = Request(uint64_t{1} << 40);
+  v1::FrameSettings* frame = request.mutable_frames(0)->mutable_settings();
+  frame->set_width_px(65536);
+  frame->set_height_px(65536);
+  frame->mutable_window()->set_x0_px(0);
+  frame->mutable_window()->set_y0_px(0);
+  frame->mutable_window()->set_x1_px(65536);
+  frame->mutable_window()->set_y1_px(65536);
+  const grpc::Status status = TryCreate(request, &job);
+  EXPECT_EQ(status.error_code(), grpc::StatusCode::INVALID_ARGUMENT);
+  EXPECT_THAT(status.error_message(), HasSubstr("4294967296 pixels"));
+}
+
 TEST_F(CoordinatorServerTest, CancelledJobStaysCancelledAndItsResultsAreSuperseded) {
   Start();
   const std::string name = Create(Request(64)).name();
@@ -61,51 +100,6 @@ TEST_F(CoordinatorServerTest, CancelledJobStaysCancelledAndItsResultsAreSupersed
   EXPECT_TRUE(worker.leases().empty());
   Start();
   EXPECT_EQ(Get(name).state(), v1::Job::STATE_CANCELLED);
-}
-
-TEST_F(CoordinatorServerTest, PausedJobStaysPausedOverARestartUntilItIsResumed) {
-  Start();
-  const std::string name = Create(Request(64)).name();
-  SyntheticWorker worker = MakeWorker("w");
-  ASSERT_TRUE(worker.Synchronize(1).ok());
-  EXPECT_EQ(Control<v1::PauseJobRequest>(&v1::JobService::Stub::PauseJob, name).state(),
-            v1::Job::STATE_PAUSED);
-  EXPECT_EQ(*worker.RenderOne(), Response::OUTCOME_ACCEPTED);
-  ASSERT_TRUE(worker.Synchronize(2).ok());
-  EXPECT_TRUE(worker.leases().empty());
-  v1::SetJobPriorityRequest priority;
-  priority.set_priority(5);
-  EXPECT_EQ(Control(&v1::JobService::Stub::SetJobPriority, name, priority).priority(), 5);
-  Start();
-  EXPECT_EQ(Get(name).state(), v1::Job::STATE_PAUSED);
-  EXPECT_EQ(Get(name).priority(), 5);
-  EXPECT_FALSE(Get(name).progress().has_remaining_duration());
-  SyntheticWorker other = MakeWorker("x");
-  ASSERT_TRUE(other.Synchronize(2).ok());
-  EXPECT_TRUE(other.leases().empty());
-  EXPECT_EQ(Control<v1::ResumeJobRequest>(&v1::JobService::Stub::ResumeJob, name).state(),
-            v1::Job::STATE_RUNNING);
-  ASSERT_TRUE(other.RenderAll().ok());
-  EXPECT_EQ(Watch(name).frames(0).picture_digest(), ExpectedDigest(64));
-  // Of what has ended, nothing changes.
-  EXPECT_EQ(Control<v1::PauseJobRequest>(&v1::JobService::Stub::PauseJob, name).state(),
-            v1::Job::STATE_SUCCEEDED);
-}
-
-TEST_F(CoordinatorServerTest, PausedJobCanBeCancelledButNotRefined) {
-  Start();
-  const std::string name = Create(Request(64)).name();
-  Control<v1::PauseJobRequest>(&v1::JobService::Stub::PauseJob, name);
-  grpc::ClientContext context;
-  v1::RefineJobRequest refine;
-  refine.set_name(name);
-  refine.set_sample_count(128);
-  v1::Job job;
-  const grpc::Status refused = jobs_->RefineJob(&context, refine, &job);
-  EXPECT_EQ(refused.error_code(), grpc::StatusCode::FAILED_PRECONDITION);
-  EXPECT_NE(refused.error_message().find("is paused"), std::string::npos);
-  EXPECT_EQ(Control<v1::CancelJobRequest>(&v1::JobService::Stub::CancelJob, name).state(),
-            v1::Job::STATE_CANCELLED);
 }
 
 TEST_F(CoordinatorServerTest, FailuresNameTheSceneAndHowToRepeatThem) {

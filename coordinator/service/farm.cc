@@ -9,6 +9,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
 #include "common/base/log.h"
+#include "coordinator/core/job_check.h"
 #include "coordinator/store/sqlite_job_store.h"
 
 namespace sheaf::coordinator {
@@ -78,7 +79,11 @@ absl::Status Farm::Load() {
     std::optional<JobStore::LoadedParts> parts;
     absl::StatusOr<ResumedCounts> resumed = ResumedCounts();
     if (job.phase == JobPhase::kLive) {
-      resumed = CountResumed(UndeliveredOf(job), job.spec.partition);
+      if (absl::Status fits = CheckJobSpec(job.spec, options_.limits); !fits.ok()) {
+        resumed = std::move(fits);
+      } else {
+        resumed = CountResumed(UndeliveredOf(job), job.spec.partition);
+      }
       absl::StatusOr<JobStore::LoadedParts> loaded = store_->LoadParts(job.spec.job_id);
       if (!loaded.ok()) return loaded.status();
       parts = *std::move(loaded);
@@ -101,7 +106,9 @@ absl::Status Farm::RestoreJob(const StoredJob& job, const JobStore::LoadedParts*
   scheduler_.AddJob(job.spec);
   scheduler_.RestoreFailures(job.spec.job_id, job.failures);
   JobAccount& account = accounts_[job.spec.job_id];
+  account.job_wall_before = std::max(account.job_wall_before, job.wall_duration);
   for (const StoredFrame& frame : job.delivered) {
+    account.job_wall_before = std::max(account.job_wall_before, frame.delivered.wall_duration);
     account.delivered[frame.frame_number] = frame.delivered;
     scheduler_.RestoreDelivered({job.spec.job_id, frame.frame_number}, frame.delivered.cost,
                                 frame.delivered.sample_count);
@@ -109,9 +116,12 @@ absl::Status Farm::RestoreJob(const StoredJob& job, const JobStore::LoadedParts*
   RestoreResumed(job.spec.job_id, resumed);
   if (absl::Status status = LoadRounds(job); !status.ok()) return status;
   if (job.phase == JobPhase::kLive) {
+    if (IsPilot(job.spec.job_id)) {
+      pilots_asked_[job.spec.job_id] = std::chrono::steady_clock::now();
+    }
     if (parts == nullptr) return absl::OkStatus();  // It cannot go on.
     RestoreResumedParts(job.spec.job_id, resumed);
-    if (job.paused) scheduler_.Pause(job.spec.job_id, absl::Now());
+    if (job.paused) scheduler_.Pause(job.spec.job_id, SteadyTime::Now());
     return RestoreLiveJob(job, *parts);
   }
   scheduler_.RestoreEnded(job.spec.job_id, job.phase, job.failure);
@@ -164,10 +174,36 @@ std::shared_ptr<Farm::OpenFrame> Farm::OpenFrameOf(const FrameId& id) {
   std::shared_ptr<OpenFrame>& open = open_frames_[id];
   if (open == nullptr) {
     const FrameRecord& record = *scheduler_.FindFrame(id);
-    open = std::make_shared<OpenFrame>(record.spec, *record.tasks, &merge_budget_);
+    open = std::make_shared<OpenFrame>(record.Spec(), *record.tasks, &merge_budget_);
     if (const RoundRecord* last = LastRoundOf(id)) open->next_point_samples = NextPoint(*last);
   }
   return open;
+}
+
+void Farm::PrepareOpenFrame(const FrameId& id) {
+  const std::lock_guard preparing(prepare_mutex_);
+  FrameSpec spec;
+  std::optional<CellGrid> grid;
+  std::vector<uint64_t> samples;
+  const auto wanted = [&]() -> const FrameRecord* {
+    const FrameRecord* record = scheduler_.FindFrame(id);
+    const bool prepared = open_frames_.contains(id);
+    return prepared || record == nullptr || record->tasks == nullptr ? nullptr : record;
+  };
+  {
+    const std::lock_guard lock(mutex_);
+    const FrameRecord* record = wanted();
+    if (record == nullptr) return;
+    spec = record->Spec();
+    grid = record->tasks->grid();
+    samples = record->tasks->SamplesOfCells();
+  }
+  auto open = std::make_shared<OpenFrame>(std::move(spec), *std::move(grid), std::move(samples),
+                                          &merge_budget_);
+  const std::lock_guard lock(mutex_);
+  if (wanted() == nullptr) return;
+  if (const RoundRecord* last = LastRoundOf(id)) open->next_point_samples = NextPoint(*last);
+  open_frames_[id] = std::move(open);
 }
 
 void Farm::Changed() const {
@@ -201,15 +237,23 @@ void Farm::WaitForEnd(uint64_t seen, absl::Duration timeout) const {
 
 void Farm::NoteDisk(const absl::Status& status) {
   const bool of_disk = absl::IsResourceExhausted(status) || absl::IsUnavailable(status) ||
-                       absl::IsPermissionDenied(status);
+                       absl::IsPermissionDenied(status) || absl::IsDataLoss(status);
   if (!status.ok() && !of_disk) return;
   const std::lock_guard lock(mutex_);
-  if (!status.ok() && disk_status_.ok()) {
-    LogError(absl::StrCat("the state directory takes no writes: ", status.message(),
-                          "; results are not acknowledged until it does"));
-  }
-  if (status.ok() && !disk_status_.ok()) LogInfo("the state directory takes writes again");
+  const bool changed = status.ok() != disk_status_.ok();
   disk_status_ = status;
+  if (!changed) return;
+  if (status.ok()) {
+    LogInfo("the state directory takes writes again");
+  } else {
+    LogError(absl::StrCat(WhyWritesWait(), "; results are not acknowledged until it does"));
+  }
+  Changed();  // What jobs wait for.
+}
+
+std::string Farm::WhyWritesWait() const {
+  return absl::StrCat("the coordinator's state directory takes no writes: ",
+                      disk_status_.message());
 }
 
 absl::StatusOr<uint64_t> Farm::CreateJob(JobSpec spec, const std::string& request_id) {
@@ -255,25 +299,16 @@ absl::StatusOr<uint64_t> Farm::CreateJob(JobSpec spec, const std::string& reques
   return created->job_id;
 }
 
-absl::Status Farm::CancelJob(uint64_t job_id) {
-  {
-    const std::lock_guard lock(mutex_);
-    if (absl::Status status = FindRecord(job_id).status(); !status.ok()) return status;
-    scheduler_.EndJob(job_id, JobPhase::kCancelled, "");
-    NoteEndedJobs();
-  }
-  SettleEndedJobs();
-  const std::lock_guard lock(mutex_);
-  const bool settled =
-      std::find(unsettled_jobs_.begin(), unsettled_jobs_.end(), job_id) == unsettled_jobs_.end();
-  return settled ? absl::OkStatus() : disk_status_;
-}
-
-// Dates jobs that the scheduler has just ended. Under the lock that ended them, so that nobody sees
-// an ended job without its time. Requires: mutex_ is held.
+// Dates jobs that the scheduler has just ended, and failures. Under the lock that ended them, so
+// that nobody sees an ended job without its time. Requires: mutex_ is held.
 void Farm::NoteEndedJobs() {
+  const absl::Time now = absl::Now();
+  unsaved_failures_.merge(scheduler_.TakeFailureJobs(now));
   for (const uint64_t id : scheduler_.TakeEndedJobs()) {
-    accounts_.at(id).end_time = absl::Now();
+    JobAccount& account = accounts_.at(id);
+    account.end_time = now;
+    account.ended = SteadyTime::Now();
+    pilots_asked_.erase(id);
     unsettled_jobs_.push_back(id);
   }
 }
@@ -287,6 +322,7 @@ void Farm::SettleEndedJobs() {
     std::string failure;
     std::vector<FrameId> frames;
     absl::Time time;
+    absl::Duration wall;
   };
   const std::lock_guard settling(settle_mutex_);
   SaveFailures();  // Who sees that a job has failed finds out why.
@@ -295,7 +331,8 @@ void Farm::SettleEndedJobs() {
     const std::lock_guard lock(mutex_);
     for (const uint64_t id : std::exchange(unsettled_jobs_, {})) {
       const JobRecord& job = scheduler_.jobs().at(id);
-      Ended entry{id, job.phase, job.failure, {}, accounts_.at(id).end_time};
+      const absl::Time end_time = accounts_.at(id).end_time;
+      Ended entry{id, job.phase, job.failure, {}, end_time, WallOfJob(job, accounts_.at(id).ended)};
       for (auto it = open_frames_.lower_bound({id, INT32_MIN});
            it != open_frames_.end() && it->first.job_id == id; ++it) {
         entry.frames.push_back(it->first);
@@ -304,7 +341,7 @@ void Farm::SettleEndedJobs() {
     }
   }
   for (const Ended& job : ended) {
-    absl::Status status = store_->EndJob(job.job_id, job.phase, job.failure, job.time);
+    absl::Status status = store_->EndJob(job.job_id, job.phase, job.failure, job.time, job.wall);
     NoteDisk(status);
     if (!status.ok()) {
       const std::lock_guard lock(mutex_);
@@ -338,7 +375,6 @@ void Farm::SaveFailures() {
   std::map<uint64_t, FailureLog> logs;
   {
     const std::lock_guard lock(mutex_);
-    unsaved_failures_.merge(scheduler_.TakeFailureJobs());
     for (const uint64_t id : std::exchange(unsaved_failures_, {})) {
       const auto job = scheduler_.jobs().find(id);
       if (job != scheduler_.jobs().end()) logs[id] = job->second.failures;
@@ -364,11 +400,11 @@ absl::StatusOr<Farm::SynchronizeAnswer> Farm::Synchronize(const WorkerReport& re
   {
     const std::lock_guard lock(mutex_);
     absl::StatusOr<Scheduler::SynchronizeAnswer> decided =
-        scheduler_.Synchronize(report, absl::Now());
+        scheduler_.Synchronize(report, SteadyTime::Now());
     NoteEndedJobs();
     if (!decided.ok()) return decided.status();
     for (Lease& lease : decided->leases) {
-      const FrameSpec& frame = scheduler_.FindFrame(lease.frame)->spec;
+      FrameSpec frame = scheduler_.FindFrame(lease.frame)->Spec();
       answer.leases.push_back({std::move(lease), frame.frame_digest, frame.scene, frame.settings});
     }
     answer.next_synchronize = decided->next_synchronize;
@@ -389,7 +425,10 @@ absl::StatusOr<std::string> Farm::FindOutput(uint64_t job_id, int32_t frame_numb
       return absl::FailedPreconditionError(name + ": the picture is not complete yet");
     }
   }
-  return store_->OutputPath({job_id, frame_number});
+  const absl::StatusOr<std::string> path = store_->OutputPath({job_id, frame_number});
+  if (!path.ok()) return path;
+  if (absl::Status s = CheckPicture({job_id, frame_number}, *path); !s.ok()) return s;
+  return path;
 }
 
 }  // namespace sheaf::coordinator

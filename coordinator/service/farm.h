@@ -9,10 +9,12 @@
 // only then returns its outcome, which is the acknowledgement. When a frame's last result is
 // merged, the background thread develops the frame, writes the EXR, and notes that it is delivered.
 //
-// Locks, in the order they may be taken: a tile's reservation, a frame's mutex, the farm's mutex.
+// Locks, in the order they may be taken: a tile's reservation, that of preparing frames or a
+// frame's mutex, the farm's mutex.
 // The farm's mutex (scheduler and tables) is never held while a disk or a picture is worked on.
 #pragma once
 
+#include <chrono>
 #include <condition_variable>
 #include <cstdint>
 #include <deque>
@@ -28,7 +30,9 @@
 
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
+#include "common/base/steady_time.h"
 #include "common/content/blob_store.h"
+#include "common/content/verified_files.h"
 #include "common/film/resumed_picture.h"
 #include "common/film/running_error.h"
 #include "coordinator/core/frame_merge.h"
@@ -107,14 +111,16 @@ class Farm : public FarmView {
   // Scheduler::CheckJob; kInvalidArgument (a frame cannot go on from its picture);
   // kResourceExhausted (disk).
   absl::StatusOr<uint64_t> CreateJob(JobSpec spec, const std::string& request_id);
-  // OK means: the job's end is durable. Errors: kNotFound; kUnavailable (the disk).
+  // OK means: the job's end is durable. Nothing happens to a job that was cancelled. Errors:
+  // kNotFound; kFailedPrecondition (it has ended otherwise); kUnavailable (the disk).
   absl::Status CancelJob(uint64_t job_id);
 
-  // A paused job gets no new leases until it is resumed. Nothing happens to a job that has ended,
-  // or is as it shall be. OK means: it is durable. Errors: kNotFound; kUnavailable (the disk).
+  // A paused job gets no new leases until it is resumed. Nothing happens to a job that is as it
+  // shall be. OK means: it is durable. Errors: kNotFound; kFailedPrecondition (it has ended);
+  // kUnavailable (the disk).
   absl::Status PauseJob(uint64_t job_id);
   absl::Status ResumeJob(uint64_t job_id);
-  // Also of a job that has ended, for the case that it is refined. Errors: also kInvalidArgument.
+  // Errors: also kInvalidArgument.
   absl::Status SetJobPriority(uint64_t job_id, int32_t priority);
 
   // Goes on with a job that succeeded, from the parts that are kept of it; what is not kept is
@@ -138,11 +144,17 @@ class Farm : public FarmView {
   // Errors: kInvalidArgument (not a part of its key), kResourceExhausted (disk full), kUnavailable.
   absl::StatusOr<ResultOutcome> AddResult(const ResultReport& report, const std::string& bytes);
 
-  // Path of a delivered EXR. Errors: kNotFound, kFailedPrecondition (not delivered yet).
+  // Path of a delivered EXR. Errors: kNotFound, kFailedPrecondition (not delivered yet, or damaged
+  // on disk and being made again).
   absl::StatusOr<std::string> FindOutput(uint64_t job_id, int32_t frame_number) const;
 
   // FarmView.
   std::vector<JobView> ListJobs() const override;
+  // The same with pilots.
+  std::vector<JobView> ListJobsAndPilots() const;
+  // Somebody waits for the job: a live pilot that nobody waits for is cancelled
+  // (Limits::pilot_unasked_max).
+  void NoteAsked(uint64_t job_id);
   absl::StatusOr<JobView> FindJob(const std::string& job_id) const override;
   absl::StatusOr<std::vector<FailureView>> ListFailures(const std::string& job_id) const override;
   absl::StatusOr<RefinementPrices> PriceRefinement(
@@ -168,22 +180,27 @@ class Farm : public FarmView {
   struct JobAccount {
     absl::Time create_time;
     absl::Time end_time = absl::InfiniteFuture();
+    SteadyTime ended = SteadyTime::InfiniteFuture();  // The same, where it was in this life.
     std::map<int32_t, DeliveredFrame> delivered;
     // By frame. Cells of the last round only, and only of frames that are not delivered.
     std::map<int32_t, std::vector<RoundRecord>> rounds;
     std::map<int32_t, absl::Duration> wall_before;  // By frame: before this start.
+    absl::Duration job_wall_before;                 // Of the job as a whole.
   };
   // A frame between its first part and its delivery. Shared: an upload may still merge into a frame
   // whose job was just cancelled.
   struct OpenFrame {
     OpenFrame(FrameSpec frame_spec, const FrameTasks& tasks, MergeBudget* budget)
+        : OpenFrame(std::move(frame_spec), tasks.grid(), tasks.SamplesOfCells(), budget) {}
+    OpenFrame(FrameSpec frame_spec, CellGrid grid, std::vector<uint64_t> samples,
+              MergeBudget* budget)
         : spec(std::move(frame_spec)),
-          merge(spec, tasks.grid(), tasks.SamplesOfCells(), budget),
-          error(tasks.grid().tiles()) {}
+          merge(spec, std::move(grid), std::move(samples), budget),
+          error(merge.grid().tiles()) {}
     const FrameSpec spec;
     std::mutex mutex;  // Guards what follows, down to next_point_samples.
     FrameMerge merge;
-    absl::Time next_refresh_time = absl::InfinitePast();
+    SteadyTime next_refresh_time = SteadyTime::InfinitePast();
     // Read when a tile is first built from it; guarded by `mutex`.
     std::optional<ResumedPicture> resumed;
     // Where the cell with the fewest samples has so many, a frame without rounds gets a point.
@@ -212,11 +229,16 @@ class Farm : public FarmView {
   absl::Status RestoreLiveJob(const StoredJob& job, const JobStore::LoadedParts& parts);
   void Changed() const;
   void NoteDisk(const absl::Status& status);
+  // Requires: mutex_ is held, disk_status_ is an error.
+  std::string WhyWritesWait() const;
   void NoteEndedJobs();
   void SettleEndedJobs();
   void SaveFailures();
   void EraseOpenFrames(uint64_t job_id);
   std::shared_ptr<OpenFrame> OpenFrameOf(const FrameId& id);
+  // Makes OpenFrameOf cheap: takes the frame's memory before the farm's lock is held. Nothing
+  // happens to a frame that has no tasks.
+  void PrepareOpenFrame(const FrameId& id);
 
   // farm_results.cc
   absl::StatusOr<ResultOutcome> JudgeCovered(const ResultReport& report,
@@ -280,12 +302,19 @@ class Farm : public FarmView {
   // Why the picture has its samples, and its errors on the way there.
   void AddRoundMetadata(const FrameId& id, FramePicture* picture) const;
   // Since the frame's first lease, in this life and earlier ones. Requires: mutex_ is held.
-  absl::Duration WallOf(const FrameId& id, absl::Time now) const;
+  absl::Duration WallOf(const FrameId& id, SteadyTime now) const;
+  // The part of it in this life, of a frame or a job that was first leased then. Pauses and what
+  // follows the job's end do not count. Requires: mutex_ is held.
+  absl::Duration WallSince(uint64_t job_id, SteadyTime first_lease_time, SteadyTime now) const;
+  // Of the job, as WallOf. Requires: mutex_ is held.
+  absl::Duration WallOfJob(const JobRecord& job, SteadyTime now) const;
 
   // farm_control.cc
   absl::Status SetPaused(uint64_t job_id, bool paused);
   // Errors: kNotFound. Requires: mutex_ is held.
   absl::StatusOr<const JobRecord*> FindRecord(uint64_t job_id) const;
+  // Of pilots that nobody has asked for. Requires: mutex_ is held.
+  void CancelForgottenPilots();
 
   // farm_price.cc
   absl::StatusOr<FinishedFrame> FinishedFrameOf(const FrameId& id, const FrameSpec& spec,
@@ -296,7 +325,24 @@ class Farm : public FarmView {
   // Requires: mutex_ is held.
   static absl::Status RequireSucceeded(const JobRecord& job);
   absl::Status CheckRefinement(const JobRecord& job, const Refinement& refinement) const;
+  // The job with all its frames, to be put into the scheduler again. Requires: mutex_ is held.
+  StoredJob StoredJobOf(const JobRecord& record) const;
+  // By frame.
+  absl::StatusOr<std::map<int32_t, std::vector<RoundRecord>>> RoundsOf(uint64_t job_id) const;
+  // Goes on with these frames of a job that has ended. Requires: settle_mutex_ is held.
+  absl::Status ReopenFrames(StoredJob job, const std::vector<JobStore::ReopenedFrame>& reopened);
   void LimitKeptParts();
+
+  // farm_damage.cc
+  // Which file of a scene is among the lost blobs, and what to do; empty: none.
+  std::string LostFileOf(const BlobDigest& scene) const;
+  // Holds the frames whose blobs are lost, and lets those go on whose blobs are there again.
+  void HoldLostScenes();
+  // Whether the EXR of a delivered frame is the picture that was delivered; else has it made again.
+  // Errors: kFailedPrecondition.
+  absl::Status CheckPicture(const FrameId& id, const std::string& path) const;
+  void HealPictures();
+  absl::Status RemakeFrames(uint64_t job_id, const std::set<int32_t>& numbers);
 
   // farm_preview.cc
   // A frame whose picture is asked for; open is null where it has no samples in memory.
@@ -316,8 +362,10 @@ class Farm : public FarmView {
   absl::StatusOr<std::string> ThumbnailPath(const FrameId& id) const;
 
   // farm_views.cc, farm_workers.cc; all require the farm's mutex.
-  JobView ViewOf(const JobRecord& job, bool with_frames, absl::Time now) const;
-  FrameView ViewOf(const JobRecord& job, const FrameRecord& frame, absl::Time now) const;
+  JobView ViewOf(const JobRecord& job, bool with_frames, SteadyTime now) const;
+  std::vector<JobView> ListBelow(uint64_t job_id) const;
+  FrameView ViewOf(const JobRecord& job, const FrameRecord& frame, bool with_spec,
+                   SteadyTime now) const;
   WorkerView ViewOf(const WorkerRecord& worker) const;
 
   const FarmOptions options_;
@@ -328,19 +376,31 @@ class Farm : public FarmView {
   MergeBudget merge_budget_;
   mutable SceneNames scene_names_;
 
-  mutable std::mutex mutex_;  // Guards everything down to disk_status_.
+  mutable std::mutex mutex_;  // Guards everything down to pictures_damaged_.
   Scheduler scheduler_;
   std::map<uint64_t, JobAccount> accounts_;
   std::map<FrameId, std::shared_ptr<OpenFrame>> open_frames_;
   std::deque<FrameId> to_deliver_;
-  std::vector<uint64_t> unsettled_jobs_;  // Ended, but not yet written down.
-  std::set<uint64_t> unsaved_failures_;   // Jobs with failures that are not yet written down.
-  absl::Status disk_status_;              // Of the last write.
+  // Live pilots, and when somebody last asked for them.
+  std::map<uint64_t, std::chrono::steady_clock::time_point> pilots_asked_;
+  std::vector<uint64_t> unsettled_jobs_;        // Ended, but not yet written down.
+  std::set<uint64_t> unsaved_failures_;         // Jobs with failures that are not yet written down.
+  absl::Status disk_status_;                    // Of the last write.
+  mutable std::set<FrameId> damaged_pictures_;  // Delivered, and to be made again.
+  mutable uint64_t pictures_damaged_ = 0;       // So far.
+
+  mutable VerifiedFiles pictures_;  // Delivered EXRs, by path.
+  // Of the background thread alone.
+  std::map<std::string, BlobDigest> lost_blobs_;  // That live jobs need, by digest.
+  SteadyTime next_lost_blobs_time_ = SteadyTime::InfinitePast();
 
   // One at a time writes down the end of jobs, so that who comes second waits until it is durable;
   // goes on with one; lets one wait; or removes parts of delivered frames.
   // Taken before mutex_.
   std::mutex settle_mutex_;
+
+  // One frame's memory is taken at a time. Taken before mutex_.
+  std::mutex prepare_mutex_;
 
   std::mutex reservation_mutex_;  // Guards reserved_.
   std::condition_variable reservation_released_;

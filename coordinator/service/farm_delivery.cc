@@ -6,7 +6,6 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "absl/time/clock.h"
 #include "common/base/cpu_clock.h"
 #include "common/base/log.h"
 #include "common/film/cryptomatte.h"
@@ -49,6 +48,12 @@ std::map<std::string, std::string> PictureMetadata(const FrameSpec& spec,
     metadata["similarityAfter"] = absl::StrCat(s.similarity_after);
     metadata["bias"] = "similarity";
   }
+  if (s.max_component_value != 0) {
+    metadata["maxComponentValue"] = absl::StrCat(s.max_component_value);
+    std::string& bias = metadata["bias"];
+    absl::StrAppend(&bias, bias.empty() ? "" : ", ", "clamped samples");
+  }
+  if (!s.sensor.empty()) metadata["sensor"] = s.sensor;
   if (s.primaries != Primaries::kSrgb) metadata["primaries"] = PrimariesName(s.primaries);
   if (s.white_balance_k != 0) metadata["whiteBalanceK"] = absl::StrCat(s.white_balance_k);
   return metadata;
@@ -67,7 +72,7 @@ void AddFindings(const DeliveredFrame& delivered, const FrameMerge& merge, Frame
 }  // namespace
 
 void Farm::RunBackground() {
-  absl::Time next_delivery = absl::InfinitePast();
+  SteadyTime next_delivery = SteadyTime::InfinitePast();
   while (true) {
     {
       std::unique_lock lock(background_mutex_);
@@ -80,16 +85,21 @@ void Farm::RunBackground() {
     bool disk_fine = true;
     {
       const std::lock_guard lock(mutex_);
-      changed = scheduler_.Tick(absl::Now());
+      changed = scheduler_.Tick(SteadyTime::Now());
+      CancelForgottenPilots();
       NoteEndedJobs();
       disk_fine = disk_status_.ok();
     }
     if (changed) Changed();
-    if (disk_fine || absl::Now() >= next_delivery) {
-      next_delivery = absl::Now() + kDeliveryRetryInterval;
+    if (disk_fine || SteadyTime::Now() >= next_delivery) {
+      next_delivery = SteadyTime::Now() + kDeliveryRetryInterval;
       SettleEndedJobs();
+      // Nobody else may write meanwhile, and so notice that there is space again.
+      if (!disk_fine) NoteDisk(store_->Probe());
+      HealPictures();
       DeliverFrames();
     }
+    HoldLostScenes();
     RefreshFrames();
   }
 }
@@ -101,7 +111,7 @@ void Farm::RefreshFrames() {
     frames.assign(open_frames_.begin(), open_frames_.end());
   }
   for (const auto& [id, frame] : frames) {
-    const absl::Time start = absl::Now();
+    const SteadyTime start = SteadyTime::Now();
     const double start_cpu_seconds = ThreadCpuSeconds();
     double relative_mse = 0;
     {
@@ -204,7 +214,7 @@ DeliveredFrame Farm::Account(const FrameId& id, const OpenFrame& frame) const {
   const FrameRecord& record = *scheduler_.FindFrame(id);
   delivered.sample_count = record.sample_count_done;
   delivered.cost = record.cost;
-  delivered.wall_duration = WallOf(id, absl::Now());
+  delivered.wall_duration = WallOf(id, SteadyTime::Now());
   if (const RoundRecord* last = LastRoundOf(id)) {
     delivered.relative_mse_upper = last->relative_mse_upper;
     delivered.stop_reason = last->stop_reason;
@@ -265,6 +275,7 @@ absl::Status Farm::DeliverFrame(const FrameId& id) {
     const absl::StatusOr<std::string> path = store_->OutputPath(id);
     if (!path.ok()) return path.status();
     if (absl::Status s = WritePicture(*picture, *path); !s.ok()) return s;
+    if (const auto state = StateOfFile(*path)) pictures_.Remember(*path, *state);
     KeepThumbnail(id, *picture);
   }
   if (absl::Status s = store_->DeliverFrame(id, delivered); !s.ok()) return s;

@@ -34,7 +34,8 @@ constexpr CounterName kCounterNames[] = {
     {"results_late", "Results accepted after their lease had ended.", &Counters::results_late},
     {"results_invalid", "Results that are no part of their key.", &Counters::results_invalid},
     {"parts_revoked", "Parts that were lost on disk and rendered again.", &Counters::parts_revoked},
-    {"workers_lost", "Workers that fell silent.", &Counters::workers_lost},
+    {"workers_lost", "Workers that fell silent without having said that they stop.",
+     &Counters::workers_lost},
     {"workers_quarantined", "Workers that were excluded.", &Counters::workers_quarantined},
     {"tasks_poisoned", "Tasks that failed for good.", &Counters::tasks_poisoned},
     {"samples_accepted", "Pixel samples of accepted results.", &Counters::samples_accepted},
@@ -42,6 +43,8 @@ constexpr CounterName kCounterNames[] = {
     {"nonfinite_samples", "Samples that were not finite; anything but 0 is a defect.",
      &Counters::nonfinite_samples},
     {"frames_delivered", "Frames whose EXR is written.", &Counters::frames_delivered},
+    {"scenes_lost", "Scenes of live jobs of which a file was found damaged or lost.",
+     &Counters::scenes_lost},
 };
 
 MetricView Gauge(const std::string& name, const std::string& help, double value) {
@@ -115,7 +118,7 @@ std::vector<MetricView> Farm::Metrics() const {
                        FailureKindName(static_cast<FailureKind>(kind)),
                        static_cast<double>(counters.failures[static_cast<size_t>(kind)])});
   }
-  std::array<int, 5> by_state{};
+  std::array<int, kWorkerStateCount> by_state{};
   for (const auto& [id, worker] : scheduler_.workers().workers()) {
     ++by_state[static_cast<size_t>(ViewOf(worker).state)];
   }
@@ -134,6 +137,9 @@ std::vector<MetricView> Farm::Metrics() const {
                          "job", absl::StrCat("jobs/", id), metric.value(curve)});
     }
   }
+  metrics.push_back({"sheaf_pictures_damaged_total",
+                     "Delivered EXRs that were altered or removed on disk: made again.",
+                     MetricView::Kind::kCounter, "", "", static_cast<double>(pictures_damaged_)});
   metrics.push_back(Gauge("leases_held", "Leases that workers hold now.",
                           static_cast<double>(scheduler_.leases().size())));
   metrics.push_back(Gauge("frames_open", "Frames between their first part and their delivery.",

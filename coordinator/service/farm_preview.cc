@@ -57,7 +57,7 @@ absl::StatusOr<Farm::ShownFrame> Farm::FindShown(const std::string& job_id,
     return absl::NotFoundError(
         absl::StrCat("jobs/", job_id, "/frames/", frame_number, ": there is no such frame"));
   }
-  shown.window = frame->spec.settings.window;
+  shown.window = frame->settings().window;
   shown.complete = frame->phase == FrameRecord::Phase::kDelivered;
   if (shown.complete) shown.version = kDeliveredPreviewVersion;
   if (const auto found = open_frames_.find(shown.id);
@@ -103,6 +103,7 @@ absl::StatusOr<PreviewView> Farm::Preview(const std::string& job_id, int32_t fra
   } else if (shown->complete) {
     const absl::StatusOr<std::string> path = store_->OutputPath(shown->id);
     if (!path.ok()) return path.status();
+    if (absl::Status s = CheckPicture(shown->id, *path); !s.ok()) return s;
     const absl::StatusOr<FramePicture> picture = ReadPicture(*path);
     if (!picture.ok()) return picture.status();
     copy = CopyChannels(*picture, channels);

@@ -105,7 +105,7 @@ absl::StatusOr<RefinementPrices> Farm::PriceRefinement(
     const size_t count = std::min(kPricedFramesMax, frame_count);
     for (size_t i = 0; i < count; ++i) {
       const size_t index = count == 1 ? 0 : i * (frame_count - 1) / (count - 1);
-      const FrameSpec& spec = job.frames[index].spec;
+      const FrameSpec spec = job.frames[index].Spec();
       samples_max = std::max(samples_max, spec.settings.samples);
       chosen.emplace_back(spec, delivered.at(spec.frame_number));
     }
@@ -117,7 +117,7 @@ absl::StatusOr<RefinementPrices> Farm::PriceRefinement(
       }
     }
     for (const auto& [id, other] : scheduler_.jobs()) {
-      if (other.phase == JobPhase::kLive && !other.Paused() &&
+      if (other.phase == JobPhase::kLive && !other.Paused() && !IsPilot(id) &&
           other.spec.priority >= job.spec.priority) {
         ++priced.jobs_before_count;
       }

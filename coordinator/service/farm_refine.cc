@@ -8,6 +8,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "common/base/log.h"
+#include "coordinator/core/job_check.h"
 #include "coordinator/service/farm.h"
 
 namespace sheaf::coordinator {
@@ -44,9 +45,9 @@ bool IsBeingRefined(const JobRecord& job, const Refinement& refinement) {
   if (job.phase != JobPhase::kLive) return false;
   return std::any_of(job.frames.begin(), job.frames.end(), [&](const FrameRecord& frame) {
     StopRule rule = refinement.stop;
-    rule.first_round_samples = frame.spec.stop.first_round_samples;
-    return frame.spec.stop == rule &&
-           (refinement.samples == 0 || frame.spec.settings.samples == refinement.samples);
+    rule.first_round_samples = frame.stop().first_round_samples;
+    return frame.stop() == rule &&
+           (refinement.samples == 0 || frame.settings().samples == refinement.samples);
   });
 }
 
@@ -73,8 +74,8 @@ absl::Status Farm::CheckRefinement(const JobRecord& job, const Refinement& refin
       return absl::InvalidArgumentError(absl::StrCat(
           refinement.samples, " samples are more than the limit of ", options_.limits.samples_max));
     }
-    const uint64_t samples = frame.spec.settings.samples;
-    if (frame.spec.stop.IsActive()) {
+    const uint64_t samples = frame.settings().samples;
+    if (frame.stop().IsActive()) {
       if (refinement.stop.IsActive()) continue;
       return absl::InvalidArgumentError(absl::StrCat(
           name,
@@ -83,8 +84,7 @@ absl::Status Farm::CheckRefinement(const JobRecord& job, const Refinement& refin
     }
     if (refinement.samples != 0 && refinement.samples < samples) {
       return absl::InvalidArgumentError(
-          absl::StrCat(name, " has ", samples, " samples already, more than the ",
-                       refinement.samples, " that it shall be refined to"));
+          absl::StrCat(name, " already has ", samples, " samples; choose more than ", samples));
     }
   }
   return absl::OkStatus();
@@ -99,28 +99,49 @@ absl::Status Farm::RefineJob(uint64_t job_id, const Refinement& refinement) {
     if (!found.ok()) return found.status();
     if (IsBeingRefined(**found, refinement)) return absl::OkStatus();
     if (absl::Status s = CheckRefinement(**found, refinement); !s.ok()) return s;
-    job.spec = (*found)->spec;
-    job.failures = (*found)->failures;
-    for (const FrameRecord& frame : (*found)->frames) job.spec.frames.push_back(frame.spec);
-    job.create_time = accounts_.at(job_id).create_time;
+    job = StoredJobOf(**found);
   }
+  absl::StatusOr<std::map<int32_t, std::vector<RoundRecord>>> rounds = RoundsOf(job_id);
+  if (!rounds.ok()) return rounds.status();
+  std::vector<JobStore::ReopenedFrame> reopened;
+  for (FrameSpec& frame : job.spec.frames) {
+    std::optional<JobStore::ReopenedFrame> refined =
+        Refined(frame, refinement, std::move((*rounds)[frame.frame_number]));
+    if (!refined) continue;
+    frame = refined->spec;
+    reopened.push_back(*std::move(refined));
+  }
+  if (reopened.empty()) return absl::OkStatus();  // It is good enough.
+  if (absl::Status s = CheckJobSpec(job.spec, options_.limits); !s.ok()) return s;
+  return ReopenFrames(std::move(job), reopened);
+}
+
+StoredJob Farm::StoredJobOf(const JobRecord& record) const {
+  StoredJob job;
+  job.spec = record.spec;
+  job.failures = record.failures;
+  for (const FrameRecord& frame : record.frames) job.spec.frames.push_back(frame.Spec());
+  job.create_time = accounts_.at(record.spec.job_id).create_time;
+  return job;
+}
+
+absl::StatusOr<std::map<int32_t, std::vector<RoundRecord>>> Farm::RoundsOf(uint64_t job_id) const {
   absl::StatusOr<std::vector<StoredRound>> stored = store_->LoadRounds(job_id, /*with_cells=*/true);
   if (!stored.ok()) return stored.status();
   std::map<int32_t, std::vector<RoundRecord>> rounds;
   for (StoredRound& round : *stored) rounds[round.frame_number].push_back(std::move(round.record));
-  std::vector<JobStore::ReopenedFrame> reopened;
+  return rounds;
+}
+
+absl::Status Farm::ReopenFrames(StoredJob job,
+                                const std::vector<JobStore::ReopenedFrame>& reopened) {
+  const uint64_t job_id = job.spec.job_id;
   std::set<int32_t> numbers;
-  for (FrameSpec& frame : job.spec.frames) {
-    std::optional<JobStore::ReopenedFrame> refined =
-        Refined(frame, refinement, std::move(rounds[frame.frame_number]));
-    if (!refined) continue;
-    frame = refined->spec;
-    numbers.insert(frame.frame_number);
-    reopened.push_back(*std::move(refined));
-  }
-  if (reopened.empty()) return absl::OkStatus();  // It is good enough.
   std::vector<FrameSpec> specs;
-  for (const JobStore::ReopenedFrame& frame : reopened) specs.push_back(frame.spec);
+  for (const JobStore::ReopenedFrame& frame : reopened) {
+    specs.push_back(frame.spec);
+    numbers.insert(frame.spec.frame_number);
+  }
   const absl::StatusOr<ResumedCounts> resumed = CountResumed(specs, job.spec.partition);
   if (!resumed.ok()) return resumed.status();
   absl::Status written = store_->ReopenJob(job_id, reopened);
@@ -134,7 +155,9 @@ absl::Status Farm::RefineJob(uint64_t job_id, const Refinement& refinement) {
   }
   const std::lock_guard lock(mutex_);
   JobAccount& account = accounts_.at(job_id);
+  account.job_wall_before = WallOfJob(scheduler_.jobs().at(job_id), account.ended);
   account.end_time = absl::InfiniteFuture();
+  account.ended = SteadyTime::InfiniteFuture();
   std::map<int32_t, absl::Duration> wall_before;
   for (const auto& [number, delivered] : account.delivered) {
     if (numbers.contains(number)) {

@@ -6,7 +6,6 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "absl/time/clock.h"
 #include "common/base/digest.h"
 #include "common/base/log.h"
 #include "common/film/exr_codec.h"
@@ -88,7 +87,7 @@ absl::StatusOr<ResultOutcome> Farm::AddResult(const ResultReport& report,
                                 report.lease_id);
     if (found.kind == Scheduler::FoundTask::Kind::kWanted) {
       numeric_profile = scheduler_.jobs().at(found.frame.job_id).spec.numeric_profile;
-      settings = scheduler_.FindFrame(found.frame)->spec.settings;
+      settings = scheduler_.FindFrame(found.frame)->settings();
     }
   }
   using Kind = Scheduler::FoundTask::Kind;
@@ -114,7 +113,7 @@ absl::Status Farm::RejectResult(const ResultReport& report, const std::string& w
     const std::lock_guard lock(mutex_);
     ++scheduler_.counters().results_invalid;
     scheduler_.Fail({report.lease_id, FailureKind::kInternal, "invalid result: " + why},
-                    report.worker_id, absl::Now());
+                    report.worker_id, SteadyTime::Now());
     NoteEndedJobs();
   }
   SettleEndedJobs();
@@ -157,6 +156,7 @@ absl::StatusOr<ResultOutcome> Farm::StoreResult(const ResultReport& report,
   absl::Status written = store_->WritePart(row, bytes);
   NoteDisk(written);
   if (!written.ok()) return written;
+  PrepareOpenFrame(found.frame);
   std::shared_ptr<OpenFrame> open;
   bool tile_complete = false;
   bool rendered = false;

@@ -10,7 +10,6 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "absl/time/clock.h"
 #include "common/base/check.h"
 #include "common/base/log.h"
 #include "coordinator/core/cell_errors.h"
@@ -41,18 +40,22 @@ uint64_t FewestSamples(const RoundRecord& record) {
 
 }  // namespace
 
-absl::Duration Farm::WallOf(const FrameId& id, absl::Time now) const {
-  const FrameRecord& record = *scheduler_.FindFrame(id);
+absl::Duration Farm::WallSince(uint64_t job_id, SteadyTime first_lease_time, SteadyTime now) const {
+  const SteadyTime until =
+      std::min({now, accounts_.at(job_id).ended, scheduler_.jobs().at(job_id).paused_time});
+  return first_lease_time < until ? until - first_lease_time : absl::ZeroDuration();
+}
+
+absl::Duration Farm::WallOf(const FrameId& id, SteadyTime now) const {
   const JobAccount& account = accounts_.at(id.job_id);
-  absl::Duration wall;
-  if (const auto before = account.wall_before.find(id.frame_number);
-      before != account.wall_before.end()) {
-    wall = before->second;
-  }
-  const absl::Time until =
-      std::min({now, account.end_time, scheduler_.jobs().at(id.job_id).paused_time});
-  if (record.first_lease_time < until) wall += until - record.first_lease_time;
-  return wall;
+  const auto before = account.wall_before.find(id.frame_number);
+  return (before == account.wall_before.end() ? absl::ZeroDuration() : before->second) +
+         WallSince(id.job_id, scheduler_.FindFrame(id)->first_lease_time, now);
+}
+
+absl::Duration Farm::WallOfJob(const JobRecord& job, SteadyTime now) const {
+  const uint64_t id = job.spec.job_id;
+  return accounts_.at(id).job_wall_before + WallSince(id, FirstLeaseTime(job), now);
 }
 
 RoundRecord Farm::RecordOf(const OpenFrame& frame, const FrameId& id,
@@ -65,7 +68,7 @@ RoundRecord Farm::RecordOf(const OpenFrame& frame, const FrameId& id,
   const FrameRecord& scheduled = *scheduler_.FindFrame(id);
   record.sample_count = scheduled.sample_count_done;
   record.cost = scheduled.cost;
-  record.wall_duration = WallOf(id, absl::Now());
+  record.wall_duration = WallOf(id, SteadyTime::Now());
   return record;
 }
 
@@ -171,7 +174,7 @@ const RoundRecord* Farm::LastRoundOf(const FrameId& id) const {
 
 void Farm::AddRoundMetadata(const FrameId& id, FramePicture* picture) const {
   const std::lock_guard lock(mutex_);
-  const FrameSpec& spec = scheduler_.FindFrame(id)->spec;
+  const FrameSpec spec = scheduler_.FindFrame(id)->Spec();
   const auto found = accounts_.at(id.job_id).rounds.find(id.frame_number);
   if (found == accounts_.at(id.job_id).rounds.end()) return;
   std::span<const RoundRecord> rounds(found->second);
@@ -197,6 +200,7 @@ absl::Status Farm::LoadRounds(const StoredJob& job) {
     std::vector<RoundRecord>& of_frame = account.rounds[round.frame_number];
     if (!of_frame.empty()) of_frame.back().cells.clear();
     account.wall_before[round.frame_number] = round.record.wall_duration;
+    account.job_wall_before = std::max(account.job_wall_before, round.record.wall_duration);
     if (live && !round.record.samples_next.empty()) {
       const FrameId id{job.spec.job_id, round.frame_number};
       const FrameRecord* frame = scheduler_.FindFrame(id);

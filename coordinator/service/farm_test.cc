@@ -4,6 +4,7 @@
 // What the farm promises of durability, held against a store that is slow on purpose.
 #include "coordinator/service/farm.h"
 
+#include <atomic>
 #include <condition_variable>
 #include <filesystem>
 #include <future>
@@ -18,10 +19,13 @@
 #include "common/base/digest.h"
 #include "common/film/exr_codec.h"
 #include "coordinator/store/sqlite_job_store.h"
+#include "gmock/gmock.h"
 #include "gtest/gtest.h"
 
 namespace sheaf::coordinator {
 namespace {
+
+using ::testing::HasSubstr;
 
 // Holds every EndJob and AddRound at the gate until it is opened; all else goes straight through.
 class GatedJobStore : public JobStore {
@@ -39,9 +43,9 @@ class GatedJobStore : public JobStore {
   }
 
   absl::Status EndJob(uint64_t job_id, JobPhase phase, const std::string& failure,
-                      absl::Time end_time) override {
+                      absl::Time end_time, absl::Duration wall) override {
     PassTheGate();
-    return store_->EndJob(job_id, phase, failure, end_time);
+    return store_->EndJob(job_id, phase, failure, end_time, wall);
   }
   absl::Status WriteFailures(uint64_t job_id, const FailureLog& failures) override {
     return store_->WriteFailures(job_id, failures);
@@ -64,8 +68,9 @@ class GatedJobStore : public JobStore {
     return store_->FindRequest(request_id);
   }
   absl::Status WritePart(const PartRow& row, const std::string& bytes) override {
-    return store_->WritePart(row, bytes);
+    return full_ ? Full() : store_->WritePart(row, bytes);
   }
+  absl::Status Probe() override { return full_ ? Full() : store_->Probe(); }
   absl::StatusOr<std::optional<PartRow>> FindPart(const PartKey& key) override {
     return store_->FindPart(key);
   }
@@ -108,7 +113,10 @@ class GatedJobStore : public JobStore {
   uint64_t PartsBytes() const override { return store_->PartsBytes(); }
   uint64_t FirstLeaseId() const override { return store_->FirstLeaseId(); }
 
+  std::atomic<bool> full_ = false;  // Whether the disk takes no parts.
+
  private:
+  static absl::Status Full() { return absl::ResourceExhaustedError("writing x: no space left"); }
   void PassTheGate() {
     std::unique_lock lock(mutex_);
     ++waiting_;
@@ -127,11 +135,16 @@ class GatedJobStore : public JobStore {
 class FarmTest : public testing::Test {
  protected:
   FarmTest() {
-    FarmOptions options;
-    options.state_directory = testing::TempDir() + "sheaf-farm-" +
-                              testing::UnitTest::GetInstance()->current_test_info()->name();
-    directory_ = options.state_directory;
+    directory_ = testing::TempDir() + "sheaf-farm-" +
+                 testing::UnitTest::GetInstance()->current_test_info()->name();
     std::filesystem::remove_all(directory_);
+    Start();
+  }
+  // Also again.
+  void Start() {
+    farm_.reset();
+    FarmOptions options;
+    options.state_directory = directory_;
     auto sqlite = SqliteJobStore::Open(directory_);
     SHEAF_CHECK(sqlite.ok());
     auto gated = std::make_unique<GatedJobStore>(*std::move(sqlite));
@@ -163,14 +176,16 @@ class FarmTest : public testing::Test {
     SHEAF_CHECK(job.ok());
     return *job;
   }
-  // Renders what there is to do, in grey that varies from sample to sample.
-  void Work() {
+  // Renders what there is to do, in grey that varies from sample to sample, in no less time.
+  void Work(absl::Duration time_min = absl::ZeroDuration(),
+            absl::StatusCode outcome = absl::StatusCode::kOk) {
     WorkerReport report;
     report.worker_id = report.host = "w";
     report.numeric_profile = NumericProfile();
     report.lease_count_wanted = 1;
     const auto answer = farm_->Synchronize(report);
     ASSERT_TRUE(answer.ok()) << answer.status();
+    absl::SleepFor(time_min);
     for (const LeaseGrant& grant : answer->leases) {
       const SampleBlock block = grant.lease.task.block;
       FilmTile tile(grant.lease.tile_rect, block);
@@ -194,7 +209,7 @@ class FarmTest : public testing::Test {
       result.lease_id = grant.lease.lease_id;
       result.worker_id = report.worker_id;
       result.digest = {Sha256Hex(bytes), bytes.size()};
-      EXPECT_TRUE(farm_->AddResult(result, bytes).ok());
+      EXPECT_EQ(farm_->AddResult(result, bytes).status().code(), outcome);
     }
   }
 
@@ -202,6 +217,25 @@ class FarmTest : public testing::Test {
   GatedJobStore* store_ = nullptr;
   std::unique_ptr<Farm> farm_;
 };
+
+// Also where no worker is left that tries again.
+TEST_F(FarmTest, JobsSayThatTheDiskIsFullAndGoOnByThemselves) {
+  store_->Open();
+  const std::string job = absl::StrCat(MakeJob({}));
+  store_->full_ = true;
+  Work(absl::ZeroDuration(), absl::StatusCode::kResourceExhausted);
+  EXPECT_FALSE(farm_->Ready().ok());
+  EXPECT_THAT(farm_->FindJob(job)->waiting_reason, HasSubstr("no space left"));
+  store_->full_ = false;
+  const SteadyTime deadline = SteadyTime::Now() + absl::Seconds(60);
+  while (!farm_->Ready().ok() && SteadyTime::Now() < deadline) {
+    absl::SleepFor(absl::Milliseconds(10));
+  }
+  EXPECT_TRUE(farm_->Ready().ok());
+  EXPECT_EQ(farm_->FindJob(job)->waiting_reason, "");
+  while (!farm_->FindJob(job)->frames[0].complete && SteadyTime::Now() < deadline) Work();
+  EXPECT_TRUE(farm_->FindJob(job)->frames[0].complete);
+}
 
 // Whoever cancels a job that somebody else is writing down as cancelled has no answer before that
 // is durable: after a power cut the job would be alive again, against what was said.
@@ -235,6 +269,57 @@ TEST_F(FarmTest, JobsCanBeLookedAtWhileARoundIsDecided) {
   const auto after = farm_->FindJob(job);
   ASSERT_EQ(after->frames[0].rounds.size(), 1u);
   EXPECT_GT(after->progress.sample_count_total, 16u * 256u);
+}
+
+// A rate is all samples over the time that they took, also in the life after.
+TEST_F(FarmTest, TheTimeOfARefinedJobIsThatOfAllItsSamples) {
+  store_->Open();
+  const uint64_t id = MakeJob({});
+  const std::string job = absl::StrCat(id);
+  const absl::Time deadline = absl::Now() + absl::Seconds(60);
+  const auto finish = [&](absl::Duration first_work_time) {
+    Work(first_work_time);
+    const auto view = [&] { return *farm_->FindJob(job); };
+    while (view().state != JobState::kSucceeded && absl::Now() < deadline) {
+      Work(absl::Milliseconds(2));  // The farm needs its lock as well.
+    }
+    EXPECT_EQ(view().state, JobState::kSucceeded);
+    EXPECT_GE(view().progress.wall_seconds, view().frames[0].progress.wall_seconds);
+    return view().progress.wall_seconds;
+  };
+  const double before = finish(absl::Milliseconds(300));
+  EXPECT_GE(before, 0.3);
+  ASSERT_TRUE(farm_->RefineJob(id, {{}, 512}).ok());
+  EXPECT_GE(farm_->FindJob(job)->progress.wall_seconds, before);
+  const double after = finish(absl::Milliseconds(100));
+  EXPECT_GE(after, before + 0.1);
+  Start();
+  store_->Open();
+  EXPECT_NEAR(farm_->FindJob(job)->progress.wall_seconds, after, 1e-6);
+  ASSERT_TRUE(farm_->RefineJob(id, {{}, 1024}).ok());
+  EXPECT_GE(finish(absl::ZeroDuration()), after);
+}
+
+// What is left is told by the time since the samples that were there already.
+TEST_F(FarmTest, TheTimeLeftOfARefinedJobIsByTheRateOfTheRefinement) {
+  store_->Open();
+  const uint64_t id = MakeJob({});
+  const std::string job = absl::StrCat(id);
+  const absl::Time deadline = absl::Now() + absl::Seconds(60);
+  Work(absl::Seconds(2));
+  while (farm_->FindJob(job)->state != JobState::kSucceeded && absl::Now() < deadline) {
+    Work(absl::Milliseconds(2));
+  }
+  ASSERT_TRUE(farm_->RefineJob(id, {{}, uint64_t{1} << 20}).ok());
+  const auto progress = [&] { return farm_->FindJob(job)->frames[0].progress; };
+  const uint64_t restored = progress().sample_count_done;
+  Work();
+  const ProgressView now = progress();
+  ASSERT_GT(now.sample_count_done, restored);
+  const auto share = static_cast<double>(now.sample_count_done - restored) /
+                     static_cast<double>(now.sample_count_total - now.sample_count_done);
+  // The first life's two seconds are no part of it.
+  EXPECT_LT(share * now.remaining_seconds, 1.5);
 }
 
 // A frame without a rule has a point at each doubling that is seen, and one at its end.

@@ -59,6 +59,8 @@ const char* WorkerStateName(WorkerState state) {
       return "lost";
     case WorkerState::kQuarantined:
       return "quarantined";
+    case WorkerState::kStopped:
+      return "stopped";
   }
   return "unknown";
 }

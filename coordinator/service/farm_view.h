@@ -5,6 +5,7 @@
 // side). It hides gRPC, protobuf and locks; every call returns a consistent copy.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <optional>
 #include <string>
@@ -38,7 +39,7 @@ struct ProgressView {
   uint64_t nonfinite_count = 0;
   uint64_t ray_count = 0;
   double cpu_seconds = 0;         // Of workers, on accepted results.
-  double wall_seconds = 0;        // Since the first lease.
+  double wall_seconds = 0;        // Since the first lease, refinements included.
   double remaining_seconds = -1;  // At the present rate; negative until it can be told.
 };
 
@@ -93,6 +94,7 @@ bool HasEnded(JobState state);
 
 struct JobView {
   std::string job_id;  // The resource name is "jobs/" + job_id.
+  bool pilot = false;  // Of a quote.
   std::string title;
   JobState state = JobState::kQueued;
   int32_t priority = 0;
@@ -116,8 +118,9 @@ struct JobView {
 void NotePictured(const FrameView& frame, JobView* job);
 
 // The states of proto Worker.State.
-enum class WorkerState { kIdle, kBusy, kDraining, kLost, kQuarantined };
-// Returns "idle", "busy", "draining", "lost" or "quarantined".
+enum class WorkerState { kIdle, kBusy, kDraining, kLost, kQuarantined, kStopped };
+inline constexpr size_t kWorkerStateCount = 6;
+// Returns "idle", "busy", "draining", "lost", "quarantined" or "stopped".
 const char* WorkerStateName(WorkerState state);
 
 // A lease that a worker holds.
@@ -188,7 +191,7 @@ class FarmView {
  public:
   virtual ~FarmView() = default;
 
-  // Newest first, without their frames.
+  // Newest first, without their frames and without pilots.
   virtual std::vector<JobView> ListJobs() const = 0;
   // With its frames. Errors: kNotFound.
   virtual absl::StatusOr<JobView> FindJob(const std::string& job_id) const = 0;

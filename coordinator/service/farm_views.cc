@@ -3,11 +3,11 @@
 //
 // The part of Farm that shows: consistent copies of what is.
 #include <algorithm>
+#include <iterator>
 #include <utility>
 
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
-#include "absl/time/clock.h"
 #include "coordinator/service/farm.h"
 
 namespace sheaf::coordinator {
@@ -15,9 +15,10 @@ namespace {
 
 double Seconds(absl::Duration duration) { return absl::ToDoubleSeconds(duration); }
 
-void EstimateRemaining(uint64_t done_since_start, ProgressView* progress) {
-  if (done_since_start == 0 || progress->wall_seconds <= 0) return;
-  const double rate = static_cast<double>(done_since_start) / progress->wall_seconds;
+// `wall` is the time that went into what was done since the start.
+void EstimateRemaining(uint64_t done_since_start, absl::Duration wall, ProgressView* progress) {
+  if (done_since_start == 0 || wall <= absl::ZeroDuration()) return;
+  const double rate = static_cast<double>(done_since_start) / Seconds(wall);
   progress->remaining_seconds =
       static_cast<double>(progress->sample_count_total - progress->sample_count_done) / rate;
 }
@@ -68,16 +69,20 @@ absl::Status NoSuchJob(const std::string& job_id) {
 
 }  // namespace
 
-FrameView Farm::ViewOf(const JobRecord& job, const FrameRecord& frame, absl::Time now) const {
+FrameView Farm::ViewOf(const JobRecord& job, const FrameRecord& frame, bool with_spec,
+                       SteadyTime now) const {
   FrameView view;
-  const FrameId id{job.spec.job_id, frame.spec.frame_number};
-  view.frame_number = frame.spec.frame_number;
-  view.scene_digest = frame.spec.scene.sha256_hex;
-  view.scene_size_bytes = frame.spec.scene.size_bytes;
-  view.frame_digest = frame.spec.frame_digest;
-  view.settings = frame.spec.settings;
-  view.stop = frame.spec.stop;
-  view.resumed = frame.spec.resumed;
+  const FrameId id{job.spec.job_id, frame.number()};
+  view.frame_number = frame.number();
+  if (with_spec) {
+    FrameSpec spec = frame.Spec();
+    view.scene_digest = std::move(spec.scene.sha256_hex);
+    view.scene_size_bytes = spec.scene.size_bytes;
+    view.frame_digest = std::move(spec.frame_digest);
+    view.settings = std::move(spec.settings);
+    view.stop = spec.stop;
+    view.resumed = std::move(spec.resumed);
+  }
   view.complete = frame.phase == FrameRecord::Phase::kDelivered;
   ProgressView& progress = view.progress;
   progress.sample_count_done = frame.sample_count_done;
@@ -114,40 +119,40 @@ FrameView Farm::ViewOf(const JobRecord& job, const FrameRecord& frame, absl::Tim
   if (job.phase == JobPhase::kLive && !job.Paused()) {
     EstimateRemaining(
         frame.sample_count_done - std::min(frame.sample_count_restored, frame.sample_count_done),
-        &progress);
+        WallSince(id.job_id, frame.first_lease_time, now), &progress);
   }
   return view;
 }
 
-JobView Farm::ViewOf(const JobRecord& job, bool with_frames, absl::Time now) const {
+JobView Farm::ViewOf(const JobRecord& job, bool with_frames, SteadyTime now) const {
   const JobAccount& account = accounts_.at(job.spec.job_id);
   JobView view;
   view.job_id = absl::StrCat(job.spec.job_id);
+  view.pilot = IsPilot(job.spec.job_id);
   view.title = job.spec.title;
   view.priority = job.spec.priority;
   view.numeric_profile = job.spec.numeric_profile;
   view.partition = job.spec.partition;
   view.failure = job.failure;
   view.waiting_reason = scheduler_.WaitingReason(job);
+  if (job.phase == JobPhase::kLive && !disk_status_.ok()) {
+    view.waiting_reason = absl::StrCat(WhyWritesWait(), "; results wait with their workers");
+  }
   view.create_time = account.create_time;
   view.end_time = account.end_time;
   view.failure_count = job.failures.count;
   view.frame_count = static_cast<int32_t>(job.frames.size());
   view.frame_complete_count = job.delivered_count;
   if (with_frames) view.effect_costs = job.spec.effect_costs;
-  absl::Time first_lease_time = absl::InfiniteFuture();
   uint64_t done_since_start = 0;
   for (const FrameRecord& frame : job.frames) {
-    FrameView of_frame = ViewOf(job, frame, now);
+    FrameView of_frame = ViewOf(job, frame, with_frames, now);
     AddProgress(of_frame.progress, &view.progress);
-    view.progress.wall_seconds =
-        std::max(view.progress.wall_seconds, of_frame.progress.wall_seconds);
-    first_lease_time = std::min(first_lease_time, frame.first_lease_time);
     done_since_start +=
         frame.sample_count_done - std::min(frame.sample_count_restored, frame.sample_count_done);
     NotePictured(of_frame, &view);
     if (!with_frames) continue;
-    const auto rounds = account.rounds.find(frame.spec.frame_number);
+    const auto rounds = account.rounds.find(frame.number());
     if (rounds != account.rounds.end()) {
       of_frame.rounds =
           ViewsOf({job.spec.job_id, of_frame.frame_number}, rounds->second, *round_previews_);
@@ -158,10 +163,10 @@ JobView Farm::ViewOf(const JobRecord& job, bool with_frames, absl::Time now) con
   if (progress.sample_count_done > 0) {
     progress.relative_mse /= static_cast<double>(progress.sample_count_done);
   }
-  const absl::Time until = std::min({now, account.end_time, job.paused_time});
-  if (first_lease_time < until) progress.wall_seconds = Seconds(until - first_lease_time);
+  progress.wall_seconds = Seconds(WallOfJob(job, now));
   if (job.phase == JobPhase::kLive && !job.Paused()) {
-    EstimateRemaining(done_since_start, &progress);
+    EstimateRemaining(done_since_start, WallSince(job.spec.job_id, FirstLeaseTime(job), now),
+                      &progress);
   }
   if (job.phase == JobPhase::kSucceeded) progress.remaining_seconds = 0;
   const bool begun =
@@ -170,13 +175,30 @@ JobView Farm::ViewOf(const JobRecord& job, bool with_frames, absl::Time now) con
   return view;
 }
 
-std::vector<JobView> Farm::ListJobs() const {
-  const std::lock_guard lock(mutex_);
-  const absl::Time now = absl::Now();
+std::vector<JobView> Farm::ListBelow(uint64_t job_id) const {
+  const SteadyTime now = SteadyTime::Now();
   std::vector<JobView> views;
-  for (auto it = scheduler_.jobs().rbegin(); it != scheduler_.jobs().rend(); ++it) {
+  const std::map<uint64_t, JobRecord>& jobs = scheduler_.jobs();
+  for (auto it = std::make_reverse_iterator(jobs.lower_bound(job_id)); it != jobs.rend(); ++it) {
     views.push_back(ViewOf(it->second, /*with_frames=*/false, now));
   }
+  return views;
+}
+
+std::vector<JobView> Farm::ListJobs() const {
+  const std::lock_guard lock(mutex_);
+  return ListBelow(kFirstPilotId);
+}
+
+std::vector<JobView> Farm::ListJobsAndPilots() const {
+  std::vector<JobView> views;
+  {
+    const std::lock_guard lock(mutex_);
+    views = ListBelow(UINT64_MAX);
+  }
+  std::stable_sort(views.begin(), views.end(), [](const JobView& a, const JobView& b) {
+    return a.create_time > b.create_time;
+  });
   return views;
 }
 
@@ -186,7 +208,7 @@ absl::StatusOr<JobView> Farm::FindJob(const std::string& job_id) const {
   const std::lock_guard lock(mutex_);
   const auto job = scheduler_.jobs().find(id);
   if (job == scheduler_.jobs().end()) return NoSuchJob(job_id);
-  return ViewOf(job->second, /*with_frames=*/true, absl::Now());
+  return ViewOf(job->second, /*with_frames=*/true, SteadyTime::Now());
 }
 
 absl::Status Farm::Ready() const {

@@ -6,6 +6,7 @@
 
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
+#include "absl/time/clock.h"
 #include "coordinator/core/render_command.h"
 #include "coordinator/service/farm.h"
 
@@ -15,6 +16,7 @@ namespace {
 WorkerState StateOf(const WorkerRecord& worker) {
   if (worker.Quarantined()) return WorkerState::kQuarantined;
   if (worker.lost) return WorkerState::kLost;
+  if (worker.Stopped()) return WorkerState::kStopped;
   if (worker.draining) return WorkerState::kDraining;
   return worker.leases.empty() ? WorkerState::kIdle : WorkerState::kBusy;
 }
@@ -22,6 +24,9 @@ WorkerState StateOf(const WorkerRecord& worker) {
 }  // namespace
 
 WorkerView Farm::ViewOf(const WorkerRecord& worker) const {
+  const SteadyTime now = SteadyTime::Now();
+  const absl::Time wall_now = absl::Now();
+  const auto stamp = [&](SteadyTime time) { return wall_now - (now - time); };
   WorkerView view;
   view.worker_id = worker.worker_id;
   view.host = worker.host;
@@ -31,19 +36,19 @@ WorkerView Farm::ViewOf(const WorkerRecord& worker) const {
   view.lease_count = static_cast<int32_t>(worker.leases.size());
   view.result_count = worker.result_count;
   view.samples_per_second = worker.SamplesPerThreadSecond() * worker.thread_count;
-  view.last_seen_time = worker.last_seen_time;
+  view.last_seen_time = stamp(worker.last_seen_time);
   view.reason = worker.quarantine_reason;
   for (const uint64_t id : worker.leases) {
     const Lease& lease = *scheduler_.leases().Find(id);
     view.leases.push_back(
-        {lease.frame, lease.tile_rect, lease.task.block, lease.phase, lease.grant_time});
+        {lease.frame, lease.tile_rect, lease.task.block, lease.phase, stamp(lease.grant_time)});
   }
   std::stable_sort(
       view.leases.begin(), view.leases.end(), [](const LeaseView& a, const LeaseView& b) {
         return (a.phase == LeasePhase::kRendering) > (b.phase == LeasePhase::kRendering);
       });
   view.leases.resize(std::min(view.leases.size(), kWorkerLeasesShownMax));
-  if (worker.lost) return view;  // What it had in its memory is nobody's now.
+  if (worker.lost || worker.Stopped()) return view;  // What it had in its memory is nobody's now.
   view.warm_scene_count = static_cast<int32_t>(worker.warm_scenes.size());
   for (const std::string& scene : worker.warm_scenes) {
     if (view.warm_scenes.size() >= kWorkerScenesShownMax) break;
@@ -80,7 +85,7 @@ absl::StatusOr<std::vector<FailureView>> Farm::ListFailures(const std::string& j
     const absl::StatusOr<const JobRecord*> job = FindRecord(is_number ? id : 0);
     if (!job.ok()) return job.status();
     for (const FailureRecord& failure : (*job)->failures.last) {
-      const FrameSpec& spec = scheduler_.FindFrame({id, failure.frame_number})->spec;
+      const FrameSpec spec = scheduler_.FindFrame({id, failure.frame_number})->Spec();
       found.push_back({failure, spec.settings, spec.scene.sha256_hex});
     }
   }

@@ -12,7 +12,7 @@ add_custom_command(OUTPUT ${page_source}
   COMMENT "Embedding the web page" VERBATIM)
 
 sheaf_add_module(NAME coordinator_http
-  HEADERS event_stream.h false_color.h http_api.h http_json.h http_message.h http_metrics.h http_page.h
+  HEADERS event_stream.h false_color.h http_api.h http_connection.h http_json.h http_message.h http_metrics.h http_page.h
           http_preview.h http_router.h http_server.h http_service.h http_watch.h picture_layer.h
   SOURCES event_stream.cc false_color.cc http_api.cc http_json.cc http_message.cc http_metrics.cc http_page.cc
           http_preview.cc http_refine.cc http_router.cc http_server.cc http_service.cc http_watch.cc picture_layer.cc

@@ -58,7 +58,7 @@ inline constexpr int kPageSizeMax = 1000;
 
 // What people may do to the farm through the page.
 struct FarmActions {
-  // Cancels a job; nothing happens to one that has ended. Errors: kNotFound.
+  // Cancels a job. Errors: kNotFound; kFailedPrecondition (it has ended).
   std::function<absl::Status(const std::string& job_id)> cancel_job;
   // The same of its pause, and of its priority, where kInvalidArgument is an error too.
   std::function<absl::Status(const std::string&job_id)> pause_job, resume_job;

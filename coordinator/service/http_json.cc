@@ -166,6 +166,8 @@ std::string FrameJson(const std::string& job_id, const FrameView& frame) {
       {"seed", settings.seed},
       {"one_sequence", settings.one_sequence},
       {"similarity_after_count", settings.similarity_after},
+      {"sensor", settings.sensor},
+      {"max_component_value", settings.max_component_value},
       {"pixel_stride_px", settings.lattice.All() ? 0 : settings.lattice.stride_px},
       {"complete", frame.complete},
       {"picture_digest", frame.picture_digest},
@@ -195,6 +197,7 @@ std::string WorkerJson(const WorkerView& worker) {
   for (const LeaseView& lease : worker.leases) {
     leases.push_back({
         {"frame_name", FrameName(absl::StrCat(lease.frame.job_id), lease.frame.frame_number)},
+        {"pilot", IsPilot(lease.frame.job_id)},
         {"tile", RectJson(lease.tile)},
         {"first_sample", lease.block.first},
         {"sample_count", lease.block.count},

@@ -30,15 +30,12 @@
 
 #include "absl/strings/str_cat.h"
 #include "common/base/log.h"
+#include "coordinator/service/http_connection.h"
 
 namespace sheaf::coordinator {
 namespace {
 
-namespace asio = boost::asio;
-namespace beast = boost::beast;
 namespace http = boost::beast::http;
-using asio::ip::tcp;
-using boost::system::error_code;
 
 // Pause after accept failed, for example for want of file descriptors.
 constexpr std::chrono::milliseconds kAcceptRetryDelay{100};
@@ -52,18 +49,6 @@ constexpr std::pair<const char*, const char*> kSecurityHeaders[] = {
     {"Content-Security-Policy",
      "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob:; "
      "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"},
-};
-
-// Counts one while it lives.
-class ScopedCount {
- public:
-  explicit ScopedCount(size_t* count) : count_(count) { ++*count_; }
-  ~ScopedCount() { --*count_; }
-  ScopedCount(const ScopedCount&) = delete;
-  ScopedCount& operator=(const ScopedCount&) = delete;
-
- private:
-  size_t* count_;
 };
 
 HttpRequest ToRequest(const http::request<http::string_body>& message) {
@@ -124,6 +109,12 @@ class HttpServer::Impl {
  private:
   asio::awaitable<void> Accept();
   asio::awaitable<void> Serve(tcp::socket socket);
+  // Counts the connection as half open, and closes the oldest of too many of its address.
+  void AwaitRequest(Connection* connection);
+  // Reads the first request of a connection, or a later one, within its deadlines.
+  asio::awaitable<error_code> ReadRequest(Connection* connection, beast::flat_buffer* buffer,
+                                          http::request_parser<http::string_body>* parser,
+                                          bool first);
   // Returns whether the connection can take another request.
   asio::awaitable<bool> Answer(beast::tcp_stream* stream, http::request<http::string_body> message);
   asio::awaitable<HttpResponse> RouteElsewhere(HttpRequest request);
@@ -142,6 +133,8 @@ class HttpServer::Impl {
   uint16_t port_ = 0;
   // Socket thread only.
   size_t connection_count_ = 0;
+  ConnectionList half_open_;  // Have not sent a whole request yet.
+  ConnectionList idle_;       // Between two requests.
   std::set<asio::steady_timer*> sleeping_;
   std::atomic<bool> wake_posted_ = false;
   // Destroyed in reverse order: the coroutines that io_ owns use everything above.
@@ -215,7 +208,10 @@ asio::awaitable<void> HttpServer::Impl::Accept() {
       continue;
     }
     // Over the limit the socket closes here: a queue of clients would only wait longer.
-    if (connection_count_ >= kHttpConnectionCountMax) continue;
+    if (connection_count_ >= kHttpConnectionCountMax && !DropOldest(half_open_) &&
+        !DropOldest(idle_)) {
+      continue;
+    }
     asio::co_spawn(io_, Serve(std::move(socket)), [](std::exception_ptr failure) {
       // What Beast throws (out of memory beside) concerns one connection, which is closed by now.
       if (failure) LogWarning("an HTTP connection was closed because of an unexpected error");
@@ -223,28 +219,59 @@ asio::awaitable<void> HttpServer::Impl::Accept() {
   }
 }
 
-asio::awaitable<void> HttpServer::Impl::Serve(tcp::socket socket) {
-  const ScopedCount count(&connection_count_);
-  beast::tcp_stream stream(std::move(socket));
+void HttpServer::Impl::AwaitRequest(Connection* connection) {
+  connection->MoveTo(&half_open_);
+  ConnectionList of_peer;
+  for (Connection* other : half_open_) {
+    if (other->peer == connection->peer) of_peer.push_back(other);
+  }
+  if (of_peer.size() > kHttpHalfOpenCountMax) DropOldest(of_peer);
+}
+
+asio::awaitable<error_code> HttpServer::Impl::ReadRequest(
+    Connection* connection, beast::flat_buffer* buffer,
+    http::request_parser<http::string_body>* parser, bool first) {
   error_code error;
-  stream.socket().set_option(tcp::no_delay(true), error);
+  const auto end = [&error] { return asio::redirect_error(asio::use_awaitable, error); };
+  beast::tcp_stream& stream = connection->stream;
+  if (!first && buffer->size() == 0) {
+    connection->MoveTo(&idle_);
+    stream.expires_after(kHttpIdleTimeout);
+    const size_t size =
+        co_await stream.async_read_some(buffer->prepare(kHttpHeaderBytesMax), end());
+    buffer->commit(size);
+  }
+  if (!error) {
+    AwaitRequest(connection);
+    stream.expires_after(kHttpHeadTimeout);
+    co_await http::async_read_header(stream, *buffer, *parser, end());
+  }
+  if (!error && !parser->is_done()) {
+    stream.expires_after(kHttpBodyTimeout);
+    co_await http::async_read(stream, *buffer, *parser, end());
+  }
+  connection->MoveTo(nullptr);
+  co_return error;
+}
+
+asio::awaitable<void> HttpServer::Impl::Serve(tcp::socket socket) {
+  Connection connection(std::move(socket), &connection_count_);
   beast::flat_buffer buffer(kHttpHeaderBytesMax + kHttpBodyBytesMax);
   bool keep_alive = true;
-  while (keep_alive) {
+  for (bool first = true; keep_alive; first = false) {
     http::request_parser<http::string_body> parser;
     parser.header_limit(kHttpHeaderBytesMax);
     parser.body_limit(kHttpBodyBytesMax);
-    stream.expires_after(kHttpIdleTimeout);
-    co_await http::async_read(stream, buffer, parser,
-                              asio::redirect_error(asio::use_awaitable, error));
+    const error_code error = co_await ReadRequest(&connection, &buffer, &parser, first);
     if (error) {
       std::optional<HttpResponse> refusal = ReadRefusal(error);
-      if (refusal) co_await Send(&stream, *std::move(refusal), false, false);
+      if (refusal) co_await Send(&connection.stream, *std::move(refusal), false, false);
       break;
     }
-    keep_alive = co_await Answer(&stream, parser.release());
+    keep_alive = co_await Answer(&connection.stream, parser.release());
   }
-  stream.socket().shutdown(tcp::socket::shutdown_send, error);
+  error_code ignored;
+  connection.stream.socket().shutdown(tcp::socket::shutdown_send, ignored);
 }
 
 asio::awaitable<bool> HttpServer::Impl::Answer(beast::tcp_stream* stream,

@@ -4,7 +4,7 @@
 // The HTTP port: sockets in, HttpRequest to the router, HttpResponse out, and server-sent events
 // for as many readers as like to watch. One thread does all sockets, so a reader costs memory, not
 // a thread; the router's functions run on one other thread, so that encoding a picture stops no
-// stream. The only door to Boost.Beast and Boost.Asio (in http_server.cc).
+// stream. The only door to Boost.Beast and Boost.Asio (in http_server.cc and http_connection.h).
 #pragma once
 
 #include <chrono>
@@ -21,10 +21,18 @@ namespace sheaf::coordinator {
 
 // Limits of the port. A request or client beyond one is refused, never queued.
 inline constexpr size_t kHttpConnectionCountMax = 512;
+// Connections of one address that have not sent a whole request. One more costs the oldest of them
+// its place; so does a new connection that finds all places taken, if need be that of one that is
+// idle between requests. What is being answered keeps its place.
+inline constexpr size_t kHttpHalfOpenCountMax = 64;
 inline constexpr uint32_t kHttpHeaderBytesMax = 16 * 1024;
 inline constexpr uint64_t kHttpBodyBytesMax = 64 * 1024;
-// From the end of one request to the last byte of the next.
+// From the end of one request to the first byte of the next.
 inline constexpr std::chrono::seconds kHttpIdleTimeout{60};
+// From a connection's begin, or a later request's first byte, to the end of the request's head; and
+// from there to its last byte.
+inline constexpr std::chrono::seconds kHttpHeadTimeout{5};
+inline constexpr std::chrono::seconds kHttpBodyTimeout{10};
 // In which a client must take some bytes of what is sent to it.
 inline constexpr std::chrono::seconds kHttpWriteTimeout{30};
 // A comment line keeps an event stream open and finds readers that went away.

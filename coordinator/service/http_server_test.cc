@@ -14,6 +14,7 @@
 #include <fstream>
 
 #include "absl/strings/str_cat.h"
+#include "absl/time/clock.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
 
@@ -157,6 +158,54 @@ TEST_F(HttpServerTest, ManyReadersOfEventsShareTheThreadWithRequests) {
   Client other(server_->port());
   other.Send(Get("/hello"));
   EXPECT_THAT(other.ReadUntil("hello"), StartsWith("HTTP/1.1 200 OK"));
+}
+
+TEST_F(HttpServerTest, HalfOpenRequestsTakeNobodysPlace) {
+  Client reader(server_->port()), idle(server_->port());
+  reader.Send(Get("/api/v1/events"));
+  reader.ReadUntil("retry: 2000\n\n");
+  idle.Send(Get("/hello"));
+  idle.ReadUntil("hello");
+  std::vector<std::unique_ptr<Client>> half_open;
+  for (int i = 0; i < 600; ++i) {
+    half_open.push_back(std::make_unique<Client>(server_->port()));
+    half_open.back()->Send(i % 2 == 0 ? "GET /hel" : "");
+  }
+  const absl::Time start = absl::Now();
+  Client other(server_->port());
+  other.Send(Get("/hello"));
+  EXPECT_THAT(other.ReadUntil("hello"), StartsWith("HTTP/1.1 200 OK"));
+  EXPECT_LT(absl::Now() - start, absl::Seconds(1));
+  // Those that were there before have kept their places.
+  idle.Send(Get("/hello"));
+  EXPECT_THAT(idle.ReadUntil("hello"), StartsWith("HTTP/1.1 200 OK"));
+  hub_.Publish({"job", "jobs/1", "{}"});
+  EXPECT_EQ(reader.ReadUntil("\n\n"), "event: job\ndata: {}\n\n");
+  // Half-open ones end soon, the newest by its deadline.
+  EXPECT_EQ(half_open.front()->ReadToClose(), "");
+  EXPECT_EQ(half_open.back()->ReadToClose(), "");
+  EXPECT_LT(absl::Now() - start, 2 * absl::FromChrono(kHttpHeadTimeout));
+}
+
+TEST_F(HttpServerTest, ConnectionsThatAreIdleMakeRoom) {
+  std::vector<std::unique_ptr<Client>> idle;
+  for (size_t i = 0; i < kHttpConnectionCountMax + 20; ++i) {
+    idle.push_back(std::make_unique<Client>(server_->port()));
+    ASSERT_TRUE(idle.back()->Send(Get("/hello")));
+    EXPECT_THAT(idle.back()->ReadUntil("hello"), StartsWith("HTTP/1.1 200 OK")) << i;
+  }
+  EXPECT_EQ(idle.front()->ReadToClose(), "");
+}
+
+TEST_F(HttpServerTest, ABodyThatDoesNotComeEndsTheConnection) {
+  Client client(server_->port());
+  client.Send("POST /hello HTTP/1.1\r\nHost: localhost\r\nContent-Length: 9\r\n\r\nhalf");
+  const absl::Time start = absl::Now();
+  Client other(server_->port());
+  other.Send(Get("/hello"));
+  EXPECT_THAT(other.ReadUntil("hello"), StartsWith("HTTP/1.1 200 OK"));
+  EXPECT_EQ(client.ReadToClose(), "");
+  EXPECT_LT(absl::Now() - start, absl::FromChrono(kHttpBodyTimeout) + absl::Seconds(5));
 }
 
 TEST_F(HttpServerTest, EventsAreForOurHostsOnly) {

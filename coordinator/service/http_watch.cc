@@ -10,6 +10,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
 #include "common/base/cpu_clock.h"
+#include "common/base/steady_time.h"
 #include "coordinator/service/http_json.h"
 
 namespace sheaf::coordinator {
@@ -99,9 +100,9 @@ void FarmWatcher::Run() {
     difference_.Publish(farm_);
     const absl::Duration took = absl::Seconds(ThreadCpuSeconds() - start_seconds);
     const absl::Duration rest = std::max(absl::FromChrono(kWatchInterval), took * kWatchRestFactor);
-    const absl::Time wake = absl::Now() + rest;
-    while (!stopping_ && absl::Now() < wake) {
-      absl::SleepFor(std::min(wake - absl::Now(), absl::FromChrono(kWatchWait)));
+    const SteadyTime wake = SteadyTime::Now() + rest;
+    while (!stopping_ && SteadyTime::Now() < wake) {
+      absl::SleepFor(std::min(wake - SteadyTime::Now(), absl::FromChrono(kWatchWait)));
     }
   }
 }

@@ -2,15 +2,17 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "coordinator/service/job_service.h"
 
+#include <algorithm>
 #include <fstream>
+#include <iterator>
 #include <set>
 #include <string>
 #include <vector>
 
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
-#include "absl/time/clock.h"
 #include "common/base/status.h"
+#include "common/base/steady_time.h"
 #include "common/rpc/channel.h"
 #include "common/rpc/grpc_status.h"
 #include "common/rpc/manifest_codec.h"
@@ -20,6 +22,7 @@ namespace sheaf::coordinator {
 absl::StatusOr<JobView> JobService::Find(const std::string& name) const {
   const absl::StatusOr<std::string> id = ParseJobName(name);
   if (!id.ok()) return id.status();
+  if (uint64_t number = 0; absl::SimpleAtoi(*id, &number)) farm_->NoteAsked(number);
   return farm_->FindJob(*id);
 }
 
@@ -97,25 +100,26 @@ grpc::Status JobService::GetJob(grpc::ServerContext* /*context*/, const v1::GetJ
 grpc::Status JobService::ListJobs(grpc::ServerContext* /*context*/,
                                   const v1::ListJobsRequest* request,
                                   v1::ListJobsResponse* response) {
-  uint64_t before = UINT64_MAX;
-  if (!request->page_token().empty() && !absl::SimpleAtoi(request->page_token(), &before)) {
-    return ToGrpcStatus(absl::InvalidArgumentError("page_token: not one of this service"));
-  }
   if (request->page_size() < 0 || request->page_size() > kJobPageSizeMax) {
     return ToGrpcStatus(absl::InvalidArgumentError(
         absl::StrCat("page_size: ", request->page_size(), " is outside 0 to ", kJobPageSizeMax)));
   }
   const int page_size = request->page_size() == 0 ? kJobPageSizeDefault : request->page_size();
-  for (const JobView& view : farm_->ListJobs()) {
-    uint64_t id = 0;
-    if (!absl::SimpleAtoi(view.job_id, &id) || id >= before) continue;
-    if (response->jobs_size() == page_size) {
-      response->set_next_page_token(
-          response->jobs(page_size - 1).name().substr(std::string("jobs/").size()));
-      break;
+  const std::vector<JobView> views =
+      request->with_pilots() ? farm_->ListJobsAndPilots() : farm_->ListJobs();
+  auto view = views.begin();
+  if (const std::string& token = request->page_token(); !token.empty()) {
+    view = std::find_if(views.begin(), views.end(),
+                        [&](const JobView& candidate) { return candidate.job_id == token; });
+    if (view == views.end()) {
+      return ToGrpcStatus(absl::InvalidArgumentError("page_token: not one of this service"));
     }
-    *response->add_jobs() = ToWire(view);
+    ++view;
   }
+  for (; view != views.end() && response->jobs_size() < page_size; ++view) {
+    *response->add_jobs() = ToWire(*view);
+  }
+  if (view != views.end()) response->set_next_page_token(std::prev(view)->job_id);
   return grpc::Status::OK;
 }
 
@@ -192,16 +196,16 @@ grpc::Status JobService::PriceRefinement(grpc::ServerContext* /*context*/,
 grpc::Status JobService::WatchJob(grpc::ServerContext* context, const v1::WatchJobRequest* request,
                                   grpc::ServerWriter<v1::Job>* writer) {
   std::string last;
-  absl::Time next_write = absl::InfinitePast();
+  SteadyTime next_write = SteadyTime::InfinitePast();
   while (!stopping_ && !context->IsCancelled()) {
     const uint64_t seen = farm_->ChangeCount(), ends_seen = farm_->EndCount();
     const absl::StatusOr<JobView> view = Find(request->name());
     if (!view.ok()) return ToGrpcStatus(view.status());
     const v1::Job job = ToWire(*view);
     std::string now = job.SerializeAsString();
-    if (now != last && (HasEnded(view->state) || absl::Now() >= next_write)) {
+    if (now != last && (HasEnded(view->state) || SteadyTime::Now() >= next_write)) {
       last = std::move(now);
-      next_write = absl::Now() + kWatchIntervalMin;
+      next_write = SteadyTime::Now() + kWatchIntervalMin;
       if (!writer->Write(job)) return grpc::Status::OK;  // The watcher has gone.
     }
     if (HasEnded(view->state)) return grpc::Status::OK;

@@ -6,14 +6,16 @@
 #include <pthread.h>
 #include <signal.h>
 
-#include <CLI/CLI.hpp>
 #include <cstdio>
 #include <cstdlib>
+#include <optional>
 #include <string>
 
 #include "absl/strings/str_cat.h"
 #include "common/base/file.h"
 #include "common/base/log.h"
+#include "common/command_line/command_line.h"
+#include "common/rpc/address.h"
 #include "common/scene/render_settings.h"
 #include "coordinator/service/coordinator_server.h"
 
@@ -35,7 +37,7 @@ std::string DefaultStateDirectory() {
 void AddOptions(CommandLine* line, CLI::App* app) {
   FarmOptions& farm = line->server.farm;
   farm.state_directory = DefaultStateDirectory();
-  line->server.listen_address = "127.0.0.1:7400";
+  line->server.listen_address = kCoordinatorAddress;
   line->server.http_address = "127.0.0.1:7480";
   app->add_option("--listen", line->server.listen_address,
                   "Where gRPC listens; port 0: any free one")
@@ -120,11 +122,11 @@ int Main(int argc, char** argv) {
       "sheaf-coordinator");
   AddOptions(&line, &app);
   app.footer("Example:\n  sheaf-coordinator --state-dir /var/lib/sheaf --listen 127.0.0.1:7400");
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? 0 : 2;
-  }
+  app.set_version_flag("--version", "sheaf-coordinator " SHEAF_VERSION);
+  const auto report = [](const std::string& text) {
+    std::fprintf(stderr, "sheaf-coordinator: %s\n", text.c_str());
+  };
+  if (const std::optional<int> code = ParseCommandLine(&app, argc, argv, report)) return *code;
   // Our own errors are one line each; gRPC's internal ones beside them help nobody.
   setenv("GRPC_VERBOSITY", "NONE", /*replace=*/0);
   SetLogName("sheaf-coordinator");

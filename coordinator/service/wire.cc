@@ -8,6 +8,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
 #include "common/base/digest.h"
+#include "common/base/printable.h"
 #include "common/rpc/settings_codec.h"
 
 namespace sheaf::coordinator {
@@ -21,10 +22,17 @@ absl::Status Invalid(const std::string& field, const std::string& why) {
   return absl::InvalidArgumentError(absl::StrCat(field, ": ", why));
 }
 
+absl::Status CheckNoControls(const std::string& field, const std::string& text) {
+  const size_t at = FindUnprintable(text);
+  if (at == std::string::npos) return absl::OkStatus();
+  return Invalid(field, absl::StrCat("has a control character at byte ", at, ", \"",
+                                     Printable(text), "\"; leave it out"));
+}
+
 absl::Status CheckText(const std::string& field, const std::string& text, size_t bytes_max) {
   if (text.empty()) return Invalid(field, "is empty");
-  if (text.size() > bytes_max) return Invalid(field, absl::StrCat("is longer than ", bytes_max));
-  return absl::OkStatus();
+  if (text.size() > bytes_max) return Invalid(field, absl::StrCat("is over ", bytes_max, " bytes"));
+  return CheckNoControls(field, text);
 }
 
 Partition FromWire(const v1::Partition& wire) {
@@ -174,6 +182,8 @@ v1::Worker::State ToWire(WorkerState state) {
       return v1::Worker::STATE_LOST;
     case WorkerState::kQuarantined:
       return v1::Worker::STATE_QUARANTINED;
+    case WorkerState::kStopped:
+      return v1::Worker::STATE_STOPPED;
   }
   return v1::Worker::STATE_UNSPECIFIED;
 }
@@ -246,6 +256,7 @@ absl::StatusOr<JobSpec> FromWire(const v1::CreateJobRequest& request) {
   if (status.ok()) status = CheckText("title", request.title(), kTitleBytesMax);
   if (!status.ok()) return status;
   JobSpec spec;
+  spec.pilot = request.pilot();
   spec.title = request.title();
   spec.priority = request.priority();
   spec.partition = FromWire(request.partition());
@@ -306,7 +317,10 @@ absl::StatusOr<WorkerReport> FromWire(const v1::SynchronizeRequest& request) {
   report.thread_count = request.thread_count();
   report.lease_count_wanted = request.lease_count_wanted();
   report.draining = request.draining();
-  report.warm_scenes.assign(request.warm_scenes().begin(), request.warm_scenes().end());
+  for (const std::string& scene : request.warm_scenes()) {
+    if (!IsSha256Hex(scene)) return Invalid("warm_scenes", "has what is not a SHA-256");
+    report.warm_scenes.push_back(scene);
+  }
   report.scene_memory_bytes = request.scene_memory_bytes();
   for (const v1::LeaseState& lease : request.leases()) {
     const absl::StatusOr<LeasePhase> phase = FromWire(lease.phase());
@@ -316,8 +330,8 @@ absl::StatusOr<WorkerReport> FromWire(const v1::SynchronizeRequest& request) {
   for (const v1::LeaseFailure& failure : request.failures()) {
     const absl::StatusOr<FailureKind> kind = FromWire(failure.kind());
     if (!kind.ok()) return kind.status();
-    report.failures.push_back(
-        {failure.lease_id(), *kind, failure.message().substr(0, kFailureTextBytesMax)});
+    const std::string text = Printable(failure.message(), kFailureTextBytesMax);
+    report.failures.push_back({failure.lease_id(), *kind, text});
   }
   return report;
 }
@@ -334,6 +348,8 @@ absl::StatusOr<ResultReport> FromWire(const v1::ResultHeader& header) {
   if (!why_no_cells.empty()) return Invalid("key.cells", why_no_cells);
   report.lease_id = header.lease_id();
   report.worker_id = header.worker_id();
+  absl::Status named = CheckText("worker_id", report.worker_id, kWorkerTextBytesMax);
+  if (!named.ok()) return named;
   absl::StatusOr<BlobDigest> digest = FromWire(header.digest());
   if (!digest.ok()) return Invalid("digest", std::string(digest.status().message()));
   report.digest = *std::move(digest);
@@ -341,12 +357,18 @@ absl::StatusOr<ResultReport> FromWire(const v1::ResultHeader& header) {
   report.cpu_duration = absl::Seconds(header.cpu_duration().seconds()) +
                         absl::Nanoseconds(header.cpu_duration().nanos());
   if (report.cpu_duration < absl::ZeroDuration()) return Invalid("cpu_duration", "is negative");
+  if (report.cpu_duration > kResultCpuMax)
+    return Invalid("cpu_duration", "is longer than 100 years");
+  if (report.ray_count > kResultRaysMax) {
+    return Invalid("ray_count", absl::StrCat("is larger than ", kResultRaysMax));
+  }
   return report;
 }
 
 v1::Job ToWire(const JobView& view) {
   v1::Job wire;
   wire.set_name("jobs/" + view.job_id);
+  wire.set_pilot(view.pilot);
   wire.set_title(view.title);
   wire.set_state(ToWire(view.state));
   for (const FrameView& frame : view.frames) *wire.add_frames() = ToWire(wire.name(), frame);

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "absl/strings/str_cat.h"
+#include "common/base/printable.h"
 #include "coordinator/service/wire.h"
 
 namespace sheaf::coordinator {
@@ -25,7 +26,7 @@ absl::StatusOr<EffectCost> FromWire(const v1::EffectCost& wire) {
   for (const std::string& text : {wire.name(), wire.problem(), wire.without()}) {
     if (text.size() <= kEffectTextBytesMax) continue;
     return absl::InvalidArgumentError(
-        absl::StrCat("effect_costs: a text is longer than ", kEffectTextBytesMax));
+        absl::StrCat("effect_costs: a text is longer than ", kEffectTextBytesMax, " bytes"));
   }
   for (const double number :
        {wire.time_share(), wire.time_share_error(), wire.mean_change(), wire.mean_change_error(),
@@ -33,15 +34,9 @@ absl::StatusOr<EffectCost> FromWire(const v1::EffectCost& wire) {
     if (!std::isfinite(number))
       return absl::InvalidArgumentError("effect_costs: a number is not finite");
   }
-  return EffectCost{wire.name(),
-                    wire.problem(),
-                    wire.without(),
-                    wire.time_share(),
-                    wire.time_share_error(),
-                    wire.mean_change(),
-                    wire.mean_change_error(),
-                    wire.relative_mse(),
-                    wire.variance_ratio()};
+  return EffectCost{Printable(wire.name()),   Printable(wire.problem()), Printable(wire.without()),
+                    wire.time_share(),        wire.time_share_error(),   wire.mean_change(),
+                    wire.mean_change_error(), wire.relative_mse(),       wire.variance_ratio()};
 }
 
 v1::EffectCost ToWire(const EffectCost& effect) {

@@ -70,6 +70,7 @@ struct StoredJob {
   FailureLog failures;
   absl::Time create_time;
   absl::Time end_time = absl::InfiniteFuture();
+  absl::Duration wall_duration;        // As it last ended; 0 where it has not, or is not known.
   std::vector<StoredFrame> delivered;  // Ascending by number.
 };
 
@@ -99,7 +100,7 @@ class JobStore {
                                                absl::Time create_time) = 0;
   virtual absl::StatusOr<std::optional<uint64_t>> FindRequest(const std::string& request_id) = 0;
   virtual absl::Status EndJob(uint64_t job_id, JobPhase phase, const std::string& failure,
-                              absl::Time end_time) = 0;
+                              absl::Time end_time, absl::Duration wall) = 0;
   // Replaces what is stored of the job's failures.
   virtual absl::Status WriteFailures(uint64_t job_id, const FailureLog& failures) = 0;
   // Ending a job ends its pause too.
@@ -147,6 +148,9 @@ class JobStore {
 
   // The frame that has been delivered for longest and still has parts; none where there is none.
   virtual absl::StatusOr<std::optional<FrameId>> OldestDeliveredWithParts() = 0;
+
+  // Writes what is of no use, and removes it, to find out whether the disk takes writes (again).
+  virtual absl::Status Probe() = 0;
 
   // Bytes of all parts on disk.
   virtual uint64_t PartsBytes() const = 0;

@@ -10,6 +10,7 @@
 #include <string_view>
 
 #include "absl/status/statusor.h"
+#include "absl/time/time.h"
 #include "coordinator/store/durability.h"
 
 struct sqlite3;
@@ -18,10 +19,12 @@ struct sqlite3_stmt;
 namespace sheaf::coordinator {
 
 // A prepared statement. Binding and reading are by position: parameters from 1, columns from 0.
+// What could not be prepared or bound is an error of Step.
 // Thread safety: as of its database, one thread at a time.
 class SqliteStatement {
  public:
-  SqliteStatement(sqlite3* database, sqlite3_stmt* statement);
+  // statement: null where `prepared` is an error.
+  SqliteStatement(sqlite3* database, sqlite3_stmt* statement, absl::Status prepared);
   ~SqliteStatement();
   SqliteStatement(SqliteStatement&& other) noexcept;
   SqliteStatement& operator=(SqliteStatement&&) = delete;
@@ -35,7 +38,8 @@ class SqliteStatement {
   SqliteStatement& BindBytes(std::string_view bytes);
 
   // Returns true where a row is there, false at the end.
-  // Errors: kAlreadyExists (a key is there already), kResourceExhausted (disk full), kUnavailable.
+  // Errors: kAlreadyExists (a key is there already), kResourceExhausted (disk full), kDataLoss (the
+  // database is damaged), kUnavailable.
   absl::StatusOr<bool> Step();
   // Steps to the end and ignores rows.
   absl::Status Run();
@@ -47,9 +51,11 @@ class SqliteStatement {
 
  private:
   void Rewind();
+  void NoteBound(int result);
 
   sqlite3* database_;
   sqlite3_stmt* statement_;
+  absl::Status status_;  // Of what came before Step.
   int bound_count_ = 0;
   bool stepped_ = false;
 };
@@ -58,7 +64,7 @@ class SqliteStatement {
 class SqliteDatabase {
  public:
   // Opens or makes the file, in WAL mode.
-  // Errors: kUnavailable, kPermissionDenied, kResourceExhausted, with the path.
+  // Errors: kUnavailable, kPermissionDenied, kResourceExhausted, with the path; kDataLoss.
   static absl::StatusOr<std::unique_ptr<SqliteDatabase>> Open(
       const std::string& path, Durability durability = Durability::kPowerLoss);
   ~SqliteDatabase();
@@ -67,8 +73,10 @@ class SqliteDatabase {
 
   // Runs statements separated by semicolons.
   absl::Status Execute(const std::string& sql);
-  // Requires: the SQL is ours and right, so it compiles; SHEAF_CHECKed.
   SqliteStatement Prepare(const std::string& sql);
+  // Whether the file is whole, as far as that can be told in the time; a large one is looked at in
+  // part. Errors: kDataLoss.
+  absl::Status Check(absl::Duration time_max);
   int64_t LastInsertId() const;
 
  private:

@@ -2,11 +2,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "coordinator/store/sqlite_job_store.h"
 
-#include <fcntl.h>
-#include <sys/file.h>
-#include <unistd.h>
-
-#include <cerrno>
 #include <filesystem>
 #include <map>
 #include <set>
@@ -20,30 +15,11 @@
 #include "common/base/check.h"
 #include "common/base/digest.h"
 #include "common/base/file.h"
-#include "common/base/status.h"
 #include "coordinator/store/part_rows.h"
-#include "coordinator/store/sqlite_schema.h"
 #include "coordinator/store/stored_times.h"
 
 namespace sheaf::coordinator {
 namespace {
-
-// Lease ids of one life lie below those of the next; no life grants so many.
-constexpr int kLeaseIdBitsPerLife = 40;
-
-// Takes the lock that keeps a second coordinator away. The system releases it when the process
-// ends.
-absl::StatusOr<int> LockDirectory(const std::string& directory) {
-  const std::string path = directory + "/lock";
-  const int fd = ::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644);
-  if (fd < 0) return StatusFromErrno(errno, path);
-  if (::flock(fd, LOCK_EX | LOCK_NB) == 0) return fd;
-  const int error = errno;
-  ::close(fd);
-  if (error != EWOULDBLOCK) return StatusFromErrno(error, path);
-  return absl::FailedPreconditionError(
-      directory + ": another coordinator uses this state directory; stop it or choose another one");
-}
 
 // "caustic 12 direct 3": names of layers have no spaces.
 std::string FormatLayers(const std::vector<LayerCount>& counts) {
@@ -63,43 +39,6 @@ std::vector<LayerCount> ParseLayers(const std::string& text) {
 }
 
 }  // namespace
-
-absl::StatusOr<std::unique_ptr<SqliteJobStore>> SqliteJobStore::Open(const std::string& directory,
-                                                                     Durability durability) {
-  for (const std::string sub : {"", "/parts", "/outputs"}) {
-    if (absl::Status status = MakeDirectories(directory + sub); !status.ok()) return status;
-  }
-  const absl::StatusOr<int> lock = LockDirectory(directory);
-  if (!lock.ok()) return lock.status();
-  std::unique_ptr<SqliteJobStore> store(new SqliteJobStore(directory, durability, *lock));
-  if (absl::Status status = store->Initialize(); !status.ok()) return status;
-  return store;
-}
-
-SqliteJobStore::~SqliteJobStore() {
-  database_.reset();
-  ::close(lock_fd_);
-}
-
-absl::Status SqliteJobStore::Initialize() {
-  absl::StatusOr<std::unique_ptr<SqliteDatabase>> database =
-      SqliteDatabase::Open(directory_ + "/farm.db", durability_);
-  if (!database.ok()) return database.status();
-  database_ = std::move(*database);
-  if (absl::Status status = MigrateSchema(database_.get(), directory_ + "/farm.db"); !status.ok())
-    return status;
-  absl::Status status = database_->Execute("UPDATE meta SET value = value + 1 WHERE key = 'lives'");
-  if (!status.ok()) return status;
-  SqliteStatement lives = database_->Prepare("SELECT value FROM meta WHERE key = 'lives'");
-  const absl::StatusOr<bool> row = lives.Step();
-  if (!row.ok()) return row.status();
-  first_lease_id_ = static_cast<uint64_t>(lives.Int64(0)) << kLeaseIdBitsPerLife;
-  SqliteStatement bytes = database_->Prepare("SELECT COALESCE(SUM(size_bytes), 0) FROM parts");
-  const absl::StatusOr<bool> sum = bytes.Step();
-  if (!sum.ok()) return sum.status();
-  parts_bytes_ = static_cast<uint64_t>(bytes.Int64(0));
-  return absl::OkStatus();
-}
 
 std::string SqliteJobStore::FrameDirectory(const FrameId& frame) const {
   return absl::StrCat(directory_, "/parts/", frame.job_id, "/", frame.frame_number);
@@ -122,7 +61,8 @@ absl::Status SqliteJobStore::LoadFrames(StoredJob* job) {
       "white_balance_k, one_sequence, similarity_after, target_error, time_max_ns, cpu_max_ns, "
       "sample_count, part_bytes, relative_mse_upper, stop_reason, first_round_samples, "
       "tile_count, unreliable_tile_count, pixel_stride_px, flip, resumed_sha256, resumed_bytes, "
-      "unreliable_layers, one_sequence_gain FROM frames WHERE job_id = ? "
+      "unreliable_layers, one_sequence_gain, sensor, max_component_value FROM frames WHERE job_id "
+      "= ? "
       "ORDER BY frame_number");
   query.Bind(job->spec.job_id);
   while (true) {
@@ -134,6 +74,9 @@ absl::Status SqliteJobStore::LoadFrames(StoredJob* job) {
     frame.frame_number = edge(0);
     frame.scene = {query.Text(1), static_cast<uint64_t>(query.Int64(2))};
     frame.frame_digest = query.Text(3);
+    if (!IsSha256Hex(frame.scene.sha256_hex) || !IsSha256Hex(frame.frame_digest)) {
+      return absl::DataLossError("a stored frame has a digest that is none");
+    }
     frame.resumed = {query.Text(40), static_cast<uint64_t>(query.Int64(41))};
     FrameSettings& s = frame.settings;
     s.width_px = edge(4);
@@ -146,12 +89,16 @@ absl::Status SqliteJobStore::LoadFrames(StoredJob* job) {
     s.color = static_cast<ColorTransport>(query.Int64(21));
     s.single_scattering = query.Int64(22) != 0;
     absl::StatusOr<FilmOutputs> outputs = ParseOutputs(query.Text(23));
-    if (!outputs.ok()) return Annotate(outputs.status(), "a stored frame");
+    if (!outputs.ok()) {
+      return absl::DataLossError(absl::StrCat("a stored frame: ", outputs.status().message()));
+    }
     s.outputs = *std::move(outputs);
     s.primaries = static_cast<Primaries>(query.Int64(24));
     s.white_balance_k = static_cast<float>(query.Double(25));
     s.one_sequence = query.Int64(26) != 0;
     s.similarity_after = edge(27);
+    s.sensor = query.Text(44);
+    s.max_component_value = static_cast<float>(query.Double(45));
     if (const int32_t stride_px = edge(38); stride_px != 1) s.lattice = {stride_px, s.seed};
     frame.stop = {query.Double(28), DurationFromNanoseconds(query.Int64(29)),
                   DurationFromNanoseconds(query.Int64(30)), static_cast<uint64_t>(query.Int64(35))};
@@ -180,12 +127,18 @@ absl::Status SqliteJobStore::LoadFrames(StoredJob* job) {
 
 absl::StatusOr<std::vector<StoredJob>> SqliteJobStore::LoadJobs() {
   const std::lock_guard lock(database_mutex_);
+  absl::StatusOr<std::vector<StoredJob>> jobs = ReadJobs();
+  if (!jobs.ok()) return Explained(jobs.status());
+  return jobs;
+}
+
+absl::StatusOr<std::vector<StoredJob>> SqliteJobStore::ReadJobs() {
   std::vector<StoredJob> jobs;
   SqliteStatement query = database_->Prepare(
       "SELECT job_id, request_id, title, priority, numeric_profile, tile_size_px, "
       "pass_sample_count, "
-      "lease_pass_count, phase, failure, create_ns, end_ns, paused, failure_count, cell_size_px "
-      "FROM jobs "
+      "lease_pass_count, phase, failure, create_ns, end_ns, paused, failure_count, cell_size_px, "
+      "wall_ns FROM jobs "
       "ORDER BY job_id");
   while (true) {
     const absl::StatusOr<bool> row = query.Step();
@@ -206,6 +159,7 @@ absl::StatusOr<std::vector<StoredJob>> SqliteJobStore::LoadJobs() {
     job.end_time = FromNanoseconds(query.Int64(11));
     job.paused = query.Int64(12) != 0;
     job.failures.count = query.Int64(13);
+    job.wall_duration = DurationFromNanoseconds(query.Int64(15));
     jobs.push_back(std::move(job));
   }
   for (StoredJob& job : jobs) {
@@ -284,10 +238,13 @@ absl::StatusOr<JobStore::CreatedJob> SqliteJobStore::CreateJob(const JobSpec& sp
   const auto insert = [&]() -> absl::StatusOr<CreatedJob> {
     absl::Status status =
         database_
-            ->Prepare(
-                "INSERT INTO jobs(request_id, title, priority, numeric_profile, tile_size_px, "
-                "pass_sample_count, lease_pass_count, cell_size_px, phase, failure, create_ns, "
-                "end_ns) VALUES(?,?,?,?,?,?,?,?,0,'',?,?)")
+            ->Prepare(absl::StrCat(
+                "INSERT INTO jobs(job_id, request_id, title, priority, numeric_profile, "
+                "tile_size_px, pass_sample_count, lease_pass_count, cell_size_px, phase, failure, "
+                "create_ns, end_ns) SELECT COALESCE(MAX(job_id) + 1, ",
+                spec.pilot ? kFirstPilotId : 1,
+                "), ?,?,?,?,?,?,?,?,0,'',?,? FROM jobs WHERE job_id ", spec.pilot ? ">=" : "<",
+                kFirstPilotId))
             .Bind(request_id)
             .Bind(spec.title)
             .Bind(spec.priority)
@@ -301,50 +258,8 @@ absl::StatusOr<JobStore::CreatedJob> SqliteJobStore::CreateJob(const JobSpec& sp
             .Run();
     if (!status.ok()) return status;
     const CreatedJob created{static_cast<uint64_t>(database_->LastInsertId()), true};
-    SqliteStatement frames = database_->Prepare(
-        "INSERT INTO frames(job_id, frame_number, scene_sha256, scene_bytes, frame_digest, "
-        "width_px, "
-        "height_px, x0, y0, x1, y1, samples, max_depth, seed, force_generic, color, "
-        "single_scattering, outputs, primaries, white_balance_k, one_sequence, similarity_after, "
-        "target_error, time_max_ns, cpu_max_ns, first_round_samples, pixel_stride_px, "
-        "resumed_sha256, resumed_bytes) "
-        "VALUES(?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?)");
-    for (const FrameSpec& frame : spec.frames) {
-      const FrameSettings& s = frame.settings;
-      status = frames.Bind(created.job_id)
-                   .Bind(frame.frame_number)
-                   .Bind(frame.scene.sha256_hex)
-                   .Bind(frame.scene.size_bytes)
-                   .Bind(frame.frame_digest)
-                   .Bind(s.width_px)
-                   .Bind(s.height_px)
-                   .Bind(s.window.x0)
-                   .Bind(s.window.y0)
-                   .Bind(s.window.x1)
-                   .Bind(s.window.y1)
-                   .Bind(s.samples)
-                   .Bind(s.max_depth)
-                   .Bind(s.seed)
-                   .Bind(s.force_generic_variant ? 1 : 0)
-                   .Bind(static_cast<int32_t>(s.color))
-                   .Bind(s.single_scattering ? 1 : 0)
-                   .Bind(FormatOutputs(s.outputs))
-                   .Bind(static_cast<int32_t>(s.primaries))
-                   .Bind(double{s.white_balance_k})
-                   .Bind(s.one_sequence ? 1 : 0)
-                   .Bind(s.similarity_after)
-                   .Bind(frame.stop.target_error)
-                   .Bind(ToNanoseconds(frame.stop.time_max))
-                   .Bind(ToNanoseconds(frame.stop.cpu_max))
-                   .Bind(frame.stop.first_round_samples)
-                   .Bind(s.lattice.stride_px)
-                   .Bind(frame.resumed.sha256_hex)
-                   .Bind(frame.resumed.size_bytes)
-                   .Run();
-      if (!status.ok()) return status;
-    }
-    status = InsertEffects(created.job_id, spec.effect_costs);
-    if (!status.ok()) return status;
+    if (status = InsertFrames(created.job_id, spec.frames); !status.ok()) return status;
+    if (status = InsertEffects(created.job_id, spec.effect_costs); !status.ok()) return status;
     return created;
   };
   absl::StatusOr<CreatedJob> created;
@@ -354,6 +269,53 @@ absl::StatusOr<JobStore::CreatedJob> SqliteJobStore::CreateJob(const JobSpec& sp
   });
   if (!status.ok()) return status;
   return created;
+}
+
+absl::Status SqliteJobStore::InsertFrames(uint64_t job_id, const std::vector<FrameSpec>& frames) {
+  SqliteStatement insert = database_->Prepare(
+      "INSERT INTO frames(job_id, frame_number, scene_sha256, scene_bytes, frame_digest, "
+      "width_px, height_px, x0, y0, x1, y1, samples, max_depth, seed, force_generic, color, "
+      "single_scattering, outputs, primaries, white_balance_k, one_sequence, similarity_after, "
+      "target_error, time_max_ns, cpu_max_ns, first_round_samples, pixel_stride_px, "
+      "resumed_sha256, resumed_bytes, sensor, max_component_value) "
+      "VALUES(?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?)");
+  for (const FrameSpec& frame : frames) {
+    const FrameSettings& s = frame.settings;
+    absl::Status status = insert.Bind(job_id)
+                              .Bind(frame.frame_number)
+                              .Bind(frame.scene.sha256_hex)
+                              .Bind(frame.scene.size_bytes)
+                              .Bind(frame.frame_digest)
+                              .Bind(s.width_px)
+                              .Bind(s.height_px)
+                              .Bind(s.window.x0)
+                              .Bind(s.window.y0)
+                              .Bind(s.window.x1)
+                              .Bind(s.window.y1)
+                              .Bind(s.samples)
+                              .Bind(s.max_depth)
+                              .Bind(s.seed)
+                              .Bind(s.force_generic_variant ? 1 : 0)
+                              .Bind(static_cast<int32_t>(s.color))
+                              .Bind(s.single_scattering ? 1 : 0)
+                              .Bind(FormatOutputs(s.outputs))
+                              .Bind(static_cast<int32_t>(s.primaries))
+                              .Bind(double{s.white_balance_k})
+                              .Bind(s.one_sequence ? 1 : 0)
+                              .Bind(s.similarity_after)
+                              .Bind(frame.stop.target_error)
+                              .Bind(ToNanoseconds(frame.stop.time_max))
+                              .Bind(ToNanoseconds(frame.stop.cpu_max))
+                              .Bind(frame.stop.first_round_samples)
+                              .Bind(s.lattice.stride_px)
+                              .Bind(frame.resumed.sha256_hex)
+                              .Bind(frame.resumed.size_bytes)
+                              .Bind(s.sensor)
+                              .Bind(double{s.max_component_value})
+                              .Run();
+    if (!status.ok()) return status;
+  }
+  return absl::OkStatus();
 }
 
 absl::Status SqliteJobStore::InTransaction(const std::function<absl::Status()>& body) {
@@ -366,13 +328,16 @@ absl::Status SqliteJobStore::InTransaction(const std::function<absl::Status()>& 
 }
 
 absl::Status SqliteJobStore::EndJob(uint64_t job_id, JobPhase phase, const std::string& failure,
-                                    absl::Time end_time) {
+                                    absl::Time end_time, absl::Duration wall) {
   const std::lock_guard lock(database_mutex_);
   return database_
-      ->Prepare("UPDATE jobs SET phase = ?, failure = ?, end_ns = ?, paused = 0 WHERE job_id = ?")
+      ->Prepare(
+          "UPDATE jobs SET phase = ?, failure = ?, end_ns = ?, wall_ns = ?, paused = 0 "
+          "WHERE job_id = ?")
       .Bind(static_cast<int32_t>(phase))
       .Bind(failure)
       .Bind(ToNanoseconds(end_time))
+      .Bind(ToNanoseconds(wall))
       .Bind(job_id)
       .Run();
 }

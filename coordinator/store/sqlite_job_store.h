@@ -42,7 +42,7 @@ class SqliteJobStore : public JobStore {
                                        absl::Time create_time) override;
   absl::StatusOr<std::optional<uint64_t>> FindRequest(const std::string& request_id) override;
   absl::Status EndJob(uint64_t job_id, JobPhase phase, const std::string& failure,
-                      absl::Time end_time) override;
+                      absl::Time end_time, absl::Duration wall) override;
   absl::Status WriteFailures(uint64_t job_id, const FailureLog& failures) override;
   absl::Status SetPaused(uint64_t job_id, bool paused) override;
   absl::Status SetPriority(uint64_t job_id, int32_t priority) override;
@@ -61,6 +61,7 @@ class SqliteJobStore : public JobStore {
   absl::StatusOr<std::vector<RoundRecord>> LoadFrameRounds(const FrameId& frame) override;
   absl::Status ReopenJob(uint64_t job_id, const std::vector<ReopenedFrame>& frames) override;
   absl::StatusOr<std::optional<FrameId>> OldestDeliveredWithParts() override;
+  absl::Status Probe() override;
   uint64_t PartsBytes() const override { return parts_bytes_; }
   uint64_t FirstLeaseId() const override { return first_lease_id_; }
 
@@ -78,6 +79,12 @@ class SqliteJobStore : public JobStore {
   SqliteJobStore(std::string directory, Durability durability, int lock_fd)
       : directory_(std::move(directory)), durability_(durability), lock_fd_(lock_fd) {}
   absl::Status Initialize();
+  absl::Status RefuseEmptied() const;
+  std::string DatabasePath() const { return directory_ + "/farm.db"; }
+  // Of what is kDataLoss, what can be done about it.
+  absl::Status Explained(const absl::Status& status) const;
+  // Requires: database_mutex_ is held.
+  absl::StatusOr<std::vector<StoredJob>> ReadJobs();
   absl::Status CommitRow(const PartRow& row);
   void CommitPending(const std::vector<PendingRow*>& rows);
   absl::Status InsertRow(const PartRow& row);
@@ -88,6 +95,7 @@ class SqliteJobStore : public JobStore {
   static absl::Status ReadRowsOfJobs(SqliteStatement query, std::vector<StoredJob>* jobs,
                                      const std::function<void(SqliteStatement*, StoredJob*)>& read);
   // All three require that database_mutex_ is held.
+  absl::Status InsertFrames(uint64_t job_id, const std::vector<FrameSpec>& frames);
   absl::Status InsertEffects(uint64_t job_id, const std::vector<EffectCost>& effects);
   absl::Status LoadEffects(std::vector<StoredJob>* jobs);
   absl::Status LoadFailures(std::vector<StoredJob>* jobs);

@@ -64,8 +64,16 @@ void SqliteJobStore::CommitPending(const std::vector<PendingRow*>& rows) {
   const std::lock_guard lock(database_mutex_);
   absl::Status shared = database_->Execute("BEGIN IMMEDIATE");
   if (shared.ok()) {
-    for (PendingRow* pending : rows) pending->status = InsertRow(*pending->row);
-    shared = database_->Execute("COMMIT");
+    for (PendingRow* pending : rows) {
+      pending->status = InsertRow(*pending->row);
+      // A key that is there already concerns nobody else. Other errors may have ended the
+      // transaction, and rows after that would be there without it.
+      if (!pending->status.ok() && !absl::IsAlreadyExists(pending->status)) {
+        shared = pending->status;
+        break;
+      }
+    }
+    if (shared.ok()) shared = database_->Execute("COMMIT");
     if (!shared.ok()) database_->Execute("ROLLBACK").IgnoreError();
   }
   if (shared.ok()) return;

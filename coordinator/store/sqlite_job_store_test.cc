@@ -62,6 +62,8 @@ class SqliteJobStoreTest : public testing::Test {
       frame.settings.white_balance_k = 3200.5f;
       frame.settings.one_sequence = true;
       frame.settings.similarity_after = 24;
+      frame.settings.sensor = "nikon_d850";
+      frame.settings.max_component_value = 12.5f;
       frame.settings.lattice = {8, frame.settings.seed};
       frame.resumed = {std::string(64, 'd'), 55};
       frame.stop = {.target_error = 0.25, .cpu_max = absl::Hours(3)};
@@ -121,7 +123,7 @@ TEST_F(SqliteJobStoreTest, JobsSurviveAReopen) {
                                             .wall_duration = absl::Seconds(3),
                                             .cost = {1, 2, absl::Seconds(4), 5}})
                   .ok());
-  ASSERT_TRUE(store_->EndJob(job, JobPhase::kFailed, "why", absl::FromUnixSeconds(200)).ok());
+  ASSERT_TRUE(store_->EndJob(job, JobPhase::kFailed, "why", absl::FromUnixSeconds(200), {}).ok());
   Reopen();
   const auto jobs = store_->LoadJobs();
   ASSERT_TRUE(jobs.ok()) << jobs.status();
@@ -147,6 +149,8 @@ TEST_F(SqliteJobStoreTest, JobsSurviveAReopen) {
   EXPECT_EQ(stored.spec.frames[1].settings.white_balance_k, 3200.5f);
   EXPECT_TRUE(stored.spec.frames[1].settings.one_sequence);
   EXPECT_EQ(stored.spec.frames[1].settings.similarity_after, 24);
+  EXPECT_EQ(stored.spec.frames[1].settings.sensor, "nikon_d850");
+  EXPECT_EQ(stored.spec.frames[1].settings.max_component_value, 12.5f);
   EXPECT_EQ(stored.spec.frames[1].settings.lattice, (PixelLattice{8, UINT64_MAX - 1}));
   EXPECT_EQ(stored.spec.frames[1].resumed, MakeSpec().frames[1].resumed);
   EXPECT_EQ(stored.spec.frames[1].settings.window, (PixelRect{1, 2, 3, 4}));
@@ -173,7 +177,7 @@ TEST_F(SqliteJobStoreTest, PauseAndPrioritySurviveAReopenUntilTheEnd) {
   Reopen();
   EXPECT_TRUE((*store_->LoadJobs())[0].paused);
   EXPECT_EQ((*store_->LoadJobs())[0].spec.priority, 17);
-  ASSERT_TRUE(store_->EndJob(job, JobPhase::kCancelled, "", absl::UnixEpoch()).ok());
+  ASSERT_TRUE(store_->EndJob(job, JobPhase::kCancelled, "", absl::UnixEpoch(), {}).ok());
   EXPECT_FALSE((*store_->LoadJobs())[0].paused);
 }
 
@@ -362,13 +366,14 @@ TEST_F(SqliteJobStoreTest, EarlierSchemaIsBroughtUpToDate) {
   store_.reset();
   ASSERT_TRUE(
       (*SqliteDatabase::Open(directory_ + "/farm.db"))
-          ->Execute("ALTER TABLE frames DROP COLUMN color;"
+          ->Execute("ALTER TABLE frames DROP COLUMN color;ALTER TABLE frames DROP COLUMN sensor;"
                     "ALTER TABLE frames DROP COLUMN single_scattering;"
-                    "ALTER TABLE frames DROP COLUMN outputs;"
-                    "ALTER TABLE frames DROP COLUMN primaries;"
+                    "ALTER TABLE frames DROP COLUMN outputs;ALTER TABLE frames DROP COLUMN flip;"
+                    "ALTER TABLE frames DROP COLUMN primaries;ALTER TABLE jobs DROP COLUMN paused;"
                     "ALTER TABLE frames DROP COLUMN white_balance_k;"
                     "ALTER TABLE frames DROP COLUMN one_sequence;"
                     "ALTER TABLE frames DROP COLUMN similarity_after;"
+                    "ALTER TABLE frames DROP COLUMN max_component_value;"
                     "ALTER TABLE frames DROP COLUMN pixel_stride_px;"
                     "ALTER TABLE frames DROP COLUMN target_error;"
                     "ALTER TABLE frames DROP COLUMN time_max_ns;"
@@ -380,24 +385,20 @@ TEST_F(SqliteJobStoreTest, EarlierSchemaIsBroughtUpToDate) {
                     "ALTER TABLE frames DROP COLUMN part_bytes;"
                     "ALTER TABLE frames DROP COLUMN relative_mse_upper;"
                     "ALTER TABLE frames DROP COLUMN stop_reason;"
-                    "DROP TABLE rounds;"
-                    "DROP TABLE effects;"
-                    "DROP TABLE failures;"
+                    "DROP TABLE rounds;DROP TABLE effects;DROP TABLE failures;"
                     "ALTER TABLE jobs DROP COLUMN failure_count;"
-                    "ALTER TABLE jobs DROP COLUMN paused;"
                     "ALTER TABLE jobs DROP COLUMN cell_size_px;"
+                    "ALTER TABLE jobs DROP COLUMN wall_ns;"
                     "DROP TABLE parts;"
                     "CREATE TABLE parts(job_id, frame_number, y0, x0, first, count, y1, x1,"
                     "sha256, size_bytes, worker_id, ray_count, nonfinite_count, cpu_ns,"
                     "PRIMARY KEY(job_id, frame_number, y0, x0, first, count)) WITHOUT ROWID;"
                     "INSERT INTO parts VALUES(1,7,32,64,16,4,48,96,'ab',9,'w',1,2,3);"
-                    "ALTER TABLE frames DROP COLUMN flip;"
                     "ALTER TABLE frames DROP COLUMN unreliable_layers;"
                     "ALTER TABLE frames DROP COLUMN one_sequence_gain;"
                     "ALTER TABLE frames DROP COLUMN resumed_sha256;"
                     "ALTER TABLE frames DROP COLUMN resumed_bytes;"
-                    "UPDATE frames SET delivered = 1 WHERE frame_number = 7;"
-                    "PRAGMA user_version=1;")
+                    "UPDATE frames SET delivered = 1 WHERE frame_number = 7;PRAGMA user_version=1;")
           .ok());
   Reopen();
   const auto jobs = store_->LoadJobs();

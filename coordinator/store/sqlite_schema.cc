@@ -9,7 +9,7 @@
 namespace sheaf::coordinator {
 namespace {
 
-constexpr int64_t kSchemaVersion = 14;
+constexpr int64_t kSchemaVersion = 15;
 
 constexpr char kSchema[] = R"sql(
 CREATE TABLE meta(key TEXT PRIMARY KEY, value INTEGER NOT NULL) WITHOUT ROWID;
@@ -122,6 +122,11 @@ DROP TABLE parts_of_tiles;
 constexpr char kAddedBy14[] = R"sql(
 ALTER TABLE frames ADD COLUMN one_sequence_gain REAL NOT NULL DEFAULT 0;
 )sql";
+constexpr char kAddedBy15[] = R"sql(
+ALTER TABLE jobs ADD COLUMN wall_ns INTEGER NOT NULL DEFAULT 0;
+ALTER TABLE frames ADD COLUMN sensor TEXT NOT NULL DEFAULT '';
+ALTER TABLE frames ADD COLUMN max_component_value REAL NOT NULL DEFAULT 0;
+)sql";
 
 }  // namespace
 
@@ -140,9 +145,9 @@ absl::Status MigrateSchema(SqliteDatabase* database, const std::string& path) {
   }
   if (version == kSchemaVersion) return absl::OkStatus();
   std::string statements = absl::StrCat("BEGIN;", version == 0 ? kSchema : "");
-  const char* const added[] = {kAddedBy2,  kAddedBy3,  kAddedBy4, kAddedBy5,  kAddedBy6,
-                               kAddedBy7,  kAddedBy8,  kAddedBy9, kAddedBy10, kAddedBy11,
-                               kAddedBy12, kAddedBy13, kAddedBy14};
+  const char* const added[] = {kAddedBy2,  kAddedBy3,  kAddedBy4,  kAddedBy5,  kAddedBy6,
+                               kAddedBy7,  kAddedBy8,  kAddedBy9,  kAddedBy10, kAddedBy11,
+                               kAddedBy12, kAddedBy13, kAddedBy14, kAddedBy15};
   int64_t adds = 2;
   for (const char* of_version : added) {
     if (version < adds++) statements += of_version;

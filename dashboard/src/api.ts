@@ -98,6 +98,8 @@ export interface Failure {
 // What a worker holds.
 export interface Lease {
   frame_name: string;
+  // Whether it is for a quote: such jobs are not listed.
+  pilot: boolean;
   tile: Rect;
   phase: string;
 }

@@ -55,11 +55,12 @@ function drawHead() {
   byId('connection').dataset.state = store.connection;
   setText(byId('connection-text'), words[store.connection]);
   const workers = store.workers.sorted;
-  const busy = workers.filter((worker) => worker.state === 'busy');
+  const there = workers.filter((worker) => !['lost', 'stopped'].includes(worker.state));
+  const busy = there.filter((worker) => worker.state === 'busy');
   const rate = busy.reduce((sum, worker) => sum + worker.samples_per_second, 0);
   const running = store.jobs.sorted.filter((job) => job.state === 'running').length;
   setText(byId('total-running'), format.exact(running));
-  setText(byId('total-workers'), busy.length + ' / ' + workers.length);
+  setText(byId('total-workers'), busy.length + ' / ' + there.length);
   setText(byId('total-rate'), format.count(rate));
   const share = store.job?.state === 'running' ?
       format.percent(format.doneShare(store.job.progress)) + ' · ' :

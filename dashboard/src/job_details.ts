@@ -17,6 +17,7 @@ export class JobDetailsView {
   private readonly draw = () => {
     const {job, frame} = this.store;
     byId('details').dataset.empty = job ? 'no' : 'yes';
+    setText(byId('details-empty'), emptyWordsOf(this.store));
     if (!job) return;
     setText(byId('job-title'), job.title || job.name);
     setBadge(byId('job-state'), job.state);
@@ -43,6 +44,11 @@ export class JobDetailsView {
       row.title = title || '';
     });
   }
+}
+
+function emptyWordsOf(store: Store): string {
+  if (!store.jobMissing) return 'Choose a job to see its picture.';
+  return 'There is no job ' + store.jobName + '. Choose another one.';
 }
 
 // Samples that came with a picture took no time.
@@ -74,9 +80,10 @@ function factsOf(job: Job, frame: Frame|undefined): [string, string, string?][] 
           'is complete'
     ],
     [
-      'Unreliable tiles', unreliableTilesOf(frame),
-      'Of the shown frame: light comes in rare bright samples there, so their errors are not to ' +
-          'be trusted yet. ' + rareLayersOf(frame)
+      'Tiles with fireflies', fireflyTilesOf(frame),
+      'Of the shown frame: a few very bright samples make most of the noise of these tiles. The ' +
+          'error of the frame has them in it, but error bars of their pixels may be too small. ' +
+          'More samples help. ' + mainCauseOf(frame)
     ],
     ['Samples a pixel', samplesOf(frame), 'Of the shown frame, mean over its pixels'],
     ['Samples a second', sampleRateOf(progress, frame)],
@@ -86,8 +93,8 @@ function factsOf(job: Job, frame: Frame|undefined): [string, string, string?][] 
       'Of workers, on accepted results'
     ],
     [
-      'Not finite', format.exact(progress.nonfinite_count),
-      'Samples that were not finite; anything but 0 is a defect'
+      'NaN/Inf samples', format.exact(progress.nonfinite_count),
+      'Samples that are not a number or infinite; anything but 0 is a defect'
     ],
     ['Created', format.clock(job.create_time)],
   ];
@@ -97,22 +104,23 @@ function priceOfErrorBars(frame: Frame|undefined): [string, string, string][] {
   if (!frame?.one_sequence_gain) return [];
   return [[
     'Price of error bars', `${frame.one_sequence_gain.toFixed(1)} × relMSE`,
-    'The shown frame is smooth: if its errors go on falling as they do, --one-sequence has so ' +
-        'many times less relMSE, and no true error bars (sheaf study measures it)'
+    'The shown frame is smooth: --one-sequence would lower its relMSE by about this factor, but ' +
+        'gives no true error bars (sheaf study measures it)'
   ]];
 }
 
-function unreliableTilesOf(frame: Frame|undefined): string {
+function fireflyTilesOf(frame: Frame|undefined): string {
   if (!frame || !frame.complete || !frame.tile_count) return '–';
   const [most] = frame.unreliable_layers || [];
   return `${frame.unreliable_tile_count || 0} of ${frame.tile_count}` +
       (most ? ` (${most.layer})` : '');
 }
 
-function rareLayersOf(frame: Frame|undefined): string {
+function mainCauseOf(frame: Frame|undefined): string {
   const layers = frame?.unreliable_layers || [];
-  if (!layers.length) return 'Layers of light paths (--light-paths) or sheaf study say why.';
-  return 'By ' + layers.map(({layer, tile_count}) => `${layer} in ${tile_count}`).join(', ') + '.';
+  if (!layers.length) return 'Layers of light paths (--light-paths) or sheaf study name the cause.';
+  const causes = layers.map(({layer, tile_count}) => `${layer} (${tile_count} tiles)`);
+  return 'Main cause: ' + causes.join(', then ') + '.';
 }
 
 function samplesOf(frame: Frame|undefined): string {

@@ -161,7 +161,9 @@ export class Live {
       if (failure instanceof api.ApiError && failure.status === 404) return null;
       throw failure;
     });
-    if (job === null || name !== this.store.jobName) return;
+    if (name !== this.store.jobName) return;
+    this.store.setJobMissing(job === null);
+    if (job === null) return;
     for (const frame of job.frames) this.store.setFrame(frame);
     this.store.framesToken = job.next_page_token;
     this.store.setEffects(job.effect_costs);

@@ -127,5 +127,5 @@ function noteOf(prices: RefinePrices, price: RefinePrice): string {
           (jobs === 0 ?
                '.' :
                ', which now work on ' + jobs + (jobs === 1 ? ' job' : ' jobs') + ' as well.');
-  return 'Beyond what it took so far; 8 of 10 lie within the ranges. ' + farm;
+  return 'Beyond what it took so far; ranges are 80 % prediction intervals. ' + farm;
 }

@@ -33,6 +33,8 @@ export class Store {
   beside: Frame|undefined;
   counters: Counter[] = [];
   jobName: string|null = null;
+  // Whether the coordinator says that it has no such job.
+  jobMissing = false;
   frameName: string|null = null;
   connection: Connection = 'connecting';
   // What could not be done, by what it was: "loading frames" -> "why".
@@ -103,6 +105,12 @@ export class Store {
     this.touch('jobs');
   }
 
+  setJobMissing(missing: boolean) {
+    if (this.jobMissing === missing) return;
+    this.jobMissing = missing;
+    this.touch('selection');
+  }
+
   setFrame(frame: Frame) {
     if (frame.name === this.beside?.name) this.setBeside(frame);
     if (!frame.name.startsWith(this.jobName + '/')) return;
@@ -141,6 +149,7 @@ export class Store {
   selectJob(name: string) {
     if (this.jobName === name) return;
     this.jobName = name;
+    this.jobMissing = false;
     this.frameName = null;
     this.frames.keepOnly(new Set());
     this.framesToken = '';

@@ -54,7 +54,7 @@ export class WorkersView {
     const [lease] = worker.leases;
     if (!lease) return worker.state === 'idle' ? 'nothing to do' : '';
     const [, job = '', frame = ''] = /^(jobs\/[^/]+)\/frames\/(.*)$/.exec(lease.frame_name) ?? [];
-    const title = this.store.jobs.get(job)?.title || job;
+    const title = lease.pilot ? 'a quote' : this.store.jobs.get(job)?.title || job;
     const more = worker.lease_count > 1 ? ' and ' + (worker.lease_count - 1) + ' more' : '';
     return lease.phase + ' ' + title + ', frame ' + frame + ' at ' + format.place(lease.tile) +
         more;

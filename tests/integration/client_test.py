@@ -13,6 +13,7 @@ import os
 import re
 import signal
 import socket
+import stat
 import subprocess
 import unittest
 from unittest import mock
@@ -76,6 +77,11 @@ def free_port():
         return s.getsockname()[1]
 
 
+def count_parts(folder):
+    """Of all states below the folder."""
+    return sum(len(names) for path, _, names in os.walk(folder) if "/parts" in path)
+
+
 class ClientTest(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
@@ -93,6 +99,99 @@ class ClientTest(unittest.TestCase):
     def expect(self, done, code):
         self.assertEqual(done.returncode, code, done.stdout + done.stderr)
         return done
+
+    def test_help_is_in_plain_words(self):
+        """It showed `ENUM:value in {auto->0,...}` and 35 flags of `render` in one list."""
+        notation = ("ENUM", "->", "UINT", "INT:", "TEXT:", "FLOAT:", "[b, kb", "REQUIRED", "Env:")
+        listed = self.expect(run("--help"), OK).stdout
+        for command in re.findall(r"^  ([a-z]+)  ", listed, re.M):
+            text = self.expect(run(command, "--help"), OK).stdout
+            for words in notation:
+                self.assertNotIn(words, text, command)
+            self.assertLessEqual(max(map(len, text.splitlines())), 100, command)
+        text = run("render", "--help").stdout
+        for heading in ("What is rendered:", "What the picture holds:", "How light is followed:",
+                        "When it stops:", "Where the picture goes:", "How the work is cut:",
+                        "--color auto|rgb|spectral"):
+            self.assertIn(heading, text)
+        for program in ("sheaf", "sheaf-worker", "sheaf-coordinator"):
+            for flag, words in (("--version", program + " "), ("--help", "--log-level" if "-" in
+                                                               program else "render")):
+                done = subprocess.run([os.path.join(farm.programs(), program), flag], check=True,
+                                      capture_output=True, text=True)
+                self.assertIn(words, done.stdout)
+                self.assertFalse([w for w in notation if w in done.stdout])
+
+    def test_mistyped_words_are_guessed(self):
+        """`sheaf rendr` said "A subcommand is required", `--sample 4` that SCENE was too much."""
+        scene = self.write("typed.pbrt", SCENE)
+        for arguments, guess in ((["rendr"], '"render"'), (["render", "--sample", 4, scene],
+                                                           '"--samples"'),
+                                 (["render", scene, "--sampels=4"], '"--samples"'),
+                                 (["render", scene, "--color", "spectal"], '"spectral"'),
+                                 (["submit", scene, "--wiat"], '"--wait"')):
+            done = self.expect(run(*arguments), USAGE)
+            self.assertIn(f"did you mean {guess}?", done.stderr)
+            self.assertEqual(done.stderr.count("\n"), 1)
+
+    def test_with_json_errors_are_json_too(self):
+        scene = self.write("wrong.pbrt", SCENE + "Nonsense\nMaterial 7\n")
+        cases = ((["render", "--json", "--sample", 4, scene], USAGE, "--samples"),
+                 (["plan", scene, "--json"], BAD_SCENE, "wrong.pbrt:8:1"),
+                 (["render", self.farm.path("none.pbrt"), "--json"], FILE, "none.pbrt"),
+                 (["render", scene, "--json", "-o", "a.jpg"], USAGE, "a.jpg"),
+                 (["list", "--json", "--coordinator", f"127.0.0.1:{free_port()}"], UNREACHABLE,
+                  "sheaf-coordinator"))
+        for arguments, code, words in cases:
+            with self.subTest(arguments=arguments):
+                done = self.expect(run(*arguments), code)
+                self.assertEqual(done.stdout, "")
+                error = json.loads(done.stderr)
+                self.assertEqual((error["severity"], error["exit_code"]), ("error", code))
+                self.assertIn(words, error["message"])
+        noted = self.write("noted.pbrt", 'Sampler "halton"\n' + SCENE)
+        done = self.expect(run("render", noted, "--samples", 1, "--json", "-o",
+                               self.farm.path("noted.exr")), OK)
+        severities = [json.loads(line)["severity"] for line in done.stderr.splitlines()]
+        self.assertEqual(severities[0], "note")
+        self.assertEqual(set(severities[1:]), {"info"})
+
+    def test_our_scenes_say_nothing_that_teaches_to_skip_notes(self):
+        folder = os.path.join(farm.ROOT, "scenes")
+        scenes = [name for name in os.listdir(folder) if name.endswith(".pbrt")]
+        self.assertIn("cornell-box.pbrt", scenes)
+        for name in scenes:
+            self.assertNotIn("sampler", run("plan", os.path.join(folder, name)).stderr, name)
+
+    def test_corrupt_pictures_are_found_before_they_are_uploaded(self):
+        """A worker found them, and named them by their path in its cache."""
+        texture = self.farm.path("corrupt.png")
+        farm.render(self.write("corrupt_maker.pbrt", SCENE), texture, "--samples", 1)
+        whole = farm.read_bytes(texture)
+        text = SCENE + ('Texture "wood" "spectrum" "imagemap" "string filename" "corrupt.png"\n'
+                        'Material "diffuse" "texture reflectance" "wood"\nShape "sphere"\n')
+        scene, line = self.write("corrupt.pbrt", text), text[:text.index("Texture")].count("\n") + 1
+        place = rf"corrupt\.pbrt:{line}"
+        for data in (whole[:len(whole) // 2], b"no picture", b""):
+            with open(texture, "wb") as f:
+                f.write(data)
+            for command in ("render", "submit"):
+                jobs = self.farm.sheaf("list").stdout
+                done = self.farm.sheaf(command, scene, "--samples", 1, check=False)
+                self.assertRegex(self.expect(done, BAD_SCENE).stderr,
+                                 place + r':1: texture "wood": corrupt\.png: ')
+                self.assertEqual(self.farm.sheaf("list").stdout, jobs)
+        # Large ones are read as far as their header: the rest is a worker's to find.
+        large = SCENE.replace("48", "1200").replace("32", "1000")
+        farm.render(self.write("large.pbrt", large), texture, "--samples", 1)
+        whole = farm.read_bytes(texture)
+        with open(texture, "wb") as f:
+            f.write(whole[:len(whole) // 2])
+        done = self.farm.sheaf("submit", scene, "--samples", 1, "--wait", "-o",
+                               self.farm.path("corrupt.exr"), check=False)
+        self.assertRegex(self.expect(done, FAILED).stderr,
+                         place + r':1: texture "wood": corrupt\.png: ')
+        self.assertNotIn(self.farm.path("cache"), done.stderr)
 
     def test_help_is_text(self):
         for command in ("render", "submit", "quote", "refine", "plan"):
@@ -115,7 +214,7 @@ class ClientTest(unittest.TestCase):
             self.assertRegex(done.stderr, re.escape(path) + r": 80x60, 4 samples, \d+\.\d s, "
                              r"\S+ \w?\s?samples/s, \S+ \w?\s?rays/s, relMSE \S+, "
                              r"FLIP \S+, 0 non-finite")
-        self.assertRegex(done.stderr, r"sheaf: jobs/\d+: 3 frames, \d+\.\d s")
+        self.assertRegex(done.stderr, r"\"message\":\"jobs/\d+: 3 frames, \d+\.\d s")
 
         name = job["name"]
         self.assertEqual(json.loads(self.farm.sheaf("show", name, "--json").stdout)["frames"],
@@ -224,7 +323,10 @@ class ClientTest(unittest.TestCase):
         self.assertRegex(sheaf("resume", name).stdout, f"^{name} (queued|running)\n$")
         sheaf("pause", name)
         self.assertEqual(sheaf("cancel", name).stdout, f"{name} cancelled\n")
-        self.assertEqual(sheaf("resume", name).stdout, f"{name} cancelled\n")
+        for command in (("pause",), ("resume",), ("priority", 3)):
+            done = self.expect(sheaf(command[0], name, *command[1:], check=False), FAILED)
+            self.assertIn(f"{name} was cancelled", done.stderr)
+            self.assertEqual(done.stdout, "")
         unknown = sheaf("pause", "jobs/999999", check=False)
         self.assertIn("jobs/999999", self.expect(unknown, FAILED).stderr)
 
@@ -240,8 +342,9 @@ class ClientTest(unittest.TestCase):
     def test_nobody_answers(self):
         address = f"127.0.0.1:{free_port()}"
         done = self.expect(run("list", "--coordinator", address), UNREACHABLE)
-        self.assertIn(address, done.stderr)
-        self.assertIn("sheaf-coordinator", done.stderr)
+        self.assertRegex(done.stderr, f"^sheaf: no coordinator answers at {address}: the "
+                         r"connection was refused \(gave up after \d+ attempts\); start one with "
+                         "sheaf-coordinator, or name another with --coordinator HOST:PORT\n$")
 
     def test_missing_files(self):
         for command in ("render", "submit", "plan"):
@@ -269,6 +372,43 @@ class ClientTest(unittest.TestCase):
                 with self.subTest(text=text, command=command):
                     done = self.farm.sheaf(command, scene, check=False, seconds=30)
                     self.assertRegex(self.expect(done, BAD_SCENE).stderr, expected)
+
+    def test_files_of_other_programs_send_no_bytes_to_the_terminal(self):
+        """A .blend printed its escape sequences; nothing said what the file is."""
+        foreign = (("room.blend", b"BLENDER-v305\x1b]0;owned\x07\x00REND", "Blender"),
+                   ("packed.blend", b"\x28\xb5\x2f\xfd\x00\x1b[2J", "Blender"),
+                   ("room.glb", b"glTF\x02\x00\x00\x00", "glTF"),
+                   ("room.xml", b'<scene version="3.0.0">', "Mitsuba"),
+                   ("room.abc", b"Ogawa\xff", "Alembic"), ("room", b"PXR-USDC\x00", "USD"),
+                   ("noise", bytes(range(256)), "binary"))
+        for name, data, word in foreign:
+            path = self.farm.path(name)
+            with open(path, "wb") as f:
+                f.write(data)
+            for command in ("render", "submit", "plan", "study"):
+                with self.subTest(name=name, command=command):
+                    done = self.expect(self.farm.sheaf(command, path, check=False), BAD_SCENE)
+                    self.assertIn(word, done.stderr)
+                    self.assertIn("not a pbrt-v4 scene", done.stderr)
+                    self.assertTrue(all(c.isprintable() or c == "\n" for c in done.stderr))
+
+    def test_what_scenes_say_is_printable(self):
+        words = ("\x1b[31mRed", '"string \x1b]0;title\x07" 1', '"\x9b"', "\x07" * 5000)
+        for word in words:
+            scene = self.farm.path("escapes.pbrt")
+            with open(scene, "w", encoding="latin-1") as f:
+                f.write(SCENE + f'Shape "sphere" {word}\nMaterial {word}\n{word}\n')
+            done = self.expect(run("plan", scene), BAD_SCENE)
+            self.assertTrue(all(c.isprintable() or c == "\n" for c in done.stderr), done.stderr)
+            self.assertLess(max(map(len, done.stderr.splitlines())), 9000)
+        named = self.write("named.pbrt", SCENE + 'MakeNamedMedium "\x1b[31mmilk" "string type" '
+                           '"homogeneous"\nMediumInterface "\x1b[31mmilk" ""\nShape "sphere"\n')
+        self.assertNotIn("\x1b", self.expect(run("plan", named), OK).stdout)
+        self.farm.sheaf("submit", self.write("titled.pbrt", SCENE), "--samples", 1, "--title",
+                        "a\nforged line\x1b[31m", check=False)
+        for listed in (self.farm.sheaf("list", "--limit", 1).stdout, self.farm.log("coordinator")):
+            self.assertNotIn("\x1b[31m", listed)
+            self.assertNotIn("\nforged", listed)
 
     def test_plan(self):
         plan = json.loads(self.expect(run("plan", "--json", TURNTABLE.replace("####", "0001")),
@@ -301,6 +441,26 @@ class ClientTest(unittest.TestCase):
                 subprocess.run(["bash", "-ec", f"source '{path}'; complete -p sheaf"], check=True,
                                stdout=subprocess.DEVNULL)
 
+    def test_completion_knows_choices_and_jobs(self):
+        """It completed the names of options alone."""
+        path = self.write("completion.bash", run("completion", "bash").stdout)
+        job = self.farm.sheaf("submit", self.write("tab.pbrt", SCENE), "--samples", 1,
+                              "--wait", "--json", "-o", self.farm.path("tab.exr")).stdout
+        name = json.loads(job.splitlines()[-1])["name"]
+
+        def complete(*words):
+            script = (f"source '{path}'; COMP_WORDS=(sheaf {' '.join(words)}); "
+                      f"COMP_CWORD={len(words)}; _sheaf; echo ${{COMPREPLY[@]}}")
+            done = subprocess.run(["bash", "-c", script], capture_output=True, text=True, env=dict(
+                os.environ, SHEAF_COORDINATOR=self.farm.address,
+                PATH=farm.programs() + ":" + os.environ["PATH"]), check=True)
+            return done.stdout.split()
+        self.assertEqual(complete("render", "--color", "s"), ["spectral"])
+        self.assertEqual(complete("show", "--layer", '""'), ["picture", "error", "samples"])
+        self.assertIn("acescg", complete("submit", "--primaries", "a"))
+        self.assertIn(name, complete("watch", '""'))
+        self.assertIn(name, complete("cancel", "jobs/"))
+
     def test_render_goes_on_where_it_was_interrupted(self):
         scene = self.write("kept.pbrt", SCENE)
         job = ("--samples", 2048, "--pass-samples", 64, "--lease-passes", 1, "--tile-size", 16,
@@ -313,10 +473,9 @@ class ClientTest(unittest.TestCase):
 
         command = [os.path.join(farm.programs(), "sheaf"), "render", scene, "-o", kept,
                    "--keep-state", self.farm.path("kept state"), *map(str, job)]
-        parts = self.farm.path("kept state", "parts")
         first = subprocess.Popen(command, stdin=subprocess.DEVNULL, stderr=subprocess.PIPE,
                                  text=True)
-        farm.wait_until(lambda: sum(len(files) for _, _, files in os.walk(parts)) > 3, 30,
+        farm.wait_until(lambda: count_parts(self.farm.path("kept state")) > 3, 30,
                         "a few finished parts")
         first.send_signal(signal.SIGINT)
         _, text = first.communicate(timeout=30 * farm.TIME_SCALE)
@@ -328,14 +487,143 @@ class ClientTest(unittest.TestCase):
             self.assertEqual(farm.picture_digest(kept), farm.picture_digest(whole))
             os.remove(kept)
 
+    def interrupted_render(self, scene, output, *arguments):
+        """What `sheaf render` says once it is interrupted in the middle of its work."""
+        command = [os.path.join(farm.programs(), "sheaf"), "render", scene, "-o", output,
+                   "--threads", "1", *map(str, arguments)]
+        folder = self.farm.path("tmp")
+        os.makedirs(folder, exist_ok=True)
+        process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stderr=subprocess.PIPE,
+                                   text=True, env=dict(os.environ, TMPDIR=folder))
+        farm.wait_until(lambda: count_parts(folder) > 3, 30, "a few finished parts")
+        process.send_signal(signal.SIGINT)
+        _, text = process.communicate(timeout=30 * farm.TIME_SCALE)
+        self.assertEqual(process.returncode, INTERRUPTED, text)
+        return text
+
+    def test_an_interrupted_render_loses_nothing(self):
+        """Without --keep-state, Ctrl-C threw away all that was rendered."""
+        scene, output = self.write("left.pbrt", SCENE), self.farm.path("left.exr")
+        job = ("--samples", 2048, "--pass-samples", 64, "--lease-passes", 1, "--tile-size", 16)
+        text = self.interrupted_render(scene, output, *job)
+        folder = re.search(r"the same command with --keep-state '?([^\n']+?)'? goes on", text)[1]
+        self.assertRegex(text, r"interrupted at \d+\.\d %; what is rendered is kept in ")
+        self.assertGreater(count_parts(folder), 3)
+        whole = self.farm.path("unbroken.exr")
+        done = farm.render(scene, output, *job, "--keep-state", folder)
+        farm.render(scene, whole, *job)
+        self.assertEqual(farm.picture_digest(output), farm.picture_digest(whole))
+        self.assertIn("2048 samples", done.stderr)
+
+    def test_outputs_never_replace_inputs(self):
+        """`-o` replaced the scene and exited 0."""
+        texture = self.farm.path("wood.png")
+        farm.render(self.write("wood.pbrt", SCENE), texture, "--samples", 1)
+        scene = self.write("own.pbrt", SCENE.replace("Shape", 'Texture "wood" "spectrum" '
+                           '"imagemap" "string filename" "wood.png"\nMaterial "diffuse" '
+                           '"texture reflectance" "wood"\nShape', 1))
+        link = self.farm.path("own.exr")
+        os.symlink("own.pbrt", link)
+        before = {path: farm.read_bytes(path) for path in (scene, texture)}
+        for output in (scene, link, texture, self.farm.path(".", "wood.png")):
+            for command in ("render", "submit"):
+                with self.subTest(output=output, command=command):
+                    done = self.expect(self.farm.sheaf(command, scene, "--samples", 1, "-o", output,
+                                                       check=False), USAGE)
+                    self.assertIn(output, done.stderr)
+        self.expect(run("compare", link, texture, "--diff", texture), USAGE)
+        self.expect(run("render", scene, "--samples", 1, "--resume-from",
+                        self.farm.path("wood.exr"), "-o", self.farm.path("wood.exr")), USAGE)
+        self.assertEqual(before, {path: farm.read_bytes(path) for path in (scene, texture)})
+
+    def test_outputs_are_regular_files_that_say_what_they_hold(self):
+        """`-o -` made a file named -, `-o a.jpg` wrote EXR bytes, links and devices went."""
+        scene = self.write("kind.pbrt", SCENE)
+        for output, words in (("-", "standard output"), ("a.jpg", "writes .exr or .png"),
+                              ("a.tif", "writes .exr or .png"), ("a", "writes .exr or .png")):
+            done = self.expect(run("render", scene, "--samples", 1, "-o", output), USAGE)
+            self.assertIn(words, done.stderr)
+            self.assertFalse(os.path.exists(output))
+        self.expect(run("render", scene, "--png", "a.jpg"), USAGE)
+        self.expect(run("study", scene, "-o", "a.exr"), USAGE)
+        pipe = self.farm.path("pipe.exr")
+        os.mkfifo(pipe)
+        done = self.expect(run("render", scene, "--samples", 1, "-o", pipe), FILE)
+        self.assertIn("not a regular file", done.stderr)
+        self.assertTrue(stat.S_ISFIFO(os.stat(pipe).st_mode))
+        link, target = self.farm.path("link.exr"), self.farm.path("target.exr")
+        os.symlink("target.exr", link)
+        for _ in range(2):  # A target that is not there yet; one that is.
+            self.expect(run("render", scene, "--samples", 1, "-o", link), OK)
+            self.assertTrue(os.path.islink(link))
+            self.assertFalse(os.path.islink(target))
+        capitals = self.farm.path("capitals.PNG")
+        self.expect(run("render", scene, "--samples", 1, "-o", capitals), OK)
+        self.assertTrue(farm.read_bytes(capitals).startswith(b"\x89PNG"))
+
+    def test_outputs_that_cannot_be_written_are_found_before_rendering(self):
+        """A missing folder was found after all the work was done."""
+        scene, output = self.write("before.pbrt", SCENE), self.farm.path("none", "a.exr")
+        endless = ("--samples", 1 << 20, "-o", output)
+        done = self.expect(run("render", scene, *endless), FILE)
+        self.assertIn(output, done.stderr)
+        jobs = self.farm.sheaf("list").stdout
+        self.expect(self.farm.sheaf("submit", scene, "--wait", *endless, check=False), FILE)
+        self.assertEqual(self.farm.sheaf("list").stdout, jobs, "nothing was submitted")
+        name = self.farm.sheaf("submit", scene, "--samples", 1 << 24).stdout.strip()
+        self.expect(self.farm.sheaf("watch", name, "-o", output, check=False), FILE)
+        self.farm.sheaf("cancel", name)
+        self.expect(run("study", scene, "-o", self.farm.path("none", "a.html")), FILE)
+        self.expect(run("study", scene, "--json-output", self.farm.path("none", "a.json")), FILE)
+
+    def test_a_finished_picture_that_cannot_be_written_is_kept(self):
+        """When the folder is gone at the end."""
+        scene = self.write("fallback.pbrt", SCENE)
+        folder, temporary = self.farm.path("leaves"), self.farm.path("fallback tmp")
+        os.makedirs(folder)
+        os.makedirs(temporary)
+        command = [os.path.join(farm.programs(), "sheaf"), "render", scene, "--samples", "2048",
+                   "--tile-size", "16", "--threads", "1", "-o", os.path.join(folder, "a.exr")]
+        process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stderr=subprocess.PIPE,
+                                   text=True, env=dict(os.environ, TMPDIR=temporary))
+        farm.wait_until(lambda: count_parts(temporary) > 0, 30, "a finished part")
+        os.rmdir(folder)
+        _, text = process.communicate(timeout=60 * farm.TIME_SCALE)
+        self.assertEqual(process.returncode, FILE, text)
+        kept = re.search(r"it is kept as (.+)", text)[1]
+        self.assertTrue(kept.startswith(temporary), text)
+        whole = self.farm.path("not lost.exr")
+        farm.render(scene, whole, "--samples", 2048, "--tile-size", 16)
+        self.assertEqual(farm.picture_digest(kept), farm.picture_digest(whole))
+
+    def test_an_interrupted_wait_says_how_to_fetch_the_picture(self):
+        scene, output = self.write("leave.pbrt", SCENE), self.farm.path("left behind.exr")
+        command = [os.path.join(farm.programs(), "sheaf"), "submit", scene, "--samples",
+                   str(1 << 24), "--wait", "-o", output, "--coordinator", self.farm.address,
+                   "--no-quote"]
+        before = len(self.farm.sheaf("list").stdout.splitlines())
+        process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stderr=subprocess.PIPE,
+                                   text=True)
+        self.addCleanup(process.kill)
+        farm.wait_until(lambda: len(self.farm.sheaf("list").stdout.splitlines()) > before, 30,
+                        "the job")
+        process.send_signal(signal.SIGINT)
+        _, text = process.communicate(timeout=30 * farm.TIME_SCALE)
+        self.assertEqual(process.returncode, INTERRUPTED, text)
+        name = re.search(r"jobs/\d+", text)[0]
+        self.assertIn(f"sheaf watch {name} --coordinator {self.farm.address} -o '{output}'", text)
+        self.farm.sheaf("cancel", name)
+        text = self.farm.sheaf("submit", scene, "--samples", 1, "-o", output).stderr
+        self.assertRegex(text, r"without --wait no picture is written; .* sheaf watch jobs/\d+ ")
+
     def test_unreliable_tiles_and_what_makes_them_so(self):
         """The room's glass ball throws light on its floor, by way of few samples."""
         scene = os.path.join(farm.ROOT, "scenes/cornell-box.pbrt")
         size = ("--crop", "120,240,320,400", "--samples", 16)
         plain = farm.render(scene, self.farm.path("plain.exr"), *size)
-        self.assertIn("--light-paths and sheaf study say which paths", plain.stderr)
+        self.assertIn("--light-paths or sheaf study name the light to blame", plain.stderr)
         done = farm.render(scene, self.farm.path("paths.exr"), *size, "--light-paths", "--json")
-        self.assertRegex(done.stderr, r"not reliable yet \(.*caustic in [0-9]+.*\)")
+        self.assertRegex(done.stderr, r"main cause: .*caustic \([0-9]+ tiles?\)")
         frame = json.loads(done.stdout.splitlines()[-1])["frames"][0]
         tiles = [layer["tile_count"] for layer in frame["unreliable_layers"]]
         self.assertEqual(sum(tiles), frame["unreliable_tile_count"])

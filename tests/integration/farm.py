@@ -57,6 +57,7 @@ class Farm:
         self.address = "127.0.0.1:0"
         self.http = "127.0.0.1:0"
         self.worker_count = 0
+        self.environment = dict(os.environ)  # Of all programs.
 
     def __enter__(self):
         try:
@@ -85,7 +86,8 @@ class Farm:
 
     def _start(self, name, arguments):
         log = open(self.path(name + ".log"), "ab")
-        process = subprocess.Popen(arguments, stdin=subprocess.DEVNULL, stdout=log, stderr=log)
+        process = subprocess.Popen(arguments, stdin=subprocess.DEVNULL, stdout=log, stderr=log,
+                                   env=self.environment)
         log.close()
         return process
 
@@ -129,7 +131,7 @@ class Farm:
 
     def sheaf(self, *arguments, check=True, seconds=JOB_SECONDS_MAX, quote=False):
         """quote: whether a submission says its price, by jobs of its own."""
-        environment = dict(os.environ, SHEAF_COORDINATOR=self.address,
+        environment = dict(self.environment, SHEAF_COORDINATOR=self.address,
                            SHEAF_NO_QUOTE="0" if quote else "1")
         done = subprocess.run([os.path.join(programs(), "sheaf"), *map(str, arguments)],
                               env=environment, stdin=subprocess.DEVNULL, capture_output=True,

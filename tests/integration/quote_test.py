@@ -108,7 +108,7 @@ class QuoteOnFarmTest(unittest.TestCase):
             with open(scene, "w", encoding="utf-8") as file:
                 file.write(SMALL_LAMP)
             f.sheaf("quote", scene)
-            frames = [frame for line in f.sheaf("list", "--json").stdout.splitlines()
+            frames = [frame for line in f.sheaf("list", "--all", "--json").stdout.splitlines()
                       for name in [json.loads(line)["name"]]
                       for frame in json.loads(f.sheaf("show", name, "--json").stdout)["frames"]]
             close_ups = [frame for frame in frames if frame["width_px"] == 4 * LAMP_WIDTH_PX]
@@ -124,7 +124,7 @@ class QuoteOnFarmTest(unittest.TestCase):
     def test_interrupted_it_leaves_no_pilot_behind(self):
         with farm.Farm() as f:  # Without workers the pilot waits for ever.
             def states():
-                lines = f.sheaf("list", "--json").stdout.splitlines()
+                lines = f.sheaf("list", "--all", "--json").stdout.splitlines()
                 return [json.loads(line)["state"] for line in lines]
 
             for sent in (signal.SIGINT, signal.SIGTERM):
@@ -140,6 +140,40 @@ class QuoteOnFarmTest(unittest.TestCase):
                     quote.kill()
                     quote.wait()
                 self.assertEqual(set(states()), {"cancelled"})
+
+    def test_killed_it_leaves_no_pilot_behind_and_says_what_it_waits_for(self):
+        with farm.Farm() as f, tempfile.TemporaryFile("w+") as said:
+            quote = subprocess.Popen([os.path.join(farm.programs(), "sheaf"), "quote", ROOM],
+                                     env=dict(os.environ, SHEAF_COORDINATOR=f.address),
+                                     stdout=subprocess.DEVNULL, stderr=said)
+            def text():
+                said.seek(0)
+                return said.read()
+
+            def pilots():
+                lines = f.sheaf("list", "--all", "--json").stdout.splitlines()
+                return [(job["name"], job["state"]) for job in map(json.loads, lines)]
+
+            try:
+                farm.wait_until(lambda: "waiting: no worker is connected" in text(), 30, "words")
+            finally:
+                quote.kill()
+                quote.wait()
+            self.assertEqual(pilots(), [("jobs/1000000001", "queued")])
+            farm.wait_until(lambda: pilots() == [("jobs/1000000001", "cancelled")], 60, "the end")
+
+    def test_pilots_are_not_among_the_jobs(self):
+        with farm.Farm() as f:
+            f.start_worker()
+            f.sheaf("quote", ROOM)
+            self.assertEqual(f.sheaf("list", "--json").stdout, "")
+            self.assertEqual(f.sheaf("submit", ROOM, "--samples", 1).stdout.strip(), "jobs/1")
+            names = [json.loads(line)["name"]
+                     for line in f.sheaf("list", "--all", "--json").stdout.splitlines()]
+            self.assertEqual(names[0], "jobs/1", "the newest first")
+            self.assertIn("jobs/1000000001", names)
+            self.assertIn("quote of", f.sheaf("list", "--all").stdout)
+            self.assertGreater(f.metrics()["sheaf_frames_delivered_total"], 0)
 
     def test_ranges_are_quoted_from_some_frames(self):
         with farm.Farm() as f:

@@ -165,7 +165,7 @@ class RoundsTest(unittest.TestCase):
             self.assertIn("is not finished yet", refused.stderr)
             f.start_worker()
             f.sheaf("watch", job)
-            self.assertIn("has 16 samples already",
+            self.assertIn("already has 16 samples",
                           f.sheaf("refine", job, "--samples", 8, check=False).stderr)
             self.assertIn("say how far", f.sheaf("refine", job, check=False).stderr)
             self.assertIn("no such job",

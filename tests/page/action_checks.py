@@ -12,6 +12,7 @@ CHANGE_SECONDS_MAX = 20
 ENTER = "\ue007"
 THEME = "return document.documentElement.dataset.theme"
 ROW_NAME = "return document.querySelectorAll('#jobs .vlist-row .job-title')[1].textContent"
+SHOWN = "return document.querySelector(arguments[0]).getClientRects().length > 0"
 MORE_FRAMES = 1050
 # The page polls, and reads the counters, more often than this.
 MET_AGAIN_SECONDS = 4
@@ -61,6 +62,19 @@ def check_more_frames(browser, url):
     wait_until(lambda: browser.run(TEXT, "frames-count").endswith(f"of {MORE_FRAMES} complete"),
                CHANGE_SECONDS_MAX, "all frames")
     assert browser.run(HIDDEN, "frames-more")
+
+
+def check_unknown_job(browser, job_count):
+    """An address that names no job of the farm shows none, and says so; the next one is shown."""
+    browser.run("location.hash = 'jobs/777777'")
+    wait_until(lambda: "no job jobs/777777" in browser.run(TEXT, "details-empty"),
+               CHANGE_SECONDS_MAX, "words on the missing job")
+    for part in (".details-head", "#viewer", "#facts"):
+        assert not browser.run(SHOWN, part), f"{part} of another job is shown"
+    errors = browser.console_errors()
+    assert len(errors) == 1 and "404" in errors[0], errors
+    browser.run("location.hash = 'jobs/' + arguments[0]", job_count)
+    wait_until(lambda: browser.run(SHOWN, ".details-head"), CHANGE_SECONDS_MAX, "the next job")
 
 
 def wait_for_problems(browser):

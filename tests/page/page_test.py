@@ -18,7 +18,7 @@ import traceback
 HERE = os.path.dirname(os.path.abspath(__file__))
 sys.path += [HERE, os.path.join(HERE, "..", "integration")]
 from action_checks import MORE_FRAMES, check_clicks, check_dismissed  # noqa: E402
-from action_checks import check_more_frames, wait_for_problems  # noqa: E402
+from action_checks import check_more_frames, check_unknown_job, wait_for_problems  # noqa: E402
 from browser import Browser  # noqa: E402
 from chart_checks import ADD_TARGETS, check_chart  # noqa: E402
 from compare_checks import check_compare  # noqa: E402
@@ -115,10 +115,10 @@ def check_what_is_known_of_errors(browser, _):
       return [...document.querySelectorAll("#facts .fact")].map(
           (fact) => [...[...fact.children].map((part) => part.textContent), fact.title]);""")}
     assert 0 < float(facts["FLIP"][0]) < 0.5, facts
-    value, title = facts["Unreliable tiles"]
+    value, title = facts["Tiles with fireflies"]
     found = re.fullmatch(r"(\d+) of (\d+) \(caustic\)", value)
     assert found and int(found[2]) > 100, facts
-    blamed = re.findall(r"(\S+) in (\d+)", title.split(" By ")[1])
+    blamed = re.findall(r"(\S+) \((\d+) tiles\)", title.split(" Main cause: ")[1])
     assert sum(int(tiles) for _, tiles in blamed) == int(found[1]) > 0, facts
 
 
@@ -264,6 +264,10 @@ def check_keyboard(browser, _):
     browser.run("location.hash = 'jobs/' + arguments[0]", MADE_UP_JOB_COUNT)
 
 
+def check_address_of_no_job(browser, _):
+    check_unknown_job(browser, MADE_UP_JOB_COUNT)
+
+
 def check_focus_is_visible(browser, _):
     """The Tab key reaches every control in turn, and each shows that it has the focus."""
     browser.run("location.hash = 'jobs/' + arguments[0]", MADE_UP_JOB_COUNT)
@@ -392,8 +396,8 @@ def run_farm():
 def run_made_up():
     # The restart comes last: a browser reports every refused connection as an error.
     checks = [check_the_chart, check_focus_is_visible, check_thousands_of_jobs_and_workers,
-              check_titles_are_text, check_keyboard, check_the_viewer, check_mouse,
-              check_every_width, check_a_thousand_frames, check_frames_come_in_pages,
+              check_titles_are_text, check_keyboard, check_address_of_no_job, check_the_viewer,
+              check_mouse, check_every_width, check_a_thousand_frames, check_frames_come_in_pages,
               check_no_console_errors, check_page_survives_a_restart]
     server = MadeUpServer()
     server.start(MADE_UP_JOB_COUNT, MADE_UP_WORKER_COUNT)

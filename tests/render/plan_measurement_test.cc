@@ -9,6 +9,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <string>
 
 #include "tests/support/test_scene.h"
@@ -186,6 +187,28 @@ TEST(PlanMeasurementTest, EffectsWithoutTimeSaySo) {
   EXPECT_FALSE(MeasurePlan(t.scene, SquareSettings(8, 1, 1), files, std::nan("")).ok());
 }
 
+TEST(PlanMeasurementTest, WhatNoiseHidesIsNotPrintedAsANumber) {
+  PlanMeasurement measurement;
+  EffectMeasurement lamp;
+  lamp.name = "lamp";
+  lamp.time_ratio = {1.81, 0.02};
+  lamp.variance_ratio = std::numeric_limits<double>::infinity();
+  lamp.rel_mse = -0.0016;
+  EffectMeasurement choice;
+  choice.name = "choice";
+  choice.time_ratio = {0.4, 0.01};
+  EffectMeasurement lens;
+  lens.name = "lens";
+  lens.time_ratio = {1.01, 0.02};
+  measurement.effects = {lamp, choice, lens};
+  const std::string text = FormatPlanMeasurement(measurement);
+  EXPECT_EQ(text.find("inf"), std::string::npos) << text;
+  EXPECT_EQ(text.find("-0.0016"), std::string::npos) << text;
+  EXPECT_NE(text.find("44.8 %"), std::string::npos) << text;
+  EXPECT_NE(text.find("saves 60.0 %"), std::string::npos) << text;
+  EXPECT_NE(text.find("lens       none seen"), std::string::npos) << text;
+}
+
 TEST(RenderPlanTest, EveryEffectStatesItsCost) {
   FrameSettings settings = SquareSettings(8, 1, 3);
   settings.color = ColorTransport::kSpectral;
@@ -195,6 +218,8 @@ TEST(RenderPlanTest, EveryEffectStatesItsCost) {
     EXPECT_LT(effect.expected_time_ratio, 20) << effect.name;
   }
   EXPECT_NE(FormatRenderPlan(plan).find(" %  "), std::string::npos);
+  EXPECT_NE(FormatRenderPlan(plan).find("--measure tells what it is in this scene\n"),
+            std::string::npos);
 }
 
 // Black surfaces, seen and lit, end paths as emission alone does; one grey material ends that.

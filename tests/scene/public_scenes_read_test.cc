@@ -45,7 +45,7 @@ constexpr PublicScene kScenes[] = {
     {"teapot-cloud/teapot_cloud-small.pbrt", 12, nullptr},
     {"veach-mis/veach-mis-small.pbrt", 12, nullptr},
     {"veach-mis/veach-mis-colorized.pbrt", 12, nullptr},
-    {"volumetric-caustic/volumetric-caustic.pbrt", 0, "integrator \"bdpt\" is not supported"},
+    {"volumetric-caustic/volumetric-caustic.pbrt", 14, nullptr},
 };
 
 void ExpectScene(const std::filesystem::path& folder, const PublicScene& expected) {

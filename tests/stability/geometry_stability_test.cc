@@ -4,6 +4,7 @@
 // Hard cases of geometry and rays, by the names of the catalogue (G1 to G11; G3 in
 // triangle_stability_test.cc, G4 in needle_stability_test.cc).
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdint>
 #include <numbers>
@@ -12,6 +13,7 @@
 
 #include "common/math/transform.h"
 #include "gtest/gtest.h"
+#include "tests/support/long_tests.h"
 #include "tests/support/test_scene.h"
 #include "tests/support/traced_scene.h"
 #include "worker/render/compiled_scene.h"
@@ -217,6 +219,64 @@ TEST(GeometryStability, G7SingularTransformsAreRefused) {
   const auto compiled = CompileScene(t.scene, SquareSettings(4, 1, 1), files);
   ASSERT_FALSE(compiled.ok());
   EXPECT_NE(std::string(compiled.status().message()).find("test.pbrt:7:1"), std::string::npos);
+}
+
+// G8: a floor whose vertex normals lie in it, as files have them, to rounding on either side.
+int32_t FloorWithNormals(Vec3f normal, TestScene* t) {
+  const int32_t floor = t->Quad({-9, 0, -9}, {-9, 0, 9}, {9, 0, 9}, {9, 0, -9});
+  t->scene.meshes[static_cast<size_t>(floor)].normals.assign(4, normal);
+  return floor;
+}
+constexpr std::array<Vec3f, 5> kNormalsInTheFloor{
+    {{1, 0, 0}, {1, 1e-7f, 0}, {1, -1e-7f, 0}, {0.6f, 1e-3f, 0.8f}, {-0.8f, 0, 0.6f}}};
+constexpr std::array<Vec3d, 4> kEyesAboveIt{
+    {{2, 2, 0}, {-2, 2, 0.1}, {0.1, 0.3, 3}, {0.1, 4, 0.2}}};
+
+TEST(GeometryStability, G8NormalsInTheFloorLoseNoLightOfTheSky) {
+  for (const Vec3f normal : kNormalsInTheFloor) {
+    for (const Vec3d eye : kEyesAboveIt) {
+      SCOPED_TRACE(::testing::Message() << normal.x << " " << normal.y << " from " << eye.x);
+      TestScene t(eye, {0, 0, 0}, 5, {0, 0.8, 0.6});
+      t.ConstantEnvironment(Rgb::Grey(1));
+      t.AddShape(MeshShape{FloorWithNormals(normal, &t)}, t.Diffuse(Rgb::Grey(0.5f)));
+      ExpectMean(RenderMean(t.scene, SquareSettings(8, DrawCount(64, 1024), 3)), Rgb::Grey(0.5f));
+    }
+  }
+}
+
+// The lamp's light arrives as at the floor itself, and none of a lamp below.
+TEST(GeometryStability, G8NormalsInTheFloorAreLitAsTheFloorIs) {
+  for (const Vec3f normal : kNormalsInTheFloor) {
+    for (const bool below : {false, true}) {
+      SCOPED_TRACE(::testing::Message() << normal.x << " " << normal.y << " " << below);
+      TestScene t({2, 2, 0}, {0, 0, 0}, 1e-4f);
+      PointLight lamp;
+      lamp.intensity.rgb = Rgb::Grey(4);
+      lamp.from = {0, below ? -2.0 : 2.0, 1};
+      t.scene.lights.push_back({lamp, {}, {}, {}});
+      t.AddShape(MeshShape{FloorWithNormals(normal, &t)}, t.Diffuse(Rgb::Grey(0.5f)));
+      const double lit = 0.5 / kPi * 4 / 5 * (2 / std::sqrt(5.0));
+      const TileMean mean = RenderMean(t.scene, SquareSettings(4, 16, 3));
+      // By normals that rounding or the file lifts a little off the floor.
+      EXPECT_NEAR(mean.mean.g, below ? 0 : lit, 5e-3 * lit);
+      EXPECT_EQ(below, mean.mean.g == 0);
+    }
+  }
+}
+
+// No tilt of vertex normals loses more than that of 60 degrees.
+TEST(GeometryStability, G8SteepNormalsLoseAQuarterAtMost) {
+  for (const double degrees : {50.0, 60.0, 70.0, 80.0, 85.0, 89.0, 91.0}) {
+    SCOPED_TRACE(degrees);
+    const double tilt = degrees * kPi / 180;
+    TestScene t({1, 2, 0}, {0, 0, 0}, 5);
+    t.ConstantEnvironment(Rgb::Grey(1));
+    const Vec3f normal = ToFloat(Vec3d{std::sin(tilt), std::cos(tilt), 0});
+    t.AddShape(MeshShape{FloorWithNormals(normal, &t)}, t.Diffuse(Rgb::Grey(1)));
+    const TileMean mean = RenderMean(t.scene, SquareSettings(8, DrawCount(64, 1024), 3));
+    EXPECT_GT(mean.mean.g, 0.75 - 5 * static_cast<double>(mean.standard_error.g));
+    EXPECT_LT(mean.mean.g, 1 + 5 * static_cast<double>(mean.standard_error.g));
+  }
 }
 
 // G8: a white plane under a white sky is white however flat one looks at it.

@@ -10,39 +10,13 @@
 
 #include "common/math/elementary.h"
 #include "gtest/gtest.h"
+#include "tests/support/fog_scene.h"
 #include "tests/support/long_tests.h"
 #include "tests/support/test_scene.h"
 #include "worker/render/medium_set.h"
 
 namespace sheaf::render {
 namespace {
-
-// A scene with media; its shapes are interfaces or walls.
-class FogScene : public TestScene {
- public:
-  using TestScene::TestScene;
-
-  int32_t AddMedium(Rgb sigma_a, Rgb sigma_s, float g = 0, Rgb radiance = {}) {
-    MediumDescription medium;
-    medium.name = std::to_string(scene.media.size());
-    medium.sigma_a.rgb = sigma_a;
-    medium.sigma_s.rgb = sigma_s;
-    medium.g = g;
-    medium.emits = !radiance.IsBlack();
-    medium.radiance.rgb = radiance;
-    scene.media.push_back(medium);
-    return static_cast<int32_t>(scene.media.size() - 1);
-  }
-  template <typename Shape>
-  ShapeDescription& Fill(Shape shape, int32_t inside, int32_t outside = kNone) {
-    ShapeDescription& added = AddShape(shape, AddMaterial(InterfaceMaterial{}));
-    added.media = {inside, outside};
-    return added;
-  }
-  void FillBox(Vec3f lower, Vec3f upper, int32_t inside, int32_t outside = kNone) {
-    Fill(MeshShape{Box(lower, upper)}, inside, outside);
-  }
-};
 
 struct Rendered {
   TileMean mean;
@@ -254,14 +228,17 @@ TEST(MediumStability, G12NestedBoxes) {
   EXPECT_NEAR(rendered.mean.mean.g, std::exp(-unit * (0.5 * 1.5 + 2 * 0.5)), 1e-5);
 }
 
-// A file that says a medium is left which was never entered: paths end there, and are counted.
+// Closed volumes that say they bound a medium which reaches on without end: paths end there, and
+// are counted.
 TEST(MediumStability, G12BrokenNestingIsCounted) {
   FogScene t({0, 0, -4}, {0, 0, 0}, 0.01f);
   t.ConstantEnvironment(Rgb::Grey(1));
-  t.FillBox({-1, -1, -1}, {1, 1, 1}, t.AddMedium({}, {}), t.AddMedium({}, Rgb::Grey(1)));
+  const int32_t fog = t.AddMedium({}, Rgb::Grey(1));
+  t.FillBox({5, 5, 5}, {6, 6, 6}, fog);
+  t.FillBox({-1, -1, -1}, {1, 1, 1}, t.AddMedium({}, {}), fog);
   const Rendered rendered = RenderFog(t.scene, SquareSettings(2, 16, 5));
   ExpectMean(rendered.mean, {});
-  EXPECT_EQ(rendered.broken, 64u);
+  EXPECT_GE(rendered.broken, 64u);
 }
 
 TEST(MediumStability, V8TheSetCountsAndForgetsTheOrder) {

@@ -11,12 +11,15 @@
 #include "absl/strings/str_cat.h"
 #include "common/base/check.h"
 #include "common/base/log.h"
+#include "worker/agent/task_border.h"
 
 namespace sheaf::worker {
 namespace {
 
 // Parts of one upload. More would only make what a broken connection repeats larger.
 constexpr size_t kUploadPartsMax = 16;
+// How long a thread waits for the coordinator to hear that it loads a scene.
+constexpr std::chrono::milliseconds kTellLoadingMax{2'000};
 
 std::string Describe(const FinishedPart& part) {
   return absl::StrCat("frame ", part.frame_digest.substr(0, 12), " tile ", part.tile.x0, ",",
@@ -126,9 +129,10 @@ void Agent::Synchronize(std::unique_lock<std::mutex>* lock) {
   lock->lock();
   if (!desired.ok()) {
     if (reachable_ || absl::IsPermissionDenied(desired.status())) {
-      LogWarning(absl::StrCat("coordinator: ", desired.status().message(), "; trying again"));
+      LogWarning(absl::StrCat(desired.status().message(), "; trying again"));
     }
     reachable_ = false;
+    answered_.notify_all();
     news_ = true;
     next_synchronize_ = now_() + backoff_;
     backoff_ = std::min(backoff_ * 2, options_.backoff_max);
@@ -136,6 +140,8 @@ void Agent::Synchronize(std::unique_lock<std::mutex>* lock) {
   }
   if (!reachable_) LogInfo("the coordinator answers again");
   reachable_ = true;
+  answered_sequence_ = snapshot.sequence;
+  answered_.notify_all();
   backoff_ = options_.backoff_initial;
   next_synchronize_ = now_() + desired->next_synchronize;
   const int new_count = ledger_.Apply(snapshot.sequence, desired->leases);
@@ -179,8 +185,19 @@ void Agent::RenderLoop(std::stop_token ended) {
   }
 }
 
+void Agent::TellLoading(const LeaseLedger::Task& task) {
+  if (!scenes_.MustLoad(task.lease)) return;
+  std::unique_lock<std::mutex> lock(mutex_);
+  const uint64_t before = ledger_.sequence();
+  news_ = true;
+  control_.notify_one();
+  answered_.wait_for(lock, task.stop, kTellLoadingMax,
+                     [&] { return answered_sequence_ > before || !reachable_; });
+}
+
 void Agent::RenderOne(const LeaseLedger::Task& task) {
   const uint64_t id = task.lease.lease_id;
+  TellLoading(task);
   const SharedLoadResult loaded = scenes_.Get(task.lease, task.stop);
   {
     const std::lock_guard<std::mutex> lock(mutex_);
@@ -190,10 +207,18 @@ void Agent::RenderOne(const LeaseLedger::Task& task) {
     }
     ledger_.BeginRendering(id);
   }
-  absl::StatusOr<FinishedPart> part = loaded.scene->Render(task.lease, task.stop);
+  absl::StatusOr<FinishedPart> part;
+  const absl::Status in_memory =
+      CatchOutOfMemory("rendering", [&] { part = loaded.scene->Render(task.lease, task.stop); });
+  const absl::Status status = in_memory.ok() ? part.status() : in_memory;
+  if (absl::IsDataLoss(status)) scenes_.Drop(task.lease, loaded.scene);
   const std::lock_guard<std::mutex> lock(mutex_);
-  if (!part.ok()) {
-    Fail(id, FailureKind::kInternal, part.status());
+  if (!status.ok()) {
+    Fail(id,
+         !in_memory.ok()            ? FailureKind::kMemory
+         : absl::IsDataLoss(status) ? FailureKind::kInfrastructure
+                                    : FailureKind::kInternal,
+         status);
     return;
   }
   ledger_.Finish(id);
@@ -233,6 +258,8 @@ void Agent::UploadLoop(std::stop_token ended) {
     lock.lock();
     if (outcomes.ok()) {
       SHEAF_CHECK(outcomes->size() == parts.size());
+      if (!uploads_taken_) LogInfo("the coordinator takes results again");
+      uploads_taken_ = true;
       TakeOutcomes(parts, *outcomes);
       part_count_max = kUploadPartsMax;
       backoff = options_.backoff_initial;
@@ -243,7 +270,11 @@ void Agent::UploadLoop(std::stop_token ended) {
                             std::string(outcomes.status().message())));
       Refuse(*parts.front(), outcomes.status());
     } else {
-      LogDebug(absl::StrCat("upload: ", std::string(outcomes.status().message()), "; repeating"));
+      if (uploads_taken_) {
+        LogWarning(absl::StrCat("the coordinator takes no results: ", outcomes.status().message(),
+                                "; they are kept and offered again"));
+      }
+      uploads_taken_ = false;
       uploads_.wait_for(lock, ended, backoff, [] { return false; });
       backoff = std::min(backoff * 2, options_.backoff_max);
     }

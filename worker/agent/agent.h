@@ -78,6 +78,9 @@ class Agent {
 
   void RenderLoop(std::stop_token ended);
   void RenderOne(const LeaseLedger::Task& task);
+  // Waits until the coordinator knows which scene this worker is about to load: if that ends the
+  // worker, somebody must know what did. Not for long, and not where nobody answers.
+  void TellLoading(const LeaseLedger::Task& task);
   void UploadLoop(std::stop_token ended);
   // Takes over the answer to one upload. Requires: mutex_ is held.
   void TakeOutcomes(const std::vector<const FinishedPart*>& parts,
@@ -103,8 +106,11 @@ class Agent {
   ResultOutbox outbox_;
   AgentCounts counts_;
   Stage stage_ = Stage::kWorking;
-  bool news_ = false;      // Since the last call of Synchronize was made.
-  bool reachable_ = true;  // Whether the last call was answered.
+  bool news_ = false;          // Since the last call of Synchronize was made.
+  bool reachable_ = true;      // Whether the last call was answered.
+  bool uploads_taken_ = true;  // Whether the last upload was.
+  uint64_t answered_sequence_ = 0;        // Of the last snapshot that was answered.
+  std::condition_variable_any answered_;  // A call was answered, or was not.
   Clock::time_point next_synchronize_, last_synchronize_, grace_end_, farewell_end_, idle_since_;
   std::chrono::milliseconds backoff_;
 };

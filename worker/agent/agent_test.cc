@@ -7,11 +7,14 @@
 
 #include <algorithm>
 #include <atomic>
+#include <functional>
 #include <map>
 #include <memory>
 #include <mutex>
+#include <new>
 #include <set>
 #include <thread>
+#include <utility>
 
 namespace sheaf::worker {
 namespace {
@@ -88,6 +91,10 @@ class FakeCoordinator : public CoordinatorLink {
     const std::lock_guard<std::mutex> lock(mutex_);
     return failures_;
   }
+  bool last_was_loading() const {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    return !last_.leases.empty() && last_.leases[0].phase == LeasePhase::kLoading;
+  }
   bool last_was_draining_and_empty() const {
     const std::lock_guard<std::mutex> lock(mutex_);
     return last_.draining && last_.leases.empty();
@@ -136,13 +143,16 @@ class FakeCoordinator : public CoordinatorLink {
 class FakeRenderer : public SceneLoader {
  public:
   LoadResult Load(const Lease&, std::stop_token) override {
+    if (on_load) on_load();
     if (!load_status.ok()) return {nullptr, load_status, load_failure_kind};
     return {std::make_unique<Scene>(this), absl::OkStatus(), FailureKind::kInternal};
   }
 
+  std::function<void()> on_load, on_render;
   std::atomic<bool> gate_open{true};
   std::atomic<int> rendering_count{0};
   absl::Status load_status;
+  absl::Status render_status;  // Of the first task.
   FailureKind load_failure_kind = FailureKind::kInternal;
   size_t part_bytes = 10;
 
@@ -152,6 +162,8 @@ class FakeRenderer : public SceneLoader {
     explicit Scene(FakeRenderer* renderer) : renderer_(renderer) {}
     uint64_t memory_bytes() const override { return 1; }
     absl::StatusOr<FinishedPart> Render(const Lease& lease, std::stop_token stop) const override {
+      if (renderer_->on_render) renderer_->on_render();
+      if (!renderer_->render_status.ok()) return std::exchange(renderer_->render_status, {});
       ++renderer_->rendering_count;
       while (!renderer_->gate_open && !stop.stop_requested()) std::this_thread::yield();
       --renderer_->rendering_count;
@@ -314,6 +326,55 @@ TEST(AgentTest, TellsWhoseFaultAFailedLoadIs) {
   ASSERT_TRUE(Eventually([&] { return coordinator.failures().size() == 1; }));
   EXPECT_EQ(coordinator.failures()[0].kind, FailureKind::kScene);
   EXPECT_EQ(coordinator.failures()[0].message, "room.pbrt:3:1: no such material");
+  EXPECT_TRUE(running.Stop().ok());
+}
+
+TEST(AgentTest, LackOfMemoryFailsTheTaskAndNotTheWorker) {
+  for (const bool while_loading : {true, false}) {
+    FakeCoordinator coordinator(2);
+    FakeRenderer renderer;
+    std::atomic<int> calls{0};
+    const auto lack_once = [&] {
+      if (calls++ == 0) throw std::bad_alloc();
+    };
+    (while_loading ? renderer.on_load : renderer.on_render) = lack_once;
+    AgentOptions options = FastOptions();
+    options.thread_count = 1;
+    Running running(options, &coordinator, &renderer);
+    EXPECT_TRUE(Eventually(
+        [&] { return coordinator.failures().size() == 1 && coordinator.done_count() == 1; }));
+    EXPECT_EQ(coordinator.failures()[0].kind, FailureKind::kMemory);
+    EXPECT_THAT(coordinator.failures()[0].message,
+                testing::HasSubstr(while_loading ? "loading the scene" : "rendering"));
+    EXPECT_TRUE(running.Stop().ok());
+  }
+}
+
+TEST(AgentTest, ASceneWhoseFilesWereAlteredIsLoadedAnew) {
+  FakeCoordinator coordinator(2);
+  FakeRenderer renderer;
+  std::atomic<int> loads{0};
+  renderer.on_load = [&] { ++loads; };
+  renderer.render_status = absl::DataLossError("file a.png was altered");
+  AgentOptions options = FastOptions();
+  options.thread_count = 1;
+  Running running(options, &coordinator, &renderer);
+  EXPECT_TRUE(Eventually(
+      [&] { return coordinator.failures().size() == 1 && coordinator.done_count() == 1; }));
+  EXPECT_EQ(coordinator.failures()[0].kind, FailureKind::kInfrastructure);
+  EXPECT_THAT(coordinator.failures()[0].message, testing::HasSubstr("a.png"));
+  EXPECT_EQ(loads, 2);
+  EXPECT_TRUE(running.Stop().ok());
+}
+
+TEST(AgentTest, TheCoordinatorKnowsOfALoadBeforeItBegins) {
+  FakeCoordinator coordinator(1);
+  FakeRenderer renderer;
+  bool known = false;
+  renderer.on_load = [&] { known = coordinator.last_was_loading(); };
+  Running running(FastOptions(), &coordinator, &renderer);
+  EXPECT_TRUE(Eventually([&] { return coordinator.done_count() == 1; }));
+  EXPECT_TRUE(known);
   EXPECT_TRUE(running.Stop().ok());
 }
 

@@ -29,6 +29,8 @@ class LeaseLedger {
     std::vector<LeaseFailure> failures;
   };
   Snapshot TakeSnapshot();
+  // Of the last snapshot.
+  uint64_t sequence() const { return sequence_; }
 
   // Takes over the answer to that request: new leases are queued in the answer's order, queued and
   // running leases it does not list are dropped (running ones are asked to stop). Finished parts

@@ -5,10 +5,21 @@
 #include <algorithm>
 #include <set>
 
+#include "worker/agent/task_border.h"
+
 namespace sheaf::worker {
 
+SceneCache::Key SceneCache::KeyOf(const Lease& lease) {
+  return {lease.frame_digest, lease.settings.force_generic_variant};
+}
+
+bool SceneCache::MustLoad(const Lease& lease) const {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  return !entries_.contains(KeyOf(lease));
+}
+
 SharedLoadResult SceneCache::Get(const Lease& lease, std::stop_token stop) {
-  const Key key{lease.frame_digest, lease.settings.force_generic_variant};
+  const Key key = KeyOf(lease);
   std::unique_lock<std::mutex> lock(mutex_);
   while (true) {
     if (const auto it = entries_.find(key); it != entries_.end()) {
@@ -32,7 +43,10 @@ SharedLoadResult SceneCache::Load(const Key& key, const Lease& lease, std::stop_
   const auto flight = std::make_shared<Flight>();
   flights_[key] = flight;
   lock->unlock();
-  LoadResult loaded = loader_->Load(lease, stop);
+  LoadResult loaded;
+  const absl::Status in_memory =
+      CatchOutOfMemory("loading the scene", [&] { loaded = loader_->Load(lease, stop); });
+  if (!in_memory.ok()) loaded = {nullptr, in_memory, FailureKind::kMemory};
   lock->lock();
   flight->result = {SharedScene(std::move(loaded.scene)), loaded.status, loaded.failure_kind};
   flight->done = true;
@@ -41,10 +55,18 @@ SharedLoadResult SceneCache::Load(const Key& key, const Lease& lease, std::stop_
   if (flight->result.scene != nullptr) {
     entries_[key] = {flight->result.scene, lease.scene.sha256_hex, ++uses_};
     evicted = EvictBeyondLimit();
+  } else if (loaded.failure_kind == FailureKind::kMemory) {
+    evicted = EvictAll();
   }
   landed_.notify_all();
   lock->unlock();  // Freeing a scene takes its time; nobody else waits for it.
   return flight->result;
+}
+
+void SceneCache::Drop(const Lease& lease, const SharedScene& scene) {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  const auto it = entries_.find(KeyOf(lease));
+  if (it != entries_.end() && it->second.scene == scene) entries_.erase(it);
 }
 
 std::vector<std::string> SceneCache::WarmScenes() const {
@@ -65,13 +87,21 @@ uint64_t SceneCache::SumOfMemory() const {
   return memory_bytes;
 }
 
+std::vector<SharedScene> SceneCache::EvictAll() {
+  std::vector<SharedScene> evicted;
+  for (auto& [key, entry] : entries_) evicted.push_back(std::move(entry.scene));
+  entries_.clear();
+  return evicted;
+}
+
 std::vector<SharedScene> SceneCache::EvictBeyondLimit() {
   const auto older = [](const auto& a, const auto& b) {
     return a.second.last_use < b.second.last_use;
   };
   std::vector<SharedScene> evicted;
   uint64_t memory_bytes = SumOfMemory();
-  while (memory_bytes > memory_bytes_max_ && entries_.size() > 1) {
+  while ((memory_bytes > memory_bytes_max_ && entries_.size() > 1) ||
+         entries_.size() > kScenesMax) {
     const auto oldest = std::min_element(entries_.begin(), entries_.end(), older);
     memory_bytes -= oldest->second.scene->memory_bytes();
     evicted.push_back(std::move(oldest->second.scene));

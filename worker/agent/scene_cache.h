@@ -31,18 +31,29 @@ struct SharedLoadResult {
   FailureKind failure_kind = FailureKind::kInternal;
 };
 
+// Scenes in memory at once, however small: each keeps files too, those of its textures.
+inline constexpr size_t kScenesMax = 64;
+
 // Thread safety: all members may be called concurrently.
 class SceneCache {
  public:
-  // Keeps scenes of memory_bytes_max together; the one that was asked for last is always kept.
+  // Keeps scenes of memory_bytes_max together, kScenesMax at most; the one that was asked for last
+  // is always kept.
   // Requires: loader outlives this.
   SceneCache(SceneLoader* loader, uint64_t memory_bytes_max)
       : loader_(loader), memory_bytes_max_(memory_bytes_max) {}
 
   // The lease's scene, loaded where it is not there. A failed load is told to all who waited for it
-  // and tried anew by the next one who asks. One who waits for another's load and whose own stop is
-  // requested gets kCancelled.
+  // and tried anew by the next one who asks; one that lacks memory ends the stay of all other
+  // scenes, so that the next one has their room. One who waits for another's load and whose own
+  // stop is requested gets kCancelled.
   SharedLoadResult Get(const Lease& lease, std::stop_token stop);
+
+  // Whether Get would load the lease's scene, or wait for its load.
+  bool MustLoad(const Lease& lease) const;
+
+  // Lets go of a scene that is not to be trusted any more: the next one who asks loads it anew.
+  void Drop(const Lease& lease, const SharedScene& scene);
 
   // Digests of the manifests of the scenes in memory, in ascending order.
   std::vector<std::string> WarmScenes() const;
@@ -65,8 +76,11 @@ class SceneCache {
   // Loads on this thread. Requires: lock holds mutex_; it is released while loading.
   SharedLoadResult Load(const Key& key, const Lease& lease, std::stop_token stop,
                         std::unique_lock<std::mutex>* lock);
+  static Key KeyOf(const Lease& lease);
   // Requires: mutex_ is held.
   uint64_t SumOfMemory() const;
+  // Takes all out. Requires: mutex_ is held.
+  std::vector<SharedScene> EvictAll();
   // Takes the least recently used out, never the last one. Requires: mutex_ is held.
   std::vector<SharedScene> EvictBeyondLimit();
 

@@ -7,6 +7,7 @@
 
 #include <atomic>
 #include <latch>
+#include <new>
 #include <thread>
 
 namespace sheaf::worker {
@@ -35,6 +36,7 @@ class FakeLoader : public SceneLoader {
     if (lease.scene.sha256_hex == "bad") {
       return {nullptr, absl::InvalidArgumentError("a.pbrt:1:1: no"), FailureKind::kScene};
     }
+    if (lease.scene.sha256_hex == "huge") throw std::bad_alloc();
     return {std::make_unique<FakeScene>(10), absl::OkStatus(), FailureKind::kInternal};
   }
   std::atomic<int> load_count{0};
@@ -73,6 +75,15 @@ TEST(SceneCacheTest, EvictsTheLeastRecentlyUsedBeyondItsLimit) {
   EXPECT_EQ(cache.Get(LeaseOf("a"), {}).scene, a);
 }
 
+TEST(SceneCacheTest, KeepsACertainNumberHoweverSmallTheyAre) {
+  FakeLoader loader;
+  SceneCache cache(&loader, 1'000'000);
+  for (size_t i = 0; i < kScenesMax + 5; ++i) cache.Get(LeaseOf(std::to_string(i)), {});
+  EXPECT_EQ(cache.WarmScenes().size(), kScenesMax);
+  cache.Get(LeaseOf(std::to_string(kScenesMax + 4)), {});
+  EXPECT_EQ(loader.load_count, static_cast<int>(kScenesMax) + 5);
+}
+
 TEST(SceneCacheTest, KeepsTheLastSceneEvenWhenItAloneIsBeyondTheLimit) {
   FakeLoader loader;
   SceneCache cache(&loader, 1);
@@ -90,6 +101,19 @@ TEST(SceneCacheTest, DoesNotRememberFailures) {
     EXPECT_EQ(result.scene, nullptr);
   }
   EXPECT_EQ(loader.load_count, 2);
+}
+
+TEST(SceneCacheTest, ALoadThatLacksMemoryMakesRoomForTheNext) {
+  FakeLoader loader;
+  SceneCache cache(&loader, 100);
+  cache.Get(LeaseOf("a"), {});
+  EXPECT_FALSE(cache.MustLoad(LeaseOf("a")));
+  const SharedLoadResult result = cache.Get(LeaseOf("huge"), {});
+  EXPECT_EQ(result.failure_kind, FailureKind::kMemory);
+  EXPECT_EQ(result.status.code(), absl::StatusCode::kResourceExhausted);
+  EXPECT_TRUE(cache.WarmScenes().empty());
+  EXPECT_TRUE(cache.MustLoad(LeaseOf("a")));
+  EXPECT_NE(cache.Get(LeaseOf("a"), {}).scene, nullptr) << "nobody waits for a load that ended";
 }
 
 TEST(SceneCacheTest, AnotherLeaseLoadsWhenTheLoadingOneIsCancelled) {

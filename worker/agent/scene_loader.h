@@ -21,7 +21,8 @@ class LoadedScene {
   virtual ~LoadedScene() = default;
   virtual uint64_t memory_bytes() const = 0;
   // Renders the lease's task and encodes the part.
-  // Errors: kCancelled when stop was requested; any other is a defect of the renderer.
+  // Errors: kCancelled when stop was requested; kDataLoss where files of the scene were altered on
+  // disk since it was loaded: it must be loaded anew; any other is a defect of the renderer.
   virtual absl::StatusOr<FinishedPart> Render(const Lease& lease, std::stop_token stop) const = 0;
 };
 

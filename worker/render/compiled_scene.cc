@@ -108,6 +108,7 @@ absl::StatusOr<CompiledScenePtr> CompileScene(SceneDescription description,
   absl::StatusOr<PixelFilter> filter = PixelFilter::Make(scene->description);
   if (!filter.ok()) return filter.status();
   scene->filter = *std::move(filter);
+  scene->film = FilmResponse::Make(scene->description.film, settings);
   const bool spectral = Has(scene->plan.traits, Trait::kSpectral);
   absl::StatusOr<std::unique_ptr<MaterialTable>> materials =
       MaterialTable::Build(scene->description, files,

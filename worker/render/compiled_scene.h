@@ -10,6 +10,7 @@
 #include "common/scene/scene_description.h"
 #include "worker/render/camera.h"
 #include "worker/render/embree_scene.h"
+#include "worker/render/film_response.h"
 #include "worker/render/filter.h"
 #include "worker/render/interior_table.h"
 #include "worker/render/light_table.h"
@@ -30,6 +31,7 @@ class CompiledScene {
   SceneGeometry geometry;
   Camera camera;
   PixelFilter filter;
+  FilmResponse film;
   std::unique_ptr<EmbreeScene> tracer;
   std::unique_ptr<MaterialTable> materials;
   std::unique_ptr<LightTable> lights;

@@ -66,9 +66,9 @@ class UsedTextures {
 };
 
 // What a displaced mesh is made of.
-using Key = std::tuple<int32_t, int32_t, float, float, std::array<double, 12>>;
+using MeshKey = std::tuple<int32_t, int32_t, float, float, std::array<double, 12>>;
 
-Key KeyOf(const MeshShape& shape, const Matrix4& transform, bool reads_place) {
+MeshKey KeyOf(const MeshShape& shape, const Matrix4& transform, bool reads_place) {
   std::array<double, 12> numbers{};
   for (size_t row = 0; row < 3; ++row) {
     for (size_t column = 0; column < (reads_place ? 4 : 3); ++column) {
@@ -135,7 +135,7 @@ class Displacer {
   const TextureProgram& program_;
   uint64_t triangles_left_;
   SceneDescription& scene_;
-  std::map<Key, int32_t> mesh_of_;
+  std::map<MeshKey, int32_t> mesh_of_;
 };
 
 }  // namespace

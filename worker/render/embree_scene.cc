@@ -169,7 +169,11 @@ absl::StatusOr<std::unique_ptr<EmbreeScene>> EmbreeScene::Build(const SceneGeome
   state.leak_guard = LeakGuard(geometry);
   const std::string config = absl::StrCat("isa=avx2,threads=", build_threads);
   state.device = rtcNewDevice(config.c_str());
-  if (state.device == nullptr) return absl::InternalError("the ray tracer (Embree) cannot start");
+  if (state.device == nullptr) {
+    return rtcGetDeviceError(nullptr) == RTC_ERROR_OUT_OF_MEMORY
+               ? absl::ResourceExhaustedError("there is no memory for the ray tracer (Embree)")
+               : absl::InternalError("the ray tracer (Embree) cannot start");
+  }
   rtcSetDeviceMemoryMonitorFunction(state.device, State::CountMemory, &state);
   state.still.placed = &geometry.still;
   state.moving.placed = &geometry.moving;

@@ -4,5 +4,5 @@ sheaf_add_module(NAME render_lens
   HEADERS aperture_shape.h exit_pupil.h lens_system.h realistic_lens.h shutter_shape.h
   SOURCES aperture_shape.cc exit_pupil.cc lens_system.cc realistic_lens.cc shutter_shape.cc
   DEPS sheaf::math sheaf::scene sheaf::render_sampling
-  TESTS lens_system_test.cc ${PROJECT_SOURCE_DIR}/tests/support/chi_square.cc
+  TESTS lens_system_test.cc
 )

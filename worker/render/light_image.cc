@@ -11,6 +11,7 @@
 #include "common/base/status.h"
 #include "common/film/picture_color.h"
 #include "common/image/image_io.h"
+#include "common/scene/named_as_in_scene.h"
 
 namespace sheaf::render {
 namespace {
@@ -49,7 +50,7 @@ absl::StatusOr<LightImage> ReadLightImage(const SceneDescription& scene, SourceL
   absl::StatusOr<std::string> path = files.LocalPath(file);
   if (!path.ok()) return Annotate(path.status(), place);
   absl::StatusOr<FloatImage> image = ReadImage(*path);
-  if (!image.ok()) return Annotate(image.status(), place);
+  if (!image.ok()) return Annotate(NamedAsInScene(image.status(), *path, file), place);
   if (std::max(image->width, image->height) > kLightImageSizeMax) {
     return absl::InvalidArgumentError(
         absl::StrCat(place, ": \"", file, "\" is ", image->width, " x ", image->height,

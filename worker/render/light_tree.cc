@@ -14,14 +14,14 @@ namespace sheaf::render {
 namespace {
 
 // Of coordinates, their differences and the boxes: 16 roundings, where there are at most 8.
-constexpr float kCoordinateError = 0x1p-20f;
+constexpr float kNodeCoordinateError = 0x1p-20f;
 // Cosines this far beyond a bound still count. Covers what rounding does to the angles: the sine
 // from a cosine near -1 is off by up to 2^-11.5, the directions of axes by less than 2^-14.
 constexpr float kCosineSlack = 0x1p-10f;
 // Outward rounding of the squared radius: near a grazing tangent its cosine is a difference.
 constexpr float kRadiusSlack = 1 + 0x1p-16f;
 // Keep weights, their sums and products finite and positive.
-constexpr float kWeightMin = 0x1p-100f, kWeightMax = 0x1p100f;
+constexpr float kChildWeightMin = 0x1p-100f, kChildWeightMax = 0x1p100f;
 constexpr float kDistanceSquaredMin = 0x1p-125f;
 // Of a box's squared radius, what counts for its lights' squared distance.
 constexpr float kFarPart = 1 / 8.0f;
@@ -96,7 +96,7 @@ LightTree::Weights LightTree::Weigh(const Node& node, const Receiver& receiver) 
   const Vec3f step = node.step;
   const float node_reach = std::fabs(node.origin.x) + std::fabs(node.origin.y) +
                            std::fabs(node.origin.z) + 255 * (step.x + step.y + step.z);
-  const float error = kCoordinateError * (receiver.reach + node_reach);
+  const float error = kNodeCoordinateError * (receiver.reach + node_reach);
   const auto box_x = LoadLanes<UnsignedShortLanes>(node.box[0]);
   const auto box_y = LoadLanes<UnsignedShortLanes>(node.box[1]);
   const auto box_z = LoadLanes<UnsignedShortLanes>(node.box[2]);
@@ -161,7 +161,8 @@ LightTree::Weights LightTree::Weigh(const Node& node, const Receiver& receiver) 
                        (Max(All(kCosineSlack), turned) * Max(All(kCosineSlack), cos_receiver));
   const MaskLanes is_none = (cos_light < cos_emission) | (rise < 0) | (intensity <= 0);
   Weights weights;
-  weights.of_child = is_none ? Lanes{} : Max(All(kWeightMin), Min(All(kWeightMax), weight));
+  weights.of_child =
+      is_none ? Lanes{} : Max(All(kChildWeightMin), Min(All(kChildWeightMax), weight));
   weights.sum = Sum(weights.of_child);
   weights.intensity = (weights.sum > 0 ? is_none : MaskLanes{}) ? Lanes{} : intensity;
   weights.intensity_sum = Sum(weights.intensity);

@@ -28,7 +28,7 @@ constexpr size_t kIntervalCount = 12;
 // No light counts as dimmer than this part of all of them.
 constexpr double kIntensityPartMin = 0x1p-60;
 // Rounds cones outward by more than the quantised axes are off.
-constexpr float kConeSlack = 0x1p-14f;
+constexpr float kNodeConeSlack = 0x1p-14f;
 // Farther off, squares of distances leave the range of floats.
 constexpr float kReachMax = 0x1p60f;
 
@@ -329,7 +329,8 @@ void LightTree::Builder::EncodeCone(const Part& part, size_t place, Node* node) 
   for (size_t i = 0; i < 3; ++i) {
     node->axis[i][place] = static_cast<int16_t>(std::floor(axis[i] * kAxisSteps + 0.5f));
   }
-  const float cosine = std::max(std::floor((cos_normals - kConeSlack) * kAxisSteps), -kAxisSteps);
+  const float cosine =
+      std::max(std::floor((cos_normals - kNodeConeSlack) * kAxisSteps), -kAxisSteps);
   node->cos_normals[place] = static_cast<int16_t>(cosine);
   node->sin_normals[place] =
       static_cast<int16_t>(std::sqrt((kAxisSteps - cosine) * (kAxisSteps + cosine)));

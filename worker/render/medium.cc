@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <numeric>
+#include <optional>
 #include <string>
 #include <tuple>
 
@@ -17,52 +18,61 @@
 namespace sheaf::render {
 namespace {
 
-// Whether what lies inside of a surface (behind its front) is enclosed by it.
-bool EnclosesInside(const BakedMesh& mesh) {
+// Which side of a surface, as its normals have it, it encloses.
+EnclosedSide SideEnclosedBy(const BakedMesh& mesh) {
   const EnclosedSide side = EnclosedSideOf(mesh.positions, mesh.indices);
-  if (side == EnclosedSide::kNeither) return false;
-  const float front = side == EnclosedSide::kBack ? 1.0f : -1.0f;
+  if (side == EnclosedSide::kNeither) return side;
+  std::optional<float> facing;
   for (size_t i = 0; i + 2 < mesh.indices.size(); i += 3) {
     const uint32_t* t = &mesh.indices[i];
     const Vec3d p = ToDouble(mesh.positions[t[0]]);
     const Vec3d cross =
         Cross(ToDouble(mesh.positions[t[1]]) - p, ToDouble(mesh.positions[t[2]]) - p);
-    if (TriangleFacing(mesh, t, cross) != front) return false;
+    const float its = TriangleFacing(mesh, t, cross);
+    if (facing.value_or(its) != its) return EnclosedSide::kNeither;
+    facing = its;
   }
-  return true;
+  const bool is_back = (side == EnclosedSide::kBack) == (facing.value_or(1) > 0);
+  return is_back ? EnclosedSide::kBack : EnclosedSide::kFront;
 }
-bool EnclosesInside(const BakedQuadric& baked, const ShapeDescription& shape) {
+EnclosedSide SideEnclosedBy(const BakedQuadric& baked, const ShapeDescription& shape) {
   const auto* sphere = std::get_if<SphereShape>(&shape.shape);
-  return sphere != nullptr && !baked.surface.flips_normal && sphere->phi_max_degrees >= 360 &&
-         std::min(sphere->z_min, sphere->z_max) <= -sphere->radius &&
-         std::max(sphere->z_min, sphere->z_max) >= sphere->radius;
+  const bool is_closed = sphere != nullptr && sphere->phi_max_degrees >= 360 &&
+                         std::min(sphere->z_min, sphere->z_max) <= -sphere->radius &&
+                         std::max(sphere->z_min, sphere->z_max) >= sphere->radius;
+  if (!is_closed) return EnclosedSide::kNeither;
+  return baked.surface.flips_normal ? EnclosedSide::kFront : EnclosedSide::kBack;
 }
 
 // Which media have an end in every direction: those that only closed surfaces bound. A ray that is
 // in one of them and meets nothing has missed a surface.
 std::vector<bool> FindBounded(const SceneDescription& scene, const SceneGeometry& geometry) {
-  std::vector<bool> is_inside(scene.media.size(), false), is_open(scene.media.size(), false);
-  const auto add = [&](const Surface& surface, bool encloses) {
+  std::vector<bool> is_enclosed(scene.media.size(), false), is_open(scene.media.size(), false);
+  const auto add = [&](const Surface& surface, EnclosedSide side) {
     if (!surface.media.Separates()) return;
     const auto [inside, outside] = surface.media;
-    if (inside != kNone) is_inside[static_cast<size_t>(inside)] = true;
+    const int32_t enclosed = side == EnclosedSide::kFront ? outside : inside;
+    if (enclosed != kNone) is_enclosed[static_cast<size_t>(enclosed)] = true;
+    // Round the enclosed medium of a body that faces outward there may be one that has an end too.
+    if (side == EnclosedSide::kBack) return;
     for (const int32_t medium : {inside, outside}) {
-      if (medium != kNone && !encloses) is_open[static_cast<size_t>(medium)] = true;
+      const bool is_within = side == EnclosedSide::kFront && medium == outside;
+      if (medium != kNone && !is_within) is_open[static_cast<size_t>(medium)] = true;
     }
   };
   for (const GeometryGroup& group : geometry.groups) {
     for (const BakedMesh& mesh : group.meshes) {
-      if (mesh.surface.media.Separates()) add(mesh.surface, EnclosesInside(mesh));
+      if (mesh.surface.media.Separates()) add(mesh.surface, SideEnclosedBy(mesh));
     }
     for (const BakedQuadric& quadric : group.quadrics) {
       add(quadric.surface,
-          EnclosesInside(quadric, scene.shapes[static_cast<size_t>(quadric.surface.shape)]));
+          SideEnclosedBy(quadric, scene.shapes[static_cast<size_t>(quadric.surface.shape)]));
     }
-    for (const BakedPatches& patches : group.patches) add(patches.surface, false);
+    for (const BakedPatches& patches : group.patches) add(patches.surface, EnclosedSide::kNeither);
   }
   std::vector<bool> is_bounded(scene.media.size());
   for (size_t i = 0; i < is_bounded.size(); ++i) {
-    is_bounded[i] = is_inside[i] && !is_open[i] && scene.camera.medium != static_cast<int32_t>(i);
+    is_bounded[i] = is_enclosed[i] && !is_open[i] && scene.camera.medium != static_cast<int32_t>(i);
   }
   return is_bounded;
 }

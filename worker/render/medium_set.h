@@ -9,6 +9,8 @@
 #include <algorithm>
 #include <array>
 #include <cstdint>
+#include <optional>
+#include <tuple>
 
 namespace sheaf::render {
 
@@ -32,6 +34,7 @@ class MediumSet {
     return std::equal(a.begin(), a.end(), b.begin(), b.end());
   }
 
+  bool Contains(uint16_t medium) const { return std::find(begin(), end(), medium) != end(); }
   // False where the set is full.
   [[nodiscard]] bool Add(uint16_t medium) {
     if (count_ == kMediaAtOnceMax) return false;
@@ -53,5 +56,36 @@ class MediumSet {
   uint32_t count_ = 0;
   std::array<uint16_t, kMediaAtOnceMax> media_{};
 };
+
+// What a surface says is on each of its sides; nothing where there is no medium. The front is what
+// a scene file calls outside.
+struct MediumSides {
+  std::optional<uint16_t> back, front;
+};
+enum class Nesting : uint8_t {
+  kRight,
+  kContradicted,  // The path cannot have been in *set on the side it came from.
+  kFull,          // Of media: the path ends.
+};
+// Changes *set, of a path that meets a surface on one side and goes on from the other, or from the
+// same. Where the surface contradicts the set, what it says of the side that the path goes on from
+// counts, and nothing else does: that is how pbrt-v4 takes a ray's medium, always. A side without a
+// medium contradicts nothing, as media add up; but a surface that has one in front only, and is met
+// from behind by a path in it, is the wrong way round. See docs/adr/0051.
+inline Nesting MeetSides(const MediumSides& sides, bool from_front, bool to_front, MediumSet* set) {
+  const std::optional<uint16_t>& from = from_front ? sides.front : sides.back;
+  const std::optional<uint16_t>& to = to_front ? sides.front : sides.back;
+  const bool contradicts = from.has_value()
+                               ? !set->Contains(*from)
+                               : !from_front && sides.front && set->Contains(*sides.front);
+  if (contradicts) {
+    *set = {};
+  } else {
+    if (from_front == to_front) return Nesting::kRight;
+    if (from.has_value()) std::ignore = set->Remove(*from);
+  }
+  if (to.has_value() && !set->Add(*to)) return Nesting::kFull;
+  return contradicts ? Nesting::kContradicted : Nesting::kRight;
+}
 
 }  // namespace sheaf::render

@@ -177,7 +177,6 @@ class PathTracer {
       groups_.AddSky(*scene_.lights, p, d, path->wavelengths, weight, kind, radiance);
     }
   }
-  Rgb RgbOfSample(const Color& radiance, const Path& path) const;
   // bsdf's albedo as RGB. u_mix: as Evaluate's.
   Rgb AlbedoOf(const BsdfOf<Color>& bsdf, const SurfacePoint& point, float u_mix) const;
   // How much of a light that is cut out where the sample is remains of it there.
@@ -316,7 +315,10 @@ class PathTracer {
   // Changes what *media is in where a ray along w leaves the surface from the other side. False
   // where the nesting of media is broken, which is counted.
   bool Cross(const SurfacePoint& point, Vec3f w, const Path& path, InMedia* media) const;
-  // The same where the ray comes in along path.ray and may stay on its side.
+  // What media the two sides have, for a path that meets them and goes on from one of them.
+  bool MeetMedia(const SurfacePoint& point, bool from_front, bool to_front, const Path& path,
+                 InMedia* media) const;
+  // As Cross, where the ray comes in along path.ray and may stay on its side.
   bool CrossOrStay(const SurfacePoint& point, Vec3f w, bool is_hair, const Path& path,
                    InMedia* media) const;
   // What of the light arrives at the point, by way of media and surfaces that let it pass.
@@ -400,10 +402,12 @@ FilmSample PathTracer<kTraits, Tracer, kDirectLight>::TraceSample(int32_t x, int
   }
   if constexpr (kMedia) StartInMedia(&path);
   Trace(sampler, &path, &film);
-  film.radiance = RgbOfSample(path.radiance, path);
+  film.radiance = scene_.film.Of(path.radiance, path.wavelengths);
   if constexpr (Has(kTraits, Trait::kLens)) film.radiance *= weight;
+  scene_.film.Clamp(&film.radiance, &weight);
   if constexpr (kOutputs) {
-    groups_.MoveTo(outputs_, [&](const Color& sum) { return RgbOfSample(sum, path) * weight; });
+    groups_.MoveTo(
+        outputs_, [&](const Color& sum) { return scene_.film.Of(sum, path.wavelengths) * weight; });
   }
   return film;
 }

@@ -19,7 +19,7 @@ PathTracer<kTraits, Tracer, kDirectLight>::BoundaryAt(const SurfacePoint& point,
     if (rank == kNoRank) return {};
     MediumSet others = media.interiors;
     if (Dot(d, point.ng) > 0 && !others.Remove(rank)) {
-      ++counts_.broken_nestings;
+      counts_.CountBroken(point.surface->shape);
       return {BoundaryKind::kBroken, kNoRank};
     }
     const uint16_t top = TopOf(others);

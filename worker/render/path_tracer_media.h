@@ -59,23 +59,33 @@ bool PathTracer<kTraits, Tracer, kDirectLight>::Cross(const SurfacePoint& point,
   if constexpr (kNested) {
     if (point.surface->rank != kNoRank) {
       if (!CrossInterior(*point.surface, enters, media)) {
-        ++counts_.broken_nestings;
+        counts_.CountBroken(point.surface->shape);
         return false;
       }
       MixAgain(path, media);
       return true;
     }
   }
-  const MediumBoundary& boundary = point.surface->media;
-  if (!boundary.Separates()) return true;
-  const int32_t left = enters ? boundary.outside : boundary.inside;
-  const int32_t entered = enters ? boundary.inside : boundary.outside;
-  if ((left != kNone && !media->set.Remove(scene_.media->IndexOf(left))) ||
-      (entered != kNone && !media->set.Add(scene_.media->IndexOf(entered)))) {
-    ++counts_.broken_nestings;
-    return false;
-  }
-  MixAgain(path, media);
+  return MeetMedia(point, enters, !enters, path, media);
+}
+
+template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight>
+bool PathTracer<kTraits, Tracer, kDirectLight>::MeetMedia(const SurfacePoint& point,
+                                                          bool from_front, bool to_front,
+                                                          const Path& path, InMedia* media) const {
+  const Surface& surface = *point.surface;
+  if (!surface.media.Separates()) return true;
+  const auto index_of = [this](int32_t medium) {
+    return medium == kNone ? std::nullopt : std::optional(scene_.media->IndexOf(medium));
+  };
+  const MediumSides sides{index_of(surface.media.inside), index_of(surface.media.outside)};
+  const Nesting nesting = MeetSides(sides, from_front, to_front, &media->set);
+  const bool contradicts = nesting == Nesting::kContradicted;
+  if (nesting != Nesting::kRight) counts_.CountBroken(surface.shape);
+  // Walks in matter rely on having come in through its boundary.
+  const bool leaves_matter = surface.encloses_matter && !from_front;
+  if (nesting == Nesting::kFull || (contradicts && leaves_matter)) return false;
+  if (contradicts || from_front != to_front) MixAgain(path, media);
   return true;
 }
 
@@ -85,8 +95,10 @@ bool PathTracer<kTraits, Tracer, kDirectLight>::CrossOrStay(const SurfacePoint& 
                                                             InMedia* media) const {
   const float came_along = Dot(path.ray.d, point.ng), goes_along = Dot(w, point.ng);
   if (!is_hair && came_along * goes_along > 0) return Cross(point, w, path, media);
-  media->near = {point.p, goes_along < 0 ? -point.ng : point.ng, !is_hair};
-  return true;
+  const bool in_front = goes_along >= 0;
+  media->near = {point.p, in_front ? point.ng : -point.ng, !is_hair};
+  if (is_hair || (kNested && point.surface->rank != kNoRank)) return true;
+  return MeetMedia(point, in_front, in_front, path, media);
 }
 
 template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight>

@@ -171,16 +171,6 @@ bool PathTracer<kTraits, Tracer, kDirectLight>::CountVertex(bool in_matter, Path
 }
 
 template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight>
-Rgb PathTracer<kTraits, Tracer, kDirectLight>::RgbOfSample(const Color& radiance,
-                                                           const Path& path) const {
-  if constexpr (kSpectral) {
-    return RgbOf(radiance, path.wavelengths) * scene_.description.film.exposure_scale;
-  } else {
-    return radiance * scene_.description.film.exposure_scale;
-  }
-}
-
-template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight>
 Rgb PathTracer<kTraits, Tracer, kDirectLight>::AlbedoOf(const BsdfOf<Color>& bsdf,
                                                         const SurfacePoint& point,
                                                         float u_mix) const {

@@ -58,7 +58,7 @@ absl::StatusOr<PlanMeasurement> MeasurePlan(const SceneDescription& scene,
                                             const FrameSettings& settings, FileSource& files,
                                             double seconds);
 
-// As people read it: one line an effect.
+// As people read it: one line an effect. What noise hides is "none seen".
 std::string FormatPlanMeasurement(const PlanMeasurement& measurement);
 
 }  // namespace sheaf::render

@@ -5,6 +5,7 @@
 // counted before.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 
 namespace sheaf::render {
@@ -12,10 +13,16 @@ namespace sheaf::render {
 struct RayCounts {
   uint64_t rays = 0;  // All.
   uint64_t shadow_rays = 0;
-  // Paths that ended, and shadow rays that were given up, because surfaces do not enclose media as
-  // they say: a medium was left that had not been entered, or has no end where it should have one,
-  // or kMediaAtOnceMax are entered and another one.
+  // Times that surfaces did not enclose media as they say. Paths and shadow rays ended where a
+  // medium has no end and should have one, where matter was left that had not been entered, and
+  // where kMediaAtOnceMax were entered and another one. They went on where a MediumInterface
+  // contradicts what they were in: MeetSides.
   uint64_t broken_nestings = 0;
+  uint32_t broken_shape = ~0u;  // The first of the file that did so; ~0u: none is known.
+  void CountBroken(int32_t shape) {
+    ++broken_nestings;
+    broken_shape = std::min(broken_shape, static_cast<uint32_t>(shape));
+  }
   // Densities beyond what they had been found to be at most: none, or the picture is biased.
   uint64_t broken_majorants = 0;
   // What bounds of densities are multiplied by: not 1 where a block is rendered again for

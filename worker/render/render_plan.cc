@@ -88,6 +88,10 @@ class PlanMaker {
     for (std::string& note : SimilarityNotes(scene_, settings.similarity_after)) {
       plan.notes.push_back(std::move(note));
     }
+    NoteFilm(settings, &plan);
+    if (std::string note = ComparisonNote(scene_, settings); !note.empty()) {
+      plan.notes.push_back(std::move(note));
+    }
     return plan;
   }
 
@@ -111,6 +115,10 @@ class PlanMaker {
 
   void LookAtCamera() {
     const CameraDescription& camera = scene_.camera;
+    if (!scene_.film.sensor.empty()) {
+      Ask(Trait::kSpectral, scene_.film.location,
+          absl::StrCat("Film \"string sensor\" \"", scene_.film.sensor, "\""));
+    }
     if (camera.lens_radius > 0) {
       Ask(Trait::kLens, camera.location,
           absl::StrCat("Camera \"float lensradius\" [", camera.lens_radius, "]"));
@@ -287,6 +295,20 @@ class PlanMaker {
            !diffuse->reflectance.value.is_out_of_gamut && diffuse->reflectance.value.rgb.IsBlack();
   }
 
+  // Where the film shows something else than the light of the scene.
+  static void NoteFilm(const FrameSettings& settings, RenderPlan* plan) {
+    if (!settings.sensor.empty() && !Has(plan->traits, Trait::kSpectral)) {
+      plan->notes.push_back(absl::StrCat(
+          "sensor: rgb transport has no wavelengths for ", settings.sensor,
+          " to respond to; its colors are the CIE observer's, balanced as its own would be"));
+    }
+    if (settings.max_component_value != 0) {
+      plan->notes.push_back(
+          absl::StrCat("biased: samples are clamped to ", settings.max_component_value,
+                       " (Film \"maxcomponentvalue\"); errors are those of the clamped picture"));
+    }
+  }
+
   void BoundDepth(int32_t max_depth, RenderPlan* plan) const {
     plan->max_depth = max_depth;
     if (max_depth == 0) return;
@@ -328,11 +350,11 @@ class PlanMaker {
   bool something_scatters_ = false, something_glows_ = false;
 };
 
-// "+12 %", or "?" where nobody measured it.
+// "~ +12 %", or "?" where nobody measured it.
 std::string CostText(const PlannedEffect& effect) {
   if (effect.expected_time_ratio == 0) return "?";
   const long percent = std::lround(100 * (effect.expected_time_ratio - 1));
-  return absl::StrCat(percent < 0 ? "" : "+", percent, " %");
+  return absl::StrCat("~ ", percent < 0 ? "" : "+", percent, " %");
 }
 
 std::string JoinNames(const std::vector<std::string>& names) {
@@ -359,6 +381,12 @@ std::string FormatRenderPlan(const RenderPlan& plan) {
     absl::StrAppend(&text, effect.name,
                     std::string(width - effect.name.size() + 2 + cost_width - cost.size(), ' '),
                     cost, "  ", effect.cause, "\n");
+  }
+  if (!plan.effects.empty()) {
+    absl::StrAppend(&text,
+                    "~: time of a sample as measured in one small test scene of the effect, an "
+                    "estimate that may be far off here; --measure tells what it is in this "
+                    "scene\n");
   }
   if (!plan.unused.empty()) absl::StrAppend(&text, "not used: ", JoinNames(plan.unused), "\n");
   absl::StrAppend(&text, "lights: ", plan.light_count,

@@ -4,6 +4,8 @@
 // The loop over one row of pixels, for the generated files that compile the variants.
 #pragma once
 
+#include <algorithm>
+
 #include "worker/render/bsdf_inl.h"
 #include "worker/render/variants.h"
 
@@ -46,6 +48,7 @@ void RenderRow(const CompiledScene& scene, int32_t x0, int32_t x1, int32_t y, Sa
   counts->rays += local.rays;
   counts->shadow_rays += local.shadow_rays;
   counts->broken_nestings += local.broken_nestings;
+  counts->broken_shape = std::min(counts->broken_shape, local.broken_shape);
   counts->broken_majorants += local.broken_majorants;
   counts->long_walks += local.long_walks;
 }

@@ -10,5 +10,4 @@ sheaf_add_module(NAME render_shading
     bsdf.cc coat_table.cc conductor_coat_table.cc energy_table.cc material.cc material_build.cc
     measured_brdf.cc normal_map.cc warp_table.cc texture_program.cc texture_program_build.cc
   DEPS sheaf::render_spectral sheaf::base sheaf::math sheaf::scene sheaf::image
-  TESTS coat_table_test.cc conductor_coat_table_test.cc material_test.cc
-    ${PROJECT_SOURCE_DIR}/tests/support/chi_square.cc)
+  TESTS coat_table_test.cc conductor_coat_table_test.cc material_test.cc)

@@ -12,13 +12,13 @@ namespace {
 
 // Half an ulp of rounding in each of two float coordinates, doubled to leave room for the few
 // operations that made them.
-constexpr double kCoordinateError = 0x1p-23;
+constexpr double kVertexError = 0x1p-23;
 
 Vec3d Abs(Vec3d v) { return {std::fabs(v.x), std::fabs(v.y), std::fabs(v.z)}; }
 
 // How far Dot(normal, p - q) may be off because p and q are rounded coordinates.
 double PlaneError(Vec3d normal, Vec3d p, Vec3d q) {
-  return kCoordinateError * Dot(Abs(normal), Abs(p) + Abs(q));
+  return kVertexError * Dot(Abs(normal), Abs(p) + Abs(q));
 }
 
 // Two unit vectors that make a right-handed orthonormal basis with the unit vector n.

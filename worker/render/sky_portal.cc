@@ -15,7 +15,7 @@ namespace {
 constexpr int kCellsMin = 256, kCellsMax = 1024, kPointsAcrossMax = 4;
 // Of the mean luminance, what is added everywhere: what lies between the points that a cell looks
 // at is found, too.
-constexpr double kLeastPart = 1.0 / 16;
+constexpr double kPortalLeastPart = 1.0 / 16;
 
 // Angles about the y axis (tangent x / z) and the x axis (tangent y / z), both within pi / 2.
 struct Angles {
@@ -64,7 +64,7 @@ SkyPortal::SkyPortal(const Vec3d (&corners)[4], int map_size, double mean_lumina
         const Vec3d d = DirectionOf(at);
         const double seen =
             luminance(ToFloat(d.x * axis_x_ + d.y * axis_y_ + d.z * axis_z_)) / mean_luminance;
-        const double value = (seen + kLeastPart) * SolidAnglePerArea(at);
+        const double value = (seen + kPortalLeastPart) * SolidAnglePerArea(at);
         squares += value * value;
       }
       // Where the pdf is constant, the root mean square makes the least variance.

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <limits>
+#include <tuple>
 
 #include "common/scene/spectrum.h"
 #include "worker/render/upsampling_table.h"
@@ -54,16 +55,15 @@ Spectral Interpolate(const float* table, const Wavelengths& wavelengths) {
 // call, as a test of a pointer would, and needs no order of initialisation.
 struct Tables {
   std::array<float, kTableSize> d65;
-  // Linear sRGB; the fourth fills the vector register.
-  std::array<std::array<float, 4>, kTableSize> observer;
+  ObserverTable observer;
 };
+static_assert(std::tuple_size_v<ObserverTable> == kTableSize);
 Tables MakeTables() {
   Tables tables{};
   for (size_t i = 0; i < kTableSize; ++i) {
     tables.d65[i] = static_cast<float>(UnitD65(TableNm(i)));
-    const std::array<double, 3> rgb = ObserverRgb(TableNm(i));
-    for (size_t k = 0; k < 3; ++k) tables.observer[i][k] = static_cast<float>(rgb[k]);
   }
+  tables.observer = MakeObserver(ObserverRgb);
   return tables;
 }
 const Tables& SharedTables() {
@@ -161,8 +161,18 @@ Spectral Upsample(Rgb rgb, ColorRole role, const Wavelengths& wavelengths) {
 
 void PrepareUpsampling() { SharedUpsampling(); }
 
-Rgb RgbOf(const Spectral& radiance, const Wavelengths& wavelengths) {
-  const Tables& tables = SharedTables();
+ObserverTable MakeObserver(const std::function<std::array<double, 3>(double nm)>& rgb) {
+  ObserverTable observer{};
+  for (size_t i = 0; i < kTableSize; ++i) {
+    const std::array<double, 3> values = rgb(TableNm(i));
+    for (size_t k = 0; k < 3; ++k) observer[i][k] = static_cast<float>(values[k]);
+  }
+  return observer;
+}
+
+const ObserverTable& StandardObserver() { return SharedTables().observer; }
+
+Rgb RgbOf(const Spectral& radiance, const Wavelengths& wavelengths, const ObserverTable& observer) {
   const TablePositions at = PositionsOf(wavelengths);
   Spectral weight;
   for (size_t i = 0; i < kWavelengthCount; ++i) {
@@ -170,7 +180,7 @@ Rgb RgbOf(const Spectral& radiance, const Wavelengths& wavelengths) {
   }
   std::array<float, 4> sum{};
   for (size_t i = 0; i < kWavelengthCount; ++i) {
-    const auto* row = &tables.observer[static_cast<size_t>(at.below[i])];
+    const auto* row = &observer[static_cast<size_t>(at.below[i])];
     const float below = weight[i] * (1 - at.part[i]), above = weight[i] * at.part[i];
     for (size_t k = 0; k < 4; ++k) sum[k] += below * row[0][k] + above * row[1][k];
   }

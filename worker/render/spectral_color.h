@@ -10,6 +10,8 @@
 // emission is the spectrum of a reflectance, scaled, times D65.
 #pragma once
 
+#include <array>
+#include <cstddef>
 #include <functional>
 #include <memory>
 #include <vector>
@@ -64,8 +66,16 @@ Color ColorOfRgb(Rgb rgb, ColorRole role, const WavelengthsOf<Color>& wavelength
   }
 }
 
-// Linear sRGB of spectral radiance: one path's estimate. Radiance that is 1 times D65 (kIlluminant
-// of RGB white) has expectation (1, 1, 1).
-Rgb RgbOf(const Spectral& radiance, const Wavelengths& wavelengths);
+// Linear sRGB that spectral radiance of 1 adds at each whole nanometre from kWavelengthMinNm on,
+// linear in between; the last value stands twice, and the fourth component is 0.
+using ObserverTable =
+    std::array<std::array<float, 4>, static_cast<size_t>(kWavelengthMaxNm - kWavelengthMinNm) + 2>;
+ObserverTable MakeObserver(const std::function<std::array<double, 3>(double nm)>& rgb);
+const ObserverTable& StandardObserver();  // CIE 1931.
+
+// Linear sRGB of spectral radiance: one path's estimate. To the standard observer radiance that is
+// 1 times D65 (kIlluminant of RGB white) has expectation (1, 1, 1).
+Rgb RgbOf(const Spectral& radiance, const Wavelengths& wavelengths,
+          const ObserverTable& observer = StandardObserver());
 
 }  // namespace sheaf::render

@@ -51,6 +51,22 @@ struct GroupPoint {
   double reach = 0;  // Of curves: how far off along ng a ray that leaves must start.
 };
 
+// The least cosine between vertex normals and the surface's own at which they are what they say.
+inline constexpr double kShadingCosineMin = 0.5;
+
+// The shading normal that vertex normals, interpolated to ns, make on a surface of normal ng
+// (unit). About a normal at an angle t half of 1 - cos t of what a white surface scatters goes
+// below it, where it is lost. Beyond 60 degrees it is drawn to the surface's own, which it is from
+// 90 on: such a normal says nothing about how the surface is lit. See docs/adr/0052.
+inline Vec3d ShadingNormalOf(Vec3d ns, Vec3d ng) {
+  const double height = Dot(ns, ng);
+  if (!(height > 0)) return ng;
+  const double least_squared = kShadingCosineMin * kShadingCosineMin * LengthSquared(ns);
+  if (height * height >= least_squared) return ns;
+  const double share = height / std::sqrt(least_squared);
+  return ns * (share * kShadingCosineMin / std::sqrt(least_squared)) + ng * (1 - share);
+}
+
 inline Vec3f MaxAbs(Vec3f a, Vec3f b, Vec3f c) {
   Vec3f result;
   for (size_t i = 0; i < 3; ++i) {
@@ -94,8 +110,7 @@ inline GroupPoint TrianglePoint(const BakedMesh& mesh, const RawHit& hit, bool w
   if (!mesh.normals.empty()) {
     const Vec3f ns = mesh.normals[t[0]] * (1 - hit.u - hit.v) + mesh.normals[t[1]] * hit.u +
                      mesh.normals[t[2]] * hit.v;
-    // A shading normal on the far side of its own triangle says nothing about how it is lit.
-    if (Dot(ToDouble(ns), point.ng) > 0) point.ns = ToDouble(ns);
+    point.ns = ShadingNormalOf(ToDouble(ns), point.ng);
   }
   if (wants_parameters) AddTriangleParameters(mesh, t, hit, e1, e2, &point);
   return point;
@@ -123,7 +138,7 @@ inline GroupPoint DeformedTrianglePoint(const BakedMesh& mesh, const RawHit& hit
     const double facing = FacingOf(mesh.surface, cross, n0 + n1 + n2);
     point.ng = point.ng * facing;
     const Vec3d ns = ToDouble(n0 * (1 - hit.u - hit.v) + n1 * hit.u + n2 * hit.v);
-    point.ns = Dot(ns, point.ng) > 0 ? ns : point.ng;
+    point.ns = ShadingNormalOf(ns, point.ng);
   }
   if (wants_parameters) AddTriangleParameters(mesh, t, hit, e1, e2, &point);
   return point;
@@ -195,9 +210,8 @@ inline GroupPoint PointOnPatch(const BakedPatches& baked, const RawHit& hit,
   if (!baked.normals.empty()) {
     const Vec3d ns = PatchNormals(baked, k).PointAt(u, v);
     // Vertex normals say which side is the front (as in pbrt-v4).
-    const double side = Dot(ns, point.ng);
-    if (side < 0) point.ng = -point.ng;
-    point.ns = side != 0 ? ns : point.ng;
+    if (Dot(ns, point.ng) < 0) point.ng = -point.ng;
+    point.ns = ShadingNormalOf(ns, point.ng);
   }
   if (wants_parameters) AddPatchParameters(baked, k, patch, u, v, &point);
   return point;

@@ -8,6 +8,7 @@
 #include "absl/strings/str_cat.h"
 #include "common/base/log.h"
 #include "common/base/status.h"
+#include "common/scene/named_as_in_scene.h"
 #include "worker/render/texture_program.h"
 
 namespace sheaf::render {
@@ -154,7 +155,8 @@ class TextureProgram::Builder {
     }
     const absl::StatusOr<TextureImage> image = cache_.Open(*path, EncodingOf(t));
     if (!image.ok()) {
-      return Error(texture, image.status().code(), std::string(image.status().message()));
+      const absl::Status status = NamedAsInScene(image.status(), *path, t.file);
+      return Error(texture, status.code(), std::string(status.message()));
     }
     if (image->non_finite_texels > 0) {
       LogWarning(absl::StrCat(Error(texture, absl::StatusCode::kInvalidArgument, t.file).message(),

@@ -77,6 +77,10 @@ absl::StatusOr<FilmTile> RenderTilePass(const CompiledScene& scene, PixelRect ti
     stats->rays = counts.rays;
     stats->shadow_rays = counts.shadow_rays;
     stats->broken_nestings = counts.broken_nestings;
+    if (counts.broken_shape < scene.description.shapes.size()) {
+      stats->broken_at =
+          FormatLocation(scene.description, scene.description.shapes[counts.broken_shape].location);
+    }
     stats->broken_majorants = counts.broken_majorants;
     stats->raised_majorants = raised_majorants;
     stats->long_walks = counts.long_walks;

@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <memory>
 #include <stop_token>
+#include <string>
 #include <vector>
 
 #include "absl/status/statusor.h"
@@ -62,8 +63,9 @@ struct RenderStats {
   uint64_t samples = 0;
   uint64_t rays = 0;  // All rays traced: camera, scattered and shadow.
   uint64_t shadow_rays = 0;
-  // Paths that ended for them: RayCounts.
-  uint64_t broken_nestings = 0, long_walks = 0;
+  uint64_t broken_nestings = 0;   // RayCounts.
+  std::string broken_at;          // Where the scene file has a shape with such; empty: unknown.
+  uint64_t long_walks = 0;        // Paths that ended for them: RayCounts.
   uint64_t broken_majorants = 0;  // Biased look-ups that are left: RayCounts.
   uint32_t raised_majorants = 0;  // Times that the block was rendered again for such look-ups.
   double cpu_seconds = 0;

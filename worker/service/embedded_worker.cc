@@ -58,23 +58,25 @@ std::string DefaultCacheDirectory() {
 }
 
 absl::StatusOr<std::unique_ptr<EmbeddedWorker>> EmbeddedWorker::Open(
-    const std::shared_ptr<grpc::Channel>& channel, const WorkerOptions& options) {
+    const std::shared_ptr<grpc::Channel>& control, const std::shared_ptr<grpc::Channel>& data,
+    const WorkerOptions& options) {
   absl::StatusOr<std::unique_ptr<ContentCache>> cache =
       ContentCache::Open(options.cache_directory, {options.cache_bytes_max});
   if (!cache.ok()) return cache.status();
   return std::unique_ptr<EmbeddedWorker>(
-      new EmbeddedWorker(channel, *std::move(cache), options, MakeAgentOptions(options)));
+      new EmbeddedWorker(control, data, *std::move(cache), options, MakeAgentOptions(options)));
 }
 
-EmbeddedWorker::EmbeddedWorker(const std::shared_ptr<grpc::Channel>& channel,
+EmbeddedWorker::EmbeddedWorker(const std::shared_ptr<grpc::Channel>& control,
+                               const std::shared_ptr<grpc::Channel>& data,
                                std::unique_ptr<ContentCache> cache, const WorkerOptions& options,
                                const AgentOptions& agent_options)
     : worker_id_(agent_options.worker_id),
       cache_(std::move(cache)),
-      loader_(channel, cache_.get(),
+      loader_(data, cache_.get(),
               {options.scene_memory_bytes_max, options.texture_memory_bytes_max,
                static_cast<uint32_t>(agent_options.thread_count)}),
-      link_(channel),
+      link_(control, data, options.coordinator),
       agent_(agent_options, &link_, &loader_) {}
 
 }  // namespace sheaf::worker

@@ -22,7 +22,8 @@
 namespace sheaf::worker {
 
 struct WorkerOptions {
-  int32_t thread_count = 0;  // 0: as many as this process may use.
+  std::string coordinator = "this process";  // How messages name it.
+  int32_t thread_count = 0;                  // 0: as many as this process may use.
   std::string cache_directory;
   uint64_t cache_bytes_max = uint64_t{20} << 30;
   uint64_t scene_memory_bytes_max = uint64_t{4} << 30;
@@ -40,9 +41,11 @@ std::string DefaultCacheDirectory();
 
 class EmbeddedWorker {
  public:
+  // Scenes and results go through data, so that on a slow link no heartbeat waits behind them.
   // Errors: those of ContentCache::Open.
   static absl::StatusOr<std::unique_ptr<EmbeddedWorker>> Open(
-      const std::shared_ptr<grpc::Channel>& channel, const WorkerOptions& options);
+      const std::shared_ptr<grpc::Channel>& control, const std::shared_ptr<grpc::Channel>& data,
+      const WorkerOptions& options);
 
   // As Agent::Run.
   absl::Status Run(std::stop_token stop) { return agent_.Run(stop); }
@@ -50,7 +53,8 @@ class EmbeddedWorker {
   AgentCounts counts() const { return agent_.counts(); }
 
  private:
-  EmbeddedWorker(const std::shared_ptr<grpc::Channel>& channel, std::unique_ptr<ContentCache> cache,
+  EmbeddedWorker(const std::shared_ptr<grpc::Channel>& control,
+                 const std::shared_ptr<grpc::Channel>& data, std::unique_ptr<ContentCache> cache,
                  const WorkerOptions& options, const AgentOptions& agent_options);
 
   const std::string worker_id_;

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "common/base/digest.h"
 #include "common/base/file.h"
 #include "common/base/log.h"
 #include "common/base/status.h"
@@ -17,6 +18,7 @@
 #include "common/rpc/manifest_codec.h"
 #include "common/scene/file_source.h"
 #include "common/scene/scene_reader.h"
+#include "worker/render/memory_estimate.h"
 #include "worker/render/tile_pass.h"
 
 namespace sheaf::worker {
@@ -47,6 +49,7 @@ void AddStats(const render::RenderStats& more, render::RenderStats* stats) {
   stats->rays += more.rays;
   stats->shadow_rays += more.shadow_rays;
   stats->broken_nestings += more.broken_nestings;
+  if (stats->broken_at.empty()) stats->broken_at = more.broken_at;
   stats->long_walks += more.long_walks;
   stats->broken_majorants += more.broken_majorants;
   stats->raised_majorants += more.raised_majorants;
@@ -54,28 +57,51 @@ void AddStats(const render::RenderStats& more, render::RenderStats* stats) {
   stats->non_finite.insert(stats->non_finite.end(), more.non_finite.begin(), more.non_finite.end());
 }
 
+// Whether what compiling the scene will take is there.
+absl::Status CheckEstimate(const SceneDescription& scene, FileSource& files,
+                           const MemoryRoom& room) {
+  const render::MemoryEstimate estimate = render::EstimateMemory(scene, files);
+  if (estimate.TotalBytes() <= room.bytes) return absl::OkStatus();
+  return absl::ResourceExhaustedError(absl::StrCat(
+      FormatLocation(scene, estimate.largest), ": the scene takes about ",
+      render::FormatMemoryEstimate(estimate), ", of which ", FormatMemory(estimate.largest_bytes),
+      " for this shape; there are ", FormatMemory(room.bytes), ", ", room.limit,
+      "; make it smaller (fewer levels, coarser meshes), or render it where there is more memory"));
+}
+
 // A compiled frame together with the files its textures are read from.
 class FrameScene : public LoadedScene {
  public:
-  FrameScene(ContentLease files, std::unique_ptr<TableFileSource> source,
+  FrameScene(const ContentCache* cache, ContentLease files, std::unique_ptr<TableFileSource> source,
              render::CompiledScenePtr scene)
-      : files_(std::move(files)), source_(std::move(source)), scene_(std::move(scene)) {}
+      : cache_(cache),
+        files_(std::move(files)),
+        source_(std::move(source)),
+        scene_(std::move(scene)) {}
 
   uint64_t memory_bytes() const override { return render::MemoryBytesOf(*scene_); }
 
   absl::StatusOr<FinishedPart> Render(const Lease& lease, std::stop_token stop) const override {
+    // Tiles of textures are read from the files when they are needed, so files are looked at before
+    // the task and after it: what was altered meanwhile may be in the picture.
+    if (absl::Status status = cache_->CheckUnchanged(files_); !status.ok()) return status;
     render::RenderStats stats;
     absl::StatusOr<FilmTile> tile = RenderCells(lease, stop, &stats);
     if (!tile.ok()) return tile.status();
+    if (absl::Status status = cache_->CheckUnchanged(files_); !status.ok()) return status;
     for (const PixelAccumulator::NonFinite& sample : stats.non_finite) {
       LogError(absl::StrCat(lease.frame_name, ": sample ", sample.sample_index, " of pixel ",
                             sample.x, ",", sample.y, " is not finite"));
     }
     if (stats.broken_nestings > 0) {
-      LogWarning(absl::StrCat(lease.frame_name, ": ", stats.broken_nestings,
-                              " paths ended because they left a medium that they had not entered: "
-                              "surfaces that bound media must be closed, and both sides of each "
-                              "MediumInterface right"));
+      LogWarning(absl::StrCat(
+          lease.frame_name, ": ", stats.broken_at, stats.broken_at.empty() ? "" : ": ",
+          stats.broken_nestings,
+          " times a path was not in the medium that a surface has where the ",
+          "path came from; it went on in the medium on its next side, as in pbrt-v4, or ended. ",
+          "Close the shapes that bound media, and name in each MediumInterface what is inside, "
+          "then "
+          "what is outside (where the normal points)"));
     }
     if (stats.raised_majorants > 0) {
       LogWarning(absl::StrCat(
@@ -125,6 +151,7 @@ class FrameScene : public LoadedScene {
     return tile;
   }
 
+  const ContentCache* const cache_;
   ContentLease files_;  // Pins the files until the scene is gone.
   std::unique_ptr<TableFileSource> source_;
   render::CompiledScenePtr scene_;
@@ -161,6 +188,16 @@ ContentCache::Fetch FrameLoader::FetchFromCoordinator(std::stop_token stop) cons
   };
 }
 
+MemoryRoom FrameLoader::RoomForScene() const {
+  const MemoryRoom room = FindMemoryRoom();
+  if (room.bytes < options_.scene_memory_bytes_max) {
+    return {room.bytes, absl::StrCat("what is left of ", room.limit)};
+  }
+  return {options_.scene_memory_bytes_max,
+          absl::StrCat("this worker's limit for scenes (--scene-memory-max ",
+                       FormatMemory(options_.scene_memory_bytes_max), ")")};
+}
+
 LoadResult FrameLoader::Load(const Lease& lease, std::stop_token stop) {
   const ContentCache::Fetch fetch = FetchFromCoordinator(stop);
   absl::StatusOr<ContentLease> manifest_file =
@@ -169,19 +206,27 @@ LoadResult FrameLoader::Load(const Lease& lease, std::stop_token stop) {
   const absl::StatusOr<std::string> manifest_bytes =
       ReadWholeFile(manifest_file->local_paths().at("scene.manifest"), kManifestBytesMax);
   if (!manifest_bytes.ok()) return Failed(FailureKind::kInfrastructure, manifest_bytes.status());
+  if (Sha256Hex(*manifest_bytes) != lease.scene.sha256_hex) {
+    return Failed(FailureKind::kInfrastructure,
+                  absl::DataLossError("the scene's manifest was altered while it was read"));
+  }
   const absl::StatusOr<Manifest> manifest = DecodeManifest(*manifest_bytes);
   if (!manifest.ok()) return Failed(FailureKind::kScene, manifest.status());
   absl::StatusOr<ContentLease> files = cache_->Acquire(manifest->files, fetch, stop);
   if (!files.ok()) return Failed(FailureKind::kInfrastructure, files.status());
 
   auto source = std::make_unique<TableFileSource>(files->local_paths());
+  const MemoryRoom room = RoomForScene();
   SceneReaderLimits reader_limits;
-  reader_limits.memory_bytes_max = options_.scene_memory_bytes_max;
+  reader_limits.memory_bytes_max = room.bytes;
+  reader_limits.memory_limit = room.limit;
   absl::StatusOr<ReadSceneResult> read = ReadScene(manifest->main_file, *source, reader_limits);
   if (!read.ok()) return Failed(KindOf(read.status()), read.status());
   if (stop.stop_requested()) {
     return Failed(FailureKind::kReleased, absl::CancelledError("stopped while its scene was read"));
   }
+  const absl::Status fits = CheckEstimate(read->scene, *source, RoomForScene());
+  if (!fits.ok()) return Failed(FailureKind::kMemory, fits);
   render::CompileLimits limits;
   limits.texture_cache_bytes_max = options_.texture_memory_bytes_max;
   limits.build_threads = options_.build_threads;
@@ -198,7 +243,8 @@ LoadResult FrameLoader::Load(const Lease& lease, std::stop_token stop) {
   }
   LogInfo(absl::StrCat(lease.frame_name, ": ", manifest->main_file, " is ready, ",
                        memory_bytes >> 20, " MiB"));
-  return {std::make_unique<FrameScene>(*std::move(files), std::move(source), *std::move(compiled)),
+  return {std::make_unique<FrameScene>(cache_, *std::move(files), std::move(source),
+                                       *std::move(compiled)),
           absl::OkStatus(), FailureKind::kInternal};
 }
 

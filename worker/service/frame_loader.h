@@ -14,6 +14,7 @@
 #include <string>
 
 #include "absl/status/status.h"
+#include "common/base/memory_room.h"
 #include "common/content/content_cache.h"
 #include "sheaf/v1/content.grpc.pb.h"
 #include "worker/agent/scene_loader.h"
@@ -36,6 +37,8 @@ class FrameLoader : public SceneLoader {
   LoadResult Load(const Lease& lease, std::stop_token stop) override;
 
  private:
+  // What a scene may take now: of this worker's limit and of the machine's.
+  MemoryRoom RoomForScene() const;
   ContentCache::Fetch FetchFromCoordinator(std::stop_token stop) const;
 
   const std::unique_ptr<v1::ContentService::Stub> stub_;

@@ -3,6 +3,7 @@
 #include "worker/service/grpc_coordinator_link.h"
 
 #include <algorithm>
+#include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "common/rpc/channel.h"
@@ -50,14 +51,18 @@ class GrpcCoordinatorLink::RunningCall {
   GrpcCoordinatorLink* link_;
 };
 
-GrpcCoordinatorLink::GrpcCoordinatorLink(const std::shared_ptr<grpc::Channel>& channel)
-    : stub_(v1::WorkerService::NewStub(channel)) {}
+GrpcCoordinatorLink::GrpcCoordinatorLink(const std::shared_ptr<grpc::Channel>& control,
+                                         const std::shared_ptr<grpc::Channel>& data,
+                                         std::string address)
+    : control_(v1::WorkerService::NewStub(control)),
+      data_(v1::WorkerService::NewStub(data)),
+      address_(std::move(address)) {}
 
 absl::StatusOr<DesiredState> GrpcCoordinatorLink::Synchronize(const WorkerState& state) {
   RunningCall call(this, kSynchronizeDeadline);
   v1::SynchronizeResponse response;
-  const grpc::Status status = stub_->Synchronize(&call.context, ToWire(state), &response);
-  if (!status.ok()) return FromGrpcStatus(status);
+  const grpc::Status status = control_->Synchronize(&call.context, ToWire(state), &response);
+  if (!status.ok()) return NoCoordinatorAnswers(address_, FromGrpcStatus(status));
   return FromWire(response);
 }
 
@@ -66,7 +71,7 @@ absl::StatusOr<std::vector<UploadOutcome>> GrpcCoordinatorLink::UploadResults(
   RunningCall call(this, kStreamDeadline);
   v1::UploadResultsResponse response;
   const std::unique_ptr<grpc::ClientWriter<v1::UploadResultsRequest>> writer =
-      stub_->UploadResults(&call.context, &response);
+      data_->UploadResults(&call.context, &response);
   for (const FinishedPart* part : parts) {
     if (!WritePart(writer.get(), *part, worker_id)) break;  // Finish says why.
   }

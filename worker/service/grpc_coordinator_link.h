@@ -20,7 +20,9 @@ namespace sheaf::worker {
 
 class GrpcCoordinatorLink : public CoordinatorLink {
  public:
-  explicit GrpcCoordinatorLink(const std::shared_ptr<grpc::Channel>& channel);
+  // Results go through data, everything else through control. address is for messages only.
+  GrpcCoordinatorLink(const std::shared_ptr<grpc::Channel>& control,
+                      const std::shared_ptr<grpc::Channel>& data, std::string address);
 
   absl::StatusOr<DesiredState> Synchronize(const WorkerState& state) override;
   absl::StatusOr<std::vector<UploadOutcome>> UploadResults(
@@ -31,7 +33,8 @@ class GrpcCoordinatorLink : public CoordinatorLink {
   // Makes a call known to Abort while it lives.
   class RunningCall;
 
-  const std::unique_ptr<v1::WorkerService::Stub> stub_;
+  const std::unique_ptr<v1::WorkerService::Stub> control_, data_;
+  const std::string address_;
   std::mutex mutex_;
   std::set<grpc::ClientContext*> running_;
   bool aborted_ = false;

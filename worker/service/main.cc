@@ -4,13 +4,14 @@
 // sheaf-worker: reads its command line, connects, and works until it is told to stop.
 #include <unistd.h>
 
-#include <CLI/CLI.hpp>
 #include <cstdio>
+#include <optional>
 #include <stop_token>
 #include <string>
 
 #include "absl/strings/str_cat.h"
 #include "common/base/log.h"
+#include "common/command_line/command_line.h"
 #include "common/rpc/address.h"
 #include "common/rpc/channel.h"
 #include "worker/service/embedded_worker.h"
@@ -19,13 +20,11 @@
 namespace sheaf::worker {
 namespace {
 
-constexpr int kExitUsage = 2;
 constexpr int kExitCacheUnusable = 1;
 constexpr double kSecondsMax = 1e6;
 
 struct Arguments {
   WorkerOptions worker;
-  std::string coordinator = "127.0.0.1:7400";
   std::string log_level = "info";
   double grace_seconds = 10;
   double exit_when_idle_seconds = 0;
@@ -33,7 +32,10 @@ struct Arguments {
 
 void AddOptions(CLI::App* app, Arguments* arguments) {
   WorkerOptions& worker = arguments->worker;
-  app->add_option("--coordinator", arguments->coordinator, "Address of the coordinator, HOST:PORT")
+  app->add_option("--coordinator", arguments->worker.coordinator,
+                  absl::StrCat("Address of the coordinator, HOST:PORT or HOST (port ",
+                               kCoordinatorPort, ")"))
+      ->transform(CLI::Validator(CompleteCoordinatorAddress, ""))
       ->envname("SHEAF_COORDINATOR")
       ->capture_default_str();
   app->add_option("--threads", worker.thread_count, "Threads that render; 0: all processors")
@@ -46,7 +48,8 @@ void AddOptions(CLI::App* app, Arguments* arguments) {
                   "Limit of that directory, e.g. 20G (default 20G)")
       ->transform(CLI::AsSizeValue(false));
   app->add_option("--scene-memory-max", worker.scene_memory_bytes_max,
-                  "Limit of memory for loaded scenes, e.g. 4G (default 4G)")
+                  "Limit of memory for loaded scenes, e.g. 4G (default 4G, and never more than\n"
+                  "the machine, its control group or ulimit -v leave)")
       ->transform(CLI::AsSizeValue(false));
   app->add_option("--texture-memory-max", worker.texture_memory_bytes_max,
                   "Limit of memory for texture tiles, e.g. 512M (default 512M)")
@@ -83,13 +86,14 @@ int Work(const Arguments& arguments) {
     stop.request_stop();
   });
   const absl::StatusOr<std::unique_ptr<EmbeddedWorker>> worker =
-      EmbeddedWorker::Open(MakeChannel(arguments.coordinator), arguments.worker);
+      EmbeddedWorker::Open(MakeChannel(arguments.worker.coordinator),
+                           MakeChannel(arguments.worker.coordinator), arguments.worker);
   if (!worker.ok()) {
     LogError(absl::StrCat(std::string(worker.status().message()),
                           "; choose another directory with --cache-dir"));
     return kExitCacheUnusable;
   }
-  LogInfo(absl::StrCat((*worker)->worker_id(), " works for ", arguments.coordinator));
+  LogInfo(absl::StrCat((*worker)->worker_id(), " works for ", arguments.worker.coordinator));
   const absl::Status status = (*worker)->Run(stop.get_token());
   if (!status.ok()) LogWarning(std::string(status.message()));
   const AgentCounts counts = (*worker)->counts();
@@ -101,6 +105,7 @@ int Work(const Arguments& arguments) {
 
 int Main(int argc, char** argv) {
   Arguments arguments;
+  arguments.worker.coordinator = kCoordinatorAddress;
   arguments.worker.cache_directory = DefaultCacheDirectory();
   CLI::App app(
       "Renders tasks of a Sheaf coordinator. Start as many as you like, on any machine, at any\n"
@@ -109,15 +114,10 @@ int Main(int argc, char** argv) {
   app.footer("Example:\n  sheaf-worker --coordinator farm.example.org:7400 --threads 16");
   app.set_version_flag("--version", "sheaf-worker " SHEAF_VERSION);
   AddOptions(&app, &arguments);
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? 0 : kExitUsage;
-  }
-  if (const absl::StatusOr<Address> address = ParseAddress(arguments.coordinator); !address.ok()) {
-    std::fprintf(stderr, "--coordinator: %s\n", std::string(address.status().message()).c_str());
-    return kExitUsage;
-  }
+  const auto report = [](const std::string& text) {
+    std::fprintf(stderr, "sheaf-worker: %s\n", text.c_str());
+  };
+  if (const std::optional<int> code = ParseCommandLine(&app, argc, argv, report)) return *code;
   LogLevel level = LogLevel::kInfo;
   LogLevelFromName(arguments.log_level, &level);
   SetLogLevel(level);

@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <exception>
 #include <memory>
+#include <new>
 
 #include <OpenImageIO/imageio.h>
 
@@ -48,6 +49,10 @@ absl::StatusOr<FloatImage> ReadOpened(const std::string& path, OIIO::ImageInput&
   if (spec.getattribute("chromaticities", OIIO::TypeDesc(OIIO::TypeDesc::FLOAT, 8), xy.data())) {
     image.chromaticities = xy;
   }
+  if (static_cast<uint64_t>(spec.width) * static_cast<uint64_t>(spec.height) >
+      limits.whole_pixels_max) {
+    return image;
+  }
   image.pixels.resize(static_cast<size_t>(spec.width) * static_cast<size_t>(spec.height) *
                       static_cast<size_t>(spec.nchannels));
   if (!input.read_image(0, 0, 0, spec.nchannels, OIIO::TypeDesc::FLOAT, image.pixels.data())) {
@@ -79,6 +84,9 @@ absl::StatusOr<FloatImage> ReadByOpenImageIO(const std::string& path,
           path, ": not a picture that can be read: ", OneLine(OIIO::geterror(), "unknown format")));
     }
     return ReadOpened(path, *input, limits);
+  } catch (const std::bad_alloc&) {
+    return absl::ResourceExhaustedError(
+        absl::StrCat(path, ": there is no memory to decode the picture"));
   } catch (const std::exception& error) {
     return absl::InvalidArgumentError(absl::StrCat(path, ": cannot be decoded: ", error.what()));
   }

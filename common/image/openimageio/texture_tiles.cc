@@ -7,6 +7,7 @@
 #include <cmath>
 #include <filesystem>
 #include <limits>
+#include <new>
 #include <system_error>
 #include <vector>
 
@@ -229,6 +230,9 @@ absl::StatusOr<TextureImage> OpenImageIOTiles::Open(const std::string& path,
       image->decode = MakeDecodeTable(encoding, spec.format == OIIO::TypeDesc::UINT8);
     }
     if (absl::Status status = Scan(*image); !status.ok()) return status;
+  } catch (const std::bad_alloc&) {
+    return absl::ResourceExhaustedError(
+        absl::StrCat(path, ": there is no memory to decode the picture"));
   } catch (const std::exception& error) {
     return absl::InvalidArgumentError(absl::StrCat(path, ": cannot be decoded: ", error.what()));
   }

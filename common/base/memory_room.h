@@ -1,0 +1,29 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// MemoryRoom: how much memory this process may still take, and which of its limits says so: that of
+// its address space (ulimit -v), that of a control group (containers, batch systems), or what the
+// machine has left.
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+namespace sheaf {
+
+struct MemoryRoom {
+  uint64_t bytes = UINT64_MAX;
+  std::string limit;  // "the limit of address space (ulimit -v, 900 MiB)"; empty: none is known.
+};
+
+// The smallest room of all limits. Folders as Linux has them; others for tests.
+// address_space_max: RLIMIT_AS in bytes, UINT64_MAX where there is none.
+MemoryRoom FindMemoryRoom(uint64_t address_space_max, const std::string& proc = "/proc",
+                          const std::string& cgroup = "/sys/fs/cgroup");
+// Of this process now.
+MemoryRoom FindMemoryRoom();
+
+// "1.5 GiB", "900 MiB".
+std::string FormatMemory(uint64_t bytes);
+
+}  // namespace sheaf

@@ -1,0 +1,16 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// The name that was meant where one is unknown: the nearest by single-byte edits.
+#pragma once
+
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace sheaf {
+
+// "; did you mean \"radius\"?" where a candidate is close to name, otherwise "".
+std::string NearestNameHint(std::string_view name, const std::vector<std::string>& candidates);
+
+}  // namespace sheaf

@@ -1,0 +1,173 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "common/command_line/command_line.h"
+
+#include <algorithm>
+#include <memory>
+
+#include "absl/strings/str_replace.h"
+#include "absl/strings/str_split.h"
+#include "common/base/printable.h"
+
+namespace sheaf {
+namespace {
+
+constexpr size_t kHelpColumns = 100;
+constexpr size_t kNameColumns = 26;
+
+// The argument library's word for an option's type: "UINT:INT in [8 - 1024]".
+std::string Notation(const CLI::Option& option) {
+  return option.get_type_size() == 0 ? "" : option.get_type_name();
+}
+
+// "8 to 1024" where the notation holds a range.
+std::string RangeOf(const CLI::Option& option) {
+  const std::string notation = Notation(option);
+  const size_t begin = notation.find(" in ["), end = notation.rfind(']');
+  if (begin == std::string::npos || end == std::string::npos) return "";
+  return absl::StrReplaceAll(notation.substr(begin + 5, end - begin - 5), {{" - ", " to "}});
+}
+
+// What is told beside an option's description.
+std::string Remarks(const CLI::Option& option) {
+  std::vector<std::string> remarks;
+  if (const std::string range = RangeOf(option); !range.empty()) remarks.push_back(range);
+  if (!option.get_default_str().empty() && option.get_type_size() != 0) {
+    remarks.push_back("default " + option.get_default_str());
+  }
+  if (!option.get_envname().empty()) remarks.push_back("also from " + option.get_envname());
+  return remarks.empty() ? "" : absl::StrCat(" (", absl::StrJoin(remarks, "; "), ")");
+}
+
+// Two columns; the right one is wrapped.
+std::string HelpEntry(const std::string& name, const std::string& text) {
+  std::string entry = "  " + name;
+  size_t column = entry.size();
+  const auto start_line = [&] {
+    entry += "\n" + std::string(kNameColumns, ' ');
+    column = kNameColumns;
+  };
+  if (column + 2 > kNameColumns) {
+    start_line();
+  } else {
+    entry.append(kNameColumns - column, ' ');
+    column = kNameColumns;
+  }
+  const std::vector<std::string> words =
+      absl::StrSplit(text, absl::ByAnyChar(" \n"), absl::SkipEmpty());
+  for (const std::string& word : words) {
+    if (column > kNameColumns && column + 1 + word.size() > kHelpColumns) start_line();
+    if (column > kNameColumns) {
+      entry += ' ';
+      ++column;
+    }
+    entry += word;
+    column += word.size();
+  }
+  return entry + "\n";
+}
+
+class PlainFormatter : public CLI::Formatter {
+ public:
+  PlainFormatter() {
+    label("SUBCOMMAND", "COMMAND");
+    label("Positionals", "Arguments");
+  }
+  std::string make_option(const CLI::Option* option, bool is_positional) const override {
+    std::string name = make_option_name(option, is_positional);
+    name = name.substr(0, name.find('{'));  // The value of a flag that is given without one.
+    const std::string value = ValueName(*option);
+    if (!is_positional && !value.empty()) absl::StrAppend(&name, " ", value);
+    return HelpEntry(absl::StrReplaceAll(name, {{",-", ", -"}}),
+                     absl::StrCat(option->get_description(), Remarks(*option)));
+  }
+  std::string make_subcommand(const CLI::App* command) const override {
+    return HelpEntry(command->get_name(), command->get_description());
+  }
+  std::string make_description(const CLI::App* app) const override {
+    return app->get_description() + "\n";
+  }
+};
+
+const CLI::App& DeepestCommand(const CLI::App& app) {
+  const std::vector<CLI::App*> parsed = app.get_subcommands();
+  return parsed.empty() ? app : DeepestCommand(*parsed.back());
+}
+
+std::string FullName(const CLI::App& app) {
+  return app.get_parent() == nullptr ? app.get_name()
+                                     : FullName(*app.get_parent()) + " " + app.get_name();
+}
+
+std::vector<std::string> OptionNames(const CLI::App& command) {
+  std::vector<std::string> names;
+  for (const CLI::Option* option : command.get_options()) {
+    for (const std::string& name : option->get_lnames()) names.push_back("--" + name);
+    for (const std::string& name : option->get_snames()) names.push_back("-" + name);
+  }
+  return names;
+}
+
+std::string Explain(const CLI::App& app, const CLI::ParseError& error) {
+  const CLI::App& command = DeepestCommand(app);
+  const std::vector<std::string> left = app.remaining(/*recurse=*/true);
+  const auto option = std::find_if(left.begin(), left.end(),
+                                   [](const std::string& text) { return text.starts_with("-"); });
+  if (option != left.end()) {
+    const std::string name = option->substr(0, option->find('='));
+    return absl::StrCat("unknown option ", name, NearestNameHint(name, OptionNames(command)));
+  }
+  if (&command == &app && !app.get_subcommands({}).empty()) {
+    std::vector<std::string> names;
+    for (const CLI::App* known : app.get_subcommands({})) names.push_back(known->get_name());
+    if (left.empty()) return absl::StrCat("say which command: ", absl::StrJoin(names, ", "));
+    return absl::StrCat("unknown command \"", left.front(), "\"",
+                        NearestNameHint(left.front(), names));
+  }
+  if (!left.empty()) return absl::StrCat("\"", left.front(), "\" is one argument too many");
+  return error.what();
+}
+
+}  // namespace
+
+std::string ValueName(const CLI::Option& option) {
+  const std::vector<std::string> choices = ChoicesOf(option);
+  if (!choices.empty()) return absl::StrJoin(choices, "|");
+  const std::string notation = Notation(option);
+  const std::string type = notation.substr(0, notation.find(':'));
+  if (notation.find(":SIZE") != std::string::npos) return "SIZE";
+  if (notation.find(":FILE") != std::string::npos) return "FILE";
+  return type == "INT" || type == "UINT" || type == "FLOAT" ? "N" : type;
+}
+
+std::vector<std::string> ChoicesOf(const CLI::Option& option) {
+  std::string words = Notation(option);
+  const size_t begin = words.find('{'), end = words.find('}');
+  if (begin != std::string::npos && end != std::string::npos) {
+    words = words.substr(begin + 1, end - begin - 1);  // As CLI::IsMember describes itself.
+    return absl::StrSplit(words, ',', absl::SkipEmpty());
+  }
+  if (words.find('|') == std::string::npos) return {};
+  return absl::StrSplit(words, '|');
+}
+
+std::optional<int> ParseCommandLine(CLI::App* app, int argc, char** argv,
+                                    const std::function<void(const std::string&)>& on_error) {
+  const auto formatter = std::make_shared<PlainFormatter>();
+  app->formatter(formatter);
+  for (CLI::App* command : app->get_subcommands({})) command->formatter(formatter);
+  try {
+    app->parse(argc, argv);
+    return std::nullopt;
+  } catch (const CLI::ParseError& error) {
+    if (error.get_exit_code() == 0) {
+      app->exit(error);
+      return 0;
+    }
+    on_error(Printable(absl::StrCat(Explain(*app, error), "; ", FullName(DeepestCommand(*app)),
+                                    " --help says more")));
+    return kUsageExitCode;
+  }
+}
+
+}  // namespace sheaf

@@ -1,0 +1,96 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "common/command_line/command_line.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cstdint>
+
+namespace sheaf {
+namespace {
+
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::Not;
+
+class CommandLineTest : public testing::Test {
+ protected:
+  CommandLineTest() {
+    app_.require_subcommand(1);
+    command_ = app_.add_subcommand("render", "Render a scene");
+    app_.add_subcommand("refine", "Go on");
+    command_->add_option("SCENE", scene_, "The scene")->required();
+    const OptionGroup group(command_, "How it looks");
+    AddChoice<int, int>(command_, "--color", &color_, {{"auto", 0}, {"rgb", 1}}, "The color");
+    command_->add_option("--tile-size", size_, "Edge of a tile")->check(CLI::Range(8, 1024));
+    command_->add_option("--memory", memory_, "Limit")
+        ->transform(CLI::AsSizeValue(false))
+        ->capture_default_str();
+    command_->add_option("--address", scene_, "Where")->envname("SHEAF_ADDRESS");
+    command_->add_option("--layer", scene_, "What")->check(CLI::IsMember({"error", "samples"}));
+  }
+  // The error; empty where there is none.
+  std::string Parse(std::vector<std::string> words) {
+    words.insert(words.begin(), "sheaf");
+    std::vector<char*> argv;
+    for (std::string& word : words) argv.push_back(word.data());
+    std::string error;
+    const std::optional<int> code =
+        ParseCommandLine(&app_, static_cast<int>(argv.size()), argv.data(),
+                         [&error](const std::string& text) { error = text; });
+    EXPECT_EQ(code.has_value(), !error.empty());
+    return error;
+  }
+  std::string Help() {
+    testing::internal::CaptureStdout();
+    std::vector<std::string> words = {"sheaf", "render", "--help"};
+    std::vector<char*> argv;
+    for (std::string& word : words) argv.push_back(word.data());
+    EXPECT_EQ(ParseCommandLine(&app_, 3, argv.data(), [](const std::string&) {}), 0);
+    return testing::internal::GetCapturedStdout();
+  }
+
+  CLI::App app_{"Renders.", "sheaf"};
+  CLI::App* command_ = nullptr;
+  std::string scene_;
+  int color_ = -1, size_ = 0;
+  uint64_t memory_ = 64;
+};
+
+TEST_F(CommandLineTest, MistypedNamesAreGuessed) {
+  EXPECT_THAT(Parse({"rendr"}), HasSubstr("unknown command \"rendr\"; did you mean \"render\"?"));
+  EXPECT_THAT(Parse({"render", "a.pbrt", "--tile-sise", "4"}),
+              HasSubstr("unknown option --tile-sise; did you mean \"--tile-size\"?"));
+  EXPECT_THAT(Parse({"render", "--tile-sise=4", "a.pbrt"}), HasSubstr("\"--tile-size\""));
+  EXPECT_THAT(Parse({}), HasSubstr("say which command: render, refine"));
+  EXPECT_THAT(Parse({"render"}), HasSubstr("SCENE"));
+  EXPECT_THAT(Parse({"render", "a.pbrt", "b.pbrt"}), HasSubstr("\"b.pbrt\" is one argument too"));
+  EXPECT_THAT(Parse({"\x1b[31m"}), HasSubstr("\\x1b[31m"));
+}
+
+TEST_F(CommandLineTest, ChoicesSayWhatTheyAre) {
+  EXPECT_EQ(Parse({"render", "a.pbrt", "--color", "RGB"}), "");
+  EXPECT_EQ(color_, 1);
+  const std::string error = Parse({"render", "a.pbrt", "--color", "rbg"});
+  EXPECT_THAT(error, HasSubstr("\"rbg\" is none of auto, rgb; did you mean \"rgb\"?"));
+  EXPECT_THAT(Parse({"render", "a.pbrt", "--color", "1"}), HasSubstr("none of auto, rgb"));
+  EXPECT_THAT(ChoicesOf(*command_->get_option("--color")), ElementsAre("auto", "rgb"));
+  EXPECT_THAT(ChoicesOf(*command_->get_option("--layer")), ElementsAre("error", "samples"));
+  EXPECT_THAT(ChoicesOf(*command_->get_option("--tile-size")), ElementsAre());
+}
+
+TEST_F(CommandLineTest, HelpIsInPlainWords) {
+  const std::string help = Help();
+  for (const char* words : {"How it looks:", "--color auto|rgb ", "--tile-size N ",
+                            "Edge of a tile (8 to 1024)", "--memory SIZE ", "Limit (default 64)",
+                            "Where (also from SHEAF_ADDRESS)", "--layer error|samples", "SCENE"}) {
+    EXPECT_THAT(help, HasSubstr(words));
+  }
+  for (const char* notation : {"UINT", "INT:", "->", "[b, kb", "REQUIRED", "TEXT:", "ENUM"}) {
+    EXPECT_THAT(help, Not(HasSubstr(notation)));
+  }
+}
+
+}  // namespace
+}  // namespace sheaf

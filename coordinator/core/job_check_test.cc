@@ -1,0 +1,67 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "coordinator/core/job_check.h"
+
+#include "gmock/gmock.h"
+#include "gtest/gtest.h"
+
+namespace sheaf::coordinator {
+namespace {
+
+using ::testing::HasSubstr;
+
+JobSpec JobOf(int32_t width_px, int32_t height_px, uint64_t samples, int frame_count = 1) {
+  JobSpec job;
+  for (int i = 1; i <= frame_count; ++i) {
+    FrameSpec frame;
+    frame.frame_number = i;
+    frame.settings.width_px = width_px;
+    frame.settings.height_px = height_px;
+    frame.settings.window = {0, 0, width_px, height_px};
+    frame.settings.samples = samples;
+    job.frames.push_back(frame);
+  }
+  return job;
+}
+
+void ExpectRefused(const JobSpec& job, const std::string& why, const std::string& what_to_do) {
+  const absl::Status status = CheckJobSpec(job, Limits());
+  EXPECT_FALSE(status.ok());
+  EXPECT_THAT(std::string(status.message()), HasSubstr(why));
+  EXPECT_THAT(std::string(status.message()), HasSubstr(what_to_do));
+}
+
+TEST(JobCheckTest, WhatFarmsRenderIsTaken) {
+  EXPECT_TRUE(CheckJobSpec(JobOf(16384, 16384, 4096), Limits()).ok());
+  EXPECT_TRUE(CheckJobSpec(JobOf(1, 1, uint64_t{1} << 40), Limits()).ok());
+  EXPECT_TRUE(CheckJobSpec(JobOf(4096, 2160, 65536, 2000), Limits()).ok());
+  JobSpec panorama = JobOf(65536, 65536, 1024);
+  panorama.frames[0].settings.window = {0, 0, 8192, 8192};
+  EXPECT_TRUE(CheckJobSpec(panorama, Limits()).ok());
+}
+
+TEST(JobCheckTest, WhatNobodyCanRenderIsRefusedInWords) {
+  ExpectRefused(JobOf(65536, 65536, uint64_t{1} << 40), "4294967296 pixels", "--crop");
+  ExpectRefused(JobOf(16384, 16384, uint64_t{1} << 40), "samples each", "ask for fewer");
+  ExpectRefused(JobOf(0, 16, 4), "0 x 16 px", "outside 1 to");
+  ExpectRefused(JobOf(16, 16, 4, 100'001), "100001 frames", "several jobs");
+  ExpectRefused(JobOf(16, 16, 4, 0), "at least one frame", "");
+  JobSpec job = JobOf(1024, 1024, uint64_t{1} << 28, 100);
+  job.partition.pass_sample_count = 1 << 16;
+  ExpectRefused(job, "frames up to 33", "several jobs");
+  job = JobOf(16384, 16384, 4096);
+  job.partition.tile_size_px = 4;
+  ExpectRefused(job, "tiles of 4 px", "use larger ones");
+  job = JobOf(8192, 8192, 65536, 100);
+  job.partition = {.tile_size_px = 16, .pass_sample_count = 1, .lease_pass_count = 1};
+  ExpectRefused(job, "tasks", "larger tiles");
+}
+
+TEST(JobCheckTest, FramesComeOnceAndInOrder) {
+  JobSpec job = JobOf(16, 16, 4, 2);
+  job.frames[1].frame_number = 1;
+  ExpectRefused(job, "frame number 1 comes twice", "");
+}
+
+}  // namespace
+}  // namespace sheaf::coordinator

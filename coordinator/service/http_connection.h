@@ -1,0 +1,63 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// A client's connection to the HTTP port and the list it waits in, so that those that keep a place
+// and ask for nothing can be told from others. For http_server.cc alone.
+#pragma once
+
+#include <utility>  // Before asio of Boost 1.74, which uses std::exchange unasked.
+
+#include <boost/asio/ip/tcp.hpp>
+#include <boost/beast/core/tcp_stream.hpp>
+#include <cstddef>
+#include <list>
+
+namespace sheaf::coordinator {
+
+namespace asio = boost::asio;
+namespace beast = boost::beast;
+using asio::ip::tcp;
+using boost::system::error_code;
+
+struct Connection;
+// Connections in one state, those that are in it for longest first.
+using ConnectionList = std::list<Connection*>;
+
+// A client's socket while its coroutine lives, and what it waits for. Socket thread only.
+struct Connection {
+  Connection(tcp::socket socket, size_t* all) : stream(std::move(socket)), count(all) {
+    error_code ignored;
+    peer = stream.socket().remote_endpoint(ignored).address();
+    stream.socket().set_option(tcp::no_delay(true), ignored);
+    ++*count;
+  }
+  ~Connection() {
+    MoveTo(nullptr);
+    --*count;
+  }
+  Connection(const Connection&) = delete;
+  Connection& operator=(const Connection&) = delete;
+  // Leaves the list it is in; null: for none.
+  void MoveTo(ConnectionList* next) {
+    if (list != nullptr) list->erase(place);
+    list = next;
+    if (list != nullptr) place = list->insert(list->end(), this);
+  }
+
+  beast::tcp_stream stream;
+  asio::ip::address peer;
+  size_t* const count;
+  ConnectionList* list = nullptr;
+  ConnectionList::iterator place;
+};
+
+// Closes the first of the list, which wakes and ends its coroutine; false where the list is empty.
+inline bool DropOldest(const ConnectionList& list) {
+  if (list.empty()) return false;
+  Connection* const oldest = list.front();
+  oldest->MoveTo(nullptr);
+  oldest->stream.close();
+  return true;
+}
+
+}  // namespace sheaf::coordinator

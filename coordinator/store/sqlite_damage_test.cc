@@ -1,0 +1,160 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Databases that are damaged, before a start or while they are used: errors with words on what to
+// do, never the end of the process.
+#include <atomic>
+#include <filesystem>
+#include <fstream>
+#include <memory>
+#include <random>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "common/base/check.h"
+#include "common/base/digest.h"
+#include "coordinator/store/sqlite_database.h"
+#include "coordinator/store/sqlite_job_store.h"
+#include "gmock/gmock.h"
+#include "gtest/gtest.h"
+
+namespace sheaf::coordinator {
+namespace {
+
+using ::testing::HasSubstr;
+
+class SqliteDamageTest : public testing::Test {
+ protected:
+  SqliteDamageTest()
+      : directory_(testing::TempDir() + "sheaf-damage-" +
+                   testing::UnitTest::GetInstance()->current_test_info()->name()),
+        database_(directory_ + "/farm.db") {
+    std::filesystem::remove_all(directory_);
+    auto store = SqliteJobStore::Open(directory_, Durability::kProcess);
+    SHEAF_CHECK(store.ok());
+    store_ = std::move(*store);
+    JobSpec job;
+    job.title = "job";
+    for (int32_t number = 1; number <= 200; ++number) {
+      FrameSpec& frame = job.frames.emplace_back();
+      frame.frame_number = number;
+      frame.scene = {std::string(64, 'a'), 1};
+      frame.frame_digest = Sha256Hex(absl::StrCat(number));
+    }
+    SHEAF_CHECK(store_->CreateJob(job, "request", absl::UnixEpoch()).ok());
+    for (int32_t x = 0; x < 8; ++x) SHEAF_CHECK(WritePart(x).ok());
+  }
+  ~SqliteDamageTest() override {
+    store_.reset();
+    std::filesystem::remove_all(directory_);
+  }
+  static PartRow RowAt(int32_t x) {
+    return {{{1, 1}, {x, 0, x + 1, 1}, {0, 16}, {}}, {Sha256Hex("bytes"), 5}, "w", {}};
+  }
+  absl::Status WritePart(int32_t x) { return store_->WritePart(RowAt(x), "bytes"); }
+  bool HasPart(int32_t x) {
+    const auto found = store_->FindPart(RowAt(x).key);
+    return found.ok() && found->has_value();
+  }
+  // All that a start reads.
+  absl::Status Start() {
+    store_.reset();
+    auto store = SqliteJobStore::Open(directory_, Durability::kProcess);
+    if (!store.ok()) return store.status();
+    store_ = std::move(*store);
+    const auto jobs = store_->LoadJobs();
+    if (!jobs.ok()) return jobs.status();
+    for (const StoredJob& job : *jobs) {
+      if (auto parts = store_->LoadParts(job.spec.job_id); !parts.ok()) return parts.status();
+    }
+    return absl::OkStatus();
+  }
+
+  const std::string directory_, database_;
+  std::unique_ptr<SqliteJobStore> store_;
+};
+
+TEST_F(SqliteDamageTest, WhatCannotBePreparedIsAnErrorOfTheCall) {
+  ASSERT_TRUE((*SqliteDatabase::Open(database_))->Execute("DROP TABLE parts").ok());
+  EXPECT_EQ(store_->FindPart(RowAt(0).key).status().code(), absl::StatusCode::kUnavailable);
+  EXPECT_EQ(WritePart(9).code(), absl::StatusCode::kUnavailable);
+  EXPECT_FALSE(store_->LoadParts(1).ok());
+  EXPECT_FALSE(store_->RemoveFrameParts({1, 1}).ok());
+  EXPECT_FALSE(store_->OldestDeliveredWithParts().ok());
+  EXPECT_TRUE(store_->LoadJobs().ok());
+}
+
+// A statement that fails for want of space may end the transaction of all that share it.
+TEST_F(SqliteDamageTest, RowsOfACommitThatFailedAreNotThere) {
+  ASSERT_TRUE((*SqliteDatabase::Open(database_))
+                  ->Execute("CREATE TRIGGER full BEFORE INSERT ON parts WHEN NEW.x0 % 7 = 0 "
+                            "BEGIN SELECT RAISE(ROLLBACK, 'the disk is full'); END;")
+                  .ok());
+  constexpr int32_t kFirst = 100, kThreads = 12, kEach = 20;
+  std::vector<std::thread> threads;
+  std::atomic<int> wrong = 0, refused = 0;
+  for (int32_t thread = 0; thread < kThreads; ++thread) {
+    threads.emplace_back([&, thread] {
+      for (int32_t i = 0; i < kEach; ++i) {
+        const int32_t x = kFirst + thread * kEach + i;
+        const bool written = WritePart(x).ok();
+        if (!written) ++refused;
+        if (written != HasPart(x)) ++wrong;
+      }
+    });
+  }
+  for (std::thread& thread : threads) thread.join();
+  EXPECT_GE(refused, kThreads * kEach / 7);
+  EXPECT_EQ(wrong, 0);
+}
+
+TEST_F(SqliteDamageTest, TruncatedDatabasesAreRefusedWithWhatToDo) {
+  store_.reset();
+  const auto size = std::filesystem::file_size(database_);
+  for (const uintmax_t left : {size - 4096, size / 2, uintmax_t{4096}, uintmax_t{100}}) {
+    std::filesystem::resize_file(database_, left);
+    const absl::Status status = Start();
+    EXPECT_EQ(status.code(), absl::StatusCode::kDataLoss) << left << ": " << status;
+    const std::string text(status.message());
+    EXPECT_THAT(text, HasSubstr(database_));
+    EXPECT_THAT(text, HasSubstr("sqlite3 " + database_ + " .recover"));
+    EXPECT_THAT(text, HasSubstr("backup"));
+  }
+}
+
+TEST_F(SqliteDamageTest, ADatabaseThatBecameEmptyIsNotBegunAnew) {
+  store_.reset();
+  std::filesystem::resize_file(database_, 0);
+  EXPECT_EQ(Start().code(), absl::StatusCode::kDataLoss);
+  EXPECT_EQ(std::filesystem::file_size(database_), 0u);
+  std::filesystem::remove(database_);  // Of a folder without database a person has decided.
+  EXPECT_TRUE(Start().ok());
+}
+
+TEST_F(SqliteDamageTest, GarbledDatabasesNeverEndTheProcess) {
+  store_.reset();
+  std::ifstream file(database_, std::ios::binary);
+  const std::string whole((std::istreambuf_iterator<char>(file)), std::istreambuf_iterator<char>());
+  std::mt19937 random(7);
+  int refused = 0;
+  for (int round = 0; round < 60; ++round) {
+    std::string garbled = whole;
+    for (int i = 0; i < 1 + round; ++i) {
+      garbled[random() % garbled.size()] = static_cast<char>(random());
+    }
+    std::filesystem::remove(database_ + "-wal");
+    std::filesystem::remove(database_ + "-shm");
+    std::ofstream(database_, std::ios::binary) << garbled;
+    const absl::Status status = Start();
+    store_.reset();
+    if (status.ok()) continue;
+    ++refused;
+    EXPECT_THAT(std::string(status.message()), HasSubstr("farm.db")) << round;
+  }
+  EXPECT_GT(refused, 20);
+}
+
+}  // namespace
+}  // namespace sheaf::coordinator

@@ -1,0 +1,127 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// The part of SqliteJobStore that begins a life: lock, look for damage, schema; and that tries
+// whether the disk takes writes.
+#include <fcntl.h>
+#include <sys/file.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <filesystem>
+#include <system_error>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/string_view.h"
+#include "absl/strings/strip.h"
+#include "common/base/file.h"
+#include "common/base/status.h"
+#include "coordinator/store/sqlite_job_store.h"
+#include "coordinator/store/sqlite_schema.h"
+
+namespace sheaf::coordinator {
+namespace {
+
+// Lease ids of one life lie below those of the next; no life grants so many.
+constexpr int kLeaseIdBitsPerLife = 40;
+// How long a start may look for damage in the database: of hundreds of megabytes it sees all.
+constexpr absl::Duration kCheckTimeMax = absl::Seconds(2);
+
+// Takes the lock that keeps a second coordinator away. The system releases it when the process
+// ends.
+absl::StatusOr<int> LockDirectory(const std::string& directory) {
+  const std::string path = directory + "/lock";
+  const int fd = ::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644);
+  if (fd < 0) return StatusFromErrno(errno, path);
+  if (::flock(fd, LOCK_EX | LOCK_NB) == 0) return fd;
+  const int error = errno;
+  ::close(fd);
+  if (error != EWOULDBLOCK) return StatusFromErrno(error, path);
+  return absl::FailedPreconditionError(
+      directory + ": another coordinator uses this state directory; stop it or choose another one");
+}
+
+// What a disk must take to be tried again: more than a row, less than most parts.
+constexpr size_t kProbeBytes = size_t{1} << 20;
+
+}  // namespace
+
+absl::StatusOr<std::unique_ptr<SqliteJobStore>> SqliteJobStore::Open(const std::string& directory,
+                                                                     Durability durability) {
+  for (const std::string sub : {"", "/parts", "/outputs"}) {
+    if (absl::Status status = MakeDirectories(directory + sub); !status.ok()) return status;
+  }
+  const absl::StatusOr<int> lock = LockDirectory(directory);
+  if (!lock.ok()) return lock.status();
+  std::unique_ptr<SqliteJobStore> store(new SqliteJobStore(directory, durability, *lock));
+  if (absl::Status status = store->Initialize(); !status.ok()) return store->Explained(status);
+  return store;
+}
+
+SqliteJobStore::~SqliteJobStore() {
+  database_.reset();
+  ::close(lock_fd_);
+}
+
+absl::Status SqliteJobStore::Explained(const absl::Status& status) const {
+  if (!absl::IsDataLoss(status)) return status;
+  const std::string path = DatabasePath();
+  absl::string_view what = status.message();
+  absl::ConsumePrefix(&what, path + ": ");
+  return absl::DataLossError(absl::StrCat(
+      path, ": ", what, "; the database of jobs is damaged. ", "Stop here and keep a copy of ",
+      directory_, ". Then restore ", path,
+      " from a backup (without its -wal and -shm files), or save what is left by \"sqlite3 ", path,
+      " .recover | sqlite3 recovered.db\" and put recovered.db in its place, or begin anew with ",
+      "another --state-dir; finished pictures are in ", directory_, "/outputs in any case"));
+}
+
+// Of a database that became empty, SQLite makes a new one.
+absl::Status SqliteJobStore::RefuseEmptied() const {
+  std::error_code error;
+  const bool emptied = std::filesystem::file_size(DatabasePath(), error) == 0 && !error;
+  if (!emptied) return absl::OkStatus();
+  for (const char* folder : {"/parts", "/outputs"}) {
+    if (std::filesystem::is_empty(directory_ + folder, error) || error) continue;
+    return absl::DataLossError(
+        absl::StrCat("the file is empty, but ", directory_, folder, " has what jobs left"));
+  }
+  return absl::OkStatus();
+}
+
+absl::Status SqliteJobStore::Initialize() {
+  if (absl::Status status = RefuseEmptied(); !status.ok()) return status;
+  absl::StatusOr<std::unique_ptr<SqliteDatabase>> database =
+      SqliteDatabase::Open(DatabasePath(), durability_);
+  if (!database.ok()) return database.status();
+  database_ = std::move(*database);
+  if (absl::Status status = database_->Check(kCheckTimeMax); !status.ok()) return status;
+  if (absl::Status status = MigrateSchema(database_.get(), DatabasePath()); !status.ok()) {
+    return status;
+  }
+  absl::Status status = database_->Execute("UPDATE meta SET value = value + 1 WHERE key = 'lives'");
+  if (!status.ok()) return status;
+  SqliteStatement lives = database_->Prepare("SELECT value FROM meta WHERE key = 'lives'");
+  const absl::StatusOr<bool> row = lives.Step();
+  if (!row.ok()) return row.status();
+  if (!*row) return absl::DataLossError("the table of lives is empty");
+  first_lease_id_ = static_cast<uint64_t>(lives.Int64(0)) << kLeaseIdBitsPerLife;
+  SqliteStatement bytes = database_->Prepare("SELECT COALESCE(SUM(size_bytes), 0) FROM parts");
+  const absl::StatusOr<bool> sum = bytes.Step();
+  if (!sum.ok()) return sum.status();
+  parts_bytes_ = static_cast<uint64_t>(bytes.Int64(0));
+  return absl::OkStatus();
+}
+
+absl::Status SqliteJobStore::Probe() {
+  const std::string path = directory_ + "/parts/probe";
+  absl::Status written = WriteFileOnce(path, std::string(kProbeBytes, '\0'));
+  std::error_code ignored;
+  std::filesystem::remove(path, ignored);
+  if (!written.ok()) return written;
+  const std::lock_guard lock(database_mutex_);
+  return database_->Execute("UPDATE meta SET value = value WHERE key = 'lives'");
+}
+
+}  // namespace sheaf::coordinator

@@ -1,0 +1,182 @@
+#!/usr/bin/env python3
+# Copyright the Sheaf authors.
+# SPDX-License-Identifier: Apache-2.0
+"""Files altered on disk under a living farm: the picture is the same, and somebody says what was.
+
+One byte of a texture is changed in a worker's cache and in the coordinator's store, and one of a
+delivered EXR; each time the size stays what it was.
+"""
+import json
+import os
+import struct
+import tempfile
+import unittest
+import zlib
+
+import farm
+
+SIZE = 512  # Of the texture, in pixels: more than one tile of the texture cache.
+SCENE = """LookAt 0 0 -2  0 0 0  0 1 0
+Camera "perspective" "float fov" 60
+Film "rgb" "integer xresolution" 96 "integer yresolution" 64
+WorldBegin
+LightSource "infinite" "rgb L" [1 1 1]
+Texture "wood" "spectrum" "imagemap" "string filename" "wood.png" "string filter" "point"
+Material "diffuse" "texture reflectance" "wood"
+Shape "trianglemesh" "integer indices" [0 1 2 0 2 3] "point2 uv" [0 0 1 0 1 1 0 1]
+  "point3 P" [-1 -1 0  1 -1 0  1 1 0  -1 1 0]
+"""
+JOB = ("--tile-size", "32", "--pass-samples", "16", "--lease-passes", "1")
+
+
+def write_png(path):
+    """Stored, not compressed: any byte may be changed, and the size stays."""
+    rows = b"".join(b"\0" + bytes((3 * x + 7 * y + 11 * c) % 200 + 20 for x in range(SIZE)
+                                  for c in range(3)) for y in range(SIZE))
+
+    def chunk(kind, data):
+        return (struct.pack(">I", len(data)) + kind + data
+                + struct.pack(">I", zlib.crc32(kind + data)))
+    with open(path, "wb") as file:
+        file.write(b"\x89PNG\r\n\x1a\n"
+                   + chunk(b"IHDR", struct.pack(">IIBBBBB", SIZE, SIZE, 8, 2, 0, 0, 0))
+                   + chunk(b"IDAT", zlib.compress(rows, 0)) + chunk(b"IEND", b""))
+
+
+def alter(path, whole=False):
+    """Changes bytes in place, and puts the file's time back."""
+    before = os.stat(path)
+    os.chmod(path, 0o644)
+    with open(path, "r+b") as file:
+        data = bytearray(file.read())
+        if whole:  # Another picture, in sound PNG: its checks do not tell.
+            rows = bytearray(zlib.decompress(bytes(data[41:-16])))
+            for i in range(len(rows)):
+                if i % (3 * SIZE + 1):
+                    rows[i] = 255 - rows[i]
+            stored = zlib.compress(bytes(rows), 0)
+            data[41:-16] = stored
+            data[-16:-12] = struct.pack(">I", zlib.crc32(b"IDAT" + stored))
+        else:
+            data[len(data) // 2] ^= 0x55
+        file.seek(0)
+        file.write(data)
+    assert os.stat(path).st_size == before.st_size
+    os.utime(path, ns=(before.st_atime_ns, before.st_mtime_ns))
+
+
+def blob_path(folder, size):
+    """The blob of so many bytes."""
+    for directory, _, names in os.walk(folder):
+        for name in names:
+            path = os.path.join(directory, name)
+            if len(name) == 64 and "damaged" not in path and os.path.getsize(path) == size:
+                return path
+    raise AssertionError(f"no blob of {size} bytes in {folder}")
+
+
+class DamageTest(unittest.TestCase):
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        self.scene = os.path.join(folder.name, "scene.pbrt")
+        with open(self.scene, "w", encoding="utf-8") as file:
+            file.write(SCENE)
+        self.texture = os.path.join(folder.name, "wood.png")
+        write_png(self.texture)
+        expected = os.path.join(folder.name, "expected.exr")
+        farm.render(self.scene, expected, *JOB, "--samples", 64)
+        self.expected = farm.picture_digest(expected)
+
+    def submit(self, f, samples=64):
+        done = f.sheaf("submit", self.scene, *JOB, "--json", "--samples", samples)
+        return json.loads(done.stdout.splitlines()[-1])["name"]
+
+    def picture(self, f, job):
+        """Watches until the picture can be saved, and returns its digest."""
+        output = f.path("out.exr")
+
+        def saved():
+            return f.sheaf("watch", job, "-o", output, check=False).returncode == 0
+        farm.wait_until(saved, 60, f"the picture of {job}")
+        return farm.picture_digest(output)
+
+    def failures(self, f, job):
+        from urllib.request import urlopen
+        url = f"http://{f.http}/api/v1/{job}/failures"
+        return json.loads(urlopen(url, timeout=10).read())
+
+    def test_a_texture_altered_in_the_cache_of_a_living_worker(self):
+        with farm.Farm() as f:
+            f.start_worker()
+            job = self.submit(f)
+            self.assertEqual(self.picture(f, job), self.expected)
+            # The scene is warm in the worker, and tiles of its texture are in memory.
+            alter(blob_path(f.path("cache", "blobs"), os.path.getsize(self.texture)), whole=True)
+            again = self.submit(f)
+            self.assertEqual(self.picture(f, again), self.expected)
+            self.assertIn("wood.png", json.dumps(self.failures(f, again)))
+            self.assertTrue(os.listdir(f.path("cache", "blobs", "damaged")))
+
+    def test_a_texture_altered_while_its_tiles_are_rendered(self):
+        with farm.Farm() as f:
+            f.start_worker()
+            job = self.submit(f, samples=4096)
+            farm.wait_until(lambda: f.metrics()["sheaf_results_accepted_total"] > 20, 60, "parts")
+            alter(blob_path(f.path("cache", "blobs"), os.path.getsize(self.texture)), whole=True)
+            expected = f.path("expected.exr")
+            farm.render(self.scene, expected, *JOB, "--samples", 4096)
+            self.assertEqual(self.picture(f, job), farm.picture_digest(expected))
+            self.assertIn("wood.png", json.dumps(self.failures(f, job)))
+
+    def test_a_blob_altered_in_the_coordinators_store(self):
+        with farm.Farm() as f:
+            job = self.submit(f)
+            alter(blob_path(f.path("state", "content"), os.path.getsize(self.texture)))
+            f.start_worker()
+
+            def waiting_reason():
+                listed = json.loads(f.sheaf("list", "--json").stdout.splitlines()[0])
+                return listed.get("waiting_reason", "")
+            reason = farm.wait_until(waiting_reason, 30, "a word on what the job waits for")
+            self.assertIn("wood.png", reason)
+            self.assertIn("submit the scene again", reason)
+            again = self.submit(f)
+            for name in (job, again):
+                self.assertEqual(self.picture(f, name), self.expected)
+
+    def test_a_manifest_altered_in_the_coordinators_store(self):
+        with farm.Farm() as f:
+            job = self.submit(f)
+            sizes = {os.path.getsize(self.scene), os.path.getsize(self.texture)}
+            folder = f.path("state", "content")
+            manifest = [os.path.join(d, n) for d, _, names in os.walk(folder) for n in names
+                        if len(n) == 64 and os.path.getsize(os.path.join(d, n)) not in sizes]
+            self.assertEqual(len(manifest), 1)
+            alter(manifest[0])
+            again = self.submit(f)  # The client is asked for it again.
+            f.start_worker()
+            for name in (job, again):
+                self.assertEqual(self.picture(f, name), self.expected)
+
+    def test_a_delivered_picture_altered_or_removed(self):
+        with farm.Farm() as f:
+            f.start_worker()
+            job = self.submit(f)
+            self.assertEqual(self.picture(f, job), self.expected)
+            delivered = [os.path.join(d, n) for d, _, names in os.walk(f.path("state", "outputs"))
+                         for n in names if n.endswith(".exr") and "thumbnail" not in n]
+            self.assertEqual(len(delivered), 1)
+            whole = farm.read_bytes(delivered[0])
+            for spoil in (alter, os.remove):
+                spoil(delivered[0])
+                said = f.sheaf("watch", job, "-o", f.path("spoilt.exr"), check=False)
+                self.assertNotEqual(said.returncode, 0)
+                self.assertIn("made again", said.stderr)
+                self.assertEqual(self.picture(f, job), self.expected)
+                self.assertEqual(farm.read_bytes(delivered[0]), whole, "to the bit")
+            self.assertEqual(f.metrics()["sheaf_pictures_damaged_total"], 2)
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)

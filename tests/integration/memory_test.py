@@ -1,0 +1,103 @@
+#!/usr/bin/env python3
+# Copyright the Sheaf authors.
+# SPDX-License-Identifier: Apache-2.0
+"""A scene that needs more memory than workers have: its job fails in clear words, other jobs go on,
+and the workers live."""
+import json
+import os
+import resource
+import signal
+import tempfile
+import time
+import unittest
+
+import farm
+
+HUGE = """Camera "perspective"
+Film "rgb" "integer xresolution" 32 "integer yresolution" 32
+WorldBegin
+LightSource "infinite"
+Shape "loopsubdiv" "integer levels" %d "integer indices" [0 1 2 0 2 3 0 3 1 1 3 2]
+  "point3 P" [-1 -1 5  1 -1 5  0 1 5  0 0 6]
+"""
+ROOM = 300 << 20  # That a worker's address space may still grow by, once it runs.
+
+
+class MemoryTest(unittest.TestCase):
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        self.folder = folder.name
+
+    def scene(self, levels):
+        path = os.path.join(self.folder, f"levels{levels}.pbrt")
+        with open(path, "w", encoding="utf-8") as file:
+            file.write(HUGE % levels)
+        return path
+
+    def submit(self, f, scene):
+        done = f.sheaf("submit", scene, "--samples", "1", "--json")
+        return json.loads(done.stdout.splitlines()[-1])["name"]
+
+    def start_worker(self, f, *arguments):
+        worker = f.start_worker(*arguments)
+        name = f"worker{f.worker_count}"
+        farm.wait_until(lambda: "works for" in f.log(name), 30, "the worker")
+        with open(f"/proc/{worker.pid}/statm", encoding="ascii") as file:
+            limit = int(file.read().split()[0]) * resource.getpagesize() + ROOM
+        resource.prlimit(worker.pid, resource.RLIMIT_AS, (limit, limit))
+        return worker
+
+    def failure(self, f, job):
+        done = f.sheaf("watch", job, "--json", check=False)
+        self.assertEqual(done.returncode, 1, done.stdout + done.stderr)
+        return json.loads(done.stdout.splitlines()[-1])["failure"]
+
+    def test_a_scene_beyond_the_workers_memory_fails_and_ends_no_worker(self):
+        with farm.Farm(["--lease-seconds", "2"]) as f:
+            workers = [self.start_worker(f) for _ in range(2)]
+            huge = self.submit(f, self.scene(10))
+            text = self.failure(f, huge)
+            self.assertIn("levels10.pbrt:5:1", text)
+            self.assertIn("10 levels make 4194304 triangles", text)
+            self.assertIn("address space", text)
+            small = self.submit(f, self.scene(3))
+            self.assertEqual(f.sheaf("watch", small).returncode, 0)
+            self.assertTrue(all(worker.poll() is None for worker in workers))
+            from urllib.request import urlopen
+            listed = urlopen(f"http://{f.http}/api/v1/{huge}/failures", timeout=10).read()
+            self.assertIn('"kind":"memory"', listed.decode().replace(" ", ""))
+
+    def test_a_scene_that_ends_each_worker_fails_after_a_few(self):
+        """Whatever ends them: here somebody does, as soon as they load."""
+        with farm.Farm(["--lease-seconds", "1"]) as f:
+            scene = self.scene(10)  # Takes seconds to load.
+            job = self.submit(f, scene)
+            killed = 0
+            end = time.monotonic() + 90 * farm.TIME_SCALE
+            while time.monotonic() < end:
+                state = json.loads(f.sheaf("list", "--json").stdout.splitlines()[0])
+                if state["state"] == "failed":
+                    break
+                worker = f.start_worker()
+                name = f"worker{f.worker_count}"
+                time.sleep(0.7)
+                self.assertNotIn("is ready", f.log(name), "it was to be killed while it loads")
+                worker.send_signal(signal.SIGKILL)
+                worker.wait()
+                killed += 1
+            self.assertEqual(state["state"], "failed")
+            self.assertIn("while they loaded", self.failure(f, job))
+            self.assertGreaterEqual(killed, 3)
+            f.start_worker()
+            small = self.submit(f, self.scene(3))
+            self.assertEqual(f.sheaf("watch", small).returncode, 0)
+
+    def test_plan_says_how_much(self):
+        said = farm.local("plan", self.scene(9))
+        self.assertIn("1048576 triangles", said)
+        self.assertRegex(said, r"memory: about \d+ MiB")
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)

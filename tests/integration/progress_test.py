@@ -1,0 +1,79 @@
+#!/usr/bin/env python3
+# Copyright the Sheaf authors.
+# SPDX-License-Identifier: Apache-2.0
+"""deploy/progress: what a long command tells of itself where no terminal shows it."""
+import os
+import re
+import subprocess
+import tempfile
+import unittest
+
+DEPLOY = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..", "deploy")
+PROGRESS = os.path.join(DEPLOY, "progress")
+APT_GET = """echo 'dlstatus:2:50.5:Retrieving file 2 of 3'; sleep 1.5
+echo 'pmstatus:dpkg-exec:0.0000:Running dpkg'
+echo 'pmstatus:libc6:amd64:7.5:Preparing libc6:amd64'; sleep 1.5
+echo 'E: Unable to locate a package'; [ "$1" = update ] || exit 100
+"""
+
+
+def told(script, *arguments, seconds="1"):
+    """Runs a shell script through deploy/progress: (standard output, lines of standard error)."""
+    done = subprocess.run(["bash", "-c", "( " + script + ' ) | "$0" "$@"', PROGRESS, *arguments],
+                          capture_output=True, text=True, timeout=60, check=True,
+                          env={**os.environ, "SHEAF_PROGRESS_SECONDS": seconds})
+    return done.stdout, done.stderr.splitlines()
+
+
+class ProgressTest(unittest.TestCase):
+    def test_the_first_line_says_how_long_it_will_take(self):
+        processors = len(os.sched_getaffinity(0))
+        out, lines = told("echo '[1/40] Building a'", "building", str(15000 * processors))
+        self.assertEqual(lines, ["sheaf: building: 40 steps, about 10 min on %d processors"
+                                 % processors])
+        self.assertEqual(out, "")
+
+    def test_steps_and_what_is_left_are_told_while_a_step_takes_long(self):
+        _, lines = told("echo '[3/4] Building a'; sleep 2.5", "building", "1000")
+        self.assertGreaterEqual(len(lines), 2)
+        for line in lines[1:]:
+            self.assertRegex(line, r"^sheaf: building: step 3 of 4, about \d+ s left$")
+
+    def test_slow_steps_raise_what_is_left(self):
+        _, lines = told("for i in 1 2; do sleep 1.2; echo \"[$i/400] a\"; done; sleep 1.2",
+                        "building", "100")
+        left = [re.search(r"about (\d+) (s|min) left", line) for line in lines[1:]]
+        seconds = [int(m[1]) * (60 if m[2] == "min" else 1) for m in left]
+        self.assertGreater(seconds[-1], 40, lines)
+
+    def test_lines_of_ctest_are_copied(self):
+        written = "Test project\n  1/20 Test #7: a ..... Passed 0.1 sec\n\n100% tests passed\n"
+        out, lines = told("printf %%s '%s'" % written, "testing", "1000", "--copy", seconds="30")
+        self.assertEqual(out, written)
+        self.assertEqual(len(lines), 1)
+        self.assertRegex(lines[0], "^sheaf: testing: 20 steps, about ")
+
+    def test_a_command_without_steps_tells_nothing(self):
+        self.assertEqual(told("echo 'ninja: no work to do.'", "building", "1000"), ("", []))
+
+    def test_packages_tell_how_far_they_are_and_why_they_failed(self):
+        with tempfile.TemporaryDirectory() as folder:
+            for name, script in {"apt-get": APT_GET, "dpkg-query": "exit 1",
+                                 "sudo": 'exec "$@"'}.items():
+                path = os.path.join(folder, name)
+                with open(path, "w") as file:
+                    file.write("#!/bin/bash\n" + script)
+                os.chmod(path, 0o755)
+            done = subprocess.run(
+                [os.path.join(DEPLOY, "install-packages"), "build"], capture_output=True,
+                text=True, timeout=60, env={**os.environ, "SHEAF_PROGRESS_SECONDS": "1",
+                                            "PATH": folder + ":" + os.environ["PATH"]})
+        self.assertEqual(done.returncode, 1)
+        self.assertIn("sheaf: installing packages: step 50 of 200, about ", done.stderr)
+        self.assertIn("sheaf: installing packages: step 107 of 200, about ", done.stderr)
+        self.assertIn("\nE: Unable to locate a package\nsheaf: apt-get could not", done.stderr)
+        self.assertNotIn("pmstatus", done.stderr)
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)

@@ -1,0 +1,328 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// G12, which medium is on which side of a surface: the second name of a MediumInterface where the
+// normal points, the first behind it, for both windings and both orders of the names, against
+// Beer and Lambert. Where the names contradict each other, the rule is pbrt-v4's: a ray is in the
+// medium that the surface it leaves has on that side.
+#include <cmath>
+#include <utility>
+#include <vector>
+
+#include "common/math/elementary.h"
+#include "gtest/gtest.h"
+#include "tests/support/fog_scene.h"
+#include "tests/support/interior_scene.h"
+#include "tests/support/long_tests.h"
+#include "worker/render/compiled_scene.h"
+#include "worker/render/medium_set.h"
+
+namespace sheaf::render {
+namespace {
+
+constexpr Rgb kSigma{0.1f, 0.3f, 0.7f};
+
+// How a file says that there is fog on one side of a closed surface.
+struct Written {
+  bool normals_inward = false;
+  bool fog_within = false;  // Else around it.
+  bool camera_in_fog = false;
+
+  MediumBoundary NamesOf(int32_t fog) const {
+    const int32_t within = fog_within ? fog : kNone, around = fog_within ? kNone : fog;
+    return normals_inward ? MediumBoundary{around, within} : MediumBoundary{within, around};
+  }
+  // A surface that names no outside adds what is inside to what there is: docs/adr/0018. Then it
+  // contradicts no path that comes from the front in fog.
+  bool AddsUp(bool from_within) const {
+    const bool names_outside = normals_inward == fog_within;
+    return camera_in_fog && !names_outside && from_within == normals_inward;
+  }
+  bool Contradicts(bool from_within) const {
+    const bool fog_there = from_within == fog_within;
+    return camera_in_fog != fog_there && !AddsUp(from_within);
+  }
+};
+
+template <typename Function>
+void ForAllWritings(const Function& function) {
+  for (const bool inward : {false, true}) {
+    for (const bool within : {false, true}) {
+      for (const bool camera_in_fog : {false, true}) {
+        SCOPED_TRACE(::testing::Message() << "normals " << (inward ? "inward" : "outward")
+                                          << ", fog " << (within ? "within" : "around")
+                                          << ", camera in " << (camera_in_fog ? "fog" : "vacuum"));
+        function(Written{inward, within, camera_in_fog});
+      }
+    }
+  }
+}
+
+// Lengths that count of a way that leads through a body.
+struct Way {
+  double before, within, behind;
+};
+double FogOn(const Way& way, const Written& written) {
+  const double adds = written.AddsUp(false) ? 1 : 0;
+  return (written.camera_in_fog ? way.before : 0) +
+         way.within * (adds + (written.fog_within ? 1 : 0)) +
+         way.behind * (adds + (written.fog_within ? 0 : 1));
+}
+Rgb Dimmed(Rgb light, double length) {
+  for (size_t c = 0; c < 3; ++c) {
+    light[c] *= static_cast<float>(std::exp(-static_cast<double>(kSigma[c]) * length));
+  }
+  return light;
+}
+// What has no noise, but lengths of float.
+void ExpectClose(const TileMean& measured, Rgb expected) {
+  for (size_t c = 0; c < 3; ++c) {
+    EXPECT_NEAR(measured.mean[c], expected[c], 2e-5 * static_cast<double>(expected[c])) << c;
+  }
+}
+
+// Bodies from -1 to 1.
+enum class Body { kBox, kMirroredBox, kBoxWithNormals, kSphere, kPlacedBox, kMirroredPlacedBox };
+
+class SidesScene : public FogScene {
+ public:
+  SidesScene(const Written& written, Vec3d eye, Vec3d at, float fov_degrees = 1e-4f)
+      : FogScene(eye, at, fov_degrees), written_(written), fog_(AddMedium(kSigma, {})) {
+    if (written.camera_in_fog) scene.camera.medium = fog_;
+  }
+  void AddBody(Body body, int32_t material) {
+    const bool is_placed = body == Body::kPlacedBox || body == Body::kMirroredPlacedBox;
+    const bool mirrors = body == Body::kMirroredBox || body == Body::kMirroredPlacedBox;
+    const Matrix4 place = ScaleMatrix({mirrors ? -1.0 : 1.0, 1, 1});
+    if (body == Body::kSphere) {
+      Finish(AddShape(SphereShape{1, -1, 1, 360}, material));
+      return;
+    }
+    const int32_t box = Box({-1, -1, -1}, {1, 1, 1});
+    if (body == Body::kBoxWithNormals) LetNormalsDecide(&scene.meshes[static_cast<size_t>(box)]);
+    if (!is_placed) {
+      Finish(AddShape(MeshShape{box}, material, place));
+      return;
+    }
+    Finish(AddLooseShape(MeshShape{box}, material));
+    scene.objects.push_back({"body", {static_cast<int32_t>(scene.shapes.size() - 1)}, {}});
+    scene.instances.push_back({0, {place, place}, {}});
+  }
+  // As written.
+  ShapeDescription& Finish(ShapeDescription& shape) {
+    shape.reverse_orientation = written_.normals_inward;
+    shape.media = written_.NamesOf(fog_);
+    shape.location = {0, 7, 3};
+    return shape;
+  }
+  // Shines towards -z.
+  void AddLamp(float z) {
+    const int32_t light = AreaLight(Rgb::Grey(1));
+    AddShape(MeshShape{Quad({-9, -9, z}, {-9, 9, z}, {9, 9, z}, {9, -9, z})}, Diffuse({}))
+        .area_light = light;
+  }
+  void AddPointLight(Vec3d from) {
+    PointLight lamp;
+    lamp.intensity.rgb = Rgb::Grey(1);
+    lamp.from = from;
+    scene.lights.push_back({lamp, {}, {}, {}});
+  }
+
+ private:
+  // Vertex normals outward, and a winding that says otherwise.
+  static void LetNormalsDecide(TriangleMesh* mesh) {
+    mesh->normals = mesh->positions;
+    for (size_t i = 0; i + 2 < mesh->indices.size(); i += 3) {
+      std::swap(mesh->indices[i], mesh->indices[i + 1]);
+    }
+  }
+
+  Written written_;
+  int32_t fog_;
+};
+
+// A lamp behind a body, seen through it.
+TEST(MediumSideStability, G12FogIsOnTheNamedSide) {
+  for (const Body body : {Body::kBox, Body::kMirroredBox, Body::kBoxWithNormals, Body::kSphere,
+                          Body::kPlacedBox, Body::kMirroredPlacedBox}) {
+    SCOPED_TRACE(static_cast<int>(body));
+    ForAllWritings([&](const Written& written) {
+      // Off the diagonals of the box's faces.
+      const double aside = body == Body::kSphere ? 0 : 0.1;
+      SidesScene t(written, {aside, 2 * aside, -4}, {aside, 2 * aside, 0});
+      t.AddBody(body, t.AddMaterial(InterfaceMaterial{}));
+      t.AddLamp(6);
+      const Rendered rendered = RenderCounted(t.scene, SquareSettings(2, 16, 5));
+      ExpectClose(rendered.mean, Dimmed(Rgb::Grey(1), FogOn({3, 2, 5}, written)));
+      const bool contradicts = written.Contradicts(false);
+      EXPECT_EQ(rendered.stats.broken_nestings, contradicts ? 64u : 0u);
+      EXPECT_EQ(rendered.stats.broken_at, contradicts ? "test.pbrt:7:3" : "");
+    });
+  }
+}
+
+// Light that a floor gets from a lamp without size through the body.
+TEST(MediumSideStability, G12ShadowRaysKeepToTheNamedSides) {
+  ForAllWritings([](const Written& written) {
+    SidesScene t(written, {0.5, 2, -2.5}, {0.5, 2, -3});
+    t.AddBody(Body::kBox, t.AddMaterial(InterfaceMaterial{}));
+    t.AddShape(MeshShape{t.Quad({-9, -9, -3}, {9, -9, -3}, {9, 9, -3}, {-9, 9, -3})},
+               t.Diffuse(Rgb::Grey(0.5f)));
+    t.AddPointLight({-0.5, -2, 3});
+    // A third of the way is within. The camera is half a unit above the floor.
+    const double way = std::sqrt(1.0 + 16 + 36);
+    const auto lit = static_cast<float>(0.5 / kPi * (6 / way) / (way * way));
+    const Rendered rendered = RenderCounted(t.scene, SquareSettings(2, 16, 2));
+    ExpectClose(rendered.mean,
+                Dimmed(Rgb::Grey(lit), FogOn({0.5 + way / 3, way / 3, way / 3}, written)));
+  });
+}
+
+// A wall sends light back into the medium that it has on the side it is lit on. Within: behind it.
+TEST(MediumSideStability, G12ReflectedLightIsOnTheNamedSide) {
+  ForAllWritings([](const Written& written) {
+    SidesScene t(written, {0.1, 0, -2}, {0.1, 0, 0});
+    t.Finish(t.AddShape(MeshShape{t.Quad({-9, -9, 0}, {-9, 9, 0}, {9, 9, 0}, {9, -9, 0})},
+                        t.Diffuse(Rgb::Grey(0.5f))));
+    t.AddPointLight({0.1, 0, -3});
+    const auto lit = static_cast<float>(0.5 / kPi / 9);
+    const bool fog_around = !written.fog_within || written.AddsUp(false);
+    const Rendered rendered = RenderCounted(t.scene, SquareSettings(2, 16, 2));
+    ExpectClose(rendered.mean,
+                Dimmed(Rgb::Grey(lit), (written.camera_in_fog ? 2 : 0) + (fog_around ? 3.0 : 0.0)));
+    EXPECT_EQ(rendered.stats.broken_nestings > 0, written.Contradicts(false));
+  });
+}
+
+// The same many times over: a room with a lamp in its middle. Chords between two points of a sphere
+// are as long as 2 cos, with cosines as a diffuse wall scatters them.
+TEST(MediumSideStability, G12RoomsAreFilledAsTheirWallsSay) {
+  constexpr float kReflectance = 0.6f;
+  ForAllWritings([](const Written& written) {
+    SidesScene t(written, {0, 0, 0}, {0, 0, 1}, 40);
+    t.Finish(t.AddShape(SphereShape{1, -1, 1, 360}, t.Diffuse(Rgb::Grey(kReflectance))));
+    t.AddPointLight({0, 0, 0});
+    const bool filled = written.fog_within || written.AddsUp(true);
+    Rgb expected;
+    for (size_t c = 0; c < 3; ++c) {
+      const double a = 2 * static_cast<double>(kSigma[c]);
+      const double left = filled ? 2 * (1 - std::exp(-a) * (1 + a)) / (a * a) : 1;
+      const double share = static_cast<double>(kReflectance);
+      expected[c] = static_cast<float>(share / kPi / (1 - share * left));
+    }
+    const Rendered rendered =
+        RenderCounted(t.scene, SquareSettings(8, DrawCount(256, 4096), 1 << 20));
+    ExpectMean(rendered.mean,
+               Dimmed(expected, (filled ? 1.0 : 0.0) + (written.camera_in_fog ? 1.0 : 0.0)));
+    EXPECT_EQ(rendered.stats.broken_nestings > 0, written.Contradicts(true));
+  });
+}
+
+// Gems: glass with a medium in it. Looked at straight, glass reflects alike from either side, so
+// one that is wound the wrong way round lets as much through; light goes to and fro within.
+TEST(MediumSideStability, G12GemsHaveTheirColor) {
+  ForAllWritings([](const Written& written) {
+    if (written.camera_in_fog) return;
+    SidesScene t(written, {0.1, 0.2, -4}, {0.1, 0.2, 0});
+    DielectricMaterial glass;
+    glass.eta.mean = 1.5f;
+    t.AddBody(Body::kBox, t.AddMaterial(glass));
+    t.AddLamp(6);
+    constexpr double kMirrored = 0.04;
+    Rgb expected = Dimmed(Rgb::Grey(1), FogOn({3, 2, 5}, written));
+    for (size_t c = 0; c < 3; ++c) {
+      const double a = written.fog_within ? std::exp(-2 * static_cast<double>(kSigma[c])) : 1;
+      expected[c] *= static_cast<float>((1 - kMirrored) * (1 - kMirrored) /
+                                        (1 - kMirrored * kMirrored * a * a));
+    }
+    ExpectMean(RenderCounted(t.scene, SquareSettings(8, DrawCount(256, 4096), 64)).mean, expected);
+  });
+}
+
+// A room full of fog that scatters, with a block in it. Wound either way, with the names to match,
+// the block is the same.
+Rendered FoggedRoom(const Written& block) {
+  FogScene t({0, 0, -0.9}, {-0.05, -0.4, 0}, 25);
+  const int32_t fog = t.AddMedium(Rgb::Grey(0.01f), Rgb::Grey(2));
+  t.scene.camera.medium = fog;
+  const auto add = [&](int32_t mesh, int32_t material) -> ShapeDescription& {
+    ShapeDescription& shape = t.AddShape(MeshShape{mesh}, material);
+    shape.media.outside = fog;
+    return shape;
+  };
+  add(t.Box({-1, -1, -1}, {1, 1, 1}), t.Diffuse({0.7f, 0.5f, 0.3f})).reverse_orientation = true;
+  ShapeDescription& shape =
+      add(t.Box({-0.4f, -0.9f, 0}, {0.3f, 0, 0.6f}), t.Diffuse(Rgb::Grey(0.6f)));
+  shape.reverse_orientation = block.normals_inward;
+  shape.media = block.NamesOf(fog);
+  const int32_t light = t.AreaLight(Rgb::Grey(8));
+  t.AddShape(MeshShape{t.Quad({-0.3f, 0.99f, -0.3f}, {0.3f, 0.99f, -0.3f}, {0.3f, 0.99f, 0.3f},
+                              {-0.3f, 0.99f, 0.3f})},
+             t.Diffuse({}))
+      .area_light = light;
+  return RenderCounted(t.scene, SquareSettings(8, DrawCount(128, 4096), 12));
+}
+
+TEST(MediumSideStability, G12BlocksInFogAreTheSameWoundEitherWay) {
+  const Rendered outward = FoggedRoom({false, false, true}),
+                 inward = FoggedRoom({true, false, true});
+  EXPECT_EQ(outward.stats.broken_nestings + inward.stats.broken_nestings, 0u);
+  ExpectSameMean(outward.mean, inward.mean);
+  // Faces that say they stand in nothing are told.
+  EXPECT_GT(FoggedRoom({true, true, true}).stats.broken_nestings, 1000u);
+}
+
+// Whichever way round a closed shape is, fog that it encloses has an end, and fog around it none.
+TEST(MediumSideStability, G12EnclosedFogHasAnEnd) {
+  for (const Body body : {Body::kBox, Body::kBoxWithNormals, Body::kSphere}) {
+    ForAllWritings([&](const Written& written) {
+      SidesScene t(written, {0, 0, -4}, {0, 0, 0});
+      t.scene.camera.medium = kNone;
+      t.AddBody(body, t.AddMaterial(InterfaceMaterial{}));
+      const CompiledScenePtr compiled = Compile(t.scene, SquareSettings(2, 1, 1));
+      MediumSet set;
+      EXPECT_TRUE(set.Add(0));
+      EXPECT_EQ(compiled->media->MixOf<Rgb>(set, {}, MediumForm::kTrue).is_bounded,
+                written.fog_within);
+    });
+  }
+}
+
+TEST(MediumSideStability, SidesChangeWhatAPathIsIn) {
+  constexpr uint16_t kBehind = 3, kBefore = 5, kOther = 7;
+  struct Row {
+    MediumSides sides;
+    bool from_front, to_front;
+    std::vector<uint16_t> before, after;
+    Nesting nesting = Nesting::kRight;
+  };
+  const MediumSides both{kBehind, kBefore}, back{kBehind, {}}, front{{}, kBefore};
+  constexpr Nesting kContradicted = Nesting::kContradicted;
+  for (const Row& row : {
+           Row{both, true, false, {kBefore, kOther}, {kBehind, kOther}},
+           Row{both, false, true, {kBehind}, {kBefore}},
+           Row{both, true, true, {kBefore}, {kBefore}},
+           Row{both, true, false, {}, {kBehind}, kContradicted},
+           Row{both, true, true, {kOther}, {kBefore}, kContradicted},
+           Row{both, false, false, {kBefore}, {kBehind}, kContradicted},
+           Row{back, true, false, {kBehind}, {kBehind, kBehind}},  // Adds up.
+           Row{back, true, true, {kBehind, kOther}, {kBehind, kOther}},
+           Row{back, false, true, {kBehind, kBehind}, {kBehind}},
+           Row{back, false, true, {kOther}, {}, kContradicted},
+           Row{front, false, true, {}, {kBefore}},
+           Row{front, true, false, {kBefore, kOther}, {kOther}},
+           Row{front, false, false, {kBefore}, {}, kContradicted},
+           Row{front, false, true, {kBefore}, {kBefore}, kContradicted},
+       }) {
+    MediumSet set;
+    for (const uint16_t medium : row.before) EXPECT_TRUE(set.Add(medium));
+    EXPECT_EQ(MeetSides(row.sides, row.from_front, row.to_front, &set), row.nesting);
+    EXPECT_EQ(std::vector<uint16_t>(set.begin(), set.end()), row.after);
+  }
+  MediumSet full;
+  while (full.size() < kMediaAtOnceMax) EXPECT_TRUE(full.Add(kOther));
+  EXPECT_EQ(MeetSides(back, true, false, &full), Nesting::kFull);
+}
+
+}  // namespace
+}  // namespace sheaf::render
