@@ -121,7 +121,8 @@ class RefineCommand : public FarmCommand {
     std::printf("now %.3g; wall time for %d threads", job->progress().relative_mse(),
                 prices->thread_count());
     if (prices->jobs_before_count() > 0) {
-      std::printf(", beside %d other jobs", prices->jobs_before_count());
+      std::printf(", with what %d other %s of them until then", prices->jobs_before_count(),
+                  prices->jobs_before_count() == 1 ? "job takes" : "jobs take");
     }
     std::printf("\n");
     return ExitCode::kOk;

@@ -4,8 +4,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "cli/duration.h"
 #include "cli/pilot.h"
 #include "common/base/status.h"
 #include "common/film/exr_codec.h"
@@ -23,8 +25,6 @@ using coordinator::WithBand;
 // Log-normal deviation of CPU time for the same work, of hours and of a pilot's milliseconds:
 // processors share caches, memory and clocks. Measured over eight scenes on a busy machine.
 constexpr double kCpuLogDeviation = 0.12;
-// Of the threads' time, what goes into samples.
-constexpr double kFarmEfficiency = 0.95;
 
 // Sum over all frames of what is known of some, linear in between. Requires: ascending indices.
 double SumOverFrames(const std::vector<PilotFrame>& frames, const std::vector<double>& values,
@@ -66,8 +66,9 @@ RowValues ValuesAt(const std::vector<PilotFrame>& frames, size_t frame_count,
 }
 
 template <typename MakeForecast>
-QuoteRow MakeRow(const std::vector<PilotFrame>& frames, size_t frame_count, int thread_count,
-                 const MakeForecast& make) {
+QuoteRow MakeRow(const std::vector<PilotFrame>& frames, const JobArguments& arguments,
+                 const Quote& quote, const MakeForecast& make) {
+  const auto frame_count = static_cast<size_t>(quote.frame_count);
   const auto at = [&](double deviations) {
     return ValuesAt(frames, frame_count,
                     [&](const ErrorModel& model) { return make(model, deviations); });
@@ -84,12 +85,20 @@ QuoteRow MakeRow(const std::vector<PilotFrame>& frames, size_t frame_count, int 
   row.samples = WithBand(values.samples, low.samples, high.samples, 0);
   row.cpu_seconds =
       WithBand(values.cpu_seconds, low.cpu_seconds, high.cpu_seconds, log_cpu_deviation);
-  if (thread_count > 0) {
-    const double speed = thread_count * kFarmEfficiency;
-    row.wall_seconds = {row.cpu_seconds.value / speed, row.cpu_seconds.low / speed,
-                        row.cpu_seconds.high / speed};
-  }
+  const double samples_there = quote.start ? quote.start->samples : 0;
+  const double pixels = static_cast<double>(quote.width_px) * quote.height_px * quote.frame_count;
+  row.wall_seconds =
+      coordinator::WallSeconds(row.cpu_seconds, pixels * (row.samples.value - samples_there),
+                               arguments.priority, quote.load);
   return row;
+}
+
+coordinator::WorkLeft WorkLeftOf(const v1::Job& job) {
+  const v1::Progress& progress = job.progress();
+  const auto done = static_cast<double>(progress.sample_count_done());
+  const auto total = static_cast<double>(progress.sample_count_total());
+  const double cpu_seconds = Seconds(progress.cpu_duration());
+  return {job.priority(), std::max(0.0, total - done), done > 0 ? cpu_seconds / done : 0};
 }
 
 absl::Status DescribeFarm(FarmClient* client, const JobArguments& arguments, Quote* quote) {
@@ -103,9 +112,14 @@ absl::Status DescribeFarm(FarmClient* client, const JobArguments& arguments, Quo
   }
   const absl::StatusOr<std::vector<v1::Job>> jobs = client->ListJobs(kJobsMax);
   if (!jobs.ok()) return jobs.status();
+  std::vector<coordinator::WorkLeft> left;
   for (const v1::Job& job : *jobs) {
-    if (!HasEnded(job) && job.priority() >= arguments.priority) ++quote->jobs_before;
+    if (HasEnded(job) || job.state() == v1::Job::STATE_PAUSED) continue;
+    if (job.priority() >= arguments.priority) ++quote->jobs_before;
+    left.push_back(WorkLeftOf(job));
   }
+  quote->load = {coordinator::kUsualThreadUse * quote->thread_count,
+                 coordinator::WorkAhead(std::move(left))};
   return absl::OkStatus();
 }
 
@@ -163,20 +177,18 @@ absl::StatusOr<Quote> MakeQuote(FarmClient* client, const JobArguments& argument
   }
   for (const double target : asked.targets) {
     QuoteRow& row = quote.rows.emplace_back(
-        MakeRow(*frames, job.frames.size(), quote.thread_count,
-                [&](const ErrorModel& model, double deviations) {
-                  return coordinator::ForecastTarget(model, {.target_error = target},
-                                                     kStoppedSamplesMax, deviations);
-                }));
+        MakeRow(*frames, arguments, quote, [&](const ErrorModel& model, double deviations) {
+          return coordinator::ForecastTarget(model, {.target_error = target}, kStoppedSamplesMax,
+                                             deviations);
+        }));
     row.target_error = target;
   }
   if (asked.with_samples && !arguments.stop.IsActive()) {
     const uint64_t samples = settings.samples;
     QuoteRow& row = quote.rows.emplace_back(
-        MakeRow(*frames, job.frames.size(), quote.thread_count,
-                [&](const ErrorModel& model, double deviations) {
-                  return coordinator::ForecastSamples(model, samples, deviations);
-                }));
+        MakeRow(*frames, arguments, quote, [&](const ErrorModel& model, double deviations) {
+          return coordinator::ForecastSamples(model, samples, deviations);
+        }));
     row.reached = true;
     row.samples_given = samples;
   }

@@ -21,6 +21,7 @@
 #include "cli/farm_client.h"
 #include "cli/prepared_job.h"
 #include "coordinator/core/cost_forecast.h"
+#include "coordinator/core/work_ahead.h"
 
 namespace sheaf::cli {
 
@@ -32,8 +33,10 @@ struct QuoteRow {
   std::optional<uint64_t> samples_given;  // In every pixel.
   bool reached = true;                    // Within the most samples that a pixel may get.
   Banded relative_mse;
-  Banded samples;                    // Of a pixel, on average over pixels and frames, in the end.
-  Banded cpu_seconds, wall_seconds;  // Of all frames. wall: 0 where there are no workers.
+  Banded samples;  // Of a pixel, on average over pixels and frames, in the end.
+  // Of all frames. wall: with what the farm's other jobs take until then; 0 where there are no
+  // workers.
+  Banded cpu_seconds, wall_seconds;
 };
 
 struct Quote {
@@ -41,7 +44,8 @@ struct Quote {
   int frame_count = 1, pilot_frame_count = 1;
   double rate = 1, rate_deviation = 0;  // Errors fall as 1 / n^rate; of the first frame.
   int thread_count = 0;                 // Of the farm, now.
-  int jobs_before = 0;                  // That are not finished and go before or beside it.
+  int jobs_before = 0;                  // That go on, and go before it or beside it.
+  coordinator::FarmLoad load;           // With those jobs.
   double pilot_cpu_seconds = 0;
   // Where it goes on from a picture: what that has, samples of a pixel on average.
   struct Start {

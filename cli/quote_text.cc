@@ -70,8 +70,8 @@ std::string FormatQuote(const Quote& quote) {
                           quote.thread_count);
   }
   if (quote.jobs_before > 0) {
-    absl::StrAppendFormat(&text, ", which now work on %d %s as well", quote.jobs_before,
-                          quote.jobs_before == 1 ? "job" : "jobs");
+    absl::StrAppendFormat(&text, ", with what %d other %s of them until then", quote.jobs_before,
+                          quote.jobs_before == 1 ? "job takes" : "jobs take");
   }
   return text + "\n";
 }

@@ -231,7 +231,7 @@ class FarmSim {
       return false;
     }
     scheduler_->Accept(found.frame, found.task, lease.lease_id, lease.worker_id,
-                       {0, 0, absl::Milliseconds(100)});
+                       {0, 0, absl::Milliseconds(100)}, now_);
     return true;
   }
 
@@ -412,7 +412,7 @@ TEST(FarmSimTest, TenThousandWorkersShareOneFrameOfAHundredThousandTasks) {
         const auto found = scheduler.FindTask(job.frames[0].frame_digest, lease.tile_rect,
                                               lease.task.block, lease.cells, lease.lease_id);
         if (found.kind != Scheduler::FoundTask::Kind::kWanted) continue;
-        scheduler.Accept(frame, found.task, lease.lease_id, report.worker_id, {});
+        scheduler.Accept(frame, found.task, lease.lease_id, report.worker_id, {}, now);
         ++accepted;
       }
     }

@@ -15,8 +15,6 @@ namespace {
 
 // Log-normal deviation of CPU time for the same work: processors share caches, memory and clocks.
 constexpr double kCpuLogDeviation = 0.1;
-// Of the threads' time, what goes into samples.
-constexpr double kFarmEfficiency = 0.95;
 // Decisions that differ by less than this share of all samples are the same for the price.
 constexpr double kSameShare = 0.05;
 
@@ -156,14 +154,24 @@ Forecast AsItIs(const FinishedFrame& frame, double target_error) {
   return forecast;
 }
 
+// Pixel samples beyond those that are kept.
+double SamplesMore(const FinishedFrame& frame, const Forecast& forecast) {
+  if (forecast.cpu_seconds <= 0) return 0;
+  const std::vector<CellRound>& last = frame.rounds.back().cells;
+  const double kept = frame.cpu_seconds_of_cells.empty() ? 0 : PixelSamples(last);
+  return forecast.samples * static_cast<double>(SumOf(last).pixel_count) - kept;
+}
+
 // Frames of groups, with their models.
 using ModelledFrame = std::pair<FinishedFrame, ErrorModel>;
 
 RefinementPrice PriceOf(const std::vector<ModelledFrame>& frames, size_t frame_count,
-                        double target_error, uint64_t samples_max, int thread_count) {
+                        double target_error, uint64_t samples_max, int32_t priority,
+                        const FarmLoad& load) {
   // At the band's ends and in its middle: low, value, high.
   constexpr double kDeviations[] = {-kBandDeviations, 0, kBandDeviations};
   double errors[3] = {}, samples[3] = {}, cpu_seconds[3] = {};
+  double samples_more = 0;  // Of all pixels.
   RefinementPrice price;
   price.target_error = target_error;
   price.reached = true;
@@ -178,7 +186,9 @@ RefinementPrice PriceOf(const std::vector<ModelledFrame>& frames, size_t frame_c
       errors[i] += forecast.relative_mse;
       samples[i] += forecast.samples;
       cpu_seconds[i] += forecast.cpu_seconds;
-      if (i == 1) price.reached &= forecast.reached;
+      if (i != 1) continue;
+      price.reached &= forecast.reached;
+      samples_more += SamplesMore(frame, forecast);
     }
   }
   const auto count = static_cast<double>(frames.size());
@@ -187,11 +197,7 @@ RefinementPrice PriceOf(const std::vector<ModelledFrame>& frames, size_t frame_c
   price.samples_per_pixel = WithBand(samples[1] / count, samples[0] / count, samples[2] / count, 0);
   price.cpu_seconds = WithBand(scale * cpu_seconds[1], scale * cpu_seconds[0],
                                scale * cpu_seconds[2], kCpuLogDeviation);
-  if (thread_count > 0) {
-    const double speed = kFarmEfficiency * thread_count;
-    const Estimate& cpu = price.cpu_seconds;
-    price.wall_seconds = {cpu.value / speed, cpu.low / speed, cpu.high / speed};
-  }
+  price.wall_seconds = WallSeconds(price.cpu_seconds, scale * samples_more, priority, load);
   return price;
 }
 
@@ -200,7 +206,8 @@ RefinementPrice PriceOf(const std::vector<ModelledFrame>& frames, size_t frame_c
 std::vector<RefinementPrice> PriceRefinement(std::span<const FinishedFrame> frames,
                                              size_t frame_count,
                                              std::span<const double> target_errors,
-                                             uint64_t samples_max, int thread_count) {
+                                             uint64_t samples_max, int32_t priority,
+                                             const FarmLoad& load) {
   SHEAF_CHECK(!frames.empty());
   std::vector<ModelledFrame> modelled;
   for (const FinishedFrame& frame : frames) {
@@ -210,7 +217,7 @@ std::vector<RefinementPrice> PriceRefinement(std::span<const FinishedFrame> fram
   }
   std::vector<RefinementPrice> prices;
   for (const double target : target_errors) {
-    prices.push_back(PriceOf(modelled, frame_count, target, samples_max, thread_count));
+    prices.push_back(PriceOf(modelled, frame_count, target, samples_max, priority, load));
   }
   return prices;
 }

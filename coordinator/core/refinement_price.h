@@ -43,14 +43,15 @@ struct RefinementPrice {
   Estimate relative_mse;       // In the end; this and the next as means over frames.
   Estimate samples_per_pixel;  // In the end, those included that are there.
   Estimate cpu_seconds;        // Of all frames, beyond what is there.
-  Estimate wall_seconds;       // If all threads work for it; 0 where there are none.
+  Estimate wall_seconds;       // With the farm's other jobs; 0 where there are no threads.
 };
 
-// frames: some of a job's frame_count, evenly over its range. samples_max: of a pixel.
-// Requires: frames, and targets above 0.
+// frames: some of a job's frame_count, evenly over its range. samples_max: of a pixel. priority:
+// the job's. Requires: frames, and targets above 0.
 std::vector<RefinementPrice> PriceRefinement(std::span<const FinishedFrame> frames,
                                              size_t frame_count,
                                              std::span<const double> target_errors,
-                                             uint64_t samples_max, int thread_count);
+                                             uint64_t samples_max, int32_t priority,
+                                             const FarmLoad& load);
 
 }  // namespace sheaf::coordinator

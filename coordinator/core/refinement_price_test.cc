@@ -44,8 +44,8 @@ FinishedFrame RenderTo(double target, size_t cell_count) {
   return frame;
 }
 
-RefinementPrice PriceOf(const FinishedFrame& frame, double target, int thread_count = 4) {
-  return PriceRefinement({&frame, 1}, 1, {&target, 1}, kSamplesMax, thread_count).front();
+RefinementPrice PriceOf(const FinishedFrame& frame, double target, double threads_used = 4) {
+  return PriceRefinement({&frame, 1}, 1, {&target, 1}, kSamplesMax, 0, {threads_used, {}}).front();
 }
 
 class RefinementPriceTest : public ::testing::TestWithParam<size_t> {};
@@ -102,9 +102,26 @@ TEST(RefinementPriceOfOneTest, GoesOnFromAFrameWithoutRounds) {
 TEST(RefinementPriceOfOneTest, SaysWhereSamplesDoNotSuffice) {
   const FinishedFrame frame = RenderTo(5e-3, 24);
   const double target = 1e-6;
-  const RefinementPrice price = PriceRefinement({&frame, 1}, 1, {&target, 1}, 1024, 4).front();
+  const RefinementPrice price =
+      PriceRefinement({&frame, 1}, 1, {&target, 1}, 1024, 0, {4, {}}).front();
   EXPECT_FALSE(price.reached);
   EXPECT_LE(price.samples_per_pixel.value, 1024);
+}
+
+TEST(RefinementPriceOfOneTest, WaitsForOtherJobs) {
+  const FinishedFrame frame = RenderTo(5e-3, 24);
+  const double target = 1e-3;
+  const RefinementPrice alone = PriceOf(frame, target);
+  const FarmLoad busy{
+      4, WorkAhead({{.priority = 1, .sample_count = 100, .cpu_seconds_per_sample = 3}})};
+  const RefinementPrice later =
+      PriceRefinement({&frame, 1}, 1, {&target, 1}, kSamplesMax, 0, busy).front();
+  EXPECT_DOUBLE_EQ(later.cpu_seconds.value, alone.cpu_seconds.value);
+  EXPECT_NEAR(later.wall_seconds.value, alone.wall_seconds.value + 300.0 / 4, 1e-9);
+  const FarmLoad beside{4, WorkAhead({{.priority = 0, .sample_count = 1e9}})};
+  const RefinementPrice shared =
+      PriceRefinement({&frame, 1}, 1, {&target, 1}, kSamplesMax, 0, beside).front();
+  EXPECT_NEAR(shared.wall_seconds.value, 2 * alone.wall_seconds.value, 1e-9);
 }
 
 TEST(RefinementPriceOfOneTest, GrowsWithTheFramesOfARange) {
@@ -112,7 +129,8 @@ TEST(RefinementPriceOfOneTest, GrowsWithTheFramesOfARange) {
   const double target = 1e-3;
   const RefinementPrice one = PriceOf(frame, target);
   const std::vector<FinishedFrame> two{frame, frame};
-  const RefinementPrice many = PriceRefinement(two, 10, {&target, 1}, kSamplesMax, 4).front();
+  const RefinementPrice many =
+      PriceRefinement(two, 10, {&target, 1}, kSamplesMax, 0, {4, {}}).front();
   EXPECT_NEAR(many.cpu_seconds.value, 10 * one.cpu_seconds.value, 1e-9);
   EXPECT_DOUBLE_EQ(many.samples_per_pixel.value, one.samples_per_pixel.value);
 }

@@ -58,6 +58,16 @@ SteadyTime FirstLeaseTime(const JobRecord& job) {
   return first;
 }
 
+WorkLeft WorkLeftOf(const JobRecord& job, uint64_t sample_count_left) {
+  double cpu_seconds = 0, samples = 0;
+  for (const FrameRecord& frame : job.frames) {
+    cpu_seconds += absl::ToDoubleSeconds(frame.cost.cpu_duration);
+    samples += static_cast<double>(frame.sample_count_timed);
+  }
+  return {job.spec.priority, static_cast<double>(sample_count_left),
+          samples > 0 ? cpu_seconds / samples : 0};
+}
+
 Scheduler::Scheduler(const Limits& limits, uint64_t first_lease_id)
     : limits_(limits), workers_(limits_), leases_(first_lease_id) {}
 
@@ -111,7 +121,7 @@ void Scheduler::RestoreDelivered(const FrameId& id, const ResultCost& cost, uint
   JobRecord& job = jobs_.at(id.job_id);
   const uint32_t index = job.IndexOf(id.frame_number);
   FrameRecord& frame = job.frames[index];
-  frame.sample_count_done = frame.sample_count_restored = sample_count;
+  frame.sample_count_done = frame.sample_count_timed = sample_count;
   frame.cost = cost;
   ++job.delivered_count;
   Close(&job, index, FrameRecord::Phase::kDelivered);
@@ -142,7 +152,10 @@ FrameTasks::Fit Scheduler::RestorePart(const FrameId& id, const PixelRect& tile,
   if (fit != FrameTasks::Fit::kWanted) return fit;
   frame.tasks->Accept(task, cost.cpu_duration);
   NoteLoaded(id);
-  frame.sample_count_done = frame.sample_count_restored = frame.tasks->sample_count_done();
+  frame.sample_count_done = frame.tasks->sample_count_done();
+  if (cost.cpu_duration > absl::ZeroDuration()) {
+    frame.sample_count_timed += frame.tasks->PixelSamples(task);
+  }
   frame.cost.Add(cost);
   if (frame.tasks->Complete()) frame.phase = FrameRecord::Phase::kRendered;
   UpdateReady(&job, index);
@@ -261,11 +274,13 @@ Scheduler::FoundTask Scheduler::FindTask(const std::string& frame_digest, const 
 }
 
 bool Scheduler::Accept(const FrameId& id, const Task& task, uint64_t lease_id,
-                       const std::string& worker_id, const ResultCost& cost) {
+                       const std::string& worker_id, const ResultCost& cost, SteadyTime now) {
   JobRecord& job = jobs_.at(id.job_id);
   const uint32_t index = job.IndexOf(id.frame_number);
   FrameRecord& frame = job.frames[index];
-  if (leases_.Find(lease_id) == nullptr) ++counters_.results_late;
+  const Lease* lease = leases_.Find(lease_id);
+  if (lease == nullptr) ++counters_.results_late;
+  const SteadyTime grant_time = lease == nullptr ? SteadyTime::InfiniteFuture() : lease->grant_time;
   for (const Task& covered : frame.tasks->Accept(task, cost.cpu_duration)) {
     for (const uint64_t holder : leases_.HoldersOf(MakeTaskId(id, covered))) {
       if (holder != lease_id) ++counters_.leases_cancelled;
@@ -277,6 +292,7 @@ bool Scheduler::Accept(const FrameId& id, const Task& task, uint64_t lease_id,
   NoteLoaded(id);
   const uint64_t samples = frame.tasks->PixelSamples(task);
   frame.sample_count_done += samples;
+  frame.sample_count_timed += samples;
   frame.cost.Add(cost);
   ++counters_.results_accepted;
   counters_.samples_accepted += samples;
@@ -286,6 +302,11 @@ bool Scheduler::Accept(const FrameId& id, const Task& task, uint64_t lease_id,
     ++worker->result_count;
     worker->sample_count += samples;
     worker->cpu_duration += cost.cpu_duration;
+    if (grant_time <= worker->last_result_time) {
+      worker->busy_duration += now - worker->last_result_time;
+      worker->busy_cpu_duration += cost.cpu_duration;
+    }
+    worker->last_result_time = now;
     worker->failed_jobs.clear();
     worker->infrastructure_failures = 0;
   }

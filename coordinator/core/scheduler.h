@@ -46,6 +46,7 @@
 #include "coordinator/core/loading_losses.h"
 #include "coordinator/core/packed_frame.h"
 #include "coordinator/core/pending_frames.h"
+#include "coordinator/core/work_ahead.h"
 #include "coordinator/core/worker_table.h"
 
 namespace sheaf::coordinator {
@@ -75,8 +76,8 @@ struct FrameRecord {
   absl::btree_map<std::string, std::string> refused_by;  // Worker, message: scene or memory.
   absl::btree_set<std::string> scene_failed_by;          // Those that blame the scene.
   SteadyTime first_lease_time = SteadyTime::InfiniteFuture();
-  uint64_t sample_count_done = 0;      // Pixel samples; valid in every phase.
-  uint64_t sample_count_restored = 0;  // Of those, done before this start.
+  uint64_t sample_count_done = 0;   // Pixel samples; valid in every phase.
+  uint64_t sample_count_timed = 0;  // Those whose CPU time is in cost.
   ResultCost cost;
 
   int32_t number() const { return packed.frame_number(); }
@@ -112,6 +113,9 @@ struct JobRecord {
 };
 // Of its frames, in this life; InfiniteFuture before.
 SteadyTime FirstLeaseTime(const JobRecord& job);
+// sample_count_left: of all or some of the job's samples. A sample is expected to cost what those
+// of the job did that are timed.
+WorkLeft WorkLeftOf(const JobRecord& job, uint64_t sample_count_left);
 
 class Scheduler {
  public:
@@ -160,7 +164,7 @@ class Scheduler {
                      const TileCells& cells, uint64_t lease_id);
   // Requires: FindTask just said kWanted of it. Returns whether the frame is rendered now.
   bool Accept(const FrameId& id, const Task& task, uint64_t lease_id, const std::string& worker_id,
-              const ResultCost& cost);
+              const ResultCost& cost, SteadyTime now);
   // The part of an accepted block is lost: it is rendered again.
   void Revoke(const FrameId& id, const Task& task);
   // Gives the cells of a rendered frame more samples: their next round. One count a cell, none less

@@ -55,7 +55,7 @@ class SchedulerControlTest : public testing::Test {
         scheduler_.FindTask(digest, lease.tile_rect, lease.task.block, lease.cells, lease.lease_id)
             .kind,
         Scheduler::FoundTask::Kind::kWanted);
-    return scheduler_.Accept(lease.frame, lease.task, lease.lease_id, lease.worker_id, {});
+    return scheduler_.Accept(lease.frame, lease.task, lease.lease_id, lease.worker_id, {}, now_);
   }
   const JobRecord& Job(uint64_t id) { return scheduler_.jobs().at(id); }
 

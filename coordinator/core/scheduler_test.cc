@@ -84,7 +84,7 @@ class SchedulerTest : public testing::Test {
     std::erase_if(held_[lease.worker_id],
                   [&](const Lease& l) { return l.lease_id == lease.lease_id; });
     return scheduler_.Accept(lease.frame, lease.task, lease.lease_id, lease.worker_id,
-                             {1, 0, absl::Milliseconds(1)});
+                             {1, 0, absl::Milliseconds(1)}, now_);
   }
   void Fail(const Lease& lease, FailureKind kind, const std::string& message = "broken") {
     std::erase_if(held_[lease.worker_id],

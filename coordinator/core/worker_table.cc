@@ -2,13 +2,25 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "coordinator/core/worker_table.h"
 
+#include <algorithm>
+
 #include "common/base/check.h"
+#include "coordinator/core/work_ahead.h"
 
 namespace sheaf::coordinator {
 
 double WorkerRecord::SamplesPerThreadSecond() const {
   const double seconds = absl::ToDoubleSeconds(cpu_duration);
   return seconds > 0 ? static_cast<double>(sample_count) / seconds : 0.0;
+}
+
+double WorkerRecord::ThreadsUsed() const {
+  // So much of its time as if it had been seen at the usual share.
+  constexpr absl::Duration kPrior = absl::Seconds(2);
+  const double share =
+      absl::FDivDuration(kPrior * kUsualThreadUse * thread_count + busy_cpu_duration,
+                         (kPrior + busy_duration) * thread_count);
+  return std::clamp(share, 0.1, 1.0) * thread_count;
 }
 
 void WorkerTable::CountLive(const WorkerRecord& worker, int sign) {

@@ -29,9 +29,13 @@ struct WorkerRecord {
   uint64_t scene_memory_bytes = 0;    // Of those in its memory; 0: not known.
   std::set<uint64_t> leases;          // Ids, held now.
   SteadyTime last_seen_time;
-  uint64_t result_count = 0;        // Accepted.
-  uint64_t sample_count = 0;        // Pixel samples of those.
-  absl::Duration cpu_duration;      // CPU time of those.
+  uint64_t result_count = 0;    // Accepted.
+  uint64_t sample_count = 0;    // Pixel samples of those.
+  absl::Duration cpu_duration;  // CPU time of those.
+  // From one accepted result to the next where it held the second's lease all that time, and so
+  // neither waited nor loaded; and the CPU time of those second ones.
+  absl::Duration busy_duration, busy_cpu_duration;
+  SteadyTime last_result_time = SteadyTime::InfinitePast();
   std::set<uint64_t> failed_jobs;   // Since its last accepted result.
   int infrastructure_failures = 0;  // Since its last accepted result.
   SteadyTime no_work_before = SteadyTime::InfinitePast();
@@ -42,6 +46,8 @@ struct WorkerRecord {
   bool Live() const { return !lost && !draining && !Quarantined(); }
   // Pixel samples per second and thread; 0 until a result is there.
   double SamplesPerThreadSecond() const;
+  // Of its threads, as many as the samples get: at least a tenth, and all at most.
+  double ThreadsUsed() const;
 };
 
 class WorkerTable {

@@ -367,6 +367,12 @@ class Farm : public FarmView {
   FrameView ViewOf(const JobRecord& job, const FrameRecord& frame, bool with_spec,
                    SteadyTime now) const;
   WorkerView ViewOf(const WorkerRecord& worker) const;
+  // Of a frame, where a stop rule decides as far as it is foreseen.
+  uint64_t SamplesExpected(const FrameId& id, const FrameRecord& frame) const;
+  // What the workers of a profile have to do; some tenths of a second old.
+  const FarmLoad& LoadOf(const std::string& numeric_profile, SteadyTime now) const;
+  // Of the samples that are left in progress, which is the job's or one of its frames'.
+  void EstimateRemaining(const JobRecord& job, SteadyTime now, ProgressView* progress) const;
 
   const FarmOptions options_;
   const std::unique_ptr<JobStore> store_;
@@ -376,7 +382,7 @@ class Farm : public FarmView {
   MergeBudget merge_budget_;
   mutable SceneNames scene_names_;
 
-  mutable std::mutex mutex_;  // Guards everything down to pictures_damaged_.
+  mutable std::mutex mutex_;  // Guards everything down to loads_time_.
   Scheduler scheduler_;
   std::map<uint64_t, JobAccount> accounts_;
   std::map<FrameId, std::shared_ptr<OpenFrame>> open_frames_;
@@ -388,6 +394,8 @@ class Farm : public FarmView {
   absl::Status disk_status_;                    // Of the last write.
   mutable std::set<FrameId> damaged_pictures_;  // Delivered, and to be made again.
   mutable uint64_t pictures_damaged_ = 0;       // So far.
+  mutable std::map<std::string, FarmLoad> loads_;  // By numeric profile, as they were at
+  mutable SteadyTime loads_time_;
 
   mutable VerifiedFiles pictures_;  // Delivered EXRs, by path.
   // Of the background thread alone.

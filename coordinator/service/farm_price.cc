@@ -91,6 +91,8 @@ absl::StatusOr<RefinementPrices> Farm::PriceRefinement(
   size_t frame_count = 0;
   Partition partition;
   uint64_t samples_max = kStoppedSamplesMax;
+  int32_t priority = 0;
+  FarmLoad load;
   {
     const std::lock_guard lock(mutex_);
     const absl::StatusOr<const JobRecord*> found = FindRecord(is_number ? number : 0);
@@ -109,10 +111,10 @@ absl::StatusOr<RefinementPrices> Farm::PriceRefinement(
       samples_max = std::max(samples_max, spec.settings.samples);
       chosen.emplace_back(spec, delivered.at(spec.frame_number));
     }
+    priority = job.spec.priority;
+    load = LoadOf(job.spec.numeric_profile, SteadyTime::Now());
     for (const auto& [id, worker] : scheduler_.workers().workers()) {
-      const WorkerState state = ViewOf(worker).state;
-      const bool works = state == WorkerState::kIdle || state == WorkerState::kBusy;
-      if (works && worker.numeric_profile == job.spec.numeric_profile) {
+      if (worker.Live() && worker.numeric_profile == job.spec.numeric_profile) {
         priced.thread_count += worker.thread_count;
       }
     }
@@ -130,8 +132,8 @@ absl::StatusOr<RefinementPrices> Farm::PriceRefinement(
     if (!frame.ok()) return frame.status();
     frames.push_back(*std::move(frame));
   }
-  priced.prices = coordinator::PriceRefinement(frames, frame_count, target_errors, samples_max,
-                                               priced.thread_count);
+  priced.prices =
+      coordinator::PriceRefinement(frames, frame_count, target_errors, samples_max, priority, load);
   return priced;
 }
 

@@ -168,8 +168,8 @@ absl::StatusOr<ResultOutcome> Farm::StoreResult(const ResultReport& report,
         again.kind == Scheduler::FoundTask::Kind::kWanted && again.frame == found.frame;
     if (wanted) {
       open = OpenFrameOf(found.frame);
-      rendered =
-          scheduler_.Accept(found.frame, found.task, report.lease_id, report.worker_id, cost);
+      rendered = scheduler_.Accept(found.frame, found.task, report.lease_id, report.worker_id, cost,
+                                   SteadyTime::Now());
       tile_complete = scheduler_.FindFrame(found.frame)->tasks->TileComplete(found.task.tile);
     } else {
       ++scheduler_.counters().results_superseded;

@@ -131,6 +131,12 @@ class GatedJobStore : public JobStore {
   bool open_ = false;
 };
 
+// Processor time of a pixel sample.
+constexpr absl::Duration kSampleCpu = absl::Nanoseconds(100);
+
+// Some grey, other than those of the samples before.
+float GreyOf(uint64_t sample) { return static_cast<float>((sample * 0x9E3779B97F4A7C15u) >> 61); }
+
 // A farm over a gated store, with a job of one tile.
 class FarmTest : public testing::Test {
  protected:
@@ -158,7 +164,7 @@ class FarmTest : public testing::Test {
     farm_.reset();
     std::filesystem::remove_all(directory_);
   }
-  uint64_t MakeJob(const StopRule& stop) {
+  uint64_t MakeJob(const StopRule& stop, uint64_t samples = 256) {
     JobSpec spec;
     spec.title = "job";
     spec.partition = {16, 16, 1};
@@ -169,10 +175,10 @@ class FarmTest : public testing::Test {
     frame.scene = *scene;
     frame.settings.width_px = frame.settings.height_px = 16;
     frame.settings.window = {0, 0, 16, 16};
-    frame.settings.samples = 256;
+    frame.settings.samples = samples;
     frame.stop = stop;
     spec.frames = {frame};
-    const auto job = farm_->CreateJob(spec, "request");
+    const auto job = farm_->CreateJob(spec, absl::StrCat("request", samples));
     SHEAF_CHECK(job.ok());
     return *job;
   }
@@ -194,7 +200,7 @@ class FarmTest : public testing::Test {
         for (int32_t pixel = 0; pixel < rect.PixelCount(); ++pixel) {
           accumulator.Begin(rect.x0 + pixel % rect.Width(), rect.y0 + pixel / rect.Width());
           for (uint64_t i = block.first; i < block.End(); ++i) {
-            accumulator.Add(i, {.radiance = Rgb::Grey(static_cast<float>(i % 7)), .alpha = 1});
+            accumulator.Add(i, {.radiance = Rgb::Grey(GreyOf(i)), .alpha = 1});
           }
           accumulator.End();
         }
@@ -208,6 +214,8 @@ class FarmTest : public testing::Test {
       result.cells = grant.lease.cells;
       result.lease_id = grant.lease.lease_id;
       result.worker_id = report.worker_id;
+      result.cpu_duration = kSampleCpu * static_cast<double>(grant.lease.tile_rect.PixelCount()) *
+                            static_cast<double>(block.count);
       result.digest = {Sha256Hex(bytes), bytes.size()};
       EXPECT_EQ(farm_->AddResult(result, bytes).status().code(), outcome);
     }
@@ -300,26 +308,40 @@ TEST_F(FarmTest, TheTimeOfARefinedJobIsThatOfAllItsSamples) {
   EXPECT_GE(finish(absl::ZeroDuration()), after);
 }
 
-// What is left is told by the time since the samples that were there already.
-TEST_F(FarmTest, TheTimeLeftOfARefinedJobIsByTheRateOfTheRefinement) {
+// What is left of a job is told by what its samples took, and by what other jobs take until then.
+TEST_F(FarmTest, TheTimeLeftCountsOtherJobs) {
   store_->Open();
   const uint64_t id = MakeJob({});
   const std::string job = absl::StrCat(id);
   const absl::Time deadline = absl::Now() + absl::Seconds(60);
-  Work(absl::Seconds(2));
+  // One worker with one thread.
+  const auto expected = [&](double pixel_samples) {
+    return pixel_samples * absl::ToDoubleSeconds(kSampleCpu) / kUsualThreadUse;
+  };
+  const auto progress = [&] { return farm_->FindJob(job)->progress; };
   while (farm_->FindJob(job)->state != JobState::kSucceeded && absl::Now() < deadline) {
     Work(absl::Milliseconds(2));
   }
   ASSERT_TRUE(farm_->RefineJob(id, {{}, uint64_t{1} << 20}).ok());
-  const auto progress = [&] { return farm_->FindJob(job)->frames[0].progress; };
-  const uint64_t restored = progress().sample_count_done;
   Work();
-  const ProgressView now = progress();
-  ASSERT_GT(now.sample_count_done, restored);
-  const auto share = static_cast<double>(now.sample_count_done - restored) /
-                     static_cast<double>(now.sample_count_total - now.sample_count_done);
-  // The first life's two seconds are no part of it.
-  EXPECT_LT(share * now.remaining_seconds, 1.5);
+  const ProgressView alone = progress();
+  const auto left = static_cast<double>(alone.sample_count_total - alone.sample_count_done);
+  ASSERT_GT(left, 0);
+  EXPECT_NEAR(alone.remaining_seconds, expected(left), 0.01 * expected(left));
+  EXPECT_NEAR(farm_->FindJob(job)->frames[0].progress.remaining_seconds, alone.remaining_seconds,
+              1e-9);
+  // Another job that is smaller gets all of its samples meanwhile.
+  const uint64_t other = MakeJob({}, uint64_t{1} << 19);
+  const double both = expected(left + 16 * 16 * (1 << 19));
+  while (progress().remaining_seconds < 0.99 * both && absl::Now() < deadline) {
+    absl::SleepFor(absl::Milliseconds(10));
+  }
+  EXPECT_NEAR(progress().remaining_seconds, both, 0.01 * both);
+  ASSERT_TRUE(farm_->SetJobPriority(other, -1).ok());
+  while (progress().remaining_seconds > 0.99 * both && absl::Now() < deadline) {
+    absl::SleepFor(absl::Milliseconds(10));
+  }
+  EXPECT_NEAR(progress().remaining_seconds, alone.remaining_seconds, 1e-9);
 }
 
 // A frame without a rule has a point at each doubling that is seen, and one at its end.

@@ -38,9 +38,10 @@ struct ProgressView {
   double relative_mse = 0;          // Estimated; 0 until it can be told.
   uint64_t nonfinite_count = 0;
   uint64_t ray_count = 0;
-  double cpu_seconds = 0;         // Of workers, on accepted results.
-  double wall_seconds = 0;        // Since the first lease, refinements included.
-  double remaining_seconds = -1;  // At the present rate; negative until it can be told.
+  double cpu_seconds = 0;   // Of workers, on accepted results.
+  double wall_seconds = 0;  // Since the first lease, refinements included.
+  // With what the farm's other jobs take until then; negative until it can be told.
+  double remaining_seconds = -1;
 };
 
 // A point of a frame's curve: how it stood at the end of a round (sample_rounds.h), or on the way

@@ -15,14 +15,6 @@ namespace {
 
 double Seconds(absl::Duration duration) { return absl::ToDoubleSeconds(duration); }
 
-// `wall` is the time that went into what was done since the start.
-void EstimateRemaining(uint64_t done_since_start, absl::Duration wall, ProgressView* progress) {
-  if (done_since_start == 0 || wall <= absl::ZeroDuration()) return;
-  const double rate = static_cast<double>(done_since_start) / Seconds(wall);
-  progress->remaining_seconds =
-      static_cast<double>(progress->sample_count_total - progress->sample_count_done) / rate;
-}
-
 // Adds a frame's progress to its job's; relative_mse is weighted by samples and divided at the end.
 void AddProgress(const ProgressView& frame, ProgressView* sum) {
   sum->sample_count_done += frame.sample_count_done;
@@ -69,6 +61,54 @@ absl::Status NoSuchJob(const std::string& job_id) {
 
 }  // namespace
 
+uint64_t Farm::SamplesExpected(const FrameId& id, const FrameRecord& frame) const {
+  const uint64_t total = SampleCountTotal(frame);
+  if (frame.phase == FrameRecord::Phase::kDelivered) return total;
+  const RoundRecord* last = LastRoundOf(id);
+  return last == nullptr ? total : std::max(total, last->sample_count_expected);
+}
+
+const FarmLoad& Farm::LoadOf(const std::string& numeric_profile, SteadyTime now) const {
+  constexpr absl::Duration kKept = absl::Milliseconds(500);
+  if (now - loads_time_ > kKept) loads_.clear();
+  if (loads_.empty()) loads_time_ = now;
+  const auto [entry, missing] = loads_.try_emplace(numeric_profile);
+  FarmLoad& load = entry->second;
+  if (!missing) return load;
+  for (const auto& [id, worker] : scheduler_.workers().workers()) {
+    if (worker.Live() && worker.numeric_profile == numeric_profile) {
+      load.threads_used += worker.ThreadsUsed();
+    }
+  }
+  std::vector<WorkLeft> jobs;
+  for (const auto& [id, job] : scheduler_.jobs()) {
+    if (job.phase != JobPhase::kLive || job.Paused() ||
+        job.spec.numeric_profile != numeric_profile) {
+      continue;
+    }
+    uint64_t left = 0;
+    for (const FrameRecord& frame : job.frames) {
+      const uint64_t expected = SamplesExpected({id, frame.number()}, frame);
+      left += expected - std::min(expected, frame.sample_count_done);
+    }
+    jobs.push_back(WorkLeftOf(job, left));
+  }
+  load.ahead = WorkAhead(std::move(jobs));
+  return load;
+}
+
+void Farm::EstimateRemaining(const JobRecord& job, SteadyTime now, ProgressView* progress) const {
+  const WorkLeft left =
+      WorkLeftOf(job, progress->sample_count_total -
+                          std::min(progress->sample_count_total, progress->sample_count_done));
+  if (left.cpu_seconds_per_sample <= 0) return;
+  const FarmLoad& load = LoadOf(job.spec.numeric_profile, now);
+  if (load.threads_used <= 0) return;
+  // A job that has just come is not in the load yet.
+  const double alone = left.sample_count * left.cpu_seconds_per_sample;
+  progress->remaining_seconds = std::max(alone, load.ahead.CpuSeconds(left)) / load.threads_used;
+}
+
 FrameView Farm::ViewOf(const JobRecord& job, const FrameRecord& frame, bool with_spec,
                        SteadyTime now) const {
   FrameView view;
@@ -86,11 +126,7 @@ FrameView Farm::ViewOf(const JobRecord& job, const FrameRecord& frame, bool with
   view.complete = frame.phase == FrameRecord::Phase::kDelivered;
   ProgressView& progress = view.progress;
   progress.sample_count_done = frame.sample_count_done;
-  progress.sample_count_total = SampleCountTotal(frame);
-  if (const RoundRecord* last = LastRoundOf(id); last != nullptr && !view.complete) {
-    progress.sample_count_total =
-        std::max(progress.sample_count_total, last->sample_count_expected);
-  }
+  progress.sample_count_total = SamplesExpected(id, frame);
   progress.nonfinite_count = frame.cost.nonfinite_count;
   progress.ray_count = frame.cost.ray_count;
   progress.cpu_seconds = Seconds(frame.cost.cpu_duration);
@@ -116,10 +152,9 @@ FrameView Farm::ViewOf(const JobRecord& job, const FrameRecord& frame, bool with
     progress.relative_mse = open->second->relative_mse;
   }
   progress.wall_seconds = Seconds(WallOf(id, now));
-  if (job.phase == JobPhase::kLive && !job.Paused()) {
-    EstimateRemaining(
-        frame.sample_count_done - std::min(frame.sample_count_restored, frame.sample_count_done),
-        WallSince(id.job_id, frame.first_lease_time, now), &progress);
+  const bool begun = frame.first_lease_time != SteadyTime::InfiniteFuture();
+  if (with_spec && begun && job.phase == JobPhase::kLive && !job.Paused()) {
+    EstimateRemaining(job, now, &progress);
   }
   return view;
 }
@@ -144,12 +179,9 @@ JobView Farm::ViewOf(const JobRecord& job, bool with_frames, SteadyTime now) con
   view.frame_count = static_cast<int32_t>(job.frames.size());
   view.frame_complete_count = job.delivered_count;
   if (with_frames) view.effect_costs = job.spec.effect_costs;
-  uint64_t done_since_start = 0;
   for (const FrameRecord& frame : job.frames) {
     FrameView of_frame = ViewOf(job, frame, with_frames, now);
     AddProgress(of_frame.progress, &view.progress);
-    done_since_start +=
-        frame.sample_count_done - std::min(frame.sample_count_restored, frame.sample_count_done);
     NotePictured(of_frame, &view);
     if (!with_frames) continue;
     const auto rounds = account.rounds.find(frame.number());
@@ -165,8 +197,7 @@ JobView Farm::ViewOf(const JobRecord& job, bool with_frames, SteadyTime now) con
   }
   progress.wall_seconds = Seconds(WallOfJob(job, now));
   if (job.phase == JobPhase::kLive && !job.Paused()) {
-    EstimateRemaining(done_since_start, WallSince(job.spec.job_id, FirstLeaseTime(job), now),
-                      &progress);
+    EstimateRemaining(job, now, &progress);
   }
   if (job.phase == JobPhase::kSucceeded) progress.remaining_seconds = 0;
   const bool begun =

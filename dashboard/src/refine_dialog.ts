@@ -126,6 +126,7 @@ function noteOf(prices: RefinePrices, price: RefinePrice): string {
       'On all of the farm’s ' + threads + (threads === 1 ? ' thread' : ' threads') +
           (jobs === 0 ?
                '.' :
-               ', which now work on ' + jobs + (jobs === 1 ? ' job' : ' jobs') + ' as well.');
+               ', with what ' + jobs + ' other ' + (jobs === 1 ? 'job takes' : 'jobs take') +
+                   ' of them until then.');
   return 'Beyond what it took so far; ranges are 80 % prediction intervals. ' + farm;
 }

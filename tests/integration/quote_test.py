@@ -93,11 +93,20 @@ class QuoteOnFarmTest(unittest.TestCase):
         with farm.Farm() as f:
             f.start_worker(threads=2)
             busy = f.sheaf("submit", ROOM, "--samples", 1 << 20).stdout.strip()
-            quote, _ = quote_rows(f.sheaf("quote", ROOM, "--json").stdout)
+            quote, rows = quote_rows(f.sheaf("quote", ROOM, "--json").stdout)
             self.assertEqual(quote["thread_count"], 2)
             self.assertEqual(quote["jobs_before"], 1)
+            # Both get as many samples until the smaller job is done; their pixels are alike.
+            for row in rows.values():
+                alone = 3600 * row["cpu_hours"]["value"] / 2
+                self.assertGreater(row["wall_seconds"]["value"], 1.6 * alone)
+                self.assertLess(row["wall_seconds"]["value"], 2.7 * alone)
             text = f.sheaf("quote", ROOM).stdout
-            self.assertIn("2 threads, which now work on 1 job as well", text)
+            self.assertIn("2 threads, with what 1 other job takes of them until then", text)
+            _, first = quote_rows(f.sheaf("quote", ROOM, "--json", "--priority", 1).stdout)
+            for row in first.values():
+                alone = 3600 * row["cpu_hours"]["value"] / 2
+                self.assertLess(row["wall_seconds"]["value"], 1.2 * alone)
             job = json.loads(f.sheaf("show", busy, "--json").stdout)
             self.assertEqual(job["state"], "running")
 
