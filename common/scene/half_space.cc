@@ -101,6 +101,16 @@ double HalfSpaceReflectance(double albedo, double eta) {
   return std::min(1.0, left / entered);
 }
 
+namespace {
+
+// By the similarity relation.
+template <typename Float>
+Float WithAsymmetry(Float isotropic, Float g) {
+  return isotropic / (1 - g + isotropic * g);
+}
+
+}  // namespace
+
 double AlbedoForReflectance(double reflectance, double eta, double g) {
   if (!(reflectance > 0)) return 0;
   if (reflectance >= 1) return 1;
@@ -110,8 +120,33 @@ double AlbedoForReflectance(double reflectance, double eta, double g) {
     const double middle = (low + high) / 2;
     (HalfSpaceReflectance(1 - middle * middle, eta) > reflectance ? low : high) = middle;
   }
-  const double isotropic = 1 - low * low;
-  return isotropic / (1 - g + isotropic * g);
+  return WithAsymmetry(1 - low * low, g);
+}
+
+AlbedoCurve::AlbedoCurve(double eta, double g) : g_(static_cast<float>(g)) {
+  // From what is lost to what is reflected, then back.
+  constexpr size_t kKnown = 128;
+  std::array<double, kKnown + 1> reflected{};
+  for (size_t i = 0; i <= kKnown; ++i) {
+    const double lost_root = static_cast<double>(i) / kKnown;
+    reflected[i] = HalfSpaceReflectance(1 - lost_root * lost_root, eta);
+  }
+  size_t i = kKnown;  // The interval that the reflectance is in ends here.
+  for (size_t step = 0; step <= kSteps; ++step) {
+    const double reflectance = static_cast<double>(step) / kSteps;
+    while (i > 1 && reflected[i - 1] < reflectance) --i;
+    const double t = (reflected[i - 1] - reflectance) / (reflected[i - 1] - reflected[i]);
+    lost_root_[step] = static_cast<float>((static_cast<double>(i - 1) + t) / kKnown);
+  }
+}
+
+float AlbedoCurve::At(float reflectance) const {
+  if (std::isnan(reflectance)) return reflectance;
+  const float at = std::clamp(reflectance, 0.0f, 1.0f) * kSteps;
+  const size_t below = std::min(static_cast<size_t>(at), kSteps - 1);
+  const float t = at - static_cast<float>(below);
+  const float lost_root = lost_root_[below] + t * (lost_root_[below + 1] - lost_root_[below]);
+  return WithAsymmetry(1 - lost_root * lost_root, g_);
 }
 
 }  // namespace sheaf

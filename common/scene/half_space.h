@@ -5,6 +5,9 @@
 // bright its scatterers must be to give back what is asked for.
 #pragma once
 
+#include <array>
+#include <cstddef>
+
 namespace sheaf {
 
 // The share of even light through the boundary, of what has entered, that leaves again. albedo: of
@@ -17,5 +20,20 @@ double HalfSpaceReflectance(double albedo, double eta);
 // cosine of scattering; where not 0 by the similarity relation, albedo' = albedo (1 - g) /
 // (1 - albedo g) (van de Hulst 1980, sec. 14.1), which is no more than close.
 double AlbedoForReflectance(double reflectance, double eta, double g);
+
+// The same from a table, for colors that are known only when rendering: within 1e-4 of the
+// reflectance. Some milliseconds to make. Thread safety: any number of threads at once.
+class AlbedoCurve {
+ public:
+  AlbedoCurve(double eta, double g);
+  // NaN stays what it is.
+  float At(float reflectance) const;
+
+ private:
+  static constexpr size_t kSteps = 1024;
+  // The root of what each scattering loses, which is nearly straight, for reflectances of i/kSteps.
+  std::array<float, kSteps + 1> lost_root_{};
+  float g_;
+};
 
 }  // namespace sheaf

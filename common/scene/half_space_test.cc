@@ -4,6 +4,9 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
+#include <limits>
+
 namespace sheaf {
 namespace {
 
@@ -47,6 +50,24 @@ TEST(HalfSpaceTest, InverseIsInverse) {
   }
   EXPECT_EQ(AlbedoForReflectance(-1, 1.3, 0), 0);
   EXPECT_EQ(AlbedoForReflectance(2, 1.3, 0), 1);
+}
+
+TEST(AlbedoCurveTest, AgreesWithTheInverse) {
+  for (const double eta : {1.0, 1.33, 1.8, 0.7}) {
+    for (const double g : {0.0, 0.6, -0.4}) {
+      const AlbedoCurve curve(eta, g);
+      EXPECT_EQ(curve.At(-1), 0);
+      EXPECT_EQ(curve.At(0), 0);
+      EXPECT_EQ(curve.At(1), 1);
+      EXPECT_EQ(curve.At(2), 1);
+      EXPECT_TRUE(std::isnan(curve.At(std::numeric_limits<float>::quiet_NaN())));
+      for (const double reflectance : {0.001, 0.02, 0.1, 0.37, 0.5, 0.83, 0.97, 0.999}) {
+        const auto albedo = static_cast<double>(curve.At(static_cast<float>(reflectance)));
+        const double isotropic = albedo * (1 - g) / (1 - albedo * g);
+        EXPECT_NEAR(HalfSpaceReflectance(isotropic, eta), reflectance, 1e-4) << eta << " " << g;
+      }
+    }
+  }
 }
 
 }  // namespace

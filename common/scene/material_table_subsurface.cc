@@ -4,12 +4,13 @@
 // MaterialTable's subsurface materials: a boundary, and matter by its coefficients, by the name of
 // a measured substance, or by what it reflects.
 #include <algorithm>
+#include <cmath>
 #include <string>
 
 #include "absl/strings/str_cat.h"
 #include "common/scene/color_parameters.h"
-#include "common/scene/half_space.h"
 #include "common/scene/material_table.h"
+#include "common/scene/matter_reflectance.h"
 #include "common/scene/medium_parameters.h"
 
 namespace sheaf {
@@ -18,17 +19,13 @@ namespace {
 constexpr float kDefaultSubsurfaceIndex = 1.33f;
 // pbrt-v4's: milk's, per millimetre.
 constexpr Rgb kDefaultSigmaA{.0011f, .0024f, .014f}, kDefaultSigmaS{2.55f, 3.21f, 3.77f};
-// A free path of nothing would be infinitely dense.
-constexpr float kFreePathMin = 1e-30f;
-
 // Whether the parameter is there and no texture, which matter cannot be painted with.
 bool HasColor(ParameterList& parameters, const char* name) {
   const Parameter* parameter = parameters.Find(name);
   if (parameter == nullptr) return false;
   if (parameter->type != ParameterType::kTexture) return true;
   parameters.ErrorAt(*parameter,
-                     "is not supported as a texture: matter is the same everywhere beneath the "
-                     "surface; give a color");
+                     "is not supported as a texture; give a color, or paint the reflectance");
   return false;
 }
 
@@ -48,39 +45,36 @@ void SetPreset(ParameterList& parameters, const std::string& name, MediumDescrip
   matter->g = 0;  // What is measured are reduced coefficients.
 }
 
-// Coefficients by what even light would see of the matter, and its mean free path.
-void SetReflectance(ParameterList& parameters, FileSource& files, float eta,
-                    MediumDescription* matter) {
-  const auto color_of = [&](const char* name, ColorRole role) {
-    if (!HasColor(parameters, name)) return Rgb::Grey(1);
-    const ColorSpec color = GetColor(parameters, name, role, RgbColor(Rgb::Grey(1)), files);
-    if (color.kind != ColorSpec::Kind::kRgb) {
-      parameters.diagnostics().Note(
-          parameters.Find(name)->location,
-          absl::StrCat(parameters.owner(), ": ", name, " is taken as its linear sRGB color"));
-    }
-    return color.rgb;
+// Whether the spectrum is of lengths that light can go. Where it has samples its rgb alone would not
+// say so.
+bool IsFreePath(const ColorSpec& color, float scale) {
+  const auto is_length = [scale](float value) {
+    return std::isfinite(value * scale) && value * scale >= kFreePathMin;
   };
-  const Rgb reflectance = color_of("reflectance", ColorRole::kReflectance);
-  Rgb free_path = color_of("mfp", ColorRole::kUnbounded) * matter->scale;
-  if (!IsFinite(free_path) ||
-      !(std::min({free_path.r, free_path.g, free_path.b}) >= kFreePathMin)) {
+  return is_length(color.rgb.r) && is_length(color.rgb.g) && is_length(color.rgb.b) &&
+         std::all_of(color.values.begin(), color.values.end(), is_length);
+}
+
+// Coefficients by what even light would see of the matter, and its mean free path.
+void GetReflectance(ParameterList& parameters, TextureTable& textures, FileSource& files, float eta,
+                    MediumDescription* matter) {
+  MatterReflectance reflectance;
+  const ColorInput color = textures.GetColorInput(
+      parameters, "reflectance", ColorRole::kReflectance, RgbColor(Rgb::Grey(1)));
+  reflectance.color = color.value;
+  reflectance.texture = color.texture;
+  reflectance.free_path =
+      HasColor(parameters, "mfp") ? GetColor(parameters, "mfp", ColorRole::kUnbounded,
+                                             RgbColor(Rgb::Grey(1)), files)
+                                  : RgbColor(Rgb::Grey(1));
+  reflectance.scale = matter->scale;
+  reflectance.eta = eta;
+  if (!IsFreePath(reflectance.free_path, reflectance.scale)) {
     parameters.Error(absl::StrCat(parameters.owner(),
                                   ": mfp times scale must be finite and more than ", kFreePathMin));
-    free_path = Rgb::Grey(1);
+    return;
   }
-  matter->scale = 1;
-  Rgb sigma_a, sigma_s;
-  for (size_t c = 0; c < 3; ++c) {
-    const double albedo =
-        AlbedoForReflectance(static_cast<double>(reflectance[c]), static_cast<double>(eta),
-                             static_cast<double>(matter->g));
-    const double sigma_t = 1 / static_cast<double>(free_path[c]);
-    sigma_s[c] = static_cast<float>(albedo * sigma_t);
-    sigma_a[c] = static_cast<float>((1 - albedo) * sigma_t);
-  }
-  matter->sigma_a = RgbColor(sigma_a);
-  matter->sigma_s = RgbColor(sigma_s);
+  SetReflectance(reflectance, matter);
 }
 
 }  // namespace
@@ -99,7 +93,7 @@ SubsurfaceMaterial MaterialTable::MakeSubsurface(ParameterList& parameters) {
   GetScaleAndPhase(parameters, &matter);
   const std::string name = parameters.GetString("name", "");
   const bool has_a = HasColor(parameters, "sigma_a"), has_s = HasColor(parameters, "sigma_s");
-  const bool has_reflectance = HasColor(parameters, "reflectance");
+  const bool has_reflectance = parameters.Has("reflectance");
   matter.sigma_a = RgbColor(kDefaultSigmaA);
   matter.sigma_s = RgbColor(kDefaultSigmaS);
   if (!name.empty()) {
@@ -121,7 +115,7 @@ SubsurfaceMaterial MaterialTable::MakeSubsurface(ParameterList& parameters) {
     }
     parameters.NoteWithoutEffect("mfp", "sigma_a and sigma_s say what it is");
   } else if (has_reflectance) {
-    SetReflectance(parameters, *files_, material.eta.mean, &matter);
+    GetReflectance(parameters, *textures_, *files_, material.eta.mean, &matter);
   } else {
     parameters.NoteWithoutEffect("mfp", "it goes with reflectance, which is not given");
   }

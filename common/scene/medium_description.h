@@ -7,6 +7,7 @@
 
 #include <array>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <variant>
 #include <vector>
@@ -67,6 +68,15 @@ struct VolumeFileMedium {
 inline constexpr char kAnyVelocityGrid[] = "auto";
 inline constexpr std::array<const char*, 3> kVelocityGridNames{"velocity", "vel", "v"};
 
+// Matter by what it gives back of even light that has entered it (half_space.h).
+struct MatterReflectance {
+  ColorSpec color;
+  int32_t texture = kNone;  // Index in textures, instead of color: read where a path enters.
+  ColorSpec free_path;      // Mean, in scene units before scale.
+  float scale = 1;          // Of the free path.
+  float eta = 1;            // Of the boundary.
+};
+
 struct MediumDescription {
   std::string name;
   std::variant<HomogeneousMedium, UniformGridMedium, RgbGridMedium, CloudMedium, VolumeFileMedium>
@@ -82,6 +92,9 @@ struct MediumDescription {
   // The inside of a material: scattering there counts no depth, and every path in it must come to
   // the boundary. Homogeneous.
   bool is_matter = false;
+  // Of matter that is given so. Then sigma_a and sigma_s are what follows as linear sRGB, where it
+  // is textured for a reflectance of 1. Set by SetReflectance (matter_reflectance.h).
+  std::optional<MatterReflectance> reflectance;
   // Of velocities, which are in medium space, per unit of the time that the shutter is given in.
   // What is there when the shutter opens moves by them while it is open.
   float velocity_scale = 1;

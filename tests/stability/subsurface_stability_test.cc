@@ -13,6 +13,7 @@
 #include "gtest/gtest.h"
 #include "tests/support/interior_scene.h"
 #include "tests/support/long_tests.h"
+#include "worker/render/fresnel.h"
 
 namespace sheaf::render {
 namespace {
@@ -172,6 +173,90 @@ TEST(SubsurfaceStability, V14ReflectanceAtAnyDensity) {
                   5 * standard_error + 0.003);
     }
   }
+}
+
+// Matter under an even sky that fills all of the ground, seen by a cosine.
+InteriorScene Ground(double mu) {
+  const double height = 1, side = height * std::sqrt(1 - mu * mu) / mu;
+  InteriorScene t({side, height, 0.5}, {0, 0, 0.5}, 0.01f, {0, 0, 1});
+  t.ConstantEnvironment(Rgb::Grey(1));
+  return t;
+}
+Rendered RenderGround(InteriorScene* t, int32_t matter, bool spectral) {
+  t->AddMatter(MeshShape{t->Box({-1000, -1000, -1000}, {1000, 0, 1000})}, matter);
+  FrameSettings settings = SquareSettings(8, DrawCount(256, 4096), 2);
+  settings.color = spectral ? ColorTransport::kSpectral : ColorTransport::kRgb;
+  Rendered rendered = RenderCounted(t->scene, settings);
+  EXPECT_EQ(rendered.mean.non_finite, 0u);
+  EXPECT_EQ(rendered.stats.broken_nestings, 0u);
+  return rendered;
+}
+
+// V14: matter whose reflectance is a texture reflects at each place what the texture says there, as
+// matter of that one color does: in RGB, and wavelength by wavelength. Free paths are a thousandth
+// of the stripes.
+TEST(SubsurfaceStability, V14PaintedMatterReflectsItsTexture) {
+  const Rgb painted[2] = {{0.8f, 0.35f, 0.1f}, {0.05f, 0.3f, 0.7f}};
+  constexpr float kFreePath = 1e-3f, kEta = 1.33f;
+  for (const bool spectral : {false, true}) {
+    for (const size_t stripe : {0, 1}) {
+      SCOPED_TRACE((spectral ? "spectral " : "RGB ") + std::to_string(stripe));
+      InteriorScene plain = Ground(0.7), striped = Ground(0.7);
+      const int32_t one_color =
+          plain.MatterThatReflects(painted[stripe], kNone, kFreePath, 0, kEta);
+      const int32_t texture = striped.Stripes(painted[stripe], painted[1 - stripe], {0, 0, 1});
+      const int32_t two_colors = striped.MatterThatReflects({}, texture, kFreePath, 0, kEta);
+      ExpectSameMean(RenderGround(&striped, two_colors, spectral).mean,
+                     RenderGround(&plain, one_color, spectral).mean);
+    }
+  }
+}
+
+// V14: what is asked for is what an even sky sees, also of a spectrum: the mean over the views,
+// without what the boundary mirrors. Bound: as above.
+TEST(SubsurfaceStability, V14ReflectanceIsWhatIsAskedFor) {
+  const Rgb asked{0.8f, 0.35f, 0.1f};
+  constexpr std::array<double, 5> kMu{0.0469100770, 0.2307653449, 0.5, 0.7692346551, 0.9530899230},
+      kWeight{0.1184634425, 0.2393143352, 0.2844444444, 0.2393143352, 0.1184634425};
+  for (const bool spectral : {false, true}) {
+    for (const bool is_painted : {false, true}) {
+      SCOPED_TRACE((spectral ? "spectral " : "RGB ") + std::to_string(is_painted));
+      Rgb left, error2;
+      double entered = 0;
+      for (size_t i = 0; i < kMu.size(); ++i) {
+        const double mu = kMu[i], share = kWeight[i] * mu;
+        InteriorScene t = Ground(mu);
+        const int32_t texture = is_painted ? t.Stripes(asked, asked, {0, 0, 1}) : kNone;
+        const TileMean mean =
+            RenderGround(&t, t.MatterThatReflects(asked, texture, 1e-2f, 0, 1.33f), spectral).mean;
+        const double mirrored = static_cast<double>(FresnelDielectric(static_cast<float>(mu), 1.33f)
+                                                        .reflectance);
+        entered += share * (1 - mirrored);
+        for (size_t c = 0; c < 3; ++c) {
+          left[c] += static_cast<float>(share * (static_cast<double>(mean.mean[c]) - mirrored));
+          error2[c] += static_cast<float>(
+              std::pow(share * static_cast<double>(mean.standard_error[c]), 2));
+        }
+      }
+      for (size_t c = 0; c < 3; ++c) {
+        EXPECT_NEAR(static_cast<double>(left[c]) / entered, static_cast<double>(asked[c]),
+                    5 * std::sqrt(static_cast<double>(error2[c])) / entered + 0.003)
+            << "channel " << c;
+      }
+    }
+  }
+}
+
+// A matched boundary is no surface, but what is painted on it is beneath.
+TEST(SubsurfaceStability, PaintCountsBeneathMatchedBoundaries) {
+  const auto ball = [](bool is_painted) {
+    InteriorScene t = FurnaceScene();
+    const Rgb color{0.8f, 0.35f, 0.1f};
+    const int32_t texture = is_painted ? t.Stripes(color, color, {0, 0, 1}) : kNone;
+    t.AddMatter(kBall, t.MatterThatReflects(color, texture, 0.1f, 0.4f, 1));
+    return RenderCounted(t.scene, SquareSettings(8, DrawCount(256, 4096), 3)).mean;
+  };
+  ExpectSameMean(ball(true), ball(false));
 }
 
 // V14: the same of a ball whose free paths are a millionth of its radius: under an even sky it

@@ -10,6 +10,7 @@
 #include <string>
 #include <utility>
 
+#include "common/scene/matter_reflectance.h"
 #include "tests/support/test_scene.h"
 
 namespace sheaf::render {
@@ -25,13 +26,34 @@ class InteriorScene : public TestScene {
     medium.sigma_a.rgb = sigma_a;
     medium.sigma_s.rgb = sigma_s;
     medium.g = g;
-    medium.is_matter = true;
-    scene.media.push_back(medium);
-    SubsurfaceMaterial material;
-    material.roughness = {{alpha, kNone}, {alpha, kNone}, false};
-    material.eta.mean = eta;
-    material.medium = static_cast<int32_t>(scene.media.size() - 1);
-    return AddMaterial(material);
+    return AddMatterOf(std::move(medium), eta, alpha);
+  }
+  // By its reflectance; texture: instead of the color.
+  int32_t MatterThatReflects(Rgb color, int32_t texture, float free_path, float g, float eta) {
+    MediumDescription medium;
+    medium.name = std::to_string(scene.media.size());
+    medium.g = g;
+    MatterReflectance reflectance;
+    reflectance.color.rgb = color;
+    reflectance.texture = texture;
+    reflectance.free_path.rgb = Rgb::Grey(free_path);
+    reflectance.eta = eta;
+    SetReflectance(reflectance, &medium);
+    return AddMatterOf(std::move(medium), eta, 0);
+  }
+  // Of two colors, by world space: the first where the floor of a coordinate is even.
+  int32_t Stripes(Rgb first, Rgb second, Vec3f across) {
+    CheckerboardTexture board;
+    board.mapping.kind = UvMapping::Kind::kPlanar;
+    board.mapping.planar_u = ToDouble(across);
+    board.mapping.planar_v = {0, 0, 0};
+    board.color[0].value.rgb = first;
+    board.color[1].value.rgb = second;
+    TextureDescription texture;
+    texture.is_color = true;
+    texture.texture = board;
+    scene.textures.push_back(texture);
+    return static_cast<int32_t>(scene.textures.size() - 1);
   }
   template <typename Shape>
   ShapeDescription& AddMatter(Shape shape, int32_t material, Matrix4 world_from_object = {}) {
@@ -40,6 +62,17 @@ class InteriorScene : public TestScene {
         std::get<SubsurfaceMaterial>(scene.materials[static_cast<size_t>(material)].material)
             .medium;
     return added;
+  }
+
+ private:
+  int32_t AddMatterOf(MediumDescription medium, float eta, float alpha) {
+    medium.is_matter = true;
+    scene.media.push_back(std::move(medium));
+    SubsurfaceMaterial material;
+    material.roughness = {{alpha, kNone}, {alpha, kNone}, false};
+    material.eta.mean = eta;
+    material.medium = static_cast<int32_t>(scene.media.size() - 1);
+    return AddMaterial(material);
   }
 };
 

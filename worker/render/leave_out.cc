@@ -227,6 +227,10 @@ void MakeSkinDeep(SceneDescription* scene) {
     if constexpr (std::is_same_v<std::decay_t<decltype(old)>, SubsurfaceMaterial>) {
       const MediumDescription& matter = scene->media[static_cast<size_t>(old.medium)];
       ColorInput reflectance;
+      if (matter.reflectance) {
+        *material = DiffuseMaterial{{matter.reflectance->color, matter.reflectance->texture}};
+        return;
+      }
       for (size_t c = 0; c < 3; ++c) {
         const auto a = static_cast<double>(matter.sigma_a.rgb[c]);
         const double s =
@@ -248,6 +252,7 @@ void ForgetPriorities(SceneDescription* scene) {
 void MakeGreyWhatIsColored(SceneDescription* scene) {
   const auto grey_of = [](Rgb rgb) { return Rgb::Grey((rgb.r + rgb.g + rgb.b) / 3); };
   for (MediumDescription& medium : scene->media) {
+    medium.reflectance.reset();
     for (ColorSpec* color : {&medium.sigma_a, &medium.sigma_s}) {
       const Rgb grey = grey_of(color->rgb);
       *color = {};

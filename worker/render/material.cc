@@ -334,10 +334,34 @@ BsdfOf<ColorOf<kTraits>> MaterialTable::Evaluate(
   return bsdf;
 }
 
+namespace {
+
+template <typename Color>
+Color MatterAlbedoAt(const CompiledMaterial& material, const TextureProgram& textures,
+                     const TexturePoint& point, const WavelengthsOf<Color>& wavelengths) {
+  const Color reflectance = textures.Value<Color>(material.matter_reflectance, point, wavelengths);
+  return MakeColor<Color>([&](size_t i) { return material.matter_albedo->At(reflectance[i]); });
+}
+
+}  // namespace
+
+Rgb MaterialTable::MatterAlbedo(int32_t material, const TexturePoint& point,
+                                NoWavelengths wavelengths) const {
+  return MatterAlbedoAt<Rgb>(impl_->materials[static_cast<size_t>(material)], *impl_->textures,
+                             point, wavelengths);
+}
+
+Spectral MaterialTable::MatterAlbedo(int32_t material, const TexturePoint& point,
+                                     const Wavelengths& wavelengths) const {
+  return MatterAlbedoAt<Spectral>(impl_->materials[static_cast<size_t>(material)],
+                                  *impl_->textures, point, wavelengths);
+}
+
 uint64_t MaterialTable::memory_bytes() const {
   const ScatteringTables& tables = impl_->tables;
   uint64_t bytes = VectorBytes(impl_->materials) + tables.hairs.size() * sizeof(CompiledHair) +
-                   tables.conductor_coats.size() * sizeof(ConductorCoatRow);
+                   tables.conductor_coats.size() * sizeof(ConductorCoatRow) +
+                   tables.matter_albedos.size() * sizeof(AlbedoCurve);
   for (const auto& [key, rows] : tables.coats) bytes += VectorBytes(rows);
   for (const auto& [key, rows] : tables.conductors) bytes += VectorBytes(rows);
   for (const auto& [key, rows] : tables.dielectrics) bytes += VectorBytes(rows);

@@ -231,7 +231,15 @@ class MaterialBuilder {
   }
 
   absl::Status Fill(const SubsurfaceMaterial& d, CompiledMaterial* m) {
-    return Fill(DielectricMaterial{d.roughness, d.eta}, m);
+    absl::Status status = Fill(DielectricMaterial{d.roughness, d.eta}, m);
+    const MediumDescription& matter = scene_.media[static_cast<size_t>(d.medium)];
+    if (!matter.reflectance || matter.reflectance->texture == kNone) return status;
+    ColorInput paint;
+    paint.texture = matter.reflectance->texture;
+    m->matter_reflectance = textures_.Operand(paint, ColorRole::kReflectance);
+    const float eta = matter.reflectance->eta, g = matter.g;
+    m->matter_albedo = &tables_.matter_albedos.try_emplace({eta, g}, eta, g).first->second;
+    return status;
   }
 
   absl::Status Fill(const ThinDielectricMaterial& d, CompiledMaterial* m) {

@@ -12,9 +12,11 @@
 #include <optional>
 #include <string>
 #include <tuple>
+#include <utility>
 #include <vector>
 
 #include "common/image/texture_cache.h"
+#include "common/scene/half_space.h"
 #include "worker/render/fresnel.h"
 #include "worker/render/material.h"
 #include "worker/render/measured_brdf.h"
@@ -59,6 +61,9 @@ struct CompiledMaterial {
   const std::vector<ConductorEnergyRow>* conductor_rows = nullptr;
   const std::vector<DielectricEnergyRow>* dielectric_rows = nullptr;
   const ConductorCoatRow* conductor_coat = nullptr;
+  // Of subsurface materials whose matter is painted.
+  ColorOperand matter_reflectance;
+  const AlbedoCurve* matter_albedo = nullptr;
   const CompiledHair* hair = nullptr;      // Of hair, which has nothing else.
   const MeasuredBrdf* measured = nullptr;  // Likewise.
   // Of maps that turn the normal: at most one of the two.
@@ -97,6 +102,7 @@ struct ScatteringTables {
   std::map<Key, std::vector<DielectricEnergyRow>> dielectrics;
   // Key: the interface's alphas, the base's, eta, thickness.
   std::map<std::array<float, 6>, ConductorCoatRow> conductor_coats;
+  std::map<std::pair<float, float>, AlbedoCurve> matter_albedos;  // By index and asymmetry.
   std::deque<CompiledHair> hairs;
   std::map<std::string, MeasuredBrdf> measured;  // By file.
 };

@@ -4,6 +4,7 @@
 // Materials to traits.
 #include "worker/render/material_traits.h"
 
+#include <optional>
 #include <type_traits>
 #include <variant>
 
@@ -84,6 +85,10 @@ class NeedsCollector {
   void Add(const SubsurfaceMaterial& m) {
     needs_.traits |= Bit(Trait::kSubsurface);
     Add(DielectricMaterial{m.roughness, m.eta});
+    const std::optional<MatterReflectance>& reflectance =
+        scene_.media[static_cast<size_t>(m.medium)].reflectance;
+    needs_.paints_matter = reflectance && reflectance->texture != kNone;
+    needs_.reads_textures |= needs_.paints_matter;
   }
   void Add(const ThinDielectricMaterial& m) {
     if (m.eta.IsMatched()) return Add(InterfaceMaterial{});

@@ -17,6 +17,7 @@ struct MaterialNeeds {
   bool anisotropic = false;  // Scatters differently along u and v.
   bool reads_textures = false;
   bool has_normal_map = false;  // Or a bump map.
+  bool paints_matter = false;   // The reflectance of what is inside is a texture.
 };
 
 // Requires: material is kNone (a grey diffuse surface) or an index; mixes hold no cycle.

@@ -12,6 +12,8 @@
 
 #include "absl/strings/str_cat.h"
 #include "common/base/check.h"
+#include "common/scene/half_space.h"
+#include "common/scene/matter_reflectance.h"
 #include "worker/render/leak_guard.h"
 #include "worker/render/vector_bytes.h"
 
@@ -139,6 +141,7 @@ absl::StatusOr<std::unique_ptr<MediumTable>> MediumTable::Build(const SceneDescr
     if (options.spectral) {
       medium.sigma_a_spectrum = SpectralColor::Make(description.sigma_a, ColorRole::kUnbounded);
       medium.sigma_s_spectrum = SpectralColor::Make(description.sigma_s, ColorRole::kUnbounded);
+      if (description.reflectance) SetSpectra(*description.reflectance, g, &medium);
       if (medium.emits) {
         medium.radiance_spectrum =
             SpectralColor::Make(description.radiance, ColorRole::kIlluminant);
@@ -169,6 +172,26 @@ absl::StatusOr<std::unique_ptr<MediumTable>> MediumTable::Build(const SceneDescr
     SHEAF_CHECK(fits);
   }
   return table;
+}
+
+void MediumTable::SetSpectra(const MatterReflectance& reflectance, float g, Medium* medium) {
+  const auto free_path = [path = SpectralColor::Make(reflectance.free_path, ColorRole::kUnbounded),
+                          scale = reflectance.scale](double nm) {
+    return std::max(kFreePathMin, path.At(static_cast<float>(nm)) * scale);
+  };
+  if (reflectance.texture != kNone) {  // All scatters; paths know what is painted on it.
+    medium->sigma_a_spectrum = {};
+    medium->sigma_s_spectrum =
+        SpectralColor::Tabulate([&](double nm) { return 1 / free_path(nm); });
+    return;
+  }
+  const AlbedoCurve curve(static_cast<double>(reflectance.eta), static_cast<double>(g));
+  const SpectralColor color = SpectralColor::Make(reflectance.color, ColorRole::kReflectance);
+  const auto albedo = [&](double nm) { return curve.At(color.At(static_cast<float>(nm))); };
+  medium->sigma_a_spectrum =
+      SpectralColor::Tabulate([&](double nm) { return (1 - albedo(nm)) / free_path(nm); });
+  medium->sigma_s_spectrum =
+      SpectralColor::Tabulate([&](double nm) { return albedo(nm) / free_path(nm); });
 }
 
 GlowLights MediumTable::FindGlowLights() const {

@@ -53,13 +53,15 @@ class MediumTable {
 
   // Thread safety: any number of threads at once.
   // Of media that are the same everywhere; MediumMix::varies says that there are others.
+  // paint: what of the scattering of matter is left, the rest is absorbed; null: all.
   template <typename Color>
   MediumMix<Color> MixOf(const MediumSet& media, const WavelengthsOf<Color>& wavelengths,
-                         MediumForm form) const;
+                         MediumForm form, const Color* paint = nullptr) const;
   // Requires: mix is MixOf the same, and scatters. throughput chooses among several.
   template <typename Color>
   PhaseMix<Color> PhaseOf(const MediumSet& media, const MediumMix<Color>& mix,
-                          const Color& throughput, const WavelengthsOf<Color>& wavelengths) const;
+                          const Color& throughput, const WavelengthsOf<Color>& wavelengths,
+                          const Color* paint = nullptr) const;
 
   // --- Media that vary. Each has one density or, where it is a grid of colours, one for each of
   // the colours that add up to it.
@@ -166,6 +168,8 @@ class MediumTable {
   static absl::StatusOr<std::unique_ptr<const MediumGlow>> MakeGlow(
       const std::string& where, const MediumDescription& description, const Affine& placement,
       FileSource& files, const Options& options);
+  // Of matter that is given by its reflectance: wavelength by wavelength.
+  static void SetSpectra(const MatterReflectance& reflectance, float g, Medium* medium);
   GlowLights FindGlowLights() const;
   template <typename Color>
   static Color Evaluate(Rgb rgb, const SpectralColor& spectrum, float scale,
@@ -186,7 +190,7 @@ class MediumTable {
 
 template <typename Color>
 MediumMix<Color> MediumTable::MixOf(const MediumSet& media, const WavelengthsOf<Color>& wavelengths,
-                                    MediumForm form) const {
+                                    MediumForm form, const Color* paint) const {
   constexpr size_t kCount = kComponentCount<Color>;
   // Sums in double are the same in any order, but for coefficients some 2^29 apart.
   std::array<double, kCount> sigma_t{}, sigma_s{}, emission{};
@@ -203,11 +207,13 @@ MediumMix<Color> MediumTable::MixOf(const MediumSet& media, const WavelengthsOf<
       mix.gathers = mix.gathers || medium.gathers;
       continue;
     }
-    const Color a =
-        Evaluate<Color>(medium.sigma_a, medium.sigma_a_spectrum, medium.scale, wavelengths);
-    const Color s =
-        Evaluate<Color>(medium.sigma_s, medium.sigma_s_spectrum, medium.scale, wavelengths) *
-        medium.In(form).share;
+    Color a = Evaluate<Color>(medium.sigma_a, medium.sigma_a_spectrum, medium.scale, wavelengths);
+    Color s = Evaluate<Color>(medium.sigma_s, medium.sigma_s_spectrum, medium.scale, wavelengths);
+    if (paint != nullptr && medium.is_matter) {
+      a += s - s * *paint;
+      s *= *paint;
+    }
+    s *= medium.In(form).share;
     for (size_t i = 0; i < kCount; ++i) {
       sigma_t[i] += static_cast<double>(a[i]) + static_cast<double>(s[i]);
       sigma_s[i] += static_cast<double>(s[i]);
@@ -233,7 +239,8 @@ MediumMix<Color> MediumTable::MixOf(const MediumSet& media, const WavelengthsOf<
 template <typename Color>
 PhaseMix<Color> MediumTable::PhaseOf(const MediumSet& media, const MediumMix<Color>& mix,
                                      const Color& throughput,
-                                     const WavelengthsOf<Color>& wavelengths) const {
+                                     const WavelengthsOf<Color>& wavelengths,
+                                     const Color* paint) const {
   PhaseMix<Color> phase;
   if (media.size() == 1) {
     phase.Add(media_[*media.begin()].In(mix.form).g, Color::Grey(1), 1);
@@ -244,8 +251,9 @@ PhaseMix<Color> MediumTable::PhaseOf(const MediumSet& media, const MediumMix<Col
     const Medium& medium = media_[index];
     if (!medium.parts.empty()) continue;
     const auto [kept, g] = medium.In(mix.form);
-    const Color s =
+    Color s =
         Evaluate<Color>(medium.sigma_s, medium.sigma_s_spectrum, medium.scale, wavelengths) * kept;
+    if (paint != nullptr && medium.is_matter) s *= *paint;
     float share = 0;
     const Color part = MakeColor<Color>([&](size_t i) {
       const float of_all = mix.sigma_s[i] > 0 ? s[i] / mix.sigma_s[i] : 0;

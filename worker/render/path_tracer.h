@@ -63,6 +63,8 @@ class PathTracer {
   static constexpr bool kMedia = (kTraits & kInsides) != 0;
   static constexpr bool kNested = Has(kTraits, Trait::kNestedDielectrics);
   static constexpr bool kSubsurface = Has(kTraits, Trait::kSubsurface);
+  // Whether matter may have a reflectance that is a texture.
+  static constexpr bool kPaintsMatter = kSubsurface && Has(kTraits, Trait::kTextures);
   static constexpr bool kChromaticMedia = Has(kTraits, Trait::kChromaticMedia);
   // Whether segments in media gather light along them: path_tracer_lines.h.
   static constexpr bool kLines = Has(kTraits, Trait::kMedia) && (Has(kTraits, Trait::kAreaLights) ||
@@ -99,7 +101,12 @@ class PathTracer {
     Crossing last;                                                        // Of a boundary.
     Vec3f camera_o;                                                       // Where the path began.
     [[no_unique_address]] std::conditional_t<kLines, Line, NoLine> line;  // That led to its vertex.
+    [[no_unique_address]] Paint paint = MakePaint();
   };
+  struct NoPaint {};
+  // What is painted on the matter that a path is in, by MediumTable::MixOf. Overlapping matter
+  // without a rank all has that of the boundary that was entered last.
+  using Paint = std::conditional_t<kPaintsMatter, Color, NoPaint>;
   // A path in matter: path_tracer_matter.h.
   struct InMatter {
     uint32_t steps = 0;   // Vertices so far.
@@ -296,9 +303,18 @@ class PathTracer {
   void StartInMedia(Path* path) const;
   // Counts one in *media; after so many as the settings say, what follows is in their reduced form.
   void CountScattering(const Path& path, InMedia* media) const;
+  static Paint MakePaint() {
+    if constexpr (kPaintsMatter) return Color::Grey(1);
+    return {};
+  }
+  static const Color* PaintOf(const InMedia& media) {
+    if constexpr (kPaintsMatter) return &media.paint;
+    return nullptr;
+  }
   // Mixes what *media holds now, in the form that it has.
   void MixAgain(const Path& path, InMedia* media) const {
-    media->mix = scene_.media->template MixOf<Color>(media->set, path.wavelengths, media->mix.form);
+    media->mix = scene_.media->template MixOf<Color>(media->set, path.wavelengths, media->mix.form,
+                                                     PaintOf(*media));
   }
   // Adds what the media shine with along `length`.
   void AddGlow(const Sampler& sampler, uint32_t passes, double length, Path* path);

@@ -104,7 +104,8 @@ PathTracer<kTraits, Tracer, kDirectLight>::PhaseOnLine(const Line& line, double 
                                                        const Path& path) const {
   const MediumMix<Color>& mix = path.media.mix;
   const Color scattered = line.carried * TransmittanceOf<kChromaticMedia>(mix, t) * mix.sigma_s;
-  return scene_.media->template PhaseOf<Color>(path.media.set, mix, scattered, path.wavelengths);
+  return scene_.media->template PhaseOf<Color>(path.media.set, mix, scattered, path.wavelengths,
+                                               PaintOf(path.media));
 }
 
 template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight>

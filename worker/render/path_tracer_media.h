@@ -56,6 +56,15 @@ bool PathTracer<kTraits, Tracer, kDirectLight>::Cross(const SurfacePoint& point,
   const Crossing crossing{point.id, point.p, point.p_error, point.ng, enters};
   if (IsSameCrossing(crossing, media->last)) return true;
   media->last = crossing;
+  if constexpr (kPaintsMatter) {
+    if (enters && point.surface->encloses_matter) {
+      media->paint = Color::Grey(1);
+      if (point.surface->paints_matter) {
+        media->paint = scene_.materials->MatterAlbedo(point.surface->material,
+                                                      TexturePointOf(point), path.wavelengths);
+      }
+    }
+  }
   if constexpr (kNested) {
     if (point.surface->rank != kNoRank) {
       if (!CrossInterior(*point.surface, enters, media)) {
@@ -208,7 +217,9 @@ void PathTracer<kTraits, Tracer, kDirectLight>::RecordMedium(Vec3f p,
                                                              const Path& path,
                                                              FilmSample* film) const {
   const MediumForm form = path.media.mix.form;
-  MediumMix<Rgb> mix = scene_.media->template MixOf<Rgb>(path.media.set, {}, form);
+  const Rgb* paint = nullptr;
+  if constexpr (std::is_same_v<Color, Rgb>) paint = PaintOf(path.media);
+  MediumMix<Rgb> mix = scene_.media->template MixOf<Rgb>(path.media.set, {}, form, paint);
   if constexpr (kVaryingMedia) {
     if (scatterer) {
       const auto its = scene_.media->template CoefficientsAt<Rgb>(
@@ -337,7 +348,7 @@ bool PathTracer<kTraits, Tracer, kDirectLight>::ScatterInMedium(
       if (line.has_scattered) return PhaseOnLine(line, line.t, *path);
     }
     return scene_.media->template PhaseOf<Color>(path->media.set, path->media.mix, path->throughput,
-                                                 path->wavelengths);
+                                                 path->wavelengths, PaintOf(path->media));
   }();
   CountScattering(*path, &path->media);
   SurfacePoint here;  // Without a normal there is no side, and nothing to be kept away from.

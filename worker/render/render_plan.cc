@@ -276,7 +276,8 @@ class PlanMaker {
     }
     const bool is_grey = grid != nullptr ? IsGrey(grid->sigma_a) && IsGrey(grid->sigma_s)
                                          : IsGrey(medium.sigma_a) && IsGrey(medium.sigma_s);
-    if (!is_grey) ask(Trait::kChromaticMedia);
+    const bool is_painted = medium.reflectance && medium.reflectance->texture != kNone;
+    if (!is_grey || is_painted) ask(Trait::kChromaticMedia);
     for (const ColorSpec* color : {&medium.sigma_a, &medium.sigma_s}) {
       if (color->is_out_of_gamut) ask(Trait::kSpectral);
     }

@@ -38,6 +38,7 @@ struct Surface {
   bool has_normal_map = false;   // Or a bump map.
   uint16_t rank = kNoRank;       // Of the matter inside, where it has a priority: InteriorTable.
   bool encloses_matter = false;  // The inside of the material begins here.
+  bool paints_matter = false;    // And is what a texture says there.
   MediumBoundary media;
   // Each triangle that emits a picture is so many emitters squared: emission_cells.h.
   uint16_t emission_cells = 1;

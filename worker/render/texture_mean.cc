@@ -5,6 +5,7 @@
 #include <variant>
 
 #include "absl/status/statusor.h"
+#include "common/scene/matter_reflectance.h"
 #include "worker/render/material.h"
 #include "worker/render/texture_program.h"
 
@@ -91,6 +92,16 @@ absl::Status ReplaceTexturesByMeans(FileSource& files, SceneDescription* scene) 
     std::visit([&](auto& material) { replacer.Replace(&material); }, description.material);
   }
   for (ShapeDescription& shape : scene->shapes) replacer.Replace(&shape.alpha);
+  for (MediumDescription& medium : scene->media) {
+    if (!medium.reflectance || medium.reflectance->texture == kNone) continue;
+    ColorInput color;
+    color.texture = medium.reflectance->texture;
+    replacer.Replace(&color);
+    MatterReflectance reflectance = *medium.reflectance;
+    reflectance.color = color.value;
+    reflectance.texture = kNone;
+    SetReflectance(reflectance, &medium);
+  }
   return absl::OkStatus();
 }
 
