@@ -62,7 +62,9 @@ void ConsiderGroup(const std::string& folder, const char* max, const char* used,
 }  // namespace
 
 std::string FormatMemory(uint64_t bytes) {
-  constexpr uint64_t kMiB = uint64_t{1} << 20, kGiB = uint64_t{1} << 30;
+  constexpr uint64_t kKiB = uint64_t{1} << 10, kMiB = uint64_t{1} << 20, kGiB = uint64_t{1} << 30;
+  if (bytes < kKiB) return absl::StrCat(bytes, " bytes");
+  if (bytes < kMiB) return absl::StrCat((bytes + kKiB / 2) / kKiB, " KiB");
   if (bytes >= kGiB) return absl::StrFormat("%.1f GiB", static_cast<double>(bytes) / kGiB);
   return absl::StrCat((bytes + kMiB / 2) / kMiB, " MiB");
 }

@@ -23,7 +23,7 @@ MemoryRoom FindMemoryRoom(uint64_t address_space_max, const std::string& proc = 
 // Of this process now.
 MemoryRoom FindMemoryRoom();
 
-// "1.5 GiB", "900 MiB".
+// "1.5 GiB", "900 MiB", "1 KiB", "12 bytes".
 std::string FormatMemory(uint64_t bytes);
 
 }  // namespace sheaf

@@ -69,6 +69,13 @@ TEST_F(MemoryRoomTest, GroupsOfVersionOneCountToo) {
   EXPECT_EQ(Find().bytes, 0u);
 }
 
+TEST(FormatMemoryTest, SmallSizesAreNotNothing) {
+  EXPECT_EQ(FormatMemory(12), "12 bytes");
+  EXPECT_EQ(FormatMemory(1024), "1 KiB");
+  EXPECT_EQ(FormatMemory(900 * kMiB), "900 MiB");
+  EXPECT_EQ(FormatMemory(1536 * kMiB), "1.5 GiB");
+}
+
 TEST_F(MemoryRoomTest, ThisProcessHasSome) {
   EXPECT_GT(FindMemoryRoom().bytes, 0u);
   EXPECT_FALSE(FindMemoryRoom().limit.empty());

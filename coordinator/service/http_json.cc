@@ -114,6 +114,7 @@ Json JobObject(const JobView& job) {
   return {
       {"name", absl::StrCat("jobs/", job.job_id)},
       {"title", job.title},
+      {"pilot", job.pilot},
       {"state", JobStateName(job.state)},
       {"priority", job.priority},
       {"numeric_profile", job.numeric_profile},

@@ -35,7 +35,7 @@ def check_failures(browser, farm, folder):
     wait_until(lambda: browser.run(FAILURES), CHANGE_SECONDS_MAX, "a failure on the page")
     farm.kill(poor)
     text = browser.run(FAILURES)[0]
-    assert "exceeds the limit of 1024 bytes" in text and "frame 1, tile at" in text, text
+    assert "(--scene-memory-max 1 KiB)" in text and "frame 1, tile at" in text, text
     browser.run("document.querySelector('#failures button').focus()")
     browser.press(ENTER)
     wait_until(lambda: browser.run(COPY) in ("Copied", "Press Ctrl+C"), CHANGE_SECONDS_MAX,
