@@ -34,6 +34,11 @@ class QuoteCommand : public Command {
         ->delimiter(',')
         ->check(CLI::Range(1e-9, 1e3))
         ->capture_default_str();
+    command
+        ->add_option("--priority", arguments_.priority,
+                     "Of the job that is quoted: higher goes first, and waits for fewer others")
+        ->check(CLI::Range(-1000, 1000))
+        ->capture_default_str();
     AddCoordinatorOption(command, &coordinator_);
     command->add_flag("--here", here_, "For this machine alone, as sheaf render would use it");
     command
@@ -48,7 +53,7 @@ class QuoteCommand : public Command {
         "  sheaf quote 'shot.####.pbrt' --frames 1-240 --json\n"
         "  sheaf quote room.pbrt --resume-from room.exr --targets 0.005\n"
         "It renders a few of the pixels, at no more than 3 % of the price of the loosest error,\n"
-        "before all other jobs. Bands are 80 % prediction intervals. With\n"
+        "before all other jobs. Wall times count what the farm's other jobs take until then. Bands are 80 % prediction intervals. With\n"
         "--resume-from the price is of what is not there yet.");
     return command;
   }

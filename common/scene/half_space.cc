@@ -126,17 +126,18 @@ double AlbedoForReflectance(double reflectance, double eta, double g) {
 AlbedoCurve::AlbedoCurve(double eta, double g) : g_(static_cast<float>(g)) {
   // From what is lost to what is reflected, then back.
   constexpr size_t kKnown = 128;
-  std::array<double, kKnown + 1> reflected{};
+  std::array<double, kKnown + 1> lost_root{}, reflected{};
   for (size_t i = 0; i <= kKnown; ++i) {
-    const double lost_root = static_cast<double>(i) / kKnown;
-    reflected[i] = HalfSpaceReflectance(1 - lost_root * lost_root, eta);
+    // Closer together where little is lost.
+    lost_root[i] = std::pow(static_cast<double>(i) / kKnown, 2);
+    reflected[i] = HalfSpaceReflectance(1 - lost_root[i] * lost_root[i], eta);
   }
   size_t i = kKnown;  // The interval that the reflectance is in ends here.
   for (size_t step = 0; step <= kSteps; ++step) {
     const double reflectance = static_cast<double>(step) / kSteps;
     while (i > 1 && reflected[i - 1] < reflectance) --i;
     const double t = (reflected[i - 1] - reflectance) / (reflected[i - 1] - reflected[i]);
-    lost_root_[step] = static_cast<float>((static_cast<double>(i - 1) + t) / kKnown);
+    lost_root_[step] = static_cast<float>(lost_root[i - 1] + t * (lost_root[i] - lost_root[i - 1]));
   }
 }
 

@@ -22,7 +22,7 @@ double HalfSpaceReflectance(double albedo, double eta);
 double AlbedoForReflectance(double reflectance, double eta, double g);
 
 // The same from a table, for colors that are known only when rendering: within 1e-4 of the
-// reflectance. Some milliseconds to make. Thread safety: any number of threads at once.
+// reflectance up to 0.99. Some milliseconds to make. Thread safety: any number of threads at once.
 class AlbedoCurve {
  public:
   AlbedoCurve(double eta, double g);

@@ -45,8 +45,8 @@ void SetPreset(ParameterList& parameters, const std::string& name, MediumDescrip
   matter->g = 0;  // What is measured are reduced coefficients.
 }
 
-// Whether the spectrum is of lengths that light can go. Where it has samples its rgb alone would not
-// say so.
+// Whether the spectrum is of lengths that light can go. Where it has samples its rgb alone would
+// not say so.
 bool IsFreePath(const ColorSpec& color, float scale) {
   const auto is_length = [scale](float value) {
     return std::isfinite(value * scale) && value * scale >= kFreePathMin;
@@ -59,14 +59,14 @@ bool IsFreePath(const ColorSpec& color, float scale) {
 void GetReflectance(ParameterList& parameters, TextureTable& textures, FileSource& files, float eta,
                     MediumDescription* matter) {
   MatterReflectance reflectance;
-  const ColorInput color = textures.GetColorInput(
-      parameters, "reflectance", ColorRole::kReflectance, RgbColor(Rgb::Grey(1)));
+  const ColorInput color = textures.GetColorInput(parameters, "reflectance",
+                                                  ColorRole::kReflectance, RgbColor(Rgb::Grey(1)));
   reflectance.color = color.value;
   reflectance.texture = color.texture;
   reflectance.free_path =
-      HasColor(parameters, "mfp") ? GetColor(parameters, "mfp", ColorRole::kUnbounded,
-                                             RgbColor(Rgb::Grey(1)), files)
-                                  : RgbColor(Rgb::Grey(1));
+      HasColor(parameters, "mfp")
+          ? GetColor(parameters, "mfp", ColorRole::kUnbounded, RgbColor(Rgb::Grey(1)), files)
+          : RgbColor(Rgb::Grey(1));
   reflectance.scale = matter->scale;
   reflectance.eta = eta;
   if (!IsFreePath(reflectance.free_path, reflectance.scale)) {

@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "coordinator/core/cost_forecast.h"
+#include "coordinator/core/work_ahead.h"
 
 namespace sheaf::coordinator {
 

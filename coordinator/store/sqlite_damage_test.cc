@@ -156,5 +156,13 @@ TEST_F(SqliteDamageTest, GarbledDatabasesNeverEndTheProcess) {
   EXPECT_GT(refused, 20);
 }
 
+TEST_F(SqliteDamageTest, FileThatIsNoDatabaseIsAnError) {
+  store_.reset();
+  std::ofstream(database_) << std::string(4096, 'x');
+  const absl::Status status = SqliteJobStore::Open(directory_).status();
+  EXPECT_FALSE(status.ok());
+  EXPECT_THAT(std::string(status.message()), HasSubstr("farm.db"));
+}
+
 }  // namespace
 }  // namespace sheaf::coordinator

@@ -439,13 +439,5 @@ TEST_F(SqliteJobStoreTest, LaterSchemaIsRefused) {
   Reopen();
 }
 
-TEST_F(SqliteJobStoreTest, FileThatIsNoDatabaseIsAnError) {
-  store_.reset();
-  std::ofstream(directory_ + "/farm.db") << std::string(4096, 'x');
-  const absl::Status status = SqliteJobStore::Open(directory_).status();
-  EXPECT_FALSE(status.ok());
-  EXPECT_THAT(std::string(status.message()), HasSubstr("farm.db"));
-}
-
 }  // namespace
 }  // namespace sheaf::coordinator

@@ -16,6 +16,7 @@ SCENE = os.path.join(farm.ROOT, "scenes", "cornell-box.pbrt")
 WINDOW = ("--crop", "60,60,188,156", "--tile-size", "16")
 # CPU time of the same work varies by some tens of percent on a machine that others use too.
 RATIO_MAX = 1.5
+WALL_RATIO_MAX = 2.5
 
 
 class RefinePriceTest(unittest.TestCase):
@@ -85,8 +86,11 @@ class RefinePriceTest(unittest.TestCase):
         self.assertLess(max(said["value"] / spent, spent / said["value"]), RATIO_MAX)
         self.assertLess(said["low"], said["value"])
         self.assertLess(said["value"], said["high"])
-        self.assertAlmostEqual(price["wall_seconds"]["value"], said["value"] / 2,
-                               delta=0.1 * said["value"])
+        # At best both threads have all of their time for it; here, other tests take some.
+        self.assertGreater(price["wall_seconds"]["value"], 0.49 * said["value"])
+        took = after["wall_duration_seconds"] - before["wall_duration_seconds"]
+        self.assertLess(price["wall_seconds"]["value"], WALL_RATIO_MAX * took)
+        self.assertGreater(price["wall_seconds"]["value"], took / WALL_RATIO_MAX)
         self.assertLessEqual(after["relative_mse"], target)
         # Now it is good enough.
         [price] = self.price(job, "--target-error", 2 * target)["prices"]

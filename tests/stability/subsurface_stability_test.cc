@@ -184,7 +184,7 @@ InteriorScene Ground(double mu) {
 }
 Rendered RenderGround(InteriorScene* t, int32_t matter, bool spectral) {
   t->AddMatter(MeshShape{t->Box({-1000, -1000, -1000}, {1000, 0, 1000})}, matter);
-  FrameSettings settings = SquareSettings(8, DrawCount(256, 4096), 2);
+  FrameSettings settings = SquareSettings(8, DrawCount(64, 4096), 2);
   settings.color = spectral ? ColorTransport::kSpectral : ColorTransport::kRgb;
   Rendered rendered = RenderCounted(t->scene, settings);
   EXPECT_EQ(rendered.mean.non_finite, 0u);
@@ -229,13 +229,13 @@ TEST(SubsurfaceStability, V14ReflectanceIsWhatIsAskedFor) {
         const int32_t texture = is_painted ? t.Stripes(asked, asked, {0, 0, 1}) : kNone;
         const TileMean mean =
             RenderGround(&t, t.MatterThatReflects(asked, texture, 1e-2f, 0, 1.33f), spectral).mean;
-        const double mirrored = static_cast<double>(FresnelDielectric(static_cast<float>(mu), 1.33f)
-                                                        .reflectance);
+        const double mirrored =
+            static_cast<double>(FresnelDielectric(static_cast<float>(mu), 1.33f).reflectance);
         entered += share * (1 - mirrored);
         for (size_t c = 0; c < 3; ++c) {
           left[c] += static_cast<float>(share * (static_cast<double>(mean.mean[c]) - mirrored));
-          error2[c] += static_cast<float>(
-              std::pow(share * static_cast<double>(mean.standard_error[c]), 2));
+          error2[c] +=
+              static_cast<float>(std::pow(share * static_cast<double>(mean.standard_error[c]), 2));
         }
       }
       for (size_t c = 0; c < 3; ++c) {

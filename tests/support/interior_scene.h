@@ -45,8 +45,8 @@ class InteriorScene : public TestScene {
   int32_t Stripes(Rgb first, Rgb second, Vec3f across) {
     CheckerboardTexture board;
     board.mapping.kind = UvMapping::Kind::kPlanar;
-    board.mapping.planar_u = ToDouble(across);
-    board.mapping.planar_v = {0, 0, 0};
+    board.mapping.planar_u = across;
+    board.mapping.planar_v = {};
     board.color[0].value.rgb = first;
     board.color[1].value.rgb = second;
     TextureDescription texture;

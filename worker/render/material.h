@@ -61,8 +61,8 @@ class MaterialTable {
   // along dpdu, its green along dpdv made orthogonal, also where charts or instances are mirrored.
   Vec3f ShadingNormal(int32_t material, const TexturePoint& point, float u_mix,
                       const TangentPlane& plane) const;
-  // The share of light that each scattering in the matter of a subsurface material keeps where paths
-  // enter it, for matter whose reflectance is a texture. Requires: it is.
+  // The share of light that each scattering in the matter of a subsurface material keeps where
+  // paths enter it, for matter whose reflectance is a texture. Requires: it is.
   Rgb MatterAlbedo(int32_t material, const TexturePoint& point, NoWavelengths wavelengths) const;
   Spectral MatterAlbedo(int32_t material, const TexturePoint& point,
                         const Wavelengths& wavelengths) const;

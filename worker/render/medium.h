@@ -210,8 +210,9 @@ MediumMix<Color> MediumTable::MixOf(const MediumSet& media, const WavelengthsOf<
     Color a = Evaluate<Color>(medium.sigma_a, medium.sigma_a_spectrum, medium.scale, wavelengths);
     Color s = Evaluate<Color>(medium.sigma_s, medium.sigma_s_spectrum, medium.scale, wavelengths);
     if (paint != nullptr && medium.is_matter) {
-      a += s - s * *paint;
-      s *= *paint;
+      const Color kept = s * *paint;
+      a = MakeColor<Color>([&](size_t i) { return a[i] + (s[i] - kept[i]); });
+      s = kept;
     }
     s *= medium.In(form).share;
     for (size_t i = 0; i < kCount; ++i) {

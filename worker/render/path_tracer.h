@@ -25,6 +25,7 @@
 #include "worker/render/first_hit.h"
 #include "worker/render/free_flight.h"
 #include "worker/render/light_groups.h"
+#include "worker/render/matter_paint.h"
 #include "worker/render/medium.h"
 #include "worker/render/medium_line.h"
 #include "worker/render/mis.h"
@@ -63,7 +64,6 @@ class PathTracer {
   static constexpr bool kMedia = (kTraits & kInsides) != 0;
   static constexpr bool kNested = Has(kTraits, Trait::kNestedDielectrics);
   static constexpr bool kSubsurface = Has(kTraits, Trait::kSubsurface);
-  // Whether matter may have a reflectance that is a texture.
   static constexpr bool kPaintsMatter = kSubsurface && Has(kTraits, Trait::kTextures);
   static constexpr bool kChromaticMedia = Has(kTraits, Trait::kChromaticMedia);
   // Whether segments in media gather light along them: path_tracer_lines.h.
@@ -101,12 +101,8 @@ class PathTracer {
     Crossing last;                                                        // Of a boundary.
     Vec3f camera_o;                                                       // Where the path began.
     [[no_unique_address]] std::conditional_t<kLines, Line, NoLine> line;  // That led to its vertex.
-    [[no_unique_address]] Paint paint = MakePaint();
+    [[no_unique_address]] MatterPaint<Color, kPaintsMatter> paint;
   };
-  struct NoPaint {};
-  // What is painted on the matter that a path is in, by MediumTable::MixOf. Overlapping matter
-  // without a rank all has that of the boundary that was entered last.
-  using Paint = std::conditional_t<kPaintsMatter, Color, NoPaint>;
   // A path in matter: path_tracer_matter.h.
   struct InMatter {
     uint32_t steps = 0;   // Vertices so far.
@@ -253,7 +249,7 @@ class PathTracer {
   // Whose slots the next vertex draws from, and the last.
   static uint32_t NextVertex(const Path& path) {
     if constexpr (kSubsurface) {
-      if (path.media.mix.is_matter) return kMatterVertex + path.matter.steps;
+      return path.media.mix.is_matter ? kMatterVertex + path.matter.steps : path.depth;
     }
     return path.depth;
   }
@@ -261,8 +257,7 @@ class PathTracer {
     if constexpr (kSubsurface) return path.matter.vertex;
     return path.depth - 1;
   }
-  // Counts a vertex. False where the path ends before it. in_matter: it is of the walk beneath a
-  // surface, or of the surface from below.
+  // Counts a vertex. in_matter: of a walk, or of a boundary from below. False where the path ends.
   bool CountVertex(bool in_matter, Path* path);
 
   // path_tracer_matter.h.
@@ -303,18 +298,10 @@ class PathTracer {
   void StartInMedia(Path* path) const;
   // Counts one in *media; after so many as the settings say, what follows is in their reduced form.
   void CountScattering(const Path& path, InMedia* media) const;
-  static Paint MakePaint() {
-    if constexpr (kPaintsMatter) return Color::Grey(1);
-    return {};
-  }
-  static const Color* PaintOf(const InMedia& media) {
-    if constexpr (kPaintsMatter) return &media.paint;
-    return nullptr;
-  }
   // Mixes what *media holds now, in the form that it has.
   void MixAgain(const Path& path, InMedia* media) const {
     media->mix = scene_.media->template MixOf<Color>(media->set, path.wavelengths, media->mix.form,
-                                                     PaintOf(*media));
+                                                     media->paint.OrNull());
   }
   // Adds what the media shine with along `length`.
   void AddGlow(const Sampler& sampler, uint32_t passes, double length, Path* path);

@@ -105,7 +105,7 @@ PathTracer<kTraits, Tracer, kDirectLight>::PhaseOnLine(const Line& line, double 
   const MediumMix<Color>& mix = path.media.mix;
   const Color scattered = line.carried * TransmittanceOf<kChromaticMedia>(mix, t) * mix.sigma_s;
   return scene_.media->template PhaseOf<Color>(path.media.set, mix, scattered, path.wavelengths,
-                                               PaintOf(path.media));
+                                               path.media.paint.OrNull());
 }
 
 template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight>

@@ -111,7 +111,7 @@ bool PathTracer<kTraits, Tracer, kDirectLight>::WalkNearPlane(const Sampler& sam
     at += d * flight.distance;
     if (!CountVertex(true, path)) return false;
     const PhaseMix<Color> phase = scene_.media->template PhaseOf<Color>(
-        path->media.set, mix, path->throughput, path->wavelengths, PaintOf(path->media));
+        path->media.set, mix, path->throughput, path->wavelengths, path->media.paint.OrNull());
     const std::array<float, 4> v = sampler.Get4(Slot(LastVertex(*path), VertexSlot::kBsdf));
     const typename PhaseMix<Color>::Sample sample =
         phase.SampleDirection(ToFloat(d), v[2], {v[0], v[1]});

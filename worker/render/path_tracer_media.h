@@ -58,10 +58,10 @@ bool PathTracer<kTraits, Tracer, kDirectLight>::Cross(const SurfacePoint& point,
   media->last = crossing;
   if constexpr (kPaintsMatter) {
     if (enters && point.surface->encloses_matter) {
-      media->paint = Color::Grey(1);
+      media->paint = {};
       if (point.surface->paints_matter) {
-        media->paint = scene_.materials->MatterAlbedo(point.surface->material,
-                                                      TexturePointOf(point), path.wavelengths);
+        media->paint.share = scene_.materials->MatterAlbedo(
+            point.surface->material, TexturePointOf(point), path.wavelengths);
       }
     }
   }
@@ -218,7 +218,7 @@ void PathTracer<kTraits, Tracer, kDirectLight>::RecordMedium(Vec3f p,
                                                              FilmSample* film) const {
   const MediumForm form = path.media.mix.form;
   const Rgb* paint = nullptr;
-  if constexpr (std::is_same_v<Color, Rgb>) paint = PaintOf(path.media);
+  if constexpr (std::is_same_v<Color, Rgb>) paint = path.media.paint.OrNull();
   MediumMix<Rgb> mix = scene_.media->template MixOf<Rgb>(path.media.set, {}, form, paint);
   if constexpr (kVaryingMedia) {
     if (scatterer) {
@@ -348,7 +348,7 @@ bool PathTracer<kTraits, Tracer, kDirectLight>::ScatterInMedium(
       if (line.has_scattered) return PhaseOnLine(line, line.t, *path);
     }
     return scene_.media->template PhaseOf<Color>(path->media.set, path->media.mix, path->throughput,
-                                                 path->wavelengths, PaintOf(path->media));
+                                                 path->wavelengths, path->media.paint.OrNull());
   }();
   CountScattering(*path, &path->media);
   SurfacePoint here;  // Without a normal there is no side, and nothing to be kept away from.

@@ -278,6 +278,10 @@ class PlanMaker {
                                          : IsGrey(medium.sigma_a) && IsGrey(medium.sigma_s);
     const bool is_painted = medium.reflectance && medium.reflectance->texture != kNone;
     if (!is_grey || is_painted) ask(Trait::kChromaticMedia);
+    if (medium.reflectance && !is_painted &&
+        !IsWithinSrgb(medium.reflectance->color, ColorRole::kReflectance)) {
+      ask(Trait::kSpectral);
+    }
     for (const ColorSpec* color : {&medium.sigma_a, &medium.sigma_s}) {
       if (color->is_out_of_gamut) ask(Trait::kSpectral);
     }
