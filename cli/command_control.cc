@@ -21,7 +21,8 @@ class ControlCommand : public FarmCommand {
   virtual std::string Told(const v1::Job& job) const { return JobStateName(job.state()); }
 
   ExitCode RunWith(FarmClient* client) override {
-    const absl::StatusOr<v1::Job> job = Change(client);
+    absl::StatusOr<v1::Job> job = Change(client);
+    if (job.ok() && json()) job = client->GetJob(job->name());  // With its frames.
     if (!job.ok()) return ReportCallError(job.status());
     std::printf("%s\n", json() ? JobJson(*job).c_str()
                                : absl::StrCat(job->name(), " ", Told(*job)).c_str());

@@ -53,8 +53,9 @@ class QuoteCommand : public Command {
         "  sheaf quote 'shot.####.pbrt' --frames 1-240 --json\n"
         "  sheaf quote room.pbrt --resume-from room.exr --targets 0.005\n"
         "It renders a few of the pixels, at no more than 3 % of the price of the loosest error,\n"
-        "before all other jobs. Wall times count what the farm's other jobs take until then. Bands are 80 % prediction intervals. With\n"
-        "--resume-from the price is of what is not there yet.");
+        "before all other jobs. Bands are 80 % prediction intervals. Wall times count what the\n"
+        "farm's other jobs take until then. With --resume-from the price is of what is not there\n"
+        "yet.");
     return command;
   }
 

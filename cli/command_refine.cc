@@ -76,7 +76,8 @@ class RefineCommand : public FarmCommand {
       *request.mutable_stop() = StopRuleOf(stop, std::max(1, job->frames_size()));
       if (samples_ == 0) request.set_sample_count(kStoppedSamplesMax);
     }
-    const absl::StatusOr<v1::Job> refined = client->RefineJob(request);
+    absl::StatusOr<v1::Job> refined = client->RefineJob(request);
+    if (refined.ok() && json()) refined = client->GetJob(refined->name());  // With its frames.
     if (!refined.ok()) return ReportCallError(refined.status());
     if (wait_ || !delivery->paths.empty()) {
       return FollowToTheEnd(client, refined->name(), json(), *delivery);

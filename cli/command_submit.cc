@@ -97,7 +97,13 @@ class SubmitCommand : public Command {
       TellNote("without --wait no picture is written; fetch it with: " +
                FetchCommand(client, created->name(), *delivery));
     }
-    std::printf("%s\n", json_ ? JobJson(*created).c_str() : created->name().c_str());
+    if (!json_) {
+      std::printf("%s\n", created->name().c_str());
+      return ExitCode::kOk;
+    }
+    const absl::StatusOr<v1::Job> told = client.GetJob(created->name());  // With its frames.
+    if (!told.ok()) return ReportCallError(told.status());
+    std::printf("%s\n", JobJson(*told).c_str());
     return ExitCode::kOk;
   }
 

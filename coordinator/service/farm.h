@@ -156,6 +156,8 @@ class Farm : public FarmView {
   // (Limits::pilot_unasked_max).
   void NoteAsked(uint64_t job_id);
   absl::StatusOr<JobView> FindJob(const std::string& job_id) const override;
+  // As ListJobs has it: without its frames. Errors: kNotFound.
+  absl::StatusOr<JobView> FindJobAlone(const std::string& job_id) const;
   absl::StatusOr<std::vector<FailureView>> ListFailures(const std::string& job_id) const override;
   absl::StatusOr<RefinementPrices> PriceRefinement(
       const std::string& job_id, const std::vector<double>& target_errors) const override;
@@ -363,6 +365,7 @@ class Farm : public FarmView {
 
   // farm_views.cc, farm_workers.cc; all require the farm's mutex.
   JobView ViewOf(const JobRecord& job, bool with_frames, SteadyTime now) const;
+  absl::StatusOr<JobView> FindView(const std::string& job_id, bool with_frames) const;
   std::vector<JobView> ListBelow(uint64_t job_id) const;
   FrameView ViewOf(const JobRecord& job, const FrameRecord& frame, bool with_spec,
                    SteadyTime now) const;

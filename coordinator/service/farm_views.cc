@@ -233,13 +233,21 @@ std::vector<JobView> Farm::ListJobsAndPilots() const {
   return views;
 }
 
-absl::StatusOr<JobView> Farm::FindJob(const std::string& job_id) const {
+absl::StatusOr<JobView> Farm::FindView(const std::string& job_id, bool with_frames) const {
   uint64_t id = 0;
   if (!absl::SimpleAtoi(job_id, &id)) return NoSuchJob(job_id);
   const std::lock_guard lock(mutex_);
   const auto job = scheduler_.jobs().find(id);
   if (job == scheduler_.jobs().end()) return NoSuchJob(job_id);
-  return ViewOf(job->second, /*with_frames=*/true, SteadyTime::Now());
+  return ViewOf(job->second, with_frames, SteadyTime::Now());
+}
+
+absl::StatusOr<JobView> Farm::FindJob(const std::string& job_id) const {
+  return FindView(job_id, /*with_frames=*/true);
+}
+
+absl::StatusOr<JobView> Farm::FindJobAlone(const std::string& job_id) const {
+  return FindView(job_id, /*with_frames=*/false);
 }
 
 absl::Status Farm::Ready() const {

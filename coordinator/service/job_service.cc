@@ -82,7 +82,7 @@ grpc::Status JobService::CreateJob(grpc::ServerContext* /*context*/,
   if (absl::Status status = RequireBlobs(*spec); !status.ok()) return ToGrpcStatus(status);
   const absl::StatusOr<uint64_t> id = farm_->CreateJob(*std::move(spec), request->request_id());
   if (!id.ok()) return ToGrpcStatus(id.status());
-  const absl::StatusOr<JobView> view = farm_->FindJob(absl::StrCat(*id));
+  const absl::StatusOr<JobView> view = farm_->FindJobAlone(absl::StrCat(*id));
   if (!view.ok()) return ToGrpcStatus(view.status());
   *response = ToWire(*view);
   return grpc::Status::OK;
@@ -125,12 +125,15 @@ grpc::Status JobService::ListJobs(grpc::ServerContext* /*context*/,
 
 absl::StatusOr<JobView> JobService::Change(const std::string& name,
                                            const std::function<absl::Status(uint64_t)>& change) {
-  const absl::StatusOr<JobView> view = Find(name);
+  const absl::StatusOr<std::string> id = ParseJobName(name);
+  if (!id.ok()) return id.status();
+  const absl::StatusOr<JobView> view = farm_->FindJobAlone(*id);
   if (!view.ok()) return view.status();
-  uint64_t id = 0;
-  if (!absl::SimpleAtoi(view->job_id, &id)) return absl::NotFoundError("no such job");
-  if (absl::Status status = change(id); !status.ok()) return status;
-  return Find(name);
+  uint64_t number = 0;
+  if (!absl::SimpleAtoi(*id, &number)) return absl::NotFoundError("no such job");
+  farm_->NoteAsked(number);
+  if (absl::Status status = change(number); !status.ok()) return status;
+  return farm_->FindJobAlone(*id);
 }
 
 grpc::Status JobService::CancelJob(grpc::ServerContext* /*context*/,

@@ -2,8 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // MatterPaint: what is painted on the matter that a path is in: the share of its scattering that is
-// left, as MediumTable::MixOf takes it. Set where the path enters. Overlapping matter without a rank
-// all has that of the boundary that was entered last. See docs/adr/0050.
+// left, as MediumTable::MixOf takes it. Set where the path enters. Overlapping matter without a
+// rank all has that of the boundary that was entered last. See docs/adr/0050.
 #pragma once
 
 namespace sheaf::render {
