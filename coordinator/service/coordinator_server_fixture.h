@@ -98,11 +98,13 @@ class CoordinatorServerTest : public testing::Test {
     grpc::ClientContext context;
     return jobs_->CreateJob(&context, request, job);
   }
+  // With its frames.
   v1::Job Create(const v1::CreateJobRequest& request) {
     v1::Job job;
     const grpc::Status status = TryCreate(request, &job);
     EXPECT_TRUE(status.ok()) << status.error_message();
-    return job;
+    EXPECT_EQ(job.frames_size(), 0) << "there may be many";
+    return Get(job.name());
   }
   v1::Job Get(const std::string& name) {
     grpc::ClientContext context;
