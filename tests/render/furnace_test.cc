@@ -229,5 +229,20 @@ TEST(LightOfQuadricsTest, PartialAndStretchedOnesAreTriangles) {
       std::numbers::pi / 9);
 }
 
+// A sphere that shines on both sides lights its own wall from within, L / (1 - reflectance) in all,
+// and not from outside.
+TEST(LightOfQuadricsTest, TwoSidedSpheresLightTheirInside) {
+  const auto seen_from = [](Vec3d eye) {
+    TestScene t(eye, {0, 0, 0}, 10);
+    const int32_t light = t.AreaLight(Rgb::Grey(1), /*two_sided=*/true);
+    t.AddShape(Ball(), t.Diffuse(Rgb::Grey(0.6f))).area_light = light;
+    return RenderMean(t.scene, SquareSettings(8, 256, kDepth));
+  };
+  ExpectMean(seen_from({0.3, 0.2, -0.4}), Rgb::Grey(2.5f));
+  const TileMean outside = seen_from({0.3, 0.2, -4});
+  EXPECT_EQ(outside.mean.g, 1);
+  EXPECT_EQ(outside.standard_error.g, 0);
+}
+
 }  // namespace
 }  // namespace sheaf::render

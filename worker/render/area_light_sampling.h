@@ -43,8 +43,10 @@ inline DiskShapeView ViewEmitter(const DiskEmitter& disk, Vec3f p) {
 inline TriangleView ViewEmitter(const TriangleEmitter& t, Vec3f p) {
   return ViewTriangle(t.v0, t.v1, t.v2, p);
 }
+// On the sphere itself the inside counts where it shines there: its wall is lit by all of it, while
+// nothing of a sphere is seen from its own outside.
 inline SphereView ViewEmitter(const SphereEmitter& s, Vec3f p) {
-  return ViewSphere(s.center, s.radius, s.inward && !s.two_sided, p);
+  return ViewSphere(s.center, s.radius, s.inward || s.two_sided, p);
 }
 
 template <typename Color>
@@ -63,7 +65,10 @@ std::optional<LightSampleOf<Color>> SampleEmitter(const SphereEmitter& s, const 
                                                   float probability, Vec3f p, Vec2f u) {
   const SphereView view = ViewEmitter(s, p);
   if (!view.visible || !(s.two_sided || view.inside == s.inward)) return std::nullopt;
-  LightSampleOf<Color> sample = AreaSample(SampleSphere(view, s.center, s.radius, u), radiance);
+  const ShapePoint point = SampleSphere(view, s.center, s.radius, u);
+  // Out of the sphere from where p is on it.
+  if (view.inside && !(Dot(point.p - ToDouble(p), point.wi) > view.error)) return std::nullopt;
+  LightSampleOf<Color> sample = AreaSample(point, radiance);
   sample.pdf = PdfSolidAngle(view.pdf, probability);
   return sample;
 }

@@ -143,8 +143,8 @@ SphereView ViewSphere(Vec3d center, double radius, bool from_inside, Vec3f p) {
   view.distance = std::sqrt(d_squared);
   if (!(radius > 0) || !std::isfinite(d_squared)) return view;
   view.visible = true;
-  const double error = PlaneError({1, 1, 1}, pd, center);
-  view.inside = view.distance < radius + (from_inside ? error : -error);
+  view.error = PlaneError({1, 1, 1}, pd, center);
+  view.inside = view.distance < radius + (from_inside ? view.error : -view.error);
   if (view.inside) {
     view.pdf = 1 / (4 * kPi);
     return view;

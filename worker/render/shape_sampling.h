@@ -54,6 +54,7 @@ struct SphereView {
   double sin_max_squared = 0;    // (radius / distance)^2, at most 1.
   double one_minus_cos_max = 0;  // Of the cone that holds the sphere.
   double pdf = 0;                // Everywhere on the sphere.
+  double error = 0;              // Of distances, by rounding.
   bool visible = false;
   bool inside = false;
 };
