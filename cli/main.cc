@@ -14,6 +14,7 @@
 #include "cli/exit_code.h"
 #include "cli/message.h"
 #include "common/base/log.h"
+#include "common/base/open_files.h"
 #include "common/command_line/command_line.h"
 
 namespace sheaf::cli {
@@ -48,6 +49,7 @@ bool AsksForJson(int argc, char** argv) {
 
 ExitCode Main(int argc, char** argv) {
   SetLogName("sheaf");
+  RaiseOpenFileLimit();
   CLI::App app("Renders scenes on any number of machines as one path tracer.", "sheaf");
   app.set_version_flag("--version", "sheaf " SHEAF_VERSION);
   app.require_subcommand(1);

@@ -14,6 +14,7 @@
 #include "absl/strings/str_cat.h"
 #include "common/base/file.h"
 #include "common/base/log.h"
+#include "common/base/open_files.h"
 #include "common/command_line/command_line.h"
 #include "common/rpc/address.h"
 #include "common/scene/render_settings.h"
@@ -130,6 +131,7 @@ int Main(int argc, char** argv) {
   // Our own errors are one line each; gRPC's internal ones beside them help nobody.
   setenv("GRPC_VERBOSITY", "NONE", /*replace=*/0);
   SetLogName("sheaf-coordinator");
+  RaiseOpenFileLimit();
   LogLevel level = LogLevel::kInfo;
   LogLevelFromName(line.log_level, &level);
   SetLogLevel(level);

@@ -11,6 +11,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "common/base/log.h"
+#include "common/base/open_files.h"
 #include "common/command_line/command_line.h"
 #include "common/rpc/address.h"
 #include "common/rpc/channel.h"
@@ -122,6 +123,7 @@ int Main(int argc, char** argv) {
   LogLevelFromName(arguments.log_level, &level);
   SetLogLevel(level);
   SetLogName("sheaf-worker");
+  RaiseOpenFileLimit();
   arguments.worker.grace = Milliseconds(arguments.grace_seconds);
   arguments.worker.exit_when_idle = Milliseconds(arguments.exit_when_idle_seconds);
   return Work(arguments);
