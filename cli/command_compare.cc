@@ -150,7 +150,7 @@ class CompareCommand : public Command {
     return absl::OkStatus();
   }
 
-  // What was asked for: whether the exit code is kOk.
+  // Whether the exit code is kOk.
   static bool IsWithin(const ComparisonReport& report) {
     if (report.tiles && report.tiles->deviating_count > 0) return false;
     if (report.tolerance == 0 && report.comparison.share_differing > 0) return false;

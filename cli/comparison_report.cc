@@ -50,7 +50,7 @@ void AppendTiles(const TileDeviations& tiles, std::string* text) {
   }
 }
 
-// What the verdict rests on.
+// The grounds of the verdict.
 std::string VerdictText(const ComparisonReport& report) {
   const std::string_view verdict = VerdictOf(report);
   if (verdict == "identical") return "identical: every pixel has the same bits";

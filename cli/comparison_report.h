@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// What sheaf compare found, as people read it, with a verdict: whether noise explains it.
+// The findings of sheaf compare as people read them, with a verdict: whether noise explains them.
 #pragma once
 
 #include <optional>

@@ -23,7 +23,7 @@ struct CompletionCommand {
   bool takes_job = false;
 };
 
-// What prints the names of the coordinator's jobs, one a line.
+// The command that prints the names of the coordinator's jobs, one a line.
 inline constexpr char kJobNamesCommand[] = "sheaf completion jobs 2>/dev/null";
 
 enum class Shell { kBash, kZsh, kFish };

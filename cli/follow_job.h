@@ -25,12 +25,12 @@ struct Delivery {
   ViewTransform view;               // For PNGs.
   std::string options;              // The same for `sheaf watch`, "-o room.exr".
 };
-// What of it can be told before the scene is read. Errors: those of CheckOutputs.
+// Checks as much as is known before the scene is read. Errors: those of CheckOutputs.
 absl::Status ProbeOutputs(const JobArguments& arguments);
-// Of a job that was prepared here. Errors: those of CheckOutputs, also for files of the scene.
+// For a job that was prepared here. Errors: those of CheckOutputs, also for files of the scene.
 absl::StatusOr<Delivery> MakeDelivery(const JobArguments& arguments, const PreparedJob& job,
                                       ViewTransform view);
-// Of a job that was submitted before, as arguments' output and png say, none where both are empty.
+// For a job that was submitted before, by arguments' output and png; none where both are empty.
 // Errors: those of CheckOutputs; kInvalidArgument where one name stands for several frames.
 absl::StatusOr<Delivery> MakeDelivery(JobArguments arguments, const v1::Job& job,
                                       ViewTransform view);

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// What commands say beside their results, on standard error: a printable line for people or, with
-// --json, one JSON object a line.
+// Messages of commands beside their results, on standard error: a printable line for people or,
+// with --json, one JSON object a line.
 #pragma once
 
 #include <string>

@@ -63,7 +63,7 @@ std::string CheckPowerOfTwo(const std::string& text) {
   return text + " is not a power of two";
 }
 
-// What is written beside the colors, and in which.
+// Options for layers beside the colors, and for the primaries of these.
 void AddOutputOptions(CLI::App* command, RenderSettings* settings) {
   const OptionGroup group(command, "What the picture holds");
   std::vector<std::pair<std::string, Primaries>> primaries;

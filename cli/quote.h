@@ -34,8 +34,7 @@ struct QuoteRow {
   bool reached = true;                    // Within the most samples that a pixel may get.
   Banded relative_mse;
   Banded samples;  // Of a pixel, on average over pixels and frames, in the end.
-  // Of all frames. wall: with what the farm's other jobs take until then; 0 where there are no
-  // workers.
+  // For all frames. wall: with the farm's other jobs until then; 0 where there are no workers.
   Banded cpu_seconds, wall_seconds;
 };
 

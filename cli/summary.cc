@@ -67,7 +67,7 @@ std::string FormatStop(const v1::Frame& frame) {
   }
 }
 
-// Of the pixels of such tiles: the error of the picture as a whole has them in it.
+// Concerns the pixels of such tiles: the error of the picture as a whole has them in it.
 std::string FormatReliability(const v1::Frame& frame) {
   if (frame.unreliable_tile_count() == 0) return "";
   std::string text = absl::StrFormat(
@@ -95,7 +95,7 @@ std::string FormatOneSequence(const v1::Frame& frame) {
       frame.one_sequence_gain());
 }
 
-// What the picture converges to where that is not the scene's light.
+// The limit of the picture where that is not the scene's light.
 std::string FormatBias(const v1::FrameSettings& settings) {
   std::string bias;
   if (settings.similarity_after_count() != 0) {

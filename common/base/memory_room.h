@@ -20,7 +20,7 @@ struct MemoryRoom {
 // address_space_max: RLIMIT_AS in bytes, UINT64_MAX where there is none.
 MemoryRoom FindMemoryRoom(uint64_t address_space_max, const std::string& proc = "/proc",
                           const std::string& cgroup = "/sys/fs/cgroup");
-// Of this process now.
+// For this process, now.
 MemoryRoom FindMemoryRoom();
 
 // "1.5 GiB", "900 MiB", "1 KiB", "12 bytes".

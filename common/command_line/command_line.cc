@@ -28,7 +28,7 @@ std::string RangeOf(const CLI::Option& option) {
   return absl::StrReplaceAll(notation.substr(begin + 5, end - begin - 5), {{" - ", " to "}});
 }
 
-// What is told beside an option's description.
+// The note beside an option's description.
 std::string Remarks(const CLI::Option& option) {
   std::vector<std::string> remarks;
   if (const std::string range = RangeOf(option); !range.empty()) remarks.push_back(range);

@@ -21,7 +21,7 @@ namespace sheaf {
 
 inline constexpr int kUsageExitCode = 2;
 
-// What stands for the value of an option in help: "auto|rgb|spectral", "N", "FILE", "SIZE"; empty
+// The stand-in for an option's value in help: "auto|rgb|spectral", "N", "FILE", "SIZE"; empty
 // for flags.
 std::string ValueName(const CLI::Option& option);
 // The words that the option takes, where they are few; for completion.

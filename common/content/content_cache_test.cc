@@ -240,7 +240,7 @@ TEST_F(ContentCacheTest, LeasesKeepNoFilesOpen) {
     leases.push_back(*std::move(lease));
   }
   EXPECT_EQ(open_files(), before);
-  // What is leased is still safe from other processes.
+  // Leased blobs are still safe from other processes.
   EXPECT_EQ(Open(1)->Acquire({File("b", "b")}, FromOrigin(), {}).status().code(),
             absl::StatusCode::kResourceExhausted);
   EXPECT_EQ(*ReadWholeFile(leases.front().local_paths().at("a")), "scene 0");

@@ -21,7 +21,7 @@ namespace sheaf {
 
 // For how long a file whose state does not change is taken to have the bytes it had.
 inline constexpr std::chrono::hours kVerifiedAgeMax{1};
-// What a folder of damaged files keeps: the last ones.
+// A folder of damaged files keeps the last ones.
 inline constexpr size_t kDamagedKeptMax = 16;
 inline constexpr uint64_t kDamagedBytesMax = uint64_t{1} << 30;
 

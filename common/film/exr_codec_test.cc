@@ -180,7 +180,7 @@ TEST(ExrCodecTest, SumsOfLightThatCannotBeAreRefused) {
   EXPECT_TRUE(DecodePart(EncodePart(bad, kHeader)).ok());
 }
 
-// What is beyond sRGB has negative components, and filters with negative lobes have negative sums.
+// Colors beyond sRGB have negative components, and filters with negative lobes negative sums.
 TEST(ExrCodecTest, NegativeSumsThatCanBeAreTaken) {
   FilmTile tile = BoxFilteredTile();
   // 16 samples of light of 505 nm.

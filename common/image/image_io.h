@@ -55,7 +55,7 @@ struct FloatImage {
 struct ReadImageLimits {
   uint64_t memory_bytes_max = uint64_t{4} << 30;  // Of FloatImage::pixels.
   int channels_max = 64;
-  // Of more pixels the header alone is read, and FloatImage::pixels stays empty.
+  // Beyond so many pixels the header alone is read, and FloatImage::pixels stays empty.
   uint64_t whole_pixels_max = std::numeric_limits<uint64_t>::max();
 };
 

@@ -30,7 +30,7 @@ inline constexpr absl::Duration kKeepaliveInterval = absl::Seconds(20);
 inline constexpr absl::Duration kKeepaliveTimeout = absl::Seconds(20);
 // Includes connecting.
 inline constexpr absl::Duration kUnaryDeadline = absl::Seconds(60);
-// Of one attempt: a picture of 400 MB on a link of 1 Mbit/s. A peer that is gone is found by
+// Limit of one attempt: a picture of 400 MB on a link of 1 Mbit/s. A peer that is gone is found by
 // keepalive.
 inline constexpr absl::Duration kStreamDeadline = absl::Hours(1);
 

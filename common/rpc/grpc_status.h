@@ -19,7 +19,7 @@ grpc::Status ToGrpcStatus(const absl::Status& status);
 // itself says of connections is said in plain words: "the connection was refused".
 absl::Status FromGrpcStatus(const grpc::Status& status);
 
-// What people read where a call to the coordinator ended with kUnavailable or kDeadlineExceeded:
+// The words for a call to the coordinator that ended with kUnavailable or kDeadlineExceeded:
 // the address, why, and what to do, under the same code. Others are returned as they are.
 absl::Status NoCoordinatorAnswers(const std::string& address, const absl::Status& status);
 

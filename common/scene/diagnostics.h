@@ -28,7 +28,7 @@ class Diagnostics {
   // The scene needs more memory than there is: other machines may have more.
   void MemoryError(SourceLocation location, std::string_view text);
   void Warning(SourceLocation location, std::string_view text);
-  // What explains the errors that follow from it; only the first is kept. It is said before them,
+  // A cause of the errors that follow; only the first is kept. It is said before them,
   // and not at all where there are none.
   void Explain(SourceLocation location, std::string_view text);
   // Notes and warnings of the same text are told once, at their first place.

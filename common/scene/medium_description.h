@@ -92,8 +92,8 @@ struct MediumDescription {
   // The inside of a material: scattering there counts no depth, and every path in it must come to
   // the boundary. Homogeneous.
   bool is_matter = false;
-  // Of matter that is given so. Then sigma_a and sigma_s are what follows as linear sRGB, where it
-  // is textured for a reflectance of 1. Set by SetReflectance (matter_reflectance.h).
+  // Set for matter that is given so, by SetReflectance (matter_reflectance.h). Then sigma_a and
+  // sigma_s follow from it as linear sRGB; where it is textured, from a reflectance of 1.
   std::optional<MatterReflectance> reflectance;
   // Of velocities, which are in medium space, per unit of the time that the shutter is given in.
   // What is there when the shutter opens moves by them while it is open.

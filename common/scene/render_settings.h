@@ -67,8 +67,8 @@ struct FrameSettings {
   // The pixels of the window that are rendered; others stay empty.
   PixelLattice lattice;
   FilmOutputs outputs;
-  // Of the scene's film: the camera's sensor that sees the light, where it is not the CIE observer,
-  // and, biased, what its responses to a sample are clamped to, unless 0.
+  // From the scene's film: the camera's sensor that sees the light, where it is not the CIE
+  // observer, and, biased, the most that it responds to a sample, unless 0.
   std::string sensor;
   float max_component_value = 0;
   // Of the delivered picture; parts do not depend on them.
@@ -82,7 +82,7 @@ struct FrameSettings {
 absl::StatusOr<FrameSettings> ResolveSettings(const SceneDescription& scene,
                                               const RenderSettings& settings);
 
-// What whoever compares the picture with pbrt-v4's should know, where there is something: a line.
+// A line for whoever compares the picture with pbrt-v4's; empty where there is nothing to know.
 std::string ComparisonNote(const SceneDescription& scene, const FrameSettings& settings);
 
 // "x86-64-v3 sheaf-0.1.0 gcc-12 embree-3.13.5": build and instruction set. A job pins one.

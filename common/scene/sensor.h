@@ -24,7 +24,7 @@ inline constexpr float kSensorWhiteBalanceK = 6500;
 bool IsSensor(const std::string& name);
 std::vector<std::string> SensorNames();
 
-// What red, green and blue respond to a wavelength. Requires: IsSensor(sensor).
+// The responses of red, green and blue to a wavelength. Requires: IsSensor(sensor).
 std::array<double, 3> SensorResponse(const std::string& sensor, double wavelength_nm);
 // Linear sRGB of the three responses to spectral radiance, integrated as ObserverRgb's are.
 // picture_white: name of the spectrum that the picture shows as white. Requires: IsSensor(sensor);

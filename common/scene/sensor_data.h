@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// What cameras' sensors respond to, and the reflectances that their colors are balanced with, as
+// The responses of cameras' sensors, and the reflectances that their colors are balanced with, as
 // tables of measurements. sensor.h makes colors of them.
 #pragma once
 

@@ -11,7 +11,7 @@
 namespace sheaf {
 namespace {
 
-// What the film sums of a light of luminance 1.
+// The film's sum of a light of luminance 1.
 Vec3d Summed(const std::string& sensor, const ColorSpec& light) {
   const Matrix4 summed_from_sensor = SummedFromSensor(sensor);
   const double luminance = SpectrumLuminance(light);

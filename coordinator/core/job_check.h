@@ -11,7 +11,7 @@
 
 namespace sheaf::coordinator {
 
-// Of partition and frames. Errors: kInvalidArgument, kResourceExhausted.
+// Checks partition and frames. Errors: kInvalidArgument, kResourceExhausted.
 absl::Status CheckJobSpec(const JobSpec& spec, const Limits& limits);
 
 }  // namespace sheaf::coordinator

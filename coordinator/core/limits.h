@@ -29,7 +29,7 @@ struct Limits {
   int frames_per_job_max = 100'000;
   int live_jobs_max = 10'000;
   absl::Duration pilot_unasked_max = absl::Seconds(30);  // A pilot nobody asks for is cancelled.
-  // Of a frame that is opened, which nobody else can do anything meanwhile.
+  // Per frame that is opened: nobody else can do anything meanwhile.
   int64_t tiles_per_frame_max = int64_t{1} << 18;  // Of 32 px in the largest frame.
   int64_t cells_per_frame_max = int64_t{1} << 20;
   uint64_t samples_max = uint64_t{1} << 40;  // Per pixel.

@@ -30,7 +30,7 @@ class PackedDigest {
   std::array<uint8_t, 32> bytes_{};
 };
 
-// What frames share.
+// The part that frames share.
 struct FrameShape {
   FrameSettings settings;
   StopRule stop;

@@ -111,7 +111,7 @@ struct JobRecord {
   uint32_t IndexOf(int32_t frame_number) const;
   bool Paused() const { return paused_time != SteadyTime::InfiniteFuture(); }
 };
-// Of its frames, in this life; InfiniteFuture before.
+// The first of all its frames, in this life; InfiniteFuture before.
 SteadyTime FirstLeaseTime(const JobRecord& job);
 // sample_count_left: of all or some of the job's samples. A sample is expected to cost what those
 // of the job did that are timed.

@@ -305,7 +305,7 @@ TEST_F(SchedulerTest, AWorkerSilentForLongerThanItIsKeptGivesItsWorkBackBeforeIt
   EXPECT_EQ(scheduler_.counters().workers_lost, 1u);
   EXPECT_EQ(Sync("b", 3).size(), held);  // The same work, for somebody else.
   EXPECT_EQ(Job(job).phase, JobPhase::kLive);
-  // What the forgotten worker finished meanwhile still counts.
+  // The work that the forgotten worker finished meanwhile still counts.
   EXPECT_EQ(Find(held_["a"].front()).kind, Found::kWanted);
   Accept(held_["a"].front());
   now_ += limits_.lost_worker_kept + limits_.lease_duration + absl::Seconds(1);

@@ -16,10 +16,10 @@
 
 namespace sheaf::coordinator {
 
-// Of the threads' time, what goes into samples where nobody has measured it.
+// The share of threads' time that goes into samples, where nobody has measured it.
 inline constexpr double kUsualThreadUse = 0.95;
 
-// What a job has still to do. Where a stop rule decides, as far as it is foreseen.
+// The rest of a job's work. Where a stop rule decides, as far as it is foreseen.
 struct WorkLeft {
   int32_t priority = 0;
   double sample_count = 0;            // Pixel samples.

@@ -46,7 +46,7 @@ struct WorkerRecord {
   bool Live() const { return !lost && !draining && !Quarantined(); }
   // Pixel samples per second and thread; 0 until a result is there.
   double SamplesPerThreadSecond() const;
-  // Of its threads, as many as the samples get: at least a tenth, and all at most.
+  // The number of threads that samples get all of: at least a tenth of its own, at most all.
   double ThreadsUsed() const;
 };
 

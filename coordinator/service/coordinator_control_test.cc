@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// What people do to jobs, over the wire: pause, resume, cancel; and the pilots of quotes.
+// Control of jobs over the wire: pause, resume, cancel; and the pilots of quotes.
 #include "coordinator/service/coordinator_server.h"
 
 #include <string>

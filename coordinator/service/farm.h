@@ -308,14 +308,14 @@ class Farm : public FarmView {
   // The part of it in this life, of a frame or a job that was first leased then. Pauses and what
   // follows the job's end do not count. Requires: mutex_ is held.
   absl::Duration WallSince(uint64_t job_id, SteadyTime first_lease_time, SteadyTime now) const;
-  // Of the job, as WallOf. Requires: mutex_ is held.
+  // The same for the job. Requires: mutex_ is held.
   absl::Duration WallOfJob(const JobRecord& job, SteadyTime now) const;
 
   // farm_control.cc
   absl::Status SetPaused(uint64_t job_id, bool paused);
   // Errors: kNotFound. Requires: mutex_ is held.
   absl::StatusOr<const JobRecord*> FindRecord(uint64_t job_id) const;
-  // Of pilots that nobody has asked for. Requires: mutex_ is held.
+  // Cancels pilots that nobody has asked for. Requires: mutex_ is held.
   void CancelForgottenPilots();
 
   // farm_price.cc
@@ -370,11 +370,11 @@ class Farm : public FarmView {
   FrameView ViewOf(const JobRecord& job, const FrameRecord& frame, bool with_spec,
                    SteadyTime now) const;
   WorkerView ViewOf(const WorkerRecord& worker) const;
-  // Of a frame, where a stop rule decides as far as it is foreseen.
+  // A frame's samples; where a stop rule decides, as far as it is foreseen.
   uint64_t SamplesExpected(const FrameId& id, const FrameRecord& frame) const;
-  // What the workers of a profile have to do; some tenths of a second old.
+  // The work for the workers of a profile; some tenths of a second old.
   const FarmLoad& LoadOf(const std::string& numeric_profile, SteadyTime now) const;
-  // Of the samples that are left in progress, which is the job's or one of its frames'.
+  // For the samples that are left in progress, which is the job's or one of its frames'.
   void EstimateRemaining(const JobRecord& job, SteadyTime now, ProgressView* progress) const;
 
   const FarmOptions options_;
@@ -401,7 +401,7 @@ class Farm : public FarmView {
   mutable SteadyTime loads_time_;
 
   mutable VerifiedFiles pictures_;  // Delivered EXRs, by path.
-  // Of the background thread alone.
+  // The background thread's alone.
   std::map<std::string, BlobDigest> lost_blobs_;  // That live jobs need, by digest.
   SteadyTime next_lost_blobs_time_ = SteadyTime::InfinitePast();
 

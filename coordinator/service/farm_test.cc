@@ -308,7 +308,7 @@ TEST_F(FarmTest, TheTimeOfARefinedJobIsThatOfAllItsSamples) {
   EXPECT_GE(finish(absl::ZeroDuration()), after);
 }
 
-// What is left of a job is told by what its samples took, and by what other jobs take until then.
+// The time left is told by the cost of the job's samples, and by other jobs' work until then.
 TEST_F(FarmTest, TheTimeLeftCountsOtherJobs) {
   store_->Open();
   const uint64_t id = MakeJob({});

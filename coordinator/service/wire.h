@@ -22,7 +22,7 @@ inline constexpr size_t kFailureTextBytesMax = 10'000;
 inline constexpr int kLeaseReportsMax = 10'000;
 inline constexpr int kEffectCostsMax = 64;
 inline constexpr size_t kEffectTextBytesMax = 1000;
-// What one result may have cost, so that sums over a job's results stay in range.
+// The most that one result may have cost, so that sums over a job's results stay in range.
 inline constexpr uint64_t kResultRaysMax = uint64_t{1} << 48;
 inline constexpr absl::Duration kResultCpuMax = absl::Hours(24 * 36525);
 inline constexpr absl::Duration kStopDurationMax = absl::Hours(24 * 36525);

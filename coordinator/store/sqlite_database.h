@@ -19,7 +19,7 @@ struct sqlite3_stmt;
 namespace sheaf::coordinator {
 
 // A prepared statement. Binding and reading are by position: parameters from 1, columns from 0.
-// What could not be prepared or bound is an error of Step.
+// A statement that could not be prepared or bound is an error of Step.
 // Thread safety: as of its database, one thread at a time.
 class SqliteStatement {
  public:

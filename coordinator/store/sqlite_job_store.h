@@ -81,7 +81,7 @@ class SqliteJobStore : public JobStore {
   absl::Status Initialize();
   absl::Status RefuseEmptied() const;
   std::string DatabasePath() const { return directory_ + "/farm.db"; }
-  // Of what is kDataLoss, what can be done about it.
+  // Says of kDataLoss how to recover from it.
   absl::Status Explained(const absl::Status& status) const;
   // Requires: database_mutex_ is held.
   absl::StatusOr<std::vector<StoredJob>> ReadJobs();

@@ -42,7 +42,7 @@ absl::StatusOr<int> LockDirectory(const std::string& directory) {
       directory + ": another coordinator uses this state directory; stop it or choose another one");
 }
 
-// What a disk must take to be tried again: more than a row, less than most parts.
+// Bytes that a disk must take to be tried again: more than a row, less than most parts.
 constexpr size_t kProbeBytes = size_t{1} << 20;
 
 }  // namespace
@@ -77,7 +77,7 @@ absl::Status SqliteJobStore::Explained(const absl::Status& status) const {
       "another --state-dir; finished pictures are in ", directory_, "/outputs in any case"));
 }
 
-// Of a database that became empty, SQLite makes a new one.
+// SQLite makes a new database of one that became empty.
 absl::Status SqliteJobStore::RefuseEmptied() const {
   std::error_code error;
   const bool emptied = std::filesystem::file_size(DatabasePath(), error) == 0 && !error;

@@ -74,7 +74,7 @@ Rgb Dimmed(Rgb light, double length) {
   }
   return light;
 }
-// What has no noise, but lengths of float.
+// A bound for pictures without noise, but with lengths of float.
 void ExpectClose(const TileMean& measured, Rgb expected) {
   for (size_t c = 0; c < 3; ++c) {
     EXPECT_NEAR(measured.mean[c], expected[c], 2e-5 * static_cast<double>(expected[c])) << c;

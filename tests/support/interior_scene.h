@@ -41,7 +41,7 @@ class InteriorScene : public TestScene {
     SetReflectance(reflectance, &medium);
     return AddMatterOf(std::move(medium), eta, 0);
   }
-  // Of two colors, by world space: the first where the floor of a coordinate is even.
+  // A texture of two colors by world space: the first where the floor of a coordinate is even.
   int32_t Stripes(Rgb first, Rgb second, Vec3f across) {
     CheckerboardTexture board;
     board.mapping.kind = UvMapping::Kind::kPlanar;

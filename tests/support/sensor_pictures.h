@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// What cameras' sensors make of lights, by pbrt-v4's documented model (Physically Based Rendering,
-// 4th edition, 5.4.2): expected colors, integrated apart from Sheaf, in steps of 1 nm over the
+// Responses of cameras' sensors to lights, by pbrt-v4's documented model (Physically Based
+// Rendering, 4th edition, 5.4.2): expected colors, integrated apart from Sheaf, in steps of 1 nm over the
 // CIE's tables of 1 nm, the illuminants as pbrt-v4 tabulates them and the sensors' curves as
 // published.
 #pragma once

@@ -29,7 +29,7 @@ class LeaseLedger {
     std::vector<LeaseFailure> failures;
   };
   Snapshot TakeSnapshot();
-  // Of the last snapshot.
+  // Set by the last snapshot.
   uint64_t sequence() const { return sequence_; }
 
   // Takes over the answer to that request: new leases are queued in the answer's order, queued and

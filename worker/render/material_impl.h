@@ -61,7 +61,7 @@ struct CompiledMaterial {
   const std::vector<ConductorEnergyRow>* conductor_rows = nullptr;
   const std::vector<DielectricEnergyRow>* dielectric_rows = nullptr;
   const ConductorCoatRow* conductor_coat = nullptr;
-  // Of subsurface materials whose matter is painted.
+  // For subsurface materials whose matter is painted.
   ColorOperand matter_reflectance;
   const AlbedoCurve* matter_albedo = nullptr;
   const CompiledHair* hair = nullptr;      // Of hair, which has nothing else.

@@ -168,7 +168,7 @@ class MediumTable {
   static absl::StatusOr<std::unique_ptr<const MediumGlow>> MakeGlow(
       const std::string& where, const MediumDescription& description, const Affine& placement,
       FileSource& files, const Options& options);
-  // Of matter that is given by its reflectance: wavelength by wavelength.
+  // For matter that is given by its reflectance: wavelength by wavelength.
   static void SetSpectra(const MatterReflectance& reflectance, float g, Medium* medium);
   GlowLights FindGlowLights() const;
   template <typename Color>

@@ -57,7 +57,7 @@ class MediumSet {
   std::array<uint16_t, kMediaAtOnceMax> media_{};
 };
 
-// What a surface says is on each of its sides; nothing where there is no medium. The front is what
+// The media that a surface names for its sides; nothing where there is no medium. The front is what
 // a scene file calls outside.
 struct MediumSides {
   std::optional<uint16_t> back, front;

@@ -318,7 +318,7 @@ class PathTracer {
   // Changes what *media is in where a ray along w leaves the surface from the other side. False
   // where the nesting of media is broken, which is counted.
   bool Cross(const SurfacePoint& point, Vec3f w, const Path& path, InMedia* media) const;
-  // What media the two sides have, for a path that meets them and goes on from one of them.
+  // Takes the media of both sides in, for a path that meets them and goes on from one of them.
   bool MeetMedia(const SurfacePoint& point, bool from_front, bool to_front, const Path& path,
                  InMedia* media) const;
   // As Cross, where the ray comes in along path.ray and may stay on its side.

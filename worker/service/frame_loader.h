@@ -37,7 +37,7 @@ class FrameLoader : public SceneLoader {
   LoadResult Load(const Lease& lease, std::stop_token stop) override;
 
  private:
-  // What a scene may take now: of this worker's limit and of the machine's.
+  // The memory that a scene may take now, by this worker's limit and the machine's.
   MemoryRoom RoomForScene() const;
   ContentCache::Fetch FetchFromCoordinator(std::stop_token stop) const;
 
