@@ -86,11 +86,11 @@ class RefinePriceTest(unittest.TestCase):
         self.assertLess(max(said["value"] / spent, spent / said["value"]), RATIO_MAX)
         self.assertLess(said["low"], said["value"])
         self.assertLess(said["value"], said["high"])
-        # At best both threads have all of their time for it; here, other tests take some.
+        # At best both threads have all of their time for it. How much less they get while other
+        # tests run cannot be foretold, but it takes no less than was said.
         self.assertGreater(price["wall_seconds"]["value"], 0.49 * said["value"])
         took = after["wall_duration_seconds"] - before["wall_duration_seconds"]
         self.assertLess(price["wall_seconds"]["value"], WALL_RATIO_MAX * took)
-        self.assertGreater(price["wall_seconds"]["value"], took / WALL_RATIO_MAX)
         self.assertLessEqual(after["relative_mse"], target)
         # Now it is good enough.
         [price] = self.price(job, "--target-error", 2 * target)["prices"]
