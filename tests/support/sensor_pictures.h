@@ -2,9 +2,9 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Responses of cameras' sensors to lights, by pbrt-v4's documented model (Physically Based
-// Rendering, 4th edition, 5.4.2): expected colors, integrated apart from Sheaf, in steps of 1 nm over the
-// CIE's tables of 1 nm, the illuminants as pbrt-v4 tabulates them and the sensors' curves as
-// published.
+// Rendering, 4th edition, 5.4.2): expected colors, integrated apart from Sheaf, in steps of 1 nm
+// over the CIE's tables of 1 nm, the illuminants as pbrt-v4 tabulates them and the sensors' curves
+// as published.
 #pragma once
 
 #include <array>

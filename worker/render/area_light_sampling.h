@@ -66,8 +66,9 @@ std::optional<LightSampleOf<Color>> SampleEmitter(const SphereEmitter& s, const 
   const SphereView view = ViewEmitter(s, p);
   if (!view.visible || !(s.two_sided || view.inside == s.inward)) return std::nullopt;
   const ShapePoint point = SampleSphere(view, s.center, s.radius, u);
-  // Out of the sphere from where p is on it.
-  if (view.inside && !(Dot(point.p - ToDouble(p), point.wi) > view.error)) return std::nullopt;
+  // From where p is on it, out of a sphere that can be looked at from there.
+  const double distance = Dot(point.p - ToDouble(p), point.wi);
+  if (s.two_sided && view.inside && !(distance > view.error)) return std::nullopt;
   LightSampleOf<Color> sample = AreaSample(point, radiance);
   sample.pdf = PdfSolidAngle(view.pdf, probability);
   return sample;
