@@ -12,9 +12,9 @@ void SetReflectance(const MatterReflectance& reflectance, MediumDescription* med
   const Rgb color = reflectance.texture == kNone ? reflectance.color.rgb : Rgb::Grey(1);
   Rgb sigma_a, sigma_s;
   for (size_t c = 0; c < 3; ++c) {
-    const double albedo = AlbedoForReflectance(static_cast<double>(color[c]),
-                                               static_cast<double>(reflectance.eta),
-                                               static_cast<double>(medium->g));
+    const double albedo =
+        AlbedoForReflectance(static_cast<double>(color[c]), static_cast<double>(reflectance.eta),
+                             static_cast<double>(medium->g));
     const double sigma_t = 1 / static_cast<double>(free_path[c]);
     sigma_s[c] = static_cast<float>(albedo * sigma_t);
     sigma_a[c] = static_cast<float>((1 - albedo) * sigma_t);

@@ -353,8 +353,8 @@ Rgb MaterialTable::MatterAlbedo(int32_t material, const TexturePoint& point,
 
 Spectral MaterialTable::MatterAlbedo(int32_t material, const TexturePoint& point,
                                      const Wavelengths& wavelengths) const {
-  return MatterAlbedoAt<Spectral>(impl_->materials[static_cast<size_t>(material)],
-                                  *impl_->textures, point, wavelengths);
+  return MatterAlbedoAt<Spectral>(impl_->materials[static_cast<size_t>(material)], *impl_->textures,
+                                  point, wavelengths);
 }
 
 uint64_t MaterialTable::memory_bytes() const {
