@@ -46,7 +46,7 @@
 #include "coordinator/core/loading_losses.h"
 #include "coordinator/core/packed_frame.h"
 #include "coordinator/core/pending_frames.h"
-#include "coordinator/core/work_ahead.h"
+#include "coordinator/core/work_left.h"
 #include "coordinator/core/worker_table.h"
 
 namespace sheaf::coordinator {

@@ -13,18 +13,9 @@
 #include <vector>
 
 #include "coordinator/core/cost_forecast.h"
+#include "coordinator/core/work_left.h"
 
 namespace sheaf::coordinator {
-
-// The share of threads' time that goes into samples, where nobody has measured it.
-inline constexpr double kUsualThreadUse = 0.95;
-
-// The rest of a job's work. Where a stop rule decides, as far as it is foreseen.
-struct WorkLeft {
-  int32_t priority = 0;
-  double sample_count = 0;            // Pixel samples.
-  double cpu_seconds_per_sample = 0;  // 0: not known.
-};
 
 class WorkAhead {
  public:

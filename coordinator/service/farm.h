@@ -38,6 +38,7 @@
 #include "coordinator/core/frame_merge.h"
 #include "coordinator/core/limits.h"
 #include "coordinator/core/scheduler.h"
+#include "coordinator/core/work_ahead.h"
 #include "coordinator/service/farm_view.h"
 #include "coordinator/service/scene_names.h"
 #include "coordinator/store/durability.h"

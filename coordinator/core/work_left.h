@@ -1,0 +1,22 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// WorkLeft: the rest of a job's work. The scheduler tells it, and WorkAhead forecasts wall times
+// from it.
+#pragma once
+
+#include <cstdint>
+
+namespace sheaf::coordinator {
+
+// The fraction of threads' time that goes into samples, where no measurement exists.
+inline constexpr double kUsualThreadUse = 0.95;
+
+// The rest of a job's work. Where a stop rule decides, as far as it is foreseen.
+struct WorkLeft {
+  int32_t priority = 0;
+  double sample_count = 0;            // Pixel samples.
+  double cpu_seconds_per_sample = 0;  // 0: not known.
+};
+
+}  // namespace sheaf::coordinator
