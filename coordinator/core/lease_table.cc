@@ -6,26 +6,6 @@
 
 namespace sheaf::coordinator {
 
-const char* FailureKindName(FailureKind kind) {
-  switch (kind) {
-    case FailureKind::kReleased:
-      return "released";
-    case FailureKind::kInfrastructure:
-      return "infrastructure";
-    case FailureKind::kScene:
-      return "scene";
-    case FailureKind::kMemory:
-      return "memory";
-    case FailureKind::kInternal:
-      return "internal";
-    case FailureKind::kLost:
-      return "lost";
-    case FailureKind::kLoading:
-      return "loading";
-  }
-  return "unknown";
-}
-
 LeaseTable::HedgeKey LeaseTable::KeyOf(const Lease& lease) {
   return {lease.phase != LeasePhase::kQueued, lease.grant_time, lease.lease_id};
 }
