@@ -23,7 +23,7 @@
 #include "common/base/printable.h"
 #include "common/film/exr_codec.h"
 #include "coordinator/core/error_curve.h"
-#include "coordinator/service/picture_layer.h"
+#include "coordinator/service/http/picture_layer.h"
 
 namespace sheaf::cli {
 namespace {

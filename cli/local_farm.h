@@ -10,7 +10,7 @@
 #include <thread>
 
 #include "absl/status/statusor.h"
-#include "coordinator/service/coordinator_server.h"
+#include "coordinator/service/server/coordinator_server.h"
 #include "worker/service/embedded_worker.h"
 
 namespace sheaf::cli {

@@ -14,7 +14,7 @@
 #include "common/film/exr_codec.h"
 #include "common/rpc/settings_codec.h"
 #include "coordinator/core/limits.h"
-#include "coordinator/core/picture_start.h"
+#include "coordinator/forecast/picture_start.h"
 
 namespace sheaf::cli {
 namespace {

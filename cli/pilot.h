@@ -13,8 +13,8 @@
 #include "cli/farm_client.h"
 #include "cli/prepared_job.h"
 #include "common/base/steady_time.h"
-#include "coordinator/core/lamp_close_ups.h"
-#include "coordinator/core/pilot_model.h"
+#include "coordinator/forecast/lamp_close_ups.h"
+#include "coordinator/forecast/pilot_model.h"
 
 namespace sheaf::cli {
 

@@ -11,7 +11,7 @@
 #include "cli/pilot.h"
 #include "common/base/status.h"
 #include "common/film/exr_codec.h"
-#include "coordinator/core/picture_start.h"
+#include "coordinator/forecast/picture_start.h"
 
 namespace sheaf::cli {
 namespace {

@@ -20,8 +20,8 @@
 #include "absl/time/time.h"
 #include "cli/farm_client.h"
 #include "cli/prepared_job.h"
-#include "coordinator/core/cost_forecast.h"
-#include "coordinator/core/work_ahead.h"
+#include "coordinator/forecast/cost_forecast.h"
+#include "coordinator/forecast/work_ahead.h"
 
 namespace sheaf::cli {
 

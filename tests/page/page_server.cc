@@ -14,8 +14,8 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "coordinator/service/http_fake_farm.h"
-#include "coordinator/service/http_service.h"
+#include "coordinator/service/http/http_fake_farm.h"
+#include "coordinator/service/http/http_service.h"
 
 namespace {
 

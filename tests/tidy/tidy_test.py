@@ -35,9 +35,23 @@ LAYERS = {
     "worker/service": ("common/", "worker/"),
     "coordinator/core": ("common/base", "common/math", "common/film", "common/scene",
                          "common/content"),
+    "coordinator/scheduling": ("common/base", "common/film", "common/scene", "coordinator/core"),
+    "coordinator/forecast": ("common/base", "common/math", "common/film", "common/scene",
+                             "coordinator/core"),
     "coordinator/store": ("common/base", "common/film", "common/scene", "common/content",
                           "coordinator/core"),
-    "coordinator/service": ("common/", "coordinator/"),
+    "coordinator/service/view": ("common/base", "common/film", "common/scene",
+                                 "coordinator/core", "coordinator/forecast"),
+    "coordinator/service/farm": ("common/", "coordinator/core", "coordinator/scheduling",
+                                 "coordinator/forecast", "coordinator/store",
+                                 "coordinator/service/view", "coordinator/service/http"),
+    "coordinator/service/http": ("common/base", "common/film", "common/image", "common/scene",
+                                 "coordinator/core", "coordinator/forecast",
+                                 "coordinator/service/view"),
+    "coordinator/service/grpc": ("common/", "coordinator/core", "coordinator/scheduling",
+                                 "coordinator/forecast", "coordinator/service/view",
+                                 "coordinator/service/farm"),
+    "coordinator/service/server": ("common/", "coordinator/"),
     "cli": ("common/", "worker/", "coordinator/"),
 }
 
@@ -59,11 +73,11 @@ DOORS = {
     r"worker/render/embree_(door|callbacks)\.h": r"^worker/render/embree_",
     r"sqlite3\.h": r"^coordinator/store/",
     r"boost/math/": r"^common/math/normal_distribution",
-    r"boost/(?!math/)": r"^coordinator/service/http_",
+    r"boost/(?!math/)": r"^coordinator/service/http/",
     r"CLI/": r"^(cli/|common/command_line/)",
-    r"nlohmann/": r"^(cli/|coordinator/service/)",
+    r"nlohmann/": r"^(cli/|coordinator/service/http/)",
     r"grpcpp/|google/protobuf|sheaf/v1/":
-        r"^(common/rpc/|worker/service/|coordinator/service/|cli/)",
+        r"^(common/rpc/|worker/service/|coordinator/service/(grpc|server)/|cli/)",
 }
 
 LEFT_OVERS = re.compile(r"\b(TODO|FIXME|XXX|HACK)\b|not (yet )?implemented|for now\b", re.I)

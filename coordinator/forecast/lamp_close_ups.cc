@@ -1,0 +1,131 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "coordinator/forecast/lamp_close_ups.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <utility>
+
+#include "common/scene/filter_value.h"
+#include "coordinator/forecast/seen_lamps.h"
+
+namespace sheaf::coordinator {
+namespace {
+
+// Of the brightest that a close-up shows, what is lamp.
+constexpr double kLampShare = 0.5;
+// Of the bounds of a lamp, how many pixels a close-up has across at least, if it need not be
+// enlarged further than the limit.
+constexpr int32_t kAcrossPx = 16;
+
+// Pixels of the frame whose middle is less than the filter's radius from a point.
+PixelRect ReachOf(double x, double y, const FilterDescription& filter) {
+  const auto first = [](double from) { return static_cast<int32_t>(std::ceil(from - 0.5)); };
+  const auto rx = static_cast<double>(filter.radius_x_px);
+  const auto ry = static_cast<double>(filter.radius_y_px);
+  return {first(x - rx), first(y - ry), first(x + rx), first(y + ry)};
+}
+
+double WeightAt(const FilterDescription& filter, double x_px, double y_px) {
+  const auto rx = static_cast<double>(filter.radius_x_px);
+  const auto ry = static_cast<double>(filter.radius_y_px);
+  return std::fabs(FilterValue(filter, std::fabs(x_px) / rx, rx) *
+                   FilterValue(filter, std::fabs(y_px) / ry, ry));
+}
+
+// Of all points of a close-up's grid that a pixel's filter reaches.
+double WeightSum(const FilterDescription& filter, int32_t scale) {
+  const auto count = [&](float radius_px) {
+    return static_cast<int32_t>(std::ceil(radius_px)) * scale;
+  };
+  double sum = 0;
+  for (int32_t j = -count(filter.radius_y_px); j < count(filter.radius_y_px); ++j) {
+    for (int32_t i = -count(filter.radius_x_px); i < count(filter.radius_x_px); ++i) {
+      const double x = (i + 0.5) / scale, y = (j + 0.5) / scale;
+      if (std::fabs(x) > static_cast<double>(filter.radius_x_px) ||
+          std::fabs(y) > static_cast<double>(filter.radius_y_px)) {
+        continue;
+      }
+      sum += WeightAt(filter, x, y);
+    }
+  }
+  return sum;
+}
+
+}  // namespace
+
+std::vector<CloseUpPlace> ChooseCloseUps(std::span<const PixelRect> lamps, const PixelRect& window,
+                                         double lamp_px_max, double samples_max) {
+  std::vector<CloseUpPlace> places;
+  for (const PixelRect& lamp : lamps) {
+    const int32_t across_px = std::min(lamp.Width(), lamp.Height());
+    if (across_px > lamp_px_max) continue;
+    const PixelRect rect = Intersect({lamp.x0 - 1, lamp.y0 - 1, lamp.x1 + 1, lamp.y1 + 1}, window);
+    if (rect.IsEmpty()) continue;
+    places.push_back({rect, std::clamp(kAcrossPx / across_px, 1, kCloseUpScaleMax)});
+  }
+  std::ranges::stable_sort(places, {}, &CloseUpPlace::SampleCount);
+  std::vector<CloseUpPlace> chosen;
+  double samples = 0;
+  for (const CloseUpPlace& place : places) {
+    // Another lamp close by is seen in the same picture.
+    const bool is_seen = std::ranges::any_of(chosen, [&](const CloseUpPlace& other) {
+      return !Intersect(place.rect, other.rect).IsEmpty();
+    });
+    if (is_seen) continue;
+    samples += place.SampleCount();
+    if (samples > samples_max || chosen.size() == kCloseUpsMax) break;
+    chosen.push_back(place);
+  }
+  return chosen;
+}
+
+std::vector<LampPixel> LampPixelsOf(const CloseUp& close_up, const FilterDescription& filter,
+                                    const PixelRect& window) {
+  const SeenLamps seen(close_up.picture);
+  const PixelRect& grid = seen.window();
+  const int32_t scale = close_up.place.scale;
+  double brightest = 0;
+  const auto for_each = [&](const auto& act) {
+    for (int32_t y = grid.y0; y < grid.y1; ++y) {
+      for (int32_t x = grid.x0; x < grid.x1; ++x) act(x, y);
+    }
+  };
+  for_each([&](int32_t x, int32_t y) {
+    brightest = std::max(brightest, std::ranges::max(seen.Seen(x, y)));
+  });
+  if (brightest == 0) return {};
+  std::array<double, 3> lamp{}, beside{};
+  double lamp_count = 0, beside_count = 0;
+  std::map<std::pair<int32_t, int32_t>, double> shares;  // By y and x.
+  for_each([&](int32_t x, int32_t y) {
+    const bool is_lamp = std::ranges::max(seen.Seen(x, y)) >= kLampShare * brightest;
+    const std::array<double, 3> color = is_lamp ? seen.Seen(x, y) : seen.All(x, y);
+    for (size_t i = 0; i < 3; ++i) (is_lamp ? lamp : beside)[i] += color[i];
+    (is_lamp ? lamp_count : beside_count) += 1;
+    if (!is_lamp) return;
+    const double px = (x + 0.5) / scale, py = (y + 0.5) / scale;
+    const PixelRect reach = Intersect(ReachOf(px, py, filter), window);
+    for (int32_t v = reach.y0; v < reach.y1; ++v) {
+      for (int32_t u = reach.x0; u < reach.x1; ++u) {
+        shares[{v, u}] += WeightAt(filter, u + 0.5 - px, v + 0.5 - py);
+      }
+    }
+  });
+  if (beside_count == 0) return {};
+  for (size_t i = 0; i < 3; ++i) {
+    lamp[i] /= lamp_count;
+    beside[i] /= beside_count;
+  }
+  const double sum = WeightSum(filter, scale);
+  std::vector<LampPixel> pixels;
+  for (const auto& [place, weight] : shares) {
+    if (weight > 0) {
+      pixels.push_back({place.second, place.first, std::min(1.0, weight / sum), lamp, beside});
+    }
+  }
+  return pixels;
+}
+
+}  // namespace sheaf::coordinator

@@ -1,0 +1,214 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "coordinator/forecast/lamp_rims.h"
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <map>
+#include <numbers>
+#include <optional>
+
+#include "common/film/error_planes.h"
+#include "common/scene/filter_value.h"
+#include "coordinator/core/cell_errors.h"
+
+namespace sheaf::coordinator {
+namespace {
+
+// The lone hit of a pixel of which the deviation is at least so much is four times what is beside.
+constexpr double kHitOverBeside = kOneHitDeviationMin / (1 - kOneHitDeviationMin);
+// What is beside a rim: pixels of the small picture up to so far off that show no lamp.
+constexpr int32_t kBesidePx = 2;
+// Directions of rims, over a quarter turn, and points of the filter across each axis.
+constexpr int kDirectionCount = 8, kFilterPoints = 64;
+constexpr double kOctaveParts = 8;
+// Of a length of rim, for rims that are not straight and lamps that are small.
+constexpr double kLengthLogDeviation = 0.2;
+// Of the error of a pixel that makes its cell's, what is believed when samples are shared out.
+constexpr double kBelievedShare = 1 / (1 + kLeanPixels);
+
+using Color = SeenLamps::Color;
+
+double Brightest(const Color& color) { return std::ranges::max(color); }
+
+// Mean of the pixels about one that show no lamp of a brightness near that of `lamp`.
+std::optional<Color> Beside(const SeenLamps& seen, int32_t x, int32_t y, const Color& lamp) {
+  const PixelRect about = Intersect(
+      {x - kBesidePx, y - kBesidePx, x + kBesidePx + 1, y + kBesidePx + 1}, seen.window());
+  Color sum{};
+  int count = 0;
+  for (int32_t v = about.y0; v < about.y1; ++v) {
+    for (int32_t u = about.x0; u < about.x1; ++u) {
+      if (kHitOverBeside * Brightest(seen.Seen(u, v)) > Brightest(lamp)) continue;
+      const Color color = seen.All(u, v);
+      for (size_t i = 0; i < 3; ++i) sum[i] += color[i];
+      ++count;
+    }
+  }
+  if (count == 0) return std::nullopt;
+  for (double& value : sum) value /= count;
+  return sum;
+}
+
+// Whether a first round's pixels in which one replicate alone meets a lamp are told apart.
+bool IsLoneHit(double lamp, double beside) {
+  return (lamp - beside) / kReplicateCount > kHitOverBeside * beside;
+}
+
+// Of a pixel, which `lamp` of its filter sees a lamp in: how likely one of its replicates alone,
+// of so many samples each, meets it.
+double OneHit(double lamp, double samples_of_replicate) {
+  const double miss = std::pow(1 - lamp, samples_of_replicate);
+  return kReplicateCount * (1 - miss) * std::pow(miss, kReplicateCount - 1);
+}
+
+}  // namespace
+
+// Points of the filter by how far along a direction they lie; what is beyond each is the share of a
+// pixel whose rim is there.
+std::vector<RimShare> SharesBeyondRims(const FilterDescription& filter) {
+  struct Point {
+    double distance_px, weight;
+  };
+  std::map<int, RimShare> shares;  // By octaves of the share, cut in kOctaveParts.
+  for (int direction = 0; direction < kDirectionCount; ++direction) {
+    const double angle = std::numbers::pi / 2 * (direction + 0.5) / kDirectionCount;
+    std::vector<Point> points;
+    double sum = 0;
+    for (int i = 0; i < kFilterPoints * kFilterPoints; ++i) {
+      const double x = (i % kFilterPoints + 0.5) / kFilterPoints * 2 - 1;
+      const double y = (i / kFilterPoints + 0.5) / kFilterPoints * 2 - 1;
+      points.push_back(
+          {x * filter.radius_x_px * std::cos(angle) + y * filter.radius_y_px * std::sin(angle),
+           std::fabs(FilterValue(filter, std::fabs(x), filter.radius_x_px) *
+                     FilterValue(filter, std::fabs(y), filter.radius_y_px))});
+      sum += points.back().weight;
+    }
+    std::ranges::sort(points, {}, &Point::distance_px);
+    double beyond = 0;
+    for (size_t i = 0; i + 1 < points.size(); ++i) {
+      beyond += points[i].weight / sum;
+      if (!(beyond > 0)) continue;
+      const int part = static_cast<int>(std::floor(kOctaveParts * std::log2(beyond)));
+      RimShare& share = shares[part];
+      share.width_px += (points[i + 1].distance_px - points[i].distance_px) / kDirectionCount;
+      share.lamp = std::min(1.0, std::exp2((part + 0.5) / kOctaveParts));
+    }
+  }
+  std::vector<RimShare> result;
+  for (const auto& [part, share] : shares) result.push_back(share);
+  return result;
+}
+
+LampRims::LampRims(const FramePicture& small, int32_t shrink, std::span<const CloseUp> close_ups,
+                   double mean, const FilterDescription& filter, const PixelRect& window,
+                   const std::function<size_t(int32_t x, int32_t y)>& cell_of)
+    : stretch_px_(std::numbers::pi / 4 * shrink), floor_(0.1 * mean) {
+  AddStretches(SeenLamps(small), shrink, close_ups, cell_of);
+  for (const CloseUp& close_up : close_ups) {
+    for (const LampPixel& pixel : LampPixelsOf(close_up, filter, window)) {
+      bool is_lone = false;
+      for (size_t i = 0; i < 3; ++i) is_lone |= IsLoneHit(pixel.lamp[i], pixel.beside[i]);
+      if (!is_lone) continue;
+      pixels_.push_back({{cell_of(pixel.x, pixel.y), pixel.lamp, pixel.beside}, pixel.share});
+    }
+  }
+  if (empty()) return;
+  log_length_deviation_ = kLengthLogDeviation;
+  if (stretches_.empty()) return;
+  log_length_deviation_ =
+      std::hypot(kLengthLogDeviation, 1 / std::sqrt(static_cast<double>(stretches_.size())));
+  shares_ = SharesBeyondRims(filter);
+}
+
+void LampRims::AddStretches(const SeenLamps& picture, int32_t shrink,
+                            std::span<const CloseUp> close_ups,
+                            const std::function<size_t(int32_t x, int32_t y)>& cell_of) {
+  const PixelRect& window = picture.window();
+  // Close-ups tell better.
+  const auto is_close = [&](int32_t x, int32_t y) {
+    const PixelRect pixel{x * shrink, y * shrink, (x + 1) * shrink, (y + 1) * shrink};
+    return std::ranges::any_of(close_ups, [&](const CloseUp& close_up) {
+      return !Intersect(pixel, close_up.place.rect).IsEmpty();
+    });
+  };
+  const auto cross = [&](int32_t x, int32_t y, int32_t other_x, int32_t other_y) {
+    const Color lamp = picture.Seen(x, y), other = picture.Seen(other_x, other_y);
+    std::array<bool, 3> brighter;
+    for (size_t i = 0; i < 3; ++i) brighter[i] = lamp[i] > kHitOverBeside * other[i];
+    if (std::ranges::none_of(brighter, std::identity()) || is_close(x, y)) return;
+    const std::optional<Color> beside = Beside(picture, other_x, other_y, lamp);
+    if (!beside) return;
+    bool rim = false;
+    for (size_t i = 0; i < 3; ++i) rim |= brighter[i] && IsLoneHit(lamp[i], (*beside)[i]);
+    if (!rim) return;
+    const size_t cell = cell_of(other_x * shrink + shrink / 2, other_y * shrink + shrink / 2);
+    stretches_.push_back({cell, lamp, *beside});
+  };
+  for (int32_t y = window.y0; y < window.y1; ++y) {
+    for (int32_t x = window.x0; x < window.x1; ++x) {
+      if (x + 1 < window.x1) {
+        cross(x, y, x + 1, y);
+        cross(x + 1, y, x, y);
+      }
+      if (y + 1 < window.y1) {
+        cross(x, y, x, y + 1);
+        cross(x, y + 1, x, y);
+      }
+    }
+  }
+}
+
+double LampRims::LengthPx() const { return stretch_px_ * static_cast<double>(stretches_.size()); }
+
+double LampRims::OneHitPixels(uint64_t samples) const {
+  const double of_replicate = static_cast<double>(samples) / kReplicateCount;
+  double pixels = 0;
+  for (const RimShare& share : shares_) pixels += share.width_px * OneHit(share.lamp, of_replicate);
+  return pixels;
+}
+
+void LampRims::AddHits(const Place& place, uint64_t samples, double pixels, RareHits* hits,
+                       std::vector<ErrorSums>* cells) const {
+  PixelError error;
+  for (size_t i = 0; i < 3; ++i) {
+    const double beside = place.beside[i];
+    const double hit = (place.lamp[i] - beside) / static_cast<double>(samples);
+    if (!(hit > kHitOverBeside * beside)) continue;
+    // As AddChannelErrors has it where the pixels about are lamp and wall.
+    const double value = beside + hit, least = beside * beside + floor_ * floor_;
+    const double square = std::max(value * value - hit * hit, 0.25 * value * value);
+    error.rare += hit * hit / (square + floor_ * floor_) / 3;
+    error.rare_max += hit * hit / least / 3;
+  }
+  hits->Add(place.cell, error, pixels);
+  ErrorSums& cell = (*cells)[place.cell];
+  cell.sum += kBelievedShare * pixels * error.rare;
+  cell.square_sum += kBelievedShare * pixels * error.rare * error.rare;
+}
+
+void LampRims::AddErrors(std::span<const uint64_t> samples, double deviations,
+                         std::mt19937_64* random, std::vector<ErrorSums>* cells) const {
+  const double factor = std::exp(deviations * log_length_deviation_);
+  const auto drawn = [&](double pixels) {
+    if (random == nullptr) return pixels;
+    return static_cast<double>(std::poisson_distribution<int32_t>(pixels)(*random));
+  };
+  std::map<uint64_t, double> pixels_of_length;
+  RareHits hits;
+  for (const Place& stretch : stretches_) {
+    const uint64_t count = samples[stretch.cell];
+    const auto [known, is_new] = pixels_of_length.try_emplace(count, 0);
+    if (is_new) known->second = OneHitPixels(count);
+    AddHits(stretch, count, drawn(factor * known->second * stretch_px_), &hits, cells);
+  }
+  for (const Pixel& pixel : pixels_) {
+    const uint64_t count = samples[pixel.place.cell];
+    const double of_replicate = static_cast<double>(count) / kReplicateCount;
+    AddHits(pixel.place, count, drawn(factor * OneHit(pixel.share, of_replicate)), &hits, cells);
+  }
+  hits.AddVariances(cells);
+}
+
+}  // namespace sheaf::coordinator

@@ -1,0 +1,87 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// LampRims: what the bound of a target (RareHits, error_planes.h) will say of the rims of lamps in
+// view. Those are lines, of whose pixels a pilot's sparse blocks meet next to none. The pilot's
+// small picture crosses them: its layer `seen` (light_path_kind.h) has what the camera sees of
+// lamps, and rows and columns a distance s apart that change between lamp and no lamp C times have
+// crossed rims of a length of pi / 4 s C (Cauchy and Crofton). Of a length of rim, how many pixels
+// will have met the lamp in one replicate alone is a matter of the pixel filter:
+//
+//     small picture > crossings > stretches of rim
+//     close-ups of lamps that it may miss (lamp_close_ups.h) > pixels, what share meets the lamp
+//     both, samples of their cells > pixels with one hit, what it makes of their error > RareHits
+//
+// Source: Santaló 1976, Integral Geometry and Geometric Probability, chapter I.3.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <random>
+#include <span>
+#include <vector>
+
+#include "common/film/error_estimate.h"
+#include "common/film/error_planes.h"
+#include "common/film/frame_picture.h"
+#include "common/scene/scene_description.h"
+#include "coordinator/forecast/lamp_close_ups.h"
+#include "coordinator/forecast/seen_lamps.h"
+
+namespace sheaf::coordinator {
+
+// Of pixels along a straight rim of any direction: of how many, for each pixel of its length, the
+// filter has this share beyond it.
+struct RimShare {
+  double width_px = 0;
+  double lamp = 0;
+};
+std::vector<RimShare> SharesBeyondRims(const FilterDescription& filter);
+
+class LampRims {
+ public:
+  LampRims() = default;  // There are none.
+  // small: of one sample a pixel, with the layers of light paths; of the frame made `shrink` times
+  // smaller. mean: the frame's, of R, G and B. window: the frame's. cell_of: of a pixel of the
+  // frame, or a little outside.
+  LampRims(const FramePicture& small, int32_t shrink, std::span<const CloseUp> close_ups,
+           double mean, const FilterDescription& filter, const PixelRect& window,
+           const std::function<size_t(int32_t x, int32_t y)>& cell_of);
+
+  bool empty() const { return stretches_.empty() && pixels_.empty(); }
+  double LengthPx() const;  // Of what the small picture tells.
+  // To the errors of cells that have so many samples: their variances, and of what those pixels are
+  // seen to err by as much as a cell keeps to itself (cell_errors.h). deviations: how many of its
+  // standard deviations the length lies above what is known. random: where given, pixels are met by
+  // chance, otherwise as many as are expected. Requires: multiples of kReplicateCount.
+  void AddErrors(std::span<const uint64_t> samples, double deviations, std::mt19937_64* random,
+                 std::vector<ErrorSums>* cells) const;
+
+ private:
+  struct Place {
+    size_t cell = 0;
+    SeenLamps::Color lamp, beside;
+  };
+  struct Pixel {
+    Place place;
+    double share = 0;  // Of its filter that meets the lamp.
+  };
+  void AddStretches(const SeenLamps& picture, int32_t shrink, std::span<const CloseUp> close_ups,
+                    const std::function<size_t(int32_t x, int32_t y)>& cell_of);
+  // Of so many pixels like one with one hit among so many samples.
+  void AddHits(const Place& place, uint64_t samples, double pixels, RareHits* hits,
+               std::vector<ErrorSums>* cells) const;
+  // Pixels for each pixel of length in whose samples one replicate alone meets the lamp.
+  double OneHitPixels(uint64_t samples) const;
+
+  std::vector<Place> stretches_;
+  double stretch_px_ = 0;      // The length of each.
+  std::vector<Pixel> pixels_;  // Of close-ups.
+  std::vector<RimShare> shares_;
+  double floor_ = 0;  // Of relative errors.
+  double log_length_deviation_ = 0;
+};
+
+}  // namespace sheaf::coordinator

@@ -1,0 +1,35 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// A frame that goes on from a delivered picture (resumed_picture.h): whether the picture is of the
+// frame, and what is known of the frame by it, for what going on costs:
+//
+//     FramePicture > ResumePicture > PictureStartOf > ErrorModel, whose costs and rate a pilot told
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "common/film/resumed_picture.h"
+#include "coordinator/core/cell_grid.h"
+#include "coordinator/core/job.h"
+#include "coordinator/forecast/cost_forecast.h"
+
+namespace sheaf::coordinator {
+
+// spec: with its frame digest. Errors: kInvalidArgument, which say why a frame of this spec and
+// build cannot go on from the picture.
+absl::StatusOr<ResumedPicture> ResumePicture(FramePicture picture, const FrameSpec& spec,
+                                             const std::string& numeric_profile);
+
+// The samples and errors of the grid's cells. Errors: kInvalidArgument where pixels of a cell have
+// unequal samples: the picture was rendered in tiles or cells of another size.
+absl::StatusOr<std::vector<CellRound>> PictureStartOf(const ResumedPicture& resumed,
+                                                      const CellGrid& grid);
+
+// The model of the frame from there on: all its pixels are known, lamps and their rims with them.
+// Its costs and its rate stay. Requires: as many cells as the model has.
+void GoOnFrom(const std::vector<CellRound>& cells, ErrorModel* model);
+
+}  // namespace sheaf::coordinator

@@ -1,0 +1,182 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "coordinator/forecast/pilot_cost.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <numeric>
+
+#include "common/base/check.h"
+
+namespace sheaf::coordinator {
+namespace {
+
+// CPU seconds that a pixel costs without any sample, for the film: as known before, and how well.
+constexpr double kIdleSeconds = 5e-8, kIdleDeviation = 3e-8;
+// What the frame's mean tells of a sample's cost in a tile is worth so many blocks there: costs
+// differ more from tile to tile than within one.
+constexpr double kCostBlocks = 0.4;
+// Of logarithms of errors, squares that are worth the knowledge that costs need not go with them;
+// and errors that are as good as none.
+constexpr double kSlopeSquares = 5, kErrorMin = 1e-30;
+
+// What pictures took.
+struct Cost {
+  double pixel_count = 0, samples = 0, cpu_seconds = 0;
+};
+
+// CPU seconds that each pixel of a picture costs besides its samples, from one picture alone: what
+// a sample's time grows by with the pixels there are to each, which tiles differ in. Drawn to what
+// is known before, as tiles' costs differ too. Source: Draper and Smith 1998, Applied Regression
+// Analysis, chapters 1 and 9.
+double IdleCostOfTiles(std::span<const PixelRect> tiles, std::span<const PilotPicture> pilot) {
+  struct Point {
+    double weight, x, y;  // Samples, pixels of each and seconds of each.
+  };
+  std::vector<Point> points;
+  double weight = 0, x_mean = 0, y_mean = 0;
+  for (const PilotPicture& picture : pilot) {
+    const PilotLevel& level = picture.level;
+    if (level.lattice.All()) continue;
+    for (size_t i = 0; i < tiles.size(); ++i) {
+      const auto samples =
+          static_cast<double>(level.lattice.SampleCountIn(tiles[i], level.samples));
+      if (samples == 0) continue;
+      points.push_back({samples, static_cast<double>(tiles[i].PixelCount()) / samples,
+                        picture.cpu_seconds_of_tiles[i] / samples});
+      weight += samples;
+      x_mean += samples * points.back().x;
+      y_mean += samples * points.back().y;
+    }
+  }
+  if (points.size() < 3) return kIdleSeconds;
+  x_mean /= weight;
+  y_mean /= weight;
+  double xx = 0, xy = 0, yy = 0;
+  for (const Point& point : points) {
+    const double dx = point.x - x_mean, dy = point.y - y_mean;
+    xx += point.weight * dx * dx;
+    xy += point.weight * dx * dy;
+    yy += point.weight * dy * dy;
+  }
+  if (!(xx > 0)) return kIdleSeconds;
+  const double slope = xy / xx;
+  const double residual =
+      std::max(yy - slope * xy, 1e-6 * yy) / static_cast<double>(points.size() - 2);
+  const double precision = xx / residual, prior = 1 / (kIdleDeviation * kIdleDeviation);
+  return std::max(0.0, (slope * precision + kIdleSeconds * prior) / (precision + prior));
+}
+
+// The same, whether a pixel has samples or not: for the film and for what goes with a part. It is
+// little in a picture and much in a pilot. The two of a pair have the same, and tell it best.
+double FitIdleCost(std::span<const PixelRect> tiles, std::span<const PilotPicture> pilot) {
+  std::map<int32_t, std::map<uint64_t, Cost>> levels;  // By stride and samples.
+  for (const PilotPicture& picture : pilot) {
+    const PilotLevel& level = picture.level;
+    Cost& cost = levels[level.lattice.stride_px][level.samples];
+    cost.pixel_count = static_cast<double>(picture.picture.window.PixelCount());
+    cost.samples =
+        static_cast<double>(level.lattice.SampleCountIn(picture.picture.window, level.samples));
+    for (const double seconds : picture.cpu_seconds_of_tiles) cost.cpu_seconds += seconds;
+  }
+  double idle_seconds = 0, pixel_count = 0;
+  for (const auto& [stride, pair] : levels) {
+    if (pair.size() < 2) continue;
+    const Cost& low = pair.begin()->second;
+    const Cost& high = pair.rbegin()->second;
+    const double per_sample = (high.cpu_seconds - low.cpu_seconds) / (high.samples - low.samples);
+    idle_seconds += low.cpu_seconds - std::max(0.0, per_sample) * low.samples;
+    pixel_count += low.pixel_count;
+  }
+  return pixel_count == 0 ? IdleCostOfTiles(tiles, pilot)
+                          : std::max(0.0, idle_seconds) / pixel_count;
+}
+
+// CPU seconds of a sample of a pixel in each cell, of which pilots tell the mean over a tile. Where
+// tiles that err more take longer, as where there is smoke in some and nothing in others, so do
+// cells: with the power of the error that the regression over tiles has, drawn to none where they
+// tell little. Source: Draper and Smith 1998, Applied Regression Analysis, chapter 1.
+std::vector<double> CpuOfCells(const CellGrid& grid, std::span<const double> seconds_of_tiles,
+                               std::span<const double> errors) {
+  const auto tile_count = static_cast<uint32_t>(grid.tiles().size());
+  std::vector<double> log_errors, log_seconds;
+  for (uint32_t tile = 0; tile < tile_count; ++tile) {
+    double sum = 0;
+    for (uint32_t i = 0; i < grid.cell_count(tile); ++i) {
+      sum += errors[grid.first_cell(tile) + i];
+    }
+    log_errors.push_back(std::log(std::max(sum / grid.cell_count(tile), kErrorMin)));
+    log_seconds.push_back(std::log(seconds_of_tiles[tile]));
+  }
+  const auto mean_of = [](const std::vector<double>& values) {
+    return std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size());
+  };
+  const double mean_error = mean_of(log_errors), mean_seconds = mean_of(log_seconds);
+  double product = 0, squares = kSlopeSquares;
+  for (uint32_t tile = 0; tile < tile_count; ++tile) {
+    product += (log_errors[tile] - mean_error) * (log_seconds[tile] - mean_seconds);
+    squares += (log_errors[tile] - mean_error) * (log_errors[tile] - mean_error);
+  }
+  const double power = product / squares;
+  std::vector<double> of_tiles, weights;  // Of all pixels.
+  for (uint32_t tile = 0; tile < tile_count; ++tile) {
+    of_tiles.push_back(seconds_of_tiles[tile] *
+                       static_cast<double>(grid.tiles()[tile].PixelCount()));
+  }
+  const std::vector<PixelRect>& cells = grid.cells();
+  for (size_t i = 0; i < cells.size(); ++i) {
+    weights.push_back(static_cast<double>(cells[i].PixelCount()) *
+                      std::pow(std::max(errors[i], kErrorMin), power));
+  }
+  std::vector<double> seconds = grid.ShareOut(of_tiles, weights);
+  for (size_t i = 0; i < cells.size(); ++i) {
+    seconds[i] /= static_cast<double>(cells[i].PixelCount());
+  }
+  return seconds;
+}
+
+}  // namespace
+
+CpuModel FitCpu(const CellGrid& grid, std::span<const PilotPicture> pilot,
+                std::span<const double> errors) {
+  const std::vector<PixelRect>& tiles = grid.tiles();
+  const double idle = FitIdleCost(tiles, pilot);
+  std::vector<Cost> of_tile(tiles.size());
+  Cost all;
+  for (const PilotPicture& picture : pilot) {
+    const PilotLevel& level = picture.level;
+    if (level.lattice.All()) continue;
+    SHEAF_CHECK(picture.cpu_seconds_of_tiles.size() == tiles.size());
+    for (size_t i = 0; i < tiles.size(); ++i) {
+      const auto samples =
+          static_cast<double>(level.lattice.SampleCountIn(tiles[i], level.samples));
+      if (samples == 0) continue;
+      const double taken = picture.cpu_seconds_of_tiles[i];
+      const double seconds =
+          std::max(taken / 2, taken - idle * static_cast<double>(tiles[i].PixelCount()));
+      for (Cost* cost : {&of_tile[i], &all}) {
+        cost->samples += samples;
+        cost->cpu_seconds += seconds;
+      }
+    }
+  }
+  const double mean = all.cpu_seconds / all.samples;
+  constexpr PixelLattice block{kPixelStrideMin};
+  const double known =
+      kCostBlocks * block.SamplesPerPixel(kPilotSamples) * block.stride_px * block.stride_px;
+  double squares = 0;
+  std::vector<double> seconds;  // Of tiles.
+  for (const Cost& cost : of_tile) {
+    const double own = (cost.cpu_seconds + known * mean) / (cost.samples + known);
+    seconds.push_back(std::max(own, 0.01 * mean));
+    squares += (cost.cpu_seconds - mean * cost.samples) * (cost.cpu_seconds - mean * cost.samples);
+  }
+  CpuModel model;
+  model.seconds = CpuOfCells(grid, seconds, errors);
+  for (double& of_cell : model.seconds) of_cell /= kSparseCost;
+  model.log_deviation = std::hypot(std::sqrt(squares) / all.cpu_seconds, kSparseLogDeviation);
+  return model;
+}
+
+}  // namespace sheaf::coordinator

@@ -1,0 +1,279 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "coordinator/forecast/pilot_model.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <map>
+#include <random>
+#include <utility>
+
+#include "absl/strings/numbers.h"
+#include "absl/strings/str_split.h"
+#include "common/base/check.h"
+#include "common/film/error_planes.h"
+#include "coordinator/forecast/pilot_cost.h"
+#include "coordinator/forecast/pilot_errors.h"
+
+namespace sheaf::coordinator {
+namespace {
+
+// What errors of all blocks are told at.
+constexpr uint64_t kBaseSamples = kReplicateCount;
+constexpr uint64_t kPairSamples = kPilotSamplesMax;
+static_assert(kPilotSamples <= kReplicateCount);
+// Of the price, what goes into the small picture, and pixels that it has at most.
+constexpr double kMeanShare = 0.1, kMeanPixelsMax = 1 << 14;
+// Of what is left, what goes into a pair, if it has so many blocks: fewer know less of the rate
+// than is known before.
+constexpr double kPairShare = 0.5, kPairBlocksMin = 200;
+// More blocks than these tell nothing that matters.
+constexpr double kBlocksEnough = 1 << 12;
+constexpr double kPilotRateMin = 0.9, kPilotRateMax = 1.8;
+// Square of what blocks deviate by from their mean, over it, as known before; and how many blocks
+// that is worth. Where few pixels have most of the error, few blocks show none of them.
+constexpr double kTailSquare = 2.5 * 2.5, kTailBlocks = 10;
+constexpr int kBootstrapCount = 200;
+
+// Of a block's pixels, all together.
+double BlockSamples(uint64_t samples) {
+  const PixelLattice lattice{kPixelStrideMin};
+  return lattice.SamplesPerPixel(samples) * lattice.stride_px * lattice.stride_px;
+}
+
+int32_t StrideFor(double block_samples, double samples_per_pixel, int64_t frame_pixel_count) {
+  const double least = std::sqrt(static_cast<double>(frame_pixel_count) / kBlocksEnough);
+  const double stride = std::max(std::sqrt(block_samples / samples_per_pixel), least);
+  return static_cast<int32_t>(
+      std::clamp(std::ceil(stride), double{kPixelStrideMin}, double{kPixelStrideMax}));
+}
+
+class CellFinder {
+ public:
+  explicit CellFinder(std::span<const PixelRect> cells) : cells_(cells) {
+    for (size_t i = 0; i < cells.size(); ++i) by_corner_[{cells[i].y0, cells[i].x0}] = i;
+  }
+  size_t Find(int32_t x, int32_t y) const {
+    // Cells are rows of equal height, cut alike.
+    auto row = by_corner_.upper_bound({y, std::numeric_limits<int32_t>::max()});
+    SHEAF_CHECK(row != by_corner_.begin());
+    const int32_t y0 = std::prev(row)->first.first;
+    const auto cell = std::prev(by_corner_.upper_bound({y0, x}));
+    SHEAF_CHECK(x < cells_[cell->second].x1 && y < cells_[cell->second].y1);
+    return cell->second;
+  }
+
+  // Also of pixels a little outside of the frame.
+  size_t Nearest(int32_t x, int32_t y) const {
+    const PixelRect all = window();
+    return Find(std::clamp(x, all.x0, all.x1 - 1), std::clamp(y, all.y0, all.y1 - 1));
+  }
+  PixelRect window() const {
+    return {cells_.front().x0, cells_.front().y0, cells_.back().x1, cells_.back().y1};
+  }
+
+ private:
+  std::span<const PixelRect> cells_;
+  std::map<std::pair<int32_t, int32_t>, size_t> by_corner_;
+};
+
+// Cores of a lattice's blocks, as far as they are in the window; row by row.
+std::vector<PixelRect> CoresIn(const PixelLattice& lattice, const PixelRect& window) {
+  const int32_t stride = lattice.stride_px;
+  std::vector<PixelRect> cores;
+  for (int32_t cell_y = window.y0 / stride; cell_y * stride < window.y1; ++cell_y) {
+    for (int32_t cell_x = window.x0 / stride; cell_x * stride < window.x1; ++cell_x) {
+      const PixelRect block = lattice.BlockOf(cell_x, cell_y);
+      const PixelRect core = Intersect({block.x0 + kLatticeRimPx, block.y0 + kLatticeRimPx,
+                                        block.x1 - kLatticeRimPx, block.y1 - kLatticeRimPx},
+                                       window);
+      if (!core.IsEmpty()) cores.push_back(core);
+    }
+  }
+  return cores;
+}
+
+// The frame's mean, of places that are independent: pixels of the small picture, and blocks. Held
+// against the mean of the blocks alone, where a lamp is in view and no block shows it, errors are
+// ten times those of the picture.
+double FitMean(std::span<const PilotPicture> pilot) {
+  double sum = 0, places = 0;
+  for (const PilotPicture& picture : pilot) {
+    const PixelRect& window = picture.picture.window;
+    const double count = picture.level.lattice.All()
+                             ? static_cast<double>(window.PixelCount())
+                             : static_cast<double>(CoresIn(picture.level.lattice, window).size());
+    sum += count * MeanOfPicture(picture.picture);
+    places += count;
+  }
+  return sum / places;
+}
+
+std::vector<PilotBlock> BlocksOf(const PilotPicture& pilot, const CellFinder& cells, double mean) {
+  const std::vector<PixelRect> cores = CoresIn(pilot.level.lattice, pilot.picture.window);
+  const ErrorPlanes planes(pilot.picture);
+  RareHits ignored;  // Few of the frame's; LampRims has them.
+  // Up to one sample in each replicate they are independent.
+  const double growth =
+      static_cast<double>(std::min(pilot.level.samples, kBaseSamples)) / kBaseSamples;
+  std::vector<PilotBlock> blocks;
+  for (const PixelRect& core : cores) {
+    ErrorSums error = SumErrors(planes, pilot.picture, core, mean, 0, &ignored);
+    error.sum *= growth;
+    error.square_sum *= growth * growth;
+    blocks.push_back({cells.Find((core.x0 + core.x1) / 2, (core.y0 + core.y1) / 2), error});
+  }
+  return blocks;
+}
+
+// Relative, of the mean error over all pixels: a ratio over blocks of unequal sizes.
+// Source: Cochran 1977, Sampling Techniques, sec. 9A.2.
+double LogDeviationOf(const std::vector<PilotBlock>& blocks) {
+  ErrorSums all;
+  for (const PilotBlock& block : blocks) all.Add(block.error);
+  if (blocks.size() < 2 || all.sum <= 0) return 0;
+  double squares = 0;
+  for (const PilotBlock& block : blocks) {
+    const double difference =
+        block.error.sum - all.RelativeMse() * static_cast<double>(block.error.pixel_count);
+    squares += difference * difference;
+  }
+  const auto n = static_cast<double>(blocks.size());
+  const double relative_square = squares * n / all.sum / all.sum;
+  return std::sqrt((n * relative_square + kTailBlocks * kTailSquare) / (n + kTailBlocks) / (n - 1));
+}
+
+struct Rate {
+  double value = kRatePrior, deviation = kRatePriorDeviation;
+};
+
+// pairs: summed errors of a block, as at kBaseSamples and at kPairSamples.
+Rate FitRate(const std::vector<std::pair<double, double>>& pairs) {
+  const double log_growth = std::log(static_cast<double>(kPairSamples) / kBaseSamples);
+  const auto rate_of = [&](const auto& index_of) {
+    double low = 0, high = 0;
+    for (size_t i = 0; i < pairs.size(); ++i) {
+      low += pairs[index_of(i)].first;
+      high += pairs[index_of(i)].second;
+    }
+    return low > 0 && high > 0 ? std::log(low / high) / log_growth : kRatePrior;
+  };
+  if (pairs.size() < 8) return {};
+  // Efron 1979, "Bootstrap Methods: Another Look at the Jackknife".
+  std::mt19937_64 random(pairs.size());
+  double sum = 0, square_sum = 0;
+  for (int i = 0; i < kBootstrapCount; ++i) {
+    const double rate = rate_of([&](size_t) { return random() % pairs.size(); });
+    sum += rate;
+    square_sum += rate * rate;
+  }
+  const double mean = sum / kBootstrapCount;
+  const double variance = std::max(1e-6, square_sum / kBootstrapCount - mean * mean);
+  const double prior = 1 / (kRatePriorDeviation * kRatePriorDeviation);
+  const double precision = 1 / variance + prior;
+  const double rate =
+      (rate_of([](size_t i) { return i; }) / variance + kRatePrior * prior) / precision;
+  return {std::clamp(rate, kPilotRateMin, kPilotRateMax), 1 / std::sqrt(precision)};
+}
+
+}  // namespace
+
+std::vector<PilotLevel> PilotLevels(double samples_per_pixel, int64_t frame_pixel_count,
+                                    uint64_t frame_seed, std::span<const PilotLevel> before) {
+  const auto pixel_count = static_cast<double>(frame_pixel_count);
+  int32_t finest = kPixelStrideMax + 1;
+  for (const PilotLevel& level : before) {
+    if (!level.lattice.All()) finest = std::min(finest, level.lattice.stride_px);
+  }
+  std::vector<PilotLevel> levels;
+  double left = samples_per_pixel;
+  if (before.empty()) {
+    const double shrink =
+        std::sqrt(std::max(1 / (kMeanShare * left), pixel_count / kMeanPixelsMax));
+    levels.push_back({{}, 1, std::max(2, static_cast<int32_t>(std::ceil(shrink)))});
+    left -= levels.back().SamplesPerPixel();
+  }
+  const PixelLattice lattice{StrideFor(BlockSamples(kPilotSamples) + BlockSamples(kPairSamples),
+                                       kPairShare * left, frame_pixel_count),
+                             frame_seed};
+  const double blocks = pixel_count / (1.0 * lattice.stride_px * lattice.stride_px);
+  if (lattice.stride_px < finest && blocks >= kPairBlocksMin) {
+    for (const uint64_t samples : {kPairSamples, kPilotSamples}) {
+      levels.push_back({lattice, samples});
+      left -= levels.back().SamplesPerPixel();
+    }
+  }
+  // Pictures of one lattice and one number of samples would be the same.
+  PixelLattice single{StrideFor(BlockSamples(kPilotSamples), left, frame_pixel_count), frame_seed};
+  if (levels.size() > 1 && single.stride_px == lattice.stride_px) ++single.stride_px;
+  if (single.stride_px < finest) levels.push_back({single, kPilotSamples});
+  return levels;
+}
+
+absl::StatusOr<std::vector<double>> TileCpuSecondsOf(
+    const std::map<std::string, std::string>& metadata, size_t tile_count) {
+  const auto entry = metadata.find("tileCpuSeconds");
+  std::vector<double> times;
+  if (entry != metadata.end()) {
+    for (const absl::string_view text : absl::StrSplit(entry->second, ' ', absl::SkipEmpty())) {
+      if (!absl::SimpleAtod(text, &times.emplace_back())) times.clear();
+    }
+  }
+  if (times.size() == tile_count) return times;
+  return absl::DataLossError(
+      "the coordinator does not tell what each tile of a pilot cost, so nothing can be quoted; "
+      "it may be older than this program: use the same version of both");
+}
+
+ErrorModel FitErrorModel(const CellGrid& grid, std::span<const PilotPicture> pilot,
+                         std::span<const CloseUp> close_ups, const FilterDescription& filter) {
+  const std::vector<PixelRect>& cells = grid.cells();
+  const CellFinder finder(cells);
+  const double mean = FitMean(pilot);
+  std::map<int32_t, std::vector<PilotBlock>> base, deep;  // By stride.
+  ErrorModel model;
+  for (const PilotPicture& picture : pilot) {
+    if (picture.level.lattice.All()) {
+      model.rims =
+          LampRims(picture.picture, picture.level.shrink, close_ups, mean, filter, finder.window(),
+                   [&](int32_t x, int32_t y) { return finder.Nearest(x, y); });
+      continue;
+    }
+    auto& levels = picture.level.samples == kPilotSamples ? base : deep;
+    levels[picture.level.lattice.stride_px] = BlocksOf(picture, finder, mean);
+  }
+  std::vector<PilotBlock> blocks;
+  std::vector<std::pair<double, double>> pairs;
+  for (const auto& [stride, low] : base) {
+    blocks.insert(blocks.end(), low.begin(), low.end());
+    const auto high = deep.find(stride);
+    if (high == deep.end()) continue;
+    for (size_t i = 0; i < low.size(); ++i) {
+      pairs.emplace_back(low[i].error.sum, high->second[i].error.sum);
+    }
+  }
+  const PilotErrors errors = FitCellErrors(grid, blocks);
+  const Rate rate = FitRate(pairs);
+  model.rate = rate.value;
+  model.rate_deviation = rate.deviation;
+  model.log_error_deviation = LogDeviationOf(blocks);
+  // Means over few blocks of unequal error are more often below the true mean than above it: by so
+  // much in the median, if their logarithms have a normal distribution.
+  const double skew = std::exp(model.log_error_deviation * model.log_error_deviation / 2);
+  const CpuModel cpu = FitCpu(grid, pilot, errors.of_cells);
+  model.log_cpu_deviation = cpu.log_deviation;
+  for (uint32_t i = 0; i < cells.size(); ++i) {
+    ForecastCell cell;
+    const auto count = static_cast<double>(cells[i].PixelCount());
+    const double error = skew * errors.of_cells[i];
+    cell.measured = {
+        kBaseSamples,
+        {cells[i].PixelCount(), count * error, count * errors.square_ratio * error * error}};
+    cell.cpu_seconds_per_sample = count * cpu.seconds[i];
+    model.cells.push_back(cell);
+  }
+  return model;
+}
+
+}  // namespace sheaf::coordinator

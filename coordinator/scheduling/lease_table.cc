@@ -1,0 +1,73 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "coordinator/scheduling/lease_table.h"
+
+#include "common/base/check.h"
+
+namespace sheaf::coordinator {
+
+LeaseTable::HedgeKey LeaseTable::KeyOf(const Lease& lease) {
+  return {lease.phase != LeasePhase::kQueued, lease.grant_time, lease.lease_id};
+}
+
+const Lease& LeaseTable::Add(Lease lease) {
+  lease.lease_id = next_lease_id_++;
+  const TaskId task = MakeTaskId(lease.frame, lease.task);
+  by_job_[lease.frame.job_id].insert(lease.lease_id);
+  const Lease& stored = leases_.emplace(lease.lease_id, lease).first->second;
+  std::vector<uint64_t>& holders = holders_[task];
+  for (const uint64_t holder : holders) hedgeable_.erase(KeyOf(leases_.at(holder)));
+  holders.push_back(stored.lease_id);
+  if (holders.size() == 1) hedgeable_.insert(KeyOf(stored));
+  return stored;
+}
+
+const Lease* LeaseTable::Find(uint64_t lease_id) const {
+  const auto found = leases_.find(lease_id);
+  return found == leases_.end() ? nullptr : &found->second;
+}
+
+void LeaseTable::SetPhase(uint64_t lease_id, LeasePhase phase) {
+  Lease& lease = leases_.at(lease_id);
+  const bool hedgeable = hedgeable_.erase(KeyOf(lease)) > 0;
+  lease.phase = phase;
+  if (hedgeable) hedgeable_.insert(KeyOf(lease));
+}
+
+int LeaseTable::Remove(uint64_t lease_id) {
+  const auto found = leases_.find(lease_id);
+  SHEAF_CHECK(found != leases_.end());
+  const Lease lease = found->second;
+  hedgeable_.erase(KeyOf(lease));
+  leases_.erase(found);
+  const auto job = by_job_.find(lease.frame.job_id);
+  job->second.erase(lease_id);
+  if (job->second.empty()) by_job_.erase(job);
+  const auto holders = holders_.find(MakeTaskId(lease.frame, lease.task));
+  std::erase(holders->second, lease_id);
+  const int left = static_cast<int>(holders->second.size());
+  if (left == 0) {
+    holders_.erase(holders);
+  } else if (left == 1) {
+    hedgeable_.insert(KeyOf(leases_.at(holders->second.front())));
+  }
+  return left;
+}
+
+std::vector<uint64_t> LeaseTable::HoldersOf(const TaskId& task) const {
+  const auto found = holders_.find(task);
+  return found == holders_.end() ? std::vector<uint64_t>{} : found->second;
+}
+
+std::vector<uint64_t> LeaseTable::OfJob(uint64_t job_id) const {
+  const auto found = by_job_.find(job_id);
+  if (found == by_job_.end()) return {};
+  return {found->second.begin(), found->second.end()};
+}
+
+size_t LeaseTable::CountOfJob(uint64_t job_id) const {
+  const auto found = by_job_.find(job_id);
+  return found == by_job_.end() ? 0 : found->second.size();
+}
+
+}  // namespace sheaf::coordinator

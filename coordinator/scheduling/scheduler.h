@@ -1,0 +1,292 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Scheduler: who shall render what. A state machine without clock, thread, file or network: the
+// time is an argument, decisions are return values, and equal calls give equal decisions.
+//
+//     Synchronize  a worker says what it holds; the answer is what it shall hold
+//     FindTask     a result came: which task is it, and is it still wanted
+//     Accept       ... and it is durable now
+//     Tick         time passed: workers that fell silent lose their leases
+//
+//     Pause        a person wants a job to wait: nothing new of it is leased
+//
+// Order of work: jobs by priority, then by fewest samples leased; within a job a scene that is warm
+// in the worker, then a frame nobody works on yet, then any; within a frame returned blocks, then
+// the tile with the fewest samples. A worker that holds nothing and finds nothing ready is leased a
+// task that another one holds (a hedge), never its own.
+//
+// Failures (budgets in limits.h): a worker does not get a task again that it failed while a live
+// worker is left that did not. A job fails when a task fails for good: its message names tile and
+// samples.
+//
+// Thread safety: none; the owner holds one lock. Cost: O(log n) a lease, no scan over tasks.
+#pragma once
+
+#include <cstdint>
+#include <deque>
+#include <map>
+#include <memory>
+#include <optional>
+#include <set>
+#include <span>
+#include <string>
+#include <tuple>
+#include <utility>
+#include <vector>
+
+#include "absl/container/btree_map.h"
+#include "absl/container/btree_set.h"
+#include "absl/status/status.h"
+#include "coordinator/core/frame_tasks.h"
+#include "coordinator/core/limits.h"
+#include "coordinator/core/work_left.h"
+#include "coordinator/scheduling/counters.h"
+#include "coordinator/scheduling/frames_by_digest.h"
+#include "coordinator/scheduling/lease_table.h"
+#include "coordinator/scheduling/loading_losses.h"
+#include "coordinator/scheduling/packed_frame.h"
+#include "coordinator/scheduling/pending_frames.h"
+#include "coordinator/scheduling/worker_table.h"
+
+namespace sheaf::coordinator {
+
+// What went wrong with one task so far.
+struct TaskFailures {
+  std::set<std::string> failed_by;      // Workers of every class but released.
+  std::set<std::string> crashed, lost;  // Workers, by class.
+  int attempt_count = 0;                // Leases that ended without result.
+  int crash_count = 0;
+  int infrastructure_count = 0;
+  SteadyTime not_before = SteadyTime::InfinitePast();
+  std::string last_message;
+};
+
+// A frame as the scheduler sees it. Jobs have many: one that waits has less than 300 bytes of
+// memory, all told.
+struct FrameRecord {
+  // kPending: not begun. kOpen: has tasks in memory. kRendered: all samples are done. kDelivered:
+  // the EXR is there. kClosed: its job ended before.
+  enum class Phase : uint8_t { kPending, kOpen, kRendered, kDelivered, kClosed };
+  PackedFrame packed;
+  Phase phase = Phase::kPending;
+  bool loaded = false;                // Its scene, by any worker, ever.
+  std::unique_ptr<FrameTasks> tasks;  // While open or rendered.
+  absl::btree_map<TaskId, TaskFailures> failures;
+  absl::btree_map<std::string, std::string> refused_by;  // Worker, message: scene or memory.
+  absl::btree_set<std::string> scene_failed_by;          // Those that blame the scene.
+  SteadyTime first_lease_time = SteadyTime::InfiniteFuture();
+  uint64_t sample_count_done = 0;   // Pixel samples; valid in every phase.
+  uint64_t sample_count_timed = 0;  // Those whose CPU time is in cost.
+  ResultCost cost;
+
+  int32_t number() const { return packed.frame_number(); }
+  const FrameSettings& settings() const { return packed.shape().settings; }
+  const StopRule& stop() const { return packed.shape().stop; }
+  FrameSpec Spec() const { return packed.Unpack(); }
+};
+// Pixel samples of the whole frame: where it is rendered in rounds, as far as they are decided.
+uint64_t SampleCountTotal(const FrameRecord& frame);
+
+struct JobRecord {
+  JobSpec spec;  // Without frames: they are in `frames`.
+  JobPhase phase = JobPhase::kLive;
+  std::string failure;
+  std::vector<FrameRecord> frames;  // Ascending by number.
+  FrameShapes shapes;               // Of the frames.
+  PendingFrames pending;
+  using FrameSet = std::set<uint32_t>;  // Indices into frames.
+  FrameSet ready;                       // Open with something to lease.
+  std::map<std::string, FrameSet> ready_by_scene;
+  uint64_t share = 0;  // Pixel samples leased, plus the share it began with.
+  SteadyTime paused_time = SteadyTime::InfiniteFuture();  // Since when; InfiniteFuture: it goes on.
+  int32_t delivered_count = 0;
+
+  FailureLog failures;
+  LoadingLosses loading_losses;  // Since a frame was loaded for the first time.
+  std::map<int32_t, LoadingLosses> frame_loading_losses;  // By number, of frames not yet loaded.
+
+  std::optional<uint32_t> FindIndex(int32_t frame_number) const;
+  // Requires: there is such a frame.
+  uint32_t IndexOf(int32_t frame_number) const;
+  bool Paused() const { return paused_time != SteadyTime::InfiniteFuture(); }
+};
+// The first of all its frames, in this life; InfiniteFuture before.
+SteadyTime FirstLeaseTime(const JobRecord& job);
+// sample_count_left: of all or some of the job's samples. A sample is expected to cost what those
+// of the job did that are timed.
+WorkLeft WorkLeftOf(const JobRecord& job, uint64_t sample_count_left);
+
+class Scheduler {
+ public:
+  Scheduler(const Limits& limits, uint64_t first_lease_id);
+
+  // Whether a job keeps the limits (job_check.h) and there is room for it. Errors:
+  // kInvalidArgument, kResourceExhausted.
+  absl::Status CheckJob(const JobSpec& spec) const;
+  // Requires: CheckJob is OK, job_id is new.
+  void AddJob(const JobSpec& spec);
+  // Forgets a job that has ended.
+  void RemoveJob(uint64_t job_id);
+  // Puts back what was durable, after AddJob at a start. Restore* of one frame come before any
+  // lease.
+  void RestoreEnded(uint64_t job_id, JobPhase phase, const std::string& failure);
+  void RestoreFailures(uint64_t job_id, FailureLog failures);
+  // sample_count: pixel samples of the whole frame.
+  void RestoreDelivered(const FrameId& id, const ResultCost& cost, uint64_t sample_count);
+  // Gives each cell at least so many samples: what the frame's last round gives, or what it goes on
+  // from has. Before its parts.
+  void RestoreRound(const FrameId& id, std::span<const uint64_t> samples);
+  // Returns kWanted where it is put back. kOutside: the frame does not want so many samples (any
+  // more); otherwise it overlaps one that was restored.
+  FrameTasks::Fit RestorePart(const FrameId& id, const PixelRect& tile, SampleBlock block,
+                              const TileCells& cells, const ResultCost& cost);
+
+  struct SynchronizeAnswer {
+    std::vector<Lease> leases;
+    absl::Duration next_synchronize;
+  };
+  // Errors: kPermissionDenied (quarantined), kResourceExhausted (too many workers).
+  absl::StatusOr<SynchronizeAnswer> Synchronize(const WorkerReport& report, SteadyTime now);
+  // Returns whether anything changed.
+  bool Tick(SteadyTime now);
+
+  // What a result is a result of.
+  struct FoundTask {
+    // kUnknown: no live frame has the digest. kMalformed: the frame has no such tile or block.
+    enum class Kind { kWanted, kCovered, kPartial, kUnknown, kMalformed };
+    Kind kind = Kind::kUnknown;
+    FrameId frame;
+    Task task;
+  };
+  // Requires: frame_digest is a SHA-256.
+  FoundTask FindTask(const std::string& frame_digest, const PixelRect& tile, SampleBlock block,
+                     const TileCells& cells, uint64_t lease_id);
+  // Requires: FindTask just said kWanted of it. Returns whether the frame is rendered now.
+  bool Accept(const FrameId& id, const Task& task, uint64_t lease_id, const std::string& worker_id,
+              const ResultCost& cost, SteadyTime now);
+  // The part of an accepted block is lost: it is rendered again.
+  void Revoke(const FrameId& id, const Task& task);
+  // Gives the cells of a rendered frame more samples: their next round. One count a cell, none less
+  // than it has.
+  void Grow(const FrameId& id, std::span<const uint64_t> samples);
+  // A lease came to nothing. Nothing happens for a lease that is not held by the worker.
+  void Fail(const LeaseFailure& failure, const std::string& worker_id, SteadyTime now);
+  void Quarantine(const std::string& worker_id, const std::string& reason);
+
+  // The EXR of a rendered frame is there. Returns whether its job has succeeded by that.
+  bool Deliver(const FrameId& id);
+  // Nothing happens to a job that has ended.
+  void EndJob(uint64_t job_id, JobPhase phase, const std::string& failure);
+
+  // scheduler_control.cc
+  // A paused job gets no lease; what is leased is finished and taken. The time of its frames stands
+  // still meanwhile. Nothing happens to a job that has ended, or is as it shall be.
+  void Pause(uint64_t job_id, SteadyTime now);
+  void Resume(uint64_t job_id, SteadyTime now);
+  // Errors: kInvalidArgument beyond the limit.
+  absl::Status CheckPriority(int32_t priority) const;
+  // Requires: CheckPriority is OK.
+  void SetPriority(uint64_t job_id, int32_t priority);
+
+  // No frame of these scenes is leased until they are no longer named; says why (WaitingReason).
+  // Digests of manifests to reasons; replaces what was held before.
+  void HoldScenes(std::map<std::string, std::string> reasons) { held_scenes_ = std::move(reasons); }
+  const std::map<std::string, std::string>& held_scenes() const { return held_scenes_; }
+
+  // Jobs that the scheduler itself ended since the last call, to be written down by the owner.
+  std::vector<uint64_t> TakeEndedJobs();
+  // Jobs with failures that came since the last call, which it dates; likewise.
+  std::set<uint64_t> TakeFailureJobs(absl::Time stamp);
+  // Why a live job makes no progress; empty where it does or may, or is paused.
+  std::string WaitingReason(const JobRecord& job) const;
+
+  const std::map<uint64_t, JobRecord>& jobs() const { return jobs_; }
+  const FrameRecord* FindFrame(const FrameId& id) const;
+  const WorkerTable& workers() const { return workers_; }
+  const LeaseTable& leases() const { return leases_; }
+  Counters& counters() { return counters_; }
+  const Counters& counters() const { return counters_; }
+
+ private:
+  using JobKey = std::tuple<int32_t, uint64_t, uint64_t>;  // Minus priority, share, id.
+
+  FrameRecord& Frame(const FrameId& id);
+  static JobKey KeyOf(const JobRecord& job);
+  // Keeps the ready sets true after a change to a frame or a job's share.
+  void UpdateReady(JobRecord* job, uint32_t index);
+  void UpdateReadyJob(JobRecord* job, const JobKey& key_before);
+  // The share of the least served job that is ready and has the same profile and priority.
+  std::optional<uint64_t> LeastShareBeside(const JobRecord& job) const;
+  bool MayOpen(const FrameRecord& frame) const;
+  void Open(JobRecord* job, uint32_t index);
+  void Close(JobRecord* job, uint32_t index, FrameRecord::Phase phase);
+
+  // scheduler_grant.cc
+  bool Grant(WorkerRecord* worker, SteadyTime now);
+  bool GrantFromJob(JobRecord* job, WorkerRecord* worker, SteadyTime now);
+  bool GrantFromFrames(JobRecord* job, const JobRecord::FrameSet& frames, WorkerRecord* worker,
+                       SteadyTime now);
+  bool GrantFromFrame(JobRecord* job, uint32_t index, WorkerRecord* worker, SteadyTime now);
+  bool GrantByOpening(JobRecord* job, uint32_t index, WorkerRecord* worker, SteadyTime now);
+  bool Hedge(WorkerRecord* worker, SteadyTime now);
+  void AddLease(JobRecord* job, FrameRecord* frame, const Task& task, WorkerRecord* worker,
+                SteadyTime now);
+  uint64_t BlockSamplesMax(const JobRecord& job, const FrameRecord& frame,
+                           const WorkerRecord& worker, uint64_t first, int64_t pixel_count) const;
+  bool MayRender(const FrameRecord& frame, const TaskId& task, const WorkerRecord& worker,
+                 SteadyTime now) const;
+  bool MayOpenFor(const FrameRecord& frame, const WorkerRecord& worker) const;
+  // Whether a frame that this worker could render is between rounds, or will soon be.
+  bool RoundIsSoon(const WorkerRecord& worker, SteadyTime now) const;
+  absl::Duration NextSynchronize(const WorkerRecord& worker, SteadyTime now) const;
+  // How often a worker that holds leases says what it does.
+  absl::Duration BusyInterval() const;
+
+  // Whether HoldScenes named the frame's scene.
+  bool IsHeld(const FrameRecord& frame) const;
+
+  // scheduler_failures.cc
+  // Whether a live worker is left that is not in `failed`.
+  bool OthersLive(const std::string& numeric_profile, const std::set<std::string>& failed) const;
+  void DropLease(uint64_t lease_id, bool put_back);
+  void ApplyReport(WorkerRecord* worker, const WorkerReport& report, SteadyTime now);
+  void LoseLeases(const std::string& worker_id, SteadyTime now);
+  void KeepFailure(const Lease& lease, const LeaseFailure& failure);
+  void CountTaskFailure(const Lease& lease, const LeaseFailure& failure, SteadyTime now);
+  void RefuseFrame(const Lease& lease, const LeaseFailure& failure);
+  void JudgeScene(const FrameId& id);
+  void JudgeDoubtfulScenes();
+  void BlameWorker(const std::string& worker_id, const Lease& lease, const LeaseFailure& failure,
+                   SteadyTime now);
+  absl::Duration RetryDelay(int failure_count) const;
+
+  // scheduler_loading.cc
+  // A worker renders the frame, or has.
+  void NoteLoaded(const FrameId& id);
+  // The lease's worker vanished while it loaded the frame's scene.
+  void CountLoadingLoss(const Lease& lease);
+  void JudgeLoadingLosses(const FrameId& id);
+  // From the failures that are known of a job. Before its parts.
+  void RestoreLoadingLosses(JobRecord* job);
+
+  std::string TaskFailureText(const FrameRecord& frame, const Lease& lease,
+                              const TaskFailures& failures) const;
+
+  const Limits limits_;
+  std::map<uint64_t, JobRecord> jobs_;
+  std::map<std::string, std::set<JobKey>> ready_jobs_;  // By numeric profile.
+  FramesByDigest live_frames_;
+  std::set<FrameId> round_frames_;     // Open, and rendered in rounds.
+  std::set<FrameId> doubtful_frames_;  // With a scene failure that is not yet confirmed.
+  std::map<std::string, std::string> held_scenes_;
+  WorkerTable workers_;
+  LeaseTable leases_;
+  Counters counters_;
+  int64_t open_pixels_ = 0;
+  int live_job_count_ = 0;
+  std::vector<uint64_t> ended_jobs_;
+  std::set<uint64_t> failure_jobs_;
+};
+
+}  // namespace sheaf::coordinator

@@ -1,0 +1,266 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// The part of Scheduler that deals with leases that come to nothing.
+#include <algorithm>
+#include <utility>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
+#include "coordinator/core/render_command.h"
+#include "coordinator/scheduling/scheduler.h"
+
+namespace sheaf::coordinator {
+
+bool Scheduler::Tick(SteadyTime now) {
+  const std::vector<std::string> lost = workers_.MarkLost(now);
+  for (const std::string& worker_id : lost) {
+    ++counters_.workers_lost;
+    LoseLeases(worker_id, now);
+  }
+  workers_.ForgetOld(now);  // Not before: a worker that holds leases is known.
+  if (!lost.empty()) JudgeDoubtfulScenes();
+  return !lost.empty();
+}
+
+// With fewer workers left, one report of a broken scene may be all there ever will be.
+void Scheduler::JudgeDoubtfulScenes() {
+  const std::set<FrameId> doubtful = doubtful_frames_;
+  for (const FrameId& id : doubtful) JudgeScene(id);
+}
+
+void Scheduler::LoseLeases(const std::string& worker_id, SteadyTime now) {
+  const std::set<uint64_t> held = workers_.Find(worker_id)->leases;
+  std::set<FrameId> loading;  // Threads that wait for one scene lose one load.
+  for (const uint64_t lease_id : held) {
+    const Lease* lease = leases_.Find(lease_id);
+    if (lease == nullptr) continue;  // Its job ended by the loss of a lease before it.
+    ++counters_.leases_expired;
+    // Only what was being rendered or loaded can have killed the worker.
+    FailureKind kind = FailureKind::kReleased;
+    if (lease->phase == LeasePhase::kRendering) kind = FailureKind::kLost;
+    if (lease->phase == LeasePhase::kLoading && loading.insert(lease->frame).second) {
+      kind = FailureKind::kLoading;
+    }
+    Fail({lease_id, kind,
+          absl::StrCat("worker ", worker_id, " fell silent",
+                       kind == FailureKind::kLoading ? " while it loaded the scene" : "")},
+         worker_id, now);
+  }
+}
+
+void Scheduler::ApplyReport(WorkerRecord* worker, const WorkerReport& report, SteadyTime now) {
+  for (const LeaseFailure& failure : report.failures) Fail(failure, report.worker_id, now);
+  std::set<uint64_t> listed;
+  for (const LeaseReport& held : report.leases) {
+    if (!worker->leases.contains(held.lease_id)) continue;
+    listed.insert(held.lease_id);
+    leases_.SetPhase(held.lease_id, held.phase);
+    if (held.phase == LeasePhase::kRendering) NoteLoaded(leases_.Find(held.lease_id)->frame);
+  }
+  const std::set<uint64_t> leases = worker->leases;
+  for (const uint64_t lease_id : leases) {
+    const Lease* lease = leases_.Find(lease_id);
+    if (lease == nullptr) continue;
+    if (report.draining && !listed.contains(lease_id)) {
+      // Its grant never reached the worker, or the worker let go of it.
+      Fail({lease_id, FailureKind::kReleased, ""}, report.worker_id, now);
+    } else if (lease->grant_time + limits_.lease_age_max < now) {
+      ++counters_.leases_expired;
+      Fail({lease_id, FailureKind::kLost, "the lease never ended: the renderer hangs"},
+           report.worker_id, now);
+    }
+  }
+  if (report.draining) JudgeDoubtfulScenes();
+}
+
+void Scheduler::DropLease(uint64_t lease_id, bool put_back) {
+  const Lease lease = *leases_.Find(lease_id);
+  const int holders_left = leases_.Remove(lease_id);
+  if (WorkerRecord* worker = workers_.Find(lease.worker_id)) worker->leases.erase(lease_id);
+  FrameRecord& frame = Frame(lease.frame);
+  if (!put_back || holders_left > 0 || frame.tasks == nullptr) return;
+  frame.tasks->PutBack(lease.task);
+  JobRecord& job = jobs_.at(lease.frame.job_id);
+  UpdateReady(&job, job.IndexOf(lease.frame.frame_number));
+}
+
+void Scheduler::Fail(const LeaseFailure& failure, const std::string& worker_id, SteadyTime now) {
+  const Lease* found = leases_.Find(failure.lease_id);
+  if (found == nullptr || found->worker_id != worker_id) return;
+  const Lease lease = *found;
+  ++counters_.failures[static_cast<size_t>(failure.kind)];
+  DropLease(failure.lease_id, /*put_back=*/true);
+  KeepFailure(lease, failure);
+  CountTaskFailure(lease, failure, now);
+  BlameWorker(worker_id, lease, failure, now);
+  if (failure.kind == FailureKind::kScene || failure.kind == FailureKind::kMemory) {
+    RefuseFrame(lease, failure);
+  }
+}
+
+void Scheduler::KeepFailure(const Lease& lease, const LeaseFailure& failure) {
+  if (failure.kind == FailureKind::kReleased) return;
+  JobRecord& job = jobs_.at(lease.frame.job_id);
+  FailureLog& log = job.failures;
+  ++log.count;
+  log.last.push_back({lease.frame.frame_number, lease.tile_rect, lease.task.block, lease.worker_id,
+                      failure.kind, failure.message});
+  if (log.last.size() > static_cast<size_t>(limits_.failures_kept_max)) log.last.pop_front();
+  failure_jobs_.insert(lease.frame.job_id);
+}
+
+void Scheduler::RestoreFailures(uint64_t job_id, FailureLog failures) {
+  JobRecord& job = jobs_.at(job_id);
+  job.failures = std::move(failures);
+  RestoreLoadingLosses(&job);
+}
+
+std::set<uint64_t> Scheduler::TakeFailureJobs(absl::Time stamp) {
+  for (const uint64_t id : failure_jobs_) {
+    const auto job = jobs_.find(id);
+    if (job == jobs_.end()) continue;
+    for (FailureRecord& failure : job->second.failures.last) {
+      if (failure.time == absl::InfinitePast()) failure.time = stamp;
+    }
+  }
+  return std::exchange(failure_jobs_, {});
+}
+
+absl::Duration Scheduler::RetryDelay(int failure_count) const {
+  absl::Duration delay = limits_.retry_delay_initial;
+  for (int i = 1; i < failure_count && delay < limits_.retry_delay_max; ++i) delay *= 2;
+  return std::min(delay, limits_.retry_delay_max);
+}
+
+bool Scheduler::OthersLive(const std::string& numeric_profile,
+                           const std::set<std::string>& failed) const {
+  int live_failed = 0;
+  for (const std::string& id : failed) {
+    const auto found = workers_.workers().find(id);
+    if (found == workers_.workers().end()) continue;
+    const WorkerRecord& worker = found->second;
+    if (worker.Live() && worker.numeric_profile == numeric_profile) ++live_failed;
+  }
+  return workers_.LiveCount(numeric_profile) > live_failed;
+}
+
+void Scheduler::CountTaskFailure(const Lease& lease, const LeaseFailure& failure, SteadyTime now) {
+  FrameRecord& frame = Frame(lease.frame);
+  if (frame.tasks == nullptr) return;
+  TaskFailures& record = frame.failures[MakeTaskId(lease.frame, lease.task)];
+  ++record.attempt_count;
+  if (failure.kind == FailureKind::kReleased) return;
+  record.failed_by.insert(lease.worker_id);
+  record.last_message = failure.message;
+  bool for_good = false;
+  switch (failure.kind) {
+    case FailureKind::kInfrastructure:
+      ++record.infrastructure_count;
+      record.not_before = now + RetryDelay(record.infrastructure_count);
+      for_good = record.infrastructure_count >= limits_.infrastructure_failures_max;
+      break;
+    case FailureKind::kLost:
+      record.lost.insert(lease.worker_id);
+      for_good = static_cast<int>(record.lost.size()) >= limits_.lost_workers_max;
+      break;
+    case FailureKind::kInternal:
+    case FailureKind::kMemory: {
+      record.crashed.insert(lease.worker_id);
+      ++record.crash_count;
+      const bool distinct = static_cast<int>(record.crashed.size()) >= limits_.crash_workers_max;
+      // Where there are fewer workers than that, each failing again is as good a proof.
+      const std::string& profile = jobs_.at(lease.frame.job_id).spec.numeric_profile;
+      for_good = distinct || (record.crash_count >= limits_.crash_workers_max &&
+                              !OthersLive(profile, record.failed_by));
+      break;
+    }
+    case FailureKind::kLoading:
+      CountLoadingLoss(lease);
+      return;
+    case FailureKind::kScene:
+    case FailureKind::kReleased:
+      break;
+  }
+  if (!for_good) return;
+  ++counters_.tasks_poisoned;
+  EndJob(lease.frame.job_id, JobPhase::kFailed, TaskFailureText(frame, lease, record));
+}
+
+std::string Scheduler::TaskFailureText(const FrameRecord& frame, const Lease& lease,
+                                       const TaskFailures& failures) const {
+  const PixelRect& r = lease.tile_rect;
+  const SampleBlock& b = lease.task.block;
+  return absl::StrCat("frame ", frame.number(), ", tile [", r.x0, ", ", r.x1, ") x [", r.y0, ", ",
+                      r.y1, "), samples [", b.first, ", ", b.End(), "): failed ",
+                      failures.attempt_count, " times, on ",
+                      absl::StrJoin(failures.failed_by, ", "), "; last: ", failures.last_message,
+                      "; to reproduce: ", RenderCommand("SCENE", frame.settings(), r, b.End()),
+                      " (scene digest ", frame.packed.scene().Hex(), ")");
+}
+
+void Scheduler::RefuseFrame(const Lease& lease, const LeaseFailure& failure) {
+  FrameRecord& frame = Frame(lease.frame);
+  if (frame.tasks == nullptr) return;
+  if (failure.kind == FailureKind::kScene) {
+    frame.refused_by[lease.worker_id] = failure.message;
+    frame.scene_failed_by.insert(lease.worker_id);
+    doubtful_frames_.insert(lease.frame);
+    JudgeScene(lease.frame);
+    return;
+  }
+  // Lack of memory concerns the whole scene: leave it to larger machines while there are others.
+  // The last machine left tries again, up to the task's budget.
+  std::set<std::string> refused{lease.worker_id};
+  for (const auto& [worker_id, message] : frame.refused_by) refused.insert(worker_id);
+  if (OthersLive(jobs_.at(lease.frame.job_id).spec.numeric_profile, refused)) {
+    frame.refused_by[lease.worker_id] = failure.message;
+  } else {
+    absl::erase_if(frame.refused_by,
+                   [&](const auto& entry) { return !frame.scene_failed_by.contains(entry.first); });
+  }
+}
+
+void Scheduler::JudgeScene(const FrameId& id) {
+  FrameRecord& frame = Frame(id);
+  const int reports = static_cast<int>(frame.scene_failed_by.size());
+  const std::string& profile = jobs_.at(id.job_id).spec.numeric_profile;
+  // One report is enough where nobody is left to contradict it.
+  const bool judged =
+      reports >= limits_.scene_failure_workers_max ||
+      !OthersLive(profile, {frame.scene_failed_by.begin(), frame.scene_failed_by.end()});
+  if (reports == 0 || !judged) return;
+  const std::string message = frame.refused_by.at(*frame.scene_failed_by.rbegin());
+  EndJob(id.job_id, JobPhase::kFailed,
+         absl::StrCat("frame ", id.frame_number, " cannot be rendered: ", message));
+}
+
+void Scheduler::BlameWorker(const std::string& worker_id, const Lease& lease,
+                            const LeaseFailure& failure, SteadyTime now) {
+  WorkerRecord* worker = workers_.Find(worker_id);
+  if (worker == nullptr || failure.kind == FailureKind::kReleased ||
+      failure.kind == FailureKind::kLost || failure.kind == FailureKind::kLoading) {
+    return;
+  }
+  if (failure.kind == FailureKind::kInfrastructure) {
+    ++worker->infrastructure_failures;
+    worker->no_work_before = now + RetryDelay(worker->infrastructure_failures);
+    return;
+  }
+  worker->failed_jobs.insert(lease.frame.job_id);
+  if (static_cast<int>(worker->failed_jobs.size()) < limits_.quarantine_jobs_min) return;
+  Quarantine(worker_id, absl::StrCat("it failed ", worker->failed_jobs.size(),
+                                     " jobs in a row; last: ", failure.message));
+}
+
+void Scheduler::Quarantine(const std::string& worker_id, const std::string& reason) {
+  WorkerRecord* worker = workers_.Find(worker_id);
+  if (worker == nullptr || worker->Quarantined()) return;
+  workers_.Quarantine(worker, reason);
+  ++counters_.workers_quarantined;
+  const std::set<uint64_t> held = worker->leases;
+  for (const uint64_t lease_id : held) DropLease(lease_id, /*put_back=*/true);
+}
+
+}  // namespace sheaf::coordinator

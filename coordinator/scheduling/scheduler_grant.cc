@@ -1,0 +1,221 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// The part of Scheduler that gives work out.
+#include <algorithm>
+#include <bit>
+#include <cmath>
+
+#include "absl/strings/str_cat.h"
+#include "coordinator/scheduling/scheduler.h"
+
+namespace sheaf::coordinator {
+
+absl::StatusOr<Scheduler::SynchronizeAnswer> Scheduler::Synchronize(const WorkerReport& report,
+                                                                    SteadyTime now) {
+  ++counters_.synchronize_calls;
+  Tick(now);
+  WorkerRecord* worker = workers_.Touch(report, now);
+  if (worker == nullptr) {
+    return absl::ResourceExhaustedError(
+        absl::StrCat("the farm has ", limits_.workers_max, " workers, the limit"));
+  }
+  ApplyReport(worker, report, now);
+  if (worker->Quarantined()) {
+    return absl::PermissionDeniedError(
+        absl::StrCat("worker ", report.worker_id, " is quarantined: ", worker->quarantine_reason));
+  }
+  for (const uint64_t id : worker->leases) {
+    worker->warm_scenes.insert(Frame(leases_.Find(id)->frame).packed.scene().Hex());
+  }
+  const size_t wanted =
+      static_cast<size_t>(std::clamp(report.lease_count_wanted, 0, limits_.leases_per_worker_max));
+  if (!worker->draining && now >= worker->no_work_before) {
+    while (worker->leases.size() < wanted && Grant(worker, now)) {
+    }
+    if (worker->leases.empty() && wanted > 0) Hedge(worker, now);
+  }
+  SynchronizeAnswer answer;
+  for (const uint64_t id : worker->leases) answer.leases.push_back(*leases_.Find(id));
+  answer.next_synchronize = NextSynchronize(*worker, now);
+  return answer;
+}
+
+bool Scheduler::RoundIsSoon(const WorkerRecord& worker, SteadyTime now) const {
+  if (worker.draining || now < worker.no_work_before) return false;
+  int scanned = 0;
+  for (const FrameId& id : round_frames_) {
+    if (++scanned > limits_.job_scan_max) break;
+    const JobRecord& job = jobs_.at(id.job_id);
+    if (!job.Paused() && job.spec.numeric_profile == worker.numeric_profile) return true;
+  }
+  return false;
+}
+
+absl::Duration Scheduler::BusyInterval() const {
+  return std::min(limits_.heartbeat_interval_max, limits_.lease_duration / 4);
+}
+
+absl::Duration Scheduler::NextSynchronize(const WorkerRecord& worker, SteadyTime now) const {
+  const absl::Duration busy = BusyInterval();
+  if (!worker.leases.empty()) return busy;
+  // Waiting workers share the call rate that the coordinator serves with ease.
+  const absl::Duration fair = absl::Seconds(workers_.LiveCount() / limits_.synchronize_rate_max);
+  const absl::Duration least =
+      RoundIsSoon(worker, now) ? limits_.round_interval_min : limits_.idle_interval_min;
+  return std::min(std::max(least, fair), busy);
+}
+
+bool Scheduler::Grant(WorkerRecord* worker, SteadyTime now) {
+  const auto ready = ready_jobs_.find(worker->numeric_profile);
+  if (ready == ready_jobs_.end()) return false;
+  // Granting changes the set, so walk a copy of its bounded front.
+  std::vector<uint64_t> front;
+  for (const JobKey& key : ready->second) {
+    if (front.size() >= static_cast<size_t>(limits_.job_scan_max)) break;
+    front.push_back(std::get<2>(key));
+    if (front.size() == 1 && GrantFromJob(&jobs_.at(front[0]), worker, now)) return true;
+  }
+  for (size_t i = 1; i < front.size(); ++i) {
+    if (GrantFromJob(&jobs_.at(front[i]), worker, now)) return true;
+  }
+  return false;
+}
+
+bool Scheduler::GrantFromJob(JobRecord* job, WorkerRecord* worker, SteadyTime now) {
+  for (const std::string& scene : worker->warm_scenes) {
+    if (const auto warm = job->ready_by_scene.find(scene); warm != job->ready_by_scene.end()) {
+      if (GrantFromFrames(job, warm->second, worker, now)) return true;
+    }
+    if (const std::optional<uint32_t> warm = job->pending.FirstOf(PackedDigest(scene))) {
+      if (GrantByOpening(job, *warm, worker, now)) return true;
+    }
+  }
+  // A cold worker reads a scene in any case; on a frame of its own it stays warm for longest.
+  if (!job->pending.empty() && GrantByOpening(job, job->pending.First(), worker, now)) return true;
+  return GrantFromFrames(job, job->ready, worker, now);
+}
+
+bool Scheduler::GrantFromFrames(JobRecord* job, const JobRecord::FrameSet& frames,
+                                WorkerRecord* worker, SteadyTime now) {
+  int scanned = 0;
+  for (auto it = frames.begin(); it != frames.end() && scanned < limits_.avoid_scan_max;
+       ++scanned) {
+    // A grant may take the frame out of the set, and with its last frame the set away.
+    const uint32_t index = *it++;
+    if (GrantFromFrame(job, index, worker, now)) return true;
+  }
+  return false;
+}
+
+bool Scheduler::GrantByOpening(JobRecord* job, uint32_t index, WorkerRecord* worker,
+                               SteadyTime now) {
+  if (!MayOpen(job->frames[index]) || IsHeld(job->frames[index])) return false;
+  Open(job, index);
+  return GrantFromFrame(job, index, worker, now);
+}
+
+bool Scheduler::GrantFromFrame(JobRecord* job, uint32_t index, WorkerRecord* worker,
+                               SteadyTime now) {
+  FrameRecord& frame = job->frames[index];
+  const FrameId id{job->spec.job_id, frame.number()};
+  if (!MayOpenFor(frame, *worker)) return false;
+  std::optional<Task> task = frame.tasks->TakeReturned(
+      [&](const Task& t) { return MayRender(frame, MakeTaskId(id, t), *worker, now); },
+      limits_.avoid_scan_max);
+  if (!task) {
+    task = frame.tasks->TakeFresh([&](uint64_t first, int64_t pixel_count) {
+      return BlockSamplesMax(*job, frame, *worker, first, pixel_count);
+    });
+  }
+  if (!task) return false;
+  AddLease(job, &frame, *task, worker, now);
+  UpdateReady(job, index);
+  return true;
+}
+
+void Scheduler::AddLease(JobRecord* job, FrameRecord* frame, const Task& task, WorkerRecord* worker,
+                         SteadyTime now) {
+  Lease lease;
+  lease.frame = {job->spec.job_id, frame->number()};
+  lease.task = task;
+  const CellGrid& grid = frame->tasks->grid();
+  lease.tile_rect = grid.tiles()[task.tile];
+  lease.cells = grid.CellsOf(task.tile, task.cells);
+  lease.worker_id = worker->worker_id;
+  lease.grant_time = now;
+  const auto failures = frame->failures.find(MakeTaskId(lease.frame, task));
+  if (failures != frame->failures.end()) lease.attempt = failures->second.attempt_count;
+  const Lease& stored = leases_.Add(std::move(lease));
+  worker->leases.insert(stored.lease_id);
+  worker->warm_scenes.insert(frame->packed.scene().Hex());
+  frame->first_lease_time = std::min(frame->first_lease_time, now);
+  ++counters_.leases_granted;
+  const JobKey key_before = KeyOf(*job);
+  job->share += frame->tasks->PixelSamples(task);
+  UpdateReadyJob(job, key_before);
+}
+
+uint64_t Scheduler::BlockSamplesMax(const JobRecord& job, const FrameRecord& frame,
+                                    const WorkerRecord& worker, uint64_t first,
+                                    int64_t pixel_count) const {
+  const Partition& partition = job.spec.partition;
+  const uint64_t pass = partition.pass_sample_count;
+  if (partition.lease_pass_count != 0) {
+    return first == 0 ? pass : pass * partition.lease_pass_count;
+  }
+  const double rate = worker.SamplesPerThreadSecond();
+  if (rate <= 0) return pass;
+  // A worker that asks for fewer leases than it has threads renders one lease with several.
+  const int threads_per_lease =
+      std::max(1, worker.thread_count / std::max(1, worker.lease_count_wanted));
+  const double pixels = static_cast<double>(pixel_count);
+  const double seconds =
+      first == 0 ? limits_.first_lease_target_seconds : limits_.lease_target_seconds;
+  double samples = rate * threads_per_lease * seconds / pixels;
+  const double workers = std::max(1, workers_.LiveCount(job.spec.numeric_profile));
+  const double left = static_cast<double>(frame.tasks->sample_count_ready());
+  samples = std::min(samples, left / (limits_.tail_divisor * workers * pixels));
+  if (first == 0) {
+    samples = std::min(samples,
+                       static_cast<double>(frame.settings().samples / limits_.first_lease_share));
+  }
+  const double passes = std::clamp(samples / static_cast<double>(pass), 1.0,
+                                   static_cast<double>(limits_.lease_pass_count_max));
+  return pass * std::bit_floor(static_cast<uint64_t>(passes));
+}
+
+bool Scheduler::MayOpenFor(const FrameRecord& frame, const WorkerRecord& worker) const {
+  return !frame.refused_by.contains(worker.worker_id) && !IsHeld(frame);
+}
+
+bool Scheduler::MayRender(const FrameRecord& frame, const TaskId& task, const WorkerRecord& worker,
+                          SteadyTime now) const {
+  if (!MayOpenFor(frame, worker)) return false;
+  const auto found = frame.failures.find(task);
+  if (found == frame.failures.end()) return true;
+  const TaskFailures& failures = found->second;
+  if (now < failures.not_before) return false;
+  return !failures.failed_by.contains(worker.worker_id) ||
+         !OthersLive(worker.numeric_profile, failures.failed_by);
+}
+
+bool Scheduler::Hedge(WorkerRecord* worker, SteadyTime now) {
+  int scanned = 0;
+  for (const LeaseTable::HedgeKey& key : leases_.hedgeable()) {
+    if (++scanned > limits_.hedge_scan_max) return false;
+    const Lease& first = *leases_.Find(std::get<2>(key));
+    JobRecord& job = jobs_.at(first.frame.job_id);
+    FrameRecord& frame = Frame(first.frame);
+    if (first.worker_id == worker->worker_id) continue;
+    if (job.Paused() || job.spec.numeric_profile != worker->numeric_profile) continue;
+    if (!MayRender(frame, MakeTaskId(first.frame, first.task), *worker, now)) continue;
+    ++counters_.leases_hedged;
+    const Task task = first.task;
+    AddLease(&job, &frame, task, worker, now);
+    return true;
+  }
+  return false;
+}
+
+}  // namespace sheaf::coordinator

@@ -1,0 +1,71 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// The part of Scheduler that deals with scenes that end the workers that load them.
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
+#include "coordinator/scheduling/scheduler.h"
+
+namespace sheaf::coordinator {
+
+void Scheduler::NoteLoaded(const FrameId& id) {
+  FrameRecord& frame = Frame(id);
+  if (frame.loaded) return;
+  frame.loaded = true;
+  JobRecord& job = jobs_.at(id.job_id);
+  job.frame_loading_losses.erase(id.frame_number);
+  job.loading_losses.Clear();
+}
+
+void Scheduler::CountLoadingLoss(const Lease& lease) {
+  if (Frame(lease.frame).loaded) return;
+  JobRecord& job = jobs_.at(lease.frame.job_id);
+  // Whoever is alive says so at least that often.
+  const WorkerRecord* worker = workers_.Find(lease.worker_id);
+  const SteadyTime gone_time =
+      (worker != nullptr ? worker->last_seen_time : lease.grant_time) + BusyInterval();
+  job.frame_loading_losses[lease.frame.frame_number].Add(lease.worker_id, lease.grant_time,
+                                                         gone_time);
+  job.loading_losses.Add(lease.worker_id, lease.grant_time, gone_time);
+  JudgeLoadingLosses(lease.frame);
+}
+
+void Scheduler::JudgeLoadingLosses(const FrameId& id) {
+  const JobRecord& job = jobs_.at(id.job_id);
+  const LoadingLosses& frame_losses = job.frame_loading_losses.at(id.frame_number);
+  const bool of_frame = frame_losses.count() >= limits_.loading_losses_max;
+  const bool of_job = job.loading_losses.count() >= limits_.job_loading_losses_max;
+  if (!of_frame && !of_job) return;
+  const absl::btree_set<std::string>& workers =
+      of_frame ? frame_losses.workers() : job.loading_losses.workers();
+  const std::string text = absl::StrCat(
+      "frame ", id.frame_number, ": ", workers.size(), " workers vanished one after the other ",
+      "while they loaded ", of_frame ? "its scene" : "scenes of this job",
+      ", and none has loaded it: ", absl::StrJoin(workers, ", "),
+      "; it may need more memory than they have (sheaf plan says how much): make it smaller, or "
+      "start workers with more memory and submit it again (scene digest ",
+      Frame(id).packed.scene().Hex(), ")");
+  EndJob(id.job_id, JobPhase::kFailed, text);
+}
+
+void Scheduler::RestoreLoadingLosses(JobRecord* job) {
+  for (const FailureRecord& failure : job->failures.last) {
+    if (failure.kind != FailureKind::kLoading) continue;
+    if (!job->FindIndex(failure.frame_number).has_value()) continue;
+    LoadingLosses& frame_losses = job->frame_loading_losses[failure.frame_number];
+    // When its lease was granted is forgotten; that it came later than the loss before it must do.
+    // The loss that ends a job is one that is seen.
+    const SteadyTime lost_time = SteadyTime() + (failure.time - absl::UnixEpoch());
+    const SteadyTime gone_time = lost_time + BusyInterval();
+    if (frame_losses.count() + 1 < limits_.loading_losses_max) {
+      frame_losses.Add(failure.worker_id, lost_time, gone_time);
+    }
+    if (job->loading_losses.count() + 1 < limits_.job_loading_losses_max) {
+      job->loading_losses.Add(failure.worker_id, lost_time, gone_time);
+    }
+  }
+  for (auto& [number, losses] : job->frame_loading_losses) losses.ForgetTime();
+  job->loading_losses.ForgetTime();
+}
+
+}  // namespace sheaf::coordinator

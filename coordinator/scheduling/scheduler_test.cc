@@ -1,0 +1,443 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "coordinator/scheduling/scheduler.h"
+
+#include <algorithm>
+#include <map>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "common/base/digest.h"
+#include "gmock/gmock.h"
+#include "gtest/gtest.h"
+
+namespace sheaf::coordinator {
+namespace {
+
+using ::testing::HasSubstr;
+using Found = Scheduler::FoundTask::Kind;
+
+constexpr char kProfile[] = "profile";
+
+std::string Digest(uint64_t number) { return Sha256Hex(absl::StrCat(number)); }
+
+class SchedulerTest : public testing::Test {
+ protected:
+  FrameSpec Frame(int32_t number, const std::string& scene, uint64_t digest) {
+    FrameSpec frame;
+    frame.frame_number = number;
+    frame.scene = {Sha256Hex(scene), 1};
+    frame.settings.width_px = frame.settings.height_px = 64;
+    frame.settings.window = {0, 0, 64, 64};
+    frame.settings.samples = 64;
+    frame.frame_digest = Digest(digest);
+    return frame;
+  }
+  // A job of frames of four tiles with four passes each.
+  uint64_t AddJob(int frame_count = 1, int32_t priority = 0, const StopRule& stop = {}) {
+    JobSpec job;
+    job.job_id = ++last_job_id_;
+    job.priority = priority;
+    job.numeric_profile = kProfile;
+    job.partition = {32, 16, 1};
+    for (int i = 1; i <= frame_count; ++i) {
+      job.frames.push_back(
+          Frame(i, absl::StrCat("scene", job.job_id, "-", i), job.job_id * 100 + i));
+      job.frames.back().stop = stop;
+    }
+    EXPECT_TRUE(scheduler_.CheckJob(job).ok());
+    scheduler_.AddJob(job);
+    return job.job_id;
+  }
+
+  // What worker `id` holds after a Synchronize; it reports what it held before, rendering the
+  // first.
+  const std::vector<Lease>& Sync(const std::string& id, int wanted) {
+    WorkerReport report;
+    report.worker_id = report.host = id;
+    report.numeric_profile = kProfile;
+    report.lease_count_wanted = wanted;
+    for (const Lease& lease : held_[id]) {
+      const bool first = report.leases.empty();
+      report.leases.push_back(
+          {lease.lease_id, first ? LeasePhase::kRendering : LeasePhase::kQueued});
+    }
+    report.failures = failures_[id];
+    report.draining = draining_;
+    report.warm_scenes = warm_;
+    failures_[id].clear();
+    const absl::StatusOr<Scheduler::SynchronizeAnswer> answer =
+        scheduler_.Synchronize(report, now_);
+    status_ = answer.status();
+    next_synchronize_ = answer.ok() ? answer->next_synchronize : absl::InfiniteDuration();
+    held_[id] = answer.ok() ? answer->leases : std::vector<Lease>{};
+    return held_[id];
+  }
+  Scheduler::FoundTask Find(const Lease& lease) {
+    return scheduler_.FindTask(scheduler_.FindFrame(lease.frame)->Spec().frame_digest,
+                               lease.tile_rect, lease.task.block, lease.cells, lease.lease_id);
+  }
+  bool Accept(const Lease& lease) {
+    EXPECT_EQ(Find(lease).kind, Found::kWanted);
+    std::erase_if(held_[lease.worker_id],
+                  [&](const Lease& l) { return l.lease_id == lease.lease_id; });
+    return scheduler_.Accept(lease.frame, lease.task, lease.lease_id, lease.worker_id,
+                             {1, 0, absl::Milliseconds(1)}, now_);
+  }
+  void Fail(const Lease& lease, FailureKind kind, const std::string& message = "broken") {
+    std::erase_if(held_[lease.worker_id],
+                  [&](const Lease& l) { return l.lease_id == lease.lease_id; });
+    failures_[lease.worker_id].push_back({lease.lease_id, kind, message});
+  }
+  const JobRecord& Job(uint64_t id) { return scheduler_.jobs().at(id); }
+
+  Limits limits_;
+  Scheduler scheduler_{limits_, 1000};
+  SteadyTime now_;
+  uint64_t last_job_id_ = 0;
+  absl::Status status_;
+  absl::Duration next_synchronize_;
+  bool draining_ = false;
+  std::vector<std::string> warm_;
+  std::map<std::string, std::vector<Lease>> held_;
+  std::map<std::string, std::vector<LeaseFailure>> failures_;
+};
+
+TEST_F(SchedulerTest, OneWorkerFinishesAJob) {
+  const uint64_t job = AddJob();
+  int results = 0;
+  bool rendered = false;
+  while (!Sync("a", 2).empty()) {
+    const Lease lease = held_["a"][0];
+    rendered = Accept(lease);
+    ++results;
+  }
+  EXPECT_TRUE(rendered);
+  EXPECT_EQ(results, 4 * 4);
+  EXPECT_TRUE(scheduler_.Deliver({job, 1}));
+  EXPECT_EQ(Job(job).phase, JobPhase::kSucceeded);
+  EXPECT_EQ(scheduler_.TakeEndedJobs(), std::vector<uint64_t>{job});
+  EXPECT_EQ(scheduler_.leases().size(), 0u);
+}
+
+// Between rounds nothing can be leased: who asks again late is idle for that long.
+TEST_F(SchedulerTest, IdleWorkersAskSoonForTheNextRound) {
+  const uint64_t job = AddJob(1, 0, {.target_error = 0.1});
+  EXPECT_FALSE(Sync("a", 100).empty());
+  EXPECT_EQ(next_synchronize_, limits_.heartbeat_interval_max);
+  while (!Sync("a", 2).empty()) Accept(held_["a"][0]);
+  EXPECT_EQ(next_synchronize_, limits_.round_interval_min);
+  draining_ = true;
+  Sync("a", 2);
+  EXPECT_EQ(next_synchronize_, limits_.idle_interval_min);
+  draining_ = false;
+  scheduler_.Pause(job, now_);
+  Sync("a", 2);
+  EXPECT_EQ(next_synchronize_, limits_.idle_interval_min);
+  scheduler_.Resume(job, now_);
+  scheduler_.Deliver({job, 1});
+  Sync("a", 2);
+  EXPECT_EQ(next_synchronize_, limits_.idle_interval_min);
+}
+
+TEST_F(SchedulerTest, LostReplyIsHarmless) {
+  AddJob();
+  const std::vector<Lease> first = Sync("a", 2);
+  held_["a"].clear();  // The reply never came.
+  const std::vector<Lease> second = Sync("a", 2);
+  ASSERT_EQ(second.size(), 2u);
+  EXPECT_EQ(first[0].lease_id, second[0].lease_id);
+  EXPECT_EQ(first[1].lease_id, second[1].lease_id);
+}
+
+TEST_F(SchedulerTest, SilentWorkerLosesItsLeasesAndALateResultStillCounts) {
+  AddJob();
+  const Lease lease = Sync("a", 1)[0];
+  now_ += limits_.lease_duration + absl::Seconds(1);
+  const Lease again = Sync("b", 1)[0];
+  EXPECT_EQ(again.task, lease.task);
+  EXPECT_EQ(again.attempt, 1);
+  EXPECT_NE(again.lease_id, lease.lease_id);
+  EXPECT_EQ(scheduler_.counters().leases_expired, 1u);
+  Accept(lease);
+  EXPECT_EQ(scheduler_.counters().results_late, 1u);
+  EXPECT_EQ(Find(again).kind, Found::kCovered);
+  // The newer lease is cancelled: it is not in the next answer.
+  for (const Lease& held : Sync("b", 1)) EXPECT_NE(held.lease_id, again.lease_id);
+}
+
+TEST_F(SchedulerTest, IdleWorkerHedgesWhatAnotherHoldsButNeverItsOwn) {
+  AddJob();
+  const std::vector<Lease> all = Sync("a", 16);
+  ASSERT_EQ(all.size(), 16u);
+  EXPECT_EQ(Sync("a", 17).size(), 16u);
+  const Lease hedge = Sync("b", 1)[0];
+  EXPECT_EQ(scheduler_.counters().leases_hedged, 1u);
+  EXPECT_EQ(Sync("b", 4).size(), 1u);  // One at a time.
+  const Lease other = Sync("c", 1)[0];
+  EXPECT_NE(hedge.task, other.task);
+  Accept(hedge);
+  EXPECT_EQ(Sync("a", 16).size(), 15u);
+  EXPECT_EQ(scheduler_.counters().leases_cancelled, 1u);
+}
+
+TEST_F(SchedulerTest, HedgesBeginWithWhatIsNotBegun) {
+  AddJob();
+  Sync("a", 16);
+  Sync("a", 16);  // Now it reports the first as being rendered.
+  EXPECT_NE(Sync("b", 1)[0].task, held_["a"][0].task);
+}
+
+TEST_F(SchedulerTest, HigherPriorityGoesFirstAndEqualsShare) {
+  const uint64_t low = AddJob(1, 0), high = AddJob(1, 5);
+  for (const Lease& lease : Sync("a", 16)) EXPECT_EQ(lease.frame.job_id, high);
+  EXPECT_EQ(Sync("b", 1)[0].frame.job_id, low);
+  const uint64_t equal = AddJob(1, 0);
+  std::map<uint64_t, int> counts;
+  for (const Lease& lease : Sync("c", 10)) ++counts[lease.frame.job_id];
+  EXPECT_EQ(counts[low], 5);
+  EXPECT_EQ(counts[equal], 5);
+}
+
+TEST_F(SchedulerTest, ColdWorkersSpreadOverFramesAndWarmOnesStay) {
+  AddJob(3);
+  EXPECT_EQ(Sync("a", 1)[0].frame.frame_number, 1);
+  EXPECT_EQ(Sync("b", 1)[0].frame.frame_number, 2);
+  EXPECT_EQ(Sync("a", 2)[1].frame.frame_number, 1);
+  warm_ = {Sha256Hex("scene1-3")};
+  EXPECT_EQ(Sync("c", 1)[0].frame.frame_number, 3);
+}
+
+TEST_F(SchedulerTest, OtherProfileGetsNothing) {
+  const uint64_t job = AddJob();
+  WorkerReport report;
+  report.worker_id = "a";
+  report.numeric_profile = "other";
+  report.lease_count_wanted = 2;
+  const auto answer = scheduler_.Synchronize(report, now_);
+  ASSERT_TRUE(answer.ok());
+  EXPECT_TRUE(answer->leases.empty());
+  EXPECT_THAT(scheduler_.WaitingReason(Job(job)), HasSubstr("other"));
+}
+
+TEST_F(SchedulerTest, ReleasedLeaseCostsNothing) {
+  AddJob();
+  Sync("b", 0);
+  for (int i = 0; i < 50; ++i) {
+    Fail(Sync("a", 1)[0], FailureKind::kReleased);
+  }
+  EXPECT_EQ(Job(1).phase, JobPhase::kLive);
+  EXPECT_EQ(Sync("a", 1)[0].task, (Task{0, {0, 16}}));
+}
+
+TEST_F(SchedulerTest, DrainingWorkerKeepsWhatItHoldsAndGetsNothingNew) {
+  AddJob();
+  Sync("a", 2);
+  draining_ = true;
+  EXPECT_EQ(Sync("a", 4).size(), 2u);
+  held_["a"].clear();  // It lets go of both.
+  EXPECT_TRUE(Sync("a", 4).empty());
+  draining_ = false;
+  EXPECT_EQ(Sync("b", 1)[0].attempt, 1);
+}
+
+TEST_F(SchedulerTest, WorkerDoesNotGetATaskAgainThatItFailed) {
+  AddJob();
+  Sync("b", 0);
+  const Lease lease = Sync("a", 1)[0];
+  Fail(lease, FailureKind::kInternal);
+  EXPECT_NE(Sync("a", 1)[0].task, lease.task);
+  EXPECT_EQ(Sync("b", 1)[0].task, lease.task);
+}
+
+TEST_F(SchedulerTest, ThreeDistinctWorkersMakePoison) {
+  const uint64_t job = AddJob();
+  Sync("d", 0);
+  for (const std::string id : {"a", "b", "c"}) {
+    const Lease lease = Sync(id, 1)[0];
+    EXPECT_EQ(lease.task, (Task{0, {0, 16}}));
+    EXPECT_EQ(Job(job).phase, JobPhase::kLive);
+    Fail(lease, FailureKind::kInternal, "segmentation fault");
+    Sync(id, 0);
+  }
+  EXPECT_EQ(Job(job).phase, JobPhase::kFailed);
+  EXPECT_EQ(scheduler_.counters().tasks_poisoned, 1u);
+  EXPECT_THAT(Job(job).failure, HasSubstr("[0, 32) x [0, 32)"));
+  EXPECT_THAT(Job(job).failure, HasSubstr("segmentation fault"));
+  EXPECT_THAT(Job(job).failure, HasSubstr("--crop 0,0,32,32"));
+  EXPECT_EQ(scheduler_.leases().size(), 0u);
+}
+
+TEST_F(SchedulerTest, OnlyWorkerThatFailsThreeTimesMakesPoisonToo) {
+  const uint64_t job = AddJob();
+  for (int i = 0; i < 3; ++i) {
+    ASSERT_EQ(Job(job).phase, JobPhase::kLive);
+    Fail(Sync("a", 1)[0], FailureKind::kInternal);
+    Sync("a", 0);
+  }
+  EXPECT_EQ(Job(job).phase, JobPhase::kFailed);
+}
+
+TEST_F(SchedulerTest, VanishingWorkersHaveTheirOwnLargerBudget) {
+  const uint64_t job = AddJob();
+  for (int i = 0; i < limits_.lost_workers_max; ++i) {
+    ASSERT_EQ(Job(job).phase, JobPhase::kLive) << i;
+    const std::string id = absl::StrCat("w", i);
+    Sync(id, 1);
+    Sync(id, 1);  // Reports that it renders.
+    now_ += limits_.lease_duration + absl::Seconds(1);
+    scheduler_.Tick(now_);
+  }
+  EXPECT_EQ(Job(job).phase, JobPhase::kFailed);
+}
+
+// A coordinator that is stopped for hours, or whose clock leaps, finds everybody silent at once.
+TEST_F(SchedulerTest, AWorkerSilentForLongerThanItIsKeptGivesItsWorkBackBeforeItIsForgotten) {
+  const uint64_t job = AddJob();
+  const size_t held = Sync("a", 3).size();
+  ASSERT_EQ(scheduler_.leases().size(), held);
+  now_ += limits_.lost_worker_kept + limits_.lease_duration + absl::Seconds(1);
+  EXPECT_TRUE(scheduler_.Tick(now_));
+  EXPECT_EQ(scheduler_.leases().size(), 0u);
+  EXPECT_TRUE(scheduler_.workers().workers().empty());
+  EXPECT_EQ(scheduler_.counters().workers_lost, 1u);
+  EXPECT_EQ(Sync("b", 3).size(), held);  // The same work, for somebody else.
+  EXPECT_EQ(Job(job).phase, JobPhase::kLive);
+  // The work that the forgotten worker finished meanwhile still counts.
+  EXPECT_EQ(Find(held_["a"].front()).kind, Found::kWanted);
+  Accept(held_["a"].front());
+  now_ += limits_.lost_worker_kept + limits_.lease_duration + absl::Seconds(1);
+  EXPECT_FALSE(Sync("a", 1).empty());  // Which finds b silent.
+  EXPECT_EQ(scheduler_.workers().workers().size(), 1u);
+}
+
+TEST_F(SchedulerTest, SceneErrorNeedsASecondWorkerWhereThereIsOne) {
+  const uint64_t job = AddJob();
+  Sync("b", 0);
+  Fail(Sync("a", 1)[0], FailureKind::kScene, "x.pbrt:1:1: bad");
+  EXPECT_TRUE(Sync("a", 1).empty());  // It gets no other task of that frame.
+  EXPECT_EQ(Job(job).phase, JobPhase::kLive);
+  Fail(Sync("b", 1)[0], FailureKind::kScene, "x.pbrt:1:1: bad");
+  Sync("b", 1);
+  EXPECT_EQ(Job(job).phase, JobPhase::kFailed);
+  EXPECT_THAT(Job(job).failure, HasSubstr("x.pbrt:1:1: bad"));
+}
+
+TEST_F(SchedulerTest, SceneErrorStandsWhenTheOtherWorkerVanishes) {
+  const uint64_t job = AddJob();
+  Sync("b", 0);
+  Fail(Sync("a", 1)[0], FailureKind::kScene);
+  Sync("a", 1);
+  ASSERT_EQ(Job(job).phase, JobPhase::kLive);
+  now_ += limits_.lease_duration - absl::Seconds(1);
+  Sync("a", 1);
+  now_ += absl::Seconds(2);
+  scheduler_.Tick(now_);
+  EXPECT_EQ(Job(job).phase, JobPhase::kFailed);
+}
+
+TEST_F(SchedulerTest, InfrastructureFailureDelaysTheWorkerAndEndsTheJobAtLast) {
+  const uint64_t job = AddJob();
+  Fail(Sync("a", 1)[0], FailureKind::kInfrastructure, "disk full");
+  EXPECT_TRUE(Sync("a", 1).empty());
+  now_ += limits_.retry_delay_initial;
+  ASSERT_FALSE(Sync("a", 1).empty());
+  for (int i = 1; Job(job).phase == JobPhase::kLive && i < 200; ++i) {
+    if (!held_["a"].empty()) Fail(held_["a"][0], FailureKind::kInfrastructure, "disk full");
+    Sync("a", 1);
+    now_ += limits_.retry_delay_max;
+    Sync("a", 1);
+  }
+  EXPECT_EQ(Job(job).phase, JobPhase::kFailed);
+  EXPECT_THAT(Job(job).failure, HasSubstr("disk full"));
+}
+
+TEST_F(SchedulerTest, WorkerThatFailsSeveralJobsIsQuarantined) {
+  Sync("b", 0);
+  for (int i = 0; i < limits_.quarantine_jobs_min; ++i) AddJob();
+  std::vector<Lease> leases = Sync("a", 16);
+  std::map<uint64_t, Lease> by_job;
+  for (const Lease& lease : leases) by_job[lease.frame.job_id] = lease;
+  ASSERT_EQ(static_cast<int>(by_job.size()), limits_.quarantine_jobs_min);
+  for (const auto& [id, lease] : by_job) Fail(lease, FailureKind::kInternal);
+  Sync("a", 16);
+  EXPECT_EQ(status_.code(), absl::StatusCode::kPermissionDenied);
+  EXPECT_EQ(scheduler_.leases().size(), 0u);
+  EXPECT_EQ(scheduler_.counters().workers_quarantined, 1u);
+}
+
+TEST_F(SchedulerTest, TheLastFailuresOfAJobAreKept) {
+  const uint64_t job = AddJob();
+  Fail(Sync("a", 1)[0], FailureKind::kReleased);
+  const Lease lease = Sync("a", 1)[0];
+  Fail(lease, FailureKind::kInfrastructure, "disk");
+  Sync("a", 0);
+  ASSERT_EQ(Job(job).failures.count, 1) << "what is handed back is no failure";
+  const FailureRecord& kept = Job(job).failures.last.back();
+  EXPECT_EQ(kept.frame_number, 1);
+  EXPECT_EQ(kept.tile, lease.tile_rect);
+  EXPECT_EQ(kept.block, lease.task.block);
+  EXPECT_EQ(kept.worker_id, "a");
+  EXPECT_EQ(kept.message, "disk");
+  const absl::Time stamp = absl::FromUnixSeconds(1'700'000'000);
+  EXPECT_EQ(scheduler_.TakeFailureJobs(stamp), std::set<uint64_t>{job});
+  EXPECT_TRUE(scheduler_.TakeFailureJobs(stamp + absl::Hours(1)).empty());
+  EXPECT_EQ(Job(job).failures.last.back().time, stamp);
+  while (Job(job).phase == JobPhase::kLive) {
+    now_ += absl::Seconds(20);
+    const std::vector<Lease> held = Sync("a", 4);
+    for (const Lease& one : held) Fail(one, FailureKind::kInfrastructure, "disk again");
+  }
+  EXPECT_EQ(Job(job).failures.last.size(), static_cast<size_t>(limits_.failures_kept_max));
+  EXPECT_GT(Job(job).failures.count, limits_.failures_kept_max);
+  EXPECT_EQ(Job(job).failures.last.front().message, "disk again");
+}
+
+TEST_F(SchedulerTest, MemoryFailureLeavesTheFrameToOthers) {
+  AddJob();
+  Sync("b", 0);
+  Fail(Sync("a", 1)[0], FailureKind::kMemory);
+  EXPECT_TRUE(Sync("a", 1).empty());
+  EXPECT_FALSE(Sync("b", 1).empty());
+}
+
+TEST_F(SchedulerTest, JobsBeyondLimitsAreRefused) {
+  JobSpec job;
+  job.job_id = 1;
+  EXPECT_EQ(scheduler_.CheckJob(job).code(), absl::StatusCode::kInvalidArgument);
+  job.frames = {Frame(1, "s", 1), Frame(1, "s", 1)};
+  EXPECT_THAT(std::string(scheduler_.CheckJob(job).message()), HasSubstr("twice"));
+  job.frames = {Frame(1, "s", 1)};
+  EXPECT_TRUE(scheduler_.CheckJob(job).ok());
+  job.frames[0].settings.window.x1 = 65;
+  EXPECT_THAT(std::string(scheduler_.CheckJob(job).message()), HasSubstr("window"));
+  job.frames = {Frame(1, "s", 1)};
+  job.frames[0].settings.width_px = job.frames[0].settings.height_px = 16000;
+  job.frames[0].settings.window = {0, 0, 16000, 16000};
+  job.partition.tile_size_px = 1;
+  EXPECT_THAT(std::string(scheduler_.CheckJob(job).message()), HasSubstr("tiles"));
+}
+
+TEST_F(SchedulerTest, LeasesGrowWithTheWorkersSpeedAndShrinkAtTheEnd) {
+  JobSpec job;
+  job.job_id = 1;
+  job.numeric_profile = kProfile;
+  job.partition = {32, 16, 0};
+  job.frames = {Frame(1, "s", 1)};
+  job.frames[0].settings.samples = 4096;
+  scheduler_.AddJob(job);
+  std::vector<uint64_t> counts;
+  while (!Sync("a", 1).empty()) {
+    const Lease lease = held_["a"][0];
+    counts.push_back(lease.task.block.count);
+    Accept(lease);
+  }
+  EXPECT_EQ(counts.front(), 16u);
+  EXPECT_GE(*std::max_element(counts.begin(), counts.end()), 512u);
+  EXPECT_LE(counts.back(), 512u);
+}
+
+}  // namespace
+}  // namespace sheaf::coordinator

@@ -1,0 +1,102 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "coordinator/scheduling/worker_table.h"
+
+#include <algorithm>
+
+#include "common/base/check.h"
+#include "coordinator/core/work_left.h"
+
+namespace sheaf::coordinator {
+
+double WorkerRecord::SamplesPerThreadSecond() const {
+  const double seconds = absl::ToDoubleSeconds(cpu_duration);
+  return seconds > 0 ? static_cast<double>(sample_count) / seconds : 0.0;
+}
+
+double WorkerRecord::ThreadsUsed() const {
+  // So much of its time as if it had been seen at the usual share.
+  constexpr absl::Duration kPrior = absl::Seconds(2);
+  const double share =
+      absl::FDivDuration(kPrior * kUsualThreadUse * thread_count + busy_cpu_duration,
+                         (kPrior + busy_duration) * thread_count);
+  return std::clamp(share, 0.1, 1.0) * thread_count;
+}
+
+void WorkerTable::CountLive(const WorkerRecord& worker, int sign) {
+  if (!worker.Live()) return;
+  live_[worker.numeric_profile] += sign;
+  live_total_ += sign;
+}
+
+WorkerRecord* WorkerTable::Touch(const WorkerReport& report, SteadyTime now) {
+  auto found = workers_.find(report.worker_id);
+  if (found == workers_.end()) {
+    if (workers_.size() >= static_cast<size_t>(limits_.workers_max)) return nullptr;
+    found = workers_.emplace(report.worker_id, WorkerRecord{}).first;
+    found->second.worker_id = report.worker_id;
+  } else {
+    CountLive(found->second, -1);
+    heard_.erase({found->second.last_seen_time, report.worker_id});
+    silent_.erase({found->second.last_seen_time, report.worker_id});
+  }
+  WorkerRecord& worker = found->second;
+  worker.host = report.host;
+  worker.numeric_profile = report.numeric_profile;
+  worker.thread_count = report.thread_count;
+  worker.lease_count_wanted = report.lease_count_wanted;
+  worker.draining = report.draining;
+  worker.scene_memory_bytes = report.scene_memory_bytes;
+  worker.lost = false;
+  worker.last_seen_time = now;
+  worker.warm_scenes.clear();
+  for (const std::string& scene : report.warm_scenes) {
+    if (worker.warm_scenes.size() >= static_cast<size_t>(limits_.warm_scenes_max)) break;
+    worker.warm_scenes.insert(scene);
+  }
+  heard_.insert({now, report.worker_id});
+  CountLive(worker, +1);
+  return &worker;
+}
+
+WorkerRecord* WorkerTable::Find(const std::string& worker_id) {
+  const auto found = workers_.find(worker_id);
+  return found == workers_.end() ? nullptr : &found->second;
+}
+
+void WorkerTable::Quarantine(WorkerRecord* worker, const std::string& reason) {
+  CountLive(*worker, -1);
+  worker->quarantine_reason = reason;
+  CountLive(*worker, +1);
+}
+
+std::vector<std::string> WorkerTable::MarkLost(SteadyTime now) {
+  std::vector<std::string> newly_lost;
+  while (!heard_.empty() && heard_.begin()->first + limits_.lease_duration < now) {
+    const auto entry = *heard_.begin();
+    heard_.erase(heard_.begin());
+    silent_.insert(entry);
+    WorkerRecord& worker = workers_.at(entry.second);
+    if (worker.Stopped()) continue;
+    CountLive(worker, -1);
+    worker.lost = true;
+    newly_lost.push_back(entry.second);
+  }
+  return newly_lost;
+}
+
+void WorkerTable::ForgetOld(SteadyTime now) {
+  while (!silent_.empty() && silent_.begin()->first + limits_.lost_worker_kept < now) {
+    const auto worker = workers_.find(silent_.begin()->second);
+    SHEAF_CHECK(worker->second.leases.empty());
+    workers_.erase(worker);
+    silent_.erase(silent_.begin());
+  }
+}
+
+int WorkerTable::LiveCount(const std::string& numeric_profile) const {
+  const auto found = live_.find(numeric_profile);
+  return found == live_.end() ? 0 : found->second;
+}
+
+}  // namespace sheaf::coordinator

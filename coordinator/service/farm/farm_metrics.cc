@@ -1,0 +1,154 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// The part of Farm that counts, for /metrics.
+#include <algorithm>
+#include <array>
+#include <string>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "coordinator/service/farm/farm.h"
+
+namespace sheaf::coordinator {
+namespace {
+
+struct CounterName {
+  const char* name;
+  const char* help;
+  uint64_t Counters::*value;
+};
+constexpr CounterName kCounterNames[] = {
+    {"synchronize_calls", "Synchronize calls of workers.", &Counters::synchronize_calls},
+    {"leases_granted", "Leases granted, hedges included.", &Counters::leases_granted},
+    {"leases_hedged", "Leases of a task that another worker holds.", &Counters::leases_hedged},
+    {"lease_expired", "Leases of workers that fell silent.", &Counters::leases_expired},
+    {"lease_cancelled", "Leases whose work is done or not wanted any more.",
+     &Counters::leases_cancelled},
+    {"results_accepted", "Results that are durable and merged.", &Counters::results_accepted},
+    {"duplicate_equal", "Results that were there already, equal to the bit.",
+     &Counters::results_duplicate_equal},
+    {"duplicate_mismatch", "Results that were there already with other bits: a broken worker.",
+     &Counters::results_duplicate_mismatch},
+    {"superseded", "Results that came when they were not needed.", &Counters::results_superseded},
+    {"results_late", "Results accepted after their lease had ended.", &Counters::results_late},
+    {"results_invalid", "Results that are no part of their key.", &Counters::results_invalid},
+    {"parts_revoked", "Parts that were lost on disk and rendered again.", &Counters::parts_revoked},
+    {"workers_lost", "Workers that fell silent without having said that they stop.",
+     &Counters::workers_lost},
+    {"workers_quarantined", "Workers that were excluded.", &Counters::workers_quarantined},
+    {"tasks_poisoned", "Tasks that failed for good.", &Counters::tasks_poisoned},
+    {"samples_accepted", "Pixel samples of accepted results.", &Counters::samples_accepted},
+    {"rays_accepted", "Rays of accepted results.", &Counters::rays_accepted},
+    {"nonfinite_samples", "Samples that were not finite; anything but 0 is a defect.",
+     &Counters::nonfinite_samples},
+    {"frames_delivered", "Frames whose EXR is written.", &Counters::frames_delivered},
+    {"scenes_lost", "Scenes of live jobs of which a file was found damaged or lost.",
+     &Counters::scenes_lost},
+};
+
+MetricView Gauge(const std::string& name, const std::string& help, double value) {
+  return {"sheaf_" + name, help, MetricView::Kind::kGauge, "", "", value};
+}
+
+// Live jobs that /metrics tells of one by one, the oldest first.
+constexpr size_t kJobMetricsMax = 200;
+
+struct JobMetric {
+  const char* name;
+  const char* help;
+  double (*value)(const JobCurve&);
+};
+constexpr JobMetric kJobMetrics[] = {
+    {"job_samples", "Pixel samples of a live job so far.",
+     [](const JobCurve& curve) { return curve.samples; }},
+    {"job_cpu_seconds", "CPU time that a live job has taken.",
+     [](const JobCurve& curve) { return curve.cpu_seconds; }},
+    {"job_part_bytes", "Bytes of parts that a live job has received.",
+     [](const JobCurve& curve) { return curve.part_bytes; }},
+    {"job_relative_mse", "The largest relMSE of a live job's frames, at their last rounds.",
+     [](const JobCurve& curve) { return curve.relative_mse; }},
+    {"job_relative_mse_predicted", "The largest relMSE foretold for the next rounds of a live job.",
+     [](const JobCurve& curve) { return curve.predicted_relative_mse; }},
+    {"job_prediction_ratio", "relMSE over what was foretold, mean over a live job's rounds.",
+     [](const JobCurve& curve) {
+       return curve.prediction_count == 0 ? 0 : curve.ratio_sum / curve.prediction_count;
+     }},
+};
+
+}  // namespace
+
+std::vector<std::pair<uint64_t, JobCurve>> Farm::LiveCurves(size_t count_max) const {
+  std::vector<std::pair<uint64_t, JobCurve>> curves;
+  for (const auto& [id, job] : scheduler_.jobs()) {
+    if (job.phase != JobPhase::kLive) continue;
+    if (curves.size() == count_max) break;
+    JobCurve& curve = curves.emplace_back(id, JobCurve()).second;
+    for (const FrameRecord& frame : job.frames) {
+      curve.samples += static_cast<double>(frame.sample_count_done);
+      curve.cpu_seconds += absl::ToDoubleSeconds(frame.cost.cpu_duration);
+      curve.part_bytes += static_cast<double>(frame.cost.part_bytes);
+    }
+    for (const auto& [number, rounds] : accounts_.at(id).rounds) {
+      curve.relative_mse = std::max(curve.relative_mse, rounds.back().relative_mse);
+      curve.predicted_relative_mse =
+          std::max(curve.predicted_relative_mse, rounds.back().predicted_relative_mse);
+      for (size_t i = 1; i < rounds.size(); ++i) {
+        if (!(rounds[i - 1].predicted_relative_mse > 0)) continue;
+        curve.ratio_sum += rounds[i].relative_mse / rounds[i - 1].predicted_relative_mse;
+        ++curve.prediction_count;
+      }
+    }
+  }
+  return curves;
+}
+
+std::vector<MetricView> Farm::Metrics() const {
+  std::vector<MetricView> metrics;
+  const std::lock_guard lock(mutex_);
+  const Counters& counters = scheduler_.counters();
+  for (const CounterName& counter : kCounterNames) {
+    metrics.push_back({absl::StrCat("sheaf_", counter.name, "_total"), counter.help,
+                       MetricView::Kind::kCounter, "", "",
+                       static_cast<double>(counters.*counter.value)});
+  }
+  for (int kind = 0; kind < kFailureKindCount; ++kind) {
+    metrics.push_back({"sheaf_lease_failures_total", "Leases that came to nothing, by class.",
+                       MetricView::Kind::kCounter, "kind",
+                       FailureKindName(static_cast<FailureKind>(kind)),
+                       static_cast<double>(counters.failures[static_cast<size_t>(kind)])});
+  }
+  std::array<int, kWorkerStateCount> by_state{};
+  for (const auto& [id, worker] : scheduler_.workers().workers()) {
+    ++by_state[static_cast<size_t>(ViewOf(worker).state)];
+  }
+  for (size_t state = 0; state < by_state.size(); ++state) {
+    metrics.push_back({"sheaf_workers", "Workers, by state.", MetricView::Kind::kGauge, "state",
+                       WorkerStateName(static_cast<WorkerState>(state)),
+                       static_cast<double>(by_state[state])});
+  }
+  int live_jobs = 0;
+  for (const auto& [id, job] : scheduler_.jobs()) live_jobs += job.phase == JobPhase::kLive ? 1 : 0;
+  metrics.push_back(Gauge("jobs_live", "Jobs that have not ended.", live_jobs));
+  const std::vector<std::pair<uint64_t, JobCurve>> curves = LiveCurves(kJobMetricsMax);
+  for (const JobMetric& metric : kJobMetrics) {
+    for (const auto& [id, curve] : curves) {
+      metrics.push_back({absl::StrCat("sheaf_", metric.name), metric.help, MetricView::Kind::kGauge,
+                         "job", absl::StrCat("jobs/", id), metric.value(curve)});
+    }
+  }
+  metrics.push_back({"sheaf_pictures_damaged_total",
+                     "Delivered EXRs that were altered or removed on disk: made again.",
+                     MetricView::Kind::kCounter, "", "", static_cast<double>(pictures_damaged_)});
+  metrics.push_back(Gauge("leases_held", "Leases that workers hold now.",
+                          static_cast<double>(scheduler_.leases().size())));
+  metrics.push_back(Gauge("frames_open", "Frames between their first part and their delivery.",
+                          static_cast<double>(open_frames_.size())));
+  metrics.push_back(Gauge("merge_bytes", "Memory of unfinished tiles.",
+                          static_cast<double>(merge_budget_.bytes())));
+  metrics.push_back(
+      Gauge("parts_bytes", "Bytes of parts on disk.", static_cast<double>(store_->PartsBytes())));
+  return metrics;
+}
+
+}  // namespace sheaf::coordinator

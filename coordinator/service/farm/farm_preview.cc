@@ -1,0 +1,173 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// The part of Farm that shows pictures: as merged so far, as delivered, and small.
+#include <algorithm>
+#include <cstddef>
+#include <utility>
+
+#include "absl/strings/numbers.h"
+#include "absl/strings/str_cat.h"
+#include "common/base/log.h"
+#include "common/film/exr_codec.h"
+#include "common/film/shrink_picture.h"
+#include "coordinator/service/farm/farm.h"
+#include "coordinator/service/http/picture_layer.h"
+
+namespace sheaf::coordinator {
+namespace {
+
+std::string Name(const FrameId& id) {
+  return absl::StrCat("jobs/", id.job_id, "/frames/", id.frame_number);
+}
+
+absl::Status NoSamplesYet(const FrameId& id) {
+  return absl::UnavailableError(absl::StrCat(Name(id), ": no sample is there yet"));
+}
+
+// The wanted channels of a developed picture. Full planes of the others are most of it.
+absl::StatusOr<FramePicture> CopyChannels(const FramePicture& picture,
+                                          const std::vector<std::string>& channels) {
+  FramePicture copy;
+  copy.window = picture.window;
+  copy.frame_width_px = picture.frame_width_px;
+  copy.frame_height_px = picture.frame_height_px;
+  copy.color = picture.color;
+  for (const std::string& channel : channels) {
+    const std::vector<float>* plane = picture.Find(channel);
+    if (plane == nullptr) {
+      return absl::InternalError(absl::StrCat("the picture has no channel ", channel));
+    }
+    copy.channel_names.push_back(channel);
+    copy.planes.push_back(*plane);
+  }
+  return copy;
+}
+
+}  // namespace
+
+absl::StatusOr<Farm::ShownFrame> Farm::FindShown(const std::string& job_id,
+                                                 int32_t frame_number) const {
+  uint64_t id = 0;
+  const bool is_number = absl::SimpleAtoi(job_id, &id);
+  const std::lock_guard lock(mutex_);
+  ShownFrame shown{{id, frame_number}, {}, false, nullptr, 0};
+  const FrameRecord* frame = is_number ? scheduler_.FindFrame(shown.id) : nullptr;
+  if (frame == nullptr) {
+    return absl::NotFoundError(
+        absl::StrCat("jobs/", job_id, "/frames/", frame_number, ": there is no such frame"));
+  }
+  shown.window = frame->settings().window;
+  shown.complete = frame->phase == FrameRecord::Phase::kDelivered;
+  if (shown.complete) shown.version = kDeliveredPreviewVersion;
+  if (const auto found = open_frames_.find(shown.id);
+      !shown.complete && found != open_frames_.end() && found->second->preview_version > 0) {
+    shown.open = found->second;
+    shown.version = shown.open->preview_version;
+  }
+  return shown;
+}
+
+absl::StatusOr<FramePicture> Farm::CpuPicture(const ShownFrame& shown) const {
+  const absl::StatusOr<std::vector<JobStore::TileCost>> costs = store_->TileCosts(shown.id);
+  if (!costs.ok()) return costs.status();
+  if (costs->empty()) {
+    return absl::UnavailableError(absl::StrCat(Name(shown.id), ": no part of it is kept"));
+  }
+  const PixelRect& window = shown.window;
+  FramePicture picture;
+  picture.window = window;
+  picture.frame_width_px = window.x1;
+  picture.frame_height_px = window.y1;
+  picture.channel_names = {kCpuChannel};
+  std::vector<float> plane(static_cast<size_t>(window.PixelCount()));
+  for (const JobStore::TileCost& cost : *costs) {
+    const PixelRect& tile = cost.tile;
+    const double seconds = absl::ToDoubleSeconds(cost.cpu_duration);
+    const auto of_pixel = static_cast<float>(seconds / static_cast<double>(tile.PixelCount()));
+    for (int32_t y = tile.y0; y < tile.y1; ++y) {
+      std::fill_n(plane.data() + window.IndexOf(tile.x0, y), tile.Width(), of_pixel);
+    }
+  }
+  picture.planes.push_back(std::move(plane));
+  return picture;
+}
+
+absl::StatusOr<PreviewView> Farm::Preview(const std::string& job_id, int32_t frame_number,
+                                          const std::vector<std::string>& channels) const {
+  const absl::StatusOr<ShownFrame> shown = FindShown(job_id, frame_number);
+  if (!shown.ok()) return shown.status();
+  absl::StatusOr<FramePicture> copy;
+  if (channels == std::vector<std::string>{kCpuChannel}) {
+    copy = CpuPicture(*shown);
+  } else if (shown->complete) {
+    const absl::StatusOr<std::string> path = store_->OutputPath(shown->id);
+    if (!path.ok()) return path.status();
+    if (absl::Status s = CheckPicture(shown->id, *path); !s.ok()) return s;
+    const absl::StatusOr<FramePicture> picture = ReadPicture(*path);
+    if (!picture.ok()) return picture.status();
+    copy = CopyChannels(*picture, channels);
+  } else if (shown->open != nullptr) {
+    const std::lock_guard lock(shown->open->mutex);
+    const FramePicture& picture = shown->open->merge.picture();
+    // Means over squares are all that is shown of light, and far less to copy.
+    const bool is_light = channels == std::vector<std::string>{"R", "G", "B"};
+    copy = is_light ? ShrinkPicture(picture, channels, kPreviewPixelCountMax)
+                    : CopyChannels(picture, channels);
+  } else {
+    return NoSamplesYet(shown->id);
+  }
+  if (!copy.ok()) return copy.status();
+  return PreviewView{shown->version, *std::move(copy), shown->complete};
+}
+
+absl::StatusOr<PreviewView> Farm::Thumbnail(const std::string& job_id, int32_t frame_number) const {
+  const absl::StatusOr<ShownFrame> shown = FindShown(job_id, frame_number);
+  if (!shown.ok()) return shown.status();
+  absl::StatusOr<FramePicture> small;
+  if (shown->complete) {
+    const absl::StatusOr<std::string> path = ThumbnailPath(shown->id);
+    if (!path.ok()) return path.status();
+    small = ReadPicture(*path);
+    if (absl::IsNotFound(small.status())) {
+      return absl::UnavailableError(absl::StrCat(Name(shown->id), ": no thumbnail was kept"));
+    }
+  } else if (shown->open != nullptr) {
+    const std::lock_guard lock(shown->open->mutex);
+    small = ShrinkPicture(shown->open->merge.picture(), {"R", "G", "B"}, kThumbnailPixelCountMax);
+  } else {
+    return NoSamplesYet(shown->id);
+  }
+  if (!small.ok()) return small.status();
+  return PreviewView{shown->version, *std::move(small), shown->complete};
+}
+
+absl::StatusOr<PreviewView> Farm::RoundPreview(const std::string& job_id, int32_t frame_number,
+                                               int32_t round) const {
+  const absl::StatusOr<ShownFrame> shown = FindShown(job_id, frame_number);
+  if (!shown.ok()) return shown.status();
+  const uint64_t version = round_previews_->VersionOf(shown->id, round);
+  absl::StatusOr<FramePicture> picture = round_previews_->Read(shown->id, round);
+  if (!picture.ok()) return picture.status();
+  return PreviewView{version, *std::move(picture), shown->complete};
+}
+
+absl::StatusOr<std::string> Farm::ThumbnailPath(const FrameId& id) const {
+  absl::StatusOr<std::string> path = store_->OutputPath(id);
+  if (!path.ok()) return path.status();
+  const size_t extension = path->rfind('.');
+  return absl::StrCat(path->substr(0, extension), ".thumbnail.exr");
+}
+
+void Farm::KeepThumbnail(const FrameId& id, const FramePicture& picture) const {
+  const absl::StatusOr<FramePicture> small =
+      ShrinkPicture(picture, {"R", "G", "B"}, kThumbnailPixelCountMax);
+  absl::Status status = small.status();
+  if (status.ok()) {
+    const absl::StatusOr<std::string> path = ThumbnailPath(id);
+    status = path.ok() ? WritePicture(*small, *path) : path.status();
+  }
+  if (!status.ok()) LogWarning(absl::StrCat("keeping a thumbnail: ", status.message()));
+}
+
+}  // namespace sheaf::coordinator

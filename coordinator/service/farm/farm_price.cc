@@ -1,0 +1,140 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// The part of Farm that says what refining a finished job costs.
+#include <algorithm>
+#include <map>
+#include <utility>
+
+#include "absl/strings/numbers.h"
+#include "absl/strings/str_cat.h"
+#include "coordinator/service/farm/farm.h"
+
+namespace sheaf::coordinator {
+namespace {
+
+absl::Status CheckTargets(const std::vector<double>& target_errors) {
+  if (target_errors.empty() || target_errors.size() > kPricedTargetsMax) {
+    return absl::InvalidArgumentError(absl::StrCat("target_error: ", target_errors.size(),
+                                                   " are outside 1 to ", kPricedTargetsMax));
+  }
+  for (const double target : target_errors) {
+    if (target > 0 && target <= kTargetErrorMax) continue;
+    return absl::InvalidArgumentError(
+        absl::StrCat("target_error: ", target, " is not above 0 and up to ", kTargetErrorMax));
+  }
+  return absl::OkStatus();
+}
+
+// Its end as one cell, for frames of earlier versions, of which no more is known.
+RoundRecord WholeFrame(const FrameSpec& spec, const DeliveredFrame& delivered) {
+  // Mean square of a pixel's error over the square of the mean.
+  constexpr double kSquareRatio = 4;
+  const int64_t pixel_count = spec.settings.window.PixelCount();
+  const double sum = delivered.relative_mse * static_cast<double>(pixel_count);
+  RoundRecord record;
+  record.cells.push_back(
+      {spec.settings.samples, {pixel_count, sum, kSquareRatio * delivered.relative_mse * sum}});
+  return record;
+}
+
+// What the cells of each tile took, by the samples that they have.
+std::vector<double> ShareCpuTime(const CellGrid& grid, const std::vector<double>& seconds_of_tiles,
+                                 const std::vector<RoundRecord>& rounds) {
+  const std::vector<PixelRect>& cells = grid.cells();
+  const bool known = !rounds.empty() && rounds.back().cells.size() == cells.size();
+  std::vector<double> work;
+  for (size_t i = 0; i < cells.size(); ++i) {
+    const uint64_t samples = known ? rounds.back().cells[i].samples : 1;
+    work.push_back(static_cast<double>(cells[i].PixelCount()) * static_cast<double>(samples));
+  }
+  return grid.ShareOut(seconds_of_tiles, work);
+}
+
+}  // namespace
+
+absl::StatusOr<FinishedFrame> Farm::FinishedFrameOf(const FrameId& id, const FrameSpec& spec,
+                                                    const Partition& partition,
+                                                    const DeliveredFrame& delivered) const {
+  absl::StatusOr<std::vector<RoundRecord>> rounds = store_->LoadFrameRounds(id);
+  if (!rounds.ok()) return rounds.status();
+  const absl::StatusOr<std::vector<JobStore::TileCost>> costs = store_->TileCosts(id);
+  if (!costs.ok()) return costs.status();
+  FinishedFrame frame;
+  frame.had_rule = spec.stop.IsActive();
+  frame.first_round_samples =
+      frame.had_rule ? spec.stop.first_round_samples : spec.settings.samples;
+  frame.rounds = *std::move(rounds);
+  frame.cpu_seconds = absl::ToDoubleSeconds(delivered.cost.cpu_duration);
+  std::map<std::pair<int32_t, int32_t>, double> seconds_at;  // By y0 and x0.
+  for (const JobStore::TileCost& cost : *costs) {
+    seconds_at[{cost.tile.y0, cost.tile.x0}] = absl::ToDoubleSeconds(cost.cpu_duration);
+  }
+  const CellGrid grid(spec, partition);
+  if (seconds_at.size() == grid.tiles().size()) {
+    std::vector<double> seconds;
+    for (const PixelRect& tile : grid.tiles()) seconds.push_back(seconds_at[{tile.y0, tile.x0}]);
+    frame.cpu_seconds_of_cells = ShareCpuTime(grid, seconds, frame.rounds);
+  }
+  if (!frame.rounds.empty()) return frame;
+  frame.rounds.push_back(WholeFrame(spec, delivered));
+  if (!frame.cpu_seconds_of_cells.empty()) frame.cpu_seconds_of_cells = {frame.cpu_seconds};
+  return frame;
+}
+
+absl::StatusOr<RefinementPrices> Farm::PriceRefinement(
+    const std::string& job_id, const std::vector<double>& target_errors) const {
+  uint64_t number = 0;
+  const bool is_number = absl::SimpleAtoi(job_id, &number);
+  RefinementPrices priced;
+  std::vector<std::pair<FrameSpec, DeliveredFrame>> chosen;
+  size_t frame_count = 0;
+  Partition partition;
+  uint64_t samples_max = kStoppedSamplesMax;
+  int32_t priority = 0;
+  FarmLoad load;
+  {
+    const std::lock_guard lock(mutex_);
+    const absl::StatusOr<const JobRecord*> found = FindRecord(is_number ? number : 0);
+    if (!found.ok()) return found.status();
+    const JobRecord& job = **found;
+    // First: clients ask for shares of the job's error, and one that has just begun has none.
+    if (absl::Status s = RequireSucceeded(job); !s.ok()) return s;
+    if (absl::Status s = CheckTargets(target_errors); !s.ok()) return s;
+    frame_count = job.frames.size();
+    partition = job.spec.partition;
+    const std::map<int32_t, DeliveredFrame>& delivered = accounts_.at(number).delivered;
+    const size_t count = std::min(kPricedFramesMax, frame_count);
+    for (size_t i = 0; i < count; ++i) {
+      const size_t index = count == 1 ? 0 : i * (frame_count - 1) / (count - 1);
+      const FrameSpec spec = job.frames[index].Spec();
+      samples_max = std::max(samples_max, spec.settings.samples);
+      chosen.emplace_back(spec, delivered.at(spec.frame_number));
+    }
+    priority = job.spec.priority;
+    load = LoadOf(job.spec.numeric_profile, SteadyTime::Now());
+    for (const auto& [id, worker] : scheduler_.workers().workers()) {
+      if (worker.Live() && worker.numeric_profile == job.spec.numeric_profile) {
+        priced.thread_count += worker.thread_count;
+      }
+    }
+    for (const auto& [id, other] : scheduler_.jobs()) {
+      if (other.phase == JobPhase::kLive && !other.Paused() && !IsPilot(id) &&
+          other.spec.priority >= job.spec.priority) {
+        ++priced.jobs_before_count;
+      }
+    }
+  }
+  std::vector<FinishedFrame> frames;
+  for (const auto& [spec, delivered] : chosen) {
+    absl::StatusOr<FinishedFrame> frame =
+        FinishedFrameOf({number, spec.frame_number}, spec, partition, delivered);
+    if (!frame.ok()) return frame.status();
+    frames.push_back(*std::move(frame));
+  }
+  priced.prices =
+      coordinator::PriceRefinement(frames, frame_count, target_errors, samples_max, priority, load);
+  return priced;
+}
+
+}  // namespace sheaf::coordinator

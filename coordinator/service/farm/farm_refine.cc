@@ -1,0 +1,193 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// The part of Farm that goes on with what was finished, and lets go of what that would need.
+#include <algorithm>
+#include <optional>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "common/base/log.h"
+#include "coordinator/core/job_check.h"
+#include "coordinator/service/farm/farm.h"
+
+namespace sheaf::coordinator {
+namespace {
+
+bool LooksAtClocks(const StopRule& rule) {
+  return rule.time_max != absl::InfiniteDuration() || rule.cpu_max != absl::InfiniteDuration();
+}
+
+// The frame under a new rule. None where nothing is left to render.
+std::optional<JobStore::ReopenedFrame> Refined(const FrameSpec& old, const Refinement& refinement,
+                                               std::vector<RoundRecord> rounds) {
+  JobStore::ReopenedFrame frame{old, std::move(rounds)};
+  frame.spec.stop = refinement.stop;
+  if (refinement.samples != 0) frame.spec.settings.samples = refinement.samples;
+  const uint64_t samples = frame.spec.settings.samples;
+  if (!old.stop.IsActive()) {
+    frame.spec.stop.first_round_samples = old.settings.samples;
+    if (samples <= old.settings.samples) return std::nullopt;
+    if (frame.spec.stop.IsActive()) frame.rounds.clear();  // Points decide nothing.
+    return frame;
+  }
+  frame.spec.stop.first_round_samples = old.stop.first_round_samples;
+  if (LooksAtClocks(frame.spec.stop)) {
+    frame.rounds.pop_back();  // Its end is decided again.
+  } else if (!ReplayRounds(frame.spec.stop, samples, &frame.rounds)) {
+    return std::nullopt;
+  }
+  return frame;
+}
+
+// Whether a call before this one has begun it already.
+bool IsBeingRefined(const JobRecord& job, const Refinement& refinement) {
+  if (job.phase != JobPhase::kLive) return false;
+  return std::any_of(job.frames.begin(), job.frames.end(), [&](const FrameRecord& frame) {
+    StopRule rule = refinement.stop;
+    rule.first_round_samples = frame.stop().first_round_samples;
+    return frame.stop() == rule &&
+           (refinement.samples == 0 || frame.settings().samples == refinement.samples);
+  });
+}
+
+}  // namespace
+
+absl::Status Farm::RequireSucceeded(const JobRecord& job) {
+  if (job.phase == JobPhase::kSucceeded) return absl::OkStatus();
+  const char* const why = job.Paused()                   ? " is paused and not finished yet"
+                          : job.phase == JobPhase::kLive ? " is not finished yet"
+                                                         : " did not succeed";
+  return absl::FailedPreconditionError(
+      absl::StrCat("jobs/", job.spec.job_id, why, "; only a job that succeeded can be refined"));
+}
+
+absl::Status Farm::CheckRefinement(const JobRecord& job, const Refinement& refinement) const {
+  if (absl::Status s = RequireSucceeded(job); !s.ok()) return s;
+  const std::string name = absl::StrCat("jobs/", job.spec.job_id);
+  if (!refinement.stop.IsActive() && refinement.samples == 0) {
+    return absl::InvalidArgumentError(
+        "a refinement needs a target error, a time, a budget or a number of samples");
+  }
+  for (const FrameRecord& frame : job.frames) {
+    if (refinement.samples > options_.limits.samples_max) {
+      return absl::InvalidArgumentError(absl::StrCat(
+          refinement.samples, " samples are more than the limit of ", options_.limits.samples_max));
+    }
+    const uint64_t samples = frame.settings().samples;
+    if (frame.stop().IsActive()) {
+      if (refinement.stop.IsActive()) continue;
+      return absl::InvalidArgumentError(absl::StrCat(
+          name,
+          " has as many samples as each tile needed; refine it by an error, a time or a "
+          "budget, not by a number of samples alone"));
+    }
+    if (refinement.samples != 0 && refinement.samples < samples) {
+      return absl::InvalidArgumentError(
+          absl::StrCat(name, " already has ", samples, " samples; choose more than ", samples));
+    }
+  }
+  return absl::OkStatus();
+}
+
+absl::Status Farm::RefineJob(uint64_t job_id, const Refinement& refinement) {
+  const std::lock_guard settling(settle_mutex_);  // The job's end is written down.
+  StoredJob job;
+  {
+    const std::lock_guard lock(mutex_);
+    const absl::StatusOr<const JobRecord*> found = FindRecord(job_id);
+    if (!found.ok()) return found.status();
+    if (IsBeingRefined(**found, refinement)) return absl::OkStatus();
+    if (absl::Status s = CheckRefinement(**found, refinement); !s.ok()) return s;
+    job = StoredJobOf(**found);
+  }
+  absl::StatusOr<std::map<int32_t, std::vector<RoundRecord>>> rounds = RoundsOf(job_id);
+  if (!rounds.ok()) return rounds.status();
+  std::vector<JobStore::ReopenedFrame> reopened;
+  for (FrameSpec& frame : job.spec.frames) {
+    std::optional<JobStore::ReopenedFrame> refined =
+        Refined(frame, refinement, std::move((*rounds)[frame.frame_number]));
+    if (!refined) continue;
+    frame = refined->spec;
+    reopened.push_back(*std::move(refined));
+  }
+  if (reopened.empty()) return absl::OkStatus();  // It is good enough.
+  if (absl::Status s = CheckJobSpec(job.spec, options_.limits); !s.ok()) return s;
+  return ReopenFrames(std::move(job), reopened);
+}
+
+StoredJob Farm::StoredJobOf(const JobRecord& record) const {
+  StoredJob job;
+  job.spec = record.spec;
+  job.failures = record.failures;
+  for (const FrameRecord& frame : record.frames) job.spec.frames.push_back(frame.Spec());
+  job.create_time = accounts_.at(record.spec.job_id).create_time;
+  return job;
+}
+
+absl::StatusOr<std::map<int32_t, std::vector<RoundRecord>>> Farm::RoundsOf(uint64_t job_id) const {
+  absl::StatusOr<std::vector<StoredRound>> stored = store_->LoadRounds(job_id, /*with_cells=*/true);
+  if (!stored.ok()) return stored.status();
+  std::map<int32_t, std::vector<RoundRecord>> rounds;
+  for (StoredRound& round : *stored) rounds[round.frame_number].push_back(std::move(round.record));
+  return rounds;
+}
+
+absl::Status Farm::ReopenFrames(StoredJob job,
+                                const std::vector<JobStore::ReopenedFrame>& reopened) {
+  const uint64_t job_id = job.spec.job_id;
+  std::set<int32_t> numbers;
+  std::vector<FrameSpec> specs;
+  for (const JobStore::ReopenedFrame& frame : reopened) {
+    specs.push_back(frame.spec);
+    numbers.insert(frame.spec.frame_number);
+  }
+  const absl::StatusOr<ResumedCounts> resumed = CountResumed(specs, job.spec.partition);
+  if (!resumed.ok()) return resumed.status();
+  absl::Status written = store_->ReopenJob(job_id, reopened);
+  NoteDisk(written);
+  if (!written.ok()) return written;
+  const absl::StatusOr<JobStore::LoadedParts> parts = store_->LoadParts(job_id);
+  if (!parts.ok()) return parts.status();
+  for (const JobStore::ReopenedFrame& frame : reopened) {
+    const auto kept = static_cast<int32_t>(frame.rounds.size());
+    round_previews_->RemoveFrom({job_id, frame.spec.frame_number}, kept);
+  }
+  const std::lock_guard lock(mutex_);
+  JobAccount& account = accounts_.at(job_id);
+  account.job_wall_before = WallOfJob(scheduler_.jobs().at(job_id), account.ended);
+  account.end_time = absl::InfiniteFuture();
+  account.ended = SteadyTime::InfiniteFuture();
+  std::map<int32_t, absl::Duration> wall_before;
+  for (const auto& [number, delivered] : account.delivered) {
+    if (numbers.contains(number)) {
+      wall_before[number] = delivered.wall_duration;
+    } else {
+      job.delivered.push_back({number, delivered});
+    }
+  }
+  account.delivered.clear();
+  account.rounds.clear();
+  scheduler_.RemoveJob(job_id);
+  LogInfo(absl::StrCat("job ", job_id, ": goes on, ", reopened.size(),
+                       reopened.size() == 1 ? " frame" : " frames"));
+  absl::Status restored = RestoreJob(job, &*parts, *resumed);
+  account.wall_before = std::move(wall_before);
+  Changed();
+  return restored;
+}
+
+void Farm::LimitKeptParts() {
+  // No frame goes on meanwhile: its parts would be taken from under it.
+  const std::lock_guard settling(settle_mutex_);
+  while (store_->PartsBytes() > options_.kept_parts_bytes_max) {
+    const absl::StatusOr<std::optional<FrameId>> oldest = store_->OldestDeliveredWithParts();
+    NoteDisk(oldest.status());
+    if (!oldest.ok() || !oldest->has_value()) return;
+    const absl::Status removed = store_->RemoveFrameParts(**oldest);
+    NoteDisk(removed);
+    if (!removed.ok()) return;
+  }
+}
+
+}  // namespace sheaf::coordinator

@@ -1,0 +1,212 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// The part of Farm that takes results: check, write, tell, merge, acknowledge.
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "common/base/digest.h"
+#include "common/base/log.h"
+#include "common/film/exr_codec.h"
+#include "coordinator/service/farm/farm.h"
+
+namespace sheaf::coordinator {
+namespace {
+
+std::string KeyText(const ResultReport& r) {
+  return absl::StrCat("frame digest ", r.frame_digest.substr(0, 12), ", tile [", r.tile.x0, ", ",
+                      r.tile.x1, ") x [", r.tile.y0, ", ", r.tile.y1, "), samples [", r.block.first,
+                      ", ", r.block.End(), ")",
+                      r.cells.All() ? "" : absl::StrFormat(", cells %#x", r.cells.mask));
+}
+
+uint64_t NonfiniteCount(const FilmTile& part) {
+  const float* plane = part.channel(FilmChannel::kNonFiniteCount);
+  double sum = 0;
+  for (size_t i = 0; i < part.plane_size(); ++i) sum += static_cast<double>(plane[i]);
+  return static_cast<uint64_t>(sum);
+}
+
+// Decodes a part and compares what it says of itself with its key. Empty text: it fits.
+std::string WhyNotPartOf(const ResultReport& report, const std::string& numeric_profile,
+                         const FrameSettings& settings, const DecodedPart& part) {
+  if (part.header.frame_digest != report.frame_digest) return "the part is of another frame";
+  if (part.header.numeric_profile != numeric_profile) {
+    return absl::StrCat("the part was rendered by numeric profile \"", part.header.numeric_profile,
+                        "\", the job wants \"", numeric_profile, "\"");
+  }
+  if (!(part.tile.rect() == report.tile)) return "the part is of another tile";
+  if (!(part.tile.block() == report.block)) return "the part is of other samples";
+  if (part.header.cells != report.cells) return "the part is of other cells";
+  if (!(part.tile.outputs() == settings.outputs)) {
+    return "the part has other outputs than the job wants";
+  }
+  if (part.header.lattice != settings.lattice) {
+    return "the part has other pixels than the job wants";
+  }
+  return "";
+}
+
+}  // namespace
+
+class Farm::TileReservation {
+ public:
+  TileReservation(Farm* farm, TileName name) : farm_(farm), name_(std::move(name)) {
+    std::unique_lock lock(farm_->reservation_mutex_);
+    farm_->reservation_released_.wait(lock, [&] { return !farm_->reserved_.contains(name_); });
+    farm_->reserved_.insert(name_);
+  }
+  ~TileReservation() {
+    {
+      const std::lock_guard lock(farm_->reservation_mutex_);
+      farm_->reserved_.erase(name_);
+    }
+    farm_->reservation_released_.notify_all();
+  }
+  TileReservation(const TileReservation&) = delete;
+  TileReservation& operator=(const TileReservation&) = delete;
+
+ private:
+  Farm* farm_;
+  const TileName name_;
+};
+
+absl::StatusOr<ResultOutcome> Farm::AddResult(const ResultReport& report,
+                                              const std::string& bytes) {
+  if (bytes.size() != report.digest.size_bytes || Sha256Hex(bytes) != report.digest.sha256_hex) {
+    return RejectResult(report, "the bytes do not have the digest they came with");
+  }
+  const TileReservation reservation(this, {report.frame_digest, {report.tile.y0, report.tile.x0}});
+  Scheduler::FoundTask found;
+  std::string numeric_profile;
+  FrameSettings settings;
+  {
+    const std::lock_guard lock(mutex_);
+    found = scheduler_.FindTask(report.frame_digest, report.tile, report.block, report.cells,
+                                report.lease_id);
+    if (found.kind == Scheduler::FoundTask::Kind::kWanted) {
+      numeric_profile = scheduler_.jobs().at(found.frame.job_id).spec.numeric_profile;
+      settings = scheduler_.FindFrame(found.frame)->settings();
+    }
+  }
+  using Kind = Scheduler::FoundTask::Kind;
+  if (found.kind == Kind::kMalformed) return RejectResult(report, "the frame has no such task");
+  if (found.kind == Kind::kUnknown || found.kind == Kind::kPartial) {
+    const std::lock_guard lock(mutex_);
+    ++scheduler_.counters().results_superseded;
+    return ResultOutcome::kSuperseded;
+  }
+  if (found.kind == Kind::kCovered) return JudgeCovered(report, found);
+  absl::StatusOr<DecodedPart> part = DecodePart(bytes, report.tile.PixelCount());
+  if (!part.ok()) return RejectResult(report, std::string(part.status().message()));
+  const std::string why_not = WhyNotPartOf(report, numeric_profile, settings, *part);
+  if (!why_not.empty()) return RejectResult(report, why_not);
+  return StoreResult(report, bytes, found, std::move(part->tile));
+}
+
+absl::Status Farm::RejectResult(const ResultReport& report, const std::string& why) {
+  const std::string text =
+      absl::StrCat("result of worker ", report.worker_id, " for ", KeyText(report), ": ", why);
+  LogWarning(text);
+  {
+    const std::lock_guard lock(mutex_);
+    ++scheduler_.counters().results_invalid;
+    scheduler_.Fail({report.lease_id, FailureKind::kInternal, "invalid result: " + why},
+                    report.worker_id, SteadyTime::Now());
+    NoteEndedJobs();
+  }
+  SettleEndedJobs();
+  Changed();
+  return absl::InvalidArgumentError(text);
+}
+
+// A task that is done already: the same bits again are harmless, other bits mean a broken machine.
+absl::StatusOr<ResultOutcome> Farm::JudgeCovered(const ResultReport& report,
+                                                 const Scheduler::FoundTask& found) {
+  const absl::StatusOr<std::optional<PartRow>> first =
+      store_->FindPart({found.frame, report.tile, report.block, report.cells});
+  if (!first.ok()) return first.status();
+  const std::lock_guard lock(mutex_);
+  if (!first->has_value()) {
+    ++scheduler_.counters().results_superseded;
+    return ResultOutcome::kSuperseded;
+  }
+  if ((*first)->digest == report.digest) {
+    ++scheduler_.counters().results_duplicate_equal;
+    return ResultOutcome::kDuplicateEqual;
+  }
+  ++scheduler_.counters().results_duplicate_mismatch;
+  const std::string reason = absl::StrCat("its result for ", KeyText(report),
+                                          " differs from that of worker ", (*first)->worker_id);
+  LogError(absl::StrCat("worker ", report.worker_id, " is quarantined: ", reason));
+  scheduler_.Quarantine(report.worker_id, reason);
+  return ResultOutcome::kDuplicateMismatch;
+}
+
+absl::StatusOr<ResultOutcome> Farm::StoreResult(const ResultReport& report,
+                                                const std::string& bytes,
+                                                const Scheduler::FoundTask& found, FilmTile part) {
+  const ResultCost cost{report.ray_count, NonfiniteCount(part), report.cpu_duration,
+                        report.digest.size_bytes};
+  const PartRow row{{found.frame, report.tile, report.block, report.cells},
+                    report.digest,
+                    report.worker_id,
+                    cost};
+  absl::Status written = store_->WritePart(row, bytes);
+  NoteDisk(written);
+  if (!written.ok()) return written;
+  PrepareOpenFrame(found.frame);
+  std::shared_ptr<OpenFrame> open;
+  bool tile_complete = false;
+  bool rendered = false;
+  {
+    const std::lock_guard lock(mutex_);
+    const Scheduler::FoundTask again = scheduler_.FindTask(
+        report.frame_digest, report.tile, report.block, report.cells, report.lease_id);
+    const bool wanted =
+        again.kind == Scheduler::FoundTask::Kind::kWanted && again.frame == found.frame;
+    if (wanted) {
+      open = OpenFrameOf(found.frame);
+      rendered = scheduler_.Accept(found.frame, found.task, report.lease_id, report.worker_id, cost,
+                                   SteadyTime::Now());
+      tile_complete = scheduler_.FindFrame(found.frame)->tasks->TileComplete(found.task.tile);
+    } else {
+      ++scheduler_.counters().results_superseded;
+    }
+  }
+  if (open == nullptr) {
+    // While it was written its job ended, or a larger block that contains it was leased.
+    NoteDisk(store_->RemovePart(row));
+    return ResultOutcome::kSuperseded;
+  }
+  if (cost.nonfinite_count > 0) {
+    LogWarning(absl::StrCat(cost.nonfinite_count, " samples were not finite in ", KeyText(report)));
+  }
+  MergeResult(open.get(), found.frame, found.task.tile, {std::move(part), found.task.cells},
+              tile_complete);
+  if (rendered) {
+    {
+      const std::lock_guard lock(mutex_);
+      to_deliver_.push_back(found.frame);
+    }
+    {
+      const std::lock_guard lock(background_mutex_);
+      wake_ = true;
+    }
+    background_wake_.notify_all();
+  }
+  Changed();
+  return ResultOutcome::kAccepted;
+}
+
+void Farm::MergeResult(OpenFrame* frame, const FrameId& id, uint32_t tile, CellPart part,
+                       bool tile_complete) {
+  const std::lock_guard lock(frame->mutex);
+  frame->merge.Insert(tile, std::move(part));
+  if (!tile_complete || !frame->merge.OnDisk(tile)) return;
+  const absl::Status status = RebuildTile(frame, id, tile);
+  if (!status.ok()) LogError(absl::StrCat("merging a tile from disk: ", status.message()));
+}
+
+}  // namespace sheaf::coordinator

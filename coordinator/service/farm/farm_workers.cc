@@ -1,0 +1,103 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// The part of Farm that shows what workers do, and what came to nothing.
+#include <algorithm>
+
+#include "absl/strings/numbers.h"
+#include "absl/strings/str_cat.h"
+#include "absl/time/clock.h"
+#include "coordinator/core/render_command.h"
+#include "coordinator/service/farm/farm.h"
+
+namespace sheaf::coordinator {
+namespace {
+
+WorkerState StateOf(const WorkerRecord& worker) {
+  if (worker.Quarantined()) return WorkerState::kQuarantined;
+  if (worker.lost) return WorkerState::kLost;
+  if (worker.Stopped()) return WorkerState::kStopped;
+  if (worker.draining) return WorkerState::kDraining;
+  return worker.leases.empty() ? WorkerState::kIdle : WorkerState::kBusy;
+}
+
+}  // namespace
+
+WorkerView Farm::ViewOf(const WorkerRecord& worker) const {
+  const SteadyTime now = SteadyTime::Now();
+  const absl::Time wall_now = absl::Now();
+  const auto stamp = [&](SteadyTime time) { return wall_now - (now - time); };
+  WorkerView view;
+  view.worker_id = worker.worker_id;
+  view.host = worker.host;
+  view.state = StateOf(worker);
+  view.thread_count = worker.thread_count;
+  view.numeric_profile = worker.numeric_profile;
+  view.lease_count = static_cast<int32_t>(worker.leases.size());
+  view.result_count = worker.result_count;
+  view.samples_per_second = worker.SamplesPerThreadSecond() * worker.thread_count;
+  view.last_seen_time = stamp(worker.last_seen_time);
+  view.reason = worker.quarantine_reason;
+  for (const uint64_t id : worker.leases) {
+    const Lease& lease = *scheduler_.leases().Find(id);
+    view.leases.push_back(
+        {lease.frame, lease.tile_rect, lease.task.block, lease.phase, stamp(lease.grant_time)});
+  }
+  std::stable_sort(
+      view.leases.begin(), view.leases.end(), [](const LeaseView& a, const LeaseView& b) {
+        return (a.phase == LeasePhase::kRendering) > (b.phase == LeasePhase::kRendering);
+      });
+  view.leases.resize(std::min(view.leases.size(), kWorkerLeasesShownMax));
+  if (worker.lost || worker.Stopped()) return view;  // What it had in its memory is nobody's now.
+  view.warm_scene_count = static_cast<int32_t>(worker.warm_scenes.size());
+  for (const std::string& scene : worker.warm_scenes) {
+    if (view.warm_scenes.size() >= kWorkerScenesShownMax) break;
+    view.warm_scenes.push_back(scene);
+  }
+  view.scene_memory_bytes = worker.scene_memory_bytes;
+  return view;
+}
+
+std::vector<WorkerView> Farm::ListWorkers() const {
+  std::vector<WorkerView> views;
+  {
+    const std::lock_guard lock(mutex_);
+    for (const auto& [id, worker] : scheduler_.workers().workers()) views.push_back(ViewOf(worker));
+  }
+  // Names may have to be read from the disk.
+  for (WorkerView& view : views) {
+    for (std::string& scene : view.warm_scenes) scene = scene_names_.Find(scene);
+  }
+  return views;
+}
+
+absl::StatusOr<std::vector<FailureView>> Farm::ListFailures(const std::string& job_id) const {
+  struct Found {
+    FailureRecord failure;
+    FrameSettings settings;
+    std::string scene;
+  };
+  std::vector<Found> found;
+  {
+    uint64_t id = 0;
+    const bool is_number = absl::SimpleAtoi(job_id, &id);
+    const std::lock_guard lock(mutex_);
+    const absl::StatusOr<const JobRecord*> job = FindRecord(is_number ? id : 0);
+    if (!job.ok()) return job.status();
+    for (const FailureRecord& failure : (*job)->failures.last) {
+      const FrameSpec spec = scheduler_.FindFrame({id, failure.frame_number})->Spec();
+      found.push_back({failure, spec.settings, spec.scene.sha256_hex});
+    }
+  }
+  std::reverse(found.begin(), found.end());
+  std::vector<FailureView> views;
+  for (Found& one : found) {
+    const FailureRecord& failure = one.failure;
+    std::string command = RenderCommand(scene_names_.Find(one.scene), one.settings, failure.tile,
+                                        failure.block.End());
+    views.push_back({std::move(one.failure), std::move(command)});
+  }
+  return views;
+}
+
+}  // namespace sheaf::coordinator

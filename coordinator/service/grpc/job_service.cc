@@ -1,0 +1,251 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "coordinator/service/grpc/job_service.h"
+
+#include <algorithm>
+#include <fstream>
+#include <iterator>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "absl/strings/numbers.h"
+#include "absl/strings/str_cat.h"
+#include "common/base/status.h"
+#include "common/base/steady_time.h"
+#include "common/rpc/channel.h"
+#include "common/rpc/grpc_status.h"
+#include "common/rpc/manifest_codec.h"
+#include "coordinator/service/grpc/wire.h"
+
+namespace sheaf::coordinator {
+absl::StatusOr<JobView> JobService::Find(const std::string& name) const {
+  const absl::StatusOr<std::string> id = ParseJobName(name);
+  if (!id.ok()) return id.status();
+  if (uint64_t number = 0; absl::SimpleAtoi(*id, &number)) farm_->NoteAsked(number);
+  return farm_->FindJob(*id);
+}
+
+absl::Status JobService::RequireFilesOf(const BlobDigest& scene) const {
+  const absl::StatusOr<std::string> bytes = farm_->blobs().ReadChunk(scene, 0, kManifestBytesMax);
+  if (!bytes.ok()) return bytes.status();
+  const absl::StatusOr<Manifest> manifest = DecodeManifest(*bytes);
+  if (!manifest.ok()) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("scene ", scene.sha256_hex, ": ", manifest.status().message()));
+  }
+  std::vector<BlobDigest> digests;
+  for (const ManifestFile& file : manifest->files) digests.push_back(file.digest);
+  const absl::StatusOr<std::vector<BlobDigest>> missing = farm_->blobs().FindMissing(digests);
+  if (!missing.ok()) return missing.status();
+  if (missing->empty()) return absl::OkStatus();
+  std::set<std::string> absent;
+  for (const BlobDigest& digest : *missing) absent.insert(digest.sha256_hex);
+  std::string names;
+  int listed = 0;
+  for (const ManifestFile& file : manifest->files) {
+    if (!absent.contains(file.digest.sha256_hex) || ++listed > kMissingNamesMax) continue;
+    absl::StrAppend(&names, listed == 1 ? "" : ", ", file.name, " (", file.digest.sha256_hex, ")");
+  }
+  return absl::FailedPreconditionError(absl::StrCat(
+      missing->size(), " files of scene ", manifest->main_file, " are not uploaded: ", names));
+}
+
+absl::Status JobService::RequireBlobs(const JobSpec& spec) const {
+  std::set<std::string> checked;
+  for (const FrameSpec& frame : spec.frames) {
+    if (!frame.resumed.sha256_hex.empty()) {
+      if (absl::Status status = farm_->blobs().PathOf(frame.resumed).status(); !status.ok()) {
+        return absl::FailedPreconditionError(
+            absl::StrCat("the picture that frame ", frame.frame_number,
+                         " goes on from is not uploaded: ", status.message()));
+      }
+    }
+    if (!checked.insert(frame.scene.sha256_hex).second) continue;
+    const absl::StatusOr<std::vector<BlobDigest>> missing =
+        farm_->blobs().FindMissing({frame.scene});
+    if (!missing.ok()) return missing.status();
+    if (!missing->empty()) {
+      return absl::FailedPreconditionError(
+          absl::StrCat("the manifest of frame ", frame.frame_number,
+                       " is not uploaded: ", frame.scene.sha256_hex));
+    }
+    if (absl::Status status = RequireFilesOf(frame.scene); !status.ok()) return status;
+  }
+  return absl::OkStatus();
+}
+
+grpc::Status JobService::CreateJob(grpc::ServerContext* /*context*/,
+                                   const v1::CreateJobRequest* request, v1::Job* response) {
+  absl::StatusOr<JobSpec> spec = FromWire(*request);
+  if (!spec.ok()) return ToGrpcStatus(spec.status());
+  if (absl::Status status = RequireBlobs(*spec); !status.ok()) return ToGrpcStatus(status);
+  const absl::StatusOr<uint64_t> id = farm_->CreateJob(*std::move(spec), request->request_id());
+  if (!id.ok()) return ToGrpcStatus(id.status());
+  const absl::StatusOr<JobView> view = farm_->FindJobAlone(absl::StrCat(*id));
+  if (!view.ok()) return ToGrpcStatus(view.status());
+  *response = ToWire(*view);
+  return grpc::Status::OK;
+}
+
+grpc::Status JobService::GetJob(grpc::ServerContext* /*context*/, const v1::GetJobRequest* request,
+                                v1::Job* response) {
+  const absl::StatusOr<JobView> view = Find(request->name());
+  if (!view.ok()) return ToGrpcStatus(view.status());
+  *response = ToWire(*view);
+  return grpc::Status::OK;
+}
+
+// The page token is the id of the last job of the page before.
+grpc::Status JobService::ListJobs(grpc::ServerContext* /*context*/,
+                                  const v1::ListJobsRequest* request,
+                                  v1::ListJobsResponse* response) {
+  if (request->page_size() < 0 || request->page_size() > kJobPageSizeMax) {
+    return ToGrpcStatus(absl::InvalidArgumentError(
+        absl::StrCat("page_size: ", request->page_size(), " is outside 0 to ", kJobPageSizeMax)));
+  }
+  const int page_size = request->page_size() == 0 ? kJobPageSizeDefault : request->page_size();
+  const std::vector<JobView> views =
+      request->with_pilots() ? farm_->ListJobsAndPilots() : farm_->ListJobs();
+  auto view = views.begin();
+  if (const std::string& token = request->page_token(); !token.empty()) {
+    view = std::find_if(views.begin(), views.end(),
+                        [&](const JobView& candidate) { return candidate.job_id == token; });
+    if (view == views.end()) {
+      return ToGrpcStatus(absl::InvalidArgumentError("page_token: not one of this service"));
+    }
+    ++view;
+  }
+  for (; view != views.end() && response->jobs_size() < page_size; ++view) {
+    *response->add_jobs() = ToWire(*view);
+  }
+  if (view != views.end()) response->set_next_page_token(std::prev(view)->job_id);
+  return grpc::Status::OK;
+}
+
+absl::StatusOr<JobView> JobService::Change(const std::string& name,
+                                           const std::function<absl::Status(uint64_t)>& change) {
+  const absl::StatusOr<std::string> id = ParseJobName(name);
+  if (!id.ok()) return id.status();
+  const absl::StatusOr<JobView> view = farm_->FindJobAlone(*id);
+  if (!view.ok()) return view.status();
+  uint64_t number = 0;
+  if (!absl::SimpleAtoi(*id, &number)) return absl::NotFoundError("no such job");
+  farm_->NoteAsked(number);
+  if (absl::Status status = change(number); !status.ok()) return status;
+  return farm_->FindJobAlone(*id);
+}
+
+grpc::Status JobService::CancelJob(grpc::ServerContext* /*context*/,
+                                   const v1::CancelJobRequest* request, v1::Job* response) {
+  const absl::StatusOr<JobView> view =
+      Change(request->name(), [&](uint64_t id) { return farm_->CancelJob(id); });
+  if (!view.ok()) return ToGrpcStatus(view.status());
+  *response = ToWire(*view);
+  return grpc::Status::OK;
+}
+
+grpc::Status JobService::PauseJob(grpc::ServerContext* /*context*/,
+                                  const v1::PauseJobRequest* request, v1::Job* response) {
+  const absl::StatusOr<JobView> view =
+      Change(request->name(), [&](uint64_t id) { return farm_->PauseJob(id); });
+  if (!view.ok()) return ToGrpcStatus(view.status());
+  *response = ToWire(*view);
+  return grpc::Status::OK;
+}
+
+grpc::Status JobService::ResumeJob(grpc::ServerContext* /*context*/,
+                                   const v1::ResumeJobRequest* request, v1::Job* response) {
+  const absl::StatusOr<JobView> view =
+      Change(request->name(), [&](uint64_t id) { return farm_->ResumeJob(id); });
+  if (!view.ok()) return ToGrpcStatus(view.status());
+  *response = ToWire(*view);
+  return grpc::Status::OK;
+}
+
+grpc::Status JobService::SetJobPriority(grpc::ServerContext* /*context*/,
+                                        const v1::SetJobPriorityRequest* request,
+                                        v1::Job* response) {
+  const absl::StatusOr<JobView> view = Change(
+      request->name(), [&](uint64_t id) { return farm_->SetJobPriority(id, request->priority()); });
+  if (!view.ok()) return ToGrpcStatus(view.status());
+  *response = ToWire(*view);
+  return grpc::Status::OK;
+}
+
+grpc::Status JobService::RefineJob(grpc::ServerContext* /*context*/,
+                                   const v1::RefineJobRequest* request, v1::Job* response) {
+  const absl::StatusOr<Refinement> refinement = FromWire(*request);
+  if (!refinement.ok()) return ToGrpcStatus(refinement.status());
+  const absl::StatusOr<JobView> view =
+      Change(request->name(), [&](uint64_t id) { return farm_->RefineJob(id, *refinement); });
+  if (!view.ok()) return ToGrpcStatus(view.status());
+  *response = ToWire(*view);
+  return grpc::Status::OK;
+}
+
+grpc::Status JobService::PriceRefinement(grpc::ServerContext* /*context*/,
+                                         const v1::PriceRefinementRequest* request,
+                                         v1::PriceRefinementResponse* response) {
+  const absl::StatusOr<std::string> id = ParseJobName(request->name());
+  if (!id.ok()) return ToGrpcStatus(id.status());
+  const absl::StatusOr<RefinementPrices> prices = farm_->PriceRefinement(
+      *id, {request->target_errors().begin(), request->target_errors().end()});
+  if (!prices.ok()) return ToGrpcStatus(prices.status());
+  *response = ToWire(*prices);
+  return grpc::Status::OK;
+}
+
+grpc::Status JobService::WatchJob(grpc::ServerContext* context, const v1::WatchJobRequest* request,
+                                  grpc::ServerWriter<v1::Job>* writer) {
+  std::string last;
+  SteadyTime next_write = SteadyTime::InfinitePast();
+  while (!stopping_ && !context->IsCancelled()) {
+    const uint64_t seen = farm_->ChangeCount(), ends_seen = farm_->EndCount();
+    const absl::StatusOr<JobView> view = Find(request->name());
+    if (!view.ok()) return ToGrpcStatus(view.status());
+    const v1::Job job = ToWire(*view);
+    std::string now = job.SerializeAsString();
+    if (now != last && (HasEnded(view->state) || SteadyTime::Now() >= next_write)) {
+      last = std::move(now);
+      next_write = SteadyTime::Now() + kWatchIntervalMin;
+      if (!writer->Write(job)) return grpc::Status::OK;  // The watcher has gone.
+    }
+    if (HasEnded(view->state)) return grpc::Status::OK;
+    // Who waits for a job's end learns of it at once.
+    farm_->WaitForEnd(ends_seen, kWatchIntervalMin);
+    farm_->WaitForChange(seen, kWatchIntervalMin);
+  }
+  return stopping_ ? ToGrpcStatus(absl::UnavailableError("the coordinator stops"))
+                   : grpc::Status::OK;
+}
+
+grpc::Status JobService::ReadFrameOutput(grpc::ServerContext* context,
+                                         const v1::ReadFrameOutputRequest* request,
+                                         grpc::ServerWriter<v1::ReadFrameOutputResponse>* writer) {
+  const absl::StatusOr<FrameId> id = ParseFrameName(request->name());
+  if (!id.ok()) return ToGrpcStatus(id.status());
+  const absl::StatusOr<std::string> path = farm_->FindOutput(id->job_id, id->frame_number);
+  if (!path.ok()) return ToGrpcStatus(path.status());
+  std::ifstream file(*path, std::ios::binary);
+  if (!file) return ToGrpcStatus(absl::DataLossError(*path + ": the delivered picture is gone"));
+  std::string chunk(kStreamChunkBytesMax, '\0');
+  while (file && !context->IsCancelled()) {
+    file.read(chunk.data(), static_cast<std::streamsize>(chunk.size()));
+    if (file.gcount() == 0) break;
+    v1::ReadFrameOutputResponse response;
+    response.set_chunk(chunk.data(), static_cast<size_t>(file.gcount()));
+    if (!writer->Write(response)) break;
+  }
+  if (file.bad()) return ToGrpcStatus(absl::DataLossError(*path + ": cannot be read"));
+  return grpc::Status::OK;
+}
+
+grpc::Status JobService::ListWorkers(grpc::ServerContext* /*context*/,
+                                     const v1::ListWorkersRequest* /*request*/,
+                                     v1::ListWorkersResponse* response) {
+  for (const WorkerView& view : farm_->ListWorkers()) *response->add_workers() = ToWire(view);
+  return grpc::Status::OK;
+}
+
+}  // namespace sheaf::coordinator

@@ -1,0 +1,68 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// JobService over gRPC: submitting and watching.
+#pragma once
+
+#include <atomic>
+#include <functional>
+#include <string>
+
+#include "coordinator/service/farm/farm.h"
+#include "sheaf/v1/job.grpc.pb.h"
+
+namespace sheaf::coordinator {
+
+inline constexpr absl::Duration kWatchIntervalMin = absl::Milliseconds(200);
+inline constexpr int kJobPageSizeDefault = 100;
+inline constexpr int kJobPageSizeMax = 1000;
+inline constexpr int kMissingNamesMax = 20;  // Listed in a message about missing blobs.
+
+class JobService final : public v1::JobService::Service {
+ public:
+  // `farm` must outlive the service.
+  explicit JobService(Farm* farm) : farm_(farm) {}
+  // Ends watches, so that the server can stop.
+  void Stop() { stopping_ = true; }
+
+  grpc::Status CreateJob(grpc::ServerContext* context, const v1::CreateJobRequest* request,
+                         v1::Job* response) override;
+  grpc::Status GetJob(grpc::ServerContext* context, const v1::GetJobRequest* request,
+                      v1::Job* response) override;
+  grpc::Status ListJobs(grpc::ServerContext* context, const v1::ListJobsRequest* request,
+                        v1::ListJobsResponse* response) override;
+  grpc::Status CancelJob(grpc::ServerContext* context, const v1::CancelJobRequest* request,
+                         v1::Job* response) override;
+  grpc::Status PauseJob(grpc::ServerContext* context, const v1::PauseJobRequest* request,
+                        v1::Job* response) override;
+  grpc::Status ResumeJob(grpc::ServerContext* context, const v1::ResumeJobRequest* request,
+                         v1::Job* response) override;
+  grpc::Status SetJobPriority(grpc::ServerContext* context,
+                              const v1::SetJobPriorityRequest* request, v1::Job* response) override;
+  grpc::Status RefineJob(grpc::ServerContext* context, const v1::RefineJobRequest* request,
+                         v1::Job* response) override;
+  grpc::Status PriceRefinement(grpc::ServerContext* context,
+                               const v1::PriceRefinementRequest* request,
+                               v1::PriceRefinementResponse* response) override;
+  grpc::Status WatchJob(grpc::ServerContext* context, const v1::WatchJobRequest* request,
+                        grpc::ServerWriter<v1::Job>* writer) override;
+  grpc::Status ReadFrameOutput(grpc::ServerContext* context,
+                               const v1::ReadFrameOutputRequest* request,
+                               grpc::ServerWriter<v1::ReadFrameOutputResponse>* writer) override;
+  grpc::Status ListWorkers(grpc::ServerContext* context, const v1::ListWorkersRequest* request,
+                           v1::ListWorkersResponse* response) override;
+
+ private:
+  absl::StatusOr<JobView> Find(const std::string& name) const;
+  // Changes a job, by its number, and returns how it is then.
+  absl::StatusOr<JobView> Change(const std::string& name,
+                                 const std::function<absl::Status(uint64_t)>& change);
+  // Errors: kFailedPrecondition naming what is missing.
+  absl::Status RequireBlobs(const JobSpec& spec) const;
+  absl::Status RequireFilesOf(const BlobDigest& scene) const;
+
+  Farm* farm_;
+  std::atomic<bool> stopping_{false};
+};
+
+}  // namespace sheaf::coordinator

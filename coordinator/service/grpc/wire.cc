@@ -1,0 +1,449 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "coordinator/service/grpc/wire.h"
+
+#include <vector>
+
+#include "absl/strings/numbers.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_split.h"
+#include "common/base/digest.h"
+#include "common/base/printable.h"
+#include "common/rpc/settings_codec.h"
+
+namespace sheaf::coordinator {
+namespace {
+
+// The wire has the numbers of stored frames.
+static_assert(static_cast<int>(StopReason::kCpu) == v1::STOP_REASON_CPU &&
+              v1::StopReason_ARRAYSIZE == kStopReasonCount);
+
+absl::Status Invalid(const std::string& field, const std::string& why) {
+  return absl::InvalidArgumentError(absl::StrCat(field, ": ", why));
+}
+
+absl::Status CheckNoControls(const std::string& field, const std::string& text) {
+  const size_t at = FindUnprintable(text);
+  if (at == std::string::npos) return absl::OkStatus();
+  return Invalid(field, absl::StrCat("has a control character at byte ", at, ", \"",
+                                     Printable(text), "\"; leave it out"));
+}
+
+absl::Status CheckText(const std::string& field, const std::string& text, size_t bytes_max) {
+  if (text.empty()) return Invalid(field, "is empty");
+  if (text.size() > bytes_max) return Invalid(field, absl::StrCat("is over ", bytes_max, " bytes"));
+  return CheckNoControls(field, text);
+}
+
+Partition FromWire(const v1::Partition& wire) {
+  Partition partition;
+  if (wire.tile_size_px() != 0) partition.tile_size_px = wire.tile_size_px();
+  if (wire.pass_sample_count() != 0) partition.pass_sample_count = wire.pass_sample_count();
+  partition.lease_pass_count = wire.lease_pass_count();
+  partition.cell_size_px = wire.cell_size_px();
+  return partition;
+}
+
+absl::StatusOr<absl::Duration> FromWire(const std::string& field,
+                                        const google::protobuf::Duration& wire) {
+  const absl::Duration duration = absl::Seconds(wire.seconds()) + absl::Nanoseconds(wire.nanos());
+  if (duration <= absl::ZeroDuration()) return Invalid(field, "is not positive");
+  if (duration > kStopDurationMax) return Invalid(field, "is longer than 100 years");
+  return duration;
+}
+
+absl::StatusOr<StopRule> FromWire(const v1::StopRule& wire) {
+  StopRule rule;
+  rule.target_error = wire.target_error();
+  if (!(rule.target_error >= 0 && rule.target_error <= kTargetErrorMax)) {
+    return Invalid("stop.target_error",
+                   absl::StrCat(rule.target_error, " is outside 0 to ", kTargetErrorMax));
+  }
+  if (wire.has_time_max()) {
+    const absl::StatusOr<absl::Duration> time = FromWire("stop.time_max", wire.time_max());
+    if (!time.ok()) return time.status();
+    rule.time_max = *time;
+  }
+  if (wire.has_cpu_max()) {
+    const absl::StatusOr<absl::Duration> cpu = FromWire("stop.cpu_max", wire.cpu_max());
+    if (!cpu.ok()) return cpu.status();
+    rule.cpu_max = *cpu;
+  }
+  return rule;
+}
+
+void SetDuration(absl::Duration duration, google::protobuf::Duration* wire) {
+  const int64_t ns = absl::ToInt64Nanoseconds(duration);
+  wire->set_seconds(ns / 1'000'000'000);
+  wire->set_nanos(static_cast<int32_t>(ns % 1'000'000'000));
+}
+
+void SetTime(absl::Time time, google::protobuf::Timestamp* wire) {
+  const int64_t ns = absl::ToUnixNanos(time);
+  wire->set_seconds(ns / 1'000'000'000);
+  wire->set_nanos(static_cast<int32_t>(ns % 1'000'000'000));
+}
+
+v1::Progress ToWire(const ProgressView& progress) {
+  v1::Progress wire;
+  wire.set_sample_count_done(progress.sample_count_done);
+  wire.set_sample_count_total(progress.sample_count_total);
+  wire.set_relative_mse(progress.relative_mse);
+  wire.set_nonfinite_count(progress.nonfinite_count);
+  wire.set_ray_count(progress.ray_count);
+  SetDuration(absl::Seconds(progress.cpu_seconds), wire.mutable_cpu_duration());
+  SetDuration(absl::Seconds(progress.wall_seconds), wire.mutable_wall_duration());
+  if (progress.remaining_seconds >= 0) {
+    SetDuration(absl::Seconds(progress.remaining_seconds), wire.mutable_remaining_duration());
+  }
+  return wire;
+}
+
+v1::StopRule ToWire(const StopRule& rule) {
+  v1::StopRule wire;
+  wire.set_target_error(rule.target_error);
+  if (rule.time_max != absl::InfiniteDuration()) {
+    SetDuration(rule.time_max, wire.mutable_time_max());
+  }
+  if (rule.cpu_max != absl::InfiniteDuration()) SetDuration(rule.cpu_max, wire.mutable_cpu_max());
+  return wire;
+}
+
+v1::Round ToWire(const RoundView& view) {
+  v1::Round wire;
+  wire.set_relative_mse(view.relative_mse);
+  wire.set_relative_mse_upper(view.relative_mse_upper);
+  wire.set_predicted_relative_mse(view.predicted_relative_mse);
+  wire.set_prediction_ratio(view.prediction_ratio);
+  wire.set_sample_count(view.sample_count);
+  wire.set_ray_count(view.ray_count);
+  SetDuration(absl::Seconds(view.cpu_seconds), wire.mutable_cpu_duration());
+  SetDuration(absl::Seconds(view.wall_seconds), wire.mutable_wall_duration());
+  wire.set_part_bytes(view.part_bytes);
+  return wire;
+}
+
+v1::Frame ToWire(const std::string& job_name, const FrameView& view) {
+  v1::Frame wire;
+  wire.set_name(absl::StrCat(job_name, "/frames/", view.frame_number));
+  wire.mutable_spec()->set_frame_number(view.frame_number);
+  wire.mutable_spec()->mutable_scene()->set_sha256_hex(view.scene_digest);
+  wire.mutable_spec()->mutable_scene()->set_size_bytes(view.scene_size_bytes);
+  *wire.mutable_spec()->mutable_settings() = ToWire(view.settings);
+  if (view.stop.IsActive()) *wire.mutable_spec()->mutable_stop() = ToWire(view.stop);
+  if (!view.resumed.sha256_hex.empty()) {
+    *wire.mutable_spec()->mutable_resumed_picture() = coordinator::ToWire(view.resumed);
+  }
+  for (const RoundView& round : view.rounds) *wire.add_rounds() = ToWire(round);
+  wire.set_stop_reason(static_cast<v1::StopReason>(view.stop_reason));
+  wire.set_tile_count(view.tile_count);
+  wire.set_unreliable_tile_count(view.unreliable_tile_count);
+  for (const LayerCount& count : view.unreliable_layers) {
+    v1::UnreliableLayer& layer = *wire.add_unreliable_layers();
+    layer.set_layer(count.layer);
+    layer.set_tile_count(count.tile_count);
+  }
+  wire.set_flip(view.flip);
+  wire.set_one_sequence_gain(view.one_sequence_gain);
+  wire.set_frame_digest(view.frame_digest);
+  wire.set_complete(view.complete);
+  *wire.mutable_progress() = ToWire(view.progress);
+  wire.set_picture_digest(view.picture_digest);
+  return wire;
+}
+
+v1::Job::State ToWire(JobState state) {
+  switch (state) {
+    case JobState::kQueued:
+      return v1::Job::STATE_QUEUED;
+    case JobState::kRunning:
+      return v1::Job::STATE_RUNNING;
+    case JobState::kPaused:
+      return v1::Job::STATE_PAUSED;
+    case JobState::kSucceeded:
+      return v1::Job::STATE_SUCCEEDED;
+    case JobState::kFailed:
+      return v1::Job::STATE_FAILED;
+    case JobState::kCancelled:
+      return v1::Job::STATE_CANCELLED;
+  }
+  return v1::Job::STATE_UNSPECIFIED;
+}
+
+v1::Worker::State ToWire(WorkerState state) {
+  switch (state) {
+    case WorkerState::kIdle:
+      return v1::Worker::STATE_IDLE;
+    case WorkerState::kBusy:
+      return v1::Worker::STATE_BUSY;
+    case WorkerState::kDraining:
+      return v1::Worker::STATE_DRAINING;
+    case WorkerState::kLost:
+      return v1::Worker::STATE_LOST;
+    case WorkerState::kQuarantined:
+      return v1::Worker::STATE_QUARANTINED;
+    case WorkerState::kStopped:
+      return v1::Worker::STATE_STOPPED;
+  }
+  return v1::Worker::STATE_UNSPECIFIED;
+}
+
+absl::StatusOr<LeasePhase> FromWire(v1::LeaseState::Phase phase) {
+  switch (phase) {
+    case v1::LeaseState::PHASE_QUEUED:
+      return LeasePhase::kQueued;
+    case v1::LeaseState::PHASE_LOADING:
+      return LeasePhase::kLoading;
+    case v1::LeaseState::PHASE_RENDERING:
+      return LeasePhase::kRendering;
+    case v1::LeaseState::PHASE_UPLOADING:
+      return LeasePhase::kUploading;
+    default:
+      return Invalid("leases.phase", absl::StrCat("unknown value ", static_cast<int>(phase)));
+  }
+}
+
+absl::StatusOr<FailureKind> FromWire(v1::LeaseFailure::Kind kind) {
+  switch (kind) {
+    case v1::LeaseFailure::KIND_RELEASED:
+      return FailureKind::kReleased;
+    case v1::LeaseFailure::KIND_INFRASTRUCTURE:
+      return FailureKind::kInfrastructure;
+    case v1::LeaseFailure::KIND_SCENE:
+      return FailureKind::kScene;
+    case v1::LeaseFailure::KIND_MEMORY:
+      return FailureKind::kMemory;
+    case v1::LeaseFailure::KIND_INTERNAL:
+      return FailureKind::kInternal;
+    default:
+      return Invalid("failures.kind", absl::StrCat("unknown value ", static_cast<int>(kind)));
+  }
+}
+
+v1::Lease ToWire(const LeaseGrant& grant) {
+  v1::Lease wire;
+  wire.set_lease_id(grant.lease.lease_id);
+  wire.set_attempt(grant.lease.attempt);
+  wire.set_frame_name(FrameName(grant.lease.frame));
+  wire.mutable_key()->set_frame_digest(grant.frame_digest);
+  *wire.mutable_key()->mutable_tile() = ToWire(grant.lease.tile_rect);
+  wire.mutable_key()->mutable_block()->set_first(grant.lease.task.block.first);
+  wire.mutable_key()->mutable_block()->set_count(grant.lease.task.block.count);
+  wire.mutable_key()->set_cell_size_px(grant.lease.cells.size_px);
+  wire.mutable_key()->set_cells(grant.lease.cells.mask);
+  *wire.mutable_scene() = coordinator::ToWire(grant.scene);
+  *wire.mutable_settings() = ToWire(grant.settings);
+  return wire;
+}
+
+}  // namespace
+
+absl::StatusOr<BlobDigest> FromWire(const v1::Digest& wire) {
+  BlobDigest digest{wire.sha256_hex(), wire.size_bytes()};
+  if (absl::Status status = CheckDigest(digest); !status.ok()) return status;
+  return digest;
+}
+
+v1::Digest ToWire(const BlobDigest& digest) {
+  v1::Digest wire;
+  wire.set_sha256_hex(digest.sha256_hex);
+  wire.set_size_bytes(digest.size_bytes);
+  return wire;
+}
+
+absl::StatusOr<JobSpec> FromWire(const v1::CreateJobRequest& request) {
+  absl::Status status = CheckText("request_id", request.request_id(), kRequestIdBytesMax);
+  if (status.ok()) status = CheckText("title", request.title(), kTitleBytesMax);
+  if (!status.ok()) return status;
+  JobSpec spec;
+  spec.pilot = request.pilot();
+  spec.title = request.title();
+  spec.priority = request.priority();
+  spec.partition = FromWire(request.partition());
+  spec.frames.reserve(static_cast<size_t>(request.frames_size()));
+  for (const v1::FrameSpec& wire : request.frames()) {
+    absl::StatusOr<BlobDigest> scene = FromWire(wire.scene());
+    if (!scene.ok()) return Invalid("frames.scene", std::string(scene.status().message()));
+    absl::StatusOr<FrameSettings> settings = sheaf::FromWire(wire.settings());
+    if (!settings.ok()) return Invalid("frames.settings", std::string(settings.status().message()));
+    absl::StatusOr<StopRule> stop = FromWire(wire.stop());
+    if (!stop.ok()) return stop.status();
+    FrameSpec frame;
+    if (wire.has_resumed_picture()) {
+      absl::StatusOr<BlobDigest> resumed = FromWire(wire.resumed_picture());
+      if (!resumed.ok()) {
+        return Invalid("frames.resumed_picture", std::string(resumed.status().message()));
+      }
+      frame.resumed = *std::move(resumed);
+    }
+    frame.stop = *stop;
+    frame.frame_number = wire.frame_number();
+    frame.scene = *std::move(scene);
+    frame.settings = *std::move(settings);
+    spec.frames.push_back(std::move(frame));
+  }
+  if (request.effect_costs_size() > kEffectCostsMax) {
+    return Invalid("effect_costs", absl::StrCat("more than ", kEffectCostsMax));
+  }
+  for (const v1::EffectCost& wire : request.effect_costs()) {
+    absl::StatusOr<EffectCost> effect = FromWire(wire);
+    if (!effect.ok()) return effect.status();
+    spec.effect_costs.push_back(*std::move(effect));
+  }
+  return spec;
+}
+
+absl::StatusOr<Refinement> FromWire(const v1::RefineJobRequest& request) {
+  const absl::StatusOr<StopRule> stop = FromWire(request.stop());
+  if (!stop.ok()) return stop.status();
+  return Refinement{*stop, request.sample_count()};
+}
+
+absl::StatusOr<WorkerReport> FromWire(const v1::SynchronizeRequest& request) {
+  absl::Status status = CheckText("worker_id", request.worker_id(), kWorkerTextBytesMax);
+  if (status.ok()) status = CheckText("host", request.host(), kWorkerTextBytesMax);
+  if (status.ok()) {
+    status = CheckText("numeric_profile", request.numeric_profile(), kWorkerTextBytesMax);
+  }
+  if (!status.ok()) return status;
+  if (request.leases_size() > kLeaseReportsMax || request.failures_size() > kLeaseReportsMax) {
+    return Invalid("leases", absl::StrCat("more than ", kLeaseReportsMax));
+  }
+  if (request.thread_count() < 1) return Invalid("thread_count", "is not positive");
+  WorkerReport report;
+  report.worker_id = request.worker_id();
+  report.host = request.host();
+  report.numeric_profile = request.numeric_profile();
+  report.thread_count = request.thread_count();
+  report.lease_count_wanted = request.lease_count_wanted();
+  report.draining = request.draining();
+  for (const std::string& scene : request.warm_scenes()) {
+    if (!IsSha256Hex(scene)) return Invalid("warm_scenes", "has what is not a SHA-256");
+    report.warm_scenes.push_back(scene);
+  }
+  report.scene_memory_bytes = request.scene_memory_bytes();
+  for (const v1::LeaseState& lease : request.leases()) {
+    const absl::StatusOr<LeasePhase> phase = FromWire(lease.phase());
+    if (!phase.ok()) return phase.status();
+    report.leases.push_back({lease.lease_id(), *phase});
+  }
+  for (const v1::LeaseFailure& failure : request.failures()) {
+    const absl::StatusOr<FailureKind> kind = FromWire(failure.kind());
+    if (!kind.ok()) return kind.status();
+    const std::string text = Printable(failure.message(), kFailureTextBytesMax);
+    report.failures.push_back({failure.lease_id(), *kind, text});
+  }
+  return report;
+}
+
+absl::StatusOr<ResultReport> FromWire(const v1::ResultHeader& header) {
+  ResultReport report;
+  report.frame_digest = header.key().frame_digest();
+  if (!IsSha256Hex(report.frame_digest)) return Invalid("key.frame_digest", "is not a SHA-256");
+  report.tile = sheaf::FromWire(header.key().tile());
+  report.block = {header.key().block().first(), header.key().block().count()};
+  if (!IsAligned(report.block)) return Invalid("key.block", "is not an aligned power of two");
+  report.cells = {header.key().cell_size_px(), header.key().cells()};
+  const std::string why_no_cells = WhyNoCells(report.tile, report.cells);
+  if (!why_no_cells.empty()) return Invalid("key.cells", why_no_cells);
+  report.lease_id = header.lease_id();
+  report.worker_id = header.worker_id();
+  absl::Status named = CheckText("worker_id", report.worker_id, kWorkerTextBytesMax);
+  if (!named.ok()) return named;
+  absl::StatusOr<BlobDigest> digest = FromWire(header.digest());
+  if (!digest.ok()) return Invalid("digest", std::string(digest.status().message()));
+  report.digest = *std::move(digest);
+  report.ray_count = header.ray_count();
+  report.cpu_duration = absl::Seconds(header.cpu_duration().seconds()) +
+                        absl::Nanoseconds(header.cpu_duration().nanos());
+  if (report.cpu_duration < absl::ZeroDuration()) return Invalid("cpu_duration", "is negative");
+  if (report.cpu_duration > kResultCpuMax)
+    return Invalid("cpu_duration", "is longer than 100 years");
+  if (report.ray_count > kResultRaysMax) {
+    return Invalid("ray_count", absl::StrCat("is larger than ", kResultRaysMax));
+  }
+  return report;
+}
+
+v1::Job ToWire(const JobView& view) {
+  v1::Job wire;
+  wire.set_name("jobs/" + view.job_id);
+  wire.set_pilot(view.pilot);
+  wire.set_title(view.title);
+  wire.set_state(ToWire(view.state));
+  for (const FrameView& frame : view.frames) *wire.add_frames() = ToWire(wire.name(), frame);
+  SetTime(view.create_time, wire.mutable_create_time());
+  if (view.end_time != absl::InfiniteFuture()) SetTime(view.end_time, wire.mutable_end_time());
+  wire.set_failure(view.failure);
+  wire.set_priority(view.priority);
+  wire.set_numeric_profile(view.numeric_profile);
+  wire.mutable_partition()->set_tile_size_px(view.partition.tile_size_px);
+  wire.mutable_partition()->set_pass_sample_count(view.partition.pass_sample_count);
+  wire.mutable_partition()->set_lease_pass_count(view.partition.lease_pass_count);
+  wire.mutable_partition()->set_cell_size_px(view.partition.cell_size_px);
+  *wire.mutable_progress() = ToWire(view.progress);
+  wire.set_waiting_reason(view.waiting_reason);
+  for (const EffectCost& effect : view.effect_costs) *wire.add_effect_costs() = ToWire(effect);
+  return wire;
+}
+
+v1::Worker ToWire(const WorkerView& view) {
+  v1::Worker wire;
+  wire.set_name("workers/" + view.worker_id);
+  wire.set_host(view.host);
+  wire.set_state(ToWire(view.state));
+  wire.set_thread_count(view.thread_count);
+  wire.set_numeric_profile(view.numeric_profile);
+  wire.set_lease_count(view.lease_count);
+  wire.set_result_count(view.result_count);
+  wire.set_samples_per_second(view.samples_per_second);
+  SetTime(view.last_seen_time, wire.mutable_last_seen_time());
+  wire.set_reason(view.reason);
+  return wire;
+}
+
+v1::SynchronizeResponse ToWire(const Farm::SynchronizeAnswer& answer) {
+  v1::SynchronizeResponse wire;
+  for (const LeaseGrant& grant : answer.leases) *wire.add_leases() = ToWire(grant);
+  SetDuration(answer.next_synchronize, wire.mutable_next_synchronize_duration());
+  SetDuration(answer.lease_duration, wire.mutable_lease_duration());
+  return wire;
+}
+
+v1::UploadResultsResponse::Outcome ToWire(ResultOutcome outcome) {
+  switch (outcome) {
+    case ResultOutcome::kAccepted:
+      return v1::UploadResultsResponse::OUTCOME_ACCEPTED;
+    case ResultOutcome::kDuplicateEqual:
+      return v1::UploadResultsResponse::OUTCOME_DUPLICATE_EQUAL;
+    case ResultOutcome::kDuplicateMismatch:
+      return v1::UploadResultsResponse::OUTCOME_DUPLICATE_MISMATCH;
+    case ResultOutcome::kSuperseded:
+      return v1::UploadResultsResponse::OUTCOME_SUPERSEDED;
+  }
+  return v1::UploadResultsResponse::OUTCOME_UNSPECIFIED;
+}
+
+absl::StatusOr<std::string> ParseJobName(const std::string& name) {
+  const std::vector<std::string> words = absl::StrSplit(name, '/');
+  if (words.size() != 2 || words[0] != "jobs" || words[1].empty()) {
+    return Invalid("name", absl::StrCat("\"", name, "\" is not of the form jobs/ID"));
+  }
+  return words[1];
+}
+
+absl::StatusOr<FrameId> ParseFrameName(const std::string& name) {
+  const std::vector<std::string> words = absl::StrSplit(name, '/');
+  FrameId id;
+  if (words.size() != 4 || words[0] != "jobs" || words[2] != "frames" ||
+      !absl::SimpleAtoi(words[1], &id.job_id) || !absl::SimpleAtoi(words[3], &id.frame_number)) {
+    return Invalid("name", absl::StrCat("\"", name, "\" is not of the form jobs/ID/frames/NUMBER"));
+  }
+  return id;
+}
+
+std::string FrameName(const FrameId& id) {
+  return absl::StrCat("jobs/", id.job_id, "/frames/", id.frame_number);
+}
+
+}  // namespace sheaf::coordinator

@@ -1,0 +1,54 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// The one place where wire messages and the coordinator's values are turned into each other. What
+// comes from the wire is checked here; behind this file nothing is malformed.
+#pragma once
+
+#include <string>
+
+#include "absl/status/statusor.h"
+#include "coordinator/service/farm/farm.h"
+#include "sheaf/v1/job.pb.h"
+#include "sheaf/v1/worker.pb.h"
+
+namespace sheaf::coordinator {
+
+// Limits of what a request may hold.
+inline constexpr size_t kTitleBytesMax = 1000;
+inline constexpr size_t kRequestIdBytesMax = 100;
+inline constexpr size_t kWorkerTextBytesMax = 300;
+inline constexpr size_t kFailureTextBytesMax = 10'000;
+inline constexpr int kLeaseReportsMax = 10'000;
+inline constexpr int kEffectCostsMax = 64;
+inline constexpr size_t kEffectTextBytesMax = 1000;
+// The most that one result may have cost, so that sums over a job's results stay in range.
+inline constexpr uint64_t kResultRaysMax = uint64_t{1} << 48;
+inline constexpr absl::Duration kResultCpuMax = absl::Hours(24 * 36525);
+inline constexpr absl::Duration kStopDurationMax = absl::Hours(24 * 36525);
+
+// Errors of all FromWire: kInvalidArgument, naming the field.
+absl::StatusOr<BlobDigest> FromWire(const v1::Digest& digest);
+// Without job id, profile and frame digests, which the farm fills in.
+absl::StatusOr<JobSpec> FromWire(const v1::CreateJobRequest& request);
+absl::StatusOr<Refinement> FromWire(const v1::RefineJobRequest& request);
+absl::StatusOr<WorkerReport> FromWire(const v1::SynchronizeRequest& request);
+absl::StatusOr<ResultReport> FromWire(const v1::ResultHeader& header);
+
+v1::Job ToWire(const JobView& view);
+// In wire_prices.cc, these three. Errors: kInvalidArgument.
+absl::StatusOr<EffectCost> FromWire(const v1::EffectCost& wire);
+v1::EffectCost ToWire(const EffectCost& effect);
+v1::PriceRefinementResponse ToWire(const RefinementPrices& priced);
+v1::Worker ToWire(const WorkerView& view);
+v1::SynchronizeResponse ToWire(const Farm::SynchronizeAnswer& answer);
+v1::UploadResultsResponse::Outcome ToWire(ResultOutcome outcome);
+v1::Digest ToWire(const BlobDigest& digest);
+
+// "jobs/7" to "7". Errors: kInvalidArgument.
+absl::StatusOr<std::string> ParseJobName(const std::string& name);
+// "jobs/7/frames/12". Errors: kInvalidArgument.
+absl::StatusOr<FrameId> ParseFrameName(const std::string& name);
+std::string FrameName(const FrameId& id);
+
+}  // namespace sheaf::coordinator

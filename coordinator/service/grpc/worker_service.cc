@@ -1,0 +1,93 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "coordinator/service/grpc/worker_service.h"
+
+#include <optional>
+#include <string>
+
+#include "absl/strings/str_cat.h"
+#include "common/rpc/grpc_status.h"
+#include "coordinator/service/grpc/drain_stream.h"
+#include "coordinator/service/grpc/wire.h"
+
+namespace sheaf::coordinator {
+namespace {
+
+// Puts the messages of an upload stream together into results, one at a time.
+class ResultAssembly {
+ public:
+  ResultAssembly(Farm* farm, v1::UploadResultsResponse* response)
+      : farm_(farm), response_(response) {}
+
+  absl::Status Take(v1::UploadResultsRequest&& message) {
+    if (message.has_header()) {
+      if (absl::Status status = Finish(); !status.ok()) return status;
+      if (response_->outcomes_size() >= kResultsPerUploadMax) {
+        return absl::InvalidArgumentError(
+            absl::StrCat("more than ", kResultsPerUploadMax, " results in one upload"));
+      }
+      absl::StatusOr<ResultReport> report = FromWire(message.header());
+      if (!report.ok()) return report.status();
+      if (report->digest.size_bytes > farm_->options().part_bytes_max) {
+        return absl::InvalidArgumentError(absl::StrCat("a result of ", report->digest.size_bytes,
+                                                       " bytes is larger than ",
+                                                       farm_->options().part_bytes_max));
+      }
+      report_ = *std::move(report);
+    }
+    if (!report_) return absl::InvalidArgumentError("the first message has no header");
+    if (bytes_.size() + message.chunk().size() > report_->digest.size_bytes) {
+      return absl::InvalidArgumentError("more bytes than the header's digest names");
+    }
+    bytes_ += message.chunk();
+    return absl::OkStatus();
+  }
+
+  // Gives the result under way, if any, to the farm.
+  absl::Status Finish() {
+    if (!report_) return absl::OkStatus();
+    const absl::StatusOr<ResultOutcome> outcome = farm_->AddResult(*report_, bytes_);
+    report_.reset();
+    bytes_.clear();
+    if (!outcome.ok()) return outcome.status();
+    response_->add_outcomes(ToWire(*outcome));
+    return absl::OkStatus();
+  }
+
+ private:
+  Farm* farm_;
+  v1::UploadResultsResponse* response_;
+  std::optional<ResultReport> report_;
+  std::string bytes_;
+};
+
+}  // namespace
+
+grpc::Status WorkerService::Synchronize(grpc::ServerContext* /*context*/,
+                                        const v1::SynchronizeRequest* request,
+                                        v1::SynchronizeResponse* response) {
+  const absl::StatusOr<WorkerReport> report = FromWire(*request);
+  if (!report.ok()) return ToGrpcStatus(report.status());
+  const absl::StatusOr<Farm::SynchronizeAnswer> answer = farm_->Synchronize(*report);
+  if (!answer.ok()) return ToGrpcStatus(answer.status());
+  *response = ToWire(*answer);
+  return grpc::Status::OK;
+}
+
+grpc::Status WorkerService::UploadResults(grpc::ServerContext* context,
+                                          grpc::ServerReader<v1::UploadResultsRequest>* reader,
+                                          v1::UploadResultsResponse* response) {
+  ResultAssembly assembly(farm_, response);
+  v1::UploadResultsRequest message;
+  while (reader->Read(&message)) {
+    if (absl::Status status = assembly.Take(std::move(message)); !status.ok()) {
+      DrainStream(&message, reader);
+      return ToGrpcStatus(status);
+    }
+  }
+  // A stream that broke off may have broken off inside its last result.
+  if (context->IsCancelled()) return ToGrpcStatus(absl::CancelledError("the upload broke off"));
+  return ToGrpcStatus(assembly.Finish());
+}
+
+}  // namespace sheaf::coordinator

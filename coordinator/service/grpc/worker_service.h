@@ -1,0 +1,29 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// WorkerService over gRPC: dispatch and results.
+#pragma once
+
+#include "coordinator/service/farm/farm.h"
+#include "sheaf/v1/worker.grpc.pb.h"
+
+namespace sheaf::coordinator {
+
+inline constexpr int kResultsPerUploadMax = 1000;
+
+class WorkerService final : public v1::WorkerService::Service {
+ public:
+  // `farm` must outlive the service.
+  explicit WorkerService(Farm* farm) : farm_(farm) {}
+
+  grpc::Status Synchronize(grpc::ServerContext* context, const v1::SynchronizeRequest* request,
+                           v1::SynchronizeResponse* response) override;
+  grpc::Status UploadResults(grpc::ServerContext* context,
+                             grpc::ServerReader<v1::UploadResultsRequest>* reader,
+                             v1::UploadResultsResponse* response) override;
+
+ private:
+  Farm* farm_;
+};
+
+}  // namespace sheaf::coordinator

@@ -1,0 +1,363 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// One function an endpoint, over FarmView.
+#include "coordinator/service/http/http_api.h"
+
+#include <algorithm>
+#include <limits>
+
+#include "absl/strings/ascii.h"
+#include "absl/strings/numbers.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "coordinator/service/http/false_color.h"
+#include "coordinator/service/http/http_json.h"
+#include "coordinator/service/http/http_metrics.h"
+
+namespace sheaf::coordinator {
+namespace {
+
+int HttpStatusFromCode(absl::StatusCode code) {
+  switch (code) {
+    case absl::StatusCode::kInvalidArgument:
+    case absl::StatusCode::kOutOfRange:
+      return 400;
+    case absl::StatusCode::kPermissionDenied:
+      return 403;
+    case absl::StatusCode::kNotFound:
+      return 404;
+    case absl::StatusCode::kAborted:
+    case absl::StatusCode::kAlreadyExists:
+    case absl::StatusCode::kFailedPrecondition:
+      return 409;
+    case absl::StatusCode::kResourceExhausted:
+      return 429;
+    case absl::StatusCode::kUnavailable:
+      return 503;
+    default:
+      return 500;
+  }
+}
+
+// The page size that a request asks for. Errors: kInvalidArgument.
+absl::StatusOr<int> PageSize(const HttpRequest& request, int default_size) {
+  const std::string text = QueryValue(request, "page_size");
+  if (text.empty()) return default_size;
+  int size = 0;
+  if (!absl::SimpleAtoi(text, &size) || size < 1 || size > kPageSizeMax) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("page_size \"", text, "\" is not a number from 1 to ", kPageSizeMax));
+  }
+  return size;
+}
+
+absl::Status UnknownPageToken(const std::string& token) {
+  return absl::InvalidArgumentError(
+      absl::StrCat("page_token \"", token, "\" is unknown; begin again without one"));
+}
+
+// A name for a download: letters, digits, dots and hyphens of the title.
+std::string DownloadName(const std::string& title, int32_t frame_number) {
+  std::string name;
+  for (const char c : title.substr(0, 80)) {
+    name.push_back(
+        absl::ascii_isalnum(static_cast<unsigned char>(c)) || c == '.' || c == '-' ? c : '_');
+  }
+  return absl::StrFormat("%s.%04d.exr", name.empty() ? "sheaf" : name, frame_number);
+}
+
+// Whether the client has this version already.
+bool ClientHas(const HttpRequest& request, const std::string& etag) {
+  return HeaderValue(request, "If-None-Match") == etag;
+}
+
+HttpResponse NotModified(const std::string& etag) {
+  HttpResponse response;
+  response.status = 304;
+  response.headers = {{"ETag", etag}, {"Cache-Control", "no-cache"}};
+  return response;
+}
+
+// Errors: kInvalidArgument.
+absl::StatusOr<PreviewChoice> ChoiceOf(const HttpRequest& request) {
+  const std::string name = QueryValue(request, "layer");
+  const std::optional<PictureLayer> layer = PictureLayerFromName(name);
+  if (!layer) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("layer \"", name, "\" is none of picture, light, error, samples, time"));
+  }
+  const std::string size = QueryValue(request, "size");
+  const bool thumbnail = size == "thumbnail";
+  if (!size.empty() && (!thumbnail || *layer != PictureLayer::kPicture)) {
+    return absl::InvalidArgumentError("the only other size is thumbnail, of the picture alone");
+  }
+  PreviewChoice choice{*layer, thumbnail, std::nullopt};
+  const std::string round = QueryValue(request, "round");
+  if (round.empty()) return choice;
+  int32_t number = 0;
+  if (!absl::SimpleAtoi(round, &number) || number < 0) {
+    return absl::InvalidArgumentError(absl::StrCat("round \"", round, "\" is no number from 0"));
+  }
+  if (thumbnail || *layer == PictureLayer::kTime) {
+    return absl::InvalidArgumentError("rounds have no thumbnails and no times of their own");
+  }
+  choice.round = number;
+  return choice;
+}
+
+}  // namespace
+
+HttpResponse JsonResponse(std::string json) {
+  HttpResponse response;
+  response.content_type = "application/json";
+  response.headers = {{"Cache-Control", "no-store"}};
+  response.body = std::move(json);
+  response.body.push_back('\n');
+  return response;
+}
+
+HttpResponse HttpErrorFromStatus(const absl::Status& status) {
+  return HttpError(HttpStatusFromCode(status.code()), absl::StatusCodeToString(status.code()),
+                   std::string(status.message()));
+}
+
+HttpApi::HttpApi(const FarmView& farm, FarmActions actions, std::string instance)
+    : farm_(farm), actions_(std::move(actions)), instance_(std::move(instance)) {}
+
+std::vector<HttpRoute> HttpApi::Routes() {
+  using Request = HttpRequest;
+  const auto healthy = [](const Request&) {
+    HttpResponse response;
+    response.body = "ok\n";
+    return response;
+  };
+  const auto metrics = [this](const Request&) {
+    HttpResponse response;
+    response.content_type = kPrometheusContentType;
+    response.body = PrometheusText(farm_.Metrics());
+    return response;
+  };
+  const std::string job = "/api/v1/jobs/{}";
+  const std::string frame = job + "/frames/{}";
+  return {
+      {"GET", "/healthz", healthy},
+      {"GET", "/readyz", [this](const Request&) { return Ready(); }},
+      {"GET", "/metrics", metrics},
+      {"GET", "/api/v1/jobs", [this](const Request& r) { return ListJobs(r); }},
+      {"GET", job, [this](const Request& r) { return GetJob(r); }},
+      {"GET", job + "/failures", [this](const Request& r) { return ListFailures(r); }},
+      {"POST", job + ":cancel",
+       [this](const Request& r) { return ChangeJob(r, actions_.cancel_job); }},
+      {"POST", job + ":pause",
+       [this](const Request& r) { return ChangeJob(r, actions_.pause_job); }},
+      {"POST", job + ":resume",
+       [this](const Request& r) { return ChangeJob(r, actions_.resume_job); }},
+      {"POST", job + ":priority", [this](const Request& r) { return SetPriority(r); }},
+      {"POST", job + ":refine", [this](const Request& r) { return RefineJob(r); }},
+      {"GET", job + "/refine-price", [this](const Request& r) { return GetRefinePrice(r); }},
+      {"GET", frame, [this](const Request& r) { return GetFrame(r); }},
+      {"GET", frame + "/preview.png", [this](const Request& r) { return GetPreview(r); }},
+      {"GET", "/api/v1/false-color.png", [this](const Request&) { return GetFalseColor(); }},
+      {"GET", frame + "/output.exr", [this](const Request& r) { return GetOutput(r); }},
+      {"GET", "/api/v1/workers", [this](const Request& r) { return ListWorkers(r); }},
+      {"GET", "/api/v1/counters", [this](const Request&) { return ListCounters(); }},
+  };
+}
+
+HttpResponse HttpApi::Ready() const {
+  const absl::Status ready = farm_.Ready();
+  HttpResponse response;
+  response.status = ready.ok() ? 200 : 503;
+  response.body = ready.ok() ? "ready\n" : absl::StrCat(std::string(ready.message()), "\n");
+  return response;
+}
+
+HttpResponse HttpApi::ListJobs(const HttpRequest& request) const {
+  const absl::StatusOr<int> size = PageSize(request, kPageSizeDefault);
+  if (!size.ok()) return HttpErrorFromStatus(size.status());
+  const std::vector<JobView> jobs = farm_.ListJobs();
+  auto job = jobs.begin();
+  // A token is the last job of the page before: new jobs come first and shift no later page.
+  const std::string token = QueryValue(request, "page_token");
+  if (!token.empty()) {
+    job = std::find_if(jobs.begin(), jobs.end(),
+                       [&](const JobView& candidate) { return candidate.job_id == token; });
+    if (job == jobs.end()) return HttpErrorFromStatus(UnknownPageToken(token));
+    ++job;
+  }
+  std::vector<std::string> page;
+  for (; job != jobs.end() && page.size() < static_cast<size_t>(*size); ++job) {
+    page.push_back(JobJson(*job));
+  }
+  return JsonResponse(ListJson("jobs", page, job == jobs.end() ? "" : std::prev(job)->job_id));
+}
+
+HttpResponse HttpApi::GetJob(const HttpRequest& request) const {
+  const absl::StatusOr<int> size = PageSize(request, kPageSizeMax);
+  if (!size.ok()) return HttpErrorFromStatus(size.status());
+  const absl::StatusOr<JobView> job = farm_.FindJob(request.path_parameters[0]);
+  if (!job.ok()) return HttpErrorFromStatus(job.status());
+  auto frame = job->frames.begin();
+  const std::string token = QueryValue(request, "page_token");
+  if (!token.empty()) {
+    int32_t last = 0;
+    if (!absl::SimpleAtoi(token, &last)) return HttpErrorFromStatus(UnknownPageToken(token));
+    frame = std::find_if(job->frames.begin(), job->frames.end(),
+                         [&](const FrameView& f) { return f.frame_number > last; });
+  }
+  std::vector<std::string> page;
+  for (; frame != job->frames.end() && page.size() < static_cast<size_t>(*size); ++frame) {
+    page.push_back(FrameJson(job->job_id, *frame));
+  }
+  const bool ended = frame == job->frames.end();
+  return JsonResponse(
+      JobWithFramesJson(*job, page, ended ? "" : absl::StrCat(std::prev(frame)->frame_number)));
+}
+
+HttpResponse HttpApi::ListFailures(const HttpRequest& request) const {
+  const std::string& job_id = request.path_parameters[0];
+  const absl::StatusOr<std::vector<FailureView>> failures = farm_.ListFailures(job_id);
+  if (!failures.ok()) return HttpErrorFromStatus(failures.status());
+  std::vector<std::string> list;
+  for (const FailureView& failure : *failures) list.push_back(FailureJson(job_id, failure));
+  return JsonResponse(ListJson("failures", list, ""));
+}
+
+HttpResponse HttpApi::ChangeJob(const HttpRequest& request,
+                                const std::function<absl::Status(const std::string&)>& act) const {
+  const std::string& job_id = request.path_parameters[0];
+  const absl::Status done = act(job_id);
+  if (!done.ok()) return HttpErrorFromStatus(done);
+  const absl::StatusOr<JobView> job = farm_.FindJob(job_id);
+  if (!job.ok()) return HttpErrorFromStatus(job.status());
+  return JsonResponse(JobJson(*job));
+}
+
+HttpResponse HttpApi::SetPriority(const HttpRequest& request) const {
+  const std::string text = QueryValue(request, "value");
+  int32_t priority = 0;
+  if (!absl::SimpleAtoi(text, &priority)) {
+    return HttpErrorFromStatus(
+        absl::InvalidArgumentError(absl::StrCat("value \"", text, "\" is no whole number")));
+  }
+  return ChangeJob(request, [&](const std::string& job_id) {
+    return actions_.set_job_priority(job_id, priority);
+  });
+}
+
+absl::StatusOr<FrameView> HttpApi::FindFrame(const HttpRequest& request) const {
+  const std::string& job_id = request.path_parameters[0];
+  const std::string& number_text = request.path_parameters[1];
+  int32_t number = 0;
+  if (!absl::SimpleAtoi(number_text, &number)) {
+    return absl::InvalidArgumentError(absl::StrCat("\"", number_text, "\" is no frame number"));
+  }
+  const absl::StatusOr<JobView> job = farm_.FindJob(job_id);
+  if (!job.ok()) return job.status();
+  for (const FrameView& frame : job->frames) {
+    if (frame.frame_number == number) return frame;
+  }
+  return absl::NotFoundError(absl::StrCat("jobs/", job_id, " has no frame ", number));
+}
+
+HttpResponse HttpApi::GetFrame(const HttpRequest& request) const {
+  const absl::StatusOr<FrameView> frame = FindFrame(request);
+  if (!frame.ok()) return HttpErrorFromStatus(frame.status());
+  return JsonResponse(FrameJson(request.path_parameters[0], *frame));
+}
+
+HttpResponse HttpApi::GetPreview(const HttpRequest& request) {
+  const absl::StatusOr<FrameView> frame = FindFrame(request);
+  if (!frame.ok()) return HttpErrorFromStatus(frame.status());
+  const absl::StatusOr<PreviewChoice> choice = ChoiceOf(request);
+  if (!choice.ok()) return HttpErrorFromStatus(choice.status());
+  const auto etag = [&](uint64_t version) {
+    return absl::StrCat("\"", instance_, "-", version, "\"");
+  };
+  const uint64_t newest = PreviewCache::VersionOf(*frame, *choice);
+  if (ClientHas(request, etag(newest))) return NotModified(etag(newest));
+  absl::StatusOr<EncodedPreview> preview =
+      (choice->thumbnail ? thumbnails_ : previews_)
+          .Find(farm_, request.path_parameters[0], *frame, *choice);
+  HttpResponse response;
+  const bool may_lack =
+      !frame->complete || choice->thumbnail || choice->layer == PictureLayer::kTime;
+  if (absl::IsUnavailable(preview.status()) && may_lack) {
+    // No failure: a job may end between the event that names a picture and the request for it,
+    // frames of earlier versions have no thumbnail, and those without parts no times.
+    response.status = 204;
+    response.headers = {{"Cache-Control", "no-store"}};
+    return response;
+  }
+  if (!preview.ok()) return HttpErrorFromStatus(preview.status());
+  response.content_type = "image/png";
+  response.headers = {{"ETag", etag(preview->version)}, {"Cache-Control", "no-cache"}};
+  if (preview->range) {
+    response.headers.emplace_back(kRangeHeader,
+                                  absl::StrCat(preview->range->low, " ", preview->range->high));
+  }
+  response.body = std::move(preview->png);
+  return response;
+}
+
+HttpResponse HttpApi::GetFalseColor() const {
+  constexpr int kWidthPx = 256;
+  std::vector<Rgb8> row;
+  for (int x = 0; x < kWidthPx; ++x) row.push_back(Viridis(x / (kWidthPx - 1.0)));
+  absl::StatusOr<std::string> png = EncodePng(kWidthPx, 1, row);
+  if (!png.ok()) return HttpErrorFromStatus(png.status());
+  HttpResponse response;
+  response.content_type = "image/png";
+  response.headers = {{"Cache-Control", "no-cache"}};
+  response.body = *std::move(png);
+  return response;
+}
+
+HttpResponse HttpApi::GetOutput(const HttpRequest& request) const {
+  const absl::StatusOr<FrameView> frame = FindFrame(request);
+  if (!frame.ok()) return HttpErrorFromStatus(frame.status());
+  if (!frame->complete) {
+    return HttpErrorFromStatus(absl::FailedPreconditionError(
+        absl::StrCat("frame ", frame->frame_number, " is not complete yet; see preview.png")));
+  }
+  const std::string etag = absl::StrCat("\"", frame->picture_digest, "\"");
+  if (ClientHas(request, etag)) return NotModified(etag);
+  const absl::StatusOr<JobView> job = farm_.FindJob(request.path_parameters[0]);
+  if (!job.ok()) return HttpErrorFromStatus(job.status());
+  HttpResponse response;
+  response.content_type = "image/x-exr";
+  response.headers = {
+      {"ETag", etag},
+      {"Cache-Control", "no-cache"},
+      {"Content-Disposition", absl::StrCat("attachment; filename=\"",
+                                           DownloadName(job->title, frame->frame_number), "\"")}};
+  response.file_path = frame->output_path;
+  return response;
+}
+
+HttpResponse HttpApi::ListWorkers(const HttpRequest& request) const {
+  const absl::StatusOr<int> size = PageSize(request, std::numeric_limits<int>::max());
+  if (!size.ok()) return HttpErrorFromStatus(size.status());
+  // A token is the last worker of the page before, whether it is still there or not.
+  const std::string token = QueryValue(request, "page_token");
+  std::vector<std::string> page;
+  std::string last;
+  for (const WorkerView& worker : farm_.ListWorkers()) {
+    if (worker.worker_id <= token) continue;
+    if (page.size() == static_cast<size_t>(*size)) {
+      return JsonResponse(ListJson("workers", page, last));
+    }
+    page.push_back(WorkerJson(worker));
+    last = worker.worker_id;
+  }
+  return JsonResponse(ListJson("workers", page, ""));
+}
+
+HttpResponse HttpApi::ListCounters() const {
+  std::vector<std::string> counters;
+  for (const MetricView& metric : farm_.Metrics()) counters.push_back(MetricJson(metric));
+  return JsonResponse(ListJson("counters", counters, ""));
+}
+
+}  // namespace sheaf::coordinator

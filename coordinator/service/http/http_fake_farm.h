@@ -1,0 +1,184 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// A FarmView whose contents a test sets, for trying the HTTP side without a farm. Tests only.
+#pragma once
+
+#include <chrono>
+#include <condition_variable>
+#include <cstdint>
+#include <mutex>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "absl/time/clock.h"
+#include "common/film/shrink_picture.h"
+#include "coordinator/service/view/farm_view.h"
+
+namespace sheaf::coordinator {
+
+// Thread safety: as FarmView asks.
+class FakeFarm : public FarmView {
+ public:
+  std::vector<JobView> jobs;  // With their frames.
+  std::vector<WorkerView> workers;
+  std::vector<MetricView> metrics;
+  std::vector<FailureView> failures;  // Of every job.
+  RefinementPrices prices;            // Of every job; their targets are as asked for.
+  absl::Status ready;
+  PreviewView preview;        // Of every frame.
+  PreviewView round_preview;  // Of every round that has a version.
+
+  // Applies a change under the lock and wakes whoever waits.
+  template <class Change>
+  void Update(Change change) {
+    {
+      const std::lock_guard<std::mutex> lock(mutex_);
+      change(*this);
+      ++change_count_;
+    }
+    changed_.notify_all();
+  }
+
+  std::vector<JobView> ListJobs() const override {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    std::vector<JobView> list = jobs;
+    for (JobView& job : list) job.frames.clear();
+    return list;
+  }
+  absl::StatusOr<JobView> FindJob(const std::string& job_id) const override {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    for (const JobView& job : jobs) {
+      if (job.job_id == job_id) return job;
+    }
+    return absl::NotFoundError(absl::StrCat("no job jobs/", job_id));
+  }
+  absl::StatusOr<std::vector<FailureView>> ListFailures(const std::string& job_id) const override {
+    if (absl::Status found = FindJob(job_id).status(); !found.ok()) return found;
+    const std::lock_guard<std::mutex> lock(mutex_);
+    return failures;
+  }
+  absl::StatusOr<RefinementPrices> PriceRefinement(
+      const std::string& job_id, const std::vector<double>& target_errors) const override {
+    if (absl::Status found = FindJob(job_id).status(); !found.ok()) return found;
+    const std::lock_guard<std::mutex> lock(mutex_);
+    RefinementPrices priced = prices;
+    for (const double target : target_errors) {
+      RefinementPrice& price = priced.prices.emplace_back();
+      price.target_error = target;
+      // A thousandth of relMSE costs a second of CPU time, half of it one of 0.002.
+      const double seconds = 1e-3 / target;
+      price.reached = true;
+      price.relative_mse = {target, 0.9 * target, target};
+      price.samples_per_pixel = {16 * seconds, 12 * seconds, 24 * seconds};
+      price.cpu_seconds = {seconds, 0.8 * seconds, 1.25 * seconds};
+      price.wall_seconds = {seconds / 2, 0.4 * seconds, 0.625 * seconds};
+    }
+    return priced;
+  }
+  std::vector<WorkerView> ListWorkers() const override {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    return workers;
+  }
+  std::vector<MetricView> Metrics() const override {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    return metrics;
+  }
+  absl::StatusOr<PreviewView> Preview(const std::string&, int32_t,
+                                      const std::vector<std::string>&) const override {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    if (preview.version == 0) return absl::UnavailableError("no sample is there yet");
+    return preview;
+  }
+  absl::StatusOr<PreviewView> Thumbnail(const std::string& job_id,
+                                        int32_t frame_number) const override {
+    absl::StatusOr<PreviewView> view = Preview(job_id, frame_number, {});
+    if (!view.ok()) return view.status();
+    absl::StatusOr<FramePicture> small =
+        ShrinkPicture(view->picture, {"R", "G", "B"}, kThumbnailPixelCountMax);
+    if (!small.ok()) return small.status();
+    view->picture = *std::move(small);
+    return view;
+  }
+  absl::StatusOr<PreviewView> RoundPreview(const std::string& job_id, int32_t frame_number,
+                                           int32_t round) const override {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    for (const JobView& job : jobs) {
+      if (job.job_id != job_id) continue;
+      for (const FrameView& frame : job.frames) {
+        const auto index = static_cast<size_t>(round);
+        if (frame.frame_number != frame_number || round < 0 || index >= frame.rounds.size()) {
+          continue;
+        }
+        PreviewView view = round_preview;
+        view.version = frame.rounds[index].preview_version;
+        if (view.version > 0) return view;
+      }
+    }
+    return absl::NotFoundError("no such round is kept");
+  }
+  absl::Status Ready() const override {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    return ready;
+  }
+  uint64_t ChangeCount() const override {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    return change_count_;
+  }
+  uint64_t WaitForChange(uint64_t seen, absl::Duration timeout) const override {
+    std::unique_lock<std::mutex> lock(mutex_);
+    changed_.wait_for(lock, absl::ToChronoNanoseconds(timeout),
+                      [&] { return change_count_ != seen; });
+    return change_count_;
+  }
+
+ private:
+  mutable std::mutex mutex_;
+  mutable std::condition_variable changed_;
+  uint64_t change_count_ = 1;
+};
+
+// A running job of one frame, 4 x 2 pixels at 16 samples, with a quarter of its samples.
+inline JobView MakeFakeJob(const std::string& job_id) {
+  FrameView frame;
+  frame.frame_number = 1;
+  frame.settings.width_px = 4;
+  frame.settings.height_px = 2;
+  frame.settings.window = {0, 0, 4, 2};
+  frame.settings.samples = 16;
+  frame.settings.similarity_after = 8;
+  frame.preview_version = 3;
+  frame.progress.sample_count_done = 32;
+  frame.progress.sample_count_total = 128;
+  JobView job;
+  job.job_id = job_id;
+  job.title = "job " + job_id;
+  job.state = JobState::kRunning;
+  job.create_time = absl::FromUnixMillis(1700000000123);
+  job.frame_count = 1;
+  job.progress = frame.progress;
+  job.frames = {frame};
+  NotePictured(frame, &job);
+  return job;
+}
+
+// A picture of one colour, with 16 samples in every pixel, standard errors of a tenth of it and a
+// millisecond of CPU time.
+inline FramePicture MakeFakePicture(int32_t width_px, int32_t height_px, float level) {
+  FramePicture picture;
+  picture.window = {0, 0, width_px, height_px};
+  picture.frame_width_px = width_px;
+  picture.frame_height_px = height_px;
+  picture.channel_names = {"R",        "G",        "B",       "stderr.R",
+                           "stderr.G", "stderr.B", "samples", kCpuChannel};
+  const size_t count = static_cast<size_t>(width_px) * static_cast<size_t>(height_px);
+  picture.planes.assign(3, std::vector<float>(count, level));
+  picture.planes.resize(6, std::vector<float>(count, 0.1f * level));
+  picture.planes.emplace_back(count, 16.0f);
+  picture.planes.emplace_back(count, 0.001f);
+  return picture;
+}
+
+}  // namespace sheaf::coordinator

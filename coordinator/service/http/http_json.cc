@@ -1,0 +1,270 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Field by field, from the plain values of FarmView.
+#include "coordinator/service/http/http_json.h"
+
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
+
+namespace sheaf::coordinator {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+// Text from people may be no UTF-8; it is shown with replacement characters.
+std::string Dump(const Json& json) {
+  return json.dump(-1, ' ', false, Json::error_handler_t::replace);
+}
+
+// Milliseconds are what a person watching can tell apart.
+Json TimeJson(absl::Time time) {
+  if (time == absl::InfiniteFuture() || time == absl::InfinitePast()) return nullptr;
+  return absl::FormatTime("%Y-%m-%dT%H:%M:%E3SZ", time, absl::UTCTimeZone());
+}
+
+std::string FrameName(const std::string& job_id, int32_t frame_number) {
+  return absl::StrCat("jobs/", job_id, "/frames/", frame_number);
+}
+
+Json RectJson(const PixelRect& rect) {
+  return {{"x0_px", rect.x0}, {"y0_px", rect.y0}, {"x1_px", rect.x1}, {"y1_px", rect.y1}};
+}
+
+Json ProgressJson(const ProgressView& progress) {
+  const bool error_known = progress.relative_mse > 0 && std::isfinite(progress.relative_mse);
+  const bool remaining_known =
+      progress.remaining_seconds >= 0 && std::isfinite(progress.remaining_seconds);
+  return {
+      {"sample_count_done", progress.sample_count_done},
+      {"sample_count_total", progress.sample_count_total},
+      {"relative_mse", error_known ? Json(progress.relative_mse) : Json()},
+      {"nonfinite_count", progress.nonfinite_count},
+      {"ray_count", progress.ray_count},
+      {"cpu_duration_seconds", progress.cpu_seconds},
+      {"wall_duration_seconds", progress.wall_seconds},
+      {"remaining_duration_seconds", remaining_known ? Json(progress.remaining_seconds) : Json()},
+  };
+}
+
+Json StopJson(const StopRule& rule) {
+  const auto seconds = [](absl::Duration limit) {
+    return limit == absl::InfiniteDuration() ? Json() : Json(absl::ToDoubleSeconds(limit));
+  };
+  return {
+      {"target_error", rule.target_error > 0 ? Json(rule.target_error) : Json()},
+      {"time_max_seconds", seconds(rule.time_max)},
+      {"cpu_max_seconds", seconds(rule.cpu_max)},
+  };
+}
+
+Json RoundsJson(const std::vector<RoundView>& rounds) {
+  Json json = Json::array();
+  for (const RoundView& round : rounds) {
+    json.push_back({
+        {"relative_mse", round.relative_mse},
+        {"relative_mse_upper", round.relative_mse_upper},
+        {"predicted_relative_mse", round.predicted_relative_mse},
+        {"prediction_ratio", round.prediction_ratio},
+        {"sample_count", round.sample_count},
+        {"ray_count", round.ray_count},
+        {"cpu_duration_seconds", round.cpu_seconds},
+        {"wall_duration_seconds", round.wall_seconds},
+        {"part_bytes", round.part_bytes},
+        {"preview_version", round.preview_version},
+    });
+  }
+  return json;
+}
+
+Json EstimateJson(const Estimate& estimate) {
+  return {{"value", estimate.value}, {"low", estimate.low}, {"high", estimate.high}};
+}
+
+Json EffectsJson(const std::vector<EffectCost>& effects) {
+  Json json = Json::array();
+  for (const EffectCost& effect : effects) {
+    json.push_back({
+        {"name", effect.name},
+        {"problem", effect.problem},
+        {"without", effect.without},
+        {"time_share", effect.time_share},
+        {"time_share_error", effect.time_share_error},
+        {"mean_change", effect.mean_change},
+        {"mean_change_error", effect.mean_change_error},
+        {"relative_mse", effect.relative_mse},
+        {"variance_ratio", effect.variance_ratio},
+    });
+  }
+  return json;
+}
+
+Json PicturedJson(const JobView& job) {
+  if (!job.pictured_frame) return nullptr;
+  const PicturedFrame& frame = *job.pictured_frame;
+  return {{"name", FrameName(job.job_id, frame.frame_number)},
+          {"preview_version", frame.preview_version},
+          {"complete", frame.complete}};
+}
+
+Json JobObject(const JobView& job) {
+  return {
+      {"name", absl::StrCat("jobs/", job.job_id)},
+      {"title", job.title},
+      {"pilot", job.pilot},
+      {"state", JobStateName(job.state)},
+      {"priority", job.priority},
+      {"numeric_profile", job.numeric_profile},
+      {"failure", job.failure},
+      {"waiting_reason", job.waiting_reason},
+      {"failure_count", job.failure_count},
+      {"create_time", TimeJson(job.create_time)},
+      {"end_time", TimeJson(job.end_time)},
+      {"frame_count", job.frame_count},
+      {"frame_complete_count", job.frame_complete_count},
+      {"pictured_frame", PicturedJson(job)},
+      {"progress", ProgressJson(job.progress)},
+  };
+}
+
+Json LayersJson(const std::vector<LayerCount>& counts) {
+  Json json = Json::array();
+  for (const LayerCount& count : counts) {
+    json.push_back({{"layer", count.layer}, {"tile_count", count.tile_count}});
+  }
+  return json;
+}
+
+}  // namespace
+
+std::string JobJson(const JobView& job) { return Dump(JobObject(job)); }
+
+std::string FrameJson(const std::string& job_id, const FrameView& frame) {
+  const FrameSettings& settings = frame.settings;
+  return Dump({
+      {"name", FrameName(job_id, frame.frame_number)},
+      {"frame_number", frame.frame_number},
+      {"scene_digest", frame.scene_digest},
+      {"frame_digest", frame.frame_digest},
+      {"width_px", settings.width_px},
+      {"height_px", settings.height_px},
+      {"window", RectJson(settings.window)},
+      {"sample_count", settings.samples},
+      {"resumed_picture",
+       frame.resumed.sha256_hex.empty() ? Json() : Json(frame.resumed.sha256_hex)},
+      {"stop", StopJson(frame.stop)},
+      {"stop_reason", frame.complete ? StopReasonName(frame.stop_reason) : ""},
+      {"rounds", RoundsJson(frame.rounds)},
+      {"tile_count", frame.tile_count},
+      {"unreliable_tile_count", frame.unreliable_tile_count},
+      {"unreliable_layers", LayersJson(frame.unreliable_layers)},
+      {"flip", frame.flip > 0 ? Json(frame.flip) : Json()},
+      {"one_sequence_gain", frame.one_sequence_gain > 0 ? Json(frame.one_sequence_gain) : Json()},
+      {"depth_max", settings.max_depth},
+      {"seed", settings.seed},
+      {"one_sequence", settings.one_sequence},
+      {"similarity_after_count", settings.similarity_after},
+      {"sensor", settings.sensor},
+      {"max_component_value", settings.max_component_value},
+      {"pixel_stride_px", settings.lattice.All() ? 0 : settings.lattice.stride_px},
+      {"complete", frame.complete},
+      {"picture_digest", frame.picture_digest},
+      {"preview_version", frame.preview_version},
+      {"progress", ProgressJson(frame.progress)},
+  });
+}
+
+std::string FailureJson(const std::string& job_id, const FailureView& view) {
+  const FailureRecord& failure = view.failure;
+  return Dump({
+      {"frame_name", FrameName(job_id, failure.frame_number)},
+      {"frame_number", failure.frame_number},
+      {"tile", RectJson(failure.tile)},
+      {"first_sample", failure.block.first},
+      {"sample_count", failure.block.count},
+      {"worker", absl::StrCat("workers/", failure.worker_id)},
+      {"kind", FailureKindName(failure.kind)},
+      {"message", failure.message},
+      {"time", TimeJson(failure.time)},
+      {"command", view.command},
+  });
+}
+
+std::string WorkerJson(const WorkerView& worker) {
+  Json leases = Json::array();
+  for (const LeaseView& lease : worker.leases) {
+    leases.push_back({
+        {"frame_name", FrameName(absl::StrCat(lease.frame.job_id), lease.frame.frame_number)},
+        {"pilot", IsPilot(lease.frame.job_id)},
+        {"tile", RectJson(lease.tile)},
+        {"first_sample", lease.block.first},
+        {"sample_count", lease.block.count},
+        {"phase", LeasePhaseName(lease.phase)},
+        {"grant_time", TimeJson(lease.grant_time)},
+    });
+  }
+  return Dump({
+      {"name", absl::StrCat("workers/", worker.worker_id)},
+      {"host", worker.host},
+      {"state", WorkerStateName(worker.state)},
+      {"thread_count", worker.thread_count},
+      {"numeric_profile", worker.numeric_profile},
+      {"lease_count", worker.lease_count},
+      {"leases", std::move(leases)},
+      {"warm_scene_count", worker.warm_scene_count},
+      {"warm_scenes", worker.warm_scenes},
+      {"scene_memory_bytes",
+       worker.scene_memory_bytes > 0 ? Json(worker.scene_memory_bytes) : Json()},
+      {"result_count", worker.result_count},
+      {"samples_per_second", worker.samples_per_second},
+      {"last_seen_time", TimeJson(worker.last_seen_time)},
+      {"reason", worker.reason},
+  });
+}
+
+std::string RefinementPricesJson(const RefinementPrices& priced) {
+  Json prices = Json::array();
+  for (const RefinementPrice& price : priced.prices) {
+    prices.push_back({
+        {"target_error", price.target_error},
+        {"reached", price.reached},
+        {"relative_mse", EstimateJson(price.relative_mse)},
+        {"samples_per_pixel", EstimateJson(price.samples_per_pixel)},
+        {"cpu_seconds", EstimateJson(price.cpu_seconds)},
+        {"wall_seconds", priced.thread_count > 0 ? EstimateJson(price.wall_seconds) : Json()},
+    });
+  }
+  return Dump({{"prices", std::move(prices)},
+               {"thread_count", priced.thread_count},
+               {"jobs_before_count", priced.jobs_before_count}});
+}
+
+std::string MetricJson(const MetricView& metric) {
+  return Dump({
+      {"name", metric.name},
+      {"help", metric.help},
+      {"kind", metric.kind == MetricView::Kind::kCounter ? "counter" : "gauge"},
+      {"label_name", metric.label_name},
+      {"label_value", metric.label_value},
+      {"value", metric.value},
+  });
+}
+
+std::string ListJson(const std::string& key, const std::vector<std::string>& objects,
+                     const std::string& next_page_token) {
+  return absl::StrCat("{\"", key, "\":[", absl::StrJoin(objects, ","),
+                      "],\"next_page_token\":", Dump(next_page_token), "}");
+}
+
+std::string JobWithFramesJson(const JobView& job, const std::vector<std::string>& frames,
+                              const std::string& next_page_token) {
+  std::string text = JobJson(job);
+  text.pop_back();
+  return absl::StrCat(text, ",\"effect_costs\":", Dump(EffectsJson(job.effect_costs)), ",",
+                      ListJson("frames", frames, next_page_token).substr(1));
+}
+
+}  // namespace sheaf::coordinator

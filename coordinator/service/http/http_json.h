@@ -1,0 +1,39 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// What the farm looks like, as JSON text. Fields are named as in the protos; times are ISO 8601 in
+// UTC, durations are seconds, and null stands for what cannot be told yet.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "coordinator/service/view/farm_view.h"
+
+namespace sheaf::coordinator {
+
+// A job without its frames: one object on one line.
+std::string JobJson(const JobView& job);
+
+// One frame of a job.
+std::string FrameJson(const std::string& job_id, const FrameView& frame);
+
+// One of a job's failures.
+std::string FailureJson(const std::string& job_id, const FailureView& view);
+std::string WorkerJson(const WorkerView& worker);
+
+// {"KEY": [objects...], "next_page_token": "..."}.
+// Requires: each of `objects` is JSON.
+std::string ListJson(const std::string& key, const std::vector<std::string>& objects,
+                     const std::string& next_page_token);
+
+std::string RefinementPricesJson(const RefinementPrices& priced);
+
+// The job with {"effect_costs": [...], "frames": [...], "next_page_token": "..."} added.
+std::string JobWithFramesJson(const JobView& job, const std::vector<std::string>& frames,
+                              const std::string& next_page_token);
+
+// Counters and gauges: name, help, kind, label_name, label_value, value.
+std::string MetricJson(const MetricView& metric);
+
+}  // namespace sheaf::coordinator

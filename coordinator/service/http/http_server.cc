@@ -1,0 +1,407 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Each connection is one coroutine on the socket thread: read a request within the limits, let the
+// router answer it on the other thread, write, repeat. An event stream is a coroutine that sleeps
+// on a timer which the hub's wake-up cancels.
+#include "coordinator/service/http/http_server.h"
+
+#include <utility>  // Before asio/awaitable.hpp of Boost 1.74, which uses std::exchange unasked.
+
+#include <algorithm>
+#include <atomic>
+#include <boost/asio/awaitable.hpp>
+#include <boost/asio/co_spawn.hpp>
+#include <boost/asio/detached.hpp>
+#include <boost/asio/io_context.hpp>
+#include <boost/asio/ip/tcp.hpp>
+#include <boost/asio/post.hpp>
+#include <boost/asio/redirect_error.hpp>
+#include <boost/asio/steady_timer.hpp>
+#include <boost/asio/thread_pool.hpp>
+#include <boost/asio/use_awaitable.hpp>
+#include <boost/asio/write.hpp>
+#include <boost/beast/core/flat_buffer.hpp>
+#include <boost/beast/core/tcp_stream.hpp>
+#include <boost/beast/http.hpp>
+#include <optional>
+#include <set>
+#include <thread>
+
+#include "absl/strings/str_cat.h"
+#include "common/base/log.h"
+#include "coordinator/service/http/http_connection.h"
+
+namespace sheaf::coordinator {
+namespace {
+
+namespace http = boost::beast::http;
+
+// Pause after accept failed, for example for want of file descriptors.
+constexpr std::chrono::milliseconds kAcceptRetryDelay{100};
+
+// Sent with every response: no guessing of types, no framing, nothing from elsewhere.
+constexpr std::pair<const char*, const char*> kSecurityHeaders[] = {
+    {"X-Content-Type-Options", "nosniff"},
+    {"X-Frame-Options", "DENY"},
+    {"Referrer-Policy", "no-referrer"},
+    {"Cross-Origin-Resource-Policy", "same-origin"},
+    {"Content-Security-Policy",
+     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob:; "
+     "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"},
+};
+
+HttpRequest ToRequest(const http::request<http::string_body>& message) {
+  HttpRequest request;
+  request.method =
+      message.method() == http::verb::head ? "GET" : std::string(message.method_string());
+  request.target = std::string(message.target());
+  for (const auto& field : message) {
+    request.headers.emplace_back(std::string(field.name_string()), std::string(field.value()));
+  }
+  request.body = message.body();
+  return request;
+}
+
+// Everything of the response but its body.
+template <class Body>
+void SetHead(const HttpResponse& response, bool keep_alive, http::response<Body>* message) {
+  message->version(11);
+  message->result(static_cast<unsigned>(response.status));
+  message->set(http::field::content_type, response.content_type);
+  for (const auto& [name, value] : kSecurityHeaders) message->set(name, value);
+  for (const auto& [name, value] : response.headers) message->set(name, value);
+  message->keep_alive(keep_alive);
+}
+
+// The response to a request that could not be read, or nothing where the client just went away.
+std::optional<HttpResponse> ReadRefusal(const error_code& error) {
+  if (error == http::error::header_limit || error == http::error::buffer_overflow) {
+    return HttpError(
+        431, "RESOURCE_EXHAUSTED",
+        absl::StrCat("the request's head is longer than ", kHttpHeaderBytesMax, " bytes"));
+  }
+  if (error == http::error::body_limit) {
+    return HttpError(
+        413, "RESOURCE_EXHAUSTED",
+        absl::StrCat("the request's body is longer than ", kHttpBodyBytesMax, " bytes"));
+  }
+  const bool malformed = error.category() == make_error_code(http::error::bad_method).category() &&
+                         error != http::error::end_of_stream &&
+                         error != http::error::partial_message;
+  if (malformed) return HttpError(400, "INVALID_ARGUMENT", "malformed request: " + error.message());
+  return std::nullopt;
+}
+
+}  // namespace
+
+class HttpServer::Impl {
+ public:
+  Impl(const HttpServerOptions& options, const HttpRouter& router, EventHub* hub)
+      : options_(options), router_(router), hub_(hub), answering_(1), io_(1), acceptor_(io_) {}
+  ~Impl();
+
+  absl::Status Listen();
+  void Run();
+  uint16_t port() const { return port_; }
+  std::string Url() const;
+
+ private:
+  asio::awaitable<void> Accept();
+  asio::awaitable<void> Serve(tcp::socket socket);
+  // Counts the connection as half open, and closes the oldest of too many of its address.
+  void AwaitRequest(Connection* connection);
+  // Reads the first request of a connection, or a later one, within its deadlines.
+  asio::awaitable<error_code> ReadRequest(Connection* connection, beast::flat_buffer* buffer,
+                                          http::request_parser<http::string_body>* parser,
+                                          bool first);
+  // Returns whether the connection can take another request.
+  asio::awaitable<bool> Answer(beast::tcp_stream* stream, http::request<http::string_body> message);
+  asio::awaitable<HttpResponse> RouteElsewhere(HttpRequest request);
+  asio::awaitable<bool> Send(beast::tcp_stream* stream, HttpResponse response, bool keep_alive,
+                             bool head_only);
+  asio::awaitable<bool> SendFile(beast::tcp_stream* stream, HttpResponse response, bool keep_alive);
+  asio::awaitable<void> StreamEvents(beast::tcp_stream* stream);
+  // Waits until the queue has something or the heartbeat is due.
+  asio::awaitable<std::string> NextEvents(EventQueue* queue, asio::steady_timer* timer);
+  asio::awaitable<bool> SendText(beast::tcp_stream* stream, std::string text);
+  void WakeReaders();
+
+  const HttpServerOptions options_;
+  const HttpRouter& router_;
+  EventHub* const hub_;
+  uint16_t port_ = 0;
+  // Socket thread only.
+  size_t connection_count_ = 0;
+  ConnectionList half_open_;  // Have not sent a whole request yet.
+  ConnectionList idle_;       // Between two requests.
+  std::set<asio::steady_timer*> sleeping_;
+  std::atomic<bool> wake_posted_ = false;
+  // Destroyed in reverse order: the coroutines that io_ owns use everything above.
+  asio::thread_pool answering_;
+  asio::io_context io_;
+  tcp::acceptor acceptor_;
+  std::thread thread_;
+};
+
+HttpServer::Impl::~Impl() {
+  hub_->SetWake({});
+  io_.stop();
+  if (thread_.joinable()) thread_.join();
+  answering_.join();
+}
+
+absl::Status HttpServer::Impl::Listen() {
+  error_code error;
+  const asio::ip::address address = asio::ip::make_address(options_.address, error);
+  if (error) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("HTTP address \"", options_.address, "\" is no address in numbers"));
+  }
+  if (!address.is_loopback() && !options_.allow_remote) {
+    return absl::FailedPreconditionError(
+        absl::StrCat("HTTP address ", options_.address,
+                     " can be reached from other machines and the port has no authentication: "
+                     "use 127.0.0.1, or allow remote clients explicitly"));
+  }
+  const tcp::endpoint endpoint(address, options_.port);
+  acceptor_.open(endpoint.protocol(), error);
+  if (!error) acceptor_.set_option(tcp::acceptor::reuse_address(true), error);
+  if (!error) acceptor_.bind(endpoint, error);
+  if (!error) acceptor_.listen(asio::socket_base::max_listen_connections, error);
+  if (error) {
+    return absl::UnavailableError(absl::StrCat("cannot listen for HTTP on ", options_.address, ":",
+                                               options_.port, ": ", error.message(),
+                                               "; choose another port, or stop what uses it"));
+  }
+  port_ = acceptor_.local_endpoint(error).port();
+  return absl::OkStatus();
+}
+
+void HttpServer::Impl::Run() {
+  hub_->SetWake([this] {
+    if (!wake_posted_.exchange(true)) asio::post(io_, [this] { WakeReaders(); });
+  });
+  asio::co_spawn(io_, Accept(), asio::detached);
+  thread_ = std::thread([this] { io_.run(); });
+}
+
+std::string HttpServer::Impl::Url() const {
+  const bool is_v6 = options_.address.find(':') != std::string::npos;
+  return absl::StrCat("http://", is_v6 ? "[" : "", options_.address, is_v6 ? "]" : "", ":", port_);
+}
+
+void HttpServer::Impl::WakeReaders() {
+  wake_posted_ = false;
+  for (asio::steady_timer* timer : sleeping_) timer->cancel();
+}
+
+asio::awaitable<void> HttpServer::Impl::Accept() {
+  asio::steady_timer pause(io_);
+  for (;;) {
+    error_code error;
+    tcp::socket socket(io_);
+    co_await acceptor_.async_accept(socket, asio::redirect_error(asio::use_awaitable, error));
+    if (error) {
+      pause.expires_after(kAcceptRetryDelay);
+      co_await pause.async_wait(asio::redirect_error(asio::use_awaitable, error));
+      continue;
+    }
+    // Over the limit the socket closes here: a queue of clients would only wait longer.
+    if (connection_count_ >= kHttpConnectionCountMax && !DropOldest(half_open_) &&
+        !DropOldest(idle_)) {
+      continue;
+    }
+    asio::co_spawn(io_, Serve(std::move(socket)), [](std::exception_ptr failure) {
+      // What Beast throws (out of memory beside) concerns one connection, which is closed by now.
+      if (failure) LogWarning("an HTTP connection was closed because of an unexpected error");
+    });
+  }
+}
+
+void HttpServer::Impl::AwaitRequest(Connection* connection) {
+  connection->MoveTo(&half_open_);
+  ConnectionList of_peer;
+  for (Connection* other : half_open_) {
+    if (other->peer == connection->peer) of_peer.push_back(other);
+  }
+  if (of_peer.size() > kHttpHalfOpenCountMax) DropOldest(of_peer);
+}
+
+asio::awaitable<error_code> HttpServer::Impl::ReadRequest(
+    Connection* connection, beast::flat_buffer* buffer,
+    http::request_parser<http::string_body>* parser, bool first) {
+  error_code error;
+  const auto end = [&error] { return asio::redirect_error(asio::use_awaitable, error); };
+  beast::tcp_stream& stream = connection->stream;
+  if (!first && buffer->size() == 0) {
+    connection->MoveTo(&idle_);
+    stream.expires_after(kHttpIdleTimeout);
+    const size_t size =
+        co_await stream.async_read_some(buffer->prepare(kHttpHeaderBytesMax), end());
+    buffer->commit(size);
+  }
+  if (!error) {
+    AwaitRequest(connection);
+    stream.expires_after(kHttpHeadTimeout);
+    co_await http::async_read_header(stream, *buffer, *parser, end());
+  }
+  if (!error && !parser->is_done()) {
+    stream.expires_after(kHttpBodyTimeout);
+    co_await http::async_read(stream, *buffer, *parser, end());
+  }
+  connection->MoveTo(nullptr);
+  co_return error;
+}
+
+asio::awaitable<void> HttpServer::Impl::Serve(tcp::socket socket) {
+  Connection connection(std::move(socket), &connection_count_);
+  beast::flat_buffer buffer(kHttpHeaderBytesMax + kHttpBodyBytesMax);
+  bool keep_alive = true;
+  for (bool first = true; keep_alive; first = false) {
+    http::request_parser<http::string_body> parser;
+    parser.header_limit(kHttpHeaderBytesMax);
+    parser.body_limit(kHttpBodyBytesMax);
+    const error_code error = co_await ReadRequest(&connection, &buffer, &parser, first);
+    if (error) {
+      std::optional<HttpResponse> refusal = ReadRefusal(error);
+      if (refusal) co_await Send(&connection.stream, *std::move(refusal), false, false);
+      break;
+    }
+    keep_alive = co_await Answer(&connection.stream, parser.release());
+  }
+  error_code ignored;
+  connection.stream.socket().shutdown(tcp::socket::shutdown_send, ignored);
+}
+
+asio::awaitable<bool> HttpServer::Impl::Answer(beast::tcp_stream* stream,
+                                               http::request<http::string_body> message) {
+  const bool keep_alive = message.keep_alive();
+  const bool head_only = message.method() == http::verb::head;
+  HttpRequest request = ToRequest(message);
+  if (request.method == "GET" && !head_only && request.target == options_.event_path) {
+    HttpResponse refusal;
+    if (router_.Admits(request, &refusal)) {
+      co_await StreamEvents(stream);
+      co_return false;
+    }
+    co_return co_await Send(stream, std::move(refusal), keep_alive, false);
+  }
+  HttpResponse response =
+      co_await asio::co_spawn(answering_, RouteElsewhere(std::move(request)), asio::use_awaitable);
+  co_return co_await Send(stream, std::move(response), keep_alive, head_only);
+}
+
+asio::awaitable<HttpResponse> HttpServer::Impl::RouteElsewhere(HttpRequest request) {
+  co_return router_.Route(std::move(request));
+}
+
+asio::awaitable<bool> HttpServer::Impl::Send(beast::tcp_stream* stream, HttpResponse response,
+                                             bool keep_alive, bool head_only) {
+  if (!response.file_path.empty() && !head_only) {
+    co_return co_await SendFile(stream, std::move(response), keep_alive);
+  }
+  stream->expires_after(kHttpWriteTimeout);
+  error_code error;
+  http::response<http::string_body> message;
+  SetHead(response, keep_alive, &message);
+  // 204 and 304 have no body and no length; HEAD names the length of the body it leaves out.
+  const bool bodiless = response.status == 204 || response.status == 304;
+  if (!bodiless && response.file_path.empty()) message.content_length(response.body.size());
+  if (!bodiless && !head_only) message.body() = std::move(response.body);
+  http::response_serializer<http::string_body> serializer(message);
+  if (head_only) {
+    co_await http::async_write_header(*stream, serializer,
+                                      asio::redirect_error(asio::use_awaitable, error));
+  } else {
+    co_await http::async_write(*stream, serializer,
+                               asio::redirect_error(asio::use_awaitable, error));
+  }
+  co_return keep_alive && !error;
+}
+
+asio::awaitable<bool> HttpServer::Impl::SendFile(beast::tcp_stream* stream, HttpResponse response,
+                                                 bool keep_alive) {
+  error_code error;
+  http::response<http::file_body> message;
+  message.body().open(response.file_path.c_str(), beast::file_mode::scan, error);
+  if (error) {
+    LogWarning(absl::StrCat(response.file_path, ": cannot be read: ", error.message()));
+    HttpResponse missing = HttpError(404, "NOT_FOUND", "the file is not there any more");
+    co_return co_await Send(stream, std::move(missing), keep_alive, false);
+  }
+  SetHead(response, keep_alive, &message);
+  message.prepare_payload();
+  http::response_serializer<http::file_body> serializer(message);
+  while (!serializer.is_done() && !error) {
+    stream->expires_after(kHttpWriteTimeout);
+    co_await http::async_write_some(*stream, serializer,
+                                    asio::redirect_error(asio::use_awaitable, error));
+  }
+  co_return keep_alive && !error;
+}
+
+asio::awaitable<bool> HttpServer::Impl::SendText(beast::tcp_stream* stream, std::string text) {
+  error_code error;
+  stream->expires_after(kHttpWriteTimeout);
+  co_await asio::async_write(*stream, asio::buffer(text),
+                             asio::redirect_error(asio::use_awaitable, error));
+  co_return !error;
+}
+
+asio::awaitable<void> HttpServer::Impl::StreamEvents(beast::tcp_stream* stream) {
+  const std::shared_ptr<EventQueue> queue = hub_->Subscribe();
+  if (queue == nullptr) {
+    HttpResponse full = HttpError(503, "RESOURCE_EXHAUSTED", "too many event streams are open");
+    co_await Send(stream, std::move(full), false, false);
+    co_return;
+  }
+  std::string head =
+      "HTTP/1.1 200 OK\r\nContent-Type: text/event-stream\r\nCache-Control: no-store\r\n"
+      "X-Accel-Buffering: no\r\nConnection: close\r\n";
+  for (const auto& [name, value] : kSecurityHeaders)
+    absl::StrAppend(&head, name, ": ", value, "\r\n");
+  absl::StrAppend(&head, "\r\nretry: 2000\n\n");
+  asio::steady_timer sleep(io_);
+  asio::steady_timer pause(io_);
+  bool open = co_await SendText(stream, std::move(head));
+  while (open) {
+    std::string text = co_await NextEvents(queue.get(), &sleep);
+    open = co_await SendText(stream, std::move(text));
+    error_code ignored;
+    pause.expires_after(kEventInterval);
+    co_await pause.async_wait(asio::redirect_error(asio::use_awaitable, ignored));
+  }
+}
+
+asio::awaitable<std::string> HttpServer::Impl::NextEvents(EventQueue* queue,
+                                                          asio::steady_timer* timer) {
+  const auto deadline = std::chrono::steady_clock::now() + kEventHeartbeat;
+  for (;;) {
+    std::string text = queue->Take();
+    if (!text.empty()) co_return text;
+    if (std::chrono::steady_clock::now() >= deadline) co_return ": alive\n\n";
+    timer->expires_at(deadline);
+    sleeping_.insert(timer);
+    error_code ignored;
+    co_await timer->async_wait(asio::redirect_error(asio::use_awaitable, ignored));
+    sleeping_.erase(timer);
+  }
+}
+
+absl::StatusOr<std::unique_ptr<HttpServer>> HttpServer::Start(const HttpServerOptions& options,
+                                                              const HttpRouter& router,
+                                                              EventHub* hub) {
+  auto impl = std::make_unique<Impl>(options, router, hub);
+  const absl::Status status = impl->Listen();
+  if (!status.ok()) return status;
+  impl->Run();
+  return std::unique_ptr<HttpServer>(new HttpServer(std::move(impl)));
+}
+
+HttpServer::HttpServer(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
+HttpServer::~HttpServer() = default;
+uint16_t HttpServer::port() const { return impl_->port(); }
+std::string HttpServer::Url() const { return impl_->Url(); }
+
+}  // namespace sheaf::coordinator

@@ -1,0 +1,39 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Puts the parts of the HTTP side together.
+#include "coordinator/service/http/http_service.h"
+
+#include "absl/strings/str_cat.h"
+#include "absl/time/clock.h"
+#include "coordinator/service/http/http_page.h"
+
+namespace sheaf::coordinator {
+namespace {
+
+std::vector<HttpRoute> AllRoutes(HttpApi* api) {
+  std::vector<HttpRoute> routes = api->Routes();
+  for (HttpRoute& route : PageRoutes()) routes.push_back(std::move(route));
+  return routes;
+}
+
+}  // namespace
+
+HttpService::HttpService(const HttpServiceOptions& options, const FarmView& farm,
+                         FarmActions actions)
+    : api_(farm, std::move(actions), absl::StrCat(absl::ToUnixMicros(absl::Now()))),
+      router_(AllRoutes(&api_), options.allowed_hosts),
+      watcher_(farm, &hub_) {}
+
+absl::StatusOr<std::unique_ptr<HttpService>> HttpService::Start(const HttpServiceOptions& options,
+                                                                const FarmView& farm,
+                                                                FarmActions actions) {
+  std::unique_ptr<HttpService> service(new HttpService(options, farm, std::move(actions)));
+  absl::StatusOr<std::unique_ptr<HttpServer>> server =
+      HttpServer::Start(options.server, service->router_, &service->hub_);
+  if (!server.ok()) return server.status();
+  service->server_ = *std::move(server);
+  return service;
+}
+
+}  // namespace sheaf::coordinator

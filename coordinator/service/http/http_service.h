@@ -1,0 +1,49 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// The whole HTTP side in one object: API, page, events and port over a FarmView.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "coordinator/service/http/http_api.h"
+#include "coordinator/service/http/http_server.h"
+#include "coordinator/service/http/http_watch.h"
+#include "coordinator/service/view/farm_view.h"
+
+namespace sheaf::coordinator {
+
+struct HttpServiceOptions {
+  // Where to listen.
+  HttpServerOptions server;
+  // Names, beside localhost and addresses, under which clients reach the port.
+  std::vector<std::string> allowed_hosts;
+};
+
+class HttpService {
+ public:
+  // Serves until destroyed. `farm` must outlive the service.
+  // Errors: as HttpServer::Start.
+  static absl::StatusOr<std::unique_ptr<HttpService>> Start(const HttpServiceOptions& options,
+                                                            const FarmView& farm,
+                                                            FarmActions actions);
+  // "http://127.0.0.1:8080": the page's address.
+  std::string Url() const { return server_->Url(); }
+  uint16_t port() const { return server_->port(); }
+
+ private:
+  HttpService(const HttpServiceOptions& options, const FarmView& farm, FarmActions actions);
+
+  // In order of use; destroyed from the port down.
+  EventHub hub_;
+  HttpApi api_;
+  HttpRouter router_;
+  FarmWatcher watcher_;
+  std::unique_ptr<HttpServer> server_;
+};
+
+}  // namespace sheaf::coordinator

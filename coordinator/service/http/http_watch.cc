@@ -1,0 +1,110 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Compares marks (short texts over the fields that people see) rather than whole objects, and makes
+// JSON only of what differs.
+#include "coordinator/service/http/http_watch.h"
+
+#include <algorithm>
+
+#include "absl/strings/str_cat.h"
+#include "absl/time/clock.h"
+#include "common/base/cpu_clock.h"
+#include "common/base/steady_time.h"
+#include "coordinator/service/http/http_json.h"
+
+namespace sheaf::coordinator {
+namespace {
+
+std::string Mark(const JobView& job) {
+  const PicturedFrame pictured = job.pictured_frame.value_or(PicturedFrame());
+  return absl::StrCat(static_cast<int>(job.state), " ", job.priority, " ",
+                      job.progress.sample_count_done, " ", job.frame_complete_count, " ",
+                      pictured.frame_number, " ", pictured.preview_version, " ",
+                      job.progress.nonfinite_count, " ", job.waiting_reason, " ", job.failure);
+}
+
+std::string Mark(const FrameView& frame) {
+  return absl::StrCat(frame.preview_version, " ", frame.progress.sample_count_done, " ",
+                      frame.complete ? 1 : 0);
+}
+
+std::string Mark(const WorkerView& worker) {
+  std::string leases;
+  for (const LeaseView& lease : worker.leases) {
+    absl::StrAppend(&leases, " ", lease.frame.job_id, "/", lease.frame.frame_number, "/",
+                    lease.tile.x0, "/", lease.tile.y0, "/", static_cast<int>(lease.phase));
+  }
+  return absl::StrCat(static_cast<int>(worker.state), " ", worker.lease_count, " ",
+                      worker.result_count, " ", absl::ToUnixSeconds(worker.last_seen_time), " ",
+                      worker.warm_scene_count, " ", worker.scene_memory_bytes, leases, " ",
+                      worker.reason);
+}
+
+// Notes the mark; returns whether it differs from the one noted before.
+bool Differs(std::map<std::string, std::string>* marks, const std::string& key, std::string mark) {
+  std::string& noted = (*marks)[key];
+  if (noted == mark) return false;
+  noted = std::move(mark);
+  return true;
+}
+
+}  // namespace
+
+void FarmDifference::Publish(const FarmView& farm) {
+  const bool watched = hub_->ReaderCount() > 0;
+  // Frames are looked at for viewers only. Whoever comes later fetches them after subscribing.
+  if (!watched) frames_.clear();
+  for (const JobView& job : farm.ListJobs()) {
+    if (!Differs(&jobs_, job.job_id, Mark(job)) || !watched) continue;
+    PublishFrames(farm, job.job_id);
+    hub_->Publish({"job", absl::StrCat("jobs/", job.job_id), JobJson(job)});
+    if (HasEnded(job.state)) frames_.erase(job.job_id);
+  }
+  for (const WorkerView& worker : farm.ListWorkers()) {
+    if (!Differs(&workers_, worker.worker_id, Mark(worker)) || !watched) continue;
+    hub_->Publish({"worker", absl::StrCat("workers/", worker.worker_id), WorkerJson(worker)});
+  }
+}
+
+void FarmDifference::PublishFrames(const FarmView& farm, const std::string& job_id) {
+  const absl::StatusOr<JobView> job = farm.FindJob(job_id);
+  if (!job.ok()) return;  // Deleted since it was listed: nothing to tell.
+  Marks& marks = frames_[job_id];
+  const std::string untouched = Mark(FrameView());
+  for (const FrameView& frame : job->frames) {
+    const std::string key = absl::StrCat("jobs/", job_id, "/frames/", frame.frame_number);
+    std::string mark = Mark(frame);
+    if (mark == untouched || !Differs(&marks, key, std::move(mark))) continue;
+    hub_->Publish({"frame", key, FrameJson(job_id, frame)});
+  }
+}
+
+FarmWatcher::FarmWatcher(const FarmView& farm, EventHub* hub)
+    : farm_(farm), difference_(hub), thread_([this] { Run(); }) {}
+
+FarmWatcher::~FarmWatcher() {
+  stopping_ = true;
+  thread_.join();
+}
+
+void FarmWatcher::Run() {
+  uint64_t seen = farm_.ChangeCount();
+  difference_.Publish(farm_);
+  while (!stopping_) {
+    const uint64_t now = farm_.WaitForChange(seen, absl::FromChrono(kWatchWait));
+    if (now == seen) continue;
+    // Read before looking: a change during the look leads to another look.
+    seen = now;
+    const double start_seconds = ThreadCpuSeconds();
+    difference_.Publish(farm_);
+    const absl::Duration took = absl::Seconds(ThreadCpuSeconds() - start_seconds);
+    const absl::Duration rest = std::max(absl::FromChrono(kWatchInterval), took * kWatchRestFactor);
+    const SteadyTime wake = SteadyTime::Now() + rest;
+    while (!stopping_ && SteadyTime::Now() < wake) {
+      absl::SleepFor(std::min(wake - SteadyTime::Now(), absl::FromChrono(kWatchWait)));
+    }
+  }
+}
+
+}  // namespace sheaf::coordinator

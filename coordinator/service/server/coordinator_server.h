@@ -1,0 +1,74 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// CoordinatorServer: a whole coordinator, to be run by its own program or inside another one.
+// `sheaf render` embeds it: the farm of one uses the same code as the farm of a thousand.
+#pragma once
+
+#include <grpcpp/channel.h>
+#include <grpcpp/server.h>
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "coordinator/service/farm/farm.h"
+#include "coordinator/service/grpc/content_service.h"
+#include "coordinator/service/grpc/job_service.h"
+#include "coordinator/service/grpc/worker_service.h"
+#include "coordinator/service/http/http_service.h"
+
+namespace sheaf::coordinator {
+
+struct CoordinatorOptions {
+  FarmOptions farm;
+  // "host:port" of gRPC; port 0 lets the system choose, empty listens nowhere (InProcessChannel
+  // works in any case).
+  std::string listen_address = "127.0.0.1:0";
+  // "host:port" of HTTP; empty serves none.
+  std::string http_address;
+  // Names, beside localhost and addresses, under which browsers may reach HTTP.
+  std::vector<std::string> allowed_hosts;
+  // Listen without encryption where other machines can connect.
+  bool insecure_remote_allowed = false;
+};
+
+class CoordinatorServer {
+ public:
+  // Loads the state, then serves until destroyed or stopped.
+  // Errors: those of Farm::Open and RequireSafeAddress; kUnavailable (a port is taken), with the
+  // address. One line each.
+  static absl::StatusOr<std::unique_ptr<CoordinatorServer>> Start(
+      const CoordinatorOptions& options);
+  ~CoordinatorServer();
+
+  // Lets calls under way finish for a moment and stops. What was acknowledged is durable in any
+  // case.
+  void Stop();
+
+  // Of gRPC; 0 where it listens nowhere.
+  int port() const { return port_; }
+  // Of HTTP; 0 where there is none.
+  int http_port() const { return http_ == nullptr ? 0 : http_->port(); }
+  // "http://127.0.0.1:7480"; empty where there is none.
+  std::string http_url() const { return http_ == nullptr ? "" : http_->Url(); }
+  // A channel that reaches this server without a socket.
+  std::shared_ptr<grpc::Channel> InProcessChannel();
+  Farm& farm() { return *farm_; }
+
+ private:
+  CoordinatorServer() = default;
+  absl::Status StartGrpc(const CoordinatorOptions& options);
+  absl::Status StartHttp(const CoordinatorOptions& options);
+
+  std::unique_ptr<Farm> farm_;
+  std::unique_ptr<JobService> job_service_;
+  std::unique_ptr<WorkerService> worker_service_;
+  std::unique_ptr<ContentService> content_service_;
+  std::unique_ptr<grpc::Server> server_;
+  std::unique_ptr<HttpService> http_;
+  int port_ = 0;
+};
+
+}  // namespace sheaf::coordinator

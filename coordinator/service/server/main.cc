@@ -1,0 +1,145 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// sheaf-coordinator: reads its command line, serves until SIGTERM or SIGINT.
+// Exit codes: 0 stopped as asked; 1 could not run (one line says why); 2 wrong usage.
+#include <pthread.h>
+#include <signal.h>
+
+#include <cstdio>
+#include <cstdlib>
+#include <optional>
+#include <string>
+
+#include "absl/strings/str_cat.h"
+#include "common/base/file.h"
+#include "common/base/log.h"
+#include "common/base/open_files.h"
+#include "common/command_line/command_line.h"
+#include "common/rpc/address.h"
+#include "common/scene/render_settings.h"
+#include "coordinator/service/server/coordinator_server.h"
+
+namespace sheaf::coordinator {
+namespace {
+
+struct CommandLine {
+  CoordinatorOptions server;
+  double lease_seconds = 30;
+  std::string log_level = "info";
+  std::string port_file;
+};
+
+std::string DefaultStateDirectory() {
+  const char* home = std::getenv("HOME");
+  return absl::StrCat(home != nullptr ? home : ".", "/.local/state/sheaf/coordinator");
+}
+
+void AddOptions(CommandLine* line, CLI::App* app) {
+  FarmOptions& farm = line->server.farm;
+  farm.state_directory = DefaultStateDirectory();
+  line->server.listen_address = kCoordinatorAddress;
+  line->server.http_address = "127.0.0.1:7480";
+  app->add_option("--listen", line->server.listen_address,
+                  "Where gRPC listens; port 0: any free one")
+      ->capture_default_str();
+  app->add_option("--http", line->server.http_address,
+                  "Where the web page, JSON and metrics listen; \"\": nowhere")
+      ->capture_default_str();
+  app->add_option("--allow-host", line->server.allowed_hosts,
+                  "A name under which browsers reach the page, beside localhost and addresses; "
+                  "repeat it for more. Requests for other names are refused (DNS rebinding)")
+      ->type_name("NAME")
+      ->allow_extra_args(false);
+  app->add_option("--state-dir", farm.state_directory, "Jobs, parts, scenes and pictures")
+      ->capture_default_str();
+  app->add_option("--lease-seconds", line->lease_seconds,
+                  "A worker silent for longer is lost; its work goes to others")
+      ->check(CLI::Range(0.5, 86400.0))
+      ->capture_default_str();
+  app->add_option("--merge-bytes", farm.merge_bytes_max, "Memory for unfinished tiles")
+      ->capture_default_str();
+  app->add_option("--kept-parts-max", farm.kept_parts_bytes_max,
+                  "Disk for parts, e.g. 20G: those of delivered frames are kept for sheaf refine "
+                  "within it, the oldest go first")
+      ->transform(CLI::AsSizeValue(false))
+      ->capture_default_str();
+  app->add_option("--round-previews-max", farm.round_previews_bytes_max,
+                  "Disk for small pictures of the ends of rounds, e.g. 2G; the oldest go first, "
+                  "0 keeps none")
+      ->transform(CLI::AsSizeValue(false))
+      ->capture_default_str();
+  app->add_flag("--insecure-allow-remote", line->server.insecure_remote_allowed,
+                "Listen, without encryption, where other machines can connect");
+  app->add_option("--log-level", line->log_level, "debug, info, warning, error or off")
+      ->check(CLI::IsMember({"debug", "info", "warning", "error", "off"}))
+      ->capture_default_str();
+  app->add_option("--port-file", line->port_file,
+                  "Write the ports in use to this file, as lines grpc=PORT and http=PORT");
+}
+
+// Fails with one line on standard error.
+int Fail(const absl::Status& status) {
+  std::fprintf(stderr, "sheaf-coordinator: %s\n", std::string(status.message()).c_str());
+  return 1;
+}
+
+// Every thread inherits the mask, so that the signals wait for WaitForStop.
+sigset_t BlockStopSignals() {
+  sigset_t signals;
+  sigemptyset(&signals);
+  sigaddset(&signals, SIGTERM);
+  sigaddset(&signals, SIGINT);
+  pthread_sigmask(SIG_BLOCK, &signals, nullptr);
+  signal(SIGPIPE, SIG_IGN);
+  return signals;
+}
+
+int Serve(const CommandLine& line) {
+  const sigset_t signals = BlockStopSignals();
+  absl::StatusOr<std::unique_ptr<CoordinatorServer>> server = CoordinatorServer::Start(line.server);
+  if (!server.ok()) return Fail(server.status());
+  if (!line.port_file.empty()) {
+    const absl::Status written = WriteFileAtomically(
+        line.port_file,
+        absl::StrCat("grpc=", (*server)->port(), "\nhttp=", (*server)->http_port(), "\n"));
+    if (!written.ok()) return Fail(written);
+  }
+  LogInfo(absl::StrCat("serving gRPC on port ", (*server)->port(),
+                       (*server)->http_url().empty() ? "" : ", the page at ", (*server)->http_url(),
+                       ", state in ", line.server.farm.state_directory));
+  LogInfo(absl::StrCat("numeric profile ", NumericProfile()));
+  int received = 0;
+  sigwait(&signals, &received);
+  LogInfo("stopping");
+  (*server)->Stop();
+  return 0;
+}
+
+int Main(int argc, char** argv) {
+  CommandLine line;
+  CLI::App app(
+      "Sheaf's coordinator: cuts frames into tasks, leases them to workers, merges results.",
+      "sheaf-coordinator");
+  AddOptions(&line, &app);
+  app.footer("Example:\n  sheaf-coordinator --state-dir /var/lib/sheaf --listen 127.0.0.1:7400");
+  app.set_version_flag("--version", "sheaf-coordinator " SHEAF_VERSION);
+  const auto report = [](const std::string& text) {
+    std::fprintf(stderr, "sheaf-coordinator: %s\n", text.c_str());
+  };
+  if (const std::optional<int> code = ParseCommandLine(&app, argc, argv, report)) return *code;
+  // Our own errors are one line each; gRPC's internal ones beside them help nobody.
+  setenv("GRPC_VERBOSITY", "NONE", /*replace=*/0);
+  SetLogName("sheaf-coordinator");
+  RaiseOpenFileLimit();
+  LogLevel level = LogLevel::kInfo;
+  LogLevelFromName(line.log_level, &level);
+  SetLogLevel(level);
+  line.server.farm.limits.lease_duration = absl::Seconds(line.lease_seconds);
+  return Serve(line);
+}
+
+}  // namespace
+}  // namespace sheaf::coordinator
+
+int main(int argc, char** argv) { return sheaf::coordinator::Main(argc, argv); }

@@ -1,0 +1,162 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "coordinator/service/server/synthetic_worker.h"
+
+#include <utility>
+
+#include "common/base/digest.h"
+#include "common/film/exr_codec.h"
+#include "common/film/tile_cells.h"
+#include "common/math/mix_bits.h"
+#include "common/rpc/channel.h"
+#include "common/rpc/grpc_status.h"
+#include "common/rpc/settings_codec.h"
+#include "common/scene/render_settings.h"
+
+namespace sheaf::coordinator {
+namespace {
+
+float Unit(uint64_t bits) { return static_cast<float>(bits & 0xffffff) * 0x1p-24f; }
+
+}  // namespace
+
+FilmSample SyntheticSample(uint64_t seed, int32_t x, int32_t y, uint64_t sample_index) {
+  const uint64_t pixel = static_cast<uint64_t>(y) * 65536 + static_cast<uint64_t>(x);
+  const uint64_t bits = MixBits(MixBits(MixBits(seed + 1) + pixel) + sample_index);
+  FilmSample sample;
+  // Magnitudes far apart, so that another order of additions gives other bits.
+  const float scale = (bits >> 60) == 0 ? 1000.0f : 1.0f;
+  sample.radiance = {Unit(bits) * scale, Unit(bits >> 8) * scale, Unit(bits >> 16)};
+  sample.alpha = (bits & 1) != 0 ? 1.0f : 0.0f;
+  sample.albedo = {Unit(bits >> 12), Unit(bits >> 20), Unit(bits >> 28)};
+  sample.normal = {Unit(bits >> 5), 0.5f, 0.25f};
+  sample.depth = 1 + Unit(bits >> 3);
+  return sample;
+}
+
+FilmTile SyntheticPart(uint64_t seed, PixelRect rect, SampleBlock block) {
+  FilmTile tile(rect, block);
+  PixelAccumulator accumulator(&tile);
+  for (int32_t y = rect.y0; y < rect.y1; ++y) {
+    for (int32_t x = rect.x0; x < rect.x1; ++x) {
+      accumulator.Begin(x, y);
+      for (uint64_t i = block.first; i < block.End(); ++i) {
+        accumulator.Add(i, SyntheticSample(seed, x, y, i));
+      }
+      accumulator.End();
+    }
+  }
+  return tile;
+}
+
+FramePicture SyntheticPicture(const FrameSettings& settings) {
+  FramePicture picture = MakeFramePicture(settings.window, settings.width_px, settings.height_px);
+  TileTree tree(settings.window);
+  for (const SampleBlock& block : CutSamples(0, settings.samples, uint64_t{1} << 40)) {
+    if (!tree.Insert(SyntheticPart(settings.seed, settings.window, block)).ok()) return {};
+  }
+  DevelopTile(tree.Root(), &picture);
+  return picture;
+}
+
+SyntheticWorker::SyntheticWorker(std::shared_ptr<grpc::Channel> channel, std::string worker_id)
+    : stub_(v1::WorkerService::NewStub(std::move(channel))),
+      worker_id_(std::move(worker_id)),
+      numeric_profile_(NumericProfile()) {}
+
+absl::Status SyntheticWorker::Synchronize(int lease_count_wanted) {
+  v1::SynchronizeRequest request;
+  request.set_worker_id(worker_id_);
+  request.set_host("test");
+  request.set_numeric_profile(numeric_profile_);
+  request.set_thread_count(1);
+  request.set_lease_count_wanted(lease_count_wanted);
+  for (const v1::Lease& lease : leases_) {
+    v1::LeaseState* state = request.add_leases();
+    state->set_lease_id(lease.lease_id());
+    state->set_phase(v1::LeaseState::PHASE_RENDERING);
+  }
+  for (const v1::LeaseFailure& failure : failures_) *request.add_failures() = failure;
+  grpc::ClientContext context;
+  SetDeadline(&context, kUnaryDeadline);
+  v1::SynchronizeResponse response;
+  const grpc::Status status = stub_->Synchronize(&context, request, &response);
+  if (!status.ok()) return FromGrpcStatus(status);
+  leases_.assign(response.leases().begin(), response.leases().end());
+  failures_.clear();
+  return absl::OkStatus();
+}
+
+SyntheticWorker::Upload SyntheticWorker::MakeUpload(const v1::Lease& lease) const {
+  const PixelRect rect = sheaf::FromWire(lease.key().tile());
+  const SampleBlock block{lease.key().block().first(), lease.key().block().count()};
+  const TileCells cells{lease.key().cell_size_px(), lease.key().cells()};
+  FilmTile part(rect, block);
+  for (const PixelRect& cell : RectsOf(rect, cells)) {
+    Paste(SyntheticPart(lease.settings().seed(), cell, block), &part);
+  }
+  Upload upload;
+  upload.bytes = EncodePart(part, {lease.key().frame_digest(), numeric_profile_, {}, cells});
+  *upload.header.mutable_key() = lease.key();
+  upload.header.set_lease_id(lease.lease_id());
+  upload.header.set_worker_id(worker_id_);
+  upload.header.mutable_digest()->set_sha256_hex(Sha256Hex(upload.bytes));
+  upload.header.mutable_digest()->set_size_bytes(upload.bytes.size());
+  upload.header.set_ray_count(10);
+  upload.header.mutable_cpu_duration()->set_nanos(1'000'000);
+  return upload;
+}
+
+absl::StatusOr<v1::UploadResultsResponse::Outcome> SyntheticWorker::Send(
+    const Upload& upload) const {
+  grpc::ClientContext context;
+  SetDeadline(&context, kUnaryDeadline);
+  v1::UploadResultsResponse response;
+  const auto writer = stub_->UploadResults(&context, &response);
+  // In two messages, so that results are put together from several.
+  const size_t half = upload.bytes.size() / 2;
+  v1::UploadResultsRequest message;
+  *message.mutable_header() = upload.header;
+  message.set_chunk(upload.bytes.substr(0, half));
+  if (writer->Write(message)) {
+    message.clear_header();
+    message.set_chunk(upload.bytes.substr(half));
+    writer->Write(message);
+  }
+  writer->WritesDone();
+  const grpc::Status status = writer->Finish();
+  if (!status.ok()) return FromGrpcStatus(status);
+  if (response.outcomes_size() != 1) return absl::InternalError("not one outcome for one result");
+  return response.outcomes(0);
+}
+
+absl::StatusOr<v1::UploadResultsResponse::Outcome> SyntheticWorker::RenderOne() {
+  const v1::Lease lease = leases_.front();
+  leases_.erase(leases_.begin());
+  return Send(MakeUpload(lease));
+}
+
+absl::StatusOr<int> SyntheticWorker::RenderAll() {
+  int accepted = 0;
+  while (true) {
+    if (absl::Status status = Synchronize(4); !status.ok()) return status;
+    if (leases_.empty()) return accepted;
+    while (!leases_.empty()) {
+      const absl::StatusOr<v1::UploadResultsResponse::Outcome> outcome = RenderOne();
+      if (!outcome.ok()) return outcome.status();
+      accepted += *outcome == v1::UploadResultsResponse::OUTCOME_ACCEPTED ? 1 : 0;
+    }
+  }
+}
+
+void SyntheticWorker::ReportFailure(uint64_t lease_id, v1::LeaseFailure::Kind kind,
+                                    const std::string& message) {
+  std::erase_if(leases_, [&](const v1::Lease& lease) { return lease.lease_id() == lease_id; });
+  v1::LeaseFailure failure;
+  failure.set_lease_id(lease_id);
+  failure.set_kind(kind);
+  failure.set_message(message);
+  failures_.push_back(failure);
+}
+
+}  // namespace sheaf::coordinator

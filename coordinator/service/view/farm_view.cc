@@ -1,0 +1,68 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "coordinator/service/view/farm_view.h"
+
+namespace sheaf::coordinator {
+
+const char* JobStateName(JobState state) {
+  switch (state) {
+    case JobState::kQueued:
+      return "queued";
+    case JobState::kRunning:
+      return "running";
+    case JobState::kPaused:
+      return "paused";
+    case JobState::kSucceeded:
+      return "succeeded";
+    case JobState::kFailed:
+      return "failed";
+    case JobState::kCancelled:
+      return "cancelled";
+  }
+  return "unknown";
+}
+
+bool HasEnded(JobState state) {
+  return state == JobState::kSucceeded || state == JobState::kFailed ||
+         state == JobState::kCancelled;
+}
+
+void NotePictured(const FrameView& frame, JobView* job) {
+  std::optional<PicturedFrame>& pictured = job->pictured_frame;
+  if (frame.preview_version == 0 || (pictured && !pictured->complete)) return;
+  pictured = {frame.frame_number, frame.preview_version, frame.complete};
+}
+
+const char* LeasePhaseName(LeasePhase phase) {
+  switch (phase) {
+    case LeasePhase::kQueued:
+      return "queued";
+    case LeasePhase::kLoading:
+      return "loading";
+    case LeasePhase::kRendering:
+      return "rendering";
+    case LeasePhase::kUploading:
+      return "uploading";
+  }
+  return "unknown";
+}
+
+const char* WorkerStateName(WorkerState state) {
+  switch (state) {
+    case WorkerState::kIdle:
+      return "idle";
+    case WorkerState::kBusy:
+      return "busy";
+    case WorkerState::kDraining:
+      return "draining";
+    case WorkerState::kLost:
+      return "lost";
+    case WorkerState::kQuarantined:
+      return "quarantined";
+    case WorkerState::kStopped:
+      return "stopped";
+  }
+  return "unknown";
+}
+
+}  // namespace sheaf::coordinator
