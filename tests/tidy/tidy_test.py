@@ -44,7 +44,7 @@ LAYERS = {
                                  "coordinator/core", "coordinator/forecast"),
     "coordinator/service/farm": ("common/", "coordinator/core", "coordinator/scheduling",
                                  "coordinator/forecast", "coordinator/store",
-                                 "coordinator/service/view", "coordinator/service/http"),
+                                 "coordinator/service/view"),
     "coordinator/service/http": ("common/base", "common/film", "common/image", "common/scene",
                                  "coordinator/core", "coordinator/forecast",
                                  "coordinator/service/view"),

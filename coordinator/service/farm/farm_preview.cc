@@ -12,7 +12,6 @@
 #include "common/film/exr_codec.h"
 #include "common/film/shrink_picture.h"
 #include "coordinator/service/farm/farm.h"
-#include "coordinator/service/http/picture_layer.h"
 
 namespace sheaf::coordinator {
 namespace {

@@ -17,9 +17,6 @@
 
 namespace sheaf::coordinator {
 
-// Pixels shown at most; larger pictures are averaged over squares of 2x2, 3x3 and so on.
-inline constexpr int64_t kPreviewPixelCountMax = int64_t{1} << 21;
-
 enum class PictureLayer {
   // sRGB curve, clamped to [0, 1].
   kPicture,

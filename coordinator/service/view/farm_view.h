@@ -22,6 +22,8 @@
 
 namespace sheaf::coordinator {
 
+// Pixels of a preview at most; larger pictures are averaged over squares of 2x2, 3x3 and so on.
+inline constexpr int64_t kPreviewPixelCountMax = int64_t{1} << 21;
 // Pixels of a frame's picture among many.
 inline constexpr int64_t kThumbnailPixelCountMax = int64_t{1} << 14;
 // A channel of previews that pictures do not have: CPU time that a pixel took, seconds, the mean
