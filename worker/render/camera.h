@@ -14,7 +14,6 @@
 #include "common/scene/scene_description.h"
 #include "worker/render/animated_transform.h"
 #include "worker/render/aperture_shape.h"
-#include "worker/render/bsdf.h"
 #include "worker/render/ray_origin.h"
 #include "worker/render/realistic_lens.h"
 #include "worker/render/shutter_shape.h"

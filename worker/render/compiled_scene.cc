@@ -14,6 +14,7 @@
 #include "common/base/log.h"
 #include "worker/render/displacement.h"
 #include "worker/render/medium_velocities.h"
+#include "worker/render/scene_baker.h"
 #include "worker/render/vector_bytes.h"
 
 namespace sheaf::render {

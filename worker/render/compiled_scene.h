@@ -9,6 +9,7 @@
 #include "common/scene/render_settings.h"
 #include "common/scene/scene_description.h"
 #include "worker/render/camera.h"
+#include "worker/render/compile_scene.h"
 #include "worker/render/embree_scene.h"
 #include "worker/render/film_response.h"
 #include "worker/render/filter.h"
@@ -19,7 +20,6 @@
 #include "worker/render/render_plan.h"
 #include "worker/render/scene_geometry.h"
 #include "worker/render/scene_ids.h"
-#include "worker/render/tile_pass.h"
 
 namespace sheaf::render {
 

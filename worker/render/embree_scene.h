@@ -20,22 +20,12 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
+#include "worker/render/raw_hit.h"
 #include "worker/render/ray_origin.h"
 #include "worker/render/scene_geometry.h"
 
 namespace sheaf::render {
 
-inline constexpr uint32_t kNotPlaced = ~0u;
-
-// What the tracer knows of a hit. In `id`, geometry is the mesh of the group, its QuadricsId, a
-// PatchesId or a CurvesId; primitive the triangle, quadric, patch or piece of a curve; placed the
-// index over `still`, then `moving`, or kNotPlaced for the world.
-struct RawHit {
-  float t = 0;  // In lengths of the ray's direction.
-  float u = 0,
-        v = 0;  // Barycentric weights of vertices 1 and 2, or a patch's or curve's parameters.
-  PrimitiveId id;
-};
 struct RecordedRay {
   Ray ray;
   bool is_shadow = false;

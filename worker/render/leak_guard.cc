@@ -10,7 +10,7 @@
 
 #include "common/math/elementary.h"
 #include "worker/render/deforming_mesh.h"
-#include "worker/render/embree_scene.h"
+#include "worker/render/raw_hit.h"
 
 namespace sheaf::render {
 

@@ -16,7 +16,6 @@
 #include "common/math/vec.h"
 #include "common/scene/file_source.h"
 #include "common/scene/scene_description.h"
-#include "worker/render/bsdf.h"
 #include "worker/render/emission_map.h"
 #include "worker/render/environment_map.h"
 #include "worker/render/light_bounds.h"

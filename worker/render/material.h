@@ -14,6 +14,7 @@
 #include "common/scene/file_source.h"
 #include "common/scene/scene_description.h"
 #include "worker/render/bsdf.h"
+#include "worker/render/tangent_plane.h"
 
 namespace sheaf::render {
 
@@ -21,14 +22,6 @@ namespace sheaf::render {
 struct TexturePoint {
   Vec2f uv;
   Vec3f p_world;  // World space (not camera-relative), for 3-D and projected mappings.
-};
-
-// How a surface lies at a point, for maps that turn its normal. Space: any; n and what comes of it
-// are in it too.
-struct TangentPlane {
-  Vec3d n;           // Unit: the shading normal.
-  Vec3d dpdu, dpdv;  // By the uv that textures are read at. In a space of the world's axes.
-  bool has_tangents = false;  // Else there is no uv to speak of.
 };
 
 struct MaterialOptions {

@@ -19,13 +19,13 @@
 #include "worker/render/free_flight.h"
 #include "worker/render/glow_lights.h"
 #include "worker/render/light_table.h"
+#include "worker/render/line_choice.h"
 #include "worker/render/medium_glow.h"
 #include "worker/render/medium_set.h"
 #include "worker/render/medium_velocities.h"
 #include "worker/render/phase_function.h"
 #include "worker/render/scene_geometry.h"
 #include "worker/render/spectral_color.h"
-#include "worker/render/tile_pass.h"
 #include "worker/render/varying_medium.h"
 
 namespace sheaf::render {

@@ -19,8 +19,6 @@ namespace sheaf::render {
 inline constexpr uint32_t kMediaAtOnceMax = 30;
 // Media of a scene: an index is two bytes.
 inline constexpr uint32_t kMediaMax = 1u << 16;
-// Of surfaces that bound no matter with a priority, and of no matter.
-inline constexpr uint16_t kNoRank = 0xffff;
 
 class MediumSet {
  public:

@@ -18,7 +18,7 @@
 #include "worker/render/light_choice.h"
 #include "worker/render/material_traits.h"
 #include "worker/render/similarity.h"
-#include "worker/render/variants.h"
+#include "worker/render/variant_choice.h"
 
 namespace sheaf::render {
 namespace {

@@ -11,40 +11,9 @@
 
 #include "common/scene/render_settings.h"
 #include "common/scene/scene_description.h"
+#include "worker/render/trait_set.h"
 
 namespace sheaf::render {
-
-// One bit each. A variant compiled with fewer traits runs no code for the others.
-enum class Trait : uint32_t {
-  kMotion = 1u << 0,                // Animated transforms within an open shutter.
-  kLens = 1u << 1,                  // Lens radius > 0, or a realistic lens.
-  kTextures = 1u << 2,              // Image textures or procedural ones.
-  kEnvironment = 1u << 3,           // Infinite lights.
-  kDeltaLights = 1u << 4,           // Lights without size.
-  kAreaLights = 1u << 5,            // Emissive shapes.
-  kSpecularTransmission = 1u << 6,  // Dielectrics, diffuse transmission.
-  kLayered = 1u << 7,               // Coated materials.
-  kMicrofacet = 1u << 8,            // Rough or smooth conductors, rough coats.
-  kAlpha = 1u << 9,                 // Cut-outs, interfaces, stochastic mixes.
-  kInstances = 1u << 10,            // Object instances.
-  kQuadrics = 1u << 11,             // Shapes met in double: quadrics, bilinear patches.
-  kSpectral = 1u << 12,             // Four wavelengths a path instead of RGB.
-  kHair = 1u << 13,                 // Fibres: light goes through them whatever their normals.
-  kMeasured = 1u << 14,             // Reflection as measured, in files.
-  kCurves = 1u << 15,               // Shapes that are curves with a width.
-  kNormalMaps = 1u << 16,           // Normal and bump maps.
-  kVaryingEmission = 1u << 17,      // Emissive shapes with a picture or a cut-out.
-  kOutputs = 1u << 18,              // More than the picture: FilmOutputs.
-  kMedia = 1u << 19,                // Participating media.
-  kHeterogeneousMedia = 1u << 20,   // Some that are not the same everywhere.
-  kChromaticMedia = 1u << 21,       // Some that absorb or scatter some colours more than others.
-  kEmissiveMedia = 1u << 22,        // Some that shine.
-  kDeformation = 1u << 23,          // Meshes whose vertices move within an open shutter.
-  kSubsurface = 1u << 24,           // Matter that scatters light beneath its surface.
-  kNestedDielectrics = 1u << 25,    // Matter that overlaps, by priority.
-  kMovingVolumes = 1u << 26,        // Media that velocities move within an open shutter.
-};
-inline constexpr int kTraitCount = 27;
 
 struct PlannedEffect {
   Trait trait{};

@@ -10,19 +10,18 @@
 #include <cstdint>
 #include <vector>
 
-#include "absl/status/statusor.h"
 #include "common/scene/scene_description.h"
 #include "worker/render/affine.h"
 #include "worker/render/animated_transform.h"
 #include "worker/render/bilinear_patch.h"
 #include "worker/render/curve.h"
-#include "worker/render/light_table.h"
-#include "worker/render/medium_set.h"
 #include "worker/render/quadric.h"
 
 namespace sheaf::render {
 
 inline constexpr uint32_t kNoEmitter = ~0u;
+// The rank of surfaces that bound no interior with a priority, and of no interior.
+inline constexpr uint16_t kNoRank = 0xffff;
 
 // What all points of one shape have in common.
 struct Surface {
@@ -171,19 +170,5 @@ PlacedBounds BoundsOfStill(const SceneGeometry& geometry, const PlacedGroup& pla
 inline constexpr uint32_t kMotionStepCount = 17;
 PlacedBounds BoundsOfMoving(const SceneGeometry& geometry, const PlacedGroup& placed,
                             uint32_t step);
-
-struct BakedScene {
-  SceneGeometry geometry;
-  LightTableInput emitters;
-};
-
-// Bakes the scene's shapes and collects the emissive ones. Takes the mesh buffers out of `scene`
-// (scene->meshes, bilinear_meshes and curve_sets are empty afterwards); a mesh that one shape uses
-// is not copied. maps: the pictures of scene->area_lights. Errors: kInvalidArgument with the
-// location of the shape: a singular transform, coordinates that leave the range of float, an
-// emissive shape that moves, deforms, is instanced, or is curves or a bilinear mesh not all of
-// parallelograms. Emissive cylinders, and partial or stretched spheres and disks, become triangles;
-// a warning says so.
-absl::StatusOr<BakedScene> BakeScene(SceneDescription* scene, EmissionMaps maps = {});
 
 }  // namespace sheaf::render

@@ -12,7 +12,7 @@
 #include "absl/status/status.h"
 #include "worker/render/bounds.h"
 #include "worker/render/emitter_list.h"
-#include "worker/render/scene_geometry.h"
+#include "worker/render/scene_baker.h"
 
 namespace sheaf::render {
 

@@ -13,12 +13,12 @@
 
 #include "common/math/frame.h"
 #include "common/math/vec.h"
-#include "worker/render/bsdf.h"
 #include "worker/render/deforming_mesh.h"
-#include "worker/render/embree_scene.h"
 #include "worker/render/emission_cells.h"
-#include "worker/render/material.h"
+#include "worker/render/raw_hit.h"
 #include "worker/render/scene_geometry.h"
+#include "worker/render/tangent_plane.h"
+#include "worker/render/trait_set.h"
 
 namespace sheaf::render {
 

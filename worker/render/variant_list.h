@@ -10,7 +10,6 @@
 
 #include <cstdint>
 
-#include "worker/render/render_plan.h"
 #include "worker/render/trait_set.h"
 
 namespace sheaf::render {

@@ -4,10 +4,7 @@
 // The table of compiled variants.
 #include "worker/render/variants.h"
 
-#include <array>
-#include <bit>
-#include <optional>
-#include <utility>
+#include <iterator>
 
 #include "common/base/check.h"
 #include "worker/render/variant_list.h"
@@ -15,47 +12,15 @@
 namespace sheaf::render {
 namespace {
 
-struct Entry {
-  const char* name;
-  uint32_t traits;
-  RenderRowFunction row;
-};
-#define SHEAF_VARIANT_ENTRY(name, traits) {name, traits, &RenderRow<(traits)>},
-constexpr Entry kEntries[] = {SHEAF_RENDER_VARIANTS(SHEAF_VARIANT_ENTRY)};
+#define SHEAF_VARIANT_ENTRY(name, traits) &RenderRow<(traits)>,
+constexpr RenderRowFunction kRows[] = {SHEAF_RENDER_VARIANTS(SHEAF_VARIANT_ENTRY)};
 #undef SHEAF_VARIANT_ENTRY
-
-// Orders what variants carry for other scenes: first by what paths pay for whatever they meet (a
-// path asks at each segment which media it is in), then by number.
-std::pair<int, int> CostOf(uint32_t carried) {
-  constexpr uint32_t kPaid = kPaidByEveryPath | TraitSet(Trait::kMedia);
-  return {std::popcount(carried & kPaid), std::popcount(carried)};
-}
 
 }  // namespace
 
-std::vector<Variant> AllVariants() {
-  std::vector<Variant> variants;
-  for (const Entry& entry : kEntries) variants.push_back({entry.name, entry.traits});
-  return variants;
-}
-
-size_t ChooseVariant(uint32_t traits, bool force_generic) {
-  // RGB and spectra are different pictures, so neither stands in for the other.
-  constexpr uint32_t kColor = TraitSet(Trait::kSpectral);
-  if (force_generic) traits |= kAllTraits;
-  std::optional<size_t> best;
-  for (size_t i = 0; i < std::size(kEntries); ++i) {
-    const uint32_t held = kEntries[i].traits;
-    if ((traits & ~held) != 0 || (held & kColor) != (traits & kColor)) continue;
-    if (!best || CostOf(held & ~traits) < CostOf(kEntries[*best].traits & ~traits)) best = i;
-  }
-  SHEAF_CHECK(best.has_value());
-  return *best;
-}
-
 RenderRowFunction RowFunctionOf(size_t variant) {
-  SHEAF_CHECK(variant < std::size(kEntries));
-  return kEntries[variant].row;
+  SHEAF_CHECK(variant < std::size(kRows));
+  return kRows[variant];
 }
 
 }  // namespace sheaf::render

@@ -17,7 +17,6 @@
 
 #include "common/math/elementary.h"
 #include "common/math/vec.h"
-#include "worker/render/render_plan.h"
 #include "worker/render/trait_set.h"
 
 namespace sheaf::render {

@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // SceneDescription > SceneGeometry: transforms in double, one rounding to float at the end.
-#include "worker/render/scene_geometry.h"
+#include "worker/render/scene_baker.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,0 +1,25 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Chooses the compiled variant of the integrator that serves a set of traits at the least cost.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+namespace sheaf::render {
+
+struct Variant {
+  std::string name;
+  uint32_t traits = 0;
+};
+
+// All of variant_list.h, in its order.
+std::vector<Variant> AllVariants();
+// Index of the variant that has all of `traits` and carries the cheapest others: the fewest of
+// kPaidByEveryPath, then the fewest.
+size_t ChooseVariant(uint32_t traits, bool force_generic);
+
+}  // namespace sheaf::render
