@@ -1,19 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// How wrong a picture still is, from the spread of its replicates (film_tile.h).
-//
-// A pixel's value is the ratio sum / weight. With S_r and W_r the sums of replicate r, r = 1 .. R
-// over the replicates that have samples, and m = sum S_r / sum W_r, its standard error is
-//
-//   sqrt(R / (R - 1) * sum (S_r - m W_r)^2) / |sum W_r|.
-//
-// For equal W_r this is sqrt(sum (m_r - m)^2 / (R (R - 1))), with m_r = S_r / W_r independent and
-// identically distributed: m +- t(R - 1) * standard error is a Student interval. For unequal W_r (a
-// sample count that 16 does not divide, or signed filters) it is the ratio estimator's, which needs
-// no weight W_r to differ from 0. Differences are squared, never squares subtracted, so it is never
-// negative; its own rounding is about 2^-22 of the value, as replicate sums are float32.
-// Source: Cochran 1977, Sampling Techniques, 3rd ed., sec. 2.11; Owen 1997 for the replicates.
+// The error of a picture, estimated from the spread of its pixels' replicates (pixel_replicates.h).
 //
 // The relative error divides by the square of a pixel's true value, which is not known. Its own
 // mean will not do: a pixel with a rare bright sample has a large mean and a large error, and seems
@@ -26,14 +14,13 @@
 // pixel's own mean they are 0.06 to 1.02 (docs/adr/0034).
 #pragma once
 
-#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <span>
 #include <vector>
 
-#include "common/film/film_tile.h"
 #include "common/film/frame_picture.h"
+#include "common/film/tile_geometry.h"
 
 namespace sheaf {
 
@@ -49,27 +36,6 @@ struct FrameError {
   double standard_error = 0;
   uint64_t nonfinite_count = 0;
   uint64_t sample_count = 0;  // Over all pixels; finite ones.
-};
-
-// The sums of a pixel's replicates, of those that have samples, and what their spread says.
-class PixelReplicates {
- public:
-  // p: index into the planes.
-  PixelReplicates(const FilmTile& sums, size_t p);
-  // Of one colour component (0..2 = R, G, B); 0 where fewer than 2 replicates have samples or the
-  // weights sum to 0.
-  double StandardError(size_t component) const;
-  // The same of a weighted sum of R, G and B: their errors are correlated, so it is found from the
-  // replicates' sums, not from the errors of the three.
-  double StandardError(const std::array<double, 3>& weights) const;
-
- private:
-  using Sums = std::array<float, kReplicateChannelCount>;
-  template <typename ColorOf>
-  double SpreadOf(const ColorOf& color_of) const;
-
-  std::array<Sums, kReplicateCount> replicates_;
-  size_t count_ = 0;
 };
 
 // Error over the picture as developed so far (pixels without samples are left out).

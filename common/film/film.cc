@@ -12,6 +12,7 @@
 
 #include "common/base/check.h"
 #include "common/film/cryptomatte.h"
+#include "common/film/pixel_replicates.h"
 #include "common/math/double_float.h"
 
 namespace sheaf {

@@ -2,11 +2,10 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Film: the set of parts of one frame, merged along the canonical tree, and what is developed from
-// it. This header gathers the pieces: TileTree (merging), FramePicture (the result), FrameError
-// (how wrong it still is), and DevelopTile, the arrow from the first to the second.
+// it. This header gathers the pieces: TileTree (merging), FramePicture (the result), and
+// DevelopTile, the arrow from the first to the second.
 #pragma once
 
-#include "common/film/error_estimate.h"
 #include "common/film/film_tile.h"
 #include "common/film/frame_picture.h"
 #include "common/film/tile_geometry.h"

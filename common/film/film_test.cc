@@ -1,6 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 #include "common/film/film.h"
+#include "common/film/error_estimate.h"
 
 #include <gtest/gtest.h>
 
@@ -11,6 +12,7 @@
 #include <utility>
 
 #include "common/film/film_test_samples.h"
+#include "common/film/pixel_replicates.h"
 
 namespace sheaf {
 namespace {

@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "common/film/compare.h"
+#include "common/film/error_estimate.h"
 #include "common/film/exr_codec.h"
 #include "common/film/film.h"
 #include "common/film/film_test_samples.h"

@@ -14,9 +14,14 @@
 #include "absl/status/status.h"
 #include "common/base/nearest_name.h"
 #include "common/scene/scene_description.h"
-#include "common/scene/scene_reader.h"
+#include "common/scene/scene_reader_limits.h"
 
 namespace sheaf {
+
+struct SceneDiagnostic {
+  enum class Severity { kNote, kWarning, kError } severity = Severity::kError;
+  std::string text;  // "file:line:column: what, why, what to do".
+};
 
 class Diagnostics {
  public:

@@ -10,7 +10,7 @@
 
 #include "absl/status/statusor.h"
 #include "common/scene/scene_description.h"
-#include "common/scene/scene_reader.h"
+#include "common/scene/scene_reader_limits.h"
 
 namespace sheaf {
 

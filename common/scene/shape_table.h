@@ -14,7 +14,7 @@
 #include "common/scene/file_source.h"
 #include "common/scene/parameter_list.h"
 #include "common/scene/scene_description.h"
-#include "common/scene/scene_reader.h"
+#include "common/scene/scene_reader_limits.h"
 #include "common/scene/texture_table.h"
 
 namespace sheaf {

@@ -12,10 +12,10 @@
 
 #include "absl/strings/str_cat.h"
 #include "common/base/log.h"
+#include "common/base/vector_bytes.h"
 #include "worker/render/displacement.h"
 #include "worker/render/medium_velocities.h"
 #include "worker/render/scene_baker.h"
-#include "worker/render/vector_bytes.h"
 
 namespace sheaf::render {
 namespace {

@@ -9,8 +9,8 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "common/base/vector_bytes.h"
 #include "worker/render/light_image.h"
-#include "worker/render/vector_bytes.h"
 
 namespace sheaf::render {
 namespace {

@@ -9,10 +9,10 @@
 #include <cstring>
 
 #include "absl/strings/str_cat.h"
+#include "common/base/large_pages.h"
 #include "common/math/elementary.h"
 #include "common/math/lanes.h"
 #include "worker/render/equal_area_map.h"
-#include "worker/render/large_pages.h"
 
 namespace sheaf::render {
 namespace {

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <limits>
 
-#include "worker/render/vector_bytes.h"
+#include "common/base/vector_bytes.h"
 
 namespace sheaf::render {
 namespace {

@@ -7,9 +7,9 @@
 #include <cmath>
 #include <cstring>
 
+#include "common/base/vector_bytes.h"
 #include "common/math/elementary.h"
 #include "common/math/lanes.h"
-#include "worker/render/vector_bytes.h"
 
 namespace sheaf::render {
 namespace {

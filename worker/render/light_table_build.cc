@@ -11,11 +11,11 @@
 #include <variant>
 
 #include "common/base/check.h"
+#include "common/base/vector_bytes.h"
 #include "common/math/elementary.h"
 #include "worker/render/light_reader.h"
 #include "worker/render/light_table.h"
 #include "worker/render/light_table_impl.h"
-#include "worker/render/vector_bytes.h"
 
 namespace sheaf::render {
 namespace {

@@ -14,7 +14,7 @@
 #include <cmath>
 
 #include "common/base/check.h"
-#include "worker/render/large_pages.h"
+#include "common/base/large_pages.h"
 #include "worker/render/light_cluster.h"
 #include "worker/render/light_tree.h"
 

@@ -6,12 +6,12 @@
 #include <cmath>
 
 #include "common/base/check.h"
+#include "common/base/vector_bytes.h"
 #include "worker/render/ablated_variants.h"
 #include "worker/render/bsdf_hair.h"
 #include "worker/render/fresnel.h"
 #include "worker/render/material_impl.h"
 #include "worker/render/variant_list.h"
-#include "worker/render/vector_bytes.h"
 
 namespace sheaf::render {
 namespace {

@@ -10,9 +10,9 @@
 #include <optional>
 #include <vector>
 
+#include "common/base/vector_bytes.h"
 #include "common/math/vec.h"
 #include "common/scene/measured_file.h"
-#include "worker/render/vector_bytes.h"
 #include "worker/render/warp_table.h"
 #include "worker/render/wavelengths.h"
 

@@ -12,10 +12,10 @@
 
 #include "absl/strings/str_cat.h"
 #include "common/base/check.h"
+#include "common/base/vector_bytes.h"
 #include "common/scene/half_space.h"
 #include "common/scene/matter_reflectance.h"
 #include "worker/render/leak_guard.h"
-#include "worker/render/vector_bytes.h"
 
 namespace sheaf::render {
 namespace {

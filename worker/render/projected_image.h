@@ -9,8 +9,8 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
+#include "common/base/vector_bytes.h"
 #include "common/math/vec.h"
-#include "worker/render/vector_bytes.h"
 
 namespace sheaf::render {
 

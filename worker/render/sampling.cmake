@@ -3,7 +3,7 @@
 sheaf_add_module(NAME render_sampling
   HEADERS
     area_light_sampling.h sampler.h sobol_points.h discrete_distribution.h shape_sampling.h equal_area_map.h
-    equiangular.h emission_map.h environment_map.h map_partition.h intensity_map.h large_pages.h light_bounds.h
+    equiangular.h emission_map.h environment_map.h map_partition.h intensity_map.h light_bounds.h
     light_choice.h light_cluster.h light_image.h light_reader.h light_tree.h light_table.h
     light_table_impl.h photometric_web.h projected_image.h quadric.h sky_portal.h
   SOURCES

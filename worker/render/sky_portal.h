@@ -18,8 +18,8 @@
 #include <optional>
 #include <vector>
 
+#include "common/base/vector_bytes.h"
 #include "common/math/vec.h"
-#include "worker/render/vector_bytes.h"
 
 namespace sheaf::render {
 

@@ -12,8 +12,8 @@
 #include <cstdint>
 #include <vector>
 
+#include "common/base/vector_bytes.h"
 #include "common/math/vec.h"
-#include "worker/render/vector_bytes.h"
 
 namespace sheaf::render {
 

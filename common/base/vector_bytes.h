@@ -7,7 +7,7 @@
 #include <cstdint>
 #include <vector>
 
-namespace sheaf::render {
+namespace sheaf {
 
 // Of each its room, without what its elements hold in turn.
 template <typename... T>
@@ -15,4 +15,4 @@ uint64_t VectorBytes(const std::vector<T>&... vectors) {
   return (uint64_t{0} + ... + (vectors.capacity() * sizeof(T)));
 }
 
-}  // namespace sheaf::render
+}  // namespace sheaf

@@ -10,7 +10,7 @@
 #include <cstddef>
 #include <cstdint>
 
-namespace sheaf::render {
+namespace sheaf {
 
 // Only a wish: where the system has no large pages to give, small ones serve. For memory that has
 // not been touched.
@@ -23,4 +23,4 @@ inline void WishForLargePages(void* begin, size_t size_bytes) {
 #endif
 }
 
-}  // namespace sheaf::render
+}  // namespace sheaf

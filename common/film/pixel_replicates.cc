@@ -1,0 +1,53 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "common/film/pixel_replicates.h"
+
+#include <cmath>
+#include <cstdint>
+
+namespace sheaf {
+
+PixelReplicates::PixelReplicates(const FilmTile& sums, size_t p) {
+  for (uint32_t slot = 0; slot < sums.replicate_count(); ++slot) {
+    Sums& replicate = replicates_[count_];
+    bool has_samples = false;
+    for (size_t i = 0; i < replicate.size(); ++i) {
+      replicate[i] = sums.replicate(slot, i)[p];
+      has_samples |= replicate[i] != 0;
+    }
+    if (has_samples) ++count_;
+  }
+}
+
+// color_of: a replicate's sum of the quantity whose standard error is asked for.
+template <typename ColorOf>
+double PixelReplicates::SpreadOf(const ColorOf& color_of) const {
+  double sum = 0, weight = 0;
+  for (size_t r = 0; r < count_; ++r) {
+    sum += color_of(replicates_[r]);
+    weight += double{replicates_[r][3]};
+  }
+  if (count_ < 2 || weight == 0) return 0;
+  const double mean = sum / weight;
+  double squares = 0;
+  for (size_t r = 0; r < count_; ++r) {
+    const double residual = color_of(replicates_[r]) - mean * double{replicates_[r][3]};
+    squares += residual * residual;
+  }
+  const auto count = static_cast<double>(count_);
+  return std::sqrt(squares * count / (count - 1)) / std::fabs(weight);
+}
+
+double PixelReplicates::StandardError(size_t component) const {
+  return SpreadOf([component](const Sums& sums) { return double{sums[component]}; });
+}
+
+double PixelReplicates::StandardError(const std::array<double, 3>& weights) const {
+  return SpreadOf([&weights](const Sums& sums) {
+    double sum = 0;
+    for (size_t i = 0; i < 3; ++i) sum += weights[i] * double{sums[i]};
+    return sum;
+  });
+}
+
+}  // namespace sheaf
