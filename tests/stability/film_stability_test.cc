@@ -13,6 +13,7 @@
 #include "common/film/exr_codec.h"
 #include "common/film/film.h"
 #include "common/film/film_test_samples.h"
+#include "common/film/pixel_replicates.h"
 #include "common/math/double_float.h"
 
 namespace sheaf {

@@ -9,6 +9,7 @@
 #include "common/base/cpu_clock.h"
 #include "common/base/log.h"
 #include "common/film/cryptomatte.h"
+#include "common/film/error_estimate.h"
 #include "common/film/exr_codec.h"
 #include "common/film/rare_layers.h"
 #include "coordinator/forecast/one_sequence.h"
