@@ -13,8 +13,8 @@
 #include "absl/strings/str_format.h"
 #include "cli/study/clamped_tiles.h"
 #include "cli/study/study_tiles.h"
-#include "common/film/error_estimate.h"
-#include "common/film/mean_interval.h"
+#include "common/film/error/error_estimate.h"
+#include "common/film/error/mean_interval.h"
 #include "coordinator/core/sample_rounds.h"
 
 namespace sheaf::cli {

@@ -18,10 +18,10 @@
 #include "absl/status/statusor.h"
 #include "cli/study/study_analysis.h"
 #include "common/scene/file_source.h"
-#include "common/scene/render_settings.h"
 #include "common/scene/scene_description.h"
+#include "common/scene/settings/render_settings.h"
+#include "worker/render/ablation/plan_measurement.h"
 #include "worker/render/path_noise.h"
-#include "worker/render/plan_measurement.h"
 
 namespace sheaf::cli {
 

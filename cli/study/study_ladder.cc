@@ -8,8 +8,8 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "worker/render/light_choice.h"
-#include "worker/render/trait_set.h"
+#include "worker/render/light/light_choice.h"
+#include "worker/render/traits/trait_set.h"
 
 namespace sheaf::cli {
 namespace {

@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "common/scene/render_settings.h"
-#include "worker/render/render_plan.h"
+#include "common/scene/settings/render_settings.h"
+#include "worker/render/plan/render_plan.h"
 #include "worker/render/tile_pass.h"
 
 namespace sheaf::cli {

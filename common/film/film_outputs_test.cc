@@ -10,7 +10,7 @@
 #include <limits>
 #include <random>
 
-#include "common/film/exr_codec.h"
+#include "common/film/exr/exr_codec.h"
 #include "common/film/film.h"
 #include "common/film/film_test_samples.h"
 

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 #include "common/film/film.h"
-#include "common/film/error_estimate.h"
+#include "common/film/error/error_estimate.h"
 
 #include <gtest/gtest.h>
 

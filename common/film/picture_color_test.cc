@@ -6,9 +6,9 @@
 
 #include <cmath>
 
-#include "common/film/compare.h"
-#include "common/film/error_estimate.h"
-#include "common/film/exr_codec.h"
+#include "common/film/error/compare.h"
+#include "common/film/error/error_estimate.h"
+#include "common/film/exr/exr_codec.h"
 #include "common/film/film.h"
 #include "common/film/film_test_samples.h"
 

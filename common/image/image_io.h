@@ -3,7 +3,7 @@
 //
 // Whole pictures in and out: what people look at (PNG) and what scenes bring along (environment
 // maps, textures that are checked before rendering). Rendered pictures are EXR and have a door of
-// their own (common/film/exr_codec.h). image_library.h is the door to OpenImageIO,
+// their own (common/film/exr/exr_codec.h). image_library.h is the door to OpenImageIO,
 // png.cc that to libpng.
 #pragma once
 

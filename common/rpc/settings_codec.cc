@@ -5,8 +5,8 @@
 #include <cmath>
 
 #include "absl/strings/str_cat.h"
-#include "common/scene/primaries.h"
-#include "common/scene/sensor.h"
+#include "common/scene/spectrum/primaries.h"
+#include "common/scene/spectrum/sensor.h"
 
 namespace sheaf {
 namespace {

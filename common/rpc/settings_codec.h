@@ -6,7 +6,7 @@
 
 #include "absl/status/statusor.h"
 #include "common/film/tile_geometry.h"
-#include "common/scene/render_settings.h"
+#include "common/scene/settings/render_settings.h"
 #include "sheaf/v1/job.pb.h"
 
 namespace sheaf {

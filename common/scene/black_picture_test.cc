@@ -8,7 +8,7 @@
 #include <fstream>
 #include <string>
 
-#include "common/scene/scene_reader.h"
+#include "common/scene/pbrt/scene_reader.h"
 
 namespace sheaf {
 namespace {

@@ -6,7 +6,7 @@
 
 #include <vector>
 
-#include "common/film/error_estimate.h"
+#include "common/film/error/error_estimate.h"
 #include "common/film/frame_picture.h"
 #include "coordinator/core/cell_grid.h"
 

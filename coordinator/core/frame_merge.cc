@@ -7,8 +7,8 @@
 
 #include "absl/strings/str_cat.h"
 #include "common/base/check.h"
-#include "common/film/mean_interval.h"
-#include "common/scene/primaries.h"
+#include "common/film/error/mean_interval.h"
+#include "common/scene/spectrum/primaries.h"
 
 namespace sheaf::coordinator {
 namespace {

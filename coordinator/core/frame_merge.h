@@ -20,8 +20,8 @@
 
 #include "absl/status/status.h"
 #include "common/film/cell_trees.h"
+#include "common/film/error/flip_estimate.h"
 #include "common/film/film.h"
-#include "common/film/flip_estimate.h"
 #include "coordinator/core/cell_grid.h"
 #include "coordinator/core/job.h"
 

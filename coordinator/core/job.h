@@ -14,7 +14,7 @@
 #include "common/content/blob_digest.h"
 #include "common/film/tile_cells.h"
 #include "common/film/tile_geometry.h"
-#include "common/scene/render_settings.h"
+#include "common/scene/settings/render_settings.h"
 #include "coordinator/core/stop_rule.h"
 
 namespace sheaf::coordinator {

@@ -9,7 +9,7 @@
 #include <string>
 
 #include "common/film/tile_geometry.h"
-#include "common/scene/render_settings.h"
+#include "common/scene/settings/render_settings.h"
 
 namespace sheaf::coordinator {
 

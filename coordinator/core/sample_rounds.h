@@ -31,7 +31,7 @@
 #include <span>
 #include <vector>
 
-#include "common/film/error_estimate.h"
+#include "common/film/error/error_estimate.h"
 #include "common/film/film_tile.h"
 #include "coordinator/core/job.h"
 

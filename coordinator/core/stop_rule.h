@@ -7,7 +7,7 @@
 #include <cstdint>
 
 #include "absl/time/time.h"
-#include "common/film/error_estimate.h"
+#include "common/film/error/error_estimate.h"
 #include "common/film/film_tile.h"
 
 namespace sheaf::coordinator {

@@ -9,7 +9,7 @@
 #include <numbers>
 #include <optional>
 
-#include "common/film/error_planes.h"
+#include "common/film/error/error_planes.h"
 #include "common/scene/filter_value.h"
 #include "coordinator/core/cell_errors.h"
 

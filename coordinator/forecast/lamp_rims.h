@@ -23,8 +23,8 @@
 #include <span>
 #include <vector>
 
-#include "common/film/error_estimate.h"
-#include "common/film/error_planes.h"
+#include "common/film/error/error_estimate.h"
+#include "common/film/error/error_planes.h"
 #include "common/film/frame_picture.h"
 #include "common/scene/scene_description.h"
 #include "coordinator/forecast/lamp_close_ups.h"

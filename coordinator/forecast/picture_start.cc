@@ -6,7 +6,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "common/base/check.h"
-#include "common/scene/primaries.h"
+#include "common/scene/spectrum/primaries.h"
 #include "coordinator/core/cell_errors.h"
 
 namespace sheaf::coordinator {

@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
-#include "common/film/resumed_picture.h"
+#include "common/film/exr/resumed_picture.h"
 #include "coordinator/core/cell_grid.h"
 #include "coordinator/core/job.h"
 #include "coordinator/forecast/cost_forecast.h"

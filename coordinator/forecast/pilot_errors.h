@@ -8,7 +8,7 @@
 #include <span>
 #include <vector>
 
-#include "common/film/error_estimate.h"
+#include "common/film/error/error_estimate.h"
 #include "coordinator/core/cell_grid.h"
 
 namespace sheaf::coordinator {

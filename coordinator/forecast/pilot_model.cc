@@ -12,7 +12,7 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_split.h"
 #include "common/base/check.h"
-#include "common/film/error_planes.h"
+#include "common/film/error/error_planes.h"
 #include "coordinator/forecast/pilot_cost.h"
 #include "coordinator/forecast/pilot_errors.h"
 

@@ -13,7 +13,7 @@
 
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
-#include "common/film/rare_layers.h"
+#include "common/film/error/rare_layers.h"
 #include "coordinator/core/job.h"
 #include "coordinator/core/sample_rounds.h"
 

@@ -15,8 +15,8 @@
 
 #include "absl/status/statusor.h"
 #include "common/film/tile_geometry.h"
-#include "common/scene/render_settings.h"
-#include "common/scene/scene_reader.h"
+#include "common/scene/pbrt/scene_reader.h"
+#include "common/scene/settings/render_settings.h"
 #include "tests/bench/measures.h"
 #include "worker/render/tile_pass.h"
 

@@ -7,7 +7,8 @@
 
 For every effect, renders a floor and a box under a lamp, with the effect and without, in turns
 (`sheaf plan --measure`), and prints the ratio of times beside the one that the plan states
-(kTraitNames in worker/render/render_plan.cc). With --check, exits with 1 where the two differ by
+(kTraitNames in worker/render/plan/render_plan.cc). With --check, exits with 1 where the two
+differ by
 more than a quarter of the time of a sample and by more than 4 standard errors.
 """
 import argparse

@@ -19,8 +19,8 @@
 #include "tests/bench/measures.h"
 #include "tests/bench/picture_error.h"
 #include "tests/support/test_scene.h"
-#include "worker/render/render_row.h"
-#include "worker/render/variant_list.h"
+#include "worker/render/integrator/render_row.h"
+#include "worker/render/traits/variant_list.h"
 
 namespace sheaf::render {
 namespace {

@@ -17,8 +17,8 @@
 
 #include "common/math/elementary.h"
 #include "tests/bench/measures.h"
-#include "worker/render/embree_scene.h"
-#include "worker/render/scene_geometry.h"
+#include "worker/render/accel/embree_scene.h"
+#include "worker/render/geometry/scene_geometry.h"
 
 namespace sheaf::render {
 namespace {

@@ -18,10 +18,10 @@
 
 #include "common/math/elementary.h"
 #include "tests/bench/measures.h"
-#include "worker/render/discrete_distribution.h"
-#include "worker/render/light_tree.h"
-#include "worker/render/sampler.h"
-#include "worker/render/shape_sampling.h"
+#include "worker/render/light/light_tree.h"
+#include "worker/render/light/shape_sampling.h"
+#include "worker/render/sampling/discrete_distribution.h"
+#include "worker/render/sampling/sampler.h"
 
 namespace sheaf::render {
 namespace {

@@ -20,8 +20,8 @@
 
 #include "common/image/image_io.h"
 #include "tests/bench/bench_scene.h"
-#include "worker/render/compiled_scene.h"
-#include "worker/render/spectral_color.h"
+#include "worker/render/color/spectral_color.h"
+#include "worker/render/scene/compiled_scene.h"
 
 namespace sheaf::render {
 namespace {

@@ -10,7 +10,7 @@
 #include <string>
 
 #include "common/base/check.h"
-#include "common/film/exr_codec.h"
+#include "common/film/exr/exr_codec.h"
 #include "common/film/film_test_samples.h"
 #include "tests/bench/measures.h"
 

@@ -17,8 +17,8 @@
 #include <vector>
 
 #include "tests/bench/bench_scene.h"
-#include "worker/render/compiled_scene.h"
-#include "worker/render/render_row.h"
+#include "worker/render/integrator/render_row.h"
+#include "worker/render/scene/compiled_scene.h"
 #include "worker/render/tile_pass.h"
 
 namespace sheaf::render {

@@ -15,9 +15,9 @@
 #include <vector>
 
 #include "tests/bench/bench_scene.h"
-#include "worker/render/compiled_scene.h"
+#include "worker/render/integrator/variants.h"
+#include "worker/render/scene/compiled_scene.h"
 #include "worker/render/tile_pass.h"
-#include "worker/render/variants.h"
 
 namespace sheaf::render {
 namespace {

@@ -19,8 +19,8 @@
 #include "common/base/check.h"
 #include "common/volume/image_builder.h"
 #include "common/volume/volume_file.h"
-#include "worker/render/cloud_density.h"
-#include "worker/render/delta_tracking.h"
+#include "worker/render/medium/cloud_density.h"
+#include "worker/render/medium/delta_tracking.h"
 
 namespace {
 

@@ -9,7 +9,7 @@ foreach(trait kTextures kDeltaLights kAreaLights kSpecularTransmission
   list(APPEND ablated_sources ${ablated_source})
 endforeach()
 sheaf_add_test(NAME trait_cost DEPS sheaf::render
-  PRECOMPILE <worker/render/variants.h> <worker/render/bsdf_inl.h> SOURCES
+  PRECOMPILE <worker/render/integrator/variants.h> <worker/render/bsdf/bsdf_inl.h> SOURCES
   cost/trait_cost_test.cc ${ablated_sources})
 # As worker/render is compiled, or the counts would compare compilers' settings.
 target_compile_options(sheaf_trait_cost_test PRIVATE $<$<CONFIG:Release>:-O3>)

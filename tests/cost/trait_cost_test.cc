@@ -15,8 +15,8 @@
 
 #include "tests/support/render_rows.h"
 #include "tests/support/test_scene.h"
-#include "worker/render/ablated_variants.h"
-#include "worker/render/variants.h"
+#include "worker/render/integrator/variants.h"
+#include "worker/render/traits/ablated_variants.h"
 
 namespace sheaf::render {
 namespace {

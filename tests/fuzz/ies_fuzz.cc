@@ -12,7 +12,7 @@
 #include <string>
 
 #include "common/base/check.h"
-#include "common/scene/ies_reader.h"
+#include "common/scene/formats/ies_reader.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* bytes, size_t size_bytes) {
   const int descriptor = ::memfd_create("fuzz", 0);

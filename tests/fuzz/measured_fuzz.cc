@@ -12,7 +12,7 @@
 #include <string>
 
 #include "common/base/check.h"
-#include "common/scene/measured_file.h"
+#include "common/scene/formats/measured_file.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* bytes, size_t size_bytes) {
   const int descriptor = ::memfd_create("fuzz", 0);

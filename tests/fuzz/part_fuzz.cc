@@ -8,7 +8,7 @@
 #include <string_view>
 
 #include "common/base/check.h"
-#include "common/film/exr_codec.h"
+#include "common/film/exr/exr_codec.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* bytes, size_t size_bytes) {
   constexpr int64_t kPartPixelsMax = 1 << 16;  // 82 channels of 4 bytes each: 21 MB.

@@ -12,7 +12,7 @@
 
 #include "common/base/check.h"
 #include "common/scene/file_source.h"
-#include "common/scene/scene_reader.h"
+#include "common/scene/pbrt/scene_reader.h"
 
 namespace {
 

@@ -7,7 +7,7 @@
 #include <iterator>
 #include <string>
 
-#include "cli/study_page.h"
+#include "cli/study/study_page.h"
 
 int main() {
   const std::string json((std::istreambuf_iterator<char>(std::cin)), {});

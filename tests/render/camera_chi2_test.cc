@@ -15,9 +15,9 @@
 
 #include "tests/support/chi_square.h"
 #include "tests/support/lenses.h"
-#include "worker/render/aperture_shape.h"
-#include "worker/render/exit_pupil.h"
-#include "worker/render/shutter_shape.h"
+#include "worker/render/camera/aperture_shape.h"
+#include "worker/render/camera/exit_pupil.h"
+#include "worker/render/camera/shutter_shape.h"
 
 namespace sheaf::render {
 namespace {

@@ -11,9 +11,9 @@
 
 #include "absl/strings/str_cat.h"
 #include "common/base/file.h"
-#include "common/scene/scene_reader.h"
+#include "common/scene/pbrt/scene_reader.h"
 #include "tests/support/interior_scene.h"
-#include "worker/render/trait_set.h"
+#include "worker/render/traits/trait_set.h"
 
 namespace sheaf::render {
 namespace {

@@ -13,7 +13,7 @@
 #include <string>
 #include <vector>
 
-#include "common/film/mean_interval.h"
+#include "common/film/error/mean_interval.h"
 #include "tests/support/long_tests.h"
 #include "tests/support/technique_scenes.h"
 #include "tests/support/test_scene.h"

@@ -9,11 +9,11 @@
 
 #include "absl/strings/str_cat.h"
 #include "common/film/film.h"
-#include "common/scene/primaries.h"
+#include "common/scene/spectrum/primaries.h"
 #include "tests/support/scene_text.h"
 #include "tests/support/sensor_pictures.h"
 #include "tests/support/test_scene.h"
-#include "worker/render/film_response.h"
+#include "worker/render/camera/film_response.h"
 
 namespace sheaf::render {
 namespace {

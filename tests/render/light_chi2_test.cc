@@ -20,8 +20,8 @@
 #include "common/math/frame.h"
 #include "tests/support/light_tables.h"
 #include "tests/support/long_tests.h"
-#include "worker/render/environment_map.h"
-#include "worker/render/equal_area_map.h"
+#include "worker/render/light/environment_map.h"
+#include "worker/render/sampling/equal_area_map.h"
 
 namespace sheaf::render {
 namespace {

@@ -13,7 +13,7 @@
 #include "common/film/light_path_kind.h"
 #include "tests/support/technique_scenes.h"
 #include "tests/support/test_scene.h"
-#include "worker/render/path_history.h"
+#include "worker/render/integrator/path_history.h"
 #include "worker/render/path_noise.h"
 
 namespace sheaf::render {
@@ -170,10 +170,8 @@ TEST(PathNoiseTest, SharesAddUp) {
 TEST(PathNoiseTest, CausticsAreToBlame) {
   TestScene t = RoomWithGlass();
   t.scene.area_lights[0].radiance.rgb = Rgb::Grey(50);
-  t.scene.meshes.back().positions = {{-0.1f, 0.99f, -0.1f},
-                                     {0.1f, 0.99f, -0.1f},
-                                     {0.1f, 0.99f, 0.1f},
-                                     {-0.1f, 0.99f, 0.1f}};
+  t.scene.meshes.back().positions = {
+      {-0.1f, 0.99f, -0.1f}, {0.1f, 0.99f, -0.1f}, {0.1f, 0.99f, 0.1f}, {-0.1f, 0.99f, 0.1f}};
   const PathNoise noise = NoiseOf(t.scene, 8, kSamples);
   const PathShares& caustic = noise.kinds[static_cast<size_t>(LightPathKind::kCaustic)];
   EXPECT_LT(caustic.light, 0.3);

@@ -17,10 +17,10 @@
 #include "tests/support/light_tables.h"
 #include "tests/support/temporary_path.h"
 #include "tests/support/test_scene.h"
-#include "worker/render/bsdf_sampling.h"
-#include "worker/render/compiled_scene.h"
-#include "worker/render/mis.h"
-#include "worker/render/surface_point.h"
+#include "worker/render/bsdf/bsdf_sampling.h"
+#include "worker/render/geometry/surface_point.h"
+#include "worker/render/sampling/mis.h"
+#include "worker/render/scene/compiled_scene.h"
 
 namespace sheaf::render {
 namespace {

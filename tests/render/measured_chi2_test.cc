@@ -12,14 +12,14 @@
 #include <string>
 #include <vector>
 
-#include "common/scene/measured_file.h"
+#include "common/scene/formats/measured_file.h"
 #include "gtest/gtest.h"
 #include "tests/support/bsdf_fixtures.h"
 #include "tests/support/chi_square.h"
 #include "tests/support/measured_builder.h"
 #include "tests/support/temporary_path.h"
-#include "worker/render/measured_brdf.h"
-#include "worker/render/warp_table.h"
+#include "worker/render/bsdf/measured_brdf.h"
+#include "worker/render/sampling/warp_table.h"
 
 namespace sheaf::render {
 namespace {

@@ -20,8 +20,8 @@
 #include "tests/support/temporary_path.h"
 #include "tests/support/test_scene.h"
 #include "tests/support/volume_writers.h"
-#include "worker/render/leave_out.h"
-#include "worker/render/trait_set.h"
+#include "worker/render/ablation/leave_out.h"
+#include "worker/render/traits/trait_set.h"
 
 namespace sheaf::render {
 namespace {

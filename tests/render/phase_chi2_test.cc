@@ -10,8 +10,8 @@
 
 #include "gtest/gtest.h"
 #include "tests/support/chi_square.h"
-#include "worker/render/free_flight.h"
-#include "worker/render/phase_function.h"
+#include "worker/render/medium/free_flight.h"
+#include "worker/render/medium/phase_function.h"
 
 namespace sheaf::render {
 namespace {

@@ -3,7 +3,7 @@
 //
 // Leaving out effects: every one can be, the rest stays; what is measured has the answers that are
 // known. And the plan's bound of depth changes no bit.
-#include "worker/render/plan_measurement.h"
+#include "worker/render/ablation/plan_measurement.h"
 
 #include <gtest/gtest.h>
 
@@ -13,8 +13,8 @@
 #include <string>
 
 #include "tests/support/test_scene.h"
-#include "worker/render/leave_out.h"
-#include "worker/render/trait_set.h"
+#include "worker/render/ablation/leave_out.h"
+#include "worker/render/traits/trait_set.h"
 
 namespace sheaf::render {
 namespace {

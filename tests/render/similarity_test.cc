@@ -16,8 +16,8 @@
 
 #include "tests/support/interior_scene.h"
 #include "tests/support/long_tests.h"
-#include "worker/render/render_row.h"
-#include "worker/render/variant_list.h"
+#include "worker/render/integrator/render_row.h"
+#include "worker/render/traits/variant_list.h"
 
 namespace sheaf::render {
 namespace {

@@ -14,8 +14,8 @@
 #include "tests/support/measured_builder.h"
 #include "tests/support/temporary_path.h"
 #include "tests/support/test_scene.h"
-#include "worker/render/render_plan.h"
-#include "worker/render/trait_set.h"
+#include "worker/render/plan/render_plan.h"
+#include "worker/render/traits/trait_set.h"
 
 namespace sheaf::render {
 namespace {

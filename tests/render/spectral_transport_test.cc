@@ -5,11 +5,11 @@
 // The error budget of every mean is ExpectMean's: 5 standard errors.
 #include <gtest/gtest.h>
 
-#include "common/scene/spectrum.h"
+#include "common/scene/spectrum/spectrum.h"
 #include "tests/support/colors.h"
 #include "tests/support/test_scene.h"
-#include "worker/render/spectral_color.h"
-#include "worker/render/trait_set.h"
+#include "worker/render/color/spectral_color.h"
+#include "worker/render/traits/trait_set.h"
 
 namespace sheaf::render {
 namespace {

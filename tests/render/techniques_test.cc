@@ -21,8 +21,8 @@
 #include "tests/support/long_tests.h"
 #include "tests/support/technique_scenes.h"
 #include "tests/support/test_scene.h"
-#include "worker/render/render_row.h"
-#include "worker/render/variant_list.h"
+#include "worker/render/integrator/render_row.h"
+#include "worker/render/traits/variant_list.h"
 
 namespace sheaf::render {
 namespace {

@@ -5,7 +5,7 @@
 // tracking by name (V3, V4, V5, V11, V15). Statistical tests: z below 4.7 and p above 1e-6, for
 // some 100 of them a chance of 1e-4 to fail by accident; with 2e5 walks a bias of 1 % of the
 // standard deviation of one walk is found.
-#include "worker/render/delta_tracking.h"
+#include "worker/render/medium/delta_tracking.h"
 
 #include <gtest/gtest.h>
 
@@ -15,7 +15,7 @@
 #include "common/volume/volume_array.h"
 #include "tests/support/chi_square.h"
 #include "tests/support/long_tests.h"
-#include "worker/render/cloud_density.h"
+#include "worker/render/medium/cloud_density.h"
 
 namespace sheaf::render {
 namespace {

@@ -12,7 +12,7 @@
 
 #include "tests/support/render_rows.h"
 #include "tests/support/test_scene.h"
-#include "worker/render/variants.h"
+#include "worker/render/integrator/variants.h"
 
 namespace sheaf::render {
 namespace {

@@ -15,7 +15,7 @@
 #include "gtest/gtest.h"
 #include "tests/support/long_tests.h"
 #include "tests/support/test_scene.h"
-#include "worker/render/event_stream.h"
+#include "worker/render/sampling/event_stream.h"
 
 namespace sheaf::render {
 namespace {

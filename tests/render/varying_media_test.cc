@@ -11,13 +11,13 @@
 #include <variant>
 #include <vector>
 
-#include "common/scene/spectrum.h"
+#include "common/scene/spectrum/spectrum.h"
 #include "gtest/gtest.h"
 #include "tests/support/long_tests.h"
 #include "tests/support/test_scene.h"
-#include "worker/render/color_parts.h"
-#include "worker/render/event_stream.h"
-#include "worker/render/medium_set.h"
+#include "worker/render/medium/color_parts.h"
+#include "worker/render/medium/medium_set.h"
+#include "worker/render/sampling/event_stream.h"
 
 namespace sheaf::render {
 namespace {

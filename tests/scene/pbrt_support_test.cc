@@ -13,7 +13,7 @@
 #include <vector>
 
 #include "common/scene/file_source.h"
-#include "common/scene/scene_reader.h"
+#include "common/scene/pbrt/scene_reader.h"
 #include "tests/support/measured_builder.h"
 
 namespace sheaf {

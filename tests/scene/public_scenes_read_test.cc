@@ -11,7 +11,7 @@
 #include <filesystem>
 #include <string>
 
-#include "common/scene/scene_reader.h"
+#include "common/scene/pbrt/scene_reader.h"
 
 namespace sheaf {
 namespace {

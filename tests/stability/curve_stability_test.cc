@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Hard cases of curves, by the names of the catalogue; of a single ray and segment they are in
-// worker/render/curve_test.cc.
+// worker/render/geometry/curve_test.cc.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -17,8 +17,8 @@
 #include "gtest/gtest.h"
 #include "tests/support/test_scene.h"
 #include "tests/support/traced_scene.h"
-#include "worker/render/compiled_scene.h"
-#include "worker/render/surface_point.h"
+#include "worker/render/geometry/surface_point.h"
+#include "worker/render/scene/compiled_scene.h"
 
 namespace sheaf::render {
 namespace {

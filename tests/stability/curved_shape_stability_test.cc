@@ -18,9 +18,9 @@
 #include "gtest/gtest.h"
 #include "tests/support/test_scene.h"
 #include "tests/support/traced_scene.h"
-#include "worker/render/compiled_scene.h"
-#include "worker/render/quadric.h"
-#include "worker/render/surface_point.h"
+#include "worker/render/geometry/quadric.h"
+#include "worker/render/geometry/surface_point.h"
+#include "worker/render/scene/compiled_scene.h"
 
 namespace sheaf::render {
 namespace {

@@ -7,15 +7,15 @@
 #include <cstdint>
 #include <vector>
 
-#include "common/scene/mesh_parameters.h"
+#include "common/scene/pbrt/statements/mesh_parameters.h"
 #include "gtest/gtest.h"
 #include "tests/support/globe.h"
 #include "tests/support/long_tests.h"
 #include "tests/support/test_scene.h"
 #include "tests/support/traced_scene.h"
-#include "worker/render/deforming_mesh.h"
-#include "worker/render/leak_guard.h"
-#include "worker/render/needle.h"
+#include "worker/render/geometry/deforming_mesh.h"
+#include "worker/render/geometry/leak_guard.h"
+#include "worker/render/geometry/needle.h"
 
 namespace sheaf::render {
 namespace {

@@ -13,9 +13,9 @@
 #include "tests/support/long_tests.h"
 #include "tests/support/test_scene.h"
 #include "tests/support/traced_scene.h"
-#include "worker/render/displaced_mesh.h"
-#include "worker/render/displacement.h"
-#include "worker/render/leak_guard.h"
+#include "worker/render/geometry/displaced_mesh.h"
+#include "worker/render/geometry/leak_guard.h"
+#include "worker/render/scene/displacement.h"
 
 namespace sheaf::render {
 namespace {

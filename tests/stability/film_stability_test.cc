@@ -10,7 +10,7 @@
 #include <utility>
 #include <vector>
 
-#include "common/film/exr_codec.h"
+#include "common/film/exr/exr_codec.h"
 #include "common/film/film.h"
 #include "common/film/film_test_samples.h"
 #include "common/film/pixel_replicates.h"

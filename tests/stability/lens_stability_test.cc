@@ -11,7 +11,7 @@
 
 #include "tests/support/chi_square.h"
 #include "tests/support/lenses.h"
-#include "worker/render/exit_pupil.h"
+#include "worker/render/camera/exit_pupil.h"
 
 namespace sheaf::render {
 namespace {

@@ -11,8 +11,8 @@
 
 #include "tests/support/light_tables.h"
 #include "tests/support/long_tests.h"
-#include "worker/render/equal_area_map.h"
-#include "worker/render/shape_sampling.h"
+#include "worker/render/light/shape_sampling.h"
+#include "worker/render/sampling/equal_area_map.h"
 
 namespace sheaf::render {
 namespace {

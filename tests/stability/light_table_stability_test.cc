@@ -18,9 +18,9 @@
 #include "common/math/elementary.h"
 #include "tests/support/light_tables.h"
 #include "tests/support/temporary_path.h"
-#include "worker/render/environment_map.h"
-#include "worker/render/equal_area_map.h"
-#include "worker/render/shape_sampling.h"
+#include "worker/render/light/environment_map.h"
+#include "worker/render/light/shape_sampling.h"
+#include "worker/render/sampling/equal_area_map.h"
 
 namespace sheaf::render {
 namespace {

@@ -13,9 +13,9 @@
 #include "common/math/elementary.h"
 #include "tests/support/chi_square.h"
 #include "tests/support/light_tables.h"
-#include "worker/render/light_choice.h"
-#include "worker/render/light_tree.h"
-#include "worker/render/shape_sampling.h"
+#include "worker/render/light/light_choice.h"
+#include "worker/render/light/light_tree.h"
+#include "worker/render/light/shape_sampling.h"
 
 namespace sheaf::render {
 namespace {

@@ -14,8 +14,8 @@
 #include "tests/support/fog_scene.h"
 #include "tests/support/interior_scene.h"
 #include "tests/support/long_tests.h"
-#include "worker/render/compiled_scene.h"
-#include "worker/render/medium_set.h"
+#include "worker/render/medium/medium_set.h"
+#include "worker/render/scene/compiled_scene.h"
 
 namespace sheaf::render {
 namespace {

@@ -13,7 +13,7 @@
 #include "tests/support/fog_scene.h"
 #include "tests/support/long_tests.h"
 #include "tests/support/test_scene.h"
-#include "worker/render/medium_set.h"
+#include "worker/render/medium/medium_set.h"
 
 namespace sheaf::render {
 namespace {

@@ -10,9 +10,9 @@
 #include "common/math/transform.h"
 #include "gtest/gtest.h"
 #include "tests/support/test_scene.h"
-#include "worker/render/animated_transform.h"
-#include "worker/render/camera.h"
-#include "worker/render/scene_geometry.h"
+#include "worker/render/camera/camera.h"
+#include "worker/render/geometry/animated_transform.h"
+#include "worker/render/geometry/scene_geometry.h"
 
 namespace sheaf::render {
 namespace {

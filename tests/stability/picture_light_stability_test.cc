@@ -15,13 +15,13 @@
 #include <utility>
 #include <vector>
 
-#include "common/film/exr_codec.h"
+#include "common/film/exr/exr_codec.h"
 #include "common/film/frame_picture.h"
 #include "common/math/elementary.h"
 #include "tests/support/light_tables.h"
 #include "tests/support/temporary_path.h"
-#include "worker/render/equal_area_map.h"
-#include "worker/render/spectral_color.h"
+#include "worker/render/color/spectral_color.h"
+#include "worker/render/sampling/equal_area_map.h"
 
 namespace sheaf::render {
 namespace {

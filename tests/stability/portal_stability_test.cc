@@ -14,7 +14,7 @@
 #include "tests/support/chi_square.h"
 #include "tests/support/light_tables.h"
 #include "tests/support/temporary_path.h"
-#include "worker/render/sky_portal.h"
+#include "worker/render/light/sky_portal.h"
 
 namespace sheaf::render {
 namespace {

@@ -15,9 +15,9 @@
 
 #include "common/film/film_tile.h"
 #include "tests/support/long_tests.h"
-#include "worker/render/dimensions.h"
-#include "worker/render/discrete_distribution.h"
-#include "worker/render/sampler.h"
+#include "worker/render/sampling/dimensions.h"
+#include "worker/render/sampling/discrete_distribution.h"
+#include "worker/render/sampling/sampler.h"
 
 namespace sheaf::render {
 namespace {

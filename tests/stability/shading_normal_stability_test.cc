@@ -19,7 +19,7 @@
 #include "tests/support/chi_square.h"
 #include "tests/support/temporary_path.h"
 #include "tests/support/tilted.h"
-#include "worker/render/material.h"
+#include "worker/render/material/material.h"
 
 namespace sheaf::render {
 namespace {

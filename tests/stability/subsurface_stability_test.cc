@@ -13,7 +13,7 @@
 #include "gtest/gtest.h"
 #include "tests/support/interior_scene.h"
 #include "tests/support/long_tests.h"
-#include "worker/render/fresnel.h"
+#include "worker/render/bsdf/fresnel.h"
 
 namespace sheaf::render {
 namespace {

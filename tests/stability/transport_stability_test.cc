@@ -12,8 +12,8 @@
 
 #include "gtest/gtest.h"
 #include "tests/support/test_scene.h"
-#include "worker/render/filter.h"
-#include "worker/render/mis.h"
+#include "worker/render/sampling/filter.h"
+#include "worker/render/sampling/mis.h"
 
 namespace sheaf::render {
 namespace {

@@ -15,8 +15,8 @@
 #include "tests/support/long_tests.h"
 #include "tests/support/test_scene.h"
 #include "tests/support/traced_scene.h"
-#include "worker/render/leak_guard.h"
-#include "worker/render/needle.h"
+#include "worker/render/geometry/leak_guard.h"
+#include "worker/render/geometry/needle.h"
 
 namespace sheaf::render {
 namespace {

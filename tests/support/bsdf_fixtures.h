@@ -10,7 +10,7 @@
 #include <utility>
 
 #include "common/math/elementary.h"
-#include "worker/render/bsdf_inl.h"
+#include "worker/render/bsdf/bsdf_inl.h"
 
 namespace sheaf::testing {
 

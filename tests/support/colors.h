@@ -10,7 +10,7 @@
 #include <utility>
 #include <vector>
 
-#include "common/scene/spectrum.h"
+#include "common/scene/spectrum/spectrum.h"
 
 namespace sheaf::testing {
 

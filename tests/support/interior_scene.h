@@ -10,7 +10,7 @@
 #include <string>
 #include <utility>
 
-#include "common/scene/matter_reflectance.h"
+#include "common/scene/pbrt/statements/matter_reflectance.h"
 #include "tests/support/test_scene.h"
 
 namespace sheaf::render {

@@ -9,7 +9,7 @@
 #include <utility>
 #include <vector>
 
-#include "worker/render/lens_system.h"
+#include "worker/render/camera/lens_system.h"
 
 namespace sheaf::testing {
 

@@ -21,9 +21,9 @@
 #include "common/scene/file_source.h"
 #include "common/scene/scene_description.h"
 #include "gtest/gtest.h"
-#include "worker/render/bsdf.h"
-#include "worker/render/light_table.h"
-#include "worker/render/sampler.h"
+#include "worker/render/bsdf/bsdf.h"
+#include "worker/render/light/light_table.h"
+#include "worker/render/sampling/sampler.h"
 
 namespace sheaf::render::testing {
 

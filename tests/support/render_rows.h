@@ -5,8 +5,8 @@
 #pragma once
 
 #include "common/film/film_tile.h"
-#include "worker/render/compiled_scene.h"
-#include "worker/render/variants.h"
+#include "worker/render/integrator/variants.h"
+#include "worker/render/scene/compiled_scene.h"
 
 namespace sheaf::render {
 

@@ -9,7 +9,7 @@
 
 #include "common/base/file.h"
 #include "common/scene/file_source.h"
-#include "common/scene/scene_reader.h"
+#include "common/scene/pbrt/scene_reader.h"
 #include "gtest/gtest.h"
 
 namespace sheaf::testing {

@@ -8,7 +8,7 @@
 #include <numbers>
 
 #include "common/math/frame.h"
-#include "worker/render/surface_tilt.h"
+#include "worker/render/bsdf/surface_tilt.h"
 
 namespace sheaf::render::testing {
 

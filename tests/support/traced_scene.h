@@ -9,10 +9,10 @@
 #include <utility>
 
 #include "gtest/gtest.h"
-#include "worker/render/embree_scene.h"
-#include "worker/render/scene_geometry.h"
-#include "worker/render/surface_point.h"
-#include "worker/render/trait_set.h"
+#include "worker/render/accel/embree_scene.h"
+#include "worker/render/geometry/scene_geometry.h"
+#include "worker/render/geometry/surface_point.h"
+#include "worker/render/traits/trait_set.h"
 
 namespace sheaf::render {
 

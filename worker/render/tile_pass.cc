@@ -10,8 +10,8 @@
 
 #include "common/base/check.h"
 #include "common/base/cpu_clock.h"
-#include "worker/render/compiled_scene.h"
-#include "worker/render/variants.h"
+#include "worker/render/integrator/variants.h"
+#include "worker/render/scene/compiled_scene.h"
 
 namespace sheaf::render {
 namespace {

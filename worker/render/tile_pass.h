@@ -11,7 +11,7 @@
 
 #include "absl/status/statusor.h"
 #include "common/film/film_tile.h"
-#include "worker/render/compile_scene.h"
+#include "worker/render/scene/compile_scene.h"
 
 namespace sheaf::render {
 

@@ -12,7 +12,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "common/scene/render_settings.h"
+#include "common/scene/settings/render_settings.h"
 
 namespace sheaf::worker {
 namespace {

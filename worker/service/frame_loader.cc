@@ -12,13 +12,13 @@
 #include "common/base/log.h"
 #include "common/base/status.h"
 #include "common/content/chunk_codec.h"
-#include "common/film/exr_codec.h"
+#include "common/film/exr/exr_codec.h"
 #include "common/rpc/channel.h"
 #include "common/rpc/grpc_status.h"
 #include "common/rpc/manifest_codec.h"
 #include "common/scene/file_source.h"
-#include "common/scene/scene_reader.h"
-#include "worker/render/memory_estimate.h"
+#include "common/scene/pbrt/scene_reader.h"
+#include "worker/render/scene/memory_estimate.h"
 #include "worker/render/tile_pass.h"
 
 namespace sheaf::worker {

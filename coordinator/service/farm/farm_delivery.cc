@@ -9,9 +9,9 @@
 #include "common/base/cpu_clock.h"
 #include "common/base/log.h"
 #include "common/film/cryptomatte.h"
-#include "common/film/error_estimate.h"
-#include "common/film/exr_codec.h"
-#include "common/film/rare_layers.h"
+#include "common/film/error/error_estimate.h"
+#include "common/film/error/rare_layers.h"
+#include "common/film/exr/exr_codec.h"
 #include "coordinator/forecast/one_sequence.h"
 #include "coordinator/service/farm/farm.h"
 

@@ -8,7 +8,7 @@
 #include "absl/strings/str_format.h"
 #include "common/base/digest.h"
 #include "common/base/log.h"
-#include "common/film/exr_codec.h"
+#include "common/film/exr/exr_codec.h"
 #include "coordinator/service/farm/farm.h"
 
 namespace sheaf::coordinator {

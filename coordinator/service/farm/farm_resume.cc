@@ -7,7 +7,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "common/base/status.h"
-#include "common/film/exr_codec.h"
+#include "common/film/exr/exr_codec.h"
 #include "coordinator/forecast/picture_start.h"
 #include "coordinator/service/farm/farm.h"
 

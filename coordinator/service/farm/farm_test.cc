@@ -17,7 +17,7 @@
 #include "absl/time/clock.h"
 #include "common/base/check.h"
 #include "common/base/digest.h"
-#include "common/film/exr_codec.h"
+#include "common/film/exr/exr_codec.h"
 #include "coordinator/store/sqlite_job_store.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"

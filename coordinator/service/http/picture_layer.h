@@ -29,7 +29,7 @@ enum class PictureLayer {
   // shown
   // pixel's square of stderr^2 / (value^2 + (0.1 m)^2), m the picture's mean. The mean square of
   // this layer is the relative mean squared error that a frame tells
-  // (common/film/error_estimate.h).
+  // (common/film/error/error_estimate.h).
   kError,
   // Samples of a pixel, on a linear scale.
   kSamples,

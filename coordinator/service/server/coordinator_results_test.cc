@@ -13,7 +13,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
 #include "common/base/digest.h"
-#include "common/film/exr_codec.h"
+#include "common/film/exr/exr_codec.h"
 #include "coordinator/service/server/coordinator_server_fixture.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"

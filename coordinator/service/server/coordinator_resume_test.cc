@@ -7,9 +7,9 @@
 
 #include <cmath>
 
-#include "common/film/compare.h"
-#include "common/film/error_estimate.h"
-#include "common/film/exr_codec.h"
+#include "common/film/error/compare.h"
+#include "common/film/error/error_estimate.h"
+#include "common/film/exr/exr_codec.h"
 #include "coordinator/service/server/coordinator_server_fixture.h"
 
 namespace sheaf::coordinator {

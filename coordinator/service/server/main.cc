@@ -17,7 +17,7 @@
 #include "common/base/open_files.h"
 #include "common/command_line/command_line.h"
 #include "common/rpc/address.h"
-#include "common/scene/render_settings.h"
+#include "common/scene/settings/render_settings.h"
 #include "coordinator/service/server/coordinator_server.h"
 
 namespace sheaf::coordinator {

@@ -5,13 +5,13 @@
 #include <utility>
 
 #include "common/base/digest.h"
-#include "common/film/exr_codec.h"
+#include "common/film/exr/exr_codec.h"
 #include "common/film/tile_cells.h"
 #include "common/math/mix_bits.h"
 #include "common/rpc/channel.h"
 #include "common/rpc/grpc_status.h"
 #include "common/rpc/settings_codec.h"
-#include "common/scene/render_settings.h"
+#include "common/scene/settings/render_settings.h"
 
 namespace sheaf::coordinator {
 namespace {

@@ -12,7 +12,7 @@
 
 #include "absl/status/statusor.h"
 #include "common/film/film.h"
-#include "common/scene/render_settings.h"
+#include "common/scene/settings/render_settings.h"
 #include "sheaf/v1/worker.grpc.pb.h"
 
 namespace sheaf::coordinator {

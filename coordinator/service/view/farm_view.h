@@ -13,10 +13,10 @@
 
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
+#include "common/film/error/rare_layers.h"
 #include "common/film/film.h"
-#include "common/film/rare_layers.h"
 #include "common/film/tile_geometry.h"
-#include "common/scene/render_settings.h"
+#include "common/scene/settings/render_settings.h"
 #include "coordinator/core/job.h"
 #include "coordinator/forecast/refinement_price.h"
 

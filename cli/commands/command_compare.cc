@@ -1,0 +1,211 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// sheaf compare: how far a picture is from a reference.
+#include <cmath>
+#include <cstdio>
+#include <nlohmann/json.hpp>
+#include <string>
+
+#include "cli/commands/command.h"
+#include "cli/image/comparison_report.h"
+#include "cli/image/tone_map.h"
+#include "cli/commands/options.h"
+#include "cli/job/output_files.h"
+#include "cli/message.h"
+#include "common/film/error/compare.h"
+#include "common/film/exr/exr_codec.h"
+#include "common/film/film.h"
+#include "common/image/image_io.h"
+
+namespace sheaf::cli {
+namespace {
+
+using Json = nlohmann::ordered_json;
+constexpr const char* kChannelNames[] = {"R", "G", "B"};
+
+// Infinity and NaN have no JSON number.
+Json Number(double value) { return std::isfinite(value) ? Json(value) : Json(); }
+
+// Mean of the image's channel of sample counts; 0 where it has none.
+double MeanSampleCount(const FramePicture& picture) {
+  const std::vector<float>* samples = picture.Find("samples");
+  if (samples == nullptr || samples->empty()) return 0;
+  double sum = 0;
+  for (const float count : *samples) sum += count;
+  return sum / static_cast<double>(samples->size());
+}
+
+absl::Status WriteDifference(FramePicture difference, const std::string& path) {
+  if (!IsPng(path)) return WritePicture(difference, path);
+  // A PNG has no sign: it shows how much, not which way.
+  for (std::vector<float>& plane : difference.planes) {
+    for (float& value : plane) value = std::fabs(value);
+  }
+  return WritePng(path, difference.window.Width(), difference.window.Height(),
+                  ToneMapSrgb(difference));
+}
+
+class CompareCommand : public Command {
+ public:
+  CLI::App* AddTo(CLI::App* app) override {
+    CLI::App* command = app->add_subcommand("compare", "Compare an image with a reference");
+    command->add_option("REFERENCE", reference_path_, "The picture to trust (.exr)")->required();
+    command->add_option("IMAGE", image_path_, "The picture to judge (.exr)")->required();
+    command->add_option("--diff", diff_path_, "Write IMAGE - REFERENCE (.exr), or how much (.png)");
+    command
+        ->add_option("--tolerance", tolerance_,
+                     "Exit with 1 when relMSE is larger; 0 also asks for equal bits")
+        ->check(CLI::NonNegativeNumber);
+    command->add_flag("--hdr-flip", hdr_flip_,
+                      "Also say how different they look at all exposures (HDR-FLIP; slow)");
+    command->add_flag("--tiles", tiles_, "Also look for tiles that are off by more than noise");
+    command
+        ->add_option("--allow", limits_.mean_share_max,
+                     "With --tiles: share of a tile's mean that is allowed beyond noise")
+        ->check(CLI::NonNegativeNumber)
+        ->capture_default_str();
+    command
+        ->add_option("--sigmas", limits_.standard_errors_max,
+                     "With --tiles: standard errors that are allowed")
+        ->check(CLI::NonNegativeNumber)
+        ->capture_default_str();
+    command
+        ->add_option("--reference-samples", reference_samples_,
+                     "With --tiles: samples per pixel of REFERENCE; 0: it has converged")
+        ->check(CLI::NonNegativeNumber)
+        ->capture_default_str();
+    AddJsonFlag(command, &json_);
+    command->footer(
+        "FLIP is how different the pictures look as the view sRGB shows them, without exposure:\n"
+        "the mean of LDR-FLIP for 67 pixels a degree, from 0 (nothing to see) to 1. The verdict\n"
+        "holds relMSE against what the error bars of both pictures foretell; a reference without\n"
+        "error bars is taken to have converged.\n\n"
+        "Examples:\n"
+        "  sheaf compare reference.exr picture.exr --diff difference.exr\n"
+        "  sheaf compare a.exr b.exr --tolerance 0          # the same to the bit?\n"
+        "  sheaf compare reference.exr picture.exr --tiles --reference-samples 1024");
+    return command;
+  }
+
+  ExitCode Run() override {
+    if (absl::Status status = CheckOutputName("--diff", diff_path_, {".exr", ".png"});
+        !status.ok()) {
+      return ReportError(ExitCode::kUsage, status);
+    }
+    if (absl::Status status = CheckOutputs({diff_path_}, {reference_path_, image_path_});
+        !status.ok()) {
+      return ReportOutputError(status);
+    }
+    absl::StatusOr<FramePicture> reference = ReadPicture(reference_path_);
+    if (!reference.ok()) return ReportError(ExitCode::kFile, reference.status());
+    const absl::StatusOr<FramePicture> image = ReadPicture(image_path_);
+    if (!image.ok()) return ReportError(ExitCode::kFile, image.status());
+    ComparisonReport report;
+    report.tolerance = tolerance_;
+    report.reference_digest = PictureDigest(*reference);
+    report.image_digest = PictureDigest(*image);
+    report.noise = NoiseOfDifference(NoiseOf(*reference), NoiseOf(*image));
+    const bool converts = !(reference->color.chromaticities == image->color.chromaticities);
+    if (converts) {
+      // Not the image, whose standard errors go with its primaries.
+      const absl::Status status = ConvertColor(image->color.chromaticities, &*reference);
+      if (!status.ok()) return ReportError(ExitCode::kFailed, status);
+      TellNote(absl::StrCat(reference_path_, " is converted to the primaries of ", image_path_));
+    }
+    if (absl::Status status = Compare(*reference, *image, &report); !status.ok()) {
+      return ReportError(ExitCode::kFailed, status);
+    }
+    if (!diff_path_.empty()) {
+      absl::StatusOr<FramePicture> difference = DifferencePicture(*reference, *image);
+      if (!difference.ok()) return ReportError(ExitCode::kFailed, difference.status());
+      const absl::Status written = WriteDifference(*std::move(difference), diff_path_);
+      if (!written.ok()) return ReportError(ExitCode::kFile, written);
+    }
+    const std::string text = json_ ? ReportJson(report, converts) : FormatComparison(report);
+    std::fputs(text.c_str(), stdout);
+    return IsWithin(report) ? ExitCode::kOk : ExitCode::kFailed;
+  }
+
+ private:
+  absl::Status Compare(const FramePicture& reference, const FramePicture& image,
+                       ComparisonReport* report) {
+    const absl::StatusOr<Comparison> comparison = ComparePictures(reference, image);
+    if (!comparison.ok()) return comparison.status();
+    report->comparison = *comparison;
+    const absl::StatusOr<double> flip = PerceivedDifference(reference, image, FlipRange::kScreen);
+    if (!flip.ok()) return flip.status();
+    report->flip = *flip;
+    if (hdr_flip_) {
+      const absl::StatusOr<double> hdr = PerceivedDifference(reference, image, FlipRange::kAll);
+      if (!hdr.ok()) return hdr.status();
+      report->hdr_flip = *hdr;
+    }
+    if (!tiles_) return absl::OkStatus();
+    limits_.samples_ratio =
+        reference_samples_ > 0 ? MeanSampleCount(image) / reference_samples_ : 0;
+    absl::StatusOr<TileDeviations> tiles = FindTileDeviations(reference, image, limits_);
+    if (!tiles.ok()) return tiles.status();
+    report->tiles = *std::move(tiles);
+    return absl::OkStatus();
+  }
+
+  // Whether the exit code is kOk.
+  static bool IsWithin(const ComparisonReport& report) {
+    if (report.tiles && report.tiles->deviating_count > 0) return false;
+    if (report.tolerance == 0 && report.comparison.share_differing > 0) return false;
+    return report.tolerance < 0 || report.comparison.relative_mse <= report.tolerance;
+  }
+
+  static std::string ReportJson(const ComparisonReport& report, bool converted) {
+    const Comparison& comparison = report.comparison;
+    Json json = {
+        {"relative_mse", Number(comparison.relative_mse)},
+        {"flip", Number(report.flip)},
+        {"mse", Number(comparison.mse)},
+        {"reference_mean", Number(comparison.reference_mean)},
+        {"image_mean", Number(comparison.image_mean)},
+        {"mean_ratio", Json::array()},
+        {"share_differing", comparison.share_differing},
+        {"max_abs_difference", Number(comparison.max_abs_difference)},
+        {"nonfinite_count", comparison.nonfinite_count},
+        {"reference_digest", report.reference_digest},
+        {"image_digest", report.image_digest},
+        {"expected_relative_mse", report.noise ? Json(report.noise->relative_mse) : Json()},
+        {"expected_deviation", report.noise ? Json(report.noise->deviation) : Json()},
+        {"verdict", VerdictOf(report)}};
+    if (converted) json["reference_converted"] = true;
+    if (report.hdr_flip) json["hdr_flip"] = Number(*report.hdr_flip);
+    for (const double ratio : comparison.mean_ratio) json["mean_ratio"].push_back(Number(ratio));
+    if (report.tiles) AddTiles(*report.tiles, &json);
+    return json.dump() + "\n";
+  }
+
+  static void AddTiles(const TileDeviations& tiles, Json* json) {
+    (*json)["tile_count"] = tiles.tile_count;
+    (*json)["tiles_beyond"] = tiles.deviating_count;
+    Json worst = Json::array();
+    for (const TileDeviation& tile : tiles.worst) {
+      worst.push_back({{"x0_px", tile.rect.x0},
+                       {"y0_px", tile.rect.y0},
+                       {"channel", kChannelNames[tile.channel]},
+                       {"reference_mean", Number(tile.reference_mean)},
+                       {"image_mean", Number(tile.image_mean)},
+                       {"standard_error", Number(tile.standard_error)},
+                       {"excess", Number(tile.excess)}});
+    }
+    (*json)["worst"] = std::move(worst);
+  }
+
+  std::string reference_path_, image_path_, diff_path_;
+  double tolerance_ = -1;  // Negative: only report.
+  bool hdr_flip_ = false, tiles_ = false, json_ = false;
+  double reference_samples_ = 0;
+  TileDeviationLimits limits_;
+};
+
+}  // namespace
+
+std::unique_ptr<Command> MakeCompareCommand() { return std::make_unique<CompareCommand>(); }
+
+}  // namespace sheaf::cli

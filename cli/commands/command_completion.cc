@@ -1,0 +1,105 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// sheaf completion: a script for the shell, from the very options that sheaf knows.
+#include <chrono>
+#include <condition_variable>
+#include <cstdio>
+#include <mutex>
+#include <string>
+#include <thread>
+
+#include "cli/commands/command.h"
+#include "cli/commands/completion_script.h"
+#include "cli/job/farm_client.h"
+#include "cli/commands/options.h"
+#include "common/command_line/command_line.h"
+#include "common/rpc/address.h"
+#include "common/rpc/channel.h"
+
+namespace sheaf::cli {
+namespace {
+
+// A person waits for the answer with a finger on the tab key.
+constexpr std::chrono::milliseconds kJobNamesWait{1500};
+constexpr size_t kJobNamesMax = 100;
+
+CompletionCommand Describe(const CLI::App& command) {
+  CompletionCommand description{command.get_name(), command.get_description(), {}};
+  for (const CLI::Option* option : command.get_options()) {
+    if (option->get_positional()) {
+      description.choices = ChoicesOf(*option);
+      description.takes_job = option->get_name() == "JOB";
+    }
+    for (const std::string& name : option->get_lnames()) {
+      description.options.push_back({"--" + name, option->get_description(),
+                                     option->get_items_expected_max() > 0, ChoicesOf(*option)});
+    }
+  }
+  return description;
+}
+
+class CompletionCommandLine : public Command {
+ public:
+  CLI::App* AddTo(CLI::App* app) override {
+    app_ = app;
+    CLI::App* command = app->add_subcommand("completion", "Print a completion script for a shell");
+    AddChoice(command, "SHELL", &wanted_,
+              std::vector<std::pair<std::string, Wanted>>{{"bash", Wanted::kBash},
+                                                          {"zsh", Wanted::kZsh},
+                                                          {"fish", Wanted::kFish},
+                                                          {"jobs", Wanted::kJobs}},
+              "bash, zsh or fish; or jobs: their names, which the scripts ask for")
+        ->required();
+    AddCoordinatorOption(command, &coordinator_);
+    command->footer(
+        "Examples:\n"
+        "  source <(sheaf completion bash)\n"
+        "  sheaf completion zsh > ~/.zfunc/_sheaf\n"
+        "  sheaf completion fish > ~/.config/fish/completions/sheaf.fish");
+    return command;
+  }
+
+  ExitCode Run() override {
+    if (wanted_ == Wanted::kJobs) return PrintJobNames();
+    const Shell shell = wanted_ == Wanted::kBash  ? Shell::kBash
+                        : wanted_ == Wanted::kZsh ? Shell::kZsh
+                                                  : Shell::kFish;
+    std::vector<CompletionCommand> commands;
+    for (const CLI::App* command : app_->get_subcommands({}))
+      commands.push_back(Describe(*command));
+    std::fputs(CompletionScript(shell, commands).c_str(), stdout);
+    return ExitCode::kOk;
+  }
+
+ private:
+  enum class Wanted { kBash, kZsh, kFish, kJobs };
+
+  ExitCode PrintJobNames() const {
+    std::stop_source stop;
+    const std::jthread timer([&stop](const std::stop_token& done) {
+      std::mutex mutex;
+      std::unique_lock<std::mutex> lock(mutex);
+      std::condition_variable_any never;
+      never.wait_for(lock, done, kJobNamesWait, [] { return false; });
+      stop.request_stop();
+    });
+    FarmClient client(MakeChannel(coordinator_), coordinator_, stop.get_token());
+    const absl::StatusOr<std::vector<v1::Job>> jobs = client.ListJobs(kJobNamesMax);
+    if (!jobs.ok()) return ReportCallError(jobs.status());
+    for (const v1::Job& job : *jobs) std::printf("%s\n", job.name().c_str());
+    return ExitCode::kOk;
+  }
+
+  const CLI::App* app_ = nullptr;
+  Wanted wanted_ = Wanted::kBash;
+  std::string coordinator_ = kCoordinatorAddress;
+};
+
+}  // namespace
+
+std::unique_ptr<Command> MakeCompletionCommand() {
+  return std::make_unique<CompletionCommandLine>();
+}
+
+}  // namespace sheaf::cli

@@ -1,0 +1,131 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// sheaf watch, list and workers: what the farm does.
+#include <cstdio>
+#include <string>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "cli/commands/farm_command.h"
+#include "cli/job/follow_job.h"
+#include "cli/job/job_json.h"
+#include "cli/progress_line.h"
+#include "common/base/printable.h"
+
+namespace sheaf::cli {
+namespace {
+
+class WatchCommand : public FarmCommand {
+ public:
+  CLI::App* AddTo(CLI::App* app) override {
+    CLI::App* command = AddCommon(app, "watch", "Show a job until it ends; fetch its pictures");
+    AddJob(command);
+    AddPictureOptions(command, &arguments_);
+    command->footer(
+        "Examples:\n"
+        "  sheaf watch jobs/7\n"
+        "  sheaf watch 7 -o 'out/shot.####.exr'\n"
+        "  sheaf watch 7 --json | tail -n 1");
+    return command;
+  }
+
+ protected:
+  ExitCode RunWith(FarmClient* client) override {
+    const absl::StatusOr<ViewTransform> view = OpenView(arguments_);
+    if (!view.ok()) return ReportError(ExitCode::kUsage, view.status());
+    if (arguments_.output.empty() && arguments_.png.empty()) {
+      return FollowToTheEnd(client, job_name(), json(), {});
+    }
+    if (absl::Status status = CheckPictureNames(arguments_); !status.ok()) {
+      return ReportError(ExitCode::kUsage, status);
+    }
+    const absl::StatusOr<v1::Job> job = client->GetJob(job_name());
+    if (!job.ok()) return ReportCallError(job.status());
+    const absl::StatusOr<Delivery> delivery = MakeDelivery(arguments_, *job, *view);
+    if (!delivery.ok()) return ReportOutputError(delivery.status());
+    return FollowToTheEnd(client, job_name(), json(), *delivery);
+  }
+
+ private:
+  JobArguments arguments_;
+};
+
+class ListCommand : public FarmCommand {
+ public:
+  CLI::App* AddTo(CLI::App* app) override {
+    CLI::App* command = AddCommon(app, "list", "List jobs, newest first");
+    command->add_option("--limit", limit_, "Jobs at most")
+        ->check(CLI::Range(1, 1'000'000))
+        ->capture_default_str();
+    command->add_flag("--all", all_, "Pilots of quotes too");
+    command->footer("Examples:\n  sheaf list\n  sheaf list --json --limit 10");
+    return command;
+  }
+
+ protected:
+  ExitCode RunWith(FarmClient* client) override {
+    const absl::StatusOr<std::vector<v1::Job>> jobs =
+        client->ListJobs(static_cast<size_t>(limit_), all_);
+    if (!jobs.ok()) return ReportCallError(jobs.status());
+    if (!json())
+      std::printf("%-12s %-10s %7s  %-10s %s\n", "JOB", "STATE", "DONE", "ERROR", "TITLE");
+    for (const v1::Job& job : *jobs) {
+      if (json()) {
+        std::printf("%s\n", JobJson(job).c_str());
+        continue;
+      }
+      const double error = job.progress().relative_mse();
+      std::printf("%-12s %-10s %6.1f%%  %-10s %s\n", job.name().c_str(),
+                  JobStateName(job.state()).c_str(), 100 * ShareDone(job.progress()),
+                  error > 0 ? absl::StrFormat("%.2e", error).c_str() : "-",
+                  Printable(job.title()).c_str());
+    }
+    return ExitCode::kOk;
+  }
+
+ private:
+  int limit_ = 100;
+  bool all_ = false;
+};
+
+class WorkersCommand : public FarmCommand {
+ public:
+  CLI::App* AddTo(CLI::App* app) override {
+    CLI::App* command = AddCommon(app, "workers", "List the workers the coordinator knows");
+    command->footer("Examples:\n  sheaf workers\n  sheaf workers --json");
+    return command;
+  }
+
+ protected:
+  ExitCode RunWith(FarmClient* client) override {
+    const absl::StatusOr<std::vector<v1::Worker>> workers = client->ListWorkers();
+    if (!workers.ok()) return ReportCallError(workers.status());
+    if (!json()) {
+      std::printf("%-36s %-11s %7s %6s %8s %12s  %s\n", "WORKER", "STATE", "THREADS", "LEASES",
+                  "RESULTS", "SAMPLES/S", "PROFILE");
+    }
+    for (const v1::Worker& worker : *workers) {
+      if (json()) {
+        std::printf("%s\n", WorkerJson(worker).c_str());
+        continue;
+      }
+      std::printf("%-36s %-11s %7d %6d %8llu %12s  %s\n",
+                  Printable(worker.name().substr(worker.name().find('/') + 1)).c_str(),
+                  WorkerStateName(worker.state()).c_str(), worker.thread_count(),
+                  worker.lease_count(), static_cast<unsigned long long>(worker.result_count()),
+                  FormatCount(worker.samples_per_second()).c_str(),
+                  worker.numeric_profile().c_str());
+      if (!worker.reason().empty()) std::printf("  %s\n", Printable(worker.reason()).c_str());
+    }
+    return ExitCode::kOk;
+  }
+};
+
+}  // namespace
+
+std::unique_ptr<Command> MakeWatchCommand() { return std::make_unique<WatchCommand>(); }
+std::unique_ptr<Command> MakeListCommand() { return std::make_unique<ListCommand>(); }
+std::unique_ptr<Command> MakeWorkersCommand() { return std::make_unique<WorkersCommand>(); }
+
+}  // namespace sheaf::cli

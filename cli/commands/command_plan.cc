@@ -1,0 +1,125 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// sheaf plan: which effects a scene calls for, who asked, and which compiled variant serves them;
+// and on request what each costs and gives.
+#include <cstdio>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+
+#include "cli/commands/command.h"
+#include "cli/job/opened_scene.h"
+#include "cli/commands/options.h"
+#include "common/base/printable.h"
+#include "worker/render/ablation/plan_measurement.h"
+#include "worker/render/plan/render_plan.h"
+#include "worker/render/scene/memory_estimate.h"
+
+namespace sheaf::cli {
+namespace {
+
+class PlanCommand : public Command {
+ public:
+  CLI::App* AddTo(CLI::App* app) override {
+    CLI::App* command =
+        app->add_subcommand("plan", "Say which effects a scene calls for, and what will run");
+    AddSettingsOptions(command, &arguments_);
+    AddJsonFlag(command, &json_);
+    command->add_flag("--measure", measure_,
+                      "Render with and without each effect: what it costs, what the picture loses");
+    command
+        ->add_option("--measure-seconds", measure_seconds_,
+                     "How long to measure; more seconds, less noise")
+        ->check(CLI::Range(render::kMeasureSecondsMin, render::kMeasureSecondsMax))
+        ->capture_default_str();
+    command->footer(
+        "Examples:\n  sheaf plan room.pbrt\n  sheaf plan room.pbrt --json\n"
+        "  sheaf plan room.pbrt --measure --measure-seconds 60");
+    return command;
+  }
+
+  ExitCode Run() override {
+    OpenedScene opened;
+    if (const ExitCode code = OpenScene(arguments_, &opened); code != ExitCode::kOk) return code;
+    const SceneDescription& scene = opened.file.read.scene;
+    const render::RenderPlan plan = render::MakeRenderPlan(scene, opened.settings);
+    std::optional<render::PlanMeasurement> measurement;
+    if (measure_) {
+      absl::StatusOr<render::PlanMeasurement> measured =
+          render::MeasurePlan(scene, opened.settings, *opened.file.files, measure_seconds_);
+      if (!measured.ok()) return ReportSceneError(measured.status());
+      measurement = *std::move(measured);
+    }
+    const render::MemoryEstimate memory = render::EstimateMemory(scene, *opened.file.files);
+    if (json_) {
+      PrintJson(plan, memory, measurement);
+    } else {
+      std::fputs(PrintableLines(render::FormatRenderPlan(plan)).c_str(), stdout);
+      std::printf("memory: about %s\n", render::FormatMemoryEstimate(memory).c_str());
+      if (measurement) {
+        std::printf("\n%s", PrintableLines(render::FormatPlanMeasurement(*measurement)).c_str());
+      }
+    }
+    return ExitCode::kOk;
+  }
+
+ private:
+  static nlohmann::ordered_json MeasurementJson(const render::PlanMeasurement& measurement) {
+    nlohmann::ordered_json json = {{"seconds", measurement.seconds},
+                                   {"pixels", measurement.pixels},
+                                   {"microseconds_per_sample", measurement.microseconds_per_sample},
+                                   {"effects", nlohmann::ordered_json::array()}};
+    for (const render::EffectMeasurement& effect : measurement.effects) {
+      if (!effect.problem.empty()) {
+        json["effects"].push_back({{"name", effect.name}, {"problem", effect.problem}});
+        continue;
+      }
+      json["effects"].push_back({{"name", effect.name},
+                                 {"without", effect.without},
+                                 {"samples", effect.samples},
+                                 {"time_share", effect.TimeShare()},
+                                 {"time_ratio", effect.time_ratio.value},
+                                 {"time_ratio_error", effect.time_ratio.error},
+                                 {"variance_ratio", effect.variance_ratio},
+                                 {"mean_change", effect.mean_change.value},
+                                 {"mean_change_error", effect.mean_change.error},
+                                 {"rel_mse", effect.rel_mse}});
+    }
+    return json;
+  }
+
+  static void PrintJson(const render::RenderPlan& plan, const render::MemoryEstimate& memory,
+                        const std::optional<render::PlanMeasurement>& measurement) {
+    nlohmann::ordered_json json = {{"variant", plan.variant_name},
+                                   {"traits", plan.traits},
+                                   {"variant_traits", plan.variant_traits},
+                                   {"light_count", plan.light_count},
+                                   {"max_depth", plan.max_depth},
+                                   {"memory_bytes", memory.TotalBytes()},
+                                   {"triangle_count", memory.triangle_count},
+                                   {"effects", nlohmann::ordered_json::array()},
+                                   {"unused", plan.unused},
+                                   {"notes", plan.notes}};
+    for (const render::PlannedEffect& effect : plan.effects) {
+      json["effects"].push_back({{"name", effect.name}, {"cause", effect.cause}});
+      if (effect.expected_time_ratio > 0) {
+        json["effects"].back()["expected_time_ratio"] = effect.expected_time_ratio;
+      }
+    }
+    if (measurement) json["measurement"] = MeasurementJson(*measurement);
+    std::printf("%s\n",
+                json.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace).c_str());
+  }
+
+  JobArguments arguments_;
+  bool json_ = false;
+  bool measure_ = false;
+  double measure_seconds_ = 20;
+};
+
+}  // namespace
+
+std::unique_ptr<Command> MakePlanCommand() { return std::make_unique<PlanCommand>(); }
+
+}  // namespace sheaf::cli

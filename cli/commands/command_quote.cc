@@ -1,0 +1,107 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// sheaf quote: what a scene costs for each of some errors, before it is rendered.
+#include <cstdio>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "cli/commands/command.h"
+#include "cli/interruption.h"
+#include "cli/job/follow_job.h"
+#include "cli/commands/local_farm.h"
+#include "cli/commands/options.h"
+#include "cli/message.h"
+#include "cli/quote/quote.h"
+#include "common/base/log.h"
+#include "common/rpc/address.h"
+#include "common/rpc/channel.h"
+
+namespace sheaf::cli {
+namespace {
+
+class QuoteCommand : public Command {
+ public:
+  CLI::App* AddTo(CLI::App* app) override {
+    CLI::App* command =
+        app->add_subcommand("quote", "Say what a scene will cost for each of some errors");
+    AddSettingsOptions(command, &arguments_);
+    AddFramesOption(command, &arguments_);
+    AddResumeOption(command, &arguments_);
+    AddPartitionOptions(command, &arguments_);
+    command->add_option("--targets", asked_.targets, "Errors (relMSE) to quote, 0.1,0.05,...")
+        ->delimiter(',')
+        ->check(CLI::Range(1e-9, 1e3))
+        ->capture_default_str();
+    command
+        ->add_option("--priority", arguments_.priority,
+                     "Of the job that is quoted: higher goes first, and waits for fewer others")
+        ->check(CLI::Range(-1000, 1000))
+        ->capture_default_str();
+    AddCoordinatorOption(command, &coordinator_);
+    command->add_flag("--here", here_, "For this machine alone, as sheaf render would use it");
+    command
+        ->add_option("--threads", farm_.worker.thread_count,
+                     "With --here: threads; 0: all processors")
+        ->check(CLI::Range(0, 4096));
+    AddJsonFlag(command, &json_);
+    command->footer(
+        "Examples:\n"
+        "  sheaf quote room.pbrt\n"
+        "  sheaf quote room.pbrt --here --targets 0.02,0.01\n"
+        "  sheaf quote 'shot.####.pbrt' --frames 1-240 --json\n"
+        "  sheaf quote room.pbrt --resume-from room.exr --targets 0.005\n"
+        "It renders a few of the pixels, at no more than 3 % of the price of the loosest error,\n"
+        "before all other jobs. Bands are 80 % prediction intervals. Wall times count what the\n"
+        "farm's other jobs take until then. With --resume-from the price is of what is not there\n"
+        "yet.");
+    return command;
+  }
+
+  ExitCode Run() override {
+    if (absl::Status status = CheckJobArguments(arguments_); !status.ok()) {
+      return ReportError(ExitCode::kUsage, status);
+    }
+    const Interruption interruption;
+    const absl::StatusOr<PreparedJob> job = PrepareJob(arguments_);
+    if (!job.ok()) return ReportSceneError(job.status());
+    for (const std::string& text : job->diagnostics) TellOfScene(text);
+    if (!here_) {
+      FarmClient client(MakeChannel(coordinator_), coordinator_, interruption.token());
+      return QuoteOn(&client, *job);
+    }
+    SetLogName("sheaf quote");
+    SetLogLevel(LogLevel::kWarning);
+    const absl::StatusOr<std::unique_ptr<LocalFarm>> farm = LocalFarm::Open(farm_);
+    if (!farm.ok()) return ReportError(ExitCode::kFile, farm.status());
+    if (absl::Status status = (*farm)->StartWorker(); !status.ok()) {
+      return ReportError(ExitCode::kFile, status);
+    }
+    FarmClient client((*farm)->channel(), "this process", interruption.token());
+    return QuoteOn(&client, *job);
+  }
+
+ private:
+  ExitCode QuoteOn(FarmClient* client, const PreparedJob& job) {
+    if (absl::Status status = UploadMissing(client, job); !status.ok()) {
+      return ReportCallError(status);
+    }
+    const absl::StatusOr<Quote> quote = MakeQuote(client, arguments_, job, asked_);
+    if (!quote.ok()) return ReportCallError(quote.status());
+    std::fputs(json_ ? (QuoteJson(*quote) + "\n").c_str() : FormatQuote(*quote).c_str(), stdout);
+    return ExitCode::kOk;
+  }
+
+  JobArguments arguments_;
+  QuoteArguments asked_{.targets = kQuotedErrors};
+  LocalFarmOptions farm_;
+  std::string coordinator_ = kCoordinatorAddress;
+  bool here_ = false, json_ = false;
+};
+
+}  // namespace
+
+std::unique_ptr<Command> MakeQuoteCommand() { return std::make_unique<QuoteCommand>(); }
+
+}  // namespace sheaf::cli

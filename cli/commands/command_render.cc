@@ -1,0 +1,146 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// sheaf render: a farm of one in this process (local_farm.h).
+#include <memory>
+#include <string>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "cli/commands/command.h"
+#include "cli/interruption.h"
+#include "cli/job/follow_job.h"
+#include "cli/commands/local_farm.h"
+#include "cli/commands/options.h"
+#include "cli/job/output_files.h"
+#include "cli/message.h"
+#include "cli/progress_line.h"
+#include "common/base/digest.h"
+#include "common/base/log.h"
+
+namespace sheaf::cli {
+namespace {
+
+class RenderCommand : public Command {
+ public:
+  CLI::App* AddTo(CLI::App* app) override {
+    CLI::App* command = app->add_subcommand("render", "Render a scene in this process");
+    AddJobOptions(command, &arguments_);
+    AddJsonFlag(command, &json_);
+    command->add_option("--threads", farm_.worker.thread_count, "Threads; 0: all processors")
+        ->check(CLI::Range(0, 4096))
+        ->capture_default_str();
+    command->add_option("--http", farm_.http_address,
+                        "Serve the page that shows the picture growing, HOST:PORT");
+    command->add_option("--keep-state", farm_.kept_state,
+                        "Keep finished work in this folder; the same command goes on from there");
+    command
+        ->add_option("--scene-memory-max", farm_.worker.scene_memory_bytes_max,
+                     "Limit of memory for scenes, e.g. 4G (default 4G)")
+        ->transform(CLI::AsSizeValue(false));
+    command
+        ->add_option("--texture-memory-max", farm_.worker.texture_memory_bytes_max,
+                     "Limit of memory for texture tiles, e.g. 512M (default 512M)")
+        ->transform(CLI::AsSizeValue(false));
+    command->footer(
+        "Examples:\n"
+        "  sheaf render room.pbrt -o room.exr --png room.png\n"
+        "  sheaf render room.pbrt --samples 16 --crop 200,80,456,272 -o detail.png\n"
+        "  sheaf render room.pbrt --samples 4096 --keep-state room.state -o room.exr\n"
+        "Ctrl-C keeps what is rendered in a folder for --keep-state, and says in which.");
+    return command;
+  }
+
+  ExitCode Run() override {
+    if (absl::Status status = CheckJobArguments(arguments_); !status.ok()) {
+      return ReportError(ExitCode::kUsage, status);
+    }
+    const absl::StatusOr<ViewTransform> view = OpenView(arguments_);
+    if (!view.ok()) return ReportError(ExitCode::kUsage, view.status());
+    if (absl::Status status = ProbeOutputs(arguments_); !status.ok()) {
+      return ReportOutputError(status);
+    }
+    const Interruption interruption;
+    SetLogName("sheaf render");
+    SetLogLevel(LogLevel::kWarning);  // The progress line tells the rest.
+    const absl::StatusOr<PreparedJob> job = PrepareJob(arguments_);
+    if (!job.ok()) return ReportSceneError(job.status());
+    for (const std::string& text : job->diagnostics) TellOfScene(text);
+
+    const absl::StatusOr<Delivery> delivery = MakeDelivery(arguments_, *job, *view);
+    if (!delivery.ok()) return ReportOutputError(delivery.status());
+    const absl::StatusOr<std::unique_ptr<LocalFarm>> farm = LocalFarm::Open(farm_);
+    if (!farm.ok()) return ReportError(ExitCode::kFile, farm.status());
+    if (!farm_.http_address.empty()) {
+      Tell("watch at " + (*farm)->http_url());
+    }
+    return RenderOn(farm->get(), *job, *delivery, interruption);
+  }
+
+ private:
+  ExitCode RenderOn(LocalFarm* farm, const PreparedJob& job, const Delivery& delivery,
+                    const Interruption& interruption) {
+    FarmClient client(farm->channel(), "this process", interruption.token());
+    if (absl::Status status = UploadMissing(&client, job); !status.ok()) {
+      return ReportCallError(status);
+    }
+    v1::CreateJobRequest request = MakeCreateJobRequest(arguments_, job);
+    request.set_request_id(RepeatableRequestId(request));
+    const absl::StatusOr<v1::Job> created = client.CreateJob(request);
+    if (!created.ok()) return ReportCallError(created.status());
+
+    if (absl::Status status = farm->StartWorker(); !status.ok()) {
+      return ReportError(ExitCode::kFile, status);
+    }
+    const absl::StatusOr<v1::Job> ended = FollowJob(&client, created->name(), json_);
+    if (absl::IsCancelled(ended.status())) {
+      return ReportInterruption(farm, client.Uninterrupted()->GetJob(created->name()));
+    }
+    if (!ended.ok()) return ReportCallError(ended.status());
+    if (ended->state() == v1::Job::STATE_SUCCEEDED) {
+      const absl::Status saved = SavePictures(&client, *ended, delivery);
+      if (!saved.ok()) {
+        Tell(KeepState(farm));
+        return ReportError(ExitCode::kFile, saved);
+      }
+    }
+    return ReportEnd(*ended, /*pictures_written=*/true);
+  }
+
+  // Says how to go on from what is rendered.
+  std::string KeepState(LocalFarm* farm) const {
+    const std::string& folder = farm->KeepState();
+    if (!farm_.kept_state.empty()) return "the same command goes on from here";
+    return absl::StrCat("what is rendered is kept in ", folder,
+                        "; the same command with --keep-state ", ShellQuoted(folder),
+                        " goes on from here");
+  }
+
+  // Nothing that was merged is lost.
+  ExitCode ReportInterruption(LocalFarm* farm, const absl::StatusOr<v1::Job>& job) const {
+    const double share = job.ok() ? ShareDone(job->progress()) : 0;
+    const bool keeps = share > 0 || !farm_.kept_state.empty();
+    return ReportError(ExitCode::kInterrupted,
+                       absl::CancelledError(
+                           absl::StrFormat("interrupted at %.1f %%; %s", 100 * share,
+                                           keeps ? KeepState(farm) : "nothing was rendered yet")));
+  }
+
+  // The same command makes the same job, so that a second run finds what the first one left.
+  static std::string RepeatableRequestId(v1::CreateJobRequest request) {
+    request.clear_request_id();
+    const std::string hex = Sha256Hex(request.SerializeAsString());
+    return absl::StrCat(hex.substr(0, 8), "-", hex.substr(8, 4), "-4", hex.substr(13, 3), "-8",
+                        hex.substr(17, 3), "-", hex.substr(20, 12));
+  }
+
+  JobArguments arguments_;
+  LocalFarmOptions farm_;
+  bool json_ = false;
+};
+
+}  // namespace
+
+std::unique_ptr<Command> MakeRenderCommand() { return std::make_unique<RenderCommand>(); }
+
+}  // namespace sheaf::cli

@@ -1,0 +1,271 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// sheaf show: a job with its frames, or a picture; with the picture itself where it can be seen.
+#include <unistd.h>
+
+#include <cstdio>
+#include <cstdlib>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "cli/commands/farm_command.h"
+#include "cli/image/terminal_picture.h"
+#include "cli/image/view_transform.h"
+#include "cli/job/job_json.h"
+#include "cli/message.h"
+#include "cli/progress_line.h"
+#include "common/base/printable.h"
+#include "common/film/exr/exr_codec.h"
+#include "coordinator/core/error_curve.h"
+#include "coordinator/service/http/picture_layer.h"
+
+namespace sheaf::cli {
+namespace {
+
+// Of a picture that nobody asked for by --picture: more is not fetched to be shown.
+constexpr uint64_t kUnaskedBytesMax = uint64_t{256} << 20;
+constexpr uint64_t kAskedBytesMax = uint64_t{16} << 30;
+constexpr const char* kAuto = "auto";
+
+std::string Variable(const char* name) {
+  const char* value = std::getenv(name);
+  return value == nullptr ? "" : value;
+}
+
+void PrintFrame(const v1::Frame& frame) {
+  const v1::PixelRect& window = frame.spec().settings().window();
+  const double error = frame.progress().relative_mse();
+  std::printf(
+      "%-8d %-12s %8llu %6.1f%%  %-10s %-7s %s\n", frame.spec().frame_number(),
+      absl::StrCat(window.x1_px() - window.x0_px(), "x", window.y1_px() - window.y0_px()).c_str(),
+      static_cast<unsigned long long>(frame.spec().settings().sample_count()),
+      100 * ShareDone(frame.progress()), error > 0 ? absl::StrFormat("%.2e", error).c_str() : "-",
+      frame.flip() > 0 ? absl::StrFormat("%.4f", frame.flip()).c_str() : "-",
+      frame.complete() ? frame.picture_digest().substr(0, 16).c_str() : "-");
+}
+
+void PrintJob(const v1::Job& job) {
+  std::printf("%s  %s\n", job.name().c_str(), Printable(job.title()).c_str());
+  std::printf("state      %s\n", JobStateName(job.state()).c_str());
+  if (!job.failure().empty()) {
+    std::printf("failure    %s\n", PrintableLines(job.failure()).c_str());
+  }
+  std::printf("progress   %s\n", FormatProgress(job).c_str());
+  std::printf("rays       %s\n",
+              FormatCount(static_cast<double>(job.progress().ray_count())).c_str());
+  std::printf("priority   %d\n", job.priority());
+  std::printf("profile    %s\n", job.numeric_profile().c_str());
+  std::printf("\n%-8s %-12s %8s %7s  %-10s %-7s %s\n", "FRAME", "PIXELS", "SAMPLES", "DONE",
+              "ERROR", "FLIP", "PICTURE");
+  for (const v1::Frame& frame : job.frames()) PrintFrame(frame);
+}
+
+void PrintFile(const std::string& path, const FramePicture& picture, bool json) {
+  const int width = picture.window.Width(), height = picture.window.Height();
+  if (json) {
+    const nlohmann::ordered_json object = {{"path", path},
+                                           {"width_px", width},
+                                           {"height_px", height},
+                                           {"picture_digest", PictureDigest(picture)},
+                                           {"channels", picture.channel_names},
+                                           {"metadata", picture.metadata}};
+    std::printf("%s\n", object.dump().c_str());
+    return;
+  }
+  std::printf("%s  %dx%d, %zu channels, %s\n", path.c_str(), width, height,
+              picture.channel_names.size(), PictureDigest(picture).substr(0, 16).c_str());
+  // What it said of itself when it was delivered.
+  for (const auto& [key, name] : {std::pair{"relativeMse", "relMSE"}, std::pair{"flip", "FLIP"}}) {
+    const auto found = picture.metadata.find(key);
+    if (found != picture.metadata.end()) {
+      std::printf("estimated %-7s %s\n", name, Printable(found->second).c_str());
+    }
+  }
+  const auto curve = picture.metadata.find(coordinator::kErrorCurveKey);
+  if (curve == picture.metadata.end()) return;
+  const std::vector<coordinator::ErrorPoint> points = coordinator::ParseErrorCurve(curve->second);
+  if (points.empty()) return;
+  std::printf("%10s  %-12s %s\n", "samples", "relMSE", "at most (95 %)");
+  for (const coordinator::ErrorPoint& point : points) {
+    std::printf("%10.1f  %-12.3g %.3g\n", point.samples, point.relative_mse,
+                point.relative_mse_upper);
+  }
+}
+
+// A picture and what is said below it.
+struct ShownLayer {
+  ShownPicture picture;
+  PngTags tags;
+  std::string caption;
+};
+
+// The layer as a screen shows it; false colors are those of the page.
+absl::StatusOr<ShownLayer> ShowLayer(const FramePicture& picture, coordinator::PictureLayer layer,
+                                     const ViewTransform& view) {
+  ShownLayer shown;
+  if (layer == coordinator::PictureLayer::kPicture) {
+    absl::StatusOr<std::vector<Rgb8>> pixels = view.Show(picture);
+    if (!pixels.ok()) return pixels.status();
+    shown.picture = {picture.window.Width(), picture.window.Height(), *std::move(pixels)};
+    shown.tags = view.Tags();
+    return shown;
+  }
+  for (const std::string& channel : coordinator::ChannelsOf(layer)) {
+    if (picture.Find(channel) != nullptr) continue;
+    return absl::InvalidArgumentError(
+        absl::StrCat("--layer: the picture has no channel ", channel));
+  }
+  absl::StatusOr<coordinator::DisplayPicture> display =
+      coordinator::MakeDisplayPicture(picture, layer);
+  if (!display.ok()) return display.status();
+  shown.picture = {display->width_px, display->height_px, std::move(display->pixels)};
+  if (display->range) {
+    const bool is_error = layer == coordinator::PictureLayer::kError;
+    shown.caption = absl::StrFormat("%s: dark blue %g, yellow %g",
+                                    is_error ? "relative error" : "samples per pixel",
+                                    display->range->low, display->range->high);
+  }
+  return shown;
+}
+
+class ShowCommand : public FarmCommand {
+ public:
+  CLI::App* AddTo(CLI::App* app) override {
+    CLI::App* command =
+        AddCommon(app, "show", "Show a job with its frames, or a picture, also in the terminal");
+    command->add_option("JOB", target_, "The job, as in jobs/7 or 7, or a picture, as in room.exr")
+        ->required();
+    command
+        ->add_flag("--picture{auto}", graphics_name_,
+                   "Print the picture even where standard output is no terminal; "
+                   "--picture=kitty, iterm, blocks, blocks256 (without 24-bit colors) or none says "
+                   "how (default: as TERM, TERM_PROGRAM, KITTY_WINDOW_ID and COLORTERM tell)")
+        ->check(CLI::IsMember({kAuto, "kitty", "iterm", "blocks", "blocks256", "none"}));
+    command
+        ->add_option("--layer", layer_name_,
+                     "What of it: picture, or false colors of the "
+                     "relative error or of the number of samples")
+        ->check(CLI::IsMember({"picture", "error", "samples"}))
+        ->capture_default_str();
+    command->add_option("--frame", frame_number_,
+                        "The frame whose picture is printed (default: the last that is finished)");
+    AddViewOptions(command, &view_arguments_);
+    command->footer(
+        "Examples:\n"
+        "  sheaf show jobs/7\n"
+        "  sheaf show 7 --json\n"
+        "  sheaf show room.exr --layer error\n"
+        "  sheaf show 7 --frame 12 --view \"ACES 1.0 SDR\" --picture=blocks | less -R");
+    return command;
+  }
+
+  ExitCode Run() override {
+    ChooseGraphics();
+    if (graphics_ != TerminalGraphics::kNone || view_arguments_.IsActive()) {
+      absl::StatusOr<ViewTransform> view = ViewTransform::Open(view_arguments_);
+      if (view.ok()) {
+        view_ = *std::move(view);
+      } else if (IsAsked() || view_arguments_.IsActive()) {
+        return ReportError(ExitCode::kUsage, view.status());
+      } else {
+        // The environment's config shall not keep anyone from the rest.
+        TellNote(absl::StrCat("no picture: ", view.status().message()));
+        graphics_ = TerminalGraphics::kNone;
+      }
+    }
+    if (!target_.ends_with(".exr")) return FarmCommand::Run();
+    const absl::StatusOr<FramePicture> picture = ReadPicture(target_);
+    if (!picture.ok()) return ReportError(ExitCode::kFile, picture.status());
+    PrintFile(target_, *picture, json());
+    return PrintPicture(*picture);
+  }
+
+ protected:
+  ExitCode RunWith(FarmClient* client) override {
+    const absl::StatusOr<v1::Job> job = client->GetJob(JobName(target_));
+    if (!job.ok()) return ReportCallError(job.status());
+    if (json()) {
+      std::printf("%s\n", JobJson(*job).c_str());
+    } else {
+      PrintJob(*job);
+    }
+    if (graphics_ == TerminalGraphics::kNone) return ExitCode::kOk;
+    const v1::Frame* frame = FindFrame(*job);
+    if (frame == nullptr) return ReportNoFrame();
+    const absl::StatusOr<std::string> bytes =
+        client->ReadFrameOutput(frame->name(), IsAsked() ? kAskedBytesMax : kUnaskedBytesMax);
+    if (absl::IsOutOfRange(bytes.status())) {
+      TellNote("the picture is large; --picture shows it");
+      return ExitCode::kOk;
+    }
+    if (!bytes.ok()) return ReportCallError(bytes.status());
+    const absl::StatusOr<FramePicture> picture = DecodePicture(*bytes);
+    if (!picture.ok()) return ReportError(ExitCode::kFailed, picture.status());
+    return PrintPicture(*picture);
+  }
+
+ private:
+  bool IsAsked() const { return !graphics_name_.empty(); }
+
+  void ChooseGraphics() {
+    const bool is_terminal = ::isatty(STDOUT_FILENO) == 1;
+    if (IsAsked() && graphics_name_ != kAuto) {
+      graphics_ = TerminalGraphicsFromName(graphics_name_).value_or(TerminalGraphics::kNone);
+    } else if (is_terminal && !json()) {
+      graphics_ = DetectGraphics(Variable);
+    }
+    if (graphics_name_ == kAuto && graphics_ == TerminalGraphics::kNone) {
+      graphics_ = TerminalGraphics::kBlocks;
+    }
+  }
+
+  // The frame that is asked for, or the last; of those that have a picture. Null: there is none.
+  const v1::Frame* FindFrame(const v1::Job& job) const {
+    const v1::Frame* found = nullptr;
+    for (const v1::Frame& frame : job.frames()) {
+      const bool fits = !frame_number_ || frame.spec().frame_number() == *frame_number_;
+      if (fits && frame.complete()) found = &frame;
+    }
+    return found;
+  }
+
+  // An error where somebody waits for a picture.
+  ExitCode ReportNoFrame() const {
+    if (!IsAsked() && !frame_number_) return ExitCode::kOk;
+    return ReportError(ExitCode::kFailed,
+                       absl::NotFoundError(absl::StrCat(
+                           JobName(target_), ": no finished frame",
+                           frame_number_ ? absl::StrCat(" ", *frame_number_) : "", " to show")));
+  }
+
+  ExitCode PrintPicture(const FramePicture& picture) const {
+    if (graphics_ == TerminalGraphics::kNone) return ExitCode::kOk;
+    const coordinator::PictureLayer layer = *coordinator::PictureLayerFromName(layer_name_);
+    absl::StatusOr<ShownLayer> shown = ShowLayer(picture, layer, view_);
+    if (!shown.ok()) return ReportError(ExitCode::kFailed, shown.status());
+    const absl::StatusOr<std::string> text = TerminalText(graphics_, MeasureTerminal(STDOUT_FILENO),
+                                                          std::move(shown->picture), shown->tags);
+    if (!text.ok()) return ReportError(ExitCode::kFailed, text.status());
+    std::fwrite(text->data(), 1, text->size(), stdout);
+    if (!shown->caption.empty()) std::printf("%s\n", shown->caption.c_str());
+    return ExitCode::kOk;
+  }
+
+  std::string target_, graphics_name_, layer_name_ = "picture";
+  std::optional<int32_t> frame_number_;
+  ViewArguments view_arguments_;
+  ViewTransform view_;
+  TerminalGraphics graphics_ = TerminalGraphics::kNone;
+};
+
+}  // namespace
+
+std::unique_ptr<Command> MakeShowCommand() { return std::make_unique<ShowCommand>(); }
+
+}  // namespace sheaf::cli

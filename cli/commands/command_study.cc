@@ -1,0 +1,116 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// sheaf study: what the accuracy of a scene costs, by which settings, as a page and as JSON.
+#include <algorithm>
+#include <cstdio>
+#include <string>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include "cli/commands/command.h"
+#include "cli/job/opened_scene.h"
+#include "cli/commands/options.h"
+#include "cli/job/output_files.h"
+#include "cli/message.h"
+#include "cli/study/study.h"
+#include "cli/study/study_page.h"
+#include "common/base/file.h"
+
+namespace sheaf::cli {
+namespace {
+
+class StudyCommand : public Command {
+ public:
+  CLI::App* AddTo(CLI::App* app) override {
+    CLI::App* command = app->add_subcommand(
+        "study", "Measure what accuracy costs: settings, effects and light paths of a scene");
+    AddSettingsOptions(command, &arguments_);
+    AddJsonFlag(command, &json_);
+    command->add_option("-o,--output", page_path_, "The page to write, whole in one file (.html)");
+    command->add_option("--json-output", json_path_, "The same figures to write as JSON");
+    command
+        ->add_option("--minutes", options_.minutes, "About how long it may take; more, less noise")
+        ->check(CLI::Range(kStudyMinutesMin, kStudyMinutesMax))
+        ->capture_default_str();
+    command->add_option("--threads", options_.threads, "Threads that render (default: all)")
+        ->check(CLI::Range(1, 4096));
+    command->footer(
+        "Examples:\n  sheaf study room.pbrt -o room.html\n"
+        "  sheaf study room.pbrt --minutes 60 --json-output room.json\n"
+        "Tiles spread over the frame are rendered with one setting after the other, all against\n"
+        "one reference that the study makes. Everything is rendered on this machine.");
+    return command;
+  }
+
+  ExitCode Run() override {
+    const RenderSettings& asked = arguments_.settings;
+    if (asked.samples || !asked.outputs.empty() || asked.light_groups || asked.light_paths) {
+      return ReportError(
+          ExitCode::kUsage,
+          absl::InvalidArgumentError(
+              "a study delivers no picture and chooses its samples: leave --samples, "
+              "--aov, --cryptomatte, --light-groups and --light-paths out, and give "
+              "--minutes instead"));
+    }
+    if (absl::Status status = CheckNames(); !status.ok()) {
+      return ReportError(ExitCode::kUsage, status);
+    }
+    if (absl::Status status = CheckOutputs({json_path_, page_path_}, {arguments_.scene});
+        !status.ok()) {
+      return ReportOutputError(status);
+    }
+    OpenedScene opened;
+    if (const ExitCode code = OpenScene(arguments_, &opened); code != ExitCode::kOk) return code;
+    std::vector<std::string> inputs;
+    for (const auto& [name, path] : opened.file.files->FilesUsed()) inputs.push_back(path);
+    if (absl::Status status = CheckOutputs({json_path_, page_path_}, inputs); !status.ok()) {
+      return ReportOutputError(status);
+    }
+    const SceneDescription& scene = opened.file.read.scene;
+    if (options_.threads == 0) {
+      options_.threads = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
+    }
+    options_.on_progress = [](const std::string& line) { Tell(line); };
+    absl::StatusOr<StudyResult> result =
+        RunStudy(scene, opened.settings, *opened.file.files, options_);
+    if (!result.ok()) return ReportSceneError(result.status());
+    result->scene = arguments_.scene;
+    return Deliver(*result);
+  }
+
+ private:
+  absl::Status CheckNames() const {
+    const absl::Status status = CheckOutputName("-o", page_path_, {".html", ".htm"});
+    return status.ok() ? CheckOutputName("--json-output", json_path_, {".json"}) : status;
+  }
+
+  ExitCode Deliver(const StudyResult& result) const {
+    const std::string json = StudyJson(result);
+    for (const auto& [path, bytes] :
+         {std::pair(json_path_, json), std::pair(page_path_, StudyPage(json))}) {
+      if (path.empty()) continue;
+      const absl::Status status = WriteOrKeep(
+          path, [&bytes = bytes](const std::string& p) { return WriteFileAtomically(p, bytes); });
+      if (!status.ok()) return ReportError(ExitCode::kFile, status);
+    }
+    if (json_) {
+      std::printf("%s\n", json.c_str());
+      return ExitCode::kOk;
+    }
+    for (const std::string& line : result.recommendation) std::printf("%s\n", line.c_str());
+    return ExitCode::kOk;
+  }
+
+  JobArguments arguments_;
+  StudyOptions options_{.minutes = 10, .threads = 0, .on_progress = {}};
+  std::string page_path_, json_path_;
+  bool json_ = false;
+};
+
+}  // namespace
+
+std::unique_ptr<Command> MakeStudyCommand() { return std::make_unique<StudyCommand>(); }
+
+}  // namespace sheaf::cli

@@ -1,0 +1,137 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// sheaf submit: read scenes here, upload what the farm lacks, create the job; with --wait, stay.
+#include <cstdio>
+#include <string>
+
+#include "absl/strings/str_cat.h"
+#include "cli/commands/command.h"
+#include "cli/interruption.h"
+#include "cli/commands/effect_costs.h"
+#include "cli/job/follow_job.h"
+#include "cli/job/job_json.h"
+#include "cli/commands/options.h"
+#include "cli/message.h"
+#include "cli/quote/quote.h"
+#include "common/rpc/address.h"
+#include "common/rpc/channel.h"
+#include "worker/render/ablation/plan_measurement.h"
+
+namespace sheaf::cli {
+namespace {
+
+// A submission waits so long for its quote.
+constexpr absl::Duration kQuoteWaitMax = absl::Seconds(30);
+
+class SubmitCommand : public Command {
+ public:
+  CLI::App* AddTo(CLI::App* app) override {
+    CLI::App* command = app->add_subcommand("submit", "Render a scene on a farm");
+    AddJobOptions(command, &arguments_);
+    AddCoordinatorOption(command, &coordinator_);
+    AddJsonFlag(command, &json_);
+    command->add_flag("--wait", wait_, "Wait, then download the images");
+    command
+        ->add_flag("--no-quote", no_quote_, "Do not say before what it will cost (see sheaf quote)")
+        ->envname("SHEAF_NO_QUOTE");
+    command->add_option("--title", arguments_.title, "Title for people (default: the file's name)");
+    command->add_option("--priority", arguments_.priority, "Higher goes first")
+        ->check(CLI::Range(-1000, 1000))
+        ->capture_default_str();
+    command
+        ->add_option("--measure", measure_seconds_,
+                     "Before, measure so many seconds here what each effect of the first frame's "
+                     "scene costs and gives (see sheaf plan), to be shown with the job")
+        ->check(CLI::Range(render::kMeasureSecondsMin, render::kMeasureSecondsMax));
+    command->footer(
+        "Examples:\n"
+        "  sheaf submit room.pbrt --samples 256 --wait -o room.exr --png room.png\n"
+        "  sheaf submit 'shot.####.pbrt' --frames 1-24 -o 'out/shot.####.exr' --wait\n"
+        "  job=$(sheaf submit room.pbrt) && sheaf watch \"$job\" -o room.exr\n"
+        "Before, it says what the job will cost, by a pilot of a few pixels; --no-quote leaves "
+        "that\n"
+        "out. Ctrl-C ends the waiting, never the job.");
+    return command;
+  }
+
+  ExitCode Run() override {
+    if (absl::Status status = CheckJobArguments(arguments_); !status.ok()) {
+      return ReportError(ExitCode::kUsage, status);
+    }
+    const absl::StatusOr<ViewTransform> view = OpenView(arguments_);
+    if (!view.ok()) return ReportError(ExitCode::kUsage, view.status());
+    const bool is_named = !arguments_.output.empty() || !arguments_.png.empty();
+    if (wait_ || is_named) {
+      if (absl::Status status = ProbeOutputs(arguments_); !status.ok()) {
+        return ReportOutputError(status);
+      }
+    }
+    const Interruption interruption;
+    const absl::StatusOr<PreparedJob> job = PrepareJob(arguments_);
+    if (!job.ok()) return ReportSceneError(job.status());
+    for (const std::string& text : job->diagnostics) TellOfScene(text);
+    const absl::StatusOr<Delivery> delivery =
+        wait_ || is_named ? MakeDelivery(arguments_, *job, *view) : Delivery{};
+    if (!delivery.ok()) return ReportOutputError(delivery.status());
+    FarmClient client(MakeChannel(coordinator_), coordinator_, interruption.token());
+    if (absl::Status status = UploadMissing(&client, *job); !status.ok()) {
+      return ReportCallError(status);
+    }
+    if (!no_quote_) {
+      if (absl::Status status = PrintQuote(&client, *job); absl::IsCancelled(status)) {
+        return ReportCallError(status);
+      }
+    }
+    v1::CreateJobRequest request = MakeCreateJobRequest(arguments_, *job);
+    if (measure_seconds_ > 0) {
+      const absl::StatusOr<std::vector<v1::EffectCost>> costs =
+          MeasureEffects(arguments_, measure_seconds_);
+      if (!costs.ok()) return ReportSceneError(costs.status());
+      request.mutable_effect_costs()->Assign(costs->begin(), costs->end());
+    }
+    const absl::StatusOr<v1::Job> created = client.CreateJob(request);
+    if (!created.ok()) return ReportCallError(created.status());
+    if (wait_) return FollowToTheEnd(&client, created->name(), json_, *delivery);
+    if (is_named) {
+      TellNote("without --wait no picture is written; fetch it with: " +
+               FetchCommand(client, created->name(), *delivery));
+    }
+    if (!json_) {
+      std::printf("%s\n", created->name().c_str());
+      return ExitCode::kOk;
+    }
+    const absl::StatusOr<v1::Job> told = client.GetJob(created->name());  // With its frames.
+    if (!told.ok()) return ReportCallError(told.status());
+    std::printf("%s\n", JobJson(*told).c_str());
+    return ExitCode::kOk;
+  }
+
+ private:
+  // On standard error. A farm that cannot tell at once is no reason not to submit.
+  absl::Status PrintQuote(FarmClient* client, const PreparedJob& job) {
+    QuoteArguments asked{.targets = kQuotedErrors, .wait_max = kQuoteWaitMax};
+    if (const double target = arguments_.stop.target_error; target > 0) {
+      asked.targets = {target};
+    }
+    const absl::StatusOr<Quote> quote = MakeQuote(client, arguments_, job, asked);
+    if (quote.ok()) {
+      json_ ? Tell(FormatQuote(*quote))
+            : static_cast<void>(std::fputs(FormatQuote(*quote).c_str(), stderr));
+    } else if (!absl::IsCancelled(quote.status())) {
+      TellNote(absl::StrCat("no quote: ", quote.status().message()));
+    }
+    return quote.status();
+  }
+
+  JobArguments arguments_;
+  std::string coordinator_ = kCoordinatorAddress;
+  bool wait_ = false, json_ = false, no_quote_ = false;
+  double measure_seconds_ = 0;
+};
+
+}  // namespace
+
+std::unique_ptr<Command> MakeSubmitCommand() { return std::make_unique<SubmitCommand>(); }
+
+}  // namespace sheaf::cli

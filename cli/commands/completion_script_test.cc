@@ -1,0 +1,80 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "cli/commands/completion_script.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cstdio>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+
+namespace sheaf::cli {
+namespace {
+
+using testing::HasSubstr;
+
+std::vector<CompletionCommand> Commands() {
+  return {{"submit",
+           "Render on a farm",
+           {{"--samples", "Samples per pixel", true},
+            {"--wait", "It's [fast]: wait", false},
+            {"--color", "What a path carries", true, {"auto", "rgb"}}}},
+          {"watch", "Watch a job", {{"--json", "JSON", false}}, {}, true},
+          {"completion", "For a shell", {}, {"bash", "zsh"}}};
+}
+
+std::string OutputOf(const std::string& command) {
+  std::string output;
+  FILE* pipe = ::popen(command.c_str(), "r");
+  if (pipe == nullptr) return output;
+  char buffer[256];
+  while (std::fgets(buffer, sizeof buffer, pipe) != nullptr) output += buffer;
+  ::pclose(pipe);
+  return output;
+}
+
+TEST(CompletionScriptTest, BashCompletesCommandsAndTheirOptions) {
+  const std::string path = testing::TempDir() + "/sheaf_completion.bash";
+  std::ofstream(path) << CompletionScript(Shell::kBash, Commands());
+  const auto complete = [&](const std::string& words, int index) {
+    return OutputOf("bash -c 'source " + path + "; COMP_WORDS=(" + words +
+                    "); COMP_CWORD=" + std::to_string(index) + "; _sheaf; echo ${COMPREPLY[@]}'");
+  };
+  EXPECT_EQ(complete("sheaf s", 1), "submit\n");
+  EXPECT_EQ(complete("sheaf \"\"", 1), "submit watch completion\n");
+  EXPECT_EQ(complete("sheaf submit --color \"\"", 3), "auto rgb\n");
+  EXPECT_EQ(complete("sheaf submit --color r", 3), "rgb\n");
+  EXPECT_EQ(complete("sheaf completion z", 2), "zsh\n");
+  EXPECT_EQ(complete("sheaf submit --sa", 2), "--samples\n");
+  EXPECT_EQ(complete("sheaf submit roo", 2), "\n");  // Files are the shell's own business.
+}
+
+TEST(CompletionScriptTest, HelpTextCannotEndAQuote) {
+  for (const Shell shell : {Shell::kZsh, Shell::kFish}) {
+    const std::string script = CompletionScript(shell, Commands());
+    EXPECT_THAT(script, HasSubstr("Its (fast), wait"));
+    EXPECT_THAT(script, HasSubstr("samples"));
+    EXPECT_THAT(script, HasSubstr("watch"));
+    EXPECT_THAT(script, HasSubstr("auto rgb"));
+    EXPECT_THAT(script, HasSubstr("sheaf completion jobs"));
+  }
+}
+
+TEST(CompletionScriptTest, BashCompletesJobsThatTheCoordinatorHas) {
+  const std::string folder = testing::TempDir() + "/sheaf_completion_jobs";
+  std::filesystem::create_directories(folder);
+  std::ofstream(folder + "/sheaf") << "#!/bin/sh\n[ \"$*\" = 'completion jobs' ] && "
+                                      "printf 'jobs/12\\njobs/7\\n'\n";
+  std::filesystem::permissions(folder + "/sheaf", std::filesystem::perms::owner_all);
+  const std::string path = folder + "/script.bash";
+  std::ofstream(path) << CompletionScript(Shell::kBash, Commands());
+  EXPECT_EQ(OutputOf("PATH='" + folder + "':$PATH bash -c 'source " + path +
+                     "; COMP_WORDS=(sheaf watch jobs/); COMP_CWORD=2; _sheaf; "
+                     "echo ${COMPREPLY[@]}'"),
+            "jobs/12 jobs/7\n");
+}
+
+}  // namespace
+}  // namespace sheaf::cli

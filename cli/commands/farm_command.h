@@ -1,0 +1,48 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// FarmCommand: what commands have in common that ask a coordinator.
+#pragma once
+
+#include <string>
+
+#include "cli/commands/command.h"
+#include "cli/interruption.h"
+#include "cli/job/farm_client.h"
+#include "cli/commands/options.h"
+#include "common/rpc/address.h"
+#include "common/rpc/channel.h"
+
+namespace sheaf::cli {
+
+// A coordinator, --json, and for most of them a job.
+class FarmCommand : public Command {
+ public:
+  ExitCode Run() override {
+    const Interruption interruption;
+    FarmClient client(MakeChannel(coordinator_), coordinator_, interruption.token());
+    return RunWith(&client);
+  }
+
+ protected:
+  virtual ExitCode RunWith(FarmClient* client) = 0;
+
+  CLI::App* AddCommon(CLI::App* app, const std::string& name, const std::string& help) {
+    CLI::App* command = app->add_subcommand(name, help);
+    AddCoordinatorOption(command, &coordinator_);
+    AddJsonFlag(command, &json_);
+    return command;
+  }
+  void AddJob(CLI::App* command) {
+    command->add_option("JOB", job_, "The job, as in jobs/7 or 7")->required();
+  }
+  bool json() const { return json_; }
+  std::string job_name() const { return JobName(job_); }
+
+ private:
+  std::string coordinator_ = kCoordinatorAddress;
+  std::string job_;
+  bool json_ = false;
+};
+
+}  // namespace sheaf::cli

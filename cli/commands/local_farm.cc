@@ -1,0 +1,119 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "cli/commands/local_farm.h"
+
+#include <unistd.h>
+
+#include <cerrno>
+#include <chrono>
+#include <cstdlib>
+#include <filesystem>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "absl/time/time.h"
+#include "common/base/file.h"
+#include "common/base/log.h"
+#include "common/base/status.h"
+#include "common/base/steady_time.h"
+
+namespace sheaf::cli {
+namespace {
+
+// How long the worker may take to report before things go on without it.
+constexpr absl::Duration kWorkerReportWait = absl::Seconds(2);
+
+// The first progress line shall not say that no worker is connected: waits for the one that is just
+// starting.
+void AwaitWorker(const coordinator::FarmView& farm) {
+  const SteadyTime deadline = SteadyTime::Now() + kWorkerReportWait;
+  while (true) {
+    const uint64_t seen = farm.ChangeCount();
+    const absl::Duration rest = deadline - SteadyTime::Now();
+    if (!farm.ListWorkers().empty() || rest <= absl::ZeroDuration()) return;
+    farm.WaitForChange(seen, rest);
+  }
+}
+
+}  // namespace
+
+// The folder of one run's state; removed at the end unless it has a name of its own.
+class LocalFarm::StateDirectory {
+ public:
+  static absl::StatusOr<std::unique_ptr<StateDirectory>> Open(const std::string& kept) {
+    if (!kept.empty()) {
+      if (absl::Status status = MakeDirectories(kept); !status.ok()) return status;
+      return std::unique_ptr<StateDirectory>(new StateDirectory(kept, true));
+    }
+    const char* parent = std::getenv("TMPDIR");
+    std::string path = absl::StrCat(parent == nullptr || parent[0] == '\0' ? "/tmp" : parent,
+                                    "/sheaf-render-XXXXXX");
+    if (::mkdtemp(path.data()) == nullptr) {
+      return StatusFromErrno(errno, absl::StrCat("creating a folder ", path,
+                                                 " (TMPDIR or --keep-state choose another)"));
+    }
+    return std::unique_ptr<StateDirectory>(new StateDirectory(path, false));
+  }
+  ~StateDirectory() {
+    std::error_code ignored;  // Left-overs in a temporary folder are no error of the picture.
+    if (!kept_) std::filesystem::remove_all(path_, ignored);
+  }
+  StateDirectory(const StateDirectory&) = delete;
+  StateDirectory& operator=(const StateDirectory&) = delete;
+  const std::string& path() const { return path_; }
+  void Keep() { kept_ = true; }
+
+ private:
+  StateDirectory(std::string path, bool kept) : path_(std::move(path)), kept_(kept) {}
+  const std::string path_;
+  bool kept_;
+};
+
+LocalFarm::LocalFarm() = default;
+LocalFarm::~LocalFarm() = default;
+
+absl::StatusOr<std::unique_ptr<LocalFarm>> LocalFarm::Open(const LocalFarmOptions& options) {
+  std::unique_ptr<LocalFarm> farm(new LocalFarm());
+  farm->options_ = options;
+  absl::StatusOr<std::unique_ptr<StateDirectory>> state = StateDirectory::Open(options.kept_state);
+  if (!state.ok()) return state.status();
+  farm->state_ = *std::move(state);
+  coordinator::CoordinatorOptions coordinator;
+  coordinator.farm.state_directory = farm->state_->path();
+  if (options.kept_state.empty()) {  // Then it ends with this process.
+    coordinator.farm.durability = coordinator::Durability::kProcess;
+    coordinator.farm.kept_parts_bytes_max = 0;
+  }
+  if (options.http_address.empty()) coordinator.farm.round_previews_bytes_max = 0;  // Nobody looks.
+  coordinator.listen_address.clear();
+  coordinator.http_address = options.http_address;
+  absl::StatusOr<std::unique_ptr<coordinator::CoordinatorServer>> server =
+      coordinator::CoordinatorServer::Start(coordinator);
+  if (!server.ok()) return server.status();
+  farm->server_ = *std::move(server);
+  farm->channel_ = farm->server_->InProcessChannel();
+  farm->options_.worker.cache_directory = absl::StrCat(farm->state_->path(), "/cache");
+  farm->options_.worker.grace = std::chrono::milliseconds(0);
+  return farm;
+}
+
+const std::string& LocalFarm::KeepState() {
+  state_->Keep();
+  return state_->path();
+}
+
+absl::Status LocalFarm::StartWorker() {
+  absl::StatusOr<std::unique_ptr<worker::EmbeddedWorker>> worker =
+      worker::EmbeddedWorker::Open(channel_, channel_, options_.worker);
+  if (!worker.ok()) return worker.status();
+  worker_ = *std::move(worker);
+  working_ = std::jthread([this](std::stop_token stop) {
+    if (absl::Status status = worker_->Run(stop); !status.ok()) {
+      LogWarning(std::string(status.message()));
+    }
+  });
+  AwaitWorker(server_->farm());
+  return absl::OkStatus();
+}
+
+}  // namespace sheaf::cli

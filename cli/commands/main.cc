@@ -1,0 +1,77 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// sheaf: one program for everything a person does with the farm.
+#include <algorithm>
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "cli/commands/command.h"
+#include "cli/exit_code.h"
+#include "cli/message.h"
+#include "common/base/log.h"
+#include "common/base/open_files.h"
+#include "common/command_line/command_line.h"
+
+namespace sheaf::cli {
+namespace {
+
+std::vector<std::unique_ptr<Command>> MakeCommands() {
+  std::vector<std::unique_ptr<Command>> commands;
+  commands.push_back(MakeRenderCommand());
+  commands.push_back(MakeQuoteCommand());
+  commands.push_back(MakeSubmitCommand());
+  commands.push_back(MakeWatchCommand());
+  commands.push_back(MakeListCommand());
+  commands.push_back(MakeShowCommand());
+  commands.push_back(MakeRefineCommand());
+  commands.push_back(MakePauseCommand());
+  commands.push_back(MakeResumeCommand());
+  commands.push_back(MakePriorityCommand());
+  commands.push_back(MakeCancelCommand());
+  commands.push_back(MakeWorkersCommand());
+  commands.push_back(MakePlanCommand());
+  commands.push_back(MakeStudyCommand());
+  commands.push_back(MakeCompareCommand());
+  commands.push_back(MakeCompletionCommand());
+  return commands;
+}
+
+// Told before the command line is understood, as its own errors are JSON then, too.
+bool AsksForJson(int argc, char** argv) {
+  return std::any_of(argv + 1, argv + argc,
+                     [](const char* word) { return std::string_view(word) == "--json"; });
+}
+
+ExitCode Main(int argc, char** argv) {
+  SetLogName("sheaf");
+  RaiseOpenFileLimit();
+  CLI::App app("Renders scenes on any number of machines as one path tracer.", "sheaf");
+  app.set_version_flag("--version", "sheaf " SHEAF_VERSION);
+  app.require_subcommand(1);
+  app.footer(std::string("sheaf COMMAND --help explains a command, with examples.\n") +
+             kExitCodeHelp);
+  const std::vector<std::unique_ptr<Command>> commands = MakeCommands();
+  std::vector<std::pair<CLI::App*, Command*>> added;
+  for (const std::unique_ptr<Command>& command : commands) {
+    added.emplace_back(command->AddTo(&app), command.get());
+  }
+  if (AsksForJson(argc, argv)) UseJsonMessages();
+  const auto report = [](const std::string& text) { TellError(ExitCode::kUsage, text); };
+  if (const std::optional<int> code = ParseCommandLine(&app, argc, argv, report)) {
+    return static_cast<ExitCode>(*code);
+  }
+  for (const auto& [parsed, command] : added) {
+    if (parsed->parsed()) return command->Run();
+  }
+  return ExitCode::kUsage;
+}
+
+}  // namespace
+}  // namespace sheaf::cli
+
+int main(int argc, char** argv) { return static_cast<int>(sheaf::cli::Main(argc, argv)); }

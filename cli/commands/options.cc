@@ -1,0 +1,246 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "cli/commands/options.h"
+
+#include <utility>
+#include <vector>
+
+#include "absl/strings/numbers.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_split.h"
+#include "absl/time/time.h"
+#include "common/command_line/command_line.h"
+#include "common/rpc/address.h"
+
+namespace sheaf::cli {
+namespace {
+
+constexpr int kTileSizePxMax = 1024;
+constexpr double kStopNumberMax = 1e6;
+constexpr char kPictureGroup[] = "Where the picture goes";
+
+// "x0,y0,x1,y1", half-open.
+PixelRect ParseCrop(const std::string& text) {
+  const std::vector<std::string> items = absl::StrSplit(text, ',');
+  PixelRect rect;
+  int32_t* const edges[] = {&rect.x0, &rect.y0, &rect.x1, &rect.y1};
+  bool valid = items.size() == 4;
+  for (size_t i = 0; valid && i < 4; ++i) valid = absl::SimpleAtoi(items[i], edges[i]);
+  if (!valid || rect.x0 < 0 || rect.y0 < 0 || rect.x1 <= rect.x0 || rect.y1 <= rect.y0) {
+    throw CLI::ValidationError("--crop", text +
+                                             ": expected X0,Y0,X1,Y1 in pixels with X0 < X1 and "
+                                             "Y0 < Y1, as in 200,80,456,272");
+  }
+  return rect;
+}
+
+void AddOutputs(const std::string& names, FilmOutputs* outputs) {
+  const absl::Status status = AddAovs(names, outputs);
+  if (!status.ok()) throw CLI::ValidationError("--aov", std::string(status.message()));
+}
+
+// "90s", "10m", "1h30m".
+double ParseSeconds(const std::string& text) {
+  absl::Duration duration;
+  if (!absl::ParseDuration(text, &duration) || duration <= absl::ZeroDuration() ||
+      duration == absl::InfiniteDuration()) {
+    throw CLI::ValidationError("--time",
+                               text + ": expected a time with its unit, as in 90s, 10m or 1h30m");
+  }
+  return absl::ToDoubleSeconds(duration);
+}
+
+// Written so that what is no number is refused too.
+std::string CheckPositive(const std::string& text) {
+  double value = 0;
+  if (absl::SimpleAtod(text, &value) && value > 0 && value <= kStopNumberMax) return "";
+  return absl::StrCat(text, " is not a number above 0 and at most ", kStopNumberMax);
+}
+
+std::string CheckPowerOfTwo(const std::string& text) {
+  uint64_t value = 0;
+  if (absl::SimpleAtoi(text, &value) && value > 0 && (value & (value - 1)) == 0) return "";
+  return text + " is not a power of two";
+}
+
+// Options for layers beside the colors, and for the primaries of these.
+void AddOutputOptions(CLI::App* command, RenderSettings* settings) {
+  const OptionGroup group(command, "What the picture holds");
+  std::vector<std::pair<std::string, Primaries>> primaries;
+  for (const std::string& name : PrimariesNames()) {
+    primaries.emplace_back(name, *PrimariesFromName(name));
+  }
+  AddChoice(command, "--primaries", &settings->primaries, primaries,
+            "What the picture's R, G, B are, all linear (default: the ColorSpace at the scene's "
+            "Film)");
+  command->add_option_function<std::string>(
+      "--aov", [settings](const std::string& text) { AddOutputs(text, &settings->outputs); },
+      "Quantities of the first surface to write too, separated by commas: position, "
+      "normal-geometric, normal-shading, uv, motion, object-id, material-id, asset-id "
+      "(see docs/outputs.md)");
+  command->add_option_function<std::string>(
+      "--cryptomatte",
+      [settings](const std::string& text) {
+        const absl::Status status = AddCryptomattes(text, &settings->outputs);
+        if (!status.ok()) {
+          throw CLI::ValidationError("--cryptomatte", std::string(status.message()));
+        }
+      },
+      "Mattes to write too, separated by commas: object, material, asset");
+  command->add_flag("--light-groups", settings->light_groups,
+                    "Write what each group of lights (\"string lightgroup\") contributes");
+  command->add_flag("--light-paths", settings->light_paths,
+                    "Write what each kind of light path contributes: direct, caustic, fog ...");
+}
+
+// How light is followed.
+void AddTransportOptions(CLI::App* command, RenderSettings* settings) {
+  const OptionGroup group(command, "How light is followed");
+  AddChoice(
+      command, "--color", &settings->color,
+      std::vector<std::pair<std::string, ColorTransport>>{{"auto", ColorTransport::kAuto},
+                                                          {"rgb", ColorTransport::kRgb},
+                                                          {"spectral", ColorTransport::kSpectral}},
+      "What a path carries: rgb, spectral (four wavelengths), or auto: spectral where "
+      "light is dispersed, a color lies outside of sRGB, or the film names a sensor");
+  command->add_flag("--single-scattering", settings->single_scattering,
+                    "Rough surfaces scatter once and lose the rest, as pbrt-v4's do");
+  command->add_flag("--one-sequence", settings->one_sequence,
+                    "Draw a pixel's samples from one sequence, not from 16 independent ones: less "
+                    "noise where it is smooth, but errors shown are upper estimates");
+  command
+      ->add_option("--similarity", settings->similarity_after,
+                   "Scatterings in media after which a path takes them for ones that scatter "
+                   "evenly and less often: faster in dense ones, but BIASED, and errors shown do "
+                   "not tell by how much; 0: never")
+      ->check(CLI::Range(0, kSimilarityAfterMax))
+      ->capture_default_str();
+  command->add_flag("--generic", settings->force_generic_variant,
+                    "Run the variant that knows every effect; changes no pixel");
+}
+
+}  // namespace
+
+void AddCoordinatorOption(CLI::App* command, std::string* address) {
+  command
+      ->add_option("--coordinator", *address,
+                   absl::StrCat("Address of the coordinator, HOST:PORT or HOST (port ",
+                                kCoordinatorPort, ")"))
+      ->transform(CLI::Validator(CompleteCoordinatorAddress, ""))
+      ->envname("SHEAF_COORDINATOR")
+      ->type_name("ADDRESS")
+      ->capture_default_str();
+}
+
+void AddJsonFlag(CLI::App* command, bool* json) {
+  command->add_flag("--json", *json, "Print JSON for scripts, one object a line");
+}
+
+void AddSettingsOptions(CLI::App* command, JobArguments* arguments) {
+  RenderSettings& settings = arguments->settings;
+  const OptionGroup group(command, "What is rendered");
+  command->add_option("SCENE", arguments->scene, "Scene file (pbrt-v4 format)")->required();
+  command->add_option("--samples", settings.samples, "Samples per pixel (default: the scene's)")
+      ->check(CLI::PositiveNumber);
+  command->add_option("--max-depth", settings.max_depth, "Bounces at most (default: the scene's)")
+      ->check(CLI::NonNegativeNumber);
+  command->add_option("--seed", settings.seed, "Seed of all samples (default: the scene's)");
+  command->add_option_function<std::string>(
+      "--crop", [&settings](const std::string& text) { settings.crop = ParseCrop(text); },
+      "Render only the pixels X0,Y0,X1,Y1 (X1 and Y1 excluded)");
+  AddOutputOptions(command, &settings);
+  AddTransportOptions(command, &settings);
+}
+
+void AddStopOptions(CLI::App* command, StopArguments* stop) {
+  const OptionGroup group(command, "When it stops");
+  command
+      ->add_option("--target-error", stop->target_error,
+                   "Stop where the picture's relMSE is no larger than this, with 95 % confidence; "
+                   "samples go where they are needed, at most --samples to a pixel (65536)")
+      ->check(CheckPositive);
+  command->add_option_function<std::string>(
+      "--time", [stop](const std::string& text) { stop->seconds = ParseSeconds(text); },
+      "Stop before a frame has taken this long, e.g. 90s, 10m or 1h30m");
+  command
+      ->add_option("--budget", stop->budget_cpu_hours,
+                   "Stop before the job has taken this many CPU hours; each frame has an equal "
+                   "share")
+      ->check(CheckPositive);
+}
+
+void AddViewOptions(CLI::App* command, ViewArguments* view) {
+  const OptionGroup group(command, kPictureGroup);
+  command->add_option(
+      "--view", view->view,
+      "How PNGs and terminals show the picture: sRGB (values cut at 1), \"ACES 1.0 SDR\" or "
+      "Raw, or a view of the --ocio config (default: the first)");
+  command->add_option("--display", view->display,
+                      "The display that they are for, of the --ocio config (default: the first)");
+  command
+      ->add_option("--ocio", view->config,
+                   "Config of OpenColorIO to take displays and views from (default: Sheaf's own)")
+      ->envname("OCIO");
+}
+
+void AddPictureOptions(CLI::App* command, JobArguments* arguments) {
+  const OptionGroup group(command, kPictureGroup);
+  command->add_option("-o,--output", arguments->output,
+                      "Picture to write at the end: .exr or .png; #### is the frame");
+  command->add_option("--png", arguments->png, "Also write a PNG");
+  AddViewOptions(command, &arguments->view);
+}
+
+void AddResumeOption(CLI::App* command, JobArguments* arguments) {
+  const OptionGroup group(command, "What is rendered");
+  command
+      ->add_option("--resume-from", arguments->resume_from,
+                   "Go on from this EXR, which Sheaf delivered of the same scene with the same "
+                   "settings: only samples that it does not have are rendered (--samples and "
+                   "errors count those that it has)")
+      ->check(CLI::ExistingFile);
+}
+
+void AddPartitionOptions(CLI::App* command, JobArguments* arguments) {
+  const OptionGroup group(command, "How the work is cut");
+  command
+      ->add_option("--tile-size", arguments->tile_size_px,
+                   "Edge of a tile; changes no pixel, unless samples go where they are needed")
+      ->check(CLI::Range(8, kTileSizePxMax));
+  command
+      ->add_option(
+          "--cell-size", arguments->cell_size_px,
+          "Where samples go where they are needed: edge of the squares of a tile that get "
+          "samples of their own; divides the tile's edge by at most 8 (default: 4 in small "
+          "frames, more in larger ones)")
+      ->check(CLI::Range(1, kTileSizePxMax));
+  command
+      ->add_option("--pass-samples", arguments->pass_sample_count,
+                   "Samples of one pass, a power of two; changes no pixel")
+      ->check(CheckPowerOfTwo);
+  command
+      ->add_option("--lease-passes", arguments->lease_pass_count,
+                   "Passes of one lease at most, a power of two; changes no pixel")
+      ->check(CheckPowerOfTwo);
+}
+
+void AddFramesOption(CLI::App* command, JobArguments* arguments) {
+  const OptionGroup group(command, "What is rendered");
+  command->add_option("--frames", arguments->frames,
+                      "Frames of a pattern such as shot.####.pbrt: 1-24, 1-100x5 or 1,4,9-12");
+}
+
+void AddJobOptions(CLI::App* command, JobArguments* arguments) {
+  AddSettingsOptions(command, arguments);
+  AddStopOptions(command, &arguments->stop);
+  AddFramesOption(command, arguments);
+  const OptionGroup group(command, kPictureGroup);
+  command->add_option("-o,--output", arguments->output,
+                      "Picture to write: .exr, or .png with an .exr beside it; #### is the frame");
+  command->add_option("--png", arguments->png, "Also write a PNG");
+  AddViewOptions(command, &arguments->view);
+  AddResumeOption(command, arguments);
+  AddPartitionOptions(command, arguments);
+}
+
+}  // namespace sheaf::cli

@@ -1,0 +1,188 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "cli/image/view_transform.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <array>
+#include <cmath>
+#include <fstream>
+#include <iterator>
+#include <limits>
+#include <string>
+#include <vector>
+
+#include "cli/image/tone_map.h"
+#include "cli/image/view_config.h"
+
+namespace sheaf::cli {
+namespace {
+
+using testing::HasSubstr;
+
+FramePicture PictureOf(const std::vector<std::array<float, 3>>& colors, Primaries primaries) {
+  FramePicture picture;
+  picture.window = {0, 0, static_cast<int32_t>(colors.size()), 1};
+  picture.color.chromaticities = ChromaticitiesOf(primaries);
+  picture.channel_names = {"R", "G", "B"};
+  picture.planes.resize(3);
+  for (const std::array<float, 3>& color : colors) {
+    for (size_t c = 0; c < 3; ++c) picture.planes[c].push_back(color[c]);
+  }
+  return picture;
+}
+
+ViewTransform Opened(const std::string& view, const std::string& config = "") {
+  absl::StatusOr<ViewTransform> opened = ViewTransform::Open({config, "", view});
+  EXPECT_TRUE(opened.ok()) << opened.status();
+  return opened.ok() ? *opened : ViewTransform();
+}
+
+void ExpectNear(const std::vector<Rgb8>& shown, const std::vector<Rgb8>& expected, int steps) {
+  ASSERT_EQ(shown.size(), expected.size());
+  for (size_t i = 0; i < shown.size(); ++i) {
+    EXPECT_NEAR(shown[i].r, expected[i].r, steps) << "r of color " << i;
+    EXPECT_NEAR(shown[i].g, expected[i].g, steps) << "g of color " << i;
+    EXPECT_NEAR(shown[i].b, expected[i].b, steps) << "b of color " << i;
+  }
+}
+
+// Writes text to a file of the test's own.
+std::string WriteConfig(const std::string& name, const std::string& text) {
+  const std::string path = testing::TempDir() + "/" + name;
+  std::ofstream(path) << text;
+  return path;
+}
+
+// 18 % grey, a red, a blue and four times white.
+const std::vector<std::array<float, 3>> kColors = {
+    {0.18f, 0.18f, 0.18f}, {0.8f, 0.1f, 0.05f}, {0.02f, 0.05f, 0.6f}, {4, 4, 4}};
+
+// What they are by IEC 61966-2-1, and for ACEScg by matrices of the chromaticities.
+TEST(ViewTransformTest, OwnSrgbShowsTheLightAsItIs) {
+  const ViewTransform view = Opened("srgb");
+  EXPECT_EQ(view.view(), "sRGB");
+  EXPECT_EQ(*view.Show(PictureOf(kColors, Primaries::kSrgb)),
+            (std::vector<Rgb8>{{118, 118, 118}, {231, 89, 63}, {39, 63, 203}, {255, 255, 255}}));
+  EXPECT_EQ(*view.Show(PictureOf(kColors, Primaries::kAcesCg)),
+            (std::vector<Rgb8>{{120, 117, 113}, {255, 21, 40}, {0, 62, 208}, {255, 255, 255}}));
+}
+
+// The expected values are those of the Academy's RRT and its ODT for Rec. 709 of 100 nits with a
+// dim surround (aces-dev 1.0.3), as computed from the published equations, behind the curve of
+// sRGB. The white of either picture is the white of ACES.
+TEST(ViewTransformTest, AcesShowsRec709AndAcesCg) {
+  const ViewTransform view = Opened("ACES 1.0 SDR");
+  ExpectNear(*view.Show(PictureOf(kColors, Primaries::kSrgb)),
+             {{91, 91, 91}, {190, 66, 41}, {0, 32, 175}, {244, 244, 244}}, 1);
+  ExpectNear(*view.Show(PictureOf(kColors, Primaries::kAcesCg)),
+             {{91, 91, 91}, {226, 14, 30}, {0, 30, 185}, {244, 244, 244}}, 1);
+}
+
+// The same light in any primaries with the same white is the same picture.
+TEST(ViewTransformTest, AcesShowsTheSameLightAlike) {
+  const ViewTransform view = Opened("ACES 1.0 SDR");
+  const FramePicture srgb = PictureOf(kColors, Primaries::kSrgb);
+  FramePicture wide = srgb;
+  ASSERT_TRUE(ConvertColor(ChromaticitiesOf(Primaries::kRec2020), &wide).ok());
+  ExpectNear(*view.Show(wide), *view.Show(srgb), 1);
+}
+
+TEST(ViewTransformTest, RawShowsTheNumbersOfAnyPrimaries) {
+  const ViewTransform view = Opened("Raw");
+  for (const Primaries primaries : {Primaries::kSrgb, Primaries::kAcesCg}) {
+    EXPECT_EQ(*view.Show(PictureOf(kColors, primaries)),
+              (std::vector<Rgb8>{{46, 46, 46}, {204, 26, 13}, {5, 13, 153}, {255, 255, 255}}));
+  }
+}
+
+// Over the whole range, in small steps: by the library's transforms as by our own.
+TEST(ViewTransformTest, TheConfigsSrgbIsToneMapSrgbWithinAStep) {
+  std::vector<std::array<float, 3>> colors;
+  for (int i = 0; i <= 4000; ++i) {
+    const float light = static_cast<float>(i - 100) / 3000;
+    colors.push_back({light, light * light, 1 - light});
+  }
+  const FramePicture picture = PictureOf(colors, Primaries::kSrgb);
+  const ViewTransform view = Opened("sRGB", WriteConfig("own.ocio", std::string(kOwnViewConfig)));
+  ExpectNear(*view.Show(picture), ToneMapSrgb(picture), 1);
+}
+
+TEST(ViewTransformTest, WhatIsNoNumberIsShown) {
+  constexpr float kInfinity = std::numeric_limits<float>::infinity();
+  const FramePicture picture =
+      PictureOf({{kInfinity, kInfinity, kInfinity}, {std::nanf(""), std::nanf(""), std::nanf("")}},
+                Primaries::kSrgb);
+  for (const char* name : {"sRGB", "ACES 1.0 SDR", "Raw"}) {
+    const std::vector<Rgb8> shown = *Opened(name).Show(picture);
+    EXPECT_GT(shown[0].g, 240) << name;
+    EXPECT_EQ(shown[1].g, 0) << name;
+  }
+}
+
+TEST(ViewTransformTest, SaysWhatThereIs) {
+  EXPECT_THAT(ViewTransform::Open({"", "", "Filmic"}).status().message(),
+              HasSubstr("has no view \"Filmic\"; it has: sRGB, ACES 1.0 SDR, Raw"));
+  EXPECT_THAT(ViewTransform::Open({"", "TV", ""}).status().message(),
+              HasSubstr("Sheaf's own config has no display \"TV\"; it has: sRGB"));
+  EXPECT_THAT(ViewTransform::Open({"/nowhere/config.ocio", "", ""}).status().message(),
+              HasSubstr("--ocio /nowhere/config.ocio: "));
+  const std::string broken = WriteConfig("broken.ocio", "ocio_profile_version: [");
+  EXPECT_EQ(ViewTransform::Open({broken, "", ""}).status().code(),
+            absl::StatusCode::kInvalidArgument);
+}
+
+// A config of profile 1 that names its scene-linear space as older ones did, with a view of a
+// plain gamma of 2, and a look-up table that is not there.
+constexpr const char* kStudioConfig = R"(ocio_profile_version: 1
+roles:
+  default: raw
+displays:
+  Monitor:
+    - !<View> {name: Root, colorspace: root}
+    - !<View> {name: Lost, colorspace: lost}
+active_displays: [Monitor]
+active_views: []
+colorspaces:
+  - !<ColorSpace> {name: NAME}
+  - !<ColorSpace> {name: raw, isdata: true}
+  - !<ColorSpace>
+    name: root
+    from_reference: !<ExponentTransform> {value: [0.5, 0.5, 0.5, 1]}
+  - !<ColorSpace>
+    name: lost
+    from_reference: !<FileTransform> {src: lost.spi1d, interpolation: linear}
+)";
+std::string StudioConfig(const std::string& name) {
+  std::string text = kStudioConfig;
+  return text.replace(text.find("NAME"), 4, name);
+}
+
+TEST(ViewTransformTest, TakesAConfigOfTheUsers) {
+  const std::string path = WriteConfig("studio.ocio", StudioConfig("lin_rec709"));
+  const ViewTransform view = Opened("", path);
+  EXPECT_EQ(view.view(), "Root");
+  EXPECT_FALSE(view.Tags().is_srgb);
+  EXPECT_EQ(view.Tags().text.at("Display"), "Monitor");
+  ExpectNear(*view.Show(PictureOf({{0.25f, 0.01f, 1}}, Primaries::kSrgb)), {{128, 26, 255}}, 1);
+  EXPECT_THAT(ViewTransform::Open({path, "", "Lost"}).status().message(), HasSubstr("lost.spi1d"));
+}
+
+TEST(ViewTransformTest, RefusesAConfigWithoutAKnownSpace) {
+  const std::string path = WriteConfig("unknown.ocio", StudioConfig("mine"));
+  EXPECT_THAT(ViewTransform::Open({path, "", ""}).status().message(),
+              HasSubstr("aces_interchange"));
+}
+
+TEST(ViewTransformTest, ThePngNamesTheView) {
+  const std::string path = testing::TempDir() + "/view.png";
+  ASSERT_TRUE(WriteView(Opened("ACES 1.0 SDR"), PictureOf(kColors, Primaries::kSrgb), path).ok());
+  std::ifstream file(path, std::ios::binary);
+  const std::string bytes((std::istreambuf_iterator<char>(file)), std::istreambuf_iterator<char>());
+  EXPECT_THAT(bytes, HasSubstr(std::string("View\0ACES 1.0 SDR", 17)));
+  EXPECT_THAT(bytes, HasSubstr("sRGB"));  // The chunk of that name.
+}
+
+}  // namespace
+}  // namespace sheaf::cli

@@ -1,0 +1,244 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "cli/job/follow_job.h"
+
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <cstdio>
+#include <map>
+#include <mutex>
+#include <optional>
+#include <thread>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "cli/job/frame_range.h"
+#include "cli/job/job_json.h"
+#include "cli/job/output_files.h"
+#include "cli/job/summary.h"
+#include "cli/message.h"
+#include "cli/progress_line.h"
+#include "common/base/file.h"
+#include "common/film/exr/exr_codec.h"
+#include "common/rpc/address.h"
+
+namespace sheaf::cli {
+namespace {
+
+constexpr size_t kUploadsMax = 4;  // At the same time; hides the way of many small files.
+constexpr std::chrono::seconds kUploadSilence{2};  // A shorter upload is over before it is read.
+constexpr uint64_t kPictureBytesMax = uint64_t{16} << 30;
+
+// Bytes sent so far, shown.
+class UploadProgress {
+ public:
+  explicit UploadProgress(uint64_t total_bytes)
+      : total_bytes_(std::max<uint64_t>(total_bytes, 1)) {}
+  void Add(uint64_t size_bytes) {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    sent_bytes_ += size_bytes;
+    const double share =
+        std::min(1.0, static_cast<double>(sent_bytes_) / static_cast<double>(total_bytes_));
+    line_.Show("uploading", share,
+               absl::StrFormat("%.0f %% of %sB", 100 * share,
+                               FormatCount(static_cast<double>(total_bytes_))));
+  }
+
+ private:
+  std::mutex mutex_;
+  ProgressLine line_{kUploadSilence};
+  const uint64_t total_bytes_;
+  uint64_t sent_bytes_ = 0;
+};
+
+bool IsBlack(const FramePicture& picture) {
+  for (const char* name : {"R", "G", "B"}) {
+    const std::vector<float>* plane = picture.Find(name);
+    if (plane == nullptr || std::ranges::any_of(*plane, [](float v) { return v != 0; })) {
+      return false;
+    }
+  }
+  return true;
+}
+
+absl::Status SavePicture(FarmClient* client, const v1::Frame& frame, const PicturePaths& paths,
+                         const ViewTransform& view) {
+  const absl::StatusOr<std::string> bytes = client->ReadFrameOutput(frame.name(), kPictureBytesMax);
+  if (!bytes.ok()) return bytes.status();
+  std::optional<FramePicture> picture;
+  const auto write_exr = [&](const std::string& path) -> absl::Status {
+    if (absl::Status status = WriteFileAtomically(path, *bytes); !status.ok()) return status;
+    absl::StatusOr<FramePicture> read = ReadPicture(path);
+    if (!read.ok()) return read.status();
+    if (PictureDigest(*read) != frame.picture_digest()) {
+      return absl::DataLossError("it is not the picture that the coordinator delivered");
+    }
+    picture = *std::move(read);
+    return absl::OkStatus();
+  };
+  if (absl::Status status = WriteOrKeep(paths.exr, write_exr); !status.ok()) return status;
+  if (!paths.png.empty()) {
+    const absl::Status status = WriteOrKeep(
+        paths.png, [&](const std::string& path) { return WriteView(view, *picture, path); });
+    if (!status.ok()) return status;
+  }
+  Tell(absl::StrCat(FormatPictureSummary(frame, paths),
+                    IsBlack(*picture)
+                        ? "; every pixel is black: no light that is in the scene comes to the "
+                          "camera (sheaf plan lists lights)"
+                        : ""));
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+absl::Status UploadMissing(FarmClient* client, const PreparedJob& job) {
+  std::vector<BlobDigest> digests;
+  for (const auto& [hex, blob] : job.blobs) digests.push_back(blob.digest);
+  const absl::StatusOr<std::vector<BlobDigest>> missing = client->FindMissing(digests);
+  if (!missing.ok()) return missing.status();
+  if (missing->empty()) return absl::OkStatus();
+  uint64_t total_bytes = 0;
+  for (const BlobDigest& digest : *missing) total_bytes += digest.size_bytes;
+  UploadProgress progress(total_bytes);
+  std::atomic<size_t> next{0};
+  std::mutex mutex;
+  absl::Status first_error;
+  {
+    std::vector<std::jthread> uploads;
+    for (size_t t = 0; t < std::min(kUploadsMax, missing->size()); ++t) {
+      uploads.emplace_back([&] {
+        for (size_t i = next++; i < missing->size(); i = next++) {
+          const BlobSource& blob = job.blobs.at((*missing)[i].sha256_hex);
+          const absl::Status status =
+              client->Upload(blob, [&](uint64_t size_bytes) { progress.Add(size_bytes); });
+          if (status.ok()) continue;
+          const std::lock_guard<std::mutex> lock(mutex);
+          if (first_error.ok()) first_error = status;
+          next = missing->size();
+        }
+      });
+    }
+  }
+  return first_error;
+}
+
+absl::StatusOr<Delivery> MakeDelivery(const JobArguments& arguments, const PreparedJob& job,
+                                      ViewTransform view) {
+  Delivery delivery{OutputPaths(arguments, job), std::move(view), ""};
+  std::vector<std::string> outputs;
+  for (const PicturePaths& paths : delivery.paths) {
+    outputs.insert(outputs.end(), {paths.exr, paths.png});
+  }
+  if (absl::Status status = CheckOutputs(outputs, InputPaths(job)); !status.ok()) return status;
+  const PicturePaths patterns = OutputPatterns(arguments, job);
+  delivery.options = absl::StrCat("-o ", ShellQuoted(patterns.exr));
+  if (patterns.png.empty()) return delivery;
+  for (const auto& [flag, value] :
+       {std::pair("--png", patterns.png), std::pair("--ocio", arguments.view.config),
+        std::pair("--display", arguments.view.display), std::pair("--view", arguments.view.view)}) {
+    if (!value.empty()) absl::StrAppend(&delivery.options, " ", flag, " ", ShellQuoted(value));
+  }
+  return delivery;
+}
+
+absl::Status ProbeOutputs(const JobArguments& arguments) {
+  const PicturePaths patterns = OutputPatterns(arguments, {});
+  return CheckOutputs({arguments.output.empty() ? "" : patterns.exr, patterns.png},
+                      {arguments.scene, arguments.resume_from});
+}
+
+absl::StatusOr<Delivery> MakeDelivery(JobArguments arguments, const v1::Job& job,
+                                      ViewTransform view) {
+  if (arguments.output.empty() && arguments.png.empty()) return Delivery{{}, std::move(view), ""};
+  PreparedJob frames;
+  for (const v1::Frame& frame : job.frames()) {
+    frames.frames.push_back({frame.spec().frame_number(), {}, {}, ""});
+  }
+  for (const std::string& pattern : {arguments.output, arguments.png}) {
+    if (frames.frames.size() < 2 || pattern.empty() || IsPattern(pattern)) continue;
+    return absl::InvalidArgumentError(absl::StrCat(pattern, ": the job has ", frames.frames.size(),
+                                                   " frames; put #### where the number goes"));
+  }
+  arguments.scene = job.title();
+  return MakeDelivery(arguments, frames, std::move(view));
+}
+
+std::string FetchCommand(const FarmClient& client, const std::string& name,
+                         const Delivery& delivery) {
+  return absl::StrCat("sheaf watch ", name,
+                      client.address() == kCoordinatorAddress
+                          ? ""
+                          : absl::StrCat(" --coordinator ", ShellQuoted(client.address())),
+                      delivery.options.empty() ? "" : " ", delivery.options);
+}
+
+absl::StatusOr<v1::Job> FollowJob(FarmClient* client, const std::string& name, bool json) {
+  ProgressLine line;
+  return client->WatchJob(name, [&](const v1::Job& job) {
+    if (json) {
+      std::printf("%s\n", JobJson(job).c_str());
+      std::fflush(stdout);
+    } else {
+      line.Show(job.name(), ShareDone(job.progress()), FormatProgress(job));
+    }
+  });
+}
+
+absl::Status SavePictures(FarmClient* client, const v1::Job& job, const Delivery& delivery) {
+  absl::Status first;
+  for (size_t i = 0; i < delivery.paths.size() && i < static_cast<size_t>(job.frames_size()); ++i) {
+    const absl::Status status =
+        SavePicture(client, job.frames(static_cast<int>(i)), delivery.paths[i], delivery.view);
+    if (status.ok()) continue;
+    if (!absl::IsFailedPrecondition(status)) return status;
+    if (first.ok()) {
+      first = status;
+    } else {
+      ReportError(ExitCode::kFile, status);
+    }
+  }
+  return first;
+}
+
+ExitCode ReportEnd(const v1::Job& job, bool pictures_written) {
+  if (job.state() == v1::Job::STATE_CANCELLED) {
+    return ReportError(ExitCode::kCancelled, absl::CancelledError(job.name() + " was cancelled"));
+  }
+  if (job.state() == v1::Job::STATE_FAILED) {
+    return ReportError(ExitCode::kFailed, absl::FailedPreconditionError(absl::StrCat(
+                                              job.name(), " failed: ", job.failure())));
+  }
+  // A single picture's line, printed when it was written, has told the same.
+  const bool told = pictures_written && job.frames_size() == 1;
+  if (!told) Tell(FormatJobSummary(job));
+  return ExitCode::kOk;
+}
+
+ExitCode FollowToTheEnd(FarmClient* client, const std::string& name, bool json,
+                        const Delivery& delivery) {
+  const std::string fetch = FetchCommand(*client, name, delivery);
+  const absl::StatusOr<v1::Job> job = FollowJob(client, name, json);
+  if (absl::IsCancelled(job.status())) {
+    return ReportError(
+        ExitCode::kInterrupted,
+        absl::CancelledError(absl::StrCat(
+            name, " goes on without you; ",
+            delivery.paths.empty() ? "watch it with: " : "its pictures are fetched by: ", fetch,
+            "; end it with: sheaf cancel ", name)));
+  }
+  if (!job.ok()) return ReportCallError(job.status());
+  if (job->state() == v1::Job::STATE_SUCCEEDED) {
+    const absl::Status saved = SavePictures(client, *job, delivery);
+    if (!saved.ok()) {
+      Tell(absl::StrCat(name, " is finished; its pictures are fetched by: ", fetch));
+      return absl::IsFailedPrecondition(saved) ? ReportError(ExitCode::kFile, saved)
+                                               : ReportCallError(saved);
+    }
+  }
+  return ReportEnd(*job, !delivery.paths.empty());
+}
+
+}  // namespace sheaf::cli

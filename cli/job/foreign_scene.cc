@@ -1,0 +1,114 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "cli/job/foreign_scene.h"
+
+#include <memory>
+#include <string_view>
+
+#include "absl/status/statusor.h"
+#include "absl/strings/match.h"
+#include "absl/strings/str_cat.h"
+#include "common/scene/formats/text_input.h"
+
+namespace sheaf::cli {
+namespace {
+
+constexpr size_t kHeadBytes = 4096;
+
+constexpr char kAssimp[] = "convert it, for example by: assimp export ROOM.glb room.pbrt";
+constexpr char kByBlender[] =
+    "open it in Blender and export it as pbrt-v4 by an add-on, or as glTF, which converts by: "
+    "assimp export room.glb room.pbrt";
+constexpr char kByHand[] = "docs/pbrt-v4.md says what a scene for Sheaf is made of";
+constexpr char kPicture[] = "give the scene that uses it";
+constexpr char kMesh[] =
+    "put it into a scene, as a .ply: Shape \"plymesh\" \"string filename\" \"model.ply\"";
+constexpr char kVolume[] =
+    "put it into a scene: MakeNamedMedium \"smoke\" \"string type\" \"nanovdb\" "
+    "\"string filename\" \"smoke.nvdb\"";
+
+// How a format begins; an empty magic: only its name tells. An empty ending: only its bytes do.
+struct Format {
+  std::string_view magic, ending;
+  const char* what;
+  const char* advice;
+};
+using namespace std::string_view_literals;  // NOLINT: magic numbers hold zeros.
+constexpr Format kFormats[] = {
+    {"BLENDER"sv, ".blend"sv, "a Blender file", kByBlender},
+    {"glTF"sv, ".glb"sv, "a glTF file", kAssimp},
+    {""sv, ".gltf"sv, "a glTF file", kAssimp},
+    {"PXR-USDC"sv, ".usdc"sv, "a USD file", kByBlender},
+    {"#usda"sv, ".usda"sv, "a USD file", kByBlender},
+    {""sv, ".usd"sv, "a USD file", kByBlender},
+    {""sv, ".usdz"sv, "a USD file", kByBlender},
+    {"Ogawa"sv, ".abc"sv, "an Alembic file", kByBlender},
+    {"Kaydara FBX Binary"sv, ".fbx"sv, "an FBX file", kAssimp},
+    {""sv, ".dae"sv, "a COLLADA file", kAssimp},
+    {""sv, ".obj"sv, "an OBJ mesh", kAssimp},
+    {""sv, ".stl"sv, "an STL mesh", kMesh},
+    {"ply\n"sv, ".ply"sv, "a PLY mesh", kMesh},
+    {"ply\r"sv, ""sv, "a PLY mesh", kMesh},
+    {"NanoVDB"sv, ".nvdb"sv, "a NanoVDB volume", kVolume},
+    {" BDV\0\0\0\0"sv, ".vdb"sv, "an OpenVDB volume", kVolume},
+    {"\x76\x2f\x31\x01"sv, ".exr"sv, "an EXR picture", kPicture},
+    {"\x89PNG"sv, ".png"sv, "a PNG picture", kPicture},
+    {"\xff\xd8\xff"sv, ".jpg"sv, "a JPEG picture", kPicture},
+    {"\xff\xfe"sv, ""sv, "text in UTF-16", "save it as UTF-8"},
+    {"\xfe\xff"sv, ""sv, "text in UTF-16", "save it as UTF-8"},
+    {"\x89HDF"sv, ""sv, "an HDF5 or an old Alembic file", kByBlender},
+    {"%PDF"sv, ""sv, "a PDF document", kByHand},
+    {"PK\x03\x04"sv, ".zip"sv, "a zip archive", "unpack it and give the scene in it"},
+    {"7z\xbc\xaf"sv, ".7z"sv, "a 7z archive", "unpack it and give the scene in it"},
+    {"\x28\xb5\x2f\xfd"sv, ".zst"sv, "compressed by zstd", "unpack it; gzip can stay"},
+    {"\x7f"
+     "ELF"sv,
+     ""sv, "a program", kByHand},
+};
+
+bool EndsSo(const std::string& path, std::string_view ending) {
+  return !ending.empty() && absl::EndsWithIgnoreCase(path, std::string(ending));
+}
+
+absl::Status Refusal(const std::string& path, const std::string& what, const std::string& advice) {
+  return absl::InvalidArgumentError(absl::StrCat(
+      path, ": is ", what, ", not a pbrt-v4 scene, which is what Sheaf reads; ", advice));
+}
+
+}  // namespace
+
+absl::Status CheckSceneFormat(const std::string& path, const std::string& head) {
+  // The name goes first: a .blend may be compressed, a .usdz is a zip archive.
+  for (const Format& format : kFormats) {
+    if (EndsSo(path, format.ending)) return Refusal(path, format.what, format.advice);
+  }
+  for (const Format& format : kFormats) {
+    if (!format.magic.empty() && std::string_view(head).starts_with(format.magic)) {
+      return Refusal(path, format.what, format.advice);
+    }
+  }
+  const size_t first = head.find_first_not_of(" \t\r\n");
+  const std::string text = first == std::string::npos ? "" : head.substr(first);
+  if (text.starts_with("<")) {
+    const bool is_mitsuba = absl::StrContains(text, "<scene");
+    return Refusal(path, is_mitsuba ? "a Mitsuba scene" : "an XML file", kByHand);
+  }
+  if (text.starts_with("{")) {
+    const bool is_gltf = absl::StrContains(text, "\"asset\"");
+    return Refusal(path, is_gltf ? "a glTF file" : "a JSON file", is_gltf ? kAssimp : kByHand);
+  }
+  if (head.find('\0') != std::string::npos) return Refusal(path, "a binary file", kByHand);
+  return absl::OkStatus();
+}
+
+absl::Status CheckSceneFormatOf(const std::string& path) {
+  const absl::StatusOr<std::unique_ptr<TextInput>> input = TextInput::Open(path, 2 * kHeadBytes);
+  if (!input.ok()) return absl::OkStatus();
+  std::string head(kHeadBytes, '\0');
+  const absl::StatusOr<size_t> count = (*input)->Read(head.data(), head.size());
+  if (!count.ok()) return absl::OkStatus();
+  head.resize(*count);
+  return CheckSceneFormat(path, head);
+}
+
+}  // namespace sheaf::cli

@@ -1,0 +1,95 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "cli/job/input_check.h"
+
+#include <limits>
+#include <variant>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
+#include "common/base/printable.h"
+#include "common/image/image_io.h"
+#include "common/scene/named_as_in_scene.h"
+#include "common/volume/volume_file.h"
+
+namespace sheaf::cli {
+namespace {
+
+struct NamedFile {
+  SourceLocation location;
+  std::string use;   // "texture "wood"".
+  std::string file;  // Canonical name; empty: there is none.
+  bool is_volume = false;
+};
+
+std::string FileOf(const LightDescription& light) {
+  if (const auto* infinite = std::get_if<InfiniteLight>(&light.light)) return infinite->file;
+  if (const auto* projection = std::get_if<ProjectionLight>(&light.light)) return projection->file;
+  const auto* goniometric = std::get_if<GoniometricLight>(&light.light);
+  // A table of candelas was read with the scene.
+  return goniometric != nullptr && goniometric->table.candelas.empty() ? goniometric->file : "";
+}
+
+std::vector<NamedFile> FilesNamed(const SceneDescription& scene) {
+  std::vector<NamedFile> files;
+  for (const TextureDescription& texture : scene.textures) {
+    const auto* image = std::get_if<ImageTexture>(&texture.texture);
+    if (image == nullptr) continue;
+    files.push_back(
+        {texture.location, absl::StrCat("texture \"", texture.name, "\""), image->file});
+  }
+  for (const AreaLightDescription& light : scene.area_lights) {
+    files.push_back({light.location, "area light", light.file});
+  }
+  for (const LightDescription& light : scene.lights) {
+    files.push_back({light.location, "light", FileOf(light)});
+  }
+  for (const MediumDescription& medium : scene.media) {
+    const auto* volume = std::get_if<VolumeFileMedium>(&medium.kind);
+    if (volume == nullptr) continue;
+    files.push_back(
+        {medium.location, absl::StrCat("medium \"", medium.name, "\""), volume->file, true});
+  }
+  return files;
+}
+
+absl::Status ReadAsFarAsNeeded(const NamedFile& named, const std::string& path) {
+  if (named.is_volume) return ListVolumeFile(named.file, path).status();
+  const absl::StatusOr<FloatImage> image =
+      ReadImage(path, {.memory_bytes_max = std::numeric_limits<uint64_t>::max(),
+                       .whole_pixels_max = kWholePixelsMax});
+  return NamedAsInScene(image.status(), path, named.file);
+}
+
+}  // namespace
+
+absl::Status InputChecks::Once(const std::string& path, const std::function<absl::Status()>& read) {
+  {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    if (const auto found = known_.find(path); found != known_.end()) return found->second;
+  }
+  absl::Status status = read();
+  const std::lock_guard<std::mutex> lock(mutex_);
+  return known_.emplace(path, std::move(status)).first->second;
+}
+
+absl::Status InputChecks::Check(const SceneDescription& scene, FileSource& files) {
+  std::vector<std::string> errors;
+  for (const NamedFile& named : FilesNamed(scene)) {
+    if (named.file.empty()) continue;
+    const absl::StatusOr<std::string> path = files.LocalPath(named.file);
+    if (!path.ok()) return path.status();
+    const absl::Status status = Once(*path, [&] { return ReadAsFarAsNeeded(named, *path); });
+    // Without its library (kFailedPrecondition) no picture can be read, which is no fault of
+    // theirs.
+    if (status.ok() || absl::IsFailedPrecondition(status)) continue;
+    errors.push_back(
+        Printable(absl::StrCat(FormatLocation(scene, named.location), ": ", named.use, ": ",
+                               status.message(), "; replace the file or take it out")));
+  }
+  return errors.empty() ? absl::OkStatus()
+                        : absl::InvalidArgumentError(absl::StrJoin(errors, "\n"));
+}
+
+}  // namespace sheaf::cli

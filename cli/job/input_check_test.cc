@@ -1,0 +1,82 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "cli/job/input_check.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+
+#include "common/image/image_io.h"
+#include "common/scene/pbrt/scene_reader.h"
+
+namespace sheaf::cli {
+namespace {
+
+using testing::HasSubstr;
+namespace fs = std::filesystem;
+
+class InputCheckTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    directory_ = testing::TempDir() + "/input_check_" +
+                 testing::UnitTest::GetInstance()->current_test_info()->name();
+    fs::remove_all(directory_);
+    fs::create_directories(directory_);
+  }
+  void TearDown() override { fs::remove_all(directory_); }
+
+  void Write(const std::string& name, const std::string& bytes) const {
+    std::ofstream(directory_ + "/" + name, std::ios::binary) << bytes;
+  }
+  // Runs the checks on a scene with these lines in its world, from line 5 on.
+  absl::Status CheckScene(const std::string& lines) const {
+    Write("room.pbrt",
+          "Film \"rgb\" \"integer xresolution\" 8 \"integer yresolution\" 8\n"
+          "Camera \"perspective\"\nWorldBegin\n"
+          "Shape \"sphere\"\n" +
+              lines);
+    DirectoryFileSource files(directory_);
+    const absl::StatusOr<ReadSceneResult> read = ReadScene("room.pbrt", files);
+    EXPECT_TRUE(read.ok()) << read.status();
+    return read.ok() ? InputChecks().Check(read->scene, files) : read.status();
+  }
+
+  std::string directory_;
+};
+
+TEST_F(InputCheckTest, DamageIsToldWhereTheSceneNamesTheFile) {
+  const std::string png = *EncodePng(64, 64, std::vector<Rgb8>(64 * 64, Rgb8{200, 100, 50}));
+  Write("cut.png", png.substr(0, png.size() / 2));
+  Write("garbage.exr", "no picture");
+  Write("smoke.nvdb", "no volume");
+  Write("whole.png", png);
+  const absl::Status status = CheckScene(
+      "Texture \"wood\" \"spectrum\" \"imagemap\" \"string filename\" \"cut.png\"\n"
+      "LightSource \"infinite\" \"string filename\" \"garbage.exr\"\n"
+      "MakeNamedMedium \"fog\" \"string type\" \"nanovdb\" \"string filename\" \"smoke.nvdb\"\n"
+      "Texture \"good\" \"spectrum\" \"imagemap\" \"string filename\" \"whole.png\"\n");
+  EXPECT_TRUE(absl::IsInvalidArgument(status)) << status;
+  const std::string text(status.message());
+  EXPECT_THAT(text, HasSubstr("room.pbrt:5:1: texture \"wood\": cut.png: "));
+  EXPECT_THAT(text, HasSubstr("room.pbrt:6:1: light: garbage.exr: "));
+  EXPECT_THAT(text, HasSubstr("room.pbrt:7:1: medium \"fog\": smoke.nvdb: "));
+  EXPECT_THAT(text, testing::Not(HasSubstr("whole.png")));
+}
+
+TEST_F(InputCheckTest, LargePicturesAreReadAsFarAsTheirHeader) {
+  const int edge = 1100;
+  const std::string png =
+      *EncodePng(edge, edge, std::vector<Rgb8>(static_cast<size_t>(edge) * edge));
+  Write("large.png", png.substr(0, png.size() - 100));
+  Write("large garbage.png", "\x89PNG" + std::string(100, 'x'));
+  const std::string texture = "Texture \"a\" \"spectrum\" \"imagemap\" \"string filename\" ";
+  EXPECT_TRUE(CheckScene(texture + "\"large.png\"\n").ok());
+  EXPECT_FALSE(CheckScene(texture + "\"large garbage.png\"\n").ok());
+}
+
+TEST_F(InputCheckTest, ScenesWithoutFilesPass) { EXPECT_TRUE(CheckScene("").ok()); }
+
+}  // namespace
+}  // namespace sheaf::cli

@@ -1,0 +1,206 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "cli/job/job_json.h"
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+
+#include "absl/strings/ascii.h"
+#include "absl/time/time.h"
+#include "cli/duration.h"
+
+namespace sheaf::cli {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+// Text from people may be no UTF-8; it is shown with replacement characters.
+std::string Dump(const Json& json) {
+  return json.dump(-1, ' ', false, Json::error_handler_t::replace);
+}
+
+// "STATE_RUNNING" to "running".
+std::string LowerName(std::string name) {
+  name = name.substr(name.find('_') + 1);
+  std::transform(name.begin(), name.end(), name.begin(), [](char c) {
+    return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
+  });
+  return name;
+}
+
+Json TimeJson(bool present, const google::protobuf::Timestamp& time) {
+  if (!present) return nullptr;
+  const absl::Time value = absl::FromUnixSeconds(time.seconds()) + absl::Nanoseconds(time.nanos());
+  return absl::FormatTime("%Y-%m-%dT%H:%M:%E3SZ", value, absl::UTCTimeZone());
+}
+
+Json ProgressJson(const v1::Progress& progress) {
+  return {
+      {"sample_count_done", progress.sample_count_done()},
+      {"sample_count_total", progress.sample_count_total()},
+      {"relative_mse", progress.relative_mse() > 0 ? Json(progress.relative_mse()) : Json()},
+      {"nonfinite_count", progress.nonfinite_count()},
+      {"ray_count", progress.ray_count()},
+      {"cpu_duration_seconds", Seconds(progress.cpu_duration())},
+      {"wall_duration_seconds", Seconds(progress.wall_duration())},
+      {"remaining_duration_seconds",
+       progress.has_remaining_duration() ? Json(Seconds(progress.remaining_duration())) : Json()},
+  };
+}
+
+Json StopJson(const v1::StopRule& rule) {
+  return {
+      {"target_error", rule.target_error() > 0 ? Json(rule.target_error()) : Json()},
+      {"time_max_seconds", rule.has_time_max() ? Json(Seconds(rule.time_max())) : Json()},
+      {"cpu_max_seconds", rule.has_cpu_max() ? Json(Seconds(rule.cpu_max())) : Json()},
+  };
+}
+
+// "STOP_REASON_TARGET_ERROR" to "target-error".
+std::string StopReasonName(v1::StopReason reason) {
+  std::string name = v1::StopReason_Name(reason).substr(std::string("STOP_REASON_").size());
+  for (char& c : name) c = c == '_' ? '-' : absl::ascii_tolower(static_cast<unsigned char>(c));
+  return name;
+}
+
+Json RoundsJson(const v1::Frame& frame) {
+  Json json = Json::array();
+  for (const v1::Round& round : frame.rounds()) {
+    json.push_back({
+        {"relative_mse", round.relative_mse()},
+        {"relative_mse_upper", round.relative_mse_upper()},
+        {"predicted_relative_mse", round.predicted_relative_mse()},
+        {"prediction_ratio", round.prediction_ratio()},
+        {"sample_count", round.sample_count()},
+        {"ray_count", round.ray_count()},
+        {"cpu_duration_seconds", Seconds(round.cpu_duration())},
+        {"wall_duration_seconds", Seconds(round.wall_duration())},
+        {"part_bytes", round.part_bytes()},
+    });
+  }
+  return json;
+}
+
+Json LayersJson(const v1::Frame& frame) {
+  Json json = Json::array();
+  for (const v1::UnreliableLayer& layer : frame.unreliable_layers()) {
+    json.push_back({{"layer", layer.layer()}, {"tile_count", layer.tile_count()}});
+  }
+  return json;
+}
+
+Json FrameJson(const v1::Frame& frame) {
+  const v1::FrameSettings& settings = frame.spec().settings();
+  const v1::PixelRect& window = settings.window();
+  return {
+      {"name", frame.name()},
+      {"frame_number", frame.spec().frame_number()},
+      {"scene_digest", frame.spec().scene().sha256_hex()},
+      {"frame_digest", frame.frame_digest()},
+      {"width_px", settings.width_px()},
+      {"height_px", settings.height_px()},
+      {"window",
+       {{"x0_px", window.x0_px()},
+        {"y0_px", window.y0_px()},
+        {"x1_px", window.x1_px()},
+        {"y1_px", window.y1_px()}}},
+      {"sample_count", settings.sample_count()},
+      {"depth_max", settings.depth_max()},
+      {"seed", settings.seed()},
+      {"one_sequence", settings.one_sequence()},
+      {"similarity_after_count", settings.similarity_after_count()},
+      {"sensor", settings.sensor()},
+      {"max_component_value", settings.max_component_value()},
+      {"pixel_stride_px", settings.pixel_stride_px()},
+      {"resumed_picture", frame.spec().has_resumed_picture()
+                              ? Json(frame.spec().resumed_picture().sha256_hex())
+                              : Json()},
+      {"stop", StopJson(frame.spec().stop())},
+      {"stop_reason", frame.complete() ? StopReasonName(frame.stop_reason()) : ""},
+      {"rounds", RoundsJson(frame)},
+      {"tile_count", frame.tile_count()},
+      {"unreliable_tile_count", frame.unreliable_tile_count()},
+      {"unreliable_layers", LayersJson(frame)},
+      {"complete", frame.complete()},
+      {"picture_digest", frame.picture_digest()},
+      {"flip", frame.flip() > 0 ? Json(frame.flip()) : Json()},
+      {"one_sequence_gain",
+       frame.one_sequence_gain() > 0 ? Json(frame.one_sequence_gain()) : Json()},
+      {"progress", ProgressJson(frame.progress())},
+  };
+}
+
+}  // namespace
+
+std::string JobStateName(v1::Job::State state) { return LowerName(v1::Job::State_Name(state)); }
+
+std::string WorkerStateName(v1::Worker::State state) {
+  return LowerName(v1::Worker::State_Name(state));
+}
+
+std::string JobJson(const v1::Job& job) {
+  Json json = {
+      {"name", job.name()},
+      {"title", job.title()},
+      {"pilot", job.pilot()},
+      {"state", JobStateName(job.state())},
+      {"priority", job.priority()},
+      {"numeric_profile", job.numeric_profile()},
+      {"failure", job.failure()},
+      {"waiting_reason", job.waiting_reason()},
+      {"create_time", TimeJson(job.has_create_time(), job.create_time())},
+      {"end_time", TimeJson(job.has_end_time(), job.end_time())},
+      {"progress", ProgressJson(job.progress())},
+      {"effect_costs", Json::array()},
+      {"frames", Json::array()},
+  };
+  for (const v1::EffectCost& effect : job.effect_costs()) {
+    json["effect_costs"].push_back({{"name", effect.name()},
+                                    {"problem", effect.problem()},
+                                    {"without", effect.without()},
+                                    {"time_share", effect.time_share()},
+                                    {"time_share_error", effect.time_share_error()},
+                                    {"mean_change", effect.mean_change()},
+                                    {"mean_change_error", effect.mean_change_error()},
+                                    {"relative_mse", effect.relative_mse()},
+                                    {"variance_ratio", effect.variance_ratio()}});
+  }
+  for (const v1::Frame& frame : job.frames()) json["frames"].push_back(FrameJson(frame));
+  return Dump(json);
+}
+
+std::string RefinementPricesJson(const v1::PriceRefinementResponse& response) {
+  const auto estimate = [](const v1::Estimate& of) {
+    return Json{{"value", of.value()}, {"low", of.low()}, {"high", of.high()}};
+  };
+  Json prices = Json::array();
+  for (const v1::RefinementPrice& price : response.prices()) {
+    prices.push_back(
+        {{"target_error", price.target_error()},
+         {"reached", price.reached()},
+         {"relative_mse", estimate(price.relative_mse())},
+         {"samples_per_pixel", estimate(price.samples_per_pixel())},
+         {"cpu_seconds", estimate(price.cpu_seconds())},
+         {"wall_seconds", response.thread_count() > 0 ? estimate(price.wall_seconds()) : Json()}});
+  }
+  return Dump({{"prices", std::move(prices)},
+               {"thread_count", response.thread_count()},
+               {"jobs_before_count", response.jobs_before_count()}});
+}
+
+std::string WorkerJson(const v1::Worker& worker) {
+  return Dump({
+      {"name", worker.name()},
+      {"host", worker.host()},
+      {"state", WorkerStateName(worker.state())},
+      {"thread_count", worker.thread_count()},
+      {"numeric_profile", worker.numeric_profile()},
+      {"lease_count", worker.lease_count()},
+      {"result_count", worker.result_count()},
+      {"samples_per_second", worker.samples_per_second()},
+      {"last_seen_time", TimeJson(worker.has_last_seen_time(), worker.last_seen_time())},
+      {"reason", worker.reason()},
+  });
+}
+
+}  // namespace sheaf::cli

@@ -1,0 +1,51 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "cli/job/job_json.h"
+
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+
+namespace sheaf::cli {
+namespace {
+
+TEST(JobJsonTest, WritesAJobOnOneLine) {
+  v1::Job job;
+  job.set_name("jobs/7");
+  job.set_title("two\nlines and \xff");
+  job.set_state(v1::Job::STATE_RUNNING);
+  job.mutable_create_time()->set_seconds(0);
+  job.mutable_progress()->set_sample_count_total(100);
+  v1::Frame* frame = job.add_frames();
+  frame->mutable_spec()->set_frame_number(3);
+  frame->mutable_spec()->mutable_settings()->set_sample_count(16);
+  frame->mutable_spec()->mutable_settings()->set_similarity_after_count(8);
+  v1::UnreliableLayer* layer = frame->add_unreliable_layers();
+  layer->set_layer("caustic");
+  layer->set_tile_count(5);
+  const std::string text = JobJson(job);
+  EXPECT_EQ(text.find('\n'), std::string::npos);
+  const nlohmann::json json = nlohmann::json::parse(text);
+  EXPECT_EQ(json["name"], "jobs/7");
+  EXPECT_EQ(json["state"], "running");
+  EXPECT_EQ(json["create_time"], "1970-01-01T00:00:00.000Z");
+  EXPECT_TRUE(json["end_time"].is_null());
+  EXPECT_TRUE(json["progress"]["relative_mse"].is_null());
+  EXPECT_TRUE(json["progress"]["remaining_duration_seconds"].is_null());
+  EXPECT_EQ(json["frames"][0]["frame_number"], 3);
+  EXPECT_TRUE(json["frames"][0]["flip"].is_null());
+  EXPECT_EQ(json["frames"][0]["unreliable_layers"][0]["layer"], "caustic");
+  EXPECT_EQ(json["frames"][0]["unreliable_layers"][0]["tile_count"], 5);
+  EXPECT_EQ(json["frames"][0]["sample_count"], 16);
+  EXPECT_EQ(json["frames"][0]["similarity_after_count"], 8);
+}
+
+TEST(JobJsonTest, NamesAllStates) {
+  EXPECT_EQ(JobStateName(v1::Job::STATE_SUCCEEDED), "succeeded");
+  EXPECT_EQ(JobStateName(v1::Job::STATE_CANCELLED), "cancelled");
+  EXPECT_EQ(JobStateName(v1::Job::STATE_PAUSED), "paused");
+  EXPECT_EQ(WorkerStateName(v1::Worker::STATE_QUARANTINED), "quarantined");
+}
+
+}  // namespace
+}  // namespace sheaf::cli

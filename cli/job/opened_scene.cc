@@ -1,0 +1,49 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "cli/job/opened_scene.h"
+
+#include <filesystem>
+#include <utility>
+
+#include "cli/job/foreign_scene.h"
+#include "cli/message.h"
+#include "common/base/memory_room.h"
+#include "common/base/status.h"
+#include "common/scene/black_picture.h"
+
+namespace sheaf::cli {
+
+absl::StatusOr<SceneFile> ReadSceneFile(const std::string& path) {
+  if (absl::Status status = CheckSceneFormatOf(path); !status.ok()) return status;
+  const std::filesystem::path scene(path);
+  const std::string directory = scene.parent_path().string();
+  auto files = std::make_unique<DirectoryFileSource>(directory.empty() ? "." : directory);
+  SceneReaderLimits limits;
+  if (const MemoryRoom room = FindMemoryRoom(); room.bytes < limits.memory_bytes_max) {
+    limits.memory_bytes_max = room.bytes;
+    limits.memory_limit = "what is left of " + room.limit;
+  }
+  absl::StatusOr<ReadSceneResult> read = ReadScene(scene.filename().string(), *files, limits);
+  if (!read.ok()) return read.status();
+  if (std::string black = WhyBlack(read->scene); !black.empty()) {
+    read->diagnostics.push_back({SceneDiagnostic::Severity::kWarning, std::move(black)});
+  }
+  return SceneFile{std::move(files), *std::move(read)};
+}
+
+ExitCode OpenScene(const JobArguments& arguments, OpenedScene* opened) {
+  absl::StatusOr<SceneFile> file = ReadSceneFile(arguments.scene);
+  if (!file.ok()) return ReportSceneError(file.status());
+  for (const SceneDiagnostic& diagnostic : file->read.diagnostics) {
+    TellOfScene(diagnostic.text);
+  }
+  const absl::StatusOr<FrameSettings> settings =
+      ResolveSettings(file->read.scene, arguments.settings);
+  if (!settings.ok()) {
+    return ReportError(ExitCode::kUsage, Annotate(settings.status(), arguments.scene));
+  }
+  *opened = {*std::move(file), *settings};
+  return ExitCode::kOk;
+}
+
+}  // namespace sheaf::cli

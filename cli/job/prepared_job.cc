@@ -1,0 +1,266 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "cli/job/prepared_job.h"
+
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <filesystem>
+#include <mutex>
+#include <optional>
+#include <random>
+#include <set>
+#include <thread>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "cli/job/file_digests.h"
+#include "cli/job/frame_range.h"
+#include "cli/job/input_check.h"
+#include "cli/job/opened_scene.h"
+#include "cli/job/output_files.h"
+#include "common/base/digest.h"
+#include "common/base/printable.h"
+#include "common/base/status.h"
+#include "common/rpc/manifest_codec.h"
+#include "common/rpc/settings_codec.h"
+#include "common/scene/file_source.h"
+#include "common/scene/lamps_in_view.h"
+#include "common/scene/pbrt/scene_reader.h"
+
+namespace sheaf::cli {
+namespace {
+
+namespace fs = std::filesystem;
+
+// Scenes that are read at the same time: each may take gigabytes.
+constexpr size_t kReadersMax = 4;
+
+// One frame read; its blobs come along.
+struct ReadFrameResult {
+  PreparedFrame frame;
+  std::vector<BlobSource> blobs;
+  std::vector<std::string> diagnostics;
+};
+
+absl::StatusOr<ReadFrameResult> ReadFrame(const std::string& path, int32_t number,
+                                          const RenderSettings& settings, FileDigests* digests,
+                                          InputChecks* checks) {
+  const absl::StatusOr<SceneFile> file = ReadSceneFile(path);
+  if (!file.ok()) return file.status();
+  if (absl::Status status = checks->Check(file->read.scene, *file->files); !status.ok()) {
+    return status;
+  }
+  const ReadSceneResult& read = file->read;
+  ReadFrameResult result;
+  for (const SceneDiagnostic& diagnostic : read.diagnostics) {
+    result.diagnostics.push_back(diagnostic.text);
+  }
+  const absl::StatusOr<FrameSettings> resolved = ResolveSettings(read.scene, settings);
+  if (!resolved.ok()) return Annotate(resolved.status(), path);
+  if (std::string note = ComparisonNote(read.scene, *resolved); !note.empty()) {
+    result.diagnostics.push_back(std::move(note));
+  }
+  std::vector<ManifestFile> files;
+  for (const auto& [name, local_path] : file->files->FilesUsed()) {
+    const absl::StatusOr<BlobDigest> digest = digests->Of(local_path);
+    if (!digest.ok()) return digest.status();
+    files.push_back({name, *digest});
+    result.blobs.push_back({*digest, local_path, ""});
+  }
+  const Manifest manifest = MakeManifest(fs::path(path).filename().string(), std::move(files));
+  if (absl::Status status = CheckManifest(manifest); !status.ok()) return status;
+  const std::string bytes = EncodeManifest(manifest);
+  const BlobDigest digest{Sha256Hex(bytes), bytes.size()};
+  result.blobs.push_back({digest, "", bytes});
+  result.frame = {number,
+                  digest,
+                  *resolved,
+                  read.scene.film.filename,
+                  read.scene.filter,
+                  LampsInView(read.scene, resolved->width_px, resolved->height_px)};
+  return result;
+}
+
+absl::StatusOr<std::vector<int32_t>> FrameNumbers(const JobArguments& arguments) {
+  const bool is_pattern = IsPattern(arguments.scene);
+  if (arguments.frames.empty()) {
+    if (!is_pattern) return std::vector<int32_t>{1};
+    return absl::InvalidArgumentError(absl::StrCat(
+        arguments.scene, ": is a pattern; say which frames, for example --frames 1-24"));
+  }
+  if (!is_pattern) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        "--frames needs a scene with #### where the number goes, as in shot.####.pbrt; got ",
+        arguments.scene));
+  }
+  return ParseFrameRange(arguments.frames);
+}
+
+absl::Status CheckPattern(const std::string& flag, const std::string& pattern) {
+  if (pattern.empty() || IsPattern(pattern)) return absl::OkStatus();
+  return absl::InvalidArgumentError(absl::StrCat(
+      flag, " ", pattern, ": several frames need #### where the number goes, as in out.####.exr"));
+}
+
+}  // namespace
+
+absl::Status CheckPictureNames(const JobArguments& arguments) {
+  const absl::Status status = CheckOutputName("-o", arguments.output, {".exr", ".png"});
+  return status.ok() ? CheckOutputName("--png", arguments.png, {".png"}) : status;
+}
+
+absl::Status CheckJobArguments(const JobArguments& arguments) {
+  if (absl::Status status = CheckPictureNames(arguments); !status.ok()) return status;
+  const absl::StatusOr<std::vector<int32_t>> numbers = FrameNumbers(arguments);
+  if (!numbers.ok()) return numbers.status();
+  if (numbers->size() == 1) return absl::OkStatus();
+  if (!arguments.resume_from.empty()) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        "--resume-from ", arguments.resume_from, ": one picture is of one frame, and there are ",
+        numbers->size(), " frames; submit them one by one"));
+  }
+  if (absl::Status status = CheckPattern("-o", arguments.output); !status.ok()) return status;
+  return CheckPattern("--png", arguments.png);
+}
+
+absl::StatusOr<PreparedJob> PrepareJob(const JobArguments& arguments) {
+  const absl::StatusOr<std::vector<int32_t>> numbers = FrameNumbers(arguments);
+  if (!numbers.ok()) return numbers.status();
+  FileDigests digests;
+  InputChecks checks;
+  RenderSettings settings = arguments.settings;
+  if (arguments.stop.IsActive() && !settings.samples) settings.samples = kStoppedSamplesMax;
+  std::vector<std::optional<absl::StatusOr<ReadFrameResult>>> results(numbers->size());
+  std::atomic<size_t> next{0};
+  std::atomic<bool> failed{false};
+  {
+    std::vector<std::jthread> readers;
+    const size_t reader_count = std::min(
+        {kReadersMax, numbers->size(), std::max<size_t>(1, std::thread::hardware_concurrency())});
+    for (size_t r = 0; r < reader_count; ++r) {
+      readers.emplace_back([&] {
+        for (size_t i = next++; i < results.size() && !failed; i = next++) {
+          const int32_t number = (*numbers)[i];
+          results[i].emplace(ReadFrame(ExpandPattern(arguments.scene, number), number, settings,
+                                       &digests, &checks));
+          if (!results[i]->ok()) failed = true;
+        }
+      });
+    }
+  }
+  PreparedJob job;
+  std::set<std::string> seen;
+  for (std::optional<absl::StatusOr<ReadFrameResult>>& result : results) {
+    if (!result.has_value()) continue;  // Another frame failed first.
+    if (!result->ok()) return result->status();
+    job.frames.push_back((**result).frame);
+    for (BlobSource& blob : (**result).blobs) {
+      const std::string digest = blob.digest.sha256_hex;
+      job.blobs.emplace(digest, std::move(blob));
+    }
+    for (std::string& text : (**result).diagnostics) {
+      if (seen.insert(text).second) job.diagnostics.push_back(std::move(text));
+    }
+  }
+  if (!arguments.resume_from.empty()) {
+    const absl::StatusOr<BlobDigest> digest = digests.Of(arguments.resume_from);
+    if (!digest.ok()) return digest.status();
+    job.blobs.emplace(digest->sha256_hex, BlobSource{*digest, arguments.resume_from, ""});
+    job.frames.front().resumed = *digest;
+  }
+  return job;
+}
+
+PicturePaths OutputPatterns(const JobArguments& arguments, const PreparedJob& job) {
+  std::string exr = arguments.output, png = arguments.png;
+  if (exr.empty()) {
+    // The scene's own name for the picture, if it is one picture; never its folder, which belongs
+    // to whoever wrote the scene.
+    fs::path name = fs::path(arguments.scene).filename();
+    if (job.frames.size() == 1 && !job.frames.front().film_filename.empty()) {
+      name = fs::path(job.frames.front().film_filename).filename();
+    }
+    exr = name.replace_extension(".exr").string();
+  }
+  if (IsPng(exr)) {
+    if (png.empty()) png = exr;
+    exr = fs::path(exr).replace_extension(".exr").string();
+  }
+  return {exr, png};
+}
+
+std::vector<PicturePaths> OutputPaths(const JobArguments& arguments, const PreparedJob& job) {
+  const PicturePaths patterns = OutputPatterns(arguments, job);
+  std::vector<PicturePaths> paths;
+  for (const PreparedFrame& frame : job.frames) {
+    paths.push_back(
+        {ExpandPattern(patterns.exr, frame.number), ExpandPattern(patterns.png, frame.number)});
+  }
+  return paths;
+}
+
+std::vector<std::string> InputPaths(const PreparedJob& job) {
+  std::vector<std::string> paths;
+  for (const auto& [digest, blob] : job.blobs) {
+    if (!blob.path.empty()) paths.push_back(blob.path);
+  }
+  return paths;
+}
+
+absl::StatusOr<ViewTransform> OpenView(const JobArguments& arguments) {
+  const bool writes_png = !arguments.png.empty() || IsPng(arguments.output);
+  if (!writes_png && !arguments.view.IsActive()) return ViewTransform();
+  return ViewTransform::Open(arguments.view);
+}
+
+v1::StopRule StopRuleOf(const StopArguments& stop, int frame_count) {
+  const auto set = [](double seconds, google::protobuf::Duration* duration) {
+    const double whole = std::floor(seconds);
+    duration->set_seconds(static_cast<int64_t>(whole));
+    duration->set_nanos(static_cast<int32_t>((seconds - whole) * 1e9));
+  };
+  v1::StopRule rule;
+  rule.set_target_error(stop.target_error);
+  if (stop.seconds > 0) set(stop.seconds, rule.mutable_time_max());
+  if (stop.budget_cpu_hours > 0) {
+    set(3600 * stop.budget_cpu_hours / frame_count, rule.mutable_cpu_max());
+  }
+  return rule;
+}
+
+v1::CreateJobRequest MakeCreateJobRequest(const JobArguments& arguments, const PreparedJob& job) {
+  v1::CreateJobRequest request;
+  request.set_request_id(MakeRequestId());
+  const std::string file_name = fs::path(arguments.scene).filename().string();
+  request.set_title(arguments.title.empty() ? Printable(file_name) : arguments.title);
+  request.set_priority(arguments.priority);
+  request.mutable_partition()->set_tile_size_px(arguments.tile_size_px);
+  request.mutable_partition()->set_cell_size_px(arguments.cell_size_px);
+  request.mutable_partition()->set_pass_sample_count(arguments.pass_sample_count);
+  request.mutable_partition()->set_lease_pass_count(arguments.lease_pass_count);
+  for (const PreparedFrame& frame : job.frames) {
+    v1::FrameSpec* spec = request.add_frames();
+    spec->set_frame_number(frame.number);
+    spec->mutable_scene()->set_sha256_hex(frame.manifest.sha256_hex);
+    spec->mutable_scene()->set_size_bytes(frame.manifest.size_bytes);
+    *spec->mutable_settings() = ToWire(frame.settings);
+    if (!frame.resumed.sha256_hex.empty()) {
+      spec->mutable_resumed_picture()->set_sha256_hex(frame.resumed.sha256_hex);
+      spec->mutable_resumed_picture()->set_size_bytes(frame.resumed.size_bytes);
+    }
+    if (arguments.stop.IsActive())
+      *spec->mutable_stop() = StopRuleOf(arguments.stop, static_cast<int>(job.frames.size()));
+  }
+  return request;
+}
+
+std::string MakeRequestId() {
+  std::random_device random;
+  const uint32_t a = random(), b = random(), c = random(), d = random();
+  return absl::StrFormat("%08x-%04x-4%03x-%04x-%04x%08x", a, b >> 16, b & 0xfff,
+                         0x8000 | (c & 0x3fff), c >> 16, d);
+}
+
+}  // namespace sheaf::cli

@@ -1,0 +1,123 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "cli/job/prepared_job.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+
+namespace sheaf::cli {
+namespace {
+
+using testing::HasSubstr;
+
+class PreparedJobTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    directory_ = testing::TempDir() + "/prepared_job_" +
+                 testing::UnitTest::GetInstance()->current_test_info()->name();
+    std::filesystem::remove_all(directory_);
+    std::filesystem::create_directories(directory_);
+  }
+  void TearDown() override { std::filesystem::remove_all(directory_); }
+
+  std::string Write(const std::string& name, const std::string& text) {
+    std::ofstream(directory_ + "/" + name) << text;
+    return directory_ + "/" + name;
+  }
+  // A scene of a sphere whose surroundings come from a file that all frames share.
+  void WriteFrame(const std::string& name, const std::string& radius) {
+    Write(
+        name,
+        "Film \"rgb\" \"integer xresolution\" [8] \"integer yresolution\" [4] \"string filename\" "
+        "\"../elsewhere/picture.png\"\nCamera \"perspective\"\nWorldBegin\n"
+        "Include \"shared.pbrt\"\nShape \"sphere\" \"float radius\" [" +
+            radius + "]\n");
+  }
+
+  std::string directory_;
+};
+
+TEST_F(PreparedJobTest, SharesFilesBetweenFrames) {
+  Write("shared.pbrt", "LightSource \"infinite\" \"rgb L\" [1 1 1]\n");
+  WriteFrame("shot.01.pbrt", "1");
+  WriteFrame("shot.02.pbrt", "2");
+  JobArguments arguments;
+  arguments.scene = directory_ + "/shot.##.pbrt";
+  arguments.frames = "1-2";
+  arguments.settings.samples = 3;
+  const absl::StatusOr<PreparedJob> job = PrepareJob(arguments);
+  ASSERT_TRUE(job.ok()) << job.status();
+  ASSERT_EQ(job->frames.size(), 2u);
+  EXPECT_EQ(job->frames[1].number, 2);
+  EXPECT_EQ(job->frames[1].settings.samples, 3u);
+  EXPECT_EQ(job->frames[1].settings.width_px, 8);
+  EXPECT_EQ(job->blobs.size(), 5u);  // Two scenes, one shared file, two manifests.
+  const v1::CreateJobRequest request = MakeCreateJobRequest(arguments, *job);
+  EXPECT_EQ(request.frames_size(), 2);
+  EXPECT_EQ(request.title(), "shot.##.pbrt");
+  EXPECT_NE(request.request_id(), MakeCreateJobRequest(arguments, *job).request_id());
+}
+
+TEST_F(PreparedJobTest, APictureToGoOnFromIsUploaded) {
+  Write("shared.pbrt", "LightSource \"infinite\" \"rgb L\" [1 1 1]\n");
+  WriteFrame("one.pbrt", "1");
+  JobArguments arguments;
+  arguments.scene = directory_ + "/one.pbrt";
+  arguments.resume_from = Write("before.exr", "a picture");
+  const absl::StatusOr<PreparedJob> job = PrepareJob(arguments);
+  ASSERT_TRUE(job.ok()) << job.status();
+  const v1::CreateJobRequest request = MakeCreateJobRequest(arguments, *job);
+  const std::string digest = request.frames(0).resumed_picture().sha256_hex();
+  EXPECT_EQ(request.frames(0).resumed_picture().size_bytes(), 9u);
+  ASSERT_TRUE(job->blobs.contains(digest));
+  EXPECT_EQ(job->blobs.at(digest).path, arguments.resume_from);
+  arguments.scene = "shot.####.pbrt";
+  arguments.frames = "1-2";
+  EXPECT_THAT(std::string(CheckJobArguments(arguments).message()), HasSubstr("--resume-from"));
+}
+
+TEST_F(PreparedJobTest, ReportsASceneErrorWithItsPlace) {
+  JobArguments arguments;
+  arguments.scene = Write("bad.pbrt", "WorldBegin\nShape \"teapot\"\n");
+  const absl::StatusOr<PreparedJob> job = PrepareJob(arguments);
+  EXPECT_EQ(job.status().code(), absl::StatusCode::kInvalidArgument);
+  EXPECT_THAT(std::string(job.status().message()), HasSubstr("bad.pbrt:2:"));
+  arguments.scene = directory_ + "/absent.pbrt";
+  EXPECT_EQ(PrepareJob(arguments).status().code(), absl::StatusCode::kNotFound);
+}
+
+TEST_F(PreparedJobTest, RefusesArgumentsThatDoNotFitTogether) {
+  JobArguments arguments;
+  arguments.scene = "shot.####.pbrt";
+  EXPECT_THAT(std::string(CheckJobArguments(arguments).message()), HasSubstr("--frames"));
+  arguments.frames = "1-24";
+  EXPECT_TRUE(CheckJobArguments(arguments).ok());
+  arguments.output = "out.exr";
+  EXPECT_THAT(std::string(CheckJobArguments(arguments).message()), HasSubstr("####"));
+  arguments.scene = "shot.pbrt";
+  EXPECT_FALSE(CheckJobArguments(arguments).ok());
+}
+
+TEST_F(PreparedJobTest, ChoosesWherePicturesGo) {
+  PreparedJob job;
+  job.frames = {{1, {}, {}, "../elsewhere/picture.png"}};
+  JobArguments arguments;
+  arguments.scene = "scenes/room.pbrt";
+  EXPECT_EQ(OutputPaths(arguments, job)[0].exr, "picture.exr");  // Never outside of this folder.
+  job.frames[0].film_filename.clear();
+  EXPECT_EQ(OutputPaths(arguments, job)[0].exr, "room.exr");
+  EXPECT_EQ(OutputPaths(arguments, job)[0].png, "");
+  arguments.output = "out/a.png";
+  EXPECT_EQ(OutputPaths(arguments, job)[0].exr, "out/a.exr");
+  EXPECT_EQ(OutputPaths(arguments, job)[0].png, "out/a.png");
+  arguments.output.clear();
+  arguments.scene = "shot.####.pbrt";
+  job.frames = {{7, {}, {}, "same.exr"}, {8, {}, {}, "same.exr"}};
+  EXPECT_EQ(OutputPaths(arguments, job)[1].exr, "shot.0008.exr");
+}
+
+}  // namespace
+}  // namespace sheaf::cli

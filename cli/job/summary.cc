@@ -1,0 +1,130 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "cli/job/summary.h"
+
+#include <algorithm>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "cli/duration.h"
+#include "cli/progress_line.h"
+
+namespace sheaf::cli {
+namespace {
+
+// flip: 0 where it cannot be told. rendered: as IsRendered; others have no rate of samples.
+std::string FormatCosts(const v1::Progress& progress, double flip, bool rendered) {
+  const double wall_seconds = Seconds(progress.wall_duration());
+  std::string text = absl::StrFormat("%.1f s", wall_seconds);
+  if (wall_seconds > 0) {
+    const auto rate = [&](uint64_t count) {
+      return FormatCount(static_cast<double>(count) / wall_seconds);
+    };
+    if (rendered) absl::StrAppend(&text, ", ", rate(progress.sample_count_done()), " samples/s");
+    absl::StrAppend(&text, ", ", rate(progress.ray_count()), " rays/s");
+  }
+  if (progress.relative_mse() > 0) {
+    absl::StrAppend(&text, absl::StrFormat(", relMSE %.1e", progress.relative_mse()));
+  }
+  if (flip > 0) absl::StrAppend(&text, absl::StrFormat(", FLIP %.2g", flip));
+  absl::StrAppend(&text, ", ", progress.nonfinite_count(), " non-finite");
+  if (progress.nonfinite_count() > 0) text += " (a defect, please report it)";
+  return text;
+}
+
+// Whether all of its samples were, and none came with a picture.
+bool IsRendered(const v1::Frame& frame) { return !frame.spec().has_resumed_picture(); }
+
+std::string FormatSamples(const v1::Frame& frame) {
+  const v1::FrameSettings& settings = frame.spec().settings();
+  if (!frame.spec().has_stop()) {
+    return absl::StrCat(settings.sample_count(),
+                        settings.sample_count() == 1 ? " sample" : " samples");
+  }
+  const v1::PixelRect& window = settings.window();
+  const double pixel_count =
+      1.0 * (window.x1_px() - window.x0_px()) * (window.y1_px() - window.y0_px());
+  return absl::StrFormat("%.1f samples on average",
+                         static_cast<double>(frame.progress().sample_count_done()) / pixel_count);
+}
+
+// Whether the target that was asked for is reached.
+std::string FormatStop(const v1::Frame& frame) {
+  const double target = frame.spec().stop().target_error();
+  if (target <= 0 || frame.rounds().empty()) return "";
+  const double upper = frame.rounds().rbegin()->relative_mse_upper();
+  const std::string bound = absl::StrFormat("at most %.2g with 95 %% confidence", upper);
+  switch (frame.stop_reason()) {
+    case v1::STOP_REASON_TARGET_ERROR:
+      return absl::StrFormat(", %s (asked: %.2g)", bound, target);
+    case v1::STOP_REASON_TIME:
+      return absl::StrFormat("; the time ended before the target of %.2g: %s", target, bound);
+    case v1::STOP_REASON_CPU:
+      return absl::StrFormat("; the budget ended before the target of %.2g: %s", target, bound);
+    default:
+      return absl::StrFormat("; all samples were used before the target of %.2g: %s", target,
+                             bound);
+  }
+}
+
+// Concerns the pixels of such tiles: the error of the picture as a whole has them in it.
+std::string FormatReliability(const v1::Frame& frame) {
+  if (frame.unreliable_tile_count() == 0) return "";
+  std::string text = absl::StrFormat(
+      "; %d of %d tiles contain fireflies, so error bars of their pixels may be "
+      "too small: more samples help",
+      frame.unreliable_tile_count(), frame.tile_count());
+  if (frame.unreliable_layers().empty()) {
+    return text + " (--light-paths or sheaf study name the light to blame)";
+  }
+  text += "; main cause: ";
+  for (const v1::UnreliableLayer& layer : frame.unreliable_layers()) {
+    const bool is_first = &layer == &frame.unreliable_layers(0);
+    absl::StrAppend(&text, is_first ? "" : ", then ", layer.layer(), " (", layer.tile_count(),
+                    layer.tile_count() == 1 ? " tile)" : " tiles)");
+  }
+  return text;
+}
+
+// What true error bars cost a smooth picture, and the choice there is.
+std::string FormatOneSequence(const v1::Frame& frame) {
+  if (frame.one_sequence_gain() <= 0) return "";
+  return absl::StrFormat(
+      "; the picture is smooth: --one-sequence would lower its relMSE about %.1fx, but gives no "
+      "true error bars (sheaf study measures it)",
+      frame.one_sequence_gain());
+}
+
+// The limit of the picture where that is not the scene's light.
+std::string FormatBias(const v1::FrameSettings& settings) {
+  std::string bias;
+  if (settings.similarity_after_count() != 0) {
+    bias = absl::StrCat(", biased: similarity after ", settings.similarity_after_count(),
+                        " scatterings");
+  }
+  if (settings.max_component_value() != 0) {
+    absl::StrAppend(&bias, ", biased: samples clamped to ", settings.max_component_value());
+  }
+  return bias;
+}
+
+}  // namespace
+
+std::string FormatPictureSummary(const v1::Frame& frame, const PicturePaths& paths) {
+  const v1::FrameSettings& settings = frame.spec().settings();
+  const v1::PixelRect& window = settings.window();
+  return absl::StrCat(paths.exr, paths.png.empty() ? "" : " and ", paths.png, ": ",
+                      window.x1_px() - window.x0_px(), "x", window.y1_px() - window.y0_px(), ", ",
+                      FormatSamples(frame), FormatBias(settings), ", ",
+                      FormatCosts(frame.progress(), frame.flip(), IsRendered(frame)),
+                      FormatStop(frame), FormatReliability(frame), FormatOneSequence(frame));
+}
+
+std::string FormatJobSummary(const v1::Job& job) {
+  return absl::StrCat(
+      job.name(), ": ", job.frames_size(), job.frames_size() == 1 ? " frame, " : " frames, ",
+      FormatCosts(job.progress(), /*flip=*/0,
+                  std::all_of(job.frames().begin(), job.frames().end(), IsRendered)));
+}
+
+}  // namespace sheaf::cli

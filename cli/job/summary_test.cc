@@ -1,0 +1,125 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "cli/job/summary.h"
+
+#include <gtest/gtest.h>
+
+namespace sheaf::cli {
+namespace {
+
+v1::Progress Costs() {
+  v1::Progress progress;
+  progress.set_sample_count_done(29'491'200);
+  progress.set_ray_count(75'000'000);
+  progress.mutable_wall_duration()->set_seconds(12);
+  progress.mutable_wall_duration()->set_nanos(300'000'000);
+  progress.set_relative_mse(2.1e-3);
+  return progress;
+}
+
+v1::Frame Picture() {
+  v1::Frame frame;
+  v1::FrameSettings* settings = frame.mutable_spec()->mutable_settings();
+  settings->set_sample_count(128);
+  settings->mutable_window()->set_x0_px(10);
+  settings->mutable_window()->set_x1_px(650);
+  settings->mutable_window()->set_y1_px(360);
+  *frame.mutable_progress() = Costs();
+  return frame;
+}
+
+TEST(SummaryTest, PictureSaysWhereItIsAndWhatItTook) {
+  EXPECT_EQ(FormatPictureSummary(Picture(), {"out.exr", ""}),
+            "out.exr: 640x360, 128 samples, 12.3 s, 2.4 M samples/s, 6.1 M rays/s, "
+            "relMSE 2.1e-03, 0 non-finite");
+  EXPECT_TRUE(FormatPictureSummary(Picture(), {"out.exr", "out.png"})
+                  .starts_with("out.exr and out.png: 640x360"));
+}
+
+TEST(SummaryTest, SamplesThatCameWithAPictureHaveNoRate) {
+  v1::Frame frame = Picture();
+  frame.mutable_spec()->mutable_resumed_picture()->set_size_bytes(7);
+  EXPECT_NE(FormatPictureSummary(frame, {"out.exr", ""}).find("128 samples, 12.3 s, 6.1 M rays/s"),
+            std::string::npos);
+  v1::Job job;
+  *job.add_frames() = frame;
+  *job.mutable_progress() = Costs();
+  EXPECT_EQ(FormatJobSummary(job).find("samples/s"), std::string::npos);
+}
+
+TEST(SummaryTest, WhatIsSeenOfTheErrorStandsBesideIt) {
+  v1::Frame frame = Picture();
+  frame.set_flip(0.0421);
+  EXPECT_NE(FormatPictureSummary(frame, {"out.exr", ""}).find("relMSE 2.1e-03, FLIP 0.042, 0 non"),
+            std::string::npos);
+}
+
+TEST(SummaryTest, UnreliableTilesAreSaidAndWhatMakesThemSo) {
+  v1::Frame frame = Picture();
+  frame.set_tile_count(64);
+  frame.set_unreliable_tile_count(12);
+  EXPECT_NE(FormatPictureSummary(frame, {"out.exr", ""})
+                .find("; 12 of 64 tiles contain fireflies, so error bars of their pixels may be "
+                      "too small: more samples help (--light-paths or sheaf study name the light "
+                      "to blame)"),
+            std::string::npos);
+  for (const auto& [layer, tiles] : {std::pair{"caustic", 9}, std::pair{"indirect", 3}}) {
+    v1::UnreliableLayer* count = frame.add_unreliable_layers();
+    count->set_layer(layer);
+    count->set_tile_count(tiles);
+  }
+  EXPECT_NE(FormatPictureSummary(frame, {"out.exr", ""})
+                .find("more samples help; main cause: caustic (9 tiles), then indirect (3 tiles)"),
+            std::string::npos);
+}
+
+TEST(SummaryTest, SmoothPicturesSayWhatOneSequenceWouldSave) {
+  v1::Frame frame = Picture();
+  frame.set_one_sequence_gain(1.44);
+  EXPECT_NE(FormatPictureSummary(frame, {"out.exr", ""})
+                .find("; the picture is smooth: --one-sequence would lower its relMSE about 1.4x, "
+                      "but gives no true error bars"),
+            std::string::npos);
+}
+
+TEST(SummaryTest, BiasIsSaid) {
+  v1::Frame frame = Picture();
+  frame.mutable_spec()->mutable_settings()->set_similarity_after_count(8);
+  EXPECT_TRUE(FormatPictureSummary(frame, {"out.exr", ""})
+                  .starts_with("out.exr: 640x360, 128 samples, biased: similarity after 8 "
+                               "scatterings, 12.3 s"));
+  frame.mutable_spec()->mutable_settings()->clear_similarity_after_count();
+  frame.mutable_spec()->mutable_settings()->set_max_component_value(10);
+  EXPECT_TRUE(FormatPictureSummary(frame, {"out.exr", ""})
+                  .starts_with("out.exr: 640x360, 128 samples, biased: samples clamped to 10, "
+                               "12.3 s"));
+}
+
+TEST(SummaryTest, WhatCannotBeToldIsLeftOut) {
+  v1::Frame frame = Picture();
+  frame.mutable_spec()->mutable_settings()->set_sample_count(1);
+  frame.mutable_progress()->clear_wall_duration();
+  frame.mutable_progress()->clear_relative_mse();
+  EXPECT_EQ(FormatPictureSummary(frame, {"out.exr", ""}),
+            "out.exr: 640x360, 1 sample, 0.0 s, 0 non-finite");
+}
+
+TEST(SummaryTest, SamplesThatAreNotFiniteAreADefect) {
+  v1::Frame frame = Picture();
+  frame.mutable_progress()->set_nonfinite_count(3);
+  EXPECT_TRUE(FormatPictureSummary(frame, {"out.exr", ""})
+                  .ends_with(", 3 non-finite (a defect, please report it)"));
+}
+
+TEST(SummaryTest, JobSumsUpItsFrames) {
+  v1::Job job;
+  job.set_name("jobs/7");
+  *job.mutable_progress() = Costs();
+  for (int i = 0; i < 3; ++i) job.add_frames();
+  EXPECT_EQ(FormatJobSummary(job),
+            "jobs/7: 3 frames, 12.3 s, 2.4 M samples/s, 6.1 M rays/s, relMSE 2.1e-03, "
+            "0 non-finite");
+}
+
+}  // namespace
+}  // namespace sheaf::cli

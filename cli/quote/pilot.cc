@@ -1,0 +1,281 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "cli/quote/pilot.h"
+
+#include <algorithm>
+#include <chrono>
+#include <memory>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "absl/time/clock.h"
+#include "cli/duration.h"
+#include "cli/progress_line.h"
+#include "common/film/exr/exr_codec.h"
+#include "common/rpc/settings_codec.h"
+#include "coordinator/core/limits.h"
+#include "coordinator/forecast/picture_start.h"
+
+namespace sheaf::cli {
+namespace {
+
+using coordinator::CloseUpPlace;
+using coordinator::Forecast;
+using coordinator::PilotLevel;
+using coordinator::PilotPicture;
+
+// Of what the cheapest target costs, what is planned for a pilot: overheads come on top, and clocks
+// differ by a third over a pilot's milliseconds on a busy machine; it shall be 3 % at most.
+constexpr double kPilotShareAim = 0.017;
+// Below the error that pilots so far tell: what a further one is paid from, so that the price holds
+// where they were wrong.
+constexpr double kPriceDeviations = 2;
+// A further pilot has so many times the samples of those before: no more, as one bright sample
+// among few makes a scene seem dear, and the next pilot tells.
+constexpr double kPilotGrowthMin = 0.4, kPilotGrowthMax = 2;
+constexpr int kPilotCountMax = 6;
+// Of the first pilot, what goes into close-ups of lamps no larger than kCloseUpPixels of the small
+// picture's.
+constexpr double kCloseUpShare = 0.1, kCloseUpPixels = 4;
+constexpr int kQuotedFramesMax = 3;
+// A quote's pilot goes before all other jobs.
+constexpr int32_t kPilotPriority = 1000;
+constexpr absl::Duration kPollInterval = absl::Milliseconds(30);
+constexpr std::chrono::seconds kWaitSilence{2};
+constexpr uint64_t kPilotBytesMax = uint64_t{4} << 30;
+
+// Evenly over the range, its ends included.
+std::vector<PilotFrame> ChooseFrames(size_t frame_count) {
+  const size_t count = std::min<size_t>(frame_count, kQuotedFramesMax);
+  std::vector<PilotFrame> frames(count);
+  for (size_t i = 0; i < count; ++i) {
+    frames[i].index = count == 1 ? 0 : i * (frame_count - 1) / (count - 1);
+  }
+  return frames;
+}
+
+absl::StatusOr<FramePicture> FetchPicture(FarmClient* client, const v1::Frame& frame) {
+  const absl::StatusOr<std::string> bytes = client->ReadFrameOutput(frame.name(), kPilotBytesMax);
+  if (!bytes.ok()) return bytes.status();
+  return DecodePicture(*bytes);
+}
+
+absl::StatusOr<PilotPicture> FetchPilot(FarmClient* client, const v1::Frame& frame,
+                                        const PilotLevel& level, size_t tile_count) {
+  absl::StatusOr<FramePicture> picture = FetchPicture(client, frame);
+  if (!picture.ok()) return picture.status();
+  PilotPicture pilot{level, *std::move(picture), {}};
+  if (level.lattice.All()) return pilot;
+  absl::StatusOr<std::vector<double>> times =
+      coordinator::TileCpuSecondsOf(pilot.picture.metadata, tile_count);
+  if (!times.ok()) return times.status();
+  pilot.cpu_seconds_of_tiles = *std::move(times);
+  return pilot;
+}
+
+// Says why it waits where that lasts.
+absl::StatusOr<v1::Job> AwaitJob(FarmClient* client, const std::string& name, SteadyTime deadline) {
+  ProgressLine line(kWaitSilence);
+  while (true) {
+    const absl::StatusOr<v1::Job> job = client->GetJob(name);
+    if (!job.ok()) return job.status();
+    if (job->state() == v1::Job::STATE_SUCCEEDED) return job;
+    if (HasEnded(*job)) {
+      return absl::FailedPreconditionError(
+          job->state() == v1::Job::STATE_CANCELLED
+              ? "the quote's pilot was cancelled"
+              : absl::StrCat("the quote's pilot failed: ", job->failure()));
+    }
+    if (!job->waiting_reason().empty()) line.Show("quote", 0, "waiting: " + job->waiting_reason());
+    if (SteadyTime::Now() > deadline) {
+      return absl::UnavailableError(job->waiting_reason().empty() ? "the pilot takes too long"
+                                                                  : job->waiting_reason());
+    }
+    absl::SleepFor(kPollInterval);
+  }
+}
+
+// Leaves no job behind on the farm that nobody waits for.
+absl::StatusOr<v1::Job> RunJob(FarmClient* client, const v1::CreateJobRequest& request,
+                               SteadyTime deadline) {
+  absl::StatusOr<v1::Job> job = client->CreateJob(request);
+  absl::StatusOr<v1::Job> ended = job.ok() ? AwaitJob(client, job->name(), deadline) : job.status();
+  if (ended.ok()) return ended;
+  const std::unique_ptr<FarmClient> last = client->Uninterrupted();
+  // The answer was not waited for; by its id the same request makes the same job.
+  if (absl::IsCancelled(job.status())) job = last->CreateJob(request);
+  if (job.ok()) last->CancelJob(job->name()).IgnoreError();
+  return ended;
+}
+
+// Of the same view, each length so many times smaller.
+FrameSettings Shrunk(FrameSettings settings, int32_t shrink) {
+  const auto length = [&](int32_t full) { return (full + shrink / 2) / shrink; };
+  PixelRect& window = settings.window;
+  const int32_t x0 = length(window.x0), y0 = length(window.y0);
+  window = {x0, y0, std::max(x0 + 1, length(window.x1)), std::max(y0 + 1, length(window.y1))};
+  settings.width_px = std::max(length(settings.width_px), window.x1);
+  settings.height_px = std::max(length(settings.height_px), window.y1);
+  return settings;
+}
+
+// Of the same view, each length larger by the place's scale.
+FrameSettings Enlarged(FrameSettings settings, const CloseUpPlace& place) {
+  const PixelRect& rect = place.rect;
+  settings.width_px *= place.scale;
+  settings.height_px *= place.scale;
+  settings.window = {rect.x0 * place.scale, rect.y0 * place.scale, rect.x1 * place.scale,
+                     rect.y1 * place.scale};
+  return settings;
+}
+
+// Where lamps may be seen that are too small for the small picture. None where a frame is too large
+// to be enlarged within a farm's limits.
+std::vector<CloseUpPlace> CloseUpsOf(const PreparedFrame& frame,
+                                     const std::vector<PilotLevel>& levels) {
+  const FrameSettings& settings = frame.settings;
+  const int32_t edge_px = std::max(settings.width_px, settings.height_px);
+  if (edge_px > coordinator::Limits().frame_edge_px_max / coordinator::kCloseUpScaleMax) return {};
+  double samples = 0, shrink = 0;
+  for (const PilotLevel& level : levels) {
+    samples += level.SamplesPerPixel() * static_cast<double>(settings.window.PixelCount());
+    shrink = std::max(shrink, static_cast<double>(level.shrink));
+  }
+  return coordinator::ChooseCloseUps(frame.lamps, settings.window, kCloseUpPixels * shrink,
+                                     kCloseUpShare * samples);
+}
+
+// What of each frame is rendered next.
+struct PilotPlan {
+  std::vector<PilotLevel> levels;
+  std::vector<CloseUpPlace> close_ups;
+};
+
+// Renders the plan of each frame, as one job.
+absl::Status RenderPilot(FarmClient* client, const JobArguments& arguments, const PreparedJob& job,
+                         const std::vector<PilotPlan>& plans, SteadyTime deadline,
+                         std::vector<PilotFrame>* frames) {
+  PreparedJob pilot;
+  const auto add = [&](PreparedFrame frame, FrameSettings settings, const PilotLevel& level) {
+    frame.number = static_cast<int>(pilot.frames.size()) + 1;
+    frame.settings = std::move(settings);
+    frame.resumed = {};
+    frame.settings.samples = level.samples;
+    frame.settings.lattice = level.lattice;
+    if (level.lattice.All()) {
+      frame.settings.outputs = {};
+      frame.settings.outputs.AddLightPaths();
+    }
+    pilot.frames.push_back(std::move(frame));
+  };
+  for (size_t i = 0; i < frames->size(); ++i) {
+    const PreparedFrame& frame = job.frames[(*frames)[i].index];
+    for (const PilotLevel& level : plans[i].levels) {
+      add(frame, Shrunk(frame.settings, level.shrink), level);
+    }
+    for (const CloseUpPlace& place : plans[i].close_ups) {
+      add(frame, Enlarged(frame.settings, place), {{}, 1});
+    }
+  }
+  JobArguments pilot_arguments = arguments;
+  // Pictures of a pair are of as many parts, so that what a part costs besides samples is told.
+  pilot_arguments.pass_sample_count = coordinator::kPilotSamplesMax;
+  pilot_arguments.stop = {};
+  pilot_arguments.priority = kPilotPriority;
+  pilot_arguments.title =
+      absl::StrCat("quote of ", arguments.title.empty() ? arguments.scene : arguments.title);
+  v1::CreateJobRequest request = MakeCreateJobRequest(pilot_arguments, pilot);
+  request.set_pilot(true);
+  const absl::StatusOr<v1::Job> ended = RunJob(client, request, deadline);
+  if (!ended.ok()) return ended.status();
+  int next = 0;
+  for (size_t i = 0; i < frames->size(); ++i) {
+    PilotFrame& frame = (*frames)[i];
+    const size_t tile_count = GridOf(arguments, job.frames[frame.index].settings).tiles().size();
+    for (const PilotLevel& level : plans[i].levels) {
+      const v1::Frame& rendered = ended->frames(next++);
+      absl::StatusOr<PilotPicture> picture = FetchPilot(client, rendered, level, tile_count);
+      if (!picture.ok()) return picture.status();
+      frame.pictures.push_back(*std::move(picture));
+      frame.cpu_seconds += Seconds(rendered.progress().cpu_duration());
+    }
+    for (const CloseUpPlace& place : plans[i].close_ups) {
+      const v1::Frame& rendered = ended->frames(next++);
+      absl::StatusOr<FramePicture> picture = FetchPicture(client, rendered);
+      if (!picture.ok()) return picture.status();
+      frame.close_ups.push_back({place, *std::move(picture)});
+      frame.cpu_seconds += Seconds(rendered.progress().cpu_duration());
+    }
+  }
+  return absl::OkStatus();
+}
+
+void FitModels(const JobArguments& arguments, const PreparedJob& job,
+               const std::vector<coordinator::CellRound>& start, std::vector<PilotFrame>* frames) {
+  for (PilotFrame& frame : *frames) {
+    const PreparedFrame& prepared = job.frames[frame.index];
+    frame.model = coordinator::FitErrorModel(GridOf(arguments, prepared.settings), frame.pictures,
+                                             frame.close_ups, prepared.filter);
+    if (!start.empty()) coordinator::GoOnFrom(start, &frame.model);
+  }
+}
+
+// What a frame's next pilot is: at first what the first round allows, then as much more as the
+// target is found to allow. Empty where that is not worth its while.
+std::vector<PilotLevel> NextLevels(const PilotFrame& frame, const FrameSettings& settings,
+                                   double target) {
+  const int64_t pixel_count = settings.window.PixelCount();
+  std::vector<PilotLevel> before;
+  double samples_before = 0;
+  for (const PilotPicture& picture : frame.pictures) {
+    before.push_back(picture.level);
+    samples_before += picture.level.SamplesPerPixel();
+  }
+  if (before.empty()) {
+    return coordinator::PilotLevels(kPilotShareAim * kReplicateCount, pixel_count, settings.seed,
+                                    before);
+  }
+  const Forecast cheapest = coordinator::ForecastTarget(frame.model, {.target_error = target},
+                                                        kStoppedSamplesMax, -kPriceDeviations);
+  const double spent = frame.cpu_seconds / cheapest.cpu_seconds;
+  if (kPilotShareAim < (1 + kPilotGrowthMin) * spent) return {};
+  const double allowed =
+      std::min((kPilotShareAim - spent) * cheapest.samples, kPilotGrowthMax * samples_before);
+  return coordinator::PilotLevels(allowed, pixel_count, settings.seed, before);
+}
+
+}  // namespace
+
+coordinator::CellGrid GridOf(const JobArguments& arguments, const FrameSettings& settings) {
+  const int32_t tile_size_px =
+      arguments.tile_size_px != 0 ? arguments.tile_size_px : coordinator::Partition().tile_size_px;
+  const int32_t cell_size_px = arguments.cell_size_px != 0
+                                   ? arguments.cell_size_px
+                                   : coordinator::ChooseCellSize(settings.window, tile_size_px);
+  return {settings.window, tile_size_px, cell_size_px};
+}
+
+absl::StatusOr<std::vector<PilotFrame>> RenderPilots(
+    FarmClient* client, const JobArguments& arguments, const PreparedJob& job,
+    const std::vector<coordinator::CellRound>& start, double target, SteadyTime deadline) {
+  std::vector<PilotFrame> frames = ChooseFrames(job.frames.size());
+  const int count_max = start.empty() ? kPilotCountMax : 1;
+  for (int i = 0; i < count_max; ++i) {
+    std::vector<PilotPlan> plans;
+    bool more = false;
+    for (const PilotFrame& frame : frames) {
+      const PreparedFrame& prepared = job.frames[frame.index];
+      PilotPlan plan{NextLevels(frame, prepared.settings, target), {}};
+      if (frame.pictures.empty()) plan.close_ups = CloseUpsOf(prepared, plan.levels);
+      more |= !plan.levels.empty();
+      plans.push_back(std::move(plan));
+    }
+    if (!more) break;
+    absl::Status status = RenderPilot(client, arguments, job, plans, deadline, &frames);
+    if (!status.ok()) return status;
+    FitModels(arguments, job, start, &frames);
+  }
+  return frames;
+}
+
+}  // namespace sheaf::cli

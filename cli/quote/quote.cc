@@ -1,0 +1,198 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "cli/quote/quote.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "cli/duration.h"
+#include "cli/quote/pilot.h"
+#include "common/base/status.h"
+#include "common/film/exr/exr_codec.h"
+#include "coordinator/forecast/picture_start.h"
+
+namespace sheaf::cli {
+namespace {
+
+using coordinator::CellRound;
+using coordinator::ErrorModel;
+using coordinator::Forecast;
+using coordinator::kBandDeviations;
+using coordinator::WithBand;
+
+// Log-normal deviation of CPU time for the same work, of hours and of a pilot's milliseconds:
+// processors share caches, memory and clocks. Measured over eight scenes on a busy machine.
+constexpr double kCpuLogDeviation = 0.12;
+
+// Sum over all frames of what is known of some, linear in between. Requires: ascending indices.
+double SumOverFrames(const std::vector<PilotFrame>& frames, const std::vector<double>& values,
+                     size_t frame_count) {
+  if (frames.size() == 1) return values[0] * static_cast<double>(frame_count);
+  double sum = 0;
+  for (size_t i = 0, right = 1; i < frame_count; ++i) {
+    while (right + 1 < frames.size() && frames[right].index < i) ++right;
+    const auto begin = static_cast<double>(frames[right - 1].index);
+    const double span = static_cast<double>(frames[right].index) - begin;
+    const double t = (static_cast<double>(i) - begin) / span;
+    sum += (1 - t) * values[right - 1] + t * values[right];
+  }
+  return sum;
+}
+
+// As MakeRow, for errors so many deviations above those of the models.
+struct RowValues {
+  double relative_mse = 0, samples = 0, cpu_seconds = 0;
+  bool reached = true;
+};
+template <typename MakeForecast>
+RowValues ValuesAt(const std::vector<PilotFrame>& frames, size_t frame_count,
+                   const MakeForecast& make) {
+  std::vector<double> errors, samples, cpu;
+  RowValues values;
+  for (const PilotFrame& frame : frames) {
+    const Forecast forecast = make(frame.model);
+    errors.push_back(forecast.relative_mse);
+    samples.push_back(forecast.samples);
+    cpu.push_back(forecast.cpu_seconds);
+    values.reached &= forecast.reached;
+  }
+  const auto count = static_cast<double>(frame_count);
+  values.relative_mse = SumOverFrames(frames, errors, frame_count) / count;
+  values.samples = SumOverFrames(frames, samples, frame_count) / count;
+  values.cpu_seconds = SumOverFrames(frames, cpu, frame_count);
+  return values;
+}
+
+template <typename MakeForecast>
+QuoteRow MakeRow(const std::vector<PilotFrame>& frames, const JobArguments& arguments,
+                 const Quote& quote, const MakeForecast& make) {
+  const auto frame_count = static_cast<size_t>(quote.frame_count);
+  const auto at = [&](double deviations) {
+    return ValuesAt(frames, frame_count,
+                    [&](const ErrorModel& model) { return make(model, deviations); });
+  };
+  const RowValues values = at(0), low = at(-kBandDeviations), high = at(kBandDeviations);
+  double log_cpu_deviation = 0;
+  for (const PilotFrame& frame : frames) {
+    log_cpu_deviation =
+        std::max(log_cpu_deviation, std::hypot(kCpuLogDeviation, frame.model.log_cpu_deviation));
+  }
+  QuoteRow row;
+  row.reached = values.reached;
+  row.relative_mse = WithBand(values.relative_mse, low.relative_mse, high.relative_mse, 0);
+  row.samples = WithBand(values.samples, low.samples, high.samples, 0);
+  row.cpu_seconds =
+      WithBand(values.cpu_seconds, low.cpu_seconds, high.cpu_seconds, log_cpu_deviation);
+  const double samples_there = quote.start ? quote.start->samples : 0;
+  const double pixels = static_cast<double>(quote.width_px) * quote.height_px * quote.frame_count;
+  row.wall_seconds =
+      coordinator::WallSeconds(row.cpu_seconds, pixels * (row.samples.value - samples_there),
+                               arguments.priority, quote.load);
+  return row;
+}
+
+coordinator::WorkLeft WorkLeftOf(const v1::Job& job) {
+  const v1::Progress& progress = job.progress();
+  const auto done = static_cast<double>(progress.sample_count_done());
+  const auto total = static_cast<double>(progress.sample_count_total());
+  const double cpu_seconds = Seconds(progress.cpu_duration());
+  return {job.priority(), std::max(0.0, total - done), done > 0 ? cpu_seconds / done : 0};
+}
+
+absl::Status DescribeFarm(FarmClient* client, const JobArguments& arguments, Quote* quote) {
+  constexpr size_t kJobsMax = 1000;
+  const absl::StatusOr<std::vector<v1::Worker>> workers = client->ListWorkers();
+  if (!workers.ok()) return workers.status();
+  for (const v1::Worker& worker : *workers) {
+    const bool works =
+        worker.state() == v1::Worker::STATE_IDLE || worker.state() == v1::Worker::STATE_BUSY;
+    if (works) quote->thread_count += worker.thread_count();
+  }
+  const absl::StatusOr<std::vector<v1::Job>> jobs = client->ListJobs(kJobsMax);
+  if (!jobs.ok()) return jobs.status();
+  std::vector<coordinator::WorkLeft> left;
+  for (const v1::Job& job : *jobs) {
+    if (HasEnded(job) || job.state() == v1::Job::STATE_PAUSED) continue;
+    if (job.priority() >= arguments.priority) ++quote->jobs_before;
+    left.push_back(WorkLeftOf(job));
+  }
+  quote->load = {coordinator::kUsualThreadUse * quote->thread_count,
+                 coordinator::WorkAhead(std::move(left))};
+  return absl::OkStatus();
+}
+
+// The cells of the job's frame as its picture has them; none where it begins anew.
+absl::StatusOr<std::vector<CellRound>> ReadStart(const JobArguments& arguments,
+                                                 const PreparedJob& job) {
+  if (arguments.resume_from.empty()) return std::vector<CellRound>();
+  absl::StatusOr<FramePicture> picture = ReadPicture(arguments.resume_from);
+  if (!picture.ok()) return picture.status();
+  const PreparedFrame& frame = job.frames.front();
+  // Whether the farm is of the picture's build is for the farm to say.
+  const std::string numeric_profile = picture->metadata["numericProfile"];
+  coordinator::FrameSpec spec;
+  spec.scene = frame.manifest;
+  spec.settings = frame.settings;
+  spec.frame_digest = FrameDigest(frame.manifest.sha256_hex, frame.settings, numeric_profile);
+  const std::string about = absl::StrCat("cannot go on from ", arguments.resume_from);
+  const absl::StatusOr<ResumedPicture> resumed =
+      coordinator::ResumePicture(*std::move(picture), spec, numeric_profile);
+  if (!resumed.ok()) return Annotate(resumed.status(), about);
+  absl::StatusOr<std::vector<CellRound>> cells =
+      coordinator::PictureStartOf(*resumed, GridOf(arguments, frame.settings));
+  if (!cells.ok()) return Annotate(cells.status(), about);
+  return cells;
+}
+
+}  // namespace
+
+absl::StatusOr<Quote> MakeQuote(FarmClient* client, const JobArguments& arguments,
+                                const PreparedJob& job, const QuoteArguments& asked) {
+  Quote quote;
+  const absl::StatusOr<std::vector<CellRound>> start = ReadStart(arguments, job);
+  if (!start.ok()) return start.status();
+  if (absl::Status status = DescribeFarm(client, arguments, &quote); !status.ok()) return status;
+  if (quote.thread_count == 0 && asked.wait_max != absl::InfiniteDuration()) {
+    return absl::UnavailableError("no worker is connected");
+  }
+  const double loosest = *std::max_element(asked.targets.begin(), asked.targets.end());
+  const absl::StatusOr<std::vector<PilotFrame>> frames =
+      RenderPilots(client, arguments, job, *start, loosest, SteadyTime::Now() + asked.wait_max);
+  if (!frames.ok()) return frames.status();
+  const FrameSettings& settings = job.frames.front().settings;
+  quote.width_px = settings.window.Width();
+  quote.height_px = settings.window.Height();
+  quote.frame_count = static_cast<int>(job.frames.size());
+  quote.pilot_frame_count = static_cast<int>(frames->size());
+  quote.rate = frames->front().model.rate;
+  quote.rate_deviation = frames->front().model.rate_deviation;
+  for (const PilotFrame& frame : *frames) quote.pilot_cpu_seconds += frame.cpu_seconds;
+  if (!start->empty()) {
+    const ErrorSums sum = coordinator::SumOf(*start);
+    quote.start =
+        Quote::Start{coordinator::PixelSamples(*start) / static_cast<double>(sum.pixel_count),
+                     sum.RelativeMse()};
+  }
+  for (const double target : asked.targets) {
+    QuoteRow& row = quote.rows.emplace_back(
+        MakeRow(*frames, arguments, quote, [&](const ErrorModel& model, double deviations) {
+          return coordinator::ForecastTarget(model, {.target_error = target}, kStoppedSamplesMax,
+                                             deviations);
+        }));
+    row.target_error = target;
+  }
+  if (asked.with_samples && !arguments.stop.IsActive()) {
+    const uint64_t samples = settings.samples;
+    QuoteRow& row = quote.rows.emplace_back(
+        MakeRow(*frames, arguments, quote, [&](const ErrorModel& model, double deviations) {
+          return coordinator::ForecastSamples(model, samples, deviations);
+        }));
+    row.reached = true;
+    row.samples_given = samples;
+  }
+  return quote;
+}
+
+}  // namespace sheaf::cli

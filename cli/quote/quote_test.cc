@@ -1,0 +1,78 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "cli/quote/quote.h"
+
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+
+namespace sheaf::cli {
+namespace {
+
+Quote MakeTestQuote() {
+  Quote quote;
+  quote.width_px = 640;
+  quote.height_px = 360;
+  quote.rate = 1.25;
+  quote.thread_count = 8;
+  quote.pilot_cpu_seconds = 0.5;
+  QuoteRow target;
+  target.target_error = 0.02;
+  target.samples = {48, 40, 60};
+  target.cpu_seconds = {7200, 5400, 9000};
+  target.wall_seconds = {950, 710, 1180};
+  QuoteRow samples = target;
+  samples.samples_given = 64;
+  samples.relative_mse = {0.015, 0.012, 0.019};
+  quote.rows = {target, samples};
+  return quote;
+}
+
+TEST(QuoteTest, TableHasALineForEachErrorAndOneOfWhatItRestsOn) {
+  EXPECT_EQ(FormatQuote(MakeTestQuote()),
+            "error (relMSE)                  samples  CPU time (80 % band)               "
+            "wall time (80 % band)\n"
+            "0.02                               48.0  2 h (90 min to 2.5 h)              "
+            "15.8 min (11.8 min to 19.7 min)\n"
+            "0.015 (0.012 to 0.019)               64  2 h (90 min to 2.5 h)              "
+            "15.8 min (11.8 min to 19.7 min)\n"
+            "640 x 360 px; errors fall as 1 / samples^1.25; the pilot took 500 ms; wall time for "
+            "all of the farm's 8 threads\n");
+}
+
+TEST(QuoteTest, OfWhatIsNotThereYet) {
+  Quote quote = MakeTestQuote();
+  quote.start = Quote::Start{16, 0.0336};
+  const std::string text = FormatQuote(quote);
+  EXPECT_NE(text.find("samples  more CPU time (80 % band)"), std::string::npos) << text;
+  EXPECT_NE(text.find("; 16.0 samples are there, with an error of 0.034; "), std::string::npos);
+  EXPECT_EQ(nlohmann::json::parse(QuoteJson(quote))["start"]["samples"], 16);
+  EXPECT_TRUE(nlohmann::json::parse(QuoteJson(MakeTestQuote()))["start"].is_null());
+}
+
+TEST(QuoteTest, SaysWhatIsMissing) {
+  Quote quote = MakeTestQuote();
+  quote.thread_count = 0;
+  quote.frame_count = 24;
+  quote.pilot_frame_count = 3;
+  quote.jobs_before = 2;
+  quote.rows[0].wall_seconds = {};
+  quote.rows[0].reached = false;
+  const std::string text = FormatQuote(quote);
+  EXPECT_NE(text.find("24 frames, of which 3 were tried"), std::string::npos) << text;
+  EXPECT_NE(text.find("no worker is connected"), std::string::npos) << text;
+  EXPECT_NE(text.find("not within the most samples"), std::string::npos) << text;
+}
+
+TEST(QuoteTest, JsonHasHoursAndBands) {
+  const auto json = nlohmann::json::parse(QuoteJson(MakeTestQuote()));
+  EXPECT_EQ(json["rows"][0]["target_error"], 0.02);
+  EXPECT_TRUE(json["rows"][0]["sample_count"].is_null());
+  EXPECT_EQ(json["rows"][0]["cpu_hours"]["low"], 1.5);
+  EXPECT_EQ(json["rows"][1]["sample_count"], 64);
+  EXPECT_TRUE(json["rows"][1]["target_error"].is_null());
+  EXPECT_EQ(json["thread_count"], 8);
+}
+
+}  // namespace
+}  // namespace sheaf::cli

@@ -1,0 +1,106 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// A Quote for people and for scripts.
+#include <nlohmann/json.hpp>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "cli/progress_line.h"
+#include "cli/quote/quote.h"
+
+namespace sheaf::cli {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+std::string FormatBanded(const Banded& time) {
+  if (time.value == 0) return "-";
+  return absl::StrCat(FormatTime(time.value), " (", FormatTime(time.low), " to ",
+                      FormatTime(time.high), ")");
+}
+
+std::string FormatRow(const QuoteRow& row) {
+  const std::string error = row.samples_given
+                                ? absl::StrFormat("%.2g (%.2g to %.2g)", row.relative_mse.value,
+                                                  row.relative_mse.low, row.relative_mse.high)
+                                : absl::StrFormat("%.3g", row.target_error);
+  const std::string samples = row.samples_given ? absl::StrCat(*row.samples_given)
+                                                : absl::StrFormat("%.1f", row.samples.value);
+  return absl::StrFormat("%-28s %10s  %-34s %s%s\n", error, samples, FormatBanded(row.cpu_seconds),
+                         FormatBanded(row.wall_seconds),
+                         row.reached ? "" : "  not within the most samples that a pixel may get");
+}
+
+Json BandedJson(const Banded& banded) {
+  return {{"value", banded.value}, {"low", banded.low}, {"high", banded.high}};
+}
+
+Json HoursJson(const Banded& seconds) {
+  return BandedJson({seconds.value / 3600, seconds.low / 3600, seconds.high / 3600});
+}
+
+Json StartJson(const Quote& quote) {
+  if (!quote.start) return nullptr;
+  return {{"samples", quote.start->samples}, {"relative_mse", quote.start->relative_mse}};
+}
+
+}  // namespace
+
+std::string FormatQuote(const Quote& quote) {
+  std::string text = absl::StrFormat(
+      "%-28s %10s  %-34s %s\n", "error (relMSE)", "samples",
+      quote.start ? "more CPU time (80 % band)" : "CPU time (80 % band)", "wall time (80 % band)");
+  for (const QuoteRow& row : quote.rows) text += FormatRow(row);
+  absl::StrAppendFormat(&text, "%d x %d px", quote.width_px, quote.height_px);
+  if (quote.frame_count > 1) {
+    absl::StrAppendFormat(&text, ", %d frames, of which %d were tried", quote.frame_count,
+                          quote.pilot_frame_count);
+  }
+  if (quote.start) {
+    absl::StrAppendFormat(&text, "; %.1f samples are there, with an error of %.2g",
+                          quote.start->samples, quote.start->relative_mse);
+  }
+  absl::StrAppendFormat(&text, "; errors fall as 1 / samples^%.2f; the pilot took %s", quote.rate,
+                        FormatTime(quote.pilot_cpu_seconds));
+  if (quote.thread_count == 0) {
+    text += "; no worker is connected";
+  } else {
+    absl::StrAppendFormat(&text, "; wall time for all of the farm's %d threads",
+                          quote.thread_count);
+  }
+  if (quote.jobs_before > 0) {
+    absl::StrAppendFormat(&text, ", with what %d other %s of them until then", quote.jobs_before,
+                          quote.jobs_before == 1 ? "job takes" : "jobs take");
+  }
+  return text + "\n";
+}
+
+std::string QuoteJson(const Quote& quote) {
+  Json rows = Json::array();
+  for (const QuoteRow& row : quote.rows) {
+    rows.push_back(
+        {{"target_error", row.samples_given ? Json() : Json(row.target_error)},
+         {"sample_count", row.samples_given ? Json(*row.samples_given) : Json()},
+         {"reached", row.reached},
+         {"relative_mse", BandedJson(row.relative_mse)},
+         {"samples", BandedJson(row.samples)},
+         {"cpu_hours", HoursJson(row.cpu_seconds)},
+         {"wall_seconds", quote.thread_count == 0 ? Json() : BandedJson(row.wall_seconds)}});
+  }
+  const Json json = {{"width_px", quote.width_px},
+                     {"height_px", quote.height_px},
+                     {"frame_count", quote.frame_count},
+                     {"pilot_frame_count", quote.pilot_frame_count},
+                     {"rate", quote.rate},
+                     {"rate_deviation", quote.rate_deviation},
+                     {"thread_count", quote.thread_count},
+                     {"jobs_before", quote.jobs_before},
+                     {"pilot_cpu_hours", quote.pilot_cpu_seconds / 3600},
+                     {"start", StartJson(quote)},
+                     {"band", 0.8},
+                     {"rows", rows}};
+  return json.dump();
+}
+
+}  // namespace sheaf::cli

@@ -1,0 +1,91 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "common/film/error/flip_estimate.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <utility>
+
+#include "common/base/check.h"
+#include "common/film/error/compare.h"
+
+namespace sheaf {
+namespace {
+
+// Sums of R, G, B and weight of all pixels over half of the replicates: those of even number, or
+// the others. Plane by plane, as they lie in memory.
+using HalfSums = std::array<std::vector<double>, kReplicateChannelCount>;
+HalfSums SumHalf(const FilmTile& sums, uint32_t parity) {
+  HalfSums half;
+  for (size_t i = 0; i < half.size(); ++i) {
+    half[i].resize(sums.plane_size());
+    for (uint32_t slot = 0; slot < sums.replicate_count(); ++slot) {
+      if ((sums.replicate_first() + slot) % 2 != parity) continue;
+      const float* plane = sums.replicate(slot, i);
+      for (size_t p = 0; p < sums.plane_size(); ++p) half[i][p] += double{plane[p]};
+    }
+  }
+  return half;
+}
+
+// With S and W the sums over even replicates and m the mean over all, S - m W is (a - b) / 2 times
+// half of all weight where both halves weigh the same; and no weight need differ from 0.
+Vec3d ErrorAt(const HalfSums& even, const HalfSums& odd, double count, size_t p) {
+  const double weight = even[3][p] + odd[3][p];
+  if (weight == 0 || count < 2) return {};
+  // Samples are dealt to the halves in turn.
+  const double even_count = std::ceil(count / 2), odd_count = count - even_count;
+  const double scale = count / (std::sqrt(even_count * odd_count) * weight);
+  Vec3d error;
+  for (size_t i = 0; i < 3; ++i) {
+    const double mean = (even[i][p] + odd[i][p]) / weight;
+    error[i] = (even[i][p] - mean * even[3][p]) * scale;
+  }
+  return error;
+}
+
+}  // namespace
+
+void ErrorSample::DevelopTile(const FilmTile& sums, const PictureColor& color) {
+  const PixelRect tile = sums.rect();
+  SHEAF_CHECK(tile.x0 >= window_.x0 && tile.y0 >= window_.y0 && tile.x1 <= window_.x1 &&
+              tile.y1 <= window_.y1);
+  for (std::vector<float>& plane : planes_) {
+    plane.resize(static_cast<size_t>(window_.PixelCount()));
+  }
+  const HalfSums even = SumHalf(sums, 0), odd = SumHalf(sums, 1);
+  const float* counts = sums.channel(FilmChannel::kSampleCount);
+  size_t from = 0;
+  for (int32_t y = tile.y0; y < tile.y1; ++y) {
+    size_t to = window_.IndexOf(tile.x0, y);
+    for (int32_t x = tile.x0; x < tile.x1; ++x, ++from, ++to) {
+      Vec3d error = ErrorAt(even, odd, double{counts[from]}, from);
+      if (!color.AsSummed()) error = TransformVector(color.light_from_srgb, error);
+      for (size_t i = 0; i < 3; ++i) planes_[i][to] = static_cast<float>(error[i]);
+    }
+  }
+}
+
+std::optional<double> EstimateFlip(const FramePicture& picture, const ErrorSample& error) {
+  const std::vector<float>* samples = picture.Find("samples");
+  SHEAF_CHECK(samples != nullptr && error.planes()[0].size() == samples->size());
+  if (std::any_of(samples->begin(), samples->end(), [](float count) { return count < 2; })) {
+    return std::nullopt;
+  }
+  FramePicture other;
+  other.window = picture.window;
+  other.color.chromaticities = picture.color.chromaticities;
+  constexpr std::array<const char*, 3> kColor{"R", "G", "B"};
+  for (size_t i = 0; i < 3; ++i) {
+    std::vector<float> plane = *picture.Find(kColor[i]);
+    for (size_t p = 0; p < plane.size(); ++p) plane[p] += error.planes()[i][p];
+    other.channel_names.emplace_back(kColor[i]);
+    other.planes.push_back(std::move(plane));
+  }
+  const absl::StatusOr<double> flip = PerceivedDifference(picture, other, FlipRange::kScreen);
+  if (!flip.ok()) return std::nullopt;
+  return *flip;
+}
+
+}  // namespace sheaf

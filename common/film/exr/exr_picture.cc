@@ -1,0 +1,124 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Pictures. Decoding scans the header first (exr_header_scan.h), so OpenEXR only ever sees sizes
+// that were found acceptable.
+#include <ImfStandardAttributes.h>
+
+#include <algorithm>
+#include <array>
+#include <cstring>
+#include <utility>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "common/base/file.h"
+#include "common/base/status.h"
+#include "common/film/exr/exr_codec.h"
+#include "common/film/exr/exr_header_scan.h"
+#include "common/film/exr/exr_streams.h"
+
+namespace sheaf {
+namespace {
+
+constexpr char kCryptomattePrefix[] = "cryptomatte/";
+constexpr Imf::Compression kPictureCompression = Imf::ZIP_COMPRESSION;
+constexpr int kPictureZipLevel = 4;
+
+// Gives the first layer that has R, G and B these bare names, unless they are there already.
+absl::Status FindColor(std::vector<std::string>* names) {
+  const auto find = [names](const std::string& name) {
+    return std::find(names->begin(), names->end(), name);
+  };
+  const auto has_color = [&find, names](const std::string& prefix) {
+    return find(prefix + "R") != names->end() && find(prefix + "G") != names->end() &&
+           find(prefix + "B") != names->end();
+  };
+  if (has_color("")) return absl::OkStatus();
+  for (const std::string& name : *names) {
+    if (!name.ends_with(".R")) continue;
+    const std::string prefix = name.substr(0, name.size() - 1);
+    if (!has_color(prefix)) continue;
+    for (const char* component : {"R", "G", "B"}) *find(prefix + component) = component;
+    return absl::OkStatus();
+  }
+  return absl::InvalidArgumentError("the picture has no channels R, G and B");
+}
+
+}  // namespace
+
+std::string EncodePicture(const FramePicture& picture) {
+  const Imath::Box2i data_window = BoxOf(picture.window);
+  const bool has_frame = picture.frame_width_px > 0 && picture.frame_height_px > 0;
+  Imf::Header header(
+      has_frame ? BoxOf({0, 0, picture.frame_width_px, picture.frame_height_px}) : data_window,
+      data_window);
+  header.compression() = kPictureCompression;
+  header.zipCompressionLevel() = kPictureZipLevel;
+  const std::array<float, 8> xy = picture.color.chromaticities.AsStored();
+  Imf::addChromaticities(header, {{xy[0], xy[1]}, {xy[2], xy[3]}, {xy[4], xy[5]}, {xy[6], xy[7]}});
+  for (const auto& [key, text] : picture.metadata) SetText(&header, kMetadataPrefix + key, text);
+  for (const auto& [key, text] : picture.attributes) SetText(&header, key, text);
+  std::vector<NamedPlane<const float>> planes;
+  for (size_t i = 0; i < picture.planes.size(); ++i) {
+    planes.push_back({picture.channel_names[i], picture.planes[i].data()});
+  }
+  return EncodePlanes(std::move(header), planes, picture.window);
+}
+
+absl::Status WritePicture(const FramePicture& picture, const std::string& path) {
+  return WriteFileAtomically(path, EncodePicture(picture));
+}
+
+absl::StatusOr<FramePicture> DecodePicture(std::string_view bytes) {
+  const absl::StatusOr<ExrFileHeader> file = ScanExrHeader(bytes);
+  if (!file.ok()) return file.status();
+  if (file->deep)
+    return absl::InvalidArgumentError("deep EXR files are not pictures of one value a pixel");
+  for (const ExrHeader& part : file->parts) {
+    const int64_t pixels = std::max(part.data_window.PixelCount(), part.tile_pixels);
+    const auto pixel_bytes = static_cast<int64_t>(part.channels.size() * sizeof(float));
+    if (pixel_bytes > 0 && pixels > kPictureBytesMax / pixel_bytes) {
+      return absl::ResourceExhaustedError(
+          absl::StrCat("the picture needs more than the limit of ", kPictureBytesMax, " bytes"));
+    }
+  }
+  const ExrHeader& header = file->parts[0];
+  FramePicture picture;
+  picture.window = header.data_window;
+  if (header.chromaticities) {
+    picture.color.chromaticities = Chromaticities::FromStored(*header.chromaticities);
+  }
+  picture.frame_width_px = header.display_window.x1;
+  picture.frame_height_px = header.display_window.y1;
+  for (const ExrChannel& channel : header.channels) {
+    if (!channel.subsampled) picture.channel_names.push_back(channel.name);
+  }
+  std::vector<std::string> file_names = picture.channel_names;
+  if (absl::Status status = FindColor(&picture.channel_names); !status.ok()) return status;
+  picture.planes.assign(file_names.size(),
+                        std::vector<float>(static_cast<size_t>(picture.window.PixelCount())));
+  std::vector<NamedPlane<float>> planes;
+  for (size_t i = 0; i < file_names.size(); ++i) {
+    planes.push_back({file_names[i], picture.planes[i].data()});
+  }
+  if (absl::Status status = DecodePlanes(bytes, picture.window, planes, picture.window);
+      !status.ok())
+    return status;
+  for (const auto& [name, text] : header.strings) {
+    if (name.starts_with(kMetadataPrefix))
+      picture.metadata[name.substr(std::strlen(kMetadataPrefix))] = text;
+    if (name.starts_with(kCryptomattePrefix)) picture.attributes[name] = text;
+  }
+  return picture;
+}
+
+absl::StatusOr<FramePicture> ReadPicture(const std::string& path) {
+  const absl::StatusOr<std::string> bytes = ReadWholeFile(path);
+  if (!bytes.ok()) return bytes.status();
+  absl::StatusOr<FramePicture> picture = DecodePicture(*bytes);
+  if (!picture.ok()) return Annotate(picture.status(), path);
+  return picture;
+}
+
+}  // namespace sheaf

@@ -1,0 +1,92 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "common/film/exr/exr_streams.h"
+
+#include <ImfChannelList.h>
+#include <ImfInputFile.h>
+#include <ImfOutputFile.h>
+#include <ImfStringAttribute.h>
+
+#include <cstring>
+#include <new>
+#include <stdexcept>
+
+#include "common/base/check.h"
+
+namespace sheaf {
+namespace {
+
+class MemoryOutput : public Imf::OStream {
+ public:
+  explicit MemoryOutput(size_t bytes_expected) : Imf::OStream("memory") {
+    bytes_.reserve(bytes_expected);
+  }
+  void write(const char bytes[], int size) override {
+    const size_t end = position_ + static_cast<size_t>(size);
+    if (bytes_.size() < end) bytes_.resize(end);
+    std::memcpy(bytes_.data() + position_, bytes, static_cast<size_t>(size));
+    position_ = end;
+  }
+  uint64_t tellp() override { return position_; }
+  void seekp(uint64_t position) override { position_ = position; }
+  std::string Take() { return std::move(bytes_); }
+
+ private:
+  std::string bytes_;
+  size_t position_ = 0;
+};
+
+}  // namespace
+
+bool MemoryInput::read(char out[], int size) {
+  // OpenEXR expects an exception here and turns it into one of its own; Guard catches those.
+  if (size < 0 || position_ > bytes_.size() ||
+      bytes_.size() - position_ < static_cast<size_t>(size)) {
+    throw std::out_of_range("unexpected end of file");
+  }
+  std::memcpy(out, bytes_.data() + position_, static_cast<size_t>(size));
+  position_ += static_cast<size_t>(size);
+  return position_ < bytes_.size();
+}
+
+void SetText(Imf::Header* header, const std::string& name, const std::string& text) {
+  header->insert(name, Imf::StringAttribute(text));
+}
+
+absl::Status DecodePlanes(std::string_view bytes, PixelRect data_window,
+                          const std::vector<NamedPlane<float>>& planes, PixelRect rect) {
+  return Guard([&] {
+    MemoryInput input(bytes);
+    Imf::InputFile file(input, 0);
+    if (file.header().dataWindow() != BoxOf(data_window)) throw std::runtime_error(kTwoWindows);
+    file.setFrameBuffer(FrameBufferOf(planes, rect));
+    file.readPixels(data_window.y0, data_window.y1 - 1);
+  });
+}
+
+std::string EncodePlanes(Imf::Header header, const std::vector<NamedPlane<const float>>& planes,
+                         PixelRect rect) {
+  // What lines take that are not compressed, and more than a header does.
+  constexpr size_t kHeaderBytes = 1 << 14;
+  const bool raw = header.compression() == Imf::NO_COMPRESSION;
+  MemoryOutput output(
+      kHeaderBytes +
+      (raw ? static_cast<size_t>(rect.PixelCount()) * planes.size() * sizeof(float) : 0));
+  bool out_of_memory = false;
+  const absl::Status status = Guard([&] {
+    for (const auto& plane : planes) header.channels().insert(plane.name, Imf::Channel(Imf::FLOAT));
+    try {
+      Imf::OutputFile file(output, header, 0);
+      file.setFrameBuffer(FrameBufferOf(planes, rect));
+      file.writePixels(header.dataWindow().max.y - header.dataWindow().min.y + 1);
+    } catch (const std::bad_alloc&) {
+      out_of_memory = true;
+    }
+  });
+  if (out_of_memory) throw std::bad_alloc();  // For the caller's border, as from any other code.
+  // Writing our own planes to memory has no other way to fail but a mistake of ours.
+  SHEAF_CHECK(status.ok());
+  return output.Take();
+}
+
+}  // namespace sheaf

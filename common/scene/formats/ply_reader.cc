@@ -1,0 +1,343 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "common/scene/formats/ply_reader.h"
+
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <cmath>
+#include <cstring>
+#include <memory>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "common/base/check.h"
+#include "common/base/memory_room.h"
+#include "common/scene/formats/number.h"
+#include "common/scene/formats/ply_header.h"
+
+namespace sheaf {
+namespace {
+
+static_assert(std::endian::native == std::endian::little);
+
+// What a vertex property means to a mesh; kSkipped for the rest.
+enum Slot { kX, kY, kZ, kNormalX, kNormalY, kNormalZ, kU, kV, kSlotCount, kSkipped = kSlotCount };
+
+Slot SlotOf(const std::string& name) {
+  struct SlotName {
+    std::string_view name;
+    Slot slot;
+  };
+  static constexpr SlotName kNames[] = {
+      {"x", kX},         {"y", kY},         {"z", kZ},         {"nx", kNormalX},  {"ny", kNormalY},
+      {"nz", kNormalZ},  {"u", kU},         {"v", kV},         {"s", kU},         {"t", kV},
+      {"texture_u", kU}, {"texture_v", kV}, {"texture_s", kU}, {"texture_t", kV},
+  };
+  for (const SlotName& entry : kNames) {
+    if (entry.name == name) return entry.slot;
+  }
+  return kSkipped;
+}
+
+template <typename T>
+double LoadScalar(const unsigned char* bytes, bool swap) {
+  std::array<unsigned char, sizeof(T)> ordered;
+  std::memcpy(ordered.data(), bytes, sizeof(T));
+  if (swap) std::reverse(ordered.begin(), ordered.end());
+  T value;
+  std::memcpy(&value, ordered.data(), sizeof(T));
+  return static_cast<double>(value);
+}
+
+// Reads the elements of one file into a mesh.
+class PlyMeshReader {
+ public:
+  PlyMeshReader(PlyBytes* bytes, const PlyHeader* header, const SceneReaderLimits& limits)
+      : bytes_(bytes), header_(header), limits_(limits) {}
+
+  absl::Status Read();
+  TriangleMesh TakeMesh() { return std::move(mesh_); }
+
+ private:
+  absl::Status ReadElement(const PlyElement& element);
+  absl::Status CheckCount(const PlyElement& element) const;
+  absl::Status ReadVertices(const PlyElement& element);
+  absl::Status ReadFaces(const PlyElement& element);
+  absl::Status SkipRows(const PlyElement& element);
+  absl::Status AppendVertex(uint64_t number, const double* values, bool has_normal, bool has_uv);
+  absl::Status ReadPolygon(uint64_t face, const PlyProperty& property);
+  absl::Status CheckMemory() const;
+  absl::Status CheckIndices() const;
+  bool ReadScalar(PlyType type, double* value);
+  bool SkipProperty(const PlyProperty& property);
+  bool ReadCount(const PlyProperty& property, uint64_t* count);
+  absl::Status Stopped(std::string_view element, uint64_t number) const;
+
+  PlyBytes* bytes_;
+  const PlyHeader* header_;
+  SceneReaderLimits limits_;
+  TriangleMesh mesh_;
+  std::string malformed_;  // Why ReadScalar failed, where the bytes are there but wrong.
+};
+
+absl::Status PlyMeshReader::Read() {
+  for (const PlyElement& element : header_->elements) {
+    if (absl::Status status = CheckCount(element); !status.ok()) return status;
+  }
+  for (const PlyElement& element : header_->elements) {
+    if (absl::Status status = ReadElement(element); !status.ok()) return status;
+  }
+  if (mesh_.positions.empty()) return absl::InvalidArgumentError("the file has no vertices");
+  return CheckIndices();
+}
+
+absl::Status PlyMeshReader::ReadElement(const PlyElement& element) {
+  if (element.name == "vertex" && mesh_.positions.empty()) return ReadVertices(element);
+  if (element.name == "face" && mesh_.indices.empty()) return ReadFaces(element);
+  return SkipRows(element);
+}
+
+// A count that the file is too small for is refused before anything is allocated.
+absl::Status PlyMeshReader::CheckCount(const PlyElement& element) const {
+  uint64_t row_bytes_min = 0;
+  for (const PlyProperty& property : element.properties) {
+    // In ASCII, a digit and a blank.
+    row_bytes_min += header_->format == PlyFormat::kAscii
+                         ? 2
+                         : PlySizeBytes(property.is_list ? property.count_type : property.type);
+  }
+  // The last blank of an ASCII file may be missing.
+  const uint64_t bound = bytes_->size_bytes_bound() + 1;
+  if (row_bytes_min > 0 && element.count > bound / row_bytes_min) {
+    return absl::InvalidArgumentError(absl::StrCat("the header claims ", element.count,
+                                                   " elements \"", element.name,
+                                                   "\", more than the file's size can hold"));
+  }
+  if (element.name == "face" && element.count > limits_.triangles_max) {
+    return absl::ResourceExhaustedError(absl::StrCat("the header claims ", element.count,
+                                                     " faces; the limit triangles_max is ",
+                                                     limits_.triangles_max));
+  }
+  return absl::OkStatus();
+}
+
+absl::Status PlyMeshReader::Stopped(std::string_view element, uint64_t number) const {
+  const std::string place = absl::StrCat(std::string(element), " ", number);
+  const std::string line =
+      header_->format == PlyFormat::kAscii ? absl::StrCat("line ", bytes_->line(), ": ") : "";
+  if (!bytes_->status().ok()) {
+    return absl::Status(bytes_->status().code(),
+                        absl::StrCat(line, place, ": ", bytes_->status().message()));
+  }
+  return absl::InvalidArgumentError(absl::StrCat(line, place, ": ", malformed_));
+}
+
+bool PlyMeshReader::ReadScalar(PlyType type, double* value) {
+  if (header_->format == PlyFormat::kAscii) {
+    std::string_view word;
+    if (!bytes_->ReadWord(&word)) return false;
+    if (ParseDouble(word, value)) return true;
+    malformed_ = absl::StrCat("\"", std::string(word.substr(0, 40)), "\" is not a finite number");
+    return false;
+  }
+  const unsigned char* bytes = bytes_->ReadBytes(PlySizeBytes(type));
+  if (bytes == nullptr) return false;
+  const bool swap = header_->format == PlyFormat::kBigEndian;
+  switch (type) {
+    case PlyType::kInt8:
+      *value = LoadScalar<int8_t>(bytes, swap);
+      break;
+    case PlyType::kUint8:
+      *value = LoadScalar<uint8_t>(bytes, swap);
+      break;
+    case PlyType::kInt16:
+      *value = LoadScalar<int16_t>(bytes, swap);
+      break;
+    case PlyType::kUint16:
+      *value = LoadScalar<uint16_t>(bytes, swap);
+      break;
+    case PlyType::kInt32:
+      *value = LoadScalar<int32_t>(bytes, swap);
+      break;
+    case PlyType::kUint32:
+      *value = LoadScalar<uint32_t>(bytes, swap);
+      break;
+    case PlyType::kFloat32:
+      *value = LoadScalar<float>(bytes, swap);
+      break;
+    case PlyType::kFloat64:
+      *value = LoadScalar<double>(bytes, swap);
+      break;
+  }
+  return true;
+}
+
+bool PlyMeshReader::ReadCount(const PlyProperty& property, uint64_t* count) {
+  double value = 0;
+  if (!ReadScalar(property.count_type, &value)) return false;
+  if (value >= 0 && value <= 4294967295.0 && value == std::floor(value)) {
+    *count = static_cast<uint64_t>(value);
+    return true;
+  }
+  malformed_ = absl::StrCat("the list \"", property.name, "\" has the impossible length ", value);
+  return false;
+}
+
+bool PlyMeshReader::SkipProperty(const PlyProperty& property) {
+  uint64_t count = 1;
+  if (property.is_list && !ReadCount(property, &count)) return false;
+  double ignored = 0;
+  for (uint64_t i = 0; i < count; ++i) {
+    if (!ReadScalar(property.type, &ignored)) return false;
+  }
+  return true;
+}
+
+absl::Status PlyMeshReader::SkipRows(const PlyElement& element) {
+  if (element.properties.empty()) return absl::OkStatus();
+  for (uint64_t i = 0; i < element.count; ++i) {
+    for (const PlyProperty& property : element.properties) {
+      if (!SkipProperty(property)) return Stopped(element.name, i);
+    }
+  }
+  return absl::OkStatus();
+}
+
+absl::Status PlyMeshReader::ReadVertices(const PlyElement& element) {
+  std::vector<Slot> slots;
+  std::array<bool, kSlotCount + 1> has{};
+  for (const PlyProperty& property : element.properties) {
+    slots.push_back(property.is_list ? kSkipped : SlotOf(property.name));
+    // Of two properties for one slot the first counts.
+    if (has[slots.back()]) slots.back() = kSkipped;
+    has[slots.back()] = true;
+  }
+  if (!has[kX] || !has[kY] || !has[kZ]) {
+    return absl::InvalidArgumentError("the element \"vertex\" needs the properties x, y and z");
+  }
+  const bool has_normal = has[kNormalX] && has[kNormalY] && has[kNormalZ];
+  const bool has_uv = has[kU] && has[kV];
+  // CheckCount has bounded the count by the file's size; beyond this, let the vectors grow.
+  constexpr uint64_t kReserveMax = uint64_t{1} << 20;
+  mesh_.positions.reserve(std::min(element.count, kReserveMax));
+  for (uint64_t i = 0; i < element.count; ++i) {
+    std::array<double, kSlotCount + 1> values{};
+    for (size_t j = 0; j < slots.size(); ++j) {
+      const PlyProperty& property = element.properties[j];
+      const bool is_read =
+          property.is_list ? SkipProperty(property) : ReadScalar(property.type, &values[slots[j]]);
+      if (!is_read) return Stopped("vertex", i);
+    }
+    if (absl::Status status = AppendVertex(i, values.data(), has_normal, has_uv); !status.ok()) {
+      return status;
+    }
+  }
+  return absl::OkStatus();
+}
+
+absl::Status PlyMeshReader::AppendVertex(uint64_t number, const double* values, bool has_normal,
+                                         bool has_uv) {
+  std::array<float, kSlotCount> v;
+  for (size_t i = 0; i < kSlotCount; ++i) {
+    v[i] = static_cast<float>(values[i]);
+    if (!std::isfinite(v[i])) {
+      static constexpr const char* kNames[] = {"x", "y", "z", "nx", "ny", "nz", "u", "v"};
+      return absl::InvalidArgumentError(
+          absl::StrCat("vertex ", number, ": ", kNames[i], " is not a finite 32-bit float"));
+    }
+  }
+  mesh_.positions.push_back({v[kX], v[kY], v[kZ]});
+  if (has_normal) mesh_.normals.push_back({v[kNormalX], v[kNormalY], v[kNormalZ]});
+  if (has_uv) mesh_.uvs.push_back({v[kU], v[kV]});
+  return CheckMemory();
+}
+
+absl::Status PlyMeshReader::CheckMemory() const {
+  const uint64_t bytes = mesh_.positions.size() * sizeof(Vec3f) +
+                         mesh_.normals.size() * sizeof(Vec3f) + mesh_.uvs.size() * sizeof(Vec2f) +
+                         mesh_.indices.size() * sizeof(uint32_t);
+  if (bytes > limits_.memory_bytes_max) {
+    return absl::ResourceExhaustedError(absl::StrCat("the mesh takes more than ",
+                                                     FormatMemory(limits_.memory_bytes_max),
+                                                     ", which is ", limits_.memory_limit));
+  }
+  if (mesh_.indices.size() / 3 > limits_.triangles_max) {
+    return absl::ResourceExhaustedError(absl::StrCat(
+        "the mesh exceeds the limit of ", limits_.triangles_max, " triangles (triangles_max)"));
+  }
+  return absl::OkStatus();
+}
+
+absl::Status PlyMeshReader::ReadFaces(const PlyElement& element) {
+  const auto is_polygon = [](const PlyProperty& property) {
+    return property.is_list &&
+           (property.name == "vertex_indices" || property.name == "vertex_index");
+  };
+  const auto polygon =
+      std::find_if(element.properties.begin(), element.properties.end(), is_polygon);
+  if (polygon == element.properties.end()) {
+    return absl::InvalidArgumentError("the element \"face\" needs the list vertex_indices");
+  }
+  for (uint64_t i = 0; i < element.count; ++i) {
+    for (const PlyProperty& property : element.properties) {
+      if (&property == &*polygon) {
+        if (absl::Status status = ReadPolygon(i, property); !status.ok()) return status;
+      } else if (!SkipProperty(property)) {
+        return Stopped("face", i);
+      }
+    }
+  }
+  return absl::OkStatus();
+}
+
+// Cuts the polygon into the fan (0, 1, 2), (0, 2, 3) ...
+absl::Status PlyMeshReader::ReadPolygon(uint64_t face, const PlyProperty& property) {
+  uint64_t count = 0;
+  if (!ReadCount(property, &count)) return Stopped("face", face);
+  if (count < 3) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("face ", face, " has ", count, " vertices; a face needs at least 3"));
+  }
+  uint32_t first = 0, previous = 0;
+  for (uint64_t i = 0; i < count; ++i) {
+    double value = 0;
+    if (!ReadScalar(property.type, &value)) return Stopped("face", face);
+    if (!(value >= 0 && value <= 4294967295.0) || value != std::floor(value)) {
+      return absl::InvalidArgumentError(
+          absl::StrCat("face ", face, ": ", value, " is no index of a vertex"));
+    }
+    const auto index = static_cast<uint32_t>(value);
+    if (i >= 2) mesh_.indices.insert(mesh_.indices.end(), {first, previous, index});
+    if (i == 0) first = index;
+    previous = index;
+    if (absl::Status status = CheckMemory(); !status.ok()) return status;
+  }
+  return absl::OkStatus();
+}
+
+absl::Status PlyMeshReader::CheckIndices() const {
+  const size_t count = mesh_.positions.size();
+  for (size_t i = 0; i < mesh_.indices.size(); ++i) {
+    if (mesh_.indices[i] < count) continue;
+    return absl::InvalidArgumentError(absl::StrCat("triangle ", i / 3, " uses vertex ",
+                                                   mesh_.indices[i], ", but there are only ", count,
+                                                   " vertices"));
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+absl::StatusOr<TriangleMesh> ReadPly(const std::string& path, const SceneReaderLimits& limits) {
+  absl::StatusOr<std::unique_ptr<TextInput>> input = TextInput::Open(path, limits.file_bytes_max);
+  if (!input.ok()) return input.status();
+  PlyBytes bytes(std::move(*input));
+  const absl::StatusOr<PlyHeader> header = ReadPlyHeader(bytes);
+  if (!header.ok()) return header.status();
+  PlyMeshReader reader(&bytes, &*header, limits);
+  if (absl::Status status = reader.Read(); !status.ok()) return status;
+  return reader.TakeMesh();
+}
+
+}  // namespace sheaf

@@ -1,0 +1,172 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "common/scene/formats/ply_reader.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cstring>
+#include <fstream>
+#include <limits>
+#include <string>
+
+#include "absl/strings/str_cat.h"
+
+namespace sheaf {
+namespace {
+
+using ::testing::HasSubstr;
+
+std::string WriteMesh(const std::string& bytes) {
+  const auto* info = ::testing::UnitTest::GetInstance()->current_test_info();
+  std::string name = std::string(info->test_suite_name()) + "-" + info->name();
+  std::replace(name.begin(), name.end(), '/', '-');
+  const std::string path = ::testing::TempDir() + "sheaf-" + name + ".ply";
+  std::ofstream(path, std::ios::binary) << bytes;
+  return path;
+}
+
+template <typename T>
+void Append(std::string* bytes, T value, bool is_big_endian) {
+  char raw[sizeof(T)];
+  std::memcpy(raw, &value, sizeof(T));
+  if (is_big_endian) std::reverse(raw, raw + sizeof(T));
+  bytes->append(raw, sizeof(T));
+}
+
+// A unit square of one quad, with a property and an element that a mesh does not need.
+std::string BinarySquare(bool is_big_endian) {
+  std::string bytes =
+      std::string("ply\nformat ") + (is_big_endian ? "binary_big_endian" : "binary_little_endian") +
+      " 1.0\ncomment made by hand\nelement vertex 4\nproperty double x\n"
+      "property float y\nproperty float z\nproperty uchar red\nproperty float nx\n"
+      "property float ny\nproperty float nz\nproperty float s\nproperty float t\n"
+      "element edge 1\nproperty int vertex1\nproperty list ushort float weights\n"
+      "element face 1\nproperty uchar group\nproperty list uchar uint vertex_index\n"
+      "end_header\n";
+  for (int i = 0; i < 4; ++i) {
+    const float x = i == 1 || i == 2 ? 1.f : 0.f, y = i >= 2 ? 1.f : 0.f;
+    Append<double>(&bytes, x, is_big_endian);
+    for (const float value : {y, 0.f}) Append(&bytes, value, is_big_endian);
+    Append<uint8_t>(&bytes, 7, is_big_endian);
+    for (const float value : {0.f, 0.f, 1.f, x, y}) Append(&bytes, value, is_big_endian);
+  }
+  Append<int32_t>(&bytes, 3, is_big_endian);
+  Append<uint16_t>(&bytes, 2, is_big_endian);
+  for (const float value : {1.f, 2.f}) Append(&bytes, value, is_big_endian);
+  for (const uint8_t value : {uint8_t{1}, uint8_t{4}}) Append(&bytes, value, is_big_endian);
+  for (const uint32_t value : {0u, 1u, 2u, 3u}) Append(&bytes, value, is_big_endian);
+  return bytes;
+}
+
+void ExpectSquare(const absl::StatusOr<TriangleMesh>& mesh) {
+  ASSERT_TRUE(mesh.ok()) << mesh.status().message();
+  EXPECT_EQ(mesh->indices, (std::vector<uint32_t>{0, 1, 2, 0, 2, 3}));
+  ASSERT_EQ(mesh->positions.size(), 4u);
+  EXPECT_EQ(mesh->positions[2], (Vec3f{1, 1, 0}));
+  ASSERT_EQ(mesh->normals.size(), 4u);
+  EXPECT_EQ(mesh->normals[3], (Vec3f{0, 0, 1}));
+  ASSERT_EQ(mesh->uvs.size(), 4u);
+  EXPECT_EQ(mesh->uvs[1], (Vec2f{1, 0}));
+}
+
+constexpr char kAsciiHead[] =
+    "ply\r\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n"
+    "property float z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n";
+
+TEST(PlyReaderTest, ReadsBothBinaryOrders) {
+  ExpectSquare(ReadPly(WriteMesh(BinarySquare(false)), {}));
+  ExpectSquare(ReadPly(WriteMesh(BinarySquare(true)), {}));
+}
+
+TEST(PlyReaderTest, ReadsAsciiWithoutATrailingNewline) {
+  const auto mesh =
+      ReadPly(WriteMesh(absl::StrCat(kAsciiHead, "0 0 0\n1 0 0\n0 1e-50 2.5\n3 0 1 2")), {});
+  ASSERT_TRUE(mesh.ok()) << mesh.status().message();
+  EXPECT_EQ(mesh->positions[2], (Vec3f{0, 0, 2.5f}));
+  EXPECT_EQ(mesh->indices, (std::vector<uint32_t>{0, 1, 2}));
+  EXPECT_TRUE(mesh->normals.empty());
+}
+
+TEST(PlyReaderTest, EveryTruncationIsAnError) {
+  const std::string whole = BinarySquare(false);
+  for (size_t size = 0; size < whole.size(); ++size) {
+    EXPECT_FALSE(ReadPly(WriteMesh(whole.substr(0, size)), {}).ok()) << size;
+  }
+}
+
+TEST(PlyReaderTest, NotFiniteVertexIsNamed) {
+  std::string bytes = BinarySquare(false);
+  const float nan = std::numeric_limits<float>::quiet_NaN();
+  // The y of vertex 1: a row is 8 + 8 + 1 + 20 bytes.
+  std::memcpy(bytes.data() + bytes.find("end_header\n") + 11 + 37 + 8, &nan, sizeof nan);
+  EXPECT_THAT(std::string(ReadPly(WriteMesh(bytes), {}).status().message()),
+              HasSubstr("vertex 1: y is not a finite 32-bit float"));
+}
+
+struct BadPly {
+  const char* name;
+  std::string text;
+  const char* expected;
+};
+void PrintTo(const BadPly& bad, std::ostream* out) { *out << bad.name; }
+
+class BadPlyTest : public ::testing::TestWithParam<BadPly> {};
+
+TEST_P(BadPlyTest, IsAClearError) {
+  const auto mesh = ReadPly(WriteMesh(GetParam().text), {});
+  ASSERT_FALSE(mesh.ok());
+  EXPECT_THAT(std::string(mesh.status().message()), HasSubstr(GetParam().expected));
+}
+
+std::vector<BadPly> BadMeshes() {
+  const std::string head = kAsciiHead;
+  const std::string xyz = "property float x\nproperty float y\nproperty float z\n";
+  return {
+      {"Empty", "", "line 1: this is no PLY file"},
+      {"NoEnd", "ply\nformat ascii 1.0\n", "ends too early"},
+      {"Format", "ply\nformat roman 1.0\nend_header\n", "line 2: the format \"roman\" is unknown"},
+      {"NoFormat", "ply\nend_header\n", "no format line"},
+      {"Word", "ply\nfromat ascii 1.0\n", "line 2: \"fromat\" is no word of a PLY header"},
+      {"Type", "ply\nformat ascii 1.0\nelement vertex 1\nproperty real x\n",
+       "line 4: \"property\""},
+      {"FloatCount", "ply\nformat ascii 1.0\nelement face 1\nproperty list float int v\n",
+       "line 4: the list's count is not of an integer type"},
+      {"Count", "ply\nformat ascii 1.0\nelement vertex -3\n", "line 3: \"element\" needs"},
+      {"NoZ", "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nend_header\n1\n",
+       "needs the properties x, y and z"},
+      {"NoVertices", "ply\nformat ascii 1.0\nend_header\n", "the file has no vertices"},
+      {"HugeVertexCount",
+       "ply\nformat ascii 1.0\nelement vertex 1099511627776\n" + xyz + "end_header\n",
+       "the header claims 1099511627776 elements \"vertex\", more than the file's size can hold"},
+      {"HugeFaceCount",
+       "ply\nformat binary_little_endian 1.0\nelement vertex 0\n" + xyz +
+           "element face 1099511627776\nproperty list uchar int vertex_indices\nend_header\n",
+       "the header claims 1099511627776 elements \"face\""},
+      {"NotANumber", head + "0 0 0\n1 zero 0\n0 1 0\n3 0 1 2\n",
+       "line 11: vertex 1: \"zero\" is not a finite number"},
+      {"Nan", head + "0 0 0\n1 nan 0\n0 1 0\n3 0 1 2\n", "line 11: vertex 1: \"nan\""},
+      {"FloatOverflow", head + "0 0 0\n1 1e39 0\n0 1 0\n3 0 1 2\n", "vertex 1: y is not a finite"},
+      {"IndexRange", head + "0 0 0\n1 0 0\n0 1 0\n3 0 1 3\n",
+       "triangle 0 uses vertex 3, but there are only 3 vertices"},
+      {"NegativeIndex", head + "0 0 0\n1 0 0\n0 1 0\n3 0 1 -2\n", "face 0: -2 is no index"},
+      {"TwoCorners", head + "0 0 0\n1 0 0\n0 1 0\n2 0 1\n", "face 0 has 2 vertices"},
+      {"TruncatedList", head + "0 0 0\n1 0 0\n0 1 0\n3 0 1\n", "face 0: the file ends too early"},
+  };
+}
+INSTANTIATE_TEST_SUITE_P(Diagnostics, BadPlyTest, ::testing::ValuesIn(BadMeshes()),
+                         [](const auto& test) { return std::string(test.param.name); });
+
+TEST(PlyReaderTest, LimitsAreNamed) {
+  SceneReaderLimits limits;
+  limits.memory_bytes_max = 40;
+  const std::string path = WriteMesh(BinarySquare(false));
+  EXPECT_THAT(std::string(ReadPly(path, limits).status().message()), HasSubstr("memory_bytes_max"));
+  limits = {};
+  limits.triangles_max = 1;
+  EXPECT_THAT(std::string(ReadPly(path, limits).status().message()), HasSubstr("triangles_max"));
+}
+
+}  // namespace
+}  // namespace sheaf

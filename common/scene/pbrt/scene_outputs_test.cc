@@ -1,0 +1,80 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// What a scene file asks for besides its picture.
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+#include <string>
+
+#include "common/scene/file_source.h"
+#include "common/scene/pbrt/scene_reader.h"
+#include "common/scene/settings/render_settings.h"
+#include "tests/support/temporary_path.h"
+
+namespace sheaf {
+namespace {
+
+absl::StatusOr<ReadSceneResult> Read(const std::string& text) {
+  const std::string directory = testing::TemporaryPath("scene");
+  std::filesystem::create_directories(directory);
+  std::ofstream(directory + "/main.pbrt") << text;
+  DirectoryFileSource files(directory);
+  return ReadScene("main.pbrt", files);
+}
+
+std::string OutputsOf(const std::string& film) {
+  const absl::StatusOr<ReadSceneResult> result = Read(film + "\nWorldBegin\n");
+  EXPECT_TRUE(result.ok()) << result.status();
+  return result.ok() ? FormatOutputs(result->scene.film.outputs) : "";
+}
+
+TEST(SceneOutputsTest, GeometryBufferAsksForOutputs) {
+  EXPECT_EQ(OutputsOf("Film \"rgb\""), "");
+  EXPECT_EQ(OutputsOf("Film \"gbuffer\""),
+            "position,normal-geometric,normal-shading,uv,space:camera");
+  EXPECT_EQ(OutputsOf("Film \"gbuffer\" \"string coordinatesystem\" \"world\""),
+            "position,normal-geometric,normal-shading,uv");
+  EXPECT_FALSE(Read("Film \"gbuffer\" \"string coordinatesystem\" \"here\"\nWorldBegin\n").ok());
+}
+
+// The color space in effect at Film, not the one after it.
+TEST(SceneOutputsTest, ThePicturesPrimariesAreThoseAtTheFilm) {
+  const auto result = Read(
+      "ColorSpace \"aces2065-1\"\nFilm \"rgb\" \"float whitebalance\" 5000\nColorSpace \"srgb\"\n"
+      "WorldBegin\n");
+  ASSERT_TRUE(result.ok()) << result.status();
+  EXPECT_TRUE(result->diagnostics.empty());
+  EXPECT_EQ(result->scene.film.primaries, Primaries::kAces2065);
+  EXPECT_EQ(ResolveSettings(result->scene, {})->primaries, Primaries::kAces2065);
+  EXPECT_EQ(ResolveSettings(result->scene, {})->white_balance_k, 5000);
+  RenderSettings asked;
+  asked.primaries = Primaries::kSrgb;
+  EXPECT_EQ(ResolveSettings(result->scene, asked)->primaries, Primaries::kSrgb);
+  EXPECT_EQ(Read("Film \"rgb\"\nWorldBegin\n")->scene.film.primaries, Primaries::kSrgb);
+}
+
+TEST(SceneOutputsTest, ImpossibleWhiteBalancesAreRefused) {
+  for (const char* temperature : {"-5000", "999", "25001"}) {
+    const auto result =
+        Read(std::string("Film \"rgb\" \"float whitebalance\" ") + temperature + "\nWorldBegin\n");
+    ASSERT_FALSE(result.ok());
+    EXPECT_NE(std::string(result.status().message()).find("main.pbrt:1:"), std::string::npos)
+        << result.status();
+  }
+}
+
+TEST(SceneOutputsTest, LightsHaveGroups) {
+  const absl::StatusOr<ReadSceneResult> result = Read(
+      "WorldBegin\nLightSource \"point\" \"string lightgroup\" \"key\"\n"
+      "LightSource \"infinite\"\n"
+      "AreaLightSource \"diffuse\" \"string lightgroup\" \"Panel-2\"\nShape \"sphere\"\n");
+  ASSERT_TRUE(result.ok()) << result.status();
+  EXPECT_EQ(result->scene.lights[0].group, "key");
+  EXPECT_EQ(result->scene.lights[1].group, "default");
+  EXPECT_EQ(result->scene.area_lights[0].group, "Panel-2");
+}
+
+}  // namespace
+}  // namespace sheaf

@@ -1,0 +1,30 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// scene files > SceneDescription: the first arrow of the data flow.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "common/scene/file_source.h"
+#include "common/scene/pbrt/syntax/diagnostics.h"
+#include "common/scene/scene_description.h"
+#include "common/scene/scene_reader_limits.h"
+
+namespace sheaf {
+
+struct ReadSceneResult {
+  SceneDescription scene;
+  std::vector<SceneDiagnostic> diagnostics;  // Notes and warnings; errors make the call fail.
+};
+
+// Reads main_file (canonical name, normally just its file name) in the pbrt-v4 format, with all
+// files it includes and all meshes. Image and texture files are resolved (so that FilesUsed is
+// complete) but not decoded. Errors: kInvalidArgument with every error that was found, one a line;
+// kResourceExhausted, likewise, where lack of memory is among them; kNotFound for the main file.
+absl::StatusOr<ReadSceneResult> ReadScene(const std::string& main_file, FileSource& files,
+                                          const SceneReaderLimits& limits = {});
+
+}  // namespace sheaf

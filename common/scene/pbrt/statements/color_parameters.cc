@@ -1,0 +1,161 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "common/scene/pbrt/statements/color_parameters.h"
+
+#include <algorithm>
+#include <cmath>
+#include <memory>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "common/scene/formats/number.h"
+#include "common/scene/pbrt/syntax/tokenizer.h"
+#include "common/scene/spectrum/primaries.h"
+#include "common/scene/spectrum/spectrum.h"
+
+namespace sheaf {
+namespace {
+
+constexpr uint64_t kSpectrumFileBytesMax = uint64_t{1} << 24;
+
+// Errors are texts for people, empty where all is well.
+std::string ReadSpectrumFile(const std::string& path, std::vector<float>* numbers) {
+  absl::StatusOr<std::unique_ptr<TextInput>> input = TextInput::Open(path, kSpectrumFileBytesMax);
+  if (!input.ok()) return std::string(input.status().message());
+  Tokenizer tokens(std::move(*input));
+  while (true) {
+    const Token token = tokens.Next();
+    if (token.kind == Token::Kind::kEnd) return "";
+    float value = 0;
+    if (token.kind != Token::Kind::kWord || !ParseFloat(token.text, &value)) {
+      return absl::StrCat("line ", token.line, ", column ", token.column, ": expected a number");
+    }
+    numbers->push_back(value);
+  }
+}
+
+std::string SetSamples(const std::vector<float>& numbers, ColorSpec* color) {
+  if (numbers.empty() || numbers.size() % 2 != 0) {
+    return absl::StrCat("needs pairs of wavelength in nm and value, but has ", numbers.size(),
+                        " numbers");
+  }
+  color->kind = ColorSpec::Kind::kSampled;
+  for (size_t i = 0; i < numbers.size(); i += 2) {
+    if (i > 0 && numbers[i] <= color->wavelengths_nm.back()) {
+      return absl::StrCat("has wavelengths that do not increase: ", numbers[i], " nm after ",
+                          color->wavelengths_nm.back(), " nm");
+    }
+    color->wavelengths_nm.push_back(numbers[i]);
+    color->values.push_back(numbers[i + 1]);
+  }
+  return "";
+}
+
+std::string SetNamed(const std::string& name, FileSource& files, ColorSpec* color) {
+  color->name = name;
+  if (IsNamedSpectrum(name)) {
+    color->kind = ColorSpec::Kind::kNamed;
+    return "";
+  }
+  const absl::StatusOr<std::string> path = files.LocalPath(CanonicalFileName(name));
+  if (!path.ok()) {
+    return absl::StrCat("names no known spectrum, and ", path.status().message(),
+                        NearestNameHint(name, NamedSpectra()));
+  }
+  std::vector<float> numbers;
+  std::string error = ReadSpectrumFile(*path, &numbers);
+  if (error.empty()) error = SetSamples(numbers, color);
+  if (!error.empty()) return absl::StrCat("cannot use the spectrum file \"", name, "\": ", error);
+  return "";
+}
+
+std::string SetRgb(const Parameter& parameter, ColorRole role, ColorSpec* color) {
+  if (parameter.floats.size() != 3) {
+    return absl::StrCat("needs 3 values but has ", parameter.floats.size());
+  }
+  const Rgb written{parameter.floats[0], parameter.floats[1], parameter.floats[2]};
+  if (std::min({written.r, written.g, written.b}) < 0) {
+    return "has a negative component; colours must be 0 or more";
+  }
+  if (role == ColorRole::kReflectance && MaxComponent(written) > 1) {
+    return "has a component greater than 1; a surface cannot reflect more light than it gets";
+  }
+  const Rgb srgb = SrgbFromPrimaries(written, parameter.primaries, role);
+  // Rounding of a colour on the edge of the gamut is not outside of it.
+  constexpr float kTolerance = 1e-4f;
+  for (size_t i = 0; i < 3; ++i) {
+    color->rgb[i] = std::max(srgb[i], 0.f);
+    if (role == ColorRole::kReflectance) color->rgb[i] = std::min(color->rgb[i], 1.f);
+    const float beyond = std::fabs(srgb[i] - color->rgb[i]);
+    if (beyond > kTolerance * MaxComponent(written)) color->is_out_of_gamut = true;
+  }
+  if (color->is_out_of_gamut) color->true_rgb = srgb;
+  return "";
+}
+
+std::string SetBlackbody(const Parameter& parameter, ColorSpec* color) {
+  if (parameter.floats.size() != 1) {
+    return absl::StrCat("needs one temperature in kelvin but has ", parameter.floats.size(),
+                        " values");
+  }
+  color->kind = ColorSpec::Kind::kBlackbody;
+  color->temperature_k = parameter.floats[0];
+  // Below, the visible part of Planck's law underflows double arithmetic.
+  constexpr float kTemperatureMin = 100;
+  if (!(color->temperature_k >= kTemperatureMin)) {
+    return absl::StrCat("is a temperature below ", kTemperatureMin, " K, which gives no light");
+  }
+  return "";
+}
+
+}  // namespace
+
+ColorSpec RgbColor(Rgb rgb) {
+  ColorSpec color;
+  color.rgb = rgb;
+  return color;
+}
+
+ColorSpec GetColor(ParameterList& parameters, const std::string& name, ColorRole role,
+                   const ColorSpec& fallback, FileSource& files) {
+  const Parameter* parameter = parameters.Find(name);
+  if (parameter == nullptr) return fallback;
+  ColorSpec color;
+  std::string error;
+  switch (parameter->type) {
+    case ParameterType::kRgb:
+      error = SetRgb(*parameter, role, &color);
+      break;
+    case ParameterType::kBlackbody:
+      error = SetBlackbody(*parameter, &color);
+      break;
+    case ParameterType::kSpectrum:
+      if (parameter->strings.size() == 1 && parameter->floats.empty()) {
+        error = SetNamed(parameter->strings[0], files, &color);
+      } else if (parameter->strings.empty()) {
+        error = SetSamples(parameter->floats, &color);
+      } else {
+        error = "needs either numbers or one name";
+      }
+      break;
+    default:
+      error = absl::StrCat("must be of type rgb, spectrum or blackbody, not ",
+                           std::string(ParameterTypeName(parameter->type)));
+  }
+  if (!error.empty()) {
+    parameters.ErrorAt(*parameter, error);
+    return fallback;
+  }
+  color.rgb = SpectrumToRgb(color, role);
+  if (color.is_out_of_gamut) {
+    parameters.diagnostics().Note(
+        parameter->location,
+        absl::StrCat(
+            parameters.owner(), ": \"", name,
+            "\" is outside of the gamut of sRGB: light with wavelengths keeps it, RGB takes "
+            "the nearest color in it, channel by channel"));
+  }
+  return color;
+}
+
+}  // namespace sheaf

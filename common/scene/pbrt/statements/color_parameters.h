@@ -1,0 +1,23 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Colours of pbrt files: rgb triples, blackbody temperatures, named spectra, inline samples and
+// .spd files, each with the linear sRGB value filled in.
+#pragma once
+
+#include <string>
+
+#include "common/scene/file_source.h"
+#include "common/scene/pbrt/syntax/parameter_list.h"
+#include "common/scene/scene_description.h"
+
+namespace sheaf {
+
+ColorSpec RgbColor(Rgb rgb);
+
+// The colour that the parameter holds, or fallback where it is absent or wrong (which is reported).
+// Requires: the parameter is not a texture.
+ColorSpec GetColor(ParameterList& parameters, const std::string& name, ColorRole role,
+                   const ColorSpec& fallback, FileSource& files);
+
+}  // namespace sheaf

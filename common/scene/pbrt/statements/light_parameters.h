@@ -1,0 +1,24 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Lights of pbrt files: what LightSource and AreaLightSource say, after pbrt-v4's defaults.
+#pragma once
+
+#include <optional>
+#include <string>
+
+#include "common/scene/file_source.h"
+#include "common/scene/pbrt/syntax/parameter_list.h"
+#include "common/scene/scene_description.h"
+
+namespace sheaf {
+
+// LightSource "type" ...; empty (reported) where Sheaf does not do the type.
+std::optional<LightDescription> GetLight(const std::string& type, const Matrix4& world_from_light,
+                                         ParameterList& parameters, FileSource& files);
+
+// AreaLightSource "diffuse" ...
+std::optional<AreaLightDescription> GetAreaLight(const std::string& type, ParameterList& parameters,
+                                                 FileSource& files);
+
+}  // namespace sheaf

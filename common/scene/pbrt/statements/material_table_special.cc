@@ -1,0 +1,75 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// MaterialTable's materials of one kind of matter: hair, and what was measured.
+#include <string>
+
+#include "absl/strings/str_cat.h"
+#include "common/scene/formats/measured_file.h"
+#include "common/scene/pbrt/statements/color_parameters.h"
+#include "common/scene/pbrt/statements/material_table.h"
+
+namespace sheaf {
+
+HairMaterial MaterialTable::MakeHair(ParameterList& parameters) {
+  HairMaterial hair;
+  const auto number = [&](const char* name, FloatInput* input, float low, float high) {
+    *input = textures_->GetFloatInput(parameters, name, input->value);
+    if (input->texture != kNone || (input->value >= low && input->value <= high)) return;
+    parameters.ErrorAt(
+        *parameters.Find(name),
+        absl::StrCat("is ", input->value, " but must lie in [", low, ", ", high, "]"));
+  };
+  const std::string reflectance = parameters.Has("reflectance") ? "reflectance" : "color";
+  if (parameters.Has("sigma_a")) {
+    hair.pigment = HairMaterial::Pigment::kAbsorption;
+    hair.color = textures_->GetColorInput(parameters, "sigma_a", ColorRole::kUnbounded,
+                                          RgbColor(Rgb::Grey(0)));
+  } else if (parameters.Has(reflectance)) {
+    hair.pigment = HairMaterial::Pigment::kReflectance;
+    hair.color = textures_->GetColorInput(parameters, reflectance, ColorRole::kReflectance,
+                                          RgbColor(Rgb::Grey(0.5f)));
+  } else if (parameters.Has("eumelanin") || parameters.Has("pheomelanin")) {
+    hair.eumelanin.value = 0;
+    number("eumelanin", &hair.eumelanin, 0, HairMaterial::kConcentrationMax);
+    number("pheomelanin", &hair.pheomelanin, 0, HairMaterial::kConcentrationMax);
+  }
+  if (hair.pigment != HairMaterial::Pigment::kMelanin) {
+    const bool is_absorption = hair.pigment == HairMaterial::Pigment::kAbsorption;
+    const std::string taken = is_absorption ? "sigma_a" : reflectance;
+    for (const char* name : {"reflectance", "color", "eumelanin", "pheomelanin"}) {
+      if (name != taken) parameters.NoteWithoutEffect(name, taken + " is given");
+    }
+  }
+  number("eta", &hair.eta, HairMaterial::kIndexMin, HairMaterial::kIndexMax);
+  number("beta_m", &hair.beta_m, 0, 1);
+  number("beta_n", &hair.beta_n, 0, 1);
+  number("alpha", &hair.alpha_degrees, -90, 90);
+  return hair;
+}
+
+MeasuredMaterial MaterialTable::MakeMeasured(ParameterList& parameters) {
+  MeasuredMaterial measured;
+  const std::string name = parameters.GetString("filename", "");
+  if (name.empty()) {
+    parameters.Error(
+        absl::StrCat(parameters.owner(), " needs \"string filename\", a .bsdf file of the RGL"));
+    return measured;
+  }
+  measured.file = CanonicalFileName(name);
+  const Parameter& parameter = *parameters.Find("filename");
+  const absl::StatusOr<std::string> path = files_->LocalPath(measured.file);
+  if (!path.ok()) {
+    parameters.ErrorAt(parameter, absl::StrCat("cannot be read: ", path.status().message()));
+    return measured;
+  }
+  const absl::StatusOr<MeasuredShape> shape = ReadMeasuredShape(measured.file, *path);
+  if (!shape.ok()) {
+    parameters.ErrorAt(parameter, absl::StrCat("cannot be read: ", shape.status().message()));
+    return measured;
+  }
+  measured.is_anisotropic = shape->phi_count > 1;
+  return measured;
+}
+
+}  // namespace sheaf

@@ -1,0 +1,127 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// MaterialTable's subsurface materials: a boundary, and matter by its coefficients, by the name of
+// a measured substance, or by what it reflects.
+#include <algorithm>
+#include <cmath>
+#include <string>
+
+#include "absl/strings/str_cat.h"
+#include "common/scene/pbrt/statements/color_parameters.h"
+#include "common/scene/pbrt/statements/material_table.h"
+#include "common/scene/pbrt/statements/matter_reflectance.h"
+#include "common/scene/pbrt/statements/medium_parameters.h"
+
+namespace sheaf {
+namespace {
+
+constexpr float kDefaultSubsurfaceIndex = 1.33f;
+// pbrt-v4's: milk's, per millimetre.
+constexpr Rgb kDefaultSigmaA{.0011f, .0024f, .014f}, kDefaultSigmaS{2.55f, 3.21f, 3.77f};
+// Whether the parameter is there and no texture, which matter cannot be painted with.
+bool HasColor(ParameterList& parameters, const char* name) {
+  const Parameter* parameter = parameters.Find(name);
+  if (parameter == nullptr) return false;
+  if (parameter->type != ParameterType::kTexture) return true;
+  parameters.ErrorAt(*parameter,
+                     "is not supported as a texture; give a color, or paint the reflectance");
+  return false;
+}
+
+void SetPreset(ParameterList& parameters, const std::string& name, MediumDescription* matter) {
+  const MeasuredMedium* measured = FindMeasuredMedium(name);
+  if (measured == nullptr) {
+    parameters.ErrorAt(*parameters.Find("name"),
+                       absl::StrCat("\"", name, "\" names no measured medium",
+                                    NearestNameHint(name, MeasuredMediumNames())));
+    return;
+  }
+  matter->sigma_a = RgbColor(measured->sigma_a);
+  matter->sigma_s = RgbColor(measured->sigma_s);
+  for (const char* other : {"sigma_a", "sigma_s", "reflectance", "mfp", "g"}) {
+    parameters.NoteWithoutEffect(other, "the named substance says what it is");
+  }
+  matter->g = 0;  // What is measured are reduced coefficients.
+}
+
+// Whether the spectrum is of lengths that light can go. Where it has samples its rgb alone would
+// not say so.
+bool IsFreePath(const ColorSpec& color, float scale) {
+  const auto is_length = [scale](float value) {
+    return std::isfinite(value * scale) && value * scale >= kFreePathMin;
+  };
+  return is_length(color.rgb.r) && is_length(color.rgb.g) && is_length(color.rgb.b) &&
+         std::all_of(color.values.begin(), color.values.end(), is_length);
+}
+
+// Coefficients by what even light would see of the matter, and its mean free path.
+void GetReflectance(ParameterList& parameters, TextureTable& textures, FileSource& files, float eta,
+                    MediumDescription* matter) {
+  MatterReflectance reflectance;
+  const ColorInput color = textures.GetColorInput(parameters, "reflectance",
+                                                  ColorRole::kReflectance, RgbColor(Rgb::Grey(1)));
+  reflectance.color = color.value;
+  reflectance.texture = color.texture;
+  reflectance.free_path =
+      HasColor(parameters, "mfp")
+          ? GetColor(parameters, "mfp", ColorRole::kUnbounded, RgbColor(Rgb::Grey(1)), files)
+          : RgbColor(Rgb::Grey(1));
+  reflectance.scale = matter->scale;
+  reflectance.eta = eta;
+  if (!IsFreePath(reflectance.free_path, reflectance.scale)) {
+    parameters.Error(absl::StrCat(parameters.owner(),
+                                  ": mfp times scale must be finite and more than ", kFreePathMin));
+    return;
+  }
+  SetReflectance(reflectance, matter);
+}
+
+}  // namespace
+
+SubsurfaceMaterial MaterialTable::MakeSubsurface(ParameterList& parameters) {
+  SubsurfaceMaterial material;
+  material.roughness = GetRoughness(parameters);
+  if (parameters.Has("eta"))
+    material.eta = GetIndex(parameters);
+  else
+    material.eta.mean = kDefaultSubsurfaceIndex;
+  MediumDescription matter;
+  matter.name = parameters.owner();
+  matter.location = parameters.location();
+  matter.is_matter = true;
+  GetScaleAndPhase(parameters, &matter);
+  const std::string name = parameters.GetString("name", "");
+  const bool has_a = HasColor(parameters, "sigma_a"), has_s = HasColor(parameters, "sigma_s");
+  const bool has_reflectance = parameters.Has("reflectance");
+  matter.sigma_a = RgbColor(kDefaultSigmaA);
+  matter.sigma_s = RgbColor(kDefaultSigmaS);
+  if (!name.empty()) {
+    SetPreset(parameters, name, &matter);
+  } else if (has_a || has_s) {
+    if (has_a != has_s) {
+      parameters.Error(absl::StrCat(parameters.owner(), " needs both sigma_a and sigma_s"));
+    }
+    matter.sigma_a =
+        GetColor(parameters, "sigma_a", ColorRole::kUnbounded, matter.sigma_a, *files_);
+    matter.sigma_s =
+        GetColor(parameters, "sigma_s", ColorRole::kUnbounded, matter.sigma_s, *files_);
+    RequireCoefficient(parameters, "sigma_a", &matter.sigma_a);
+    RequireCoefficient(parameters, "sigma_s", &matter.sigma_s);
+    if (has_reflectance) {
+      parameters.Error(absl::StrCat(parameters.owner(),
+                                    ": reflectance excludes sigma_a and sigma_s; give one or the "
+                                    "other"));
+    }
+    parameters.NoteWithoutEffect("mfp", "sigma_a and sigma_s say what it is");
+  } else if (has_reflectance) {
+    GetReflectance(parameters, *textures_, *files_, material.eta.mean, &matter);
+  } else {
+    parameters.NoteWithoutEffect("mfp", "it goes with reflectance, which is not given");
+  }
+  material.medium = static_cast<int32_t>(matter_.size());
+  matter_.push_back(std::move(matter));
+  return material;
+}
+
+}  // namespace sheaf

@@ -1,0 +1,41 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// What stands before WorldBegin: camera, film, filter, sampler and integrator, after pbrt-v4's
+// defaults.
+#pragma once
+
+#include <string>
+
+#include "common/scene/file_source.h"
+#include "common/scene/pbrt/syntax/parameter_list.h"
+#include "common/scene/scene_description.h"
+
+namespace sheaf {
+
+// What Camera and Film say about each other's business, settled when both are known.
+struct PendingFrame {
+  bool has_screen_window = false;
+  float frame_aspect_ratio = 0;  // 0: that of the film.
+  float iso = 100;
+  float diagonal_mm = 35;
+  bool has_diagonal = false;
+  SourceLocation diagonal_location;
+};
+
+// files: those of a realistic camera's lens and aperture are read or asked for.
+void SetCamera(const std::string& type, ParameterList& parameters, FileSource& files,
+               CameraDescription* camera, PendingFrame* frame);
+void SetFilm(const std::string& type, ParameterList& parameters, FilmDescription* film,
+             PendingFrame* frame);
+void SetFilter(const std::string& type, ParameterList& parameters, FilterDescription* filter);
+void SetSampler(const std::string& type, ParameterList& parameters, SamplingDescription* sampling);
+void SetIntegrator(const std::string& type, ParameterList& parameters,
+                   SamplingDescription* sampling);
+// Fills in the screen window from the film's aspect and the exposure from shutter and ISO.
+void SettleFrame(const PendingFrame& frame, CameraDescription* camera, FilmDescription* film);
+
+// True where the integrator, as pbrt-v4 defines it, does not see media.
+bool IntegratorIgnoresMedia(const std::string& integrator);
+
+}  // namespace sheaf

@@ -1,0 +1,73 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// TextureTable: the named textures of a scene, and the parameters that may refer to one. Materials
+// may use a texture that the file declares further on; the table keeps its place until then.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <string>
+#include <tuple>
+
+#include "common/scene/file_source.h"
+#include "common/scene/pbrt/syntax/parameter_list.h"
+#include "common/scene/scene_description.h"
+
+namespace sheaf {
+
+class TextureTable {
+ public:
+  // Requires: all outlive this.
+  TextureTable(SceneDescription* scene, FileSource* files, Diagnostics* diagnostics)
+      : scene_(scene), files_(files), diagnostics_(diagnostics) {}
+
+  // Texture "name" "float|spectrum" "kind" ... with the transformation in force.
+  void Declare(const std::string& name, const std::string& type, const std::string& kind,
+               const Matrix4& world_from_texture, ParameterList parameters);
+
+  FloatInput GetFloatInput(ParameterList& parameters, const std::string& name, float fallback);
+  ColorInput GetColorInput(ParameterList& parameters, const std::string& name, ColorRole role,
+                           const ColorSpec& fallback);
+
+  // The picture that "string normalmap" names, as a texture of its own: repeating, bilinear, its
+  // numbers taken as they are. kNone where there is no such parameter.
+  int32_t GetNormalMap(ParameterList& parameters);
+
+  // Gives textures that are used in several roles (reflectance, unbounded) a copy for each, and
+  // reports references that lead nowhere. Call once, at the end of the scene.
+  void Finish();
+
+ private:
+  // A texture is wanted for a type and a role; colours of spectra depend on the role.
+  using Key = std::tuple<bool, ColorRole, std::string>;
+  struct Slot {
+    int32_t index = kNone;
+    bool is_declared = false;
+  };
+
+  // Index of the texture that the parameter names; kNone (reported) within a texture's declaration
+  // where it is not declared before, which also rules out cycles.
+  int32_t Refer(ParameterList& parameters, const Parameter& parameter, bool is_color,
+                ColorRole role);
+  Slot& SlotFor(bool is_color, ColorRole role, const std::string& name, SourceLocation location);
+  void CopyForRole(int32_t source, int32_t target, ColorRole role);
+
+  ImageTexture MakeImage(ParameterList& parameters, const Matrix4& world_from_texture);
+  CheckerboardTexture MakeCheckerboard(ParameterList& parameters, bool is_color,
+                                       const Matrix4& world_from_texture);
+  ScaleTexture MakeScale(ParameterList& parameters, bool is_color);
+  MixTexture MakeMix(ParameterList& parameters, bool is_color);
+  ConstantTexture MakeConstant(ParameterList& parameters, bool is_color);
+
+  SceneDescription* scene_;
+  FileSource* files_;
+  Diagnostics* diagnostics_;
+  std::map<Key, Slot> slots_;
+  bool is_declaring_ = false;
+};
+
+// Reads "mapping" and its parameters, as planar, uv and the others share them among textures.
+UvMapping GetUvMapping(ParameterList& parameters, const Matrix4& world_from_texture);
+
+}  // namespace sheaf

@@ -1,0 +1,35 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// GraphicsState: what pbrt directives change and AttributeBegin saves.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "common/math/transform.h"
+#include "common/scene/pbrt/syntax/parameter_list.h"
+#include "common/scene/scene_description.h"
+#include "common/scene/spectrum/primaries.h"
+
+namespace sheaf {
+
+struct GraphicsState {
+  // The current transformation at the start and the end of the shutter; which of both directives
+  // change is ActiveTransform's.
+  Matrix4 start, end;
+  bool start_is_active = true, end_is_active = true;
+  bool reverse_orientation = false;
+  Primaries primaries = Primaries::kSrgb;  // Of the rgb values that follow.
+  int32_t material = kNone;                // kNone: the default material.
+  int32_t area_light = kNone;
+  MediumBoundary media;  // Of surfaces that follow; its outside is what a camera is in.
+  // What Attribute gave to later directives, by target ("shape", "light" ...).
+  std::map<std::string, std::vector<Parameter>> attributes;
+
+  bool IsAnimated() const { return !(start == end); }
+};
+
+}  // namespace sheaf

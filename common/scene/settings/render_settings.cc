@@ -1,0 +1,260 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "common/scene/settings/render_settings.h"
+
+#include <algorithm>
+#include <cmath>
+#include <set>
+#include <type_traits>
+#include <variant>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "common/base/digest.h"
+#include "common/scene/spectrum/primaries.h"
+
+#ifndef SHEAF_VERSION
+#error "common/scene/CMakeLists.txt defines SHEAF_VERSION, SHEAF_MARCH and SHEAF_EMBREE_VERSION"
+#endif
+
+namespace sheaf {
+namespace {
+
+std::string RectText(const PixelRect& rect) {
+  return absl::StrCat("[", rect.x0, ", ", rect.x1, ") x [", rect.y0, ", ", rect.y1, ")");
+}
+
+// First pixel whose left edge is at or right of the fraction: pbrt-v4's rule, so that abutting
+// crops neither overlap nor leave a gap.
+int32_t CropPixel(double fraction, int32_t size_px) {
+  return static_cast<int32_t>(std::ceil(size_px * std::clamp(fraction, 0.0, 1.0)));
+}
+
+PixelRect SceneWindow(const FilmDescription& film) {
+  if (film.has_pixel_bounds) {
+    const auto& b = film.pixel_bounds;
+    return {std::clamp(b[0], 0, film.width_px), std::clamp(b[2], 0, film.height_px),
+            std::clamp(b[1], 0, film.width_px), std::clamp(b[3], 0, film.height_px)};
+  }
+  const auto& c = film.crop_window;
+  return {CropPixel(c[0], film.width_px), CropPixel(c[2], film.height_px),
+          CropPixel(c[1], film.width_px), CropPixel(c[3], film.height_px)};
+}
+
+absl::Status CheckFrame(const SceneDescription& scene) {
+  const FilmDescription& film = scene.film;
+  if (film.width_px < 1 || film.height_px < 1) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        FormatLocation(scene, film.location), ": the frame of ", film.width_px, " x ",
+        film.height_px, " pixels is empty; xresolution and yresolution must be at least 1"));
+  }
+  if (int64_t{film.width_px} * film.height_px > kFramePixelsMax) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(FormatLocation(scene, film.location), ": the frame of ", film.width_px, " x ",
+                     film.height_px, " pixels exceeds the limit of ", kFramePixelsMax, " pixels"));
+  }
+  return absl::OkStatus();
+}
+
+absl::Status CheckCounts(const FrameSettings& settings) {
+  if (settings.samples == 0) {
+    return absl::InvalidArgumentError("0 samples per pixel make no picture; ask for at least 1");
+  }
+  if (settings.samples > kSamplesPerPixelMax) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        settings.samples, " samples per pixel exceed the limit of ", kSamplesPerPixelMax));
+  }
+  if (settings.max_depth < 0 || settings.max_depth > kMaxDepthMax) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("maximum depth ", settings.max_depth, " is outside [0, ", kMaxDepthMax, "]"));
+  }
+  if (settings.similarity_after < 0 || settings.similarity_after > kSimilarityAfterMax) {
+    return absl::InvalidArgumentError(absl::StrCat("similarity after ", settings.similarity_after,
+                                                   " scatterings is outside [0, ",
+                                                   kSimilarityAfterMax, "]; 0 is without"));
+  }
+  return absl::OkStatus();
+}
+
+std::vector<std::string> LightGroupsOf(const SceneDescription& scene) {
+  std::set<std::string> groups;
+  for (const AreaLightDescription& light : scene.area_lights) groups.insert(light.group);
+  for (const LightDescription& light : scene.lights) groups.insert(light.group);
+  for (const MediumDescription& medium : scene.media) {
+    if (medium.emits) groups.insert(kDefaultLightGroup);
+  }
+  return {groups.begin(), groups.end()};
+}
+
+absl::Status CheckOutputs(const SceneDescription& scene, const FilmOutputs& outputs) {
+  if (outputs.Has(Aov::kMotion) && scene.camera.IsSpherical()) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(FormatLocation(scene, scene.camera.location),
+                     ": a spherical camera has no motion vectors; leave the output \"",
+                     AovName(Aov::kMotion), "\" out"));
+  }
+  if (outputs.Has(Aov::kMotion) && scene.camera.IsRealistic()) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(FormatLocation(scene, scene.camera.location),
+                     ": a realistic camera has no motion vectors; leave the output \"",
+                     AovName(Aov::kMotion), "\" out"));
+  }
+  if (outputs.light_groups.size() > kLightGroupsMax) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        "the scene's lights have ", outputs.light_groups.size(), " groups, more than the limit of ",
+        kLightGroupsMax, "; give them fewer names"));
+  }
+  return absl::OkStatus();
+}
+
+bool IsRough(const FloatInput& roughness) {
+  return roughness.texture != kNone || roughness.value > 0;
+}
+
+// Whether the material keeps light that pbrt-v4 loses: what facets or a coat scatter again.
+bool KeepsMoreLight(const MaterialDescription& description) {
+  return std::visit(
+      [](const auto& material) {
+        using Material = std::decay_t<decltype(material)>;
+        if constexpr (std::is_base_of_v<ClearCoat, Material>) {
+          return true;
+        } else if constexpr (requires { material.roughness; }) {
+          return IsRough(material.roughness.u) || IsRough(material.roughness.v);
+        } else {
+          return false;
+        }
+      },
+      description.material);
+}
+
+}  // namespace
+
+const char* ColorTransportName(ColorTransport color) {
+  switch (color) {
+    case ColorTransport::kAuto:
+      return "auto";
+    case ColorTransport::kRgb:
+      return "rgb";
+    case ColorTransport::kSpectral:
+      return "spectral";
+  }
+  return "unknown";
+}
+
+absl::StatusOr<FrameSettings> ResolveSettings(const SceneDescription& scene,
+                                              const RenderSettings& settings) {
+  if (absl::Status status = CheckFrame(scene); !status.ok()) return status;
+  FrameSettings resolved;
+  resolved.width_px = scene.film.width_px;
+  resolved.height_px = scene.film.height_px;
+  resolved.window = SceneWindow(scene.film);
+  if (resolved.window.IsEmpty()) {
+    return absl::InvalidArgumentError(absl::StrCat(FormatLocation(scene, scene.film.location),
+                                                   ": the film's crop ", RectText(resolved.window),
+                                                   " holds no pixel of the frame"));
+  }
+  if (settings.crop.has_value()) {
+    const PixelRect window = Intersect(*settings.crop, resolved.window);
+    if (window.IsEmpty()) {
+      return absl::InvalidArgumentError(absl::StrCat("the crop ", RectText(*settings.crop),
+                                                     " holds no pixel of the scene's window ",
+                                                     RectText(resolved.window)));
+    }
+    resolved.window = window;
+  }
+  resolved.samples = settings.samples.value_or(
+      static_cast<uint64_t>(std::max(0, scene.sampling.samples_per_pixel)));
+  resolved.max_depth = settings.max_depth.value_or(scene.sampling.max_depth);
+  resolved.seed = settings.seed.value_or(scene.sampling.seed);
+  resolved.color = settings.color;
+  resolved.single_scattering = settings.single_scattering;
+  resolved.one_sequence = settings.one_sequence;
+  resolved.similarity_after = settings.similarity_after;
+  resolved.force_generic_variant = settings.force_generic_variant;
+  resolved.primaries = settings.primaries.value_or(scene.film.primaries);
+  resolved.white_balance_k = scene.film.white_balance_k;
+  resolved.sensor = scene.film.sensor;
+  resolved.max_component_value = scene.film.max_component_value;
+  resolved.outputs = settings.outputs;
+  resolved.outputs.aovs |= scene.film.outputs.aovs;
+  resolved.outputs.camera_space = scene.film.outputs.camera_space;
+  if (settings.light_groups && settings.light_paths) {
+    return absl::InvalidArgumentError(
+        "light is told apart by groups of lights or by kinds of paths: ask for one of them");
+  }
+  if (settings.light_groups) resolved.outputs.light_groups = LightGroupsOf(scene);
+  if (settings.light_paths) resolved.outputs.AddLightPaths();
+  if (absl::Status status = CheckCounts(resolved); !status.ok()) return status;
+  if (resolved.white_balance_k != 0 && !(resolved.white_balance_k >= kWhiteBalanceMinK &&
+                                         resolved.white_balance_k <= kWhiteBalanceMaxK)) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(FormatLocation(scene, scene.film.location), ": a white balance of ",
+                     resolved.white_balance_k, " K is outside [", kWhiteBalanceMinK, ", ",
+                     kWhiteBalanceMaxK, "]"));
+  }
+  if (absl::Status status = CheckOutputs(scene, resolved.outputs); !status.ok()) return status;
+  return resolved;
+}
+
+std::string ComparisonNote(const SceneDescription& scene, const FrameSettings& settings) {
+  if (settings.single_scattering ||
+      std::none_of(scene.materials.begin(), scene.materials.end(), KeepsMoreLight)) {
+    return "";
+  }
+  return "coated and rough materials keep light that pbrt-v4 loses, as they scatter it again: "
+         "rooms full of them are some 5 to 10 % brighter; --single-scattering --color spectral "
+         "agrees with pbrt-v4";
+}
+
+std::string NumericProfile() {
+#if defined(__clang__)
+  const std::string compiler = absl::StrCat("clang-", __clang_major__);
+#else
+  const std::string compiler = absl::StrCat("gcc-", __GNUC__);
+#endif
+  return absl::StrCat(SHEAF_MARCH, " sheaf-", SHEAF_VERSION, " ", compiler, " embree-",
+                      SHEAF_EMBREE_VERSION);
+}
+
+std::string FrameDigestText(const std::string& scene_digest, const FrameSettings& settings,
+                            const std::string& numeric_profile) {
+  const PixelRect& w = settings.window;
+  // Frames without outputs keep the digest they had before there were any.
+  const std::string outputs = settings.outputs.empty()
+                                  ? std::string()
+                                  : absl::StrCat("\noutputs ", FormatOutputs(settings.outputs));
+  // So do pictures without bias, and those in linear sRGB.
+  const std::string similarity =
+      settings.similarity_after == 0
+          ? std::string()
+          : absl::StrCat("\nsimilarity_after ", settings.similarity_after);
+  const std::string lattice = settings.lattice.All()
+                                  ? std::string()
+                                  : absl::StrCat("\npixel_stride_px ", settings.lattice.stride_px);
+  std::string color;
+  if (settings.primaries != Primaries::kSrgb) {
+    color = absl::StrCat("\nprimaries ", PrimariesName(settings.primaries));
+  }
+  if (settings.white_balance_k != 0) {
+    absl::StrAppendFormat(&color, "\nwhite_balance_k %.9g", settings.white_balance_k);
+  }
+  if (!settings.sensor.empty()) absl::StrAppend(&color, "\nsensor ", settings.sensor);
+  if (settings.max_component_value != 0) {
+    absl::StrAppendFormat(&color, "\nmax_component_value %.9g", settings.max_component_value);
+  }
+  return absl::StrCat("sheaf-frame 3\nscene ", scene_digest, "\nsize_px ", settings.width_px, " ",
+                      settings.height_px, "\nwindow_px ", w.x0, " ", w.y0, " ", w.x1, " ", w.y1,
+                      "\nmax_depth ", settings.max_depth, "\nseed ", settings.seed, "\ncolor ",
+                      ColorTransportName(settings.color), "\nscattering ",
+                      settings.single_scattering ? "single" : "full",
+                      settings.one_sequence ? "\nsampling one-sequence" : "", similarity, lattice,
+                      outputs, color, "\nprofile ", numeric_profile, "\n");
+}
+
+std::string FrameDigest(const std::string& scene_digest, const FrameSettings& settings,
+                        const std::string& numeric_profile) {
+  return Sha256Hex(FrameDigestText(scene_digest, settings, numeric_profile));
+}
+
+}  // namespace sheaf

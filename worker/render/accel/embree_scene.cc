@@ -1,0 +1,251 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Embree devices and scenes: building them and asking them.
+#include "worker/render/accel/embree_scene.h"
+
+#include <sys/types.h>
+
+#include <algorithm>
+#include <atomic>
+#include <deque>
+#include <limits>
+#include <string>
+
+#include "absl/strings/str_cat.h"
+#include "worker/render/accel/embree_callbacks.h"
+#include "worker/render/accel/embree_door.h"
+#include "worker/render/geometry/deforming_mesh.h"
+#include "worker/render/geometry/leak_guard.h"
+#include "worker/render/geometry/needle.h"
+
+namespace sheaf::render {
+namespace {
+
+// Above this many triangles in a group the tree is built without splitting them: splits cost
+// memory.
+constexpr size_t kHighQualityTrianglesMax = size_t{1} << 23;
+
+}  // namespace
+
+struct EmbreeScene::State {
+  RTCDevice device = nullptr;
+  Filters filters = Filters::kSkipSource;
+  std::vector<RTCScene> scenes;  // One per group; [0] is the world.
+  std::vector<QuadricList> quadric_lists;
+  std::deque<PatchList> patch_lists;  // Of all groups; Embree points into it.
+  std::deque<CurveList> curve_lists;  // Likewise.
+  PlacedList still, moving;
+  LeakGuard leak_guard;
+  std::atomic<int64_t> memory_bytes{0};
+
+  ~State() {
+    for (const RTCScene scene : scenes) rtcReleaseScene(scene);
+    if (device != nullptr) rtcReleaseDevice(device);
+  }
+
+  static bool CountMemory(void* self, ssize_t bytes, bool /*post*/) {
+    static_cast<State*>(self)->memory_bytes += bytes;
+    return true;
+  }
+
+  absl::Status Error() const {
+    switch (rtcGetDeviceError(device)) {
+      case RTC_ERROR_NONE:
+        return absl::OkStatus();
+      case RTC_ERROR_OUT_OF_MEMORY:
+        return absl::ResourceExhaustedError(
+            "the scene's geometry does not fit into memory while its acceleration structure is "
+            "built");
+      case RTC_ERROR_UNSUPPORTED_CPU:
+        return absl::FailedPreconditionError(
+            "this processor lacks AVX2, which the ray tracer needs");
+      default:
+        return absl::InternalError("the ray tracer (Embree) reported an error");
+    }
+  }
+
+  void Attach(RTCScene scene, RTCGeometry geometry) const {
+    rtcCommitGeometry(geometry);
+    rtcAttachGeometry(scene, geometry);
+    rtcReleaseGeometry(geometry);
+  }
+  void AddMeshes(const GeometryGroup& group, RTCScene scene) const;
+  void AddQuadrics(const GeometryGroup& group, RTCScene scene, QuadricList* list) const;
+  void AddPatches(const GeometryGroup& group, RTCScene scene);
+  void AddCurves(const GeometryGroup& group, RTCScene scene);
+  void AddPlaced(const SceneGeometry& geometry, PlacedList* list) const;
+  absl::Status BuildGroup(const SceneGeometry& geometry, size_t index);
+};
+
+void EmbreeScene::State::AddMeshes(const GeometryGroup& group, RTCScene scene) const {
+  for (const BakedMesh& mesh : group.meshes) {
+    RTCGeometry geometry = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_TRIANGLE);
+    rtcSetGeometryTimeStepCount(geometry, static_cast<unsigned>(1 + mesh.steps.size()));
+    for (size_t step = 0; step <= mesh.steps.size(); ++step) {
+      rtcSetSharedGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, static_cast<unsigned>(step),
+                                 RTC_FORMAT_FLOAT3, PositionsOfStep(mesh, step).data(), 0,
+                                 sizeof(Vec3f), mesh.positions.size() - 1);
+    }
+    rtcSetSharedGeometryBuffer(geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3,
+                               mesh.indices.data(), 0, 3 * sizeof(uint32_t),
+                               mesh.indices.size() / 3);
+    if (filters == Filters::kSkipSource) {
+      if (!mesh.steps.empty()) {
+        FilterDeforming(geometry, mesh);
+      } else {
+        FilterTriangles(geometry, mesh, HasNeedles(mesh.positions, mesh.indices));
+      }
+    }
+    Attach(scene, geometry);
+  }
+}
+
+void EmbreeScene::State::AddQuadrics(const GeometryGroup& group, RTCScene scene,
+                                     QuadricList* list) const {
+  list->quadrics = &group.quadrics;
+  list->geometry = group.QuadricsId();
+  RTCGeometry geometry = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_USER);
+  SetQuadrics(geometry, list);
+  Attach(scene, geometry);
+}
+
+void EmbreeScene::State::AddPatches(const GeometryGroup& group, RTCScene scene) {
+  for (size_t i = 0; i < group.patches.size(); ++i) {
+    patch_lists.push_back({&group.patches[i], group.PatchesId(i)});
+    RTCGeometry geometry = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_USER);
+    SetPatches(geometry, &patch_lists.back());
+    Attach(scene, geometry);
+  }
+}
+
+void EmbreeScene::State::AddCurves(const GeometryGroup& group, RTCScene scene) {
+  for (size_t i = 0; i < group.curves.size(); ++i) {
+    curve_lists.push_back({&group.curves[i], group.CurvesId(i)});
+    RTCGeometry geometry = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_USER);
+    SetCurves(geometry, &curve_lists.back());
+    Attach(scene, geometry);
+  }
+}
+
+void EmbreeScene::State::AddPlaced(const SceneGeometry& geometry, PlacedList* list) const {
+  if (list->placed->empty()) return;
+  list->geometry = &geometry;
+  list->scenes = &scenes;
+  RTCGeometry user = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_USER);
+  SetPlaced(user, list);
+  Attach(scenes[0], user);
+}
+
+absl::Status EmbreeScene::State::BuildGroup(const SceneGeometry& geometry, size_t index) {
+  const GeometryGroup& group = geometry.groups[index];
+  size_t triangles = 0;
+  for (const BakedMesh& mesh : group.meshes) triangles += mesh.indices.size() / 3;
+  const RTCScene scene = scenes[index];
+  rtcSetSceneFlags(scene, RTC_SCENE_FLAG_ROBUST);
+  rtcSetSceneBuildQuality(scene, triangles <= kHighQualityTrianglesMax ? RTC_BUILD_QUALITY_HIGH
+                                                                       : RTC_BUILD_QUALITY_MEDIUM);
+  AddMeshes(group, scene);
+  if (!group.quadrics.empty()) AddQuadrics(group, scene, &quadric_lists[index]);
+  AddPatches(group, scene);
+  AddCurves(group, scene);
+  if (index == 0) {
+    AddPlaced(geometry, &still);
+    AddPlaced(geometry, &moving);
+  }
+  rtcCommitScene(scene);
+  return Error();
+}
+
+EmbreeScene::EmbreeScene() : state_(std::make_unique<State>()) {}
+EmbreeScene::~EmbreeScene() = default;
+
+absl::StatusOr<std::unique_ptr<EmbreeScene>> EmbreeScene::Build(const SceneGeometry& geometry,
+                                                                uint32_t build_threads,
+                                                                Filters filters) {
+  std::unique_ptr<EmbreeScene> result(new EmbreeScene);
+  State& state = *result->state_;
+  state.filters = filters;
+  state.leak_guard = LeakGuard(geometry);
+  const std::string config = absl::StrCat("isa=avx2,threads=", build_threads);
+  state.device = rtcNewDevice(config.c_str());
+  if (state.device == nullptr) {
+    return rtcGetDeviceError(nullptr) == RTC_ERROR_OUT_OF_MEMORY
+               ? absl::ResourceExhaustedError("there is no memory for the ray tracer (Embree)")
+               : absl::InternalError("the ray tracer (Embree) cannot start");
+  }
+  rtcSetDeviceMemoryMonitorFunction(state.device, State::CountMemory, &state);
+  state.still.placed = &geometry.still;
+  state.moving.placed = &geometry.moving;
+  state.moving.first = static_cast<uint32_t>(geometry.still.size());
+  state.quadric_lists.resize(geometry.groups.size());
+  for (size_t i = 0; i < geometry.groups.size(); ++i) {
+    state.scenes.push_back(rtcNewScene(state.device));
+  }
+  // Groups first: the world's tree asks for their bounds only, but its rays enter them.
+  for (size_t i = geometry.groups.size(); i-- > 0;) {
+    const absl::Status status = state.BuildGroup(geometry, i);
+    if (!status.ok()) return status;
+  }
+  if (result->EveryProbeMeets()) state.leak_guard.NoteCameraIsEnclosed();
+  return result;
+}
+
+bool EmbreeScene::EveryProbeMeets() const {
+  RawHit hit;
+  for (uint32_t i = 0; i < kProbeCount; ++i) {
+    if (!IntersectOnce(ProbeRay(i), &hit)) return false;
+  }
+  return true;
+}
+
+bool EmbreeScene::IntersectOnce(const Ray& ray, RawHit* hit) const {
+  RTCRayHit ray_hit;
+  ray_hit.ray = ToRtc(ray);
+  ClearHit(&ray_hit.hit);
+  const TraceContext context(ray.source, ray.t_max);
+  TraceNearest(state_->scenes[0], &context, &ray_hit);
+  if (ray_hit.hit.geomID == RTC_INVALID_GEOMETRY_ID) return false;
+  Settle(context, &ray_hit);
+  *hit = {context.nearest,
+          ray_hit.hit.u,
+          ray_hit.hit.v,
+          {ray_hit.hit.geomID, ray_hit.hit.primID, ray_hit.hit.instID[0]}};
+  return true;
+}
+
+bool EmbreeScene::MeetsWhenNudged(const Ray& ray, RawHit* hit) const {
+  if (ray.t_max < std::numeric_limits<float>::infinity()) return false;
+  if (!state_->leak_guard.IsEnclosed(ray)) return false;
+  for (int attempt = 0; attempt < kNudgesMax; ++attempt) {
+    if (IntersectOnce(NudgedRay(ray, attempt), hit)) return true;
+  }
+  return false;
+}
+
+bool EmbreeScene::Intersect(const Ray& ray, RawHit* hit) const {
+  return IntersectOnce(ray, hit) || MeetsWhenNudged(ray, hit);
+}
+
+bool EmbreeScene::Occluded(const Ray& ray) const {
+  RTCRay r = ToRtc(ray);
+  const TraceContext context(ray.source, ray.t_max);
+  TraceAny(state_->scenes[0], &context, &r);
+  RawHit hit;
+  return r.tfar < 0 || MeetsWhenNudged(ray, &hit);
+}
+
+uint64_t EmbreeScene::Replay(const std::vector<RecordedRay>& rays) const {
+  uint64_t met = 0;
+  RawHit hit;
+  for (const RecordedRay& recorded : rays) {
+    met += recorded.is_shadow ? Occluded(recorded.ray) : Intersect(recorded.ray, &hit);
+  }
+  return met;
+}
+
+uint64_t EmbreeScene::memory_bytes() const {
+  return static_cast<uint64_t>(std::max<int64_t>(0, state_->memory_bytes));
+}
+
+}  // namespace sheaf::render

@@ -1,0 +1,119 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Bsdf: how one surface point scatters light: a plain value made from a material at a hit, sampled
+// and evaluated by functions templated over the traits a scene calls for, so that what a scene does
+// not use is not compiled into its variant. Directions are unit vectors in the local shading frame
+// with the normal at +z and point away from the surface; wo is where light goes (to the camera).
+#pragma once
+
+#include <cstdint>
+#include <optional>
+
+#include "common/math/vec.h"
+#include "worker/render/bsdf/coat_table.h"
+#include "worker/render/bsdf/conductor_coat_table.h"
+#include "worker/render/bsdf/energy_table.h"
+#include "worker/render/color/wavelengths.h"
+#include "worker/render/traits/trait_set.h"
+
+namespace sheaf::render {
+
+class MeasuredBrdf;
+
+enum BsdfFlags : uint8_t {
+  kBsdfSpecular = 1,      // Delta distribution: pdf has no meaning, no light sampling, no MIS.
+  kBsdfTransmission = 2,  // wi is on the other side; hair: wherever it is.
+  kBsdfDiffuse = 4,
+};
+
+enum class BsdfKind : uint8_t {
+  kBlack,  // Absorbs everything.
+  kDiffuse,
+  kConductor,   // Smooth or rough.
+  kDielectric,  // Smooth or rough.
+  kThinDielectric,
+  kDiffuseTransmission,
+  kCoatedDiffuse,
+  kCoatedConductor,
+  kHair,
+  kMeasured,
+  kInterface,  // Not there: rays pass straight through.
+};
+
+// Color: Rgb, or Spectral at the wavelengths of the path.
+template <typename Color>
+struct BsdfSampleOf {
+  Vec3f wi{};
+  Color weight{};       // f * |cos wi| / pdf; for delta lobes the reflectance over its probability.
+  float pdf = 0;        // Solid angle, of the whole Bsdf at wi.
+  float eta_scale = 1;  // (eta_i/eta_o)^2 picked up by transmitted radiance; for roulette.
+  uint8_t flags = 0;
+};
+template <typename Color>
+struct BsdfValueOf {
+  Color f_cos{};  // f(wo, wi) * |cos wi|.
+  float pdf = 0;  // Solid angle; 0 for delta lobes.
+};
+
+// Where a ray meets a fibre, and how the fibre's scales stand.
+struct HairFiber {
+  float offset;    // Across the fibre, [-1, 1].
+  float sin_tilt;  // Of the scales' angle.
+};
+
+// Plain and small; fields are used by kind (material.h makes it). Row pointers belong to the
+// material table; where blend > 0 the row that follows in memory counts with that weight.
+struct BsdfShape {
+  BsdfKind kind = BsdfKind::kBlack;
+  bool specular = false;   // Delta lobes only: light sampling is skipped.
+  bool disperses = false;  // eta is that of the hero: the other wavelengths end here.
+  // GGX widths; both below kSmoothAlpha is a delta lobe. Hair: variance of its first lobe along the
+  // fibre, and scale of the logistic distribution around it.
+  float alpha_x = 0, alpha_y = 0;
+  float eta = 1;    // Relative index, inside over outside of the surface's +z side.
+  float blend = 0;  // Weight of the second row of the tables below.
+  // Coats: never null. Conductors and dielectrics: null for single scattering alone; for conductors
+  // with a row, color is the tint that repeated reflection gives the returned energy.
+  const CoatRow* coat = nullptr;
+  union {  // By kind: conductors; coated ones, whose row is never null; hair; measured.
+    const ConductorEnergyRow* conductor_energy = nullptr;
+    const ConductorCoatRow* conductor_coat;
+    HairFiber hair;
+    const MeasuredBrdf* measured;  // Never null.
+  };
+  const DielectricEnergyRow* dielectric_energy = nullptr;
+};
+template <typename Color>
+struct BsdfOf : BsdfShape {
+  Color color{};          // Reflectance (diffuse, coat base); conductors: energy; hair: absorption.
+  Color conductor_eta{};  // Complex index, against what is outside of the metal. Diffuse
+                          // transmission: what crosses. Measured: the wavelengths in nm.
+  Color conductor_k{};
+  Color albedo{};  // For the albedo channel.
+};
+using Bsdf = BsdfOf<Rgb>;
+using BsdfSample = BsdfSampleOf<Rgb>;
+using BsdfValue = BsdfValueOf<Rgb>;
+
+// Radiance transport. None where the path ends (absorbed). Where the sample is not of a delta lobe,
+// pdf is EvalBsdf's for the same pair of directions, to the bit.
+// Kinds that need a trait (kMicrofacet: conductors; kSpecularTransmission: dielectrics and
+// diffuse transmission; kLayered: coats; kHair; kAlpha: interfaces) are black in variants without
+// it: the plan never chooses such a variant. Both are defined in bsdf_inl.h, which integrator
+// variants include, and compiled for every variant of variant_list.h in bsdf.cc.
+template <uint32_t kTraits, typename Color>
+std::optional<BsdfSampleOf<Color>> SampleBsdf(const BsdfOf<Color>& bsdf, Vec3f wo, float u_lobe,
+                                              Vec2f u);
+// Delta lobes evaluate to 0. Hair has no sides: only its tangent, +x, has a meaning, and f_cos is
+// with respect to the cross-section of the fibre.
+template <uint32_t kTraits, typename Color>
+BsdfValueOf<Color> EvalBsdf(const BsdfOf<Color>& bsdf, Vec3f wo, Vec3f wi);
+
+// Whether light comes and goes whatever the side of the surface. Never in variants without kHair.
+template <uint32_t kTraits>
+bool IsHair(const BsdfShape& bsdf) {
+  return Has(kTraits, Trait::kHair) && bsdf.kind == BsdfKind::kHair;
+}
+
+}  // namespace sheaf::render

@@ -1,0 +1,391 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "worker/render/bsdf/conductor_coat_table.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "worker/render/bsdf/facet_quadrature.h"
+#include "worker/render/bsdf/fresnel.h"
+
+namespace sheaf::render {
+namespace {
+
+// Light inside the coat, by the cosine it travels along: equal steps of its square, so that light
+// of a Lambertian source is spread evenly.
+constexpr int kBinCount = 64;
+// Passes of the chain's solution; each leaves the share that comes back to the base, 60 % of the
+// last for a coat of index 1.5.
+constexpr int kPassCountMax = 2000;
+constexpr double kChangeMin = 1e-9;
+// Narrower than this in one direction a lobe cannot be. The same floor as for other materials.
+constexpr float kLobeAlphaMin = 1e-4f;
+
+struct Spread {
+  std::array<double, kBinCount> share{};
+
+  void Add(double mu, double amount) {
+    share[static_cast<size_t>(std::min(static_cast<int>(mu * mu * kBinCount), kBinCount - 1))] +=
+        amount;
+  }
+  double Sum() const {
+    double sum = 0;
+    for (const double x : share) sum += x;
+    return sum;
+  }
+  void Scale(double factor) {
+    for (double& x : share) x *= factor;
+  }
+  double Dot(const Spread& other) const {
+    double sum = 0;
+    for (size_t i = 0; i < kBinCount; ++i) sum += share[i] * other.share[i];
+    return sum;
+  }
+};
+float NodeMu(size_t node) { return std::max(MuNode(static_cast<int>(node)), 1e-5f); }
+Ggx Isotropic(const Ggx& ggx) { return {EquivalentAlpha(ggx), EquivalentAlpha(ggx)}; }
+double BinMu(size_t bin) { return std::sqrt((static_cast<double>(bin) + 0.5) / kBinCount); }
+
+// visit(wo, m, weight) for the facets seen along a cosine, of weights that add up to 1. Requires:
+// ggx is isotropic.
+template <typename Visit>
+void ForEachFacet(const Ggx& ggx, double mu, Visit visit) {
+  const auto cosine = static_cast<float>(mu);
+  const Vec3f wo{std::sqrt((1 - cosine) * (1 + cosine)), 0, cosine};
+  ForEachLatticeNormal(ggx, wo, [&](Vec3f m, double weight) { visit(wo, m, weight); });
+}
+
+// What becomes of light that meets the interface once.
+struct AtInterface {
+  Spread reflected, transmitted;
+};
+AtInterface MeetInterface(const Ggx& ggx, double mu, float eta) {
+  AtInterface met;
+  if (ggx.IsSmooth()) {
+    const DielectricFresnel fresnel = FresnelDielectric(static_cast<float>(mu), eta);
+    met.reflected.Add(mu, fresnel.reflectance);
+    if (fresnel.reflectance < 1) met.transmitted.Add(fresnel.cos_t, 1.0 - fresnel.reflectance);
+    return met;
+  }
+  ForEachFacet(ggx, mu, [&](Vec3f wo, Vec3f m, double weight) {
+    const float cos_i = std::max(0.0f, Dot(wo, m));
+    const DielectricFresnel fresnel = FresnelDielectric(cos_i, eta);
+    const Vec3f wi = Reflect(wo, m);
+    if (wi.z > 0) {
+      met.reflected.Add(wi.z, weight * fresnel.reflectance * ShadowingGivenVisible(ggx, wo, wi));
+    }
+    if (!(fresnel.reflectance < 1)) return;
+    const Vec3f wt = Refract(wo, m, cos_i, eta, fresnel.cos_t);
+    if (wt.z < 0) {
+      met.transmitted.Add(
+          -wt.z, weight * (1.0 - fresnel.reflectance) * ShadowingGivenVisible(ggx, wo, wt));
+    }
+  });
+  return met;
+}
+
+Spread MeetBase(const Ggx& ggx, double mu) {
+  Spread met;
+  if (ggx.IsSmooth()) {
+    met.Add(mu, 1);
+    return met;
+  }
+  ForEachFacet(ggx, mu, [&](Vec3f wo, Vec3f m, double weight) {
+    const Vec3f wi = Reflect(wo, m);
+    if (wi.z > 0) met.Add(wi.z, weight * ShadowingGivenVisible(ggx, wo, wi));
+  });
+  return met;
+}
+
+// The layers as a Markov chain. Roughness is isotropic here: an anisotropic one counts by its mean
+// square slope.
+class Chain {
+ public:
+  Chain(const Ggx& interface, const Ggx& base, float eta, float thickness, bool keeps_energy,
+        double entered_average)
+      : keeps_energy_(keeps_energy) {
+    double escape_average = 0;
+    for (size_t i = 0; i < kBinCount; ++i) {
+      const double mu = BinMu(i);
+      attenuation_.share[i] = Attenuation(thickness, mu);
+      AtInterface met = MeetInterface(interface, mu, 1 / eta);
+      back_[i] = met.reflected;
+      escape_.share[i] = met.transmitted.Sum();
+      escape_average += escape_.share[i] / kBinCount;
+      scattered_[i] = MeetBase(base, mu);
+      loss_.share[i] = std::max(0.0, 1 - scattered_[i].Sum());
+    }
+    average_loss_ = loss_.Sum() / kBinCount;
+    if (keeps_energy) KeepEnergy(eta, escape_average, entered_average);
+  }
+
+  // For each bin, what comes out of the coat after one reflection at a white base.
+  Spread EscapingOnce() const {
+    Spread up;
+    for (size_t k = 0; k < kBinCount; ++k) up.share[k] = attenuation_.share[k] * escape_.share[k];
+    Spread down;
+    for (size_t j = 0; j < kBinCount; ++j) {
+      down.share[j] = attenuation_.share[j] * scattered_[j].Dot(up);
+    }
+    return down;
+  }
+
+  // For each bin, what comes out of the coat of light that goes down along it from the interface,
+  // over a base of this reflectance. `known` is where to start from.
+  Spread Escaping(double reflectance, const Spread& known) const {
+    const double tint = keeps_energy_ && average_loss_ > 0
+                            ? static_cast<double>(TintOfReturn(static_cast<float>(reflectance),
+                                                               static_cast<float>(average_loss_))) /
+                                  (kBinCount * average_loss_)
+                            : 0;
+    Spread down = known;
+    for (int pass = 0; pass < kPassCountMax; ++pass) {
+      Spread up;  // What comes out of light that goes up along a bin from the base.
+      for (size_t k = 0; k < kBinCount; ++k) {
+        up.share[k] = attenuation_.share[k] * (escape_.share[k] + back_[k].Dot(down));
+      }
+      const double of_lost = tint * loss_.Dot(up);
+      double change = 0;
+      for (size_t j = 0; j < kBinCount; ++j) {
+        const double next = attenuation_.share[j] *
+                            (reflectance * scattered_[j].Dot(up) + loss_.share[j] * of_lost);
+        change = std::max(change, std::fabs(next - down.share[j]));
+        down.share[j] = next;
+      }
+      if (change < kChangeMin) break;
+    }
+    return down;
+  }
+
+ private:
+  // What is not reflected gets out, and by reciprocity 1 / eta^2 of what gets in, on average: what
+  // single scattering loses goes where that leaves room.
+  void KeepEnergy(float eta, double escape_average, double entered_average) {
+    const double wanted = entered_average / (static_cast<double>(eta) * eta);
+    const double scale = escape_average > 0 ? wanted / escape_average : 0;
+    for (size_t i = 0; i < kBinCount; ++i) {
+      escape_.share[i] = std::min(1.0, scale * escape_.share[i]);
+      const double sum = back_[i].Sum();
+      if (sum > 0) {
+        back_[i].Scale((1 - escape_.share[i]) / sum);
+      } else {
+        back_[i].share[i] = 1 - escape_.share[i];
+      }
+    }
+  }
+
+  bool keeps_energy_;
+  Spread attenuation_, escape_, loss_;
+  std::array<Spread, kBinCount> back_{}, scattered_{};
+  double average_loss_ = 0;
+};
+
+// GGX widths add up in the squares. Of a facet's tilt t, refraction passes on (1 - 1 / eta) t in
+// directions inside the coat, a reflecting facet 2 t; the interface is crossed twice.
+Ggx LobeThroughInterface(const Ggx& interface, const Ggx& base, float eta) {
+  const float bend = 1 - 1 / eta;
+  const auto width = [&](float crossed, float reflected) {
+    const float alpha = std::sqrt(reflected * reflected + 0.5f * bend * bend * crossed * crossed);
+    return std::max(alpha, kLobeAlphaMin);
+  };
+  Ggx lobe{width(interface.alpha_x, base.alpha_x), width(interface.alpha_y, base.alpha_y)};
+  if (lobe.IsSmooth()) lobe = {kSmoothAlpha, kSmoothAlpha};
+  return lobe;
+}
+
+// Light that has met the base again and again, seen from outside, where refraction has widened what
+// it adds up to. The factors are those with which random walks agree best over roughness and angle.
+Ggx LobeOfRest(const Ggx& interface, const Ggx& base, float eta) {
+  constexpr float kOfBase = 2.5f, kOfInterface = 0.75f;
+  const float alpha =
+      eta * (kOfBase * EquivalentAlpha(base) + kOfInterface * EquivalentAlpha(interface));
+  return {std::clamp(alpha, kSmoothAlpha, 1.0f), std::clamp(alpha, kSmoothAlpha, 1.0f)};
+}
+
+double TintNode(int node) {
+  const double left = 1 - static_cast<double>(node) / (kTintNodeCount - 1);
+  return 1 - left * left;
+}
+
+// By reflectance of the base, at the nodes of the tint.
+struct ByReflectance {
+  std::array<double, kTintNodeCount> value{};
+  ByReflectance& operator+=(const ByReflectance& other) {
+    for (size_t i = 0; i < kTintNodeCount; ++i) value[i] += other.value[i];
+    return *this;
+  }
+  ByReflectance operator*(double factor) const {
+    ByReflectance scaled = *this;
+    for (double& x : scaled.value) x *= factor;
+    return scaled;
+  }
+};
+
+// Albedo of the highlight for light that leaves along mu: the integral of part 2. returns: with the
+// series of what the interface sends back.
+ByReflectance IntegrateHighlight(const ConductorCoatRow& row, float mu, float eta, bool returns) {
+  const float inner_mu = FresnelDielectric(mu, eta).cos_t;
+  if (!(inner_mu > 0)) return {};
+  const MuPosition o = FindMu(mu);
+  const auto enter_o = static_cast<double>(row.enter.At(o));
+  const auto reflect_o = static_cast<double>(row.reflect.At(o));
+  const auto through_facet = [&](Vec3f wo, Vec3f m) {
+    ByReflectance of_facet;
+    const Vec3f wi = Reflect(wo, m);
+    if (!(wi.z > 0)) return of_facet;
+    const float mu_i = FresnelDielectric(std::min(wi.z, 1.0f), 1 / eta).cos_t;
+    if (!(mu_i > 0)) return of_facet;
+    const MuPosition i = FindMu(mu_i);
+    const double once =
+        enter_o * static_cast<double>(row.enter.At(i)) * ShadowingGivenVisible(row.lobe, wo, wi);
+    const double attenuation = Attenuation(row.thickness, wo.z) * Attenuation(row.thickness, wi.z);
+    const double again = returns ? std::min(reflect_o, static_cast<double>(row.reflect.At(i))) : 0;
+    for (int n = 0; n < kTintNodeCount; ++n) {
+      const double kept = TintNode(n) * attenuation;
+      of_facet.value[static_cast<size_t>(n)] =
+          once * kept / std::max(1 - again * kept, static_cast<double>(kSeriesMin));
+    }
+    return of_facet;
+  };
+  return AverageOverIncidence(row.lobe, inner_mu, [&](Vec3f wo) {
+    ByReflectance sum;
+    ForEachLatticeNormal(row.lobe, wo,
+                         [&](Vec3f m, double weight) { sum += through_facet(wo, m) * weight; });
+    return sum;
+  });
+}
+
+// Light as it has just entered, by the node of the cosine it arrived along.
+using Entered = std::array<Spread, kMuNodeCount>;
+
+// Sets R and T, and what enters.
+void MeetFromOutside(const Ggx& interface, float eta, bool keeps_energy, ConductorCoatRow* row,
+                     Entered* entered) {
+  for (size_t i = 0; i < kMuNodeCount; ++i) {
+    const float mu = NodeMu(i);
+    const InterfaceAlbedo outside = IntegrateInterface(interface, mu, eta, 0);
+    double enters = keeps_energy ? 1 - outside.reflected : outside.transmitted;
+    if (!(outside.transmitted > 0)) enters = 0;
+    row->reflect.value[i] = static_cast<float>(outside.reflected);
+    row->enter.value[i] = static_cast<float>(enters);
+    Spread& spread = (*entered)[i];
+    spread = MeetInterface(Isotropic(interface), mu, eta).transmitted;
+    const double sum = spread.Sum();
+    if (sum > 0) spread.Scale(enters / sum);
+  }
+}
+
+// A rough interface sends more of the light back into the coat than its mean facet would: T is
+// lowered until the highlight has what the chain lets out after one reflection.
+void FitHighlight(const Chain& chain, const Entered& entered, float eta, ConductorCoatRow* row) {
+  constexpr int kFitCount = 4;
+  const MuCurve most = row->enter;
+  const Spread once = chain.EscapingOnce();
+  for (int fit = 0; fit < kFitCount; ++fit) {
+    MuCurve next = row->enter;
+    for (size_t i = 0; i < kMuNodeCount; ++i) {
+      const double has = IntegrateHighlight(*row, NodeMu(i), eta, false).value.back();
+      if (!(has > 0)) continue;
+      // Half of the correction: the other half is that of the direction on the other side.
+      const double factor = std::sqrt(entered[i].Dot(once) / has);
+      next.value[i] = std::min(static_cast<float>(next.value[i] * factor), most.value[i]);
+    }
+    row->enter = next;
+  }
+}
+
+// The curve s for which s(o) s(i) times the lobe of a mirror of facets has this albedo at every
+// angle. By Sinkhorn's scaling of a symmetric kernel: there is one for any positive lobe.
+MuCurve FitRestLobe(const Ggx& ggx, const MuCurve& albedo) {
+  constexpr int kScaleCount = 200;
+  // Share of light from node o that leaves at node i: directions count for their two nodes.
+  static_assert(kMuNodeCount <= kBinCount);
+  std::array<Spread, kMuNodeCount> kernel;
+  for (size_t o = 0; o < kMuNodeCount; ++o) {
+    ForEachFacet(ggx, NodeMu(o), [&](Vec3f wo, Vec3f m, double weight) {
+      const Vec3f wi = Reflect(wo, m);
+      if (!(wi.z > 0)) return;
+      const MuPosition at = FindMu(wi.z);
+      const double share = weight * ShadowingGivenVisible(ggx, wo, wi);
+      const auto first = static_cast<size_t>(at.index);
+      kernel[o].share[first] += share * (1.0 - at.fraction);
+      kernel[o].share[first + 1] += share * at.fraction;
+    });
+  }
+  Spread scale;
+  for (size_t i = 0; i < kMuNodeCount; ++i) {
+    scale.share[i] = std::sqrt(static_cast<double>(albedo.value[i]));
+  }
+  for (int pass = 0; pass < kScaleCount; ++pass) {
+    Spread next;
+    for (size_t o = 0; o < kMuNodeCount; ++o) {
+      const double has = scale.share[o] * kernel[o].Dot(scale);
+      // Half of the correction: the other half is that of the direction on the other side.
+      if (has > 0) {
+        next.share[o] = scale.share[o] * std::sqrt(static_cast<double>(albedo.value[o]) / has);
+      }
+    }
+    scale = next;
+  }
+  MuCurve fitted;
+  for (size_t i = 0; i < kMuNodeCount; ++i) fitted.value[i] = static_cast<float>(scale.share[i]);
+  return fitted;
+}
+
+// Sets what is not in the highlight.
+void SetRest(const Chain& chain, const Entered& entered, float eta, ConductorCoatRow* row) {
+  std::array<MuCurve, kTintNodeCount> total, highlight;
+  Spread escaping;
+  for (size_t n = 0; n < kTintNodeCount; ++n) {
+    escaping = chain.Escaping(TintNode(static_cast<int>(n)), escaping);
+    for (size_t i = 0; i < kMuNodeCount; ++i) {
+      total[n].value[i] = static_cast<float>(entered[i].Dot(escaping));
+    }
+  }
+  MuCurve rest;
+  for (size_t i = 0; i < kMuNodeCount; ++i) {
+    const ByReflectance part = IntegrateHighlight(*row, NodeMu(i), eta, true);
+    for (size_t n = 0; n < kTintNodeCount; ++n) {
+      highlight[n].value[i] = static_cast<float>(part.value[n]);
+    }
+    rest.value[i] = std::max(0.0f, total.back().value[i] - highlight.back().value[i]);
+  }
+  row->highlight = highlight.back();
+  row->rest_albedo = rest;
+  row->rest = FitRestLobe(row->rest_lobe, rest);
+  const double rest_average = rest.CosineAverage();
+  for (size_t n = 0; n < kTintNodeCount; ++n) {
+    const double left = total[n].CosineAverage() - highlight[n].CosineAverage();
+    row->tint[n] =
+        rest_average > 0 ? static_cast<float>(std::clamp(left / rest_average, 0.0, 1.0)) : 0;
+  }
+}
+
+}  // namespace
+
+float ConductorCoatRow::Tint(float reflectance) const {
+  const float r = std::fmin(std::fmax(reflectance, 0.0f), 1.0f);
+  const float t = (1 - std::sqrt(1 - r)) * (kTintNodeCount - 1);
+  const int index = std::min(static_cast<int>(t), kTintNodeCount - 2);
+  const float low = tint[static_cast<size_t>(index)], high = tint[static_cast<size_t>(index) + 1];
+  return low + (t - static_cast<float>(index)) * (high - low);
+}
+
+ConductorCoatRow MakeConductorCoatRow(const Ggx& interface, const Ggx& base, float eta,
+                                      float thickness, bool keeps_energy) {
+  ConductorCoatRow row;
+  row.thickness = thickness;
+  row.is_smooth = interface.IsSmooth() && base.IsSmooth();
+  if (row.is_smooth) return row;
+  row.lobe = LobeThroughInterface(interface, base, eta);
+  row.rest_lobe = LobeOfRest(interface, base, eta);
+  Entered entered;
+  MeetFromOutside(interface, eta, keeps_energy, &row, &entered);
+  const Chain chain(Isotropic(interface), Isotropic(base), eta, thickness, keeps_energy,
+                    row.enter.CosineAverage());
+  if (!interface.IsSmooth()) FitHighlight(chain, entered, eta, &row);
+  SetRest(chain, entered, eta, &row);
+  return row;
+}
+
+}  // namespace sheaf::render

@@ -1,0 +1,193 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "worker/render/bsdf/conductor_coat_table.h"
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+
+#include "gtest/gtest.h"
+#include "tests/support/bsdf_fixtures.h"
+#include "tests/support/chi_square.h"
+
+namespace sheaf::render {
+namespace {
+
+using testing::BsdfFixture;
+using testing::CounterUniforms;
+using testing::DirectionAt;
+
+struct Layers {
+  float interface_alpha, base_alpha, eta, thickness, reflectance;
+};
+BsdfFixture CoatOf(const Layers& layers, bool keeps_energy = true) {
+  return testing::MakeConductorCoatFixture({layers.interface_alpha, layers.interface_alpha},
+                                           {layers.base_alpha, layers.base_alpha}, layers.eta,
+                                           layers.thickness, layers.reflectance, keeps_energy);
+}
+BsdfFixture BaseOf(const Layers& layers, bool keeps_energy) {
+  const float k = layers.reflectance >= 1
+                      ? kPerfectConductorK
+                      : 2 * std::sqrt(layers.reflectance / (1 - layers.reflectance));
+  return testing::MakeConductorFixture(layers.base_alpha, layers.base_alpha, Rgb::Grey(1),
+                                       Rgb::Grey(k), keeps_energy);
+}
+
+// Energy that leaves, and how far from the mirror direction it does.
+struct Estimate {
+  double mean = 0, error = 0;
+  double cosine_to_mirror = 0;  // Averaged over the energy.
+};
+class EnergySum {
+ public:
+  explicit EnergySum(Vec3f wo) : mirror_{-wo.x, -wo.y, wo.z} {}
+  void Add(double energy, Vec3f wi) {
+    ++count_;
+    sum_ += energy;
+    sum_square_ += energy * energy;
+    sum_cosine_ += energy * static_cast<double>(Dot(wi, mirror_));
+  }
+  Estimate Finish() const {
+    const double count = static_cast<double>(count_), mean = sum_ / count;
+    const double variance = std::max(0.0, sum_square_ / count - mean * mean);
+    return {mean, std::sqrt(variance / count), sum_cosine_ / sum_};
+  }
+
+ private:
+  Vec3f mirror_;
+  uint64_t count_ = 0;
+  double sum_ = 0, sum_square_ = 0, sum_cosine_ = 0;
+};
+
+// The layered process itself: a random walk between interface and base, without end. Returns the
+// share of energy arriving along wo that leaves again.
+Estimate WalkThroughLayers(const Layers& layers, Vec3f wo, bool keeps_energy) {
+  constexpr uint64_t kWalks = 60000;
+  constexpr uint64_t kStepsMax = 1000;
+  const BsdfFixture interface = testing::MakeDielectricFixture(
+      layers.interface_alpha, layers.interface_alpha, layers.eta, keeps_energy);
+  const BsdfFixture base = BaseOf(layers, keeps_energy);
+  EnergySum sum(wo);
+  for (uint64_t walk = 0; walk < kWalks; ++walk) {
+    uint64_t draw = walk * kStepsMax;
+    const auto scatter = [&](const Bsdf& bsdf, Vec3f w) {
+      const auto u = CounterUniforms(31, draw++);
+      return SampleBsdf<kAllTraits>(bsdf, w, u[0], {u[1], u[2]});
+    };
+    double energy = 1;
+    auto sample = scatter(interface.bsdf, wo);
+    while (true) {
+      if (!sample) energy = 0;
+      if (energy == 0) break;
+      energy *= sample->weight.g * sample->eta_scale;
+      if (sample->wi.z > 0) break;  // Left the coat.
+      energy *= Exp(-static_cast<double>(layers.thickness) / -sample->wi.z);
+      const auto up = scatter(base.bsdf, -sample->wi);
+      if (!up) energy = 0;
+      if (energy == 0) break;
+      energy *= up->weight.g * Exp(-static_cast<double>(layers.thickness) / up->wi.z);
+      sample = scatter(interface.bsdf, -up->wi);
+    }
+    sum.Add(energy, sample ? sample->wi : wo);
+  }
+  return sum.Finish();
+}
+
+Estimate CoatAlbedo(const Bsdf& coat, Vec3f wo) {
+  constexpr uint64_t kDraws = 60000;
+  EnergySum sum(wo);
+  for (uint64_t i = 0; i < kDraws; ++i) {
+    const auto u = CounterUniforms(33, i);
+    const auto sample = SampleBsdf<kAllTraits>(coat, wo, u[0], {u[1], u[2]});
+    sum.Add(sample ? sample->weight.g : 0, sample ? sample->wi : wo);
+  }
+  return sum.Finish();
+}
+
+void ExpectAgreement(const Layers& layers, float mu, bool keeps_energy, double tolerance) {
+  SCOPED_TRACE(::testing::Message()
+               << "interface " << layers.interface_alpha << " base " << layers.base_alpha << " eta "
+               << layers.eta << " thickness " << layers.thickness << " reflectance "
+               << layers.reflectance << " mu " << mu);
+  const Vec3f wo = DirectionAt(mu, 1);
+  const Estimate walk = WalkThroughLayers(layers, wo, keeps_energy);
+  const BsdfFixture coat = CoatOf(layers, keeps_energy);
+  const Estimate found = CoatAlbedo(coat.bsdf, wo);
+  EXPECT_NEAR(found.mean, walk.mean, 4 * (walk.error + found.error) + tolerance * walk.mean);
+  std::printf("ai %.2f ab %.2f mu %.2f: cos walk %.3f mine %.3f; albedo %.4f %.4f\n",
+              layers.interface_alpha, layers.base_alpha, mu, walk.cosine_to_mirror,
+              found.cosine_to_mirror, walk.mean, found.mean);
+  EXPECT_NEAR(found.cosine_to_mirror, walk.cosine_to_mirror, 0.08);
+}
+
+TEST(ConductorCoatTableTest, MirrorsAreExact) {
+  for (const float thickness : {0.0f, 0.3f}) {
+    for (const float mu : {1.0f, 0.4f, 0.05f}) {
+      ExpectAgreement({0, 0, 1.5f, thickness, 0.8f}, mu, true, 1e-6);
+    }
+  }
+}
+
+TEST(ConductorCoatTableTest, ASmoothCoatAgreesWithTheRandomWalk) {
+  const Layers cases[] = {{0, 0.05f, 1.5f, 0.01f, 0.9f},
+                          {0, 0.1f, 1.5f, 0.01f, 0.95f},
+                          {0, 0.3f, 1.5f, 0.01f, 0.5f},
+                          {0, 0.6f, 2, 0.5f, 0.9f}};
+  for (const Layers& layers : cases) {
+    for (const float mu : {0.95f, 0.5f, 0.15f}) ExpectAgreement(layers, mu, true, 0.01);
+  }
+}
+
+// Without returned energy both lose the same, at any roughness.
+TEST(ConductorCoatTableTest, ALossyRoughCoatAgreesWithTheLossyRandomWalk) {
+  const Layers cases[] = {{0.1f, 0, 1.5f, 0.01f, 0.9f},    {0.3f, 0, 1.5f, 0.01f, 0.7f},
+                          {0.3f, 0.3f, 1.5f, 0.01f, 0.9f}, {0.6f, 0.5f, 1.5f, 0.01f, 0.9f},
+                          {0.1f, 0.1f, 2.0f, 0.01f, 0.7f}, {0.2f, 0.2f, 1.3f, 0.1f, 1}};
+  for (const Layers& layers : cases) {
+    for (const float mu : {0.95f, 0.5f, 0.15f}) ExpectAgreement(layers, mu, false, 0.015);
+  }
+}
+
+// With it the walk's interface returns a part of its loss as reflection, the coat gives all of it
+// to the base: for a bright base that is nearly the same.
+TEST(ConductorCoatTableTest, ARoughCoatOverABrightBaseAgreesWithTheRandomWalk) {
+  const Layers cases[] = {{0.1f, 0, 1.5f, 0.01f, 0.9f}, {0.3f, 0.3f, 1.5f, 0.01f, 0.9f}};
+  for (const Layers& layers : cases) {
+    for (const float mu : {0.95f, 0.3f}) ExpectAgreement(layers, mu, true, 0.015);
+  }
+}
+
+TEST(ConductorCoatTableTest, TheTintOfAWhiteBaseIsWhite) {
+  const ConductorCoatRow row = MakeConductorCoatRow({0.2f, 0.2f}, {0.3f, 0.3f}, 1.5f, 0);
+  EXPECT_NEAR(row.Tint(1), 1, 1e-4);
+  EXPECT_EQ(row.Tint(0), 0);
+  for (int i = 0; i < 100; ++i) {
+    const float r = static_cast<float>(i) / 100;
+    EXPECT_LE(row.Tint(r), row.Tint(r + 0.01f)) << r;
+    EXPECT_LE(row.Tint(r), r);  // The rest has met the base at least once.
+  }
+}
+
+TEST(ConductorCoatTableTest, AnIndexOfOneLeavesTheConductorAlone) {
+  for (const float alpha : {0.1f, 0.4f}) {
+    const Layers layers{0, alpha, 1, 0, 0.6f};
+    const BsdfFixture coat = CoatOf(layers), bare = BaseOf(layers, false);
+    for (uint64_t i = 0; i < 200; ++i) {
+      const auto u = CounterUniforms(9, i), v = CounterUniforms(10, i);
+      const Vec3f a = DirectionAt(0.05f + 0.95f * u[0], 6.2f * u[1]);
+      const Vec3f b = DirectionAt(0.05f + 0.95f * v[0], 6.2f * v[1]);
+      const float expected = EvalBsdf<kAllTraits>(bare.bsdf, a, b).f_cos.g;
+      // Beyond single scattering, the two give the lost energy back in a like way.
+      EXPECT_GE(EvalBsdf<kAllTraits>(coat.bsdf, a, b).f_cos.g, expected * (1 - 1e-4f));
+    }
+    const BsdfFixture kept = BaseOf(layers, true);
+    for (const float mu : {0.9f, 0.4f}) {
+      const Estimate with = CoatAlbedo(coat.bsdf, DirectionAt(mu, 1));
+      const Estimate without = CoatAlbedo(kept.bsdf, DirectionAt(mu, 1));
+      EXPECT_NEAR(with.mean, without.mean, 4 * (with.error + without.error) + 5e-3);
+    }
+  }
+}
+
+}  // namespace
+}  // namespace sheaf::render

@@ -1,0 +1,178 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// SurfaceTilt: scattering about a normal that a map has turned away from the surface's own, without
+// directions that are lost below the true surface. What a lobe about the turned normal sends there,
+// and what it sends so low that the bump would shadow it, is turned up again, to a direction that
+// the true surface sees: no light leaks, none is lost, and nothing jumps at the horizon.
+//
+// Three parts. The normal is bent no further from the viewer than lets a mirror reflect upwards
+// (Keller et al. 2017, "The Iray Light Transport Simulation and Rendering System", sec. 4.3). The
+// share of a direction that is shadowed is that of a microfacet surface as rough as the normal is
+// tilted (Conty Estevez et al. 2019, "A Microfacet-Based Shadowing Function to Solve the Bump
+// Terminator Problem", Ray Tracing Gems ch. 12), along the tilt. And as in the surface of two
+// facets of Schuessler et al. 2017, "Microfacet-based Normal Mapping for Robust Monte Carlo Path
+// Tracing", shadowed light goes on: turned about the axis of the tilt, by an angle that is drawn
+// for each vertex of a path. A turn keeps solid angles, so that a white surface stays white
+// whatever the tilt, and the pdf of what is scattered is known exactly.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+
+#include "common/math/elementary.h"
+#include "common/math/frame.h"
+#include "worker/render/bsdf/bsdf_inl.h"
+
+namespace sheaf::render {
+
+// The least cosine between a turned normal and the surface's own; maps that ask for more get it.
+inline constexpr float kCosTiltMin = 0.05f;
+// How far above the horizon (cosine) a mirror's reflection is kept, and the share of the viewer's
+// own height that does where he looks along the surface.
+inline constexpr float kReflectionHeightMin = 0.01f, kReflectionHeightShare = 0.9f;
+
+// The unit normal nearest to n on the front of the surface. ng: unit.
+inline Vec3f LiftNormal(Vec3f n, Vec3f ng) {
+  const float height = Dot(n, ng);
+  if (height >= kCosTiltMin) return n;
+  const Vec3f level = n - height * ng;
+  const float length = Length(level);
+  if (!(length > 0)) return ng;
+  const float radius = std::sqrt(1 - kCosTiltMin * kCosTiltMin);
+  return Normalize(level * (radius / length) + kCosTiltMin * ng);
+}
+
+// n, or where a mirror of that normal would reflect what wo sees from below the surface, the normal
+// that reflects it from just above. ng, n, wo: unit, n in the hemisphere of ng; wo on either side.
+// The result faces wo on the side that ng does.
+inline Vec3f BendNormal(Vec3f n, Vec3f ng, Vec3f wo) {
+  const float side = Dot(wo, ng) < 0 ? -1.0f : 1.0f;
+  const Vec3f up = side * ng, m = side * n;
+  const float height_o = Dot(wo, up), cos_o = Dot(wo, m);
+  const float height_min = std::fmin(kReflectionHeightShare * height_o, kReflectionHeightMin);
+  const Vec3f r = 2 * cos_o * m - wo;
+  const float height = Dot(r, up);
+  if (cos_o > 0 && height >= height_min) return n;
+  const Vec3f level = r - height * up;
+  const float length = Length(level);
+  if (!(length > 0)) return ng;
+  const float radius = std::sqrt(1 - height_min * height_min);
+  const Vec3f half = wo + level * (radius / length) + height_min * up;
+  const float half_length = Length(half);
+  // Looking along the surface against the tilt, what is left is the surface itself.
+  if (!(half_length > 1e-3f)) return ng;
+  return side * (half * (1 / half_length));
+}
+
+// Of one vertex of a path, in its shading frame.
+class SurfaceTilt {
+ public:
+  // Not tilted.
+  SurfaceTilt() = default;
+  // ng_local: the surface's unit normal in the shading frame, above its horizon. u: uniform.
+  SurfaceTilt(Vec3f ng_local, Vec2f u) : up_(ng_local) {
+    const float sine_squared = up_.x * up_.x + up_.y * up_.y;
+    if (!(sine_squared > 0)) return;
+    const float sine = std::sqrt(sine_squared);
+    // The shading normal's part along the surface.
+    axis_ = {-up_.z * up_.x / sine, -up_.z * up_.y / sine, sine};
+    alpha_squared_ = std::fmin(kAlphaShare * sine_squared / (up_.z * up_.z), 1.0f);
+    // Turned by the tilt at least, everything shadowed comes up; by a right angle at most, nothing
+    // goes down on the far side.
+    const float tilt = Atan2(sine, up_.z);
+    const SinCosPair<float> turn = SinCos(tilt + u.x * (static_cast<float>(kPi / 2) - tilt));
+    sin_turn_ = turn.sin;
+    cos_turn_ = turn.cos;
+    mirrored_ = u.y < 0.5f;
+    u_choice_ = std::fmin(mirrored_ ? 2 * u.y : 2 * u.y - 1, 0x1.fffffep-1f);
+    active_ = true;
+  }
+  // Whether there is anything to do: else the Bsdf is as it is.
+  bool active() const { return active_; }
+
+  // As EvalBsdf and SampleBsdf, over the hemispheres of the true surface. Requires: active(), wo on
+  // the same side of both normals.
+  template <uint32_t kTraits, typename Color>
+  BsdfValueOf<Color> Eval(const BsdfOf<Color>& bsdf, Vec3f wo, Vec3f wi) const {
+    BsdfValueOf<Color> value;
+    const float sign = (Dot(wi, up_) > 0) == (wo.z > 0) ? SideOf(wo) : -SideOf(wo);
+    const Vec3f q = sign * wi;
+    if (!(Dot(q, up_) > 0)) return value;
+    // What comes this way by itself, and what is turned to it.
+    if (q.z > 0) Add<kTraits>(bsdf, wo, wi, Seen(q), &value);
+    const Vec3f before = TurnBack(q);
+    const float shadowed = before.z > 0 ? 1 - Seen(before) : 0;
+    if (shadowed > 0) Add<kTraits>(bsdf, wo, sign * before, shadowed, &value);
+    return value;
+  }
+
+  template <uint32_t kTraits, typename Color>
+  std::optional<BsdfSampleOf<Color>> Sample(const BsdfOf<Color>& bsdf, Vec3f wo, float u_lobe,
+                                            Vec2f u) const {
+    std::optional<BsdfSampleOf<Color>> sample = SampleBsdf<kTraits>(bsdf, wo, u_lobe, u);
+    if (!sample) return sample;
+    const float sign = (sample->wi.z > 0) == (wo.z > 0) ? SideOf(wo) : -SideOf(wo);
+    const Vec3f q = sign * sample->wi;
+    // A mirror's picture stays sharp: only what the surface itself hides is turned.
+    const bool specular = (sample->flags & kBsdfSpecular) != 0;
+    const float seen = specular ? (Dot(q, up_) > 0 ? 1.0f : 0.0f) : Seen(q);
+    if (!(u_choice_ < seen)) sample->wi = sign * Turn(q);
+    if (!(sign * Dot(sample->wi, up_) > 0)) return std::nullopt;
+    if (specular) return sample;
+    const BsdfValueOf<Color> value = Eval<kTraits>(bsdf, wo, sample->wi);
+    if (!(value.pdf > 0)) return std::nullopt;
+    sample->weight = value.f_cos * (1 / value.pdf);
+    sample->pdf = value.pdf;
+    return sample;
+  }
+
+ private:
+  // Conty Estevez et al. 2019, eq. 2.
+  static constexpr float kAlphaShare = 0.125f;
+
+  static float SideOf(Vec3f wo) { return wo.z < 0 ? -1.0f : 1.0f; }
+
+  template <uint32_t kTraits, typename Color>
+  static void Add(const BsdfOf<Color>& bsdf, Vec3f wo, Vec3f wi, float share,
+                  BsdfValueOf<Color>* value) {
+    const BsdfValueOf<Color> part = EvalBsdf<kTraits>(bsdf, wo, wi);
+    value->f_cos += part.f_cos * share;
+    value->pdf += part.pdf * share;
+  }
+
+  // The directions q below are turned to the front: above the shading normal's horizon before they
+  // are shadowed, above the surface's in the end.
+
+  // The share of q that nothing shadows. What is not on the side of the tilt is not shadowed by it.
+  float Seen(Vec3f q) const {
+    const float height = Dot(q, up_), along = Dot(q, axis_);
+    if (!(height > 0)) return 0;
+    if (!(along > 0)) return 1;
+    const float slope = along / height;
+    return 2 / (1 + std::sqrt(1 + alpha_squared_ * slope * slope));
+  }
+  Vec3f Turn(Vec3f q) const {
+    const float along = Dot(q, axis_), height = Dot(q, up_);
+    const float turned = along * cos_turn_ - height * sin_turn_;
+    return Moved(q, (mirrored_ ? -turned : turned) - along,
+                 along * sin_turn_ + height * cos_turn_ - height);
+  }
+  Vec3f TurnBack(Vec3f q) const {
+    const float along = Dot(q, axis_), height = Dot(q, up_);
+    const float turned = mirrored_ ? -along : along;
+    return Moved(q, turned * cos_turn_ + height * sin_turn_ - along,
+                 height * cos_turn_ - turned * sin_turn_ - height);
+  }
+  Vec3f Moved(Vec3f q, float along, float up) const { return q + along * axis_ + up * up_; }
+
+  Vec3f up_{0, 0, 1};    // The surface's normal.
+  Vec3f axis_{1, 0, 0};  // Along the surface, to where the shading normal leans.
+  float alpha_squared_ = 0;
+  float sin_turn_ = 0, cos_turn_ = 1;
+  float u_choice_ = 0;
+  bool mirrored_ = false, active_ = false;
+};
+
+}  // namespace sheaf::render

@@ -1,0 +1,114 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Camera: film points to rays. Perspective and orthographic, through a pinhole or a thin lens,
+// spherical, which see all around, and realistic, through the surfaces of a lens. Axes and mappings
+// are pbrt-v4's.
+#pragma once
+
+#include <memory>
+#include <optional>
+
+#include "absl/status/statusor.h"
+#include "common/math/vec.h"
+#include "common/scene/scene_description.h"
+#include "worker/render/camera/aperture_shape.h"
+#include "worker/render/camera/realistic_lens.h"
+#include "worker/render/camera/shutter_shape.h"
+#include "worker/render/geometry/animated_transform.h"
+#include "worker/render/geometry/ray_origin.h"
+#include "worker/render/geometry/surface_point.h"
+
+namespace sheaf::render {
+
+class Camera {
+ public:
+  // render_origin_world: the camera's own position when the shutter opens.
+  // Errors: kInvalidArgument with the camera's location: a degenerate field of view or screen
+  // window, a lens focused at distance 0 or behind it or on a spherical camera, a transform that
+  // cannot be inverted.
+  // files: for the picture of a realistic camera's aperture; others do without.
+  static absl::StatusOr<Camera> Make(const SceneDescription& scene, int32_t width_px,
+                                     int32_t height_px, Vec3d render_origin_world,
+                                     FileSource* files = nullptr);
+
+  // film: raster position (pixels, y down). lens: of [0, 1)^2; unused without kLens. The ray's
+  // direction is unit length. Space: render. Film points beyond the borders, where a pixel's filter
+  // reaches, continue the picture; that of a spherical camera comes around to its other side.
+  // *weight: what the ray's radiance counts, 1 except through a realistic lens; 0 where no light
+  // comes this way, and then the ray is no ray.
+  template <uint32_t kTraits>
+  Ray MakeRay(Vec2d film, Vec2f lens, float shutter_fraction, float* weight = nullptr) const;
+  // When in [0, 1) of the shutter's time a sample is taken: in proportion to how open it is then.
+  // u itself where it opens and closes at once.
+  float ShutterFraction(float u) const { return shutter_.empty() ? u : shutter_.Sample(u); }
+
+  // Camera space: +z forward, x right, y up.
+  Affine CameraFromRenderAt(float shutter_fraction) const {
+    return Inverse(moves_ ? RenderFromCameraAt(shutter_fraction) : render_from_camera_);
+  }
+  // The film point at which the point p of render space is seen (through the middle of a lens);
+  // none where it is behind the camera. Requires: not a spherical or realistic camera.
+  std::optional<Vec2d> FilmPointOf(Vec3d p, float shutter_fraction) const;
+
+ private:
+  using Kind = CameraDescription::Kind;
+  absl::Status SetScreen(const CameraDescription& description, int32_t width_px, int32_t height_px);
+  absl::Status SetLens(const CameraDescription& description);
+  Affine RenderFromCameraAt(float shutter_fraction) const;
+  // MakeRay of spherical and realistic cameras. A function of its own, so that others do not pay
+  // for the call.
+  Ray MakeBentRay(Vec2d film, Vec2f lens, float shutter_fraction, float* weight) const;
+
+  Kind kind_ = Kind::kPerspective;
+  bool bends_rays_ = false;  // Not by one screen: spherical and realistic cameras.
+  // Screen = origin + film * step: camera-space x, y at z = 1 (or on the plane); of spherical
+  // cameras, a point of the map of all directions.
+  Vec2d screen_origin_, screen_step_;
+  std::shared_ptr<const RealisticLens> realistic_;  // Null for others. Shared: it is large.
+  double lens_radius_ = 0;
+  BladePolygon blades_;                // Of the lens; none: it is round.
+  double inverse_focal_distance_ = 0;  // 0 for a lens focused at infinity.
+  Affine render_from_camera_;
+  bool moves_ = false;
+  AnimatedTransform world_from_camera_;
+  double shutter_open_ = 0, shutter_close_ = 0;
+  ShutterShape shutter_;
+  Vec3d render_origin_world_;
+};
+
+template <uint32_t kTraits>
+Ray Camera::MakeRay(Vec2d film, Vec2f lens, float shutter_fraction, float* weight) const {
+  if (bends_rays_) return MakeBentRay(film, lens, shutter_fraction, weight);
+  const Vec2d screen{screen_origin_.x + film.x * screen_step_.x,
+                     screen_origin_.y + film.y * screen_step_.y};
+  Vec3d o, d{0, 0, 1};
+  if (kind_ == Kind::kOrthographic) {
+    o = {screen.x, screen.y, 0};
+  } else {
+    d = {screen.x, screen.y, 1};
+  }
+  if (Has(kTraits, Trait::kLens) && lens_radius_ > 0) {
+    // All rays of a film point meet at z = F: the direction loses lens / F, nothing divides by a
+    // small number, and F = infinity is the plain parallel case.
+    const Vec2d on_lens =
+        (blades_.empty() ? SampleUnitDisk(lens) : blades_.Sample(lens)) * lens_radius_;
+    o = o + Vec3d{on_lens.x, on_lens.y, 0};
+    d = d - Vec3d{on_lens.x, on_lens.y, 0} * inverse_focal_distance_;
+  }
+  Ray ray;
+  if (Has(kTraits, Trait::kMotion) && moves_) {
+    const Affine render_from_camera = RenderFromCameraAt(shutter_fraction);
+    o = render_from_camera.Point(o);
+    d = render_from_camera.Vector(d);
+  } else {
+    o = render_from_camera_.Point(o);
+    d = render_from_camera_.Vector(d);
+  }
+  ray.o = ToFloat(o);
+  ray.d = ToFloat(Normalize(d));
+  ray.time = shutter_fraction;
+  return ray;
+}
+
+}  // namespace sheaf::render

@@ -1,0 +1,180 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "worker/render/camera/lens_system.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+
+namespace sheaf::render {
+
+absl::StatusOr<LensSystem> LensSystem::Make(const LensDescription& description, ApertureMask mask) {
+  if (description.surfaces.empty()) return absl::InvalidArgumentError("the lens has no surfaces");
+  LensSystem lens;
+  lens.mask_ = std::move(mask);
+  double z = 0;
+  for (size_t i = description.surfaces.size(); i-- > 0;) {
+    const LensSurface& given = description.surfaces[i];
+    z += given.thickness_mm;
+    Surface surface;
+    surface.z = z;
+    surface.is_stop = IsStop(description, i);
+    if (given.curvature_radius_mm != 0) surface.curvature = -1 / given.curvature_radius_mm;
+    surface.aperture_radius = 0.5 * given.aperture_diameter_mm;
+    if (surface.is_stop) {
+      surface.aperture_radius = std::min(
+          surface.aperture_radius, 0.5 * static_cast<double>(description.aperture_diameter_mm));
+    }
+    surface.eta_scene = EtaBefore(description, i);
+    surface.eta_film = given.eta;
+    lens.surfaces_.push_back(surface);
+  }
+  std::reverse(lens.surfaces_.begin(), lens.surfaces_.end());
+  if (absl::Status status = lens.Focus(description); !status.ok()) return status;
+  return lens;
+}
+
+// Moves the ray to the surface. n: of unit length, towards the scene at the vertex; cosine: of the
+// ray with it. False where the ray misses, the surface lies behind it, or an edge holds it back.
+bool LensSystem::Meet(const Surface& surface, LensRay* ray, Vec3d* n, double* cosine) {
+  const Vec3d from{ray->o.x, ray->o.y, ray->o.z - surface.z};
+  const Vec3d d = ray->d;
+  // The ray's point next to the vertex; the surface is c |p|^2 = 2 p.z.
+  const double to_nearest = -Dot(from, d);
+  const Vec3d nearest = from + d * to_nearest;
+  const double c = surface.curvature;
+  const double beyond = c * Dot(nearest, nearest) - 2 * nearest.z;
+  const double squared = d.z * d.z - c * beyond;
+  if (!(squared > 0)) return false;
+  *cosine = std::copysign(std::sqrt(squared), d.z);
+  const double distance = to_nearest + beyond / (d.z + *cosine);
+  if (!(distance >= 0)) return false;
+  const Vec3d p = from + d * distance;
+  const double radius = surface.aperture_radius;
+  if (!surface.is_stop && !(p.x * p.x + p.y * p.y <= radius * radius)) return false;
+  *n = {-c * p.x, -c * p.y, 1 - c * p.z};
+  if (!(n->z > 0)) return false;  // The far half of the sphere is no part of the surface.
+  ray->o = {p.x, p.y, p.z + surface.z};
+  return true;
+}
+
+// eta_ratio: of the side the ray comes from over the other's.
+bool LensSystem::Refract(double eta_ratio, Vec3d n, double cosine, LensRay* ray) {
+  const double squared = 1 - eta_ratio * eta_ratio * (1 - cosine * cosine);
+  if (!(squared > 0)) return false;
+  const double refracted = std::copysign(std::sqrt(squared), cosine);
+  const double forward = ray->d.z;
+  ray->d = ray->d * eta_ratio + n * (refracted - eta_ratio * cosine);
+  return ray->d.z * forward > 0;  // What turns back is lost in the barrel.
+}
+
+double LensSystem::Trace(LensRay* ray, Stop stop, double* from_middle) const {
+  double weight = 1;
+  for (size_t i = surfaces_.size(); i-- > 0;) {
+    const Surface& surface = surfaces_[i];
+    Vec3d n;
+    double cosine = 0;
+    if (!Meet(surface, ray, &n, &cosine)) return 0;
+    if (surface.is_stop) {
+      if (from_middle != nullptr) {
+        *from_middle = std::sqrt(ray->o.x * ray->o.x + ray->o.y * ray->o.y);
+      }
+      if (stop == Stop::kIgnored) continue;
+      const double scale = 1 / surface.aperture_radius;
+      const Vec2d p{ray->o.x * scale, ray->o.y * scale};
+      if (stop == Stop::kShaped) {
+        weight *= mask_.Transmission(p);
+      } else if (!(p.x * p.x + p.y * p.y <= mask_.BoundingRadiusSquared())) {
+        weight = 0;
+      }
+      if (weight == 0) return 0;
+      continue;
+    }
+    if (!Refract(surface.eta_film / surface.eta_scene, n, cosine, ray)) return 0;
+  }
+  return weight;
+}
+
+bool LensSystem::TraceFromScene(LensRay* ray) const {
+  for (const Surface& surface : surfaces_) {
+    Vec3d n;
+    double cosine = 0;
+    if (!Meet(surface, ray, &n, &cosine)) return false;
+    if (surface.is_stop) continue;
+    if (!Refract(surface.eta_scene / surface.eta_film, n, cosine, ray)) return false;
+  }
+  return true;
+}
+
+absl::StatusOr<LensSystem::CardinalPoints> LensSystem::FindCardinalPoints(double height_mm) const {
+  // A ray parallel to the axis goes, as if bent once at the principal plane, to the focal point.
+  const auto cross = [height_mm](const LensRay& out, double* principal, double* focal) {
+    *focal = out.o.z - out.o.x / out.d.x * out.d.z;
+    *principal = out.o.z + (height_mm - out.o.x) / out.d.x * out.d.z;
+  };
+  const Surface& front = surfaces_.front();
+  LensRay to_film{{height_mm, 0, front.z + std::fabs(Sag(front)) + height_mm}, {0, 0, -1}};
+  LensRay to_scene{{height_mm, 0, rear_z_min_mm() - height_mm}, {0, 0, 1}};
+  if (!TraceFromScene(&to_film) || Trace(&to_scene, Stop::kIgnored, nullptr) == 0) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("no light comes through the lens ", height_mm,
+                     " mm off its axis; its surfaces cross, or an aperture is smaller than that"));
+  }
+  CardinalPoints points;
+  cross(to_film, &points.principal_film, &points.focal_film);
+  cross(to_scene, &points.principal_scene, &points.focal_scene);
+  return points;
+}
+
+absl::Status LensSystem::Focus(const LensDescription& description) {
+  // Near enough to the axis for the paraxial points; as pbrt-v4 has it.
+  const double height_mm = 0.001 * static_cast<double>(description.film_diagonal_mm);
+  const absl::StatusOr<CardinalPoints> points = FindCardinalPoints(height_mm);
+  if (!points.ok()) return points.status();
+  focal_length_mm_ = points->principal_film - points->focal_film;
+  if (!std::isfinite(focal_length_mm_) || !(focal_length_mm_ > 0)) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        "the lens does not gather light: its focal length is ", focal_length_mm_, " mm"));
+  }
+  // With the film at the distance s' behind one principal plane and what shall be sharp at s before
+  // the other, 1/s + 1/s' = 1/f and s + s' is fixed. The smaller root, in the form that keeps its
+  // digits for things far away.
+  const double between = points->principal_scene - points->principal_film;
+  const double sum_mm = 1000 * static_cast<double>(description.focus_distance_m) - between;
+  const double share = 4 * focal_length_mm_ / sum_mm;
+  if (!(sum_mm > 0 && share <= 1)) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("\"float focusdistance\" ", description.focus_distance_m,
+                     " m is nearer than this lens can be focused at, ",
+                     0.001 * (4 * focal_length_mm_ + between), " m from the film"));
+  }
+  const double film_distance = 2 * focal_length_mm_ / (1 + std::sqrt(1 - share));
+  const double shift = film_distance - points->principal_film;
+  for (Surface& surface : surfaces_) surface.z += shift;
+  if (!(rear_z_min_mm() > 0)) {
+    return absl::InvalidArgumentError(
+        "focused at its distance, the lens touches the film; its last surface is too wide or its "
+        "image too near");
+  }
+  return absl::OkStatus();
+}
+
+double LensSystem::rear_z_min_mm() const {
+  const Surface& rear = surfaces_.back();
+  return rear.z + std::min(0.0, Sag(rear));
+}
+double LensSystem::rear_z_max_mm() const {
+  const Surface& rear = surfaces_.back();
+  return rear.z + std::max(0.0, Sag(rear));
+}
+
+double LensSystem::Sag(const Surface& surface) {
+  const double c = surface.curvature, edge = surface.aperture_radius * surface.aperture_radius;
+  const double squared = 1 - c * c * edge;
+  // Wider than the sphere, the surface ends with the half of it.
+  return squared > 0 ? c * edge / (1 + std::sqrt(squared)) : 1 / c;
+}
+
+}  // namespace sheaf::render

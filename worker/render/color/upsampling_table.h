@@ -1,0 +1,72 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Fits of sigmoid spectra to all colours, by interpolation. The layout follows Jakob and Hanika
+// 2019: three cubes by which component is the largest, over that component z and over the other
+// two's shares x, y of it. Not theirs is what is interpolated: coefficients grow like 1 / sqrt(z)
+// towards black, where a sigmoid is 1 / (4 x^2), and as fast towards white, where it is 1 minus
+// that. Multiplied by sqrt(z (1 - mean)), mean = z (x + y) / 2, they are bounded and nearly linear,
+// and those of greys exactly linear in z. So 33 nodes a side do better than 64 of the coefficients
+// themselves would, and greys stay grey.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <vector>
+
+#include "common/math/vec.h"
+#include "common/scene/scene_description.h"
+#include "worker/render/color/sigmoid_spectrum.h"
+
+namespace sheaf::render {
+
+// Reflectances darker than this are the spectrum of the colour so bright and of the same
+// proportions, scaled. A sigmoid reaches saturated darkness only with a bright line in the infrared
+// that no interpolation finds.
+inline constexpr float kFitLevelMin = 1.f / 16;
+// The largest component with which a colour's proportions are fitted; its spectrum is the fit's,
+// scaled by largest / level. Emission is fitted halfway, as in pbrt-v4.
+// Requires: largest > 0, and at most 1 for reflectances within the gamut.
+constexpr float FitLevel(float largest, ColorRole role) {
+  if (role != ColorRole::kReflectance) return 0.5f;
+  return largest > kFitLevelMin ? largest : kFitLevelMin;
+}
+
+// Thread safety: immutable.
+class UpsamplingTable {
+ public:
+  // Some hundred thousand fits: about half a second.
+  UpsamplingTable();
+
+  // Spectrum of the colour that has the proportions of rgb and level as its largest component.
+  // Requires: components >= 0, not all 0; kFitLevelMin <= level <= 1.
+  SigmoidSpectrum At(Rgb rgb, float level) const;
+
+ private:
+  static constexpr size_t kNodeCount = 33;
+  // c0, c1, c2 times the scale above; the fourth fills the vector register.
+  using Node = std::array<float, 4>;
+  // Nodes lie densely at both ends, where saturated colours and light ones change fast.
+  struct Axis {
+    std::array<float, kNodeCount> node{};
+    float first = 0, width = 1;
+
+    static Axis Make(float first, float last);
+  };
+  struct Cell {
+    size_t index;
+    float part;  // 0 at its lower node, 1 at its upper one.
+  };
+  // Requires: value within the axis.
+  static Cell CellAt(const Axis& axis, float value);
+  // Of the nodes of one cube and one pair of shares, warm-started from each other.
+  void FitColumn(const SigmoidFitter& fitter, size_t cube, size_t ix, size_t iy);
+  static constexpr size_t IndexOf(size_t cube, size_t iz, size_t iy, size_t ix) {
+    return ((cube * kNodeCount + iz) * kNodeCount + iy) * kNodeCount + ix;
+  }
+
+  Axis share_, level_;
+  std::vector<Node> nodes_;
+};
+
+}  // namespace sheaf::render

@@ -1,0 +1,107 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// What a path carries: RGB, or radiance at four wavelengths of its own. Which of the two is a trait
+// (kSpectral), so that transport is compiled for each and a scene without colour that needs spectra
+// draws no wavelength. The four are the hero and three at equal steps of the sampling density, so
+// each alone is distributed as the hero: a path that must follow one of them (dispersion) goes on
+// with the hero's value times four. Sources: Wilkie et al. 2014, "Hero Wavelength Spectral
+// Sampling"; Radziszewski et al. 2009 for the density.
+#pragma once
+
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <type_traits>
+
+#include "common/math/elementary.h"
+#include "common/math/vec.h"
+#include "worker/render/traits/trait_set.h"
+
+namespace sheaf::render {
+
+inline constexpr size_t kWavelengthCount = 4;
+inline constexpr float kWavelengthMinNm = 360, kWavelengthMaxNm = 830;
+
+// A value at each of a path's wavelengths. The same operations as Rgb, so that transport can be
+// written once for both.
+struct Spectral {
+  std::array<float, kWavelengthCount> v{};
+
+  static constexpr Spectral Grey(float x) { return {{x, x, x, x}}; }
+  constexpr float operator[](size_t i) const { return v[i]; }
+  constexpr float& operator[](size_t i) { return v[i]; }
+  friend constexpr Spectral operator+(const Spectral& p, const Spectral& q) {
+    return {{p.v[0] + q.v[0], p.v[1] + q.v[1], p.v[2] + q.v[2], p.v[3] + q.v[3]}};
+  }
+  friend constexpr Spectral operator*(const Spectral& p, const Spectral& q) {
+    return {{p.v[0] * q.v[0], p.v[1] * q.v[1], p.v[2] * q.v[2], p.v[3] * q.v[3]}};
+  }
+  friend constexpr Spectral operator*(const Spectral& p, float s) { return p * Grey(s); }
+  friend constexpr Spectral operator*(float s, const Spectral& p) { return p * Grey(s); }
+  friend constexpr Spectral operator/(const Spectral& p, float s) {
+    return {{p.v[0] / s, p.v[1] / s, p.v[2] / s, p.v[3] / s}};
+  }
+  constexpr Spectral& operator+=(const Spectral& q) { return *this = *this + q; }
+  constexpr Spectral& operator*=(const Spectral& q) { return *this = *this * q; }
+  constexpr Spectral& operator*=(float s) { return *this = *this * s; }
+  constexpr bool IsBlack() const { return v[0] == 0 && v[1] == 0 && v[2] == 0 && v[3] == 0; }
+  friend constexpr bool operator==(const Spectral&, const Spectral&) = default;
+};
+constexpr float MaxComponent(const Spectral& c) {
+  const float low = c.v[0] > c.v[1] ? c.v[0] : c.v[1], high = c.v[2] > c.v[3] ? c.v[2] : c.v[3];
+  return low > high ? low : high;
+}
+// How many components a colour has, Rgb or Spectral.
+template <typename Color>
+inline constexpr size_t kComponentCount = sizeof(Color) / sizeof(float);
+// The colour of components f(0), f(1) ...
+template <typename Color, typename Function>
+constexpr Color MakeColor(const Function& f) {
+  Color color;
+  for (size_t i = 0; i < kComponentCount<Color>; ++i) color[i] = f(i);
+  return color;
+}
+inline bool IsFinite(const Spectral& c) {
+  return std::isfinite(c.v[0]) && std::isfinite(c.v[1]) && std::isfinite(c.v[2]) &&
+         std::isfinite(c.v[3]);
+}
+
+// The wavelengths of one path.
+struct Wavelengths {
+  std::array<float, kWavelengthCount> nm{};   // In [kWavelengthMinNm, kWavelengthMaxNm].
+  std::array<float, kWavelengthCount> pdf{};  // Density per nm with which each was drawn.
+
+  float hero_nm() const { return nm[0]; }
+  // u in [0, 1). Density proportional to sech^2(0.0072 (nm - 538)), which is near the eye's.
+  static Wavelengths Sample(float u);
+};
+
+inline Wavelengths Wavelengths::Sample(float u) {
+  constexpr float kCenterNm = 538, kSteepness = 0.0072f;
+  // Tanh of kSteepness (nm - kCenterNm) at the ends of the range.
+  constexpr float kTanhMin = -0.856910625469828f, kTanhMax = 0.9705913469402698f;
+  constexpr float kSpan = kTanhMax - kTanhMin;
+  Wavelengths w;
+  for (size_t i = 0; i < kWavelengthCount; ++i) {
+    float position = u + static_cast<float>(i) / kWavelengthCount;
+    if (position >= 1) position -= 1;
+    const float tanh = kTanhMin + kSpan * position;
+    const float nm = kCenterNm + 0.5f / kSteepness * Log((1 + tanh) / (1 - tanh));
+    w.nm[i] = std::fmin(std::fmax(nm, kWavelengthMinNm), kWavelengthMaxNm);
+    w.pdf[i] = kSteepness / kSpan * (1 - tanh) * (1 + tanh);
+  }
+  return w;
+}
+
+// Wavelengths of a path that carries RGB: nothing.
+struct NoWavelengths {};
+
+template <uint32_t kTraits>
+using ColorOf = std::conditional_t<Has(kTraits, Trait::kSpectral), Spectral, Rgb>;
+template <typename Color>
+using WavelengthsOf =
+    std::conditional_t<std::is_same_v<Color, Spectral>, Wavelengths, NoWavelengths>;
+
+}  // namespace sheaf::render

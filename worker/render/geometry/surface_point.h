@@ -1,0 +1,413 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// SurfacePoint: everything shading wants to know of a hit. The point is put back onto its triangle
+// (quadric, patch, curve) in double from the surface's own description, so its error is that of one
+// rounding to float, however far the ray came from. Source: pbrt-v4, sec. 6.8.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+#include <type_traits>
+
+#include "common/math/frame.h"
+#include "common/math/vec.h"
+#include "worker/render/geometry/deforming_mesh.h"
+#include "worker/render/geometry/emission_cells.h"
+#include "worker/render/geometry/raw_hit.h"
+#include "worker/render/geometry/scene_geometry.h"
+#include "worker/render/geometry/tangent_plane.h"
+#include "worker/render/traits/trait_set.h"
+
+namespace sheaf::render {
+
+struct SurfacePoint {
+  Vec3f p;        // Space: render.
+  Vec3f p_error;  // Bound of its absolute error, per component.
+  Vec3f ng;       // Unit geometric normal, on the surface's own front side.
+  Frame shading;  // n: unit shading normal, in the hemisphere of ng.
+  Vec2f uv;       // Where the surface reads textures or is hair; on curves along and across.
+  const Surface* surface = nullptr;
+  uint32_t emitter = kNoEmitter;
+  PrimitiveId id;
+
+  // The normal by which the light table knows emitters: outward for spheres, whichever side is
+  // front.
+  Vec3f EmitterNormal() const { return surface->is_sphere && surface->flips_normal ? -ng : ng; }
+};
+
+namespace internal {
+
+inline constexpr double kDoubleRounding = 0x1p-50;  // A few roundings of double.
+
+// Before it is rounded to float and placed. Space: that of the group.
+struct GroupPoint {
+  Vec3d p, ng, ns;
+  Vec3f coordinate_max;  // Of what the point was computed from.
+  Vec2f uv;
+  Vec3d dpdu, dpdv;
+  bool has_tangents = false;
+  double reach = 0;  // Of curves: how far off along ng a ray that leaves must start.
+};
+
+// The least cosine between vertex normals and the surface's own at which they are what they say.
+inline constexpr double kShadingCosineMin = 0.5;
+
+// The shading normal that vertex normals, interpolated to ns, make on a surface of normal ng
+// (unit). About a normal at an angle t half of 1 - cos t of what a white surface scatters goes
+// below it, where it is lost. Beyond 60 degrees it is drawn to the surface's own, which it is from
+// 90 on: such a normal says nothing about how the surface is lit. See docs/adr/0052.
+inline Vec3d ShadingNormalOf(Vec3d ns, Vec3d ng) {
+  const double height = Dot(ns, ng);
+  if (!(height > 0)) return ng;
+  const double least_squared = kShadingCosineMin * kShadingCosineMin * LengthSquared(ns);
+  if (height * height >= least_squared) return ns;
+  const double share = height / std::sqrt(least_squared);
+  return ns * (share * kShadingCosineMin / std::sqrt(least_squared)) + ng * (1 - share);
+}
+
+inline Vec3f MaxAbs(Vec3f a, Vec3f b, Vec3f c) {
+  Vec3f result;
+  for (size_t i = 0; i < 3; ++i) {
+    result[i] = std::max(std::fabs(a[i]), std::max(std::fabs(b[i]), std::fabs(c[i])));
+  }
+  return result;
+}
+
+// uv and its tangents on a triangle. Without uvs the corners are (0,0), (1,0), (1,1), as in
+// pbrt-v4.
+inline void AddTriangleParameters(const BakedMesh& mesh, const uint32_t* t, const RawHit& hit,
+                                  Vec3d e1, Vec3d e2, GroupPoint* point) {
+  Vec2f uv0{0, 0}, uv1{1, 0}, uv2{1, 1};
+  if (!mesh.uvs.empty()) {
+    uv0 = mesh.uvs[t[0]];
+    uv1 = mesh.uvs[t[1]];
+    uv2 = mesh.uvs[t[2]];
+  }
+  point->uv = uv0 + hit.u * (uv1 - uv0) + hit.v * (uv2 - uv0);
+  if (!mesh.surface.needs_tangent) return;
+  const double u1 = static_cast<double>(uv1.x) - uv0.x, v1 = static_cast<double>(uv1.y) - uv0.y;
+  const double u2 = static_cast<double>(uv2.x) - uv0.x, v2 = static_cast<double>(uv2.y) - uv0.y;
+  const double determinant = u1 * v2 - u2 * v1;
+  if (determinant == 0) return;
+  point->dpdu = (e1 * v2 - e2 * v1) * (1 / determinant);
+  point->dpdv = (e2 * u1 - e1 * u2) * (1 / determinant);
+  point->has_tangents = true;
+}
+
+inline GroupPoint TrianglePoint(const BakedMesh& mesh, const RawHit& hit, bool wants_parameters) {
+  const uint32_t* t = &mesh.indices[3 * static_cast<size_t>(hit.id.primitive)];
+  const Vec3f &f0 = mesh.positions[t[0]], &f1 = mesh.positions[t[1]], &f2 = mesh.positions[t[2]];
+  const Vec3d p0 = ToDouble(f0), e1 = ToDouble(f1) - p0, e2 = ToDouble(f2) - p0;
+  GroupPoint point;
+  point.p = p0 + e1 * static_cast<double>(hit.u) + e2 * static_cast<double>(hit.v);
+  point.coordinate_max = MaxAbs(f0, f1, f2);
+  const Vec3d cross = Cross(e1, e2);
+  // Degenerate triangles were dropped: the length is positive, and no product of floats underflows.
+  point.ng = cross * (static_cast<double>(TriangleFacing(mesh, t, cross)) / Length(cross));
+  point.ns = point.ng;
+  if (!mesh.normals.empty()) {
+    const Vec3f ns = mesh.normals[t[0]] * (1 - hit.u - hit.v) + mesh.normals[t[1]] * hit.u +
+                     mesh.normals[t[2]] * hit.v;
+    point.ns = ShadingNormalOf(ToDouble(ns), point.ng);
+  }
+  if (wants_parameters) AddTriangleParameters(mesh, t, hit, e1, e2, &point);
+  return point;
+}
+
+inline GroupPoint DeformedTrianglePoint(const BakedMesh& mesh, const RawHit& hit,
+                                        float shutter_fraction, bool wants_parameters) {
+  const uint32_t* t = &mesh.indices[3 * static_cast<size_t>(hit.id.primitive)];
+  const VertexTime time = VertexTimeAt(mesh, shutter_fraction);
+  const DeformedTriangle triangle = DeformedTriangleAt(mesh, t, time);
+  const Vec3d p0 = triangle.corners[0], e1 = triangle.corners[1] - p0,
+              e2 = triangle.corners[2] - p0;
+  GroupPoint point;
+  point.p = p0 + e1 * static_cast<double>(hit.u) + e2 * static_cast<double>(hit.v);
+  point.coordinate_max = triangle.coordinate_max;
+  // Positive: where the triangle has no area the tracer's filter refuses hits.
+  const Vec3d cross = Cross(e1, e2);
+  point.ng = cross * (1 / Length(cross));
+  if (mesh.normals.empty()) {
+    if (mesh.surface.flips_normal) point.ng = -point.ng;
+    point.ns = point.ng;
+  } else {
+    const Vec3f n0 = DeformedNormalAt(mesh, t[0], time), n1 = DeformedNormalAt(mesh, t[1], time),
+                n2 = DeformedNormalAt(mesh, t[2], time);
+    const double facing = FacingOf(mesh.surface, cross, n0 + n1 + n2);
+    point.ng = point.ng * facing;
+    const Vec3d ns = ToDouble(n0 * (1 - hit.u - hit.v) + n1 * hit.u + n2 * hit.v);
+    point.ns = ShadingNormalOf(ns, point.ng);
+  }
+  if (wants_parameters) AddTriangleParameters(mesh, t, hit, e1, e2, &point);
+  return point;
+}
+
+inline GroupPoint PointOnQuadric(const BakedQuadric& baked, Vec3d o, Vec3d d, double t,
+                                 bool wants_parameters) {
+  const QuadricPoint on = QuadricPointAt(baked.quadric, o, d, t);
+  GroupPoint point;
+  point.p = on.p;
+  point.ng = baked.surface.flips_normal ? -on.n : on.n;
+  point.ns = point.ng;
+  point.coordinate_max = baked.quadric.coordinate_max;
+  if (wants_parameters) {
+    const QuadricParameters parameters = QuadricParametersAt(baked.quadric, on.p_object);
+    point.uv = parameters.uv;
+    point.dpdu = parameters.dpdu;
+    point.dpdv = parameters.dpdv;
+    point.has_tangents = true;
+  }
+  return point;
+}
+
+// Values at a patch's corners, as the patch of their own that they span.
+inline BilinearPatch PatchNormals(const BakedPatches& baked, const uint32_t* k) {
+  return {ToDouble(baked.normals[k[0]]), ToDouble(baked.normals[k[1]]),
+          ToDouble(baked.normals[k[2]]), ToDouble(baked.normals[k[3]])};
+}
+inline BilinearPatch PatchUvs(const BakedPatches& baked, const uint32_t* k) {
+  const auto at = [&](size_t c) { return Vec3d{baked.uvs[k[c]].x, baked.uvs[k[c]].y, 0}; };
+  return {at(0), at(1), at(2), at(3)};
+}
+
+inline void AddPatchParameters(const BakedPatches& baked, const uint32_t* k,
+                               const BilinearPatch& patch, double u, double v, GroupPoint* point) {
+  const Vec3d dpdu = patch.DpduAt(v), dpdv = patch.DpdvAt(u);
+  if (baked.uvs.empty()) {
+    point->uv = {static_cast<float>(u), static_cast<float>(v)};
+    point->dpdu = dpdu;
+    point->dpdv = dpdv;
+    point->has_tangents = true;
+    return;
+  }
+  const BilinearPatch uvs = PatchUvs(baked, k);
+  const Vec3d uv = uvs.PointAt(u, v), by_u = uvs.DpduAt(v), by_v = uvs.DpdvAt(u);
+  point->uv = {static_cast<float>(uv.x), static_cast<float>(uv.y)};
+  const double determinant = by_u.x * by_v.y - by_v.x * by_u.y;
+  if (determinant == 0) return;
+  point->dpdu = (dpdu * by_v.y - dpdv * by_u.y) * (1 / determinant);
+  point->dpdv = (dpdv * by_u.x - dpdu * by_v.x) * (1 / determinant);
+  point->has_tangents = true;
+}
+
+inline GroupPoint PointOnPatch(const BakedPatches& baked, const RawHit& hit,
+                               bool wants_parameters) {
+  const BilinearPatch patch = baked.PatchAt(hit.id.primitive);
+  const uint32_t* k = &baked.indices[4 * static_cast<size_t>(hit.id.primitive)];
+  const double u = static_cast<double>(hit.u), v = static_cast<double>(hit.v);
+  GroupPoint point;
+  point.p = patch.PointAt(u, v);
+  for (size_t i = 0; i < 3; ++i) {
+    point.coordinate_max[i] = std::max(
+        std::max(std::fabs(baked.positions[k[0]][i]), std::fabs(baked.positions[k[1]][i])),
+        std::max(std::fabs(baked.positions[k[2]][i]), std::fabs(baked.positions[k[3]][i])));
+  }
+  const Vec3d n = Normalize(patch.NormalAt(u, v));
+  point.ng = baked.surface.flips_normal ? -n : n;
+  point.ns = point.ng;
+  if (!baked.normals.empty()) {
+    const Vec3d ns = PatchNormals(baked, k).PointAt(u, v);
+    // Vertex normals say which side is the front (as in pbrt-v4).
+    if (Dot(ns, point.ng) < 0) point.ng = -point.ng;
+    point.ns = ShadingNormalOf(ns, point.ng);
+  }
+  if (wants_parameters) AddPatchParameters(baked, k, patch, u, v, &point);
+  return point;
+}
+
+inline GroupPoint PointOnCurve(const BakedCurves& baked, Vec3d d, const RawHit& hit) {
+  const size_t segment = baked.pieces[hit.id.primitive].segment;
+  const CurvePoint on = CurvePointAt(SegmentOf(baked.set, segment), static_cast<double>(hit.u),
+                                     static_cast<double>(hit.v), baked.shape_from_target.Vector(d));
+  GroupPoint point;
+  point.p = baked.target_from_shape.Point(on.p);
+  const Vec3d n = baked.shape_from_target.TransposedVector(on.n);
+  const double scale = 1 / Length(n);
+  point.ng = n * (baked.surface.flips_normal ? -scale : scale);
+  point.ns = point.ng;
+  point.coordinate_max = baked.coordinate_max;
+  point.uv = {hit.u, hit.v};
+  point.dpdu = baked.target_from_shape.Vector(on.dpdu);
+  point.has_tangents = true;
+  // One width along the normal leads out of every ribbon about the centre line, to either side.
+  point.reach = on.width * scale;
+  return point;
+}
+
+// Of a placed group, at the ray's time.
+struct Placement {
+  Affine render_from_group, group_from_render;
+};
+
+// Brings the point from its group to render space. The next ray is rounded to float in the group's
+// space again, so the bound holds that rounding too, carried over.
+inline void PlacePoint(const Placement& placement, GroupPoint* point, Vec3d* rounding) {
+  const auto& [render_from_group, group_from_render] = placement;
+  const Vec3f g = point->coordinate_max;
+  const double unit = static_cast<double>(Gamma(2));
+  for (size_t i = 0; i < 3; ++i) {
+    (*rounding)[i] =
+        unit * (std::fabs(render_from_group.x[i] * point->p.x) +
+                std::fabs(render_from_group.y[i] * point->p.y) +
+                std::fabs(render_from_group.z[i] * point->p.z)) +
+        kDoubleRounding *
+            (std::fabs(render_from_group.x[i]) * g.x + std::fabs(render_from_group.y[i]) * g.y +
+             std::fabs(render_from_group.z[i]) * g.z + std::fabs(render_from_group.offset[i]));
+  }
+  point->p = render_from_group.Point(point->p);
+  const bool is_flat = point->ns == point->ng;
+  point->ng = Normalize(group_from_render.TransposedVector(point->ng));
+  point->ns = is_flat ? point->ng : group_from_render.TransposedVector(point->ns);
+  point->dpdu = render_from_group.Vector(point->dpdu);
+  point->dpdv = render_from_group.Vector(point->dpdv);
+}
+
+// x along the tangent dpdu, where there is one.
+inline Frame ShadingFrame(Vec3f ns, const TangentPlane& plane) {
+  if (plane.has_tangents) {
+    const Vec3d n = ToDouble(ns);
+    const Vec3d tangent = plane.dpdu - n * Dot(n, plane.dpdu);
+    const double length = Length(tangent);
+    if (length > 0 && std::isfinite(length)) {
+      const Vec3f t = ToFloat(tangent * (1 / length));
+      return {t, Cross(ns, t), ns};
+    }
+  }
+  return Frame::FromNormal(ns);
+}
+
+}  // namespace internal
+
+namespace internal {
+
+// Counted from the mesh's first emitter.
+template <uint32_t kTraits>
+uint32_t EmitterOfFace(const Surface& surface, const RawHit& hit) {
+  if constexpr (Has(kTraits, Trait::kVaryingEmission)) {
+    const uint32_t cells = surface.emission_cells;
+    return hit.id.primitive * cells * cells +
+           CellAt(cells, static_cast<double>(hit.u), static_cast<double>(hit.v));
+  }
+  return hit.id.primitive;
+}
+
+// The hit's point in its group, with point->surface and emitter. placement: null in the world.
+template <uint32_t kTraits>
+GroupPoint PointOfHit(const GeometryGroup& group, const Ray& ray, const RawHit& hit,
+                      const Placement* placement, SurfacePoint* point) {
+  const auto wants_parameters = [](const Surface& surface) {
+    return surface.needs_tangent || surface.reads_textures;
+  };
+  const uint32_t quadrics = group.QuadricsId();
+  if (!(Has(kTraits, Trait::kQuadrics) || Has(kTraits, Trait::kCurves)) ||
+      hit.id.geometry < quadrics) {
+    const BakedMesh& mesh = group.meshes[hit.id.geometry];
+    point->surface = &mesh.surface;
+    if (mesh.surface.emitter != kNoEmitter) {
+      point->emitter = mesh.surface.emitter + EmitterOfFace<kTraits>(mesh.surface, hit);
+    }
+    if constexpr (Has(kTraits, Trait::kDeformation)) {
+      if (!mesh.steps.empty()) {
+        return DeformedTrianglePoint(mesh, hit, ray.time, wants_parameters(mesh.surface));
+      }
+    }
+    return TrianglePoint(mesh, hit, wants_parameters(mesh.surface));
+  }
+  if (Has(kTraits, Trait::kCurves) && hit.id.geometry >= group.CurvesId(0)) {
+    const BakedCurves& baked = group.curves[hit.id.geometry - group.CurvesId(0)];
+    point->surface = &baked.surface;
+    Vec3d d = ToDouble(ray.d);
+    if (placement != nullptr) d = placement->group_from_render.Vector(d);
+    GroupPoint on = PointOnCurve(baked, d, hit);
+    if (placement != nullptr) {
+      on.reach /= Length(placement->group_from_render.TransposedVector(on.ng));
+    }
+    return on;
+  }
+  if (hit.id.geometry > quadrics) {
+    const BakedPatches& baked = group.patches[hit.id.geometry - group.PatchesId(0)];
+    point->surface = &baked.surface;
+    return PointOnPatch(baked, hit, wants_parameters(baked.surface));
+  }
+  const BakedQuadric& baked = group.quadrics[hit.id.primitive];
+  point->surface = &baked.surface;
+  point->emitter = baked.surface.emitter;
+  Vec3d o = ToDouble(ray.o), d = ToDouble(ray.d);
+  if (placement != nullptr) {
+    o = placement->group_from_render.Point(o);
+    d = placement->group_from_render.Vector(d);
+  }
+  return PointOnQuadric(baked, o, d, hit.t, wants_parameters(baked.surface));
+}
+
+// What shading wants to know of `on`, in render space and known to `rounding`.
+template <uint32_t kTraits, typename Plane>
+void FinishPoint(const GroupPoint& on, Vec3d rounding, SurfacePoint* point,
+                 [[maybe_unused]] Plane* plane) {
+  point->p = ToFloat(on.p);
+  point->p_error = Gamma(1) * Abs(point->p) + ToFloat(rounding);
+  point->ng = ToFloat(on.ng);
+  if constexpr (Has(kTraits, Trait::kCurves)) {
+    // What is added along the normal is what OffsetRayOrigin adds.
+    point->p_error += Abs(point->ng) * static_cast<float>(on.reach);
+  }
+  // Flat surfaces shade by the very bits of their normal.
+  const Vec3f ns = on.ns == on.ng ? point->ng : ToFloat(on.ns * (1 / Length(on.ns)));
+  if constexpr (Has(kTraits, Trait::kTextures) || Has(kTraits, Trait::kHair) ||
+                Has(kTraits, Trait::kCurves)) {
+    point->uv = on.uv;
+  }
+  const auto tangents = [&] {
+    return TangentPlane{ToDouble(ns), on.dpdu, on.dpdv, on.has_tangents};
+  };
+  point->shading = point->surface->needs_tangent ? internal::ShadingFrame(ns, tangents())
+                                                 : Frame::FromNormal(ns);
+  if constexpr (std::is_same_v<Plane, std::optional<TangentPlane>>) {
+    if (point->surface->has_normal_map) *plane = tangents();
+  }
+}
+
+// Out of line: what is not placed, most of most scenes, shall not pay for it.
+template <uint32_t kTraits, typename Plane>
+[[gnu::noinline]] SurfacePoint MakePlacedPoint(const SceneGeometry& geometry, const Ray& ray,
+                                               const RawHit& hit, Plane* plane) {
+  const size_t still_count = geometry.still.size();
+  const PlacedGroup& placed = hit.id.placed < still_count
+                                  ? geometry.still[hit.id.placed]
+                                  : geometry.moving[hit.id.placed - still_count];
+  const Placement placement{RenderFromGroupAt(geometry, placed, ray.time),
+                            GroupFromRenderAt(geometry, placed, ray.time)};
+  SurfacePoint point;
+  point.id = hit.id;
+  GroupPoint on = PointOfHit<kTraits>(geometry.groups[placed.group], ray, hit, &placement, &point);
+  Vec3d rounding = ToDouble(on.coordinate_max) * kDoubleRounding;
+  PlacePoint(placement, &on, &rounding);
+  FinishPoint<kTraits>(on, rounding, &point, plane);
+  return point;
+}
+
+}  // namespace internal
+
+// Requires: hit is of ray, found in the EmbreeScene of `geometry`. plane: a std::optional that is
+// given what a normal map needs to know of the surface, where there is one; what is no such
+// optional is left alone.
+template <uint32_t kTraits, typename Plane = std::nullopt_t>
+SurfacePoint MakeSurfacePoint(const SceneGeometry& geometry, const Ray& ray, const RawHit& hit,
+                              [[maybe_unused]] Plane* plane = nullptr) {
+  if constexpr (Has(kTraits, Trait::kInstances) || Has(kTraits, Trait::kMotion)) {
+    if (hit.id.placed != kNotPlaced) {
+      return internal::MakePlacedPoint<kTraits>(geometry, ray, hit, plane);
+    }
+  }
+  SurfacePoint point;
+  point.id = hit.id;
+  const internal::GroupPoint on =
+      internal::PointOfHit<kTraits>(geometry.groups[0], ray, hit, nullptr, &point);
+  internal::FinishPoint<kTraits>(on, ToDouble(on.coordinate_max) * internal::kDoubleRounding,
+                                 &point, plane);
+  return point;
+}
+
+}  // namespace sheaf::render

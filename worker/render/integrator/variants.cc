@@ -1,0 +1,26 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// The table of compiled variants.
+#include "worker/render/integrator/variants.h"
+
+#include <iterator>
+
+#include "common/base/check.h"
+#include "worker/render/traits/variant_list.h"
+
+namespace sheaf::render {
+namespace {
+
+#define SHEAF_VARIANT_ENTRY(name, traits) &RenderRow<(traits)>,
+constexpr RenderRowFunction kRows[] = {SHEAF_RENDER_VARIANTS(SHEAF_VARIANT_ENTRY)};
+#undef SHEAF_VARIANT_ENTRY
+
+}  // namespace
+
+RenderRowFunction RowFunctionOf(size_t variant) {
+  SHEAF_CHECK(variant < std::size(kRows));
+  return kRows[variant];
+}
+
+}  // namespace sheaf::render

@@ -1,0 +1,28 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// The compiled variants of the path tracer.
+#pragma once
+
+#include <cstdint>
+
+#include "common/film/film_tile.h"
+#include "common/film/tile_geometry.h"
+#include "worker/render/integrator/path_tracer.h"
+#include "worker/render/traits/variant_choice.h"
+
+namespace sheaf::render {
+
+// Renders the block of samples of pixels [x0, x1) of row y.
+using RenderRowFunction = void (*)(const CompiledScene& scene, int32_t x0, int32_t x1, int32_t y,
+                                   SampleBlock block, PixelAccumulator* accumulator,
+                                   RayCounts* counts);
+// variant: an index in AllVariants().
+RenderRowFunction RowFunctionOf(size_t variant);
+
+// Defined once for each variant, in generated files.
+template <uint32_t kTraits>
+void RenderRow(const CompiledScene& scene, int32_t x0, int32_t x1, int32_t y, SampleBlock block,
+               PixelAccumulator* accumulator, RayCounts* counts);
+
+}  // namespace sheaf::render

@@ -1,0 +1,135 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Light from emissive shapes, for light_table.cc: samples of one emitter as the table hands them
+// out, and what a picture or a cut-out on the shape adds to them.
+#pragma once
+
+#include <cmath>
+#include <optional>
+
+#include "worker/render/light/light_table.h"
+#include "worker/render/light/light_table_impl.h"
+#include "worker/render/light/shape_sampling.h"
+
+namespace sheaf::render {
+
+// Rounding a double to a float costs half an ulp; twice that leaves room for the double arithmetic.
+inline Vec3f RoundingErrorOf(Vec3f p) {
+  return {std::fabs(p.x) * 0x1p-23f, std::fabs(p.y) * 0x1p-23f, std::fabs(p.z) * 0x1p-23f};
+}
+
+inline bool IsUsablePdf(float pdf) { return pdf > 0 && std::isfinite(pdf); }
+
+inline float PdfSolidAngle(double shape_pdf, float probability) {
+  return static_cast<float>(shape_pdf) * probability;
+}
+
+// Without its pdf.
+template <typename Color>
+LightSampleOf<Color> AreaSample(const ShapePoint& point, const Color& radiance) {
+  LightSampleOf<Color> sample;
+  sample.wi = ToFloat(point.wi);
+  sample.p_light = ToFloat(point.p);
+  sample.p_light_error = RoundingErrorOf(sample.p_light);
+  sample.n_light = ToFloat(point.n);
+  sample.radiance = radiance;
+  return sample;
+}
+
+inline DiskShapeView ViewEmitter(const DiskEmitter& disk, Vec3f p) {
+  return ViewDisk(disk.center, disk.normal, disk.axis_x, disk.radius, disk.inner_radius, p);
+}
+inline TriangleView ViewEmitter(const TriangleEmitter& t, Vec3f p) {
+  return ViewTriangle(t.v0, t.v1, t.v2, p);
+}
+// On the sphere itself the inside counts where it shines there: its wall is lit by all of it, while
+// nothing of a sphere is seen from its own outside.
+inline SphereView ViewEmitter(const SphereEmitter& s, Vec3f p) {
+  return ViewSphere(s.center, s.radius, s.inward || s.two_sided, p);
+}
+
+template <typename Color>
+std::optional<LightSampleOf<Color>> SampleEmitter(const TriangleEmitter& t, const Color& radiance,
+                                                  float probability, Vec3f p, Vec2f u) {
+  const TriangleView view = ViewEmitter(t, p);
+  if (!view.visible || !(view.front() || t.two_sided)) return std::nullopt;
+  const ShapePoint point = SampleTriangle(view, t.v0, p, u);
+  LightSampleOf<Color> sample = AreaSample(point, radiance);
+  sample.pdf = PdfSolidAngle(PdfTriangle(view, p, sample.p_light), probability);
+  return sample;
+}
+
+template <typename Color>
+std::optional<LightSampleOf<Color>> SampleEmitter(const SphereEmitter& s, const Color& radiance,
+                                                  float probability, Vec3f p, Vec2f u) {
+  const SphereView view = ViewEmitter(s, p);
+  if (!view.visible || !(s.two_sided || view.inside == s.inward)) return std::nullopt;
+  const ShapePoint point = SampleSphere(view, s.center, s.radius, u);
+  // From where p is on it, out of a sphere that can be looked at from there.
+  const double distance = Dot(point.p - ToDouble(p), point.wi);
+  if (s.two_sided && view.inside && !(distance > view.error)) return std::nullopt;
+  LightSampleOf<Color> sample = AreaSample(point, radiance);
+  sample.pdf = PdfSolidAngle(view.pdf, probability);
+  return sample;
+}
+
+template <typename Color>
+std::optional<LightSampleOf<Color>> SampleEmitter(const DiskEmitter& d, const Color& radiance,
+                                                  float probability, Vec3f p, Vec2f u) {
+  const DiskShapeView view = ViewEmitter(d, p);
+  if (!view.visible || !(view.front() || d.two_sided)) return std::nullopt;
+  bool hit = false;
+  const ShapePoint point = SampleDisk(view, p, u, &hit);
+  if (!hit) return std::nullopt;
+  LightSampleOf<Color> sample = AreaSample(point, radiance);
+  sample.pdf = PdfSolidAngle(PdfDisk(view, p, sample.wi, sample.p_light), probability);
+  return sample;
+}
+
+// Where a point of an emitter reads its picture or cut-out.
+inline Vec2f UvOnTriangle(const TriangleEmitter& t, const EmissionDetail& detail, Vec3f p) {
+  const Vec3d v0 = ToDouble(t.v0), e1 = ToDouble(t.v1) - v0, e2 = ToDouble(t.v2) - v0;
+  const Vec3d normal = Cross(e1, e2), d = ToDouble(p) - v0;
+  const double square = LengthSquared(normal);
+  const auto b1 = static_cast<float>(Dot(Cross(d, e2), normal) / square);
+  const auto b2 = static_cast<float>(Dot(Cross(e1, d), normal) / square);
+  return detail.uv[0] + b1 * (detail.uv[1] - detail.uv[0]) + b2 * (detail.uv[2] - detail.uv[0]);
+}
+inline Vec2f UvOnQuadric(const Quadric& quadric, Vec3f p) {
+  return QuadricParametersAt(quadric, quadric.object_from_target.Point(ToDouble(p))).uv;
+}
+
+template <typename Color>
+Color RadianceOfMap(const LightTable::Impl& impl, const EmissionDetail& detail, Vec2f uv,
+                    const WavelengthsOf<Color>& wavelengths) {
+  const Rgb seen = impl.maps[static_cast<size_t>(detail.map)]->At(uv);
+  return ColorOfRgb<Color>(seen * detail.map_scale, ColorRole::kIlluminant, wavelengths);
+}
+
+// Makes a sample of an emitter that of the point it found.
+template <typename Color>
+void AddDetail(const LightTable::Impl& impl, uint32_t emitter,
+               const WavelengthsOf<Color>& wavelengths, LightSampleOf<Color>* sample) {
+  const EmissionDetail* detail = impl.DetailOf(emitter);
+  if (detail == nullptr) return;
+  if (detail->quadric != kNone) {
+    sample->uv = UvOnQuadric(impl.quadrics[static_cast<size_t>(detail->quadric)], sample->p_light);
+  } else {
+    // A part of a triangle may lie off it by the rounding of the part's own corners.
+    const TriangleEmitter& t = impl.triangles[emitter];
+    for (size_t i = 0; i < 3; ++i) {
+      const float reach =
+          std::fmax(std::fabs(t.v0[i]), std::fmax(std::fabs(t.v1[i]), std::fabs(t.v2[i])));
+      sample->p_light_error[i] += reach * 0x1p-23f;
+    }
+    sample->uv = UvOnTriangle(t, *detail, sample->p_light);
+  }
+  if (detail->map != kNone) {
+    sample->radiance = RadianceOfMap<Color>(impl, *detail, sample->uv, wavelengths);
+  }
+  sample->is_delta = detail->is_unseen;
+  sample->cut_out = detail->cut_out;
+}
+
+}  // namespace sheaf::render

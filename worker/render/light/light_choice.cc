@@ -1,0 +1,210 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "worker/render/light/light_choice.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstring>
+
+#include "common/base/vector_bytes.h"
+#include "common/math/elementary.h"
+#include "common/math/lanes.h"
+
+namespace sheaf::render {
+namespace {
+
+// Share of the probability that is spread evenly over all lights that may reach a point.
+constexpr float kEvenShare = 0.25f;
+// The least share of infinite lights together and of local ones together where there are both.
+constexpr double kGroupShareMin = 0.1;
+// Keep sums of weights finite next to a point light, and what is small above 0.
+constexpr float kWeightMin = 1e-30f, kWeightMax = 1e30f;
+constexpr float kCoordinateError = 0x1p-21f;
+// What cosines of unit vectors of floats may be off by.
+constexpr float kCosineError = 0x1p-20f;
+constexpr double kBelowOne = 1 - 0x1p-53;
+
+}  // namespace
+
+// Lights that are weighed together.
+struct LightChoice::Block {
+  explicit Block(const LightBounds* lights, size_t count);
+  // Of each light: an estimate of the unoccluded irradiance at p on a plane of normal n, or on one
+  // that faces the light. 0 only for lights that emit nothing, and where they certainly face away
+  // or are behind p.
+  Lanes WeightsAt(Vec3f p, Vec3f n) const;
+
+  Lanes center_x{}, center_y{}, center_z{}, center_reach{};
+  Lanes normal_x{}, normal_y{}, normal_z{};
+  Lanes radius{};
+  // Far away strength over distance^2, close by no more than over `nearest`: a hemisphere's share
+  // of what has an area.
+  Lanes strength{}, nearest{};
+  // They send nothing along directions of a lesser cosine with the normal.
+  Lanes cos_end = All(-2);
+  MaskLanes is_planar{}, is_infinite{};
+};
+
+LightChoice::Block::Block(const LightBounds* lights, size_t count) {
+  constexpr float kInverseTwoPi = static_cast<float>(1 / (2 * kPi));
+  for (size_t i = 0; i < count; ++i) {
+    const LightBounds& light = lights[i];
+    if (!(light.strength > 0)) continue;
+    strength[i] = light.strength;
+    is_infinite[i] = light.kind == LightBounds::Kind::kInfinite ? -1 : 0;
+    if (is_infinite[i] != 0) continue;
+    center_x[i] = light.center.x;
+    center_y[i] = light.center.y;
+    center_z[i] = light.center.z;
+    center_reach[i] =
+        std::fabs(light.center.x) + std::fabs(light.center.y) + std::fabs(light.center.z);
+    normal_x[i] = light.normal.x;
+    normal_y[i] = light.normal.y;
+    normal_z[i] = light.normal.z;
+    radius[i] = light.radius;
+    if (light.kind == LightBounds::Kind::kPoint) {
+      if (light.cos_end > 0) cos_end[i] = light.cos_end - kCosineError;
+      continue;
+    }
+    strength[i] *= light.area;
+    nearest[i] = light.area * kInverseTwoPi;
+    if (light.kind != LightBounds::Kind::kPlanar) continue;
+    is_planar[i] = -1;
+    if (!light.two_sided) cos_end[i] = 0;
+  }
+}
+
+inline Lanes LightChoice::Block::WeightsAt(Vec3f p, Vec3f n) const {
+  const Lanes x = p.x - center_x, y = p.y - center_y, z = p.z - center_z;
+  const Lanes d_squared = x * x + y * y + z * z, d = Sqrt(d_squared);
+  const float reach = std::fabs(p.x) + std::fabs(p.y) + std::fabs(p.z);
+  const Lanes error = kCoordinateError * (reach + center_reach);
+  const Lanes height = normal_x * x + normal_y * y + normal_z * z;
+  // The greatest height any part of the light can have over the horizon.
+  const Lanes rise = radius + error - (n.x * x + n.y * y + n.z * z);
+  const MaskLanes is_none = (height + error < cos_end * d) | (rise < 0);
+  Lanes weight = strength / (d_squared + nearest);
+  // The greatest cosines any part of the light can show.
+  const Lanes at_light = Abs(height) + radius;
+  weight *= (is_planar & (at_light < d)) ? at_light / d : All(1);
+  if (n != Vec3f{}) weight *= rise < d ? rise / d : All(1);
+  weight = Max(All(kWeightMin), weight);
+  weight = Min(All(kWeightMax), is_infinite ? strength : weight);
+  return (strength > 0) & (is_infinite | ~is_none) ? weight : Lanes{};
+}
+
+// Probabilities of the lights.
+struct LightChoice::Weights {
+  std::array<Lanes, kLightsWeighedMax / kLaneCount> probability;  // Of as many as there are blocks.
+
+  float Probability(size_t light) const {
+    return probability[light / kLaneCount][light % kLaneCount];
+  }
+};
+
+LightChoice::LightChoice() = default;
+LightChoice::~LightChoice() = default;
+LightChoice::LightChoice(LightChoice&&) noexcept = default;
+LightChoice& LightChoice::operator=(LightChoice&&) noexcept = default;
+
+LightChoice::LightChoice(std::vector<LightBounds> lights) : count_(lights.size()) {
+  if (count_ <= kLightsWeighedMax) {
+    for (size_t i = 0; i < count_; i += kLaneCount) {
+      blocks_.emplace_back(&lights[i], std::min(kLaneCount, count_ - i));
+    }
+    return;
+  }
+  std::vector<double> irradiances;
+  for (uint32_t i = 0; i < lights.size(); ++i) {
+    const float irradiance = lights[i].strength;
+    if (lights[i].kind != LightBounds::Kind::kInfinite) continue;
+    if (!(irradiance > 0 && std::isfinite(irradiance))) continue;
+    infinite_lights_.push_back(i);
+    irradiances.push_back(static_cast<double>(irradiance));
+    infinite_irradiance_ += irradiances.back();
+  }
+  infinite_ = DiscreteDistribution(irradiances);
+  tree_ = LightTree(lights);
+}
+
+inline LightChoice::Weights LightChoice::Weigh(Vec3f p, Vec3f n) const {
+  Weights w;
+  float sum = 0, positive_count = 0;
+  for (size_t b = 0; b < blocks_.size(); ++b) {
+    w.probability[b] = blocks_[b].WeightsAt(p, n);
+    sum += Sum(w.probability[b]);
+    positive_count += Sum(w.probability[b] > 0 ? All(1) : Lanes{});
+  }
+  if (positive_count == 0) return w;
+  // A light alone has probability 1 exactly.
+  const bool is_alone = positive_count == 1;
+  const float scale = is_alone ? 0 : (1 - kEvenShare) / sum;
+  const float even = is_alone ? 1 : kEvenShare / positive_count;
+  for (size_t b = 0; b < blocks_.size(); ++b) {
+    const Lanes weight = w.probability[b];
+    w.probability[b] = weight > 0 ? weight * scale + even : Lanes{};
+  }
+  return w;
+}
+
+// By how much each group may send to p.
+double LightChoice::InfiniteShare(Vec3f p, Vec3f n) const {
+  if (infinite_lights_.empty()) return 0;
+  const double local_irradiance = tree_.empty() ? 0 : tree_.Irradiance(p, n);
+  if (!(local_irradiance > 0)) return 1;
+  return std::clamp(infinite_irradiance_ / (infinite_irradiance_ + local_irradiance),
+                    kGroupShareMin, 1 - kGroupShareMin);
+}
+
+float LightChoice::ProbabilityInfinite(size_t rank, double share) const {
+  return static_cast<float>(share * infinite_.Probability(rank));
+}
+
+uint64_t LightChoice::memory_bytes() const {
+  return VectorBytes(blocks_, infinite_lights_) + tree_.size_bytes() + infinite_.size_bytes();
+}
+
+std::optional<ChosenLight> LightChoice::Choose(Vec3f p, Vec3f n, float u, uint64_t salt) const {
+  if (count_ == 1) return ChosenLight{0, 1};
+  if (count_ > kLightsWeighedMax) {
+    const double infinite_share = InfiniteShare(p, n);
+    const double x = ExtendBits(u, salt);
+    if (x < infinite_share) {
+      const size_t rank = infinite_.Sample(std::min(x / infinite_share, kBelowOne));
+      return ChosenLight{infinite_lights_[rank], ProbabilityInfinite(rank, infinite_share)};
+    }
+    if (tree_.empty()) return std::nullopt;
+    const double local_share = 1 - infinite_share;
+    std::optional<ChosenLight> chosen =
+        tree_.Choose(p, n, std::min((x - infinite_share) / local_share, kBelowOne));
+    if (chosen) chosen->probability *= static_cast<float>(local_share);
+    return chosen;
+  }
+  const Weights w = Weigh(p, n);
+  std::optional<ChosenLight> chosen;
+  // Where rounding leaves the sum below u, the last light that may be chosen stands.
+  float begin = 0;
+  for (size_t i = 0; i < count_; ++i) {
+    const float probability = w.Probability(i);
+    if (!(probability > 0)) continue;
+    chosen = ChosenLight{static_cast<uint32_t>(i), probability};
+    begin += probability;
+    if (u < begin) break;
+  }
+  return chosen;
+}
+
+float LightChoice::Probability(uint32_t light, Vec3f p, Vec3f n) const {
+  if (count_ == 1) return 1;
+  if (count_ <= kLightsWeighedMax) return Weigh(p, n).Probability(light);
+  const double infinite_share = InfiniteShare(p, n);
+  const auto infinite = std::lower_bound(infinite_lights_.begin(), infinite_lights_.end(), light);
+  if (infinite != infinite_lights_.end() && *infinite == light) {
+    return ProbabilityInfinite(static_cast<size_t>(infinite - infinite_lights_.begin()),
+                               infinite_share);
+  }
+  return tree_.Probability(light, p, n) * static_cast<float>(1 - infinite_share);
+}
+
+}  // namespace sheaf::render

@@ -1,0 +1,375 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Sampling and evaluating lights. light_table_build.cc makes them from the scene.
+#include "worker/render/light/light_table.h"
+
+#include <cmath>
+#include <variant>
+
+#include "common/math/elementary.h"
+#include "worker/render/light/area_light_sampling.h"
+#include "worker/render/light/light_table_impl.h"
+
+namespace sheaf::render {
+namespace {
+
+Vec3f Rotate(const Vec3f (&rows)[3], Vec3f v) {
+  return {Dot(rows[0], v), Dot(rows[1], v), Dot(rows[2], v)};
+}
+Vec3d RotateBack(const Vec3f (&rows)[3], Vec3d v) {
+  return v.x * ToDouble(rows[0]) + v.y * ToDouble(rows[1]) + v.z * ToDouble(rows[2]);
+}
+
+// Smooth step of pbrt-v4's spot light: 0 at `low`, 1 at `high`.
+float SmoothStep(float x, float low, float high) {
+  if (!(x > low)) return 0;
+  if (x >= high) return 1;
+  const float t = (x - low) / (high - low);
+  return t * t * (3 - 2 * t);
+}
+
+// What the light, which has a place, sends along the (unit) direction w that leaves it.
+template <typename Color>
+Color IntensityAlong(const LightTable::Impl& impl, const DeltaLight& light, Vec3f w,
+                     const WavelengthsOf<Color>& wavelengths) {
+  if (light.kind == DeltaLight::Kind::kProjection) {
+    const Rgb seen = impl.projected_images[light.picture].At(Rotate(light.light_from_render, w));
+    return ColorOfRgb<Color>(seen * light.emission.rgb, ColorRole::kIlluminant, wavelengths);
+  }
+  return impl.ColorOfEmission(light.emission, wavelengths) * FalloffAlong(impl, light, w);
+}
+
+template <typename Color>
+std::optional<LightSampleOf<Color>> Sample(const LightTable::Impl& impl, const DeltaLight& light,
+                                           const WavelengthsOf<Color>& wavelengths,
+                                           float probability, Vec3f p) {
+  LightSampleOf<Color> sample;
+  sample.is_delta = true;
+  sample.pdf = probability;
+  if (light.kind == DeltaLight::Kind::kDistant) {
+    sample.wi = light.to_light;
+    sample.radiance = impl.ColorOfEmission(light.emission, wavelengths);
+    sample.is_infinite = true;
+    return sample;
+  }
+  const Vec3d to_light = light.position - ToDouble(p);
+  const double d_squared = LengthSquared(to_light);
+  if (!(d_squared > 0)) return std::nullopt;
+  sample.wi = ToFloat(to_light / std::sqrt(d_squared));
+  sample.p_light = ToFloat(light.position);
+  sample.p_light_error = RoundingErrorOf(sample.p_light);
+  sample.radiance = IntensityAlong<Color>(impl, light, -sample.wi, wavelengths) *
+                    static_cast<float>(1 / d_squared);
+  return sample;
+}
+
+EnvironmentMap::Place PlaceOf(const InfiniteEmitter& light, Vec3f d) {
+  if (!light.map) return {};
+  return light.map->Locate(Rotate(light.light_from_render, d));
+}
+
+// place: of the direction, where there is a map.
+template <typename Color>
+Color RadianceAt(const LightTable::Impl& impl, const InfiniteEmitter& light,
+                 EnvironmentMap::Place place, const WavelengthsOf<Color>& wavelengths) {
+  if (!light.map) return impl.ColorOfEmission(light.radiance, wavelengths);
+  const Rgb radiance = light.map->Radiance(place) * light.scale;
+  return ColorOfRgb<Color>(radiance, ColorRole::kIlluminant, wavelengths);
+}
+
+// As seen from p along (unit) d.
+template <typename Color>
+Color RadianceFrom(const LightTable::Impl& impl, const InfiniteEmitter& light, Vec3f p, Vec3f d,
+                   const WavelengthsOf<Color>& wavelengths) {
+  if (light.portal && !(light.portal->Pdf(p, d) > 0)) return {};
+  return RadianceAt<Color>(impl, light, PlaceOf(light, d), wavelengths);
+}
+
+// Measure: solid angle.
+double PdfAt(const InfiniteEmitter& light, EnvironmentMap::Place place) {
+  return light.map ? static_cast<double>(light.map->Pdf(place)) : 1 / (4 * kPi);
+}
+
+// Requires: light.map.
+Vec3f DirectionOf(const InfiniteEmitter& light, EnvironmentMap::Place place) {
+  return ToFloat(RotateBack(light.light_from_render, light.map->Direction(place)));
+}
+
+Vec3f UniformDirection(Vec2f u) {
+  const double z = 1 - 2 * static_cast<double>(u.x);
+  const double r = std::sqrt(1 - z * z);
+  const SinCosPair<double> phi = SinCos(2 * kPi * static_cast<double>(u.y));
+  return ToFloat({r * phi.cos, r * phi.sin, z});
+}
+
+}  // namespace
+
+float FalloffAlong(const LightTable::Impl& impl, const DeltaLight& light, Vec3f w) {
+  if (light.kind == DeltaLight::Kind::kPoint) return 1;
+  const Vec3f w_light = Rotate(light.light_from_render, w);
+  if (light.kind == DeltaLight::Kind::kGoniometric) {
+    return std::visit(
+        [&](const auto& intensity) { return intensity.At(w_light / Length(w_light)); },
+        impl.intensities[light.picture]);
+  }
+  const float cosine = Dot(w_light, light.axis) / Length(w_light);
+  return SmoothStep(cosine, light.cos_end, light.cos_start);
+}
+
+LightTable::LightTable() = default;
+LightTable::~LightTable() = default;
+
+bool LightTable::empty() const { return impl_->empty; }
+
+template <uint32_t kMask>
+std::optional<LightSampleOf<ColorOf<kMask>>> LightTable::SampleLights(
+    const Impl& impl, Vec3f p, Vec3f n, float u_select, Vec2f u,
+    const WavelengthsOf<ColorOf<kMask>>& wavelengths, const Preparation& preparation) {
+  if (impl.empty) return std::nullopt;
+  const std::optional<ChosenLight> chosen = impl.choice.Choose(p, n, u_select, SaltOf(u));
+  if (!chosen) return std::nullopt;
+  return SampleOne<kMask>(impl, *chosen, p, n, u, wavelengths, preparation);
+}
+
+template <uint32_t kMask>
+std::optional<LightSampleOf<ColorOf<kMask>>> LightTable::SampleChosenLight(
+    const Impl& impl, const ChosenLight& chosen, Vec3f p, Vec2f u,
+    const WavelengthsOf<ColorOf<kMask>>& wavelengths) {
+  return SampleOne<kMask>(impl, chosen, p, {}, u, wavelengths, Prepare(impl, u));
+}
+
+std::optional<ChosenLight> LightTable::Choose(Vec3f p, float u_select, Vec2f u) const {
+  if (impl_->empty) return std::nullopt;
+  return impl_->choice.Choose(p, {}, u_select, SaltOf(u));
+}
+
+float LightTable::ChoiceProbability(uint32_t light, Vec3f p) const {
+  return impl_->choice.Probability(light, p, {});
+}
+
+template <uint32_t kMask>
+std::optional<LightSampleOf<ColorOf<kMask>>> LightTable::SampleOne(
+    const Impl& impl, const ChosenLight& chosen, Vec3f p, Vec3f n, Vec2f u,
+    const WavelengthsOf<ColorOf<kMask>>& wavelengths, const Preparation& preparation) {
+  using Color = ColorOf<kMask>;
+  const uint32_t light = chosen.light;
+  std::optional<LightSampleOf<Color>> sample;
+  const auto sample_area = [&](const auto& emitter) {
+    const Color radiance = impl.ColorOfEmission(emitter.radiance, wavelengths);
+    sample = SampleEmitter(emitter, radiance, chosen.probability, p, u);
+    if constexpr (Has(kMask, Trait::kVaryingEmission)) {
+      if (sample) AddDetail<Color>(impl, light, wavelengths, &*sample);
+    }
+  };
+  if (light < impl.first_delta()) {
+    if constexpr (Has(kMask, Trait::kAreaLights)) {
+      if (light < impl.first_sphere()) {
+        sample_area(impl.triangles[light]);
+      } else if constexpr (Has(kMask, Trait::kQuadrics)) {
+        if (light < impl.first_disk()) {
+          sample_area(impl.spheres[light - impl.first_sphere()]);
+        } else {
+          sample_area(impl.disks[light - impl.first_disk()]);
+        }
+      }
+    }
+  } else if (light < impl.first_infinite()) {
+    if constexpr (Has(kMask, Trait::kDeltaLights)) {
+      const DeltaLight& delta = impl.deltas[light - impl.first_delta()];
+      sample = render::Sample<Color>(impl, delta, wavelengths, chosen.probability, p);
+    }
+  } else if constexpr (Has(kMask, Trait::kEnvironment)) {
+    // Infinite lights share every direction, so each is drawn as a part of their sum.
+    sample.emplace();
+    const uint32_t index = light - impl.first_infinite();
+    const InfiniteEmitter& infinite = impl.infinites[index];
+    EnvironmentMap::Place place;
+    float portal_pdf = 0;
+    if (infinite.portal) {
+      const SkyPortal::Sample through = infinite.portal->SampleFrom(p, u);
+      if (!(through.pdf > 0)) return std::nullopt;
+      portal_pdf = through.pdf;
+      sample->wi = through.d;
+      place = PlaceOf(infinite, through.d);
+    } else if (infinite.map) {
+      place = impl.HasOnlyOneMap() ? preparation.sky.place : infinite.map->Sample(u).place;
+      sample->wi = DirectionOf(infinite, place);
+    } else {
+      sample->wi = UniformDirection(u);
+    }
+    if (Dot(sample->wi, n) < 0) return std::nullopt;  // Not worth waiting for the radiance.
+    if (impl.HasOnlyOneMap()) {
+      sample->radiance = RadianceAt<Color>(impl, infinite, place, wavelengths);
+      sample->pdf = preparation.sky.pdf;
+    } else {
+      const EnvironmentValueOf<Color> value =
+          FromInfinity<Color>(impl, p, n, sample->wi, wavelengths, {place, index, portal_pdf});
+      sample->radiance = value.radiance;
+      sample->pdf = value.pdf;
+    }
+    sample->is_infinite = true;
+  }
+  if (sample) sample->light = light;
+  const bool usable = sample && IsUsablePdf(sample->pdf) && IsFinite(sample->radiance) &&
+                      !sample->radiance.IsBlack();
+  return usable ? sample : std::nullopt;
+}
+
+template <uint32_t kMask>
+float LightTable::PdfOfEmitter(const Impl& impl, uint32_t emitter, Vec3f p, Vec3f n, Vec3f wi,
+                               Vec3f p_light) {
+  double shape_pdf = 0;
+  if constexpr (Has(kMask, Trait::kAreaLights)) {
+    if (emitter < impl.first_sphere()) {
+      shape_pdf = PdfTriangle(ViewEmitter(impl.triangles[emitter], p), p, p_light);
+    } else if constexpr (Has(kMask, Trait::kQuadrics)) {
+      if (emitter < impl.first_disk()) {
+        const SphereView view = ViewEmitter(impl.spheres[emitter - impl.first_sphere()], p);
+        shape_pdf = view.visible ? view.pdf : 0;
+      } else {
+        shape_pdf =
+            PdfDisk(ViewEmitter(impl.disks[emitter - impl.first_disk()], p), p, wi, p_light);
+      }
+    }
+  }
+  const float pdf = PdfSolidAngle(shape_pdf, impl.choice.Probability(emitter, p, n));
+  return IsUsablePdf(pdf) ? pdf : 0;
+}
+
+template <typename Color>
+Color LightTable::EmitterRadiance(uint32_t emitter, Vec3f ng, Vec3f wo,
+                                  const WavelengthsOf<Color>& wavelengths) const {
+  const bool front = Dot(ng, wo) > 0;
+  const auto radiance = [&](const auto& e, bool emits) {
+    return e.two_sided || emits ? impl_->ColorOfEmission(e.radiance, wavelengths) : Color{};
+  };
+  if (emitter < impl_->first_sphere()) return radiance(impl_->triangles[emitter], front);
+  if (emitter < impl_->first_disk()) {
+    const SphereEmitter& s = impl_->spheres[emitter - impl_->first_sphere()];
+    return radiance(s, front != s.inward);
+  }
+  return radiance(impl_->disks[emitter - impl_->first_disk()], front);
+}
+template Rgb LightTable::EmitterRadiance<Rgb>(uint32_t, Vec3f, Vec3f, const NoWavelengths&) const;
+template Spectral LightTable::EmitterRadiance<Spectral>(uint32_t, Vec3f, Vec3f,
+                                                        const Wavelengths&) const;
+
+template <typename Color>
+Color LightTable::VaryingRadiance(uint32_t emitter, Vec3f ng, Vec3f wo, Vec2f uv,
+                                  const WavelengthsOf<Color>& wavelengths) const {
+  const Color radiance = EmitterRadiance<Color>(emitter, ng, wo, wavelengths);
+  const EmissionDetail* detail = impl_->DetailOf(emitter);
+  if (detail == nullptr || detail->map == kNone || radiance.IsBlack()) return radiance;
+  return RadianceOfMap<Color>(*impl_, *detail, uv, wavelengths);
+}
+template Rgb LightTable::VaryingRadiance<Rgb>(uint32_t, Vec3f, Vec3f, Vec2f,
+                                              const NoWavelengths&) const;
+template Spectral LightTable::VaryingRadiance<Spectral>(uint32_t, Vec3f, Vec3f, Vec2f,
+                                                        const Wavelengths&) const;
+
+// Where there are several lights, which one will be asked is not known so early.
+LightTable::Preparation LightTable::Prepare(const Impl& impl, Vec2f u) {
+  if (!impl.HasOnlyOneMap()) return {};
+  return {impl.infinites[0].map->Sample(u)};
+}
+
+EnvironmentMap::Place LightTable::LocateInFirst(const Impl& impl, Vec3f d) {
+  if (impl.infinites.empty()) return {};
+  return PlaceOf(impl.infinites[0], d);
+}
+
+template <typename Color>
+Color LightTable::RadianceFromInfinity(const Impl& impl, Vec3f p, Vec3f d,
+                                       const WavelengthsOf<Color>& wavelengths) {
+  Color sum;
+  for (const InfiniteEmitter& light : impl.infinites) {
+    sum += RadianceFrom<Color>(impl, light, p, d, wavelengths);
+  }
+  return sum;
+}
+
+template <typename Color>
+EnvironmentValueOf<Color> LightTable::FromInfinity(const Impl& impl, Vec3f p, Vec3f n, Vec3f d,
+                                                   const WavelengthsOf<Color>& wavelengths,
+                                                   const Located& located) {
+  EnvironmentValueOf<Color> value;
+  for (uint32_t i = 0; i < impl.infinites.size(); ++i) {
+    const InfiniteEmitter& light = impl.infinites[i];
+    const bool is_located = i == located.light;
+    double pdf = 0;
+    if (light.portal) {
+      pdf = static_cast<double>(is_located && located.portal_pdf > 0 ? located.portal_pdf
+                                                                     : light.portal->Pdf(p, d));
+      if (!(pdf > 0)) continue;
+    }
+    const EnvironmentMap::Place here = is_located ? located.place : PlaceOf(light, d);
+    value.radiance += RadianceAt<Color>(impl, light, here, wavelengths);
+    if (!light.portal) pdf = PdfAt(light, here);
+    value.pdf += PdfSolidAngle(pdf, impl.choice.Probability(impl.first_infinite() + i, p, n));
+  }
+  return value;
+}
+
+uint32_t LightTable::GroupOf(uint32_t light) const { return impl_->group_of_light[light]; }
+
+template <typename Color>
+void LightTable::AddByGroup(Vec3f p, Vec3f d, const WavelengthsOf<Color>& wavelengths,
+                            const Color& weight, const Color& light,
+                            std::vector<Color>* groups) const {
+  const auto group_of = [this](size_t i) {
+    return impl_->group_of_light[impl_->first_infinite() + i];
+  };
+  Color rest = light;
+  for (size_t i = 1; i < impl_->infinites.size(); ++i) {
+    if (group_of(i) == group_of(0)) continue;
+    const Color own = weight * RadianceFrom<Color>(*impl_, impl_->infinites[i], p, d, wavelengths);
+    (*groups)[group_of(i)] += own;
+    rest += own * -1.0f;
+  }
+  (*groups)[group_of(0)] += rest;
+}
+template void LightTable::AddByGroup<Rgb>(Vec3f, Vec3f, const NoWavelengths&, const Rgb&,
+                                          const Rgb&, std::vector<Rgb>*) const;
+template void LightTable::AddByGroup<Spectral>(Vec3f, Vec3f, const Wavelengths&, const Spectral&,
+                                               const Spectral&, std::vector<Spectral>*) const;
+
+// The header forwards to these: one instantiation for every combination of kLightTraits.
+#define SHEAF_INSTANTIATE_FOR(mask) \
+  SHEAF_INSTANTIATE_IN_COLOR(mask)  \
+  SHEAF_INSTANTIATE_IN_COLOR((mask) | static_cast<uint32_t>(Trait::kSpectral))
+#define SHEAF_INSTANTIATE_IN_COLOR(mask)                                                        \
+  template std::optional<LightSampleOf<ColorOf<(mask)>>> LightTable::SampleLights<(mask)>(      \
+      const Impl&, Vec3f, Vec3f, float, Vec2f, const WavelengthsOf<ColorOf<(mask)>>&,           \
+      const Preparation&);                                                                      \
+  template std::optional<LightSampleOf<ColorOf<(mask)>>> LightTable::SampleChosenLight<(mask)>( \
+      const Impl&, const ChosenLight&, Vec3f, Vec2f, const WavelengthsOf<ColorOf<(mask)>>&);    \
+  template float LightTable::PdfOfEmitter<(mask)>(const Impl&, uint32_t, Vec3f, Vec3f, Vec3f,   \
+                                                  Vec3f);
+#define SHEAF_INSTANTIATE_WITH(mask)                                          \
+  SHEAF_INSTANTIATE_FOR(mask)                                                 \
+  SHEAF_INSTANTIATE_FOR((mask) | static_cast<uint32_t>(Trait::kEnvironment))  \
+  SHEAF_INSTANTIATE_FOR((mask) | static_cast<uint32_t>(Trait::kDeltaLights))  \
+  SHEAF_INSTANTIATE_FOR((mask) | static_cast<uint32_t>(Trait::kEnvironment) | \
+                        static_cast<uint32_t>(Trait::kDeltaLights))
+SHEAF_INSTANTIATE_WITH(0u)
+SHEAF_INSTANTIATE_WITH(static_cast<uint32_t>(Trait::kAreaLights))
+SHEAF_INSTANTIATE_WITH(static_cast<uint32_t>(Trait::kQuadrics))
+SHEAF_INSTANTIATE_WITH(static_cast<uint32_t>(Trait::kAreaLights) |
+                       static_cast<uint32_t>(Trait::kQuadrics))
+// Emission that varies is rare: variants that know it know every kind of light.
+SHEAF_INSTANTIATE_FOR(LightTable::kLightTraits & ~static_cast<uint32_t>(Trait::kSpectral))
+#undef SHEAF_INSTANTIATE_WITH
+#undef SHEAF_INSTANTIATE_FOR
+#undef SHEAF_INSTANTIATE_IN_COLOR
+
+#define SHEAF_INSTANTIATE_INFINITY(color)                                              \
+  template color LightTable::RadianceFromInfinity<color>(const Impl&, Vec3f, Vec3f,    \
+                                                         const WavelengthsOf<color>&); \
+  template EnvironmentValueOf<color> LightTable::FromInfinity<color>(                  \
+      const Impl&, Vec3f, Vec3f, Vec3f, const WavelengthsOf<color>&, const Located&);
+SHEAF_INSTANTIATE_INFINITY(Rgb)
+SHEAF_INSTANTIATE_INFINITY(Spectral)
+#undef SHEAF_INSTANTIATE_INFINITY
+
+}  // namespace sheaf::render

@@ -1,0 +1,230 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Walking the tree of lights. light_tree_build.cc builds it.
+#include "worker/render/light/light_tree.h"
+
+#include <array>
+#include <cmath>
+
+#include "common/base/check.h"
+#include "common/math/lanes.h"
+
+namespace sheaf::render {
+namespace {
+
+// Of coordinates, their differences and the boxes: 16 roundings, where there are at most 8.
+constexpr float kNodeCoordinateError = 0x1p-20f;
+// Cosines this far beyond a bound still count. Covers what rounding does to the angles: the sine
+// from a cosine near -1 is off by up to 2^-11.5, the directions of axes by less than 2^-14.
+constexpr float kCosineSlack = 0x1p-10f;
+// Outward rounding of the squared radius: near a grazing tangent its cosine is a difference.
+constexpr float kRadiusSlack = 1 + 0x1p-16f;
+// Keep weights, their sums and products finite and positive.
+constexpr float kChildWeightMin = 0x1p-100f, kChildWeightMax = 0x1p100f;
+constexpr float kDistanceSquaredMin = 0x1p-125f;
+// Of a box's squared radius, what counts for its lights' squared distance.
+constexpr float kFarPart = 1 / 8.0f;
+
+// One value for each child of a node.
+static_assert(LightTree::kWidth == kLaneCount);
+using ShortLanes = int16_t __attribute__((vector_size(kLaneCount * sizeof(int16_t))));
+using UnsignedShortLanes = uint16_t __attribute__((vector_size(kLaneCount * sizeof(uint16_t))));
+
+template <typename IntegerLanes>
+inline Lanes ToFloats(IntegerLanes lanes) {
+  return __builtin_convertvector(lanes, Lanes);
+}
+inline Lanes LoadShorts(const int16_t (&values)[kLaneCount]) {
+  return ToFloats(LoadLanes<ShortLanes>(values));
+}
+
+}  // namespace
+
+// What the estimates need to know of the point.
+struct LightTree::Receiver {
+  Receiver(Vec3f point, Vec3f normal)
+      : p(point),
+        n(normal),
+        n_abs{std::fabs(n.x), std::fabs(n.y), std::fabs(n.z)},
+        reach(std::fabs(p.x) + std::fabs(p.y) + std::fabs(p.z)),
+        unhinted(n == Vec3f{} ? 1.0f : 0.0f) {}
+
+  Vec3f p, n, n_abs;
+  float reach;
+  float unhinted;  // 1 where there is no normal: the least its cosine can be.
+};
+
+struct LightTree::Weights {
+  Lanes of_child;
+  Lanes intensity;  // 0 for children that certainly send nothing, unless that is all of them.
+  float sum;        // 0 where every child certainly sends nothing.
+  float intensity_sum;
+};
+
+// Of the probability, while walking down: what comes by the estimates and what by intensities. To
+// carry both is to toss once, before the walk, which of the two to follow. A node's interval of
+// [0, 1) is as long as their sum, and begins with those of its children.
+struct LightTree::Share {
+  double by_weight = 1 - kIntensityShare, by_intensity = kIntensityShare;
+
+  double Sum() const { return by_weight + by_intensity; }
+  // Shares of a node's children. Where nothing arrives after all, which the node's own coarser
+  // bounds could not tell, intensities decide.
+  struct PerChild {
+    Weights weights;
+    double weight_scale, intensity_scale;
+
+    Share Of(size_t place) const {
+      const double intensity = static_cast<double>(weights.intensity[place]);
+      const double weight =
+          weights.sum > 0 ? static_cast<double>(weights.of_child[place]) : intensity;
+      return {weight * weight_scale, intensity * intensity_scale};
+    }
+  };
+  PerChild Among(const Weights& weights) const {
+    return {weights,
+            by_weight / static_cast<double>(weights.sum > 0 ? weights.sum : weights.intensity_sum),
+            by_intensity / static_cast<double>(weights.intensity_sum)};
+  }
+};
+
+// For each child an estimate of intensity * cosine at the light * cosine at the receiver /
+// distance^2, each the mean over its lights or near it.
+LightTree::Weights LightTree::Weigh(const Node& node, const Receiver& receiver) {
+  const Vec3f from_p = node.origin - receiver.p, n = receiver.n, n_abs = receiver.n_abs;
+  const Vec3f step = node.step;
+  const float node_reach = std::fabs(node.origin.x) + std::fabs(node.origin.y) +
+                           std::fabs(node.origin.z) + 255 * (step.x + step.y + step.z);
+  const float error = kNodeCoordinateError * (receiver.reach + node_reach);
+  const auto box_x = LoadLanes<UnsignedShortLanes>(node.box[0]);
+  const auto box_y = LoadLanes<UnsignedShortLanes>(node.box[1]);
+  const auto box_z = LoadLanes<UnsignedShortLanes>(node.box[2]);
+  const Lanes dx = from_p.x + step.x * ToFloats(box_x & 255);
+  const Lanes dy = from_p.y + step.y * ToFloats(box_y & 255);
+  const Lanes dz = from_p.z + step.z * ToFloats(box_z & 255);
+  const Lanes hx = step.x * ToFloats(box_x >> 8) + error;
+  const Lanes hy = step.y * ToFloats(box_y >> 8) + error;
+  const Lanes hz = step.z * ToFloats(box_z >> 8) + error;
+  const Lanes d_squared = Max(All(kDistanceSquaredMin), dx * dx + dy * dy + dz * dz);
+  const Lanes r_squared = kRadiusSlack * (hx * hx + hy * hy + hz * hz);
+  const Lanes inverse_d = 1 / Sqrt(d_squared);
+
+  // The least angle between a normal and the way to p: that of the axis less the cone's half-angle
+  // and the angle of the sphere; their sum is "around".
+  const Lanes cos_signed = (-1 / kAxisSteps) * inverse_d *
+                           (dx * LoadShorts(node.axis[0]) + dy * LoadShorts(node.axis[1]) +
+                            dz * LoadShorts(node.axis[2]));
+  const auto emission = LoadLanes<UnsignedShortLanes>(node.emission);
+  const Lanes mirror = 1 - 2 * ToFloats(emission >> 8);
+  const Lanes cos_axis = Max(cos_signed, mirror * cos_signed);
+  const Lanes sin_axis = Sqrt(Max(Lanes{}, 1 - cos_axis * cos_axis));
+  const Lanes cos_normals = (1 / kAxisSteps) * LoadShorts(node.cos_normals);
+  const Lanes sin_normals = (1 / kAxisSteps) * LoadShorts(node.sin_normals);
+  const Lanes cos_sphere = Sqrt(Max(Lanes{}, d_squared - r_squared)) * inverse_d;
+  const Lanes sin_sphere = Sqrt(r_squared) * inverse_d;
+  const Lanes cos_around = cos_normals * cos_sphere - sin_normals * sin_sphere;
+  const Lanes sin_around = sin_normals * cos_sphere + cos_normals * sin_sphere;
+  const MaskLanes is_within =
+      (d_squared <= r_squared) | (sin_around < 0) | (cos_axis >= cos_around);
+  const Lanes cos_light = is_within ? All(1) : cos_axis * cos_around + sin_axis * sin_around;
+  const Lanes cos_emission = (1 / kEmissionSteps) * ToFloats(emission & 255) - kCosineSlack;
+
+  // The mean cosine of the lights: one normal has it as it is, normals over a hemisphere have 1/2
+  // along its axis, those over the sphere 1/4. The smooth curve between is within a quarter of the
+  // truth, for lights of two sides within a third. As seen from p, the box turns the normals it
+  // holds further apart.
+  const auto mean = LoadLanes<UnsignedShortLanes>(node.mean);
+  const Lanes gathered = (1 / kMeanSteps) * ToFloats(mean & 255) * cos_sphere;
+  const Lanes along = gathered * cos_signed;
+  const Lanes across = Sqrt(along * along + 0.25f * Max(Lanes{}, 1 - gathered * gathered));
+  const Lanes mean_cosine = 0.5f * (Max(along, -mirror * across) + across);
+  const Lanes evenness = (1 / kMeanSteps) * ToFloats(mean >> 8);
+  const Lanes turned = evenness + (1 - evenness) * mean_cosine;
+
+  // Heights of the box's points over the receiver's horizon: the greatest, which alone decides
+  // whether there is anything to see, and the mean of what is above it. How far off the lights are
+  // that count is between the way to the box's nearest point and that to its others.
+  const Lanes height = n.x * dx + n.y * dy + n.z * dz;
+  const Lanes spread = n_abs.x * hx + n_abs.y * hy + n_abs.z * hz;
+  const Lanes rise = height + spread;
+  const Lanes mean_rise = height >= spread ? height : rise * rise / (4 * spread);
+  const Lanes gap_x = Max(Lanes{}, Abs(dx) - hx), gap_y = Max(Lanes{}, Abs(dy) - hy),
+              gap_z = Max(Lanes{}, Abs(dz) - hz);
+  const Lanes gap = Sqrt(gap_x * gap_x + gap_y * gap_y + gap_z * gap_z);
+  const Lanes far_squared = d_squared + kFarPart * r_squared;
+  const Lanes way = Sqrt(gap * Sqrt(far_squared));
+  const Lanes cos_receiver = Max(All(receiver.unhinted), Min(All(1), mean_rise / way));
+
+  const Lanes intensity = LoadLanes<Lanes>(node.intensity);
+  const Lanes weight = intensity / far_squared *
+                       (Max(All(kCosineSlack), turned) * Max(All(kCosineSlack), cos_receiver));
+  const MaskLanes is_none = (cos_light < cos_emission) | (rise < 0) | (intensity <= 0);
+  Weights weights;
+  weights.of_child =
+      is_none ? Lanes{} : Max(All(kChildWeightMin), Min(All(kChildWeightMax), weight));
+  weights.sum = Sum(weights.of_child);
+  weights.intensity = (weights.sum > 0 ? is_none : MaskLanes{}) ? Lanes{} : intensity;
+  weights.intensity_sum = Sum(weights.intensity);
+  return weights;
+}
+
+double LightTree::Irradiance(Vec3f p, Vec3f n) const {
+  return static_cast<double>(Weigh(nodes_[0], Receiver(p, n)).sum) * irradiance_scale_;
+}
+
+std::optional<ChosenLight> LightTree::Choose(Vec3f p, Vec3f n, double u) const {
+  const Receiver receiver(p, n);
+  Share share;
+  double rest = u;  // From the beginning of the node's interval.
+  uint32_t index = 0;
+  for (;;) {
+    const Node& node = nodes_[index];
+    const Weights weights = Weigh(node, receiver);
+    if (index == 0 && !(weights.sum > 0)) return std::nullopt;
+    const Share::PerChild shares = share.Among(weights);
+    // Where rounding leaves the sum below u, the last child that may be chosen stands.
+    size_t chosen = 0;
+    double begin = 0, end = 0;
+    for (size_t i = 0; i < kWidth; ++i) {
+      const Share of_child = shares.Of(i);
+      if (!(of_child.Sum() > 0)) continue;
+      chosen = i;
+      share = of_child;
+      begin = end;
+      end += of_child.Sum();
+      if (rest < end) break;
+    }
+    rest -= begin;
+    const uint32_t child = node.child[chosen];
+    if ((child & kLightBit) != 0) {
+      return ChosenLight{child & ~kLightBit, static_cast<float>(share.Sum())};
+    }
+    index = child;
+    nodes_[index].Prefetch();
+  }
+}
+
+float LightTree::Probability(uint32_t light, Vec3f p, Vec3f n) const {
+  if (slot_of_light_[light] == kNoSlot) return 0;
+  // The walk that leads to the light, from its end.
+  std::array<uint32_t, kDepthMax> slots;
+  size_t count = 0;
+  for (uint32_t slot = slot_of_light_[light]; slot != kNoSlot;
+       slot = nodes_[slot / kWidth].parent) {
+    SHEAF_DCHECK(count < slots.size());
+    slots[count++] = slot;
+  }
+  const Receiver receiver(p, n);
+  Share share;
+  while (count > 0) {
+    const uint32_t slot = slots[--count];
+    const Node& node = nodes_[slot / kWidth];
+    const Weights weights = Weigh(node, receiver);
+    if (slot < kWidth && !(weights.sum > 0)) return 0;
+    share = share.Among(weights).Of(slot % kWidth);
+  }
+  return static_cast<float>(share.Sum());
+}
+
+}  // namespace sheaf::render

@@ -1,0 +1,359 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Lights > LightTree, from the root down. Each node's lights are split in two along one axis, and
+// the costlier part in two again, until there are eight parts. A split is the cheapest of a few
+// along every axis by the surface area orientation heuristic (Conty Estevez and Kulla 2018, sec.
+// 4.4): intensity * area * measure of orientations, which is what makes estimates at a node
+// uncertain. The area is that of the sphere about the box, because that is what a walk sees.
+//
+// Sums run in a fixed order and elementary functions are our own: every machine builds the same
+// tree.
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "common/base/check.h"
+#include "common/base/large_pages.h"
+#include "worker/render/light/light_cluster.h"
+#include "worker/render/light/light_tree.h"
+
+namespace sheaf::render {
+namespace {
+
+// From here on nodes are split by number alone: eight equal parts at each level hold 2^36 lights.
+constexpr int kLevelsByCostMax = LightTree::kDepthMax - 12;
+// Candidates for a split lie between so many intervals along each axis.
+constexpr size_t kIntervalCount = 12;
+// No light counts as dimmer than this part of all of them.
+constexpr double kIntensityPartMin = 0x1p-60;
+// Rounds cones outward by more than the quantised axes are off.
+constexpr float kNodeConeSlack = 0x1p-14f;
+// Farther off, squares of distances leave the range of floats.
+constexpr float kReachMax = 0x1p60f;
+
+struct Part {
+  size_t begin = 0, end = 0;  // Of the entries.
+  LightCluster cluster;
+  float cost = 0;
+  size_t size() const { return end - begin; }
+};
+
+// Places of centres along an axis.
+struct Intervals {
+  Intervals(const LightCluster& cluster, size_t along)
+      : axis(along),
+        lower(cluster.center_lower[along]),
+        scale(static_cast<float>(kIntervalCount) /
+              (cluster.center_upper[along] - cluster.center_lower[along])) {}
+  bool IsUsable() const { return std::isfinite(scale); }
+  size_t Of(const LightEntry& entry) const {
+    const auto i = static_cast<int32_t>((entry.center[axis] - lower) * scale);
+    return std::min(static_cast<size_t>(i), kIntervalCount - 1);
+  }
+  size_t axis;
+  float lower, scale;
+};
+
+// False where the light is left out. The intensity is in the unit of the lights.
+bool MakeEntry(const LightBounds& light, uint32_t index, LightEntry* entry, double* intensity) {
+  entry->center = light.center;
+  entry->half = {light.radius, light.radius, light.radius};
+  entry->light = index;
+  const double strength = static_cast<double>(light.strength);
+  const Vec3f n = light.normal;
+  switch (light.kind) {
+    case LightBounds::Kind::kInfinite:
+      return false;
+    case LightBounds::Kind::kPlanar:
+      *intensity = strength * static_cast<double>(light.area);
+      entry->normal = n;
+      entry->two_sided = light.two_sided;
+      entry->by_cosine = true;
+      entry->half = Vec3f{std::sqrt(n.y * n.y + n.z * n.z), std::sqrt(n.z * n.z + n.x * n.x),
+                          std::sqrt(n.x * n.x + n.y * n.y)} *
+                    light.radius;
+      break;
+    case LightBounds::Kind::kSphere:
+      *intensity = strength * static_cast<double>(light.area);
+      break;
+    case LightBounds::Kind::kPoint:
+      *intensity = strength;
+      if (light.cos_end > 0) {
+        entry->normal = n;
+        entry->cos_emission = light.cos_end;
+      }
+      break;
+  }
+  // Of two-sided lights that differ in sign only, the mean normal should be long.
+  const float sign = n.z != 0 ? n.z : (n.y != 0 ? n.y : n.x);
+  if (entry->two_sided && sign < 0) entry->normal = -entry->normal;
+  const float reach = std::fabs(light.center.x) + std::fabs(light.center.y) +
+                      std::fabs(light.center.z) + light.radius;
+  return *intensity > 0 && std::isfinite(*intensity) &&
+         std::isfinite(LengthSquared(entry->normal)) && reach <= kReachMax;
+}
+
+}  // namespace
+
+class LightTree::Builder {
+ public:
+  explicit Builder(LightTree* tree) : tree_(*tree) {}
+
+  void Build(const std::vector<LightBounds>& lights) {
+    SHEAF_CHECK(lights.size() <= kLightsMax);
+    tree_.slot_of_light_.assign(lights.size(), kNoSlot);
+    MakeEntries(lights);
+    if (entries_.empty()) return;
+    nodes_.reserve(entries_.size() / 4);
+    BuildNode(PartOf(0, entries_.size()), kNoSlot, 1);
+    tree_.nodes_.reserve(nodes_.size());
+    WishForLargePages(tree_.nodes_.data(), nodes_.size() * sizeof(Node));
+    tree_.nodes_.insert(tree_.nodes_.end(), nodes_.begin(), nodes_.end());
+  }
+
+ private:
+  void MakeEntries(const std::vector<LightBounds>& lights);
+  Part PartOf(size_t begin, size_t end) const;
+  float BuildNode(const Part& part, uint32_t parent, int level);
+  size_t SplitInto(std::array<Part, kWidth>* parts, bool by_cost);
+  bool SplitByCost(const Part& part, Part* left, Part* right);
+  static void EncodeBoxes(const std::array<Part, kWidth>& parts, size_t count, Node* node);
+  void EncodeCone(const Part& part, size_t place, Node* node) const;
+  void EncodeMean(const Part& part, size_t place, Node* node) const;
+
+  LightTree& tree_;
+  std::vector<Node> nodes_;
+  OrientationTable orientation_;
+  std::vector<LightEntry> entries_;
+};
+
+LightTree::LightTree(const std::vector<LightBounds>& lights) { Builder(this).Build(lights); }
+
+// Intensities get a unit in which an estimate of irradiance is about 1 where things are as far
+// apart as the lights: floats then hold them at any scale.
+void LightTree::Builder::MakeEntries(const std::vector<LightBounds>& lights) {
+  entries_.reserve(lights.size());
+  std::vector<double> intensities;
+  intensities.reserve(lights.size());
+  double total = 0;
+  LightCluster all;
+  for (uint32_t i = 0; i < lights.size(); ++i) {
+    LightEntry entry;
+    double intensity = 0;
+    if (!MakeEntry(lights[i], i, &entry, &intensity)) continue;
+    entries_.push_back(entry);
+    intensities.push_back(intensity);
+    total += intensity;
+    all.Add(entry);
+  }
+  if (entries_.empty()) return;
+  const double size_squared = LengthSquared(ToDouble(all.upper) - ToDouble(all.lower));
+  const int size_exponent = size_squared > 0 ? std::clamp(std::ilogb(size_squared), -100, 100) : 0;
+  const int exponent = size_exponent - std::ilogb(total);
+  tree_.irradiance_scale_ = std::ldexp(1.0, -exponent);
+  for (size_t i = 0; i < entries_.size(); ++i) {
+    entries_[i].intensity = static_cast<float>(
+        std::ldexp(std::max(intensities[i], total * kIntensityPartMin), exponent));
+  }
+}
+
+Part LightTree::Builder::PartOf(size_t begin, size_t end) const {
+  Part part;
+  part.begin = begin;
+  part.end = end;
+  for (size_t i = begin; i < end; ++i) part.cluster.Add(entries_[i]);
+  return part;
+}
+
+// Returns the sum of the lights' intensities.
+float LightTree::Builder::BuildNode(const Part& part, uint32_t parent, int level) {
+  tree_.depth_ = std::max(tree_.depth_, level);
+  const auto index = static_cast<uint32_t>(nodes_.size());
+  nodes_.emplace_back();
+  std::array<Part, kWidth> parts;
+  parts[0] = part;
+  const size_t count = SplitInto(&parts, level <= kLevelsByCostMax);
+  EncodeBoxes(parts, count, &nodes_[index]);
+  for (size_t i = 0; i < count; ++i) {
+    EncodeCone(parts[i], i, &nodes_[index]);
+    EncodeMean(parts[i], i, &nodes_[index]);
+  }
+  nodes_[index].parent = parent;
+  float sum = 0;
+  for (size_t i = 0; i < count; ++i) {
+    const LightEntry& first = entries_[parts[i].begin];
+    const uint32_t slot = index * static_cast<uint32_t>(kWidth) + static_cast<uint32_t>(i);
+    float intensity = first.intensity;
+    uint32_t child = first.light | kLightBit;
+    if (parts[i].size() == 1) {
+      tree_.slot_of_light_[first.light] = slot;
+    } else {
+      child = static_cast<uint32_t>(nodes_.size());
+      intensity = BuildNode(parts[i], slot, level + 1);
+    }
+    nodes_[index].child[i] = child;
+    nodes_[index].intensity[i] = intensity;
+    sum += intensity;
+  }
+  return sum;
+}
+
+// (*parts)[0] into up to kWidth parts, in order. Returns how many.
+size_t LightTree::Builder::SplitInto(std::array<Part, kWidth>* parts, bool by_cost) {
+  const Part whole = (*parts)[0];
+  if (whole.size() <= kWidth) {
+    for (size_t i = 0; i < whole.size(); ++i) {
+      (*parts)[i] = PartOf(whole.begin + i, whole.begin + i + 1);
+    }
+    return whole.size();
+  }
+  size_t count = 1;
+  while (count < kWidth) {
+    // The costliest part that can be split, the largest of equals.
+    Part* costliest = nullptr;
+    for (Part* part = parts->data(); part != parts->data() + count; ++part) {
+      if (part->size() == 1) continue;
+      if (costliest == nullptr || part->cost > costliest->cost ||
+          (part->cost == costliest->cost && part->size() > costliest->size())) {
+        costliest = part;
+      }
+    }
+    if (costliest == nullptr) break;
+    Part left, right;
+    if (!by_cost || !SplitByCost(*costliest, &left, &right)) {
+      const size_t middle = costliest->begin + costliest->size() / 2;
+      left = PartOf(costliest->begin, middle);
+      right = PartOf(middle, costliest->end);
+    }
+    left.cost = by_cost ? left.cluster.Cost(orientation_) : 0;
+    right.cost = by_cost ? right.cluster.Cost(orientation_) : 0;
+    *costliest = left;
+    std::move_backward(costliest + 1, parts->data() + count, parts->data() + count + 1);
+    costliest[1] = right;
+    ++count;
+  }
+  return count;
+}
+
+// False where all centres are in one place: then no plane tells them apart.
+bool LightTree::Builder::SplitByCost(const Part& part, Part* left, Part* right) {
+  const LightCluster& all = part.cluster;
+  const Intervals intervals[3] = {{all, 0}, {all, 1}, {all, 2}};
+  std::array<std::array<LightCluster, kIntervalCount>, 3> clusters;
+  for (size_t i = part.begin; i < part.end; ++i) {
+    for (const Intervals& along : intervals) {
+      if (along.IsUsable()) clusters[along.axis][along.Of(entries_[i])].Add(entries_[i]);
+    }
+  }
+  const Vec3f extent = all.upper - all.lower;
+  const float longest = std::max({extent.x, extent.y, extent.z});
+  float least_cost = 0;
+  const Intervals* best = nullptr;
+  size_t best_first_right = 0;
+  for (const Intervals& along : intervals) {
+    if (!along.IsUsable()) continue;
+    const std::array<LightCluster, kIntervalCount>& cluster = clusters[along.axis];
+    std::array<LightCluster, kIntervalCount> from;  // All from this interval on.
+    from.back() = cluster.back();
+    for (size_t i = kIntervalCount - 1; i-- > 0;) {
+      from[i] = from[i + 1];
+      from[i].Add(cluster[i]);
+    }
+    LightCluster below;
+    for (size_t i = 1; i < kIntervalCount; ++i) {
+      below.Add(cluster[i - 1]);
+      if (below.count == 0 || from[i].count == 0) continue;
+      // Thin boxes are better not made thinner.
+      const float cost =
+          longest / extent[along.axis] * (below.Cost(orientation_) + from[i].Cost(orientation_));
+      if (best != nullptr && !(cost < least_cost)) continue;
+      least_cost = cost;
+      best = &along;
+      best_first_right = i;
+      left->cluster = below;
+      right->cluster = from[i];
+    }
+  }
+  if (best == nullptr) return false;
+  const auto begin = entries_.begin() + static_cast<ptrdiff_t>(part.begin);
+  const auto end = entries_.begin() + static_cast<ptrdiff_t>(part.end);
+  const auto middle = std::stable_partition(
+      begin, end, [&](const LightEntry& entry) { return best->Of(entry) < best_first_right; });
+  left->begin = part.begin;
+  left->end = right->begin = static_cast<size_t>(middle - entries_.begin());
+  right->end = part.end;
+  return true;
+}
+
+// Rounds outward but for the rounding of floats, which a walk allows for.
+void LightTree::Builder::EncodeBoxes(const std::array<Part, kWidth>& parts, size_t count,
+                                     Node* node) {
+  LightCluster all;
+  for (size_t i = 0; i < count; ++i) all.Add(parts[i].cluster);
+  node->origin = all.lower;
+  node->step = (all.upper - all.lower) / 255;
+  for (size_t axis = 0; axis < 3; ++axis) {
+    const float origin = node->origin[axis], step = node->step[axis];
+    if (!(step > 0)) continue;
+    for (size_t i = 0; i < count; ++i) {
+      const float lower = parts[i].cluster.lower[axis], upper = parts[i].cluster.upper[axis];
+      const float middle = std::floor((0.5f * lower + 0.5f * upper - origin) / step + 0.5f);
+      const auto center = static_cast<uint16_t>(std::clamp(middle, 0.0f, 255.0f));
+      const float decoded = origin + step * static_cast<float>(center);
+      const float half = std::ceil(std::max(upper - decoded, decoded - lower) / step);
+      node->box[axis][i] = static_cast<uint16_t>(
+          center + 256 * static_cast<uint16_t>(std::clamp(half, 0.0f, 255.0f)));
+    }
+  }
+}
+
+// The cone about the mean normal that holds every normal; everything where the mean has no
+// direction, or a light has no normal.
+void LightTree::Builder::EncodeCone(const Part& part, size_t place, Node* node) const {
+  const Vec3f sum = part.cluster.normal_sum;
+  const float length = Length(sum);
+  const Vec3f axis = length > 0 && std::isfinite(length) ? sum / length : Vec3f{0, 0, 1};
+  bool two_sided = false;
+  for (size_t i = part.begin; i < part.end; ++i) two_sided |= entries_[i].two_sided;
+  float cos_normals = 1, cos_emission = 1;
+  for (size_t i = part.begin; i < part.end; ++i) {
+    const LightEntry& entry = entries_[i];
+    const float along = Dot(axis, entry.normal);
+    const bool has_normal = entry.normal != Vec3f{};
+    // Among two-sided lights the angles are those of lines: a light of one side loses nothing.
+    cos_normals =
+        std::min(cos_normals, has_normal ? (two_sided ? std::fabs(along) : along) : -1.0f);
+    cos_emission = std::min(cos_emission, entry.cos_emission);
+  }
+  for (size_t i = 0; i < 3; ++i) {
+    node->axis[i][place] = static_cast<int16_t>(std::floor(axis[i] * kAxisSteps + 0.5f));
+  }
+  const float cosine =
+      std::max(std::floor((cos_normals - kNodeConeSlack) * kAxisSteps), -kAxisSteps);
+  node->cos_normals[place] = static_cast<int16_t>(cosine);
+  node->sin_normals[place] =
+      static_cast<int16_t>(std::sqrt((kAxisSteps - cosine) * (kAxisSteps + cosine)));
+  node->emission[place] = static_cast<uint16_t>(
+      (two_sided ? 256 : 0) +
+      static_cast<int>(std::clamp(std::floor(cos_emission * kEmissionSteps), 0.0f, 255.0f)));
+}
+
+// Rounds to nearest: only estimates read it.
+void LightTree::Builder::EncodeMean(const Part& part, size_t place, Node* node) const {
+  float even = 0, by_cosine = 0;  // Intensities.
+  Vec3f normal_sum{};
+  for (size_t i = part.begin; i < part.end; ++i) {
+    const LightEntry& entry = entries_[i];
+    (entry.by_cosine ? by_cosine : even) += entry.intensity;
+    if (entry.by_cosine) normal_sum += entry.normal * entry.intensity;
+  }
+  const float length = by_cosine > 0 ? Length(normal_sum) / by_cosine : 0;
+  const auto in_steps = [](float share) {
+    return static_cast<int>(std::clamp(share * kMeanSteps + 0.5f, 0.0f, kMeanSteps));
+  };
+  node->mean[place] =
+      static_cast<uint16_t>(in_steps(length) + 256 * in_steps(even / (even + by_cosine)));
+}
+
+}  // namespace sheaf::render

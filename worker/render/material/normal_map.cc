@@ -1,0 +1,74 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Normals turned by maps. Source of what the maps mean: pbrt-v4, sec. 10.1.2 and its function
+// NormalMap. Unlike there, green runs along v also where u and v are mirrored against the normal,
+// so that a normal map and the bump map it was made from look alike on every surface; and the
+// change of the normal over the surface times the height is left out: it is small where a bump map
+// stands for heights that are.
+#include <cmath>
+
+#include "worker/render/material/material.h"
+#include "worker/render/material/material_impl.h"
+
+namespace sheaf::render {
+namespace {
+
+bool IsUsable(Vec3d n) {
+  const double length_squared = LengthSquared(n);
+  return length_squared > 0 && std::isfinite(length_squared);
+}
+
+Vec3d NormalOfTexel(Rgb texel, const TangentPlane& plane) {
+  const double r = 2 * static_cast<double>(texel.r) - 1, g = 2 * static_cast<double>(texel.g) - 1,
+               b = 2 * static_cast<double>(texel.b) - 1;
+  const Vec3d along_u = plane.dpdu - plane.n * Dot(plane.n, plane.dpdu);
+  const double length = Length(along_u);
+  if (!(length > 0) || !std::isfinite(length)) return plane.n;
+  const Vec3d x = along_u / length;
+  Vec3d y = Cross(plane.n, x);
+  if (Dot(y, plane.dpdv) < 0) y = -y;
+  return x * r + y * g + plane.n * b;
+}
+
+// The normal of p + height n, up to its length. du, dv: slopes of the height.
+Vec3d NormalOfSlopes(double du, double dv, const TangentPlane& plane) {
+  const double area = Dot(plane.n, Cross(plane.dpdu, plane.dpdv));
+  if (!(std::fabs(area) > 0)) return plane.n;
+  const Vec3d gradient = (Cross(plane.dpdv, plane.n) * du + Cross(plane.n, plane.dpdu) * dv) / area;
+  return plane.n - gradient;
+}
+
+}  // namespace
+
+Vec3f MaterialTable::ShadingNormal(int32_t material, const TexturePoint& point, float u_mix,
+                                   const TangentPlane& plane) const {
+  const Vec3f plain = ToFloat(plane.n);
+  if (material == kNone || !plane.has_tangents) return plain;
+  const TextureProgram& textures = *impl_->textures;
+  const CompiledMaterial& chosen =
+      ChooseMaterial(impl_->materials, textures, material, point, u_mix);
+  Vec3d n = plane.n;
+  if (chosen.normal_map != kNone) {
+    n = NormalOfTexel(textures.Value<Rgb>({chosen.normal_map, {}, {}}, point, {}), plane);
+  } else if (chosen.displacement.texture != kNone) {
+    const auto height = [&](float du, float dv) {
+      const Vec3d shift =
+          plane.dpdu * static_cast<double>(du) + plane.dpdv * static_cast<double>(dv);
+      const TexturePoint there{{point.uv.x + du, point.uv.y + dv}, point.p_world + ToFloat(shift)};
+      return static_cast<double>(textures.Float(chosen.displacement, there));
+    };
+    const Vec2f step = chosen.displacement_step;
+    const double slope_u =
+        (height(step.x, 0) - height(-step.x, 0)) / (2 * static_cast<double>(step.x));
+    const double slope_v =
+        (height(0, step.y) - height(0, -step.y)) / (2 * static_cast<double>(step.y));
+    n = NormalOfSlopes(slope_u, slope_v, plane);
+  } else {
+    return plain;
+  }
+  // Flat texels leave the very bits.
+  return IsUsable(n) && n != plane.n ? ToFloat(n / Length(n)) : plain;
+}
+
+}  // namespace sheaf::render

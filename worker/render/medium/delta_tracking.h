@@ -1,0 +1,240 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Free flight through a medium whose extinction is density(x) * sigma_t, one density for all
+// components of a colour: where a path collides (delta tracking) and how much light passes
+// (residual ratio tracking). Both follow the segments of a MajorantWalk and look the density up at
+// tentative collisions, drawn for the component of the largest extinction, so that one walk serves
+// all components; what differs between them is a weight.
+//
+// Sources: Woodcock et al. 1965 (delta tracking); Novak, Selle and Jarosz 2014 (residual ratio
+// tracking); Kutz et al. 2017, section 4 (one walk for all wavelengths: events are chosen with the
+// mean probability, weighted by what each component carries, so that the sum of the components
+// never changes and no weight exceeds their number).
+//
+// Media that overlap: track each with a stream of its own, take the nearest collision, and track
+// the others again, with the same streams, up to it: they meet the same events, and their weights
+// there are factors. Transmittances multiply.
+//
+// A walk is anything with bool Next(MajorantSegment*). A density is double(double t), at most the
+// segment's upper and at least its lower bound; where it is not, the violation is counted, and
+// whoever asked tracks again with bounds that are raised.
+#pragma once
+
+#include <algorithm>
+#include <cstdint>
+
+#include "common/math/elementary.h"
+#include "worker/render/color/wavelengths.h"
+#include "worker/render/medium/majorant_grid.h"
+#include "worker/render/sampling/event_stream.h"
+
+namespace sheaf::render {
+
+// What tracking met that it must not meet, and what it cost.
+struct TrackingTally {
+  // In: what upper bounds are multiplied by. The lower ones are taken as 0 where that is not 1.
+  float bound_factor = 1;
+  uint64_t violation_count = 0;  // Densities beyond their bounds: the result is biased.
+  uint64_t look_up_count = 0;
+  uint64_t segment_count = 0;
+};
+
+template <typename Color>
+struct TrackedFlight {
+  bool collides = false;
+  double t = 0;  // Where, if it collides.
+  // What each component of the path's throughput is multiplied by. At a collision the extinction is
+  // in it: what is left to apply is the albedo, sigma_s / sigma_t.
+  Color weight = Color::Grey(1);
+};
+
+namespace internal {
+
+template <typename Walk>
+bool NextSegment(Walk* walk, MajorantSegment* segment, TrackingTally* tally) {
+  if (!walk->Next(segment)) return false;
+  ++tally->segment_count;
+  segment->bounds.upper *= tally->bound_factor;
+  if (tally->bound_factor != 1) segment->bounds.lower = 0;
+  return true;
+}
+
+// Tentative collisions: a Poisson process over optical depth, from a piece of a walk to the next.
+class TentativeCollisions {
+ public:
+  explicit TentativeCollisions(EventStream* stream)
+      : stream_(stream), depth_(stream->Exponential()) {}
+
+  // Moves *t to the next one at `rate` per t. False where that lies beyond `end`: the depth up to
+  // there is flown through.
+  bool Next(double rate, double end, double* t) {
+    const double left = rate * (end - *t);
+    if (depth_ >= left) {
+      depth_ -= left;
+      return false;
+    }
+    *t = std::min(*t + depth_ / rate, end);
+    depth_ = stream_->Exponential();
+    return true;
+  }
+
+ private:
+  EventStream* stream_;
+  double depth_;
+};
+
+inline double RangeOf(DensityBounds bounds) {
+  return static_cast<double>(bounds.upper) - static_cast<double>(bounds.lower);
+}
+// A density that was looked up, as a share of what its bounds leave open.
+inline double ShareOfRange(double rho, DensityBounds bounds, TrackingTally* tally) {
+  ++tally->look_up_count;
+  const double lower = bounds.lower;
+  if (rho > bounds.upper || rho < lower) ++tally->violation_count;
+  return std::min(std::max((rho - lower) / RangeOf(bounds), 0.0), 1.0);
+}
+
+// Below this a walk of ratio tracking ends by chance, at this chance to go on.
+inline constexpr double kRatioRoulette = 0.05, kRatioSurvival = 0.25;
+
+// What is left of light, per component, over the pieces of a walk so far.
+template <typename Color>
+class RatioTracker {
+ public:
+  RatioTracker(const Color& sigma_t, EventStream* stream, TrackingTally* tally)
+      : sigma_max_(MaxComponent(sigma_t)), stream_(stream), tally_(tally), collisions_(stream) {
+    for (size_t c = 0; c < kComponents; ++c) {
+      ratio_[c] = 1;
+      relative_[c] = sigma_max_ > 0 ? sigma_t[c] / sigma_max_ : 0;
+    }
+  }
+
+  double operator[](size_t c) const { return ratio_[c]; }
+  // Over the densities between t0 and t1 less the lower bound. False where the walk ends by chance:
+  // nothing is left.
+  template <typename Density>
+  bool Pass(const Density& density, double t0, double t1, DensityBounds bounds) {
+    const double rate = RangeOf(bounds) * sigma_max_;
+    if (!(rate > 0)) return true;
+    for (double t = t0; collisions_.Next(rate, t1, &t);) {
+      const double p = ShareOfRange(density(t), bounds, tally_);
+      double largest = 0;
+      for (size_t c = 0; c < kComponents; ++c) {
+        ratio_[c] *= 1 - p * relative_[c];
+        largest = std::max(largest, ratio_[c]);
+      }
+      if (largest < kRatioRoulette) {
+        if (!(stream_->Uniform() < kRatioSurvival) || largest == 0) return false;
+        for (double& r : ratio_) r /= kRatioSurvival;
+      }
+    }
+    return true;
+  }
+
+ private:
+  static constexpr size_t kComponents = kComponentCount<Color>;
+
+  double sigma_max_;
+  double ratio_[kComponents], relative_[kComponents];
+  EventStream* stream_;
+  TrackingTally* tally_;
+  TentativeCollisions collisions_;
+};
+
+}  // namespace internal
+
+// sigma_t: extinction per unit of density and of t, no component negative. throughput: what the
+// path carries, no component negative; it decides which event serves it best.
+template <typename Color, typename Walk, typename Density>
+TrackedFlight<Color> TrackFlight(Walk* walk, const Density& density, const Color& sigma_t,
+                                 const Color& throughput, EventStream* stream,
+                                 TrackingTally* tally) {
+  constexpr size_t kComponents = kComponentCount<Color>;
+  TrackedFlight<Color> flight;
+  const double sigma_max = MaxComponent(sigma_t);
+  if (!(sigma_max > 0)) return flight;
+  double relative[kComponents];
+  for (size_t c = 0; c < kComponents; ++c) relative[c] = sigma_t[c] / sigma_max;
+  double weight[kComponents];
+  std::fill_n(weight, kComponents, 1.0);
+  const auto finish = [&] {
+    flight.weight = MakeColor<Color>([&](size_t c) { return static_cast<float>(weight[c]); });
+    return flight;
+  };
+  internal::TentativeCollisions collisions(stream);
+  MajorantSegment segment;
+  while (internal::NextSegment(walk, &segment, tally)) {
+    const double rate = segment.bounds.upper * sigma_max;
+    if (!(rate > 0)) continue;
+    for (double t = segment.t0; collisions.Next(rate, segment.t1, &t);) {
+      const double p = internal::ShareOfRange(density(t), {0, segment.bounds.upper}, tally);
+      // The probability of a collision: the mean over components by what they carry.
+      double carried = 0, colliding = 0;
+      for (size_t c = 0; c < kComponents; ++c) {
+        carried += throughput[c] * weight[c];
+        colliding += throughput[c] * weight[c] * relative[c];
+      }
+      const double mean = carried > 0 ? std::min(colliding / carried, 1.0) : 1.0;
+      if (stream->Uniform() < p * mean) {
+        for (size_t c = 0; c < kComponents; ++c) weight[c] *= relative[c] / mean;
+        flight.collides = true;
+        flight.t = t;
+        return finish();
+      }
+      // Here p * mean < 1.
+      for (size_t c = 0; c < kComponents; ++c) {
+        weight[c] *= (1 - p * relative[c]) / (1 - p * mean);
+      }
+    }
+  }
+  return finish();
+}
+
+// An unbiased estimate of exp(-sigma_t * integral of the density over the walk), per component.
+// Exact, without a look-up, where bounds meet: in cells of one density.
+template <typename Color, typename Walk, typename Density>
+Color TrackTransmittance(Walk* walk, const Density& density, const Color& sigma_t,
+                         EventStream* stream, TrackingTally* tally) {
+  if (!(MaxComponent(sigma_t) > 0)) return Color::Grey(1);
+  internal::RatioTracker<Color> ratio(sigma_t, stream, tally);
+  double control_depth = 0;  // Of the lower bounds: known, not estimated.
+  MajorantSegment segment;
+  while (internal::NextSegment(walk, &segment, tally)) {
+    const double lower = segment.bounds.lower;
+    if (lower > 0) control_depth += lower * (segment.t1 - segment.t0);
+    if (!ratio.Pass(density, segment.t0, segment.t1, segment.bounds)) return Color::Grey(0);
+  }
+  return MakeColor<Color>([&](size_t c) {
+    return static_cast<float>(ratio[c] * Exp(-static_cast<double>(sigma_t[c]) * control_depth));
+  });
+}
+
+// An unbiased estimate of the integral over the walk of transmittance * density * source: one point
+// of each segment, evenly drawn, however thin what shines is, and ratio tracking in between.
+// source: Color(double t). Source: Simon et al. 2017, "Line Integration for Rendering Heterogeneous
+// Emissive Volumes".
+template <typename Color, typename Walk, typename Density, typename Source>
+Color TrackEmission(Walk* walk, const Density& density, const Source& source, const Color& sigma_t,
+                    EventStream* stream, TrackingTally* tally) {
+  internal::RatioTracker<Color> ratio(sigma_t, stream, tally);
+  Color sum;
+  MajorantSegment segment;
+  while (internal::NextSegment(walk, &segment, tally)) {
+    const DensityBounds bounds{0, segment.bounds.upper};
+    if (!(bounds.upper > 0)) continue;
+    const double length = segment.t1 - segment.t0;
+    const double point = segment.t0 + stream->Uniform() * length;
+    if (!ratio.Pass(density, segment.t0, point, bounds)) return sum;
+    const double rho = bounds.upper * internal::ShareOfRange(density(point), bounds, tally);
+    if (rho > 0) {
+      const Color seen = source(point);
+      sum += MakeColor<Color>(
+          [&](size_t c) { return static_cast<float>(ratio[c] * rho * length) * seen[c]; });
+    }
+    if (!ratio.Pass(density, point, segment.t1, bounds)) return sum;
+  }
+  return sum;
+}
+
+}  // namespace sheaf::render

@@ -1,0 +1,239 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// How far a path flies through media that are the same everywhere, in closed form: distances that
+// are sampled, what is left of light after a length, and what shines along it. Holds for optical
+// thicknesses from 0 to beyond all bounds and for lengths that do not end.
+//
+// Where media absorb or scatter the components of light differently, the distance is sampled for
+// one component, chosen by what the path carries, and weighted by the density of all of them (the
+// balance heuristic for one sample: Veach 1997, sec. 9.2; Wilkie et al. 2014). Only differences of
+// optical thickness to that of the clearest component enter, so that no weight is 0 / 0. Grey media
+// need none of this: a flight that arrives keeps all, one that scatters keeps the albedo.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <cstdint>
+#include <limits>
+
+#include "common/math/elementary.h"
+#include "worker/render/color/wavelengths.h"
+#include "worker/render/sampling/sampler.h"
+
+namespace sheaf::render {
+
+// Media as they are, or what many scatterings in them come to: those that scatter forward are taken
+// for ones that scatter evenly, but less often: sigma_s' = sigma_s (1 - g), g' = 0. The flow of
+// light deep in them stays the same, all else does not. Sources: Wyman, Patterson and Wilson 1989;
+// Zhao, Ramamoorthi and Bala 2014. See docs/adr/0031.
+enum class MediumForm : uint8_t { kTrue, kReduced };
+
+// What the media at a place do to light, per scene unit. Sums over the media.
+template <typename Color>
+struct MediumMix {
+  Color sigma_t, sigma_s;
+  Color emission;           // Radiance per scene unit.
+  bool is_grey = true;      // sigma_t and sigma_s are the same in all components.
+  bool scatters = false;    // sigma_s is not black.
+  bool is_bounded = false;  // Of one of them: closed surfaces surround it on all sides.
+  // There are others, which are not the same everywhere and not in these sums.
+  bool varies = false;
+  bool glows = false;      // One of those shines.
+  bool gathers = false;    // Light is gathered along lines through one of those.
+  bool is_matter = false;  // One of them is the inside of a material.
+  bool is_hidden = false;  // The same, whose boundary no shadow ray can pass.
+  MediumForm form = MediumForm::kTrue;
+};
+
+// distance is uniform in [0, 1) and fine: flights through thin media end where it is nearly 0.
+struct FlightNumbers {
+  double distance = 0;
+  float component = 0;
+};
+// From a slot's numbers, for the pass-th segment that is flown since: each has its own, hashed.
+inline FlightNumbers MakeFlightNumbers(const std::array<float, 4>& u, uint32_t pass) {
+  if (pass == 0) return {static_cast<double>(u[0]) + 0x1p-24 * static_cast<double>(u[1]), u[2]};
+  uint64_t state = (uint64_t{std::bit_cast<uint32_t>(u[0])} << 32) | std::bit_cast<uint32_t>(u[1]);
+  state = MixBits(state + uint64_t{pass} * 0x9e3779b97f4a7c15u);
+  const uint64_t more = MixBits(state ^ std::bit_cast<uint32_t>(u[2]));
+  return {static_cast<double>(state >> 16) * 0x1p-48, static_cast<float>(more >> 40) * 0x1p-24f};
+}
+
+// e^-tau. tau may be infinite.
+inline float AttenuationOf(double tau) {
+  const elementary::ExpParts p = elementary::ExpForFloat(elementary::ClampExpArgument(-tau));
+  return static_cast<float>(std::fma(p.scale, p.expm1_of_r, p.scale));
+}
+// sigma * length, where nothing stays nothing however long it is.
+inline double OpticalThickness(double sigma, double length) {
+  return sigma == 0 ? 0 : sigma * length;
+}
+
+// What is left of light after `length`.
+template <bool kChromatic, typename Color>
+Color TransmittanceOf(const MediumMix<Color>& mix, double length) {
+  if (!kChromatic || mix.is_grey) {
+    return Color::Grey(AttenuationOf(OpticalThickness(mix.sigma_t[0], length)));
+  }
+  return MakeColor<Color>(
+      [&](size_t i) { return AttenuationOf(OpticalThickness(mix.sigma_t[i], length)); });
+}
+
+// Radiance that arrives from all that shines along `length`.
+template <typename Color>
+Color EmissionAlong(const MediumMix<Color>& mix, double length) {
+  return MakeColor<Color>([&](size_t i) -> float {
+    if (mix.emission[i] == 0) return 0;  // What shines absorbs: sigma_t is positive below.
+    const float tau = static_cast<float>(OpticalThickness(mix.sigma_t[i], length));
+    return mix.emission[i] * (-Expm1(-tau) / mix.sigma_t[i]);
+  });
+}
+
+// A point of what shines along a length, and its density per scene unit.
+struct ShiningPoint {
+  double distance = 0;
+  double pdf = 0;
+};
+
+// Drawn by what arrives of one component, chosen evenly among those that shine; the density is the
+// mean over them, so that no component of what arrives / pdf exceeds its EmissionAlong by more than
+// their number (the balance heuristic for one sample: Veach 1997, sec. 9.2). choice, u: uniform in
+// [0, 1). Requires: mix.emission is not black.
+template <typename Color>
+ShiningPoint SampleShining(const MediumMix<Color>& mix, double length, double choice, double u) {
+  std::array<double, kComponentCount<Color>> sigma{};
+  size_t count = 0;
+  for (size_t i = 0; i < kComponentCount<Color>; ++i) {
+    if (mix.emission[i] > 0) sigma[count++] = static_cast<double>(mix.sigma_t[i]);
+  }
+  const auto absorbed = [&](size_t i) { return -Expm1(-sigma[i] * length); };
+  const size_t chosen =
+      std::min(static_cast<size_t>(choice * static_cast<double>(count)), count - 1);
+  ShiningPoint point;
+  point.distance = -Log1p(-u * absorbed(chosen)) / sigma[chosen];
+  for (size_t i = 0; i < count; ++i) {
+    point.pdf += sigma[i] * Exp(-sigma[i] * point.distance) / absorbed(i);
+  }
+  point.pdf /= static_cast<double>(count);
+  return point;
+}
+
+template <typename Color>
+struct Flight {
+  bool scatters = false;  // After `distance`; otherwise the path arrives at the end.
+  double distance = 0;
+  Color weight = Color::Grey(1);  // What the path's throughput is multiplied by.
+};
+
+namespace internal {
+
+// Probabilities to choose each component by.
+template <typename Color>
+Color ComponentShares(const Color& throughput) {
+  float sum = 0;
+  for (size_t i = 0; i < kComponentCount<Color>; ++i) sum += throughput[i];
+  return throughput / sum;
+}
+template <typename Color>
+size_t ChooseComponent(const Color& shares, float u) {
+  size_t chosen = 0;
+  float sum = 0;
+  for (size_t i = 0; i < kComponentCount<Color>; ++i) {
+    if (shares[i] == 0) continue;
+    chosen = i;
+    sum += shares[i];
+    if (u < sum) break;
+  }
+  return chosen;
+}
+
+template <typename Color>
+Flight<Color> SampleChromaticFlight(const MediumMix<Color>& mix, double length,
+                                    const FlightNumbers& u, const Color& throughput) {
+  const Color shares = ComponentShares(throughput);
+  const size_t chosen = ChooseComponent(shares, u.component);
+  const double sigma = mix.sigma_t[chosen];
+  Flight<Color> flight;
+  flight.distance =
+      sigma == 0 ? std::numeric_limits<double>::infinity() : -Log1p(-u.distance) / sigma;
+  flight.scatters = flight.distance < length;
+  const double flown = flight.scatters ? flight.distance : length;
+  float clearest = mix.sigma_t[chosen];
+  for (size_t i = 0; i < kComponentCount<Color>; ++i) {
+    if (shares[i] > 0 && mix.sigma_t[i] < clearest) clearest = mix.sigma_t[i];
+  }
+  // Of each component, relative to the clearest: at most 1, and so much for the chosen one that the
+  // density below is not 0.
+  Color left;
+  float density = 0;
+  for (size_t i = 0; i < kComponentCount<Color>; ++i) {
+    if (shares[i] == 0) continue;
+    const double more = static_cast<double>(mix.sigma_t[i]) - static_cast<double>(clearest);
+    left[i] = AttenuationOf(OpticalThickness(more, flown));
+    density += shares[i] * left[i] * (flight.scatters ? mix.sigma_t[i] : 1);
+  }
+  flight.weight = (flight.scatters ? mix.sigma_s * left : left) / density;
+  return flight;
+}
+
+}  // namespace internal
+
+// Whether and where a path that carries `throughput` is scattered within `length`. Media that only
+// absorb scatter nothing: they take what they take. Requires: throughput is not black, and nowhere
+// negative.
+template <bool kChromatic, typename Color>
+Flight<Color> SampleFlight(const MediumMix<Color>& mix, double length, const FlightNumbers& u,
+                           [[maybe_unused]] const Color& throughput) {
+  Flight<Color> flight;
+  if (!mix.scatters) {
+    flight.weight = TransmittanceOf<kChromatic>(mix, length);
+    return flight;
+  }
+  if constexpr (kChromatic) {
+    if (!mix.is_grey) return internal::SampleChromaticFlight(mix, length, u, throughput);
+  }
+  const double sigma = mix.sigma_t[0];
+  flight.distance = -Log1p(-u.distance) / sigma;
+  flight.scatters = flight.distance < length;
+  if (flight.scatters) flight.weight = Color::Grey(mix.sigma_s[0] / mix.sigma_t[0]);
+  return flight;
+}
+
+// Per scene unit, that SampleFlight with the same throughput scatters a path after `distance`.
+// Requires: mix scatters.
+template <bool kChromatic, typename Color>
+double FlightDensity(const MediumMix<Color>& mix, double distance,
+                     [[maybe_unused]] const Color& throughput) {
+  const auto of_component = [&](size_t i) {
+    return static_cast<double>(mix.sigma_t[i] *
+                               AttenuationOf(OpticalThickness(mix.sigma_t[i], distance)));
+  };
+  if constexpr (kChromatic) {
+    if (!mix.is_grey) {
+      const Color shares = internal::ComponentShares(throughput);
+      double density = 0;
+      for (size_t i = 0; i < kComponentCount<Color>; ++i) {
+        if (shares[i] > 0) density += static_cast<double>(shares[i]) * of_component(i);
+      }
+      return density;
+    }
+  }
+  return of_component(0);
+}
+
+// Of a medium that varies, per scene unit, that a path which comes to a place collides there,
+// about: the mean over components by what it carries. Requires: throughput is not black.
+template <bool kChromatic, typename Color>
+double MeanExtinction(const Color& sigma_t, [[maybe_unused]] const Color& throughput) {
+  if constexpr (!kChromatic) return static_cast<double>(sigma_t[0]);
+  const Color shares = internal::ComponentShares(throughput);
+  double sum = 0;
+  for (size_t i = 0; i < kComponentCount<Color>; ++i) {
+    sum += static_cast<double>(shares[i]) * static_cast<double>(sigma_t[i]);
+  }
+  return sum;
+}
+
+}  // namespace sheaf::render

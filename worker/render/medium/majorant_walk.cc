@@ -1,0 +1,146 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// The way of a ray through the cells of a MajorantGrid.
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "worker/render/medium/majorant_grid.h"
+
+namespace sheaf::render {
+namespace {
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+}  // namespace
+
+MajorantWalk::MajorantWalk(const MajorantGrid& grid, Vec3d o, Vec3d d, double t_min, double t_max)
+    : grid_(grid), o_(o), d_(d), t_(t_min), t_box_begin_(t_min), t_box_end_(t_max), t_max_(t_max) {
+  bool meets = !grid.nodes_.empty();
+  for (size_t a = 0; a < 3; ++a) {
+    inverse_d_[a] = 1 / d[a];
+    // What moves so slowly that its inverse is infinite does not move.
+    if (!std::isfinite(inverse_d_[a])) {
+      d_[a] = 0;
+      meets &= o[a] >= grid.box_.lo[a] && o[a] <= grid.box_.hi[a];
+      continue;
+    }
+    const double t_lo = (grid.box_.lo[a] - o[a]) * inverse_d_[a];
+    const double t_hi = (grid.box_.hi[a] - o[a]) * inverse_d_[a];
+    t_box_begin_ = std::max(t_box_begin_, std::min(t_lo, t_hi));
+    t_box_end_ = std::min(t_box_end_, std::max(t_lo, t_hi));
+  }
+  if (!meets || !(t_box_begin_ < t_box_end_)) {
+    phase_ = Phase::kAfter;
+    return;
+  }
+  for (size_t a = 0; a < 3; ++a) {
+    const double p = std::floor(o_[a] + (d_[a] == 0 ? 0 : t_box_begin_ * d_[a]));
+    const double low = grid.cell_min_[a], high = grid.cell_max_[a];
+    cell_[a] = static_cast<int32_t>(std::min(std::max(p, low), high));
+  }
+}
+
+bool MajorantWalk::Next(MajorantSegment* segment) {
+  if (phase_ == Phase::kBefore) {
+    phase_ = Phase::kInside;
+    if (t_ < t_box_begin_) {
+      *segment = {t_, t_box_begin_, {}};
+      t_ = t_box_begin_;
+      return true;
+    }
+  }
+  if (phase_ == Phase::kInside && NextInside(segment)) return true;
+  if (phase_ == Phase::kAfter) {
+    phase_ = Phase::kDone;
+    if (t_ < t_max_) {
+      *segment = {t_, t_max_, {}};
+      t_ = t_max_;
+      return true;
+    }
+  }
+  return false;
+}
+
+bool MajorantWalk::NextInside(MajorantSegment* segment) {
+  while (phase_ == Phase::kInside) {
+    Index3 lo;
+    int32_t size;
+    const DensityBounds bounds = FindCell(&lo, &size);
+    double exit = kInfinity;
+    size_t axis = 3;
+    for (size_t a = 0; a < 3; ++a) {
+      if (d_[a] == 0) continue;
+      const double plane = d_[a] > 0 ? lo[a] + size : lo[a];
+      const double t = (plane - o_[a]) * inverse_d_[a];
+      if (t < exit) {
+        exit = t;
+        axis = a;
+      }
+    }
+    const double begin = t_;
+    if (axis == 3 || exit >= t_box_end_) {
+      t_ = t_box_end_;
+      phase_ = Phase::kAfter;
+    } else {
+      t_ = std::max(t_, exit);
+      Leave(axis, lo, size);
+      // Out of the box by cells: what is left of it by numbers is rounding, and this cell's.
+      if (phase_ == Phase::kAfter) t_ = t_box_end_;
+    }
+    if (begin < t_) {
+      *segment = {begin, t_, bounds};
+      return true;
+    }
+  }
+  return false;
+}
+
+void MajorantWalk::Leave(size_t axis, Index3 lo, int32_t size) {
+  for (size_t a = 0; a < 3; ++a) {
+    if (d_[a] == 0) continue;
+    if (a == axis) {
+      cell_[a] = d_[a] > 0 ? lo[a] + size : lo[a] - 1;
+      if (cell_[a] < grid_.cell_min_[a] || cell_[a] > grid_.cell_max_[a]) phase_ = Phase::kAfter;
+      continue;
+    }
+    // Where the point is, but within the cell that is left, and never back.
+    const double p = std::floor(o_[a] + t_ * d_[a]);
+    const double low = d_[a] > 0 ? cell_[a] : lo[a];
+    const double high = d_[a] > 0 ? lo[a] + size - 1 : cell_[a];
+    cell_[a] = static_cast<int32_t>(std::min(std::max(p, low), high));
+    cell_[a] = std::clamp(cell_[a], grid_.cell_min_[a], grid_.cell_max_[a]);
+  }
+}
+
+DensityBounds MajorantWalk::FindCell(Index3* lo, int32_t* size) const {
+  const auto x = static_cast<uint32_t>(cell_[0] - grid_.origin_[0]);
+  const auto y = static_cast<uint32_t>(cell_[1] - grid_.origin_[1]);
+  const auto z = static_cast<uint32_t>(cell_[2] - grid_.origin_[2]);
+  const auto child = [&](int32_t shift) {
+    return (((x >> shift) & 3) << 4) | (((y >> shift) & 3) << 2) | ((z >> shift) & 3);
+  };
+  const auto place = [&](int32_t shift) {
+    *size = 1 << shift;
+    for (size_t a = 0; a < 3; ++a) {
+      (*lo)[a] = cell_[a] - ((cell_[a] - grid_.origin_[a]) & (*size - 1));
+    }
+  };
+  const MajorantGrid::Node* node = grid_.nodes_.data();
+  int32_t shift = 3 + 2 * (grid_.levels_ - 1);
+  for (;; shift -= 2) {
+    const MajorantGrid::Child& c = (*node)[child(shift)];
+    if (c.link == 0) {
+      place(shift);
+      return c.bounds;
+    }
+    if (shift == 3) {
+      place(1);
+      return grid_.bricks_[c.link - 1][child(1)];
+    }
+    node = &grid_.nodes_[c.link - 1];
+  }
+}
+
+}  // namespace sheaf::render

@@ -1,0 +1,220 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Media made ready, put in order, and looked at from all sides.
+#include "worker/render/medium/medium.h"
+
+#include <algorithm>
+#include <numeric>
+#include <optional>
+#include <string>
+#include <tuple>
+
+#include "absl/strings/str_cat.h"
+#include "common/base/check.h"
+#include "common/base/vector_bytes.h"
+#include "common/scene/half_space.h"
+#include "common/scene/pbrt/statements/matter_reflectance.h"
+#include "worker/render/geometry/leak_guard.h"
+
+namespace sheaf::render {
+namespace {
+
+// Which side of a surface, as its normals have it, it encloses.
+EnclosedSide SideEnclosedBy(const BakedMesh& mesh) {
+  const EnclosedSide side = EnclosedSideOf(mesh.positions, mesh.indices);
+  if (side == EnclosedSide::kNeither) return side;
+  std::optional<float> facing;
+  for (size_t i = 0; i + 2 < mesh.indices.size(); i += 3) {
+    const uint32_t* t = &mesh.indices[i];
+    const Vec3d p = ToDouble(mesh.positions[t[0]]);
+    const Vec3d cross =
+        Cross(ToDouble(mesh.positions[t[1]]) - p, ToDouble(mesh.positions[t[2]]) - p);
+    const float its = TriangleFacing(mesh, t, cross);
+    if (facing.value_or(its) != its) return EnclosedSide::kNeither;
+    facing = its;
+  }
+  const bool is_back = (side == EnclosedSide::kBack) == (facing.value_or(1) > 0);
+  return is_back ? EnclosedSide::kBack : EnclosedSide::kFront;
+}
+EnclosedSide SideEnclosedBy(const BakedQuadric& baked, const ShapeDescription& shape) {
+  const auto* sphere = std::get_if<SphereShape>(&shape.shape);
+  const bool is_closed = sphere != nullptr && sphere->phi_max_degrees >= 360 &&
+                         std::min(sphere->z_min, sphere->z_max) <= -sphere->radius &&
+                         std::max(sphere->z_min, sphere->z_max) >= sphere->radius;
+  if (!is_closed) return EnclosedSide::kNeither;
+  return baked.surface.flips_normal ? EnclosedSide::kFront : EnclosedSide::kBack;
+}
+
+// Which media have an end in every direction: those that only closed surfaces bound. A ray that is
+// in one of them and meets nothing has missed a surface.
+std::vector<bool> FindBounded(const SceneDescription& scene, const SceneGeometry& geometry) {
+  std::vector<bool> is_enclosed(scene.media.size(), false), is_open(scene.media.size(), false);
+  const auto add = [&](const Surface& surface, EnclosedSide side) {
+    if (!surface.media.Separates()) return;
+    const auto [inside, outside] = surface.media;
+    const int32_t enclosed = side == EnclosedSide::kFront ? outside : inside;
+    if (enclosed != kNone) is_enclosed[static_cast<size_t>(enclosed)] = true;
+    // Round the enclosed medium of a body that faces outward there may be one that has an end too.
+    if (side == EnclosedSide::kBack) return;
+    for (const int32_t medium : {inside, outside}) {
+      const bool is_within = side == EnclosedSide::kFront && medium == outside;
+      if (medium != kNone && !is_within) is_open[static_cast<size_t>(medium)] = true;
+    }
+  };
+  for (const GeometryGroup& group : geometry.groups) {
+    for (const BakedMesh& mesh : group.meshes) {
+      if (mesh.surface.media.Separates()) add(mesh.surface, SideEnclosedBy(mesh));
+    }
+    for (const BakedQuadric& quadric : group.quadrics) {
+      add(quadric.surface,
+          SideEnclosedBy(quadric, scene.shapes[static_cast<size_t>(quadric.surface.shape)]));
+    }
+    for (const BakedPatches& patches : group.patches) add(patches.surface, EnclosedSide::kNeither);
+  }
+  std::vector<bool> is_bounded(scene.media.size());
+  for (size_t i = 0; i < is_bounded.size(); ++i) {
+    is_bounded[i] = is_enclosed[i] && !is_open[i] && scene.camera.medium != static_cast<int32_t>(i);
+  }
+  return is_bounded;
+}
+
+// Matter beneath boundaries that bend light.
+std::vector<bool> FindHidden(const SceneDescription& scene) {
+  std::vector<bool> is_hidden(scene.media.size(), false);
+  for (const MaterialDescription& description : scene.materials) {
+    const auto* material = std::get_if<SubsurfaceMaterial>(&description.material);
+    if (material == nullptr || material->eta.IsMatched()) continue;
+    is_hidden[static_cast<size_t>(material->medium)] = true;
+  }
+  return is_hidden;
+}
+
+}  // namespace
+
+absl::StatusOr<std::unique_ptr<MediumTable>> MediumTable::Build(const SceneDescription& scene,
+                                                                const SceneGeometry& geometry,
+                                                                MediumVelocities velocities,
+                                                                FileSource& files,
+                                                                const Options& options) {
+  if (scene.media.size() > kMediaMax) {
+    return absl::ResourceExhaustedError(absl::StrCat("the scene has ", scene.media.size(),
+                                                     " media, more than the limit of ", kMediaMax));
+  }
+  const std::vector<bool> is_bounded = FindBounded(scene, geometry);
+  const std::vector<bool> is_hidden = FindHidden(scene);
+  const double shutter_time = static_cast<double>(scene.camera.shutter_close) -
+                              static_cast<double>(scene.camera.shutter_open);
+  std::vector<Medium> media;
+  for (const MediumDescription& description : scene.media) {
+    Medium medium;
+    if (!description.IsHomogeneous()) {
+      Affine placement = AffineOf(description.world_from_medium);
+      placement.offset = placement.offset - geometry.render_origin_world;
+      const std::string where = absl::StrCat(FormatLocation(scene, description.location),
+                                             ": medium \"", description.name, "\"");
+      Movement movement{std::move(velocities[media.size()]),
+                        shutter_time * static_cast<double>(description.velocity_scale)};
+      auto parts = MakeParts(where, description, placement, std::move(movement), files, options);
+      if (!parts.ok()) return parts.status();
+      medium.parts = *std::move(parts);
+      auto glow = MakeGlow(where, description, placement, files, options);
+      if (!glow.ok()) return glow.status();
+      medium.glow = *std::move(glow);
+    }
+    medium.scale = description.scale;
+    medium.sigma_a = description.sigma_a.rgb * description.scale;
+    medium.sigma_s = description.sigma_s.rgb * description.scale;
+    const float g = description.g;
+    medium.scattering[static_cast<size_t>(MediumForm::kTrue)] = {1, g};
+    // What scatters backward would become denser: it stays as it is.
+    medium.scattering[static_cast<size_t>(MediumForm::kReduced)] = {1 - std::max(g, 0.0f),
+                                                                    std::min(g, 0.0f)};
+    medium.emits =
+        description.IsHomogeneous() && description.emits && description.radiance_scale > 0;
+    medium.is_matter = description.is_matter;
+    medium.is_hidden = is_hidden[media.size()];
+    // Whatever its mesh: what leaves matter without meeting its boundary has no right to be there.
+    medium.is_bounded = is_bounded[media.size()] || description.is_matter;
+    medium.radiance_scale = description.radiance_scale;
+    if (medium.emits) medium.radiance = description.radiance.rgb * description.radiance_scale;
+    if (options.spectral) {
+      medium.sigma_a_spectrum = SpectralColor::Make(description.sigma_a, ColorRole::kUnbounded);
+      medium.sigma_s_spectrum = SpectralColor::Make(description.sigma_s, ColorRole::kUnbounded);
+      if (description.reflectance) SetSpectra(*description.reflectance, g, &medium);
+      if (medium.emits) {
+        medium.radiance_spectrum =
+            SpectralColor::Make(description.radiance, ColorRole::kIlluminant);
+      }
+    }
+    media.push_back(std::move(medium));
+  }
+  // By g first: phase functions that are the same shall be neighbours.
+  std::vector<size_t> order(media.size());
+  std::iota(order.begin(), order.end(), size_t{0});
+  const auto key = [&media](size_t i) {
+    const Medium& m = media[i];
+    return std::tuple(m.In(MediumForm::kTrue).g, m.is_matter, m.is_hidden, m.sigma_s.r, m.sigma_s.g,
+                      m.sigma_s.b, m.sigma_a.r, m.sigma_a.g, m.sigma_a.b, m.radiance.r,
+                      m.radiance.g, m.radiance.b);
+  };
+  std::stable_sort(order.begin(), order.end(),
+                   [&key](size_t a, size_t b) { return key(a) < key(b); });
+  auto table = std::make_unique<MediumTable>();
+  table->index_of_.resize(media.size());
+  for (const size_t i : order) {
+    table->index_of_[i] = static_cast<uint16_t>(table->media_.size());
+    table->media_.push_back(std::move(media[i]));
+  }
+  table->glow_lights_ = table->FindGlowLights();
+  if (scene.camera.medium != kNone) {
+    const bool fits = table->camera_media_.Add(table->IndexOf(scene.camera.medium));
+    SHEAF_CHECK(fits);
+  }
+  return table;
+}
+
+void MediumTable::SetSpectra(const MatterReflectance& reflectance, float g, Medium* medium) {
+  const auto free_path = [path = SpectralColor::Make(reflectance.free_path, ColorRole::kUnbounded),
+                          scale = reflectance.scale](double nm) {
+    return std::max(kFreePathMin, path.At(static_cast<float>(nm)) * scale);
+  };
+  if (reflectance.texture != kNone) {  // All scatters; paths know what is painted on it.
+    medium->sigma_a_spectrum = {};
+    medium->sigma_s_spectrum =
+        SpectralColor::Tabulate([&](double nm) { return 1 / free_path(nm); });
+    return;
+  }
+  const AlbedoCurve curve(static_cast<double>(reflectance.eta), static_cast<double>(g));
+  const SpectralColor color = SpectralColor::Make(reflectance.color, ColorRole::kReflectance);
+  const auto albedo = [&](double nm) { return curve.At(color.At(static_cast<float>(nm))); };
+  medium->sigma_a_spectrum =
+      SpectralColor::Tabulate([&](double nm) { return (1 - albedo(nm)) / free_path(nm); });
+  medium->sigma_s_spectrum =
+      SpectralColor::Tabulate([&](double nm) { return albedo(nm) / free_path(nm); });
+}
+
+GlowLights MediumTable::FindGlowLights() const {
+  std::vector<GlowLights::Source> sources;
+  for (uint16_t medium = 0; medium < media_.size(); ++medium) {
+    for (uint16_t part = 0; part < media_[medium].parts.size(); ++part) {
+      const MediumGlow* glow = GlowOf({medium, part});
+      if (glow == nullptr) continue;
+      sources.push_back(
+          {&DensityOf({medium, part}), glow,
+           CoefficientsOf<Rgb>({medium, part}, NoWavelengths{}, MediumForm::kTrue).sigma_a});
+    }
+  }
+  return GlowLights(sources);
+}
+
+uint64_t MediumTable::memory_bytes() const {
+  uint64_t bytes = VectorBytes(media_) + glow_lights_.memory_bytes();
+  for (const Medium& medium : media_) {
+    for (const Part& part : medium.parts) bytes += part.density.memory_bytes();
+    if (medium.glow != nullptr) bytes += medium.glow->memory_bytes();
+  }
+  return bytes;
+}
+
+}  // namespace sheaf::render

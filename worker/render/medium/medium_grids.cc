@@ -1,0 +1,180 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// The grids and clouds of media, read and made ready.
+#include <algorithm>
+#include <optional>
+#include <span>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "common/volume/volume_array.h"
+#include "common/volume/volume_file.h"
+#include "worker/render/medium/medium.h"
+
+namespace sheaf::render {
+namespace {
+
+// The grid of densities that files have, and that of temperatures that they may have. Source:
+// pbrt-v4's names.
+constexpr char kDensityGrid[] = "density";
+constexpr char kTemperatureGrid[] = "temperature";
+
+// The grid of the name in the medium's file; none where there is none.
+absl::StatusOr<std::optional<VolumeGrid>> ReadGrid(const std::string& where,
+                                                   const VolumeFileMedium& volume,
+                                                   const std::string& name, FileSource& files,
+                                                   int thread_count) {
+  const auto path = files.LocalPath(volume.file);
+  if (!path.ok()) return path.status();
+  const std::string file = absl::StrCat(where, ": ", volume.file);
+  const auto entries = ListVolumeFile(file, *path);
+  if (!entries.ok()) return entries.status();
+  const bool is_there = std::any_of(entries->begin(), entries->end(),
+                                    [&](const VolumeFileEntry& e) { return e.name == name; });
+  if (!is_there) return std::optional<VolumeGrid>();
+  auto grid = ReadVolumeGrid(file, *path, name, {}, thread_count);
+  if (!grid.ok()) return grid.status();
+  return std::optional<VolumeGrid>(*std::move(grid));
+}
+
+absl::StatusOr<VolumeGrid> GridOf(const std::string& where, const std::string& name,
+                                  const GridBox& box, const std::vector<float>& values) {
+  return VolumeGridFromArray(where, name, {box.counts, box.p0, box.p1}, values);
+}
+
+// Of a uniform grid or a file.
+absl::StatusOr<VolumeGrid> DensityGrid(const std::string& where,
+                                       const MediumDescription& description, FileSource& files,
+                                       int thread_count) {
+  if (const auto* uniform = std::get_if<UniformGridMedium>(&description.kind)) {
+    return GridOf(where, kDensityGrid, uniform->box, uniform->density);
+  }
+  const auto& volume = std::get<VolumeFileMedium>(description.kind);
+  const auto path = files.LocalPath(volume.file);
+  if (!path.ok()) return path.status();
+  // The error of a file without it names the grids that are there.
+  return ReadVolumeGrid(absl::StrCat(where, ": ", volume.file), *path, kDensityGrid, {},
+                        thread_count);
+}
+
+// 1 in all of the box, up to its faces.
+absl::StatusOr<VaryingMedium> EvenDensity(const std::string& where, const GridBox& box,
+                                          const VaryingMedium::Placement& placement) {
+  const Vec3d size = box.p1 - box.p0;
+  auto grid = GridOf(where, kDensityGrid, {{3, 3, 3}, box.p0 - size, box.p1 + size},
+                     std::vector<float>(27, 1.0f));
+  if (!grid.ok()) return grid.status();
+  grid->set_box({{0.5, 0.5, 0.5}, {1.5, 1.5, 1.5}});
+  return VaryingMedium::FromGrid(where, *std::move(grid), placement);
+}
+
+absl::StatusOr<VaryingMedium> MovingGrid(const std::string& where, VolumeGrid density,
+                                         VolumeGrid velocities, double duration,
+                                         const VaryingMedium::Placement& placement) {
+  auto motion = VolumeMotion::Make(where, std::move(velocities), duration, density);
+  if (!motion.ok()) return motion.status();
+  return VaryingMedium::FromMovingGrid(where, std::move(density), *std::move(motion), placement);
+}
+
+}  // namespace
+
+absl::StatusOr<std::vector<MediumTable::Part>> MediumTable::MakeParts(
+    const std::string& where, const MediumDescription& description, const Affine& placement,
+    Movement movement, FileSource& files, const Options& options) {
+  const Rgb sigma_t = (description.sigma_a.rgb + description.sigma_s.rgb) * description.scale;
+  VaryingMedium::Placement placed{placement, MaxComponent(sigma_t), options.thread_count,
+                                  options.bound_once};
+  std::vector<Part> parts;
+  const auto add = [&](absl::StatusOr<VaryingMedium> density, Part::Kind kind, ColorPart color) {
+    if (density.ok()) parts.push_back({*std::move(density), kind, color});
+    return density.status();
+  };
+  absl::Status status;
+  if (const auto* cloud = std::get_if<CloudMedium>(&description.kind)) {
+    const CloudDensity density(
+        {cloud->density, cloud->wispiness, cloud->frequency, cloud->p0, cloud->p1});
+    status =
+        add(VaryingMedium::FromCloud(where, density, placed), Part::Kind::kBoth, ColorPart::kGrey);
+  } else if (const auto* colors = std::get_if<RgbGridMedium>(&description.kind)) {
+    placed.extinction_max = description.scale;
+    const auto add_colors = [&](const std::vector<Rgb>& cells, Part::Kind kind) -> absl::Status {
+      // pbrt-v4 has 1 everywhere in the box where there are no cells.
+      if (cells.empty())
+        return add(EvenDensity(where, colors->box, placed), kind, ColorPart::kGrey);
+      const auto split = SplitColors(cells);
+      for (size_t i = 0; i < split.size(); ++i) {
+        if (split[i].empty()) continue;
+        auto grid = GridOf(where, kDensityGrid, colors->box, split[i]);
+        if (!grid.ok()) return grid.status();
+        const absl::Status added = add(VaryingMedium::FromGrid(where, *std::move(grid), placed),
+                                       kind, static_cast<ColorPart>(i));
+        if (!added.ok()) return added;
+      }
+      return absl::OkStatus();
+    };
+    status = add_colors(colors->sigma_a, Part::Kind::kAbsorbs);
+    if (status.ok()) status = add_colors(colors->sigma_s, Part::Kind::kScatters);
+    // One that does nothing is still a medium that varies.
+    if (status.ok() && parts.empty()) {
+      auto nothing =
+          GridOf(where, kDensityGrid, colors->box, std::vector<float>(colors->box.size()));
+      if (!nothing.ok()) return nothing.status();
+      status = add(VaryingMedium::FromGrid(where, *std::move(nothing), placed),
+                   Part::Kind::kAbsorbs, ColorPart::kGrey);
+    }
+  } else {
+    absl::StatusOr<VolumeGrid> grid = DensityGrid(where, description, files, options.thread_count);
+    if (!grid.ok()) return grid.status();
+    auto medium = movement.velocities
+                      ? MovingGrid(where, *std::move(grid), *std::move(movement.velocities),
+                                   movement.duration, placed)
+                      : VaryingMedium::FromGrid(where, *std::move(grid), placed);
+    status = add(std::move(medium), Part::Kind::kBoth, ColorPart::kGrey);
+  }
+  if (!status.ok()) return status;
+  return parts;
+}
+
+absl::StatusOr<std::unique_ptr<const MediumGlow>> MediumTable::MakeGlow(
+    const std::string& where, const MediumDescription& description, const Affine& placement,
+    FileSource& files, const Options& options) {
+  if (!description.emits || !(description.radiance_scale > 0)) return nullptr;
+  auto glow = std::make_unique<MediumGlow>(placement, description.radiance,
+                                           description.radiance_scale, options.spectral);
+  if (const auto* volume = std::get_if<VolumeFileMedium>(&description.kind)) {
+    auto grid = ReadGrid(where, *volume, kTemperatureGrid, files, options.thread_count);
+    if (!grid.ok()) return grid.status();
+    if (!*grid) return nullptr;
+    if ((*grid)->is_vector()) {
+      return absl::InvalidArgumentError(absl::StrCat(
+          where, ": ", volume->file, ": grid \"", kTemperatureGrid,
+          "\" holds vectors, but temperatures are numbers; write it as a grid of floats"));
+    }
+    glow->SetTemperatures(**std::move(grid), volume->emission);
+  } else if (const auto* uniform = std::get_if<UniformGridMedium>(&description.kind)) {
+    if (!uniform->temperature_k.empty()) {
+      auto grid = GridOf(where, kTemperatureGrid, uniform->box, uniform->temperature_k);
+      if (!grid.ok()) return grid.status();
+      glow->SetTemperatures(*std::move(grid), uniform->emission);
+    }
+    if (!uniform->radiance_scale.empty()) {
+      auto grid = GridOf(where, "Lescale", uniform->box, uniform->radiance_scale);
+      if (!grid.ok()) return grid.status();
+      glow->SetFactors(*std::move(grid));
+    }
+  } else if (const auto* colors = std::get_if<RgbGridMedium>(&description.kind)) {
+    std::vector<Vec3f> cells;
+    for (const Rgb& cell : colors->radiance) cells.push_back({cell.r, cell.g, cell.b});
+    auto grid =
+        VolumeGridFromArray(where, "Le", {colors->box.counts, colors->box.p0, colors->box.p1},
+                            std::span<const Vec3f>(cells));
+    if (!grid.ok()) return grid.status();
+    glow->SetColors(*std::move(grid));
+  }
+  return glow;
+}
+
+}  // namespace sheaf::render

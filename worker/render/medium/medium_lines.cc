@@ -1,0 +1,82 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Through which of the media that vary light is gathered along lines, and where. What is asked of a
+// medium here spares dense ones that lights shine at from outside the question at every segment;
+// elsewhere each line answers it for itself (SpreadOfFlights).
+#include <algorithm>
+#include <cmath>
+
+#include "worker/render/medium/medium.h"
+
+namespace sheaf::render {
+namespace {
+
+// Optical thickness across a box, up to which most rays that meet it are thin.
+constexpr double kThickness = 2;
+
+// How far the light is from the box, about; 0 where they overlap.
+double DistanceTo(const VaryingMedium& medium, const LightBounds& light) {
+  const IndexBox& box = medium.majorants().box();
+  const Vec3d center = ToDouble(light.center);
+  const Vec3d at = Inverse(medium.render_from_index()).Point(center);
+  Vec3d nearest;
+  for (size_t a = 0; a < 3; ++a) nearest[a] = std::min(std::max(at[a], box.lo[a]), box.hi[a]);
+  const double distance = Length(medium.render_from_index().Point(nearest) - center);
+  return std::max(0.0, distance - static_cast<double>(light.radius));
+}
+
+// Whether it may pay: the box is thin, or the light within a free path of it.
+bool MayPay(const VaryingMedium& medium, double extinction, const LightTable& lights) {
+  const IndexBox& box = medium.majorants().box();
+  const double across = Length(medium.render_from_index().Vector(box.hi - box.lo));
+  for (uint32_t light = 0; light < lights.light_count(); ++light) {
+    const LightBounds bounds = lights.BoundsOf(light);
+    if (bounds.kind == LightBounds::Kind::kInfinite || !(bounds.strength > 0)) continue;
+    if (extinction * across < kThickness || DistanceTo(medium, bounds) * extinction < 1)
+      return true;
+  }
+  return false;
+}
+
+}  // namespace
+
+void MediumTable::ChooseLines(const LightTable& lights, LinesInVarying lines) {
+  gathers_always_ = lines == LinesInVarying::kAlways;
+  if (lines == LinesInVarying::kNever) return;
+  for (uint16_t index = 0; index < media_.size(); ++index) {
+    Medium& medium = media_[index];
+    bool scatters = false;
+    for (uint16_t i = 0; i < medium.parts.size(); ++i) {
+      const auto its = CoefficientsOf<Rgb>({index, i}, NoWavelengths{}, MediumForm::kTrue);
+      const double mean = medium.parts[i].density.MeanDensity();
+      medium.extinction +=
+          mean * static_cast<double>(its.sigma_t.r + its.sigma_t.g + its.sigma_t.b) / 3;
+      scatters = scatters || (!its.sigma_s.IsBlack() && mean > 0);
+    }
+    if (!scatters) continue;
+    medium.gathers = gathers_always_ ||
+                     std::any_of(medium.parts.begin(), medium.parts.end(), [&](const Part& part) {
+                       return MayPay(part.density, medium.extinction, lights);
+                     });
+  }
+}
+
+MediumTable::LinePart MediumTable::PartOfLine(const MediumSet& media, Vec3d o, Vec3d d,
+                                              double length) const {
+  LinePart hull;
+  for (const uint16_t medium : media) {
+    if (!Gathers(medium)) continue;
+    hull.extinction += media_[medium].extinction;
+    for (const Part& part : media_[medium].parts) {
+      double begin = 0, end = length;
+      if (!part.density.ClipToBox(o, d, &begin, &end)) continue;
+      const bool is_first = hull.begin == hull.end;
+      hull.begin = is_first ? begin : std::min(hull.begin, begin);
+      hull.end = is_first ? end : std::max(hull.end, end);
+    }
+  }
+  return hull;
+}
+
+}  // namespace sheaf::render

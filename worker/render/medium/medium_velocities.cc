@@ -1,0 +1,80 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "worker/render/medium/medium_velocities.h"
+
+#include <algorithm>
+#include <span>
+#include <string>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "common/base/log.h"
+#include "common/volume/volume_array.h"
+#include "common/volume/volume_file.h"
+
+namespace sheaf::render {
+namespace {
+
+// The grid that the medium names, or the one that "auto" finds.
+absl::StatusOr<std::string> NameOf(const std::string& file, const std::string& path,
+                                   const std::string& wanted) {
+  if (wanted != kAnyVelocityGrid) return wanted;
+  const auto entries = ListVolumeFile(file, path);
+  if (!entries.ok()) return entries.status();
+  for (const char* name : kVelocityGridNames) {
+    if (std::any_of(entries->begin(), entries->end(),
+                    [name](const VolumeFileEntry& e) { return e.name == name; })) {
+      return name;
+    }
+  }
+  // The error of a file without it names the grids that are there.
+  return kVelocityGridNames[0];
+}
+
+absl::StatusOr<VolumeGrid> ReadVelocities(const std::string& where, const MediumDescription& medium,
+                                          FileSource& files, int thread_count) {
+  if (const auto* uniform = std::get_if<UniformGridMedium>(&medium.kind)) {
+    const GridBox& box = uniform->box;
+    return VolumeGridFromArray(where, "velocity", {box.counts, box.p0, box.p1},
+                               std::span<const Vec3f>(uniform->velocity));
+  }
+  const auto& volume = std::get<VolumeFileMedium>(medium.kind);
+  const auto path = files.LocalPath(volume.file);
+  if (!path.ok()) return path.status();
+  const std::string file = absl::StrCat(where, ": ", volume.file);
+  const auto name = NameOf(file, *path, volume.velocity_grid);
+  if (!name.ok()) return name.status();
+  auto grid = ReadVolumeGrid(file, *path, *name, {}, thread_count);
+  if (grid.ok() && !grid->is_vector()) {
+    return absl::InvalidArgumentError(absl::StrCat(file, ": grid \"", *name,
+                                                   "\" holds numbers, but velocities are vectors; ",
+                                                   "name a grid of vectors"));
+  }
+  return grid;
+}
+
+}  // namespace
+
+absl::StatusOr<MediumVelocities> ReadMediumVelocities(FileSource& files, int thread_count,
+                                                      SceneDescription* scene) {
+  MediumVelocities velocities(scene->media.size());
+  if (!(scene->camera.shutter_close > scene->camera.shutter_open)) return velocities;
+  for (size_t i = 0; i < velocities.size(); ++i) {
+    MediumDescription& medium = scene->media[i];
+    if (!medium.Moves()) continue;
+    const std::string where =
+        absl::StrCat(FormatLocation(*scene, medium.location), ": medium \"", medium.name, "\"");
+    auto grid = ReadVelocities(where, medium, files, thread_count);
+    if (!grid.ok()) return grid.status();
+    if (grid->info().values.max > 0) {
+      velocities[i] = *std::move(grid);
+      continue;
+    }
+    LogWarning(absl::StrCat(where, ": \"velocity\" has no effect: grid \"", grid->info().name,
+                            "\" is 0 everywhere"));
+    medium.StandStill();
+  }
+  return velocities;
+}
+
+}  // namespace sheaf::render

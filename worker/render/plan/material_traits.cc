@@ -1,0 +1,148 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Materials to traits.
+#include "worker/render/plan/material_traits.h"
+
+#include <optional>
+#include <type_traits>
+#include <variant>
+
+#include "common/scene/spectrum/spectrum.h"
+#include "worker/render/plan/render_plan.h"
+
+namespace sheaf::render {
+namespace {
+
+uint32_t Bit(Trait trait) { return static_cast<uint32_t>(trait); }
+
+class NeedsCollector {
+ public:
+  explicit NeedsCollector(const SceneDescription& scene) : scene_(scene) {}
+
+  MaterialNeeds Collect(int32_t material) {
+    Visit(material);
+    if (needs_.reads_textures) needs_.traits |= Bit(Trait::kTextures);
+    return needs_;
+  }
+
+ private:
+  void Visit(int32_t material) {
+    if (material == kNone) return;
+    const MaterialDescription& description = scene_.materials[material];
+    if (description.priority.has_value()) {
+      needs_.traits |= Bit(Trait::kNestedDielectrics);
+      needs_.may_pass = has_priority_ = true;
+    }
+    std::visit([this](const auto& m) { Add(m); }, description.material);
+    if (description.normal_map == kNone && description.displacement.texture == kNone) return;
+    needs_.traits |= Bit(Trait::kNormalMaps);
+    needs_.has_normal_map = needs_.reads_textures = true;
+  }
+  void Read(const FloatInput& input) { needs_.reads_textures |= input.texture != kNone; }
+  void Read(const ColorInput& input) { needs_.reads_textures |= input.texture != kNone; }
+  void Read(const RoughnessInput& roughness) {
+    Read(roughness.u);
+    Read(roughness.v);
+    needs_.anisotropic |= roughness.u.texture != roughness.v.texture ||
+                          (roughness.u.texture == kNone && roughness.u.value != roughness.v.value);
+  }
+
+  // Colours that RGB cannot show call for wavelengths.
+  void ReadReflectance(const ColorInput& input) {
+    Read(input);
+    if (input.texture == kNone && !IsWithinSrgb(input.value, ColorRole::kReflectance)) {
+      needs_.traits |= Bit(Trait::kSpectral);
+    }
+  }
+  void ReadMetal(const ConductorMaterial& m) {
+    if (m.has_reflectance) {
+      ReadReflectance(m.reflectance);
+    } else {
+      Read(m.eta);
+      Read(m.k);
+    }
+  }
+
+  void Add(const DiffuseMaterial& m) { ReadReflectance(m.reflectance); }
+  void Add(const DiffuseTransmissionMaterial& m) {
+    needs_.traits |= Bit(Trait::kSpecularTransmission);
+    ReadReflectance(m.reflectance);
+    ReadReflectance(m.transmittance);
+  }
+  void Add(const ConductorMaterial& m) {
+    needs_.traits |= Bit(Trait::kMicrofacet);
+    Read(m.roughness);
+    ReadMetal(m);
+  }
+  // Without a step of the index there is no surface: MaterialTable makes it an interface.
+  void Add(const DielectricMaterial& m) {
+    if (m.eta.IsMatched() && !has_priority_) return Add(InterfaceMaterial{});
+    needs_.traits |= Bit(Trait::kSpecularTransmission);
+    if (m.eta.Disperses()) needs_.traits |= Bit(Trait::kSpectral);
+    Read(m.roughness);
+  }
+  void Add(const SubsurfaceMaterial& m) {
+    needs_.traits |= Bit(Trait::kSubsurface);
+    Add(DielectricMaterial{m.roughness, m.eta});
+    const std::optional<MatterReflectance>& reflectance =
+        scene_.media[static_cast<size_t>(m.medium)].reflectance;
+    needs_.paints_matter = reflectance && reflectance->texture != kNone;
+    needs_.reads_textures |= needs_.paints_matter;
+  }
+  void Add(const ThinDielectricMaterial& m) {
+    if (m.eta.IsMatched()) return Add(InterfaceMaterial{});
+    needs_.traits |= Bit(Trait::kSpecularTransmission);
+    if (m.eta.Disperses()) needs_.traits |= Bit(Trait::kSpectral);
+  }
+  void Add(const CoatedDiffuseMaterial& m) {
+    needs_.traits |= Bit(Trait::kLayered) | Bit(Trait::kMicrofacet);
+    Read(m.roughness);
+    ReadReflectance(m.reflectance);
+    Read(m.albedo);
+  }
+  void Add(const CoatedConductorMaterial& m) {
+    needs_.traits |= Bit(Trait::kLayered) | Bit(Trait::kMicrofacet);
+    Read(m.roughness);
+    Read(m.conductor.roughness);
+    ReadMetal(m.conductor);
+    Read(m.albedo);
+  }
+  void Add(const HairMaterial& m) {
+    needs_.traits |= Bit(Trait::kHair);
+    needs_.anisotropic = true;  // Fibres run along the tangent.
+    if (m.pigment == HairMaterial::Pigment::kReflectance) ReadReflectance(m.color);
+    Read(m.color);
+    for (const FloatInput* input :
+         {&m.eumelanin, &m.pheomelanin, &m.eta, &m.beta_m, &m.beta_n, &m.alpha_degrees}) {
+      Read(*input);
+    }
+  }
+  void Add(const MeasuredMaterial& m) {
+    needs_.traits |= Bit(Trait::kMeasured);
+    needs_.anisotropic |= m.is_anisotropic;
+  }
+  void Add(const MixMaterial& m) {
+    needs_.traits |= Bit(Trait::kAlpha);
+    Read(m.amount);
+    Visit(m.material[0]);
+    Visit(m.material[1]);
+    needs_.may_pass = true;
+  }
+  void Add(const InterfaceMaterial&) {
+    needs_.traits |= Bit(Trait::kAlpha);
+    needs_.may_pass = true;
+  }
+
+  const SceneDescription& scene_;
+  MaterialNeeds needs_;
+  bool has_priority_ = false;  // Then the index of what is outside is not 1.
+};
+
+}  // namespace
+
+MaterialNeeds NeedsOfMaterial(const SceneDescription& scene, int32_t material) {
+  return NeedsCollector(scene).Collect(material);
+}
+
+}  // namespace sheaf::render

@@ -1,0 +1,415 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Finds what a scene calls for, and who asked.
+#include "worker/render/plan/render_plan.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <iterator>
+#include <set>
+#include <utility>
+#include <variant>
+
+#include "absl/strings/str_cat.h"
+#include "common/scene/spectrum/spectrum.h"
+#include "worker/render/geometry/bilinear_patch.h"
+#include "worker/render/light/light_choice.h"
+#include "worker/render/medium/similarity.h"
+#include "worker/render/plan/material_traits.h"
+#include "worker/render/traits/variant_choice.h"
+
+namespace sheaf::render {
+namespace {
+
+struct TraitName {
+  Trait trait;
+  const char* name;
+  double time_ratio = 0;  // PlannedEffect::expected_time_ratio, from tests/bench/effect_cost.py.
+};
+constexpr TraitName kTraitNames[] = {
+    {Trait::kMotion, "motion", 1.38},
+    {Trait::kDeformation, "deformation", 1.62},
+    {Trait::kLens, "lens", 1.05},
+    {Trait::kTextures, "textures", 1.03},
+    {Trait::kNormalMaps, "normal and bump maps", 1.38},
+    {Trait::kVaryingEmission, "varying emission", 1.13},
+    {Trait::kEnvironment, "environment", 1.19},
+    {Trait::kDeltaLights, "delta lights", 1.02},
+    {Trait::kAreaLights, "area lights", 2.35},
+    {Trait::kSpecularTransmission, "transmission", 1.05},
+    {Trait::kLayered, "layered materials", 1.04},
+    {Trait::kMicrofacet, "microfacets", 1.06},
+    {Trait::kAlpha, "cut-outs and mixes", 1.18},
+    {Trait::kInstances, "instances", 1.58},
+    {Trait::kQuadrics, "curved shapes", 1.03},
+    {Trait::kSpectral, "wavelengths", 1.18},
+    {Trait::kHair, "hair", 1.26},
+    {Trait::kMeasured, "measured materials"},
+    {Trait::kCurves, "curves", 1.34},
+    {Trait::kOutputs, "outputs", 1.34},
+    {Trait::kMedia, "media", 4.75},
+    {Trait::kHeterogeneousMedia, "uneven media", 0.81},
+    {Trait::kMovingVolumes, "moving volumes", 1.05},
+    {Trait::kChromaticMedia, "colored media", 1.22},
+    {Trait::kEmissiveMedia, "glowing media", 1.07},
+    {Trait::kSubsurface, "subsurface", 3.9},
+    {Trait::kNestedDielectrics, "nested dielectrics", 1.26},
+};
+static_assert(std::size(kTraitNames) == kTraitCount);
+
+class PlanMaker {
+ public:
+  explicit PlanMaker(const SceneDescription& scene) : scene_(scene) {}
+
+  RenderPlan Make(const FrameSettings& settings) {
+    LookAtCamera();
+    for (const int32_t shape : scene_.world_shapes) LookAtShape(scene_.shapes[shape], true);
+    LookAtInstances();
+    for (const LightDescription& light : scene_.lights) LookAtLight(light);
+    for (const MediumDescription& medium : scene_.media) {
+      if (!medium.is_matter) LookAtMedium(medium);
+    }
+    light_count_ += scene_.lights.size();
+    Cause& wavelengths = causes_[TraitIndex(Trait::kSpectral)];
+    if (settings.color == ColorTransport::kSpectral) {
+      wavelengths = {"asked for: spectral color", 1};
+    } else if (settings.color == ColorTransport::kRgb) {
+      wavelengths = {};
+    }
+    if (!settings.outputs.empty()) {
+      causes_[TraitIndex(Trait::kOutputs)] = {
+          absl::StrCat("asked for: ", FormatOutputs(settings.outputs)), 1};
+    }
+    RenderPlan plan = Finish(settings.force_generic_variant);
+    BoundDepth(settings.max_depth, &plan);
+    plan.notes = std::move(notes_);
+    for (std::string& note : SimilarityNotes(scene_, settings.similarity_after)) {
+      plan.notes.push_back(std::move(note));
+    }
+    NoteFilm(settings, &plan);
+    if (std::string note = ComparisonNote(scene_, settings); !note.empty()) {
+      plan.notes.push_back(std::move(note));
+    }
+    return plan;
+  }
+
+ private:
+  struct Cause {
+    std::string text;
+    size_t count = 0;
+  };
+
+  // Counts another reason for a trait; the first one is told.
+  void Ask(Trait trait, SourceLocation location, const std::string& what) {
+    Cause& cause = causes_[TraitIndex(trait)];
+    if (cause.count++ == 0) cause.text = absl::StrCat(FormatLocation(scene_, location), ": ", what);
+  }
+  static size_t TraitIndex(Trait trait) {
+    size_t i = 0;
+    while (kTraitNames[i].trait != trait) ++i;
+    return i;
+  }
+  bool ShutterIsOpen() const { return scene_.camera.shutter_close > scene_.camera.shutter_open; }
+
+  void LookAtCamera() {
+    const CameraDescription& camera = scene_.camera;
+    if (!scene_.film.sensor.empty()) {
+      Ask(Trait::kSpectral, scene_.film.location,
+          absl::StrCat("Film \"string sensor\" \"", scene_.film.sensor, "\""));
+    }
+    if (camera.lens_radius > 0) {
+      Ask(Trait::kLens, camera.location,
+          absl::StrCat("Camera \"float lensradius\" [", camera.lens_radius, "]"));
+    }
+    if (camera.IsRealistic()) {
+      Ask(Trait::kLens, camera.location,
+          absl::StrCat("Camera \"realistic\" \"string lensfile\" \"", camera.lens.file, "\""));
+    }
+    if (camera.world_from_camera.IsAnimated() && ShutterIsOpen()) {
+      Ask(Trait::kMotion, camera.location, "Camera moves while the shutter is open");
+    }
+  }
+
+  void LookAtShape(const ShapeDescription& shape, bool in_world) {
+    if (in_world && shape.world_from_object.IsAnimated() && ShutterIsOpen()) {
+      Ask(Trait::kMotion, shape.location, "Shape moves while the shutter is open");
+    }
+    const auto* mesh = std::get_if<MeshShape>(&shape.shape);
+    if (mesh != nullptr && !scene_.meshes[mesh->mesh].steps.empty() && ShutterIsOpen()) {
+      Ask(Trait::kMotion, shape.location, "Shape deforms while the shutter is open");
+      Ask(Trait::kDeformation, shape.location, "Shape deforms while the shutter is open");
+    }
+    if (std::holds_alternative<SphereShape>(shape.shape)) {
+      Ask(Trait::kQuadrics, shape.location, "Shape \"sphere\"");
+    } else if (std::holds_alternative<DiskShape>(shape.shape)) {
+      Ask(Trait::kQuadrics, shape.location, "Shape \"disk\"");
+    } else if (std::holds_alternative<CylinderShape>(shape.shape)) {
+      Ask(Trait::kQuadrics, shape.location, "Shape \"cylinder\"");
+    } else if (std::holds_alternative<CurveShape>(shape.shape)) {
+      Ask(Trait::kCurves, shape.location, "Shape \"curve\"");
+    } else if (const auto* patches = std::get_if<BilinearMeshShape>(&shape.shape)) {
+      if (!IsTriangles(scene_.bilinear_meshes[patches->mesh], shape.area_light != kNone)) {
+        Ask(Trait::kQuadrics, shape.location, "Shape \"bilinearmesh\"");
+      }
+    }
+    if (shape.area_light != kNone) {
+      Ask(Trait::kAreaLights, scene_.area_lights[shape.area_light].location,
+          "AreaLightSource \"diffuse\"");
+      const AreaLightDescription& light = scene_.area_lights[shape.area_light];
+      const bool is_new = area_lights_seen_.insert(shape.area_light).second;
+      if (is_new) LookAtEmission(light.radiance, light.location);
+      if (in_world) LookAtVariation(shape, light);
+      // Those of objects do not emit.
+      if (in_world) light_count_ += CountFaces(shape);
+    }
+    if (shape.has_alpha) {
+      Ask(Trait::kAlpha, shape.location, "Shape \"alpha\"");
+      if (shape.alpha.texture != kNone) LookAtTexture(shape.alpha.texture);
+    }
+    LookAtMaterial(shape.material);
+  }
+
+  void LookAtEmission(const ColorSpec& color, SourceLocation location) {
+    if (IsWithinSrgb(color, ColorRole::kIlluminant)) return;
+    Ask(Trait::kSpectral, location, "the light's color lies outside of sRGB");
+  }
+
+  void LookAtVariation(const ShapeDescription& shape, const AreaLightDescription& light) {
+    if (!light.file.empty()) {
+      Ask(Trait::kTextures, light.location, "AreaLightSource \"string filename\"");
+      Ask(Trait::kVaryingEmission, light.location, "AreaLightSource \"string filename\"");
+    } else if (shape.has_alpha) {
+      Ask(Trait::kVaryingEmission, shape.location, "an emissive shape's \"alpha\"");
+    }
+  }
+
+  size_t CountFaces(const ShapeDescription& shape) const {
+    const auto* mesh = std::get_if<MeshShape>(&shape.shape);
+    return mesh == nullptr ? 1 : scene_.meshes[mesh->mesh].indices.size() / 3;
+  }
+
+  void LookAtTexture(int32_t texture) {
+    Ask(Trait::kTextures, scene_.textures[texture].location,
+        absl::StrCat("Texture \"", scene_.textures[texture].name, "\""));
+  }
+
+  // A material counts once, however many shapes use it.
+  void LookAtMaterial(int32_t material) {
+    something_scatters_ = something_scatters_ || material == kNone;
+    if (material == kNone || !materials_seen_.insert(material).second) return;
+    const MaterialDescription& description = scene_.materials[material];
+    something_scatters_ = something_scatters_ || !IsBlack(description);
+    const uint32_t traits = NeedsOfMaterial(scene_, material).traits;
+    const std::string what = description.name.empty()
+                                 ? std::string("Material")
+                                 : absl::StrCat("material \"", description.name, "\"");
+    for (const TraitName& t : kTraitNames) {
+      if ((traits & static_cast<uint32_t>(t.trait)) != 0) Ask(t.trait, description.location, what);
+    }
+    const auto* subsurface = std::get_if<SubsurfaceMaterial>(&description.material);
+    if (subsurface != nullptr) LookAtMedium(scene_.media[subsurface->medium]);
+  }
+
+  void LookAtInstances() {
+    std::set<int32_t> objects_seen;
+    for (const ObjectInstance& instance : scene_.instances) {
+      const ObjectDefinition& object = scene_.objects[instance.object];
+      Ask(Trait::kInstances, instance.location,
+          absl::StrCat("ObjectInstance \"", object.name, "\""));
+      if (instance.world_from_instance.IsAnimated() && ShutterIsOpen()) {
+        Ask(Trait::kMotion, instance.location,
+            absl::StrCat("ObjectInstance \"", object.name, "\" moves while the shutter is open"));
+      }
+      if (!objects_seen.insert(instance.object).second) continue;
+      for (const int32_t shape : object.shapes) LookAtShape(scene_.shapes[shape], false);
+    }
+  }
+
+  void LookAtLight(const LightDescription& light) {
+    if (const auto* infinite = std::get_if<InfiniteLight>(&light.light)) {
+      Ask(Trait::kEnvironment, light.location, "LightSource \"infinite\"");
+      if (infinite->file.empty()) LookAtEmission(infinite->radiance, light.location);
+    } else if (const auto* distant = std::get_if<DistantLight>(&light.light)) {
+      Ask(Trait::kDeltaLights, light.location, "LightSource \"distant\"");
+      LookAtEmission(distant->radiance, light.location);
+    } else if (const auto* point = std::get_if<PointLight>(&light.light)) {
+      Ask(Trait::kDeltaLights, light.location, "LightSource \"point\"");
+      LookAtEmission(point->intensity, light.location);
+    } else if (const auto* spot = std::get_if<SpotLight>(&light.light)) {
+      Ask(Trait::kDeltaLights, light.location, "LightSource \"spot\"");
+      LookAtEmission(spot->intensity, light.location);
+    } else if (const auto* goniometric = std::get_if<GoniometricLight>(&light.light)) {
+      Ask(Trait::kDeltaLights, light.location, "LightSource \"goniometric\"");
+      LookAtEmission(goniometric->intensity, light.location);
+    } else {
+      Ask(Trait::kDeltaLights, light.location, "LightSource \"projection\"");
+    }
+  }
+
+  static bool IsGrey(const ColorSpec& color) {
+    const Rgb rgb = color.rgb;
+    return color.kind == ColorSpec::Kind::kRgb && !color.is_out_of_gamut && rgb.r == rgb.g &&
+           rgb.g == rgb.b;
+  }
+
+  static bool IsGrey(const std::vector<Rgb>& cells) {
+    return std::all_of(cells.begin(), cells.end(),
+                       [](Rgb cell) { return cell == Rgb::Grey(cell.r); });
+  }
+
+  void LookAtMedium(const MediumDescription& medium) {
+    const std::string what = medium.is_matter ? absl::StrCat("what is inside ", medium.name)
+                                              : absl::StrCat("medium \"", medium.name, "\"");
+    const auto ask = [&](Trait trait) { Ask(trait, medium.location, what); };
+    ask(medium.is_matter ? Trait::kSubsurface : Trait::kMedia);
+    if (!medium.constant_grid.empty()) {
+      notes_.push_back(absl::StrCat(FormatLocation(scene_, medium.location), ": ", what, ": ",
+                                    medium.constant_grid));
+    }
+    const auto* grid = std::get_if<RgbGridMedium>(&medium.kind);
+    if (!medium.IsHomogeneous()) ask(Trait::kHeterogeneousMedia);
+    if (medium.Moves() && ShutterIsOpen()) {
+      Ask(Trait::kMotion, medium.location, absl::StrCat(what, " moves while the shutter is open"));
+      ask(Trait::kMovingVolumes);
+    }
+    const bool is_grey = grid != nullptr ? IsGrey(grid->sigma_a) && IsGrey(grid->sigma_s)
+                                         : IsGrey(medium.sigma_a) && IsGrey(medium.sigma_s);
+    const bool is_painted = medium.reflectance && medium.reflectance->texture != kNone;
+    if (!is_grey || is_painted) ask(Trait::kChromaticMedia);
+    if (medium.reflectance && !is_painted &&
+        !IsWithinSrgb(medium.reflectance->color, ColorRole::kReflectance)) {
+      ask(Trait::kSpectral);
+    }
+    for (const ColorSpec* color : {&medium.sigma_a, &medium.sigma_s}) {
+      if (color->is_out_of_gamut) ask(Trait::kSpectral);
+    }
+    const bool scatters = medium.scale > 0 && !medium.sigma_s.rgb.IsBlack();
+    something_scatters_ = something_scatters_ || scatters || grid != nullptr;
+    if (!medium.emits || medium.radiance_scale <= 0) return;
+    ask(Trait::kEmissiveMedia);
+    if (!IsWithinSrgb(medium.radiance, ColorRole::kIlluminant)) ask(Trait::kSpectral);
+    something_glows_ = true;
+  }
+
+  static bool IsBlack(const MaterialDescription& description) {
+    const auto* diffuse = std::get_if<DiffuseMaterial>(&description.material);
+    return diffuse != nullptr && diffuse->reflectance.texture == kNone &&
+           diffuse->reflectance.value.kind == ColorSpec::Kind::kRgb &&
+           !diffuse->reflectance.value.is_out_of_gamut && diffuse->reflectance.value.rgb.IsBlack();
+  }
+
+  // Where the film shows something else than the light of the scene.
+  static void NoteFilm(const FrameSettings& settings, RenderPlan* plan) {
+    if (!settings.sensor.empty() && !Has(plan->traits, Trait::kSpectral)) {
+      plan->notes.push_back(absl::StrCat(
+          "sensor: rgb transport has no wavelengths for ", settings.sensor,
+          " to respond to; its colors are the CIE observer's, balanced as its own would be"));
+    }
+    if (settings.max_component_value != 0) {
+      plan->notes.push_back(
+          absl::StrCat("biased: samples are clamped to ", settings.max_component_value,
+                       " (Film \"maxcomponentvalue\"); errors are those of the clamped picture"));
+    }
+  }
+
+  void BoundDepth(int32_t max_depth, RenderPlan* plan) const {
+    plan->max_depth = max_depth;
+    if (max_depth == 0) return;
+    if (light_count_ == 0 && !something_glows_) {
+      plan->depth_cause = "there is no light";
+    } else if (!something_scatters_) {
+      plan->depth_cause = "every surface is black";
+    } else {
+      return;
+    }
+    plan->max_depth = 0;
+  }
+
+  RenderPlan Finish(bool force_generic) const {
+    RenderPlan plan;
+    plan.light_count = light_count_;
+    for (size_t i = 0; i < std::size(kTraitNames); ++i) {
+      const TraitName& t = kTraitNames[i];
+      if (causes_[i].count == 0) {
+        plan.unused.emplace_back(t.name);
+        continue;
+      }
+      plan.traits |= static_cast<uint32_t>(t.trait);
+      std::string cause = causes_[i].text;
+      if (causes_[i].count > 1) absl::StrAppend(&cause, " (and ", causes_[i].count - 1, " more)");
+      plan.effects.push_back({t.trait, t.name, cause, t.time_ratio});
+    }
+    const Variant variant = AllVariants()[ChooseVariant(plan.traits, force_generic)];
+    plan.variant_traits = variant.traits;
+    plan.variant_name = variant.name;
+    return plan;
+  }
+
+  const SceneDescription& scene_;
+  std::array<Cause, std::size(kTraitNames)> causes_;
+  std::set<int32_t> materials_seen_, area_lights_seen_;
+  std::vector<std::string> notes_;
+  size_t light_count_ = 0;
+  bool something_scatters_ = false, something_glows_ = false;
+};
+
+// "~ +12 %", or "?" where nobody measured it.
+std::string CostText(const PlannedEffect& effect) {
+  if (effect.expected_time_ratio == 0) return "?";
+  const long percent = std::lround(100 * (effect.expected_time_ratio - 1));
+  return absl::StrCat("~ ", percent < 0 ? "" : "+", percent, " %");
+}
+
+std::string JoinNames(const std::vector<std::string>& names) {
+  std::string joined;
+  for (const std::string& name : names) absl::StrAppend(&joined, joined.empty() ? "" : ", ", name);
+  return joined;
+}
+
+}  // namespace
+
+RenderPlan MakeRenderPlan(const SceneDescription& scene, const FrameSettings& settings) {
+  return PlanMaker(scene).Make(settings);
+}
+
+std::string FormatRenderPlan(const RenderPlan& plan) {
+  size_t width = 0, cost_width = 0;
+  for (const PlannedEffect& effect : plan.effects) {
+    width = std::max(width, effect.name.size());
+    cost_width = std::max(cost_width, CostText(effect).size());
+  }
+  std::string text;
+  for (const PlannedEffect& effect : plan.effects) {
+    const std::string cost = CostText(effect);
+    absl::StrAppend(&text, effect.name,
+                    std::string(width - effect.name.size() + 2 + cost_width - cost.size(), ' '),
+                    cost, "  ", effect.cause, "\n");
+  }
+  if (!plan.effects.empty()) {
+    absl::StrAppend(&text,
+                    "~: time of a sample as measured in one small test scene of the effect, an "
+                    "estimate that may be far off here; --measure tells what it is in this "
+                    "scene\n");
+  }
+  if (!plan.unused.empty()) absl::StrAppend(&text, "not used: ", JoinNames(plan.unused), "\n");
+  absl::StrAppend(&text, "lights: ", plan.light_count,
+                  plan.light_count > kLightsWeighedMax ? ", chosen by a hierarchy\n"
+                                                       : ", each weighed at every point\n");
+  if (!plan.depth_cause.empty()) {
+    absl::StrAppend(&text, "depth: ", plan.max_depth, ", ", plan.depth_cause, "\n");
+  }
+  for (const std::string& note : plan.notes) absl::StrAppend(&text, note, "\n");
+  std::vector<std::string> carried;
+  for (const TraitName& t : kTraitNames) {
+    const auto bit = static_cast<uint32_t>(t.trait);
+    if ((plan.variant_traits & bit) != 0 && (plan.traits & bit) == 0) carried.emplace_back(t.name);
+  }
+  absl::StrAppend(&text, "variant: ", plan.variant_name);
+  if (!carried.empty()) absl::StrAppend(&text, " (also holds ", JoinNames(carried), ")");
+  absl::StrAppend(&text, "\n");
+  return text;
+}
+
+}  // namespace sheaf::render

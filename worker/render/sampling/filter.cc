@@ -1,0 +1,110 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Inversion of pixel filters: closed forms for box and triangle, tables for the others.
+#include "worker/render/sampling/filter.h"
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+
+#include "absl/strings/str_cat.h"
+#include "common/scene/filter_value.h"
+
+namespace sheaf::render {
+namespace {
+
+// The error of a linear piece falls with the square of this: far below what a pixel can show.
+constexpr int kIntervalCount = 512;
+
+}  // namespace
+
+absl::StatusOr<PixelFilter> PixelFilter::Make(const SceneDescription& scene) {
+  const FilterDescription& description = scene.filter;
+  const auto fail = [&](const std::string& what) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(FormatLocation(scene, description.location), ": PixelFilter: ", what));
+  };
+  PixelFilter filter;
+  filter.kind_ = description.kind;
+  filter.radius_x_px_ = description.radius_x_px;
+  filter.radius_y_px_ = description.radius_y_px;
+  if (!(filter.radius_x_px_ > 0) || !(filter.radius_y_px_ > 0) ||
+      !std::isfinite(filter.radius_x_px_ + filter.radius_y_px_)) {
+    return fail("its radius must be above 0");
+  }
+  if (description.kind == FilterDescription::Kind::kBox ||
+      description.kind == FilterDescription::Kind::kTriangle) {
+    return filter;
+  }
+  if (description.kind == FilterDescription::Kind::kGaussian && !(description.sigma > 0)) {
+    return fail("\"float sigma\" must be above 0");
+  }
+  if (description.kind == FilterDescription::Kind::kSinc && !(description.tau > 0)) {
+    return fail("\"float tau\" must be above 0");
+  }
+  for (Table* table : {&filter.table_x_, &filter.table_y_}) {
+    const double radius = table == &filter.table_x_ ? filter.radius_x_px_ : filter.radius_y_px_;
+    table->cdf.push_back(0);
+    double sum = 0, signed_sum = 0;
+    std::vector<double> running{0};
+    for (int i = 0; i <= kIntervalCount; ++i) {
+      const double x = static_cast<double>(i) / kIntervalCount;
+      const double value = FilterValue(description, x, radius);
+      table->value.push_back(static_cast<float>(value));
+      if (i == 0) continue;
+      const double before = table->value[i - 1], after = table->value[i];
+      sum += 0.5 * (std::fabs(before) + std::fabs(after));
+      signed_sum += 0.5 * (before + after);
+      running.push_back(sum);
+    }
+    if (!(signed_sum > 0)) return fail("its integral is not positive");
+    table->weight = static_cast<float>(sum / signed_sum);
+    table->cdf.clear();
+    for (const double r : running) table->cdf.push_back(static_cast<float>(r / sum));
+    table->cdf.back() = 1;
+    uint16_t interval = 0;
+    for (int i = 0; i < kIntervalCount; ++i) {
+      while (table->cdf[interval + 1] <= static_cast<float>(i) / kIntervalCount) ++interval;
+      table->guide.push_back(interval);
+    }
+  }
+  return filter;
+}
+
+PixelFilter::AxisSample PixelFilter::SampleTable(const Table& table, float u) {
+  // One number serves both the side and the distance from the centre.
+  const float s = 2 * u - 1;
+  const float v = std::fabs(s);
+  size_t i =
+      table.guide[std::min(static_cast<size_t>(v * kIntervalCount), size_t{kIntervalCount - 1})];
+  while (i + 1 < kIntervalCount && table.cdf[i + 1] <= v) ++i;
+  // Within the interval the density is linear: invert its quadratic in the form that holds where
+  // the slope vanishes.
+  const float a = std::fabs(table.value[i]), b = std::fabs(table.value[i + 1]);
+  const float width = table.cdf[i + 1] - table.cdf[i];
+  const float w = width > 0 ? std::clamp((v - table.cdf[i]) / width, 0.0f, 1.0f) : 0.5f;
+  const float root = std::sqrt(a * a + w * (b * b - a * a));
+  const float fraction = a + root > 0 ? std::min(1.0f, w * (a + b) / (a + root)) : w;
+  const float x = (static_cast<float>(i) + fraction) * (1.0f / kIntervalCount);
+  const float value = table.value[i] + fraction * (table.value[i + 1] - table.value[i]);
+  return {std::copysign(x, s), value < 0 ? -table.weight : table.weight};
+}
+
+PixelFilter::AxisSample PixelFilter::SampleAxis(float u) const {
+  const float s = 2 * u - 1;
+  if (kind_ == FilterDescription::Kind::kBox) return {s, 1};
+  const float v = std::fabs(s);
+  // 1 - sqrt(1 - v) without cancellation.
+  return {std::copysign(v / (1 + std::sqrt(1 - v)), s), 1};
+}
+
+FilterSample PixelFilter::Sample(Vec2f u) const {
+  const bool tabulated =
+      kind_ != FilterDescription::Kind::kBox && kind_ != FilterDescription::Kind::kTriangle;
+  const AxisSample x = tabulated ? SampleTable(table_x_, u.x) : SampleAxis(u.x);
+  const AxisSample y = tabulated ? SampleTable(table_y_, u.y) : SampleAxis(u.y);
+  return {{x.x * radius_x_px_, y.x * radius_y_px_}, x.weight * y.weight};
+}
+
+}  // namespace sheaf::render

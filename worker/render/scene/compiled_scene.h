@@ -1,0 +1,46 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// CompiledScene: all that tracing reads, made once and never changed.
+#pragma once
+
+#include <memory>
+
+#include "common/scene/scene_description.h"
+#include "common/scene/settings/render_settings.h"
+#include "worker/render/accel/embree_scene.h"
+#include "worker/render/camera/camera.h"
+#include "worker/render/camera/film_response.h"
+#include "worker/render/geometry/scene_geometry.h"
+#include "worker/render/light/light_table.h"
+#include "worker/render/material/material.h"
+#include "worker/render/medium/medium.h"
+#include "worker/render/plan/render_plan.h"
+#include "worker/render/sampling/filter.h"
+#include "worker/render/scene/compile_scene.h"
+#include "worker/render/scene/interior_table.h"
+#include "worker/render/scene/scene_ids.h"
+
+namespace sheaf::render {
+
+class CompiledScene {
+ public:
+  SceneDescription description;  // Without its mesh buffers.
+  FrameSettings settings;
+  RenderPlan plan;
+  SceneGeometry geometry;
+  Camera camera;
+  PixelFilter filter;
+  FilmResponse film;
+  std::unique_ptr<EmbreeScene> tracer;
+  std::unique_ptr<MaterialTable> materials;
+  std::unique_ptr<LightTable> lights;
+  std::unique_ptr<MediumTable> media;        // Null where the plan has none.
+  std::unique_ptr<InteriorTable> interiors;  // Null where the plan has no nested dielectrics.
+  float majorant_factor = 1;                 // As CompileTechniques has it.
+  uint32_t roulette_depth_min = kRouletteDepthMin;
+  uint32_t media_group = 0;  // Index of the light group that what shines in media is in.
+  SceneIds ids;              // Empty unless asked for.
+};
+
+}  // namespace sheaf::render

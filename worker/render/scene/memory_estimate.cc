@@ -1,0 +1,82 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "worker/render/scene/memory_estimate.h"
+
+#include <filesystem>
+#include <system_error>
+#include <variant>
+
+#include "absl/strings/str_cat.h"
+#include "common/base/memory_room.h"
+
+namespace sheaf::render {
+namespace {
+
+// Estimates, not measured: baked vertices, Embree's trees, and what those are built from.
+constexpr uint64_t kTriangleBytes = 170;
+constexpr uint64_t kCurveBytes = 260;
+constexpr uint64_t kInstanceBytes = 600;
+// A file of sparse voxels is compressed; here it is not, and has bounds of its cells.
+constexpr uint64_t kVolumeFileFactor = 2;
+
+uint64_t VolumeBytes(const MediumDescription& medium, FileSource& files) {
+  if (const auto* grid = std::get_if<UniformGridMedium>(&medium.kind)) {
+    return (grid->density.size() + grid->temperature_k.size() + grid->radiance_scale.size()) *
+               sizeof(float) +
+           grid->velocity.size() * sizeof(Vec3f);
+  }
+  if (const auto* grid = std::get_if<RgbGridMedium>(&medium.kind)) {
+    return (grid->sigma_a.size() + grid->sigma_s.size() + grid->radiance.size()) * sizeof(Rgb);
+  }
+  const auto* volume = std::get_if<VolumeFileMedium>(&medium.kind);
+  if (volume == nullptr) return 0;
+  const absl::StatusOr<std::string> path = files.LocalPath(volume->file);
+  std::error_code error;
+  const uint64_t size = path.ok() ? std::filesystem::file_size(*path, error) : 0;
+  return error ? 0 : size * kVolumeFileFactor;
+}
+
+}  // namespace
+
+MemoryEstimate EstimateMemory(const SceneDescription& scene, FileSource& files) {
+  MemoryEstimate estimate;
+  for (const ShapeDescription& shape : scene.shapes) {
+    uint64_t triangles = 0, curves = 0;
+    if (const auto* mesh = std::get_if<MeshShape>(&shape.shape)) {
+      triangles = scene.meshes[static_cast<size_t>(mesh->mesh)].indices.size() / 3;
+    } else if (const auto* patches = std::get_if<BilinearMeshShape>(&shape.shape)) {
+      triangles = scene.bilinear_meshes[static_cast<size_t>(patches->mesh)].indices.size() / 2;
+    } else if (const auto* hair = std::get_if<CurveShape>(&shape.shape)) {
+      curves = scene.curve_sets[static_cast<size_t>(hair->curves)].size();
+    }
+    const uint64_t bytes = triangles * kTriangleBytes + curves * kCurveBytes;
+    estimate.triangle_count += triangles;
+    estimate.curve_count += curves;
+    estimate.surface_bytes += bytes;
+    if (bytes <= estimate.largest_bytes) continue;
+    estimate.largest = shape.location;
+    estimate.largest_bytes = bytes;
+  }
+  estimate.instance_count = scene.instances.size();
+  estimate.surface_bytes += scene.instances.size() * kInstanceBytes;
+  for (const MediumDescription& medium : scene.media) {
+    estimate.volume_bytes += VolumeBytes(medium, files);
+  }
+  return estimate;
+}
+
+std::string FormatMemoryEstimate(const MemoryEstimate& estimate) {
+  std::string text = absl::StrCat(FormatMemory(estimate.TotalBytes()),
+                                  " while it is loaded: ", estimate.triangle_count, " triangles");
+  if (estimate.curve_count > 0) absl::StrAppend(&text, ", ", estimate.curve_count, " curves");
+  if (estimate.instance_count > 0) {
+    absl::StrAppend(&text, ", ", estimate.instance_count, " instances");
+  }
+  absl::StrAppend(&text, " ", FormatMemory(estimate.surface_bytes));
+  if (estimate.volume_bytes > 0) {
+    absl::StrAppend(&text, ", volumes ", FormatMemory(estimate.volume_bytes));
+  }
+  return text;
+}
+
+}  // namespace sheaf::render

@@ -1,0 +1,261 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// SceneDescription > SceneGeometry: transforms in double, one rounding to float at the end.
+#include "worker/render/scene/scene_baker.h"
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+#include <utility>
+#include <variant>
+
+#include "absl/strings/str_cat.h"
+#include "worker/render/geometry/bounds.h"
+#include "worker/render/geometry/deforming_mesh.h"
+#include "worker/render/scene/shape_baker.h"
+
+namespace sheaf::render {
+namespace {
+
+class SceneBaker {
+ public:
+  SceneBaker(SceneDescription* scene, EmissionMaps maps)
+      : scene_(*scene), shapes_(scene, std::move(maps)) {}
+
+  absl::StatusOr<BakedScene> Bake();
+
+ private:
+  absl::Status Fail(SourceLocation location, const std::string& what) const {
+    return absl::InvalidArgumentError(absl::StrCat(FormatLocation(scene_, location), ": ", what));
+  }
+  bool Moves(const TransformOverTime& t) const {
+    return t.IsAnimated() && geometry_.shutter_close > geometry_.shutter_open;
+  }
+  absl::Status BakeObjects();
+  absl::Status BakeInstances();
+  absl::Status BakeWorldShapes();
+  // The transform of what stands still while the shutter is open.
+  absl::StatusOr<Affine> StillTransform(const TransformOverTime& t, SourceLocation location) const;
+  absl::StatusOr<int32_t> AddMotion(const TransformOverTime& t, Vec3d group_center,
+                                    SourceLocation location);
+  static void FinishGroup(GeometryGroup* group);
+  void FinishSceneBounds();
+
+  SceneDescription& scene_;
+  SceneGeometry geometry_;
+  ShapeBaker shapes_;
+};
+
+absl::StatusOr<Affine> SceneBaker::StillTransform(const TransformOverTime& t,
+                                                  SourceLocation location) const {
+  absl::StatusOr<AnimatedTransform> transform = AnimatedTransform::Make(t);
+  if (!transform.ok()) {
+    return Fail(location, absl::StrCat("the transform cannot place a shape: ",
+                                       std::string(transform.status().message())));
+  }
+  return transform->At(geometry_.shutter_open);
+}
+
+absl::StatusOr<int32_t> SceneBaker::AddMotion(const TransformOverTime& t, Vec3d group_center,
+                                              SourceLocation location) {
+  absl::StatusOr<AnimatedTransform> transform = AnimatedTransform::Make(t);
+  if (!transform.ok()) return Fail(location, std::string(transform.status().message()));
+  geometry_.motions.push_back({*transform, group_center, geometry_.render_origin_world});
+  return static_cast<int32_t>(geometry_.motions.size() - 1);
+}
+
+void SceneBaker::FinishGroup(GeometryGroup* group) {
+  Bounds bounds;
+  double radius_squared = 0;
+  const auto add_vertices = [&](const std::vector<Vec3f>& positions,
+                                const std::vector<uint32_t>& indices) {
+    for (const uint32_t i : indices) {
+      const Vec3d p = ToDouble(positions[i]);
+      bounds.Add(p);
+      radius_squared = std::max(radius_squared, LengthSquared(p));
+    }
+  };
+  for (const BakedMesh& mesh : group->meshes) {
+    for (size_t step = 0; step <= mesh.steps.size(); ++step) {
+      add_vertices(PositionsOfStep(mesh, step), mesh.indices);
+    }
+  }
+  for (const BakedPatches& patches : group->patches) {
+    add_vertices(patches.positions, patches.indices);
+  }
+  for (const BakedQuadric& q : group->quadrics) {
+    const std::array<Vec3f, 2> corners = QuadricBounds(q.quadric);
+    for (const Vec3f& p : corners) bounds.Add(ToDouble(p));
+    const Vec3d reach = ToDouble(q.quadric.coordinate_max);
+    radius_squared = std::max(radius_squared, LengthSquared(reach));
+  }
+  for (const BakedCurves& curves : group->curves) {
+    Vec3f corner;
+    for (const CurvePiece& piece : curves.pieces) {
+      const CurveSegment segment = SegmentOf(curves.set, piece.segment);
+      for (const Vec3f& p : CurveBounds(segment, piece, curves.target_from_shape)) {
+        bounds.Add(ToDouble(p));
+        corner = {std::max(corner.x, std::fabs(p.x)), std::max(corner.y, std::fabs(p.y)),
+                  std::max(corner.z, std::fabs(p.z))};
+      }
+    }
+    radius_squared = std::max(radius_squared, LengthSquared(ToDouble(corner)));
+  }
+  if (bounds.empty()) return;
+  group->bounds_lower = ToFloat(bounds.lower());
+  group->bounds_upper = ToFloat(bounds.upper());
+  group->radius = std::sqrt(radius_squared) * (1 + 1e-12);
+}
+
+absl::Status SceneBaker::BakeObjects() {
+  for (const ObjectDefinition& object : scene_.objects) {
+    std::vector<Affine> transforms;
+    Bounds bounds;
+    for (const int32_t index : object.shapes) {
+      const ShapeDescription& shape = scene_.shapes[index];
+      if (Moves(shape.world_from_object)) {
+        return Fail(shape.location,
+                    "Shape: motion within an object definition is not supported; "
+                    "animate the instance instead");
+      }
+      absl::StatusOr<Affine> transform = StillTransform(shape.world_from_object, shape.location);
+      if (!transform.ok()) return transform.status();
+      transforms.push_back(*transform);
+      shapes_.GrowBounds(shape, *transform, &bounds);
+    }
+    GeometryGroup group;
+    group.center = bounds.Center();
+    for (size_t i = 0; i < object.shapes.size(); ++i) {
+      transforms[i].offset = transforms[i].offset - group.center;
+      const absl::Status status =
+          shapes_.AddShape(object.shapes[i], transforms[i], /*may_emit=*/false, &group);
+      if (!status.ok()) return status;
+    }
+    FinishGroup(&group);
+    geometry_.groups.push_back(std::move(group));
+  }
+  return absl::OkStatus();
+}
+
+absl::Status SceneBaker::BakeInstances() {
+  for (const ObjectInstance& instance : scene_.instances) {
+    PlacedGroup placed;
+    placed.instance = static_cast<int32_t>(&instance - scene_.instances.data());
+    placed.group = static_cast<uint32_t>(instance.object) + 1;
+    const GeometryGroup& group = geometry_.groups[placed.group];
+    if (group.empty()) continue;
+    if (Moves(instance.world_from_instance)) {
+      absl::StatusOr<int32_t> motion =
+          AddMotion(instance.world_from_instance, group.center, instance.location);
+      if (!motion.ok()) return motion.status();
+      placed.motion = *motion;
+      placed.render_from_group =
+          geometry_.motions[placed.motion].RenderFromGroup(geometry_.shutter_open);
+    } else {
+      absl::StatusOr<Affine> transform =
+          StillTransform(instance.world_from_instance, instance.location);
+      if (!transform.ok()) return transform.status();
+      placed.render_from_group = *transform;
+      placed.render_from_group.offset =
+          transform->Point(group.center) - geometry_.render_origin_world;
+    }
+    placed.group_from_render = Inverse(placed.render_from_group);
+    (placed.motion == kNone ? geometry_.still : geometry_.moving).push_back(placed);
+  }
+  return absl::OkStatus();
+}
+
+absl::Status SceneBaker::BakeWorldShapes() {
+  for (const int32_t index : scene_.world_shapes) {
+    const ShapeDescription& shape = scene_.shapes[index];
+    if (!Moves(shape.world_from_object)) {
+      absl::StatusOr<Affine> transform = StillTransform(shape.world_from_object, shape.location);
+      if (!transform.ok()) return transform.status();
+      transform->offset = transform->offset - geometry_.render_origin_world;
+      const absl::Status status =
+          shapes_.AddShape(index, *transform, /*may_emit=*/true, &geometry_.groups[0]);
+      if (!status.ok()) return status;
+      continue;
+    }
+    // A moving shape is a group of its own, in the shape's own space, placed once.
+    Bounds bounds;
+    shapes_.GrowBounds(shape, Affine{}, &bounds);
+    GeometryGroup group;
+    group.center = bounds.Center();
+    Affine group_from_shape;
+    group_from_shape.offset = -group.center;
+    const absl::Status status =
+        shapes_.AddShape(index, group_from_shape, /*may_emit=*/false, &group);
+    if (!status.ok()) return status;
+    if (group.empty()) continue;
+    FinishGroup(&group);
+    absl::StatusOr<int32_t> motion =
+        AddMotion(shape.world_from_object, group.center, shape.location);
+    if (!motion.ok()) return motion.status();
+    PlacedGroup placed;
+    placed.group = static_cast<uint32_t>(geometry_.groups.size());
+    placed.motion = *motion;
+    placed.render_from_group = geometry_.motions[*motion].RenderFromGroup(geometry_.shutter_open);
+    placed.group_from_render = Inverse(placed.render_from_group);
+    geometry_.groups.push_back(std::move(group));
+    geometry_.moving.push_back(placed);
+  }
+  FinishGroup(&geometry_.groups[0]);
+  return absl::OkStatus();
+}
+
+void SceneBaker::FinishSceneBounds() {
+  Bounds bounds;
+  const GeometryGroup& world = geometry_.groups[0];
+  if (!world.empty()) {
+    bounds.Add(ToDouble(world.bounds_lower));
+    bounds.Add(ToDouble(world.bounds_upper));
+  }
+  for (const PlacedGroup& placed : geometry_.still) {
+    const PlacedBounds box = BoundsOfStill(geometry_, placed);
+    bounds.Add(ToDouble(box.lower));
+    bounds.Add(ToDouble(box.upper));
+  }
+  for (const PlacedGroup& placed : geometry_.moving) {
+    for (uint32_t step = 0; step < kMotionStepCount; ++step) {
+      const PlacedBounds box = BoundsOfMoving(geometry_, placed, step);
+      bounds.Add(ToDouble(box.lower));
+      bounds.Add(ToDouble(box.upper));
+    }
+  }
+  if (bounds.empty()) bounds.Add({0, 0, 0});
+  geometry_.bounds_lower = ToFloat(bounds.lower());
+  geometry_.bounds_upper = ToFloat(bounds.upper());
+}
+
+absl::StatusOr<BakedScene> SceneBaker::Bake() {
+  geometry_.shutter_open = scene_.camera.shutter_open;
+  geometry_.shutter_close = std::max(scene_.camera.shutter_open, scene_.camera.shutter_close);
+  absl::StatusOr<Affine> camera =
+      StillTransform(scene_.camera.world_from_camera, scene_.camera.location);
+  if (!camera.ok()) return camera.status();
+  geometry_.render_origin_world = camera->offset;
+  geometry_.groups.emplace_back();
+  for (absl::Status (SceneBaker::*step)() :
+       {&SceneBaker::BakeObjects, &SceneBaker::BakeInstances, &SceneBaker::BakeWorldShapes}) {
+    const absl::Status status = (this->*step)();
+    if (!status.ok()) return status;
+  }
+  FinishSceneBounds();
+  geometry_.degenerate_triangle_count = shapes_.degenerate_triangle_count();
+  LightTableInput emitters = shapes_.TakeEmitters(&geometry_.groups[0]);
+  BakedScene baked{std::move(geometry_), std::move(emitters)};
+  baked.emitters.render_origin_world = baked.geometry.render_origin_world;
+  scene_.meshes.clear();
+  scene_.bilinear_meshes.clear();
+  return baked;
+}
+
+}  // namespace
+
+absl::StatusOr<BakedScene> BakeScene(SceneDescription* scene, EmissionMaps maps) {
+  return SceneBaker(scene, std::move(maps)).Bake();
+}
+
+}  // namespace sheaf::render

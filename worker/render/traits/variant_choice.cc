@@ -1,0 +1,54 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "worker/render/traits/variant_choice.h"
+
+#include <bit>
+#include <iterator>
+#include <optional>
+#include <utility>
+
+#include "common/base/check.h"
+#include "worker/render/traits/trait_set.h"
+#include "worker/render/traits/variant_list.h"
+
+namespace sheaf::render {
+namespace {
+
+struct Entry {
+  const char* name;
+  uint32_t traits;
+};
+#define SHEAF_VARIANT_ENTRY(name, traits) {name, traits},
+constexpr Entry kEntries[] = {SHEAF_RENDER_VARIANTS(SHEAF_VARIANT_ENTRY)};
+#undef SHEAF_VARIANT_ENTRY
+
+// Orders what variants carry for other scenes: first by what paths pay for whatever they meet (a
+// path asks at each segment which media it is in), then by number.
+std::pair<int, int> CostOf(uint32_t carried) {
+  constexpr uint32_t kPaid = kPaidByEveryPath | TraitSet(Trait::kMedia);
+  return {std::popcount(carried & kPaid), std::popcount(carried)};
+}
+
+}  // namespace
+
+std::vector<Variant> AllVariants() {
+  std::vector<Variant> variants;
+  for (const Entry& entry : kEntries) variants.push_back({entry.name, entry.traits});
+  return variants;
+}
+
+size_t ChooseVariant(uint32_t traits, bool force_generic) {
+  // RGB and spectra are different pictures, so neither stands in for the other.
+  constexpr uint32_t kColor = TraitSet(Trait::kSpectral);
+  if (force_generic) traits |= kAllTraits;
+  std::optional<size_t> best;
+  for (size_t i = 0; i < std::size(kEntries); ++i) {
+    const uint32_t held = kEntries[i].traits;
+    if ((traits & ~held) != 0 || (held & kColor) != (traits & kColor)) continue;
+    if (!best || CostOf(held & ~traits) < CostOf(kEntries[*best].traits & ~traits)) best = i;
+  }
+  SHEAF_CHECK(best.has_value());
+  return *best;
+}
+
+}  // namespace sheaf::render
