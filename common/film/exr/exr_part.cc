@@ -1,0 +1,347 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Parts. Both directions go through the same three steps: name the planes, describe them in a
+// header, and let OpenEXR move them between file and memory. Decoding scans the header first
+// (exr_header_scan.h), so OpenEXR only ever sees sizes that were found acceptable.
+#include <ImfInputFile.h>
+
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <cstring>
+#include <stdexcept>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "absl/strings/numbers.h"
+#include "absl/strings/str_cat.h"
+#include "common/film/exr/exr_codec.h"
+#include "common/film/exr/exr_header_scan.h"
+#include "common/film/exr/exr_streams.h"
+#include "common/film/exr/part_planes.h"
+#include "common/film/id_planes.h"
+
+namespace sheaf {
+namespace {
+
+constexpr char kFormatKey[] = "sheaf:format", kFormat[] = "film-part 1";
+constexpr char kFrameDigestAttribute[] = "sheaf:frameDigest",
+               kProfileKey[] = "sheaf:numericProfile";
+constexpr char kBlockFirstKey[] = "sheaf:blockFirst", kBlockCountKey[] = "sheaf:blockCount";
+constexpr char kIdsKey[] = "sheaf:ids.";  // And the kind's name.
+// Only where there is a lattice.
+constexpr char kPixelStrideKey[] = "sheaf:pixelStridePx", kPixelSeedKey[] = "sheaf:pixelSeed";
+constexpr char kCellSizeKey[] = "sheaf:cellSizePx";  // Only of a part of some cells.
+constexpr char kCellsKey[] = "sheaf:cells";
+constexpr char kOutputsKey[] = "sheaf:outputs";  // Only where there are any.
+// Sums of noise hardly compress, and what there is to gain is not worth its time: of a part of
+// 32x32 pixels and 16 samples a run-length coding takes an eighth of the bytes away, and seven
+// times as long to encode, ten times to decode (tests/bench/part_bench.cc); ZIP and PIZ are slower
+// still. But most of a lattice's pixels are empty.
+Imf::Compression CompressionOf(const PixelLattice& lattice) {
+  return lattice.All() ? Imf::NO_COMPRESSION : Imf::RLE_COMPRESSION;
+}
+// At most so many bytes from one. A run of at most 128 becomes two: a few bytes cannot ask for
+// gigabytes.
+int64_t ExpansionMaxOf(const PixelLattice& lattice) { return lattice.All() ? 1 : 64; }
+
+absl::Status NotAPart(const std::string& why) {
+  return absl::InvalidArgumentError(absl::StrCat("not a film part: ", why));
+}
+
+// Whether the header is one that EncodePart writes, but for what the functions below read.
+absl::Status CheckPartHeader(const ExrFileHeader& file) {
+  const ExrHeader& header = file.parts[0];
+  if (file.deep || file.parts.size() != 1 || header.tile_pixels != 0) {
+    return NotAPart("it is not a flat scan-line file");
+  }
+  if (header.line_order != Imf::INCREASING_Y) return NotAPart("unexpected line order");
+  static constexpr std::string_view kTypes[] = {"chlist", "compression", "box2i", "lineOrder",
+                                                "float",  "v2f",         "string"};
+  for (const auto& [name, type] : header.types) {
+    if (std::find(std::begin(kTypes), std::end(kTypes), type) == std::end(kTypes)) {
+      return NotAPart(absl::StrCat("unexpected attribute \"", name, "\""));
+    }
+  }
+  for (const char* key :
+       {kFormatKey, kFrameDigestAttribute, kProfileKey, kBlockFirstKey, kBlockCountKey}) {
+    if (!header.strings.contains(key)) return NotAPart(absl::StrCat("no attribute \"", key, "\""));
+  }
+  if (header.strings.at(kFormatKey) != kFormat) return NotAPart("unknown format version");
+  return absl::OkStatus();
+}
+
+absl::StatusOr<SampleBlock> BlockOf(const ExrHeader& header) {
+  SampleBlock block;
+  if (!absl::SimpleAtoi(header.strings.at(kBlockFirstKey), &block.first) ||
+      !absl::SimpleAtoi(header.strings.at(kBlockCountKey), &block.count) || !IsAligned(block)) {
+    return NotAPart("its samples are not an aligned block");
+  }
+  return block;
+}
+
+absl::StatusOr<PixelLattice> LatticeOf(const ExrHeader& header) {
+  PixelLattice lattice;
+  if (const auto stride = header.strings.find(kPixelStrideKey); stride != header.strings.end()) {
+    const auto seed = header.strings.find(kPixelSeedKey);
+    if (!absl::SimpleAtoi(stride->second, &lattice.stride_px) ||
+        lattice.stride_px < kPixelStrideMin || lattice.stride_px > kPixelStrideMax ||
+        header.data_window.x0 < 0 || header.data_window.y0 < 0 || seed == header.strings.end() ||
+        !absl::SimpleAtoi(seed->second, &lattice.seed)) {
+      return NotAPart("a pixel stride, or seed, that cannot be");
+    }
+  }
+  if (header.compression != CompressionOf(lattice)) return NotAPart("unexpected compression");
+  return lattice;
+}
+
+absl::StatusOr<FilmOutputs> OutputsOf(const ExrHeader& header) {
+  const auto text = header.strings.find(kOutputsKey);
+  if (text == header.strings.end()) return FilmOutputs{};
+  absl::StatusOr<FilmOutputs> outputs = ParseOutputs(text->second);
+  if (!outputs.ok()) return NotAPart(std::string(outputs.status().message()));
+  return outputs;
+}
+
+absl::StatusOr<TileCells> CellsOf(const ExrHeader& header) {
+  const auto size = header.strings.find(kCellSizeKey);
+  if (size == header.strings.end()) return TileCells{};
+  const auto mask = header.strings.find(kCellsKey);
+  TileCells cells;
+  if (mask == header.strings.end() || !absl::SimpleAtoi(size->second, &cells.size_px) ||
+      !absl::SimpleAtoi(mask->second, &cells.mask)) {
+    return NotAPart("a choice of cells that cannot be read");
+  }
+  const std::string why = WhyNoCells(header.display_window, cells);
+  if (!why.empty()) return NotAPart(why);
+  return cells;
+}
+
+// A part's pixels in its file: those of all of the tile are a picture of it, those of some cells a
+// line for each, row by row, lest what is between them take bytes. Cells at the rim are smaller:
+// the rest of their line is empty.
+PixelRect DataWindowOf(const PixelRect& tile, const TileCells& cells) {
+  if (cells.All()) return tile;
+  const std::vector<PixelRect> rects = RectsOf(tile, cells);
+  int64_t width = 0;  // At most the tile's pixels, of which there are no more than int32_t has.
+  for (const PixelRect& rect : rects) width = std::max(width, rect.PixelCount());
+  return {tile.x0, tile.y0, tile.x0 + static_cast<int32_t>(width),
+          tile.y0 + static_cast<int32_t>(rects.size())};
+}
+
+// The rows of the tile, or of a cell, that line number `line` of such a file has.
+PixelRect RectOfLine(const PixelRect& tile, const TileCells& cells,
+                     const std::vector<PixelRect>& rects, size_t line) {
+  if (!cells.All()) return rects[line];
+  const int32_t y = tile.y0 + static_cast<int32_t>(line);
+  return {tile.x0, y, tile.x1, y + 1};
+}
+
+// The lines of DataWindowOf for each of the tile's planes, and those planes.
+struct PackedPlanes {
+  std::vector<float> pixels;
+  std::vector<NamedPlane<const float>> planes;
+};
+PackedPlanes Pack(const std::vector<NamedPlane<const float>>& planes, const PixelRect& tile,
+                  const TileCells& cells) {
+  const std::vector<PixelRect> rects = RectsOf(tile, cells);
+  const PixelRect window = DataWindowOf(tile, cells);
+  const auto width = static_cast<size_t>(window.Width());
+  PackedPlanes packed;
+  packed.pixels.resize(static_cast<size_t>(window.PixelCount()) * planes.size());
+  float* line = packed.pixels.data();
+  for (const NamedPlane<const float>& plane : planes) {
+    packed.planes.push_back({plane.name, line});
+    for (const PixelRect& rect : rects) {
+      float* row = line;
+      for (int32_t y = rect.y0; y < rect.y1; ++y) {
+        row = std::copy_n(plane.pixels + tile.IndexOf(rect.x0, y), rect.Width(), row);
+      }
+      line += width;
+    }
+  }
+  return packed;
+}
+
+std::array<size_t, kIdKindCount> CountIdPlanes(const ExrHeader& header) {
+  std::array<size_t, kIdKindCount> counts{};
+  for (size_t i = 0; i < kIdKindCount; ++i) {
+    for (const ExrChannel& channel : header.channels) {
+      counts[i] += IsIdPlaneName(static_cast<IdKind>(i), channel.name) ? 1 : 0;
+    }
+  }
+  return counts;
+}
+
+// planes: in the order of their names, as files have them.
+absl::Status CheckPartChannels(const ExrHeader& header,
+                               const std::vector<NamedPlane<float>>& planes) {
+  for (size_t i = 0; i < planes.size(); ++i) {
+    const ExrChannel& channel = header.channels[i];
+    if (channel.name != planes[i].name) return NotAPart("wrong channels");
+    if (channel.type != ExrChannel::Type::kFloat || channel.subsampled) {
+      return NotAPart(absl::StrCat("channel \"", channel.name, "\" is not float32"));
+    }
+  }
+  return absl::OkStatus();
+}
+
+// Reads a file without compression and with these planes alone, in the order of their names. Takes
+// lines as they are: OpenEXR puts each float together from single bytes, which takes five times as
+// long.
+absl::Status DecodeLines(std::string_view bytes, const std::vector<NamedPlane<float>>& planes,
+                         const PixelRect& tile, const TileCells& cells) {
+  static_assert(std::endian::native == std::endian::little, "as EXR files are");
+  return Guard([&] {
+    MemoryInput input(bytes);
+    Imf::InputFile file(input, 0);
+    const PixelRect window = DataWindowOf(tile, cells);
+    if (file.header().dataWindow() != BoxOf(window)) throw std::runtime_error(kTwoWindows);
+    const std::vector<PixelRect> rects = RectsOf(tile, cells);
+    const size_t line_bytes = static_cast<size_t>(window.Width()) * sizeof(float);
+    for (int32_t i = 0; i < window.Height(); ++i) {
+      const char* line = nullptr;
+      int size_bytes = 0;
+      file.rawPixelData(window.y0 + i, line, size_bytes);
+      if (static_cast<size_t>(size_bytes) != planes.size() * line_bytes) {
+        throw std::runtime_error("a line of another length");
+      }
+      const PixelRect rect = RectOfLine(tile, cells, rects, static_cast<size_t>(i));
+      const size_t row_bytes = static_cast<size_t>(rect.Width()) * sizeof(float);
+      for (const NamedPlane<float>& plane : planes) {
+        const char* row = line;
+        for (int32_t y = rect.y0; y < rect.y1; ++y, row += row_bytes) {
+          std::memcpy(plane.pixels + tile.IndexOf(rect.x0, y), row, row_bytes);
+        }
+        line += line_bytes;
+      }
+    }
+  });
+}
+
+// What a part's header says of it, found acceptable before memory is taken for its planes.
+struct PartLayout {
+  PartHeader header;
+  SampleBlock block;
+  FilmOutputs outputs;
+  std::array<size_t, kIdKindCount> id_plane_counts{};
+};
+
+absl::StatusOr<PartLayout> LayoutOf(const ExrFileHeader& file, size_t size_bytes,
+                                    int64_t part_pixels_max) {
+  if (absl::Status status = CheckPartHeader(file); !status.ok()) return status;
+  const ExrHeader& header = file.parts[0];
+  const PixelRect& tile = header.display_window;
+  if (tile.PixelCount() > part_pixels_max) {
+    return NotAPart(
+        absl::StrCat(tile.PixelCount(), " pixels are more than the limit of ", part_pixels_max));
+  }
+  const absl::StatusOr<SampleBlock> block = BlockOf(header);
+  if (!block.ok()) return block.status();
+  const absl::StatusOr<PixelLattice> lattice = LatticeOf(header);
+  if (!lattice.ok()) return lattice.status();
+  const absl::StatusOr<TileCells> cells = CellsOf(header);
+  if (!cells.ok()) return cells.status();
+  if (!lattice->All() && !cells->All()) return NotAPart("it has cells of a lattice");
+  if (!(header.data_window == DataWindowOf(tile, *cells))) {
+    return NotAPart("it has other pixels than its tile, or its cells");
+  }
+  const int64_t raw_bytes = header.data_window.PixelCount() *
+                            static_cast<int64_t>(header.channels.size() * sizeof(float));
+  if (raw_bytes / ExpansionMaxOf(*lattice) > static_cast<int64_t>(size_bytes)) {
+    return absl::DataLossError("the film part is too short for its size in pixels");
+  }
+  absl::StatusOr<FilmOutputs> outputs = OutputsOf(header);
+  if (!outputs.ok()) return outputs.status();
+  PartLayout layout{
+      {header.strings.at(kFrameDigestAttribute), header.strings.at(kProfileKey), *lattice, *cells},
+      *block,
+      *std::move(outputs),
+      CountIdPlanes(header)};
+  size_t channel_count = kFilmChannelCount + 2 * MeanChannelCount(layout.outputs) +
+                         std::min<uint64_t>(block->count, kReplicateCount) * kReplicateChannelCount;
+  for (size_t i = 0; i < kIdKindCount; ++i) {
+    channel_count += layout.id_plane_counts[i];
+    const bool has_ids = layout.outputs.HasIds(static_cast<IdKind>(i));
+    if (layout.id_plane_counts[i] > 0 && !has_ids) return NotAPart("wrong channels");
+  }
+  if (header.channels.size() != channel_count) return NotAPart("wrong channels");
+  return layout;
+}
+
+}  // namespace
+
+std::string EncodePart(const FilmTile& tile, const PartHeader& part) {
+  Imf::Header header(BoxOf(tile.rect()), BoxOf(DataWindowOf(tile.rect(), part.cells)));
+  header.compression() = CompressionOf(part.lattice);
+  SetText(&header, kFormatKey, kFormat);
+  SetText(&header, kFrameDigestAttribute, part.frame_digest);
+  SetText(&header, kProfileKey, part.numeric_profile);
+  SetText(&header, kBlockFirstKey, absl::StrCat(tile.block().first));
+  SetText(&header, kBlockCountKey, absl::StrCat(tile.block().count));
+  if (!part.lattice.All()) {
+    SetText(&header, kPixelStrideKey, absl::StrCat(part.lattice.stride_px));
+    SetText(&header, kPixelSeedKey, absl::StrCat(part.lattice.seed));
+  }
+  if (!part.cells.All()) {
+    SetText(&header, kCellSizeKey, absl::StrCat(part.cells.size_px));
+    SetText(&header, kCellsKey, absl::StrCat(part.cells.mask));
+  }
+  if (!tile.outputs().empty()) SetText(&header, kOutputsKey, FormatOutputs(tile.outputs()));
+  std::vector<NamedPlane<const float>> planes = PlanesOf<const float>(tile);
+  std::vector<std::vector<float>> id_planes;
+  for (size_t i = 0; i < kIdKindCount; ++i) {
+    const auto kind = static_cast<IdKind>(i);
+    if (!tile.outputs().HasIds(kind)) continue;
+    SetText(&header, kIdsKey + std::string(IdKindName(kind)), NamesText(tile.ids(kind).names));
+    std::vector<std::vector<float>> own = IdPlanes(tile.ids(kind));
+    for (size_t k = 0; k < own.size(); ++k) {
+      // A vector's memory stays where it is when the vector moves.
+      planes.push_back({IdPlaneName(kind, k), own[k].data()});
+      id_planes.push_back(std::move(own[k]));
+    }
+  }
+  if (part.cells.All()) return EncodePlanes(std::move(header), planes, tile.rect());
+  return EncodePlanes(std::move(header), Pack(planes, tile.rect(), part.cells).planes,
+                      DataWindowOf(tile.rect(), part.cells));
+}
+
+absl::StatusOr<DecodedPart> DecodePart(std::string_view bytes, int64_t part_pixels_max) {
+  const absl::StatusOr<ExrFileHeader> file = ScanExrHeader(bytes);
+  if (!file.ok()) return file.status();
+  const ExrHeader& header = file->parts[0];
+  absl::StatusOr<PartLayout> layout = LayoutOf(*file, bytes.size(), part_pixels_max);
+  if (!layout.ok()) return layout.status();
+  DecodedPart part{FilmTile(header.display_window, layout->block, std::move(layout->outputs)),
+                   std::move(layout->header)};
+  std::vector<NamedPlane<float>> planes = PlanesOf<float>(part.tile);
+  std::array<std::vector<std::vector<float>>, kIdKindCount> id_planes;
+  for (size_t i = 0; i < kIdKindCount; ++i) {
+    id_planes[i].assign(layout->id_plane_counts[i], std::vector<float>(part.tile.plane_size()));
+    for (size_t k = 0; k < id_planes[i].size(); ++k) {
+      planes.push_back({IdPlaneName(static_cast<IdKind>(i), k), id_planes[i][k].data()});
+    }
+  }
+  std::ranges::sort(planes, {}, &NamedPlane<float>::name);
+  if (absl::Status status = CheckPartChannels(header, planes); !status.ok()) return status;
+  const PixelRect& tile = part.tile.rect();
+  const absl::Status decoded = part.header.lattice.All()
+                                   ? DecodeLines(bytes, planes, tile, part.header.cells)
+                                   : DecodePlanes(bytes, header.data_window, planes, tile);
+  if (!decoded.ok()) return decoded;
+  const std::string why = WhyNoSums(part.tile, part.header.lattice, part.header.cells);
+  if (!why.empty()) return NotAPart(why);
+  for (size_t i = 0; i < kIdKindCount; ++i) {
+    const auto kind = static_cast<IdKind>(i);
+    if (!part.tile.outputs().HasIds(kind)) continue;
+    const auto names = header.strings.find(kIdsKey + std::string(IdKindName(kind)));
+    if (names == header.strings.end()) return NotAPart("its ids have no names");
+    const absl::Status status = ReadIds(names->second, id_planes[i], &part.tile.ids(kind));
+    if (!status.ok()) return NotAPart(std::string(status.message()));
+  }
+  return part;
+}
+
+}  // namespace sheaf
