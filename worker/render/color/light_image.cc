@@ -16,7 +16,7 @@
 namespace sheaf::render {
 namespace {
 
-// None where the file's colours are sRGB's, or not said to be others.
+// None where the file's primaries are those of sRGB, or not specified.
 std::optional<Matrix4> SrgbFromFile(const FloatImage& image) {
   if (!image.chromaticities || image.channels == 1) return std::nullopt;
   const Chromaticities colors = Chromaticities::FromStored(*image.chromaticities);
@@ -24,8 +24,8 @@ std::optional<Matrix4> SrgbFromFile(const FloatImage& image) {
   return RgbFromRgb(Chromaticities(), colors);
 }
 
-// False where a texel that had no negative component gets one: it becomes 0. What is rounding of a
-// colour at the edge does not count.
+// Returns false where a nonnegative texel gets a negative component, which is clamped to 0. Ignores
+// rounding of colors on the gamut's boundary.
 bool MoveToSrgb(const Matrix4& srgb_from_file, Rgb* texel) {
   const bool was_light = texel->r >= 0 && texel->g >= 0 && texel->b >= 0;
   const Vec3f moved = ToFloat(

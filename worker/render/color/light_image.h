@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// LightImage: a picture read as light.
+// LightImage: an image file read as linear radiance for a light.
 #pragma once
 
 #include <string>
@@ -14,17 +14,18 @@
 
 namespace sheaf::render {
 
-// Pictures wider or higher than this are larger than a worker should hold: 12 to 18 bytes a pixel.
+// Maximum width and height of an image; a larger one would exceed a worker's memory at 12 to 18
+// bytes a pixel.
 inline constexpr int kLightImageSizeMax = 8192;
 
-// Linear sRGB, row-major [height][width], top row first. Files that say so may have other
-// primaries; negative components that this leaves become 0, with a warning.
+// Linear sRGB, row-major [height][width], top row first. Files that specify other primaries are
+// converted; components that become negative are clamped to 0, with a warning.
 struct LightImage {
   int width = 0, height = 0;
   std::vector<Rgb> texels;
 };
 
-// location: of the light, with which messages begin. Errors: a file that is missing, cannot be
+// location: of the light; messages begin with it. Errors: a file that is missing, cannot be
 // decoded, is larger than kLightImageSizeMax, or has two channels.
 absl::StatusOr<LightImage> ReadLightImage(const SceneDescription& scene, SourceLocation location,
                                           const std::string& file, FileSource& files);

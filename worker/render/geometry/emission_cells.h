@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The grid that cuts a triangle which emits a picture into cells alike, count * count of them: rows
-// of constant v, each of upright cells and inverted ones in turn.
+// The grid that cuts a triangle with an emission image into count * count congruent cells: rows of
+// constant v, each of alternating upright and inverted cells.
 #pragma once
 
 #include <algorithm>
@@ -14,8 +14,8 @@
 
 namespace sheaf::render {
 
-// The cell that holds the point of barycentric coordinates u (of the second corner) and v (of the
-// third); the nearest where rounding put it outside.
+// Returns the cell that contains the point of barycentric coordinates u (of the second corner) and
+// v (of the third); the nearest cell where rounding put the point outside.
 inline uint32_t CellAt(uint32_t count, double u, double v) {
   const double last = count - 1, x = u * count, y = v * count;
   const double row = std::clamp(std::floor(y), 0.0, last);
@@ -25,7 +25,7 @@ inline uint32_t CellAt(uint32_t count, double u, double v) {
   return r * (2 * count - r) + 2 * c + (inverted ? 1 : 0);
 }
 
-// Its corners (u, v), wound like the triangle. Requires: cell < count * count.
+// Returns the corners (u, v) of the cell, wound like the triangle. Requires: cell < count * count.
 inline std::array<Vec2d, 3> CellCorners(uint32_t count, uint32_t cell) {
   uint32_t row = 0;
   while (cell >= (row + 1) * (2 * count - row - 1)) ++row;

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// LightGroups: what each group of lights, or each kind of light path, contributes to one sample.
-// Where none were asked for it holds nothing, and does nothing.
+// LightGroups: the contribution to one sample of each group of lights, or of each kind of light
+// path. Does nothing where the film requests neither.
 #pragma once
 
 #include <cstddef>
@@ -19,7 +19,7 @@ namespace sheaf::render {
 template <typename Color>
 class LightGroups {
  public:
-  // Starts with all groups of the outputs contributing nothing.
+  // Sets all groups of the outputs to zero.
   void Reset(const FilmOutputs& outputs) {
     sums_.assign(outputs.light_groups.size(), Color{});
     by_path_ = outputs.light_paths;
@@ -29,8 +29,8 @@ class LightGroups {
     if (sums_.empty()) return;
     sums_[by_path_ ? static_cast<size_t>(kind) : lights.GroupOf(light)] += radiance;
   }
-  // The same for `radiance`, which is weight times what all infinite lights together send to p
-  // along d.
+  // Adds `radiance`: weight times the radiance of all infinite lights together that arrives at p
+  // from direction d.
   void AddSky(const LightTable& lights, Vec3f p, Vec3f d, const WavelengthsOf<Color>& wavelengths,
               const Color& weight, LightPathKind kind, const Color& radiance) {
     if (sums_.empty()) return;
@@ -40,12 +40,12 @@ class LightGroups {
       lights.AddByGroup(p, d, wavelengths, weight, radiance, &sums_);
     }
   }
-  // From media; group: the index of theirs.
+  // Adds emission of media. group: the index of their group.
   void AddGlow(uint32_t group, const Color& radiance) {
     if (sums_.empty()) return;
     sums_[by_path_ ? static_cast<size_t>(LightPathKind::kGlow) : group] += radiance;
   }
-  // Writes each group's to_rgb(sum) to its channels, the last ones, and starts anew.
+  // Writes to_rgb(sum) of each group to its channels, the last ones, and resets the sums.
   template <typename ToRgb>
   void MoveTo(OutputSample* outputs, const ToRgb& to_rgb) {
     if (sums_.empty()) return;

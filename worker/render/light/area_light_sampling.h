@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Light from emissive shapes, for light_table.cc: samples of one emitter as the table hands them
-// out, and what a picture or a cut-out on the shape adds to them.
+// Sampling of emissive shapes for light_table.cc: samples one emitter in the form of the light
+// table, and applies the image or the alpha cut-out of its shape.
 #pragma once
 
 #include <cmath>
@@ -14,7 +14,7 @@
 
 namespace sheaf::render {
 
-// Rounding a double to a float costs half an ulp; twice that leaves room for the double arithmetic.
+// Rounding a double to a float costs half an ulp; doubled to allow for the double arithmetic.
 inline Vec3f RoundingErrorOf(Vec3f p) {
   return {std::fabs(p.x) * 0x1p-23f, std::fabs(p.y) * 0x1p-23f, std::fabs(p.z) * 0x1p-23f};
 }
@@ -25,7 +25,7 @@ inline float PdfSolidAngle(double shape_pdf, float probability) {
   return static_cast<float>(shape_pdf) * probability;
 }
 
-// Without its pdf.
+// Makes a sample whose pdf is not set.
 template <typename Color>
 LightSampleOf<Color> AreaSample(const ShapePoint& point, const Color& radiance) {
   LightSampleOf<Color> sample;
@@ -43,8 +43,8 @@ inline DiskShapeView ViewEmitter(const DiskEmitter& disk, Vec3f p) {
 inline TriangleView ViewEmitter(const TriangleEmitter& t, Vec3f p) {
   return ViewTriangle(t.v0, t.v1, t.v2, p);
 }
-// On the sphere itself the inside counts where it shines there: its wall is lit by all of it, while
-// nothing of a sphere is seen from its own outside.
+// A point on the sphere counts as inside if the sphere emits inwards: there the whole wall
+// illuminates it, while no part of a sphere illuminates its own outside.
 inline SphereView ViewEmitter(const SphereEmitter& s, Vec3f p) {
   return ViewSphere(s.center, s.radius, s.inward || s.two_sided, p);
 }
@@ -66,7 +66,7 @@ std::optional<LightSampleOf<Color>> SampleEmitter(const SphereEmitter& s, const 
   const SphereView view = ViewEmitter(s, p);
   if (!view.visible || !(s.two_sided || view.inside == s.inward)) return std::nullopt;
   const ShapePoint point = SampleSphere(view, s.center, s.radius, u);
-  // From where p is on it, out of a sphere that can be looked at from there.
+  // If p is on a two-sided sphere, samples must be farther than the rounding error.
   const double distance = Dot(point.p - ToDouble(p), point.wi);
   if (s.two_sided && view.inside && !(distance > view.error)) return std::nullopt;
   LightSampleOf<Color> sample = AreaSample(point, radiance);
@@ -87,7 +87,7 @@ std::optional<LightSampleOf<Color>> SampleEmitter(const DiskEmitter& d, const Co
   return sample;
 }
 
-// Where a point of an emitter reads its picture or cut-out.
+// Texture coordinates at a point of an emitter.
 inline Vec2f UvOnTriangle(const TriangleEmitter& t, const EmissionDetail& detail, Vec3f p) {
   const Vec3d v0 = ToDouble(t.v0), e1 = ToDouble(t.v1) - v0, e2 = ToDouble(t.v2) - v0;
   const Vec3d normal = Cross(e1, e2), d = ToDouble(p) - v0;
@@ -107,7 +107,7 @@ Color RadianceOfMap(const LightTable::Impl& impl, const EmissionDetail& detail, 
   return ColorOfRgb<Color>(seen * detail.map_scale, ColorRole::kIlluminant, wavelengths);
 }
 
-// Makes a sample of an emitter that of the point it found.
+// Applies the emission details of the emitter at the sampled point.
 template <typename Color>
 void AddDetail(const LightTable::Impl& impl, uint32_t emitter,
                const WavelengthsOf<Color>& wavelengths, LightSampleOf<Color>* sample) {
@@ -116,7 +116,7 @@ void AddDetail(const LightTable::Impl& impl, uint32_t emitter,
   if (detail->quadric != kNone) {
     sample->uv = UvOnQuadric(impl.quadrics[static_cast<size_t>(detail->quadric)], sample->p_light);
   } else {
-    // A part of a triangle may lie off it by the rounding of the part's own corners.
+    // A sub-triangle may lie off the triangle by the rounding of its own corners.
     const TriangleEmitter& t = impl.triangles[emitter];
     for (size_t i = 0; i < 3; ++i) {
       const float reach =

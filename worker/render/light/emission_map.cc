@@ -15,11 +15,11 @@
 namespace sheaf::render {
 namespace {
 
-// A mean is taken over at most so many squares along each axis, and one more at the edge.
+// Means use at most this many squares along each axis, plus one at the edge.
 constexpr int kSquaresMax = 16;
 
-// Where the two texels lie between which a coordinate falls. The same for At and MeanLuminance, so
-// that they agree on which texels count.
+// The two texels that a coordinate lies between. At and MeanLuminance both use it, so they agree on
+// the texels that count.
 struct TexelPair {
   int first = 0, second = 0;
   float fraction = 0;

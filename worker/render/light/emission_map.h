@@ -1,9 +1,9 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// EmissionMap: a picture that a surface emits, over the surface's uv, as in pbrt-v4: bilinear, the
-// picture's last texels going on beyond uv of [0, 1]. It also knows how much light parts of it
-// give, which is how the parts of a surface are weighed as lights.
+// EmissionMap: an image that a surface emits, over the surface's uv, as in pbrt-v4: bilinear, with
+// edge texels repeated outside uv of [0, 1]. It also estimates the mean luminance of parts of the
+// image, which weights the parts of a surface as lights.
 #pragma once
 
 #include <cstdint>
@@ -19,15 +19,15 @@ namespace sheaf::render {
 
 class EmissionMap {
  public:
-  // texels: linear, row-major [height][width], top row first. Negative ones count as 0, as in
+  // texels: linear, row-major [height][width], top row first. Negative texels count as 0, as in
   // pbrt-v4. Errors: a texel that is not finite.
   static absl::StatusOr<EmissionMap> Make(int width, int height, std::vector<Rgb> texels);
 
   Rgb At(Vec2f uv) const;
-  // Over the whole picture. Luminance, per unit of area of uv.
+  // Mean over the whole image. Luminance, per unit area of uv.
   double mean_luminance() const { return mean_luminance_; }
-  // Roughly the same over a box of uv; positive wherever At is anywhere in it. Cost: bounded,
-  // however many texels there are.
+  // Approximate mean over a box of uv; positive if At is positive anywhere in the box. Cost:
+  // bounded for any number of texels.
   double MeanLuminance(Vec2f lower, Vec2f upper) const;
   uint64_t memory_bytes() const;
 
@@ -48,10 +48,10 @@ class EmissionMap {
   double mean_luminance_ = 0;
 };
 
-// By area light of the scene; null where the light has no picture. Empty where no light has.
+// By area light of the scene; null where the light has no image. Empty where no light has one.
 using EmissionMaps = std::vector<std::shared_ptr<const EmissionMap>>;
 
-// Each file is read once. Errors: those of ReadLightImage and EmissionMap::Make, with the light's
+// Reads each file once. Errors: those of ReadLightImage and EmissionMap::Make, with the light's
 // location.
 absl::StatusOr<EmissionMaps> ReadEmissionMaps(const SceneDescription& scene, FileSource& files);
 

@@ -17,9 +17,9 @@
 namespace sheaf::render {
 namespace {
 
-// Scattered rays find what is spread over the sky better than sampled ones do, so places are chosen
-// by the luminance above the mean; but for this part of the whole, without which nothing but a
-// scattered ray could find the rest. Source: Karlik et al. 2019, "MIS Compensation: Optimizing
+// Scattered rays sample the diffuse part of the sky better than light sampling does, so places are
+// chosen by the luminance above the mean, plus this fraction of the whole, without which only
+// scattered rays could sample the rest. Source: Karlik et al. 2019, "MIS Compensation: Optimizing
 // Sampling Techniques in Multiple Importance Sampling".
 constexpr float kLeastPart = 1.0f / 16;
 
@@ -35,7 +35,7 @@ EnvironmentMap::Texel EnvironmentMap::Pack(Rgb radiance) {
   const float largest = MaxComponent(radiance);
   int exponent = 0;
   std::frexp(largest, &exponent);
-  // What is too dark for a normal scale loses bits.
+  // Values too dark for a normal scale lose bits.
   const float scale = std::ldexp(1.0f, std::max(exponent - 16, -126));
   Texel texel;
   texel.scale = static_cast<uint16_t>(std::bit_cast<uint32_t>(scale) >> 16);
@@ -110,7 +110,7 @@ EnvironmentMap::PlaceSample EnvironmentMap::Sample(Vec2f u) const {
 }
 
 void EnvironmentMap::Prefetch(Place place) const {
-  // At the map's edge not all that Radiance reads: cheaper than to find where the rest is.
+  // At the map's edge this misses some texels that Radiance reads; locating them would cost more.
   const int x = static_cast<int>(std::max(0.0f, place.p.x - 0.5f));
   const int y = static_cast<int>(std::max(0.0f, place.p.y - 0.5f));
   __builtin_prefetch(&At(std::min(x, size_ - 1), std::min(y, size_ - 1)));
@@ -136,7 +136,7 @@ Rgb EnvironmentMap::Radiance(Place place) const {
 }
 
 Rgb EnvironmentMap::RadianceAtEdge(Place place) const {
-  // Also for NaN, which then goes through to the radiance.
+  // NaN passes too, and reaches the radiance.
   const auto texel_below = [&](float v) {
     return v > -1 ? static_cast<int>(std::floor(std::min(v, size_f_ - 0.5f))) : -1;
   };

@@ -32,7 +32,7 @@ absl::StatusOr<IntensityMap> IntensityMap::Make(int size, std::vector<float> tex
 
 float IntensityMap::At(Vec3f d) const {
   const Vec2f st = EqualAreaSphereToSquare(d);
-  // NaN is no greater than 0 and finds the first texel.
+  // NaN fails the comparison and selects the first texel.
   const auto index = [&](float s) {
     return s > 0 ? std::min(static_cast<int>(s * static_cast<float>(size_)), size_ - 1) : 0;
   };

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// IntensityMap: how strongly a light without size shines in each direction, as a square equal-area
-// map of factors, each constant over its texel as pbrt-v4 has them. Space: the map's own.
+// IntensityMap: relative intensity of a light without size by direction, as a square equal-area map
+// of factors, constant over each texel as in pbrt-v4. Space: the map's own.
 #pragma once
 
 #include <vector>
@@ -19,9 +19,9 @@ class IntensityMap {
   // Errors: kInvalidArgument naming the first texel that is negative or not finite.
   static absl::StatusOr<IntensityMap> Make(int size, std::vector<float> texels);
 
-  // d: unit; any texel's factor where it is not a number.
+  // d: unit. For NaN returns the factor of an arbitrary texel.
   float At(Vec3f d) const;
-  // Over all directions.
+  // Mean over all directions.
   double mean() const { return mean_; }
   float peak() const { return peak_; }
   uint64_t memory_bytes() const { return VectorBytes(texels_); }

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// LightBounds: what choosing among lights needs to know of one.
+// LightBounds: the bounds and the strength of one light, as light selection reads them.
 #pragma once
 
 #include <cstdint>
@@ -17,12 +17,12 @@ struct LightBounds {
   bool two_sided = true;  // kPlanar: emits on both sides.
   Vec3f center{};
   Vec3f normal{};    // kPlanar: unit, on the emitting side; kPoint: unit, the axis of its cone.
-  float radius = 0;  // Of a sphere about center that holds the light.
-  float area = 0;    // kPlanar: the shape's; kSphere: of its outline; else 0.
-  // kPlanar, kSphere: |radiance|; kPoint: |intensity|; kInfinite: the most |irradiance| it can
-  // give. In luminance.
+  float radius = 0;  // Of a bounding sphere about center.
+  float area = 0;    // kPlanar: of the shape; kSphere: of its silhouette; else 0.
+  // In luminance. kPlanar, kSphere: |radiance|; kPoint: |intensity|; kInfinite: the maximum
+  // |irradiance| the light can give.
   float strength = 0;
-  float cos_end = -1;  // kPoint: sends nothing along directions of a lesser cosine with normal.
+  float cos_end = -1;  // kPoint: emits nothing where cos(angle to normal) < cos_end.
 };
 
 struct ChosenLight {

@@ -14,34 +14,34 @@
 namespace sheaf::render {
 namespace {
 
-// Share of the probability that is spread evenly over all lights that may reach a point.
+// Fraction of the probability that is spread evenly over all lights that may reach a point.
 constexpr float kEvenShare = 0.25f;
-// The least share of infinite lights together and of local ones together where there are both.
+// Minimum probability of the infinite lights, and of the local ones, where the scene has both.
 constexpr double kGroupShareMin = 0.1;
-// Keep sums of weights finite next to a point light, and what is small above 0.
+// Keep sums of weights finite next to a point light, and small weights above 0.
 constexpr float kWeightMin = 1e-30f, kWeightMax = 1e30f;
 constexpr float kCoordinateError = 0x1p-21f;
-// What cosines of unit vectors of floats may be off by.
+// Error bound of cosines between unit vectors in float.
 constexpr float kCosineError = 0x1p-20f;
 constexpr double kBelowOne = 1 - 0x1p-53;
 
 }  // namespace
 
-// Lights that are weighed together.
+// A group of lights that is weighted in SIMD lanes.
 struct LightChoice::Block {
   explicit Block(const LightBounds* lights, size_t count);
-  // Of each light: an estimate of the unoccluded irradiance at p on a plane of normal n, or on one
-  // that faces the light. 0 only for lights that emit nothing, and where they certainly face away
-  // or are behind p.
+  // Returns for each light an estimate of the unoccluded irradiance at p on a plane of normal n, or
+  // on a plane that faces the light where n is zero. 0 only for lights that emit nothing, certainly
+  // face away or lie behind p.
   Lanes WeightsAt(Vec3f p, Vec3f n) const;
 
   Lanes center_x{}, center_y{}, center_z{}, center_reach{};
   Lanes normal_x{}, normal_y{}, normal_z{};
   Lanes radius{};
-  // Far away strength over distance^2, close by no more than over `nearest`: a hemisphere's share
-  // of what has an area.
+  // The estimate is strength / (distance^2 + nearest): `nearest` keeps that of a light with an area
+  // within the irradiance of a hemisphere.
   Lanes strength{}, nearest{};
-  // They send nothing along directions of a lesser cosine with the normal.
+  // The light emits nothing along directions whose cosine with the normal is less.
   Lanes cos_end = All(-2);
   MaskLanes is_planar{}, is_infinite{};
 };
@@ -81,11 +81,11 @@ inline Lanes LightChoice::Block::WeightsAt(Vec3f p, Vec3f n) const {
   const float reach = std::fabs(p.x) + std::fabs(p.y) + std::fabs(p.z);
   const Lanes error = kCoordinateError * (reach + center_reach);
   const Lanes height = normal_x * x + normal_y * y + normal_z * z;
-  // The greatest height any part of the light can have over the horizon.
+  // Upper bound of the height of any part of the light over the horizon.
   const Lanes rise = radius + error - (n.x * x + n.y * y + n.z * z);
   const MaskLanes is_none = (height + error < cos_end * d) | (rise < 0);
   Lanes weight = strength / (d_squared + nearest);
-  // The greatest cosines any part of the light can show.
+  // Upper bounds of the cosines of any part of the light.
   const Lanes at_light = Abs(height) + radius;
   weight *= (is_planar & (at_light < d)) ? at_light / d : All(1);
   if (n != Vec3f{}) weight *= rise < d ? rise / d : All(1);
@@ -94,9 +94,9 @@ inline Lanes LightChoice::Block::WeightsAt(Vec3f p, Vec3f n) const {
   return (strength > 0) & (is_infinite | ~is_none) ? weight : Lanes{};
 }
 
-// Probabilities of the lights.
+// Selection probabilities of the lights.
 struct LightChoice::Weights {
-  std::array<Lanes, kLightsWeighedMax / kLaneCount> probability;  // Of as many as there are blocks.
+  std::array<Lanes, kLightsWeighedMax / kLaneCount> probability;  // [blocks_.size()].
 
   float Probability(size_t light) const {
     return probability[light / kLaneCount][light % kLaneCount];
@@ -137,7 +137,7 @@ inline LightChoice::Weights LightChoice::Weigh(Vec3f p, Vec3f n) const {
     positive_count += Sum(w.probability[b] > 0 ? All(1) : Lanes{});
   }
   if (positive_count == 0) return w;
-  // A light alone has probability 1 exactly.
+  // A single light has probability 1 exactly.
   const bool is_alone = positive_count == 1;
   const float scale = is_alone ? 0 : (1 - kEvenShare) / sum;
   const float even = is_alone ? 1 : kEvenShare / positive_count;
@@ -148,7 +148,7 @@ inline LightChoice::Weights LightChoice::Weigh(Vec3f p, Vec3f n) const {
   return w;
 }
 
-// By how much each group may send to p.
+// Proportional to the irradiance each group may give at p.
 double LightChoice::InfiniteShare(Vec3f p, Vec3f n) const {
   if (infinite_lights_.empty()) return 0;
   const double local_irradiance = tree_.empty() ? 0 : tree_.Irradiance(p, n);
@@ -183,7 +183,7 @@ std::optional<ChosenLight> LightChoice::Choose(Vec3f p, Vec3f n, float u, uint64
   }
   const Weights w = Weigh(p, n);
   std::optional<ChosenLight> chosen;
-  // Where rounding leaves the sum below u, the last light that may be chosen stands.
+  // Where rounding leaves the sum below u, the last light of positive probability is chosen.
   float begin = 0;
   for (size_t i = 0; i < count_; ++i) {
     const float probability = w.Probability(i);

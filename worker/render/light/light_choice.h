@@ -1,13 +1,14 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// LightChoice: which light to sample at a point, and with what probability. A scene of few lights
-// is weighed light by light at every point, by an estimate of the unoccluded light that arrives; a
-// scene of many by a hierarchy, a LightTree, with the infinite lights beside it. Either way a share
-// is independent of the estimates, so that a wrong one (a shadow, a narrow lobe) costs efficiency
-// and never the picture, and a light has probability 0 only where it certainly sends nothing. One
-// light alone has probability 1 exactly. Every estimate is a ratio of like quantities: nothing
-// changes with the scene's unit of length.
+// LightChoice: selects the light to sample at a point, and gives the probability of that choice. A
+// scene of few lights weights each light at every point by an estimate of its unoccluded
+// irradiance; a scene of many lights uses a hierarchy (LightTree) for the local lights, and a
+// distribution for the infinite ones. In both cases a fraction of the probability is independent of
+// the estimates, so a wrong estimate (a shadow, a narrow lobe) costs efficiency but adds no bias. A
+// light has probability 0 only where it certainly sends nothing; a single light has probability 1
+// exactly. Every estimate is a ratio of like quantities, so the scene's unit of length does not
+// matter.
 #pragma once
 
 #include <cstddef>
@@ -22,7 +23,7 @@
 
 namespace sheaf::render {
 
-// Up to this many lights are weighed at every point.
+// Scenes of at most this many lights weight every light at every point.
 inline constexpr size_t kLightsWeighedMax = 16;
 
 class LightChoice {
@@ -33,10 +34,11 @@ class LightChoice {
   LightChoice& operator=(LightChoice&&) noexcept;
   explicit LightChoice(std::vector<LightBounds> lights);
 
-  // A light as seen from p, none where no light reaches p. n: unit normal at p on whose side alone
-  // light counts, or zero. salt: bits independent of u (SaltOf).
+  // Chooses a light as seen from p; none where no light reaches p. n: unit normal at p, zero to
+  // accept light from all directions; lights behind n do not count. salt: bits independent of u
+  // (SaltOf).
   std::optional<ChosenLight> Choose(Vec3f p, Vec3f n, float u, uint64_t salt) const;
-  // The probability with which Choose returns the light at p: the same bits.
+  // The probability with which Choose returns the light at p, bit for bit.
   float Probability(uint32_t light, Vec3f p, Vec3f n) const;
   uint64_t memory_bytes() const;
 
@@ -48,9 +50,9 @@ class LightChoice {
   float ProbabilityInfinite(size_t rank, double share) const;
 
   size_t count_ = 0;
-  // Where there are at most kLightsWeighedMax, those.
+  // Used for at most kLightsWeighedMax lights.
   std::vector<Block> blocks_;
-  // Where there are more.
+  // Used for more.
   LightTree tree_;
   std::vector<uint32_t> infinite_lights_;  // Ascending, not black.
   DiscreteDistribution infinite_;          // Over infinite_lights_.

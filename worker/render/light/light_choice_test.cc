@@ -27,7 +27,7 @@ LightBounds PanelAt(Vec3f center, Vec3f normal, float area, bool two_sided) {
           .strength = 1};
 }
 
-// Choose must return every light as often, and with the same bits, as Probability says.
+// Checks that Choose returns every light as often as Probability says, and with the same bits.
 void ExpectChoiceMatchesProbability(const LightChoice& choice, size_t light_count, Vec3f p,
                                     Vec3f n = {}) {
   constexpr int kDraws = 1 << 16;
@@ -79,14 +79,14 @@ TEST(LightChoiceTest, PanelsThatFaceAwayAreLeftOut) {
   EXPECT_GT(choice.Probability(1, {}, {}), 0);
   EXPECT_GT(choice.Probability(2, {}, {}), 0);
   ExpectChoiceMatchesProbability(choice, 3, {});
-  // All facing away: there is nothing to choose.
+  // All lights face away: there is nothing to choose.
   const LightChoice none(
       {PanelAt({0, 0, 1}, {0, 0, 1}, 1, false), PanelAt({0, 0, 2}, {0, 0, 1}, 1, false)});
   EXPECT_FALSE(none.Choose({}, {}, 0.5f, 0).has_value());
 }
 
 TEST(LightChoiceTest, LightsBehindTheReceiverAreLeftOut) {
-  // Behind, in front, across the horizon, and a spot that looks elsewhere.
+  // Behind, in front, across the horizon, and a spot that points elsewhere.
   const LightChoice choice({SphereAt({0, 0, -2}, 1, 1),
                             SphereAt({0, 0, 2}, 1, 1),
                             SphereAt({3, 0, -0.5f}, 1, 1),

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// LightCluster: what a set of lights comes to while a LightTree is built, and what it costs to
-// leave it in one piece. Internal to light_tree_build.cc.
+// LightCluster: bounds and sums of a set of lights while a LightTree is built, and the cost of
+// keeping the set in one node. Internal to light_tree_build.cc.
 #pragma once
 
 #include <algorithm>
@@ -16,15 +16,15 @@
 
 namespace sheaf::render {
 
-// A light, as the builder moves it about.
+// A light, in the form that the builder sorts.
 struct LightEntry {
-  Vec3f center, half;      // Of its box.
-  Vec3f normal;            // Zero where it shines on all sides.
+  Vec3f center, half;      // Of its bounding box.
+  Vec3f normal;            // Zero where it emits in all directions.
   float intensity = 0;     // Along the normal.
-  float cos_emission = 0;  // Shines within this about its normal.
+  float cos_emission = 0;  // Emits where the cosine with the normal is at least this.
   uint32_t light = 0;
   bool two_sided = false;
-  bool by_cosine = false;  // Of its intensity it sends what the cosine with the normal says.
+  bool by_cosine = false;  // Emission falls off with the cosine to the normal.
 };
 
 inline Vec3f Minimum(Vec3f a, Vec3f b) {
@@ -34,8 +34,8 @@ inline Vec3f Maximum(Vec3f a, Vec3f b) {
   return {std::max(a.x, b.x), std::max(a.y, b.y), std::max(a.z, b.z)};
 }
 
-// Measure of the directions within reach of normals in a cone of half-angle theta, each with a
-// half-space about it. Source: Conty Estevez and Kulla 2018, eq. 1, for theta_e = pi / 2.
+// Measure of all directions within pi / 2 of a normal in a cone of half-angle theta, weighted by
+// cosine outside the cone. Source: Conty Estevez and Kulla 2018, eq. 1, for theta_e = pi / 2.
 inline double OrientationMeasure(double theta) {
   const double reach = std::min(theta + 0.5 * kPi, kPi);
   const SinCosPair<double> t = SinCos(theta);
@@ -43,9 +43,9 @@ inline double OrientationMeasure(double theta) {
          0.5 * kPi * (2 * reach * t.sin - Cos(theta - 2 * reach) - 2 * theta * t.sin + t.cos);
 }
 
-// The measure by how long the mean normal is: uniform in a cap of half-angle theta, normals have a
-// mean of length (1 + cos theta) / 2. That is cheaper than bounds of cones, and knows how many
-// normals stray how far.
+// OrientationMeasure as a function of the length of the mean normal: normals that are uniform in a
+// cap of half-angle theta have a mean of length (1 + cos theta) / 2. This is cheaper than bounding
+// cones, and takes the distribution of the normals into account.
 class OrientationTable {
  public:
   OrientationTable() {
@@ -65,12 +65,12 @@ class OrientationTable {
   std::array<float, 65> table_{};
 };
 
-// What a set of lights comes to.
+// Bounds and sums of a set of lights.
 struct LightCluster {
   static constexpr float kInfinity = std::numeric_limits<float>::infinity();
-  Vec3f lower{kInfinity, kInfinity, kInfinity}, upper = -lower;  // Of boxes.
+  Vec3f lower{kInfinity, kInfinity, kInfinity}, upper = -lower;  // Of the boxes.
   Vec3f center_lower{kInfinity, kInfinity, kInfinity}, center_upper = -center_lower;
-  Vec3f normal_sum{};  // Weighed by intensity.
+  Vec3f normal_sum{};  // Weighted by intensity.
   float intensity = 0;
   uint32_t count = 0;
 

@@ -21,7 +21,7 @@
 namespace sheaf::render {
 namespace {
 
-// How far a rotation's columns may be from orthogonal and of equal length, relative.
+// Relative tolerance for the orthogonality and equal length of a rotation's columns.
 constexpr double kRotationTolerance = 1e-4;
 
 double RadiansOf(float degrees) { return static_cast<double>(degrees) * (kPi / 180); }
@@ -31,7 +31,7 @@ absl::Status ErrorAt(const SceneDescription& scene, SourceLocation location,
   return absl::InvalidArgumentError(absl::StrCat(FormatLocation(scene, location), ": ", what));
 }
 
-// Reads one light after the other; the first error stays.
+// Reads the lights one by one; keeps the first error.
 class SceneLightReader {
  public:
   SceneLightReader(const SceneDescription& scene, Vec3d render_origin_world, FileSource& files,
@@ -61,7 +61,7 @@ class SceneLightReader {
   absl::StatusOr<EnvironmentMap> ReadMap(const LightDescription& light, const std::string& file);
   SkyPortal MakePortal(const InfiniteLight& infinite, const InfiniteEmitter& emitter,
                        const EnvironmentMap& map) const;
-  // peak: what multiplies the emission where the light is brightest.
+  // peak: the factor of the emission in the direction where the light is brightest.
   absl::Status Keep(const LightDescription& light, DeltaLight delta, Rgb peak = Rgb::Grey(1));
   Emission AddEmission(const ColorSpec& color, float scale) {
     return {color, scale, spectral_ ? impl_->AddSpectrum(color) : kNone};
@@ -72,7 +72,7 @@ class SceneLightReader {
   FileSource& files_;
   const bool spectral_;
   LightTable::Impl* impl_;
-  // Pictures are read once, however many lights shine by them: indices by file, and field of view.
+  // Images are read once, however many lights use them: indices by file, and by field of view.
   std::map<std::string, size_t> intensity_of_file_;
   std::map<std::pair<std::string, float>, size_t> projection_of_file_;
 };
@@ -87,7 +87,7 @@ bool InvertLinearPart(const Matrix4& world_from_light, Vec3f (*rows)[3]) {
   return true;
 }
 
-// A black light adds nothing, and one that is not finite is an error.
+// Drops a black light. Errors: a light whose values are not finite.
 absl::Status SceneLightReader::Keep(const LightDescription& light, DeltaLight delta, Rgb peak) {
   if (!IsFinite(delta.emission.rgb * peak) || !std::isfinite(LengthSquared(delta.position))) {
     return ErrorAt(
@@ -128,7 +128,7 @@ absl::Status SceneLightReader::Add(const LightDescription& light, const SpotLigh
   }
   float scale = light.scale.scale;
   if (light.scale.power_w > 0) {
-    // The smooth step's mean over its range of cosines is exactly one half.
+    // The mean of the smooth step over its range of cosines is exactly one half.
     const double per_intensity = 2 * kPi * ((1 - cos_start) + 0.5 * (cos_start - cos_end));
     scale *= static_cast<float>(static_cast<double>(light.scale.power_w) / per_intensity);
   }
@@ -175,7 +175,7 @@ absl::StatusOr<EnvironmentMap> SceneLightReader::ReadMap(const LightDescription&
   return map;
 }
 
-// Equal areas of the map must stay equal on the sphere: a rotation, a mirror, a uniform scale.
+// The map must stay equal-area on the sphere: only rotations, mirrors and uniform scales do.
 bool MakeRotation(const Matrix4& world_from_light, Vec3f (*rows)[3]) {
   Vec3d column[3];
   for (size_t i = 0; i < 3; ++i) {
@@ -194,7 +194,7 @@ bool MakeRotation(const Matrix4& world_from_light, Vec3f (*rows)[3]) {
   return true;
 }
 
-// emitter: with its rotation.
+// emitter: with its rotation set.
 SkyPortal SceneLightReader::MakePortal(const InfiniteLight& infinite,
                                        const InfiniteEmitter& emitter,
                                        const EnvironmentMap& map) const {
@@ -227,7 +227,7 @@ absl::Status SceneLightReader::Add(const LightDescription& light, const Infinite
                    "rotations, mirrors and uniform scales only");
   }
   emitter.scale = light.scale.scale;
-  // A black map is no light; its illuminance cannot be scaled to anything either.
+  // Drops a black map; its illuminance cannot be scaled to any value either.
   if (!(map->mean_luminance() > 0) || emitter.scale == 0) return absl::OkStatus();
   if (infinite.illuminance_lx > 0) {
     const double illuminance = map->PbrtIlluminance();
@@ -273,7 +273,7 @@ absl::Status SceneLightReader::Add(const LightDescription& light,
   const IntensityDistribution& intensity = impl_->intensities[known->second];
   const double mean = std::visit([](const auto& i) { return i.mean(); }, intensity);
   const float peak = std::visit([](const auto& i) { return i.peak(); }, intensity);
-  // A black map is no light, and no scale gives it power.
+  // Drops a black map; no scale gives it power.
   if (!(mean > 0)) return absl::OkStatus();
   DeltaLight delta;
   delta.kind = DeltaLight::Kind::kGoniometric;
@@ -282,7 +282,7 @@ absl::Status SceneLightReader::Add(const LightDescription& light,
     return ErrorAt(scene_, light.location,
                    "goniometric light: the transform cannot be inverted; remove the scale of 0");
   }
-  // The distribution is about +z, the light about +y.
+  // The distribution's axis is +z, the light's is +y.
   std::swap(delta.light_from_render[1], delta.light_from_render[2]);
   float scale = light.scale.scale;
   if (light.scale.power_w > 0) {

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The lights of a scene file, placed in render space, with the pictures they bring along. Units and
-// the meaning of `power` and `illuminance` are pbrt-v4's.
+// ReadLights: reads the lights of a scene file, with their images, into render space. Units and the
+// meaning of `power` and `illuminance` are pbrt-v4's.
 #pragma once
 
 #include "absl/status/status.h"
@@ -13,8 +13,8 @@
 
 namespace sheaf::render {
 
-// Appends the lights of the scene to impl, without those that are black.
-// Errors: those of LightTable::Build; the first one ends the reading.
+// Appends the lights of the scene to impl, except those that are black. Errors: those of
+// LightTable::Build; stops at the first.
 absl::Status ReadLights(const SceneDescription& scene, Vec3d render_origin_world, bool spectral,
                         FileSource& files, LightTable::Impl* impl);
 

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Sampling and evaluating lights. light_table_build.cc makes them from the scene.
+// Sampling and evaluation of lights. light_table_build.cc builds the table from the scene.
 #include "worker/render/light/light_table.h"
 
 #include <cmath>
@@ -21,7 +21,7 @@ Vec3d RotateBack(const Vec3f (&rows)[3], Vec3d v) {
   return v.x * ToDouble(rows[0]) + v.y * ToDouble(rows[1]) + v.z * ToDouble(rows[2]);
 }
 
-// Smooth step of pbrt-v4's spot light: 0 at `low`, 1 at `high`.
+// The smooth step of pbrt-v4's spot light: 0 at `low`, 1 at `high`.
 float SmoothStep(float x, float low, float high) {
   if (!(x > low)) return 0;
   if (x >= high) return 1;
@@ -29,7 +29,7 @@ float SmoothStep(float x, float low, float high) {
   return t * t * (3 - 2 * t);
 }
 
-// What the light, which has a place, sends along the (unit) direction w that leaves it.
+// Intensity of a light with a position along the unit direction w, which leaves the light.
 template <typename Color>
 Color IntensityAlong(const LightTable::Impl& impl, const DeltaLight& light, Vec3f w,
                      const WavelengthsOf<Color>& wavelengths) {
@@ -69,7 +69,7 @@ EnvironmentMap::Place PlaceOf(const InfiniteEmitter& light, Vec3f d) {
   return light.map->Locate(Rotate(light.light_from_render, d));
 }
 
-// place: of the direction, where there is a map.
+// place: where the direction lies in the map, if there is one.
 template <typename Color>
 Color RadianceAt(const LightTable::Impl& impl, const InfiniteEmitter& light,
                  EnvironmentMap::Place place, const WavelengthsOf<Color>& wavelengths) {
@@ -78,7 +78,7 @@ Color RadianceAt(const LightTable::Impl& impl, const InfiniteEmitter& light,
   return ColorOfRgb<Color>(radiance, ColorRole::kIlluminant, wavelengths);
 }
 
-// As seen from p along (unit) d.
+// As seen from p along the unit direction d.
 template <typename Color>
 Color RadianceFrom(const LightTable::Impl& impl, const InfiniteEmitter& light, Vec3f p, Vec3f d,
                    const WavelengthsOf<Color>& wavelengths) {
@@ -180,7 +180,7 @@ std::optional<LightSampleOf<ColorOf<kMask>>> LightTable::SampleOne(
       sample = render::Sample<Color>(impl, delta, wavelengths, chosen.probability, p);
     }
   } else if constexpr (Has(kMask, Trait::kEnvironment)) {
-    // Infinite lights share every direction, so each is drawn as a part of their sum.
+    // Infinite lights share all directions, so a sample of one carries the sum of all.
     sample.emplace();
     const uint32_t index = light - impl.first_infinite();
     const InfiniteEmitter& infinite = impl.infinites[index];
@@ -198,7 +198,7 @@ std::optional<LightSampleOf<ColorOf<kMask>>> LightTable::SampleOne(
     } else {
       sample->wi = UniformDirection(u);
     }
-    if (Dot(sample->wi, n) < 0) return std::nullopt;  // Not worth waiting for the radiance.
+    if (Dot(sample->wi, n) < 0) return std::nullopt;  // Before the load of the radiance completes.
     if (impl.HasOnlyOneMap()) {
       sample->radiance = RadianceAt<Color>(impl, infinite, place, wavelengths);
       sample->pdf = preparation.sky.pdf;
@@ -268,7 +268,7 @@ template Rgb LightTable::VaryingRadiance<Rgb>(uint32_t, Vec3f, Vec3f, Vec2f,
 template Spectral LightTable::VaryingRadiance<Spectral>(uint32_t, Vec3f, Vec3f, Vec2f,
                                                         const Wavelengths&) const;
 
-// Where there are several lights, which one will be asked is not known so early.
+// With several lights, the chosen light is not known this early.
 LightTable::Preparation LightTable::Prepare(const Impl& impl, Vec2f u) {
   if (!impl.HasOnlyOneMap()) return {};
   return {impl.infinites[0].map->Sample(u)};
@@ -334,7 +334,7 @@ template void LightTable::AddByGroup<Rgb>(Vec3f, Vec3f, const NoWavelengths&, co
 template void LightTable::AddByGroup<Spectral>(Vec3f, Vec3f, const Wavelengths&, const Spectral&,
                                                const Spectral&, std::vector<Spectral>*) const;
 
-// The header forwards to these: one instantiation for every combination of kLightTraits.
+// The header forwards to these: one instantiation for each combination of kLightTraits.
 #define SHEAF_INSTANTIATE_FOR(mask) \
   SHEAF_INSTANTIATE_IN_COLOR(mask)  \
   SHEAF_INSTANTIATE_IN_COLOR((mask) | static_cast<uint32_t>(Trait::kSpectral))
@@ -357,7 +357,7 @@ SHEAF_INSTANTIATE_WITH(static_cast<uint32_t>(Trait::kAreaLights))
 SHEAF_INSTANTIATE_WITH(static_cast<uint32_t>(Trait::kQuadrics))
 SHEAF_INSTANTIATE_WITH(static_cast<uint32_t>(Trait::kAreaLights) |
                        static_cast<uint32_t>(Trait::kQuadrics))
-// Emission that varies is rare: variants that know it know every kind of light.
+// Varying emission is rare: its variants support every kind of light.
 SHEAF_INSTANTIATE_FOR(LightTable::kLightTraits & ~static_cast<uint32_t>(Trait::kSpectral))
 #undef SHEAF_INSTANTIATE_WITH
 #undef SHEAF_INSTANTIATE_FOR

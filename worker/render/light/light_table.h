@@ -1,9 +1,9 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// LightTable: every light of the scene, ready to be sampled from a point and to be weighed when a
-// scattered ray happens to meet it. Positions are camera-relative (render space), like all
-// geometry.
+// LightTable: all lights of the scene. Samples a light from a point, and gives the pdf for multiple
+// importance sampling when a scattered ray hits a light. Positions are camera-relative (render
+// space), as for all geometry.
 #pragma once
 
 #include <cstdint>
@@ -28,23 +28,23 @@ namespace sheaf::render {
 template <typename Color>
 struct LightSampleOf {
   Vec3f wi;             // Unit, from the receiving point to the light.
-  Vec3f p_light;        // Point on the light; unused where infinite.
+  Vec3f p_light;        // Point on the light; unused for infinite lights.
   Vec3f p_light_error;  // Bound of the absolute rounding error of p_light.
   Vec3f n_light;        // Geometric normal of area lights, zero otherwise.
-  Color radiance;       // Arriving, unoccluded; for delta lights intensity over distance squared.
+  Color radiance;       // Arriving, unoccluded; for delta lights intensity / distance^2.
   float pdf =
       0;  // Solid angle, times the probability of choosing this light; choice alone for delta.
-  bool is_delta = false;  // Without size, distant, or never met by rays: no MIS.
+  bool is_delta = false;  // A point or distant light, or one that rays cannot hit: no MIS.
   bool is_infinite = false;
-  uint32_t light = 0;  // Index in the table; of one of the infinite ones, where infinite.
-  // Only where emission varies: the shape (of SceneDescription) whose cut-out is still to be
-  // counted, and where it is to be read.
+  uint32_t light = 0;  // Index in the table; for infinite lights that of any one of them.
+  // Only where emission varies: the shape (of SceneDescription) whose alpha cut-out the caller must
+  // still apply, and the texture coordinates at which to evaluate it.
   int32_t cut_out = kNone;
   Vec2f uv;
 };
 using LightSample = LightSampleOf<Rgb>;
 
-// What the infinite lights together send from a direction.
+// Sum of the infinite lights in one direction.
 template <typename Color>
 struct EnvironmentValueOf {
   Color radiance;
@@ -52,12 +52,13 @@ struct EnvironmentValueOf {
 };
 using EnvironmentValue = EnvironmentValueOf<Rgb>;
 
-// What a light emits: as RGB, which also weighs it against others, and as a spectrum of the light
-// table times a number. Those of SceneDescription::area_lights come first there, each once however
-// many shapes shine by it. Without one, spectral transport raises rgb to a spectrum.
+// The emission of a light: as RGB, which also weights it against other lights, and as a spectrum of
+// the light table times a scale. The spectra of SceneDescription::area_lights come first in the
+// table, each once however many shapes use it. Without a spectrum, spectral transport upsamples
+// rgb.
 struct Emission {
   Emission() = default;
-  // From a colour without a word more, as in an emitter's list of members.
+  // From a plain color, for the initializer lists of emitters.
   Emission(Rgb color) : rgb(color) {}
   Emission(const ColorSpec& color, float scale, int32_t spectrum_index)
       : rgb(color.rgb * scale), spectrum(spectrum_index), spectrum_scale(scale) {}
@@ -67,8 +68,8 @@ struct Emission {
   float spectrum_scale = 1;
 };
 
-// One emitter as the geometry code hands it over. Sides: emits on the side of n (right-hand rule of
-// v0 v1 v2 for triangles, outward for spheres, axis for disks), on both where two_sided.
+// One emitter as the geometry passes it. It emits on the side of n (right-hand rule of v0 v1 v2 for
+// triangles, outward for spheres, axis for disks), on both sides where two_sided.
 struct TriangleEmitter {
   Vec3f v0, v1, v2;
   Emission radiance;
@@ -87,59 +88,58 @@ struct DiskEmitter {
   Emission radiance;
   bool two_sided = false;
 };
-// Partial spheres and disks, and scaled ones that are no longer spheres, come as triangles.
+// Partial or non-uniformly scaled spheres and disks are passed as triangles.
 
-// What makes the emission of one emitter vary over it.
+// How the emission of one emitter varies over its surface.
 struct EmissionDetail {
-  int32_t map = kNone;  // In LightTableInput::maps: gives the radiance in place of Emission.
+  int32_t map = kNone;  // In LightTableInput::maps: the radiance, in place of Emission.
   float map_scale = 1;
-  int32_t cut_out = kNone;  // Shape of SceneDescription that is cut out where it shines.
-  bool is_unseen = false;   // Cut out everywhere: shines, but no ray meets it (pbrt-v4's rule).
-  int32_t quadric = kNone;  // In LightTableInput::quadrics; else it is a triangle.
-  Vec2f uv[3];              // Of a triangle's corners.
+  int32_t cut_out = kNone;  // Shape of SceneDescription whose alpha cuts out the emitter.
+  bool is_unseen = false;   // Cut out everywhere: emits, but no ray hits it (pbrt-v4's rule).
+  int32_t quadric = kNone;  // In LightTableInput::quadrics; kNone for a triangle.
+  Vec2f uv[3];              // Of the triangle's corners.
 };
 
 struct LightTableInput {
   std::vector<TriangleEmitter> triangles;
   std::vector<SphereEmitter> spheres;
   std::vector<DiskEmitter> disks;
-  // By emitter id: index in details, or kNone. Empty where no emission varies.
+  // Index in details by emitter id, or kNone. Empty where no emission varies.
   std::vector<int32_t> detail_of;
   std::vector<EmissionDetail> details;
   EmissionMaps maps;
   std::vector<Quadric> quadrics;
-  bool spectral = false;       // Traits with kSpectral may be asked for.
-  bool choose_evenly = false;  // Every light with the same probability, wherever it stands.
+  bool spectral = false;       // Whether traits with kSpectral may be used.
+  bool choose_evenly = false;  // Choose all lights with equal probability, wherever they are.
   Vec3d render_origin_world;   // World position of render space's origin (the camera).
 };
 
 class LightTable {
  public:
   // Emitter ids are: triangles first, then spheres, then disks, in input order. Emitters without
-  // area or with values that are not finite keep their ids and are never sampled.
-  // Errors: an unreadable picture; a map that is not square; negative or non-finite values (named
-  // texel); a light with a transform that cannot be inverted, or one that distorts an environment
-  // map.
+  // area or with non-finite values keep their ids and are never sampled. Errors: an unreadable
+  // image; a map that is not square; negative or non-finite values (with the texel named); a light
+  // whose transform cannot be inverted or distorts an environment map.
   static absl::StatusOr<std::unique_ptr<LightTable>> Build(const SceneDescription& scene,
                                                            LightTableInput input,
                                                            FileSource& files);
   ~LightTable();
 
   uint64_t memory_bytes() const;
-  // Whether there is nothing to sample: no light, or all of them black.
+  // True where there are no lights, or all of them are black.
   bool empty() const;
-  // Chooses a light and a point on it, as seen from p. n: the receiver's geometric normal, or zero
-  // in free space; a hint for choosing, and behind it no direction to an infinite light is
-  // returned. None where the light cannot reach p. Space: render. Never returns pdf 0, a non-finite
-  // value or radiance 0.
+  // Chooses a light and samples a point on it, as seen from p. n: the receiver's geometric normal,
+  // or zero in free space; guides the choice, and excludes directions to infinite lights behind it.
+  // None where the light cannot reach p. Space: render. Never returns pdf 0, a non-finite value or
+  // radiance 0.
   template <uint32_t kTraits>
   std::optional<LightSampleOf<ColorOf<kTraits>>> Sample(
       Vec3f p, Vec3f n, float u_select, Vec2f u,
       const WavelengthsOf<ColorOf<kTraits>>& wavelengths = {}) const {
     return Sample<kTraits>(p, n, u_select, u, wavelengths, PrepareSample<kTraits>(u));
   }
-  // The same in two steps: what Sample will need of an environment map begins to be fetched while
-  // the caller still works out p. The second step's u must be the first's.
+  // The same in two steps: Prepare prefetches environment map data while the caller still computes
+  // p. Both steps must get the same u.
   struct Preparation {
     EnvironmentMap::PlaceSample sky;
   };
@@ -155,18 +155,20 @@ class LightTable {
     return SampleLights<kTraits & kLightTraits>(*impl_, p, n, u_select, u, wavelengths,
                                                 preparation);
   }
-  // Solid-angle pdf (times choice) with which Sample, called at p with n, would have found the
-  // point p_light of the emitter along wi. The same bits as Sample's; 0 where Sample finds nothing.
+  // Solid-angle pdf (times the choice probability) with which Sample, called at p with n, would
+  // have sampled the point p_light of the emitter along wi. Bit-identical to Sample's; 0 where
+  // Sample returns none.
   template <uint32_t kTraits>
   float PdfEmitter(uint32_t emitter, Vec3f p, Vec3f n, Vec3f wi, Vec3f p_light) const {
     return PdfOfEmitter<kTraits & kLightTraits>(*impl_, emitter, p, n, wi, p_light);
   }
   // Radiance of the emitter towards wo (unit, leaving the light) at its surface point with normal
-  // ng: the normal as LightSample::n_light has it (outward for spheres, also inward-emitting ones).
+  // ng, which is oriented as LightSample::n_light (outward for spheres, also for inward-emitting
+  // ones).
   template <typename Color = Rgb>
   Color EmitterRadiance(uint32_t emitter, Vec3f ng, Vec3f wo,
                         const WavelengthsOf<Color>& wavelengths = {}) const;
-  // The same where emission may vary over the surface. uv: where it reads textures.
+  // The same where emission may vary over the surface. uv: texture coordinates.
   template <uint32_t kTraits>
   ColorOf<kTraits> EmitterRadianceAt(uint32_t emitter, Vec3f ng, Vec3f wo, Vec2f uv,
                                      const WavelengthsOf<ColorOf<kTraits>>& wavelengths) const {
@@ -176,8 +178,8 @@ class LightTable {
       return EmitterRadiance<ColorOf<kTraits>>(emitter, ng, wo, wavelengths);
     }
   }
-  // Sum over all infinite lights as seen from p along the (unit) direction d, and Sample's pdf of
-  // it. Only portals make it differ from one p to the other.
+  // Sum over all infinite lights as seen from p along the unit direction d, and Sample's pdf of it.
+  // It depends on p only where lights have portals.
   template <uint32_t kTraits>
   ColorOf<kTraits> EnvironmentRadiance(
       Vec3f p, Vec3f d, const WavelengthsOf<ColorOf<kTraits>>& wavelengths = {}) const {
@@ -189,14 +191,14 @@ class LightTable {
     if constexpr (!Has(kTraits, Trait::kEnvironment)) return 0;
     return FromInfinity<Rgb>(*impl_, p, n, d, {}, {LocateInFirst(*impl_, d)}).pdf;
   }
-  // Both at once, for little more than the price of one.
+  // Both at once, at little more than the cost of one.
   template <uint32_t kTraits>
   EnvironmentValueOf<ColorOf<kTraits>> EvalEnvironment(
       Vec3f p, Vec3f n, Vec3f d, const WavelengthsOf<ColorOf<kTraits>>& wavelengths = {}) const {
     return EvalEnvironment<kTraits>(p, n, d, wavelengths, PrepareEnvironment<kTraits>(d));
   }
-  // The same in two steps: what is needed of an environment map begins to be fetched while the
-  // caller still traces the ray along d. The second step's d must be the first's.
+  // The same in two steps: PrepareEnvironment prefetches environment map data while the caller
+  // still traces the ray along d. Both steps must get the same d.
   template <uint32_t kTraits>
   EnvironmentMap::Place PrepareEnvironment(Vec3f d) const {
     if constexpr (!Has(kTraits, Trait::kEnvironment)) return {};
@@ -210,18 +212,18 @@ class LightTable {
     return FromInfinity<ColorOf<kTraits>>(*impl_, p, n, d, wavelengths, {place});
   }
 
-  // --- For lines through media, where another way to a point than Sample's may lead to it. All in
+  // --- For line sampling in media, which may reach a point on another path than Sample's. All in
   // free space (Sample's n is zero).
 
-  // The light that is worth most at p, none where no light reaches it. u: independent of u_select.
+  // Chooses a light by its weight at p, none where no light reaches p. u: independent of u_select.
   std::optional<ChosenLight> Choose(Vec3f p, float u_select, Vec2f u) const;
-  // With which Choose, and Sample, choose the light at p.
+  // The probability with which Choose and Sample choose the light at p.
   float ChoiceProbability(uint32_t light, Vec3f p) const;
-  // Of all lights, from 0 on.
+  // Lights have the indices [0, light_count()).
   uint32_t light_count() const;
-  // Made from the light at each call.
+  // Computed from the light at each call.
   LightBounds BoundsOf(uint32_t light) const;
-  // Sample, once it has chosen. Requires: chosen.probability is ChoiceProbability at p.
+  // Samples the chosen light. Requires: chosen.probability is ChoiceProbability at p.
   template <uint32_t kTraits>
   std::optional<LightSampleOf<ColorOf<kTraits>>> SampleChosen(
       const ChosenLight& chosen, Vec3f p, Vec2f u,
@@ -229,21 +231,21 @@ class LightTable {
     return SampleChosenLight<kTraits & kLightTraits>(*impl_, chosen, p, u, wavelengths);
   }
 
-  // --- Light groups: what follows may be called once AssignGroups was.
+  // --- Light groups. Requires: AssignGroups was called before.
 
-  // groups: ascending names, among them those of all lights of the scene.
+  // groups: names in ascending order, which include those of all lights of the scene.
   void AssignGroups(const SceneDescription& scene, const std::vector<std::string>& groups);
-  // Index in `groups` of an emitter, or of LightSample::light.
+  // Index in `groups` of the group of an emitter, or of LightSample::light.
   uint32_t GroupOf(uint32_t light) const;
-  // Adds `light`, which came to p along (unit) d from all infinite lights together, to their
-  // groups: to each `weight` times what its lights send, and to the first also what rounding
-  // leaves, so that groups still add up.
+  // Adds `light`, the radiance that reached p along the unit direction d from all infinite lights
+  // together, to their groups: `weight` times the radiance of each group's lights, and to the first
+  // group also the rounding residue, so that the groups still sum to the whole.
   template <typename Color>
   void AddByGroup(Vec3f p, Vec3f d, const WavelengthsOf<Color>& wavelengths, const Color& weight,
                   const Color& light, std::vector<Color>* groups) const;
 
   struct Impl;
-  // The traits that make a difference here: one compiled form for each combination.
+  // The traits that matter here: one instantiation for each combination.
   static constexpr uint32_t kLightTraits =
       static_cast<uint32_t>(Trait::kEnvironment) | static_cast<uint32_t>(Trait::kDeltaLights) |
       static_cast<uint32_t>(Trait::kAreaLights) | static_cast<uint32_t>(Trait::kQuadrics) |
@@ -259,7 +261,7 @@ class LightTable {
   static std::optional<LightSampleOf<ColorOf<kMask>>> SampleChosenLight(
       const Impl& impl, const ChosenLight& chosen, Vec3f p, Vec2f u,
       const WavelengthsOf<ColorOf<kMask>>& wavelengths);
-  // Inlined into those two.
+  // Inlined into both.
   template <uint32_t kMask>
   [[gnu::always_inline]] static inline std::optional<LightSampleOf<ColorOf<kMask>>> SampleOne(
       const Impl& impl, const ChosenLight& chosen, Vec3f p, Vec3f n, Vec2f u,
@@ -273,11 +275,11 @@ class LightTable {
   template <typename Color>
   static Color RadianceFromInfinity(const Impl& impl, Vec3f p, Vec3f d,
                                     const WavelengthsOf<Color>& wavelengths);
-  // What is known already of a direction, as one of the infinite lights has it.
+  // What is already known about a direction, relative to one infinite light.
   struct Located {
-    EnvironmentMap::Place place;  // In its map, where it has one.
+    EnvironmentMap::Place place;  // In the light's map, if it has one.
     uint32_t light = 0;
-    float portal_pdf = 0;  // Where it was sampled through the light's portal.
+    float portal_pdf = 0;  // Pdf of the light's portal, if it sampled the direction.
   };
   template <typename Color>
   static EnvironmentValueOf<Color> FromInfinity(const Impl& impl, Vec3f p, Vec3f n, Vec3f d,

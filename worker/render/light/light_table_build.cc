@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// SceneDescription > LightTable: the emitters of the geometry and the lights of the scene file
-// together, and for the light choice their bounds.
+// SceneDescription > LightTable: combines the emitters of the geometry with the lights of the scene
+// file, and computes their bounds for light selection.
 #include <algorithm>
 #include <cmath>
 #include <memory>
@@ -20,11 +20,12 @@
 namespace sheaf::render {
 namespace {
 
-// How far a light's transform may be from a rotation with a uniform scale, relative, where the
-// choice of lights is to know its cone; and what is added to the cone's cosine for it.
+// Relative tolerance within which a light's transform counts as a rotation with uniform scale, so
+// that light selection can use the light's cone; and the slack that widens the cone's cosine for
+// it.
 constexpr float kSimilarityTolerance = 1e-5f, kConeSlack = 1e-4f;
 
-// |L| as the choice of lights counts it: of either sign, and positive wherever a channel is not 0.
+// L| for light selection: counts either sign, and is positive wherever a channel is not 0.
 float StrengthOf(Rgb c) {
   if (!IsFinite(c)) return 0;
   return Luminance({std::fabs(c.r), std::fabs(c.g), std::fabs(c.b)});
@@ -32,7 +33,7 @@ float StrengthOf(Rgb c) {
 
 // --- Bounds of emitters ------------------------------------------------------------------------
 
-// An emitter that the choice never picks: no area, or values no sample may carry.
+// Bounds of an emitter that is never chosen: no area, or values no sample may carry.
 LightBounds NoLight() { return {.kind = LightBounds::Kind::kPlanar, .strength = 0}; }
 
 LightBounds BoundsOf(const TriangleEmitter& t) {
@@ -78,7 +79,7 @@ LightBounds BoundsOf(const DiskEmitter& d) {
           .strength = StrengthOf(d.radiance.rgb)};
 }
 
-// What multiplies the emission in the direction in which the light is brightest.
+// Factor of the emission in the direction in which the light is brightest.
 Rgb PeakOf(const LightTable::Impl& impl, const DeltaLight& light) {
   switch (light.kind) {
     case DeltaLight::Kind::kGoniometric:
@@ -91,7 +92,7 @@ Rgb PeakOf(const LightTable::Impl& impl, const DeltaLight& light) {
   }
 }
 
-// Whether angles are kept, to far within kConeSlack.
+// Whether the map preserves angles to well within kConeSlack.
 bool IsSimilarity(const Vec3f (&rows)[3]) {
   const float scale = LengthSquared(rows[0]);
   for (size_t i = 0; i < 3; ++i) {
@@ -142,7 +143,7 @@ std::vector<LightBounds> AllBounds(const LightTable::Impl& impl) {
   return bounds;
 }
 
-// A light that the choice cannot tell from any other that shines.
+// Bounds that give every light that emits the same weight.
 LightBounds SameForAll(const LightBounds& light) {
   return {.kind = LightBounds::Kind::kInfinite, .strength = light.strength > 0 ? 1.0f : 0.0f};
 }
@@ -155,7 +156,7 @@ uint64_t LightTable::memory_bytes() const {
                                impl.details, impl.quadrics, impl.deltas, impl.intensities,
                                impl.projected_images, impl.infinites, impl.spectra) +
                    impl.choice.memory_bytes();
-  // Shapes of one picture share it.
+  // Shapes with the same image share its map.
   std::set<const EmissionMap*> maps;
   for (const auto& map : impl.maps) {
     if (map != nullptr && maps.insert(map.get()).second) bytes += map->memory_bytes();
@@ -190,7 +191,7 @@ void LightTable::AssignGroups(const SceneDescription& scene,
   for (const AreaLightDescription& l : scene.area_lights)
     of_area_light.push_back(index_of(l.group));
   for (const LightDescription& l : scene.lights) of_light.push_back(index_of(l.group));
-  // An emitter's picture or spectrum is that of its area light, under the same index.
+  // An emitter's image or spectrum is that of its area light, under the same index.
   const auto add_emitters = [&](const auto& emitters) {
     for (const auto& emitter : emitters) {
       const auto id = static_cast<uint32_t>(group_of_light.size());

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// What a LightTable holds, shared by the files that read it from a scene, build it and sample it.
+// LightTable::Impl: the data of a LightTable, shared by the files that read, build and sample it.
 #pragma once
 
 #include <cstdint>
@@ -20,7 +20,7 @@
 
 namespace sheaf::render {
 
-// Of a goniometric light, as a factor of its intensity.
+// Factor of a goniometric light's intensity by direction.
 using IntensityDistribution = std::variant<IntensityMap, PhotometricWeb>;
 
 // A light without size or at infinity in one direction. Space: render.
@@ -29,25 +29,25 @@ struct DeltaLight {
   Kind kind = Kind::kPoint;
   Vec3d position;              // All but kDistant.
   Vec3f to_light;              // kDistant: unit, towards the light.
-  Emission emission;           // Intensity; radiance (irradiance on a facing plane) where distant;
-                               // what multiplies the picture (grey) of kProjection.
-  Vec3f light_from_render[3];  // kSpot: rows of the linear map to the space where the spot shines
-                               // along axis. kGoniometric, kProjection: to that of the picture.
+  Emission emission;           // Intensity; radiance (irradiance on a facing plane) if kDistant;
+                               // gray factor of the image if kProjection.
+  Vec3f light_from_render[3];  // kSpot: rows of the linear map to the space of axis. kGoniometric,
+                               // kProjection: to the space of the image.
   Vec3f axis;                  // kSpot, kProjection: unit, in the light's space.
-  // kSpot: falls off smoothly between these cosines with axis. kProjection: dark beyond cos_end.
+  // kSpot: falls off smoothly between these cosines with axis. kProjection: zero beyond cos_end.
   float cos_start = 1, cos_end = 1;
   int32_t description = kNone;  // Index in SceneDescription::lights.
   size_t picture = 0;           // Index in Impl::intensities, or Impl::projected_images.
 };
 
-// One that comes from all directions. Constant where there is no map.
+// A light from all directions; constant where it has no map.
 struct InfiniteEmitter {
   std::optional<EnvironmentMap> map;
   Emission radiance;            // Constant.
   float scale = 1;              // Of the map; 1 where there is none.
   int32_t description = kNone;  // Index in SceneDescription::lights.
   Vec3f light_from_render[3];   // Rows of a rotation (or reflection).
-  // Where there is one, only what comes through it arrives. Of a map only.
+  // If present, only light that arrives through it counts. Requires a map.
   std::optional<SkyPortal> portal;
 };
 
@@ -64,23 +64,23 @@ struct LightTable::Impl {
   std::vector<IntensityDistribution> intensities;
   std::vector<ProjectedImage> projected_images;
   std::vector<InfiniteEmitter> infinites;
-  // By Emission::spectrum; empty where only RGB is asked for.
+  // By Emission::spectrum; empty unless spectral transport is used.
   std::vector<SpectralColor> spectra;
   LightChoice choice;
   std::vector<uint8_t> group_of_light;  // By light index; empty unless asked for.
   bool empty = true;
 
-  // Null where the emission is the same everywhere.
+  // Null where the emission is constant.
   const EmissionDetail* DetailOf(uint32_t emitter) const {
     if (emitter >= detail_of.size() || detail_of[emitter] == kNone) return nullptr;
     return &details[static_cast<size_t>(detail_of[emitter])];
   }
-  // Index of the spectrum.
+  // Returns the index of the spectrum.
   int32_t AddSpectrum(const ColorSpec& color) {
     spectra.push_back(SpectralColor::Make(color, ColorRole::kIlluminant));
     return static_cast<int32_t>(spectra.size() - 1);
   }
-  // Then every sample comes from that map.
+  // True if every light sample comes from one environment map without a portal.
   bool HasOnlyOneMap() const {
     return !empty && first_infinite() == 0 && infinites.size() == 1 && infinites[0].map &&
            !infinites[0].portal;
@@ -99,8 +99,8 @@ struct LightTable::Impl {
   uint32_t first_infinite() const { return first_delta() + static_cast<uint32_t>(deltas.size()); }
 };
 
-// Share of its emission that a light without size sends along the (unit) direction w that leaves
-// it. Not of projections, which have a colour.
+// Fraction of its emission that a light without size sends along the unit direction w, which leaves
+// the light. Not for projections, whose fraction has a color.
 float FalloffAlong(const LightTable::Impl& impl, const DeltaLight& light, Vec3f w);
 
 }  // namespace sheaf::render

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Walking the tree of lights. light_tree_build.cc builds it.
+// Traversal of the light tree. light_tree_build.cc builds it.
 #include "worker/render/light/light_tree.h"
 
 #include <array>
@@ -13,20 +13,20 @@
 namespace sheaf::render {
 namespace {
 
-// Of coordinates, their differences and the boxes: 16 roundings, where there are at most 8.
+// For coordinates, their differences and the boxes: allows 16 roundings where at most 8 occur.
 constexpr float kNodeCoordinateError = 0x1p-20f;
-// Cosines this far beyond a bound still count. Covers what rounding does to the angles: the sine
-// from a cosine near -1 is off by up to 2^-11.5, the directions of axes by less than 2^-14.
+// Cosines this far beyond a bound still count. Covers the rounding of the angles: the sine from a
+// cosine near -1 is off by up to 2^-11.5, the axis directions by less than 2^-14.
 constexpr float kCosineSlack = 0x1p-10f;
-// Outward rounding of the squared radius: near a grazing tangent its cosine is a difference.
+// Outward rounding of the squared radius: near a grazing tangent its cosine is a small difference.
 constexpr float kRadiusSlack = 1 + 0x1p-16f;
 // Keep weights, their sums and products finite and positive.
 constexpr float kChildWeightMin = 0x1p-100f, kChildWeightMax = 0x1p100f;
 constexpr float kDistanceSquaredMin = 0x1p-125f;
-// Of a box's squared radius, what counts for its lights' squared distance.
+// Fraction of a box's squared radius that is added to the squared distance of its lights.
 constexpr float kFarPart = 1 / 8.0f;
 
-// One value for each child of a node.
+// One lane per child of a node.
 static_assert(LightTree::kWidth == kLaneCount);
 using ShortLanes = int16_t __attribute__((vector_size(kLaneCount * sizeof(int16_t))));
 using UnsignedShortLanes = uint16_t __attribute__((vector_size(kLaneCount * sizeof(uint16_t))));
@@ -41,7 +41,7 @@ inline Lanes LoadShorts(const int16_t (&values)[kLaneCount]) {
 
 }  // namespace
 
-// What the estimates need to know of the point.
+// The inputs of the estimates that depend on the point.
 struct LightTree::Receiver {
   Receiver(Vec3f point, Vec3f normal)
       : p(point),
@@ -52,25 +52,26 @@ struct LightTree::Receiver {
 
   Vec3f p, n, n_abs;
   float reach;
-  float unhinted;  // 1 where there is no normal: the least its cosine can be.
+  float unhinted;  // 1 where there is no normal: lower bound of the receiver's cosine.
 };
 
 struct LightTree::Weights {
   Lanes of_child;
-  Lanes intensity;  // 0 for children that certainly send nothing, unless that is all of them.
-  float sum;        // 0 where every child certainly sends nothing.
+  Lanes intensity;  // 0 for children that certainly send nothing, unless no child sends any.
+  float sum;        // 0 where no child sends anything.
   float intensity_sum;
 };
 
-// Of the probability, while walking down: what comes by the estimates and what by intensities. To
-// carry both is to toss once, before the walk, which of the two to follow. A node's interval of
-// [0, 1) is as long as their sum, and begins with those of its children.
+// The probability of a node during descent, as two parts: from walks that follow the estimates, and
+// from walks that follow intensities. Carrying both is the same as choosing between the two kinds
+// of walk before the descent. A node's interval of [0, 1) has the length of their sum, and its
+// children's intervals begin where it begins.
 struct LightTree::Share {
   double by_weight = 1 - kIntensityShare, by_intensity = kIntensityShare;
 
   double Sum() const { return by_weight + by_intensity; }
-  // Shares of a node's children. Where nothing arrives after all, which the node's own coarser
-  // bounds could not tell, intensities decide.
+  // The parts of a node's children. Where no child receives a weight, which the node's own coarser
+  // bounds could not predict, intensities decide.
   struct PerChild {
     Weights weights;
     double weight_scale, intensity_scale;
@@ -89,8 +90,8 @@ struct LightTree::Share {
   }
 };
 
-// For each child an estimate of intensity * cosine at the light * cosine at the receiver /
-// distance^2, each the mean over its lights or near it.
+// Estimates intensity * cosine at the light * cosine at the receiver / distance^2 for each child,
+// each factor as a mean over its lights or close to it.
 LightTree::Weights LightTree::Weigh(const Node& node, const Receiver& receiver) {
   const Vec3f from_p = node.origin - receiver.p, n = receiver.n, n_abs = receiver.n_abs;
   const Vec3f step = node.step;
@@ -110,8 +111,8 @@ LightTree::Weights LightTree::Weigh(const Node& node, const Receiver& receiver) 
   const Lanes r_squared = kRadiusSlack * (hx * hx + hy * hy + hz * hz);
   const Lanes inverse_d = 1 / Sqrt(d_squared);
 
-  // The least angle between a normal and the way to p: that of the axis less the cone's half-angle
-  // and the angle of the sphere; their sum is "around".
+  // The least angle between a normal and the direction to p: the axis's angle minus the half-angle
+  // of the cone and that of the bounding sphere; "around" is the sum of these two.
   const Lanes cos_signed = (-1 / kAxisSteps) * inverse_d *
                            (dx * LoadShorts(node.axis[0]) + dy * LoadShorts(node.axis[1]) +
                             dz * LoadShorts(node.axis[2]));
@@ -130,10 +131,10 @@ LightTree::Weights LightTree::Weigh(const Node& node, const Receiver& receiver) 
   const Lanes cos_light = is_within ? All(1) : cos_axis * cos_around + sin_axis * sin_around;
   const Lanes cos_emission = (1 / kEmissionSteps) * ToFloats(emission & 255) - kCosineSlack;
 
-  // The mean cosine of the lights: one normal has it as it is, normals over a hemisphere have 1/2
-  // along its axis, those over the sphere 1/4. The smooth curve between is within a quarter of the
-  // truth, for lights of two sides within a third. As seen from p, the box turns the normals it
-  // holds further apart.
+  // The mean cosine of the lights: exact for a single normal, 1/2 along the axis for normals over a
+  // hemisphere, 1/4 for normals over the sphere. The smooth curve between is within 1/4 of the
+  // exact value, for two-sided lights within 1/3. The extent of the box, as seen from p, spreads
+  // the normals further.
   const auto mean = LoadLanes<UnsignedShortLanes>(node.mean);
   const Lanes gathered = (1 / kMeanSteps) * ToFloats(mean & 255) * cos_sphere;
   const Lanes along = gathered * cos_signed;
@@ -142,9 +143,9 @@ LightTree::Weights LightTree::Weigh(const Node& node, const Receiver& receiver) 
   const Lanes evenness = (1 / kMeanSteps) * ToFloats(mean >> 8);
   const Lanes turned = evenness + (1 - evenness) * mean_cosine;
 
-  // Heights of the box's points over the receiver's horizon: the greatest, which alone decides
-  // whether there is anything to see, and the mean of what is above it. How far off the lights are
-  // that count is between the way to the box's nearest point and that to its others.
+  // Heights of the box's points over the receiver's horizon: the maximum, which alone decides
+  // whether any light is visible, and the mean of the part above it. The effective distance of the
+  // visible lights lies between that of the box's nearest point and that of the rest.
   const Lanes height = n.x * dx + n.y * dy + n.z * dz;
   const Lanes spread = n_abs.x * hx + n_abs.y * hy + n_abs.z * hz;
   const Lanes rise = height + spread;
@@ -176,14 +177,14 @@ double LightTree::Irradiance(Vec3f p, Vec3f n) const {
 std::optional<ChosenLight> LightTree::Choose(Vec3f p, Vec3f n, double u) const {
   const Receiver receiver(p, n);
   Share share;
-  double rest = u;  // From the beginning of the node's interval.
+  double rest = u;  // Relative to the beginning of the node's interval.
   uint32_t index = 0;
   for (;;) {
     const Node& node = nodes_[index];
     const Weights weights = Weigh(node, receiver);
     if (index == 0 && !(weights.sum > 0)) return std::nullopt;
     const Share::PerChild shares = share.Among(weights);
-    // Where rounding leaves the sum below u, the last child that may be chosen stands.
+    // Where rounding leaves the sum below u, the last child of positive probability is chosen.
     size_t chosen = 0;
     double begin = 0, end = 0;
     for (size_t i = 0; i < kWidth; ++i) {
@@ -207,7 +208,7 @@ std::optional<ChosenLight> LightTree::Choose(Vec3f p, Vec3f n, double u) const {
 
 float LightTree::Probability(uint32_t light, Vec3f p, Vec3f n) const {
   if (slot_of_light_[light] == kNoSlot) return 0;
-  // The walk that leads to the light, from its end.
+  // The slots from the light up to the root.
   std::array<uint32_t, kDepthMax> slots;
   size_t count = 0;
   for (uint32_t slot = slot_of_light_[light]; slot != kNoSlot;

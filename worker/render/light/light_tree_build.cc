@@ -2,12 +2,13 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Lights > LightTree, from the root down. Each node's lights are split in two along one axis, and
-// the costlier part in two again, until there are eight parts. A split is the cheapest of a few
-// along every axis by the surface area orientation heuristic (Conty Estevez and Kulla 2018, sec.
-// 4.4): intensity * area * measure of orientations, which is what makes estimates at a node
-// uncertain. The area is that of the sphere about the box, because that is what a walk sees.
+// the costlier part in two again, until there are eight parts. The split is the cheapest of a few
+// candidates along each axis by the surface area orientation heuristic (Conty Estevez and Kulla
+// 2018, sec. 4.4): intensity * area * measure of orientations, which measures the uncertainty of a
+// node's estimates. The area is that of the sphere about the box, which is the bound that a walk
+// uses.
 //
-// Sums run in a fixed order and elementary functions are our own: every machine builds the same
+// Sums run in a fixed order and elementary functions are our own, so every machine builds the same
 // tree.
 #include <algorithm>
 #include <array>
@@ -21,25 +22,25 @@
 namespace sheaf::render {
 namespace {
 
-// From here on nodes are split by number alone: eight equal parts at each level hold 2^36 lights.
+// Below this level nodes are split by number alone: eight equal parts a level hold 2^36 lights.
 constexpr int kLevelsByCostMax = LightTree::kDepthMax - 12;
-// Candidates for a split lie between so many intervals along each axis.
+// Number of intervals along each axis; candidate splits lie between them.
 constexpr size_t kIntervalCount = 12;
-// No light counts as dimmer than this part of all of them.
+// Lower bound of a light's intensity as a fraction of the total.
 constexpr double kIntensityPartMin = 0x1p-60;
-// Rounds cones outward by more than the quantised axes are off.
+// Rounds cones outward by more than the quantization error of the axes.
 constexpr float kNodeConeSlack = 0x1p-14f;
-// Farther off, squares of distances leave the range of floats.
+// Maximum distance at which squared distances stay in the range of float.
 constexpr float kReachMax = 0x1p60f;
 
 struct Part {
-  size_t begin = 0, end = 0;  // Of the entries.
+  size_t begin = 0, end = 0;  // Range of the entries.
   LightCluster cluster;
   float cost = 0;
   size_t size() const { return end - begin; }
 };
 
-// Places of centres along an axis.
+// Intervals of the lights' centers along an axis.
 struct Intervals {
   Intervals(const LightCluster& cluster, size_t along)
       : axis(along),
@@ -55,7 +56,7 @@ struct Intervals {
   float lower, scale;
 };
 
-// False where the light is left out. The intensity is in the unit of the lights.
+// Returns false for an excluded light. The intensity is in the unit of the lights.
 bool MakeEntry(const LightBounds& light, uint32_t index, LightEntry* entry, double* intensity) {
   entry->center = light.center;
   entry->half = {light.radius, light.radius, light.radius};
@@ -85,7 +86,7 @@ bool MakeEntry(const LightBounds& light, uint32_t index, LightEntry* entry, doub
       }
       break;
   }
-  // Of two-sided lights that differ in sign only, the mean normal should be long.
+  // Orients two-sided lights so that normals that differ only in sign add up.
   const float sign = n.z != 0 ? n.z : (n.y != 0 ? n.y : n.x);
   if (entry->two_sided && sign < 0) entry->normal = -entry->normal;
   const float reach = std::fabs(light.center.x) + std::fabs(light.center.y) +
@@ -130,8 +131,8 @@ class LightTree::Builder {
 
 LightTree::LightTree(const std::vector<LightBounds>& lights) { Builder(this).Build(lights); }
 
-// Intensities get a unit in which an estimate of irradiance is about 1 where things are as far
-// apart as the lights: floats then hold them at any scale.
+// Scales intensities so that an estimate of irradiance is about 1 at distances of the lights'
+// extent: float then holds the values at any scale of the scene.
 void LightTree::Builder::MakeEntries(const std::vector<LightBounds>& lights) {
   entries_.reserve(lights.size());
   std::vector<double> intensities;
@@ -199,7 +200,7 @@ float LightTree::Builder::BuildNode(const Part& part, uint32_t parent, int level
   return sum;
 }
 
-// (*parts)[0] into up to kWidth parts, in order. Returns how many.
+// Splits (*parts)[0] into up to kWidth parts, in order. Returns their number.
 size_t LightTree::Builder::SplitInto(std::array<Part, kWidth>* parts, bool by_cost) {
   const Part whole = (*parts)[0];
   if (whole.size() <= kWidth) {
@@ -210,7 +211,7 @@ size_t LightTree::Builder::SplitInto(std::array<Part, kWidth>* parts, bool by_co
   }
   size_t count = 1;
   while (count < kWidth) {
-    // The costliest part that can be split, the largest of equals.
+    // The costliest part that can be split; of equals, the largest.
     Part* costliest = nullptr;
     for (Part* part = parts->data(); part != parts->data() + count; ++part) {
       if (part->size() == 1) continue;
@@ -236,7 +237,7 @@ size_t LightTree::Builder::SplitInto(std::array<Part, kWidth>* parts, bool by_co
   return count;
 }
 
-// False where all centres are in one place: then no plane tells them apart.
+// Returns false where all centers coincide: then no plane separates them.
 bool LightTree::Builder::SplitByCost(const Part& part, Part* left, Part* right) {
   const LightCluster& all = part.cluster;
   const Intervals intervals[3] = {{all, 0}, {all, 1}, {all, 2}};
@@ -254,7 +255,7 @@ bool LightTree::Builder::SplitByCost(const Part& part, Part* left, Part* right) 
   for (const Intervals& along : intervals) {
     if (!along.IsUsable()) continue;
     const std::array<LightCluster, kIntervalCount>& cluster = clusters[along.axis];
-    std::array<LightCluster, kIntervalCount> from;  // All from this interval on.
+    std::array<LightCluster, kIntervalCount> from;  // Interval i and all above it.
     from.back() = cluster.back();
     for (size_t i = kIntervalCount - 1; i-- > 0;) {
       from[i] = from[i + 1];
@@ -264,7 +265,7 @@ bool LightTree::Builder::SplitByCost(const Part& part, Part* left, Part* right) 
     for (size_t i = 1; i < kIntervalCount; ++i) {
       below.Add(cluster[i - 1]);
       if (below.count == 0 || from[i].count == 0) continue;
-      // Thin boxes are better not made thinner.
+      // Discourages splits that make thin boxes thinner.
       const float cost =
           longest / extent[along.axis] * (below.Cost(orientation_) + from[i].Cost(orientation_));
       if (best != nullptr && !(cost < least_cost)) continue;
@@ -286,7 +287,7 @@ bool LightTree::Builder::SplitByCost(const Part& part, Part* left, Part* right) 
   return true;
 }
 
-// Rounds outward but for the rounding of floats, which a walk allows for.
+// Rounds outward, except for float rounding, which a walk allows for.
 void LightTree::Builder::EncodeBoxes(const std::array<Part, kWidth>& parts, size_t count,
                                      Node* node) {
   LightCluster all;
@@ -308,8 +309,8 @@ void LightTree::Builder::EncodeBoxes(const std::array<Part, kWidth>& parts, size
   }
 }
 
-// The cone about the mean normal that holds every normal; everything where the mean has no
-// direction, or a light has no normal.
+// The cone about the mean normal that contains every normal; all directions where the mean is zero
+// or a light has no normal.
 void LightTree::Builder::EncodeCone(const Part& part, size_t place, Node* node) const {
   const Vec3f sum = part.cluster.normal_sum;
   const float length = Length(sum);
@@ -321,7 +322,8 @@ void LightTree::Builder::EncodeCone(const Part& part, size_t place, Node* node) 
     const LightEntry& entry = entries_[i];
     const float along = Dot(axis, entry.normal);
     const bool has_normal = entry.normal != Vec3f{};
-    // Among two-sided lights the angles are those of lines: a light of one side loses nothing.
+    // If any light is two-sided, angles are those of undirected lines; bounds of one-sided lights
+    // only widen.
     cos_normals =
         std::min(cos_normals, has_normal ? (two_sided ? std::fabs(along) : along) : -1.0f);
     cos_emission = std::min(cos_emission, entry.cos_emission);
@@ -339,7 +341,7 @@ void LightTree::Builder::EncodeCone(const Part& part, size_t place, Node* node) 
       static_cast<int>(std::clamp(std::floor(cos_emission * kEmissionSteps), 0.0f, 255.0f)));
 }
 
-// Rounds to nearest: only estimates read it.
+// Rounds to nearest: only estimates use the value.
 void LightTree::Builder::EncodeMean(const Part& part, size_t place, Node* node) const {
   float even = 0, by_cosine = 0;  // Intensities.
   Vec3f normal_sum{};

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The tree as a distribution over lights: what it sums to, that walks follow it, and what must not
-// change it. tests/stability/light_tree_stability_test.cc has the hard cases.
+// LightTree as a distribution over lights: its sum, its agreement with walks, and its invariances.
+// tests/stability/light_tree_stability_test.cc has the hard cases.
 #include "worker/render/light/light_tree.h"
 
 #include <gtest/gtest.h>
@@ -36,7 +36,7 @@ class Random {
   std::mt19937_64 engine_;
 };
 
-// One of every kind in turn: panels of one and of two sides, spheres, points and spots.
+// Cycles through the kinds: one-sided and two-sided panels, spheres, points and spots.
 LightBounds MakeLight(size_t i, Random* random, float size) {
   LightBounds light;
   light.center = random->Vector(10 * size);
@@ -81,7 +81,7 @@ TEST(LightTreeTest, ProbabilitiesSumToOneWhereAnyLightArrives) {
     const LightTree tree(lights);
     Random random(7);
     for (int i = 0; i < 100; ++i) {
-      // Among the lights, on one, far off, and farther than any float can tell them apart.
+      // Among the lights, on one, far off, and too far for float to separate them.
       Vec3f p = random.Vector(10);
       if (i % 4 == 1) p = lights[static_cast<size_t>(i) % count].center;
       if (i % 4 == 2) p = random.Vector(1e4f);
@@ -132,13 +132,12 @@ TEST(LightTreeTest, TheBrighterAndTheNearerAndTheFacingIsLikelier) {
   EXPECT_GT(probability(1), 3 * probability(2));
   EXPECT_GT(probability(1), 1.3f * probability(3));
   EXPECT_GT(probability(1), 1.3f * probability(4));
-  // The dim one keeps its part of the share that goes by intensity, of lights that do not face
-  // away.
+  // The dim light keeps its fraction of kIntensityShare among the lights that do not face away.
   EXPECT_GT(static_cast<double>(probability(2)), LightTree::kIntensityShare * 0.1 / 4.1);
   EXPECT_EQ(probability(5), 0);
 }
 
-// A far cluster is weighed by what its lights really send, however their normals are spread.
+// A far cluster is weighted by the light it really sends, however its normals are spread.
 TEST(LightTreeTest, FarClustersAreWeighedByTheirMeanCosine) {
   enum class Spread { kNone, kHemisphere, kSphere, kNoNormals };
   Random random(21);

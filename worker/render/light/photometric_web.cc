@@ -11,7 +11,7 @@
 namespace sheaf::render {
 namespace {
 
-constexpr double kDegrees = kPi / 180;  // In radians.
+constexpr double kDegrees = kPi / 180;  // Radians per degree.
 
 float Lerp(float a, float b, float t) { return (1 - t) * a + t * b; }
 
@@ -26,7 +26,7 @@ PhotometricWeb::PhotometricWeb(const CandelaTable& table) : table_(table) {
     mean_ = MeanOfPlane(0);
     return;
   }
-  // Each plane stands for half of the two gaps at its sides.
+  // Each plane represents half of the two gaps beside it.
   for (size_t i = 0; i < planes.size(); ++i) {
     const double before = static_cast<double>(planes[i > 0 ? i - 1 : planes.size() - 1]);
     const double after = static_cast<double>(planes[i + 1 < planes.size() ? i + 1 : 0]);
@@ -35,7 +35,7 @@ PhotometricWeb::PhotometricWeb(const CandelaTable& table) : table_(table) {
   }
 }
 
-// The integral of what is linear in the angle, times the sine, is known.
+// Closed form of the integral of a piecewise linear function of the angle times the sine.
 double PhotometricWeb::MeanOfPlane(size_t plane) const {
   const std::vector<float>& angles = table_.vertical_degrees;
   const float* c = &table_.candelas[plane * angles.size()];
@@ -68,7 +68,7 @@ float PhotometricWeb::At(Vec3f d) const {
   if (planes.size() == 1) return InPlane(0, v, t);
   auto horizontal = static_cast<float>(Atan2(y, x) * (1 / kDegrees));
   if (horizontal < 0) horizontal += 360;
-  // The gap across 360 degrees lies before the first plane and after the last.
+  // The gap across 360 degrees lies before the first plane and after the last one.
   const auto after = std::upper_bound(planes.begin(), planes.end(), horizontal);
   const size_t last = planes.size() - 1;
   const size_t a = after == planes.begin() ? last : static_cast<size_t>(after - planes.begin()) - 1;

@@ -1,9 +1,9 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// PhotometricWeb: how strongly a measured luminaire shines in each direction: candelas in planes
-// about its axis, linear in both angles between what was measured and dark beyond. Space: that of
-// IntensityMap: +z is up, and horizontal angles go from +x by +y.
+// PhotometricWeb: the intensity of a measured luminaire by direction: candelas in planes about its
+// axis, linear in both angles between measurements and zero beyond. Space: that of IntensityMap: +z
+// is up, and horizontal angles turn from +x to +y.
 #pragma once
 
 #include <vector>
@@ -15,12 +15,12 @@ namespace sheaf::render {
 
 class PhotometricWeb {
  public:
-  // Requires: table as CandelaTable says, with two vertical angles or more.
+  // Requires: table is valid as CandelaTable defines, with at least two vertical angles.
   explicit PhotometricWeb(const CandelaTable& table);
 
-  // d: unit; 0 where it is not a number.
+  // d: unit. Returns 0 for NaN.
   float At(Vec3f d) const;
-  // Over all directions.
+  // Mean over all directions.
   double mean() const { return mean_; }
   float peak() const { return peak_; }
 

@@ -12,7 +12,7 @@
 namespace sheaf::render {
 namespace {
 
-// Solid angle of the rectangle from the axis to (x, y) where z = 1, with the sign of x y.
+// Signed solid angle of the rectangle from the axis to (x, y) at z = 1, with the sign of x y.
 double SolidAngleTo(double x, double y) { return Atan2(x * y, std::sqrt(1 + x * x + y * y)); }
 
 }  // namespace
@@ -56,8 +56,8 @@ double ProjectedImage::CosCorner() const {
   return 1 / std::sqrt(1 + half_width_ * half_width_ + half_height_ * half_height_);
 }
 
-// By each pixel's solid angle; pbrt-v4 takes the cosine at its centre for all of it, which comes to
-// the same for more than a few pixels.
+// Uses the exact solid angle of each pixel; pbrt-v4 takes the cosine at its center, which agrees
+// beyond a few pixels.
 double ProjectedImage::Power() const {
   const auto edge = [](int i, int count, double half) { return half * (2.0 * i / count - 1); };
   std::vector<double> above(static_cast<size_t>(width_) + 1);

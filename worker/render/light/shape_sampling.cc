@@ -10,18 +10,18 @@
 namespace sheaf::render {
 namespace {
 
-// Half an ulp of rounding in each of two float coordinates, doubled to leave room for the few
-// operations that made them.
+// Half an ulp of rounding in each of two float coordinates, doubled to allow for the operations
+// that produced them.
 constexpr double kVertexError = 0x1p-23;
 
 Vec3d Abs(Vec3d v) { return {std::fabs(v.x), std::fabs(v.y), std::fabs(v.z)}; }
 
-// How far Dot(normal, p - q) may be off because p and q are rounded coordinates.
+// Error bound of Dot(normal, p - q) due to rounded coordinates of p and q.
 double PlaneError(Vec3d normal, Vec3d p, Vec3d q) {
   return kVertexError * Dot(Abs(normal), Abs(p) + Abs(q));
 }
 
-// Two unit vectors that make a right-handed orthonormal basis with the unit vector n.
+// Returns two unit vectors that form a right-handed orthonormal basis with the unit vector n.
 // Source: Duff et al. 2017, "Building an Orthonormal Basis, Revisited".
 void MakeBasis(Vec3d n, Vec3d* t, Vec3d* b) {
   const double sign = std::copysign(1.0, n.z);
@@ -31,8 +31,8 @@ void MakeBasis(Vec3d n, Vec3d* t, Vec3d* b) {
   *b = {xy, sign + n.y * n.y * a, -n.y};
 }
 
-// Angles here come from samples of 24 bits and go to pdfs of 24 bits, so functions good to 2^-36
-// lose nothing; their arguments and results stay double, because differences of them follow.
+// Angles here come from 24-bit samples and go to 24-bit pdfs, so functions accurate to 2^-36
+// suffice; arguments and results stay double, because their differences are taken.
 SinCosPair<double> SinCosOf(double angle) {
   return elementary::SinCosForFloat(static_cast<float>(angle));
 }
@@ -40,7 +40,7 @@ double AngleOf(double y, double x) { return elementary::Atan2ForFloat(y, x); }
 
 Vec3d Unit(Vec3d v) { return v * (1 / Length(v)); }
 
-// Barycentric coordinate made safe: NaN and negative values become 0.
+// Barycentric coordinate with NaN and negative values set to 0.
 double ClampToUnit(double v) { return v > 0 ? std::min(v, 1.0) : 0; }
 
 }  // namespace
@@ -53,7 +53,7 @@ TriangleView ViewTriangle(Vec3f v0, Vec3f v1, Vec3f v2, Vec3f p) {
   view.e2 = ToDouble(v2) - q0;
   view.normal_area = Cross(view.e1, view.e2);
   view.triple = Dot(view.a, view.normal_area);
-  // Also refuses NaN and triangles without area.
+  // Also rejects NaN and triangles without area.
   if (!(std::fabs(view.triple) > PlaneError(view.normal_area, pd, q0))) return view;
   const Vec3d b = view.a + view.e1, c = view.a + view.e2;
   view.length_a = Length(view.a);
@@ -77,7 +77,7 @@ Vec3d SampleSphericalTriangle(const TriangleView& view, Vec2f u) {
   const Vec3d a = view.a * scale_a;
   const Vec3d b = (view.a + view.e1) * scale_b;
   const Vec3d c = (view.a + view.e2) * scale_c;
-  // The half-angle direction r between a and the point of the arc ac that, with a and b, cuts off
+  // The half-angle direction r between a and the point of the arc ac that cuts off, with a and b,
   // the fraction u.x of the solid angle.
   const double g0 = std::fabs(view.triple) * (scale_a * scale_b * scale_c);
   const double g1 = Dot(a + b, c);
@@ -86,9 +86,9 @@ Vec3d SampleSphericalTriangle(const TriangleView& view, Vec2f u) {
   const Vec3d r = (g0 * half.cos - g1 * half.sin) * a + (g2 * half.sin) * c;
   const double r_squared = LengthSquared(r);
   const Vec3d c_cut = r_squared > 0 ? (2 * Dot(a, r) / r_squared) * r - a : c;
-  // Along the arc from b to there, uniform in the cosine. 1 - cos and 1 + cos of the whole arc come
-  // from its chord and from the sum of its ends: next to a receiver in the triangle's plane the arc
-  // is almost half a circle, and which half is in the last digits of that sum.
+  // Along the arc from b to that point, uniform in the cosine. 1 - cos and 1 + cos of the whole arc
+  // come from its chord and from the sum of its ends: near a receiver in the triangle's plane the
+  // arc is almost a half circle, and the last digits of that sum decide which half.
   const double v = static_cast<double>(u.y);
   const Vec3d chord = c_cut - b, sum = c_cut + b;
   const double q = 0.5 * LengthSquared(chord), q_sum = 0.5 * LengthSquared(sum);
@@ -118,7 +118,7 @@ ShapePoint SampleTriangleByArea(const TriangleView& view, Vec3f v0, Vec2f u) {
 ShapePoint SampleTriangle(const TriangleView& view, Vec3f v0, Vec3f /*p*/, Vec2f u) {
   if (view.by_area) return SampleTriangleByArea(view, v0, u);
   const Vec3d w = SampleSphericalTriangle(view, u);
-  // Where the ray meets the triangle. Source: Moeller and Trumbore 1997.
+  // Intersection of the ray with the triangle. Source: Moeller and Trumbore 1997.
   const Vec3d p_cross = Cross(w, view.e2);
   const double scale = 1 / Dot(view.e1, p_cross);
   const double b1 = ClampToUnit(-Dot(view.a, p_cross) * scale);
@@ -130,7 +130,7 @@ ShapePoint SampleTriangle(const TriangleView& view, Vec3f v0, Vec3f /*p*/, Vec2f
 double PdfTriangle(const TriangleView& view, Vec3f p, Vec3f p_light) {
   if (!view.visible) return 0;
   if (!view.by_area) return 1 / view.solid_angle;
-  // distance^2 / (cos * area), with the cosine and the area both from the triple product.
+  // distance^2 / (cos * area), with cosine and area both from the triple product.
   const Vec3d l = ToDouble(p_light) - ToDouble(p);
   return 2 * LengthSquared(l) * Length(l) / std::fabs(view.triple);
 }
@@ -152,7 +152,7 @@ SphereView ViewSphere(Vec3d center, double radius, bool from_inside, Vec3f p) {
   view.sin_max_squared = std::min(radius * radius / d_squared, 1.0);
   const double cos_squared =
       std::max((view.distance - radius) * (view.distance + radius) / d_squared, 0.0);
-  // Source: numerics of small cones: 1 - cos = sin^2 / (1 + cos) does not cancel.
+  // 1 - cos = sin^2 / (1 + cos) does not cancel for small cones.
   view.one_minus_cos_max = view.sin_max_squared / (1 + std::sqrt(cos_squared));
   view.pdf = 1 / (2 * kPi * view.one_minus_cos_max);
   view.visible = std::isfinite(view.pdf);
@@ -166,7 +166,7 @@ ShapePoint SampleSphereFromInside(const SphereView& view, Vec3d center, double r
   const double r = std::sqrt(std::max(1 - z * z, 0.0));
   const SinCosPair<double> phi = SinCosOf(2 * kPi * static_cast<double>(u.y));
   const Vec3d wi{r * phi.cos, r * phi.sin, z};
-  // Exit of the ray from p along wi.
+  // Where the ray from p along wi leaves the sphere.
   const double along = Dot(view.to_center, wi);
   const double closest_squared = LengthSquared(Cross(view.to_center, wi));
   const double half_chord = std::sqrt(std::max(radius * radius - closest_squared, 0.0));
@@ -188,8 +188,8 @@ ShapePoint SampleSphere(const SphereView& view, Vec3d center, double radius, Vec
   const double sin_theta = std::sqrt(sin_squared);
   const SinCosPair<double> phi = SinCosOf(2 * kPi * static_cast<double>(u.y));
   const Vec3d side = phi.cos * t + phi.sin * b;
-  // Angle at the centre between the receiver and the point seen: sin(alpha) follows from the sine
-  // rule, in a form that has no difference of large distances. Source: pbrt-v4, sec. 6.2.4.
+  // Angle at the center between the receiver and the visible point: sin(alpha) follows from the
+  // sine rule, in a form without differences of large distances. Source: pbrt-v4, sec. 6.2.4.
   const double sin_max = std::sqrt(view.sin_max_squared);
   const double ratio = std::min(sin_squared / view.sin_max_squared, 1.0);
   const double cos_alpha = sin_squared / sin_max + cos_theta * std::sqrt(1 - ratio);
@@ -213,7 +213,7 @@ DiskShapeView ViewDisk(Vec3d center, Vec3d normal, Vec3d axis_x, double radius, 
   const Vec3d to_center = center - view.foot;
   view.offset = Length(to_center);
   view.visible = std::isfinite(view.offset);
-  // Below the rounding of a double the direction to the centre means nothing; any will do.
+  // Below double rounding the direction to the center is meaningless; any direction is valid.
   const bool centered = !(view.offset > 0x1p-40 * radius);
   view.axis_x = centered ? axis_x : to_center / view.offset;
   view.axis_y = Cross(normal, view.axis_x);
@@ -227,7 +227,7 @@ DiskShapeView ViewDisk(Vec3d center, Vec3d normal, Vec3d axis_x, double radius, 
 
 namespace {
 
-// The part of the disk at one angle about the foot point, as distances and cosines at the receiver.
+// Part of the disk at one angle about the foot point, as distances and cosines at the receiver.
 struct DiskChord {
   double one_minus_cos_near = 0;
   double cos_near = 0;
@@ -255,7 +255,7 @@ double DiskArea(const DiskShapeView& view) {
   return kPi * (view.radius - view.inner_radius) * (view.radius + view.inner_radius);
 }
 
-// A point of the plane at distance rho from the foot point.
+// Point of the plane at the given offset from the foot point.
 ShapePoint DiskPoint(const DiskShapeView& view, Vec3d from_foot) {
   const Vec3d l = from_foot - view.height * view.normal;
   return {Unit(l), view.foot + from_foot, view.normal};

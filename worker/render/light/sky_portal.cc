@@ -10,11 +10,11 @@
 namespace sheaf::render {
 namespace {
 
-// A table of 12 MB at most, whose cells are as small as texels are or, for large maps, looked at in
-// several places.
+// Bounds of the table, at most 12 MB. Its cells are as small as texels or, for large maps,
+// evaluated at several points.
 constexpr int kCellsMin = 256, kCellsMax = 1024, kPointsAcrossMax = 4;
-// Of the mean luminance, what is added everywhere: what lies between the points that a cell looks
-// at is found, too.
+// Fraction of the mean luminance that is added everywhere, so that features between a cell's
+// evaluation points are sampled too.
 constexpr double kPortalLeastPart = 1.0 / 16;
 
 // Angles about the y axis (tangent x / z) and the x axis (tangent y / z), both within pi / 2.
@@ -22,13 +22,13 @@ struct Angles {
   SinCosPair<double> x, y;
 };
 
-// Unit, with z >= 0. Free of tangents, so that nothing grows towards the horizon.
+// Returns a unit vector with z >= 0. Avoids tangents, which diverge towards the horizon.
 Vec3d DirectionOf(const Angles& a) {
   const double length = std::sqrt(a.y.cos * a.y.cos + a.y.sin * a.y.sin * a.x.cos * a.x.cos);
   return Vec3d{a.x.sin * a.y.cos, a.y.sin * a.x.cos, a.x.cos * a.y.cos} / length;
 }
-// Solid angle by both angles: the Jacobian of the rectified map, eq. 3 of the paper with cosines in
-// place of tangents.
+// Solid angle per unit of both angles: the Jacobian of the rectified map, eq. 3 of the paper with
+// cosines in place of tangents.
 double SolidAnglePerArea(const Angles& a) {
   const double square = a.y.cos * a.y.cos + a.y.sin * a.y.sin * a.x.cos * a.x.cos;
   return a.x.cos * a.y.cos / (square * std::sqrt(square));
@@ -67,7 +67,7 @@ SkyPortal::SkyPortal(const Vec3d (&corners)[4], int map_size, double mean_lumina
         const double value = (seen + kPortalLeastPart) * SolidAnglePerArea(at);
         squares += value * value;
       }
-      // Where the pdf is constant, the root mean square makes the least variance.
+      // For a constant pdf, the root mean square gives the least variance.
       values_[y * n + x] = static_cast<float>(std::sqrt(squares));
       row += static_cast<double>(values_[y * n + x]);
       sums_[(y + 1) * (n + 1) + x + 1] = sums_[y * (n + 1) + x + 1] + row;
@@ -161,8 +161,8 @@ float SkyPortal::Pdf(Vec3f p, Vec3f d) const {
 
 namespace {
 
-// The place in a range where a sum over it reaches `wanted`, given the sum of its cells up to but
-// not including one (sum_before, ascending) and the sum of that one by its length (density).
+// Returns the position in a range where a cumulative sum reaches `wanted`. sum_before: sum of the
+// cells before a given one, ascending; density: that cell's sum per length.
 template <typename SumBefore, typename Density>
 double Invert(size_t first, size_t last, double lower, double upper, double wanted,
               const SumBefore& sum_before, const Density& density) {

@@ -27,7 +27,7 @@ DiscreteDistribution::DiscreteDistribution(const std::vector<double>& weights) {
     cdf_[i] = std::min(running / sum, 1.0);
     running += weights[i];
   }
-  // Whatever rounding left over belongs to the last entry that may be chosen.
+  // Gives the rounding remainder to the last entry of positive weight.
   for (size_t i = last_positive + 1; i <= weights.size(); ++i) cdf_[i] = 1;
   guide_.resize(weights.size());
   const double step = 1.0 / static_cast<double>(guide_.size());
@@ -42,7 +42,7 @@ size_t DiscreteDistribution::Sample(double u) const {
   const size_t k =
       std::min(static_cast<size_t>(u * static_cast<double>(guide_.size())), guide_.size() - 1);
   size_t index = guide_[k];
-  // The product above may have been rounded up into the next cell of the guide.
+  // The product above may round up into the next cell of the guide.
   while (index > 0 && cdf_[index] > u) --index;
   while (cdf_[index + 1] <= u) ++index;
   return index;

@@ -13,8 +13,8 @@ namespace {
 
 using elementary::Polynomial;
 
-// Sine and cosine of pi/4 (1 + t), -1 <= t <= 1, to 2^-33: the Taylor series of the angle pi/4 t,
-// turned by pi/4.
+// Sine and cosine of pi/4 (1 + t), -1 <= t <= 1, to 2^-33: Taylor series of the angle pi/4 t,
+// rotated by pi/4.
 SinCosPair<double> SinCosFromDiagonal(double t) {
   constexpr double kSqrtHalf = 0x1.6a09e667f3bcdp-1;
   const double angle = t * (kPi / 4), z = angle * angle;
@@ -24,16 +24,16 @@ SinCosPair<double> SinCosFromDiagonal(double t) {
   return {(c + s) * kSqrtHalf, (c - s) * kSqrtHalf};
 }
 
-// 2/pi times the angle of (x, y) to the x axis. Requires: x, y >= 0. The series of the arc tangent
-// about pi/8 is good to 2^-24 over the whole octant.
+// 2/pi times the angle of (x, y) to the x axis. Requires: x, y >= 0. The arc tangent's series about
+// pi/8 is accurate to 2^-24 over the whole octant.
 float QuarterTurns(float x, float y) {
   constexpr float kTanPi8 = 0x1.a8279ap-2f;
   constexpr float k = 0x1.45f306p-1f;  // 2 / pi.
   const float small = std::min(x, y), large = std::max(x, y);
   const float from_middle = small - kTanPi8 * large, along = large + kTanPi8 * small;
-  // At the poles both are 0, and any angle will do.
+  // At the poles both are 0, and any angle is valid.
   const float t = from_middle / std::max(along, std::numeric_limits<float>::min());
-  // By Estrin's scheme: many a look-up waits for this.
+  // Estrin's scheme shortens the latency, on which many lookups wait.
   const float z = t * t, z2 = z * z;
   const auto pair = [z](float a, float b) { return std::fma(b, z, a); };
   const float low = std::fma(pair(k / 5, -k / 7), z2, pair(k, -k / 3));
@@ -47,8 +47,8 @@ float QuarterTurns(float x, float y) {
 Vec3d EqualAreaSquareToSphere(Vec2d st) {
   const double u = 2 * st.x - 1, v = 2 * st.y - 1;
   const double au = std::fabs(u), av = std::fabs(v);
-  // Positive inside the inner diamond, the upper hemisphere; r = sqrt(1 - |z|) is the distance from
-  // the pole of the hemisphere in the plane of the equal-area disk.
+  // Positive inside the inner diamond (upper hemisphere); r = sqrt(1 - |z|) is the distance from
+  // the hemisphere's pole in the plane of the equal-area disk.
   const double to_diagonal = 1 - (au + av);
   const double r = 1 - std::fabs(to_diagonal);
   const SinCosPair<double> phi = SinCosFromDiagonal(r == 0 ? 0.0 : (av - au) / r);

@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // The equal-area octahedral map between the unit square and the sphere: equal areas on one are
-// equal solid angles on the other (1 : 4 pi), so no direction is a pole. The centre of the square
+// equal solid angles on the other (1 : 4 pi), so no direction is a pole. The center of the square
 // is +z, its corners are -z; orientation as in pbrt-v4. Source: Clarberg 2008, "Fast Equal-Area
 // Mapping of the (Hemi)Sphere using SIMD".
 #pragma once
@@ -21,8 +21,8 @@ Vec2f EqualAreaSphereToSquare(Vec3f d);
 struct TexelPosition {
   int x = 0, y = 0;
 };
-// A position at most one step outside a map of size x size texels, moved to the texel that is its
-// neighbour on the sphere: across an edge the map continues with the same edge mirrored about its
+// Maps a position at most one step outside a map of size x size texels to the texel that is its
+// neighbor on the sphere: across an edge the map continues with the same edge mirrored about its
 // middle.
 inline TexelPosition WrapOctahedral(TexelPosition p, int size) {
   if (p.x < 0 || p.x >= size) p = {std::clamp(p.x, 0, size - 1), size - 1 - p.y};

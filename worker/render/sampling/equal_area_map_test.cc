@@ -37,7 +37,7 @@ TEST(EqualAreaMapTest, SquareToSphereAndBack) {
   }
 }
 
-// The solid angle of a small parallelogram of the map over its area is 4 pi everywhere.
+// The solid angle of a small parallelogram of the map is 4 pi times its area everywhere.
 TEST(EqualAreaMapTest, AreasAreEqual) {
   constexpr int kSide = 64;
   constexpr double kStep = 1e-4;

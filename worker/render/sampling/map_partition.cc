@@ -13,11 +13,11 @@
 namespace sheaf::render {
 namespace {
 
-// What one more square must lower the square root of the second moment by, relative to its least
-// value.
+// Amount by which one more square must lower the square root of the second moment, relative to its
+// minimum.
 constexpr double kPriceOfSquare = 0x1p-18;
 
-// Integrals of the map and of its square over a part of it. Unit of area: one texel.
+// Integrals of the map and of its square over a region. Unit of area: one texel.
 struct Moments {
   double sum = 0, sum_of_squares = 0;
   void Add(const Moments& m) {
@@ -26,7 +26,7 @@ struct Moments {
   }
 };
 
-// The map at the corners of a part where it is bilinear: [y][x].
+// Values at the corners of a region where the map is bilinear: [y][x].
 using Corners = std::array<std::array<double, 2>, 2>;
 
 Moments MomentsOf(const Corners& c, double area) {
@@ -36,7 +36,7 @@ Moments MomentsOf(const Corners& c, double area) {
   return {area * ((a + b + d + e) / 4), area * mean_square};
 }
 
-// Hilbert's curve through the quadrants of a square: where it goes, and as which curve.
+// Hilbert's curve through the quadrants of a square: the quadrant, and the curve's variant in it.
 struct Quadrant {
   uint32_t x, y;
   uint32_t curve;
@@ -48,8 +48,8 @@ constexpr Quadrant kCurves[4][4] = {{{0, 0, 1}, {0, 1, 0}, {1, 1, 0}, {1, 0, 2}}
 
 }  // namespace
 
-// Depth first along the curve; squares are replaced by the one that they make up where that is
-// better. Coordinates and sides in units.
+// Visits the quadtree depth first along the curve, and merges squares into their parent where that
+// is better. Coordinates and sides in units.
 class MapPartitionBuilder {
  public:
   struct Leaf {
@@ -66,7 +66,7 @@ class MapPartitionBuilder {
     return AddSquare({0, 0, std::bit_ceil(size_) * kUnits}, 0).moments;
   }
   const std::vector<Leaf>& leaves() const { return leaves_; }
-  // Of the leaves: area * rms.
+  // area * rms of each leaf.
   const std::vector<double>& weights() const { return weights_; }
 
  private:
@@ -93,7 +93,7 @@ class MapPartitionBuilder {
   Best AddTexel(Leaf texel, uint32_t curve) {
     constexpr uint32_t kUnits = MapPartition::kUnits;
     const int tx = static_cast<int>(texel.x / kUnits), ty = static_cast<int>(texel.y / kUnits);
-    // At the centre, on the middle of edges, and at the corners.
+    // At the center, on the middle of edges, and at the corners.
     std::array<std::array<double, 3>, 3> l;
     for (int y = 0; y < 3; ++y) {
       for (int x = 0; x < 3; ++x) l[y][x] = At(tx + x - 1, ty + y - 1);
@@ -138,7 +138,7 @@ class MapPartitionBuilder {
     return Better(quarter, best, mark);
   }
 
-  // Parts cannot cost less than the sum and have three squares more.
+  // The cost of the parts is at least the sum plus the price of three more squares.
   bool MayBeWorthSplitting(const Moments& m, double area) const {
     return std::sqrt(area * m.sum_of_squares) - m.sum > 3 * price_;
   }
@@ -146,7 +146,7 @@ class MapPartitionBuilder {
     const double side = static_cast<double>(leaf.side) / MapPartition::kUnits;
     return side * side;
   }
-  // The square itself or its parts, the leaves from `mark` on.
+  // Keeps either the square itself or its parts, the leaves from `mark` on.
   Best Better(const Leaf& square, const Best& parts, size_t mark) {
     const double weight = std::sqrt(AreaOf(square) * parts.moments.sum_of_squares);
     if (parts.cost < weight + price_) return parts;
@@ -207,7 +207,7 @@ MapPartition::MapPartition(int size, const std::vector<float>& values)
   }
 }
 
-// Every square gets one unit of probability and its share of what is left.
+// Every square gets one unit of probability plus its fraction of the remainder.
 void MapPartition::SetCumulative(const std::vector<double>& weights) {
   double total = 0;
   for (const double weight : weights) total += weight;
@@ -218,7 +218,7 @@ void MapPartition::SetCumulative(const std::vector<double>& weights) {
     squares_[i].begin = static_cast<uint32_t>(before * scale) + static_cast<uint32_t>(i);
     before += weights[i];
   }
-  // A few squares for each entry: the search goes on along a cache line.
+  // A few squares per entry: the search continues along a cache line.
   const int bits = std::max(static_cast<int>(std::bit_width(weights.size())) - 2, 0);
   guide_shift_ = 31 - bits;
   guide_.resize(size_t{1} << bits);
@@ -244,7 +244,7 @@ void MapPartition::SetPdf(uint32_t x, uint32_t y, uint32_t side, float pdf) {
   uint32_t part = kUnits;  // Side of the block's entries.
   if (side < kUnits) {
     const size_t texel = block + y / kUnits % 4 * 4 + x / kUnits % 4;
-    uint32_t entry = blocks_[texel];  // A copy, as the blocks may move.
+    uint32_t entry = blocks_[texel];  // A copy, because the blocks may move.
     block = BlockOf(&entry);
     blocks_[texel] = entry;
     part = 1;
@@ -265,7 +265,7 @@ size_t MapPartition::BlockOf(uint32_t* entry) {
 }
 
 MapPartition::Choice MapPartition::Choose(Vec2f u) const {
-  // More bits than the caller has: a bright point in a dark map takes few of them.
+  // Needs more bits than the caller has: a bright point in a dark map has a tiny interval.
   const double v = ExtendBits(u.x, ~SaltOf(u)) * kProbabilityOne;
   const Square* square = &squares_[guide_[static_cast<uint32_t>(v) >> guide_shift_]];
   while (static_cast<double>(square[1].begin) <= v) ++square;
@@ -274,7 +274,7 @@ MapPartition::Choice MapPartition::Choose(Vec2f u) const {
   const int level = level_count_ - depth;
   const uint32_t mask = (1u << depth) - 1;
   const float side = static_cast<float>(1u << level) * (1.0f / kUnits);
-  // Rounding must not lead into the next square.
+  // Rounding must not reach the next square.
   constexpr float kBelowOne = 1 - 0x1p-24f;
   const auto place = [&](uint32_t index, float fraction) {
     const auto begin = static_cast<float>(index);

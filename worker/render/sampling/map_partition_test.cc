@@ -15,7 +15,7 @@ std::vector<float> Even(int size) {
   return std::vector<float>(static_cast<size_t>(size) * static_cast<size_t>(size), 1.0f);
 }
 
-// Steep, with black parts.
+// Steep values, with black parts.
 std::vector<float> Random(int size) {
   std::mt19937 engine(7);
   std::vector<float> texels = Even(size);
@@ -75,7 +75,7 @@ TEST(MapPartitionTest, TheEndsOfUStayInTheMap) {
   }
 }
 
-// A sun of one texel that outshines the sky by far: its tent is resolved, the sky is not.
+// A sun of one texel, far brighter than the sky: its tent is resolved, the sky is not.
 TEST(MapPartitionTest, ASmallSunIsResolved) {
   constexpr int kSize = 256;
   std::vector<float> texels = Even(kSize);
@@ -85,7 +85,7 @@ TEST(MapPartitionTest, ASmallSunIsResolved) {
   EXPECT_LT(partition.second_moment_ratio(), 1.08);
 }
 
-// Noise from texel to texel, half of it black: squares of quarter texels come close.
+// White noise, half of it black: needs squares of quarter texels.
 TEST(MapPartitionTest, ASteepMapIsFollowed) {
   const MapPartition partition(128, Random(128));
   EXPECT_LT(partition.second_moment_ratio(), 1.3);

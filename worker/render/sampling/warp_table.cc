@@ -8,11 +8,11 @@
 namespace sheaf::render {
 namespace {
 
-// Integral from 0 to x of the line from a to b over [0, 1].
+// Integral from 0 to x of the linear function that runs from a to b over [0, 1].
 float LinearCdf(float a, float b, float x) { return x * (a + 0.5f * x * (b - a)); }
 
-// The x in [0, 1] up to which the line from a >= 0 to b >= 0 has integral c. The quadratic's root
-// in the form without cancellation, which has no special case where a and b are equal.
+// Returns the x in [0, 1] up to which the linear function from a >= 0 to b >= 0 has integral c.
+// This form of the quadratic's root has no cancellation, and no special case for equal a and b.
 float InvertLinearCdf(float a, float b, float c) {
   const float root = std::sqrt(std::fmax(a * a + 2 * c * (b - a), 0.0f));
   const float divisor = a + root;
@@ -21,7 +21,7 @@ float InvertLinearCdf(float a, float b, float c) {
 
 float Lerp(float t, float a, float b) { return (1 - t) * a + t * b; }
 
-// The last of 0 ... count - 1 with f(i) <= value, for f that does not fall; 0 where there is none.
+// Returns the last of 0 ... count - 1 with f(i) <= value for nondecreasing f; 0 if there is none.
 template <typename Function>
 uint32_t FindStep(uint32_t count, float value, const Function& f) {
   uint32_t low = 0, high = count;
@@ -85,7 +85,7 @@ WarpTable::WarpTable(uint32_t width, uint32_t height, std::vector<float> densiti
   row_sums_.resize(values_.size() / width);
   for (size_t begin = 0; begin < values_.size(); begin += per_slice) {
     float* values = &values_[begin];
-    // In double, so that what is summed up in another order agrees.
+    // In double, so that sums in another order agree.
     double total = 0;
     std::vector<double> lines(per_slice), rows(height, 0.0);
     const auto sum = [&] {

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Emissive shapes to light table input.
+// Converts emissive shapes to the input of the light table.
 #include "worker/render/scene/emitter_list.h"
 
 #include <algorithm>
@@ -16,24 +16,24 @@
 namespace sheaf::render {
 namespace {
 
-// How far the axes of a transform may differ in length, or lean to each other, for a sphere to stay
-// a sphere: rounding of the transforms in a scene file written with six digits.
+// Maximum relative difference in length, and deviation from a right angle, of a transform's axes
+// for which a sphere stays a sphere. Allows for transforms that a scene file gives with six digits.
 constexpr double kSimilarityTolerance = 1e-5;
 
-// What a light's colour is multiplied by where its shapes have the given area in all. luminance: of
-// the colour, or the mean of the picture.
+// Returns the factor of a light's color where its shapes have the given total area. luminance: of
+// the color, or the mean of the image.
 float ScaleOf(const AreaLightDescription& light, double luminance, double area) {
   if (!(light.scale.power_w > 0)) return light.scale.scale;
-  // A diffuse emitter's power is pi times area times radiance, for each side.
+  // A diffuse emitter's power is pi times area times radiance, per side.
   const double sides = light.two_sided ? 2 : 1;
   const double power_now = std::numbers::pi * area * sides * luminance;
   return power_now > 0 ? static_cast<float>(light.scale.power_w / power_now) : 0;
 }
 
-// A face is cut into at most so many cells along an edge, and a mesh into so many in all.
+// Maximum number of cells along a face's edge, and in a mesh.
 constexpr uint32_t kCellsMax = 64;
 constexpr size_t kCellsOfMeshMax = size_t{1} << 14;
-// Finer cells must make light less noisy by this factor to be worth having.
+// Finer cells are used only if they reduce the noise by this factor.
 constexpr double kWorthwhileGain = 1.25;
 
 Vec3d TriangleCross(const BakedMesh& mesh, const uint32_t* t) {
@@ -58,8 +58,8 @@ Vec2f UvOfFace(const FaceUvs& uvs, Vec2d b) {
          static_cast<float>(b.y) * (uvs[2] - uvs[0]);
 }
 
-// As the luminance of the box about its corners: of the right order, and positive where the cell
-// shines anywhere.
+// Approximates the mean as the luminance of the box about the cell's corners, which is positive if
+// the cell emits anywhere.
 double MeanOfCell(const EmissionMap& map, const Vec2f (&uv)[3]) {
   return map.MeanLuminance({std::fmin(uv[0].x, std::fmin(uv[1].x, uv[2].x)),
                             std::fmin(uv[0].y, std::fmin(uv[1].y, uv[2].y))},
@@ -67,9 +67,9 @@ double MeanOfCell(const EmissionMap& map, const Vec2f (&uv)[3]) {
                             std::fmax(uv[0].y, std::fmax(uv[1].y, uv[2].y))});
 }
 
-// The noise of light from a mesh (second moment of an estimate over the square of its mean, but for
-// geometry) where each face is cut into counts[i]^2 cells that are chosen by their mean: what a
-// cell is like inside is known from the finest grid.
+// Returns the noise of light from a mesh (second moment of an estimate over its squared mean,
+// without the geometry terms) where each face is cut into counts[i]^2 cells that are chosen by
+// their mean. The finest grid gives the variation inside a cell.
 std::vector<double> NoiseOfCells(const BakedMesh& mesh, const EmissionMap& map, uint32_t finest,
                                  const std::vector<uint32_t>& counts) {
   std::vector<double> means(counts.size(), 0), noise(counts.size(), 0);
@@ -96,7 +96,8 @@ std::vector<double> NoiseOfCells(const BakedMesh& mesh, const EmissionMap& map, 
       const double cell_area = area * finest * finest / (counts[k] * counts[k]);
       for (const auto& [sum, squares] : cells) {
         means[k] += sum;
-        // Chosen in proportion to sum, then uniform: the mean square is squares * cell_area / sum.
+        // Chosen in proportion to sum, then uniformly: the mean square is squares * cell_area /
+        // sum.
         if (sum > 0) noise[k] += squares * cell_area / sum;
       }
     }
@@ -105,7 +106,7 @@ std::vector<double> NoiseOfCells(const BakedMesh& mesh, const EmissionMap& map, 
   return noise;
 }
 
-// Into how many cells along an edge each face of the mesh is cut.
+// Returns the number of cells along an edge into which each face of the mesh is cut.
 uint16_t ChooseCells(const BakedMesh& mesh, const EmissionMap& map) {
   const size_t faces = mesh.indices.size() / 3;
   std::vector<uint32_t> counts = {1};
