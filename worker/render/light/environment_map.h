@@ -2,13 +2,12 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // EnvironmentMap: radiance from infinity as a square equal-area map, filtered bilinearly between
-// texel centres with octahedral wrap. It is sampled from the squares of a MapPartition, which
-// follow its luminance where that is above the mean: made to go with scattered rays by multiple
-// importance sampling, which find the rest. Space: the light's own.
+// texel centers with octahedral wrap. Sampling uses the squares of a MapPartition, which follow the
+// luminance above the mean; multiple importance sampling with scattered rays covers the rest.
+// Space: the light's own.
 //
-// Speed is a matter of cache misses. The partition stays in the caches; the texels of one look-up
-// lie on two cache lines as a rule, and whoever knows early where he will look can have them
-// fetched while something else is done.
+// Cache misses dominate the cost. The partition stays in the caches; the texels of one lookup
+// usually lie on two cache lines, and a caller that knows the direction early can prefetch them.
 #pragma once
 
 #include <array>
@@ -23,7 +22,7 @@ namespace sheaf::render {
 
 class EnvironmentMap {
  public:
-  // A direction's place in the map, in texels: both coordinates in [0, size].
+  // Position of a direction in the map, in texels: both coordinates in [0, size].
   struct Place {
     Vec2f p;
   };
@@ -36,35 +35,35 @@ class EnvironmentMap {
   // Errors: kInvalidArgument naming the first texel that is negative or not finite.
   static absl::StatusOr<EnvironmentMap> Make(int size, const std::vector<Rgb>& texels);
 
-  // d: unit. Begins to fetch what Radiance will read there.
+  // d: unit. Prefetches the texels that Radiance reads there.
   Place Locate(Vec3f d) const;
-  // A unit direction.
+  // Returns a unit direction.
   Vec3d Direction(Place place) const;
   Rgb Radiance(Place place) const;
   Rgb Radiance(Vec3f d) const { return Radiance(Locate(d)); }
-  // Texels along each side.
+  // Number of texels along each side.
   int size() const { return size_; }
   // Mean of the filtered map's luminance over the sphere; 0 for a black map.
   double mean_luminance() const { return mean_luminance_; }
-  // A place by luminance, and its pdf, positive wherever radiance is. Begins to fetch what Radiance
-  // will read there. Requires: mean_luminance() > 0.
+  // Samples a place by luminance; the pdf is positive wherever the radiance is. Prefetches the
+  // texels that Radiance reads there. Requires: mean_luminance() > 0.
   PlaceSample Sample(Vec2f u) const;
-  // Pdf of Sample: at a place that it returned the same bits. Of a direction that has been to the
-  // sphere and back, rounding makes that of the square next to it where the place is within a few
-  // ulps of the edge between the two. Requires: mean_luminance() > 0.
+  // The pdf of Sample, bit-identical at a place that it returned. If a place was converted to a
+  // direction and back and lies within a few ulps of the edge of two squares, rounding may give the
+  // other square's pdf. Requires: mean_luminance() > 0.
   float Pdf(Place place) const { return partition_.Pdf(place.p) * kPerSteradian; }
   float Pdf(Vec3f d) const { return Pdf(Locate(d)); }
-  // Illuminance of a plane facing +z by the rule of pbrt-v4, which takes the mean over all texels
-  // where the hemisphere has half of them: half the photometric value.
+  // Illuminance of a plane facing +z by pbrt-v4's rule, which takes the mean over all texels
+  // although the hemisphere covers half of them: half the photometric value.
   double PbrtIlluminance() const;
   size_t size_bytes() const;
 
  private:
   static constexpr float kPerSteradian = 0x1.45f306p-4f;  // 1 / (4 pi): the map's area is 1.
-  // Texels of a cache line.
+  // Texels of one cache line.
   static constexpr size_t kTileWidth = 4, kTileHeight = 2;
-  // Radiance is components * scale, which is the first half of a float's bits and a power of two:
-  // half the size of floats, and 2^-16 of the largest component at most beside the truth.
+  // Radiance is components * scale; scale is a power of two, stored as the upper half of a float's
+  // bits. Half the size of floats; the error is at most 2^-16 of the largest component.
   struct Texel {
     std::array<uint16_t, 3> components{};
     uint16_t scale = 0;
@@ -82,11 +81,11 @@ class EnvironmentMap {
         .texels[uy % kTileHeight * kTileWidth + ux % kTileWidth];
   }
   Rgb RadianceAtEdge(Place place) const;
-  // The texels of Radiance(place).
+  // Prefetches the texels of Radiance(place).
   void Prefetch(Place place) const;
 
   int size_ = 0;
-  float size_f_ = 0;  // size_.
+  float size_f_ = 0;  // size_ as float.
   size_t tiles_across_ = 0;
   std::vector<Tile> tiles_;
   double mean_luminance_ = 0;

@@ -12,7 +12,7 @@ namespace {
 
 constexpr double kNever = std::numeric_limits<double>::quiet_NaN();
 
-// Where the ray crosses the surface of the cone or that of its mirror image. None is kNever.
+// Intersections of the ray with the double cone; missing ones are kNever.
 std::array<double, 2> MeetCone(Vec3d from_apex, Vec3d d, Vec3d axis, double cosine) {
   // Points x with (x . axis)^2 = cosine^2 |x|^2.
   const double k = cosine * cosine;
@@ -26,11 +26,11 @@ std::array<double, 2> MeetCone(Vec3d from_apex, Vec3d d, Vec3d axis, double cosi
   return {q / a, c / q};
 }
 
-// Makes [*t0, *t1] the part of it where the light shines. Where rounding misses the ends of that,
-// only chances change.
+// Clips [*t0, *t1] to the part that the light illuminates. Rounding at its ends changes
+// probabilities only.
 void ClipToLight(const LightBounds& light, Vec3d o, Vec3d d, double* t0, double* t1) {
   const bool is_flat = light.kind == LightBounds::Kind::kPlanar;
-  // Cones wider than half of all directions are not clipped to.
+  // Cones wider than a hemisphere are ignored.
   if (is_flat ? light.two_sided : !(light.cos_end > 0)) return;
   const Vec3d from_light = o - ToDouble(light.center), axis = ToDouble(light.normal);
   const double cos_end = is_flat ? 0 : static_cast<double>(light.cos_end);
@@ -42,7 +42,7 @@ void ClipToLight(const LightBounds& light, Vec3d o, Vec3d d, double* t0, double*
     if (crossings[i] > *t0) ends[i + 1] = std::min(crossings[i], *t1);
   }
   if (ends[2] < ends[1]) std::swap(ends[1], ends[2]);
-  // Between crossings all points are lit, or none.
+  // Between crossings either all points are lit, or none.
   double first = *t1, last = *t0;
   for (size_t i = 0; i < 3; ++i) {
     if (!(ends[i] < ends[i + 1])) continue;
@@ -68,9 +68,9 @@ std::optional<EquiangularDistances> DistancesTo(const LightBounds& light, Vec3d 
                                     static_cast<double>(light.radius));
 }
 
-// Of the integrals over 1 / distance^2 and its square, by the density of flights: what comes from
-// the first free path, and from where the ray is nearest to the light. The larger of both stands
-// for their sum.
+// Approximates the integrals of 1 / distance^2 and its square, weighted by the density of distance
+// samples, by two parts: the first mean free path, and the vicinity of the point nearest to the
+// light. The larger part replaces their sum.
 double SpreadOfFlights(const LightBounds& light, Vec3d o, Vec3d d, double begin, double end,
                        double extinction) {
   const Vec3d to_light = ToDouble(light.center) - o;

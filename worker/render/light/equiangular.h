@@ -1,15 +1,15 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// EquiangularDistances: distances along a ray by how strongly a light beside it shines there, as
-// 1 / (squared distance to the light). Source: Kulla and Fajardo 2012, "Importance Sampling
-// Techniques for Path Tracing in Participating Media". A light of some size has at each point the
-// distance sqrt(d^2 + r^2), so that a ray through its middle does not favour that without bounds.
+// EquiangularDistances: samples distances along a ray in proportion to the inverse squared distance
+// to a light beside it. Source: Kulla and Fajardo 2012, "Importance Sampling Techniques for Path
+// Tracing in Participating Media". A light of radius r has at each point the distance sqrt(d^2 +
+// r^2), so that the density stays bounded on a ray through its middle.
 //
-// Angles are differences of arctangents in one step, and distances come from them without the
-// tangent of an angle near a quarter turn: rays that pass a light at any height, and spans of any
-// length that lie any distance off, keep their precision. On a ray that leads through a point the
-// density is that of 1 / distance^2, as long as the span does not contain the point.
+// Angles are computed as one arctangent of a difference, and distances without the tangent of an
+// angle near a quarter turn, so rays that pass a light at any height, and spans of any length at
+// any distance, keep their precision. On a ray through a point light the density is that of 1 /
+// distance^2, as long as the span does not contain the light.
 #pragma once
 
 #include <algorithm>
@@ -24,9 +24,9 @@ namespace sheaf::render {
 
 class EquiangularDistances {
  public:
-  // Of the span [t0, t1] of the ray o + t d; t1 may be infinite. d: unit. light: the place, and
-  // radius of a sphere about it, of what shines. None where the span is empty or not finite
-  // otherwise, and where it leads through a light without size.
+  // For the span [t0, t1] of the ray o + t d; t1 may be infinite. d: unit. light, radius: a
+  // bounding sphere of the light. None where the span is empty or otherwise not finite, and where
+  // it passes through a light without size.
   static std::optional<EquiangularDistances> Make(Vec3d o, Vec3d d, double t0, double t1,
                                                   Vec3d light, double radius) {
     const Vec3d to_light = light - o;
@@ -60,7 +60,7 @@ class EquiangularDistances {
     }
     return closest_ + std::clamp(from_closest, a, b);
   }
-  // Per unit of length; 0 outside of the span.
+  // Per unit of length; 0 outside the span.
   double Pdf(double t) const {
     const double x = t - closest_;
     if (!(x >= begin_ && x <= end_)) return 0;
@@ -69,25 +69,25 @@ class EquiangularDistances {
   }
 
  private:
-  double closest_ = 0;          // Of the ray to the light, as a distance along it.
-  double height_ = 0;           // Of the light over the ray.
+  double closest_ = 0;          // Distance along the ray of its closest point to the light.
+  double height_ = 0;           // Of the light above the ray.
   double begin_ = 0, end_ = 0;  // Of the span, from the closest point.
-  double angle_ = 0;            // That the span takes up, seen from the light. 0: see Make.
+  double angle_ = 0;            // Of the span as seen from the light. 0: see Make.
 };
 
-// On the part of the ray o + t d, t in [begin, end], where the light shines; end may be infinite.
-// d: unit. None where it does not shine there, and for lights that stand nowhere. Space: render.
+// For the part of the ray o + t d, t in [begin, end], that the light illuminates; end may be
+// infinite. d: unit. None where it illuminates no part, and for infinite lights. Space: render.
 std::optional<EquiangularDistances> DistancesTo(const LightBounds& light, Vec3d o, Vec3d d,
                                                 double begin, double end);
 
-// What flights alone make of such light: the mean of its square over the square of its mean, about,
-// in a medium of that extinction between begin and end, where paths are scattered and the light is
-// sampled. Large where flights are seldom scattered, and where the ray comes near the light.
-// Requires: begin < end, and the light has a place.
+// Approximate variance of distance sampling for this light: the mean square of its contribution
+// over its squared mean, in a medium of that extinction between begin and end, if light is sampled
+// where paths are scattered. Large where scattering is rare, and where the ray passes near the
+// light. Requires: begin < end, and the light has a position.
 double SpreadOfFlights(const LightBounds& light, Vec3d o, Vec3d d, double begin, double end,
                        double extinction);
-// From this on a line through media that vary gathers light: below, what that takes of the time is
-// more than what it takes of the noise (tests/bench/fog_light_bench).
+// From this value on a line through heterogeneous media gathers light: below, gathering costs more
+// time than the noise it removes is worth (tests/bench/fog_light_bench).
 inline constexpr double kSpreadGathered = 2;
 
 }  // namespace sheaf::render

@@ -23,15 +23,15 @@ EquiangularDistances Along(double height, double begin, double end, double radiu
 struct Span {
   double height, begin, end;
 };
-// Lights at any height over the ray, spans far from them on either side, of any length.
+// Lights at any height above the ray; spans of any length, far from the light on either side.
 const std::vector<Span> kSpans = {{1, -1, 1},        {1, 0, 1e6},         {1, 1e2, 1e2 + 1},
                                   {1, 1e4, 1e4 + 1}, {1, -1e6 - 1, -1e6}, {1e-6, 0.5, 2},
                                   {1e-12, 0.5, 2},   {0, 0.5, 2},         {0, -7, -0.1},
                                   {1e-8, -1, 1},     {1e6, 0, 1},         {1e-30, 1, 1 + 1e-9},
                                   {0, 3, kInfinity}, {2, -5, kInfinity},  {1e-9, 1e-3, kInfinity}};
 
-// V7: what Sample returns for u lies where the integral of Pdf from the beginning is u, by the
-// integral in closed form in extended precision.
+// V7: the integral of Pdf from the beginning to the result of Sample(u) is u, by the closed-form
+// integral in extended precision.
 TEST(EquiangularTest, V7SamplesInvertTheIntegralOfThePdf) {
   for (const Span& span : kSpans) {
     SCOPED_TRACE(::testing::Message() << span.height << " " << span.begin << " " << span.end);
@@ -50,7 +50,7 @@ TEST(EquiangularTest, V7SamplesInvertTheIntegralOfThePdf) {
       ASSERT_LE(t, span.end);
       const auto x = static_cast<long double>(t);
       const auto share = static_cast<double>(integral(x) / whole);
-      // Distances are rounded: so much of the whole may lie between one and the next.
+      // The rounding of distances limits the resolution of the integral.
       const auto pdf = static_cast<double>(1 / ((h * h + x * x) * whole));
       EXPECT_NEAR(share, u,
                   1e-12 + 4 * std::numeric_limits<double>::epsilon() * (1 + std::fabs(t) * pdf) /
@@ -86,9 +86,9 @@ TEST(EquiangularTest, G2PowersOfTwoChangeNoBit) {
   }
 }
 
-// --- Spans that a light reaches ------------------------------------------------------------------
+// --- Spans that a light illuminates -------------------------------------------------------------
 
-// The span [*begin, *end] is where Pdf is positive, to steps of 2^-10.
+// Checks that Pdf is positive exactly on [*begin, *end], to steps of 2^-10.
 void ExpectLit(const LightBounds& light, Vec3d o, Vec3d d, double length, double begin,
                double end) {
   const auto line = DistancesTo(light, o, d, 0, length);
@@ -132,13 +132,13 @@ TEST(EquiangularTest, SpotsShineInTheirCone) {
   ExpectLit(spot, {}, {0, 0, -1}, 16, 0, 0);
   ExpectLit(spot, {0, 8, 0}, {0, 0, 1}, 16, 0, 0);  // Through the cone's mirror image.
   ExpectLit(spot, {0, 0, 5}, {0, -1, 0}, kInfinity, 0, kInfinity);
-  ExpectLit(spot, {0, 0, 5}, {0, 1, 0}, 16, 0, 0);  // Through its apex: a point without size.
+  ExpectLit(spot, {0, 0, 5}, {0, 1, 0}, 16, 0, 0);  // Through its apex, which is a single point.
   const LightBounds wide{
       .kind = LightBounds::Kind::kPoint, .center = {0, 4, 5}, .normal = {0, -1, 0}, .strength = 1};
   ExpectLit(wide, {0, 8, 0}, {0, 0, 1}, 16, 0, 16);
 }
 
-// Thin media spread by how seldom they scatter, dense ones not at all, unless the light is near.
+// Thin media scatter rarely, which raises the spread; dense ones only where the light is near.
 TEST(EquiangularTest, FlightsSpreadWhereTheyAreFewOrTheLightIsNear) {
   const auto spread = [](double height, double extinction) {
     const LightBounds light{.kind = LightBounds::Kind::kPoint,

@@ -25,7 +25,7 @@ namespace {
 // it.
 constexpr float kSimilarityTolerance = 1e-5f, kConeSlack = 1e-4f;
 
-// L| for light selection: counts either sign, and is positive wherever a channel is not 0.
+// |L| for light selection: counts either sign, and is positive wherever a channel is not 0.
 float StrengthOf(Rgb c) {
   if (!IsFinite(c)) return 0;
   return Luminance({std::fabs(c.r), std::fabs(c.g), std::fabs(c.b)});

@@ -1,14 +1,15 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// MatterPaint: what is painted on the matter that a path is in: the share of its scattering that is
-// left, as MediumTable::MixOf takes it. Set where the path enters. Overlapping matter without a
-// rank all has that of the boundary that was entered last. See docs/adr/0050.
+// MatterPaint: the texture on the subsurface medium that a path is in, as the fraction of its
+// scattering that is left, which MediumTable::MixOf takes. Set where the path enters. Overlapping
+// subsurface media without a rank all use the value of the boundary entered last. See
+// docs/adr/0050.
 #pragma once
 
 namespace sheaf::render {
 
-// Where no matter may be painted it takes no memory.
+// Empty where no subsurface medium can have a texture.
 template <typename Color, bool kPaints>
 struct MatterPaint {
   static const Color* OrNull() { return nullptr; }

@@ -10,17 +10,18 @@ namespace {
 
 constexpr double kVoxelsPerSide = 64;
 constexpr int kOctaves = 5, kDisplacements = 2;
-// Each octave has half the amplitude and not quite half the wavelength of the one before.
+// Each octave has half the amplitude and about half the wavelength of the previous one.
 constexpr double kGain = 0.5, kLacunarity = 1.99;
 constexpr double kDisplacementFrequency = 10, kDisplacementScale = 0.05;
 constexpr double kContrast = 4.5, kFloorHeight = 0.5, kFloorDensity = 2;
-constexpr double kDifference = 0.01;         // Over which noise is differentiated.
-constexpr double kNoiseSumMax = 1 - 0x1p-5;  // Of octaves of amplitude 1/2, 1/4, ... 1/32.
+constexpr double kDifference = 0.01;         // Step for differentiating the noise.
+constexpr double kNoiseSumMax = 1 - 0x1p-5;  // For octaves of amplitude 1/2, 1/4, ... 1/32.
 
 // Source: Perlin 2002: second derivatives vanish at lattice points.
 double Fade(double t) { return t * t * t * (t * (t * 6 - 15) + 10); }
 
-// The offset's product with one of twelve gradients, to the middles of a cube's edges.
+// Dot product of the offset with one of twelve gradients, which point to the edge centers of a
+// cube.
 double GradientProduct(int64_t x, int64_t y, int64_t z, Vec3d offset) {
   uint64_t h = static_cast<uint64_t>(x) * 0x9e3779b97f4a7c15u;
   h = (h ^ (h >> 32) ^ static_cast<uint64_t>(y)) * 0xbf58476d1ce4e5b9u;
@@ -55,7 +56,7 @@ double GradientNoise(Vec3d p) {
   const auto column = [&](int i, int j) { return Mix(w, corner(i, j, 0), corner(i, j, 1)); };
   const double value =
       Mix(u, Mix(v, column(0, 0), column(0, 1)), Mix(v, column(1, 0), column(1, 1)));
-  return std::clamp(value, -1.0, 1.0);  // Beyond by rounding alone.
+  return std::clamp(value, -1.0, 1.0);  // Only rounding exceeds the range.
 }
 
 CloudDensity::CloudDensity(const Parameters& parameters) : parameters_(parameters) {
@@ -95,7 +96,7 @@ DensityBounds CloudDensity::BoundsOver(double y0, double y1) const {
   const double height = std::max(std::fabs(1 - below), std::fabs(1 - above));
   const double puffs = std::min(height * kContrast * parameters_.density * kNoiseSumMax, 1.0);
   const auto floor_at = [](double y) { return kFloorDensity * std::max(0.0, kFloorHeight - y); };
-  // Rounded outwards: look-ups compute the same in double.
+  // Rounded outwards: lookups compute the same in double.
   const auto lower = static_cast<float>(std::min(floor_at(above), 1.0) * (1 - 0x1p-20));
   const auto upper = static_cast<float>(std::min(puffs + floor_at(below), 1.0) * (1 + 0x1p-20));
   return {lower, upper};

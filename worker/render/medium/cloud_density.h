@@ -2,10 +2,10 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // CloudDensity: the procedural cloud of pbrt-v4's "cloud" medium: sums of gradient noise, displaced
-// by noise, thinned out with height, and a solid floor below height 1/2. The formulas are those of
-// pbrt-v4's media.h; the noise is Perlin's of 2002 with a hash of our own in the place of his table
-// of permutations, so a cloud has the look and the statistics of pbrt's but not its very shape.
-// Sources: Perlin 2002, "Improving noise"; Pharr, Jakob, Humphreys 2023, section 11.4.
+// by noise, thinned with height, and solid below height 1/2. The formulas are those of pbrt-v4's
+// media.h; the noise is that of Perlin 2002 with our own hash in place of his permutation table, so
+// a cloud has the look and the statistics of pbrt's but not its exact shape. Sources: Perlin 2002,
+// "Improving noise"; Pharr, Jakob, Humphreys 2023, section 11.4.
 #pragma once
 
 #include <array>
@@ -16,8 +16,8 @@
 
 namespace sheaf::render {
 
-// In [-1, 1]: between lattice points |offset| averages to at most 1/2 on an axis under the weights
-// of the corners, and gradients have two components of 1.
+// In [-1, 1]: between lattice points, |offset| weighted by the corners averages to at most 1/2 per
+// axis, and gradients have two components of +-1.
 double GradientNoise(Vec3d p);
 
 class CloudDensity : public DensitySource {
@@ -28,7 +28,7 @@ class CloudDensity : public DensitySource {
     double frequency = 5;
     Vec3d lo{0, 0, 0}, hi{1, 1, 1};  // In medium space.
   };
-  // Requires: lo < hi, parameters finite and not negative.
+  // Requires: lo < hi; parameters are finite and nonnegative.
   explicit CloudDensity(const Parameters& parameters);
 
   // At a point of medium space, in [0, 1].
@@ -43,7 +43,7 @@ class CloudDensity : public DensitySource {
   void BlockBounds(Index3 origin, std::span<DensityBounds, 64> cells) const override;
 
  private:
-  // Over heights [y0, y1] of index space.
+  // Bounds over heights [y0, y1] of index space.
   DensityBounds BoundsOver(double y0, double y1) const;
 
   Parameters parameters_;

@@ -1,24 +1,24 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Free flight through a medium whose extinction is density(x) * sigma_t, one density for all
-// components of a colour: where a path collides (delta tracking) and how much light passes
-// (residual ratio tracking). Both follow the segments of a MajorantWalk and look the density up at
-// tentative collisions, drawn for the component of the largest extinction, so that one walk serves
-// all components; what differs between them is a weight.
+// Distance sampling and transmittance in a medium whose extinction is density(x) * sigma_t, with
+// one density for all components of a color: where a path collides (delta tracking), and how much
+// light is transmitted (residual ratio tracking). Both follow the segments of a MajorantWalk and
+// look up the density at tentative collisions, sampled for the component of the largest extinction,
+// so that one walk serves all components; the components differ in weight only.
 //
 // Sources: Woodcock et al. 1965 (delta tracking); Novak, Selle and Jarosz 2014 (residual ratio
 // tracking); Kutz et al. 2017, section 4 (one walk for all wavelengths: events are chosen with the
-// mean probability, weighted by what each component carries, so that the sum of the components
-// never changes and no weight exceeds their number).
+// mean probability, weighted by the throughput of each component, so that the sum of the components
+// stays constant and no weight exceeds their number).
 //
-// Media that overlap: track each with a stream of its own, take the nearest collision, and track
-// the others again, with the same streams, up to it: they meet the same events, and their weights
+// Overlapping media: track each with its own stream, take the nearest collision, and track the
+// others again, with the same streams, up to it: they sample the same events, and their weights
 // there are factors. Transmittances multiply.
 //
-// A walk is anything with bool Next(MajorantSegment*). A density is double(double t), at most the
-// segment's upper and at least its lower bound; where it is not, the violation is counted, and
-// whoever asked tracks again with bounds that are raised.
+// A Walk is any type with bool Next(MajorantSegment*). A Density is double(double t), within the
+// segment's bounds; a value outside is counted as a violation, and the caller then repeats the
+// tracking with raised bounds.
 #pragma once
 
 #include <algorithm>
@@ -31,11 +31,11 @@
 
 namespace sheaf::render {
 
-// What tracking met that it must not meet, and what it cost.
+// Violations and cost of tracking.
 struct TrackingTally {
-  // In: what upper bounds are multiplied by. The lower ones are taken as 0 where that is not 1.
+  // Input: factor of upper bounds. If it is not 1, lower bounds are taken as 0.
   float bound_factor = 1;
-  uint64_t violation_count = 0;  // Densities beyond their bounds: the result is biased.
+  uint64_t violation_count = 0;  // Densities outside their bounds: the result is biased.
   uint64_t look_up_count = 0;
   uint64_t segment_count = 0;
 };
@@ -43,9 +43,9 @@ struct TrackingTally {
 template <typename Color>
 struct TrackedFlight {
   bool collides = false;
-  double t = 0;  // Where, if it collides.
-  // What each component of the path's throughput is multiplied by. At a collision the extinction is
-  // in it: what is left to apply is the albedo, sigma_s / sigma_t.
+  double t = 0;  // Of the collision, if any.
+  // Factor of each component of the path's throughput. At a collision it includes the extinction,
+  // so the caller applies only the albedo, sigma_s / sigma_t.
   Color weight = Color::Grey(1);
 };
 
@@ -60,14 +60,14 @@ bool NextSegment(Walk* walk, MajorantSegment* segment, TrackingTally* tally) {
   return true;
 }
 
-// Tentative collisions: a Poisson process over optical depth, from a piece of a walk to the next.
+// Tentative collisions: a Poisson process in optical depth that continues across segments.
 class TentativeCollisions {
  public:
   explicit TentativeCollisions(EventStream* stream)
       : stream_(stream), depth_(stream->Exponential()) {}
 
-  // Moves *t to the next one at `rate` per t. False where that lies beyond `end`: the depth up to
-  // there is flown through.
+  // Advances *t to the next collision at `rate` per t. Returns false if it lies beyond `end`, and
+  // subtracts the optical depth up to there.
   bool Next(double rate, double end, double* t) {
     const double left = rate * (end - *t);
     if (depth_ >= left) {
@@ -87,7 +87,7 @@ class TentativeCollisions {
 inline double RangeOf(DensityBounds bounds) {
   return static_cast<double>(bounds.upper) - static_cast<double>(bounds.lower);
 }
-// A density that was looked up, as a share of what its bounds leave open.
+// The looked-up density as a fraction of the range of its bounds.
 inline double ShareOfRange(double rho, DensityBounds bounds, TrackingTally* tally) {
   ++tally->look_up_count;
   const double lower = bounds.lower;
@@ -95,10 +95,10 @@ inline double ShareOfRange(double rho, DensityBounds bounds, TrackingTally* tall
   return std::min(std::max((rho - lower) / RangeOf(bounds), 0.0), 1.0);
 }
 
-// Below this a walk of ratio tracking ends by chance, at this chance to go on.
+// Russian roulette of ratio tracking: below this ratio a walk survives with this probability.
 inline constexpr double kRatioRoulette = 0.05, kRatioSurvival = 0.25;
 
-// What is left of light, per component, over the pieces of a walk so far.
+// Transmittance per component over the segments so far.
 template <typename Color>
 class RatioTracker {
  public:
@@ -111,8 +111,8 @@ class RatioTracker {
   }
 
   double operator[](size_t c) const { return ratio_[c]; }
-  // Over the densities between t0 and t1 less the lower bound. False where the walk ends by chance:
-  // nothing is left.
+  // Multiplies by the transmittance from t0 to t1 of the density above its lower bound. Returns
+  // false if Russian roulette ends the walk: the transmittance is 0.
   template <typename Density>
   bool Pass(const Density& density, double t0, double t1, DensityBounds bounds) {
     const double rate = RangeOf(bounds) * sigma_max_;
@@ -144,8 +144,8 @@ class RatioTracker {
 
 }  // namespace internal
 
-// sigma_t: extinction per unit of density and of t, no component negative. throughput: what the
-// path carries, no component negative; it decides which event serves it best.
+// Samples a collision. sigma_t: extinction per unit of density and of t, nonnegative. throughput:
+// of the path, nonnegative; decides the probabilities of events.
 template <typename Color, typename Walk, typename Density>
 TrackedFlight<Color> TrackFlight(Walk* walk, const Density& density, const Color& sigma_t,
                                  const Color& throughput, EventStream* stream,
@@ -169,7 +169,7 @@ TrackedFlight<Color> TrackFlight(Walk* walk, const Density& density, const Color
     if (!(rate > 0)) continue;
     for (double t = segment.t0; collisions.Next(rate, segment.t1, &t);) {
       const double p = internal::ShareOfRange(density(t), {0, segment.bounds.upper}, tally);
-      // The probability of a collision: the mean over components by what they carry.
+      // The probability of a collision is the mean over components, weighted by throughput.
       double carried = 0, colliding = 0;
       for (size_t c = 0; c < kComponents; ++c) {
         carried += throughput[c] * weight[c];
@@ -191,14 +191,14 @@ TrackedFlight<Color> TrackFlight(Walk* walk, const Density& density, const Color
   return finish();
 }
 
-// An unbiased estimate of exp(-sigma_t * integral of the density over the walk), per component.
-// Exact, without a look-up, where bounds meet: in cells of one density.
+// Unbiased estimate of exp(-sigma_t * integral of the density over the walk), per component. Exact,
+// without lookups, in cells of constant density, where the bounds are equal.
 template <typename Color, typename Walk, typename Density>
 Color TrackTransmittance(Walk* walk, const Density& density, const Color& sigma_t,
                          EventStream* stream, TrackingTally* tally) {
   if (!(MaxComponent(sigma_t) > 0)) return Color::Grey(1);
   internal::RatioTracker<Color> ratio(sigma_t, stream, tally);
-  double control_depth = 0;  // Of the lower bounds: known, not estimated.
+  double control_depth = 0;  // From the lower bounds: known, not estimated.
   MajorantSegment segment;
   while (internal::NextSegment(walk, &segment, tally)) {
     const double lower = segment.bounds.lower;
@@ -210,10 +210,9 @@ Color TrackTransmittance(Walk* walk, const Density& density, const Color& sigma_
   });
 }
 
-// An unbiased estimate of the integral over the walk of transmittance * density * source: one point
-// of each segment, evenly drawn, however thin what shines is, and ratio tracking in between.
-// source: Color(double t). Source: Simon et al. 2017, "Line Integration for Rendering Heterogeneous
-// Emissive Volumes".
+// Unbiased estimate of the integral over the walk of transmittance * density * source: one uniform
+// point in each segment, at any density, and ratio tracking in between. source: Color(double t).
+// Source: Simon et al. 2017, "Line Integration for Rendering Heterogeneous Emissive Volumes".
 template <typename Color, typename Walk, typename Density, typename Source>
 Color TrackEmission(Walk* walk, const Density& density, const Source& source, const Color& sigma_t,
                     EventStream* stream, TrackingTally* tally) {

@@ -1,15 +1,14 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// How far a path flies through media that are the same everywhere, in closed form: distances that
-// are sampled, what is left of light after a length, and what shines along it. Holds for optical
-// thicknesses from 0 to beyond all bounds and for lengths that do not end.
+// Distance sampling, transmittance and emission in homogeneous media, in closed form. Valid for all
+// optical thicknesses, including infinite ones, and for infinite lengths.
 //
-// Where media absorb or scatter the components of light differently, the distance is sampled for
-// one component, chosen by what the path carries, and weighted by the density of all of them (the
-// balance heuristic for one sample: Veach 1997, sec. 9.2; Wilkie et al. 2014). Only differences of
-// optical thickness to that of the clearest component enter, so that no weight is 0 / 0. Grey media
-// need none of this: a flight that arrives keeps all, one that scatters keeps the albedo.
+// Where media absorb or scatter the color components differently, the distance is sampled for one
+// component, chosen by throughput, and weighted by the density of all of them (one-sample balance
+// heuristic: Veach 1997, sec. 9.2; Wilkie et al. 2014). Only differences of optical thickness to
+// that of the clearest component enter, so that no weight is 0 / 0. Gray media need none of this: a
+// path that reaches the end keeps its throughput, a scattered one is multiplied by the albedo.
 #pragma once
 
 #include <algorithm>
@@ -24,35 +23,36 @@
 
 namespace sheaf::render {
 
-// Media as they are, or what many scatterings in them come to: those that scatter forward are taken
-// for ones that scatter evenly, but less often: sigma_s' = sigma_s (1 - g), g' = 0. The flow of
-// light deep in them stays the same, all else does not. Sources: Wyman, Patterson and Wilson 1989;
-// Zhao, Ramamoorthi and Bala 2014. See docs/adr/0031.
+// The form of a medium: its true properties, or a reduced form that has the same effect after many
+// scattering events: forward scattering is replaced by isotropic but rarer scattering: sigma_s' =
+// sigma_s (1 - g), g' = 0. This preserves only the diffusion of light deep in the medium. Sources:
+// Wyman, Patterson and Wilson 1989; Zhao, Ramamoorthi and Bala 2014. See docs/adr/0031.
 enum class MediumForm : uint8_t { kTrue, kReduced };
 
-// What the media at a place do to light, per scene unit. Sums over the media.
+// Properties of the media at a place, per scene unit: sums over the media.
 template <typename Color>
 struct MediumMix {
   Color sigma_t, sigma_s;
   Color emission;           // Radiance per scene unit.
   bool is_grey = true;      // sigma_t and sigma_s are the same in all components.
   bool scatters = false;    // sigma_s is not black.
-  bool is_bounded = false;  // Of one of them: closed surfaces surround it on all sides.
-  // There are others, which are not the same everywhere and not in these sums.
+  bool is_bounded = false;  // Closed surfaces surround one of them on all sides.
+  // There are also heterogeneous media, which the sums do not include.
   bool varies = false;
-  bool glows = false;      // One of those shines.
-  bool gathers = false;    // Light is gathered along lines through one of those.
-  bool is_matter = false;  // One of them is the inside of a material.
-  bool is_hidden = false;  // The same, whose boundary no shadow ray can pass.
+  bool glows = false;      // A heterogeneous one emits.
+  bool gathers = false;    // Lines through a heterogeneous one gather light.
+  bool is_matter = false;  // One of them is a subsurface medium.
+  bool is_hidden = false;  // One of them is a subsurface medium whose boundary no shadow ray can
+                           // cross.
   MediumForm form = MediumForm::kTrue;
 };
 
-// distance is uniform in [0, 1) and fine: flights through thin media end where it is nearly 0.
+// distance: uniform in [0, 1), with more than float precision: thin media need values near 0.
 struct FlightNumbers {
   double distance = 0;
   float component = 0;
 };
-// From a slot's numbers, for the pass-th segment that is flown since: each has its own, hashed.
+// From a slot's numbers, for the pass-th segment since then: each segment gets its own, by hashing.
 inline FlightNumbers MakeFlightNumbers(const std::array<float, 4>& u, uint32_t pass) {
   if (pass == 0) return {static_cast<double>(u[0]) + 0x1p-24 * static_cast<double>(u[1]), u[2]};
   uint64_t state = (uint64_t{std::bit_cast<uint32_t>(u[0])} << 32) | std::bit_cast<uint32_t>(u[1]);
@@ -66,12 +66,12 @@ inline float AttenuationOf(double tau) {
   const elementary::ExpParts p = elementary::ExpForFloat(elementary::ClampExpArgument(-tau));
   return static_cast<float>(std::fma(p.scale, p.expm1_of_r, p.scale));
 }
-// sigma * length, where nothing stays nothing however long it is.
+// sigma * length; 0 for sigma = 0 even if length is infinite.
 inline double OpticalThickness(double sigma, double length) {
   return sigma == 0 ? 0 : sigma * length;
 }
 
-// What is left of light after `length`.
+// Transmittance over `length`.
 template <bool kChromatic, typename Color>
 Color TransmittanceOf(const MediumMix<Color>& mix, double length) {
   if (!kChromatic || mix.is_grey) {
@@ -81,26 +81,26 @@ Color TransmittanceOf(const MediumMix<Color>& mix, double length) {
       [&](size_t i) { return AttenuationOf(OpticalThickness(mix.sigma_t[i], length)); });
 }
 
-// Radiance that arrives from all that shines along `length`.
+// Emitted radiance that arrives from `length`.
 template <typename Color>
 Color EmissionAlong(const MediumMix<Color>& mix, double length) {
   return MakeColor<Color>([&](size_t i) -> float {
-    if (mix.emission[i] == 0) return 0;  // What shines absorbs: sigma_t is positive below.
+    if (mix.emission[i] == 0) return 0;  // Media that emit also absorb: sigma_t is positive below.
     const float tau = static_cast<float>(OpticalThickness(mix.sigma_t[i], length));
     return mix.emission[i] * (-Expm1(-tau) / mix.sigma_t[i]);
   });
 }
 
-// A point of what shines along a length, and its density per scene unit.
+// A point on a segment that emits, and its density per scene unit.
 struct ShiningPoint {
   double distance = 0;
   double pdf = 0;
 };
 
-// Drawn by what arrives of one component, chosen evenly among those that shine; the density is the
-// mean over them, so that no component of what arrives / pdf exceeds its EmissionAlong by more than
-// their number (the balance heuristic for one sample: Veach 1997, sec. 9.2). choice, u: uniform in
-// [0, 1). Requires: mix.emission is not black.
+// Samples the point by the arriving radiance of one component, chosen uniformly among those that
+// emit; the density is the mean over them, so that no component of radiance / pdf exceeds its
+// EmissionAlong by more than their number (one-sample balance heuristic: Veach 1997, sec. 9.2).
+// choice, u: uniform in [0, 1). Requires: mix.emission is not black.
 template <typename Color>
 ShiningPoint SampleShining(const MediumMix<Color>& mix, double length, double choice, double u) {
   std::array<double, kComponentCount<Color>> sigma{};
@@ -122,14 +122,14 @@ ShiningPoint SampleShining(const MediumMix<Color>& mix, double length, double ch
 
 template <typename Color>
 struct Flight {
-  bool scatters = false;  // After `distance`; otherwise the path arrives at the end.
+  bool scatters = false;  // After `distance`; otherwise the path reaches the end.
   double distance = 0;
-  Color weight = Color::Grey(1);  // What the path's throughput is multiplied by.
+  Color weight = Color::Grey(1);  // Factor of the path's throughput.
 };
 
 namespace internal {
 
-// Probabilities to choose each component by.
+// Probabilities of choosing each component.
 template <typename Color>
 Color ComponentShares(const Color& throughput) {
   float sum = 0;
@@ -164,8 +164,8 @@ Flight<Color> SampleChromaticFlight(const MediumMix<Color>& mix, double length,
   for (size_t i = 0; i < kComponentCount<Color>; ++i) {
     if (shares[i] > 0 && mix.sigma_t[i] < clearest) clearest = mix.sigma_t[i];
   }
-  // Of each component, relative to the clearest: at most 1, and so much for the chosen one that the
-  // density below is not 0.
+  // Transmittance of each component relative to the clearest: at most 1, and large enough for the
+  // chosen one that the density below is not 0.
   Color left;
   float density = 0;
   for (size_t i = 0; i < kComponentCount<Color>; ++i) {
@@ -180,9 +180,9 @@ Flight<Color> SampleChromaticFlight(const MediumMix<Color>& mix, double length,
 
 }  // namespace internal
 
-// Whether and where a path that carries `throughput` is scattered within `length`. Media that only
-// absorb scatter nothing: they take what they take. Requires: throughput is not black, and nowhere
-// negative.
+// Samples whether and where a path with `throughput` is scattered within `length`. Media that only
+// absorb never scatter; their absorption is in the weight. Requires: throughput is nonnegative, not
+// black.
 template <bool kChromatic, typename Color>
 Flight<Color> SampleFlight(const MediumMix<Color>& mix, double length, const FlightNumbers& u,
                            [[maybe_unused]] const Color& throughput) {
@@ -201,8 +201,8 @@ Flight<Color> SampleFlight(const MediumMix<Color>& mix, double length, const Fli
   return flight;
 }
 
-// Per scene unit, that SampleFlight with the same throughput scatters a path after `distance`.
-// Requires: mix scatters.
+// The density, per scene unit, with which SampleFlight with the same throughput scatters a path at
+// `distance`. Requires: mix scatters.
 template <bool kChromatic, typename Color>
 double FlightDensity(const MediumMix<Color>& mix, double distance,
                      [[maybe_unused]] const Color& throughput) {
@@ -223,8 +223,8 @@ double FlightDensity(const MediumMix<Color>& mix, double distance,
   return of_component(0);
 }
 
-// Of a medium that varies, per scene unit, that a path which comes to a place collides there,
-// about: the mean over components by what it carries. Requires: throughput is not black.
+// Approximate collision density of a heterogeneous medium at a place, per scene unit: the mean over
+// components, weighted by throughput. Requires: throughput is not black.
 template <bool kChromatic, typename Color>
 double MeanExtinction(const Color& sigma_t, [[maybe_unused]] const Color& throughput) {
   if constexpr (!kChromatic) return static_cast<double>(sigma_t[0]);

@@ -24,7 +24,7 @@ size_t CountOf(const std::array<int32_t, 3>& counts) {
 
 }  // namespace
 
-// As near to cubes as whole numbers of them along the box's sides allow.
+// Cuts the box into cells that are close to cubes.
 GlowLights::Cells GlowLights::CutUp(const VaryingMedium& medium) {
   Cells cells;
   const IndexBox& box = medium.majorants().box();
@@ -43,7 +43,8 @@ GlowLights::Cells GlowLights::CutUp(const VaryingMedium& medium) {
   return cells;
 }
 
-// By what shines at the middles of equal parts of each cell, and of the shutter's time.
+// Weights cells by their emission at the centers of equal parts of each cell and of the shutter
+// interval.
 void GlowLights::Weigh(const Source& source, const Cells& cells, std::vector<double>* powers) {
   const auto count = static_cast<double>(CountOf(cells.counts));
   const int parts = std::max(1, static_cast<int>(std::cbrt(kPlacesMax / count)));
@@ -131,8 +132,8 @@ float GlowLights::Pdf(Vec3f p, Vec3f w) const {
   return std::isfinite(pdf) ? pdf : 0;
 }
 
-// The integral along the ray of density * t^2: what a volume at t is as a solid angle. Which cells
-// it meets: Amanatides and Woo 1987.
+// The integral along the ray of the sampling density times t^2, which converts volume to solid
+// angle. Cell traversal: Amanatides and Woo 1987.
 double GlowLights::PdfOf(const Cells& cells, Vec3d p, Vec3d w) {
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
   const Vec3d o = cells.cell_from_render.Point(p), d = cells.cell_from_render.Vector(w);
@@ -155,7 +156,7 @@ double GlowLights::PdfOf(const Cells& cells, Vec3d p, Vec3d w) {
   }
   double sum = 0;
   for (;;) {
-    // Where the ray leaves the cell, and across which side.
+    // Where the ray leaves the cell, and through which face.
     double next = end;
     size_t axis = 3;
     for (size_t a = 0; a < 3; ++a) {

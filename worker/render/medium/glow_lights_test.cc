@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// GlowLights against its own pdf: it integrates to 1 over all directions, and samples fall as it
-// says, by Pearson's chi-square in cells of the sphere (turned to a normal deviate, Wilson and
+// GlowLights against its own pdf: the pdf integrates to 1 over all directions, and samples follow
+// it, by Pearson's chi-square in cells of the sphere (converted to a normal deviate, Wilson and
 // Hilferty 1931; at most 5).
 #include "worker/render/medium/glow_lights.h"
 
@@ -22,7 +22,7 @@
 namespace sheaf::render {
 namespace {
 
-// A grid over the box from 0 to (3, 2, 1), moved to `place`, and its glow.
+// A grid over the box from 0 to (3, 2, 1), moved to `place`, and its emission.
 struct Flame {
   std::optional<VaryingMedium> density;
   std::optional<MediumGlow> glow;
@@ -98,7 +98,7 @@ void ExpectSamplesFit(const GlowLights& lights, Vec3f p, uint32_t seed) {
   double statistic = 0, rest_expected = 0, rest_observed = 0;
   int cells = 0;
   for (size_t i = 0; i < expected.size(); ++i) {
-    // Cells at the edge of what shines are known to the size of their parts only.
+    // Cells at the silhouette of the emission are only resolved to the size of their parts.
     if (expected[i] < 50) {
       rest_expected += expected[i];
       rest_observed += observed[i];
@@ -122,7 +122,7 @@ TEST(GlowLightsTest, SamplesFallAsThePdfSays) {
   const GlowLights lights({one.source(), other.source({0.2f, 2, 0.1f})});
   ASSERT_FALSE(lights.empty());
   uint32_t seed = 0;
-  // Outside, between the two, within, and on a face.
+  // Outside, between the two, inside, and on a face.
   for (const Vec3f p :
        {Vec3f{1, 1, 3}, Vec3f{0.3f, 2.6f, 0.5f}, Vec3f{1.4f, 0.9f, 0.45f}, Vec3f{1.5f, 1, 1}}) {
     SCOPED_TRACE(++seed);
@@ -130,7 +130,7 @@ TEST(GlowLightsTest, SamplesFallAsThePdfSays) {
   }
 }
 
-// Powers of two keep all bits but the exponent's.
+// Scaling by powers of two changes exponents only.
 TEST(GlowLightsTest, PdfsAreTheSameAtAnyScale) {
   const auto pdf_at = [](double scale, Vec3f w) {
     const Affine place{{scale, 0, 0}, {0, scale, 0}, {0, 0, scale}, {0, 0, 0}};
@@ -159,7 +159,7 @@ TEST(GlowLightsTest, WhatDoesNotShineIsNotALight) {
   EXPECT_FALSE(GlowLights({dark.source(), bright.source()}).empty());
 }
 
-// Something at the left end of the box that blows to its middle is looked for there too.
+// An emitter that moves from the left end of the box to its middle is sampled there, too.
 TEST(GlowLightsTest, WhatMovesIsLookedForWhereItComes) {
   std::vector<float> values(48);
   for (size_t i = 0; i < values.size(); i += 6) values[i] = 1;

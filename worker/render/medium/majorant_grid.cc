@@ -13,14 +13,14 @@
 namespace sheaf::render {
 namespace {
 
-constexpr int32_t kBlock = 8;      // Voxels a side: a leaf of the volume grid.
-constexpr int32_t kFine = 2;       // Voxels a side of the finest cells.
-constexpr int32_t kTaskLevel = 3;  // Cells of 8 * 4^3 voxels a side are built independently.
+constexpr int32_t kBlock = 8;      // Voxels per side: a leaf of the volume grid.
+constexpr int32_t kFine = 2;       // Voxels per side of the finest cells.
+constexpr int32_t kTaskLevel = 3;  // Cells of 8 * 4^3 voxels a side are built as independent tasks.
 
-// What a step to the next cell and what a tentative collision cost, relative to each other, as
-// volume_bench measures them.
+// Relative costs of a step to the next cell and of a tentative collision, as measured by
+// volume_bench.
 constexpr double kStepCost = 1, kLookUpCost = 1;
-// A cube of side L is met by 3 / (2 L) random lines per unit of volume. Source: Cauchy's formula.
+// Random lines hit a cube of side L 3 / (2 L) times per unit of volume. Source: Cauchy's formula.
 constexpr double kCrossingsTimesSide = 1.5;
 
 int32_t SideOf(int32_t level) { return kBlock << (2 * level); }
@@ -31,8 +31,8 @@ struct Built {
   double cost = 0;  // Expected, per unit of volume.
 };
 
-// What look-ups in a block may meet. A cell from x to x + 2 is looked up in voxels x .. x + 3, and
-// a voxel off in x - 1 .. x + 4.
+// Voxels that lookups in a block may read. A cell from x to x + 2 reads voxels x .. x + 3, and with
+// a margin of one voxel x - 1 .. x + 4.
 constexpr int32_t kSide = kBlock + 4, kReach = kFine + 4, kCells = kBlock / kFine;
 using BlockValues = std::array<float, size_t{kSide} * kSide * kSide>;
 std::pair<Index3, Index3> VoxelsOfBlock(Index3 origin) {
@@ -40,9 +40,9 @@ std::pair<Index3, Index3> VoxelsOfBlock(Index3 origin) {
   return {lo, {lo[0] + kSide - 1, lo[1] + kSide - 1, lo[2] + kSide - 1}};
 }
 
-// Of values times a factor.
+// Bounds of values times a factor.
 void ReduceToCells(const BlockValues& values, float factor, std::span<DensityBounds, 64> cells) {
-  // Axis by axis, the last first: kSide values become kCells bounds.
+  // Axis by axis, the last first: reduces kSide values to kCells bounds.
   std::array<float, size_t{kSide} * kSide * kCells> z_min, z_max;
   for (int32_t row = 0; row < kSide * kSide; ++row) {
     for (int32_t c = 0; c < kCells; ++c) {
@@ -119,14 +119,14 @@ void ComponentSource::BlockBounds(Index3 origin, std::span<DensityBounds, 64> ce
   ReduceToCells(values, 1, cells);
 }
 
-// Builds the tree below one cell, or the whole of a small one.
+// Builds the tree below one cell, or a whole small tree.
 class MajorantBuilder {
  public:
   MajorantBuilder(const DensitySource& source, const MajorantGrid& grid,
                   const MajorantGrid::Options& options, uint64_t block_budget)
       : source_(source), grid_(grid), options_(options), block_budget_(block_budget) {}
 
-  // Cells that are built elsewhere, by level and origin: found in order, appended here.
+  // A cell that is built separately, by level and origin: collected in order, and appended here.
   struct Task {
     Index3 origin;
     Built built;
@@ -134,8 +134,8 @@ class MajorantBuilder {
     std::vector<MajorantGrid::Brick> bricks;
   };
 
-  // The cell at `level` (8 * 4^level voxels a side). Cells at kTaskLevel are listed in *tasks
-  // where they must be divided and `collect`; otherwise they are taken from *tasks, in order.
+  // Builds the cell at `level` (8 * 4^level voxels a side). kCollect lists the cells at kTaskLevel
+  // that must be divided in *tasks; kJoin takes their results from *tasks, in the same order.
   enum class Pass { kCollect, kJoin, kAll };
   Built Build(Index3 origin, int32_t level, Pass pass, std::vector<Task>* tasks) {
     const int32_t side = SideOf(level);
@@ -163,8 +163,8 @@ class MajorantBuilder {
     }
     return true;
   }
-  // Flights look up at the rate of the upper bound, transmittances at that of the difference; half
-  // of the walks are of each kind.
+  // Distance sampling looks up at the rate of the upper bound, transmittance at that of the
+  // difference; each is assumed to be half of the walks.
   Built Leaf(DensityBounds bounds, int32_t side) const {
     return {bounds, 0,
             kStepCost * kCrossingsTimesSide / side +
@@ -204,7 +204,7 @@ class MajorantBuilder {
                       origin[2] + (n & 3) * side};
       const Built child = Build(at, level - 1, pass, tasks);
       node[static_cast<size_t>(n)] = {child.bounds, child.link};
-      // What lies outside the box is never met: it decides nothing.
+      // Cells outside the box are never entered and do not affect the decision.
       if (MeetsBox(at, side)) {
         result.bounds = is_first ? child.bounds : Union(result.bounds, child.bounds);
         result.cost += child.cost / 64;
@@ -224,11 +224,11 @@ class MajorantBuilder {
     return result;
   }
 
-  // Appends what a task built; its links count from its own beginning.
+  // Appends the result of a task, whose links are relative to its own beginning.
   Built Join(Task* task) {
     const auto nodes = static_cast<uint32_t>(nodes_.size());
     const auto bricks = static_cast<uint32_t>(bricks_.size());
-    // The levels of a task's nodes follow from their place: shift links from the root down.
+    // Each level of a task's nodes is found from the one above: shift links from the root down.
     if (task->built.link != 0) Shift(task, task->built.link - 1, kTaskLevel, nodes, bricks);
     nodes_.insert(nodes_.end(), task->nodes.begin(), task->nodes.end());
     bricks_.insert(bricks_.end(), task->bricks.begin(), task->bricks.end());
@@ -311,12 +311,12 @@ DensityBounds MajorantGrid::BoundsOver(const IndexBox& region) const {
   if (nodes_.empty()) return bounds;
   bool is_within = true;
   for (size_t a = 0; a < 3; ++a) {
-    // Disjoint, or nothing that could be compared.
+    // Disjoint, or NaN.
     if (!(region.lo[a] <= box_.hi[a] + 1 && region.hi[a] >= box_.lo[a] - 1)) return bounds;
     is_within &= region.lo[a] >= box_.lo[a] + 1 && region.hi[a] <= box_.hi[a] - 1;
   }
   Index3 lo, hi;
-  // Cells hold a voxel around them, so one that only begins where the region ends adds nothing.
+  // Cells include a margin of one voxel, so a cell that begins where the region ends adds nothing.
   for (size_t a = 0; a < 3; ++a) {
     const double low = cell_min_[a], high = cell_max_[a];
     lo[a] = static_cast<int32_t>(std::clamp(std::floor(region.lo[a]), low, high));

@@ -47,7 +47,7 @@ std::vector<MajorantSegment> Walk(const MajorantGrid& grid, const Ray& ray) {
   return segments;
 }
 
-// Begins, joins and ends to the bit.
+// Checks that the segments begin, join and end to the bit.
 void ExpectCovers(const std::vector<MajorantSegment>& segments, const Ray& ray) {
   double t = ray.t_min;
   for (const MajorantSegment& s : segments) {
@@ -59,7 +59,7 @@ void ExpectCovers(const std::vector<MajorantSegment>& segments, const Ray& ray) 
   ASSERT_EQ(t, ray.t_max);
 }
 
-// Rays of every kind that gives trouble, about a box of `side` voxels.
+// Rays that are numerically hard, about a box of `side` voxels.
 std::vector<Ray> HardRays(double side) {
   std::vector<Ray> rays;
   EventStream random({9, 9, 9, 9});
@@ -81,7 +81,7 @@ std::vector<Ray> HardRays(double side) {
     rays.push_back({face, {1, 1, 0}});
     rays.push_back({o, {towards.x, 1e-300, -towards.z}});
     rays.push_back({o, {1e-310, towards.y, 0}});
-    rays.push_back({{-0.5, o.y, o.z}, {0, 1, 0}});  // In a side of the box.
+    rays.push_back({{-0.5, o.y, o.z}, {0, 1, 0}});  // Within a face of the box.
   }
   rays.push_back({{3, 3, 3}, {0, 0, 0}, 0, 1});
   rays.push_back({{3e9, 3, 3}, {-1, 0, 0}});
@@ -124,7 +124,8 @@ TEST(MajorantGridTest, VacuumSegmentsHoldNothing) {
       if (s.bounds.upper > 0) continue;
       for (int i = 0; i <= 32 && !std::isinf(s.t1); ++i) {
         const Vec3d p = ray.o + (s.t0 + i / 32.0 * (s.t1 - s.t0)) * ray.d;
-        bool inside = true;  // Beside the box the medium ends, whatever voxels fade to there.
+        bool inside = true;  // Outside the box the density is 0, whatever its voxels interpolate
+                             // to.
         for (size_t a = 0; a < 3; ++a) {
           inside &= p[a] > grid.box().lo[a] + 1e-9 && p[a] < grid.box().hi[a] - 1e-9;
         }
@@ -197,10 +198,10 @@ TEST(MajorantGridTest, ThreadsDoNotMatter) {
   EXPECT_GT(lumpy_count, 10000);
 }
 
-// Regions of every size, within the box and beyond it, against the voxels themselves.
+// Regions of all sizes, inside and outside the box, against the voxels themselves.
 TEST(MajorantGridTest, BoundsOverRegionsHoldAndAreTight) {
   const VolumeGrid grid = SparseGrid({40, 44, 300}, {9, 12, 200}, 19);
-  // So dense that every cell is divided where it can be.
+  // Dense enough that every cell is divided where it can be.
   const MajorantGrid majorants =
       MajorantGrid::Build(GridDensitySource(grid), {.extinction_per_voxel = 1e6});
   EventStream random({4, 5, 6, 7});
@@ -237,7 +238,7 @@ TEST(MajorantGridTest, BoundsOverRegionsHoldAndAreTight) {
       ASSERT_GE(density, bounds.lower);
       ASSERT_LE(density, bounds.upper);
     }
-    // Cells add up to 2 voxels, what they reach 2 more.
+    // Cells add up to 2 voxels, their margins 2 more.
     for (int x = int(region.lo.x) - 5; x <= region.hi.x + 5; ++x) {
       for (int y = int(region.lo.y) - 5; y <= region.hi.y + 5; ++y) {
         for (int z = int(region.lo.z) - 5; z <= region.hi.z + 5; ++z) {
@@ -258,7 +259,7 @@ TEST(MajorantGridTest, BoundsOverRegionsHoldAndAreTight) {
   EXPECT_EQ(MajorantGrid().BoundsOver({{0, 0, 0}, {1, 1, 1}}), DensityBounds{});
 }
 
-// V3: nothing is a medium too.
+// V3: an empty grid is a valid medium.
 TEST(MajorantGridTest, AnEmptyGridIsVacuum) {
   const MajorantGrid none;
   const auto segments = Walk(none, {{1, 2, 3}, {0, 0, 1}, 0, kInfinity});

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The way of a ray through the cells of a MajorantGrid.
+// MajorantWalk: traversal of the cells of a MajorantGrid by a ray.
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -20,7 +20,7 @@ MajorantWalk::MajorantWalk(const MajorantGrid& grid, Vec3d o, Vec3d d, double t_
   bool meets = !grid.nodes_.empty();
   for (size_t a = 0; a < 3; ++a) {
     inverse_d_[a] = 1 / d[a];
-    // What moves so slowly that its inverse is infinite does not move.
+    // If the inverse overflows, the ray does not move along this axis.
     if (!std::isfinite(inverse_d_[a])) {
       d_[a] = 0;
       meets &= o[a] >= grid.box_.lo[a] && o[a] <= grid.box_.hi[a];
@@ -86,7 +86,7 @@ bool MajorantWalk::NextInside(MajorantSegment* segment) {
     } else {
       t_ = std::max(t_, exit);
       Leave(axis, lo, size);
-      // Out of the box by cells: what is left of it by numbers is rounding, and this cell's.
+      // The walk has left the last cell; any remaining length is rounding and belongs to that cell.
       if (phase_ == Phase::kAfter) t_ = t_box_end_;
     }
     if (begin < t_) {
@@ -105,7 +105,7 @@ void MajorantWalk::Leave(size_t axis, Index3 lo, int32_t size) {
       if (cell_[a] < grid_.cell_min_[a] || cell_[a] > grid_.cell_max_[a]) phase_ = Phase::kAfter;
       continue;
     }
-    // Where the point is, but within the cell that is left, and never back.
+    // The cell of the point, clamped to the cell just left and to forward movement.
     const double p = std::floor(o_[a] + t_ * d_[a]);
     const double low = d_[a] > 0 ? cell_[a] : lo[a];
     const double high = d_[a] > 0 ? lo[a] + size - 1 : cell_[a];

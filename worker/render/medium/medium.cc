@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Media made ready, put in order, and looked at from all sides.
+// Building a MediumTable: scaling, sorting, and finding the media that are bounded.
 #include "worker/render/medium/medium.h"
 
 #include <algorithm>
@@ -20,7 +20,7 @@
 namespace sheaf::render {
 namespace {
 
-// Which side of a surface, as its normals have it, it encloses.
+// Returns the side of a surface, relative to its normals, that it encloses.
 EnclosedSide SideEnclosedBy(const BakedMesh& mesh) {
   const EnclosedSide side = EnclosedSideOf(mesh.positions, mesh.indices);
   if (side == EnclosedSide::kNeither) return side;
@@ -46,8 +46,8 @@ EnclosedSide SideEnclosedBy(const BakedQuadric& baked, const ShapeDescription& s
   return baked.surface.flips_normal ? EnclosedSide::kFront : EnclosedSide::kBack;
 }
 
-// Which media have an end in every direction: those that only closed surfaces bound. A ray that is
-// in one of them and meets nothing has missed a surface.
+// Finds the media that are bounded in every direction because only closed surfaces bound them. A
+// ray in one of them that hits nothing has missed a surface.
 std::vector<bool> FindBounded(const SceneDescription& scene, const SceneGeometry& geometry) {
   std::vector<bool> is_enclosed(scene.media.size(), false), is_open(scene.media.size(), false);
   const auto add = [&](const Surface& surface, EnclosedSide side) {
@@ -55,7 +55,7 @@ std::vector<bool> FindBounded(const SceneDescription& scene, const SceneGeometry
     const auto [inside, outside] = surface.media;
     const int32_t enclosed = side == EnclosedSide::kFront ? outside : inside;
     if (enclosed != kNone) is_enclosed[static_cast<size_t>(enclosed)] = true;
-    // Round the enclosed medium of a body that faces outward there may be one that has an end too.
+    // The medium around a closed body that faces outward may be bounded, too.
     if (side == EnclosedSide::kBack) return;
     for (const int32_t medium : {inside, outside}) {
       const bool is_within = side == EnclosedSide::kFront && medium == outside;
@@ -79,7 +79,7 @@ std::vector<bool> FindBounded(const SceneDescription& scene, const SceneGeometry
   return is_bounded;
 }
 
-// Matter beneath boundaries that bend light.
+// Finds subsurface media with a refracting boundary.
 std::vector<bool> FindHidden(const SceneDescription& scene) {
   std::vector<bool> is_hidden(scene.media.size(), false);
   for (const MaterialDescription& description : scene.materials) {
@@ -127,14 +127,15 @@ absl::StatusOr<std::unique_ptr<MediumTable>> MediumTable::Build(const SceneDescr
     medium.sigma_s = description.sigma_s.rgb * description.scale;
     const float g = description.g;
     medium.scattering[static_cast<size_t>(MediumForm::kTrue)] = {1, g};
-    // What scatters backward would become denser: it stays as it is.
+    // Backward scattering would become denser, so it stays as it is.
     medium.scattering[static_cast<size_t>(MediumForm::kReduced)] = {1 - std::max(g, 0.0f),
                                                                     std::min(g, 0.0f)};
     medium.emits =
         description.IsHomogeneous() && description.emits && description.radiance_scale > 0;
     medium.is_matter = description.is_matter;
     medium.is_hidden = is_hidden[media.size()];
-    // Whatever its mesh: what leaves matter without meeting its boundary has no right to be there.
+    // For any mesh: a path that leaves a subsurface medium without hitting its boundary is an
+    // error.
     medium.is_bounded = is_bounded[media.size()] || description.is_matter;
     medium.radiance_scale = description.radiance_scale;
     if (medium.emits) medium.radiance = description.radiance.rgb * description.radiance_scale;
@@ -149,7 +150,7 @@ absl::StatusOr<std::unique_ptr<MediumTable>> MediumTable::Build(const SceneDescr
     }
     media.push_back(std::move(medium));
   }
-  // By g first: phase functions that are the same shall be neighbours.
+  // Sorts by g first, so that equal phase functions are adjacent.
   std::vector<size_t> order(media.size());
   std::iota(order.begin(), order.end(), size_t{0});
   const auto key = [&media](size_t i) {
@@ -179,7 +180,7 @@ void MediumTable::SetSpectra(const MatterReflectance& reflectance, float g, Medi
                           scale = reflectance.scale](double nm) {
     return std::max(kFreePathMin, path.At(static_cast<float>(nm)) * scale);
   };
-  if (reflectance.texture != kNone) {  // All scatters; paths know what is painted on it.
+  if (reflectance.texture != kNone) {  // Scatters only; paths apply the texture.
     medium->sigma_a_spectrum = {};
     medium->sigma_s_spectrum =
         SpectralColor::Tabulate([&](double nm) { return 1 / free_path(nm); });

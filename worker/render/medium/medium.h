@@ -1,9 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// MediumTable: the scene's participating media made ready for transport: what each absorbs,
-// scatters and emits per scene unit, and whether a path can be in it without ever coming to its
-// end.
+// MediumTable: the scene's participating media in the form that transport uses: their absorption,
+// scattering and emission per scene unit, and whether they are bounded in all directions.
 #pragma once
 
 #include <array>
@@ -33,38 +32,39 @@ namespace sheaf::render {
 class MediumTable {
  public:
   struct Options {
-    bool spectral = false;    // MixOf may be asked for Spectral too.
-    int thread_count = 1;     // That read and bound grids.
+    bool spectral = false;    // MixOf may be called for Spectral too.
+    int thread_count = 1;     // For reading and bounding grids.
     bool bound_once = false;  // VaryingMedium::Placement::bound_once.
   };
-  // Errors: those of the grids' files, and kInvalidArgument for what cannot be rendered, with the
-  // location of the medium; kResourceExhausted over kMediaMax.
+  // Errors: those of the grids' files; kInvalidArgument, with the location of the medium, for media
+  // that cannot be rendered; kResourceExhausted over kMediaMax.
   static absl::StatusOr<std::unique_ptr<MediumTable>> Build(const SceneDescription& scene,
                                                             const SceneGeometry& geometry,
                                                             MediumVelocities velocities,
                                                             FileSource& files,
                                                             const Options& options);
 
-  // All else knows media by this: they are in an order of their properties, so that the order in
-  // the scene file changes no bit. medium: an index in SceneDescription::media.
+  // All other functions use this index: media are sorted by their properties, so that their order
+  // in the scene file changes no bit. medium: an index in SceneDescription::media.
   uint16_t IndexOf(int32_t medium) const { return index_of_[static_cast<size_t>(medium)]; }
-  // What a path is in when it leaves the camera.
+  // The media that surround the camera.
   const MediumSet& camera_media() const { return camera_media_; }
 
-  // Thread safety: any number of threads at once.
-  // Of media that are the same everywhere; MediumMix::varies says that there are others.
-  // paint: what of the scattering of matter is left, the rest is absorbed; null: all.
+  // Thread safety: any number of threads at once. Properties of the homogeneous media;
+  // MediumMix::varies says that there are heterogeneous ones. paint: fraction of the subsurface
+  // scattering that is left, the rest is absorbed; null: all.
   template <typename Color>
   MediumMix<Color> MixOf(const MediumSet& media, const WavelengthsOf<Color>& wavelengths,
                          MediumForm form, const Color* paint = nullptr) const;
-  // Requires: mix is MixOf the same, and scatters. throughput chooses among several.
+  // Requires: mix is MixOf the same arguments, and scatters. throughput weights the media that
+  // overlap.
   template <typename Color>
   PhaseMix<Color> PhaseOf(const MediumSet& media, const MediumMix<Color>& mix,
                           const Color& throughput, const WavelengthsOf<Color>& wavelengths,
                           const Color* paint = nullptr) const;
 
-  // --- Media that vary. Each has one density or, where it is a grid of colours, one for each of
-  // the colours that add up to it.
+  // --- Heterogeneous media. Each has one density or, if it is a grid of colors, one for each of
+  // the components whose sum is the color.
   struct PartId {
     uint16_t medium, part;
   };
@@ -76,7 +76,7 @@ class MediumTable {
    private:
     friend class MediumTable;
     uint32_t size_ = 0;
-    // Streams of events tell parts apart by 8 bits.
+    // Event streams identify parts by 8 bits.
     static_assert(kMediaAtOnceMax * kMediumPartsMax < 255);
     std::array<PartId, kMediaAtOnceMax * kMediumPartsMax> parts_;
   };
@@ -90,13 +90,13 @@ class MediumTable {
     return list;
   }
   const VaryingMedium& DensityOf(PartId id) const { return PartAt(id).density; }
-  // Null where it does not shine.
+  // Null where the part does not emit.
   const MediumGlow* GlowOf(PartId id) const {
     return PartAt(id).kind == Part::Kind::kScatters ? nullptr : media_[id.medium].glow.get();
   }
-  // Of all media that vary and shine.
+  // Of all heterogeneous media that emit.
   const GlowLights& glow_lights() const { return glow_lights_; }
-  // Of a density of 1, per scene unit.
+  // For a density of 1, per scene unit.
   template <typename Color>
   struct Coefficients {
     Color sigma_t, sigma_s, sigma_a;
@@ -104,21 +104,20 @@ class MediumTable {
   template <typename Color>
   Coefficients<Color> CoefficientsOf(PartId id, const WavelengthsOf<Color>& wavelengths,
                                      MediumForm form) const;
-  // At a point of render space. time: as VaryingMedium's.
+  // At a point of render space. time: as for VaryingMedium.
   template <typename Color, typename Time>
   Coefficients<Color> CoefficientsAt(uint16_t medium, Vec3d p, Time time,
                                      const WavelengthsOf<Color>& wavelengths,
                                      MediumForm form) const;
   float PhaseAsymmetryOf(uint16_t index, MediumForm form) const { return media_[index].In(form).g; }
 
-  // --- Light along lines through media that vary: medium_lines.cc.
-  // Decides for each such medium whether it is gathered there; without this for none. To be called
-  // once, before the table is used.
+  // --- Line sampling in heterogeneous media: medium_lines.cc. Decides for each such medium whether
+  // lines through it gather light; none does by default. Call once, before the table is used.
   void ChooseLines(const LightTable& lights, LinesInVarying lines);
   bool Gathers(uint16_t medium) const { return media_[medium].gathers; }
-  bool gathers_always() const { return gathers_always_; }  // Whether or not it pays.
-  // The part of o + t d, t in [0, length], that leads through those of them that gather, and the
-  // mean extinction of these over their boxes; d: unit. Empty where begin == end.
+  bool gathers_always() const { return gathers_always_; }  // Whether or not it pays off.
+  // The part of o + t d, t in [0, length], that passes through gathering heterogeneous media, and
+  // their mean extinction over their boxes; d: unit. Empty where begin == end.
   struct LinePart {
     double begin = 0, end = 0, extinction = 0;
   };
@@ -127,7 +126,7 @@ class MediumTable {
 
  private:
   struct Part {
-    // What it does to light; that of colours does only one of both, for some of the light.
+    // Its effect on light; a color's density does only one of the two, for one color component.
     enum class Kind : uint8_t { kBoth, kAbsorbs, kScatters };
     VaryingMedium density;
     Kind kind = Kind::kBoth;
@@ -135,7 +134,7 @@ class MediumTable {
   };
   const Part& PartAt(PartId id) const { return media_[id.medium].parts[id.part]; }
 
-  // What a form of a medium leaves of sigma_s, and its mean cosine.
+  // Factor of sigma_s and mean cosine in one form of a medium.
   struct Scattering {
     float share = 1, g = 0;
   };
@@ -148,27 +147,27 @@ class MediumTable {
     std::array<Scattering, 2> scattering;  // By MediumForm.
     bool emits = false;
     bool is_bounded = false;
-    std::vector<Part> parts;                    // None where it is the same everywhere.
-    std::unique_ptr<const MediumGlow> glow;     // Of one that varies.
-    bool gathers = false;                       // As MediumMix has it.
-    double extinction = 0;                      // Where it gathers: the mean over its boxes.
-    bool is_matter = false, is_hidden = false;  // As MediumMix has them.
+    std::vector<Part> parts;                    // Empty if homogeneous.
+    std::unique_ptr<const MediumGlow> glow;     // If heterogeneous.
+    bool gathers = false;                       // As in MediumMix.
+    double extinction = 0;                      // If it gathers: the mean over its boxes.
+    bool is_matter = false, is_hidden = false;  // As in MediumMix.
   };
-  // How a medium moves while the shutter is open, if it does.
+  // The motion of a medium while the shutter is open, if any.
   struct Movement {
     std::optional<VolumeGrid> velocities;
-    double duration = 0;  // VolumeMotion::Make's.
+    double duration = 0;  // As for VolumeMotion::Make.
   };
   // Errors: see Build.
   static absl::StatusOr<std::vector<Part>> MakeParts(const std::string& where,
                                                      const MediumDescription& description,
                                                      const Affine& placement, Movement movement,
                                                      FileSource& files, const Options& options);
-  // Null where the medium does not shine. Errors: see Build.
+  // Null where the medium does not emit. Errors: see Build.
   static absl::StatusOr<std::unique_ptr<const MediumGlow>> MakeGlow(
       const std::string& where, const MediumDescription& description, const Affine& placement,
       FileSource& files, const Options& options);
-  // For matter that is given by its reflectance: wavelength by wavelength.
+  // For subsurface media given by their reflectance: converts each wavelength.
   static void SetSpectra(const MatterReflectance& reflectance, float g, Medium* medium);
   GlowLights FindGlowLights() const;
   template <typename Color>
@@ -192,7 +191,8 @@ template <typename Color>
 MediumMix<Color> MediumTable::MixOf(const MediumSet& media, const WavelengthsOf<Color>& wavelengths,
                                     MediumForm form, const Color* paint) const {
   constexpr size_t kCount = kComponentCount<Color>;
-  // Sums in double are the same in any order, but for coefficients some 2^29 apart.
+  // Sums in double are the same in any order, except for coefficients that differ by a factor of
+  // about 2^29.
   std::array<double, kCount> sigma_t{}, sigma_s{}, emission{};
   MediumMix<Color> mix;
   mix.form = form;

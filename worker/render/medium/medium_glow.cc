@@ -15,7 +15,7 @@
 namespace sheaf::render {
 namespace {
 
-// RGB by the logarithm of the temperature.
+// RGB as a function of the logarithm of the temperature.
 class BlackbodyTable {
  public:
   BlackbodyTable() {
@@ -53,7 +53,7 @@ class BlackbodyTable {
 
 float BlackbodyOfPeakOne(float temperature_k, float wavelength_nm) {
   if (!(temperature_k > 0)) return 0;
-  // Planck's law over its peak, by the ratio of the peak's wavelength to this one (Wien).
+  // Planck's law relative to its peak, by the ratio of the peak's wavelength to this one (Wien).
   constexpr double kPeakNmK = 2.8977721e6, kPeak = 4.965114231744276, kExpm1OfPeak = 142.32492;
   const double ratio =
       kPeakNmK / (static_cast<double>(temperature_k) * static_cast<double>(wavelength_nm));
@@ -93,7 +93,8 @@ void MediumGlow::SetTemperatures(VolumeGrid grid, const TemperatureEmission& emi
   SHEAF_CHECK(!grid.is_vector());
   temperatures_ = Placed(std::move(grid));
   emission_ = emission;
-  BlackbodyRgbOfPeakOne(kGlowTemperatureMinK);  // Makes the table, not in the middle of a picture.
+  BlackbodyRgbOfPeakOne(kGlowTemperatureMinK);  // Builds the table now rather than during
+                                                // rendering.
 }
 
 void MediumGlow::SetFactors(VolumeGrid grid) {

@@ -1,9 +1,9 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// MediumGlow: what a medium of varying density shines with, per absorption: one radiance for all of
-// it, or that of black bodies of the temperatures of a grid, either times the factors of a grid; or
-// the colours of a grid. Source: pbrt-v4's GridMedium, RGBGridMedium and NanoVDBMedium.
+// MediumGlow: the emission of a heterogeneous medium per unit of absorption: one radiance, or that
+// of black bodies with the temperatures of a grid, either times the factors of a grid; or the
+// colors of a grid. Source: pbrt-v4's GridMedium, RGBGridMedium and NanoVDBMedium.
 #pragma once
 
 #include <optional>
@@ -15,23 +15,23 @@
 
 namespace sheaf::render {
 
-// Spectral radiance of a black body relative to that at its brightest wavelength, in [0, 1]. 0 for
-// temperatures that are not positive.
+// Spectral radiance of a black body relative to its peak, in [0, 1]. 0 for temperatures that are
+// not positive.
 float BlackbodyOfPeakOne(float temperature_k, float wavelength_nm);
-// The same as linear sRGB, components below 0 as 0: that of the spectrum per nm, as RgbOf has it.
-// Within 0.1 % of the integral from 500 K to 100000 K, beyond which it stays the same.
+// The same as linear sRGB, with negative components set to 0: that of the spectrum per nm, as RgbOf
+// converts it. Within 0.1 % of the integral from 500 K to 100000 K; constant above.
 Rgb BlackbodyRgbOfPeakOne(float temperature_k);
 
 class MediumGlow {
  public:
-  // render_from_medium: invertible. radiance: where no grid gives temperatures.
+  // render_from_medium: invertible. radiance: used where no grid gives temperatures.
   MediumGlow(const Affine& render_from_medium, const ColorSpec& radiance, float scale,
              bool spectral);
-  // Black bodies of (value - offset_k) * scale, where that is over 100 K. Requires: a scalar grid.
+  // Black bodies at (value - offset_k) * scale, where that exceeds 100 K. Requires: a scalar grid.
   void SetTemperatures(VolumeGrid grid, const TemperatureEmission& emission);
   // Factors of the radiance. Requires: a scalar grid.
   void SetFactors(VolumeGrid grid);
-  // Radiance, as RGB, in place of the one for all. Requires: a grid of vectors.
+  // Radiance as RGB, in place of the constant one. Requires: a grid of vectors.
   void SetColors(VolumeGrid grid);
 
   // Radiance at a point of render space. Thread safety: any number of threads at once.

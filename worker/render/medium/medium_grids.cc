@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The grids and clouds of media, read and made ready.
+// Reading and preparing the grids and clouds of media.
 #include <algorithm>
 #include <optional>
 #include <span>
@@ -17,12 +17,12 @@
 namespace sheaf::render {
 namespace {
 
-// The grid of densities that files have, and that of temperatures that they may have. Source:
-// pbrt-v4's names.
+// Names of the grid of densities in a file, and of the optional grid of temperatures. Source:
+// pbrt-v4.
 constexpr char kDensityGrid[] = "density";
 constexpr char kTemperatureGrid[] = "temperature";
 
-// The grid of the name in the medium's file; none where there is none.
+// Returns the named grid of the medium's file; none if it is missing.
 absl::StatusOr<std::optional<VolumeGrid>> ReadGrid(const std::string& where,
                                                    const VolumeFileMedium& volume,
                                                    const std::string& name, FileSource& files,
@@ -45,7 +45,7 @@ absl::StatusOr<VolumeGrid> GridOf(const std::string& where, const std::string& n
   return VolumeGridFromArray(where, name, {box.counts, box.p0, box.p1}, values);
 }
 
-// Of a uniform grid or a file.
+// Returns the densities of a uniform grid or a file.
 absl::StatusOr<VolumeGrid> DensityGrid(const std::string& where,
                                        const MediumDescription& description, FileSource& files,
                                        int thread_count) {
@@ -55,12 +55,12 @@ absl::StatusOr<VolumeGrid> DensityGrid(const std::string& where,
   const auto& volume = std::get<VolumeFileMedium>(description.kind);
   const auto path = files.LocalPath(volume.file);
   if (!path.ok()) return path.status();
-  // The error of a file without it names the grids that are there.
+  // If the grid is missing, the error lists the available ones.
   return ReadVolumeGrid(absl::StrCat(where, ": ", volume.file), *path, kDensityGrid, {},
                         thread_count);
 }
 
-// 1 in all of the box, up to its faces.
+// A density of 1 in the whole box, up to its faces.
 absl::StatusOr<VaryingMedium> EvenDensity(const std::string& where, const GridBox& box,
                                           const VaryingMedium::Placement& placement) {
   const Vec3d size = box.p1 - box.p0;
@@ -101,7 +101,7 @@ absl::StatusOr<std::vector<MediumTable::Part>> MediumTable::MakeParts(
   } else if (const auto* colors = std::get_if<RgbGridMedium>(&description.kind)) {
     placed.extinction_max = description.scale;
     const auto add_colors = [&](const std::vector<Rgb>& cells, Part::Kind kind) -> absl::Status {
-      // pbrt-v4 has 1 everywhere in the box where there are no cells.
+      // Without cells pbrt-v4 uses 1 everywhere in the box.
       if (cells.empty())
         return add(EvenDensity(where, colors->box, placed), kind, ColorPart::kGrey);
       const auto split = SplitColors(cells);
@@ -117,7 +117,7 @@ absl::StatusOr<std::vector<MediumTable::Part>> MediumTable::MakeParts(
     };
     status = add_colors(colors->sigma_a, Part::Kind::kAbsorbs);
     if (status.ok()) status = add_colors(colors->sigma_s, Part::Kind::kScatters);
-    // One that does nothing is still a medium that varies.
+    // A medium without effect is still heterogeneous.
     if (status.ok() && parts.empty()) {
       auto nothing =
           GridOf(where, kDensityGrid, colors->box, std::vector<float>(colors->box.size()));

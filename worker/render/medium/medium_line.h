@@ -1,7 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// A segment of a path through media that scatter, as path_tracer_lines.h gathers light along it.
+// MediumLine: a segment of a path in scattering media, along which path_tracer_lines.h gathers
+// light.
 #pragma once
 
 #include "common/math/vec.h"
@@ -13,15 +14,15 @@ namespace sheaf::render {
 template <typename Color>
 struct MediumLine {
   Vec3d o, d;                    // d: unit.
-  double begin = 0, length = 0;  // Distances from o: light is gathered in between.
-  // Of media that vary, the mean, where they alone decide whether gathering pays; else 0.
+  double begin = 0, length = 0;  // Distances from o that limit the gathering.
+  // Mean extinction of heterogeneous media if they alone decide whether gathering pays off; else 0.
   double extinction = 0;
-  Vec3f where_chosen;  // A point of it, at which its light is chosen.
-  Color carried;       // The path's throughput where it begins.
-  // Set where a medium that gathers light scattered the path on it:
+  Vec3f where_chosen;  // A point of the line, for which its light is chosen.
+  Color carried;       // The path's throughput at the line's start.
+  // Set if a gathering medium scattered the path on this line:
   bool has_scattered = false;
-  double t = 0;        // At this distance.
-  double density = 0;  // As FlightDensity; in media that vary, MeanExtinction.
+  double t = 0;        // The distance of the scattering.
+  double density = 0;  // As FlightDensity; in heterogeneous media MeanExtinction.
 };
 
 }  // namespace sheaf::render

@@ -1,9 +1,9 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Through which of the media that vary light is gathered along lines, and where. What is asked of a
-// medium here spares dense ones that lights shine at from outside the question at every segment;
-// elsewhere each line answers it for itself (SpreadOfFlights).
+// Selects the heterogeneous media through which lines gather light, and the part of a line in them.
+// The selection excludes dense media that are lit from outside, which saves the test of every
+// segment; in the others each line decides for itself (SpreadOfFlights).
 #include <algorithm>
 #include <cmath>
 
@@ -12,10 +12,10 @@
 namespace sheaf::render {
 namespace {
 
-// Optical thickness across a box, up to which most rays that meet it are thin.
+// Optical thickness across a box up to which most rays through it are thin.
 constexpr double kThickness = 2;
 
-// How far the light is from the box, about; 0 where they overlap.
+// Approximate distance of the light from the box; 0 where they overlap.
 double DistanceTo(const VaryingMedium& medium, const LightBounds& light) {
   const IndexBox& box = medium.majorants().box();
   const Vec3d center = ToDouble(light.center);
@@ -26,7 +26,7 @@ double DistanceTo(const VaryingMedium& medium, const LightBounds& light) {
   return std::max(0.0, distance - static_cast<double>(light.radius));
 }
 
-// Whether it may pay: the box is thin, or the light within a free path of it.
+// Whether gathering may pay off: the box is thin, or the light is within a mean free path of it.
 bool MayPay(const VaryingMedium& medium, double extinction, const LightTable& lights) {
   const IndexBox& box = medium.majorants().box();
   const double across = Length(medium.render_from_index().Vector(box.hi - box.lo));

@@ -1,9 +1,9 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// MediumSet: the media a path is in. A multiset: what has been entered twice is left twice, and
-// counts twice meanwhile, so that volumes that overlap add up and the order in which they are
-// entered and left does not matter. See docs/adr/0018.
+// MediumSet: the media that a path is in. A multiset: a medium that is entered twice must be left
+// twice and counts twice in between, so that overlapping volumes add up and the order of entering
+// and leaving does not matter. See docs/adr/0018.
 #pragma once
 
 #include <algorithm>
@@ -14,10 +14,10 @@
 
 namespace sheaf::render {
 
-// Media that one path can be in at once; a path that enters more ends and is counted. With their
-// number they fill a cache line, and the densities of all of them have numbers of 8 bits.
+// Maximum number of media that a path can be in; a path that enters more ends and is counted. The
+// set fills a cache line, and the densities of all its media have 8-bit numbers.
 inline constexpr uint32_t kMediaAtOnceMax = 30;
-// Media of a scene: an index is two bytes.
+// Maximum number of media of a scene: an index has two bytes.
 inline constexpr uint32_t kMediaMax = 1u << 16;
 
 class MediumSet {
@@ -33,7 +33,7 @@ class MediumSet {
   }
 
   bool Contains(uint16_t medium) const { return std::find(begin(), end(), medium) != end(); }
-  // False where the set is full.
+  // Returns false if the set is full.
   [[nodiscard]] bool Add(uint16_t medium) {
     if (count_ == kMediaAtOnceMax) return false;
     uint32_t at = count_++;
@@ -41,7 +41,7 @@ class MediumSet {
     media_[at] = medium;
     return true;
   }
-  // Takes one away; false where there is none.
+  // Removes one instance; returns false if there is none.
   [[nodiscard]] bool Remove(uint16_t medium) {
     uint32_t at = 0;
     while (at < count_ && media_[at] != medium) ++at;
@@ -55,21 +55,21 @@ class MediumSet {
   std::array<uint16_t, kMediaAtOnceMax> media_{};
 };
 
-// The media that a surface names for its sides; nothing where there is no medium. The front is what
-// a scene file calls outside.
+// The media that a surface specifies for its sides, if any. The front is the outside in a scene
+// file.
 struct MediumSides {
   std::optional<uint16_t> back, front;
 };
 enum class Nesting : uint8_t {
   kRight,
   kContradicted,  // The path cannot have been in *set on the side it came from.
-  kFull,          // Of media: the path ends.
+  kFull,          // The set is full: the path ends.
 };
-// Changes *set, of a path that meets a surface on one side and goes on from the other, or from the
-// same. Where the surface contradicts the set, what it says of the side that the path goes on from
-// counts, and nothing else does: that is how pbrt-v4 takes a ray's medium, always. A side without a
-// medium contradicts nothing, as media add up; but a surface that has one in front only, and is met
-// from behind by a path in it, is the wrong way round. See docs/adr/0051.
+// Updates *set for a path that arrives at one side of a surface and continues from the other or the
+// same side. Where the surface contradicts the set, only the surface's medium on the side where the
+// path continues counts, as pbrt-v4 always does. A side without a medium contradicts nothing,
+// because media add up; but a surface with a medium in front only that a path hits from behind,
+// while in that medium, is oriented wrongly. See docs/adr/0051.
 inline Nesting MeetSides(const MediumSides& sides, bool from_front, bool to_front, MediumSet* set) {
   const std::optional<uint16_t>& from = from_front ? sides.front : sides.back;
   const std::optional<uint16_t>& to = to_front ? sides.front : sides.back;

@@ -15,7 +15,7 @@
 namespace sheaf::render {
 namespace {
 
-// The grid that the medium names, or the one that "auto" finds.
+// Returns the name that the medium gives, or the grid that "auto" finds.
 absl::StatusOr<std::string> NameOf(const std::string& file, const std::string& path,
                                    const std::string& wanted) {
   if (wanted != kAnyVelocityGrid) return wanted;
@@ -27,7 +27,7 @@ absl::StatusOr<std::string> NameOf(const std::string& file, const std::string& p
       return name;
     }
   }
-  // The error of a file without it names the grids that are there.
+  // If the grid is missing, the error lists the available ones.
   return kVelocityGridNames[0];
 }
 

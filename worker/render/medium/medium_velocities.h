@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The velocities of media that move while the shutter is open, read before a scene is planned: what
-// has velocities of 0 stands still, and the plan shall know.
+// ReadMediumVelocities: reads the velocities of media that move while the shutter is open. Runs
+// before a scene is planned, because media with zero velocities are static for the plan.
 #pragma once
 
 #include <optional>
@@ -15,12 +15,12 @@
 
 namespace sheaf::render {
 
-// By medium, as in SceneDescription::media; none for what stands still.
+// By medium, as in SceneDescription::media; none for static media.
 using MediumVelocities = std::vector<std::optional<VolumeGrid>>;
 
-// Media whose velocities are all 0 are made to stand still, which is logged.
-// Errors: those of the grids' files, and kInvalidArgument where a grid holds no vectors or there is
-// none to choose, with the location of the medium.
+// Makes media whose velocities are all 0 static, and logs that. Errors: those of the grids' files;
+// kInvalidArgument, with the location of the medium, where a grid does not hold vectors or "auto"
+// finds none.
 absl::StatusOr<MediumVelocities> ReadMediumVelocities(FileSource& files, int thread_count,
                                                       SceneDescription* scene);
 

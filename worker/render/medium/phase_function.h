@@ -1,10 +1,9 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Where light goes that a medium scatters: the phase function of Henyey and Greenstein 1941, and
-// the mixture of several where media overlap. Everything is written in the distance of the angle
-// from the peak, not in its cosine, so that nothing cancels however narrow the peak is; no series
-// is needed about g = 0.
+// Phase functions: that of Henyey and Greenstein 1941, and the mixture of several where media
+// overlap. All formulas use the distance from the peak, 1 - cosine, so that nothing cancels at any
+// width of the peak and g = 0 needs no series.
 #pragma once
 
 #include <algorithm>
@@ -21,14 +20,15 @@
 namespace sheaf::render {
 
 // Per solid angle; integrates to 1 over the sphere, so it is its own pdf. from_peak: 1 - cos of the
-// angle to the direction the medium prefers, which is on for g >= 0 and back for g < 0; in [0, 2].
+// angle to the direction of the peak, which is forward for g >= 0 and backward for g < 0; in [0,
+// 2].
 inline float HenyeyGreenstein(float g, float from_peak) {
   const float a = std::fabs(g);
   const float q = (1 - a) * (1 - a) + 2 * a * from_peak;
   constexpr float kInverse4Pi = static_cast<float>(1 / (4 * kPi));
   return kInverse4Pi * (1 - a) * (1 + a) / (q * std::sqrt(q));
 }
-// d: where the light (or the path) was going; w: where it goes then. Both unit.
+// d: direction of propagation before scattering; w: after. Both unit.
 inline float HenyeyGreenstein(float g, Vec3f d, Vec3f w) {
   // |w - d|^2 / 2 is 1 - cos without cancellation.
   return HenyeyGreenstein(g, 0.5f * LengthSquared(g < 0 ? w + d : w - d));
@@ -38,7 +38,7 @@ struct PhaseDirection {
   Vec3f w;
   float pdf = 0;
 };
-// u in [0, 1)^2. Source: the inverse of the distribution as Witt 1977 has it, solved for the
+// Samples w. u in [0, 1)^2. Source: the inverse of the distribution of Witt 1977, solved for the
 // distance from the peak.
 inline PhaseDirection SampleHenyeyGreenstein(float g, Vec3f d, Vec2f u) {
   const float a = std::fabs(g);
@@ -54,7 +54,7 @@ inline PhaseDirection SampleHenyeyGreenstein(float g, Vec3f d, Vec2f u) {
   return sample;
 }
 
-// The phase functions of the media at a point, each with its share of what is scattered.
+// The phase functions of the media at a point, each weighted by its fraction of the scattering.
 template <typename Color>
 class PhaseMix {
  public:
@@ -68,8 +68,8 @@ class PhaseMix {
     Color weight;  // f / pdf.
   };
 
-  // Call in order of g, so that equal ones join. part: of what is scattered, in each component; the
-  // parts add up to 1. share: the probability to choose it; the shares add up to 1.
+  // Call in order of g, so that equal lobes merge. part: fraction of the scattering, per component;
+  // the parts sum to 1. share: probability of choosing the lobe; the shares sum to 1.
   void Add(float g, const Color& part, float share) {
     if (count_ > 0 && lobes_[count_ - 1].g == g) {
       lobes_[count_ - 1].part += part;

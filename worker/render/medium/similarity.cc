@@ -17,7 +17,7 @@ bool Scatters(const MediumDescription& medium) {
   if (!(medium.scale > 0)) return false;
   const auto* colors = std::get_if<RgbGridMedium>(&medium.kind);
   if (colors == nullptr) return !medium.sigma_s.rgb.IsBlack();
-  // Where there are no cells it is 1.
+  // Without cells sigma_s is 1.
   return colors->sigma_s.empty() || std::any_of(colors->sigma_s.begin(), colors->sigma_s.end(),
                                                 [](Rgb cell) { return !cell.IsBlack(); });
 }
@@ -28,7 +28,7 @@ Effect EffectOn(const MediumDescription& medium) {
   return medium.g > 0 ? Effect::kReduced : Effect::kBackward;
 }
 
-// The first medium of a kind, and how many there are.
+// The first medium of a kind, and the number of media of that kind.
 struct Found {
   std::string first;
   size_t count = 0;

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// What --similarity does to the media of a scene, and what that does to its picture: the lines that
-// a plan has about it. The reduced media themselves are MediumTable's.
+// SimilarityNotes: the notes of a plan about --similarity: its effect on the media of a scene and
+// on the image. MediumTable computes the reduced media.
 #pragma once
 
 #include <cstdint>
@@ -13,7 +13,7 @@
 
 namespace sheaf::render {
 
-// None for after = 0. after: FrameSettings::similarity_after.
+// Empty for after = 0. after: FrameSettings::similarity_after.
 std::vector<std::string> SimilarityNotes(const SceneDescription& scene, int32_t after);
 
 }  // namespace sheaf::render

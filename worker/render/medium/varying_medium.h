@@ -1,9 +1,9 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// VaryingMedium: a medium whose density varies: a grid or the procedural cloud, its bounds, and the
-// way from the tracer's space to theirs. What a table of media holds for each such medium; colours
-// stay with the table. A grid may move while the shutter is open: then rays say when they look.
+// VaryingMedium: a heterogeneous medium: a grid or the procedural cloud, its density bounds, and
+// the transforms from render space. MediumTable holds one for each such density, and the colors
+// separately. A grid may move while the shutter is open: then rays carry a time.
 #pragma once
 
 #include <memory>
@@ -23,7 +23,7 @@
 
 namespace sheaf::render {
 
-// When a ray looks at media, as a share of the shutter's time; where none moves, at no time.
+// The time of a ray as a fraction of the shutter interval; NoTime where no medium moves.
 struct NoTime {};
 template <uint32_t kTraits>
 auto TimeOfMedia([[maybe_unused]] float shutter_fraction) {
@@ -38,16 +38,16 @@ class VaryingMedium {
  public:
   struct Placement {
     Affine render_from_medium{};
-    // The largest extinction that a density of 1 has, over colours, per unit of render space.
+    // The largest extinction of a density of 1, over color components, per unit of render space.
     double extinction_max = 1;
     int thread_count = 1;
-    bool bound_once = false;  // One pair of bounds for all of it.
+    bool bound_once = false;  // A single pair of bounds for the whole medium.
   };
-  // Errors: kInvalidArgument where the density cannot be one (negative, vectors) or the transform
+  // Errors: kInvalidArgument where the density is invalid (negative, or vectors) or the transform
   // is singular. Messages begin with `where`.
   static absl::StatusOr<VaryingMedium> FromGrid(const std::string& where, VolumeGrid density,
                                                 const Placement& placement);
-  // The same of one that moves.
+  // The same for a moving grid.
   static absl::StatusOr<VaryingMedium> FromMovingGrid(const std::string& where, VolumeGrid density,
                                                       VolumeMotion motion,
                                                       const Placement& placement);
@@ -58,15 +58,14 @@ class VaryingMedium {
   const MajorantGrid& majorants() const { return majorants_; }
   // Index space is that of majorants().
   const Affine& render_from_index() const { return render_from_index_; }
-  // The density, where it is the same in the whole box.
+  // The density if it is the same in the whole box.
   std::optional<float> constant() const { return majorants_.constant(); }
 
   bool moves() const { return motion_ != nullptr; }
 
-  // Requires, here and below: the time is in [0, 1], or NoTime and !moves().
-  // Where a path that starts at o and flies to o + t_max d collides; see TrackFlight.
-  // Space: render. sigma_t: per unit of density and of t. Requires: |o| is less than 2^38 voxels.
-  // Thread safety: any number of threads at once.
+  // Requires, here and below: the time is in [0, 1], or NoTime and !moves(). Samples a collision of
+  // a path from o to o + t_max d; see TrackFlight. Space: render. sigma_t: per unit of density and
+  // of t. Requires: |o| is less than 2^38 voxels. Thread safety: any number of threads at once.
   template <typename Color, typename Time = NoTime>
   TrackedFlight<Color> Fly(Vec3d o, Vec3d d, double t_max, const Color& sigma_t,
                            const Color& throughput, EventStream* stream, TrackingTally* tally,
@@ -75,7 +74,7 @@ class VaryingMedium {
       return TrackFlight(walk, density, sigma_t, throughput, stream, tally);
     });
   }
-  // An unbiased estimate of what passes; see TrackTransmittance.
+  // An unbiased estimate of the transmittance; see TrackTransmittance.
   template <typename Color, typename Time = NoTime>
   Color Transmittance(Vec3d o, Vec3d d, double t_max, const Color& sigma_t, EventStream* stream,
                       TrackingTally* tally, Time time = {}) const {
@@ -83,7 +82,7 @@ class VaryingMedium {
       return TrackTransmittance(walk, density, sigma_t, stream, tally);
     });
   }
-  // An unbiased estimate of what arrives of what shines; see TrackEmission.
+  // An unbiased estimate of the emission that arrives at o; see TrackEmission.
   template <typename Color, typename Source, typename Time = NoTime>
   Color Emission(Vec3d o, Vec3d d, double t_max, const Source& source, const Color& sigma_t,
                  EventStream* stream, TrackingTally* tally, Time time = {}) const {
@@ -91,27 +90,27 @@ class VaryingMedium {
       return TrackEmission(walk, density, source, sigma_t, stream, tally);
     });
   }
-  // Of places all over the box, when half of the shutter's time is over.
+  // Mean over the box at the middle of the shutter interval.
   double MeanDensity() const;
-  // Makes [*t0, *t1] the part of it where o + t d is in the box. False where there is none.
+  // Clips [*t0, *t1] to the part where o + t d is in the box. Returns false if that is empty.
   bool ClipToBox(Vec3d o, Vec3d d, double* t0, double* t1) const;
-  // At a point of render space; 0 outside of the box.
+  // Density at a point of render space; 0 outside the box.
   double DensityAt(Vec3d p) const;
   double DensityAt(Vec3d p, NoTime) const { return DensityAt(p); }
   double DensityAt(Vec3d p, double time) const;
-  // Where in render space what is at p at that time was when the shutter opened.
+  // Position at shutter open, in render space, of the matter that is at p at that time.
   Vec3d OriginOf(Vec3d p, NoTime) const { return p; }
   Vec3d OriginOf(Vec3d p, double time) const;
 
  private:
   VaryingMedium() = default;
-  // Sets the way there; what bounds are to be made like.
+  // Sets the transforms; returns the options for building bounds.
   absl::StatusOr<MajorantGrid::Options> Place(const std::string& where, const Placement& placement,
                                               const Affine& medium_from_index);
   struct MovingCursor {
     VolumeGrid::Cursor density, velocity;
   };
-  // At a point of index space. Requires: moves().
+  // Density at a point of index space. Requires: moves().
   double MovedDensityAt(Vec3d p, double time, MovingCursor* cursor) const {
     const Vec3d origin = p - time * motion_->DisplacementAt(p, &cursor->velocity);
     const auto& grid = *std::get_if<VolumeGrid>(&density_);
@@ -141,7 +140,7 @@ class VaryingMedium {
   }
 
   std::variant<std::monostate, VolumeGrid, CloudDensity> density_;
-  std::unique_ptr<const VolumeMotion> motion_;  // Null where it stands still; else of the grid.
+  std::unique_ptr<const VolumeMotion> motion_;  // Null if static; else of the grid.
   MajorantGrid majorants_;
   Affine index_from_render_, render_from_index_;
 };

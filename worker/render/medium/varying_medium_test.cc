@@ -20,8 +20,8 @@ VolumeGrid Wedge() {
   return *std::move(grid);
 }
 
-// Scaling the medium by 2^k and its extinction by 2^-k changes no bit of what passes and where a
-// path collides.
+// Scaling the medium by 2^k and its extinction by 2^-k changes no bit of transmittance and
+// collisions.
 TEST(VaryingMediumTest, ScaleChangesNoBit) {
   const auto at_scale = [](int k) {
     const double s = std::ldexp(1.0, k);
@@ -58,7 +58,7 @@ TEST(VaryingMediumTest, DensityIsThatOfTheMediumsSpace) {
   const auto medium = VaryingMedium::FromGrid(
       "a", Wedge(), {.render_from_medium = {{0, 2, 0}, {-2, 0, 0}, {0, 0, 2}, {10, 0, 0}}});
   ASSERT_TRUE(medium.ok());
-  // Along the medium's x, which is the render space's y: the wedge.
+  // Along the medium's x axis, which is the render space's y axis: a linear ramp.
   for (const double x : {0.1, 0.5, 0.9}) {
     EXPECT_NEAR(medium->DensityAt({10 - 1, 2 * x, 1}), 2 * (x - 0.025), 1e-6);
   }
@@ -76,7 +76,7 @@ TEST(VaryingMediumTest, WhatIsNoDensityIsRefused) {
   EXPECT_THAT(std::string(flat.status().message()), ::testing::HasSubstr("singular"));
 }
 
-// The cloud tracked against quadrature.
+// Tracking through the cloud against quadrature.
 TEST(VaryingMediumTest, LightPassesTheProceduralCloudAsQuadratureSays) {
   const CloudDensity cloud({.density = 1, .frequency = 3});
   const auto medium =

@@ -12,10 +12,10 @@
 namespace sheaf::render {
 namespace {
 
-// Bounds of displacements are divided where that narrows them by about this many voxels.
+// Regions are divided where that narrows the displacement bounds by about this many voxels.
 constexpr double kFineDisplacement = 0.125;
 
-// Where what is met in the region comes from, at any time.
+// Positions at shutter open of everything that may be in the region at any time.
 IndexBox Origins(const IndexBox& region, const IndexBox& displacements) {
   IndexBox origins;
   for (size_t a = 0; a < 3; ++a) {
@@ -118,7 +118,7 @@ IndexBox MovingDensitySource::Box() const {
   std::array<DensityBounds, 3> all;
   for (size_t c = 0; c < 3; ++c) all[c] = velocities_[c].bounds();
   const IndexBox displacements = DisplacementsOf(all);
-  // What is at x comes from x - d, so what is in the box goes to where x is in box + d.
+  // The matter at x comes from x - d, so the box's matter reaches all x in box + d.
   IndexBox grown;
   for (size_t a = 0; a < 3; ++a) {
     grown.lo[a] = box.lo[a] + std::min(displacements.lo[a], 0.0);
@@ -147,7 +147,8 @@ void MovingDensitySource::BlockBounds(Index3 origin, std::span<DensityBounds, 64
     const IndexBox region{from, from + Vec3d{side, side, side}};
     return still_.BoundsOver(Origins(region, DisplacementsIn(region)));
   };
-  // Bounds of neighbours that reach far beyond them are much the same: made once for several.
+  // Bounds of neighboring cells that reach far beyond them are almost equal: computed once for
+  // several.
   const IndexBox region{lo, lo + Vec3d{4, 4, 4} * kFine};
   const IndexBox way = DisplacementsIn(region);
   double reach = 0;

@@ -19,7 +19,7 @@ namespace {
 
 using ::testing::HasSubstr;
 
-// n^3 values of the function of where they sit in the box.
+// A grid of n^3 values of a function of their position in the box.
 template <typename T>
 VolumeGrid Grid(const std::string& name, int32_t n, Vec3d lo, Vec3d hi,
                 const std::function<T(Vec3d)>& value) {
@@ -37,7 +37,7 @@ VolumeGrid Grid(const std::string& name, int32_t n, Vec3d lo, Vec3d hi,
   return *std::move(grid);
 }
 
-// Noise in the middle of 48^3 voxels, of a size of their own on each axis; nothing around it.
+// Noise in the middle of 48^3 voxels that differ in size per axis; zero around it.
 constexpr double kExtent = 48;
 VolumeGrid Lumps() {
   EventStream random({5, 0, 0, 0});
@@ -52,7 +52,7 @@ VolumeGrid Wind(Vec3f v) {
   return Grid<Vec3f>("vel", 4, {-400, -400, -400}, {400, 400, 400},
                      std::function<Vec3f(Vec3d)>([v](Vec3d) { return v; }));
 }
-// Coarser than the density, and in another place.
+// Coarser than the density, and offset from it.
 VolumeGrid Swirls(float speed) {
   EventStream random({6, 0, 0, 0});
   const auto any = [&random, speed] { return speed * static_cast<float>(random.Uniform() - 0.5); };
@@ -77,7 +77,7 @@ VaryingMedium Still() {
   return *VaryingMedium::FromGrid("a", Lumps(), {.render_from_medium = {}, .extinction_max = 3});
 }
 
-// How many look-ups in places of random rays, at random times, lie outside of the bounds there.
+// Counts the lookups along random rays, at random times, that violate the bounds.
 struct Check {
   int look_ups = 0, positive = 0, violations = 0;
 };
@@ -113,7 +113,7 @@ TEST(VolumeMotionTest, BoundsHoldWhereverAndWheneverOneLooks) {
     const Check moving = CheckBounds(medium.majorants(), medium);
     EXPECT_GT(moving.positive, 300);
     EXPECT_EQ(moving.violations, 0);
-    // The bounds of what stands still are too low for what moves.
+    // The bounds of the static medium are too low for the moving one.
     const VaryingMedium still = Still();
     if (speed > 1) {
       EXPECT_GT(CheckBounds(still.majorants(), medium).violations, 100);
@@ -133,13 +133,13 @@ TEST(VolumeMotionTest, BoundsHoldWhereverAndWheneverOneLooks) {
   }
 }
 
-// What no smoke comes to in the shutter is known to be empty, though other smoke is fast.
+// Regions that no smoke reaches while the shutter is open stay empty, even if other smoke is fast.
 TEST(VolumeMotionTest, BoundsAreLocal) {
   const VaryingMedium medium = Moving(Grid<Vec3f>("vel", 40, {-40, -40, -40}, {80, 120, 60},
                                                   std::function<Vec3f(Vec3d)>([](Vec3d p) {
                                                     return p.x > 30 ? Vec3f{40, 0, 0} : Vec3f{};
                                                   })));
-  // At x = 20 it stands still: the bounds are nearly those of the still one.
+  // At x = 20 the velocity is 0: the bounds are close to those of the static medium.
   const IndexBox region{{18, 0, 0}, {22, 48, 48}};
   const VaryingMedium still = Still();
   EXPECT_EQ(medium.majorants().BoundsOver({{4, 0, 0}, {8, 48, 48}}).upper, 0);
@@ -147,7 +147,7 @@ TEST(VolumeMotionTest, BoundsAreLocal) {
   EXPECT_LE(medium.majorants().BoundsOver(region).upper,
             still.majorants().BoundsOver({{14, 0, 0}, {26, 48, 48}}).upper);
   EXPECT_GT(medium.majorants().BoundsOver({{60, 0, 0}, {64, 48, 48}}).upper, 1);
-  // The box is larger by how far it comes, in the one direction.
+  // The box grows by the displacement, in its direction only.
   EXPECT_NEAR(medium.majorants().box().hi.x, still.majorants().box().hi.x + 40, 1e-9);
   EXPECT_EQ(medium.majorants().box().lo.x, still.majorants().box().lo.x);
   EXPECT_EQ(medium.majorants().box().lo.y, still.majorants().box().lo.y);
@@ -171,7 +171,7 @@ TEST(VolumeMotionTest, AnEvenWindMovesAllAlike) {
   EXPECT_GT(positive, 100);
 }
 
-// In render space, turned and scaled, the wind turns and scales with the medium.
+// A rotation and scale of the medium applies to the wind, too.
 TEST(VolumeMotionTest, VelocitiesAreOfTheMediumsSpace) {
   const Affine placement{{0, 3, 0}, {-3, 0, 0}, {0, 0, 3}, {5, 6, 7}};
   const VaryingMedium medium = Moving(Wind({2, 0, 0}), 1, placement);
@@ -179,7 +179,7 @@ TEST(VolumeMotionTest, VelocitiesAreOfTheMediumsSpace) {
   EXPECT_NEAR(Length(medium.OriginOf(p, 0.5) - (p - Vec3d{0, 3, 0})), 0, 1e-9);
 }
 
-// Velocities are 0 where there is no grid of them.
+// Velocities are 0 outside their grid.
 TEST(VolumeMotionTest, BeyondTheVelocitiesNothingMoves) {
   const VaryingMedium medium = Moving(
       Grid<Vec3f>("vel", 8, {20, 40, 8}, {28, 56, 16}, std::function<Vec3f(Vec3d)>([](Vec3d) {
@@ -190,7 +190,7 @@ TEST(VolumeMotionTest, BeyondTheVelocitiesNothingMoves) {
   EXPECT_EQ(CheckBounds(medium.majorants(), medium).violations, 0);
 }
 
-// The mean over the shutter of what passes, against quadrature in space and time.
+// The mean transmittance over the shutter interval, against quadrature in space and time.
 TEST(VolumeMotionTest, WhatPassesIsTheMeanOverTheShutter) {
   const Vec3d wind{0, 20, 6};
   const VaryingMedium medium = Moving(Wind(ToFloat(wind))), still = Still();
@@ -219,12 +219,12 @@ TEST(VolumeMotionTest, WhatPassesIsTheMeanOverTheShutter) {
   }
   const double mean = sum / kWalks;
   const double error = std::sqrt((squares / kWalks - mean * mean) / kWalks);
-  // 4.5 standard errors: a right mean fails with probability 7e-6. The quadrature's own error is
+  // 4.5 standard errors: a correct mean fails with probability 7e-6. The quadrature's own error is
   // below 1e-4.
   EXPECT_NEAR(mean, expected, 4.5 * error + 1e-4);
   EXPECT_LT(error, 0.005);
   EXPECT_EQ(tally.violation_count, 0u);
-  // Another answer than that of the moment when the shutter opens.
+  // The result differs from that at shutter open.
   double at_first = 0;
   for (int i = 0; i < kSteps; ++i)
     at_first += still.DensityAt(o + (i + 0.5) * kLength / kSteps * d);

@@ -2,8 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // EventStream: random numbers for walks of unknown length, such as tentative collisions along a
-// ray. A function of its key alone: draw n of a key is the same whoever draws it. Sample points
-// (sampler.h) are for what a path has a fixed number of.
+// ray. A pure function of the key: the n-th draw of a key is always the same. Sample points
+// (sampler.h) serve the decisions of which a path has a fixed number.
 #pragma once
 
 #include <array>
@@ -16,16 +16,16 @@ namespace sheaf::render {
 
 class EventStream {
  public:
-  // The key: numbers that no other walk of the picture has together.
+  // key: a combination that is unique to this walk within the image.
   explicit EventStream(const std::array<uint32_t, 4>& key)
       : state_(MixBits(MixBits(Join(key[0], key[1]) + kStep) ^ Join(key[2], key[3]))) {}
 
-  // In [0, 1), with 53 bits: thin media need the small ones.
+  // In [0, 1), with 53 bits: thin media need small values.
   double Uniform() {
     state_ += kStep;
     return static_cast<double>(MixBits(state_) >> 11) * 0x1p-53;
   }
-  // An exponential of mean 1, to 2^-39 of itself: an optical depth.
+  // Exponentially distributed with mean 1, to relative 2^-39: an optical depth.
   double Exponential() { return -elementary::LogForFloat(1 - Uniform()); }
 
  private:

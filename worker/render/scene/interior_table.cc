@@ -21,7 +21,7 @@ RefractiveIndex IndexOfMaterial(const MaterialDescription& material) {
   return {1, {}};
 }
 
-// What ranks go by. Matter of the same key is the same.
+// The sort key of ranks. Interiors with the same key are the same.
 using Key = std::tuple<int32_t, float, std::string, std::vector<float>, int32_t>;
 
 template <typename Function>
@@ -34,7 +34,7 @@ void ForEachSurface(SceneGeometry* geometry, const Function& function) {
   }
 }
 
-// Ranks that a point has around it, as seen along d.
+// Returns the ranks of the interiors that contain a point, as found along d.
 MediumSet InteriorsAlong(const SceneGeometry& geometry, const EmbreeScene& tracer, Vec3f o,
                          Vec3f d) {
   constexpr int kBoundariesMax = 1024;
@@ -139,7 +139,7 @@ void InteriorTable::MakeRows(const SceneDescription& scene, const MaterialTable&
 
 void InteriorTable::LookAround(const SceneGeometry& geometry, const EmbreeScene& tracer,
                                Vec3f camera_o) {
-  // No two through one edge of what has right angles.
+  // No two of them pass through the same edge of a right-angled body.
   constexpr std::array<Vec3f, 3> kDirections{
       {{0.267f, 0.845f, 0.463f}, {-0.813f, 0.229f, 0.535f}, {0.371f, -0.557f, -0.743f}}};
   std::array<MediumSet, 3> found;

@@ -1,12 +1,12 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// InteriorTable: matter that may overlap, in the order in which it displaces other matter. Closed
-// shapes whose material has a priority are filled with matter; where several overlap, the one of
-// the highest rank is there and the others are not, nor are their boundaries. Ranks go by priority,
-// then by index of refraction: what is the same in all has one rank, so that shapes of the same
-// matter are one body, their union. Source: Schmidt and Budge 2002, "Simple Nested Dielectrics in
-// Ray Traced Images". See docs/adr/0023.
+// InteriorTable: interiors that may overlap, in the order in which they displace each other. A
+// closed shape whose material has a priority has an interior; where several overlap, only the one
+// of the highest rank exists, and the boundaries of the others do not. Ranks are ordered by
+// priority, then by index of refraction; interiors with the same properties share a rank, so that
+// their shapes form one body, their union. Source: Schmidt and Budge 2002, "Simple Nested
+// Dielectrics in Ray Traced Images". See docs/adr/0023.
 #pragma once
 
 #include <cstdint>
@@ -29,25 +29,25 @@ namespace sheaf::render {
 
 class InteriorTable {
  public:
-  // Gives each surface of geometry whose material has a priority its rank. media: null where the
-  // scene has none. Errors: kResourceExhausted over kMediaMax kinds of matter; kInvalidArgument
-  // with the location of a shape with a priority that has no inside.
+  // Assigns a rank to each surface of geometry whose material has a priority. media: null where the
+  // scene has none. Errors: kResourceExhausted over kMediaMax kinds of interiors; kInvalidArgument,
+  // with the location of the shape, for a shape with a priority that has no inside.
   static absl::StatusOr<std::unique_ptr<InteriorTable>> Build(const SceneDescription& scene,
                                                               const MediumTable* media,
                                                               const MaterialTable& materials,
                                                               bool spectral, bool single_scattering,
                                                               SceneGeometry* geometry);
-  // Finds out what matter a point is in: by the boundaries that a ray from there meets, of three
-  // rays what two agree on. Space: render.
+  // Finds the interiors that contain the camera, by the boundaries that a ray from there crosses;
+  // of three rays, takes the result that two agree on. Space: render.
   void LookAround(const SceneGeometry& geometry, const EmbreeScene& tracer, Vec3f camera_o);
 
-  // Ranks, each as often as the camera is inside of a shape of it.
+  // The multiset of ranks of the shapes that contain the camera.
   const MediumSet& camera_interiors() const { return camera_interiors_; }
-  // Index of the medium that is part of matter of this rank, or kNone.
+  // Index of the medium in the interiors of this rank, or kNone.
   int32_t MediumOf(uint16_t rank) const { return matter_[rank].medium; }
 
-  // Makes bsdf, that of a boundary of `rank`, one against matter of rank `other` (kNoRank: none)
-  // on its outer side. False where there is nothing to be seen, for both have the same index.
+  // Adapts bsdf, at a boundary of `rank`, to an interior of rank `other` (kNoRank: none) on its
+  // outer side. Returns false if the boundary is invisible, because both indices are equal.
   template <typename Color>
   bool SetOutside(const Surface& surface, uint16_t other, const WavelengthsOf<Color>& wavelengths,
                   BsdfOf<Color>* bsdf) const;
@@ -70,11 +70,11 @@ class InteriorTable {
 
   std::vector<Matter> matter_;  // By rank.
   MediumSet camera_interiors_;
-  // What rough boundaries lose, by material and the rank outside.
+  // Energy loss of rough boundaries, by material and the rank outside.
   std::map<std::pair<int32_t, uint16_t>, DielectricEnergyRow> rows_;
 };
 
-// The highest of a set.
+// The highest rank of a set.
 inline uint16_t TopOf(const MediumSet& interiors) {
   return interiors.empty() ? kNoRank : *(interiors.end() - 1);
 }
@@ -82,7 +82,7 @@ inline uint16_t TopOf(const MediumSet& interiors) {
 template <typename Color>
 bool InteriorTable::SetOutside(const Surface& surface, uint16_t other,
                                const WavelengthsOf<Color>& wavelengths, BsdfOf<Color>* bsdf) const {
-  // Closer to 1 than this no facet can be told: as MaterialTable has it.
+  // Relative indices closer to 1 are treated as specular, as in MaterialTable.
   constexpr float kIndexDifferenceMin = 1e-4f;
   const Matter& inside = matter_[surface.rank];
   float outside_eta = 1;
