@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// What vectors hold of memory, for the accounts of compiled scenes.
+// VectorBytes: memory use of vectors, for the memory accounts of compiled scenes.
 #pragma once
 
 #include <cstdint>
@@ -9,7 +9,7 @@
 
 namespace sheaf {
 
-// Of each its room, without what its elements hold in turn.
+// Sum of the capacities, without memory that elements own.
 template <typename... T>
 uint64_t VectorBytes(const std::vector<T>&... vectors) {
   return (uint64_t{0} + ... + (vectors.capacity() * sizeof(T)));

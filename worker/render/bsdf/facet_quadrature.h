@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Quadrature over the microfacets that a direction sees, for the tables of energy. The same bits on
+// Quadrature over the microfacets visible from a direction, for the energy tables. Bit-identical on
 // every machine.
 #pragma once
 
@@ -17,12 +17,12 @@ namespace sheaf::render {
 // steps over half a turn converge fast.
 inline constexpr int kFacetAzimuthCount = 24;
 inline constexpr int kFacetPolarCount = 48;
-// Azimuths of incidence in a quarter turn, where roughness is anisotropic.
+// Azimuths of incidence per quarter turn, for anisotropic roughness.
 inline constexpr int kIncidenceCount = 4;
 
-// The average of visit(m) over normals visible from wo. Steep facets, which matter for shadowing,
-// lie within about alpha^2 of u.y = 1; steps of equal size in the cube root of 1 - u.y resolve
-// them. turn: the part of the azimuths to look at.
+// Averages visit(m) over the normals visible from wo. Steep facets, which matter for shadowing, lie
+// within about alpha^2 of u.y = 1; equal steps in the cube root of 1 - u.y resolve them. turn: the
+// fraction of the azimuths to include.
 template <typename Visit>
 auto AverageOverVisibleNormals(const Ggx& ggx, Vec3f wo, float turn, Visit visit) {
   decltype(visit(wo)) sum{};
@@ -35,13 +35,13 @@ auto AverageOverVisibleNormals(const Ggx& ggx, Vec3f wo, float turn, Visit visit
       sum += visit(ggx.SampleVisibleNormal(wo, u)) * weight;
     }
   }
-  // The weights' own sum, so that a constant is its own average.
+  // Divides by the sum of the weights, so that the average of a constant is exact.
   return sum * (1 / (1 - 0.25 / (kFacetPolarCount * kFacetPolarCount)));
 }
 
-// visit(m, weight) for as many normals, of weights that add up to 1. Their polar angles all differ,
-// so that an edge about the normal, such as that of total reflection, does not fall on many at
-// once.
+// Calls visit(m, weight) for that number of normals, with weights that sum to 1. All polar angles
+// differ, so that an edge about the normal, such as that of total reflection, affects few of them
+// at once.
 template <typename Visit>
 void ForEachLatticeNormal(const Ggx& ggx, Vec3f wo, Visit visit) {
   constexpr int kCount = kFacetAzimuthCount * kFacetPolarCount;
@@ -55,7 +55,7 @@ void ForEachLatticeNormal(const Ggx& ggx, Vec3f wo, Visit visit) {
   }
 }
 
-// The average of average(wo) over azimuths of incidence along a cosine.
+// Averages average(wo) over the azimuths of incidence at a cosine.
 template <typename Average>
 auto AverageOverIncidence(const Ggx& ggx, float mu, Average average) {
   const float sin_theta = std::sqrt((1 - mu) * (1 + mu));
@@ -69,8 +69,7 @@ auto AverageOverIncidence(const Ggx& ggx, float mu, Average average) {
   return sum * (1.0 / kIncidenceCount);
 }
 
-// The average of visit(wo, m) over the normals visible along a cosine and over azimuths of
-// incidence.
+// Averages visit(wo, m) over the normals visible at a cosine and over azimuths of incidence.
 template <typename Visit>
 auto AverageAtMu(const Ggx& ggx, float mu, Visit visit) {
   const float turn = ggx.alpha_x == ggx.alpha_y ? 0.5f : 1.0f;
@@ -79,13 +78,13 @@ auto AverageAtMu(const Ggx& ggx, float mu, Visit visit) {
   });
 }
 
-// G2 / G1(wo) for light going on to wi, on either side.
+// G2 / G1(wo) for light that leaves along wi, on either side.
 inline double ShadowingGivenVisible(const Ggx& ggx, Vec3f wo, Vec3f wi) {
   const double co = wo.z, ci = std::fabs(wi.z), so = ggx.S(wo), si = ggx.S(wi);
   return ci * (co + so) / (so * ci + si * co);
 }
 
-// What a layer of this optical depth at normal incidence lets through along a cosine.
+// Transmittance at a cosine of a layer with this optical depth at normal incidence.
 inline double Attenuation(double thickness, double cosine) {
   return thickness == 0 ? 1 : Exp(-thickness / cosine);
 }

@@ -15,7 +15,7 @@ namespace {
 
 constexpr double kPi = std::numbers::pi;
 
-// Corners at the radii in turn, the first one at the angle; closed.
+// Corners with alternating radii, the first one at the angle; closed.
 std::vector<Vec2d> Corners(int count, double first_angle, double even_radius, double odd_radius) {
   std::vector<Vec2d> corners;
   for (int i = 0; i < count; ++i) {
@@ -76,7 +76,7 @@ absl::StatusOr<ApertureMask> ApertureMask::Make(const SceneDescription& scene, F
       mask.scale_ = kPi / (kPi * (1 - 2 * Exp(-1.0)));
       return mask;
     case Aperture::kSquare:
-      mask.scale_ = kPi;  // The square's edge is 1.
+      mask.scale_ = kPi;  // The square has edge length 1.
       return mask;
     case Aperture::kPentagon:
       mask.polygon_ = Corners(5, -0.5 * kPi, 0.8, 0.8);
@@ -114,7 +114,7 @@ absl::StatusOr<ApertureMask> ApertureMask::Make(const SceneDescription& scene, F
 }
 
 bool ApertureMask::IsInPolygon(Vec2d p) const {
-  // Crossings of the ray to the right, each edge holding its lower end but not its upper one.
+  // Counts crossings of a ray to the right; each edge includes its lower end but not its upper one.
   bool inside = false;
   for (size_t i = 0; i + 1 < polygon_.size(); ++i) {
     const Vec2d a = polygon_[i], b = polygon_[i + 1];

@@ -1,8 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// What the opening of a lens looks like: blades of a thin lens, and the stops of pbrt-v4's
-// realistic camera.
+// Shapes of a lens opening: the blades of a thin lens, and the stops of pbrt-v4's realistic camera.
 #pragma once
 
 #include <algorithm>
@@ -15,41 +14,41 @@
 
 namespace sheaf::render {
 
-// Uniform in area on the unit disk. Source: Shirley and Chiu 1997.
+// Uniform by area on the unit disk. Source: Shirley and Chiu 1997.
 struct DiskPoint {
-  double radius = 0, angle = 0;  // The radius has a sign: below 0 it is half a turn further.
+  double radius = 0, angle = 0;  // The radius is signed: below 0, the point is half a turn further.
 };
 DiskPoint SampleUnitDiskPolar(Vec2f u);
 Vec2d SampleUnitDisk(Vec2f u);
 
-// A regular polygon in the unit circle, as straight blades leave it.
+// A regular polygon in the unit circle: the opening of straight blades.
 class BladePolygon {
  public:
   BladePolygon() = default;
   // rotation_degrees: of the first corner from +x towards +y. Requires: blade_count >= 3.
   BladePolygon(int blade_count, double rotation_degrees);
   bool empty() const { return corners_.empty(); }
-  // Uniform in area. The concentric map of the disk, each of its sectors stretched to a triangle:
-  // continuous, and the density is the same everywhere, so that stratified points stay so. Source:
-  // Shirley and Chiu 1997.
+  // Samples uniformly by area. The concentric map of the disk, with each sector stretched to a
+  // triangle: continuous and of constant density, so that stratified points stay stratified.
+  // Source: Shirley and Chiu 1997.
   Vec2d Sample(Vec2f u) const;
 
  private:
-  std::vector<Vec2d> corners_;  // The first one again at the end.
+  std::vector<Vec2d> corners_;  // Closed: repeats the first one at the end.
 };
 
-// How much of the light a stop lets pass where its opening has the unit circle; all shapes let as
-// much through in all as the disk does.
+// Transmittance of a stop whose opening fits the unit circle; all shapes transmit the same total as
+// the disk.
 class ApertureMask {
  public:
-  // Errors: those of reading the picture, or where it is all black.
+  // Errors: those of reading the image, or an image that is all black.
   static absl::StatusOr<ApertureMask> Make(const SceneDescription& scene, FileSource* files);
-  // p: in camera space (x right, y up as the camera looks), over the stop's radius.
+  // p: in camera space (x right, y up as seen along the view), divided by the stop's radius.
   double Transmission(Vec2d p) const;
-  // Nothing passes outside of the disk.
+  // Squared radius of a disk that bounds the opening.
   double BoundingRadiusSquared() const {
     if (aperture_ != Aperture::kPicture) return 1;
-    // The square's corners, and half a texel, which the filter adds.
+    // The square's corners, plus half a texel for the filter.
     const double edge = 1 + 1.0 / std::min(width_, height_);
     return 2 * edge * edge;
   }
@@ -61,8 +60,8 @@ class ApertureMask {
 
   Aperture aperture_ = Aperture::kDisk;
   double scale_ = 1;
-  std::vector<Vec2d> polygon_;  // Closed: the first corner again at the end.
-  int width_ = 0, height_ = 0;  // Of the picture, [height][width], bottom row first.
+  std::vector<Vec2d> polygon_;  // Closed: repeats the first corner at the end.
+  int width_ = 0, height_ = 0;  // Of the image, [height][width], bottom row first.
   std::vector<float> texels_;
 };
 

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Cameras from their descriptions.
+// Builds cameras from their descriptions.
 #include "worker/render/camera/camera.h"
 
 #include <algorithm>
@@ -17,8 +17,8 @@
 namespace sheaf::render {
 namespace {
 
-// Takes x to [0, 1] by half-turns about the middles of the square's two upright edges, which take
-// the rest of the plane to the square; y is turned along.
+// Maps x to [0, 1] by half-turns about the centers of the square's two vertical edges, which map
+// the rest of the plane to the square; y is rotated along.
 void WrapAcrossEdges(double* x, double* y) {
   *x -= 2 * std::floor(0.5 * *x);
   if (*x > 1) {
@@ -27,22 +27,22 @@ void WrapAcrossEdges(double* x, double* y) {
   }
 }
 
-// The point of the equal-area map that lies at p when the map is continued beyond its edges: each
-// edge is folded at its middle, so that its halves meet, and all corners are one direction.
+// The point of the equal-area map at p when the map is continued beyond its edges: each edge is
+// folded at its middle, so that its halves meet, and all corners are one direction.
 Vec2d WrapOctahedrally(Vec2d p) {
   WrapAcrossEdges(&p.x, &p.y);
   WrapAcrossEdges(&p.y, &p.x);
   return p;
 }
 
-// Directions in camera space, unit, of the points of a map of them all: of [0, 1]^2, and around.
-// Both maps are about +z, cameras about +y: as pbrt-v4, by exchanging the two.
+// Unit directions in camera space for points of [0, 1]^2 on a map of all directions, continued
+// outside the square. Both maps are about +z but cameras about +y, as in pbrt-v4: exchange the two.
 Vec3d EqualAreaDirection(Vec2d screen) {
   const Vec3d d = EqualAreaSquareToSphere(WrapOctahedrally(screen));
   return {d.x, d.z, d.y};
 }
 Vec3d EquirectangularDirection(Vec2d screen) {
-  // Beyond the pole sin theta is negative, which is the other side of it, as it should be.
+  // Beyond the pole sin theta is negative, which gives the correct, opposite side.
   const SinCosPair<double> theta = SinCos(std::numbers::pi * screen.y);
   const SinCosPair<double> phi = SinCos(2 * std::numbers::pi * screen.x);
   return {theta.sin * phi.cos, theta.cos, theta.sin * phi.sin};
@@ -138,7 +138,7 @@ Ray Camera::MakeBentRay(Vec2d film, Vec2f lens, float shutter_fraction, float* w
     const double share = realistic_->MakeRay(screen, lens, &bent);
     if (weight != nullptr) *weight = static_cast<float>(share);
     if (share == 0) return {};
-    o = bent.o * 0.001;  // Scenes are in metres then.
+    o = bent.o * 0.001;  // These scenes are in meters.
     d = bent.d;
   } else {
     d = kind_ == Kind::kEqualArea ? EqualAreaDirection(screen) : EquirectangularDirection(screen);

@@ -1,9 +1,9 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Camera: film points to rays. Perspective and orthographic, through a pinhole or a thin lens,
-// spherical, which see all around, and realistic, through the surfaces of a lens. Axes and mappings
-// are pbrt-v4's.
+// Camera: maps film points to rays. Perspective and orthographic cameras use a pinhole or a thin
+// lens; spherical cameras see all directions; realistic ones trace through the surfaces of a lens.
+// Axes and mappings are pbrt-v4's.
 #pragma once
 
 #include <memory>
@@ -23,32 +23,31 @@ namespace sheaf::render {
 
 class Camera {
  public:
-  // render_origin_world: the camera's own position when the shutter opens.
-  // Errors: kInvalidArgument with the camera's location: a degenerate field of view or screen
-  // window, a lens focused at distance 0 or behind it or on a spherical camera, a transform that
-  // cannot be inverted.
-  // files: for the picture of a realistic camera's aperture; others do without.
+  // render_origin_world: the camera's position at shutter open. Errors: kInvalidArgument, with the
+  // camera's location: a degenerate field of view or screen window, a lens that is focused at or
+  // behind itself or is on a spherical camera, a transform that cannot be inverted. files: for the
+  // image of a realistic camera's aperture; may be null otherwise.
   static absl::StatusOr<Camera> Make(const SceneDescription& scene, int32_t width_px,
                                      int32_t height_px, Vec3d render_origin_world,
                                      FileSource* files = nullptr);
 
-  // film: raster position (pixels, y down). lens: of [0, 1)^2; unused without kLens. The ray's
-  // direction is unit length. Space: render. Film points beyond the borders, where a pixel's filter
-  // reaches, continue the picture; that of a spherical camera comes around to its other side.
-  // *weight: what the ray's radiance counts, 1 except through a realistic lens; 0 where no light
-  // comes this way, and then the ray is no ray.
+  // film: raster position (pixels, y down). lens: in [0, 1)^2; unused without kLens. The ray's
+  // direction is unit length. Space: render. Film points outside the frame, which a pixel filter
+  // may reach, continue the image; those of a spherical camera wrap around to its other side.
+  // *weight: factor of the ray's radiance, 1 except through a realistic lens; 0 where no light
+  // passes, in which case the ray is unspecified.
   template <uint32_t kTraits>
   Ray MakeRay(Vec2d film, Vec2f lens, float shutter_fraction, float* weight = nullptr) const;
-  // When in [0, 1) of the shutter's time a sample is taken: in proportion to how open it is then.
-  // u itself where it opens and closes at once.
+  // Samples a time in [0, 1) of the shutter interval in proportion to the shutter's opening.
+  // Returns u itself where the shutter opens and closes instantly.
   float ShutterFraction(float u) const { return shutter_.empty() ? u : shutter_.Sample(u); }
 
   // Camera space: +z forward, x right, y up.
   Affine CameraFromRenderAt(float shutter_fraction) const {
     return Inverse(moves_ ? RenderFromCameraAt(shutter_fraction) : render_from_camera_);
   }
-  // The film point at which the point p of render space is seen (through the middle of a lens);
-  // none where it is behind the camera. Requires: not a spherical or realistic camera.
+  // Projects p, in render space, to the film (through the center of a lens); none where it is
+  // behind the camera. Requires: not a spherical or realistic camera.
   std::optional<Vec2d> FilmPointOf(Vec3d p, float shutter_fraction) const;
 
  private:
@@ -56,18 +55,19 @@ class Camera {
   absl::Status SetScreen(const CameraDescription& description, int32_t width_px, int32_t height_px);
   absl::Status SetLens(const CameraDescription& description);
   Affine RenderFromCameraAt(float shutter_fraction) const;
-  // MakeRay of spherical and realistic cameras. A function of its own, so that others do not pay
-  // for the call.
+  // MakeRay of spherical and realistic cameras: a separate function, so that others do not pay for
+  // the call.
   Ray MakeBentRay(Vec2d film, Vec2f lens, float shutter_fraction, float* weight) const;
 
   Kind kind_ = Kind::kPerspective;
-  bool bends_rays_ = false;  // Not by one screen: spherical and realistic cameras.
-  // Screen = origin + film * step: camera-space x, y at z = 1 (or on the plane); of spherical
+  bool bends_rays_ = false;  // Spherical and realistic cameras, which have no single screen.
+  // Screen = origin + film * step: camera-space x, y at z = 1 (or on the plane); for spherical
   // cameras, a point of the map of all directions.
   Vec2d screen_origin_, screen_step_;
-  std::shared_ptr<const RealisticLens> realistic_;  // Null for others. Shared: it is large.
+  std::shared_ptr<const RealisticLens> realistic_;  // Null for other kinds. Shared, because it is
+                                                    // large.
   double lens_radius_ = 0;
-  BladePolygon blades_;                // Of the lens; none: it is round.
+  BladePolygon blades_;                // Of the lens; empty: round.
   double inverse_focal_distance_ = 0;  // 0 for a lens focused at infinity.
   Affine render_from_camera_;
   bool moves_ = false;
@@ -89,8 +89,8 @@ Ray Camera::MakeRay(Vec2d film, Vec2f lens, float shutter_fraction, float* weigh
     d = {screen.x, screen.y, 1};
   }
   if (Has(kTraits, Trait::kLens) && lens_radius_ > 0) {
-    // All rays of a film point meet at z = F: the direction loses lens / F, nothing divides by a
-    // small number, and F = infinity is the plain parallel case.
+    // All rays of a film point meet at z = F: subtracting lens / F from the direction avoids
+    // division by a small number, and F = infinity gives parallel rays.
     const Vec2d on_lens =
         (blades_.empty() ? SampleUnitDisk(lens) : blades_.Sample(lens)) * lens_radius_;
     o = o + Vec3d{on_lens.x, on_lens.y, 0};

@@ -62,7 +62,7 @@ TEST(CameraTest, PerspectiveSpansItsFieldOfView) {
     SCOPED_TRACE(fov_degrees);
     SceneDescription scene = SceneWith(Kind::kPerspective);
     scene.camera.fov_degrees = fov_degrees;
-    scene.camera.screen_window[0] = -2;  // Twice as wide as high: fov is of the height.
+    scene.camera.screen_window[0] = -2;  // Twice as wide as high: fov is that of the height.
     scene.camera.screen_window[1] = 2;
     const Camera camera = MakeCamera(scene, 200, 100);
     const double half = std::tan(static_cast<double>(fov_degrees) * kPi / 360);
@@ -102,8 +102,8 @@ TEST(CameraTest, OrthographicRaysAreParallel) {
   }
 }
 
-// Rays of a film point start all over the lens and meet where the pinhole's ray crosses the plane
-// of focus.
+// Rays of a film point start all over the lens and meet where the pinhole's ray crosses the focal
+// plane.
 TEST(CameraTest, LensRaysMeetInThePlaneOfFocus) {
   for (const Kind kind : {Kind::kPerspective, Kind::kOrthographic}) {
     SceneDescription scene = SceneWith(kind);
@@ -132,7 +132,7 @@ TEST(CameraTest, LensRaysMeetInThePlaneOfFocus) {
   }
 }
 
-// Render space has the world's axes and begins at the camera: a far camera keeps its digits.
+// Render space is centered at the camera, so a distant camera keeps its precision.
 TEST(CameraTest, RenderSpaceBeginsAtTheCamera) {
   SceneDescription scene = SceneWith(Kind::kPerspective);
   const Vec3d place{1e7 + 0.125, -3e6, 5e8};
@@ -144,7 +144,7 @@ TEST(CameraTest, RenderSpaceBeginsAtTheCamera) {
   ExpectNear(ray.d, {1, 0, 0}, 1e-7);
 }
 
-// A camera that moves is at each time where a straight line says.
+// A moving camera follows a straight line over time.
 TEST(CameraTest, MovesOverTheShutter) {
   SceneDescription scene = SceneWith(Kind::kPerspective);
   scene.camera.world_from_camera.end = TranslateMatrix({2, 0, -4});
@@ -156,7 +156,7 @@ TEST(CameraTest, MovesOverTheShutter) {
   }
 }
 
-// As pbrt-v4 has them: +y is up, and a picture's row begins at +x and goes by +z.
+// As in pbrt-v4: +y is up, and a row of the image starts at +x and continues by +z.
 TEST(CameraTest, EquirectangularPixelsAreLongitudeAndLatitude) {
   const Camera camera = MakeCamera(SceneWith(Kind::kEquirectangular), 400, 200);
   const auto expect = [&](Vec2d film, Vec3d direction) {
@@ -171,7 +171,7 @@ TEST(CameraTest, EquirectangularPixelsAreLongitudeAndLatitude) {
   expect({123, 0}, {0, 1, 0});
   expect({321, 200}, {0, -1, 0});
   expect({50, 50}, {0.5, std::sqrt(0.5), 0.5});
-  // A filter that reaches over a border sees what is behind it.
+  // A filter that extends over a border sees the continuation of the image.
   const auto expect_same = [&](Vec2d outside, Vec2d inside) {
     ExpectNear(camera.MakeRay<kDiffuseTraits>(outside, {}, 0).d,
                ToDouble(camera.MakeRay<kDiffuseTraits>(inside, {}, 0).d), 1.5e-7);
@@ -187,7 +187,7 @@ TEST(CameraTest, EqualAreaPixelsFoldAroundTheSquare) {
   const auto direction = [&](double x, double y) {
     return camera.MakeRay<kDiffuseTraits>({x, y}, {}, 0).d;
   };
-  ExpectNear(direction(32, 32), {0, 1, 0}, 1e-7);  // The centre is up, the corners are down.
+  ExpectNear(direction(32, 32), {0, 1, 0}, 1e-7);  // The center is up, the corners are down.
   for (const double x : {0.0, 64.0}) {
     for (const double y : {0.0, 64.0}) ExpectNear(direction(x, y), {0, -1, 0}, 1e-7);
   }
@@ -195,8 +195,8 @@ TEST(CameraTest, EqualAreaPixelsFoldAroundTheSquare) {
   ExpectNear(direction(0, 32), {-1, 0, 0}, 1e-7);
   ExpectNear(direction(32, 64), {0, 0, 1}, 1e-7);
   ExpectNear(direction(32, 0), {0, 0, -1}, 1e-7);
-  // Beyond an edge the picture goes on with the other half of that edge, turned round; also far
-  // beyond, where a wide filter on a small picture reaches.
+  // Beyond an edge the image continues with the other half of that edge, rotated; also far beyond,
+  // which a wide filter on a small image reaches.
   for (const Vec2d in : {Vec2d{1.5, 20}, Vec2d{60, 3}, Vec2d{31, 50}}) {
     for (const Vec2d out :
          {Vec2d{-in.x, 64 - in.y}, Vec2d{128 - in.x, 64 - in.y}, Vec2d{64 - in.x, -in.y},
@@ -206,8 +206,8 @@ TEST(CameraTest, EqualAreaPixelsFoldAroundTheSquare) {
   }
 }
 
-// What pixels of the two mappings weigh: all the same, or as the zone of their row. Weighed so,
-// the mean of max(cos, 0) about any axis is 1/4, that of 1 is 1.
+// Pixel weights of the two mappings: constant, or the solid angle of the row's zone. With these
+// weights the mean of max(cos, 0) about any axis is 1/4, that of 1 is 1.
 TEST(CameraTest, SphericalPixelsWeighTheirSolidAngle) {
   constexpr int kWidth = 256, kHeight = 128;
   for (const Kind kind : {Kind::kEquirectangular, Kind::kEqualArea}) {
@@ -230,8 +230,8 @@ TEST(CameraTest, SphericalPixelsWeighTheirSolidAngle) {
   }
 }
 
-// Every filter's samples stay in the picture of an even sky, at its borders too, and the camera's
-// place and motion do not show.
+// With every filter, also at the borders, the image of a constant sky is constant, whatever the
+// camera's position and motion.
 TEST(CameraTest, SphericalCamerasSeeAnEvenSkyEvenly) {
   for (const Kind kind : {Kind::kEquirectangular, Kind::kEqualArea}) {
     TestScene t({1e6, 3, -2e5}, {1e6, 3, 1}, 90);
@@ -240,7 +240,7 @@ TEST(CameraTest, SphericalCamerasSeeAnEvenSkyEvenly) {
     t.scene.camera.world_from_camera.end = TranslateMatrix({1e6, 4, -2e5});
     t.scene.camera.shutter_close = 1;
     t.scene.filter.kind = FilterDescription::Kind::kGaussian;
-    t.scene.filter.radius_x_px = t.scene.filter.radius_y_px = 9;  // Wider than the picture.
+    t.scene.filter.radius_x_px = t.scene.filter.radius_y_px = 9;  // Wider than the image.
     ExpectMean(RenderMean(t.scene, SquareSettings(8, 16, 2)), {0.25f, 2, 5});
   }
 }

@@ -1,9 +1,9 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The search of a film point's pupil: a grid over all that may be; where no ray comes through, on
-// to a finer one about the ray that comes nearest the middle of the stop; then a finer one over
-// what was found, widened by a cell on each side.
+// Finds the pupil of a film point: scans a grid over the bounds; while no ray passes, zooms to a
+// finer grid about the ray that reaches the stop closest to its center; finally scans a finer grid
+// over the passing cells, widened by one cell on each side.
 #include "worker/render/camera/exit_pupil.h"
 
 #include <algorithm>
@@ -15,7 +15,7 @@ namespace {
 
 constexpr size_t kRingCount = 64;
 constexpr int kGridX = 64, kGridY = 32;  // Over [x0, x1] and [0, y].
-// Each step towards a small stop narrows the view to 5 of 64 cells: together by more than 10^8.
+// Each zoom step narrows the view to 5 of 64 cells: together by more than 10^8.
 constexpr int kZoomStepsMax = 8;
 constexpr int kGrowStepsMax = 8;
 
@@ -32,9 +32,9 @@ Box Clip(const Box& box, const Box& to) {
           std::min(box.y, to.y)};
 }
 
-// The rear surface lies within its edge's circle, between two planes; a point of it at (x, y, z) is
-// seen from (r, 0, 0) at r + (x - r) k, y k with k = rear z / z. Both are linear in x, y, r and k,
-// so that the corners bound them.
+// The rear surface lies within the circle of its edge, between two planes; a point (x, y, z) on it
+// is projected from (r, 0, 0) to r + (x - r) k, y k with k = rear z / z. Both are linear in x, y, r
+// and k, so the corners give bounds.
 Box BoundAll(const LensSystem& lens, double r0, double r1) {
   const double a = lens.rear_radius_mm();
   const double ks[2] = {lens.rear_z_mm() / lens.rear_z_max_mm(),
@@ -49,14 +49,14 @@ Box BoundAll(const LensSystem& lens, double r0, double r1) {
       }
     }
   }
-  // For the rounding of all this.
+  // For the rounding above.
   const double slack = 1e-9 * (box.x1 - box.x0 + box.y);
   return {box.x0 - slack, box.x1 + slack, box.y + slack};
 }
 
 struct Scan {
-  std::optional<Box> passing;    // The cells whose middles come through.
-  std::optional<Vec2d> nearest;  // To the middle of the stop, of those that reach it.
+  std::optional<Box> passing;    // The cells whose centers pass.
+  std::optional<Vec2d> nearest;  // Nearest to the center of the stop, among rays that reach it.
   double cell_x = 0, cell_y = 0;
 };
 
@@ -83,7 +83,7 @@ Scan ScanBox(const LensSystem& lens, double r, const Box& box) {
   return scan;
 }
 
-// With a cell more on each side, but within `all`.
+// Adds one cell on each side, but stays within `all`.
 Box Widened(const Scan& scan, const Box& all) {
   const Box& box = *scan.passing;
   return Clip({box.x0 - scan.cell_x, box.x1 + scan.cell_x, box.y + scan.cell_y}, all);
@@ -99,7 +99,7 @@ std::optional<Box> FindPupil(const LensSystem& lens, double r, const Box& all) {
     scan = ScanBox(lens, r, view);
   }
   if (!scan.passing) return std::nullopt;
-  // What touches the view's border may go on beyond it.
+  // A pupil that touches the view's border may extend beyond it.
   for (int step = 0; step < kGrowStepsMax; ++step) {
     const Box found = *scan.passing;
     const bool cut = (found.x0 <= view.x0 + scan.cell_x && view.x0 > all.x0) ||
@@ -116,7 +116,7 @@ std::optional<Box> FindPupil(const LensSystem& lens, double r, const Box& all) {
   const Box coarse = *scan.passing;
   const Scan fine = ScanBox(lens, r, Widened(scan, all));
   if (!fine.passing) return Widened(scan, all);
-  // Not less than the points that came through, which lie half a cell within.
+  // Includes the cell centers that passed before, half a cell inside.
   const Box seen{coarse.x0 + 0.5 * scan.cell_x, coarse.x1 - 0.5 * scan.cell_x,
                  coarse.y - 0.5 * scan.cell_y};
   return Clip(Union(Widened(fine, all), seen), all);
@@ -137,7 +137,7 @@ ExitPupil::ExitPupil(const LensSystem& lens, double film_radius_max_mm)
     const std::optional<Box> outer = FindPupil(lens, r1, ring.all);
     const std::optional<Box> middle = FindPupil(lens, 0.5 * (r0 + r1), ring.all);
     if (inner && outer && middle) {
-      // What the middle has beyond the straight way between the two, both get.
+      // Extends both by the amount by which the middle exceeds their interpolation.
       const Box straight = Lerp(*inner, *outer, 0.5);
       const double x0 = std::max(0.0, straight.x0 - middle->x0);
       const double x1 = std::max(0.0, middle->x1 - straight.x1);
@@ -146,7 +146,7 @@ ExitPupil::ExitPupil(const LensSystem& lens, double film_radius_max_mm)
       ring.outer = Clip({outer->x0 - x0, outer->x1 + x1, outer->y + y}, ring.all);
       ring.found = true;
     } else {
-      // The rim of the picture, where the last light comes through.
+      // The rim of the image circle, where the last light passes.
       for (const std::optional<Box>& box : {inner, middle, outer}) {
         if (!box) continue;
         ring.inner = Clip(ring.found ? Union(ring.inner, *box) : *box, ring.all);
@@ -175,7 +175,7 @@ std::optional<ExitPupil::Box> ExitPupil::Found(double film_radius_mm) const {
 
 namespace {
 
-// Between the film point's own axes, x away from the lens's axis, and those of the film.
+// Rotation between the film point's axes, x away from the lens's axis, and those of the film.
 struct Turn {
   double cosine = 1, sine = 0;
   explicit Turn(Vec2d film, double radius) {

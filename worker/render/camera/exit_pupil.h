@@ -1,11 +1,11 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// ExitPupil: where, in the plane at the rear surface's vertex, the rays of a film point pass that
-// come through the lens. Source: pbrt, 3rd ed., sec. 6.4.5. The boxes found by searching steer the
-// samples and decide nothing: a small share of them goes to all that the rear surface's edge, seen
-// from the film, leaves, which is bounded by arithmetic, and the pdf is that of both. Light that a
-// box lacks is therefore never lost, only noisier.
+// ExitPupil: the region of the plane at the rear surface's vertex through which rays from a film
+// point pass the lens. Source: pbrt, 3rd ed., sec. 6.4.5. The boxes found by search only guide
+// sampling: a small fraction of the samples covers everything visible through the rear aperture,
+// which is bounded analytically, and the pdf is that of the mixture. If a box misses some light,
+// the result is noisier but not biased.
 #pragma once
 
 #include <optional>
@@ -16,7 +16,7 @@
 
 namespace sheaf::render {
 
-// Of those samples that may go anywhere.
+// Fraction of the samples that cover the whole rear aperture.
 inline constexpr double kPupilShareOfAll = 1.0 / 64;
 
 struct PupilSample {
@@ -27,36 +27,35 @@ struct PupilSample {
 class ExitPupil {
  public:
   ExitPupil() = default;
-  // Of film points up to the radius.
-  // Cost: some 10^6 rays through the lens.
+  // For film points up to the radius. Cost: about 10^6 rays through the lens.
   ExitPupil(const LensSystem& lens, double film_radius_max_mm);
 
-  // Requires: film_mm is not farther than film_radius_max_mm from the axis.
+  // Requires: the distance of film_mm from the axis is at most film_radius_max_mm.
   PupilSample Sample(Vec2d film_mm, Vec2f u) const;
   double Pdf(Vec2d film_mm, Vec2d p_mm) const;
 
-  // For film points on the x axis; symmetric about it. Public for tests.
+  // For film points on the x axis, where it is symmetric about that axis. Public for tests.
   struct Box {
     double x0 = 0, x1 = 0, y = 0;  // [x0, x1] x [-y, y].
     double Area() const { return (x1 - x0) * 2 * y; }
     bool Holds(Vec2d p) const { return p.x >= x0 && p.x <= x1 && p.y >= -y && p.y <= y; }
   };
-  // Of a film radius: what was found (none where no ray came through), and what bounds everything.
+  // At a film radius: the box found by search (none if no ray passed), and the analytic bound.
   std::optional<Box> Found(double film_radius_mm) const;
   const Box& All(double film_radius_mm) const { return ring(film_radius_mm).all; }
 
  private:
   struct Ring {
     bool found = false;
-    Box inner, outer;  // What was found, at the ring's two radii; in between, in between.
+    Box inner, outer;  // Found by search at the ring's two radii; interpolated between.
     Box all;
-    double film_radius_mm = 0;  // The inner one.
+    double film_radius_mm = 0;  // The inner radius.
   };
   static Box FoundIn(const Ring& ring, double film_radius_mm, double rings_per_mm);
   const Ring& ring(double film_radius_mm) const;
 
   double rings_per_mm_ = 0;
-  std::vector<Ring> rings_;  // Of equal widths, from the axis outwards.
+  std::vector<Ring> rings_;  // Of equal width, from the axis outwards.
 };
 
 }  // namespace sheaf::render

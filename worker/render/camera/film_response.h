@@ -1,9 +1,9 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// FilmResponse: what the film makes of the radiance that a path brings. Wavelengths become linear
-// sRGB by the CIE observer, or by a camera's sensor; exposure multiplies it; and where the scene
-// asks for it, samples that are too bright are clamped.
+// FilmResponse: converts the radiance of a path to film values. Wavelengths are converted to linear
+// sRGB by the CIE observer or a camera's sensor, and multiplied by the exposure; where the scene
+// requests it, samples that are too bright are clamped.
 #pragma once
 
 #include <memory>
@@ -23,11 +23,12 @@ class FilmResponse {
   Rgb Of(const Spectral& radiance, const Wavelengths& wavelengths) const {
     return RgbOf(radiance, wavelengths, *observer_) * exposure_;
   }
-  // In RGB transport sensors differ from the observer by their balance alone.
+  // In RGB transport sensors differ from the observer only in their white balance.
   Rgb Of(Rgb radiance, NoWavelengths /*none*/) const { return radiance * exposure_; }
 
-  // Scales a sample, and *weight of its layers along, for none of the sensor's three responses (of
-  // the observer's X, Y and Z) to exceed the limit. Source: pbrt-v4's "maxcomponentvalue".
+  // Scales a sample, and *weight of its layers equally, so that none of the sensor's three
+  // responses (X, Y and Z for the observer) exceeds the limit. Source: pbrt-v4's
+  // "maxcomponentvalue".
   void Clamp(Rgb* sample, float* weight) const {
     if (component_max_ <= 0) return;
     const float scale = ClampScale(*sample);

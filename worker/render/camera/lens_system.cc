@@ -36,12 +36,12 @@ absl::StatusOr<LensSystem> LensSystem::Make(const LensDescription& description, 
   return lens;
 }
 
-// Moves the ray to the surface. n: of unit length, towards the scene at the vertex; cosine: of the
-// ray with it. False where the ray misses, the surface lies behind it, or an edge holds it back.
+// Moves the ray to the surface. n: unit, towards the scene at the vertex; cosine: of the ray with
+// n. Returns false if the ray misses, the surface lies behind it, or its aperture blocks it.
 bool LensSystem::Meet(const Surface& surface, LensRay* ray, Vec3d* n, double* cosine) {
   const Vec3d from{ray->o.x, ray->o.y, ray->o.z - surface.z};
   const Vec3d d = ray->d;
-  // The ray's point next to the vertex; the surface is c |p|^2 = 2 p.z.
+  // The ray's point nearest to the vertex; the surface is c |p|^2 = 2 p.z.
   const double to_nearest = -Dot(from, d);
   const Vec3d nearest = from + d * to_nearest;
   const double c = surface.curvature;
@@ -55,19 +55,19 @@ bool LensSystem::Meet(const Surface& surface, LensRay* ray, Vec3d* n, double* co
   const double radius = surface.aperture_radius;
   if (!surface.is_stop && !(p.x * p.x + p.y * p.y <= radius * radius)) return false;
   *n = {-c * p.x, -c * p.y, 1 - c * p.z};
-  if (!(n->z > 0)) return false;  // The far half of the sphere is no part of the surface.
+  if (!(n->z > 0)) return false;  // The far half of the sphere is not part of the surface.
   ray->o = {p.x, p.y, p.z + surface.z};
   return true;
 }
 
-// eta_ratio: of the side the ray comes from over the other's.
+// eta_ratio: index of the incident side over that of the other side.
 bool LensSystem::Refract(double eta_ratio, Vec3d n, double cosine, LensRay* ray) {
   const double squared = 1 - eta_ratio * eta_ratio * (1 - cosine * cosine);
   if (!(squared > 0)) return false;
   const double refracted = std::copysign(std::sqrt(squared), cosine);
   const double forward = ray->d.z;
   ray->d = ray->d * eta_ratio + n * (refracted - eta_ratio * cosine);
-  return ray->d.z * forward > 0;  // What turns back is lost in the barrel.
+  return ray->d.z * forward > 0;  // Rays that turn back are lost in the barrel.
 }
 
 double LensSystem::Trace(LensRay* ray, Stop stop, double* from_middle) const {
@@ -109,7 +109,7 @@ bool LensSystem::TraceFromScene(LensRay* ray) const {
 }
 
 absl::StatusOr<LensSystem::CardinalPoints> LensSystem::FindCardinalPoints(double height_mm) const {
-  // A ray parallel to the axis goes, as if bent once at the principal plane, to the focal point.
+  // A ray parallel to the axis, bent once at the principal plane, passes through the focal point.
   const auto cross = [height_mm](const LensRay& out, double* principal, double* focal) {
     *focal = out.o.z - out.o.x / out.d.x * out.d.z;
     *principal = out.o.z + (height_mm - out.o.x) / out.d.x * out.d.z;
@@ -129,7 +129,7 @@ absl::StatusOr<LensSystem::CardinalPoints> LensSystem::FindCardinalPoints(double
 }
 
 absl::Status LensSystem::Focus(const LensDescription& description) {
-  // Near enough to the axis for the paraxial points; as pbrt-v4 has it.
+  // Close enough to the axis for the paraxial points; as in pbrt-v4.
   const double height_mm = 0.001 * static_cast<double>(description.film_diagonal_mm);
   const absl::StatusOr<CardinalPoints> points = FindCardinalPoints(height_mm);
   if (!points.ok()) return points.status();
@@ -138,9 +138,9 @@ absl::Status LensSystem::Focus(const LensDescription& description) {
     return absl::InvalidArgumentError(absl::StrCat(
         "the lens does not gather light: its focal length is ", focal_length_mm_, " mm"));
   }
-  // With the film at the distance s' behind one principal plane and what shall be sharp at s before
-  // the other, 1/s + 1/s' = 1/f and s + s' is fixed. The smaller root, in the form that keeps its
-  // digits for things far away.
+  // With the film at distance s' behind one principal plane and the focused object at s before the
+  // other, 1/s + 1/s' = 1/f and s + s' is fixed. Takes the smaller root, in the form that keeps its
+  // precision for distant objects.
   const double between = points->principal_scene - points->principal_film;
   const double sum_mm = 1000 * static_cast<double>(description.focus_distance_m) - between;
   const double share = 4 * focal_length_mm_ / sum_mm;
@@ -173,7 +173,7 @@ double LensSystem::rear_z_max_mm() const {
 double LensSystem::Sag(const Surface& surface) {
   const double c = surface.curvature, edge = surface.aperture_radius * surface.aperture_radius;
   const double squared = 1 - c * c * edge;
-  // Wider than the sphere, the surface ends with the half of it.
+  // An aperture wider than the sphere ends at its hemisphere.
   return squared > 0 ? c * edge / (1 + std::sqrt(squared)) : 1 / c;
 }
 

@@ -1,12 +1,13 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// LensSystem: rays through the surfaces of a lens, and its focusing. In camera space, millimetres:
-// the film lies at z = 0, the lens before it at z > 0, the scene beyond. Source: Kolb, Mitchell and
-// Hanrahan 1995, "A Realistic Camera Model for Computer Graphics"; focusing as in pbrt, 3rd ed.,
-// sec. 6.4.4; spheres and refraction in the form of Feder 1951, "Optical Calculations with
-// Automatic Computing Machinery", J. Opt. Soc. Am. 41(9): by curvature, measured from the surface's
-// vertex, so that flat surfaces are no special case and weakly curved ones lose no digits.
+// LensSystem: traces rays through the surfaces of a lens, and focuses it. In camera space, in
+// millimeters: the film is at z = 0, the lens before it at z > 0, and the scene beyond. Source:
+// Kolb, Mitchell and Hanrahan 1995, "A Realistic Camera Model for Computer Graphics"; focusing as
+// in pbrt, 3rd ed., sec. 6.4.4; spheres and refraction in the form of Feder 1951, "Optical
+// Calculations with Automatic Computing Machinery", J. Opt. Soc. Am. 41(9): by curvature, relative
+// to the surface's vertex, so that flat surfaces are not a special case and weakly curved ones keep
+// their precision.
 #pragma once
 
 #include <cstddef>
@@ -18,50 +19,50 @@
 
 namespace sheaf::render {
 
-// d is of unit length.
+// d is unit length.
 struct LensRay {
   Vec3d o, d;
 };
 
 class LensSystem {
  public:
-  // Focused at the description's distance. Errors: kInvalidArgument: a lens that cannot be seen
-  // through near its axis or does not gather light, a distance nearer than it can be focused at.
+  // Focuses at the description's distance. Errors: kInvalidArgument: a lens that blocks rays near
+  // its axis or does not converge light, or a distance too near to focus at.
   static absl::StatusOr<LensSystem> Make(const LensDescription& description, ApertureMask mask);
 
-  // The share of light that passes the stop, and the ray as it leaves the foremost surface; 0 where
-  // it is held back (*ray is unspecified then): by an edge, total reflection, a surface missed, or
-  // because surfaces cross on its way. Requires: ray->o.z <= rear_z_min_mm(), d.z > 0.
+  // Returns the transmittance of the stop, and in *ray the ray that leaves the frontmost surface.
+  // Returns 0, with *ray unspecified, if the ray is blocked by an aperture, total reflection, a
+  // missed surface, or crossing surfaces. Requires: ray->o.z <= rear_z_min_mm(), d.z > 0.
   double TraceFromFilm(LensRay* ray) const { return Trace(ray, Stop::kShaped, nullptr); }
-  // Whether it comes through where the stop's opening is a disk that holds its shape, however that
-  // is turned. *from_middle: how far from the axis it meets the stop; unchanged where it does not.
+  // Whether the ray passes if the stop's opening is a disk that contains its shape at any rotation.
+  // *from_middle: distance from the axis at the stop; unchanged if the ray does not reach it.
   bool MayPass(LensRay* ray, double* from_middle) const {
     return Trace(ray, Stop::kBounded, from_middle) != 0;
   }
-  // The other way; the stop's shape does not count. Requires: d.z < 0, from before the lens.
+  // The opposite direction; ignores the stop's shape. Requires: d.z < 0, starting before the lens.
   bool TraceFromScene(LensRay* ray) const;
 
   double rear_z_mm() const { return surfaces_.back().z; }  // Of the rear surface's vertex.
   double front_z_mm() const { return surfaces_.front().z; }
   double focal_length_mm() const { return focal_length_mm_; }
   double rear_radius_mm() const { return surfaces_.back().aperture_radius; }
-  // What the rear surface lies between along the axis.
+  // Range of the rear surface along the axis.
   double rear_z_min_mm() const;
   double rear_z_max_mm() const;
 
  private:
   struct Surface {
     double z = 0;          // Of the vertex.
-    double curvature = 0;  // Above 0: the centre lies towards the scene.
+    double curvature = 0;  // Above 0: the center lies towards the scene.
     double aperture_radius = 0;
-    double eta_scene = 1, eta_film = 1;  // On its two sides.
+    double eta_scene = 1, eta_film = 1;  // Indices on its two sides.
     bool is_stop = false;
   };
-  // Film side principal point and focal point, then those of the scene side; all as z.
+  // Principal point and focal point of the film side, then of the scene side; all as z.
   struct CardinalPoints {
     double principal_film = 0, focal_film = 0, principal_scene = 0, focal_scene = 0;
   };
-  // How far the edge lies from the vertex along the axis.
+  // Distance of the edge from the vertex along the axis.
   static double Sag(const Surface& surface);
   static bool Meet(const Surface& surface, LensRay* ray, Vec3d* n, double* cosine);
   static bool Refract(double eta_ratio, Vec3d n, double cosine, LensRay* ray);

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Lenses against what optics says of them in closed form.
+// Lenses against closed-form optics.
 #include "worker/render/camera/lens_system.h"
 
 #include <gtest/gtest.h>
@@ -30,12 +30,12 @@ TEST(LensSystemTest, FocalLengthIsTheLensmakers) {
   EXPECT_NEAR(lens.focal_length_mm(), 1 / power, 1e-4);
 }
 
-// The published focal length of the Double Gauss: 99.93 of the 100 it is scaled to.
+// The published focal length of the Double Gauss lens: 99.93 at the nominal scale of 100.
 TEST(LensSystemTest, DoubleGaussHasItsFocalLength) {
   EXPECT_NEAR(MakeLens(DoubleGauss()).focal_length_mm(), 100, 1.5);
 }
 
-// A point on the axis at the distance is imaged to the middle of the film.
+// A point on the axis at the focus distance is imaged to the center of the film.
 TEST(LensSystemTest, FocusesAtItsDistance) {
   for (const float distance_m : {0.6f, 2.0f, 50.0f, 1e6f}) {
     LensDescription description = DoubleGauss();
@@ -43,7 +43,7 @@ TEST(LensSystemTest, FocusesAtItsDistance) {
     const LensSystem lens = MakeLens(description);
     LensRay ray{{0, 0, 0}, Normalize(Vec3d{1e-3, 0, 1})};
     ASSERT_EQ(lens.TraceFromFilm(&ray), 1);
-    // In diopters, so that far points need no larger bound.
+    // In diopters, so that distant points need no larger tolerance.
     const double crosses_mm = ray.o.z - ray.o.x / ray.d.x * ray.d.z;
     EXPECT_NEAR(1000 / crosses_mm, 1 / static_cast<double>(distance_m), 2e-4) << distance_m;
   }
@@ -61,7 +61,7 @@ TEST(LensSystemTest, WhatCannotBeFocusedSaysHowNearItCan) {
   EXPECT_FALSE(LensSystem::Make({}, {}).ok());
 }
 
-// Light goes the same way back.
+// Light paths are reversible.
 TEST(LensSystemTest, PathsAreReversible) {
   const LensSystem lens = MakeLens(DoubleGauss());
   int passed = 0;
@@ -81,7 +81,7 @@ TEST(LensSystemTest, PathsAreReversible) {
   EXPECT_GT(passed, 200);
 }
 
-// A lens held before a film turns the picture round, so that on the picture up is up.
+// A lens inverts the image on the film; the resulting image is upright.
 TEST(LensSystemTest, PicturesStandUpright) {
   SceneDescription scene;
   scene.camera.kind = CameraDescription::Kind::kRealistic;
@@ -103,11 +103,11 @@ TEST(LensSystemTest, PicturesStandUpright) {
   EXPECT_NEAR(std::hypot(lens->extent_mm().x, lens->extent_mm().y), 35, 1e-9);
 }
 
-// 300000 samples a radius: those that the boxes steer and those all over what the rear surface can
-// be seen by have the same mean. Two-sided at 5 standard errors, twelve radii and apertures: false
-// alarms once in 10^5 runs, and the seeds are fixed. Power: the even samples are the noisier ones;
-// where a share s of them comes through, a loss of 5 sqrt((1 - s) / (s * 300000)) of the light is
-// found, some percent wide open and tens of percent through the smallest stop.
+// 300000 samples per radius: those guided by the boxes and those over the whole visible rear
+// aperture have the same mean. Two-sided at 5 standard errors, twelve radii and apertures: one
+// false alarm in 10^5 runs, and the seeds are fixed. Power: the uniform samples are the noisier
+// ones; if a fraction s of them passes, the test detects a loss of 5 sqrt((1 - s) / (s * 300000))
+// of the light, a few percent at full aperture and tens of percent through the smallest stop.
 TEST(ExitPupilTest, NoLightIsLost) {
   for (const float aperture_mm : {34.2f, 12.0f, 2.0f}) {
     LensDescription description = DoubleGauss();
@@ -145,8 +145,8 @@ TEST(ExitPupilTest, NoLightIsLost) {
   }
 }
 
-// The conservative half of it: of a million rays all over, those that come through pass within the
-// boxes that were found.
+// The conservative direction: of a million uniform rays, those that pass the lens are within the
+// boxes found.
 TEST(ExitPupilTest, BoxesHoldWhatComesThrough) {
   const LensSystem lens = MakeLens(DoubleGauss());
   const ExitPupil pupil(lens, 25);
@@ -166,7 +166,7 @@ TEST(ExitPupilTest, BoxesHoldWhatComesThrough) {
   EXPECT_EQ(outside, 0);
 }
 
-// Boxes much too small, of the lens stopped down, only cost noise: the mean stays.
+// Boxes that are much too small, from the stopped-down lens, only add noise: the mean stays.
 TEST(ExitPupilTest, WrongBoxesLoseNoLight) {
   LensDescription stopped = DoubleGauss();
   stopped.aperture_diameter_mm = 8;
@@ -194,8 +194,8 @@ TEST(ExitPupilTest, WrongBoxesLoseNoLight) {
   EXPECT_LT(error, 0.02 * sums[0]);
 }
 
-// In the middle of the film the irradiance of an even scene of radiance 1 is pi sin^2 of the angle
-// of the outermost ray, through whatever lens (Kolb et al. 1995, sec. 4): found here by bisection.
+// At the center of the film the irradiance of a constant scene of radiance 1 is pi sin^2 of the
+// marginal ray's angle, through any lens (Kolb et al. 1995, sec. 4): found here by bisection.
 TEST(RealisticLensTest, WeightsAreTheIrradianceOnTheFilm) {
   for (const float aperture_mm : {34.2f, 10.0f}) {
     SceneDescription scene;
@@ -225,8 +225,8 @@ TEST(RealisticLensTest, WeightsAreTheIrradianceOnTheFilm) {
   }
 }
 
-// All shapes of the stop let as much light through as the disk: near the axis exactly, where the
-// stop alone decides.
+// All shapes of the stop transmit as much light as the disk: near the axis exactly, where the stop
+// alone decides.
 TEST(RealisticLensTest, ShapesOfTheStopAreEquallyBright) {
   using Aperture = LensDescription::Aperture;
   double disk = 0;

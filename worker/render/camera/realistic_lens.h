@@ -1,9 +1,9 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// RealisticLens: film points to rays through a lens and their weights, which together measure, as
-// pbrt-v4's realistic camera does, the irradiance on the film where all around is of radiance 1:
-// cos^4 over the squared distance to the pupil's plane, over the pdf of the point there.
+// RealisticLens: maps film points to rays through a lens, with weights. As in pbrt-v4's realistic
+// camera, the weights measure the irradiance on the film under constant radiance 1: cos^4 over the
+// squared distance to the pupil's plane, over the pdf of the point there.
 #pragma once
 
 #include "absl/status/statusor.h"
@@ -17,17 +17,17 @@ namespace sheaf::render {
 
 class RealisticLens {
  public:
-  // files: to read a picture of the aperture from. Errors: those of LensSystem::Make and
-  // ApertureMask::Make; without the camera's location for those of the lens.
+  // files: for the image of the aperture. Errors: those of LensSystem::Make (without the camera's
+  // location) and of ApertureMask::Make.
   static absl::StatusOr<RealisticLens> Make(const SceneDescription& scene, int32_t width_px,
                                             int32_t height_px, FileSource* files);
-  // film: of [0, 1]^2 over the frame, y down; as far beyond as the pixel filter reaches. 0 where no
-  // light comes that way, and *ray is unspecified then. Space: camera, millimetres.
+  // film: in [0, 1]^2 over the frame, y down; beyond it as far as the pixel filter extends. Returns
+  // 0 where no light passes; *ray is then unspecified. Space: camera, millimeters.
   double MakeRay(Vec2d film, Vec2f u, LensRay* ray) const;
 
   const LensSystem& lens() const { return lens_; }
   const ExitPupil& pupil() const { return pupil_; }
-  // Where on the film, seen from behind, a picture's point is: the lens turns it round.
+  // Position on the film, seen from behind, of an image point: the lens inverts the image.
   Vec2d FilmPoint(Vec2d film) const {
     return {(0.5 - film.x) * extent_mm_.x, (film.y - 0.5) * extent_mm_.y};
   }

@@ -42,10 +42,10 @@ float ShutterShape::Sample(float u) const {
   const Knot &a = knots_[i], &b = knots_[i + 1];
   const double share = b.before - a.before;
   const double w = share > 0 ? std::clamp((v - a.before) / share, 0.0, 1.0) : 0;
-  // Within a piece the quadratic is inverted in the form that holds where the slope vanishes.
+  // Inverts the quadratic within a piece, in the form that is stable where the slope vanishes.
   const double root = std::sqrt(a.open * a.open + w * (b.open * b.open - a.open * a.open));
   const double fraction = a.open + root > 0 ? w * (a.open + b.open) / (a.open + root) : 0;
-  constexpr float kLast = 0x1.fffffep-1f;  // The last number before 1.
+  constexpr float kLast = 0x1.fffffep-1f;  // The largest float below 1.
   return std::min(kLast, static_cast<float>(a.time + std::min(fraction, 1.0) * (b.time - a.time)));
 }
 

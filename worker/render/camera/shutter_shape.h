@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// ShutterShape: how open a shutter is over its time, as straight pieces, and times in proportion to
-// that.
+// ShutterShape: the opening of a shutter over time, piecewise linear, and times sampled in
+// proportion to it.
 #pragma once
 
 #include <vector>
@@ -14,18 +14,18 @@ namespace sheaf::render {
 
 class ShutterShape {
  public:
-  // knots: time (ascending, from 0 to 1 of the shutter's) and how open it is then; none: always
-  // fully. Errors: kInvalidArgument for knots that are none.
+  // knots: time (ascending, 0 to 1 over the shutter interval) and opening at that time; empty:
+  // always fully open. Errors: kInvalidArgument for invalid knots.
   static absl::StatusOr<ShutterShape> Make(const std::vector<Vec2f>& knots);
   bool empty() const { return knots_.empty(); }
-  // Of u in [0, 1), by inversion: in [0, 1), not descending in u. Requires: not empty.
+  // u in [0, 1), by inversion: in [0, 1), nondecreasing in u. Requires: not empty.
   float Sample(float u) const;
-  // Measure: the shutter's time as a whole is 1.
+  // Measure: the whole shutter interval is 1.
   double Pdf(double time) const;
 
  private:
   struct Knot {
-    double time, open, before;  // before: the share of all that falls before it.
+    double time, open, before;  // before: fraction of the area before this knot.
   };
   std::vector<Knot> knots_;
   double area_ = 0;

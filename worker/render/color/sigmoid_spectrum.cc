@@ -15,17 +15,17 @@ using Coefficients = SigmoidFitter::Coefficients;
 using Vector3 = std::array<double, 3>;
 using Matrix3 = std::array<std::array<double, 3>, 3>;
 
-// The first argument beyond which float arithmetic gives 0 and 1 exactly, and more.
+// Beyond this argument float arithmetic certainly gives 0 and 1 exactly.
 constexpr double kSaturatedArgument = 1e30;
-// Relative to the largest component; far below what float coefficients can keep.
+// Relative to the largest component; far below the precision of float coefficients.
 constexpr double kResidualWanted = 1e-8;
 constexpr int kStepCountMax = 200;
 // Damping of the normal equations, relative to their diagonal.
 constexpr double kDampingFirst = 1e-3, kDampingMin = 1e-12, kDampingMax = 1e12;
 constexpr double kDampingFall = 0.1, kDampingRise = 8;
 
-// Solves the damped normal equations (J^T J + damping diag(J^T J)) step = -J^T residual by the
-// factors L D L^T. False where they are singular.
+// Solves the damped normal equations (J^T J + damping diag(J^T J)) step = -J^T residual by L D L^T
+// factorization. Returns false if they are singular.
 bool SolveStep(const Matrix3& jacobian, const Vector3& residual, double damping, Vector3* step) {
   Matrix3 a{};
   Vector3 b{};
@@ -101,7 +101,8 @@ SigmoidFitter::Residual SigmoidFitter::Evaluate(Rgb rgb, const Coefficients& c) 
   return residual;
 }
 
-// Levenberg 1944 and Marquardt 1963: Gauss-Newton where the model holds, short steps where not.
+// Levenberg 1944 and Marquardt 1963: Gauss-Newton where the model is accurate, short steps
+// elsewhere.
 Coefficients SigmoidFitter::FitFrom(Rgb rgb, const Coefficients& start) const {
   Coefficients c = start;
   Residual residual = Evaluate(rgb, c);

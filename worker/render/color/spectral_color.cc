@@ -15,15 +15,15 @@ namespace {
 
 static_assert(kSpectrumFirstNm == kWavelengthMinNm && kSpectrumLastNm == kWavelengthMaxNm);
 
-// A colour that is darker emits and reflects nothing; what it is divided by stays finite.
+// Darker colors are black; divisors stay finite.
 constexpr float kLargestMin = 1e-30f;
 
-// Tables are in 1 nm steps; the last value stands twice, so that each has a next one.
+// Tables have 1 nm steps and repeat the last value, so that each entry has a successor.
 constexpr size_t kTableSize = kSpectrumCount + 1;
 double TableNm(size_t i) { return kSpectrumFirstNm + static_cast<double>(i); }
 
-// Where wavelengths lie in a table. One loop without a branch, so that it becomes vector
-// instructions. Requires: wavelengths within the range, as Wavelengths promises.
+// Positions of wavelengths in a table. A branch-free loop that compiles to vector instructions.
+// Requires: wavelengths are in the range, as Wavelengths guarantees.
 struct TablePositions {
   std::array<int, kWavelengthCount> below;
   std::array<float, kWavelengthCount> part;
@@ -51,8 +51,8 @@ Spectral Interpolate(const float* table, const Wavelengths& wavelengths) {
   return values;
 }
 
-// D65 and the observer in steps of 1 nm. A local static costs one well-predicted comparison a
-// call, as a test of a pointer would, and needs no order of initialisation.
+// D65 and the observer in steps of 1 nm. A local static costs one well-predicted comparison per
+// call, as a pointer test would, and does not depend on initialization order.
 struct Tables {
   std::array<float, kTableSize> d65;
   ObserverTable observer;
@@ -75,7 +75,7 @@ const UpsamplingTable& SharedUpsampling() {
   return table;
 }
 
-// What an RGB colour can be in its role. NaN fails the comparison.
+// Clamps an RGB color to the values valid for its role. NaN fails the comparison.
 Rgb Admissible(Rgb rgb, ColorRole role) {
   for (size_t i = 0; i < 3; ++i) {
     rgb[i] = rgb[i] > 0 ? rgb[i] : 0;
@@ -102,7 +102,7 @@ SpectralColor SpectralColor::Make(const ColorSpec& color, ColorRole role) {
     const Rgb rgb = Admissible(color.rgb, role);
     const float largest = MaxComponent(rgb);
     if (largest < kLargestMin) return made;
-    // Half the value at every wavelength, to the bit, is a sigmoid of zeros.
+    // Half the value at every wavelength, bit for bit, is a sigmoid with zero coefficients.
     const float level = IsGrey(rgb) ? 0.5f : FitLevel(largest, role);
     made.scale_ = largest / level;
     if (!IsGrey(rgb)) made.sigmoid_ = FitSigmoid(rgb * (level / largest));
@@ -145,7 +145,7 @@ float SpectralColor::At(float nm) const {
 }
 
 Spectral Upsample(Rgb rgb, ColorRole role, const Wavelengths& wavelengths) {
-  // A texel that could not be read is NaN, and must be seen in the picture's count of such samples.
+  // An unreadable texel is NaN, and must reach the image's count of such samples.
   if (!IsFinite(rgb)) return Spectral::Grey(std::numeric_limits<float>::quiet_NaN());
   rgb = Admissible(rgb, role);
   const float largest = MaxComponent(rgb);

@@ -1,13 +1,13 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Colours as spectra. What a scene gives as RGB becomes the smooth spectrum that looks like it
-// (sigmoid_spectrum.h); a grey is the same at every wavelength, exactly. What a scene gives as a
-// spectrum is used as it is.
+// SpectralColor: colors as spectra. RGB from a scene becomes a smooth spectrum of that color
+// (sigmoid_spectrum.h); a gray is exactly constant over wavelength. Spectra from a scene are used
+// unchanged.
 //
-// Units agree with common/scene/spectrum/spectrum.h: emission has luminance 1 where a spectrum or a
-// temperature gives it, and that of its RGB otherwise, when integrated by RgbOf. As in pbrt-v4, RGB
-// emission is the spectrum of a reflectance, scaled, times D65.
+// Units agree with common/scene/spectrum/spectrum.h: integrated by RgbOf, emission has luminance 1 if given
+// by a spectrum or a temperature, and otherwise that of its RGB. As in pbrt-v4, RGB emission is the
+// spectrum of a reflectance, scaled, times D65.
 #pragma once
 
 #include <array>
@@ -23,40 +23,39 @@
 
 namespace sheaf::render {
 
-// One colour of the scene, ready to be evaluated. A few dozen bytes; measured spectra are shared.
+// A color of the scene, ready for evaluation. A few dozen bytes; measured spectra are shared.
 // Thread safety: any number of threads at once.
 class SpectralColor {
  public:
   SpectralColor() = default;  // Black.
   // kReflectance: within [0, 1]. kIlluminant: spectral radiance per nm that RgbOf integrates.
-  // kUnbounded: the values of a spectrum as they are, RGB without an illuminant.
-  // Requires: a named spectrum exists.
+  // kUnbounded: spectra unchanged, RGB without an illuminant. Requires: a named spectrum exists.
   static SpectralColor Make(const ColorSpec& color, ColorRole role);
-  // value(nm), tabulated in steps of 1 nm and linear between.
+  // Tabulates value(nm) in steps of 1 nm, with linear interpolation.
   static SpectralColor Tabulate(const std::function<double(double nm)>& value);
 
   Spectral At(const Wavelengths& wavelengths) const;
-  // At one wavelength; the ends hold outside of the range.
+  // At one wavelength; constant outside the range.
   float At(float nm) const;
 
  private:
   SigmoidSpectrum sigmoid_;
   float scale_ = 0;                                  // Of the sigmoid; 0 is black.
-  bool is_under_d65_ = false;                        // The sigmoid times the illuminant.
-  std::shared_ptr<const std::vector<float>> table_;  // Instead of the sigmoid where there is one.
+  bool is_under_d65_ = false;                        // The sigmoid is multiplied by the illuminant.
+  std::shared_ptr<const std::vector<float>> table_;  // If set, replaces the sigmoid.
 };
 
-// Spectrum of an RGB value that is known only when rendering (texels, environment maps), by
-// interpolating a table of fits (upsampling_table.h): within 0.6 % of what Make gives for the same
-// colour, as RGB and relative to its largest component. Negative components count as 0;
-// reflectances are clamped to 1. What is not finite stays so, for a texel that could not be read
-// must be noticed. Thread safety: yes.
+// Spectrum of an RGB value that is known only during rendering (texels, environment maps), by
+// interpolation in a table of fits (upsampling_table.h): within 0.6 % of the result of Make for the
+// same color, as RGB relative to its largest component. Negative components count as 0;
+// reflectances are clamped to 1. Non-finite values stay non-finite, so that unreadable texels are
+// noticed. Thread safety: any number of threads at once.
 Spectral Upsample(Rgb rgb, ColorRole role, const Wavelengths& wavelengths);
-// Makes the table, which takes about half a second, unless it is there. Upsample would do so too,
-// in the middle of a picture. Thread safety: yes.
+// Builds the table, which takes about half a second, unless it exists. Otherwise Upsample would
+// build it during rendering. Thread safety: any number of threads at once.
 void PrepareUpsampling();
 
-// An RGB value as what a path carries.
+// An RGB value in the color type of a path.
 template <typename Color>
 Color ColorOfRgb(Rgb rgb, ColorRole role, const WavelengthsOf<Color>& wavelengths) {
   if constexpr (std::is_same_v<Color, Spectral>) {
@@ -66,15 +65,15 @@ Color ColorOfRgb(Rgb rgb, ColorRole role, const WavelengthsOf<Color>& wavelength
   }
 }
 
-// Linear sRGB that spectral radiance of 1 adds at each whole nanometre from kWavelengthMinNm on,
-// linear in between; the last value stands twice, and the fourth component is 0.
+// Linear sRGB contribution of spectral radiance 1 at each whole nanometer from kWavelengthMinNm on,
+// linear in between; the last value is repeated, and the fourth component is 0.
 using ObserverTable =
     std::array<std::array<float, 4>, static_cast<size_t>(kWavelengthMaxNm - kWavelengthMinNm) + 2>;
 ObserverTable MakeObserver(const std::function<std::array<double, 3>(double nm)>& rgb);
 const ObserverTable& StandardObserver();  // CIE 1931.
 
-// Linear sRGB of spectral radiance: one path's estimate. To the standard observer radiance that is
-// 1 times D65 (kIlluminant of RGB white) has expectation (1, 1, 1).
+// Linear sRGB of spectral radiance: one path's estimate. For the standard observer, radiance equal
+// to D65 (kIlluminant of RGB white) has expectation (1, 1, 1).
 Rgb RgbOf(const Spectral& radiance, const Wavelengths& wavelengths,
           const ObserverTable& observer = StandardObserver());
 

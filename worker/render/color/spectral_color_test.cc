@@ -19,7 +19,7 @@ using testing::ExpectNear;
 using testing::Named;
 using testing::RgbSpec;
 
-// Linear sRGB of spectral radiance by the sums that spectrum.h defines.
+// Linear sRGB of spectral radiance by the sums defined in spectrum.h.
 Rgb Integrate(const std::function<double(float nm)>& radiance) {
   std::array<double, 3> sum{};
   for (int nm = kSpectrumFirstNm; nm <= kSpectrumLastNm; ++nm) {
@@ -33,7 +33,7 @@ Rgb UnderD65(const std::function<double(float nm)>& reflectance) {
   return Integrate([&](float nm) { return reflectance(nm) * UnitD65(nm); });
 }
 
-// The mean of many paths' estimates, with hero wavelengths evenly spread.
+// The mean of the estimates of many paths, with uniform primary wavelengths.
 Rgb Estimate(const std::function<Spectral(const Wavelengths&)>& radiance) {
   constexpr int kPathCount = 20000;
   std::array<double, 3> sum{};
@@ -45,7 +45,7 @@ Rgb Estimate(const std::function<Spectral(const Wavelengths&)>& radiance) {
   return {static_cast<float>(sum[0]), static_cast<float>(sum[1]), static_cast<float>(sum[2])};
 }
 
-// Colours of every kind: even over the cube; dark ones; light ones; saturated ones.
+// Colors by kind: uniform over the cube; dark; light; saturated.
 Rgb RandomColor(int kind, std::mt19937* random) {
   std::uniform_real_distribution<float> uniform(0, 1);
   Rgb rgb{uniform(*random), uniform(*random), uniform(*random)};
@@ -86,7 +86,7 @@ TEST(WavelengthsTest, EachOfTheFourHasTheDensityItStates) {
       const double excess = histogram[static_cast<size_t>(bin)] - expected;
       chi_square += excess * excess / expected;
     }
-    EXPECT_LT(chi_square, 90);  // 46 degrees of freedom: one in ten thousand.
+    EXPECT_LT(chi_square, 90);  // 46 degrees of freedom: probability 1e-4.
   }
 }
 
@@ -133,7 +133,7 @@ TEST(SigmoidSpectrumTest, M14EdgesOfTheGamutAreReached) {
     const Rgb seen = UnderD65([&](float nm) { return spectrum.At(nm); });
     ExpectNear(seen, rgb, 1e-4f * MaxComponent(rgb));
   }
-  // Saturated and almost black, where no such spectrum is closer.
+  // Saturated and almost black, for which no such spectrum is closer.
   const SigmoidSpectrum dark = FitSigmoid({1e-6f, 0, 0});
   ExpectNear(UnderD65([&](float nm) { return dark.At(nm); }), {1e-6f, 0, 0}, 1e-8f);
 }
@@ -214,7 +214,7 @@ TEST(SpectralColorTest, SpectraOfLightsHaveLuminanceOne) {
     const SpectralColor light = SpectralColor::Make(spectrum, ColorRole::kIlluminant);
     const Rgb rgb = Estimate([&](const Wavelengths& w) { return light.At(w); });
     EXPECT_NEAR(Luminance(rgb), 1, 1e-3);
-    if (spectrum.temperature_k == 1200) continue;  // Outside of the gamut, to which RGB is clamped.
+    if (spectrum.temperature_k == 1200) continue;  // Outside the gamut, to which RGB is clamped.
     ExpectNear(rgb, SpectrumToRgb(spectrum, ColorRole::kIlluminant), 1e-3f);
   }
   ColorSpec dark;
@@ -299,8 +299,8 @@ TEST(UpsampleTest, AgreesWithColorsFittedAlone) {
                            : i % 3 == 1 ? ColorRole::kIlluminant
                                         : ColorRole::kUnbounded;
     const SpectralColor color = SpectralColor::Make(RgbSpec(rgb), role);
-    // The mean difference as light of D65 that is seen; hardly anything is at the range's ends,
-    // where the spectra of saturated colours have steps.
+    // The mean difference as seen under D65; the range's ends, where spectra of saturated colors
+    // have steps, contribute little.
     double difference = 0;
     for (int nm = kSpectrumFirstNm; nm <= kSpectrumLastNm; nm += 5) {
       const auto x = static_cast<float>(nm);
@@ -327,7 +327,7 @@ TEST(UpsampleTest, BitsAreThoseOfEveryMachine) {
   EXPECT_EQ(RgbOf(emission, w), (Rgb{0x1.d3427ap-1f, 0x1.1bf5dcp-2f, 0x1.a0f218p-8f}));
 }
 
-// A texture that could not be read gives NaN. RGB transport counts such samples; so must this.
+// An unreadable texture gives NaN. RGB transport counts such samples; spectral transport must, too.
 TEST(UpsampleTest, WhatIsNotANumberStaysNone) {
   const float nan = std::numeric_limits<float>::quiet_NaN();
   const Wavelengths w = Wavelengths::Sample(0.3f);

@@ -8,20 +8,20 @@
 namespace sheaf::render {
 namespace {
 
-// 5 nm: what the quadrature is off by is far below what interpolation is.
+// 5 nm: the quadrature error is far below the interpolation error.
 constexpr int kQuadratureStepNm = 5;
 
-// What coefficients are multiplied with to be interpolated. White, where they are infinite, keeps a
-// divisor that makes them large.
+// Factor of the coefficients for interpolation. For white, where they are infinite, the factor
+// stays positive, so that dividing by it gives large coefficients.
 float InterpolationScale(float level, float x, float y) {
   constexpr float kSquaredMin = 1e-30f;
   return std::sqrt(std::max(level * (1 - level * (0.5f * (x + y))), kSquaredMin));
 }
 
-// Parabolas from both ends that meet in the middle, [0, 1] to itself.
+// Parabolas from both ends that join in the middle; maps [0, 1] to itself.
 float Ease(float u) { return u < 0.5f ? 2 * u * u : 1 - 2 * (1 - u) * (1 - u); }
 float InverseEase(float v) {
-  const float side = std::copysign(1.f, v - 0.5f);  // Of the middle; no branch to mispredict.
+  const float side = std::copysign(1.f, v - 0.5f);  // Side of the middle; branch-free.
   const float from_end = std::sqrt(0.5f * (0.5f - std::fabs(v - 0.5f)));
   return 0.5f * (1 + side) - side * from_end;
 }
@@ -44,7 +44,7 @@ UpsamplingTable::Cell UpsamplingTable::CellAt(const Axis& axis, float value) {
   const float u = InverseEase((value - axis.first) / axis.width);
   const int index = std::min(static_cast<int>(u * (kNodeCount - 1)), int{kNodeCount} - 2);
   const auto node = static_cast<size_t>(index);
-  // Where rounding chose the neighbouring cell, that is continued by the last bits of the value.
+  // If rounding selected the neighboring cell, this extrapolates by the last bits of the value.
   return {node, (value - axis.node[node]) / (axis.node[node + 1] - axis.node[node])};
 }
 
@@ -68,7 +68,7 @@ void UpsamplingTable::FitColumn(const SigmoidFitter& fitter, size_t cube, size_t
     const float level = level_.node[iz];
     const float scale = InterpolationScale(level, x, y);
     if (is_grey) {
-      scaled = {level - 0.5, 0, 0};  // FitGrey times scale; finite for white too.
+      scaled = {level - 0.5, 0, 0};  // FitGrey times scale; finite for white, too.
     } else {
       Rgb rgb;
       rgb[cube] = level;

@@ -1,13 +1,13 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Fits of sigmoid spectra to all colours, by interpolation. The layout follows Jakob and Hanika
-// 2019: three cubes by which component is the largest, over that component z and over the other
-// two's shares x, y of it. Not theirs is what is interpolated: coefficients grow like 1 / sqrt(z)
-// towards black, where a sigmoid is 1 / (4 x^2), and as fast towards white, where it is 1 minus
-// that. Multiplied by sqrt(z (1 - mean)), mean = z (x + y) / 2, they are bounded and nearly linear,
-// and those of greys exactly linear in z. So 33 nodes a side do better than 64 of the coefficients
-// themselves would, and greys stay grey.
+// UpsamplingTable: interpolates fits of sigmoid spectra to all colors. The layout follows Jakob and
+// Hanika 2019: three cubes, by which component is the largest, over that component z and the ratios
+// x, y of the other two to it. The interpolated quantity differs from theirs: coefficients grow
+// like 1 / sqrt(z) towards black, where a sigmoid is 1 / (4 x^2), and as fast towards white, where
+// it is 1 minus that. Multiplied by sqrt(z (1 - mean)), mean = z (x + y) / 2, they are bounded and
+// nearly linear, and those of grays are exactly linear in z. Thus 33 nodes per side are more
+// accurate than 64 of the plain coefficients, and grays stay gray.
 #pragma once
 
 #include <array>
@@ -20,12 +20,12 @@
 
 namespace sheaf::render {
 
-// Reflectances darker than this are the spectrum of the colour so bright and of the same
-// proportions, scaled. A sigmoid reaches saturated darkness only with a bright line in the infrared
-// that no interpolation finds.
+// Reflectances darker than this use the scaled spectrum of the color with the same ratios at this
+// brightness. A sigmoid reaches saturated dark colors only with a bright line in the infrared that
+// interpolation misses.
 inline constexpr float kFitLevelMin = 1.f / 16;
-// The largest component with which a colour's proportions are fitted; its spectrum is the fit's,
-// scaled by largest / level. Emission is fitted halfway, as in pbrt-v4.
+// The largest component at which a color's ratios are fitted; its spectrum is the fit's, scaled by
+// largest / level. Emission is fitted at one half, as in pbrt-v4.
 // Requires: largest > 0, and at most 1 for reflectances within the gamut.
 constexpr float FitLevel(float largest, ColorRole role) {
   if (role != ColorRole::kReflectance) return 0.5f;
@@ -35,10 +35,10 @@ constexpr float FitLevel(float largest, ColorRole role) {
 // Thread safety: immutable.
 class UpsamplingTable {
  public:
-  // Some hundred thousand fits: about half a second.
+  // Cost: several hundred thousand fits, about half a second.
   UpsamplingTable();
 
-  // Spectrum of the colour that has the proportions of rgb and level as its largest component.
+  // Spectrum of the color with the ratios of rgb and the largest component level.
   // Requires: components >= 0, not all 0; kFitLevelMin <= level <= 1.
   SigmoidSpectrum At(Rgb rgb, float level) const;
 
@@ -46,7 +46,7 @@ class UpsamplingTable {
   static constexpr size_t kNodeCount = 33;
   // c0, c1, c2 times the scale above; the fourth fills the vector register.
   using Node = std::array<float, 4>;
-  // Nodes lie densely at both ends, where saturated colours and light ones change fast.
+  // Nodes are dense at both ends, where saturated and light colors change fast.
   struct Axis {
     std::array<float, kNodeCount> node{};
     float first = 0, width = 1;
@@ -55,11 +55,11 @@ class UpsamplingTable {
   };
   struct Cell {
     size_t index;
-    float part;  // 0 at its lower node, 1 at its upper one.
+    float part;  // 0 at the lower node, 1 at the upper one.
   };
   // Requires: value within the axis.
   static Cell CellAt(const Axis& axis, float value);
-  // Of the nodes of one cube and one pair of shares, warm-started from each other.
+  // Fits the nodes of one cube and one pair of ratios, each starting from its neighbor's result.
   void FitColumn(const SigmoidFitter& fitter, size_t cube, size_t ix, size_t iy);
   static constexpr size_t IndexOf(size_t cube, size_t iz, size_t iy, size_t ix) {
     return ((cube * kNodeCount + iz) * kNodeCount + iy) * kNodeCount + ix;

@@ -1,12 +1,13 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// What a path carries: RGB, or radiance at four wavelengths of its own. Which of the two is a trait
-// (kSpectral), so that transport is compiled for each and a scene without colour that needs spectra
-// draws no wavelength. The four are the hero and three at equal steps of the sampling density, so
-// each alone is distributed as the hero: a path that must follow one of them (dispersion) goes on
-// with the hero's value times four. Sources: Wilkie et al. 2014, "Hero Wavelength Spectral
-// Sampling"; Radziszewski et al. 2009 for the density.
+// Spectral, Wavelengths: the color that a path carries is RGB, or radiance at four wavelengths of
+// its own. A trait (kSpectral) selects, so that transport is compiled for each, and a scene whose
+// colors need no spectra samples no wavelength. The four are the primary wavelength and three at
+// equal steps of the sampling density, so each alone has the primary's distribution: a path that
+// must follow one of them (dispersion) terminates the secondary wavelengths and multiplies the
+// primary's value by four. Sources: Wilkie et al. 2014, "Hero Wavelength Spectral Sampling";
+// Radziszewski et al. 2009 for the density.
 #pragma once
 
 #include <array>
@@ -24,8 +25,8 @@ namespace sheaf::render {
 inline constexpr size_t kWavelengthCount = 4;
 inline constexpr float kWavelengthMinNm = 360, kWavelengthMaxNm = 830;
 
-// A value at each of a path's wavelengths. The same operations as Rgb, so that transport can be
-// written once for both.
+// A value at each of a path's wavelengths, with the same operations as Rgb, so that transport code
+// is generic over both.
 struct Spectral {
   std::array<float, kWavelengthCount> v{};
 
@@ -53,10 +54,10 @@ constexpr float MaxComponent(const Spectral& c) {
   const float low = c.v[0] > c.v[1] ? c.v[0] : c.v[1], high = c.v[2] > c.v[3] ? c.v[2] : c.v[3];
   return low > high ? low : high;
 }
-// How many components a colour has, Rgb or Spectral.
+// Number of components of a color, Rgb or Spectral.
 template <typename Color>
 inline constexpr size_t kComponentCount = sizeof(Color) / sizeof(float);
-// The colour of components f(0), f(1) ...
+// The color with components f(0), f(1) ...
 template <typename Color, typename Function>
 constexpr Color MakeColor(const Function& f) {
   Color color;
@@ -71,10 +72,10 @@ inline bool IsFinite(const Spectral& c) {
 // The wavelengths of one path.
 struct Wavelengths {
   std::array<float, kWavelengthCount> nm{};   // In [kWavelengthMinNm, kWavelengthMaxNm].
-  std::array<float, kWavelengthCount> pdf{};  // Density per nm with which each was drawn.
+  std::array<float, kWavelengthCount> pdf{};  // Density per nm with which each was sampled.
 
   float hero_nm() const { return nm[0]; }
-  // u in [0, 1). Density proportional to sech^2(0.0072 (nm - 538)), which is near the eye's.
+  // u in [0, 1). Density proportional to sech^2(0.0072 (nm - 538)), close to the eye's sensitivity.
   static Wavelengths Sample(float u);
 };
 
@@ -95,7 +96,7 @@ inline Wavelengths Wavelengths::Sample(float u) {
   return w;
 }
 
-// Wavelengths of a path that carries RGB: nothing.
+// The wavelengths of a path that carries RGB: none.
 struct NoWavelengths {};
 
 template <uint32_t kTraits>

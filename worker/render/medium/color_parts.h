@@ -1,9 +1,9 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Grids of colours as sums of grids of numbers: what the components of a colour have in common is
-// grey, what is left belongs to red, green or blue light. A medium that is a grid of colours is
-// then so many media of one colour each in one place, and media in one place add up.
+// Splits a grid of colors into grids of numbers: the common part of the components is gray, and the
+// rest belongs to red, green or blue light. A medium with a grid of colors then becomes several
+// overlapping media of one color each, which add up.
 #pragma once
 
 #include <array>
@@ -17,15 +17,15 @@ namespace sheaf::render {
 
 enum class ColorPart : uint8_t { kGrey, kRed, kGreen, kBlue };
 inline constexpr size_t kColorPartCount = 4;
-// Of a medium: those that absorb and those that scatter.
+// Of a medium: parts that absorb and parts that scatter.
 inline constexpr size_t kMediumPartsMax = 2 * kColorPartCount;
 
-// The amount of each part, one number a cell; empty where a part is nowhere. Their trilinear
-// interpolants add up to that of the colours. Requires: no component is negative.
+// The amount of each part, one number per cell; empty where a part is zero everywhere. Their
+// trilinear interpolants sum to that of the colors. Requires: no component is negative.
 std::array<std::vector<float>, kColorPartCount> SplitColors(const std::vector<Rgb>& cells);
 
-// The light that a part is about: of a component of RGB all or nothing; of a wavelength a share, by
-// what the primaries of sRGB reflect there. Red, green and blue add up to grey.
+// The light that a part affects: for an RGB component all or nothing; for a wavelength a fraction,
+// the reflectance of the sRGB primary there. Red, green and blue sum to gray.
 template <typename Color>
 Color ShareOf(ColorPart part, const WavelengthsOf<Color>& wavelengths);
 

@@ -1,20 +1,20 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Where paths end that would go on for too long, and from where on chance may end them.
+// Limits on the length of paths, and the parameters of Russian roulette.
 #pragma once
 
 #include <cstdint>
 
 namespace sheaf::render {
 
-// Surfaces that let a ray pass (cut-outs, interfaces) do not count as scattering; beyond this many
-// in one segment the path ends, so that no arrangement of them can hold a worker.
+// Null-interface crossings (cut-outs, interfaces) do not count as scattering; a path with more than
+// this number in one segment ends, so that no scene can block a worker.
 inline constexpr uint32_t kPassesMax = 1024;
-// Vertices of a path in matter; one that has more ends and is counted. Of paths into a half space
-// that absorbs nothing a thousandth has more.
+// Maximum number of vertices of a path in a subsurface medium; a path with more ends and is
+// counted. In a half space without absorption one in a thousand paths exceeds it.
 inline constexpr uint32_t kMatterStepsMax = 1u << 20;
-// Roulette starts after this many scattering events and ends a path with at most this probability.
+// Roulette starts after this number of scattering events; kRouletteStopMax bounds its probability.
 inline constexpr uint32_t kRouletteDepthMin = 1;
 inline constexpr float kRouletteStopMax = 0.95f;
 

@@ -14,7 +14,7 @@
 namespace sheaf::render {
 namespace {
 
-// The error of a linear piece falls with the square of this: far below what a pixel can show.
+// The error of a linear piece falls with the square of this: far below the resolution of a pixel.
 constexpr int kIntervalCount = 512;
 
 }  // namespace
@@ -73,14 +73,14 @@ absl::StatusOr<PixelFilter> PixelFilter::Make(const SceneDescription& scene) {
 }
 
 PixelFilter::AxisSample PixelFilter::SampleTable(const Table& table, float u) {
-  // One number serves both the side and the distance from the centre.
+  // One number gives both the sign and the distance from the center.
   const float s = 2 * u - 1;
   const float v = std::fabs(s);
   size_t i =
       table.guide[std::min(static_cast<size_t>(v * kIntervalCount), size_t{kIntervalCount - 1})];
   while (i + 1 < kIntervalCount && table.cdf[i + 1] <= v) ++i;
-  // Within the interval the density is linear: invert its quadratic in the form that holds where
-  // the slope vanishes.
+  // The density is linear within the interval: inverts its quadratic in the form that is stable
+  // where the slope vanishes.
   const float a = std::fabs(table.value[i]), b = std::fabs(table.value[i + 1]);
   const float width = table.cdf[i + 1] - table.cdf[i];
   const float w = width > 0 ? std::clamp((v - table.cdf[i]) / width, 0.0f, 1.0f) : 0.5f;

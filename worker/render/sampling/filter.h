@@ -1,9 +1,9 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// PixelFilter: where in the filter's footprint a sample falls. Positions are drawn in proportion to
-// the filter's magnitude, so that a sample counts for one pixel only and tiles need no borders.
-// Source: Ernst, Stamminger and Greiner 2006, "Filter Importance Sampling".
+// PixelFilter: samples a position in the filter's footprint in proportion to the filter's
+// magnitude, so that a sample contributes to one pixel only and tiles need no borders. Source:
+// Ernst, Stamminger and Greiner 2006, "Filter Importance Sampling".
 #pragma once
 
 #include <cstdint>
@@ -16,8 +16,8 @@
 namespace sheaf::render {
 
 struct FilterSample {
-  Vec2f offset;      // From the pixel's centre, in pixels.
-  float weight = 1;  // Sign of the filter there, over the share of its integral that is positive.
+  Vec2f offset;      // From the pixel's center, in pixels.
+  float weight = 1;  // Sign of the filter, times integral of |f| over integral of f.
 };
 
 class PixelFilter {
@@ -28,11 +28,11 @@ class PixelFilter {
   FilterSample Sample(Vec2f u) const;
 
  private:
-  // One axis, from the centre outwards, as a piecewise linear function on even intervals.
+  // One axis, from the center outwards, as a piecewise linear function on equal intervals.
   struct Table {
     std::vector<float> value;     // At the nodes.
     std::vector<float> cdf;       // Of |value| at the nodes, from 0 to 1.
-    std::vector<uint16_t> guide;  // First interval to look at, by u.
+    std::vector<uint16_t> guide;  // First interval to test, by u.
     float weight = 1;             // Integral of |f| over integral of f.
   };
   struct AxisSample {

@@ -24,7 +24,7 @@ SceneDescription SceneWith(Kind kind, float radius_x_px, float radius_y_px) {
   return scene;
 }
 
-// The filters as they are published, of a distance in pixels.
+// The published filters, as functions of a distance in pixels.
 double FilterAt(Kind kind, double x_px, double radius_px) {
   const double x = std::fabs(x_px);
   switch (kind) {
@@ -58,7 +58,7 @@ double Integral(double from, double to, const std::function<double(double)>& f) 
 
 class PixelFilterTest : public ::testing::TestWithParam<Kind> {};
 
-// The share of |f| inside each drawn position is the number it was drawn from.
+// The fraction of |f| up to each sampled position is the number it was sampled from.
 TEST_P(PixelFilterTest, PositionsInvertTheFiltersMagnitude) {
   constexpr double kRadius = 1.75;
   const auto filter = PixelFilter::Make(SceneWith(GetParam(), 1.75f, 0.5f));
@@ -72,7 +72,7 @@ TEST_P(PixelFilterTest, PositionsInvertTheFiltersMagnitude) {
   }
 }
 
-// Weighted samples estimate the filter's own mean and its moments, negative lobes included.
+// Weighted samples reproduce the filter's mean and moments, including negative lobes.
 TEST_P(PixelFilterTest, WeightedSamplesHaveTheFiltersMoments) {
   constexpr double kRadiusX = 2, kRadiusY = 1.5;
   const auto filter = PixelFilter::Make(SceneWith(GetParam(), 2, 1.5f));
@@ -101,7 +101,7 @@ TEST_P(PixelFilterTest, WeightedSamplesHaveTheFiltersMoments) {
   EXPECT_NEAR(yy / kCount, second_moment(kRadiusY), 1e-2);
 }
 
-// The sign of a weight is the filter's; its size, the same everywhere.
+// A weight has the sign of the filter, and the same magnitude everywhere.
 TEST_P(PixelFilterTest, WeightsCarryTheSign) {
   const auto filter = PixelFilter::Make(SceneWith(GetParam(), 2, 2));
   ASSERT_TRUE(filter.ok()) << filter.status();

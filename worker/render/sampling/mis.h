@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The power heuristic in the form that holds for all magnitudes: from the ratio of the two pdfs, so
-// that no square over- or underflows. Source: Veach 1997, sec. 9.2.4.
+// PowerHeuristic: computed from the ratio of the pdfs, so that no square overflows or underflows.
+// Source: Veach 1997, sec. 9.2.4.
 #pragma once
 
 #include <algorithm>
@@ -10,9 +10,9 @@
 
 namespace sheaf::render {
 
-// Weight in [0, 1] of a sample drawn with pdf f that another technique would draw with pdf g (one
-// sample each, beta = 2). Weights of the two techniques sum to 1. Requires: f, g >= 0. Where both
-// are 0 or both infinite they share evenly.
+// Weight in [0, 1] of a sample with pdf f that another technique would sample with pdf g (one
+// sample each, beta = 2). Weights of the two techniques sum to 1. Requires: f, g >= 0. If both are
+// 0 or both infinite, the weights are equal.
 inline float PowerHeuristic(float f, float g) {
   if (f == g) return 0.5f;
   if (f > g) {
@@ -23,8 +23,8 @@ inline float PowerHeuristic(float f, float g) {
   return ratio * ratio / (1 + ratio * ratio);
 }
 
-// The same among three techniques: the weight of a sample drawn with pdf f. Where the largest is
-// infinite, those that are share evenly.
+// The same for three techniques: the weight of a sample with pdf f. If the largest pdf is infinite,
+// the infinite ones share the weight equally.
 inline double PowerHeuristic(double f, double g, double h) {
   const double largest = std::max(f, std::max(g, h));
   const auto square = [&](double pdf) {

@@ -1,17 +1,17 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Sampler: (seed, pixel, sample index, slot) -> point of [0, 1)^4. No state, no order of calls: any
-// machine can make any sample. Each of the kReplicateCount replicates (common/film/film_tile.h) has
-// its own Owen scramble; within one, points follow Sobol's sequence from its first point on.
+// Sampler: (seed, pixel, sample index, slot) -> point of [0, 1)^4. Stateless and independent of
+// call order: any machine can compute any sample. Each of the kReplicateCount replicates
+// (common/film/film_tile.h) has its own Owen scramble; within one, points follow Sobol's sequence
+// from its first point on.
 //
 // A slot (dimensions.h) is a four-dimensional point set of its own: its coordinates are scrambled
-// with their own hashes, and its points come in an order of its own, so that two slots are not
-// correlated although both are built on the same four dimensions. The order is a nested uniform
-// shuffle that leaves the highest set bit of the index alone: aligned power-of-two blocks stay such
-// blocks, the first 2^k samples stay the first 2^k, and small indices stay small, which keeps
-// look-ups few. sampler_test.cc and tests/stability measure what this costs in quality (nothing
-// that shows).
+// with their own hashes, and its points have their own order, so that two slots are uncorrelated
+// although both use the same four dimensions. The order is a nested uniform shuffle that preserves
+// the highest set bit of the index: aligned power-of-two blocks stay such blocks, the first 2^k
+// samples stay the first 2^k, and small indices stay small, which keeps lookups few.
+// sampler_test.cc and tests/stability measure the loss of quality (none is detectable).
 //
 // Source: Owen 1995; Laine and Karras 2011 (hash); Burley 2020, "Practical Hash-based Owen
 // Scrambling", JCGT 9(4) (padding, shuffling); constants of the hash: Vegdahl 2021, "Building a
@@ -31,8 +31,8 @@ namespace sheaf::render {
 
 namespace sobol {
 
-// Owen's scrambling on a bit-reversed word: whether a bit flips depends on the bits below it and on
-// the seed only.
+// Owen scrambling of a bit-reversed word: a bit flips depending only on the bits below it and on
+// the seed.
 constexpr uint32_t ScrambleReversed(uint32_t v, uint32_t seed) {
   v ^= v * 0x3d20adeau;
   v += seed;
@@ -43,8 +43,8 @@ constexpr uint32_t ScrambleReversed(uint32_t v, uint32_t seed) {
 }
 
 // The same for a 64-bit index; bits up to and including the lowest set one (the highest of the
-// index) stay as they are, and so does 0. Every even multiplier makes a valid scramble; these
-// continue the 32-bit ones to 64 bits.
+// index) are preserved, and so is 0. Any even multiplier gives a valid scramble; these extend the
+// 32-bit ones to 64 bits.
 constexpr uint64_t ShuffleReversedIndex(uint64_t v, uint64_t seed) {
   const uint64_t may_flip = ~(v ^ (v - 1));
   uint64_t s = v;
@@ -68,7 +68,7 @@ constexpr uint64_t ReverseBits64(uint64_t v) {
          ReverseBits(static_cast<uint32_t>(v >> 32));
 }
 
-// The top 24 bits: all a float in [0, 1) can hold, so that rounding never makes 1.
+// The top 24 bits: all that a float in [0, 1) can hold, so rounding never gives 1.
 constexpr float UnitFloat(uint32_t bits) {
   return static_cast<float>(static_cast<int32_t>(bits >> 8)) * 0x1p-24f;
 }
@@ -77,15 +77,15 @@ constexpr float UnitFloat(uint32_t bits) {
 
 class Sampler {
  public:
-  // sample_index is the film's: replicate and index within it follow from it. one_sequence: there
-  // is but one replicate, of another scramble than the film's.
+  // sample_index is the film's: it determines the replicate and the index within it. one_sequence:
+  // use a single replicate, whose scramble differs from all of the film's.
   Sampler(uint64_t seed, int32_t pixel_x, int32_t pixel_y, uint64_t sample_index,
           bool one_sequence = false)
       : index_reversed_(
             sobol::ReverseBits64(one_sequence ? sample_index : IndexInReplicate(sample_index))) {
     const uint64_t pixel =
         (uint64_t{static_cast<uint32_t>(pixel_y)} << 32) | static_cast<uint32_t>(pixel_x);
-    // One full mix an input: sums of raw inputs would let seeds and pixels cancel each other.
+    // One full mix per input: in sums of raw inputs, seeds and pixels could cancel.
     key_ = MixBits(seed + 1);
     key_ = MixBits(key_ ^ pixel);
     key_ = MixBits(key_ + (one_sequence ? kReplicateCount : ReplicateOf(sample_index)) + 1);
@@ -109,7 +109,8 @@ class Sampler {
   // The first of Get4's coordinates.
   float Get1(uint32_t slot) const {
     const uint64_t base = SlotBase(slot);
-    // Sobol's first dimension is the reversed index itself, and this word is reversed back.
+    // Sobol's first dimension is the bit-reversed index, and reversing this word gives the index
+    // again.
     const uint64_t shuffled = sobol::ShuffleReversedIndex(index_reversed_, MixBits(base));
     const uint32_t reversed = FirstCoordinateReversed(shuffled);
     const uint32_t seed = static_cast<uint32_t>(MixBits(base + kSeed01));

@@ -14,8 +14,8 @@ constexpr uint32_t ReverseBits(uint32_t v) {
   return reversed;
 }
 
-// One line of the Joe-Kuo table: polynomial of this degree, its inner coefficients as bits, and the
-// first direction integers m_1 .. m_degree.
+// One line of the Joe-Kuo table: a polynomial of this degree, its inner coefficients as bits, and
+// the first direction integers m_1 .. m_degree.
 struct PolynomialLine {
   size_t degree;
   uint32_t coefficients;
@@ -27,8 +27,8 @@ constexpr std::array<PolynomialLine, kSobolDimensionCount - 1> kJoeKuo{{
     {3, 1, {1, 3, 1}},
 }};
 
-// Direction numbers as 64-bit fractions. The recurrence runs over all 64 bits of the index, so that
-// points with large indices are points of the same infinite sequence.
+// Direction numbers as 64-bit fractions. The recurrence uses all 64 bits of the index, so that
+// points with large indices continue the same infinite sequence.
 constexpr DirectionNumbers MakeDirectionNumbers(const PolynomialLine& line) {
   DirectionNumbers v{};
   for (size_t i = 0; i < line.degree; ++i) v[i] = line.m[i] << (kIndexBits - 1 - i);

@@ -1,11 +1,11 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The first four dimensions of Sobol's sequence for 64-bit indices, as tables that turn eight bits
-// of the index at a time into all four coordinates. Everything here is bit-reversed (the index's
-// lowest bit and the coordinates' highest bit come last and first), because Owen's scrambling works
-// there. Source: Sobol' 1967; Joe and Kuo 2008, "Constructing Sobol sequences with better
-// two-dimensional projections", primitive polynomials and initial numbers of new-joe-kuo-6.21201.
+// The first four dimensions of Sobol's sequence for 64-bit indices, as tables that map eight bits
+// of the index at a time to all four coordinates. All words are bit-reversed (the index's lowest
+// bit and the coordinates' highest bit come last and first), which is the form for Owen scrambling.
+// Source: Sobol' 1967; Joe and Kuo 2008, "Constructing Sobol sequences with better two-dimensional
+// projections", primitive polynomials and initial numbers of new-joe-kuo-6.21201.
 #pragma once
 
 #include <array>
@@ -17,12 +17,12 @@ namespace sheaf::render {
 inline constexpr size_t kSobolDimensionCount = 4;
 inline constexpr size_t kSobolIndexBytes = 8;
 
-// Four 32-bit coordinates, bit-reversed: bit 0 of a word is the coordinate's bit worth 1/2.
+// Four 32-bit coordinates, bit-reversed: bit 0 of a word is the bit of value 1/2.
 struct alignas(16) SobolPoint {
   std::array<uint32_t, kSobolDimensionCount> reversed{};
 };
-// table[b][v]: what byte b of the index (0 is the lowest) adds (by exclusive or) when the byte,
-// with its bits in reversed order, is v.
+// table[b][v]: the contribution (by exclusive or) of byte b of the index (0 is the lowest) if the
+// byte, with its bits in reversed order, is v.
 using SobolTable = std::array<std::array<SobolPoint, 256>, kSobolIndexBytes>;
 extern const SobolTable kSobolTable;
 

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Sets of traits as bits, the parameter that what is compiled for a scene's needs is templated
-// over.
+// TraitSet: sets of traits as bits, the template parameter of code that is compiled for the needs
+// of a scene.
 #pragma once
 
 #include <cstdint>
@@ -50,11 +50,11 @@ constexpr uint32_t TraitSet(Trait first, Rest... rest) {
   return static_cast<uint32_t>(first) | TraitSet(rest...);
 }
 
-// Those for which a path knows what it is in.
+// Traits for which a path tracks its media and interiors.
 inline constexpr uint32_t kInsides =
     TraitSet(Trait::kMedia, Trait::kSubsurface, Trait::kNestedDielectrics);
 
-// Every trait a scene may call for, with colour as RGB and as spectra.
+// Every trait that a scene may need, with color as RGB and as spectra.
 inline constexpr uint32_t kAllSpectralTraits = ~0u;
 inline constexpr uint32_t kAllTraits = kAllSpectralTraits & ~TraitSet(Trait::kSpectral);
 
