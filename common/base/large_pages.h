@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// WishForLargePages: for large arrays that are read here and there, where address translation would
-// be waited for at most reads.
+// WishForLargePages: for large arrays with random reads, most of which would otherwise miss the
+// translation lookaside buffer.
 #pragma once
 
 #include <sys/mman.h>
@@ -12,8 +12,8 @@
 
 namespace sheaf {
 
-// Only a wish: where the system has no large pages to give, small ones serve. For memory that has
-// not been touched.
+// A hint: if the system has no large pages, small ones are used. Requires: the memory has not been
+// touched yet.
 inline void WishForLargePages(void* begin, size_t size_bytes) {
 #ifdef MADV_HUGEPAGE
   const uintptr_t page = 4096;

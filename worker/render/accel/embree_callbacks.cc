@@ -1,8 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The callbacks. With one ray at a time, Embree's N-wide records have the layout of the single
-// ones.
+// Callbacks for Embree. For single rays, its N-wide records have the layout of the single ones.
 #include "worker/render/accel/embree_callbacks.h"
 
 #include <array>
@@ -26,7 +25,7 @@ const TraceContext& ContextOf(const QueryContext* context) {
   return *reinterpret_cast<const TraceContext*>(context);
 }
 
-// A hit that Embree found and a filter judges. While filters run, the ray ends at it.
+// A hit that Embree found and a filter checks. While filters run, the ray ends at the hit.
 struct Candidate {
   const TraceContext& context;
   const BakedMesh& mesh;
@@ -41,7 +40,7 @@ struct Candidate {
 
   bool IsSource() const { return context.IsSource(hit.geomID, hit.primID); }
   const uint32_t* Indices() const { return &mesh.indices[3 * static_cast<size_t>(hit.primID)]; }
-  // The distance to the plane of the triangle, as Embree has it before it divides.
+  // The distance to the triangle's plane, as Embree has it before its division.
   float PlaneDistance() const {
     const Vec3f corner = mesh.positions[Indices()[0]];
     return TimesNormal(corner.x - ray.org_x, corner.y - ray.org_y, corner.z - ray.org_z) /
@@ -57,7 +56,7 @@ struct Candidate {
   }
 };
 
-// Which hits of a mesh without needles there are is Embree's to say; where they are is ours.
+// For a mesh without needles Embree decides which hits exist; we compute their distance.
 void JudgeNearest(const RTCFilterFunctionNArguments* args) {
   const Candidate candidate(args);
   args->valid[0] = 0;
@@ -73,8 +72,8 @@ void JudgeAny(const RTCFilterFunctionNArguments* args) {
       !candidate.IsSource() && (is_clear || candidate.PlaneDistance() <= end);
   if (!is_in_the_way) args->valid[0] = 0;
 }
-// Sets a hit to where it is in double, or refuses it. It may be further away than Embree has it, as
-// far as the last one accepted. meet: where the ray meets a triangle of the mesh (three indices).
+// Recomputes a hit in double, or rejects it. The result may be farther than Embree's, up to the
+// last accepted hit. meet: intersects the ray with a triangle of the mesh (three indices).
 template <typename Meet>
 void TestAgain(const RTCFilterFunctionNArguments* args, const Meet& meet) {
   const Candidate candidate(args);
@@ -101,7 +100,7 @@ void TestDeformedAgain(const RTCFilterFunctionNArguments* args) {
               const DeformedTriangle triangle =
                   DeformedTriangleAt(mesh, t, VertexTimeAt(mesh, ray.time));
               const auto& [a, b, c] = triangle.corners;
-              // At this instant it may be nothing that shades.
+              // At this time the triangle may be degenerate.
               if (!(LengthSquared(Cross(b - a, c - a)) > 0)) return std::nullopt;
               return MeetTriangle(Origin(ray), Direction(ray), triangle.corners,
                                   CornerErrorOf(mesh, triangle));
@@ -122,7 +121,7 @@ void BoundQuadric(const RTCBoundsFunctionArguments* args) {
   const std::array<Vec3f, 2> bounds = QuadricBounds((*list.quadrics)[args->primID].quadric);
   SetBounds(args->bounds_o, bounds[0], bounds[1]);
 }
-// Takes the hit of a shape met in double, if it is the nearest.
+// Accepts a hit of a shape that was intersected in double, if it is the nearest.
 void Accept(const TraceContext& context, PrimitiveId id, double t, float u, float v,
             RTCRayHit* ray_hit) {
   const auto distance = static_cast<float>(t);
@@ -162,7 +161,7 @@ void BoundPatch(const RTCBoundsFunctionArguments* args) {
   const std::array<Vec3f, 2> bounds = PatchBounds(list.patches->PatchAt(args->primID));
   SetBounds(args->bounds_o, bounds[0], bounds[1]);
 }
-// A flat patch is not met again by a ray that leaves it; a curved one may be.
+// A ray cannot hit a flat patch that it leaves, but may hit a curved one again.
 std::optional<PatchHit> MeetPatch(const PatchList& list, uint32_t index, const RTCRay& ray,
                                   const TraceContext& context, float t_max) {
   const BilinearPatch patch = list.patches->PatchAt(index);
@@ -199,7 +198,7 @@ void BoundCurve(const RTCBoundsFunctionArguments* args) {
       CurveBounds(SegmentOf(curves.set, piece.segment), piece, curves.target_from_shape);
   SetBounds(args->bounds_o, bounds[0], bounds[1]);
 }
-// A ray may meet the curve it leaves: it starts beyond the width it could meet at once.
+// A ray may hit the curve that it leaves: its origin is offset by more than the width.
 std::optional<CurveHit> MeetCurve(const BakedCurves& curves, uint32_t index, const RTCRay& ray,
                                   float t_max) {
   const Vec3d o = Origin(ray), d = Direction(ray);
@@ -239,7 +238,7 @@ void BoundPlaced(const RTCBoundsFunctionArguments* args) {
                                   : BoundsOfMoving(*list.geometry, placed, args->timeStep);
   SetBounds(args->bounds_o, bounds.lower, bounds.upper);
 }
-// The ray in the space of the group. The direction keeps its length's meaning, so t stays the same.
+// The ray in the group's space. The direction keeps its length, so t stays the same.
 RTCRay RayInGroup(const PlacedList& list, const PlacedGroup& placed, const RTCRay& ray) {
   const Affine group_from_render = GroupFromRenderAt(*list.geometry, placed, ray.time);
   RTCRay inner = ray;
@@ -314,7 +313,7 @@ void FilterDeforming(RTCGeometry triangles, const BakedMesh& mesh) {
 
 namespace {
 
-// A geometry of `count` primitives that our own functions bound and meet.
+// Sets up a user geometry of `count` primitives.
 void SetCallbacks(RTCGeometry user, size_t count, void* list, RTCBoundsFunction bound,
                   RTCIntersectFunctionN intersect, RTCOccludedFunctionN occlude) {
   rtcSetGeometryUserPrimitiveCount(user, static_cast<unsigned>(count));

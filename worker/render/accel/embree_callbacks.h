@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// What Embree calls back while it traces: filters of triangle hits, and quadrics, patches, curves
-// and placed groups as user geometry. Each sets up a geometry that has yet to be committed.
+// Embree callbacks: filters of triangle hits, and quadrics, patches, curves and placed groups as
+// user geometry. Each function sets up a geometry that the caller then commits.
 #pragma once
 
 #include <vector>
@@ -12,7 +12,7 @@
 
 namespace sheaf::render {
 
-// What user geometry callbacks are given.
+// The user data of user geometry callbacks.
 struct QuadricList {
   const std::vector<BakedQuadric>* quadrics = nullptr;
   uint32_t geometry = 0;
@@ -28,17 +28,17 @@ struct CurveList {
 struct PlacedList {
   const SceneGeometry* geometry = nullptr;
   const std::vector<PlacedGroup>* placed = nullptr;
-  uint32_t first = 0;  // Index of the list's first in RawHit::placed.
+  uint32_t first = 0;  // Index in RawHit::placed of the list's first group.
   const std::vector<RTCScene>* scenes = nullptr;
 };
 
-// Keeps rays from meeting the triangle they leave, and says where they meet others. Where the mesh
-// has needles, hits are tested again in double. `mesh` must outlive the geometry.
+// Makes rays skip the triangle they leave, and computes hit distances. If the mesh has needles,
+// hits are tested again in double. `mesh` must outlive the geometry.
 void FilterTriangles(RTCGeometry triangles, const BakedMesh& mesh, bool has_needles);
-// The same for a mesh that deforms, whose triangles may be needles at any time.
+// The same for a deforming mesh, whose triangles may be needles at any time.
 void FilterDeforming(RTCGeometry triangles, const BakedMesh& mesh);
 
-// Sets u and v of the hit that the trace ended with.
+// Computes u and v of the final hit.
 void Settle(const TraceContext& context, RTCRayHit* ray_hit);
 
 // `list` must outlive the geometry.

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The one file that includes Embree: its types, and what differs between 3.13 and 4.x. For the
-// embree_*.cc files alone; everybody else traces through embree_scene.h.
+// The only file that includes Embree: its types, and the differences between 3.13 and 4.x. Only for
+// the embree_*.cc files; all other code uses embree_scene.h.
 #pragma once
 
 #if __has_include(<embree4/rtcore.h>)
@@ -22,26 +22,26 @@ using QueryContext = RTCRayQueryContext;
 using QueryContext = RTCIntersectContext;
 #endif
 
-// Embree's distances are made with approximate reciprocals, which processors of two makers round
-// differently, by some 2^-22. So which hit is the nearest is decided by distances of ours, and
-// Embree looks for hits a little beyond the nearest, to offer all that may be nearer.
+// Embree's distances use approximate reciprocals, which processors of two vendors round
+// differently, by about 2^-22. Our own distances therefore decide which hit is nearest, and Embree
+// searches slightly beyond the nearest hit, so that it offers every hit that may be nearer.
 inline constexpr float kDistanceDoubt = 0x1p-18f;
 inline float SearchEnd(float t) { return t * (1 + kDistanceDoubt); }
 
-// Embree hands its context on to callbacks; ours carries the primitive that the ray leaves, which
-// placed group (or the world, kNotPlaced) is being traced, and the nearest hit so far.
+// Embree passes its context to callbacks; ours adds the primitive that the ray leaves, the placed
+// group that is being traced (kNotPlaced for the world), and the nearest hit so far.
 struct TraceContext {
   QueryContext base;
   PrimitiveId source;
   uint32_t here = kNotPlaced;
-  // The distance of the nearest hit, from the ray's end on; the greatest id where there is none.
+  // Initially the ray's end, with the largest id.
   mutable float nearest;
   mutable PrimitiveId nearest_id;
-  // Of a hit whose u and v are still Embree's; null where they are ours (Settle).
+  // The mesh of a hit whose u and v are still Embree's; null where they are ours (Settle).
   mutable const BakedMesh* unsettled = nullptr;
 
   TraceContext(PrimitiveId ray_source, float t_max) : source(ray_source), nearest(t_max) { Init(); }
-  // Of a ray that enters a placed group.
+  // For a ray that enters a placed group.
   TraceContext(const TraceContext& outside, uint32_t placed)
       : source(outside.source),
         here(placed),
@@ -50,13 +50,13 @@ struct TraceContext {
     Init();
   }
 
-  // Embree writes nothing to it.
+  // Embree does not write to it.
   QueryContext* Handed() const { return const_cast<QueryContext*>(&base); }
   bool IsSource(uint32_t geometry, uint32_t primitive) const {
     return PrimitiveId{geometry, primitive, here} == source;
   }
-  // Takes a hit if it is the nearest. Of hits at one distance the one of the smallest id is,
-  // whatever order they are found in.
+  // Accepts a hit if it is the nearest. Among hits at the same distance the smallest id wins, in
+  // whatever order they are found.
   bool Take(float t, uint32_t geometry, uint32_t primitive) const {
     const PrimitiveId id{geometry, primitive, here};
     if (!(t < nearest || (t == nearest && id < nearest_id))) return false;
@@ -76,7 +76,7 @@ struct TraceContext {
   }
 };
 
-// Calls that changed their shape between the two versions.
+// Calls whose signature differs between the two versions.
 inline void TraceNearest(RTCScene scene, const TraceContext* context, RTCRayHit* ray_hit) {
 #if RTC_VERSION_MAJOR >= 4
   RTCIntersectArguments arguments;

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Embree devices and scenes: building them and asking them.
+// Building and querying Embree devices and scenes.
 #include "worker/render/accel/embree_scene.h"
 
 #include <sys/types.h>
@@ -22,7 +22,7 @@
 namespace sheaf::render {
 namespace {
 
-// Above this many triangles in a group the tree is built without splitting them: splits cost
+// Above this number of triangles in a group, the tree is built without spatial splits, which cost
 // memory.
 constexpr size_t kHighQualityTrianglesMax = size_t{1} << 23;
 
@@ -33,7 +33,7 @@ struct EmbreeScene::State {
   Filters filters = Filters::kSkipSource;
   std::vector<RTCScene> scenes;  // One per group; [0] is the world.
   std::vector<QuadricList> quadric_lists;
-  std::deque<PatchList> patch_lists;  // Of all groups; Embree points into it.
+  std::deque<PatchList> patch_lists;  // For all groups; Embree holds pointers to elements.
   std::deque<CurveList> curve_lists;  // Likewise.
   PlacedList still, moving;
   LeakGuard leak_guard;
@@ -182,7 +182,7 @@ absl::StatusOr<std::unique_ptr<EmbreeScene>> EmbreeScene::Build(const SceneGeome
   for (size_t i = 0; i < geometry.groups.size(); ++i) {
     state.scenes.push_back(rtcNewScene(state.device));
   }
-  // Groups first: the world's tree asks for their bounds only, but its rays enter them.
+  // Groups first: the world's tree needs only their bounds, but its rays enter them.
   for (size_t i = geometry.groups.size(); i-- > 0;) {
     const absl::Status status = state.BuildGroup(geometry, i);
     if (!status.ok()) return status;

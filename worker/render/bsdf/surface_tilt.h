@@ -1,20 +1,22 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// SurfaceTilt: scattering about a normal that a map has turned away from the surface's own, without
-// directions that are lost below the true surface. What a lobe about the turned normal sends there,
-// and what it sends so low that the bump would shadow it, is turned up again, to a direction that
-// the true surface sees: no light leaks, none is lost, and nothing jumps at the horizon.
+// SurfaceTilt: scattering about a perturbed shading normal (from a normal or bump map) without
+// losing energy below the true surface. Directions that a lobe about the perturbed normal sends
+// below the surface, or so low that the bump would shadow them, are rotated back to directions that
+// the true surface sees: no light leaks, none is lost, and there is no discontinuity at the
+// horizon.
 //
-// Three parts. The normal is bent no further from the viewer than lets a mirror reflect upwards
-// (Keller et al. 2017, "The Iray Light Transport Simulation and Rendering System", sec. 4.3). The
-// share of a direction that is shadowed is that of a microfacet surface as rough as the normal is
-// tilted (Conty Estevez et al. 2019, "A Microfacet-Based Shadowing Function to Solve the Bump
-// Terminator Problem", Ray Tracing Gems ch. 12), along the tilt. And as in the surface of two
-// facets of Schuessler et al. 2017, "Microfacet-based Normal Mapping for Robust Monte Carlo Path
-// Tracing", shadowed light goes on: turned about the axis of the tilt, by an angle that is drawn
-// for each vertex of a path. A turn keeps solid angles, so that a white surface stays white
-// whatever the tilt, and the pdf of what is scattered is known exactly.
+// The method has three parts. The normal is bent towards the surface's own, only as far as needed
+// for a mirror reflection to point upwards (Keller et al. 2017, "The Iray Light Transport
+// Simulation and Rendering System", sec. 4.3). The shadowed fraction of a direction is that of a
+// microfacet surface whose roughness matches the tilt (Conty Estevez et al. 2019, "A
+// Microfacet-Based Shadowing Function to Solve the Bump Terminator Problem", Ray Tracing Gems ch.
+// 12), along the tilt. And as with the two-facet surface of Schuessler et al. 2017,
+// "Microfacet-based Normal Mapping for Robust Monte Carlo Path Tracing", shadowed light continues:
+// it is rotated about the axis of the tilt by an angle sampled for each path vertex. A rotation
+// preserves solid angles, so a white surface stays white at any tilt, and the pdf of scattered
+// directions is exact.
 #pragma once
 
 #include <algorithm>
@@ -27,13 +29,13 @@
 
 namespace sheaf::render {
 
-// The least cosine between a turned normal and the surface's own; maps that ask for more get it.
+// Minimum cosine between the perturbed and the surface normal; maps that exceed it are clamped.
 inline constexpr float kCosTiltMin = 0.05f;
-// How far above the horizon (cosine) a mirror's reflection is kept, and the share of the viewer's
-// own height that does where he looks along the surface.
+// Minimum height of a mirror reflection above the horizon (cosine), and the fraction of the
+// viewer's own height that limits it at grazing view.
 inline constexpr float kReflectionHeightMin = 0.01f, kReflectionHeightShare = 0.9f;
 
-// The unit normal nearest to n on the front of the surface. ng: unit.
+// Returns the unit normal nearest to n on the front of the surface. ng: unit.
 inline Vec3f LiftNormal(Vec3f n, Vec3f ng) {
   const float height = Dot(n, ng);
   if (height >= kCosTiltMin) return n;
@@ -44,9 +46,9 @@ inline Vec3f LiftNormal(Vec3f n, Vec3f ng) {
   return Normalize(level * (radius / length) + kCosTiltMin * ng);
 }
 
-// n, or where a mirror of that normal would reflect what wo sees from below the surface, the normal
-// that reflects it from just above. ng, n, wo: unit, n in the hemisphere of ng; wo on either side.
-// The result faces wo on the side that ng does.
+// Returns n or, if a mirror with that normal would reflect wo below the surface, the normal that
+// reflects it just above the surface. ng, n, wo: unit, n in the hemisphere of ng; wo on either
+// side. The result faces wo on the side that ng does.
 inline Vec3f BendNormal(Vec3f n, Vec3f ng, Vec3f wo) {
   const float side = Dot(wo, ng) < 0 ? -1.0f : 1.0f;
   const Vec3f up = side * ng, m = side * n;
@@ -61,12 +63,12 @@ inline Vec3f BendNormal(Vec3f n, Vec3f ng, Vec3f wo) {
   const float radius = std::sqrt(1 - height_min * height_min);
   const Vec3f half = wo + level * (radius / length) + height_min * up;
   const float half_length = Length(half);
-  // Looking along the surface against the tilt, what is left is the surface itself.
+  // At grazing view against the tilt only the surface normal itself remains.
   if (!(half_length > 1e-3f)) return ng;
   return side * (half * (1 / half_length));
 }
 
-// Of one vertex of a path, in its shading frame.
+// The tilt at one path vertex, in its shading frame.
 class SurfaceTilt {
  public:
   // Not tilted.
@@ -76,11 +78,11 @@ class SurfaceTilt {
     const float sine_squared = up_.x * up_.x + up_.y * up_.y;
     if (!(sine_squared > 0)) return;
     const float sine = std::sqrt(sine_squared);
-    // The shading normal's part along the surface.
+    // The part of the shading normal along the surface.
     axis_ = {-up_.z * up_.x / sine, -up_.z * up_.y / sine, sine};
     alpha_squared_ = std::fmin(kAlphaShare * sine_squared / (up_.z * up_.z), 1.0f);
-    // Turned by the tilt at least, everything shadowed comes up; by a right angle at most, nothing
-    // goes down on the far side.
+    // A rotation by at least the tilt raises everything shadowed; by at most a right angle it sends
+    // nothing below the far side.
     const float tilt = Atan2(sine, up_.z);
     const SinCosPair<float> turn = SinCos(tilt + u.x * (static_cast<float>(kPi / 2) - tilt));
     sin_turn_ = turn.sin;
@@ -89,7 +91,7 @@ class SurfaceTilt {
     u_choice_ = std::fmin(mirrored_ ? 2 * u.y : 2 * u.y - 1, 0x1.fffffep-1f);
     active_ = true;
   }
-  // Whether there is anything to do: else the Bsdf is as it is.
+  // Whether there is a tilt; otherwise the Bsdf applies unchanged.
   bool active() const { return active_; }
 
   // As EvalBsdf and SampleBsdf, over the hemispheres of the true surface. Requires: active(), wo on
@@ -100,7 +102,7 @@ class SurfaceTilt {
     const float sign = (Dot(wi, up_) > 0) == (wo.z > 0) ? SideOf(wo) : -SideOf(wo);
     const Vec3f q = sign * wi;
     if (!(Dot(q, up_) > 0)) return value;
-    // What comes this way by itself, and what is turned to it.
+    // The light that arrives unshadowed along this direction, and the light rotated to it.
     if (q.z > 0) Add<kTraits>(bsdf, wo, wi, Seen(q), &value);
     const Vec3f before = TurnBack(q);
     const float shadowed = before.z > 0 ? 1 - Seen(before) : 0;
@@ -115,7 +117,7 @@ class SurfaceTilt {
     if (!sample) return sample;
     const float sign = (sample->wi.z > 0) == (wo.z > 0) ? SideOf(wo) : -SideOf(wo);
     const Vec3f q = sign * sample->wi;
-    // A mirror's picture stays sharp: only what the surface itself hides is turned.
+    // A mirror image stays sharp: only directions below the surface are rotated.
     const bool specular = (sample->flags & kBsdfSpecular) != 0;
     const float seen = specular ? (Dot(q, up_) > 0 ? 1.0f : 0.0f) : Seen(q);
     if (!(u_choice_ < seen)) sample->wi = sign * Turn(q);
@@ -142,10 +144,10 @@ class SurfaceTilt {
     value->pdf += part.pdf * share;
   }
 
-  // The directions q below are turned to the front: above the shading normal's horizon before they
-  // are shadowed, above the surface's in the end.
+  // The directions q below are flipped to the front: above the shading normal's horizon before
+  // shadowing, above the surface's in the end.
 
-  // The share of q that nothing shadows. What is not on the side of the tilt is not shadowed by it.
+  // The unshadowed fraction of q. Directions on the side away from the tilt are not shadowed.
   float Seen(Vec3f q) const {
     const float height = Dot(q, up_), along = Dot(q, axis_);
     if (!(height > 0)) return 0;
@@ -168,7 +170,7 @@ class SurfaceTilt {
   Vec3f Moved(Vec3f q, float along, float up) const { return q + along * axis_ + up * up_; }
 
   Vec3f up_{0, 0, 1};    // The surface's normal.
-  Vec3f axis_{1, 0, 0};  // Along the surface, to where the shading normal leans.
+  Vec3f axis_{1, 0, 0};  // Along the surface, towards the shading normal.
   float alpha_squared_ = 0;
   float sin_turn_ = 0, cos_turn_ = 1;
   float u_choice_ = 0;

@@ -1,9 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Affine: a 3x4 matrix of double for the tracing kernels, where placing a ray in an object must
-// cost little and lose nothing: instances keep doubles, so float error enters once, at the final
-// rounding.
+// Affine: a 3x4 matrix of double for the tracing kernels, which transform rays into objects cheaply
+// and accurately: instances keep doubles, so float error enters once, at the final rounding.
 #pragma once
 
 #include "common/math/transform.h"
@@ -17,8 +16,8 @@ struct Affine {
 
   Vec3d Point(Vec3d p) const { return p.x * x + p.y * y + p.z * z + offset; }
   Vec3d Vector(Vec3d v) const { return v.x * x + v.y * y + v.z * z; }
-  // The normal n carried from the target of *this* back to its source, unnormalised: to bring an
-  // object's normal into the world, call it on object_from_world.
+  // Applies the transpose of the linear part, unnormalized: called on object_from_world, it
+  // transforms an object's normal to the world.
   Vec3d TransposedVector(Vec3d n) const { return {Dot(x, n), Dot(y, n), Dot(z, n)}; }
   double Determinant() const { return Dot(x, Cross(y, z)); }
 };

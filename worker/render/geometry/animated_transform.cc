@@ -12,11 +12,12 @@
 namespace sheaf::render {
 namespace {
 
-// Newton's iteration converges quadratically; from any invertible matrix of double this is plenty.
+// Newton's iteration converges quadratically; any invertible matrix of double needs far fewer
+// steps.
 constexpr int kPolarIterationsMax = 100;
 constexpr double kPolarTolerance = 1e-15;
 constexpr double kAffineTolerance = 1e-9;
-// Below this arc a straight line between quaternions, normalised, equals the arc in double.
+// Below this arc the normalized straight line between quaternions equals the arc in double.
 constexpr double kStraightArc = 1e-7;
 
 Affine Linear(const Affine& a) { return {a.x, a.y, a.z, {0, 0, 0}}; }
@@ -33,12 +34,12 @@ double FrobeniusNorm(const Affine& a) {
   return std::sqrt(LengthSquared(a.x) + LengthSquared(a.y) + LengthSquared(a.z));
 }
 
-// The orthogonal factor nearest to a; keeps the sign of the determinant.
+// Returns the orthogonal factor nearest to a; keeps the sign of the determinant.
 Affine PolarFactor(const Affine& a) {
   Affine q = Linear(a);
   for (int i = 0; i < kPolarIterationsMax; ++i) {
     const Affine inverse_transposed = Transposed(Inverse(q));
-    // Scaling by the norms' ratio makes the first steps fast for stretched matrices.
+    // Scaling by the ratio of norms speeds up the first steps for stretched matrices.
     const double scale = std::sqrt(FrobeniusNorm(inverse_transposed) / FrobeniusNorm(q));
     const Affine next = Blend(q, 0.5 * scale, inverse_transposed, 0.5 / scale);
     const double change = FrobeniusNorm(Blend(next, 1, q, -1));
@@ -53,7 +54,7 @@ bool IsFinite(Vec3d v) { return std::isfinite(v.x) && std::isfinite(v.y) && std:
 }  // namespace
 
 AnimatedTransform::Quaternion AnimatedTransform::QuaternionOf(const Affine& r) {
-  // The largest component comes from a square root, so that no division loses digits.
+  // Takes the largest component from a square root, so that no division loses digits.
   // Source: Shepperd 1978.
   const double trace = r.x.x + r.y.y + r.z.z;
   if (trace >= r.x.x && trace >= r.y.y && trace >= r.z.z) {
@@ -91,7 +92,7 @@ absl::StatusOr<AnimatedTransform::Key> AnimatedTransform::MakeKey(const Matrix4&
   if (!Invert(matrix, &inverse)) {
     return absl::InvalidArgumentError("a key of the motion is singular or not finite");
   }
-  // A matrix that comes from an inversion has its last row up to rounding.
+  // A matrix that results from an inversion has a last row that is affine to rounding.
   const auto& last = matrix.m[3];
   const double deviation =
       std::fabs(last[0]) + std::fabs(last[1]) + std::fabs(last[2]) + std::fabs(last[3] - 1);
@@ -105,7 +106,7 @@ absl::StatusOr<AnimatedTransform::Key> AnimatedTransform::MakeKey(const Matrix4&
   }
   key.translation = key.transform.offset;
   Affine rotation = PolarFactor(key.transform);
-  // A mirror goes into the stretch, so that the rotation is a proper one.
+  // Moves a mirror to the stretch, so that the rotation is proper.
   if (rotation.Determinant() < 0) rotation = {-rotation.x, -rotation.y, -rotation.z, {0, 0, 0}};
   key.stretch = Transposed(rotation) * Linear(key.transform);
   key.rotation = QuaternionOf(rotation);
@@ -137,7 +138,7 @@ absl::StatusOr<AnimatedTransform> AnimatedTransform::Make(const TransformOverTim
                                  (a.y - b.y) * (a.y - b.y) + (a.z - b.z) * (a.z - b.z));
   const double together = std::sqrt((a.w + b.w) * (a.w + b.w) + (a.x + b.x) * (a.x + b.x) +
                                     (a.y + b.y) * (a.y + b.y) + (a.z + b.z) * (a.z + b.z));
-  // Exact near 0, where the arc cosine of the dot product would not be (and may exceed 1).
+  // Accurate near 0, where the arc cosine of the dot product is not (and the product may exceed 1).
   result.half_angle_ = 2 * Atan2(apart, together);
   return result;
 }
@@ -168,8 +169,8 @@ Affine AnimatedTransform::At(double time) const {
 }
 
 double AnimatedTransform::LinearDeviationMax(double time_0, double time_1, double radius) const {
-  // A curve strays from its chord by at most (duration^2 / 8) max |acceleration|. With x = R S p
-  // and S linear in time, |x''| <= w^2 |S p| + 2 w |S' p|, w the angular speed.
+  // A curve deviates from its chord by at most (duration^2 / 8) max |acceleration|. With x = R S p
+  // and S linear in time, |x''| <= w^2 |S p| + 2 w |S' p|, where w is the angular speed.
   const double duration = KeyFraction(time_1) - KeyFraction(time_0);
   const double angular_speed = 2 * half_angle_;
   const double stretch = std::max(FrobeniusNorm(keys_[0].stretch), FrobeniusNorm(keys_[1].stretch));
@@ -177,7 +178,7 @@ double AnimatedTransform::LinearDeviationMax(double time_0, double time_1, doubl
   const double acceleration =
       radius * angular_speed * (angular_speed * stretch + 2 * stretch_speed);
   double deviation = 0.125 * duration * duration * acceleration;
-  // Where the motion starts or ends within the interval, the path has a corner there.
+  // If the motion starts or ends within the interval, the path has a corner there.
   const bool has_corner =
       (time_0 < start_time_ && start_time_ < time_1) || (time_0 < end_time_ && end_time_ < time_1);
   if (has_corner) {

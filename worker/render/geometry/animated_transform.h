@@ -1,10 +1,10 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// AnimatedTransform: where something is at any time between two key frames. Each key is split as
-// M = T R S (translation, rotation, symmetric stretch); T and S move linearly, R along the shorter
-// arc. Source: Shoemake and Duff 1992, "Matrix Animation and Polar Decomposition"; the polar part
-// by Higham's scaled Newton iteration (1986). All in double.
+// AnimatedTransform: a transform interpolated between two key frames. Each key is split as M = T R
+// S (translation, rotation, symmetric stretch); T and S are interpolated linearly, R along the
+// shorter arc. Source: Shoemake and Duff 1992, "Matrix Animation and Polar Decomposition"; the
+// polar part by Higham's scaled Newton iteration (1986). All in double.
 #pragma once
 
 #include <array>
@@ -17,17 +17,17 @@ namespace sheaf::render {
 
 class AnimatedTransform {
  public:
-  // target_from_world is applied after the motion, without being interpolated.
+  // target_from_world is applied after the motion, without interpolation.
   // Errors: kInvalidArgument where a key is singular, not finite or not affine, where the two keys
   // differ in handedness, or where end_time is before start_time.
   static absl::StatusOr<AnimatedTransform> Make(const TransformOverTime& motion);
 
-  // The transform at a time in the scene's time units; held still outside the keys. The keys
-  // themselves are returned as they were given.
+  // The transform at a time in the scene's time units; constant outside the keys. At the keys it
+  // returns the given matrices exactly.
   Affine At(double time) const;
 
-  // Bound of how far any point within |p| <= radius strays, between two times, from the straight
-  // line between its places at these two times. In target units.
+  // Upper bound of the distance, in target units, between the path of any point with |p| <= radius
+  // and the straight line between its positions at the two times.
   double LinearDeviationMax(double time_0, double time_1, double radius) const;
 
  private:

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Bilinear patches met in double, and those that are triangles.
+// Intersection of bilinear patches in double, and conversion of flat ones to triangles.
 #include "worker/render/geometry/bilinear_patch.h"
 
 #include <algorithm>
@@ -12,23 +12,23 @@
 namespace sheaf::render {
 namespace {
 
-// Rounding of a triple product in double, in parts of the product of its vectors' sums of
-// magnitudes.
+// Rounding of a triple product in double, relative to the product of the sums of magnitudes of its
+// vectors.
 constexpr double kProductRounding = 0x1p-48;
-// However badly u or v is determined, a hit is no farther from an edge than this part of the
-// patch's size; nor u than the second from its range, nor v than its range.
+// Maximum distance of a hit from an edge relative to the patch's size, and maximum excess of u over
+// its range, however ill-conditioned u or v is. The excess of v is at most its range.
 constexpr double kSlackMax = 0x1p-16;
 constexpr double kParameterSlackMax = 0x1p-6;
-// How far a corner may be from where the other three would have it in a parallelogram: in parts of
-// the largest coordinate, for files written in float and with six digits, and of the longest side.
+// Maximum deviation of a corner from a parallelogram: relative to the largest coordinate, for files
+// with float and with six-digit coordinates, and relative to the longest side.
 constexpr double kFloatTolerance = 0x1p-22;
 constexpr double kSixDigitsTolerance = 1e-5;
 constexpr double kSideTolerance = 0x1p-7;
 
 double SumOfMagnitudes(Vec3d v) { return std::fabs(v.x) + std::fabs(v.y) + std::fabs(v.z); }
 
-// The patch as seen by a ray from the origin along d: its line at u goes from
-// start + u along (at v = 0) by ruling + u turn.
+// The patch as seen by a ray from the origin along d: its line at u runs from start + u along (at v
+// = 0) by ruling + u turn.
 struct Seen {
   Vec3d d, start, along, ruling, turn;
 
@@ -40,7 +40,7 @@ struct Seen {
         turn((patch.p11 - patch.p10) - ruling) {}
 };
 
-// How far rounding may have moved what is computed; a few ulps too much, as sums are.
+// Upper bounds of rounding errors.
 struct Rounding {
   double d, along, product, slack_length;
 
@@ -55,7 +55,7 @@ struct Rounding {
 
 bool IsWithin(double value, double slack) { return value >= -slack && value <= 1 + slack; }
 
-// Where on the line at u the ray passes, if within the patch.
+// Intersects the ray with the line at u, if within the patch.
 std::optional<PatchHit> MeetRuling(const Seen& seen, const Rounding& rounding, double u_root,
                                    double u_slack) {
   if (!IsWithin(u_root, u_slack)) return std::nullopt;
@@ -64,7 +64,7 @@ std::optional<PatchHit> MeetRuling(const Seen& seen, const Rounding& rounding, d
   const Vec3d across = Cross(seen.d, ruling);
   const double square = LengthSquared(across);
   if (!(square > 0)) return std::nullopt;
-  // Of the point itself, and of where u has the line.
+  // Errors of the point itself, and of the line's position by u.
   const double moved = kProductRounding * SumOfMagnitudes(point) + u_slack * rounding.along;
   const double v_slack = std::min({1.0, rounding.slack_length / SumOfMagnitudes(ruling),
                                    rounding.d * moved / std::sqrt(square)});
@@ -74,25 +74,25 @@ std::optional<PatchHit> MeetRuling(const Seen& seen, const Rounding& rounding, d
   return PatchHit{Dot(point + ruling * v, seen.d) / LengthSquared(seen.d), u, v};
 }
 
-// The nearer one of up to two lines of equal u that the ray passes.
+// Returns the nearer of up to two intersections with lines of equal u.
 std::optional<PatchHit> MeetRulings(const BilinearPatch& patch, const Seen& seen, Vec3d o,
                                     double t_max) {
-  // The ray meets the line at u where d . (point x ruling) is zero; that is quadratic in u.
+  // The ray intersects the line at u where d . (point x ruling) is zero; that is quadratic in u.
   const double at_0 = Dot(seen.d, Cross(seen.start, seen.ruling));
   const double at_1 = Dot(seen.d, Cross(patch.p10 - o, patch.p11 - patch.p10));
   const double square = Dot(seen.d, Cross(seen.along, seen.turn));
   const double linear = at_1 - at_0 - square;
   const double discriminant = linear * linear - 4 * square * at_0;
   const double slope = discriminant > 0 ? std::sqrt(discriminant) : 0;
-  // The two roots without cancellation. Where one does not exist it is not finite, or zero by zero,
-  // and so within nothing.
+  // The two roots without cancellation. A root that does not exist is not finite or NaN, and so
+  // within no range.
   const double sum = -0.5 * (linear + std::copysign(slope, linear));
   const double roots[2] = {sum / square, at_0 / sum};
   if (!IsWithin(roots[0], kParameterSlackMax) && !IsWithin(roots[1], kParameterSlackMax))
     return std::nullopt;
   const Rounding rounding(seen);
   const double largest = std::fabs(at_0) + std::fabs(linear) + std::fabs(square);
-  if (!(largest > 3 * rounding.product)) return std::nullopt;  // In its plane.
+  if (!(largest > 3 * rounding.product)) return std::nullopt;  // The ray lies in the patch's plane.
   if (discriminant < -4 * rounding.product * largest) return std::nullopt;
   const double u_slack = std::min(
       {kParameterSlackMax, rounding.slack_length / rounding.along, 2 * rounding.product / slope});
@@ -105,8 +105,8 @@ std::optional<PatchHit> MeetRulings(const BilinearPatch& patch, const Seen& seen
   return nearest;
 }
 
-// A patch may be a triangle, an edge of it a point: a ray to that point is to be met, but passes
-// all its lines at once, or one without direction.
+// If an edge is collapsed to a point (the patch is a triangle), a ray to that point must hit, but
+// intersects all lines at once, or one without direction.
 std::optional<PatchHit> MeetCollapsedEdge(const BilinearPatch& patch, const Seen& seen, Vec3d o,
                                           double t_max) {
   PatchHit hit;
@@ -132,7 +132,7 @@ std::optional<PatchHit> MeetCollapsedEdge(const BilinearPatch& patch, const Seen
 }  // namespace
 
 Vec3d BilinearPatch::NormalAt(double u, double v) const {
-  // A product of two linear functions: its mean over the corners is that of the middle.
+  // The factors are linear, so the mean over the corners equals the value at the middle.
   for (const auto& [at_u, at_v] :
        {std::array{u, v}, std::array{0.5, 0.5}, std::array{0.0, 0.0}, std::array{1.0, 0.0},
         std::array{0.0, 1.0}, std::array{1.0, 1.0}}) {

@@ -20,7 +20,7 @@ class Random {
   double Uniform(double a, double b) {
     return a + (b - a) * (static_cast<double>(engine_() >> 11) * 0x1p-53);
   }
-  // A box of floats: what patches have for corners.
+  // A float point in a box, as corners of patches are.
   Vec3d InBox(double half) {
     return ToDouble(ToFloat({Uniform(-half, half), Uniform(-half, half), Uniform(-half, half)}));
   }
@@ -32,7 +32,7 @@ class Random {
 BilinearPatch RandomPatch(Random* random) {
   return {random->InBox(1), random->InBox(1), random->InBox(1), random->InBox(1)};
 }
-// The same as a mesh of one.
+// A mesh of one patch.
 BilinearMesh MeshOf(const BilinearPatch& patch) {
   BilinearMesh mesh;
   mesh.positions = {ToFloat(patch.p00), ToFloat(patch.p10), ToFloat(patch.p01), ToFloat(patch.p11)};
@@ -63,7 +63,7 @@ TEST(BilinearPatchTest, PointsAndDerivativesAgree) {
   }
 }
 
-// Two edges that meet in one corner leave no normal there; a point, a line have none anywhere.
+// A corner where two edges coincide has no normal; a point or a line has none anywhere.
 TEST(BilinearPatchTest, NormalsWithoutAreaNearby) {
   const BilinearPatch triangle{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 1, 0}};
   for (const double u : {0.0, 0.3, 1.0}) {
@@ -76,7 +76,7 @@ TEST(BilinearPatchTest, NormalsWithoutAreaNearby) {
   EXPECT_EQ(line.NormalAt(0.5, 0.5), (Vec3d{}));
 }
 
-// Rays through known points of random patches: a hit no farther than that, on ray and patch alike.
+// Rays through known points of random patches: the hit is no farther, and on both ray and patch.
 TEST(BilinearPatchTest, RaysMeetThePointsTheyAreAimedAt) {
   Random random;
   double worst = 0;
@@ -89,7 +89,7 @@ TEST(BilinearPatchTest, RaysMeetThePointsTheyAreAimedAt) {
     const double t_target = Length(target - o) / Length(d);
     const std::optional<PatchHit> hit = IntersectPatch(patch, o, d, HUGE_VAL);
     ASSERT_TRUE(hit.has_value()) << i;
-    // Nearly tangent rays may find the target's place a little off.
+    // Nearly tangent rays may find a slightly different point.
     EXPECT_LE(hit->t, t_target * (1 + 1e-6)) << i;
     const Vec3d met = patch.PointAt(hit->u, hit->v);
     worst = std::max(worst, Length(met - (o + d * hit->t)) / far);
@@ -99,7 +99,7 @@ TEST(BilinearPatchTest, RaysMeetThePointsTheyAreAimedAt) {
   EXPECT_LT(worst, 1e-12);
 }
 
-// Against the surface cut into 64 x 64 pairs of triangles.
+// Against a tessellation into 64 x 64 pairs of triangles.
 TEST(BilinearPatchTest, PatchesAreWhereTheirTessellationsAre) {
   constexpr int kCuts = 64;
   Random random;
@@ -113,7 +113,7 @@ TEST(BilinearPatchTest, PatchesAreWhereTheirTessellationsAre) {
       const Vec3d o = random.InBox(3), d = random.InBox(1) - o;
       double nearest = HUGE_VAL;
       int count = 0;
-      bool is_clear = true;  // No meeting is at the border, or tangent.
+      bool is_clear = true;  // No intersection is near the border or tangent.
       for (int a = 0; a < kCuts; ++a) {
         for (int b = 0; b < kCuts; ++b) {
           const Vec3d p[4] = {at(a, b), at(a + 1, b), at(a, b + 1), at(a + 1, b + 1)};
@@ -132,7 +132,7 @@ TEST(BilinearPatchTest, PatchesAreWhereTheirTessellationsAre) {
       if (!is_clear) continue;
       const std::optional<PatchHit> hit = IntersectPatch(patch, o, d, HUGE_VAL);
       if (count == 0) {
-        // The tessellation has lost slivers about the border only.
+        // The tessellation loses slivers near the border only.
         missed += !hit.has_value();
         if (hit.has_value()) {
           const double border =
@@ -145,7 +145,7 @@ TEST(BilinearPatchTest, PatchesAreWhereTheirTessellationsAre) {
       ++met;
       twice += count > 1;
       ASSERT_TRUE(hit.has_value()) << i;
-      // A chord's height over 1/64 of an edge of at most 3.5, seen at 0.1 or more.
+      // The sagitta over 1/64 of an edge of at most 3.5, at a cosine of at least 0.1.
       EXPECT_NEAR(hit->t, nearest, 0.01) << i;
     }
   }
@@ -154,12 +154,12 @@ TEST(BilinearPatchTest, PatchesAreWhereTheirTessellationsAre) {
   EXPECT_GT(twice, 3);
 }
 
-// Planar quads are met where their planes are; convex ones exactly within their borders.
+// Rays hit planar quads in their planes; convex ones exactly within their borders.
 TEST(BilinearPatchTest, FlatQuadsAreMetInTheirPlane) {
   Random random;
   int met = 0, missed = 0;
   for (int i = 0; i < 20000; ++i) {
-    // A trapezoid, which no pair of triangles parametrises alike.
+    // A trapezoid, which no pair of triangles parametrizes equally.
     const double top = random.Uniform(0.1, 0.9);
     const BilinearPatch patch{{-1, -1, 2}, {1, -1, 2}, {-top, 1, 2}, {top, 1, 2}};
     EXPECT_TRUE(patch.IsFlat());
@@ -187,7 +187,7 @@ TEST(BilinearPatchTest, RaysThatMissMiss) {
   EXPECT_FALSE(IntersectPatch(flat, {0, 0, 1}, {0, 0, 1}, HUGE_VAL).has_value());
   EXPECT_FALSE(IntersectPatch(flat, {0, 0, 1}, {0, 0, -1}, 1).has_value());
   EXPECT_TRUE(IntersectPatch(flat, {0, 0, 1}, {0, 0, -1}, 1.0001).has_value());
-  // z = x y over the unit square: meets the plane z = 1 nowhere but at a corner.
+  // z = x y over the unit square: intersects the plane z = 1 only at a corner.
   const BilinearPatch saddle{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {1, 1, 1}};
   EXPECT_FALSE(IntersectPatch(saddle, {-1, 0.5, 1}, {1, 0, 0}, HUGE_VAL).has_value());
   const std::optional<PatchHit> hit = IntersectPatch(saddle, {0.25, 0.5, 3}, {0, 0, -1}, HUGE_VAL);
@@ -197,8 +197,8 @@ TEST(BilinearPatchTest, RaysThatMissMiss) {
   EXPECT_NEAR(hit->v, 0.5, 1e-15);
 }
 
-// A ray at any point of an edge or corner, as near as double can aim, meets the patch from any
-// distance. Of patches that share an edge none lets it through.
+// A ray aimed, in double, at any point of an edge or corner hits the patch from any distance. No
+// ray passes between patches that share an edge.
 TEST(BilinearPatchTest, G3EdgesAndCornersAreMet) {
   Random random;
   int missed_edges = 0, missed_corners = 0;
@@ -219,8 +219,7 @@ TEST(BilinearPatchTest, G3EdgesAndCornersAreMet) {
   EXPECT_EQ(missed_corners, 0);
 }
 
-// Where textures are read, and tangents: with the patch's own parameters, and with uvs that differ
-// from them.
+// Texture coordinates and tangents, both with the patch's own parameters and with different uvs.
 TEST(BilinearPatchTest, ParametersAndTangentsAgree) {
   BakedPatches baked;
   baked.positions = {{0, 0, 0}, {2, 0, 0.5f}, {0, 1, 0}, {1, 1, 1}};
@@ -244,14 +243,14 @@ TEST(BilinearPatchTest, ParametersAndTangentsAgree) {
   };
   EXPECT_NEAR(point.uv.x, uv_at(0.25, 0.75).x, 1e-6);
   EXPECT_NEAR(point.uv.y, uv_at(0.25, 0.75).y, 1e-6);
-  // A small step on the patch is what its step in uv says.
+  // A small step on the patch matches its step in uv.
   constexpr double kStep = 1e-6;
   for (const Vec2d step : {Vec2d{kStep, 0}, Vec2d{0, kStep}, Vec2d{kStep, -kStep}}) {
     const Vec3d moved = patch.PointAt(0.25 + step.x, 0.75 + step.y) - point.p;
     const Vec3d uv = uv_at(0.25 + step.x, 0.75 + step.y) - uv_at(0.25, 0.75);
     EXPECT_NEAR(Length(point.dpdu * uv.x + point.dpdv * uv.y - moved), 0, 1e-11);
   }
-  // Vertex normals shade, and say which side is the front.
+  // Vertex normals set the shading normal and decide which side is the front.
   baked.normals = {{0, 0, -1}, {0.6f, 0, -0.8f}, {0, 0, -1}, {0, 0, -1}};
   point = internal::PointOnPatch(baked, hit, false);
   EXPECT_LT(point.ng.z, 0);
@@ -266,7 +265,7 @@ TEST(BilinearPatchTest, ParallelogramsAreTriangles) {
   const TriangleMesh triangles = ToTriangles(MeshOf(square));
   EXPECT_EQ(triangles.indices, (std::vector<uint32_t>{0, 1, 3, 0, 3, 2}));
   EXPECT_EQ(triangles.uvs, (std::vector<Vec2f>{{0, 0}, {1, 0}, {0, 1}, {1, 1}}));
-  // Written with six digits: near enough for a light, which must be flat, and for nothing else.
+  // Coordinates with six digits: flat enough for a light, which must be flat, but not otherwise.
   BilinearPatch rounded = square;
   rounded.p11.z += 1e-5;
   EXPECT_FALSE(IsTriangles(MeshOf(rounded), false));
@@ -274,7 +273,7 @@ TEST(BilinearPatchTest, ParallelogramsAreTriangles) {
   BilinearPatch curved = square;
   curved.p11.z += 1e-3;
   EXPECT_FALSE(IsTriangles(MeshOf(curved), true));
-  // A small one far away is as curved as its own size says.
+  // For a small distant patch the tolerance is relative to its own size.
   const BilinearPatch far{
       {1e4, 0, 0}, {1e4 + 0.01, 0, 0}, {1e4, 0.01, 0}, {1e4 + 0.01, 0.01, 0.002}};
   EXPECT_FALSE(IsTriangles(MeshOf(far), true));

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Bounds: an axis-aligned box grown point by point, in double.
+// Bounds: an axis-aligned box in double that grows to include points.
 #pragma once
 
 #include <algorithm>

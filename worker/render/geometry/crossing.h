@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Where a path crosses the boundary of a medium, so that an edge of a mesh is crossed once.
+// Crossing: a path's crossing of a medium boundary, compared so that a mesh edge is crossed once.
 #pragma once
 
 #include <cmath>
@@ -11,18 +11,18 @@
 
 namespace sheaf::render {
 
-// Space: render. n: unit geometric normal. Begins as one that no other is the same as.
+// Space: render. n: unit geometric normal. The default equals no other crossing.
 struct Crossing {
   PrimitiveId id;
   Vec3f p, p_error, n;
   bool enters = false;
 };
 
-// Whether a crossing is the one before it, met once more. A ray goes through an edge by one of the
-// two faces, and where it goes on, rounding may have it before the other. Then each of the points
-// is in the plane of the other, as far as the bounds of both tell.
+// Whether a crossing repeats the previous one. A ray through an edge hits one of its two faces;
+// after the ray continues, rounding may place the other face ahead of it. Then each of the points
+// lies in the other's plane, within the error bounds of both.
 inline bool IsSameCrossing(const Crossing& crossing, const Crossing& last) {
-  // Origins are moved by those bounds, and faces met with others.
+  // Ray origins are offset by those bounds, and intersections have errors of their own.
   constexpr float kErrors = 16;
   const PrimitiveId &id = crossing.id, &before = last.id;
   if (crossing.enters != last.enters || id.geometry != before.geometry ||

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Curves seen along the ray: halved until they are nearly straight, then the foot of the
-// perpendicular on them.
+// Intersection of curves in the ray's frame: halves them until they are nearly straight, then finds
+// the foot of the perpendicular on them.
 #include "worker/render/geometry/curve.h"
 
 #include <algorithm>
@@ -20,17 +20,17 @@ namespace {
 
 using Bezier = std::array<Vec3d, 4>;
 
-// Halvings of a piece before its foot is looked for. Ten make a thousandth part of it.
+// Maximum halvings of a piece before the search for the foot. Ten give a thousandth of it.
 constexpr int kHalvingsMax = 10;
-// A part is straight enough where it strays from its chord by this part of its width (pbrt-v4's).
+// A part is straight enough if it deviates from its chord by this fraction of its width (pbrt-v4).
 constexpr double kStraightness = 0.05;
-// Newton's steps from the foot on the chord to that on the part, which is nearly straight.
+// Newton steps from the foot on the chord to the foot on the part, which is nearly straight.
 constexpr int kFootSteps = 3;
-// How far beyond its ends a part is met, in lengths of its end tangents: neighbours overlap by what
-// rounding may take from either.
+// Extension of a part beyond its ends, relative to its end tangents: neighbors overlap by more than
+// rounding can remove.
 constexpr double kEndSlack = 0x1p-30;
 
-// The low 21 bits, two zeros between each.
+// Spreads the low 21 bits, with two zeros between them.
 uint64_t SpreadBits(uint64_t v) {
   v &= 0x1fffff;
   v = (v | v << 32) & 0x1f00000000ffff;
@@ -48,7 +48,7 @@ std::array<Bezier, 2> Halve(const Bezier& c) {
   const Vec3d ab = Middle(a, b), be = Middle(b, e), mid = Middle(ab, be);
   return {Bezier{c[0], a, ab, mid}, Bezier{mid, be, e, c[3]}};
 }
-// The control points of a piece. Always by halves, so that neighbours agree on their ends.
+// Returns the control points of a piece. Always halves, so that neighbors agree on their ends.
 Bezier PartOf(Bezier c, const CurvePiece& piece) {
   for (int half = piece.count / 2; half > 0; half /= 2) {
     c = Halve(c)[(piece.index & half) != 0 ? 1 : 0];
@@ -77,7 +77,7 @@ Vec3d AnyPerpendicular(Vec3d d) {
 
 double Dot2(Vec3d a, Vec3d b) { return a.x * b.x + a.y * b.y; }
 
-// The direction in which a curve that begins at c[0] leaves it; zero for a point.
+// Returns the direction in which a curve that begins at c[0] leaves it; zero for a point.
 Vec3d LeavingDirection(Vec3d c0, Vec3d c1, Vec3d c2, Vec3d c3) {
   for (const Vec3d& c : {c1, c2, c3}) {
     if (!(c - c0 == Vec3d{})) return c - c0;
@@ -85,8 +85,8 @@ Vec3d LeavingDirection(Vec3d c0, Vec3d c1, Vec3d c2, Vec3d c3) {
   return {};
 }
 
-// One ray against one piece. The piece is brought to the ray's frame: x and y across the ray (y is
-// also across the piece), z is t.
+// Intersects one ray with one piece. The piece is transformed to the ray's frame: x and y across
+// the ray (y is also across the piece), z is t.
 class CurveTracer {
  public:
   CurveTracer(const CurveSegment& segment, Vec3d d, double t_max)
@@ -96,7 +96,7 @@ class CurveTracer {
     const Bezier part = InRayFrame(PartOf(segment_.points, piece), o);
     const double step = 1.0 / piece.count, u = piece.index * step;
     const double width = std::max(segment_.WidthAt(u), segment_.WidthAt(u + step));
-    double bend = 0;  // Bound of how far the part strays from its chord.
+    double bend = 0;  // Upper bound of the part's deviation from its chord.
     for (size_t i = 0; i < 2; ++i) {
       const Vec3d second = part[i] - part[i + 1] * 2.0 + part[i + 2];
       bend = std::max(bend, std::max(std::fabs(second.x), std::fabs(second.y)));
@@ -150,14 +150,14 @@ class CurveTracer {
   }
 
   void MeetStraight(const Bezier& c, double u0, double u1) {
-    // Perpendicular cuts at both ends, which neighbours share.
+    // Cuts perpendicular to the curve at both ends, which neighbors share.
     const Vec3d begin = LeavingDirection(c[0], c[1], c[2], c[3]);
     const Vec3d end = LeavingDirection(c[3], c[2], c[1], c[0]);
     if (Dot2(begin, c[0]) > kEndSlack * Dot2(begin, begin)) return;
     if (Dot2(end, c[3]) > kEndSlack * Dot2(end, end)) return;
     const Vec3d chord = c[3] - c[0];
     const double chord_squared = Dot2(chord, chord);
-    if (chord_squared == 0) return;  // Seen end on.
+    if (chord_squared == 0) return;  // The curve is seen end on.
     double w = std::clamp(-Dot2(c[0], chord) / chord_squared, 0.0, 1.0);
     Vec3d tangent, second;
     Vec3d center = Evaluate(c, w, &tangent, &second);
@@ -197,7 +197,7 @@ Vec3d CurveSegment::TangentAt(double u) const {
   Vec3d derivative;
   Evaluate(points, u, &derivative);
   if (LengthSquared(derivative) > 0) return derivative;
-  // Control points that coincide: where the curve goes on to, or came from.
+  // Coincident control points: use the direction of the curve beyond them.
   return u < 0.5 ? LeavingDirection(points[0], points[1], points[2], points[3])
                  : -LeavingDirection(points[3], points[2], points[1], points[0]);
 }
@@ -205,7 +205,7 @@ Vec3d CurveSegment::TangentAt(double u) const {
 Vec3d CurveSegment::NormalAt(double u) const {
   const double angle = Atan2(Length(Cross(normals[0], normals[1])), Dot(normals[0], normals[1]));
   const double sine = Sin(angle);
-  // Where they are the same, or opposite and there is no saying which way to turn.
+  // Equal normals, or opposite ones, for which the direction of rotation is undefined.
   if (sine < 0x1p-20) return normals[u < 0.5 ? 0 : 1];
   const Vec3d n = (normals[0] * Sin((1 - u) * angle) + normals[1] * Sin(u * angle)) * (1 / sine);
   return Normalize(n);
@@ -256,7 +256,7 @@ std::array<Vec3f, 2> CurveBounds(const CurveSegment& segment, const CurvePiece& 
   const double reach = 0.5 * std::max(segment.WidthAt(u), segment.WidthAt(u + step));
   Vec3d lower, upper;
   bool is_first = true;
-  // A curve lies within the hull of its control points.
+  // A curve lies within the convex hull of its control points.
   for (const Vec3d& control : PartOf(segment.points, piece)) {
     const Vec3d p = transform.Point(control);
     for (size_t i = 0; i < 3; ++i) {
@@ -267,7 +267,7 @@ std::array<Vec3f, 2> CurveBounds(const CurveSegment& segment, const CurvePiece& 
   }
   std::array<Vec3f, 2> bounds;
   for (size_t i = 0; i < 3; ++i) {
-    // What the transform makes of a ball about the centre line.
+    // The extent of the transformed ball about the center line.
     const double swell = reach * Length(Vec3d{transform.x[i], transform.y[i], transform.z[i]});
     bounds[0][i] = NextDown(static_cast<float>(lower[i] - swell));
     bounds[1][i] = NextUp(static_cast<float>(upper[i] + swell));
@@ -281,17 +281,17 @@ CurveRod RodAbout(const CurveSegment& segment, const CurvePiece& piece, const Af
   const Vec3d begin = ToDouble(rod.begin), along = ToDouble(rod.end) - begin;
   const double length = Length(along);
   if (!(length > 0)) return rod;
-  // The curve lies within the hull of its control points.
+  // The curve lies within the convex hull of its control points.
   double bend = 0;
   for (const Vec3d& control : part) {
     bend = std::max(bend, Length(Cross(transform.Point(control) - begin, along)) / length);
   }
   const double step = 1.0 / piece.count, u = piece.index * step;
   const double reach = 0.5 * std::max(segment.WidthAt(u), segment.WidthAt(u + step));
-  // No vector is stretched by more than the root of the sum of squares.
+  // No vector is stretched by more than the Frobenius norm.
   const double stretch = std::sqrt(LengthSquared(transform.x) + LengthSquared(transform.y) +
                                    LengthSquared(transform.z));
-  // A thousandth more than the rounding of all these could make up for.
+  // A margin of 0.1 % far exceeds the rounding of all these.
   rod.radius = NextUp(static_cast<float>((bend + reach * stretch) * 1.001));
   return rod;
 }
@@ -308,7 +308,7 @@ void SortCurves(CurveSet* curves) {
     size_t index;
   };
   std::vector<Key> order(curves->size());
-  constexpr double kCells = 1 << 21;  // Of 21 bits each, three coordinates make 63.
+  constexpr double kCells = 1 << 21;  // 21 bits for each of three coordinates make 63.
   const Vec3d size = bounds.upper() - bounds.lower();
   for (size_t i = 0; i < order.size(); ++i) {
     const Vec3d offset = middle_of(i) - bounds.lower();
@@ -338,8 +338,8 @@ void SortCurves(CurveSet* curves) {
 
 void SplitCurve(const CurveSegment& segment, uint32_t index, const Affine& transform,
                 std::vector<CurvePiece>* pieces) {
-  // Halving is worth it where it takes this part of the boxes' surface away: a slanted hair's is
-  // halved, that of one along an axis stays.
+  // Minimum fraction of the boxes' surface area that halving must save: a diagonal hair is halved,
+  // one along an axis is not.
   constexpr double kGainMin = 0.3;
   double area_before = HUGE_VAL;
   uint16_t count = 1;

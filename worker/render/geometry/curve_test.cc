@@ -49,12 +49,12 @@ std::optional<CurveHit> Meet(const CurveSegment& segment, Vec3d o, Vec3d d) {
   return IntersectCurve(segment, kWhole, o, d, kInfinite);
 }
 
-// The least distance across the ray of a foot on the curve's centre line, less half the width
-// there: below 0 the ray meets it, first at *t. By sampling.
+// Returns, by sampling, the least distance across the ray from the curve's center line minus half
+// its width there. If that is negative, the ray hits the curve, first at *t.
 double SampledGap(const CurveSegment& segment, Vec3d o, Vec3d d, double* t) {
   constexpr int kSteps = 20000;
   double gap_min = kInfinite;
-  std::array<double, 3> off{};  // Of the latest three samples.
+  std::array<double, 3> off{};  // Of the last three samples.
   *t = kInfinite;
   for (int i = 0; i <= kSteps; ++i) {
     const Vec3d c = segment.PointAt(static_cast<double>(i) / kSteps) - o;
@@ -100,7 +100,7 @@ TEST(CurveTest, BentOnesAreMetWhereTheyAre) {
     double t = 0;
     const double gap = SampledGap(segment, o, d, &t);
     const std::optional<CurveHit> hit = Meet(segment, o, d);
-    // Leave rays alone that only just touch.
+    // Skip rays that only graze.
     if (std::fabs(gap) < 0.02 * segment.widths[1]) continue;
     ++judged;
     ASSERT_EQ(hit.has_value(), gap < 0) << i;
@@ -135,7 +135,7 @@ TEST(CurveTest, PiecesMakeTheWhole) {
   }
 }
 
-// However thin, aimed at it is met; and next to it is not.
+// A ray aimed at a curve of any thinness hits it; one aimed beside it misses.
 TEST(CurveTest, G10ThinOnesAreMet) {
   Random random;
   for (const double width : {1e-2, 1e-4, 1e-6, 1e-8, 1e-10}) {
@@ -147,7 +147,7 @@ TEST(CurveTest, G10ThinOnesAreMet) {
       const Vec3d side = Normalize(Cross(aim - o, segment.TangentAt(u)));
       EXPECT_TRUE(Meet(segment, o, aim - o).has_value()) << i;
       EXPECT_TRUE(Meet(segment, o, aim + side * (0.49 * segment.WidthAt(u)) - o).has_value()) << i;
-      // Thick ones may bend back there, and those seen from their end; any may come by again.
+      // Thick curves may bend back there, as may curves seen end on; any curve may pass again.
       const Vec3d along = Normalize(segment.TangentAt(u));
       if (width > 1e-3 || Length(Cross(along, Normalize(aim - o))) < 0.1) continue;
       const std::optional<CurveHit> beside =
@@ -161,12 +161,12 @@ TEST(CurveTest, G10NoLengthOrNoWidthIsNotMet) {
   CurveSegment point = Straight(0, 1, 1);
   EXPECT_FALSE(Meet(point, {0, 0, 5}, {0, 0, -1}).has_value());
   EXPECT_FALSE(Meet(Straight(1, 0, 0), {0.5, 0, 5}, {0, 0, -1}).has_value());
-  // Along itself it is not met either; a tip without width is met up to it.
+  // A ray along the curve misses it, too; a tip of zero width is hit up to its end.
   EXPECT_FALSE(Meet(Straight(1, 0.1, 0.1), {-1, 0, 0}, {1, 0, 0}).has_value());
   EXPECT_TRUE(Meet(Straight(1, 0.1, 0), {0.999, 0, 5}, {0, 0, -1}).has_value());
 }
 
-// Control points that coincide at the ends leave them cut square.
+// Coincident control points at the ends still give square cuts.
 TEST(CurveTest, ClampedEndsAreCutSquare) {
   CurveSegment segment = Straight(1, 0.5, 0.5);
   segment.points[1] = segment.points[0];
@@ -201,7 +201,7 @@ TEST(CurveTest, G2PowersOfTwoChangeNoBit) {
   }
 }
 
-// A ribbon is as wide as it is seen: by the cosine.
+// The visible width of a ribbon scales with the cosine.
 TEST(CurveTest, RibbonsFaceAlongTheirNormals) {
   CurveSegment ribbon = Straight(2, 1, 1, CurveSet::Kind::kRibbon);
   ribbon.normals = {Vec3d{0, 0, 1}, Vec3d{0, 0.6, 0.8}};
@@ -215,15 +215,15 @@ TEST(CurveTest, RibbonsFaceAlongTheirNormals) {
   };
   EXPECT_NEAR(half_width_at(1e-9), 0.5, 1e-6);
   EXPECT_NEAR(half_width_at(2 - 1e-9), 0.4, 1e-6);
-  // Half way between them, half the angle.
+  // Half way between them the angle is half.
   EXPECT_NEAR(half_width_at(1), 0.5 * std::cos(0.5 * std::acos(0.8)), 1e-9);
   const CurvePoint point = CurvePointAt(ribbon, 1, 0.5, {0, 0, -1});
   EXPECT_NEAR(Length(point.n - Vec3d{0, 0.6, 0.8}), 0, 1e-12);
-  // From behind it is the same ribbon with the same normal.
+  // From behind the ribbon has the same normal.
   EXPECT_NEAR(CurvePointAt(ribbon, 1, 0.5, {0, 0, 1}).n.z, 0.8, 1e-12);
 }
 
-// The normals of a round thread: outwards at the sides, and towards the ray in the middle.
+// Normals of a round thread point outwards at the sides and towards the ray in the middle.
 TEST(CurveTest, CylindersTurnTheirNormalsToTheSides) {
   const CurveSegment thread = Straight(2, 1, 1, CurveSet::Kind::kCylinder);
   const Vec3d d{0, 0, -1};
@@ -262,7 +262,7 @@ TEST(CurveTest, BoundsHoldThePieces) {
   }
 }
 
-// Sorting moves segments as a whole, brings neighbours together, and loses none.
+// Sorting moves whole segments, makes neighbors adjacent, and loses none.
 TEST(CurveTest, SortingKeepsSegments) {
   Random random;
   CurveSet curves;
@@ -295,7 +295,7 @@ TEST(CurveTest, SortingKeepsSegments) {
   EXPECT_EQ(std::count(seen.begin(), seen.end(), true), 512);
 }
 
-// Where boxes gain nothing there is one; a slanted hair is cut as often as may be.
+// A segment along an axis stays whole; a diagonal hair is split as often as allowed.
 TEST(CurveTest, OnlySlantedCurvesAreSplit) {
   std::vector<CurvePiece> pieces;
   SplitCurve(Straight(1, 1e-3, 1e-3), 3, {}, &pieces);
@@ -308,8 +308,8 @@ TEST(CurveTest, OnlySlantedCurvesAreSplit) {
   EXPECT_EQ(pieces.size(), kCurvePiecesMax);
 }
 
-// Whoever meets a piece meets its rod, whatever the transform; of thin hair's boxes, rods leave
-// little over.
+// A ray that hits a piece also hits its rod, under any transform; for thin hair, rods reject most
+// of the rays that hit boxes.
 TEST(CurveTest, RodsHoldEveryMeeting) {
   Random random;
   int met = 0, passed_by = 0, told = 0;
@@ -331,7 +331,7 @@ TEST(CurveTest, RodsHoldEveryMeeting) {
     const std::array<Vec3f, 2> box = CurveBounds(segment, piece, transform);
     for (int k = 0; k < 100; ++k) {
       const Vec3d o = transform.offset + random.InBox(10);
-      // Half of them to the piece's width, half to its box.
+      // Half the rays are aimed at the piece's width, half at its box.
       Vec3d target;
       if (k % 2 == 0) {
         const double u = (piece.index + random.Uniform(0, 1)) / 4;
@@ -342,7 +342,7 @@ TEST(CurveTest, RodsHoldEveryMeeting) {
               random.Uniform(static_cast<double>(box[0][c]), static_cast<double>(box[1][c]));
         }
       }
-      // Rays are of float.
+      // Rays have float precision.
       const Vec3d from = ToDouble(ToFloat(o)), d = ToDouble(ToFloat(target - o));
       const bool may = MayMeet(rod, from, d);
       if (IntersectCurve(segment, piece, back.Point(from), back.Vector(d), kInfinite)) {

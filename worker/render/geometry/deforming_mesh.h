@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Where the vertices of a mesh are while it deforms: between two steps they go straight, in double,
-// as the ray tracer has them go in float.
+// Vertex positions of a deforming mesh: linear between two steps, in double where the ray tracer
+// interpolates in float.
 #pragma once
 
 #include <algorithm>
@@ -16,7 +16,8 @@
 
 namespace sheaf::render {
 
-// Between which steps of a mesh (0: as the shutter opens) a time is, and how far towards the later.
+// Position of a time between the steps of a mesh (0: shutter open), and the fraction towards the
+// later step.
 struct VertexTime {
   size_t step = 0;
   double fraction = 0;
@@ -36,10 +37,10 @@ inline const std::vector<Vec3f>& NormalsOfStep(const BakedMesh& mesh, size_t ste
   return step == 0 ? mesh.normals : mesh.steps[step - 1].normals;
 }
 
-// A triangle of a mesh that deforms (t: its three indices), at a time.
+// A triangle of a deforming mesh (t: its three indices) at a time.
 struct DeformedTriangle {
   std::array<Vec3d, 3> corners;
-  Vec3f coordinate_max;  // Of what the corners were computed from.
+  Vec3f coordinate_max;  // Of the coordinates from which the corners were computed.
 };
 inline DeformedTriangle DeformedTriangleAt(const BakedMesh& mesh, const uint32_t* t,
                                            VertexTime time) {
@@ -48,7 +49,7 @@ inline DeformedTriangle DeformedTriangleAt(const BakedMesh& mesh, const uint32_t
   DeformedTriangle triangle;
   for (size_t k = 0; k < 3; ++k) {
     const Vec3d p = ToDouble(before[t[k]]);
-    // In this form a vertex that rests is where it is, to the bit.
+    // This form keeps a vertex that does not move exactly in place.
     triangle.corners[k] = p + (ToDouble(after[t[k]]) - p) * time.fraction;
     for (size_t i = 0; i < 3; ++i) {
       triangle.coordinate_max[i] =
@@ -58,20 +59,20 @@ inline DeformedTriangle DeformedTriangleAt(const BakedMesh& mesh, const uint32_t
   }
   return triangle;
 }
-// How far the ray tracer's corners may be from these: its time of a step and its interpolation are
-// rounded to float.
+// Bound of the distance between the ray tracer's corners and these: the tracer rounds the time in a
+// step and the interpolation to float.
 inline double CornerErrorOf(const BakedMesh& mesh, const DeformedTriangle& triangle) {
   const Vec3f max = triangle.coordinate_max;
   return static_cast<double>(Gamma(4 + 4 * static_cast<int>(mesh.steps.size()))) *
          static_cast<double>(std::fmax(max.x, std::fmax(max.y, max.z)));
 }
-// Requires: the mesh has normals. Not of unit length.
+// Requires: the mesh has normals. Not unit length.
 inline Vec3f DeformedNormalAt(const BakedMesh& mesh, uint32_t vertex, VertexTime time) {
   const Vec3f n = NormalsOfStep(mesh, time.step)[vertex];
   return n + (NormalsOfStep(mesh, time.step + 1)[vertex] - n) * static_cast<float>(time.fraction);
 }
 
-// The corners of any mesh's triangle at a time.
+// The corners of a triangle of any mesh at a time.
 inline std::array<Vec3d, 3> CornersAt(const BakedMesh& mesh, const uint32_t* t,
                                       float shutter_fraction) {
   if (!mesh.steps.empty()) {
@@ -81,7 +82,7 @@ inline std::array<Vec3d, 3> CornersAt(const BakedMesh& mesh, const uint32_t* t,
           ToDouble(mesh.positions[t[2]])};
 }
 
-// Where a point of the triangle, met at one time, is at another.
+// Returns the position at other_time of a point of the triangle that was hit at `time`.
 Vec3d CarryOver(const BakedMesh& mesh, uint32_t triangle, Vec3d p, float time, float other_time);
 
 }  // namespace sheaf::render

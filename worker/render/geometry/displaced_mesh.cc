@@ -15,18 +15,18 @@
 namespace sheaf::render {
 namespace {
 
-// Vertices differ in uv or normal; those at one place share a site.
+// Vertices differ in uv or normal; vertices at the same position share a site.
 struct Vertex {
   uint32_t site = 0;
   Vec2f uv;
-  Vec3f normal;  // Of the mesh; linear between its vertices, so not of unit length.
+  Vec3f normal;  // Of the mesh; linear between its vertices, so not unit length.
 };
 using Face = std::array<uint32_t, 3>;  // Vertices.
 
 struct PlaceHash {
   size_t operator()(const Vec3f& p) const {
     uint64_t hash = 0;
-    // + 0 makes one zero of the two.
+    // + 0 unifies the two zeros.
     for (size_t i = 0; i < 3; ++i) {
       hash = (hash ^ std::bit_cast<uint32_t>(p[i] + 0.0f)) * 0x9e3779b97f4a7c15u;
       hash ^= hash >> 29;
@@ -42,8 +42,8 @@ struct EdgeHash {
 };
 uint64_t EdgeOf(uint32_t a, uint32_t b) { return uint64_t{std::min(a, b)} << 32 | std::max(a, b); }
 
-// A corner's part of the normal at it, e1 and e2 its edges. Source: Max 1999, "Weights for
-// computing vertex normals from facet normals".
+// A corner's contribution to the vertex normal; e1 and e2 are its edges. Source: Max 1999, "Weights
+// for computing vertex normals from facet normals".
 Vec3d CornerNormal(Vec3d e1, Vec3d e2) {
   const double squares = LengthSquared(e1) * LengthSquared(e2);
   return squares > 0 ? Cross(e1, e2) * (1 / squares) : Vec3d{0, 0, 0};
@@ -60,7 +60,7 @@ class Refiner {
     AddVertices(mesh);
   }
 
-  // False where there are more than triangles_max.
+  // Returns false if there are more than triangles_max.
   bool Refine(uint64_t triangles_max) {
     const std::vector<Face> coarse = std::move(faces_);
     const std::vector<int8_t> coarse_sides = std::move(sides_);
@@ -88,7 +88,7 @@ class Refiner {
     return true;
   }
 
-  // False where nothing moves.
+  // Returns false if nothing moves.
   absl::StatusOr<bool> Displace(const HeightFunction& height);
   TriangleMesh Take();
 
@@ -103,7 +103,7 @@ class Refiner {
     const Vec3d edge = sites_[vertices_[b].site] - sites_[vertices_[a].site];
     return LengthSquared(target_from_object_.Vector(edge));
   }
-  // The longest edge (by its first corner) where that is too long, else 3.
+  // Returns the longest edge (by its first corner) if it is too long, else 3.
   size_t EdgeToCut(const Face& face) const {
     size_t longest = 3;
     double square = square_max_;
@@ -116,7 +116,7 @@ class Refiner {
     return longest;
   }
   uint32_t Midpoint(uint32_t a, uint32_t b);
-  // At each site, of the faces as `position` places their corners.
+  // Returns the normal at each site from its faces, whose corners are at `position`.
   template <typename Position>
   std::vector<Vec3d> SiteNormals(const Position& position) const;
 
@@ -125,7 +125,7 @@ class Refiner {
   std::vector<Vec3d> sites_;
   std::vector<Vertex> vertices_;
   std::vector<Face> faces_;
-  std::vector<int8_t> sides_;     // Of each face: -1 where the mesh's normals are against it.
+  std::vector<int8_t> sides_;     // By face: -1 where the mesh's normals oppose it.
   std::vector<Vec3f> displaced_;  // By site.
   std::unordered_map<Vec3f, uint32_t, PlaceHash> site_of_;
   std::unordered_map<uint64_t, uint32_t, EdgeHash> middle_site_, middle_vertex_;
@@ -143,7 +143,7 @@ void Refiner::AddVertices(const TriangleMesh& mesh) {
     for (size_t k = 0; k < 3; ++k) {
       face[k] = mesh.indices[i + k];
       if (has_uvs) continue;
-      // The corners that a triangle without uvs has, as in pbrt-v4.
+      // The default uvs of a triangle without uvs, as in pbrt-v4.
       constexpr Vec2f kCorners[3] = {{0, 0}, {1, 0}, {1, 1}};
       face[k] = static_cast<uint32_t>(vertices_.size());
       vertices_.push_back({SiteAt(mesh.positions[mesh.indices[i + k]]), kCorners[k], {}});

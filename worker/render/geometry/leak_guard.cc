@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Which meshes are closed, whether the camera is in a room, and rays a few ulps aside.
+// Finds closed meshes, and makes probe and retry rays.
 #include "worker/render/geometry/leak_guard.h"
 
 #include <algorithm>
@@ -32,8 +32,8 @@ LeakGuard::LeakGuard(const SceneGeometry& geometry) : geometry_(&geometry) {
 }
 
 Ray ProbeRay(uint32_t index) {
-  // Equal steps of height, and of the golden angle around; render space begins at the camera.
-  // Source: Swinbank and Purser 2006, "Fibonacci grids".
+  // Equal steps of height and of the golden angle; render space is centered at the camera. Source:
+  // Swinbank and Purser 2006, "Fibonacci grids".
   constexpr double kGoldenAngle = std::numbers::pi * (3 - 2.23606797749978969641);
   const double height = 1 - (2 * static_cast<double>(index) + 1) / kProbeCount;
   const double radius = std::sqrt(1 - height * height);
@@ -55,7 +55,9 @@ bool LeakGuard::IsEnclosed(const Ray& ray) const {
   }
   const uint32_t group = placed == nullptr ? 0 : placed->group;
   const std::vector<EnclosedSide>& sides = sides_[group];
-  if (source.geometry >= sides.size()) return false;  // Others are met in double: no holes.
+  if (source.geometry >= sides.size())
+    return false;  // Other geometry is intersected in double,
+                   // without holes.
   const EnclosedSide side = sides[source.geometry];
   if (side == EnclosedSide::kNeither) return false;
   const BakedMesh& mesh = geometry_->groups[group].meshes[source.geometry];

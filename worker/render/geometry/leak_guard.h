@@ -1,10 +1,10 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// LeakGuard: knows of rays that cannot truly meet nothing. Between the triangles about a vertex the
-// tracer's rounding leaves a hole of some ulps; a ray that is inside a closed mesh and finds
-// nothing has gone through one and is worth tracing again, a few ulps aside. Rays in the open are
-// not: most of them meet nothing because nothing is there. See docs/adr/0006.
+// LeakGuard: recognizes rays that must hit something. The tracer's rounding leaves a hole of a few
+// ulps between the triangles about a vertex; a ray that is inside a closed mesh and misses has
+// passed through one, and is traced again with a shift of a few ulps. Rays in the open are not
+// retried: most of them miss rightly. See docs/adr/0006.
 #pragma once
 
 #include <cstdint>
@@ -16,7 +16,7 @@
 
 namespace sheaf::render {
 
-// Of a mesh that may deform: the side that it encloses at every step.
+// The side that the mesh encloses at every step, if it deforms.
 EnclosedSide EnclosedSideOf(const BakedMesh& mesh);
 
 class LeakGuard {
@@ -25,12 +25,12 @@ class LeakGuard {
   // `geometry` must outlive the guard.
   explicit LeakGuard(const SceneGeometry& geometry);
 
-  // Told once, before rays are traced: no probe leaves the scene.
+  // Call once, before rays are traced, if no probe leaves the scene.
   void NoteCameraIsEnclosed() { camera_is_enclosed_ = true; }
 
-  // Whether the ray leaves a triangle of a closed mesh to its inside, or the camera is in a closed
-  // room. Such a ray meets something but for the tracer's rounding; outside the room it may not,
-  // and looking again costs time but finds nothing either.
+  // Whether the ray starts at a triangle of a closed mesh towards its inside, or the camera is in a
+  // closed room. Only the tracer's rounding makes such a ray miss; if it starts outside the room it
+  // may miss rightly, and the retry costs time but finds nothing either.
   bool IsEnclosed(const Ray& ray) const;
 
  private:
@@ -39,16 +39,16 @@ class LeakGuard {
   bool camera_is_enclosed_ = false;
 };
 
-// Rays from the camera, even in all directions. Where every one meets something the camera is in a
-// room, whatever that is put together from.
+// Camera rays in evenly distributed directions. If all hit something, the camera is in a room, of
+// whatever parts.
 inline constexpr uint32_t kProbeCount = 4096;
 Ray ProbeRay(uint32_t index);
 
-// How often an enclosed ray that met nothing is traced again.
+// Maximum retries of an enclosed ray that missed.
 inline constexpr int kNudgesMax = 4;
 
-// The ray turned by 2^-21 radians at most, four times as much with each further attempt (from 0; a
-// small part of any pixel still). A pure function of the ray and the attempt.
+// The ray rotated by at most 2^-21 radians, four times as much with each further attempt (from 0),
+// which is still a small fraction of a pixel. A pure function of the ray and the attempt.
 Ray NudgedRay(const Ray& ray, int attempt);
 
 }  // namespace sheaf::render

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Slim triangles, and triangles met in double.
+// Needle detection, and intersection of triangles in double.
 #include "worker/render/geometry/needle.h"
 
 #include <algorithm>
@@ -12,15 +12,15 @@
 namespace sheaf::render {
 namespace {
 
-// Rounding of the single-precision test of an edge: of the corners seen from the ray's origin, and
-// of products of them. In parts of their largest coordinate.
+// Rounding of the single-precision edge test: of the corners relative to the ray's origin, and of
+// their products. Relative to their largest coordinate.
 constexpr double kEdgeRounding = Gamma(16);
 
 double LargestCoordinate(Vec3d v) {
   return std::max(std::fabs(v.x), std::max(std::fabs(v.y), std::fabs(v.z)));
 }
 
-// A point of the triangle, seen from the ray's origin, and how far the line passes by it.
+// A point of the triangle, relative to the ray's origin, and its distance from the line.
 struct Approach {
   TriangleHit hit;
   double distance = 0;
@@ -30,12 +30,12 @@ Approach ApproachTo(Vec3d point, Vec3d d, double u, double v) {
   return {{t, u, v}, Length(point - d * t)};
 }
 
-// The weight of a corner is the volume that the line spans with the edge across.
+// The weight of a corner is the volume that the line spans with the opposite edge.
 std::array<double, 3> VolumesOf(Vec3d d, Vec3d a, Vec3d b, Vec3d c) {
   return {Dot(d, Cross(b, c - b)), Dot(d, Cross(c, a - c)), Dot(d, Cross(a, b - a))};
 }
 
-// The part of the way from `from` to `to` at which the line along d passes nearest.
+// Fraction of the way from `from` to `to` at which the line along d passes closest.
 double NearestOnEdge(Vec3d from, Vec3d to, Vec3d d) {
   const Vec3d normal = Cross(d, to - from);
   const double square = LengthSquared(normal);
@@ -85,7 +85,7 @@ std::optional<TriangleHit> MeetTriangle(Vec3d o, Vec3d d, const std::array<Vec3d
     const Approach approach = ApproachTo(a + ab * u - ca * v, d, u, v);
     if (approach.distance <= rounding && approach.hit.t > 0) return approach.hit;
   }
-  // In the plane of the triangle or past it: where an edge is touched, if one is.
+  // The line is in the plane of the triangle or misses it: find the closest edge.
   const double on_ab = NearestOnEdge(a, b, d), on_bc = NearestOnEdge(b, c, d),
                on_ca = NearestOnEdge(c, a, d);
   const Approach edges[3] = {ApproachTo(a + ab * on_ab, d, on_ab, 0),

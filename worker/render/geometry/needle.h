@@ -1,10 +1,10 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Needles: triangles so slim that the ray tracer's single precision cannot be believed. Its
-// rounding moves a hit along a needle by the needle's length over its width, so that the distance,
-// the point and even whether there is a hit come out wrong. Meshes that hold needles have their
-// hits tested again in double (docs/adr/0007).
+// Needles: triangles too slim for the ray tracer's single precision. Rounding moves a hit along a
+// needle by a factor of its length over its width, so that the distance, the point and even the
+// existence of the hit may be wrong. Hits of meshes with needles are tested again in double
+// (docs/adr/0007).
 #pragma once
 
 #include <array>
@@ -16,8 +16,8 @@
 
 namespace sheaf::render {
 
-// A triangle is a needle where its least height is less than this part of its longest side. With
-// stouter ones the tracer's rounding moves a hit by some 2^-15 of its distance at most.
+// A triangle is a needle if its smallest height is less than this fraction of its longest side. For
+// other triangles the tracer's rounding moves a hit by at most about 2^-15 of its distance.
 inline constexpr double kNeedleSlimness = 0x1p-7;
 
 // Whether any of the triangles (three indices each) is a needle.
@@ -28,14 +28,14 @@ struct TriangleHit {
   double u = 0, v = 0;  // Barycentric weights of corners 1 and 2.
 };
 
-// The weights of the corners at the point where the line o + t d meets the plane of the triangle;
-// none below 0, as if it were within, and all of them 1; even where the line is in the plane.
+// Weights of the corners at the point where the line o + t d intersects the triangle's plane,
+// clamped to the triangle: nonnegative with sum 1, even if the line is in the plane.
 std::array<double, 3> CornerWeights(Vec3d o, Vec3d d, const std::array<Vec3d, 3>& corners);
 
-// Where the line o + t d meets the triangle, for t > 0. Lines that pass by within single-precision
-// rounding meet its edge: the tracer gives a ray on a shared edge to one of the neighbours, and
-// that one must keep it, or there is a hole. t is that of the point of u and v. corner_error: how
-// far the tracer's corners may be from these.
+// Intersects the line o + t d with the triangle, for t > 0. Lines that pass within single-precision
+// rounding hit the edge: the tracer assigns a ray on a shared edge to one of the neighbors, which
+// must keep it, or there is a hole. t is that of the point at u and v. corner_error: bound of the
+// distance between the tracer's corners and these.
 std::optional<TriangleHit> MeetTriangle(Vec3d o, Vec3d d, const std::array<Vec3d, 3>& corners,
                                         double corner_error = 0);
 

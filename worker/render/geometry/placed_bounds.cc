@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Bounds of placed groups, at rest and in motion.
+// Bounds of static and moving placed groups.
 #include <algorithm>
 
 #include "common/math/next_float.h"
@@ -11,7 +11,7 @@
 namespace sheaf::render {
 namespace {
 
-// Corners of a box under an affine map, as bounds.
+// Bounds of the corners of a box under an affine map.
 Bounds MapBox(const Affine& transform, Vec3f lower, Vec3f upper) {
   Bounds bounds;
   for (int corner = 0; corner < 8; ++corner) {
@@ -43,8 +43,8 @@ PlacedBounds BoundsOfMoving(const SceneGeometry& geometry, const PlacedGroup& pl
   const GroupMotion& motion = geometry.motions[placed.motion];
   const double duration = (geometry.shutter_close - geometry.shutter_open) / (kMotionStepCount - 1);
   const double time = geometry.shutter_open + duration * step;
-  // Between steps the tracer moves boxes linearly; the margin holds what strays from that. The
-  // group's points are about its centre, so the centre's own path adds to the radius.
+  // The tracer interpolates boxes linearly between steps; the margin covers the deviation. The
+  // group's points are relative to its center, so the center's own path adds to the radius.
   const double radius = group.radius + Length(motion.group_center);
   const double margin =
       std::max(motion.world_from_placed.LinearDeviationMax(time, time + duration, radius),

@@ -16,7 +16,7 @@ struct SurfaceSpot {
   Vec3f p, n;
 };
 
-// A grid of quads over [0, 1]^2, cut into triangles that go round the normals.
+// A grid of quads over [0, 1]^2, cut into triangles that wind around the normals.
 template <typename Surface>
 void AddGrid(uint32_t steps, const Surface& surface, TriangleMesh* mesh) {
   const auto first = static_cast<uint32_t>(mesh->positions.size());

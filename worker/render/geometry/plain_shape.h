@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Shapes with curved surfaces as triangle meshes.
+// Converts shapes with curved surfaces to triangle meshes.
 #pragma once
 
 #include <cstdint>
@@ -11,15 +11,14 @@
 
 namespace sheaf::render {
 
-// Steps along each parameter of a surface.
+// Number of steps along each parameter of a surface.
 inline constexpr uint32_t kPlainShapeSteps = 32;
 
-// A sphere, disk or cylinder as triangles with the normals and uvs of the surface, `steps` along
-// each parameter; nothing for other shapes.
+// Converts a sphere, disk or cylinder to triangles with the normals and uvs of the surface, `steps`
+// along each parameter; none for other shapes.
 std::optional<TriangleMesh> TrianglesOf(const ShapeDescription& shape, uint32_t steps);
 
-// Replaces every sphere, disk, cylinder and bilinear patch by triangles with the normals of the
-// surface.
+// Replaces every sphere, disk, cylinder and bilinear patch by triangles with the surface's normals.
 void MakePlain(SceneDescription* scene);
 
 }  // namespace sheaf::render

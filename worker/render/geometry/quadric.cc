@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Intersection and parametrisation of spheres, cylinders and disks in double.
+// Intersection and parametrization of spheres, cylinders and disks in double.
 #include "worker/render/geometry/quadric.h"
 
 #include <algorithm>
@@ -30,7 +30,7 @@ bool OnPart(const Quadric& q, Vec3d p) {
   return q.phi_max >= kTwoPi || AzimuthOf(p.x, p.y) <= q.phi_max;
 }
 
-// Spheres, and cylinders: circles to a ray that is seen along the axis, without z.
+// Spheres, and cylinders, which are circles for a ray projected along the axis (without z).
 template <Quadric::Kind kKind>
 std::optional<double> IntersectRound(const Quadric& q, Vec3d object_o, Vec3d object_d,
                                      double t_max) {
@@ -38,8 +38,8 @@ std::optional<double> IntersectRound(const Quadric& q, Vec3d object_o, Vec3d obj
   if constexpr (kKind == Quadric::Kind::kCylinder) o.z = d.z = 0;
   const double dd = LengthSquared(d);
   const double od = -Dot(o, d);
-  // Perpendicular from the centre to the line; its length decides, not b^2 - 4ac. Rays along a
-  // cylinder's axis have none.
+  // The length of the perpendicular from the center to the line decides, not b^2 - 4ac. Rays along
+  // a cylinder's axis have none.
   const Vec3d foot = o + d * (od / dd);
   const double below = q.radius * q.radius - LengthSquared(foot);
   if (!(below >= 0)) return std::nullopt;
@@ -73,7 +73,7 @@ QuadricParameters SphereParameters(const Quadric& q, Vec3d p) {
   const double theta_z_min = Acos(std::clamp(q.z_min / q.radius, -1.0, 1.0));
   const double theta_z_max = Acos(std::clamp(q.z_max / q.radius, -1.0, 1.0));
   const double theta_range = theta_z_max - theta_z_min;
-  // At the poles u does not move the point; any length serves.
+  // At the poles u does not move the point; any length is valid.
   const double rho_tangent = rho > 0 ? rho : q.radius;
   return {{static_cast<float>(AzimuthOf(p.x, p.y) / q.phi_max),
            static_cast<float>((theta - theta_z_min) / theta_range)},
@@ -150,12 +150,12 @@ QuadricParameters QuadricParametersAt(const Quadric& q, Vec3d p_object) {
 std::array<Vec3f, 2> QuadricBounds(const Quadric& q) {
   const Affine& m = q.target_from_object;
   const bool is_sphere = q.kind == Quadric::Kind::kSphere;
-  // Spheres have one centre; cylinders are between two circles, disks within one.
+  // A sphere has one center; a cylinder lies between two circles, a disk within one.
   const Vec3d low = is_sphere ? m.offset : m.Point({0, 0, q.z_min});
   const Vec3d high = is_sphere ? m.offset : m.Point({0, 0, q.z_max});
   std::array<Vec3f, 2> bounds;
   for (size_t i = 0; i < 3; ++i) {
-    // Support of the image of the whole ball (or circle) along axis i.
+    // Support of the transformed ball (or circle) along axis i.
     const double z = is_sphere ? m.z[i] : 0;
     const double extent = q.radius * std::sqrt(m.x[i] * m.x[i] + m.y[i] * m.y[i] + z * z);
     bounds[0][i] = NextDown(static_cast<float>(std::min(low[i], high[i]) - extent));
@@ -167,7 +167,7 @@ std::array<Vec3f, 2> QuadricBounds(const Quadric& q) {
 Vec3f QuadricCoordinateMax(const Quadric& q, const std::array<Vec3f, 2>& bounds) {
   Vec3f largest;
   for (size_t i = 0; i < 3; ++i) {
-    // An end far up the axis may be brought back by the offset: large numbers that nearly cancel.
+    // If the offset cancels a large z, its rounding remains.
     const double z =
         std::fabs(q.target_from_object.z[i]) * std::max(std::fabs(q.z_min), std::fabs(q.z_max));
     const auto way = static_cast<float>(std::max(z, std::fabs(q.target_from_object.offset[i])));
@@ -214,7 +214,7 @@ Quadric MakeQuadric(const CylinderShape& cylinder) {
   q.z_min = std::min(cylinder.z_min, cylinder.z_max);
   q.z_max = std::max(cylinder.z_min, cylinder.z_max);
   q.phi_max = PhiMax(cylinder.phi_max_degrees);
-  q.is_partial = true;  // It ends somewhere.
+  q.is_partial = true;  // It has ends.
   return q;
 }
 

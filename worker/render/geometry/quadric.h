@@ -3,9 +3,9 @@
 //
 // Exact spheres, cylinders and disks, whole or partial, under any affine transform: intersected in
 // object space in double. The distance of closest approach comes from the perpendicular from the
-// centre (or the axis) to the ray, which keeps its digits however far the ray starts. Source:
-// Haines et al. 2019, "Precision Improvements for Ray/Sphere Intersection", Ray Tracing Gems ch. 7;
-// parametrisation after pbrt-v4, ch. 6.2 to 6.4.
+// center (or the axis) to the ray, which keeps its precision at any distance of the ray's origin.
+// Source: Haines et al. 2019, "Precision Improvements for Ray/Sphere Intersection", Ray Tracing
+// Gems ch. 7; parametrization after pbrt-v4, ch. 6.2 to 6.4.
 #pragma once
 
 #include <array>
@@ -26,19 +26,21 @@ struct Quadric {
   double inner_radius = 0;       // Disks.
   double phi_max = 0;            // Radians.
   Affine target_from_object, object_from_target;
-  Vec3f coordinate_max;  // No coordinate met on the way to a point is larger: for error bounds.
+  Vec3f coordinate_max;  // Bound of all coordinates in the computation of a point: for error
+                         // bounds.
 };
 
-// A shape as written, its ranges clamped and put in order; the transforms are left as identities.
+// Converts a shape as written: clamps and sorts its ranges, and leaves the transforms as
+// identities.
 Quadric MakeQuadric(const SphereShape& sphere);
 Quadric MakeQuadric(const DiskShape& disk);
 Quadric MakeQuadric(const CylinderShape& cylinder);
 
-// The least t in (0, t_max) at which o + t d (target space) meets the quadric.
+// Returns the least t in (0, t_max) at which o + t d (target space) intersects the quadric.
 std::optional<double> IntersectQuadric(const Quadric& quadric, Vec3d o, Vec3d d, double t_max);
 
-// A point of the quadric itself: o + t d (target space) moved onto it along the object-space
-// radius, or the disk's normal.
+// A point on the quadric: o + t d (target space) projected onto it along the object-space radius or
+// the disk's normal.
 struct QuadricPoint {
   Vec3d p;  // Target space.
   Vec3d n;  // Unit, target space; outward, or along the image of +z (disks).
@@ -54,7 +56,7 @@ QuadricParameters QuadricParametersAt(const Quadric& quadric, Vec3d p_object);
 
 // Axis-aligned bounds in target space, rounded outwards to float: lower, upper.
 std::array<Vec3f, 2> QuadricBounds(const Quadric& quadric);
-// What Quadric::coordinate_max has to be, given those bounds.
+// The value of Quadric::coordinate_max for the given bounds.
 Vec3f QuadricCoordinateMax(const Quadric& quadric, const std::array<Vec3f, 2>& bounds);
 
 }  // namespace sheaf::render

@@ -42,9 +42,9 @@ void Place(const Affine& target_from_object, Quadric* q) {
   q->object_from_target = Inverse(target_from_object);
 }
 
-// Both roots for a whole sphere about the origin, in 64 bits of mantissa.
+// Both roots for a whole sphere about the origin, with a 64-bit mantissa.
 struct Roots {
-  long double discriminant;  // Over that of a ray through the centre.
+  long double discriminant;  // Relative to that of a ray through the center.
   long double t0, t1;
 };
 Roots SphereRoots(double radius, Vec3d o, Vec3d d) {
@@ -70,7 +70,7 @@ TEST(QuadricTest, SpheresAreMetWhereLongDoubleMeetsThem) {
     const Vec3d o = random.InBox(far);
     const Vec3d d = (random.InBox(1.5 * sphere.radius) - o) * random.Uniform(0.01, 3);
     const Roots roots = SphereRoots(sphere.radius, o, d);
-    if (std::fabs(roots.discriminant) < 1e-6L) continue;  // Touching rays may go either way.
+    if (std::fabs(roots.discriminant) < 1e-6L) continue;  // Grazing rays may hit or miss.
     const std::optional<double> t = IntersectQuadric(sphere, o, d, HUGE_VAL);
     const bool should_meet = roots.discriminant > 0 && roots.t1 > 0;
     ASSERT_EQ(t.has_value(), should_meet) << i;
@@ -80,7 +80,7 @@ TEST(QuadricTest, SpheresAreMetWhereLongDoubleMeetsThem) {
     }
     ++met;
     const auto expected = static_cast<double>(roots.t0 > 0 ? roots.t0 : roots.t1);
-    // The error of a position over the half chord's slope; positions are known to ulps of |o|.
+    // Position error divided by the half chord's slope; positions are known to ulps of |o|.
     const double allowed = 1e-14 * (Length(o) + sphere.radius) / Length(d) /
                            std::sqrt(static_cast<double>(roots.discriminant));
     EXPECT_NEAR(*t, expected, allowed) << i;
@@ -91,11 +91,11 @@ TEST(QuadricTest, SpheresAreMetWhereLongDoubleMeetsThem) {
   EXPECT_GT(missed, 2000);
 }
 
-// Of a sphere cut in z and phi, and of a ring: exactly the points that the description keeps.
+// A sphere cut in z and phi, and a ring: rays hit exactly the points that remain.
 TEST(QuadricTest, PartsAreMetWhereTheyAre) {
   SphereShape cut;
   cut.radius = 2;
-  cut.z_min = 1.5f;  // Given the wrong way round.
+  cut.z_min = 1.5f;  // In reverse order.
   cut.z_max = -1;
   cut.phi_max_degrees = 200;
   Quadric sphere = MakeQuadric(cut);
@@ -144,8 +144,8 @@ TEST(QuadricTest, PartsAreMetWhereTheyAre) {
   EXPECT_GT(met, 2500);
 }
 
-// Points lie on the quadric, inside its bounds; their parameters lead back to them and tangents are
-// what the parameters' differences say.
+// Points lie on the quadric, inside its bounds; their parameters reproduce them, and tangents match
+// finite differences of the parameters.
 TEST(QuadricTest, PointsBoundsAndParametersAgree) {
   Quadric sphere = MakeQuadric(SphereShape{1.5f, -1, 1.25f, 300});
   Place(SomeTransform(), &sphere);
@@ -161,7 +161,7 @@ TEST(QuadricTest, PointsBoundsAndParametersAgree) {
   for (double u = 0.05; u < 1; u += 0.1) {
     for (double v = 0.05; v < 1; v += 0.1) {
       const Vec3d object = at(u, v), target = m.Point(object);
-      // A ray along the radius, stopped a little off the surface.
+      // A ray along the radius, stopped slightly off the surface.
       const Vec3d d = m.Vector(object);
       const QuadricPoint point = QuadricPointAt(sphere, m.offset, d, 1 + 1e-7);
       EXPECT_NEAR(Length(point.p - target), 0, 1e-14 * 20);
@@ -186,12 +186,12 @@ TEST(QuadricTest, PointsBoundsAndParametersAgree) {
 }
 
 Quadric SomeCylinder() {
-  Quadric cylinder = MakeQuadric(CylinderShape{1.5f, 1.25f, -1, 300});  // z the wrong way round.
+  Quadric cylinder = MakeQuadric(CylinderShape{1.5f, 1.25f, -1, 300});  // z in reverse order.
   Place(SomeTransform(), &cylinder);
   return cylinder;
 }
 
-// Against roots in 64 bits of mantissa, from inside and outside, whole and cut.
+// Against roots with a 64-bit mantissa, from inside and outside, whole and cut.
 TEST(QuadricTest, CylindersAreMetWhereLongDoubleMeetsThem) {
   Random random;
   int met = 0, missed = 0;
@@ -233,13 +233,13 @@ TEST(QuadricTest, CylindersAreMetWhereLongDoubleMeetsThem) {
   EXPECT_GT(missed, 2000);
 }
 
-// Rays along the axis pass through the opening, or past it.
+// Rays along the axis pass through the opening, or miss.
 TEST(QuadricTest, RaysAlongACylindersAxisMeetNothing) {
   const Quadric cylinder = MakeQuadric(CylinderShape{});
   for (const double x : {0.0, 0.5, 1.0, 2.0}) {
     EXPECT_FALSE(IntersectQuadric(cylinder, {x, 0, -5}, {0, 0, 1}, HUGE_VAL).has_value()) << x;
   }
-  // Nearly along it, from inside: met where the wall is, if it reaches that far.
+  // Nearly along the axis, from inside: hits the wall if it is long enough.
   const Quadric tube = MakeQuadric(CylinderShape{1, 0, 1e7f, 360});
   const std::optional<double> t = IntersectQuadric(tube, {0.5, 0, 0}, {1e-6, 0, 1}, HUGE_VAL);
   ASSERT_TRUE(t.has_value());
@@ -290,7 +290,7 @@ TEST(QuadricTest, CylinderPointsBoundsAndParametersAgree) {
   }
 }
 
-// An end far up the axis brought back by the transform leaves its rounding in the points.
+// If the transform cancels a large z of an end, the points keep its rounding error.
 TEST(QuadricTest, CoordinateMaxHoldsTheWayToThePoints) {
   Quadric cylinder = MakeQuadric(CylinderShape{1, 1e6f, 1e6f + 1, 360});
   Affine back;

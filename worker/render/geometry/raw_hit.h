@@ -12,7 +12,7 @@ namespace sheaf::render {
 
 inline constexpr uint32_t kNotPlaced = ~0u;
 
-// What the tracer knows of a hit. In `id`, geometry is the mesh of the group, its QuadricsId, a
+// The tracer's record of a hit. In `id`, geometry is the mesh of the group, its QuadricsId, a
 // PatchesId or a CurvesId; primitive the triangle, quadric, patch or piece of a curve; placed the
 // index over `still`, then `moving`, or kNotPlaced for the world.
 struct RawHit {

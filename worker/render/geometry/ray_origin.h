@@ -1,10 +1,10 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Rays and where they may start. A point computed in float is off by a bounded amount; a ray
-// leaving a surface starts beyond that bound, on the side it leaves to, so that it cannot meet the
-// surface it leaves. The bounds are relative to the numbers at hand: no length of the scene enters.
-// Source: pbrt-v4, sec. 6.8; Higham 2002, "Accuracy and Stability of Numerical Algorithms", ch. 3.
+// Ray, and safe ray origins. A point computed in float has a bounded error; a ray that leaves a
+// surface starts beyond that bound, on the side it leaves to, so that it cannot hit that surface
+// again. The bounds are relative to the coordinates, independent of the scene's scale. Source:
+// pbrt-v4, sec. 6.8; Higham 2002, "Accuracy and Stability of Numerical Algorithms", ch. 3.
 #pragma once
 
 #include <cmath>
@@ -18,14 +18,14 @@
 
 namespace sheaf::render {
 
-// Bound of the relative error of n roundings in float.
+// Upper bound of the relative error of n roundings in float.
 constexpr float Gamma(int n) {
   constexpr float kHalfUlp = std::numeric_limits<float>::epsilon() * 0.5f;
   return static_cast<float>(n) * kHalfUlp / (1 - static_cast<float>(n) * kHalfUlp);
 }
 
-// Names a primitive of the scene: a triangle of a mesh, a quadric or a patch, of the world or a
-// placed group.
+// Identifies a primitive of the scene: a triangle of a mesh, a quadric, a patch or a piece of a
+// curve, in the world or a placed group.
 struct PrimitiveId {
   uint32_t geometry = ~0u, primitive = ~0u, placed = ~0u;
   friend constexpr auto operator<=>(const PrimitiveId&, const PrimitiveId&) = default;
@@ -36,8 +36,8 @@ struct Ray {
   Vec3f o, d;
   float t_max = std::numeric_limits<float>::infinity();
   float time = 0;  // Fraction of the shutter interval, in [0, 1].
-  // The primitive the ray leaves. A triangle is flat, so it is not met again: the tracer's own
-  // rounding on a needle-like triangle may be larger than any offset one would want.
+  // The primitive that the ray leaves. A flat triangle cannot be hit again, so it is skipped: the
+  // tracer's own rounding on a needle may exceed any useful offset.
   PrimitiveId source;
 };
 
@@ -48,13 +48,12 @@ inline Vec3f Abs(Vec3f v) { return {std::fabs(v.x), std::fabs(v.y), std::fabs(v.
 inline Vec3f OffsetRayOrigin(Vec3f p, Vec3f p_error, Vec3f n, Vec3f w) {
   const float distance = Dot(Abs(n), p_error);
   const Floats4 offset = Floats4{n.x, n.y, n.z, 0} * (Dot(w, n) < 0 ? -distance : distance);
-  // The sum itself rounds: away from p, never back to it.
+  // The sum itself rounds: away from p, never towards it.
   const Floats4 origin = NextTowards(Floats4{p.x, p.y, p.z, 0} + offset, offset);
   return {origin[0], origin[1], origin[2]};
 }
 
-// What a shadow ray leaves out at its far end, as a fraction of its length: the intersector's own
-// rounding of t at that distance.
+// A shadow ray ends at this fraction of its length: a margin for the intersector's rounding of t.
 inline constexpr float kSegmentEnd = 1 - Gamma(16);
 
 }  // namespace sheaf::render

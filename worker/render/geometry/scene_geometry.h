@@ -1,10 +1,10 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// SceneGeometry: the scene's surfaces as the ray tracer and the hits see them. What is placed in
-// the world directly is baked into render space: world axes, origin at the camera when the shutter
-// opens, so that coordinates are small where they are seen. Object definitions are baked about the
-// centre of their own bounds and placed by transforms of double.
+// SceneGeometry: the scene's surfaces in the form that the ray tracer and shading use. Shapes
+// placed directly in the world are baked into render space: world axes, origin at the camera at
+// shutter open, so that visible coordinates are small. Object definitions are baked about the
+// center of their own bounds and placed by transforms of double.
 #pragma once
 
 #include <cstdint>
@@ -20,40 +20,40 @@
 namespace sheaf::render {
 
 inline constexpr uint32_t kNoEmitter = ~0u;
-// The rank of surfaces that bound no interior with a priority, and of no interior.
+// Rank of a surface whose interior has no priority, and of empty space.
 inline constexpr uint16_t kNoRank = 0xffff;
 
-// What all points of one shape have in common.
+// Properties common to all points of one shape.
 struct Surface {
   int32_t material = kNone;
   int32_t shape = kNone;          // Index in SceneDescription::shapes.
   uint32_t emitter = kNoEmitter;  // Id of the shape's first primitive in the light table.
   bool flips_normal = false;      // reverse_orientation, and for triangles a mirroring transform.
   bool has_alpha = false;
-  bool may_pass = false;  // The material is an interface, or a mix (which may turn into one).
+  bool may_pass = false;  // The material is an interface, or a mix (which may resolve to one).
   bool is_sphere = false;
-  bool needs_tangent = false;    // Scatters differently along u and v.
-  bool reads_textures = false;   // The material, the cut-out or the emission reads a texture.
+  bool needs_tangent = false;    // The BSDF depends on the tangent.
+  bool reads_textures = false;   // The material, the cut-out or the emission uses a texture.
   bool has_normal_map = false;   // Or a bump map.
-  uint16_t rank = kNoRank;       // Of the matter inside, where it has a priority: InteriorTable.
-  bool encloses_matter = false;  // The inside of the material begins here.
-  bool paints_matter = false;    // And is what a texture says there.
+  uint16_t rank = kNoRank;       // Of the interior, if it has a priority: InteriorTable.
+  bool encloses_matter = false;  // A boundary of a subsurface medium.
+  bool paints_matter = false;    // Whose scattering a texture scales here.
   MediumBoundary media;
-  // Each triangle that emits a picture is so many emitters squared: emission_cells.h.
+  // A triangle with an emission image has emission_cells^2 emitters: emission_cells.h.
   uint16_t emission_cells = 1;
 };
 struct BakedMesh {
   Surface surface;
-  std::vector<Vec3f> positions;   // One more than used: the ray tracer reads 16 bytes a vertex.
+  std::vector<Vec3f> positions;   // Plus one: the ray tracer reads 16 bytes per vertex.
   std::vector<Vec3f> normals;     // Unit length, or empty.
   std::vector<Vec2f> uvs;         // Or empty.
-  std::vector<uint32_t> indices;  // Three per triangle; degenerate triangles are gone.
-  // Of a mesh that deforms (deforming_mesh.h): the vertices later, at even steps until the shutter
-  // closes, like those above.
+  std::vector<uint32_t> indices;  // Three per triangle, without degenerate ones.
+  // Of a deforming mesh (deforming_mesh.h): the vertices at later, equidistant steps until shutter
+  // close, in the same form.
   std::vector<VertexStep> steps;
 };
-// The side of a triangle its shape faces: 1 along cross = Cross(p1 - p0, p2 - p0), -1 against it.
-// Vertex normals decide where there are any (as in pbrt-v4), else the shape's orientation.
+// The side of a triangle that its shape faces: 1 along cross = Cross(p1 - p0, p2 - p0), -1 against
+// it. Vertex normals decide if present (as in pbrt-v4), else the shape's orientation.
 inline float FacingOf(const Surface& surface, Vec3d cross, Vec3f sum_of_normals) {
   const double side = Dot(cross, ToDouble(sum_of_normals));
   if (side != 0) return side < 0 ? -1.0f : 1.0f;
@@ -71,14 +71,14 @@ struct BakedQuadric {
   Surface surface;
   Quadric quadric;
 };
-// Bilinear patches of one shape. Their corners are rounded to float like vertices, so that what
-// shares corners in the file shares them here.
+// Bilinear patches of one shape. Corners are rounded to float like vertices, so that corners shared
+// in the file stay shared.
 struct BakedPatches {
   Surface surface;
   std::vector<Vec3f> positions;
   std::vector<Vec3f> normals;     // Unit length, or empty.
-  std::vector<Vec2f> uvs;         // Or empty: u and v themselves.
-  std::vector<uint32_t> indices;  // Four per patch; patches without area are gone.
+  std::vector<Vec2f> uvs;         // Empty: u and v themselves.
+  std::vector<uint32_t> indices;  // Four per patch, without patches of zero area.
 
   size_t size() const { return indices.size() / 4; }
   BilinearPatch PatchAt(size_t i) const {
@@ -87,19 +87,19 @@ struct BakedPatches {
             ToDouble(positions[k[3]])};
   }
 };
-// Curves of one shape, in the shape's own space as the file has them: it decides which way is
-// across, and their widths may be too thin for another rounding.
+// Curves of one shape, in the shape's own space as in the file: that space decides which direction
+// is across, and widths may be too thin for another rounding.
 struct BakedCurves {
   Surface surface;
   CurveSet set;
-  std::vector<CurvePiece> pieces;  // Segments without length or width are gone.
+  std::vector<CurvePiece> pieces;  // Without segments of zero length or width.
   std::vector<CurveRod> rods;      // About each piece.
   Affine target_from_shape, shape_from_target;
-  Vec3f coordinate_max;  // Of the numbers that points are computed from, in the target.
+  Vec3f coordinate_max;  // Of the coordinates from which points are computed, in the target.
 
   size_t size() const { return pieces.size(); }
 };
-// What is traced as one acceleration structure: the world, or one object definition.
+// The contents of one acceleration structure: the world, or one object definition.
 struct GeometryGroup {
   std::vector<BakedMesh> meshes;
   std::vector<BakedQuadric> quadrics;
@@ -107,7 +107,7 @@ struct GeometryGroup {
   std::vector<BakedCurves> curves;
   Vec3d center;  // Of its own space, in the space of the shapes' transforms.
   Vec3f bounds_lower, bounds_upper;
-  double radius = 0;  // Of the ball about `center` that holds everything.
+  double radius = 0;  // Of a ball about `center` that contains everything.
 
   bool empty() const {
     return meshes.empty() && quadrics.empty() && patches.empty() && curves.empty();
@@ -122,9 +122,9 @@ struct GeometryGroup {
 };
 struct PlacedGroup {
   uint32_t group = 0;
-  Affine render_from_group, group_from_render;  // At shutter opening where it moves.
+  Affine render_from_group, group_from_render;  // At shutter open if moving.
   int32_t motion = kNone;                       // Index in SceneGeometry::motions.
-  int32_t instance = kNone;  // Index in SceneDescription::instances; none for a shape that moves.
+  int32_t instance = kNone;  // Index in SceneDescription::instances; none for a moving shape.
 };
 struct GroupMotion {
   AnimatedTransform world_from_placed;
@@ -143,10 +143,10 @@ struct SceneGeometry {
   Vec3d render_origin_world;
   double shutter_open = 0, shutter_close = 0;
   uint64_t degenerate_triangle_count = 0;
-  Vec3f bounds_lower, bounds_upper;  // Of everything over the shutter, render space.
+  Vec3f bounds_lower, bounds_upper;  // Of everything over the shutter interval, in render space.
 };
 
-// Where a placed group is when the ray is, at a fraction of the shutter interval.
+// The transform of a placed group at a fraction of the shutter interval.
 inline Affine RenderFromGroupAt(const SceneGeometry& geometry, const PlacedGroup& placed,
                                 float shutter_fraction) {
   if (placed.motion == kNone) return placed.render_from_group;
@@ -165,8 +165,8 @@ struct PlacedBounds {
 };
 // Bounds in render space, rounded outwards.
 PlacedBounds BoundsOfStill(const SceneGeometry& geometry, const PlacedGroup& placed);
-// Boxes at kMotionStepCount even steps over the shutter (step from 0): moved linearly between two
-// steps they hold the group at every time between.
+// Boxes at kMotionStepCount equidistant steps over the shutter interval (step from 0): interpolated
+// linearly between steps, they contain the group at all times.
 inline constexpr uint32_t kMotionStepCount = 17;
 PlacedBounds BoundsOfMoving(const SceneGeometry& geometry, const PlacedGroup& placed,
                             uint32_t step);

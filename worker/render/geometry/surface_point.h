@@ -1,9 +1,9 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// SurfacePoint: everything shading wants to know of a hit. The point is put back onto its triangle
+// SurfacePoint: the properties of a hit for shading. The point is projected back onto its triangle
 // (quadric, patch, curve) in double from the surface's own description, so its error is that of one
-// rounding to float, however far the ray came from. Source: pbrt-v4, sec. 6.8.
+// rounding to float, however far the ray's origin is. Source: pbrt-v4, sec. 6.8.
 #pragma once
 
 #include <algorithm>
@@ -27,13 +27,13 @@ struct SurfacePoint {
   Vec3f p_error;  // Bound of its absolute error, per component.
   Vec3f ng;       // Unit geometric normal, on the surface's own front side.
   Frame shading;  // n: unit shading normal, in the hemisphere of ng.
-  Vec2f uv;       // Where the surface reads textures or is hair; on curves along and across.
+  Vec2f uv;       // For textures and hair; on curves along and across.
   const Surface* surface = nullptr;
   uint32_t emitter = kNoEmitter;
   PrimitiveId id;
 
-  // The normal by which the light table knows emitters: outward for spheres, whichever side is
-  // front.
+  // The emitter's normal in the light table's convention: outward for spheres, whichever side is
+  // the front.
   Vec3f EmitterNormal() const { return surface->is_sphere && surface->flips_normal ? -ng : ng; }
 };
 
@@ -41,23 +41,24 @@ namespace internal {
 
 inline constexpr double kDoubleRounding = 0x1p-50;  // A few roundings of double.
 
-// Before it is rounded to float and placed. Space: that of the group.
+// A point before it is rounded to float and placed. Space: that of the group.
 struct GroupPoint {
   Vec3d p, ng, ns;
-  Vec3f coordinate_max;  // Of what the point was computed from.
+  Vec3f coordinate_max;  // Of the coordinates from which the point was computed.
   Vec2f uv;
   Vec3d dpdu, dpdv;
   bool has_tangents = false;
-  double reach = 0;  // Of curves: how far off along ng a ray that leaves must start.
+  double reach = 0;  // For curves: offset along ng at which a ray that leaves must start.
 };
 
-// The least cosine between vertex normals and the surface's own at which they are what they say.
+// Minimum cosine between interpolated vertex normals and the geometric normal for unmodified use.
 inline constexpr double kShadingCosineMin = 0.5;
 
-// The shading normal that vertex normals, interpolated to ns, make on a surface of normal ng
-// (unit). About a normal at an angle t half of 1 - cos t of what a white surface scatters goes
-// below it, where it is lost. Beyond 60 degrees it is drawn to the surface's own, which it is from
-// 90 on: such a normal says nothing about how the surface is lit. See docs/adr/0052.
+// Returns the shading normal for interpolated vertex normals ns on a surface with unit normal ng. A
+// white surface shaded about a normal at angle t scatters a fraction (1 - cos t) / 2 of the light
+// below the surface, where it is lost. Beyond 60 degrees the normal is therefore pulled towards ng,
+// which it reaches at 90: such a normal carries no information about the lighting. See
+// docs/adr/0052.
 inline Vec3d ShadingNormalOf(Vec3d ns, Vec3d ng) {
   const double height = Dot(ns, ng);
   if (!(height > 0)) return ng;
@@ -75,7 +76,7 @@ inline Vec3f MaxAbs(Vec3f a, Vec3f b, Vec3f c) {
   return result;
 }
 
-// uv and its tangents on a triangle. Without uvs the corners are (0,0), (1,0), (1,1), as in
+// Sets uv and its tangents on a triangle. Without uvs the corners are (0,0), (1,0), (1,1), as in
 // pbrt-v4.
 inline void AddTriangleParameters(const BakedMesh& mesh, const uint32_t* t, const RawHit& hit,
                                   Vec3d e1, Vec3d e2, GroupPoint* point) {
@@ -104,7 +105,7 @@ inline GroupPoint TrianglePoint(const BakedMesh& mesh, const RawHit& hit, bool w
   point.p = p0 + e1 * static_cast<double>(hit.u) + e2 * static_cast<double>(hit.v);
   point.coordinate_max = MaxAbs(f0, f1, f2);
   const Vec3d cross = Cross(e1, e2);
-  // Degenerate triangles were dropped: the length is positive, and no product of floats underflows.
+  // No degenerate triangles remain: the length is positive, and no product of floats underflows.
   point.ng = cross * (static_cast<double>(TriangleFacing(mesh, t, cross)) / Length(cross));
   point.ns = point.ng;
   if (!mesh.normals.empty()) {
@@ -126,7 +127,7 @@ inline GroupPoint DeformedTrianglePoint(const BakedMesh& mesh, const RawHit& hit
   GroupPoint point;
   point.p = p0 + e1 * static_cast<double>(hit.u) + e2 * static_cast<double>(hit.v);
   point.coordinate_max = triangle.coordinate_max;
-  // Positive: where the triangle has no area the tracer's filter refuses hits.
+  // Positive, because the tracer's filter rejects hits while the triangle has no area.
   const Vec3d cross = Cross(e1, e2);
   point.ng = cross * (1 / Length(cross));
   if (mesh.normals.empty()) {
@@ -162,7 +163,7 @@ inline GroupPoint PointOnQuadric(const BakedQuadric& baked, Vec3d o, Vec3d d, do
   return point;
 }
 
-// Values at a patch's corners, as the patch of their own that they span.
+// The vertex normals at a patch's corners, as a bilinear patch.
 inline BilinearPatch PatchNormals(const BakedPatches& baked, const uint32_t* k) {
   return {ToDouble(baked.normals[k[0]]), ToDouble(baked.normals[k[1]]),
           ToDouble(baked.normals[k[2]]), ToDouble(baked.normals[k[3]])};
@@ -209,7 +210,7 @@ inline GroupPoint PointOnPatch(const BakedPatches& baked, const RawHit& hit,
   point.ns = point.ng;
   if (!baked.normals.empty()) {
     const Vec3d ns = PatchNormals(baked, k).PointAt(u, v);
-    // Vertex normals say which side is the front (as in pbrt-v4).
+    // Vertex normals decide which side is the front (as in pbrt-v4).
     if (Dot(ns, point.ng) < 0) point.ng = -point.ng;
     point.ns = ShadingNormalOf(ns, point.ng);
   }
@@ -231,18 +232,19 @@ inline GroupPoint PointOnCurve(const BakedCurves& baked, Vec3d d, const RawHit& 
   point.uv = {hit.u, hit.v};
   point.dpdu = baked.target_from_shape.Vector(on.dpdu);
   point.has_tangents = true;
-  // One width along the normal leads out of every ribbon about the centre line, to either side.
+  // An offset of one width along the normal leaves every ribbon about the center line on either
+  // side.
   point.reach = on.width * scale;
   return point;
 }
 
-// Of a placed group, at the ray's time.
+// The transforms of a placed group at the ray's time.
 struct Placement {
   Affine render_from_group, group_from_render;
 };
 
-// Brings the point from its group to render space. The next ray is rounded to float in the group's
-// space again, so the bound holds that rounding too, carried over.
+// Transforms the point from its group to render space. The next ray is rounded to float in the
+// group's space again, so the bound includes that rounding, transformed to render space.
 inline void PlacePoint(const Placement& placement, GroupPoint* point, Vec3d* rounding) {
   const auto& [render_from_group, group_from_render] = placement;
   const Vec3f g = point->coordinate_max;
@@ -264,7 +266,7 @@ inline void PlacePoint(const Placement& placement, GroupPoint* point, Vec3d* rou
   point->dpdv = render_from_group.Vector(point->dpdv);
 }
 
-// x along the tangent dpdu, where there is one.
+// The frame's x axis follows the tangent dpdu, if there is one.
 inline Frame ShadingFrame(Vec3f ns, const TangentPlane& plane) {
   if (plane.has_tangents) {
     const Vec3d n = ToDouble(ns);
@@ -282,7 +284,7 @@ inline Frame ShadingFrame(Vec3f ns, const TangentPlane& plane) {
 
 namespace internal {
 
-// Counted from the mesh's first emitter.
+// Relative to the mesh's first emitter.
 template <uint32_t kTraits>
 uint32_t EmitterOfFace(const Surface& surface, const RawHit& hit) {
   if constexpr (Has(kTraits, Trait::kVaryingEmission)) {
@@ -293,7 +295,8 @@ uint32_t EmitterOfFace(const Surface& surface, const RawHit& hit) {
   return hit.id.primitive;
 }
 
-// The hit's point in its group, with point->surface and emitter. placement: null in the world.
+// Computes the hit's point in its group, and point->surface and emitter. placement: null in the
+// world.
 template <uint32_t kTraits>
 GroupPoint PointOfHit(const GeometryGroup& group, const Ray& ray, const RawHit& hit,
                       const Placement* placement, SurfacePoint* point) {
@@ -342,7 +345,7 @@ GroupPoint PointOfHit(const GeometryGroup& group, const Ray& ray, const RawHit& 
   return PointOnQuadric(baked, o, d, hit.t, wants_parameters(baked.surface));
 }
 
-// What shading wants to know of `on`, in render space and known to `rounding`.
+// Completes the shading properties of `on`, which is in render space with error `rounding`.
 template <uint32_t kTraits, typename Plane>
 void FinishPoint(const GroupPoint& on, Vec3d rounding, SurfacePoint* point,
                  [[maybe_unused]] Plane* plane) {
@@ -350,10 +353,10 @@ void FinishPoint(const GroupPoint& on, Vec3d rounding, SurfacePoint* point,
   point->p_error = Gamma(1) * Abs(point->p) + ToFloat(rounding);
   point->ng = ToFloat(on.ng);
   if constexpr (Has(kTraits, Trait::kCurves)) {
-    // What is added along the normal is what OffsetRayOrigin adds.
+    // OffsetRayOrigin turns this error into the required offset along the normal.
     point->p_error += Abs(point->ng) * static_cast<float>(on.reach);
   }
-  // Flat surfaces shade by the very bits of their normal.
+  // Flat surfaces use exactly the bits of their geometric normal for shading.
   const Vec3f ns = on.ns == on.ng ? point->ng : ToFloat(on.ns * (1 / Length(on.ns)));
   if constexpr (Has(kTraits, Trait::kTextures) || Has(kTraits, Trait::kHair) ||
                 Has(kTraits, Trait::kCurves)) {
@@ -369,7 +372,7 @@ void FinishPoint(const GroupPoint& on, Vec3d rounding, SurfacePoint* point,
   }
 }
 
-// Out of line: what is not placed, most of most scenes, shall not pay for it.
+// Out of line, so that unplaced geometry, the common case, does not pay for it.
 template <uint32_t kTraits, typename Plane>
 [[gnu::noinline]] SurfacePoint MakePlacedPoint(const SceneGeometry& geometry, const Ray& ray,
                                                const RawHit& hit, Plane* plane) {
@@ -390,9 +393,8 @@ template <uint32_t kTraits, typename Plane>
 
 }  // namespace internal
 
-// Requires: hit is of ray, found in the EmbreeScene of `geometry`. plane: a std::optional that is
-// given what a normal map needs to know of the surface, where there is one; what is no such
-// optional is left alone.
+// Requires: hit is a hit of ray in the EmbreeScene of `geometry`. plane: a std::optional that
+// receives the inputs of a normal map if the surface has one; any other type is ignored.
 template <uint32_t kTraits, typename Plane = std::nullopt_t>
 SurfacePoint MakeSurfacePoint(const SceneGeometry& geometry, const Ray& ray, const RawHit& hit,
                               [[maybe_unused]] Plane* plane = nullptr) {

@@ -20,7 +20,7 @@ float* Put(Vec2d v, float* at) {
   return at;
 }
 
-// The film point where the surface's point, met at `time`, is at another time of the shutter.
+// Projects to the film the surface point that was hit at `time`, at another time of the shutter.
 std::optional<Vec2d> FilmPointAt(const CompiledScene& scene, const SurfacePoint& point, float time,
                                  float other_time) {
   const Vec3d p = ToDouble(point.p);
@@ -49,10 +49,10 @@ std::optional<Vec2d> FilmPointAt(const CompiledScene& scene, const SurfacePoint&
   return scene.camera.FilmPointOf(in_group, other_time);
 }
 
-// Next to the camera's own plane a film point is beyond all bounds, as it is behind it.
+// Film points diverge near the camera's plane, and do not exist behind it.
 constexpr double kMotionMaxPx = 1e6;
 
-// Pixels over the shutter; 0 for what comes from, or goes to, where the camera cannot look.
+// Pixels over the shutter interval; 0 where the point is outside the camera's view at either end.
 Vec2d Motion(const CompiledScene& scene, const SurfacePoint& point, float time) {
   const std::optional<Vec2d> open = FilmPointAt(scene, point, time, 0);
   const std::optional<Vec2d> close = FilmPointAt(scene, point, time, 1);
@@ -92,7 +92,7 @@ void RecordFirstEventInMedium(const CompiledScene& scene, const Ray& ray, Vec3f 
   const FilmOutputs& wanted = scene.settings.outputs;
   SurfacePoint point;
   point.p = p;
-  float* at = outputs->means.data();  // In the order of Aov; what is of surfaces stays 0.
+  float* at = outputs->means.data();  // In the order of Aov; surface values stay 0.
   Affine output_from_render;
   output_from_render.offset = scene.geometry.render_origin_world;
   if (wanted.camera_space) output_from_render = scene.camera.CameraFromRenderAt(ray.time);

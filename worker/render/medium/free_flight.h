@@ -42,8 +42,7 @@ struct MediumMix {
   bool glows = false;      // A heterogeneous one emits.
   bool gathers = false;    // Lines through a heterogeneous one gather light.
   bool is_matter = false;  // One of them is a subsurface medium.
-  bool is_hidden = false;  // One of them is a subsurface medium whose boundary no shadow ray can
-                           // cross.
+  bool is_hidden = false;  // A subsurface medium that shadow rays cannot leave.
   MediumForm form = MediumForm::kTrue;
 };
 

@@ -39,7 +39,7 @@ uint64_t GeometryBytes(const SceneGeometry& geometry) {
   return bytes + VectorBytes(geometry.still, geometry.moving, geometry.motions);
 }
 
-// Has every hit work out its parameters, whether or not a texture reads them.
+// Makes every hit compute its parameters, whether or not a texture reads them.
 void WantParameters(SceneGeometry* geometry) {
   for (GeometryGroup& group : geometry->groups) {
     for (BakedMesh& mesh : group.meshes) mesh.surface.reads_textures = true;
@@ -48,7 +48,7 @@ void WantParameters(SceneGeometry* geometry) {
   }
 }
 
-// The table of media, and the light group that their glow belongs to.
+// Builds the table of media, and finds the light group of their emission.
 absl::Status BuildMedia(FileSource& files, int threads, const CompileTechniques& techniques,
                         MediumVelocities velocities, CompiledScene* scene) {
   absl::StatusOr<std::unique_ptr<MediumTable>> media = MediumTable::Build(

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// CompiledScene: all that tracing reads, made once and never changed.
+// CompiledScene: the immutable data that tracing reads.
 #pragma once
 
 #include <memory>
@@ -37,10 +37,10 @@ class CompiledScene {
   std::unique_ptr<LightTable> lights;
   std::unique_ptr<MediumTable> media;        // Null where the plan has none.
   std::unique_ptr<InteriorTable> interiors;  // Null where the plan has no nested dielectrics.
-  float majorant_factor = 1;                 // As CompileTechniques has it.
+  float majorant_factor = 1;                 // As in CompileTechniques.
   uint32_t roulette_depth_min = kRouletteDepthMin;
-  uint32_t media_group = 0;  // Index of the light group that what shines in media is in.
-  SceneIds ids;              // Empty unless asked for.
+  uint32_t media_group = 0;  // Index of the light group of media emission.
+  SceneIds ids;              // Empty unless requested.
 };
 
 }  // namespace sheaf::render

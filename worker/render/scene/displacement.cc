@@ -20,20 +20,20 @@
 namespace sheaf::render {
 namespace {
 
-// Textures that displacements read, by index; and whether the places of points matter to any.
+// The textures that displacements use, by index, and whether any depends on positions.
 class UsedTextures {
  public:
   explicit UsedTextures(const SceneDescription& scene)
       : scene_(scene), is_used_(scene.textures.size(), false) {}
 
-  // True where `texture` or one that it reads depends on the place.
+  // Returns true if `texture`, or one that it reads, depends on the position.
   bool Add(int32_t texture) {
     if (texture == kNone) return false;
     is_used_[static_cast<size_t>(texture)] = true;
     return std::visit([this](const auto& t) { return AddInputs(t); },
                       scene_.textures[static_cast<size_t>(texture)].texture);
   }
-  // The scene's textures, those that nobody reads replaced by constants.
+  // The scene's textures, with unused ones replaced by constants.
   SceneDescription Program() const {
     SceneDescription program;
     program.files = scene_.files;
@@ -65,7 +65,7 @@ class UsedTextures {
   std::vector<bool> is_used_;
 };
 
-// What a displaced mesh is made of.
+// Everything that determines a displaced mesh.
 using MeshKey = std::tuple<int32_t, int32_t, float, float, std::array<double, 12>>;
 
 MeshKey KeyOf(const MeshShape& shape, const Matrix4& transform, bool reads_place) {
@@ -143,7 +143,7 @@ class Displacer {
 absl::Status DisplaceMeshes(FileSource& files, const DisplacementLimits& limits,
                             SceneDescription* scene) {
   UsedTextures used(*scene);
-  std::vector<std::pair<int32_t, bool>> displaced;  // Shapes, and whether places matter.
+  std::vector<std::pair<int32_t, bool>> displaced;  // Shapes, and whether positions matter.
   for (const int32_t index : UsedShapes(*scene)) {
     const auto* mesh = std::get_if<MeshShape>(&scene->shapes[static_cast<size_t>(index)].shape);
     if (mesh == nullptr || !mesh->IsDisplaced()) continue;

@@ -35,7 +35,7 @@ class SceneBaker {
   absl::Status BakeObjects();
   absl::Status BakeInstances();
   absl::Status BakeWorldShapes();
-  // The transform of what stands still while the shutter is open.
+  // The transform of a shape or instance that is static while the shutter is open.
   absl::StatusOr<Affine> StillTransform(const TransformOverTime& t, SourceLocation location) const;
   absl::StatusOr<int32_t> AddMotion(const TransformOverTime& t, Vec3d group_center,
                                     SourceLocation location);
@@ -178,7 +178,7 @@ absl::Status SceneBaker::BakeWorldShapes() {
       if (!status.ok()) return status;
       continue;
     }
-    // A moving shape is a group of its own, in the shape's own space, placed once.
+    // A moving shape becomes a group of its own, in the shape's space, placed once.
     Bounds bounds;
     shapes_.GrowBounds(shape, Affine{}, &bounds);
     GeometryGroup group;

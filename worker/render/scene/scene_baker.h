@@ -16,13 +16,13 @@ struct BakedScene {
   LightTableInput emitters;
 };
 
-// Bakes the scene's shapes and collects the emissive ones. Takes the mesh buffers out of `scene`
-// (scene->meshes, bilinear_meshes and curve_sets are empty afterwards); a mesh that one shape uses
-// is not copied. maps: the pictures of scene->area_lights. Errors: kInvalidArgument with the
-// location of the shape: a singular transform, coordinates that leave the range of float, an
-// emissive shape that moves, deforms, is instanced, or is curves or a bilinear mesh not all of
-// parallelograms. Emissive cylinders, and partial or stretched spheres and disks, become triangles;
-// a warning says so.
+// Bakes the scene's shapes and collects the emissive ones. Moves the mesh buffers out of `scene`
+// (scene->meshes, bilinear_meshes and curve_sets are empty afterwards); a mesh that only one shape
+// uses is not copied. maps: the images of scene->area_lights. Errors: kInvalidArgument, with the
+// location of the shape: a singular transform, coordinates beyond the range of float, an emissive
+// shape that moves, deforms, is instanced, or consists of curves or of a bilinear mesh that is not
+// all parallelograms. Emissive cylinders, and partial or stretched spheres and disks, become
+// triangles, with a warning.
 absl::StatusOr<BakedScene> BakeScene(SceneDescription* scene, EmissionMaps maps = {});
 
 }  // namespace sheaf::render

@@ -50,7 +50,7 @@ uint32_t SceneIds::IdOf(IdKind kind, const SurfacePoint& point) const {
   if (kind == IdKind::kObject) {
     return 1 + (instance == kNone ? shape : shape_count_ + static_cast<uint32_t>(instance));
   }
-  // Files come first, from kNone for shapes without a place.
+  // Files come first, from kNone for shapes without a location.
   if (instance == kNone) return static_cast<uint32_t>(file_of_shape_[shape] + 2);
   return file_count_ + 2 +
          static_cast<uint32_t>(object_of_instance_[static_cast<size_t>(instance)]);

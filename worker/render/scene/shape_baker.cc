@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Meshes, patches, curves and quadrics placed and checked; one rounding to float.
+// Places and checks meshes, patches, curves and quadrics, with one rounding to float.
 #include "worker/render/scene/shape_baker.h"
 
 #include <algorithm>
@@ -19,14 +19,14 @@
 namespace sheaf::render {
 namespace {
 
-// Along each parameter of an emissive quadric that is sampled as triangles: its area is smaller by
-// (2 pi / steps)^2 / 6 of itself, 4e-4, and its outline by less.
+// Steps along each parameter of an emissive quadric that is sampled as triangles: its area
+// decreases by a relative (2 pi / steps)^2 / 6 = 4e-4, its silhouette by less.
 constexpr uint32_t kEmissiveQuadricSteps = 128;
 constexpr char kLeavesFloat[] = "Shape: it leaves the range of float once it is placed";
 
 bool IsFinite(Vec3f v) { return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z); }
 
-// Nothing for meshes.
+// None for meshes.
 std::optional<Quadric> QuadricOf(const ShapeDescription& shape) {
   if (const auto* sphere = std::get_if<SphereShape>(&shape.shape)) return MakeQuadric(*sphere);
   if (const auto* disk = std::get_if<DiskShape>(&shape.shape)) return MakeQuadric(*disk);
@@ -41,7 +41,7 @@ bool HasExtent(const Quadric& q) {
          (q.kind == Quadric::Kind::kDisk || q.z_min < q.z_max);
 }
 
-// Brings positions and normals to the target. False where a position leaves the range of float.
+// Transforms positions and normals. Returns false if a position leaves the range of float.
 bool PlaceVertices(const Affine& target_from_shape, bool reverse_orientation,
                    std::vector<Vec3f>* positions, std::vector<Vec3f>* normals) {
   for (Vec3f& p : *positions) {
@@ -58,8 +58,8 @@ bool PlaceVertices(const Affine& target_from_shape, bool reverse_orientation,
   return true;
 }
 
-// Takes a mesh, of triangles or patches, to where it is traced. False where that leaves the range
-// of float.
+// Moves a mesh of triangles or patches to the space where it is traced. Returns false if that
+// leaves the range of float.
 template <typename Mesh, typename Baked>
 bool Place(const ShapeDescription& shape, const Surface& surface, const Affine& target_from_shape,
            Mesh* mesh, Baked* baked) {
@@ -73,7 +73,7 @@ bool Place(const ShapeDescription& shape, const Surface& surface, const Affine& 
                        &baked->normals);
 }
 
-// Terms of the sums that place a curve's points; they may cancel in the points.
+// Bounds the terms of the sums that place a curve's points, which may cancel.
 void GrowCoordinateMax(const CurveSegment& segment, const Affine& transform, Vec3f* max) {
   const double reach = std::max(segment.widths[0], segment.widths[1]);
   for (const Vec3d& p : segment.points) {
@@ -87,7 +87,7 @@ void GrowCoordinateMax(const CurveSegment& segment, const Affine& transform, Vec
   }
 }
 
-// Keeps the faces that have_area says, of `corners` indices each; returns how many went.
+// Keeps the faces that have_area selects, of `corners` indices each; returns the number dropped.
 template <typename HasArea>
 size_t DropFaces(size_t corners, HasArea has_area, std::vector<uint32_t>* indices) {
   size_t kept = 0, dropped = 0;
@@ -168,7 +168,7 @@ absl::Status ShapeBaker::AddMesh(const ShapeDescription& shape, Surface surface,
                 "Shape: a mesh that deforms cannot be an area light; give it one set of "
                 "vertices");
   }
-  // Triangles without area can neither be met nor emit; they only disturb the tracer.
+  // Triangles without area can neither be hit nor emit, and only disturb the tracer.
   const auto has_area_at = [](const std::vector<Vec3f>& positions, const uint32_t* t) {
     const Vec3d p0 = ToDouble(positions[t[0]]);
     const Vec3d area = Cross(ToDouble(positions[t[1]]) - p0, ToDouble(positions[t[2]]) - p0);
@@ -219,7 +219,7 @@ absl::Status ShapeBaker::AddCurves(const ShapeDescription& shape, Surface surfac
     return Fail(shape, "Shape \"curve\": curves cannot be area lights; use spheres or a mesh");
   }
   BakedCurves baked;
-  surface.needs_tangent = true;  // Fibres shade by the way they run.
+  surface.needs_tangent = true;  // Shading depends on the fiber's direction.
   baked.surface = surface;
   baked.set = std::move(scene_.curve_sets[std::get<CurveShape>(shape.shape).curves]);
   baked.target_from_shape = target_from_shape;
@@ -270,7 +270,8 @@ absl::Status ShapeBaker::AddQuadric(const ShapeDescription& shape, Surface surfa
     const uint64_t degenerate = degenerate_triangle_count_;
     const absl::Status status = AddMesh(shape, surface, *TrianglesOf(shape, kEmissiveQuadricSteps),
                                         target_from_shape, group);
-    degenerate_triangle_count_ = degenerate;  // Those at its poles are no fault of the scene.
+    degenerate_triangle_count_ = degenerate;  // Degenerate triangles at the poles are not the
+                                              // scene's fault.
     return status;
   }
   if (shape.area_light != kNone) {

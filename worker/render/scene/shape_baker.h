@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// ShapeBaker: shapes of the description as surfaces of a group, one after the other, and the
-// emissive ones as light table input.
+// ShapeBaker: converts shapes of the description, one by one, to surfaces of a group, and the
+// emissive ones to light table input.
 #pragma once
 
 #include <cstdint>
@@ -18,17 +18,17 @@ namespace sheaf::render {
 
 class ShapeBaker {
  public:
-  // `scene` must outlive this; its mesh buffers are taken by the last shape that uses them.
+  // `scene` must outlive this; the last shape that uses a mesh takes its buffers.
   ShapeBaker(SceneDescription* scene, EmissionMaps maps);
 
-  // Adds where the shape reaches in the space that `transform` leads to. Call before AddShape.
+  // Grows bounds by the shape's extent in the target space of `transform`. Call before AddShape.
   void GrowBounds(const ShapeDescription& shape, const Affine& transform, Bounds* bounds) const;
-  // Call once for each use that the description makes of the shape. may_emit: it is at rest, in the
-  // world. Errors: kInvalidArgument with the shape's location, as BakeScene.
+  // Call once for each use of the shape in the description. may_emit: whether the shape is static
+  // and in the world. Errors: kInvalidArgument with the shape's location, as for BakeScene.
   absl::Status AddShape(int32_t shape_index, const Affine& target_from_shape, bool may_emit,
                         GeometryGroup* group);
 
-  // A patch counts as two.
+  // A patch counts as two triangles.
   uint64_t degenerate_triangle_count() const { return degenerate_triangle_count_; }
   // Call once, after all shapes.
   LightTableInput TakeEmitters(GeometryGroup* world);
