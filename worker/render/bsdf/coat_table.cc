@@ -9,12 +9,12 @@
 namespace sheaf::render {
 namespace {
 
-// Steps over mu^2 of the integral for K. Smooth interfaces have a square-root edge at the critical
-// angle and are cheap; rough ones are smooth functions and dear.
+// Steps in mu^2 of the integral for K. Smooth interfaces have a square-root edge at the critical
+// angle and are cheap to evaluate; rough ones are smooth functions but expensive.
 constexpr int kSmoothStepCount = 4096;
 constexpr int kRoughStepCount = 64;
 
-// K where rough interfaces lose what they scatter again.
+// K where multiple scattering in rough interfaces is lost.
 double LossyRecapture(const Ggx& ggx, float eta, double thickness) {
   const int count = ggx.IsSmooth() ? kSmoothStepCount : kRoughStepCount;
   double recapture = 0;
@@ -27,7 +27,7 @@ double LossyRecapture(const Ggx& ggx, float eta, double thickness) {
   return recapture;
 }
 
-// K. entered_average: cosine-weighted average, from outside, of what is not reflected.
+// K. entered_average: cosine-weighted average, from outside, of the light that is not reflected.
 double Recapture(const Ggx& ggx, float eta, double thickness, double entered_average) {
   const int count = ggx.IsSmooth() ? kSmoothStepCount : kRoughStepCount;
   std::vector<InterfaceAlbedo> inside(count);
@@ -39,7 +39,7 @@ double Recapture(const Ggx& ggx, float eta, double thickness, double entered_ave
     up[i] = Attenuation(thickness, mu);
     escape_average += inside[i].transmitted / count;
   }
-  // Reciprocity: on average 1 / eta^2 as much gets out as gets in.
+  // Reciprocity: on average, the fraction that gets out is 1 / eta^2 of the fraction that gets in.
   const double wanted = entered_average / (static_cast<double>(eta) * eta);
   const double scale = escape_average > 0 ? wanted / escape_average : 0;
   double recapture = 0;

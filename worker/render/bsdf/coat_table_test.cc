@@ -17,8 +17,8 @@ struct Estimate {
   double mean = 0, error = 0;
 };
 
-// The layered process itself: a random walk between interface and base, without end. Returns the
-// share of energy arriving along wo that leaves again.
+// Simulates the layers: a random walk between interface and base, without a depth limit. Returns
+// the fraction of the energy arriving along wo that leaves again.
 Estimate WalkThroughCoat(const Bsdf& interface, Vec3f wo, float thickness, float rho) {
   constexpr uint64_t kWalks = 200000;
   constexpr uint64_t kStepsMax = 1000;
@@ -75,8 +75,8 @@ TEST(CoatTableTest, ASmoothCoatAgreesWithTheRandomWalk) {
   }
 }
 
-// The walk loses what single scattering loses at the interface unless that is returned; the coat
-// gives it to the base. Up to moderate roughness both are small.
+// The walk loses the interface's multiple scattering unless it is returned; the coat gives it to
+// the base. Up to moderate roughness both effects are small.
 TEST(CoatTableTest, ARoughCoatAgreesWithTheRandomWalk) {
   for (float alpha : {0.1f, 0.3f}) {
     for (float mu : {0.9f, 0.3f}) {
@@ -90,8 +90,8 @@ TEST(CoatTableTest, ARoughCoatAgreesWithTheRandomWalk) {
   }
 }
 
-// Without the returned energy the walk and the coat lose the same, at any roughness: the closed
-// form needs nothing but a base that forgets where light came from.
+// Without returned energy the walk and the coat lose the same at any roughness: the closed form
+// only requires a base that scatters independently of the incident direction.
 TEST(CoatTableTest, ALossyCoatAgreesWithTheLossyRandomWalk) {
   for (float alpha : {0.1f, 0.4f, 0.8f}) {
     for (float mu : {0.9f, 0.3f}) {
@@ -107,15 +107,15 @@ TEST(CoatTableTest, ALossyCoatAgreesWithTheLossyRandomWalk) {
   }
 }
 
-// Why pictures of rough coats by pbrt-v4 are brighter than single scattering: its LayeredBxDF finds
-// the way out of the coat twice, by sampling the interface along wi and by sampling the base, and
-// weighs the first by p(w | wi) and the second by p(wi | w), densities of different things. The
-// weights then add up to more than 1. What they add up to, weighted by what each way carries, at
-// alpha = sqrt(0.15) and eta = 1.5:
+// The reason why images of rough coats by pbrt-v4 are brighter than single scattering: its
+// LayeredBxDF samples the way out of the coat twice, by sampling the interface along wi and by
+// sampling the base, and weights the first by p(w | wi) and the second by p(wi | w), densities in
+// different measures. The weights then sum to more than 1. Their sum, weighted by the contribution
+// of each way, at alpha = sqrt(0.15) and eta = 1.5:
 TEST(CoatTableTest, WeightsOfTheReferenceRendererDoNotAddUpToOne) {
   const float eta = 1.5f;
   const Ggx ggx{std::sqrt(0.15f), std::sqrt(0.15f)};
-  // Density of refracting from wo to wi, given that it is not reflected.
+  // Density of refracting from wo to wi, given that the light is not reflected.
   const auto transmission_pdf = [&](float relative_eta, Vec3f wo, Vec3f wi) -> double {
     const float pdf = EvalDielectricFacet<Rgb>(ggx, relative_eta, wo, wi).pdf;
     Vec3f m = Normalize(wo + wi * relative_eta);

@@ -11,14 +11,14 @@
 namespace sheaf::render {
 namespace {
 
-// Light inside the coat, by the cosine it travels along: equal steps of its square, so that light
-// of a Lambertian source is spread evenly.
+// Light inside the coat is binned by cosine: equal steps of its square, so that a Lambertian source
+// fills all bins equally.
 constexpr int kBinCount = 64;
-// Passes of the chain's solution; each leaves the share that comes back to the base, 60 % of the
-// last for a coat of index 1.5.
+// Passes of the chain's iterative solution; the error falls with each by the fraction that returns
+// to the base, 60 % for a coat of index 1.5.
 constexpr int kPassCountMax = 2000;
 constexpr double kChangeMin = 1e-9;
-// Narrower than this in one direction a lobe cannot be. The same floor as for other materials.
+// Minimum alpha of a lobe in either direction. The same minimum as for other materials.
 constexpr float kLobeAlphaMin = 1e-4f;
 
 struct Spread {
@@ -46,8 +46,8 @@ float NodeMu(size_t node) { return std::max(MuNode(static_cast<int>(node)), 1e-5
 Ggx Isotropic(const Ggx& ggx) { return {EquivalentAlpha(ggx), EquivalentAlpha(ggx)}; }
 double BinMu(size_t bin) { return std::sqrt((static_cast<double>(bin) + 0.5) / kBinCount); }
 
-// visit(wo, m, weight) for the facets seen along a cosine, of weights that add up to 1. Requires:
-// ggx is isotropic.
+// Calls visit(wo, m, weight) for the facets visible at a cosine, with weights that sum to 1.
+// Requires: ggx is isotropic.
 template <typename Visit>
 void ForEachFacet(const Ggx& ggx, double mu, Visit visit) {
   const auto cosine = static_cast<float>(mu);
@@ -55,7 +55,7 @@ void ForEachFacet(const Ggx& ggx, double mu, Visit visit) {
   ForEachLatticeNormal(ggx, wo, [&](Vec3f m, double weight) { visit(wo, m, weight); });
 }
 
-// What becomes of light that meets the interface once.
+// The result of one interaction with the interface.
 struct AtInterface {
   Spread reflected, transmitted;
 };
@@ -97,8 +97,8 @@ Spread MeetBase(const Ggx& ggx, double mu) {
   return met;
 }
 
-// The layers as a Markov chain. Roughness is isotropic here: an anisotropic one counts by its mean
-// square slope.
+// The layers as a Markov chain. Roughness is isotropic here: anisotropic roughness is replaced by
+// its mean square slope.
 class Chain {
  public:
   Chain(const Ggx& interface, const Ggx& base, float eta, float thickness, bool keeps_energy,
@@ -119,7 +119,7 @@ class Chain {
     if (keeps_energy) KeepEnergy(eta, escape_average, entered_average);
   }
 
-  // For each bin, what comes out of the coat after one reflection at a white base.
+  // For each bin, the fraction that leaves the coat after one reflection at a white base.
   Spread EscapingOnce() const {
     Spread up;
     for (size_t k = 0; k < kBinCount; ++k) up.share[k] = attenuation_.share[k] * escape_.share[k];
@@ -130,8 +130,8 @@ class Chain {
     return down;
   }
 
-  // For each bin, what comes out of the coat of light that goes down along it from the interface,
-  // over a base of this reflectance. `known` is where to start from.
+  // For each bin, the fraction of light going down from the interface that leaves the coat, over a
+  // base of this reflectance. `known` is the starting point of the iteration.
   Spread Escaping(double reflectance, const Spread& known) const {
     const double tint = keeps_energy_ && average_loss_ > 0
                             ? static_cast<double>(TintOfReturn(static_cast<float>(reflectance),
@@ -140,7 +140,7 @@ class Chain {
                             : 0;
     Spread down = known;
     for (int pass = 0; pass < kPassCountMax; ++pass) {
-      Spread up;  // What comes out of light that goes up along a bin from the base.
+      Spread up;  // The fraction of light going up from the base, per bin, that leaves.
       for (size_t k = 0; k < kBinCount; ++k) {
         up.share[k] = attenuation_.share[k] * (escape_.share[k] + back_[k].Dot(down));
       }
@@ -158,8 +158,8 @@ class Chain {
   }
 
  private:
-  // What is not reflected gets out, and by reciprocity 1 / eta^2 of what gets in, on average: what
-  // single scattering loses goes where that leaves room.
+  // All light that is not reflected gets out, and by reciprocity 1 / eta^2 of the fraction that
+  // gets in, on average: the loss of single scattering goes where that leaves room.
   void KeepEnergy(float eta, double escape_average, double entered_average) {
     const double wanted = entered_average / (static_cast<double>(eta) * eta);
     const double scale = escape_average > 0 ? wanted / escape_average : 0;
@@ -180,8 +180,8 @@ class Chain {
   double average_loss_ = 0;
 };
 
-// GGX widths add up in the squares. Of a facet's tilt t, refraction passes on (1 - 1 / eta) t in
-// directions inside the coat, a reflecting facet 2 t; the interface is crossed twice.
+// GGX widths add up in squares. For a facet tilt t, refraction turns directions inside the coat by
+// (1 - 1 / eta) t, and a reflecting facet by 2 t; the interface is crossed twice.
 Ggx LobeThroughInterface(const Ggx& interface, const Ggx& base, float eta) {
   const float bend = 1 - 1 / eta;
   const auto width = [&](float crossed, float reflected) {
@@ -193,8 +193,8 @@ Ggx LobeThroughInterface(const Ggx& interface, const Ggx& base, float eta) {
   return lobe;
 }
 
-// Light that has met the base again and again, seen from outside, where refraction has widened what
-// it adds up to. The factors are those with which random walks agree best over roughness and angle.
+// Light reflected repeatedly at the base, seen from outside, where refraction has widened its
+// distribution. The factors are those that agree best with random walks over roughness and angle.
 Ggx LobeOfRest(const Ggx& interface, const Ggx& base, float eta) {
   constexpr float kOfBase = 2.5f, kOfInterface = 0.75f;
   const float alpha =
@@ -207,7 +207,7 @@ double TintNode(int node) {
   return 1 - left * left;
 }
 
-// By reflectance of the base, at the nodes of the tint.
+// Values by reflectance of the base, at the tint nodes.
 struct ByReflectance {
   std::array<double, kTintNodeCount> value{};
   ByReflectance& operator+=(const ByReflectance& other) {
@@ -221,8 +221,8 @@ struct ByReflectance {
   }
 };
 
-// Albedo of the highlight for light that leaves along mu: the integral of part 2. returns: with the
-// series of what the interface sends back.
+// Albedo of the highlight for light that leaves at cosine mu: the integral of part 2. returns:
+// whether to include the series of internal reflections.
 ByReflectance IntegrateHighlight(const ConductorCoatRow& row, float mu, float eta, bool returns) {
   const float inner_mu = FresnelDielectric(mu, eta).cos_t;
   if (!(inner_mu > 0)) return {};
@@ -255,10 +255,10 @@ ByReflectance IntegrateHighlight(const ConductorCoatRow& row, float mu, float et
   });
 }
 
-// Light as it has just entered, by the node of the cosine it arrived along.
+// Light that has just entered, by the node of its cosine of incidence.
 using Entered = std::array<Spread, kMuNodeCount>;
 
-// Sets R and T, and what enters.
+// Sets R, T and the distribution of entered light.
 void MeetFromOutside(const Ggx& interface, float eta, bool keeps_energy, ConductorCoatRow* row,
                      Entered* entered) {
   for (size_t i = 0; i < kMuNodeCount; ++i) {
@@ -275,8 +275,8 @@ void MeetFromOutside(const Ggx& interface, float eta, bool keeps_energy, Conduct
   }
 }
 
-// A rough interface sends more of the light back into the coat than its mean facet would: T is
-// lowered until the highlight has what the chain lets out after one reflection.
+// A rough interface reflects more light back into the coat than its mean facet does: lowers T until
+// the highlight has the energy that leaves the chain after one reflection.
 void FitHighlight(const Chain& chain, const Entered& entered, float eta, ConductorCoatRow* row) {
   constexpr int kFitCount = 4;
   const MuCurve most = row->enter;
@@ -286,7 +286,7 @@ void FitHighlight(const Chain& chain, const Entered& entered, float eta, Conduct
     for (size_t i = 0; i < kMuNodeCount; ++i) {
       const double has = IntegrateHighlight(*row, NodeMu(i), eta, false).value.back();
       if (!(has > 0)) continue;
-      // Half of the correction: the other half is that of the direction on the other side.
+      // Half of the correction: the other half applies to the direction on the other side.
       const double factor = std::sqrt(entered[i].Dot(once) / has);
       next.value[i] = std::min(static_cast<float>(next.value[i] * factor), most.value[i]);
     }
@@ -294,11 +294,12 @@ void FitHighlight(const Chain& chain, const Entered& entered, float eta, Conduct
   }
 }
 
-// The curve s for which s(o) s(i) times the lobe of a mirror of facets has this albedo at every
-// angle. By Sinkhorn's scaling of a symmetric kernel: there is one for any positive lobe.
+// Returns the curve s for which s(o) s(i) times a GGX mirror lobe has this albedo at every angle.
+// By Sinkhorn's scaling of a symmetric kernel: a solution exists for any positive lobe.
 MuCurve FitRestLobe(const Ggx& ggx, const MuCurve& albedo) {
   constexpr int kScaleCount = 200;
-  // Share of light from node o that leaves at node i: directions count for their two nodes.
+  // Fraction of light from node o that leaves at node i: directions are split between their two
+  // nodes.
   static_assert(kMuNodeCount <= kBinCount);
   std::array<Spread, kMuNodeCount> kernel;
   for (size_t o = 0; o < kMuNodeCount; ++o) {
@@ -320,7 +321,7 @@ MuCurve FitRestLobe(const Ggx& ggx, const MuCurve& albedo) {
     Spread next;
     for (size_t o = 0; o < kMuNodeCount; ++o) {
       const double has = scale.share[o] * kernel[o].Dot(scale);
-      // Half of the correction: the other half is that of the direction on the other side.
+      // Half of the correction: the other half applies to the direction on the other side.
       if (has > 0) {
         next.share[o] = scale.share[o] * std::sqrt(static_cast<double>(albedo.value[o]) / has);
       }
@@ -332,7 +333,7 @@ MuCurve FitRestLobe(const Ggx& ggx, const MuCurve& albedo) {
   return fitted;
 }
 
-// Sets what is not in the highlight.
+// Sets part 3, the light outside the highlight.
 void SetRest(const Chain& chain, const Entered& entered, float eta, ConductorCoatRow* row) {
   std::array<MuCurve, kTintNodeCount> total, highlight;
   Spread escaping;

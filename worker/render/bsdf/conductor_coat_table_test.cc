@@ -33,7 +33,7 @@ BsdfFixture BaseOf(const Layers& layers, bool keeps_energy) {
                                        Rgb::Grey(k), keeps_energy);
 }
 
-// Energy that leaves, and how far from the mirror direction it does.
+// Energy that leaves, and its deviation from the mirror direction.
 struct Estimate {
   double mean = 0, error = 0;
   double cosine_to_mirror = 0;  // Averaged over the energy.
@@ -59,8 +59,8 @@ class EnergySum {
   double sum_ = 0, sum_square_ = 0, sum_cosine_ = 0;
 };
 
-// The layered process itself: a random walk between interface and base, without end. Returns the
-// share of energy arriving along wo that leaves again.
+// Simulates the layers: a random walk between interface and base, without a depth limit. Returns
+// the fraction of the energy arriving along wo that leaves again.
 Estimate WalkThroughLayers(const Layers& layers, Vec3f wo, bool keeps_energy) {
   constexpr uint64_t kWalks = 60000;
   constexpr uint64_t kStepsMax = 1000;
@@ -148,8 +148,8 @@ TEST(ConductorCoatTableTest, ALossyRoughCoatAgreesWithTheLossyRandomWalk) {
   }
 }
 
-// With it the walk's interface returns a part of its loss as reflection, the coat gives all of it
-// to the base: for a bright base that is nearly the same.
+// With it, the walk's interface returns part of its loss as reflection, the coat gives all of it to
+// the base: for a bright base the results are nearly the same.
 TEST(ConductorCoatTableTest, ARoughCoatOverABrightBaseAgreesWithTheRandomWalk) {
   const Layers cases[] = {{0.1f, 0, 1.5f, 0.01f, 0.9f}, {0.3f, 0.3f, 1.5f, 0.01f, 0.9f}};
   for (const Layers& layers : cases) {
@@ -164,7 +164,7 @@ TEST(ConductorCoatTableTest, TheTintOfAWhiteBaseIsWhite) {
   for (int i = 0; i < 100; ++i) {
     const float r = static_cast<float>(i) / 100;
     EXPECT_LE(row.Tint(r), row.Tint(r + 0.01f)) << r;
-    EXPECT_LE(row.Tint(r), r);  // The rest has met the base at least once.
+    EXPECT_LE(row.Tint(r), r);  // The rest has been reflected at the base at least once.
   }
 }
 
@@ -177,7 +177,7 @@ TEST(ConductorCoatTableTest, AnIndexOfOneLeavesTheConductorAlone) {
       const Vec3f a = DirectionAt(0.05f + 0.95f * u[0], 6.2f * u[1]);
       const Vec3f b = DirectionAt(0.05f + 0.95f * v[0], 6.2f * v[1]);
       const float expected = EvalBsdf<kAllTraits>(bare.bsdf, a, b).f_cos.g;
-      // Beyond single scattering, the two give the lost energy back in a like way.
+      // Beyond single scattering, both return the lost energy in a similar way.
       EXPECT_GE(EvalBsdf<kAllTraits>(coat.bsdf, a, b).f_cos.g, expected * (1 - 1e-4f));
     }
     const BsdfFixture kept = BaseOf(layers, true);

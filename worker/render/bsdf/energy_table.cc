@@ -56,7 +56,7 @@ MuCurve InterfaceLoss(const Ggx& ggx, float eta) {
   return loss;
 }
 
-// Cosine-weighted average of a smooth interface's reflectance from the side of index 1.
+// Cosine-weighted average reflectance of a smooth interface from the side of index 1.
 double AverageDielectricFresnel(float eta) {
   constexpr int kCount = 512;
   double sum = 0;
@@ -90,7 +90,7 @@ LossLobe LossLobe::Make(const MuCurve& loss) {
   for (int i = 0; i + 1 < kMuNodeCount; ++i) {
     const double width = static_cast<double>(MuNode(i + 1)) * MuNode(i + 1) -
                          static_cast<double>(MuNode(i)) * MuNode(i);
-    // A little of the plain cosine keeps the density above 0 wherever the loss rounds to 0.
+    // A small multiple of the cosine keeps the density above 0 where the loss rounds to 0.
     const double mean = 0.5 * (loss.value[i] + loss.value[i + 1]) + 1e-3 * lobe.average_loss + 1e-9;
     lobe.density[i] = static_cast<float>(mean);
     cumulative[i + 1] = cumulative[i] + mean * width;
@@ -163,8 +163,9 @@ DielectricEnergyRow MakeDielectricEnergyRow(const Ggx& ggx, float eta) {
   DielectricEnergyRow row;
   row.out = LossLobe::Make(ggx.IsSmooth() ? MuCurve{} : InterfaceLoss(ggx, eta));
   row.in = LossLobe::Make(ggx.IsSmooth() ? MuCurve{} : InterfaceLoss(ggx, 1 / eta));
-  // Reciprocity wants transmit_out average_out = eta^2 transmit_in average_in. A smooth interface
-  // has 1 - F_out = eta^2 (1 - F_in), so taking these shares of the smaller average gives both.
+  // Reciprocity requires transmit_out average_out = eta^2 transmit_in average_in. A smooth
+  // interface has 1 - F_out = eta^2 (1 - F_in), so these fractions of the smaller average satisfy
+  // it.
   const auto smaller = static_cast<double>(std::min(row.out.average_loss, row.in.average_loss));
   const double crossing = (1 - AverageDielectricFresnel(eta)) * smaller;
   if (row.out.average_loss > 0 && row.in.average_loss > 0) {

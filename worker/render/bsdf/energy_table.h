@@ -2,15 +2,15 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Energy that single scattering loses on rough surfaces, tabulated over the cosine of incidence,
-// and the lobes that give it back. Smith's model shadows light that in truth scatters again; at
-// alpha = 1 a GGX mirror keeps 31 % at normal incidence. The lost part is returned as a lobe of its
-// own, f(o, i) = c loss(o) loss(i) / (pi average loss), which is reciprocal and keeps energy
-// exactly. Sources: Kelemen and Szirmay-Kalos 2001; Kulla and Conty 2017, "Revisiting Physically
-// Based Shading at Imageworks" (also for the pair of lobes of a dielectric).
+// and the lobes that return it. Smith's model drops shadowed light, which in reality scatters
+// again; at alpha = 1 a GGX mirror keeps only 31 % at normal incidence. The lost part is returned
+// as a separate lobe, f(o, i) = c loss(o) loss(i) / (pi average loss), which is reciprocal and
+// conserves energy exactly. Sources: Kelemen and Szirmay-Kalos 2001; Kulla and Conty 2017,
+// "Revisiting Physically Based Shading at Imageworks" (also for the pair of lobes of a dielectric).
 //
-// Tables are made by quadrature over visible normals when a scene is compiled; the same bits on
-// every machine. Rows belong to one alpha; for textured roughness there is one row for each of
-// kAlphaNodeCount alphas and a lookup blends two neighbours.
+// Tables are made by quadrature over visible normals when a scene is compiled, with the same bits
+// on every machine. A row belongs to one alpha; for textured roughness there is one row for each of
+// kAlphaNodeCount alphas, and a lookup blends two neighbors.
 #pragma once
 
 #include <algorithm>
@@ -28,7 +28,7 @@ namespace sheaf::render {
 inline constexpr int kMuNodeCount = 64;     // Nodes at cos = (i / 63)^2: dense where curves bend.
 inline constexpr int kAlphaNodeCount = 33;  // Nodes at alpha = (i / 32)^2.
 
-// Where a cosine falls between the nodes.
+// Position of a cosine between the nodes.
 struct MuPosition {
   int index = 0;       // In [0, kMuNodeCount - 2].
   float fraction = 0;  // In [0, 1].
@@ -50,11 +50,11 @@ struct MuCurve {
   float At(MuPosition p) const {
     return value[p.index] + p.fraction * (value[p.index + 1] - value[p.index]);
   }
-  // 2 * integral of At(mu) mu dmu over [0, 1]: the average over a hemisphere weighted by cosine.
+  // 2 * integral of At(mu) mu dmu over [0, 1]: the cosine-weighted average over a hemisphere.
   double CosineAverage() const;
 };
 
-// A loss curve that can be sampled: directions with density about loss(mu) mu.
+// A loss curve that can be sampled: directions with density close to loss(mu) mu.
 struct LossLobe {
   MuCurve loss;
   float average_loss = 0;                         // loss.CosineAverage().
@@ -66,24 +66,24 @@ struct LossLobe {
   float Pdf(MuPosition p, float mu) const {
     return density[p.index] * mu * static_cast<float>(1 / kPi);
   }
-  // A cosine in (0, 1]. u in [0, 1).
+  // Samples a cosine in (0, 1]. u in [0, 1).
   float SampleMu(float u) const;
 };
 
-// One alpha of a conductor (the loss does not depend on its index; colour is applied apart).
+// One alpha of a conductor (the loss does not depend on its index; color is applied separately).
 struct ConductorEnergyRow {
   LossLobe lobe;
 };
 
 // One alpha of a dielectric interface. out: light arriving on the side of index 1 (+z), in: on the
-// other side. transmit_*: share of the returned energy that crosses, chosen so that the lobes obey
-// f(i, o) / eta_o^2 = f(o, i) / eta_i^2.
+// other side. transmit_*: fraction of the returned energy that crosses, chosen so that the lobes
+// satisfy f(i, o) / eta_o^2 = f(o, i) / eta_i^2.
 struct DielectricEnergyRow {
   LossLobe out, in;
   float transmit_out = 0, transmit_in = 0;
 };
 
-// Two neighbouring rows and how far between them; fraction 0 for constant roughness.
+// Two neighboring rows, and the fraction between them; fraction 0 for constant roughness.
 struct RowBlend {
   int index = 0;
   float fraction = 0;
@@ -94,11 +94,12 @@ constexpr float AlphaNode(int index) {
   return t * t;
 }
 
-// With anisotropic roughness the loss is its average over azimuths: energy is kept on average over
-// them, and the lobe stays reciprocal. eta: index of the -z side over that of the +z side, not 1.
+// With anisotropic roughness the loss is averaged over azimuths: energy is conserved on average
+// over them, and the lobe stays reciprocal. eta: index of the -z side over that of the +z side, not
+// 1.
 ConductorEnergyRow MakeConductorEnergyRow(const Ggx& ggx);
 DielectricEnergyRow MakeDielectricEnergyRow(const Ggx& ggx, float eta);
-// The one alpha that stands for both in a table of all nodes: equal mean square slope.
+// The isotropic alpha for a table of all nodes: equal mean square slope.
 inline float EquivalentAlpha(const Ggx& ggx) {
   return std::sqrt(0.5f * (ggx.alpha_x * ggx.alpha_x + ggx.alpha_y * ggx.alpha_y));
 }
@@ -107,7 +108,7 @@ inline float EquivalentAlpha(const Ggx& ggx) {
 std::vector<ConductorEnergyRow> MakeConductorEnergyTable();
 std::vector<DielectricEnergyRow> MakeDielectricEnergyTable(float eta);
 
-// What becomes of light that meets a rough dielectric interface once, from the side of index 1.
+// Albedos of one interaction with a rough dielectric interface, from the side of index 1.
 struct InterfaceAlbedo {
   double reflected = 0, transmitted = 0;
   // The same, weighted by exp(-thickness / |cos|) of the direction it leaves in.
@@ -119,15 +120,15 @@ InterfaceAlbedo IntegrateInterface(const Ggx& ggx, float mu, float eta, double t
 // Single-scattering albedo of a perfectly reflecting rough mirror.
 double IntegrateMirror(const Ggx& ggx, float mu);
 
-// What repeated reflection gives the energy that one reflection loses. average: of Fresnel's
-// reflectance, loss: of the lobe, both weighted by cosine. Light that was shadowed has been
-// reflected once and is again each time it fails to leave.
-// Source: Hill 2018, "A Multi-Faceted Exploration", part 3.
+// Tint of the energy that repeated reflection returns. average: cosine-weighted Fresnel
+// reflectance; loss: average loss of the lobe, with the same weight. Shadowed light has been
+// reflected once, and is reflected again each time it fails to leave. Source: Hill 2018, "A
+// Multi-Faceted Exploration", part 3.
 inline float TintOfReturn(float average, float loss) {
   return average * average * (1 - loss) / (1 - average * loss);
 }
 
-// Average of the Fresnel reflectance weighted by cosine.
+// Cosine-weighted average of the Fresnel reflectance.
 float AverageConductorFresnel(float eta, float k);
 template <typename Color>
 Color AverageConductorFresnel(const Color& eta, const Color& k) {

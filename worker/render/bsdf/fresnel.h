@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Fresnel reflectance of unpolarised light at smooth interfaces, in forms that stay exact at
+// Fresnel reflectance of unpolarized light at smooth interfaces, in forms that stay accurate at
 // grazing incidence and at the critical angle.
 #pragma once
 
@@ -49,7 +49,7 @@ inline float FresnelConductor(float cos_i, float eta, float k) {
   const float r_s = (s_sum - two_a_cos) / (s_sum + two_a_cos);
   const float p_sum = cos2 * a2_plus_b2 + sin2 * sin2;
   const float p_difference = two_a_cos * sin2;
-  // At normal incidence p_sum may be tiny together with a: both polarisations are alike there.
+  // At normal incidence p_sum and a may both be tiny: both polarizations are equal there.
   const float r_p =
       p_sum + p_difference > 0 ? r_s * (p_sum - p_difference) / (p_sum + p_difference) : r_s;
   return 0.5f * (r_s + r_p);

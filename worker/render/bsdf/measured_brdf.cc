@@ -15,12 +15,12 @@ namespace {
 
 constexpr float kPiF = static_cast<float>(kPi);
 
-// Angles to the unit square and back. Square roots put more of it where theta is small.
+// Maps angles to the unit square and back. Square roots give small theta more of it.
 struct Angles {
   float theta = 0, phi = 0;  // phi in [-pi, pi].
 };
 Angles AnglesOf(Vec3f w) {
-  // Not by arc cosine, which forgets small angles.
+  // arc cosine would lose small angles.
   return {Atan2(std::sqrt(w.x * w.x + w.y * w.y), w.z), Atan2(w.y, w.x)};
 }
 float SquareOfTheta(float theta) { return std::sqrt(theta * (2 / kPiF)); }
@@ -32,8 +32,8 @@ float NormalJacobian(float u_theta, float sin_theta) {
   return 2 * kPiF * kPiF * u_theta * sin_theta;
 }
 
-// Shares of the values at wavelengths in linear sRGB of light of D65: integrals of the hat
-// functions between which values are linear. The ends hold beyond them.
+// Weights of the values at wavelengths in linear sRGB under D65: integrals of the hat functions of
+// the piecewise linear interpolation. Values are constant beyond the ends.
 std::vector<std::array<float, 3>> RgbWeights(const std::vector<float>& wavelengths) {
   std::vector<std::array<double, 3>> weights(wavelengths.size(), {0, 0, 0});
   std::array<double, 3> white{};
@@ -51,7 +51,7 @@ std::vector<std::array<float, 3>> RgbWeights(const std::vector<float>& wavelengt
   }
   std::vector<std::array<float, 3>> result(weights.size());
   for (size_t i = 0; i < weights.size(); ++i) {
-    // White is white, without what rounding leaves of the sum.
+    // Makes white exact, without the rounding of the sum.
     for (size_t c = 0; c < 3; ++c) result[i][c] = static_cast<float>(weights[i][c] / white[c]);
   }
   return result;
@@ -147,7 +147,7 @@ MeasuredBrdf::Value<Color> MeasuredBrdf::Eval(Vec3f wo, Vec3f wi, const Color& n
   }
   const float jacobian =
       4 * Dot(wo, wm) * NormalJacobian(square_m.x, std::sqrt(wm.x * wm.x + wm.y * wm.y));
-  // The pole of the square, where the density has no bound, holds next to nothing.
+  // The pole of the square, where the density is unbounded, has negligible measure.
   constexpr float kJacobianMin = 1e-12f;
   value.pdf = warped.pdf * luminance_.Pdf(blend, warped.p) / std::fmax(jacobian, kJacobianMin);
   return value;

@@ -1,9 +1,9 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// MeasuredBrdf: reflection as it was measured. Directions of reflection are seen through the warp
-// that the distribution of visible micro-normals samples by, in which measured reflectance is
-// smooth; spectra are tabulated over that. Source: Dupuy and Jakob 2018, "An Adaptive
+// MeasuredBrdf: reflection from measured data. Directions of reflection are mapped through the warp
+// that samples the distribution of visible micro-normals, after which measured reflectance is
+// smooth; spectra are tabulated over the warped domain. Source: Dupuy and Jakob 2018, "An Adaptive
 // Parameterization for Efficient Material Acquisition and Rendering".
 #pragma once
 
@@ -21,12 +21,12 @@ namespace sheaf::render {
 // All directions are local, with z > 0. Thread safety: any number of threads at once.
 class MeasuredBrdf {
  public:
-  // spectral: keeps the spectra, for Eval at wavelengths; otherwise RGB of each value alone.
-  // Requires: data is as ReadMeasuredFile gives it.
+  // spectral: keeps the spectra, for Eval at wavelengths; otherwise only the RGB of each value.
+  // Requires: data is a result of ReadMeasuredFile.
   MeasuredBrdf(MeasuredData data, bool spectral);
 
-  // f * cos wi, and the pdf of Sample. nm: wavelengths; of RGB unused. Negative components, which
-  // RGB of saturated spectra has, are 0.
+  // f * cos wi, and the pdf of Sample. nm: wavelengths; unused for RGB. Negative RGB components of
+  // saturated spectra are set to 0.
   template <typename Color>
   struct Value {
     Color f_cos;
@@ -34,10 +34,10 @@ class MeasuredBrdf {
   };
   template <typename Color>
   Value<Color> Eval(Vec3f wo, Vec3f wi, const Color& nm) const;
-  // None where the draw leads below the surface.
+  // None where the sampled direction is below the surface.
   std::optional<Vec3f> Sample(Vec3f wo, Vec2f u) const;
 
-  // Of light along the normal.
+  // For light along the normal.
   Rgb albedo() const { return albedo_; }
   uint64_t memory_bytes() const {
     return VectorBytes(phi_, theta_, wavelengths_, rgb_, spectra_) + ndf_.memory_bytes() +
@@ -46,7 +46,7 @@ class MeasuredBrdf {
 
  private:
   SliceBlend BlendFor(float phi, float theta) const;
-  // Tables of `channels` values for each slice, at p.
+  // Looks up a table of `channels` values per slice, at p.
   float LookUp(const std::vector<float>& table, size_t channels, size_t channel,
                const SliceBlend& blend, const CellPosition& cell) const;
   Rgb Reflected(const SliceBlend& blend, const CellPosition& cell, const Rgb& nm) const;

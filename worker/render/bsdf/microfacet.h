@@ -1,11 +1,11 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The GGX (Trowbridge-Reitz) distribution of microfacet normals with Smith's height-correlated
-// shadowing. Everything is written with the tangential components of directions and with
+// Ggx: the GGX (Trowbridge-Reitz) distribution of microfacet normals with Smith's height-correlated
+// shadowing. All formulas use the tangential components of directions and
 //   s(w) = sqrt((alpha_x w.x)^2 + (alpha_y w.y)^2 + w.z^2),
-// never with tan or 1 - cos^2, so that alpha = 1e-3 and cosines of 1e-4 lose no digits. In terms of
-// s, Smith's functions are quotients of sums of positive numbers:
+// never tan or 1 - cos^2, so that alpha = 1e-3 and cosines of 1e-4 lose no digits. In terms of s,
+// Smith's functions are quotients of sums of positive numbers:
 //   Lambda(w) = (s/|w.z| - 1) / 2,  G1(w) = 2 |w.z| / (|w.z| + s),
 //   G2(o, i) = 2 |o.z| |i.z| / (s(o) |i.z| + s(i) |o.z|).
 // Sources: Walter et al. 2007; Heitz 2014, "Understanding the Masking-Shadowing Function"; Heitz
@@ -21,7 +21,7 @@
 
 namespace sheaf::render {
 
-// Below this alpha the lobe is narrower than float directions resolve well, and a surface counts as
+// Below this alpha the lobe is narrower than float directions resolve, and a surface counts as
 // smooth: its lobes are delta distributions. The same limit as pbrt-v4's.
 inline constexpr float kSmoothAlpha = 1e-3f;
 
@@ -50,7 +50,7 @@ struct Ggx {
     return 0.5f / (S(o) * std::fabs(i.z) + S(i) * std::fabs(o.z));
   }
 
-  // A microfacet normal (z >= 0) as seen from w, by the spherical cap that is the visible
+  // Samples a microfacet normal (z >= 0) as seen from w, by the spherical cap that is the visible
   // hemisphere in the space where the surface is a sphere. Requires: w.z >= 0.
   Vec3f SampleVisibleNormal(Vec3f w, Vec2f u) const {
     const Vec3f stretched{w.x * alpha_x, w.y * alpha_y, w.z};

@@ -8,12 +8,12 @@
 
 namespace sheaf::render {
 
-// How a surface lies at a point, for maps that turn its normal. Space: any; n and what comes of it
-// are in it too.
+// The tangent plane of a surface at a point, for normal and bump maps. Space: any; n and the result
+// are in the same space.
 struct TangentPlane {
-  Vec3d n;           // Unit: the shading normal.
-  Vec3d dpdu, dpdv;  // By the uv that textures are read at. In a space of the world's axes.
-  bool has_tangents = false;  // Else there is no uv to speak of.
+  Vec3d n;                    // Unit: the shading normal.
+  Vec3d dpdu, dpdv;           // By the texture coordinates uv. In a space with the world's axes.
+  bool has_tangents = false;  // Otherwise there are no usable uvs.
 };
 
 }  // namespace sheaf::render

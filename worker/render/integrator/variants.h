@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The compiled variants of the path tracer.
+// Variant: the compiled variants of the path tracer, and the choice among them.
 #pragma once
 
 #include <cstdint>

@@ -16,13 +16,14 @@
 namespace sheaf::render {
 namespace {
 
-// Where one direction is rough the other cannot be a perfect edge. The same floor as pbrt-v4's.
+// Where one direction is rough, the other cannot be perfectly smooth. The same minimum as
+// pbrt-v4's.
 constexpr float kOtherAlphaMin = 1e-4f;
-// Closer to 1 than this, the facet that joins two directions across the interface cannot be told
-// from rounding, and refraction bends by less than a float direction resolves.
+// For indices closer to 1 than this, the half vector of refraction is dominated by rounding, and
+// refraction bends by less than a float direction resolves.
 constexpr float kIndexDifferenceMin = 1e-4f;
 
-// Keeps NaN, so that a texel that could not be read is noticed.
+// Keeps NaN, so that an unreadable texel is noticed.
 template <typename Color>
 Color ClampReflectance(const Color& color) {
   return MakeColor<Color>(
@@ -34,7 +35,7 @@ float AlphaOfRoughness(float roughness, bool remap) {
   return remap ? std::sqrt(value) : value;
 }
 
-// The part of a table that serves alpha: its only row, or two neighbours of all.
+// Returns the part of a table for alpha: its only row, or two neighbors in a full table.
 template <typename Row>
 const Row* ChooseRow(const std::vector<Row>* rows, float alpha, float* blend) {
   if (rows == nullptr) return nullptr;
@@ -89,7 +90,7 @@ void SetConductor(const CompiledMaterial& material, const SurfaceInputs<Color>& 
   bsdf->color = MakeColor<Color>([&](size_t c) { return TintOfReturn(average[c], loss); });
 }
 
-// All but the tint of the rest.
+// Sets everything but the tint of the remainder lobe.
 template <typename Color>
 void SetCoatedConductor(const CompiledMaterial& material, const SurfaceInputs<Color>& inputs,
                         BsdfOf<Color>* bsdf) {
@@ -101,7 +102,7 @@ void SetCoatedConductor(const CompiledMaterial& material, const SurfaceInputs<Co
       MakeColor<Color>([&](size_t c) { return AgainstCoat(bsdf->conductor_k[c], eta); });
 }
 
-// As mirrors would reflect light at normal incidence.
+// The albedo of smooth layers at normal incidence.
 template <typename Color>
 Color CoatedConductorAlbedo(const BsdfOf<Color>& bsdf) {
   const float outside = FresnelDielectric(1, bsdf.eta).reflectance;
@@ -159,7 +160,7 @@ BsdfOf<Color> MakeBsdf(const CompiledMaterial& material, const SurfaceInputs<Col
     case BsdfKind::kInterface:
       bsdf.specular = true;
       break;
-    case BsdfKind::kHair:  // Made at each hit, by MakeHair and MakeMeasured.
+    case BsdfKind::kHair:  // Created at each hit, by MakeHair and MakeMeasured.
     case BsdfKind::kMeasured:
     case BsdfKind::kBlack:
       bsdf.albedo = {};
@@ -187,7 +188,7 @@ SurfaceInputs<Color> InputsAt(const TextureProgram& textures, const CompiledMate
 const Bsdf& ConstantAt(const CompiledMaterial& material, NoWavelengths) {
   return material.constant;
 }
-// All but the colours is the same for every wavelength.
+// Everything but the colors is the same for every wavelength.
 BsdfOf<Spectral> ConstantAt(const CompiledMaterial& material, const Wavelengths& wavelengths) {
   BsdfOf<Spectral> bsdf;
   static_cast<BsdfShape&>(bsdf) = material.constant;
@@ -224,7 +225,7 @@ float Clamp(float value, float low, float high) {
 template <typename Color>
 BsdfOf<Color> MakeHair(const TextureProgram& textures, const CompiledHair& hair,
                        const TexturePoint& point, const WavelengthsOf<Color>& wavelengths) {
-  constexpr float kAbsorptionMax = 1e8f;  // Blacker than black; keeps products finite.
+  constexpr float kAbsorptionMax = 1e8f;  // Effectively black; keeps products finite.
   const auto color = [&](const ColorOperand& operand) {
     return textures.Value<Color>(operand, point, wavelengths);
   };

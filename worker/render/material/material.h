@@ -1,9 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// MaterialTable: the scene's materials and textures made ready to be evaluated at hits. A material
-// of constants is a Bsdf made once, tables included; only what varies over a surface costs at a
-// hit.
+// MaterialTable: the scene's materials and textures, ready for evaluation at hits. A constant
+// material is a Bsdf that is made once, tables included; only varying inputs cost time at a hit.
 #pragma once
 
 #include <cstdint>
@@ -18,7 +17,7 @@
 
 namespace sheaf::render {
 
-// What textures see of a hit.
+// The inputs of a texture lookup at a hit.
 struct TexturePoint {
   Vec2f uv;
   Vec3f p_world;  // World space (not camera-relative), for 3-D and projected mappings.
@@ -26,46 +25,47 @@ struct TexturePoint {
 
 struct MaterialOptions {
   uint64_t texture_cache_bytes_max = 0;
-  bool spectral = false;           // Evaluate may be asked for traits with kSpectral too.
-  bool single_scattering = false;  // As RenderSettings has it.
+  bool spectral = false;           // Evaluate may be called with kSpectral, too.
+  bool single_scattering = false;  // As in RenderSettings.
 };
 
 class MaterialTable {
  public:
   // Errors: a texture that cannot be opened or decoded, named with its location; values outside
-  // their range. Reflectance outside [0, 1] is clamped, and warned about where it is a constant.
-  // Cost: some 20 ms for each different rough or coated material, 80 ms for a coated conductor, and
-  // 20 times that where the roughness is textured.
+  // their range. Reflectance outside [0, 1] is clamped, with a warning if it is constant. Cost:
+  // some 20 ms for each different rough or coated material, 80 ms for a coated conductor, and 20
+  // times that for textured roughness.
   static absl::StatusOr<std::unique_ptr<MaterialTable>> Build(const SceneDescription& scene,
                                                               FileSource& files,
                                                               const MaterialOptions& options);
   ~MaterialTable();
 
-  // The Bsdf of a material at a point; kNone is an interface. Mixes are decided by u_mix (consumed
-  // down the tree without losing uniformity). In a variant without kTextures materials must not
-  // vary, in one without kAlpha there must be no mixes: the plan sees to both. Rows the Bsdf points
-  // to live as long as *this. Thread safety: any number of threads at once. Compiled for every
-  // variant of variant_list.h.
+  // Returns the Bsdf of a material at a point; kNone is an interface. u_mix decides mixes (it is
+  // rescaled at each level, which keeps it uniform). In a variant without kTextures materials must
+  // be constant, and without kAlpha there must be no mixes: the plan ensures both. Rows that the
+  // Bsdf points to live as long as *this. Thread safety: any number of threads at once.
+  // Instantiated for every variant of variant_list.h.
   template <uint32_t kTraits>
   BsdfOf<ColorOf<kTraits>> Evaluate(int32_t material, const TexturePoint& point, float u_mix,
                                     const WavelengthsOf<ColorOf<kTraits>>& wavelengths = {}) const;
-  // plane.n as turned by the normal map or bump map of the material that Evaluate would choose;
-  // unit length, on either side of the surface. Heights are in the unit of dpdu. A map's red runs
-  // along dpdu, its green along dpdv made orthogonal, also where charts or instances are mirrored.
+  // Returns plane.n perturbed by the normal or bump map of the material that Evaluate would choose;
+  // unit length, on either side of the surface. Heights are in the unit of dpdu. A normal map's red
+  // channel is along dpdu, its green along the orthogonalized dpdv, also where charts or instances
+  // are mirrored.
   Vec3f ShadingNormal(int32_t material, const TexturePoint& point, float u_mix,
                       const TangentPlane& plane) const;
-  // The share of light that each scattering in the matter of a subsurface material keeps where
-  // paths enter it, for matter whose reflectance is a texture. Requires: it is.
+  // The single-scattering albedo of a subsurface medium at the point where a path enters, for a
+  // reflectance that is a texture. Requires: it is.
   Rgb MatterAlbedo(int32_t material, const TexturePoint& point, NoWavelengths wavelengths) const;
   Spectral MatterAlbedo(int32_t material, const TexturePoint& point,
                         const Wavelengths& wavelengths) const;
-  // Value of a float input (cut-outs), as it is: a mask's author may have left [0, 1].
+  // Value of a float input (cut-outs), unclamped: a mask may exceed [0, 1].
   template <uint32_t kTraits>
   float EvaluateFloat(const FloatInput& input, const TexturePoint& point) const;
-  // Without texels, which the texture cache holds within a limit of its own.
+  // Without texels, which the texture cache limits separately.
   uint64_t memory_bytes() const;
 
-  // Mixes of mixes may be nested this deep.
+  // Maximum nesting depth of mixes.
   static constexpr int kMixDepthMax = 64;
 
   struct Impl;

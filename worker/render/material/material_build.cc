@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// SceneDescription > MaterialTable.
+// Builds a MaterialTable from a SceneDescription.
 #include <algorithm>
 #include <cmath>
 #include <string>
@@ -17,8 +17,8 @@ namespace sheaf::render {
 namespace {
 
 constexpr Ggx kAllAlphas{-1, -1};
-// Of the melanins at concentration 1, for light of the sRGB primaries. Source: d'Eon et al. 2011,
-// "An Energy-Conserving Hair Reflectance Model", sec. 6.1, as pbrt-v4 has them.
+// Absorption of the melanins at concentration 1, for light of the sRGB primaries. Source: d'Eon et
+// al. 2011, "An Energy-Conserving Hair Reflectance Model", sec. 6.1, as in pbrt-v4.
 constexpr Rgb kEumelaninAbsorption{0.419f, 0.697f, 1.37f};
 constexpr Rgb kPheomelaninAbsorption{0.187f, 0.4f, 1.05f};
 
@@ -70,7 +70,7 @@ class MaterialBuilder {
   absl::Status SetReflectance(const ColorInput& input, CompiledMaterial* m) {
     return SetShare("reflectance", input, &m->color);
   }
-  // What a surface does not keep of the light, by channel.
+  // Sets a fraction of light per channel that a surface reflects or transmits.
   absl::Status SetShare(const char* name, const ColorInput& input, ColorOperand* share) {
     *share = textures_.Operand(input, ColorRole::kReflectance);
     if (share->texture != kNone) return absl::OkStatus();
@@ -111,14 +111,14 @@ class MaterialBuilder {
     }
     return SetIndex(eta.mean, m);
   }
-  // Matter of the same index on both sides neither bends nor reflects, rough or not: no surface.
+  // A boundary between equal indices neither bends nor reflects, rough or not: an interface.
   static absl::Status MakeInvisible(CompiledMaterial* m) {
     *m = CompiledMaterial{};
     m->kind = BsdfKind::kInterface;
     return absl::OkStatus();
   }
 
-  // The roughness a table is needed for; kAllAlphas where it varies.
+  // The roughness that a table must cover; kAllAlphas where it varies.
   static Ggx TableAlpha(const CompiledMaterial& m) {
     if (RoughnessVaries(m)) return kAllAlphas;
     const Bsdf bsdf =
@@ -127,8 +127,7 @@ class MaterialBuilder {
   }
   static bool IsSmooth(const Ggx& ggx) { return ggx.alpha_x >= 0 && ggx.IsSmooth(); }
 
-  // BsdfOf::color of a rough conductor, coated or not, that does not vary, wavelength by
-  // wavelength.
+  // Sets BsdfOf::color per wavelength for a constant rough conductor, coated or not.
   static void SetSpectralTint(CompiledMaterial* m) {
     if (m->kind == BsdfKind::kCoatedConductor) {
       m->constant_tint = SpectralColor::Tabulate([&](double nm) -> double {
@@ -140,7 +139,7 @@ class MaterialBuilder {
           [&](double nm) -> double { return TintOfReturn(AverageReflectance(*m, nm, 1), loss); });
     }
   }
-  // Of a constant conductor at a wavelength, in matter of index `outside`.
+  // Of a constant conductor at a wavelength, against a medium of index `outside`.
   static float AverageReflectance(const CompiledMaterial& m, double nm, float outside) {
     const auto at = static_cast<float>(nm);
     float eta = m.conductor_eta.spectrum.At(at), k = m.conductor_k.spectrum.At(at);
@@ -151,7 +150,7 @@ class MaterialBuilder {
     return AverageConductorFresnel(AgainstCoat(eta, outside), AgainstCoat(k, outside));
   }
 
-  // Finds a table or makes it: one row, or all.
+  // Finds or makes a table: one row, or all.
   template <typename Row, typename MakeRow, typename MakeAll>
   static const std::vector<Row>* FindTable(std::map<ScatteringTables::Key, std::vector<Row>>& known,
                                            ScatteringTables::Key key, MakeRow make_row,
@@ -183,8 +182,8 @@ class MaterialBuilder {
     return SetShare("transmittance", d.transmittance, &m->conductor_eta);
   }
 
-  // What a conductor is made of. outside: index of the matter it meets light in, which decides what
-  // RGB transport takes for a measured metal; the index stays one against vacuum.
+  // Sets the color inputs of a conductor. outside: index of the medium in front of it, which
+  // decides the RGB of a measured metal; the stored index stays relative to vacuum.
   absl::Status SetMetal(const ConductorMaterial& d, float outside, CompiledMaterial* m) {
     m->from_reflectance = d.has_reflectance;
     if (d.has_reflectance) return SetReflectance(d.reflectance, m);
@@ -219,7 +218,7 @@ class MaterialBuilder {
     const float eta = d.eta.mean;
     if (d.eta.IsMatched()) {
       if (!description_->priority.has_value()) return MakeInvisible(m);
-      return absl::OkStatus();  // The index of what is outside may be another.
+      return absl::OkStatus();  // The outside index may differ.
     }
     const Ggx ggx = TableAlpha(*m);
     if (IsSmooth(ggx) || options_.single_scattering) return absl::OkStatus();
@@ -374,8 +373,8 @@ class MaterialBuilder {
 
   absl::Status Fill(const InterfaceMaterial&, CompiledMaterial* m) { return MakeInvisible(m); }
 
-  // Levels of mixes below and with this one, counted no further than needed to refuse it. Breadth
-  // first over sets, so that a lattice of mixes takes no exponential time.
+  // Depth of the nested mixes including this one, counted only as far as needed to reject it.
+  // Breadth first over sets, so that a shared graph of mixes does not take exponential time.
   int DepthOf(const MixMaterial& mix) const {
     std::vector<int32_t> level = {mix.material[0], mix.material[1]};
     int depth = 1;

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// What MaterialTable holds: for its own source files only.
+// The data of a MaterialTable: for its own source files only.
 #pragma once
 
 #include <array>
@@ -24,17 +24,17 @@
 
 namespace sheaf::render {
 
-// What a Bsdf is made of at one point.
+// The inputs of a Bsdf at one point.
 template <typename Color>
 struct SurfaceInputs {
   Color color, eta, k;
   float roughness_u = 0, roughness_v = 0;
 };
 
-// What hair is made of, wherever it is hit.
+// The parameters of a hair material.
 struct CompiledHair {
   HairMaterial::Pigment pigment{};
-  ColorOperand color;  // Absorption or reflectance; of melanins none.
+  ColorOperand color;  // Absorption or reflectance; unused for melanins.
   FloatOperand eumelanin, pheomelanin, eta, beta_m, beta_n, alpha_degrees;
   // Absorption of each melanin at concentration 1.
   ColorOperand eumelanin_absorption, pheomelanin_absorption;
@@ -45,48 +45,50 @@ struct CompiledMaterial {
   bool is_mix = false;
   bool varies = false;  // Some input is a texture; else `constant` is the Bsdf.
   bool remap_roughness = true;
-  bool from_reflectance = false;  // Conductors: color is the reflectance, eta and k follow.
-  float eta = 1;                  // Of dielectrics and coats.
-  float scale = 1;                // Of both colours of diffuse transmission.
-  bool disperses = false;         // Index by wavelength, instead of eta in spectral transport.
+  bool from_reflectance = false;  // Conductors: color is the reflectance and determines eta and k.
+  float eta = 1;                  // For dielectrics and coats.
+  float scale = 1;                // For both colors of diffuse transmission.
+  bool disperses = false;         // The index depends on wavelength and replaces eta in spectral
+                                  // transport.
   SpectralColor index;
   ColorOperand color;
-  ColorOperand conductor_eta;  // Diffuse transmission: what crosses.
+  ColorOperand conductor_eta;  // Diffuse transmission: the transmittance.
   ColorOperand conductor_k;
   FloatOperand roughness_u, roughness_v;
-  FloatOperand amount;  // Of the second material of a mix.
+  FloatOperand amount;  // Weight of the second material of a mix.
   int32_t mix[2] = {kNone, kNone};
   // One row for constant roughness, else one for each alpha node.
   const std::vector<CoatRow>* coat_rows = nullptr;
   const std::vector<ConductorEnergyRow>* conductor_rows = nullptr;
   const std::vector<DielectricEnergyRow>* dielectric_rows = nullptr;
   const ConductorCoatRow* conductor_coat = nullptr;
-  // For subsurface materials whose matter is painted.
+  // For subsurface materials with textured reflectance.
   ColorOperand matter_reflectance;
   const AlbedoCurve* matter_albedo = nullptr;
-  const CompiledHair* hair = nullptr;      // Of hair, which has nothing else.
+  const CompiledHair* hair = nullptr;      // For hair, which uses no other member.
   const MeasuredBrdf* measured = nullptr;  // Likewise.
-  // Of maps that turn the normal: at most one of the two.
+  // Normal or bump map: at most one of the two.
   int32_t normal_map = kNone;  // Texture.
   FloatOperand displacement;
-  Vec2f displacement_step;  // In uv, half of what its slope is taken over.
+  Vec2f displacement_step;  // In uv, half the interval for finite differences.
   Bsdf constant;
-  // Of `constant` at every wavelength, where it is a rough or coated conductor: BsdfOf::color.
+  // BsdfOf::color of `constant` per wavelength, if it is a rough or coated conductor.
   SpectralColor constant_tint;
 };
 
-// The absorption of a conductor of index 1 that reflects `reflectance` at normal incidence.
+// Returns k of a conductor with index 1 and `reflectance` at normal incidence.
 inline float AbsorptionOf(float reflectance) {
   if (reflectance >= 1) return kPerfectConductorK;
   return 2 * std::sqrt(reflectance / (1 - reflectance));
 }
 
-// An index or absorption against a coat instead of vacuum; a perfect conductor's stays one.
+// Returns an index or absorption relative to a coat instead of vacuum; a perfect conductor stays
+// perfect.
 inline float AgainstCoat(float index, float coat_eta) {
   return index >= kPerfectConductorK ? index : index / coat_eta;
 }
 
-// Follows mixes down to a material, spending u without losing its uniformity.
+// Follows mixes down to a material; rescales u, which stays uniform.
 const CompiledMaterial& ChooseMaterial(const std::vector<CompiledMaterial>& materials,
                                        const TextureProgram& textures, int32_t material,
                                        const TexturePoint& point, float u);
@@ -94,7 +96,8 @@ const CompiledMaterial& ChooseMaterial(const std::vector<CompiledMaterial>& mate
 template <typename Color>
 BsdfOf<Color> MakeBsdf(const CompiledMaterial& material, const SurfaceInputs<Color>& inputs);
 
-// Tables of the scene, each made once. Key: both alphas (negative for all nodes), eta, thickness.
+// Tables of the scene, shared by equal materials. Key: both alphas (negative for all nodes), eta,
+// thickness.
 struct ScatteringTables {
   using Key = std::tuple<float, float, float, float>;
   std::map<Key, std::vector<CoatRow>> coats;

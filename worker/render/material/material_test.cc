@@ -40,7 +40,7 @@ TextureDescription ColorTexture(decltype(TextureDescription::texture) texture) {
   return description;
 }
 
-// A scene of textures and materials alone.
+// A scene of textures and materials only.
 struct Fixture {
   SceneDescription scene;
   std::map<std::string, std::string> paths;
@@ -101,7 +101,7 @@ TEST(MaterialTableTest, WrapModesDecideBeyondTheEdge) {
     const auto table = f.Build();
     ASSERT_TRUE(table.ok()) << table.status();
     EXPECT_EQ(ColorAt(**table, m, {-1.5f, 1.5f}), expected);
-    // A coordinate that is no number is not an index out of range.
+    // A NaN coordinate must not index out of range.
     EXPECT_TRUE(IsFinite(ColorAt(**table, m, {std::nanf(""), 1e30f})));
   }
 }
@@ -168,7 +168,7 @@ TEST(MaterialTableTest, BadScenesAreErrorsWithTheirPlace) {
   ImageTexture image;
   image.file = "absent.png";
   absent.AddTexture(ColorTexture(image));
-  Fixture doubling;  // 2^30 evaluations for one look-up, were it let through.
+  Fixture doubling;  // 2^30 evaluations for one lookup if it were accepted.
   CheckerboardTexture leaf;
   doubling.AddTexture(ColorTexture(leaf));
   for (int32_t i = 0; i < 30; ++i) {

@@ -1,11 +1,11 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Normals turned by maps. Source of what the maps mean: pbrt-v4, sec. 10.1.2 and its function
-// NormalMap. Unlike there, green runs along v also where u and v are mirrored against the normal,
-// so that a normal map and the bump map it was made from look alike on every surface; and the
-// change of the normal over the surface times the height is left out: it is small where a bump map
-// stands for heights that are.
+// Normal and bump maps. The meaning of the maps follows pbrt-v4, sec. 10.1.2 and its function
+// NormalMap, with two differences. Green is along v also where u and v are mirrored relative to the
+// normal, so that a normal map and the bump map it was made from look alike on every surface; and
+// the derivative of the normal times the height is ignored: it is small for the small heights of a
+// bump map.
 #include <cmath>
 
 #include "worker/render/material/material.h"
@@ -31,7 +31,7 @@ Vec3d NormalOfTexel(Rgb texel, const TangentPlane& plane) {
   return x * r + y * g + plane.n * b;
 }
 
-// The normal of p + height n, up to its length. du, dv: slopes of the height.
+// The unnormalized normal of p + height n. du, dv: slopes of the height.
 Vec3d NormalOfSlopes(double du, double dv, const TangentPlane& plane) {
   const double area = Dot(plane.n, Cross(plane.dpdu, plane.dpdv));
   if (!(std::fabs(area) > 0)) return plane.n;
@@ -67,7 +67,7 @@ Vec3f MaterialTable::ShadingNormal(int32_t material, const TexturePoint& point, 
   } else {
     return plain;
   }
-  // Flat texels leave the very bits.
+  // Flat texels return exactly the unperturbed normal.
   return IsUsable(n) && n != plane.n ? ToFloat(n / Length(n)) : plain;
 }
 

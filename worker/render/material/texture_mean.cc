@@ -13,11 +13,11 @@ namespace sheaf::render {
 namespace {
 
 constexpr uint64_t kCacheBytesMax = uint64_t{64} << 20;
-// Points along each side of the square; third coordinates follow a sequence of their own.
+// Points along each side of the square; third coordinates follow their own sequence.
 constexpr int kSteps = 64;
 constexpr float kGoldenFraction = 0.618034f;
 
-// Patterns repeat after at most two units; pictures that do not repeat are seen once.
+// Patterns repeat after at most two units; images that do not repeat occur once.
 float SideOfMean(const SceneDescription& scene) {
   for (const TextureDescription& texture : scene.textures) {
     const auto* image = std::get_if<ImageTexture>(&texture.texture);
@@ -48,7 +48,7 @@ class Replacer {
     Replace(&input->u);
     Replace(&input->v);
   }
-  // Materials: whatever of these inputs they have.
+  // Replaces those of the inputs that a material has.
   template <typename Material>
   void Replace(Material* m) const {
     if constexpr (requires { m->roughness; }) Replace(&m->roughness);

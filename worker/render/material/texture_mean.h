@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Textures as one value each.
+// ReplaceTexturesByMeans: reduces each texture to its mean value.
 #pragma once
 
 #include "absl/status/status.h"
@@ -10,9 +10,9 @@
 
 namespace sheaf::render {
 
-// Replaces every texture that a material or a cut-out reads by its mean over uv in [0, 2]^2, or
-// in [0, 1]^2 where an image of the scene does not repeat (and for mappings from space over the
-// cube there that is as wide), as RGB. Errors: of TextureProgram::Build.
+// Replaces every texture of a material or a cut-out by its mean, as RGB, over uv in [0, 2]^2, or in
+// [0, 1]^2 where an image of the scene does not repeat (for mappings from space, over the cube of
+// the same width). Errors: those of TextureProgram::Build.
 absl::Status ReplaceTexturesByMeans(FileSource& files, SceneDescription* scene);
 
 }  // namespace sheaf::render

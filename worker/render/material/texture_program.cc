@@ -12,21 +12,21 @@
 namespace sheaf::render {
 namespace {
 
-// Coordinates beyond this carry no fraction worth having in float; also keeps them inside int.
+// Beyond this, float coordinates have no useful fraction; also keeps them in the range of int.
 constexpr float kCoordinateMax = 1e6f;
 
 float Sanitize(float coordinate) {
   return std::isfinite(coordinate) ? std::clamp(coordinate, -kCoordinateMax, kCoordinateMax) : 0.0f;
 }
 
-// As a texture coordinate of an image: only the fraction matters where the image repeats.
+// Reduces an image coordinate: only the fraction matters where the image repeats.
 float Reduce(float coordinate, TextureWrap wrap) {
   const float finite = Sanitize(coordinate);
   return wrap == TextureWrap::kRepeat ? finite - std::floor(finite)
                                       : std::clamp(finite, -2.0f, 3.0f);
 }
 
-// Steps for slopes, in uv. The smallest still leaves digits of the difference of two heights.
+// Steps in uv for slopes. The smallest still leaves digits in the difference of two heights.
 constexpr float kSlopeStepWithoutImage = 0.0005f, kSlopeStepMin = 0x1p-15f, kSlopeStepMax = 0.25f;
 
 int Modulo(int a, int n) {
@@ -47,7 +47,7 @@ bool WrapTexel(TextureWrap wrap, int width, int height, TexelIndex& texel) {
     case TextureWrap::kBlack:
       return texel.x >= 0 && texel.x < width && texel.y >= 0 && texel.y < height;
     case TextureWrap::kOctahedral:
-      // Across an edge of the octahedral map lies the same edge, run through backwards.
+      // Each edge of the octahedral map adjoins itself, reversed.
       texel = {std::clamp(texel.x, -width, 2 * width - 1),
                std::clamp(texel.y, -height, 2 * height - 1)};
       if (texel.x < 0 || texel.x >= width) {
@@ -126,7 +126,7 @@ Vec2f TextureProgram::MapTo2d(const Node& node, const TexturePoint& point) const
     case UvMapping::Kind::kPlanar:
       return {m.offset_u + Dot(p, m.planar_u), m.offset_v + Dot(p, m.planar_v)};
     case UvMapping::Kind::kSpherical: {
-      // atan2 in place of acos keeps the poles' digits.
+      // atan2 instead of acos keeps the precision at the poles.
       const float theta = Atan2(std::sqrt(p.x * p.x + p.y * p.y), p.z);
       const float phi = Atan2(p.y, p.x);
       return {theta * inv_pi, (phi < 0 ? phi * 0.5f * inv_pi + 1 : phi * 0.5f * inv_pi)};
@@ -155,7 +155,7 @@ bool TextureProgram::IsOddCell(const Node& node, const TexturePoint& point) cons
 
 Texel TextureProgram::LookUp(const Node& node, const TexturePoint& point) const {
   const Vec2f st = MapTo2d(node, point);
-  // Rows are stored from the top, t runs upwards.
+  // Rows are stored from the top; t points upwards.
   const float x = Reduce(st.x, node.wrap) * static_cast<float>(node.image.width) - 0.5f;
   const float y = Reduce(1 - st.y, node.wrap) * static_cast<float>(node.image.height) - 0.5f;
   const float x_floor = std::floor(node.nearest ? x + 0.5f : x);
@@ -194,7 +194,7 @@ Color TextureProgram::Evaluate(int32_t texture, const TexturePoint& point,
           node.image.channels == 1 ? Rgb::Grey(texel[0]) : Rgb{texel[0], texel[1], texel[2]};
       color *= node.scale;
       if (node.invert) color = Rgb::Grey(1) - color;
-      // Written so that NaN stays NaN: a failed read must be seen.
+      // This form keeps NaN, so that a failed read is noticed.
       for (size_t c = 0; c < 3; ++c) color[c] = color[c] < 0 ? 0 : color[c];
       return ColorOfRgb<Color>(color, node.role, wavelengths);
     }
@@ -223,7 +223,7 @@ float TextureProgram::EvaluateFloat(int32_t texture, const TexturePoint& point) 
       return node.value[0].value;
     case Kind::kImage: {
       const Texel texel = LookUp(node, point);
-      // A picture with alpha is a mask, as in pbrt-v4; one without is its mean.
+      // An image with alpha acts as a mask, as in pbrt-v4; one without acts as its mean.
       float value = texel[0];
       if (node.image.channels == 3) value = (texel[0] + texel[1] + texel[2]) * (1.0f / 3);
       if (node.image.channels == 4) value = texel[3];

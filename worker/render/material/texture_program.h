@@ -2,12 +2,11 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // TextureProgram: the scene's textures as a flat array of nodes that refer to each other by index,
-// evaluated by a switch. What does not vary over a surface is folded into a constant when the
-// program is made.
+// evaluated by a switch. Constant subexpressions are folded when the program is built.
 //
-// Image textures are looked up in the image as it is stored, bilinearly (or at the nearest texel),
-// whatever filter and footprint: a pixel's samples already average over its footprint, exactly and
-// without the blur of prefiltered levels.
+// Image textures are sampled in the stored image, bilinearly (or at the nearest texel), for any
+// filter and footprint: a pixel's samples already average over its footprint, exactly and without
+// the blur of prefiltered levels.
 #pragma once
 
 #include <cstdint>
@@ -26,34 +25,33 @@ namespace sheaf::render {
 
 struct TexturePoint;
 
-// A constant, or the texture that gives the value at a point.
+// A constant, or a texture.
 struct ColorOperand {
   int32_t texture = kNone;
   Rgb value;
-  SpectralColor
-      spectrum;  // The constant as spectral transport sees it; black in a program for RGB.
+  SpectralColor spectrum;  // The constant for spectral transport; black in an RGB program.
 };
 struct FloatOperand {
   int32_t texture = kNone;
   float value = 0;
 };
 
-// Wraps texel indices; false where the wrap mode says black. Requires: width, height > 0.
+// Wraps texel indices; returns false where the wrap mode gives black. Requires: width, height > 0.
 bool WrapTexel(TextureWrap wrap, int width, int height, TexelIndex& texel);
 
 class TextureProgram {
  public:
   // Errors: an image that cannot be read or decoded; textures that refer to themselves; nesting
-  // that evaluates more than kEvaluationsMax nodes for one look-up. Messages begin with the
-  // texture's place. Warns about texels that are not finite. cache must outlive *this.
+  // that evaluates more than kEvaluationsMax nodes per lookup. Messages begin with the texture's
+  // location. Warns about non-finite texels. cache must outlive *this.
   static absl::StatusOr<TextureProgram> Build(const SceneDescription& scene, FileSource& files,
                                               TextureCache& cache, bool spectral);
 
-  // Constants where the texture does not vary. role: of a constant that is no texture.
+  // Returns a constant where the texture is constant. role: of a constant input.
   ColorOperand Operand(const ColorInput& input, ColorRole role) const;
   FloatOperand Operand(const FloatInput& input) const;
 
-  // Color: Rgb, or, in a program made for spectra, Spectral at the wavelengths.
+  // Color: Rgb, or Spectral at the wavelengths in a program built for spectra.
   template <typename Color>
   Color Value(const ColorOperand& operand, const TexturePoint& point,
               const WavelengthsOf<Color>& wavelengths) const {
@@ -64,11 +62,11 @@ class TextureProgram {
     return operand.texture == kNone ? operand.value : EvaluateFloat(operand.texture, point);
   }
 
-  // Of an image texture; 0 for any other.
+  // Number of channels of an image texture; 0 for any other.
   int ImageChannels(int32_t texture) const;
-  // How far in u and v to go either way for a slope: half a texel of the finest image mapped by uv,
-  // over which the slope of the bilinear picture becomes continuous; the step of pbrt-v4 where
-  // there is none.
+  // Half the interval in u and v for finite differences: half a texel of the finest image mapped by
+  // uv, over which the slope of bilinear interpolation becomes continuous; pbrt-v4's step if there
+  // is no image.
   Vec2f SlopeStep(const FloatOperand& operand) const;
 
   static constexpr uint64_t kEvaluationsMax = 4096;
@@ -80,20 +78,20 @@ class TextureProgram {
     UvMapping::Kind mapping = UvMapping::Kind::kUv;
     TextureWrap wrap = TextureWrap::kRepeat;
     bool is_color = false, nearest = false, invert = false;
-    ColorRole role = ColorRole::kReflectance;  // Of an image's colours.
+    ColorRole role = ColorRole::kReflectance;  // Of the colors of an image.
     int32_t mapping_index = kNone;             // In mappings_.
     TextureImage image;
     float scale = 1;
     ColorOperand color[2];
     FloatOperand value[2];
-    FloatOperand amount;  // Of mixing; factor of scaling.
+    FloatOperand amount;  // Mixing weight, or scale factor.
   };
   // Mappings in float, ready for use.
   struct Mapping {
     float scale_u = 1, scale_v = 1, offset_u = 0, offset_v = 0;
     Vec3f planar_u, planar_v;
-    Vec3f rows[3];  // texture_from_world, linear part.
-    Vec3f origin;   // And translation.
+    Vec3f rows[3];  // Linear part of texture_from_world.
+    Vec3f origin;   // Its translation.
   };
   class Builder;
 

@@ -59,7 +59,7 @@ class TextureProgram::Builder {
                                            ": texture \"", description.name, "\": ", what));
   }
 
-  // Recursion ends at kEvaluationsMax levels at the latest: each level adds one to the cost above.
+  // Recursion ends after at most kEvaluationsMax levels: each level adds one to the cost above.
   absl::Status Add(int32_t texture, uint64_t level = 0) {
     State& state = states_[static_cast<size_t>(texture)];
     if (state == State::kDone) return absl::OkStatus();
@@ -109,7 +109,7 @@ class TextureProgram::Builder {
   static bool Varies(const Node& node, size_t slot) {
     return node.is_color ? node.color[slot].texture != kNone : node.value[slot].texture != kNone;
   }
-  // Replaces a node of constants by its value: of its colours weighted, or of its numbers.
+  // Replaces a node of constants by its value: the weighted sum of its colors or numbers.
   void Fold(Node* node, std::array<float, 2> weights) const {
     node->kind = Kind::kConstant;
     ColorOperand& a = node->color[0];

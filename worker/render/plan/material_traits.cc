@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Materials to traits.
+// Derives traits from materials.
 #include "worker/render/plan/material_traits.h"
 
 #include <optional>
@@ -48,7 +48,7 @@ class NeedsCollector {
                           (roughness.u.texture == kNone && roughness.u.value != roughness.v.value);
   }
 
-  // Colours that RGB cannot show call for wavelengths.
+  // Colors outside the RGB gamut require wavelengths.
   void ReadReflectance(const ColorInput& input) {
     Read(input);
     if (input.texture == kNone && !IsWithinSrgb(input.value, ColorRole::kReflectance)) {
@@ -75,7 +75,7 @@ class NeedsCollector {
     Read(m.roughness);
     ReadMetal(m);
   }
-  // Without a step of the index there is no surface: MaterialTable makes it an interface.
+  // A matched index makes no surface: MaterialTable makes it an interface.
   void Add(const DielectricMaterial& m) {
     if (m.eta.IsMatched() && !has_priority_) return Add(InterfaceMaterial{});
     needs_.traits |= Bit(Trait::kSpecularTransmission);
@@ -110,7 +110,7 @@ class NeedsCollector {
   }
   void Add(const HairMaterial& m) {
     needs_.traits |= Bit(Trait::kHair);
-    needs_.anisotropic = true;  // Fibres run along the tangent.
+    needs_.anisotropic = true;  // Fibers follow the tangent.
     if (m.pigment == HairMaterial::Pigment::kReflectance) ReadReflectance(m.color);
     Read(m.color);
     for (const FloatInput* input :
@@ -136,7 +136,7 @@ class NeedsCollector {
 
   const SceneDescription& scene_;
   MaterialNeeds needs_;
-  bool has_priority_ = false;  // Then the index of what is outside is not 1.
+  bool has_priority_ = false;  // Then the outside index may differ from 1.
 };
 
 }  // namespace

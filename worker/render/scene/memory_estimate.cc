@@ -12,11 +12,11 @@
 namespace sheaf::render {
 namespace {
 
-// Estimates, not measured: baked vertices, Embree's trees, and what those are built from.
+// Estimates, not measured: baked vertices, Embree's trees, and their build-time memory.
 constexpr uint64_t kTriangleBytes = 170;
 constexpr uint64_t kCurveBytes = 260;
 constexpr uint64_t kInstanceBytes = 600;
-// A file of sparse voxels is compressed; here it is not, and has bounds of its cells.
+// Sparse voxels are compressed in a file but not in memory, which also holds cell bounds.
 constexpr uint64_t kVolumeFileFactor = 2;
 
 uint64_t VolumeBytes(const MediumDescription& medium, FileSource& files) {

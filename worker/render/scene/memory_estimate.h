@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// MemoryEstimate: what compiling a scene will take of memory, told from its description before any
-// of it is taken.
+// MemoryEstimate: the memory that compiling a scene needs, estimated from its description before
+// any is allocated.
 #pragma once
 
 #include <cstdint>
@@ -17,17 +17,17 @@ struct MemoryEstimate {
   uint64_t triangle_count = 0;  // As placed; a bilinear patch counts as two.
   uint64_t curve_count = 0;     // Segments.
   uint64_t instance_count = 0;
-  uint64_t surface_bytes = 0;  // Of those, while what rays are traced against is built.
+  uint64_t surface_bytes = 0;  // For these, during the build of the acceleration structure.
   uint64_t volume_bytes = 0;   // Grids, in the scene or in files.
-  // The shape that takes most, and how much that is.
+  // The shape that needs the most memory, and the amount.
   SourceLocation largest;
   uint64_t largest_bytes = 0;
 
   uint64_t TotalBytes() const { return surface_bytes + volume_bytes; }
 };
 
-// Beside the description itself. Tiles of textures come on top, up to the cache's limit, and what
-// displacement adds. Files that cannot be found count nothing.
+// Without the description itself, texture tiles (bounded by the cache's limit), and the results of
+// displacement. Missing files count as 0.
 MemoryEstimate EstimateMemory(const SceneDescription& scene, FileSource& files);
 
 // "1.2 GiB while it is loaded: 4194304 triangles, 3 instances 1.1 GiB, volumes 90 MiB".

@@ -30,7 +30,7 @@ TEST(MemoryEstimateTest, GrowsWithWhatIsPlaced) {
   EXPECT_EQ(once.largest.line, 7u);
   EXPECT_EQ(once.largest_bytes, once.TotalBytes());
   SceneDescription twice = SceneOfMesh(1000);
-  twice.shapes.push_back(twice.shapes[0]);  // A mesh is baked for each shape that has it.
+  twice.shapes.push_back(twice.shapes[0]);  // A mesh is baked once for each shape that uses it.
   EXPECT_EQ(EstimateMemory(twice, files).TotalBytes(), 2 * once.TotalBytes());
   SceneDescription instanced = SceneOfMesh(1000);
   instanced.instances.resize(50);

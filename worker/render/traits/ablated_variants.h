@@ -1,9 +1,9 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Variants of the list with one trait compiled out that they carry for the sake of other scenes.
-// Nothing renders with them: tests/cost counts what carrying the trait costs a scene without it.
-// Traits that are not here are in no variant that a scene without them runs.
+// Ablated variants: variants of the list without one trait that they include for the sake of other
+// scenes. Nothing renders with them: tests/cost uses them to count the cost of the trait for scenes
+// without it. Traits not listed here are in no variant that a scene without them uses.
 #pragma once
 
 #include <cstdint>

@@ -22,8 +22,8 @@ struct Entry {
 constexpr Entry kEntries[] = {SHEAF_RENDER_VARIANTS(SHEAF_VARIANT_ENTRY)};
 #undef SHEAF_VARIANT_ENTRY
 
-// Orders what variants carry for other scenes: first by what paths pay for whatever they meet (a
-// path asks at each segment which media it is in), then by number.
+// Cost of the traits that a variant includes for other scenes: first by those that every path pays
+// for (a path looks up its media at each segment), then by number.
 std::pair<int, int> CostOf(uint32_t carried) {
   constexpr uint32_t kPaid = kPaidByEveryPath | TraitSet(Trait::kMedia);
   return {std::popcount(carried & kPaid), std::popcount(carried)};
@@ -38,7 +38,7 @@ std::vector<Variant> AllVariants() {
 }
 
 size_t ChooseVariant(uint32_t traits, bool force_generic) {
-  // RGB and spectra are different pictures, so neither stands in for the other.
+  // RGB and spectra give different images, so neither replaces the other.
   constexpr uint32_t kColor = TraitSet(Trait::kSpectral);
   if (force_generic) traits |= kAllTraits;
   std::optional<size_t> best;

@@ -18,8 +18,8 @@ struct Variant {
 
 // All of variant_list.h, in its order.
 std::vector<Variant> AllVariants();
-// Index of the variant that has all of `traits` and carries the cheapest others: the fewest of
-// kPaidByEveryPath, then the fewest.
+// Index of the variant that contains all of `traits` and includes the cheapest others: the fewest
+// of kPaidByEveryPath, then the fewest.
 size_t ChooseVariant(uint32_t traits, bool force_generic);
 
 }  // namespace sheaf::render

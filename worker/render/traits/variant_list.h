@@ -1,10 +1,10 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The trait combinations the renderer is compiled for. A scene runs the cheapest variant that holds
-// all of its traits; the generic one holds every trait, so there is always one. The list is kept
-// short (at most 64): each entry is compiled once, and functions templated over traits are
-// instantiated for each by  #define X(name, traits) template ... F<traits>(...);
+// The trait combinations for which the renderer is compiled. A scene uses the cheapest variant that
+// contains all of its traits; the generic one contains every trait, so there is always one. The
+// list is kept short (at most 64): each entry is compiled once, and functions templated over traits
+// are instantiated for each by  #define X(name, traits) template ... F<traits>(...);
 // SHEAF_RENDER_VARIANTS(X)
 #pragma once
 
@@ -14,7 +14,7 @@
 
 namespace sheaf::render {
 
-// Plain rooms: diffuse surfaces and area lights.
+// Simple rooms: diffuse surfaces and area lights.
 inline constexpr uint32_t kDiffuseTraits = TraitSet(Trait::kAreaLights);
 // Glass and metal under area lights.
 inline constexpr uint32_t kGlossyTraits = TraitSet(
@@ -25,22 +25,22 @@ inline constexpr uint32_t kCoatedTraits =
 // Products under an environment map.
 inline constexpr uint32_t kOutdoorTraits =
     TraitSet(Trait::kEnvironment, Trait::kTextures, Trait::kMicrofacet, Trait::kLayered);
-// Coated and rough surfaces that move under area lights.
+// Moving coated and rough surfaces under area lights.
 inline constexpr uint32_t kMovingTraits = kCoatedTraits | TraitSet(Trait::kMotion);
 // Coated and rough surfaces in a room under an environment.
 inline constexpr uint32_t kOpenTraits =
     TraitSet(Trait::kEnvironment, Trait::kQuadrics, Trait::kMicrofacet, Trait::kLayered);
-// Textured things in a studio: area lights and lights without size.
+// Textured objects in a studio: area lights and lights without size.
 inline constexpr uint32_t kStudioTraits =
     kCoatedTraits | TraitSet(Trait::kTextures, Trait::kDeltaLights);
-// What costs scenes without it next to nothing (tests/cost counts it): the kinds of surfaces and
-// shapes, of which one is met at a time, and those of lights that have a place.
+// Traits that cost almost nothing in scenes without them (tests/cost counts it): the kinds of
+// surfaces and shapes, of which a hit involves one, and those of lights with a position.
 inline constexpr uint32_t kCommonTraits = TraitSet(
     Trait::kTextures, Trait::kDeltaLights, Trait::kAreaLights, Trait::kSpecularTransmission,
     Trait::kLayered, Trait::kMicrofacet, Trait::kInstances, Trait::kQuadrics);
-// What every path would pay for: an environment is looked up in advance, lens and shutter take
-// sample points, and light through cut-outs is followed hit by hit. There are variants with every
-// combination of these, so that no scene carries one that it does not ask for.
+// Traits that every path would pay for: environment lookups are prefetched, lens and shutter use
+// sample points, and shadow rays test cut-outs hit by hit. There are variants with every
+// combination of these, so that no scene includes one that it does not need.
 inline constexpr uint32_t kPaidByEveryPath =
     TraitSet(Trait::kEnvironment, Trait::kLens, Trait::kMotion, Trait::kAlpha);
 constexpr uint32_t CommonTraits(bool environment, bool lens, bool motion, bool cut_outs) {
@@ -49,32 +49,32 @@ constexpr uint32_t CommonTraits(bool environment, bool lens, bool motion, bool c
          (cut_outs ? TraitSet(Trait::kAlpha) : 0);
 }
 
-// The same with wavelengths instead of RGB. A scene runs with one of the two, never with what it
-// did not call for, so these never serve RGB, nor those spectra.
+// The same with wavelengths instead of RGB. A scene uses exactly one of the two, so these variants
+// never serve RGB scenes, nor the others spectral ones.
 constexpr uint32_t Spectrally(uint32_t traits) { return traits | TraitSet(Trait::kSpectral); }
-// The same with normal and bump maps, for which every vertex has more to remember.
+// The same with normal and bump maps, which add state to every vertex.
 constexpr uint32_t Mapped(uint32_t traits) { return traits | TraitSet(Trait::kNormalMaps); }
 
-// Fog, smoke and glass that absorbs. What bounds a medium often only lets light pass, so all of
-// them hold cut-outs.
+// Fog, smoke and absorbing glass. Medium boundaries are often null interfaces, so all of these
+// include cut-outs.
 constexpr uint32_t MediaTraits(bool environment) {
   return CommonTraits(environment, false, false, true) | TraitSet(Trait::kMedia);
 }
-// The same where media have a colour or shine.
+// The same with chromatic or emissive media.
 inline constexpr uint32_t kColoredMediaTraits =
     MediaTraits(true) | TraitSet(Trait::kChromaticMedia, Trait::kEmissiveMedia);
-// Rooms with glass or liquids that have a colour of their own, and surfaces for boundaries.
+// Rooms with colored glass or liquids, bounded by surfaces.
 inline constexpr uint32_t kColoredGlassTraits =
     CommonTraits(false, false, false, false) | TraitSet(Trait::kMedia, Trait::kChromaticMedia);
-// Clouds, smoke and fire on grids, under the sun and a sky, with little else.
+// Clouds, smoke and fire on grids, under the sun and a sky, with few other effects.
 inline constexpr uint32_t kCloudTraits = TraitSet(
     Trait::kEnvironment, Trait::kDeltaLights, Trait::kAlpha, Trait::kMicrofacet, Trait::kQuadrics,
     Trait::kMedia, Trait::kHeterogeneousMedia, Trait::kChromaticMedia, Trait::kEmissiveMedia);
 
 }  // namespace sheaf::render
 
-// Of X(name, traits): those of every combination of kPaidByEveryPath but all at once, as wrap
-// makes them.
+// X(name, traits) for every combination of kPaidByEveryPath except all four, with traits passed
+// through wrap.
 #define SHEAF_COMMON_VARIANTS(X, prefix, wrap)                                                    \
   X(prefix "common", wrap(::sheaf::render::CommonTraits(false, false, false, false)))             \
   X(prefix "common+cut-outs", wrap(::sheaf::render::CommonTraits(false, false, false, true)))     \
@@ -105,7 +105,7 @@ inline constexpr uint32_t kCloudTraits = TraitSet(
   X(prefix "media+environment", wrap(::sheaf::render::MediaTraits(true))) \
   X(prefix "colored media", wrap(::sheaf::render::kColoredMediaTraits))
 
-// X(name, traits), the generic ones last: they serve what is too rare for variants of its own.
+// X(name, traits), the generic ones last: they serve combinations too rare for their own variants.
 #define SHEAF_RENDER_VARIANTS(X)                                                      \
   X("diffuse", ::sheaf::render::kDiffuseTraits)                                       \
   X("glossy", ::sheaf::render::kGlossyTraits)                                         \
