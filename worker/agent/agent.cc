@@ -16,9 +16,9 @@
 namespace sheaf::worker {
 namespace {
 
-// Parts of one upload. More would only make what a broken connection repeats larger.
+// Maximum parts per upload. More would only increase the data that a broken connection repeats.
 constexpr size_t kUploadPartsMax = 16;
-// How long a thread waits for the coordinator to hear that it loads a scene.
+// Maximum time a thread waits for the coordinator to learn that it is loading a scene.
 constexpr std::chrono::milliseconds kTellLoadingMax{2'000};
 
 std::string Describe(const FinishedPart& part) {
@@ -93,7 +93,7 @@ void Agent::AdvanceStage(bool stop_requested) {
   }
   if (stage_ == Stage::kWorking) return;
   const bool told = ledger_.Empty() && outbox_.empty() && (!news_ || !reachable_);
-  // Where nobody answers there is nothing to wait for beyond the grace.
+  // If the coordinator does not answer, there is no reason to wait beyond the grace period.
   const bool given_up = now >= farewell_end_ || (now >= grace_end_ && !reachable_);
   if (told || (given_up && !ledger_.HasRunning()) || now >= farewell_end_ + options_.farewell) {
     stage_ = Stage::kDone;
@@ -111,7 +111,7 @@ WorkerState Agent::MakeState(const LeaseLedger::Snapshot& snapshot) const {
   state.draining = stage_ != Stage::kWorking;
   state.warm_scenes = scenes_.WarmScenes();
   state.scene_memory_bytes = scenes_.MemoryBytes();
-  // Parts on their way are held, but keep no thread busy.
+  // Parts in upload still hold their leases, but keep no thread busy.
   if (!state.draining) {
     state.lease_count_wanted =
         options_.thread_count + options_.leases_ahead + ledger_.CountHeld(LeasePhase::kUploading);
@@ -145,7 +145,7 @@ void Agent::Synchronize(std::unique_lock<std::mutex>* lock) {
   backoff_ = options_.backoff_initial;
   next_synchronize_ = now_() + desired->next_synchronize;
   const int new_count = ledger_.Apply(snapshot.sequence, desired->leases);
-  // Granted before the coordinator knew that this worker stops.
+  // Granted before the coordinator knew that this worker is stopping.
   if (stage_ != Stage::kWorking && ledger_.HasQueued()) {
     ledger_.ReleaseQueued();
     news_ = true;
@@ -224,7 +224,8 @@ void Agent::RenderOne(const LeaseLedger::Task& task) {
   ledger_.Finish(id);
   outbox_.Push(*std::move(part));
   uploads_.notify_one();
-  AskForMore();  // The next task shall be here before this part has arrived there.
+  AskForMore();  // Requests the next task now, so that it is here before this part reaches the
+                 // coordinator.
 }
 
 void Agent::AskForMore() {
@@ -264,7 +265,7 @@ void Agent::UploadLoop(std::stop_token ended) {
       part_count_max = kUploadPartsMax;
       backoff = options_.backoff_initial;
     } else if (absl::IsInvalidArgument(outcomes.status()) && parts.size() > 1) {
-      part_count_max = 1;  // One of them is at fault; find it.
+      part_count_max = 1;  // One of them is invalid; find it.
     } else if (absl::IsInvalidArgument(outcomes.status())) {
       LogError(absl::StrCat("refused: ", Describe(*parts.front()), ": ",
                             std::string(outcomes.status().message())));

@@ -2,10 +2,9 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Agent: the worker's lease loop. One thread (Run) synchronizes, one uploads, and each of the
-// others renders one lease at a time. What to do is decided by LeaseLedger and ResultOutbox under
-// one lock; the threads only carry it out. Nothing here ends because the coordinator is away: what
-// is leased is rendered, what is rendered is kept, and both are offered again until somebody
-// answers.
+// others renders one lease at a time. LeaseLedger and ResultOutbox make all decisions under one
+// lock; the threads only execute them. The loop survives an absent coordinator: leased tasks are
+// rendered, results are kept, and both are reported again until the coordinator answers.
 #pragma once
 
 #include <chrono>
@@ -29,20 +28,20 @@ namespace sheaf::worker {
 struct AgentOptions {
   std::string worker_id, host, numeric_profile;
   int32_t thread_count = 1;
-  // Leases that wait while every thread has one: hides the way to the coordinator and back.
+  // Leases that wait while every thread has one: hides the round trip to the coordinator.
   int32_t leases_ahead = 2;
   uint64_t unsent_bytes_max = uint64_t{256} << 20;
   uint64_t scene_memory_bytes_max = uint64_t{4} << 30;
-  // How long a stopping worker goes on with what it renders, and after that tries to reach the
-  // coordinator for a last word.
+  // How long a stopping worker continues its rendering, and how long it then tries to reach the
+  // coordinator for a final report.
   std::chrono::milliseconds grace{10'000};
   std::chrono::milliseconds farewell{3'000};
-  // Ends after being without a lease for so long; zero never does.
+  // Ends after this time without a lease; zero: never.
   std::chrono::milliseconds exit_when_idle{0};
   // Waits between attempts to reach a coordinator that does not answer.
   std::chrono::milliseconds backoff_initial{100};
   std::chrono::milliseconds backoff_max{3'000};
-  // Least time between two calls of Synchronize, so that short tasks share one.
+  // Minimum time between two calls of Synchronize, so that short tasks share one.
   std::chrono::milliseconds synchronize_spacing{5};
 };
 
@@ -60,9 +59,9 @@ class Agent {
   Agent(AgentOptions options, CoordinatorLink* link, SceneLoader* loader,
         std::function<Clock::time_point()> now = Clock::now);
 
-  // Works until stop is requested and what is left is finished or handed back, or until it was idle
-  // for long enough. Returns OK then; kUnavailable where stopping had to leave results behind
-  // because the coordinator did not answer (their leases expire, and somebody else renders them
+  // Works until stop is requested and all leases are finished or returned, or until the agent was
+  // idle for long enough. Returns OK then; kUnavailable if it stopped with undelivered results
+  // because the coordinator did not answer (their leases expire, and another worker renders them
   // again). Call once.
   absl::Status Run(std::stop_token stop);
 
@@ -70,7 +69,7 @@ class Agent {
 
  private:
   enum class Stage { kWorking, kFinishing, kReleasing, kDone };
-  // The control thread. All require that mutex_ is held through lock.
+  // The control thread. All require: lock holds mutex_.
   void Synchronize(std::unique_lock<std::mutex>* lock);
   void AdvanceStage(bool stop_requested);
   void WaitForNextSynchronize(std::unique_lock<std::mutex>* lock, std::stop_token stop);
@@ -78,17 +77,19 @@ class Agent {
 
   void RenderLoop(std::stop_token ended);
   void RenderOne(const LeaseLedger::Task& task);
-  // Waits until the coordinator knows which scene this worker is about to load: if that ends the
-  // worker, somebody must know what did. Not for long, and not where nobody answers.
+  // Waits until the coordinator knows which scene this worker is about to load, so that the scene
+  // is known if loading it kills the worker. The wait is short, and is skipped if the coordinator
+  // does not answer.
   void TellLoading(const LeaseLedger::Task& task);
   void UploadLoop(std::stop_token ended);
-  // Takes over the answer to one upload. Requires: mutex_ is held.
+  // Processes the reply to one upload. Requires: mutex_ is held.
   void TakeOutcomes(const std::vector<const FinishedPart*>& parts,
                     const std::vector<UploadOutcome>& outcomes);
-  // Has Synchronize called soon where too few leases wait, or where this worker stops. Requires:
-  // mutex_ is held.
+  // Makes Synchronize run soon if too few leases wait or this worker is stopping. Requires: mutex_
+  // is held.
   void AskForMore();
-  // Drops a part that the coordinator says is not what its key says. Requires: mutex_ is held.
+  // Drops a part that the coordinator rejects because it does not match its key. Requires: mutex_
+  // is held.
   void Refuse(const FinishedPart& part, const absl::Status& status);
   // Requires: mutex_ is held.
   void Fail(uint64_t lease_id, FailureKind kind, const absl::Status& status);
@@ -99,18 +100,18 @@ class Agent {
   SceneCache scenes_;
 
   mutable std::mutex mutex_;
-  std::condition_variable_any control_;  // Something to tell the coordinator, or a new stage.
-  std::condition_variable_any work_;     // A lease to take, or room in the outbox.
-  std::condition_variable_any uploads_;  // A part to send.
+  std::condition_variable_any control_;  // There is news for the coordinator, or a new stage.
+  std::condition_variable_any work_;     // A lease is available, or there is room in the outbox.
+  std::condition_variable_any uploads_;  // A part is ready to send.
   LeaseLedger ledger_;
   ResultOutbox outbox_;
   AgentCounts counts_;
   Stage stage_ = Stage::kWorking;
-  bool news_ = false;          // Since the last call of Synchronize was made.
+  bool news_ = false;          // Since the last call of Synchronize began.
   bool reachable_ = true;      // Whether the last call was answered.
-  bool uploads_taken_ = true;  // Whether the last upload was.
-  uint64_t answered_sequence_ = 0;        // Of the last snapshot that was answered.
-  std::condition_variable_any answered_;  // A call was answered, or was not.
+  bool uploads_taken_ = true;  // Whether the last upload was accepted.
+  uint64_t answered_sequence_ = 0;        // Of the last answered snapshot.
+  std::condition_variable_any answered_;  // A call was answered, or failed.
   Clock::time_point next_synchronize_, last_synchronize_, grace_end_, farewell_end_, idle_since_;
   std::chrono::milliseconds backoff_;
 };

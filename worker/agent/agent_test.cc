@@ -21,7 +21,7 @@ namespace {
 
 using std::chrono::milliseconds;
 
-// A coordinator of one worker: gives each task until it has a result, and behaves as badly as told.
+// A coordinator of one worker: offers each task until it has a result, with configurable failures.
 class FakeCoordinator : public CoordinatorLink {
  public:
   explicit FakeCoordinator(uint64_t task_count) {
@@ -72,7 +72,7 @@ class FakeCoordinator : public CoordinatorLink {
   }
   void LoseEveryReply(int every) { lose_every_reply_ = every; }
   void Refuse(uint64_t task) { refused_.insert(task); }
-  // As after a restart without a table of leases: everything without a result is open.
+  // As after a restart without a lease table: every task without a result is open.
   void ForgetLeases() {
     const std::lock_guard<std::mutex> lock(mutex_);
     for (const auto& [id, task] : leased_) open_.insert(task);
@@ -139,7 +139,7 @@ class FakeCoordinator : public CoordinatorLink {
   bool away_ = false;
 };
 
-// Renders at once, or not before the gate opens.
+// Renders at once, or waits until the gate opens.
 class FakeRenderer : public SceneLoader {
  public:
   LoadResult Load(const Lease&, std::stop_token) override {
@@ -194,7 +194,7 @@ AgentOptions FastOptions() {
   return options;
 }
 
-// Runs an agent beside the test.
+// Runs an agent in a thread beside the test.
 class Running {
  public:
   Running(const AgentOptions& options, CoordinatorLink* link, SceneLoader* loader)
@@ -216,7 +216,7 @@ class Running {
   std::jthread thread_;
 };
 
-// Waits, as long as a slow machine may take, for what has to become true.
+// Waits until the condition holds, long enough for a slow machine.
 bool Eventually(const std::function<bool()>& condition) {
   const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(20);
   while (!condition()) {
@@ -255,7 +255,7 @@ TEST(AgentTest, CoordinatorRestartLosesNoFinishedPart) {
   ASSERT_TRUE(Eventually([&] { return renderer.rendering_count == 2; }));
   coordinator.set_away(true);
   coordinator.ForgetLeases();
-  renderer.gate_open = true;  // What was leased is rendered while nobody answers.
+  renderer.gate_open = true;  // Leased tasks are rendered although the coordinator does not answer.
   ASSERT_TRUE(Eventually([&] { return renderer.rendering_count == 0; }));
   coordinator.set_away(false);
   EXPECT_TRUE(Eventually([&] { return coordinator.done_count() == 20; }));
@@ -283,7 +283,7 @@ TEST(AgentTest, TermFinishesWhatEndsWithinTheGrace) {
   Running running(options, &coordinator, &renderer);
   ASSERT_TRUE(Eventually([&] { return renderer.rendering_count == 2; }));
   std::jthread opener([&] {
-    Eventually([&] { return coordinator.failures().size() == 2; });  // What was queued comes back.
+    Eventually([&] { return coordinator.failures().size() == 2; });  // Queued leases are returned.
     renderer.gate_open = true;
   });
   EXPECT_TRUE(running.Stop().ok());

@@ -49,7 +49,7 @@ int LeaseLedger::Apply(uint64_t sequence, const std::vector<Lease>& desired) {
       Remove(here);
     }
   }
-  // What ended before this request was made is known to the coordinator now.
+  // The coordinator now knows of every lease that ended before this request was made.
   std::erase_if(ended_, [&](const auto& entry) { return entry.second < sequence; });
   std::erase_if(failures_, [&](const Failed& failed) { return failed.sequence < sequence; });
   return new_count;

@@ -1,13 +1,12 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// LeaseLedger: which leases this worker holds and what it says about them. Pure decisions: no
-// clock, no thread, no transport. Leases enter through Apply alone and leave when they are
-// acknowledged, when they failed, or when the coordinator no longer lists them.
+// LeaseLedger: the leases that this worker holds, and its reports about them. Pure decisions: no
+// clock, no thread, no transport. Leases enter only through Apply, and leave when they are
+// acknowledged, fail, or are no longer listed by the coordinator.
 //
-// A reply can be older than what happened while it travelled: it may list a lease that has ended
-// since its request was made. Ended leases are therefore remembered until a younger request is
-// answered.
+// A reply may be outdated when it arrives: it may list a lease that has ended since the request was
+// made. Ended leases are therefore remembered until a later request is answered.
 #pragma once
 
 #include <cstdint>
@@ -22,47 +21,47 @@ namespace sheaf::worker {
 
 class LeaseLedger {
  public:
-  // What a request says; Apply wants its sequence back.
+  // The contents of a request; pass its sequence to Apply.
   struct Snapshot {
     uint64_t sequence = 0;
     std::vector<LeaseReport> leases;
     std::vector<LeaseFailure> failures;
   };
   Snapshot TakeSnapshot();
-  // Set by the last snapshot.
+  // Sequence of the last snapshot.
   uint64_t sequence() const { return sequence_; }
 
-  // Takes over the answer to that request: new leases are queued in the answer's order, queued and
-  // running leases it does not list are dropped (running ones are asked to stop). Finished parts
-  // stay: a result is wanted or superseded, and both are the coordinator's to say. Returns how many
-  // leases are new.
+  // Processes the reply to that request: queues new leases in the reply's order, and drops queued
+  // and running leases that it does not list (running ones are requested to stop). Finished parts
+  // stay: the coordinator decides whether a result is wanted or superseded. Returns the number of
+  // new leases.
   int Apply(uint64_t sequence, const std::vector<Lease>& desired);
 
-  // A task to render and the token that tells when it is no longer wanted.
+  // A task to render, and the token that requests its end.
   struct Task {
     Lease lease;
     std::stop_token stop;
   };
-  // The first queued lease, which becomes kLoading; nothing where none is queued.
+  // Returns the first queued lease, which becomes kLoading; none if the queue is empty.
   std::optional<Task> TakeNext();
   void BeginRendering(uint64_t lease_id);
-  // The part is in the outbox now.
+  // Call once the part is in the outbox.
   void Finish(uint64_t lease_id);
-  // The coordinator has the part, or will never want it.
+  // Call once the coordinator has the part, or will never want it.
   void Acknowledge(uint64_t lease_id);
-  // Ends a lease without a result, in whatever phase. One that was dropped meanwhile leaves no
-  // trace.
+  // Ends a lease without a result, in any phase. No failure is reported for a lease that was
+  // dropped meanwhile.
   void Fail(uint64_t lease_id, FailureKind kind, std::string message);
 
-  // Hands back what nobody has begun.
+  // Returns all leases that no thread has begun.
   void ReleaseQueued();
-  // Asks the threads to stop what they load or render; they then Fail it.
+  // Requests the threads to stop loading and rendering; they then call Fail.
   void StopRunning();
 
   bool HasQueued() const;
-  // Whether a thread loads or renders.
+  // Whether a thread is loading or rendering.
   bool HasRunning() const;
-  // Whether neither a lease nor an unanswered failure is left.
+  // Whether no lease and no unanswered failure is left.
   bool Empty() const { return held_.empty() && failures_.empty(); }
   int CountHeld(LeasePhase phase) const;
 
@@ -71,7 +70,7 @@ class LeaseLedger {
     Lease lease;
     LeasePhase phase = LeasePhase::kQueued;
     std::stop_source stop;
-    uint64_t order = 0;  // Of arrival: the coordinator's priority.
+    uint64_t order = 0;  // Order of arrival: the coordinator's priority.
     bool dropped = false;
   };
   struct Failed {
@@ -83,7 +82,7 @@ class LeaseLedger {
 
   std::map<uint64_t, Held> held_;       // By lease id.
   std::map<uint64_t, uint64_t> ended_;  // Lease id to the sequence of the last snapshot before.
-  std::vector<Failed> failures_;        // Until answered.
+  std::vector<Failed> failures_;        // Until a reply confirms them.
   uint64_t sequence_ = 0;
   uint64_t arrivals_ = 0;
 };

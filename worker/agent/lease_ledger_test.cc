@@ -78,7 +78,7 @@ TEST(LeaseLedgerTest, RepeatsAFailureUntilARequestThatCarriedItIsAnswered) {
   ledger.Fail(1, FailureKind::kScene, "room.pbrt:3:1: no");
   ledger.Apply(before, {MakeLease(1)});
   const LeaseFailure failure{1, FailureKind::kScene, "room.pbrt:3:1: no"};
-  EXPECT_THAT(ledger.TakeSnapshot().failures, ElementsAre(failure));  // Its answer gets lost.
+  EXPECT_THAT(ledger.TakeSnapshot().failures, ElementsAre(failure));  // Its reply is lost.
   const LeaseLedger::Snapshot again = ledger.TakeSnapshot();
   EXPECT_THAT(again.failures, ElementsAre(failure));
   ledger.Apply(again.sequence, {});

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// ResultOutbox: finished parts that the coordinator has not acknowledged, oldest first. Bounded by
-// its bytes: who renders waits for room before it begins something new.
+// ResultOutbox: finished parts that the coordinator has not acknowledged, oldest first. Bounded in
+// bytes: rendering threads wait for room before they begin a task.
 #pragma once
 
 #include <cstdint>
@@ -17,8 +17,8 @@ class ResultOutbox {
  public:
   explicit ResultOutbox(uint64_t bytes_max) : bytes_max_(bytes_max) {}
 
-  // Whether a thread may begin a task. The parts of tasks that are under way already still fit in
-  // afterwards, so the limit is exceeded by at most one part a thread.
+  // Whether a thread may begin a task. Parts of running tasks are always accepted afterwards, so
+  // the limit is exceeded by at most one part per thread.
   bool HasRoom() const { return size_bytes_ < bytes_max_; }
   bool empty() const { return parts_.empty(); }
   uint64_t size_bytes() const { return size_bytes_; }

@@ -33,7 +33,8 @@ SharedLoadResult SceneCache::Get(const Lease& lease, std::stop_token stop) {
       return {nullptr, absl::CancelledError("stopped while its scene was loaded"),
               FailureKind::kReleased};
     }
-    // The lease that loaded was cancelled; this one was not, so it loads the scene itself.
+    // The lease that started the load was cancelled; this one was not, so it loads the scene
+    // itself.
     if (!absl::IsCancelled(flight->result.status)) return flight->result;
   }
 }
@@ -59,7 +60,7 @@ SharedLoadResult SceneCache::Load(const Key& key, const Lease& lease, std::stop_
     evicted = EvictAll();
   }
   landed_.notify_all();
-  lock->unlock();  // Freeing a scene takes its time; nobody else waits for it.
+  lock->unlock();  // Freeing a scene takes time; no other thread should wait for it.
   return flight->result;
 }
 

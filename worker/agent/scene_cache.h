@@ -1,10 +1,10 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// SceneCache: the scenes that are ready to render, least recently used first to go. A scene is
-// loaded once however many threads ask for it; the others wait. What a thread still renders stays
-// in memory until it is done, also when it has left the cache: the only place where ownership is
-// shared.
+// SceneCache: the scenes that are ready to render, with least-recently-used eviction. A scene is
+// loaded once for any number of threads that request it; the others wait. A scene that a thread
+// still renders stays in memory after its eviction until the thread is done: the only place where
+// ownership is shared.
 #pragma once
 
 #include <condition_variable>
@@ -24,40 +24,40 @@ namespace sheaf::worker {
 
 using SharedScene = std::shared_ptr<const LoadedScene>;
 
-// As LoadResult, shared.
+// As LoadResult, but shared.
 struct SharedLoadResult {
   SharedScene scene;
   absl::Status status;
   FailureKind failure_kind = FailureKind::kInternal;
 };
 
-// Scenes in memory at once, however small: each keeps files too, those of its textures.
+// Maximum number of scenes in memory, however small: each keeps texture files open, too.
 inline constexpr size_t kScenesMax = 64;
 
 // Thread safety: all members may be called concurrently.
 class SceneCache {
  public:
-  // Keeps scenes of memory_bytes_max together, kScenesMax at most; the one that was asked for last
-  // is always kept.
+  // Keeps scenes of at most memory_bytes_max in total, and at most kScenesMax; always keeps the one
+  // that was requested last.
   // Requires: loader outlives this.
   SceneCache(SceneLoader* loader, uint64_t memory_bytes_max)
       : loader_(loader), memory_bytes_max_(memory_bytes_max) {}
 
-  // The lease's scene, loaded where it is not there. A failed load is told to all who waited for it
-  // and tried anew by the next one who asks; one that lacks memory ends the stay of all other
-  // scenes, so that the next one has their room. One who waits for another's load and whose own
-  // stop is requested gets kCancelled.
+  // Returns the lease's scene, and loads it if it is absent. All waiting threads receive the error
+  // of a failed load, and the next request retries it; a load that runs out of memory evicts all
+  // other scenes, so that the next one has their room. A thread that waits for another's load and
+  // whose own stop is requested gets kCancelled.
   SharedLoadResult Get(const Lease& lease, std::stop_token stop);
 
   // Whether Get would load the lease's scene, or wait for its load.
   bool MustLoad(const Lease& lease) const;
 
-  // Lets go of a scene that is not to be trusted any more: the next one who asks loads it anew.
+  // Drops a scene whose files changed: the next request loads it again.
   void Drop(const Lease& lease, const SharedScene& scene);
 
   // Digests of the manifests of the scenes in memory, in ascending order.
   std::vector<std::string> WarmScenes() const;
-  // Of the scenes in memory together.
+  // Total over the scenes in memory.
   uint64_t MemoryBytes() const;
 
  private:
@@ -68,7 +68,7 @@ class SceneCache {
     std::string manifest;  // Digest.
     uint64_t last_use = 0;
   };
-  // One load under way. Those who wait share it, so its result outlives its place in the table.
+  // A load in progress. Waiting threads share it, so its result outlives its table entry.
   struct Flight {
     bool done = false;
     SharedLoadResult result;
@@ -79,9 +79,9 @@ class SceneCache {
   static Key KeyOf(const Lease& lease);
   // Requires: mutex_ is held.
   uint64_t SumOfMemory() const;
-  // Takes all out. Requires: mutex_ is held.
+  // Removes all scenes. Requires: mutex_ is held.
   std::vector<SharedScene> EvictAll();
-  // Takes the least recently used out, never the last one. Requires: mutex_ is held.
+  // Removes the least recently used scenes, but never the last one. Requires: mutex_ is held.
   std::vector<SharedScene> EvictBeyondLimit();
 
   SceneLoader* const loader_;

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// SceneLoader and LoadedScene: what the agent needs of the renderer. worker/service implements them
-// with the content cache, the scene reader and worker/render.
+// SceneLoader and LoadedScene: the agent's interface to the renderer. worker/service implements
+// them with the content cache, the scene reader and worker/render.
 #pragma once
 
 #include <cstdint>
@@ -20,17 +20,17 @@ class LoadedScene {
  public:
   virtual ~LoadedScene() = default;
   virtual uint64_t memory_bytes() const = 0;
-  // Renders the lease's task and encodes the part.
-  // Errors: kCancelled when stop was requested; kDataLoss where files of the scene were altered on
-  // disk since it was loaded: it must be loaded anew; any other is a defect of the renderer.
+  // Renders the lease's task and encodes the part. Errors: kCancelled when stop was requested;
+  // kDataLoss if files of the scene were changed on disk since it was loaded, so that it must be
+  // loaded again; any other is a defect of the renderer.
   virtual absl::StatusOr<FinishedPart> Render(const Lease& lease, std::stop_token stop) const = 0;
 };
 
-// Either a scene, or why not.
+// Either a scene, or the reason for its absence.
 struct LoadResult {
   std::unique_ptr<const LoadedScene> scene;
-  absl::Status status;                                // OK exactly where scene is there.
-  FailureKind failure_kind = FailureKind::kInternal;  // Whose fault it is, where it failed.
+  absl::Status status;                                // OK if and only if scene is set.
+  FailureKind failure_kind = FailureKind::kInternal;  // The cause of a failure.
 };
 
 class SceneLoader {

@@ -25,7 +25,7 @@ absl::Status CatchOutOfMemory(const std::string& what, const std::function<void(
   } catch (const std::bad_alloc&) {
     return OutOfMemory(what);
   } catch (const std::system_error& error) {
-    // A thread without room for its stack.
+    // There was no memory for a thread's stack.
     if (error.code() != std::errc::resource_unavailable_try_again) throw;
     return OutOfMemory(what);
   }

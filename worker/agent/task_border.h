@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The border of a task: what a scene lacks of memory ends the task, never the worker.
+// CatchOutOfMemory: a scene that runs out of memory ends its task, never the worker.
 #pragma once
 
 #include <functional>
@@ -11,8 +11,8 @@
 
 namespace sheaf::worker {
 
-// Runs the step. Returns kResourceExhausted, saying what could not be done, where it ran out of
-// memory or of threads; else kOk, whatever the step itself says.
+// Runs the step. Returns kResourceExhausted, with what could not be done, if it ran out of memory
+// or threads; else kOk, whatever the step's own result.
 absl::Status CatchOutOfMemory(const std::string& what, const std::function<void()>& step);
 
 }  // namespace sheaf::worker

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// What a worker and the coordinator say to each other, as plain values. worker/service turns them
-// into messages of proto/sheaf/v1/worker.proto, where each field's meaning is written down.
+// The messages between worker and coordinator, as plain values. worker/service converts them to
+// messages of proto/sheaf/v1/worker.proto, which defines the meaning of each field.
 #pragma once
 
 #include <chrono>
@@ -17,9 +17,9 @@
 
 namespace sheaf::worker {
 
-// A timed right to a task.
+// A right to a task for a limited time.
 struct Lease {
-  uint64_t lease_id = 0;  // Never used twice, also over restarts of the coordinator.
+  uint64_t lease_id = 0;  // Never reused, even across restarts of the coordinator.
   int32_t attempt = 0;
   std::string frame_name;
   std::string frame_digest;
@@ -45,7 +45,7 @@ struct LeaseFailure {
   friend bool operator==(const LeaseFailure&, const LeaseFailure&) = default;
 };
 
-// What the worker is and holds: the request of Synchronize.
+// Properties and state of the worker: the request of Synchronize.
 struct WorkerState {
   std::string worker_id, host, numeric_profile;
   int32_t thread_count = 0;
@@ -57,14 +57,14 @@ struct WorkerState {
   uint64_t scene_memory_bytes = 0;  // Of those.
 };
 
-// What the coordinator wants it to hold: the answer.
+// The leases that the coordinator wants it to hold: the reply.
 struct DesiredState {
   std::vector<Lease> leases;
   std::chrono::milliseconds next_synchronize{1000};
   std::chrono::milliseconds lease_duration{30'000};
 };
 
-// A rendered task, encoded and ready to be sent as often as it takes.
+// A rendered task, encoded and ready to be sent, repeatedly if needed.
 struct FinishedPart {
   uint64_t lease_id = 0;
   std::string frame_digest;

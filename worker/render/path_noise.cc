@@ -11,7 +11,7 @@
 namespace sheaf::render {
 namespace {
 
-// What each replicate of a pixel has gathered of one kind: sums of R, G and B, weighted.
+// Per replicate of a pixel, the weighted sum of R, G and B of one kind of light path.
 using Replicates = std::array<double, kReplicateCount>;
 struct PixelKinds {
   std::array<Replicates, kLightPathKindCount> kinds{};
@@ -31,7 +31,7 @@ void AddSample(const FilmTile& sample, uint64_t index, std::vector<PixelKinds>* 
   }
 }
 
-// Of ratios sum / weight, as in error_estimate.h.
+// Deviations of the ratios sum / weight, as in error_estimate.h.
 Replicates DeviationsOf(const Replicates& sums, const Replicates& weights) {
   double sum = 0, weight = 0;
   for (size_t r = 0; r < kReplicateCount; ++r) {

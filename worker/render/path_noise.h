@@ -1,10 +1,10 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Which light paths make a picture's noise. The variance of a pixel is the sum of the covariances
-// of what each kind of path contributes with the whole, so kinds have shares of it that add up;
-// where two kinds vary against each other (a path that mirrors throw is one that walls do not get),
-// a share may be negative.
+// PathNoise: the contributions of kinds of light paths to an image's noise. The variance of a pixel
+// is the sum of the covariances of each kind's contribution with the whole, so the kinds' fractions
+// of it add up; where two kinds are negatively correlated (a path that hits a mirror does not hit a
+// wall), a fraction may be negative.
 #pragma once
 
 #include <array>
@@ -18,24 +18,25 @@
 namespace sheaf::render {
 
 struct PathShares {
-  double light = 0;     // Of the picture's sum of R, G and B.
-  double variance = 0;  // Of its variance.
-  // Of the kind's own variance, what one replicate of a pixel's 16 makes: above kOneReplicateMax
-  // (mean_interval.h) it comes in rare bright samples.
+  double light = 0;     // Fraction of the image's sum of R, G and B.
+  double variance = 0;  // Fraction of its variance.
+  // Fraction of the kind's own variance that comes from a single one of a pixel's 16 replicates:
+  // above kOneReplicateMax (mean_interval.h) the variance comes from rare bright samples.
   double one_replicate = 0;
 };
 
 struct PathNoise {
   std::array<PathShares, kLightPathKindCount> kinds;
-  double one_replicate_share = 0;  // Of all together: the tile's error is reliable or is not.
+  double one_replicate_share = 0;  // Of all kinds together: decides whether the tile's error is
+                                   // reliable.
 };
 
-// Of the tile's samples 0 to `samples`: relative to `floor` and the tile's mean, so that dark tiles
-// count as bright ones do. Sums over tiles: Add. Requires: the scene's settings ask for light paths
-// and nothing else; at least 2 kReplicateCount samples. On the calling thread.
+// The tile's samples 0 to `samples`, relative to `floor` plus the tile's mean, so that dark tiles
+// count as much as bright ones. Sums over tiles: Add. Requires: the scene's settings request light
+// paths and no other output; at least 2 kReplicateCount samples. Runs on the calling thread.
 class PathNoiseSums {
  public:
-  // floor: of R, G and B together, what a tenth of the picture's mean is.
+  // floor: one tenth of the image's mean of R, G and B together.
   static absl::StatusOr<PathNoiseSums> Of(const CompiledScene& scene, PixelRect tile,
                                           uint64_t samples, double floor);
   void Add(const PathNoiseSums& other);

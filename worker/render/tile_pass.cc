@@ -16,10 +16,10 @@
 namespace sheaf::render {
 namespace {
 
-// Beyond this factor bounds that are still too low are left so, and reported.
+// Beyond this factor, bounds that are still violated are kept, and reported.
 constexpr float kMajorantFactorMax = 1 << 12;
 
-// Calls render with each run of pixels of the tile's row that have samples of the block, and those.
+// Calls render for each run of pixels of the tile's row that have samples of the block.
 template <typename Render>
 void RenderChosen(const PixelLattice& lattice, const PixelRect& tile, int32_t y, SampleBlock block,
                   const Render& render) {

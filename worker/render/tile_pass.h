@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The renderer as everyone else sees it: CompileScene and RenderTilePass. No gRPC, no protobuf.
+// The renderer's public interface: CompileScene and RenderTilePass. No gRPC, no protobuf.
 #pragma once
 
 #include <cstdint>
@@ -19,18 +19,19 @@ struct RenderStats {
   uint64_t samples = 0;
   uint64_t rays = 0;  // All rays traced: camera, scattered and shadow.
   uint64_t shadow_rays = 0;
-  uint64_t broken_nestings = 0;   // RayCounts.
-  std::string broken_at;          // Where the scene file has a shape with such; empty: unknown.
-  uint64_t long_walks = 0;        // Paths that ended for them: RayCounts.
-  uint64_t broken_majorants = 0;  // Biased look-ups that are left: RayCounts.
-  uint32_t raised_majorants = 0;  // Times that the block was rendered again for such look-ups.
+  uint64_t broken_nestings = 0;   // As in RayCounts.
+  std::string broken_at;          // Location of such a shape in the scene file; empty: unknown.
+  uint64_t long_walks = 0;        // Paths that ended at the limit: RayCounts.
+  uint64_t broken_majorants = 0;  // Remaining biased lookups: RayCounts.
+  uint32_t raised_majorants = 0;  // Number of times that the block was rendered again because of
+                                  // them.
   double cpu_seconds = 0;
   std::vector<PixelAccumulator::NonFinite> non_finite;
 };
 
 // TilePass > FilmTile: renders every sample of the block in every pixel of the tile. A pure
-// function of (scene, tile, block): where a density is found beyond its bounds, all of the block is
-// rendered again with bounds that are raised. Single-threaded; call from as many threads as wanted.
+// function of (scene, tile, block): if a density violates its bounds, the whole block is rendered
+// again with raised bounds. Single-threaded; may be called from any number of threads.
 // Errors: kCancelled when stop was requested (checked once a row).
 absl::StatusOr<FilmTile> RenderTilePass(const CompiledScene& scene, PixelRect tile,
                                         SampleBlock block, std::stop_token stop,

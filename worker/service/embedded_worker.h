@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// EmbeddedWorker: a whole worker over a channel. sheaf-worker runs one over the network; sheaf
-// render runs one inside its own process, over a channel that never leaves it.
+// EmbeddedWorker: a complete worker over a channel. sheaf-worker runs one over the network; sheaf
+// render runs one in its own process, over an in-process channel.
 #pragma once
 
 #include <grpcpp/channel.h>
@@ -22,7 +22,7 @@
 namespace sheaf::worker {
 
 struct WorkerOptions {
-  std::string coordinator = "this process";  // How messages name it.
+  std::string coordinator = "this process";  // Its name in messages.
   int32_t thread_count = 0;                  // 0: as many as this process may use.
   std::string cache_directory;
   uint64_t cache_bytes_max = uint64_t{20} << 30;
@@ -33,7 +33,7 @@ struct WorkerOptions {
   std::chrono::milliseconds exit_when_idle{0};
 };
 
-// Processors this process may use.
+// Number of processors that this process may use.
 int32_t AvailableThreadCount();
 
 // "$XDG_CACHE_HOME/sheaf", or "~/.cache/sheaf", or a directory below the system's temporary one.
@@ -41,7 +41,7 @@ std::string DefaultCacheDirectory();
 
 class EmbeddedWorker {
  public:
-  // Scenes and results go through data, so that on a slow link no heartbeat waits behind them.
+  // Scenes and results use the channel data, so that no heartbeat waits behind them on a slow link.
   // Errors: those of ContentCache::Open.
   static absl::StatusOr<std::unique_ptr<EmbeddedWorker>> Open(
       const std::shared_ptr<grpc::Channel>& control, const std::shared_ptr<grpc::Channel>& data,

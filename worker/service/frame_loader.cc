@@ -26,7 +26,7 @@ namespace {
 
 LoadResult Failed(FailureKind kind, const absl::Status& status) { return {nullptr, status, kind}; }
 
-// Whose fault it is when reading or compiling a scene fails.
+// Classifies the cause of an error while reading or compiling a scene.
 FailureKind KindOf(const absl::Status& status) {
   switch (status.code()) {
     case absl::StatusCode::kInvalidArgument:
@@ -57,7 +57,7 @@ void AddStats(const render::RenderStats& more, render::RenderStats* stats) {
   stats->non_finite.insert(stats->non_finite.end(), more.non_finite.begin(), more.non_finite.end());
 }
 
-// Whether what compiling the scene will take is there.
+// Checks that the memory for compiling the scene is available.
 absl::Status CheckEstimate(const SceneDescription& scene, FileSource& files,
                            const MemoryRoom& room) {
   const render::MemoryEstimate estimate = render::EstimateMemory(scene, files);
@@ -69,7 +69,7 @@ absl::Status CheckEstimate(const SceneDescription& scene, FileSource& files,
       "; make it smaller (fewer levels, coarser meshes), or render it where there is more memory"));
 }
 
-// A compiled frame together with the files its textures are read from.
+// A compiled frame together with the files of its textures.
 class FrameScene : public LoadedScene {
  public:
   FrameScene(const ContentCache* cache, ContentLease files, std::unique_ptr<TableFileSource> source,
@@ -82,8 +82,8 @@ class FrameScene : public LoadedScene {
   uint64_t memory_bytes() const override { return render::MemoryBytesOf(*scene_); }
 
   absl::StatusOr<FinishedPart> Render(const Lease& lease, std::stop_token stop) const override {
-    // Tiles of textures are read from the files when they are needed, so files are looked at before
-    // the task and after it: what was altered meanwhile may be in the picture.
+    // Texture tiles are read from the files on demand, so the files are checked before the task and
+    // after it: changes in between may affect the image.
     if (absl::Status status = cache_->CheckUnchanged(files_); !status.ok()) return status;
     render::RenderStats stats;
     absl::StatusOr<FilmTile> tile = RenderCells(lease, stop, &stats);
@@ -133,7 +133,7 @@ class FrameScene : public LoadedScene {
   }
 
  private:
-  // The pixels of the lease, as one tile; others are empty.
+  // The pixels of the lease, as one tile; other pixels are empty.
   absl::StatusOr<FilmTile> RenderCells(const Lease& lease, const std::stop_token& stop,
                                        render::RenderStats* stats) const {
     if (lease.cells.All()) {
@@ -152,7 +152,7 @@ class FrameScene : public LoadedScene {
   }
 
   const ContentCache* const cache_;
-  ContentLease files_;  // Pins the files until the scene is gone.
+  ContentLease files_;  // Pins the files for the lifetime of the scene.
   std::unique_ptr<TableFileSource> source_;
   render::CompiledScenePtr scene_;
 };

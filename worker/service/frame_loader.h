@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// FrameLoader: a lease's scene from the coordinator's blobs to a CompiledScene.
+// FrameLoader: loads a lease's scene from the coordinator's blobs into a CompiledScene.
 //
 //     manifest blob > files in the content cache > SceneDescription > CompiledScene
 #pragma once
@@ -22,9 +22,9 @@
 namespace sheaf::worker {
 
 struct FrameLoaderOptions {
-  uint64_t scene_memory_bytes_max = uint64_t{4} << 30;  // Of one scene, read or compiled.
+  uint64_t scene_memory_bytes_max = uint64_t{4} << 30;  // Of one scene, while reading or compiled.
   uint64_t texture_memory_bytes_max = uint64_t{512} << 20;
-  uint32_t build_threads = 0;  // 0: as many as the machine has.
+  uint32_t build_threads = 0;  // 0: the machine's number of threads.
 };
 
 // Thread safety: Load may be called concurrently.

@@ -13,7 +13,7 @@
 namespace sheaf::worker {
 namespace {
 
-// Shorter than kUnaryDeadline: a coordinator that hangs shall cost less than a lease's life.
+// Shorter than kUnaryDeadline: a coordinator that hangs must cost less than a lease's lifetime.
 constexpr absl::Duration kSynchronizeDeadline = absl::Seconds(10);
 
 bool WritePart(grpc::ClientWriter<v1::UploadResultsRequest>* writer, const FinishedPart& part,
@@ -73,7 +73,7 @@ absl::StatusOr<std::vector<UploadOutcome>> GrpcCoordinatorLink::UploadResults(
   const std::unique_ptr<grpc::ClientWriter<v1::UploadResultsRequest>> writer =
       data_->UploadResults(&call.context, &response);
   for (const FinishedPart* part : parts) {
-    if (!WritePart(writer.get(), *part, worker_id)) break;  // Finish says why.
+    if (!WritePart(writer.get(), *part, worker_id)) break;  // Finish returns the reason.
   }
   writer->WritesDone();
   const grpc::Status status = writer->Finish();

@@ -1,7 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// CoordinatorLink over gRPC: one attempt a call, each with a deadline; the agent repeats.
+// GrpcCoordinatorLink: a CoordinatorLink over gRPC. One attempt per call, each with a deadline; the
+// agent repeats.
 #pragma once
 
 #include <grpcpp/channel.h>
@@ -20,7 +21,7 @@ namespace sheaf::worker {
 
 class GrpcCoordinatorLink : public CoordinatorLink {
  public:
-  // Results go through data, everything else through control. address is for messages only.
+  // Results use the channel data, everything else control. address is for messages only.
   GrpcCoordinatorLink(const std::shared_ptr<grpc::Channel>& control,
                       const std::shared_ptr<grpc::Channel>& data, std::string address);
 
@@ -30,7 +31,7 @@ class GrpcCoordinatorLink : public CoordinatorLink {
   void Abort() override;
 
  private:
-  // Makes a call known to Abort while it lives.
+  // Registers a call for Abort during its lifetime.
   class RunningCall;
 
   const std::unique_ptr<v1::WorkerService::Stub> control_, data_;

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// sheaf-worker: reads its command line, connects, and works until it is told to stop.
+// sheaf-worker: parses its command line, connects, and works until it is requested to stop.
 #include <unistd.h>
 
 #include <cstdio>
@@ -78,7 +78,7 @@ std::chrono::milliseconds Milliseconds(double seconds) {
 
 int Work(const Arguments& arguments) {
   std::stop_source stop;
-  // Before any thread exists, so that all of them leave these signals alone.
+  // Before any thread exists, so that all threads block these signals.
   const StopSignals signals([&stop](int, int count) {
     if (count > 1) {
       LogWarning("told to stop twice: ending at once; leases expire and others take them");

@@ -12,10 +12,10 @@ namespace sheaf::worker {
 namespace {
 
 constexpr int kStopSignals[] = {SIGTERM, SIGINT, SIGHUP};
-// timeout(1) and some supervisors signal a process and then its whole group: that is one wish to
-// stop.
+// timeout(1) and some supervisors signal a process and then its whole group: that counts as one
+// stop request.
 constexpr std::chrono::milliseconds kBurstDuration{300};
-constexpr timespec kPollInterval{0, 100'000'000};  // How soon the destructor is noticed.
+constexpr timespec kPollInterval{0, 100'000'000};  // Delay until the destructor is noticed.
 
 sigset_t BlockOnlyStopSignals() {
   sigset_t stop_signals;
@@ -24,7 +24,7 @@ sigset_t BlockOnlyStopSignals() {
     sigaddset(&stop_signals, number);
     ::signal(number, SIG_DFL);  // An ignored signal would never become pending.
   }
-  ::signal(SIGPIPE, SIG_IGN);  // A peer or a pager that went away is an error of the write.
+  ::signal(SIGPIPE, SIG_IGN);  // A write to a closed peer or pager returns an error instead.
   ::pthread_sigmask(SIG_SETMASK, &stop_signals, nullptr);
   return stop_signals;
 }

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// StopSignals: SIGTERM, SIGINT and SIGHUP as calls on an ordinary thread, where everything is
-// allowed.
+// StopSignals: delivers SIGTERM, SIGINT and SIGHUP as calls on an ordinary thread, free of the
+// restrictions on signal handlers.
 #pragma once
 
 #include <functional>
@@ -12,10 +12,10 @@ namespace sheaf::worker {
 
 class StopSignals {
  public:
-  // Calls on_signal with the signal's number and how many have come, from 1 on; signals that follow
-  // another within a fraction of a second count as the same. Make it before any
-  // other thread begins: they inherit that these signals are blocked. Everything else that a batch
-  // system may have blocked or ignored for its children (Slurm blocks SIGTERM) is reset.
+  // Calls on_signal with the signal's number and the count of signals so far, from 1; signals
+  // within a fraction of a second of another count as the same. Create it before any other thread:
+  // threads inherit the blocked signals. Resets all other signals that a batch system may have
+  // blocked or ignored for its children (Slurm blocks SIGTERM).
   explicit StopSignals(std::function<void(int signal_number, int count)> on_signal);
   ~StopSignals() = default;  // Ends the thread; later signals stay pending.
 

@@ -33,7 +33,7 @@ TEST(StopSignalsTest, HearsSignalsThatItsParentBlockedAndCountsThem) {
   ::kill(::getpid(), SIGTERM);
   wait_for(1);
   EXPECT_EQ(last, SIGTERM);
-  ::kill(::getpid(), SIGTERM);  // At once after the first: the same wish.
+  ::kill(::getpid(), SIGTERM);  // Immediately after the first: the same request.
   std::this_thread::sleep_for(std::chrono::milliseconds(500));
   EXPECT_EQ(times, 1);
   ::kill(::getpid(), SIGINT);

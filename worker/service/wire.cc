@@ -13,7 +13,7 @@ namespace sheaf::worker {
 namespace {
 
 constexpr int32_t kFrameEdgePxMax = 1 << 16;
-// Bounds on what the coordinator may ask for, so that a mistake there makes no busy loop here.
+// Bounds on the coordinator's values, so that an error there cannot cause a busy loop here.
 constexpr std::chrono::milliseconds kNextSynchronizeMin{1};
 constexpr std::chrono::milliseconds kNextSynchronizeMax{60'000};
 

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// One way of leaving out for each trait.
+// The ablation of each trait.
 #include "worker/render/ablation/leave_out.h"
 
 #include <algorithm>
@@ -23,7 +23,7 @@
 namespace sheaf::render {
 namespace {
 
-// What stands for surfaces that have no plainer form of their own.
+// Reflectance of surfaces that have no simpler form of their own.
 constexpr float kPlainReflectance = 0.5f;
 
 void KeepShapes(SceneDescription* scene) {
@@ -55,7 +55,7 @@ void ChangeMaterials(SceneDescription* scene, const Change& change) {
   for (MaterialDescription& description : scene->materials) {
     std::visit(
         [&](auto& material) {
-          // A copy: the change may put another kind of material in its place.
+          // A copy, because the change may replace it by another kind of material.
           const auto old = material;
           change(old, &description.material);
         },
@@ -120,10 +120,10 @@ void MakeDiffuse(SceneDescription* scene) {
   });
 }
 
-// Cut-outs become whole, mixes their first material, and surfaces that only let light pass go.
+// Makes cut-outs opaque, replaces mixes by their first material, and removes null interfaces.
 void CloseCutOuts(SceneDescription* scene) {
   const auto first_of = [scene](int32_t material) {
-    // Mixes hold no cycle, so there are at most as many steps as materials.
+    // Mixes have no cycle, so there are at most as many steps as materials.
     for (size_t step = 0; material != kNone && step < scene->materials.size(); ++step) {
       const auto* mix = std::get_if<MixMaterial>(&scene->materials[material].material);
       if (mix == nullptr) break;
@@ -179,7 +179,8 @@ void ShineEvenly(SceneDescription* scene) {
   }
 }
 
-// A pinhole that sees the same frame. A lens that cannot be focused has none, and says so itself.
+// Replaces the lens by a pinhole with the same frame. A lens that cannot be focused is kept, and
+// reports its own error.
 void TakeOutLens(SceneDescription* scene) {
   const absl::StatusOr<LensSystem> lens = LensSystem::Make(scene->camera.lens, {});
   const double focal_length_mm = lens.ok() ? lens->focal_length_mm() : 50;
@@ -192,7 +193,7 @@ void TakeOutLens(SceneDescription* scene) {
                                                  std::atan(0.5 * shorter_mm / focal_length_mm));
 }
 
-// Takes away media, and what refers to them.
+// Removes media and the references to them.
 template <typename Predicate>
 void RemoveMedia(SceneDescription* scene, const Predicate& is_removed) {
   std::vector<MediumDescription> kept;
@@ -221,7 +222,7 @@ void ClearTheAir(SceneDescription* scene) {
   RemoveMedia(scene, [](const MediumDescription& medium) { return !medium.is_matter; });
 }
 
-// Diffuse as even light would see the matter.
+// Replaces subsurface media by diffuse surfaces of the same color under uniform light.
 void MakeSkinDeep(SceneDescription* scene) {
   ChangeMaterials(scene, [scene](const auto& old, auto* material) {
     if constexpr (std::is_same_v<std::decay_t<decltype(old)>, SubsurfaceMaterial>) {
@@ -266,7 +267,7 @@ void MakeGreyWhatIsColored(SceneDescription* scene) {
   }
 }
 
-// How each effect is left out. Textures are LeaveOut's own, as they need files.
+// The ablation of each effect. LeaveOut handles textures itself, because they need files.
 struct Change {
   Trait trait;
   const char* how;

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The same scene without one of its effects, as plain as one would write it by hand: what that
-// costs and what it gives can then be measured.
+// LeaveOut: makes the ablated scene, the same scene without one of its effects, as one would write
+// it by hand. The cost and the benefit of the effect can then be measured.
 #pragma once
 
 #include <string>
@@ -21,9 +21,8 @@ struct SceneWithout {
   std::string how;  // "all as it is when the shutter opens"
 };
 
-// The plan of the result never has the trait.
-// Errors: kUnimplemented where this scene calls for the effect in a way that nothing plainer stands
-// for; of reading the scene's textures.
+// The plan of the result never has the trait. Errors: kUnimplemented if this scene uses the effect
+// in a way that has no simpler replacement; those of reading the scene's textures.
 absl::StatusOr<SceneWithout> LeaveOut(Trait trait, const SceneDescription& scene,
                                       const FrameSettings& settings, FileSource& files);
 

@@ -23,10 +23,10 @@ namespace {
 constexpr int32_t kTileSizePx = 16;
 constexpr size_t kTilesMax = 64;
 constexpr size_t kTrialTiles = 2;
-// Turns that an effect's time should be enough for: the spread of so many tells the error.
+// Number of turns for which an effect's time should suffice: their spread gives the error.
 constexpr double kTurnsWanted = 16;
 constexpr uint64_t kTurnsMax = 4096;
-// From this depth on, half of it is measured too.
+// From this depth on, half the depth is measured, too.
 constexpr int32_t kHalvedDepthMin = 4;
 
 using Clock = std::chrono::steady_clock;
@@ -34,12 +34,12 @@ double SecondsSince(Clock::time_point start) {
   return std::chrono::duration<double>(Clock::now() - start).count();
 }
 
-// What one turn of one scene gave: a sample in every pixel of the tiles.
+// The result of one turn of one scene: one sample in every pixel of the tiles.
 struct Turn {
   double cpu_seconds = 0, sum = 0;
 };
 
-// A scene that is rendered turn by turn, and its pictures so far.
+// A scene that is rendered turn by turn, and its images so far.
 class Rendering {
  public:
   Rendering(const CompiledScene& scene, std::vector<PixelRect> tiles)
@@ -62,7 +62,8 @@ class Rendering {
   }
 
   struct Pixel {
-    std::array<Rgb, 2> halves{};  // Sums of the even turns and of the odd ones, independent.
+    std::array<Rgb, 2> halves{};  // Sums over the even and over the odd turns, which are
+                                  // independent.
     double sum = 0, square_sum = 0;
   };
   const std::vector<std::vector<Pixel>>& pixels() const { return pixels_; }
@@ -87,10 +88,10 @@ class Rendering {
 
   const CompiledScene& scene_;
   std::vector<PixelRect> tiles_;
-  std::vector<std::vector<Pixel>> pixels_;  // Of each tile.
+  std::vector<std::vector<Pixel>> pixels_;  // Per tile.
 };
 
-// Of a sum of turns over another: where both vary together, what is left is the error.
+// Ratio of two sums over turns: common variation of both cancels, the rest is the error.
 Measured RatioOf(const std::vector<double>& over, const std::vector<double>& under) {
   double over_sum = 0, under_sum = 0;
   for (const double v : over) over_sum += v;
@@ -116,7 +117,8 @@ double VarianceOf(const Rendering& rendering, double turns) {
   return variance;
 }
 
-// The halves' errors are independent, so their product has the expectation of the square.
+// The halves' errors are independent, so the expectation of their product is the squared
+// difference.
 double RelMse(const Rendering& with, const Rendering& without, double turns) {
   double total = 0;
   size_t count = 0;
@@ -150,7 +152,7 @@ std::vector<PixelRect> SpreadTiles(PixelRect window, size_t count) {
   return tiles;
 }
 
-// A way to leave something out.
+// One ablation.
 struct Omission {
   std::string name;
   std::function<absl::StatusOr<SceneWithout>()> make;
@@ -217,11 +219,11 @@ class Measurer {
     return omissions;
   }
 
-  // As many tiles as leave time for kTurnsWanted turns of every effect.
+  // Chooses as many tiles as allow kTurnsWanted turns of every effect.
   absl::Status ChooseTiles(size_t effects) {
     Rendering trial(*whole_, SpreadTiles(settings_.window, kTrialTiles));
     double seconds_per_tile = 0;
-    for (int i = 0; i < 2; ++i) {  // The first time warms caches.
+    for (int i = 0; i < 2; ++i) {  // The first run warms the caches.
       const Clock::time_point begin = Clock::now();
       const absl::StatusOr<Turn> turn = trial.Render(0);
       if (!turn.ok()) return turn.status();
@@ -263,7 +265,7 @@ class Measurer {
       sums[0].push_back(first->sum);
       sums[1].push_back(second->sum);
     }
-    // Both halves of the pictures have as many samples.
+    // Both halves of the images have the same number of samples.
     const auto turns = static_cast<double>(turn);
     effect->samples = turn;
     effect->time_ratio = RatioOf(seconds[0], seconds[1]);
@@ -302,17 +304,17 @@ absl::StatusOr<PlanMeasurement> MeasurePlan(const SceneDescription& scene,
 
 namespace {
 
-// Deviations beyond which something is held to be there.
+// Number of standard errors beyond which an effect counts as seen.
 constexpr double kSeenDeviations = 2;
 
-// "41.2 %"; an effect that makes a sample cheaper saves a share of the time without it.
+// "41.2 %"; an effect that makes a sample cheaper saves a fraction of the time without it.
 std::string TimeText(const Measured& time_ratio) {
   if (std::fabs(time_ratio.value - 1) <= kSeenDeviations * time_ratio.error) return "none seen";
   if (time_ratio.value < 1) return absl::StrFormat("saves %.1f %%", 100 * (1 - time_ratio.value));
   return absl::StrFormat("%.1f %%", 100 * (1 - 1 / time_ratio.value));
 }
 
-// Without variance on one side there is no ratio.
+// If either variance is 0 there is no ratio.
 std::string VarianceText(double ratio) {
   return std::isfinite(ratio) && ratio > 0 ? absl::StrFormat("%.2fx", ratio) : "-";
 }

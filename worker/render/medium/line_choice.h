@@ -8,7 +8,7 @@
 
 namespace sheaf::render {
 
-// Whether light is gathered along lines through media that vary.
+// Whether lines through heterogeneous media gather light.
 enum class LinesInVarying : uint8_t { kWhereItPays, kAlways, kNever };
 
 }  // namespace sheaf::render

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Finds what a scene calls for, and who asked.
+// Finds the effects that a scene uses, and their causes.
 #include "worker/render/plan/render_plan.h"
 
 #include <algorithm>
@@ -101,7 +101,7 @@ class PlanMaker {
     size_t count = 0;
   };
 
-  // Counts another reason for a trait; the first one is told.
+  // Counts another cause of a trait; the first one is reported.
   void Ask(Trait trait, SourceLocation location, const std::string& what) {
     Cause& cause = causes_[TraitIndex(trait)];
     if (cause.count++ == 0) cause.text = absl::StrCat(FormatLocation(scene_, location), ": ", what);
@@ -161,7 +161,7 @@ class PlanMaker {
       const bool is_new = area_lights_seen_.insert(shape.area_light).second;
       if (is_new) LookAtEmission(light.radiance, light.location);
       if (in_world) LookAtVariation(shape, light);
-      // Those of objects do not emit.
+      // Shapes in objects do not emit.
       if (in_world) light_count_ += CountFaces(shape);
     }
     if (shape.has_alpha) {
@@ -195,7 +195,7 @@ class PlanMaker {
         absl::StrCat("Texture \"", scene_.textures[texture].name, "\""));
   }
 
-  // A material counts once, however many shapes use it.
+  // A material counts once, for any number of shapes that use it.
   void LookAtMaterial(int32_t material) {
     something_scatters_ = something_scatters_ || material == kNone;
     if (material == kNone || !materials_seen_.insert(material).second) return;
@@ -300,7 +300,7 @@ class PlanMaker {
            !diffuse->reflectance.value.is_out_of_gamut && diffuse->reflectance.value.rgb.IsBlack();
   }
 
-  // Where the film shows something else than the light of the scene.
+  // Notes settings with which the film shows something other than the light of the scene.
   static void NoteFilm(const FrameSettings& settings, RenderPlan* plan) {
     if (!settings.sensor.empty() && !Has(plan->traits, Trait::kSpectral)) {
       plan->notes.push_back(absl::StrCat(
@@ -355,7 +355,7 @@ class PlanMaker {
   bool something_scatters_ = false, something_glows_ = false;
 };
 
-// "~ +12 %", or "?" where nobody measured it.
+// "~ +12 %", or "?" if there is no measurement.
 std::string CostText(const PlannedEffect& effect) {
   if (effect.expected_time_ratio == 0) return "?";
   const long percent = std::lround(100 * (effect.expected_time_ratio - 1));

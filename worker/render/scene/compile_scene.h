@@ -19,20 +19,20 @@ namespace sheaf::render {
 
 struct CompileLimits {
   uint64_t texture_cache_bytes_max = uint64_t{512} << 20;
-  uint32_t build_threads = 0;  // 0: as many as the machine has.
-  // Of all displaced meshes together; each takes some 150 bytes while it is made, 60 afterwards.
+  uint32_t build_threads = 0;  // 0: the machine's number of threads.
+  // Total over all displaced meshes; a triangle takes some 150 bytes during construction, 60 after.
   uint64_t displaced_triangles_max = uint64_t{1} << 24;
 };
 
-// Choices that change the noise of a picture and not its expectation; tests compare the techniques
+// Choices that change the noise of an image but not its expectation; tests compare the techniques
 // with each other.
 struct CompileTechniques {
-  bool choose_lights_evenly = false;  // Instead of by what each may send to a point.
-  bool bound_media_once = false;      // One bound for all of a medium, not one where it is dense.
+  bool choose_lights_evenly = false;  // Instead of by their contribution to a point.
+  bool bound_media_once = false;      // A single bound per medium instead of local ones.
   LinesInVarying lines_in_varying = LinesInVarying::kWhereItPays;
-  // Roulette may end paths on surfaces after more than so many scatterings.
+  // Roulette may end paths on surfaces after more than this number of scattering events.
   uint32_t roulette_depth_min = kRouletteDepthMin;
-  // What bounds of densities are multiplied by. Below 1 they are wrong, which rendering must find.
+  // Factor of density bounds. Below 1 they are wrong, which rendering must detect.
   float majorant_factor = 1;
 };
 
@@ -44,7 +44,7 @@ struct CompiledSceneDeleter {
 using CompiledScenePtr = std::unique_ptr<const CompiledScene, CompiledSceneDeleter>;
 
 // SceneDescription + RenderPlan > CompiledScene. Takes the description by value: its mesh buffers
-// are handed to the ray tracer without a copy.
+// move to the ray tracer without a copy.
 // Errors: kInvalidArgument with the location in the scene file; kResourceExhausted over a limit.
 absl::StatusOr<CompiledScenePtr> CompileScene(SceneDescription scene, const FrameSettings& settings,
                                               FileSource& files, const CompileLimits& limits = {},

@@ -9,11 +9,11 @@
 
 namespace sheaf::render {
 
-// One bit each. A variant compiled with fewer traits runs no code for the others.
+// One bit each. A variant that is compiled with fewer traits runs no code for the others.
 enum class Trait : uint32_t {
   kMotion = 1u << 0,                // Animated transforms within an open shutter.
   kLens = 1u << 1,                  // Lens radius > 0, or a realistic lens.
-  kTextures = 1u << 2,              // Image textures or procedural ones.
+  kTextures = 1u << 2,              // Image or procedural textures.
   kEnvironment = 1u << 3,           // Infinite lights.
   kDeltaLights = 1u << 4,           // Lights without size.
   kAreaLights = 1u << 5,            // Emissive shapes.
@@ -22,22 +22,22 @@ enum class Trait : uint32_t {
   kMicrofacet = 1u << 8,            // Rough or smooth conductors, rough coats.
   kAlpha = 1u << 9,                 // Cut-outs, interfaces, stochastic mixes.
   kInstances = 1u << 10,            // Object instances.
-  kQuadrics = 1u << 11,             // Shapes met in double: quadrics, bilinear patches.
-  kSpectral = 1u << 12,             // Four wavelengths a path instead of RGB.
-  kHair = 1u << 13,                 // Fibres: light goes through them whatever their normals.
-  kMeasured = 1u << 14,             // Reflection as measured, in files.
-  kCurves = 1u << 15,               // Shapes that are curves with a width.
+  kQuadrics = 1u << 11,             // Shapes intersected in double: quadrics, bilinear patches.
+  kSpectral = 1u << 12,             // Four wavelengths per path instead of RGB.
+  kHair = 1u << 13,                 // Fibers: light passes through them whatever their normals.
+  kMeasured = 1u << 14,             // Measured reflection from files.
+  kCurves = 1u << 15,               // Curves with a width.
   kNormalMaps = 1u << 16,           // Normal and bump maps.
-  kVaryingEmission = 1u << 17,      // Emissive shapes with a picture or a cut-out.
-  kOutputs = 1u << 18,              // More than the picture: FilmOutputs.
+  kVaryingEmission = 1u << 17,      // Emissive shapes with an image or a cut-out.
+  kOutputs = 1u << 18,              // Outputs besides the image: FilmOutputs.
   kMedia = 1u << 19,                // Participating media.
-  kHeterogeneousMedia = 1u << 20,   // Some that are not the same everywhere.
-  kChromaticMedia = 1u << 21,       // Some that absorb or scatter some colours more than others.
-  kEmissiveMedia = 1u << 22,        // Some that shine.
+  kHeterogeneousMedia = 1u << 20,   // Heterogeneous media.
+  kChromaticMedia = 1u << 21,       // Media that absorb or scatter color components differently.
+  kEmissiveMedia = 1u << 22,        // Media that emit.
   kDeformation = 1u << 23,          // Meshes whose vertices move within an open shutter.
-  kSubsurface = 1u << 24,           // Matter that scatters light beneath its surface.
-  kNestedDielectrics = 1u << 25,    // Matter that overlaps, by priority.
-  kMovingVolumes = 1u << 26,        // Media that velocities move within an open shutter.
+  kSubsurface = 1u << 24,           // Subsurface scattering.
+  kNestedDielectrics = 1u << 25,    // Overlapping interiors, by priority.
+  kMovingVolumes = 1u << 26,        // Media moved by velocities within an open shutter.
 };
 inline constexpr int kTraitCount = 27;
 
