@@ -21,7 +21,7 @@ enum class ExitCode : int {
 
 // The lines of sheaf --help about them.
 inline constexpr const char* kExitCodeHelp =
-    "Exit codes: 0 done; 1 the job failed, or pictures differ; 2 wrong usage; 3 the coordinator\n"
+    "Exit codes: 0 done; 1 the job failed, or images differ; 2 wrong usage; 3 the coordinator\n"
     "does not answer; 4 the scene has errors; 5 the job was cancelled; 6 a file cannot be read or\n"
     "written; 130 interrupted.";
 

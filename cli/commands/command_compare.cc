@@ -50,24 +50,26 @@ class CompareCommand : public Command {
  public:
   CLI::App* AddTo(CLI::App* app) override {
     CLI::App* command = app->add_subcommand("compare", "Compare an image with a reference");
-    command->add_option("REFERENCE", reference_path_, "The picture to trust (.exr)")->required();
-    command->add_option("IMAGE", image_path_, "The picture to judge (.exr)")->required();
-    command->add_option("--diff", diff_path_, "Write IMAGE - REFERENCE (.exr), or how much (.png)");
+    command->add_option("REFERENCE", reference_path_, "Reference image (.exr)")->required();
+    command->add_option("IMAGE", image_path_, "Image to compare (.exr)")->required();
+    command->add_option("--diff", diff_path_,
+                        "Write IMAGE - REFERENCE (.exr), or its absolute value (.png)");
     command
         ->add_option("--tolerance", tolerance_,
-                     "Exit with 1 when relMSE is larger; 0 also asks for equal bits")
+                     "Exit with 1 if relMSE is larger; 0 also requires identical bits")
         ->check(CLI::NonNegativeNumber);
     command->add_flag("--hdr-flip", hdr_flip_,
-                      "Also say how different they look at all exposures (HDR-FLIP; slow)");
-    command->add_flag("--tiles", tiles_, "Also look for tiles that are off by more than noise");
+                      "Also print how different they look over all exposures (HDR-FLIP; slow)");
+    command->add_flag("--tiles", tiles_, "Also list tiles that differ by more than noise");
     command
-        ->add_option("--allow", limits_.mean_share_max,
-                     "With --tiles: share of a tile's mean that is allowed beyond noise")
+        ->add_option(
+            "--allow", limits_.mean_share_max,
+            "With --tiles: allowed difference beyond noise, as a fraction of a tile's mean")
         ->check(CLI::NonNegativeNumber)
         ->capture_default_str();
     command
         ->add_option("--sigmas", limits_.standard_errors_max,
-                     "With --tiles: standard errors that are allowed")
+                     "With --tiles: allowed difference in standard errors")
         ->check(CLI::NonNegativeNumber)
         ->capture_default_str();
     command
@@ -77,14 +79,14 @@ class CompareCommand : public Command {
         ->capture_default_str();
     AddJsonFlag(command, &json_);
     command->footer(
-        "FLIP is how different the pictures look as the view sRGB shows them, without exposure:\n"
-        "the mean of LDR-FLIP for 67 pixels a degree, from 0 (nothing to see) to 1. The verdict\n"
-        "holds relMSE against what the error bars of both pictures foretell; a reference without\n"
-        "error bars is taken to have converged.\n\n"
+        "FLIP measures how different the images look in the sRGB view, without exposure: the mean\n"
+        "of LDR-FLIP at 67 pixels per degree, from 0 (no visible difference) to 1. The verdict\n"
+        "compares relMSE with the value that the error bars of both images predict; a reference\n"
+        "without error bars is assumed to have converged.\n\n"
         "Examples:\n"
-        "  sheaf compare reference.exr picture.exr --diff difference.exr\n"
-        "  sheaf compare a.exr b.exr --tolerance 0          # the same to the bit?\n"
-        "  sheaf compare reference.exr picture.exr --tiles --reference-samples 1024");
+        "  sheaf compare reference.exr image.exr --diff difference.exr\n"
+        "  sheaf compare a.exr b.exr --tolerance 0          # identical bits?\n"
+        "  sheaf compare reference.exr image.exr --tiles --reference-samples 1024");
     return command;
   }
 

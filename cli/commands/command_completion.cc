@@ -49,7 +49,7 @@ class CompletionCommandLine : public Command {
                                                           {"zsh", Wanted::kZsh},
                                                           {"fish", Wanted::kFish},
                                                           {"jobs", Wanted::kJobs}},
-              "bash, zsh or fish; or jobs: their names, which the scripts ask for")
+              "bash, zsh or fish; jobs prints the names of jobs, which the scripts use")
         ->required();
     AddCoordinatorOption(command, &coordinator_);
     command->footer(

@@ -51,8 +51,9 @@ class PauseCommand : public ControlCommand {
     CLI::App* command = AddCommon(app, "pause", "Pause a job; running tasks finish");
     AddJob(command);
     command->footer(
-        "Example:\n  sheaf pause jobs/7\n"
-        "The job waits, also over restarts of the coordinator, until: sheaf resume jobs/7");
+        "Example:\n"
+        "  sheaf pause jobs/7\n"
+        "The job stays paused, even if the coordinator restarts, until: sheaf resume jobs/7");
     return command;
   }
 
@@ -65,7 +66,7 @@ class PauseCommand : public ControlCommand {
 class ResumeCommand : public ControlCommand {
  public:
   CLI::App* AddTo(CLI::App* app) override {
-    CLI::App* command = AddCommon(app, "resume", "Go on with a paused job");
+    CLI::App* command = AddCommon(app, "resume", "Resume a paused job");
     AddJob(command);
     command->footer("Example:\n  sheaf resume jobs/7");
     return command;
@@ -82,7 +83,7 @@ class PriorityCommand : public ControlCommand {
   CLI::App* AddTo(CLI::App* app) override {
     CLI::App* command = AddCommon(app, "priority", "Set the priority of a job");
     AddJob(command);
-    command->add_option("N", priority_, "Higher goes first")
+    command->add_option("N", priority_, "Higher values run first")
         ->required()
         ->check(CLI::Range(-1000, 1000));
     command->footer(

@@ -19,7 +19,7 @@ namespace {
 class WatchCommand : public FarmCommand {
  public:
   CLI::App* AddTo(CLI::App* app) override {
-    CLI::App* command = AddCommon(app, "watch", "Show a job until it ends; fetch its pictures");
+    CLI::App* command = AddCommon(app, "watch", "Follow a job until it ends; download its images");
     AddJob(command);
     AddPictureOptions(command, &arguments_);
     command->footer(
@@ -55,10 +55,10 @@ class ListCommand : public FarmCommand {
  public:
   CLI::App* AddTo(CLI::App* app) override {
     CLI::App* command = AddCommon(app, "list", "List jobs, newest first");
-    command->add_option("--limit", limit_, "Jobs at most")
+    command->add_option("--limit", limit_, "Maximum number of jobs")
         ->check(CLI::Range(1, 1'000'000))
         ->capture_default_str();
-    command->add_flag("--all", all_, "Pilots of quotes too");
+    command->add_flag("--all", all_, "Also list the pilots of quotes");
     command->footer("Examples:\n  sheaf list\n  sheaf list --json --limit 10");
     return command;
   }

@@ -22,15 +22,16 @@ namespace {
 class PlanCommand : public Command {
  public:
   CLI::App* AddTo(CLI::App* app) override {
-    CLI::App* command =
-        app->add_subcommand("plan", "Say which effects a scene calls for, and what will run");
+    CLI::App* command = app->add_subcommand(
+        "plan", "Show which effects a scene uses, and which variant renders it");
     AddSettingsOptions(command, &arguments_);
     AddJsonFlag(command, &json_);
-    command->add_flag("--measure", measure_,
-                      "Render with and without each effect: what it costs, what the picture loses");
+    command->add_flag(
+        "--measure", measure_,
+        "Render with and without each effect to measure its cost and its influence on the image");
     command
         ->add_option("--measure-seconds", measure_seconds_,
-                     "How long to measure; more seconds, less noise")
+                     "Seconds to measure; more seconds give less noise")
         ->check(CLI::Range(render::kMeasureSecondsMin, render::kMeasureSecondsMax))
         ->capture_default_str();
     command->footer(

@@ -25,7 +25,7 @@ class QuoteCommand : public Command {
  public:
   CLI::App* AddTo(CLI::App* app) override {
     CLI::App* command =
-        app->add_subcommand("quote", "Say what a scene will cost for each of some errors");
+        app->add_subcommand("quote", "Estimate the cost of a scene for several errors");
     AddSettingsOptions(command, &arguments_);
     AddFramesOption(command, &arguments_);
     AddResumeOption(command, &arguments_);
@@ -36,11 +36,11 @@ class QuoteCommand : public Command {
         ->capture_default_str();
     command
         ->add_option("--priority", arguments_.priority,
-                     "Of the job that is quoted: higher goes first, and waits for fewer others")
+                     "Priority of the quoted job: higher values run first and wait for fewer jobs")
         ->check(CLI::Range(-1000, 1000))
         ->capture_default_str();
     AddCoordinatorOption(command, &coordinator_);
-    command->add_flag("--here", here_, "For this machine alone, as sheaf render would use it");
+    command->add_flag("--here", here_, "Quote for this machine only, as sheaf render would use it");
     command
         ->add_option("--threads", farm_.worker.thread_count,
                      "With --here: threads; 0: all processors")
@@ -52,10 +52,10 @@ class QuoteCommand : public Command {
         "  sheaf quote room.pbrt --here --targets 0.02,0.01\n"
         "  sheaf quote 'shot.####.pbrt' --frames 1-240 --json\n"
         "  sheaf quote room.pbrt --resume-from room.exr --targets 0.005\n"
-        "It renders a few of the pixels, at no more than 3 % of the price of the loosest error,\n"
-        "before all other jobs. Bands are 80 % prediction intervals. Wall times count what the\n"
-        "farm's other jobs take until then. With --resume-from the price is of what is not there\n"
-        "yet.");
+        "A pilot renders a few of the pixels, at no more than 3 % of the price of the loosest\n"
+        "error, before all other jobs. Bands are 80 % prediction intervals. Wall times include\n"
+        "the time that the farm's other jobs take first. With --resume-from the price covers\n"
+        "only the missing samples.");
     return command;
   }
 

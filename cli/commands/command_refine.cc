@@ -28,26 +28,25 @@ std::string BandText(const v1::Estimate& seconds) {
 class RefineCommand : public FarmCommand {
  public:
   CLI::App* AddTo(CLI::App* app) override {
-    CLI::App* command =
-        AddCommon(app, "refine", "Go on with a finished job until its pictures are better");
+    CLI::App* command = AddCommon(app, "refine", "Continue a finished job to improve its images");
     AddJob(command);
     AddStopOptions(command, &arguments_.stop);
     command
         ->add_option("--samples", samples_,
-                     "Samples per pixel in all; with an error, a time or a budget: at most")
+                     "Total samples per pixel; with an error, a time or a budget: the maximum")
         ->check(CLI::PositiveNumber);
     command->add_flag("--wait", wait_, "Wait, then download the images");
     command->add_flag(
         "--price", price_,
-        "Only say what it would cost: for --target-error, or else for several errors");
+        "Only print the cost: for --target-error, or for several errors if it is not given");
     AddPictureOptions(command, &arguments_);
     command->footer(
         "Examples:\n"
         "  sheaf refine jobs/7 --target-error 0.001 --wait -o room.exr\n"
         "  sheaf refine 7 --samples 1024\n"
         "  sheaf refine 7 --price\n"
-        "Time and budget count from the job's beginning. What the coordinator no longer keeps of\n"
-        "the job (--kept-parts-max) is rendered again.");
+        "Time and budget count from the start of the job. Parts that the coordinator no longer\n"
+        "keeps (--kept-parts-max) are rendered again.");
     return command;
   }
 
@@ -56,9 +55,10 @@ class RefineCommand : public FarmCommand {
     const StopArguments& stop = arguments_.stop;
     if (price_) return PrintPrices(client);
     if (!stop.IsActive() && samples_ == 0) {
-      return ReportError(ExitCode::kUsage,
-                         absl::InvalidArgumentError("say how far: --target-error, --time, "
-                                                    "--budget or --samples"));
+      return ReportError(
+          ExitCode::kUsage,
+          absl::InvalidArgumentError(
+              "a refinement needs a limit; give --target-error, --time, --budget or --samples"));
     }
     if (absl::Status status = CheckPictureNames(arguments_); !status.ok()) {
       return ReportError(ExitCode::kUsage, status);
@@ -96,10 +96,10 @@ class RefineCommand : public FarmCommand {
       request.add_target_errors(arguments_.stop.target_error);
     } else if (job->state() == v1::Job::STATE_SUCCEEDED && job->progress().relative_mse() == 0) {
       return ReportError(ExitCode::kUsage,
-                         absl::FailedPreconditionError(absl::StrCat(
-                             job->name(),
-                             ": no error is known of its pictures, so there are no shares of it to "
-                             "price; say which one they shall have: --target-error")));
+                         absl::FailedPreconditionError(
+                             absl::StrCat(job->name(),
+                                          ": the error of its images is unknown, so no targets can "
+                                          "be derived from it; give --target-error")));
     } else {
       for (const double share : kPricedShares) {
         request.add_target_errors(share * job->progress().relative_mse());
@@ -111,19 +111,19 @@ class RefineCommand : public FarmCommand {
       std::printf("%s\n", RefinementPricesJson(*prices).c_str());
       return ExitCode::kOk;
     }
-    std::printf("%-14s %10s  %-34s %s\n", "error (relMSE)", "samples", "more CPU time (80 % band)",
-                "wall time (80 % band)");
+    std::printf("%-14s %10s  %-34s %s\n", "error (relMSE)", "samples",
+                "additional CPU time (80 % band)", "wall time (80 % band)");
     for (const v1::RefinementPrice& price : prices->prices()) {
       std::printf("%-14.3g %10.1f  %-34s %s%s\n", price.target_error(),
                   price.samples_per_pixel().value(), BandText(price.cpu_seconds()).c_str(),
                   BandText(price.wall_seconds()).c_str(),
-                  price.reached() ? "" : "  not within the most samples that a pixel may get");
+                  price.reached() ? "" : "  not reached within the maximum of samples per pixel");
     }
     std::printf("now %.3g; wall time for %d threads", job->progress().relative_mse(),
                 prices->thread_count());
     if (prices->jobs_before_count() > 0) {
-      std::printf(", with what %d other %s of them until then", prices->jobs_before_count(),
-                  prices->jobs_before_count() == 1 ? "job takes" : "jobs take");
+      std::printf(", including the time of %d other %s", prices->jobs_before_count(),
+                  prices->jobs_before_count() == 1 ? "job" : "jobs");
     }
     std::printf("\n");
     return ExitCode::kOk;

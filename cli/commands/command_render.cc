@@ -31,9 +31,9 @@ class RenderCommand : public Command {
         ->check(CLI::Range(0, 4096))
         ->capture_default_str();
     command->add_option("--http", farm_.http_address,
-                        "Serve the page that shows the picture growing, HOST:PORT");
+                        "Serve the page that shows the progress of the image, HOST:PORT");
     command->add_option("--keep-state", farm_.kept_state,
-                        "Keep finished work in this folder; the same command goes on from there");
+                        "Keep finished work in this folder; the same command continues from there");
     command
         ->add_option("--scene-memory-max", farm_.worker.scene_memory_bytes_max,
                      "Limit of memory for scenes, e.g. 4G (default 4G)")
@@ -47,7 +47,7 @@ class RenderCommand : public Command {
         "  sheaf render room.pbrt -o room.exr --png room.png\n"
         "  sheaf render room.pbrt --samples 16 --crop 200,80,456,272 -o detail.png\n"
         "  sheaf render room.pbrt --samples 4096 --keep-state room.state -o room.exr\n"
-        "Ctrl-C keeps what is rendered in a folder for --keep-state, and says in which.");
+        "Ctrl-C keeps the rendered parts in a folder for --keep-state and prints its name.");
     return command;
   }
 
@@ -110,10 +110,10 @@ class RenderCommand : public Command {
   // Says how to go on from what is rendered.
   std::string KeepState(LocalFarm* farm) const {
     const std::string& folder = farm->KeepState();
-    if (!farm_.kept_state.empty()) return "the same command goes on from here";
-    return absl::StrCat("what is rendered is kept in ", folder,
+    if (!farm_.kept_state.empty()) return "the same command continues from here";
+    return absl::StrCat("rendered parts are kept in ", folder,
                         "; the same command with --keep-state ", ShellQuoted(folder),
-                        " goes on from here");
+                        " continues from here");
   }
 
   // Nothing that was merged is lost.

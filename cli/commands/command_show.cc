@@ -62,7 +62,7 @@ void PrintJob(const v1::Job& job) {
   std::printf("priority   %d\n", job.priority());
   std::printf("profile    %s\n", job.numeric_profile().c_str());
   std::printf("\n%-8s %-12s %8s %7s  %-10s %-7s %s\n", "FRAME", "PIXELS", "SAMPLES", "DONE",
-              "ERROR", "FLIP", "PICTURE");
+              "ERROR", "FLIP", "IMAGE");
   for (const v1::Frame& frame : job.frames()) PrintFrame(frame);
 }
 
@@ -118,8 +118,7 @@ absl::StatusOr<ShownLayer> ShowLayer(const FramePicture& picture, coordinator::P
   }
   for (const std::string& channel : coordinator::ChannelsOf(layer)) {
     if (picture.Find(channel) != nullptr) continue;
-    return absl::InvalidArgumentError(
-        absl::StrCat("--layer: the picture has no channel ", channel));
+    return absl::InvalidArgumentError(absl::StrCat("--layer: the image has no channel ", channel));
   }
   absl::StatusOr<coordinator::DisplayPicture> display =
       coordinator::MakeDisplayPicture(picture, layer);
@@ -138,23 +137,23 @@ class ShowCommand : public FarmCommand {
  public:
   CLI::App* AddTo(CLI::App* app) override {
     CLI::App* command =
-        AddCommon(app, "show", "Show a job with its frames, or a picture, also in the terminal");
-    command->add_option("JOB", target_, "The job, as in jobs/7 or 7, or a picture, as in room.exr")
+        AddCommon(app, "show", "Show a job with its frames, or an image, also in the terminal");
+    command->add_option("JOB", target_, "The job, as in jobs/7 or 7, or an image, as in room.exr")
         ->required();
     command
         ->add_flag("--picture{auto}", graphics_name_,
-                   "Print the picture even where standard output is no terminal; "
-                   "--picture=kitty, iterm, blocks, blocks256 (without 24-bit colors) or none says "
-                   "how (default: as TERM, TERM_PROGRAM, KITTY_WINDOW_ID and COLORTERM tell)")
+                   "Print the image even if standard output is not a terminal; --picture=kitty, "
+                   "iterm, blocks, blocks256 (without 24-bit colors) or none selects the method "
+                   "(default: from TERM, TERM_PROGRAM, KITTY_WINDOW_ID and COLORTERM)")
         ->check(CLI::IsMember({kAuto, "kitty", "iterm", "blocks", "blocks256", "none"}));
     command
         ->add_option("--layer", layer_name_,
-                     "What of it: picture, or false colors of the "
-                     "relative error or of the number of samples")
+                     "The layer to print: picture, or false colors of the relative error or of the "
+                     "number of samples")
         ->check(CLI::IsMember({"picture", "error", "samples"}))
         ->capture_default_str();
     command->add_option("--frame", frame_number_,
-                        "The frame whose picture is printed (default: the last that is finished)");
+                        "The frame whose image is printed (default: the last finished frame)");
     AddViewOptions(command, &view_arguments_);
     command->footer(
         "Examples:\n"
@@ -175,7 +174,7 @@ class ShowCommand : public FarmCommand {
         return ReportError(ExitCode::kUsage, view.status());
       } else {
         // The environment's config shall not keep anyone from the rest.
-        TellNote(absl::StrCat("no picture: ", view.status().message()));
+        TellNote(absl::StrCat("no image: ", view.status().message()));
         graphics_ = TerminalGraphics::kNone;
       }
     }
@@ -201,7 +200,7 @@ class ShowCommand : public FarmCommand {
     const absl::StatusOr<std::string> bytes =
         client->ReadFrameOutput(frame->name(), IsAsked() ? kAskedBytesMax : kUnaskedBytesMax);
     if (absl::IsOutOfRange(bytes.status())) {
-      TellNote("the picture is large; --picture shows it");
+      TellNote("the image is large; give --picture to show it");
       return ExitCode::kOk;
     }
     if (!bytes.ok()) return ReportCallError(bytes.status());

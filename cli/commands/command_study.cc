@@ -28,19 +28,21 @@ class StudyCommand : public Command {
         "study", "Measure what accuracy costs: settings, effects and light paths of a scene");
     AddSettingsOptions(command, &arguments_);
     AddJsonFlag(command, &json_);
-    command->add_option("-o,--output", page_path_, "The page to write, whole in one file (.html)");
-    command->add_option("--json-output", json_path_, "The same figures to write as JSON");
+    command->add_option("-o,--output", page_path_, "The page to write, a single file (.html)");
+    command->add_option("--json-output", json_path_, "Also write the figures as JSON (.json)");
     command
-        ->add_option("--minutes", options_.minutes, "About how long it may take; more, less noise")
+        ->add_option("--minutes", options_.minutes,
+                     "Approximate duration; more minutes give less noise")
         ->check(CLI::Range(kStudyMinutesMin, kStudyMinutesMax))
         ->capture_default_str();
     command->add_option("--threads", options_.threads, "Threads that render (default: all)")
         ->check(CLI::Range(1, 4096));
     command->footer(
-        "Examples:\n  sheaf study room.pbrt -o room.html\n"
+        "Examples:\n"
+        "  sheaf study room.pbrt -o room.html\n"
         "  sheaf study room.pbrt --minutes 60 --json-output room.json\n"
-        "Tiles spread over the frame are rendered with one setting after the other, all against\n"
-        "one reference that the study makes. Everything is rendered on this machine.");
+        "Tiles spread over the frame are rendered with each setting in turn and compared with one\n"
+        "reference that the study renders. Everything is rendered on this machine.");
     return command;
   }
 
@@ -50,9 +52,8 @@ class StudyCommand : public Command {
       return ReportError(
           ExitCode::kUsage,
           absl::InvalidArgumentError(
-              "a study delivers no picture and chooses its samples: leave --samples, "
-              "--aov, --cryptomatte, --light-groups and --light-paths out, and give "
-              "--minutes instead"));
+              "a study writes no image and chooses its number of samples: remove --samples, --aov, "
+              "--cryptomatte, --light-groups and --light-paths, and give --minutes instead"));
     }
     if (absl::Status status = CheckNames(); !status.ok()) {
       return ReportError(ExitCode::kUsage, status);

@@ -32,26 +32,25 @@ class SubmitCommand : public Command {
     AddCoordinatorOption(command, &coordinator_);
     AddJsonFlag(command, &json_);
     command->add_flag("--wait", wait_, "Wait, then download the images");
-    command
-        ->add_flag("--no-quote", no_quote_, "Do not say before what it will cost (see sheaf quote)")
+    command->add_flag("--no-quote", no_quote_, "Do not print a quote first (see sheaf quote)")
         ->envname("SHEAF_NO_QUOTE");
-    command->add_option("--title", arguments_.title, "Title for people (default: the file's name)");
-    command->add_option("--priority", arguments_.priority, "Higher goes first")
+    command->add_option("--title", arguments_.title, "Title of the job (default: the file's name)");
+    command->add_option("--priority", arguments_.priority, "Higher values run first")
         ->check(CLI::Range(-1000, 1000))
         ->capture_default_str();
     command
-        ->add_option("--measure", measure_seconds_,
-                     "Before, measure so many seconds here what each effect of the first frame's "
-                     "scene costs and gives (see sheaf plan), to be shown with the job")
+        ->add_option(
+            "--measure", measure_seconds_,
+            "First measure for this many seconds, on this machine, the cost and the influence of "
+            "each effect of the first frame's scene (see sheaf plan); shown with the job")
         ->check(CLI::Range(render::kMeasureSecondsMin, render::kMeasureSecondsMax));
     command->footer(
         "Examples:\n"
         "  sheaf submit room.pbrt --samples 256 --wait -o room.exr --png room.png\n"
         "  sheaf submit 'shot.####.pbrt' --frames 1-24 -o 'out/shot.####.exr' --wait\n"
         "  job=$(sheaf submit room.pbrt) && sheaf watch \"$job\" -o room.exr\n"
-        "Before, it says what the job will cost, by a pilot of a few pixels; --no-quote leaves "
-        "that\n"
-        "out. Ctrl-C ends the waiting, never the job.");
+        "First it prints a quote from a pilot of a few pixels; --no-quote skips it. Ctrl-C ends\n"
+        "the wait, never the job.");
     return command;
   }
 
@@ -94,7 +93,7 @@ class SubmitCommand : public Command {
     if (!created.ok()) return ReportCallError(created.status());
     if (wait_) return FollowToTheEnd(&client, created->name(), json_, *delivery);
     if (is_named) {
-      TellNote("without --wait no picture is written; fetch it with: " +
+      TellNote("without --wait no image is written; download it with: " +
                FetchCommand(client, created->name(), *delivery));
     }
     if (!json_) {

@@ -50,7 +50,7 @@ class LocalFarm::StateDirectory {
                                     "/sheaf-render-XXXXXX");
     if (::mkdtemp(path.data()) == nullptr) {
       return StatusFromErrno(errno, absl::StrCat("creating a folder ", path,
-                                                 " (TMPDIR or --keep-state choose another)"));
+                                                 " (choose another with TMPDIR or --keep-state)"));
     }
     return std::unique_ptr<StateDirectory>(new StateDirectory(path, false));
   }

@@ -50,7 +50,7 @@ bool AsksForJson(int argc, char** argv) {
 ExitCode Main(int argc, char** argv) {
   SetLogName("sheaf");
   RaiseOpenFileLimit();
-  CLI::App app("Renders scenes on any number of machines as one path tracer.", "sheaf");
+  CLI::App app("Renders scenes with one path tracer on any number of machines.", "sheaf");
   app.set_version_flag("--version", "sheaf " SHEAF_VERSION);
   app.require_subcommand(1);
   app.footer(std::string("sheaf COMMAND --help explains a command, with examples.\n") +

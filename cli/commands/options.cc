@@ -17,7 +17,7 @@ namespace {
 
 constexpr int kTileSizePxMax = 1024;
 constexpr double kStopNumberMax = 1e6;
-constexpr char kPictureGroup[] = "Where the picture goes";
+constexpr char kPictureGroup[] = "Output images";
 
 // "x0,y0,x1,y1", half-open.
 PixelRect ParseCrop(const std::string& text) {
@@ -65,19 +65,19 @@ std::string CheckPowerOfTwo(const std::string& text) {
 
 // Options for layers beside the colors, and for the primaries of these.
 void AddOutputOptions(CLI::App* command, RenderSettings* settings) {
-  const OptionGroup group(command, "What the picture holds");
+  const OptionGroup group(command, "Image contents");
   std::vector<std::pair<std::string, Primaries>> primaries;
   for (const std::string& name : PrimariesNames()) {
     primaries.emplace_back(name, *PrimariesFromName(name));
   }
-  AddChoice(command, "--primaries", &settings->primaries, primaries,
-            "What the picture's R, G, B are, all linear (default: the ColorSpace at the scene's "
-            "Film)");
+  AddChoice(
+      command, "--primaries", &settings->primaries, primaries,
+      "Primaries of the image's R, G, B, all linear (default: the ColorSpace at the scene's Film)");
   command->add_option_function<std::string>(
       "--aov", [settings](const std::string& text) { AddOutputs(text, &settings->outputs); },
-      "Quantities of the first surface to write too, separated by commas: position, "
-      "normal-geometric, normal-shading, uv, motion, object-id, material-id, asset-id "
-      "(see docs/outputs.md)");
+      "Also write these quantities of the first surface, separated by commas: position, "
+      "normal-geometric, normal-shading, uv, motion, object-id, material-id, asset-id (see "
+      "docs/outputs.md)");
   command->add_option_function<std::string>(
       "--cryptomatte",
       [settings](const std::string& text) {
@@ -86,37 +86,37 @@ void AddOutputOptions(CLI::App* command, RenderSettings* settings) {
           throw CLI::ValidationError("--cryptomatte", std::string(status.message()));
         }
       },
-      "Mattes to write too, separated by commas: object, material, asset");
+      "Also write these mattes, separated by commas: object, material, asset");
   command->add_flag("--light-groups", settings->light_groups,
-                    "Write what each group of lights (\"string lightgroup\") contributes");
+                    "Write the contribution of each group of lights (\"string lightgroup\")");
   command->add_flag("--light-paths", settings->light_paths,
-                    "Write what each kind of light path contributes: direct, caustic, fog ...");
+                    "Write the contribution of each kind of light path: direct, caustic, fog ...");
 }
 
 // How light is followed.
 void AddTransportOptions(CLI::App* command, RenderSettings* settings) {
-  const OptionGroup group(command, "How light is followed");
+  const OptionGroup group(command, "Light transport");
   AddChoice(
       command, "--color", &settings->color,
       std::vector<std::pair<std::string, ColorTransport>>{{"auto", ColorTransport::kAuto},
                                                           {"rgb", ColorTransport::kRgb},
                                                           {"spectral", ColorTransport::kSpectral}},
-      "What a path carries: rgb, spectral (four wavelengths), or auto: spectral where "
-      "light is dispersed, a color lies outside of sRGB, or the film names a sensor");
+      "Values that a path carries: rgb, spectral (four wavelengths), or auto: spectral if light is "
+      "dispersed, a color lies outside sRGB, or the film names a sensor");
   command->add_flag("--single-scattering", settings->single_scattering,
-                    "Rough surfaces scatter once and lose the rest, as pbrt-v4's do");
+                    "Rough surfaces scatter light once and lose the rest, as in pbrt-v4");
   command->add_flag("--one-sequence", settings->one_sequence,
                     "Draw a pixel's samples from one sequence, not from 16 independent ones: less "
-                    "noise where it is smooth, but errors shown are upper estimates");
+                    "noise in smooth regions, but displayed errors are upper estimates");
   command
-      ->add_option("--similarity", settings->similarity_after,
-                   "Scatterings in media after which a path takes them for ones that scatter "
-                   "evenly and less often: faster in dense ones, but BIASED, and errors shown do "
-                   "not tell by how much; 0: never")
+      ->add_option(
+          "--similarity", settings->similarity_after,
+          "Scatterings in media after which a path treats media as isotropic and thinner: faster "
+          "in dense media, but BIASED, and displayed errors do not include the bias; 0: never")
       ->check(CLI::Range(0, kSimilarityAfterMax))
       ->capture_default_str();
   command->add_flag("--generic", settings->force_generic_variant,
-                    "Run the variant that knows every effect; changes no pixel");
+                    "Run the variant that supports every effect; changes no pixel");
 }
 
 }  // namespace
@@ -133,16 +133,18 @@ void AddCoordinatorOption(CLI::App* command, std::string* address) {
 }
 
 void AddJsonFlag(CLI::App* command, bool* json) {
-  command->add_flag("--json", *json, "Print JSON for scripts, one object a line");
+  command->add_flag("--json", *json, "Print JSON for scripts, one object per line");
 }
 
 void AddSettingsOptions(CLI::App* command, JobArguments* arguments) {
   RenderSettings& settings = arguments->settings;
-  const OptionGroup group(command, "What is rendered");
+  const OptionGroup group(command, "Scene and samples");
   command->add_option("SCENE", arguments->scene, "Scene file (pbrt-v4 format)")->required();
   command->add_option("--samples", settings.samples, "Samples per pixel (default: the scene's)")
       ->check(CLI::PositiveNumber);
-  command->add_option("--max-depth", settings.max_depth, "Bounces at most (default: the scene's)")
+  command
+      ->add_option("--max-depth", settings.max_depth,
+                   "Maximum number of bounces (default: the scene's)")
       ->check(CLI::NonNegativeNumber);
   command->add_option("--seed", settings.seed, "Seed of all samples (default: the scene's)");
   command->add_option_function<std::string>(
@@ -153,11 +155,11 @@ void AddSettingsOptions(CLI::App* command, JobArguments* arguments) {
 }
 
 void AddStopOptions(CLI::App* command, StopArguments* stop) {
-  const OptionGroup group(command, "When it stops");
+  const OptionGroup group(command, "When to stop");
   command
       ->add_option("--target-error", stop->target_error,
-                   "Stop where the picture's relMSE is no larger than this, with 95 % confidence; "
-                   "samples go where they are needed, at most --samples to a pixel (65536)")
+                   "Stop when the image's relMSE is at most this, with 95 % confidence; sampling "
+                   "is adaptive, with at most --samples per pixel (65536)")
       ->check(CheckPositive);
   command->add_option_function<std::string>(
       "--time", [stop](const std::string& text) { stop->seconds = ParseSeconds(text); },
@@ -171,48 +173,46 @@ void AddStopOptions(CLI::App* command, StopArguments* stop) {
 
 void AddViewOptions(CLI::App* command, ViewArguments* view) {
   const OptionGroup group(command, kPictureGroup);
-  command->add_option(
-      "--view", view->view,
-      "How PNGs and terminals show the picture: sRGB (values cut at 1), \"ACES 1.0 SDR\" or "
-      "Raw, or a view of the --ocio config (default: the first)");
+  command->add_option("--view", view->view,
+                      "View of the image in PNGs and terminals: sRGB (values clipped at 1), \"ACES "
+                      "1.0 SDR\" or Raw, or a view of the --ocio config (default: the first)");
   command->add_option("--display", view->display,
-                      "The display that they are for, of the --ocio config (default: the first)");
+                      "Display of the --ocio config for which they are made (default: the first)");
   command
       ->add_option("--ocio", view->config,
-                   "Config of OpenColorIO to take displays and views from (default: Sheaf's own)")
+                   "OpenColorIO config that defines displays and views (default: Sheaf's own)")
       ->envname("OCIO");
 }
 
 void AddPictureOptions(CLI::App* command, JobArguments* arguments) {
   const OptionGroup group(command, kPictureGroup);
   command->add_option("-o,--output", arguments->output,
-                      "Picture to write at the end: .exr or .png; #### is the frame");
+                      "Image to write at the end: .exr or .png; #### is the frame number");
   command->add_option("--png", arguments->png, "Also write a PNG");
   AddViewOptions(command, &arguments->view);
 }
 
 void AddResumeOption(CLI::App* command, JobArguments* arguments) {
-  const OptionGroup group(command, "What is rendered");
+  const OptionGroup group(command, "Scene and samples");
   command
       ->add_option("--resume-from", arguments->resume_from,
-                   "Go on from this EXR, which Sheaf delivered of the same scene with the same "
-                   "settings: only samples that it does not have are rendered (--samples and "
-                   "errors count those that it has)")
+                   "Continue from this EXR, which Sheaf delivered for the same scene with the same "
+                   "settings: only the missing samples are rendered (--samples and errors include "
+                   "those of the EXR)")
       ->check(CLI::ExistingFile);
 }
 
 void AddPartitionOptions(CLI::App* command, JobArguments* arguments) {
-  const OptionGroup group(command, "How the work is cut");
+  const OptionGroup group(command, "Division of the work");
   command
       ->add_option("--tile-size", arguments->tile_size_px,
-                   "Edge of a tile; changes no pixel, unless samples go where they are needed")
+                   "Edge of a tile; changes no pixel, unless sampling is adaptive")
       ->check(CLI::Range(8, kTileSizePxMax));
   command
-      ->add_option(
-          "--cell-size", arguments->cell_size_px,
-          "Where samples go where they are needed: edge of the squares of a tile that get "
-          "samples of their own; divides the tile's edge by at most 8 (default: 4 in small "
-          "frames, more in larger ones)")
+      ->add_option("--cell-size", arguments->cell_size_px,
+                   "With adaptive sampling: edge of the cells of a tile, each with its own number "
+                   "of samples; divides the tile's edge into at most 8 cells (default: 4 in small "
+                   "frames, more in larger ones)")
       ->check(CLI::Range(1, kTileSizePxMax));
   command
       ->add_option("--pass-samples", arguments->pass_sample_count,
@@ -220,12 +220,12 @@ void AddPartitionOptions(CLI::App* command, JobArguments* arguments) {
       ->check(CheckPowerOfTwo);
   command
       ->add_option("--lease-passes", arguments->lease_pass_count,
-                   "Passes of one lease at most, a power of two; changes no pixel")
+                   "Maximum number of passes of one lease, a power of two; changes no pixel")
       ->check(CheckPowerOfTwo);
 }
 
 void AddFramesOption(CLI::App* command, JobArguments* arguments) {
-  const OptionGroup group(command, "What is rendered");
+  const OptionGroup group(command, "Scene and samples");
   command->add_option("--frames", arguments->frames,
                       "Frames of a pattern such as shot.####.pbrt: 1-24, 1-100x5 or 1,4,9-12");
 }
@@ -235,8 +235,9 @@ void AddJobOptions(CLI::App* command, JobArguments* arguments) {
   AddStopOptions(command, &arguments->stop);
   AddFramesOption(command, arguments);
   const OptionGroup group(command, kPictureGroup);
-  command->add_option("-o,--output", arguments->output,
-                      "Picture to write: .exr, or .png with an .exr beside it; #### is the frame");
+  command->add_option(
+      "-o,--output", arguments->output,
+      "Image to write: .exr, or .png with an .exr beside it; #### is the frame number");
   command->add_option("--png", arguments->png, "Also write a PNG");
   AddViewOptions(command, &arguments->view);
   AddResumeOption(command, arguments);

@@ -17,7 +17,7 @@ constexpr const char* kChannelNames[] = {"R", "G", "B"};
 
 // "+0.4 %"; where only one of the two is black there is no ratio.
 std::string ChangeText(double ratio) {
-  if (!std::isfinite(ratio)) return "no ratio, as the reference is black";
+  if (!std::isfinite(ratio)) return "no ratio, because the reference is black";
   return absl::StrFormat("%+.2g %%", 100 * (ratio - 1));
 }
 
@@ -35,7 +35,7 @@ std::string MeanText(const Comparison& comparison) {
 }
 
 void AppendTiles(const TileDeviations& tiles, std::string* text) {
-  absl::StrAppendFormat(text, "%-20s %d of %d are off by more than noise\n", "tiles",
+  absl::StrAppendFormat(text, "%-20s %d of %d differ by more than noise\n", "tiles",
                         tiles.deviating_count, tiles.tile_count);
   for (const TileDeviation& tile : tiles.worst) {
     const PixelRect& rect = tile.rect;
@@ -43,7 +43,7 @@ void AppendTiles(const TileDeviations& tiles, std::string* text) {
                           rect.x1, rect.y0, rect.y1, kChannelNames[tile.channel], tile.image_mean,
                           tile.reference_mean);
     if (std::isfinite(tile.excess)) {
-      absl::StrAppendFormat(text, "%+.1f standard errors beyond what is allowed\n", tile.excess);
+      absl::StrAppendFormat(text, "%+.1f standard errors beyond the limit\n", tile.excess);
     } else {
       absl::StrAppend(text, "without noise\n");
     }
@@ -56,15 +56,15 @@ std::string VerdictText(const ComparisonReport& report) {
   if (verdict == "identical") return "identical: every pixel has the same bits";
   const double relative_mse = report.comparison.relative_mse;
   if (verdict == "unknown") {
-    return "unknown: the image has no true error bars that would tell noise from other differences";
+    return "unknown: the image has no true error bars to separate noise from other differences";
   }
-  const std::string noise = absl::StrFormat("the error bars foretell a relMSE of %.2g +- %.1g",
+  const std::string noise = absl::StrFormat("the error bars predict a relMSE of %.2g +- %.1g",
                                             report.noise->relative_mse, report.noise->deviation);
   if (verdict == "within noise") {
-    return absl::StrCat("within noise: ", noise, "; nothing else is seen to differ");
+    return absl::StrCat("within noise: ", noise, "; no other difference is detected");
   }
-  return absl::StrFormat("beyond noise: %s, and it is %.1f times that; --tiles says where", noise,
-                         relative_mse / report.noise->relative_mse);
+  return absl::StrFormat("beyond noise: %s, and relMSE is %.1f times that; --tiles shows where",
+                         noise, relative_mse / report.noise->relative_mse);
 }
 
 }  // namespace
@@ -103,9 +103,9 @@ std::string FormatComparison(const ComparisonReport& report) {
     absl::StrAppendFormat(&text, "%-20s %s\n", name, value);
   };
   const double typical = 100 * std::sqrt(comparison.relative_mse);
-  line("relMSE", absl::StrFormat("%.3g (a pixel is off by %.2g %%, typically)",
+  line("relMSE", absl::StrFormat("%.3g (typical error of a pixel: %.2g %%)",
                                  comparison.relative_mse, typical));
-  line("FLIP", absl::StrFormat("%.3g (0: nothing to see, 1: the most)", report.flip));
+  line("FLIP", absl::StrFormat("%.3g (0: no visible difference, 1: largest)", report.flip));
   if (report.hdr_flip) line("HDR-FLIP", absl::StrFormat("%.3g", *report.hdr_flip));
   line("mean", MeanText(comparison));
   line("MSE", absl::StrFormat("%.3g", comparison.mse));

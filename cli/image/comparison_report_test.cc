@@ -33,8 +33,8 @@ TEST(ComparisonReportTest, TheVerdictIsHeldAgainstTheErrorBars) {
   EXPECT_STREQ(VerdictOf(Differing(0.0129)), "within noise");
   EXPECT_STREQ(VerdictOf(Differing(0.0131)), "beyond noise");
   EXPECT_THAT(FormatComparison(Differing(0.03)),
-              HasSubstr("beyond noise: the error bars foretell a relMSE of 0.01 +- 0.001, and it "
-                        "is 3.0 times that; --tiles says where"));
+              HasSubstr("beyond noise: the error bars predict a relMSE of 0.01 +- 0.001, and "
+                        "relMSE is 3.0 times that; --tiles shows where"));
   ComparisonReport same = Differing(0);
   same.comparison.share_differing = 0;
   EXPECT_STREQ(VerdictOf(same), "identical");
@@ -45,8 +45,9 @@ TEST(ComparisonReportTest, TheVerdictIsHeldAgainstTheErrorBars) {
 
 TEST(ComparisonReportTest, NumbersAreRoundedAndHaveUnits) {
   const std::string text = FormatComparison(Differing(0.0123456789));
-  EXPECT_THAT(text, HasSubstr("relMSE               0.0123 (a pixel is off by 11 %, typically)\n"));
-  EXPECT_THAT(text, HasSubstr("FLIP                 0.0123 (0: nothing to see, 1: the most)\n"));
+  EXPECT_THAT(text, HasSubstr("relMSE               0.0123 (typical error of a pixel: 11 %)\n"));
+  EXPECT_THAT(text,
+              HasSubstr("FLIP                 0.0123 (0: no visible difference, 1: largest)\n"));
   EXPECT_THAT(text, HasSubstr("mean                 0.51, reference 0.5: +2 % (R +1 %, G +2 %, "
                               "B +3 %)\n"));
   EXPECT_THAT(text, HasSubstr("pixels that differ   98.77 %\n"));
@@ -60,7 +61,7 @@ TEST(ComparisonReportTest, TilesAndTolerancesAreWords) {
   report.tiles->worst.push_back(report.tiles->worst[0]);
   report.tiles->worst[1].excess = std::numeric_limits<double>::infinity();
   const std::string text = FormatComparison(report);
-  EXPECT_THAT(text, HasSubstr("1 of 64 are off by more than noise\n"));
+  EXPECT_THAT(text, HasSubstr("1 of 64 differ by more than noise\n"));
   EXPECT_THAT(text, HasSubstr("[16, 32) x [0, 16)  R 0.51, reference 0.4, +7.2 standard errors "));
   EXPECT_THAT(text, HasSubstr("reference 0.4, without noise\n"));
   EXPECT_THAT(text, HasSubstr("relMSE is above 0.001\n"));

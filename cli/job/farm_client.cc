@@ -289,7 +289,7 @@ absl::StatusOr<std::string> FarmClient::ReadFrameOutput(const std::string& name,
           if (bytes.size() + response.chunk().size() > size_bytes_max) {
             context->TryCancel();
             return absl::OutOfRangeError(
-                absl::StrCat(name, ": the picture is larger than ", size_bytes_max, " bytes"));
+                absl::StrCat(name, ": the image is larger than ", size_bytes_max, " bytes"));
           }
           bytes += response.chunk();
         }

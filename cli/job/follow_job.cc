@@ -73,7 +73,7 @@ absl::Status SavePicture(FarmClient* client, const v1::Frame& frame, const Pictu
     absl::StatusOr<FramePicture> read = ReadPicture(path);
     if (!read.ok()) return read.status();
     if (PictureDigest(*read) != frame.picture_digest()) {
-      return absl::DataLossError("it is not the picture that the coordinator delivered");
+      return absl::DataLossError("it is not the image that the coordinator delivered");
     }
     picture = *std::move(read);
     return absl::OkStatus();
@@ -85,10 +85,9 @@ absl::Status SavePicture(FarmClient* client, const v1::Frame& frame, const Pictu
     if (!status.ok()) return status;
   }
   Tell(absl::StrCat(FormatPictureSummary(frame, paths),
-                    IsBlack(*picture)
-                        ? "; every pixel is black: no light that is in the scene comes to the "
-                          "camera (sheaf plan lists lights)"
-                        : ""));
+                    IsBlack(*picture) ? "; every pixel is black: no light of the scene reaches the "
+                                        "camera (sheaf plan lists the lights)"
+                                      : ""));
   return absl::OkStatus();
 }
 
@@ -225,15 +224,15 @@ ExitCode FollowToTheEnd(FarmClient* client, const std::string& name, bool json,
     return ReportError(
         ExitCode::kInterrupted,
         absl::CancelledError(absl::StrCat(
-            name, " goes on without you; ",
-            delivery.paths.empty() ? "watch it with: " : "its pictures are fetched by: ", fetch,
+            name, " continues in the background; ",
+            delivery.paths.empty() ? "watch it with: " : "download its images with: ", fetch,
             "; end it with: sheaf cancel ", name)));
   }
   if (!job.ok()) return ReportCallError(job.status());
   if (job->state() == v1::Job::STATE_SUCCEEDED) {
     const absl::Status saved = SavePictures(client, *job, delivery);
     if (!saved.ok()) {
-      Tell(absl::StrCat(name, " is finished; its pictures are fetched by: ", fetch));
+      Tell(absl::StrCat(name, " is finished; download its images with: ", fetch));
       return absl::IsFailedPrecondition(saved) ? ReportError(ExitCode::kFile, saved)
                                                : ReportCallError(saved);
     }

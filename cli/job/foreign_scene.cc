@@ -15,11 +15,11 @@ namespace {
 
 constexpr size_t kHeadBytes = 4096;
 
-constexpr char kAssimp[] = "convert it, for example by: assimp export ROOM.glb room.pbrt";
+constexpr char kAssimp[] = "convert it, for example with: assimp export ROOM.glb room.pbrt";
 constexpr char kByBlender[] =
-    "open it in Blender and export it as pbrt-v4 by an add-on, or as glTF, which converts by: "
+    "open it in Blender and export it as pbrt-v4 with an add-on, or as glTF and convert that with: "
     "assimp export room.glb room.pbrt";
-constexpr char kByHand[] = "docs/pbrt-v4.md says what a scene for Sheaf is made of";
+constexpr char kByHand[] = "docs/pbrt-v4.md describes the scenes that Sheaf reads";
 constexpr char kPicture[] = "give the scene that uses it";
 constexpr char kMesh[] =
     "put it into a scene, as a .ply: Shape \"plymesh\" \"string filename\" \"model.ply\"";
@@ -51,16 +51,16 @@ constexpr Format kFormats[] = {
     {"ply\r"sv, ""sv, "a PLY mesh", kMesh},
     {"NanoVDB"sv, ".nvdb"sv, "a NanoVDB volume", kVolume},
     {" BDV\0\0\0\0"sv, ".vdb"sv, "an OpenVDB volume", kVolume},
-    {"\x76\x2f\x31\x01"sv, ".exr"sv, "an EXR picture", kPicture},
-    {"\x89PNG"sv, ".png"sv, "a PNG picture", kPicture},
-    {"\xff\xd8\xff"sv, ".jpg"sv, "a JPEG picture", kPicture},
+    {"\x76\x2f\x31\x01"sv, ".exr"sv, "an EXR image", kPicture},
+    {"\x89PNG"sv, ".png"sv, "a PNG image", kPicture},
+    {"\xff\xd8\xff"sv, ".jpg"sv, "a JPEG image", kPicture},
     {"\xff\xfe"sv, ""sv, "text in UTF-16", "save it as UTF-8"},
     {"\xfe\xff"sv, ""sv, "text in UTF-16", "save it as UTF-8"},
     {"\x89HDF"sv, ""sv, "an HDF5 or an old Alembic file", kByBlender},
     {"%PDF"sv, ""sv, "a PDF document", kByHand},
     {"PK\x03\x04"sv, ".zip"sv, "a zip archive", "unpack it and give the scene in it"},
     {"7z\xbc\xaf"sv, ".7z"sv, "a 7z archive", "unpack it and give the scene in it"},
-    {"\x28\xb5\x2f\xfd"sv, ".zst"sv, "compressed by zstd", "unpack it; gzip can stay"},
+    {"\x28\xb5\x2f\xfd"sv, ".zst"sv, "compressed by zstd", "unpack it, or compress it with gzip"},
     {"\x7f"
      "ELF"sv,
      ""sv, "a program", kByHand},
@@ -71,8 +71,8 @@ bool EndsSo(const std::string& path, std::string_view ending) {
 }
 
 absl::Status Refusal(const std::string& path, const std::string& what, const std::string& advice) {
-  return absl::InvalidArgumentError(absl::StrCat(
-      path, ": is ", what, ", not a pbrt-v4 scene, which is what Sheaf reads; ", advice));
+  return absl::InvalidArgumentError(
+      absl::StrCat(path, ": is ", what, ", not a pbrt-v4 scene; ", advice));
 }
 
 }  // namespace

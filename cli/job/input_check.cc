@@ -86,7 +86,7 @@ absl::Status InputChecks::Check(const SceneDescription& scene, FileSource& files
     if (status.ok() || absl::IsFailedPrecondition(status)) continue;
     errors.push_back(
         Printable(absl::StrCat(FormatLocation(scene, named.location), ": ", named.use, ": ",
-                               status.message(), "; replace the file or take it out")));
+                               status.message(), "; replace the file or remove it")));
   }
   return errors.empty() ? absl::OkStatus()
                         : absl::InvalidArgumentError(absl::StrJoin(errors, "\n"));

@@ -55,9 +55,9 @@ absl::Status CheckOutputName(const std::string& flag, const std::string& path,
         absl::StrCat(flag, " -: nothing is written to standard output; name a file, as in ", flag,
                      " room", endings.front()));
   }
-  return absl::InvalidArgumentError(absl::StrCat(
-      flag, " ", path, ": Sheaf writes ", absl::StrJoin(endings, " or "),
-      " there and nothing else; let the name end so, and convert the file for others"));
+  return absl::InvalidArgumentError(
+      absl::StrCat(flag, " ", path, ": Sheaf writes only ", absl::StrJoin(endings, " or "),
+                   " here; change the ending and convert the file afterwards"));
 }
 
 absl::Status CheckOutputs(const std::vector<std::string>& outputs,

@@ -118,7 +118,7 @@ absl::Status CheckJobArguments(const JobArguments& arguments) {
   if (numbers->size() == 1) return absl::OkStatus();
   if (!arguments.resume_from.empty()) {
     return absl::InvalidArgumentError(absl::StrCat(
-        "--resume-from ", arguments.resume_from, ": one picture is of one frame, and there are ",
+        "--resume-from ", arguments.resume_from, ": an image holds one frame, but the job has ",
         numbers->size(), " frames; submit them one by one"));
   }
   if (absl::Status status = CheckPattern("-o", arguments.output); !status.ok()) return status;

@@ -56,7 +56,7 @@ std::string FormatStop(const v1::Frame& frame) {
   const std::string bound = absl::StrFormat("at most %.2g with 95 %% confidence", upper);
   switch (frame.stop_reason()) {
     case v1::STOP_REASON_TARGET_ERROR:
-      return absl::StrFormat(", %s (asked: %.2g)", bound, target);
+      return absl::StrFormat(", %s (target: %.2g)", bound, target);
     case v1::STOP_REASON_TIME:
       return absl::StrFormat("; the time ended before the target of %.2g: %s", target, bound);
     case v1::STOP_REASON_CPU:
@@ -75,7 +75,7 @@ std::string FormatReliability(const v1::Frame& frame) {
       "too small: more samples help",
       frame.unreliable_tile_count(), frame.tile_count());
   if (frame.unreliable_layers().empty()) {
-    return text + " (--light-paths or sheaf study name the light to blame)";
+    return text + " (--light-paths or sheaf study identify the light responsible)";
   }
   text += "; main cause: ";
   for (const v1::UnreliableLayer& layer : frame.unreliable_layers()) {
@@ -90,7 +90,7 @@ std::string FormatReliability(const v1::Frame& frame) {
 std::string FormatOneSequence(const v1::Frame& frame) {
   if (frame.one_sequence_gain() <= 0) return "";
   return absl::StrFormat(
-      "; the picture is smooth: --one-sequence would lower its relMSE about %.1fx, but gives no "
+      "; the image is smooth: --one-sequence would reduce its relMSE about %.1fx, but gives no "
       "true error bars (sheaf study measures it)",
       frame.one_sequence_gain());
 }

@@ -60,8 +60,8 @@ TEST(SummaryTest, UnreliableTilesAreSaidAndWhatMakesThemSo) {
   frame.set_unreliable_tile_count(12);
   EXPECT_NE(FormatPictureSummary(frame, {"out.exr", ""})
                 .find("; 12 of 64 tiles contain fireflies, so error bars of their pixels may be "
-                      "too small: more samples help (--light-paths or sheaf study name the light "
-                      "to blame)"),
+                      "too small: more samples help (--light-paths or sheaf study identify the "
+                      "light responsible)"),
             std::string::npos);
   for (const auto& [layer, tiles] : {std::pair{"caustic", 9}, std::pair{"indirect", 3}}) {
     v1::UnreliableLayer* count = frame.add_unreliable_layers();
@@ -77,7 +77,7 @@ TEST(SummaryTest, SmoothPicturesSayWhatOneSequenceWouldSave) {
   v1::Frame frame = Picture();
   frame.set_one_sequence_gain(1.44);
   EXPECT_NE(FormatPictureSummary(frame, {"out.exr", ""})
-                .find("; the picture is smooth: --one-sequence would lower its relMSE about 1.4x, "
+                .find("; the image is smooth: --one-sequence would reduce its relMSE about 1.4x, "
                       "but gives no true error bars"),
             std::string::npos);
 }

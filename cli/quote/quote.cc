@@ -136,7 +136,7 @@ absl::StatusOr<std::vector<CellRound>> ReadStart(const JobArguments& arguments,
   spec.scene = frame.manifest;
   spec.settings = frame.settings;
   spec.frame_digest = FrameDigest(frame.manifest.sha256_hex, frame.settings, numeric_profile);
-  const std::string about = absl::StrCat("cannot go on from ", arguments.resume_from);
+  const std::string about = absl::StrCat("cannot continue from ", arguments.resume_from);
   const absl::StatusOr<ResumedPicture> resumed =
       coordinator::ResumePicture(*std::move(picture), spec, numeric_profile);
   if (!resumed.ok()) return Annotate(resumed.status(), about);

@@ -44,8 +44,8 @@ TEST(QuoteTest, OfWhatIsNotThereYet) {
   Quote quote = MakeTestQuote();
   quote.start = Quote::Start{16, 0.0336};
   const std::string text = FormatQuote(quote);
-  EXPECT_NE(text.find("samples  more CPU time (80 % band)"), std::string::npos) << text;
-  EXPECT_NE(text.find("; 16.0 samples are there, with an error of 0.034; "), std::string::npos);
+  EXPECT_NE(text.find("samples  additional CPU time (80 % band)"), std::string::npos) << text;
+  EXPECT_NE(text.find("; 16.0 samples exist already, with an error of 0.034; "), std::string::npos);
   EXPECT_EQ(nlohmann::json::parse(QuoteJson(quote))["start"]["samples"], 16);
   EXPECT_TRUE(nlohmann::json::parse(QuoteJson(MakeTestQuote()))["start"].is_null());
 }
@@ -59,9 +59,9 @@ TEST(QuoteTest, SaysWhatIsMissing) {
   quote.rows[0].wall_seconds = {};
   quote.rows[0].reached = false;
   const std::string text = FormatQuote(quote);
-  EXPECT_NE(text.find("24 frames, of which 3 were tried"), std::string::npos) << text;
+  EXPECT_NE(text.find("24 frames, 3 of them in the pilot"), std::string::npos) << text;
   EXPECT_NE(text.find("no worker is connected"), std::string::npos) << text;
-  EXPECT_NE(text.find("not within the most samples"), std::string::npos) << text;
+  EXPECT_NE(text.find("not reached within the maximum of samples"), std::string::npos) << text;
 }
 
 TEST(QuoteTest, JsonHasHoursAndBands) {

@@ -27,9 +27,10 @@ std::string FormatRow(const QuoteRow& row) {
                                 : absl::StrFormat("%.3g", row.target_error);
   const std::string samples = row.samples_given ? absl::StrCat(*row.samples_given)
                                                 : absl::StrFormat("%.1f", row.samples.value);
-  return absl::StrFormat("%-28s %10s  %-34s %s%s\n", error, samples, FormatBanded(row.cpu_seconds),
-                         FormatBanded(row.wall_seconds),
-                         row.reached ? "" : "  not within the most samples that a pixel may get");
+  return absl::StrFormat(
+      "%-28s %10s  %-34s %s%s\n", error, samples, FormatBanded(row.cpu_seconds),
+      FormatBanded(row.wall_seconds),
+      row.reached ? "" : "  not reached within the maximum of samples per pixel");
 }
 
 Json BandedJson(const Banded& banded) {
@@ -48,17 +49,18 @@ Json StartJson(const Quote& quote) {
 }  // namespace
 
 std::string FormatQuote(const Quote& quote) {
-  std::string text = absl::StrFormat(
-      "%-28s %10s  %-34s %s\n", "error (relMSE)", "samples",
-      quote.start ? "more CPU time (80 % band)" : "CPU time (80 % band)", "wall time (80 % band)");
+  std::string text =
+      absl::StrFormat("%-28s %10s  %-34s %s\n", "error (relMSE)", "samples",
+                      quote.start ? "additional CPU time (80 % band)" : "CPU time (80 % band)",
+                      "wall time (80 % band)");
   for (const QuoteRow& row : quote.rows) text += FormatRow(row);
   absl::StrAppendFormat(&text, "%d x %d px", quote.width_px, quote.height_px);
   if (quote.frame_count > 1) {
-    absl::StrAppendFormat(&text, ", %d frames, of which %d were tried", quote.frame_count,
+    absl::StrAppendFormat(&text, ", %d frames, %d of them in the pilot", quote.frame_count,
                           quote.pilot_frame_count);
   }
   if (quote.start) {
-    absl::StrAppendFormat(&text, "; %.1f samples are there, with an error of %.2g",
+    absl::StrAppendFormat(&text, "; %.1f samples exist already, with an error of %.2g",
                           quote.start->samples, quote.start->relative_mse);
   }
   absl::StrAppendFormat(&text, "; errors fall as 1 / samples^%.2f; the pilot took %s", quote.rate,
@@ -70,8 +72,8 @@ std::string FormatQuote(const Quote& quote) {
                           quote.thread_count);
   }
   if (quote.jobs_before > 0) {
-    absl::StrAppendFormat(&text, ", with what %d other %s of them until then", quote.jobs_before,
-                          quote.jobs_before == 1 ? "job takes" : "jobs take");
+    absl::StrAppendFormat(&text, ", including the time of %d other %s", quote.jobs_before,
+                          quote.jobs_before == 1 ? "job" : "jobs");
   }
   return text + "\n";
 }

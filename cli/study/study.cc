@@ -60,10 +60,10 @@ class Study {
     const std::pair<const char*, absl::Status (Study::*)()> steps[] = {
         {"compiling the scene", &Study::Prepare},
         {"rendering the reference", &Study::MakeReference},
-        {"rendering the ladder", &Study::MeasureLadder},
-        {"rendering tiles that stop by themselves", &Study::MeasureStopping},
-        {"telling light paths apart", &Study::MeasurePaths},
-        {"leaving effects out in turn", &Study::MeasureEffects}};
+        {"rendering with each setting", &Study::MeasureLadder},
+        {"rendering with adaptive sampling", &Study::MeasureStopping},
+        {"measuring light paths", &Study::MeasurePaths},
+        {"measuring effects", &Study::MeasureEffects}};
     for (const auto& [what, step] : steps) {
       Tell(what);
       if (absl::Status status = (this->*step)(); !status.ok()) return status;
@@ -114,11 +114,11 @@ class Study {
     }
     const double count = affordable / static_cast<double>(blocks_);
     if (count < 2) {
-      return absl::ResourceExhaustedError(absl::StrFormat(
-          "%g minutes are too few for this scene, of which 16 samples of %d x %d pixels take %.2g "
-          "s: give --minutes %.0f",
-          options_.minutes, kTileSizePx, kTileSizePx, seconds_per_tile,
-          std::ceil(options_.minutes * kTilesMin / count)));
+      return absl::ResourceExhaustedError(
+          absl::StrFormat("%g minutes are too few for this scene: 16 samples of %d x %d pixels "
+                          "take %.2g s; give --minutes %.0f",
+                          options_.minutes, kTileSizePx, kTileSizePx, seconds_per_tile,
+                          std::ceil(options_.minutes * kTilesMin / count)));
     }
     tiles_ = ChooseTiles(settings_.window, std::min(static_cast<size_t>(count), kTilesMax));
     const double blocks = affordable / static_cast<double>(tiles_.size());
@@ -342,7 +342,8 @@ class Study {
     }
     if (count < tiles_.size()) {
       result_.not_studied.push_back(absl::StrCat("light paths of ", tiles_.size() - count, " of ",
-                                                 tiles_.size(), " tiles: the time was up"));
+                                                 tiles_.size(),
+                                                 " tiles: the time limit was reached"));
     }
     return absl::OkStatus();
   }

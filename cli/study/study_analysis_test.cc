@@ -106,11 +106,11 @@ TEST(StudyWordsTest, SayWhatIsFasterAndWhatIsBiased) {
   const std::vector<std::string> lines = Recommend(result);
   std::string text;
   for (const std::string& line : lines) text += line + "\n";
-  EXPECT_NE(text.find("Take \"better\" (--better)"), std::string::npos) << text;
-  EXPECT_NE(text.find("\"coarse\" (--coarse) changes the picture"), std::string::npos) << text;
+  EXPECT_NE(text.find("Use \"better\" (--better)"), std::string::npos) << text;
+  EXPECT_NE(text.find("\"coarse\" (--coarse) changes the image"), std::string::npos) << text;
   result.curves.pop_back();
   result.curves.pop_back();
-  EXPECT_NE(Recommend(result)[1].find("No setting"), std::string::npos);
+  EXPECT_NE(Recommend(result)[1].find("No available setting"), std::string::npos);
 }
 
 }  // namespace

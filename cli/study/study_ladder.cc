@@ -27,7 +27,7 @@ class Ladder {
     base.how =
         absl::StrCat("depth ", plan.max_depth, ", ",
                      render::Has(plan.traits, render::Trait::kSpectral) ? "spectral" : "RGB", ", ",
-                     settings.one_sequence ? "one sequence a pixel" : "16 sequences a pixel");
+                     settings.one_sequence ? "one sequence per pixel" : "16 sequences per pixel");
   }
 
   std::vector<StudySetting> Take() { return std::move(settings_); }
@@ -35,22 +35,22 @@ class Ladder {
   void AddSampling() {
     const bool one = given_.one_sequence;
     Add(one ? "16 sequences" : "one sequence",
-        one ? "a pixel's samples from 16 independent sequences, whose spread is the error shown"
-            : "a pixel's samples from one sequence; errors shown are upper estimates",
+        one ? "a pixel's samples from 16 independent sequences, whose spread gives the displayed "
+              "error"
+            : "a pixel's samples from one sequence; displayed errors are upper estimates",
         one ? "" : "--one-sequence")
         .settings.one_sequence = !one;
-    StudySetting& stop =
-        Add("tiles stop", "samples go where errors are, in rounds", "--target-error");
+    StudySetting& stop = Add("adaptive sampling", "adaptive sampling in rounds", "--target-error");
     stop.stops_tiles = true;
-    StudySetting& never = Add("no roulette", "no path ends by chance", "");
+    StudySetting& never = Add("no roulette", "no Russian roulette", "");
     never.techniques.roulette_depth_min = std::numeric_limits<uint32_t>::max();
     StudySetting& late =
         Add("late roulette",
-            absl::StrCat("no path ends by chance before ", kLateRoulette, " scatterings"), "");
+            absl::StrCat("no Russian roulette before ", kLateRoulette, " scatterings"), "");
     late.techniques.roulette_depth_min = kLateRoulette;
     if (plan_.max_depth <= static_cast<int32_t>(kLateRoulette)) settings_.pop_back();
     if (plan_.light_count > render::kLightsWeighedMax) {
-      Add("lights alike", "no hierarchy: every light as probable as any other", "")
+      Add("uniform light choice", "no light hierarchy: all lights are equally probable", "")
           .techniques.choose_lights_evenly = true;
     }
   }
@@ -84,16 +84,17 @@ class Ladder {
   void AddMedia() {
     if (!render::Has(plan_.traits, render::Trait::kMedia)) return;
     if (render::Has(plan_.traits, render::Trait::kHeterogeneousMedia)) {
-      Add("flights alone", "no light is gathered along lines in media that vary", "")
+      Add("distance samples only", "no equiangular sampling in heterogeneous media", "")
           .techniques.lines_in_varying = render::LinesInVarying::kNever;
-      Add("lines always", "light is gathered along lines in all media that vary", "")
+      Add("always equiangular", "equiangular sampling in all heterogeneous media", "")
           .techniques.lines_in_varying = render::LinesInVarying::kAlways;
-      Add("one majorant", "one bound of density for all of a medium", "")
-          .techniques.bound_media_once = true;
+      Add("one majorant", "one density bound for a whole medium", "").techniques.bound_media_once =
+          true;
     }
     if (given_.similarity_after != 0) return;
     StudySetting& similar =
-        Add("similarity", absl::StrCat("media scatter evenly after ", kSimilarityStudied, " times"),
+        Add("similarity",
+            absl::StrCat("media are isotropic after ", kSimilarityStudied, " scatterings"),
             absl::StrCat("--similarity ", kSimilarityStudied));
     similar.settings.similarity_after = kSimilarityStudied;
     similar.is_unbiased = false;
@@ -103,7 +104,7 @@ class Ladder {
     for (const double clamp : kClampsStudied) {
       StudySetting& setting =
           Add(absl::StrCat("clamped at ", clamp),
-              absl::StrCat("samples cut at ", clamp, " times the picture's mean"), "");
+              absl::StrCat("samples clamped at ", clamp, " times the image's mean"), "");
       setting.clamp_means = clamp;
       setting.is_unbiased = false;
     }
@@ -111,7 +112,7 @@ class Ladder {
 
   void AddGeneric() {
     if (plan_.variant_name == "generic" || given_.force_generic_variant) return;
-    Add("generic variant", "the code for all effects, of which this scene uses few", "")
+    Add("generic variant", "the variant for all effects, of which this scene uses few", "")
         .settings.force_generic_variant = true;
   }
 
@@ -145,15 +146,15 @@ std::vector<StudySetting> MakeLadder(const FrameSettings& settings,
 }
 
 std::vector<std::string> WhatLaddersLack(const render::RenderPlan& plan) {
-  std::vector<std::string> lines = {
-      "guiding: Sheaf has none",
-      "clamping is shown for what it would do; Sheaf does not clamp, as it darkens pictures"};
+  std::vector<std::string> lines = {"path guiding: Sheaf has none",
+                                    "clamping is shown for comparison only; Sheaf does not clamp, "
+                                    "because clamping darkens images"};
   if (plan.light_count <= render::kLightsWeighedMax) {
-    lines.push_back(absl::StrCat("hierarchy of lights: with ", plan.light_count,
-                                 " lights each is weighed by itself"));
+    lines.push_back(absl::StrCat("light hierarchy: with ", plan.light_count,
+                                 " lights, each is weighted individually"));
   }
   if (!render::Has(plan.traits, render::Trait::kMedia)) {
-    lines.emplace_back("techniques for media: the scene has none");
+    lines.emplace_back("techniques for media: the scene has no media");
   }
   return lines;
 }

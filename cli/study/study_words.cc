@@ -25,11 +25,12 @@ const LightPathName& PathNameOf(LightPathKind kind) {
 
 std::string OfBase(const StudyCurve& base) {
   if (base.points.empty()) {
-    return "The errors of the settings as given are not told from 0: give the study more minutes.";
+    return "The errors of the settings as given cannot be distinguished from 0: give the study "
+           "more minutes.";
   }
   const StudyPoint& last = base.points.back();
   std::string text = absl::StrFormat(
-      "As given, %.0f samples a pixel take %.3g CPU seconds and are wrong by relMSE %.2g +- %.1g",
+      "As given, %.0f samples per pixel take %.3g CPU seconds and have relMSE %.2g +- %.1g",
       last.samples, last.cpu_seconds, last.relative_mse.value, last.relative_mse.error);
   if (base.rate) {
     absl::StrAppendFormat(
@@ -70,12 +71,12 @@ void AddUnbiased(const StudyResult& result, std::vector<std::string>* lines) {
     }
   }
   if (best != nullptr) {
-    lines->push_back(absl::StrCat("Take \"", best->setting.name, "\"", FlagText(best->setting),
+    lines->push_back(absl::StrCat("Use \"", best->setting.name, "\"", FlagText(best->setting),
                                   ": the same expectation, ", GainText(*best),
                                   " to the same error; ", best->setting.how, "."));
   } else {
     lines->emplace_back(
-        "No setting with the same expectation that you can choose is faster to the same error.");
+        "No available setting with the same expectation reaches the same error faster.");
   }
   if (!slower.empty()) {
     lines->push_back(absl::StrCat("Slower than as given: ", absl::StrJoin(slower, ", "), "."));
@@ -92,15 +93,15 @@ void AddBiased(const StudyResult& result, std::vector<std::string>* lines) {
     if (!curve.HasBias()) {
       if (!IsFaster(curve)) continue;
       lines->push_back(absl::StrFormat(
-          "%s is %s. Its bias is too small to be told here: below relMSE %.1g.", name,
+          "%s is %s. Its bias is too small to be measured here: below relMSE %.1g.", name,
           GainText(curve), std::max(0.0, floor.value) + kToldGainDeviations * floor.error));
       continue;
     }
     if (setting.is_truer) {
-      lines->push_back(absl::StrFormat(
-          "As given, the scene leaves light out: the picture of %s differs by relMSE %.2g +- %.1g, "
-          "and is nearer to the truth.",
-          name, floor.value, floor.error));
+      lines->push_back(
+          absl::StrFormat("As given, the scene omits light: the image of %s differs by relMSE %.2g "
+                          "+- %.1g and is closer to the truth.",
+                          name, floor.value, floor.error));
       continue;
     }
     if (curve.points.empty() || base.points.empty()) continue;
@@ -108,8 +109,8 @@ void AddBiased(const StudyResult& result, std::vector<std::string>* lines) {
       return of.points.back().cpu_seconds / of.points.back().samples;
     };
     lines->push_back(absl::StrFormat(
-        "%s changes the picture: its error never falls below relMSE %.2g +- %.1g. A sample takes "
-        "%.0f %% of the time; for targets well above that floor it may do.",
+        "%s changes the image: its error never falls below relMSE %.2g +- %.1g. A sample takes "
+        "%.0f %% of the time; it may be acceptable for targets well above that floor.",
         name, floor.value, floor.error,
         100 * seconds_per_sample(curve) / seconds_per_sample(base)));
   }
@@ -122,9 +123,8 @@ void AddEffects(const StudyResult& result, std::vector<std::string>* lines) {
     if (!effect.problem.empty() || effect.TimeShare() < kEffectTimeMin) continue;
     const double loss = std::max(0.0, effect.rel_mse);
     lines->push_back(absl::StrFormat(
-        "%.0f %% of the time goes into \"%s\". Left out, the picture is off by relMSE %.2g, %s "
-        "than "
-        "the error that is left.",
+        "%.0f %% of the time is spent on \"%s\". Without it, the image differs by relMSE %.2g, %s "
+        "than the remaining error.",
         100 * effect.TimeShare(), effect.name, loss, loss < error ? "less" : "more"));
   }
 }
@@ -133,7 +133,7 @@ void AddPaths(const StudyResult& result, std::vector<std::string>* lines) {
   for (const StudyPath& path : result.paths) {
     if (path.shares.variance < kNoiseShareMin) continue;
     lines->push_back(absl::StrFormat(
-        "%.0f %% of the noise comes with %.0f %% of the light: %s, %s.", 100 * path.shares.variance,
+        "%.0f %% of the noise comes from %.0f %% of the light: %s, %s.", 100 * path.shares.variance,
         100 * path.shares.light, PathNameOf(path.kind).name, PathNameOf(path.kind).meaning));
   }
   if (result.unreliable_tiles.empty()) return;

@@ -110,8 +110,8 @@ class ClientTest(unittest.TestCase):
                 self.assertNotIn(words, text, command)
             self.assertLessEqual(max(map(len, text.splitlines())), 100, command)
         text = run("render", "--help").stdout
-        for heading in ("What is rendered:", "What the picture holds:", "How light is followed:",
-                        "When it stops:", "Where the picture goes:", "How the work is cut:",
+        for heading in ("Scene and samples:", "Image contents:", "Light transport:",
+                        "When to stop:", "Output images:", "Division of the work:",
                         "--color auto|rgb|spectral"):
             self.assertIn(heading, text)
         for program in ("sheaf", "sheaf-worker", "sheaf-coordinator"):
@@ -480,7 +480,7 @@ class ClientTest(unittest.TestCase):
         first.send_signal(signal.SIGINT)
         _, text = first.communicate(timeout=30 * farm.TIME_SCALE)
         self.assertEqual(first.returncode, INTERRUPTED, text)
-        self.assertIn("goes on from here", text)
+        self.assertIn("continues from here", text)
         self.assertFalse(os.path.exists(kept))
         for _ in range(2):  # The rest; then nothing is left to do.
             farm.render(scene, kept, "--keep-state", self.farm.path("kept state"), *job)
@@ -506,8 +506,8 @@ class ClientTest(unittest.TestCase):
         scene, output = self.write("left.pbrt", SCENE), self.farm.path("left.exr")
         job = ("--samples", 2048, "--pass-samples", 64, "--lease-passes", 1, "--tile-size", 16)
         text = self.interrupted_render(scene, output, *job)
-        folder = re.search(r"the same command with --keep-state '?([^\n']+?)'? goes on", text)[1]
-        self.assertRegex(text, r"interrupted at \d+\.\d %; what is rendered is kept in ")
+        folder = re.search(r"the same command with --keep-state '?([^\n']+?)'? continues", text)[1]
+        self.assertRegex(text, r"interrupted at \d+\.\d %; rendered parts are kept in ")
         self.assertGreater(count_parts(folder), 3)
         whole = self.farm.path("unbroken.exr")
         done = farm.render(scene, output, *job, "--keep-state", folder)
@@ -614,14 +614,14 @@ class ClientTest(unittest.TestCase):
         self.assertIn(f"sheaf watch {name} --coordinator {self.farm.address} -o '{output}'", text)
         self.farm.sheaf("cancel", name)
         text = self.farm.sheaf("submit", scene, "--samples", 1, "-o", output).stderr
-        self.assertRegex(text, r"without --wait no picture is written; .* sheaf watch jobs/\d+ ")
+        self.assertRegex(text, r"without --wait no image is written; .* sheaf watch jobs/\d+ ")
 
     def test_unreliable_tiles_and_what_makes_them_so(self):
         """The room's glass ball throws light on its floor, by way of few samples."""
         scene = os.path.join(farm.ROOT, "scenes/cornell-box.pbrt")
         size = ("--crop", "120,240,320,400", "--samples", 16)
         plain = farm.render(scene, self.farm.path("plain.exr"), *size)
-        self.assertIn("--light-paths or sheaf study name the light to blame", plain.stderr)
+        self.assertIn("--light-paths or sheaf study identify the light responsible", plain.stderr)
         done = farm.render(scene, self.farm.path("paths.exr"), *size, "--light-paths", "--json")
         self.assertRegex(done.stderr, r"main cause: .*caustic \([0-9]+ tiles?\)")
         frame = json.loads(done.stdout.splitlines()[-1])["frames"][0]
@@ -650,7 +650,7 @@ class ClientTest(unittest.TestCase):
         measured = error("apart.exr") / error("whole.exr")
         self.assertGreater(measured, 1.1)
         self.assertGreater(gain(apart), measured)
-        self.assertIn("the picture is smooth", apart.stderr)
+        self.assertIn("the image is smooth", apart.stderr)
         self.assertIsNone(gain(whole))
         rough = farm.render(os.path.join(farm.ROOT, "scenes/cornell-box.pbrt"),
                             self.farm.path("rough.exr"), "--crop", "120,240,320,400",

@@ -102,7 +102,7 @@ class QuoteOnFarmTest(unittest.TestCase):
                 self.assertGreater(row["wall_seconds"]["value"], 1.6 * alone)
                 self.assertLess(row["wall_seconds"]["value"], 2.7 * alone)
             text = f.sheaf("quote", ROOM).stdout
-            self.assertIn("2 threads, with what 1 other job takes of them until then", text)
+            self.assertIn("2 threads, including the time of 1 other job", text)
             _, first = quote_rows(f.sheaf("quote", ROOM, "--json", "--priority", 1).stdout)
             for row in first.values():
                 alone = 3600 * row["cpu_hours"]["value"] / 2

@@ -98,8 +98,8 @@ class ResumeTest(unittest.TestCase):
             farm.wait_until(lambda: f.sheaf("workers").stdout.count("\n") > 1, 30, "a worker")
             done = f.sheaf("submit", SCENE, *WINDOW, "--samples", 256, "--resume-from",
                            self.path("first.exr"), quote=True)
-            self.assertIn("more CPU time", done.stderr)
-            self.assertIn("64.0 samples are there", done.stderr)
+            self.assertIn("additional CPU time", done.stderr)
+            self.assertIn("64.0 samples exist already", done.stderr)
             job = json.loads(f.sheaf("show", done.stdout.strip(), "--json").stdout)
             self.assertRegex(job["frames"][0]["resumed_picture"], "^[0-9a-f]{64}$")
 
@@ -151,7 +151,7 @@ class ResumeTest(unittest.TestCase):
              self.path("first.exr")], capture_output=True, text=True,
             timeout=60 * farm.TIME_SCALE)
         self.assertNotEqual(done.returncode, 0)
-        self.assertIn("cannot go on from " + self.path("first.exr"), done.stderr)
+        self.assertIn("cannot continue from " + self.path("first.exr"), done.stderr)
 
 
 if __name__ == "__main__":

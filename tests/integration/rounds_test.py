@@ -167,7 +167,7 @@ class RoundsTest(unittest.TestCase):
             f.sheaf("watch", job)
             self.assertIn("already has 16 samples",
                           f.sheaf("refine", job, "--samples", 8, check=False).stderr)
-            self.assertIn("say how far", f.sheaf("refine", job, check=False).stderr)
+            self.assertIn("a refinement needs a limit", f.sheaf("refine", job, check=False).stderr)
             self.assertIn("no such job",
                           f.sheaf("refine", "jobs/9", "--samples", 32, check=False).stderr)
             # Good enough already: nothing happens.
