@@ -12,7 +12,7 @@ import type {Store} from './store';
 // To choose from: jobs, and frames of one.
 const JOBS_MAX = 200;
 const FRAMES_MAX = 1000;
-const ATTEMPT = 'loading the frame beside';
+const ATTEMPT = 'loading the compared frame';
 
 export class CompareChoice {
   private readonly jobs = byId<HTMLSelectElement>('beside-job');

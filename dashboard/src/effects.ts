@@ -34,7 +34,7 @@ function makeRow(effect: EffectCost): HTMLElement {
             el('div', {class: 'effect-error'})),
          el('span', {class: 'effect-words'}));
   setText(child(row, 0), effect.name);
-  row.title = effect.problem || 'Left out: ' + effect.without;
+  row.title = effect.problem || 'Ablated scene: ' + effect.without;
   const {time_share: share, time_share_error: error} = effect;
   const bar = child(row, 1);
   child(bar, 0).style.width = percentOf(share);

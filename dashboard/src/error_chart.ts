@@ -230,6 +230,6 @@ function wordsOf({xs, errors, end, target}: Curve, abscissa: Abscissa): string {
   const {words} = ABSCISSAS[abscissa];
   const now = 'Now ±' + format.share(errors.at(-1) ?? 0) + ' ' + words(xs.at(-1) ?? 0);
   const aim = target > 0 ? '; target ±' + format.share(target) : '';
-  const lead = end ? '; leads to ±' + format.share(end.error) + ' ' + words(end.x) : '';
+  const lead = end ? '; extrapolates to ±' + format.share(end.error) + ' ' + words(end.x) : '';
   return now + aim + lead + '.';
 }

@@ -45,7 +45,7 @@ export class Exposure {
     };
     worker.onerror = (event) => {
       // Nothing comes back any more: another worker may fare better with the next picture.
-      this.onFailure(event.message || 'the script that exposes pictures could not be loaded');
+      this.onFailure(event.message || 'the script that applies the exposure could not be loaded');
       worker.terminate();
       this.worker = null;
       this.busy = false;

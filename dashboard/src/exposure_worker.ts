@@ -49,7 +49,7 @@ function decode(bitmap: ImageBitmap): Light {
   const {width} = bitmap;
   const height = bitmap.height / 2;
   const context = new OffscreenCanvas(width, bitmap.height).getContext('2d');
-  if (!context) throw new Error('this browser draws no 2D canvas outside of the page');
+  if (!context) throw new Error('this browser does not support an offscreen 2D canvas');
   context.drawImage(bitmap, 0, 0);
   bitmap.close();
   const bytes = context.getImageData(0, 0, width, 2 * height).data;
@@ -81,7 +81,7 @@ function expose({width, height, values}: Light, stops: number): Promise<ImageBit
 async function answer({key, light: next, stops}: ExposureRequest): Promise<ExposureReply> {
   try {
     if (next) light = decode(next);
-    if (!light) throw new Error('no picture was sent to be exposed');
+    if (!light) throw new Error('no image was sent for exposure');
     return {key, picture: await expose(light, stops), failure: ''};
   } catch (failure) {
     return {key, picture: null, failure: `${failure}`};

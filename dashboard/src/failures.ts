@@ -80,7 +80,7 @@ async function copy(field: HTMLInputElement): Promise<boolean> {
 
 function makeItem(failure: Failure): HTMLElement {
   const item =
-      el('li', {}, el('p', {class: 'failure-message'}, failure.message || 'no reason was told'),
+      el('li', {}, el('p', {class: 'failure-message'}, failure.message || 'no reason was given'),
          el('p', {class: 'job-small'}, whereOf(failure)),
          el('div', {class: 'command'},
             el('input', {readonly: '', 'aria-label': 'Command that renders the tile again'}),

@@ -66,7 +66,7 @@ function makeRow(): HTMLElement {
 
 function stateOf(frame: Frame, share: number): string {
   if (frame.complete) return '';
-  return share > 0 || frame.preview_version > 0 ? format.percent(share) : 'waits';
+  return share > 0 || frame.preview_version > 0 ? format.percent(share) : 'waiting';
 }
 
 // "3 of 24 complete".

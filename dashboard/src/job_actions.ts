@@ -66,7 +66,7 @@ export class JobActions {
     if (!job) return;
     const sure = await confirm({
       title: 'Cancel “' + titleOf(job) + '”?',
-      text: 'Its workers turn to other jobs, and the samples rendered so far are given up.',
+      text: 'Its workers continue with other jobs, and the samples rendered so far are discarded.',
       no: 'Keep rendering',
       yes: 'Cancel job',
     });

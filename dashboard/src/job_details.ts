@@ -47,8 +47,8 @@ export class JobDetailsView {
 }
 
 function emptyWordsOf(store: Store): string {
-  if (!store.jobMissing) return 'Choose a job to see its picture.';
-  return 'There is no job ' + store.jobName + '. Choose another one.';
+  if (!store.jobMissing) return 'Select a job to see its image.';
+  return 'There is no job ' + store.jobName + '. Select another one.';
 }
 
 // Samples that came with a picture took no time.
@@ -67,7 +67,7 @@ function factsOf(job: Job, frame: Frame|undefined): [string, string, string?][] 
     [
       'Time left', format.hasEnded(job) ? '–' : format.duration(progress.remaining_duration_seconds)
     ],
-    ['Time', format.duration(wall), 'Since the first lease, but for pauses'],
+    ['Time', format.duration(wall), 'Since the first lease, without pauses'],
     [
       'Error of a pixel', format.typicalError(progress.relative_mse),
       'Typical relative error, estimated from replicates'
@@ -76,21 +76,21 @@ function factsOf(job: Job, frame: Frame|undefined): [string, string, string?][] 
     ...priceOfErrorBars(frame),
     [
       'FLIP', frame?.flip ? frame.flip.toFixed(3) : '–',
-      'How different from the true picture the shown frame looks, from 0 to 1, estimated once it ' +
-          'is complete'
+      'Perceived difference between the shown frame and the converged image, from 0 to 1, ' +
+          'estimated when the frame is complete'
     ],
     [
       'Tiles with fireflies', fireflyTilesOf(frame),
-      'Of the shown frame: a few very bright samples make most of the noise of these tiles. The ' +
-          'error of the frame has them in it, but error bars of their pixels may be too small. ' +
+      'In the shown frame, a few very bright samples make most of the noise of these tiles. The ' +
+          'error of the frame includes them, but error bars of their pixels may be too small. ' +
           'More samples help. ' + mainCauseOf(frame)
     ],
-    ['Samples a pixel', samplesOf(frame), 'Of the shown frame, mean over its pixels'],
-    ['Samples a second', sampleRateOf(progress, frame)],
-    ['Rays a second', wall > 0 ? format.count(progress.ray_count / wall) : '–'],
+    ['Samples per pixel', samplesOf(frame), 'Mean over the pixels of the shown frame'],
+    ['Samples per second', sampleRateOf(progress, frame)],
+    ['Rays per second', wall > 0 ? format.count(progress.ray_count / wall) : '–'],
     [
       'Processor time', format.duration(progress.cpu_duration_seconds),
-      'Of workers, on accepted results'
+      'Time that workers spent on accepted results'
     ],
     [
       'NaN/Inf samples', format.exact(progress.nonfinite_count),
@@ -103,8 +103,8 @@ function factsOf(job: Job, frame: Frame|undefined): [string, string, string?][] 
 function priceOfErrorBars(frame: Frame|undefined): [string, string, string][] {
   if (!frame?.one_sequence_gain) return [];
   return [[
-    'Price of error bars', `${frame.one_sequence_gain.toFixed(1)} × relMSE`,
-    'The shown frame is smooth: --one-sequence would lower its relMSE by about this factor, but ' +
+    'Cost of error bars', `${frame.one_sequence_gain.toFixed(1)} × relMSE`,
+    'The shown frame is smooth: --one-sequence would reduce its relMSE by about this factor, but ' +
         'gives no true error bars (sheaf study measures it)'
   ]];
 }
@@ -118,7 +118,8 @@ function fireflyTilesOf(frame: Frame|undefined): string {
 
 function mainCauseOf(frame: Frame|undefined): string {
   const layers = frame?.unreliable_layers || [];
-  if (!layers.length) return 'Layers of light paths (--light-paths) or sheaf study name the cause.';
+  if (!layers.length)
+    return 'Layers of light paths (--light-paths) or sheaf study identify the cause.';
   const causes = layers.map(({layer, tile_count}) => `${layer} (${tile_count} tiles)`);
   return 'Main cause: ' + causes.join(', then ') + '.';
 }

@@ -55,9 +55,10 @@ export class PicturePane {
     const {name} = options;
     this.box = byId(name + '-box');
     this.note = byId(name + '-note');
-    this.attempt = 'loading the ' + name;
+    const what = name === 'picture' ? 'the image' : 'the compared image';
+    this.attempt = 'loading ' + what;
     this.viewport = new PictureViewport(this.box, byId(name), options.onView);
-    const attempt = 'exposing the ' + name;
+    const attempt = 'exposing ' + what;
     this.exposure = new Exposure((key, picture) => {
       this.store.note(attempt, null);
       if (key === this.shown)

@@ -32,7 +32,7 @@ export class PictureView {
     });
     this.beside = new PicturePane(store, {
       name: 'beside',
-      wanted: () => this.wanted(store.beside, 'No picture yet.', null),
+      wanted: () => this.wanted(store.beside, 'No image yet.', null),
       onView: () => {},
       onRange: (layer, range) => {
         this.besideWords = rangeWords(layer, range);
@@ -72,7 +72,7 @@ export class PictureView {
     const {layer, stops} = this.controls;
     if (layer !== 'time') return {frame, layer, stops, note, round: chosen};
     // Times are known of all rounds together.
-    return {frame, layer, stops, round: null, note: 'The times of this frame are not kept.'};
+    return {frame, layer, stops, round: null, note: 'No times are kept for this frame.'};
   }
 
   private onRange(layer: Layer, range: LayerRange|null) {
@@ -99,7 +99,7 @@ export class PictureView {
 }
 
 function noteOf(job: Job|undefined, frame: Frame|undefined): string {
-  if (!job) return 'Choose a job to see its picture.';
+  if (!job) return 'Select a job to see its image.';
   if (job.waiting_reason) return 'Waiting: ' + job.waiting_reason;
   if (job.state === 'paused') return 'Paused before the first samples.';
   return frame ? 'No samples yet.' : '';

@@ -123,7 +123,7 @@ export class PictureViewport {
 
   private draw() {
     const context = this.canvas.getContext('2d');
-    if (!context) throw new Error('this browser draws no 2D canvas');
+    if (!context) throw new Error('this browser does not support a 2D canvas');
     const {scale, origin, isFitted} = this.view;
     context.setTransform(1, 0, 0, 1, 0, 0);
     context.clearRect(0, 0, this.canvas.width, this.canvas.height);

@@ -118,15 +118,14 @@ const bandOf = ({value, low, high}: Estimate, words: (value: number) => string) 
     value > 0 ? words(value) + ' (' + words(low) + ' to ' + words(high) + ')' : 'nothing';
 
 function noteOf(prices: RefinePrices, price: RefinePrice): string {
-  if (!price.reached) return 'It is not expected to get there with the samples that are allowed.';
-  if (price.cpu_seconds.value <= 0) return 'The pictures are this good already.';
+  if (!price.reached) return 'This error is not expected to be reached with the allowed samples.';
+  if (price.cpu_seconds.value <= 0) return 'The images already have at most this error.';
   const {thread_count: threads, jobs_before_count: jobs} = prices;
   const farm = threads === 0 ?
-      'No worker is there now.' :
+      'No worker is connected.' :
       'On all of the farm’s ' + threads + (threads === 1 ? ' thread' : ' threads') +
           (jobs === 0 ?
                '.' :
-               ', with what ' + jobs + ' other ' + (jobs === 1 ? 'job takes' : 'jobs take') +
-                   ' of them until then.');
-  return 'Beyond what it took so far; ranges are 80 % prediction intervals. ' + farm;
+               ', including the time of ' + jobs + ' other ' + (jobs === 1 ? 'job.' : 'jobs.'));
+  return 'In addition to the cost so far; ranges are 80 % prediction intervals. ' + farm;
 }

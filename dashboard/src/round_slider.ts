@@ -59,7 +59,7 @@ function keptOf(frame: Frame|undefined): number[] {
               !(frame?.complete && i === rounds.length - 1));
 }
 
-// "Round 2 of 5: 48 samples a pixel, error ±2.1 %".
+// "Round 2 of 5: 48 samples per pixel, error ±2.1 %".
 function wordsOf(frame: Frame, chosen: number|null): string {
   const rounds = frame.rounds ?? [];
   const round = chosen === null ? undefined : rounds[chosen];
@@ -69,5 +69,5 @@ function wordsOf(frame: Frame, chosen: number|null): string {
   const error = round ? round.relative_mse : frame.progress.relative_mse;
   const what = chosen === null ? 'Now' : 'Round ' + (chosen + 1) + ' of ' + rounds.length;
   const mean = samples < 10 ? samples.toFixed(1) : format.exact(samples);
-  return what + ': ' + mean + ' samples a pixel, error ' + format.typicalError(error || null);
+  return what + ': ' + mean + ' samples per pixel, error ' + format.typicalError(error || null);
 }

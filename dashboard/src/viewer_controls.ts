@@ -18,9 +18,9 @@ const PAN_SHARE = 0.125;
 const LEGENDS: Record<Layer, string> = {
   picture: '',
   light: '',
-  error: 'Standard error of a pixel, relative to its value; logarithmic. Grey: not known yet.',
-  samples: 'Samples of a pixel. Grey: none yet.',
-  time: 'Processor time of a pixel, the mean over its tile; logarithmic. Grey: not known.',
+  error: 'Standard error of a pixel, relative to its value; logarithmic. Gray: not known yet.',
+  samples: 'Samples of a pixel. Gray: none yet.',
+  time: 'Processor time of a pixel, the mean over its tile; logarithmic. Gray: not known.',
 };
 
 export class ViewerControls {

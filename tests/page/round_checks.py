@@ -16,7 +16,7 @@ TARGET = "0.01"
 
 def words(browser):
     """What is chosen, samples of a pixel and error."""
-    found = re.fullmatch(r"(.*): ([\d.\u2009]+) samples a pixel, error ±([\d.]+) %",
+    found = re.fullmatch(r"(.*): ([\d.\u2009]+) samples per pixel, error ±([\d.]+) %",
                          browser.run(TEXT, "round-words"))
     assert found, browser.run(TEXT, "round-words")
     return found[1], float(found[2].replace("\u2009", "")), float(found[3])

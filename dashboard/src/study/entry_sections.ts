@@ -46,13 +46,13 @@ export function errorSection(study: Study): HTMLElement {
   return section(
       'error', 'Error against processor time',
       [
-        'Each point is the picture with a number of samples for each pixel: lower and further ' +
-            'left is better. Upright strokes are one standard error.',
-        'The broad line is the least error to be had for a time; its corners are the points that ' +
-            'no other beats in both, the Pareto front. The dotted line is what Monte Carlo ' +
-            'promises the base: half the error for twice the time. ' +
-            (floors ? 'Dashed lines are bias floors: no number of samples leads below them.' :
-                      'No entry has a bias floor that was found for certain.')
+        'Each point is the image at a number of samples per pixel: lower and further left is ' +
+            'better. Vertical bars are one standard error.',
+        'The thick line is the Pareto front, the least error for each time; its corners are the ' +
+            'points that no other point beats in both. The dotted line is the Monte Carlo rate ' +
+            'from the base: half the error for twice the time. ' +
+            (floors ? 'Dashed lines are bias floors: no number of samples has a smaller error.' :
+                      'No entry has a significant bias floor.')
       ],
       errorTimeChart(study),
       numbersTable(
@@ -85,8 +85,8 @@ export function gainSection(study: Study): HTMLElement {
                              }));
   return section(
       'gain', 'Time to the same error',
-      ['How many times less processor time than “' + base + '” each entry takes to the error of ' +
-       'its last point. Right of 1 is faster, left of it slower; whiskers are one standard error.'],
+      ['Processor time of “' + base + '” over that of each entry, to the error of the last point ' +
+       'of the entry. Right of 1 is faster, left of it slower; whiskers are one standard error.'],
       barChart(
           'chart-gain', 'Time of the base over that of each entry, to the same error', [column],
           rows, 'No two entries were compared at the same error.'),
@@ -126,7 +126,7 @@ export function biasSection(study: Study): HTMLElement {
     return [floor.relative_mse, (floor.relative_mse ?? 0) + (floor.error ?? 0)];
   });
   const column: Column = {
-    heading: 'relMSE that is left however many samples are taken',
+    heading: 'relMSE that remains at any number of samples',
     scale: logScale([...floorValues, ...study.entries.map(bestErrorOf)], numbers.powerTick),
     origin: null,
     marks: [],
@@ -143,22 +143,21 @@ export function biasSection(study: Study): HTMLElement {
     };
   });
   return section(
-      'bias', 'What bias leaves',
+      'bias', 'Bias floors',
       [
-        'The mean squared error is the square of the bias plus the variance. Samples bring the ' +
-            'variance to nothing; the square of the bias stays, and is the floor of the error.',
-        'A dot is a floor with its standard error, a pale band reaches up to the highest floor ' +
-            'that the measurement leaves possible where none was found (' + LIMIT_ERRORS +
-            ' standard ' +
-            'errors), and a ring is the lowest error that was measured of the entry.'
+        'The mean squared error is the square of the bias plus the variance. More samples reduce ' +
+            'the variance towards 0; the square of the bias remains and is the floor of the error.',
+        'A dot is a floor with its standard error. Where no floor was found, a pale band extends ' +
+            'to the highest floor that agrees with the measurement (' + LIMIT_ERRORS +
+            ' standard errors). A ring is the lowest error measured for the entry.'
       ],
       barChart(
           'chart-bias', 'Bias floor of each entry', [column], rows,
-          'No bias floor could be told from these points.'),
+          'No bias floor could be determined from these points.'),
       numbersTable(
           'bias floors',
           [
-            'Entry', 'In words', 'relMSE of the floor', 'Standard error', 'Certain',
+            'Entry', 'In words', 'relMSE of the floor', 'Standard error', 'Significant',
             'Lowest error measured', 'Unbiased against the base'
           ],
           study.entries.map(
@@ -188,11 +187,11 @@ export function rateSection(study: Study): HTMLElement {
   return section(
       'rate', 'How fast the variance falls',
       ['The variance falls as 1 / samples to the power of this exponent. The line at 1 is Monte ' +
-       'Carlo: half of it for twice the samples. More is what well spread samples win where the ' +
-       'picture is smooth; less is light that is rarely met.'],
+       'Carlo: half the variance for twice the samples. Well-distributed samples have a larger ' +
+       'exponent where the image is smooth; rarely sampled light has a smaller one.'],
       barChart(
           'chart-rate', 'Exponent by which the variance of each entry falls', [column], rows,
-          'Too few points to tell how fast the variance falls.'),
+          'Too few points to estimate how fast the variance falls.'),
       numbersTable(
           'rates', ['Entry', 'Exponent', 'Standard error'],
           study.entries.map(

@@ -40,7 +40,7 @@ interface Plot {
 }
 
 const ID = 'chart-error';
-const EMPTY = 'No error was measured: nothing can be drawn against time.';
+const EMPTY = 'No error was measured, so there is nothing to plot against time.';
 // Height of the chart over its width, and its bounds.
 const ASPECT = 0.55;
 const HEIGHT_REM_MIN = 20;
@@ -72,7 +72,7 @@ class ErrorTimeChart {
   private readonly plot = el('div', {
     class: 'error-plot',
     role: 'group',
-    'aria-label': 'Error against processor time, both logarithmic; arrow keys go from point to ' +
+    'aria-label': 'Error against processor time, both logarithmic; arrow keys move from point to ' +
         'point. The same numbers are in the table below.',
   });
   private readonly tips = new Tips(this.plot);
@@ -279,16 +279,16 @@ function drawLine({entry, series, points, isShown}: Line, plot: Plot): SVGElemen
   return group;
 }
 
-const tipsOf = ({entry, points}: Line, plot: Plot): Tip[] =>
-    points.map((point) => ({
-                 x: plot.x(point.cpu_seconds),
-                 y: plot.y(point.relative_mse),
-                 lines: [
-                   entry.name,
-                   numbers.samples(point.samples) + ' samples a pixel',
-                   numbers.time(point.cpu_seconds) + ' of processor time',
-                   'relMSE ' + numbers.measured(point.relative_mse, point.relative_mse_error),
-                   'a pixel is off by ' + numbers.typicalError(point.relative_mse),
-                   ...(point.on_front ? ['on the front: no other is cheaper and better'] : []),
-                 ],
-               }));
+const tipsOf = ({entry, points}: Line, plot: Plot): Tip[] => points.map(
+    (point) => ({
+      x: plot.x(point.cpu_seconds),
+      y: plot.y(point.relative_mse),
+      lines: [
+        entry.name,
+        numbers.samples(point.samples) + ' samples per pixel',
+        numbers.time(point.cpu_seconds) + ' of processor time',
+        'relMSE ' + numbers.measured(point.relative_mse, point.relative_mse_error),
+        'typical error of a pixel: ' + numbers.typicalError(point.relative_mse),
+        ...(point.on_front ? ['on the front: no other point is both cheaper and better'] : []),
+      ],
+    }));

@@ -22,19 +22,19 @@ export function effectsSection(study: Study): HTMLElement {
   const {effects} = study;
   const columns: Column[] = [
     {
-      heading: 'Share of the time',
+      heading: 'Fraction of the time',
       scale: linearScale(effects.map((effect) => effect.time_share), numbers.roundShare),
       origin: 0,
       marks: [0],
     },
     {
-      heading: 'Variance, with over without',
+      heading: 'Variance with over without',
       scale: logScale([1, ...effects.map((effect) => effect.variance_ratio)]),
       origin: 1,
       marks: [1],
     },
     {
-      heading: 'relMSE of the picture without',
+      heading: 'relMSE of the image without',
       scale: logScale(effects.map((effect) => effect.rel_mse), numbers.powerTick),
       origin: null,
       marks: [],
@@ -43,7 +43,8 @@ export function effectsSection(study: Study): HTMLElement {
   const rows = effects.map(
       (effect): Row => ({
         name: effect.name,
-        note: effect.problem ? 'not measured: ' + effect.problem : 'against ' + effect.without,
+        note: effect.problem ? 'not measured: ' + effect.problem :
+                               'ablated scene: ' + effect.without,
         series: null,
         cells: effect.problem ?
             [] :
@@ -54,20 +55,21 @@ export function effectsSection(study: Study): HTMLElement {
             ],
       }));
   return section(
-      'effects', 'What each effect costs and gives',
+      'effects', 'Cost and influence of each effect',
       [
-        'The scene with each effect against the scene without it: the share of the time that it ' +
-            'takes, how it changes the variance of a sample (right of 1 is noisier with it), and ' +
-            'how far the picture without it is from the one with it.',
-        'An effect with a large share of the time and a tiny error without it may be left out.'
+        'The scene with each effect is compared with the scene without it: the fraction of the ' +
+            'time that the effect takes, its influence on the variance of a sample (right of 1 ' +
+            'is noisier with it), and the error of the image without it.',
+        'An effect that takes a large fraction of the time may be removed if the error without ' +
+            'it is tiny.'
       ],
       barChart(
-          'chart-effects', 'Cost of each effect, and what the picture is without it', columns, rows,
+          'chart-effects', 'Cost of each effect, and error of the image without it', columns, rows,
           'No effect of the scene was measured.'),
       numbersTable(
           'effects',
           [
-            'Effect', 'Left out as', 'Time share', 'Time with over without',
+            'Effect', 'Ablated scene', 'Fraction of the time', 'Time with over without',
             'Variance with over without', 'Mean without', 'relMSE without', 'Problem'
           ],
           effects.map(
@@ -86,8 +88,8 @@ export function pathsSection(study: Study): HTMLElement {
   const top = paths.flatMap((path) => [path.light_share, path.noise_share]).filter(isKnown);
   const scale = linearBetween(0, Math.max(0.1, ...top), numbers.roundShare);
   const columns: Column[] = [
-    {heading: 'Share of the light', scale, origin: 0, marks: [0]},
-    {heading: 'Share of the noise', scale, origin: 0, marks: [0]},
+    {heading: 'Fraction of the light', scale, origin: 0, marks: [0]},
+    {heading: 'Fraction of the noise', scale, origin: 0, marks: [0]},
     {
       heading: 'Variance from one replicate',
       scale: linearBetween(0, 1, numbers.roundShare),
@@ -111,19 +113,19 @@ export function pathsSection(study: Study): HTMLElement {
                   ],
                 }));
   return section(
-      'paths', 'Which light makes the noise',
+      'paths', 'Sources of the noise',
       [
-        'Light that makes more of the noise than of the picture is what samples are spent on.',
-        'Where one of the replicates makes more than half of a kind’s variance, the kind is met ' +
-            'too rarely for its error bars to be trusted: such a share is marked.'
+        'Most samples are spent on light that makes more of the noise than of the image.',
+        'If one of the replicates makes more than half of a kind’s variance, the kind is sampled ' +
+            'too rarely for reliable error bars; such a fraction is marked.'
       ],
       barChart(
-          'chart-paths', 'Share of the light and of the noise of each kind of light path', columns,
-          rows, 'Light and noise were not told apart by kinds of light paths.'),
+          'chart-paths', 'Fraction of the light and of the noise of each kind of light path',
+          columns, rows, 'Light and noise were not separated by kinds of light paths.'),
       numbersTable(
           'kinds of light paths',
           [
-            'Kind', 'Meaning', 'Share of the light', 'Share of the noise',
+            'Kind', 'Meaning', 'Fraction of the light', 'Fraction of the noise',
             'Variance from one replicate'
           ],
           paths.map(
@@ -136,12 +138,12 @@ export function pathsSection(study: Study): HTMLElement {
 export function tilesSection(study: Study): HTMLElement {
   return section(
       'tiles', 'Where error bars are unreliable',
-      ['Tiles of those that were rendered whose errors are not reliable, as too few of their ' +
-       'samples make the noise. The colour is the kind of light path with the largest share of ' +
-       'the tile’s variance; the stronger, the larger the share.'],
+      ['Rendered tiles with unreliable errors, because too few of their samples make the noise. ' +
+       'The color is the kind of light path with the largest fraction of the tile’s variance; ' +
+       'stronger colors are larger fractions.'],
       tileMap(study),
       numbersTable(
-          'unreliable tiles', ['Tile', 'Kind of path', 'Share of the variance'],
+          'unreliable tiles', ['Tile', 'Kind of path', 'Fraction of the variance'],
           study.unreliable_tiles.map(
               (tile) => [placeOf(tile), tile.path, numbers.share(tile.share)]),
           2));

@@ -25,28 +25,30 @@ function summary(study: Study): HTMLElement {
   const found = sentences.length ?
       el('ul', {id: 'recommendation', class: 'recommendation'}, ...sentences) :
       el('p', {id: 'recommendation', class: 'empty'}, 'The numbers allow no recommendation.');
-  return section('summary', 'What to do', [], found);
+  return section('summary', 'Recommendations', [], found);
 }
 
 function facts(study: Study): HTMLElement {
   const {width_px: width, height_px: height, pixels, reference} = study;
   const all = width * height;
   const share = isKnown(pixels) && all > 0 ? ', ' + numbers.share(pixels / all) + ' of all' : '';
-  const list = el(
-      'dl', {class: 'facts'}, fact('Scene', study.scene),
-      fact('Picture', width + ' × ' + height + ' pixels'),
-      fact('Pixels studied', numbers.count(pixels) + share),
-      fact('The study took', numbers.time(study.seconds)),
-      fact('Threads', numbers.count(study.threads)),
-      fact('Reference', reference ? numbers.count(reference.samples) + ' samples a pixel' : 'none'),
-      fact(
-          'Error of the reference',
-          reference ? 'relMSE ' + numbers.plain(reference.relative_mse) : '–'),
-      fact('Time of the reference', numbers.time(reference?.cpu_seconds)));
+  const list =
+      el('dl', {class: 'facts'}, fact('Scene', study.scene),
+         fact('Image', width + ' × ' + height + ' pixels'),
+         fact('Pixels studied', numbers.count(pixels) + share),
+         fact('Duration of the study', numbers.time(study.seconds)),
+         fact('Threads', numbers.count(study.threads)),
+         fact(
+             'Reference',
+             reference ? numbers.count(reference.samples) + ' samples per pixel' : 'none'),
+         fact(
+             'Error of the reference',
+             reference ? 'relMSE ' + numbers.plain(reference.relative_mse) : '–'),
+         fact('Time of the reference', numbers.time(reference?.cpu_seconds)));
   return section(
-      'facts', 'What was studied',
-      ['Every error is against a reference that the study rendered itself, whose own error is ' +
-       'taken off.'],
+      'facts', 'Scope of the study',
+      ['Every error is measured against a reference that the study rendered, and the error of ' +
+       'the reference is subtracted.'],
       list,
       study.entries.length ? entriesList(study) :
                              el('p', {class: 'empty'}, 'No settings were compared.'));
@@ -55,9 +57,9 @@ function facts(study: Study): HTMLElement {
 function notStudied(study: Study): HTMLElement {
   const items = study.not_studied.map((text) => el('li', {}, text));
   return section(
-      'not-studied', 'What was not studied', [],
+      'not-studied', 'Not studied', [],
       items.length ? el('ul', {class: 'plain-list'}, ...items) :
-                     el('p', {class: 'empty'}, 'The study names nothing that it left out.'));
+                     el('p', {class: 'empty'}, 'The study lists nothing that it omitted.'));
 }
 
 function start() {

@@ -12,8 +12,8 @@ import {Tips} from './tips';
 
 // A tile's ink: of one that is barely unreliable, and of one that is wholly.
 const OPACITY_MIN = 0.35;
-const NONE_FOUND = 'None of the tiles that were rendered has errors that are unreliable.';
-const NOT_LOOKED_FOR = 'Kinds of light paths were not told apart, so tiles were not judged.';
+const NONE_FOUND = 'None of the rendered tiles has unreliable errors.';
+const NOT_LOOKED_FOR = 'Kinds of light paths were not separated, so tiles were not assessed.';
 
 // Names of the kinds in the order of their colours.
 export function kindNames(study: Study): string[] {
@@ -36,8 +36,8 @@ export function tileMap(study: Study): HTMLElement {
       el('div', {
         class: 'tile-plot',
         role: 'group',
-        'aria-label': 'Map of the picture with ' + tiles.length +
-            ' unreliable tiles; arrow keys go ' +
+        'aria-label': 'Map of the image with ' + tiles.length +
+            ' unreliable tiles; arrow keys move ' +
             'from one to the next',
       },
          picture);
