@@ -44,7 +44,8 @@ TEST(GrpcStatusTest, ConnectionsAreTalkedOfInPlainWords) {
             "it does not answer");
   EXPECT_EQ(words(grpc::StatusCode::DEADLINE_EXCEEDED, "Deadline Exceeded"), "no answer in time");
   // The coordinator's own words, and other codes, stay.
-  EXPECT_EQ(words(grpc::StatusCode::UNAVAILABLE, "the coordinator stops"), "the coordinator stops");
+  EXPECT_EQ(words(grpc::StatusCode::UNAVAILABLE, "the coordinator is stopping"),
+            "the coordinator is stopping");
   EXPECT_EQ(words(grpc::StatusCode::INTERNAL, "Socket closed"), "Socket closed");
 }
 

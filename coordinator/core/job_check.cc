@@ -55,7 +55,8 @@ std::string WhyNot(const FrameSpec& frame, const Partition& partition, const Lim
   }
   if (w.PixelCount() > limits.frame_pixels_max) {
     return absl::StrCat(w.PixelCount(), " pixels are more than the limit of ",
-                        limits.frame_pixels_max, "; render fewer, or parts of the frame by --crop");
+                        limits.frame_pixels_max,
+                        "; render fewer, or parts of the frame with --crop");
   }
   if (s.samples < 1 || s.samples > limits.samples_max) {
     return absl::StrCat(s.samples, " samples per pixel are outside 1 to ", limits.samples_max);
@@ -63,15 +64,15 @@ std::string WhyNot(const FrameSpec& frame, const Partition& partition, const Lim
   if (s.samples > limits.frame_samples_max / static_cast<uint64_t>(w.PixelCount())) {
     return absl::StrCat(w.PixelCount(), " pixels with ", s.samples,
                         " samples each are more than the limit of ", limits.frame_samples_max,
-                        " samples; ask for fewer, or for a target error");
+                        " samples; request fewer, or a target error");
   }
   if (s.max_depth < 0) return "the depth is negative";
   for (const auto& [edge_px, most, what] :
        {std::tuple{partition.tile_size_px, limits.tiles_per_frame_max, "tiles"},
         std::tuple{CellSizeOf(frame, partition), limits.cells_per_frame_max, "cells"}}) {
     if (SquaresOf(w, edge_px) > most) {
-      return absl::StrCat(what, " of ", edge_px, " px make ", SquaresOf(w, edge_px),
-                          " of them, more than the limit of ", most, "; use larger ones");
+      return absl::StrCat(what, " of ", edge_px, " px: ", SquaresOf(w, edge_px),
+                          " are more than the limit of ", most, "; use larger ones");
     }
   }
   return "";
@@ -102,7 +103,7 @@ absl::Status CheckJobSpec(const JobSpec& spec, const Limits& limits) {
     const FrameSpec& frame = spec.frames[i];
     if (i > 0 && spec.frames[i - 1].frame_number >= frame.frame_number) {
       return absl::InvalidArgumentError(
-          absl::StrCat("frame number ", frame.frame_number, " comes twice or out of order"));
+          absl::StrCat("frame number ", frame.frame_number, " is repeated or out of order"));
     }
     const std::string why_not = WhyNot(frame, spec.partition, limits);
     if (!why_not.empty()) {
@@ -114,13 +115,13 @@ absl::Status CheckJobSpec(const JobSpec& spec, const Limits& limits) {
     if (sample_count > limits.job_samples_max) {
       return absl::InvalidArgumentError(absl::StrCat(
           "the frames up to ", frame.frame_number, " have more than ", limits.job_samples_max,
-          " samples, the limit of a job; ask for fewer, or submit the frames as several jobs"));
+          " samples, the limit of a job; request fewer, or submit the frames as several jobs"));
     }
     if (task_count > limits.job_tasks_max) {
-      return absl::InvalidArgumentError(
-          absl::StrCat("the frames up to ", frame.frame_number, " make more than ",
-                       limits.job_tasks_max, " tasks, the limit of a job; use larger tiles, more ",
-                       "samples a pass or more passes a lease, or submit them as several jobs"));
+      return absl::InvalidArgumentError(absl::StrCat(
+          "the frames up to ", frame.frame_number, " make more than ", limits.job_tasks_max,
+          " tasks, the limit of a job; use larger tiles, more ",
+          "samples per pass or more passes per lease, or submit them as several jobs"));
     }
   }
   return absl::OkStatus();

@@ -42,7 +42,7 @@ TEST(JobCheckTest, WhatFarmsRenderIsTaken) {
 
 TEST(JobCheckTest, WhatNobodyCanRenderIsRefusedInWords) {
   ExpectRefused(JobOf(65536, 65536, uint64_t{1} << 40), "4294967296 pixels", "--crop");
-  ExpectRefused(JobOf(16384, 16384, uint64_t{1} << 40), "samples each", "ask for fewer");
+  ExpectRefused(JobOf(16384, 16384, uint64_t{1} << 40), "samples each", "request fewer");
   ExpectRefused(JobOf(0, 16, 4), "0 x 16 px", "outside 1 to");
   ExpectRefused(JobOf(16, 16, 4, 100'001), "100001 frames", "several jobs");
   ExpectRefused(JobOf(16, 16, 4, 0), "at least one frame", "");

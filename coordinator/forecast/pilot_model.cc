@@ -222,7 +222,7 @@ absl::StatusOr<std::vector<double>> TileCpuSecondsOf(
   }
   if (times.size() == tile_count) return times;
   return absl::DataLossError(
-      "the coordinator does not tell what each tile of a pilot cost, so nothing can be quoted; "
+      "the coordinator does not report the cost of each tile of a pilot, so no quote is possible; "
       "it may be older than this program: use the same version of both");
 }
 

@@ -392,7 +392,7 @@ std::string Scheduler::WaitingReason(const JobRecord& job) const {
     break;
   }
   return absl::StrCat("no worker of the job's numeric profile \"", job.spec.numeric_profile,
-                      "\" is connected; those that are have \"", other, "\"");
+                      "\" is connected; the connected workers have \"", other, "\"");
 }
 
 }  // namespace sheaf::coordinator

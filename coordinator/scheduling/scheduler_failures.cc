@@ -44,7 +44,7 @@ void Scheduler::LoseLeases(const std::string& worker_id, SteadyTime now) {
       kind = FailureKind::kLoading;
     }
     Fail({lease_id, kind,
-          absl::StrCat("worker ", worker_id, " fell silent",
+          absl::StrCat("worker ", worker_id, " stopped responding",
                        kind == FailureKind::kLoading ? " while it loaded the scene" : "")},
          worker_id, now);
   }

@@ -39,11 +39,11 @@ void Scheduler::JudgeLoadingLosses(const FrameId& id) {
   const absl::btree_set<std::string>& workers =
       of_frame ? frame_losses.workers() : job.loading_losses.workers();
   const std::string text = absl::StrCat(
-      "frame ", id.frame_number, ": ", workers.size(), " workers vanished one after the other ",
+      "frame ", id.frame_number, ": ", workers.size(), " workers disappeared one after the other ",
       "while they loaded ", of_frame ? "its scene" : "scenes of this job",
-      ", and none has loaded it: ", absl::StrJoin(workers, ", "),
-      "; it may need more memory than they have (sheaf plan says how much): make it smaller, or "
-      "start workers with more memory and submit it again (scene digest ",
+      ", and no worker has loaded it: ", absl::StrJoin(workers, ", "),
+      "; the scene may need more memory than they have (sheaf plan estimates it); make it smaller, "
+      "or start workers with more memory and submit it again (scene digest ",
       Frame(id).packed.scene().Hex(), ")");
   EndJob(id.job_id, JobPhase::kFailed, text);
 }

@@ -408,7 +408,7 @@ TEST_F(SchedulerTest, JobsBeyondLimitsAreRefused) {
   job.job_id = 1;
   EXPECT_EQ(scheduler_.CheckJob(job).code(), absl::StatusCode::kInvalidArgument);
   job.frames = {Frame(1, "s", 1), Frame(1, "s", 1)};
-  EXPECT_THAT(std::string(scheduler_.CheckJob(job).message()), HasSubstr("twice"));
+  EXPECT_THAT(std::string(scheduler_.CheckJob(job).message()), HasSubstr("repeated"));
   job.frames = {Frame(1, "s", 1)};
   EXPECT_TRUE(scheduler_.CheckJob(job).ok());
   job.frames[0].settings.window.x1 = 65;

@@ -126,7 +126,7 @@ uint64_t RoundPreviews::VersionOf(const FrameId& frame, int32_t round) const {
 absl::StatusOr<FramePicture> RoundPreviews::Read(const FrameId& frame, int32_t round) const {
   if (VersionOf(frame, round) == 0) {
     return absl::NotFoundError(absl::StrCat("jobs/", frame.job_id, "/frames/", frame.frame_number,
-                                            ": no picture of round ", round, " is kept"));
+                                            ": no image of round ", round, " is kept"));
   }
   return ReadPicture(PathOf({frame, round}));
 }

@@ -75,7 +75,7 @@ absl::Status SqliteJobStore::LoadFrames(StoredJob* job) {
     frame.scene = {query.Text(1), static_cast<uint64_t>(query.Int64(2))};
     frame.frame_digest = query.Text(3);
     if (!IsSha256Hex(frame.scene.sha256_hex) || !IsSha256Hex(frame.frame_digest)) {
-      return absl::DataLossError("a stored frame has a digest that is none");
+      return absl::DataLossError("a stored frame has an invalid digest");
     }
     frame.resumed = {query.Text(40), static_cast<uint64_t>(query.Int64(41))};
     FrameSettings& s = frame.settings;

@@ -72,9 +72,10 @@ absl::Status SqliteJobStore::Explained(const absl::Status& status) const {
   return absl::DataLossError(absl::StrCat(
       path, ": ", what, "; the database of jobs is damaged. ", "Stop here and keep a copy of ",
       directory_, ". Then restore ", path,
-      " from a backup (without its -wal and -shm files), or save what is left by \"sqlite3 ", path,
-      " .recover | sqlite3 recovered.db\" and put recovered.db in its place, or begin anew with ",
-      "another --state-dir; finished pictures are in ", directory_, "/outputs in any case"));
+      " from a backup (without its -wal and -shm files), or save the remaining data with "
+      "\"sqlite3 ",
+      path, " .recover | sqlite3 recovered.db\" and put recovered.db in its place, or start with ",
+      "another --state-dir; finished images are in ", directory_, "/outputs in any case"));
 }
 
 // SQLite makes a new database of one that became empty.
@@ -85,7 +86,7 @@ absl::Status SqliteJobStore::RefuseEmptied() const {
   for (const char* folder : {"/parts", "/outputs"}) {
     if (std::filesystem::is_empty(directory_ + folder, error) || error) continue;
     return absl::DataLossError(
-        absl::StrCat("the file is empty, but ", directory_, folder, " has what jobs left"));
+        absl::StrCat("the file is empty, but ", directory_, folder, " holds data of earlier jobs"));
   }
   return absl::OkStatus();
 }

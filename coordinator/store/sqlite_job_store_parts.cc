@@ -18,7 +18,7 @@ absl::Status SqliteJobStore::WritePart(const PartRow& row, const std::string& by
   // The key is checked first, so that a repeated result does not touch the disk.
   const absl::StatusOr<std::optional<PartRow>> existing = FindPart(row.key);
   if (!existing.ok()) return existing.status();
-  if (existing->has_value()) return absl::AlreadyExistsError("the part is there already");
+  if (existing->has_value()) return absl::AlreadyExistsError("the part already exists");
   if (absl::Status s = MakeDirectories(FrameDirectory(row.key.frame)); !s.ok()) return s;
   const std::string path = PartPath(row);
   const auto write = durability_ == Durability::kPowerLoss ? &WriteFileAtomically : &WriteFileOnce;
@@ -155,7 +155,8 @@ absl::StatusOr<std::string> SqliteJobStore::ReadPart(const PartRow& row) {
   absl::StatusOr<std::string> bytes = ReadWholeFile(path, row.digest.size_bytes + 1);
   if (!bytes.ok()) return bytes;
   if (bytes->size() != row.digest.size_bytes || Sha256Hex(*bytes) != row.digest.sha256_hex) {
-    return absl::DataLossError(path + ": the bytes do not have the digest they were stored under");
+    return absl::DataLossError(path +
+                               ": the bytes do not match the digest under which they were stored");
   }
   return bytes;
 }

@@ -141,7 +141,7 @@ absl::Status MigrateSchema(SqliteDatabase* database, const std::string& path) {
   if (version > kSchemaVersion) {
     return absl::FailedPreconditionError(
         absl::StrCat(path, ": written by a later version of Sheaf (schema ", version,
-                     ", this one knows ", kSchemaVersion, ")"));
+                     ", this version supports up to ", kSchemaVersion, ")"));
   }
   if (version == kSchemaVersion) return absl::OkStatus();
   std::string statements = absl::StrCat("BEGIN;", version == 0 ? kSchema : "");

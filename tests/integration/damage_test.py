@@ -172,7 +172,7 @@ class DamageTest(unittest.TestCase):
                 spoil(delivered[0])
                 said = f.sheaf("watch", job, "-o", f.path("spoilt.exr"), check=False)
                 self.assertNotEqual(said.returncode, 0)
-                self.assertIn("made again", said.stderr)
+                self.assertIn("being recreated", said.stderr)
                 self.assertEqual(self.picture(f, job), self.expected)
                 self.assertEqual(farm.read_bytes(delivered[0]), whole, "to the bit")
             self.assertEqual(f.metrics()["sheaf_pictures_damaged_total"], 2)

@@ -145,7 +145,7 @@ class ResumeTest(unittest.TestCase):
         self.assertIn("another crop", refused("--samples", 128))
         self.assertIn("cryptomattes cannot",
                       refused(*WINDOW, "--samples", 128, "--cryptomatte", "object"))
-        self.assertIn("picture", refused("--samples", 128, scene=OTHER))
+        self.assertIn("from the image", refused("--samples", 128, scene=OTHER))
         done = subprocess.run(
             [os.path.join(farm.programs(), "sheaf"), "quote", OTHER, "--here", "--resume-from",
              self.path("first.exr")], capture_output=True, text=True,

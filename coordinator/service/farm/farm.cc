@@ -244,15 +244,15 @@ void Farm::NoteDisk(const absl::Status& status) {
   disk_status_ = status;
   if (!changed) return;
   if (status.ok()) {
-    LogInfo("the state directory takes writes again");
+    LogInfo("the state directory is writable again");
   } else {
-    LogError(absl::StrCat(WhyWritesWait(), "; results are not acknowledged until it does"));
+    LogError(absl::StrCat(WhyWritesWait(), "; results are not acknowledged until it is"));
   }
   Changed();  // What jobs wait for.
 }
 
 std::string Farm::WhyWritesWait() const {
-  return absl::StrCat("the coordinator's state directory takes no writes: ",
+  return absl::StrCat("the coordinator's state directory is not writable: ",
                       disk_status_.message());
 }
 
@@ -422,7 +422,7 @@ absl::StatusOr<std::string> Farm::FindOutput(uint64_t job_id, int32_t frame_numb
     const FrameRecord* frame = scheduler_.FindFrame({job_id, frame_number});
     if (frame == nullptr) return absl::NotFoundError(name + ": there is no such frame");
     if (frame->phase != FrameRecord::Phase::kDelivered) {
-      return absl::FailedPreconditionError(name + ": the picture is not complete yet");
+      return absl::FailedPreconditionError(name + ": the image is not complete yet");
     }
   }
   const absl::StatusOr<std::string> path = store_->OutputPath({job_id, frame_number});

@@ -17,8 +17,8 @@ absl::Status RequireUnfinished(const JobRecord& job, const char* action) {
   const char* const state = job.phase == JobPhase::kSucceeded ? "has succeeded"
                             : job.phase == JobPhase::kFailed  ? "has failed"
                                                               : "was cancelled";
-  return absl::FailedPreconditionError(absl::StrCat(
-      "jobs/", job.spec.job_id, " ", state, "; only a job that is not finished can ", action));
+  return absl::FailedPreconditionError(
+      absl::StrCat("jobs/", job.spec.job_id, " ", state, "; only an unfinished job can ", action));
 }
 
 }  // namespace
@@ -42,7 +42,7 @@ void Farm::CancelForgottenPilots() {
     if (absl::FromChrono(now - asked) > options_.limits.pilot_unasked_max) forgotten.push_back(id);
   }
   for (const uint64_t id : forgotten) {
-    LogInfo(absl::StrCat("job ", id, ": nobody waits for this pilot"));
+    LogInfo(absl::StrCat("job ", id, ": no client waits for this pilot"));
     scheduler_.EndJob(id, JobPhase::kCancelled, "");
   }
 }
@@ -87,7 +87,7 @@ absl::Status Farm::SetPaused(uint64_t job_id, bool paused) {
       scheduler_.Resume(job_id, SteadyTime::Now());
     }
   }
-  LogInfo(absl::StrCat("job ", job_id, paused ? " is paused" : " goes on"));
+  LogInfo(absl::StrCat("job ", job_id, paused ? " is paused" : " is resumed"));
   Changed();
   return absl::OkStatus();
 }
@@ -102,7 +102,7 @@ absl::Status Farm::SetJobPriority(uint64_t job_id, int32_t priority) {
     const absl::StatusOr<const JobRecord*> job = FindRecord(job_id);
     if (!job.ok()) return job.status();
     if (absl::Status status = scheduler_.CheckPriority(priority); !status.ok()) return status;
-    absl::Status live = RequireUnfinished(**job, "get a priority");
+    absl::Status live = RequireUnfinished(**job, "change its priority");
     if (!live.ok()) return live;
     if ((*job)->spec.priority == priority) return absl::OkStatus();
   }

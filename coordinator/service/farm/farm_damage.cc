@@ -28,8 +28,8 @@ std::string PictureName(const FrameId& id) {
 std::string Farm::LostFileOf(const BlobDigest& scene) const {
   const auto text = [](const std::string& file, const BlobDigest& blob) {
     return absl::StrCat(file, " (blob ", blob.sha256_hex,
-                        ") is damaged or lost in the coordinator's store: submit the scene again, "
-                        "and this job goes on");
+                        ") is damaged or lost in the coordinator's store; submit the scene again "
+                        "to continue this job");
   };
   if (lost_blobs_.contains(scene.sha256_hex)) return text("the list of the scene's files", scene);
   const absl::StatusOr<std::string> bytes = blobs_->ReadChunk(scene, 0, kManifestBytesMax);
@@ -110,13 +110,13 @@ absl::Status Farm::CheckPicture(const FrameId& id, const std::string& path) cons
     const std::lock_guard lock(mutex_);
     if (damaged_pictures_.insert(id).second) {
       ++pictures_damaged_;
-      LogError(absl::StrCat(PictureName(id), ": the delivered picture is ",
-                            state ? "damaged" : "gone", "; it is made again"));
+      LogError(absl::StrCat(PictureName(id), ": the delivered image is ",
+                            state ? "damaged" : "gone", "; it is being recreated"));
     }
   }
   return absl::FailedPreconditionError(
-      absl::StrCat(PictureName(id), ": the delivered picture was ", state ? "damaged" : "removed",
-                   " on the coordinator's disk, and is made again: ask again in a while"));
+      absl::StrCat(PictureName(id), ": the delivered image was ", state ? "damaged" : "removed",
+                   " on the coordinator's disk and is being recreated; try again later"));
 }
 
 void Farm::HealPictures() {
@@ -133,7 +133,7 @@ void Farm::HealPictures() {
         damaged[it->job_id].insert(it->frame_number);
       } else {
         LogError(
-            absl::StrCat(PictureName(*it), ": is not made again, for its job did not succeed"));
+            absl::StrCat(PictureName(*it), ": is not recreated, because its job did not succeed"));
       }
       it = damaged_pictures_.erase(it);
     }
@@ -141,7 +141,7 @@ void Farm::HealPictures() {
   for (const auto& [job_id, numbers] : damaged) {
     const absl::Status status = RemakeFrames(job_id, numbers);
     if (status.ok()) continue;
-    LogError(absl::StrCat("making pictures of jobs/", job_id, " again: ", status.message()));
+    LogError(absl::StrCat("recreating images of jobs/", job_id, ": ", status.message()));
     const std::lock_guard lock(mutex_);
     for (const int32_t number : numbers) damaged_pictures_.insert({job_id, number});
   }

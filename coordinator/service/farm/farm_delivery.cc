@@ -194,7 +194,8 @@ double Farm::PriceOfErrorBars(const FrameId& id, const FrameSpec& spec) const {
   if (spec.stop.IsActive() || spec.settings.one_sequence) return 0;
   const absl::StatusOr<std::vector<RoundRecord>> points = store_->LoadFrameRounds(id);
   if (points.ok()) return OneSequenceGain(*points);
-  LogWarning(absl::StrCat("reading the points of a frame's curve: ", points.status().message()));
+  LogWarning(
+      absl::StrCat("reading the points of a frame's error curve: ", points.status().message()));
   return 0;
 }
 
@@ -288,7 +289,7 @@ absl::Status Farm::DeliverFrame(const FrameId& id) {
     NoteEndedJobs();
     open_frames_.erase(id);
   }
-  LogInfo(absl::StrCat("job ", id.job_id, ": frame ", id.frame_number, " is delivered, picture ",
+  LogInfo(absl::StrCat("job ", id.job_id, ": frame ", id.frame_number, " is delivered, image ",
                        delivered.picture_digest.substr(0, 12)));
   LimitKeptParts();
   SettleEndedJobs();

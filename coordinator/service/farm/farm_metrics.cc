@@ -22,22 +22,22 @@ constexpr CounterName kCounterNames[] = {
     {"synchronize_calls", "Synchronize calls of workers.", &Counters::synchronize_calls},
     {"leases_granted", "Leases granted, hedges included.", &Counters::leases_granted},
     {"leases_hedged", "Leases of a task that another worker holds.", &Counters::leases_hedged},
-    {"lease_expired", "Leases of workers that fell silent.", &Counters::leases_expired},
-    {"lease_cancelled", "Leases whose work is done or not wanted any more.",
+    {"lease_expired", "Leases of workers that stopped responding.", &Counters::leases_expired},
+    {"lease_cancelled", "Leases whose work is done or no longer wanted.",
      &Counters::leases_cancelled},
     {"results_accepted", "Results that are durable and merged.", &Counters::results_accepted},
-    {"duplicate_equal", "Results that were there already, equal to the bit.",
+    {"duplicate_equal", "Duplicate results with identical bits.",
      &Counters::results_duplicate_equal},
-    {"duplicate_mismatch", "Results that were there already with other bits: a broken worker.",
+    {"duplicate_mismatch", "Duplicate results with different bits, from a broken worker.",
      &Counters::results_duplicate_mismatch},
-    {"superseded", "Results that came when they were not needed.", &Counters::results_superseded},
+    {"superseded", "Results that were no longer needed.", &Counters::results_superseded},
     {"results_late", "Results accepted after their lease had ended.", &Counters::results_late},
-    {"results_invalid", "Results that are no part of their key.", &Counters::results_invalid},
+    {"results_invalid", "Results that do not match their key.", &Counters::results_invalid},
     {"parts_revoked", "Parts that were lost on disk and rendered again.", &Counters::parts_revoked},
-    {"workers_lost", "Workers that fell silent without having said that they stop.",
+    {"workers_lost", "Workers that stopped responding without announcing a stop.",
      &Counters::workers_lost},
     {"workers_quarantined", "Workers that were excluded.", &Counters::workers_quarantined},
-    {"tasks_poisoned", "Tasks that failed for good.", &Counters::tasks_poisoned},
+    {"tasks_poisoned", "Tasks that failed permanently.", &Counters::tasks_poisoned},
     {"samples_accepted", "Pixel samples of accepted results.", &Counters::samples_accepted},
     {"rays_accepted", "Rays of accepted results.", &Counters::rays_accepted},
     {"nonfinite_samples", "Samples that were not finite; anything but 0 is a defect.",
@@ -68,9 +68,10 @@ constexpr JobMetric kJobMetrics[] = {
      [](const JobCurve& curve) { return curve.part_bytes; }},
     {"job_relative_mse", "The largest relMSE of a live job's frames, at their last rounds.",
      [](const JobCurve& curve) { return curve.relative_mse; }},
-    {"job_relative_mse_predicted", "The largest relMSE foretold for the next rounds of a live job.",
+    {"job_relative_mse_predicted",
+     "The largest relMSE predicted for the next rounds of a live job.",
      [](const JobCurve& curve) { return curve.predicted_relative_mse; }},
-    {"job_prediction_ratio", "relMSE over what was foretold, mean over a live job's rounds.",
+    {"job_prediction_ratio", "Measured over predicted relMSE, mean over a live job's rounds.",
      [](const JobCurve& curve) {
        return curve.prediction_count == 0 ? 0 : curve.ratio_sum / curve.prediction_count;
      }},
@@ -113,7 +114,7 @@ std::vector<MetricView> Farm::Metrics() const {
                        static_cast<double>(counters.*counter.value)});
   }
   for (int kind = 0; kind < kFailureKindCount; ++kind) {
-    metrics.push_back({"sheaf_lease_failures_total", "Leases that came to nothing, by class.",
+    metrics.push_back({"sheaf_lease_failures_total", "Failed leases, by class.",
                        MetricView::Kind::kCounter, "kind",
                        FailureKindName(static_cast<FailureKind>(kind)),
                        static_cast<double>(counters.failures[static_cast<size_t>(kind)])});
@@ -138,7 +139,7 @@ std::vector<MetricView> Farm::Metrics() const {
     }
   }
   metrics.push_back({"sheaf_pictures_damaged_total",
-                     "Delivered EXRs that were altered or removed on disk: made again.",
+                     "Delivered EXRs that were altered or removed on disk and are recreated.",
                      MetricView::Kind::kCounter, "", "", static_cast<double>(pictures_damaged_)});
   metrics.push_back(Gauge("leases_held", "Leases that workers hold now.",
                           static_cast<double>(scheduler_.leases().size())));

@@ -21,7 +21,7 @@ std::string Name(const FrameId& id) {
 }
 
 absl::Status NoSamplesYet(const FrameId& id) {
-  return absl::UnavailableError(absl::StrCat(Name(id), ": no sample is there yet"));
+  return absl::UnavailableError(absl::StrCat(Name(id), ": has no samples yet"));
 }
 
 // The wanted channels of a developed picture. Full planes of the others are most of it.
@@ -35,7 +35,7 @@ absl::StatusOr<FramePicture> CopyChannels(const FramePicture& picture,
   for (const std::string& channel : channels) {
     const std::vector<float>* plane = picture.Find(channel);
     if (plane == nullptr) {
-      return absl::InternalError(absl::StrCat("the picture has no channel ", channel));
+      return absl::InternalError(absl::StrCat("the image has no channel ", channel));
     }
     copy.channel_names.push_back(channel);
     copy.planes.push_back(*plane);
@@ -71,7 +71,7 @@ absl::StatusOr<FramePicture> Farm::CpuPicture(const ShownFrame& shown) const {
   const absl::StatusOr<std::vector<JobStore::TileCost>> costs = store_->TileCosts(shown.id);
   if (!costs.ok()) return costs.status();
   if (costs->empty()) {
-    return absl::UnavailableError(absl::StrCat(Name(shown.id), ": no part of it is kept"));
+    return absl::UnavailableError(absl::StrCat(Name(shown.id), ": none of its parts is kept"));
   }
   const PixelRect& window = shown.window;
   FramePicture picture;
@@ -166,7 +166,7 @@ void Farm::KeepThumbnail(const FrameId& id, const FramePicture& picture) const {
     const absl::StatusOr<std::string> path = ThumbnailPath(id);
     status = path.ok() ? WritePicture(*small, *path) : path.status();
   }
-  if (!status.ok()) LogWarning(absl::StrCat("keeping a thumbnail: ", status.message()));
+  if (!status.ok()) LogWarning(absl::StrCat("storing a thumbnail: ", status.message()));
 }
 
 }  // namespace sheaf::coordinator

@@ -16,12 +16,12 @@ namespace {
 absl::Status CheckTargets(const std::vector<double>& target_errors) {
   if (target_errors.empty() || target_errors.size() > kPricedTargetsMax) {
     return absl::InvalidArgumentError(absl::StrCat("target_error: ", target_errors.size(),
-                                                   " are outside 1 to ", kPricedTargetsMax));
+                                                   " values, not 1 to ", kPricedTargetsMax));
   }
   for (const double target : target_errors) {
     if (target > 0 && target <= kTargetErrorMax) continue;
     return absl::InvalidArgumentError(
-        absl::StrCat("target_error: ", target, " is not above 0 and up to ", kTargetErrorMax));
+        absl::StrCat("target_error: ", target, " is not above 0 and at most ", kTargetErrorMax));
   }
   return absl::OkStatus();
 }

@@ -77,10 +77,10 @@ absl::Status Farm::CheckRefinement(const JobRecord& job, const Refinement& refin
     const uint64_t samples = frame.settings().samples;
     if (frame.stop().IsActive()) {
       if (refinement.stop.IsActive()) continue;
-      return absl::InvalidArgumentError(absl::StrCat(
-          name,
-          " has as many samples as each tile needed; refine it by an error, a time or a "
-          "budget, not by a number of samples alone"));
+      return absl::InvalidArgumentError(
+          absl::StrCat(name,
+                       " was sampled adaptively; refine it by an error, a time or a budget, not by "
+                       "a number of samples alone"));
     }
     if (refinement.samples != 0 && refinement.samples < samples) {
       return absl::InvalidArgumentError(
@@ -169,7 +169,7 @@ absl::Status Farm::ReopenFrames(StoredJob job,
   account.delivered.clear();
   account.rounds.clear();
   scheduler_.RemoveJob(job_id);
-  LogInfo(absl::StrCat("job ", job_id, ": goes on, ", reopened.size(),
+  LogInfo(absl::StrCat("job ", job_id, ": continues, ", reopened.size(),
                        reopened.size() == 1 ? " frame" : " frames"));
   absl::Status restored = RestoreJob(job, &*parts, *resumed);
   account.wall_before = std::move(wall_before);

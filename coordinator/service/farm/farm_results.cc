@@ -31,19 +31,20 @@ uint64_t NonfiniteCount(const FilmTile& part) {
 // Decodes a part and compares what it says of itself with its key. Empty text: it fits.
 std::string WhyNotPartOf(const ResultReport& report, const std::string& numeric_profile,
                          const FrameSettings& settings, const DecodedPart& part) {
-  if (part.header.frame_digest != report.frame_digest) return "the part is of another frame";
+  if (part.header.frame_digest != report.frame_digest) return "the part belongs to another frame";
   if (part.header.numeric_profile != numeric_profile) {
-    return absl::StrCat("the part was rendered by numeric profile \"", part.header.numeric_profile,
-                        "\", the job wants \"", numeric_profile, "\"");
+    return absl::StrCat("the part was rendered with numeric profile \"",
+                        part.header.numeric_profile, "\", but the job needs \"", numeric_profile,
+                        "\"");
   }
-  if (!(part.tile.rect() == report.tile)) return "the part is of another tile";
-  if (!(part.tile.block() == report.block)) return "the part is of other samples";
-  if (part.header.cells != report.cells) return "the part is of other cells";
+  if (!(part.tile.rect() == report.tile)) return "the part belongs to another tile";
+  if (!(part.tile.block() == report.block)) return "the part has other samples than its task";
+  if (part.header.cells != report.cells) return "the part has other cells than its task";
   if (!(part.tile.outputs() == settings.outputs)) {
-    return "the part has other outputs than the job wants";
+    return "the part has other outputs than the job";
   }
   if (part.header.lattice != settings.lattice) {
-    return "the part has other pixels than the job wants";
+    return "the part has other pixels than the job";
   }
   return "";
 }
@@ -75,7 +76,7 @@ class Farm::TileReservation {
 absl::StatusOr<ResultOutcome> Farm::AddResult(const ResultReport& report,
                                               const std::string& bytes) {
   if (bytes.size() != report.digest.size_bytes || Sha256Hex(bytes) != report.digest.sha256_hex) {
-    return RejectResult(report, "the bytes do not have the digest they came with");
+    return RejectResult(report, "the bytes do not match their digest");
   }
   const TileReservation reservation(this, {report.frame_digest, {report.tile.y0, report.tile.x0}});
   Scheduler::FoundTask found;

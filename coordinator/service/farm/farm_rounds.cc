@@ -101,7 +101,7 @@ absl::StatusOr<bool> Farm::FinishRound(OpenFrame* frame, const FrameId& id) {
       "job %d: frame %d, round %d: relMSE %.2e, at most %.2e%s", id.job_id, id.frame_number,
       record.round, record.relative_mse, record.relative_mse_upper,
       ended ? absl::StrCat("; ended by ", StopReasonName(record.stop_reason))
-            : absl::StrFormat("; the next shall have %.2e", record.predicted_relative_mse)));
+            : absl::StrFormat("; %.2e predicted for the next", record.predicted_relative_mse)));
   const std::lock_guard lock(mutex_);
   const std::vector<RoundRecord>& rounds = AddRound(id, std::move(record));
   if (ended) return true;
@@ -114,7 +114,7 @@ absl::StatusOr<bool> Farm::FinishRound(OpenFrame* frame, const FrameId& id) {
 
 void Farm::KeepPreview(const OpenFrame& frame, const FrameId& id, int32_t round) {
   const absl::Status kept = round_previews_->Keep(id, round, frame.merge.picture());
-  if (!kept.ok()) LogWarning(absl::StrCat("keeping a round's picture: ", kept.message()));
+  if (!kept.ok()) LogWarning(absl::StrCat("storing a round's image: ", kept.message()));
 }
 
 const std::vector<RoundRecord>& Farm::AddRound(const FrameId& id, RoundRecord record) {
@@ -158,7 +158,7 @@ void Farm::NotePoint(OpenFrame* frame, const FrameId& id, bool ended) {
   const absl::Status stored = store_->AddRound(id, record);
   NoteDisk(stored);
   if (!stored.ok()) {
-    LogWarning(absl::StrCat("noting a point of a frame's curve: ", stored.message()));
+    LogWarning(absl::StrCat("storing a point of a frame's error curve: ", stored.message()));
     return;
   }
   if (!ended) KeepPreview(*frame, id, record.round);

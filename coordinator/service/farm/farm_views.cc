@@ -171,7 +171,7 @@ JobView Farm::ViewOf(const JobRecord& job, bool with_frames, SteadyTime now) con
   view.failure = job.failure;
   view.waiting_reason = scheduler_.WaitingReason(job);
   if (job.phase == JobPhase::kLive && !disk_status_.ok()) {
-    view.waiting_reason = absl::StrCat(WhyWritesWait(), "; results wait with their workers");
+    view.waiting_reason = absl::StrCat(WhyWritesWait(), "; workers keep their results until it is");
   }
   view.create_time = account.create_time;
   view.end_time = account.end_time;

@@ -36,9 +36,9 @@ absl::Status WriteAll(v1::WriteBlobRequest* message,
   } while (reader->Read(message));
   if (writer->committed_bytes() == digest.size_bytes) return writer->Commit();
   if (absl::Status status = writer->Flush(); !status.ok()) return status;
-  return absl::InvalidArgumentError(absl::StrCat("blob ", digest.sha256_hex, ": ",
-                                                 writer->committed_bytes(), " of ",
-                                                 digest.size_bytes, " bytes came; resume there"));
+  return absl::InvalidArgumentError(
+      absl::StrCat("blob ", digest.sha256_hex, ": ", writer->committed_bytes(), " of ",
+                   digest.size_bytes, " bytes were received; resume there"));
 }
 
 // Answers an upload after reading what its sender still writes.
@@ -118,10 +118,11 @@ grpc::Status ContentService::ReadBlob(grpc::ServerContext* context,
     if (chunk->empty()) {
       if (!whole || hash.FinishHex() == digest->sha256_hex) break;
       const absl::Status verified = blobs_->Verify(*digest);
-      return ToGrpcStatus(!verified.ok() ? verified
-                                         : absl::UnavailableError(absl::StrCat(
-                                               "blob ", digest->sha256_hex,
-                                               ": was read with other bytes; read it again")));
+      return ToGrpcStatus(!verified.ok()
+                              ? verified
+                              : absl::UnavailableError(absl::StrCat(
+                                    "blob ", digest->sha256_hex,
+                                    ": the bytes read do not match its digest; read it again")));
     }
     if (whole) hash.Update(*chunk);
     v1::ReadBlobResponse response;

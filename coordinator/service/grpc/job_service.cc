@@ -56,9 +56,9 @@ absl::Status JobService::RequireBlobs(const JobSpec& spec) const {
   for (const FrameSpec& frame : spec.frames) {
     if (!frame.resumed.sha256_hex.empty()) {
       if (absl::Status status = farm_->blobs().PathOf(frame.resumed).status(); !status.ok()) {
-        return absl::FailedPreconditionError(
-            absl::StrCat("the picture that frame ", frame.frame_number,
-                         " goes on from is not uploaded: ", status.message()));
+        return absl::FailedPreconditionError(absl::StrCat("the image from which to resume frame ",
+                                                          frame.frame_number,
+                                                          " is not uploaded: ", status.message()));
       }
     }
     if (!checked.insert(frame.scene.sha256_hex).second) continue;
@@ -112,7 +112,7 @@ grpc::Status JobService::ListJobs(grpc::ServerContext* /*context*/,
     view = std::find_if(views.begin(), views.end(),
                         [&](const JobView& candidate) { return candidate.job_id == token; });
     if (view == views.end()) {
-      return ToGrpcStatus(absl::InvalidArgumentError("page_token: not one of this service"));
+      return ToGrpcStatus(absl::InvalidArgumentError("page_token: is not from this service"));
     }
     ++view;
   }
@@ -216,7 +216,7 @@ grpc::Status JobService::WatchJob(grpc::ServerContext* context, const v1::WatchJ
     farm_->WaitForEnd(ends_seen, kWatchIntervalMin);
     farm_->WaitForChange(seen, kWatchIntervalMin);
   }
-  return stopping_ ? ToGrpcStatus(absl::UnavailableError("the coordinator stops"))
+  return stopping_ ? ToGrpcStatus(absl::UnavailableError("the coordinator is stopping"))
                    : grpc::Status::OK;
 }
 
@@ -228,7 +228,7 @@ grpc::Status JobService::ReadFrameOutput(grpc::ServerContext* context,
   const absl::StatusOr<std::string> path = farm_->FindOutput(id->job_id, id->frame_number);
   if (!path.ok()) return ToGrpcStatus(path.status());
   std::ifstream file(*path, std::ios::binary);
-  if (!file) return ToGrpcStatus(absl::DataLossError(*path + ": the delivered picture is gone"));
+  if (!file) return ToGrpcStatus(absl::DataLossError(*path + ": the delivered image is missing"));
   std::string chunk(kStreamChunkBytesMax, '\0');
   while (file && !context->IsCancelled()) {
     file.read(chunk.data(), static_cast<std::streamsize>(chunk.size()));

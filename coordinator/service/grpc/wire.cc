@@ -26,7 +26,7 @@ absl::Status CheckNoControls(const std::string& field, const std::string& text) 
   const size_t at = FindUnprintable(text);
   if (at == std::string::npos) return absl::OkStatus();
   return Invalid(field, absl::StrCat("has a control character at byte ", at, ", \"",
-                                     Printable(text), "\"; leave it out"));
+                                     Printable(text), "\"; remove it"));
 }
 
 absl::Status CheckText(const std::string& field, const std::string& text, size_t bytes_max) {
@@ -318,7 +318,7 @@ absl::StatusOr<WorkerReport> FromWire(const v1::SynchronizeRequest& request) {
   report.lease_count_wanted = request.lease_count_wanted();
   report.draining = request.draining();
   for (const std::string& scene : request.warm_scenes()) {
-    if (!IsSha256Hex(scene)) return Invalid("warm_scenes", "has what is not a SHA-256");
+    if (!IsSha256Hex(scene)) return Invalid("warm_scenes", "has an entry that is not a SHA-256");
     report.warm_scenes.push_back(scene);
   }
   report.scene_memory_bytes = request.scene_memory_bytes();

@@ -37,7 +37,7 @@ class ResultAssembly {
     }
     if (!report_) return absl::InvalidArgumentError("the first message has no header");
     if (bytes_.size() + message.chunk().size() > report_->digest.size_bytes) {
-      return absl::InvalidArgumentError("more bytes than the header's digest names");
+      return absl::InvalidArgumentError("more bytes than the header's digest states");
     }
     bytes_ += message.chunk();
     return absl::OkStatus();
@@ -86,7 +86,8 @@ grpc::Status WorkerService::UploadResults(grpc::ServerContext* context,
     }
   }
   // A stream that broke off may have broken off inside its last result.
-  if (context->IsCancelled()) return ToGrpcStatus(absl::CancelledError("the upload broke off"));
+  if (context->IsCancelled())
+    return ToGrpcStatus(absl::CancelledError("the upload was interrupted"));
   return ToGrpcStatus(assembly.Finish());
 }
 

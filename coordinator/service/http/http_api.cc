@@ -54,7 +54,7 @@ absl::StatusOr<int> PageSize(const HttpRequest& request, int default_size) {
 
 absl::Status UnknownPageToken(const std::string& token) {
   return absl::InvalidArgumentError(
-      absl::StrCat("page_token \"", token, "\" is unknown; begin again without one"));
+      absl::StrCat("page_token \"", token, "\" is unknown; start again without one"));
 }
 
 // A name for a download: letters, digits, dots and hyphens of the title.
@@ -85,22 +85,23 @@ absl::StatusOr<PreviewChoice> ChoiceOf(const HttpRequest& request) {
   const std::optional<PictureLayer> layer = PictureLayerFromName(name);
   if (!layer) {
     return absl::InvalidArgumentError(
-        absl::StrCat("layer \"", name, "\" is none of picture, light, error, samples, time"));
+        absl::StrCat("layer \"", name, "\" is not one of picture, light, error, samples, time"));
   }
   const std::string size = QueryValue(request, "size");
   const bool thumbnail = size == "thumbnail";
   if (!size.empty() && (!thumbnail || *layer != PictureLayer::kPicture)) {
-    return absl::InvalidArgumentError("the only other size is thumbnail, of the picture alone");
+    return absl::InvalidArgumentError("the only other size is thumbnail, for layer picture only");
   }
   PreviewChoice choice{*layer, thumbnail, std::nullopt};
   const std::string round = QueryValue(request, "round");
   if (round.empty()) return choice;
   int32_t number = 0;
   if (!absl::SimpleAtoi(round, &number) || number < 0) {
-    return absl::InvalidArgumentError(absl::StrCat("round \"", round, "\" is no number from 0"));
+    return absl::InvalidArgumentError(
+        absl::StrCat("round \"", round, "\" is not a number of 0 or more"));
   }
   if (thumbnail || *layer == PictureLayer::kTime) {
-    return absl::InvalidArgumentError("rounds have no thumbnails and no times of their own");
+    return absl::InvalidArgumentError("rounds have no thumbnails and no layer \"time\"");
   }
   choice.round = number;
   return choice;
@@ -239,7 +240,7 @@ HttpResponse HttpApi::SetPriority(const HttpRequest& request) const {
   int32_t priority = 0;
   if (!absl::SimpleAtoi(text, &priority)) {
     return HttpErrorFromStatus(
-        absl::InvalidArgumentError(absl::StrCat("value \"", text, "\" is no whole number")));
+        absl::InvalidArgumentError(absl::StrCat("value \"", text, "\" is not an integer")));
   }
   return ChangeJob(request, [&](const std::string& job_id) {
     return actions_.set_job_priority(job_id, priority);
@@ -251,7 +252,7 @@ absl::StatusOr<FrameView> HttpApi::FindFrame(const HttpRequest& request) const {
   const std::string& number_text = request.path_parameters[1];
   int32_t number = 0;
   if (!absl::SimpleAtoi(number_text, &number)) {
-    return absl::InvalidArgumentError(absl::StrCat("\"", number_text, "\" is no frame number"));
+    return absl::InvalidArgumentError(absl::StrCat("\"", number_text, "\" is not a frame number"));
   }
   const absl::StatusOr<JobView> job = farm_.FindJob(job_id);
   if (!job.ok()) return job.status();

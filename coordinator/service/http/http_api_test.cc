@@ -309,7 +309,7 @@ TEST_F(HttpApiTest, PreviewHasLayersWithTheirRanges) {
   EXPECT_EQ(Header(error, "X-Sheaf-Range"), "0.05 0.1");
   const HttpResponse unknown = Send("GET", path + "?layer=depth");
   EXPECT_EQ(unknown.status, 400);
-  EXPECT_THAT(unknown.body, HasSubstr("none of picture, light, error, samples"));
+  EXPECT_THAT(unknown.body, HasSubstr("not one of picture, light, error, samples"));
   EXPECT_EQ(Send("GET", "/api/v1/false-color.png").content_type, "image/png");
 }
 

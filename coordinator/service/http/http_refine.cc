@@ -17,15 +17,15 @@ namespace {
 absl::StatusOr<double> TargetError(absl::string_view text) {
   double target = 0;
   if (absl::SimpleAtod(text, &target) && target > 0 && target <= kTargetErrorMax) return target;
-  return absl::InvalidArgumentError(
-      absl::StrCat("target_error \"", text, "\" is no number above 0 and up to ", kTargetErrorMax));
+  return absl::InvalidArgumentError(absl::StrCat(
+      "target_error \"", text, "\" is not a number above 0 and at most ", kTargetErrorMax));
 }
 
 absl::StatusOr<Refinement> RefinementOf(const HttpRequest& request) {
   const std::string target = QueryValue(request, "target_error");
   const std::string samples = QueryValue(request, "samples");
   if (target.empty() && samples.empty()) {
-    return absl::InvalidArgumentError("say how far: target_error=E, samples=N or both");
+    return absl::InvalidArgumentError("a refinement needs target_error=E, samples=N or both");
   }
   Refinement refinement;
   if (!target.empty()) {
@@ -36,7 +36,7 @@ absl::StatusOr<Refinement> RefinementOf(const HttpRequest& request) {
   if (!samples.empty() &&
       (!absl::SimpleAtoi(samples, &refinement.samples) || refinement.samples == 0)) {
     return absl::InvalidArgumentError(
-        absl::StrCat("samples \"", samples, "\" is no whole number above 0"));
+        absl::StrCat("samples \"", samples, "\" is not an integer above 0"));
   }
   return refinement;
 }

@@ -154,7 +154,7 @@ HttpResponse HttpRouter::Route(HttpRequest request) const {
     return HttpError(405, "UNIMPLEMENTED",
                      absl::StrCat(request.method, " is not a method of ", path));
   }
-  return HttpError(404, "NOT_FOUND", absl::StrCat("nothing is at ", path));
+  return HttpError(404, "NOT_FOUND", absl::StrCat("no page or resource at ", path));
 }
 
 }  // namespace sheaf::coordinator

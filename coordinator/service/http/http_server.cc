@@ -156,7 +156,7 @@ absl::Status HttpServer::Impl::Listen() {
   const asio::ip::address address = asio::ip::make_address(options_.address, error);
   if (error) {
     return absl::InvalidArgumentError(
-        absl::StrCat("HTTP address \"", options_.address, "\" is no address in numbers"));
+        absl::StrCat("HTTP address \"", options_.address, "\" is not a numeric IP address"));
   }
   if (!address.is_loopback() && !options_.allow_remote) {
     return absl::FailedPreconditionError(
@@ -170,9 +170,9 @@ absl::Status HttpServer::Impl::Listen() {
   if (!error) acceptor_.bind(endpoint, error);
   if (!error) acceptor_.listen(asio::socket_base::max_listen_connections, error);
   if (error) {
-    return absl::UnavailableError(absl::StrCat("cannot listen for HTTP on ", options_.address, ":",
-                                               options_.port, ": ", error.message(),
-                                               "; choose another port, or stop what uses it"));
+    return absl::UnavailableError(
+        absl::StrCat("cannot listen for HTTP on ", options_.address, ":", options_.port, ": ",
+                     error.message(), "; choose another port, or stop the program that uses it"));
   }
   port_ = acceptor_.local_endpoint(error).port();
   return absl::OkStatus();
@@ -327,7 +327,7 @@ asio::awaitable<bool> HttpServer::Impl::SendFile(beast::tcp_stream* stream, Http
   message.body().open(response.file_path.c_str(), beast::file_mode::scan, error);
   if (error) {
     LogWarning(absl::StrCat(response.file_path, ": cannot be read: ", error.message()));
-    HttpResponse missing = HttpError(404, "NOT_FOUND", "the file is not there any more");
+    HttpResponse missing = HttpError(404, "NOT_FOUND", "the file no longer exists");
     co_return co_await Send(stream, std::move(missing), keep_alive, false);
   }
   SetHead(response, keep_alive, &message);

@@ -258,7 +258,7 @@ absl::StatusOr<DisplayPicture> MakeDisplayPicture(const FramePicture& picture, P
   for (const std::string& channel : ChannelsOf(layer)) {
     source.planes.push_back(picture.Find(channel));
     if (source.planes.back() == nullptr) {
-      return absl::InternalError(absl::StrCat("the picture has no channel ", channel));
+      return absl::InternalError(absl::StrCat("the image has no channel ", channel));
     }
   }
   source.width_px = picture.window.Width();

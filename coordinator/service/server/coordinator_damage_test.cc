@@ -130,7 +130,7 @@ TEST_F(DamageTest, ADeliveredPictureThatWasAlteredIsMadeAgainFromItsParts) {
   Alter(path);
   const absl::Status status = server_->farm().FindOutput(1, 1).status();
   EXPECT_EQ(status.code(), absl::StatusCode::kFailedPrecondition);
-  EXPECT_THAT(std::string(status.message()), HasSubstr("made again"));
+  EXPECT_THAT(std::string(status.message()), HasSubstr("being recreated"));
   EXPECT_EQ(Remade(), ExpectedDigest(64));
   EXPECT_EQ(Counter("sheaf_results_accepted_total"), accepted) << "its parts are there";
   EXPECT_EQ(Counter("sheaf_pictures_damaged_total"), 1);

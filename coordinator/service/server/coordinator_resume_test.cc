@@ -153,7 +153,7 @@ TEST_F(CoordinatorResumeTest, TargetsCountWhatThePictureHas) {
 TEST_F(CoordinatorResumeTest, WhatDoesNotFitIsRefused) {
   Start();
   const std::string first = Deliver(Request(32));
-  EXPECT_THAT(WhyNot(GoOn(first, 16, "few")), HasSubstr("has 32 samples in a pixel already"));
+  EXPECT_THAT(WhyNot(GoOn(first, 16, "few")), HasSubstr("has 32 samples per pixel already"));
   v1::CreateJobRequest request = GoOn(first, 64, "scene");
   *request.mutable_frames(0)->mutable_scene() = PutScene("another scene");
   EXPECT_THAT(WhyNot(request), HasSubstr("from another scene"));
@@ -166,7 +166,7 @@ TEST_F(CoordinatorResumeTest, WhatDoesNotFitIsRefused) {
   request = GoOn(first, 64, "settings");
   request.mutable_frames(0)->mutable_settings()->set_one_sequence(true);
   EXPECT_THAT(WhyNot(request), HasSubstr("with other settings"));
-  EXPECT_THAT(WhyNot(GoOn("no picture", 64, "none")), HasSubstr("cannot go on from the picture"));
+  EXPECT_THAT(WhyNot(GoOn("no picture", 64, "none")), HasSubstr("cannot continue from the image"));
   FramePicture changed = *DecodePicture(first);
   changed.planes[0][5] *= 2;
   EXPECT_THAT(WhyNot(GoOn(EncodePicture(changed), 64, "changed")), HasSubstr("were changed"));

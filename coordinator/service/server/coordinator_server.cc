@@ -20,8 +20,9 @@ namespace {
 constexpr absl::Duration kStopGrace = absl::Seconds(2);
 
 absl::Status PortTaken(const std::string& address) {
-  return absl::UnavailableError(absl::StrCat(
-      "cannot listen on ", address, ": the port is taken or the address is not of this machine"));
+  return absl::UnavailableError(
+      absl::StrCat("cannot listen on ", address,
+                   ": the port is in use or the address does not belong to this machine"));
 }
 
 // What people do to the farm through the page.

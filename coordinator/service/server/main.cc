@@ -41,36 +41,37 @@ void AddOptions(CommandLine* line, CLI::App* app) {
   line->server.listen_address = kCoordinatorAddress;
   line->server.http_address = "127.0.0.1:7480";
   app->add_option("--listen", line->server.listen_address,
-                  "Where gRPC listens; port 0: any free one")
+                  "Address on which gRPC listens; port 0: any free port")
       ->capture_default_str();
   app->add_option("--http", line->server.http_address,
-                  "Where the web page, JSON and metrics listen; \"\": nowhere")
+                  "Address of the web page, JSON and metrics; \"\": none")
       ->capture_default_str();
   app->add_option("--allow-host", line->server.allowed_hosts,
-                  "A name under which browsers reach the page, beside localhost and addresses; "
+                  "A name under which browsers reach the page, besides localhost and addresses; "
                   "repeat it for more. Requests for other names are refused (DNS rebinding)")
       ->type_name("NAME")
       ->allow_extra_args(false);
-  app->add_option("--state-dir", farm.state_directory, "Jobs, parts, scenes and pictures")
+  app->add_option("--state-dir", farm.state_directory,
+                  "Directory of jobs, parts, scenes and images")
       ->capture_default_str();
   app->add_option("--lease-seconds", line->lease_seconds,
-                  "A worker silent for longer is lost; its work goes to others")
+                  "A worker that is silent for longer counts as lost; its work goes to others")
       ->check(CLI::Range(0.5, 86400.0))
       ->capture_default_str();
   app->add_option("--merge-bytes", farm.merge_bytes_max, "Memory for unfinished tiles")
       ->capture_default_str();
   app->add_option("--kept-parts-max", farm.kept_parts_bytes_max,
-                  "Disk for parts, e.g. 20G: those of delivered frames are kept for sheaf refine "
-                  "within it, the oldest go first")
+                  "Disk space for parts, e.g. 20G: parts of delivered frames are kept within it "
+                  "for sheaf refine; the oldest are deleted first")
       ->transform(CLI::AsSizeValue(false))
       ->capture_default_str();
   app->add_option("--round-previews-max", farm.round_previews_bytes_max,
-                  "Disk for small pictures of the ends of rounds, e.g. 2G; the oldest go first, "
-                  "0 keeps none")
+                  "Disk space for small images of the ends of rounds, e.g. 2G; the oldest are "
+                  "deleted first, 0 keeps none")
       ->transform(CLI::AsSizeValue(false))
       ->capture_default_str();
   app->add_flag("--insecure-allow-remote", line->server.insecure_remote_allowed,
-                "Listen, without encryption, where other machines can connect");
+                "Listen without encryption on addresses that other machines can reach");
   app->add_option("--log-level", line->log_level, "debug, info, warning, error or off")
       ->check(CLI::IsMember({"debug", "info", "warning", "error", "off"}))
       ->capture_default_str();
@@ -119,7 +120,7 @@ int Serve(const CommandLine& line) {
 int Main(int argc, char** argv) {
   CommandLine line;
   CLI::App app(
-      "Sheaf's coordinator: cuts frames into tasks, leases them to workers, merges results.",
+      "Sheaf's coordinator: divides frames into tasks, leases them to workers, merges results.",
       "sheaf-coordinator");
   AddOptions(&line, &app);
   app.footer("Example:\n  sheaf-coordinator --state-dir /var/lib/sheaf --listen 127.0.0.1:7400");

@@ -126,7 +126,8 @@ absl::StatusOr<v1::UploadResultsResponse::Outcome> SyntheticWorker::Send(
   writer->WritesDone();
   const grpc::Status status = writer->Finish();
   if (!status.ok()) return FromGrpcStatus(status);
-  if (response.outcomes_size() != 1) return absl::InternalError("not one outcome for one result");
+  if (response.outcomes_size() != 1)
+    return absl::InternalError("expected one outcome for one result");
   return response.outcomes(0);
 }
 
