@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Hard cases of light transport, by the names of the catalogue (A1, A2, A4, A5, L8, M5, R6,
-// R7, C2).
+// Hard cases of light transport, by the names of the catalogue (A1 to A5, L7, L8, M5, R6 to
+// R8, C2).
 #include <array>
 #include <cmath>
 #include <limits>
@@ -11,6 +11,8 @@
 #include <vector>
 
 #include "gtest/gtest.h"
+#include "tests/support/hard_case.h"
+#include "tests/support/naive_materials.h"
 #include "tests/support/test_scene.h"
 #include "worker/render/sampling/filter.h"
 #include "worker/render/sampling/mis.h"
@@ -120,6 +122,45 @@ std::array<double, 6> EvenRadiosities() {
   return radiosity;
 }
 
+// A3: what reflects and transmits everything cannot be seen under an even sky: a white corner, an
+// open bowl, glass and a perfect mirror that light each other. Rough ones get back what single
+// scattering loses, to the half percent of their tables, at each of some bounces.
+TEST(TransportStability, A3LosslessThingsCannotBeSeen) {
+  for (const float roughness : {0.0f, 0.3f}) {
+    SCOPED_TRACE(roughness);
+    TestScene t({2.4, 2, 2.2}, {0.5, 0.5, 0.5}, 45);
+    t.ConstantEnvironment(Rgb::Grey(1));
+    const int32_t white = t.Diffuse(Rgb::Grey(1));
+    t.AddShape(MeshShape{t.Quad({0, 0, 0}, {0, 0, 3}, {3, 0, 3}, {3, 0, 0})}, white);
+    t.AddShape(MeshShape{t.Quad({0, 0, 0}, {3, 0, 0}, {3, 3, 0}, {0, 3, 0})}, white);
+    t.AddShape(SphereShape{0.4f, -0.4f, 0, 360}, white, TranslateMatrix({0.5, 1.2, 0.6}));
+    DielectricMaterial glass;
+    glass.roughness = {{roughness, kNone}, {roughness, kNone}, false};
+    t.AddShape(SphereShape{0.4f, -0.4f, 0.4f, 360}, t.AddMaterial(glass),
+               TranslateMatrix({0.9, 0.4, 0.9}));
+    ConductorMaterial mirror;
+    mirror.roughness = glass.roughness;
+    mirror.has_reflectance = true;
+    mirror.reflectance.value.rgb = Rgb::Grey(1);
+    t.AddShape(SphereShape{0.3f, -0.3f, 0.3f, 360}, t.AddMaterial(mirror),
+               TranslateMatrix({1.3, 0.9, 0.4}));
+    const TileMean mean = RenderMean(t.scene, SquareSettings(16, 128, 4000));
+    EXPECT_EQ(mean.non_finite, 0u);
+    if (roughness == 0) {
+      ExpectMean(mean, Rgb::Grey(1));
+      continue;
+    }
+    ExpectHardCase({.row = "A3",
+                    .figure = "mean radiance of an image of lossless things, roughness 0.3",
+                    .expected = 1,
+                    .measured = mean.mean.g,
+                    .standard_error = mean.standard_error.g,
+                    .tolerance = 1e-2,
+                    .naive = naive::SingleScattering(roughness, {0.8f, 0, 0.6f}),
+                    .naive_by = "one bounce off the rough mirror by single scattering"});
+  }
+}
+
 // What the walls of a closed box emit they absorb, to the last photon; and the mean of each is that
 // of six evenly bright walls but for what the light's unevenness over a wall changes, some percent.
 TEST(TransportStability, A2ClosedBoxOfUnequalWalls) {
@@ -153,6 +194,42 @@ TEST(TransportStability, R6WhiteWallsReflectEverything) {
   TestScene t = SphereInterior(1);
   const TileMean mean = RenderMean(t.scene, SquareSettings(4, 16, 50));
   ExpectMean(mean, {51, 102, 25.5f});
+}
+
+// R8: a light near the wall of a sphere throws half of its power on a spot that one bounce in
+// thousands meets, hundreds of times as bright as the rest. In a sphere all of it comes back
+// evenly: the wall opposite, at distance d, has the radiance rho / pi (I / d^2 + I rho / (1 -
+// rho)). No sample is clamped unless the scene asks, and then the plan says that the image is
+// biased.
+TEST(TransportStability, R8FirefliesCountInFull) {
+  constexpr double kRho = 0.5, kHeight = 0.05, kAcross = 2 - kHeight;
+  TestScene t({0.3, 0.2, 0.1}, {0, 0, 1}, 0.01f);
+  t.AddShape(SphereShape{1, -1, 1, 360}, t.Diffuse(Rgb::Grey(kRho))).reverse_orientation = true;
+  PointLight light;
+  light.intensity.rgb = Rgb::Grey(1);
+  light.from = {0, 0, kHeight - 1};
+  t.scene.lights.push_back({light, {}, {}, {}});
+  FrameSettings settings = SquareSettings(8, 1024, 1 << 20);
+  const CompiledScenePtr scene = Compile(t.scene, settings);
+  EXPECT_EQ(FormatRenderPlan(PlanOf(*scene)).find("biased"), std::string::npos);
+  const FilmTile raw = RenderAll(*scene);
+  settings.max_component_value = 1e9f;
+  EXPECT_TRUE(RenderAll(*Compile(t.scene, settings)) == raw);
+  settings.max_component_value = 1;
+  const CompiledScenePtr clamping = Compile(t.scene, settings);
+  EXPECT_NE(FormatRenderPlan(PlanOf(*clamping)).find("biased"), std::string::npos);
+  const TileMean mean = MeanOf(raw), clamped = MeanOf(RenderAll(*clamping));
+  EXPECT_EQ(mean.non_finite, 0u);
+  const double expected = kRho / std::numbers::pi * (1 / (kAcross * kAcross) + kRho / (1 - kRho));
+  ExpectHardCase({.row = "R8",
+                  .figure = "radiance opposite of a light that makes fireflies",
+                  .expected = expected,
+                  .measured = mean.mean.g,
+                  .standard_error = mean.standard_error.g,
+                  .tolerance = 1e-4 * expected,
+                  .naive = clamped.mean.g,
+                  .naive_by = "samples clamped to 1"});
+  EXPECT_LT(clamped.mean.g, expected - 5 * static_cast<double>(mean.standard_error.g));
 }
 
 // R7: weights of two techniques lie in [0, 1] and sum to 1, for every magnitude, 0 and infinity.

@@ -1,0 +1,74 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// HardCase: one figure of a row of docs/hard-cases.md. A test expects it and records it in one
+// call, so that the page which tests/hard_cases/hard_cases.py writes shows the values that the test
+// compared.
+#pragma once
+
+#include <cmath>
+#include <concepts>
+#include <cstdio>
+#include <optional>
+#include <string>
+
+#include "gtest/gtest.h"
+
+namespace sheaf {
+
+// A value of any arithmetic type, as a double.
+struct Figure {
+  template <typename T>
+  requires std::floating_point<T> || std::integral<T> Figure(T v)
+      : value(static_cast<double>(v)) {}  // NOLINT: tests write plain numbers.
+  double value;
+};
+
+struct HardCase {
+  std::string row;     // As the document names it: "G1".
+  std::string figure;  // What is measured, in a few words; differs among the figures of a test.
+  Figure expected;
+  Figure measured;
+  // The measured value may be off by kStandardErrorsMax standard errors of it, and the tolerance.
+  Figure standard_error = 0;
+  Figure tolerance = 0;
+  // What the naive way gives for the same input, computed in single precision, and that way in a
+  // few words. None where the document says why.
+  std::optional<Figure> naive = std::nullopt;
+  std::string naive_by = "";
+};
+
+inline constexpr double kStandardErrorsMax = 5;
+
+namespace hard_case_internal {
+
+// JSON has neither NaN nor infinity, so those are strings.
+inline std::string NumberText(double value) {
+  if (std::isnan(value)) return "\"nan\"";
+  if (std::isinf(value)) return value > 0 ? "\"inf\"" : "\"-inf\"";
+  char text[32];
+  std::snprintf(text, sizeof text, "%.17g", value);
+  return text;
+}
+
+}  // namespace hard_case_internal
+
+// Fails the test where the measured value is beyond its error bar or not a number. Records the
+// figure as a property of the test, "hard_case ROW FIGURE", whose value is a JSON object; names and
+// words must not hold quotes or backslashes.
+inline void ExpectHardCase(const HardCase& c) {
+  using hard_case_internal::NumberText;
+  const double bar = kStandardErrorsMax * c.standard_error.value + c.tolerance.value;
+  EXPECT_LE(std::fabs(c.measured.value - c.expected.value), bar)
+      << c.row << ", " << c.figure << ": measured " << c.measured.value << " for "
+      << c.expected.value;
+  ::testing::Test::RecordProperty(
+      "hard_case " + c.row + " " + c.figure,
+      "{\"expected\": " + NumberText(c.expected.value) +
+          ", \"measured\": " + NumberText(c.measured.value) + ", \"standard_error\": " +
+          NumberText(c.standard_error.value) + ", \"tolerance\": " + NumberText(c.tolerance.value) +
+          (c.naive ? ", \"naive\": " + NumberText(c.naive->value) : "") + ", \"naive_by\": \"" +
+          c.naive_by + "\"}");
+}
+
+}  // namespace sheaf
