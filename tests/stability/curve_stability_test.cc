@@ -15,6 +15,8 @@
 
 #include "common/math/transform.h"
 #include "gtest/gtest.h"
+#include "tests/support/hard_case.h"
+#include "tests/support/naive_geometry.h"
 #include "tests/support/test_scene.h"
 #include "tests/support/traced_scene.h"
 #include "worker/render/geometry/surface_point.h"
@@ -64,7 +66,7 @@ CurveShape AddCurves(TestScene* t, CurveSet set) {
 // and stretch.
 TEST(CurveStability, G10SpawnedRaysDoNotMeetTheirCurve) {
   Random random(1);
-  int spawned = 0, self_hits = 0;
+  int spawned = 0, self_hits = 0, offset_hits = 0;
   for (int i = 0; i < 3000; ++i) {
     TestScene t = AtOrigin();
     const double length = std::pow(10.0, random.Uniform(-3, 5));
@@ -94,10 +96,19 @@ TEST(CurveStability, G10SpawnedRaysDoNotMeetTheirCurve) {
       RawHit hit;
       ++spawned;
       self_hits += scene->tracer->Intersect(away, &hit) || scene->tracer->Occluded(away);
+      Ray naive;
+      naive.o = naive::OffsetOrigin(point.p, point.ng, away.d);
+      naive.d = away.d;
+      offset_hits += Dot(point.ng, away.d) > 0 && scene->tracer->Intersect(naive, &hit);
     }
   }
   EXPECT_GE(spawned, 100000);
-  EXPECT_EQ(self_hits, 0);
+  ExpectHardCase({.row = "G10",
+                  .figure = "part of rays that meet the straight curve they leave",
+                  .expected = 0,
+                  .measured = self_hits / static_cast<double>(spawned),
+                  .naive = offset_hits / static_cast<double>(spawned),
+                  .naive_by = "origins of rays to the outside moved by 1e-4 along the normal"});
 }
 
 // G10: white hair under a white sky is white, however it is curled.

@@ -7,6 +7,8 @@
 #include <algorithm>
 #include <cmath>
 #include <random>
+#include <set>
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -15,6 +17,8 @@
 #include "common/film/film_test_samples.h"
 #include "common/film/pixel_replicates.h"
 #include "common/math/double_float.h"
+#include "tests/support/hard_case.h"
+#include "tests/support/naive_sampling.h"
 
 namespace sheaf {
 namespace {
@@ -96,7 +100,17 @@ TEST(FilmStabilityTest, C2WeightsThatSumToZeroGiveZero) {
   for (size_t i = 0; i < picture.planes.size(); ++i) {
     EXPECT_TRUE(std::isfinite(picture.planes[i][0])) << picture.channel_names[i];
   }
-  EXPECT_EQ(picture.Find("R")->at(0), 0.0f);
+  std::vector<float> values, weights;
+  for (uint64_t n = 0; n < 64; ++n) {
+    values.push_back(1 + HashToUnit(n));
+    weights.push_back(n % 2 == 0 ? 0.75f : -0.75f);
+  }
+  ExpectHardCase({.row = "C2",
+                  .figure = "pixel whose filter weights sum to 0",
+                  .expected = 0,
+                  .measured = picture.Find("R")->at(0),
+                  .naive = naive::WeightedMean(values, weights),
+                  .naive_by = "sum of w v over sum of w"});
 }
 
 TEST(FilmStabilityTest, C2NegativeValuesAreKept) {
@@ -123,7 +137,13 @@ TEST(FilmStabilityTest, C3ABillionSamplesKeepTheirMean) {
     ASSERT_EQ(tree.SampleCount(), kCount);
     const FilmTile root = tree.Root();
     const double exact = sample.radiance.r;
-    EXPECT_NEAR(WideMean(root) / exact, 1, 1e-9);
+    ExpectHardCase({.row = "C3",
+                    .figure = "mean of 10^9 samples",
+                    .expected = exact,
+                    .measured = WideMean(root),
+                    .tolerance = 1e-9 * exact,
+                    .naive = naive::MeanOfEqual(sample.radiance.r, kCount),
+                    .naive_by = "running sum over the number"});
     EXPECT_EQ(DevelopRed(root), sample.radiance.r);
     EXPECT_LE(PixelReplicates(root, 0).StandardError(0), 1e-6 * exact);
   }
@@ -161,7 +181,12 @@ TEST(FilmStabilityTest, C4AMillionUnitsOfRadianceSurvive) {
   DevelopTile(tile, &picture);
   const absl::StatusOr<FramePicture> read = DecodePicture(EncodePicture(picture));
   ASSERT_TRUE(read.ok()) << read.status();
-  EXPECT_EQ(read->Find("R")->at(0), 1e6f);
+  ExpectHardCase({.row = "C4",
+                  .figure = "radiance of 10^6, read back from the file",
+                  .expected = 1e6f,
+                  .measured = read->Find("R")->at(0),
+                  .naive = naive::AsHalf(1e6f),
+                  .naive_by = "as a 16-bit float"});
   EXPECT_EQ(read->Find("G")->at(0), 65504.0f);
   EXPECT_EQ(read->Find("B")->at(0), 65536.0f);
   const absl::StatusOr<DecodedPart> part = DecodePart(EncodePart(tile, {}));
@@ -176,6 +201,12 @@ TEST(FilmStabilityTest, C5SampleIndicesBeyondThirtyTwoBits) {
     const absl::StatusOr<DecodedPart> part = DecodePart(EncodePart(tile, {}));
     ASSERT_TRUE(part.ok()) << part.status();
     EXPECT_EQ(part->tile.block(), block);
+    ExpectHardCase({.row = "C5",
+                    .figure = "first sample of a part, read back",
+                    .expected = first,
+                    .measured = part->tile.block().first,
+                    .naive = static_cast<uint32_t>(first),
+                    .naive_by = "index of 32 bits"});
     EXPECT_TRUE(SameBits(part->tile, tile));
     TileTree tree(kOnePixel);
     ASSERT_TRUE(tree.Insert(part->tile).ok());
@@ -206,6 +237,10 @@ TEST(FilmStabilityTest, C6HostsMayFinishInAnyOrder) {
   constexpr PixelRect kWindow{0, 0, 24, 16};
   constexpr uint64_t kSamples = 40;
   std::string digest;
+  std::set<std::string> digests;
+  std::set<float> sums;
+  std::vector<float> values(kSamples);
+  for (size_t i = 0; i < kSamples; ++i) values[i] = HashToUnit(i);
   std::mt19937 bits(6);
   for (const uint64_t pass_samples : {64, 16, 8, 4, 2, 1}) {
     for (const int32_t tile_size_px : {8, 16, 64}) {
@@ -221,8 +256,17 @@ TEST(FilmStabilityTest, C6HostsMayFinishInAnyOrder) {
       if (digest.empty()) digest = PictureDigest(picture);
       EXPECT_EQ(PictureDigest(picture), digest)
           << pass_samples << " a pass, tiles of " << tile_size_px;
+      digests.insert(PictureDigest(picture));
+      std::shuffle(values.begin(), values.end(), bits);
+      sums.insert(naive::Sum(values));
     }
   }
+  ExpectHardCase({.row = "C6",
+                  .figure = "different images of 18 orders in which hosts finish",
+                  .expected = 1,
+                  .measured = digests.size(),
+                  .naive = sums.size(),
+                  .naive_by = "different running sums of 40 samples in 18 orders"});
 }
 
 // Values 10^6 +- 10^-3 are one float: the film must say 0 and not the root of a negative number.
@@ -244,7 +288,17 @@ TEST(FilmStabilityTest, R9VarianceOfNearlyEqualLargeValues) {
   EXPECT_EQ(error_of(1e-3, 1024), 0);
   // Replicates alternate between 10^6 + s and 10^6 - s: the error of the mean is s / sqrt(15).
   for (const double spread : {0.0625, 0.25, 100.0}) {
-    EXPECT_NEAR(error_of(spread, 16), spread / std::sqrt(15.0), 1e-6 * spread) << spread;
+    std::vector<float> values;
+    for (int i = 0; i < 16; ++i) {
+      values.push_back(static_cast<float>(1e6 + (i % 2 == 0 ? spread : -spread)));
+    }
+    ExpectHardCase({.row = "R9",
+                    .figure = "standard error of 10^6 +- " + std::to_string(spread),
+                    .expected = spread / std::sqrt(15.0),
+                    .measured = error_of(spread, 16),
+                    .tolerance = 1e-6 * spread,
+                    .naive = naive::StandardError(values),
+                    .naive_by = "E[x^2] - E[x]^2"});
     EXPECT_NEAR(error_of(spread, 1024), spread / std::sqrt(15.0), 1e6 * 0x1p-22) << spread;
   }
 }

@@ -12,7 +12,9 @@
 #include "gtest/gtest.h"
 #include "tests/support/exact.h"
 #include "tests/support/globe.h"
+#include "tests/support/hard_case.h"
 #include "tests/support/long_tests.h"
+#include "tests/support/naive_geometry.h"
 #include "tests/support/test_scene.h"
 #include "tests/support/traced_scene.h"
 #include "worker/render/geometry/needle.h"
@@ -138,7 +140,7 @@ TEST(NeedleStability, G4HitsAreThoseOfExactArithmetic) {
   constexpr int kRaysEach = 25;
   Random random(8);
   int met = 0, missed = 0;
-  Real false_by = 0, off_ray = 0, off_t = 0, stout_error = 0;
+  Real false_by = 0, off_ray = 0, off_t = 0, stout_error = 0, naive_false_by = 0;
   for (int i = 0; i < needle_count; ++i) {
     const Needle needle = MakeNeedle(&random);
     TestScene t({0, 0, 0}, {0, 0, 1}, 60);
@@ -152,6 +154,9 @@ TEST(NeedleStability, G4HitsAreThoseOfExactArithmetic) {
       const Real scale = ScaleOf(ray, needle);
       const Real edge = DistanceToEdges(ray, needle) / scale;
       const bool meets = MeetsExactly(ray, needle);
+      if (!meets && naive::MeetsTriangle(ray.o, ray.d, needle.p[0], needle.p[1], needle.p[2])) {
+        naive_false_by = std::max(naive_false_by, edge);
+      }
       RawHit hit;
       const bool is_met = scene->tracer->Intersect(ray, &hit);
       EXPECT_EQ(is_met, scene->tracer->Occluded(ray));
@@ -173,7 +178,13 @@ TEST(NeedleStability, G4HitsAreThoseOfExactArithmetic) {
     }
   }
   EXPECT_GT(met, needle_count / 2);
-  EXPECT_LT(false_by, kOnEdge);
+  ExpectHardCase({.row = "G4",
+                  .figure = "distance of the falsest hit from its needle, in parts of the scene",
+                  .expected = 0,
+                  .measured = false_by,
+                  .tolerance = kOnEdge,
+                  .naive = naive_false_by,
+                  .naive_by = "the test of Moeller and Trumbore"});
   EXPECT_EQ(missed, 0);
   EXPECT_LT(off_ray, kOnEdge);
   EXPECT_LT(off_t, kOnEdge);

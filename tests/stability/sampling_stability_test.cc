@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "common/film/film_tile.h"
+#include "tests/support/hard_case.h"
 #include "tests/support/long_tests.h"
 #include "worker/render/sampling/dimensions.h"
 #include "worker/render/sampling/discrete_distribution.h"
@@ -43,6 +44,12 @@ TEST(SamplingStabilityTest, R1UnitFloatsAreBelowOne) {
     ASSERT_LT(u, 1);
     ASSERT_EQ(u, static_cast<float>(i) / 16777216.0f);
   }
+  ExpectHardCase({.row = "R1",
+                  .figure = "largest random number",
+                  .expected = 1 - 0x1p-24,
+                  .measured = sobol::UnitFloat(0xffffffffu),
+                  .naive = naive::UnitFloat(0xffffffffu),
+                  .naive_by = "32 bits times 2^-32"});
 }
 
 TEST(SamplingStabilityTest, R1ExtendedUnitsAreBelowOne) {
@@ -84,6 +91,19 @@ TEST(SamplingStabilityTest, R2ElementaryIntervalsHoldAtAnyOffset) {
     ExpectNet(offset, 8, 1, 2, 1);
     ExpectNet(offset, 8, 0, 3, 2);
   }
+  std::set<std::array<float, 4>> points, points_of_32_bits;
+  for (const uint64_t offset : {uint64_t{0}, uint64_t{1} << 32}) {
+    for (uint64_t i = 0; i < 1024; ++i) {
+      points.insert(PointAt(17, offset + i, 5));
+      points_of_32_bits.insert(PointAt(17, static_cast<uint32_t>(offset + i), 5));
+    }
+  }
+  ExpectHardCase({.row = "R2",
+                  .figure = "different points among 1024 from 0 on and 1024 from 2^32 on",
+                  .expected = 2048,
+                  .measured = points.size(),
+                  .naive = points_of_32_bits.size(),
+                  .naive_by = "index of 32 bits"});
 }
 
 TEST(SamplingStabilityTest, R2EveryDimensionIsStratified) {
@@ -233,19 +253,27 @@ TEST(SamplingStabilityTest, R3PairingSlotsIsAsGoodAsRandom) {
 // reseeding.
 TEST(SamplingStabilityTest, R3ReseedingKeepsTheMean) {
   double sum = 0, squares = 0;
+  float sum_of_one_number = 0;
   constexpr int kSeeds = 4000;
   for (uint64_t seed = 0; seed < kSeeds; ++seed) {
     double value = 1;
     const Sampler sampler(seed, 2, 3, 5);
+    const float u = sampler.Get4(Slot(0, VertexSlot::kBsdf))[1];
+    sum_of_one_number += std::pow(2 * u, 8.0f);
     for (uint32_t depth = 0; depth < 8; ++depth) {
-      const auto u = sampler.Get4(Slot(depth, VertexSlot::kBsdf));
-      value *= 2.0 * static_cast<double>(u[1]);
+      value *= 2.0 * static_cast<double>(sampler.Get4(Slot(depth, VertexSlot::kBsdf))[1]);
     }
     sum += value;
     squares += value * value;
   }
   const double mean = sum / kSeeds, variance = squares / kSeeds - mean * mean;
-  EXPECT_NEAR(mean, 1, 6 * std::sqrt(variance / kSeeds));
+  ExpectHardCase({.row = "R3",
+                  .figure = "mean of a product of 8 factors of mean 1",
+                  .expected = 1,
+                  .measured = mean,
+                  .standard_error = std::sqrt(variance / kSeeds),
+                  .naive = sum_of_one_number / kSeeds,
+                  .naive_by = "one random number for all factors"});
 }
 
 // --- Owen scrambling ---------------------------------------------------------------------------
@@ -310,18 +338,28 @@ TEST(SamplingStabilityTest, R4ZeroWeightsAreNeverChosen) {
   const std::vector<std::vector<double>> cases = {
       {0, 1, 0}, {0, 0, 3, 0, 1e-30, 0}, {1e-300, 0, 1e300, 0}, {1, 0, 0, 0}, {0, 0, 0, 1}};
   const uint64_t draws = LongTests() ? 100000000 : 2000000;
+  int wrong_ends = 0, naive_wrong_ends = 0;
   for (const std::vector<double>& weights : cases) {
     const DiscreteDistribution distribution(weights);
     for (uint64_t i = 0; i < draws; ++i) {
       const double u = static_cast<double>(MixBits(i) >> 11) * 0x1p-53;
       ASSERT_GT(weights[distribution.Sample(u)], 0);
     }
-    ASSERT_GT(weights[distribution.Sample(0)], 0);
-    ASSERT_GT(weights[distribution.Sample(0x1.fffffffffffffp-1)], 0);
+    for (const double u : {0.0, 0x1.fffffffffffffp-1}) {
+      wrong_ends += weights[distribution.Sample(u)] == 0;
+      const size_t chosen = naive::Choose(weights, static_cast<float>(u));
+      naive_wrong_ends += chosen == weights.size() || !(weights[chosen] > 0);
+    }
     double sum = 0;
     for (size_t i = 0; i < weights.size(); ++i) sum += distribution.Probability(i);
     EXPECT_NEAR(sum, 1, 1e-15);
   }
+  ExpectHardCase({.row = "R4",
+                  .figure = "entries of weight 0 chosen by the least and the largest u, of 10",
+                  .expected = 0,
+                  .measured = wrong_ends,
+                  .naive = naive_wrong_ends,
+                  .naive_by = "first running sum that is not below u"});
   EXPECT_TRUE(DiscreteDistribution({0, 0}).empty());
   EXPECT_TRUE(DiscreteDistribution(std::vector<double>{}).empty());
 }
@@ -369,12 +407,13 @@ TEST(SamplingStabilityTest, R5AMillionLightsAreChosenEvenly) {
   const DiscreteDistribution distribution(weights);
   const uint64_t draws = LongTests() ? 200000000 : 4000000;
   std::vector<uint32_t> leaf_counts(kLights), residue_counts(7);
-  std::vector<uint32_t> low_counts(256), place_counts(64);
+  std::vector<uint32_t> low_counts(256), place_counts(64), halving_counts(64);
   for (uint64_t i = 0; i < draws; ++i) {
     const uint64_t bits = MixBits(i);
     const float u = static_cast<float>(bits >> 40) * 0x1p-24f;
     const Vec2f v{static_cast<float>(bits & 0xffffff) * 0x1p-24f,
                   static_cast<float>(MixBits(~i) >> 40) * 0x1p-24f};
+    ++halving_counts[static_cast<size_t>(naive::AfterHalving(u, 20) * 64)];
     const size_t light = distribution.Sample(ExtendBits(u, SaltOf(v)));
     // Among lights of weight 1: neighbours in the last bits, with the place on the light.
     if (light % 7 == 0) {
@@ -396,7 +435,13 @@ TEST(SamplingStabilityTest, R5AMillionLightsAreChosenEvenly) {
   double low_total = 0;
   for (uint32_t c : low_counts) low_total += c;
   EXPECT_LE(ChiSquareDeviate(low_counts, low_total / 256), 6);
-  EXPECT_LE(ChiSquareDeviate(place_counts, low_total / 64), 6);
+  ExpectHardCase({.row = "R5",
+                  .figure = "deviate of chi-square over lights and places on them",
+                  .expected = 0,
+                  .measured = ChiSquareDeviate(place_counts, low_total / 64),
+                  .standard_error = 1,
+                  .naive = ChiSquareDeviate(halving_counts, static_cast<double>(draws) / 64),
+                  .naive_by = "places by the bits that 20 halvings leave"});
 }
 
 }  // namespace

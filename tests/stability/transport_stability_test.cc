@@ -3,16 +3,19 @@
 //
 // Hard cases of light transport, by the names of the catalogue (A1 to A5, L7, L8, M5, R6 to
 // R8, C2).
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <limits>
 #include <numbers>
+#include <string>
 #include <thread>
 #include <vector>
 
 #include "gtest/gtest.h"
 #include "tests/support/hard_case.h"
 #include "tests/support/naive_materials.h"
+#include "tests/support/naive_sampling.h"
 #include "tests/support/test_scene.h"
 #include "worker/render/sampling/filter.h"
 #include "worker/render/sampling/mis.h"
@@ -31,7 +34,14 @@ TestScene SphereInterior(float reflectance) {
 }
 
 TEST(TransportStability, A1SphereInterior) {
-  ExpectMean(RenderMean(SphereInterior(0.5f).scene, SquareSettings(8, 256, 100000)), {2, 4, 1});
+  const TileMean mean = RenderMean(SphereInterior(0.5f).scene, SquareSettings(8, 256, 100000));
+  ExpectMean(mean, {2, 4, 1});
+  ExpectHardCase({.row = "A1",
+                  .figure = "radiance within a sphere that emits 2 and reflects 1/2",
+                  .expected = 4,
+                  .measured = mean.mean.g,
+                  .standard_error = mean.standard_error.g,
+                  .tolerance = 16 * 0x1p-23});
 }
 
 // A1: a point light of intensity pi at the centre: the wall's radiance is rho / (1 - rho).
@@ -57,8 +67,15 @@ TEST(TransportStability, A4IntegratingSphereWithAPort) {
       light.intensity.rgb = Rgb::Grey(static_cast<float>(std::numbers::pi));
       t.scene.lights.push_back({light, {}, {}, {}});
       SCOPED_TRACE(testing::Message() << "port " << port << ", reflectance " << reflectance);
-      ExpectMean(RenderMean(t.scene, SquareSettings(4, 256, 1 << 20)),
-                 Rgb::Grey(reflectance / (1 - reflectance * (1 - port))));
+      const TileMean mean = RenderMean(t.scene, SquareSettings(4, 256, 1 << 20));
+      const float expected = reflectance / (1 - reflectance * (1 - port));
+      ExpectMean(mean, Rgb::Grey(expected));
+      ExpectHardCase({.row = "A4",
+                      .figure = "multiplier of a sphere with a port, the largest",
+                      .expected = expected,
+                      .measured = mean.mean.g,
+                      .standard_error = mean.standard_error.g,
+                      .tolerance = 4 * 0x1p-23 * static_cast<double>(expected)});
     }
   }
 }
@@ -179,14 +196,26 @@ TEST(TransportStability, A2ClosedBoxOfUnequalWalls) {
     EXPECT_NEAR(static_cast<double>(mean.mean[0]), even[i], 0.03 * even[i] + 5 * error)
         << "wall " << i;
   }
-  EXPECT_NEAR(absorbed, emitted, 5 * std::sqrt(variance));
+  ExpectHardCase({.row = "A2",
+                  .figure = "power that the walls of a closed box absorb",
+                  .expected = emitted,
+                  .measured = absorbed,
+                  .standard_error = std::sqrt(variance)});
   EXPECT_LT(std::sqrt(variance), 2e-3 * emitted);
 }
 
 // R6: at reflectance 0.99 roulette must neither lose nor make energy over hundreds of bounces.
 TEST(TransportStability, R6RouletteKeepsEnergy) {
-  ExpectMean(RenderMean(SphereInterior(0.99f).scene, SquareSettings(4, 256, 1 << 30)),
-             {100, 200, 50});
+  const TileMean mean = RenderMean(SphereInterior(0.99f).scene, SquareSettings(4, 256, 1 << 30));
+  ExpectMean(mean, {100, 200, 50});
+  ExpectHardCase({.row = "R6",
+                  .figure = "furnace of reflectance 0.99",
+                  .expected = 100,
+                  .measured = mean.mean.r,
+                  .standard_error = mean.standard_error.r,
+                  .tolerance = 4 * 0x1p-23 * 100,
+                  .naive = naive::FurnaceInBounces(0.99f, 100),
+                  .naive_by = "100 bounces without roulette"});
 }
 
 // R6: at reflectance 1 survival is certain, so a path goes on until depth ends it.
@@ -238,14 +267,25 @@ TEST(TransportStability, R7WeightsSumToOneAtAllMagnitudes) {
                             std::numeric_limits<float>::max(),
                             std::numeric_limits<float>::infinity()};
   for (int e = -38; e <= 38; ++e) values.push_back(static_cast<float>(std::pow(10.0, e)));
+  int wrong = 0, naive_wrong = 0;
+  const auto is_wrong = [](float a, float b) {
+    return !(a >= 0 && a <= 1 && std::fabs(a + b - 1) <= 2e-7f);
+  };
   for (const float f : values) {
     for (const float g : values) {
       const float a = PowerHeuristic(f, g), b = PowerHeuristic(g, f);
-      EXPECT_GE(a, 0);
-      EXPECT_LE(a, 1);
-      EXPECT_NEAR(a + b, 1, 2e-7) << f << " " << g;
+      EXPECT_FALSE(is_wrong(a, b)) << f << " " << g;
+      wrong += is_wrong(a, b);
+      naive_wrong += is_wrong(naive::PowerHeuristic(f, g), naive::PowerHeuristic(g, f));
     }
   }
+  ExpectHardCase({.row = "R7",
+                  .figure = "pairs of " + std::to_string(values.size()) +
+                            " pdfs whose weights do not sum to 1",
+                  .expected = 0,
+                  .measured = wrong,
+                  .naive = naive_wrong,
+                  .naive_by = "f^2 / (f^2 + g^2)"});
 }
 
 // L8: no light at all is black without error; one light is found by both techniques.
@@ -284,6 +324,7 @@ TEST(TransportStability, A5TilesAndThreadsChangeNoBit) {
   FrameSettings settings = SquareSettings(16, 32, 10);
   const CompiledScenePtr scene = Compile(SphereInterior(0.7f).scene, settings);
   const FilmTile whole = RenderAll(*scene);
+  int differing = 0;
   for (const int32_t size : {3, 8}) {
     const std::vector<PixelRect> tiles = CutTiles(settings.window, size);
     std::vector<FilmTile> parts(tiles.size());
@@ -309,12 +350,22 @@ TEST(TransportStability, A5TilesAndThreadsChangeNoBit) {
           const size_t in_whole = static_cast<size_t>(y * 16 + x);
           for (size_t c = 0; c < kFilmChannelCount; ++c) {
             const auto channel = static_cast<FilmChannel>(c);
-            ASSERT_EQ(part.channel(channel)[in_part], whole.channel(channel)[in_whole]);
+            differing += part.channel(channel)[in_part] != whole.channel(channel)[in_whole];
           }
         }
       }
     }
   }
+  std::vector<float> values(whole.channel(FilmChannel::kGreenHi),
+                            whole.channel(FilmChannel::kGreenHi) + whole.plane_size());
+  const float forwards = naive::Sum(values);
+  std::reverse(values.begin(), values.end());
+  ExpectHardCase({.row = "A5",
+                  .figure = "values that differ between cuts of a frame into tiles and passes",
+                  .expected = 0,
+                  .measured = differing,
+                  .naive = std::fabs(forwards - naive::Sum(values)),
+                  .naive_by = "running sums of a frame forwards and backwards: their difference"});
 }
 
 TEST(TransportStability, A5AStoppedPassSaysSo) {
