@@ -16,6 +16,7 @@
 #include "gtest/gtest.h"
 #include "tests/support/bsdf_fixtures.h"
 #include "tests/support/chi_square.h"
+#include "tests/support/hard_case.h"
 #include "tests/support/measured_builder.h"
 #include "tests/support/temporary_path.h"
 #include "worker/render/bsdf/measured_brdf.h"
@@ -154,16 +155,21 @@ TEST(MeasuredChiSquareTest, Anisotropic) {
 TEST(MeasuredTest, M13_ThePdfOfASampleIsTheOneEvaluated) {
   const MeasuredBrdf measured = Make(GlossyBuilder());
   const Bsdf bsdf = BsdfFor(measured);
+  int differing = 0;
   for (float mu : {1.0f, 0.5f, 0.01f, -0.5f}) {
     const Vec3f wo = DirectionAt(mu, 1);
     for (uint64_t i = 0; i < 2000; ++i) {
       const auto u = CounterUniforms(7, i);
       const auto sample = SampleBsdf<kAllTraits>(bsdf, wo, u[0], {u[1], u[2]});
       if (!sample) continue;
-      ASSERT_EQ(sample->pdf, EvalBsdf<kAllTraits>(bsdf, wo, sample->wi).pdf);
+      differing += sample->pdf != EvalBsdf<kAllTraits>(bsdf, wo, sample->wi).pdf;
       ASSERT_TRUE(IsFinite(sample->weight) && sample->weight.r >= 0);
     }
   }
+  ExpectHardCase({.row = "M13",
+                  .figure = "samples of 8000 whose pdf is not that of their direction",
+                  .expected = 0,
+                  .measured = differing});
 }
 
 // At directions of incidence that were measured only the grid over the square is interpolated.

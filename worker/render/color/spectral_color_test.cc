@@ -10,6 +10,8 @@
 
 #include "common/scene/spectrum/spectrum.h"
 #include "tests/support/colors.h"
+#include "tests/support/hard_case.h"
+#include "tests/support/naive_materials.h"
 
 namespace sheaf::render {
 namespace {
@@ -111,7 +113,12 @@ TEST(SigmoidSpectrumTest, M14GreysAreConstant) {
   }
   EXPECT_EQ(FitSigmoid(Rgb::Grey(0)).At(500), 0);
   EXPECT_EQ(FitSigmoid(Rgb::Grey(0.5f)).At(500), 0.5f);
-  EXPECT_EQ(FitSigmoid(Rgb::Grey(1)).At(500), 1);
+  ExpectHardCase({.row = "M14",
+                  .figure = "white at 500 nm",
+                  .expected = 1,
+                  .measured = FitSigmoid(Rgb::Grey(1)).At(500),
+                  .naive = naive::Sigmoid(std::numeric_limits<float>::infinity()),
+                  .naive_by = "1/2 + x / (2 sqrt(1 + x^2)) of white's infinite coefficient"});
 }
 
 TEST(SigmoidSpectrumTest, ColorsKeepTheirRgb) {
