@@ -11,7 +11,9 @@
 #include <cmath>
 
 #include "common/math/elementary.h"
+#include "tests/support/hard_case.h"
 #include "tests/support/light_tables.h"
+#include "tests/support/naive_lights.h"
 
 namespace sheaf::render {
 namespace {
@@ -69,7 +71,17 @@ TEST(IrradianceTest, SquareHasTheKnownValues) {
       {1.f, 0.752274688454}, {0.01f, 3.14056468}, {1000.f, 9.99999667e-7}};
   for (const auto& [h, expected] : kKnown) {
     const auto table = MakeTable(UnitSquareAt(h, true));
-    ExpectAt(static_cast<double>(h), EstimateIrradiance(*table, {0, 0, 0}, {0, 0, 1}), expected);
+    const Estimate estimate = EstimateIrradiance(*table, {0, 0, 0}, {0, 0, 1});
+    ExpectAt(static_cast<double>(h), estimate, expected);
+    if (h < 1000) continue;
+    ExpectHardCase({.row = "L4",
+                    .figure = "irradiance under a unit square 1000 above",
+                    .expected = expected,
+                    .measured = estimate.mean,
+                    .standard_error = estimate.standard_error,
+                    .tolerance = kFloatTolerance * expected,
+                    .naive = naive::SquareSolidAngle(h),
+                    .naive_by = "sum of four angles less 2 pi"});
   }
 }
 

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "common/math/elementary.h"
+#include "tests/support/hard_case.h"
 #include "tests/support/light_tables.h"
 #include "worker/render/light/shape_sampling.h"
 #include "worker/render/sampling/equal_area_map.h"
@@ -41,6 +42,18 @@ TEST(LightStabilityTest, L1SphereFarAwayIsNotAPoint) {
     ExpectNear(estimate, kPi / (d * d));
     // Far away nothing is left to chance.
     EXPECT_NEAR(estimate.mean * d * d / kPi, 1, d > 1e3 ? 1e-5 : 1e-2);
+    if (d == 1.5 * (1 << 10) || d == 1.5 * (1 << 13)) {
+      const auto distance = static_cast<float>(d);
+      ExpectHardCase({.row = "L1",
+                      .figure = "irradiance over its value, " + std::to_string(std::lround(d)) +
+                                " radii from a sphere",
+                      .expected = 1,
+                      .measured = estimate.mean * d * d / kPi,
+                      .tolerance = 1e-5,
+                      .naive = naive::SphereSolidAngle(1, distance) * distance * distance /
+                               static_cast<float>(kPi),
+                      .naive_by = "solid angle as 2 pi (1 - cos)"});
+    }
     // Samples spread over the whole disk that is seen, not on one point.
     RandomPoints random(1);
     double spread = 0;
@@ -70,6 +83,15 @@ TEST(LightStabilityTest, L2InsideASphereIrradianceIsPiForAnyNormal) {
       ExpectNear(EstimateIrradiance(*table, p, n, 4096), kPi);
     }
   }
+  const Estimate estimate = EstimateIrradiance(*table, {0.5f, 0.1f, -0.3f}, {1, 0, 0}, 4096);
+  ExpectHardCase({.row = "L2",
+                  .figure = "irradiance within a sphere light",
+                  .expected = kPi,
+                  .measured = estimate.mean,
+                  .standard_error = estimate.standard_error,
+                  .tolerance = 1e-6 * kPi,
+                  .naive = naive::SphereSolidAngle(1, Length(Vec3f{0.5f, 0.1f, -0.3f})),
+                  .naive_by = "cone of cosine sqrt(1 - R^2 / d^2)"});
 }
 
 TEST(LightStabilityTest, L2OnTheOuterSurfaceIrradianceIsPiAndTheLimitIsContinuous) {
@@ -110,6 +132,15 @@ TEST(LightStabilityTest, L3SolidAngleIsRightAtEveryDistance) {
     const double dd = static_cast<double>(d) * static_cast<double>(d);
     // Mean of 1 - 1.5 (x^2 + y^2) / d^2 over the triangle; mean of x^2 + y^2 is 1/3.
     EXPECT_NEAR(view.solid_angle * 2 * dd, 1 - 0.5 / dd, 1e-7);
+    if (d != 1e3f && d != 1e4f) continue;
+    ExpectHardCase({.row = "L3",
+                    .figure = d == 1e3f ? "solid angle over area / d^2 at 1000"
+                                        : "solid angle over area / d^2 at 10000",
+                    .expected = 1 - 0.5 / dd,
+                    .measured = view.solid_angle * 2 * dd,
+                    .tolerance = 1e-7,
+                    .naive = naive::TriangleSolidAngle({0, 0, d}, {1, 0, d}, {0, 1, d}) * 2 * d * d,
+                    .naive_by = "excess of the angles over pi"});
   }
   // A needle 1 x h at distance 2: linear in h.
   double previous = 0;
@@ -235,7 +266,14 @@ TEST(LightStabilityTest, L5PowerOfPointAndSpot) {
 
 TEST(LightStabilityTest, L5DeltaLightsStayFinite) {
   const auto table = MakeTable({}, {MakePoint(kWhite, {1, 2, 3})});
-  EXPECT_FALSE(table->Sample<kAllTraits>({1, 2, 3}, {}, 0, {0, 0}));
+  const auto at_light = table->Sample<kAllTraits>({1, 2, 3}, {}, 0, {0, 0});
+  EXPECT_FALSE(at_light);
+  ExpectHardCase({.row = "L5",
+                  .figure = "radiance from a point light at its own place",
+                  .expected = 0,
+                  .measured = at_light ? at_light->radiance.r : 0,
+                  .naive = naive::InverseSquare(0),
+                  .naive_by = "1 / r^2"});
   const auto near = table->Sample<kAllTraits>({1, 2, 3.0000002f}, {}, 0, {0, 0});
   ASSERT_TRUE(near.has_value());
   EXPECT_TRUE(near->is_delta && std::isfinite(near->radiance.r));

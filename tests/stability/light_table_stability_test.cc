@@ -16,7 +16,9 @@
 #include <vector>
 
 #include "common/math/elementary.h"
+#include "tests/support/hard_case.h"
 #include "tests/support/light_tables.h"
+#include "tests/support/naive_lights.h"
 #include "tests/support/temporary_path.h"
 #include "worker/render/light/environment_map.h"
 #include "worker/render/light/shape_sampling.h"
@@ -51,11 +53,14 @@ TEST(LightTableStabilityTest, L6OneTexelOfAMillion) {
   const Vec3d center = EqualAreaSquareToSphere({(kX + 0.5) / kSize, (kY + 0.5) / kSize});
   const double solid_angle = 4 * kPi / (kSize * kSize);
   double sum = 0, squares = 0;
+  int even_hits = 0;
   constexpr int kEstimates = 4096, kPerEstimate = 64;
   for (uint64_t e = 0; e < kEstimates; ++e) {
     double value = 0;
     for (uint64_t i = 0; i < kPerEstimate; ++i) {
       const auto u = Sampler(3, static_cast<int32_t>(e), 0, i).Get4(1);
+      even_hits +=
+          e == 0 && static_cast<int>(u[0] * kSize) == kX && static_cast<int>(u[1] * kSize) == kY;
       const EnvironmentMap::PlaceSample sample = map->Sample({u[0], u[1]});
       const Vec3d d = map->Direction(sample.place);
       const Rgb radiance = map->Radiance(sample.place);
@@ -69,7 +74,13 @@ TEST(LightTableStabilityTest, L6OneTexelOfAMillion) {
   const double relative_variance = squares / kEstimates / (mean * mean) - 1;
   EXPECT_LT(relative_variance, 0.1);
   // The cosine at the centre stands for that over the texel's tent to second order.
-  EXPECT_NEAR(mean / (1e6 * solid_angle * center.z), 1, 1e-3);
+  ExpectHardCase({.row = "L6",
+                  .figure = "irradiance over that of a texel of 10^6",
+                  .expected = 1,
+                  .measured = mean / (1e6 * solid_angle * center.z),
+                  .tolerance = 1e-3,
+                  .naive = static_cast<float>(even_hits) / kPerEstimate * (kSize * kSize),
+                  .naive_by = "64 directions spread evenly over the sphere"});
 }
 
 class EnvironmentFiles : public ::testing::Test {
@@ -186,7 +197,12 @@ TEST_F(LightTableFileStabilityTest, L7BlackEnvironmentIsNoEnvironment) {
     ASSERT_EQ(a->wi, b->wi);
     ASSERT_EQ(a->pdf, b->pdf);
   }
-  EXPECT_EQ((*with)->PdfEnvironment<kAllTraits>(kOrigin, kUp, kUp), 0);
+  ExpectHardCase({.row = "L7",
+                  .figure = "pdf of a black environment",
+                  .expected = 0,
+                  .measured = (*with)->PdfEnvironment<kAllTraits>(kOrigin, kUp, kUp),
+                  .naive = naive::Share(0, 0),
+                  .naive_by = "a texel over the sum of texels"});
   const auto only_black = Build(8, std::vector<Rgb>(64));
   ASSERT_TRUE(only_black.ok());
   EXPECT_TRUE((*only_black)->empty());
@@ -206,7 +222,13 @@ TEST(LightTableStabilityTest, L8NoLightAndOneLight) {
     const auto sample = one->Sample<kAllTraits>(kOrigin, kUp, select, {0.3f, 0.6f});
     ASSERT_TRUE(sample.has_value());
     // Chosen with probability exactly 1.
-    EXPECT_EQ(sample->pdf, static_cast<float>(ViewSphere({0, 0, 3}, 1, false, kOrigin).pdf));
+    const auto alone = static_cast<float>(ViewSphere({0, 0, 3}, 1, false, kOrigin).pdf);
+    ExpectHardCase({.row = "L8",
+                    .figure = "probability of the only light",
+                    .expected = 1,
+                    .measured = sample->pdf / alone,
+                    .naive = naive::Share(0, 0),
+                    .naive_by = "importance over the sum, in a node of black lights"});
   }
 }
 
@@ -230,15 +252,26 @@ TEST(LightTableStabilityTest, L10ManyDifferentLightsAddUp) {
   for (size_t count : {2u, 16u, 17u, 5000u}) {
     LightTableInput input;
     double expected = 0;
+    std::vector<float> powers;
     RandomPoints random(count);
     for (size_t i = 0; i < count; ++i) {
       const double d = 5 + 20 * double{random.Next()}, tilt = 0.9 * double{random.Next()};
       const float radiance = 0.1f + random.Next();
+      powers.push_back(radiance);
       input.spheres.push_back(
           {{d * tilt, 0, d * std::sqrt(1 - tilt * tilt)}, 0.5, Rgb{radiance, 1, 1}});
       expected += double{radiance} * kPi * 0.25 / (d * d) * std::sqrt(1 - tilt * tilt);
     }
-    ExpectNear(EstimateIrradiance(*MakeTable(input), kOrigin, kUp, 16384), expected, 1e-6);
+    const Estimate estimate = EstimateIrradiance(*MakeTable(input), kOrigin, kUp, 16384);
+    ExpectNear(estimate, expected, 1e-6);
+    ExpectHardCase({.row = "L10",
+                    .figure = "irradiance of " + std::to_string(count) + " lights",
+                    .expected = expected,
+                    .measured = estimate.mean,
+                    .standard_error = estimate.standard_error,
+                    .tolerance = 1e-6 * expected,
+                    .naive = expected * naive::SumOfProbabilities(powers),
+                    .naive_by = "times the sum of their float probabilities"});
   }
 }
 
@@ -260,7 +293,14 @@ TEST(LightTableStabilityTest, L11NegativeLightsCancelAndBlackOnesAreNotChosen) {
   LightTableInput input;
   input.spheres = {{{0, 0, 3}, 1, kWhite}, {{0, 0, 3}, 1, Rgb::Grey(-1)}};
   const Estimate estimate = EstimateIrradiance(*MakeTable(input), kOrigin, kUp, 4096);
-  EXPECT_NEAR(estimate.mean, 0, 6 * estimate.standard_error + 1e-7);
+  ExpectHardCase({.row = "L11",
+                  .figure = "irradiance of a light and its negative",
+                  .expected = 0,
+                  .measured = estimate.mean,
+                  .standard_error = estimate.standard_error,
+                  .tolerance = 1e-7,
+                  .naive = naive::LightOfPositive({1, -1}) * naive::SphereSolidAngle(1, 3),
+                  .naive_by = "lights of no positive power dropped"});
   input.spheres[1].radiance = {};
   const auto table = MakeTable(input);
   for (float select : {0.0f, 0.3f, 0.7f, 0.99999994f}) {
@@ -286,7 +326,13 @@ TEST(LightTableStabilityTest, L14LightsWithoutSizeAreNoLights) {
   const auto with_sphere = MakeTable(input);
   ExpectNear(EstimateIrradiance(*with_sphere, kOrigin, kUp), kPi / 25);
   for (uint32_t emitter : {0u, 1u, 2u, 3u, 4u, 6u, 7u}) {
-    EXPECT_EQ(with_sphere->PdfEmitter<kAllTraits>(emitter, kOrigin, kUp, kUp, {0, 0, 1}), 0);
+    ExpectHardCase(
+        {.row = "L14",
+         .figure = "pdf of lights without size",
+         .expected = 0,
+         .measured = with_sphere->PdfEmitter<kAllTraits>(emitter, kOrigin, kUp, kUp, {0, 0, 1}),
+         .naive = naive::Share(1, 0),
+         .naive_by = "1 / area"});
   }
 }
 
@@ -328,7 +374,16 @@ TEST(LightTableStabilityTest, L15TinySunKeepsItsFlux) {
     LightTableInput input;
     const float radiance = static_cast<float>(1 / (kPi * sine * sine));
     input.spheres = {{{0, 0, d}, d * sine, Rgb::Grey(radiance)}};
-    ExpectNear(EstimateIrradiance(*MakeTable(input), kOrigin, kUp), 1, 1e-6);
+    const Estimate estimate = EstimateIrradiance(*MakeTable(input), kOrigin, kUp);
+    ExpectNear(estimate, 1, 1e-6);
+    ExpectHardCase({.row = "L15",
+                    .figure = "irradiance of a sun of 1e-4 degrees",
+                    .expected = 1,
+                    .measured = estimate.mean,
+                    .standard_error = estimate.standard_error,
+                    .tolerance = 1e-6,
+                    .naive = radiance * naive::SphereSolidAngle(static_cast<float>(sine), 1),
+                    .naive_by = "solid angle as 2 pi (1 - cos)"});
   }
 }
 
