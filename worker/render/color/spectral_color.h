@@ -5,9 +5,9 @@
 // (sigmoid_spectrum.h); a gray is exactly constant over wavelength. Spectra from a scene are used
 // unchanged.
 //
-// Units agree with common/scene/spectrum/spectrum.h: integrated by RgbOf, emission has luminance 1 if given
-// by a spectrum or a temperature, and otherwise that of its RGB. As in pbrt-v4, RGB emission is the
-// spectrum of a reflectance, scaled, times D65.
+// Units agree with common/scene/spectrum/spectrum.h: integrated by RgbOf, emission has luminance 1
+// if given by a spectrum or a temperature, and otherwise that of its RGB. As in pbrt-v4, RGB
+// emission is the spectrum of a reflectance, scaled, times D65.
 #pragma once
 
 #include <array>
