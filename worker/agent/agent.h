@@ -110,7 +110,7 @@ class Agent {
   bool news_ = false;          // Since the last call of Synchronize began.
   bool reachable_ = true;      // Whether the last call was answered.
   bool uploads_taken_ = true;  // Whether the last upload was accepted.
-  uint64_t answered_sequence_ = 0;        // Of the last answered snapshot.
+  uint64_t answered_sequence_ = 0;        // The sequence of the last answered snapshot.
   std::condition_variable_any answered_;  // A call was answered, or failed.
   Clock::time_point next_synchronize_, last_synchronize_, grace_end_, farewell_end_, idle_since_;
   std::chrono::milliseconds backoff_;

@@ -152,7 +152,7 @@ class FakeRenderer : public SceneLoader {
   std::atomic<bool> gate_open{true};
   std::atomic<int> rendering_count{0};
   absl::Status load_status;
-  absl::Status render_status;  // Of the first task.
+  absl::Status render_status;  // For the first task.
   FailureKind load_failure_kind = FailureKind::kInternal;
   size_t part_bytes = 10;
 

@@ -75,7 +75,7 @@ class LeaseLedger {
   };
   struct Failed {
     LeaseFailure failure;
-    uint64_t sequence = 0;  // Of the last snapshot before it.
+    uint64_t sequence = 0;  // The last snapshot before the failure.
   };
   // Also remembers the lease as ended.
   void Remove(std::map<uint64_t, Held>::iterator it);

@@ -26,7 +26,7 @@ struct Lease {
   PixelRect tile;
   SampleBlock block;
   TileCells cells;
-  BlobDigest scene;  // Of the manifest.
+  BlobDigest scene;  // The manifest's digest.
   FrameSettings settings;
 };
 
@@ -54,7 +54,7 @@ struct WorkerState {
   int32_t lease_count_wanted = 0;
   bool draining = false;
   std::vector<std::string> warm_scenes;
-  uint64_t scene_memory_bytes = 0;  // Of those.
+  uint64_t scene_memory_bytes = 0;  // Total size of those.
 };
 
 // The leases that the coordinator wants it to hold: the reply.
@@ -72,7 +72,7 @@ struct FinishedPart {
   SampleBlock block;
   TileCells cells;
   std::string exr_bytes;
-  BlobDigest digest;  // Of exr_bytes.
+  BlobDigest digest;  // Digest of exr_bytes.
   uint64_t ray_count = 0;
   double cpu_seconds = 0;
 };

@@ -27,8 +27,7 @@ struct PathShares {
 
 struct PathNoise {
   std::array<PathShares, kLightPathKindCount> kinds;
-  double one_replicate_share = 0;  // Of all kinds together: decides whether the tile's error is
-                                   // reliable.
+  double one_replicate_share = 0;  // All kinds together: whether the tile's error is reliable.
 };
 
 // The tile's samples 0 to `samples`, relative to `floor` plus the tile's mean, so that dark tiles

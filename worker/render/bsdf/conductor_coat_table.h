@@ -33,7 +33,7 @@ inline constexpr float kSeriesMin = 1e-6f;
 inline constexpr int kTintNodeCount = 17;  // At reflectance 1 - (1 - i / 16)^2.
 
 struct ConductorCoatRow {
-  Ggx lobe;                // Of the highlight, over refracted directions.
+  Ggx lobe;                // The highlight's, over refracted directions.
   float thickness = 0;     // Optical depth at normal incidence.
   bool is_smooth = false;  // Both layers are mirrors: no tables, a single delta lobe.
   MuCurve enter;           // T, without absorption; for rough interfaces fitted to the highlight.

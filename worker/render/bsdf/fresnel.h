@@ -15,7 +15,7 @@ namespace sheaf::render {
 
 struct DielectricFresnel {
   float reflectance = 1;
-  float cos_t = 0;  // Of the refracted direction, >= 0; 0 under total internal reflection.
+  float cos_t = 0;  // Cosine of refraction, >= 0; 0 under total internal reflection.
 };
 
 // cos_i: cosine of incidence, in [0, 1]. eta: index of the far side over that of the near side.

@@ -61,7 +61,7 @@ class ApertureMask {
   Aperture aperture_ = Aperture::kDisk;
   double scale_ = 1;
   std::vector<Vec2d> polygon_;  // Closed: repeats the first corner at the end.
-  int width_ = 0, height_ = 0;  // Of the image, [height][width], bottom row first.
+  int width_ = 0, height_ = 0;  // Image size; [height][width], bottom row first.
   std::vector<float> texels_;
 };
 

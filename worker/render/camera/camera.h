@@ -67,7 +67,7 @@ class Camera {
   std::shared_ptr<const RealisticLens> realistic_;  // Null for other kinds. Shared, because it is
                                                     // large.
   double lens_radius_ = 0;
-  BladePolygon blades_;                // Of the lens; empty: round.
+  BladePolygon blades_;                // The lens opening; empty: round.
   double inverse_focal_distance_ = 0;  // 0 for a lens focused at infinity.
   Affine render_from_camera_;
   bool moves_ = false;

@@ -55,7 +55,7 @@ class ExitPupil {
   const Ring& ring(double film_radius_mm) const;
 
   double rings_per_mm_ = 0;
-  std::vector<Ring> rings_;  // Of equal width, from the axis outwards.
+  std::vector<Ring> rings_;  // Rings of equal width, from the axis outwards.
 };
 
 }  // namespace sheaf::render

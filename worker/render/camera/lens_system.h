@@ -42,7 +42,7 @@ class LensSystem {
   // The opposite direction; ignores the stop's shape. Requires: d.z < 0, starting before the lens.
   bool TraceFromScene(LensRay* ray) const;
 
-  double rear_z_mm() const { return surfaces_.back().z; }  // Of the rear surface's vertex.
+  double rear_z_mm() const { return surfaces_.back().z; }  // At the rear surface's vertex.
   double front_z_mm() const { return surfaces_.front().z; }
   double focal_length_mm() const { return focal_length_mm_; }
   double rear_radius_mm() const { return surfaces_.back().aperture_radius; }
@@ -52,7 +52,7 @@ class LensSystem {
 
  private:
   struct Surface {
-    double z = 0;          // Of the vertex.
+    double z = 0;          // At the vertex.
     double curvature = 0;  // Above 0: the center lies towards the scene.
     double aperture_radius = 0;
     double eta_scene = 1, eta_film = 1;  // Indices on its two sides.

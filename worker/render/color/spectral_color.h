@@ -40,7 +40,7 @@ class SpectralColor {
 
  private:
   SigmoidSpectrum sigmoid_;
-  float scale_ = 0;                                  // Of the sigmoid; 0 is black.
+  float scale_ = 0;                                  // Factor of the sigmoid; 0 is black.
   bool is_under_d65_ = false;                        // The sigmoid is multiplied by the illuminant.
   std::shared_ptr<const std::vector<float>> table_;  // If set, replaces the sigmoid.
 };

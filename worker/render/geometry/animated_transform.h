@@ -47,7 +47,7 @@ class AnimatedTransform {
 
   std::array<Key, 2> keys_;
   double start_time_ = 0, end_time_ = 1;
-  double half_angle_ = 0;  // Of the arc between the two quaternions, in [0, pi / 2].
+  double half_angle_ = 0;  // Half the arc between the two quaternions, in [0, pi / 2].
 };
 
 }  // namespace sheaf::render

@@ -54,7 +54,7 @@ std::optional<CurveHit> Meet(const CurveSegment& segment, Vec3d o, Vec3d d) {
 double SampledGap(const CurveSegment& segment, Vec3d o, Vec3d d, double* t) {
   constexpr int kSteps = 20000;
   double gap_min = kInfinite;
-  std::array<double, 3> off{};  // Of the last three samples.
+  std::array<double, 3> off{};  // The last three samples.
   *t = kInfinite;
   for (int i = 0; i <= kSteps; ++i) {
     const Vec3d c = segment.PointAt(static_cast<double>(i) / kSteps) - o;

@@ -40,7 +40,7 @@ inline const std::vector<Vec3f>& NormalsOfStep(const BakedMesh& mesh, size_t ste
 // A triangle of a deforming mesh (t: its three indices) at a time.
 struct DeformedTriangle {
   std::array<Vec3d, 3> corners;
-  Vec3f coordinate_max;  // Of the coordinates from which the corners were computed.
+  Vec3f coordinate_max;  // Bound of the coordinates from which the corners were computed.
 };
 inline DeformedTriangle DeformedTriangleAt(const BakedMesh& mesh, const uint32_t* t,
                                            VertexTime time) {

@@ -19,7 +19,7 @@ namespace {
 struct Vertex {
   uint32_t site = 0;
   Vec2f uv;
-  Vec3f normal;  // Of the mesh; linear between its vertices, so not unit length.
+  Vec3f normal;  // The mesh's; linear between its vertices, so not unit length.
 };
 using Face = std::array<uint32_t, 3>;  // Vertices.
 

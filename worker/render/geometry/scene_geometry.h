@@ -35,9 +35,9 @@ struct Surface {
   bool needs_tangent = false;    // The BSDF depends on the tangent.
   bool reads_textures = false;   // The material, the cut-out or the emission uses a texture.
   bool has_normal_map = false;   // Or a bump map.
-  uint16_t rank = kNoRank;       // Of the interior, if it has a priority: InteriorTable.
+  uint16_t rank = kNoRank;       // The interior's rank, if it has a priority: InteriorTable.
   bool encloses_matter = false;  // A boundary of a subsurface medium.
-  bool paints_matter = false;    // Whose scattering a texture scales here.
+  bool paints_matter = false;    // A texture scales the scattering of that medium here.
   MediumBoundary media;
   // A triangle with an emission image has emission_cells^2 emitters: emission_cells.h.
   uint16_t emission_cells = 1;
@@ -48,7 +48,7 @@ struct BakedMesh {
   std::vector<Vec3f> normals;     // Unit length, or empty.
   std::vector<Vec2f> uvs;         // Or empty.
   std::vector<uint32_t> indices;  // Three per triangle, without degenerate ones.
-  // Of a deforming mesh (deforming_mesh.h): the vertices at later, equidistant steps until shutter
+  // Vertices of a deforming mesh (deforming_mesh.h) at later, equidistant steps until shutter
   // close, in the same form.
   std::vector<VertexStep> steps;
 };
@@ -95,7 +95,7 @@ struct BakedCurves {
   std::vector<CurvePiece> pieces;  // Without segments of zero length or width.
   std::vector<CurveRod> rods;      // About each piece.
   Affine target_from_shape, shape_from_target;
-  Vec3f coordinate_max;  // Of the coordinates from which points are computed, in the target.
+  Vec3f coordinate_max;  // Bound of the coordinates from which points are computed, in the target.
 
   size_t size() const { return pieces.size(); }
 };
@@ -105,9 +105,9 @@ struct GeometryGroup {
   std::vector<BakedQuadric> quadrics;
   std::vector<BakedPatches> patches;
   std::vector<BakedCurves> curves;
-  Vec3d center;  // Of its own space, in the space of the shapes' transforms.
+  Vec3d center;  // Origin of the group's space, in the space of the shapes' transforms.
   Vec3f bounds_lower, bounds_upper;
-  double radius = 0;  // Of a ball about `center` that contains everything.
+  double radius = 0;  // Radius of a ball about `center` that contains everything.
 
   bool empty() const {
     return meshes.empty() && quadrics.empty() && patches.empty() && curves.empty();
@@ -143,7 +143,8 @@ struct SceneGeometry {
   Vec3d render_origin_world;
   double shutter_open = 0, shutter_close = 0;
   uint64_t degenerate_triangle_count = 0;
-  Vec3f bounds_lower, bounds_upper;  // Of everything over the shutter interval, in render space.
+  Vec3f bounds_lower, bounds_upper;  // Bounds of everything over the shutter interval, in render
+                                     // space.
 };
 
 // The transform of a placed group at a fraction of the shutter interval.

@@ -44,7 +44,7 @@ inline constexpr double kDoubleRounding = 0x1p-50;  // A few roundings of double
 // A point before it is rounded to float and placed. Space: that of the group.
 struct GroupPoint {
   Vec3d p, ng, ns;
-  Vec3f coordinate_max;  // Of the coordinates from which the point was computed.
+  Vec3f coordinate_max;  // Bound of the coordinates from which the point was computed.
   Vec2f uv;
   Vec3d dpdu, dpdv;
   bool has_tangents = false;

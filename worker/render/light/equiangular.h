@@ -70,9 +70,9 @@ class EquiangularDistances {
 
  private:
   double closest_ = 0;          // Distance along the ray of its closest point to the light.
-  double height_ = 0;           // Of the light above the ray.
-  double begin_ = 0, end_ = 0;  // Of the span, from the closest point.
-  double angle_ = 0;            // Of the span as seen from the light. 0: see Make.
+  double height_ = 0;           // Height of the light above the ray.
+  double begin_ = 0, end_ = 0;  // Ends of the span, relative to the closest point.
+  double angle_ = 0;            // Angle of the span as seen from the light. 0: see Make.
 };
 
 // For the part of the ray o + t d, t in [begin, end], that the light illuminates; end may be

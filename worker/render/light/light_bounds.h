@@ -17,7 +17,7 @@ struct LightBounds {
   bool two_sided = true;  // kPlanar: emits on both sides.
   Vec3f center{};
   Vec3f normal{};    // kPlanar: unit, on the emitting side; kPoint: unit, the axis of its cone.
-  float radius = 0;  // Of a bounding sphere about center.
+  float radius = 0;  // Bounding sphere about center.
   float area = 0;    // kPlanar: of the shape; kSphere: of its silhouette; else 0.
   // In luminance. kPlanar, kSphere: |radiance|; kPoint: |intensity|; kInfinite: the maximum
   // |irradiance| the light can give.

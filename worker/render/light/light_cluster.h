@@ -18,7 +18,7 @@ namespace sheaf::render {
 
 // A light, in the form that the builder sorts.
 struct LightEntry {
-  Vec3f center, half;      // Of its bounding box.
+  Vec3f center, half;      // Center and half size of the bounding box.
   Vec3f normal;            // Zero where it emits in all directions.
   float intensity = 0;     // Along the normal.
   float cos_emission = 0;  // Emits where the cosine with the normal is at least this.
@@ -68,7 +68,7 @@ class OrientationTable {
 // Bounds and sums of a set of lights.
 struct LightCluster {
   static constexpr float kInfinity = std::numeric_limits<float>::infinity();
-  Vec3f lower{kInfinity, kInfinity, kInfinity}, upper = -lower;  // Of the boxes.
+  Vec3f lower{kInfinity, kInfinity, kInfinity}, upper = -lower;  // Bounds of the boxes.
   Vec3f center_lower{kInfinity, kInfinity, kInfinity}, center_upper = -center_lower;
   Vec3f normal_sum{};  // Weighted by intensity.
   float intensity = 0;

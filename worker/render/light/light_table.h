@@ -97,7 +97,7 @@ struct EmissionDetail {
   int32_t cut_out = kNone;  // Shape of SceneDescription whose alpha cuts out the emitter.
   bool is_unseen = false;   // Cut out everywhere: emits, but no ray hits it (pbrt-v4's rule).
   int32_t quadric = kNone;  // In LightTableInput::quadrics; kNone for a triangle.
-  Vec2f uv[3];              // Of the triangle's corners.
+  Vec2f uv[3];              // At the triangle's corners.
 };
 
 struct LightTableInput {
@@ -275,7 +275,7 @@ class LightTable {
   template <typename Color>
   static Color RadianceFromInfinity(const Impl& impl, Vec3f p, Vec3f d,
                                     const WavelengthsOf<Color>& wavelengths);
-  // What is already known about a direction, relative to one infinite light.
+  // Known properties of a direction, relative to one infinite light.
   struct Located {
     EnvironmentMap::Place place;  // In the light's map, if it has one.
     uint32_t light = 0;

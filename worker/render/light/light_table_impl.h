@@ -44,7 +44,7 @@ struct DeltaLight {
 struct InfiniteEmitter {
   std::optional<EnvironmentMap> map;
   Emission radiance;            // Constant.
-  float scale = 1;              // Of the map; 1 where there is none.
+  float scale = 1;              // Scale of the map; 1 where there is none.
   int32_t description = kNone;  // Index in SceneDescription::lights.
   Vec3f light_from_render[3];   // Rows of a rotation (or reflection).
   // If present, only light that arrives through it counts. Requires a map.

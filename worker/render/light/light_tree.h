@@ -71,14 +71,14 @@ class LightTree {
     uint32_t parent = kNoSlot;  // The slot of this node in its parent.
     // Two bytes per entry, because processors load pairs of bytes efficiently.
     uint16_t box[3][kWidth] = {};  // Center and, in the high byte, half the width.
-    int16_t axis[3][kWidth] = {};  // Of the cone about all normals, times kAxisSteps.
+    int16_t axis[3][kWidth] = {};  // Axis of the cone about all normals, times kAxisSteps.
     // Cosine and sine of the cone's half-angle, times kAxisSteps.
     int16_t cos_normals[kWidth] = {}, sin_normals[kWidth] = {};
     // Each light emits within this cosine of its normal, times kEmissionSteps; 0 for a half-space.
     // The high byte is 1 where lights also emit along -normal.
     uint16_t emission[kWidth] = {};
-    // Of the lights with cosine falloff: length of their mean normal, times kMeanSteps. The high
-    // byte is the fraction of the intensity that other lights have, in the same unit.
+    // Length of the mean normal of the lights with cosine falloff, times kMeanSteps. The high byte
+    // is the fraction of the intensity that other lights have, in the same unit.
     uint16_t mean[kWidth] = {};
     float intensity[kWidth] = {};  // Sum over the lights, along their normals.
     uint32_t child[kWidth] = {};

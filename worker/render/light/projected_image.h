@@ -34,7 +34,7 @@ class ProjectedImage {
 
  private:
   int width_ = 0, height_ = 0;
-  double half_width_ = 0, half_height_ = 0;  // Of the image at z = 1.
+  double half_width_ = 0, half_height_ = 0;  // Half size of the image at z = 1.
   std::vector<Rgb> texels_;
   Rgb peak_;
 };

@@ -52,7 +52,7 @@ struct SphereView {
   Vec3d to_center;               // center - p.
   double distance = 0;           // To the center.
   double sin_max_squared = 0;    // (radius / distance)^2, at most 1.
-  double one_minus_cos_max = 0;  // Of the cone that bounds the sphere.
+  double one_minus_cos_max = 0;  // For the cone that bounds the sphere.
   double pdf = 0;                // Constant over the sphere.
   double error = 0;              // Rounding error bound of distances.
   bool visible = false;
@@ -73,7 +73,7 @@ struct DiskShapeView {
   Vec3d normal, axis_x, axis_y;  // Orthonormal; axis_x points from the foot point to the center.
   Vec3d foot;                    // The receiver projected onto the disk's plane.
   double radius = 0, inner_radius = 0;
-  double height = 0;   // Of the receiver above the plane; positive on the front side.
+  double height = 0;   // The receiver's height above the plane; positive on the front side.
   double offset = 0;   // Distance from the foot point to the center.
   double phi_max = 0;  // Half the angle the disk spans about the foot point.
   bool visible = false;

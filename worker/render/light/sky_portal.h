@@ -50,7 +50,7 @@ class SkyPortal {
   };
   struct View {
     Place lower, upper;
-    double sum = 0;  // Of the table's values over the view; positive.
+    double sum = 0;  // Sum of the table's values over the view; positive.
   };
   // A range along one side of the table: the cells of its ends, and the covered fraction of each.
   // If both are the same cell, first_part holds it all.

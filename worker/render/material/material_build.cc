@@ -139,7 +139,7 @@ class MaterialBuilder {
           [&](double nm) -> double { return TintOfReturn(AverageReflectance(*m, nm, 1), loss); });
     }
   }
-  // Of a constant conductor at a wavelength, against a medium of index `outside`.
+  // Reflectance of a constant conductor at a wavelength, against a medium of index `outside`.
   static float AverageReflectance(const CompiledMaterial& m, double nm, float outside) {
     const auto at = static_cast<float>(nm);
     float eta = m.conductor_eta.spectrum.At(at), k = m.conductor_k.spectrum.At(at);

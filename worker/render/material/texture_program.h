@@ -78,7 +78,7 @@ class TextureProgram {
     UvMapping::Kind mapping = UvMapping::Kind::kUv;
     TextureWrap wrap = TextureWrap::kRepeat;
     bool is_color = false, nearest = false, invert = false;
-    ColorRole role = ColorRole::kReflectance;  // Of the colors of an image.
+    ColorRole role = ColorRole::kReflectance;  // Role of the colors of an image.
     int32_t mapping_index = kNone;             // In mappings_.
     TextureImage image;
     float scale = 1;

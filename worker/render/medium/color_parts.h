@@ -17,7 +17,7 @@ namespace sheaf::render {
 
 enum class ColorPart : uint8_t { kGrey, kRed, kGreen, kBlue };
 inline constexpr size_t kColorPartCount = 4;
-// Of a medium: parts that absorb and parts that scatter.
+// Maximum number per medium: parts that absorb and parts that scatter.
 inline constexpr size_t kMediumPartsMax = 2 * kColorPartCount;
 
 // The amount of each part, one number per cell; empty where a part is zero everywhere. Their

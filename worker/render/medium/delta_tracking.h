@@ -43,7 +43,7 @@ struct TrackingTally {
 template <typename Color>
 struct TrackedFlight {
   bool collides = false;
-  double t = 0;  // Of the collision, if any.
+  double t = 0;  // Position of the collision, if any.
   // Factor of each component of the path's throughput. At a collision it includes the extinction,
   // so the caller applies only the albedo, sigma_s / sigma_t.
   Color weight = Color::Grey(1);

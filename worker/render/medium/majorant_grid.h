@@ -121,7 +121,7 @@ class MajorantGrid {
   Index3 cell_min_{0, 0, 0}, cell_max_{-1, -1, -1};  // Voxel range that the box overlaps.
   DensityBounds bounds_;
   Index3 origin_{0, 0, 0};
-  int32_t levels_ = 0;  // Of nodes; the root's children have 8 * 4^(levels - 1) voxels a side.
+  int32_t levels_ = 0;  // Node levels; the root's children have 8 * 4^(levels - 1) voxels a side.
   std::vector<Node> nodes_;
   std::vector<Brick> bricks_;
 };

@@ -94,7 +94,7 @@ class MediumTable {
   const MediumGlow* GlowOf(PartId id) const {
     return PartAt(id).kind == Part::Kind::kScatters ? nullptr : media_[id.medium].glow.get();
   }
-  // Of all heterogeneous media that emit.
+  // All heterogeneous media that emit.
   const GlowLights& glow_lights() const { return glow_lights_; }
   // For a density of 1, per scene unit.
   template <typename Color>
@@ -143,7 +143,7 @@ class MediumTable {
 
     Rgb sigma_a, sigma_s, radiance;  // Scaled, per scene unit.
     SpectralColor sigma_a_spectrum, sigma_s_spectrum, radiance_spectrum;
-    float scale = 1, radiance_scale = 1;   // Of the spectra.
+    float scale = 1, radiance_scale = 1;   // Factors of the spectra.
     std::array<Scattering, 2> scattering;  // By MediumForm.
     bool emits = false;
     bool is_bounded = false;

@@ -43,7 +43,7 @@ struct PhaseDirection {
 inline PhaseDirection SampleHenyeyGreenstein(float g, Vec3f d, Vec2f u) {
   const float a = std::fabs(g);
   const float spread = (1 - a) + 2 * a * u.x;
-  const float root = (1 - a) * (1 + a) / spread;  // Of q, as above.
+  const float root = (1 - a) * (1 + a) / spread;  // Square root of q as above.
   const float from_peak = std::min(2.0f, (1 - a) * (1 - u.x) / spread * (root + (1 - a)));
   const float sine = std::sqrt(from_peak * (2 - from_peak));
   const SinCosPair<float> around = SinCos(static_cast<float>(2 * kPi) * u.y);

@@ -54,7 +54,7 @@ class VolumeMotion {
   explicit VolumeMotion(VolumeGrid velocities) : velocities_(std::move(velocities)) {}
 
   VolumeGrid velocities_;
-  IndexBox box_;  // Of velocities_.
+  IndexBox box_;  // Box of velocities_.
   Affine velocity_index_from_index_;
   Affine displacement_from_velocity_;  // Without offset.
 };

@@ -12,7 +12,7 @@
 namespace sheaf::render {
 
 struct MaterialNeeds {
-  uint32_t traits = 0;       // Of enum Trait; for a mix, those of all its materials.
+  uint32_t traits = 0;       // Bits of enum Trait; for a mix, those of all its materials.
   bool may_pass = false;     // An interface (glass of index 1 is one), or a mix.
   bool anisotropic = false;  // The BSDF depends on the tangent.
   bool reads_textures = false;

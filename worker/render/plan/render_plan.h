@@ -25,12 +25,12 @@ struct PlannedEffect {
   double expected_time_ratio = 1;
 };
 struct RenderPlan {
-  uint32_t traits = 0;          // Of the scene.
-  uint32_t variant_traits = 0;  // Of the compiled variant: a superset of traits.
+  uint32_t traits = 0;          // The scene's.
+  uint32_t variant_traits = 0;  // The compiled variant's: a superset of traits.
   std::string variant_name;
   // The settings' value, or less where deeper paths would carry exactly zero light.
   int32_t max_depth = 0;
-  std::string depth_cause;             // Of a reduced max_depth; else empty.
+  std::string depth_cause;             // Cause of a reduced max_depth; else empty.
   size_t light_count = 0;              // Emissive triangles, spheres, disks and other lights.
   std::vector<PlannedEffect> effects;  // In the order of Trait.
   std::vector<std::string> unused;     // Names of the effects that the scene does not use.

@@ -14,7 +14,7 @@ namespace sheaf::render {
 enum class CameraSlot : uint32_t {
   kFilterAndLens = 0,  // x, y of the pixel filter; u, v of the lens.
   kTime = 1,           // Shutter time.
-  kWavelength = 2,     // Of the primary wavelength.
+  kWavelength = 2,     // The primary wavelength.
   kCount = 4,
 };
 enum class VertexSlot : uint32_t {

@@ -31,7 +31,7 @@ class PixelFilter {
   // One axis, from the center outwards, as a piecewise linear function on equal intervals.
   struct Table {
     std::vector<float> value;     // At the nodes.
-    std::vector<float> cdf;       // Of |value| at the nodes, from 0 to 1.
+    std::vector<float> cdf;       // CDF of |value| at the nodes, from 0 to 1.
     std::vector<uint16_t> guide;  // First interval to test, by u.
     float weight = 1;             // Integral of |f| over integral of f.
   };

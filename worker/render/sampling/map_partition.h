@@ -60,7 +60,7 @@ class MapPartition {
   friend class MapPartitionBuilder;
   // Lengths are in units of a quarter texel.
   static constexpr uint32_t kUnits = 4;
-  static constexpr uint32_t kCellSide = 4 * kUnits;  // Of the cell table.
+  static constexpr uint32_t kCellSide = 4 * kUnits;  // Side of the table's cells.
   // Cumulative probabilities are integers, so a square's interval matches its pdf exactly.
   static constexpr uint32_t kProbabilityOne = uint32_t{1} << 31;
 
@@ -94,7 +94,7 @@ class MapPartition {
   // Returns the index of the first entry of an entry's block; creates the block if there is none.
   size_t BlockOf(uint32_t* entry);
 
-  int level_count_ = 0;  // Of the quadtree, below its root.
+  int level_count_ = 0;  // Levels of the quadtree below its root.
   // By level: 1 / (kProbabilityOne * a square's fraction of the map).
   std::vector<float> pdf_scales_;
   uint32_t index_max_ = 0;

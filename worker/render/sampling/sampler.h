@@ -135,7 +135,7 @@ class Sampler {
         sobol::ScrambleReversed(point.reversed[d], static_cast<uint32_t>(seed))));
   }
 
-  uint64_t key_ = 0;             // Of seed, pixel and replicate.
+  uint64_t key_ = 0;             // Hash of seed, pixel and replicate.
   uint64_t index_reversed_ = 0;  // Index within the replicate, bits in reversed order.
 };
 

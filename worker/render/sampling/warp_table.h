@@ -27,7 +27,7 @@ struct SliceBlend {
 
 // Position on an axis of increasing values, clamped to its ends. Requires: not empty.
 struct AxisPosition {
-  uint32_t index = 0;  // Of the value below.
+  uint32_t index = 0;  // Index of the value below.
   float fraction = 0;  // Towards the next value, which exists where this is not 0.
 };
 AxisPosition FindOnAxis(const std::vector<float>& axis, float value);
@@ -86,7 +86,7 @@ class WarpTable {
   float Blend(const SliceBlend& blend, const std::vector<float>& table, size_t per_slice,
               size_t index) const;
   Row RowAt(const SliceBlend& blend, uint32_t row) const;
-  // Of the line at height y in the row: its integral up to a column.
+  // Integral of the line at height y in the row, up to a column.
   float LineSum(const SliceBlend& blend, uint32_t row, float y, uint32_t column) const;
   float LineValue(const SliceBlend& blend, uint32_t row, float y, uint32_t column) const;
 

@@ -47,7 +47,7 @@ class EmitterList {
   }
   // Null where the light has no image.
   const EmissionMap* MapOf(int32_t light) const;
-  // Of a shape; none where its emission is constant.
+  // Detail of a shape; none where its emission is constant.
   std::optional<EmissionDetail> DetailOf(const Surface& surface, int32_t light,
                                          const Emission& mean) const;
   bool IsAlwaysCutOut(const Surface& surface) const;
