@@ -224,8 +224,7 @@ void Agent::RenderOne(const LeaseLedger::Task& task) {
   ledger_.Finish(id);
   outbox_.Push(*std::move(part));
   uploads_.notify_one();
-  AskForMore();  // Requests the next task now, so that it is here before this part reaches the
-                 // coordinator.
+  AskForMore();  // So that the next task is here before this part arrives there.
 }
 
 void Agent::AskForMore() {

@@ -22,8 +22,7 @@
 namespace sheaf::worker {
 
 struct FrameLoaderOptions {
-  uint64_t scene_memory_bytes_max = uint64_t{4} << 30;  // Limit for one scene, while reading or
-                                                        // compiled.
+  uint64_t scene_memory_bytes_max = uint64_t{4} << 30;  // For one scene, read or compiled.
   uint64_t texture_memory_bytes_max = uint64_t{512} << 20;
   uint32_t build_threads = 0;  // 0: the machine's number of threads.
 };

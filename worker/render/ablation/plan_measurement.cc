@@ -62,8 +62,7 @@ class Rendering {
   }
 
   struct Pixel {
-    std::array<Rgb, 2> halves{};  // Sums over the even and over the odd turns, which are
-                                  // independent.
+    std::array<Rgb, 2> halves{};  // Independent sums over even and over odd turns.
     double sum = 0, square_sum = 0;
   };
   const std::vector<std::vector<Pixel>>& pixels() const { return pixels_; }

@@ -14,8 +14,8 @@ namespace {
 // Light inside the coat is binned by cosine: equal steps of its square, so that a Lambertian source
 // fills all bins equally.
 constexpr int kBinCount = 64;
-// Passes of the chain's iterative solution; the error falls with each by the fraction that returns
-// to the base, 60 % for a coat of index 1.5.
+// Maximum passes of the chain's iterative solution. Each pass multiplies the error by the fraction
+// of light that returns to the base, 0.6 for a coat of index 1.5.
 constexpr int kPassCountMax = 2000;
 constexpr double kChangeMin = 1e-9;
 // Minimum alpha of a lobe in either direction. The same minimum as for other materials.

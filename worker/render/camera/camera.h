@@ -64,8 +64,7 @@ class Camera {
   // Screen = origin + film * step: camera-space x, y at z = 1 (or on the plane); for spherical
   // cameras, a point of the map of all directions.
   Vec2d screen_origin_, screen_step_;
-  std::shared_ptr<const RealisticLens> realistic_;  // Null for other kinds. Shared, because it is
-                                                    // large.
+  std::shared_ptr<const RealisticLens> realistic_;  // Null for other kinds; shared, as it is large.
   double lens_radius_ = 0;
   BladePolygon blades_;                // The lens opening; empty: round.
   double inverse_focal_distance_ = 0;  // 0 for a lens focused at infinity.

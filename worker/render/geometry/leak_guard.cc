@@ -55,9 +55,7 @@ bool LeakGuard::IsEnclosed(const Ray& ray) const {
   }
   const uint32_t group = placed == nullptr ? 0 : placed->group;
   const std::vector<EnclosedSide>& sides = sides_[group];
-  if (source.geometry >= sides.size())
-    return false;  // Other geometry is intersected in double,
-                   // without holes.
+  if (source.geometry >= sides.size()) return false;  // Doubles leave no holes.
   const EnclosedSide side = sides[source.geometry];
   if (side == EnclosedSide::kNeither) return false;
   const BakedMesh& mesh = geometry_->groups[group].meshes[source.geometry];

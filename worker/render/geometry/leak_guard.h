@@ -39,8 +39,8 @@ class LeakGuard {
   bool camera_is_enclosed_ = false;
 };
 
-// Camera rays in evenly distributed directions. If all hit something, the camera is in a room, of
-// whatever parts.
+// Camera rays in evenly distributed directions. If all hit something, the camera is in a room,
+// whatever it consists of.
 inline constexpr uint32_t kProbeCount = 4096;
 Ray ProbeRay(uint32_t index);
 

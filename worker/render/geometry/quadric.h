@@ -26,8 +26,7 @@ struct Quadric {
   double inner_radius = 0;       // Disks.
   double phi_max = 0;            // Radians.
   Affine target_from_object, object_from_target;
-  Vec3f coordinate_max;  // Bound of all coordinates in the computation of a point: for error
-                         // bounds.
+  Vec3f coordinate_max;  // Bound of all coordinates that lead to a point: for error bounds.
 };
 
 // Converts a shape as written: clamps and sorts its ranges, and leaves the transforms as

@@ -143,8 +143,7 @@ struct SceneGeometry {
   Vec3d render_origin_world;
   double shutter_open = 0, shutter_close = 0;
   uint64_t degenerate_triangle_count = 0;
-  Vec3f bounds_lower, bounds_upper;  // Bounds of everything over the shutter interval, in render
-                                     // space.
+  Vec3f bounds_lower, bounds_upper;  // Over the whole shutter interval, in render space.
 };
 
 // The transform of a placed group at a fraction of the shutter interval.

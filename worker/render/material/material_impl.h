@@ -48,8 +48,7 @@ struct CompiledMaterial {
   bool from_reflectance = false;  // Conductors: color is the reflectance and determines eta and k.
   float eta = 1;                  // For dielectrics and coats.
   float scale = 1;                // For both colors of diffuse transmission.
-  bool disperses = false;         // The index depends on wavelength and replaces eta in spectral
-                                  // transport.
+  bool disperses = false;         // The index varies with wavelength; replaces eta if spectral.
   SpectralColor index;
   ColorOperand color;
   ColorOperand conductor_eta;  // Diffuse transmission: the transmittance.

@@ -58,8 +58,7 @@ class GlowLights {
     Affine cell_from_render, render_from_cell;  // Cells are unit cubes that start at the origin.
     std::array<int32_t, 3> counts{};
     size_t first = 0;             // In choice_.
-    std::vector<double> density;  // Density of sampled points, per volume of render space; x
-                                  // slowest.
+    std::vector<double> density;  // Density of samples, per volume of render space; x slowest.
   };
   static Cells CutUp(const VaryingMedium& medium);
   static void Weigh(const Source& source, const Cells& cells, std::vector<double>* powers);

@@ -124,8 +124,7 @@ TEST(MajorantGridTest, VacuumSegmentsHoldNothing) {
       if (s.bounds.upper > 0) continue;
       for (int i = 0; i <= 32 && !std::isinf(s.t1); ++i) {
         const Vec3d p = ray.o + (s.t0 + i / 32.0 * (s.t1 - s.t0)) * ray.d;
-        bool inside = true;  // Outside the box the density is 0, whatever its voxels interpolate
-                             // to.
+        bool inside = true;  // Outside the box the density is 0, whatever the voxels.
         for (size_t a = 0; a < 3; ++a) {
           inside &= p[a] > grid.box().lo[a] + 1e-9 && p[a] < grid.box().hi[a] - 1e-9;
         }

@@ -93,8 +93,7 @@ void MediumGlow::SetTemperatures(VolumeGrid grid, const TemperatureEmission& emi
   SHEAF_CHECK(!grid.is_vector());
   temperatures_ = Placed(std::move(grid));
   emission_ = emission;
-  BlackbodyRgbOfPeakOne(kGlowTemperatureMinK);  // Builds the table now rather than during
-                                                // rendering.
+  BlackbodyRgbOfPeakOne(kGlowTemperatureMinK);  // Builds the table before rendering.
 }
 
 void MediumGlow::SetFactors(VolumeGrid grid) {

@@ -14,7 +14,8 @@ inline constexpr uint32_t kPassesMax = 1024;
 // Maximum number of vertices of a path in a subsurface medium; a path with more ends and is
 // counted. In a half space without absorption one in a thousand paths exceeds it.
 inline constexpr uint32_t kMatterStepsMax = 1u << 20;
-// Roulette starts after this number of scattering events; kRouletteStopMax bounds its probability.
+// Roulette starts after this number of scattering events, and ends a path with at most this
+// probability.
 inline constexpr uint32_t kRouletteDepthMin = 1;
 inline constexpr float kRouletteStopMax = 0.95f;
 

@@ -66,8 +66,7 @@ class MapPartition {
 
   // Kept small, because accesses are random.
   struct Square {
-    uint32_t begin = 0;  // Cumulative probability before the square; its end is the next one's
-                         // begin.
+    uint32_t begin = 0;  // Cumulative probability before it; the next one's begin is its end.
     // Position in the quadtree: a one bit, then the bits of x, then those of y, both counted in
     // squares of its size and with as many bits as its depth.
     uint32_t path = 1;

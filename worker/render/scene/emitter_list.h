@@ -24,10 +24,10 @@ class EmitterList {
   }
 
   // light: index of the shape's light. Return a preliminary id for Surface::emitter, or kNoEmitter
-  // where the light is black; AssignIds makes it final. flips: whether the shape faces inwards
-  // (spheres) or along -z (disks). A mesh that emits an image of high contrast becomes a grid of
-  // emitters per triangle, so that light selection can resolve its bright parts; AddMesh stores the
-  // grid's resolution in the mesh's surface.
+  // where the light is black; AssignIds makes it final. surface.flips_normal: whether the shape
+  // faces inwards (spheres) or along -z (disks). A mesh that emits an image of high contrast
+  // becomes a grid of emitters per triangle, so that light selection can resolve its bright parts;
+  // AddMesh stores the grid's resolution in the mesh's surface.
   uint32_t AddMesh(int32_t light, BakedMesh* mesh);
   uint32_t AddQuadric(const Quadric& quadric, const Surface& surface, int32_t light);
   // Whether the light table samples the quadric directly: full spheres of uniform scale, and round

@@ -270,8 +270,7 @@ absl::Status ShapeBaker::AddQuadric(const ShapeDescription& shape, Surface surfa
     const uint64_t degenerate = degenerate_triangle_count_;
     const absl::Status status = AddMesh(shape, surface, *TrianglesOf(shape, kEmissiveQuadricSteps),
                                         target_from_shape, group);
-    degenerate_triangle_count_ = degenerate;  // Degenerate triangles at the poles are not the
-                                              // scene's fault.
+    degenerate_triangle_count_ = degenerate;  // Those at the poles are not the scene's fault.
     return status;
   }
   if (shape.area_light != kNone) {
