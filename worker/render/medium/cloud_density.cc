@@ -56,7 +56,7 @@ double GradientNoise(Vec3d p) {
   const auto column = [&](int i, int j) { return Mix(w, corner(i, j, 0), corner(i, j, 1)); };
   const double value =
       Mix(u, Mix(v, column(0, 0), column(0, 1)), Mix(v, column(1, 0), column(1, 1)));
-  return std::clamp(value, -1.0, 1.0);  // Only rounding exceeds the range.
+  return std::clamp(value, -1.0, 1.0);  // Only rounding can leave the range.
 }
 
 CloudDensity::CloudDensity(const Parameters& parameters) : parameters_(parameters) {

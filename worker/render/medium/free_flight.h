@@ -51,7 +51,7 @@ struct FlightNumbers {
   double distance = 0;
   float component = 0;
 };
-// From a slot's numbers, for the pass-th segment since then: each segment gets its own, by hashing.
+// From a slot's numbers, for the pass-th segment: later segments get hashed ones.
 inline FlightNumbers MakeFlightNumbers(const std::array<float, 4>& u, uint32_t pass) {
   if (pass == 0) return {static_cast<double>(u[0]) + 0x1p-24 * static_cast<double>(u[1]), u[2]};
   uint64_t state = (uint64_t{std::bit_cast<uint32_t>(u[0])} << 32) | std::bit_cast<uint32_t>(u[1]);
