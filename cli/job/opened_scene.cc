@@ -21,7 +21,7 @@ absl::StatusOr<SceneFile> ReadSceneFile(const std::string& path) {
   SceneReaderLimits limits;
   if (const MemoryRoom room = FindMemoryRoom(); room.bytes < limits.memory_bytes_max) {
     limits.memory_bytes_max = room.bytes;
-    limits.memory_limit = "what is left of " + room.limit;
+    limits.memory_limit = "the remainder of " + room.limit;
   }
   absl::StatusOr<ReadSceneResult> read = ReadScene(scene.filename().string(), *files, limits);
   if (!read.ok()) return read.status();

@@ -70,7 +70,7 @@ class SqliteJobStoreTest : public testing::Test {
       spec.frames.push_back(frame);
     }
     spec.effect_costs = {{"lens", "", "a pinhole", 0.25, 0.01, -0.002, 0.003, 1e-4, 1.5},
-                         {"indirect light", "the time was up", "", 0, 0, 0, 0, 0, 0}};
+                         {"indirect light", "the time limit was reached", "", 0, 0, 0, 0, 0, 0}};
     return spec;
   }
   uint64_t CreateJob(const std::string& request_id = "r") {

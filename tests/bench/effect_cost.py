@@ -97,9 +97,9 @@ SCENES = {
         '"rgb L" [9 8 7]', '"string filename" "picture.pfm" "float scale" [9]') + DIFFUSE + BOX,
     "media": hazed('"rgb sigma_a" [0.05 0.05 0.05] "rgb sigma_s" [0.1 0.1 0.1]'),
     "colored media": hazed('"rgb sigma_a" [0.02 0.05 0.1] "rgb sigma_s" [0.05 0.1 0.2]'),
-    "glowing media": hazed('"rgb sigma_a" [0.05 0.05 0.05] "rgb sigma_s" [0.1 0.1 0.1] '
+    "emissive media": hazed('"rgb sigma_a" [0.05 0.05 0.05] "rgb sigma_s" [0.1 0.1 0.1] '
                            '"rgb Le" [0.2 0.1 0.05]'),
-    "uneven media": boxed(DIFFUSE).replace("WorldBegin\n", UNEVEN),
+    "heterogeneous media": boxed(DIFFUSE).replace("WorldBegin\n", UNEVEN),
     "moving volumes": boxed(DIFFUSE).replace("WorldBegin\n", UNEVEN.replace(
         '"point3 p0"', '"vector3 velocity" [%s]\n"point3 p0"' % (".2 .1 0 " * 8))),
     "outputs": boxed(DIFFUSE),

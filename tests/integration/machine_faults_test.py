@@ -87,7 +87,8 @@ class MachineFaultsTest(unittest.TestCase):
             farm.wait_until(lambda: not self.is_ready(f), 30, "/readyz tells of the disk")
             self.assertIn("is not writable", self.show(f, job)["waiting_reason"])
             self.assertIn("is not writable", f.sheaf("show", job).stdout)
-            farm.wait_until(lambda: "takes no results" in f.log("worker1"), 10, "the worker's log")
+            farm.wait_until(lambda: "accepts no results" in f.log("worker1"), 10,
+                            "the worker's log")
             self.assertIn("No space left on device", f.log("worker1"))
             at_rest = self.accepted(f)
             time.sleep(1)
@@ -96,7 +97,7 @@ class MachineFaultsTest(unittest.TestCase):
             self.await_progress(f)
             farm.wait_until(lambda: self.is_ready(f), 30, "/readyz tells of the space")
             self.assertEqual(self.show(f, job)["waiting_reason"], "")
-            self.assertIn("takes results again", f.log("worker1"))
+            self.assertIn("accepts results again", f.log("worker1"))
             f.sheaf("watch", job, "-o", f.path("out.exr"))
             expected = f.path("expected.exr")
             farm.render(SCENE, expected, *JOB, 128)

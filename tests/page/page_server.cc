@@ -180,7 +180,7 @@ void FillFarm(FakeFarm* farm, int job_count, int worker_count, int frame_count) 
       {"lens", "", "a pinhole", 0.043, 0.011, -0.0021, 0.0032, 1e-4, 1.02},
       {"indirect light", "", "direct light alone", 0.62, 0.018, -0.41, 0.006, 0.3, 1.7},
       {"choice of lights", "", "by power alone", -0.08, 0.03, 0.0004, 0.002, 1e-5, 0.31},
-      {"media", "the time was up", "", 0, 0, 0, 0, 0, 0}};
+      {"media", "the time limit was reached", "", 0, 0, 0, 0, 0, 0}};
   farm->prices.thread_count = worker_count;
   for (int i = job_count - 1; i > 0; --i) {
     farm->jobs.push_back(MakeJob(i, absl::Now() - absl::Minutes(3 * (job_count - i))));

@@ -218,7 +218,7 @@ TEST(RenderPlanTest, EveryEffectStatesItsCost) {
     EXPECT_LT(effect.expected_time_ratio, 20) << effect.name;
   }
   EXPECT_NE(FormatRenderPlan(plan).find(" %  "), std::string::npos);
-  EXPECT_NE(FormatRenderPlan(plan).find("--measure tells what it is in this scene\n"),
+  EXPECT_NE(FormatRenderPlan(plan).find("--measure measures it in this scene\n"),
             std::string::npos);
 }
 

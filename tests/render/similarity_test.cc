@@ -334,7 +334,7 @@ TEST(SimilarityTest, ThePlanSaysWhatIsBiasedAndWhatIsNot) {
   const auto plan = [&] { return FormatRenderPlan(MakeRenderPlan(t.scene, settings)); };
   EXPECT_THAT(plan(), testing::Not(testing::HasSubstr("similarity")));
   settings.similarity_after = 7;
-  EXPECT_THAT(plan(), testing::HasSubstr("no medium here scatters forward: it biases nothing"));
+  EXPECT_THAT(plan(), testing::HasSubstr("no medium here scatters forward, so there is no bias"));
   for (const float g : {0.0f, 0.75f, 0.5f, -0.3f}) {
     t.FillBox({-1, -1, -1}, {1, 1, 1}, t.Fog({}, {1, 1, 1}, g));
     t.scene.media.back().location = {0, static_cast<int32_t>(t.scene.media.size()), 3};
@@ -344,10 +344,10 @@ TEST(SimilarityTest, ThePlanSaysWhatIsBiasedAndWhatIsNot) {
   EXPECT_THAT(text, testing::HasSubstr("BIASED after 7 scatterings"));
   EXPECT_THAT(text, testing::HasSubstr("changes test.pbrt:2:3: medium \"1\", g 0.75 becomes 0 and "
                                        "sigma_s 0.25 of itself (and 1 more)\n"));
-  EXPECT_THAT(text, testing::HasSubstr("leaves alone test.pbrt:1:3: medium \"0\", which scatters "
-                                       "evenly (g = 0)\n"));
+  EXPECT_THAT(text, testing::HasSubstr("does not change test.pbrt:1:3: medium \"0\", which "
+                                       "scatters isotropically (g = 0)\n"));
   EXPECT_THAT(text, testing::HasSubstr("medium \"3\", whose g is negative"));
-  EXPECT_THAT(text, testing::HasSubstr("medium \"4\", which scatters nothing\n"));
+  EXPECT_THAT(text, testing::HasSubstr("medium \"4\", which does not scatter\n"));
 }
 
 }  // namespace

@@ -143,7 +143,7 @@ TEST(VariantsTest, ThePlanSaysWhoAsked) {
   EXPECT_EQ(plan.unused.size(), static_cast<size_t>(kTraitCount - std::popcount(plan.traits)));
   const std::string text = FormatRenderPlan(plan);
   EXPECT_NE(text.find("variant: common+lens"), std::string::npos) << text;
-  EXPECT_NE(text.find("lights: " + std::to_string(plan.light_count) + ", each weighed"),
+  EXPECT_NE(text.find("lights: " + std::to_string(plan.light_count) + ", each weighted"),
             std::string::npos)
       << text;
 }

@@ -69,7 +69,7 @@ absl::Status Agent::Run(std::stop_token stop) {
   threads.clear();
   if (complete) return absl::OkStatus();
   return absl::UnavailableError(
-      "the coordinator did not answer; what was left is rendered again by another worker once its "
+      "the coordinator did not answer; other workers render the remaining tasks again when their "
       "leases expire");
 }
 
@@ -84,12 +84,12 @@ void Agent::AdvanceStage(bool stop_requested) {
     farewell_end_ = grace_end_ + options_.farewell;
     ledger_.ReleaseQueued();
     news_ = true;
-    LogInfo(stop_requested ? "stopping: finishing what is being rendered" : "idle: stopping");
+    LogInfo(stop_requested ? "stopping: finishing the running tasks" : "idle: stopping");
   }
   if (stage_ == Stage::kFinishing && now >= grace_end_ && ledger_.HasRunning()) {
     stage_ = Stage::kReleasing;
     ledger_.StopRunning();
-    LogInfo("the grace is over: handing back what is being rendered");
+    LogInfo("the grace period is over: returning the running tasks");
   }
   if (stage_ == Stage::kWorking) return;
   const bool told = ledger_.Empty() && outbox_.empty() && (!news_ || !reachable_);
@@ -258,7 +258,7 @@ void Agent::UploadLoop(std::stop_token ended) {
     lock.lock();
     if (outcomes.ok()) {
       SHEAF_CHECK(outcomes->size() == parts.size());
-      if (!uploads_taken_) LogInfo("the coordinator takes results again");
+      if (!uploads_taken_) LogInfo("the coordinator accepts results again");
       uploads_taken_ = true;
       TakeOutcomes(parts, *outcomes);
       part_count_max = kUploadPartsMax;
@@ -271,8 +271,8 @@ void Agent::UploadLoop(std::stop_token ended) {
       Refuse(*parts.front(), outcomes.status());
     } else {
       if (uploads_taken_) {
-        LogWarning(absl::StrCat("the coordinator takes no results: ", outcomes.status().message(),
-                                "; they are kept and offered again"));
+        LogWarning(absl::StrCat("the coordinator accepts no results: ", outcomes.status().message(),
+                                "; they are kept and sent again"));
       }
       uploads_taken_ = false;
       uploads_.wait_for(lock, ended, backoff, [] { return false; });

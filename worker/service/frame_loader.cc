@@ -65,8 +65,9 @@ absl::Status CheckEstimate(const SceneDescription& scene, FileSource& files,
   return absl::ResourceExhaustedError(absl::StrCat(
       FormatLocation(scene, estimate.largest), ": the scene takes about ",
       render::FormatMemoryEstimate(estimate), ", of which ", FormatMemory(estimate.largest_bytes),
-      " for this shape; there are ", FormatMemory(room.bytes), ", ", room.limit,
-      "; make it smaller (fewer levels, coarser meshes), or render it where there is more memory"));
+      " for this shape; available are ", FormatMemory(room.bytes), ", ", room.limit,
+      "; make it smaller (fewer levels, coarser meshes), or render it on a machine with more "
+      "memory"));
 }
 
 // A compiled frame together with the files of its textures.
@@ -97,21 +98,19 @@ class FrameScene : public LoadedScene {
       LogWarning(absl::StrCat(
           lease.frame_name, ": ", stats.broken_at, stats.broken_at.empty() ? "" : ": ",
           stats.broken_nestings,
-          " times a path was not in the medium that a surface has where the ",
-          "path came from; it went on in the medium on its next side, as in pbrt-v4, or ended. ",
-          "Close the shapes that bound media, and name in each MediumInterface what is inside, "
-          "then "
-          "what is outside (where the normal points)"));
+          " times a path was not in the medium of the side of a surface that it ",
+          "came from; it continued in the medium of the other side, as in pbrt-v4, or ended. ",
+          "Close the shapes that bound media, and name in each MediumInterface the inside medium, "
+          "then the outside one (where the normal points)"));
     }
     if (stats.raised_majorants > 0) {
-      LogWarning(absl::StrCat(
-          lease.frame_name, ": densities of a medium lie beyond their bounds; a ",
-          "block was rendered ", stats.raised_majorants, " times more, with higher ones"));
+      LogWarning(absl::StrCat(lease.frame_name, ": densities of a medium exceed their bounds; a ",
+                              "block was rendered ", stats.raised_majorants,
+                              " more times, with higher bounds"));
     }
     if (stats.broken_majorants > 0) {
-      LogError(
-          absl::StrCat(lease.frame_name, ": ", stats.broken_majorants,
-                       " densities of a medium lie beyond their bounds: the picture is biased"));
+      LogError(absl::StrCat(lease.frame_name, ": ", stats.broken_majorants,
+                            " densities of a medium exceed their bounds: the image is biased"));
     }
     if (stats.long_walks > 0) {
       LogWarning(absl::StrCat(lease.frame_name, ": ", stats.long_walks,
@@ -191,7 +190,7 @@ ContentCache::Fetch FrameLoader::FetchFromCoordinator(std::stop_token stop) cons
 MemoryRoom FrameLoader::RoomForScene() const {
   const MemoryRoom room = FindMemoryRoom();
   if (room.bytes < options_.scene_memory_bytes_max) {
-    return {room.bytes, absl::StrCat("what is left of ", room.limit)};
+    return {room.bytes, absl::StrCat("the remainder of ", room.limit)};
   }
   return {options_.scene_memory_bytes_max,
           absl::StrCat("this worker's limit for scenes (--scene-memory-max ",

@@ -79,7 +79,7 @@ absl::StatusOr<std::vector<UploadOutcome>> GrpcCoordinatorLink::UploadResults(
   const grpc::Status status = writer->Finish();
   if (!status.ok()) return FromGrpcStatus(status);
   if (static_cast<size_t>(response.outcomes_size()) != parts.size()) {
-    return absl::InternalError(absl::StrCat("the coordinator answered ", response.outcomes_size(),
+    return absl::InternalError(absl::StrCat("the coordinator returned ", response.outcomes_size(),
                                             " outcomes for ", parts.size(), " results"));
   }
   std::vector<UploadOutcome> outcomes;

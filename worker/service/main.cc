@@ -56,15 +56,15 @@ void AddOptions(CLI::App* app, Arguments* arguments) {
                   "Limit of memory for texture tiles, e.g. 512M (default 512M)")
       ->transform(CLI::AsSizeValue(false));
   app->add_option("--leases-ahead", worker.leases_ahead,
-                  "Tasks that wait here while all threads are busy")
+                  "Tasks to queue while all threads are busy")
       ->check(CLI::Range(0, 1024))
       ->capture_default_str();
   app->add_option("--grace-seconds", arguments->grace_seconds,
-                  "How long to go on with what is being rendered once told to stop")
+                  "Time to finish running tasks after a request to stop")
       ->check(CLI::Range(0.0, kSecondsMax))
       ->capture_default_str();
   app->add_option("--exit-when-idle-seconds", arguments->exit_when_idle_seconds,
-                  "Exit after having had no work for so long; 0: never")
+                  "Exit after this time without work; 0: never")
       ->check(CLI::Range(0.0, kSecondsMax))
       ->capture_default_str();
   app->add_option("--log-level", arguments->log_level, "debug, info, warning, error or off")
@@ -81,7 +81,8 @@ int Work(const Arguments& arguments) {
   // Before any thread exists, so that all threads block these signals.
   const StopSignals signals([&stop](int, int count) {
     if (count > 1) {
-      LogWarning("told to stop twice: ending at once; leases expire and others take them");
+      LogWarning(
+          "second request to stop: exiting at once; leases expire and other workers take them");
       ::_exit(1);
     }
     stop.request_stop();
@@ -109,8 +110,8 @@ int Main(int argc, char** argv) {
   arguments.worker.coordinator = kCoordinatorAddress;
   arguments.worker.cache_directory = DefaultCacheDirectory();
   CLI::App app(
-      "Renders tasks of a Sheaf coordinator. Start as many as you like, on any machine, at any\n"
-      "time; SIGTERM finishes or hands back what it holds.",
+      "Renders tasks of a Sheaf coordinator. Start any number of workers, on any machine, at any\n"
+      "time; on SIGTERM a worker finishes its tasks or returns them.",
       "sheaf-worker");
   app.footer("Example:\n  sheaf-worker --coordinator farm.example.org:7400 --threads 16");
   app.set_version_flag("--version", "sheaf-worker " SHEAF_VERSION);

@@ -59,7 +59,8 @@ absl::Status CheckLease(const Lease& lease) {
   }
   if (!IsAligned(lease.block) || lease.block.End() < lease.block.first ||
       lease.block.End() > settings.samples) {
-    return absl::InvalidArgumentError("its samples are no aligned block of the frame's samples");
+    return absl::InvalidArgumentError(
+        "its samples are not an aligned block of the frame's samples");
   }
   const std::string why_no_cells = WhyNoCells(lease.tile, lease.cells);
   if (!why_no_cells.empty()) return absl::InvalidArgumentError("it is of " + why_no_cells);

@@ -274,65 +274,66 @@ struct Change {
   void (*apply)(SceneWithout* without);
 };
 constexpr Change kChanges[] = {
-    {Trait::kMotion, "all as it is when the shutter opens",
+    {Trait::kMotion, "everything is at rest, as at shutter opening",
      [](SceneWithout* without) { StandStill(&without->scene); }},
-    {Trait::kDeformation, "meshes keep the shape they have when the shutter opens",
+    {Trait::kDeformation, "meshes keep their shape at shutter opening",
      [](SceneWithout* without) { KeepShapes(&without->scene); }},
-    {Trait::kLens, "through a pinhole",
+    {Trait::kLens, "the camera is a pinhole",
      [](SceneWithout* without) {
        without->scene.camera.lens_radius = 0;
        if (without->scene.camera.IsRealistic()) TakeOutLens(&without->scene);
      }},
-    {Trait::kEnvironment, "without infinite lights",
+    {Trait::kEnvironment, "infinite lights are removed",
      [](SceneWithout* without) { RemoveLights(&without->scene, true); }},
-    {Trait::kDeltaLights, "without lights that have no size",
+    {Trait::kDeltaLights, "delta lights are removed",
      [](SceneWithout* without) { RemoveLights(&without->scene, false); }},
-    {Trait::kAreaLights, "shapes that shine are dark",
+    {Trait::kAreaLights, "emissive shapes are dark",
      [](SceneWithout* without) {
        for (ShapeDescription& shape : without->scene.shapes) shape.area_light = kNone;
      }},
-    {Trait::kSpecularTransmission, "glass is grey, leaves let no light through",
+    {Trait::kSpecularTransmission, "glass is gray, leaves are opaque",
      [](SceneWithout* without) { MakeOpaque(&without->scene); }},
-    {Trait::kLayered, "coats are taken off",
+    {Trait::kLayered, "coats are removed",
      [](SceneWithout* without) { TakeOffCoats(&without->scene); }},
-    {Trait::kMicrofacet, "metals are diffuse, coats are taken off",
+    {Trait::kMicrofacet, "metals are diffuse, coats are removed",
      [](SceneWithout* without) { MakeDiffuse(&without->scene); }},
-    {Trait::kAlpha, "cut-outs are whole, mixes their first material, interfaces gone",
+    {Trait::kAlpha, "cut-outs are whole, mixes are their first material, interfaces are removed",
      [](SceneWithout* without) { CloseCutOuts(&without->scene); }},
-    {Trait::kInstances, "placed objects are gone",
+    {Trait::kInstances, "instances are removed",
      [](SceneWithout* without) { without->scene.instances.clear(); }},
     {Trait::kQuadrics, "curved shapes are triangles",
      [](SceneWithout* without) { MakePlain(&without->scene); }},
-    {Trait::kSpectral, "colors as RGB",
+    {Trait::kSpectral, "colors are RGB",
      [](SceneWithout* without) { without->settings.color = ColorTransport::kRgb; }},
-    {Trait::kHair, "hair is grey and diffuse",
+    {Trait::kHair, "hair is gray and diffuse",
      [](SceneWithout* without) { MakeGreyWhatIs<HairMaterial>(&without->scene); }},
-    {Trait::kMeasured, "what was measured is grey and diffuse",
+    {Trait::kMeasured, "measured materials are gray and diffuse",
      [](SceneWithout* without) { MakeGreyWhatIs<MeasuredMaterial>(&without->scene); }},
-    {Trait::kCurves, "curves are gone",
+    {Trait::kCurves, "curves are removed",
      [](SceneWithout* without) { RemoveCurves(&without->scene); }},
-    {Trait::kNormalMaps, "surfaces are as smooth as their shapes",
+    {Trait::kNormalMaps, "surfaces have neither normal maps nor displacement",
      [](SceneWithout* without) { SmoothSurfaces(&without->scene); }},
-    {Trait::kVaryingEmission, "what shines is whole and has no picture",
+    {Trait::kVaryingEmission, "emissive shapes have neither cut-outs nor images",
      [](SceneWithout* without) { ShineEvenly(&without->scene); }},
-    {Trait::kOutputs, "the picture alone",
+    {Trait::kOutputs, "the image has no other outputs",
      [](SceneWithout* without) { without->settings.outputs = {}; }},
-    {Trait::kMedia, "without media", [](SceneWithout* without) { ClearTheAir(&without->scene); }},
-    {Trait::kHeterogeneousMedia, "media are the same everywhere",
+    {Trait::kMedia, "media are removed",
+     [](SceneWithout* without) { ClearTheAir(&without->scene); }},
+    {Trait::kHeterogeneousMedia, "media are homogeneous",
      [](SceneWithout* without) {
        for (MediumDescription& medium : without->scene.media) medium.kind = HomogeneousMedium{};
      }},
-    {Trait::kMovingVolumes, "media stay where they are when the shutter opens",
+    {Trait::kMovingVolumes, "media are at rest, as at shutter opening",
      [](SceneWithout* without) { HoldMedia(&without->scene); }},
-    {Trait::kChromaticMedia, "media are grey",
+    {Trait::kChromaticMedia, "media are gray",
      [](SceneWithout* without) { MakeGreyWhatIsColored(&without->scene); }},
-    {Trait::kEmissiveMedia, "media do not shine",
+    {Trait::kEmissiveMedia, "media do not emit",
      [](SceneWithout* without) {
        for (MediumDescription& medium : without->scene.media) medium.emits = false;
      }},
-    {Trait::kSubsurface, "matter is as bright and opaque",
+    {Trait::kSubsurface, "subsurface materials are diffuse, as bright as their interior",
      [](SceneWithout* without) { MakeSkinDeep(&without->scene); }},
-    {Trait::kNestedDielectrics, "priorities are forgotten",
+    {Trait::kNestedDielectrics, "priorities are ignored",
      [](SceneWithout* without) { ForgetPriorities(&without->scene); }},
 };
 static_assert(std::size(kChanges) == kTraitCount - 1);
@@ -361,7 +362,7 @@ absl::StatusOr<SceneWithout> LeaveOut(Trait trait, const SceneDescription& scene
   for (const PlannedEffect& effect : plan.effects) {
     if (effect.trait == trait) cause = effect.cause;
   }
-  return absl::UnimplementedError(absl::StrCat("nothing plainer stands for ", cause));
+  return absl::UnimplementedError(absl::StrCat("there is no ablated scene without ", cause));
 }
 
 }  // namespace sheaf::render

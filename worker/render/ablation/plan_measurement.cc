@@ -179,7 +179,7 @@ class Measurer {
         const absl::Status status = MeasureOne(omissions[i], until, &effect);
         if (!status.ok()) effect.problem = std::string(status.message());
       } else {
-        effect.problem = "the time was up";
+        effect.problem = "the time limit was reached";
       }
       result_.effects.push_back(std::move(effect));
     }
@@ -208,10 +208,10 @@ class Measurer {
       omissions.push_back({absl::StrCat("depth ", depth), with_depth(depth / 2), {}});
     }
     if (PlanOf(*whole_).light_count > kLightsWeighedMax) {
-      omissions.push_back({"hierarchy of lights",
+      omissions.push_back({"light hierarchy",
                            [this] {
                              return absl::StatusOr<SceneWithout>(SceneWithout{
-                                 scene_, settings_, "every light as probable as any other"});
+                                 scene_, settings_, "all lights are equally probable"});
                            },
                            {.choose_lights_evenly = true}});
     }
@@ -251,7 +251,7 @@ class Measurer {
     uint64_t turn = 0;
     for (; turn < kTurnsMax && (turn < 2 || SecondsSince(start_) < until); ++turn) {
       if (turn < 2 && SecondsSince(start_) > seconds_) {
-        return absl::DeadlineExceededError("the time was up");
+        return absl::DeadlineExceededError("the time limit was reached");
       }
       const bool with_first = turn % 2 == 0;
       absl::StatusOr<Turn> first = (with_first ? with : less).Render(turn);
@@ -328,7 +328,7 @@ std::string FormatPlanMeasurement(const PlanMeasurement& measurement) {
   const int name_width = static_cast<int>(width);
   std::string text = absl::StrFormat("%-*s  %12s  %-15s  %8s  %-17s  %9s  %s\n", name_width,
                                      "effect", "of the time", "time ratio", "variance",
-                                     "mean without", "relMSE", "left out as");
+                                     "mean without", "relMSE", "ablated scene");
   for (const EffectMeasurement& effect : measurement.effects) {
     absl::StrAppendFormat(&text, "%-*s  ", name_width, effect.name);
     if (!effect.problem.empty()) {
@@ -342,7 +342,7 @@ std::string FormatPlanMeasurement(const PlanMeasurement& measurement) {
         100 * effect.mean_change.error,
         effect.rel_mse > 0 ? absl::StrFormat("%.2g", effect.rel_mse) : "none seen", effect.without);
   }
-  absl::StrAppendFormat(&text, "%.2f us a sample, %d pixels, %.1f s\n",
+  absl::StrAppendFormat(&text, "%.2f us per sample, %d pixels, %.1f s\n",
                         measurement.microseconds_per_sample, measurement.pixels,
                         measurement.seconds);
   return text;

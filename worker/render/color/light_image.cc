@@ -54,7 +54,7 @@ absl::StatusOr<LightImage> ReadLightImage(const SceneDescription& scene, SourceL
   if (std::max(image->width, image->height) > kLightImageSizeMax) {
     return absl::InvalidArgumentError(
         absl::StrCat(place, ": \"", file, "\" is ", image->width, " x ", image->height,
-                     " pixels, but pictures of lights are at most ", kLightImageSizeMax,
+                     " pixels, but images of lights are at most ", kLightImageSizeMax,
                      " wide and high; make it smaller"));
   }
   if (image->channels != 1 && image->channels < 3) {
@@ -79,7 +79,7 @@ absl::StatusOr<LightImage> ReadLightImage(const SceneDescription& scene, SourceL
   }
   if (outside > 0) {
     LogWarning(absl::StrCat(place, ": ", outside, " of the ", result.texels.size(), " texels of \"",
-                            file, "\" are colors outside of sRGB, which are brought to its edge"));
+                            file, "\" are colors outside sRGB, which are clipped to its gamut"));
   }
   return result;
 }

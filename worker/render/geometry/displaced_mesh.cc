@@ -206,7 +206,7 @@ absl::StatusOr<bool> Refiner::Displace(const HeightFunction& height) {
     const float h = height(vertex.uv, sites_[vertex.site]);
     if (!std::isfinite(h)) {
       return absl::InvalidArgumentError(absl::StrCat("the displacement at uv (", vertex.uv.x, ", ",
-                                                     vertex.uv.y, ") is no finite number"));
+                                                     vertex.uv.y, ") is not finite"));
     }
     moves = moves || h != 0;
     Sum& sum = sums[vertex.site];

@@ -61,7 +61,7 @@ class MaterialBuilder {
     if (m->normal_map != kNone) {
       const int channels = textures_.ImageChannels(m->normal_map);
       if (channels >= 3) return absl::OkStatus();
-      return Error("its normal map has no red, green and blue; give a picture in color");
+      return Error("its normal map has no red, green and blue; give an image in color");
     }
     m->displacement = textures_.Operand(description_->displacement);
     m->displacement_step = textures_.SlopeStep(m->displacement);

@@ -49,7 +49,7 @@ std::vector<std::string> SimilarityNotes(const SceneDescription& scene, int32_t 
     Found& kind = found[static_cast<size_t>(effect)];
     if (kind.count++ > 0) continue;
     kind.first = absl::StrCat(FormatLocation(scene, medium.location), ": ",
-                              medium.is_matter ? absl::StrCat("what is inside ", medium.name)
+                              medium.is_matter ? absl::StrCat("interior of ", medium.name)
                                                : absl::StrCat("medium \"", medium.name, "\""));
     if (effect == Effect::kReduced) {
       absl::StrAppend(&kind.first, ", g ", medium.g, " becomes 0 and sigma_s ", 1 - medium.g,
@@ -59,26 +59,26 @@ std::vector<std::string> SimilarityNotes(const SceneDescription& scene, int32_t 
   const auto of = [&](Effect effect) { return found[static_cast<size_t>(effect)]; };
   std::vector<std::string> notes;
   if (of(Effect::kReduced).count == 0) {
-    notes.push_back(absl::StrCat("similarity: on after ", after,
-                                 " scatterings in media, but no medium here scatters forward: "
-                                 "it biases nothing"));
-  } else {
     notes.push_back(absl::StrCat(
-        "similarity: BIASED after ", after,
-        " scatterings in media: light scattered more often is right on average deep in dense "
-        "media, wrong near their boundaries and near lights in them, and wherever they are thin; "
-        "standard errors do not tell by how much"));
+        "similarity: on after ", after,
+        " scatterings in media, but no medium here scatters forward, so there is no bias"));
+  } else {
+    notes.push_back(
+        absl::StrCat("similarity: BIASED after ", after,
+                     " scatterings in media: light scattered more often is right on average deep "
+                     "in dense media, but wrong near their boundaries, near lights in them and in "
+                     "thin media; standard errors do not include the bias"));
     notes.push_back(absl::StrCat("similarity changes ", TextOf(of(Effect::kReduced), "")));
   }
   constexpr struct {
     Effect effect;
     const char* why;
-  } kUnchanged[] = {{Effect::kEven, ", which scatters evenly (g = 0)"},
+  } kUnchanged[] = {{Effect::kEven, ", which scatters isotropically (g = 0)"},
                     {Effect::kBackward, ", whose g is negative: it would become denser"},
-                    {Effect::kNoScattering, ", which scatters nothing"}};
+                    {Effect::kNoScattering, ", which does not scatter"}};
   for (const auto& [effect, why] : kUnchanged) {
     if (of(effect).count == 0) continue;
-    notes.push_back(absl::StrCat("similarity leaves alone ", TextOf(of(effect), why)));
+    notes.push_back(absl::StrCat("similarity does not change ", TextOf(of(effect), why)));
   }
   return notes;
 }

@@ -50,10 +50,10 @@ constexpr TraitName kTraitNames[] = {
     {Trait::kCurves, "curves", 1.34},
     {Trait::kOutputs, "outputs", 1.34},
     {Trait::kMedia, "media", 4.75},
-    {Trait::kHeterogeneousMedia, "uneven media", 0.81},
+    {Trait::kHeterogeneousMedia, "heterogeneous media", 0.81},
     {Trait::kMovingVolumes, "moving volumes", 1.05},
     {Trait::kChromaticMedia, "colored media", 1.22},
-    {Trait::kEmissiveMedia, "glowing media", 1.07},
+    {Trait::kEmissiveMedia, "emissive media", 1.07},
     {Trait::kSubsurface, "subsurface", 3.9},
     {Trait::kNestedDielectrics, "nested dielectrics", 1.26},
 };
@@ -74,13 +74,13 @@ class PlanMaker {
     light_count_ += scene_.lights.size();
     Cause& wavelengths = causes_[TraitIndex(Trait::kSpectral)];
     if (settings.color == ColorTransport::kSpectral) {
-      wavelengths = {"asked for: spectral color", 1};
+      wavelengths = {"requested: spectral color", 1};
     } else if (settings.color == ColorTransport::kRgb) {
       wavelengths = {};
     }
     if (!settings.outputs.empty()) {
       causes_[TraitIndex(Trait::kOutputs)] = {
-          absl::StrCat("asked for: ", FormatOutputs(settings.outputs)), 1};
+          absl::StrCat("requested: ", FormatOutputs(settings.outputs)), 1};
     }
     RenderPlan plan = Finish(settings.force_generic_variant);
     BoundDepth(settings.max_depth, &plan);
@@ -173,7 +173,7 @@ class PlanMaker {
 
   void LookAtEmission(const ColorSpec& color, SourceLocation location) {
     if (IsWithinSrgb(color, ColorRole::kIlluminant)) return;
-    Ask(Trait::kSpectral, location, "the light's color lies outside of sRGB");
+    Ask(Trait::kSpectral, location, "the light's color lies outside sRGB");
   }
 
   void LookAtVariation(const ShapeDescription& shape, const AreaLightDescription& light) {
@@ -260,7 +260,7 @@ class PlanMaker {
   }
 
   void LookAtMedium(const MediumDescription& medium) {
-    const std::string what = medium.is_matter ? absl::StrCat("what is inside ", medium.name)
+    const std::string what = medium.is_matter ? absl::StrCat("interior of ", medium.name)
                                               : absl::StrCat("medium \"", medium.name, "\"");
     const auto ask = [&](Trait trait) { Ask(trait, medium.location, what); };
     ask(medium.is_matter ? Trait::kSubsurface : Trait::kMedia);
@@ -303,14 +303,14 @@ class PlanMaker {
   // Notes settings with which the film shows something other than the light of the scene.
   static void NoteFilm(const FrameSettings& settings, RenderPlan* plan) {
     if (!settings.sensor.empty() && !Has(plan->traits, Trait::kSpectral)) {
-      plan->notes.push_back(absl::StrCat(
-          "sensor: rgb transport has no wavelengths for ", settings.sensor,
-          " to respond to; its colors are the CIE observer's, balanced as its own would be"));
+      plan->notes.push_back(
+          absl::StrCat("sensor: rgb transport has no wavelengths for ", settings.sensor,
+                       "; colors are those of the CIE observer, with the sensor's white balance"));
     }
     if (settings.max_component_value != 0) {
       plan->notes.push_back(
           absl::StrCat("biased: samples are clamped to ", settings.max_component_value,
-                       " (Film \"maxcomponentvalue\"); errors are those of the clamped picture"));
+                       " (Film \"maxcomponentvalue\"); errors are those of the clamped image"));
     }
   }
 
@@ -389,14 +389,13 @@ std::string FormatRenderPlan(const RenderPlan& plan) {
   }
   if (!plan.effects.empty()) {
     absl::StrAppend(&text,
-                    "~: time of a sample as measured in one small test scene of the effect, an "
-                    "estimate that may be far off here; --measure tells what it is in this "
-                    "scene\n");
+                    "~: change in time per sample, measured in a small test scene of the effect; "
+                    "it may differ much here, and --measure measures it in this scene\n");
   }
   if (!plan.unused.empty()) absl::StrAppend(&text, "not used: ", JoinNames(plan.unused), "\n");
   absl::StrAppend(&text, "lights: ", plan.light_count,
-                  plan.light_count > kLightsWeighedMax ? ", chosen by a hierarchy\n"
-                                                       : ", each weighed at every point\n");
+                  plan.light_count > kLightsWeighedMax ? ", sampled by a hierarchy\n"
+                                                       : ", each weighted at every point\n");
   if (!plan.depth_cause.empty()) {
     absl::StrAppend(&text, "depth: ", plan.max_depth, ", ", plan.depth_cause, "\n");
   }
@@ -407,7 +406,7 @@ std::string FormatRenderPlan(const RenderPlan& plan) {
     if ((plan.variant_traits & bit) != 0 && (plan.traits & bit) == 0) carried.emplace_back(t.name);
   }
   absl::StrAppend(&text, "variant: ", plan.variant_name);
-  if (!carried.empty()) absl::StrAppend(&text, " (also holds ", JoinNames(carried), ")");
+  if (!carried.empty()) absl::StrAppend(&text, " (also supports ", JoinNames(carried), ")");
   absl::StrAppend(&text, "\n");
   return text;
 }

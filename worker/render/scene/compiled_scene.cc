@@ -99,7 +99,7 @@ absl::StatusOr<CompiledScenePtr> CompileScene(SceneDescription description,
   if (scene->geometry.degenerate_triangle_count > 0) {
     LogWarning(absl::StrCat(
         scene->description.files.empty() ? "scene" : scene->description.files[0], ": ",
-        scene->geometry.degenerate_triangle_count, " triangles without area were left out"));
+        scene->geometry.degenerate_triangle_count, " triangles without area were skipped"));
   }
   absl::StatusOr<Camera> camera =
       Camera::Make(scene->description, settings.width_px, settings.height_px,

@@ -89,10 +89,9 @@ absl::StatusOr<std::unique_ptr<InteriorTable>> InteriorTable::Build(
   });
   if (!status.ok()) return status;
   if (kinds.size() >= kNoRank) {
-    return absl::ResourceExhaustedError(absl::StrCat("the scene has ", kinds.size(),
-                                                     " kinds of matter with a priority, more than "
-                                                     "the limit of ",
-                                                     kNoRank - 1));
+    return absl::ResourceExhaustedError(
+        absl::StrCat("the scene has ", kinds.size(),
+                     " kinds of interior with a priority, more than the limit of ", kNoRank - 1));
   }
   std::map<Key, uint16_t> ranks;
   for (const auto& [key, surface] : kinds) {

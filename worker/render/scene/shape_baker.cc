@@ -22,7 +22,7 @@ namespace {
 // Steps along each parameter of an emissive quadric that is sampled as triangles: its area
 // decreases by a relative (2 pi / steps)^2 / 6 = 4e-4, its silhouette by less.
 constexpr uint32_t kEmissiveQuadricSteps = 128;
-constexpr char kLeavesFloat[] = "Shape: it leaves the range of float once it is placed";
+constexpr char kLeavesFloat[] = "Shape: its placed coordinates exceed the range of float";
 
 bool IsFinite(Vec3f v) { return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z); }
 
@@ -252,8 +252,8 @@ absl::Status ShapeBaker::AddQuadric(const ShapeDescription& shape, Surface surfa
                                     const Affine& target_from_shape, GeometryGroup* group) {
   if (!HasExtent(q)) {
     return Fail(shape,
-                "Shape: a sphere, cylinder or disk of no extent; give it a positive radius, phimax "
-                "and z range");
+                "Shape: a sphere, cylinder or disk without extent; give it a positive radius, "
+                "phimax and z range");
   }
   q.target_from_object = target_from_shape;
   q.object_from_target = Inverse(target_from_shape);
