@@ -6,7 +6,11 @@
 
 #include <cmath>
 #include <limits>
+#include <string>
 #include <vector>
+
+#include "tests/support/hard_case.h"
+#include "tests/support/naive_media.h"
 
 namespace sheaf::render {
 namespace {
@@ -57,6 +61,17 @@ TEST(EquiangularTest, V7SamplesInvertTheIntegralOfThePdf) {
                               std::min(1.0, 1 - u));
       EXPECT_NEAR(line.Pdf(t) / pdf, 1, 1e-9);
     }
+    if (span.height != 1 || span.begin < 1e2 || std::isinf(span.end)) continue;
+    const double begin = span.begin;
+    const auto angle = static_cast<double>(whole);
+    ExpectHardCase(
+        {.row = "V7",
+         .figure = "angle of a unit span " + std::to_string(std::lround(begin)) + " away",
+         .expected = angle,
+         .measured = 1 / (line.Pdf(begin) * (1 + begin * begin)),
+         .tolerance = 1e-9 * angle,
+         .naive = naive::AngleOfSpan(1, static_cast<float>(begin), static_cast<float>(span.end)),
+         .naive_by = "difference of two arctangents"});
   }
 }
 
