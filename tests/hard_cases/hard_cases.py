@@ -27,9 +27,10 @@ import page
 # A second to a minute each, of rows that have others.
 LONG = (
     "BsdfChiSquareTest.*", "BsdfSampleTest.TheMeanWeight*", "MaterialStability.M2_CoatsOfPerfect*",
-    "MaterialStability.M2_RoughGlass*", "MediumStability.V1HalfSpace*", "PhaseChiSquareTest.Samples*",
-    "SubsurfaceStability.V1AWalk*", "SubsurfaceStability.V14Painted*",
-    "SubsurfaceStability.V14ReflectanceAt*", "SubsurfaceStability.V14ReflectanceIs*",
+    "MaterialStability.M2_RoughGlass*", "MediumStability.V1HalfSpace*",
+    "PhaseChiSquareTest.Samples*", "SubsurfaceStability.V1AWalk*",
+    "SubsurfaceStability.V14Painted*", "SubsurfaceStability.V14ReflectanceAt*",
+    "SubsurfaceStability.V14ReflectanceIs*",
     "TechniquesTest.L16LightMetAnd*", "TechniquesTest.L16LightSampledAndLightMetBoth",
     "TechniquesTest.V7*", "TechniquesTest.V10*", "TrackingTest.V10*",
     "TriangleStability.G3NoRayLeavesAClosedMesh*", "TriangleStability.G3NoRayLeavesAPlaced*",

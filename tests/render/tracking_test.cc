@@ -276,8 +276,8 @@ TEST(TrackingTest, V4ADensityThatIsItsMajorantIsHomogeneous) {
                   .figure = "null collisions where the density is its majorant",
                   .expected = 0,
                   .measured = nulls,
-                  .naive = naive::NullExtinction(0.3f, 0.1f, 0.2f),
-                  .naive_by = "extinction left of 0.3 - 0.1 - 0.2"});
+                  .naive = naive::NullExtinction(0.7f, 0.4f, 0.3f),
+                  .naive_by = "extinction left of 0.7 - 0.4 - 0.3"});
 }
 
 TEST(TrackingTest, V5ADensityBeyondItsMajorantIsCounted) {

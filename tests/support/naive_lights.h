@@ -29,9 +29,9 @@ inline float TriangleSolidAngle(Vec3f a, Vec3f b, Vec3f c) {
   return angles - std::numbers::pi_v<float>;
 }
 
-// L4: the solid angle of a unit square at height h over its centre, by the sum of its angles.
+// L4: the solid angle of a unit square at height h over its center, by the sum of its angles.
 inline float SquareSolidAngle(float h) {
-  const float n = 0.5f / std::sqrt(h * h + 0.25f);  // Of the normals of neighbouring edge planes.
+  const float n = 0.5f / std::sqrt(h * h + 0.25f);  // Of the normals of adjacent edge planes.
   return 4 * std::acos(-n * n) - 2 * std::numbers::pi_v<float>;
 }
 

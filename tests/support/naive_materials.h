@@ -86,10 +86,11 @@ inline float PrismDeviation(float n) {
   return (2 * std::acos(cosine) - kPi / 3) * 180 / kPi;
 }
 
-// M10: the z of the unit vector that a texel stands for.
-inline float TexelNormalZ(Vec3f texel) {
+// M10: the length of the normal that a texel stands for.
+inline float TexelNormalLength(Vec3f texel) {
   const Vec3f d = texel * 2 - Vec3f{1, 1, 1};
-  return d.z / std::sqrt(Dot(d, d));
+  const Vec3f n = d * (1 / std::sqrt(Dot(d, d)));
+  return std::sqrt(Dot(n, n));
 }
 
 // M11: the cosine of a direction by Henyey and Greenstein.
