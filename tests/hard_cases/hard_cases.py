@@ -177,8 +177,10 @@ def judge(row, tests, left_out, reports):
 def summarize(cases, short, seconds):
     figures = [figure for case in cases for figure in case["figures"]]
     naive = [figure for figure in figures if "naive" in figure]
-    ran = [test for case in cases for test in case["tests"] if test["result"] != "left out"]
+    ran = {test["test"] for case in cases for test in case["tests"]
+           if test["result"] != "left out"}
     return {"cases": len(cases), "green": sum(case["verdict"] == "green" for case in cases),
+            "red": [case["name"] for case in cases if case["verdict"] == "red"],
             "figures": len(figures), "tests": len(ran), "naive": len(naive),
             "naive_wrong": sum(not figure["naive_holds"] for figure in naive),
             "cases_with_naive": sum(any("naive" in f for f in case["figures"]) for case in cases),
@@ -209,11 +211,12 @@ def measure(rows, build, short, jobs):
 
 
 def summary_line(summary):
+    red = f" Red: {', '.join(summary['red'])}." if summary["red"] else ""
     return (f"{summary['green']} of {summary['cases']} cases hold, by {summary['figures']} figures "
             f"and {summary['tests']} tests in {summary['seconds']:.0f} s"
-            f"{' (short form)' if summary['short'] else ''}. The naive formula is beyond the error "
-            f"bar in {summary['naive_wrong']} of the {summary['naive']} figures that have one "
-            f"({summary['cases_with_naive']} cases).")
+            f"{' (short form)' if summary['short'] else ''}.{red} The naive formula is beyond the "
+            f"error bar in {summary['naive_wrong']} of the {summary['naive']} figures that have "
+            f"one ({summary['cases_with_naive']} cases).")
 
 
 def main():

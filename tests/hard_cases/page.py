@@ -3,6 +3,7 @@
 """The page of the hard cases: one HTML file that asks for nothing else, for light and dark."""
 import html
 import math
+import re
 
 STYLE = """
 :root { color-scheme: light dark; --page: #fff; --text: #1b1d21; --soft: #5d636d; --line: #d9dce1;
@@ -21,12 +22,13 @@ a { color: inherit; }
 .summary { font-size: 1.05rem; font-weight: 600; }
 .soft, small { color: var(--soft); }
 .scroll { overflow-x: auto; }
-table { width: 100%; border-collapse: collapse; font-variant-numeric: tabular-nums; }
+table { width: 100%; min-width: 76rem; border-collapse: collapse;
+  font-variant-numeric: tabular-nums; }
 th, td { padding: .4rem .55rem; border-bottom: 1px solid var(--line); text-align: left;
   vertical-align: top; }
 th { background: var(--head); white-space: nowrap; }
-td.case { width: 27%; }
-td.figure { width: 19%; }
+td.case { width: 26%; }
+td.figure, td.naive { width: 16%; }
 td.number, td.verdict { white-space: nowrap; }
 td small { display: block; }
 .good { color: var(--good); font-weight: 600; }
@@ -40,7 +42,8 @@ HEAD = """<!DOCTYPE html>
 <html lang="en">
 <head>
 <meta charset="utf-8">
-<meta http-equiv="Content-Security-Policy" content="default-src 'none'; style-src 'unsafe-inline'">
+<meta http-equiv="Content-Security-Policy"
+ content="default-src 'none'; img-src data:; style-src 'unsafe-inline'">
 <meta name="viewport" content="width=device-width">
 <link rel="icon" href="data:,">
 <title>Sheaf: hard cases</title>
@@ -62,6 +65,12 @@ COLUMNS = ("case", "figure", "expected", "measured", "error bar", "deviation", "
 
 def text(value):
     return html.escape(str(value))
+
+
+def prose(words):
+    """With powers as such: 10^-6 and 1e-6."""
+    powers = re.sub(r"\b1e(?=-?\d)", "10^", text(words))
+    return re.sub(r"\^(-?)(\d+)", lambda m: f"<sup>{'−' * len(m[1])}{m[2]}</sup>", powers)
 
 
 def number(value, digits=9):
@@ -86,19 +95,20 @@ def deviation(figure):
 def naive_cell(figure, case):
     if "naive" not in figure:
         return f"<small>none: {text(case['no_naive'] or 'see the other figures')}</small>"
-    kind = "within" if figure["naive_holds"] else "beyond the bar"
-    return f"{number(figure['naive'], 7)}<small>{text(figure['naive_by'])}; {kind}</small>"
+    kind = "within the bar" if figure["naive_holds"] else "beyond the bar"
+    return (f"{number(figure['naive'], 7)} <small>{prose(figure['naive_by'])}</small>"
+            f"<small>{kind}</small>")
 
 
 def figure_cells(figure, case):
     verdict = ('<span class="good">holds</span>' if figure["holds"] else
                '<span class="bad">beyond its bar</span>')
-    return (f'<td class="figure">{text(figure["figure"])}</td>'
+    return (f'<td class="figure">{prose(figure["figure"])}</td>'
             f'<td class="number">{number(figure["expected"])}</td>'
             f'<td class="number">{number(figure["measured"])}</td>'
             f'<td class="number">{number(figure["bar"], 2)}</td>'
             f'<td class="number">{deviation(figure)}</td>'
-            f'<td>{naive_cell(figure, case)}</td><td class="verdict">{verdict}</td>')
+            f'<td class="naive">{naive_cell(figure, case)}</td><td class="verdict">{verdict}</td>')
 
 
 def tests_list(case):
@@ -111,10 +121,10 @@ def tests_list(case):
 
 def case_cell(case, span):
     return (f'<td class="case" rowspan="{span}" id="{text(case["name"])}">'
-            f'<strong>{text(case["name"])}</strong> {text(case["case"])}'
-            f'<small>Why: {text(case["why"])}.</small>'
-            f'<small>Expected: {text(case["expected"])}.</small>'
-            f'<small>Source: {text(case["source"])}.</small>{tests_list(case)}</td>')
+            f'<strong>{text(case["name"])}</strong> {prose(case["case"])}'
+            f'<small>Why: {prose(case["why"])}.</small>'
+            f'<small>Expected: {prose(case["expected"])}.</small>'
+            f'<small>Source: {prose(case["source"])}.</small>{tests_list(case)}</td>')
 
 
 def case_rows(case):

@@ -25,8 +25,9 @@ struct Figure {
 };
 
 struct HardCase {
-  std::string row;     // As the document names it: "G1".
-  std::string figure;  // What is measured, in a few words; differs among the figures of a test.
+  std::string row;  // As the document names it: "G1".
+  std::string
+      figure;  // What is measured, in a few words; of equal ones in a test the last is kept.
   Figure expected;
   Figure measured;
   // The measured value may be off by kStandardErrorsMax standard errors of it, and the tolerance.
