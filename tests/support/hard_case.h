@@ -7,10 +7,10 @@
 #pragma once
 
 #include <cmath>
-#include <concepts>
 #include <cstdio>
 #include <optional>
 #include <string>
+#include <type_traits>
 
 #include "gtest/gtest.h"
 
@@ -18,23 +18,23 @@ namespace sheaf {
 
 // A value of any arithmetic type, as a double.
 struct Figure {
-  template <typename T>
-  requires std::floating_point<T> || std::integral<T> Figure(T v)
-      : value(static_cast<double>(v)) {}  // NOLINT: tests write plain numbers.
+  template <typename T, typename = std::enable_if_t<std::is_arithmetic_v<T>>>
+  Figure(T v) : value(static_cast<double>(v)) {}  // NOLINT: tests write plain numbers.
   double value;
 };
 
 struct HardCase {
-  std::string row;  // As the document names it: "G1".
-  std::string
-      figure;  // What is measured, in a few words; of equal ones in a test the last is kept.
+  // As the document names it: "G1".
+  std::string row;
+  // The measured quantity in a few words. A later figure with the same words replaces it.
+  std::string figure;
   Figure expected;
   Figure measured;
   // The measured value may be off by kStandardErrorsMax standard errors of it, and the tolerance.
   Figure standard_error = 0;
   Figure tolerance = 0;
-  // What the naive way gives for the same input, computed in single precision, and that way in a
-  // few words. None where the document says why.
+  // The result of the naive formula for the same input, computed in single precision, and that
+  // formula in a few words. None where the document says why.
   std::optional<Figure> naive = std::nullopt;
   std::string naive_by = "";
 };

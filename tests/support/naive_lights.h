@@ -1,8 +1,9 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// How lights are often computed, in single precision; docs/hard-cases.md says by row where each
-// form breaks. For tests to show beside what they expect (hard_case.h).
+// Formulas of lights as they are often written, in single precision. docs/hard-cases.md
+// says by row where each breaks; tests record their results beside the expected values
+// (hard_case.h).
 #pragma once
 
 #include <algorithm>
@@ -31,7 +32,7 @@ inline float TriangleSolidAngle(Vec3f a, Vec3f b, Vec3f c) {
 
 // L4: the solid angle of a unit square at height h over its center, by the sum of its angles.
 inline float SquareSolidAngle(float h) {
-  const float n = 0.5f / std::sqrt(h * h + 0.25f);  // Of the normals of adjacent edge planes.
+  const float n = 0.5f / std::sqrt(h * h + 0.25f);  // z of the normals of the planes of edges.
   return 4 * std::acos(-n * n) - 2 * std::numbers::pi_v<float>;
 }
 

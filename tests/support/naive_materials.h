@@ -1,8 +1,9 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// How materials are often computed, in single precision; docs/hard-cases.md says by row where each
-// form breaks. For tests to show beside what they expect (hard_case.h).
+// Formulas of materials as they are often written, in single precision. docs/hard-cases.md
+// says by row where each breaks; tests record their results beside the expected values
+// (hard_case.h).
 #pragma once
 
 #include <algorithm>
