@@ -54,7 +54,8 @@ HEAD = """<!DOCTYPE html>
 <p class="summary">{summary}</p>
 <p>Each of the {count} cases of docs/hard-cases.md breaks a common way to compute it. The error bar
 is five standard errors of a statistical figure, and the tolerance of a computed one; the deviation
-is in standard errors (z) or in units of the last place of a float (ulp). The naive value is computed
+is in standard errors (z) or in units of the last place of a float (ulp). The naive value is
+computed
 for the same input by the formula that is named below it.</p>
 <nav>{links}</nav>
 """
