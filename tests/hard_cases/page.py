@@ -55,8 +55,7 @@ HEAD = """<!DOCTYPE html>
 <p>Each of the {count} cases of docs/hard-cases.md breaks a common way to compute it. The error bar
 is five standard errors of a statistical figure, and the tolerance of a computed one; the deviation
 is in standard errors (z) or in units of the last place of a float (ulp). The naive value is
-computed
-for the same input by the formula that is named below it.</p>
+computed for the same input by the formula that is named below it.</p>
 <nav>{links}</nav>
 """
 

@@ -293,7 +293,7 @@ TEST(FilmStabilityTest, R9VarianceOfNearlyEqualLargeValues) {
       values.push_back(static_cast<float>(1e6 + (i % 2 == 0 ? spread : -spread)));
     }
     ExpectHardCase({.row = "R9",
-                    .figure = "standard error of 10^6 +- " + std::to_string(spread),
+                    .figure = "standard error of 10^6 +- " + InWords(spread),
                     .expected = spread / std::sqrt(15.0),
                     .measured = error_of(spread, 16),
                     .tolerance = 1e-6 * spread,

@@ -414,8 +414,7 @@ TEST(GeometryStability, G11FarSpheresAreMetWhereTheyAre) {
     ASSERT_TRUE(t.has_value());
     ExpectHardCase(
         {.row = "G11",
-         .figure =
-             "distance to a unit sphere " + std::to_string(std::lround(distance)) + " radii away",
+         .figure = "distance to a unit sphere " + InWords(distance) + " radii away",
          .expected = distance - std::sqrt(0.75),
          .measured = *t,
          .tolerance = 4e-16 * distance,

@@ -45,8 +45,7 @@ TEST(LightStabilityTest, L1SphereFarAwayIsNotAPoint) {
     if (d == 1.5 * (1 << 10) || d == 1.5 * (1 << 13)) {
       const auto distance = static_cast<float>(d);
       ExpectHardCase({.row = "L1",
-                      .figure = "irradiance over its value, " + std::to_string(std::lround(d)) +
-                                " radii from a sphere",
+                      .figure = "irradiance over its value, " + InWords(d) + " radii from a sphere",
                       .expected = 1,
                       .measured = estimate.mean * d * d / kPi,
                       .tolerance = 1e-5,

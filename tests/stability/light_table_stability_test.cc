@@ -265,7 +265,7 @@ TEST(LightTableStabilityTest, L10ManyDifferentLightsAddUp) {
     const Estimate estimate = EstimateIrradiance(*MakeTable(input), kOrigin, kUp, 16384);
     ExpectNear(estimate, expected, 1e-6);
     ExpectHardCase({.row = "L10",
-                    .figure = "irradiance of " + std::to_string(count) + " lights",
+                    .figure = "irradiance of " + InWords(count) + " lights",
                     .expected = expected,
                     .measured = estimate.mean,
                     .standard_error = estimate.standard_error,

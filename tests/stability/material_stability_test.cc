@@ -250,7 +250,7 @@ TEST(MaterialStability, M4_TotalReflectionSetsInAtTheCriticalAngle) {
     };
     ExpectHardCase(
         {.row = "M4",
-         .figure = "reflectance beyond the critical angle of n = " + std::to_string(n),
+         .figure = "reflectance beyond the critical angle of n = " + InWords(n),
          .expected = 1,
          .measured = reflectance(degrees + 1e-3),
          .naive = naive::FresnelDielectric(static_cast<float>(Cos((degrees + 1e-3) * kPi / 180)),
@@ -408,7 +408,7 @@ TEST(MaterialStability, M8_ASlabOfTwoInterfacesTransmitsItsClosedForm) {
       if ((sample->flags & kBsdfTransmission) != 0) ++crossed;
     }
     ExpectHardCase({.row = "M8",
-                    .figure = "part of light through a slab of n = " + std::to_string(n),
+                    .figure = "part of light through a slab of n = " + InWords(n),
                     .expected = transmitted,
                     .measured = static_cast<double>(crossed) / kDraws,
                     .tolerance = 2.0 / kDraws,
@@ -436,7 +436,7 @@ TEST(MaterialStability, M9_APrismBendsByItsMinimumDeviation) {
     const double bend =
         incidence - Atan2(std::fabs(static_cast<double>(in->wi.x)), -static_cast<double>(in->wi.z));
     ExpectHardCase({.row = "M9",
-                    .figure = "degrees by which a prism bends at n = " + std::to_string(n),
+                    .figure = "degrees by which a prism bends at n = " + InWords(n),
                     .expected = degrees,
                     .measured = 2 * bend * 180 / kPi,
                     .tolerance = 2e-5,

@@ -75,14 +75,14 @@ TEST(MotionStability, G14RotationKeepsRadii) {
     }
     const Vec3f first = ToFloat(transform->At(0).Point({0.6, 0.0, 0.8})),
                 last = ToFloat(transform->At(1).Point({0.6, 0.0, 0.8}));
-    ExpectHardCase({.row = "G14",
-                    .figure = "radius that is furthest off in a turn by " +
-                              std::to_string(degrees) + " degrees",
-                    .expected = 1,
-                    .measured = length,
-                    .tolerance = 1e-12,
-                    .naive = Length((first + last) * 0.5f),
-                    .naive_by = "half way by the mean of both matrices"});
+    ExpectHardCase(
+        {.row = "G14",
+         .figure = "radius that is furthest off in a turn by " + InWords(degrees) + " degrees",
+         .expected = 1,
+         .measured = length,
+         .tolerance = 1e-12,
+         .naive = Length((first + last) * 0.5f),
+         .naive_by = "half way by the mean of both matrices"});
     // Even speed: half the time is half the arc.
     const Affine half = transform->At(0.5);
     const Affine expected = AffineOf(RotateMatrix(degrees / 2, {0.3, -1, 0.5}) * motion.start);

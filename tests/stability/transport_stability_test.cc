@@ -279,13 +279,13 @@ TEST(TransportStability, R7WeightsSumToOneAtAllMagnitudes) {
       naive_wrong += is_wrong(naive::PowerHeuristic(f, g), naive::PowerHeuristic(g, f));
     }
   }
-  ExpectHardCase({.row = "R7",
-                  .figure = "pairs of " + std::to_string(values.size()) +
-                            " pdfs whose weights do not sum to 1",
-                  .expected = 0,
-                  .measured = wrong,
-                  .naive = naive_wrong,
-                  .naive_by = "f^2 / (f^2 + g^2)"});
+  ExpectHardCase(
+      {.row = "R7",
+       .figure = "pairs of " + InWords(values.size()) + " pdfs whose weights do not sum to 1",
+       .expected = 0,
+       .measured = wrong,
+       .naive = naive_wrong,
+       .naive_by = "f^2 / (f^2 + g^2)"});
 }
 
 // L8: no light at all is black without error; one light is found by both techniques.

@@ -41,6 +41,13 @@ struct HardCase {
 
 inline constexpr double kStandardErrorsMax = 5;
 
+// A value within the words of a figure: "1.5", "1e-09".
+inline std::string InWords(Figure value) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.7g", value.value);
+  return text;
+}
+
 namespace hard_case_internal {
 
 // JSON has neither NaN nor infinity, so those are strings.

@@ -6,7 +6,6 @@
 
 #include <cmath>
 #include <limits>
-#include <string>
 #include <vector>
 
 #include "tests/support/hard_case.h"
@@ -66,7 +65,7 @@ TEST(EquiangularTest, V7SamplesInvertTheIntegralOfThePdf) {
     const auto angle = static_cast<double>(whole);
     ExpectHardCase(
         {.row = "V7",
-         .figure = "angle of a unit span " + std::to_string(std::lround(begin)) + " away",
+         .figure = "angle of a unit span " + InWords(begin) + " away",
          .expected = angle,
          .measured = 1 / (line.Pdf(begin) * (1 + begin * begin)),
          .tolerance = 1e-9 * angle,
