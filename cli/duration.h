@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Durations of messages as numbers.
+// Conversion of protobuf durations to numbers.
 #pragma once
 
 #include <google/protobuf/duration.pb.h>

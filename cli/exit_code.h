@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// What a script learns from sheaf's exit code. Listed in sheaf --help; never renumbered.
+// Exit codes of sheaf, for scripts. They are listed in sheaf --help and never renumbered.
 #pragma once
 
 #include "absl/status/status.h"
@@ -10,28 +10,28 @@ namespace sheaf::cli {
 
 enum class ExitCode : int {
   kOk = 0,
-  kFailed = 1,  // The job failed, or compared pictures differ by more than was allowed.
+  kFailed = 1,  // The job failed, or compared images differ by more than the tolerance.
   kUsage = 2,
   kUnreachable = 3,  // The coordinator does not answer.
   kBadScene = 4,
-  kCancelled = 5,  // Somebody cancelled the job.
-  kFile = 6,       // A file of this machine cannot be read or written.
+  kCancelled = 5,  // The job was cancelled.
+  kFile = 6,       // A file on this machine cannot be read or written.
   kInterrupted = 130,
 };
 
-// The lines of sheaf --help about them.
+// The lines of sheaf --help that list them.
 inline constexpr const char* kExitCodeHelp =
     "Exit codes: 0 done; 1 the job failed, or images differ; 2 wrong usage; 3 the coordinator\n"
     "does not answer; 4 the scene has errors; 5 the job was cancelled; 6 a file cannot be read or\n"
     "written; 130 interrupted.";
 
-// Prints "sheaf: MESSAGE" to standard error and returns the code that fits a failed call.
+// Prints "sheaf: MESSAGE" to standard error and returns the code for a failed call.
 ExitCode ReportCallError(const absl::Status& status);
-// The same for a failed PrepareJob: the scene's fault, a file's, or an interruption.
+// As ReportCallError, for a failed PrepareJob: an error in the scene or a file, or an interruption.
 ExitCode ReportSceneError(const absl::Status& status);
-// The same for a failed CheckOutputs: wrong usage, or a file that cannot be written.
+// As ReportCallError, for a failed CheckOutputs: wrong usage, or a file that cannot be written.
 ExitCode ReportOutputError(const absl::Status& status);
-// Prints the same and returns code.
+// Prints the same and returns `code`.
 ExitCode ReportError(ExitCode code, const absl::Status& status);
 
 }  // namespace sheaf::cli

@@ -1,7 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Interruption: Ctrl-C and SIGTERM as a stop token; a second one ends the program at once.
+// Interruption: turns Ctrl-C and SIGTERM into a stop token. A second signal ends the program at
+// once.
 #pragma once
 
 #include <stop_token>
@@ -12,7 +13,7 @@ namespace sheaf::cli {
 
 class Interruption {
  public:
-  // Make it before any thread begins.
+  // Requires: no thread has been started yet.
   Interruption();
   std::stop_token token() const { return stop_.get_token(); }
   bool happened() const { return stop_.stop_requested(); }

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Messages of commands beside their results, on standard error: a printable line for people or,
-// with --json, one JSON object a line.
+// Messages that commands print beside their results, on standard error: a printable line of text
+// or, with --json, one JSON object per line.
 #pragma once
 
 #include <string>
@@ -11,17 +11,17 @@
 
 namespace sheaf::cli {
 
-// From now on {"severity": "error", "message": ..., "exit_code": 4} and the like. Called before any
-// thread begins.
+// Switches to JSON: {"severity": "error", "message": ..., "exit_code": 4} and the like. Requires:
+// no thread has been started yet.
 void UseJsonMessages();
 
-// "sheaf: TEXT": what happened.
+// Prints "sheaf: TEXT": what happened.
 void Tell(const std::string& text);
-// "sheaf: note: TEXT".
+// Prints "sheaf: note: TEXT".
 void TellNote(const std::string& text);
-// "TEXT", which begins with its place in a scene.
+// Prints "TEXT", which begins with its place in a scene.
 void TellOfScene(const std::string& text);
-// "sheaf: TEXT", the reason to end with code.
+// Prints "sheaf: TEXT": why the command ends with `code`.
 void TellError(ExitCode code, const std::string& text);
 
 }  // namespace sheaf::cli

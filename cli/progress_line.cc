@@ -18,7 +18,7 @@ namespace sheaf::cli {
 namespace {
 
 constexpr int kBarColumnsMax = 30;
-constexpr int kNarrowColumns = 60;  // No bar below this.
+constexpr int kNarrowColumns = 60;  // Narrower terminals get no bar.
 
 int TerminalColumns() {
   if (::isatty(STDERR_FILENO) == 0) return 0;
@@ -118,7 +118,7 @@ void ProgressLine::Show(const std::string& label, double share, const std::strin
                     std::string(static_cast<size_t>(kBarColumnsMax - filled), '.'), "]");
   }
   absl::StrAppend(&line, " ", text);
-  // One column stays free: some terminals wrap when the last one is written.
+  // One column stays free: some terminals wrap after the last column is written.
   line.resize(std::min(line.size(), static_cast<size_t>(width_columns_ - 1)));
   drawn_ = true;
   write_(absl::StrCat("\r", line, "\x1b[K"));

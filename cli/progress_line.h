@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// ProgressLine: how far something is, as a bar that stays on its line on a terminal, and as a plain
-// line every few seconds in a pipe.
+// ProgressLine: shows progress as a bar on a fixed line of a terminal, and as a plain line every
+// few seconds in a pipe.
 #pragma once
 
 #include <chrono>
@@ -15,13 +15,13 @@ namespace sheaf::cli {
 
 // "1:02:03", "4:05" or "0:07".
 std::string FormatDuration(double seconds);
-// An estimate: "850 ms", "12.3 s", "4.5 min", "1.2 h".
+// An estimated time: "850 ms", "12.3 s", "4.5 min", "1.2 h".
 std::string FormatTime(double seconds);
-// "1.23 k", "4.56 M", "7.89 G" and so on; below 1000 without a letter.
+// "1.23 k", "4.56 M", "7.89 G" and so on; below 1000 without a suffix.
 std::string FormatCount(double count);
-// "12.3 %, error (relMSE) 1.2e-03, 4.56 M samples/s, 0:42 left": what can be told of it.
+// "12.3 %, error (relMSE) 1.2e-03, 4.56 M samples/s, 0:42 left": the items that are known.
 std::string FormatProgress(const v1::Job& job);
-// Merged pixel samples over all, in [0, 1].
+// Merged pixel samples over the total, in [0, 1].
 double ShareDone(const v1::Progress& progress);
 
 class ProgressLine {
@@ -30,10 +30,10 @@ class ProgressLine {
   // Time between two plain lines in a pipe.
   static constexpr std::chrono::seconds kPlainInterval{3};
 
-  // Writes to standard error, but nothing in the beginning, for as long as silence.
+  // Writes to standard error, but nothing before `silence` has passed.
   explicit ProgressLine(Clock::duration silence = Clock::duration::zero());
-  // For tests: writes through write, as to a terminal of width_columns, or to a pipe where that is
-  // 0.
+  // For tests: writes through `write`, as to a terminal of width_columns, or as to a pipe if that
+  // is 0.
   ProgressLine(int width_columns, std::function<Clock::time_point()> now,
                std::function<void(const std::string&)> write,
                Clock::duration silence = Clock::duration::zero());

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Command: one subcommand of sheaf. main makes one of each, in the order of the help.
+// Command: one subcommand of sheaf. main creates each of them once, in the order of the help.
 #pragma once
 
 #include <CLI/CLI.hpp>
@@ -14,10 +14,10 @@ namespace sheaf::cli {
 class Command {
  public:
   virtual ~Command() = default;
-  // Adds the subcommand with its options. Requires: this outlives app. Called once.
-  // Returns the subcommand.
+  // Adds the subcommand with its options to app and returns it. Called once. Requires: this
+  // outlives app.
   virtual CLI::App* AddTo(CLI::App* app) = 0;
-  // Does it, after its options were read.
+  // Executes the subcommand. Called after its options were parsed.
   virtual ExitCode Run() = 0;
 };
 

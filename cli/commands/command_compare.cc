@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// sheaf compare: how far a picture is from a reference.
+// sheaf compare: measures the error of an image against a reference.
 #include <cmath>
 #include <cstdio>
 #include <nlohmann/json.hpp>
@@ -24,10 +24,10 @@ namespace {
 using Json = nlohmann::ordered_json;
 constexpr const char* kChannelNames[] = {"R", "G", "B"};
 
-// Infinity and NaN have no JSON number.
+// JSON has no numbers for infinity and NaN.
 Json Number(double value) { return std::isfinite(value) ? Json(value) : Json(); }
 
-// Mean of the image's channel of sample counts; 0 where it has none.
+// Mean of the image's channel of sample counts; 0 without this channel.
 double MeanSampleCount(const FramePicture& picture) {
   const std::vector<float>* samples = picture.Find("samples");
   if (samples == nullptr || samples->empty()) return 0;
@@ -38,7 +38,7 @@ double MeanSampleCount(const FramePicture& picture) {
 
 absl::Status WriteDifference(FramePicture difference, const std::string& path) {
   if (!IsPng(path)) return WritePicture(difference, path);
-  // A PNG has no sign: it shows how much, not which way.
+  // A PNG has no negative values: it shows the magnitude of a difference, not its sign.
   for (std::vector<float>& plane : difference.planes) {
     for (float& value : plane) value = std::fabs(value);
   }
@@ -110,7 +110,8 @@ class CompareCommand : public Command {
     report.noise = NoiseOfDifference(NoiseOf(*reference), NoiseOf(*image));
     const bool converts = !(reference->color.chromaticities == image->color.chromaticities);
     if (converts) {
-      // Not the image, whose standard errors go with its primaries.
+      // The reference is converted, not the image: the image's standard errors hold only in its own
+      // primaries.
       const absl::Status status = ConvertColor(image->color.chromaticities, &*reference);
       if (!status.ok()) return ReportError(ExitCode::kFailed, status);
       TellNote(absl::StrCat(reference_path_, " is converted to the primaries of ", image_path_));
@@ -200,7 +201,7 @@ class CompareCommand : public Command {
   }
 
   std::string reference_path_, image_path_, diff_path_;
-  double tolerance_ = -1;  // Negative: only report.
+  double tolerance_ = -1;  // Negative: report only.
   bool hdr_flip_ = false, tiles_ = false, json_ = false;
   double reference_samples_ = 0;
   TileDeviationLimits limits_;

@@ -1,7 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// sheaf completion: a script for the shell, from the very options that sheaf knows.
+// sheaf completion: prints a completion script for a shell, made from sheaf's own option
+// definitions.
 #include <chrono>
 #include <condition_variable>
 #include <cstdio>
@@ -20,7 +21,7 @@
 namespace sheaf::cli {
 namespace {
 
-// A person waits for the answer with a finger on the tab key.
+// Short, since a person waits for the completion.
 constexpr std::chrono::milliseconds kJobNamesWait{1500};
 constexpr size_t kJobNamesMax = 100;
 

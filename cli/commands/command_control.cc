@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// sheaf pause, resume, priority and cancel: what people want of a job that is there.
+// sheaf pause, resume, priority and cancel: commands that change an existing job.
 #include <cstdint>
 #include <cstdio>
 #include <string>
@@ -13,16 +13,16 @@
 namespace sheaf::cli {
 namespace {
 
-// Changes a job and prints how it is then.
+// Changes a job and prints its new state.
 class ControlCommand : public FarmCommand {
  protected:
   virtual absl::StatusOr<v1::Job> Change(FarmClient* client) = 0;
-  // What is printed behind the job's name.
+  // The text to print after the job's name.
   virtual std::string Told(const v1::Job& job) const { return JobStateName(job.state()); }
 
   ExitCode RunWith(FarmClient* client) override {
     absl::StatusOr<v1::Job> job = Change(client);
-    if (job.ok() && json()) job = client->GetJob(job->name());  // With its frames.
+    if (job.ok() && json()) job = client->GetJob(job->name());  // Includes its frames.
     if (!job.ok()) return ReportCallError(job.status());
     std::printf("%s\n", json() ? JobJson(*job).c_str()
                                : absl::StrCat(job->name(), " ", Told(*job)).c_str());

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// sheaf watch, list and workers: what the farm does.
+// sheaf watch, list and workers: show the farm's jobs and workers.
 #include <cstdio>
 #include <string>
 

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// sheaf plan: which effects a scene calls for, who asked, and which compiled variant serves them;
-// and on request what each costs and gives.
+// sheaf plan: prints which effects a scene needs, which statements need them, and which compiled
+// variant renders it; on request also the cost and the gain of each effect.
 #include <cstdio>
 #include <nlohmann/json.hpp>
 #include <optional>

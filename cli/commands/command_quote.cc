@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// sheaf quote: what a scene costs for each of some errors, before it is rendered.
+// sheaf quote: forecasts the cost of a scene for several target errors before it is rendered.
 #include <cstdio>
 #include <memory>
 #include <string>

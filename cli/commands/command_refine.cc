@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// sheaf refine: go on with a finished job, from what it has.
+// sheaf refine: continues a finished job from its present samples.
 #include <algorithm>
 #include <cstdio>
 #include <string>
@@ -16,7 +16,7 @@
 namespace sheaf::cli {
 namespace {
 
-// Of the present error, those that are priced where none is asked for.
+// Target errors, as fractions of the present error, that are priced when none is requested.
 constexpr double kPricedShares[] = {0.5, 0.25, 0.1, 0.05, 0.01};
 
 std::string BandText(const v1::Estimate& seconds) {
@@ -77,7 +77,7 @@ class RefineCommand : public FarmCommand {
       if (samples_ == 0) request.set_sample_count(kStoppedSamplesMax);
     }
     absl::StatusOr<v1::Job> refined = client->RefineJob(request);
-    if (refined.ok() && json()) refined = client->GetJob(refined->name());  // With its frames.
+    if (refined.ok() && json()) refined = client->GetJob(refined->name());  // Includes its frames.
     if (!refined.ok()) return ReportCallError(refined.status());
     if (wait_ || !delivery->paths.empty()) {
       return FollowToTheEnd(client, refined->name(), json(), *delivery);

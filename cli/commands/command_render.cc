@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// sheaf render: a farm of one in this process (local_farm.h).
+// sheaf render: renders with a farm of one machine in this process (local_farm.h).
 #include <memory>
 #include <string>
 
@@ -62,7 +62,7 @@ class RenderCommand : public Command {
     }
     const Interruption interruption;
     SetLogName("sheaf render");
-    SetLogLevel(LogLevel::kWarning);  // The progress line tells the rest.
+    SetLogLevel(LogLevel::kWarning);  // The progress line shows the rest.
     const absl::StatusOr<PreparedJob> job = PrepareJob(arguments_);
     if (!job.ok()) return ReportSceneError(job.status());
     for (const std::string& text : job->diagnostics) TellOfScene(text);
@@ -107,7 +107,7 @@ class RenderCommand : public Command {
     return ReportEnd(*ended, /*pictures_written=*/true);
   }
 
-  // Says how to go on from what is rendered.
+  // Keeps the farm's state and returns the text that says how to resume from it.
   std::string KeepState(LocalFarm* farm) const {
     const std::string& folder = farm->KeepState();
     if (!farm_.kept_state.empty()) return "the same command continues from here";
@@ -116,7 +116,7 @@ class RenderCommand : public Command {
                         " continues from here");
   }
 
-  // Nothing that was merged is lost.
+  // Merged samples are kept.
   ExitCode ReportInterruption(LocalFarm* farm, const absl::StatusOr<v1::Job>& job) const {
     const double share = job.ok() ? ShareDone(job->progress()) : 0;
     const bool keeps = share > 0 || !farm_.kept_state.empty();
@@ -126,7 +126,7 @@ class RenderCommand : public Command {
                                            keeps ? KeepState(farm) : "nothing was rendered yet")));
   }
 
-  // The same command makes the same job, so that a second run finds what the first one left.
+  // The same command creates the same request, so a second run finds the job of the first one.
   static std::string RepeatableRequestId(v1::CreateJobRequest request) {
     request.clear_request_id();
     const std::string hex = Sha256Hex(request.SerializeAsString());

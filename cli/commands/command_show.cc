@@ -1,7 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// sheaf show: a job with its frames, or a picture; with the picture itself where it can be seen.
+// sheaf show: prints a job with its frames, or the facts of an image, and displays the image in
+// terminals that can show one.
 #include <unistd.h>
 
 #include <cstdio>
@@ -28,7 +29,7 @@
 namespace sheaf::cli {
 namespace {
 
-// Of a picture that nobody asked for by --picture: more is not fetched to be shown.
+// Limit for images shown without --picture: larger ones are not fetched.
 constexpr uint64_t kUnaskedBytesMax = uint64_t{256} << 20;
 constexpr uint64_t kAskedBytesMax = uint64_t{16} << 30;
 constexpr const char* kAuto = "auto";
@@ -80,7 +81,7 @@ void PrintFile(const std::string& path, const FramePicture& picture, bool json) 
   }
   std::printf("%s  %dx%d, %zu channels, %s\n", path.c_str(), width, height,
               picture.channel_names.size(), PictureDigest(picture).substr(0, 16).c_str());
-  // What it said of itself when it was delivered.
+  // Errors recorded in the file when it was delivered.
   for (const auto& [key, name] : {std::pair{"relativeMse", "relMSE"}, std::pair{"flip", "FLIP"}}) {
     const auto found = picture.metadata.find(key);
     if (found != picture.metadata.end()) {
@@ -98,14 +99,14 @@ void PrintFile(const std::string& path, const FramePicture& picture, bool json) 
   }
 }
 
-// A picture and what is said below it.
+// An image and its caption.
 struct ShownLayer {
   ShownPicture picture;
   PngTags tags;
   std::string caption;
 };
 
-// The layer as a screen shows it; false colors are those of the page.
+// The layer as a screen displays it. False colors are the same as on the dashboard.
 absl::StatusOr<ShownLayer> ShowLayer(const FramePicture& picture, coordinator::PictureLayer layer,
                                      const ViewTransform& view) {
   ShownLayer shown;
@@ -173,7 +174,7 @@ class ShowCommand : public FarmCommand {
       } else if (IsAsked() || view_arguments_.IsActive()) {
         return ReportError(ExitCode::kUsage, view.status());
       } else {
-        // The environment's config shall not keep anyone from the rest.
+        // A bad config from the environment must not prevent the other output.
         TellNote(absl::StrCat("no image: ", view.status().message()));
         graphics_ = TerminalGraphics::kNone;
       }
@@ -224,7 +225,8 @@ class ShowCommand : public FarmCommand {
     }
   }
 
-  // The frame that is asked for, or the last; of those that have a picture. Null: there is none.
+  // The requested frame or, without a request, the last frame that has an image. Null if there is
+  // none.
   const v1::Frame* FindFrame(const v1::Job& job) const {
     const v1::Frame* found = nullptr;
     for (const v1::Frame& frame : job.frames()) {
@@ -234,7 +236,7 @@ class ShowCommand : public FarmCommand {
     return found;
   }
 
-  // An error where somebody waits for a picture.
+  // It is an error only where an image was requested.
   ExitCode ReportNoFrame() const {
     if (!IsAsked() && !frame_number_) return ExitCode::kOk;
     return ReportError(ExitCode::kFailed,

@@ -1,7 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// sheaf study: what the accuracy of a scene costs, by which settings, as a page and as JSON.
+// sheaf study: measures what accuracy costs for a scene and for which settings, as a page and as
+// JSON.
 #include <algorithm>
 #include <cstdio>
 #include <string>

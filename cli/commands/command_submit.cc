@@ -1,7 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// sheaf submit: read scenes here, upload what the farm lacks, create the job; with --wait, stay.
+// sheaf submit: reads scenes on this machine, uploads the blobs that the farm lacks and creates the
+// job; with --wait, stays until the job has ended.
 #include <cstdio>
 #include <string>
 
@@ -21,7 +22,7 @@
 namespace sheaf::cli {
 namespace {
 
-// A submission waits so long for its quote.
+// Longest wait for the quote of a submission.
 constexpr absl::Duration kQuoteWaitMax = absl::Seconds(30);
 
 class SubmitCommand : public Command {
@@ -100,14 +101,15 @@ class SubmitCommand : public Command {
       std::printf("%s\n", created->name().c_str());
       return ExitCode::kOk;
     }
-    const absl::StatusOr<v1::Job> told = client.GetJob(created->name());  // With its frames.
+    const absl::StatusOr<v1::Job> told = client.GetJob(created->name());  // Includes its frames.
     if (!told.ok()) return ReportCallError(told.status());
     std::printf("%s\n", JobJson(*told).c_str());
     return ExitCode::kOk;
   }
 
  private:
-  // On standard error. A farm that cannot tell at once is no reason not to submit.
+  // Prints the quote on standard error. A farm that cannot answer in time does not prevent the
+  // submission.
   absl::Status PrintQuote(FarmClient* client, const PreparedJob& job) {
     QuoteArguments asked{.targets = kQuotedErrors, .wait_max = kQuoteWaitMax};
     if (const double target = arguments_.stop.target_error; target > 0) {

@@ -9,7 +9,8 @@
 namespace sheaf::cli {
 namespace {
 
-// For text between single quotes in any of the three shells: quotes are left out.
+// Makes text safe between single quotes in all three shells: it removes quotes and replaces line
+// ends, brackets and colons.
 std::string Plain(const std::string& text) {
   return absl::StrReplaceAll(text, {{"'", ""}, {"\n", " "}, {"[", "("}, {"]", ")"}, {":", ","}});
 }
@@ -22,7 +23,7 @@ std::string Names(const std::vector<CompletionCommand>& commands) {
   return names;
 }
 
-// Where a command's argument or an option's value is completed to.
+// The words that complete a command's argument.
 std::string BashWords(const CompletionCommand& command) {
   return command.takes_job ? absl::StrCat("$(", kJobNamesCommand, ")")
                            : absl::StrJoin(command.choices, " ");

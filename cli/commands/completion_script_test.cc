@@ -48,7 +48,7 @@ TEST(CompletionScriptTest, BashCompletesCommandsAndTheirOptions) {
   EXPECT_EQ(complete("sheaf submit --color r", 3), "rgb\n");
   EXPECT_EQ(complete("sheaf completion z", 2), "zsh\n");
   EXPECT_EQ(complete("sheaf submit --sa", 2), "--samples\n");
-  EXPECT_EQ(complete("sheaf submit roo", 2), "\n");  // Files are the shell's own business.
+  EXPECT_EQ(complete("sheaf submit roo", 2), "\n");  // The shell completes files itself.
 }
 
 TEST(CompletionScriptTest, HelpTextCannotEndAQuote) {

@@ -23,7 +23,7 @@ v1::EffectCost ToWire(const render::EffectMeasurement& effect) {
   wire.set_mean_change(effect.mean_change.value);
   wire.set_mean_change_error(effect.mean_change.error);
   wire.set_relative_mse(effect.rel_mse);
-  // 0: it cannot be told, as where there is no variance without the effect.
+  // 0: unknown, for example if there is no variance without the effect.
   wire.set_variance_ratio(std::isfinite(effect.variance_ratio) ? effect.variance_ratio : 0);
   return wire;
 }

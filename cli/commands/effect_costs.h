@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// What the effects of a job's scene cost and give, measured on this machine (MeasurePlan), for the
-// job to carry.
+// Costs and gains of the effects of a job's scene, measured on this machine (MeasurePlan) to be
+// stored with the job.
 #pragma once
 
 #include <vector>
@@ -13,8 +13,8 @@
 
 namespace sheaf::cli {
 
-// Of the first frame. Takes `seconds` and what compiling the scene takes.
-// Errors: those of ReadScene, ResolveSettings and MeasurePlan.
+// Measures the first frame. Takes `seconds` plus the time to compile the scene. Errors: those of
+// ReadScene, ResolveSettings and MeasurePlan.
 absl::StatusOr<std::vector<v1::EffectCost>> MeasureEffects(const JobArguments& arguments,
                                                            double seconds);
 

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// FarmCommand: what commands have in common that ask a coordinator.
+// FarmCommand: the common base of commands that call a coordinator.
 #pragma once
 
 #include <string>
@@ -15,7 +15,7 @@
 
 namespace sheaf::cli {
 
-// A coordinator, --json, and for most of them a job.
+// Adds the options for the coordinator and --json and, for most commands, the job's name.
 class FarmCommand : public Command {
  public:
   ExitCode Run() override {

@@ -20,11 +20,11 @@
 namespace sheaf::cli {
 namespace {
 
-// How long the worker may take to report before things go on without it.
+// How long to wait for the worker's first report before continuing without it.
 constexpr absl::Duration kWorkerReportWait = absl::Seconds(2);
 
-// The first progress line shall not say that no worker is connected: waits for the one that is just
-// starting.
+// Waits for the worker that is just starting, so that the first progress line does not report that
+// no worker is connected.
 void AwaitWorker(const coordinator::FarmView& farm) {
   const SteadyTime deadline = SteadyTime::Now() + kWorkerReportWait;
   while (true) {
@@ -37,7 +37,7 @@ void AwaitWorker(const coordinator::FarmView& farm) {
 
 }  // namespace
 
-// The folder of one run's state; removed at the end unless it has a name of its own.
+// The folder for one run's state. It is removed at the end unless the caller named it.
 class LocalFarm::StateDirectory {
  public:
   static absl::StatusOr<std::unique_ptr<StateDirectory>> Open(const std::string& kept) {
@@ -55,7 +55,7 @@ class LocalFarm::StateDirectory {
     return std::unique_ptr<StateDirectory>(new StateDirectory(path, false));
   }
   ~StateDirectory() {
-    std::error_code ignored;  // Left-overs in a temporary folder are no error of the picture.
+    std::error_code ignored;  // Files left in a temporary folder are no error.
     if (!kept_) std::filesystem::remove_all(path_, ignored);
   }
   StateDirectory(const StateDirectory&) = delete;
@@ -80,11 +80,11 @@ absl::StatusOr<std::unique_ptr<LocalFarm>> LocalFarm::Open(const LocalFarmOption
   farm->state_ = *std::move(state);
   coordinator::CoordinatorOptions coordinator;
   coordinator.farm.state_directory = farm->state_->path();
-  if (options.kept_state.empty()) {  // Then it ends with this process.
+  if (options.kept_state.empty()) {  // The state ends with this process.
     coordinator.farm.durability = coordinator::Durability::kProcess;
     coordinator.farm.kept_parts_bytes_max = 0;
   }
-  if (options.http_address.empty()) coordinator.farm.round_previews_bytes_max = 0;  // Nobody looks.
+  if (options.http_address.empty()) coordinator.farm.round_previews_bytes_max = 0;  // No page.
   coordinator.listen_address.clear();
   coordinator.http_address = options.http_address;
   absl::StatusOr<std::unique_ptr<coordinator::CoordinatorServer>> server =

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// LocalFarm: a farm of one. Coordinator and worker live in this process and talk over a channel
-// that never leaves it; the code is that of the large farm.
+// LocalFarm: a farm of one machine. Coordinator and worker run in this process and talk over an
+// in-process channel; they use the same code as a large farm.
 #pragma once
 
 #include <memory>
@@ -16,25 +16,26 @@
 namespace sheaf::cli {
 
 struct LocalFarmOptions {
-  worker::WorkerOptions worker;  // Its cache folder is that of the farm.
-  std::string http_address;      // Empty: no page.
-  std::string kept_state;        // Folder that stays; empty: a temporary one.
+  worker::WorkerOptions worker;  // Its cache folder is the farm's.
+  std::string http_address;      // Empty: no dashboard.
+  std::string kept_state;        // A folder to keep; empty: a temporary one.
 };
 
 class LocalFarm {
  public:
-  // Errors: those of making folders and of CoordinatorServer::Start.
+  // Errors: those of creating folders and of CoordinatorServer::Start.
   static absl::StatusOr<std::unique_ptr<LocalFarm>> Open(const LocalFarmOptions& options);
-  // Stops the worker, then the coordinator; removes the folder unless it shall stay.
+  // Stops the worker, then the coordinator; removes the folder unless it is kept.
   ~LocalFarm();
   LocalFarm(const LocalFarm&) = delete;
   LocalFarm& operator=(const LocalFarm&) = delete;
 
   std::shared_ptr<grpc::Channel> channel() { return channel_; }
   std::string http_url() const { return server_->http_url(); }
-  // The folder stays, to go on from as LocalFarmOptions::kept_state. Returns it.
+  // Keeps the folder, so that a later run can resume with it as LocalFarmOptions::kept_state.
+  // Returns its path.
   const std::string& KeepState();
-  // Begins to render, and waits until the worker has reported.
+  // Starts the worker and waits until it has reported.
   absl::Status StartWorker();
 
  private:

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// sheaf: one program for everything a person does with the farm.
+// sheaf: the command line client for all operations of the farm.
 #include <algorithm>
 #include <memory>
 #include <optional>
@@ -41,7 +41,7 @@ std::vector<std::unique_ptr<Command>> MakeCommands() {
   return commands;
 }
 
-// Told before the command line is understood, as its own errors are JSON then, too.
+// Checked before the command line is parsed, since parse errors are printed as JSON too.
 bool AsksForJson(int argc, char** argv) {
   return std::any_of(argv + 1, argv + argc,
                      [](const char* word) { return std::string_view(word) == "--json"; });

@@ -19,7 +19,7 @@ constexpr int kTileSizePxMax = 1024;
 constexpr double kStopNumberMax = 1e6;
 constexpr char kPictureGroup[] = "Output images";
 
-// "x0,y0,x1,y1", half-open.
+// Parses "x0,y0,x1,y1", half-open.
 PixelRect ParseCrop(const std::string& text) {
   const std::vector<std::string> items = absl::StrSplit(text, ',');
   PixelRect rect;
@@ -39,7 +39,7 @@ void AddOutputs(const std::string& names, FilmOutputs* outputs) {
   if (!status.ok()) throw CLI::ValidationError("--aov", std::string(status.message()));
 }
 
-// "90s", "10m", "1h30m".
+// Parses "90s", "10m", "1h30m".
 double ParseSeconds(const std::string& text) {
   absl::Duration duration;
   if (!absl::ParseDuration(text, &duration) || duration <= absl::ZeroDuration() ||
@@ -50,7 +50,7 @@ double ParseSeconds(const std::string& text) {
   return absl::ToDoubleSeconds(duration);
 }
 
-// Written so that what is no number is refused too.
+// Written so that NaN is refused too.
 std::string CheckPositive(const std::string& text) {
   double value = 0;
   if (absl::SimpleAtod(text, &value) && value > 0 && value <= kStopNumberMax) return "";
@@ -63,7 +63,7 @@ std::string CheckPowerOfTwo(const std::string& text) {
   return text + " is not a power of two";
 }
 
-// Options for layers beside the colors, and for the primaries of these.
+// Options for layers beside the colors, and for the primaries of the colors.
 void AddOutputOptions(CLI::App* command, RenderSettings* settings) {
   const OptionGroup group(command, "Image contents");
   std::vector<std::pair<std::string, Primaries>> primaries;
@@ -93,7 +93,7 @@ void AddOutputOptions(CLI::App* command, RenderSettings* settings) {
                     "Write the contribution of each kind of light path: direct, caustic, fog ...");
 }
 
-// How light is followed.
+// Options for light transport.
 void AddTransportOptions(CLI::App* command, RenderSettings* settings) {
   const OptionGroup group(command, "Light transport");
   AddChoice(

@@ -11,24 +11,24 @@
 
 namespace sheaf::cli {
 
-// --coordinator, also from SHEAF_COORDINATOR.
+// --coordinator, by default from SHEAF_COORDINATOR.
 void AddCoordinatorOption(CLI::App* command, std::string* address);
 void AddJsonFlag(CLI::App* command, bool* json);
-// SCENE and what decides its pixels.
+// SCENE and all options that affect its pixels.
 void AddSettingsOptions(CLI::App* command, JobArguments* arguments);
 // --target-error, --time and --budget.
 void AddStopOptions(CLI::App* command, StopArguments* stop);
-// --output and --png, for pictures of a job that was submitted before, and --view.
+// --output and --png, for images of a job submitted earlier, and --view.
 void AddPictureOptions(CLI::App* command, JobArguments* arguments);
 // --frames.
 void AddFramesOption(CLI::App* command, JobArguments* arguments);
 // --resume-from.
 void AddResumeOption(CLI::App* command, JobArguments* arguments);
-// How the work is cut: --tile-size, --cell-size, --pass-samples and --lease-passes.
+// How the work is partitioned: --tile-size, --cell-size, --pass-samples and --lease-passes.
 void AddPartitionOptions(CLI::App* command, JobArguments* arguments);
-// --view, --display and --ocio, the last also from OCIO.
+// --view, --display and --ocio; the last by default from OCIO.
 void AddViewOptions(CLI::App* command, ViewArguments* view);
-// The settings of a job, where its pictures go, and how it is cut.
+// The settings of a job, the paths of its images, and the partition of its work.
 void AddJobOptions(CLI::App* command, JobArguments* arguments);
 
 }  // namespace sheaf::cli

@@ -15,7 +15,7 @@ namespace {
 
 constexpr const char* kChannelNames[] = {"R", "G", "B"};
 
-// "+0.4 %"; where only one of the two is black there is no ratio.
+// "+0.4 %". If exactly one of the two is black, there is no ratio.
 std::string ChangeText(double ratio) {
   if (!std::isfinite(ratio)) return "no ratio, because the reference is black";
   return absl::StrFormat("%+.2g %%", 100 * (ratio - 1));
@@ -50,7 +50,7 @@ void AppendTiles(const TileDeviations& tiles, std::string* text) {
   }
 }
 
-// The grounds of the verdict.
+// The reasons for the verdict.
 std::string VerdictText(const ComparisonReport& report) {
   const std::string_view verdict = VerdictOf(report);
   if (verdict == "identical") return "identical: every pixel has the same bits";

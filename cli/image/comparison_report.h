@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The findings of sheaf compare as people read them, with a verdict: whether noise explains them.
+// The results of sheaf compare as text, with a verdict on whether noise explains the difference.
 #pragma once
 
 #include <optional>
@@ -12,33 +12,33 @@
 
 namespace sheaf::cli {
 
-// relMSE that the error bars of a picture foretell, with its standard deviation.
+// relMSE predicted by an image's error bars, with its standard deviation.
 struct ExpectedNoise {
   double relative_mse = 0, deviation = 0;
 };
-// None where the picture has no true error bars.
+// nullopt if the image has no true error bars.
 std::optional<ExpectedNoise> NoiseOf(const FramePicture& picture);
 
-// Independent errors add up. A reference without error bars is taken to have none.
+// Variances of independent errors add up. A reference without error bars counts as noise-free.
 std::optional<ExpectedNoise> NoiseOfDifference(const std::optional<ExpectedNoise>& reference,
                                                const std::optional<ExpectedNoise>& image);
 
-// Deviations beyond the expected relMSE that chance is held to make.
+// How many standard deviations above the expected relMSE still count as chance.
 inline constexpr double kNoiseDeviationsMax = 3;
 
 struct ComparisonReport {
   Comparison comparison;
-  std::optional<ExpectedNoise> noise;  // Of the difference; none: the image has no error bars.
+  std::optional<ExpectedNoise> noise;  // Of the difference; nullopt if the image has no error bars.
   double flip = 0;
   std::optional<double> hdr_flip;
   std::optional<TileDeviations> tiles;
-  double tolerance = -1;  // Of relMSE; negative: none was asked for.
+  double tolerance = -1;  // Limit of relMSE; negative: none was given.
   std::string reference_digest, image_digest;
 };
 
-// "identical", "within noise", "beyond noise", or "unknown" where the image has no error bars.
+// "identical", "within noise", "beyond noise", or "unknown" if the image has no error bars.
 const char* VerdictOf(const ComparisonReport& report);
-// Lines for people; the last one is the verdict.
+// The report as lines of text; the last one is the verdict.
 std::string FormatComparison(const ComparisonReport& report);
 
 }  // namespace sheaf::cli

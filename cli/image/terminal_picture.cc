@@ -2,8 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Sources: Goyal, "Terminal graphics protocol" (kitty's documentation); iTerm2's documentation,
-// "Inline Images Protocol"; ECMA-48 and ISO 8613-6 for colors of cells; xterm's 256colres.h for
-// what the 256 are.
+// "Inline Images Protocol"; ECMA-48 and ISO 8613-6 for colors of cells; xterm's 256colres.h for the
+// 256 colors.
 #include "cli/image/terminal_picture.h"
 
 #include <sys/ioctl.h>
@@ -24,7 +24,7 @@ namespace sheaf::cli {
 namespace {
 
 constexpr int kColumnsMax = 1000;
-// Of base64 in one command of kitty's protocol, which sets the limit.
+// Bytes of base64 in one command; kitty's protocol sets this limit.
 constexpr size_t kKittyChunkMax = 4096;
 constexpr const char* kUpperHalf = "\u2580";
 constexpr const char* kReset = "\x1b[0m";
@@ -41,8 +41,8 @@ int SquareDistance(Rgb8 a, Rgb8 b) {
   return r * r + g * g + blue * blue;
 }
 
-// The nearest of xterm's colors 16 to 255: a cube of six levels a channel, and 24 greys. Those
-// before are the user's own.
+// The nearest of xterm's colors 16 to 255: a cube of six levels per channel, and 24 grays. The user
+// defines colors 0 to 15.
 int Nearest256(Rgb8 color) {
   constexpr std::array<uint8_t, 6> kLevels{0, 95, 135, 175, 215, 255};
   const auto step = [&](uint8_t value) {
@@ -63,14 +63,14 @@ int Nearest256(Rgb8 color) {
   return static_cast<int>(16 + 36 * r + 6 * g + b);
 }
 
-// Selects a color: of the character where kind is 38, of what is behind it where it is 48.
+// Selects a color: kind 38 sets the foreground, 48 the background.
 std::string ColorCode(int kind, Rgb8 color, bool is_256) {
   if (is_256) return absl::StrCat("\x1b[", kind, ";5;", Nearest256(color), "m");
   return absl::StrCat("\x1b[", kind, ";2;", color.r, ";", color.g, ";", color.b, "m");
 }
 
-// Two pixels a cell, one above the other; a cell is about twice as high as wide. A color is said
-// where it changes.
+// Two pixels per cell, one above the other; a cell is about twice as high as wide. A color code is
+// written only where the color changes.
 std::string BlocksText(const ShownPicture& picture, bool is_256) {
   std::string text;
   const auto width = static_cast<size_t>(picture.width_px);
@@ -91,7 +91,8 @@ std::string BlocksText(const ShownPicture& picture, bool is_256) {
   return text;
 }
 
-// a=T: show at once; f=100: a PNG; q=2: say nothing back; c: columns, rows by the aspect.
+// a=T: display at once; f=100: a PNG; q=2: send no reply; c: columns; rows follow from the aspect
+// ratio.
 std::string KittyText(const std::string& png, int columns) {
   const std::string base64 = absl::Base64Escape(png);
   std::string text;
@@ -109,7 +110,7 @@ std::string ItermText(const std::string& png, int columns) {
                       ";width=", columns, ":", absl::Base64Escape(png), "\a\n");
 }
 
-// What a shrunk pixel covers of a row or a column of pixels: whole ones and parts of the outer two.
+// The rows or columns that a reduced pixel covers: whole ones, and fractions of the outer two.
 struct Cover {
   int first = 0;
   std::vector<float> shares;

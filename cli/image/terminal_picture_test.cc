@@ -32,7 +32,7 @@ std::string TextOf(TerminalGraphics graphics, const TerminalSize& size, ShownPic
   return text.ok() ? *text : "";
 }
 
-// A picture that does not compress. Source of the numbers: Knuth and Lewis's generator.
+// An image that does not compress. Source of the numbers: Knuth and Lewis's generator.
 ShownPicture Noise(int width_px, int height_px) {
   ShownPicture picture{width_px, height_px, {}};
   uint32_t state = 1;
@@ -79,9 +79,9 @@ TEST(TerminalPictureTest, ShrinksByLightAndKeepsTheAspect) {
   EXPECT_EQ(shrunk.pixels.size(), 80u * 45u);
   EXPECT_EQ(ShrinkTo(80, Noise(60, 40)).width_px, 60);
   EXPECT_EQ(ShrinkTo(10, Noise(200, 2)).height_px, 1);
-  // Half of the light of white is the level 188.
+  // Half the light of white is encoded as 188.
   EXPECT_EQ(ShrinkTo(1, {2, 1, {kWhite, {0, 0, 0}}}).pixels, (std::vector<Rgb8>{{188, 188, 188}}));
-  // A flat picture stays flat at any ratio.
+  // A constant image stays constant at any ratio.
   const ShownPicture flat{97, 3, std::vector<Rgb8>(97 * 3, Rgb8{12, 130, 250})};
   EXPECT_THAT(ShrinkTo(41, flat).pixels, testing::Each(Rgb8{12, 130, 250}));
 }
@@ -94,7 +94,7 @@ TEST(TerminalPictureTest, BlocksAreAsWideAsTheTerminal) {
   EXPECT_EQ(cells.size(), 41u);
 }
 
-// The protocol's commands put together again, as kitty does.
+// Reassembles the protocol's commands as kitty does.
 TEST(TerminalPictureTest, KittyGetsThePng) {
   const ShownPicture picture = Noise(100, 60);
   const std::string text = TextOf(TerminalGraphics::kKitty, {}, picture);

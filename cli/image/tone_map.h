@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Linear pictures to what a screen shows.
+// Converts linear images for display on a screen.
 #pragma once
 
 #include <vector>
@@ -11,10 +11,10 @@
 
 namespace sheaf::cli {
 
-// The channels R, G, B, converted to the primaries of sRGB, through the sRGB curve, cut to [0, 1]
-// before; no exposure, no other curve, so that a PNG says what the EXR says. Row-major over the
-// picture's window. Primaries that are degenerate are taken for sRGB's. Requires: R, G and B
-// are there.
+// The channels R, G, B, converted to the primaries of sRGB, clamped to [0, 1] and encoded by the
+// sRGB curve. There is no exposure and no other curve, so that a PNG shows the EXR's values.
+// Row-major over the image's window. Degenerate primaries are replaced by sRGB's. Requires: R, G
+// and B exist.
 std::vector<Rgb8> ToneMapSrgb(const FramePicture& picture);
 
 }  // namespace sheaf::cli

@@ -1,16 +1,16 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Sheaf's own config of OpenColorIO, for who brings none: one display and three views, all of
-// transforms that the library has built in.
+// Sheaf's own OpenColorIO config, used if no other is given: one display and three views, made only
+// of transforms built into the library.
 #pragma once
 
 #include <string_view>
 
 namespace sheaf::cli {
 
-// "sRGB" shows what an sRGB screen can show of the light and cuts off the rest. "ACES 1.0 SDR" is
-// the Academy's rendering for video of 100 nits. "Raw" shows the numbers as they are in the file.
+// "sRGB" shows the colors that an sRGB screen can show and clips the others. "ACES 1.0 SDR" is the
+// Academy's rendering for video of 100 nits. "Raw" shows the numbers as they are in the file.
 inline constexpr std::string_view kOwnViewConfig = R"(ocio_profile_version: 2
 search_path: ""
 roles:

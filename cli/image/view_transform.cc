@@ -27,17 +27,18 @@ namespace {
 namespace ocio = OCIO_NAMESPACE;
 
 constexpr const char* kOwnSrgbView = "sRGB";
-// What half floats reach; look-up tables of configs end there.
+// The largest half float; look-up tables of configs end there.
 constexpr float kShownMax = 65504;
-// Pixels that are converted at once.
+// Pixels that are converted together.
 constexpr size_t kBlockPixelCount = size_t{1} << 16;
 
-// A color space by which a config's numbers are known, and what it is.
+// A color space that connects a config to known primaries.
 struct Anchor {
   const char* name;
   Primaries primaries;
 };
-// The role that OpenColorIO 2 has for it, and names of configs without. Names match aliases too.
+// The role that OpenColorIO 2 defines for it, and names for configs without the role. Names match
+// aliases too.
 constexpr Anchor kAnchors[] = {
     {"aces_interchange", Primaries::kAces2065},       {"ACES2065-1", Primaries::kAces2065},
     {"ACES - ACES2065-1", Primaries::kAces2065},      {"lin_ap0", Primaries::kAces2065},
@@ -49,7 +50,8 @@ std::string ConfigName(const ViewArguments& arguments) {
   return arguments.config.empty() ? "Sheaf's own config" : arguments.config;
 }
 
-// Not validated as a whole: what the view needs is tried, and the rest may lack files.
+// The config is not validated as a whole: only what the view needs is tried, and other parts may
+// lack files.
 ocio::ConstConfigRcPtr ReadConfig(const ViewArguments& arguments) {
   if (!arguments.config.empty()) return ocio::Config::CreateFromFile(arguments.config.c_str());
   std::istringstream text{std::string(kOwnViewConfig)};
@@ -70,7 +72,7 @@ std::vector<std::string> ViewsOf(const ocio::Config& config, const std::string& 
   return names;
 }
 
-// `asked` as it is spelt among `names`, or `otherwise` where nothing is asked for. owner, kind: for
+// `asked` as it is spelled among `names`, or `otherwise` if `asked` is empty. owner, kind: for
 // messages.
 absl::StatusOr<std::string> Choose(const std::string& asked, const std::string& otherwise,
                                    const std::vector<std::string>& names, const std::string& owner,
@@ -94,15 +96,15 @@ absl::StatusOr<Anchor> AnchorOf(const ocio::Config& config, const std::string& n
                    "the role aces_interchange"));
 }
 
-// Whether the view shows numbers and not light.
+// Whether the view shows raw numbers instead of colors.
 bool ShowsData(const ocio::Config& config, const std::string& display, const std::string& view) {
   const char* name = config.getDisplayViewColorSpaceName(display.c_str(), view.c_str());
   const ocio::ConstColorSpaceRcPtr space = config.getColorSpace(name);
   return space != nullptr && space->isData();
 }
 
-// The color space's numbers of those with the chromaticities, white for white. Degenerate ones are
-// taken for sRGB's.
+// Converts numbers from the given chromaticities to the color space, mapping white to white.
+// Degenerate chromaticities are replaced by sRGB's.
 Matrix4 AnchorFromPicture(Primaries primaries, const Chromaticities& chromaticities) {
   const Chromaticities anchor = ChromaticitiesOf(primaries);
   if (chromaticities == anchor) return Matrix4();
@@ -136,7 +138,7 @@ struct ViewTransform::Opened {
   std::string anchor;  // Empty: the view shows data.
   Primaries anchor_primaries = Primaries::kSrgb;
 
-  // From numbers of the chromaticities to the display's. Throws what OpenColorIO throws.
+  // From numbers in the given chromaticities to the display's. Throws OpenColorIO's exceptions.
   ocio::ConstCPUProcessorRcPtr ProcessorFor(const Chromaticities& chromaticities,
                                             const std::string& display,
                                             const std::string& view) const {
@@ -176,7 +178,7 @@ absl::StatusOr<ViewTransform> ViewTransform::OpenOrThrow(const ViewArguments& ar
     opened->anchor = anchor->name;
     opened->anchor_primaries = anchor->primaries;
   }
-  // Finds now what the view lacks, such as the file of a look-up table.
+  // Finds missing parts of the view now, such as the file of a look-up table.
   opened->ProcessorFor(Chromaticities(), *display, *view);
   result.opened_ = opened;
   return result;

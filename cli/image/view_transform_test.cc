@@ -48,18 +48,19 @@ void ExpectNear(const std::vector<Rgb8>& shown, const std::vector<Rgb8>& expecte
   }
 }
 
-// Writes text to a file of the test's own.
+// Writes text to a file that belongs to this test.
 std::string WriteConfig(const std::string& name, const std::string& text) {
   const std::string path = testing::TempDir() + "/" + name;
   std::ofstream(path) << text;
   return path;
 }
 
-// 18 % grey, a red, a blue and four times white.
+// 18 % gray, a red, a blue and four times white.
 const std::vector<std::array<float, 3>> kColors = {
     {0.18f, 0.18f, 0.18f}, {0.8f, 0.1f, 0.05f}, {0.02f, 0.05f, 0.6f}, {4, 4, 4}};
 
-// What they are by IEC 61966-2-1, and for ACEScg by matrices of the chromaticities.
+// The expected values follow from IEC 61966-2-1 and, for ACEScg, from matrices of the
+// chromaticities.
 TEST(ViewTransformTest, OwnSrgbShowsTheLightAsItIs) {
   const ViewTransform view = Opened("srgb");
   EXPECT_EQ(view.view(), "sRGB");
@@ -70,8 +71,8 @@ TEST(ViewTransformTest, OwnSrgbShowsTheLightAsItIs) {
 }
 
 // The expected values are those of the Academy's RRT and its ODT for Rec. 709 of 100 nits with a
-// dim surround (aces-dev 1.0.3), as computed from the published equations, behind the curve of
-// sRGB. The white of either picture is the white of ACES.
+// dim surround (aces-dev 1.0.3), computed from the published equations and encoded by the sRGB
+// curve. The white of both images is the white of ACES.
 TEST(ViewTransformTest, AcesShowsRec709AndAcesCg) {
   const ViewTransform view = Opened("ACES 1.0 SDR");
   ExpectNear(*view.Show(PictureOf(kColors, Primaries::kSrgb)),
@@ -80,7 +81,7 @@ TEST(ViewTransformTest, AcesShowsRec709AndAcesCg) {
              {{91, 91, 91}, {226, 14, 30}, {0, 30, 185}, {244, 244, 244}}, 1);
 }
 
-// The same light in any primaries with the same white is the same picture.
+// The same light looks the same in any primaries that share a white.
 TEST(ViewTransformTest, AcesShowsTheSameLightAlike) {
   const ViewTransform view = Opened("ACES 1.0 SDR");
   const FramePicture srgb = PictureOf(kColors, Primaries::kSrgb);
@@ -97,7 +98,7 @@ TEST(ViewTransformTest, RawShowsTheNumbersOfAnyPrimaries) {
   }
 }
 
-// Over the whole range, in small steps: by the library's transforms as by our own.
+// Compares the library's transforms with our own over the whole range, in small steps.
 TEST(ViewTransformTest, TheConfigsSrgbIsToneMapSrgbWithinAStep) {
   std::vector<std::array<float, 3>> colors;
   for (int i = 0; i <= 4000; ++i) {
@@ -133,8 +134,8 @@ TEST(ViewTransformTest, SaysWhatThereIs) {
             absl::StatusCode::kInvalidArgument);
 }
 
-// A config of profile 1 that names its scene-linear space as older ones did, with a view of a
-// plain gamma of 2, and a look-up table that is not there.
+// A config of profile 1 that names its scene-linear space as older configs did, with a plain gamma
+// 2 view and a missing look-up table.
 constexpr const char* kStudioConfig = R"(ocio_profile_version: 1
 roles:
   default: raw

@@ -22,7 +22,7 @@ namespace sheaf::cli {
 namespace {
 
 constexpr int kJobsPageSize = 1000;
-// A single attempt at something that streams; a larger upload or picture resumes.
+// For one attempt at a streaming call; a larger upload or download resumes in the next one.
 constexpr absl::Duration kAttemptDeadline = kStreamDeadline;
 
 RetryEnvironment MakeEnvironment(std::stop_token stop) {
@@ -42,7 +42,7 @@ void SetDigest(const BlobDigest& digest, v1::Digest* message) {
   message->set_size_bytes(digest.size_bytes);
 }
 
-// Reads a blob's bytes in order from an offset on.
+// Reads a blob's bytes in order, starting at an offset.
 class BlobReader {
  public:
   BlobReader(const BlobSource& blob, uint64_t offset_bytes) : blob_(blob), offset_(offset_bytes) {
@@ -50,7 +50,7 @@ class BlobReader {
     file_.open(blob.path, std::ios::binary);
     file_.seekg(static_cast<std::streamoff>(offset_bytes));
   }
-  // Errors: kFailedPrecondition where the file has become shorter or unreadable.
+  // Errors: kFailedPrecondition if the file was truncated or became unreadable.
   absl::StatusOr<std::string> Next() {
     std::string bytes;
     const uint64_t size = std::min(kBlobChunkBytesMax, blob_.digest.size_bytes - offset_);
@@ -109,7 +109,7 @@ absl::Status FarmClient::Call(const std::function<absl::Status(grpc::ClientConte
         absl::Status result = attempt(&context);
         if (stop_.stop_requested()) return absl::CancelledError("interrupted");
         if (result.ok()) answered_ = true;
-        // A full disk or queue at the coordinator does not pass by itself: say so at once.
+        // A full disk or queue at the coordinator does not clear up by itself: fail at once.
         if (absl::IsResourceExhausted(result))
           return absl::FailedPreconditionError(result.message());
         if (answered_ && absl::IsUnavailable(result) && !silent_.exchange(true)) {
@@ -307,8 +307,8 @@ absl::StatusOr<v1::Job> FarmClient::WatchJob(const std::string& name,
   v1::Job job;
   bool ended = false;
   while (!ended) {
-    // A watch that was cut off after it had begun is a success here: the next call gets the
-    // patience of a new one.
+    // A watch that breaks off after it has begun counts as a success here, so that the next call
+    // waits as long as a new one.
     const absl::Status status = Call(
         [&](grpc::ClientContext* context) -> absl::Status {
           const auto reader = jobs_->WatchJob(context, request);
@@ -386,11 +386,11 @@ absl::Status FarmClient::Upload(const BlobSource& blob,
           if (!committed.ok()) return committed.status();
           offset_bytes = *committed;
         }
-        resuming = true;  // Whatever follows is another attempt.
+        resuming = true;  // Any further call is another attempt.
         if (complete) return absl::OkStatus();
         absl::Status sent = UploadOnce(context, blob, offset_bytes, on_progress);
         if (absl::IsAlreadyExists(sent)) return absl::OkStatus();
-        // Somebody else uploads the same blob: look again how far it is.
+        // Another client uploads the same blob: retry, which queries its progress again.
         if (absl::IsOutOfRange(sent)) return absl::UnavailableError(sent.message());
         return sent;
       },

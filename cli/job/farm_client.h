@@ -1,9 +1,9 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// FarmClient: the coordinator's calls as the commands need them. Each call is idempotent and is
-// repeated while the coordinator does not answer: shortly before the first answer, for long after
-// it, so that a restart in the middle of a command goes unnoticed.
+// FarmClient: the coordinator's calls for the commands. Each call is idempotent and is repeated
+// while the coordinator does not answer: for a short time before the first answer, for a long time
+// after it, so that a restart of the coordinator does not disturb a command.
 #pragma once
 
 #include <grpcpp/channel.h>
@@ -25,12 +25,12 @@
 
 namespace sheaf::cli {
 
-// How long to go on trying.
+// How long calls are repeated before and after the coordinator's first answer.
 inline constexpr absl::Duration kFirstAnswerWait = absl::Seconds(4);
 inline constexpr absl::Duration kLaterAnswerWait = absl::Minutes(15);
 inline constexpr size_t kFindMissingMax = 10'000;
 
-// A blob's bytes, wherever they are: in a file, or in memory where path is empty.
+// Where a blob's bytes are: in the file at path, or in memory if path is empty.
 struct BlobSource {
   BlobDigest digest;
   std::string path;
@@ -40,18 +40,18 @@ struct BlobSource {
 // Thread safety: members may be called concurrently.
 class FarmClient {
  public:
-  // address is for messages only. Waits end early when stop is requested.
+  // address is used in messages only. Waits end early when stop is requested.
   FarmClient(std::shared_ptr<grpc::Channel> channel, std::string address, std::stop_token stop);
 
-  // A client of the same farm for what must be said even after stop was requested.
+  // A client of the same farm that ignores the stop request, for calls that must be made after it.
   std::unique_ptr<FarmClient> Uninterrupted() const {
     return std::make_unique<FarmClient>(channel_, address_, std::stop_token());
   }
 
   const std::string& address() const { return address_; }
 
-  // All of these: errors are those of the call; kUnavailable, naming the address, where nobody
-  // answered for long enough; kCancelled where stop was requested.
+  // Errors of all calls below: those of the call; kUnavailable, naming the address, if nobody
+  // answered for long enough; kCancelled if stop was requested.
   absl::StatusOr<v1::Job> CreateJob(const v1::CreateJobRequest& request);
   absl::StatusOr<v1::Job> GetJob(const std::string& name);
   absl::StatusOr<v1::Job> CancelJob(const std::string& name);
@@ -64,19 +64,20 @@ class FarmClient {
   absl::StatusOr<std::vector<v1::Job>> ListJobs(size_t count_max, bool with_pilots = false);
   absl::StatusOr<std::vector<v1::Worker>> ListWorkers();
   absl::StatusOr<std::vector<BlobDigest>> FindMissing(const std::vector<BlobDigest>& digests);
-  // The delivered EXR, at most size_bytes_max bytes.
+  // The delivered EXR. Reads at most size_bytes_max bytes.
   absl::StatusOr<std::string> ReadFrameOutput(const std::string& name, uint64_t size_bytes_max);
 
-  // Calls on_change with the job now and whenever it changes, until it has ended; returns it then.
+  // Calls on_change with the present job and after each change until the job has ended; returns the
+  // ended job.
   absl::StatusOr<v1::Job> WatchJob(const std::string& name,
                                    const std::function<void(const v1::Job&)>& on_change);
 
-  // Uploads from where an earlier attempt ended. on_progress gets the bytes sent since its last
-  // call. Errors: also kFailedPrecondition when the file is no longer what its digest says.
+  // Uploads the rest after an earlier attempt. on_progress gets the number of bytes sent since its
+  // last call. Errors: also kFailedPrecondition if the file no longer has its digest.
   absl::Status Upload(const BlobSource& blob, const std::function<void(uint64_t)>& on_progress);
 
  private:
-  // Repeats attempt while it fails in a way that may pass.
+  // Repeats attempt while it fails with a transient error.
   absl::Status Call(const std::function<absl::Status(grpc::ClientContext*)>& attempt,
                     absl::Duration deadline);
   absl::Status UploadOnce(grpc::ClientContext* context, const BlobSource& blob,
@@ -90,7 +91,7 @@ class FarmClient {
   const std::unique_ptr<v1::ContentService::Stub> content_;
   const RetryEnvironment environment_;
   std::atomic<bool> answered_{false};
-  std::atomic<bool> silent_{false};  // Whether an outage that lasts has been reported.
+  std::atomic<bool> silent_{false};  // Whether a lasting outage has been reported.
 };
 
 // "jobs/7" from "7" or "jobs/7".

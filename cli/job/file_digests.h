@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// FileDigests: SHA-256 of files, each hashed once however many frames share it.
+// FileDigests: SHA-256 of files. A file that several frames share is hashed once.
 #pragma once
 
 #include <sys/stat.h>
@@ -18,11 +18,11 @@ namespace sheaf::cli {
 // Thread safety: Of may be called concurrently.
 class FileDigests {
  public:
-  // Errors: those of opening and reading; kFailedPrecondition when the file changes meanwhile.
+  // Errors: those of opening and reading; kFailedPrecondition if the file changes meanwhile.
   absl::StatusOr<BlobDigest> Of(const std::string& path);
 
  private:
-  // What tells one state of a file from another.
+  // Identifies one state of a file.
   struct Key {
     std::string path;
     off_t size_bytes = 0;

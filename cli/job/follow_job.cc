@@ -27,11 +27,11 @@
 namespace sheaf::cli {
 namespace {
 
-constexpr size_t kUploadsMax = 4;  // At the same time; hides the way of many small files.
-constexpr std::chrono::seconds kUploadSilence{2};  // A shorter upload is over before it is read.
+constexpr size_t kUploadsMax = 4;  // Concurrent, to hide the latency of many small files.
+constexpr std::chrono::seconds kUploadSilence{2};  // A shorter upload shows no progress.
 constexpr uint64_t kPictureBytesMax = uint64_t{16} << 30;
 
-// Bytes sent so far, shown.
+// Shows the number of bytes sent so far.
 class UploadProgress {
  public:
   explicit UploadProgress(uint64_t total_bytes)
@@ -210,7 +210,7 @@ ExitCode ReportEnd(const v1::Job& job, bool pictures_written) {
     return ReportError(ExitCode::kFailed, absl::FailedPreconditionError(absl::StrCat(
                                               job.name(), " failed: ", job.failure())));
   }
-  // A single picture's line, printed when it was written, has told the same.
+  // With a single image, the line printed when it was written has said the same.
   const bool told = pictures_written && job.frames_size() == 1;
   if (!told) Tell(FormatJobSummary(job));
   return ExitCode::kOk;

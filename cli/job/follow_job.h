@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// What submit, watch and render share once scenes are read: upload what is missing, watch until the
-// end, bring the pictures here.
+// The steps that submit, watch and render share after scenes are read: upload missing blobs, follow
+// the job until it ends, fetch its images.
 #pragma once
 
 #include <string>
@@ -16,44 +16,45 @@
 
 namespace sheaf::cli {
 
-// Uploads the blobs that the coordinator lacks, several at a time, with a progress line.
+// Uploads the blobs that the coordinator lacks, several concurrently, and shows the progress.
 absl::Status UploadMissing(FarmClient* client, const PreparedJob& job);
 
-// How a job's pictures come to this machine.
+// Where and how a job's images are written on this machine.
 struct Delivery {
-  std::vector<PicturePaths> paths;  // One per frame, in the order of numbers; none: not at all.
+  std::vector<PicturePaths> paths;  // One per frame, by ascending frame number; empty: no images.
   ViewTransform view;               // For PNGs.
-  std::string options;              // The same for `sheaf watch`, "-o room.exr".
+  std::string options;              // The same as options of `sheaf watch`, "-o room.exr".
 };
-// Checks as much as is known before the scene is read. Errors: those of CheckOutputs.
+// Checks everything that is known before the scene is read. Errors: those of CheckOutputs.
 absl::Status ProbeOutputs(const JobArguments& arguments);
-// For a job that was prepared here. Errors: those of CheckOutputs, also for files of the scene.
+// For a job prepared on this machine. Errors: those of CheckOutputs, which also checks the scene's
+// files.
 absl::StatusOr<Delivery> MakeDelivery(const JobArguments& arguments, const PreparedJob& job,
                                       ViewTransform view);
-// For a job that was submitted before, by arguments' output and png; none where both are empty.
-// Errors: those of CheckOutputs; kInvalidArgument where one name stands for several frames.
+// For a job submitted earlier, by the arguments' output and png; no delivery if both are empty.
+// Errors: those of CheckOutputs; kInvalidArgument if one name would hold several frames.
 absl::StatusOr<Delivery> MakeDelivery(JobArguments arguments, const v1::Job& job,
                                       ViewTransform view);
-// "sheaf watch jobs/7 -o room.exr": what brings the pictures once this command has ended.
+// "sheaf watch jobs/7 -o room.exr": the command that fetches the images after this command has
+// ended.
 std::string FetchCommand(const FarmClient& client, const std::string& name,
                          const Delivery& delivery);
 
-// Shows the job until it ends. With json, prints it on standard output whenever it changes.
-// Errors: those of FarmClient::WatchJob.
+// Shows the job until it ends. With json, prints it on standard output after each change. Errors:
+// those of FarmClient::WatchJob.
 absl::StatusOr<v1::Job> FollowJob(FarmClient* client, const std::string& name, bool json);
 
-// Fetches all pictures of a job that succeeded; says on standard error of each where it is and what
-// it took. A picture that cannot be written does not keep the others from it.
-// Errors: those of the calls; the first of WriteOrKeep.
+// Fetches all images of a job that succeeded; reports the path and the costs of each on standard
+// error. An image that cannot be written does not prevent the others. Errors: those of the calls;
+// the first of WriteOrKeep.
 absl::Status SavePictures(FarmClient* client, const v1::Job& job, const Delivery& delivery);
 
-// Says on standard error how it ended: what it took, or why it failed. pictures_written:
-// SavePictures has told of each picture, so a job of one needs no line of its own. Returns the code
-// that fits.
+// Reports on standard error how the job ended: its costs, or why it failed. pictures_written:
+// SavePictures has reported each image, so a job of one image gets no further line. Returns the
+// matching exit code.
 ExitCode ReportEnd(const v1::Job& job, bool pictures_written);
 
-// The usual way through all of these: FollowJob, SavePictures, ReportEnd. Interrupted, it says how
-// to go on.
+// Runs FollowJob, SavePictures and ReportEnd. If interrupted, it says how to resume.
 ExitCode FollowToTheEnd(FarmClient* client, const std::string& name, bool json,
                         const Delivery& delivery);
 

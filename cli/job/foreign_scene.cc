@@ -27,7 +27,8 @@ constexpr char kVolume[] =
     "put it into a scene: MakeNamedMedium \"smoke\" \"string type\" \"nanovdb\" "
     "\"string filename\" \"smoke.nvdb\"";
 
-// How a format begins; an empty magic: only its name tells. An empty ending: only its bytes do.
+// How a format is recognized. Empty magic: by the file's name only. Empty ending: by its bytes
+// only.
 struct Format {
   std::string_view magic, ending;
   const char* what;
@@ -78,7 +79,7 @@ absl::Status Refusal(const std::string& path, const std::string& what, const std
 }  // namespace
 
 absl::Status CheckSceneFormat(const std::string& path, const std::string& head) {
-  // The name goes first: a .blend may be compressed, a .usdz is a zip archive.
+  // The name is checked first: a .blend may be compressed, and a .usdz is a zip archive.
   for (const Format& format : kFormats) {
     if (EndsSo(path, format.ending)) return Refusal(path, format.what, format.advice);
   }

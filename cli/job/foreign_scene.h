@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Files that people take for scenes and that are none in pbrt's format: what they are, told by how
-// they begin and what they are called, and how they come in.
+// Recognizes files of other formats that are passed as scenes, by their first bytes and their
+// names, and says how to convert them.
 #pragma once
 
 #include <string>
@@ -11,10 +11,10 @@
 
 namespace sheaf::cli {
 
-// head: the file's first bytes. Errors: kInvalidArgument where it is known to be something else;
-// the message begins with the path. What is merely wrong in a pbrt scene is the reader's to say.
+// head: the file's first bytes. Errors: kInvalidArgument if the file has another known format; the
+// message begins with the path. Errors within a pbrt scene are left to the scene reader.
 absl::Status CheckSceneFormat(const std::string& path, const std::string& head);
-// The same of a file. What cannot be read is the reader's to say, too.
+// The same for a file. Files that cannot be read are left to the scene reader, too.
 absl::Status CheckSceneFormatOf(const std::string& path);
 
 }  // namespace sheaf::cli

@@ -18,7 +18,7 @@ bool ParseNumber(const std::string& text, int32_t* number) {
          absl::SimpleAtoi(text, number) && *number <= kFrameNumberMax;
 }
 
-// One item: "A", "A-B" or "A-BxS".
+// Adds one item: "A", "A-B" or "A-BxS".
 absl::Status AddItem(const std::string& item, std::set<int32_t>* numbers) {
   const size_t dash = item.find('-');
   const size_t times = item.find('x', dash == std::string::npos ? 0 : dash);

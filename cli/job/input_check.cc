@@ -19,7 +19,7 @@ namespace {
 struct NamedFile {
   SourceLocation location;
   std::string use;   // "texture "wood"".
-  std::string file;  // Canonical name; empty: there is none.
+  std::string file;  // Canonical name; empty: no file.
   bool is_volume = false;
 };
 
@@ -27,7 +27,7 @@ std::string FileOf(const LightDescription& light) {
   if (const auto* infinite = std::get_if<InfiniteLight>(&light.light)) return infinite->file;
   if (const auto* projection = std::get_if<ProjectionLight>(&light.light)) return projection->file;
   const auto* goniometric = std::get_if<GoniometricLight>(&light.light);
-  // A table of candelas was read with the scene.
+  // A table of candelas was read together with the scene.
   return goniometric != nullptr && goniometric->table.candelas.empty() ? goniometric->file : "";
 }
 
@@ -81,8 +81,8 @@ absl::Status InputChecks::Check(const SceneDescription& scene, FileSource& files
     const absl::StatusOr<std::string> path = files.LocalPath(named.file);
     if (!path.ok()) return path.status();
     const absl::Status status = Once(*path, [&] { return ReadAsFarAsNeeded(named, *path); });
-    // Without its library (kFailedPrecondition) no picture can be read, which is no fault of
-    // theirs.
+    // Without its library (kFailedPrecondition) no image can be read; this is not an error of the
+    // file.
     if (status.ok() || absl::IsFailedPrecondition(status)) continue;
     errors.push_back(
         Printable(absl::StrCat(FormatLocation(scene, named.location), ": ", named.use, ": ",

@@ -1,9 +1,9 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// InputChecks: damage in the pictures and volumes that a scene names, found here and before they
-// are uploaded. What the scene's reader reads itself (meshes, spectra, IES tables, lenses, measured
-// materials) it has checked.
+// InputChecks: finds damaged image and volume files of a scene on this machine, before they are
+// uploaded. Files that the scene reader reads itself (meshes, spectra, IES tables, lenses, measured
+// materials) are already checked.
 #pragma once
 
 #include <functional>
@@ -17,21 +17,21 @@
 
 namespace sheaf::cli {
 
-// Pictures of more pixels are read as far as their header, others whole.
+// Of images with more pixels only the header is read; others are read whole.
 inline constexpr uint64_t kWholePixelsMax = uint64_t{1} << 20;
 
 // Thread safety: Check may be called concurrently; each file is read once.
 class InputChecks {
  public:
-  // Errors: kInvalidArgument for all files that cannot be read, one a line, each with where the
-  // scene names it and what for.
+  // Errors: kInvalidArgument for all files that cannot be read, one per line, each with the place
+  // in the scene that names it and its use.
   absl::Status Check(const SceneDescription& scene, FileSource& files);
 
  private:
   absl::Status Once(const std::string& path, const std::function<absl::Status()>& read);
 
   std::mutex mutex_;
-  std::map<std::string, absl::Status> known_;  // By path.
+  std::map<std::string, absl::Status> known_;  // Results by path.
 };
 
 }  // namespace sheaf::cli

@@ -30,7 +30,7 @@ class InputCheckTest : public testing::Test {
   void Write(const std::string& name, const std::string& bytes) const {
     std::ofstream(directory_ + "/" + name, std::ios::binary) << bytes;
   }
-  // Runs the checks on a scene with these lines in its world, from line 5 on.
+  // Runs the checks on a scene whose world has these lines, starting at line 5.
   absl::Status CheckScene(const std::string& lines) const {
     Write("room.pbrt",
           "Film \"rgb\" \"integer xresolution\" 8 \"integer yresolution\" 8\n"

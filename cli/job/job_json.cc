@@ -14,7 +14,7 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-// Text from people may be no UTF-8; it is shown with replacement characters.
+// Text from users may be invalid UTF-8; replacement characters stand for the invalid bytes.
 std::string Dump(const Json& json) {
   return json.dump(-1, ' ', false, Json::error_handler_t::replace);
 }

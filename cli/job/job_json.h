@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Jobs and workers as JSON: one object on one line, fields named as in the protos, times in ISO
-// 8601, durations in seconds, null for what cannot be told yet. The same names as on the HTTP side.
+// Jobs and workers as JSON: one object per line, fields named as in the protos and in the HTTP API,
+// times in ISO 8601, durations in seconds, null for values that are not known yet.
 #pragma once
 
 #include <string>

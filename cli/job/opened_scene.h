@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// A scene file of this machine, with the folder that it names its other files from.
+// A scene file on this machine, with the folder that its relative file names refer to.
 #pragma once
 
 #include <memory>
@@ -19,15 +19,15 @@ struct SceneFile {
   std::unique_ptr<DirectoryFileSource> files;
   ReadSceneResult read;
 };
-// Also warns of a scene whose picture must be black. Errors: those of ReadScene.
+// Also warns if the scene's image is necessarily black. Errors: those of ReadScene.
 absl::StatusOr<SceneFile> ReadSceneFile(const std::string& path);
 
 struct OpenedScene {
   SceneFile file;
   FrameSettings settings;
 };
-// For commands that render on their own: reads arguments.scene, prints its diagnostics and resolves
-// its settings. Not kOk where that failed, which is printed too.
+// For commands that render in this process: reads arguments.scene, prints its diagnostics and
+// resolves its settings. Returns the code of a failure, which is also printed, or kOk.
 ExitCode OpenScene(const JobArguments& arguments, OpenedScene* opened);
 
 }  // namespace sheaf::cli

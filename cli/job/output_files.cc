@@ -23,7 +23,7 @@
 namespace sheaf::cli {
 namespace {
 
-// The kind of a file, whatever its name.
+// Identifies a file, whatever its name.
 using FileIdentity = std::pair<dev_t, ino_t>;
 
 bool IdentityOf(const std::string& path, FileIdentity* identity) {

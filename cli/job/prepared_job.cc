@@ -34,10 +34,10 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// Scenes that are read at the same time: each may take gigabytes.
+// Scenes that are read concurrently: each may take gigabytes.
 constexpr size_t kReadersMax = 4;
 
-// One frame read; its blobs come along.
+// One frame as read, with its blobs.
 struct ReadFrameResult {
   PreparedFrame frame;
   std::vector<BlobSource> blobs;
@@ -176,8 +176,8 @@ absl::StatusOr<PreparedJob> PrepareJob(const JobArguments& arguments) {
 PicturePaths OutputPatterns(const JobArguments& arguments, const PreparedJob& job) {
   std::string exr = arguments.output, png = arguments.png;
   if (exr.empty()) {
-    // The scene's own name for the picture, if it is one picture; never its folder, which belongs
-    // to whoever wrote the scene.
+    // The scene's own name for the image, if there is a single image. Its folder is ignored, since
+    // it refers to the scene author's machine.
     fs::path name = fs::path(arguments.scene).filename();
     if (job.frames.size() == 1 && !job.frames.front().film_filename.empty()) {
       name = fs::path(job.frames.front().film_filename).filename();

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// PreparedJob: scene files on this machine to what a submission needs: settings and manifest of
-// every frame, and the blobs behind them.
+// PreparedJob: turns scene files on this machine into what a submission needs: the settings and
+// manifest of every frame, and the blobs that they refer to.
 //
 //     paths > ReadScene > ResolveSettings, manifest > digests > PreparedJob
 #pragma once
@@ -20,29 +20,29 @@
 
 namespace sheaf::cli {
 
-// When frames are good enough, as asked for; see v1::StopRule.
+// The requested conditions under which frames stop; see v1::StopRule.
 struct StopArguments {
-  double target_error = 0;      // 0 in all three: not asked for.
-  double seconds = 0;           // Wall, of a frame.
-  double budget_cpu_hours = 0;  // Of the job; each frame has an equal share.
+  double target_error = 0;      // 0 in all three: no such condition.
+  double seconds = 0;           // Wall time of a frame.
+  double budget_cpu_hours = 0;  // For the job; divided equally among its frames.
 
   bool IsActive() const { return target_error > 0 || seconds > 0 || budget_cpu_hours > 0; }
 };
 using coordinator::kStoppedSamplesMax;
 
-// What submit and render have in common.
+// The arguments that submit and render share.
 struct JobArguments {
   std::string scene;   // A path, or a pattern with #### when frames is given.
-  std::string frames;  // As ParseFrameRange; empty for a single picture.
-  std::string output;  // A path or pattern; empty: from the scene.
-  std::string png;     // The same for a PNG beside it; empty: none.
-  ViewArguments view;  // What PNGs show the picture as.
+  std::string frames;  // As for ParseFrameRange; empty for a single image.
+  std::string output;  // A path or pattern; empty: taken from the scene.
+  std::string png;     // The same for a PNG; empty: no PNG.
+  ViewArguments view;  // The view that PNGs show.
   std::string title;   // Empty: the scene's file name.
   int32_t priority = 0;
   RenderSettings settings;
   StopArguments stop;
-  std::string resume_from;   // A delivered EXR that the frame goes on from; empty: none.
-  int32_t tile_size_px = 0;  // 0 in these four: the coordinator's choice.
+  std::string resume_from;   // A delivered EXR that the frame continues from; empty: none.
+  int32_t tile_size_px = 0;  // 0 in these four: the coordinator chooses.
   int32_t cell_size_px = 0;
   uint64_t pass_sample_count = 0;
   uint64_t lease_pass_count = 0;
@@ -52,44 +52,43 @@ struct PreparedFrame {
   int32_t number = 1;
   BlobDigest manifest;
   FrameSettings settings;
-  std::string film_filename;          // As the scene names its picture; may be empty.
+  std::string film_filename;          // The scene's name for its image; may be empty.
   FilterDescription filter = {};      // Of the scene.
-  std::vector<PixelRect> lamps = {};  // As LampsInView has them.
-  BlobDigest resumed = {};            // Of the EXR to go on from; empty: none.
+  std::vector<PixelRect> lamps = {};  // As returned by LampsInView.
+  BlobDigest resumed = {};            // Of the EXR to continue from; empty: none.
 };
 
 struct PreparedJob {
   std::vector<PreparedFrame> frames;
   std::map<std::string, BlobSource> blobs;  // By digest.
-  std::vector<std::string> diagnostics;     // Notes and warnings of the reader, each once.
+  std::vector<std::string> diagnostics;     // Notes and warnings of the reader without duplicates.
 };
 
-// Errors: kInvalidArgument where the pictures' names do not say what they hold.
+// Errors: kInvalidArgument if the names of the images do not match their formats.
 absl::Status CheckPictureNames(const JobArguments& arguments);
-// Errors: kInvalidArgument where the arguments do not fit together: wrong usage, not a wrong scene.
+// Errors: kInvalidArgument if the arguments contradict each other: wrong usage, not a wrong scene.
 absl::Status CheckJobArguments(const JobArguments& arguments);
 
-// Reads all frames, several at a time, and hashes every file once.
-// Requires: CheckJobArguments is OK.
-// Errors: kInvalidArgument (a scene has errors: all of them, one a line); kNotFound and
+// Reads all frames, several concurrently, and hashes every file once. Requires: CheckJobArguments
+// is OK. Errors: kInvalidArgument (a scene has errors: all of them, one per line); kNotFound and
 // kPermissionDenied for files; kFailedPrecondition for files that change meanwhile.
 absl::StatusOr<PreparedJob> PrepareJob(const JobArguments& arguments);
 
-// Where a frame's picture goes.
+// The paths of a frame's image.
 struct PicturePaths {
   std::string exr;
-  std::string png;  // Empty: none is wanted.
+  std::string png;  // Empty: no PNG.
 };
-// With #### where the frame's number goes. An output that ends in .png names a PNG with an EXR
-// beside it.
+// The paths with #### in place of the frame's number. An output that ends in .png names a PNG and
+// implies an EXR beside it.
 PicturePaths OutputPatterns(const JobArguments& arguments, const PreparedJob& job);
-// The same for all frames, in their order.
+// The paths for all frames, in their order.
 std::vector<PicturePaths> OutputPaths(const JobArguments& arguments, const PreparedJob& job);
-// The files of this machine that the job is made of.
+// The files on this machine that the job consists of.
 std::vector<std::string> InputPaths(const PreparedJob& job);
 
-// The view for the PNGs of these arguments, found before there are pictures. It is the default
-// where no PNG is written and none is named. Errors: those of ViewTransform::Open.
+// The view for the PNGs of these arguments, opened before any image exists. It is the default if no
+// PNG is written and no view is named. Errors: those of ViewTransform::Open.
 absl::StatusOr<ViewTransform> OpenView(const JobArguments& arguments);
 
 v1::StopRule StopRuleOf(const StopArguments& stop, int frame_count);

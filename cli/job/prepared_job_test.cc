@@ -27,7 +27,7 @@ class PreparedJobTest : public testing::Test {
     std::ofstream(directory_ + "/" + name) << text;
     return directory_ + "/" + name;
   }
-  // A scene of a sphere whose surroundings come from a file that all frames share.
+  // Writes a scene of a sphere whose environment comes from a file that all frames share.
   void WriteFrame(const std::string& name, const std::string& radius) {
     Write(
         name,
@@ -106,7 +106,7 @@ TEST_F(PreparedJobTest, ChoosesWherePicturesGo) {
   job.frames = {{1, {}, {}, "../elsewhere/picture.png"}};
   JobArguments arguments;
   arguments.scene = "scenes/room.pbrt";
-  EXPECT_EQ(OutputPaths(arguments, job)[0].exr, "picture.exr");  // Never outside of this folder.
+  EXPECT_EQ(OutputPaths(arguments, job)[0].exr, "picture.exr");  // Never outside this folder.
   job.frames[0].film_filename.clear();
   EXPECT_EQ(OutputPaths(arguments, job)[0].exr, "room.exr");
   EXPECT_EQ(OutputPaths(arguments, job)[0].png, "");

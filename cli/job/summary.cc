@@ -12,7 +12,7 @@
 namespace sheaf::cli {
 namespace {
 
-// flip: 0 where it cannot be told. rendered: as IsRendered; others have no rate of samples.
+// flip: 0 if unknown. rendered: as IsRendered; other frames have no sampling rate.
 std::string FormatCosts(const v1::Progress& progress, double flip, bool rendered) {
   const double wall_seconds = Seconds(progress.wall_duration());
   std::string text = absl::StrFormat("%.1f s", wall_seconds);
@@ -32,7 +32,7 @@ std::string FormatCosts(const v1::Progress& progress, double flip, bool rendered
   return text;
 }
 
-// Whether all of its samples were, and none came with a picture.
+// Whether all of its samples were rendered by this job, and none came with an image.
 bool IsRendered(const v1::Frame& frame) { return !frame.spec().has_resumed_picture(); }
 
 std::string FormatSamples(const v1::Frame& frame) {
@@ -48,7 +48,7 @@ std::string FormatSamples(const v1::Frame& frame) {
                          static_cast<double>(frame.progress().sample_count_done()) / pixel_count);
 }
 
-// Whether the target that was asked for is reached.
+// Whether the requested target was reached.
 std::string FormatStop(const v1::Frame& frame) {
   const double target = frame.spec().stop().target_error();
   if (target <= 0 || frame.rounds().empty()) return "";
@@ -67,7 +67,8 @@ std::string FormatStop(const v1::Frame& frame) {
   }
 }
 
-// Concerns the pixels of such tiles: the error of the picture as a whole has them in it.
+// The warning concerns the pixels of such tiles; the error of the whole image already includes
+// them.
 std::string FormatReliability(const v1::Frame& frame) {
   if (frame.unreliable_tile_count() == 0) return "";
   std::string text = absl::StrFormat(
@@ -86,7 +87,7 @@ std::string FormatReliability(const v1::Frame& frame) {
   return text;
 }
 
-// What true error bars cost a smooth picture, and the choice there is.
+// What true error bars cost in a smooth image, and the alternative.
 std::string FormatOneSequence(const v1::Frame& frame) {
   if (frame.one_sequence_gain() <= 0) return "";
   return absl::StrFormat(
@@ -95,7 +96,7 @@ std::string FormatOneSequence(const v1::Frame& frame) {
       frame.one_sequence_gain());
 }
 
-// The limit of the picture where that is not the scene's light.
+// The bias of the image against the scene's light, if any.
 std::string FormatBias(const v1::FrameSettings& settings) {
   std::string bias;
   if (settings.similarity_after_count() != 0) {

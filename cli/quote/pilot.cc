@@ -24,27 +24,29 @@ using coordinator::Forecast;
 using coordinator::PilotLevel;
 using coordinator::PilotPicture;
 
-// Of what the cheapest target costs, what is planned for a pilot: overheads come on top, and clocks
-// differ by a third over a pilot's milliseconds on a busy machine; it shall be 3 % at most.
+// Planned cost of the pilots, as a fraction of the cost of the cheapest target. The limit is 3 %:
+// overheads add to the plan, and clocks vary by a third over a pilot's milliseconds on a busy
+// machine.
 constexpr double kPilotShareAim = 0.017;
-// Below the error that pilots so far tell: what a further one is paid from, so that the price holds
-// where they were wrong.
+// A further pilot is paid for by a price forecast this many deviations below the pilots' estimate
+// of the error, so that the fraction holds even if that estimate was too high.
 constexpr double kPriceDeviations = 2;
-// A further pilot has so many times the samples of those before: no more, as one bright sample
-// among few makes a scene seem dear, and the next pilot tells.
+// Range of the samples of a further pilot, as a multiple of those before it. It grows slowly
+// because one bright sample among few makes a scene seem expensive, and the next pilot corrects
+// this.
 constexpr double kPilotGrowthMin = 0.4, kPilotGrowthMax = 2;
 constexpr int kPilotCountMax = 6;
-// Of the first pilot, what goes into close-ups of lamps no larger than kCloseUpPixels of the small
-// picture's.
+// Fraction of the first pilot's samples for zoomed pilots of lights no larger than kCloseUpPixels
+// pixels of the reduced image.
 constexpr double kCloseUpShare = 0.1, kCloseUpPixels = 4;
 constexpr int kQuotedFramesMax = 3;
-// A quote's pilot goes before all other jobs.
+// A quote's pilot runs before all other jobs.
 constexpr int32_t kPilotPriority = 1000;
 constexpr absl::Duration kPollInterval = absl::Milliseconds(30);
 constexpr std::chrono::seconds kWaitSilence{2};
 constexpr uint64_t kPilotBytesMax = uint64_t{4} << 30;
 
-// Evenly over the range, its ends included.
+// Evenly spaced over the range, both ends included.
 std::vector<PilotFrame> ChooseFrames(size_t frame_count) {
   const size_t count = std::min<size_t>(frame_count, kQuotedFramesMax);
   std::vector<PilotFrame> frames(count);
@@ -73,7 +75,7 @@ absl::StatusOr<PilotPicture> FetchPilot(FarmClient* client, const v1::Frame& fra
   return pilot;
 }
 
-// Says why it waits where that lasts.
+// Reports why the job waits if the wait lasts.
 absl::StatusOr<v1::Job> AwaitJob(FarmClient* client, const std::string& name, SteadyTime deadline) {
   ProgressLine line(kWaitSilence);
   while (true) {
@@ -95,20 +97,20 @@ absl::StatusOr<v1::Job> AwaitJob(FarmClient* client, const std::string& name, St
   }
 }
 
-// Leaves no job behind on the farm that nobody waits for.
+// Cancels the job if its result is no longer awaited.
 absl::StatusOr<v1::Job> RunJob(FarmClient* client, const v1::CreateJobRequest& request,
                                SteadyTime deadline) {
   absl::StatusOr<v1::Job> job = client->CreateJob(request);
   absl::StatusOr<v1::Job> ended = job.ok() ? AwaitJob(client, job->name(), deadline) : job.status();
   if (ended.ok()) return ended;
   const std::unique_ptr<FarmClient> last = client->Uninterrupted();
-  // The answer was not waited for; by its id the same request makes the same job.
+  // The reply was lost to the interruption; repeating the request with its id returns the same job.
   if (absl::IsCancelled(job.status())) job = last->CreateJob(request);
   if (job.ok()) last->CancelJob(job->name()).IgnoreError();
   return ended;
 }
 
-// Of the same view, each length so many times smaller.
+// The same view with each length divided by shrink.
 FrameSettings Shrunk(FrameSettings settings, int32_t shrink) {
   const auto length = [&](int32_t full) { return (full + shrink / 2) / shrink; };
   PixelRect& window = settings.window;
@@ -119,7 +121,7 @@ FrameSettings Shrunk(FrameSettings settings, int32_t shrink) {
   return settings;
 }
 
-// Of the same view, each length larger by the place's scale.
+// The same view with each length multiplied by the place's scale.
 FrameSettings Enlarged(FrameSettings settings, const CloseUpPlace& place) {
   const PixelRect& rect = place.rect;
   settings.width_px *= place.scale;
@@ -129,8 +131,8 @@ FrameSettings Enlarged(FrameSettings settings, const CloseUpPlace& place) {
   return settings;
 }
 
-// Where lamps may be seen that are too small for the small picture. None where a frame is too large
-// to be enlarged within a farm's limits.
+// Places where lights may be visible that are too small for the reduced image. Empty if the
+// enlarged frame would exceed a farm's limits.
 std::vector<CloseUpPlace> CloseUpsOf(const PreparedFrame& frame,
                                      const std::vector<PilotLevel>& levels) {
   const FrameSettings& settings = frame.settings;
@@ -145,7 +147,7 @@ std::vector<CloseUpPlace> CloseUpsOf(const PreparedFrame& frame,
                                      kCloseUpShare * samples);
 }
 
-// What of each frame is rendered next.
+// The levels and zoomed pilots of one frame to render next.
 struct PilotPlan {
   std::vector<PilotLevel> levels;
   std::vector<CloseUpPlace> close_ups;
@@ -178,7 +180,8 @@ absl::Status RenderPilot(FarmClient* client, const JobArguments& arguments, cons
     }
   }
   JobArguments pilot_arguments = arguments;
-  // Pictures of a pair are of as many parts, so that what a part costs besides samples is told.
+  // Both images of a pair consist of the same number of parts, so that their costs tell the cost
+  // per part apart from the cost of samples.
   pilot_arguments.pass_sample_count = coordinator::kPilotSamplesMax;
   pilot_arguments.stop = {};
   pilot_arguments.priority = kPilotPriority;
@@ -220,8 +223,8 @@ void FitModels(const JobArguments& arguments, const PreparedJob& job,
   }
 }
 
-// What a frame's next pilot is: at first what the first round allows, then as much more as the
-// target is found to allow. Empty where that is not worth its while.
+// The levels of a frame's next pilot: at first as many samples as the first round allows, later as
+// many more as the forecast for the target allows. Empty if another pilot is not worth its cost.
 std::vector<PilotLevel> NextLevels(const PilotFrame& frame, const FrameSettings& settings,
                                    double target) {
   const int64_t pixel_count = settings.window.PixelCount();

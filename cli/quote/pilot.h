@@ -1,9 +1,9 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Renders a quote's pilots on the farm, as jobs of few pixels, and fits a model of errors and cost
-// to each frame. The first goes by what the first round of any target allows; those after it have
-// more, as far as the target that is asked for is found to allow it.
+// Renders a quote's pilots on the farm as jobs of few pixels and fits a model of errors and costs
+// to each frame. The size of the first pilot depends on what the first round of any target allows;
+// later ones are larger, as far as the forecast for the requested target allows.
 #pragma once
 
 #include <cstddef>
@@ -19,22 +19,22 @@
 namespace sheaf::cli {
 
 struct PilotFrame {
-  size_t index = 0;  // In the job's frames.
+  size_t index = 0;  // Among the job's frames.
   std::vector<coordinator::PilotPicture> pictures;
   std::vector<coordinator::CloseUp> close_ups;
-  double cpu_seconds = 0;  // Of all of them.
+  double cpu_seconds = 0;  // Of all pilots.
   coordinator::ErrorModel model;
 };
 
-// Of at most three frames spread evenly over the job's, ascending, ever larger pilots as long as
-// the price of `target`, the loosest that is quoted, allows them. start: of the cells of a frame
-// that goes on from a picture, or empty; the picture tells more of errors than a pilot, which then
-// tells costs, and there is but one. Errors: as MakeQuote.
+// Renders ever larger pilots of at most three frames, evenly spaced over the job's, while the price
+// of `target`, the loosest target quoted, allows them. Returns the frames in ascending order.
+// start: the cells of a frame that continues from an image, or empty; the image tells more about
+// errors than a pilot could, so a single pilot measures the costs. Errors: as MakeQuote.
 absl::StatusOr<std::vector<PilotFrame>> RenderPilots(
     FarmClient* client, const JobArguments& arguments, const PreparedJob& job,
     const std::vector<coordinator::CellRound>& start, double target, SteadyTime deadline);
 
-// As the coordinator will have it.
+// The same cells as the coordinator will use.
 coordinator::CellGrid GridOf(const JobArguments& arguments, const FrameSettings& settings);
 
 }  // namespace sheaf::cli

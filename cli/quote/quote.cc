@@ -22,11 +22,13 @@ using coordinator::Forecast;
 using coordinator::kBandDeviations;
 using coordinator::WithBand;
 
-// Log-normal deviation of CPU time for the same work, of hours and of a pilot's milliseconds:
-// processors share caches, memory and clocks. Measured over eight scenes on a busy machine.
+// Log-normal deviation of the CPU time for the same work between a run of hours and a pilot's
+// milliseconds: processors share caches, memory and clocks. Measured over eight scenes on a busy
+// machine.
 constexpr double kCpuLogDeviation = 0.12;
 
-// Sum over all frames of what is known of some, linear in between. Requires: ascending indices.
+// Sum over all frames of values known for some of them, interpolated linearly. Requires: ascending
+// indices.
 double SumOverFrames(const std::vector<PilotFrame>& frames, const std::vector<double>& values,
                      size_t frame_count) {
   if (frames.size() == 1) return values[0] * static_cast<double>(frame_count);
@@ -41,7 +43,7 @@ double SumOverFrames(const std::vector<PilotFrame>& frames, const std::vector<do
   return sum;
 }
 
-// As MakeRow, for errors so many deviations above those of the models.
+// The values of a row, as for MakeRow, at errors some number of deviations above the models'.
 struct RowValues {
   double relative_mse = 0, samples = 0, cpu_seconds = 0;
   bool reached = true;
@@ -123,14 +125,14 @@ absl::Status DescribeFarm(FarmClient* client, const JobArguments& arguments, Quo
   return absl::OkStatus();
 }
 
-// The cells of the job's frame as its picture has them; none where it begins anew.
+// The cells of the job's frame as recorded in its image; empty if the job starts anew.
 absl::StatusOr<std::vector<CellRound>> ReadStart(const JobArguments& arguments,
                                                  const PreparedJob& job) {
   if (arguments.resume_from.empty()) return std::vector<CellRound>();
   absl::StatusOr<FramePicture> picture = ReadPicture(arguments.resume_from);
   if (!picture.ok()) return picture.status();
   const PreparedFrame& frame = job.frames.front();
-  // Whether the farm is of the picture's build is for the farm to say.
+  // The farm itself checks whether its build matches the image's.
   const std::string numeric_profile = picture->metadata["numericProfile"];
   coordinator::FrameSpec spec;
   spec.scene = frame.manifest;

@@ -1,14 +1,14 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Quote: what a job will cost for each of some errors, before it runs. A pilot of few pixels is
-// rendered on the farm, as a job that goes first:
+// Quote: the forecast cost of a job for each of several target errors. A pilot of few pixels is
+// rendered on the farm, as a job of highest priority:
 //
 //     pilot job > pictures > FitErrorModel > ForecastTarget for each error > Quote
 //
-// Of a range of frames a few have pilots, and what lies between them is interpolated. Of a frame
-// that goes on from a picture (--resume-from) the errors are the picture's, and the price is of the
-// rest.
+// For a range of frames, pilots of a few frames are rendered and the others are interpolated. For a
+// frame that continues from an image (--resume-from), errors are taken from the image, and the
+// price covers the remaining work.
 #pragma once
 
 #include <cstdint>
@@ -25,28 +25,28 @@
 
 namespace sheaf::cli {
 
-// An estimate with a band that holds the truth in 8 of 10 cases.
+// An estimate with a band that contains the true value in 8 of 10 cases.
 using Banded = coordinator::Estimate;
 
 struct QuoteRow {
-  double target_error = 0;                // 0: samples are given.
+  double target_error = 0;                // 0: the number of samples is given instead.
   std::optional<uint64_t> samples_given;  // In every pixel.
-  bool reached = true;                    // Within the most samples that a pixel may get.
+  bool reached = true;                    // With no more samples per pixel than allowed.
   Banded relative_mse;
-  Banded samples;  // Of a pixel, on average over pixels and frames, in the end.
-  // For all frames. wall: with the farm's other jobs until then; 0 where there are no workers.
+  Banded samples;  // Final samples per pixel, the mean over pixels and frames.
+  // For all frames. wall: includes the farm's other jobs in that time; 0 if there are no workers.
   Banded cpu_seconds, wall_seconds;
 };
 
 struct Quote {
   int32_t width_px = 0, height_px = 0;
   int frame_count = 1, pilot_frame_count = 1;
-  double rate = 1, rate_deviation = 0;  // Errors fall as 1 / n^rate; of the first frame.
-  int thread_count = 0;                 // Of the farm, now.
-  int jobs_before = 0;                  // That go on, and go before it or beside it.
-  coordinator::FarmLoad load;           // With those jobs.
+  double rate = 1, rate_deviation = 0;  // For the first frame; errors fall as 1 / n^rate.
+  int thread_count = 0;                 // Of the farm at present.
+  int jobs_before = 0;                  // Running jobs of equal or higher priority.
+  coordinator::FarmLoad load;           // Includes those jobs.
   double pilot_cpu_seconds = 0;
-  // Where it goes on from a picture: what that has, samples of a pixel on average.
+  // If it continues from an image: its mean samples per pixel so far.
   struct Start {
     double samples = 0, relative_mse = 0;
   };
@@ -54,23 +54,23 @@ struct Quote {
   std::vector<QuoteRow> rows;
 };
 
-// What is quoted where nothing else is asked for.
+// The targets quoted when none is requested.
 inline const std::vector<double> kQuotedErrors = {0.1, 0.05, 0.02, 0.01};
 
 struct QuoteArguments {
-  std::vector<double> targets;  // Of relMSE.
-  bool with_samples = true;     // Also a row for the samples that the job or its scene asks for.
-  absl::Duration wait_max = absl::InfiniteDuration();  // For all pilots.
+  std::vector<double> targets;  // Values of relMSE.
+  bool with_samples = true;     // Also adds a row for the requested number of samples.
+  absl::Duration wait_max = absl::InfiniteDuration();  // For all pilots together.
 };
 
-// Errors: those of the calls; kInvalidArgument where the frame cannot go on from its picture,
-// before there is a pilot; kUnavailable where the pilot has not ended in time; kFailedPrecondition
-// with the farm's message where it failed; kDataLoss where the coordinator does not tell its cost.
-// No pilot is left running on the farm, whatever the error, kCancelled included.
+// Errors: those of the calls; kInvalidArgument if the frame cannot continue from its image, found
+// before any pilot; kUnavailable if the pilot has not ended in time; kFailedPrecondition with the
+// farm's message if it failed; kDataLoss if the coordinator does not report its cost. No pilot is
+// left running on the farm after any error, including kCancelled.
 absl::StatusOr<Quote> MakeQuote(FarmClient* client, const JobArguments& arguments,
                                 const PreparedJob& job, const QuoteArguments& asked);
 
-// A table for people, with a line of what it rests on.
+// A table for people, with a line that states the basis of the forecast.
 std::string FormatQuote(const Quote& quote);
 std::string QuoteJson(const Quote& quote);
 

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// A Quote for people and for scripts.
+// A Quote as text and as JSON.
 #include <nlohmann/json.hpp>
 
 #include "absl/strings/str_cat.h"

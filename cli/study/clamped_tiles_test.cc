@@ -9,7 +9,7 @@ namespace {
 
 constexpr PixelRect kTile{0, 0, 2, 1};
 
-// One sample of each replicate: of pixel 0 all are 1, of pixel 1 one is 160 and the others 0.
+// One sample of each replicate: in pixel 0 all are 1; in pixel 1 one is 160 and the others are 0.
 FilmTile MakePart(SampleBlock block) {
   FilmTile part(kTile, block);
   PixelAccumulator accumulator(&part);
@@ -31,10 +31,10 @@ TEST(ClampedTilesTest, OnlyWhatIsBrighterIsCut) {
   const TilePixels pixels = clamped.Develop(0);
   EXPECT_FLOAT_EQ(pixels.value[0][0], 1);
   EXPECT_FLOAT_EQ(pixels.deviation[0][0], 0);
-  // Its colour stays.
+  // Clamping keeps its color.
   EXPECT_FLOAT_EQ(pixels.value[1][0], 1);
   EXPECT_FLOAT_EQ(pixels.value[1][1], 0.5f);
-  // One replicate of 16 has it all: as large as the mean.
+  // One replicate of 16 contains all the light, so the deviation equals the mean.
   EXPECT_FLOAT_EQ(pixels.deviation[1][0], 1);
 }
 

@@ -21,22 +21,21 @@ namespace sheaf::cli {
 namespace {
 
 constexpr int32_t kTileSizePx = 16;
-// Below so many tiles their spread tells little.
+// With fewer tiles their spread is a poor estimate.
 constexpr size_t kTilesMin = 24;
 constexpr size_t kTilesMax = 2048;
-constexpr uint64_t kBlocksMin = 4, kBlocksMax = 64;  // Of each setting; powers of two.
-// Of the time: the rest goes into compiling scenes.
+constexpr uint64_t kBlocksMin = 4, kBlocksMax = 64;  // For each setting; powers of two.
+// Fractions of the time; the rest is for compiling scenes.
 constexpr double kReferenceShare = 0.3, kLadderShare = 0.4, kPathsShare = 0.08,
                  kEffectsShare = 0.15;
 constexpr uint64_t kReferenceSeed = 0x5ea5eed;
 constexpr uint64_t kPathSamples = 64;
-// How much more than the base a setting costs, on average; guessed, and the clock has the last
-// word.
+// Guess of a setting's mean cost relative to the base; the clock ends the measurement in any case.
 constexpr double kSettingCost = 1.1;
 
 using Clock = std::chrono::steady_clock;
 
-// Window tiles, evenly spread where not all are taken.
+// Tiles of the window, evenly spaced if there are more than count.
 std::vector<PixelRect> ChooseTiles(const PixelRect& window, size_t count) {
   const std::vector<PixelRect> all = CutTiles(window, kTileSizePx);
   count = std::min(count, all.size());
@@ -51,7 +50,7 @@ class Study {
   Study(const SceneDescription& scene, const FrameSettings& settings, FileSource& files,
         const StudyOptions& options)
       : scene_(scene), settings_(settings), files_(files), options_(options) {
-    // What the picture needs alone; light paths are a study's own.
+    // Only the outputs that the image needs; a study measures light paths itself.
     settings_.outputs = {};
     settings_.lattice = {};
   }
@@ -88,7 +87,7 @@ class Study {
                                 techniques);
   }
 
-  // Sizes the study by how long a block takes.
+  // Sizes the study by the time that a block takes.
   absl::Status Prepare() {
     absl::StatusOr<render::CompiledScenePtr> base = Compile(settings_);
     if (!base.ok()) return base.status();
@@ -98,14 +97,14 @@ class Study {
     const std::vector<PixelRect> trial_tiles = ChooseTiles(settings_.window, kTilesMin);
     TileRenderer trial(*base_, trial_tiles, options_.threads);
     double seconds_per_tile = 0;
-    for (int i = 0; i < 2; ++i) {  // The first time warms caches.
+    for (int i = 0; i < 2; ++i) {  // The first run warms caches.
       const double begin = Seconds();
       if (absl::Status status = trial.RenderBlock(); !status.ok()) return status;
       seconds_per_tile = (Seconds() - begin) / static_cast<double>(trial_tiles.size());
     }
     const auto rendered = static_cast<double>(std::count_if(
         ladder_.begin(), ladder_.end(), [](const StudySetting& s) { return s.clamp_means == 0; }));
-    // Tiles times blocks of a setting.
+    // Number of tiles times blocks per setting.
     const double affordable =
         kLadderShare * Budget() / (rendered * kSettingCost * std::max(seconds_per_tile, 1e-7));
     blocks_ = kBlocksMin * 4;
@@ -141,7 +140,7 @@ class Study {
   absl::Status MakeReference() {
     FrameSettings settings = settings_;
     settings.seed ^= kReferenceSeed;
-    settings.one_sequence = false;  // So that its own error is told.
+    settings.one_sequence = false;  // So that its own error can be estimated.
     const absl::StatusOr<render::CompiledScenePtr> scene = Compile(settings);
     if (!scene.ok()) return scene.status();
     TileRenderer renderer(**scene, tiles_, options_.threads);
@@ -189,12 +188,12 @@ class Study {
     size_t measurement;  // Index.
     ClampedTiles tiles;
   };
-  // One that is rendered, beside others.
+  // A setting that is rendered in turns with others.
   struct Running {
     size_t measurement;  // Index.
     render::CompiledScenePtr scene;
     std::unique_ptr<TileRenderer> renderer;
-    std::vector<double> block_seconds;  // CPU, of each block.
+    std::vector<double> block_seconds;  // CPU time of each block.
   };
 
   absl::Status StartLadder(std::vector<Running>* running, std::vector<Clamped>* clamped) {
@@ -220,7 +219,8 @@ class Study {
     return absl::OkStatus();
   }
 
-  // All settings by turns, block after block, so that what slows the machine slows them alike.
+  // Renders one block of each setting in turn, so that disturbances of the machine affect all
+  // settings alike.
   absl::Status MeasureLadder() {
     std::vector<Running> running;
     std::vector<Clamped> clamped;
@@ -268,8 +268,9 @@ class Study {
     return absl::OkStatus();
   }
 
-  // To the error of the base's last picture, by rounds as coordinators decide them. Time is that of
-  // the base's samples in each tile, so that it compares to the base's.
+  // Renders until the error of the base's last image is reached, in rounds as the coordinator
+  // decides them. Its time is computed from the base's time per sample in each tile, for a fair
+  // comparison.
   absl::Status MeasureStopping() {
     const auto setting = std::find_if(ladder_.begin(), ladder_.end(),
                                       [](const StudySetting& s) { return s.stops_tiles; });
@@ -316,7 +317,8 @@ class Study {
     std::vector<char> done(tiles_.size());
     const double until = Seconds() + kPathsShare * Budget();
     const absl::Status status = ForEachTile(options_.threads, tiles_.size(), [&](size_t i) {
-      // Every eighth first, so that what there is time for is spread over the frame.
+      // Every eighth tile first, so that the tiles that fit into the time are spread over the
+      // frame.
       const size_t tile = Interleaved(i, tiles_.size());
       if (Seconds() > until && i > 0) return absl::OkStatus();
       absl::StatusOr<render::PathNoiseSums> sums =
@@ -389,13 +391,13 @@ class Study {
   std::vector<StudySetting> ladder_;
   std::vector<PixelRect> tiles_;
   std::vector<double> pixel_counts_;
-  double scale_ = 1;  // The window's pixels over those of the tiles.
+  double scale_ = 1;  // Pixels of the window over those of the tiles.
   uint64_t blocks_ = 0, reference_blocks_ = 0;
   StudyReference reference_;
-  std::vector<double> reference_variance_;  // Of each tile, as ErrorOf.
+  std::vector<double> reference_variance_;  // By tile, as ErrorOf returns.
   std::vector<StudyMeasurement> measurements_;
-  std::vector<double> base_seconds_per_sample_;  // Of each tile.
-  double target_ = 0;                            // Of tiles that stop.
+  std::vector<double> base_seconds_per_sample_;  // By tile.
+  double target_ = 0;                            // Target error for tiles that stop.
   StudyResult result_;
 };
 

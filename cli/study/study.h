@@ -1,13 +1,14 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Study: what the accuracy of a scene costs, by which settings. Tiles spread over the frame are
-// rendered with every setting of a ladder, in turns, and held against a reference of many samples:
+// Study: measures what accuracy costs for a scene and for which settings. Tiles spread over the
+// frame are rendered in turns with every setting of a ladder and compared with a reference of many
+// samples:
 //
 //     MakeLadder > reference > MeasureLadder > AnalyzeStudy > Recommend
 //     MeasurePlan: each effect;  PathNoiseSums: each kind of light path
 //
-// All on this machine, whose CPU time is the cost.
+// Everything runs on this machine; the cost is its CPU time.
 #pragma once
 
 #include <cstdint>
@@ -25,7 +26,7 @@
 
 namespace sheaf::cli {
 
-// What a study may take.
+// Limits of a study's duration.
 inline constexpr double kStudyMinutesMin = 0.2, kStudyMinutesMax = 24 * 60;
 
 struct StudyPath {
@@ -33,43 +34,43 @@ struct StudyPath {
   render::PathShares shares;
 };
 
-// A tile whose errors are not reliable (mean_interval.h), and the kind of path that is to blame.
+// A tile whose error estimate is unreliable (mean_interval.h), and the kind of path that causes it.
 struct UnreliableTile {
   PixelRect rect;
   LightPathKind kind;
-  double variance_share = 0;  // Of the tile's variance, the kind's.
+  double variance_share = 0;  // Fraction of the tile's variance due to this kind.
 };
 
 struct StudyResult {
   std::string scene;
   int32_t width_px = 0, height_px = 0;  // Of the window.
-  int64_t pixels = 0;                   // Of the tiles that were rendered.
+  int64_t pixels = 0;                   // Of the rendered tiles.
   double seconds = 0;
   int threads = 0;
   uint64_t reference_samples = 0;
   double reference_relative_mse = 0, reference_cpu_seconds = 0;
-  std::vector<StudyCurve> curves;  // The base first.
+  std::vector<StudyCurve> curves;  // The base is the first.
   render::PlanMeasurement effects;
-  std::vector<StudyPath> paths;  // Those that bring light.
+  std::vector<StudyPath> paths;  // Kinds with a contribution.
   std::vector<UnreliableTile> unreliable_tiles;
   std::vector<std::string> recommendation, not_studied;
 };
 
 struct StudyOptions {
-  double minutes = 10;  // About what it takes.
+  double minutes = 10;  // Approximate duration.
   int threads = 1;
-  // Told what is being done, a line at a time.
+  // Receives the progress, a line at a time.
   std::function<void(const std::string&)> on_progress;
 };
 
-// Errors: as CompileScene; kInvalidArgument where minutes is out of range; kResourceExhausted where
-// the scene is too slow for any tile in that time.
+// Errors: as CompileScene; kInvalidArgument if minutes is out of range; kResourceExhausted if the
+// time is too short for even a few tiles.
 absl::StatusOr<StudyResult> RunStudy(const SceneDescription& scene, const FrameSettings& settings,
                                      FileSource& files, const StudyOptions& options);
 
-// study_words.cc: what the figures advise, in sentences with the figures.
+// Recommendations from the measurements, in sentences with the figures (study_words.cc).
 std::vector<std::string> Recommend(const StudyResult& result);
-// study_json.cc: one object, as docs/study.md describes.
+// One JSON object as docs/study.md describes it (study_json.cc).
 std::string StudyJson(const StudyResult& result);
 
 }  // namespace sheaf::cli

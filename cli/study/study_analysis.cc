@@ -13,13 +13,13 @@ namespace sheaf::cli {
 namespace {
 
 constexpr int kBootstrapCount = 200;
-// How far beyond its first and last point the base's curve is trusted, in error.
+// Factor in error by which the base's curve may be extrapolated beyond its first and last point.
 constexpr double kExtrapolationMax = 4;
-// A point is told from 0 when it is so many standard errors above.
+// A point counts as different from 0 if it is this many standard errors above it.
 constexpr double kToldDeviations = 2;
 
 using TileSums = std::vector<double>;
-// Which tiles a figure is made of, with repetitions.
+// Indices of the tiles that an estimate uses, with repetitions.
 using Choice = std::vector<size_t>;
 
 double MeanOver(const Choice& tiles, const TileSums& sums, const TileSums& counts) {
@@ -51,7 +51,7 @@ Estimate EstimateMean(const TileSums& sums, const TileSums& counts) {
   return estimate;
 }
 
-// value(tiles): of the tiles chosen; none where they do not tell.
+// value(tiles): the estimate from these tiles; nullopt if they do not determine it.
 std::optional<Estimate> Bootstrap(
     size_t tile_count, const std::function<std::optional<double>(const Choice&)>& value) {
   const std::optional<double> of_all = value(AllOf(tile_count));
@@ -76,7 +76,7 @@ struct LogPoint {
   double x = 0, y = 0;
 };
 
-// Slope of the line through the points with least squares; none below two.
+// Slope of the least-squares line through the points; nullopt for fewer than two.
 std::optional<double> SlopeOf(const std::vector<LogPoint>& points) {
   if (points.size() < 2) return std::nullopt;
   double x = 0, y = 0, xx = 0, xy = 0;
@@ -107,8 +107,8 @@ std::optional<double> RateOf(const StudyMeasurement& measured, const TileSums& c
   return slope ? std::optional(-*slope) : std::nullopt;
 }
 
-// CPU seconds with which the base has this error: between its points by the line through the two,
-// beyond them by that through the nearest two.
+// CPU seconds in which the base reaches this error: interpolated between its points, and
+// extrapolated beyond them by the line through the nearest two.
 std::optional<double> BaseSeconds(const StudyMeasurement& base, const TileSums& counts,
                                   const Choice& tiles, double error) {
   std::vector<LogPoint> points;
@@ -119,7 +119,7 @@ std::optional<double> BaseSeconds(const StudyMeasurement& base, const TileSums& 
   if (points.size() < 2 || !(error > 0)) return std::nullopt;
   const double x = std::log(error), reach = std::log(kExtrapolationMax);
   if (x > points.front().x + reach || x < points.back().x - reach) return std::nullopt;
-  size_t right = 1;  // Errors fall with the index.
+  size_t right = 1;  // Errors fall with increasing index.
   while (right + 1 < points.size() && points[right].x > x) ++right;
   const LogPoint a = points[right - 1], b = points[right];
   if (a.x == b.x) return std::nullopt;

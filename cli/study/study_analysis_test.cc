@@ -15,7 +15,7 @@ namespace {
 constexpr size_t kTiles = 200;
 constexpr double kPixels = 256;
 
-// Of samples whose variance falls as 1 / n^rate beside a bias.
+// A measurement whose variance falls as 1 / n^rate, with a bias.
 StudyMeasurement MakeMeasurement(double variance, double bias_square, double rate,
                                  double seconds_per_sample, uint64_t seed) {
   std::mt19937_64 random(seed);
@@ -26,7 +26,7 @@ StudyMeasurement MakeMeasurement(double variance, double bias_square, double rat
     c.samples = samples;
     c.cpu_seconds = seconds_per_sample * samples;
     for (size_t tile = 0; tile < kTiles; ++tile) {
-      // Tiles differ a hundredfold.
+      // Errors of tiles vary by a factor of a hundred.
       const double own = std::pow(10.0, 2 * static_cast<double>(tile) / kTiles - 1);
       const double expected = kPixels * own * variance / std::pow(samples, rate);
       c.variance.push_back(expected * noise(random));
@@ -58,7 +58,8 @@ TEST(StudyAnalysisTest, BiasIsWhatVarianceDoesNotExplain) {
   EXPECT_NEAR(curves[1].bias_floor->value, 0.01, 4 * curves[1].bias_floor->error);
 }
 
-// Half the variance at the same price, and the same variance at half of it, are twice as fast.
+// Half the variance at the same cost, and the same variance at half the cost, are both twice as
+// fast.
 TEST(StudyAnalysisTest, GainIsTimeToTheSameError) {
   const auto curves = Analyze({MakeMeasurement(1, 0, 1, 1, 5), MakeMeasurement(0.5, 0, 1, 1, 6),
                                MakeMeasurement(1, 0, 1, 0.5, 7), MakeMeasurement(4, 0, 1, 1, 8)});
@@ -78,7 +79,7 @@ TEST(StudyAnalysisTest, GainBeyondTheBasesCurveIsNotTold) {
 
 TEST(StudyAnalysisTest, TimesAreAsTrueAsTheirRatiosAreAlike) {
   EXPECT_EQ(RatioDeviation({2, 4, 6}, {1, 2, 3}), 0);
-  // Ratios 1 and 3: mean 2, its standard error 1.
+  // Ratios 1 and 3: their mean is 2, its standard error 1.
   EXPECT_NEAR(RatioDeviation({1, 3}, {1, 1}), 0.5, 1e-12);
 }
 
@@ -86,7 +87,7 @@ TEST(StudyAnalysisTest, FrontIsWhatNothingBeatsInBoth) {
   const auto curves = Analyze({MakeMeasurement(1, 0, 1, 1, 11), MakeMeasurement(1.5, 0, 1, 2, 12),
                                MakeMeasurement(1, 0.05, 1, 0.1, 13)});
   for (const StudyPoint& point : curves[1].points) EXPECT_FALSE(point.on_front);
-  // Quick and biased first, slow and true in the end.
+  // A fast biased setting is on the front at first, a slow unbiased one in the end.
   EXPECT_TRUE(curves[2].points.front().on_front);
   EXPECT_TRUE(curves[0].points.back().on_front);
   EXPECT_FALSE(curves[0].points.front().on_front);

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-# Run by the build: writes the built page of a study into one C++ source, as bytes.
+# Run by the build: writes the built page of a study into a C++ source file, as bytes.
+#
 #   cmake -DPAGE=... -DOUTPUT=... -P study_embed.cmake
 cmake_policy(VERSION 3.25)
 include(${CMAKE_CURRENT_LIST_DIR}/../cmake/EmbedBytes.cmake)

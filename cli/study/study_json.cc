@@ -10,7 +10,7 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-// Infinity and NaN have no JSON number.
+// JSON has no numbers for infinity and NaN.
 Json Number(double value) { return std::isfinite(value) ? Json(value) : Json(); }
 
 Json EstimateJson(const std::optional<Estimate>& estimate) {
@@ -100,7 +100,7 @@ std::string StudyJson(const StudyResult& result) {
                                         {"path", NameOf(tile.kind)},
                                         {"share", Number(tile.variance_share)}});
   }
-  // Names of files may be of any bytes.
+  // File names may contain any bytes.
   return json.dump(1, ' ', false, nlohmann::json::error_handler_t::replace);
 }
 

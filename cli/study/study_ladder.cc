@@ -57,7 +57,7 @@ class Ladder {
 
   void AddDepths() {
     std::set<int32_t> depths = {1, 2, plan_.max_depth / 2};
-    // Where the plan found less to be enough, more brings nothing.
+    // If the plan found a smaller depth to be sufficient, a larger one changes nothing.
     if (plan_.depth_cause.empty()) depths.insert(2 * plan_.max_depth);
     for (const int32_t depth : depths) {
       if (depth < 1 || depth == plan_.max_depth) continue;

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The ladder of a study: the settings that a scene is rendered with, each one step from those
-// given.
+// The ladder of a study: the settings to render a scene with, each one step away from the given
+// settings.
 #pragma once
 
 #include <string>
@@ -17,20 +17,20 @@ namespace sheaf::cli {
 struct StudySetting {
   std::string name;  // "depth 2".
   std::string how;   // In words.
-  std::string flag;  // By which people choose it: "--max-depth 2". Empty where they cannot.
+  std::string flag;  // The option that selects it: "--max-depth 2". Empty if there is none.
   FrameSettings settings;
   render::CompileTechniques techniques;
   bool is_base = false;
-  bool is_unbiased = true;   // Against the given settings: pictures differ by noise alone.
-  bool is_truer = false;     // Of what is not unbiased: the settings given leave out what this has.
-  bool stops_tiles = false;  // Tiles get samples by rounds, as with --target-error.
-  // Samples of the base are cut at so many times the picture's mean; 0: they are not.
+  bool is_unbiased = true;   // Relative to the given settings: images differ by noise only.
+  bool is_truer = false;     // If biased: it includes light that the given settings omit.
+  bool stops_tiles = false;  // Tiles get samples in rounds, as with --target-error.
+  // Samples of the base are clamped to this many times the image's mean; 0: no clamping.
   double clamp_means = 0;
 };
 
-// The first is the base. Settings that would change nothing in this scene are left out.
+// The first setting is the base. Settings that would change nothing in this scene are omitted.
 std::vector<StudySetting> MakeLadder(const FrameSettings& settings, const render::RenderPlan& plan);
-// What people may look for and the ladder has not, and why: a line each.
+// Settings that users may expect but the ladder lacks, with the reasons: one line each.
 std::vector<std::string> WhatLaddersLack(const render::RenderPlan& plan);
 
 }  // namespace sheaf::cli

@@ -17,9 +17,9 @@ std::string StudyPage(std::string_view study_json) {
   SHEAF_CHECK(mark != std::string_view::npos);
   std::string whole(page.substr(0, mark));
   whole.reserve(page.size() + study_json.size());
-  // In JSON a '<' stands in strings alone, where it may be written so. As it is, "</script" would
-  // end the element, and "<!--" with "<script" would keep it open beyond its end (HTML Living
-  // Standard, 4.12.1.3, "Restrictions for contents of script elements").
+  // In JSON, '<' occurs in strings only, where it may be escaped. Unescaped, "</script" would end
+  // the element, and "<!--" with "<script" would keep it open beyond its end (HTML Living Standard,
+  // 4.12.1.3, "Restrictions for contents of script elements").
   for (const char c : study_json) {
     if (c == '<') {
       whole += "\\u003c";

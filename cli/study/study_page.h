@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The page of a study: one HTML with the study's JSON, its script and its style within, which loads
-// nothing and so can be kept, sent and opened from a disk. Built from dashboard/src/study.
+// The page of a study: one HTML file with the study's JSON, its script and its style. It loads
+// nothing else, so it can be stored, sent and opened from a disk. Built from dashboard/src/study.
 #pragma once
 
 #include <string>
@@ -14,7 +14,7 @@ namespace sheaf::cli {
 // dashboard/src/study/schema.ts. Thread-safe.
 std::string StudyPage(std::string_view study_json);
 
-// The page as it was built, with the mark "@study@" where the JSON belongs.
+// The page as built, with the mark "@study@" in place of the JSON.
 std::string_view StudyPageTemplate();
 
 }  // namespace sheaf::cli

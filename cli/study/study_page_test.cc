@@ -26,7 +26,7 @@ size_t Count(std::string_view text, std::string_view part) {
   return count;
 }
 
-// What the browser takes for the JSON: all up to the next end of a script.
+// The text that a browser takes for the JSON: everything up to the next end tag of a script.
 std::string DataOf(std::string_view page) {
   const size_t start = page.find(kDataStart) + kDataStart.size();
   return std::string(page.substr(start, page.find("</script", start) - start));
@@ -55,7 +55,7 @@ TEST(StudyPageTest, LoadsNothing) {
        {"http:", "https:", "src=", "@import", "url(", "<link", "import(", "fetch("}) {
     EXPECT_THAT(page, Not(HasSubstr(part)));
   }
-  // The one address is a place on the page itself.
+  // The only address is a place on the page itself.
   EXPECT_EQ(Count(page, "href="), Count(page, "href=\"#"));
   EXPECT_THAT(page, HasSubstr("default-src 'none'"));
 }

@@ -14,7 +14,7 @@ namespace {
 
 constexpr const char* kColorChannels[3] = {"R", "G", "B"};
 constexpr const char* kErrorChannels[3] = {"stderr.R", "stderr.G", "stderr.B"};
-// Rows without samples between packed tiles: errors are estimated from 2 pixels about.
+// Empty rows between packed tiles: errors are estimated from neighbors up to 2 pixels away.
 constexpr int32_t kPackGapPx = 2;
 
 }  // namespace

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// TileRenderer: one setting of a study, rendered on some tiles of the frame by all threads. And
-// what its picture is held against.
+// TileRenderer: renders some tiles of the frame with one setting of a study, using all threads.
+// StudyReference: the image that its result is compared with.
 #pragma once
 
 #include <array>
@@ -17,14 +17,14 @@
 
 namespace sheaf::cli {
 
-// Samples of a pixel that are rendered at a time: one of each replicate.
+// Samples per pixel of one block: one of each replicate.
 inline constexpr uint64_t kStudyBlockSamples = kReplicateCount;
 
-// Calls work(i) for all i below count, on so many threads. Returns the first error.
+// Calls work(i) for all i below count on this many threads. Returns the first error.
 absl::Status ForEachTile(int threads, size_t count,
                          const std::function<absl::Status(size_t)>& work);
 
-// Pixels of a tile, row-major: R, G, B, and their standard errors, which are 0 with one sequence.
+// Pixels of a tile, row-major: R, G, B and their standard errors, which are 0 with one sequence.
 struct TilePixels {
   std::vector<std::array<float, 3>> value, deviation;
 };
@@ -34,20 +34,21 @@ class TileRenderer {
   TileRenderer(const render::CompiledScene& scene, const std::vector<PixelRect>& tiles,
                int threads);
 
-  // The next block of every tile, or of those where wanted[tile] is more than it has. on_part (may
-  // be empty) sees every part, from several threads.
+  // Renders the next block of every tile or, with wanted, of each tile that has fewer than
+  // wanted[tile] samples. on_part (may be empty) receives every part and is called from several
+  // threads.
   using OnPart = std::function<void(size_t tile, const FilmTile& part)>;
   absl::Status RenderBlock(const std::vector<uint64_t>* wanted = nullptr,
                            const OnPart& on_part = {});
 
   uint64_t samples(size_t tile) const { return trees_[tile].SampleCount(); }
-  // Of a tile, so far, on this machine.
+  // CPU seconds spent on a tile so far on this machine.
   double cpu_seconds(size_t tile) const { return cpu_seconds_[tile]; }
   double CpuSeconds() const;
   // Requires: the tile has samples.
   TilePixels Develop(size_t tile) const;
-  // All tiles, one below the other with a gap of as many rows as error estimates look across, so
-  // that a frame's size does not matter. *rects: where each tile is.
+  // All tiles, one below the other, separated by as many empty rows as error estimates reach, so
+  // that the image's size does not depend on the frame's. *rects: where each tile is.
   FramePicture Pack(std::vector<PixelRect>* rects) const;
 
  private:
@@ -60,7 +61,7 @@ class TileRenderer {
   std::vector<double> cpu_seconds_;
 };
 
-// The truth that a study measures against, as good as its time allows.
+// The reference that a study compares with, as accurate as its time allows.
 struct StudyReference {
   uint64_t samples = 0;
   double cpu_seconds = 0;
@@ -68,7 +69,7 @@ struct StudyReference {
   std::vector<TilePixels> tiles;
 
   // Sum over the pixels of a tile of a squared error e(channel, pixel) of R, G and B, relative to
-  // the truth: relMSE as `sheaf compare` has it, times the number of pixels.
+  // the reference: relMSE as `sheaf compare` defines it, times the number of pixels.
   template <typename SquaredError>
   double RelativeSum(size_t tile, const SquaredError& squared_error) const {
     const double floor = 0.1 * mean;
@@ -84,7 +85,7 @@ struct StudyReference {
   }
 };
 
-// Renders blocks of the renderer until there are so many, and takes its picture.
+// Renders blocks until there are this many or may_go_on returns false; returns the image.
 absl::StatusOr<StudyReference> RenderReference(TileRenderer* renderer, size_t tile_count,
                                                uint64_t blocks,
                                                const std::function<bool()>& may_go_on);

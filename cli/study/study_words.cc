@@ -12,9 +12,9 @@
 namespace sheaf::cli {
 namespace {
 
-// A gain is told from 1 when it is so many standard errors away.
+// A gain counts as different from 1 if it is this many standard errors away.
 constexpr double kToldGainDeviations = 2;
-// What is not worth a sentence.
+// Smaller gains are not mentioned.
 constexpr double kGainMin = 1.03;
 constexpr double kEffectTimeMin = 0.05;
 constexpr double kNoiseShareMin = 0.25;
