@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// A few scripts and a style sheet under fixed names, which CMakeLists.txt beside this file
-// lists. The coordinator sends them with digests, so the names need none.
+// Builds a few scripts and a style sheet under fixed names, which CMakeLists.txt in this folder
+// lists. The coordinator sends them with digests, so the names need no hashes.
 
 import {readFileSync} from 'node:fs';
 import {defineConfig} from 'vite';
@@ -11,11 +11,11 @@ import type {Plugin} from 'vite';
 const NOTICE = '/*! Copyright the Sheaf authors. SPDX-License-Identifier: Apache-2.0\n' +
     '    Contains uPlot, see licences.txt. */\n';
 
-// Minifying drops comments: puts the notice back, and the licence of what is built in beside it.
+// Minification drops comments: restores the notice, with the license of the bundled library.
 function notices(): Plugin {
   return {
     name: 'sheaf-notices',
-    // After Vite's own plugins, which make the style sheet.
+    // Runs after Vite's own plugins, which make the style sheet.
     enforce: 'post',
     generateBundle(_, bundle) {
       for (const file of Object.values(bundle)) {
@@ -42,7 +42,7 @@ export default defineConfig({
   build: {
     outDir: 'dist',
     target: 'es2022',
-    // The server's policy allows no inlined pictures or scripts.
+    // The server's content security policy forbids inlined images and scripts.
     assetsInlineLimit: 0,
     modulePreload: false,
     cssCodeSplit: false,

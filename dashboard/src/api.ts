@@ -1,12 +1,12 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The coordinator's HTTP API. Names go into paths segment by segment, escaped.
+// The coordinator's HTTP API. Names become path segments, each escaped.
 
 export interface Progress {
   sample_count_done: number;
   sample_count_total: number;
-  // Null until it can be told.
+  // Null while unknown.
   relative_mse: number|null;
   nonfinite_count: number;
   ray_count: number;
@@ -29,18 +29,18 @@ export interface Job {
   priority: number;
   failure: string;
   waiting_reason: string;
-  // Leases that came to nothing.
+  // Number of failed leases.
   failure_count: number;
   create_time: string;
   end_time: string|null;
   frame_count: number;
   frame_complete_count: number;
-  // That shows most life; null while there is nothing to see.
+  // The most active frame; null if no frame has an image yet.
   pictured_frame: Pictured|null;
   progress: Progress;
 }
 
-// A frame of which there is a picture.
+// A frame that has an image.
 export interface Pictured {
   name: string;
   preview_version: number;
@@ -52,7 +52,7 @@ export interface Round {
   sample_count: number;
   cpu_duration_seconds: number;
   wall_duration_seconds: number;
-  // Of the picture as it was then; 0 where it is not kept.
+  // Of the image at that time; 0 if it is not stored.
   preview_version: number;
 }
 
@@ -63,25 +63,25 @@ export interface Frame {
   sample_count: number;
   complete: boolean;
   preview_version: number;
-  // When the frame is to end; coordinators that know no such rule leave it out. The target is a
-  // relative mean squared error, null for none.
+  // When the frame stops; missing from coordinators without this rule. target_error is a relative
+  // mean squared error, null for none.
   stop?: {target_error: number|null};
-  // Digest of the EXR whose samples it began with, null for none.
+  // Digest of the EXR that provided its first samples; null for none.
   resumed_picture?: string|null;
-  // How the frame stood at the end of each round, where it is rendered in rounds.
+  // The state of the frame at the end of each round, if it is rendered in rounds.
   rounds?: Round[];
-  // Of a complete frame: tiles whose errors are not to be trusted, and the layers that make them so
-  // (none where the frame has no layers); how different from the true picture it looks.
+  // For a complete frame: the tiles with unreliable error estimates, the layers that cause them
+  // (empty without layers), and the visible difference from the converged image.
   tile_count?: number;
   unreliable_tile_count?: number;
   unreliable_layers?: {layer: string; tile_count: number}[];
   flip?: number|null;
-  // Of a complete smooth frame: its relMSE over what it would be without true error bars.
+  // For a complete smooth frame: its relMSE over the relMSE without true error bars.
   one_sequence_gain?: number|null;
   progress: Progress;
 }
 
-// A lease that came to nothing.
+// A failed lease.
 export interface Failure {
   frame_number: number;
   tile: Rect;
@@ -95,10 +95,10 @@ export interface Failure {
   command: string;
 }
 
-// What a worker holds.
+// A lease held by a worker.
 export interface Lease {
   frame_name: string;
-  // Whether it is for a quote: such jobs are not listed.
+  // Whether it belongs to a quote; the jobs of quotes are not listed.
   pilot: boolean;
   tile: Rect;
   phase: string;
@@ -111,12 +111,12 @@ export interface Worker {
   thread_count: number;
   numeric_profile: string;
   lease_count: number;
-  // The first of them, what is rendered before what waits.
+  // The first leases: tasks being rendered before waiting ones.
   leases: Lease[];
   warm_scene_count: number;
   // File names of some of them.
   warm_scenes: string[];
-  // Null where it is not known.
+  // Null if unknown.
   scene_memory_bytes: number|null;
   result_count: number;
   samples_per_second: number;
@@ -141,39 +141,39 @@ export interface JobPage {
   next_page_token: string;
 }
 
-// What an effect of the scene costs and gives, with standard errors.
+// Cost and gain of an effect of the scene, with standard errors.
 export interface EffectCost {
   name: string;
-  // Why nothing was measured; else empty.
+  // Why nothing was measured; empty otherwise.
   problem: string;
-  // How it was left out.
+  // The ablation that was measured.
   without: string;
-  // Of the processor time; below 0 where leaving it out costs time.
+  // Fraction of the processor time; negative if the ablated scene takes longer.
   time_share: number;
   time_share_error: number;
-  // Of the picture's mean without it.
+  // Change of the image's mean without the effect.
   mean_change: number;
   mean_change_error: number;
   relative_mse: number;
-  // Of a sample with it over one without.
+  // Variance of a sample with the effect over the variance without it.
   variance_ratio: number;
 }
 
-// 8 of 10 lie between low and high.
+// In 8 of 10 cases the value lies between low and high.
 export interface Estimate {
   value: number;
   low: number;
   high: number;
 }
 
-// What it costs to refine a job until its relMSE is at target_error, beyond what is there.
+// Cost of refining a job to target_error (relMSE) beyond its present cost.
 export interface RefinePrice {
   target_error: number;
   reached: boolean;
   relative_mse: Estimate;
   samples_per_pixel: Estimate;
   cpu_seconds: Estimate;
-  // Null where no worker is there.
+  // Null if there are no workers.
   wall_seconds: Estimate|null;
 }
 
@@ -189,10 +189,10 @@ export interface JobWithFrames extends Job {
   next_page_token: string;
 }
 
-// Layers of a picture, as the coordinator names them: "light" is the picture before any exposure.
+// Layers of an image, named as by the coordinator. "light" is the image before exposure.
 export type Layer = 'picture'|'light'|'error'|'samples'|'time';
 
-// What the ends of false colours stand for; both are 0 where nothing can be told yet.
+// The values at the ends of the false-color scale; both are 0 while unknown.
 export interface LayerRange {
   low: number;
   high: number;
@@ -203,7 +203,7 @@ export interface Preview {
   range: LayerRange|null;
 }
 
-// What the coordinator refused, with its words.
+// A request that the coordinator refused, with its message.
 export class ApiError extends Error {
   constructor(message: string, readonly status: number) {
     super(message);
@@ -219,7 +219,7 @@ async function errorOf(response: Response): Promise<ApiError> {
   try {
     message = (await response.json()).error.message;
   } catch {
-    // No answer of ours: the status is all that can be told.
+    // The reply is not from the coordinator: only the status is known.
   }
   return new ApiError(message, response.status);
 }
@@ -246,7 +246,7 @@ export const listWorkers = (pageSize: number, token: string) =>
     request<WorkerPage>(BASE + 'workers' + query(pageSize, token));
 export const listCounters = () => request<{counters: Counter[]}>(BASE + 'counters');
 
-// The header tells the coordinator that a page of its own asks, not one of another site.
+// The header tells the coordinator that its own page sends the request, not another site.
 const act = (name: string, action: string) =>
     request<Job>(pathOf(name) + action, {method: 'POST', headers: {'X-Sheaf-Request': '1'}});
 export const cancelJob = (name: string) => act(name, ':cancel');
@@ -259,7 +259,7 @@ export const refineJob = (name: string, targetError: number) =>
 
 export const eventsPath = BASE + 'events';
 export const falseColorPath = BASE + 'false-color.png';
-// As it is now, or was at the end of a round.
+// The present image, or the image at the end of a round.
 export const previewPath = (frame: Frame, layer: Layer, round: number|null) => pathOf(frame.name) +
     '/preview.png?layer=' + layer +
     (round === null ? '&version=' + frame.preview_version :
@@ -268,7 +268,7 @@ export const thumbnailPath = (frame: Pictured) =>
     pathOf(frame.name) + '/preview.png?size=thumbnail&version=' + frame.preview_version;
 export const outputPath = (frame: Frame) => pathOf(frame.name) + '/output.exr';
 
-// A picture so far; null where there is none yet. Its levels are as sent, whatever the screen is.
+// The image so far; null if there is none yet. Its levels are as sent, independent of the screen.
 export async function getPreview(path: string): Promise<Preview|null> {
   const response = await fetch(path);
   if (!response.ok) throw await errorOf(response);

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Starts the page: the store, the views over it, and the address bar, which names what is selected
-// so that a link leads back to it.
+// Starts the dashboard: the store, its views, and the address bar, whose URL names the selection so
+// that a link leads back to it.
 
 import './viewer.css';
 import './style.css';
@@ -26,7 +26,7 @@ import {WorkersView} from './workers';
 
 const store = new Store();
 let live: Live|null = null;
-// Whether a person chose the job; until then the page follows the newest that runs.
+// Whether a person chose the job; until then the page follows the newest running job.
 let chosen = false;
 
 function selectJob(name: string) {
@@ -100,7 +100,7 @@ readAddress();
 live = new Live(store);
 for (const topic of ['jobs', 'workers', 'frames', 'counters'] as const) store.touch(topic);
 
-// The chart and its library come after the page: nothing waits for them.
+// The chart and its library are loaded after the page, which does not wait for them.
 async function startChart() {
   try {
     const {ErrorChart} = await import('./error_chart');

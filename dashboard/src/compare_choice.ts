@@ -1,15 +1,15 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Which job and frame stands beside the shown one. The jobs to choose from are listed when somebody
-// is about to choose, as they change all the time.
+// Chooses the job and frame to show beside the current one. The list of jobs is fetched when a
+// person opens it, since it changes all the time.
 
 import * as api from './api';
 import type {Frame} from './api';
 import {byId, el} from './dom';
 import type {Store} from './store';
 
-// To choose from: jobs, and frames of one.
+// Limits of the lists: jobs, and frames of one job.
 const JOBS_MAX = 200;
 const FRAMES_MAX = 1000;
 const ATTEMPT = 'loading the compared frame';
@@ -60,7 +60,7 @@ export class CompareChoice {
       this.frames = job.frames;
       this.numbers.replaceChildren(...job.frames.map(
           (frame) => el('option', {value: frame.name}, 'frame ' + frame.frame_number)));
-      // The shown frame's number, as of another version of the same shot.
+      // Prefer the shown frame's number, in case the job is another version of the same shot.
       const number = this.store.frame?.frame_number;
       const frame = job.frames.find((one) => one.frame_number === number) ?? job.frames[0];
       if (frame) this.numbers.value = frame.name;
@@ -77,7 +77,7 @@ export class CompareChoice {
       const frame = await api.getFrame(name);
       if (this.store.beside?.name === name) this.store.setBeside(frame);
     } catch {
-      // It may be gone with an earlier coordinator.
+      // The frame may have been lost with an earlier coordinator.
       if (this.store.beside?.name === name) this.store.setBeside(undefined);
     }
   }

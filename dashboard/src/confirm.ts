@@ -1,7 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Asks before something that cannot be undone. The harmless answer has the focus; Escape gives it.
+// Asks for confirmation of actions that cannot be undone. The harmless answer has the focus; Escape
+// selects it.
 
 import {byId, setText} from './dom';
 
@@ -12,7 +13,7 @@ export interface Question {
   yes: string;
 }
 
-// Returns whether the answer was yes; no at once while another question is open.
+// Returns whether the answer was yes. Returns false at once while another question is open.
 export function confirm({title, text, no, yes}: Question): Promise<boolean> {
   const dialog = byId<HTMLDialogElement>('confirm');
   if (dialog.open) return Promise.resolve(false);

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The farm's counters; those that count failures come first and stand out when they are not 0.
+// The farm's counters. Counters of failures come first and are highlighted if they are not 0.
 
 import type {Counter} from './api';
 import {byId, child, el, setText} from './dom';

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// How the error of a job or frame falls: its points, and the straight line that they follow where
-// both axes are logarithmic. Views see a CurveSource alone, wherever the points come from.
+// The error of a job or frame over its samples, and the power law that fits it: a straight line on
+// logarithmic axes. Views depend only on CurveSource, not on the origin of the points.
 
 import type {Progress, Round} from './api';
 
@@ -18,10 +18,10 @@ export interface CurveSource {
   readonly points: readonly CurvePoint[];
 }
 
-// Points kept at most; beyond it every other of the older half is dropped.
+// Maximum number of points; beyond it every other point of the older half is dropped.
 const CURVE_POINTS_MAX = 1024;
 
-// Gathers points from what the coordinator tells of a job while one watches.
+// Collects points from the progress of a job while the page is open.
 export class WatchedCurve implements CurveSource {
   points: CurvePoint[] = [];
 
@@ -40,7 +40,7 @@ export class WatchedCurve implements CurveSource {
   }
 }
 
-// What the coordinator itself noted of a frame.
+// The curve that the coordinator recorded for a frame.
 export function curveOfRounds(rounds: readonly Round[]): CurveSource {
   const points =
       rounds.filter((round) => round.relative_mse > 0).map((round) => ({
@@ -53,16 +53,16 @@ export function curveOfRounds(rounds: readonly Round[]): CurveSource {
   return {points};
 }
 
-// y = y0 * (x / x0)^exponent. Around a point among those it was laid through: factors of x^exponent
-// alone would overflow where the line is steep.
+// y = y0 * (x / x0)^exponent. The law is centered on one of the fitted points: x^exponent alone
+// could overflow for a steep line.
 export interface PowerLaw {
   x0: number;
   y0: number;
   exponent: number;
 }
 
-// The least-squares line through (log x, log y); null where there is none.
-// Requires: all numbers are above 0.
+// The least-squares line through (log x, log y); null if it is undetermined. Requires: all numbers
+// are above 0.
 export function fitPowerLaw(points: readonly(readonly[number, number])[]): PowerLaw|null {
   const logs = points.map(([x, y]): [number, number] => [Math.log(x), Math.log(y)]);
   const meanX = logs.reduce((sum, [x]) => sum + x, 0) / logs.length;

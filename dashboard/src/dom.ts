@@ -1,12 +1,12 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Finds and builds elements. Text always becomes text nodes, so nothing the farm says is ever read
+// Finds and builds elements. Text always becomes text nodes, so text from the farm is never parsed
 // as HTML.
 
 type Attributes = Record<string, string|null>;
 
-// el("p", {class: "note", title: "..."}, "text", otherElement). Null leaves an attribute out.
+// el("p", {class: "note", title: "..."}, "text", otherElement). A null value omits the attribute.
 export function el(
     tag: string, attributes: Attributes = {}, ...children: (Node|string)[]): HTMLElement {
   const element = document.createElement(tag);
@@ -17,26 +17,26 @@ export function el(
   return element;
 }
 
-// The element that index.html has under an id.
+// The element with this id in index.html.
 export function byId<Type extends HTMLElement = HTMLElement>(id: string): Type {
   const element = document.getElementById(id);
   if (!element) throw new Error('index.html has no element "' + id + '"');
   return element as Type;
 }
 
-// A child that a row was made with.
+// A child by its index; rows are made with a fixed number of children.
 export function child(element: Element, index: number): HTMLElement {
   const found = element.children[index];
   if (!found) throw new Error('no child ' + index + ' of ' + element.className);
   return found as HTMLElement;
 }
 
-// Sets text only where it differs, which spares layout when nothing changed.
+// Sets the text only if it differs, which avoids layout when nothing has changed.
 export function setText(element: Element, text: string) {
   if (element.textContent !== text) element.textContent = text;
 }
 
-// A coloured word for a state.
+// A colored word for a state.
 export function badge(state: string): HTMLElement {
   return el('span', {class: 'badge', 'data-state': state}, state);
 }
@@ -47,7 +47,7 @@ export function setBadge(element: HTMLElement, state: string) {
   element.textContent = state;
 }
 
-// A thin bar that screen readers hear as a percentage.
+// A thin bar that screen readers announce as a percentage.
 export function progressBar(label: string): HTMLElement {
   return el(
       'div', {

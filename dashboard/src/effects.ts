@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// What each effect of the selected job's scene costs and gives, as bars of its share of the time,
-// where whoever submitted the job measured it.
+// Costs and gains of the effects of the selected job's scene, if the submitter measured them, with
+// bars of their fractions of the time.
 
 import type {EffectCost} from './api';
 import {byId, child, el, setText} from './dom';
@@ -49,7 +49,7 @@ const percentOf = (share: number) => (100 * Math.max(0, Math.min(1, share))).toF
 
 // "31 ± 2 % of the time; 12 ± 0.5 % of the light; noise × 1.3".
 function wordsOf(effect: EffectCost): string {
-  // 0 where it cannot be told.
+  // 0 if unknown.
   const ratio = effect.variance_ratio;
   const noise = ratio > 0 ? '; variance × ' + Number(ratio.toPrecision(2)) : '';
   const light = withError(-effect.mean_change, effect.mean_change_error);
@@ -57,7 +57,7 @@ function wordsOf(effect: EffectCost): string {
       ' of the light' + noise;
 }
 
-// To the first digit that is not sure.
+// Rounded to the first uncertain digit.
 function withError(share: number, error: number): string {
   const digits = error > 0 ? Math.max(0, Math.min(3, -Math.floor(Math.log10(100 * error)))) : 1;
   const words = (value: number) => format.signedNumber((100 * value).toFixed(digits));

@@ -1,9 +1,9 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Error against samples or time of the shown job, both axes logarithmic: a straight line that falls
-// by one half for four times the samples is what path tracing promises. The dotted line goes where
-// the last points lead; the dashed one is the error at which the frame is to end, where it has one.
+// Error against samples or time of the shown job on logarithmic axes. Path tracing should give a
+// straight line that falls by one half for four times the samples. The dotted line extrapolates the
+// last points; the dashed line marks the frame's target error, if it has one.
 
 import 'uplot/dist/uPlot.min.css';
 
@@ -23,14 +23,15 @@ interface Size {
 
 type Abscissa = 'samples'|'seconds'|'cpu';
 
-// The line is laid through the points of the last factor of this in x: two halvings of the error.
+// The line is fitted to the points within this factor of the last x, which spans two halvings of
+// the error.
 const FIT_SPAN = 16;
 const FIT_POINTS_MIN = 3;
-// Points closer together than this factor in x tell nothing of where the error goes.
+// Points closer together than this factor in x do not determine the trend.
 const FIT_SPAN_MIN = 1.25;
-// A line steeper than this is noise: path tracing falls with an exponent of -0.5.
+// A steeper line is noise: the error of path tracing falls with an exponent of -0.5.
 const EXPONENT_MIN = -2;
-// How far on the line is drawn, as a factor of x: without a target, and with one at most.
+// How far the line is extrapolated, as a factor of x: without a target, and at most with a target.
 const REACH = 4;
 const REACH_MAX = 1000;
 
@@ -60,14 +61,14 @@ const ABSCISSAS: Record<Abscissa, Axis> = {
 };
 
 const AXIS_FONT_REM = 0.75;
-// Room beyond the highest and lowest value, as a factor.
+// Margin beyond the highest and lowest value, as a factor.
 const MARGIN = 1.15;
 
-// What is drawn: positions and errors as far as measured, and where the line leads.
+// The data to draw: measured positions and errors, and the end of the extrapolated line.
 interface Curve {
   xs: number[];
   errors: number[];
-  // Where the line ends; null where it cannot be told.
+  // The end of the line; null if unknown.
   end: {x: number; error: number}|null;
   // 0 for none.
   target: number;
@@ -77,12 +78,12 @@ export class ErrorChart {
   private readonly host = byId('chart');
   private plot: uPlot|null = null;
   private abscissa: Abscissa = 'samples';
-  // Of the style sheet.
+  // Gives access to colors of the style sheet.
   private readonly style = getComputedStyle(document.documentElement);
   private readonly colours = new Map<string, string>();
-  // Of the box; null until it was shown.
+  // Size of the box; null until it is first shown.
   private size: Size|null = null;
-  // What is drawn, as a text.
+  // The drawn data as text, to detect changes.
   private drawn = '';
 
   constructor(private readonly store: Store) {
@@ -122,14 +123,14 @@ export class ErrorChart {
     setText(byId('chart-words'), wordsOf(curve, this.abscissa));
   };
 
-  // Looked up once for each theme: the browser may have to work out all styles for an answer.
+  // Looked up once per theme: each query may make the browser recompute all styles.
   private colourOf(name: string): string {
     const found = this.colours.get(name) ?? this.style.getPropertyValue(name);
     this.colours.set(name, found);
     return found;
   }
 
-  // The browser tells the size; asking would make it lay the page out.
+  // The observer provides the size; querying it would force a layout.
   private onSize(entries: ResizeObserverEntry[]) {
     const box = entries.at(-1)?.contentRect;
     if (!box || box.width < 1 || box.height < 1) return;
@@ -150,7 +151,7 @@ export class ErrorChart {
       font: (AXIS_FONT_REM * rem) + 'px system-ui, sans-serif',
       splits: (_, __, low, high) => ticksOf(low, high),
       filter: (_, splits) => labelled(splits),
-      // Ticks without a label come as null.
+      // Ticks without a label are null.
       values: (_, splits) => splits.map((value: number|null) => value === null ? '' : words(value)),
     });
     return {
@@ -178,7 +179,7 @@ function makeCurve(points: readonly CurvePoint[], abscissa: Abscissa, target: nu
   const xs: number[] = [];
   const errors: number[] = [];
   for (const point of points) {
-    // Strictly ascending, as the chart needs it: time may stand still between two points.
+    // The chart needs strictly ascending x; time may not advance between two points.
     if (!(of(point) > (xs.at(-1) ?? 0))) continue;
     xs.push(of(point));
     errors.push(Math.sqrt(point.relativeMse));
@@ -193,7 +194,7 @@ function endOf(xs: number[], errors: number[], target: number): {x: number; erro
       xs.map((x, i): [number, number] => [x, errors[i] ?? 0]).filter(([x]) => x * FIT_SPAN >= last);
   const law = recent.length < FIT_POINTS_MIN ? null : fitPowerLaw(recent);
   const first = recent[0]?.[0] ?? last;
-  // An error that does not fall leads nowhere.
+  // An error that does not fall gives no extrapolation.
   if (!law || last < FIT_SPAN_MIN * first || law.exponent >= 0 || law.exponent < EXPONENT_MIN) {
     return null;
   }
@@ -201,7 +202,7 @@ function endOf(xs: number[], errors: number[], target: number): {x: number; erro
   return {x, error: law.y0 * (x / law.x0) ** law.exponent};
 }
 
-// How far the line is drawn: to the target where it can be reached.
+// How far the line is drawn: to the target if it can be reached.
 function reachOf(law: PowerLaw, last: number, target: number): number {
   const toTarget = target > 0 ? (target / law.y0) ** (1 / law.exponent) * law.x0 / last : 0;
   return toTarget > 1 ? Math.min(REACH_MAX, toTarget) : REACH;
@@ -219,13 +220,13 @@ function dataOf({xs, errors, end, target}: Curve): uPlot.AlignedData {
   return [allX, measured, extrapolated, allX.map(() => target > 0 ? target : null)];
 }
 
-// A little more than what is drawn; null where nothing is.
+// Slightly more than the drawn range; null if there is no data.
 function range(_: uPlot, low: number|null, high: number|null): [number, number] {
   if (low === null || high === null) return [1, 10];
   return [low / MARGIN, high * MARGIN];
 }
 
-// The chart in a sentence, for those who do not see it too.
+// A description of the chart in one sentence, also for people who cannot see it.
 function wordsOf({xs, errors, end, target}: Curve, abscissa: Abscissa): string {
   const {words} = ABSCISSAS[abscissa];
   const now = 'Now ±' + format.share(errors.at(-1) ?? 0) + ' ' + words(xs.at(-1) ?? 0);

@@ -1,7 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Asks the worker for exposed pictures, one at a time: while it works only the newest wish waits.
+// Requests exposed images from the worker, one at a time; while it works, only the newest request
+// waits.
 
 import type {ExposureReply, ExposureRequest} from './exposure_worker';
 
@@ -17,7 +18,8 @@ export class Exposure {
       private readonly onPicture: (key: string, picture: ImageBitmap) => void,
       private readonly onFailure: (failure: string) => void) {}
 
-  // `key` comes back with the picture. `light` is given away; null means the one given before.
+  // `key` is returned with the image. Ownership of `light` is transferred; null means the previous
+  // one.
   ask(key: string, light: ImageBitmap|null, stops: number) {
     if (this.waiting?.light && light) this.waiting.light.close();
     this.waiting = {key, light: light ?? this.waiting?.light ?? null, stops};
@@ -44,7 +46,7 @@ export class Exposure {
       this.send();
     };
     worker.onerror = (event) => {
-      // Nothing comes back any more: another worker may fare better with the next picture.
+      // The worker sends nothing more; a new worker may succeed with the next image.
       this.onFailure(event.message || 'the script that applies the exposure could not be loaded');
       worker.terminate();
       this.worker = null;

@@ -1,9 +1,9 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Exposes pictures on a thread of its own, so that the page never waits for millions of pixels. The
-// layer "light" is twice as high as its picture: levels above, below them the exponents that they
-// share (picture_layer.h of the coordinator says how).
+// Exposes images on a separate thread, so that the page never blocks on millions of pixels. The
+// layer "light" is twice as high as its image: levels in the upper half, and in the lower half the
+// exponents that they share (see the coordinator's picture_layer.h).
 
 export interface ExposureRequest {
   key: string;
@@ -14,13 +14,13 @@ export interface ExposureRequest {
 
 export interface ExposureReply {
   key: string;
-  // Null where it failed.
+  // Null on failure.
   picture: ImageBitmap|null;
   failure: string;
 }
 
-// Steps of linear light from 0 to 1 in the table of the display's curve: finer than its levels even
-// where the curve is steepest.
+// Steps of linear light from 0 to 1 in the table of the display's curve: finer than the display's
+// levels even where the curve is steepest.
 const TABLE_STEPS = 1 << 16;
 const EXPONENT_BIAS = 136;
 

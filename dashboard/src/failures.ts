@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// What of the selected job came to nothing: where, why, and the command that does it again on one
-// machine. Fetched when there is more of it than before.
+// The failed leases of the selected job: the tile, the reason, and the command that renders it
+// again on one machine. Fetched when their number has grown.
 
 import * as api from './api';
 import type {Failure, Job} from './api';
@@ -10,13 +10,13 @@ import {byId, child, el, setText} from './dom';
 import * as format from './format';
 import type {Store} from './store';
 
-// "Copied" stands so long on the button.
+// How long the button shows "Copied".
 const COPIED_MS = 2000;
 const ATTEMPT = 'loading failures';
 
 export class FailuresView {
   private readonly list = byId('failures');
-  // What is shown or on its way: job and count.
+  // The job and count shown or being fetched.
   private shown = '';
 
   constructor(private readonly store: Store) {
@@ -49,7 +49,7 @@ export class FailuresView {
       this.list.replaceChildren(...failures.map(makeItem));
       this.store.note(ATTEMPT, null);
     } catch (failure) {
-      // The next event of the job tries again.
+      // The job's next event tries again.
       if (key === this.shown) this.shown = '';
       this.store.note(ATTEMPT, failure);
     }
@@ -67,7 +67,7 @@ export class FailuresView {
   }
 }
 
-// Browsers lend the clipboard to safe origins alone; elsewhere the text is selected at least.
+// Browsers provide the clipboard to secure origins only; elsewhere the text is at least selected.
 async function copy(field: HTMLInputElement): Promise<boolean> {
   field.select();
   try {

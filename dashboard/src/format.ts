@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Numbers, times and names as people read them.
+// Formats numbers, times and names for people.
 
 import type {Job, Progress, Rect} from './api';
 
@@ -22,7 +22,7 @@ export function count(value: number): string {
 // 1536000 -> "1.54 MB".
 export const bytes = (value: number) => count(value) + (value < 999.5 ? ' B' : 'B');
 
-// "32, 0": where a tile begins.
+// "32, 0": the first pixel of a tile.
 export const place = (rect: Rect) => rect.x0_px + ', ' + rect.y0_px;
 
 // Exact, with thin spaces between thousands.
@@ -34,30 +34,30 @@ export function percent(share: number): string {
   return (share >= 1 ? 100 : Math.floor(share * 1000) / 10).toFixed(share >= 1 ? 0 : 1) + ' %';
 }
 
-// The same without decimals that say nothing, for axes: 1e7 -> "10 M".
+// The same without trailing zeros, for axes: 1e7 -> "10 M".
 export const roundCount = (value: number) => count(value).replace(/\.0+(?= )/, '');
 
-// 0.05 -> "5 %", 0.00123 -> "0.12 %": two digits that count.
+// 0.05 -> "5 %", 0.00123 -> "0.12 %": two significant digits.
 export function share(value: number): string {
   return Number((value * 100).toPrecision(2)) + ' %';
 }
 
-// A zoom: pixels of the screen for one of the picture.
+// A zoom: screen pixels per image pixel.
 export function zoom(scale: number): string {
   const percent = scale * 100;
   return (percent < 10 ? percent.toFixed(1) : Math.round(percent)) + ' %';
 }
 
-// With its sign, as of an exposure or a priority: "+1.5", "0", "−2".
+// With a sign, for an exposure or a priority: "+1.5", "0", "−2".
 export function signed(value: number): string {
   return (value > 0 ? '+' : value < 0 ? '\u2212' : '') + Math.abs(value);
 }
 
-// With a minus of the right length: "-0.3" -> "−0.3", "-0.0" -> "0.0".
+// With a typographic minus: "-0.3" -> "−0.3", "-0.0" -> "0.0".
 export const signedNumber = (digits: string) =>
     Number(digits) === 0 ? digits.replace('-', '') : digits.replace('-', '\u2212');
 
-// 3725 -> "1 h 02 min"; the two leading units only.
+// 3725 -> "1 h 02 min": only the two leading units.
 export function duration(seconds: number|null): string {
   if (seconds === null) return '–';
   if (seconds < 10) return seconds.toFixed(1) + ' s';
@@ -70,20 +70,20 @@ export function duration(seconds: number|null): string {
   return Math.floor(whole / 86400) + ' d ' + two(Math.floor(whole / 3600) % 24) + ' h';
 }
 
-// Of a pixel: 0.00034 -> "340 µs".
+// Time per pixel: 0.00034 -> "340 µs".
 export function shortTime(seconds: number): string {
   const [factor, unit] = seconds < 1e-3 ? [1e6, ' µs'] : seconds < 1 ? [1e3, ' ms'] : [1, ' s'];
   return Number((seconds * factor).toPrecision(2)) + unit;
 }
 
-// One unit and two digits, for axes: 100 -> "1.7 min".
+// One unit with two digits, for axes: 100 -> "1.7 min".
 export function roundDuration(seconds: number): string {
   const units: [number, string][] = [[86400, ' d'], [3600, ' h'], [60, ' min']];
   const [size, unit] = units.find(([size]) => seconds >= 1.5 * size) ?? [1, ' s'];
   return Number((seconds / size).toPrecision(2)) + unit;
 }
 
-// A relative mean squared error and what it means: its root is the typical error of a pixel.
+// A relative mean squared error as the typical error of a pixel, which is its root.
 export function error(relativeMse: number|null): string {
   if (relativeMse === null) return '–';
   return relativeMse.toExponential(2).replace('e-', 'e\u2212').replace('e+', 'e');
@@ -102,18 +102,18 @@ export function typicalError(relativeMse: number|null): string {
 let clockOfToday: Intl.DateTimeFormat|undefined;
 let calendar: Intl.DateTimeFormat|undefined;
 
-// "12:34:56" today, else with the date.
+// "12:34:56" for today, otherwise with the date.
 export function clock(iso: string|null): string {
   if (!iso) return '–';
   const time = new Date(iso);
   const today = time.toDateString() === new Date().toDateString();
-  // Made at first use and kept: making one takes far longer than using it.
+  // Created at first use and kept, since creating it is far slower than using it.
   clockOfToday ??= new Intl.DateTimeFormat(undefined, {timeStyle: 'medium'});
   calendar ??= new Intl.DateTimeFormat(undefined, {dateStyle: 'short', timeStyle: 'medium'});
   return (today ? clockOfToday : calendar).format(time);
 }
 
-// Seconds since a time, in words.
+// Time elapsed since a point in time, in words.
 export function ago(iso: string|null): string {
   if (!iso) return 'never';
   const seconds = Math.max(0, (Date.now() - new Date(iso).getTime()) / 1000);
@@ -123,14 +123,14 @@ export function ago(iso: string|null): string {
 // "jobs/7" -> "7".
 export const shortName = (name: string) => name.slice(name.lastIndexOf('/') + 1);
 
-// Whether nothing more will happen to a job.
+// Whether the job is in a final state.
 export const hasEnded = (job: Job) => ['succeeded', 'failed', 'cancelled'].includes(job.state);
 
-// Orders jobs for Array.sort. ISO times in UTC compare as text.
+// Compares jobs for Array.sort. ISO times in UTC compare as text.
 export const newestFirst = (a: Job, b: Job) =>
     Number(a.create_time < b.create_time) - Number(a.create_time > b.create_time);
 
-// Share of the samples that are merged, 0 to 1.
+// Fraction of the samples that are merged, 0 to 1.
 export function doneShare(progress: Progress): number {
   return progress.sample_count_total > 0 ?
       progress.sample_count_done / progress.sample_count_total :

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The frames of the selected job as a grid of small pictures that fill up as they are rendered.
+// The frames of the selected job as a grid of thumbnails that update while they are rendered.
 
 import type {Frame} from './api';
 import {byId, child, el, setText} from './dom';

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// What one may do to the selected job: pause it and go on, put it before others, cancel it, and
-// refine it when it is finished.
+// Actions on the selected job: pause, resume, set its priority, cancel, and refine it when it is
+// finished.
 
 import * as api from './api';
 import type {Job} from './api';
@@ -15,10 +15,10 @@ import type {Store} from './store';
 export class JobActions {
   private readonly refineDialog = new RefineDialog();
   private readonly priority = byId<HTMLInputElement>('priority');
-  // Ends with what was asked for last; one thing is asked for at a time, so that the last one
-  // holds.
+  // Resolves after the latest request. Requests are sent one at a time, so that the last one takes
+  // effect last.
   private turn = Promise.resolve();
-  // Not answered yet.
+  // Number of requests without a reply.
   private asked = 0;
 
   constructor(private readonly store: Store) {
@@ -26,7 +26,7 @@ export class JobActions {
     byId('cancel').addEventListener('click', () => this.cancel());
     byId('refine').addEventListener('click', () => this.refine());
     this.priority.addEventListener('change', () => this.setPriority());
-    // What was typed and not taken is forgotten.
+    // Restores the priority if typed text was not submitted.
     this.priority.addEventListener('blur', this.draw);
     for (const topic of ['jobs', 'selection'] as const) store.listen(topic, this.draw);
   }

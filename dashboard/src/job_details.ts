@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The selected job's head: what it is, how far it is, and its numbers.
+// The selected job's header: its description, progress and figures.
 
 import * as api from './api';
 import type {Frame, Job, Progress} from './api';
@@ -51,14 +51,14 @@ function emptyWordsOf(store: Store): string {
   return 'There is no job ' + store.jobName + '. Select another one.';
 }
 
-// Samples that came with a picture took no time.
+// Samples that came with an image took no time here.
 function sampleRateOf(progress: Progress, frame: Frame|undefined): string {
   const wall = progress.wall_duration_seconds;
   if (!(wall > 0) || frame?.resumed_picture) return '–';
   return format.count(progress.sample_count_done / wall);
 }
 
-// [label, value, explanation] of each number.
+// [label, value, explanation] of each figure.
 function factsOf(job: Job, frame: Frame|undefined): [string, string, string?][] {
   const progress = job.progress;
   const wall = progress.wall_duration_seconds;

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The list of jobs, newest first, with their pictures and a filter.
+// The list of jobs, newest first, with thumbnails and a filter.
 
 import type {Job} from './api';
 import {badge, byId, child, el, progressBar, setBadge, setProgress, setText} from './dom';

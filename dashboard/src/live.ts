@@ -1,17 +1,17 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Keeps the store up to date: fetches everything once, then follows server-sent events. Where the
-// stream fails it polls until the stream is back. A hidden page lets go of its stream, because a
-// browser holds only six connections to one server.
+// Keeps the store up to date: fetches everything once, then follows server-sent events. If the
+// stream fails, it polls until the stream is back. A hidden page closes its stream, because a
+// browser opens only six connections to one server.
 
 import * as api from './api';
 import type {Store} from './store';
 
-// Jobs and workers of a page: few, so that reading one is no long task.
+// Page size for jobs and workers: small, so that parsing one page is a short task.
 const FIRST_PAGE = 100;
 const PAGE = 250;
-// Of jobs and workers, fetched at most; older jobs are not listed.
+// Maximum number of pages of jobs and workers; older jobs are not listed.
 const PAGES_MAX = 80;
 const FRAMES_PAGE = 1000;
 const POLL_MS = 2000;
@@ -33,7 +33,7 @@ export class Live {
 
   private start() {
     if (this.source || document.hidden) return;
-    // Subscribe first and fetch on open: what changes in between arrives as an event.
+    // Subscribe first and fetch on open: changes in between arrive as events.
     const source = new EventSource(api.eventsPath);
     this.source = source;
     source.onopen = () => this.refresh();
@@ -60,7 +60,7 @@ export class Live {
 
   private onStreamLost() {
     this.store.setConnection('reconnecting');
-    // A refused stream (too many readers) is closed for good: try again along with the polls.
+    // A refused stream (too many readers) stays closed: retry it with the polls.
     if (this.source?.readyState === EventSource.CLOSED) this.source = null;
     this.poll();
   }
@@ -76,14 +76,14 @@ export class Live {
     }, POLL_MS);
   }
 
-  // Fetches everything from now on. A load that is under way began before the stream was there: it
-  // may miss what changed since, or fail because the coordinator was away.
+  // Fetches everything after now. A load that is already running began before the stream existed:
+  // it may miss later changes, or fail because the coordinator was away.
   private async refresh() {
     await this.loading;
     this.settle(await this.load());
   }
 
-  // Says how things stand after a load, and polls until they stand well.
+  // Reports the connection state after a load, and polls until the stream works.
   private settle(loaded: boolean) {
     if (document.hidden) return;
     const streams = this.source?.readyState === EventSource.OPEN;
@@ -93,7 +93,7 @@ export class Live {
     this.pollTimer = undefined;
   }
 
-  // One load at a time; returns whether it succeeded.
+  // One load runs at a time. Returns whether it succeeded.
   private load(): Promise<boolean> {
     this.loading ??= this.attempt('loading the farm', () => this.loadAll()).finally(() => {
       this.loading = null;
@@ -101,7 +101,7 @@ export class Live {
     return this.loading;
   }
 
-  // Returns whether `work` went well; the page shows why it did not.
+  // Returns whether `work` succeeded; the page shows the reason of a failure.
   private async attempt(what: string, work: () => Promise<void>): Promise<boolean> {
     try {
       await work();
@@ -157,7 +157,7 @@ export class Live {
     const name = this.store.jobName;
     if (!name) return;
     const job = await api.getJob(name, FRAMES_PAGE, token).catch((failure: unknown) => {
-      // The coordinator may have come back without it; everything else is to be followed still.
+      // A restarted coordinator may no longer have the job; everything else is still followed.
       if (failure instanceof api.ApiError && failure.status === 404) return null;
       throw failure;
     });
@@ -171,7 +171,7 @@ export class Live {
   }
 }
 
-// The names on all pages. `load` fetches one: its objects and the token of the next.
+// The names on all pages. `load` fetches one page: its objects and the token of the next.
 async function namesOf(
     load: (pageSize: number, token: string) => Promise<[{name: string}[], string]>) {
   const names = new Set<string>();

@@ -1,15 +1,15 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Ticks of logarithmic axes, and which of them have room for a label.
+// Ticks of logarithmic axes, and the choice of those that get a label.
 
-// From this ratio of an axis' ends on only powers of ten are labelled.
+// If the ends of an axis have at least this ratio, only powers of ten are labeled.
 const DECADES_RATIO = 30;
-// Decades with ticks at most.
+// Maximum number of decades with ticks.
 const DECADES_MAX = 24;
 
-// 1 to 9 times each power of ten from `low` to `high`. The library's own ticks need an axis that
-// begins at a power of ten, and never end on some others.
+// 1 to 9 times each power of ten from `low` to `high`. The chart library's own ticks require an
+// axis that begins at a power of ten, and never terminate for some others.
 export function ticksOf(low: number, high: number): number[] {
   const ticks: number[] = [];
   const last = Math.min(Math.floor(Math.log10(high)), Math.floor(Math.log10(low)) + DECADES_MAX);
@@ -22,7 +22,7 @@ export function ticksOf(low: number, high: number): number[] {
   return ticks;
 }
 
-// The ticks of an axis that have room for a label; null stands for the others.
+// The given ticks; null replaces those without room for a label.
 export function labelled(ticks: number[]): (number|null)[] {
   const [low, high] = [ticks[0] ?? 1, ticks.at(-1) ?? 1];
   const digits = high / low >= DECADES_RATIO ? [1] : [1, 2, 5];

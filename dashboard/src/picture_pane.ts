@@ -1,9 +1,9 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// One picture of the viewer as it grows, in the layer and exposure that a person chose. One version
-// is fetched at a time and swapped in when it is decoded, so the picture never flickers and a slow
-// link sees fewer versions, not a queue of them.
+// One image of the viewer while it is rendered, in the chosen layer and exposure. One version is
+// fetched at a time and swapped in after it is decoded, so the image never flickers, and a slow
+// link skips versions instead of queueing them.
 
 import * as api from './api';
 import type {Frame, Layer, LayerRange} from './api';
@@ -13,26 +13,26 @@ import {PictureViewport} from './picture_viewport';
 import type {Store} from './store';
 import type {Size} from './view_transform';
 
-// From asking for one version to asking for the next, at least; and from having it.
+// Minimum time from one request to the next, and from one reply to the next request.
 const REFRESH_MS = 350;
 const REST_MS = 50;
-// Pixels of a preview at most: larger pictures come shrunk (kPreviewPixelCountMax of the
+// Maximum number of pixels of a preview; larger images are reduced (kPreviewPixelCountMax of the
 // coordinator).
 const PIXELS_MAX = 1 << 21;
 
-// What a pane shall show.
+// The content that a pane should show.
 export interface Wanted {
   frame: Frame|undefined;
-  // Null for the picture as it is now.
+  // Null for the present image.
   round: number|null;
   layer: Layer;
   stops: number;
-  // What stands in the place of a picture that is not there.
+  // Text shown if there is no image.
   note: string;
 }
 
 export interface PaneOptions {
-  // Of the elements: "picture" stands for "picture-box", "picture" and "picture-note".
+  // Prefix of the element ids: "picture" stands for "picture-box", "picture" and "picture-note".
   name: string;
   wanted: () => Wanted;
   onView: () => void;
@@ -45,7 +45,7 @@ export class PicturePane {
   private readonly note: HTMLElement;
   private readonly attempt: string;
   private readonly exposure: Exposure;
-  // What is shown or on its way to be shown: the path, or '' for nothing.
+  // The path that is shown or being fetched, or '' for none.
   private shown = '';
   private isEmpty = true;
   private fetching = false;
@@ -79,7 +79,7 @@ export class PicturePane {
     if (path !== this.shown) void this.fetch(frame, path);
   };
 
-  // Shows nothing from now on.
+  // Removes the image.
   clear() {
     this.shown = '';
     this.isEmpty = true;
@@ -88,7 +88,7 @@ export class PicturePane {
   }
 
   // Another layer or round does not wait for the next version; another exposure of light that is
-  // there needs no fetch at all.
+  // already here needs no fetch.
   hurry() {
     clearTimeout(this.rest);
     this.rest = undefined;
@@ -109,7 +109,7 @@ export class PicturePane {
     setText(this.note, note);
   }
 
-  // Keeps the place free before the first pixel is there.
+  // Reserves the space before the first pixel arrives.
   private setShape(frame: Frame|undefined) {
     if (!frame) return;
     const width = frame.window.x1_px - frame.window.x0_px;
@@ -129,7 +129,8 @@ export class PicturePane {
     try {
       const preview = await api.getPreview(path);
       this.store.note(this.attempt, null);
-      // Another frame, layer or round may have been chosen meanwhile; a newer version is no other.
+      // Meanwhile another frame, layer or round may have been chosen; a newer version does not
+      // count as another.
       const wanted = this.options.wanted();
       if (isSame(wanted, frame, path)) {
         this.show(path, layer, preview?.bitmap ?? null, preview?.range ?? null);
@@ -138,7 +139,7 @@ export class PicturePane {
         preview?.bitmap.close();
       }
     } catch (failure) {
-      // The next version, or the next event, tries again.
+      // The next version or event tries again.
       this.store.note(this.attempt, failure);
     }
     this.fetching = false;
@@ -150,7 +151,7 @@ export class PicturePane {
     }, changed ? 0 : rest);
   }
 
-  // Null where there is no such picture.
+  // Null if there is no such image.
   private show(path: string, layer: Layer, bitmap: ImageBitmap|null, range: LayerRange|null) {
     this.shown = path;
     this.isEmpty = bitmap === null;
@@ -163,20 +164,20 @@ export class PicturePane {
     this.options.onRange(layer, range);
   }
 
-  // A round's smaller picture is seen in the place of the whole one.
+  // A round's smaller image is scaled to the size of the full one.
   private setPicture(bitmap: ImageBitmap) {
     const {frame, round} = this.options.wanted();
     this.viewport.setPicture(bitmap, frame && round !== null ? shownSize(frame) : bitmap);
   }
 }
 
-// Whether what was fetched is still wanted, if perhaps in a newer version.
+// Whether the fetched image is still wanted, possibly in a newer version.
 function isSame(wanted: Wanted, frame: Frame, path: string): boolean {
   if (wanted.frame?.name !== frame.name) return false;
   return api.previewPath(frame, wanted.layer, wanted.round) === path;
 }
 
-// Of a frame's preview.
+// Size of a frame's preview.
 function shownSize({window}: Frame): Size {
   const width = window.x1_px - window.x0_px;
   const height = window.y1_px - window.y0_px;

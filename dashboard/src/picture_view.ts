@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The viewer: the picture of the shown frame, and another one beside it where a person wants to
-// compare. Both are seen in the same layer and exposure, and at the same place.
+// The viewer: the image of the shown frame and, for comparison, another one beside it. Both use the
+// same layer and exposure and show the same region.
 
 import type {Frame, Job, Layer, LayerRange} from './api';
 import {CompareChoice} from './compare_choice';
@@ -51,7 +51,7 @@ export class PictureView {
 
   private readonly draw = () => {
     const {frame, jobName} = this.store;
-    // While a frame of the same job has its first picture on the way, the one before stays.
+    // Until a frame's first image arrives, the previous frame of the same job stays visible.
     if (this.job !== jobName) this.pane.clear();
     this.job = jobName;
     this.rounds.show(frame);
@@ -71,7 +71,7 @@ export class PictureView {
   private wanted(frame: Frame|undefined, note: string, chosen: number|null) {
     const {layer, stops} = this.controls;
     if (layer !== 'time') return {frame, layer, stops, note, round: chosen};
-    // Times are known of all rounds together.
+    // Times are recorded over all rounds together.
     return {frame, layer, stops, round: null, note: 'No times are kept for this frame.'};
   }
 
@@ -81,7 +81,7 @@ export class PictureView {
     this.drawNames();
   }
 
-  // Tells two pictures apart, and their colours, which may stand for different ranges.
+  // Names the two images and their color scales, whose ranges may differ.
   private drawNames() {
     const {frame, beside} = this.store;
     const name = (of: Frame|undefined, range: string) =>

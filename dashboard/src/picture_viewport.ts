@@ -1,32 +1,32 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Draws a picture into the box at the wanted zoom, and zooms and pans by wheel and by dragging. The
-// canvas has the pixels of the screen, so a zoom of 1 shows every pixel of the picture as one.
+// Draws an image into its box at the chosen zoom; wheel and dragging zoom and pan. The canvas has
+// the resolution of the screen, so a zoom of 1 shows every image pixel as one screen pixel.
 
 import type {Point, Size} from './view_transform';
 import {ViewTransform} from './view_transform';
 
-// From this scale on pixels are squares; below it, and while fitted, they are blended.
+// From this scale on pixels are drawn as squares; below it and while fitted they are interpolated.
 const SQUARES_SCALE_MIN = 2;
-// Wheel travel, in the unit of WheelEvent.deltaY, that doubles the scale.
+// Wheel travel that doubles the scale, in the unit of WheelEvent.deltaY.
 const WHEEL_DOUBLING_PX = 300;
-// Of a line where a wheel counts in lines.
+// Height of a line for wheels that count in lines.
 const WHEEL_LINE_PX = 20;
 
 export class PictureViewport {
   private readonly view = new ViewTransform();
   private bitmap: ImageBitmap|null = null;
-  // As which the bitmap is shown.
+  // The size at which the bitmap is shown.
   private size: Size = {width: 1, height: 1};
   private scheduled = false;
   private dragged: Point|null = null;
-  // Another one that shows the same part of its picture; of the two, one leads where a picture is
-  // new.
+  // A viewport that shows the same region of its own image. The most recently changed one of the
+  // two determines the region.
   private partner: PictureViewport|null = null;
   private isLed = false;
 
-  // `onView` is told of every change of the zoom.
+  // `onView` is called after every change of the zoom.
   constructor(
       private readonly box: HTMLElement, private readonly canvas: HTMLCanvasElement,
       private readonly onView: () => void) {
@@ -39,7 +39,7 @@ export class PictureViewport {
     }
   }
 
-  // Shows a picture from now on, or none; as one of this size, where it is a smaller copy.
+  // Shows an image, or none. size: its nominal size if the bitmap is a reduced copy.
   setPicture(bitmap: ImageBitmap|null, size: Size|null = bitmap) {
     this.bitmap?.close();
     this.bitmap = bitmap;
@@ -53,7 +53,7 @@ export class PictureViewport {
     if (!this.isLed) this.lead();
   }
 
-  // The second shows what the first does, and the other way round from then on.
+  // Makes `led` show the same region as this viewport; afterwards each follows the other.
   link(led: PictureViewport) {
     this.partner = led;
     led.partner = this;
@@ -69,13 +69,13 @@ export class PictureViewport {
     this.redraw();
   }
 
-  // After a change by a person.
+  // Called after a change by a person.
   private moved() {
     this.redraw();
     this.lead();
   }
 
-  // Screen pixels for one of the picture.
+  // Screen pixels per image pixel.
   get scale(): number {
     return this.view.scale;
   }
@@ -94,7 +94,7 @@ export class PictureViewport {
     this.moved();
   }
 
-  // By shares of the box.
+  // x and y are fractions of the box.
   panByShare(x: number, y: number) {
     this.view.panBy(x * this.canvas.width, y * this.canvas.height);
     this.moved();
@@ -107,11 +107,11 @@ export class PictureViewport {
     this.canvas.width = width;
     this.canvas.height = height;
     this.view.setBox({width, height});
-    // Setting a size has emptied the canvas: draw before the screen shows it.
+    // Setting the size has cleared the canvas: draw before the screen shows it.
     this.draw();
   }
 
-  // At most once for each picture of the screen.
+  // Draws at most once per animation frame.
   private redraw() {
     if (this.scheduled) return;
     this.scheduled = true;
@@ -135,7 +135,7 @@ export class PictureViewport {
       context.setTransform(scale, 0, 0, scale, origin.x, origin.y);
       context.drawImage(this.bitmap, 0, 0, width, height);
     }
-    // A fitted picture leaves touches to the page, so that one can scroll past it.
+    // A fitted image leaves touches to the page, so that one can scroll past it.
     this.box.dataset.fitted = isFitted ? 'yes' : 'no';
     this.onView();
   }
@@ -153,7 +153,7 @@ export class PictureViewport {
     const travel = event.deltaMode === WheelEvent.DOM_DELTA_PIXEL ? event.deltaY :
                                                                     event.deltaY * WHEEL_LINE_PX;
     const scale = this.view.scale * 2 ** (-travel / WHEEL_DOUBLING_PX);
-    // At the end of the zoom the wheel scrolls the page again.
+    // At the limits of the zoom the wheel scrolls the page again.
     if (!this.view.zoomTo(scale, this.pointOf(event))) return;
     event.preventDefault();
     this.moved();
@@ -180,7 +180,7 @@ export class PictureViewport {
   }
 }
 
-// Both show the same part of their pictures from now on; at first that of `first`.
+// Links two viewports to the same region, at first that of `first`.
 export function linkViewports(first: PictureViewport, second: PictureViewport) {
   first.link(second);
 }

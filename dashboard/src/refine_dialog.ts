@@ -1,19 +1,19 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Asks how far a finished job shall be refined: a slider of the error of a pixel, and what each
-// place of it costs on the farm as it is now. Prices of some errors are fetched, and again while
-// the question stands; those between them are interpolated.
+// Asks for the target error of a refinement: a slider of the error of a pixel, with the cost of its
+// position on the farm at present. Prices of some errors are fetched, repeatedly while the dialog
+// is open; others are interpolated.
 
 import * as api from './api';
 import type {Estimate, Job, RefinePrice, RefinePrices} from './api';
 import {byId, setText} from './dom';
 import * as format from './format';
 
-// Of relMSE, from the slider's left end to its right.
+// Factor in relMSE between the slider's left and right end.
 const REACH = 100;
 const PRICE_COUNT = 21;
-// Half the error of a pixel, about.
+// Slider position for about half the error of a pixel.
 const START_SHARE = 0.3;
 const PRICE_INTERVAL_MS = 5000;
 
@@ -27,7 +27,7 @@ export class RefineDialog {
     this.slider.addEventListener('input', () => this.draw());
   }
 
-  // Returns the relMSE that was chosen; null for no.
+  // Returns the chosen relMSE; null if the person declined.
   async ask(job: Job): Promise<number|null> {
     if (this.dialog.open || !job.progress.relative_mse) return null;
     this.job = job;
@@ -89,7 +89,7 @@ export class RefineDialog {
 
 const targetAt = (job: Job, share: number) => (job.progress.relative_mse ?? 0) * REACH ** -share;
 
-// Between two prices that are known: along a straight line where both axes are logarithmic.
+// Interpolates between two known prices, linearly on logarithmic axes.
 function priceAt(prices: readonly RefinePrice[], share: number): RefinePrice|null {
   const place = share * (prices.length - 1);
   const below = prices[Math.floor(place)];

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The slider between rounds: which round's end the viewer shows of a frame, or what there is now,
-// at its right end. With it stands how many samples and which error the picture had then.
+// The slider between rounds: selects the round whose final image the viewer shows, or the present
+// image at its right end. Its label states the samples and the error of that image.
 
 import type {Frame} from './api';
 import {byId, setText} from './dom';
@@ -11,11 +11,11 @@ import * as format from './format';
 export class RoundSlider {
   private readonly slider = byId<HTMLInputElement>('round');
   private frame: Frame|undefined;
-  // Those that are kept, by their index in frame.rounds.
+  // Indices in frame.rounds of the rounds with a stored image.
   private kept: number[] = [];
   private chosen: number|null = null;
 
-  // `onChange` is told when a person chose another round.
+  // `onChange` is called when a person chooses another round.
   constructor(onChange: () => void) {
     this.slider.addEventListener('input', () => {
       this.chosen = this.kept[this.slider.valueAsNumber] ?? null;
@@ -24,7 +24,7 @@ export class RoundSlider {
     });
   }
 
-  // Null for the picture as it is now.
+  // Null for the present image.
   get round(): number|null {
     return this.chosen;
   }
@@ -50,7 +50,7 @@ export class RoundSlider {
   }
 }
 
-// The last round of a complete frame is what there is now.
+// The last round of a complete frame is the present image.
 function keptOf(frame: Frame|undefined): number[] {
   const rounds = frame?.rounds ?? [];
   return rounds.map((_, i) => i)

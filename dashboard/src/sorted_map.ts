@@ -1,16 +1,16 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Objects by name, with a fixed order. There may be thousands, and events bring the same ones again
-// and again: so they are sorted only when some came or went.
+// Objects by name in a fixed order. There may be thousands, and events update the same ones
+// repeatedly; they are therefore sorted only after additions or removals.
 
 export class SortedMap<Item extends {name: string}> {
-  // By name, where each lies in `items`.
+  // Index in `items` by name.
   private readonly places = new Map<string, number>();
   private items: Item[] = [];
   private isSorted = true;
 
-  // `compare` may not depend on what changes about an object.
+  // `compare` must not depend on properties that change.
   constructor(private readonly compare: (a: Item, b: Item) => number) {}
 
   get(name: string): Item|undefined {
@@ -27,7 +27,7 @@ export class SortedMap<Item extends {name: string}> {
     this.isSorted = false;
   }
 
-  // Forgets all others.
+  // Removes all others.
   keepOnly(names: Set<string>) {
     if (this.items.every((item) => names.has(item.name))) return;
     this.arrange(this.items.filter((item) => names.has(item.name)));

@@ -1,9 +1,9 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// What the page knows: the latest object under each name, what is selected, and what went wrong.
-// Views listen to a topic and are told at most once per drawn picture, however many events came,
-// and a few at a time, so that no task grows long.
+// The page's data: the latest object of each name, the selection, and the problems. Views listen to
+// a topic. They are called at most once per animation frame, however many events came, and a few at
+// a time, so that no task takes long.
 
 import type {Counter, EffectCost, Frame, Job, Worker} from './api';
 import {WatchedCurve, curveOfRounds} from './curve';
@@ -15,10 +15,10 @@ export type Topic =
     'jobs'|'workers'|'frames'|'effects'|'counters'|'selection'|'beside'|'connection'|'problems';
 export type Connection = 'live'|'connecting'|'polling'|'reconnecting';
 
-// Of drawing in one task; what is left is drawn with the next picture.
+// Time limit for listeners in one task; the rest is called in the next animation frame.
 const TELL_MS_MAX = 8;
 
-// Rounds of a frame that make a curve.
+// Minimum number of rounds of a frame that make a curve.
 const ROUNDS_MIN = 2;
 
 export class Store {
@@ -27,25 +27,25 @@ export class Store {
   // Frames of the selected job only.
   readonly frames = new SortedMap<Frame>((a, b) => a.frame_number - b.frame_number);
   framesToken = '';
-  // Of the selected job's scene.
+  // Effects of the selected job's scene.
   effects: readonly EffectCost[] = [];
-  // A frame of any job, to be seen beside the shown one.
+  // A frame of any job, shown beside the current one.
   beside: Frame|undefined;
   counters: Counter[] = [];
   jobName: string|null = null;
-  // Whether the coordinator says that it has no such job.
+  // Whether the coordinator reports that it has no such job.
   jobMissing = false;
   frameName: string|null = null;
   connection: Connection = 'connecting';
-  // What could not be done, by what it was: "loading frames" -> "why".
+  // Failures by attempt: "loading frames" -> "why".
   readonly problems = new Map<string, string>();
-  // Those that were dismissed: unseen until the attempt goes well once, or fails in another way.
+  // Dismissed problems: hidden until the attempt succeeds once or fails in another way.
   private readonly dismissed = new Map<string, string>();
-  // Of the selected job, as seen since it was selected.
+  // Curve of the selected job since it was selected.
   private watchedCurve = new WatchedCurve();
   private readonly listeners = new Map<Topic, (() => void)[]>();
   private readonly changed = new Set<Topic>();
-  // Those that are to be told yet.
+  // Listeners to be called.
   private readonly untold = new Set<() => void>();
   private scheduled = false;
 
@@ -79,8 +79,8 @@ export class Store {
     if (this.untold.size > 0) this.schedule();
   }
 
-  // Notes how an attempt ended: what was wrong, or null where it went well. What somebody asks for
-  // notes null before it begins, too: it is seen again that it fails.
+  // Records the result of an attempt: the failure, or null for success. Attempts that a person
+  // starts also record null before they begin, so that a repeated failure is shown again.
   note(attempt: string, failure: unknown) {
     const words = failure instanceof Error ? failure.message : failure === null ? '' : `${failure}`;
     if (words && this.dismissed.get(attempt) === words) return;
@@ -118,7 +118,7 @@ export class Store {
     this.touch('frames');
   }
 
-  // The same ones again change nothing.
+  // Setting the same effects again changes nothing.
   setEffects(effects: readonly EffectCost[]) {
     if (JSON.stringify(effects) === JSON.stringify(this.effects)) return;
     this.effects = effects;
@@ -166,20 +166,20 @@ export class Store {
     this.touch('selection');
   }
 
-  // How the error fell: of the shown frame from its beginning where the coordinator noted that,
-  // or else of the selected job since somebody looks.
+  // The error over time: from the rounds of the shown frame if the coordinator recorded them,
+  // otherwise from the progress of the selected job since the page was opened.
   get curve(): CurveSource {
     const rounds = this.frame?.rounds ?? [];
     if (rounds.length < ROUNDS_MIN) return this.watchedCurve;
     const noted = curveOfRounds(rounds);
-    // Without a rule they are few, and what was seen since goes on from them.
+    // Without a target error there are few rounds, and the observed progress extends them.
     if (this.frame?.stop?.target_error || this.job?.frame_count !== 1) return noted;
     const last = noted.points.at(-1)?.sampleCount ?? 0;
     const seen = this.watchedCurve.points.filter((point) => point.sampleCount > last);
     return {points: [...noted.points, ...seen]};
   }
 
-  // The error of a pixel, the root of relMSE, at which the shown frame is to end; 0 for none.
+  // The target error of a pixel for the shown frame, the root of its relMSE; 0 for none.
   get targetError(): number {
     return Math.sqrt(this.frame?.stop?.target_error ?? 0);
   }
@@ -188,8 +188,8 @@ export class Store {
     return this.jobs.get(this.jobName ?? '');
   }
 
-  // The chosen frame, or else the one that shows most life: the first that is begun and not
-  // complete, or the last complete one.
+  // The chosen frame or, by default, the most active one: the first that has begun and is not
+  // complete, otherwise the last complete one.
   get frame(): Frame|undefined {
     const chosen = this.frames.get(this.frameName ?? '');
     if (chosen) return chosen;

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Light, dark, or as the system says. A choice is kept in the browser.
+// Light or dark theme, or the system's. The browser stores the choice.
 
 import {byId} from './dom';
 

@@ -1,15 +1,16 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Small pictures in rows of lists, which show another frame when the list is scrolled.
+// Thumbnails in rows of lists. A row shows another frame when the list is scrolled.
 
 import * as api from './api';
 import type {Pictured} from './api';
 import {el} from './dom';
 
-// Between two pictures of a frame that is being rendered.
+// Minimum time between two images of a frame that is being rendered.
 const REFRESH_MS = 5000;
-// A row that shows another frame by then was only scrolled past, and asks for no picture.
+// A row requests its image only if it still shows the frame after this time: others were scrolled
+// past.
 const SETTLED_MS = 100;
 
 interface Shown {
@@ -26,7 +27,7 @@ export class Thumbnails {
     this.shown.clear();
   }
 
-  // Hidden until something comes.
+  // The image is hidden until it has loaded.
   static make(): HTMLImageElement {
     const picture =
         el('img', {alt: '', decoding: 'async', fetchpriority: 'low', hidden: ''}) as
@@ -40,7 +41,7 @@ export class Thumbnails {
     return picture;
   }
 
-  // In an image that make() returned; null shows none.
+  // picture: an image that make() returned. Null hides it.
   show(picture: HTMLImageElement, frame: Pictured|null) {
     const path = frame && frame.preview_version > 0 ? this.pathOf(frame) : '';
     if (picture.dataset.path === path) return;
@@ -59,7 +60,7 @@ export class Thumbnails {
     }, SETTLED_MS);
   }
 
-  // Of the newest version, or of one that is not old yet.
+  // The path of the newest version, or of an earlier one that is recent enough.
   private pathOf(frame: Pictured): string {
     const path = api.thumbnailPath(frame);
     const known = this.shown.get(frame.name);

@@ -1,9 +1,9 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Where a picture lies in a box: fitted, or at a scale of its own with the box over some part of
-// it. Numbers alone, no elements. Lengths are pixels of the screen; the scale is pixels of the
-// screen for one of the picture.
+// The position of an image in a box: fitted, or at a chosen scale with the box over some part of
+// it. Pure computation without elements. Lengths are in screen pixels; the scale is in screen
+// pixels per image pixel.
 
 export interface Size {
   width: number;
@@ -20,16 +20,16 @@ export const SCALE_MAX = 64;
 export class ViewTransform {
   private box: Size = {width: 1, height: 1};
   private picture: Size = {width: 1, height: 1};
-  // Null while the picture is fitted into the box.
+  // Null while the image is fitted into the box.
   private chosenScale: number|null = null;
-  // The point of the picture in the middle of the box, 0 to 1 along each side.
+  // The image point in the middle of the box, 0 to 1 along each side.
   private centre: Point = {x: 0.5, y: 0.5};
 
   setBox(size: Size) {
     this.box = {width: Math.max(1, size.width), height: Math.max(1, size.height)};
   }
 
-  // A picture of another size is fitted anew; one of the same size is seen as the one before.
+  // An image of another size is fitted again; one of the same size keeps the view.
   setPicture(size: Size) {
     if (size.width === this.picture.width && size.height === this.picture.height) return;
     this.picture = {width: size.width, height: size.height};
@@ -49,7 +49,7 @@ export class ViewTransform {
     return this.chosenScale ?? this.fittedScale;
   }
 
-  // Where the picture's first pixel lies in the box, in whole pixels.
+  // Position of the image's first pixel in the box, in whole pixels.
   get origin(): Point {
     const along = (box: number, picture: number, centre: number) => {
       const length = picture * this.scale;
@@ -62,7 +62,7 @@ export class ViewTransform {
     };
   }
 
-  // Shows the same part of this picture as `other` does of its own, whatever their sizes.
+  // Shows the same part of this image as `other` shows of its image, whatever their sizes.
   follow(other: ViewTransform) {
     this.chosenScale =
         other.isFitted ? null : other.scale * other.picture.width / this.picture.width;
@@ -74,8 +74,8 @@ export class ViewTransform {
     this.centre = {x: 0.5, y: 0.5};
   }
 
-  // Zooms so that the picture stays where it is at `anchor`, by default the middle of the box.
-  // Returns whether anything changed.
+  // Zooms with the image point at `anchor` fixed; by default the middle of the box. Returns whether
+  // anything changed.
   zoomTo(scale: number, anchor?: Point): boolean {
     const {fittedScale, scale: before} = this;
     const at = anchor ?? {x: this.box.width / 2, y: this.box.height / 2};
@@ -91,13 +91,13 @@ export class ViewTransform {
     return true;
   }
 
-  // Moves the picture, as far as it reaches.
+  // Moves the image, as far as its edges allow.
   panBy(dx: number, dy: number) {
     const origin = this.origin;
     this.moveTo({x: origin.x + dx, y: origin.y + dy});
   }
 
-  // Puts the first pixel there, or as near as the picture's edges let it.
+  // Moves the first pixel to origin, or as close as the image's edges allow.
   private moveTo(origin: Point) {
     const along = (box: number, picture: number, start: number) => {
       const length = picture * this.scale;

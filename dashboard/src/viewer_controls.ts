@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The picture viewer's controls: layer, exposure, zoom, the keys for them, and the legend of false
-// colours. Keys work while the focus is in the viewer, so that no key surprises elsewhere.
+// The viewer's controls: layer, exposure, zoom, their keys, and the legend of false colors. Keys
+// work only while the viewer has the focus, so that they have no effect elsewhere.
 
 import type {Layer, LayerRange} from './api';
 import {falseColorPath} from './api';
@@ -11,7 +11,7 @@ import {STOPS_MAX, STOPS_STEP} from './exposure';
 import * as format from './format';
 import type {PictureViewport} from './picture_viewport';
 
-// By which the keys and buttons zoom, and share of the box by which arrows pan.
+// Zoom factor of keys and buttons, and the fraction of the box by which arrow keys pan.
 const ZOOM_STEP = 2;
 const PAN_SHARE = 0.125;
 
@@ -27,7 +27,7 @@ export class ViewerControls {
   private readonly layerSelect = byId<HTMLSelectElement>('layer');
   private readonly exposure = byId<HTMLInputElement>('exposure');
 
-  // `onChange` is told of another layer or exposure.
+  // `onChange` is called when the layer or the exposure changes.
   constructor(private readonly viewport: PictureViewport, private readonly onChange: () => void) {
     this.exposure.min = String(-STOPS_MAX);
     this.exposure.max = String(STOPS_MAX);
@@ -48,13 +48,13 @@ export class ViewerControls {
     return Number(this.exposure.value);
   }
 
-  // What to fetch: another exposure needs the light itself, not the picture made of it.
+  // The layer to fetch: another exposure needs the linear light instead of the finished image.
   get layer(): Layer {
     const chosen = this.layerSelect.value as Layer;
     return chosen === 'picture' && this.stops !== 0 ? 'light' : chosen;
   }
 
-  // Follows the viewport.
+  // Updates the zoom controls from the viewport.
   drawZoom() {
     const {scale, isFitted} = this.viewport;
     setText(byId('zoom-level'), format.zoom(scale));
@@ -62,7 +62,7 @@ export class ViewerControls {
     byId('picture-zoom').setAttribute('aria-pressed', String(scale === 1));
   }
 
-  // What the colours of the shown layer stand for.
+  // Draws the color scale of the shown layer.
   drawLegend(layer: Layer, range: LayerRange|null) {
     byId('legend').hidden = range === null;
     if (!range) return;
@@ -124,7 +124,7 @@ export class ViewerControls {
     return actions[key];
   }
 
-  // An arrow moves what is seen that way, so the picture moves the other way.
+  // An arrow key moves the view in its direction, so the image moves the opposite way.
   private panOf(key: string): (() => void)|undefined {
     const steps: Record<string, [number, number]> = {
       ArrowLeft: [PAN_SHARE, 0],
@@ -133,7 +133,7 @@ export class ViewerControls {
       ArrowDown: [0, -PAN_SHARE],
     };
     const step = steps[key];
-    // A fitted picture leaves the arrows to the page.
+    // A fitted image leaves the arrow keys to the page.
     if (!step || this.viewport.isFitted) return undefined;
     return () => this.viewport.panByShare(...step);
   }
@@ -145,7 +145,7 @@ function valueWords(layer: Layer, range: LayerRange, value: number): string {
   return layer === 'time' ? format.shortTime(value) : format.exact(value);
 }
 
-// "0.1 % to 20 %"; nothing for layers without false colours.
+// "0.1 % to 20 %"; empty for layers without false colors.
 export function rangeWords(layer: Layer, range: LayerRange|null): string {
   if (!range) return '';
   return valueWords(layer, range, range.low) + ' to ' + valueWords(layer, range, range.high);

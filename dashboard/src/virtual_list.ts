@@ -2,37 +2,37 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // A list or grid of any length that keeps only the visible rows in the document. Rows have one
-// height, and a grid's cells one width, taken from the style sheet; they are reused while
-// scrolling. It is one stop of the Tab key; arrows, Home, End and the page keys move the selection.
+// height and a grid's cells one width, taken from the style sheet; rows are reused while scrolling.
+// The list is one stop of the Tab key; arrow, Home, End and page keys move the selection.
 
 import {el} from './dom';
 
-// Rows drawn beyond the visible ones at each end, so that a quick scroll shows no gap.
+// Rows drawn beyond each end of the visible ones, so that fast scrolling shows no gap.
 const OVERSCAN = 6;
 
 export interface VirtualListOptions<Item> {
   label: string;
-  // Of the style sheet, in rem.
+  // Name of a style property, in rem.
   rowHeightProperty: string;
-  // Likewise; where it is given, as many cells as have room make a row.
+  // Likewise. If given, a row holds as many cells as fit.
   cellWidthProperty?: string;
   makeRow: () => HTMLElement;
   updateRow: (row: HTMLElement, item: Item) => void;
   keyOf: (item: Item) => string;
-  // Where it is given, the list is one to choose from.
+  // If given, items can be selected.
   onSelect?: (item: Item) => void;
 }
 
 export class VirtualList<Item> {
   private items: readonly Item[] = [];
   private selectedKey: string|null = null;
-  // Item i is in row i modulo their number, so that what stays in sight while scrolling stays in
-  // its row.
+  // Item i is in row i modulo their number, so that items that stay visible while scrolling keep
+  // their row.
   private readonly rows: HTMLElement[] = [];
-  // What each row was drawn with last.
+  // The item that each row was last drawn with.
   private readonly drawn = new WeakMap<HTMLElement, Item>();
   private readonly space = el('div', {class: 'vlist-space'});
-  // In pixels, as last measured; a row of height 0 means not yet.
+  // In pixels, as last measured; 0 means not measured yet.
   private rowHeight = 0;
   private height = 0;
   private cellWidth = 0;
@@ -53,7 +53,7 @@ export class VirtualList<Item> {
       this.draw(true);
     }, {passive: true});
     new ResizeObserver(() => this.measure()).observe(root);
-    // A row's height follows the root font, which follows the window.
+    // A row's height depends on the root font, which depends on the window.
     addEventListener('resize', () => this.measure());
     if (this.onSelect) {
       root.addEventListener('keydown', (event) => this.onKey(event));
@@ -61,8 +61,7 @@ export class VirtualList<Item> {
     }
   }
 
-  // Asked for only when something may have changed: each question makes the browser lay the page
-  // out.
+  // Called only after a possible change: each query forces a layout.
   private measure() {
     const rem = parseFloat(getComputedStyle(document.documentElement).fontSize);
     const style = getComputedStyle(this.root);
@@ -83,9 +82,9 @@ export class VirtualList<Item> {
     this.draw();
   }
 
-  // `scrolled`: nothing but the place has changed since the last time.
+  // `scrolled`: only the scroll position has changed since the last call.
   private draw(scrolled = false) {
-    // For style sheets that make a short list no higher than it needs.
+    // Lets style sheets make a short list no higher than needed.
     const rowCount = Math.ceil(this.items.length / this.columns);
     this.root.style.setProperty('--row-count', String(rowCount));
     const height = this.rowHeight;
@@ -93,7 +92,7 @@ export class VirtualList<Item> {
     this.space.style.height = rowCount * height + 'px';
     const overscan = Math.ceil(OVERSCAN / this.columns);
     const visible = Math.ceil(this.height / height) + 2 * overscan;
-    // A list that became shorter is scrolled back by the browser, but later.
+    // The browser scrolls a list back after it became shorter, but only later.
     const firstMax = Math.max(0, rowCount - visible);
     const firstRow =
         Math.min(firstMax, Math.max(0, Math.floor(this.scrollTop / height) - overscan));

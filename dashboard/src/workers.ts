@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The workers: what each does now, how fast it is, and what it has in its memory.
+// The workers: their present task, speed and memory.
 
 import type {Worker} from './api';
 import {badge, byId, child, el, setBadge, setText} from './dom';
@@ -9,7 +9,7 @@ import * as format from './format';
 import type {Store} from './store';
 import {VirtualList} from './virtual_list';
 
-// "Seen 3 s ago" grows old without an event.
+// "Seen 3 s ago" changes without an event.
 const AGE_MS = 1000;
 
 export class WorkersView {

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Rows of bars or dots over one axis or several beside each other. Positions are shares of the
+// Rows of bars or dots over one axis or several axes side by side. Positions are fractions of the
 // width, so the browser fits them to any window without a script.
 
 import {el} from '../dom';
@@ -15,20 +15,20 @@ import {svg} from './svg';
 export interface Column {
   heading: string;
   scale: Scale;
-  // A bar begins here; null draws a dot in its place.
+  // The value at which bars begin; null draws dots instead.
   origin: number|null;
-  // Values that a line marks in every row: "1" of a ratio.
+  // Values marked by a line in every row, such as 1 for a ratio.
   marks: number[];
 }
 
 export interface Cell {
   value: Maybe;
   error?: Maybe;
-  // Of which nothing but the highest possible value is known.
+  // Only an upper bound of the value is known.
   isLimit?: boolean;
-  // Drawn small beside the value, for comparison.
+  // A second value, drawn small for comparison.
   other?: Maybe;
-  // The numbers in words.
+  // The numbers as text.
   words: string;
   isAlarming?: boolean;
 }
@@ -37,7 +37,7 @@ export interface Row {
   name: string;
   note?: string;
   series: Series|null;
-  // One for each column.
+  // One per column.
   cells: Cell[];
 }
 
@@ -45,8 +45,8 @@ const TRACK_HEIGHT_REM = 1.5;
 
 const percent = (share: number) => (100 * share).toFixed(3) + '%';
 
-// A figure with the id; data-count says how many bars and dots it has. `empty` is said in place of
-// a chart with nothing in it.
+// A figure with the id; data-count gives the number of its bars and dots. `empty` is the text shown
+// if there are none.
 export function barChart(
     id: string, label: string, columns: Column[], rows: Row[], empty: string): HTMLElement {
   const drawn = rows.reduce(
@@ -125,7 +125,7 @@ function track(cell: Cell, column: Column, series: Series|null): HTMLElement {
 const upright = (name: string, at: number) =>
     svg('line', {class: name, x1: percent(at), x2: percent(at), y1: '0%', y2: '100%'});
 
-// At least a hair wide, so that a value at the origin is seen.
+// At least a hair wide, so that a value at the origin is visible.
 function bar(name: string, from: number, to: number): SVGElement {
   const width = Math.max(0.003, Math.abs(to - from));
   const x = Math.min(from, to, 1 - width);

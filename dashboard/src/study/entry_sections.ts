@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The sections that compare entries: their errors against time, time to the same error, what bias
-// leaves, and how fast errors fall.
+// The sections that compare entries: error against time, time to equal error, bias floors, and
+// convergence rates.
 
 import {el} from '../dom';
 
@@ -17,9 +17,9 @@ import {section} from './section';
 import {seriesAt} from './svg';
 import {numbersTable} from './table';
 
-// Standard errors that a floor that was not found may have at most, in words and as drawn.
+// An undetected bias floor is limited to this many standard errors, in the text and in the drawing.
 const LIMIT_ERRORS = 2;
-// The least that the axis of rates shows: the rate of Monte Carlo in its middle.
+// Range of the axis of rates; the rate of Monte Carlo is in its middle.
 const RATE_LOW = 0.5;
 const RATE_HIGH = 1.5;
 
@@ -100,7 +100,7 @@ export function gainSection(study: Study): HTMLElement {
           2));
 }
 
-// The highest floor that the measurement leaves possible; null where nothing is known.
+// The highest floor compatible with the measurement; null if unknown.
 function limitOf({bias_floor: floor}: Entry): number|null {
   if (!floor || !isKnown(floor.relative_mse)) return null;
   return Math.max(0, floor.relative_mse) + LIMIT_ERRORS * (floor.error ?? 0);
@@ -199,7 +199,7 @@ export function rateSection(study: Study): HTMLElement {
                   [entry.name, numbers.plain(entry.rate), numbers.plain(entry.rate_error)])));
 }
 
-// Every entry, how it differs, and what chooses it.
+// Every entry, its difference from the base, and its command-line flag.
 export function entriesList(study: Study): HTMLElement {
   const items = study.entries.map(({name, how, flag}) => {
     const item = el('li', {}, el('strong', {}, name), how ? ': ' + how : '');

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Error against CPU time of every entry, both axes logarithmic: a line and error bars for each, the
-// front of points that no other beats in both, and the errors that bias leaves.
+// Error against CPU time of every entry on logarithmic axes: a line with error bars for each, the
+// Pareto front, and the bias floors.
 
 import {el} from '../dom';
 
@@ -41,13 +41,13 @@ interface Plot {
 
 const ID = 'chart-error';
 const EMPTY = 'No error was measured, so there is nothing to plot against time.';
-// Height of the chart over its width, and its bounds.
+// Height of the chart over its width, and the limits of the height.
 const ASPECT = 0.55;
 const HEIGHT_REM_MIN = 20;
 const HEIGHT_REM_MAX = 38;
-// Room around the plot: top, right, bottom, left.
+// Margins of the plot: top, right, bottom, left.
 const ROOM_REM = [0.8, 1.2, 3.2, 4.2] as const;
-// The error of the reference is drawn where it is no farther below the points than this factor.
+// The error of the reference is drawn if it is at most this factor below the points.
 const REFERENCE_REACH = 30;
 
 const isPlaced = (point: Point): point is PlacedPoint => isKnown(point.cpu_seconds) &&
@@ -77,7 +77,7 @@ class ErrorTimeChart {
   });
   private readonly tips = new Tips(this.plot);
   private picture: SVGElement|null = null;
-  // Lines and floors in the order of `lines`.
+  // Lines and floors, in the order of `lines`.
   private groups: SVGElement[] = [];
 
   constructor(private readonly study: Study, private readonly lines: Line[]) {
@@ -122,7 +122,7 @@ class ErrorTimeChart {
         svg('svg', {width, height: plot.height, viewBox: `0 0 ${width} ${plot.height}`},
             ...drawAxes(plot), drawPromise(this.lines, plot), drawFront(this.lines, plot),
             drawReference(this.reference(), plot), ...this.groups);
-    // On top, as entries that differ in nothing seen lie upon each other.
+    // The base is on top, since entries without visible differences coincide.
     const base = this.groups[this.lines.findIndex(({entry}) => entry.is_base)];
     if (base) picture.append(base);
     if (this.picture)
@@ -137,7 +137,7 @@ class ErrorTimeChart {
     const rem = parseFloat(getComputedStyle(document.documentElement).fontSize);
     const height = Math.max(HEIGHT_REM_MIN * rem, Math.min(HEIGHT_REM_MAX * rem, ASPECT * width));
     const points = this.lines.flatMap((line) => line.points);
-    // Of all entries, so that hiding one moves nothing.
+    // Over all entries, so that hiding one does not change the scale.
     const xScale = logScale(points.map((point) => point.cpu_seconds), tickTime);
     const yScale = logScale(
         [
@@ -207,7 +207,8 @@ function drawAxes(plot: Plot): SVGElement[] {
 const pathOf = (places: [number, number][]) =>
     'M' + places.map(([x, y]) => x.toFixed(2) + ',' + y.toFixed(2)).join('L');
 
-// Half the error for twice the time, from the first point of the base: as Monte Carlo promises.
+// Half the error for twice the time, starting at the first point of the base: the rate of Monte
+// Carlo.
 function drawPromise(lines: Line[], plot: Plot): SVGElement {
   const base = lines.find(({entry}) => entry.is_base) ?? lines[0];
   const first = base?.points[0];
@@ -225,7 +226,7 @@ function drawPromise(lines: Line[], plot: Plot): SVGElement {
   });
 }
 
-// The least error to be had for a time: in steps, as it falls only where a point is. Of all
+// The smallest error for each time, as a step function that falls only at points. It covers all
 // entries: hiding one does not make another the best.
 function drawFront(lines: Line[], plot: Plot): SVGElement {
   const front = lines.flatMap(({points}) => points.filter((point) => point.on_front));

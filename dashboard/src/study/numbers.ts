@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Measured numbers as people read them. What is not known is a dash.
+// Formats measured numbers for people. Unknown values are dashes.
 
 import * as format from '../format';
 
@@ -10,16 +10,16 @@ export type Maybe = number|null|undefined;
 const UNKNOWN = '–';
 const MINUS = '\u2212';
 const SUPERSCRIPTS = '⁰¹²³⁴⁵⁶⁷⁸⁹';
-// Numbers from here on are written with a power of ten.
+// Smaller numbers are written with a power of ten.
 const PLAIN_MIN = 1e-3;
 const PLAIN_MAX = 1e5;
-// Digits that a number with an error may have.
+// Maximum number of digits of a number with an error.
 const DIGITS_MAX = 5;
 
 export const isKnown = (value: Maybe): value is number =>
     typeof value === 'number' && Number.isFinite(value);
 
-// The power of ten at which the digits of a number begin. Requires: value is not 0.
+// The power of ten of a number's first digit. Requires: value is not 0.
 const powerOf = (value: number) => Math.floor(Math.log10(Math.abs(value)) + 1e-12);
 
 const withMinus = (text: string) => text.replace('-', MINUS);
@@ -30,18 +30,18 @@ export function tenTo(power: number): string {
   return '10' + (power < 0 ? '⁻' : '') + digits;
 }
 
-// Of a logarithmic axis: 0.0002 -> "2·10⁻⁴", 0.1 -> "10⁻¹".
+// Tick of a logarithmic axis: 0.0002 -> "2·10⁻⁴", 0.1 -> "10⁻¹".
 export function powerTick(value: number): string {
   const power = powerOf(value);
   const leading = Math.round(value / 10 ** power);
   return (leading === 1 ? '' : leading + '·') + tenTo(power);
 }
 
-// The same, but plain where that is short: 0.05 -> "0.05".
+// The same, but plain if that is short: 0.05 -> "0.05".
 export const tick = (value: number) =>
     value >= 0.01 && value < 1e4 ? String(Number(value.toPrecision(2))) : powerTick(value);
 
-// "0.0123", "1.23·10⁻⁵": three digits that count.
+// "0.0123", "1.23·10⁻⁵": three significant digits.
 export function plain(value: Maybe): string {
   if (!isKnown(value)) return UNKNOWN;
   if (value === 0) return '0';
@@ -51,7 +51,7 @@ export function plain(value: Maybe): string {
   return withMinus((value / 10 ** power).toFixed(2)) + '·' + tenTo(power);
 }
 
-// "1.20 ± 0.10", "(1.23 ± 0.02)·10⁻⁵": as many digits as the error leaves a meaning.
+// "1.20 ± 0.10", "(1.23 ± 0.02)·10⁻⁵": as many digits as the error makes significant.
 export function measured(value: Maybe, error: Maybe): string {
   if (!isKnown(value)) return UNKNOWN;
   if (!isKnown(error) || !(error > 0)) return plain(value);
@@ -60,7 +60,7 @@ export function measured(value: Maybe, error: Maybe): string {
   const power = isPlain ? 0 : powerOf(size);
   const scale = 10 ** power;
   const digits = Math.max(0, 1 - powerOf(error / scale));
-  // An error so far below its number says no more than that there is next to none.
+  // An error this far below its number is negligible, so it is not shown.
   if (digits + powerOf(size / scale) >= DIGITS_MAX) return plain(value);
   const text = withMinus((value / scale).toFixed(digits)) + ' ± ' + (error / scale).toFixed(digits);
   return isPlain ? text : '(' + text + ')·' + tenTo(power);
@@ -85,7 +85,7 @@ export const times = (value: Maybe) => isKnown(value) ? plain(value) + ' ×' : U
 
 export const count = (value: Maybe) => isKnown(value) ? format.exact(value) : UNKNOWN;
 
-// Of a pixel: whole, or on average where tiles differ: "16", "12.7".
+// Samples per pixel: an integer, or the mean if tiles differ: "16", "12.7".
 export const samples = (value: number) => Number.isInteger(value) ? count(value) : plain(value);
 
 // "12 ms", "1.23 s", "3 min 20 s".
@@ -96,10 +96,10 @@ export function time(seconds: Maybe): string {
   return seconds < 60 ? Number(seconds.toPrecision(3)) + ' s' : format.duration(seconds);
 }
 
-// What a relMSE means for a pixel: "±3.2 %".
+// The typical error of a pixel for a relMSE: "±3.2 %".
 export const typicalError = (relativeMse: Maybe) =>
     isKnown(relativeMse) && relativeMse >= 0 ? format.typicalError(relativeMse) : UNKNOWN;
 
-// Of an axis: 0.25 -> "25 %".
+// Label of an axis: 0.25 -> "25 %".
 export const roundShare = (value: number) =>
     withMinus(String(Number((100 * value).toPrecision(3)))) + ' %';

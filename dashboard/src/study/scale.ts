@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Where a value lies along an axis, as a share of its length, and the axis' ticks.
+// Scales of axes: the position of a value as a fraction of the axis, and the ticks.
 
 import {labelled, ticksOf} from '../log_ticks';
 
@@ -18,28 +18,28 @@ export interface Tick {
 }
 
 export interface Scale {
-  // From 0 to 1; what lies outside is drawn at the end.
+  // From 0 to 1; values outside are drawn at the ends.
   at: (value: number) => number;
   ticks: Tick[];
-  // Whether the axis has a place for it: a logarithmic one ends above 0.
+  // Whether the axis can show the value: a logarithmic axis excludes 0 and below.
   has: (value: Maybe) => value is number;
 }
 
-// Room beyond the highest and lowest value, as a factor.
+// Margin beyond the highest and lowest value, as a factor.
 const MARGIN = 1.25;
-// The narrowest span of a logarithmic axis, as a factor.
+// The smallest span of a logarithmic axis, as a factor.
 const SPAN_MIN = 4;
-// Labels that a narrow chart has room for.
+// Maximum number of labels on a narrow chart.
 const LABELS_MAX = 6;
 const LINEAR_STEPS = [1, 2, 5, 10];
 const LINEAR_TICKS_MAX = 5;
 
 const clamp = (share: number) => Math.max(0, Math.min(1, share));
 
-// Over the values that are above 0; `words` writes a tick.
+// Covers the values that are above 0; `words` formats a tick.
 export function logScale(values: Maybe[], words: Words = numbers.tick): Scale {
   const known = values.filter(isKnown).filter((value) => value > 0);
-  // Folded, not spread: a call has room for some thousand arguments only.
+  // reduce, not spread: a call accepts only some thousands of arguments.
   let low = known.reduce((a, b) => Math.min(a, b), Infinity) / MARGIN;
   let high = known.reduce((a, b) => Math.max(a, b), 0) * MARGIN;
   if (!known.length) [low, high] = [1, 10];
@@ -62,7 +62,7 @@ function thinned(labels: (number|null)[]): Set<number> {
   return new Set(known.filter((_, i) => i % step === 0));
 }
 
-// From the lowest to the highest of the values and 0.
+// Covers the values and 0.
 export function linearScale(values: Maybe[], words: Words = numbers.plain): Scale {
   const known = [0, ...values.filter(isKnown)];
   return linearBetween(Math.min(...known), Math.max(...known) || 1, words);

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The sections about the scene itself: what its effects cost and give, which light makes the noise,
-// and where error bars cannot be trusted.
+// The sections about the scene: costs and gains of its effects, the noise by kind of light, and
+// tiles with unreliable error bars.
 
 import type {Column, Row} from './bars';
 import {barChart} from './bars';
@@ -15,7 +15,8 @@ import {seriesAt} from './svg';
 import {numbersTable} from './table';
 import {kindNames, placeOf, tileMap} from './tile_map';
 
-// From this share of a kind's variance in one replicate on its error bars are unreliable.
+// If one replicate contributes at least this fraction of a kind's variance, its error bars are
+// unreliable.
 const RARE_SHARE_MAX = 0.5;
 
 export function effectsSection(study: Study): HTMLElement {

@@ -1,18 +1,18 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// What `sheaf study` writes as JSON (docs/study.md). Null is a number that is not known; what is
-// missing is not known either, or empty.
+// The JSON that `sheaf study` writes (docs/study.md). Null is an unknown number; a missing member
+// is unknown or empty.
 
 export interface Point {
-  // Of a pixel; on average where tiles differ.
+  // Per pixel; the mean if tiles differ.
   samples: number;
-  // Of the whole picture.
+  // For the whole image.
   cpu_seconds: number|null;
-  // Against the reference, and its standard error.
+  // Against the reference, with its standard error.
   relative_mse: number|null;
   relative_mse_error: number|null;
-  // Whether no other point is both cheaper and nearer to the reference.
+  // Whether no other point has both a lower cost and a smaller error.
   on_front: boolean;
 }
 
@@ -20,31 +20,31 @@ export interface Entry {
   name: string;
   // "depth 8, RGB, 16 sequences".
   how: string;
-  // What chooses it on the command line: "--max-depth 4"; empty where nothing does.
+  // The command-line option that selects it: "--max-depth 4"; empty if there is none.
   flag: string;
   is_base: boolean;
-  // Whether its expectation is that of the base, whatever was measured.
+  // Whether it has the same expected value as the base, independent of the measurement.
   is_unbiased: boolean;
   points: Point[];
-  // Exponent by which the variance falls with samples; 1 is plain Monte Carlo.
+  // Exponent with which the variance falls with the number of samples; 1 is plain Monte Carlo.
   rate: number|null;
   rate_error: number|null;
-  // The error that is left however long one renders; null where the variance is not told.
+  // The error that remains for any number of samples; null if the variance is unknown.
   bias_floor: {relative_mse: number|null; error: number | null; is_significant: boolean}|null;
-  // Time of the base over this entry's, to the error of this one's last point.
+  // CPU time of the base over this entry's time to reach the error of this entry's last point.
   gain: {value: number|null; error: number | null}|null;
 }
 
 export interface Effect {
   name: string;
-  // How it was left out: "a pinhole".
+  // The ablation: "a pinhole".
   without: string;
   time_share: number|null;
-  // CPU time and variance of a sample with the effect over one without.
+  // CPU time and variance per sample with the effect over those without.
   time_ratio: number|null;
   time_ratio_error: number|null;
   variance_ratio: number|null;
-  // Of the picture's mean where the effect is left out, relative.
+  // Relative change of the image's mean without the effect.
   mean_change: number|null;
   mean_change_error: number|null;
   rel_mse: number|null;
@@ -57,7 +57,7 @@ export interface PathKind {
   meaning: string;
   light_share: number|null;
   noise_share: number|null;
-  // Mean share of the kind's variance that one of the replicates makes alone.
+  // Mean fraction of the kind's variance that comes from a single replicate.
   rare_share: number|null;
 }
 
@@ -67,7 +67,7 @@ export interface Tile {
   x1: number;
   y1: number;
   path: string;
-  // Of the tile's variance.
+  // Fraction of the tile's variance.
   share: number|null;
 }
 
@@ -78,7 +78,7 @@ export interface Study {
   pixels: number|null;
   seconds: number|null;
   threads: number|null;
-  // Its own error is taken off from all others.
+  // Its own error is subtracted from all others.
   reference: {samples: number|null; relative_mse: number | null; cpu_seconds: number | null}|null;
   entries: Entry[];
   effects: Effect[];
@@ -90,7 +90,7 @@ export interface Study {
 
 const FORMAT = 1;
 
-// The study that the page was made with. Throws where it is of another format.
+// The study that the page contains. Throws if its format is unknown.
 export function readStudy(json: string): Study {
   const read = JSON.parse(json) as Partial<Study>& {format?: number};
   if (read.format !== FORMAT)
@@ -104,7 +104,7 @@ export function readStudy(json: string): Study {
     threads: read.threads ?? null,
     reference: read.reference ?? null,
     entries: (read.entries ?? []).map((entry) => ({...entry, points: entry.points ?? []})),
-    // One that was not measured has a name and a problem alone.
+    // An effect that was not measured has only a name and a problem.
     effects: (read.effects ?? []).map((effect) => ({...effect, without: effect.without ?? ''})),
     paths: read.paths ?? [],
     unreliable_tiles: read.unreliable_tiles ?? [],

@@ -1,8 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// One section of the page: what is shown, in words, then shown, then in numbers. Null is a part
-// with nothing in it.
+// One section of the page: an explanation, a chart, and a table. Null means an empty part.
 
 import {el} from '../dom';
 

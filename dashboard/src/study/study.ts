@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The page of `sheaf study`: one file that loads nothing, made of the JSON within it.
+// The page of `sheaf study`: a single file that loads nothing, built from the JSON it contains.
 
 import './study.css';
 
@@ -79,6 +79,6 @@ try {
   byId('sections').append(el('p', {class: 'empty', role: 'alert'}, String(error)));
   throw error;
 } finally {
-  // Last: a browser that keeps nothing for files of the disk may refuse it its memory.
+  // Called last: browsers without storage for local files may throw here.
   startTheme();
 }

@@ -1,14 +1,14 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The numbers behind a chart, folded away beneath it.
+// The numbers behind a chart, in a collapsed table below it.
 
 import {el} from '../dom';
 
-// Rows of a table at most; a page with more would be slow, and nobody reads them.
+// Maximum number of rows; more would slow the page down, and nobody reads them.
 const ROWS_MAX = 2000;
 
-// The first `textColumns` columns are words, the others numbers. Null where there are no rows.
+// The first `textColumns` columns contain text, the others numbers. Null if there are no rows.
 export function numbersTable(
     caption: string, headings: string[], rows: string[][], textColumns = 1): HTMLElement|null {
   if (!rows.length) return null;

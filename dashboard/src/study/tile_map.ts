@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Where in the picture the error bars cannot be trusted, and which light is the cause.
+// A map of the image's tiles with unreliable error bars, and the kinds of light that cause them.
 
 import {el} from '../dom';
 
@@ -10,12 +10,12 @@ import type {Study, Tile} from './schema';
 import {seriesAt, svg, swatch} from './svg';
 import {Tips} from './tips';
 
-// A tile's ink: of one that is barely unreliable, and of one that is wholly.
+// Opacity of a tile that is barely unreliable, and of a wholly unreliable one.
 const OPACITY_MIN = 0.35;
 const NONE_FOUND = 'None of the rendered tiles has unreliable errors.';
 const NOT_LOOKED_FOR = 'Kinds of light paths were not separated, so tiles were not assessed.';
 
-// Names of the kinds in the order of their colours.
+// Names of the kinds in the order of their colors.
 export function kindNames(study: Study): string[] {
   const names = [...study.paths, ...study.unreliable_tiles.map(({path}) => ({name: path}))];
   return [...new Set(names.map(({name}) => name))];

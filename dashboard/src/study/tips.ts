@@ -1,19 +1,19 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The note beside what the pointer or the arrow keys are at, in a chart that has the focus.
+// The note beside the item at the pointer or selected by the arrow keys, in a focused chart.
 
 import {el} from '../dom';
 
 export interface Tip {
-  // Of the plot, in CSS pixels.
+  // Relative to the plot, in CSS pixels.
   x: number;
   y: number;
   // The first line is a heading.
   lines: string[];
 }
 
-// A pointer farther away than this is at nothing.
+// A pointer farther away than this selects nothing.
 const REACH_REM = 2.5;
 const GAP_PX = 12;
 
@@ -23,7 +23,7 @@ export class Tips {
   private readonly ring = el('div', {class: 'tip-ring', hidden: ''});
   private readonly note = el('div', {class: 'tip', role: 'status', hidden: ''});
 
-  // `plot` has the focus and is what positions are of.
+  // `plot` takes the focus; positions are relative to it.
   constructor(private readonly plot: HTMLElement) {
     plot.tabIndex = 0;
     plot.classList.add('tip-plot');
@@ -35,7 +35,7 @@ export class Tips {
     plot.addEventListener('keydown', (event) => this.press(event));
   }
 
-  // In the order of the arrow keys. Hides what is shown.
+  // `tips` is in the order of the arrow keys. Hides the current note.
   set(tips: Tip[]) {
     this.tips = tips;
     this.show(-1);
