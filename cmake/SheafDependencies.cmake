@@ -1,21 +1,21 @@
 # SPDX-License-Identifier: Apache-2.0
-# Every third-party library, with the reason it is here. All come from Debian 12 or 13.
+# All third-party libraries, each with its purpose. All come from Debian 12 or 13.
 find_package(Threads REQUIRED)
 find_package(absl REQUIRED)            # Status, StatusOr, string formatting
 find_package(PkgConfig REQUIRED)
 find_package(OpenSSL REQUIRED)         # SHA-256
 find_package(ZLIB REQUIRED)            # gzipped scene files
-find_package(PNG REQUIRED)             # pictures for people
+find_package(PNG REQUIRED)             # PNG images
 find_package(spdlog REQUIRED)          # logging
-find_package(OpenEXR REQUIRED)         # film parts and pictures
+find_package(OpenEXR REQUIRED)         # film parts and EXR images
 find_package(Protobuf REQUIRED)        # wire messages
 find_package(CLI11 REQUIRED)           # command lines
 find_package(nlohmann_json REQUIRED)   # JSON output
 pkg_check_modules(gRPC REQUIRED IMPORTED_TARGET grpc++)
-# Through pkg-config: the CMake package names tools and folders that Debian packs elsewhere.
+# Through pkg-config: the CMake package refers to tools and folders that Debian packages elsewhere.
 pkg_check_modules(OpenImageIO REQUIRED IMPORTED_TARGET GLOBAL OpenImageIO)  # images
 add_library(OpenImageIO::OpenImageIO ALIAS PkgConfig::OpenImageIO)
-pkg_check_modules(OpenColorIO REQUIRED IMPORTED_TARGET GLOBAL OpenColorIO)  # views of pictures
+pkg_check_modules(OpenColorIO REQUIRED IMPORTED_TARGET GLOBAL OpenColorIO)  # display views
 add_library(OpenColorIO::OpenColorIO ALIAS PkgConfig::OpenColorIO)
 pkg_check_modules(sqlite3 REQUIRED IMPORTED_TARGET sqlite3)   # durable state
 pkg_check_modules(zstd REQUIRED IMPORTED_TARGET libzstd)      # content transfer
@@ -29,5 +29,5 @@ find_program(SHEAF_GRPC_PLUGIN grpc_cpp_plugin REQUIRED)
 if(SHEAF_BUILD_TESTS)
   find_package(GTest REQUIRED)
   find_package(benchmark REQUIRED)
-  find_program(SHEAF_TEST_LINKER ld.gold)  # Links a test in a third of the time, where it is.
+  find_program(SHEAF_TEST_LINKER ld.gold)  # Links a test in a third of the time, if available.
 endif()

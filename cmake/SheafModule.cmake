@@ -2,28 +2,30 @@
 include(GoogleTest)
 
 # sheaf_precompile(TARGET HEADER ... | REUSE_FROM TARGET)
-# Reads the headers once for all sources of the target, which need to be many for that to pay.
+#
+# Precompiles the headers for all sources of the target. This pays off for many sources only.
 function(sheaf_precompile target)
   if(NOT ARGV1 STREQUAL REUSE_FROM)
     list(PREPEND ARGN PRIVATE)
   endif()
   target_precompile_headers(${target} ${ARGN})
   if(CMAKE_CXX_COMPILER_ID STREQUAL GNU)
-    target_compile_options(${target} PRIVATE -fpch-preprocess)  # Or ccache would give up.
+    target_compile_options(${target} PRIVATE -fpch-preprocess)  # Required by ccache.
   endif()
 endfunction()
 
 # sheaf_join_sources(TARGET)
-# Compiles several sources at a time, so that headers are read and templates compiled once for all
-# of them: a third of the time. Two sources of a target then may not give one name to two things of
-# their own. SHEAF_JOIN_SOURCES=OFF shows that each compiles alone.
+#
+# Compiles several sources together, so that headers are read and templates compiled once for all of
+# them, in a third of the time. The sources of a target therefore may not define the same name
+# internally. SHEAF_JOIN_SOURCES=OFF shows that each source compiles alone.
 set(SHEAF_JOINED_SOURCES_MAX 8)
 function(sheaf_join_sources target)
   if(SHEAF_JOIN_SOURCES)
     set_target_properties(${target} PROPERTIES
       UNITY_BUILD ON UNITY_BUILD_BATCH_SIZE ${SHEAF_JOINED_SOURCES_MAX})
     if(CMAKE_CXX_COMPILER_ID STREQUAL GNU)
-      # Members of unnamed types warn wherever they are not in the file that is compiled.
+      # Members of unnamed types cause warnings unless they are in the compiled file itself.
       target_compile_options(${target} PRIVATE -Wno-subobject-linkage)
     endif()
   endif()
@@ -31,8 +33,9 @@ endfunction()
 
 # sheaf_add_module(NAME film HEADERS a.h ... SOURCES a.cc ... DEPS sheaf::base ... PRIVATE_DEPS ...
 #                  TESTS a_test.cc ... TEST_DEPS ... LABEL fast)
-# Makes the library sheaf_NAME with alias sheaf::NAME and, where TESTS are given, one GoogleTest
-# program sheaf_NAME_test whose cases ctest knows by name and label.
+#
+# Adds the library sheaf_NAME with alias sheaf::NAME and, if TESTS are given, one GoogleTest program
+# sheaf_NAME_test whose cases are registered with ctest by name and label.
 function(sheaf_add_module)
   cmake_parse_arguments(M "" "NAME;LABEL" "HEADERS;SOURCES;DEPS;PRIVATE_DEPS;TESTS;TEST_DEPS" ${ARGN})
   set(target sheaf_${M_NAME})
@@ -54,8 +57,9 @@ endfunction()
 
 # sheaf_add_test(NAME stability SOURCES ... DEPS ... [LABEL fast|slow|integration] [TIMEOUT seconds]
 #                [PRECOMPILE <header.h> ...])
-# Not joined: tests give the same names to what they are set up with. All read the headers that
-# sheaf_test_support has read, unless they name others.
+#
+# Test sources are not joined, since their fixtures use the same names. They reuse the precompiled
+# headers of sheaf_test_support unless PRECOMPILE names others.
 function(sheaf_add_test)
   cmake_parse_arguments(T "" "NAME;LABEL;TIMEOUT" "SOURCES;DEPS;PRECOMPILE" ${ARGN})
   if(NOT T_LABEL)

@@ -7,7 +7,7 @@ set(CMAKE_POSITION_INDEPENDENT_CODE ON)
 if(NOT CMAKE_BUILD_TYPE)
   set(CMAKE_BUILD_TYPE Release CACHE STRING "" FORCE)
 endif()
-# Checks stay on in every build type: SHEAF_CHECK does not look at NDEBUG.
+# Checks are active in every build type: SHEAF_CHECK does not depend on NDEBUG.
 set(CMAKE_CXX_FLAGS_RELEASE "-O2 -DNDEBUG")
 
 option(SHEAF_BUILD_TESTS "Build the tests" ON)
@@ -18,14 +18,14 @@ set(SHEAF_MARCH "x86-64-v3" CACHE STRING "Instruction set; part of the numeric p
 
 find_program(SHEAF_CCACHE ccache)
 if(SHEAF_CCACHE)
-  # Objects are looked up by what the compiler says it read, so that nothing is preprocessed for
-  # that alone; and those that were made with precompiled headers are kept.
+  # ccache looks objects up by the dependencies that the compiler reports, without a preprocessing
+  # step, and also caches objects made with precompiled headers.
   set(CMAKE_CXX_COMPILER_LAUNCHER env CCACHE_DEPEND=1
     CCACHE_SLOPPINESS=pch_defines,time_macros,include_file_mtime,include_file_ctime ${SHEAF_CCACHE})
   set(CMAKE_C_COMPILER_LAUNCHER ${SHEAF_CCACHE})
 endif()
 
-# What decides a pixel's bits: no contraction, no fast-math, one instruction set.
+# Flags that affect a pixel's bits: no contraction, no fast-math, one instruction set.
 add_library(sheaf_numerics INTERFACE)
 target_compile_options(sheaf_numerics INTERFACE
   -ffp-contract=off -fno-math-errno -march=${SHEAF_MARCH}
