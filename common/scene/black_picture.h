@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Scenes whose picture must be black, told before anybody renders them.
+// Detects, before rendering, scenes whose image must be black.
 #pragma once
 
 #include <string>
@@ -10,8 +10,8 @@
 
 namespace sheaf {
 
-// Why every pixel will be black and what to add, as a diagnostic says it; empty where light may
-// come to the camera.
+// The reason why every pixel is black, and what to add, as a diagnostic's text. Empty if light may
+// reach the camera.
 std::string WhyBlack(const SceneDescription& scene);
 
 }  // namespace sheaf

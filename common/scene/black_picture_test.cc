@@ -40,7 +40,7 @@ TEST(BlackPictureTest, SaysWhatIsMissing) {
               StartsWith("room.pbrt: the scene has no shapes, "));
 }
 
-// A light of an object that is defined and placed does not shine.
+// A light of an object that is defined and placed does not emit.
 TEST(BlackPictureTest, LightsOfObjectsDoNotCount) {
   EXPECT_THAT(WhyBlackOf("ObjectBegin \"lamp\"\nAreaLightSource \"diffuse\"\nShape \"sphere\"\n"
                          "ObjectEnd\nObjectInstance \"lamp\"\n"),

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// What the descriptions of scenes share: places in files, and colours as they are written.
+// Types that all scene descriptions share: locations in files, and colors as written.
 #pragma once
 
 #include <cstdint>
@@ -12,7 +12,7 @@
 
 namespace sheaf {
 
-inline constexpr int32_t kNone = -1;  // An index that refers to nothing.
+inline constexpr int32_t kNone = -1;  // Refers to nothing.
 
 struct SourceLocation {
   int32_t file = kNone;  // Index in SceneDescription::files.
@@ -22,14 +22,14 @@ struct SourceLocation {
 
 enum class ColorRole { kReflectance, kIlluminant, kUnbounded };
 
-// A colour as written. rgb is always filled in: the linear sRGB value that RGB transport uses,
+// A color as written. rgb is always filled in: the linear sRGB value that RGB transport uses,
 // within the gamut of its role.
 struct ColorSpec {
   enum class Kind { kRgb, kSampled, kNamed, kBlackbody };
   Kind kind = Kind::kRgb;
   Rgb rgb;
-  bool is_out_of_gamut = false;  // kRgb of wider primaries: then true_rgb is the colour, in
-  Rgb true_rgb;                  // linear sRGB beyond its gamut, which spectral transport keeps.
+  bool is_out_of_gamut = false;  // kRgb in wide primaries whose color lies outside of sRGB.
+  Rgb true_rgb;  // If is_out_of_gamut: that color in unclamped linear sRGB, for spectral transport.
   std::vector<float> wavelengths_nm;  // kSampled.
   std::vector<float> values;          // kSampled.
   std::string name;                   // kNamed, e.g. "metal-Au-eta"; also the file of kSampled.

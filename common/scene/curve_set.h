@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // CurveSet: thin curves with a width (hair, grass, thread), as cubic Bezier segments. A scene file
-// writes each curve by itself; those that share all else are kept together.
+// lists each curve separately; curves that agree in all other properties are kept in one set.
 #pragma once
 
 #include <cstddef>
@@ -18,9 +18,9 @@ struct CurveSet {
   // kRibbon: a ribbon that faces along its normals.
   enum class Kind : uint8_t { kFlat, kCylinder, kRibbon };
   Kind kind = Kind::kFlat;
-  std::vector<Vec3f> points;   // Object space, four per segment; neighbours repeat what they share.
-  std::vector<float> widths;   // At the beginning and end of each segment: two per segment.
-  std::vector<Vec3f> normals;  // kRibbon: likewise, unit length. Otherwise empty.
+  std::vector<Vec3f> points;   // Object space, four per segment; neighbors repeat shared points.
+  std::vector<float> widths;   // At the start and the end of each segment: two per segment.
+  std::vector<Vec3f> normals;  // kRibbon: two per segment, unit length. Otherwise empty.
 
   size_t size() const { return widths.size() / 2; }
 };

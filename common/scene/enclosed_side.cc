@@ -10,7 +10,7 @@ namespace sheaf {
 
 uint64_t HashOfPoint(Vec3f p, uint64_t seed) {
   uint64_t state = seed;
-  // + 0 makes one zero of the two.
+  // + 0 turns -0 into 0.
   for (size_t i = 0; i < 3; ++i) {
     state = MixBits(state + std::bit_cast<uint32_t>(p[i] + 0.0f) + 0x9e3779b97f4a7c15u);
   }
@@ -21,8 +21,8 @@ EnclosedSide EnclosedSideOf(const std::vector<Vec3f>& positions,
                             const std::vector<uint32_t>& indices) {
   if (indices.empty()) return EnclosedSide::kNeither;
   const Vec3d base = ToDouble(positions[indices[0]]);
-  // Each directed edge adds its hash and takes away that of its reverse: nothing is left where all
-  // edges cancel.
+  // Each directed edge adds its hash and subtracts that of its reverse: the sum is 0 if all edges
+  // cancel.
   uint64_t border = 0;
   double volume = 0;
   for (size_t i = 0; i + 2 < indices.size(); i += 3) {

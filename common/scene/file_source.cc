@@ -33,7 +33,7 @@ std::string CanonicalFileName(const std::string& reference) {
     std::string part = reference.substr(begin, end - begin);
     begin = end + 1;
     if (part.empty() || part == ".") continue;
-    // "x/.." vanishes; a leading ".." stays, for nothing before it can be taken away.
+    // "x/.." vanishes; a leading ".." stays, as nothing before it can be removed.
     if (part == ".." && !parts.empty() && parts.back() != "..") {
       parts.pop_back();
       continue;

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// FileSource: where a scene's files come from. The client reads a directory; a worker reads its
+// FileSource: access to the files of a scene. The client reads a directory; a worker reads its
 // content cache by digest. Names are canonical: relative to the main scene file's directory with
 // forward slashes ("models/a.ply", "../shared/b.png"), or absolute exactly as the scene writes
 // them.
@@ -16,13 +16,13 @@
 
 namespace sheaf {
 
-// Lexical: joins a reference with the directory of the main file, removes "." and "x/..".
+// Lexical: joins a reference with the main file's directory, removes "." and "x/..".
 std::string CanonicalFileName(const std::string& reference);
 
 class FileSource {
  public:
   virtual ~FileSource() = default;
-  // A path of this machine under which the file can be opened. Remembers the name: FilesUsed.
+  // A path on this machine under which the file can be opened. Remembers the name for FilesUsed.
   // Errors: kNotFound, naming the file as the scene writes it.
   virtual absl::StatusOr<std::string> LocalPath(const std::string& canonical_name) = 0;
 };
@@ -32,7 +32,8 @@ class DirectoryFileSource : public FileSource {
  public:
   explicit DirectoryFileSource(std::string directory) : directory_(std::move(directory)) {}
   absl::StatusOr<std::string> LocalPath(const std::string& canonical_name) override;
-  // Canonical name to local path of every file asked for so far: what a submission uploads.
+  // Maps the canonical name of every file requested so far to its local path: the files that a
+  // submission uploads.
   std::map<std::string, std::string> FilesUsed() const;
 
  private:

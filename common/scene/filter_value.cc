@@ -27,7 +27,7 @@ double Mitchell(double x, double b, double c) {
 }
 
 double Sinc(double x) {
-  // Below, the next term of the series is less than a rounding.
+  // Below this, the next term of the series is less than a rounding.
   return x < 1e-8 ? 1 : SinCos(std::numbers::pi * x).sin / (std::numbers::pi * x);
 }
 double WindowedSinc(double x, double radius, double tau) {

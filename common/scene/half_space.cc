@@ -9,10 +9,10 @@
 namespace sheaf {
 namespace {
 
-// Cosines inside the matter with weights that add up to 1.
+// Cosines inside the medium, with weights that add up to 1.
 struct Node {
   double mu, weight;
-  double reflected;  // By the boundary, of what comes from inside.
+  double reflected;  // Fresnel reflectance for light from inside.
 };
 
 // Unpolarized. eta: far side over near side.
@@ -25,7 +25,7 @@ double Fresnel(double cosine, double eta) {
   return (parallel * parallel + perpendicular * perpendicular) / 2;
 }
 
-// Midpoints, closer together towards `low`, where what is integrated has a root.
+// Midpoints, denser towards `low`, where the integrand has a square root.
 void AddNodes(double low, double high, double eta, std::vector<Node>* nodes) {
   constexpr int kCount = 28;
   for (int i = 0; i < kCount; ++i) {
@@ -43,8 +43,8 @@ std::vector<Node> MakeNodes(double eta) {
   return nodes;
 }
 
-// Chandrasekhar's H at the nodes, by iterating the form of its equation that converges up to
-// albedo 1.
+// Chandrasekhar's H at the nodes, by iterating the form of its equation that converges up to albedo
+// 1.
 std::vector<double> MakeH(const std::vector<Node>& nodes, double albedo) {
   constexpr int kIterations = 200;
   constexpr double kTolerance = 1e-10;
@@ -75,7 +75,7 @@ double HalfSpaceReflectance(double albedo, double eta) {
   const std::vector<double> h = MakeH(nodes, albedo);
   constexpr int kOrdersMax = 2000;
   constexpr double kTolerance = 1e-9;
-  // What goes down from the boundary, by how often the boundary has thrown it back.
+  // Downward light at the boundary, summed over the number of internal reflections.
   std::vector<double> down(nodes.size());
   double entered = 0, left = 0;
   for (size_t i = 0; i < nodes.size(); ++i) {
@@ -103,7 +103,7 @@ double HalfSpaceReflectance(double albedo, double eta) {
 
 namespace {
 
-// By the similarity relation.
+// The similarity relation.
 template <typename Float>
 Float WithAsymmetry(Float isotropic, Float g) {
   return isotropic / (1 - g + isotropic * g);
@@ -114,7 +114,7 @@ Float WithAsymmetry(Float isotropic, Float g) {
 double AlbedoForReflectance(double reflectance, double eta, double g) {
   if (!(reflectance > 0)) return 0;
   if (reflectance >= 1) return 1;
-  // By the root of what is lost, in which the reflectance is nearly straight.
+  // Bisects the square root of the absorbed fraction, in which the reflectance is nearly straight.
   double low = 0, high = 1;
   for (int step = 0; step < 30; ++step) {
     const double middle = (low + high) / 2;
@@ -124,15 +124,15 @@ double AlbedoForReflectance(double reflectance, double eta, double g) {
 }
 
 AlbedoCurve::AlbedoCurve(double eta, double g) : g_(static_cast<float>(g)) {
-  // From what is lost to what is reflected, then back.
+  // Tabulates reflectance by absorbed fraction, then inverts the table.
   constexpr size_t kKnown = 128;
   std::array<double, kKnown + 1> lost_root{}, reflected{};
   for (size_t i = 0; i <= kKnown; ++i) {
-    // Closer together where little is lost.
+    // Denser where little is absorbed.
     lost_root[i] = std::pow(static_cast<double>(i) / kKnown, 2);
     reflected[i] = HalfSpaceReflectance(1 - lost_root[i] * lost_root[i], eta);
   }
-  size_t i = kKnown;  // The interval that the reflectance is in ends here.
+  size_t i = kKnown;  // End of the interval that contains the reflectance.
   for (size_t step = 0; step <= kSteps; ++step) {
     const double reflectance = static_cast<double>(step) / kSteps;
     while (i > 1 && reflected[i - 1] < reflectance) --i;

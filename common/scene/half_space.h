@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// What matter without end beneath a smooth boundary gives back of the light that enters it, and how
-// bright its scatterers must be to give back what is asked for.
+// Diffuse reflectance of a semi-infinite medium beneath a smooth boundary, and its inverse: the
+// albedo of the scatterers that yields a requested reflectance.
 #pragma once
 
 #include <array>
@@ -10,28 +10,31 @@
 
 namespace sheaf {
 
-// The share of even light through the boundary, of what has entered, that leaves again. albedo: of
-// each scattering, in [0, 1], which is isotropic; eta: index of the matter over the outside.
-// Exact but for quadrature (1e-3): Chandrasekhar's H functions below a boundary that reflects by
-// Fresnel's equations, all orders summed. Source: Chandrasekhar 1960, "Radiative Transfer", ch. V.
+// The fraction of uniform incident light, once it has entered through the boundary, that leaves
+// again. albedo: of single scattering, in [0, 1], isotropic; eta: index of the medium over that of
+// the outside. Exact but for quadrature (1e-3): Chandrasekhar's H functions below a boundary that
+// reflects by Fresnel's equations, all orders summed. Source: Chandrasekhar 1960, "Radiative
+// Transfer", ch. V.
 double HalfSpaceReflectance(double albedo, double eta);
 
-// Its inverse: the albedo for which the share is `reflectance`, which is clamped to [0, 1]. g: mean
-// cosine of scattering; where not 0 by the similarity relation, albedo' = albedo (1 - g) /
-// (1 - albedo g) (van de Hulst 1980, sec. 14.1), which is no more than close.
+// Its inverse: the albedo for which that fraction is `reflectance`, which is clamped to [0, 1]. g:
+// mean cosine of scattering; if not 0, the similarity relation albedo' = albedo (1 - g) / (1 -
+// albedo g) (van de Hulst 1980, sec. 14.1) is used, which is only approximate.
 double AlbedoForReflectance(double reflectance, double eta, double g);
 
-// The same from a table, for colors that are known only when rendering: within 1e-4 of the
-// reflectance up to 0.99. Some milliseconds to make. Thread safety: any number of threads at once.
+// The same from a table, for colors that are known only during rendering: within 1e-4 of the
+// reflectance up to 0.99. Takes some milliseconds to build.
+// Thread safety: const, any number of threads at once.
 class AlbedoCurve {
  public:
   AlbedoCurve(double eta, double g);
-  // NaN stays what it is.
+  // NaN in gives NaN out.
   float At(float reflectance) const;
 
  private:
   static constexpr size_t kSteps = 1024;
-  // The root of what each scattering loses, which is nearly straight, for reflectances of i/kSteps.
+  // The square root of the absorbed fraction (1 - albedo), which is nearly straight, for
+  // reflectances of i/kSteps.
   std::array<float, kSteps + 1> lost_root_{};
   float g_;
 };

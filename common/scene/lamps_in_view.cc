@@ -15,14 +15,14 @@
 namespace sheaf {
 namespace {
 
-// Bounds beyond are of no use as pixels.
+// Bounds beyond this are useless as pixels.
 constexpr double kFilmPxMax = 1 << 24;
 
 struct Box {
   Vec3d low, high;
 };
 
-// In the shape's own space; none where they change with time, or are not known.
+// Bounds in the shape's own space; none if they change with time or are unknown.
 class BoundsOfShape {
  public:
   explicit BoundsOfShape(const SceneDescription& scene) : scene_(scene) {}
@@ -65,7 +65,7 @@ class BoundsOfShape {
   const SceneDescription& scene_;
 };
 
-// From a camera's space to the pixels of its film; as the camera itself has it (worker/render).
+// Maps camera space to the pixels of the film, in the same way as the camera (worker/render).
 class Film {
  public:
   Film(const CameraDescription& camera, int32_t width_px, int32_t height_px)
@@ -80,7 +80,7 @@ class Film {
     y_px_ = height_px / (window[3] - window[2]);
   }
 
-  // Of the eight corners; none where one is not before the camera.
+  // Bounds of the eight corners; none if a corner is not in front of the camera.
   std::optional<PixelRect> BoundsOf(const Box& box, const Matrix4& camera_from_box) const {
     double low_x = kFilmPxMax, low_y = kFilmPxMax, high_x = -kFilmPxMax, high_y = -kFilmPxMax;
     for (int corner = 0; corner < 8; ++corner) {
@@ -105,7 +105,7 @@ class Film {
   bool is_perspective_;
   double scale_ = 1;
   double x0_, y1_;
-  double x_px_, y_px_;  // Pixels for each unit of the screen.
+  double x_px_, y_px_;  // Pixels per unit of the screen.
 };
 
 }  // namespace

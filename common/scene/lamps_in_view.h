@@ -1,7 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Where in the picture lamps may be seen, told from the scene alone: no ray is traced.
+// Bounds of the regions of the image where emitters may be visible, computed from the scene alone
+// without tracing rays.
 #pragma once
 
 #include <cstdint>
@@ -12,9 +13,9 @@
 
 namespace sheaf {
 
-// Bounds on the frame, in pixels and not cut to it, of shapes with an area light; of hidden ones
-// too. Only of shapes that stand still in the world before a still perspective or orthographic
-// camera, and wholly on its far side. width_px, height_px: of the frame.
+// Bounds in pixels of the frame, not clipped to it, of shapes with an area light; hidden shapes are
+// included. Covers only shapes at rest in the world that lie wholly in front of a static
+// perspective or orthographic camera. width_px, height_px: of the frame.
 std::vector<PixelRect> LampsInView(const SceneDescription& scene, int32_t width_px,
                                    int32_t height_px);
 

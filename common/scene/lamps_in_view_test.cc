@@ -15,7 +15,7 @@ namespace {
 using testing::ElementsAre;
 using testing::IsEmpty;
 
-// A lamp 10 units before a camera that sees 45 degrees up and down, and twice that sideways.
+// A light 10 units in front of a camera that sees 45 degrees up and down, and twice that sideways.
 constexpr int32_t kWidthPx = 100, kHeightPx = 50;
 SceneDescription SceneWith(decltype(ShapeDescription::shape) lamp, Vec3d place) {
   SceneDescription scene;
@@ -35,7 +35,7 @@ std::vector<PixelRect> LampsOf(const SceneDescription& scene) {
 }
 
 TEST(LampsInViewTest, BoundsAreThoseOnTheFilm) {
-  // 50 +- 25 * .1 / 10 pixels at the middle, and 2.5 to the right and up at a tenth of the depth.
+  // 50 +- 25 * .1 / 10 pixels at the center, and 2.5 to the right and up at a tenth of the depth.
   EXPECT_THAT(LampsOf(SceneWith(SphereShape{.radius = 0.1f}, {0, 0, 10})),
               ElementsAre(PixelRect{49, 24, 51, 26}));
   EXPECT_THAT(LampsOf(SceneWith(DiskShape{.radius = 0.1f}, {1, 1, 10})),

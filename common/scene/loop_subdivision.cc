@@ -21,7 +21,7 @@ struct Face {
   std::array<uint32_t, 3> neighbour;  // Across the edge from vertex[i] to vertex[i + 1].
 };
 
-// A triangle mesh that knows its neighbours. Positions are double while the surface is refined.
+// A triangle mesh with its adjacency. Positions are double while the surface is refined.
 struct ControlMesh {
   std::vector<Vec3d> positions;
   std::vector<Face> faces;
@@ -39,8 +39,8 @@ size_t OppositeCorner(const Face& face, uint32_t a, uint32_t b) {
 constexpr size_t Next(size_t i) { return i == 2 ? 0 : i + 1; }
 constexpr size_t Previous(size_t i) { return i == 0 ? 2 : i - 1; }
 
-// Vertices around one, in order. A closed ring runs clockwise seen from the front; at a boundary it
-// runs counter-clockwise from one end to the other.
+// The vertices around a vertex, in order. A closed ring runs clockwise seen from the front; at a
+// boundary it runs counter-clockwise from one end to the other.
 struct Ring {
   std::vector<uint32_t> vertices;
   size_t face_count = 0;
@@ -66,7 +66,7 @@ void GatherRing(const ControlMesh& mesh, uint32_t vertex, Ring* ring) {
     face = f.neighbour[corner];
   } while (face != start);
   if (!ring->is_boundary) return;
-  // `face` is the last on the clockwise side: go back from there.
+  // `face` is the last on the clockwise side: walk back from there.
   ring->vertices.assign(1, ring->vertices.back());
   ring->face_count = 0;
   while (face != kNoFace) {
@@ -87,7 +87,7 @@ absl::Status EdgeError(const EdgeRecord& edge, std::string_view why) {
                                                  edge.high, " ", std::string(why)));
 }
 
-// Fills in neighbours, edges and face_of_vertex from the faces' vertices.
+// Fills in neighbors, edges and face_of_vertex from the faces' vertices.
 absl::Status Connect(ControlMesh* mesh) {
   const size_t corner_count = 3 * mesh->faces.size();
   std::vector<EdgeRecord> edges;
@@ -129,7 +129,7 @@ absl::Status Connect(ControlMesh* mesh) {
   return absl::OkStatus();
 }
 
-// Two fans of triangles that touch in a vertex have no ring that holds them all.
+// Two fans of triangles that touch only in a vertex have no common ring.
 absl::Status CheckFans(const ControlMesh& mesh) {
   std::vector<uint32_t> face_counts(mesh.positions.size(), 0);
   for (const Face& face : mesh.faces) {
@@ -160,7 +160,7 @@ Vec3d WeightBoundary(const ControlMesh& mesh, uint32_t vertex, const Ring& ring,
          (mesh.positions[ring.vertices.front()] + mesh.positions[ring.vertices.back()]) * weight;
 }
 
-// Where an old vertex goes in the next level.
+// The position of an old vertex in the next level.
 Vec3d RefineVertex(const ControlMesh& mesh, uint32_t vertex, const Ring& ring) {
   if (ring.vertices.empty()) return mesh.positions[vertex];
   if (ring.is_boundary) return WeightBoundary(mesh, vertex, ring, 1.0 / 8);
@@ -168,11 +168,11 @@ Vec3d RefineVertex(const ControlMesh& mesh, uint32_t vertex, const Ring& ring) {
   return WeightRing(mesh, vertex, ring, Beta(valence));
 }
 
-// Where an old vertex goes after infinitely many levels.
+// The position of an old vertex after infinitely many levels.
 Vec3d LimitVertex(const ControlMesh& mesh, uint32_t vertex, const Ring& ring) {
   if (ring.vertices.empty()) return mesh.positions[vertex];
-  // Boundaries refine as cubic splines do, whose limit this is. (pbrt has 1/5, which is that of
-  // other rules: the outline would depend on the number of levels.)
+  // Boundaries are refined as cubic splines, and this is their limit. (pbrt uses 1/5, which belongs
+  // to other rules: the outline would depend on the number of levels.)
   if (ring.is_boundary) return WeightBoundary(mesh, vertex, ring, 1.0 / 6);
   const size_t valence = ring.vertices.size();
   return WeightRing(mesh, vertex, ring,
@@ -194,7 +194,7 @@ Vec3d BoundaryTangent(const ControlMesh& mesh, uint32_t vertex, const Ring& ring
   return -sum;
 }
 
-// Normal of the limit surface, not normalised; mesh.positions are on the limit.
+// Normal of the limit surface, not normalized; mesh.positions are on the limit.
 Vec3d LimitNormal(const ControlMesh& mesh, uint32_t vertex, const Ring& ring) {
   if (ring.vertices.empty()) return {0, 0, 1};
   if (ring.is_boundary) {
@@ -260,7 +260,7 @@ TriangleMesh PushToLimit(ControlMesh mesh) {
     result.positions.push_back(ToFloat(mesh.positions[vertex]));
     const Vec3d normal = LimitNormal(mesh, vertex, ring);
     const double length = Length(normal);
-    // A degenerate vertex has no tangent plane; any direction is as good.
+    // A degenerate vertex has no tangent plane; any direction will do.
     result.normals.push_back(length > 0 ? ToFloat(normal / length) : Vec3f{0, 0, 1});
   }
   result.indices.reserve(3 * mesh.faces.size());
@@ -298,7 +298,7 @@ absl::StatusOr<TriangleMesh> SubdivideLoop(const std::vector<Vec3f>& positions,
   for (int32_t level = 0; level < levels; ++level) {
     mesh = Refine(mesh);
     const absl::Status status = Connect(&mesh);
-    SHEAF_CHECK(status.ok());  // Refining a sound mesh gives a sound mesh.
+    SHEAF_CHECK(status.ok());  // Refining a valid mesh gives a valid mesh.
   }
   return PushToLimit(std::move(mesh));
 }

@@ -1,8 +1,9 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Loop subdivision surfaces (pbrt's loopsubdiv), refined a number of times and pushed to the limit.
-// Source: Loop 1987; boundary rules and limit masks of Hoppe et al. 1994; Warren's beta; pbrt-v4.
+// Loop subdivision surfaces (pbrt's loopsubdiv), refined a number of times and moved to the limit
+// surface. Source: Loop 1987; boundary rules and limit masks of Hoppe et al. 1994; Warren's beta;
+// pbrt-v4.
 #pragma once
 
 #include <cstdint>
@@ -14,10 +15,10 @@
 namespace sheaf {
 
 // Returns the refined mesh with positions and normals on the limit surface, in the orientation pbrt
-// gives them. There are 4^levels triangles for each of the control mesh.
-// Requires: indices are below positions.size() and three a triangle; levels >= 0.
-// Errors: kInvalidArgument where an edge belongs to more than two triangles, two neighbours wind
-// differently, or triangles touch in a vertex only; kResourceExhausted beyond triangles_max.
+// gives them. Each triangle of the control mesh becomes 4^levels triangles.
+// Requires: indices are below positions.size() and three per triangle; levels >= 0.
+// Errors: kInvalidArgument if an edge belongs to more than two triangles, two neighbors wind
+// differently, or triangles touch only in a vertex; kResourceExhausted beyond triangles_max.
 absl::StatusOr<TriangleMesh> SubdivideLoop(const std::vector<Vec3f>& positions,
                                            const std::vector<uint32_t>& indices, int32_t levels,
                                            uint64_t triangles_max);

@@ -18,7 +18,7 @@ const std::vector<uint32_t> kOctahedronIndices = {0, 2, 4, 2, 1, 4, 1, 3, 4, 3, 
                                                   2, 0, 5, 1, 2, 5, 3, 1, 5, 0, 3, 5};
 
 TEST(LoopSubdivisionTest, LimitDoesNotDependOnLevels) {
-  // The limit position of a control vertex is the same however often it was refined before.
+  // The limit position of a control vertex does not depend on the number of refinements before it.
   const auto coarse = SubdivideLoop(kOctahedron, kOctahedronIndices, 0, 1000000);
   const auto fine = SubdivideLoop(kOctahedron, kOctahedronIndices, 4, 1000000);
   ASSERT_TRUE(coarse.ok() && fine.ok());
@@ -30,9 +30,9 @@ TEST(LoopSubdivisionTest, LimitDoesNotDependOnLevels) {
   }
 }
 
-// Where control vertices end up, in closed form. With valence n a vertex keeps 1 - n w of itself
-// and takes w = 1/5, 1/8, 1/10, 1/12 of each neighbour for n = 3, 4, 5, 6. The solids are centred,
-// so that the neighbours' sum is a multiple of the vertex: -1, 0 and sqrt(5) times it.
+// Limit positions of control vertices in closed form. With valence n a vertex keeps 1 - n w of
+// itself and takes w = 1/5, 1/8, 1/10, 1/12 of each neighbor for n = 3, 4, 5, 6. The solids are
+// centered, so that the neighbors' sum is a multiple of the vertex: -1, 0 and sqrt(5) times it.
 TEST(LoopSubdivisionTest, LimitsOfPlatonicSolids) {
   const std::vector<Vec3f> tetrahedron = {{1, 1, 1}, {1, -1, -1}, {-1, 1, -1}, {-1, -1, 1}};
   const std::vector<uint32_t> tetrahedron_indices = {0, 1, 2, 0, 2, 3, 0, 3, 1, 1, 3, 2};
@@ -73,7 +73,8 @@ TEST(LoopSubdivisionTest, LimitsOfPlatonicSolids) {
       for (size_t i = 0; i < c.points.size(); ++i) {
         const auto expected = c.points[i] * static_cast<float>(c.shrinks_to);
         EXPECT_NEAR(Length(mesh->positions[i] - expected), 0, 1e-6) << c.points.size() << " " << i;
-        // By symmetry the normal is the vertex's direction (against it, as pbrt has it).
+        // By symmetry the normal is parallel to the vertex's direction (opposite to it, as in
+        // pbrt).
         EXPECT_NEAR(Dot(mesh->normals[i], Normalize(c.points[i])), -1, 1e-6);
       }
     }
@@ -81,7 +82,7 @@ TEST(LoopSubdivisionTest, LimitsOfPlatonicSolids) {
 }
 
 // Valence 6, the regular one: a tip of height 1 in the middle of a flat fan sinks to 1 - 6/12; and
-// boundaries are cubic splines: a corner keeps 4/6 and takes 1/6 of either neighbour.
+// boundaries are cubic splines: a corner keeps 4/6 and takes 1/6 of either neighbor.
 TEST(LoopSubdivisionTest, LimitsOfAFan) {
   std::vector<Vec3f> fan = {{0, 0, 1}};
   std::vector<uint32_t> indices;
@@ -103,7 +104,7 @@ TEST(LoopSubdivisionTest, LimitsOfAFan) {
 TEST(LoopSubdivisionTest, NormalsAreThoseOfTheSurface) {
   const auto mesh = SubdivideLoop(kOctahedron, kOctahedronIndices, 3, 1000000);
   ASSERT_TRUE(mesh.ok());
-  // Triangles that keep the winding of the control mesh, and normals against it, as pbrt has them.
+  // Triangles keep the winding of the control mesh, and normals point against it, as in pbrt.
   for (size_t i = 0; i < mesh->indices.size(); i += 3) {
     const Vec3f a = mesh->positions[mesh->indices[i]], b = mesh->positions[mesh->indices[i + 1]],
                 c = mesh->positions[mesh->indices[i + 2]];
@@ -132,7 +133,7 @@ TEST(LoopSubdivisionTest, ImpossibleMeshesAreRefused) {
       {0, 1, 2, 0, 1, 3, 1, 0, 4},  // Three triangles at an edge.
       {0, 1, 2, 0, 1, 3},           // Winding differs.
       {0, 1, 2, 0, 3, 4},           // Fans that touch in vertex 0.
-      {0, 0, 1},                    // No triangle.
+      {0, 0, 1},                    // Not a triangle.
   };
   for (const auto& indices : meshes) {
     EXPECT_EQ(SubdivideLoop(points, indices, 1, 1000).status().code(),

@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Participating media as a scene file describes them: plain values, as written after the format's
-// defaults. A medium is a substance; where it is say the surfaces that bound it.
+// defaults. A medium is a substance; the surfaces that bound it say where it is.
 #pragma once
 
 #include <array>
@@ -20,8 +20,8 @@ namespace sheaf {
 
 // The same everywhere.
 struct HomogeneousMedium {};
-// Values at the centres of equal cells of the box from p0 to p1 (medium space); x runs fastest.
-// Nothing is there outside of the box.
+// Values at the centers of equal cells of the box from p0 to p1 (medium space); x runs fastest. The
+// medium is empty outside of the box.
 struct GridBox {
   std::array<int32_t, 3> counts{1, 1, 1};
   Vec3d p0{0, 0, 0}, p1{1, 1, 1};
@@ -30,9 +30,9 @@ struct GridBox {
            static_cast<size_t>(counts[2]);
   }
 };
-// What is colder does not shine. Source: pbrt-v4.
+// Colder temperatures emit nothing. Source: pbrt-v4.
 inline constexpr float kGlowTemperatureMinK = 100;
-// How temperatures shine: as a black body of (value - offset_k) * scale, where that is over
+// Emission of temperatures: a blackbody at (value - offset_k) * scale, if that is above
 // kGlowTemperatureMinK.
 struct TemperatureEmission {
   float offset_k = 0, scale = 1;
@@ -48,7 +48,7 @@ struct UniformGridMedium {
 };
 struct RgbGridMedium {
   GridBox box;
-  // Empty or one per cell, in place of the medium's own; sigma_a and sigma_s are 1 where empty.
+  // Empty or one per cell, replacing the medium's own. sigma_a and sigma_s are 1 if empty.
   std::vector<Rgb> sigma_a, sigma_s, radiance;
 };
 // pbrt-v4's procedural cloud in the box from p0 to p1.
@@ -56,55 +56,58 @@ struct CloudMedium {
   Vec3d p0{0, 0, 0}, p1{1, 1, 1};
   float density = 1, wispiness = 1, frequency = 5;
 };
-// Density (and temperature, where the file has one) from a file of sparse voxels.
+// Density (and temperature, if the file has one) from a file of sparse voxels.
 struct VolumeFileMedium {
   std::string file;         // Canonical name for FileSource.
   bool is_openvdb = false;  // .vdb; otherwise .nvdb.
   TemperatureEmission emission;
-  // The grid of velocities. Empty: it stands still.
+  // The grid of velocities. Empty: the medium is at rest.
   std::string velocity_grid;
 };
-// As a velocity_grid: the first of kVelocityGridNames that the file has.
+// Value of velocity_grid: the first of kVelocityGridNames that the file has.
 inline constexpr char kAnyVelocityGrid[] = "auto";
 inline constexpr std::array<const char*, 3> kVelocityGridNames{"velocity", "vel", "v"};
 
-// Matter by what it gives back of even light that has entered it (half_space.h).
+// A subsurface medium, given by the fraction of uniform light that leaves it again after entering
+// (half_space.h).
 struct MatterReflectance {
   ColorSpec color;
-  int32_t texture = kNone;  // Index in textures, instead of color: read where a path enters.
+  int32_t texture = kNone;  // Index in textures, replacing color: evaluated where a path enters.
   ColorSpec free_path;      // Mean, in scene units before scale.
-  float scale = 1;          // Of the free path.
-  float eta = 1;            // Of the boundary.
+  float scale = 1;          // Multiplies the free path.
+  float eta = 1;            // The boundary's index.
 };
 
 struct MediumDescription {
   std::string name;
   std::variant<HomogeneousMedium, UniformGridMedium, RgbGridMedium, CloudMedium, VolumeFileMedium>
       kind;
-  // Absorbed and scattered per scene unit of world space, before scale.
+  // Absorption and scattering coefficients per scene unit of world space, before scale.
   ColorSpec sigma_a, sigma_s;
-  float scale = 1;  // Of both.
-  // Mean cosine of the scattering angle of the phase function of Henyey and Greenstein.
+  float scale = 1;  // Multiplies both.
+  // Mean cosine of the scattering angle of the Henyey-Greenstein phase function.
   float g = 0;
-  bool emits = false;        // Then what is absorbed over a length is emitted over it, in units of
-  ColorSpec radiance;        // this (an illuminant)
-  float radiance_scale = 1;  // times this. Grids of temperatures use radiance_scale only.
-  // The inside of a material: scattering there counts no depth, and every path in it must come to
-  // the boundary. Homogeneous.
+  bool emits = false;        // True: emits sigma_a * radiance * radiance_scale per unit length.
+  ColorSpec radiance;        // An illuminant.
+  float radiance_scale = 1;  // Temperature grids use this and no radiance.
+  // The interior of a material: scattering there does not count towards the path's depth, and every
+  // path in it must reach the boundary. Homogeneous.
   bool is_matter = false;
-  // Set for matter that is given so, by SetReflectance (matter_reflectance.h). Then sigma_a and
-  // sigma_s follow from it as linear sRGB; where it is textured, from a reflectance of 1.
+  // Set by SetReflectance (matter_reflectance.h) for subsurface media that are given by
+  // reflectance. Then sigma_a and sigma_s follow from it as linear sRGB; if textured, from a
+  // reflectance of 1.
   std::optional<MatterReflectance> reflectance;
-  // Of velocities, which are in medium space, per unit of the time that the shutter is given in.
-  // What is there when the shutter opens moves by them while it is open.
+  // Scale of the velocities, which are in medium space, per unit of the time in which the shutter
+  // is given. The content at shutter opening moves along them while the shutter is open.
   float velocity_scale = 1;
-  // Of a grid with one value in all cells: what was made of it, and why. See constant_grid.h.
+  // For a grid with one value in all cells: whether it became homogeneous, and why. See
+  // constant_grid.h.
   std::string constant_grid;
   Matrix4 world_from_medium;
   SourceLocation location;
 
   bool IsHomogeneous() const { return std::holds_alternative<HomogeneousMedium>(kind); }
-  // Whether there are velocities, in a file maybe of 0.
+  // Whether there are velocities; those in a file may all be 0.
   bool Moves() const {
     if (velocity_scale == 0) return false;
     if (const auto* grid = std::get_if<UniformGridMedium>(&kind)) return !grid->velocity.empty();
@@ -117,11 +120,11 @@ struct MediumDescription {
   }
 };
 
-// What |g| may be at most: beyond, the phase function is narrower than float directions can tell.
+// Maximum |g|: beyond, the phase function is narrower than float directions can resolve.
 inline constexpr float kPhaseAsymmetryMax = 0.999f;
 
-// The media on the two sides of a surface, as indices in SceneDescription::media. Both are kNone
-// where it bounds none. The front of the surface is outside.
+// The media on the two sides of a surface, as indices in SceneDescription::media. Both are kNone if
+// it bounds none. The front of the surface is outside.
 struct MediumBoundary {
   int32_t inside = kNone, outside = kNone;
   bool Separates() const { return inside != outside; }

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Errors of files in the words of the scene: a worker reads them from its cache, where their paths
-// mean nothing to people.
+// Rephrases file errors with the scene's names: a worker reads files from its cache, whose paths
+// mean nothing to users.
 #pragma once
 
 #include <string>
@@ -11,7 +11,7 @@
 
 namespace sheaf {
 
-// The same error with the scene's name for the file where the message has its path.
+// The same error with the message's path replaced by the scene's name for the file.
 absl::Status NamedAsInScene(const absl::Status& status, const std::string& local_path,
                             const std::string& canonical_name);
 

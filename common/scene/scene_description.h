@@ -1,10 +1,10 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// SceneDescription: what a scene file says, as plain structs and indices, independent of the file
-// format. Readers produce it; RenderPlan and CompiledScene are made from it. Nothing here is
-// derived: values are as written (after the format's defaults), every thing remembers where it was
-// written.
+// SceneDescription: the contents of a scene file as plain structs and indices, independent of the
+// file format. Readers produce it; RenderPlan and CompiledScene are made from it. Nothing here is
+// derived: values are as written (after the format's defaults), and every object remembers its
+// location in the file.
 #pragma once
 
 #include <cstdint>
@@ -24,7 +24,7 @@
 
 namespace sheaf {
 
-// A number or colour that is constant, or multiplied in from a texture.
+// A constant number or color, or one taken from a texture.
 struct FloatInput {
   float value = 0;
   int32_t texture = kNone;  // Index in textures; then `value` is unused.
@@ -93,8 +93,8 @@ struct TextureDescription {
 
 // --- Materials ---------------------------------------------------------------------------------
 
-// Roughness as written; alpha = sqrt(roughness) where remap_roughness (pbrt-v4's rule), else
-// itself.
+// Roughness as written; alpha = sqrt(roughness) if remap_roughness (pbrt-v4's rule), else alpha =
+// roughness.
 struct RoughnessInput {
   FloatInput u, v;
   bool remap_roughness = true;
@@ -102,35 +102,36 @@ struct RoughnessInput {
 struct DiffuseMaterial {
   ColorInput reflectance;
 };
-// Lambertian on both sides: what comes in on one is reflected there or leaves on the other, scaled
-// by `scale` and clamped to [0, 1].
+// Lambertian on both sides: reflects to the incident side and transmits to the other, scaled by
+// `scale` and clamped to [0, 1].
 struct DiffuseTransmissionMaterial {
   ColorInput reflectance, transmittance;
   float scale = 1;
 };
 struct ConductorMaterial {
   RoughnessInput roughness;
-  bool has_reflectance = false;  // Then eta and k follow from reflectance; else from eta and k.
+  bool has_reflectance =
+      false;  // True: reflectance determines eta and k. False: eta and k are given.
   ColorInput reflectance, eta, k;
 };
-// Relative index of refraction. mean is what RGB transport uses; spectrum is kRgb, and unused,
-// where the index is the same at every wavelength. Its ends hold beyond them.
+// Relative index of refraction. RGB transport uses mean; spectrum is kRgb, and unused, if the index
+// is the same at every wavelength. Beyond its ends the spectrum is constant.
 struct RefractiveIndex {
   float mean = 1.5f;
   ColorSpec spectrum;
   bool Disperses() const { return spectrum.kind != ColorSpec::Kind::kRgb; }
-  // Matter of the same index on both sides neither bends nor reflects.
+  // A boundary between equal indices neither refracts nor reflects.
   bool IsMatched() const { return mean == 1 && !Disperses(); }
 };
 struct DielectricMaterial {
   RoughnessInput roughness;
   RefractiveIndex eta;
 };
-// The boundary of matter that scatters light beneath it.
+// The boundary of a medium that scatters light beneath it.
 struct SubsurfaceMaterial {
   RoughnessInput roughness;
   RefractiveIndex eta{1.33f, {}};
-  int32_t medium = kNone;  // The matter: index in media, which has is_matter.
+  int32_t medium = kNone;  // The interior: index in media; its is_matter is set.
 };
 struct ThinDielectricMaterial {
   RefractiveIndex eta;
@@ -139,7 +140,7 @@ struct ThinDielectricMaterial {
 struct ClearCoat {
   float eta = 1.5f;
   float thickness = 0.01f;  // In mean free paths of a purely absorbing coat, as in pbrt-v4.
-  ColorInput albedo;        // Of the coat's medium; non-zero is not supported yet.
+  ColorInput albedo;        // The coat's medium's; non-zero is not supported yet.
   float g = 0;
   int32_t max_depth = 10, sample_count = 1;
 };
@@ -148,25 +149,26 @@ struct CoatedDiffuseMaterial : ClearCoat {
   ColorInput reflectance;
 };
 struct CoatedConductorMaterial : ClearCoat {
-  RoughnessInput roughness;     // Of the coat's interface. Neither roughness is a texture.
-  ConductorMaterial conductor;  // Its index is against vacuum, as measured ones are.
+  RoughnessInput roughness;     // The coat's interface; neither roughness may be a texture.
+  ConductorMaterial conductor;  // Its index is relative to vacuum, like measured ones.
 };
-// A fibre along dp/du; v goes across it, from one edge as seen to the other.
+// A fiber along dp/du; v runs across it, from one visible edge to the other.
 struct HairMaterial {
   enum class Pigment { kAbsorption, kReflectance, kMelanin };
   Pigment pigment = Pigment::kMelanin;
-  ColorInput color;  // Absorption per radius of the fibre, or what a head of hair reflects.
+  ColorInput color;  // Absorption per fiber radius, or the reflectance of a head of hair.
   FloatInput eumelanin{.value = 1.3f}, pheomelanin{.value = 0};  // Concentrations.
   FloatInput eta{.value = 1.55f};
-  FloatInput beta_m{.value = 0.3f}, beta_n{.value = 0.3f};  // Roughness along and around, [0, 1].
-  FloatInput alpha_degrees{.value = 2};                     // Tilt of the scales, [-90, 90].
+  FloatInput beta_m{.value = 0.3f},
+      beta_n{.value = 0.3f};             // Longitudinal and azimuthal roughness, [0, 1].
+  FloatInput alpha_degrees{.value = 2};  // Tilt of the scales, [-90, 90].
 
-  // What constants must lie within.
+  // Range of constant parameters.
   static constexpr float kIndexMin = 0.1f, kIndexMax = 10, kConcentrationMax = 1e6f;
 };
 struct MeasuredMaterial {
   std::string file;             // Canonical name for FileSource of an RGL file (.bsdf).
-  bool is_anisotropic = false;  // It was measured in more than one direction around the normal.
+  bool is_anisotropic = false;  // Measured in more than one direction around the normal.
 };
 struct MixMaterial {
   int32_t material[2] = {kNone, kNone};
@@ -175,17 +177,18 @@ struct MixMaterial {
 struct InterfaceMaterial {};  // Invisible; bounds a medium.
 
 struct MaterialDescription {
-  std::string name;  // Empty for unnamed ones.
+  std::string name;  // Empty if unnamed.
   std::variant<DiffuseMaterial, DiffuseTransmissionMaterial, ConductorMaterial, DielectricMaterial,
                ThinDielectricMaterial, CoatedDiffuseMaterial, CoatedConductorMaterial, HairMaterial,
                MeasuredMaterial, MixMaterial, InterfaceMaterial, SubsurfaceMaterial>
       material;
   SourceLocation location;
   int32_t normal_map = kNone;  // Index in textures: red, green, blue from [0, 1] to [-1, 1].
-  // A bump map's height, in scene units; unused with normal_map.
+  // Height of a bump map, in scene units; unused with normal_map.
   FloatInput displacement{0, kNone};
-  // Which matter is there where closed shapes overlap: that of the highest. Materials without one
-  // take no part. Only dielectrics, interfaces and subsurface matter have one.
+  // Where closed shapes overlap, the interior of highest priority fills the overlap. Materials
+  // without a priority are not considered. Only dielectrics, interfaces and subsurface materials
+  // have one.
   std::optional<int32_t> priority = std::nullopt;
 };
 
@@ -194,7 +197,7 @@ struct MaterialDescription {
 // A mesh's vertices at another time.
 struct VertexStep {
   std::vector<Vec3f> positions;  // As many as the mesh has.
-  std::vector<Vec3f> normals;    // Empty where the mesh has none, else as many.
+  std::vector<Vec3f> normals;    // Empty if the mesh has none, else as many.
 };
 struct TriangleMesh {
   std::vector<Vec3f> positions;   // Object space.
@@ -202,8 +205,9 @@ struct TriangleMesh {
   std::vector<Vec2f> uvs;         // Empty or one per position.
   std::vector<uint32_t> indices;  // Three per triangle; every index is < positions.size().
   std::string file;               // Canonical name of the mesh file, empty for inline meshes.
-  // Of a mesh that deforms: positions and normals above are those when the shutter opens, these
-  // follow at even steps of time, the last when it closes. Vertices go straight between two steps.
+  // For a deforming mesh: positions and normals above are those at shutter opening; the steps
+  // follow at equal intervals of time, the last at shutter closing. Vertices move linearly between
+  // steps.
   std::vector<VertexStep> steps = {};
 };
 // Bilinear patches: corners at (u, v) = (0,0), (1,0), (0,1), (1,1), in this order.
@@ -223,9 +227,9 @@ struct CylinderShape {
   float radius = 1, z_min = -1, z_max = 1, phi_max_degrees = 360;
 };
 struct MeshShape {
-  int32_t mesh = kNone;  // Index in meshes: equal files share one mesh.
-  // How far the surface is moved along its normals, in object space. The mesh is refined before
-  // until no edge is longer than edge_length, in the space that the shape's transform leads to.
+  int32_t mesh = kNone;  // Index in meshes: shapes of equal files share one mesh.
+  // Distance by which the surface is moved along its normals, in object space. The mesh is first
+  // refined until no edge is longer than edge_length, in the target space of the shape's transform.
   FloatInput displacement{0, kNone};
   float edge_length = 1;
 
@@ -238,7 +242,7 @@ struct CurveShape {
   int32_t curves = kNone;
 };  // Index in curve_sets: each shape has its own.
 
-// Where something is over the shutter. `end` equals `start` for what stands still.
+// A transform over the shutter interval. `end` equals `start` for static objects.
 struct TransformOverTime {
   Matrix4 start, end;
   float start_time = 0, end_time = 1;
@@ -251,7 +255,7 @@ struct ShapeDescription {
   TransformOverTime world_from_object;  // For shapes of an object definition: object_from_shape.
   int32_t material = kNone;
   int32_t area_light = kNone;    // Index in area_lights.
-  FloatInput alpha{.value = 1};  // Cut-out by stochastic alpha.
+  FloatInput alpha{.value = 1};  // Opacity, applied as a stochastic cut-out.
   bool reverse_orientation = false;
   bool has_alpha = false;
   MediumBoundary media;
@@ -270,7 +274,7 @@ struct ObjectInstance {
 
 // --- Lights ------------------------------------------------------------------------------------
 
-// scale multiplies the colour; power_w > 0 fixes the light's total power (pbrt-v4's "power").
+// scale multiplies the color; power_w > 0 fixes the light's total power (pbrt-v4's "power").
 struct LightScale {
   float scale = 1;
   float power_w = -1;
@@ -282,14 +286,15 @@ struct AreaLightDescription {
   bool two_sided = false;
   SourceLocation location;
   std::string group = kDefaultLightGroup;
-  std::string file;  // Picture of what is emitted, over uv.
+  std::string file;  // Image of the emitted radiance, over uv.
 };
 struct InfiniteLight {
   ColorSpec radiance;         // Used where file is empty.
   std::string file;           // Equal-area (Clarberg 2008) square map.
-  float illuminance_lx = -1;  // > 0: scales so that the map gives this illuminance on a plane.
-  // World space; none, or four corners in order around a rectangle through which alone the map is
-  // seen. Its light comes from where (corner 3 - corner 0) x (corner 1 - corner 0) points.
+  float illuminance_lx = -1;  // > 0: scales the map to give this illuminance on a plane.
+  // World space. Empty, or the four corners in order of a rectangle through which alone the map is
+  // visible. Its light arrives from the side to which (corner 3 - corner 0) x (corner 1 - corner 0)
+  // points.
   std::vector<Vec3d> portal;
 };
 struct DistantLight {
@@ -308,22 +313,23 @@ struct SpotLight {
 };
 // A luminaire as measured: candelas by the angle from straight down, in planes about the vertical.
 struct CandelaTable {
-  std::vector<float> vertical_degrees;    // Ascending, in [0, 180]; dark outside of them.
-  std::vector<float> horizontal_degrees;  // Ascending, in [0, 360); one is symmetry about the axis.
-  std::vector<float> candelas;            // [horizontal][vertical]; none where there is no table.
-  bool dims_when_tilted = false;          // The file says how, which is not followed.
+  std::vector<float> vertical_degrees;  // Ascending, in [0, 180]; dark outside of them.
+  std::vector<float>
+      horizontal_degrees;         // Ascending, in [0, 360); a single one means axial symmetry.
+  std::vector<float> candelas;    // [horizontal][vertical]; empty if there is no table.
+  bool dims_when_tilted = false;  // The file describes dimming by tilt, which is ignored.
 };
-// At the origin. The map is about the light's +y, and its values (the mean of the channels)
-// multiply the intensity; without one the light is a point light.
+// A point light at the origin. The map is centered about the light's +y, and its values (the mean
+// of the channels) multiply the intensity; without a map the light is isotropic.
 struct GoniometricLight {
   ColorSpec intensity;
   std::string file;    // Equal-area (Clarberg 2008) square map; may be empty.
-  CandelaTable table;  // Instead of the map's where the file is IES; down is the light's -y.
+  CandelaTable table;  // Replaces the map if the file is IES; down is the light's -y.
 };
-// At the origin, shines a picture along +z. Upright when seen from the light with +y up.
+// At the origin, projects an image along +z. Upright when seen from the light with +y up.
 struct ProjectionLight {
   std::string file;
-  float fov_degrees = 90;  // Of the picture's shorter side.
+  float fov_degrees = 90;  // Along the image's shorter side.
 };
 struct LightDescription {
   std::variant<InfiniteLight, DistantLight, PointLight, SpotLight, GoniometricLight,
@@ -338,8 +344,8 @@ struct LightDescription {
 // --- Camera and film ---------------------------------------------------------------------------
 
 struct CameraDescription {
-  // Spherical cameras see every direction, about +y: kEquirectangular along lines of longitude and
-  // latitude, kEqualArea by the map of Clarberg 2008, where a pixel is a share of all directions.
+  // Spherical cameras see every direction, about +y: kEquirectangular by longitude and latitude,
+  // kEqualArea by the map of Clarberg 2008, in which all pixels cover equal solid angles.
   enum class Kind {
     kPerspective,
     kOrthographic,
@@ -347,19 +353,18 @@ struct CameraDescription {
     kEqualArea,
     kRealistic
   } kind = Kind::kPerspective;
-  TransformOverTime world_from_camera;  // Camera looks along +z, x right, y up (left-handed).
-  float fov_degrees = 90;               // Of the shorter side. Perspective cameras only.
-  float lens_radius = 0;                // Scene units; 0 is a pinhole, as spherical cameras are.
+  TransformOverTime world_from_camera;  // The camera looks along +z, x right, y up (left-handed).
+  float fov_degrees = 90;               // Along the shorter side. Perspective cameras only.
+  float lens_radius = 0;                // Scene units; 0: a pinhole. Spherical cameras have 0.
   float focal_distance = 1e6f;          // Scene units along +z.
-  int32_t blade_count = 0;              // Of a lens with an opening of straight blades; 0: round.
-  float blade_rotation_degrees = 0;     // Of the first corner from +x towards +y.
-  LensDescription lens;                 // kRealistic only; then scene units are metres.
-  double screen_window[4] = {-1, 1, -1,
-                             1};  // x0 x1 y0 y1; filled in from the aspect by the reader.
+  int32_t blade_count = 0;              // Number of straight blades of the aperture; 0: round.
+  float blade_rotation_degrees = 0;     // Angle of the first corner from +x towards +y.
+  LensDescription lens;                 // kRealistic only; then scene units are meters.
+  double screen_window[4] = {-1, 1, -1, 1};  // x0 x1 y0 y1, from the aspect ratio.
   float shutter_open = 0, shutter_close = 1;
-  int32_t medium = kNone;  // Index in media: what the camera is in.
-  // How open the shutter is: time (0 at shutter_open, 1 at shutter_close, ascending) and openness,
-  // straight in between. Empty: as open all the time.
+  int32_t medium = kNone;  // Index in media: the medium around the camera.
+  // The opening of the shutter: (time, openness) pairs, linear in between; time runs from 0 at
+  // shutter_open to 1 at shutter_close, ascending. Empty: fully open throughout.
   std::vector<Vec2f> shutter_shape;
   SourceLocation location;
 
@@ -379,13 +384,13 @@ struct FilmDescription {
   double crop_window[4] = {0, 1, 0, 1};  // x0 x1 y0 y1 as fractions.
   bool has_pixel_bounds = false;
   int32_t pixel_bounds[4] = {0, 0, 0, 0};  // x0 x1 y0 y1, half-open.
-  // Sensor's imaging ratio: ISO / 100, of cameras' sensors times the shutter's length.
+  // The sensor's imaging ratio: ISO / 100; for camera sensors also times the shutter's length.
   float exposure_scale = 1;
-  std::string sensor;             // Of a camera, by IsSensor; empty: the CIE 1931 observer.
-  float max_component_value = 0;  // What samples are clamped to; 0: they are not.
-  Primaries primaries = Primaries::kSrgb;  // Of the picture.
-  float white_balance_k = 0;               // Temperature of what shall be white; 0: none.
-  FilmOutputs outputs;                     // Those of "gbuffer".
+  std::string sensor;  // Name of a camera's sensor (IsSensor); empty: the CIE 1931 observer.
+  float max_component_value = 0;           // Samples are clamped to this; 0: no clamping.
+  Primaries primaries = Primaries::kSrgb;  // Primaries of the image.
+  float white_balance_k = 0;  // Temperature of the light that should look white; 0: none.
+  FilmOutputs outputs;        // Those of "gbuffer".
   std::string filename;
   SourceLocation location;
 };
@@ -409,7 +414,7 @@ struct SceneDescription {
   std::vector<TriangleMesh> meshes;
   std::vector<BilinearMesh> bilinear_meshes;
   std::vector<CurveSet> curve_sets;
-  std::vector<ShapeDescription> shapes;  // All, also those of object definitions.
+  std::vector<ShapeDescription> shapes;  // All, including those of object definitions.
   std::vector<int32_t> world_shapes;     // Those placed in the world directly.
   std::vector<ObjectDefinition> objects;
   std::vector<ObjectInstance> instances;
@@ -417,7 +422,7 @@ struct SceneDescription {
   std::vector<LightDescription> lights;
 };
 
-// "scenes/room.pbrt:41:7"; "(no location)" where there is none.
+// "scenes/room.pbrt:41:7"; "(no location)" if there is none.
 std::string FormatLocation(const SceneDescription& scene, SourceLocation location);
 
 }  // namespace sheaf

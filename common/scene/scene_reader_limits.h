@@ -11,12 +11,12 @@ namespace sheaf {
 
 struct SceneReaderLimits {
   uint64_t triangles_max = uint64_t{1} << 31;
-  uint64_t memory_bytes_max = uint64_t{16} << 30;  // Of the description.
-  std::string memory_limit = "memory_bytes_max";   // What sets that, for people.
+  uint64_t memory_bytes_max = uint64_t{16} << 30;  // Size of the description.
+  std::string memory_limit = "memory_bytes_max";   // The origin of that limit, for messages.
   uint32_t include_depth_max = 64;
   uint64_t file_bytes_max = uint64_t{8} << 30;
   uint32_t errors_max = 50;  // Reading stops after this many.
-  uint32_t notes_max = 200;  // Further notes and warnings are left out.
+  uint32_t notes_max = 200;  // Further notes and warnings are dropped.
 };
 
 }  // namespace sheaf

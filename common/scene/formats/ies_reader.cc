@@ -20,7 +20,7 @@ namespace sheaf {
 namespace {
 
 constexpr uint64_t kIesFileBytesMax = uint64_t{1} << 24;
-// Of a table, before unfolding. Measured ones have tens of thousands.
+// Limit of a table before unfolding. Measured tables have tens of thousands of entries.
 constexpr int32_t kCandelaCountMax = 1 << 20;
 
 absl::StatusOr<std::string> ReadText(const std::string& path) {
@@ -36,7 +36,7 @@ absl::StatusOr<std::string> ReadText(const std::string& path) {
   }
 }
 
-// Words and lines with their places. The first error stays; after it every number is 0.
+// Words and lines with their locations. The first error is sticky; after it every number is 0.
 class IesText {
  public:
   IesText(std::string name, std::string_view text) : name_(std::move(name)), text_(text) {}
@@ -48,7 +48,7 @@ class IesText {
   }
 
   bool AtEnd() const { return next_ >= text_.size(); }
-  // Without its end; a carriage return before that is left out. The next word is of the next line.
+  // Excludes the line end and a carriage return before it. The next word is on the next line.
   std::string_view TakeLine() {
     const size_t begin = next_, end = std::min(text_.find('\n', begin), text_.size());
     std::string_view line = text_.substr(begin, end - begin);
@@ -58,7 +58,7 @@ class IesText {
     line_begin_ = next_;
     return line;
   }
-  // Errors name the number's place. what: as in "expected <what>".
+  // Errors give the number's location. what: as in "expected <what>".
   float Number(const char* what) {
     const std::string_view word = TakeWord();
     float value = 0;
@@ -102,17 +102,16 @@ class IesText {
   std::string_view text_;
   size_t next_ = 0;
   size_t line_count_ = 1, line_begin_ = 0;
-  size_t line_ = 1, column_ = 1;  // Of the last word.
+  size_t line_ = 1, column_ = 1;  // Location of the last word.
   absl::Status status_;
 };
 
 struct IesHead {
-  bool has_lamp_factor =
-      true;  // Versions of 1986 to 1995; later ones have a number without meaning.
+  bool has_lamp_factor = true;  // Until 1995; later the number is unused.
   bool dims_when_tilted = false;
 };
 
-// What stands before the numbers of the luminaire.
+// The values before the numbers of the luminaire.
 IesHead SkipHead(IesText* text) {
   IesHead head;
   for (bool is_first = true; !text->AtEnd(); is_first = false) {
@@ -149,8 +148,8 @@ std::vector<float> ReadAngles(IesText* text, int32_t count, const char* what, fl
   return angles;
 }
 
-// The planes of the whole circle, ascending in [0, 360), from those measured: each as its angle and
-// its index among the measured ones. Empty where they are no part that LM-63 knows.
+// Expands the measured planes to the full circle, ascending in [0, 360): each as its angle and its
+// index among the measured planes. Empty if they do not form a part that LM-63 defines.
 std::vector<std::pair<float, size_t>> UnfoldPlanes(const std::vector<float>& measured) {
   std::vector<std::pair<float, size_t>> planes;
   const float first = measured.front(), last = measured.back();
@@ -168,7 +167,7 @@ std::vector<std::pair<float, size_t>> UnfoldPlanes(const std::vector<float>& mea
     if (is_quarter) add(180 + angle, i);
     if (is_side_half) add(540 - angle, i);
   }
-  // A plane on a plane of symmetry is its own image; of 0 and 360, the first counts.
+  // A plane on a plane of symmetry is its own mirror image; of 0 and 360, the first one counts.
   std::stable_sort(planes.begin(), planes.end(),
                    [](const auto& a, const auto& b) { return a.first < b.first; });
   planes.erase(std::unique(planes.begin(), planes.end(),

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Luminaires as makers measure them: IES files of 1986 to 2019, type C. Source: ANSI/IESNA
+// Luminaires as measured by their makers: IES files of 1986 to 2019, type C. Source: ANSI/IESNA
 // LM-63-02, "Standard File Format for the Electronic Transfer of Photometric Data".
 #pragma once
 
@@ -12,15 +12,15 @@
 
 namespace sheaf {
 
-// True for names that end in ".ies", in any case.
+// True for names that end in ".ies", ignoring case.
 bool IsIesFileName(const std::string& name);
 
-// The candelas of the file with all its multipliers, unfolded to the whole circle where it has a
-// part only. What a tilted lamp gives (TILT=) is passed over: the table is of the lamp as measured.
-// Memory is bounded by what the file holds, and by a limit of table entries.
-// name: of the file, for errors, which are "name:line:column: what".
-// Errors: kInvalidArgument for what is malformed or of another type, kResourceExhausted beyond the
-// limits; those of opening and reading the file.
+// The candelas of the file with all its multipliers applied, unfolded to the full circle if the
+// file has only a part of it. The output of a tilted luminaire (TILT=) is ignored: the table is
+// that of the luminaire as measured. Memory is bounded by the size of the file and by a limit on
+// table entries. name: of the file, for errors, which read "name:line:column: what".
+// Errors: kInvalidArgument for malformed files and other types, kResourceExhausted beyond the
+// limits; errors of opening and reading the file.
 absl::StatusOr<CandelaTable> ReadIes(const std::string& name, const std::string& path);
 
 }  // namespace sheaf

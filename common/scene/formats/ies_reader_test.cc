@@ -127,7 +127,7 @@ TEST(IesReaderTest, MistakesAreNamedWithTheirPlace) {
             absl::StatusCode::kNotFound);
 }
 
-// What a header claims takes no memory before the numbers are there.
+// The counts in a header allocate no memory before the numbers are there.
 TEST(IesReaderTest, LargeFilesAreRefused) {
   EXPECT_EQ(Read("TILT=NONE\n" + std::string(1 << 24, ' ')).status().code(),
             absl::StatusCode::kResourceExhausted);

@@ -15,8 +15,8 @@ namespace sheaf {
 namespace {
 
 constexpr uint64_t kLensFileBytesMax = uint64_t{1} << 20;
-// Lengths beyond this, in millimetres, are no lens; between them squares neither under- nor
-// overflow. Indices beyond these no matter has.
+// Lengths of lenses, in millimeters, are below this; within these limits squares neither underflow
+// nor overflow. The index limits cover all real media.
 constexpr double kLengthMaxMm = 1e9;
 constexpr double kEtaMin = 0.1, kEtaMax = 10;
 
@@ -81,7 +81,7 @@ absl::StatusOr<std::vector<PlacedNumber>> ReadNumbers(const std::string& name,
   return numbers;
 }
 
-// Why the number cannot stand in its column of the file; empty where it can.
+// Why the number is invalid in its column of the file; empty if it is valid.
 std::string WhyNot(size_t column, double value) {
   switch (column) {
     case 0:

@@ -14,7 +14,7 @@
 namespace sheaf {
 namespace {
 
-// Checks field after field; the first error stays.
+// Checks field after field; the first error is sticky.
 class ShapeChecker {
  public:
   explicit ShapeChecker(const TensorFile& file) : file_(file) {}
@@ -40,7 +40,7 @@ class ShapeChecker {
       Fail(name, absl::StrCat("has ", field->shape.size(), " dimensions, but must have ",
                               names.size(), ": ", list));
     } else {
-      // Of files of at most kTensorFileBytesMax bytes, sizes fit.
+      // Sizes fit in files of at most kTensorFileBytesMax bytes.
       for (size_t i = 0; i < sizes.size(); ++i) sizes[i] = static_cast<uint32_t>(field->shape[i]);
     }
     return sizes;
@@ -105,7 +105,7 @@ absl::StatusOr<MeasuredShape> ShapeOf(const TensorFile& file) {
   return shape;
 }
 
-// Values of a field that ShapeOf found right, each finite and in [low, infinity).
+// Values of a field that ShapeOf has checked, each finite and in [low, infinity).
 absl::Status ReadValues(const TensorFile& file, const std::string& field, float low,
                         std::vector<float>* values) {
   absl::StatusOr<std::vector<float>> read = file.ReadFloats(*file.Find(field));
@@ -131,11 +131,11 @@ absl::Status CheckIncreasing(const TensorFile& file, const std::string& field,
   return absl::OkStatus();
 }
 
-// Materials may be measured over part of the circle where the rest follows by symmetry.
+// Materials may be measured over part of the circle if the rest follows by symmetry.
 absl::Status CheckCircle(const TensorFile& file, const MeasuredData& data) {
   if (data.shape.IsIsotropic()) return absl::OkStatus();
   const double range = static_cast<double>(data.phi.back()) - static_cast<double>(data.phi.front());
-  constexpr double kRangeMin = 2 * kPi / 1.5;  // Nearer to the whole circle than to half of it.
+  constexpr double kRangeMin = 2 * kPi / 1.5;  // Nearer to the full circle than to half of it.
   if (range > kRangeMin) return absl::OkStatus();
   return file.Error("phi_i", absl::StrCat("spans ", range,
                                           " radians; anisotropic materials that are measured over "

@@ -26,7 +26,7 @@ using testing::MeasuredFileBuilder;
 using testing::TensorArray;
 using testing::TensorBytes;
 
-// Small, so that every one of its bytes can be tried.
+// Small, so that the test can try every one of its bytes.
 MeasuredFileBuilder Small() {
   MeasuredFileBuilder builder;
   builder.theta = {0, 1.5f};
@@ -47,10 +47,10 @@ class MeasuredFileTest : public ::testing::Test {
   std::string ErrorOf(const std::string& bytes) {
     const absl::StatusOr<MeasuredData> data = Read(bytes);
     EXPECT_FALSE(data.ok());
-    // What the client checks before it sends a scene must agree with what the worker reads.
+    // The client's checks before it sends a scene must agree with what the worker reads.
     return data.ok() ? "" : std::string(data.status().message());
   }
-  // The error where that array of a sound file is replaced.
+  // The error if that array of a valid file is replaced.
   std::string ErrorWith(const TensorArray& replacement) {
     std::vector<TensorArray> arrays = Small().Arrays();
     for (TensorArray& array : arrays) {
@@ -112,7 +112,7 @@ TEST_F(MeasuredFileTest, PartOfACircleIsRefused) {
   EXPECT_THAT(ErrorOf(builder.Bytes()), HasSubstr("field \"phi_i\": spans 3.14 radians"));
 }
 
-// Sizes whose product wraps around, that exceed the file, or that lie where others do.
+// Sizes whose product wraps around, that exceed the file, or whose ranges overlap others.
 TEST_F(MeasuredFileTest, SizesThatTheFileCannotHoldAreRefused) {
   const std::string sound(12, '\0');
   for (const std::vector<uint64_t>& shape : {std::vector<uint64_t>{uint64_t{1} << 62, 4},
@@ -127,7 +127,7 @@ TEST_F(MeasuredFileTest, SizesThatTheFileCannotHoldAreRefused) {
               HasSubstr("17 dimensions, more than 16"));
   std::string many("tensor_file\0\1\0\xff\xff\xff\xff", 18);
   EXPECT_THAT(ErrorOf(many), HasSubstr("4294967295 fields, more than 256"));
-  // Two fields in the same place.
+  // Two fields at the same offset.
   std::vector<TensorArray> arrays = Small().Arrays();
   std::string bytes = TensorBytes(arrays);
   const uint64_t big = bytes.size() / 4 - 1;
@@ -139,7 +139,7 @@ TEST_F(MeasuredFileTest, SizesThatTheFileCannotHoldAreRefused) {
   EXPECT_THAT(ErrorOf(bytes), HasSubstr("overlaps other fields"));
 }
 
-// Every truncation is an error of its own, none a crash.
+// Every truncation is reported as an error; none crashes.
 TEST_F(MeasuredFileTest, EveryTruncationIsAnError) {
   const std::string bytes = Small().Bytes();
   for (size_t size = 0; size < bytes.size(); ++size) {
@@ -148,8 +148,8 @@ TEST_F(MeasuredFileTest, EveryTruncationIsAnError) {
   EXPECT_TRUE(Read(bytes).ok());
 }
 
-// Whatever single byte is wrong, the file is refused or read to data that is sound. All of the head
-// is tried, and some of the numbers.
+// With any single byte changed, the file is rejected or read to valid data. All of the head is
+// tried, and some of the numbers.
 TEST_F(MeasuredFileTest, WrongBytesDoNoHarm) {
   const std::string bytes = Small().Bytes();
   const size_t head_size = bytes.find("test");

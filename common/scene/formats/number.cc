@@ -8,8 +8,8 @@
 namespace sheaf {
 namespace {
 
-// from_chars answers result_out_of_range for too large and too small alike. The decimal exponent
-// tells which: only numbers of magnitude below 1 can underflow.
+// from_chars returns result_out_of_range for both too large and too small numbers. The decimal
+// exponent distinguishes them: only numbers of magnitude below 1 can underflow.
 template <typename T>
 bool ParseFloating(std::string_view text, T* value) {
   if (number_internal::ParseWhole(text, value)) return true;

@@ -29,8 +29,8 @@ bool ParseWhole(std::string_view text, T* value) {
 
 }  // namespace number_internal
 
-// True where all of text is a number that T holds; otherwise *value is unspecified. Floating-point
-// values too small for T become 0 or denormal; too large ones are refused.
+// True if all of text is a number that T can hold; otherwise *value is unspecified. Floating-point
+// values too small for T become 0 or denormal; values too large are rejected.
 bool ParseFloat(std::string_view text, float* value);
 bool ParseDouble(std::string_view text, double* value);
 inline bool ParseInteger(std::string_view text, int32_t* value) {

@@ -50,7 +50,7 @@ std::vector<std::string_view> SplitWords(std::string_view line) {
   return words;
 }
 
-// These return what is wrong with the line, empty where all is well.
+// These return what is wrong with the line; empty if nothing is.
 std::string SetFormat(const std::vector<std::string_view>& words, PlyHeader* header) {
   if (words.size() < 2) return "\"format\" needs a name";
   if (words[1] == "ascii") {
@@ -170,8 +170,8 @@ bool PlyBytes::ReadWord(std::string_view* word) {
     if (*byte == '\n') ++line_;
   } while (is_blank(*byte));
   --position_;
-  // A word never reaches over the buffer's end once this many bytes are there; fewer are there only
-  // at the end of the file, which then ends the word.
+  // Once this many bytes are buffered, a word does not cross the end of the buffer; fewer are
+  // available only at the end of the file, which then ends the word.
   if (end_ - position_ < kWordBytesMax && !Pull(kWordBytesMax) && !status_.ok()) return false;
   size_t end = position_;
   while (end < end_ && !is_blank(buffer_[end])) ++end;

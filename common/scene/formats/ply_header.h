@@ -1,7 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The header of a PLY file, and the bytes behind it: one buffered reader serves both.
+// The header of a PLY file, and the reader of its bytes: one buffered reader serves both header and
+// data.
 #pragma once
 
 #include <cstdint>
@@ -24,7 +25,7 @@ struct PlyProperty {
   std::string name;
   PlyType type = PlyType::kFloat32;
   bool is_list = false;
-  PlyType count_type = PlyType::kUint8;  // Of lists.
+  PlyType count_type = PlyType::kUint8;  // For lists.
 };
 struct PlyElement {
   std::string name;
@@ -36,13 +37,13 @@ struct PlyHeader {
   std::vector<PlyElement> elements;
 };
 
-// Bytes, lines and words of a file, in order, through one buffer. The first error sticks:
-// afterwards every call fails, and status() says why.
+// Bytes, lines and words of a file, in order, through one buffer. The first error is sticky:
+// afterwards every call fails, and status() has the cause.
 class PlyBytes {
  public:
   explicit PlyBytes(std::unique_ptr<TextInput> input);
 
-  bool ReadLine(std::string* line);       // Without its end; \r\n and \n alike.
+  bool ReadLine(std::string* line);       // Without its line end, which is \r\n or \n.
   bool ReadWord(std::string_view* word);  // Valid until the next call.
   // The next size_bytes <= 8 bytes; nullptr at the end.
   const unsigned char* ReadBytes(size_t size_bytes) {
@@ -57,7 +58,7 @@ class PlyBytes {
 
  private:
   bool Refill(size_t size_bytes);  // Makes size_bytes available, or fails.
-  bool Pull(size_t size_bytes);    // The same, but the end of the file is no failure.
+  bool Pull(size_t size_bytes);    // The same, but the end of the file is not a failure.
 
   std::unique_ptr<TextInput> input_;
   std::vector<unsigned char> buffer_;

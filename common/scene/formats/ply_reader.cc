@@ -21,7 +21,7 @@ namespace {
 
 static_assert(std::endian::native == std::endian::little);
 
-// What a vertex property means to a mesh; kSkipped for the rest.
+// Role of a vertex property in a mesh; kSkipped if it has none.
 enum Slot { kX, kY, kZ, kNormalX, kNormalY, kNormalZ, kU, kV, kSlotCount, kSkipped = kSlotCount };
 
 Slot SlotOf(const std::string& name) {
@@ -78,7 +78,7 @@ class PlyMeshReader {
   const PlyHeader* header_;
   SceneReaderLimits limits_;
   TriangleMesh mesh_;
-  std::string malformed_;  // Why ReadScalar failed, where the bytes are there but wrong.
+  std::string malformed_;  // Why ReadScalar failed, if the bytes are there but wrong.
 };
 
 absl::Status PlyMeshReader::Read() {
@@ -98,7 +98,7 @@ absl::Status PlyMeshReader::ReadElement(const PlyElement& element) {
   return SkipRows(element);
 }
 
-// A count that the file is too small for is refused before anything is allocated.
+// Rejects a count for which the file is too small, before anything is allocated.
 absl::Status PlyMeshReader::CheckCount(const PlyElement& element) const {
   uint64_t row_bytes_min = 0;
   for (const PlyProperty& property : element.properties) {
@@ -209,7 +209,7 @@ absl::Status PlyMeshReader::ReadVertices(const PlyElement& element) {
   std::array<bool, kSlotCount + 1> has{};
   for (const PlyProperty& property : element.properties) {
     slots.push_back(property.is_list ? kSkipped : SlotOf(property.name));
-    // Of two properties for one slot the first counts.
+    // If two properties fill one slot, the first one counts.
     if (has[slots.back()]) slots.back() = kSkipped;
     has[slots.back()] = true;
   }
@@ -218,7 +218,7 @@ absl::Status PlyMeshReader::ReadVertices(const PlyElement& element) {
   }
   const bool has_normal = has[kNormalX] && has[kNormalY] && has[kNormalZ];
   const bool has_uv = has[kU] && has[kV];
-  // CheckCount has bounded the count by the file's size; beyond this, let the vectors grow.
+  // CheckCount has bounded the count by the file's size; beyond this limit, the vectors grow.
   constexpr uint64_t kReserveMax = uint64_t{1} << 20;
   mesh_.positions.reserve(std::min(element.count, kReserveMax));
   for (uint64_t i = 0; i < element.count; ++i) {
@@ -291,7 +291,7 @@ absl::Status PlyMeshReader::ReadFaces(const PlyElement& element) {
   return absl::OkStatus();
 }
 
-// Cuts the polygon into the fan (0, 1, 2), (0, 2, 3) ...
+// Splits the polygon into the fan (0, 1, 2), (0, 2, 3) ...
 absl::Status PlyMeshReader::ReadPolygon(uint64_t face, const PlyProperty& property) {
   uint64_t count = 0;
   if (!ReadCount(property, &count)) return Stopped("face", face);

@@ -19,13 +19,13 @@ static_assert(std::endian::native == std::endian::little,
 
 constexpr char kMagic[12] = "tensor_file";
 
-// 0 for a code that is no type.
+// 0 for an unknown code.
 uint64_t BytesOfType(uint8_t type) {
   constexpr uint8_t kBytes[] = {0, 1, 1, 2, 2, 4, 4, 8, 8, 2, 4, 8};
   return type < std::size(kBytes) ? kBytes[type] : 0;
 }
 
-// The head of a file, number by number. The first error stays; after it every number is 0.
+// The head of a file, number by number. The first error is sticky; after it every number is 0.
 class HeadReader {
  public:
   HeadReader(std::string name, std::ifstream* file) : name_(std::move(name)), file_(*file) {}
@@ -63,11 +63,11 @@ class HeadReader {
 
   std::string name_;
   std::ifstream& file_;
-  std::string field_;  // That is being read.
+  std::string field_;  // The one being read.
   absl::Status status_;
 };
 
-// Messages keep to what can be printed.
+// Replaces unprintable characters for messages.
 std::string Printable(std::string text) {
   for (char& c : text) {
     if (c < ' ' || c > '~') c = '?';

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Tensor files, in which the RGL keeps measured materials (.bsdf): named arrays of numbers of any
+// Tensor files, in which the RGL stores measured materials (.bsdf): named arrays of numbers of any
 // rank. All numbers are little-endian: "tensor_file" and a zero byte, two bytes of version (1, 0),
 // the number of fields (uint32); then for each the length of its name (uint16), the name, its rank
 // (uint16), type (uint8), offset in the file and sizes along each dimension (uint64). Source: Dupuy
@@ -41,18 +41,18 @@ struct TensorField {
   uint64_t ValueCount() const;
 };
 
-// Fields that were found to lie within the file; values are read when asked for.
-// Thread safety: const functions may run at once.
+// The fields of a file, all verified to lie within it; values are read on request.
+// Thread safety: const functions may run concurrently.
 class TensorFile {
  public:
-  // Reads what fields there are. Memory is bounded by kTensorFieldsMax fields of kTensorRankMax.
-  // name: of the file, for errors, which are "name: what" or "name: field "field": what".
-  // Errors: kInvalidArgument for what is malformed, kResourceExhausted beyond the limits; those of
+  // Reads the list of fields. Memory is bounded by kTensorFieldsMax fields of kTensorRankMax. name:
+  // of the file, for errors, which read "name: what" or "name: field "field": what".
+  // Errors: kInvalidArgument for malformed files, kResourceExhausted beyond the limits; errors of
   // opening and reading the file.
   static absl::StatusOr<TensorFile> Open(const std::string& name, const std::string& path);
 
   const std::vector<TensorField>& fields() const { return fields_; }
-  // Null where there is none of that name.
+  // Null if there is none of that name.
   const TensorField* Find(const std::string& field) const;
   // All values, in the order of the file. Requires: field is one of fields(), of that type.
   absl::StatusOr<std::vector<float>> ReadFloats(const TensorField& field) const;

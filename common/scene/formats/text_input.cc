@@ -15,7 +15,7 @@ namespace sheaf {
 namespace {
 
 constexpr unsigned kReadBufferBytes = 1u << 18;
-// Deflate cannot shrink better than 1032:1. Source: zlib technical details, "maximum compression
+// Deflate compresses by at most 1032:1. Source: zlib technical details, "maximum compression
 // factor".
 constexpr uint64_t kInflateRatioMax = 1032;
 

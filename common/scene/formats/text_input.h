@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// TextInput: the bytes of a scene or mesh file in order, inflated where the file is gzip (told by
-// its first bytes, not by its name). The only door to zlib.
+// TextInput: the bytes of a scene or mesh file in order, inflated if the file is gzip (detected by
+// its first bytes, not by its name). The only file that uses zlib.
 #pragma once
 
 #include <cstddef>
@@ -18,7 +18,8 @@ namespace sheaf {
 
 class TextInput {
  public:
-  // bytes_max bounds what Read gives in all, after inflating: a small file may inflate without end.
+  // bytes_max bounds the total that Read returns, after inflating: a small file may inflate without
+  // end.
   // Errors: kNotFound, kPermissionDenied, kInvalidArgument for a directory.
   static absl::StatusOr<std::unique_ptr<TextInput>> Open(const std::string& path,
                                                          uint64_t bytes_max);
@@ -26,11 +27,11 @@ class TextInput {
   TextInput(const TextInput&) = delete;
   TextInput& operator=(const TextInput&) = delete;
 
-  // Returns the number of bytes put into [into, into + size); 0 only at the end of the file.
+  // Returns the number of bytes stored in [into, into + size); 0 only at the end of the file.
   // Errors: kResourceExhausted beyond bytes_max, kDataLoss for a broken or truncated gzip file.
   absl::StatusOr<size_t> Read(char* into, size_t size);
 
-  // An upper bound of the bytes that the whole file can give, from its size on disk.
+  // An upper bound on the bytes that the whole file can yield, from its size on disk.
   uint64_t size_bytes_bound() const { return size_bytes_bound_; }
 
  private:

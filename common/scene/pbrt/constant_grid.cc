@@ -22,8 +22,9 @@ bool IsConstant(const std::vector<Value>& cells) {
                      [&](const Value& cell) { return cell == cells[0]; });
 }
 
-// Where values are what the cells say: between the centres of the outermost ones, and so many cells
-// further, where a density is less by as much of itself: what touches them may do so by rounding.
+// Values are exactly those of the cells between the centers of the outermost cells. This region is
+// extended by so many cells, where a density is lower by this fraction of itself: geometry that
+// touches the centers may cross them by rounding.
 constexpr double kSlackCells = 1e-6;
 struct Reach {
   Vec3d lower{0, 0, 0}, upper{0, 0, 0};
@@ -44,7 +45,7 @@ Reach ReachOf(const GridBox& box) {
   return reach;
 }
 
-// A grid of one value, and what is left of it as a homogeneous medium.
+// A grid of one value, and its values as a homogeneous medium.
 struct Candidate {
   size_t medium = 0;
   Reach reach;
@@ -58,7 +59,7 @@ bool FindCandidate(const MediumDescription& medium, Candidate* candidate) {
   candidate->scale = medium.scale;
   candidate->radiance_scale = medium.radiance_scale;
   if (const auto* grid = std::get_if<UniformGridMedium>(&medium.kind)) {
-    // What glows by a temperature has no radiance of its own.
+    // Media that emit by temperature have no radiance of their own.
     if (grid->density.empty() || !IsConstant(grid->density) || !grid->temperature_k.empty() ||
         !IsConstant(grid->radiance_scale)) {
       return false;
@@ -73,14 +74,14 @@ bool FindCandidate(const MediumDescription& medium, Candidate* candidate) {
     return false;
   }
   candidate->reach = ReachOf(grid->box);
-  // Where there are no cells they are 1, which sigma_a and sigma_s of such a medium are.
+  // Without cells, sigma_a and sigma_s are 1, like those of such a medium.
   if (!grid->sigma_a.empty()) candidate->sigma_a = RgbColor(grid->sigma_a[0]);
   if (!grid->sigma_s.empty()) candidate->sigma_s = RgbColor(grid->sigma_s[0]);
   return true;
 }
 
-// Whether the inside of the mesh, behind its front, is what it encloses. Normals, where it has any,
-// say which side is in front: they must do so clearly.
+// Whether the mesh encloses its inside, the space behind its front. If the mesh has normals, they
+// define the front, and must do so clearly.
 bool EnclosesInside(const TriangleMesh& mesh, const ShapeDescription& shape,
                     const Matrix4& shape_from_world) {
   const EnclosedSide side = EnclosedSideOf(mesh.positions, mesh.indices);
@@ -102,7 +103,7 @@ bool EnclosesInside(const TriangleMesh& mesh, const ShapeDescription& shape,
   return true;
 }
 
-// Why a medium within the placed shape is not what a homogeneous one would be; empty where it is.
+// Why a medium inside the placed shape differs from a homogeneous one; empty if it does not.
 std::string ObstacleAt(const SceneDescription& scene, const ShapeDescription& shape,
                        const Matrix4& world_from_shape, const Matrix4& medium_from_world,
                        const Reach& reach) {
@@ -136,7 +137,7 @@ std::string ObstacleAt(const SceneDescription& scene, const ShapeDescription& sh
   return EnclosesInside(mesh, shape, shape_from_world) ? "" : kIsOpen;
 }
 
-// A shape that bounds media, where it stands in the world.
+// A shape that bounds media, placed in the world.
 struct Placed {
   const ShapeDescription* shape;
   Matrix4 world_from_shape;
@@ -163,13 +164,13 @@ std::vector<Placed> Boundaries(const SceneDescription& scene) {
   return placed;
 }
 
-// Why the candidate stays a grid; empty where it need not.
+// Why the candidate stays a grid; empty if it need not.
 std::string ObstacleTo(const Candidate& candidate, const SceneDescription& scene,
                        const std::vector<Placed>& boundaries) {
   const MediumDescription& medium = scene.media[candidate.medium];
   const auto index = static_cast<int32_t>(candidate.medium);
   if (scene.camera.medium == index) return "the camera is in it";
-  // From where its values end, 0 may come.
+  // Moving values may bring in the 0 from beyond the grid.
   if (medium.Moves()) return "it moves by velocities";
   Matrix4 medium_from_world;
   if (!Invert(medium.world_from_medium, &medium_from_world)) return "its transform is singular";

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Which grids of one value are taken for homogeneous media, and which stay what they are.
+// Tests which grids of one value become homogeneous media, and which stay grids.
 #include "common/scene/pbrt/constant_grid.h"
 
 #include <string>
@@ -17,7 +17,7 @@ namespace {
 
 using ::testing::StartsWith;
 
-// Between the centres of its outermost cells: from -1 to 1.
+// The centers of its outermost cells span -1 to 1.
 constexpr char kGrid[] =
     "MakeNamedMedium \"smoke\" \"string type\" \"uniformgrid\" \"point3 p0\" [-2 -2 -2]\n"
     "  \"point3 p1\" [2 2 2] \"integer nx\" 2 \"integer ny\" 2 \"integer nz\" 2\n"
@@ -30,7 +30,7 @@ constexpr char kCube[] =
 
 class ConstantGridTest : public ::testing::Test {
  protected:
-  // The scene of a camera, the medium and what follows, which is within the medium's boundary.
+  // The scene of a camera, the medium and `world`, which is within the medium's boundary.
   SceneDescription Read(const std::string& medium, const std::string& world,
                         const std::string& options = "") {
     const auto* info = ::testing::UnitTest::GetInstance()->current_test_info();
@@ -70,7 +70,7 @@ TEST_F(ConstantGridTest, WithinItsOutermostValuesItIsHomogeneous) {
   ExpectTaken(even_, "Shape \"sphere\" \"float radius\" 1");
   ExpectTaken(even_, "Translate 0.25 0 0\nRotate 30 1 2 3\nShape \"sphere\" \"float radius\" 0.75");
   ExpectTaken(even_, absl::StrCat("Rotate 45 0 0 1\nScale 0.7 -0.7 1\n", kCube));
-  // Where the grid is, not where the world's axes are.
+  // The grid's transform decides, not the world's axes.
   ExpectTaken(
       absl::StrCat("AttributeBegin Translate 50 0 0 Rotate 45 0 0 1\n", even_, "AttributeEnd\n"),
       absl::StrCat("Translate 50 0 0\nRotate 45 0 0 1\n", kCube));
@@ -95,7 +95,7 @@ TEST_F(ConstantGridTest, GridsOfOneColorAreHomogeneousToo) {
   const std::string grid =
       "MakeNamedMedium \"smoke\" \"string type\" \"rgbgrid\" \"point3 p0\" [-3 -2 -2]\n"
       "  \"point3 p1\" [3 2 2] \"integer nx\" 2 \"integer ny\" 1 \"integer nz\" 1\n";
-  // One cell across has its one value in the middle only.
+  // A grid one cell across has its value only in the middle.
   ExpectLeft(absl::StrCat(grid, "  \"rgb sigma_s\" [1 2 3 1 2 3]\n"), kCube,
              "the shape at main.pbrt:8:1 reaches beyond");
   const std::string fine =
@@ -117,7 +117,7 @@ TEST_F(ConstantGridTest, WhatReachesOutsideStaysAGrid) {
   ExpectLeft(even_, absl::StrCat("Scale 1.0001 1 1\n", kCube), why);
   ExpectLeft(even_, "Translate 0 0.1 0\nShape \"sphere\" \"float radius\" 0.95", why);
   ExpectLeft(even_, absl::StrCat("Rotate 45 0 0 1\n", kCube), why);
-  // A second shape of the same medium, and a second place of the same shape.
+  // A second shape of the same medium, and a second instance of the same shape.
   ExpectLeft(even_, absl::StrCat(kCube, "\nShape \"sphere\" \"float radius\" 1.5"),
              "the shape at main.pbrt:12:1 reaches beyond");
   ExpectLeft(even_,

@@ -332,7 +332,7 @@ bool PbrtParser::ParseNumbers(std::string_view directive, double* numbers, size_
   bool is_bracketed = false;
   for (size_t i = 0; i < count;) {
     const Token token = Next();
-    // pbrt writes the matrices of Transform in brackets; around other numbers they do no harm.
+    // pbrt writes the matrices of Transform in brackets; around other numbers they are harmless.
     if (i == 0 && !is_bracketed && token.kind == Token::Kind::kLeftBracket) {
       is_bracketed = true;
       continue;

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// PbrtParser: the syntax of pbrt-v4 scene files. Reads directives with their arguments and hands
-// each to a SceneBuilder, which knows what they mean. Follows Include and Import.
+// PbrtParser: the syntax of pbrt-v4 scene files. Reads directives with their arguments and passes
+// each to a SceneBuilder, which interprets them. Follows Include and Import.
 #pragma once
 
 #include <cstdint>
@@ -25,7 +25,7 @@ class PbrtParser {
              const SceneReaderLimits& limits)
       : builder_(builder), files_(files), diagnostics_(diagnostics), limits_(limits) {}
 
-  // Errors: kNotFound for the file itself. What is wrong inside goes to the diagnostics.
+  // Errors: kNotFound for the file itself. Mistakes inside it go to the diagnostics.
   absl::Status ParseMainFile(const std::string& canonical_name);
 
  private:
@@ -41,7 +41,7 @@ class PbrtParser {
   void ParseTexture(SourceLocation location);
 
   std::vector<Parameter> ParseParameters();
-  // The same after a directive and what it names; explains errors where they are of an old format.
+  // The same after a directive and its type; explains errors that come from an older format.
   std::vector<Parameter> ParametersOf(std::string_view directive, const std::string& type,
                                       SourceLocation location);
   bool ParseDeclaration(const Token& token, Parameter* parameter);
@@ -65,9 +65,9 @@ class PbrtParser {
   FileSource* files_;
   Diagnostics* diagnostics_;
   SceneReaderLimits limits_;
-  Tokenizer* tokens_ = nullptr;          // Of the file being read.
+  Tokenizer* tokens_ = nullptr;          // The file being read.
   int32_t file_ = kNone;                 // Its index in SceneDescription::files.
-  bool file_failed_ = false;             // The file being read cannot be read any further.
+  bool file_failed_ = false;             // The rest of the file cannot be read.
   std::vector<std::string> open_files_;  // From the main file to the one being read.
 };
 

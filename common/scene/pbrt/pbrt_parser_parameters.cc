@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // The part of PbrtParser that reads parameter lists: "type name" value or "type name" [ values ].
-// Inline meshes pass here, so appending a number costs no allocation and no copy of its text.
+// Inline meshes are read here, so appending a number neither allocates nor copies its text.
 #include <algorithm>
 
 #include "absl/strings/str_cat.h"

@@ -13,7 +13,7 @@
 namespace sheaf {
 namespace {
 
-// Blocks may nest this deep; each keeps a copy of the graphics state.
+// Maximum nesting depth of blocks; each keeps a copy of the graphics state.
 constexpr size_t kBlocksMax = 4096;
 
 std::string_view BeginOf(int kind) {
@@ -168,7 +168,7 @@ TransformOverTime SceneBuilder::CurrentTransform() const {
 
 bool SceneBuilder::RequireWorld(std::string_view directive, SourceLocation location) {
   if (is_world_) return true;
-  // Without WorldBegin everything is out of place; one message says so.
+  // Without WorldBegin everything is misplaced; it is reported only once.
   if (!std::exchange(missed_world_, true)) {
     diagnostics_->Error(location,
                         absl::StrCat(std::string(directive), " must stand after WorldBegin"));

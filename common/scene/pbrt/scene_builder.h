@@ -1,9 +1,9 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// SceneBuilder: the meaning of pbrt-v4 directives. One method for each, called in the order of the
-// file; what they add up to is the SceneDescription. Mistakes go to the diagnostics, after which
-// the builder goes on so that one run finds them all.
+// SceneBuilder: the semantics of pbrt-v4 directives. One method for each, called in the order of
+// the file; together they build the SceneDescription. Mistakes go to the diagnostics, after which
+// the builder continues, so that one run finds them all.
 #pragma once
 
 #include <cstdint>
@@ -27,14 +27,14 @@ namespace sheaf {
 
 class SceneBuilder {
  public:
-  // Requires: all outlive this.
+  // Requires: all pointers outlive this.
   SceneBuilder(SceneDescription* scene, FileSource* files, Diagnostics* diagnostics,
                const SceneReaderLimits& limits);
 
   // The index of the file in SceneDescription::files.
   int32_t AddFile(const std::string& canonical_name);
 
-  // Transformations. numbers are as many as the directive has.
+  // Transformations. numbers: as many as the directive has.
   void Identity(const double* numbers, SourceLocation location);
   void Translate(const double* numbers, SourceLocation location);
   void Scale(const double* numbers, SourceLocation location);
@@ -43,7 +43,7 @@ class SceneBuilder {
   void Transform(const double* numbers, SourceLocation location);
   void ConcatTransform(const double* numbers, SourceLocation location);
   void TransformTimes(const double* numbers, SourceLocation location);
-  bool ActiveTransform(std::string_view which);  // False where which is none of the three.
+  bool ActiveTransform(std::string_view which);  // False if `which` is none of the three.
   void CoordinateSystem(const std::string& name, SourceLocation location);
   void CoordSysTransform(const std::string& name, SourceLocation location);
 
@@ -107,11 +107,12 @@ class SceneBuilder {
   ParameterList Parameters(const std::string& owner, const std::string& attribute_target,
                            std::vector<Parameter> own, SourceLocation location);
   void FinishMedia();
-  // What is inside of subsurface materials becomes media, and that of the shapes they are on.
+  // Adds the interiors of subsurface materials to the media, and sets them inside the shapes of
+  // those materials.
   void FinishMatter();
   void FinishObjects();
   bool ObjectSlot(const std::string& name, SourceLocation location, int32_t* object);
-  // The index of the medium called so, made or not; kNone for no name.
+  // The index of the medium of that name, defined or not; kNone for an empty name.
   int32_t MediumSlot(const std::string& name, SourceLocation location);
 
   SceneDescription* scene_;
@@ -125,7 +126,7 @@ class SceneBuilder {
   std::vector<Block> blocks_;
   PendingFrame frame_;
   bool is_world_ = false;
-  bool missed_world_ = false;  // The lack of WorldBegin has been reported.
+  bool missed_world_ = false;  // The missing WorldBegin has been reported.
   float start_time_ = 0, end_time_ = 1;
   int32_t open_object_ = kNone;
   std::map<std::string, std::pair<Matrix4, Matrix4>> coordinate_systems_;

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The part of SceneBuilder that handles media. They may be used before they are made.
+// The part of SceneBuilder that handles media. A file may use a medium before it defines it.
 #include <algorithm>
 #include <utility>
 #include <variant>

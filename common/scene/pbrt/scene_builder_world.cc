@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The part of SceneBuilder that handles options and what stands in the world: materials, textures,
+// The part of SceneBuilder that handles options and the contents of the world: materials, textures,
 // shapes, instances and lights.
 #include <cmath>
 #include <optional>
@@ -31,7 +31,7 @@ ParameterList SceneBuilder::Parameters(const std::string& owner,
 void SceneBuilder::Option(const std::string& name, const std::string& value,
                           SourceLocation location) {
   if (!RequireOptions("Option", location)) return;
-  // Options may be written with the type in front, as parameters are.
+  // Options may be written with the type in front, like parameters.
   const std::string option =
       name.substr(name.find(' ') == std::string::npos ? 0 : name.rfind(' ') + 1);
   if (option == "seed") {
@@ -148,7 +148,7 @@ void SceneBuilder::Attribute(const std::string& target, std::vector<Parameter> o
                                                "light, material, medium or texture"));
     return;
   }
-  // One parameter holds a long list only by mistake, and every block copies it.
+  // A longer list is a mistake, and every block copies it.
   constexpr size_t kAttributesMax = 256;
   std::vector<Parameter>& attributes = state_.attributes[target];
   for (Parameter& parameter : own) {
@@ -233,7 +233,7 @@ void SceneBuilder::Shape(const std::string& type, std::vector<Parameter> own,
     }
   }
   if (!shapes_.SetShape(type, parameters, &shape)) return;
-  // Hair has no inside that a ray could be in.
+  // Hair has no interior that a ray could be in.
   if (!std::holds_alternative<CurveShape>(shape.shape)) shape.media = state_.media;
   std::vector<int32_t>& shapes = open_object_ == kNone
                                      ? scene_->world_shapes

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Every kind of mistake a scene file can hold, with the place and the words that answer it.
+// Tests every kind of mistake in a scene file, with the location and the text of its diagnostic.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -27,7 +27,7 @@ const std::string kHeader =
 struct BadScene {
   const char* name;
   const char* text;
-  const char* expected;  // Place and the beginning of the message.
+  const char* expected;  // Location and the beginning of the message.
 };
 
 void PrintTo(const BadScene& bad, std::ostream* out) { *out << bad.name; }

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// What a scene file asks for besides its picture.
+// Tests the outputs that a scene file requests besides its image.
 #include <gtest/gtest.h>
 
 #include <filesystem>
@@ -39,7 +39,7 @@ TEST(SceneOutputsTest, GeometryBufferAsksForOutputs) {
   EXPECT_FALSE(Read("Film \"gbuffer\" \"string coordinatesystem\" \"here\"\nWorldBegin\n").ok());
 }
 
-// The color space in effect at Film, not the one after it.
+// The color space in effect at Film counts, not the one after it.
 TEST(SceneOutputsTest, ThePicturesPrimariesAreThoseAtTheFilm) {
   const auto result = Read(
       "ColorSpace \"aces2065-1\"\nFilm \"rgb\" \"float whitebalance\" 5000\nColorSpace \"srgb\"\n"

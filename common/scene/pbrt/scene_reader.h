@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// scene files > SceneDescription: the first arrow of the data flow.
+// Reads scene files into a SceneDescription: the first arrow of the data flow.
 #pragma once
 
 #include <string>
@@ -22,8 +22,9 @@ struct ReadSceneResult {
 
 // Reads main_file (canonical name, normally just its file name) in the pbrt-v4 format, with all
 // files it includes and all meshes. Image and texture files are resolved (so that FilesUsed is
-// complete) but not decoded. Errors: kInvalidArgument with every error that was found, one a line;
-// kResourceExhausted, likewise, where lack of memory is among them; kNotFound for the main file.
+// complete) but not decoded.
+// Errors: kInvalidArgument with every error found, one per line; kResourceExhausted, likewise, if
+// lack of memory is among them; kNotFound for the main file.
 absl::StatusOr<ReadSceneResult> ReadScene(const std::string& main_file, FileSource& files,
                                           const SceneReaderLimits& limits = {});
 

@@ -22,7 +22,7 @@ void WriteText(const std::string& path, const std::string& text) {
   std::ofstream(path, std::ios::binary) << text;
 }
 
-// A scene of files that the test spells out.
+// A scene whose files are given by the test.
 class SceneReaderTest : public ::testing::Test {
  protected:
   void Write(const std::string& name, const std::string& text) {
@@ -213,7 +213,8 @@ TEST_F(SceneReaderTest, ColorSpacesAreAttributes) {
                scene.materials[static_cast<size_t>(scene.shapes.at(shape).material)].material)
         .reflectance.value;
   };
-  EXPECT_EQ(reflectance(0).rgb, (Rgb{0, 1, 0}));  // Clamped; the true one is beyond.
+  EXPECT_EQ(reflectance(0).rgb,
+            (Rgb{0, 1, 0}));  // Clamped; the true color is outside of the gamut.
   EXPECT_TRUE(reflectance(0).is_out_of_gamut);
   EXPECT_NEAR(reflectance(0).true_rgb.r, -0.5876, 2e-3);
   EXPECT_FALSE(reflectance(1).is_out_of_gamut);
@@ -264,7 +265,7 @@ TEST_F(SceneReaderTest, NamedMaterialsAndTexturesMayComeLater) {
   const auto& b =
       std::get<ConductorMaterial>(scene.materials[static_cast<size_t>(mix.material[1])].material);
   ASSERT_NE(a.reflectance.texture, kNone);
-  // One texture in two roles is two textures.
+  // A texture used in two roles becomes two textures.
   EXPECT_NE(a.reflectance.texture, b.eta.texture);
   EXPECT_EQ(scene.textures[static_cast<size_t>(b.eta.texture)].role, ColorRole::kUnbounded);
   EXPECT_EQ(std::get<ConstantTexture>(scene.textures[static_cast<size_t>(b.eta.texture)].texture)
@@ -422,7 +423,7 @@ TEST_F(SceneReaderTest, LimitsAreNamed) {
 }
 
 TEST_F(SceneReaderTest, LongInlineMeshCrossesTheBufferUnharmed) {
-  // About 2 MB, so that numbers fall across the ends of the reader's buffer at many offsets.
+  // About 2 MB, so that numbers cross the ends of the reader's buffer at many offsets.
   constexpr int kVertexCount = 60000;
   std::string text = "WorldBegin Shape \"trianglemesh\" \"integer indices\" [0 1 2] \"point3 P\" [";
   for (int i = 0; i < kVertexCount; ++i) {

@@ -112,7 +112,8 @@ bool IsRough(const FloatInput& roughness) {
   return roughness.texture != kNone || roughness.value > 0;
 }
 
-// Whether the material keeps light that pbrt-v4 loses: what facets or a coat scatter again.
+// Whether the material keeps light that pbrt-v4 loses: multiple scattering by microfacets or a
+// coat.
 bool KeepsMoreLight(const MaterialDescription& description) {
   return std::visit(
       [](const auto& material) {
@@ -220,11 +221,11 @@ std::string NumericProfile() {
 std::string FrameDigestText(const std::string& scene_digest, const FrameSettings& settings,
                             const std::string& numeric_profile) {
   const PixelRect& w = settings.window;
-  // Frames without outputs keep the digest they had before there were any.
+  // Frames without outputs keep the digest from before outputs existed.
   const std::string outputs = settings.outputs.empty()
                                   ? std::string()
                                   : absl::StrCat("\noutputs ", FormatOutputs(settings.outputs));
-  // So do pictures without bias, and those in linear sRGB.
+  // The same holds for unbiased images, and for those in linear sRGB.
   const std::string similarity =
       settings.similarity_after == 0
           ? std::string()

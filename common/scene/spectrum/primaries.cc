@@ -12,11 +12,11 @@
 namespace sheaf {
 namespace {
 
-// Named spectra of the primaries' whites, by their numbers.
+// Named spectra of the primaries' whites, indexed by Primaries.
 constexpr std::array<const char*, kPrimariesCount> kWhites{
     "stdillum-D65", "illum-acesD60", "stdillum-D65", "stdillum-D65", "illum-acesD60"};
 
-// Linear sRGB of a light, scaled to luminance 1, out of gamut or not.
+// Linear sRGB of a light, scaled to luminance 1; may be out of gamut.
 Vec3d SrgbOf(const ColorSpec& light) {
   const double luminance = SpectrumLuminance(light);
   Vec3d sum{0, 0, 0};
@@ -37,7 +37,7 @@ Vec3d SrgbOfWhite(const char* name) {
 
 struct Conversion {
   Matrix4 srgb_from_rgb;
-  Vec3d white;  // Of (1, 1, 1).
+  Vec3d white;  // The light of (1, 1, 1).
 };
 
 // The columns are the primaries, scaled such that they add up to the white.
@@ -73,9 +73,9 @@ const Conversion& ConversionOf(Primaries primaries) {
   return conversions[static_cast<size_t>(primaries)];
 }
 
-// Chromaticity of a light as warm as the temperature says: a phase of daylight from 4000 K on,
-// below that a blackbody. Source: CIE 15:2004, eq. 3.3-3.4 for daylight; temperatures in the scale
-// of 1968 (c2 = 0.014388 m K), whereas the daylight locus was fitted in that of 1948.
+// Chromaticity of a light of the given temperature: a phase of daylight from 4000 K on, a blackbody
+// below. Source: CIE 15:2004, eq. 3.3-3.4 for daylight; temperatures in the scale of 1968 (c2 =
+// 0.014388 m K), whereas the daylight locus was fitted in that of 1948.
 Vec2d ChromaticityOfTemperature(double temperature_k) {
   const double cct_k = temperature_k * (1.4388 / 1.4380);
   if (cct_k >= 4000) {
@@ -92,7 +92,8 @@ Vec2d ChromaticityOfTemperature(double temperature_k) {
   return {xyz.x / sum, xyz.y / sum};
 }
 
-// Linear sRGB of a sensor's picture under other lights than those that its sums stand for.
+// Converts a sensor's sums, which are linear sRGB balanced for kSensorWhiteBalanceK, to linear sRGB
+// balanced for another light and the white of the primaries.
 Matrix4 SensorBalance(const std::string& sensor, Primaries primaries, float white_balance_k) {
   const std::string white = kWhites[static_cast<size_t>(primaries)];
   if (white_balance_k == kSensorWhiteBalanceK && white == kWhites[0]) return {};
@@ -124,7 +125,7 @@ PictureColor PictureColorOf(Primaries primaries, float white_balance_k, const st
   const Matrix4 rgb_from_srgb = *RgbFromRgb(color.chromaticities, Chromaticities());
   color.light_from_srgb = color.albedo_from_srgb = rgb_from_srgb;
   if (primaries != Primaries::kSrgb) {
-    // As SrgbFromPrimaries has it, the other way: each channel of sRGB is measured by the white's.
+    // The inverse of SrgbFromPrimaries: each channel of sRGB is relative to that of the white.
     const Matrix4 srgb_from_rgb = *RgbFromRgb(Chromaticities(), color.chromaticities);
     const Vec3d white = TransformVector(srgb_from_rgb, {1, 1, 1});
     color.albedo_from_srgb = rgb_from_srgb * ScaleMatrix(white);
@@ -147,7 +148,7 @@ PictureColor PictureColorOf(Primaries primaries, float white_balance_k, const st
 Rgb SrgbFromPrimaries(Rgb rgb, Primaries primaries, ColorRole role) {
   if (primaries == Primaries::kSrgb) return rgb;
   const bool is_light = role == ColorRole::kIlluminant;
-  // What is the same at every wavelength stays so, to the bit.
+  // A color equal in all channels stays equal, to the bit.
   if (!is_light && rgb.r == rgb.g && rgb.g == rgb.b) return rgb;
   const Conversion& conversion = ConversionOf(primaries);
   const Vec3d srgb = TransformVector(

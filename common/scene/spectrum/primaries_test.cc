@@ -20,7 +20,7 @@ TEST(PrimariesTest, NamesAreThoseOfPbrt) {
   EXPECT_EQ(PrimariesFromName("ACES2065-1"), Primaries::kAces2065);
   EXPECT_EQ(PrimariesFromName("rec2020"), Primaries::kRec2020);
   EXPECT_EQ(PrimariesFromName("dci-p3"), Primaries::kDciP3);
-  EXPECT_EQ(PrimariesFromName("acescg"), Primaries::kAcesCg);  // Sheaf's own.
+  EXPECT_EQ(PrimariesFromName("acescg"), Primaries::kAcesCg);  // An extension of Sheaf.
   EXPECT_EQ(PrimariesFromName("adobe"), std::nullopt);
 }
 
@@ -71,8 +71,8 @@ TEST(PrimariesTest, PicturesInSrgbAreTheSums) {
   EXPECT_FALSE(PictureColorOf(Primaries::kAcesCg, 0).AsSummed());
 }
 
-// What a scene gives in primaries is delivered as it was given: lights up to the rounding of the
-// white's five published digits, and of reflectances white is white.
+// Colors given in primaries are delivered unchanged: lights up to the rounding of the white's five
+// published digits; for reflectances white stays white.
 TEST(PrimariesTest, DeliveredColorsAreThoseOfTheSceneFile) {
   for (size_t i = 0; i < kPrimariesCount; ++i) {
     const auto primaries = static_cast<Primaries>(i);
@@ -92,7 +92,7 @@ TEST(PrimariesTest, DeliveredColorsAreThoseOfTheSceneFile) {
   }
 }
 
-// D65 in ACES2065-1, whose white is D60, is the color it was: its XYZ by the matrix of ST 2065-1.
+// D65 in ACES2065-1, whose white is D60, keeps its color: its XYZ by the matrix of ST 2065-1.
 TEST(PrimariesTest, NothingIsAdaptedUnasked) {
   const Vec3d d65 = Light(Primaries::kAces2065, 0, {1, 1, 1});
   EXPECT_NEAR(0.9525523959 * d65.x + 0.0000936786 * d65.z, 0.95046, 1e-5);

@@ -20,7 +20,7 @@ const sensor_data::Response* Find(const std::string& name) {
   return found == std::end(sensor_data::kResponses) ? nullptr : found;
 }
 
-// Linear interpolation in a table of equal steps; 0 outside.
+// Linear interpolation in an equidistant table; 0 outside.
 double Sampled(const int* samples, size_t count, double first_nm, double step_nm, double nm) {
   const double position = (nm - first_nm) / step_nm;
   if (position < 0 || position > static_cast<double>(count - 1)) return 0;
@@ -37,7 +37,7 @@ double SwatchAt(size_t swatch, double nm) {
 
 Vec3d ToVector(const std::array<double, 3>& values) { return {values[0], values[1], values[2]}; }
 
-// The chart as the sensor and as the observer sees it.
+// The chart's colors as the sensor and as the observer see them.
 struct Chart {
   std::array<Vec3d, sensor_data::kSwatchCount> sensor{}, srgb{};
 };
@@ -62,7 +62,8 @@ Chart LookAtChart(const std::string& sensor, double white_balance_k,
       chart.srgb[i] = chart.srgb[i] + observer * (reflectance * picture_light);
     }
   }
-  // White: green responds 1, and the observer sees as much luminance as the sensor needs for that.
+  // The scale of white: green responds 1, and the observer sees the luminance that the sensor needs
+  // for that.
   const double luminance = sensor_luminance / green / SpectrumLuminance(white);
   for (size_t i = 0; i < sensor_data::kSwatchCount; ++i) {
     chart.sensor[i] = chart.sensor[i] / green;

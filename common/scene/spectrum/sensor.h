@@ -1,12 +1,12 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Sensors of cameras, as pbrt-v4 has them: three responses to each wavelength instead of the CIE
-// observer's, and the matrix that makes colors of them. The matrix is the one that, for the squares
-// of a ColorChecker chart, comes nearest to what the observer sees: the sensor looks at them under
-// the light that the white balance names, the observer under the white of the picture's primaries.
-// Both whites have the same luminance. Source: Langlands and Fascione 2020, "PhysLight"; Pharr,
-// Jakob and Humphreys 2023, "Physically Based Rendering", 5.4.2. See docs/adr/0049.
+// Camera sensors, as in pbrt-v4: three responses to each wavelength instead of the CIE observer's,
+// and the matrix that converts them to colors. The matrix minimizes, over the squares of a
+// ColorChecker chart, the difference to the colors that the observer sees: the sensor sees the
+// squares under the light that the white balance names, the observer under the white of the image's
+// primaries. Both whites have the same luminance. Source: Langlands and Fascione 2020, "PhysLight";
+// Pharr, Jakob and Humphreys 2023, "Physically Based Rendering", 5.4.2. See docs/adr/0049.
 #pragma once
 
 #include <array>
@@ -17,21 +17,22 @@
 
 namespace sheaf {
 
-// Temperature of the light that a sensor's picture shows as white unless a scene says another.
+// Temperature of the light that looks white in a sensor's image unless the scene sets another.
 inline constexpr float kSensorWhiteBalanceK = 6500;
 
-// Names as scenes write them: "canon_eos_100d" ... "cie1931", which stands for no sensor, is none.
+// Names as scenes write them: "canon_eos_100d" ... "cie1931" means no sensor and is not one.
 bool IsSensor(const std::string& name);
 std::vector<std::string> SensorNames();
 
-// The responses of red, green and blue to a wavelength. Requires: IsSensor(sensor).
+// Responses of red, green and blue at a wavelength. Requires: IsSensor(sensor).
 std::array<double, 3> SensorResponse(const std::string& sensor, double wavelength_nm);
-// Linear sRGB of the three responses to spectral radiance, integrated as ObserverRgb's are.
-// picture_white: name of the spectrum that the picture shows as white. Requires: IsSensor(sensor);
-// IsNamedSpectrum(picture_white).
+// Linear sRGB of the three responses to spectral radiance, integrated like ObserverRgb's.
+// picture_white: name of the spectrum that looks white in the image.
+// Requires: IsSensor(sensor); IsNamedSpectrum(picture_white).
 Matrix4 SrgbFromSensor(const std::string& sensor, double white_balance_k,
                        const std::string& picture_white);
-// The same as the film sums it, whatever is delivered: balanced from kSensorWhiteBalanceK to D65.
+// The matrix by which the film sums responses, for all deliveries: balanced from
+// kSensorWhiteBalanceK to D65.
 Matrix4 SummedFromSensor(const std::string& sensor);
 
 }  // namespace sheaf

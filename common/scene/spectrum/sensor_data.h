@@ -1,17 +1,17 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The responses of cameras' sensors, and the reflectances that their colors are balanced with, as
-// tables of measurements. sensor.h makes colors of them.
+// Tables of measurements: the responses of camera sensors, and the reflectances by which their
+// colors are balanced. sensor.h converts them to colors.
 #pragma once
 
 #include <cstddef>
 
 namespace sheaf::sensor_data {
 
-// Responses of red, green and blue at 380, 390 ... 720 nm, of the largest of the three 1e4. Linear
-// in between, 0 outside. Source: measurements of Langlands and Fascione 2020 ("PhysLight: An
-// End-to-End Pipeline for Scene-Referred Lighting"), as published with pbrt-v4.
+// Responses of red, green and blue at 380, 390 ... 720 nm, scaled so that the maximum of the three
+// is 1e4. Linear in between, 0 outside. Source: measurements of Langlands and Fascione 2020
+// ("PhysLight: An End-to-End Pipeline for Scene-Referred Lighting"), as published with pbrt-v4.
 inline constexpr size_t kResponseSampleCount = 35;
 inline constexpr double kResponseFirstNm = 380, kResponseStepNm = 10, kResponseOne = 1e4;
 struct Response {

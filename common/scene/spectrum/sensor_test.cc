@@ -11,7 +11,7 @@
 namespace sheaf {
 namespace {
 
-// The film's sum of a light of luminance 1.
+// The film's sum for a light of luminance 1.
 Vec3d Summed(const std::string& sensor, const ColorSpec& light) {
   const Matrix4 summed_from_sensor = SummedFromSensor(sensor);
   const double luminance = SpectrumLuminance(light);
@@ -41,7 +41,7 @@ TEST(SensorTest, ColorsAreThoseOfTheDocumentedModel) {
   }
 }
 
-// The least squares leave an error, but the light that is balanced looks white to every sensor.
+// The least-squares fit leaves an error, but the balanced light looks white to every sensor.
 TEST(SensorTest, BalancedLightIsNearlyWhite) {
   EXPECT_EQ(SensorNames().size(), 17u);
   ColorSpec daylight;

@@ -18,9 +18,9 @@ namespace data = spectrum_data;
 
 constexpr int kFirstNm = kSpectrumFirstNm, kLastNm = kSpectrumLastNm;
 constexpr double kElectronVoltNm =
-    1239.84;  // Wavelength of a photon of 1 eV, as the tables have it.
+    1239.84;  // Wavelength in nm of a photon of 1 eV, as in the tables.
 
-// Linear interpolation in an equidistant table; its ends hold outside.
+// Linear interpolation in an equidistant table; constant beyond its ends.
 double Equidistant(const double* values, size_t count, double first, double step, double at) {
   const double position = std::clamp((at - first) / step, 0.0, static_cast<double>(count - 1));
   const size_t below = std::min(static_cast<size_t>(position), count - 2);
@@ -47,7 +47,7 @@ double IlluminantA(double nm) {
   return 100 * fifth * Expm1(1.435e7 / (2848 * 560)) / Expm1(1.435e7 / (2848 * nm));
 }
 
-// CIE daylight of a correlated colour temperature from 4000 to 25000 K. Source: CIE 15:2004, 3.2.
+// CIE daylight of a correlated color temperature from 4000 to 25000 K. Source: CIE 15:2004, 3.2.
 double Daylight(double temperature_k, double nm) {
   const double r = 1000 / temperature_k;
   const double x = temperature_k <= 7000 ? ((-4.6070 * r + 2.9678) * r + 0.09911) * r + 0.244063
@@ -64,8 +64,8 @@ double Daylight(double temperature_k, double nm) {
          m2 * component(data::kDaylightS2);
 }
 
-// Temperatures of the daylight names. The constant of Planck's law has changed since D65 was named,
-// which moved its temperature from 6500 K.
+// Corrects the temperatures of the daylight names. The constant of Planck's law has changed since
+// D65 was named, which moved its temperature from 6500 K.
 constexpr double kConstantRatio = 1.4388 / 1.438;
 std::optional<double> DaylightTemperature(const std::string& name) {
   if (name == "stdillum-D50") return 5000 * kConstantRatio;
@@ -83,7 +83,7 @@ double Blackbody(double temperature_k, double nm) {
          (fifth * Expm1(kPlanck * kLightSpeed / (metres * kBoltzmann * temperature_k)));
 }
 
-// "metal-Cu-eta" and its like; empty for other names.
+// "metal-Cu-eta" and the like; empty for other names.
 std::optional<double> MetalAt(const std::string& name, double nm) {
   for (const data::Metal& metal : data::kMetals) {
     const std::string prefix = std::string("metal-") + metal.name;
@@ -128,9 +128,9 @@ Xyz Integrate(const Function& radiance) {
   return sum;
 }
 
-// Linear sRGB whose white is exactly that of our D65 table, so that grey stays grey.
+// Linear sRGB whose white is exactly that of the D65 table here, so that gray stays gray.
 struct ColorSpace {
-  std::array<double, kSpectrumCount> d65;  // Normalised to luminance 1.
+  std::array<double, kSpectrumCount> d65;  // Normalized to luminance 1.
   std::array<std::array<double, 3>, 3> rgb_from_xyz;
 };
 
@@ -174,7 +174,7 @@ Rgb ToRgb(const Xyz& xyz) {
   return rgb;
 }
 
-// What a surface of this spectrum looks like under D65.
+// The color of a surface of this spectrum under D65.
 template <typename Function>
 Rgb UnderD65(const Function& spectrum) {
   const auto& d65 = Space().d65;
@@ -191,7 +191,7 @@ Xyz IlluminantXyz(const ColorSpec& spectrum) {
   return Integrate([&](int nm) { return EvaluateSpectrum(spectrum, nm); });
 }
 
-// Of luminance 1; negative where the colour lies outside of sRGB.
+// Has luminance 1; negative components if the color lies outside of sRGB.
 Rgb IlluminantRgb(const ColorSpec& spectrum) {
   const Xyz xyz = IlluminantXyz(spectrum);
   if (!(xyz.y > 0)) return Rgb{};
@@ -202,7 +202,7 @@ Rgb ReflectanceRgb(const ColorSpec& spectrum) {
 }
 
 // Mean of a spectrum for each channel, weighted by how strongly each wavelength under D65 makes the
-// channel brighter. Negative lobes, which a mean cannot have, weigh nothing.
+// channel brighter. Negative lobes, which a mean cannot have, have weight 0.
 Rgb ChannelMeans(const ColorSpec& spectrum) {
   Rgb means;
   for (size_t i = 0; i < 3; ++i) {
@@ -218,8 +218,8 @@ Rgb ChannelMeans(const ColorSpec& spectrum) {
   return means;
 }
 
-// Reflectance at normal incidence in each channel. Where one of the two is RGB, each channel sees
-// its own component of it.
+// Reflectance at normal incidence in each channel. If one of the two is RGB, each channel uses its
+// own component of it.
 Rgb ConductorReflectance(const ColorSpec& eta, const ColorSpec& k, double outside) {
   const auto value = [](const ColorSpec& color, size_t channel, int nm) -> double {
     return color.kind == ColorSpec::Kind::kRgb ? color.rgb[channel] : EvaluateSpectrum(color, nm);
@@ -311,7 +311,7 @@ bool IsWithinSrgb(const ColorSpec& spectrum, ColorRole role) {
   if (spectrum.kind == ColorSpec::Kind::kRgb) return !spectrum.is_out_of_gamut;
   const bool emits = role == ColorRole::kIlluminant;
   const Rgb rgb = emits ? IlluminantRgb(spectrum) : ReflectanceRgb(spectrum);
-  // The tables' own rounding moves a colour by this much.
+  // The tables' own rounding moves a color by this much.
   constexpr float kTolerance = 1e-3f;
   const float largest = std::max(MaxComponent(rgb), 1.0f);
   const bool too_small = std::min({rgb.r, rgb.g, rgb.b}) < -kTolerance * largest;
@@ -365,7 +365,7 @@ ConductorConstants ConductorRgb(const ColorSpec& eta, const ColorSpec& k, float 
     // Solves r = ((n - 1)^2 + k^2) / ((n + 1)^2 + k^2) for k.
     const double k_squared = (r * (n + 1) * (n + 1) - (n - 1) * (n - 1)) / (1 - r);
     if (k_squared < 0) {
-      // The mean index alone reflects more than r: then without absorption, and with the index that
+      // The mean index alone reflects more than r: drop absorption, and choose the index that
       // reflects r.
       n = (1 + std::sqrt(r)) / (1 - std::sqrt(r));
     }
@@ -378,7 +378,7 @@ ConductorConstants ConductorRgb(const ColorSpec& eta, const ColorSpec& k, float 
 ConductorConstants ConductorFromReflectance(Rgb reflectance) {
   ConductorConstants constants;
   for (size_t i = 0; i < 3; ++i) {
-    // As pbrt-v4: a reflectance of 1 would need an infinite k.
+    // As in pbrt-v4: a reflectance of 1 would need an infinite k.
     const float r = std::clamp(reflectance[i], 0.f, 0.9999f);
     constants.eta[i] = 1;
     constants.k[i] = 2 * std::sqrt(r) / std::sqrt(1 - r);

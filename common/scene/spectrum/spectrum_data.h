@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Measured spectra as tables. The numbers are facts of physics and standards; spectrum.h turns them
-// into colours.
+// Measured spectra as tables. The numbers are facts of physics and standards; spectrum.h converts
+// them to colors.
 #pragma once
 
 #include <cstddef>

@@ -18,7 +18,7 @@ namespace {
 
 constexpr uint64_t kSpectrumFileBytesMax = uint64_t{1} << 24;
 
-// Errors are texts for people, empty where all is well.
+// Returns an error text, empty on success.
 std::string ReadSpectrumFile(const std::string& path, std::vector<float>* numbers) {
   absl::StatusOr<std::unique_ptr<TextInput>> input = TextInput::Open(path, kSpectrumFileBytesMax);
   if (!input.ok()) return std::string(input.status().message());
@@ -81,7 +81,7 @@ std::string SetRgb(const Parameter& parameter, ColorRole role, ColorSpec* color)
     return "has a component greater than 1; a surface cannot reflect more light than it gets";
   }
   const Rgb srgb = SrgbFromPrimaries(written, parameter.primaries, role);
-  // Rounding of a colour on the edge of the gamut is not outside of it.
+  // Colors on the edge of the gamut may leave it by rounding.
   constexpr float kTolerance = 1e-4f;
   for (size_t i = 0; i < 3; ++i) {
     color->rgb[i] = std::max(srgb[i], 0.f);
@@ -100,7 +100,7 @@ std::string SetBlackbody(const Parameter& parameter, ColorSpec* color) {
   }
   color->kind = ColorSpec::Kind::kBlackbody;
   color->temperature_k = parameter.floats[0];
-  // Below, the visible part of Planck's law underflows double arithmetic.
+  // Below this, the visible part of Planck's law underflows double arithmetic.
   constexpr float kTemperatureMin = 100;
   if (!(color->temperature_k >= kTemperatureMin)) {
     return absl::StrCat("is a temperature below ", kTemperatureMin, " K, which gives no light");

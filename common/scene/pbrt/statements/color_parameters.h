@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Colours of pbrt files: rgb triples, blackbody temperatures, named spectra, inline samples and
-// .spd files, each with the linear sRGB value filled in.
+// Colors of pbrt files: rgb triples, blackbody temperatures, named spectra, inline samples and .spd
+// files, each with its linear sRGB value filled in.
 #pragma once
 
 #include <string>
@@ -15,7 +15,8 @@ namespace sheaf {
 
 ColorSpec RgbColor(Rgb rgb);
 
-// The colour that the parameter holds, or fallback where it is absent or wrong (which is reported).
+// The color that the parameter holds, or fallback if it is absent or wrong (wrong values are
+// reported).
 // Requires: the parameter is not a texture.
 ColorSpec GetColor(ParameterList& parameters, const std::string& name, ColorRole role,
                    const ColorSpec& fallback, FileSource& files);

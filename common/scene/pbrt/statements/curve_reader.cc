@@ -1,9 +1,9 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Every basis becomes cubic Bezier segments, in double with one rounding. Neighbours compute what
-// they share from the same numbers in the same way, so that curves stay in one piece. Source:
-// Farin 2002, "Curves and Surfaces for CAGD", ch. 5 and 8; parameters after pbrt-v4.
+// Converts every basis to cubic Bezier segments, in double with one rounding. Neighbors compute
+// shared points from the same numbers in the same way, so that curves stay connected. Source: Farin
+// 2002, "Curves and Surfaces for CAGD", ch. 5 and 8; parameters as in pbrt-v4.
 #include "common/scene/pbrt/statements/curve_reader.h"
 
 #include <array>
@@ -21,11 +21,11 @@ struct Basis {
   size_t degree = 3;
 };
 
-// A quadratic's three control points as a cubic's four.
+// Degree elevation: a quadratic's three control points as a cubic's four.
 std::array<Vec3d, 4> Elevate(Vec3d a, Vec3d b, Vec3d c) {
   return {a, (a + b * 2.0) / 3.0, (b * 2.0 + c) / 3.0, c};
 }
-// p: the degree + 1 control points that shape the segment.
+// p: the degree + 1 control points that define the segment.
 std::array<Vec3d, 4> BezierOf(const Basis& basis, const Vec3f* p) {
   const Vec3d a = ToDouble(p[0]), b = ToDouble(p[1]), c = ToDouble(p[2]);
   if (basis.degree == 2) {
@@ -65,7 +65,7 @@ std::optional<CurveSet::Kind> ReadKind(ParameterList& parameters) {
   return std::nullopt;
 }
 
-// 0 (reported) where P makes no curve.
+// 0 (reported) if P does not make a curve.
 size_t SegmentCount(ParameterList& parameters, const Basis& basis, size_t point_count) {
   const size_t degree = basis.degree;
   if (point_count > degree && (basis.is_spline || (point_count - 1) % degree == 0)) {
@@ -135,8 +135,8 @@ bool ReadCurve(ParameterList& parameters, CurveSet* curve) {
   const std::vector<Vec3f> points = parameters.GetTriples("P", ParameterType::kPoint3);
   const std::optional<Basis> basis = ReadBasis(parameters);
   const std::optional<CurveSet::Kind> kind = ReadKind(parameters);
-  // How pbrt splits curves to trace them; the tracer here decides by their shape, and the picture
-  // is the same.
+  // Controls how pbrt splits curves to trace them; the tracer here decides by their shape, and the
+  // image is the same.
   parameters.GetInteger("splitdepth", 3);
   const size_t count = basis.has_value() ? SegmentCount(parameters, *basis, points.size()) : 0;
   if (count == 0 || !kind.has_value()) {

@@ -1,7 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// What Shape "curve" says: Bezier curves or uniform B-splines of degree 2 or 3 as cubic segments.
+// Reads Shape "curve": Bezier curves or uniform B-splines of degree 2 or 3, converted to cubic
+// segments.
 #pragma once
 
 #include "common/scene/curve_set.h"
@@ -9,7 +10,7 @@
 
 namespace sheaf {
 
-// Reads one curve. False (every problem reported) where it is none.
+// Reads one curve. False (every problem is reported) if the parameters do not give one.
 bool ReadCurve(ParameterList& parameters, CurveSet* curve);
 
 }  // namespace sheaf

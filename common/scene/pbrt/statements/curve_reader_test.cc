@@ -33,7 +33,7 @@ class CurveReaderTest : public ::testing::Test {
     EXPECT_TRUE(result->diagnostics.empty());
     return result->scene.curve_sets[0];
   }
-  // What the reader says against the shape.
+  // The reader's error about the shape.
   std::string Refusal(const std::string& shape) {
     return std::string(Read(shape).status().message());
   }
@@ -54,7 +54,8 @@ TEST_F(CurveReaderTest, BezierSegmentsShareTheirEnds) {
   EXPECT_EQ(curves.widths, (std::vector<float>{4, 3, 3, 2}));
 }
 
-// A parabola is one in either degree: y = x^2 through quadratic control points (0,0) (1/2,0) (1,1).
+// A parabola is the same in either degree: y = x^2 through quadratic control points (0,0) (1/2,0)
+// (1,1).
 TEST_F(CurveReaderTest, QuadraticsAreRaisedToCubics) {
   const CurveSet curves =
       ReadOne("Shape \"curve\" \"integer degree\" 2 \"point3 P\" [0 0 0  1.5 0 0  3 9 0]");
@@ -63,8 +64,9 @@ TEST_F(CurveReaderTest, QuadraticsAreRaisedToCubics) {
   EXPECT_EQ(curves.widths, (std::vector<float>{1, 1}));
 }
 
-// Marsden's identity: with control points x = 0, 1, 2, ... a spline runs evenly along x; and with
-// their squares less a constant (1/3 in degree 3, 1/4 in degree 2), it runs along the parabola.
+// Marsden's identity: with control points x = 0, 1, 2, ... a spline runs uniformly along x; and
+// with their squares less a constant (1/3 in degree 3, 1/4 in degree 2), it runs along the
+// parabola.
 TEST_F(CurveReaderTest, SplinesReproduceLinesAndParabolas) {
   const CurveSet cubic = ReadOne(
       "Shape \"curve\" \"string basis\" \"bspline\" "
@@ -93,7 +95,7 @@ TEST_F(CurveReaderTest, RibbonsHaveUnitNormalsAtEachEnd) {
   EXPECT_EQ(curves.normals[1], (Vec3f{0, 0.6f, 0.8f}));
 }
 
-// What differs in nothing but its points is one shape; what differs otherwise is not.
+// Curves that differ only in their points become one shape; others do not.
 TEST_F(CurveReaderTest, CurvesAlikeAreKeptTogether) {
   std::string world, other;
   for (int i = 0; i < 100; ++i) {

@@ -13,7 +13,7 @@
 namespace sheaf {
 namespace {
 
-// The colour of light that a scene leaves open: the white of sRGB.
+// The default color of lights: the white of sRGB.
 ColorSpec White() { return RgbColor(Rgb::Grey(1)); }
 
 LightScale GetScale(ParameterList& parameters, bool has_power) {
@@ -26,7 +26,7 @@ LightScale GetScale(ParameterList& parameters, bool has_power) {
   return scale;
 }
 
-// Sheaf's own parameter: which picture of light the lamp is counted to.
+// Sheaf's own parameter: the light group to which the light belongs.
 std::string GetGroup(ParameterList& parameters) {
   const std::string group = parameters.GetString("lightgroup", kDefaultLightGroup);
   const std::string why_not = WhyNotLightGroup(group);
@@ -35,7 +35,7 @@ std::string GetGroup(ParameterList& parameters) {
   return kDefaultLightGroup;
 }
 
-// Older scenes say how often a light is sampled at a point.
+// Older scenes give the number of light samples per point.
 void PassOverSampleCount(ParameterList& parameters) {
   const Parameter* count = parameters.Find("nsamples");
   if (count == nullptr) return;
@@ -52,8 +52,8 @@ void CheckDirection(ParameterList& parameters, Vec3d from, Vec3d to) {
                                 "which gives no direction"));
 }
 
-// Canonical name of the parameter's file, which can be read unless that was reported; empty where
-// there is no parameter.
+// Canonical name of the parameter's file, whose readability has been checked (failures are
+// reported); empty if there is no parameter.
 std::string GetFile(ParameterList& parameters, FileSource& files) {
   const std::string filename = parameters.GetString("filename", "");
   if (filename.empty()) return "";
@@ -65,14 +65,14 @@ std::string GetFile(ParameterList& parameters, FileSource& files) {
   return file;
 }
 
-// Corners of a rectangle, empty where there is no portal or that was reported.
+// Corners of a rectangle; empty if there is no portal or it was invalid (reported).
 std::vector<Vec3d> GetPortal(ParameterList& parameters) {
   std::vector<Vec3d> corners;
   for (const Vec3f& corner : parameters.GetTriples("portal", ParameterType::kPoint3)) {
     corners.push_back(ToDouble(corner));
   }
   if (corners.empty()) return corners;
-  // Of cosines, as pbrt-v4 has it. False also where an edge has no length.
+  // On cosines, as in pbrt-v4. The test also fails if an edge has no length.
   constexpr double kTolerance = 1e-3;
   const auto is_cosine = [](Vec3d a, Vec3d b, double expected) {
     return std::fabs(Dot(a, b) / (Length(a) * Length(b)) - expected) <= kTolerance;

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Lights of pbrt files: what LightSource and AreaLightSource say, after pbrt-v4's defaults.
+// Lights of pbrt files: LightSource and AreaLightSource, with pbrt-v4's defaults.
 #pragma once
 
 #include <optional>
@@ -13,7 +13,7 @@
 
 namespace sheaf {
 
-// LightSource "type" ...; empty (reported) where Sheaf does not do the type.
+// LightSource "type" ...; empty (reported) if Sheaf does not support the type.
 std::optional<LightDescription> GetLight(const std::string& type, const Matrix4& world_from_light,
                                          ParameterList& parameters, FileSource& files);
 

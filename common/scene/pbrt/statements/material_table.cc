@@ -14,7 +14,7 @@ namespace sheaf {
 namespace {
 
 constexpr float kDefaultReflectance = 0.5f;
-constexpr float kDefaultShareOfSheet = 0.25f;  // Reflected by and crossing a diffuse sheet.
+constexpr float kDefaultShareOfSheet = 0.25f;  // Reflectance and transmittance of a diffuse sheet.
 constexpr float kDefaultIndex = 1.5f;
 
 ColorSpec NamedColor(const std::string& name) {
@@ -54,7 +54,7 @@ void MaterialTable::AddNamed(const std::string& name, ParameterList parameters) 
         absl::StrCat(parameters.owner(), " needs \"string type\", such as \"diffuse\""));
     return;
   }
-  // Making it may refer to further materials, which moves the vector.
+  // Make may refer to further materials, which moves the vector.
   MaterialDescription made = Make(type, parameters);
   made.name = std::move(scene_->materials[index].name);
   made.location = scene_->materials[index].location;
@@ -182,7 +182,7 @@ DiffuseTransmissionMaterial MaterialTable::MakeDiffuseTransmission(ParameterList
   if (!(sheet.scale >= 0)) parameters.Error(parameters.owner() + ": scale is negative");
   if (sheet.reflectance.texture != kNone || sheet.transmittance.texture != kNone) return sheet;
   const Rgb sum = (sheet.reflectance.value.rgb + sheet.transmittance.value.rgb) * sheet.scale;
-  // Rounding of shares such as 0.7 + 0.3 is not worth a word.
+  // Sums such as 0.7 + 0.3 may exceed 1 by rounding, which is not reported.
   constexpr float kSumMax = 1.0001f;
   if (MaxComponent(sum) > kSumMax) {
     diagnostics_->Warning(

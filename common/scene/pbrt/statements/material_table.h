@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // MaterialTable: the materials of a scene, named and unnamed. Shapes and mixes may use a named
-// material that the file makes further on; the table keeps its place until then.
+// material that the file makes later; the table reserves its index until then.
 #pragma once
 
 #include <cstdint>
@@ -18,7 +18,7 @@ namespace sheaf {
 
 class MaterialTable {
  public:
-  // Requires: all outlive this.
+  // Requires: all pointers outlive this.
   MaterialTable(SceneDescription* scene, TextureTable* textures, FileSource* files,
                 Diagnostics* diagnostics)
       : scene_(scene), textures_(textures), files_(files), diagnostics_(diagnostics) {}
@@ -29,16 +29,16 @@ class MaterialTable {
   void AddNamed(const std::string& name, ParameterList parameters);
   // The index of the material of that name.
   int32_t Refer(const std::string& name, SourceLocation location);
-  // Of shapes before any Material directive: diffuse, reflecting one half.
+  // The material of shapes before any Material directive: diffuse, reflectance 0.5.
   int32_t Default();
   // Whether the material is "interface". Named materials count once they are made.
   bool IsInterface(int32_t material) const;
 
-  // What is inside of subsurface materials, by their `medium` until these take a place in the
-  // scene.
+  // Interiors of subsurface materials, indexed by the material's `medium` until they are added to
+  // the scene's media.
   const std::vector<MediumDescription>& matter() const { return matter_; }
 
-  // Reports names that lead nowhere and mixes that contain themselves. Call once, at the end.
+  // Reports undefined names and mixes that contain themselves. Call once, at the end.
   void Finish();
 
  private:
@@ -61,7 +61,8 @@ class MaterialTable {
   MeasuredMaterial MakeMeasured(ParameterList& parameters);
   SubsurfaceMaterial MakeSubsurface(ParameterList& parameters);
   MixMaterial MakeMix(ParameterList& parameters);
-  // Fills in what a coat has whatever is below it. eta_name: of its index of refraction.
+  // Fills in the parameters of a coat, independent of its base. eta_name: parameter of its index of
+  // refraction.
   void GetCoat(ParameterList& parameters, const std::string& eta_name, ClearCoat* coat);
   // Parameters may share a prefix, such as "conductor.".
   void GetConductor(ParameterList& parameters, const std::string& prefix,

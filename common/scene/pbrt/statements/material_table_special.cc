@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// MaterialTable's materials of one kind of matter: hair, and what was measured.
+// The special-purpose materials of MaterialTable: hair and measured materials.
 #include <string>
 
 #include "absl/strings/str_cat.h"

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// MaterialTable's subsurface materials: a boundary, and matter by its coefficients, by the name of
-// a measured substance, or by what it reflects.
+// MaterialTable's subsurface materials: a boundary, and an interior given by its coefficients, by
+// the name of a measured substance, or by its reflectance.
 #include <algorithm>
 #include <cmath>
 #include <string>
@@ -17,9 +17,9 @@ namespace sheaf {
 namespace {
 
 constexpr float kDefaultSubsurfaceIndex = 1.33f;
-// pbrt-v4's: milk's, per millimetre.
+// pbrt-v4's defaults: milk's, per millimeter.
 constexpr Rgb kDefaultSigmaA{.0011f, .0024f, .014f}, kDefaultSigmaS{2.55f, 3.21f, 3.77f};
-// Whether the parameter is there and no texture, which matter cannot be painted with.
+// Whether the parameter is present and not a texture, which interiors do not support.
 bool HasColor(ParameterList& parameters, const char* name) {
   const Parameter* parameter = parameters.Find(name);
   if (parameter == nullptr) return false;
@@ -42,11 +42,11 @@ void SetPreset(ParameterList& parameters, const std::string& name, MediumDescrip
   for (const char* other : {"sigma_a", "sigma_s", "reflectance", "mfp", "g"}) {
     parameters.NoteWithoutEffect(other, "the named substance says what it is");
   }
-  matter->g = 0;  // What is measured are reduced coefficients.
+  matter->g = 0;  // The measured values are reduced coefficients.
 }
 
-// Whether the spectrum is of lengths that light can go. Where it has samples its rgb alone would
-// not say so.
+// Whether the spectrum consists of valid free paths. If it is sampled, its rgb alone does not show
+// that.
 bool IsFreePath(const ColorSpec& color, float scale) {
   const auto is_length = [scale](float value) {
     return std::isfinite(value * scale) && value * scale >= kFreePathMin;
@@ -55,7 +55,7 @@ bool IsFreePath(const ColorSpec& color, float scale) {
          std::all_of(color.values.begin(), color.values.end(), is_length);
 }
 
-// Coefficients by what even light would see of the matter, and its mean free path.
+// Coefficients from the interior's reflectance under uniform light and its mean free path.
 void GetReflectance(ParameterList& parameters, TextureTable& textures, FileSource& files, float eta,
                     MediumDescription* matter) {
   MatterReflectance reflectance;

@@ -1,18 +1,19 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// From what matter gives back of light to its coefficients.
+// Derives the coefficients of a subsurface medium from its reflectance.
 #pragma once
 
 #include "common/scene/medium_description.h"
 
 namespace sheaf {
 
-// A free path of nothing would be infinitely dense.
+// Smallest mean free path: one of 0 would be infinitely dense.
 inline constexpr float kFreePathMin = 1e-30f;
 
-// Sets medium->reflectance, and the coefficients that follow from it as linear sRGB and from
-// medium->g. Requires: the free path times its scale is at least kFreePathMin.
+// Sets medium->reflectance, and the coefficients that follow from it and from medium->g, as linear
+// sRGB.
+// Requires: the free path times its scale is at least kFreePathMin.
 void SetReflectance(const MatterReflectance& reflectance, MediumDescription* medium);
 
 }  // namespace sheaf

@@ -97,7 +97,7 @@ bool GetBox(ParameterList& parameters, GridBox* box) {
   return true;
 }
 
-// One value for each cell, or none where the parameter is absent.
+// One value per cell, or none if the parameter is absent.
 std::vector<float> GetCells(ParameterList& parameters, const std::string& name,
                             const GridBox& box) {
   std::vector<float> values = parameters.GetFloats(name);
@@ -117,7 +117,7 @@ std::vector<float> GetCells(ParameterList& parameters, const std::string& name,
   return values;
 }
 
-// A velocity for each cell, or none.
+// One velocity per cell, or none.
 std::vector<Vec3f> GetVelocityCells(ParameterList& parameters, const GridBox& box) {
   std::vector<Vec3f> values = parameters.GetTriples("velocity", ParameterType::kVector3);
   if (values.empty() || values.size() == box.size()) return values;
@@ -244,7 +244,7 @@ void SetVolumeFile(ParameterList& parameters, FileSource& files, MediumDescripti
                        absl::StrCat("must name a grid of the file, or \"", kAnyVelocityGrid, "\""));
   }
   GetVelocityScale(parameters, medium);
-  // Whether there are temperatures says the file.
+  // The file determines whether there are temperatures.
   medium->emits = medium->radiance_scale > 0;
   medium->kind = std::move(volume);
 }
@@ -280,7 +280,7 @@ bool IsBlack(const std::vector<Rgb>& cells) {
          std::all_of(cells.begin(), cells.end(), [](Rgb cell) { return cell.IsBlack(); });
 }
 
-// Grids that do nothing, or shine nowhere: named, and not carried along.
+// Removes, and reports by name, grids that have no effect or emit nowhere.
 void LeaveOutWhatDoesNothing(ParameterList& parameters, MediumDescription* medium) {
   auto* grid = std::get_if<UniformGridMedium>(&medium->kind);
   if (grid != nullptr && !grid->temperature_k.empty()) {

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Media of pbrt files: what MakeNamedMedium says, after pbrt-v4's defaults.
+// Media of pbrt files: MakeNamedMedium, with pbrt-v4's defaults.
 #pragma once
 
 #include <string>
@@ -12,29 +12,29 @@
 
 namespace sheaf {
 
-// A grid has at most this many cells along each side, and in all.
+// Maximum number of cells of a grid along each side, and in total.
 inline constexpr int32_t kGridSideMax = 1 << 14;
 inline constexpr int64_t kGridCellsMax = int64_t{1} << 30;
 
-// MakeNamedMedium "name" ... False (reported) where Sheaf does not do the type; other mistakes are
-// reported and the default takes their place.
+// MakeNamedMedium "name" ... False (reported) if Sheaf does not support the type; other mistakes
+// are reported and replaced by the default.
 bool SetMedium(const Matrix4& world_from_medium, ParameterList& parameters, FileSource& files,
                MediumDescription* medium);
 
-// Reports coefficients that no matter has, and makes them 0.
+// Reports physically impossible coefficients, and sets them to 0.
 void RequireCoefficient(ParameterList& parameters, const std::string& name, ColorSpec* color);
-// "scale" and "g", which every type has.
+// Reads "scale" and "g", which every type has.
 void GetScaleAndPhase(ParameterList& parameters, MediumDescription* medium);
 
-// Substances that "string preset" may name: reduced scattering and absorption per millimetre, as
+// Substances that "string preset" may name: reduced scattering and absorption per millimeter, as
 // linear sRGB. Sources: Jensen et al. 2001, "A Practical Model for Subsurface Light Transport",
 // table of section 5; Narasimhan et al. 2006, "Acquiring Scattering Properties of Participating
-// Media by Dilution", table 4; under the names that pbrt-v4 gives them.
+// Media by Dilution", table 4; under pbrt-v4's names.
 struct MeasuredMedium {
   const char* name;
   Rgb sigma_s, sigma_a;
 };
-// Null where there is none of this name.
+// Null if there is none of this name.
 const MeasuredMedium* FindMeasuredMedium(const std::string& name);
 std::vector<std::string> MeasuredMediumNames();
 

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// What becomes of MakeNamedMedium and MediumInterface.
+// Tests the results of MakeNamedMedium and MediumInterface.
 #include "common/scene/pbrt/statements/medium_parameters.h"
 
 #include <string>

@@ -12,7 +12,7 @@
 namespace sheaf {
 namespace {
 
-// What a mesh is made of.
+// The kinds of faces.
 struct FaceKind {
   const char* name;         // "triangle"
   const char* corner_text;  // "three"
@@ -79,7 +79,7 @@ bool ReadFaces(ParameterList& parameters, const FaceKind& face, Mesh* mesh) {
   return CheckCountOf(parameters, "uv", mesh->uvs, vertex_count) && is_good;
 }
 
-// Of triangles or patches.
+// Mesh: of triangles or of patches.
 template <typename Mesh>
 uint64_t BytesOf(const Mesh& mesh) {
   return (mesh.positions.size() + mesh.normals.size()) * sizeof(Vec3f) +

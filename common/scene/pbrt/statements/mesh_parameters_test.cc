@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// What scenes say of meshes that are displaced or deform.
+// Tests the parameters of meshes that are displaced or deform.
 #include "common/scene/pbrt/statements/mesh_parameters.h"
 
 #include <gtest/gtest.h>

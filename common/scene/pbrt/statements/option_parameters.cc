@@ -21,8 +21,8 @@ bool IsOneOf(const std::string& name, std::initializer_list<const char*> names) 
   return std::find(names.begin(), names.end(), name) != names.end();
 }
 
-// pbrt-v4's integrators that estimate the picture which path tracing estimates, and parameters of
-// theirs that say how.
+// pbrt-v4's integrators that estimate the same image as path tracing, and their parameters that
+// control how.
 struct OtherIntegrator {
   const char* name;
   const char* why_path_tracing;  // "..., which"
@@ -72,7 +72,7 @@ void GetCrop(ParameterList& parameters, FilmDescription* film) {
   std::copy(c.begin(), c.end(), film->crop_window);
 }
 
-// What pbrt-v4 writes and every picture lacks: position, both normals and the parameters.
+// Adds the extra outputs of pbrt-v4's gbuffer: position, both normals and uv.
 void GetGeometryBuffer(ParameterList& parameters, FilmDescription* film) {
   for (const Aov aov : {Aov::kPosition, Aov::kGeometricNormal, Aov::kShadingNormal, Aov::kUv}) {
     film->outputs.Add(aov);
@@ -85,7 +85,7 @@ void GetGeometryBuffer(ParameterList& parameters, FilmDescription* film) {
   film->outputs.camera_space = space == "camera";
 }
 
-// Which sensor sees the light, and what its responses to one sample are clamped to.
+// The sensor of the film, and the maximum of its responses to one sample.
 void GetSensor(ParameterList& parameters, FilmDescription* film) {
   film->sensor = parameters.GetString("sensor", "cie1931");
   if (film->sensor == "cie1931") {
@@ -201,7 +201,7 @@ void SetFilter(const std::string& type, ParameterList& parameters, FilterDescrip
 
 void SetSampler(const std::string& type, ParameterList& parameters, SamplingDescription* sampling) {
   sampling->sampler = type;
-  bool is_alike = false;  // Owen-scrambled Sobol' points in pbrt-v4, too: nothing to tell.
+  bool is_alike = false;  // Owen-scrambled Sobol' points in pbrt-v4, too: no note.
   if (type == "stratified") {
     const int64_t samples =
         int64_t{parameters.GetInteger("xsamples", 4)} * parameters.GetInteger("ysamples", 4);
@@ -284,9 +284,9 @@ void SetIntegrator(const std::string& type, ParameterList& parameters,
 }
 
 void SettleFrame(const PendingFrame& frame, CameraDescription* camera, FilmDescription* film) {
-  // A picture is the average over the shutter, so that a short one does not darken it and one of no
-  // length is the still. Who names a camera's sensor speaks of exposures, and there the length
-  // counts, as in pbrt-v4.
+  // An image is the average over the shutter interval, so a short interval does not darken it, and
+  // one of length 0 gives a still. With a camera's sensor the scene is about exposures, and the
+  // length counts, as in pbrt-v4.
   film->exposure_scale = frame.iso / 100;
   const float shutter = camera->shutter_close - camera->shutter_open;
   if (!film->sensor.empty() && shutter > 0) film->exposure_scale *= shutter;

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// What stands before WorldBegin: camera, film, filter, sampler and integrator, after pbrt-v4's
+// Directives before WorldBegin: camera, film, filter, sampler and integrator, with pbrt-v4's
 // defaults.
 #pragma once
 
@@ -13,7 +13,7 @@
 
 namespace sheaf {
 
-// What Camera and Film say about each other's business, settled when both are known.
+// Values of Camera and Film that affect each other, settled when both are known.
 struct PendingFrame {
   bool has_screen_window = false;
   float frame_aspect_ratio = 0;  // 0: that of the film.
@@ -23,7 +23,7 @@ struct PendingFrame {
   SourceLocation diagonal_location;
 };
 
-// files: those of a realistic camera's lens and aperture are read or asked for.
+// files: for the lens and aperture files of a realistic camera.
 void SetCamera(const std::string& type, ParameterList& parameters, FileSource& files,
                CameraDescription* camera, PendingFrame* frame);
 void SetFilm(const std::string& type, ParameterList& parameters, FilmDescription* film,
@@ -32,10 +32,10 @@ void SetFilter(const std::string& type, ParameterList& parameters, FilterDescrip
 void SetSampler(const std::string& type, ParameterList& parameters, SamplingDescription* sampling);
 void SetIntegrator(const std::string& type, ParameterList& parameters,
                    SamplingDescription* sampling);
-// Fills in the screen window from the film's aspect and the exposure from shutter and ISO.
+// Fills in the screen window from the film's aspect ratio, and the exposure from shutter and ISO.
 void SettleFrame(const PendingFrame& frame, CameraDescription* camera, FilmDescription* film);
 
-// True where the integrator, as pbrt-v4 defines it, does not see media.
+// True if the integrator, as pbrt-v4 defines it, ignores media.
 bool IntegratorIgnoresMedia(const std::string& integrator);
 
 }  // namespace sheaf

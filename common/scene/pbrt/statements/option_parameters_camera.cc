@@ -18,7 +18,7 @@ namespace {
 constexpr int32_t kBladesMax = 64;
 constexpr size_t kShutterNumbersMax = 2 * 1024;
 
-// Sheaf's own: a name, or pairs of time and openness.
+// An extension of Sheaf: a name, or pairs of time and openness.
 void GetShutterShape(ParameterList& parameters, CameraDescription* camera) {
   const Parameter* given = parameters.Find("shuttershape");
   if (given == nullptr) return;
@@ -175,8 +175,8 @@ void GetRealistic(ParameterList& parameters, FileSource& files, LensDescription*
   }
 }
 
-// A spherical camera has neither lens nor screen. pbrt-v4 reads the parameters of both and goes on
-// without.
+// A spherical camera has neither lens nor screen. pbrt-v4 reads the parameters of both and ignores
+// them.
 void GetMapping(ParameterList& parameters, CameraDescription* camera) {
   const std::string mapping = parameters.GetString("mapping", "equalarea");
   if (mapping == "equalarea") {

@@ -17,9 +17,9 @@
 namespace sheaf {
 namespace {
 
-// What a triangle takes while a surface is refined: both levels' faces, edges and vertices.
+// Memory per triangle while a surface is refined: both levels' faces, edges and vertices.
 constexpr uint64_t kRefinedTriangleBytes = 160;
-// How many shapes back curves look for others like them: curves of a few materials may take turns.
+// How many shapes back JoinCurves searches: curves of a few materials may alternate.
 constexpr size_t kJoinReachMax = 8;
 
 bool IsSamePlace(const TransformOverTime& a, const TransformOverTime& b) {
@@ -206,7 +206,7 @@ bool ShapeTable::HasRoomToRefine(uint64_t triangle_count, int32_t levels,
                                  ParameterList& parameters) {
   uint64_t count = triangle_count;
   for (int32_t level = 0; level < levels && count <= limits_.triangles_max; ++level) count *= 4;
-  if (count > limits_.triangles_max) return true;  // Refining refuses it.
+  if (count > limits_.triangles_max) return true;  // Refining reports it.
   const uint64_t used = std::min(memory_bytes_, limits_.memory_bytes_max);
   const uint64_t room = limits_.memory_bytes_max - used;
   if (count * kRefinedTriangleBytes <= room) return true;
@@ -258,7 +258,7 @@ bool ShapeTable::SetCurve(ParameterList& parameters, ShapeDescription* shape) {
                                   "or a mesh, or take the curves out of the AreaLightSource"));
     return false;
   }
-  // A segment counts as two triangles, the ribbon's.
+  // A segment counts as two triangles, those of the ribbon.
   if (!ChargeTriangles(2 * curves.size(), parameters)) return false;
   if (!ChargeMemory(CurveBytes(curves), parameters.location())) return false;
   shape->shape = CurveShape{static_cast<int32_t>(scene_->curve_sets.size())};

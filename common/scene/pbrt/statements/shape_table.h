@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// ShapeTable: what Shape says, the meshes of a scene (one for each file, however often it is used),
-// and how much memory they take.
+// ShapeTable: reads Shape directives, keeps the meshes of a scene (one per file, shared by all its
+// uses), and counts the memory they take.
 #pragma once
 
 #include <cstdint>
@@ -21,7 +21,7 @@ namespace sheaf {
 
 class ShapeTable {
  public:
-  // Requires: all outlive this.
+  // Requires: all pointers outlive this.
   ShapeTable(SceneDescription* scene, TextureTable* textures, FileSource* files,
              Diagnostics* diagnostics, const SceneReaderLimits& limits)
       : scene_(scene),
@@ -30,16 +30,16 @@ class ShapeTable {
         diagnostics_(diagnostics),
         limits_(limits) {}
 
-  // What the edge lengths of displaced meshes are multiplied by. Requires: scale > 0.
+  // Factor on the edge lengths of displaced meshes. Requires: scale > 0.
   void set_displacement_edge_scale(float scale) { displacement_edge_scale_ = scale; }
 
-  // Fills in shape->shape from the parameters, and reports those nobody asked for. False (reported)
-  // where there is no shape to add.
+  // Fills in shape->shape from the parameters, and reports unused ones. False (reported) if there
+  // is no shape to add.
   bool SetShape(const std::string& type, ParameterList& parameters, ShapeDescription* shape);
 
-  // Where `shape` is of curves and one of the latest of `earlier` (indices of the scene's shapes)
-  // differs from it by nothing else, adds the curves to that one and says true: `shape` is not
-  // needed. Files write curves one by one, in hundreds of thousands.
+  // If `shape` consists of curves and differs from one of the latest of `earlier` (indices of the
+  // scene's shapes) in nothing else, adds the curves to that shape and returns true: `shape` is
+  // then not needed. Files list curves one by one, in hundreds of thousands.
   bool JoinCurves(const std::vector<int32_t>& earlier, const ShapeDescription& shape);
 
   // Counts memory of the description. False (reported once) beyond memory_bytes_max.
@@ -54,14 +54,14 @@ class ShapeTable {
   bool SetDisk(ParameterList& parameters, ShapeDescription* shape);
   bool SetCylinder(ParameterList& parameters, ShapeDescription* shape);
   bool SetCurve(ParameterList& parameters, ShapeDescription* shape);
-  // The mesh of one file, or of several, one for each step over the shutter. Nothing (reported)
-  // where one cannot be read or does not fit the first.
+  // The mesh of one file, or of several, one for each step over the shutter. Empty (reported) if
+  // one cannot be read or does not fit the first.
   std::optional<TriangleMesh> ReadPlyFiles(const std::vector<std::string>& names,
                                            ParameterList& parameters);
   bool AddMesh(TriangleMesh mesh, ParameterList& parameters, int32_t* index);
-  // What the shape does with its mesh. False (reported) where that does not go together.
+  // Reads the shape's parameters that apply to its mesh. False (reported) if they are inconsistent.
   bool FinishMesh(ParameterList& parameters, ShapeDescription* shape, MeshShape mesh);
-  // False (reported) where there is no memory to refine so many triangles.
+  // False (reported) if there is not enough memory to refine this many triangles.
   bool HasRoomToRefine(uint64_t triangle_count, int32_t levels, ParameterList& parameters);
   // False (reported) beyond triangles_max; a patch counts as two triangles.
   bool ChargeTriangles(uint64_t count, ParameterList& parameters);
@@ -72,7 +72,7 @@ class ShapeTable {
   Diagnostics* diagnostics_;
   SceneReaderLimits limits_;
   float displacement_edge_scale_ = 1;
-  // By the names of a mesh's files; kNone where they cannot be read.
+  // Keyed by the names of a mesh's files; kNone if they cannot be read.
   std::map<std::vector<std::string>, int32_t> mesh_of_files_;
   uint64_t memory_bytes_ = 0;
   uint64_t triangle_count_ = 0;

@@ -58,7 +58,7 @@ void GetEncoding(ParameterList& parameters, ImageTexture* image) {
   }
 }
 
-// Recomputes what a colour looks like in another role.
+// Recomputes rgb for another role.
 void SetRole(ColorSpec* color, ColorRole role) { color->rgb = SpectrumToRgb(*color, role); }
 
 }  // namespace
@@ -146,7 +146,7 @@ int32_t TextureTable::GetNormalMap(ParameterList& parameters) {
   if (const auto path = files_->LocalPath(image.file); !path.ok()) {
     parameters.ErrorAt(parameter, absl::StrCat("cannot be read: ", path.status().message()));
   }
-  // A name that no texture of a file has, as it holds quotes.
+  // No texture of a file has this name, as it contains quotes.
   Slot& slot = SlotFor(true, ColorRole::kUnbounded, absl::StrCat("normal map \"", image.file, "\""),
                        parameter.location);
   slot.is_declared = true;
@@ -274,7 +274,7 @@ int32_t TextureTable::Refer(ParameterList& parameters, const Parameter& paramete
     return kNone;
   }
   const std::string& name = parameter.strings[0];
-  // Float textures have one role only.
+  // Float textures have only one role.
   const ColorRole wanted = is_color ? role : ColorRole::kReflectance;
   if (is_declaring_) {
     const auto found = slots_.find(Key(is_color, ColorRole::kReflectance, name));
@@ -304,7 +304,7 @@ TextureTable::Slot& TextureTable::SlotFor(bool is_color, ColorRole role, const s
 }
 
 void TextureTable::Finish() {
-  // Copies may ask for further copies, which are appended.
+  // Copies may request further copies, which are appended.
   for (size_t i = 0; i < scene_->textures.size() && !diagnostics_->Exhausted(); ++i) {
     const bool is_color = scene_->textures[i].is_color;
     const ColorRole role = scene_->textures[i].role;

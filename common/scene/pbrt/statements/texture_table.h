@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // TextureTable: the named textures of a scene, and the parameters that may refer to one. Materials
-// may use a texture that the file declares further on; the table keeps its place until then.
+// may use a texture that the file declares later; the table reserves its index until then.
 #pragma once
 
 #include <cstdint>
@@ -18,11 +18,11 @@ namespace sheaf {
 
 class TextureTable {
  public:
-  // Requires: all outlive this.
+  // Requires: all pointers outlive this.
   TextureTable(SceneDescription* scene, FileSource* files, Diagnostics* diagnostics)
       : scene_(scene), files_(files), diagnostics_(diagnostics) {}
 
-  // Texture "name" "float|spectrum" "kind" ... with the transformation in force.
+  // Texture "name" "float|spectrum" "kind" ... with the current transformation.
   void Declare(const std::string& name, const std::string& type, const std::string& kind,
                const Matrix4& world_from_texture, ParameterList parameters);
 
@@ -30,24 +30,24 @@ class TextureTable {
   ColorInput GetColorInput(ParameterList& parameters, const std::string& name, ColorRole role,
                            const ColorSpec& fallback);
 
-  // The picture that "string normalmap" names, as a texture of its own: repeating, bilinear, its
-  // numbers taken as they are. kNone where there is no such parameter.
+  // The image that "string normalmap" names, as a texture of its own: repeating, bilinear, its
+  // values taken without decoding. kNone if there is no such parameter.
   int32_t GetNormalMap(ParameterList& parameters);
 
   // Gives textures that are used in several roles (reflectance, unbounded) a copy for each, and
-  // reports references that lead nowhere. Call once, at the end of the scene.
+  // reports undefined references. Call once, at the end of the scene.
   void Finish();
 
  private:
-  // A texture is wanted for a type and a role; colours of spectra depend on the role.
+  // A texture is requested for a type and a role, on which the colors of spectra depend.
   using Key = std::tuple<bool, ColorRole, std::string>;
   struct Slot {
     int32_t index = kNone;
     bool is_declared = false;
   };
 
-  // Index of the texture that the parameter names; kNone (reported) within a texture's declaration
-  // where it is not declared before, which also rules out cycles.
+  // Index of the texture that the parameter names. Within a texture's declaration, kNone (reported)
+  // if it is not declared before, which also rules out cycles.
   int32_t Refer(ParameterList& parameters, const Parameter& parameter, bool is_color,
                 ColorRole role);
   Slot& SlotFor(bool is_color, ColorRole role, const std::string& name, SourceLocation location);
@@ -67,7 +67,7 @@ class TextureTable {
   bool is_declaring_ = false;
 };
 
-// Reads "mapping" and its parameters, as planar, uv and the others share them among textures.
+// Reads "mapping" and its parameters.
 UvMapping GetUvMapping(ParameterList& parameters, const Matrix4& world_from_texture);
 
 }  // namespace sheaf

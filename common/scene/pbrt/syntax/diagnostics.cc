@@ -10,7 +10,7 @@ namespace {
 
 std::string WithPlace(const SceneDescription& scene, SourceLocation location,
                       std::string_view text) {
-  constexpr size_t kTextBytesMax = 2000;  // Names in it may be as long as a word of the scene.
+  constexpr size_t kTextBytesMax = 2000;  // Names in it may be as long as a token of the scene.
   return Printable(
       absl::StrCat(FormatLocation(scene, location), ": ", Printable(text, kTextBytesMax)));
 }

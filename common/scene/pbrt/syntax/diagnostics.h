@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Diagnostics: what a reader has to say about a scene, each with its place, collected so that one
-// run shows every mistake. What they quote of the scene is made printable.
+// Diagnostics: a reader's errors, warnings and notes about a scene, each with its location,
+// collected so that one run shows every mistake. Text quoted from the scene is made printable.
 #pragma once
 
 #include <cstdint>
@@ -25,25 +25,25 @@ struct SceneDiagnostic {
 
 class Diagnostics {
  public:
-  // Requires: scene outlives this; its files give locations their names.
+  // Requires: scene outlives this; its files name the locations.
   Diagnostics(const SceneDescription* scene, const SceneReaderLimits& limits)
       : scene_(scene), errors_max_(limits.errors_max), notes_max_(limits.notes_max) {}
 
   void Error(SourceLocation location, std::string_view text);
-  // The scene needs more memory than there is: other machines may have more.
+  // The scene needs more memory than this machine has; others may have more.
   void MemoryError(SourceLocation location, std::string_view text);
   void Warning(SourceLocation location, std::string_view text);
-  // A cause of the errors that follow; only the first is kept. It is said before them,
-  // and not at all where there are none.
+  // A cause of the errors that follow; only the first is kept. It is printed before the errors, and
+  // omitted if there are none.
   void Explain(SourceLocation location, std::string_view text);
-  // Notes and warnings of the same text are told once, at their first place.
+  // Notes and warnings with the same text are reported once, at their first location.
   void Note(SourceLocation location, std::string_view text);
 
   // True once reading should stop.
   bool Exhausted() const { return error_count_ >= errors_max_; }
   bool HasErrors() const { return error_count_ > 0; }
-  // OK without errors; otherwise kInvalidArgument, or kResourceExhausted after a MemoryError, with
-  // every error, one a line.
+  // OK if there are no errors; otherwise kInvalidArgument, or kResourceExhausted after a
+  // MemoryError, listing every error, one per line.
   absl::Status ToStatus() const;
   std::vector<SceneDiagnostic> TakeAll() { return std::move(diagnostics_); }
 

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// GraphicsState: what pbrt directives change and AttributeBegin saves.
+// GraphicsState: the state that pbrt directives change and AttributeBegin saves.
 #pragma once
 
 #include <cstdint>
@@ -17,16 +17,16 @@
 namespace sheaf {
 
 struct GraphicsState {
-  // The current transformation at the start and the end of the shutter; which of both directives
-  // change is ActiveTransform's.
+  // The current transformation at the start and the end of the shutter; ActiveTransform selects
+  // which of the two the directives change.
   Matrix4 start, end;
   bool start_is_active = true, end_is_active = true;
   bool reverse_orientation = false;
-  Primaries primaries = Primaries::kSrgb;  // Of the rgb values that follow.
+  Primaries primaries = Primaries::kSrgb;  // For the rgb values that follow.
   int32_t material = kNone;                // kNone: the default material.
   int32_t area_light = kNone;
-  MediumBoundary media;  // Of surfaces that follow; its outside is what a camera is in.
-  // What Attribute gave to later directives, by target ("shape", "light" ...).
+  MediumBoundary media;  // For the surfaces that follow; the camera is in its outside.
+  // Parameters that Attribute gives to later directives, by target ("shape", "light" ...).
   std::map<std::string, std::vector<Parameter>> attributes;
 
   bool IsAnimated() const { return !(start == end); }

@@ -15,7 +15,7 @@ struct OldName {
   const char* directive;
   const char* name;
 };
-// After pbrt-v3's file format and what pbrt --upgrade renames.
+// From pbrt-v3's file format and the renaming done by pbrt --upgrade.
 constexpr OldName kOldTypes[] = {
     {"Material", "uber"},
     {"Material", "matte"},

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Signs that a scene file is written for pbrt-v3, whose names pbrt-v4 has changed. Who opens such a
-// file is told so first, and once, before the many errors that follow from it.
+// Detects scene files written for pbrt-v3, whose names pbrt-v4 has changed. The advice is printed
+// once, before the many errors that follow from it.
 #pragma once
 
 #include <string>
@@ -13,13 +13,13 @@
 
 namespace sheaf {
 
-// The sign in a directive, as the file writes it (Film "image"); empty where there is none. type:
-// what stands in quotation marks after the directive, of textures their class.
+// The outdated name in a directive, as the file writes it (Film "image"); empty if there is none.
+// type: the quoted word after the directive; for textures, their class.
 std::string OldSyntaxIn(std::string_view directive, const std::string& type,
                         const std::vector<Parameter>& parameters);
-// Whether parameters were declared so ("color Kd") and are no longer.
+// Whether pbrt-v3 declared parameters with this type ("color Kd") and pbrt-v4 does not.
 bool IsOldParameterType(std::string_view type);
-// "this is pbrt-v3 (Film "image"): ...", with what to do.
+// "this is pbrt-v3 (Film "image"): ...", including what to do.
 std::string OldSyntaxAdvice(std::string_view sign);
 
 }  // namespace sheaf

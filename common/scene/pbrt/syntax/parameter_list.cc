@@ -14,7 +14,7 @@ struct TypeName {
   const char* name;
   ParameterType type;
 };
-// The first spelling of each type is the one errors use.
+// Errors use the first spelling of each type.
 constexpr TypeName kTypeNames[] = {
     {"integer", ParameterType::kInteger}, {"float", ParameterType::kFloat},
     {"point2", ParameterType::kPoint2},   {"vector2", ParameterType::kVector2},

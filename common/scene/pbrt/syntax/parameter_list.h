@@ -1,9 +1,9 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// ParameterList: the typed parameters after a directive ("float radius" 2), asked for by name. What
-// was asked for is remembered, so that a parameter nobody asked for becomes an error that knows
-// which names would have been right.
+// ParameterList: the typed parameters after a directive ("float radius" 2), retrieved by name. The
+// list remembers which names were requested, so that an unused parameter becomes an error that
+// lists the valid names.
 #pragma once
 
 #include <array>
@@ -33,9 +33,9 @@ enum class ParameterType {
   kString,
   kTexture,
 };
-// "float", "point3" ...; the spelling errors use.
+// "float", "point3" ...; the spelling used in errors.
 std::string_view ParameterTypeName(ParameterType type);
-// False where name is no type of the format. "point", "vector" and "normal3" are spellings of three
+// False if name is not a type of the format. "point", "vector" and "normal3" are spellings of three
 // components.
 bool ParameterTypeFromName(std::string_view name, ParameterType* type);
 // 2 for point2, 3 for rgb, otherwise 1.
@@ -50,7 +50,7 @@ struct Parameter {
   std::vector<int32_t> integers;
   std::vector<std::string> strings;
   std::vector<uint8_t> bools;
-  Primaries primaries = Primaries::kSrgb;  // Of an rgb: what was active where it is written.
+  Primaries primaries = Primaries::kSrgb;  // For an rgb: those active where it is written.
   bool is_used = false;
 
   size_t ValueCount() const {
@@ -60,9 +60,9 @@ struct Parameter {
 
 class ParameterList {
  public:
-  // own come with the directive at `location` called `owner` ('shape "sphere"'); defaults come from
-  // Attribute directives, count where own say nothing, and may stay unused. The latest default
-  // wins.
+  // own come with the directive at `location` called `owner` ('shape "sphere"'). defaults come from
+  // Attribute directives; they apply where own has no value, and may stay unused. The latest
+  // default wins.
   ParameterList(std::string owner, SourceLocation location, std::vector<Parameter> own,
                 std::vector<Parameter> defaults, Diagnostics* diagnostics);
 
@@ -71,36 +71,36 @@ class ParameterList {
   const std::string& owner() const { return owner_; }
   void set_owner(std::string owner) { owner_ = std::move(owner); }
 
-  // One value, or fallback where the parameter is absent. A wrong type or count is reported, and
-  // the fallback returned.
+  // One value, or fallback if the parameter is absent. A wrong type or count is reported, and the
+  // fallback returned.
   float GetFloat(const std::string& name, float fallback);
   int32_t GetInteger(const std::string& name, int32_t fallback);
   bool GetBool(const std::string& name, bool fallback);
   std::string GetString(const std::string& name, const std::string& fallback);
   Vec3d GetPoint3(const std::string& name, Vec3d fallback);
   Vec3f GetVector3(const std::string& name, Vec3f fallback);
-  // All values, empty where the parameter is absent.
+  // All values; empty if the parameter is absent.
   std::vector<float> GetFloats(const std::string& name);
   std::vector<int32_t> GetIntegers(const std::string& name);
   std::vector<std::string> GetStrings(const std::string& name);
   std::vector<Vec2f> GetPoints2(const std::string& name);
   std::vector<Vec3f> GetTriples(const std::string& name, ParameterType type);
 
-  // The parameter whatever its type (it counts as used), or nullptr.
+  // The parameter of any type (it counts as used), or nullptr.
   Parameter* Find(const std::string& name);
   bool Has(const std::string& name) { return Find(name) != nullptr; }
-  // The parameter if present and of this type with values; a wrong type is reported.
+  // The parameter, if present and of this type with values; a wrong type is reported.
   Parameter* FindTyped(const std::string& name, ParameterType type);
 
-  // Notes that the parameter, if present, has no effect, and why that is so.
+  // Notes that the parameter, if present, has no effect, and why.
   void NoteWithoutEffect(const std::string& name, std::string_view why);
-  // Lets every parameter pass unread. For directives that are noted as a whole.
+  // Marks every parameter as used. For directives that are noted as a whole.
   void IgnoreAll();
 
   void Error(std::string_view text) { diagnostics_->Error(location_, text); }
   void ErrorAt(const Parameter& parameter, std::string_view text);
   void Note(std::string_view text) { diagnostics_->Note(location_, text); }
-  // Reports what nobody asked for. Call once, after the last Get.
+  // Reports unused parameters. Call once, after the last Get.
   void ReportUnused();
 
  private:

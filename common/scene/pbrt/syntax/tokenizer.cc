@@ -66,7 +66,8 @@ bool Tokenizer::Fill() {
   position_ -= keep_from_;
   keep_from_ = 0;
   end_ = kept;
-  if (end_ == buffer_.size()) return false;  // Only a token beyond kTokenBytesMax fills the buffer.
+  if (end_ == buffer_.size())
+    return false;  // Only a token longer than kTokenBytesMax fills the buffer.
   const absl::StatusOr<size_t> count = input_->Read(buffer_.data() + end_, buffer_.size() - end_);
   if (!count.ok()) {
     error_ = std::string(count.status().message());

@@ -20,10 +20,10 @@ struct Token {
   enum class Kind {
     kEnd,     // End of the file.
     kWord,    // A directive, a number, true or false.
-    kString,  // Between quotation marks, which text leaves out; escapes are resolved.
+    kString,  // Between quotation marks, which text omits; escapes are resolved.
     kLeftBracket,
     kRightBracket,
-    kError,  // Reading cannot go on; text says why.
+    kError,  // Reading cannot continue; text has the reason.
   };
   Kind kind = Kind::kEnd;
   std::string_view text;  // Valid until the next call of Next.
@@ -33,7 +33,7 @@ struct Token {
 
 class Tokenizer {
  public:
-  // The longest token. Numbers and names are far shorter: a longer one is not a scene file.
+  // The longest token. Numbers and names are far shorter: a file with a longer one is not a scene.
   static constexpr size_t kTokenBytesMax = size_t{1} << 16;
 
   explicit Tokenizer(std::unique_ptr<TextInput> input);
@@ -57,10 +57,10 @@ class Tokenizer {
 
   std::unique_ptr<TextInput> input_;
   std::vector<char> buffer_;
-  size_t position_ = 0;         // Next byte, an index in buffer_.
-  size_t end_ = 0;              // End of what buffer_ holds.
+  size_t position_ = 0;         // Index in buffer_ of the next byte.
+  size_t end_ = 0;              // End of the contents of buffer_.
   size_t keep_from_ = 0;        // First byte that Fill must keep.
-  uint64_t buffer_offset_ = 0;  // Of buffer_[0] in the file.
+  uint64_t buffer_offset_ = 0;  // Offset of buffer_[0] in the file.
   uint64_t line_start_ = 0;     // Offset of the current line in the file.
   int32_t line_ = 1;
   Token last_;
