@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// CellTrees: the parts of one tile, merged cell by cell: each of its cells has a TileTree and may
-// have samples of its own. A tile that is not divided is one cell.
+// CellTrees: the parts of one tile, merged per cell: each cell has a TileTree and may have its own
+// number of samples. An undivided tile is one cell.
 #pragma once
 
 #include <cstdint>
@@ -16,17 +16,19 @@ namespace sheaf {
 
 class CellTrees {
  public:
-  // cells: all of the tile's pixels, without overlap; at most kTileCellsMax.
+  // cells: cover the tile's pixels without overlap; at most kTileCellsMax.
   CellTrees(PixelRect tile, std::span<const PixelRect> cells);
 
-  // mask: bit i for cells[i]. The part is of the tile, or of the one cell that is chosen.
-  // Errors: those of TileTree::Insert; some cells may have the part then. Requires: mask has bits.
+  // mask: bit i selects cells[i]. The part covers the whole tile, or the single selected cell.
+  // Errors: those of TileTree::Insert; after an error some cells may already contain the part.
+  // Requires: mask is not 0.
   absl::Status Insert(FilmTile part, uint64_t mask);
   uint64_t SampleCount(size_t cell) const { return trees_[cell].SampleCount(); }
   uint64_t size_bytes() const;
-  // All of the tile, each pixel as its cell's tree has it: TileTree::Root and PreviewSum. The block
-  // is the smallest from 0 on that has all samples. Requires: of Root, samples in every cell, each
-  // as TileTree::Root wants them; of PreviewSum, samples in one.
+  // The whole tile, with each pixel from its cell's tree: TileTree::Root and PreviewSum. The block
+  // is the smallest one starting at 0 that contains all samples.
+  // Requires: for Root, samples in every cell, each as TileTree::Root requires; for PreviewSum,
+  // samples in at least one cell.
   FilmTile Root() const;
   FilmTile PreviewSum() const;
 

@@ -17,7 +17,7 @@ namespace {
 constexpr PixelRect kTile{0, 0, 8, 8};
 const std::vector<PixelRect> kCells = CutTiles(kTile, 4);
 
-// A part of a tile as a worker makes it: other cells are empty.
+// A part of a tile as a worker makes it: the other cells are empty.
 FilmTile PartOf(SampleBlock block, uint64_t mask) {
   FilmTile part(kTile, block);
   for (size_t i = 0; i < kCells.size(); ++i) {
@@ -43,7 +43,7 @@ TEST(CellTreesTest, ATileOfOneCellIsATileTree) {
   EXPECT_TRUE(SameBits(trees.Root(), RootAlone(kTile, 21)));
 }
 
-// However samples of cells were put together into parts, and in whatever order those come.
+// Holds for any division of the cells' samples into parts, in any order of arrival.
 TEST(CellTreesTest, AnyPartsGiveEachCellItsOwnBits) {
   const uint64_t samples[] = {16, 48, 100, 21};
   std::mt19937 bits(7);
@@ -51,7 +51,7 @@ TEST(CellTreesTest, AnyPartsGiveEachCellItsOwnBits) {
     std::vector<std::pair<SampleBlock, uint64_t>> parts;
     for (const uint64_t block_max : {uint64_t{4}}) {
       for (uint64_t first = 0; first < 100; first += block_max) {
-        // All cells that want the block, in one part or in several.
+        // All cells that need the block, in one part or in several.
         for (uint64_t count = block_max; count > 0; --count) {
           uint64_t mask = 0;
           for (size_t i = 0; i < kCells.size(); ++i) {
@@ -88,7 +88,7 @@ TEST(CellTreesTest, PartsOfOneCellAreTakenAsTheyAre) {
   EXPECT_EQ(trees.SampleCount(2), 16u);
   EXPECT_TRUE(absl::IsAlreadyExists(trees.Insert(PartOf({0, 16}, 0b100), 0b100)));
   EXPECT_TRUE(absl::IsInvalidArgument(trees.Insert(MakeTestTile({0, 0, 8, 4}, {0, 16}), 0b11)));
-  // The others have nothing yet, and a preview shows what is there.
+  // The other cells are still empty, and a preview shows what is there.
   const FilmTile preview = trees.PreviewSum();
   EXPECT_EQ(preview.rect(), kTile);
   EXPECT_TRUE(SameBits(CutOut(preview, kCells[2]), MakeTestTile(kCells[2], {0, 16})));

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Cryptomatte: mattes of everything in a picture, as ranked pairs of an id and its coverage.
+// Cryptomatte: mattes of all objects in an image, as ranked pairs of an id and its coverage.
 // Source: Friedman and Jones 2015, "Fully automatic ID mattes with support for motion blur and
 // transparency"; Cryptomatte specification 1.2.0 (Psyop).
 #pragma once
@@ -27,20 +27,22 @@ uint32_t CryptomatteIdBits(std::string_view name);
 
 // Two pairs fit in the R, G, B, A of a layer.
 inline constexpr size_t kCryptomatteRankCount = 6;
-// CryptoObject00.R to CryptoObject02.A, and rest.CryptoObject: coverage that found no rank.
+// CryptoObject00.R to CryptoObject02.A, and rest.CryptoObject: coverage without a rank.
 std::vector<std::string> CryptomatteChannels(IdKind kind);
 
 // One pixel's values in the order of those channels. weight: of all samples of the pixel. Ids whose
-// names have one hash are one matte; coverage that is not positive (filters with negative lobes)
-// finds no rank. Requires: names holds all ids of the list.
+// names have the same hash are one matte; coverage that is not positive (filters with negative
+// lobes) gets no rank.
+// Requires: names holds all ids of the list.
 std::array<float, 2 * kCryptomatteRankCount + 1> RankIds(
     const IdList& list, const std::map<uint32_t, std::string>& names, double weight);
 
-// The id with the most weight, of equal ones the least; kNoId where there is none above 0.
+// The id with the most weight, or the smallest of equally weighted ones; kNoId if no weight is
+// above 0.
 uint32_t LeadingId(const IdList& list);
 
-// The metadata by which programs find the mattes, for the cryptomattes of the picture's outputs and
-// all names that NoteNames noted: cryptomatte/KEY/{name,hash,conversion,manifest}.
+// The metadata by which programs find the mattes, for the cryptomattes among the image's outputs
+// and all names from NoteNames: cryptomatte/KEY/{name,hash,conversion,manifest}.
 std::map<std::string, std::string> CryptomatteAttributes(const FramePicture& picture);
 
 }  // namespace sheaf

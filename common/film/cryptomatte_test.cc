@@ -34,7 +34,7 @@ FilmOutputs ObjectsAndAssets() {
   return outputs;
 }
 
-// Few ids often and many seldom; none where nothing was met.
+// Few ids are frequent and many rare; none without a hit.
 OutputSample TestIds(const FilmOutputs& outputs, int32_t x, int32_t y, uint64_t n, float alpha,
                      uint32_t id_count) {
   OutputSample sample(outputs);
@@ -101,7 +101,7 @@ FramePicture Develop(const FilmTile& tile) {
   return picture;
 }
 
-// 12 ids fit in a pixel's list; 3000 do not, and then what is given up must not depend on the cut
+// 12 ids fit in a pixel's list; 3000 do not, and then the dropped ids must not depend on the cut
 // either.
 TEST(CryptomatteTest, AnyCutOfTheSamplesGivesTheSameBits) {
   std::mt19937 random(3);
@@ -132,7 +132,7 @@ TEST(CryptomatteTest, NothingIsLostWhenAListIsFull) {
     EXPECT_EQ(list[0].id, kNoId);
     double sum = 0;
     for (const IdWeight& entry : list) sum += entry.weight;
-    // Where there is a surface alpha is 1, so the ids' weights are its sum, here of floats.
+    // At a surface alpha is 1, so the ids' weights add up to alpha's sum, here of floats.
     EXPECT_NEAR(sum, static_cast<double>(tile.channel(FilmChannel::kAlpha)[p]), 1e-3);
   }
   const FramePicture picture = Develop(tile);
@@ -160,7 +160,7 @@ TEST(CryptomatteTest, RanksByCoverage) {
   const std::map<uint32_t, std::string> names = {{1, "a"}, {2, "b"}, {3, "c"}, {4, "a"}};
   const auto values = RankIds({{kNoId, 1}, {1, 1}, {2, 4}, {3, -1}, {4, 2}}, names, 8);
   const auto id = [](const char* name) { return std::bit_cast<float>(CryptomatteIdBits(name)); };
-  // Both things called "a" are one matte; what has no coverage above 0 has no rank.
+  // Both ids named "a" form one matte; coverage not above 0 gets no rank.
   EXPECT_THAT(std::vector<float>(values.begin(), values.begin() + 6),
               ElementsAre(id("b"), 0.5f, id("a"), 0.375f, 0, 0));
   EXPECT_EQ(values.back(), 0.0f);

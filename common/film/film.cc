@@ -24,16 +24,16 @@ double WideSum(const FilmTile& sums, FilmChannel hi, FilmChannel lo, size_t p) {
 
 double Ratio(double sum, double weight) { return weight == 0 ? 0 : sum / weight; }
 
-// The picture's planes in the order of the tile's channels they come from.
+// The image's planes, in the order of the tile's channels they come from.
 struct Planes {
   std::array<float*, 3> color, error;
   std::array<float*, 7> weighted;  // A, albedo, normal.
   float *depth, *samples, *nonfinite;
   std::vector<MeanChannel> mean_channels;
-  std::vector<float*> means;                                  // One for each.
+  std::vector<float*> means;                                  // One per mean channel.
   std::array<float*, kIdKindCount> id_number{};               // Or null.
   std::array<std::vector<float*>, kIdKindCount> cryptomatte;  // Or empty.
-  const PictureColor* color_space = nullptr;  // Null where the picture's is that of the sums.
+  const PictureColor* color_space = nullptr;  // Null if the image keeps the sums' color.
 };
 constexpr std::array<FilmChannel, 7> kWeighted{
     FilmChannel::kAlpha,   FilmChannel::kAlbedoR, FilmChannel::kAlbedoG, FilmChannel::kAlbedoB,
@@ -73,7 +73,7 @@ Planes FindPlanes(FramePicture* picture) {
   return planes;
 }
 
-// Three planes as a direction of unit length, or 0.
+// Scales a direction in three planes to unit length, or leaves 0.
 void Normalize(float* const* planes, size_t p) {
   double squared = 0;
   for (size_t i = 0; i < 3; ++i) {
@@ -85,7 +85,7 @@ void Normalize(float* const* planes, size_t p) {
   }
 }
 
-// Three planes of linear sRGB as the picture has colours.
+// Converts three planes of linear sRGB to the image's primaries.
 void Convert(const Matrix4& color_from_srgb, float* const* planes, size_t p) {
   const Vec3d color = TransformVector(
       color_from_srgb, {static_cast<double>(planes[0][p]), static_cast<double>(planes[1][p]),
@@ -93,7 +93,7 @@ void Convert(const Matrix4& color_from_srgb, float* const* planes, size_t p) {
   for (size_t i = 0; i < 3; ++i) planes[i][p] = static_cast<float>(color[i]);
 }
 
-// The picture itself, from sums that are wider than its floats.
+// Develops R, G and B from sums that are wider than the image's floats.
 void DevelopColor(const FilmTile& sums, size_t from, size_t to, double weight,
                   const Planes& planes) {
   constexpr std::array<FilmChannel, 3> kHi{FilmChannel::kRedHi, FilmChannel::kGreenHi,
@@ -148,7 +148,7 @@ void DevelopIds(const FilmTile& sums, size_t from, size_t to, double weight, con
   }
 }
 
-// from: pixel index in the tile; to: in the picture.
+// from: pixel index in the tile; to: in the image.
 void DevelopPixel(const FilmTile& sums, size_t from, size_t to, const Planes& planes) {
   const double weight = WideSum(sums, FilmChannel::kWeight, FilmChannel::kWeightLo, from);
   DevelopColor(sums, from, to, weight, planes);
@@ -184,7 +184,7 @@ void DevelopTile(const FilmTile& sums, FramePicture* picture) {
 
 void NoteNames(const FilmTile& sums, FramePicture* picture) {
   for (size_t i = 0; i < kIdKindCount; ++i) {
-    // Only of what is in the sums: parts may have named what their parents gave up.
+    // Only names of ids in the sums: parts may have names of ids that their parents dropped.
     const IdSums& ids = sums.ids(static_cast<IdKind>(i));
     std::set<uint32_t> seen;
     for (const IdList& list : ids.pixels) {

@@ -1,9 +1,9 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Film: the set of parts of one frame, merged along the canonical tree, and what is developed from
-// it. This header gathers the pieces: TileTree (merging), FramePicture (the result), and
-// DevelopTile, the arrow from the first to the second.
+// Film: the parts of one frame, merged along the canonical tree, and the image developed from them.
+// This header combines TileTree (merging), FramePicture (the result), FrameError (its remaining
+// error), and DevelopTile, which converts the first to the second.
 #pragma once
 
 #include "common/film/film_tile.h"
@@ -13,15 +13,16 @@
 
 namespace sheaf {
 
-// Writes one tile's means and standard errors into the picture: sums divided by the weight, depth
-// by the sum of alpha, outputs as their channels say, light and albedo in the picture's colours. A
-// pixel with weight 0 becomes 0. Standard errors are 0 where fewer than 2 replicates are there.
-// Requires: the picture is from MakeFramePicture with the tile's outputs and its window contains
-// the tile. Thread safety: distinct tiles may be developed into one picture concurrently.
+// Writes one tile's means and standard errors into the image: sums divided by the weight, depth by
+// the sum of alpha, outputs as their channels define, light and albedo in the image's primaries. A
+// pixel with weight 0 becomes 0. Standard errors are 0 if there are fewer than 2 replicates.
+// Requires: the image is from MakeFramePicture with the tile's outputs and its window contains the
+// tile.
+// Thread safety: distinct tiles may be developed into one image concurrently.
 void DevelopTile(const FilmTile& sums, FramePicture* picture);
 
-// Notes the names of what the tile shows, for the picture's manifests. Thread safety: one call at a
-// time for each picture.
+// Records the names of the ids in the tile, for the image's manifests.
+// Thread safety: one call at a time per image.
 void NoteNames(const FilmTile& sums, FramePicture* picture);
 
 }  // namespace sheaf

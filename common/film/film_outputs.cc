@@ -18,7 +18,7 @@ namespace {
 
 struct AovRow {
   const char* name;
-  const char* channels[3];  // Null beyond the last.
+  const char* channels[3];  // Null after the last.
   bool is_direction;
 };
 // In the order of Aov.
@@ -35,7 +35,7 @@ constexpr char kCameraSpace[] = "space:camera";
 constexpr char kLightPrefix[] = "light:";
 constexpr char kLightPaths[] = "light-paths";
 constexpr char kCryptomatteWord[] = "cryptomatte:";
-// Layers of every picture and part, in small letters.
+// Layers of every image and part, in lower case.
 constexpr const char* kReservedLayers[] = {"albedo", "normal", "depth",  "stderr",  "lo",     "p",
                                            "n",      "ns",     "motion", "samples", "weight", "r",
                                            "g",      "b",      "a",      "ids",     "rest"};
@@ -69,7 +69,7 @@ bool AddCryptomatte(std::string_view name, FilmOutputs* outputs) {
   return false;
 }
 
-// What a part calls replicates: "r00" and on.
+// Whether this is a part's name of a replicate: "r00" etc.
 bool IsReplicateLayer(std::string_view name) {
   return name.size() == 3 && name[0] == 'r' && absl::ascii_isdigit(name[1]) &&
          absl::ascii_isdigit(name[2]);

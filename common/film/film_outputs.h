@@ -1,11 +1,11 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// FilmOutputs: what a frame delivers besides the picture, and OutputSample, one sample of it. Who
-// asks for nothing has nothing: no channel, no byte, no instruction.
+// FilmOutputs: the outputs of a frame in addition to its image, and OutputSample, one sample of
+// them. Outputs that are not requested cost nothing: no channel, no byte, no instruction.
 //
 // Every quantity here is a weighted sum along the canonical tree, held as a double-float like
-// radiance, so it is the same to the bit however the work was cut.
+// radiance, so its bits do not depend on how the work was divided.
 #pragma once
 
 #include <array>
@@ -19,12 +19,12 @@
 
 namespace sheaf {
 
-// Quantities of the first surface that a camera ray meets.
+// Quantities of the first surface that a camera ray hits.
 enum class Aov : uint8_t {
   kPosition,         // P.{X,Y,Z}: scene units.
-  kGeometricNormal,  // N.{X,Y,Z}: of the true surface, towards the viewer.
-  kShadingNormal,    // Ns.{X,Y,Z}: of shading, on the same side.
-  kUv,               // u, v: surface parameters, those that textures are looked up by.
+  kGeometricNormal,  // N.{X,Y,Z}: geometric normal, towards the viewer.
+  kShadingNormal,    // Ns.{X,Y,Z}: shading normal, on the same side.
+  kUv,               // u, v: surface parameters, with which textures are evaluated.
   kMotion,           // motion.{X,Y}: pixels from shutter opening to closing, y down.
   kCount
 };
@@ -32,36 +32,36 @@ enum class Aov : uint8_t {
 // The names are part of frame digests and stored jobs: append, never rename.
 inline constexpr size_t kAovCount = static_cast<size_t>(Aov::kCount);
 
-// What a scene's surfaces are counted as. scene_ids.h of the renderer says how they are named.
+// The classifications of surfaces. The renderer's scene_ids.h defines their names.
 enum class IdKind : uint8_t {
   kObject,    // A shape of the world, or an instance.
-  kMaterial,  // As the surface names it.
-  kAsset,     // What an object was made from: its object definition, or the file.
+  kMaterial,  // The material's name.
+  kAsset,     // The source of an object: its object definition, or the file.
   kCount
 };
 inline constexpr size_t kIdKindCount = static_cast<size_t>(IdKind::kCount);
 
-// Light groups share a picture: what each contributes to it, `NAME.{R,G,B}`. Their sum is the
-// picture.
+// Light groups partition an image: the contribution of each is `NAME.{R,G,B}`, and their sum is the
+// image.
 inline constexpr size_t kLightGroupsMax = 64;
 inline constexpr char kDefaultLightGroup[] = "default";
-// Why the text cannot name a light group; empty where it can: 1 to 64 letters, digits, "_" and "-",
-// not a name that other channels have.
+// Why the text is not a valid name of a light group; empty if it is: 1 to 64 letters, digits, "_"
+// and "-", and not a name of other channels.
 std::string WhyNotLightGroup(std::string_view name);
 // The layers of `light_paths`: the names of light_path_kind.h in their order.
 std::vector<std::string> LightPathLayers();
 
 struct FilmOutputs {
-  uint32_t aovs = 0;          // One bit each: Has, Add.
+  uint32_t aovs = 0;          // One bit per Aov; see Has, Add.
   bool camera_space = false;  // Position and normals in camera space; otherwise world space.
-  uint32_t id_numbers = 0;    // One bit for each IdKind: the leading id's number, `objectId`.
-  uint32_t cryptomattes = 0;  // One bit for each IdKind: CryptoObject00.R and on (cryptomatte.h).
+  uint32_t id_numbers = 0;    // One bit per IdKind: the number of the leading id, `objectId`.
+  uint32_t cryptomattes = 0;  // One bit per IdKind: CryptoObject00.R etc. (cryptomatte.h).
   std::vector<std::string> light_groups;  // In the order of their names; at most kLightGroupsMax.
   bool light_paths = false;               // light_groups are LightPathLayers().
 
   bool Has(Aov aov) const { return (aovs >> static_cast<uint32_t>(aov) & 1) != 0; }
   void Add(Aov aov) { aovs |= 1u << static_cast<uint32_t>(aov); }
-  void AddLightPaths();  // In place of what light groups there are.
+  void AddLightPaths();  // Replaces any light groups.
   bool HasIdNumber(IdKind kind) const { return (id_numbers >> Index(kind) & 1) != 0; }
   bool HasCryptomatte(IdKind kind) const { return (cryptomattes >> Index(kind) & 1) != 0; }
   bool HasIds(IdKind kind) const { return HasIdNumber(kind) || HasCryptomatte(kind); }
@@ -76,18 +76,18 @@ struct FilmOutputs {
 // A channel whose pixels are weighted means.
 struct MeanChannel {
   std::string name;
-  // The mean is over the samples that met a surface; otherwise over all.
+  // True: mean over the samples that hit a surface; false: over all samples.
   bool of_surface = false;
-  // The first of three that are one direction, scaled to unit length.
+  // The first of three that form a direction, scaled to unit length.
   bool starts_direction = false;
-  // The first of three that are light's red, green and blue.
+  // The first of three that form the red, green and blue of light.
   bool starts_color = false;
 };
 // In the order of OutputSample::means and of FilmTile's planes.
 std::vector<MeanChannel> MeanChannelsOf(const FilmOutputs& outputs);
 size_t MeanChannelCount(const FilmOutputs& outputs);
 
-// What the renderer hands over for one sample beside FilmSample.
+// The renderer's outputs for one sample, in addition to FilmSample.
 struct OutputSample {
   explicit OutputSample(const FilmOutputs& outputs) : means(MeanChannelCount(outputs)) {}
   void Clear() {
@@ -95,25 +95,26 @@ struct OutputSample {
     ids = {};
   }
 
-  std::vector<float> means;  // Before the filter weight; AOVs are 0 where there was no surface.
-  std::array<uint32_t, kIdKindCount> ids{};  // Of the surface; 0 where there was none, or unasked.
+  std::vector<float> means;  // Before the filter weight; AOVs are 0 without a surface.
+  std::array<uint32_t, kIdKindCount> ids{};  // The surface's; 0 if there is none or not requested.
 };
 
 // "object", "material", "asset".
 const char* IdKindName(IdKind kind);
-// Adds the cryptomattes that a list such as "object,asset" names. Errors: kInvalidArgument.
+// Adds the cryptomattes of a list such as "object,asset". Errors: kInvalidArgument.
 absl::Status AddCryptomattes(std::string_view names, FilmOutputs* outputs);
 // "objectId": the channel of an id's number.
 std::string IdNumberChannel(IdKind kind);
 
-// "position", "uv", ...: as asked for by --aov.
+// "position", "uv", ...: the names used by --aov.
 const char* AovName(Aov aov);
-// Adds what a list such as "position,uv,object-id" names. Also takes albedo, normal and depth,
-// which every picture has. Errors: kInvalidArgument, with the names there are.
+// Adds the outputs of a list such as "position,uv,object-id". Also accepts albedo, normal and
+// depth, which every image has.
+// Errors: kInvalidArgument, listing the valid names.
 absl::Status AddAovs(std::string_view names, FilmOutputs* outputs);
 
-// One line of text that tells all, empty for nothing; and back. Errors: kInvalidArgument where it
-// is not a line that FormatOutputs writes.
+// One line of text with all outputs, empty for none; and its parser.
+// Errors: kInvalidArgument if FormatOutputs does not produce the line.
 std::string FormatOutputs(const FilmOutputs& outputs);
 absl::StatusOr<FilmOutputs> ParseOutputs(std::string_view text);
 

@@ -54,8 +54,8 @@ FilmTile MakeTile(const FilmOutputs& outputs, PixelRect rect, SampleBlock block)
   return tile;
 }
 
-// The first `count` samples of a tile in blocks of random sizes and a random order, each through
-// the bytes of a part.
+// The first `count` samples of a tile in blocks of random sizes in random order, each encoded and
+// decoded as a part.
 FilmTile MergeRandomCut(const FilmOutputs& outputs, uint64_t count, std::mt19937* random) {
   std::vector<SampleBlock> blocks;
   for (const SampleBlock& whole : CutSamples(0, count, uint64_t{1} << 40)) {
@@ -77,7 +77,7 @@ FilmTile MergeRandomCut(const FilmOutputs& outputs, uint64_t count, std::mt19937
   return tree.Root();
 }
 
-// Merged as the canonical tree says, in one go.
+// Merged along the canonical tree in a single accumulation.
 FilmTile MergeWhole(const FilmOutputs& outputs, uint64_t count) {
   TileTree tree(kRect);
   for (const SampleBlock& block : CutSamples(0, count, uint64_t{1} << 40)) {
@@ -107,7 +107,7 @@ TEST(FilmOutputsTest, AnyCutOfTheSamplesGivesTheSameBits) {
   }
 }
 
-// Asking for more changes no bit of what was there.
+// Requesting outputs changes no bit of the image itself.
 TEST(FilmOutputsTest, ThePictureStaysAsItIs) {
   const FilmTile plain = MakeTestTile(kRect, {0, 32});
   EXPECT_TRUE(SameBits(MakeTile(AllOutputs(), kRect, {0, 32}), plain));
@@ -210,7 +210,7 @@ TEST(FilmOutputsTest, NamesOfTheCommandLine) {
   EXPECT_THAT(std::string(status.message()), HasSubstr("normal-geometric"));
 }
 
-// A share of the light counts where nothing was met, too.
+// A light group also counts samples that hit no surface.
 TEST(FilmOutputsTest, LightGroupsAreMeansOverAllSamples) {
   FilmOutputs outputs;
   outputs.light_groups = {"key", "rim"};

@@ -56,7 +56,7 @@ TEST(FilmTest, DevelopsMeansInPlace) {
   EXPECT_EQ(At(picture, "A", p), static_cast<float>(2.0 / 3));
   EXPECT_EQ(At(picture, "albedo.R", p), static_cast<float>(1.0 / 3));
   EXPECT_EQ(At(picture, "normal.Y", p), static_cast<float>(2.0 / 3));
-  EXPECT_EQ(At(picture, "depth.Z", p), 10.0f);  // The mean over what was hit.
+  EXPECT_EQ(At(picture, "depth.Z", p), 10.0f);  // The mean over the hits.
   EXPECT_EQ(At(picture, "samples", p), 2.0f);
   EXPECT_EQ(At(picture, "R", 0), 0.0f);
   EXPECT_EQ(At(picture, "samples", 0), 0.0f);
@@ -93,8 +93,8 @@ TEST(FilmTest, StandardErrorNeedsTwoReplicates) {
   EXPECT_NEAR(PixelReplicates(MakeTile(1, 2, sample), 0).StandardError(0), 0.5, 1e-12);
 }
 
-// Over many pixels of known mean the interval mean +- t standard errors holds the truth as often as
-// Student's distribution says: t(15) at 95 % is 2.1314.
+// Over many pixels of known mean, the interval mean +- t standard errors contains the truth as
+// often as Student's distribution predicts: t(15) at 95 % is 2.1314.
 TEST(FilmTest, ErrorBarsHaveStudentCoverage) {
   constexpr int32_t kPixels = 4000;
   for (const uint64_t count : {64, 256}) {
@@ -112,7 +112,7 @@ TEST(FilmTest, ErrorBarsHaveStudentCoverage) {
   }
 }
 
-// 24 samples: half the replicates hold twice as many as the others.
+// 24 samples: half of the replicates hold twice as many as the others.
 TEST(FilmTest, UnequalReplicatesKeepTheErrorHonest) {
   constexpr int32_t kPixels = 4000;
   TileTree tree({0, 0, kPixels, 1});
@@ -167,8 +167,8 @@ TEST(FilmTest, FrameErrorPredictsRelativeMse) {
   EXPECT_LT(error.standard_error, 0.01);
 }
 
-// One sample in 400 is 200 times as bright as the others, so most pixels have none of those, and
-// those that do look accurate by their own means.
+// One sample in 400 is 200 times as bright as the others. Most pixels have no bright sample, and
+// the pixels that have one look accurate by their own means.
 TEST(FilmTest, FrameErrorKnowsOfRareBrightSamples) {
   constexpr int32_t kPixels = 64 * 64;
   constexpr uint64_t kCount = 64;
@@ -191,14 +191,15 @@ TEST(FilmTest, FrameErrorKnowsOfRareBrightSamples) {
   EXPECT_LT(by_own_mean / actual, 0.15);
 }
 
-// A lamp 1,000 times as bright as the wall, and pixels at its rim that have as good as any share of
-// it. Where one sample of the 32 met the lamp, the share may be far below 1 / 32, and the error
-// that was made far above the deviation that was seen.
+// An emitter 1,000 times as bright as the background, and pixels on its silhouette that it covers
+// by almost any fraction. If one of a pixel's 32 samples hit the emitter, the true fraction may be
+// far below 1 / 32, and the actual error far above the observed deviation.
 TEST(FilmTest, FrameErrorsBoundKnowsOfTheRimsOfLamps) {
   constexpr int32_t kSide = 48, kPixels = kSide * kSide;
   constexpr int kPictures = 60;
   constexpr float kLamp = 500, kWall = 0.5f;
-  // A lamp of 16 pixels, beside them a rim with shares of it that are small more often than large.
+  // An emitter of 16 pixels; next to them, silhouette pixels whose covered fraction is more often
+  // small than large.
   const auto share = [](int32_t p) {
     const int32_t x = p % kSide, y = p / kSide;
     if (y % 3 != 0 || x > 1) return 0.0f;
@@ -232,7 +233,7 @@ TEST(FilmTest, FrameErrorsBoundKnowsOfTheRimsOfLamps) {
   EXPECT_GE(missed_by_variance, 0.1 * kPictures);
 }
 
-// Of so many pixels chance tells nothing any more, but the estimate is what it is.
+// With this many pixels the statistical error vanishes, and kEstimateDeviation remains.
 TEST(FilmTest, ErrorsOfLargeFramesAreNotKnownToTheLastDigit) {
   const ErrorSums sums{100'000'000, 1e6, 1e4};
   EXPECT_NEAR(sums.Deviation() / sums.RelativeMse(), kEstimateDeviation, 1e-5);
@@ -267,7 +268,7 @@ TEST(FilmTest, TilesErrorsAreHeldAgainstTheMeanThatIsGiven) {
   EXPECT_NEAR(MeanOfPicture(picture), 0.5, 0.05);
   EXPECT_DOUBLE_EQ(EstimateTileErrors(picture, all)[0].RelativeMse(),
                    error(MeanOfPicture(picture)));
-  // 1 / (.5^2 + (.1 m)^2) for m of .5 and of 20, and little for pixels that are not all alike.
+  // 1 / (.5^2 + (.1 m)^2) for m of .5 and of 20; the pixels differ little.
   EXPECT_NEAR(error(20) / error(0.5), (0.25 + 0.0025) / (0.25 + 4), 0.01);
 }
 
@@ -301,7 +302,7 @@ TEST(FilmTest, DigestDoesNotDependOnTheOrderOfChannels) {
   std::reverse(reordered.channel_names.begin(), reordered.channel_names.end());
   std::reverse(reordered.planes.begin(), reordered.planes.end());
   EXPECT_EQ(PictureDigest(reordered), digest);
-  // Planes that change their names are another picture.
+  // Planes with exchanged names are a different image.
   std::swap(*reordered.Find("R"), *reordered.Find("B"));
   EXPECT_NE(PictureDigest(reordered), digest);
 }

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Samples for tests of the film: a pure function of pixel and sample index, like the real thing.
+// Samples for tests of the film: a pure function of pixel and sample index, like a renderer's.
 #pragma once
 
 #include <cstdint>
@@ -50,7 +50,7 @@ inline FilmTile MakeTestTile(PixelRect rect, SampleBlock block) {
   return tile;
 }
 
-// Stricter than ==, which takes -0 for 0.
+// Stricter than ==, for which -0 equals 0.
 inline bool SameBits(const FilmTile& a, const FilmTile& b) {
   if (!(a.rect() == b.rect() && a.block() == b.block())) return false;
   const size_t plane_bytes = a.plane_size() * sizeof(float);

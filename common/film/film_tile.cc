@@ -27,26 +27,26 @@ static_assert(kWideLo == kWideHi + kWideCount && kNarrow == kWideLo + kWideCount
 
 constexpr FilmChannel ChannelAt(size_t index) { return static_cast<FilmChannel>(index); }
 
-// One pixel's node of the canonical tree, replicates apart. `wide` holds values of DoubleFloats.
+// One pixel's node of the canonical tree, without replicates. `wide` holds values of DoubleFloats.
 struct PixelNode {
   std::array<double, kWideCount> wide{};
   std::array<float, kNarrowCount> narrow{};
 };
-// Replicate sums of one pixel: R, G, B, weight of each.
+// Replicate sums of one pixel: R, G, B, weight of each replicate.
 using ReplicateNode = std::array<float, kReplicateCount * kReplicateChannelCount>;
 
-// A product of two floats has 48 bits: it is a DoubleFloat's value as it is, were it not for tails
-// below the least float. So what is negligibly small counts as 0 (and -0 as 0).
+// A product of two floats has 48 bits and is a DoubleFloat's value as it is, unless its tail is
+// below the least float. So negligible products become 0 (and -0 becomes 0).
 double WideProduct(float value, float weight) {
   constexpr double kMagnitudeMin = 0x1p-100;
   const double product = static_cast<double>(value) * static_cast<double>(weight);
   return std::fabs(product) < kMagnitudeMin ? 0.0 : product;
 }
 
-// Also what the weight makes of it.
+// Also checks the products with the weight.
 bool IsUsable(const FilmSample& s) {
   std::array<Floats4, 4> values;
-  static_assert(sizeof(s) == 3 * sizeof(Floats4));  // Numbers, all of them.
+  static_assert(sizeof(s) == 3 * sizeof(Floats4));  // All of its members are numbers.
   std::memcpy(values.data(), &s, sizeof(s));
   values[3] = Floats4{s.radiance.r, s.radiance.g, s.radiance.b, s.depth} * s.filter_weight;
   Ints4 usable = Ints4{} - 1;
@@ -69,8 +69,8 @@ bool IsUsable(const OutputSample& s, float weight) {
 PixelNode MakeLeaf(const FilmSample& s) {
   PixelNode leaf;
   for (size_t i = 0; i < 3; ++i) leaf.wide[i] = WideProduct(s.radiance[i], s.filter_weight);
-  leaf.wide[3] = static_cast<double>(s.filter_weight) +
-                 0.0;  // No -0: the bits of a sum of nothing are those of 0.
+  leaf.wide[3] =
+      static_cast<double>(s.filter_weight) + 0.0;  // Not -0: an empty sum has the bits of 0.
   const float w = s.filter_weight;
   leaf.narrow = {s.alpha * w,
                  s.albedo.r * w,
@@ -106,7 +106,7 @@ ReplicateNode Merge(const ReplicateNode& left, const ReplicateNode& right) {
 }
 
 // A binary counter of tree nodes: pushing leaf number n merges as many pairs as n has trailing
-// ones, which is exactly the canonical tree. It never holds more than one node a level.
+// ones, which is exactly the canonical tree. It holds at most one node per level.
 template <typename Node>
 class NodeStack {
  public:
@@ -198,7 +198,7 @@ void AddIds(const IdSums& left, const IdSums& right, IdSums* sum) {
   sum->names.insert(right.names.begin(), right.names.end());
 }
 
-// The replicate's plane, or null where the tile's block has no sample of it.
+// The replicate's plane, or null if the tile's block has no sample of it.
 const float* FindReplicate(const FilmTile& tile, uint32_t replicate, size_t component) {
   const uint32_t first = tile.replicate_first();
   if (replicate < first || replicate >= first + tile.replicate_count()) return nullptr;
@@ -210,7 +210,7 @@ const float* FindReplicate(const FilmTile& tile, uint32_t replicate, size_t comp
 FilmTile AddTiles(const FilmTile& left, const FilmTile& right, SampleBlock block) {
   SHEAF_CHECK(left.rect() == right.rect() && left.outputs() == right.outputs());
   SHEAF_CHECK(Contains(block, left.block()) && Contains(block, right.block()));
-  // A sum with gaps has the block it lies in, which may reach over the next node.
+  // A sum with gaps has the block it lies in, which may extend over the next node.
   SHEAF_CHECK(left.block().first < right.block().first);
   FilmTile sum(left.rect(), block, left.outputs());
   AddPlanes(left, right, &sum);
@@ -236,8 +236,8 @@ FilmTile AddTiles(const FilmTile& left, const FilmTile& right, SampleBlock block
 
 struct PixelAccumulator::Stack {
   NodeStack<PixelNode> main;
-  // All replicates have trees of one shape: one stack whose nodes hold all of them, and one leaf
-  // that fills up as their samples come by, anew for each push.
+  // All replicates have trees of the same shape: one stack whose nodes hold all of them, and one
+  // leaf that is refilled for each push as their samples arrive.
   NodeStack<ReplicateNode> replicates;
   ReplicateNode replicate_leaf{};
   int32_t x = 0, y = 0;
@@ -249,7 +249,7 @@ class PixelAccumulator::OutputStack {
   explicit OutputStack(size_t mean_count) : mean_count_(mean_count) {}
 
   void Clear() { leaf_count_ = 0, depth_ = 0; }
-  // A sample that is not usable leaves a leaf of nothing.
+  // An unusable sample leaves an empty leaf.
   void Push(const OutputSample& sample, float weight, bool usable) {
     if (means_.size() < (depth_ + 1) * mean_count_) means_.resize((depth_ + 1) * mean_count_);
     double* leaf = means_.data() + depth_ * mean_count_;
@@ -351,7 +351,7 @@ void PixelAccumulator::End() {
   SHEAF_CHECK(count == tile_->block().count ||
               (count < replicate_count && std::has_single_bit(count)));
   if (count < replicate_count) {
-    // The others have none.
+    // The other replicates have no samples.
     std::fill_n(stack_->replicate_leaf.begin() + count * kReplicateChannelCount,
                 (replicate_count - count) * kReplicateChannelCount, 0.0F);
     stack_->replicates.Push(stack_->replicate_leaf);

@@ -1,18 +1,18 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// FilmTile: what one tile's sample block leaves behind, and the only thing that is ever merged.
+// FilmTile: the sums of one tile over one sample block, the unit that is merged.
 //
 // The canonical tree. A node covers an aligned power-of-two block of sample indices of one tile; a
-// leaf is one sample; a parent is its left half plus its right half, each channel rounded as said
-// below and never otherwise. Worker and coordinator build nodes of the same tree, so the bits of a
-// picture do not depend on how samples were cut into passes and leases. Where the right half is
-// absent (a sample count that is not a power of two) a parent equals its left half.
+// leaf is one sample; a parent is its left half plus its right half, with each channel rounded only
+// as described below. Worker and coordinator build nodes of the same tree, so the bits of an image
+// do not depend on how samples were divided into passes and leases. If the right half is absent (a
+// sample count that is not a power of two), a parent equals its left half.
 //
 // Replicates. Sample n belongs to replicate n % kReplicateCount and is point n / kReplicateCount of
-// that replicate's own Owen-scrambled sequence (common/film owns this rule, the sampler follows
-// it). Replicate means are independent and identically distributed: error bars come from their
-// spread.
+// that replicate's own Owen-scrambled sequence (common/film defines this rule, the sampler follows
+// it). Replicate means are independent and identically distributed: error estimates follow from
+// their spread.
 #pragma once
 
 #include <array>
@@ -35,17 +35,17 @@ constexpr uint64_t IndexInReplicate(uint64_t sample_index) {
   return sample_index / kReplicateCount;
 }
 
-// What the renderer hands over for one sample of one pixel.
+// The renderer's result for one sample of one pixel.
 struct FilmSample {
   Rgb radiance{};           // Linear sRGB, before the filter weight.
-  float alpha = 0;          // 1 where the camera ray met a surface, else 0.
-  float filter_weight = 1;  // Signed; 1 for filters that are nowhere negative.
-  Rgb albedo{};             // Of the first surface, in [0, 1].
+  float alpha = 0;          // 1 if the camera ray hit a surface, else 0.
+  float filter_weight = 1;  // Signed; 1 for filters without negative values.
+  Rgb albedo{};             // The first surface's, in [0, 1].
   Vec3f normal{};           // Shading normal of the first surface, world space; 0 on a miss.
   float depth = 0;          // Distance along the camera ray in scene units; 0 on a miss.
 };
 
-// Sums of one pixel over one block. Radiance and weight, whose quotient is the picture, are
+// Sums of one pixel over one block. Radiance and weight, whose quotient is the image, are
 // double-floats hi + lo (48 bits, common/math/double_float.h); every other sum is float32. Values
 // are multiplied by the filter weight, except the two counts, which are exact up to 2^24.
 enum class FilmChannel : uint8_t {
@@ -66,7 +66,8 @@ enum class FilmChannel : uint8_t {
   kNormalZ,
   kDepth,
   kSampleCount,     // Finite samples.
-  kNonFiniteCount,  // Samples that were not finite or beyond kSampleMagnitudeMax; in no other sum.
+  kNonFiniteCount,  // Samples that were not finite or beyond kSampleMagnitudeMax; excluded from all
+                    // other sums.
   kCount
 };
 inline constexpr size_t kFilmChannelCount = static_cast<size_t>(FilmChannel::kCount);
@@ -115,7 +116,8 @@ class FilmTile {
   size_t plane_size() const { return plane_size_; }
   size_t size_bytes() const;
 
-  friend bool operator==(const FilmTile&, const FilmTile&) = default;  // Bit-wise but for -0 and 0.
+  friend bool operator==(const FilmTile&,
+                         const FilmTile&) = default;  // Bitwise, except that -0 equals 0.
 
  private:
   PixelRect rect_;
@@ -132,18 +134,18 @@ class FilmTile {
 // Sibling(left.block()) and left.block().first < right.block().first.
 FilmTile MergeSiblings(const FilmTile& left, const FilmTile& right);
 
-// The node over `block` whose right half is only partly there: left plus right as they are, each
-// replicate that only one of them holds taken over unchanged. MergeSiblings is the complete case.
+// The node over `block` whose right half is incomplete: left plus right as given; a replicate that
+// only one of them holds is copied unchanged. MergeSiblings is the complete case.
 // Requires: same rect and outputs, both blocks inside `block`, no sample in both, left starts
-// before right. (A sum with gaps, as PreviewSum makes, has the block it lies in, which may reach
+// before right. (A sum with gaps, as PreviewSum makes, has the block it lies in, which may extend
 // over the right one.)
 FilmTile AddTiles(const FilmTile& left, const FilmTile& right, SampleBlock block);
 
 // Adds the samples of one pixel of a tile in index order, building the canonical tree with a stack
-// as deep as log2(block count): no allocation. Use: Begin, Add for every sample of the block in
-// ascending index order, End. A pixel may have the first few alone: a power of two, fewer than the
-// tile has replicates (pixel_lattice.h).
-// Thread safety: none; use one a thread. The tile must outlive it.
+// of depth log2(block count), without allocation. Use: Begin, Add for every sample of the block in
+// ascending index order, End. A pixel may instead have only its first samples: a power of two,
+// fewer than the tile has replicates (pixel_lattice.h).
+// Thread safety: none; use one per thread. The tile must outlive it.
 class PixelAccumulator {
  public:
   explicit PixelAccumulator(FilmTile* tile);
@@ -153,9 +155,9 @@ class PixelAccumulator {
   // x, y: a pixel of the tile, in the frame's raster coordinates.
   void Begin(int32_t x, int32_t y);
   void Add(uint64_t sample_index, const FilmSample& sample);
-  // The same for tiles with outputs, whose layout `outputs` has.
+  // The same for tiles with outputs; `outputs` has their layout.
   void Add(uint64_t sample_index, const FilmSample& sample, const OutputSample& outputs);
-  // Requires: every sample of the block has been added, or the first few.
+  // Requires: every sample of the block has been added, or only the first ones as above.
   void End();
   // The first samples that were not finite, at most kNonFiniteReportsMax, for the report.
   struct NonFinite {

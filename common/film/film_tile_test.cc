@@ -16,7 +16,7 @@ namespace {
 
 constexpr PixelRect kRect{3, 5, 6, 7};
 
-// The definition of the tree, written down as such.
+// The tree by its definition, computed recursively.
 DoubleFloat RedOfNode(int32_t x, int32_t y, SampleBlock block) {
   if (block.count == 1) {
     const FilmSample s = MakeTestSample(x, y, block.first);
@@ -74,11 +74,11 @@ TEST(FilmTileTest, MergingSiblingsGivesTheParent) {
   }
 }
 
-// As a pixel of a lattice's rim: the same sums as in a tile of those samples alone.
+// A pixel of a lattice's rim has the same sums as in a tile of only those samples.
 TEST(FilmTileTest, APixelMayHaveTheFirstSamplesAlone) {
   FilmTile tile(kRect, {0, 64});
   PixelAccumulator accumulator(&tile);
-  for (const uint64_t count : {64, 4}) {  // What the first leaves behind must not show.
+  for (const uint64_t count : {64, 4}) {  // The second count must not see leftovers of the first.
     accumulator.Begin(kRect.x0, kRect.y0);
     for (uint64_t s = 0; s < count; ++s) {
       accumulator.Add(s, MakeTestSample(kRect.x0, kRect.y0, s));

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// How lists of ids (id_sums.h) travel in the planes of a part: place k of all lists is three
-// planes, id + 1 (0 where the list is shorter) and the weight as a double-float; names are a text.
+// Encodes lists of ids (id_sums.h) as planes of a part: entry k of all lists takes three planes, id
+// + 1 (0 if the list is shorter) and the weight as a double-float. Names are a text.
 #pragma once
 
 #include <cstddef>
@@ -21,13 +21,14 @@ namespace sheaf {
 std::string IdPlaneName(IdKind kind, size_t plane);
 bool IsIdPlaneName(IdKind kind, std::string_view name);
 
-// As many planes as the longest list takes, each over all pixels.
+// As many planes as the longest list needs, each over all pixels.
 std::vector<std::vector<float>> IdPlanes(const IdSums& ids);
-// "NUMBER NAME" a line, with C escapes.
+// "NUMBER NAME" per line, with C escapes.
 std::string NamesText(const std::map<uint32_t, std::string>& names);
 
-// Back from untrusted planes and text. Requires: ids->pixels are as many lists, empty, as a plane
-// has pixels. Errors: kInvalidArgument for what IdPlanes and NamesText never write.
+// Decodes untrusted planes and text.
+// Requires: ids->pixels has one empty list per pixel of a plane.
+// Errors: kInvalidArgument if IdPlanes and NamesText cannot have written them.
 absl::Status ReadIds(const std::string& names_text, const std::vector<std::vector<float>>& planes,
                      IdSums* ids);
 

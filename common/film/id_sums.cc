@@ -11,7 +11,8 @@
 namespace sheaf {
 namespace {
 
-// Moves the ids of least weight, of equal ones the greater, to kNoId until few enough are left.
+// Moves the ids of least weight, and of equal weights the greater ids, to kNoId until few enough
+// are left.
 void GiveUpTheLeast(IdList* list) {
   const size_t first = list->front().id == kNoId ? 1 : 0;
   if (list->size() - first <= kIdsPerPixelMax) return;
@@ -53,7 +54,7 @@ void MergeIds(const IdList& right, IdList* left, IdList* scratch) {
 size_t IdSums::size_bytes() const {
   size_t bytes = pixels.capacity() * sizeof(IdList);
   for (const IdList& list : pixels) bytes += list.capacity() * sizeof(IdWeight);
-  constexpr size_t kNodeBytes = 96;  // Of a map's node with a short name.
+  constexpr size_t kNodeBytes = 96;  // Size of a map node with a short name.
   for (const auto& [id, name] : names) bytes += kNodeBytes + name.capacity();
   return bytes;
 }

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// LightPathKind: what happened to light between a lamp and the camera. Every contribution to a
-// picture is of one kind. "Rough" is every surface that is not a perfect mirror or smooth glass.
+// LightPathKind: classifies the path of light from an emitter to the camera. Every contribution to
+// an image is of one kind. "Rough" is every surface that is not a perfect mirror or smooth glass.
 // Source: the notation is Heckbert's, of whose kinds these are unions: Heckbert 1990, "Adaptive
 // Radiosity Textures for Bidirectional Ray Tracing".
 #pragma once
@@ -20,15 +20,15 @@ enum class LightPathKind : uint8_t {
   kIndirect,  // E (S | D)* D L with two D or more
   kCaustic,   // E (S | D)* D S+ L
   kFogOnce,   // As kDirect, scattered by a medium instead of a surface.
-  kFog,       // All else that a medium scattered.
-  kBeneath,   // By way of matter beneath a surface.
-  kGlow,      // From media that shine, by any way.
+  kFog,       // All other light scattered by a medium.
+  kBeneath,   // Through the interior beneath a surface.
+  kGlow,      // Emitted by media, along any path.
   kCount
 };
 inline constexpr size_t kLightPathKindCount = static_cast<size_t>(LightPathKind::kCount);
 
 struct LightPathName {
-  const char* name;  // Of the layer in pictures; part of stored jobs: append, never rename.
+  const char* name;  // Name of the layer in images; part of stored jobs: append, never rename.
   const char* meaning;
 };
 inline constexpr std::array<LightPathName, kLightPathKindCount> kLightPathNames{{

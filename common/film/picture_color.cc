@@ -11,7 +11,7 @@ struct Definition {
   const char* name;
   Chromaticities chromaticities;
 };
-// By number.
+// Indexed by Primaries.
 constexpr std::array<Definition, kPrimariesCount> kDefinitions{
     {{"srgb", {}},
      {"aces2065-1", {{0.7347, 0.2653}, {0, 1}, {0.0001, -0.077}, {0.32168, 0.33767}}},
@@ -32,7 +32,8 @@ std::array<float, 8> Chromaticities::AsStored() const {
 }
 
 Chromaticities Chromaticities::FromStored(const std::array<float, 8>& xy) {
-  // The named ones in full precision: a file that is read back converts as before it was written.
+  // The named ones in full precision: a file that is read back converts as it did before it was
+  // written.
   for (const Definition& definition : kDefinitions) {
     if (definition.chromaticities.AsStored() == xy) return definition.chromaticities;
   }

@@ -31,7 +31,7 @@ PictureColor ColorOf(Primaries primaries) {
   return color;
 }
 
-// The matrices that SMPTE ST 2065-1:2012, Academy S-2014-004 and IEC 61966-2-1 print.
+// The matrices printed in SMPTE ST 2065-1:2012, Academy S-2014-004 and IEC 61966-2-1.
 TEST(PictureColorTest, MatricesAreThoseOfTheStandards) {
   ExpectMatrix(*XyzFromRgb(ChromaticitiesOf(Primaries::kAces2065)),
                {{0.9525523959, 0, 0.0000936786},
@@ -86,14 +86,14 @@ TEST(PictureColorTest, FilesKeepThePrimaries) {
     ASSERT_TRUE(back.ok()) << back.status();
     EXPECT_EQ(back->color.chromaticities, picture.color.chromaticities);
     EXPECT_EQ(PictureDigest(*back), PictureDigest(picture));
-    // The same numbers in other primaries are another picture.
+    // The same numbers in other primaries are a different image.
     FramePicture other = *back;
     other.color.chromaticities.white.x += 0.01;
     EXPECT_NE(PictureDigest(other), PictureDigest(picture));
   }
 }
 
-// The delivered picture is the matrix times the one of sRGB: light, its groups, albedo.
+// The delivered image is the matrix times that of sRGB: light, its groups, albedo.
 TEST(PictureColorTest, DevelopedColorsAreTheMatrixTimesThoseOfSrgb) {
   FilmOutputs outputs;
   outputs.light_groups = {"default", "key"};
@@ -139,8 +139,9 @@ TEST(PictureColorTest, DevelopedColorsAreTheMatrixTimesThoseOfSrgb) {
   }
 }
 
-// R, G and B of a sample are correlated. Here they are one number: the standard error of its
-// multiple is that multiple's, which no sum of squares over the three errors gives.
+// R, G and B of a sample are correlated. Here they are the same number: the standard error of its
+// multiple is the multiple of its standard error, which no sum of squares over the three errors
+// gives.
 TEST(PictureColorTest, StandardErrorsAreThoseOfTheConvertedReplicates) {
   FilmTile tile({0, 0, 1, 1}, {0, 256});
   PixelAccumulator accumulator(&tile);
@@ -163,7 +164,7 @@ TEST(PictureColorTest, StandardErrorsAreThoseOfTheConvertedReplicates) {
   }
 }
 
-// What the error estimate says does not hang on the primaries much: luminance is luminance.
+// The estimated error depends little on the primaries, as it uses luminance.
 TEST(PictureColorTest, LuminanceErrorKnowsThePrimaries) {
   const FilmTile tile = MakeTestTile({0, 0, 8, 8}, {0, 64});
   FramePicture plain = MakeFramePicture({0, 0, 8, 8}, 8, 8);

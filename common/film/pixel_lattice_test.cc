@@ -63,7 +63,7 @@ TEST(PixelLatticeTest, FramesOfOtherSeedsHaveOtherPlaces) {
   for (int32_t x = 0; x < 1600; ++x) {
     same += PixelLattice{8, 1}.BlockOf(x, 5) == PixelLattice{8, 2}.BlockOf(x, 5) ? 1 : 0;
   }
-  EXPECT_NEAR(same, 100, 40);  // Of 16 places, and four deviations.
+  EXPECT_NEAR(same, 100, 40);  // One in 16 positions; four deviations.
 }
 
 TEST(PixelLatticeTest, TheRimHasTheFirstSamplesAlone) {
@@ -76,7 +76,7 @@ TEST(PixelLatticeTest, TheRimHasTheFirstSamplesAlone) {
   EXPECT_EQ(lattice.SamplesOf(Part::kCore, {16, 16}), (SampleBlock{16, 16}));
 }
 
-// Chi-square of the place in the cell, 10,000 cells and 15 degrees of freedom: beyond 46 with a
+// Chi-square of the position in the cell, 10,000 cells and 15 degrees of freedom: above 46 with a
 // probability of 5e-5.
 TEST(PixelLatticeTest, EveryPlaceInACellIsAsLikely) {
   const PixelLattice lattice{8};

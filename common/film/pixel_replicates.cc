@@ -19,7 +19,7 @@ PixelReplicates::PixelReplicates(const FilmTile& sums, size_t p) {
   }
 }
 
-// color_of: a replicate's sum of the quantity whose standard error is asked for.
+// color_of: a replicate's sum of the quantity whose standard error is computed.
 template <typename ColorOf>
 double PixelReplicates::SpreadOf(const ColorOf& color_of) const {
   double sum = 0, weight = 0;

@@ -10,10 +10,10 @@
 //
 // For equal W_r this is sqrt(sum (m_r - m)^2 / (R (R - 1))), with m_r = S_r / W_r independent and
 // identically distributed: m +- t(R - 1) * standard error is a Student interval. For unequal W_r (a
-// sample count that 16 does not divide, or signed filters) it is the ratio estimator's, which needs
-// no weight W_r to differ from 0. Differences are squared, never squares subtracted, so it is never
-// negative; its own rounding is about 2^-22 of the value, as replicate sums are float32.
-// Source: Cochran 1977, Sampling Techniques, 3rd ed., sec. 2.11; Owen 1997 for the replicates.
+// sample count that 16 does not divide, or signed filters) it is the ratio estimator's, which does
+// not need nonzero W_r. Differences are squared instead of subtracting squares, so it is never
+// negative; its own rounding is about 2^-22 of the value, as replicate sums are float32. Source:
+// Cochran 1977, Sampling Techniques, 3rd ed., sec. 2.11; Owen 1997 for the replicates.
 #pragma once
 
 #include <array>
@@ -23,16 +23,17 @@
 
 namespace sheaf {
 
-// The sums of a pixel's replicates, of those that have samples, and what their spread says.
+// The sums of a pixel's replicates, over those that have samples, and the standard errors from
+// their spread.
 class PixelReplicates {
  public:
   // p: index into the planes.
   PixelReplicates(const FilmTile& sums, size_t p);
-  // Of one colour component (0..2 = R, G, B); 0 where fewer than 2 replicates have samples or the
+  // For one color component (0..2 = R, G, B); 0 if fewer than 2 replicates have samples or the
   // weights sum to 0.
   double StandardError(size_t component) const;
-  // The same of a weighted sum of R, G and B: their errors are correlated, so it is found from the
-  // replicates' sums, not from the errors of the three.
+  // The same for a weighted sum of R, G and B. Their errors are correlated, so it is computed from
+  // the replicates' sums, not from the three errors.
   double StandardError(const std::array<double, 3>& weights) const;
 
  private:

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Smaller copies of developed pictures, for looking at: whole squares of pixels become one.
+// Smaller copies of developed images, for display: whole squares of pixels become one.
 #pragma once
 
 #include <cstdint>
@@ -13,13 +13,13 @@
 
 namespace sheaf {
 
-// The smallest whole factor by which a picture has at most pixel_count_max pixels, and at least
-// one.
+// The smallest integer factor, at least 1, by which an image has at most pixel_count_max pixels.
 int32_t ShrinkFactor(int32_t width_px, int32_t height_px, int64_t pixel_count_max);
 
-// The given channels of a picture, shrunk by that factor: means, and of standard errors the roots
-// of mean squares, so that they stay those of a pixel. What is left over at the right and bottom
-// edges is cut off. Errors: kInternal where there is no such channel.
+// The given channels of an image, shrunk by that factor: means, and for standard errors the root
+// mean square, so that they remain those of a pixel. Incomplete squares at the right and bottom
+// edges are cut off.
+// Errors: kInternal if there is no such channel.
 absl::StatusOr<FramePicture> ShrinkPicture(const FramePicture& picture,
                                            const std::vector<std::string>& channels,
                                            int64_t pixel_count_max);

@@ -10,7 +10,8 @@
 namespace sheaf {
 namespace {
 
-// Copies the planes of the pixels that both have. The part's block is in the whole's, or equal.
+// Copies the planes of the pixels common to both. The part's block lies in the whole's, or equals
+// it.
 class PixelCopy {
  public:
   PixelCopy(const FilmTile& from, const PixelRect& rect, FilmTile* to)

@@ -10,7 +10,7 @@
 namespace sheaf {
 namespace {
 
-// The first multiple of step above v.
+// The smallest multiple of step above v.
 int64_t NextMultiple(int64_t v, int64_t step) {
   const int64_t remainder = ((v % step) + step) % step;
   return v - remainder + step;

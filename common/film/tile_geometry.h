@@ -1,7 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// How a frame is cut: pixel rectangles (tiles) and aligned power-of-two blocks of sample indices.
+// The division of a frame: pixel rectangles (tiles) and aligned power-of-two blocks of sample
+// indices.
 #pragma once
 
 #include <algorithm>
@@ -18,7 +19,7 @@ struct PixelRect {
   constexpr int32_t Width() const { return x1 - x0; }
   constexpr int32_t Height() const { return y1 - y0; }
   constexpr int64_t PixelCount() const { return int64_t{Width()} * Height(); }
-  // Of a pixel within, in planes of the rectangle's pixels: row-major.
+  // Index of a pixel inside, in row-major planes over the rectangle's pixels.
   constexpr size_t IndexOf(int32_t x, int32_t y) const {
     return static_cast<size_t>(y - y0) * static_cast<size_t>(Width()) + static_cast<size_t>(x - x0);
   }
@@ -28,7 +29,7 @@ struct PixelRect {
   }
   friend constexpr bool operator==(const PixelRect&, const PixelRect&) = default;
 };
-// Of what both have; may be empty.
+// The intersection; may be empty.
 constexpr PixelRect Intersect(const PixelRect& a, const PixelRect& b) {
   return {std::max(a.x0, b.x0), std::max(a.y0, b.y0), std::min(a.x1, b.x1), std::min(a.y1, b.y1)};
 }
@@ -41,7 +42,7 @@ struct SampleBlock {
   constexpr uint64_t End() const { return first + count; }
   friend constexpr bool operator==(const SampleBlock&, const SampleBlock&) = default;
 };
-// No sample index reaches this, so that sums and parents of blocks never wrap around.
+// All sample indices are below this, so that sums and parents of blocks never wrap around.
 inline constexpr uint64_t kSampleIndexEnd = uint64_t{1} << 62;
 constexpr bool IsAligned(SampleBlock b) {
   return b.count != 0 && (b.count & (b.count - 1)) == 0 && b.first % b.count == 0 &&
@@ -54,13 +55,14 @@ constexpr bool Contains(SampleBlock outer, SampleBlock inner) {
 }
 
 // Cuts [first, first + count) into the fewest aligned blocks of at most block_samples_max samples,
-// in ascending order. Of any two blocks one contains the other or they are disjoint.
+// in ascending order. Any two aligned blocks are nested or disjoint.
 // Requires: block_samples_max is a power of two; first + count <= kSampleIndexEnd.
 std::vector<SampleBlock> CutSamples(uint64_t first, uint64_t count, uint64_t block_samples_max);
 
 // Cuts a rectangle into tiles of tile_size_px (the last of a row or column may be smaller), aligned
 // to multiples of tile_size_px in the frame, row by row; so a pixel's tile does not depend on the
-// crop. Requires: tile_size_px > 0. An empty rectangle gives no tiles.
+// crop.
+// Requires: tile_size_px > 0. An empty rectangle gives no tiles.
 std::vector<PixelRect> CutTiles(PixelRect frame, int32_t tile_size_px);
 
 }  // namespace sheaf

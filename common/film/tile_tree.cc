@@ -69,7 +69,8 @@ uint64_t TileTree::SampleCount() const {
   return count;
 }
 
-// A node without a right half equals its left half: folding from the right end climbs the tree.
+// A node without a right half equals its left half: the loop folds nodes from the right end up the
+// tree.
 FilmTile TileTree::Root() const {
   SHEAF_CHECK(!nodes_.empty());
   SHEAF_CHECK(nodes_.rbegin()->second.block().End() == SampleCount());

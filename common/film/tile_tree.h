@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// TileTree: the parts of one tile, merged along the canonical tree in whatever order they come.
+// TileTree: the parts of one tile, merged along the canonical tree in any order of arrival.
 #pragma once
 
 #include <cstdint>
@@ -13,20 +13,20 @@
 
 namespace sheaf {
 
-// The parts of one tile. Siblings are merged as soon as both are there, so memory does not grow
+// The parts of one tile. Siblings are merged as soon as both are present, so memory does not grow
 // with the number of parts. A pure function of the set: any order of Insert gives the same bits.
 class TileTree {
  public:
   explicit TileTree(PixelRect rect) : rect_(rect) {}
-  // Errors: kAlreadyExists when the block, or a block that contains it, is already there;
-  // kInvalidArgument when the rect differs or the block only partly overlaps what is there.
+  // Errors: kAlreadyExists if the block, or a block that contains it, is already present;
+  // kInvalidArgument if the rect differs or the block only partly overlaps a present one.
   absl::Status Insert(FilmTile part);
   bool Covers(SampleBlock block) const;
   uint64_t SampleCount() const;
   // Nodes in ascending order; no two are siblings.
   const std::map<uint64_t, FilmTile>& nodes() const { return nodes_; }
-  // The tree's value over everything there, as the canonical tree with absent right halves.
-  // Requires: at least one node; the nodes cover a prefix [0, n). Use Covers to know.
+  // The value of the canonical tree over all samples present; absent right halves are skipped.
+  // Requires: at least one node; the nodes cover a prefix [0, n). Use Covers to check.
   FilmTile Root() const;
   // Sum of all nodes in ascending order, gaps allowed: for previews, never for delivery.
   // Requires: at least one node.

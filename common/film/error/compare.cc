@@ -58,7 +58,7 @@ absl::StatusOr<Pair> MatchPictures(const FramePicture& reference, const FramePic
   return Pair{*r, *x};
 }
 
-// R, G and B alone.
+// Only R, G and B.
 FramePicture ColorsOf(const FramePicture& picture, const ColorPlanes& planes) {
   FramePicture colors;
   colors.window = picture.window;
@@ -143,7 +143,7 @@ TileMean MeanOver(const std::vector<float>& plane, const std::vector<float>* err
   return result;
 }
 
-// The channel of a tile that deviates most. rect counts from the window's corner.
+// The channel of a tile that deviates most. rect is relative to the window's corner.
 TileDeviation WorstChannel(const Pair& pair, const ColorPlanes& error, int32_t width,
                            PixelRect rect, const TileDeviationLimits& limits) {
   TileDeviation worst;
@@ -155,7 +155,7 @@ TileDeviation WorstChannel(const Pair& pair, const ColorPlanes& error, int32_t w
     const double beyond = std::fabs(x.mean - r.mean) - limits.mean_share_max * std::fabs(r.mean);
     double excess = beyond / standard_error;
     if (standard_error == 0) excess = beyond > 0 ? kInfinity : 0;
-    // A mean that is not a number is as wrong as can be.
+    // A NaN mean counts as an infinite deviation.
     if (std::isnan(excess)) excess = kInfinity;
     if (excess > worst.excess) worst = {rect, i, x.mean, r.mean, standard_error, excess};
   }

@@ -68,7 +68,7 @@ TEST(CompareTest, ValuesThatAreNotFiniteAreCountedApart) {
   EXPECT_EQ(c->share_differing, 2.0 / 16);
 }
 
-// The same color in other primaries is told apart from another color.
+// The same color in other primaries is distinguished from another color.
 TEST(CompareTest, OtherPrimariesAreRefusedUntilConverted) {
   FramePicture reference = MakePicture({0, 0, 2, 2}, 0.5f, 0), image = reference;
   ASSERT_TRUE(ConvertColor(ChromaticitiesOf(Primaries::kAcesCg), &image).ok());

@@ -15,7 +15,7 @@ namespace sheaf {
 
 namespace {
 
-// What a standard error of each channel adds to that of luminance, at most.
+// The maximum contribution of each channel's standard error to that of luminance.
 std::array<double, 3> LuminanceWeights(const Chromaticities& chromaticities) {
   if (chromaticities == Chromaticities()) return kLuminanceOfSrgb;
   const std::optional<Matrix4> xyz_from_rgb = XyzFromRgb(chromaticities);

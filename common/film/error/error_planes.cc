@@ -10,7 +10,8 @@
 namespace sheaf {
 namespace {
 
-// Of pixels with samples: how many, the sums of their values and squares, and of their variances.
+// Over pixels with samples: their number, the sums of their values and squares, and of their
+// variances.
 struct LocalSums {
   double count = 0, value = 0, square = 0, variance = 0;
   void Add(const LocalSums& other) {
@@ -22,9 +23,9 @@ struct LocalSums {
 };
 
 // The square of a pixel's true value, predicted from its mean `value`, whose variance is
-// `variance`, and the pixels about it.
+// `variance`, and the pixels around it.
 double PredictTrueSquare(double value, double variance, const LocalSums& about) {
-  // What is left of a square after its variance is taken off may not vanish by chance.
+  // At least this fraction of the square remains after its variance is subtracted.
   constexpr double kSquareShareMin = 0.25;
   double weight = 0, mean = 0, noise = 0;
   if (about.count > 0 && variance > 0) {
@@ -41,9 +42,9 @@ double PredictTrueSquare(double value, double variance, const LocalSums& about) 
   return std::max(square - error, kSquareShareMin * square);
 }
 
-constexpr int32_t kAboutPx = 2;  // In each direction.
+constexpr int32_t kAboutPx = 2;  // Radius in each direction.
 
-// Adds the relative errors of one channel to *errors: of the pixels of `rect`, which is in
+// Adds to *errors the relative errors in one channel of the pixels of `rect`, which is in
 // coordinates of the planes, row-major.
 void AddChannelErrors(const ErrorPlanes& planes, size_t channel, const PixelRect& rect,
                       int32_t width, int32_t height, double floor_square,
@@ -61,7 +62,7 @@ void AddChannelErrors(const ErrorPlanes& planes, size_t channel, const PixelRect
   };
   const int32_t x_begin = std::max(rect.x0 - kAboutPx, 0);
   const int32_t x_end = std::min(rect.x1 + kAboutPx, width);
-  // Of each column, the pixels above and below the row, and those with its own.
+  // Per column, the sums over the pixels above and below the row, and over those and its own.
   std::vector<LocalSums> others(static_cast<size_t>(x_end - x_begin)), all(others.size());
   size_t out = 0;
   for (int32_t y = rect.y0; y < rect.y1; ++y) {
@@ -137,7 +138,7 @@ void RareHits::Add(size_t tile, const PixelError& error, double count) {
 }
 
 void RareHits::AddVariances(std::vector<ErrorSums>* tiles) const {
-  // What a first look leaves to chance (coordinator/core/sample_rounds.h).
+  // The error probability of the first check (coordinator/core/sample_rounds.h).
   constexpr double kBeyondShare = 0.03;
   const double largest = std::pow(kScale * sum_ / kBeyondShare, 1 / kIndex);
   for (const Hit& hit : hits_) {

@@ -18,7 +18,7 @@
 namespace sheaf {
 namespace {
 
-// Rows that one thread does at a time; rows about them are filtered again.
+// Rows that one thread processes at a time; the rows around them are filtered again.
 constexpr int32_t kBandRows = 128;
 constexpr int kThreadsMax = 16;
 
@@ -27,7 +27,7 @@ inline float Clamp01(float x) { return x > 0 ? (x < 1 ? x : 1.0f) : 0.0f; }
 
 // ---- Color.
 
-// White's tristimulus divided out, so that white is (1, 1, 1).
+// Tristimulus values are divided by white's, so that white is (1, 1, 1).
 struct ColorConstants {
   std::array<std::array<float, 3>, 3> xyz_from_rgb{}, rgb_from_xyz{};
 };
@@ -50,7 +50,7 @@ ColorConstants MakeColorConstants() {
   return constants;
 }
 
-// For [0, 1], to float's precision: two steps of Halley from a guess at the exponent.
+// For [0, 1], to float precision: two Halley steps from an initial guess by the exponent.
 inline float CubeRoot(float x) {
   float y = std::bit_cast<float>(std::bit_cast<int32_t>(x) / 3 + 0x2a514067);
   for (int i = 0; i < 2; ++i) {
@@ -89,12 +89,12 @@ HuntLab HuntLabOfRgb(const ColorConstants& constants, const std::array<float, 3>
   return ToHuntLab(xyz[0], xyz[1], xyz[2]);
 }
 
-// ---- What is the same for all pixels.
+// ---- Values common to all pixels.
 
 constexpr double kColorExponent = 0.7, kFeatureExponent = 0.5;  // q_c, q_f.
 constexpr float kKneeShare = 0.4f, kKneeValue = 0.95f;          // p_c, p_t (eq. 4).
 
-// A line filtered along x by each of these, then by others along y.
+// A line is filtered along x by each of these, then by others along y.
 enum Line : size_t {
   kLuma,
   kRedGreen,
@@ -108,13 +108,13 @@ enum Line : size_t {
 
 struct Constants {
   explicit Constants(double pixels_per_degree);
-  // Of the filters of contrast sensitivity, sums of Gaussians (sec. 4.1.1, table 1): along x, and
-  // along y with what each adds.
+  // Filters of contrast sensitivity, sums of Gaussians (sec. 4.1.1, table 1): along x, and along y
+  // with the amplitude of each.
   std::array<LineKernel, 4> sensitivity_x, sensitivity_y;
-  LineKernel smooth, edge, point;  // Of the detectors (sec. 4.2.1).
+  LineKernel smooth, edge, point;  // Filters of the detectors (sec. 4.2.1).
   int32_t radius_max = 0;
   ColorConstants color;
-  float color_max = 0;  // Of the color difference: between green and blue.
+  float color_max = 0;  // The maximum color difference: between green and blue.
 };
 
 Constants::Constants(double pixels_per_degree) : color(MakeColorConstants()) {
@@ -159,12 +159,12 @@ Constants::Constants(double pixels_per_degree) : color(MakeColorConstants()) {
                   static_cast<float>(kColorExponent));
 }
 
-// ---- One picture, line by line.
+// ---- One image, line by line.
 
-// What is compared, of one line.
+// The compared features of one line.
 struct FeatureLine {
   std::vector<HuntLab> color;
-  std::vector<float> edge, point;  // How strong.
+  std::vector<float> edge, point;  // Their strengths.
 };
 
 class LineSource {
@@ -201,8 +201,8 @@ class LineSource {
   }
 
  private:
-  // Y, X - Y and Y - Z of a row relative to white, which are YCxCz (eq. 1) but for factors that
-  // linear filters keep, with its ends repeated beyond it, through each filter.
+  // Filters a row's Y, X - Y and Y - Z relative to white, with its end values repeated beyond it,
+  // through each filter. These are YCxCz (eq. 1) but for factors, which linear filters preserve.
   void FilterAlongX(int32_t y) {
     auto& row = ring_[static_cast<size_t>(y % ring_rows_)];
     const auto& m = constants_.color.xyz_from_rgb;
@@ -256,7 +256,7 @@ class LineSource {
     FilterLine<false>(constants_.point, width, lines(kSmooth), filtered_[7].data());
   }
 
-  // Cut to what the screen can show before it becomes L*a*b* (sec. 4.1.1).
+  // Clipped to the screen's range before conversion to L*a*b* (sec. 4.1.1).
   HuntLab ColorAt(size_t i) const {
     const float y = filtered_[0][i];
     const std::array<float, 3> seen{y + filtered_[1][i], y,
@@ -276,13 +276,13 @@ class LineSource {
   const Constants& constants_;
   const FlipPicture& picture_;
   const int32_t ring_rows_;
-  int32_t next_row_ = -1;  // The first that was not filtered along x.
+  int32_t next_row_ = -1;  // The first row not yet filtered along x.
   std::vector<float> padded_;
   std::vector<std::array<std::vector<float>, kLineCount>> ring_;
   std::vector<std::vector<float>> filtered_;
 };
 
-// Errors of colors, spread over [0, 1] (eq. 4), to the power that features leave (eq. 7).
+// Color errors, mapped to [0, 1] (eq. 4), raised to a power that depends on the features (eq. 7).
 void CompareLines(const Constants& constants, const FeatureLine& reference,
                   const FeatureLine& image, float* out) {
   const float knee = kKneeShare * constants.color_max;

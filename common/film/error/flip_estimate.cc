@@ -14,7 +14,7 @@ namespace sheaf {
 namespace {
 
 // Sums of R, G, B and weight of all pixels over half of the replicates: those of even number, or
-// the others. Plane by plane, as they lie in memory.
+// the others. Summed plane by plane, in memory order.
 using HalfSums = std::array<std::vector<double>, kReplicateChannelCount>;
 HalfSums SumHalf(const FilmTile& sums, uint32_t parity) {
   HalfSums half;
@@ -30,11 +30,11 @@ HalfSums SumHalf(const FilmTile& sums, uint32_t parity) {
 }
 
 // With S and W the sums over even replicates and m the mean over all, S - m W is (a - b) / 2 times
-// half of all weight where both halves weigh the same; and no weight need differ from 0.
+// half of the total weight if both halves have equal weight; no weight needs to differ from 0.
 Vec3d ErrorAt(const HalfSums& even, const HalfSums& odd, double count, size_t p) {
   const double weight = even[3][p] + odd[3][p];
   if (weight == 0 || count < 2) return {};
-  // Samples are dealt to the halves in turn.
+  // Samples alternate between the halves.
   const double even_count = std::ceil(count / 2), odd_count = count - even_count;
   const double scale = count / (std::sqrt(even_count * odd_count) * weight);
   Vec3d error;

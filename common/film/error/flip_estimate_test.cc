@@ -19,7 +19,7 @@ float Truth(int32_t x, int32_t y) {
   return 0.2f + 0.3f * static_cast<float>((x / 16 + y / 16) % 2);
 }
 
-// A picture of noise about Truth, with the sample of its error, developed in tiles of 32.
+// A noisy image of Truth, with the sample of its error, developed in tiles of 32.
 struct Noisy {
   FramePicture picture = MakeFramePicture(kWindow, 80, 80);
   ErrorSample error{kWindow};

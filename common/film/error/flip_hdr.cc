@@ -19,7 +19,7 @@ size_t PixelCount(const FlipPicture& picture) {
   return static_cast<size_t>(picture.width_px) * static_cast<size_t>(picture.height_px);
 }
 
-// NaN becomes 0; the rest can be squared.
+// NaN becomes 0; other values are limited so that they can be squared.
 inline double Light(float x) { return x > 0 ? static_cast<double>(std::min(x, 1e30f)) : 0.0; }
 
 // The curve of the paper (2021, sec. 3), a fit to ACES: (k0 x^2 + k1 x) / (k3 x^2 + k4 x + k5).
@@ -31,7 +31,7 @@ struct Exposures {
   int32_t count = 2;
 };
 Exposures ExposuresOf(const FlipPicture& reference) {
-  // Where the curve has this value a pixel counts as seen.
+  // A pixel counts as visible if the curve has this value.
   constexpr double kSeen = 0.85;
   const double a = kCurve0 - kCurve3 * kSeen, b = kCurve1 - kCurve4 * kSeen;
   const double half = -0.5 * b / a;
@@ -48,7 +48,7 @@ Exposures ExposuresOf(const FlipPicture& reference) {
   Exposures exposures;
   if (luminance[last] == 0) return exposures;
   exposures.start = Log(seen / luminance[last]) / Log(2.0);
-  // Of a picture that is half black, the darkest that is not.
+  // If half of the image is black, the darkest luminance above 0.
   const double dim = median > 0 ? median : *std::upper_bound(luminance.begin(), luminance.end(), 0);
   exposures.stop = Log(seen / dim) / Log(2.0);
   exposures.count = std::clamp(static_cast<int32_t>(std::ceil(exposures.stop - exposures.start)), 2,

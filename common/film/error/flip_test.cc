@@ -34,7 +34,7 @@ Planes Flat(const std::array<double, 3>& color) {
   return Draw(9, 8, [&](int32_t, int32_t) { return color; });
 }
 
-// Two pictures with edges and points in all channels.
+// Two images with edges and points in all channels.
 Planes Pattern(bool changed) {
   return Draw(48, 40, [changed](int32_t x, int32_t y) -> std::array<double, 3> {
     if (!changed) {
@@ -56,14 +56,14 @@ TEST(FlipTest, FlatColorsDifferAsThePaperDefines) {
   EXPECT_NEAR(Mean(Flat({0.5, 0.5, 0.5}), Flat({0.52, 0.52, 0.52})), 0.06581, 1e-4);
 }
 
-// The expected values are those of a program of its own, in double, that does not separate its
+// The expected values come from an independent program, in double, that does not separate its
 // filters: sums over 21 x 21 and 19 x 19 pixels as in the paper.
 TEST(FlipTest, PatternsDifferAsFullSumsOverPixelsSay) {
   const Planes reference = Pattern(false), image = Pattern(true);
   EXPECT_NEAR(Mean(reference, image), 0.544191, 5e-5);
   const std::vector<float> map = FlipMap(reference.Picture(), image.Picture());
   EXPECT_NEAR(map[7 * 48 + 5], 0.559828, 2e-4);
-  EXPECT_NEAR(map[47], 0.662112, 2e-4);  // Corners: what is beyond repeats the edge.
+  EXPECT_NEAR(map[47], 0.662112, 2e-4);  // Corners: the edge is repeated beyond them.
   EXPECT_NEAR(map[39 * 48], 0.980395, 2e-4);
   const Planes black = Draw(32, 32, [](int32_t, int32_t) { return std::array<double, 3>{}; });
   const Planes step = Draw(32, 32, [](int32_t x, int32_t) {
@@ -83,7 +83,7 @@ TEST(FlipTest, OrderDoesNotMatterAndWhatNoScreenShowsNeither) {
   EXPECT_EQ(Mean(bright, Flat({1, 1, 1})), 0);
 }
 
-// Bands are done by whichever thread is free.
+// Any free thread processes the next band.
 TEST(FlipTest, BandsLeaveNoSeams) {
   const auto tall = [](bool changed) {
     return Draw(24, 400, [changed](int32_t x, int32_t y) {
@@ -93,7 +93,7 @@ TEST(FlipTest, BandsLeaveNoSeams) {
   };
   const Planes reference = tall(false), image = tall(true);
   const std::vector<float> map = FlipMap(reference.Picture(), image.Picture());
-  // Rows repeat every four, but for the ends.
+  // Rows repeat every four, except at the ends.
   for (size_t y = 16; y < 380; ++y) {
     for (size_t x = 0; x < 24; ++x) ASSERT_EQ(map[y * 24 + x], map[(y - 4) * 24 + x]) << y;
   }

@@ -10,7 +10,7 @@
 namespace sheaf {
 
 double StudentQuantile975(double degrees_of_freedom) {
-  // The expansion of Cornish and Fisher about the normal quantile.
+  // The Cornish-Fisher expansion about the normal quantile.
   constexpr double z = 1.959963984540054;
   constexpr double z2 = z * z;
   const double n = std::max(degrees_of_freedom, 3.0);
@@ -24,7 +24,8 @@ namespace {
 
 struct PixelSpread {
   double mean = 0;
-  double squares = 0, largest = 0;  // Of the replicates' deviations: their sum and the largest.
+  double squares = 0,
+         largest = 0;  // The replicates' squared deviations: their sum and the largest.
 };
 
 PixelSpread SpreadOf(const FilmTile& sums, size_t p, const std::array<double, 3>& weights) {

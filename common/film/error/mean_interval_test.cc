@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Intervals of tiles whose samples follow known distributions: how often they hold the true mean,
-// and that those of infinite variance are told.
+// Tests intervals of tiles whose samples follow known distributions: how often they contain the
+// true mean, and that infinite variance is detected.
 #include "common/film/error/mean_interval.h"
 
 #include <gtest/gtest.h>
@@ -32,7 +32,7 @@ FilmTile TileOf(const Draw& draw, int32_t pixels, uint64_t samples, uint64_t see
 
 constexpr std::array<double, 3> kGreen{0, 1, 0};
 constexpr int kRuns = 1000;
-constexpr int kLongRuns = 60;  // Of many samples.
+constexpr int kLongRuns = 60;  // With many samples each.
 
 MeanInterval IntervalOf(const FilmTile& tile) { return MeanIntervalOf(tile, tile.rect(), kGreen); }
 
@@ -65,7 +65,7 @@ TEST(MeanIntervalTest, QuantilesAreStudents) {
   EXPECT_NEAR(StudentQuantile975(1e9), 1.95996, 1e-5);
 }
 
-// Of 1000 runs 95 %, with a standard deviation of 0.7 %; held to three of those and to the
+// 95 % of 1000 runs, with a standard deviation of 0.7 %; the tolerance is three of those plus the
 // distribution's skewness.
 TEST(MeanIntervalTest, NineteenOfTwentyHoldTheTrueMean) {
   const Draw even = Uniform;
@@ -84,7 +84,7 @@ TEST(MeanIntervalTest, NineteenOfTwentyHoldTheTrueMean) {
   EXPECT_EQ(CoverageOf(exponential, 1, 16, 64).reliable, kRuns);
 }
 
-// Pareto's distribution has no variance for a tail index of 2 and less, however many samples.
+// Pareto's distribution has no variance for a tail index of 2 and less, at any number of samples.
 TEST(MeanIntervalTest, InfiniteVarianceIsTold) {
   for (const double index : {1.1, 1.3, 1.5}) {
     SCOPED_TRACE(index);
@@ -94,8 +94,8 @@ TEST(MeanIntervalTest, InfiniteVarianceIsTold) {
   }
 }
 
-// One sample in a thousand has all the light: with 64 of them most pixels have seen none. Where no
-// pixel of the tile has, there is nothing to tell it from the dark.
+// One sample in a thousand has all the light: with 64 of them most pixels have not seen any. A tile
+// without any such sample cannot be distinguished from a dark one.
 TEST(MeanIntervalTest, RareLightIsToldUntilItIsNotRare) {
   const Draw rare = [](std::mt19937_64& r) { return Uniform(r) < 0.001 ? 1000 : 0; };
   for (uint64_t run = 0; run < kRuns; ++run) {

@@ -23,7 +23,7 @@ LayerPlanes PlanesOf(const FramePicture& picture, const std::string& prefix) {
   return planes;
 }
 
-// Of one layer in one pixel, over R, G and B.
+// The squared difference of one layer at one pixel, summed over R, G and B.
 double SquaredDifference(const LayerPlanes& layer, const PixelRect& window, int32_t x, int32_t y) {
   double sum = 0;
   for (const std::vector<float>* plane : layer) {
@@ -42,7 +42,7 @@ double SquaredDifference(const LayerPlanes& layer, const PixelRect& window, int3
   return sum;
 }
 
-// The layer's index.
+// The index of the layer responsible for the tile's error.
 size_t RareLayerOf(const std::vector<LayerPlanes>& layers, const LayerPlanes& errors,
                    const PixelRect& window, const PixelRect& tile) {
   std::vector<double> shares(layers.size()), squares(layers.size());

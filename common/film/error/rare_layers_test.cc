@@ -7,7 +7,8 @@
 namespace sheaf {
 namespace {
 
-// Two tiles of 8 x 8: two lamps, of which "direct" is bright and even but for the edge of a shadow.
+// Two tiles of 8 x 8 and two lights, of which "direct" is bright and uniform except for a shadow's
+// edge.
 FramePicture MakePicture() {
   FilmOutputs outputs;
   outputs.light_groups = {"direct", "sparkle"};

@@ -1,10 +1,10 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// RunningError: a picture's relMSE while it grows, for people who watch. Of each change only the
-// tiles that changed are looked at, so that a large picture can be watched as often as a small one.
-// A tile's error is as of its last change: what its neighbours and the picture's mean have become
-// since is left out, and what RareHits add to variances. Decisions are made by EstimateTileErrors.
+// RunningError: a growing image's relMSE, for display. After each change only the changed tiles are
+// evaluated, so that a large image can be observed as often as a small one. A tile's error is as of
+// its last change: later changes of its neighbors and of the image's mean are ignored, and so are
+// the variances that RareHits adds. Decisions use EstimateTileErrors.
 #pragma once
 
 #include <cstdint>
@@ -18,14 +18,14 @@ namespace sheaf {
 // Thread safety: none.
 class RunningError {
  public:
-  // R, G and B of pixels with samples.
+  // Sums of R, G and B over pixels with samples.
   struct Values {
     double sum = 0, count = 0;
   };
-  // tiles: of the picture, without overlap.
+  // tiles: of the image, without overlap.
   explicit RunningError(std::vector<PixelRect> tiles);
 
-  // `changed`: indices of the tiles that differ from the last call.
+  // `changed`: indices of the tiles changed since the last call.
   void Update(const FramePicture& picture, std::span<const uint32_t> changed);
   // 0 until there are samples.
   double RelativeMse() const { return sum_.RelativeMse(); }
@@ -38,7 +38,7 @@ class RunningError {
     ErrorSums error;
   };
   std::vector<Tile> tiles_;
-  Values values_;  // Of all tiles.
+  Values values_;  // Over all tiles.
   ErrorSums sum_;
 };
 

@@ -12,7 +12,7 @@ namespace {
 
 constexpr PixelRect kWindow{10, 20, 74, 68};
 
-// A picture of light and standard errors that vary from pixel to pixel; the first rows are empty.
+// An image of light and standard errors that vary from pixel to pixel; the first rows are empty.
 FramePicture MakePicture(uint32_t seed) {
   FramePicture picture;
   picture.window = kWindow;

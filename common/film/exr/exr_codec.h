@@ -1,7 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The only door to OpenEXR: film parts and developed pictures to bytes and back, without loss.
+// The only file that uses OpenEXR: encodes film parts and developed images to bytes and back,
+// without loss.
 #pragma once
 
 #include <cstdint>
@@ -16,49 +17,51 @@
 
 namespace sheaf {
 
-// Identity of a part; travels in the EXR header and is checked on decoding.
+// Identity of a part, stored in the EXR header and checked on decoding.
 struct PartHeader {
   std::string frame_digest;  // Hex SHA-256: scene, settings, frame, numeric profile.
   std::string numeric_profile;
-  // Pixels that these do not have are empty.
+  // The pixels outside of these are empty.
   PixelLattice lattice = {};
   TileCells cells = {};
 };
 
 // A part as a float32 EXR that any viewer opens. Equal parts give equal bytes (of one build). The
-// display window is the tile, and so is the data window; of a part of some cells that has a line
-// for each of them, with its pixels row by row. Compressed are lattices alone.
+// display window is the tile, and so is the data window; a part of some cells has one line per
+// cell, holding its pixels row by row. Only lattices are compressed.
 // Channels: R, G, B, weight (heads of the double-float sums), lo.R, lo.G, lo.B, lo.weight (their
 // tails), A, albedo.{R,G,B}, normal.{X,Y,Z}, depth.Z, samples, nonfinite, and for each replicate NN
-// that is there rNN.{R,G,B,W}; with outputs, NAME and lo.NAME of each mean channel, and for each
-// kind of id that is asked for ids.KIND.NNN.{id,W,lo}: a pixel's list of ids (plus one; 0 is none)
-// with their weights, from NNN = 000. All are sums over the block. Attributes: sheaf:format
-// "film-part 1", sheaf:frameDigest, sheaf:numericProfile, sheaf:blockFirst, sheaf:blockCount
-// (decimal strings); where not all pixels are rendered, sheaf:pixelStridePx and
-// sheaf:pixelSeed (PixelLattice), or sheaf:cellSizePx and sheaf:cells (TileCells; decimal strings);
-// with outputs, sheaf:outputs; sheaf:ids.KIND: the ids' names, "NUMBER NAME" a line with C escapes.
-// Requires: the tile has the header's cells (WhyNoCells); not some cells of a lattice.
+// that is present rNN.{R,G,B,W}; with outputs, NAME and lo.NAME of each mean channel, and for each
+// requested kind of id ids.KIND.NNN.{id,W,lo}: a pixel's list of ids (plus one; 0 is none) with
+// their weights, from NNN = 000. All are sums over the block.
+// Attributes: sheaf:format "film-part 1", sheaf:frameDigest, sheaf:numericProfile,
+// sheaf:blockFirst, sheaf:blockCount (decimal strings); if not all pixels are rendered,
+// sheaf:pixelStridePx and sheaf:pixelSeed (PixelLattice), or sheaf:cellSizePx and sheaf:cells
+// (TileCells; decimal strings); with outputs, sheaf:outputs; sheaf:ids.KIND: the ids' names,
+// "NUMBER NAME" per line with C escapes.
+// Requires: the tile has the header's cells (WhyNoCells); they are not some cells of a lattice.
 std::string EncodePart(const FilmTile& tile, const PartHeader& header);
 struct DecodedPart {
   FilmTile tile;
   PartHeader header;
 };
-// The bytes are untrusted: the header is checked against part_pixels_max before memory is taken,
-// and a part whose sums are not finite or whose sample counts do not add up to its block is
-// refused. Errors: kInvalidArgument (not a part, wrong channels, absurd size), kDataLoss (truncated
-// or corrupt).
+// The bytes are untrusted: the header is checked against part_pixels_max before memory is
+// allocated, and a part is rejected if its sums are not finite or its sample counts do not add up
+// to its block.
+// Errors: kInvalidArgument (not a part, wrong channels, absurd size), kDataLoss (truncated or
+// corrupt).
 absl::StatusOr<DecodedPart> DecodePart(std::string_view bytes, int64_t part_pixels_max = 1 << 22);
 
-// The largest picture that is read: all its channels as float32.
+// The largest readable image, in bytes of all its channels as float32.
 inline constexpr int64_t kPictureBytesMax = int64_t{1} << 35;
 
 // Writes atomically (temporary file, fsync, rename). Errors carry the path and the reason.
 absl::Status WritePicture(const FramePicture& picture, const std::string& path);
 std::string EncodePicture(const FramePicture& picture);
 // Reads the first part of any flat EXR, scan lines or tiles: its half, float and uint channels as
-// float32, subsampled ones left out. R, G and B must be there, bare or under a layer ("beauty.R";
-// the first layer that has all three is then renamed); they are of the primaries that the file
-// says, otherwise of sRGB's. Attributes "sheaf:KEY" become metadata, "cryptomatte/..." attributes.
+// float32, without subsampled ones. R, G and B must be present, bare or under a layer ("beauty.R";
+// the first layer that has all three is then renamed); their primaries are those of the file, or
+// sRGB's if it names none. Attributes "sheaf:KEY" become metadata, "cryptomatte/..." attributes.
 // Errors: kInvalidArgument, kDataLoss as above; those of reading the file.
 absl::StatusOr<FramePicture> ReadPicture(const std::string& path);
 absl::StatusOr<FramePicture> DecodePicture(std::string_view bytes);

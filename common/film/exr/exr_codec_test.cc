@@ -64,7 +64,7 @@ TEST(ExrCodecTest, DamagedPartsNeverCrash) {
   std::mt19937 bits(17);
   for (int i = 0; i < 3000; ++i) {
     std::string damaged = bytes;
-    // Half of the damage goes to the header, where sizes live.
+    // Half of the damage is in the header, which holds the sizes.
     const size_t range = i & 1 ? bytes.size() : 1800;
     for (int flips = 1 + i % 4; flips > 0; --flips)
       damaged[bits() % range] = static_cast<char>(bits());
@@ -131,7 +131,7 @@ TEST(ExrCodecTest, HeadersThatLieAreRefusedBeforeMemoryIsTaken) {
                          std::string("blockFirst\0string\0\2\0\0\0"
                                      "68",
                                      24)),
-                "wrong channels");  // Other replicates than its samples belong to.
+                "wrong channels");  // Replicates that do not match its samples.
   ExpectRefused("not an EXR at all", "magic");
   ExpectRefused("", "magic");
 }
@@ -180,7 +180,7 @@ TEST(ExrCodecTest, SumsOfLightThatCannotBeAreRefused) {
   EXPECT_TRUE(DecodePart(EncodePart(bad, kHeader)).ok());
 }
 
-// Colors beyond sRGB have negative components, and filters with negative lobes negative sums.
+// Colors beyond sRGB have negative components, and filters with negative lobes have negative sums.
 TEST(ExrCodecTest, NegativeSumsThatCanBeAreTaken) {
   FilmTile tile = BoxFilteredTile();
   // 16 samples of light of 505 nm.
@@ -236,7 +236,8 @@ TEST(ExrCodecTest, APartOfCellsHasTheirPixelsAndNoOthers) {
   ExpectRefused(Replaced(bytes, cells_of("9"), cells_of("0")), "cells");
   ExpectRefused(Replaced(bytes, cells_of("9"), cells_of("2")), "other pixels");
   ExpectRefused(Replaced(bytes, cells_of("9"), cells_of("7")), "other pixels");
-  // As many others: a part of those, which whoever asked for these refuses by its header.
+  // The same number of other cells: a valid part of those, which the receiver rejects by its
+  // header.
   const auto others = DecodePart(Replaced(bytes, cells_of("9"), cells_of("6")));
   ASSERT_TRUE(others.ok()) << others.status();
   EXPECT_EQ(others->header.cells, (TileCells{4, 6}));
@@ -247,7 +248,7 @@ TEST(ExrCodecTest, APartOfCellsHasTheirPixelsAndNoOthers) {
                 "lattice");
 }
 
-// Of a frame's last tile: cells of 4 and of 2 columns, 4 and 3 rows.
+// The last tile of a frame: cells of 4 and of 2 columns, 4 and 3 rows.
 TEST(ExrCodecTest, CellsAtTheRimAreSmaller) {
   const PixelRect rect{8, 8, 14, 15};
   for (const uint64_t mask : {0b0111, 0b1010, 0b1100, 0b1000}) {

@@ -23,10 +23,10 @@ constexpr uint32_t kTiledFlag = 0x200, kLongNamesFlag = 0x400, kDeepFlag = 0x800
 constexpr size_t kNameSizeMax = 255;
 constexpr size_t kChannelsMax = 4096;
 constexpr size_t kPartsMax = 1024;
-// Coordinates beyond this are nobody's picture and would overflow 32-bit sums.
+// Coordinates beyond this occur in no real image and would overflow 32-bit sums.
 constexpr int32_t kCoordinateMax = 1 << 30;
 
-// Takes values off the front of a range; after the first failure everything fails.
+// Takes values off the front of a range; after the first failure every call fails.
 class ByteReader {
  public:
   explicit ByteReader(std::string_view bytes) : bytes_(bytes) {}
@@ -47,7 +47,7 @@ class ByteReader {
     bytes_.remove_prefix(size);
     return front;
   }
-  // A string that ends with a zero byte.
+  // A zero-terminated string.
   std::string TakeName() {
     const size_t end = bytes_.substr(0, kNameSizeMax + 1).find('\0');
     if (end == std::string_view::npos) failed_ = true;
@@ -69,8 +69,8 @@ absl::Status Malformed(std::string_view what) {
 }
 absl::Status Truncated() { return absl::DataLossError("the EXR file ends within its header"); }
 
-// Sizes of the types whose values have one size. A reader that trusts the type and one that trusts
-// the size must see the same file.
+// Sizes of the types with fixed-size values. A reader that trusts the type and one that trusts the
+// size must parse the same file.
 std::optional<size_t> FixedSize(const std::string& type) {
   static constexpr std::pair<std::string_view, size_t> kSizes[] = {
       {"box2i", 16},   {"box2f", 16},          {"compression", 1}, {"lineOrder", 1},
@@ -159,7 +159,7 @@ absl::Status ParseAttribute(const std::string& name, const std::string& type,
   return absl::OkStatus();
 }
 
-// Reads attributes up to the zero byte that ends them.
+// Reads attributes up to the zero byte that ends the list.
 absl::Status ParseHeader(ByteReader* reader, ExrHeader* header) {
   while (true) {
     const std::string name = reader->TakeName();

@@ -1,10 +1,9 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// A first look at untrusted EXR bytes, before any library allocates what their header asks for: the
-// header is walked within the bytes that are there, and what decides about memory is handed out.
-// Layout: "OpenEXR File Layout", openexr.com (magic, version, attributes as name, type, size,
-// value).
+// Scans the header of untrusted EXR bytes before any library allocates the sizes it declares: the
+// scan stays within the given bytes, and returns the fields that determine memory. Layout: "OpenEXR
+// File Layout", openexr.com (magic, version, attributes as name, type, size, value).
 #pragma once
 
 #include <array>
@@ -34,8 +33,8 @@ struct ExrHeader {
   std::vector<ExrChannel> channels;  // In the file's order.
   uint8_t compression = 0;           // As numbered by the file format.
   uint8_t line_order = 0;            // 0: increasing y.
-  int64_t tile_pixels = 0;           // Of one tile; 0 in a scan-line part.
-  // "chromaticities": x and y of red, green, blue and white; none where the file does not say.
+  int64_t tile_pixels = 0;           // Pixels per tile; 0 in a scan-line part.
+  // "chromaticities": x and y of red, green, blue and white; empty if the file has none.
   std::optional<std::array<float, 8>> chromaticities;
   std::map<std::string, std::string> types;    // Attribute name to its type's name.
   std::map<std::string, std::string> strings;  // The attributes of type string.
@@ -46,8 +45,8 @@ struct ExrFileHeader {
   std::vector<ExrHeader> parts;  // At least one.
 };
 
-// Errors: kInvalidArgument (not an EXR, attributes that contradict themselves or come twice),
-// kDataLoss (ends within the header). Cost: memory proportional to the header's own bytes.
+// Errors: kInvalidArgument (not an EXR, contradictory or duplicate attributes), kDataLoss (ends
+// within the header). Cost: memory proportional to the header's own bytes.
 absl::StatusOr<ExrFileHeader> ScanExrHeader(std::string_view bytes);
 
 }  // namespace sheaf

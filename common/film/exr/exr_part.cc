@@ -1,9 +1,9 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Parts. Both directions go through the same three steps: name the planes, describe them in a
-// header, and let OpenEXR move them between file and memory. Decoding scans the header first
-// (exr_header_scan.h), so OpenEXR only ever sees sizes that were found acceptable.
+// Encodes and decodes parts. Both directions take the same three steps: name the planes, describe
+// them in a header, and let OpenEXR transfer them between file and memory. Decoding scans the
+// header first (exr_header_scan.h), so OpenEXR only sees sizes that have been checked.
 #include <ImfInputFile.h>
 
 #include <algorithm>
@@ -30,28 +30,29 @@ constexpr char kFormatKey[] = "sheaf:format", kFormat[] = "film-part 1";
 constexpr char kFrameDigestAttribute[] = "sheaf:frameDigest",
                kProfileKey[] = "sheaf:numericProfile";
 constexpr char kBlockFirstKey[] = "sheaf:blockFirst", kBlockCountKey[] = "sheaf:blockCount";
-constexpr char kIdsKey[] = "sheaf:ids.";  // And the kind's name.
-// Only where there is a lattice.
+constexpr char kIdsKey[] = "sheaf:ids.";  // Followed by the kind's name.
+// Only with a lattice.
 constexpr char kPixelStrideKey[] = "sheaf:pixelStridePx", kPixelSeedKey[] = "sheaf:pixelSeed";
-constexpr char kCellSizeKey[] = "sheaf:cellSizePx";  // Only of a part of some cells.
+constexpr char kCellSizeKey[] = "sheaf:cellSizePx";  // Only in a part of some cells.
 constexpr char kCellsKey[] = "sheaf:cells";
-constexpr char kOutputsKey[] = "sheaf:outputs";  // Only where there are any.
-// Sums of noise hardly compress, and what there is to gain is not worth its time: of a part of
-// 32x32 pixels and 16 samples a run-length coding takes an eighth of the bytes away, and seven
-// times as long to encode, ten times to decode (tests/bench/part_bench.cc); ZIP and PIZ are slower
-// still. But most of a lattice's pixels are empty.
+constexpr char kOutputsKey[] = "sheaf:outputs";  // Only if there are any.
+// Sums of noise hardly compress, and the gain is not worth the time: for a part of 32x32 pixels and
+// 16 samples a run-length coding saves an eighth of the bytes, and takes seven times as long to
+// encode, ten times to decode (tests/bench/part_bench.cc); ZIP and PIZ are slower still. But most
+// of a lattice's pixels are empty.
 Imf::Compression CompressionOf(const PixelLattice& lattice) {
   return lattice.All() ? Imf::NO_COMPRESSION : Imf::RLE_COMPRESSION;
 }
-// At most so many bytes from one. A run of at most 128 becomes two: a few bytes cannot ask for
-// gigabytes.
+// The maximum number of bytes from one compressed byte. A run of at most 128 becomes two bytes, so
+// a few bytes cannot request gigabytes.
 int64_t ExpansionMaxOf(const PixelLattice& lattice) { return lattice.All() ? 1 : 64; }
 
 absl::Status NotAPart(const std::string& why) {
   return absl::InvalidArgumentError(absl::StrCat("not a film part: ", why));
 }
 
-// Whether the header is one that EncodePart writes, but for what the functions below read.
+// Whether EncodePart could have written the header, except for the fields that the functions below
+// read.
 absl::Status CheckPartHeader(const ExrFileHeader& file) {
   const ExrHeader& header = file.parts[0];
   if (file.deep || file.parts.size() != 1 || header.tile_pixels != 0) {
@@ -119,19 +120,19 @@ absl::StatusOr<TileCells> CellsOf(const ExrHeader& header) {
   return cells;
 }
 
-// A part's pixels in its file: those of all of the tile are a picture of it, those of some cells a
-// line for each, row by row, lest what is between them take bytes. Cells at the rim are smaller:
-// the rest of their line is empty.
+// The data window of a part's file. A part of the whole tile is stored as an image of it; a part of
+// some cells as one line per cell, row by row, so that the pixels between cells take no bytes.
+// Cells at the edge are smaller: the rest of their line is empty.
 PixelRect DataWindowOf(const PixelRect& tile, const TileCells& cells) {
   if (cells.All()) return tile;
   const std::vector<PixelRect> rects = RectsOf(tile, cells);
-  int64_t width = 0;  // At most the tile's pixels, of which there are no more than int32_t has.
+  int64_t width = 0;  // At most the tile's pixels, whose number fits int32_t.
   for (const PixelRect& rect : rects) width = std::max(width, rect.PixelCount());
   return {tile.x0, tile.y0, tile.x0 + static_cast<int32_t>(width),
           tile.y0 + static_cast<int32_t>(rects.size())};
 }
 
-// The rows of the tile, or of a cell, that line number `line` of such a file has.
+// The row of the tile, or the cell, that is stored in line `line` of such a file.
 PixelRect RectOfLine(const PixelRect& tile, const TileCells& cells,
                      const std::vector<PixelRect>& rects, size_t line) {
   if (!cells.All()) return rects[line];
@@ -139,7 +140,7 @@ PixelRect RectOfLine(const PixelRect& tile, const TileCells& cells,
   return {tile.x0, y, tile.x1, y + 1};
 }
 
-// The lines of DataWindowOf for each of the tile's planes, and those planes.
+// The tile's planes, packed into the lines of DataWindowOf.
 struct PackedPlanes {
   std::vector<float> pixels;
   std::vector<NamedPlane<const float>> planes;
@@ -175,7 +176,7 @@ std::array<size_t, kIdKindCount> CountIdPlanes(const ExrHeader& header) {
   return counts;
 }
 
-// planes: in the order of their names, as files have them.
+// planes: sorted by name, as in files.
 absl::Status CheckPartChannels(const ExrHeader& header,
                                const std::vector<NamedPlane<float>>& planes) {
   for (size_t i = 0; i < planes.size(); ++i) {
@@ -188,9 +189,8 @@ absl::Status CheckPartChannels(const ExrHeader& header,
   return absl::OkStatus();
 }
 
-// Reads a file without compression and with these planes alone, in the order of their names. Takes
-// lines as they are: OpenEXR puts each float together from single bytes, which takes five times as
-// long.
+// Reads an uncompressed file with exactly these planes, sorted by name. Copies whole lines: OpenEXR
+// assembles each float from single bytes, which takes five times as long.
 absl::Status DecodeLines(std::string_view bytes, const std::vector<NamedPlane<float>>& planes,
                          const PixelRect& tile, const TileCells& cells) {
   static_assert(std::endian::native == std::endian::little, "as EXR files are");
@@ -221,7 +221,7 @@ absl::Status DecodeLines(std::string_view bytes, const std::vector<NamedPlane<fl
   });
 }
 
-// What a part's header says of it, found acceptable before memory is taken for its planes.
+// The layout declared by a part's header, checked before memory is allocated for its planes.
 struct PartLayout {
   PartHeader header;
   SampleBlock block;
@@ -298,7 +298,7 @@ std::string EncodePart(const FilmTile& tile, const PartHeader& part) {
     SetText(&header, kIdsKey + std::string(IdKindName(kind)), NamesText(tile.ids(kind).names));
     std::vector<std::vector<float>> own = IdPlanes(tile.ids(kind));
     for (size_t k = 0; k < own.size(); ++k) {
-      // A vector's memory stays where it is when the vector moves.
+      // A vector's memory stays where it is when the vector is moved.
       planes.push_back({IdPlaneName(kind, k), own[k].data()});
       id_planes.push_back(std::move(own[k]));
     }

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Pictures. Decoding scans the header first (exr_header_scan.h), so OpenEXR only ever sees sizes
-// that were found acceptable.
+// Encodes and decodes images. Decoding scans the header first (exr_header_scan.h), so OpenEXR only
+// sees sizes that have been checked.
 #include <ImfStandardAttributes.h>
 
 #include <algorithm>
@@ -25,7 +25,8 @@ constexpr char kCryptomattePrefix[] = "cryptomatte/";
 constexpr Imf::Compression kPictureCompression = Imf::ZIP_COMPRESSION;
 constexpr int kPictureZipLevel = 4;
 
-// Gives the first layer that has R, G and B these bare names, unless they are there already.
+// Renames the R, G and B of the first layer that has all three to the bare names, unless these
+// exist.
 absl::Status FindColor(std::vector<std::string>* names) {
   const auto find = [names](const std::string& name) {
     return std::find(names->begin(), names->end(), name);

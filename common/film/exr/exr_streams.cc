@@ -39,7 +39,7 @@ class MemoryOutput : public Imf::OStream {
 }  // namespace
 
 bool MemoryInput::read(char out[], int size) {
-  // OpenEXR expects an exception here and turns it into one of its own; Guard catches those.
+  // OpenEXR expects an exception here and converts it into one of its own; Guard catches those.
   if (size < 0 || position_ > bytes_.size() ||
       bytes_.size() - position_ < static_cast<size_t>(size)) {
     throw std::out_of_range("unexpected end of file");
@@ -66,7 +66,7 @@ absl::Status DecodePlanes(std::string_view bytes, PixelRect data_window,
 
 std::string EncodePlanes(Imf::Header header, const std::vector<NamedPlane<const float>>& planes,
                          PixelRect rect) {
-  // What lines take that are not compressed, and more than a header does.
+  // The size of uncompressed lines, plus more than a header needs.
   constexpr size_t kHeaderBytes = 1 << 14;
   const bool raw = header.compression() == Imf::NO_COMPRESSION;
   MemoryOutput output(
@@ -83,8 +83,8 @@ std::string EncodePlanes(Imf::Header header, const std::vector<NamedPlane<const 
       out_of_memory = true;
     }
   });
-  if (out_of_memory) throw std::bad_alloc();  // For the caller's border, as from any other code.
-  // Writing our own planes to memory has no other way to fail but a mistake of ours.
+  if (out_of_memory) throw std::bad_alloc();  // Handled by the caller, as from any other code.
+  // Writing valid planes to memory can fail only through a bug here.
   SHEAF_CHECK(status.ok());
   return output.Take();
 }

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Between OpenEXR and memory: what parts and pictures (exr_codec.h) have in common.
+// Memory streams for OpenEXR, shared by the codecs of parts and images (exr_codec.h).
 #pragma once
 
 #include <ImfFrameBuffer.h>
@@ -36,7 +36,7 @@ class MemoryInput : public Imf::IStream {
   uint64_t position_ = 0;
 };
 
-// Runs calls of OpenEXR, which reports by exceptions.
+// Runs calls of OpenEXR, which reports errors by exceptions, and returns a status.
 template <typename Calls>
 absl::Status Guard(const Calls& calls) {
   try {
@@ -51,7 +51,7 @@ inline Imath::Box2i BoxOf(PixelRect rect) {
   return {{rect.x0, rect.y0}, {rect.x1 - 1, rect.y1 - 1}};
 }
 
-// rect: the pixels that the planes have, row by row.
+// rect: the pixels of the planes, row by row.
 template <typename Float>
 Imf::FrameBuffer FrameBufferOf(const std::vector<NamedPlane<Float>>& planes, PixelRect rect) {
   Imf::FrameBuffer buffer;
@@ -63,7 +63,7 @@ Imf::FrameBuffer FrameBufferOf(const std::vector<NamedPlane<Float>>& planes, Pix
 
 void SetText(Imf::Header* header, const std::string& name, const std::string& text);
 
-// Errors: kDataLoss where the file cannot be read, or has another data window. rect: as above.
+// Errors: kDataLoss if the file cannot be read, or has another data window. rect: as above.
 absl::Status DecodePlanes(std::string_view bytes, PixelRect data_window,
                           const std::vector<NamedPlane<float>>& planes, PixelRect rect);
 // A file of the header's data window. rect: as above; contains the window.

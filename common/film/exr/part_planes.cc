@@ -16,7 +16,7 @@
 namespace sheaf {
 namespace {
 
-// Three planes of sums: heads and, of double-floats, tails.
+// Three planes of sums: heads and, for double-floats, tails.
 struct ColorPlanes {
   std::string name;
   std::array<const float*, 3> hi{}, lo{};
@@ -54,7 +54,7 @@ std::vector<ColorPlanes> ColorPlanesOf(const FilmTile& tile) {
   return colors;
 }
 
-// Requires: counts are as they should be, all values finite.
+// Requires: counts are valid, all values finite.
 std::string WhyNoLight(const FilmTile& tile) {
   constexpr double kRounding = 1 + 1e-5;
   const float* samples = tile.channel(FilmChannel::kSampleCount);
@@ -91,7 +91,7 @@ std::string WhyNoSums(FilmTile& tile, const PixelLattice& lattice, const TileCel
       return absl::StrCat("channel \"", plane.name, "\" holds a value that is not finite");
     }
   }
-  constexpr uint64_t kExactCountMax = 1 << 24;  // Floats above this skip integers.
+  constexpr uint64_t kExactCountMax = 1 << 24;  // Larger floats skip integers.
   const float* samples = tile.channel(FilmChannel::kSampleCount);
   const float* nonfinite = tile.channel(FilmChannel::kNonFiniteCount);
   const PixelRect& rect = tile.rect();

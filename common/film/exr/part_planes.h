@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The planes of a film tile by the names that they have in a part (exr_codec.h).
+// The planes of a film tile, named as in a part (exr_codec.h).
 #pragma once
 
 #include <array>
@@ -22,7 +22,7 @@ inline constexpr std::array<const char*, kFilmChannelCount> kPartChannels{
     "lo.B",     "lo.weight", "A",        "albedo.R", "albedo.G", "albedo.B",
     "normal.X", "normal.Y",  "normal.Z", "depth.Z",  "samples",  "nonfinite"};
 
-// A float32 plane that becomes, or comes from, one channel.
+// A float32 plane that is written to, or read from, one channel.
 template <typename Float>
 struct NamedPlane {
   std::string name;
@@ -50,13 +50,14 @@ std::vector<NamedPlane<Float>> PlanesOf(Tile& tile) {
   return planes;
 }
 
-// A sum of colours may be negative in some component, where a colour lies outside of sRGB, but R +
-// G
-// + B of light is positive for each wavelength. Below this share of |R| + |G| + |B| it is no light.
+// A sum of colors that lie outside of sRGB may be negative in some component, but R + G + B of
+// light is positive for each wavelength. A sum below minus this fraction of |R| + |G| + |B| is not
+// light.
 inline constexpr double kNegativeShareMax = 0.25;
-// Why these are no sums of samples of the pixels that both have; empty where they may be. Each
-// pixel has the samples of its block, of no more than kSampleMagnitudeMax each; and no negative
-// light but where the filter has negative weights, so that weights do not add up to the samples.
+// Why these cannot be sums of samples of the pixels that lattice and cells select; empty if they
+// can. Each pixel must have the samples of its block, each of at most kSampleMagnitudeMax, and no
+// negative light unless the filter has negative weights, in which case the weights do not add up to
+// the number of samples.
 std::string WhyNoSums(FilmTile& tile, const PixelLattice& lattice, const TileCells& cells);
 
 }  // namespace sheaf

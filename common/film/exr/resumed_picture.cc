@@ -18,7 +18,7 @@
 namespace sheaf {
 namespace {
 
-// The channels that are read, in this order; then those of outputs.
+// The channels to read, in this order; then those of outputs.
 constexpr std::array<const char*, 16> kChannels{
     "R",        "G",        "B",        "stderr.R", "stderr.G", "stderr.B", "A",       "albedo.R",
     "albedo.G", "albedo.B", "normal.X", "normal.Y", "normal.Z", "depth.Z",  "samples", "nonfinite"};
@@ -39,7 +39,8 @@ absl::Status Refuse(const std::string& why) { return absl::InvalidArgumentError(
 // A step of SplitMix64.
 uint64_t Mix(uint64_t key) { return MixBits(key + 0x9e3779b97f4a7c15); }
 
-// +1 for half of the replicates, -1 for the others; any half is as likely (Fisher and Yates).
+// +1 for half of the replicates, -1 for the others; all halves are equally likely (Fisher and
+// Yates).
 std::array<double, kReplicateCount> DrawSigns(int32_t x, int32_t y) {
   std::array<double, kReplicateCount> signs{};
   for (uint32_t r = 0; r < kReplicateCount; ++r) signs[r] = r % 2 == 0 ? 1 : -1;
@@ -91,13 +92,13 @@ std::vector<SampleBlock> PrefixBlocks(uint64_t samples) {
   return blocks;
 }
 
-// What a picture has of a pixel, in the terms of sums.
+// An image's values of a pixel, as input to the sums.
 struct ResumedPicture::Pixel {
   double finite = 0, nonfinite = 0;
-  Vec3d color, deviation;           // Linear sRGB: the mean; of the replicates' means from it.
+  Vec3d color, deviation;           // Linear sRGB: the mean; the replicates' deviations from it.
   std::array<float, 7> weighted{};  // Means of A, albedo and normal.
-  double depth = 0;                 // Mean where a surface was hit.
-  std::vector<float> means;         // Of outputs, in their order.
+  double depth = 0;                 // Mean over hits of a surface.
+  std::vector<float> means;         // Outputs, in their order.
   std::array<double, kReplicateCount> signs{};
 };
 
@@ -186,8 +187,8 @@ ResumedPicture::Pixel ResumedPicture::PixelAt(int32_t x, int32_t y) const {
     error[i] = At(kColorErrorPlane + i, p);
     albedo[i] = At(kAlbedo + i, p);
   }
-  // The spread of sixteen means, half of them d above and half d below, is d / sqrt(15)
-  // (error_estimate.h).
+  // Sixteen means, half of them d above and half d below their mean, have a standard error of d /
+  // sqrt(15) (error_estimate.h).
   pixel.color = TransformVector(srgb_from_light_, color);
   pixel.deviation = TransformVector(srgb_from_light_, error) * std::sqrt(kReplicateCount - 1.0);
   albedo = TransformVector(srgb_from_albedo_, albedo);
@@ -231,7 +232,7 @@ std::vector<FilmTile> ResumedPicture::PartsOf(const PixelRect& tile) const {
   return parts;
 }
 
-// share_samples: the finite samples that the part's block has of the pixel's.
+// share_samples: the number of the pixel's finite samples in the part's block.
 void ResumedPicture::AddPixel(const Pixel& pixel, size_t to, double share_samples,
                               FilmTile* part) const {
   constexpr std::array<std::array<FilmChannel, 2>, 3> kSums{
@@ -254,7 +255,7 @@ void ResumedPicture::AddPixel(const Pixel& pixel, size_t to, double share_sample
     const double sum = double{pixel.means[i]} * (mean_channels_[i].of_surface ? surface : n);
     SetWide(sum, &part->mean(i, 0)[to], &part->mean(i, 1)[to]);
   }
-  // The first block has all replicates, and what they deviate by.
+  // The first block holds all replicates and their deviations.
   const uint32_t slots = part->replicate_count();
   const bool deviates = part->block().first == 0;
   const double spread = deviates ? pixel.finite / kReplicateCount : 0;

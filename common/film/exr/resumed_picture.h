@@ -1,15 +1,15 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// ResumedPicture: a delivered picture as the parts that it is the sum of, so that a frame goes on
-// from it where its parts are gone (docs/adr/0039).
+// ResumedPicture: converts a delivered image back to parts with the same sum, so that a frame can
+// continue from it after its parts are gone (docs/adr/0039).
 //
 //     EXR > FramePicture > ResumedPicture > FilmTile of each tile and block of [0, n)
 //
-// A picture has means, counts and standard errors. Means times counts are the sums, but for the
-// last bits of a float. Replicates are gone: the parts have sixteen whose spread is the picture's
-// standard error, half of them above the mean and half below, which half being drawn for each
-// pixel. What is estimated from replicates then has the expectation that it had.
+// An image has means, counts and standard errors. Means times counts are the sums, except for the
+// last bits of a float. Replicates are lost: the parts have sixteen whose spread is the image's
+// standard error, a random half of them, drawn per pixel, above the mean and the others below.
+// Estimates from replicates then keep their expectation.
 #pragma once
 
 #include <cstdint>
@@ -22,28 +22,29 @@
 
 namespace sheaf {
 
-// Keys of the metadata that a delivered picture is known again by.
+// Metadata keys that identify a delivered image.
 inline constexpr char kFrameDigestKey[] = "frameDigest";
 inline constexpr char kPictureDigestKey[] = "pictureDigest";
-// "signed" where filters weigh samples otherwise than by 1: the sums cannot be told then.
+// "signed" if filters weight samples other than by 1: the sums then cannot be recovered.
 inline constexpr char kSampleWeightKey[] = "sampleWeight";
 
 // Thread safety: const members may be called concurrently.
 class ResumedPicture {
  public:
-  // The picture, as ReadPicture has it, of a frame that asks for these outputs in this color.
-  // Errors: kInvalidArgument, which say why no frame can go on from it: it was not delivered by
-  // Sheaf, its pixels were changed since, a channel is missing, a pixel has less than
-  // kReplicateCount samples, sums cannot be told from what it has (signed filter weights, ids,
-  // directions of unit length).
+  // The image, as ReadPicture returns it, of a frame with these outputs in this color.
+  // Errors: kInvalidArgument with the reason why no frame can continue from it: it was not
+  // delivered by Sheaf, its pixels were changed since, a channel is missing, a pixel has fewer than
+  // kReplicateCount samples, or sums cannot be recovered (signed filter weights, ids, directions of
+  // unit length).
   static absl::StatusOr<ResumedPicture> Make(FramePicture picture, const FilmOutputs& outputs,
                                              const PictureColor& color);
 
   const FramePicture& picture() const { return picture_; }
-  // Samples of each pixel of a tile, those that were not finite included. Errors: kInvalidArgument
-  // where its pixels differ: the picture was rendered in tiles of another size.
+  // Samples of each pixel of a tile, including those that were not finite.
+  // Errors: kInvalidArgument if its pixels differ: the image was rendered in tiles of another size.
   absl::StatusOr<uint64_t> SamplesOf(const PixelRect& tile) const;
-  // The tile's sums over [0, SamplesOf(tile)), in aligned blocks, ascending. Always the same bits.
+  // The tile's sums over [0, SamplesOf(tile)), in aligned blocks, ascending. Deterministic to the
+  // bit.
   // Requires: SamplesOf is OK.
   std::vector<FilmTile> PartsOf(const PixelRect& tile) const;
 
@@ -59,11 +60,11 @@ class ResumedPicture {
   FilmOutputs outputs_;
   std::vector<MeanChannel> mean_channels_;
   bool color_is_srgb_ = true;
-  std::vector<size_t> planes_;  // Of the picture, by channel as they are read.
+  std::vector<size_t> planes_;  // Indices in the image's planes, by channel as they are read.
   Matrix4 srgb_from_light_, srgb_from_albedo_;
 };
 
-// Aligned power-of-two blocks that cut [0, samples), ascending.
+// The aligned power-of-two blocks that partition [0, samples), ascending.
 std::vector<SampleBlock> PrefixBlocks(uint64_t samples);
 
 }  // namespace sheaf
