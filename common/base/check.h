@@ -1,9 +1,9 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// SHEAF_CHECK stops the process on a programmer's error, in every build type. A crash is an event
-// the farm survives: the lease expires and another worker takes the task. SHEAF_DCHECK is for
-// tracing kernels only and vanishes under NDEBUG.
+// SHEAF_CHECK stops the process on a programming error, in every build type. The farm survives a
+// crash: the lease expires and another worker takes the task. SHEAF_DCHECK is for tracing kernels
+// only and is removed under NDEBUG.
 #pragma once
 
 namespace sheaf {

@@ -17,7 +17,7 @@
 namespace sheaf {
 namespace {
 
-constexpr int kLinksMax = 40;  // As Linux follows them.
+constexpr int kLinksMax = 40;  // The limit of Linux.
 
 class Descriptor {
  public:

@@ -89,7 +89,7 @@ TEST_F(FileTest, FailedWriteNamesThePathAndLeavesNothing) {
   const absl::Status status = WriteFileAtomically(directory_ + "/none/file", "x");
   EXPECT_TRUE(absl::IsNotFound(status));
   EXPECT_NE(std::string(status.message()).find(directory_ + "/none/file"), std::string::npos);
-  // The name is taken by a directory: the rename fails after the bytes are written.
+  // A directory has the name: the rename fails after the bytes are written.
   ASSERT_TRUE(MakeDirectories(directory_ + "/taken/inside").ok());
   EXPECT_FALSE(WriteFileAtomically(directory_ + "/taken", "x").ok());
   EXPECT_EQ(CountEntries(), 1u);
@@ -121,7 +121,7 @@ TEST_F(FileTest, ReadingHasALimitAndSaysWhatIsWrong) {
   EXPECT_TRUE(absl::IsResourceExhausted(ReadWholeFile(path, 7).status()));
   EXPECT_TRUE(absl::IsNotFound(ReadWholeFile(directory_ + "/none").status()));
   EXPECT_TRUE(absl::IsInvalidArgument(ReadWholeFile(directory_).status()));
-  // A device that never ends stops at the limit.
+  // Reading an endless device stops at the limit.
   EXPECT_TRUE(absl::IsResourceExhausted(ReadWholeFile("/dev/zero", 1 << 20).status()));
 }
 

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Logging for people: one line an event, to standard error. The only door to spdlog.
+// Logging for people: one line per event, to standard error. The only file that uses spdlog.
 #pragma once
 
 #include <string>
@@ -10,10 +10,10 @@
 namespace sheaf {
 
 enum class LogLevel { kDebug, kInfo, kWarning, kError, kOff };
-// Errors: false where the name is not one of debug, info, warning, error, off.
+// Returns false if the name is not one of debug, info, warning, error, off.
 bool LogLevelFromName(std::string_view name, LogLevel* level);
 void SetLogLevel(LogLevel level);
-// Names the program in every line ("sheaf-worker"). Call once at start.
+// Adds the program's name to every line ("sheaf-worker"). Call once at start.
 void SetLogName(const std::string& name);
 
 // Thread safety: may be called from any thread.

@@ -16,7 +16,8 @@
 namespace sheaf {
 namespace {
 
-// The first number of a file, or that of the line that begins with key. None: "max", no such file.
+// The first number of a file, or of the line that begins with key. None if it is "max" or there is
+// no such file.
 std::optional<uint64_t> ReadNumber(const std::string& path, std::string_view key = "") {
   std::ifstream file(path);
   std::string word;
@@ -38,7 +39,7 @@ void Consider(uint64_t limit, uint64_t used, const std::string& name, MemoryRoom
   if (bytes < room->bytes) *room = {bytes, absl::StrCat(name, ", ", FormatMemory(limit), ")")};
 }
 
-// Where the process is below the root of control groups of version 2: "/a/b"; "/" is the root.
+// The process's path below the root of version 2 control groups: "/a/b"; "/" is the root.
 std::string GroupOf(const std::string& proc) {
   std::ifstream file(absl::StrCat(proc, "/self/cgroup"));
   std::string line;
@@ -48,7 +49,7 @@ std::string GroupOf(const std::string& proc) {
   return "/";
 }
 
-// Page cache of files counts as used, and gives way.
+// The page cache of files is part of the used memory, and is subtracted, as it can be reclaimed.
 void ConsiderGroup(const std::string& folder, const char* max, const char* used,
                    const char* cache_key, MemoryRoom* room) {
   const std::optional<uint64_t> limit = ReadNumber(absl::StrCat(folder, "/", max));

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The name that was meant where one is unknown: the nearest by single-byte edits.
+// Suggests the intended name for an unknown one: the nearest by single-byte edits.
 #pragma once
 
 #include <string>
@@ -10,7 +10,7 @@
 
 namespace sheaf {
 
-// "; did you mean \"radius\"?" where a candidate is close to name, otherwise "".
+// "; did you mean \"radius\"?" if a candidate is close to name, otherwise "".
 std::string NearestNameHint(std::string_view name, const std::vector<std::string>& candidates);
 
 }  // namespace sheaf

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// ParallelRanges: a loop cut into ranges that threads take. For results that do not depend on which
-// thread did what: every range writes its own places only.
+// ParallelRanges: a loop divided into ranges that threads process. For results that do not depend
+// on the assignment of ranges to threads: every range writes only its own elements.
 #pragma once
 
 #include <algorithm>
@@ -17,8 +17,8 @@
 namespace sheaf {
 
 // Calls function(begin, end) for disjoint ranges of at most grain that cover [0, count), from up to
-// thread_count threads, this one among them; returns when all are done. Does with fewer threads
-// where no more can be had. What function throws (lack of memory) is thrown here.
+// thread_count threads including the caller; returns when all are done. Uses fewer threads if no
+// more can be created. Rethrows exceptions of function (lack of memory).
 // Requires: grain >= 1, thread_count >= 1.
 template <typename Function>
 void ParallelRanges(uint64_t count, uint64_t grain, int thread_count, const Function& function) {

@@ -9,9 +9,9 @@
 namespace sheaf {
 namespace {
 
-// Bytes of the printable character at the front of text; 0 where none is there: controls (also
-// U+0080 to U+009F, which some terminals obey, and those that turn the direction of text),
-// surrogates, overlong forms and what is no UTF-8.
+// Length of the printable character at the front of text; 0 if there is none. Not printable are
+// controls (including U+0080 to U+009F, which some terminals obey, and those that change the
+// direction of text), surrogates, overlong forms and invalid UTF-8.
 size_t PrintableBytes(std::string_view text) {
   const auto byte = [&](size_t i) { return static_cast<uint8_t>(text[i]); };
   if (byte(0) < 0x80) return byte(0) >= 0x20 && byte(0) != 0x7f ? 1 : 0;

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Text of strangers (scene files, titles, file names) for terminals and logs: no byte of it is a
-// command to them, and no line of it ends before ours does.
+// Makes untrusted text (scene files, titles, file names) safe for terminals and logs: no byte of it
+// can be a terminal command, and none can end a line of the log.
 #pragma once
 
 #include <cstddef>
@@ -11,10 +11,11 @@
 
 namespace sheaf {
 
-// The offset of the first byte that is no printable character of UTF-8; npos where there is none.
+// The offset of the first byte that is not part of a printable UTF-8 character; npos if there is
+// none.
 size_t FindUnprintable(std::string_view text);
-// Printable characters of UTF-8 stay; every other byte becomes \xNN, a newline \n and a tab a
-// space. Beyond shown_bytes_max of text, "..." stands for the rest.
+// Printable UTF-8 characters stay; every other byte becomes \xNN, a newline \n and a tab a space.
+// Text beyond shown_bytes_max is replaced by "...".
 std::string Printable(std::string_view text, size_t shown_bytes_max = std::string_view::npos);
 // The same, line by line: newlines stay.
 std::string PrintableLines(std::string_view text);

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Operating errors are absl::Status; this adds what a caller knows, once, and passes it on.
+// Operating errors are absl::Status; these helpers add the caller's context.
 #pragma once
 
 #include <string>

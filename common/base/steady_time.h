@@ -1,9 +1,10 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// SteadyTime: an instant by a clock that nobody sets, for whatever decides: leases, waits, rates,
-// durations. The wall clock (absl::Time) may jump by hours in either direction; it is for stamps
-// that people see and for what is stored. Two types, so that neither is taken for the other.
+// SteadyTime: an instant on a clock that nobody sets, for decisions: leases, waits, rates,
+// durations. The wall clock (absl::Time) may jump by hours in either direction; it is for
+// timestamps that people see and for stored times. They are separate types, so that they cannot be
+// confused.
 #pragma once
 
 #include <chrono>
@@ -14,7 +15,7 @@ namespace sheaf {
 
 class SteadyTime {
  public:
-  // The start of the clock, which differs from machine to machine and from boot to boot.
+  // The start of the clock, which differs between machines and boots.
   constexpr SteadyTime() = default;
   static SteadyTime Now() {
     return SteadyTime(absl::FromChrono(std::chrono::steady_clock::now().time_since_epoch()));
