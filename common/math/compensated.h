@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Products and sums whose rounding errors do not cancel into nonsense. std::fma is one rounding by
-// definition, so these are as reproducible as + and *.
+// Products and sums that stay accurate under cancellation. std::fma rounds once by definition, so
+// these are as reproducible as + and *.
 #pragma once
 
 #include <cmath>
@@ -26,7 +26,7 @@ inline T SumOfProducts(T a, T b, T c, T d) {
   return DifferenceOfProducts(a, b, -c, d);
 }
 
-// Cross product that stays right where a and b are nearly parallel.
+// Cross product that stays accurate if a and b are nearly parallel.
 template <typename T>
 inline Vec3<T> CrossAccurate(Vec3<T> a, Vec3<T> b) {
   return {DifferenceOfProducts(a.y, b.z, a.z, b.y), DifferenceOfProducts(a.z, b.x, a.x, b.z),

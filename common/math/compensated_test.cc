@@ -48,7 +48,7 @@ TEST(DoubleFloatTest, HoldsFortyEightBitsCanonically) {
     ASSERT_EQ(DoubleFloat::Make(wide.Value()), wide);
     ASSERT_EQ(wide.hi, static_cast<float>(wide.Value()));
   }
-  // A tail that rounds up to the tie: without care 1 + half an ulp has two forms.
+  // A tail that rounds up to the tie: without special handling 1 + half an ulp has two forms.
   const double tie = double{1 + 0x1p-23f} + (0x1p-24 - 0x1p-52);
   EXPECT_EQ(DoubleFloat::Make(DoubleFloat::Make(tie).Value()), DoubleFloat::Make(tie));
 }

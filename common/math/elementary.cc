@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The double versions. Where one rounding too many would show, a value is held as the unevaluated
-// sum of two doubles (DoubleDouble).
+// The double versions. If one more rounding would matter, a value is held as the unevaluated sum of
+// two doubles (DoubleDouble).
 #include "common/math/elementary.h"
 
 namespace sheaf {
@@ -43,7 +43,7 @@ DoubleDouble ReduceByHalfPi(double x, double n) {
   return FastTwoSum(r.hi, r.lo - std::fma(n, kHalfPi2, p.lo));
 }
 
-// Sine and cosine of r on |r| <= pi/4 (and a little beyond).
+// Sine and cosine of r for |r| <= pi/4 (and slightly beyond).
 SinCosPair<double> SinCosOfRemainder(DoubleDouble r) {
   const double z = r.hi * r.hi;
   const double s = Polynomial(z, -1.0 / 6, 1.0 / 120, -1.0 / 5040, 1.0 / 362880, -1.0 / 39916800,
@@ -52,14 +52,14 @@ SinCosPair<double> SinCosOfRemainder(DoubleDouble r) {
                               -1.0 / 87178291200, 1.0 / 20922789888000);
   const double half = 0.5 * z;
   const double head = 1.0 - half;
-  // The second-order terms carry r.lo: d sin = cos dr, d cos = -sin dr. z is not exact either; its
-  // error is z_error, which the cosine feels as -z_error / 2.
+  // The second-order terms account for r.lo: d sin = cos dr, d cos = -sin dr. z is not exact
+  // either; its error is z_error, which enters the cosine as -z_error / 2.
   const double z_error = std::fma(r.hi, r.hi, -z);
   const double cos_tail = std::fma(z * z, c, -std::fma(r.hi, r.lo, 0.5 * z_error));
   return {r.hi + std::fma(r.hi * z, s, r.lo * head), head + (((1.0 - head) - half) + cos_tail)};
 }
 
-// 2^k value, rounded once even where the result is subnormal. Requires: |k| <= 2044.
+// 2^k value, rounded once even if the result is subnormal. Requires: |k| <= 2044.
 double Scale(double value, int64_t k) {
   const int64_t first = k / 2;
   return value * PowerOfTwo(first) * PowerOfTwo(k - first);
@@ -96,9 +96,9 @@ double ExpInRange(DoubleDouble x) {
   return Scale(one_plus_r.hi + (one_plus_r.lo + ExpTail(e.r)), e.k);
 }
 
-// k ln 2 + ln(1 + f) + correction, the last at most an ulp. With s = f / (2 + f): ln(1 + f) =
-// 2 atanh(s) = f - f^2/2 + s (f^2/2 + R), R = 2 s^2/3 + 2 s^4/5 + ...: the rounding error of s is
-// damped by the small factor it meets.
+// k ln 2 + ln(1 + f) + correction, the last at most an ulp. With s = f / (2 + f): ln(1 + f) = 2
+// atanh(s) = f - f^2/2 + s (f^2/2 + R), R = 2 s^2/3 + 2 s^4/5 + ...: the rounding error of s is
+// damped by the small factor that multiplies it.
 double LogSum(double k, double f, double correction) {
   constexpr double kLn2Head = 0x1.62e42fefa3800p-1;
   constexpr double kLn2Tail = 0x1.ef35793c76730p-45;
@@ -154,7 +154,7 @@ DoubleDouble LogWide(double x) {
 }
 
 // Arc tangent of small / large in [0, pi/4]. Requires: 0 <= small <= large, finite, and large
-// within [2^-500, 2^500] so that nothing under- or overflows on the way.
+// within [2^-500, 2^500] so that no intermediate result under- or overflows.
 DoubleDouble AtanFirstOctant(double small, double large) {
   constexpr DoubleDouble kAtan[5] = {{0.0, 0.0},
                                      {0x1.f5b75f92c80ddp-3, 0x1.8ab6e3cf7afbdp-57},
@@ -176,8 +176,7 @@ DoubleDouble AtanFirstOctant(double small, double large) {
                       Polynomial(z, -1.0 / 3, 1.0 / 5, -1.0 / 7, 1.0 / 9, -1.0 / 11, 1.0 / 13,
                                  -1.0 / 15, 1.0 / 17, -1.0 / 19);
   const DoubleDouble sum = FastTwoSum(kAtan[i].hi, t);
-  // A quotient that underflows has no error term worth keeping: 0 stays 0, subnormals stay as
-  // rounded.
+  // A quotient that underflows has a negligible error term: 0 stays 0, subnormals stay as rounded.
   const double correction = small < large * 0x1p-1000 ? 0.0 : t_error + tail;
   return FastTwoSum(sum.hi, sum.lo + (kAtan[i].lo + correction));
 }

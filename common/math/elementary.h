@@ -1,17 +1,18 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Elementary functions whose bits belong to this source and to nobody's C library: a picture must
-// not change because libm, its version or its run-time choice of instruction set did. Everything is
-// built from IEEE 754 operations that round in one defined way (+, -, *, /, sqrt, fma).
+// Elementary functions whose bits depend only on this source: an image must not change with libm,
+// its version or its run-time choice of instruction set. Everything is built from IEEE 754
+// operations with one defined rounding (+, -, *, /, sqrt, fma).
 //
-// float: computed in double with polynomials good to about 2^-36, then rounded once: the error is
-// at most 0.51 ulp. double: the maximum error in ulp stands at each declaration; elementary_test.cc
-// measures both against long double. Special values (zeros and their signs, infinities, NaN) follow
-// ISO C Annex F. Results that are subnormal are rounded correctly or to within 1 ulp.
+// float: computed in double with polynomials accurate to about 2^-36, then rounded once: the error
+// is at most 0.51 ulp. double: the maximum error in ulp stands at each declaration;
+// elementary_test.cc measures both against long double. Special values (zeros and their signs,
+// infinities, NaN) follow ISO C Annex F. Results that are subnormal are rounded correctly or to
+// within 1 ulp.
 //
-// Trigonometric arguments: full accuracy for |x| <= kTrigArgumentMax. A larger finite argument
-// carries no phase worth having and gives the value at 0; infinities give NaN.
+// Trigonometric arguments: full accuracy for |x| <= kTrigArgumentMax. A larger finite argument has
+// no meaningful phase and gives the value at 0; infinities give NaN.
 //
 // Polynomials are Taylor and atanh series after a reduction that makes them converge quickly, so
 // that every coefficient can be checked by eye. Reductions: Cody and Waite 1980; Dekker 1971 for
@@ -52,8 +53,7 @@ double Atan2(double y, double x);     // 0.55
 
 namespace elementary {
 
-// pi/2, ln 2 and friends as the double nearest to the value and the doubles nearest to what is
-// left.
+// pi/2, ln 2 etc. as the double nearest to the value and the doubles nearest to the remainder.
 inline constexpr double kHalfPi0 = 0x1.921fb54442d18p+0;
 inline constexpr double kHalfPi1 = 0x1.1a62633145c07p-54;
 inline constexpr double kHalfPi2 = -0x1.f1976b7ed8fbcp-110;
@@ -124,7 +124,7 @@ inline ExpParts ExpForFloat(double x) {
   // The low bits of `shifted` are k; adding the bias and shifting makes them an exponent.
   return {std::bit_cast<double>((std::bit_cast<uint64_t>(shifted) + 1023) << 52), e};
 }
-// Beyond these the float result is infinite or zero whatever the exact argument is; NaN passes.
+// Beyond these the float result is infinite or zero for any argument; NaN stays NaN.
 inline double ClampExpArgument(double x) { return x > 89.0 ? 89.0 : (x < -104.0 ? -104.0 : x); }
 
 // x = 2^k (1 + f) with 1 + f in [sqrt(1/2), sqrt(2)). Requires: x is positive, normal and finite.
@@ -164,7 +164,7 @@ inline double AtanFirstOctantForFloat(double small, double large) {
   const double z = t * t;
   return kAtan[i] + t * Polynomial(z, 1.0, -1.0 / 3, 1.0 / 5, -1.0 / 7, 1.0 / 9);
 }
-// For zeros and infinities: the quotient that has the same angle.
+// For zeros and infinities: a finite quotient with the same angle.
 template <typename T>
 inline void MakeFiniteRatio(T* small, T* large) {
   if (*large == 0) *large = 1;
@@ -185,8 +185,8 @@ inline double Atan2ForFloat(double y, double x) {
 }
 
 enum class PowCase { kRegular, kNegatedRegular, kDone };
-// Settles everything that is not exp(y ln|x|) with |x| positive, finite and not 1, y finite and not
-// 0. Source: ISO C17, F.10.4.4. *result is set where the answer is kDone.
+// Handles all cases except exp(y ln|x|) with |x| positive, finite and not 1, y finite and not 0.
+// Source: ISO C17, F.10.4.4. *result is set if the return value is kDone.
 template <typename T>
 inline PowCase ClassifyPow(T x, T y, T* result) {
   *result = 1;
@@ -251,7 +251,7 @@ inline float Log1p(float x) {
     return x < -1 ? std::numeric_limits<float>::quiet_NaN() : x;
   }
   const double wide = x;
-  // Near 0, 1 + x would round away what matters.
+  // Near 0, 1 + x would lose the significant digits.
   if (wide > -0.25 && wide < 0.375) return static_cast<float>(elementary::Log1pSeries(wide));
   return static_cast<float>(elementary::LogForFloat(1.0 + wide));
 }

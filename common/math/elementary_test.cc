@@ -1,7 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The stated errors, measured against long double (64-bit significand), and every special value.
+// Tests the stated errors, measured against long double (64-bit significand), and every special
+// value.
 #include "common/math/elementary.h"
 
 #include <gtest/gtest.h>
@@ -33,7 +34,7 @@ double UlpError(T got, Wide want) {
                              std::ldexp(Wide{1}, last_place));
 }
 
-// Arguments: a dense uniform range, every magnitude, and the neighbours of special points.
+// Arguments: a dense uniform range, every magnitude, and the neighbors of special points.
 template <typename T>
 std::vector<T> Arguments(double low, double high, int exponent_min, int exponent_max) {
   constexpr int kDense = 60000, kScattered = 60000;
@@ -223,7 +224,7 @@ TYPED_TEST(ElementaryTest, SpecialValuesOfTwoArgumentsAgreeWithTheStandardLibrar
                               -3, kInf,  -kInf, kNan, kTiny,  -kTiny,  kHuge, -kHuge};
   for (const T a : values) {
     for (const T b : values) {
-      // glibc rounds these to within 1 ulp, so compare to that; zeros, infinities and NaN exactly.
+      // glibc rounds these to within 1 ulp, so compare with it; zeros, infinities and NaN exactly.
       const T want_pow = std::pow(a, b), want_atan2 = std::atan2(a, b);
       SCOPED_TRACE(testing::Message() << "a = " << a << ", b = " << b);
       if (std::isnormal(want_pow)) {

@@ -17,8 +17,9 @@ struct Frame {
   Vec3f ToLocal(Vec3f world) const { return {Dot(world, t), Dot(world, b), Dot(world, n)}; }
   Vec3f ToWorld(Vec3f local) const { return local.x * t + local.y * b + local.z * n; }
 
-  // Continuous in n but for the jump at n.z = 0 (the sign of -0 counts). Requires: n is unit
-  // length. Source: Duff et al. 2017, "Building an Orthonormal Basis, Revisited".
+  // Continuous in n except for a jump at n.z = 0 (the sign of -0 counts).
+  // Requires: n is unit length. Source: Duff et al. 2017, "Building an Orthonormal Basis,
+  // Revisited".
   static Frame FromNormal(Vec3f n) {
     const float sign = std::copysign(1.0f, n.z);
     const float a = -1.0f / (sign + n.z);

@@ -11,7 +11,7 @@ namespace sheaf {
 namespace {
 
 void ExpectOrthonormal(const Frame& frame) {
-  constexpr double kTolerance = 5e-7;  // A unit normal in float is off by 1e-7 itself.
+  constexpr double kTolerance = 5e-7;  // A unit normal in float itself has an error of 1e-7.
   EXPECT_NEAR(Length(frame.t), 1, kTolerance);
   EXPECT_NEAR(Length(frame.b), 1, kTolerance);
   EXPECT_NEAR(Dot(frame.t, frame.b), 0, kTolerance);

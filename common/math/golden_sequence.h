@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// A sequence of shares that is even however long it is. Nothing is random about it, so that who
-// asks for the same member has the same share.
+// A deterministic sequence of numbers in [0, 1) that is evenly spread at any length, so that all
+// who evaluate the same member get the same value.
 #pragma once
 
 #include <cmath>
@@ -11,8 +11,8 @@
 
 namespace sheaf {
 
-// The i-th of a sequence in [0, 1) whose members, any number of them from any one on, are spread
-// evenly. Source: Weyl 1916, multiples of the golden ratio.
+// The i-th member. Any number of consecutive members, from any start, are evenly spread. Source:
+// Weyl 1916, multiples of the golden ratio.
 inline double GoldenShare(size_t i) {
   const double place = (static_cast<double>(i) + 0.5) / std::numbers::phi;
   return place - std::floor(place);

@@ -9,7 +9,7 @@
 namespace sheaf {
 namespace {
 
-// Of 100 at random some tenths would have 4, and some 16.
+// With 100 random numbers some tenths would have 4, and some 16.
 TEST(GoldenSequenceTest, AnyHundredAreSpreadEvenly) {
   for (const size_t first : {size_t{0}, size_t{7}, size_t{100'000}}) {
     std::array<int, 10> counts{};

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Lanes: eight floats at once; Floats4: four. The vector types of GCC and Clang: element by
-// element, as IEEE 754 has it, in as few instructions as there are.
+// Lanes: eight floats at once; Floats4: four. The vector types of GCC and Clang: element-wise IEEE
+// 754 operations, in as few instructions as the target allows.
 #pragma once
 
 #include <cmath>
@@ -19,7 +19,7 @@ using Ints4 = int32_t __attribute__((vector_size(16)));
 using Words4 = uint32_t __attribute__((vector_size(16)));
 
 using Lanes = float __attribute__((vector_size(kLaneCount * sizeof(float))));
-// Of comparisons: -1 where they hold, else 0.
+// Results of comparisons: -1 if true, else 0.
 using MaskLanes = int32_t __attribute__((vector_size(kLaneCount * sizeof(int32_t))));
 
 template <typename Result, typename Value>
@@ -34,7 +34,7 @@ inline Lanes Sqrt(Lanes a) {
   for (size_t i = 0; i < kLaneCount; ++i) root[i] = std::sqrt(a[i]);
   return root;
 }
-// The first where the other is not a number.
+// The first argument if the other is NaN.
 inline Lanes Max(Lanes a, Lanes b) { return a < b ? b : a; }
 inline Lanes Min(Lanes a, Lanes b) { return b < a ? b : a; }
 inline Lanes Abs(Lanes a) { return Max(a, -a); }

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// A hash of 64 bits to 64: one to one, and each bit of the result depends on all.
+// A bijective hash of 64 bits to 64 in which each output bit depends on all input bits.
 #pragma once
 
 #include <cstdint>

@@ -7,7 +7,7 @@
 namespace sheaf {
 namespace {
 
-// The first outputs of SplitMix64 of seed 0, as published with it: pictures depend on every bit.
+// The first outputs of SplitMix64 with seed 0, as published: images depend on every bit.
 TEST(MixBitsTest, IsTheMixerOfSplitMix64) {
   constexpr uint64_t kStep = 0x9e3779b97f4a7c15u;
   EXPECT_EQ(MixBits(kStep), 0xe220a8397b1dcdafu);

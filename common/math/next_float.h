@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The neighbours of a float, for error-bounded ray origins and intervals.
+// The neighbors of a float, for error-bounded ray origins and intervals.
 #pragma once
 
 #include <bit>
@@ -12,8 +12,8 @@
 
 namespace sheaf {
 
-// The least float greater than v. Infinity and NaN stay what they are; from -0 and 0 on to the
-// first positive subnormal.
+// The least float greater than v. Infinity and NaN are returned unchanged; -0 and 0 give the first
+// positive subnormal.
 inline float NextUp(float v) {
   if (std::isnan(v) || (std::isinf(v) && v > 0)) return v;
   if (v == 0) return std::bit_cast<float>(uint32_t{1});
@@ -23,11 +23,11 @@ inline float NextUp(float v) {
 // The greatest float less than v.
 inline float NextDown(float v) { return -NextUp(-v); }
 
-// The neighbours of each v on the side that the sign of its `side` says; v itself where side is 0.
-// Requires: v is finite. The same as NextUp and NextDown, without branches: signs are hard to
-// foresee.
+// The neighbor of each v in the direction of the sign of its `side`; v itself if side is 0. The
+// same as NextUp and NextDown, but without branches, as signs are hard to predict.
+// Requires: v is finite.
 inline Floats4 NextTowards(Floats4 v, Floats4 side) {
-  // Unsigned, whose sums wrap around: of -0 something is worked out too, and not used.
+  // Unsigned, so sums wrap around; the result for -0 is computed too, but not used.
   const Ints4 negative = std::bit_cast<Ints4>(v) >> 31;
   const Ints4 step = (side < 0) - (side > 0);
   const Words4 moved =

@@ -1,16 +1,16 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The normal distribution of mean 0 and deviation 1.
+// The normal distribution of mean 0 and standard deviation 1.
 #pragma once
 
 namespace sheaf {
 
-// Share of it that lies below so many deviations; what lies above lies below their negative, and
-// that loses nothing where it is small.
+// Cumulative probability at so many deviations. For the upper tail, pass the negative: small
+// probabilities lose no precision.
 double NormalShareBelow(double deviations);
 
-// How many deviations have this share below them. Requires: 0 < share < 1.
+// Inverse of NormalShareBelow. Requires: 0 < share < 1.
 double NormalQuantile(double share);
 
 }  // namespace sheaf

@@ -13,7 +13,7 @@ TEST(NormalDistributionTest, SharesAreThoseOfTables) {
   EXPECT_DOUBLE_EQ(NormalShareBelow(0), 0.5);
   EXPECT_NEAR(NormalShareBelow(1), 0.841344746068543, 1e-15);
   EXPECT_NEAR(NormalShareBelow(-2), 0.022750131948179, 1e-15);
-  // 1 minus the share below 10 would be 0.
+  // 1 minus the probability below 10 would be 0.
   EXPECT_NEAR(NormalShareBelow(-10) / 7.61985e-24, 1, 1e-6);
 }
 

@@ -31,7 +31,7 @@ struct Pivot {
   size_t row, column;
   double magnitude;
 };
-// The largest element of the part that is not yet eliminated.
+// The largest element of the remaining part.
 Pivot FindPivot(const Matrix4& a, size_t from) {
   Pivot best{from, from, 0};
   for (size_t r = from; r < kSize; ++r) {
@@ -42,7 +42,7 @@ Pivot FindPivot(const Matrix4& a, size_t from) {
   return best;
 }
 
-// Makes column `pivot` of `left` a unit vector by row operations, done to `right` too.
+// Makes column `pivot` of `left` a unit vector by row operations, applied to `right` too.
 void EliminateColumn(size_t pivot, Matrix4* left, Matrix4* right) {
   const double scale = left->m[pivot][pivot];
   for (size_t c = 0; c < kSize; ++c) {
@@ -105,8 +105,8 @@ double Determinant3(const Matrix4& a) {
          m[0][2] * DifferenceOfProducts(m[1][0], m[2][1], m[1][1], m[2][0]);
 }
 
-// Gauss-Jordan elimination with full pivoting, rows and columns scaled by powers of two first so
-// that a scene in nanometres with a translation in kilometres is no worse off than one in metres.
+// Gauss-Jordan elimination with full pivoting. Rows and columns are first scaled by powers of two,
+// so that a scene in nanometers with a translation in kilometers is as accurate as one in meters.
 bool Invert(const Matrix4& a, Matrix4* inverse) {
   if (!std::isfinite(MaxMagnitude(a))) return false;
   Matrix4 left = a, right;
@@ -126,7 +126,8 @@ bool Invert(const Matrix4& a, Matrix4* inverse) {
     for (size_t r = 0; r < kSize; ++r) left.m[r][c] *= column_scale[c];
   }
 
-  // A pivot this much below the (scaled) elements is what rounding leaves of a singular matrix.
+  // A pivot this much smaller than the (scaled) elements is the rounding error of a singular
+  // matrix.
   constexpr double kPivotMin = 16 * std::numeric_limits<double>::epsilon();
   std::array<size_t, kSize> source_column{0, 1, 2, 3};
   for (size_t step = 0; step < kSize; ++step) {
@@ -185,7 +186,7 @@ bool LookAtMatrix(Vec3d eye, Vec3d at, Vec3d up, Matrix4* world_from_camera) {
   if (!(LengthSquared(towards) > 0) || !(LengthSquared(up) > 0)) return false;
   const Vec3d forward = Normalize(towards);
   const Vec3d sideways = CrossAccurate(Normalize(up), forward);
-  // Parallel directions leave nothing but rounding here.
+  // Parallel directions leave only rounding errors here.
   constexpr double kSineMin = 1e-14;
   if (!(Length(sideways) > kSineMin)) return false;
   const Vec3d right = Normalize(sideways);

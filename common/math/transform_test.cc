@@ -41,7 +41,7 @@ TEST(TransformTest, InvertsRandomMatrices) {
 }
 
 TEST(TransformTest, InvertsScalesFarApart) {
-  // A nanometre model placed kilometres away: full precision, not a false alarm.
+  // A nanometer model placed kilometers away is inverted to full precision, not taken as singular.
   const Matrix4 a = TranslateMatrix({1e6, -2e6, 3e6}) * ScaleMatrix({1e-9, 1e-9, 1e12});
   Matrix4 inverse;
   ASSERT_TRUE(Invert(a, &inverse));

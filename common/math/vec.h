@@ -69,7 +69,7 @@ constexpr Vec3f ToFloat(Vec3d a) {
 }
 constexpr Vec3d ToDouble(Vec3f a) { return {a.x, a.y, a.z}; }
 
-// Linear-light colour with the primaries and white point of sRGB (ITU-R BT.709, D65); may be
+// Linear-light color with the primaries and white point of sRGB (ITU-R BT.709, D65); may be
 // negative.
 struct Rgb {
   float r = 0, g = 0, b = 0;
