@@ -20,7 +20,7 @@ std::string TemporaryPath(const std::string& name) {
   return (directory / name).string();
 }
 
-// A 2 x 1 PFM, which float formats are tested with: no encoder stands between file and reader.
+// A 2 x 1 PFM file, for testing float formats: no encoder between file and reader.
 void WritePfm(const std::string& path, const std::vector<float>& values, size_t values_written) {
   std::ofstream file(path, std::ios::binary);
   file << "PF\n2 1\n-1.0\n";

@@ -1,9 +1,9 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The door to OpenImageIO, which is opened when the first image is read: the library brings two
-// hundred others along, and a program that links it starts in half a second instead of twenty
-// milliseconds and has 100 MB more (docs/adr/0041). What needs it is a module of its own
+// Loads the module that uses OpenImageIO when the first image is read. The library depends on two
+// hundred others: a program linked with it starts in half a second instead of twenty milliseconds
+// and needs 100 MB more (docs/adr/0041). So the code that uses it is a separate module
 // (common/image/openimageio/), loaded at run time:
 //
 //     ReadImage, TextureCache::Open > LoadImageLibrary > libsheaf_openimageio.so > OpenImageIO
@@ -22,7 +22,7 @@
 
 namespace sheaf {
 
-// What TextureCache does, once there is an image to do it with.
+// The implementation of TextureCache, loaded with the first image.
 class TextureTiles {
  public:
   virtual ~TextureTiles() = default;
@@ -33,20 +33,21 @@ class TextureTiles {
 
 struct ImageLibrary {
   absl::StatusOr<FloatImage> (*read)(const std::string& path, const ReadImageLimits& limits);
-  // log_error: who is told of tiles that can no longer be read.
+  // log_error: called for tiles that can no longer be read.
   std::unique_ptr<TextureTiles> (*make_texture_tiles)(uint64_t bytes_max,
                                                       void (*log_error)(std::string_view));
 };
 
 inline constexpr char kImageLibraryFile[] = "libsheaf_openimageio.so";
-// The module's one symbol, an ImageLibrary.
+// The module's only symbol, an ImageLibrary.
 inline constexpr char kImageLibrarySymbol[] = "sheaf_image_library";
 
-// The module of the program's own folder, or of ../lib/sheaf beside that where it is installed.
-// Never unloaded. Errors: kFailedPrecondition where it is not there or does not fit.
+// Loads the module from the program's own folder, or, in an installation, from ../lib/sheaf beside
+// it. Never unloaded.
+// Errors: kFailedPrecondition if it is missing or incompatible.
 // Thread safety: any number of threads.
 absl::StatusOr<const ImageLibrary*> LoadImageLibrary();
-// Of the first of the folders that has the file.
+// Loads it from the first of the folders that has the file.
 absl::StatusOr<const ImageLibrary*> LoadImageLibraryFrom(const std::vector<std::string>& folders);
 
 }  // namespace sheaf

@@ -22,7 +22,7 @@ bool HasOpenImageIO() {
   return text.find("libOpenImageIO") != std::string::npos;
 }
 
-// Writes a picture and reads it back, and looks when the library comes.
+// Writes an image and reads it back, and checks when the library is loaded.
 bool ComesWithTheFirstImage(const std::string& path) {
   if (HasOpenImageIO()) return false;
   TextureCache textures(1 << 20);
@@ -31,9 +31,9 @@ bool ComesWithTheFirstImage(const std::string& path) {
   return textures.Open(path, {}).ok() && HasOpenImageIO();
 }
 
-// What a scene does not use costs nothing: neither time to start, nor memory.
+// A scene without images pays neither start time nor memory for the library.
 TEST(ImageLibraryTest, ComesWithTheFirstImage) {
-  GTEST_FLAG_SET(death_test_style, "threadsafe");  // In a process of its own.
+  GTEST_FLAG_SET(death_test_style, "threadsafe");  // In a separate process.
   const std::string path = ::testing::TempDir() + "/sheaf_image_library_test.png";
   EXPECT_EXIT(std::exit(ComesWithTheFirstImage(path) ? 0 : 1), ::testing::ExitedWithCode(0), "");
 }

@@ -13,7 +13,7 @@
 namespace sheaf {
 namespace {
 
-// What libpng is given to write to; it is C, so no exception may pass through it.
+// The output that libpng writes to; it is C, so no exception may pass through it.
 struct Sink {
   std::string bytes, error;
 };
@@ -35,7 +35,7 @@ void Append(png_structp png, png_bytep data, size_t size) {
 }
 void Flush(png_structp) {}
 
-// False after an error. Nothing in here may have a destructor: errors come by longjmp.
+// False after an error. Nothing in here may have a destructor: errors arrive by longjmp.
 bool WriteAll(png_structp png, png_infop info, int width, int height, const Rgb8* pixels,
               const PngTags& tags) {
   if (setjmp(png_jmpbuf(png)) != 0) return false;

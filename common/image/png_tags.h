@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// PNG files that say what they show: image_io.h writes them without.
+// PNG files with metadata about their content; image_io.h writes files without it.
 #pragma once
 
 #include <map>
@@ -13,11 +13,11 @@
 namespace sheaf {
 
 struct PngTags {
-  bool is_srgb = true;                      // The values are sRGB's.
+  bool is_srgb = true;                      // The values are sRGB-encoded.
   std::map<std::string, std::string> text;  // By keyword: 1 to 79 characters of Latin-1.
 };
 
-// EncodePng with what the file shall say of itself. Requires and errors: the same.
+// EncodePng with metadata. Requires and errors: the same.
 absl::StatusOr<std::string> EncodeTaggedPng(int width, int height, const std::vector<Rgb8>& pixels,
                                             const PngTags& tags);
 

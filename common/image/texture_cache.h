@@ -2,10 +2,10 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // TextureCache: texels of any number of images of any size within a fixed amount of memory. Images
-// are cut into tiles that are read when touched and dropped when room is needed; what a texel's
-// value is never depends on what the cache holds. Wraps OpenImageIO's image cache, which its
-// texture system is built on; filtering is left to the caller so that texels are decoded before
-// they are averaged. That library is loaded by the first image (image_library.h).
+// are divided into tiles that are read when accessed and dropped when memory is needed; the value
+// of a texel never depends on the contents of the cache. Wraps OpenImageIO's image cache, on which
+// its texture system is built; filtering is left to the caller so that texels are decoded before
+// they are averaged. The first image loads that library (image_library.h).
 #pragma once
 
 #include <array>
@@ -18,7 +18,7 @@
 
 namespace sheaf {
 
-// How stored integers become linear values. Images of floats are always taken as they are.
+// How stored integers become linear values. Float images are always taken unchanged.
 struct TexelEncoding {
   enum class Kind {
     kAuto,  // sRGB for 8-bit images, linear for all others.
@@ -32,11 +32,11 @@ struct TexelEncoding {
 struct TextureImage {
   int32_t index = -1;  // For ReadTexels.
   int width = 0, height = 0;
-  int channels = 0;                // 1 (grey), 3 (RGB) or 4 (RGBA).
+  int channels = 0;                // 1 (gray), 3 (RGB) or 4 (RGBA).
   uint64_t non_finite_texels = 0;  // Texels with a NaN or infinity; those channels read as 0.
 };
 
-// Row 0 is the top of the picture.
+// Row 0 is the top of the image.
 struct TexelIndex {
   int x = 0, y = 0;
 };
@@ -46,28 +46,30 @@ class TextureTiles;
 
 class TextureCache {
  public:
-  // bytes_max: of tiles held. Beyond it every thread keeps at most two tiles in use.
+  // bytes_max: limit of the tiles in memory. Beyond it every thread keeps at most two tiles in use.
   explicit TextureCache(uint64_t bytes_max);
   ~TextureCache();
   TextureCache(const TextureCache&) = delete;
   TextureCache& operator=(const TextureCache&) = delete;
 
-  // Reads the whole image once, in bands, so that damage and texels that are no numbers are found
-  // here and not while rendering. The same path and encoding give the same image.
-  // Errors: kNotFound; kInvalidArgument for what cannot be decoded, in messages that begin with the
-  // path; those of LoadImageLibrary.
+  // Reads the whole image once, in bands, so that damage and non-finite texels are found here and
+  // not during rendering. The same path and encoding give the same image.
+  // Errors: kNotFound; kInvalidArgument if the image cannot be decoded, in messages that begin with
+  // the path; those of LoadImageLibrary.
   // Thread safety: none; open everything before reading.
   absl::StatusOr<TextureImage> Open(const std::string& path, TexelEncoding encoding);
 
   // values[i] becomes the texel at where[i]. A tile that can no longer be read (the file was
   // changed or removed while in use) gives NaN, which the film counts and reports, and is logged
-  // once per image. Requires: image was given by Open; every index within the image; spans of one
-  // size. Thread safety: any number of threads at once.
+  // once per image.
+  // Requires: image was returned by Open; every index is within the image; spans have the same
+  // size.
+  // Thread safety: any number of threads at once.
   void ReadTexels(int32_t image, std::span<const TexelIndex> where, std::span<Texel> values) const;
 
  private:
   const uint64_t bytes_max_;
-  std::unique_ptr<TextureTiles> tiles_;  // From the first image on.
+  std::unique_ptr<TextureTiles> tiles_;  // Set when the first image is opened.
 };
 
 }  // namespace sheaf

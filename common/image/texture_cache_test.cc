@@ -21,7 +21,7 @@ std::string TemporaryPath(const std::string& name) {
   return (directory / name).string();
 }
 
-// Every pixel different, larger than a few tiles.
+// Every pixel is different; larger than a few tiles.
 std::string WritePattern(const std::string& name, int size) {
   std::vector<Rgb8> pixels;
   for (int y = 0; y < size; ++y) {
@@ -64,7 +64,7 @@ TEST(TextureCacheTest, EightBitTexelsAreDecodedAsAsked) {
 TEST(TextureCacheTest, ValuesDoNotDependOnWhatTheCacheHeld) {
   const int size = 512;
   const std::string path = WritePattern("eviction.png", size);
-  TextureCache large(uint64_t{64} << 20), tiny(1);  // 1: the smallest the library accepts.
+  TextureCache large(uint64_t{64} << 20), tiny(1);  // 1: the minimum that the library accepts.
   const absl::StatusOr<TextureImage> in_large = large.Open(path, {});
   const absl::StatusOr<TextureImage> in_tiny = tiny.Open(path, {});
   ASSERT_TRUE(in_large.ok() && in_tiny.ok());

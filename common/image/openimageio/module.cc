@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// libsheaf_openimageio.so: what LoadImageLibrary finds.
+// The entry point of libsheaf_openimageio.so, which LoadImageLibrary looks up.
 #include "common/image/image_library.h"
 #include "common/image/openimageio/read_image.h"
 #include "common/image/openimageio/texture_tiles.h"

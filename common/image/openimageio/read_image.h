@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Whole images by OpenImageIO, for what is loaded with it.
+// Reads whole images with OpenImageIO, inside the loaded module.
 #pragma once
 
 #include <string>
@@ -11,11 +11,11 @@
 
 namespace sheaf {
 
-// ReadImage of a file that is there.
+// ReadImage of an existing file.
 absl::StatusOr<FloatImage> ReadByOpenImageIO(const std::string& path,
                                              const ReadImageLimits& limits);
 
-// A message of OpenImageIO, which come with line ends and sometimes not at all.
+// Joins a message of OpenImageIO, which contains line ends, to one line; fallback if it is empty.
 std::string OneLine(std::string text, const std::string& fallback);
 
 }  // namespace sheaf

@@ -21,7 +21,7 @@
 namespace sheaf {
 namespace {
 
-constexpr int kTileSize = 64;  // Of images whose files are not tiled.
+constexpr int kTileSize = 64;  // Tile size for images whose files are not tiled.
 constexpr int kBandHeight = 64;
 constexpr double kBytesPerMegabyte = 1024.0 * 1024.0;
 
@@ -73,7 +73,7 @@ std::string CacheError(OIIO::ImageCache& cache) {
   return OneLine(cache.geterror(), "the file is cut short or damaged");
 }
 
-// Holds the tile that was touched last, which serves most neighbouring texels too.
+// Holds the last accessed tile, which serves most neighboring texels too.
 class TileCursor {
  public:
   TileCursor(OIIO::ImageCache& cache, OIIO::ImageCache::Perthread* thread, const OpenedImage& image)
@@ -82,7 +82,7 @@ class TileCursor {
   TileCursor(const TileCursor&) = delete;
   TileCursor& operator=(const TileCursor&) = delete;
 
-  // False where the tile cannot be read.
+  // False if the tile cannot be read.
   bool Read(TexelIndex where, Texel& texel) {
     const int x = where.x + image_.origin_x, y = where.y + image_.origin_y;
     if (tile_ == nullptr || !roi_.contains(x, y)) {
@@ -126,7 +126,7 @@ absl::Status DescribeImage(const OIIO::ImageSpec& spec, const std::string& path,
   }
   image.facts.width = spec.width;
   image.facts.height = spec.height;
-  // Grey with alpha counts as grey; channels beyond RGBA are other pictures.
+  // Gray with alpha counts as gray; channels beyond RGBA are other layers.
   image.facts.channels = spec.nchannels < 3 ? 1 : std::min(spec.nchannels, 4);
   image.origin_x = spec.x;
   image.origin_y = spec.y;
@@ -160,11 +160,11 @@ class OpenImageIOTiles final : public TextureTiles {
 
   void (*log_error_)(std::string_view);
   OIIO::ImageCache* cache_ = nullptr;
-  uint64_t id_ = 0;  // Never used twice in a process: names the cache in thread-local storage.
+  uint64_t id_ = 0;  // Never reused in a process: names the cache in thread-local storage.
   std::vector<std::unique_ptr<OpenedImage>> images_;
 };
 
-// Touches every texel: finds damage, and counts what is not finite.
+// Reads every texel, to find damage and to count non-finite ones.
 absl::Status OpenImageIOTiles::Scan(OpenedImage& image) const {
   const int width = image.facts.width, height = image.facts.height;
   std::vector<float> band(static_cast<size_t>(width) * kBandHeight *

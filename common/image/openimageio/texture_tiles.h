@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Texels by OpenImageIO, for what is loaded with it.
+// Reads texels with OpenImageIO, inside the loaded module.
 #pragma once
 
 #include <cstdint>
@@ -12,7 +12,7 @@
 
 namespace sheaf {
 
-// On OpenImageIO's image cache. See ImageLibrary::make_texture_tiles.
+// Based on OpenImageIO's image cache. See ImageLibrary::make_texture_tiles.
 std::unique_ptr<TextureTiles> MakeOpenImageIOTiles(uint64_t bytes_max,
                                                    void (*log_error)(std::string_view));
 
