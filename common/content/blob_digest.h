@@ -17,8 +17,8 @@ struct BlobDigest {
   friend bool operator==(const BlobDigest&, const BlobDigest&) = default;
 };
 
-// Errors: kInvalidArgument when sha256_hex is not a SHA-256 in hexadecimal. Everything that takes a
-// digest from outside calls this first, so that a digest can safely become part of a path.
+// Errors: kInvalidArgument if sha256_hex is not a SHA-256 in hexadecimal. Every function that takes
+// an untrusted digest calls this first, so that a digest can safely become part of a path.
 absl::Status CheckDigest(const BlobDigest& digest);
 
 }  // namespace sheaf

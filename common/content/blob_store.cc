@@ -20,7 +20,8 @@
 namespace sheaf {
 namespace {
 
-// How often a partial file may be renamed away between opening and locking it before we give up.
+// How often a partial file may be renamed between opening and locking it before the writer gives
+// up.
 constexpr int kLockAttemptsMax = 16;
 constexpr size_t kReadBufferBytes = size_t{1} << 18;
 constexpr size_t kLostNotedMax = 1000;
@@ -42,7 +43,7 @@ absl::StatusOr<size_t> ReadSome(int fd, char* buffer, size_t size, const std::st
 }
 
 // Opens and locks the partial file. A file that was renamed to its final name between the two steps
-// is somebody else's finished blob by then, so it is opened again.
+// is another writer's finished blob by then, so the partial file is opened again.
 absl::StatusOr<FileDescriptor> OpenAndLock(const std::string& path) {
   for (int attempt = 0; attempt < kLockAttemptsMax; ++attempt) {
     FileDescriptor file(::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644));
@@ -122,7 +123,7 @@ absl::Status BlobWriter::Commit() {
                                                    ": the bytes received have SHA-256 ", actual,
                                                    "; the file changed or was damaged on its way"));
   }
-  ::fchmod(fd_, 0444);  // A blob never changes; the mode only helps to notice who tries.
+  ::fchmod(fd_, 0444);  // A blob never changes; the mode only helps to notice attempts.
   if (::fsync(fd_) != 0) return StatusFromErrno(errno, absl::StrCat("fsync of ", partial_path_));
   const std::string directory = final_path_.substr(0, final_path_.rfind('/'));
   if (absl::Status status = MakeDirectories(directory); !status.ok()) return status;
@@ -196,7 +197,7 @@ absl::StatusOr<BlobWriteStatus> BlobStore::GetWriteStatus(const BlobDigest& dige
   if (PathOf(digest).ok()) return BlobWriteStatus{digest.size_bytes, true};
   struct stat found {};
   if (::stat(PartialPath(digest).c_str(), &found) != 0) return BlobWriteStatus{};
-  // A partial file that is too long belongs to another idea of the size: begin anew.
+  // A partial file that is too long was written for another size: restart.
   const auto size = static_cast<uint64_t>(found.st_size);
   return BlobWriteStatus{size <= digest.size_bytes ? size : 0, false};
 }
@@ -287,7 +288,7 @@ absl::Status BlobStore::VerifyFile(const BlobDigest& digest) const {
 
 void BlobStore::TakeOut(const BlobDigest& digest, const FileState& state) const {
   const std::string path = FinalPath(digest);
-  // Another process may have healed it meanwhile.
+  // Another process may have restored it meanwhile.
   const std::optional<FileState> now = StateOfFile(path);
   if (!now || now->inode != state.inode) return;
   verified_.Forget(digest.sha256_hex);

@@ -1,16 +1,16 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// BlobStore: a directory of blobs named by their SHA-256. What Commit returned OK for survives
+// BlobStore: a directory of blobs named by their SHA-256. Once Commit returns OK, a blob survives
 // kill -9 and power loss. Several threads and several processes may use one directory.
 //
-// Disks and people alter files. So a blob is there only as long as its bytes are known to be its
-// name's: they are digested when they are first asked for, whenever the file's state has changed
-// since, and once in kVerifiedAgeMax. One that is damaged is moved aside: it is missing from then
-// on, and whoever needs it brings it again.
+// Disks and people alter files. So a blob counts as present only while its bytes are known to match
+// its name: they are digested when first requested, whenever the file's state has changed since,
+// and once in kVerifiedAgeMax. A damaged blob is moved aside: it is then missing, and must be
+// uploaded again by its next user.
 //
 //     DIR/ab/abcdef...        a complete, verified blob; never changes
-//     DIR/partial/HEX.part    an upload under way, or one that was cut off and can be resumed
+//     DIR/partial/HEX.part    an upload in progress, or an interrupted one that can be resumed
 //     DIR/damaged/HEX         a blob whose bytes no longer match its name, kept for diagnosis: the
 //                             last kDamagedKeptMax, of kDamagedBytesMax together
 #pragma once
@@ -35,19 +35,20 @@
 
 namespace sheaf {
 
-// Largest run of bytes that travels in one message, before compression.
+// Largest number of bytes in one message, before compression.
 inline constexpr uint64_t kBlobChunkBytesMax = uint64_t{1} << 20;
 
-// How much of a blob is there.
+// How much of a blob is present.
 struct BlobWriteStatus {
-  uint64_t committed_bytes = 0;  // Where an upload resumes; size_bytes when complete.
+  uint64_t committed_bytes = 0;  // Offset at which an upload resumes; size_bytes if complete.
   bool complete = false;
 };
 
 class BlobStore;
 
-// One upload; holds the partial file's lock as long as it lives. Destroyed without Commit, it
-// leaves the bytes appended so far to be resumed. Thread safety: one thread at a time.
+// One upload; holds the partial file's lock for its lifetime. If destroyed without Commit, it
+// leaves the bytes appended so far to be resumed.
+// Thread safety: one thread at a time.
 class BlobWriter {
  public:
   ~BlobWriter();
@@ -56,9 +57,9 @@ class BlobWriter {
 
   // Errors: kInvalidArgument beyond the blob's size; kResourceExhausted (disk full).
   absl::Status Append(std::string_view bytes);
-  // Bytes that are in the partial file.
+  // Number of bytes in the partial file.
   uint64_t committed_bytes() const { return committed_bytes_; }
-  // Makes the bytes so far durable. For uploads that end early.
+  // Makes the bytes so far durable. For interrupted uploads.
   absl::Status Flush();
   // Verifies size and digest, makes the blob durable and visible. Call once, last.
   // Errors: kInvalidArgument (too short: the bytes stay and can be resumed; or wrong digest: the
@@ -89,29 +90,31 @@ class BlobStore {
  public:
   using Clock = VerifiedFiles::Clock;
 
-  // Makes the directory where it is missing.
+  // Creates the directory if it is missing.
   static absl::StatusOr<std::unique_ptr<BlobStore>> Open(
       const std::string& directory, std::function<Clock::time_point()> now = Clock::now);
 
-  // Those that are not stored (or are damaged, or whose size is not the one given), in the order of
-  // digests. Errors: kInvalidArgument (malformed digest).
+  // Returns the digests that are not stored (or are damaged, or have another size), in the order of
+  // digests.
+  // Errors: kInvalidArgument (malformed digest).
   absl::StatusOr<std::vector<BlobDigest>> FindMissing(const std::vector<BlobDigest>& digests) const;
 
-  // Path of a complete blob, to be opened for reading only; and the state in which its file's bytes
-  // are known to be the blob's. Errors: kNotFound; kDataLoss (it was damaged, and is missing now);
-  // kInvalidArgument (malformed digest, or stored with another size).
+  // Path of a complete blob, to be opened for reading only; and the file state in which its bytes
+  // were verified.
+  // Errors: kNotFound; kDataLoss (it was damaged, and is missing now); kInvalidArgument (malformed
+  // digest, or stored with another size).
   absl::StatusOr<std::string> PathOf(const BlobDigest& digest) const;
   absl::StatusOr<FileState> StateOf(const BlobDigest& digest) const;
 
   // Errors: kInvalidArgument (malformed digest).
   absl::StatusOr<BlobWriteStatus> GetWriteStatus(const BlobDigest& digest) const;
 
-  // Starts or resumes a write at offset_bytes. An offset of 0 always starts anew.
-  // Errors: kAlreadyExists (complete); kOutOfRange (neither 0 nor what GetWriteStatus says);
-  // kUnavailable (somebody else is writing this blob now); kResourceExhausted (disk full).
+  // Starts or resumes a write at offset_bytes. An offset of 0 always restarts.
+  // Errors: kAlreadyExists (complete); kOutOfRange (neither 0 nor the offset from GetWriteStatus);
+  // kUnavailable (another writer is active for this blob); kResourceExhausted (disk full).
   absl::StatusOr<BlobWriter> BeginWrite(const BlobDigest& digest, uint64_t offset_bytes) const;
 
-  // Stores a small blob at once; nothing happens when it is there.
+  // Stores a small blob in one call; no effect if it is present.
   absl::StatusOr<BlobDigest> Put(std::string_view bytes) const;
 
   // At most size_bytes_max bytes from offset_bytes; empty at the end.
@@ -119,19 +122,19 @@ class BlobStore {
   absl::StatusOr<std::string> ReadChunk(const BlobDigest& digest, uint64_t offset_bytes,
                                         uint64_t size_bytes_max) const;
 
-  // Reads the whole blob and compares it with its name, whatever is known of its file.
+  // Reads the whole blob and compares it with its name, even if its file was verified before.
   // Errors: kNotFound; kDataLoss (it was damaged, and is missing now).
   absl::Status Verify(const BlobDigest& digest) const;
 
-  // How many files were digested to verify them, for tests and metrics.
+  // The number of files digested for verification, for tests and metrics.
   uint64_t digest_count() const { return digest_count_; }
-  // The blobs that were found to be damaged since the last call, or that NoteLost named.
+  // The blobs found damaged since the last call, or passed to NoteLost.
   std::vector<BlobDigest> TakeLost() const;
-  // Somebody asked in vain for a blob that was to be here.
+  // Records that a requested blob is missing although it should be present.
   void NoteLost(const BlobDigest& digest) const;
 
   const std::string& directory() const { return directory_; }
-  // Path a blob has or would have. Requires: CheckDigest is OK.
+  // The blob's path, whether it exists or not. Requires: CheckDigest is OK.
   std::string FinalPath(const BlobDigest& digest) const;
   std::string PartialPath(const BlobDigest& digest) const;
 
@@ -145,7 +148,7 @@ class BlobStore {
   std::mutex& LockOf(const BlobDigest& digest) const;
 
   const std::string directory_;
-  mutable VerifiedFiles verified_;  // By digest.
+  mutable VerifiedFiles verified_;  // Keyed by digest.
   // By the first digit of the digest: one thread digests a blob while others wait for it.
   mutable std::array<std::mutex, 16> verifying_;
   mutable std::atomic<uint64_t> digest_count_{0};

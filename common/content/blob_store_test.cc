@@ -151,7 +151,7 @@ TEST_F(BlobStoreTest, WhatAnEarlierProcessLeftIsDigestedBeforeItIsTrusted) {
   EXPECT_THAT(*store_->FindMissing({digest}), testing::ElementsAre(digest));
 }
 
-// Bits that a disk loses change no time.
+// A bit lost by the disk changes no file time.
 TEST_F(BlobStoreTest, IsDigestedAgainAfterATime) {
   BlobStore::Clock::time_point now;
   store_ = *BlobStore::Open(directory_, [&] { return now; });

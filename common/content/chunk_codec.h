@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Runs of bytes as they travel: one zstd frame each. The only door to zstd.
+// Compresses chunks of bytes for the wire: one zstd frame each. The only file that uses zstd.
 #pragma once
 
 #include <cstdint>
@@ -12,11 +12,11 @@
 
 namespace sheaf {
 
-// One zstd frame that holds its size and a checksum.
+// One zstd frame that includes its size and a checksum.
 std::string CompressChunk(std::string_view bytes);
 
-// The frame is untrusted: no more than size_bytes_max bytes are ever taken for its content.
-// Errors: kInvalidArgument (not one whole frame, or larger than size_bytes_max).
+// The frame is untrusted: at most size_bytes_max bytes are allocated for its content.
+// Errors: kInvalidArgument (not exactly one frame, or too large).
 absl::StatusOr<std::string> DecompressChunk(std::string_view frame, uint64_t size_bytes_max);
 
 }  // namespace sheaf

@@ -26,14 +26,14 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// How often a process looks whether another one's download of a blob is done.
+// Interval at which a process checks whether another one's download of a blob is done.
 constexpr std::chrono::milliseconds kDownloadPollInterval{50};
-// How often a blob may vanish or appear under our feet before Acquire gives up.
+// How often a blob may vanish or appear concurrently before Acquire gives up.
 constexpr int kDownloadAttemptsMax = 20;
 constexpr size_t kLinkNameBytesMax = 100;
-constexpr int kLeaseFoldersMax = 10'000;  // Of processes with the same number.
+constexpr int kLeaseFoldersMax = 10'000;  // For processes with the same id.
 
-// What room is made of: a blob that no lease uses, or a download that was cut off.
+// A file that eviction may remove: a blob without a lease, or an interrupted download.
 struct Evictable {
   timespec used{};
   std::string path;
@@ -56,7 +56,7 @@ std::vector<std::string> ListDirectory(const std::string& path) {
   return names;
 }
 
-// The file with its lock held, where nobody else holds it.
+// The file with its lock held, or an invalid descriptor if another process holds it.
 FileDescriptor LockIfFree(const std::string& path) {
   FileDescriptor file(::open(path.c_str(), O_RDWR | O_CLOEXEC));
   if (file.ok() && ::flock(file.get(), LOCK_EX | LOCK_NB) != 0) file.Close();
@@ -64,12 +64,13 @@ FileDescriptor LockIfFree(const std::string& path) {
 }
 
 void RemoveDirectoryTree(const std::string& path) {
-  std::error_code ignored;  // What cannot be removed now is tried again by the next process.
+  std::error_code ignored;  // The next process retries removals that fail now.
   fs::remove_all(path, ignored);
 }
 
 // "models/head.ply.gz" and 12 make "12-head.ply.gz": readable in messages, and with the extension
-// that image and mesh readers go by. Names are untrusted; only harmless characters stay.
+// by which image and mesh readers select the format. Names are untrusted; only harmless characters
+// stay.
 std::string LinkName(size_t index, const std::string& name) {
   std::string base = name.substr(name.rfind('/') + 1);
   if (base.size() > kLinkNameBytesMax) base = base.substr(base.size() - kLinkNameBytesMax);
@@ -95,7 +96,7 @@ uint64_t SizeOf(const std::string& path) {
   return ::stat(path.c_str(), &found) == 0 ? static_cast<uint64_t>(found.st_size) : 0;
 }
 
-// When a blob was used last.
+// The file whose time records the last use of a blob.
 std::string StampPath(const std::string& cache, const std::string& sha256_hex) {
   return absl::StrCat(cache, "/used/", sha256_hex);
 }
@@ -130,7 +131,8 @@ std::set<std::string> PinnedBlobs(const std::string& cache) {
   return pinned;
 }
 
-// Everything below the cache's blobs: adds to used_bytes, and to evictable what may go.
+// Scans everything below the cache's blobs: adds its size to used_bytes, and to evictable the files
+// that may go.
 void ScanBlobs(const std::string& cache, const std::string& blobs, uint64_t* used_bytes,
                std::vector<Evictable>* evictable) {
   const std::set<std::string> pinned = PinnedBlobs(cache);
@@ -156,7 +158,7 @@ void ScanBlobs(const std::string& cache, const std::string& blobs, uint64_t* use
   for (const std::string& name : ListDirectory(absl::StrCat(blobs, "/partial"))) {
     const std::string path = absl::StrCat(blobs, "/partial/", name);
     struct stat found {};
-    // A download under way is counted by its lease's reservation.
+    // A download in progress is counted by its lease's reservation.
     if (!LockIfFree(path).ok() || ::stat(path.c_str(), &found) != 0) continue;
     *used_bytes += static_cast<uint64_t>(found.st_size);
     evictable->push_back({found.st_mtim, path, static_cast<uint64_t>(found.st_size), true});
@@ -174,7 +176,7 @@ bool Evict(const Evictable& victim) {
 
 }  // namespace
 
-// The leases of one cache object: one lock, however many there are.
+// The folder of all leases of one cache object, under one lock.
 class ContentLease::Folder {
  public:
   Folder(std::string path, FileDescriptor lock) : path_(std::move(path)), lock_(std::move(lock)) {}
@@ -242,8 +244,7 @@ void ContentCache::FreeDeadLeases() const {
 }
 
 absl::Status ContentCache::MakeLeaseFolder() {
-  // Numbers of processes repeat, over time and between containers: an id that is taken is passed
-  // over.
+  // Process ids repeat, over time and between containers: ids in use are skipped.
   for (int attempt = 0; attempt < kLeaseFoldersMax; ++attempt) {
     const std::string path = absl::StrCat(directory_, "/leases/", ::getpid(), "-", attempt);
     const std::string lock_path = absl::StrCat(path, ".lock");
@@ -296,7 +297,7 @@ absl::Status ContentCache::Link(const std::vector<ManifestFile>& files,
   const BlobDigest& digest = files[indices.front()].digest;
   const absl::StatusOr<FileState> state = blobs_->StateOf(digest);
   if (!state.ok()) return absl::NotFoundError(state.status().message());
-  // As seen from DIR/leases/ID/K.
+  // Relative to DIR/leases/ID/K.
   const std::string blob =
       absl::StrCat("../../../blobs/", digest.sha256_hex.substr(0, 2), "/", digest.sha256_hex);
   for (const size_t i : indices) {
@@ -331,7 +332,7 @@ absl::Status ContentCache::Download(const BlobDigest& digest, const Fetch& fetch
       return absl::OkStatus();
     }
     if (absl::IsAlreadyExists(writer.status())) return absl::OkStatus();
-    if (absl::IsUnavailable(writer.status())) {  // Another process downloads it.
+    if (absl::IsUnavailable(writer.status())) {  // Another process is downloading it.
       std::this_thread::sleep_for(kDownloadPollInterval);
     } else if (!absl::IsOutOfRange(writer.status()) || ++races == kDownloadAttemptsMax) {
       return writer.status();
@@ -356,8 +357,8 @@ absl::StatusOr<ContentLease> ContentCache::Acquire(const std::vector<ManifestFil
         limits_.bytes_max, "; raise it (--cache-bytes-max)"));
   }
   for (const auto& [hex, indices] : by_digest) {
-    // Digested here where it must be, before the cache is locked. A damaged blob is moved aside,
-    // and downloaded again below.
+    // Digests the blob if necessary before the cache is locked. A damaged blob is moved aside, and
+    // downloaded again below.
     const absl::Status present = blobs_->PathOf(files[indices.front()].digest).status();
     if (absl::IsUnavailable(present) || absl::IsPermissionDenied(present)) return present;
   }
@@ -423,7 +424,8 @@ absl::Status ContentCache::DownloadMissing(const std::vector<ManifestFile>& file
       }
       const absl::StatusOr<FileDescriptor> lock = LockCache();
       if (!lock.ok()) return lock.status();
-      linked = Link(files, indices, lease);  // Not found: evicted since, so it is fetched again.
+      linked = Link(files, indices,
+                    lease);  // Not found: it was evicted since, so it is downloaded again.
     }
     if (!linked.ok()) return linked;
     missing_bytes -= digest.size_bytes;

@@ -33,7 +33,7 @@ class ContentCacheTest : public testing::Test {
   std::unique_ptr<ContentCache> Open(uint64_t bytes_max) {
     return *ContentCache::Open(directory_, {bytes_max});
   }
-  // A file whose bytes the fake origin knows.
+  // A file whose bytes the fake origin has.
   ManifestFile File(const std::string& name, const std::string& bytes) {
     const BlobDigest digest{Sha256Hex(bytes), bytes.size()};
     origin_[digest.sha256_hex] = bytes;
@@ -75,7 +75,7 @@ TEST_F(ContentCacheTest, EvictsTheLeastRecentlyUsed) {
   const std::unique_ptr<ContentCache> cache = Open(10);
   const ManifestFile a = File("a", "aaaa"), b = File("b", "bbbb"), c = File("c", "cccc");
   ASSERT_TRUE(cache->Acquire({a}, FromOrigin(), {}).ok());
-  ::usleep(10'000);  // Times of files tick with the kernel's clock.
+  ::usleep(10'000);  // File times advance with the kernel's clock tick.
   ASSERT_TRUE(cache->Acquire({b}, FromOrigin(), {}).ok());
   ::usleep(10'000);
   ASSERT_TRUE(cache->Acquire({a}, FromOrigin(), {}).ok());
@@ -176,7 +176,7 @@ TEST_F(ContentCacheTest, NoticesThatAFileInUseWasAltered) {
   const absl::StatusOr<ContentLease> lease = cache->Acquire(files, FromOrigin(), {});
   ASSERT_TRUE(lease.ok()) << lease.status();
   EXPECT_TRUE(cache->CheckUnchanged(*lease).ok());
-  // Whoever uses the files of a scene at the same time changes nothing about them.
+  // Concurrent use of a scene's files does not change them.
   ASSERT_TRUE(Open(100)->Acquire(files, FromOrigin(), {}).ok());
   EXPECT_TRUE(cache->CheckUnchanged(*lease).ok());
   const std::string path = *cache->blobs().PathOf(files[1].digest);
@@ -185,7 +185,7 @@ TEST_F(ContentCacheTest, NoticesThatAFileInUseWasAltered) {
   ::chmod(path.c_str(), 0644);
   std::ofstream(path, std::ios::binary | std::ios::in) << "bbbc";
   const timespec times[2] = {before.st_atim, before.st_mtim};
-  ::utimensat(AT_FDCWD, path.c_str(), times, 0);  // As if nothing had happened.
+  ::utimensat(AT_FDCWD, path.c_str(), times, 0);  // As if the file had not been changed.
   const absl::Status status = cache->CheckUnchanged(*lease);
   EXPECT_EQ(status.code(), absl::StatusCode::kDataLoss);
   EXPECT_THAT(std::string(status.message()), testing::HasSubstr("b.png"));

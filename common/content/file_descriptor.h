@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// FileDescriptor: owns an open file and closes it, and with it the file's locks.
+// FileDescriptor: owns an open file and closes it, which releases its locks.
 #pragma once
 
 #include <unistd.h>
@@ -24,7 +24,7 @@ class FileDescriptor {
   }
   int get() const { return fd_; }
   bool ok() const { return fd_ >= 0; }
-  // Gives the file away.
+  // Releases ownership.
   int Release() { return std::exchange(fd_, -1); }
   void Close() {
     if (fd_ >= 0) ::close(Release());

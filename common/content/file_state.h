@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// FileState: what tells one state of a file's bytes from another without reading them. Whoever sets
-// a file's time back still moves its time of change.
+// FileState: detects changes of a file's bytes without reading them. Setting a file's modification
+// time back still changes its ctime.
 #pragma once
 
 #include <sys/stat.h>
@@ -19,7 +19,7 @@ struct FileState {
   friend bool operator==(const FileState&, const FileState&) = default;
 };
 
-// None where there is no such file, or it cannot be looked at: errno says why.
+// None if there is no such file, or it cannot be accessed; errno has the reason.
 inline std::optional<FileState> StateOfFile(const std::string& path) {
   struct stat found {};
   if (::stat(path.c_str(), &found) != 0) return std::nullopt;

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Manifest: the files of one frame's scene, by name and digest. Stored as a blob itself (see
-// common/rpc/manifest_codec.h for its bytes); the digest of that blob is the scene digest.
+// Manifest: the files of one frame's scene, by name and digest. Stored as a blob itself
+// (common/rpc/manifest_codec.h defines its bytes); the digest of that blob is the scene digest.
 #pragma once
 
 #include <string>
@@ -14,7 +14,7 @@
 namespace sheaf {
 
 inline constexpr size_t kManifestFilesMax = 1'000'000;
-inline constexpr uint64_t kManifestBytesMax = uint64_t{256} << 20;  // Of its serialised form.
+inline constexpr uint64_t kManifestBytesMax = uint64_t{256} << 20;  // Size of its serialized form.
 
 struct ManifestFile {
   std::string name;  // Canonical name, as in common/scene/file_source.h.
@@ -23,15 +23,15 @@ struct ManifestFile {
 };
 
 struct Manifest {
-  std::string main_file;            // One of files.
+  std::string main_file;            // One of `files`.
   std::vector<ManifestFile> files;  // In ascending order of name, no name twice.
   friend bool operator==(const Manifest&, const Manifest&) = default;
 };
 
-// Sorts the files by name. Requires: no name twice.
+// Sorts the files by name. Requires: names are unique.
 Manifest MakeManifest(std::string main_file, std::vector<ManifestFile> files);
 
-// Errors: kInvalidArgument, naming the first thing that breaks the rules above.
+// Errors: kInvalidArgument, naming the first violation of the rules above.
 absl::Status CheckManifest(const Manifest& manifest);
 
 }  // namespace sheaf

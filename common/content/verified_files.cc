@@ -21,7 +21,7 @@ namespace {
 
 constexpr size_t kVerifiedFilesMax = 1 << 20;
 
-// Removes what was moved aside first, until the rest keeps the bounds.
+// Removes the oldest files until the rest are within the bounds.
 void LimitFolder(const std::string& folder) {
   namespace fs = std::filesystem;
   std::vector<std::tuple<int64_t, uint64_t, std::string>> files;  // Time, size, path.

@@ -1,9 +1,9 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// VerifiedFiles: files whose bytes were compared with a digest, and the states they were in then. A
-// file whose state does not change keeps its bytes, for a time; and what turns out to be damaged is
-// moved aside.
+// VerifiedFiles: remembers files whose bytes matched a digest, and their states at that time. While
+// a file's state does not change, its bytes are trusted for a limited time; damaged files are moved
+// aside.
 #pragma once
 
 #include <chrono>
@@ -19,9 +19,9 @@
 
 namespace sheaf {
 
-// For how long a file whose state does not change is taken to have the bytes it had.
+// How long a file with unchanged state is trusted.
 inline constexpr std::chrono::hours kVerifiedAgeMax{1};
-// A folder of damaged files keeps the last ones.
+// Maximum number of files kept in a folder of damaged files; the latest stay.
 inline constexpr size_t kDamagedKeptMax = 16;
 inline constexpr uint64_t kDamagedBytesMax = uint64_t{1} << 30;
 
@@ -32,7 +32,7 @@ class VerifiedFiles {
   explicit VerifiedFiles(std::function<Clock::time_point()> now = Clock::now)
       : now_(std::move(now)) {}
 
-  // Whether the file is in a state in which its bytes were verified, not too long ago.
+  // Whether the file's bytes were verified in this state recently enough.
   bool Contains(const std::string& name, const FileState& state) const;
   void Remember(const std::string& name, const FileState& state);
   void Forget(const std::string& name);
@@ -47,8 +47,8 @@ class VerifiedFiles {
   std::unordered_map<std::string, Verified> files_;  // At most kVerifiedFilesMax.
 };
 
-// Moves a damaged file into the folder, which is made where it is missing, and keeps the folder
-// within its bounds. What cannot be moved is removed.
+// Moves a damaged file into the folder, which is created if missing, and keeps the folder within
+// its bounds. A file that cannot be moved is removed.
 void MoveAside(const std::string& path, const std::string& folder, const std::string& name);
 
 }  // namespace sheaf
