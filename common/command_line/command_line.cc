@@ -15,12 +15,12 @@ namespace {
 constexpr size_t kHelpColumns = 100;
 constexpr size_t kNameColumns = 26;
 
-// The argument library's word for an option's type: "UINT:INT in [8 - 1024]".
+// The argument library's description of an option's type: "UINT:INT in [8 - 1024]".
 std::string Notation(const CLI::Option& option) {
   return option.get_type_size() == 0 ? "" : option.get_type_name();
 }
 
-// "8 to 1024" where the notation holds a range.
+// "8 to 1024" if the notation contains a range.
 std::string RangeOf(const CLI::Option& option) {
   const std::string notation = Notation(option);
   const size_t begin = notation.find(" in ["), end = notation.rfind(']');
@@ -28,7 +28,7 @@ std::string RangeOf(const CLI::Option& option) {
   return absl::StrReplaceAll(notation.substr(begin + 5, end - begin - 5), {{" - ", " to "}});
 }
 
-// The note beside an option's description.
+// The remarks after an option's description.
 std::string Remarks(const CLI::Option& option) {
   std::vector<std::string> remarks;
   if (const std::string range = RangeOf(option); !range.empty()) remarks.push_back(range);
@@ -144,7 +144,7 @@ std::vector<std::string> ChoicesOf(const CLI::Option& option) {
   std::string words = Notation(option);
   const size_t begin = words.find('{'), end = words.find('}');
   if (begin != std::string::npos && end != std::string::npos) {
-    words = words.substr(begin + 1, end - begin - 1);  // As CLI::IsMember describes itself.
+    words = words.substr(begin + 1, end - begin - 1);  // The format of CLI::IsMember's description.
     return absl::StrSplit(words, ',', absl::SkipEmpty());
   }
   if (words.find('|') == std::string::npos) return {};

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Command lines of all programs alike: help without the argument library's notation, and errors
-// that guess what was meant.
+// Common command line handling of all programs: help without the argument library's notation, and
+// errors that suggest the intended word.
 #pragma once
 
 #include <CLI/CLI.hpp>
@@ -21,13 +21,13 @@ namespace sheaf {
 
 inline constexpr int kUsageExitCode = 2;
 
-// The stand-in for an option's value in help: "auto|rgb|spectral", "N", "FILE", "SIZE"; empty
+// The placeholder for an option's value in help: "auto|rgb|spectral", "N", "FILE", "SIZE"; empty
 // for flags.
 std::string ValueName(const CLI::Option& option);
-// The words that the option takes, where they are few; for completion.
+// The words that the option accepts, if they are few; for completion.
 std::vector<std::string> ChoicesOf(const CLI::Option& option);
 
-// Options that are added until this ends stand under that heading in help.
+// Options added during its lifetime appear under that heading in help.
 class OptionGroup {
  public:
   OptionGroup(CLI::App* command, const std::string& heading)
@@ -43,7 +43,7 @@ class OptionGroup {
   const std::string before_;
 };
 
-// An option that takes one of a few words, in small letters or capitals, each with its value.
+// An option that accepts one of a few words, ignoring case, each with its value.
 template <typename Target, typename Value>
 CLI::Option* AddChoice(CLI::App* command, const std::string& names, Target* target,
                        std::vector<std::pair<std::string, Value>> choices,
@@ -67,8 +67,8 @@ CLI::Option* AddChoice(CLI::App* command, const std::string& names, Target* targ
       ->type_name(absl::StrJoin(words, "|"));
 }
 
-// Reads the command line. Once help or the version was printed, or on_error was told in one line
-// what is wrong, that is the exit code to end with.
+// Parses the command line. Returns the exit code if the program should end: after printing help or
+// the version, or after passing a one-line error to on_error.
 std::optional<int> ParseCommandLine(CLI::App* app, int argc, char** argv,
                                     const std::function<void(const std::string&)>& on_error);
 

@@ -30,7 +30,7 @@ class CommandLineTest : public testing::Test {
     command_->add_option("--address", scene_, "Where")->envname("SHEAF_ADDRESS");
     command_->add_option("--layer", scene_, "What")->check(CLI::IsMember({"error", "samples"}));
   }
-  // The error; empty where there is none.
+  // The error; empty if there is none.
   std::string Parse(std::vector<std::string> words) {
     words.insert(words.begin(), "sheaf");
     std::vector<char*> argv;
