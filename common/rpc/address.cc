@@ -22,7 +22,7 @@ absl::Status Malformed(const std::string& text, const std::string& why) {
 absl::StatusOr<Address> ParseAddress(const std::string& text,
                                      std::optional<uint16_t> default_port) {
   size_t colon = text.rfind(':');
-  // The colons of "[::1]" are no port's.
+  // The colons inside "[::1]" do not start a port.
   if (colon != std::string::npos && text.find(']', colon) != std::string::npos) {
     colon = std::string::npos;
   }

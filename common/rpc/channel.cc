@@ -12,7 +12,7 @@
 namespace sheaf {
 namespace {
 
-// Reconnection waits: short enough that a restarted coordinator is found at once.
+// Reconnection waits: short enough to find a restarted coordinator at once.
 constexpr int kReconnectBackoffInitialMs = 100;
 constexpr int kReconnectBackoffMaxMs = 2000;
 
@@ -29,7 +29,8 @@ std::shared_ptr<grpc::Channel> MakeChannel(const std::string& address) {
   arguments.SetInt(GRPC_ARG_KEEPALIVE_TIME_MS, Milliseconds(kKeepaliveInterval));
   arguments.SetInt(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, Milliseconds(kKeepaliveTimeout));
   arguments.SetInt(GRPC_ARG_INITIAL_RECONNECT_BACKOFF_MS, kReconnectBackoffInitialMs);
-  // Despite its name this is how long one attempt to connect may take; it delays no other attempt.
+  // Despite its name this limits the duration of one connection attempt; it delays no other
+  // attempt.
   arguments.SetInt(GRPC_ARG_MIN_RECONNECT_BACKOFF_MS, Milliseconds(kConnectTimeout));
   arguments.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, kReconnectBackoffMaxMs);
   // Channels of one process do not share connections: a worker's upload must not delay its
@@ -46,7 +47,7 @@ void ApplyServerLimits(grpc::ServerBuilder* builder) {
   builder->SetMaxReceiveMessageSize(kMessageBytesMax);
   builder->SetMaxSendMessageSize(kMessageBytesMax);
   builder->AddChannelArgument(GRPC_ARG_ALLOW_REUSEPORT, 0);
-  // Accept the pings that MakeChannel sends, also on a connection that is idle.
+  // Accept the pings that MakeChannel sends, also on an idle connection.
   builder->AddChannelArgument(GRPC_ARG_HTTP2_MIN_RECV_PING_INTERVAL_WITHOUT_DATA_MS,
                               Milliseconds(kKeepaliveInterval / 2));
   builder->AddChannelArgument(GRPC_ARG_KEEPALIVE_PERMIT_WITHOUT_CALLS, 1);

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// How Sheaf's programs open gRPC channels and servers: the same message limits and keepalive on
+// gRPC channels and servers of all Sheaf programs, with the same message limits and keepalive on
 // both sides. Credentials are insecure; a server therefore listens on loopback unless told
 // otherwise (RequireSafeAddress).
 #pragma once
@@ -18,33 +18,32 @@
 
 namespace sheaf {
 
-// Limits of the wire, the same for every program.
-inline constexpr int kMessageBytesMax = 64 << 20;  // A job of 100,000 frames.
-inline constexpr size_t kStreamChunkBytesMax = size_t{1}
-                                               << 20;  // Bytes of a part, picture or blob.
-// Until a connection can take calls. At a round trip of 0.8 s TCP, HTTP/2 and two round trips of
-// TLS take 3.2 s; a lost packet doubles a wait of 1 s, 2 s and so on.
+// Limits of messages, the same for every program.
+inline constexpr int kMessageBytesMax = 64 << 20;                // A job of 100,000 frames.
+inline constexpr size_t kStreamChunkBytesMax = size_t{1} << 20;  // Bytes of a part, image or blob.
+// Limit of one connection attempt. At a round trip of 0.8 s TCP, HTTP/2 and two round trips of TLS
+// take 3.2 s; a lost packet doubles a wait of 1 s, 2 s and so on.
 inline constexpr absl::Duration kConnectTimeout = absl::Seconds(20);
 inline constexpr absl::Duration kKeepaliveInterval = absl::Seconds(20);
-// A ping waits behind what fills a slow link, up to a chunk in each direction.
+// A ping waits behind the data that fills a slow link, up to a chunk in each direction.
 inline constexpr absl::Duration kKeepaliveTimeout = absl::Seconds(20);
 // Includes connecting.
 inline constexpr absl::Duration kUnaryDeadline = absl::Seconds(60);
-// Limit of one attempt: a picture of 400 MB on a link of 1 Mbit/s. A peer that is gone is found by
-// keepalive.
+// Limit of one attempt: an image of 400 MB on a link of 1 Mbit/s. Keepalive detects a peer that is
+// gone.
 inline constexpr absl::Duration kStreamDeadline = absl::Hours(1);
 
-// Returns a channel to "host:port"; connects at the first call and again whenever the connection is
-// lost, after at most two seconds.
+// Returns a channel to "host:port". It connects at the first call and again whenever the connection
+// is lost, after at most two seconds.
 std::shared_ptr<grpc::Channel> MakeChannel(const std::string& address);
 
-// Gives a call its deadline. Every call has one, but for watches that live as long as a job.
+// Sets the deadline of a call. Every call has one, except watches that last as long as a job.
 void SetDeadline(grpc::ClientContext* context, absl::Duration duration);
 
-// Applies the message limits and keepalive to a server, and makes a taken port an error.
+// Applies the message limits and keepalive to a server, and makes a port in use an error.
 void ApplyServerLimits(grpc::ServerBuilder* builder);
 
-// Refuses to listen, without encryption, where other machines could connect.
+// Refuses to listen, without encryption, on addresses that other machines can reach.
 // Errors: kInvalidArgument (malformed); kFailedPrecondition naming the flag that allows it.
 absl::Status RequireSafeAddress(const std::string& address, bool insecure_remote_allowed);
 

@@ -10,7 +10,7 @@
 namespace sheaf {
 namespace {
 
-// Parts of gRPC's messages, the telling ones first, and what they mean to a reader.
+// Fragments of gRPC's messages, most specific first, and their plain words.
 constexpr std::pair<const char*, const char*> kPlainWords[] = {
     {"Connection refused", "the connection was refused"},
     {"No route to host", "there is no way to it"},

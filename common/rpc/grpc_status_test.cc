@@ -43,7 +43,7 @@ TEST(GrpcStatusTest, ConnectionsAreTalkedOfInPlainWords) {
                   "tcp handshaker shutdown"),
             "it does not answer");
   EXPECT_EQ(words(grpc::StatusCode::DEADLINE_EXCEEDED, "Deadline Exceeded"), "no answer in time");
-  // The coordinator's own words, and other codes, stay.
+  // The coordinator's own messages, and other codes, stay unchanged.
   EXPECT_EQ(words(grpc::StatusCode::UNAVAILABLE, "the coordinator is stopping"),
             "the coordinator is stopping");
   EXPECT_EQ(words(grpc::StatusCode::INTERNAL, "Socket closed"), "Socket closed");

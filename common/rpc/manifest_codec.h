@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Manifest to the bytes of its blob (sheaf.v1.SceneManifest) and back. Equal scenes give equal
-// bytes.
+// Encodes a Manifest to the bytes of its blob (sheaf.v1.SceneManifest) and decodes it. Equal scenes
+// give equal bytes.
 #pragma once
 
 #include <string>

@@ -10,7 +10,7 @@
 namespace sheaf {
 namespace {
 
-// A world in which sleeping moves the clock and nothing waits.
+// A simulated clock that sleeping advances; nothing waits.
 struct SimulatedWorld {
   SteadyTime time;
   std::vector<absl::Duration> waits;

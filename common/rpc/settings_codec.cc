@@ -11,7 +11,7 @@
 namespace sheaf {
 namespace {
 
-// The wire has the numbers of stored jobs.
+// The wire and stored jobs use the same numbers.
 static_assert(static_cast<int>(Primaries::kAcesCg) == v1::PRIMARIES_ACESCG &&
               v1::Primaries_ARRAYSIZE == kPrimariesCount);
 

@@ -1,7 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// FrameSettings and pixel rectangles as messages, one codec for client, coordinator and worker.
+// Converts FrameSettings and pixel rectangles to and from messages, for client, coordinator and
+// worker.
 #pragma once
 
 #include "absl/status/statusor.h"
@@ -15,8 +16,8 @@ v1::PixelRect ToWire(const PixelRect& rect);
 PixelRect FromWire(const v1::PixelRect& rect);
 
 v1::FrameSettings ToWire(const FrameSettings& settings);
-// Does not judge the numbers. A colour transport that this version does not know becomes kAuto.
-// Errors: kInvalidArgument for outputs that it does not know.
+// Does not check the numbers. A color transport unknown to this version becomes kAuto.
+// Errors: kInvalidArgument for unknown outputs.
 absl::StatusOr<FrameSettings> FromWire(const v1::FrameSettings& wire);
 
 }  // namespace sheaf

@@ -9,7 +9,7 @@
 namespace sheaf {
 namespace {
 
-// The digest's text names every setting that decides a pixel: equal texts, equal pictures.
+// The digest's text names every setting that affects a pixel: equal texts, equal images.
 TEST(SettingsCodecTest, EverySettingSurvivesTheWire) {
   FrameSettings settings;
   settings.width_px = 640;
@@ -52,7 +52,7 @@ TEST(SettingsCodecTest, UnknownColorIsLeftToTheScene) {
   EXPECT_EQ(FromWire(wire)->color, ColorTransport::kAuto);
 }
 
-// A picture in other primaries than asked for would be a wrong one.
+// An image in other primaries than requested would be wrong.
 TEST(SettingsCodecTest, UnknownPrimariesAreRefused) {
   v1::FrameSettings wire;
   wire.set_primaries(static_cast<v1::Primaries>(99));
