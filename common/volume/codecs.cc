@@ -16,7 +16,7 @@ bool Unzip(std::span<const std::byte> packed, std::span<std::byte> out) {
 
 bool UnpackBlosc(std::span<const std::byte> packed, std::span<std::byte> out) {
   size_t size = 0;
-  // Compares the head with the number of bytes there are, and says what comes out.
+  // Compares the head with the number of bytes available, and returns the uncompressed size.
   if (::blosc_cbuffer_validate(packed.data(), packed.size(), &size) < 0 || size != out.size()) {
     return false;
   }

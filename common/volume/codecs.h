@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// How volume files compress: zlib and Blosc, from bytes to bytes of a size known beforehand.
+// Decompression for volume files: zlib and Blosc, to a known number of bytes.
 #pragma once
 
 #include <cstdint>
@@ -11,7 +11,7 @@
 
 namespace sheaf::volume {
 
-// True where `packed` holds exactly out.size() bytes.
+// True if `packed` decompresses to exactly out.size() bytes.
 bool Unzip(std::span<const std::byte> packed, std::span<std::byte> out);
 bool UnpackBlosc(std::span<const std::byte> packed, std::span<std::byte> out);
 

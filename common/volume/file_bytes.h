@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// FileBytes: a file read at will, by position, so that a grid of gigabytes goes from the disk to
-// its place without a second copy.
+// FileBytes: random access to a file by position, so that a grid of gigabytes is read from disk to
+// its destination without a second copy.
 #pragma once
 
 #include <fcntl.h>
@@ -41,7 +41,7 @@ class FileBytes {
   }
 
   uint64_t size() const { return size_; }
-  // True where all bytes were read: the file has them.
+  // True if all bytes were read, i.e. the file has them.
   bool Read(uint64_t offset_bytes, uint64_t size_bytes, void* out) const {
     constexpr uint64_t kReadBytesMax = uint64_t{1} << 30;
     if (offset_bytes > size_ || size_ - offset_bytes < size_bytes) return false;

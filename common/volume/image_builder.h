@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// ImageBuilder: a NanoVDB image from the nodes of a tree whose number is known: one allocation,
-// filled in place, level by level. What comes from elsewhere than a .nvdb file goes through here.
+// ImageBuilder: builds a NanoVDB image from the nodes of a tree whose number is known: one
+// allocation, filled in place, level by level. All grids that do not come from a .nvdb file use it.
 #pragma once
 
 #include <cstring>
@@ -19,11 +19,11 @@
 namespace sheaf::volume {
 
 struct NodeCounts {
-  uint32_t root_tiles = 0;  // Of the root's table: upper nodes and values.
+  uint32_t root_tiles = 0;  // Entries of the root's table: upper nodes and values.
   uint64_t upper = 0, lower = 0, leaf = 0;
 };
 
-// Writes what a grid's head says beside its tree.
+// Writes the metadata of a grid, without its tree.
 void FillHead(const std::string& name, const Matrix4& medium_from_index, nanovdb::GridType type,
               uint64_t size_bytes, nanovdb::GridData* head);
 
@@ -36,13 +36,14 @@ class ImageBuilder {
   using Leaf = nanovdb::NanoLeaf<BuildT>;
   using Value = typename Root::ValueType;
 
-  // Errors: kResourceExhausted beyond limits.grid_bytes_max or where memory is short.
+  // Errors: kResourceExhausted beyond limits.grid_bytes_max or if memory is short.
   static absl::StatusOr<ImageBuilder> Make(const std::string& where, const std::string& name,
                                            const Matrix4& medium_from_index,
                                            const NodeCounts& counts, Value background,
                                            const VolumeLimits& limits);
 
-  // The next node of its level, all background and inactive. Requires: not more than were counted.
+  // The next node of its level, all background and inactive.
+  // Requires: the counted number is not exceeded.
   Upper* AddUpper(Index3 origin) {
     Upper* node = Next(&upper_, upper_end_);
     Clear(node);
@@ -62,7 +63,7 @@ class ImageBuilder {
   Leaf* AddLeaf(Lower* parent, uint32_t n) {
     Leaf* leaf = Next(&leaf_, leaf_end_);
     SetChild(parent, n, leaf);
-    return leaf;  // Zeroed but for its values, which are for the caller to set, all of them.
+    return leaf;  // Zeroed except for its values, all of which the caller must set.
   }
   VolumeBytes TakeImage() && { return std::move(image_); }
 
@@ -110,7 +111,8 @@ absl::StatusOr<ImageBuilder<BuildT>> ImageBuilder<BuildT>::Make(
   const auto align = [](uint64_t v) {
     return (v + NANOVDB_DATA_ALIGNMENT - 1) / NANOVDB_DATA_ALIGNMENT * NANOVDB_DATA_ALIGNMENT;
   };
-  constexpr uint64_t kCountMax = uint64_t{1} << 40;  // Times any node's size: below 2^64.
+  constexpr uint64_t kCountMax = uint64_t{1}
+                                 << 40;  // The product with any node's size is below 2^64.
   const uint64_t root_at = sizeof(nanovdb::GridData) + sizeof(nanovdb::TreeData<3>);
   const uint64_t upper_at =
       align(root_at + sizeof(Root) + uint64_t{counts.root_tiles} * sizeof(typename Root::Tile));

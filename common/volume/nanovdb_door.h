@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The one door to NanoVDB: its node types, and what our files of this folder share about walking
-// them. Nothing outside this folder sees a NanoVDB type.
+// The only header that includes NanoVDB: its node types, and shared helpers of this folder for
+// walking them. NanoVDB types are not visible outside this folder.
 #pragma once
 
 #pragma GCC diagnostic push
@@ -38,7 +38,7 @@ auto WithScalarType(VolumeValueType type, const Function& function) {
       return function.template operator()<float>();
   }
 }
-// The same, vectors included.
+// The same, including vectors.
 template <typename Function>
 auto WithType(VolumeValueType type, const Function& function) {
   if (type == VolumeValueType::kVec3f) return function.template operator()<nanovdb::Vec3f>();
@@ -50,7 +50,7 @@ const nanovdb::NanoRoot<BuildT>& RootOf(const VolumeBytes& image) {
   return reinterpret_cast<const nanovdb::NanoGrid<BuildT>*>(image.data())->tree().root();
 }
 
-// The bytes of a leaf. Requires: its fixed head lies in the image.
+// The size of a leaf in bytes. Requires: its fixed head lies in the image.
 template <typename BuildT>
 uint64_t LeafBytes(const nanovdb::NanoLeaf<BuildT>& leaf) {
   if constexpr (std::is_same_v<BuildT, nanovdb::FpN>) {
@@ -60,7 +60,7 @@ uint64_t LeafBytes(const nanovdb::NanoLeaf<BuildT>& leaf) {
   }
 }
 
-// Where the children of internal nodes lie: child n of a node of 2^log2 children a side.
+// The origin of child n of an internal node with 2^log2_side children per side.
 inline Index3 ChildOrigin(Index3 origin, uint32_t n, uint32_t log2_side, uint32_t log2_child) {
   const uint32_t mask = (1u << log2_side) - 1;
   return {origin[0] + static_cast<int32_t>((n >> (2 * log2_side)) << log2_child),
@@ -68,13 +68,13 @@ inline Index3 ChildOrigin(Index3 origin, uint32_t n, uint32_t log2_side, uint32_
           origin[2] + static_cast<int32_t>((n & mask) << log2_child)};
 }
 
-// nanovdb's mask as words, to step over what is off.
+// Calls function(n) for each set bit n of a NanoVDB mask, skipping empty words.
 template <typename MaskT, typename Function>
 void ForEachOn(const MaskT& mask, const Function& function) {
   for (auto it = mask.beginOn(); it; ++it) function(*it);
 }
 
-// A value as the number whose range is kept: vectors by their length.
+// The number whose range is recorded: the length of a vector.
 inline float Magnitude(float v) { return v; }
 inline float Magnitude(const nanovdb::Vec3f& v) {
   return std::sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);

@@ -41,7 +41,7 @@ std::optional<VolumeValueType> TypeOf(nanovdb::GridType type) {
   }
 }
 
-// What values are met, kept so that ranges joined in any order give the same.
+// The range of the values seen; joining ranges in any order gives the same result.
 struct Seen {
   float min = std::numeric_limits<float>::infinity();
   float max = -std::numeric_limits<float>::infinity();
@@ -95,7 +95,7 @@ class Verifier {
   uint64_t OffsetOf(const void* node) const {
     return static_cast<uint64_t>(static_cast<const std::byte*>(node) - image_.data());
   }
-  // The node at `delta_bytes` from `base`; null where it does not lie in the image, aligned.
+  // The node at `delta_bytes` from `base`; null if it is not aligned or not inside the image.
   template <typename Node>
   const Node* NodeAt(const void* base, int64_t delta_bytes) const {
     int64_t offset = 0;
@@ -202,7 +202,7 @@ class Verifier {
       const auto* leaf = NodeAt<Leaf>(node, data.mTable[n].child);
       if (leaf == nullptr) return Broken("a leaf lies outside");
       if constexpr (std::is_same_v<BuildT, nanovdb::FpN>) {
-        // Codes of 1 to 16 bits: what a look-up knows how to read.
+        // Lookups support codes of 1 to 16 bits.
         if ((leaf->data()->mFlags >> 5) > 4) return Broken("a leaf has codes of unknown width");
       }
       if (image_.size() - OffsetOf(leaf) < LeafBytes<BuildT>(*leaf)) {
@@ -259,7 +259,7 @@ class Verifier {
   }
   void AddLeafValues(uint64_t offset_bytes, Seen* seen) const {
     const auto& leaf = *reinterpret_cast<const Leaf*>(image_.data() + offset_bytes);
-    // Lanes, so that the loop runs in vector instructions.
+    // Separate lanes, so that the loop is vectorized.
     constexpr uint32_t kLanes = 16;
     Seen lanes[kLanes];
     for (uint32_t n = 0; n < Leaf::SIZE; n += kLanes) {

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The verifier of NanoVDB images. Such a file is memory as its writer had it, with offsets between
-// nodes, and nobody vouches for it. After VerifyImage no look-up can read outside the image.
+// Verifies NanoVDB images. Such a file is a memory image of its writer, with offsets between nodes,
+// and untrusted. After VerifyImage no lookup can read outside the image.
 #pragma once
 
 #include <string>
@@ -12,13 +12,14 @@
 
 namespace sheaf::volume {
 
-// What the head of an image says, once it fits. Errors: kInvalidArgument, kResourceExhausted.
+// The properties in the head of an image, after checking it.
+// Errors: kInvalidArgument, kResourceExhausted.
 absl::StatusOr<VolumeGridInfo> VerifyHead(const VolumeBytes& image, const std::string& where,
                                           const VolumeLimits& limits);
 
 // Walks from the root to every leaf; completes bounds, counts and range of *info.
 // Requires: *info came from VerifyHead of this image.
-// Errors: kDataLoss where an offset leads out of the image, is not aligned, or nodes are shared;
+// Errors: kDataLoss if an offset leads out of the image, is not aligned, or nodes are shared;
 // kInvalidArgument for NaN, infinity and coordinates beyond the limits.
 absl::Status VerifyNodes(const VolumeBytes& image, const std::string& where,
                          const VolumeLimits& limits, int thread_count, VolumeGridInfo* info);

@@ -13,14 +13,14 @@ namespace sheaf::volume {
 namespace {
 
 constexpr uint32_t kNameBytesMax = 4096;
-// Blosc packs at most this much at a time.
+// Blosc compresses at most this much at a time.
 constexpr uint64_t kBloscChunkBytes = uint64_t{1} << 30;
-// No codec gives more from a byte: zlib ends at 1032, Blosc (lz4) at 255.
+// Maximum expansion of all codecs: zlib reaches 1032, Blosc (lz4) 255.
 constexpr uint64_t kExpansionMax = 1040;
 
 enum Codec : uint16_t { kNone = 0, kZip = 1, kBlosc = 2 };
 
-// As files have them, byte for byte.
+// The layout in files, byte for byte.
 struct FileHead {
   uint64_t magic;
   uint32_t version;
@@ -72,7 +72,7 @@ absl::Status CheckHead(const std::string& file_name, const FileHead& head) {
   return absl::OkStatus();
 }
 
-// The packed bytes at *offset, which their length precedes.
+// The compressed bytes at *offset, preceded by their length.
 absl::Status ReadPacked(const std::string& file_name, const FileBytes& file, uint64_t* offset,
                         std::unique_ptr<std::byte[]>* packed, uint64_t* packed_bytes) {
   if (!file.Read(*offset, sizeof(*packed_bytes), packed_bytes)) return CutShort(file_name);

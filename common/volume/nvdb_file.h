@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Reading .nvdb files; see volume_file.h for the meaning of arguments and errors.
-// Source: the layout as NanoVDB's IO.h documents it (segments of a header, entries and data).
+// Reads .nvdb files; volume_file.h describes arguments and errors. Source: the layout as NanoVDB's
+// IO.h documents it (segments of a header, entries and data).
 #pragma once
 
 #include <string>

@@ -25,7 +25,7 @@ std::span<const std::byte> AsBytes(const std::string& bytes) {
   return std::as_bytes(std::span(bytes.data(), bytes.size()));
 }
 
-// Where a matrix is stored it multiplies row vectors from the right.
+// A stored matrix multiplies row vectors from the right.
 Matrix4 ReadRowMatrix(VdbStream* in) {
   Matrix4 m;
   for (size_t row = 0; row < 4; ++row) {
@@ -38,10 +38,10 @@ Vec3d ReadVector(VdbStream* in) {
   return {x, y, z};
 }
 
-// medium_from_index. Errors: kInvalidArgument for what is not affine.
+// medium_from_index. Errors: kInvalidArgument if it is not affine.
 absl::StatusOr<Matrix4> ReadTransform(const std::string& where, const std::string& grid,
                                       VdbStream* in) {
-  // Beside the scales stand their inverse, its square and half, and the voxel size.
+  // The scales are followed by their inverse, its square and half, and the voxel size.
   constexpr int kDerivedVectors = 4;
   const std::string type = in->GetString();
   Matrix4 m;
@@ -100,7 +100,7 @@ absl::StatusOr<std::vector<VdbEntry>> ListVdb(const std::string& file_name,
   for (int32_t i = 0; i < count; ++i) {
     VdbEntry entry;
     const std::string unique_name = in.GetString();
-    // Names that occur twice are told apart by what follows this character.
+    // Duplicate names are distinguished by a suffix after this character.
     entry.name = unique_name.substr(0, unique_name.find('\x1e'));
     std::string type = in.GetString();
     entry.is_half = absl::EndsWith(type, "_HalfFloat");

@@ -1,10 +1,10 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Reading OpenVDB's .vdb files without OpenVDB, which trusts what it reads: trees of float and of
-// three floats, in full or half precision, with every compression OpenVDB writes. Files since
-// version 222 of the format (OpenVDB 1.0, 2013).
-// Source: the format as OpenVDB's io/Archive.h, io/Compression.h and tree/*.h define it.
+// Reads OpenVDB's .vdb files without OpenVDB, which trusts its input: trees of float and of three
+// floats, in full or half precision, with every compression OpenVDB writes. Files since version 222
+// of the format (OpenVDB 1.0, 2013). Source: the format as OpenVDB's io/Archive.h, io/Compression.h
+// and tree/*.h define it.
 #pragma once
 
 #include <string>

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// VdbStream: a place in the bytes of a .vdb file. A read beyond the end fails it for good and gives
-// zeros, so that a reader asks once, at the end of what belongs together.
+// VdbStream: a position in the bytes of a .vdb file. A read beyond the end fails permanently and
+// gives zeros, so a reader checks only once, at the end of a unit.
 #pragma once
 
 #include <algorithm>
@@ -58,7 +58,7 @@ class VdbStream {
     Read(text.data(), text.size());
     return text;
   }
-  // What a metadata map holds is not needed to read a tree.
+  // The contents of a metadata map are not needed to read a tree.
   void SkipMetadata() {
     const auto count = Get<uint32_t>();
     for (uint32_t i = 0; i < count && ok_; ++i) {
@@ -67,8 +67,8 @@ class VdbStream {
       Skip(Get<uint32_t>());
     }
   }
-  // A block of values: as it is, or its length and then packed; a length not above zero says that
-  // packing did not pay. out.data() == nullptr: passes over it.
+  // A block of values: either raw, or its length and then compressed; a length of zero or less
+  // means that compression did not help. out.data() == nullptr: skips the block.
   void ReadBlock(uint32_t compression, std::span<std::byte> out) {
     if ((compression & (kZip | kBlosc)) == 0) {
       out.data() != nullptr ? Read(out.data(), out.size()) : void(Skip(out.size()));

@@ -1,8 +1,9 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The tree of a .vdb grid into a NanoVDB image: once to count its nodes, once to fill them in. Both
-// trees have the same shape (32^3, 16^3, 8^3) and the same order within a node.
+// Reads the tree of a .vdb grid into a NanoVDB image, in two passes: one counts its nodes, the
+// other fills them in. Both trees have the same shape (32^3, 16^3, 8^3) and the same order within a
+// node.
 #pragma once
 
 #include <array>
@@ -17,12 +18,12 @@
 namespace sheaf::volume {
 
 struct VdbTreeSource {
-  VdbStream in;  // At the beginning of the tree.
+  VdbStream in;  // At the start of the tree.
   uint32_t compression;
   bool is_half;
 };
 
-// IEEE 754 binary16, exactly.
+// Exact conversion from IEEE 754 binary16.
 inline float FloatOfHalf(uint16_t half) {
   const uint32_t sign = uint32_t{half & 0x8000u} << 16;
   const uint32_t exponent = (half >> 10) & 31u, fraction = half & 1023u;
@@ -46,9 +47,9 @@ class VdbTreeReader {
   VdbTreeReader(const VdbTreeSource& source, Builder* builder)
       : in_(source.in), source_(source), builder_(builder) {}
 
-  // Where builder is null: counts alone. False where the file is damaged.
+  // If builder is null, only counts nodes. False if the file is damaged.
   bool ReadTopology() {
-    in_.Get<int32_t>();  // Buffers: one.
+    in_.Get<int32_t>();  // Number of buffers: one.
     background_ = in_.Get<Value>();
     const auto tiles = in_.Get<uint32_t>(), children = in_.Get<uint32_t>();
     for (uint32_t i = 0; i < tiles && in_.ok(); ++i) {
@@ -70,7 +71,7 @@ class VdbTreeReader {
     }
     return in_.ok();
   }
-  // After ReadTopology: the values of the leaves, in the order they came.
+  // Call after ReadTopology: reads the values of the leaves, in file order.
   bool ReadLeaves() {
     for (size_t i = 0; i < leaves_.size() && in_.ok(); ++i) {
       Mask<3> mask;
@@ -110,12 +111,12 @@ class VdbTreeReader {
       ReadInternal<4>(node != nullptr ? builder_->AddLower(node, n) : nullptr);
     } else {
       ++counts_.leaf;
-      in_.Skip(sizeof(Mask<3>));  // It comes again with the values.
+      in_.Skip(sizeof(Mask<3>));  // It is repeated with the values.
       if (node != nullptr && in_.ok()) leaves_.push_back(builder_->AddLeaf(node, n));
     }
   }
 
-  // What the byte before a node's values says of those that are not stored.
+  // The byte before a node's values: the encoding of the values that are not stored.
   enum Inactive : int8_t {
     kBackground = 0,
     kMinusBackground = 1,
@@ -126,7 +127,7 @@ class VdbTreeReader {
     kAllStored = 6
   };
 
-  // out == nullptr: passes over them.
+  // out == nullptr: skips the values.
   template <uint32_t kLog2>
   void ReadValues(const Mask<kLog2>& active, Value* out) {
     constexpr size_t kCount = size_t{1} << (3 * kLog2);
@@ -164,10 +165,10 @@ class VdbTreeReader {
       }
     }
   }
-  // Into numbers_, as floats.
+  // Reads into numbers_, as floats.
   void ReadNumbers(size_t value_count, bool wanted) {
     const size_t count = value_count * kFloats;
-    if (source_.is_half && count == 0) return;  // Of no half there is not even the length.
+    if (source_.is_half && count == 0) return;  // Without halves even the length is absent.
     numbers_.resize(std::max(numbers_.size(), count));
     if (!source_.is_half) {
       in_.ReadBlock(source_.compression,
@@ -193,7 +194,7 @@ class VdbTreeReader {
   std::vector<typename Builder::Leaf*> leaves_;
 };
 
-// Errors: kDataLoss where the file is damaged; kResourceExhausted beyond the limits.
+// Errors: kDataLoss if the file is damaged; kResourceExhausted beyond the limits.
 template <typename BuildT>
 absl::StatusOr<VolumeBytes> ReadVdbTree(const std::string& where, const std::string& name,
                                         const Matrix4& medium_from_index,

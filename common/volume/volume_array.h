@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Volume grids from dense arrays, as scene files hold them between brackets.
+// Volume grids from dense arrays, as scene files contain them.
 #pragma once
 
 #include <array>
@@ -14,9 +14,9 @@
 namespace sheaf {
 
 // An array of nx * ny * nz values over a box of medium space. Shape: [nz][ny][nx]. Value (x, y, z)
-// sits at ((x + 1/2) / nx, ...) of the box; beyond the outermost values it falls to 0 within one
-// voxel, as pbrt-v4's sampled grids do. Blocks of zeros take no memory.
-// Errors: kInvalidArgument where sizes and bounds make no grid or a value is not finite;
+// is at ((x + 1/2) / nx, ...) of the box; beyond the outermost values it falls to 0 within one
+// voxel, as in pbrt-v4's sampled grids. Blocks of zeros take no memory.
+// Errors: kInvalidArgument if sizes and bounds do not form a grid or a value is not finite;
 // kResourceExhausted beyond the limits. Messages begin with `where`.
 struct VolumeArrayShape {
   std::array<int32_t, 3> size{};  // nx, ny, nz.
@@ -26,7 +26,7 @@ absl::StatusOr<VolumeGrid> VolumeGridFromArray(const std::string& where, const s
                                                const VolumeArrayShape& shape,
                                                std::span<const float> values,
                                                const VolumeLimits& limits = {});
-// The same of triples (colours): a grid of vectors.
+// The same for triples (colors): a grid of vectors.
 absl::StatusOr<VolumeGrid> VolumeGridFromArray(const std::string& where, const std::string& name,
                                                const VolumeArrayShape& shape,
                                                std::span<const Vec3f> values,

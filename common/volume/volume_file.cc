@@ -12,7 +12,7 @@ namespace sheaf {
 namespace {
 
 constexpr uint64_t kNanovdbMagic = 0x304244566f6e614e;  // "NanoVDB0".
-// Of a file that is read whole, as .vdb files are: they are compressed.
+// Limit for files that are read whole, like .vdb files, which are compressed.
 constexpr uint64_t kVdbFileBytesMax = uint64_t{16} << 30;
 
 template <typename Entry>

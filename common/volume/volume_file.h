@@ -1,8 +1,9 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Volume grids from files: NanoVDB's .nvdb and OpenVDB's .vdb, told apart by how they begin. Both
-// are untrusted: sizes are compared with the file's and with the limits before memory is taken.
+// Volume grids from files: NanoVDB's .nvdb and OpenVDB's .vdb, distinguished by their first bytes.
+// Both are untrusted: sizes are compared with the file's and with the limits before memory is
+// allocated.
 #pragma once
 
 #include <string>
@@ -17,20 +18,21 @@ namespace sheaf {
 struct VolumeFileEntry {
   std::string name;
   VolumeRole role = VolumeRole::kOther;
-  std::string type_name;  // The file's word for the type of values.
+  std::string type_name;  // The file's name for the type of values.
   bool can_be_read = false;
-  uint64_t offset_bytes = 0;  // Of the grid's data (.nvdb) or its descriptor's end (.vdb).
+  uint64_t offset_bytes = 0;  // Offset of the grid's data (.nvdb) or its descriptor's end (.vdb).
 };
 
-// file_name: as the scene writes it, for messages, which begin with it.
-// Errors: kNotFound; kInvalidArgument where it is neither kind of file; kDataLoss where it is cut
-// short or damaged; kResourceExhausted beyond the limits.
+// file_name: as the scene writes it; messages begin with it.
+// Errors: kNotFound; kInvalidArgument if it is neither kind of file; kDataLoss if it is truncated
+// or damaged; kResourceExhausted beyond the limits.
 absl::StatusOr<std::vector<VolumeFileEntry>> ListVolumeFile(const std::string& file_name,
                                                             const std::string& local_path,
                                                             const VolumeLimits& limits = {});
 
-// The first grid of that name. Errors: also kNotFound, with the names there are; kInvalidArgument
-// for types and transforms that cannot be read (vectors of double, frustums, ...).
+// The first grid of that name.
+// Errors: as ListVolumeFile; also kNotFound, listing the names in the file; kInvalidArgument for
+// unsupported types and transforms (vectors of double, frustums, ...).
 absl::StatusOr<VolumeGrid> ReadVolumeGrid(const std::string& file_name,
                                           const std::string& local_path,
                                           const std::string& grid_name,

@@ -31,7 +31,7 @@ float Ramp(const Voxel& v) {
          0.25f * static_cast<float>(v[2] + 40);
 }
 float Lumps(const Voxel& v) {
-  const int64_t x = v[0], y = v[1], z = v[2];  // Voxels lie as far off as int32_t reaches.
+  const int64_t x = v[0], y = v[1], z = v[2];  // Voxels lie as far away as int32_t reaches.
   return static_cast<float>((x * 7 + y * 13 + z * 5) & 15) / 16;
 }
 
@@ -52,7 +52,7 @@ class VolumeFileTest : public ::testing::Test {
   const std::string path_ = testing::TemporaryPath("volume");
 };
 
-// Every voxel, and one beyond the edge, as the writer had it.
+// Compares every voxel, and one beyond the edge, with the written values.
 void ExpectVoxels(const VolumeGrid& grid, const GridToWrite& written, float tolerance) {
   VolumeGrid::Cursor cursor(grid);
   for (int32_t x = written.lo[0] - 1; x <= written.hi[0] + 1; ++x) {
@@ -85,7 +85,7 @@ TEST_F(VolumeFileTest, ReadsNvdbOfEveryCodec) {
 }
 
 TEST_F(VolumeFileTest, ReadsNvdbOfEveryType) {
-  // What is lost is half a step of the codes over the range of a leaf, which is at most 1 here.
+  // The error is half a step of the codes over the range of a leaf, which is at most 1 here.
   const struct {
     const char* type;
     float tolerance;
@@ -138,7 +138,7 @@ TEST_F(VolumeFileTest, ReadsVdbOfHalvesStreamsAndOddBackgrounds) {
     for (const bool blosc : {false, true}) {
       const auto grid = Read(VdbFile({written}, {.zip = zip, .blosc = blosc, .half = true}));
       ASSERT_TRUE(grid.ok()) << grid.status();
-      ExpectVoxels(*grid, written, 0);  // Sixteenths are halves.
+      ExpectVoxels(*grid, written, 0);  // Halves hold sixteenths exactly.
     }
   }
   written.background = 0.5f;

@@ -22,7 +22,7 @@ constexpr double kIndexAbsMax = 0x1p30;
 template <typename BuildT>
 using Accessor = nanovdb::ReadAccessor<BuildT, 0, 1, 2>;
 
-// a at w = 0, b as w comes to 1, and never beyond either: with w <= 1 - 2^-24 the rounded
+// a at w = 0, b as w approaches 1, and never beyond either: with w <= 1 - 2^-24 the rounded
 // difference times w stays within the exact one, and rounding is monotone.
 float Lerp(float w, float a, float b) { return std::fma(w, b - a, a); }
 nanovdb::Vec3f Lerp(float w, const nanovdb::Vec3f& a, const nanovdb::Vec3f& b) {
@@ -33,7 +33,7 @@ struct Split {
   nanovdb::Coord voxel;
   float w[3];  // In [0, 1 - 2^-24].
 };
-// False where p is beyond all voxels or not finite.
+// False if p is beyond all voxels or not finite.
 bool SplitPoint(Vec3d p, Split* split) {
   for (size_t a = 0; a < 3; ++a) {
     if (!(std::fabs(p[a]) < kIndexAbsMax)) return false;
@@ -44,7 +44,7 @@ bool SplitPoint(Vec3d p, Split* split) {
   return true;
 }
 
-constexpr uint32_t kLeafMask = 7;  // Of coordinates: the part within a leaf.
+constexpr uint32_t kLeafMask = 7;  // Bits of a coordinate within a leaf.
 
 template <typename ValueT>
 ValueT Trilinear(const ValueT (&v)[8], const float (&w)[3]) {
@@ -52,19 +52,19 @@ ValueT Trilinear(const ValueT (&v)[8], const float (&w)[3]) {
               Lerp(w[1], Lerp(w[2], v[4], v[5]), Lerp(w[2], v[6], v[7])));
 }
 
-// The voxels ijk + (c >> 2, c >> 1 & 1, c & 1), c < 8, which lie in several leaves or tiles: each
-// of those is looked for once.
+// Reads the voxels ijk + (c >> 2, c >> 1 & 1, c & 1), c < 8, which lie in several leaves or tiles;
+// looks up each of these once.
 template <typename BuildT, typename ValueT>
 void ReadAcrossLeaves(const Accessor<BuildT>& accessor, nanovdb::Coord ijk, ValueT (&v)[8]) {
   const auto local = [&](int axis, uint32_t step) {
     return (static_cast<uint32_t>(ijk[axis]) + step) & kLeafMask;
   };
-  uint32_t crossing = 0;  // The axes on which a step leads into the next leaf.
+  uint32_t crossing = 0;  // The axes on which a step enters the next leaf.
   for (int axis = 0; axis < 3; ++axis) {
     crossing |= static_cast<uint32_t>(local(axis, 0) == kLeafMask) << (2 - axis);
   }
   const uint32_t within = ~crossing & 7;
-  // Subsets of both masks, the whole first.
+  // Subsets of both masks, the full one first.
   for (uint32_t first = crossing;; first = (first - 1) & crossing) {
     const nanovdb::Coord at = ijk + nanovdb::Coord(static_cast<int32_t>(first >> 2),
                                                    static_cast<int32_t>((first >> 1) & 1),
@@ -129,7 +129,7 @@ bool Contains(const std::string& text, std::initializer_list<const char*> words)
   return false;
 }
 
-// The value of all voxels of [lo, hi] where the tree holds one; see VolumeGrid::UniformValue.
+// The common value of all voxels of [lo, hi] if the tree has one; see VolumeGrid::UniformValue.
 template <typename BuildT>
 class UniformSearch {
   using ValueT = typename nanovdb::NanoRoot<BuildT>::ValueType;
@@ -165,7 +165,7 @@ class UniformSearch {
     if (!value_) value_ = value;
     return *value_ == value;
   }
-  // The part of the box in a node of 2^log2 a side.
+  // The part of the box in a node with sides of 2^log2 voxels.
   bool Overlap(Index3 origin, uint32_t log2, Index3* from, Index3* to) const {
     for (size_t a = 0; a < 3; ++a) {
       (*from)[a] = std::max(lo_[a], origin[a]);
@@ -214,7 +214,7 @@ void ReadVoxels(const Accessor<BuildT>& accessor, Index3 lo, Index3 hi, const Ou
   for (int32_t x = lo[0]; x <= hi[0]; ++x) {
     for (int32_t y = lo[1]; y <= hi[1]; ++y) {
       for (int32_t z = lo[2]; z <= hi[2];) {
-        // As far as the leaf or tile goes.
+        // To the end of the leaf or tile.
         const int32_t last = std::min(hi[2], z | 7);
         const auto* leaf = accessor.probeLeaf({x, y, z});
         if (leaf == nullptr) {
@@ -234,7 +234,7 @@ void ReadVoxels(const Accessor<BuildT>& accessor, Index3 lo, Index3 hi, const Ou
 
 VolumeRole VolumeRoleOf(const std::string& grid_name) {
   const std::string name = absl::AsciiStrToLower(grid_name);
-  // Source: the names that OpenVDB's own tools, Houdini and EmberGen give.
+  // Source: the names used by OpenVDB's own tools, Houdini and EmberGen.
   if (Contains(name, {"temperature", "heat"}) || name == "temp") return VolumeRole::kTemperature;
   if (Contains(name, {"velocity"}) || name == "vel" || name == "v") return VolumeRole::kVelocity;
   if (Contains(name, {"flame", "emission", "fire"}) || name == "le") return VolumeRole::kEmission;

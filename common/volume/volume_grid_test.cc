@@ -79,7 +79,7 @@ TEST(VolumeGridTest, AnArrayIsLookedUpAsPbrtDoes) {
 }
 
 TEST(VolumeGridTest, ALookUpStaysBetweenItsVoxelsToTheBit) {
-  // Values over 60 orders of magnitude, points a rounding away from voxels.
+  // Values over 60 orders of magnitude, and points within a rounding error of voxels.
   std::vector<float> values = RandomValues(16 * 16 * 16, 3);
   uint64_t state = 11;
   for (float& v : values) v = std::ldexp(v, static_cast<int>(Random(&state) * 200) - 100);
@@ -154,8 +154,8 @@ TEST(VolumeGridTest, RolesFollowNames) {
   EXPECT_EQ(VolumeRoleOf("ls_bunny"), VolumeRole::kOther);
 }
 
-// An image with some of its words changed is refused, or is a grid whose look-ups stay inside:
-// AddressSanitizer watches them.
+// An image with some of its words changed is rejected, or is a grid whose lookups stay inside the
+// image; AddressSanitizer checks them.
 TEST(VolumeGridTest, DamagedImagesAreRefusedOrHarmless) {
   for (const char* type : {"float", "Fp4", "FpN", "Vec3f"}) {
     testing::GridToWrite written{
@@ -164,7 +164,7 @@ TEST(VolumeGridTest, DamagedImagesAreRefusedOrHarmless) {
         }};
     written.type = type;
     const std::string file = testing::NvdbFile({written}, testing::NvdbCodec::kNone);
-    // Behind the file's head, the entry and the name.
+    // After the file's head, the entry and the name.
     const std::string image = file.substr(16 + 176 + sizeof("density"));
     uint64_t state = 5;
     int read_count = 0, refused_count = 0;
