@@ -66,8 +66,7 @@ enum class FilmChannel : uint8_t {
   kNormalZ,
   kDepth,
   kSampleCount,     // Finite samples.
-  kNonFiniteCount,  // Samples that were not finite or beyond kSampleMagnitudeMax; excluded from all
-                    // other sums.
+  kNonFiniteCount,  // Samples not finite or beyond kSampleMagnitudeMax; in no other sum.
   kCount
 };
 inline constexpr size_t kFilmChannelCount = static_cast<size_t>(FilmChannel::kCount);
@@ -110,7 +109,7 @@ class FilmTile {
   const float* mean(size_t index, size_t part) const {
     return means_.data() + (2 * index + part) * plane_size_;
   }
-  // Has pixels where outputs().HasIds(kind).
+  // Has pixels only if outputs().HasIds(kind).
   IdSums& ids(IdKind kind) { return ids_[static_cast<size_t>(kind)]; }
   const IdSums& ids(IdKind kind) const { return ids_[static_cast<size_t>(kind)]; }
   size_t plane_size() const { return plane_size_; }

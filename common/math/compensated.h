@@ -11,7 +11,7 @@
 
 namespace sheaf {
 
-// a b - c d with an error of at most 1.5 ulp of the result, where the plain form may lose every
+// a b - c d with an error of at most 1.5 ulp of the result; the plain form may lose every
 // digit. Source: Jeannerod, Louvet, Muller 2013, "Further analysis of Kahan's algorithm".
 template <typename T>
 inline T DifferenceOfProducts(T a, T b, T c, T d) {

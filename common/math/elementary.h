@@ -97,7 +97,7 @@ inline SinCosPair<T> Rotate(SinCosPair<T> p, uint32_t quadrant) {
   return {quadrant & 2 ? -s : s, (quadrant + 1) & 2 ? -c : c};
 }
 
-// Good to 2^-36: the series end where the next term is smaller on |r| <= pi/4.
+// Accurate to 2^-36: the series end where the next term is smaller for |r| <= pi/4.
 inline SinCosPair<double> SinCosForFloat(float x) {
   const double argument = TrigArgument(static_cast<double>(x));
   const Quadrant q = NearestQuadrant(argument);

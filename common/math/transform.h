@@ -19,7 +19,7 @@ struct Matrix4 {
 
 Matrix4 operator*(const Matrix4& a, const Matrix4& b);
 Matrix4 Transpose(const Matrix4& a);
-// Determinant of the upper-left 3x3 block; its sign says whether handedness flips.
+// Determinant of the upper-left 3x3 block; negative if handedness flips.
 double Determinant3(const Matrix4& a);
 // Returns false (and leaves *inverse unchanged) if the matrix is singular or not finite.
 bool Invert(const Matrix4& a, Matrix4* inverse);
@@ -29,7 +29,7 @@ Matrix4 ScaleMatrix(Vec3d factors);
 // Rotation by angle_degrees about axis, counter-clockwise if the axis points at the viewer.
 // Requires: axis is not the zero vector.
 Matrix4 RotateMatrix(double angle_degrees, Vec3d axis);
-// world_from_camera of a left-handed camera at eye looking at `at` along +z. False when degenerate.
+// world_from_camera of a left-handed camera at eye looking at `at` along +z. False if degenerate.
 bool LookAtMatrix(Vec3d eye, Vec3d at, Vec3d up, Matrix4* world_from_camera);
 
 Vec3d TransformPoint(const Matrix4& a, Vec3d p);   // Divides by w if the last row is projective.

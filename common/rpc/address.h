@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// "host:port" as people write it.
+// Network addresses, written "host:port".
 #pragma once
 
 #include <cstdint>

@@ -110,8 +110,7 @@ struct DiffuseTransmissionMaterial {
 };
 struct ConductorMaterial {
   RoughnessInput roughness;
-  bool has_reflectance =
-      false;  // True: reflectance determines eta and k. False: eta and k are given.
+  bool has_reflectance = false;  // Whether reflectance determines eta and k.
   ColorInput reflectance, eta, k;
 };
 // Relative index of refraction. RGB transport uses mean; spectrum is kRgb, and unused, if the index

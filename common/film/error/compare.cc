@@ -75,7 +75,7 @@ double RatioOfMeans(double image, double reference) {
   return image == 0 ? 1 : kInfinity;
 }
 
-// Sums over one channel of both pictures.
+// Sums over one channel of both images.
 struct ChannelSums {
   double reference = 0, image = 0, squares = 0;
   uint64_t count = 0;

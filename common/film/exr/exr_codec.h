@@ -39,7 +39,7 @@ struct PartHeader {
 // sheaf:pixelStridePx and sheaf:pixelSeed (PixelLattice), or sheaf:cellSizePx and sheaf:cells
 // (TileCells; decimal strings); with outputs, sheaf:outputs; sheaf:ids.KIND: the ids' names,
 // "NUMBER NAME" per line with C escapes.
-// Requires: the tile has the header's cells (WhyNoCells); they are not some cells of a lattice.
+// Requires: the tile has the header's cells (WhyNoCells); not both a lattice and cells.
 std::string EncodePart(const FilmTile& tile, const PartHeader& header);
 struct DecodedPart {
   FilmTile tile;

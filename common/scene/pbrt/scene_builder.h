@@ -65,7 +65,7 @@ class SceneBuilder {
   void TransformEnd(SourceLocation location);
   void ObjectBegin(const std::string& name, SourceLocation location);
   void ObjectEnd(SourceLocation location);
-  bool ImportBegin(SourceLocation location);  // False (reported) where Import is not allowed.
+  bool ImportBegin(SourceLocation location);  // False (reported) if Import is not allowed.
   void ImportEnd(SourceLocation location);
   void EndOfScene();
 

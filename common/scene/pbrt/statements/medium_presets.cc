@@ -7,7 +7,7 @@
 namespace sheaf {
 namespace {
 
-// Reduced scattering, absorption; per millimetre.
+// Reduced scattering, absorption; per millimeter.
 constexpr MeasuredMedium kMeasured[] = {
     {"Apple", {2.29f, 2.39f, 1.97f}, {0.0030f, 0.0034f, 0.046f}},
     {"Chicken1", {0.15f, 0.21f, 0.38f}, {0.015f, 0.077f, 0.19f}},

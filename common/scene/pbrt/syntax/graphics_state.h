@@ -25,7 +25,7 @@ struct GraphicsState {
   Primaries primaries = Primaries::kSrgb;  // For the rgb values that follow.
   int32_t material = kNone;                // kNone: the default material.
   int32_t area_light = kNone;
-  MediumBoundary media;  // For the surfaces that follow; the camera is in its outside.
+  MediumBoundary media;  // For the surfaces that follow; the camera is in the outside medium.
   // Parameters that Attribute gives to later directives, by target ("shape", "light" ...).
   std::map<std::string, std::vector<Parameter>> attributes;
 
