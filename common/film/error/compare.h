@@ -47,7 +47,8 @@ absl::StatusOr<double> PerceivedDifference(const FramePicture& reference, const 
 struct TileDeviationLimits {
   int32_t tile_size_px = 16;
   double standard_errors_max = 5;  // K.
-  double mean_share_max = 0.015;   // Allowed beyond noise, over the reference's mean.
+  // Allowed beyond noise, as a fraction of the reference's tile mean.
+  double mean_share_max = 0.015;
   // Ratio of the image's samples per pixel to the reference's. The reference's own noise is not
   // recorded; its variance is taken to be the image's times this ratio. 0: the reference has
   // converged.
