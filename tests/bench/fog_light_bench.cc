@@ -108,7 +108,7 @@ Cost Measure(const CompiledScene& scene) {
   FilmTile tile(settings.window, {0, settings.samples});
   PixelAccumulator accumulator(&tile);
   RayCounts counts;
-  PathTracer<kTraits, const EmbreeScene, kDirectLight> tracer(scene, *scene.tracer, counts);
+  PathIntegrator<kTraits, const EmbreeScene, kDirectLight> tracer(scene, *scene.tracer, counts);
   const double start = ThreadCpuSeconds();
   for (int32_t y = 0; y < kSizePx; ++y) {
     for (int32_t x = 0; x < kSizePx; ++x) {

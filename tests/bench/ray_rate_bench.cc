@@ -68,7 +68,7 @@ std::vector<RecordedRay> Record(const CompiledScene& scene, const Work& work) {
   std::vector<RecordedRay> rays;
   RecordingTracer recorder(*scene.tracer, &rays);
   RayCounts counts;
-  PathTracer<kAllTraits, RecordingTracer> tracer(scene, recorder, counts);
+  PathIntegrator<kAllTraits, RecordingTracer> tracer(scene, recorder, counts);
   for (const PixelRect& tile : work.tiles) {
     for (int32_t y = tile.y0; y < tile.y1; ++y) {
       for (int32_t x = tile.x0; x < tile.x1; ++x) {

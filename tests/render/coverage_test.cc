@@ -135,7 +135,7 @@ struct HeavyCase {
 void PrintTo(const HeavyCase& c, std::ostream* out) { *out << c.name; }
 
 // The light at r from a point lamp goes with 1 / r^2, its square over a volume as the integral of
-// 1 / r^2: infinite. Lines would cure it (path_tracer_lines.h).
+// 1 / r^2: infinite. Lines would cure it (equiangular_sampling.h).
 TestScene LampInACloud(float density) {
   TestScene t({0, 0, -4}, {0, 0, 0}, 40);
   PointLight lamp;

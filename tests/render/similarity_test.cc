@@ -261,7 +261,7 @@ TileMean MeanBy(const SceneDescription& scene, FrameSettings settings, uint64_t 
   FilmTile tile(settings.window, {0, settings.samples});
   PixelAccumulator accumulator(&tile);
   RayCounts counts;
-  PathTracer<kAllTraits, const EmbreeScene, kDirectLight> tracer(*compiled, *compiled->tracer,
+  PathIntegrator<kAllTraits, const EmbreeScene, kDirectLight> tracer(*compiled, *compiled->tracer,
                                                                  counts);
   for (int32_t y = 0; y < settings.height_px; ++y) {
     for (int32_t x = 0; x < settings.width_px; ++x) {

@@ -63,7 +63,7 @@ template <DirectLight kDirectLight>
 void RenderPixels(const CompiledScene& scene, PixelAccumulator* accumulator) {
   const FrameSettings& settings = SettingsOf(scene);
   RayCounts counts;
-  PathTracer<kAllTraits, const EmbreeScene, kDirectLight> tracer(scene, *scene.tracer, counts);
+  PathIntegrator<kAllTraits, const EmbreeScene, kDirectLight> tracer(scene, *scene.tracer, counts);
   for (int32_t y = settings.window.y0; y < settings.window.y1; ++y) {
     for (int32_t x = settings.window.x0; x < settings.window.x1; ++x) {
       accumulator->Begin(x, y);

@@ -33,7 +33,7 @@ void RenderRow(const CompiledScene& scene, int32_t x0, int32_t x1, int32_t y, Sa
                PixelAccumulator* accumulator, RayCounts* counts) {
   RayCounts local;
   local.majorant_factor = counts->majorant_factor;
-  PathTracer<kTraits, const EmbreeScene> tracer(scene, *scene.tracer, local);
+  PathIntegrator<kTraits, const EmbreeScene> tracer(scene, *scene.tracer, local);
   if (Has(kTraits, Trait::kOutputs) && !scene.settings.outputs.empty()) {
     RenderRowWithOutputs(scene, x0, x1, y, block, &tracer, accumulator);
   } else {

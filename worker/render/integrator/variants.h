@@ -8,7 +8,7 @@
 
 #include "common/film/film_tile.h"
 #include "common/film/tile_geometry.h"
-#include "worker/render/integrator/path_tracer.h"
+#include "worker/render/integrator/path_integrator.h"
 #include "worker/render/traits/variant_choice.h"
 
 namespace sheaf::render {

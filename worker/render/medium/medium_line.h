@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// MediumLine: a segment of a path in scattering media, along which path_tracer_lines.h gathers
+// MediumLine: a segment of a path in scattering media, along which equiangular_sampling.h samples
 // light.
 #pragma once
 

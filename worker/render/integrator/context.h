@@ -1,0 +1,76 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Context: what every component of the integrator works with while it traces one sample.
+#pragma once
+
+#include "common/film/film_tile.h"
+#include "worker/render/integrator/light_groups.h"
+#include "worker/render/integrator/path_state.h"
+#include "worker/render/integrator/ray_counts.h"
+#include "worker/render/sampling/dimensions.h"
+#include "worker/render/sampling/sampler.h"
+#include "worker/render/scene/compiled_scene.h"
+
+namespace sheaf::render {
+
+// All referents outlive it. Not thread-safe: each thread has its own.
+template <typename C>
+struct Context {
+  const CompiledScene& scene;
+  typename C::Tracer& tracer;
+  const Sampler& sampler;  // Of this sample.
+  RayCounts& counts;
+  OutputSample* outputs;  // Null if the settings request none.
+  LightGroups<typename C::Color>& groups;
+};
+
+// Adds radiance that arrived from one light to the path, and to the light's group.
+template <typename C>
+void AddLight(const Context<C>& c, uint32_t light, LightPathKind kind,
+              const typename C::Color& radiance, PathState<C>* path) {
+  path->radiance += radiance;
+  if constexpr (C::kOutputs) c.groups.Add(*c.scene.lights, light, kind, radiance);
+}
+// The same for `radiance`, weight times the radiance of all infinite lights that arrives at p from
+// direction d.
+template <typename C>
+void AddInfiniteLight(const Context<C>& c, Vec3f p, Vec3f d, const typename C::Color& weight,
+                      LightPathKind kind, const typename C::Color& radiance, PathState<C>* path) {
+  path->radiance += radiance;
+  if constexpr (C::kOutputs) {
+    c.groups.AddSky(*c.scene.lights, p, d, path->wavelengths, weight, kind, radiance);
+  }
+}
+// The same for the emission of media.
+template <typename C>
+void AddVolumeEmission(const Context<C>& c, const typename C::Color& radiance, PathState<C>* path) {
+  path->radiance += radiance;
+  if constexpr (C::kOutputs) c.groups.AddGlow(c.scene.media_group, radiance);
+}
+
+// Refraction leads each wavelength elsewhere: the path continues with the primary one, which takes
+// the weight of all. Source: Wilkie et al. 2014.
+template <typename C>
+void TerminateSecondaryWavelengths(PathState<C>* path) {
+  if (path->secondary_terminated) return;
+  path->secondary_terminated = true;
+  path->throughput = {{path->throughput[0] * kWavelengthCount}};
+}
+
+// Counts a vertex. in_subsurface: of a walk, or a boundary met from inside. False where the path
+// ends.
+template <typename C>
+bool CountVertex(const Context<C>& c, bool in_subsurface, PathState<C>* path) {
+  if constexpr (C::kSubsurface) {
+    path->subsurface.vertex = NextVertexIndex(*path);
+    if (path->media.mix.is_matter && ++path->subsurface.steps > kMatterStepsMax) {
+      ++c.counts.long_walks;
+      return false;
+    }
+    if (in_subsurface) return true;
+  }
+  return path->depth++ != static_cast<uint32_t>(c.scene.settings.max_depth);
+}
+
+}  // namespace sheaf::render

@@ -1,0 +1,98 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Direct lighting: light samples at a vertex, and the emission of lights that a path's ray hits.
+// Multiple importance sampling combines the two. Written once for surfaces and media: a vertex is a
+// SurfaceVertex or a MediumVertex.
+#pragma once
+
+#include <array>
+#include <optional>
+
+#include "worker/render/integrator/equiangular_sampling.h"
+#include "worker/render/integrator/light_draw.h"
+#include "worker/render/integrator/mis_weights.h"
+#include "worker/render/integrator/transmittance.h"
+#include "worker/render/integrator/visibility.h"
+
+namespace sheaf::render {
+
+// Adds light from one sampled light that the vertex scatters back along the path.
+template <typename C, typename Vertex>
+void SampleLd(const Context<C>& c, const Vertex& vertex, PathState<C>* path) {
+  using Color = typename C::Color;
+  if (c.scene.lights->empty()) return;
+  const LightDraw& draw = vertex.Draw(c, *path);
+  const std::array<float, 4>& u = draw.u;
+  std::optional<LightSampleOf<Color>> light = c.scene.lights->template Sample<C::kTraits>(
+      vertex.point.p, vertex.light_hint, u[2], {u[0], u[1]}, path->wavelengths, draw.preparation);
+  if (!light.has_value()) return;
+  const BsdfValueOf<Color> value = vertex.Eval(light->wi);
+  if (value.f_cos.IsBlack()) return;
+  ApplyCutOut(c, &*light);
+  Color f_cos = value.f_cos;
+  if constexpr (C::kMedia) {
+    MediumState<C> media = path->media;
+    if (!vertex.EnterSide(c, light->wi, *path, &media)) return;
+    const Color transmittance =
+        ShadowTransmittance(c, vertex.point, *light, {u[3], u[2]}, *path, media);
+    if (transmittance.IsBlack()) return;
+    f_cos = f_cos * transmittance;
+  } else {
+    if (!IsVisible(c, vertex.point, *light, {u[3], u[2]}, path->ray.time)) return;
+  }
+  const float weight = vertex.LightSampleWeight(c, *light, value.pdf, *path);
+  const float scale = weight / light->pdf;
+  const Color arriving = path->throughput * f_cos * light->radiance * scale;
+  if (light->is_infinite && !light->is_delta) {
+    AddInfiniteLight(c, vertex.point.p, light->wi, path->throughput * f_cos * scale,
+                     vertex.LightKind(*path), arriving, path);
+  } else {
+    AddLight(c, light->light, vertex.LightKind(*path), arriving, path);
+  }
+}
+
+// Adds the radiance of infinite lights along the path's ray, which hits nothing.
+template <typename C>
+void AddInfiniteLe(const Context<C>& c, PathState<C>* path) {
+  if constexpr (C::Has(Trait::kEnvironment)) {
+    if (path->specular) {
+      AddInfiniteLight(c, path->from, path->ray.d, path->throughput, path->history.KindMet(),
+                       path->throughput * c.scene.lights->template EnvironmentRadiance<C::kTraits>(
+                                              path->from, path->ray.d, path->wavelengths),
+                       path);
+      return;
+    }
+    const EnvironmentValueOf<typename C::Color> value =
+        c.scene.lights->template EvalEnvironment<C::kTraits>(path->from, path->from_n, path->ray.d,
+                                                             path->wavelengths, path->sky_place);
+    const float weight = MisWeight<C>(Technique::kScattering, path->pdf, value.pdf);
+    AddInfiniteLight(c, path->from, path->ray.d, path->throughput * weight, path->history.KindMet(),
+                     path->throughput * value.radiance * weight, path);
+  }
+}
+
+// Adds the emission of the surface that the path's ray hits. Requires: the point is an emitter's.
+template <typename C>
+void AddEmittedLe(const Context<C>& c, const SurfacePoint& point, PathState<C>* path) {
+  if constexpr (C::Has(Trait::kAreaLights)) {
+    const typename C::Color radiance = c.scene.lights->template EmitterRadianceAt<C::kTraits>(
+        point.emitter, point.EmitterNormal(), -path->ray.d, point.uv, path->wavelengths);
+    if (radiance.IsBlack()) return;
+    float weight = 1;
+    if (!path->specular) {
+      const float light_pdf = c.scene.lights->template PdfEmitter<C::kTraits>(
+          point.emitter, path->from, path->from_n, path->ray.d, point.p);
+      weight = [&] {
+        if constexpr (C::kLines) {
+          const LineOf<C>& line = path->media.line;
+          if (line.has_scattered) return HitWeightOnLine(c, line, point.emitter, light_pdf, *path);
+        }
+        return MisWeight<C>(Technique::kScattering, path->pdf, light_pdf);
+      }();
+    }
+    AddLight(c, point.emitter, path->history.KindMet(), path->throughput * radiance * weight, path);
+  }
+}
+
+}  // namespace sheaf::render

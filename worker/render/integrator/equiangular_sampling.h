@@ -1,0 +1,272 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Equiangular (line) sampling: each segment of a path in scattering media samples one light, chosen
+// for the whole segment, and a distance along it in proportion to how strongly the light
+// illuminates it. This is a third technique to find a point of a medium and a point of a light,
+// beside a distance sample followed by a light sample or by a hit of a light. The power heuristic
+// combines the three, over densities of both points. If heterogeneous media are present too, the
+// density of a distance sample that a homogeneous medium ends is taken as if they were absent:
+// weights need only be the same function of the two points, and of the scattering medium, for every
+// technique. Subsurface walks are short and count no depth: they do not use this technique.
+//
+// In heterogeneous media the density of distance samples is unknown. The extinction at the point
+// stands in its place, as if the transmittance were 1: with a known transmittance T the line
+// density p would compete with extinction * T; the estimate of T is nearly always close to 0 or to
+// 1 in thick media, which is the same as lines with the density p * T. In thin media T is about 1,
+// and the weights are those of the true densities. Heterogeneous media are sampled so only where
+// distance samples alone are noisy (DistancesOn).
+//
+// Sources: Kulla and Fajardo 2012; Veach 1997, ch. 9. docs/adr/0024-light-along-lines.md.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cstdint>
+#include <optional>
+
+#include "worker/render/integrator/mis_weights.h"
+#include "worker/render/integrator/point_in_medium.h"
+#include "worker/render/integrator/transmittance.h"
+
+namespace sheaf::render {
+
+template <typename C>
+using LineOf = MediumLine<typename C::Color>;
+
+template <typename C>
+bool UsesLineSampling(const MediumMix<typename C::Color>& mix) {
+  return (mix.scatters || (C::kHeterogeneousLines && mix.gathers)) && !mix.is_matter;
+}
+
+// The line of the path's ray, up to `length`.
+template <typename C>
+LineOf<C> MakeLine(const Context<C>& c, const PathState<C>& path, double length) {
+  using Color = typename C::Color;
+  LineOf<C> line;
+  line.o = ToDouble(path.ray.o);
+  line.d = Normalize(ToDouble(path.ray.d));
+  line.length = length;
+  line.carried = path.throughput;
+  const MediumMix<Color>& mix = path.media.mix;
+  double sigma_t = 0;
+  for (size_t i = 0; i < kComponentCount<Color>; ++i) {
+    sigma_t += static_cast<double>(mix.sigma_t[i]) / kComponentCount<Color>;
+  }
+  if constexpr (C::kHeterogeneousLines) {
+    if (mix.gathers) {
+      const auto part = c.scene.media->PartOfLine(path.media.set, line.o, line.d, length);
+      sigma_t += part.extinction;
+      if (!mix.scatters) {
+        line.begin = part.begin;
+        line.length = part.end;
+        line.extinction = c.scene.media->gathers_always() ? 0 : part.extinction;
+      }
+      const double middle = line.begin + 0.5 * std::min(line.length - line.begin, 2 / sigma_t);
+      line.where_chosen = ToFloat(line.o + middle * line.d);
+      return line;
+    }
+  }
+  line.where_chosen = ToFloat(line.o + (0.5 * std::min(length, 2 / sigma_t)) * line.d);
+  return line;
+}
+
+// The density of distances on the line for the light; none where line sampling does not pay off.
+template <typename C>
+std::optional<EquiangularDistances> DistancesOn(const Context<C>& c, const LineOf<C>& line,
+                                                uint32_t light) {
+  const LightBounds bounds = c.scene.lights->BoundsOf(light);
+  if constexpr (C::kHeterogeneousLines) {
+    if (line.extinction > 0 && bounds.kind != LightBounds::Kind::kInfinite &&
+        !(SpreadOfFlights(bounds, line.o, line.d, line.begin, line.length, line.extinction) >=
+          kSpreadGathered)) {
+      return std::nullopt;
+    }
+    return DistancesTo(bounds, line.o, line.d, line.begin, line.length);
+  } else {
+    return DistancesTo(bounds, line.o, line.d, 0, line.length);
+  }
+}
+
+// Notes that the path was scattered at distance t of the line.
+template <typename C>
+void RecordLineScattering(const Context<C>& c, const LineOf<C>& line, double t,
+                          [[maybe_unused]] MediumScatterer scatterer, PathState<C>* path) {
+  using Color = typename C::Color;
+  const MediumMix<Color>& mix = path->media.mix;
+  LineOf<C>& kept = path->media.line;
+  kept = line;
+  kept.t = t;
+  if constexpr (C::kHeterogeneousLines) {
+    if (scatterer) {
+      const MediumTable& media = *c.scene.media;
+      kept.has_scattered = UsesLineSampling<C>(mix) && media.Gathers(*scatterer);
+      if (!kept.has_scattered) return;
+      const auto its = media.template CoefficientsAt<Color>(*scatterer, line.o + t * line.d,
+                                                            TimeOfMedia<C::kTraits>(path->ray.time),
+                                                            path->wavelengths, mix.form);
+      kept.density = MeanExtinction<C::kChromaticMedia>(its.sigma_t, line.carried);
+      return;
+    }
+  }
+  kept.has_scattered = !scatterer && UsesLineSampling<C>(mix);
+  kept.density = FlightDensity<C::kChromaticMedia>(mix, t, line.carried);
+}
+
+template <typename C>
+PhaseMix<typename C::Color> PhaseOnLine(const Context<C>& c, const LineOf<C>& line, double t,
+                                        const PathState<C>& path) {
+  using Color = typename C::Color;
+  const MediumMix<Color>& mix = path.media.mix;
+  const Color scattered = line.carried * TransmittanceOf<C::kChromaticMedia>(mix, t) * mix.sigma_s;
+  return c.scene.media->template PhaseOf<Color>(path.media.set, mix, scattered, path.wavelengths,
+                                                path.media.paint.OrNull());
+}
+
+// The density of Technique::kLine for p, at t, and a point of the light that light sampling from p
+// finds with light_pdf.
+template <typename C>
+double LineTechniquePdf(const Context<C>& c, const LineOf<C>& line, uint32_t light, Vec3f p,
+                        double t, float light_pdf) {
+  const auto distances = DistancesOn(c, line, light);
+  if (!distances) return 0;
+  const float chosen_there = c.scene.lights->ChoiceProbability(light, p);
+  if (!(chosen_there > 0)) return 0;
+  const float chosen_for_line = c.scene.lights->ChoiceProbability(light, line.where_chosen);
+  return static_cast<double>(light_pdf) / static_cast<double>(chosen_there) *
+         static_cast<double>(chosen_for_line) * distances->Pdf(t);
+}
+
+// The densities of all techniques for p, where the path was scattered on the line, and a point of
+// the light that light sampling finds with light_pdf and scattering with scattering_pdf.
+template <typename C>
+TechniquePdfs PdfsOnLine(const Context<C>& c, const LineOf<C>& line, uint32_t light, Vec3f p,
+                         float light_pdf, double scattering_pdf) {
+  return {static_cast<double>(light_pdf) * line.density, scattering_pdf * line.density,
+          LineTechniquePdf(c, line, light, p, line.t, light_pdf)};
+}
+
+// The weight of a light sample at p, where scattering towards the light has density pdf.
+template <typename C>
+float LightSampleWeightOnLine(const Context<C>& c, const LineOf<C>& line,
+                              const LightSampleOf<typename C::Color>& light, Vec3f p, float pdf) {
+  if constexpr (C::kDirectLight == DirectLight::kBySampling) return 1;
+  if constexpr (C::kDirectLight == DirectLight::kByMeeting) return light.is_delta ? 1 : 0;
+  const double scattering_pdf = light.is_delta ? 0 : static_cast<double>(pdf);
+  return static_cast<float>(MisWeight<C>(
+      Technique::kLight, PdfsOnLine(c, line, light.light, p, light.pdf, scattering_pdf)));
+}
+// The weight of an emitter that the path's ray hits, where light sampling has density light_pdf.
+template <typename C>
+float HitWeightOnLine(const Context<C>& c, const LineOf<C>& line, uint32_t emitter, float light_pdf,
+                      const PathState<C>& path) {
+  if constexpr (C::kDirectLight == DirectLight::kBySampling) return 0;
+  if constexpr (C::kDirectLight == DirectLight::kByMeeting) return 1;
+  return static_cast<float>(MisWeight<C>(
+      Technique::kScattering,
+      PdfsOnLine(c, line, emitter, path.from, light_pdf, static_cast<double>(path.pdf))));
+}
+
+// The light that is scattered at t towards the line's start, per incident radiance, times *weight.
+// left: the path's throughput at t after the homogeneous media.
+template <typename C>
+typename C::Color InScatteringOnLine(const Context<C>& c, const LineOf<C>& line, double t,
+                                     const typename C::Color& left,
+                                     const LightSampleOf<typename C::Color>& light, double line_pdf,
+                                     const PathState<C>& path, double* weight) {
+  using Color = typename C::Color;
+  const MediumMix<Color>& mix = path.media.mix;
+  const Vec3f d = ToFloat(line.d);
+  const auto weight_of = [&](double distance_density, float phase_pdf) -> double {
+    const double scattering_pdf = light.is_delta ? 0 : static_cast<double>(phase_pdf);
+    return MisWeight<C>(Technique::kLine,
+                        TechniquePdfs{static_cast<double>(light.pdf) * distance_density,
+                                      scattering_pdf * distance_density, line_pdf});
+  };
+  Color sum;
+  if (!C::kHeterogeneousLines || mix.scatters) {
+    const auto phase = PhaseOnLine(c, line, t, path).Eval(d, light.wi);
+    sum = left * mix.sigma_s * phase.f;
+    *weight = weight_of(FlightDensity<C::kChromaticMedia>(mix, t, line.carried), phase.pdf);
+  }
+  if constexpr (C::kHeterogeneousLines) {
+    if (!mix.gathers) return sum;
+    sum *= static_cast<float>(*weight);
+    *weight = 1;
+    const MediumTable& media = *c.scene.media;
+    for (const uint16_t medium : path.media.set) {
+      if (!media.Gathers(medium)) continue;
+      const auto its = media.template CoefficientsAt<Color>(medium, line.o + t * line.d,
+                                                            TimeOfMedia<C::kTraits>(path.ray.time),
+                                                            path.wavelengths, mix.form);
+      if (its.sigma_s.IsBlack()) continue;
+      const float phase = HenyeyGreenstein(media.PhaseAsymmetryOf(medium, mix.form), d, light.wi);
+      const double its_weight =
+          weight_of(MeanExtinction<C::kChromaticMedia>(its.sigma_t, line.carried), phase);
+      sum += left * its.sigma_s * phase * static_cast<float>(its_weight);
+    }
+  }
+  return sum;
+}
+
+// Adds light from one light that is scattered once on the way to the line's start.
+template <typename C>
+void SampleLdOnLine(const Context<C>& c, const LineOf<C>& line, const RawHit* hit,
+                    PathState<C>* path) {
+  using Color = typename C::Color;
+  if constexpr (C::kDirectLight == DirectLight::kBySampling) return;
+  if constexpr (C::kDirectLight == DirectLight::kByMeeting) return;
+  const CompiledScene& scene = c.scene;
+  const MediumMix<Color>& mix = path->media.mix;
+  if (scene.lights->empty() || path->depth >= static_cast<uint32_t>(scene.settings.max_depth)) {
+    return;
+  }
+  if constexpr (C::kHeterogeneousLines) {
+    if (!(line.begin < line.length)) return;
+  }
+  const std::array<float, 4> u =
+      c.sampler.Get4(LineSlot(NextVertexIndex(*path), path->null_crossings));
+  const std::optional<ChosenLight> for_line =
+      scene.lights->Choose(line.where_chosen, u[2], {u[0], u[1]});
+  if (!for_line) return;
+  const auto distances = DistancesOn(c, line, for_line->light);
+  if (!distances) return;
+  const double t = distances->Sample(static_cast<double>(u[3]));
+  const double distance_pdf = distances->Pdf(t);
+  const Color left = line.carried * TransmittanceOf<C::kChromaticMedia>(mix, t);
+  bool is_dark = (left * mix.sigma_s).IsBlack();
+  if constexpr (C::kHeterogeneousLines) is_dark = is_dark && (!mix.gathers || left.IsBlack());
+  if (!(distance_pdf > 0) || is_dark) return;
+  MediumState<C> media = path->media;
+  SurfacePoint vertex;
+  vertex.p = PointInMedium(c, path->ray, hit, t / Length(ToDouble(path->ray.d)), &media.near);
+  const ChosenLight chosen{for_line->light,
+                           scene.lights->ChoiceProbability(for_line->light, vertex.p)};
+  if (!(chosen.probability > 0)) return;
+  std::optional<LightSampleOf<Color>> light = scene.lights->template SampleChosen<C::kTraits>(
+      chosen, vertex.p, {u[0], u[1]}, path->wavelengths);
+  if (!light) return;
+  ApplyCutOut(c, &*light);
+  const double line_pdf = static_cast<double>(light->pdf) /
+                          static_cast<double>(chosen.probability) *
+                          static_cast<double>(for_line->probability) * distance_pdf;
+  double weight = 1;
+  const Color scattered = InScatteringOnLine(c, line, t, left, *light, line_pdf, *path, &weight);
+  if (scattered.IsBlack()) return;
+  Color transmittance = Color::Grey(1);
+  if constexpr (C::kHeterogeneous) {
+    if (mix.varies) {
+      transmittance = TransmittanceHeterogeneous(c, path->ray, {u[0], u[1]}, path->null_crossings,
+                                                 t, *path, path->media);
+      if (transmittance.IsBlack()) return;
+    }
+  }
+  CountScattering(c, *path, &media);  // The light passes through the media after that scattering.
+  transmittance *= ShadowTransmittance(c, vertex, *light, {u[3], u[2]}, *path, media);
+  if (transmittance.IsBlack()) return;
+  const auto scale = static_cast<float>(weight / line_pdf);
+  AddLight(c, light->light, path->history.KindFromMedium(),
+           scattered * transmittance * light->radiance * scale, path);
+}
+
+}  // namespace sheaf::render

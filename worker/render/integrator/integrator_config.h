@@ -1,0 +1,49 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// IntegratorConfig: the compile-time parameters of the path integrator. Every component is a
+// template over one configuration C and reads its constants and types from it, so that code for
+// effects that a scene does not use is not compiled into the variant that renders it.
+#pragma once
+
+#include <cstdint>
+
+#include "worker/render/color/wavelengths.h"
+#include "worker/render/integrator/direct_light.h"
+#include "worker/render/traits/trait_set.h"
+
+namespace sheaf::render {
+
+// TracerT: EmbreeScene, or a class with the same Intersect and Occluded.
+template <uint32_t kTraitsT, typename TracerT, DirectLight kDirectLightT>
+struct IntegratorConfig {
+  using Tracer = TracerT;
+  static constexpr uint32_t kTraits = kTraitsT;
+  static constexpr DirectLight kDirectLight = kDirectLightT;
+  using Color = ColorOf<kTraits>;
+  using Wavelengths = WavelengthsOf<Color>;
+  // For queries that need no color, or the color as RGB.
+  static constexpr uint32_t kRgbTraits = kTraits & ~TraitSet(Trait::kSpectral);
+
+  static constexpr bool Has(Trait trait) { return render::Has(kTraits, trait); }
+  static constexpr bool kSpectral = Has(Trait::kSpectral);
+  static constexpr bool kOutputs = Has(Trait::kOutputs);
+  static constexpr bool kNormalMaps = Has(Trait::kNormalMaps);
+  // Rays may pass through surfaces: cut-outs, interface materials, stochastic mixes.
+  static constexpr bool kNullInterfaces = Has(Trait::kAlpha);
+  // Paths track the media and interiors that they are in.
+  static constexpr bool kMedia = (kTraits & kInsides) != 0;
+  static constexpr bool kNested = Has(Trait::kNestedDielectrics);
+  static constexpr bool kSubsurface = Has(Trait::kSubsurface);
+  static constexpr bool kTexturedSubsurface = kSubsurface && Has(Trait::kTextures);
+  static constexpr bool kChromaticMedia = Has(Trait::kChromaticMedia);
+  static constexpr bool kHeterogeneous = kMedia && Has(Trait::kHeterogeneousMedia);
+  // Segments in media sample lights along the segment: equiangular_sampling.h.
+  static constexpr bool kLines =
+      Has(Trait::kMedia) && (Has(Trait::kAreaLights) || Has(Trait::kDeltaLights));
+  static constexpr bool kHeterogeneousLines = kLines && kHeterogeneous;
+  // Vertices sample directions by the emission of media: volume_emission.h.
+  static constexpr bool kSamplesEmission = kHeterogeneous && Has(Trait::kEmissiveMedia);
+};
+
+}  // namespace sheaf::render

@@ -1,0 +1,149 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// MediumVertex: a vertex of a path in a medium, as a scatterer. SurfaceVertex has the same members.
+#pragma once
+
+#include <array>
+#include <type_traits>
+
+#include "common/film/film_tile.h"
+#include "worker/render/integrator/equiangular_sampling.h"
+#include "worker/render/integrator/first_hit.h"
+#include "worker/render/integrator/light_draw.h"
+#include "worker/render/integrator/russian_roulette.h"
+#include "worker/render/integrator/subsurface_walk.h"
+
+namespace sheaf::render {
+
+template <typename C>
+struct MediumVertex {
+  using Color = typename C::Color;
+
+  // A vertex at p, at distance `at` (in lengths of the path's ray). scatterer: the heterogeneous
+  // medium that scatters the path, if any.
+  MediumVertex(Vec3f p, double at, MediumScatterer scattered_by) : t(at), scatterer(scattered_by) {
+    point.p = p;
+  }
+
+  SurfacePoint point;  // Without a normal: no side, and no surface to keep away from.
+  double t;
+  MediumScatterer scatterer;
+  Vec3f d;  // Direction of the path, unit.
+  PhaseMix<Color> phase;
+  static constexpr Vec3f light_hint{};
+
+  // Records the vertex and counts it. False where the path ends.
+  bool Arrive(const Context<C>& c, PathState<C>* path, FilmSample* film);
+
+  bool SamplesLights(const PathState<C>& path) const { return !path.media.mix.is_hidden; }
+  LightDraw Draw(const Context<C>& c, const PathState<C>& path) const {
+    return DrawLight(c, LastVertexIndex(path));
+  }
+  BsdfValueOf<Color> Eval(Vec3f w) const {
+    const typename PhaseMix<Color>::Value value = phase.Eval(d, w);
+    return {value.f, value.pdf};
+  }
+  bool EnterSide(const Context<C>&, Vec3f, const PathState<C>&, MediumState<C>*) const {
+    return true;
+  }
+  float LightSampleWeight(const Context<C>& c, const LightSampleOf<Color>& light, float pdf,
+                          const PathState<C>& path) const {
+    if constexpr (C::kLines) {
+      const LineOf<C>& line = path.media.line;
+      if (line.has_scattered) return LightSampleWeightOnLine(c, line, light, point.p, pdf);
+    }
+    return light.is_delta ? 1.0f : MisWeight<C>(Technique::kLight, light.pdf, pdf);
+  }
+  LightPathKind LightKind(const PathState<C>& path) const { return path.history.KindFromMedium(); }
+  // Samples the next ray of the path. False where the path ends.
+  bool Scatter(const Context<C>& c, PathState<C>* path) const;
+
+ private:
+  void Record(const Context<C>& c, const PathState<C>& path, FilmSample* film) const;
+  PhaseMix<Color> MakePhase(const Context<C>& c, const PathState<C>& path) const;
+};
+
+template <typename C>
+void MediumVertex<C>::Record(const Context<C>& c, const PathState<C>& path,
+                             FilmSample* film) const {
+  const MediumForm form = path.media.mix.form;
+  const Rgb* paint = nullptr;
+  if constexpr (std::is_same_v<Color, Rgb>) paint = path.media.paint.OrNull();
+  MediumMix<Rgb> mix = c.scene.media->template MixOf<Rgb>(path.media.set, {}, form, paint);
+  if constexpr (C::kHeterogeneous) {
+    if (scatterer) {
+      const auto its = c.scene.media->template CoefficientsAt<Rgb>(
+          *scatterer, ToDouble(point.p), TimeOfMedia<C::kTraits>(path.ray.time), {}, form);
+      mix.sigma_t = its.sigma_t;
+      mix.sigma_s = its.sigma_s;
+    }
+  }
+  film->albedo = MakeColor<Rgb>(
+      [&](size_t i) { return mix.sigma_t[i] > 0 ? mix.sigma_s[i] / mix.sigma_t[i] : 0; });
+  film->alpha = 1;
+  film->normal = {};
+  film->depth = Length(point.p - path.camera_o);
+  if constexpr (C::kOutputs) {
+    if (c.outputs != nullptr) RecordFirstEventInMedium(c.scene, path.ray, point.p, c.outputs);
+  }
+}
+
+template <typename C>
+PhaseMix<typename C::Color> MediumVertex<C>::MakePhase(const Context<C>& c,
+                                                       const PathState<C>& path) const {
+  if constexpr (C::kHeterogeneous) {
+    if (scatterer) {
+      PhaseMix<Color> its;
+      its.Add(c.scene.media->PhaseAsymmetryOf(*scatterer, path.media.mix.form), Color::Grey(1), 1);
+      return its;
+    }
+  }
+  if constexpr (C::kLines) {
+    const LineOf<C>& line = path.media.line;
+    if (line.has_scattered) return PhaseOnLine(c, line, line.t, path);
+  }
+  return c.scene.media->template PhaseOf<Color>(path.media.set, path.media.mix, path.throughput,
+                                                path.wavelengths, path.media.paint.OrNull());
+}
+
+template <typename C>
+bool MediumVertex<C>::Arrive(const Context<C>& c, PathState<C>* path, FilmSample* film) {
+  path->null_crossings = 0;
+  if (path->is_camera_path) {
+    path->is_camera_path = false;
+    Record(c, *path, film);
+  }
+  if (!CountVertex(c, path->media.mix.is_matter, path)) return false;
+  if constexpr (C::kSubsurface) {
+    if (path->media.mix.is_matter) {
+      PlaceSubsurfaceVertex(
+          ToDouble(path->ray.o) + path->subsurface.offset + ToDouble(path->ray.d) * t, point.p,
+          path);
+    }
+  }
+  d = Normalize(path->ray.d);
+  phase = MakePhase(c, *path);
+  CountScattering(c, *path, &path->media);
+  return true;
+}
+
+template <typename C>
+bool MediumVertex<C>::Scatter(const Context<C>& c, PathState<C>* path) const {
+  const std::array<float, 4> u = c.sampler.Get4(Slot(LastVertexIndex(*path), VertexSlot::kBsdf));
+  const typename PhaseMix<Color>::Sample sample = phase.SampleDirection(d, u[2], {u[0], u[1]});
+  path->throughput *= sample.weight;
+  if (path->throughput.IsBlack()) return false;
+  path->specular = path->media.mix.is_hidden;
+  path->history.AddMedium(path->media.mix.is_matter);
+  path->pdf = sample.pdf;
+  path->from = point.p;
+  path->from_n = {};
+  path->ray.o = point.p;
+  path->ray.d = sample.w;
+  path->ray.source = {};
+  path->sky_place = c.scene.lights->template PrepareEnvironment<C::kTraits>(sample.w);
+  return SurvivesRoulette(c, u[3], path);
+}
+
+}  // namespace sheaf::render

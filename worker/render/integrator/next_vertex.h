@@ -1,0 +1,171 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// NextVertex: follows a path's ray to its next vertex, and adds the emission met on the way: that
+// of media along the segment, and that of the surface at its end.
+#pragma once
+
+#include <cstdint>
+#include <limits>
+#include <type_traits>
+#include <utility>
+#include <variant>
+
+#include "worker/render/integrator/direct_lighting.h"
+#include "worker/render/integrator/medium_vertex.h"
+#include "worker/render/integrator/surface_vertex.h"
+#include "worker/render/integrator/volume_emission.h"
+
+namespace sheaf::render {
+
+// The path ends: no light can come by a longer one, or its nesting of media is broken.
+struct Terminated {};
+// The ray hits nothing.
+struct Escaped {};
+// The ray passes through a surface.
+struct NullInterface {
+  SurfacePoint point;
+};
+template <typename C>
+using Vertex = std::conditional_t<
+    C::kMedia, std::variant<Terminated, Escaped, NullInterface, SurfaceVertex<C>, MediumVertex<C>>,
+    std::variant<Terminated, Escaped, NullInterface, SurfaceVertex<C>>>;
+
+enum class SegmentEnd : uint8_t { kHit, kScattered, kTerminated };
+
+// Takes the path through its media up to `hit` (null: without end), or to where they scatter it:
+// then sets *vertex. Adds the segment's emission and its line-sampled light.
+template <typename C>
+SegmentEnd SampleMediumSegment(const Context<C>& c, const RawHit* hit, PathState<C>* path,
+                               Vertex<C>* vertex) {
+  using Color = typename C::Color;
+  MediumState<C>& media = path->media;
+  if constexpr (C::kNested) {
+    if (hit == nullptr && !media.interiors.empty()) {
+      ++c.counts.broken_nestings;
+      return SegmentEnd::kTerminated;
+    }
+  }
+  if (media.set.empty()) return SegmentEnd::kHit;
+  if constexpr (C::kSubsurface) {
+    if (path->subsurface.has_arrived && hit != nullptr) return SegmentEnd::kHit;
+  }
+  if (hit == nullptr && media.mix.is_bounded) {
+    ++c.counts.broken_nestings;
+    return SegmentEnd::kTerminated;
+  }
+  const double unit = Length(ToDouble(path->ray.d));
+  const double length =
+      hit == nullptr ? std::numeric_limits<double>::infinity() : static_cast<double>(hit->t) * unit;
+  if constexpr (C::Has(Trait::kEmissiveMedia)) AddSegmentEmission(c, length, path);
+  [[maybe_unused]] StateIf<C::kLines, LineOf<C>> line;
+  if constexpr (C::kLines) {
+    if (UsesLineSampling<C>(media.mix)) {
+      line = MakeLine(c, *path, length);
+      SampleLdOnLine(c, line, hit, path);
+    }
+  }
+  MediumScatterer scatterer;
+  const Flight<Color> flight = [&] {
+    if constexpr (C::kHeterogeneous) {
+      if (media.mix.varies) {
+        return SampleDistanceHeterogeneous(
+            c, path->ray, c.sampler.Get4(Slot(NextVertexIndex(*path), VertexSlot::kMedium)), length,
+            *path, &scatterer);
+      }
+    }
+    FlightNumbers u;
+    if (media.mix.scatters) {
+      u = MakeFlightNumbers(c.sampler.Get4(Slot(NextVertexIndex(*path), VertexSlot::kMedium)),
+                            path->null_crossings);
+    }
+    return SampleFlight<C::kChromaticMedia>(media.mix, length, u, path->throughput);
+  }();
+  path->throughput *= flight.weight;
+  if (path->throughput.IsBlack()) return SegmentEnd::kTerminated;
+  if (!flight.scatters) {
+    if constexpr (C::kSubsurface) path->subsurface.offset = {};
+    return SegmentEnd::kHit;
+  }
+  if constexpr (C::kLines) RecordLineScattering(c, line, flight.distance, scatterer, path);
+  const double t = flight.distance / unit;
+  const Vec3f p = PointInMedium(c, path->ray, hit, t, &media.near);
+  vertex->template emplace<MediumVertex<C>>(p, t, scatterer);
+  return SegmentEnd::kScattered;
+}
+
+// Evaluates the surface that the path's ray hits. Sets *vertex.
+template <typename C>
+void ResolveSurface(const Context<C>& c, const RawHit& hit, PathState<C>* path, Vertex<C>* vertex) {
+  auto& at = vertex->template emplace<SurfaceVertex<C>>(c, hit, *path);
+  const Surface& surface = *at.point.surface;
+  if constexpr (C::kSubsurface) at.in_subsurface = ArriveAtBoundary(surface, path);
+  at.choice = NullInterfaceChoiceAt(c, surface, *path);
+  bool is_null = IsCutOut(c, at.point, at.choice.cut_out);
+  if (!is_null) {
+    if (C::Has(Trait::kAreaLights) && at.point.emitter != kNoEmitter) {
+      AddEmittedLe(c, at.point, path);
+    }
+    // The last vertex needs no BSDF, unless it may turn out to be a null interface.
+    if (path->depth == static_cast<uint32_t>(c.scene.settings.max_depth) && !path->is_camera_path &&
+        !at.in_subsurface && !(C::kNullInterfaces && surface.may_pass)) {
+      vertex->template emplace<Terminated>();
+      return;
+    }
+    at.bsdf = c.scene.materials->template Evaluate<C::kTraits>(
+        surface.material, TexturePointOf(c, at.point), at.choice.mix, path->wavelengths);
+    is_null = C::kNullInterfaces && at.bsdf.kind == BsdfKind::kInterface;
+    if constexpr (C::kNested) {
+      const BoundaryKind kind = ResolveInterior(c, at.point, *path, &at.bsdf);
+      if (kind == BoundaryKind::kBroken) {
+        vertex->template emplace<Terminated>();
+        return;
+      }
+      is_null = is_null || kind == BoundaryKind::kHidden;
+    }
+  }
+  if (is_null) {
+    const SurfacePoint point = at.point;
+    vertex->template emplace<NullInterface>(point);
+    return;
+  }
+  at.Prepare(c, -path->ray.d, *path);
+}
+
+// Sets *vertex to the next vertex of the path.
+template <typename C>
+void NextVertex(const Context<C>& c, PathState<C>* path, Vertex<C>* vertex) {
+  if constexpr (C::kSubsurface) {
+    if (path->subsurface.is_near && !WalkNearPlane(c, path)) {
+      vertex->template emplace<Terminated>();
+      return;
+    }
+  }
+  ++c.counts.rays;
+  RawHit hit;
+  const bool hits = c.tracer.Intersect(path->ray, &hit);
+  if constexpr (C::kMedia) {
+    const SegmentEnd end = SampleMediumSegment(c, hits ? &hit : nullptr, path, vertex);
+    if (end == SegmentEnd::kTerminated) vertex->template emplace<Terminated>();
+    if (end != SegmentEnd::kHit) return;
+  }
+  if (!hits) {
+    vertex->template emplace<Escaped>();
+    return;
+  }
+  ResolveSurface(c, hit, path, vertex);
+}
+
+// Continues the path's ray behind a null interface. False where the path ends.
+template <typename C>
+bool CrossNullInterface(const Context<C>& c, const SurfacePoint& point, PathState<C>* path) {
+  if (++path->null_crossings > kPassesMax) return false;
+  if constexpr (C::kMedia) {
+    if (!CrossBoundary(c, point, path->ray.d, *path, &path->media)) return false;
+  }
+  path->ray.o = OffsetRayOrigin(point.p, point.p_error, point.ng, path->ray.d);
+  path->ray.source = point.id;
+  return true;
+}
+
+}  // namespace sheaf::render

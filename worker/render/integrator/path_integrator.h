@@ -1,0 +1,144 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// PathIntegrator: one sample of one pixel, by unidirectional path tracing with next-event
+// estimation. Each vertex samples a light, and the scattered ray may hit a light; multiple
+// importance sampling combines the two. Sources: Kajiya 1986; Veach 1997, ch. 8-10. Depth is
+// counted as in pbrt-v4's path integrator: a path has at most max_depth scattering events, and
+// emission seen directly has none.
+//
+// Compiled for each trait combination of variant_list.h. The tracer is a parameter, so that a
+// benchmark can record the rays.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <variant>
+
+#include "common/film/film_tile.h"
+#include "worker/render/integrator/context.h"
+#include "worker/render/integrator/direct_lighting.h"
+#include "worker/render/integrator/next_vertex.h"
+#include "worker/render/integrator/volume_emission.h"
+
+namespace sheaf::render {
+
+// Follows the path to its end, adds the radiance that it finds to path->radiance, and records its
+// first vertex in *film.
+template <typename C>
+void Li(const Context<C>& c, PathState<C>* path, FilmSample* film) {
+  // One vertex, the same for surfaces and media. False where the path ends.
+  const auto scatter_at = [&](auto& vertex) {
+    // Record the first vertex for the film, and count the vertex.
+    if (!vertex.Arrive(c, path, film)) return false;
+    if (vertex.SamplesLights(*path)) {
+      // Sample a light, and add what of it the vertex scatters back along the path.
+      SampleLd(c, vertex, path);
+      // The same for the emission of heterogeneous media.
+      if constexpr (C::kSamplesEmission) SampleVolumeEmission(c, vertex, path);
+    }
+    // Sample the direction in which the path continues; Russian roulette may end it.
+    return vertex.Scatter(c, path);
+  };
+  Vertex<C> vertex;
+  for (;;) {
+    // Trace the path's ray through media to its next vertex, and add emission met on the way.
+    NextVertex(c, path, &vertex);
+    bool continues = false;
+    if (auto* surface = std::get_if<SurfaceVertex<C>>(&vertex)) {
+      continues = scatter_at(*surface);
+    } else if (auto* null_interface = std::get_if<NullInterface>(&vertex)) {
+      // Pass through surfaces that do not scatter.
+      continues = CrossNullInterface(c, null_interface->point, path);
+    } else if (std::holds_alternative<Escaped>(vertex)) {
+      // Nothing is hit: add infinite lights.
+      AddInfiniteLe(c, path);
+    } else if constexpr (C::kMedia) {
+      if (auto* medium = std::get_if<MediumVertex<C>>(&vertex)) continues = scatter_at(*medium);
+    }
+    if (!continues) return;
+  }
+}
+
+template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight = DirectLight::kByBoth>
+class PathIntegrator {
+ public:
+  using C = IntegratorConfig<kTraits, Tracer, kDirectLight>;
+
+  // All three must outlive *this. Not thread-safe: one for each thread.
+  PathIntegrator(const CompiledScene& scene, Tracer& tracer, RayCounts& counts)
+      : scene_(scene), tracer_(tracer), counts_(counts) {}
+
+  // A pure function of (scene, pixel, sample_index).
+  FilmSample TraceSample(int32_t x, int32_t y, uint64_t sample_index);
+  // Where TraceSample writes the other outputs that the settings request; the caller clears it.
+  // Variants without kOutputs write nothing.
+  void set_outputs(OutputSample* outputs) {
+    outputs_ = outputs;
+    groups_.Reset(scene_.settings.outputs);
+  }
+
+ private:
+  // *weight: as for Camera::MakeRay.
+  Ray CameraRay(const Sampler& sampler, int32_t x, int32_t y, FilmSample* film,
+                float* weight) const;
+
+  const CompiledScene& scene_;
+  Tracer& tracer_;
+  RayCounts& counts_;
+  OutputSample* outputs_ = nullptr;
+  LightGroups<typename C::Color> groups_;
+};
+
+template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight>
+FilmSample PathIntegrator<kTraits, Tracer, kDirectLight>::TraceSample(int32_t x, int32_t y,
+                                                                      uint64_t sample_index) {
+  const Sampler sampler(scene_.settings.seed, x, y, sample_index, scene_.settings.one_sequence);
+  const Context<C> context{scene_, tracer_, sampler, counts_, outputs_, groups_};
+  FilmSample film;
+  PathState<C> path;
+  float weight = 1;
+  path.ray = CameraRay(sampler, x, y, &film, &weight);
+  path.camera_o = path.ray.o;
+  // Rays that the lens blocks are black samples.
+  if (C::Has(Trait::kLens) && weight == 0) return film;
+  if constexpr (C::Has(Trait::kEnvironment)) path.from = path.ray.o;
+  if constexpr (C::kSpectral) {
+    path.wavelengths = Wavelengths::Sample(sampler.Get1(Slot(CameraSlot::kWavelength)));
+  }
+  if constexpr (C::kMedia) StartInMedia(context, &path);
+  Li(context, &path, &film);
+  film.radiance = scene_.film.Of(path.radiance, path.wavelengths);
+  if constexpr (C::Has(Trait::kLens)) film.radiance *= weight;
+  scene_.film.Clamp(&film.radiance, &weight);
+  if constexpr (C::kOutputs) {
+    groups_.MoveTo(outputs_, [&](const typename C::Color& sum) {
+      return scene_.film.Of(sum, path.wavelengths) * weight;
+    });
+  }
+  return film;
+}
+
+template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight>
+Ray PathIntegrator<kTraits, Tracer, kDirectLight>::CameraRay(const Sampler& sampler, int32_t x,
+                                                             int32_t y, FilmSample* film,
+                                                             float* weight) const {
+  Vec2f filter_u, lens_u;
+  if constexpr (C::Has(Trait::kLens)) {
+    const std::array<float, 4> u = sampler.Get4(Slot(CameraSlot::kFilterAndLens));
+    filter_u = {u[0], u[1]};
+    lens_u = {u[2], u[3]};
+  } else {
+    filter_u = sampler.Get2(Slot(CameraSlot::kFilterAndLens));
+  }
+  const float time = C::Has(Trait::kMotion)
+                         ? scene_.camera.ShutterFraction(sampler.Get1(Slot(CameraSlot::kTime)))
+                         : 0;
+  const FilterSample filtered = scene_.filter.Sample(filter_u);
+  film->filter_weight = filtered.weight;
+  const Vec2d raster{x + 0.5 + static_cast<double>(filtered.offset.x),
+                     y + 0.5 + static_cast<double>(filtered.offset.y)};
+  return scene_.camera.template MakeRay<kTraits>(raster, lens_u, time, weight);
+}
+
+}  // namespace sheaf::render

@@ -1,0 +1,105 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// PathState: a path between two vertices, as plain data. Members of effects that a configuration
+// does not have take no memory.
+#pragma once
+
+#include <cstdint>
+#include <limits>
+#include <type_traits>
+
+#include "common/math/vec.h"
+#include "worker/render/geometry/crossing.h"
+#include "worker/render/geometry/ray_origin.h"
+#include "worker/render/integrator/integrator_config.h"
+#include "worker/render/integrator/path_history.h"
+#include "worker/render/light/environment_map.h"
+#include "worker/render/material/matter_paint.h"
+#include "worker/render/medium/medium.h"
+#include "worker/render/medium/medium_line.h"
+#include "worker/render/medium/medium_set.h"
+#include "worker/render/sampling/dimensions.h"
+
+namespace sheaf::render {
+
+struct NoState {};
+template <bool kPresent, typename State>
+using StateIf = std::conditional_t<kPresent, State, NoState>;
+
+// The tangent plane of a surface so near to a path in a medium that rounding could move the path to
+// the other side. Space: render.
+struct NearPlane {
+  Vec3f p, n;  // n: unit, on the side of the path.
+  bool is_set = false;
+  float p_error = 0;  // Bound of the error of p along n; for subsurface media only.
+};
+
+// The media that a path is in, and their effect on light.
+template <typename C>
+struct MediumState {
+  using Color = typename C::Color;
+  // Ranks of the interiors with a priority that contain the path. The medium of the highest is in
+  // `set`.
+  [[no_unique_address]] StateIf<C::kNested, MediumSet> interiors;
+  MediumSet set;
+  MediumMix<Color> mix;
+  uint32_t scatterings = 0;  // Number so far.
+  NearPlane near;
+  Crossing last;  // The last boundary crossed.
+  // The segment that led to the path's last vertex.
+  [[no_unique_address]] StateIf<C::kLines, MediumLine<Color>> line;
+  [[no_unique_address]] MatterPaint<Color, C::kTexturedSubsurface> paint;
+};
+
+// A walk in a subsurface medium: subsurface_walk.h.
+struct SubsurfaceState {
+  uint32_t steps = 0;   // Number of vertices so far.
+  uint32_t vertex = 0;  // The last vertex, for its sample dimensions.
+  // The exact position minus the rounded one, or minus near.p if the walk is next to that plane.
+  Vec3d offset{};
+  bool is_near = false;      // The walk continues in front of a plane, without rays.
+  bool has_arrived = false;  // The ray leads to the boundary, which the path meets along:
+  Vec3f arrives_along;
+};
+
+// One path. It may begin at the camera (StartAtCamera), at a light, or in space: the state names
+// only the next ray and how its direction was sampled.
+template <typename C>
+struct PathState {
+  using Color = typename C::Color;
+  Ray ray;  // The next segment.
+  [[no_unique_address]] typename C::Wavelengths wavelengths;
+  Color throughput = Color::Grey(1);
+  Color radiance;
+  // Radiance gained by refraction into denser media, which Russian roulette ignores.
+  float eta_scale = 1;
+  uint32_t depth = 0;                 // Number of scattering events so far.
+  bool secondary_terminated = false;  // Spectral: the path carries the primary wavelength alone.
+  bool specular = true;               // Light sampling cannot find what the ray hits.
+  float pdf = 0;                      // Of the ray's direction, per solid angle; not if specular.
+  Vec3f from, from_n;                 // The last vertex, and its normal for light sampling.
+  EnvironmentMap::Place sky_place;    // Of the ray's direction, after the first scattering.
+  [[no_unique_address]] StateIf<C::kMedia, MediumState<C>> media;
+  [[no_unique_address]] StateIf<C::kSubsurface, SubsurfaceState> subsurface;
+  [[no_unique_address]] std::conditional_t<C::kOutputs, PathHistory, NoHistory> history;
+  Vec3f camera_o;               // The origin of the camera ray.
+  bool is_camera_path = true;   // No vertex so far.
+  uint32_t null_crossings = 0;  // Surfaces passed since the last vertex.
+};
+
+// The vertex whose sample dimensions the next decision draws from, and the last vertex.
+template <typename C>
+uint32_t NextVertexIndex(const PathState<C>& path) {
+  if constexpr (C::kSubsurface) {
+    return path.media.mix.is_matter ? kMatterVertex + path.subsurface.steps : path.depth;
+  }
+  return path.depth;
+}
+template <typename C>
+uint32_t LastVertexIndex(const PathState<C>& path) {
+  if constexpr (C::kSubsurface) return path.subsurface.vertex;
+  return path.depth - 1;
+}
+
+}  // namespace sheaf::render

@@ -1,0 +1,93 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Transmittance along shadow rays, through media and null interfaces.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <limits>
+#include <optional>
+#include <type_traits>
+#include <utility>
+
+#include "worker/render/integrator/heterogeneous_transport.h"
+#include "worker/render/integrator/medium_boundaries.h"
+#include "worker/render/integrator/visibility.h"
+
+namespace sheaf::render {
+
+// Transmittance from the origin of the ray, where the media are `media`, to `end`, or to infinity
+// if end is null. u: two numbers of the light's slot. on_segment(ray, crossing, length,
+// transmittance, media), if not null, is called at the start of each part between surfaces.
+template <typename C, typename OnSegment>
+typename C::Color TraceTransmittance(const Context<C>& c, Ray ray, const Vec3f* end,
+                                     std::array<float, 2> u, const PathState<C>& path,
+                                     MediumState<C> media, const OnSegment& on_segment) {
+  using Color = typename C::Color;
+  constexpr bool kHasCallback = !std::is_null_pointer_v<OnSegment>;
+  Color transmittance = Color::Grey(1);
+  for (uint32_t crossing = 0; crossing < kPassesMax; ++crossing) {
+    ++c.counts.rays;
+    ++c.counts.shadow_rays;
+    RawHit hit;
+    bool hits = false;
+    if constexpr (C::kNullInterfaces || kHasCallback) {
+      hits = c.tracer.Intersect(ray, &hit);
+    } else {
+      if (c.tracer.Occluded(ray)) return {};
+    }
+    const bool is_endless = !hits && end == nullptr;
+    double length = std::numeric_limits<double>::infinity();
+    if (!is_endless) length = Length(ToDouble(ray.d)) * (hits ? static_cast<double>(hit.t) : 1);
+    if constexpr (kHasCallback) on_segment(ray, crossing, length, transmittance, media);
+    std::optional<SurfacePoint> point;
+    if (hits) {
+      point = MakeSurfacePoint<C::kTraits>(c.scene.geometry, ray, hit);
+      // From 1 on: the slot's own numbers have been used to choose the light.
+      if (!IsNullInterface(c, *point, MakeNullInterfaceChoice(u, crossing + 1)) &&
+          !IsHiddenBoundary(c, *point, ray.d, path, media)) {
+        return {};
+      }
+    }
+    if constexpr (C::kNested) {
+      if (is_endless && !media.interiors.empty()) {
+        ++c.counts.broken_nestings;
+        return {};
+      }
+    }
+    if (!media.set.empty()) {
+      if (is_endless && media.mix.is_bounded) {
+        ++c.counts.broken_nestings;
+        return {};
+      }
+      transmittance *= TransmittanceOf<C::kChromaticMedia>(media.mix, length);
+      if constexpr (C::kHeterogeneous) {
+        if (media.mix.varies && !transmittance.IsBlack()) {
+          transmittance *= TransmittanceHeterogeneous(c, ray, u, crossing, length, path, media);
+        }
+      }
+      if (transmittance.IsBlack()) return {};
+    }
+    if (!hits) return transmittance;
+    if (!CrossBoundary(c, *point, ray.d, path, &media)) return {};
+    ray.o = OffsetRayOrigin(point->p, point->p_error, point->ng, ray.d);
+    ray.source = point->id;
+    if (end != nullptr) ray.d = *end - ray.o;
+  }
+  return {};
+}
+
+// Transmittance between the point and the light.
+template <typename C>
+typename C::Color ShadowTransmittance(const Context<C>& c, const SurfacePoint& point,
+                                      const LightSampleOf<typename C::Color>& light,
+                                      std::array<float, 2> u, const PathState<C>& path,
+                                      MediumState<C> media) {
+  Vec3f end{};
+  const Ray ray = ShadowRay(point, light, path.ray.time, &end);
+  return TraceTransmittance(c, ray, light.is_infinite ? nullptr : &end, u, path, std::move(media),
+                            nullptr);
+}
+
+}  // namespace sheaf::render

@@ -1,0 +1,79 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Emission of media. Each segment of a path adds the emission along it. Where emissive media are
+// heterogeneous, each vertex also samples a direction towards their emission and adds that of all
+// media along it, up to the first surface that is not a null interface; the two are combined by
+// multiple importance sampling over directions. Sources: Simon et al. 2017, "Line Integration for
+// Rendering Heterogeneous Emissive Volumes"; glow_lights.h.
+#pragma once
+
+#include <array>
+#include <cstdint>
+
+#include "worker/render/integrator/mis_weights.h"
+#include "worker/render/integrator/transmittance.h"
+
+namespace sheaf::render {
+
+// The weight of emission along the path's ray.
+template <typename C>
+float EmissionHitWeight(const Context<C>& c, const PathState<C>& path) {
+  const GlowLights& lights = c.scene.media->glow_lights();
+  if (path.specular || lights.empty()) return 1;
+  const float pdf = lights.Pdf(path.from, path.ray.d);
+  return pdf > 0 ? MisWeight<C>(Technique::kScattering, path.pdf, pdf) : 1;
+}
+
+// Adds the emission along `length` of the path's ray.
+template <typename C>
+void AddSegmentEmission(const Context<C>& c, double length, PathState<C>* path) {
+  const MediumMix<typename C::Color>& mix = path->media.mix;
+  if (mix.emission.IsBlack() && !mix.glows) return;
+  typename C::Color arriving = path->throughput * [&] {
+    if constexpr (C::kHeterogeneous) {
+      if (mix.varies) {
+        return EmissionHeterogeneous(
+            c, path->ray, c.sampler.Get4(Slot(NextVertexIndex(*path), VertexSlot::kMedium)),
+            path->null_crossings, length, *path, path->media);
+      }
+    }
+    return EmissionAlong(mix, length);
+  }();
+  if constexpr (C::kSamplesEmission) arriving *= EmissionHitWeight(c, *path);
+  AddVolumeEmission(c, arriving, path);
+}
+
+// Samples a direction from the vertex towards emissive media and adds the emission along it.
+template <typename C, typename Vertex>
+void SampleVolumeEmission(const Context<C>& c, const Vertex& vertex, PathState<C>* path) {
+  using Color = typename C::Color;
+  if (!c.scene.media || c.scene.media->glow_lights().empty()) return;
+  const GlowLights& lights = c.scene.media->glow_lights();
+  const std::array<float, 4> u = c.sampler.Get4(GlowSlot(LastVertexIndex(*path)));
+  const SurfacePoint& point = vertex.point;
+  const GlowLights::Sample sample = lights.SampleFrom(point.p, u);
+  if (!(sample.pdf > 0)) return;
+  const BsdfValueOf<Color> value = vertex.Eval(sample.w);
+  if (value.f_cos.IsBlack()) return;
+  MediumState<C> media = path->media;
+  if (!vertex.EnterSide(c, sample.w, *path, &media)) return;
+  Ray ray;
+  ray.time = path->ray.time;
+  ray.source = point.id;
+  ray.o = OffsetRayOrigin(point.p, point.p_error, point.ng, sample.w);
+  ray.d = sample.w;
+  Color sum;
+  const auto add = [&](const Ray& segment, uint32_t crossing, double length,
+                       const Color& transmittance, const MediumState<C>& in) {
+    if (in.mix.emission.IsBlack() && !in.mix.glows) return;
+    sum += transmittance * (in.mix.varies
+                                ? EmissionHeterogeneous(c, segment, u, crossing, length, *path, in)
+                                : EmissionAlong(in.mix, length));
+  };
+  TraceTransmittance(c, ray, nullptr, {u[3], u[2]}, *path, media, add);
+  const float weight = MisWeight<C>(Technique::kLight, sample.pdf, value.pdf);
+  AddVolumeEmission(c, path->throughput * value.f_cos * sum * (weight / sample.pdf), path);
+}
+
+}  // namespace sheaf::render
