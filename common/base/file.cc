@@ -95,7 +95,7 @@ absl::Status CheckWritable(const std::string& path) {
   const std::string temporary = TemporaryName(*file);
   const Descriptor probe(::open(temporary.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0644));
   if (probe.get() < 0) {
-    return StatusFromErrno(errno, absl::StrCat(path, ": nothing can be written to its folder"));
+    return StatusFromErrno(errno, absl::StrCat(path, ": its folder is not writable"));
   }
   ::unlink(temporary.c_str());
   return absl::OkStatus();

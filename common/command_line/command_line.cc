@@ -120,11 +120,12 @@ std::string Explain(const CLI::App& app, const CLI::ParseError& error) {
   if (&command == &app && !app.get_subcommands({}).empty()) {
     std::vector<std::string> names;
     for (const CLI::App* known : app.get_subcommands({})) names.push_back(known->get_name());
-    if (left.empty()) return absl::StrCat("say which command: ", absl::StrJoin(names, ", "));
+    if (left.empty())
+      return absl::StrCat("a command is missing; the commands are ", absl::StrJoin(names, ", "));
     return absl::StrCat("unknown command \"", left.front(), "\"",
                         NearestNameHint(left.front(), names));
   }
-  if (!left.empty()) return absl::StrCat("\"", left.front(), "\" is one argument too many");
+  if (!left.empty()) return absl::StrCat("\"", left.front(), "\" is an unexpected argument");
   return error.what();
 }
 
@@ -165,7 +166,7 @@ std::optional<int> ParseCommandLine(CLI::App* app, int argc, char** argv,
       return 0;
     }
     on_error(Printable(absl::StrCat(Explain(*app, error), "; ", FullName(DeepestCommand(*app)),
-                                    " --help says more")));
+                                    " --help shows the usage")));
     return kUsageExitCode;
   }
 }

@@ -60,7 +60,7 @@ CLI::Option* AddChoice(CLI::App* command, const std::string& names, Target* targ
               return;
             }
             throw CLI::ValidationError(
-                names, absl::StrCat("\"", text, "\" is none of ", absl::StrJoin(words, ", "),
+                names, absl::StrCat("\"", text, "\" is not one of ", absl::StrJoin(words, ", "),
                                     NearestNameHint(text, words)));
           },
           help)

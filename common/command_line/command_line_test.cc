@@ -63,9 +63,10 @@ TEST_F(CommandLineTest, MistypedNamesAreGuessed) {
   EXPECT_THAT(Parse({"render", "a.pbrt", "--tile-sise", "4"}),
               HasSubstr("unknown option --tile-sise; did you mean \"--tile-size\"?"));
   EXPECT_THAT(Parse({"render", "--tile-sise=4", "a.pbrt"}), HasSubstr("\"--tile-size\""));
-  EXPECT_THAT(Parse({}), HasSubstr("say which command: render, refine"));
+  EXPECT_THAT(Parse({}), HasSubstr("a command is missing; the commands are render, refine"));
   EXPECT_THAT(Parse({"render"}), HasSubstr("SCENE"));
-  EXPECT_THAT(Parse({"render", "a.pbrt", "b.pbrt"}), HasSubstr("\"b.pbrt\" is one argument too"));
+  EXPECT_THAT(Parse({"render", "a.pbrt", "b.pbrt"}),
+              HasSubstr("\"b.pbrt\" is an unexpected argument"));
   EXPECT_THAT(Parse({"\x1b[31m"}), HasSubstr("\\x1b[31m"));
 }
 
@@ -73,7 +74,7 @@ TEST_F(CommandLineTest, ChoicesSayWhatTheyAre) {
   EXPECT_EQ(Parse({"render", "a.pbrt", "--color", "RGB"}), "");
   EXPECT_EQ(color_, 1);
   const std::string error = Parse({"render", "a.pbrt", "--color", "rbg"});
-  EXPECT_THAT(error, HasSubstr("\"rbg\" is none of auto, rgb; did you mean \"rgb\"?"));
+  EXPECT_THAT(error, HasSubstr("\"rbg\" is not one of auto, rgb; did you mean \"rgb\"?"));
   EXPECT_THAT(Parse({"render", "a.pbrt", "--color", "1"}), HasSubstr("none of auto, rgb"));
   EXPECT_THAT(ChoicesOf(*command_->get_option("--color")), ElementsAre("auto", "rgb"));
   EXPECT_THAT(ChoicesOf(*command_->get_option("--layer")), ElementsAre("error", "samples"));

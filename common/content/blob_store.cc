@@ -50,7 +50,7 @@ absl::StatusOr<FileDescriptor> OpenAndLock(const std::string& path) {
     if (!file.ok()) return StatusFromErrno(errno, absl::StrCat("opening ", path));
     if (::flock(file.get(), LOCK_EX | LOCK_NB) != 0) {
       if (errno == EINTR) continue;
-      return absl::UnavailableError(absl::StrCat(path, ": somebody else is writing this blob"));
+      return absl::UnavailableError(absl::StrCat(path, ": another process is writing this blob"));
     }
     struct stat opened {
     }, named{};
@@ -121,7 +121,7 @@ absl::Status BlobWriter::Commit() {
     ::unlink(partial_path_.c_str());
     return absl::InvalidArgumentError(absl::StrCat("blob ", digest_.sha256_hex,
                                                    ": the bytes received have SHA-256 ", actual,
-                                                   "; the file changed or was damaged on its way"));
+                                                   "; the file changed or was damaged in transit"));
   }
   ::fchmod(fd_, 0444);  // A blob never changes; the mode only helps to notice attempts.
   if (::fsync(fd_) != 0) return StatusFromErrno(errno, absl::StrCat("fsync of ", partial_path_));
@@ -172,7 +172,7 @@ absl::StatusOr<FileState> BlobStore::StateOf(const BlobDigest& digest) const {
   if (state->size_bytes != digest.size_bytes) {
     return absl::InvalidArgumentError(absl::StrCat("blob ", digest.sha256_hex, ": stored with ",
                                                    state->size_bytes, " bytes, not the ",
-                                                   digest.size_bytes, " that were named"));
+                                                   digest.size_bytes, " that were announced"));
   }
   return *state;
 }
@@ -275,14 +275,14 @@ absl::Status BlobStore::VerifyFile(const BlobDigest& digest) const {
   const std::optional<FileState> after = StateOfFile(path);
   if (actual->sha256_hex == digest.sha256_hex) {
     if (!before || before != after) {
-      return absl::UnavailableError(absl::StrCat(path, ": changes while it is read; try again"));
+      return absl::UnavailableError(absl::StrCat(path, ": changed while it was read; try again"));
     }
     verified_.Remember(digest.sha256_hex, *before);
     return absl::OkStatus();
   }
   if (after) TakeOut(digest, *after);
   return absl::DataLossError(absl::StrCat("blob ", digest.sha256_hex, ": the bytes stored as ",
-                                          path, " were damaged, and are moved to ", directory_,
+                                          path, " are damaged and were moved to ", directory_,
                                           "/damaged"));
 }
 

@@ -376,7 +376,7 @@ absl::Status ContentCache::CheckUnchanged(const ContentLease& lease) const {
     if (state.ok() && *state == pinned.state) continue;
     return absl::DataLossError(absl::StrCat(
         "file ", pinned.name, " (blob ", pinned.digest.sha256_hex, ") was altered in the cache ",
-        directory_, " while its scene was in use; it is checked, and fetched again where it must"));
+        directory_, " while its scene was in use; it is checked, and fetched again if needed"));
   }
   return absl::OkStatus();
 }

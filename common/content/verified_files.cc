@@ -68,7 +68,7 @@ void MoveAside(const std::string& path, const std::string& folder, const std::st
   const std::string aside = absl::StrCat(folder, "/", name);
   if (std::rename(path.c_str(), aside.c_str()) != 0) ::unlink(path.c_str());
   LimitFolder(folder);
-  LogWarning(absl::StrCat(path, ": the bytes are not what was stored; moved to ", aside));
+  LogWarning(absl::StrCat(path, ": the bytes differ from those stored; moved to ", aside));
 }
 
 }  // namespace sheaf

@@ -82,14 +82,14 @@ std::string WhyNotLightGroup(std::string_view name) {
   const auto is_allowed = [](char c) { return absl::ascii_isalnum(c) || c == '_' || c == '-'; };
   if (name.empty() || name.size() > kNameBytesMax ||
       !std::all_of(name.begin(), name.end(), is_allowed)) {
-    return absl::StrCat("is no name of a light group: 1 to ", kNameBytesMax,
+    return absl::StrCat("is not a name of a light group: 1 to ", kNameBytesMax,
                         " letters, digits, \"_\" and \"-\"");
   }
   const std::string small = absl::AsciiStrToLower(std::string(name));
   const bool reserved = std::find(std::begin(kReservedLayers), std::end(kReservedLayers), small) !=
                             std::end(kReservedLayers) ||
                         IsReplicateLayer(small) || small.starts_with("crypto");
-  return reserved ? "is the name of other channels; choose another for the light group" : "";
+  return reserved ? "is the name of other channels; choose another name for the light group" : "";
 }
 
 std::vector<std::string> LightPathLayers() {
@@ -139,8 +139,8 @@ absl::Status AddAovs(std::string_view names, FilmOutputs* outputs) {
     for (const AovRow& row : kAovs) all.emplace_back(row.name);
     for (const char* kind : kIdKinds) all.push_back(absl::StrCat(kind, kIdSuffix));
     for (const char* there : kAlwaysThere) all.emplace_back(there);
-    return absl::InvalidArgumentError(
-        absl::StrCat("\"", name, "\" is not an output; there are ", absl::StrJoin(all, ", ")));
+    return absl::InvalidArgumentError(absl::StrCat(
+        "\"", name, "\" is not an output; the outputs are ", absl::StrJoin(all, ", ")));
   }
   return absl::OkStatus();
 }
@@ -153,8 +153,8 @@ absl::Status AddCryptomattes(std::string_view names, FilmOutputs* outputs) {
   for (const std::string& name :
        static_cast<std::vector<std::string>>(absl::StrSplit(std::string(names), ','))) {
     if (AddCryptomatte(name, outputs)) continue;
-    return absl::InvalidArgumentError(absl::StrCat("\"", name, "\" has no cryptomatte; there are ",
-                                                   absl::StrJoin(kIdKinds, ", ")));
+    return absl::InvalidArgumentError(absl::StrCat(
+        "\"", name, "\" has no cryptomatte; the cryptomattes are ", absl::StrJoin(kIdKinds, ", ")));
   }
   return absl::OkStatus();
 }

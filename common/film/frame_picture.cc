@@ -63,12 +63,12 @@ FramePicture MakeFramePicture(PixelRect window, int32_t frame_width_px, int32_t 
 
 absl::Status ConvertColor(const Chromaticities& to, FramePicture* picture) {
   const std::optional<Matrix4> conversion = RgbFromRgb(to, picture->color.chromaticities);
-  if (!conversion) return absl::InvalidArgumentError("the picture's primaries are degenerate");
+  if (!conversion) return absl::InvalidArgumentError("the image's primaries are degenerate");
   const std::array<std::vector<float>*, 3> planes{picture->Find("R"), picture->Find("G"),
                                                   picture->Find("B")};
   for (const std::vector<float>* plane : planes) {
     if (plane == nullptr) {
-      return absl::InvalidArgumentError("the picture has no channels R, G and B");
+      return absl::InvalidArgumentError("the image has no channels R, G and B");
     }
   }
   picture->color.chromaticities = to;

@@ -86,7 +86,7 @@ absl::Status ReadIds(const std::string& names_text, const std::vector<std::vecto
       const bool fits = number >= 1 && number <= static_cast<float>(kIdMax + 1) &&
                         number == std::floor(number) && std::isfinite(planes[k + 1][p]) &&
                         std::isfinite(planes[k + 2][p]) && list.size() == k / kPlanesPerId;
-      if (!fits) return absl::InvalidArgumentError("its ids are no list");
+      if (!fits) return absl::InvalidArgumentError("its ids do not form a list");
       const uint32_t id = static_cast<uint32_t>(number) - 1;
       if ((!list.empty() && list.back().id >= id) || (id != kNoId && !ids->names.contains(id))) {
         return absl::InvalidArgumentError("its ids are not in their order, or have no names");

@@ -32,15 +32,15 @@ struct LightPathName {
   const char* meaning;
 };
 inline constexpr std::array<LightPathName, kLightPathKindCount> kLightPathNames{{
-    {"seen", "lamps and sky that the camera sees"},
-    {"mirrored", "lamps and sky seen in mirrors and through smooth glass"},
-    {"direct", "light that one rough surface scattered"},
-    {"indirect", "light that rough surfaces scattered several times"},
-    {"caustic", "light that mirrors or smooth glass threw on a rough surface"},
-    {"fog-once", "light that a medium scattered once"},
-    {"fog", "light that media scattered several times, or surfaces too"},
-    {"beneath", "light that came out from beneath a surface"},
-    {"glow", "media that shine"},
+    {"seen", "lights and sky that the camera sees"},
+    {"mirrored", "lights and sky seen in mirrors and through smooth glass"},
+    {"direct", "light scattered by one rough surface"},
+    {"indirect", "light scattered several times by rough surfaces"},
+    {"caustic", "light cast by mirrors or smooth glass onto a rough surface"},
+    {"fog-once", "light scattered once by a medium"},
+    {"fog", "light scattered several times by media, or by media and surfaces"},
+    {"beneath", "light scattered beneath a surface"},
+    {"glow", "emission of media"},
 }};
 
 }  // namespace sheaf

@@ -57,7 +57,7 @@ absl::StatusOr<FramePicture> ShrinkPicture(const FramePicture& picture,
   for (const std::string& channel : channels) {
     const std::vector<float>* plane = picture.Find(channel);
     if (plane == nullptr) {
-      return absl::InternalError(absl::StrCat("the picture has no channel ", channel));
+      return absl::InternalError(absl::StrCat("the image has no channel ", channel));
     }
     small.channel_names.push_back(channel);
     small.planes.push_back(ShrinkPlane(*plane, width_px, factor, small.window.Width(),

@@ -58,8 +58,8 @@ class PixelCopy {
 }  // namespace
 
 std::string WhyNoCells(const PixelRect& tile, const TileCells& cells) {
-  if (cells.All()) return cells.mask == 0 ? "" : "a choice of cells without their size";
-  if (cells.size_px < 0) return "a negative size of cells";
+  if (cells.All()) return cells.mask == 0 ? "" : "cells without their size";
+  if (cells.size_px < 0) return "cells of a negative size";
   const int64_t least = (int64_t{tile.Width()} / cells.size_px) * (tile.Height() / cells.size_px);
   const size_t count = least > kTileCellsMax ? 0 : CutTiles(tile, cells.size_px).size();
   if (count == 0 || count > kTileCellsMax) {

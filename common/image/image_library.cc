@@ -15,7 +15,7 @@ namespace {
 
 absl::Status CannotLoad(const std::string& why) {
   return absl::FailedPreconditionError(
-      absl::StrCat("images cannot be read: ", why, "; install Sheaf as a whole (its README)"));
+      absl::StrCat("images cannot be read: ", why, "; install all of Sheaf (see its README)"));
 }
 
 }  // namespace

@@ -54,7 +54,7 @@ absl::StatusOr<Address> ParseAddress(const std::string& text,
 std::string CompleteCoordinatorAddress(std::string& text) {
   const absl::StatusOr<Address> address = ParseAddress(text, kCoordinatorPort);
   if (!address.ok()) return std::string(address.status().message());
-  if (address->port == 0) return std::string(Malformed(text, "port 0 is nobody's").message());
+  if (address->port == 0) return std::string(Malformed(text, "the port is 0").message());
   text = FormatAddress(*address);
   return "";
 }

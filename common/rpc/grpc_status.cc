@@ -13,10 +13,10 @@ namespace {
 // Fragments of gRPC's messages, most specific first, and their plain words.
 constexpr std::pair<const char*, const char*> kPlainWords[] = {
     {"Connection refused", "the connection was refused"},
-    {"No route to host", "there is no way to it"},
-    {"Network is unreachable", "there is no way to it"},
-    {"DNS resolution failed", "its name is not known"},
-    {"http1.x server", "what listens there is not a coordinator's gRPC port"},
+    {"No route to host", "it is unreachable"},
+    {"Network is unreachable", "it is unreachable"},
+    {"DNS resolution failed", "its name is unknown"},
+    {"http1.x server", "the port is not the gRPC port of a coordinator"},
     {"handshaker shutdown", "it does not answer"},
     {"before receiving SETTINGS", "it does not answer"},
     {"Connection timed out", "it does not answer"},

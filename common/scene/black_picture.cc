@@ -34,16 +34,16 @@ std::string WhyBlack(const SceneDescription& scene) {
   const bool shines =
       !scene.lights.empty() || HasShapesThatShine(scene) || std::ranges::any_of(scene.media, Glows);
   if (!shines) {
-    return absl::StrCat(place, is_empty ? "the scene is empty" : "nothing in the scene shines",
-                        ", so the picture will be black; add after WorldBegin ",
+    return absl::StrCat(place, is_empty ? "the scene is empty" : "nothing in the scene emits light",
+                        ", so the image will be black; add after WorldBegin ",
                         is_empty ? "a Shape and " : "",
                         "a light, for example LightSource \"infinite\", or AreaLightSource "
                         "\"diffuse\" before a Shape");
   }
   if (!is_empty || std::ranges::any_of(scene.lights, IsSky)) return "";
   return absl::StrCat(place,
-                      "the scene has no shapes, and its lights cannot be seen themselves, so the "
-                      "picture will be black; add a Shape after WorldBegin");
+                      "the scene has no shapes, and its lights are not visible themselves, so the "
+                      "image will be black; add a Shape after WorldBegin");
 }
 
 }  // namespace sheaf

@@ -34,7 +34,7 @@ TEST(BlackPictureTest, SaysWhatIsMissing) {
   EXPECT_THAT(WhyBlackOf(""), AllOf(StartsWith("room.pbrt: the scene is empty, "),
                                     HasSubstr("add after WorldBegin a Shape and a light")));
   EXPECT_THAT(WhyBlackOf("Shape \"sphere\"\n"),
-              AllOf(StartsWith("room.pbrt: nothing in the scene shines, "),
+              AllOf(StartsWith("room.pbrt: nothing in the scene emits light, "),
                     HasSubstr("LightSource \"infinite\"")));
   EXPECT_THAT(WhyBlackOf("LightSource \"point\"\n"),
               StartsWith("room.pbrt: the scene has no shapes, "));
@@ -44,7 +44,7 @@ TEST(BlackPictureTest, SaysWhatIsMissing) {
 TEST(BlackPictureTest, LightsOfObjectsDoNotCount) {
   EXPECT_THAT(WhyBlackOf("ObjectBegin \"lamp\"\nAreaLightSource \"diffuse\"\nShape \"sphere\"\n"
                          "ObjectEnd\nObjectInstance \"lamp\"\n"),
-              HasSubstr("nothing in the scene shines"));
+              HasSubstr("nothing in the scene emits light"));
 }
 
 TEST(BlackPictureTest, SaysNothingWhereLightMayCome) {

@@ -156,7 +156,7 @@ class Verifier {
       const Tile& tile = *data.tile(i);
       const nanovdb::Coord origin = tile.origin();
       if (std::remove_cvref_t<decltype(data)>::CoordToKey(origin) != tile.key) {
-        return Broken("a tile's key is no place");
+        return Broken("a tile's key is not a position");
       }
       keys.push_back(tile.key);
       const Index3 at{origin[0], origin[1], origin[2]};

@@ -148,7 +148,7 @@ absl::StatusOr<VolumeGrid> FromArray(const std::string& where, const std::string
       __builtin_mul_overflow(count, static_cast<uint64_t>(shape.size[2]), &count) ||
       count != values.size()) {
     return bad(absl::StrCat("nx * ny * nz = ", shape.size[0], " * ", shape.size[1], " * ",
-                            shape.size[2], " values are wanted, there are ", values.size()));
+                            shape.size[2], " values are expected, but there are ", values.size()));
   }
   const ArrayTree<T> tree(shape, values);
   using BuildT = std::conditional_t<std::is_same_v<T, float>, float, nanovdb::Vec3f>;

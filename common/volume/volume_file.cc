@@ -40,7 +40,8 @@ absl::StatusOr<OpenFile> Open(const std::string& file_name, const std::string& l
   const bool is_vdb = has_magic && volume::BeginsAsVdb(magic);
   if (!is_vdb && (!has_magic || magic != kNanovdbMagic)) {
     return absl::InvalidArgumentError(absl::StrCat(
-        file_name, ": neither a NanoVDB (.nvdb) nor an OpenVDB (.vdb) file: it begins otherwise"));
+        file_name,
+        ": neither a NanoVDB (.nvdb) nor an OpenVDB (.vdb) file: its first bytes match neither"));
   }
   return OpenFile{*std::move(file), is_vdb};
 }

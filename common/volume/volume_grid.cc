@@ -315,8 +315,7 @@ absl::Status VolumeGrid::CheckDensity(const std::string& where) const {
   if (info_.values.min < 0) {
     return absl::InvalidArgumentError(absl::StrCat(
         where, ": grid \"", info_.name, "\" holds negative densities, down to ", info_.values.min,
-        "; a level set must be made a fog volume, and resampled "
-        "densities clamped at 0"));
+        "; convert a level set to a fog volume, and clamp resampled densities at 0"));
   }
   return absl::OkStatus();
 }

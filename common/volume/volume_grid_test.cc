@@ -132,12 +132,12 @@ TEST(VolumeGridTest, ArraysThatMakeNoGridAreRefused) {
   };
   EXPECT_THAT(
       message({{2, 2, 3}, {}, {1, 1, 1}}),
-      HasSubstr("a.pbrt:4:2: grid \"density\": nx * ny * nz = 2 * 2 * 3 values are wanted"));
+      HasSubstr("a.pbrt:4:2: grid \"density\": nx * ny * nz = 2 * 2 * 3 values are expected"));
   EXPECT_THAT(message({{0, 2, 2}, {}, {1, 1, 1}}), HasSubstr("must lie in [1, 16777216]"));
   EXPECT_THAT(message({{2000000000, 2000000000, 2000000000}, {}, {1, 1, 1}}),
               HasSubstr("index_abs_max"));
   // The product overflows 64 bits.
-  EXPECT_THAT(message({{1 << 24, 1 << 24, 1 << 24}, {}, {1, 1, 1}}), HasSubstr("are wanted"));
+  EXPECT_THAT(message({{1 << 24, 1 << 24, 1 << 24}, {}, {1, 1, 1}}), HasSubstr("are expected"));
   EXPECT_THAT(message({{2, 2, 2}, {}, {1, 0, 1}}), HasSubstr("p0 must be less than p1"));
   const std::vector<float> bad(8, std::nanf(""));
   EXPECT_THAT(

@@ -48,7 +48,7 @@ class ToldTest(unittest.TestCase):
         behind = 'LightSource "distant" "point3 from" [0 0 1] "point3 to" [0 0 0]'
         dark = self.write("dark.pbrt", SCENE.replace(sky, ""))
         behind = self.write("behind.pbrt", SCENE.replace(sky, behind))
-        missing = "dark.pbrt: nothing in the scene shines"
+        missing = "dark.pbrt: nothing in the scene emits light"
         self.assertIn(missing, run("plan", dark).stderr)
         with farm.Farm() as f:
             self.assertIn(missing, f.sheaf("submit", dark, "--samples", 1).stderr)

@@ -89,9 +89,10 @@ TEST(ConstantGridTest, ThePlanNamesIt) {
   // One cell falls to 0 from its centre on.
   const RenderPlan coarse = MakeRenderPlan(Read(Grid(1, kGrey)), settings);
   EXPECT_TRUE(Has(coarse.traits, Trait::kHeterogeneousMedia));
-  EXPECT_THAT(FormatRenderPlan(coarse),
-              testing::HasSubstr("constant grid: stays a grid, as the shape at main.pbrt:8:1 "
-                                 "reaches beyond"));
+  EXPECT_THAT(
+      FormatRenderPlan(coarse),
+      testing::HasSubstr(
+          "constant grid: stays a grid, because the shape at main.pbrt:8:1 reaches beyond"));
 }
 
 }  // namespace

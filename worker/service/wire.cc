@@ -63,7 +63,8 @@ absl::Status CheckLease(const Lease& lease) {
         "its samples are not an aligned block of the frame's samples");
   }
   const std::string why_no_cells = WhyNoCells(lease.tile, lease.cells);
-  if (!why_no_cells.empty()) return absl::InvalidArgumentError("it is of " + why_no_cells);
+  if (!why_no_cells.empty())
+    return absl::InvalidArgumentError("its cells are invalid: " + why_no_cells);
   if (settings.max_depth < 0) return absl::InvalidArgumentError("its depth is negative");
   return CheckDigest(lease.scene);
 }

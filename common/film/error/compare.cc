@@ -43,13 +43,13 @@ absl::StatusOr<Pair> MatchPictures(const FramePicture& reference, const FramePic
   if (reference.window.Width() != image.window.Width() ||
       reference.window.Height() != image.window.Height()) {
     return absl::InvalidArgumentError(
-        absl::StrCat("the pictures have different sizes: the reference ", reference.window.Width(),
+        absl::StrCat("the images have different sizes: the reference ", reference.window.Width(),
                      "x", reference.window.Height(), ", the image ", image.window.Width(), "x",
                      image.window.Height()));
   }
   if (!(reference.color.chromaticities == image.color.chromaticities)) {
     return absl::InvalidArgumentError(
-        "the pictures have different primaries; convert one (ConvertColor)");
+        "the images have different primaries; convert one (ConvertColor)");
   }
   const absl::StatusOr<ColorPlanes> r = FindPlanes(reference, kColor, "reference");
   if (!r.ok()) return r.status();

@@ -112,14 +112,14 @@ absl::Status ParseChannels(std::string_view value, std::vector<ExrChannel>* chan
     channels->push_back(std::move(channel));
     if (channels->size() > kChannelsMax) return Malformed("too many channels");
   }
-  return reader.empty() ? absl::OkStatus() : Malformed("the channel list has bytes left over");
+  return reader.empty() ? absl::OkStatus() : Malformed("the channel list has extra bytes");
 }
 
 absl::Status ParseTileSize(std::string_view value, ExrHeader* header) {
   ByteReader reader(value);
   const auto width = reader.Take<uint32_t>(), height = reader.Take<uint32_t>();
   if (width == 0 || height == 0 || width > kCoordinateMax || height > kCoordinateMax) {
-    return Malformed("the tiles have no sensible size");
+    return Malformed("the tiles have an invalid size");
   }
   header->tile_pixels = static_cast<int64_t>(width) * height;
   return absl::OkStatus();

@@ -91,7 +91,7 @@ absl::StatusOr<PixelLattice> LatticeOf(const ExrHeader& header) {
         lattice.stride_px < kPixelStrideMin || lattice.stride_px > kPixelStrideMax ||
         header.data_window.x0 < 0 || header.data_window.y0 < 0 || seed == header.strings.end() ||
         !absl::SimpleAtoi(seed->second, &lattice.seed)) {
-      return NotAPart("a pixel stride, or seed, that cannot be");
+      return NotAPart("invalid pixel stride or seed");
     }
   }
   if (header.compression != CompressionOf(lattice)) return NotAPart("unexpected compression");
@@ -113,7 +113,7 @@ absl::StatusOr<TileCells> CellsOf(const ExrHeader& header) {
   TileCells cells;
   if (mask == header.strings.end() || !absl::SimpleAtoi(size->second, &cells.size_px) ||
       !absl::SimpleAtoi(mask->second, &cells.mask)) {
-    return NotAPart("a choice of cells that cannot be read");
+    return NotAPart("its cells cannot be read");
   }
   const std::string why = WhyNoCells(header.display_window, cells);
   if (!why.empty()) return NotAPart(why);
@@ -206,7 +206,7 @@ absl::Status DecodeLines(std::string_view bytes, const std::vector<NamedPlane<fl
       int size_bytes = 0;
       file.rawPixelData(window.y0 + i, line, size_bytes);
       if (static_cast<size_t>(size_bytes) != planes.size() * line_bytes) {
-        throw std::runtime_error("a line of another length");
+        throw std::runtime_error("a line has a wrong length");
       }
       const PixelRect rect = RectOfLine(tile, cells, rects, static_cast<size_t>(i));
       const size_t row_bytes = static_cast<size_t>(rect.Width()) * sizeof(float);

@@ -43,7 +43,7 @@ absl::Status FindColor(std::vector<std::string>* names) {
     for (const char* component : {"R", "G", "B"}) *find(prefix + component) = component;
     return absl::OkStatus();
   }
-  return absl::InvalidArgumentError("the picture has no channels R, G and B");
+  return absl::InvalidArgumentError("the image has no channels R, G and B");
 }
 
 }  // namespace
@@ -75,13 +75,14 @@ absl::StatusOr<FramePicture> DecodePicture(std::string_view bytes) {
   const absl::StatusOr<ExrFileHeader> file = ScanExrHeader(bytes);
   if (!file.ok()) return file.status();
   if (file->deep)
-    return absl::InvalidArgumentError("deep EXR files are not pictures of one value a pixel");
+    return absl::InvalidArgumentError(
+        "deep EXR files are not supported, only images with one value per pixel");
   for (const ExrHeader& part : file->parts) {
     const int64_t pixels = std::max(part.data_window.PixelCount(), part.tile_pixels);
     const auto pixel_bytes = static_cast<int64_t>(part.channels.size() * sizeof(float));
     if (pixel_bytes > 0 && pixels > kPictureBytesMax / pixel_bytes) {
       return absl::ResourceExhaustedError(
-          absl::StrCat("the picture needs more than the limit of ", kPictureBytesMax, " bytes"));
+          absl::StrCat("the image needs more than the limit of ", kPictureBytesMax, " bytes"));
     }
   }
   const ExrHeader& header = file->parts[0];

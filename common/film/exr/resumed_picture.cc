@@ -56,14 +56,14 @@ std::array<double, kReplicateCount> DrawSigns(int32_t x, int32_t y) {
 absl::Status CheckOutputs(const FilmOutputs& outputs) {
   if (outputs.HasIds()) {
     return Refuse(
-        "ids and cryptomattes cannot go on: the picture has their ranks, not all of their weights; "
-        "render them anew, without the picture");
+        "ids and cryptomattes cannot be continued: the image has their ranks, not all of their "
+        "weights; render them again without the image");
   }
   for (const MeanChannel& channel : MeanChannelsOf(outputs)) {
     if (!channel.starts_direction) continue;
     return Refuse(absl::StrCat("the output ", channel.name,
-                               " cannot go on: the picture has directions of unit length, not "
-                               "their means; leave it out, or render without the picture"));
+                               " cannot be continued: the image has directions of unit length, not "
+                               "their means; remove the output, or render without the image"));
   }
   return absl::OkStatus();
 }
@@ -117,15 +117,15 @@ absl::StatusOr<ResumedPicture> ResumedPicture::Make(FramePicture picture,
   const auto digest = picture.metadata.find(kPictureDigestKey);
   if (digest == picture.metadata.end() || !picture.metadata.contains(kFrameDigestKey)) {
     return Refuse(
-        "it does not say what it is a picture of (sheaf:frameDigest, sheaf:pictureDigest): only "
-        "an EXR as this version of Sheaf delivers it can be resumed");
+        "it does not identify its frame (sheaf:frameDigest, sheaf:pictureDigest): only an EXR "
+        "delivered by this version of Sheaf can be resumed");
   }
   if (absl::Status status = CheckOutputs(outputs); !status.ok()) return status;
   const auto weight = picture.metadata.find(kSampleWeightKey);
   if (weight != picture.metadata.end() && weight->second == "signed") {
     return Refuse(
-        "its filter is negative in places, and the picture does not have the weights of its "
-        "samples: it cannot be resumed");
+        "its filter is negative in places, and the image does not have the weights of its samples: "
+        "it cannot be resumed");
   }
   ResumedPicture resumed(std::move(picture), outputs, color);
   std::vector<std::string> names(kChannels.begin(), kChannels.end());
@@ -134,7 +134,7 @@ absl::StatusOr<ResumedPicture> ResumedPicture::Make(FramePicture picture,
     const std::vector<std::string>& all = resumed.picture_.channel_names;
     const auto found = std::find(all.begin(), all.end(), name);
     if (found == all.end()) {
-      return Refuse(absl::StrCat("it has no channel ", name, ", which this job asks for"));
+      return Refuse(absl::StrCat("it has no channel ", name, ", which this job requests"));
     }
     resumed.planes_.push_back(static_cast<size_t>(found - all.begin()));
   }
@@ -144,8 +144,8 @@ absl::StatusOr<ResumedPicture> ResumedPicture::Make(FramePicture picture,
   for (size_t p = 0; p < resumed.picture_.planes[0].size(); ++p) {
     const float count = resumed.CountAt(p);
     if (count >= static_cast<float>(kReplicateCount)) continue;
-    return Refuse(absl::StrCat("a pixel of it has ", count, " samples; it takes at least ",
-                               kReplicateCount, " in each to go on from a picture"));
+    return Refuse(absl::StrCat("one of its pixels has ", count, " samples; at least ",
+                               kReplicateCount, " in each pixel are needed to resume an image"));
   }
   return resumed;
 }
@@ -165,12 +165,12 @@ absl::StatusOr<uint64_t> ResumedPicture::SamplesOf(const PixelRect& tile) const 
       const auto cell_size = picture_.metadata.find("cellSizePx");  // Earlier versions had none.
       std::string flags;
       if (tile_size != picture_.metadata.end()) {
-        absl::StrAppend(&flags, ": go on with --tile-size ", tile_size->second);
+        absl::StrAppend(&flags, ": continue with --tile-size ", tile_size->second);
         if (cell_size != picture_.metadata.end()) {
           absl::StrAppend(&flags, " --cell-size ", cell_size->second);
         }
       }
-      return Refuse(absl::StrCat("its samples were given to tiles of another size", flags));
+      return Refuse(absl::StrCat("its samples were allocated to tiles of another size", flags));
     }
   }
   return static_cast<uint64_t>(count);

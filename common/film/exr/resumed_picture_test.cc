@@ -163,13 +163,13 @@ TEST(ResumedPictureTest, SaysWhatCannotBeResumed) {
   picture = Deliver(16);
   picture.metadata[kSampleWeightKey] = "signed";
   EXPECT_THAT(why(picture), HasSubstr("filter is negative"));
-  EXPECT_THAT(why(Deliver(8)), HasSubstr("has 8 samples; it takes at least 16"));
+  EXPECT_THAT(why(Deliver(8)), HasSubstr("has 8 samples; at least 16"));
   FilmOutputs outputs;
   outputs.AddCryptomatte(IdKind::kObject);
-  EXPECT_THAT(why(Deliver(16), outputs), HasSubstr("cryptomattes cannot go on"));
+  EXPECT_THAT(why(Deliver(16), outputs), HasSubstr("cryptomattes cannot be continued"));
   outputs = {};
   outputs.Add(Aov::kShadingNormal);
-  EXPECT_THAT(why(Deliver(16), outputs), HasSubstr("output Ns.X cannot go on"));
+  EXPECT_THAT(why(Deliver(16), outputs), HasSubstr("output Ns.X cannot be continued"));
   outputs = {};
   outputs.Add(Aov::kUv);
   EXPECT_THAT(why(Deliver(16), outputs), HasSubstr("has no channel u"));

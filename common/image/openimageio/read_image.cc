@@ -18,8 +18,8 @@ namespace {
 absl::Status CheckSize(const std::string& path, const OIIO::ImageSpec& spec,
                        const ReadImageLimits& limits) {
   if (spec.width <= 0 || spec.height <= 0 || spec.nchannels <= 0 || spec.depth > 1) {
-    return absl::InvalidArgumentError(absl::StrCat(path, ": not a flat picture (", spec.width,
-                                                   " x ", spec.height, " x ", spec.depth, ", ",
+    return absl::InvalidArgumentError(absl::StrCat(path, ": not a flat image (", spec.width, " x ",
+                                                   spec.height, " x ", spec.depth, ", ",
                                                    spec.nchannels, " channels)"));
   }
   const uint64_t width = static_cast<uint64_t>(spec.width);
@@ -30,7 +30,7 @@ absl::Status CheckSize(const std::string& path, const OIIO::ImageSpec& spec,
     return absl::ResourceExhaustedError(
         absl::StrCat(path, ": ", spec.width, " x ", spec.height, " pixels of ", spec.nchannels,
                      " channels are more than the limit of ", limits.memory_bytes_max,
-                     " bytes and ", limits.channels_max, " channels; use a smaller picture"));
+                     " bytes and ", limits.channels_max, " channels; use a smaller image"));
   }
   return absl::OkStatus();
 }
@@ -81,12 +81,12 @@ absl::StatusOr<FloatImage> ReadByOpenImageIO(const std::string& path,
     std::unique_ptr<OIIO::ImageInput> input = OIIO::ImageInput::open(path, &wishes);
     if (!input) {
       return absl::InvalidArgumentError(absl::StrCat(
-          path, ": not a picture that can be read: ", OneLine(OIIO::geterror(), "unknown format")));
+          path, ": not a readable image: ", OneLine(OIIO::geterror(), "unknown format")));
     }
     return ReadOpened(path, *input, limits);
   } catch (const std::bad_alloc&) {
     return absl::ResourceExhaustedError(
-        absl::StrCat(path, ": there is no memory to decode the picture"));
+        absl::StrCat(path, ": there is no memory to decode the image"));
   } catch (const std::exception& error) {
     return absl::InvalidArgumentError(absl::StrCat(path, ": cannot be decoded: ", error.what()));
   }

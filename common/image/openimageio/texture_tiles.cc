@@ -122,7 +122,7 @@ class TileCursor {
 absl::Status DescribeImage(const OIIO::ImageSpec& spec, const std::string& path,
                            OpenedImage& image) {
   if (spec.width <= 0 || spec.height <= 0 || spec.nchannels <= 0 || spec.depth > 1) {
-    return absl::InvalidArgumentError(absl::StrCat(path, ": not a flat picture"));
+    return absl::InvalidArgumentError(absl::StrCat(path, ": not a flat image"));
   }
   image.facts.width = spec.width;
   image.facts.height = spec.height;
@@ -223,7 +223,7 @@ absl::StatusOr<TextureImage> OpenImageIOTiles::Open(const std::string& path,
     if (image->handle == nullptr ||
         !cache.get_imagespec(image->handle, ThreadRecord(), spec, 0, 0, true)) {
       return absl::InvalidArgumentError(
-          absl::StrCat(path, ": not a picture that can be read: ", CacheError(cache)));
+          absl::StrCat(path, ": not a readable image: ", CacheError(cache)));
     }
     if (absl::Status status = DescribeImage(spec, path, *image); !status.ok()) return status;
     if (spec.format == OIIO::TypeDesc::UINT8 || spec.format == OIIO::TypeDesc::UINT16) {
@@ -232,7 +232,7 @@ absl::StatusOr<TextureImage> OpenImageIOTiles::Open(const std::string& path,
     if (absl::Status status = Scan(*image); !status.ok()) return status;
   } catch (const std::bad_alloc&) {
     return absl::ResourceExhaustedError(
-        absl::StrCat(path, ": there is no memory to decode the picture"));
+        absl::StrCat(path, ": there is no memory to decode the image"));
   } catch (const std::exception& error) {
     return absl::InvalidArgumentError(absl::StrCat(path, ": cannot be decoded: ", error.what()));
   }

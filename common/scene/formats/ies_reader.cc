@@ -205,7 +205,7 @@ absl::StatusOr<CandelaTable> ReadIes(const std::string& name, const std::string&
   const int32_t horizontal_count = text.Count("the number of horizontal angles", 1,
                                               kCandelaCountMax / std::max(vertical_count, 1));
   if (text.Count("the photometric type", 1, 3) != 1) {
-    text.Fail("photometry of types A and B is not supported; Sheaf does type C, which is 1");
+    text.Fail("photometry of types A and B is not supported; Sheaf supports type C, which is 1");
   }
   for (const char* what : {"the type of units", "the width", "the length", "the height"}) {
     text.Number(what);

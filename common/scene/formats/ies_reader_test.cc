@@ -100,8 +100,8 @@ TEST(IesReaderTest, MistakesAreNamedWithTheirPlace) {
        "number from 1 to 1048"},
       {"TILT=INCLUDE\n1\n-1\n", "lamps/a.ies:3:1: the number of tilt angles is -1"},
       {"TILT=NONE\n1 1 1 2 1 2",
-       "lamps/a.ies:2:11: photometry of types A and B is not supported; "
-       "Sheaf does type C, which is 1"},
+       "lamps/a.ies:2:11: photometry of types A and B is not supported; Sheaf supports type C, "
+       "which is 1"},
       {"TILT=NONE\n1 1 1 2 1 1 2 0 0 0\n1 1 1\n0 181",
        "lamps/a.ies:4:3: a vertical angle is 181, "
        "outside of [0, 180] degrees"},

@@ -115,7 +115,7 @@ absl::Status ReadValues(const TensorFile& file, const std::string& field, float 
     if (std::isfinite(value) && value >= low) continue;
     return file.Error(field, absl::StrCat("value ", i, " is ", value,
                                           std::isfinite(value) ? ", but must be 0 or more"
-                                                               : ", which is no finite number"));
+                                                               : ", which is not finite"));
   }
   *values = *std::move(read);
   return absl::OkStatus();

@@ -98,7 +98,7 @@ TEST_F(MeasuredFileTest, ErrorsNameFileAndField) {
   EXPECT_EQ(ErrorWith(FloatArray("ndf", {3, 3}, negative)),
             "paint.bsdf: field \"ndf\": value 4 is -1, but must be 0 or more");
   EXPECT_EQ(ErrorWith(FloatArray("sigma", {3, 3}, infinite)),
-            "paint.bsdf: field \"sigma\": value 3 is inf, which is no finite number");
+            "paint.bsdf: field \"sigma\": value 3 is inf, which is not finite");
   std::vector<TensorArray> arrays = Small().Arrays();
   arrays.pop_back();
   EXPECT_EQ(ErrorOf(TensorBytes(arrays)), "paint.bsdf: field \"spectra\": is missing");

@@ -188,7 +188,7 @@ absl::StatusOr<PlyHeader> ReadPlyHeader(PlyBytes& bytes) {
   PlyHeader header;
   std::string line;
   if (!bytes.ReadLine(&line) || line != "ply") {
-    return absl::InvalidArgumentError("line 1: this is no PLY file; it must begin with \"ply\"");
+    return absl::InvalidArgumentError("line 1: this is not a PLY file; it must begin with \"ply\"");
   }
   bool has_format = false;
   while (true) {
@@ -206,8 +206,8 @@ absl::StatusOr<PlyHeader> ReadPlyHeader(PlyBytes& bytes) {
     } else if (words[0] == "property") {
       error = AddProperty(words, &header);
     } else {
-      error =
-          absl::StrCat("\"", std::string(words[0].substr(0, 40)), "\" is no word of a PLY header");
+      error = absl::StrCat("\"", std::string(words[0].substr(0, 40)),
+                           "\" is not a keyword of a PLY header");
     }
     if (!error.empty())
       return absl::InvalidArgumentError(absl::StrCat("line ", number, ": ", error));

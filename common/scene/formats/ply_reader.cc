@@ -305,7 +305,7 @@ absl::Status PlyMeshReader::ReadPolygon(uint64_t face, const PlyProperty& proper
     if (!ReadScalar(property.type, &value)) return Stopped("face", face);
     if (!(value >= 0 && value <= 4294967295.0) || value != std::floor(value)) {
       return absl::InvalidArgumentError(
-          absl::StrCat("face ", face, ": ", value, " is no index of a vertex"));
+          absl::StrCat("face ", face, ": ", value, " is not the index of a vertex"));
     }
     const auto index = static_cast<uint32_t>(value);
     if (i >= 2) mesh_.indices.insert(mesh_.indices.end(), {first, previous, index});

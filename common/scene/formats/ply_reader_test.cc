@@ -124,11 +124,11 @@ std::vector<BadPly> BadMeshes() {
   const std::string head = kAsciiHead;
   const std::string xyz = "property float x\nproperty float y\nproperty float z\n";
   return {
-      {"Empty", "", "line 1: this is no PLY file"},
+      {"Empty", "", "line 1: this is not a PLY file"},
       {"NoEnd", "ply\nformat ascii 1.0\n", "ends too early"},
       {"Format", "ply\nformat roman 1.0\nend_header\n", "line 2: the format \"roman\" is unknown"},
       {"NoFormat", "ply\nend_header\n", "no format line"},
-      {"Word", "ply\nfromat ascii 1.0\n", "line 2: \"fromat\" is no word of a PLY header"},
+      {"Word", "ply\nfromat ascii 1.0\n", "line 2: \"fromat\" is not a keyword of a PLY header"},
       {"Type", "ply\nformat ascii 1.0\nelement vertex 1\nproperty real x\n",
        "line 4: \"property\""},
       {"FloatCount", "ply\nformat ascii 1.0\nelement face 1\nproperty list float int v\n",
@@ -150,7 +150,7 @@ std::vector<BadPly> BadMeshes() {
       {"FloatOverflow", head + "0 0 0\n1 1e39 0\n0 1 0\n3 0 1 2\n", "vertex 1: y is not a finite"},
       {"IndexRange", head + "0 0 0\n1 0 0\n0 1 0\n3 0 1 3\n",
        "triangle 0 uses vertex 3, but there are only 3 vertices"},
-      {"NegativeIndex", head + "0 0 0\n1 0 0\n0 1 0\n3 0 1 -2\n", "face 0: -2 is no index"},
+      {"NegativeIndex", head + "0 0 0\n1 0 0\n0 1 0\n3 0 1 -2\n", "face 0: -2 is not the index"},
       {"TwoCorners", head + "0 0 0\n1 0 0\n0 1 0\n2 0 1\n", "face 0 has 2 vertices"},
       {"TruncatedList", head + "0 0 0\n1 0 0\n0 1 0\n3 0 1\n", "face 0: the file ends too early"},
   };

@@ -108,7 +108,7 @@ std::string ObstacleAt(const SceneDescription& scene, const ShapeDescription& sh
                        const Matrix4& world_from_shape, const Matrix4& medium_from_world,
                        const Reach& reach) {
   constexpr char kReachesOut[] =
-      " reaches beyond the outermost values of the grid, from where on they fall to 0";
+      " reaches beyond the outermost values of the grid, where densities fall to 0";
   constexpr char kIsOpen[] = " is not known to enclose it";
   const Matrix4 medium_from_shape = medium_from_world * world_from_shape;
   if (const auto* sphere = std::get_if<SphereShape>(&shape.shape)) {
@@ -204,7 +204,7 @@ void TakeConstantGridsAsHomogeneous(SceneDescription* scene) {
     const std::string obstacle = ObstacleTo(candidate, *scene, boundaries);
     MediumDescription& medium = scene->media[candidate.medium];
     if (!obstacle.empty()) {
-      medium.constant_grid = absl::StrCat("constant grid: stays a grid, as ", obstacle);
+      medium.constant_grid = absl::StrCat("constant grid: stays a grid, because ", obstacle);
       continue;
     }
     medium.constant_grid = "constant grid: treated as homogeneous";

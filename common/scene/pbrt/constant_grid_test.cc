@@ -59,7 +59,7 @@ class ConstantGridTest : public ::testing::Test {
     ASSERT_FALSE(scene.media.empty());
     EXPECT_FALSE(scene.media[0].IsHomogeneous()) << world;
     EXPECT_THAT(scene.media[0].constant_grid,
-                StartsWith(why.empty() ? "" : "constant grid: stays a grid, as " + why));
+                StartsWith(why.empty() ? "" : "constant grid: stays a grid, because " + why));
     EXPECT_EQ(scene.media[0].constant_grid.empty(), why.empty());
   }
   const std::string even_ = absl::StrCat(kGrid, kEven);

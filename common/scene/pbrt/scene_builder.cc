@@ -220,7 +220,7 @@ void SceneBuilder::ReportOpenBlocks(size_t first) {
     const Block& open = blocks_.back();
     diagnostics_->Error(
         open.location,
-        absl::StrCat(std::string(BeginOf(static_cast<int>(open.kind))), " is never ended"));
+        absl::StrCat(std::string(BeginOf(static_cast<int>(open.kind))), " is not closed"));
     if (open.kind == Block::Kind::kObject) open_object_ = kNone;
     Pop(open.kind, "", open.location);
   }

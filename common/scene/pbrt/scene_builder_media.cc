@@ -46,7 +46,7 @@ void SceneBuilder::MakeNamedMedium(const std::string& name, std::vector<Paramete
   MediumDescription& medium = scene_->media[static_cast<size_t>(index)];
   if (use.is_made) {
     diagnostics_->Error(location,
-                        absl::StrCat("medium \"", name, "\" is made twice; the first is at ",
+                        absl::StrCat("medium \"", name, "\" is defined twice; the first is at ",
                                      FormatLocation(*scene_, medium.location)));
     return;
   }
@@ -94,7 +94,7 @@ void SceneBuilder::FinishMedia() {
     if (!medium_uses_[i].is_made) {
       names.erase(std::find(names.begin(), names.end(), medium.name));
       diagnostics_->Error(medium.location,
-                          absl::StrCat("medium \"", medium.name, "\" is used here but made nowhere",
+                          absl::StrCat("medium \"", medium.name, "\" is used here but not defined",
                                        NearestNameHint(medium.name, names)));
     } else if (!medium_uses_[i].is_used) {
       diagnostics_->Note(medium.location, absl::StrCat("medium \"", medium.name,

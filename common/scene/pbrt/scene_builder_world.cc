@@ -62,8 +62,9 @@ void SceneBuilder::Option(const std::string& name, const std::string& value,
 void SceneBuilder::ColorSpace(const std::string& name, SourceLocation location) {
   const std::optional<Primaries> primaries = PrimariesFromName(name);
   if (!primaries.has_value()) {
-    diagnostics_->Error(location, absl::StrCat("color space \"", name, "\" is unknown; Sheaf does ",
-                                               absl::StrJoin(PrimariesNames(), ", ")));
+    diagnostics_->Error(location,
+                        absl::StrCat("color space \"", name, "\" is unknown; Sheaf supports ",
+                                     absl::StrJoin(PrimariesNames(), ", ")));
     return;
   }
   state_.primaries = *primaries;
@@ -221,13 +222,13 @@ void SceneBuilder::Shape(const std::string& type, std::vector<Parameter> own,
   }
   if (state_.area_light != kNone) {
     if (open_object_ != kNone) {
-      diagnostics_->Warning(location,
-                            "shapes of an object cannot emit light, as in pbrt-v4; the area "
-                            "light is left out here");
+      diagnostics_->Warning(
+          location,
+          "shapes of an object cannot emit light, as in pbrt-v4; the area light is ignored here");
     } else if (materials_.IsInterface(state_.material)) {
       diagnostics_->Warning(location,
-                            "shapes of the material interface emit no light, as in pbrt-v4; "
-                            "the area light is left out here");
+                            "shapes of the material interface emit no light, as in pbrt-v4; the "
+                            "area light is ignored here");
     } else {
       shape.area_light = state_.area_light;
     }
@@ -272,9 +273,9 @@ void SceneBuilder::FinishObjects() {
   for (size_t i = 0; i < scene_->objects.size(); ++i) {
     if (object_is_defined_[i]) continue;
     const ObjectDefinition& object = scene_->objects[i];
-    diagnostics_->Error(object.location, absl::StrCat("object \"", object.name,
-                                                      "\" is used here but defined nowhere",
-                                                      NearestNameHint(object.name, names)));
+    diagnostics_->Error(object.location,
+                        absl::StrCat("object \"", object.name, "\" is used here but not defined",
+                                     NearestNameHint(object.name, names)));
   }
 }
 

@@ -114,9 +114,9 @@ constexpr BadScene kBadScenes[] = {
     {"EndsOther", "WorldBegin\nObjectBegin \"o\"\nAttributeEnd\nObjectEnd\n",
      "main.pbrt:3:1: AttributeEnd ends nothing: the innermost open block is the ObjectBegin at "
      "main.pbrt:2:1"},
-    {"NeverEnded", "WorldBegin\nAttributeBegin\n", "main.pbrt:2:1: AttributeBegin is never ended"},
+    {"NeverEnded", "WorldBegin\nAttributeBegin\n", "main.pbrt:2:1: AttributeBegin is not closed"},
     {"OpenInImport", "WorldBegin\nImport \"open.pbrt\"\nShape \"sphere\"\n",
-     "open.pbrt:1:1: AttributeBegin is never ended"},
+     "open.pbrt:1:1: AttributeBegin is not closed"},
     {"Cycle", "WorldBegin\nInclude \"loop.pbrt\"\n",
      "loop.pbrt:1:1: the files include each other in a cycle: main.pbrt > loop.pbrt > loop.pbrt"},
     {"MissingInclude", "WorldBegin\nInclude \"gone.pbrt\"\n",
@@ -126,18 +126,18 @@ constexpr BadScene kBadScenes[] = {
     {"ObjectInObject", "WorldBegin\nObjectBegin \"a\"\nObjectBegin \"b\"\nObjectEnd\n",
      "main.pbrt:3:1: ObjectBegin inside of another object"},
     {"UndefinedObject", "WorldBegin\nObjectInstance \"a\"\n",
-     "main.pbrt:2:1: object \"a\" is used here but defined nowhere"},
+     "main.pbrt:2:1: object \"a\" is used here but not defined"},
     {"UnknownShape", "WorldBegin\nShape \"paraboloid\"\n",
-     "main.pbrt:2:1: shape \"paraboloid\" is not supported; Sheaf does trianglemesh, plymesh, "
+     "main.pbrt:2:1: shape \"paraboloid\" is not supported; Sheaf supports trianglemesh, plymesh, "
      "loopsubdiv, bilinearmesh, sphere, disk, cylinder and curve"},
     {"UnknownCamera", "Camera \"fisheye\"\nWorldBegin\n",
-     "main.pbrt:1:1: camera \"fisheye\" is not supported; Sheaf does perspective, orthographic, "
-     "spherical and realistic"},
+     "main.pbrt:1:1: camera \"fisheye\" is not supported; Sheaf supports perspective, "
+     "orthographic, spherical and realistic"},
     {"UnknownLight", "WorldBegin\nLightSource \"laser\"\n",
-     "main.pbrt:2:1: light \"laser\" is not supported; Sheaf does infinite, distant, point, spot, "
-     "goniometric and projection"},
+     "main.pbrt:2:1: light \"laser\" is not supported; Sheaf supports infinite, distant, point, "
+     "spot, goniometric and projection"},
     {"NoSlide", "WorldBegin\nLightSource \"projection\" \"float fov\" 30\n",
-     "main.pbrt:2:1: light \"projection\" needs the picture it shines; give \"string filename\""},
+     "main.pbrt:2:1: light \"projection\" needs an image to project; give \"string filename\""},
     {"WideSlide", "WorldBegin\nLightSource \"projection\" \"float fov\" 180\n",
      "main.pbrt:2:1: light \"projection\": fov 180 is outside (0, 180) degrees"},
     {"MissingSlide", "WorldBegin\nLightSource \"projection\" \"string filename\" \"no.png\"\n",
@@ -147,7 +147,7 @@ constexpr BadScene kBadScenes[] = {
      "main.pbrt:2:27: light \"goniometric\": parameter \"filename\" cannot be read: file "
      "\"no.exr\" does not exist"},
     {"Portal", "WorldBegin\nLightSource \"infinite\" \"point3 portal\" [0 0 0 1 0 0 1 1 0 0 1 0]\n",
-     "main.pbrt:2:24: light \"infinite\": parameter \"portal\" needs the picture"},
+     "main.pbrt:2:24: light \"infinite\": parameter \"portal\" needs the image"},
     {"PortalOfNoShape",
      "WorldBegin\nLightSource \"infinite\" \"point3 portal\" [0 0 0 1 0 0 1 1 0 0 1 1]\n",
      "main.pbrt:2:24: light \"infinite\": parameter \"portal\" is no rectangle"},
@@ -185,8 +185,8 @@ constexpr BadScene kBadScenes[] = {
     {"Filter", "PixelFilter \"catmull\"\nWorldBegin\n",
      "main.pbrt:1:1: filter \"catmull\" is not supported"},
     {"Integrator", "Integrator \"ambientocclusion\"\nWorldBegin\n",
-     "main.pbrt:1:1: integrator \"ambientocclusion\" is not supported, for it shows something "
-     "else"},
+     "main.pbrt:1:1: integrator \"ambientocclusion\" is not supported, because it does not "
+     "show"},
     {"OldFilm", "Camera \"perspective\"\nFilm \"image\" \"integer xresolution\" 8\nWorldBegin\n",
      "main.pbrt:2:1: this is pbrt-v3 (Film \"image\"), and Sheaf reads pbrt-v4; pbrt-v4's own "
      "program "
@@ -202,31 +202,31 @@ constexpr BadScene kBadScenes[] = {
      "main.pbrt:2:1: this is pbrt-v3 (a texture of type color)"},
     {"Sampler", "Sampler \"best\"\nWorldBegin\n", "main.pbrt:1:1: sampler \"best\" is unknown"},
     {"ColorSpace", "ColorSpace \"prophoto\"\nWorldBegin\n",
-     "main.pbrt:1:1: color space \"prophoto\" is unknown; Sheaf does srgb, aces2065-1, rec2020, "
-     "dci-p3"},
+     "main.pbrt:1:1: color space \"prophoto\" is unknown; Sheaf supports srgb, aces2065-1, "
+     "rec2020, dci-p3"},
     {"BadLuminaire", "WorldBegin\nLightSource \"goniometric\" \"string filename\" \"bad.IES\"\n",
      "main.pbrt:2:27: light \"goniometric\": parameter \"filename\" cannot be read: bad.IES:2:1: "
      "expected the number of lamps, a number, not \"x\""},
     {"UnknownMapping", "Camera \"spherical\" \"string mapping\" \"cube\"\nWorldBegin\n",
      "main.pbrt:1:20: camera \"spherical\": parameter \"mapping\" \"cube\" is not supported; Sheaf "
-     "does equalarea and equirectangular"},
+     "supports equalarea and equirectangular"},
     {"Option", "Option \"forcediffuse\" true\nWorldBegin\n",
      "main.pbrt:1:1: option \"forcediffuse\" is not supported"},
     {"Medium", "MediumInterface \"\" \"fog\"\nWorldBegin\n",
-     "main.pbrt:1:1: medium \"fog\" is used here but made nowhere"},
+     "main.pbrt:1:1: medium \"fog\" is used here but not defined"},
     {"NoMaterial",
      "WorldBegin\nNamedMaterial \"golb\"\nMakeNamedMaterial \"gold\" \"string type\" \"diffuse\"\n",
-     "main.pbrt:2:1: material \"golb\" is used here but made nowhere; did you mean \"gold\"?"},
+     "main.pbrt:2:1: material \"golb\" is used here but not defined; did you mean \"gold\"?"},
     {"MaterialTwice",
      "WorldBegin\nMakeNamedMaterial \"a\" \"string type\" \"diffuse\"\nMakeNamedMaterial \"a\" "
      "\"string type\" \"diffuse\"\n",
-     "main.pbrt:3:1: named material \"a\" is made twice; the first is at main.pbrt:2:1"},
+     "main.pbrt:3:1: named material \"a\" is defined twice; the first is at main.pbrt:2:1"},
     {"MixOfItself",
      "WorldBegin\nMakeNamedMaterial \"a\" \"string type\" \"mix\" \"string materials\" [\"a\" "
      "\"a\"]\n",
      "main.pbrt:2:1: the mix material \"a\" contains itself"},
     {"NoTexture", "WorldBegin\nMaterial \"diffuse\" \"texture reflectance\" \"t\"\n",
-     "main.pbrt:2:20: the spectrum texture \"t\" is used here but declared nowhere"},
+     "main.pbrt:2:20: the spectrum texture \"t\" is used here but not declared"},
     {"TextureOfItself", "WorldBegin\nTexture \"t\" \"float\" \"scale\" \"texture tex\" \"t\"\n",
      "main.pbrt:2:29: texture \"t\": parameter \"tex\" refers to the float texture \"t\", which is "
      "not declared before"},

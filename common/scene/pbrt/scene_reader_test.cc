@@ -220,7 +220,7 @@ TEST_F(SceneReaderTest, ColorSpacesAreAttributes) {
   EXPECT_FALSE(reflectance(1).is_out_of_gamut);
   EXPECT_NEAR(reflectance(1).rgb.g, 0.5 + 0.1 * 0.1246 + 0.2 * 0.0083, 2e-3);
   EXPECT_FALSE(reflectance(2).is_out_of_gamut);
-  ExpectNote(SceneDiagnostic::Severity::kNote, "\"reflectance\" is outside of the gamut of sRGB");
+  ExpectNote(SceneDiagnostic::Severity::kNote, "\"reflectance\" is outside the gamut of sRGB");
 }
 
 TEST_F(SceneReaderTest, CoatedConductorsHaveTwoRoughnesses) {

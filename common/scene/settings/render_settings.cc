@@ -59,7 +59,7 @@ absl::Status CheckFrame(const SceneDescription& scene) {
 
 absl::Status CheckCounts(const FrameSettings& settings) {
   if (settings.samples == 0) {
-    return absl::InvalidArgumentError("0 samples per pixel make no picture; ask for at least 1");
+    return absl::InvalidArgumentError("0 samples per pixel give no image; request at least 1");
   }
   if (settings.samples > kSamplesPerPixelMax) {
     return absl::InvalidArgumentError(absl::StrCat(
@@ -91,14 +91,14 @@ absl::Status CheckOutputs(const SceneDescription& scene, const FilmOutputs& outp
   if (outputs.Has(Aov::kMotion) && scene.camera.IsSpherical()) {
     return absl::InvalidArgumentError(
         absl::StrCat(FormatLocation(scene, scene.camera.location),
-                     ": a spherical camera has no motion vectors; leave the output \"",
-                     AovName(Aov::kMotion), "\" out"));
+                     ": a spherical camera has no motion vectors; remove the output \"",
+                     AovName(Aov::kMotion), "\""));
   }
   if (outputs.Has(Aov::kMotion) && scene.camera.IsRealistic()) {
     return absl::InvalidArgumentError(
         absl::StrCat(FormatLocation(scene, scene.camera.location),
-                     ": a realistic camera has no motion vectors; leave the output \"",
-                     AovName(Aov::kMotion), "\" out"));
+                     ": a realistic camera has no motion vectors; remove the output \"",
+                     AovName(Aov::kMotion), "\""));
   }
   if (outputs.light_groups.size() > kLightGroupsMax) {
     return absl::InvalidArgumentError(absl::StrCat(
@@ -182,7 +182,7 @@ absl::StatusOr<FrameSettings> ResolveSettings(const SceneDescription& scene,
   resolved.outputs.camera_space = scene.film.outputs.camera_space;
   if (settings.light_groups && settings.light_paths) {
     return absl::InvalidArgumentError(
-        "light is told apart by groups of lights or by kinds of paths: ask for one of them");
+        "light is separated either by groups of lights or by kinds of paths; request one of them");
   }
   if (settings.light_groups) resolved.outputs.light_groups = LightGroupsOf(scene);
   if (settings.light_paths) resolved.outputs.AddLightPaths();
@@ -203,8 +203,8 @@ std::string ComparisonNote(const SceneDescription& scene, const FrameSettings& s
       std::none_of(scene.materials.begin(), scene.materials.end(), KeepsMoreLight)) {
     return "";
   }
-  return "coated and rough materials keep light that pbrt-v4 loses, as they scatter it again: "
-         "rooms full of them are some 5 to 10 % brighter; --single-scattering --color spectral "
+  return "coated and rough materials keep light that pbrt-v4 loses, because they scatter it again: "
+         "rooms full of them are about 5 to 10 % brighter; --single-scattering --color spectral "
          "agrees with pbrt-v4";
 }
 

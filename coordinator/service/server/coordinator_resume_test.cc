@@ -143,7 +143,7 @@ TEST_F(CoordinatorResumeTest, TargetsCountWhatThePictureHas) {
   const std::string stopped = BytesOf(after);
   v1::CreateJobRequest other = GoOn(stopped, 1 << 16, "other tiles");
   other.mutable_partition()->set_tile_size_px(41);
-  EXPECT_THAT(WhyNot(other), HasSubstr("go on with --tile-size 32 --cell-size 4"));
+  EXPECT_THAT(WhyNot(other), HasSubstr("continue with --tile-size 32 --cell-size 4"));
   const v1::Job on = Create(GoOn(stopped, 1024, "to the end"));
   ASSERT_TRUE(MakeWorker("w").RenderAll().ok());
   EXPECT_EQ(Watch(on.name()).state(), v1::Job::STATE_SUCCEEDED);

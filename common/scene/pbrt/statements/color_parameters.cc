@@ -75,7 +75,7 @@ std::string SetRgb(const Parameter& parameter, ColorRole role, ColorSpec* color)
   }
   const Rgb written{parameter.floats[0], parameter.floats[1], parameter.floats[2]};
   if (std::min({written.r, written.g, written.b}) < 0) {
-    return "has a negative component; colours must be 0 or more";
+    return "has a negative component; colors must be 0 or more";
   }
   if (role == ColorRole::kReflectance && MaxComponent(written) > 1) {
     return "has a component greater than 1; a surface cannot reflect more light than it gets";
@@ -150,10 +150,9 @@ ColorSpec GetColor(ParameterList& parameters, const std::string& name, ColorRole
   if (color.is_out_of_gamut) {
     parameters.diagnostics().Note(
         parameter->location,
-        absl::StrCat(
-            parameters.owner(), ": \"", name,
-            "\" is outside of the gamut of sRGB: light with wavelengths keeps it, RGB takes "
-            "the nearest color in it, channel by channel"));
+        absl::StrCat(parameters.owner(), ": \"", name,
+                     "\" is outside the gamut of sRGB: spectral transport keeps it, RGB transport "
+                     "takes the nearest color in the gamut, channel by channel"));
   }
   return color;
 }

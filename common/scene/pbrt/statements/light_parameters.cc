@@ -20,7 +20,7 @@ LightScale GetScale(ParameterList& parameters, bool has_power) {
   LightScale scale;
   scale.scale = parameters.GetFloat("scale", 1);
   if (!(scale.scale >= 0)) {
-    parameters.ErrorAt(*parameters.Find("scale"), "is negative; light cannot be");
+    parameters.ErrorAt(*parameters.Find("scale"), "is negative; light must be 0 or more");
   }
   if (has_power) scale.power_w = parameters.GetFloat("power", -1);
   return scale;
@@ -81,7 +81,7 @@ std::vector<Vec3d> GetPortal(ParameterList& parameters) {
                                is_cosine(corners[1] - corners[0], corners[2] - corners[3], 1) &&
                                is_cosine(corners[1] - corners[0], corners[3] - corners[0], 0))) {
     parameters.ErrorAt(*parameters.Find("portal"),
-                       "is no rectangle; give its four corners in order around it");
+                       "is not a rectangle; give its four corners in order around it");
     corners.clear();
   }
   return corners;
@@ -95,7 +95,7 @@ InfiniteLight GetInfinite(ParameterList& parameters, FileSource& files) {
   light.portal = GetPortal(parameters);
   if (light.file.empty() && !light.portal.empty()) {
     parameters.ErrorAt(*parameters.Find("portal"),
-                       "needs the picture that is seen through it; give \"string filename\" a map");
+                       "needs the image that is seen through it; give \"string filename\" a map");
   }
   if (!light.file.empty() && parameters.Has("L")) {
     parameters.ErrorAt(*parameters.Find("filename"), "excludes \"L\"; give one or the other");
@@ -148,7 +148,7 @@ GoniometricLight GetGoniometric(ParameterList& parameters, FileSource& files) {
     parameters.diagnostics().Warning(
         parameters.location(),
         absl::StrCat(parameters.owner(),
-                     ": without \"string filename\" it shines alike in all directions"));
+                     ": without \"string filename\" it emits equally in all directions"));
   }
   if (!IsIesFileName(light.file)) return light;
   const absl::StatusOr<std::string> path = files.LocalPath(light.file);
@@ -160,8 +160,8 @@ GoniometricLight GetGoniometric(ParameterList& parameters, FileSource& files) {
       parameters.diagnostics().Note(
           parameters.Find("filename")->location,
           absl::StrCat(parameters.owner(), ": \"", light.file,
-                       "\" says how the lamp dims when it is tilted (TILT); Sheaf lets it shine as "
-                       "measured, whatever its position"));
+                       "\" tells how the lamp dims when it is tilted (TILT); Sheaf uses the "
+                       "measured emission at any tilt"));
     }
   } else {
     parameters.ErrorAt(*parameters.Find("filename"),
@@ -174,8 +174,8 @@ ProjectionLight GetProjection(ParameterList& parameters, FileSource& files) {
   ProjectionLight light;
   light.file = GetFile(parameters, files);
   if (light.file.empty()) {
-    parameters.Error(absl::StrCat(
-        parameters.owner(), " needs the picture it shines; give \"string filename\" a picture"));
+    parameters.Error(absl::StrCat(parameters.owner(),
+                                  " needs an image to project; give \"string filename\" an image"));
   }
   light.fov_degrees = parameters.GetFloat("fov", 90);
   if (!(light.fov_degrees > 0 && light.fov_degrees < 180)) {
@@ -211,8 +211,8 @@ std::optional<LightDescription> GetLight(const std::string& type, const Matrix4&
     light.light = GetProjection(parameters, files);
   } else {
     parameters.Error(absl::StrCat(parameters.owner(),
-                                  " is not supported; Sheaf does infinite, distant, point, spot, "
-                                  "goniometric and projection"));
+                                  " is not supported; Sheaf supports infinite, distant, point, "
+                                  "spot, goniometric and projection"));
     return std::nullopt;
   }
   Matrix4 inverse;
@@ -229,7 +229,7 @@ std::optional<LightDescription> GetLight(const std::string& type, const Matrix4&
 std::optional<AreaLightDescription> GetAreaLight(const std::string& type, ParameterList& parameters,
                                                  FileSource& files) {
   if (type != "diffuse") {
-    parameters.Error(absl::StrCat(parameters.owner(), " is not supported; Sheaf does diffuse"));
+    parameters.Error(absl::StrCat(parameters.owner(), " is not supported; Sheaf supports diffuse"));
     return std::nullopt;
   }
   AreaLightDescription light;

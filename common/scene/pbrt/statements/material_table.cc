@@ -41,7 +41,7 @@ void MaterialTable::AddNamed(const std::string& name, ParameterList parameters) 
   Slot& slot = SlotFor(name, parameters.location());
   if (slot.is_made) {
     const auto& first = scene_->materials[static_cast<size_t>(slot.index)];
-    parameters.Error(absl::StrCat(parameters.owner(), " is made twice; the first is at ",
+    parameters.Error(absl::StrCat(parameters.owner(), " is defined twice; the first is at ",
                                   FormatLocation(*scene_, first.location)));
     return;
   }
@@ -126,11 +126,11 @@ MaterialDescription MaterialTable::Make(const std::string& type, ParameterList& 
     }
     material = InterfaceMaterial{};
   } else {
-    parameters.Error(absl::StrCat(
-        parameters.owner(), ": type \"", type,
-        "\" is unknown; Sheaf does diffuse, diffusetransmission, conductor, dielectric, "
-        "thindielectric, coateddiffuse, coatedconductor, hair, measured, subsurface, mix and "
-        "interface"));
+    parameters.Error(
+        absl::StrCat(parameters.owner(), ": type \"", type,
+                     "\" is unknown; Sheaf supports diffuse, diffusetransmission, conductor, "
+                     "dielectric, thindielectric, coateddiffuse, coatedconductor, hair, measured, "
+                     "subsurface, mix and interface"));
     return description;
   }
   if (std::holds_alternative<DielectricMaterial>(material) ||
@@ -151,7 +151,7 @@ void MaterialTable::GetBumps(ParameterList& parameters, MaterialDescription* des
     return;
   }
   if (std::holds_alternative<HairMaterial>(description->material)) {
-    const char* why = "light goes through hair whatever its normal";
+    const char* why = "hair scatters light regardless of its normal";
     parameters.NoteWithoutEffect("displacement", why);
     parameters.NoteWithoutEffect("normalmap", why);
     return;
@@ -188,7 +188,7 @@ DiffuseTransmissionMaterial MaterialTable::MakeDiffuseTransmission(ParameterList
     diagnostics_->Warning(
         parameters.location(),
         absl::StrCat(parameters.owner(), ": reflectance and transmittance add up to ",
-                     MaxComponent(sum), "; a surface cannot give more light than it gets"));
+                     MaxComponent(sum), "; a surface cannot scatter more light than it receives"));
   }
   return sheet;
 }
@@ -377,10 +377,9 @@ void MaterialTable::Finish() {
       for (const auto& [other, other_slot] : slots_) {
         if (other_slot.is_made) names.push_back(other);
       }
-      diagnostics_->Error(material.location, absl::StrCat("material \"", name,
-                                                          "\" is used here but "
-                                                          "made nowhere",
-                                                          NearestNameHint(name, names)));
+      diagnostics_->Error(material.location,
+                          absl::StrCat("material \"", name, "\" is used here but not defined",
+                                       NearestNameHint(name, names)));
     } else if (ReachesItself(slot.index)) {
       diagnostics_->Error(material.location,
                           absl::StrCat("the mix material \"", name, "\" contains itself"));
@@ -395,10 +394,11 @@ void MaterialTable::Finish() {
       const MaterialDescription& mixed = scene_->materials[static_cast<size_t>(part)];
       const bool is_matter = std::holds_alternative<SubsurfaceMaterial>(mixed.material);
       if (!is_matter && !mixed.priority.has_value()) continue;
-      diagnostics_->Error(material.location,
-                          absl::StrCat("a mix cannot hold \"", mixed.name, "\", which ",
-                                       is_matter ? "is subsurface" : "has a priority",
-                                       ": a path must leave matter as it entered it"));
+      diagnostics_->Error(
+          material.location,
+          absl::StrCat("a mix cannot hold \"", mixed.name, "\", which ",
+                       is_matter ? "is subsurface" : "has a priority",
+                       ": a path must leave an interior by the material through which it entered"));
     }
   }
 }

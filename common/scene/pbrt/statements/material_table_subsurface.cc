@@ -40,7 +40,7 @@ void SetPreset(ParameterList& parameters, const std::string& name, MediumDescrip
   matter->sigma_a = RgbColor(measured->sigma_a);
   matter->sigma_s = RgbColor(measured->sigma_s);
   for (const char* other : {"sigma_a", "sigma_s", "reflectance", "mfp", "g"}) {
-    parameters.NoteWithoutEffect(other, "the named substance says what it is");
+    parameters.NoteWithoutEffect(other, "the named substance defines it");
   }
   matter->g = 0;  // The measured values are reduced coefficients.
 }
@@ -113,7 +113,7 @@ SubsurfaceMaterial MaterialTable::MakeSubsurface(ParameterList& parameters) {
                                     ": reflectance excludes sigma_a and sigma_s; give one or the "
                                     "other"));
     }
-    parameters.NoteWithoutEffect("mfp", "sigma_a and sigma_s say what it is");
+    parameters.NoteWithoutEffect("mfp", "sigma_a and sigma_s define it");
   } else if (has_reflectance) {
     GetReflectance(parameters, *textures_, *files_, material.eta.mean, &matter);
   } else {

@@ -56,7 +56,7 @@ void SetHomogeneous(ParameterList& parameters, FileSource& files, MediumDescript
     medium->sigma_a = RgbColor(measured->sigma_a);
     medium->sigma_s = RgbColor(measured->sigma_s);
     for (const char* name : {"sigma_a", "sigma_s"}) {
-      parameters.NoteWithoutEffect(name, "the preset says what it is");
+      parameters.NoteWithoutEffect(name, "the preset defines it");
     }
   } else {
     parameters.ErrorAt(*parameters.Find("preset"),
@@ -72,8 +72,7 @@ void GetCorners(ParameterList& parameters, Vec3d* p0, Vec3d* p1) {
   *p0 = {std::min(a.x, b.x), std::min(a.y, b.y), std::min(a.z, b.z)};
   *p1 = {std::max(a.x, b.x), std::max(a.y, b.y), std::max(a.z, b.z)};
   if (p0->x < p1->x && p0->y < p1->y && p0->z < p1->z) return;
-  parameters.Error(
-      absl::StrCat(parameters.owner(), ": the box from \"p0\" to \"p1\" has no inside"));
+  parameters.Error(absl::StrCat(parameters.owner(), ": the box from \"p0\" to \"p1\" is empty"));
 }
 
 bool GetBox(ParameterList& parameters, GridBox* box) {
@@ -142,7 +141,7 @@ std::vector<Rgb> GetColorCells(ParameterList& parameters, const std::string& nam
   if (parameter == nullptr) return {};
   if (parameter->floats.size() != 3 * box.size()) {
     parameters.ErrorAt(*parameter, absl::StrCat("needs nx * ny * nz = ", box.size(),
-                                                " colours but has ", parameter->floats.size() / 3));
+                                                " colors but has ", parameter->floats.size() / 3));
     return {};
   }
   std::vector<Rgb> cells(box.size());
@@ -180,8 +179,9 @@ void SetUniformGrid(ParameterList& parameters, FileSource& files, MediumDescript
   GetRadiance(parameters, files, medium);
   grid.emission = GetTemperatureEmission(parameters);
   if (parameters.Has("Le") && parameters.Has("temperature")) {
-    parameters.ErrorAt(*parameters.Find("temperature"),
-                       "excludes \"Le\": both say how the medium shines; give one or the other");
+    parameters.ErrorAt(
+        *parameters.Find("temperature"),
+        "excludes \"Le\": both define the emission of the medium; give one or the other");
   }
   medium->emits = medium->emits || !grid.temperature_k.empty();
   GetVelocityScale(parameters, medium);
@@ -200,7 +200,8 @@ void SetRgbGrid(ParameterList& parameters, MediumDescription* medium) {
     parameters.Error(absl::StrCat(parameters.owner(), " needs \"rgb sigma_a\" or \"rgb sigma_s\""));
   }
   if (parameters.Has("Le") && !parameters.Has("sigma_a")) {
-    parameters.ErrorAt(*parameters.Find("Le"), "needs \"rgb sigma_a\" too: what emits absorbs");
+    parameters.ErrorAt(*parameters.Find("Le"),
+                       "needs \"rgb sigma_a\" too, because media that emit also absorb");
   }
   GetRadianceScale(parameters, medium);
   medium->emits = !grid.radiance.empty();
@@ -267,10 +268,10 @@ void GetScaleAndPhase(ParameterList& parameters, MediumDescription* medium) {
   }
   medium->g = parameters.GetFloat("g", 0);
   if (!(std::fabs(medium->g) <= kPhaseAsymmetryMax)) {
-    parameters.ErrorAt(
-        *parameters.Find("g"),
-        absl::StrCat("is ", medium->g, " but must lie in [", -kPhaseAsymmetryMax, ", ",
-                     kPhaseAsymmetryMax, "]: beyond, all is scattered straight on or back"));
+    parameters.ErrorAt(*parameters.Find("g"),
+                       absl::StrCat("is ", medium->g, " but must lie in [", -kPhaseAsymmetryMax,
+                                    ", ", kPhaseAsymmetryMax,
+                                    "]: beyond, all light is scattered straight forward or back"));
     medium->g = 0;
   }
 }
@@ -330,12 +331,11 @@ bool SetMedium(const Matrix4& world_from_medium, ParameterList& parameters, File
   } else if (type == "nanovdb" || type == "openvdb") {
     SetVolumeFile(parameters, files, medium);
   } else {
-    parameters.Error(absl::StrCat(parameters.owner(),
-                                  type.empty()
-                                      ? " needs \"string type\""
-                                      : absl::StrCat(": type \"", type, "\" is not supported"),
-                                  "; Sheaf does homogeneous, uniformgrid, rgbgrid, cloud, nanovdb "
-                                  "and openvdb"));
+    parameters.Error(absl::StrCat(
+        parameters.owner(),
+        type.empty() ? " needs \"string type\""
+                     : absl::StrCat(": type \"", type, "\" is not supported"),
+        "; Sheaf supports homogeneous, uniformgrid, rgbgrid, cloud, nanovdb and openvdb"));
     parameters.IgnoreAll();
     return false;
   }

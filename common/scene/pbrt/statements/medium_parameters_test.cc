@@ -197,7 +197,7 @@ TEST_F(MediumReaderTest, MadeTwiceIsAnErrorWithBothPlaces) {
   ASSERT_FALSE(result.ok());
   EXPECT_THAT(std::string(result.status().message()),
               ::testing::HasSubstr(
-                  "main.pbrt:3:1: medium \"m\" is made twice; the first is at main.pbrt:2:1"));
+                  "main.pbrt:3:1: medium \"m\" is defined twice; the first is at main.pbrt:2:1"));
 }
 
 }  // namespace

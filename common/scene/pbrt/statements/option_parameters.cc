@@ -37,7 +37,7 @@ constexpr OtherIntegrator kOtherIntegrators[] = {
      "has the same mean",
      {"bootstrapsamples", "chains", "mutationsperpixel", "largestepprobability", "sigma"}},
     {"sppm", "has the mean that photon maps approach", {"photonsperiteration", "radius", "seed"}},
-    {"randomwalk", "also finds mirrors and lights without size", {}},
+    {"randomwalk", "also samples mirrors and lights without size", {}},
 };
 
 void GetCrop(ParameterList& parameters, FilmDescription* film) {
@@ -56,7 +56,7 @@ void GetCrop(ParameterList& parameters, FilmDescription* film) {
   if (bounds != nullptr) {
     parameters.diagnostics().Warning(
         crop->location,
-        absl::StrCat(parameters.owner(), ": pixelbounds is given too and wins over cropwindow"));
+        absl::StrCat(parameters.owner(), ": pixelbounds is given too and overrides cropwindow"));
   }
   std::vector<float> c = crop->floats;
   if (c.size() == 4) {
@@ -66,7 +66,7 @@ void GetCrop(ParameterList& parameters, FilmDescription* film) {
   }
   if (c.size() != 4 || !(std::max(c[0], 0.f) < std::min(c[1], 1.f)) ||
       !(std::max(c[2], 0.f) < std::min(c[3], 1.f))) {
-    parameters.ErrorAt(*crop, "needs 4 fractions x0 x1 y0 y1 that leave a part of the frame");
+    parameters.ErrorAt(*crop, "needs 4 fractions x0 x1 y0 y1 that keep a part of the frame");
     return;
   }
   std::copy(c.begin(), c.end(), film->crop_window);
@@ -80,7 +80,7 @@ void GetGeometryBuffer(ParameterList& parameters, FilmDescription* film) {
   const std::string space = parameters.GetString("coordinatesystem", "camera");
   if (space != "camera" && space != "world") {
     parameters.ErrorAt(*parameters.Find("coordinatesystem"),
-                       absl::StrCat("\"", space, "\" is not known; there are camera and world"));
+                       absl::StrCat("\"", space, "\" is unknown; use camera or world"));
   }
   film->outputs.camera_space = space == "camera";
 }
@@ -93,9 +93,9 @@ void GetSensor(ParameterList& parameters, FilmDescription* film) {
   } else if (!IsSensor(film->sensor)) {
     std::vector<std::string> names = SensorNames();
     names.insert(names.begin(), "cie1931");
-    parameters.ErrorAt(
-        *parameters.Find("sensor"),
-        absl::StrCat("\"", film->sensor, "\" is unknown; Sheaf does ", absl::StrJoin(names, ", ")));
+    parameters.ErrorAt(*parameters.Find("sensor"),
+                       absl::StrCat("\"", film->sensor, "\" is unknown; Sheaf supports ",
+                                    absl::StrJoin(names, ", ")));
     film->sensor.clear();
   }
   const float clamp = parameters.GetFloat("maxcomponentvalue", INFINITY);
@@ -107,8 +107,8 @@ void GetSensor(ParameterList& parameters, FilmDescription* film) {
         parameters.Find("maxcomponentvalue")->location,
         absl::StrCat(
             parameters.owner(),
-            ": parameter \"maxcomponentvalue\" clamps bright samples, as in pbrt-v4: the "
-            "picture is biased, darker where light is rare; remove it for one that is not"));
+            ": parameter \"maxcomponentvalue\" clamps bright samples, as in pbrt-v4: the image is "
+            "biased, darker where bright samples are rare; remove it for an unbiased image"));
   }
 }
 
@@ -120,15 +120,14 @@ void SetFilm(const std::string& type, ParameterList& parameters, FilmDescription
     GetGeometryBuffer(parameters, film);
   } else if (type == "spectral") {
     for (const char* name : {"nbuckets", "lambdamin", "lambdamax"}) parameters.Find(name);
-    parameters.diagnostics().Warning(
-        parameters.location(),
-        absl::StrCat(parameters.owner(),
-                     ": the picture is written in red, green and blue; Sheaf writes no channels of "
-                     "wavelengths"));
+    parameters.diagnostics().Warning(parameters.location(),
+                                     absl::StrCat(parameters.owner(),
+                                                  ": the image is written in red, green and blue; "
+                                                  "Sheaf writes no channels of wavelengths"));
   } else if (type != "rgb") {
     parameters.Error(absl::StrCat(parameters.owner(),
-                                  " is unknown; Sheaf does rgb and gbuffer, and writes albedo, "
-                                  "normal and depth with every picture"));
+                                  " is unknown; Sheaf supports rgb and gbuffer, and writes albedo, "
+                                  "normal and depth with every image"));
     return;
   }
   film->width_px = parameters.GetInteger("xresolution", 1280);
@@ -185,9 +184,9 @@ void SetFilter(const std::string& type, ParameterList& parameters, FilterDescrip
     filter->tau = parameters.GetFloat("tau", 3);
     if (!(filter->tau > 0)) parameters.ErrorAt(*parameters.Find("tau"), "must be greater than 0");
   } else {
-    parameters.Error(absl::StrCat(parameters.owner(),
-                                  " is not supported; Sheaf does box, triangle, gaussian, "
-                                  "mitchell and sinc"));
+    parameters.Error(absl::StrCat(
+        parameters.owner(),
+        " is not supported; Sheaf supports box, triangle, gaussian, mitchell and sinc"));
     return;
   }
   filter->radius_x_px = parameters.GetFloat("xradius", radius);
@@ -247,9 +246,9 @@ bool IntegratorIgnoresMedia(const std::string& integrator) {
 void SetIntegrator(const std::string& type, ParameterList& parameters,
                    SamplingDescription* sampling) {
   if (IsOneOf(type, {"ambientocclusion", "function"})) {
-    parameters.Error(absl::StrCat(parameters.owner(),
-                                  " is not supported, for it shows something else than the light "
-                                  "of the scene; use volpath or path"));
+    parameters.Error(absl::StrCat(
+        parameters.owner(),
+        " is not supported, because it does not show the light of the scene; use volpath or path"));
     return;
   }
   const bool is_ours = IsOneOf(type, {"path", "volpath"});
@@ -264,21 +263,21 @@ void SetIntegrator(const std::string& type, ParameterList& parameters,
   if (sampling->max_depth < 0) parameters.ErrorAt(*parameters.Find("maxdepth"), "is negative");
   if (parameters.GetBool("regularize", false)) {
     parameters.NoteWithoutEffect(
-        "regularize", "Sheaf keeps smooth what is smooth, for else the picture would be biased");
+        "regularize", "Sheaf keeps smooth surfaces smooth, as the image would be biased otherwise");
   }
   for (const char* name : {"lightsampler", "lightsamplestrategy"}) {
-    parameters.NoteWithoutEffect(name, "Sheaf chooses lights in its own way");
+    parameters.NoteWithoutEffect(name, "Sheaf has its own light sampling");
   }
   if (!is_ours) {
     for (const char* name : other->parameters) {
       if (name != nullptr) {
-        parameters.NoteWithoutEffect(name, "it is about how this integrator works in pbrt-v4");
+        parameters.NoteWithoutEffect(name, "it concerns how this integrator works in pbrt-v4");
       }
     }
-    parameters.Note(absl::StrCat(parameters.owner(),
-                                 ": the picture is made by path tracing with next-event "
-                                 "estimation, which ",
-                                 other->why_path_tracing));
+    parameters.Note(
+        absl::StrCat(parameters.owner(),
+                     ": the image is rendered by path tracing with next-event estimation, which ",
+                     other->why_path_tracing));
   }
   parameters.ReportUnused();
 }

@@ -29,9 +29,9 @@ void GetShutterShape(ParameterList& parameters, CameraDescription* camera) {
     } else if (name == "trapezoid") {
       camera->shutter_shape = {{0, 0}, {0.25f, 1}, {0.75f, 1}, {1, 0}};
     } else if (name != "box") {
-      parameters.ErrorAt(*given, absl::StrCat("\"", name,
-                                              "\" is not known; there are box, triangle and "
-                                              "trapezoid, and pairs of numbers"));
+      parameters.ErrorAt(
+          *given, absl::StrCat("\"", name,
+                               "\" is unknown; use box, triangle, trapezoid or pairs of numbers"));
     }
     return;
   }
@@ -57,17 +57,16 @@ void GetShutter(ParameterList& parameters, CameraDescription* camera) {
   camera->shutter_open = parameters.GetFloat("shutteropen", 0);
   camera->shutter_close = parameters.GetFloat("shutterclose", 1);
   if (camera->shutter_close < camera->shutter_open) {
-    parameters.diagnostics().Warning(parameters.location(),
-                                     absl::StrCat(parameters.owner(),
-                                                  ": shutterclose is before "
-                                                  "shutteropen; they are exchanged"));
+    parameters.diagnostics().Warning(
+        parameters.location(),
+        absl::StrCat(parameters.owner(), ": shutterclose is before shutteropen; they are swapped"));
     std::swap(camera->shutter_open, camera->shutter_close);
   }
   if (camera->shutter_close == camera->shutter_open) {
     parameters.diagnostics().Note(
         parameters.location(),
         absl::StrCat(parameters.owner(), ": the shutter opens and closes at ", camera->shutter_open,
-                     ": the picture is the still of then"));
+                     ": the image shows the scene at that time"));
   }
   GetShutterShape(parameters, camera);
 }
@@ -128,10 +127,10 @@ void GetAperture(ParameterList& parameters, FileSource& files, LensDescription* 
   lens->aperture = Aperture::kPicture;
   lens->aperture_file = CanonicalFileName(aperture);
   if (const auto path = files.LocalPath(lens->aperture_file); !path.ok()) {
-    parameters.ErrorAt(*parameters.Find("aperture"),
-                       absl::StrCat("is none of gaussian, square, pentagon and star, and no "
-                                    "picture: ",
-                                    path.status().message()));
+    parameters.ErrorAt(
+        *parameters.Find("aperture"),
+        absl::StrCat("is not gaussian, square, pentagon or star, and not a readable image: ",
+                     path.status().message()));
   }
 }
 
@@ -171,7 +170,7 @@ void GetRealistic(ParameterList& parameters, FileSource& files, LensDescription*
     parameters.diagnostics().Warning(
         parameters.location(),
         absl::StrCat(parameters.owner(), ": aperturediameter ", lens->aperture_diameter_mm,
-                     " mm is more than the lens has; its ", stop_mm, " mm are taken"));
+                     " mm is more than the lens has; its ", stop_mm, " mm are used"));
   }
 }
 
@@ -184,10 +183,10 @@ void GetMapping(ParameterList& parameters, CameraDescription* camera) {
   } else if (mapping == "equirectangular") {
     camera->kind = CameraDescription::Kind::kEquirectangular;
   } else {
-    parameters.ErrorAt(*parameters.Find("mapping"),
-                       absl::StrCat("\"", mapping,
-                                    "\" is not supported; Sheaf does equalarea and "
-                                    "equirectangular"));
+    parameters.ErrorAt(
+        *parameters.Find("mapping"),
+        absl::StrCat("\"", mapping,
+                     "\" is not supported; Sheaf supports equalarea and equirectangular"));
   }
   for (const char* name : {"lensradius", "focaldistance"}) {
     parameters.FindTyped(name, ParameterType::kFloat);
@@ -195,7 +194,7 @@ void GetMapping(ParameterList& parameters, CameraDescription* camera) {
   }
   for (const char* name : {"frameaspectratio", "screenwindow"}) {
     parameters.FindTyped(name, ParameterType::kFloat);
-    parameters.NoteWithoutEffect(name, "a spherical camera's picture is the whole sphere");
+    parameters.NoteWithoutEffect(name, "a spherical camera's image is the whole sphere");
   }
 }
 
@@ -218,9 +217,9 @@ void SetCamera(const std::string& type, ParameterList& parameters, FileSource& f
     camera->kind = CameraDescription::Kind::kRealistic;
     GetRealistic(parameters, files, &camera->lens);
   } else {
-    parameters.Error(absl::StrCat(parameters.owner(),
-                                  " is not supported; Sheaf does perspective, orthographic, "
-                                  "spherical and realistic"));
+    parameters.Error(absl::StrCat(
+        parameters.owner(),
+        " is not supported; Sheaf supports perspective, orthographic, spherical and realistic"));
     return;
   }
   GetShutter(parameters, camera);

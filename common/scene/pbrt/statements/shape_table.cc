@@ -43,9 +43,10 @@ bool ShapeTable::ChargeMemory(uint64_t size_bytes, SourceLocation location) {
   if (memory_bytes_ <= limits_.memory_bytes_max) return true;
   if (was_within) {
     diagnostics_->MemoryError(
-        location, absl::StrCat("the scene as it is read takes more than ",
-                               FormatMemory(limits_.memory_bytes_max), ", which is ",
-                               limits_.memory_limit, "; make it smaller, or raise that"));
+        location,
+        absl::StrCat("reading the scene takes more than ", FormatMemory(limits_.memory_bytes_max),
+                     ", which is ", limits_.memory_limit,
+                     "; make the scene smaller, or raise the limit"));
   }
   return false;
 }
@@ -71,7 +72,7 @@ bool ShapeTable::SetShape(const std::string& type, ParameterList& parameters,
     is_good = SetCurve(parameters, shape);
   } else {
     parameters.Error(absl::StrCat(parameters.owner(),
-                                  " is not supported; Sheaf does trianglemesh, plymesh, "
+                                  " is not supported; Sheaf supports trianglemesh, plymesh, "
                                   "loopsubdiv, bilinearmesh, sphere, disk, cylinder and curve"));
     return false;
   }
@@ -116,9 +117,10 @@ std::optional<TriangleMesh> ShapeTable::ReadPlyFiles(const std::vector<std::stri
     }
     if (step->positions.size() != mesh->positions.size() || step->indices != mesh->indices ||
         step->normals.empty() != mesh->normals.empty()) {
-      parameters.ErrorAt(parameter, absl::StrCat("does not fit \"filename\": ", names[i],
-                                                 " must have the same vertices and faces, with "
-                                                 "normals where that has them"));
+      parameters.ErrorAt(
+          parameter,
+          absl::StrCat("does not fit \"filename\": ", names[i],
+                       " must have the same vertices and faces, with normals if that has them"));
       return std::nullopt;
     }
     mesh->steps.push_back({std::move(step->positions), std::move(step->normals)});
@@ -165,7 +167,7 @@ bool ShapeTable::FinishMesh(ParameterList& parameters, ShapeDescription* shape, 
   if (!Deforms(scene_->meshes[static_cast<size_t>(mesh.mesh)])) return true;
   if (shape->area_light != kNone) {
     parameters.Error(absl::StrCat(parameters.owner(),
-                                  ": a mesh that deforms cannot be an area light; take it out of "
+                                  ": a mesh that deforms cannot be an area light; remove it from "
                                   "the AreaLightSource, or give it one set of vertices"));
     return false;
   }
@@ -214,8 +216,9 @@ bool ShapeTable::HasRoomToRefine(uint64_t triangle_count, int32_t levels,
       parameters.location(),
       absl::StrCat(parameters.owner(), ": ", levels, " levels make ", count, " triangles of its ",
                    triangle_count, ", which take ", FormatMemory(count * kRefinedTriangleBytes),
-                   " while they are refined; ", FormatMemory(room), " are left of ",
-                   limits_.memory_limit, "; each level less takes a quarter, or raise that"));
+                   " while they are refined; ", FormatMemory(room), " remain of ",
+                   limits_.memory_limit,
+                   "; reduce the levels, each takes four times the memory, or raise the limit"));
   return false;
 }
 
@@ -237,10 +240,9 @@ bool ShapeTable::AddMesh(TriangleMesh mesh, ParameterList& parameters, int32_t* 
 
 bool ShapeTable::SetBilinearMesh(ParameterList& parameters, ShapeDescription* shape) {
   BilinearMesh mesh;
-  parameters.NoteWithoutEffect(
-      "emissionfilename",
-      "it says how pbrt-v4 chooses points of a light; what shines is the AreaLightSource's "
-      "\"filename\", by which Sheaf chooses them");
+  parameters.NoteWithoutEffect("emissionfilename",
+                               "it defines how pbrt-v4 samples points of a light; the emission is "
+                               "the AreaLightSource's \"filename\", by which Sheaf samples them");
   if (!ReadPatches(parameters, &mesh)) return false;
   if (!ChargeTriangles(mesh.indices.size() / 2, parameters)) return false;
   if (!ChargeMemory(MeshBytes(mesh), parameters.location())) return false;
@@ -254,8 +256,8 @@ bool ShapeTable::SetCurve(ParameterList& parameters, ShapeDescription* shape) {
   if (!ReadCurve(parameters, &curves)) return false;
   if (shape->area_light != kNone) {
     parameters.Error(absl::StrCat(parameters.owner(),
-                                  ": curves cannot be area lights, in pbrt-v4 neither; use spheres "
-                                  "or a mesh, or take the curves out of the AreaLightSource"));
+                                  ": curves cannot be area lights, as in pbrt-v4; use spheres or a "
+                                  "mesh, or remove the curves from the AreaLightSource"));
     return false;
   }
   // A segment counts as two triangles, those of the ribbon.

@@ -118,9 +118,9 @@ void TextureTable::Declare(const std::string& name, const std::string& type,
   } else if (kind == "mix") {
     texture.texture = MakeMix(parameters, texture.is_color);
   } else {
-    parameters.Error(absl::StrCat(parameters.owner(), ": class \"", kind,
-                                  "\" is not supported; Sheaf does constant, imagemap, "
-                                  "checkerboard, scale and mix"));
+    parameters.Error(absl::StrCat(
+        parameters.owner(), ": class \"", kind,
+        "\" is not supported; Sheaf supports constant, imagemap, checkerboard, scale and mix"));
     is_known = false;
   }
   is_declaring_ = false;
@@ -181,7 +181,7 @@ ImageTexture TextureTable::MakeImage(ParameterList& parameters, const Matrix4& w
   GetEncoding(parameters, &image);
   image.scale = parameters.GetFloat("scale", 1);
   image.invert = parameters.GetBool("invert", false);
-  parameters.NoteWithoutEffect("maxanisotropy", "filters of textures follow the camera rays only");
+  parameters.NoteWithoutEffect("maxanisotropy", "texture filters follow camera rays only");
   return image;
 }
 
@@ -315,7 +315,7 @@ void TextureTable::Finish() {
     if (base == slots_.end() || !base->second.is_declared) {
       diagnostics_->Error(scene_->textures[i].location,
                           absl::StrCat("the ", is_color ? "spectrum" : "float", " texture \"", name,
-                                       "\" is used here but declared nowhere"));
+                                       "\" is used here but not declared"));
       continue;
     }
     slot.is_declared = true;

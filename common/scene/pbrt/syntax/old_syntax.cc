@@ -89,8 +89,8 @@ std::string OldSyntaxAdvice(std::string_view sign) {
   return absl::StrCat(
       "this is pbrt-v3 (", std::string(sign),
       "), and Sheaf reads pbrt-v4; pbrt-v4's own program rewrites such a file: pbrt --upgrade "
-      "old.pbrt > new.pbrt, which gives materials, textures, film and lights their names of today; "
-      "maps of infinite lights then need imgtool makeequiarea");
+      "old.pbrt > new.pbrt, which updates the names of materials, textures, film and lights; maps "
+      "of infinite lights then need imgtool makeequiarea");
 }
 
 }  // namespace sheaf
