@@ -92,7 +92,7 @@ absl::StatusOr<Anchor> AnchorOf(const ocio::Config& config, const std::string& n
   }
   return absl::InvalidArgumentError(
       absl::StrCat(name,
-                   ": does not say which of its color spaces is ACES2065-1; give that one "
+                   ": does not identify its color space ACES2065-1; give that color space "
                    "the role aces_interchange"));
 }
 

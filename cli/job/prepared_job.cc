@@ -88,7 +88,7 @@ absl::StatusOr<std::vector<int32_t>> FrameNumbers(const JobArguments& arguments)
   if (arguments.frames.empty()) {
     if (!is_pattern) return std::vector<int32_t>{1};
     return absl::InvalidArgumentError(absl::StrCat(
-        arguments.scene, ": is a pattern; say which frames, for example --frames 1-24"));
+        arguments.scene, ": is a pattern; give its frames, for example --frames 1-24"));
   }
   if (!is_pattern) {
     return absl::InvalidArgumentError(absl::StrCat(

@@ -194,7 +194,7 @@ function drawAxes(plot: Plot): SVGElement[] {
   parts.push(
       svg('text',
           {class: 'axis-name', x: middleX, y: plot.height - 0.4 * rem, 'text-anchor': 'middle'},
-          'processor time of the whole picture'),
+          'processor time of the whole image'),
       svg('text', {
         class: 'axis-name',
         'text-anchor': 'middle',

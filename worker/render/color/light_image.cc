@@ -60,7 +60,7 @@ absl::StatusOr<LightImage> ReadLightImage(const SceneDescription& scene, SourceL
   if (image->channels != 1 && image->channels < 3) {
     return absl::InvalidArgumentError(
         absl::StrCat(place, ": \"", file, "\" has ", image->channels,
-                     " channels, but needs 1 (grey) or R, G and B; convert it"));
+                     " channels, but needs 1 (gray) or R, G and B; convert it"));
   }
   const std::optional<Matrix4> srgb_from_file = SrgbFromFile(*image);
   uint64_t outside = 0;

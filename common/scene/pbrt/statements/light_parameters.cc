@@ -160,7 +160,7 @@ GoniometricLight GetGoniometric(ParameterList& parameters, FileSource& files) {
       parameters.diagnostics().Note(
           parameters.Find("filename")->location,
           absl::StrCat(parameters.owner(), ": \"", light.file,
-                       "\" tells how the lamp dims when it is tilted (TILT); Sheaf uses the "
+                       "\" describes how the lamp dims when it is tilted (TILT); Sheaf uses the "
                        "measured emission at any tilt"));
     }
   } else {

@@ -149,8 +149,7 @@ std::vector<Rgb> GetColorCells(ParameterList& parameters, const std::string& nam
     const float* c = &parameter->floats[3 * i];
     const Rgb written{c[0], c[1], c[2]};
     if (!IsFinite(written) || std::min({c[0], c[1], c[2]}) < 0) {
-      parameters.ErrorAt(*parameter,
-                         absl::StrCat("colour ", i + 1, " is not finite and 0 or more"));
+      parameters.ErrorAt(*parameter, absl::StrCat("color ", i + 1, " is not finite and 0 or more"));
       return {};
     }
     const Rgb srgb = SrgbFromPrimaries(written, parameter->primaries, role);
