@@ -75,7 +75,7 @@ TEST_F(CommandLineTest, ChoicesSayWhatTheyAre) {
   EXPECT_EQ(color_, 1);
   const std::string error = Parse({"render", "a.pbrt", "--color", "rbg"});
   EXPECT_THAT(error, HasSubstr("\"rbg\" is not one of auto, rgb; did you mean \"rgb\"?"));
-  EXPECT_THAT(Parse({"render", "a.pbrt", "--color", "1"}), HasSubstr("none of auto, rgb"));
+  EXPECT_THAT(Parse({"render", "a.pbrt", "--color", "1"}), HasSubstr("not one of auto, rgb"));
   EXPECT_THAT(ChoicesOf(*command_->get_option("--color")), ElementsAre("auto", "rgb"));
   EXPECT_THAT(ChoicesOf(*command_->get_option("--layer")), ElementsAre("error", "samples"));
   EXPECT_THAT(ChoicesOf(*command_->get_option("--tile-size")), ElementsAre());

@@ -274,7 +274,7 @@ class Verifier {
     if (!seen_.finite) {
       return absl::InvalidArgumentError(
           absl::StrCat(where_, ": grid \"", info_.name,
-                       "\" holds NaN or infinity; set such voxels to 0 where it is written"));
+                       "\" holds NaN or infinity; set such voxels to 0 when writing it"));
     }
     if (info_.active_voxel_count == 0) {
       info_.index_min = {0, 0, 0};

@@ -60,7 +60,7 @@ TEST(JobCheckTest, WhatNobodyCanRenderIsRefusedInWords) {
 TEST(JobCheckTest, FramesComeOnceAndInOrder) {
   JobSpec job = JobOf(16, 16, 4, 2);
   job.frames[1].frame_number = 1;
-  ExpectRefused(job, "frame number 1 comes twice", "");
+  ExpectRefused(job, "frame number 1 is repeated", "");
 }
 
 }  // namespace

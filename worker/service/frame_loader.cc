@@ -98,8 +98,8 @@ class FrameScene : public LoadedScene {
       LogWarning(absl::StrCat(
           lease.frame_name, ": ", stats.broken_at, stats.broken_at.empty() ? "" : ": ",
           stats.broken_nestings,
-          " times a path was not in the medium of the side of a surface that it ",
-          "came from; it continued in the medium of the other side, as in pbrt-v4, or ended. ",
+          " times a path met a surface in another medium than the surface has on that ",
+          "side; it continued in the medium of the other side, as in pbrt-v4, or ended. ",
           "Close the shapes that bound media, and name in each MediumInterface the inside medium, "
           "then the outside one (where the normal points)"));
     }

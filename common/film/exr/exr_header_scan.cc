@@ -128,7 +128,7 @@ absl::Status ParseTileSize(std::string_view value, ExrHeader* header) {
 absl::Status ParseAttribute(const std::string& name, const std::string& type,
                             std::string_view value, ExrHeader* header) {
   if (!header->types.emplace(name, type).second) {
-    return Malformed(absl::StrCat("attribute \"", name, "\" comes twice"));
+    return Malformed(absl::StrCat("attribute \"", name, "\" is repeated"));
   }
   if (const std::optional<size_t> size = FixedSize(type); size && *size != value.size()) {
     return Malformed(absl::StrCat("attribute \"", name, "\" has the wrong size for a ", type));

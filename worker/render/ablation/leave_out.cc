@@ -315,7 +315,7 @@ constexpr Change kChanges[] = {
      [](SceneWithout* without) { SmoothSurfaces(&without->scene); }},
     {Trait::kVaryingEmission, "emissive shapes have neither cut-outs nor images",
      [](SceneWithout* without) { ShineEvenly(&without->scene); }},
-    {Trait::kOutputs, "the image has no other outputs",
+    {Trait::kOutputs, "only the image is written",
      [](SceneWithout* without) { without->settings.outputs = {}; }},
     {Trait::kMedia, "media are removed",
      [](SceneWithout* without) { ClearTheAir(&without->scene); }},

@@ -119,7 +119,7 @@ absl::StatusOr<LensSystem::CardinalPoints> LensSystem::FindCardinalPoints(double
   LensRay to_scene{{height_mm, 0, rear_z_min_mm() - height_mm}, {0, 0, 1}};
   if (!TraceFromScene(&to_film) || Trace(&to_scene, Stop::kIgnored, nullptr) == 0) {
     return absl::InvalidArgumentError(
-        absl::StrCat("no light comes through the lens ", height_mm,
+        absl::StrCat("no light passes through the lens ", height_mm,
                      " mm off its axis; its surfaces cross, or an aperture is smaller than that"));
   }
   CardinalPoints points;

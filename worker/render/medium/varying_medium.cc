@@ -15,8 +15,10 @@ absl::StatusOr<MajorantGrid::Options> VaryingMedium::Place(const std::string& wh
   render_from_index_ = placement.render_from_medium * medium_from_index;
   const double inverse = 1 / render_from_index_.Determinant();
   if (!std::isfinite(inverse)) {
-    return absl::InvalidArgumentError(absl::StrCat(
-        where, ": the medium's transform is singular or not finite; scale it by something else"));
+    return absl::InvalidArgumentError(
+        absl::StrCat(where,
+                     ": the medium's transform is singular or not finite; give it a finite "
+                     "transform without a scale of 0"));
   }
   index_from_render_ = Inverse(render_from_index_);
   const double voxel = std::max(

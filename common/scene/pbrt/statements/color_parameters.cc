@@ -78,7 +78,7 @@ std::string SetRgb(const Parameter& parameter, ColorRole role, ColorSpec* color)
     return "has a negative component; colors must be 0 or more";
   }
   if (role == ColorRole::kReflectance && MaxComponent(written) > 1) {
-    return "has a component greater than 1; a surface cannot reflect more light than it gets";
+    return "has a component greater than 1; a surface cannot reflect more light than it receives";
   }
   const Rgb srgb = SrgbFromPrimaries(written, parameter.primaries, role);
   // Colors on the edge of the gamut may leave it by rounding.
