@@ -12,11 +12,11 @@ namespace sheaf::testing {
 namespace {
 
 constexpr int kFractionTermsMax = 1000;
-// Estimates without noise agree where they differ by less than roundings of floats may add up to.
+// Estimates without noise agree if they differ by no more than accumulated float rounding.
 constexpr double kRoundingTolerance = 1e-5;
 
-// The continued fraction of the incomplete beta function, by Lentz's method.
-// Source: Abramowitz and Stegun 26.5.8.
+// The continued fraction of the incomplete beta function, by Lentz's method. Source: Abramowitz and
+// Stegun 26.5.8.
 double BetaFraction(double a, double b, double x) {
   constexpr double kTiny = 1e-300;
   const auto away_from_zero = [](double v) { return std::fabs(v) < kTiny ? kTiny : v; };
@@ -34,7 +34,7 @@ double BetaFraction(double a, double b, double x) {
   return fraction;
 }
 
-// I_x(a, b), regularised.
+// I_x(a, b), regularized.
 double IncompleteBeta(double a, double b, double x) {
   if (x <= 0) return 0;
   if (x >= 1) return 1;
@@ -85,7 +85,7 @@ double UniformityP(std::vector<double> p_values) {
     distance = std::max({distance, p_values[i] - rank / n, (rank + 1) / n - p_values[i]});
   }
   const double lambda = (std::sqrt(n) + 0.12 + 0.11 / std::sqrt(n)) * distance;
-  if (lambda < 0.2) return 1;  // Where the series converges slowly it is 1 to 12 digits.
+  if (lambda < 0.2) return 1;  // There the series converges slowly; it is 1 to 12 digits.
   double p = 0;
   for (int j = 1; j <= 100; ++j) {
     p += (j % 2 == 1 ? 2 : -2) * std::exp(-2.0 * j * j * lambda * lambda);
@@ -131,7 +131,7 @@ double PowerOf(const std::vector<TilePair>& tiles, double planted, double signif
                uint64_t seed) {
   std::mt19937_64 engine(seed);
   std::normal_distribution<double> normal;
-  // Drawn as it is measured: the mean and its variance are independent, by Cochran's theorem.
+  // By Cochran's theorem the mean and its variance are independent.
   const auto redraw = [&](const Estimate& measured, double mean) {
     std::gamma_distribution<double> spread(0.5 * (measured.count - 1), 2.0 / (measured.count - 1));
     return Estimate{mean + std::sqrt(measured.variance) * normal(engine),

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Bsdfs for tests, made from the same tables the material table makes.
+// BSDFs for tests, made from the same tables as in the material table.
 #pragma once
 
 #include <cmath>
@@ -14,7 +14,7 @@
 
 namespace sheaf::testing {
 
-// A Bsdf that keeps its tables alive.
+// A Bsdf together with the tables that it refers to.
 struct BsdfFixture {
   std::string name;
   render::Bsdf bsdf;
@@ -45,7 +45,7 @@ inline BsdfFixture MakeSheetFixture(Rgb reflectance, Rgb transmittance) {
   return fixture;
 }
 
-// keeps_energy: with the lobe of returned energy; without it single scattering alone.
+// keeps_energy: with the lobe of energy compensation; otherwise single scattering only.
 inline BsdfFixture MakeConductorFixture(float alpha_x, float alpha_y, Rgb eta, Rgb k,
                                         bool keeps_energy) {
   BsdfFixture fixture{"conductor " + std::to_string(alpha_x) + " " + std::to_string(alpha_y),
@@ -97,9 +97,9 @@ inline BsdfFixture MakeCoatFixture(float alpha_x, float alpha_y, float eta, floa
   return fixture;
 }
 
-// Roughness of the interface and of the base. reflectance: of every component, at every angle where
-// it is 1; else the base is a conductor of index 1 that reflects it at normal incidence inside the
-// coat.
+// Roughness of the interface and of the base. reflectance: of every component at every angle if it
+// is 1; otherwise the base is a conductor of index 1 with this reflectance at normal incidence
+// inside the coat.
 inline BsdfFixture MakeConductorCoatFixture(render::Ggx interface, render::Ggx base, float eta,
                                             float thickness, float reflectance,
                                             bool keeps_energy = true) {
@@ -120,7 +120,7 @@ inline BsdfFixture MakeConductorCoatFixture(render::Ggx interface, render::Ggx b
   return fixture;
 }
 
-// offset: across the fibre, [-1, 1]. absorption: per radius.
+// offset: across the fiber, in [-1, 1]. absorption: per fiber radius.
 inline BsdfFixture MakeHairFixture(float beta_m, float beta_n, float offset, Rgb absorption,
                                    float eta = 1.55f, float tilt_degrees = 2) {
   BsdfFixture fixture{"hair " + std::to_string(beta_m) + " " + std::to_string(beta_n) + " at " +
@@ -134,7 +134,7 @@ inline BsdfFixture MakeHairFixture(float beta_m, float beta_n, float offset, Rgb
   return fixture;
 }
 
-// A direction at cosine mu; azimuth in radians.
+// A direction with cosine mu to the z axis; azimuth in radians.
 inline Vec3f DirectionAt(float mu, float phi) {
   const float sin_theta = std::sqrt((1 - mu) * (1 + mu));
   return {sin_theta * Cos(phi), sin_theta * Sin(phi), mu};

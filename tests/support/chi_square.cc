@@ -13,9 +13,9 @@
 namespace sheaf::testing {
 namespace {
 
-constexpr double kCountMin = 5;     // Of expected samples in a cell that stands alone.
-constexpr int kSubdivisionMax = 6;  // Halvings of a cell in the quadrature.
-// Error of a cell's expected count that is let pass, in its standard deviations.
+constexpr double kCountMin = 5;     // Minimum expected samples of an unpooled cell.
+constexpr int kSubdivisionMax = 6;  // Maximum halvings of a cell in the quadrature.
+// Tolerated error of a cell's expected count, in its standard deviations.
 constexpr double kQuadratureErrorMax = 0.02;
 
 // Five-point Gauss-Legendre on [0, 1].
@@ -76,8 +76,8 @@ std::vector<double> ExpectedCounts(const DirectionPdf& pdf, const ChiSquareGrid&
   return expected;
 }
 
-// One more than the grid's cells: the last counts draws without a direction. Directions outside of
-// the looked-at part count as none too, which the test then sees.
+// Has one element more than the grid has cells: the last counts draws without a direction.
+// Directions outside the tested part are also counted there, so that the test detects them.
 std::vector<double> ObservedCounts(const DirectionSampler& sample, const ChiSquareGrid& grid,
                                    uint64_t sample_count, uint64_t seed) {
   std::vector<double> observed(static_cast<size_t>(grid.cos_count * grid.phi_count) + 1);
@@ -164,7 +164,7 @@ ChiSquareResult ChiSquareTest(const DirectionSampler& sample, const DirectionPdf
       pooled_observed += observed[i];
     }
   }
-  // A pool that is itself too small tests nothing unless samples fell where hardly any may.
+  // A pool that is itself too small tests nothing, unless samples fell where hardly any should.
   if (pooled_expected >= kCountMin) add(pooled_expected, pooled_observed);
   const bool impossible = pooled_expected < kCountMin && pooled_observed > 5 * kCountMin;
   result.degrees_of_freedom = std::max(cells - 1, 1);

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Colours as scenes give them, for tests.
+// Colors as scene files give them, for tests.
 #pragma once
 
 #include <gtest/gtest.h>

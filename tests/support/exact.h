@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Exact: sums and products of doubles without any rounding, for oracles of geometric predicates. A
-// number is kept as a sum of doubles whose bits do not overlap. Source: Shewchuk 1997, "Adaptive
+// Exact: sums and products of doubles without rounding, for oracles of geometric predicates. A
+// number is stored as a sum of doubles whose bits do not overlap. Source: Shewchuk 1997, "Adaptive
 // Precision Floating-Point Arithmetic and Fast Robust Geometric Predicates", sec. 2. Requires: no
 // product of parts leaves the range of double.
 #pragma once
@@ -39,7 +39,7 @@ class Exact {
     }
     return product;
   }
-  // The largest part outweighs all others together.
+  // The largest part is greater than the sum of all others.
   int Sign() const { return parts_.empty() ? 0 : (parts_.back() > 0 ? 1 : -1); }
   long double Rounded() const {
     long double sum = 0;
@@ -61,7 +61,7 @@ class Exact {
     if (value != 0) parts_.push_back(value);
   }
 
-  std::vector<double> parts_;  // Growing in magnitude; none is 0.
+  std::vector<double> parts_;  // In ascending magnitude; none is 0.
 };
 
 struct ExactVector {

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Globe: a closed mesh, of stout triangles or of needles.
+// Globe: a closed mesh of well-shaped or needle-shaped triangles.
 #pragma once
 
 #include <cmath>
@@ -17,7 +17,7 @@ struct Triangles {
   std::vector<Vec3f> positions;
   std::vector<uint32_t> indices;
 };
-// A closed sphere of triangles about `center`, front outside.
+// A closed sphere of triangles about `center` with outward front faces.
 inline Triangles Globe(Vec3d center, int rings, int sectors) {
   Triangles globe;
   const auto vertex = [&](int ring, int sector) -> uint32_t {

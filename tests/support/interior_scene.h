@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// InteriorScene: small scenes of things that light goes into; and pictures of them with what was
-// counted on the way.
+// InteriorScene: small scenes of objects with a subsurface medium, and renderings of them together
+// with their counters.
 #pragma once
 
 #include <cmath>
@@ -28,7 +28,7 @@ class InteriorScene : public TestScene {
     medium.g = g;
     return AddMatterOf(std::move(medium), eta, alpha);
   }
-  // By its reflectance; texture: instead of the color.
+  // A medium defined by its reflectance. texture: replaces the color.
   int32_t MatterThatReflects(Rgb color, int32_t texture, float free_path, float g, float eta) {
     MediumDescription medium;
     medium.name = std::to_string(scene.media.size());
@@ -41,7 +41,7 @@ class InteriorScene : public TestScene {
     SetReflectance(reflectance, &medium);
     return AddMatterOf(std::move(medium), eta, 0);
   }
-  // A texture of two colors by world space: the first where the floor of a coordinate is even.
+  // A texture of two colors in world space: the first where the floor of the coordinate is even.
   int32_t Stripes(Rgb first, Rgb second, Vec3f across) {
     CheckerboardTexture board;
     board.mapping.kind = UvMapping::Kind::kPlanar;
@@ -89,8 +89,8 @@ inline Rendered RenderCounted(const SceneDescription& scene, const FrameSettings
   return {mean, std::move(film), std::move(stats)};
 }
 
-// Two independent estimates of one picture's mean: 5 standard errors of the difference, as in
-// ExpectMean, and 2e-4 for what tables round.
+// Compares two independent estimates of an image's mean: the tolerance is 5 standard errors of the
+// difference, as in ExpectMean, plus 2e-4 for rounding in tables.
 inline void ExpectSameMean(const TileMean& a, const TileMean& b) {
   EXPECT_EQ(a.non_finite + b.non_finite, 0u);
   for (size_t c = 0; c < 3; ++c) {

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Light tables made from emitters alone, points to sample them with, and estimates with error bars,
-// for the tests of lights.
+// Light tables made from emitters only, points to sample them with, and estimates with error bars,
+// for tests of lights.
 #pragma once
 
 #include <array>
@@ -70,7 +70,7 @@ inline LightDescription MakeSpot(Rgb intensity, Vec3d from, Vec3d to, float cone
   return light;
 }
 
-// Uniform multiples of 2^-24, as the sampler makes them, from a seed that is the test's.
+// Uniform multiples of 2^-24, as the sampler makes them, from a seed chosen by the test.
 class RandomPoints {
  public:
   explicit RandomPoints(uint64_t seed) : engine_(seed) {}
@@ -107,7 +107,8 @@ inline Estimate EstimateMean(uint64_t points_per_replicate,
   return estimate;
 }
 
-// Six standard errors, and in parts of the expected value what float samples themselves round.
+// Tolerance: six standard errors, plus a fraction of the expected value for rounding in float
+// samples.
 inline void ExpectNear(const Estimate& estimate, double expected, double tolerance = 1e-6) {
   EXPECT_NEAR(estimate.mean, expected,
               6 * estimate.standard_error + tolerance * std::fabs(expected));
@@ -126,7 +127,7 @@ inline Estimate EstimateIrradiance(const LightTable& table, Vec3f p, Vec3f n,
   });
 }
 
-// Writes a square colour map as PFM (bottom row first); row 0 of texels is the top.
+// Writes a square color map as PFM (bottom row first); row 0 of texels is the top.
 inline void WritePfm(const std::string& path, int size, const std::vector<Rgb>& texels) {
   std::ofstream out(path, std::ios::binary);
   out << "PF\n" << size << ' ' << size << "\n-1\n";

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// SHEAF_LONG_TESTS=1 gives the tests that draw numbers as many draws as the catalogue of hard cases
-// asks; without it they take the part of them that a build can wait for.
+// SHEAF_LONG_TESTS=1 gives randomized tests as many draws as the catalog of hard cases requires;
+// otherwise they use a fraction suitable for every build.
 #pragma once
 
 #include <cstdlib>

@@ -1,10 +1,10 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Preloaded into a program: faults of the machine that it runs on, as the file that
-// SHEAF_TEST_FAULTS names says, which a test may change at any moment. Two int64: by how many
-// seconds the wall clock is wrong (the steady clock stays true, as where somebody sets a machine's
-// clock), and whether the disk is full.
+// A library preloaded into programs that simulates faults of the machine. The file named by
+// SHEAF_TEST_FAULTS describes them and may change at any time. It holds two int64: the error of the
+// wall clock in seconds (the steady clock stays correct, as when a machine's clock is set), and
+// whether the disk is full.
 #include <fcntl.h>
 #include <sys/mman.h>
 #include <sys/stat.h>
@@ -36,7 +36,7 @@ const volatile Faults& MachineFaults() {
   return *faults;
 }
 
-// Whether a write must fail: to all files but the log.
+// Whether a write must fail: for all files but the log.
 bool IsFull(int file) {
   struct stat info {};
   return MachineFaults().disk_full != 0 && file > STDERR_FILENO && ::fstat(file, &info) == 0 &&

@@ -1,9 +1,9 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Measured materials that nobody measured: RGL tensor files made of a function, so that what a
-// renderer shows of them is known. The distribution of visible normals is GGX, exact at the corners
-// of its grid; spectra are whatever makes the reflection the one asked for.
+// Synthetic measured materials: RGL tensor files generated from a function, so that the expected
+// rendering is known. The distribution of visible normals is GGX, exact at the corners of its grid;
+// the spectra are chosen to give the requested reflection.
 #pragma once
 
 #include <cmath>
@@ -20,7 +20,7 @@
 
 namespace sheaf::testing {
 
-// One array of a tensor file, and where the file says it is.
+// One array of a tensor file, and its declared position in the file.
 struct TensorArray {
   std::string name;
   uint8_t type = 10;  // float32; 1 is uint8.
@@ -78,7 +78,7 @@ struct MeasuredFileBuilder {
     const double x = alpha_x * w.x, y = alpha_y * w.y;
     return 0.5 * (std::sqrt(w.z * w.z + x * x + y * y) + w.z);
   }
-  // The micro-normal at a point of the square, for incidence at phi.
+  // The micronormal at a point of the square, for incidence at phi.
   Vec3d NormalAt(double u, double v, double phi_i) const {
     const double around = (2 * v - 1) * std::numbers::pi + (IsIsotropic() ? phi_i : 0);
     return Direction(u * u * std::numbers::pi / 2, around);
@@ -89,12 +89,13 @@ struct MeasuredFileBuilder {
   void Write(const std::string& path) const { std::ofstream(path, std::ios::binary) << Bytes(); }
 
  private:
-  // A grid over the square as bilinear density: where the warp takes a point of the unit square.
-  // Values at corners, row-major.
+  // Interprets the grid over the square as a bilinear density and warps a point of the unit square
+  // by it. Values are at the corners, row-major.
   static Vec2d Warp(const std::vector<double>& values, uint32_t n, Vec2d u);
 };
 
-// By the definition: the marginal of rows, then the row's own distribution, each by bisection.
+// By definition: the marginal distribution of rows, then the distribution within the row, each
+// inverted by bisection.
 inline Vec2d MeasuredFileBuilder::Warp(const std::vector<double>& values, uint32_t n, Vec2d u) {
   const auto line = [&](uint32_t y, double x) {  // Integral of corner line y up to x cells.
     double sum = 0;
@@ -151,7 +152,7 @@ inline std::vector<TensorArray> MeasuredFileBuilder::Arrays() const {
           const double u = static_cast<double>(x) / (n - 1), v = static_cast<double>(y) / (n - 1);
           const Vec3d normal = NormalAt(u, v, p);
           const double jacobian = 2 * kPi * kPi * u * std::sin(u * u * kPi / 2);
-          // Never quite 0: what is measured has noise, and f could not be told apart from it.
+          // Bounded away from 0: measured values contain noise, and 0 would not determine f.
           visible.push_back(Density(normal) * std::fmax(Dot(wo, normal), 0.002) * jacobian /
                             Sigma(wo));
         }

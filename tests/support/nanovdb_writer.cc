@@ -59,7 +59,8 @@ nanovdb::GridHandle<> HandleOf(const GridToWrite& grid) {
 std::string NvdbFile(const std::vector<GridToWrite>& grids, NvdbCodec codec) {
   std::vector<nanovdb::GridHandle<>> handles;
   for (const GridToWrite& grid : grids) handles.push_back(HandleOf(grid));
-  // The writer leaves room for the head before it writes it: a string's stream needs to have it.
+  // The writer skips the space of the header and writes it last, so the string must already hold
+  // it.
   std::ostringstream out(std::string(4096 * (1 + grids.size()), '\0'));
   nanovdb::io::writeGrids(out, handles,
                           codec == NvdbCodec::kNone  ? nanovdb::io::Codec::NONE

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// RenderRows: a whole frame by one compiled variant, whichever the plan would have chosen.
+// RenderRows: renders a whole frame with one compiled variant, independent of the plan's choice.
 #pragma once
 
 #include "common/film/film_tile.h"

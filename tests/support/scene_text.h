@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Scenes of tests that are written as a scene file is.
+// Scenes for tests, written as text of scene files.
 #pragma once
 
 #include <fstream>
@@ -14,7 +14,7 @@
 
 namespace sheaf::testing {
 
-// The scene of a file of this text, which must be one.
+// The scene of a file with this text, which must be valid.
 inline SceneDescription ReadSceneText(const std::string& text) {
   const auto* test = ::testing::UnitTest::GetInstance()->current_test_info();
   const std::string directory = ::testing::TempDir() + "sheaf-scene-text-" + test->name();

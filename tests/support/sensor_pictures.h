@@ -1,10 +1,10 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Responses of cameras' sensors to lights, by pbrt-v4's documented model (Physically Based
-// Rendering, 4th edition, 5.4.2): expected colors, integrated apart from Sheaf, in steps of 1 nm
-// over the CIE's tables of 1 nm, the illuminants as pbrt-v4 tabulates them and the sensors' curves
-// as published.
+// Responses of camera sensors to lights by pbrt-v4's documented model (Physically Based Rendering,
+// 4th edition, 5.4.2). The expected colors were integrated independently of Sheaf in steps of 1 nm,
+// from the CIE's tables of 1 nm, the illuminants as tabulated by pbrt-v4 and the published sensor
+// curves.
 #pragma once
 
 #include <array>
@@ -18,11 +18,11 @@
 
 namespace sheaf::testing {
 
-// The lights, each of luminance 1.
+// Lights, each of luminance 1.
 struct SensorLight {
   const char* name;
-  const char* parameter;  // As a scene file writes it after "spectrum L" or "blackbody L".
-  float blackbody_k;      // 0: of wavelengths and values.
+  const char* parameter;  // As written in a scene file after "spectrum L" or "blackbody L".
+  float blackbody_k;      // 0: given by wavelengths and values.
   std::vector<float> wavelengths_nm, values;
 };
 inline const std::vector<SensorLight>& SensorLights() {
@@ -42,10 +42,10 @@ inline const std::vector<SensorLight>& SensorLights() {
 
 struct SensorPicture {
   const char* sensor;
-  float white_balance_k;  // As scenes give it; 0: not given.
+  float white_balance_k;  // As in scene files; 0: not given.
   const char* color_space;
   Primaries primaries;
-  std::array<Vec3d, 5> colors;  // Of SensorLights.
+  std::array<Vec3d, 5> colors;  // For each of SensorLights.
 };
 inline const std::vector<SensorPicture>& SensorPictures() {
   static const std::vector<SensorPicture> pictures = {
@@ -89,8 +89,8 @@ inline const std::vector<SensorPicture>& SensorPictures() {
   return pictures;
 }
 
-// Every channel within 2 % of the expected one where that is a tenth of the largest or more, and
-// all of them within 1 % of the largest.
+// Every channel that is at least a tenth of the largest must be within 2 % of its expected value,
+// and all channels within 1 % of the largest.
 inline void ExpectSameColor(Vec3d color, Vec3d expected) {
   double largest = 0;
   for (size_t i = 0; i < 3; ++i) largest = std::fmax(largest, std::fabs(expected[i]));

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Scenes for tests of techniques that must have one expectation: of large lights and wide lobes,
-// so that what one technique finds seldom is not too rare to measure.
+// Scenes for tests of techniques that must have the same expectation. Lights are large and lobes
+// wide, so that contributions rare for one technique are still frequent enough to measure.
 #pragma once
 
 #include <utility>
@@ -11,7 +11,7 @@
 
 namespace sheaf::render {
 
-// Colours are mixed with grey so far; 0 makes all grey.
+// Weight of colors mixed with gray; 0 makes everything gray.
 struct Tint {
   float share = 0;
   Rgb operator()(Rgb c) const {
@@ -20,8 +20,8 @@ struct Tint {
   }
 };
 
-// The picture ends below the height of the lamps: where a lamp is seen edge on, meeting it is so
-// rare that the draws of a tile are far from normal.
+// The image ends below the height of the lights: a light seen edge on is hit so rarely that the
+// draws of a tile are far from normally distributed.
 inline TestScene OpenBox(Tint tint) {
   TestScene t({0, 1, -3.2}, {0, 0.6, 0}, 36);
   t.AddShape(MeshShape{t.Quad({-2, 0, -2}, {-2, 0, 2}, {2, 0, 2}, {2, 0, -2})},
@@ -40,7 +40,7 @@ inline void AddLamp(TestScene* t, Tint tint, float half_width) {
 
 inline constexpr SphereShape kBall{0.6f, -0.6f, 0.6f, 360};
 
-// A lamp, a lamp that is a ball, and diffuse surfaces.
+// A flat light, a spherical light, and diffuse surfaces.
 inline TestScene Diffuse(Tint tint) {
   TestScene t = OpenBox(tint);
   AddLamp(&t, tint, 0.9f);
@@ -50,8 +50,8 @@ inline TestScene Diffuse(Tint tint) {
   return t;
 }
 
-// Rough metal, a rough coat, rough glass: wide lobes, for those that are narrow are met by samples
-// of light too rarely for 16 draws to know their own variance.
+// Rough metal, a rough coat, rough glass. Lobes are wide, since light samples hit narrow ones too
+// rarely for 16 draws to estimate their own variance.
 inline TestScene Glossy(Tint tint) {
   TestScene t = OpenBox(tint);
   AddLamp(&t, tint, 1);
@@ -70,7 +70,7 @@ inline TestScene Glossy(Tint tint) {
   return t;
 }
 
-// A sky, a lamp without size, leaves, a lens, a cut-out, and a ball that moves.
+// A sky, a point light, leaves, a lens, a cut-out, and a moving ball.
 inline TestScene Outdoor(Tint tint) {
   TestScene t = OpenBox(tint);
   t.ConstantEnvironment(tint({0.6f, 0.8f, 1}));
@@ -97,8 +97,8 @@ inline TestScene Outdoor(Tint tint) {
   return t;
 }
 
-// Two volumes that overlap, with a colour and a phase function each, one of them glowing; a lamp
-// and a sky that light them through their own surfaces.
+// Two overlapping volumes, each with its own color and phase function, one of them emissive; a
+// light and a sky illuminate them through their interfaces.
 inline TestScene Hazy(Tint tint) {
   TestScene t = OpenBox(tint);
   AddLamp(&t, tint, 1);
@@ -119,8 +119,8 @@ inline TestScene Hazy(Tint tint) {
   return t;
 }
 
-// A lumpy cloud that shines by factors of a colour and scatters, above a floor, in a haze that
-// shines a little; and a second one that is only bright.
+// A lumpy cloud with colored emission that scatters, above a floor, in a slightly emissive haze;
+// and a second cloud without colored emission.
 inline TestScene Burning(Tint tint) {
   TestScene t = OpenBox(tint);
   t.ConstantEnvironment(tint({0.05f, 0.06f, 0.08f}));
@@ -158,8 +158,8 @@ inline TestScene Burning(Tint tint) {
   return t;
 }
 
-// A room full of fog of two kinds, a part of which overlaps, with a lamp of each sort that has a
-// place: flat ones, a ball, a point and a cone.
+// A room full of two kinds of fog that overlap partly, with a light of each local kind: flat ones,
+// a ball, a point and a spot light.
 inline TestScene Foggy(Tint tint) {
   TestScene t = Diffuse(tint);
   PointLight point;
@@ -185,8 +185,8 @@ inline TestScene Foggy(Tint tint) {
   return t;
 }
 
-// The same lamps about a cloud of lumps in one colour and, over a part of it, haze of another that
-// varies too and a fog that does not; a point and a ball shine within them, the flat one from
+// The same lights around a lumpy cloud of one color, partly overlapped by heterogeneous haze of
+// another color and by a homogeneous fog; a point and a ball are inside them, the flat light is
 // outside.
 inline TestScene Cloudy(Tint tint) {
   TestScene t = Diffuse(tint);
@@ -215,8 +215,8 @@ inline TestScene Cloudy(Tint tint) {
   return t;
 }
 
-// More lights than are weighed one by one: rows of small lamps of unlike power, one of them without
-// size, and a dim sky.
+// More lights than are weighted individually: rows of small lights of unequal power, one of them a
+// point light, and a dim sky.
 inline TestScene ManyLamps(Tint tint) {
   TestScene t = OpenBox(tint);
   t.ConstantEnvironment(tint({0.02f, 0.03f, 0.05f}));

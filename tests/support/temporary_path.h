@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Where tests may write files.
+// Paths for files that tests write.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -11,7 +11,7 @@
 
 namespace sheaf::testing {
 
-// A path in the system's folder for such, which no test that runs at the same time is given.
+// A path in the system's temporary folder that no concurrent test receives.
 inline std::string TemporaryPath(const std::string& name) {
   const ::testing::TestInfo* test = ::testing::UnitTest::GetInstance()->current_test_info();
   return ::testing::TempDir() + "sheaf-" + std::to_string(getpid()) + "-" +

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// TestScene: small scenes made in code, for tests whose answer is known in closed form; and the
-// means of a rendered tile with the standard error that z-tests need.
+// TestScene: small scenes built in code for tests with closed-form answers, and the mean of a
+// rendered tile with the standard error that z-tests need.
 #pragma once
 
 #include <cmath>
@@ -26,7 +26,7 @@ class TestScene {
  public:
   SceneDescription scene;
 
-  // A camera at eye looking at `at` with a box filter of one pixel.
+  // A camera at eye, directed to `at`, with a box filter of one pixel.
   TestScene(Vec3d eye, Vec3d at, float fov_degrees, Vec3d up = {0, 1, 0}) {
     scene.files = {"test.pbrt"};
     SetCamera(eye, at, fov_degrees, up);
@@ -71,11 +71,11 @@ class TestScene {
     scene.meshes.push_back(std::move(mesh));
     return static_cast<int32_t>(scene.meshes.size() - 1);
   }
-  // Quad a b c d; its front is where the corners go counter-clockwise (right-hand rule).
+  // Quad a b c d; it faces the side from which its corners are counterclockwise (right-hand rule).
   int32_t Quad(Vec3f a, Vec3f b, Vec3f c, Vec3f d) {
     return AddMesh({a, b, c, d}, {0, 1, 2, 0, 2, 3});
   }
-  // A box from lower to upper, front outside.
+  // A box from lower to upper with outward front faces.
   int32_t Box(Vec3f lower, Vec3f upper) {
     std::vector<Vec3f> p;
     for (int i = 0; i < 8; ++i) {
@@ -86,14 +86,14 @@ class TestScene {
                        2, 6, 7, 2, 7, 3, 0, 4, 6, 0, 6, 2, 1, 3, 7, 1, 7, 5});
   }
 
-  // Adds a shape to the world and returns it for further changes; the reference holds until the
-  // next.
+  // Adds a shape to the world and returns it for further changes; the reference is valid until the
+  // next call.
   template <typename Shape>
   ShapeDescription& AddShape(Shape shape, int32_t material, Matrix4 world_from_object = {}) {
     scene.world_shapes.push_back(static_cast<int32_t>(scene.shapes.size()));
     return AddLooseShape(shape, material, world_from_object);
   }
-  // One that belongs to no world yet (object definitions).
+  // Adds a shape outside the world, for object definitions.
   template <typename Shape>
   ShapeDescription& AddLooseShape(Shape shape, int32_t material, Matrix4 transform = {}) {
     ShapeDescription description;
@@ -105,7 +105,7 @@ class TestScene {
   }
 };
 
-// A closed room with a ball in it and a lamp at the ceiling, scaled as a whole.
+// A closed room with a ball and a ceiling light, scaled as a whole.
 inline TestScene LitRoom(double scale) {
   TestScene t(Vec3d{0.1, 0.2, -0.7} * scale, Vec3d{0, 0, 1} * scale, 70);
   const Matrix4 size = ScaleMatrix({scale, scale, scale});
@@ -120,13 +120,13 @@ inline TestScene LitRoom(double scale) {
   return t;
 }
 
-// Numbers for tests; the seed is part of the test.
+// Random numbers for tests; the seed is part of the test.
 class Random {
  public:
   explicit Random(uint64_t seed) : engine_(seed) {}
   double Uniform() { return static_cast<double>(engine_() >> 11) * 0x1p-53; }
   double Uniform(double a, double b) { return a + (b - a) * Uniform(); }
-  // Of either sign, magnitude 10^U(-8, 8).
+  // Of either sign, with magnitude 10^U(-8, 8).
   float AnyMagnitude() {
     const double v = std::pow(10.0, Uniform(-8, 8));
     return static_cast<float>(Uniform() < 0.5 ? -v : v);
@@ -174,7 +174,7 @@ inline FilmTile RenderAll(const CompiledScene& scene, RenderStats* stats = nullp
   return *std::move(tile);
 }
 
-// Mean over all pixels, and its standard error from the spread of the replicates' means.
+// Mean over all pixels, with its standard error from the spread of the replicates' means.
 inline TileMean MeanOf(const FilmTile& tile) {
   TileMean result;
   const size_t n = tile.plane_size();
@@ -221,8 +221,8 @@ inline TileMean RenderMean(const SceneDescription& scene, const FrameSettings& s
 }
 
 // Tests each channel against a known mean. The threshold is 5 standard errors: by Student's t with
-// the 15 degrees of freedom of 16 replicates a right mean fails with probability 1.6e-4 (and seeds
-// are fixed). 4 float roundings are added for answers without any noise.
+// the 15 degrees of freedom of 16 replicates a correct mean fails with probability 1.6e-4 (and
+// seeds are fixed). 4 float roundings are added for results without noise.
 inline void ExpectMean(const TileMean& measured, Rgb expected) {
   EXPECT_EQ(measured.non_finite, 0u);
   for (size_t c = 0; c < 3; ++c) {

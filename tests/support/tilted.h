@@ -1,7 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// A surface with +z up whose shading normal leans towards +x, for tests of what such ones scatter.
+// A surface facing +z whose shading normal is tilted towards +x, for tests of scattering with
+// perturbed normals.
 #pragma once
 
 #include <cmath>
@@ -20,7 +21,8 @@ inline Vec3f FromAngles(double theta_degrees, double phi_degrees) {
   return ToFloat(Vec3d{std::sin(t) * std::cos(p), std::sin(t) * std::sin(p), std::cos(t)});
 }
 
-// In the frame of its normal, bent for the viewer. u: what is drawn for the vertex.
+// A point in the frame of its shading normal, which is bent towards the viewer. u: the random
+// numbers of the vertex.
 struct Tilted {
   Frame frame;
   SurfaceTilt tilt;

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// TracedScene: a scene baked and ready to be traced, without materials or lights; what rays meet in
-// it, and rays that leave from there.
+// TracedScene: a scene baked and ready for tracing, without materials and lights; the intersections
+// of rays with it, and rays that leave from there.
 #pragma once
 
 #include <memory>
@@ -32,8 +32,8 @@ inline std::unique_ptr<TracedScene> Traced(SceneDescription scene) {
   return traced;
 }
 
-// Where a ray from one point towards another meets the scene first; false where it does not. hit:
-// may be null.
+// The first intersection of a ray from one point towards another; returns false if there is none.
+// hit: may be null.
 inline bool HitTowards(const TracedScene& scene, Vec3f from, Vec3f to, SurfacePoint* point,
                        RawHit* hit = nullptr) {
   Ray ray;
@@ -46,7 +46,7 @@ inline bool HitTowards(const TracedScene& scene, Vec3f from, Vec3f to, SurfacePo
   return true;
 }
 
-// As a path's next ray leaves the point.
+// The next ray of a path, leaving the point.
 inline Ray Spawned(const SurfacePoint& point, Vec3f direction) {
   Ray ray;
   ray.o = OffsetRayOrigin(point.p, point.p_error, point.ng, direction);

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Volume files for tests, written by the libraries that define them: NanoVDB and OpenVDB, each used
-// in one source file.
+// Volume files for tests, written by the libraries that define the formats: NanoVDB and OpenVDB,
+// each used in one source file.
 #pragma once
 
 #include <array>
@@ -14,27 +14,28 @@ namespace sheaf::testing {
 
 using Voxel = std::array<int32_t, 3>;
 
-// value(voxel) in voxels lo..hi, both included; background elsewhere.
+// value(voxel) in the voxels lo..hi, inclusive; background elsewhere.
 struct GridToWrite {
   std::string name = "density";
   Voxel lo{0, 0, 0}, hi{9, 9, 9};
   float (*value)(const Voxel&) = nullptr;
   float background = 0;
   double voxel_size = 1;
-  // Of NanoVDB: "float", "Fp4", "Fp8", "Fp16", "FpN", "Vec3f" (value times (1, 2, 3)), "double".
+  // NanoVDB's types: "float", "Fp4", "Fp8", "Fp16", "FpN", "Vec3f" (value times (1, 2, 3)),
+  // "double".
   std::string type = "float";
 };
 
 enum class NvdbCodec { kNone, kZip, kBlosc };
 std::string NvdbFile(const std::vector<GridToWrite>& grids, NvdbCodec codec);
 
-// How OpenVDB writes.
+// Options of the OpenVDB writer.
 struct VdbOptions {
   bool zip = false, blosc = false, active_mask = true;
   bool half = false;
   bool frustum = false;
   bool has_affine_rotation = false;
-  // A filled cube of 128^3 beside the voxels, which becomes a tile.
+  // Adds a filled cube of 128^3 voxels, which becomes a tile.
   bool with_tile = false;
   bool as_stream = false;
 };
