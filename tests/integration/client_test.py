@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
 # Copyright the Sheaf authors.
 # SPDX-License-Identifier: Apache-2.0
-"""The client as people and scripts meet it: commands, JSON, exit codes, and what it says of errors.
+"""The client as people and scripts use it: commands, JSON, exit codes and error messages.
 
-One farm of one worker serves all tests; the scenes are the turntable's first frames and a few lines
-of text.
+One farm with one worker serves all tests. The scenes are the first frames of the turntable and a
+few lines of text.
 """
 import base64
 import json
@@ -26,7 +26,7 @@ TURNTABLE = os.path.join(farm.ROOT, "scenes", "turntable", "turntable.####.pbrt"
 SMALL = ("--crop", "120,60,200,120", "--samples", "4")
 OK, FAILED, USAGE, UNREACHABLE, BAD_SCENE, CANCELLED, FILE, INTERRUPTED = 0, 1, 2, 3, 4, 5, 6, 130
 
-# A square under a sky. What is broken is added below it.
+# A square under a sky. Tests append invalid statements.
 SCENE = """LookAt 0 0 -3  0 0 0  0 1 0
 Camera "perspective" "float fov" 45
 Film "rgb" "integer xresolution" 48 "integer yresolution" 32
@@ -35,7 +35,7 @@ LightSource "infinite" "rgb L" [0.5 0.6 0.7]
 Shape "trianglemesh" "integer indices" [0 1 2 0 2 3]
   "point3 P" [-1 -1 0  1 -1 0  1 1 0  -1 1 0]
 """
-# A floor under a lamp that is not in view.
+# A floor lit by an emitter outside the view.
 SMOOTH = """LookAt 0 1.5 -4  0 0.3 0  0 1 0
 Camera "perspective" "float fov" 45
 Film "rgb" "integer xresolution" 128 "integer yresolution" 80
@@ -64,7 +64,7 @@ end_header
 
 
 def run(*arguments, seconds=30, environment=None):
-    """`sheaf` without a farm."""
+    """Runs `sheaf` without a farm."""
     return subprocess.run([os.path.join(farm.programs(), "sheaf"), *map(str, arguments)],
                           stdin=subprocess.DEVNULL, capture_output=True, text=True,
                           timeout=seconds * farm.TIME_SCALE,
@@ -78,7 +78,7 @@ def free_port():
 
 
 def count_parts(folder):
-    """Of all states below the folder."""
+    """Number of part files in all state folders below the folder."""
     return sum(len(names) for path, _, names in os.walk(folder) if "/parts" in path)
 
 
@@ -101,7 +101,9 @@ class ClientTest(unittest.TestCase):
         return done
 
     def test_help_is_in_plain_words(self):
-        """It showed `ENUM:value in {auto->0,...}` and 35 flags of `render` in one list."""
+        """Regression: help showed `ENUM:value in {auto->0,...}`, and the 35 flags of `render` in
+        one list.
+        """
         notation = ("ENUM", "->", "UINT", "INT:", "TEXT:", "FLOAT:", "[b, kb", "REQUIRED", "Env:")
         listed = self.expect(run("--help"), OK).stdout
         for command in re.findall(r"^  ([a-z]+)  ", listed, re.M):
@@ -123,7 +125,9 @@ class ClientTest(unittest.TestCase):
                 self.assertFalse([w for w in notation if w in done.stdout])
 
     def test_mistyped_words_are_guessed(self):
-        """`sheaf rendr` said "A subcommand is required", `--sample 4` that SCENE was too much."""
+        """Regression: `sheaf rendr` reported "A subcommand is required", `--sample 4` an extra
+        SCENE.
+        """
         scene = self.write("typed.pbrt", SCENE)
         for arguments, guess in ((["rendr"], '"render"'), (["render", "--sample", 4, scene],
                                                            '"--samples"'),
@@ -164,7 +168,7 @@ class ClientTest(unittest.TestCase):
             self.assertNotIn("sampler", run("plan", os.path.join(folder, name)).stderr, name)
 
     def test_corrupt_pictures_are_found_before_they_are_uploaded(self):
-        """A worker found them, and named them by their path in its cache."""
+        """Regression: only a worker found them, and named them by their path in its cache."""
         texture = self.farm.path("corrupt.png")
         farm.render(self.write("corrupt_maker.pbrt", SCENE), texture, "--samples", 1)
         whole = farm.read_bytes(texture)
@@ -181,7 +185,7 @@ class ClientTest(unittest.TestCase):
                 self.assertRegex(self.expect(done, BAD_SCENE).stderr,
                                  place + r':1: texture "wood": corrupt\.png: ')
                 self.assertEqual(self.farm.sheaf("list").stdout, jobs)
-        # Large ones are read as far as their header: the rest is a worker's to find.
+        # Only the headers of large images are checked; the worker finds other damage.
         large = SCENE.replace("48", "1200").replace("32", "1000")
         farm.render(self.write("large.pbrt", large), texture, "--samples", 1)
         whole = farm.read_bytes(texture)
@@ -298,7 +302,7 @@ class ClientTest(unittest.TestCase):
         self.assertIn("cancelled", self.farm.sheaf("cancel", name).stdout)
         self.assertIn("was cancelled",
                       self.expect(self.farm.sheaf("watch", name, check=False), CANCELLED).stderr)
-        job = json.loads(self.farm.sheaf("cancel", name, "--json").stdout)  # Again: no harm.
+        job = json.loads(self.farm.sheaf("cancel", name, "--json").stdout)  # Again: no effect.
         self.assertEqual(job["state"], "cancelled")
         self.assertIsNotNone(job["end_time"])
         unknown = self.farm.sheaf("cancel", "jobs/999999", check=False)
@@ -311,10 +315,10 @@ class ClientTest(unittest.TestCase):
         self.assertEqual(sheaf("pause", name).stdout, f"{name} paused\n")
         self.assertIn("paused", sheaf("list", "--limit", 1).stdout)
         self.assertIn("; paused", sheaf("show", name).stdout)
-        again = json.loads(sheaf("pause", name, "--json").stdout)  # No harm.
+        again = json.loads(sheaf("pause", name, "--json").stdout)  # No effect.
         self.assertEqual(again["state"], "paused")
         self.assertIn("is paused", sheaf("refine", name, "--samples", 8, check=False).stderr)
-        # Others go before it, and it waits for as long as one likes.
+        # Other jobs run first, and the job stays paused.
         sheaf("submit", scene, "--samples", 4, "--wait", "-o", self.farm.path("other.exr"))
         self.assertEqual(json.loads(sheaf("show", name, "--json").stdout)["state"], "paused")
         self.assertEqual(sheaf("priority", name, "-5").stdout, f"{name} priority -5\n")
@@ -374,7 +378,9 @@ class ClientTest(unittest.TestCase):
                     self.assertRegex(self.expect(done, BAD_SCENE).stderr, expected)
 
     def test_files_of_other_programs_send_no_bytes_to_the_terminal(self):
-        """A .blend printed its escape sequences; nothing said what the file is."""
+        """Regression: a .blend file's escape sequences were printed, and no message named its
+        format.
+        """
         foreign = (("room.blend", b"BLENDER-v305\x1b]0;owned\x07\x00REND", "Blender"),
                    ("packed.blend", b"\x28\xb5\x2f\xfd\x00\x1b[2J", "Blender"),
                    ("room.glb", b"glTF\x02\x00\x00\x00", "glTF"),
@@ -442,7 +448,7 @@ class ClientTest(unittest.TestCase):
                                stdout=subprocess.DEVNULL)
 
     def test_completion_knows_choices_and_jobs(self):
-        """It completed the names of options alone."""
+        """Regression: it completed only the names of options."""
         path = self.write("completion.bash", run("completion", "bash").stdout)
         job = self.farm.sheaf("submit", self.write("tab.pbrt", SCENE), "--samples", 1,
                               "--wait", "--json", "-o", self.farm.path("tab.exr")).stdout
@@ -482,13 +488,13 @@ class ClientTest(unittest.TestCase):
         self.assertEqual(first.returncode, INTERRUPTED, text)
         self.assertIn("continues from here", text)
         self.assertFalse(os.path.exists(kept))
-        for _ in range(2):  # The rest; then nothing is left to do.
+        for _ in range(2):  # Renders the rest; the second time nothing is left.
             farm.render(scene, kept, "--keep-state", self.farm.path("kept state"), *job)
             self.assertEqual(farm.picture_digest(kept), farm.picture_digest(whole))
             os.remove(kept)
 
     def interrupted_render(self, scene, output, *arguments):
-        """What `sheaf render` says once it is interrupted in the middle of its work."""
+        """The output of a `sheaf render` that is interrupted in the middle of its work."""
         command = [os.path.join(farm.programs(), "sheaf"), "render", scene, "-o", output,
                    "--threads", "1", *map(str, arguments)]
         folder = self.farm.path("tmp")
@@ -502,7 +508,7 @@ class ClientTest(unittest.TestCase):
         return text
 
     def test_an_interrupted_render_loses_nothing(self):
-        """Without --keep-state, Ctrl-C threw away all that was rendered."""
+        """Regression: without --keep-state, Ctrl-C discarded all finished work."""
         scene, output = self.write("left.pbrt", SCENE), self.farm.path("left.exr")
         job = ("--samples", 2048, "--pass-samples", 64, "--lease-passes", 1, "--tile-size", 16)
         text = self.interrupted_render(scene, output, *job)
@@ -516,7 +522,7 @@ class ClientTest(unittest.TestCase):
         self.assertIn("2048 samples", done.stderr)
 
     def test_outputs_never_replace_inputs(self):
-        """`-o` replaced the scene and exited 0."""
+        """Regression: `-o` replaced the scene and exited with 0."""
         texture = self.farm.path("wood.png")
         farm.render(self.write("wood.pbrt", SCENE), texture, "--samples", 1)
         scene = self.write("own.pbrt", SCENE.replace("Shape", 'Texture "wood" "spectrum" '
@@ -537,7 +543,9 @@ class ClientTest(unittest.TestCase):
         self.assertEqual(before, {path: farm.read_bytes(path) for path in (scene, texture)})
 
     def test_outputs_are_regular_files_that_say_what_they_hold(self):
-        """`-o -` made a file named -, `-o a.jpg` wrote EXR bytes, links and devices went."""
+        """Regression: `-o -` made a file named -, `-o a.jpg` wrote EXR bytes, and links and devices
+        were replaced.
+        """
         scene = self.write("kind.pbrt", SCENE)
         for output, words in (("-", "standard output"), ("a.jpg", "writes .exr or .png"),
                               ("a.tif", "writes .exr or .png"), ("a", "writes .exr or .png")):
@@ -553,7 +561,7 @@ class ClientTest(unittest.TestCase):
         self.assertTrue(stat.S_ISFIFO(os.stat(pipe).st_mode))
         link, target = self.farm.path("link.exr"), self.farm.path("target.exr")
         os.symlink("target.exr", link)
-        for _ in range(2):  # A target that is not there yet; one that is.
+        for _ in range(2):  # A target that does not exist yet; one that does.
             self.expect(run("render", scene, "--samples", 1, "-o", link), OK)
             self.assertTrue(os.path.islink(link))
             self.assertFalse(os.path.islink(target))
@@ -562,7 +570,7 @@ class ClientTest(unittest.TestCase):
         self.assertTrue(farm.read_bytes(capitals).startswith(b"\x89PNG"))
 
     def test_outputs_that_cannot_be_written_are_found_before_rendering(self):
-        """A missing folder was found after all the work was done."""
+        """Regression: a missing folder was found only after all work was done."""
         scene, output = self.write("before.pbrt", SCENE), self.farm.path("none", "a.exr")
         endless = ("--samples", 1 << 20, "-o", output)
         done = self.expect(run("render", scene, *endless), FILE)
@@ -577,7 +585,7 @@ class ClientTest(unittest.TestCase):
         self.expect(run("study", scene, "--json-output", self.farm.path("none", "a.json")), FILE)
 
     def test_a_finished_picture_that_cannot_be_written_is_kept(self):
-        """When the folder is gone at the end."""
+        """The output's folder disappears before the end."""
         scene = self.write("fallback.pbrt", SCENE)
         folder, temporary = self.farm.path("leaves"), self.farm.path("fallback tmp")
         os.makedirs(folder)
@@ -617,7 +625,7 @@ class ClientTest(unittest.TestCase):
         self.assertRegex(text, r"without --wait no image is written; .* sheaf watch jobs/\d+ ")
 
     def test_unreliable_tiles_and_what_makes_them_so(self):
-        """The room's glass ball throws light on its floor, by way of few samples."""
+        """The room's glass ball casts a caustic on the floor that few samples reach."""
         scene = os.path.join(farm.ROOT, "scenes/cornell-box.pbrt")
         size = ("--crop", "120,240,320,400", "--samples", 16)
         plain = farm.render(scene, self.farm.path("plain.exr"), *size)
@@ -630,8 +638,9 @@ class ClientTest(unittest.TestCase):
         self.assertEqual(tiles, sorted(tiles, reverse=True))
 
     def test_smooth_pictures_say_what_one_sequence_would_save(self):
-        """It saves something, and no more than if errors went on falling as they did. The room with
-        the glass ball has nothing to save."""
+        """The forecast gain is real, and at most what continued convergence would give. The room
+        with the glass ball has no gain.
+        """
         scene = self.write("smooth.pbrt", SMOOTH)
 
         def render(name, *how):
@@ -644,7 +653,7 @@ class ClientTest(unittest.TestCase):
         def gain(done):
             return json.loads(done.stdout.splitlines()[-1])["frames"][0]["one_sequence_gain"]
         render("true.exr", "--samples", 2048, "--one-sequence", "--seed", 9)
-        # So long that its curve has points on the way.
+        # Passes short enough that its error curve has intermediate points.
         apart = render("apart.exr", "--samples", 512)
         whole = render("whole.exr", "--samples", 512, "--one-sequence")
         measured = error("apart.exr") / error("whole.exr")
@@ -662,7 +671,7 @@ class ClientTest(unittest.TestCase):
         few, more = self.farm.path("few.exr"), self.farm.path("more.png")
         farm.render(scene, few, "--samples", 4)
         farm.render(scene, more, "--samples", 16)
-        more = self.farm.path("more.exr")  # Beside the PNG.
+        more = self.farm.path("more.exr")  # The EXR beside the PNG.
         difference = self.farm.path("d.png")
         result = json.loads(self.expect(run("compare", more, few, "--json", "--diff", difference,
                                             "--tiles", "--reference-samples", 16), OK).stdout)

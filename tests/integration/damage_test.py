@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
 # Copyright the Sheaf authors.
 # SPDX-License-Identifier: Apache-2.0
-"""Files altered on disk under a living farm: the picture is the same, and somebody says what was.
+"""Files altered on disk under a running farm: the image stays the same, and the damage is reported.
 
-One byte of a texture is changed in a worker's cache and in the coordinator's store, and one of a
-delivered EXR; each time the size stays what it was.
+One byte of a texture is changed in a worker's cache and in the coordinator's store, and one byte of
+a delivered EXR; each file keeps its size.
 """
 import json
 import os
@@ -15,7 +15,7 @@ import zlib
 
 import farm
 
-SIZE = 512  # Of the texture, in pixels: more than one tile of the texture cache.
+SIZE = 512  # Size of the texture in pixels: more than one tile of the texture cache.
 SCENE = """LookAt 0 0 -2  0 0 0  0 1 0
 Camera "perspective" "float fov" 60
 Film "rgb" "integer xresolution" 96 "integer yresolution" 64
@@ -30,7 +30,7 @@ JOB = ("--tile-size", "32", "--pass-samples", "16", "--lease-passes", "1")
 
 
 def write_png(path):
-    """Stored, not compressed: any byte may be changed, and the size stays."""
+    """A PNG with uncompressed data, so that any byte can change at the same size."""
     rows = b"".join(b"\0" + bytes((3 * x + 7 * y + 11 * c) % 200 + 20 for x in range(SIZE)
                                   for c in range(3)) for y in range(SIZE))
 
@@ -44,12 +44,12 @@ def write_png(path):
 
 
 def alter(path, whole=False):
-    """Changes bytes in place, and puts the file's time back."""
+    """Changes bytes in place and restores the file's modification time."""
     before = os.stat(path)
     os.chmod(path, 0o644)
     with open(path, "r+b") as file:
         data = bytearray(file.read())
-        if whole:  # Another picture, in sound PNG: its checks do not tell.
+        if whole:  # Another valid PNG, so PNG's own checksums do not find it.
             rows = bytearray(zlib.decompress(bytes(data[41:-16])))
             for i in range(len(rows)):
                 if i % (3 * SIZE + 1):
@@ -66,7 +66,7 @@ def alter(path, whole=False):
 
 
 def blob_path(folder, size):
-    """The blob of so many bytes."""
+    """The path of the blob of this size."""
     for directory, _, names in os.walk(folder):
         for name in names:
             path = os.path.join(directory, name)
@@ -93,7 +93,7 @@ class DamageTest(unittest.TestCase):
         return json.loads(done.stdout.splitlines()[-1])["name"]
 
     def picture(self, f, job):
-        """Watches until the picture can be saved, and returns its digest."""
+        """Follows the job, saves its image and returns the digest."""
         output = f.path("out.exr")
 
         def saved():
@@ -111,7 +111,7 @@ class DamageTest(unittest.TestCase):
             f.start_worker()
             job = self.submit(f)
             self.assertEqual(self.picture(f, job), self.expected)
-            # The scene is warm in the worker, and tiles of its texture are in memory.
+            # The scene is compiled in the worker, and tiles of its texture are in memory.
             alter(blob_path(f.path("cache", "blobs"), os.path.getsize(self.texture)), whole=True)
             again = self.submit(f)
             self.assertEqual(self.picture(f, again), self.expected)
@@ -138,7 +138,7 @@ class DamageTest(unittest.TestCase):
             def waiting_reason():
                 listed = json.loads(f.sheaf("list", "--json").stdout.splitlines()[0])
                 return listed.get("waiting_reason", "")
-            # Until the worker is there, the job waits for one.
+            # The job waits until the worker starts.
             farm.wait_until(lambda: "wood.png" in waiting_reason(), 30, "what the job waits for")
             self.assertIn("submit the scene again", waiting_reason())
             again = self.submit(f)
@@ -154,7 +154,7 @@ class DamageTest(unittest.TestCase):
                         if len(n) == 64 and os.path.getsize(os.path.join(d, n)) not in sizes]
             self.assertEqual(len(manifest), 1)
             alter(manifest[0])
-            again = self.submit(f)  # The client is asked for it again.
+            again = self.submit(f)  # The client must send it again.
             f.start_worker()
             for name in (job, again):
                 self.assertEqual(self.picture(f, name), self.expected)

@@ -2,7 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """A farm of real processes on loopback, for tests: starts, kills and restarts them.
 
-The test is the parent of every daemon, so a killed one is reaped here and its port is free again.
+The test is the parent of every daemon, so a killed daemon is reaped here and its port is free
+again.
 """
 import json
 import os
@@ -17,12 +18,12 @@ import time
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 START_SECONDS_MAX = 30
 JOB_SECONDS_MAX = 300
-# How much slower than usual the programs may be: builds with sanitizers set it.
+# Factor for time limits; builds with sanitizers set it.
 TIME_SCALE = float(os.environ.get("SHEAF_TIME_SCALE", "1"))
 
 
 def programs():
-    """Folder of the built programs: SHEAF_BIN, as ctest sets it."""
+    """Folder of the built programs: SHEAF_BIN, which ctest sets."""
     folder = os.environ.get("SHEAF_BIN", os.path.join(ROOT, "build", "dev", "bin"))
     if not os.path.exists(os.path.join(folder, "sheaf")):
         sys.exit(f"no programs in {folder}: build first, or set SHEAF_BIN")
@@ -30,7 +31,7 @@ def programs():
 
 
 def public_scenes():
-    """Folder of scenes nobody here wrote, or None: set SHEAF_PUBLIC_SCENES to compare with them."""
+    """Folder of third-party scenes from SHEAF_PUBLIC_SCENES, or None if it is not set."""
     folder = os.environ.get("SHEAF_PUBLIC_SCENES", "")
     return folder if os.path.isdir(folder) else None
 
@@ -47,22 +48,22 @@ def wait_until(condition, seconds, what):
 
 
 class Farm:
-    """A coordinator and workers with a folder of their own; use with `with`."""
+    """A coordinator and workers with a temporary folder; use with `with`."""
 
     def __init__(self, coordinator_arguments=()):
-        self.folder = tempfile.mkdtemp(prefix="sheaf farm ")  # A space: paths must survive one.
+        self.folder = tempfile.mkdtemp(prefix="sheaf farm ")  # Paths may contain a space.
         self.coordinator_arguments = list(coordinator_arguments)
         self.coordinator = None
         self.workers = []
         self.address = "127.0.0.1:0"
         self.http = "127.0.0.1:0"
         self.worker_count = 0
-        self.environment = dict(os.environ)  # Of all programs.
+        self.environment = dict(os.environ)  # For all programs.
 
     def __enter__(self):
         try:
             self.start_coordinator()
-        except BaseException:  # Python calls no __exit__ for what was never entered.
+        except BaseException:  # Python does not call __exit__ if __enter__ has failed.
             self.__exit__()
             raise
         return self
@@ -92,7 +93,7 @@ class Farm:
         return process
 
     def start_coordinator(self):
-        """Starts it; after the first time on the same ports, so that workers find it again."""
+        """Starts the coordinator; restarts use the same ports, so that workers find it again."""
         port_file = self.path("ports")
         if os.path.exists(port_file):
             os.remove(port_file)
@@ -130,7 +131,7 @@ class Farm:
             self.workers.remove(process)
 
     def sheaf(self, *arguments, check=True, seconds=JOB_SECONDS_MAX, quote=False):
-        """quote: whether a submission says its price, by jobs of its own."""
+        """quote: whether a submission quotes its price, which creates pilot jobs."""
         environment = dict(self.environment, SHEAF_COORDINATOR=self.address,
                            SHEAF_NO_QUOTE="0" if quote else "1")
         done = subprocess.run([os.path.join(programs(), "sheaf"), *map(str, arguments)],
@@ -150,7 +151,7 @@ class Farm:
 
 
 def render(scene, output, *arguments, seconds=JOB_SECONDS_MAX):
-    """`sheaf render` in one process."""
+    """Runs `sheaf render`, which uses a single process."""
     done = subprocess.run([os.path.join(programs(), "sheaf"), "render", scene, "-o", output,
                            *map(str, arguments)], stdin=subprocess.DEVNULL, capture_output=True,
                           text=True, timeout=seconds * TIME_SCALE)
@@ -166,17 +167,17 @@ def read_bytes(path):
 
 
 def local(*arguments):
-    """What `sheaf` prints of what needs no farm."""
+    """The output of a `sheaf` command that needs no farm."""
     return subprocess.run([os.path.join(programs(), "sheaf"), *map(str, arguments)],
                           stdin=subprocess.DEVNULL, capture_output=True, text=True, check=True,
                           timeout=JOB_SECONDS_MAX * TIME_SCALE).stdout
 
 
 def picture_digest(path):
-    """SHA-256 of the pixels, as `sheaf compare` prints it."""
+    """SHA-256 of the pixels, as printed by `sheaf compare`."""
     return json.loads(compare(path, path))["image_digest"]
 
 
 def compare(reference, image):
-    """What `sheaf compare --json` prints."""
+    """The output of `sheaf compare --json`."""
     return local("compare", "--json", reference, image)

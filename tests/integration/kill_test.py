@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # Copyright the Sheaf authors.
 # SPDX-License-Identifier: Apache-2.0
-"""Nothing acknowledged is lost: kill -9 at random moments changes no bit and repeats no work.
+"""No acknowledged result is lost: kill -9 at random moments changes no bit and repeats no work.
 
 A worker is killed five times, then the coordinator five times, at random moments of one job.
 SHEAF_SEED repeats a run.
@@ -36,7 +36,7 @@ class KillTest(unittest.TestCase):
         self.expected_file = farm.read_bytes(expected)
 
     def acknowledged(self, f):
-        """Keys of all results the coordinator has acknowledged, read from its store."""
+        """Keys of all results that the coordinator has acknowledged, read from its store."""
         with sqlite3.connect(f"file:{f.path('state', 'farm.db')}?mode=ro", uri=True) as db:
             return set(db.execute(
                 "SELECT frame_number, x0, y0, first, count FROM parts"))
@@ -66,7 +66,7 @@ class KillTest(unittest.TestCase):
             self.check_nothing_was_done_twice(f)
 
     def check_nothing_was_done_twice(self, f):
-        """Every sample of every tile was acknowledged exactly once."""
+        """Checks that every sample of every tile was acknowledged exactly once."""
         samples = {}
         for frame, x, y, first, count in self.acknowledged(f):
             covered = samples.setdefault((frame, x, y), set())

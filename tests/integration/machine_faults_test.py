@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # Copyright the Sheaf authors.
 # SPDX-License-Identifier: Apache-2.0
-"""Machines whose clock is set, or whose disk fills up, under a farm at work.
+"""Farms on machines whose clock is set or whose disk fills up during the work.
 
 Usage: machine_faults_test.py FAULTS, the library of tests/support/machine_faults.cc.
 """
@@ -20,7 +20,7 @@ SCENE = os.path.join(farm.ROOT, "scenes", "showroom.pbrt")
 JOB = ("--crop", "200,80,456,272", "--tile-size", "32", "--pass-samples", "16", "--lease-passes",
        "1", "--samples")
 LEASE_SECONDS = 2
-JUMP_SECONDS = 3 * 3600  # Longer than lost workers are kept, and than any lease may last.
+JUMP_SECONDS = 3 * 3600  # Longer than lost workers are remembered and than any lease may last.
 
 
 class MachineFaultsTest(unittest.TestCase):
@@ -54,7 +54,7 @@ class MachineFaultsTest(unittest.TestCase):
             begin = time.monotonic()
             for _ in range(2):
                 f.start_worker()
-            job = self.submit(f, 8192)  # More than is rendered here.
+            job = self.submit(f, 8192)  # More than this test renders.
             self.await_progress(f)
             for seconds in (JUMP_SECONDS, 0, -JUMP_SECONDS):
                 self.set_faults(f, clock_offset_seconds=seconds)
@@ -64,7 +64,7 @@ class MachineFaultsTest(unittest.TestCase):
                 metrics = f.metrics()
                 self.assertEqual(metrics["sheaf_workers_lost_total"], 0, f"off by {seconds} s")
                 self.assertEqual(metrics["sheaf_lease_expired_total"], 0, f"off by {seconds} s")
-            # Leases of a worker that dies behind the jump run out in their time.
+            # Leases of a worker that dies during the jump expire on time.
             f.kill(f.workers[0])
             farm.wait_until(lambda: f.metrics()["sheaf_workers_lost_total"] == 1,
                             5 * LEASE_SECONDS, "the dead worker is lost")

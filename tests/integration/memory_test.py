@@ -1,8 +1,9 @@
 #!/usr/bin/env python3
 # Copyright the Sheaf authors.
 # SPDX-License-Identifier: Apache-2.0
-"""A scene that needs more memory than workers have: its job fails in clear words, other jobs go on,
-and the workers live."""
+"""A scene that needs more memory than the workers have: its job fails with a clear message, other
+jobs continue, and the workers survive.
+"""
 import json
 import os
 import resource
@@ -20,7 +21,7 @@ LightSource "infinite"
 Shape "loopsubdiv" "integer levels" %d "integer indices" [0 1 2 0 2 3 0 3 1 1 3 2]
   "point3 P" [-1 -1 5  1 -1 5  0 1 5  0 0 6]
 """
-ROOM = 300 << 20  # That a worker's address space may still grow by, once it runs.
+ROOM = 300 << 20  # By how much a running worker's address space may grow.
 
 
 class MemoryTest(unittest.TestCase):
@@ -69,7 +70,7 @@ class MemoryTest(unittest.TestCase):
             self.assertIn('"kind":"memory"', listed.decode().replace(" ", ""))
 
     def test_a_scene_that_ends_each_worker_fails_after_a_few(self):
-        """Whatever ends them: here somebody does, as soon as they load."""
+        """Whatever ends them; here the test kills each worker while it loads the scene."""
         with farm.Farm(["--lease-seconds", "1"]) as f:
             scene = self.scene(10)  # Takes seconds to load.
             job = self.submit(f, scene)

@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
 # Copyright the Sheaf authors.
 # SPDX-License-Identifier: Apache-2.0
-"""A farm far away, a farm with much to do, and clients that mean no good: nobody is turned away.
+"""Slow links to a farm, many small jobs, and hostile clients: proper requests always succeed.
 
-SHEAF_TINY_JOBS=1000 is the long form of the jobs in a row.
+SHEAF_TINY_JOBS=1000 runs the long form of the test of many jobs.
 """
 import concurrent.futures
 import os
@@ -21,14 +21,14 @@ TLS_ROUND_TRIPS = 2
 TINY_JOBS = int(os.environ.get("SHEAF_TINY_JOBS", "60"))
 HALF_OPEN = 600
 USAGE, UNREACHABLE = 2, 3
-# A scene of its own for each number.
+# A distinct scene for each number.
 TINY = """Camera "perspective" "float fov" 45
 Film "rgb" "integer xresolution" 16 "integer yresolution" 16
 WorldBegin
 LightSource "infinite" "rgb L" [0.5 0.6 {}]
 Shape "sphere"
 """
-# Each of its two parts has some 5 MB.
+# Each of its two parts has about 5 MB.
 NOISE = """Camera "perspective" "float fov" 45
 Film "rgb" "integer xresolution" 256 "integer yresolution" 128
 WorldBegin
@@ -81,7 +81,7 @@ class NetworkTest(unittest.TestCase):
             self.assertEqual(metrics["sheaf_lease_expired_total"], 0)
 
     def test_tiny_jobs_in_a_row(self):
-        """No command fails, and the worker does not gather what it once rendered."""
+        """No command fails, and the worker keeps no data of finished jobs."""
         with farm.Farm() as f:
             worker = f.start_worker()
             files_at_first, failed = None, []
@@ -99,7 +99,7 @@ class NetworkTest(unittest.TestCase):
             self.assertLessEqual(open_files(worker), files_at_first + 8)
 
     def test_hosts_without_a_port_get_ours(self):
-        # Nobody listens at the second loopback address, whoever may at the first.
+        # No program listens at the second loopback address, even if one does at the first.
         for arguments, environment in ((["--coordinator", "127.0.0.2"], {}),
                                        ([], {"SHEAF_COORDINATOR": "127.0.0.2"})):
             environment = dict(os.environ, **environment)

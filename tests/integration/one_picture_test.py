@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
 # Copyright the Sheaf authors.
 # SPDX-License-Identifier: Apache-2.0
-"""One picture: the bits do not depend on how a job is cut, nor on who renders it.
+"""One image: its bits depend neither on the partition of a job nor on the workers.
 
 The same job on 1, 2 and 4 workers, with tiles of 16, 32 and 64 pixels, passes of 4, 16 and 64
-samples, leases of 1 and 8 passes, in one process and over gRPC: one SHA-256 of the pixels.
-SHEAF_SCENE names another scene to try.
+samples, leases of 1 and 8 passes, in one process and over gRPC, gives one SHA-256 of the pixels.
+SHEAF_SCENE selects another scene.
 """
 import itertools
 import json
@@ -16,7 +16,7 @@ import unittest
 import farm
 
 SCENE = os.environ.get("SHEAF_SCENE", os.path.join(farm.ROOT, "scenes", "showroom.pbrt"))
-# 70 x 50 pixels and 76 samples: neither a multiple of tiles nor a power of two.
+# 70 x 50 pixels and 76 samples: not a multiple of the tile size, and not a power of two.
 JOB = ("--crop", "270,150,340,200", "--samples", "76")
 OUTPUTS = ("--aov", "position,normal-geometric,normal-shading,uv,motion,object-id",
            "--cryptomatte", "object,material,asset", "--light-groups")
@@ -80,7 +80,7 @@ class OnePictureTest(unittest.TestCase):
                         os.remove(output)
 
     def farmed(self, *flags):
-        """Digest of the picture that two workers of a farm of their own make."""
+        """Digest of the image rendered by a new farm with two workers."""
         with farm.Farm() as f:
             f.start_worker()
             f.start_worker()
@@ -130,7 +130,7 @@ class OnePictureTest(unittest.TestCase):
                 self.assertEqual(self.rendered("a", *flags, *partition_flags(*partition)),
                                  expected)
         self.assertEqual(self.farmed(*flags, *partition_flags(32, 16, 1)), expected)
-        # The same colours: compare converts the one, and rounding is all that is left.
+        # The colors are equal: compare converts one image, and only rounding remains.
         report = json.loads(farm.compare(os.path.join(self.folder.name, "reference.exr"),
                                          os.path.join(self.folder.name, "a.exr")))
         self.assertTrue(report["reference_converted"])

@@ -1,11 +1,12 @@
 #!/usr/bin/env python3
 # Copyright the Sheaf authors.
 # SPDX-License-Identifier: Apache-2.0
-"""One picture, whoever made the processor.
+"""One image on processors of all makers.
 
-Processors of two makers round approximate reciprocals (rcpps) differently, and nothing else of one
-instruction set. QEMU's emulation has them exact, which is a third way: a picture that is rendered
-by this machine's processor and by an emulated one is the same to the bit. Needs qemu-x86_64.
+Processors of two makers round approximate reciprocals (rcpps) differently; all other results of one
+instruction set are equal. QEMU's emulation computes them exactly, which is a third variant. The
+image must be the same to the bit on this machine's processor and on the emulated one. Needs
+qemu-x86_64.
 """
 import os
 import shutil
@@ -16,7 +17,7 @@ import unittest
 import farm
 
 QEMU = shutil.which("qemu-x86_64")
-# A part of each of our scenes: meshes, quadrics, curves, placed groups, textures, media.
+# Regions of our scenes that cover meshes, quadrics, curves, instances, textures and media.
 PARTS = {
     "cornell-box": "160,160,240,240",
     "showroom": "260,150,340,210",

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # Copyright the Sheaf authors.
 # SPDX-License-Identifier: Apache-2.0
-"""deploy/progress: what a long command tells of itself where no terminal shows it."""
+"""deploy/progress: its reports about a long command when the output is no terminal."""
 import os
 import re
 import subprocess
@@ -18,7 +18,9 @@ echo 'E: Unable to locate a package'; [ "$1" = update ] || exit 100
 
 
 def told(script, *arguments, seconds="1"):
-    """Runs a shell script through deploy/progress: (standard output, lines of standard error)."""
+    """Runs a shell script through deploy/progress. Returns (standard output, lines of standard
+    error).
+    """
     done = subprocess.run(["bash", "-c", "( " + script + ' ) | "$0" "$@"', PROGRESS, *arguments],
                           capture_output=True, text=True, timeout=60, check=True,
                           env={**os.environ, "SHEAF_PROGRESS_SECONDS": seconds})

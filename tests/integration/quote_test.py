@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
 # Copyright the Sheaf authors.
 # SPDX-License-Identifier: Apache-2.0
-"""Quotes: what they say before, held against what then happens; on a farm and on one machine.
+"""Quotes compared with actual costs, on a farm and on one machine.
 
-How good they are over many scenes and targets is measured by tests/accuracy/quote_accuracy.py.
+Their accuracy over many scenes and targets is measured by tests/accuracy/quote_accuracy.py.
 """
 import json
 import os
@@ -16,7 +16,7 @@ import farm
 
 ROOM = os.path.join(farm.ROOT, "scenes", "cornell-box.pbrt")
 TURNTABLE = os.path.join(farm.ROOT, "scenes", "turntable", "turntable.####.pbrt")
-# A lamp of one pixel before a wall that a far light falls on.
+# An emitter of one pixel in front of a wall lit by a distant light.
 LAMP_WIDTH_PX = 240
 SMALL_LAMP = f"""
 Film "rgb" "integer xresolution" {LAMP_WIDTH_PX} "integer yresolution" 180
@@ -31,7 +31,7 @@ AttributeBegin
   Shape "sphere" "float radius" 0.01
 AttributeEnd
 """
-# One run against a band that 8 of 10 runs keep: this much further off would be a wrong quote.
+# Tolerance for a single run, since the quoted band contains only 8 of 10 runs.
 FACTOR_MAX = 2.5
 
 
@@ -47,7 +47,8 @@ class QuoteHereTest(unittest.TestCase):
 
     def test_costs_little_and_says_what(self):
         cheapest = min(row["cpu_hours"]["value"] for row in self.rows.values())
-        # 3 % of the samples; of so small a picture, starting and ending tiles count as well.
+        # The limit is 3 % of the samples; in so small an image the start and end of tiles count as
+        # well.
         self.assertLess(self.quote["pilot_cpu_hours"], 0.06 * cheapest)
         self.assertGreater(self.quote["pilot_cpu_hours"], 0)
 
@@ -96,7 +97,8 @@ class QuoteOnFarmTest(unittest.TestCase):
             quote, rows = quote_rows(f.sheaf("quote", ROOM, "--json").stdout)
             self.assertEqual(quote["thread_count"], 2)
             self.assertEqual(quote["jobs_before"], 1)
-            # Both get as many samples until the smaller job is done; their pixels are alike.
+            # Both jobs get samples at the same rate until the smaller one is done; their pixels
+            # cost the same.
             for row in rows.values():
                 alone = 3600 * row["cpu_hours"]["value"] / 2
                 self.assertGreater(row["wall_seconds"]["value"], 1.6 * alone)
@@ -123,15 +125,15 @@ class QuoteOnFarmTest(unittest.TestCase):
             close_ups = [frame for frame in frames if frame["width_px"] == 4 * LAMP_WIDTH_PX]
             self.assertEqual(len(close_ups), 1, frames)
             window = close_ups[0]["window"]
-            # It is .43 to the right and .31 up at a distance of 4: .1075 and .0775 times
-            # 90 / tan(22.5 degrees) pixels from the middle.
+            # The emitter is 0.43 to the right and 0.31 up at a distance of 4: .1075 and .0775 times
+            # 90 / tan(22.5 degrees) pixels from the center.
             for key, lamp_px in (("x", 120 + 23.4), ("y", 90 - 16.8)):
                 self.assertLess(window[f"{key}0_px"] / 4, lamp_px - 1)
                 self.assertGreater(window[f"{key}1_px"] / 4, lamp_px + 1)
                 self.assertLess(window[f"{key}1_px"] - window[f"{key}0_px"], 4 * 6)
 
     def test_interrupted_it_leaves_no_pilot_behind(self):
-        with farm.Farm() as f:  # Without workers the pilot waits for ever.
+        with farm.Farm() as f:  # Without workers the pilot waits forever.
             def states():
                 lines = f.sheaf("list", "--all", "--json").stdout.splitlines()
                 return [json.loads(line)["state"] for line in lines]

@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 # Copyright the Sheaf authors.
 # SPDX-License-Identifier: Apache-2.0
-"""What a refinement was said to cost against what it then costs, on a real farm; the curve of a
-frame without rounds; effects that were measured for a job; and that client and HTTP say the same.
+"""Prices of refinements compared with actual costs on a real farm; the curve of a frame without
+rounds; effects measured for a job; and equality of the client's and the HTTP data.
 """
 import json
 import os
@@ -14,7 +14,7 @@ import farm
 
 SCENE = os.path.join(farm.ROOT, "scenes", "cornell-box.pbrt")
 WINDOW = ("--crop", "60,60,188,156", "--tile-size", "16")
-# CPU time of the same work varies by some tens of percent on a machine that others use too.
+# CPU time of equal work varies by tens of percent on a shared machine.
 RATIO_MAX = 1.5
 WALL_RATIO_MAX = 2.5
 
@@ -48,12 +48,12 @@ class RefinePriceTest(unittest.TestCase):
             return json.load(response)
 
     def expect_same(self, client, http, http_alone=()):
-        """What both sides say of one object, but for what only the page asks for."""
+        """Compares an object from both interfaces, except for members that only the page uses."""
         self.assertEqual(set(http) - set(client), set(http_alone))
         for key, value in client.items():
             if key == "progress":
                 self.expect_same(value, http[key])
-            elif key.endswith("_seconds") and value is not None:  # Nanoseconds on the wire.
+            elif key.endswith("_seconds") and value is not None:  # The wire format has nanoseconds.
                 self.assertAlmostEqual(http[key], value, delta=2e-9, msg=key)
             elif key not in ("rounds", "frames"):
                 self.assertEqual(http[key], value, key)
@@ -70,7 +70,7 @@ class RefinePriceTest(unittest.TestCase):
             self.expect_same(of_client, of_http, ("preview_version",))
 
     def check_price(self, job, target):
-        """The price of refining the job to `target` against what it then takes."""
+        """Compares the price of refining the job to `target` with the actual cost."""
         [price] = self.price(job, "--target-error", target)["prices"]
         self.assertTrue(price["reached"])
         before = self.show(job)["progress"]
@@ -86,13 +86,13 @@ class RefinePriceTest(unittest.TestCase):
         self.assertLess(max(said["value"] / spent, spent / said["value"]), RATIO_MAX)
         self.assertLess(said["low"], said["value"])
         self.assertLess(said["value"], said["high"])
-        # At best both threads have all of their time for it. How much less they get while other
-        # tests run cannot be foretold, but it takes no less than was said.
+        # At best both threads work on it full-time. How much less they get while other tests run is
+        # unknown, but it cannot take less time than that.
         self.assertGreater(price["wall_seconds"]["value"], 0.49 * said["value"])
         took = after["wall_duration_seconds"] - before["wall_duration_seconds"]
         self.assertLess(price["wall_seconds"]["value"], WALL_RATIO_MAX * took)
         self.assertLessEqual(after["relative_mse"], target)
-        # Now it is good enough.
+        # The target is already reached.
         [price] = self.price(job, "--target-error", 2 * target)["prices"]
         self.assertEqual(price["cpu_seconds"]["value"], 0)
 
@@ -143,7 +143,7 @@ class RefinePriceTest(unittest.TestCase):
         self.assertIn(state, ("queued", "running"))
         self.farm.sheaf("watch", job)
         self.assertEqual(self.show(job)["progress"]["sample_count_done"], 48 * 128 * 96)
-        # Its points go on from those that it had.
+        # Its curve continues after the existing points.
         counts = [point["sample_count"] for point in self.show(job)["frames"][0]["rounds"]]
         self.assertEqual(counts, sorted(set(counts)))
         self.assertEqual((counts[0], counts[-1]), (16 * 128 * 96, 48 * 128 * 96))

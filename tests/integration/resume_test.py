@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
 # Copyright the Sheaf authors.
 # SPDX-License-Identifier: Apache-2.0
-"""Frames that go on from delivered pictures: what one run has, but for rounding; also by another
-coordinator, after a stop at an error, and with a coordinator killed; and what does not fit is
-refused with its reason.
+"""Frames that continue from delivered images: the result equals that of a single run except for
+rounding, also with another coordinator, after a stop at a target error, and with a killed
+coordinator. Mismatched images are refused with a reason.
 """
 import json
 import os
@@ -49,7 +49,7 @@ class ResumeTest(unittest.TestCase):
             frame["progress"]["relative_mse"] / self.whole["progress"]["relative_mse"], 1,
             delta=0.15)
         self.assertAlmostEqual(frame["flip"] / self.whole["flip"], 1, delta=0.1)
-        # It rendered what was missing.
+        # Only missing samples were rendered.
         self.assertLess(frame["progress"]["ray_count"],
                         0.8 * self.whole["progress"]["ray_count"])
 
@@ -74,7 +74,7 @@ class ResumeTest(unittest.TestCase):
         self.assertIsNone(curve(self.path("single.exr")), "one sample tells no error")
 
     def test_its_price_is_of_what_is_missing(self):
-        """Within a factor, of one run against a band that 8 of 10 runs keep."""
+        """Compares the quote with one run; its band contains only 8 of 10 runs."""
         def quote(*arguments):
             return json.loads(farm.local("quote", SCENE, *WINDOW, "--here", "--json", *arguments))
 

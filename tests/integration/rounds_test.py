@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
 # Copyright the Sheaf authors.
 # SPDX-License-Identifier: Apache-2.0
-"""Frames that stop at an error: the picture, and with it the samples of every tile, is the same to
-the bit on one worker or four, with a worker and the coordinator killed, however tiles are passed
-round; and it reaches what was asked for. SHEAF_SEED repeats a run's kills.
+"""Frames that stop at a target error: the image, and with it the number of samples of every tile,
+is the same to the bit on one worker or four, with a worker and the coordinator killed, and with
+any assignment of tiles; and the target is reached. SHEAF_SEED repeats a run's kills.
 """
 import json
 import os
@@ -124,7 +124,9 @@ class RoundsTest(unittest.TestCase):
         self.assertLess(frame["progress"]["cpu_duration_seconds"], 3 * farm.TIME_SCALE)
 
     def refined(self, first, then, coordinator_arguments=()):
-        """A job that is submitted one way and refined another: its last JSON and digest."""
+        """Submits a job with some options and refines it with others. Returns its last JSON and its
+        digest.
+        """
         with farm.Farm(coordinator_arguments) as f:
             f.start_worker()
             f.start_worker()
@@ -137,7 +139,7 @@ class RoundsTest(unittest.TestCase):
         at_once = last_json(done.stdout)["frames"][0]
         frame, digest = self.refined(("--samples", 48), ("--samples", 192))
         self.assertEqual(digest, farm.picture_digest(self.path("many.exr")))
-        # What was there was not rendered again: not a ray more than at once.
+        # Existing samples were not rendered again: the ray count equals that of a single run.
         self.assertEqual(frame["progress"]["ray_count"], at_once["progress"]["ray_count"])
         frame, digest = self.refined(("--target-error", 4 * TARGET), ("--target-error", TARGET))
         self.assertEqual(digest, self.expected)
@@ -170,7 +172,7 @@ class RoundsTest(unittest.TestCase):
             self.assertIn("a refinement needs a limit", f.sheaf("refine", job, check=False).stderr)
             self.assertIn("no such job",
                           f.sheaf("refine", "jobs/9", "--samples", 32, check=False).stderr)
-            # Good enough already: nothing happens.
+            # The target is already reached: nothing happens.
             before = last_json(f.sheaf("show", job, "--json").stdout)
             f.sheaf("refine", job, "--samples", 16, "--wait")
             self.assertEqual(last_json(f.sheaf("show", job, "--json").stdout), before)

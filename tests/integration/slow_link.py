@@ -1,9 +1,9 @@
 # Copyright the Sheaf authors.
 # SPDX-License-Identifier: Apache-2.0
-"""A slow link to a farm, for tests: a TCP proxy on loopback that delays what passes.
+"""A slow link to a farm, for tests: a TCP proxy on loopback that delays all data.
 
-What a client sees is what it would see at that distance: a connection costs its round trip before
-the first byte arrives, and TLS's round trips where it is told of them.
+A client observes the same delays as at that distance: a connection costs its round trip before the
+first byte arrives, plus TLS's round trips if configured.
 """
 import asyncio
 import threading
@@ -13,21 +13,21 @@ CHUNKS_ON_THE_WAY_MAX = 256  # In one direction of one connection.
 
 
 class SlowLink:
-    """Listens at .address and passes everything on to target; use with `with`."""
+    """Listens at .address and forwards all data to target; use with `with`."""
 
     def __init__(self, target, round_trip_seconds, handshakes=0, bytes_per_second=None):
-        """handshakes: round trips beside TCP's own before a connection carries anything.
+        """handshakes: round trips in addition to TCP's own before a connection carries data.
 
         bytes_per_second: of all connections together, in each direction.
         """
         self.host, _, self.port = target.rpartition(":")
         self.one_way = round_trip_seconds / 2
-        # The request to connect, its answer, and the first bytes behind that.
+        # The connection request, its reply, and the first bytes after it.
         self.first_byte_seconds = (1.5 + handshakes) * round_trip_seconds
         self.bytes_per_second = bytes_per_second
         self.address = None
         self.connections = 0
-        self.lines = ()  # One that goes up, one that goes down.
+        self.lines = ()  # Upward and downward.
         self.loop = asyncio.new_event_loop()
         self.ready = threading.Event()
         self.thread = threading.Thread(target=self._run, daemon=True)
@@ -54,7 +54,7 @@ class SlowLink:
         for task in tasks:
             task.cancel()
         self.loop.run_until_complete(asyncio.gather(*tasks, return_exceptions=True))
-        self.loop.run_until_complete(asyncio.sleep(0))  # Closed connections end here.
+        self.loop.run_until_complete(asyncio.sleep(0))  # Lets closed connections end.
         self.loop.close()
 
     async def _serve(self, client_reader, client_writer):
@@ -73,7 +73,7 @@ class SlowLink:
                       asyncio.create_task(self._deliver(downward, client_writer))]
             await asyncio.gather(*tasks)
         except (OSError, asyncio.CancelledError):
-            pass  # One side is gone, and the other one learns of it here; or the link ends.
+            pass  # One side has closed, which closes the other one here, or the link ends.
         finally:
             for task in tasks:
                 task.cancel()

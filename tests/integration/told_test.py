@@ -1,9 +1,7 @@
 #!/usr/bin/env python3
 # Copyright the Sheaf authors.
 # SPDX-License-Identifier: Apache-2.0
-"""What the client tells of things that are not as one hoped: workers that have ended, pictures that
-are black.
-"""
+"""The client's reports of workers that have ended and of black images."""
 import json
 import os
 import tempfile
