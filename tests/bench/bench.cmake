@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-# Benchmarks that print figures; built with the tests, run by hand or by the slow tests.
+# Benchmarks that print measurements. They are built with the tests and run by hand or by slow
+# tests.
 add_executable(ray_rate_bench ${CMAKE_CURRENT_LIST_DIR}/ray_rate_bench.cc)
 target_link_libraries(ray_rate_bench PRIVATE sheaf::render sheaf::scene sheaf::film sheaf_warnings)
 add_executable(memory_bench ${CMAKE_CURRENT_LIST_DIR}/memory_bench.cc)
@@ -12,7 +13,7 @@ add_executable(many_lights_bench ${CMAKE_CURRENT_LIST_DIR}/many_lights_bench.cc)
 target_link_libraries(many_lights_bench PRIVATE sheaf::render_light sheaf_warnings)
 add_executable(variant_speed_bench ${CMAKE_CURRENT_LIST_DIR}/variant_speed_bench.cc)
 target_link_libraries(variant_speed_bench PRIVATE sheaf::render sheaf::scene sheaf::film sheaf_warnings)
-# Of the pictures of SHEAF_PUBLIC_SCENES alone: what times a busy machine measures is not judged.
+# Only compares the images of SHEAF_PUBLIC_SCENES: times measured on a busy machine are not judged.
 sheaf_add_script_test(NAME variant_speed LABEL slow TIMEOUT 1500 COMMAND variant_speed_bench)
 add_executable(volume_bench ${CMAKE_CURRENT_LIST_DIR}/volume_bench.cc)
 target_link_libraries(volume_bench PRIVATE sheaf::render_medium absl::status absl::strings sheaf_warnings)

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// What the benchmarks share that take scenes from files.
+// Helpers for benchmarks that read scenes from files.
 #pragma once
 
 #include <algorithm>
@@ -22,7 +22,7 @@
 
 namespace sheaf::render {
 
-// The scene files at or below a path, sorted. Empty where there is nothing.
+// The scene files at or below a path, sorted. Empty if there are none.
 inline std::vector<std::filesystem::path> SceneFilesAt(const std::filesystem::path& path) {
   std::error_code error;
   if (std::filesystem::is_regular_file(path, error)) return {path};
@@ -35,7 +35,7 @@ inline std::vector<std::filesystem::path> SceneFilesAt(const std::filesystem::pa
   return files;
 }
 
-// As read and resolved, not yet compiled. Must outlive what is compiled of it.
+// A scene as read and resolved, not yet compiled. Must outlive scenes compiled from it.
 struct ReadFile {
   explicit ReadFile(const std::filesystem::path& path)
       : files(path.has_parent_path() ? path.parent_path().string() : ".") {}
@@ -43,7 +43,7 @@ struct ReadFile {
   SceneDescription scene;
   FrameSettings settings;
 };
-// samples 0: the file's own.
+// samples 0: as in the file.
 inline absl::Status ReadSceneFile(const std::filesystem::path& path, uint64_t samples,
                                   ReadFile* file) {
   auto read = ReadScene(path.filename().string(), file->files);
@@ -67,7 +67,8 @@ inline std::vector<PixelRect> SomeTiles(const PixelRect& window, int32_t size_px
   return tiles;
 }
 
-// One line for a file that Sheaf does not render: fragments of scenes, what it refuses.
+// Prints one line for a file that Sheaf does not render: a fragment of a scene or an unsupported
+// one.
 inline void PrintNotRendered(const std::filesystem::path& path, const absl::Status& status) {
   const std::string reason(status.message());
   std::printf("%-36s not rendered: %s\n", path.filename().c_str(),

@@ -3,16 +3,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """Error times cost of Sheaf against Cycles on one scene, in one run.
 
-    SHEAF_BIN=build/release/bin tests/bench/cycles_ratio.py SCENE.pbrt CYCLES_SCRIPT.py
-        [--samples N] [--seeds K] [--reference-samples M] [--max-ratio R] [--one-sequence]
+SHEAF_BIN=build/release/bin tests/bench/cycles_ratio.py SCENE.pbrt CYCLES_SCRIPT.py
+[--samples N] [--seeds K] [--reference-samples M] [--max-ratio R] [--one-sequence]
 
 CYCLES_SCRIPT is run by Debian's Blender as `blender ... --python CYCLES_SCRIPT -- SCENE SAMPLES OUT
-SEED` and must build the same scene there. Each renderer is held against a long picture of its own
-(so that filters do not matter), K times with seeds of its own, in turns. The error is relMSE as
-`sheaf compare` prints it, the cost CPU seconds of the whole process less those of the same process
-at one sample, which leaves out starting up for both. Prints relMSE x CPU seconds of each and
-the ratio, and the ratio of the means of the two long pictures, which ought to be 1. Exits with 1
-where the ratio of the medians is beyond --max-ratio.
+SEED` and must build the same scene there. Each renderer is compared with a long rendering of its
+own (so that filters do not matter), K times with different seeds, in turns. The error is relMSE as
+`sheaf compare` prints it; the cost is the CPU time of the whole process minus that of the same
+process at one sample, which excludes the startup of both. Prints relMSE x CPU seconds of each and
+the ratio, and the ratio of the means of the two long renderings, which should be 1. Exits with 1 if
+the ratio of the medians exceeds --max-ratio.
 """
 import argparse
 import json
@@ -28,7 +28,7 @@ THREADS = 2
 
 
 def cpu_seconds(command):
-    """Of the command and its children."""
+    """CPU seconds of the command and its children."""
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     done = subprocess.run(command, capture_output=True, text=True)
     if done.returncode != 0:

@@ -1,14 +1,13 @@
 #!/usr/bin/env python3
 # Copyright the Sheaf authors.
 # SPDX-License-Identifier: Apache-2.0
-"""What each effect costs in a small scene of its own: where the plan's expected costs come from.
+"""Cost of each effect in a small scene of its own: the source of the plan's expected costs.
 
-    SHEAF_BIN=build/dev/bin tests/bench/effect_cost.py [SECONDS] [--check] [--effects NAME ...]
+SHEAF_BIN=build/dev/bin tests/bench/effect_cost.py [SECONDS] [--check] [--effects NAME ...]
 
-For every effect, renders a floor and a box under a lamp, with the effect and without, in turns
-(`sheaf plan --measure`), and prints the ratio of times beside the one that the plan states
-(kTraitNames in worker/render/plan/render_plan.cc). With --check, exits with 1 where the two
-differ by
+For every effect, renders a floor and a box under a light, with and without the effect, in turns
+(`sheaf plan --measure`), and prints the ratio of times beside the ratio that the plan states
+(kTraitNames in worker/render/plan/render_plan.cc). With --check, exits with 1 if the two differ by
 more than a quarter of the time of a sample and by more than 4 standard errors.
 """
 import argparse
@@ -111,7 +110,7 @@ SCENES = {
 
 
 def write_picture(folder):
-    """16 x 16 pixels that are a normal map, and a picture."""
+    """Writes 16 x 16 pixels that serve as a normal map and as an image texture."""
     rows = [(0.5 + 0.2 * math.sin(x), 0.5 + 0.2 * math.cos(x * y), 0.9)
             for y in range(16) for x in range(16)]
     with open(os.path.join(folder, "picture.pfm"), "wb") as picture:

@@ -1,13 +1,13 @@
 #!/usr/bin/env python3
 # Copyright the Sheaf authors.
 # SPDX-License-Identifier: Apache-2.0
-"""What the farm costs: coordinator and two one-thread workers against one process of two threads.
+"""Overhead of the farm: coordinator and two one-thread workers against one process of two threads.
 
-Times `sheaf submit --wait` on a warm farm and `sheaf render --threads 2` in turn, on the same job,
+Times `sheaf submit --wait` on a warm farm and `sheaf render --threads 2` in turn on the same job,
 and prints every pair, the ratio of wall times and its median. The target is at most 1.05 for a job
 of 60 s or more.
 
-    tests/bench/farm_efficiency.py [SCENE] [SAMPLES] [PAIRS]
+tests/bench/farm_efficiency.py [SCENE] [SAMPLES] [PAIRS]
 """
 import os
 import statistics

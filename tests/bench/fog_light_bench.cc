@@ -1,12 +1,12 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// fog_light_bench [MIN_GAIN]: what gathering light along lines through thin fog gives over light at
-// the ends of flights alone, in the same time: a lamp without size in a room of fog of optical
-// thickness 0.2, above most of the rays of the picture; the same in fog on a grid that varies; and
-// clouds on a grid from thin to dense, with a lamp within, beside and far from them. Prints the
-// mean squared error of both times their CPU seconds, from the spread of independent replicates,
-// and the ratio. Exits with 1 where that is below MIN_GAIN in either room.
+// fog_light_bench [MIN_GAIN]: the gain of equiangular line sampling in fog over light samples at
+// scattering points only, at equal time. Scenes: a point light in a room of fog of optical
+// thickness 0.2, above most of the camera rays; the same in heterogeneous fog on a grid; and clouds
+// on a grid from thin to dense, with a light inside, beside and far from them. Prints the mean
+// squared error times the CPU seconds of both, from the spread of independent replicates, and the
+// ratio. Exits with 1 if the ratio is below MIN_GAIN in either room.
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -28,7 +28,7 @@ namespace {
 constexpr int32_t kSizePx = 64;
 constexpr uint64_t kSamples = 256;
 
-// Of lumps, of mean 1 or, for a cloud, with nothing at the box's surface.
+// A lumpy density grid of mean 1 or, for a cloud, with zero density at the box's surface.
 UniformGridMedium Lumps(Vec3d lower, Vec3d upper, bool is_cloud) {
   constexpr int kSide = 48;
   UniformGridMedium grid;
@@ -69,9 +69,9 @@ TestScene ThinFog(bool is_grid) {
   return t;
 }
 
-// A cloud 2 wide before nothing. Lamps are to be above what the picture shows: the errors of pixels
-// whose rays pass by a lamp are too far from normal to be compared. thickness: from side to side of
-// the densest parts, about.
+// A cloud of width 2 on a black background. Lights must be above the visible region: errors of
+// pixels whose rays pass close to a light are too far from normally distributed to be compared.
+// thickness: the approximate optical thickness across the densest parts.
 TestScene Cloud(float thickness, Vec3d lamp_at) {
   TestScene t({0, 0.6, -4}, {0, 0, 0}, 20);
   MediumDescription cloud;
@@ -123,7 +123,7 @@ Cost Measure(const CompiledScene& scene) {
   return {VarianceOfMeans(tile), seconds};
 }
 
-// The median of three.
+// The median gain of three rounds.
 template <typename Flights, typename All>
 double GainOf(const char* name, const Flights& flights_alone, const All& all) {
   std::vector<double> gains, times;

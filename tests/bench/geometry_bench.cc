@@ -1,11 +1,11 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// geometry_bench [INSTANCES] [CURVES] [SECONDS_MAX] [BYTES_MAX]: what a million instances and a
-// hundred thousand curves take to bake, to build and to keep, on one thread; and how many rays a
-// second are traced among them. Memory is what the scene says of itself next to what the process
-// gained. Exits with 1 where either scene takes longer than SECONDS_MAX to make, or the process
-// grows by more than BYTES_MAX for an instance or for a segment of a curve.
+// geometry_bench [INSTANCES] [CURVES] [SECONDS_MAX] [BYTES_MAX]: time and memory for baking and
+// building a million instances and a hundred thousand curves on one thread, and the rate of rays
+// traced in them. Prints the memory that the scene reports and the growth of the process. Exits
+// with 1 if either scene takes longer than SECONDS_MAX to build, or if the process grows by more
+// than BYTES_MAX per instance or per curve segment.
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
@@ -40,7 +40,7 @@ class Random {
   std::mt19937_64 engine_{3};
 };
 
-// A small ball of triangles, placed at random in a cube of half size 1.
+// A small ball of triangles, instanced at random in a cube of half-size 1.
 SceneDescription Instances(uint64_t count) {
   SceneDescription scene;
   Random random;
@@ -77,7 +77,7 @@ SceneDescription Instances(uint64_t count) {
   return scene;
 }
 
-// Locks that grow from a ball of radius 0.5, of length 0.4 and a thousandth of that thick.
+// Hairs that grow from a ball of radius 0.5, 0.4 long and a thousandth of that thick.
 SceneDescription Curves(uint64_t count) {
   SceneDescription scene;
   Random random;

@@ -1,10 +1,10 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// majorant_bench SCENE [MIN_GAIN] [WIDTH_PX] [SAMPLES]: what bounds of a medium's density that
-// follow it give over one bound for all of it, in the same time. Renders the scene with both, in
-// turns, and prints the mean squared error of each times its CPU seconds, from the spread of
-// independent replicates, and the ratio. Exits with 1 where the median is below MIN_GAIN.
+// majorant_bench SCENE [MIN_GAIN] [WIDTH_PX] [SAMPLES]: the gain of local majorants of a medium's
+// density over one global majorant, at equal time. Renders the scene with both, in turns, and
+// prints the mean squared error of each times its CPU seconds, from the spread of independent
+// replicates, and the ratio. Exits with 1 if the median is below MIN_GAIN.
 #include <algorithm>
 #include <cstdio>
 #include <cstdlib>
@@ -22,7 +22,8 @@ namespace {
 
 constexpr int kRounds = 3;
 
-// The file's scene, bounded as asked. Null, with a line that says why, where it is not rendered.
+// Compiles the file's scene with the requested majorants. Returns null and prints the reason if the
+// scene is not rendered.
 CompiledScenePtr CompileFile(ReadFile* file, const std::filesystem::path& path, int32_t width_px,
                              uint64_t samples, bool bound_once) {
   absl::Status status = ReadSceneFile(path, samples, file);

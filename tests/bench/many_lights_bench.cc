@@ -1,13 +1,13 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// many_lights_bench [LIGHTS] [MIN_GAIN]: what the hierarchy of lights costs and gains. For scenes
-// of a million small lights it prints how long the tree takes to build and how large it is, then
-// compares estimates of irradiance that choose lights by the tree, by power alone and uniformly, in
-// the time that the tree needs for 64 samples a point. Times are measured. Variances are exact sums
-// over all lights of f^2 / p: rare bright samples, which make most of the error where lights are
-// chosen badly, are not left to luck. Exits with 1 where the tree's mean squared error is not
-// MIN_GAIN times below that of uniform choice in the same time without any ray.
+// many_lights_bench [LIGHTS] [MIN_GAIN]: cost and gain of the light tree. For scenes of a million
+// small lights it prints the build time and the size of the tree, then compares irradiance
+// estimates that choose lights by the tree, by power only and uniformly, in the time that the tree
+// needs for 64 samples per point. Times are measured. Variances are exact sums of f^2 / p over all
+// lights, since rare bright samples cause most of the error of bad choices and would make sampled
+// variances unreliable. Exits with 1 if the tree's mean squared error is not MIN_GAIN times below
+// that of uniform choice in equal time without ray tracing.
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -28,19 +28,19 @@ namespace {
 
 constexpr double kSamplesPerPoint = 64;
 constexpr int kPointCount = 16;
-// Of what is timed: so many samples a point, and the fastest of so many runs.
+// For timing: samples per point, and the number of runs of which the fastest counts.
 constexpr uint64_t kTimedSamples = 16384;
 constexpr int kTimedRuns = 3;
-// A renderer traces a ray for each sample and evaluates a material; many scenes take longer.
+// Assumed time of a sample's ray and material evaluation in a renderer; many scenes take longer.
 constexpr double kRaySeconds = 1e-6;
 
 struct Point {
   Vec3f p, n;
 };
 
-// Lights are one-sided triangles where they have vertices, else spheres.
+// A one-sided triangle if it has vertices, otherwise a sphere.
 struct Light {
-  Vec3f v0, v1, v2;  // Of a triangle; a sphere's centre is v0.
+  Vec3f v0, v1, v2;  // Of a triangle; v0 is a sphere's center.
   float radius = 0;  // Of a sphere.
   float radiance = 0;
 };
@@ -77,7 +77,7 @@ double PowerOf(const Light& light) {
          (light.radius > 0 ? 4 : 1);
 }
 
-// One light sample, as the light table takes it: irradiance over the pdf.
+// One light sample, as the light table draws it: irradiance over the pdf.
 double Sample(const Light& light, const Point& point, Vec2f u) {
   ShapePoint on_light;
   double pdf = 0;
@@ -97,11 +97,11 @@ double Sample(const Light& light, const Point& point, Vec2f u) {
   return cosine > 0 && pdf > 0 ? static_cast<double>(light.radiance) * cosine / pdf : 0;
 }
 
-// First and second moment of a light's samples.
+// First and second moments of a light's samples.
 struct Moments {
   double mean = 0, square = 0;
 };
-// By a midpoint rule; of far lights one point says it all.
+// By a midpoint rule; for distant lights a single point suffices.
 Moments MomentsOf(const Light& light, const Point& point) {
   const LightBounds bounds = BoundsOf(light);
   const int steps = Length(bounds.center - point.p) > 100 * bounds.radius ? 1 : 8;
@@ -127,8 +127,8 @@ class Random {
   std::mt19937_64 engine_;
 };
 
-// Lamps over a plain: small spheres of very different radiance a little above the ground, which is
-// as wide as there are lights on it.
+// Lights over a plain: small spheres of very different radiance slightly above the ground, whose
+// size grows with the number of lights.
 Scene MakePlain(size_t count) {
   Random random(1);
   const float side = std::sqrt(static_cast<float>(count));
@@ -149,14 +149,14 @@ Scene MakePlain(size_t count) {
   return scene;
 }
 
-// A room whose ceiling and walls are covered with small one-sided triangles that face anywhere
-// inwards; the points are on the floor and on a column in the middle.
+// A room whose ceiling and walls are covered with small one-sided triangles that face random inward
+// directions; the points are on the floor and on a column in the middle.
 Scene MakeRoom(size_t count) {
   Random random(2);
   Scene scene{.name = "room", .lights = {}, .points = {}};
   const float size = 3 / std::sqrt(static_cast<float>(count));
   for (size_t i = 0; i < count; ++i) {
-    // The surfaces -x, +x, -y, +y and the ceiling of a cube of side 10.
+    // The walls -x, +x, -y, +y and the ceiling of a cube of side 10.
     const auto wall = static_cast<size_t>(random.Next() * 5);
     const size_t axis = wall / 2;
     const float inwards = wall == 4 || wall % 2 == 1 ? -1.0f : 1.0f;
@@ -182,14 +182,15 @@ Scene MakeRoom(size_t count) {
   return scene;
 }
 
-// A way to choose lights.
+// A method of choosing lights.
 struct Method {
   const char* name;
-  double variance = 0;            // Relative, of one sample; mean over the points.
-  double seconds_per_sample = 0;  // Of CPU.
+  double variance = 0;            // Relative, per sample; mean over the points.
+  double seconds_per_sample = 0;  // CPU time.
 };
 
-// Samples as a renderer takes them; returns the mean over the points, which keeps the work alive.
+// Takes samples as a renderer does. Returns the mean over the points, so that the compiler keeps
+// the work.
 template <typename Choose>
 double Estimate(const Scene& scene, const Choose& choose) {
   double sum = 0;
@@ -220,7 +221,7 @@ void Time(const Scene& scene, const Choose& choose, double expected, Method* met
               method->name, 1e9 * method->seconds_per_sample, method->variance, mean / expected);
 }
 
-// Returns how many times the error of uniform choice is that of the tree, in the same time.
+// Returns the error of uniform choice over that of the tree at equal time.
 double Compare(const Scene& scene) {
   std::vector<LightBounds> bounds;
   std::vector<double> powers;

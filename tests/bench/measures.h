@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// What benchmarks measure by.
+// Measurements for benchmarks.
 #pragma once
 
 #include <malloc.h>
@@ -22,7 +22,7 @@ inline double CpuSecondsOf(clockid_t clock) {
 inline double ThreadCpuSeconds() { return CpuSecondsOf(CLOCK_THREAD_CPUTIME_ID); }
 inline double ProcessCpuSeconds() { return CpuSecondsOf(CLOCK_PROCESS_CPUTIME_ID); }
 
-// Of this process, once what is free was given back.
+// Resident memory of this process, after free memory was returned to the system.
 inline double ResidentBytes() {
   malloc_trim(0);
   FILE* file = std::fopen("/proc/self/statm", "r");

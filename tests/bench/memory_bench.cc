@@ -1,13 +1,13 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// memory_bench PATH [MAX_RATIO]: what the scene file PATH, or each one below the folder PATH, keeps
-// in memory once it is ready to render: what the process gained, next to the sum of Embree's own
-// memory and the raw buffers (vertices, indices and curves of every shape, those of a shared mesh
-// once for each shape that is not an instance; pictures that are held whole, at three floats a
-// texel). What any scene needs is there before: the table of spectra, and Embree's threads. Exits
-// with 1 where the ratio of a scene of at least kJudgedBytes is beyond MAX_RATIO; smaller ones
-// drown in pages.
+// memory_bench PATH [MAX_RATIO]: memory of the scene file PATH, or of each one below the folder
+// PATH, when it is ready to render: the growth of the process against the sum of Embree's own
+// memory and the raw buffers (vertices, indices and curves of every shape, with those of a shared
+// mesh counted once for each shape that is not an instance; images that are held whole, at three
+// floats per texel). Memory that every scene needs is allocated before: the table of spectra and
+// Embree's threads. Exits with 1 if the ratio of a scene of at least kJudgedBytes exceeds
+// MAX_RATIO; for smaller scenes the page size dominates.
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -48,7 +48,7 @@ double BytesOfMesh(const BilinearMesh& mesh) {
   return BytesOf(mesh.positions) + BytesOf(mesh.normals) + BytesOf(mesh.uvs) +
          BytesOf(mesh.indices);
 }
-// As read, each mesh once.
+// As read, with each mesh counted once.
 double ReadBytes(const SceneDescription& scene) {
   double bytes = 0;
   for (const TriangleMesh& mesh : scene.meshes) bytes += BytesOfMesh(mesh);
@@ -58,7 +58,7 @@ double ReadBytes(const SceneDescription& scene) {
   }
   return bytes;
 }
-// As placed: what more than one shape uses counts for each.
+// As placed: shared data counts for each shape that uses it.
 double ShapeBytes(const SceneDescription& scene) {
   double bytes = ReadBytes(scene);
   std::vector<bool> is_counted(scene.meshes.size());
@@ -81,7 +81,7 @@ double SkyBytes(const SceneDescription& scene, FileSource& files) {
   return bytes;
 }
 
-// Has all code and tables in memory that any scene needs, by rendering a sphere.
+// Loads all code and tables that every scene needs, by rendering a sphere.
 void MakeReady() {
   PrepareUpsampling();
   SceneDescription scene;
@@ -96,7 +96,8 @@ void MakeReady() {
   if (compiled.ok()) (void)RenderTilePass(**compiled, settings.window, {0, 1}, {}, nullptr);
 }
 
-// In a process of its own, so that no scene finds memory that another left. False beyond the ratio.
+// Called in a separate process, so that no scene reuses memory freed by another. Returns false if
+// the ratio is exceeded.
 bool MeasureFile(const std::filesystem::path& path, double ratio_max) {
   ReadFile file(path);
   if (const auto status = ReadSceneFile(path, 0, &file); !status.ok()) {
@@ -105,7 +106,7 @@ bool MeasureFile(const std::filesystem::path& path, double ratio_max) {
   }
   MakeReady();
   const double raw = ShapeBytes(file.scene) + SkyBytes(file.scene, file.files);
-  // What is read already is part of what the scene keeps.
+  // The data read so far is part of the scene's memory.
   const double before = ResidentBytes() - ReadBytes(file.scene);
   const auto scene = CompileScene(std::move(file.scene), file.settings, file.files);
   if (!scene.ok()) {

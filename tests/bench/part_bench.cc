@@ -1,11 +1,9 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// What a part costs besides its samples: encoding, decoding, and how large it is; whole tiles, some
-// cells of one, and the sparse pixels of a pilot. Sums are those of constant weights, as filters
-// without negative lobes make them.
-//
-//     part_bench
+// part_bench: the cost of a part apart from its samples: encoding, decoding and size, for whole
+// tiles, some cells of a tile, and the sparse pixels of a pilot. Sums have constant weights, as for
+// filters without negative lobes.
 #include <cstdio>
 #include <string>
 
@@ -42,7 +40,7 @@ FilmTile MakeTile(const PartHeader& header) {
   return tile;
 }
 
-// Microseconds of one call, the median of many.
+// Microseconds per call, the median of many.
 template <typename Call>
 double Time(const Call& call) {
   std::vector<double> times;

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The error of a rendered tile as its replicates tell it.
+// The error of a rendered tile, estimated from its replicates.
 #pragma once
 
 #include <cstddef>

@@ -1,13 +1,12 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// ray_rate_bench PATH [SAMPLES] [MIN_RATIO] [MIN_MEDIAN]: how much of bare Embree's speed the path
-// tracer keeps, for the scene file PATH or each one below the folder PATH. It records every ray
+// ray_rate_bench PATH [SAMPLES] [MIN_RATIO] [MIN_MEDIAN]: the path tracer's ray rate as a fraction
+// of Embree's own, for the scene file PATH or each one below the folder PATH. It records every ray
 // that a render of the scene traces, then, in turns within one run and on one thread, renders the
-// scene and replays the very same rays through Embree alone (same device settings, same tree, no
-// filter functions). The ratio is that of rays per second, by the CPU time of the thread. Exits
-// with 1 where the median of a scene's rounds is below MIN_RATIO, or that of the scenes below
-// MIN_MEDIAN.
+// scene and replays the same rays through Embree only (same device settings, same tree, no filter
+// functions). The ratio is that of rays per CPU second of the thread. Exits with 1 if the median of
+// a scene's rounds is below MIN_RATIO, or the median over scenes below MIN_MEDIAN.
 #include <algorithm>
 #include <cstdio>
 #include <cstdlib>
@@ -27,9 +26,9 @@ namespace {
 constexpr int kRounds = 7;
 constexpr int32_t kTileSizePx = 32;
 constexpr size_t kTilesMax = 64;                           // Spread evenly over the frame.
-constexpr uint64_t kRecordedRaysMax = uint64_t{24} << 20;  // Bounds the memory of the recording.
+constexpr uint64_t kRecordedRaysMax = uint64_t{24} << 20;  // Limits the memory of the recording.
 
-// Traces and remembers.
+// Traces rays and records them.
 class RecordingTracer {
  public:
   RecordingTracer(const EmbreeScene& tracer, std::vector<RecordedRay>* rays)
@@ -63,7 +62,7 @@ uint64_t RenderOnce(const CompiledScene& scene, const Work& work) {
   return rays;
 }
 
-// In the order of RenderOnce. The generic variant traces the same rays as any other.
+// Records rays in the order of RenderOnce. The generic variant traces the same rays as any other.
 std::vector<RecordedRay> Record(const CompiledScene& scene, const Work& work) {
   std::vector<RecordedRay> rays;
   RecordingTracer recorder(*scene.tracer, &rays);
@@ -80,7 +79,7 @@ std::vector<RecordedRay> Record(const CompiledScene& scene, const Work& work) {
   return rays;
 }
 
-// The median of the rounds' ratios, printed; none where Sheaf does not render the file.
+// Prints and returns the median of the rounds' ratios; nullopt if Sheaf does not render the file.
 std::optional<double> MeasureFile(const std::filesystem::path& path, uint64_t samples) {
   ReadFile file(path);
   if (const auto status = ReadSceneFile(path, samples, &file); !status.ok()) {
@@ -108,7 +107,7 @@ std::optional<double> MeasureFile(const std::filesystem::path& path, uint64_t sa
     const double middle = ThreadCpuSeconds();
     (*bare)->Replay(rays);
     const double end = ThreadCpuSeconds();
-    if (round == 0) continue;  // Warms caches and textures.
+    if (round == 0) continue;  // The first round warms caches and textures.
     traced_rates.push_back(static_cast<double>(rendered) / (middle - start));
     bare_rates.push_back(static_cast<double>(rays.size()) / (end - middle));
     ratios.push_back(traced_rates.back() / bare_rates.back());

@@ -1,17 +1,17 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// similarity_bench [SAMPLES [THICKNESS]]: what similarity (docs/adr/0031) costs and gives where it
-// is meant to be used: a cube of optical thickness 100, or as asked for, that scatters forward (g =
-// 0.9) and takes nothing, beneath a bright ceiling, as a homogeneous medium and as one on a grid.
-// Prints, for several numbers of scatterings after which media are reduced, against the unbiased
-// picture of another seed:
-// - the relative difference of the pictures' means and its standard error,
-// - the relMSE between what the two converge to, free of their noise, and its standard error: over
-//   8 independent pairs of replicates, the mean product of the differences in both of a pair,
-//   relative to the squares of a third picture,
-// - the rays, and the thread's seconds, over those of the unbiased picture.
-// The first line compares the unbiased picture with itself, of two seeds: it must show no bias.
+// similarity_bench [SAMPLES [THICKNESS]]: cost and bias of similarity (docs/adr/0031) in its
+// intended case: a forward-scattering cube without absorption (g = 0.9) of optical thickness 100,
+// or as given, under a bright ceiling, as a homogeneous medium and on a grid. Prints, for several
+// numbers of scatterings after which media are reduced, against an unbiased image of another seed:
+// - the relative difference of the images' means and its standard error,
+// - the relMSE between the converged images, without their noise, and its standard error: over 8
+//   independent pairs of replicates, the mean product of the differences in both of a pair,
+//   relative to the squares of a third image,
+// - the rays, and the thread's seconds, relative to the unbiased image.
+//
+// The first line compares the unbiased image with itself for two seeds: it must show no bias.
 #include <array>
 #include <cmath>
 #include <cstdio>
@@ -79,7 +79,7 @@ double ValueOf(const FilmTile& film, uint32_t replicate, size_t pixel) {
   return static_cast<double>(film.replicate(replicate, 1)[pixel]) /
          static_cast<double>(film.replicate(replicate, 3)[pixel]);
 }
-// Of each pixel over all replicates.
+// Mean of each pixel over all replicates.
 std::vector<double> MeansOf(const FilmTile& film) {
   std::vector<double> means(film.plane_size());
   for (size_t i = 0; i < means.size(); ++i) {
@@ -93,7 +93,7 @@ std::vector<double> MeansOf(const FilmTile& film) {
 struct Bias {
   Estimate of_mean, rel_mse;
 };
-// reference: what the differences are relative to, pixel by pixel. Its noise is independent.
+// reference: the image that differences are relative to, pixel by pixel. Its noise is independent.
 Bias BiasOf(const FilmTile& film, const FilmTile& unbiased, const std::vector<double>& reference) {
   double mean = 0;
   for (const double value : reference) mean += value / static_cast<double>(reference.size());

@@ -1,11 +1,11 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// texture_memory_bench [GIGABYTES] [LIMIT_MB]: opens a set of pictures that would fill GIGABYTES if
-// they were decoded as a whole, reads texels all over every one of them through a texture cache of
-// LIMIT_MB, and prints how far the process grew. The pictures are one large PNG under many names.
-// Exits with 1 where it ever grew by more than the limit and what decoding one picture takes
-// (kDecodingBytes), or a texel was wrong.
+// texture_memory_bench [GIGABYTES] [LIMIT_MB]: opens a set of images that would fill GIGABYTES if
+// they were decoded as a whole, reads texels throughout each of them with a texture cache of
+// LIMIT_MB, and prints the growth of the process. The images are one large PNG under many names.
+// Exits with 1 if the process ever grew by more than the limit plus the memory for decoding one
+// image (kDecodingBytes), or if a texel was wrong.
 #include <algorithm>
 #include <cstdio>
 #include <cstdlib>
@@ -23,7 +23,7 @@ namespace {
 
 constexpr int kSizePx = 8192;
 constexpr double kPictureBytes = 3.0 * kSizePx * kSizePx;
-// A band of 64 rows of floats as it is checked, the same as the file has it, and the decoder.
+// A band of 64 rows as floats for the check, the same band as in the file, and the decoder.
 constexpr double kDecodingBytes = 96e6;
 constexpr int kBandsRead = 4;
 constexpr int kTexelsPerBand = 64;
@@ -42,7 +42,7 @@ absl::Status WritePicture(const std::string& path) {
   return WritePng(path, kSizePx, kSizePx, pixels);
 }
 
-// Reads texels of some bands of the picture. False where one is not what was written.
+// Reads texels of some bands of the image. Returns false if one differs from the written value.
 bool ReadSome(const TextureCache& cache, int32_t image) {
   bool is_right = true;
   for (int band = 0; band < kBandsRead; ++band) {

@@ -1,12 +1,11 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// variant_speed_bench FOLDER [MIN_MEDIAN]: what the choice of a variant gains. Every scene below
-// the folder that Sheaf reads is rendered by the variant its plan chooses and by the generic one,
-// in turns on one thread; the pictures must be equal to the bit. Prints the ratio of their times
-// (the generic one's over the chosen one's, by the CPU time of the thread) for each scene, and the
-// median of all. Exits with 1 where pictures differ or the median is below MIN_MEDIAN. Without a
-// FOLDER, with an empty name or one that is not there, it says so and has nothing to do.
+// variant_speed_bench FOLDER [MIN_MEDIAN]: the gain of compiled variants. Every scene below the
+// folder that Sheaf reads is rendered by the variant that its plan chooses and by the generic one,
+// in turns on one thread; the images must be equal to the bit. Prints the ratio of their CPU times
+// (generic over chosen) for each scene, and the median. Exits with 1 if images differ or the median
+// is below MIN_MEDIAN. If FOLDER is missing, empty or does not exist, it says so and does nothing.
 #include <cstdio>
 #include <cstdlib>
 #include <filesystem>
@@ -50,7 +49,8 @@ Result Measure(const CompiledScene& scene) {
   Result result;
   for (int round = 0; round <= kRounds; ++round) {
     double seconds[2] = {0, 0};
-    // Tile by tile, so that both see the same moments of the machine; the order changes too.
+    // Alternates per tile, so that disturbances of the machine affect both; the order alternates
+    // too.
     for (size_t i = 0; i < tiles.size(); ++i) {
       const bool generic_first = (i + static_cast<size_t>(round)) % 2 == 0;
       const double start = ThreadCpuSeconds();
@@ -62,13 +62,13 @@ Result Measure(const CompiledScene& scene) {
       seconds[generic_first ? 1 : 0] += end - middle;
       result.equal = result.equal && first == second;
     }
-    if (round > 0) ratios.push_back(seconds[0] / seconds[1]);  // The first one warms caches.
+    if (round > 0) ratios.push_back(seconds[0] / seconds[1]);  // The first round warms caches.
   }
   result.ratio = MedianOf(ratios);
   return result;
 }
 
-// None where Sheaf does not render the file.
+// nullopt if Sheaf does not render the file.
 std::optional<Result> MeasureFile(const std::filesystem::path& path) {
   ReadFile file(path);
   absl::Status status = ReadSceneFile(path, 0, &file);

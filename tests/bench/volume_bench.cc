@@ -1,8 +1,9 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// What it costs to make a volume grid ready (read, verify, bound), to look it up, and to follow
-// rays through it with local and with global majorants.
+// The cost of preparing a volume grid (read, verify, compute majorants), of lookups, and of
+// tracking rays through it with local and with global majorants.
+//
 //   volume_bench [GIBIBYTES = 1] [THREADS = 1]
 #include <sys/resource.h>
 #include <unistd.h>
@@ -37,7 +38,7 @@ double PeakMebibytes() {
   return static_cast<double>(usage.ru_maxrss) / 1024;
 }
 
-// A shell of leaves of noise, like a cloud: dense inside, thin at its rim, empty around it.
+// A shell of noise like a cloud: dense inside, thin at its boundary, empty around it.
 std::string MakeFile(double gibibytes) {
   using Builder = sheaf::volume::ImageBuilder<float>;
   const auto leaf_count = static_cast<uint64_t>(gibibytes * (1 << 30) / sizeof(Builder::Leaf));
@@ -68,7 +69,7 @@ std::string MakeFile(double gibibytes) {
       if (!is_in(at[0], at[1], at[2])) continue;
       auto& leaf = *builder->AddLeaf(lower, c)->data();
       std::memset(static_cast<void*>(&leaf.mValueMask), 0xff, sizeof(leaf.mValueMask));
-      // Noise on two scales: lumps of some leaves, and voxels.
+      // Noise on two scales: lumps of several leaf nodes, and voxels.
       const double lump =
           GradientNoise({at[0] * 0.37 + 0.1, at[1] * 0.37 + 0.2, at[2] * 0.37 + 0.3});
       for (uint32_t v = 0; v < 512; ++v) {
@@ -171,7 +172,7 @@ int main(int count, char** arguments) {
   const double gibibytes = count > 1 ? std::strtod(arguments[1], nullptr) : 1;
   const int threads = count > 2 ? static_cast<int>(std::strtol(arguments[2], nullptr, 10)) : 1;
   if (count <= 3) {
-    // The file is made by a process of its own, so that the peak of memory is of reading it.
+    // A separate process makes the file, so that the peak memory is that of reading it.
     const std::string command =
         std::string(arguments[0]) + " " + std::to_string(gibibytes) + " 1 make";
     std::FILE* maker = ::popen(command.c_str(), "r");
