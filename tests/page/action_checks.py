@@ -1,7 +1,7 @@
 # Copyright the Sheaf authors.
 # SPDX-License-Identifier: Apache-2.0
-"""What is clicked by the mouse alone: every button that other checks reach by keys, or not at all.
-For page_test.py."""
+"""Mouse clicks on every button that other checks use by keyboard or not at all. For page_test.py.
+"""
 import re
 import time
 
@@ -14,18 +14,18 @@ THEME = "return document.documentElement.dataset.theme"
 ROW_NAME = "return document.querySelectorAll('#jobs .vlist-row .job-title')[1].textContent"
 SHOWN = "return document.querySelector(arguments[0]).getClientRects().length > 0"
 MORE_FRAMES = 1050
-# The page polls, and reads the counters, more often than this.
+# Longer than the page's intervals for polling and for reading the counters.
 MET_AGAIN_SECONDS = 4
 
 
 def check_clicks(browser):
-    """Over made-up jobs, of which the shown one has ended."""
+    """Runs over made-up jobs, with a shown job that has ended."""
     before = browser.run(THEME)
     browser.click("theme")
     assert browser.run(THEME) != before, "the appearance stays"
     browser.click("theme")
     assert browser.run(THEME) == before
-    browser.run("localStorage.clear()")  # What follows goes by the system again.
+    browser.run("localStorage.clear()")  # Later checks use the system's theme again.
     fitted = zoom_percent(browser)
     browser.click("zoom-in")
     wait_until(lambda: zoom_percent(browser) > fitted, CHANGE_SECONDS_MAX, "zooming in")
@@ -50,12 +50,12 @@ def check_clicks(browser):
 
 
 def check_more_frames(browser, url):
-    """Of a server whose job has MORE_FRAMES frames."""
+    """Runs against a server whose job has MORE_FRAMES frames."""
     browser.open("about:blank")
     browser.open(url)
     wait_until(lambda: not browser.run(HIDDEN, "frames-more"), CHANGE_SECONDS_MAX, "the button")
     assert browser.run(TEXT, "frames-count").endswith("of the first 1000")
-    # Above the button, which it moves.
+    # The image is above the button and moves it when it arrives.
     wait_until(lambda: browser.run(PIXELS), CHANGE_SECONDS_MAX, "the picture")
     browser.run("document.getElementById('frames-more').scrollIntoView()")
     browser.click("frames-more")
@@ -65,7 +65,9 @@ def check_more_frames(browser, url):
 
 
 def check_unknown_job(browser, job_count):
-    """An address that names no job of the farm shows none, and says so; the next one is shown."""
+    """An address of a job that the farm does not have shows none and says so; the next one is
+    shown.
+    """
     browser.run("location.hash = 'jobs/777777'")
     wait_until(lambda: "no job jobs/777777" in browser.run(TEXT, "details-empty"),
                CHANGE_SECONDS_MAX, "words on the missing job")
@@ -78,7 +80,7 @@ def check_unknown_job(browser, job_count):
 
 
 def wait_for_problems(browser):
-    """Of a coordinator that is away: each of what the page goes on asking for has failed."""
+    """Waits until every repeated request has failed; the coordinator is away."""
     wait_until(lambda: {"loading the farm", "loading counters"} <= set(
         re.findall(r"Failed: (.*) \(", browser.run(TEXT, "problems-text"))),
                CHANGE_SECONDS_MAX, "problems")
@@ -86,7 +88,7 @@ def wait_for_problems(browser):
 
 
 def check_dismissed(browser):
-    """While the coordinator is away: what was put aside stays there, however often it is met."""
+    """While the coordinator is away, dismissed problems stay hidden, however often they recur."""
     wait_for_problems(browser)
     browser.run(FOCUS, "problems-dismiss")
     browser.press(ENTER)

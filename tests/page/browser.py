@@ -1,9 +1,9 @@
 # Copyright the Sheaf authors.
 # SPDX-License-Identifier: Apache-2.0
-"""Headless Chromium, driven through chromedriver by the WebDriver protocol itself.
+"""Headless Chromium, driven through chromedriver by the WebDriver protocol.
 
 Source: W3C WebDriver, https://www.w3.org/TR/webdriver2/. Needs the packages chromium and
-chromium-driver and nothing but Python's own library.
+chromium-driver and only Python's standard library.
 """
 import base64
 import json
@@ -22,7 +22,7 @@ CHROMIUM_ARGUMENTS = [
     "--disable-background-networking", "--disable-component-update", "--disable-sync",
     "--disable-dev-shm-usage", "--hide-scrollbars", "--force-color-profile=srgb"]
 
-# Whether a place shows an element, or what is in it.
+# Whether the topmost element at a point is the given one or inside it.
 IS_ON_TOP = """
   const [id, x, y] = arguments;
   return document.getElementById(id).contains(document.elementFromPoint(x, y));
@@ -81,15 +81,15 @@ class Browser:
         self._do("POST", "/url", {"url": url})
 
     def run(self, script, *arguments):
-        """Runs the body of a function in the page; returns what it returns."""
+        """Runs the body of a function in the page and returns its result."""
         return self._do("POST", "/execute/sync", {"script": script, "args": list(arguments)})
 
     def chrome(self, command, **parameters):
-        """A command of the DevTools protocol."""
+        """Sends a command of the DevTools protocol."""
         return self._do("POST", "/goog/cdp/execute", {"cmd": command, "params": parameters})
 
     def run_before_pages(self, script):
-        """Runs the script in every page that is opened from now on, before its own."""
+        """Runs the script in every page opened from now on, before the page's own scripts."""
         self.chrome("Page.addScriptToEvaluateOnNewDocument", source=script)
 
     def set_size(self, width_px, height_px, device_scale=1):
@@ -101,7 +101,7 @@ class Browser:
             {"name": "prefers-color-scheme", "value": "dark" if dark else "light"}])
 
     def press(self, key):
-        """Presses one key on what has the focus."""
+        """Presses one key on the focused element."""
         self._do("POST", "/actions", {"actions": [{"type": "key", "id": "keyboard", "actions": [
             {"type": "keyDown", "value": key}, {"type": "keyUp", "value": key}]}]})
 
@@ -118,8 +118,9 @@ class Browser:
         self._mouse("mouseReleased", *place, button="left", clickCount=1)
 
     def click(self, element_id):
-        """Clicks with the mouse in the middle of an element, once it is seen and stands still: what
-        arrives above it moves it."""
+        """Clicks in the middle of an element once it is visible and stands still: content that
+        arrives above it moves it.
+        """
         before = None
 
         def is_still():
@@ -146,6 +147,6 @@ class Browser:
             file.write(base64.b64decode(self._do("GET", "/screenshot")))
 
     def console_errors(self):
-        """What the console reported as severe since the last call."""
+        """Severe console messages since the last call."""
         entries = self._do("POST", "/se/log", {"type": "browser"})
         return [entry["message"] for entry in entries if entry["level"] == "SEVERE"]

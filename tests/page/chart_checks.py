@@ -8,7 +8,7 @@ from farm import wait_until
 CHANGE_SECONDS_MAX = 10
 ARROW_RIGHT, ARROW_LEFT = "\ue014", "\ue012"
 WORDS = "return document.getElementById('chart-words').textContent"
-# Gives every frame that an event brings a target (of relMSE), which the made-up farm has none of.
+# Gives every frame in events a target (relMSE), since frames of the made-up farm have none.
 ADD_TARGETS = """
   const parse = JSON.parse;
   JSON.parse = (...all) => {
@@ -17,7 +17,7 @@ ADD_TARGETS = """
     return object;
   };
 """
-# How many points of the chart are drawn in about the colour of a property of the style sheet.
+# Counts the chart's pixels whose color is close to that of a property of the style sheet.
 COUNT_POINTS = """
   const probe = document.createElement("canvas").getContext("2d");
   probe.fillStyle = getComputedStyle(document.documentElement).getPropertyValue(arguments[0]);
@@ -40,7 +40,7 @@ def wait_for_words(browser, pattern):
 
 
 def check_chart(browser):
-    """The curve, the line it follows and the target are drawn; keys switch the axis."""
+    """The curve, its fitted line and the target are drawn; keys switch the axis."""
     found = wait_for_words(browser, r"^Now ±([\d.]+) % with .* samples; target ±2 %; "
                                     r"extrapolates to ±([\d.]+) % with .* samples\.$")
     assert float(found[1]) > float(found[2]) >= 2, found[0]

@@ -1,6 +1,6 @@
 # Copyright the Sheaf authors.
 # SPDX-License-Identifier: Apache-2.0
-"""Two jobs side by side, over a real farm. For page_test.py."""
+"""Two jobs side by side, on a real farm. For page_test.py."""
 import re
 
 from farm import wait_until
@@ -9,7 +9,7 @@ from viewer_checks import FOCUS, HIDDEN, PIXELS, TEXT, zoom_percent
 CHANGE_SECONDS_MAX = 20
 BESIDE = PIXELS.replace('"picture"', '"beside"')
 assert BESIDE != PIXELS
-# Chooses an option as a person does: the list is made when the select gets the focus.
+# Chooses an option as a person does: the list is fetched when the select gets the focus.
 CHOOSE = """
   const select = document.getElementById(arguments[0]);
   select.focus();
@@ -26,7 +26,7 @@ def both(browser):
 
 
 def check_compare(browser, screenshot):
-    """The shown job is delivered and has rounds; jobs/1 is another picture of the Cornell box."""
+    """The shown job is delivered and has rounds; jobs/1 is another image of the Cornell box."""
     assert browser.run(HIDDEN, "beside-box")
     assert browser.run(CHOOSE, "beside-job", "jobs/1") == "jobs/1", "jobs/1 is not offered"
     wait_until(lambda: all(both(browser)), CHANGE_SECONDS_MAX, "two pictures")

@@ -1,7 +1,6 @@
 # Copyright the Sheaf authors.
 # SPDX-License-Identifier: Apache-2.0
-"""Pausing, resuming, putting first and refining, by keys alone, over a real farm. For
-page_test.py."""
+"""Pause, resume, priority and refinement by keyboard, on a real farm. For page_test.py."""
 import json
 import os
 import re
@@ -14,12 +13,12 @@ CHANGE_SECONDS_MAX = 20
 ARROW_UP, ENTER, ESCAPE, TAB = "\ue013", "\ue007", "\ue00c", "\ue004"
 ARROW_RIGHT, END = "\ue014", "\ue010"
 JOB_SECONDS_MAX = 120
-# With time to spare: the price is asked for and drawn.
+# A generous limit for fetching and drawing the price.
 PRICE_SECONDS_MAX = 5
 IS_ASKED = "return document.getElementById('refine-dialog').open"
 FOCUSED = "return document.activeElement.id"
 PRIORITY = "return document.getElementById('priority').value"
-# Twice the time that results on their way may take.
+# Twice the time that results in transit may take.
 STILL_SECONDS = 2
 
 
@@ -32,7 +31,7 @@ def wait_for_state(browser, state):
 
 
 def check_pause(browser, farm, job):
-    """Nothing new is rendered while it is paused, whatever page or terminal did it."""
+    """Nothing new is rendered while the job is paused, by the page or in the terminal."""
     browser.run(FOCUS, "pause")
     assert browser.run(TEXT, "pause") == "Pause job"
     browser.press(ENTER)
@@ -76,13 +75,13 @@ def check_priority(browser, farm, job):
 
 
 def check_control(browser, farm, job):
-    """The job must be running and selected."""
+    """Requires: the job is running and selected."""
     check_pause(browser, farm, job)
     check_priority(browser, farm, job)
 
 
 def price_words(browser):
-    """What the question says of the error, processor time and time."""
+    """The error, processor time and wall time that the dialog shows."""
     return [browser.run(TEXT, f"refine-{name}") for name in ("error", "cpu", "wall")]
 
 
@@ -94,7 +93,7 @@ def wait_for_price(browser, before):
 
 
 def seconds_of(words):
-    """"1 min 05 s (...)" in seconds: what stands before the band."""
+    """Converts "1 min 05 s (...)" to seconds; the band in parentheses is ignored."""
     units = {"s": 1, "min": 60, "h": 3600, "d": 86400}
     parts = re.findall(r"([\d.]+) (s|min|h|d)\b", words.split("(")[0])
     assert parts, words
@@ -109,7 +108,7 @@ def ask_for_refinement(browser):
 
 
 def check_refine(browser, farm, screenshot):
-    """The slider shows what each error costs; what is confirmed is rendered."""
+    """The slider shows the cost of each error; the confirmed error is rendered."""
     job = farm.sheaf("submit", os.path.join(ROOT, "scenes", "cornell-box.pbrt"), "--crop",
                      "60,60,188,156", "--samples", 32, "--measure", 1).stdout.strip()
     farm.sheaf("watch", job, seconds=JOB_SECONDS_MAX)
@@ -154,7 +153,7 @@ def check_refine(browser, farm, screenshot):
     spent = after["cpu_duration_seconds"] - before["cpu_duration_seconds"]
     print(f"  refined from relMSE {before['relative_mse']:.1e} to {after['relative_mse']:.1e}: "
           f"{said:.1f} s said, {spent:.1f} s taken")
-    # A shown price has one decimal.
+    # A displayed price has one decimal.
     assert said < 2 * spent + 0.1 and spent < 2 * said + 0.1, (said, spent)
     wait_until(lambda: after["relative_mse"] == browser.run("""
       return fetch("/api/v1/" + location.hash.slice(1)).then((r) => r.json())
@@ -162,7 +161,8 @@ def check_refine(browser, farm, screenshot):
 
 
 def check_effects(browser, farm):
-    """The job that was refined was measured, with bars; another says how one gets them."""
+    """The refined job's effects were measured and have bars; another job explains how to get them.
+    """
     wait_until(lambda: not browser.run(HIDDEN, "effects"), CHANGE_SECONDS_MAX, "the bars")
     rows = browser.run("""
       return [...document.querySelectorAll("#effects .effect")].map((row) => [

@@ -1,6 +1,6 @@
 # Copyright the Sheaf authors.
 # SPDX-License-Identifier: Apache-2.0
-"""How soon and how often the page shows a large picture that is at work. For page_test.py."""
+"""Delay and rate at which the page shows a large image while it is rendered. For page_test.py."""
 import json
 import os
 import re
@@ -12,14 +12,14 @@ from load_checks import TAKE_LONG_TASKS, busy_factor
 from viewer_checks import TEXT
 
 SIZE_PX = (3840, 2160)
-# From the first part's arrival at the coordinator to its picture on the screen.
+# From the arrival of the first part at the coordinator to its image on the screen.
 FIRST_SECONDS_MAX = 1.0
 UPDATES_PER_SECOND_MIN = 2.0
 WATCH_SECONDS = 8
 JOB_SECONDS_MAX = 60
-# Other programs on the machine make single measurements worse.
+# Other programs on the machine can spoil single measurements.
 ATTEMPT_COUNT_MAX = 3
-# Notes when each new picture is drawn for the viewer, by the wall clock.
+# Records the wall-clock time when each new image is drawn in the viewer.
 NOTE_PICTURES = """
   window.pictureTimes = [];
   const seen = new WeakSet();
@@ -36,7 +36,7 @@ PICTURE_TIMES = "return window.pictureTimes"
 
 
 def large_scene(farm):
-    """The Cornell box as a large picture."""
+    """The Cornell box as a large image."""
     with open(os.path.join(ROOT, "scenes", "cornell-box.pbrt"), encoding="utf-8") as file:
         text = file.read()
     for axis, size_px in zip("xy", SIZE_PX):
@@ -49,7 +49,7 @@ def large_scene(farm):
 
 
 def first_part_time(farm, job):
-    """When the coordinator has the first samples of the job's frame."""
+    """The time when the coordinator has the first samples of the job's frame."""
     def landed():
         with urlopen(f"http://{farm.http}/api/v1/{job}/frames/1", timeout=10) as response:
             return json.load(response)["progress"]["sample_count_done"] > 0
@@ -58,14 +58,14 @@ def first_part_time(farm, job):
 
 
 def measure(browser, farm):
-    """Seconds to the first picture, and pictures a second from then on."""
+    """Seconds until the first image, and images per second after it."""
     browser.open("about:blank")
     browser.open(f"http://{farm.http}/")
     wait_until(lambda: browser.run(TEXT, "connection-text") == "Live", JOB_SECONDS_MAX, "events")
     job = farm.sheaf("submit", large_scene(farm), "--samples", 64).stdout.strip()
     try:
         landed = first_part_time(farm, job)
-        # The job before may be shown until then: its picture does not count.
+        # The previous job may be shown until then: its image does not count.
         times = wait_until(lambda: [t for t in browser.run(PICTURE_TIMES) if t > landed - 0.05],
                            JOB_SECONDS_MAX, "a picture")
         browser.run(TAKE_LONG_TASKS)
@@ -78,7 +78,7 @@ def measure(browser, farm):
 
 
 def check_large_picture(browser, farm):
-    """The best of some attempts keeps the limits, as long as the machine does nothing else."""
+    """The best of some attempts meets the limits if the machine is otherwise idle."""
     texts = []
     for _ in range(ATTEMPT_COUNT_MAX):
         busy = busy_factor(browser)

@@ -1,12 +1,13 @@
 # Copyright the Sheaf authors.
 # SPDX-License-Identifier: Apache-2.0
-"""Whether a page can be used by keyboard. For page_test.py and study_page_test.py."""
+"""Keyboard access to a page. For page_test.py and study_page_test.py."""
 TAB = "\ue004"
 
 
 def check_tab_stops(browser, stops, focused, press_count_max):
-    """The Tab key reaches all of `stops`, and whatever it reaches shows that it has the focus.
-    `focused`: a script that returns the name of what has the focus, and whether that is seen."""
+    """The Tab key reaches all of `stops`, and each element it reaches shows its focus. `focused`: a
+    script that returns the name of the focused element, and whether the focus is visible.
+    """
     reached = {}
     for _ in range(press_count_max):
         browser.press(TAB)

@@ -1,6 +1,6 @@
 # Copyright the Sheaf authors.
 # SPDX-License-Identifier: Apache-2.0
-"""The grid of frames: of a real range, and of a thousand frames. For page_test.py."""
+"""The grid of frames: for a real range, and for a thousand frames. For page_test.py."""
 import os
 
 from farm import ROOT, wait_until
@@ -13,7 +13,7 @@ MANY_FRAMES = 1000
 CELL_COUNT_MAX = 150
 END, ARROW_LEFT = "\ue010", "\ue012"
 HASH = "return location.hash"
-# What each cell says, and whether its picture is there.
+# The title of each cell, and whether its image is loaded.
 CELLS = """
   return [...document.querySelectorAll("#frames .vlist-row")].map((cell) => {
     const picture = cell.querySelector("img");
@@ -24,7 +24,7 @@ CLICK_SECOND = "document.querySelectorAll('#frames .vlist-row')[1].click()"
 
 
 def check_frame_grid(browser, farm):
-    """Every frame of a range gets its picture; keys and mouse choose one."""
+    """Every frame of a range gets its image; keys and mouse select frames."""
     scene = os.path.join(ROOT, "scenes", "turntable", "turntable.####.pbrt")
     farm.sheaf("submit", scene, "--frames", f"1-{FRAME_COUNT}", "--samples", 4)
     done = f"{FRAME_COUNT} of {FRAME_COUNT} complete"
@@ -43,14 +43,14 @@ def check_frame_grid(browser, farm):
     browser.run(CLICK_SECOND)
     wait_until(lambda: browser.run(HASH).endswith("/frames/2"), CHANGE_SECONDS_MAX,
                "a frame by the mouse")
-    # A thumbnail outlives the coordinator that made it, and its cache.
+    # A thumbnail remains after the coordinator that made it, and its cache, are gone.
     status = browser.run("""
       return fetch(new URL(document.querySelector("#frames img").src)).then((r) => r.status);""")
     assert status == 200, status
 
 
 def check_many_frames(browser, url):
-    """A thousand frames while they render: few cells in the document, no long tasks."""
+    """A thousand frames: few cells in the document, no long tasks."""
     def scroll():
         browser.run(SCROLL_ALL, "frames")
         return worst_ms(browser)

@@ -3,17 +3,18 @@
 """Thousands of jobs and workers: few rows in the document and no long tasks. For page_test.py."""
 from farm import TIME_SCALE
 
-# A scroll through all jobs may not hold a drawn picture back longer than this.
+# Limit for the time between two animation frames while scrolling through all jobs.
 FRAME_MS_MAX = 200 * TIME_SCALE
-# Longer tasks are felt: https://www.w3.org/TR/longtasks-1/ reports those above 50 ms.
+# Longer tasks are noticeable: https://www.w3.org/TR/longtasks-1/ reports those above 50 ms.
 TASK_MS_MAX = 50 * TIME_SCALE
-# Other programs on the machine lengthen tasks now and then; the page's own ones come every time.
+# Other programs on the machine lengthen tasks occasionally; long tasks of the page recur in every
+# attempt.
 ATTEMPT_COUNT_MAX = 8
-# Times of a fixed piece of work: the share of them that is looked at, against the shortest.
+# Quantile of the times of a fixed piece of work that is compared with the shortest time.
 BUSY_SHARE = 0.9
 ROW_COUNT_MAX = 60
 
-# For Browser.run_before_pages: notes every long task from the beginning.
+# For Browser.run_before_pages: records every long task from the beginning.
 NOTE_LONG_TASKS = """
   window.longTasksMs = [];
   new PerformanceObserver((list) => {
@@ -21,7 +22,7 @@ NOTE_LONG_TASKS = """
   }).observe({type: "longtask", buffered: true});
 """
 TAKE_LONG_TASKS = "const all = window.longTasksMs; window.longTasksMs = []; return all;"
-# Scrolls a list from end to end; returns the longest time between two pictures of the screen.
+# Scrolls a list from end to end; returns the longest time between two animation frames.
 SCROLL_ALL = """
   const list = document.getElementById(arguments[0]);
   const step = Math.ceil(list.scrollHeight / 120);
@@ -42,7 +43,7 @@ WATCH = "return new Promise((done) => setTimeout(done, arguments[0]))"
 WATCH_MS = 3000
 
 
-# The times of 60 equal pieces of work, each of a few milliseconds.
+# The times of 60 equal pieces of work of a few milliseconds each.
 WORK = """
   const times = [];
   for (let i = 0, sum = 0; i < 60; ++i) {
@@ -55,7 +56,7 @@ WORK = """
 
 
 def busy_factor(browser):
-    """How much longer work takes because of what else runs on the machine; 1 where nothing does."""
+    """Factor by which other programs on the machine slow work down; 1 if the machine is idle."""
     times = sorted(browser.run(WORK))
     browser.run(TAKE_LONG_TASKS)
     return times[int(BUSY_SHARE * len(times))] / times[0]
@@ -66,7 +67,7 @@ def worst_ms(browser):
 
 
 def check_is_quick(browser, what, limit_ms, measure):
-    """The best of some attempts keeps the limit, as long as the machine does nothing else."""
+    """The best of some attempts keeps the limit if the machine is otherwise idle."""
     texts = []
     for _ in range(ATTEMPT_COUNT_MAX):
         busy = busy_factor(browser)

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Serves the page over a made-up farm whose pictures converge before one's eyes: for working on the
-// page without rendering, and for trying it with thousands of jobs and workers.
+// Serves the dashboard for a simulated farm whose images converge over time: for development of the
+// page without rendering, and for tests with thousands of jobs and workers.
 //
 //   sheaf_page_server JOBS SECONDS [PORT [WORKERS [FRAMES]]]    prints "listening on URL", ends
 //   after SECONDS
@@ -26,14 +26,14 @@ constexpr int kWidthPx = 640;
 constexpr int kHeightPx = 360;
 constexpr uint64_t kSampleCount = 256;
 constexpr int kFrameCount = 24;
-// Pixels of a tile's edge; tiles have different numbers of samples.
+// Edge of a tile in pixels; tiles have different numbers of samples.
 constexpr int kTilePx = 40;
 constexpr int kWorkerCount = 3;
 // Steps from the first sample to the last.
 constexpr int kStepCount = 120;
 constexpr absl::Duration kStep = absl::Milliseconds(250);
 
-// A soft sphere before a horizon, with the noise that `samples` samples leave. Its lit side is
+// A soft sphere in front of a horizon, with the noise of this many samples. Its lit side is
 // brighter than a screen can show.
 FramePicture MakePicture(uint64_t samples, std::mt19937* random) {
   FramePicture picture = MakeFakePicture(kWidthPx, kHeightPx, 0);
@@ -79,7 +79,7 @@ JobView MakeJob(int number, absl::Time create_time) {
   return job;
 }
 
-// The newest job: frames that render one after the other.
+// The newest job: its frames render one after another.
 JobView MakeRunningJob(int number, int frame_count) {
   JobView job = MakeJob(number, absl::Now());
   job.title = absl::StrCat("turntable, ", frame_count, " frames");
@@ -108,7 +108,7 @@ JobView MakeRunningJob(int number, int frame_count) {
   return job;
 }
 
-// The first frame has a round more for each kRoundShare of its samples.
+// The first frame completes kRoundShare rounds, evenly spaced over its samples.
 void EndRound(FrameView* frame, double relative_mse) {
   constexpr uint64_t kRoundShare = 5;
   const ProgressView& progress = frame->progress;
@@ -123,7 +123,7 @@ void EndRound(FrameView* frame, double relative_mse) {
   }
 }
 
-// Moves the running job on by one step.
+// Advances the running job by one step.
 void Step(FakeFarm* farm, int step, std::mt19937* random) {
   JobView& job = farm->jobs[0];
   if (job.state != JobState::kRunning) return;

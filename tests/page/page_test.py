@@ -1,10 +1,10 @@
 # Copyright the Sheaf authors.
 # SPDX-License-Identifier: Apache-2.0
-"""The web page in real headless Chromium.
+"""The dashboard in real headless Chromium.
 
-  page_test.py farm      over a coordinator and a worker that render a scene
-  page_test.py made-up   over sheaf_page_server: thousands of jobs, odd titles, narrow and wide
-  page_test.py           both
+page_test.py farm      over a coordinator and a worker that render a scene
+page_test.py made-up   over sheaf_page_server: thousands of jobs, odd titles, narrow and wide
+page_test.py           both
 
 Screenshots are kept in SHEAF_ARTEFACTS. Ends with "N passed, N failed".
 """
@@ -36,7 +36,7 @@ PAGE_SECONDS_MAX = 20
 PICTURE_SECONDS_MAX = 120
 MADE_UP_JOB_COUNT = 5000
 MADE_UP_WORKER_COUNT = 1000
-# From its start, with time to spare.
+# Limit from the server's start, with a wide margin.
 MADE_UP_RENDER_SECONDS_MAX = 60
 MADE_UP_SECONDS = int(240 * TIME_SCALE)
 ARROW_DOWN, ENTER, ESCAPE = "\ue015", "\ue007", "\ue00c"
@@ -45,7 +45,8 @@ TAB_STOP_COUNT_MAX = 30
 TAB_STOPS = {"skip", "theme", "job-filter", "jobs", "layer", "exposure", "zoom-out", "zoom-in",
              "zoom-fit", "picture-zoom", "picture-box", "frames", "abscissa", "workers",
              "beside-job"}
-# Name of what has the focus, and whether an outline shows it; a switch shows it on its label.
+# Name of the focused element, and whether an outline shows the focus; a switch shows it on its
+# label.
 FOCUSED = """
   const focused = document.activeElement;
   if (focused === document.body) return ["body", true];
@@ -57,7 +58,7 @@ FOCUSED = """
 NO_SIDEWAYS = "return document.documentElement.scrollWidth <= window.innerWidth"
 
 
-# Where the newest job's small picture is from; empty while none is shown.
+# Source of the newest job's thumbnail; empty while none is shown.
 LISTED_PICTURE = """
   const picture = document.querySelector("#jobs .job-row img");
   return picture && !picture.hidden && picture.naturalWidth > 0 ? picture.src : "";"""
@@ -70,11 +71,11 @@ def artefact(name):
 
 
 def check_page_follows_a_job(browser, farm):
-    """Jobs and workers are listed, and the picture changes at least twice without a reload."""
+    """Jobs and workers are listed, and the image changes at least twice without a reload."""
     browser.set_size(1440, 900)
     browser.open(f"http://{farm.http}/")
     wait_until(lambda: browser.run(TEXT, "connection-text") == "Live", PAGE_SECONDS_MAX, "events")
-    # Submitted after the page was opened: nothing but events can make it appear.
+    # Submitted after the page was opened: only events can make it appear.
     farm.sheaf("submit", os.path.join(ROOT, "scenes", "cornell-box.pbrt"), "--samples", 64,
                "--light-paths")
     seen = []
@@ -110,7 +111,7 @@ def check_output_is_an_exr(browser, farm):
 
 
 def check_what_is_known_of_errors(browser, _):
-    """FLIP, the tiles that are not to be trusted yet and the kinds of light paths to blame."""
+    """FLIP, the unreliable tiles, and the kinds of light paths that cause them."""
     facts = {label: (value, title) for label, value, title in browser.run("""
       return [...document.querySelectorAll("#facts .fact")].map(
           (fact) => [...[...fact.children].map((part) => part.textContent), fact.title]);""")}
@@ -123,7 +124,7 @@ def check_what_is_known_of_errors(browser, _):
 
 
 def check_pause_and_priority(browser, farm):
-    """Of a job that is long enough to be cancelled by the next check."""
+    """The job is long enough for the next check to cancel it."""
     farm.sheaf("submit", os.path.join(ROOT, "scenes", "cornell-box.pbrt"), "--samples", 1 << 16)
     wait_until(lambda: browser.run(TEXT, "job-state") == "running", PAGE_SECONDS_MAX, "new job")
     check_control(browser, farm, "jobs/2")
@@ -137,12 +138,12 @@ def check_workers_and_failures(browser, farm):
 
 
 def check_cancel(browser, farm):
-    """The button, its question, both answers by keys alone, and the state that follows."""
+    """The button, its dialog, both answers by keyboard, and the resulting state."""
     assert browser.run(TEXT, "job-state") == "running"
     ask(browser)
     assert "Cancel" in browser.run(TEXT, "confirm-title")
     browser.screenshot(artefact("page-question.png"))
-    # The harmless answer has the focus, and Escape gives it too.
+    # The harmless answer has the focus; Escape selects it too.
     browser.press(ENTER)
     wait_until(lambda: not browser.run(DIALOG_IS_OPEN), PAGE_SECONDS_MAX, "no by Enter")
     ask(browser)
@@ -155,7 +156,7 @@ def check_cancel(browser, farm):
     assert browser.run("return document.activeElement.id") == "confirm-yes"
     browser.press(ENTER)
     wait_until(lambda: browser.run(TEXT, "job-state") == "cancelled", PAGE_SECONDS_MAX, "the end")
-    # A picture named by an event may be gone when it is asked for: that must not be an error.
+    # An image named by an event may be gone when it is requested: that must not be an error.
     status = browser.run("""
       const path = new URL("/api/v1/jobs/2/frames/1/preview.png", location.href);
       return fetch(path).then((response) => response.status);""")
@@ -169,7 +170,7 @@ def ask(browser):
 
 
 def check_layers_of_a_real_picture(browser, farm):
-    """Of the delivered picture: all layers can be had."""
+    """All layers of the delivered image are available."""
     ranges = browser.run("""
       const path = "/api/v1/jobs/1/frames/1/preview.png?layer=";
       const range = (layer) => fetch(path + layer).then((response) => {
@@ -223,7 +224,7 @@ def check_no_console_errors(browser, _):
 
 
 def open_made_up(browser, server):
-    """Opens the page anew and waits until everything is listed."""
+    """Reopens the page and waits until everything is listed."""
     browser.open("about:blank")
     browser.open(server.url)
     for name, count in (("job-count", MADE_UP_JOB_COUNT), ("worker-count", MADE_UP_WORKER_COUNT)):
@@ -232,7 +233,7 @@ def open_made_up(browser, server):
 
 
 def check_the_chart(browser, server):
-    """While the job runs: the page draws what it has seen itself."""
+    """While the job runs, the page draws the curve from observed progress."""
     browser.set_size(1440, 900)
     browser.run_before_pages(NOTE_LONG_TASKS)
     browser.run_before_pages(ADD_TARGETS)
@@ -247,7 +248,7 @@ def check_thousands_of_jobs_and_workers(browser, server):
 
 
 def check_titles_are_text(browser, _):
-    """A title with markup is shown as it is."""
+    """A title with markup is shown literally."""
     browser.run("const f = document.getElementById('job-filter'); f.value = 'script';"
                 "f.dispatchEvent(new Event('input'))")
     wait_until(lambda: "<script>alert(1)</script>" in browser.run(TEXT, "jobs"), PAGE_SECONDS_MAX,
@@ -269,7 +270,7 @@ def check_address_of_no_job(browser, _):
 
 
 def check_focus_is_visible(browser, _):
-    """The Tab key reaches every control in turn, and each shows that it has the focus."""
+    """The Tab key reaches every control in turn, and each shows its focus."""
     browser.run("location.hash = 'jobs/' + arguments[0]", MADE_UP_JOB_COUNT)
     wait_until(lambda: browser.run(TEXT, "job-title").startswith("turntable"), PAGE_SECONDS_MAX,
                "the selected job")
@@ -278,7 +279,7 @@ def check_focus_is_visible(browser, _):
 
 
 def check_the_viewer(browser, _):
-    """Of the job that has ended, so that the picture stands still."""
+    """Uses the job that has ended, so that its image does not change."""
     browser.run("location.hash = 'jobs/' + arguments[0]", MADE_UP_JOB_COUNT)
     wait_until(lambda: browser.run(TEXT, "job-state") == "succeeded", MADE_UP_RENDER_SECONDS_MAX,
                "the end of the made-up job")
@@ -303,7 +304,7 @@ def check_frames_come_in_pages(browser, _):
 
 
 def check_every_width(browser, _):
-    """No sideways scroll from a telephone to a wall, in light and dark."""
+    """No horizontal scrolling from a phone to a wall display, in light and dark."""
     for name, width_px, height_px, dark in (("narrow", 400, 1800, False), ("dark", 1440, 900, True),
                                             ("tablet", 820, 1180, True), ("4k", 3840, 2160, True)):
         browser.set_size(width_px, height_px)
@@ -332,8 +333,9 @@ def check_a_thousand_frames(browser, _):
 
 
 def check_page_survives_a_restart(browser, server):
-    """The page says that it lost the coordinator, and follows it again without a reload; the next
-    loss is told, though the first was dismissed."""
+    """The page reports a lost coordinator and follows it again without a reload; the next loss is
+    reported although the first was dismissed.
+    """
     connection = lambda: browser.run(TEXT, "connection-text")  # noqa: E731
     browser.open(server.url)
     wait_until(lambda: connection() == "Live", PAGE_SECONDS_MAX, "events")
@@ -350,7 +352,7 @@ def check_page_survives_a_restart(browser, server):
 
 
 class MadeUpServer:
-    """sheaf_page_server on one port, as long as the test wants it."""
+    """sheaf_page_server on a fixed port while the test needs it."""
 
     def __init__(self):
         self.port = 0
@@ -376,7 +378,7 @@ def run_checks(checks, browser, subject):
         try:
             check(browser, subject)
             print("ok     ", check.__name__)
-        except Exception:  # Each check is reported, whatever ended it.
+        except Exception:  # Every check is reported, whatever ended it.
             failed += 1
             print("FAILED ", check.__name__)
             traceback.print_exc()

@@ -1,6 +1,6 @@
 # Copyright the Sheaf authors.
 # SPDX-License-Identifier: Apache-2.0
-"""The slider between rounds, over a real frame that stops at an error. For page_test.py."""
+"""The slider between rounds, for a real frame that stops at a target error. For page_test.py."""
 import os
 import re
 
@@ -23,13 +23,15 @@ def words(browser):
 
 
 def check_rounds(browser, farm):
-    """Pictures of earlier rounds have fewer samples and more noise, in every layer, in place."""
+    """Images of earlier rounds have fewer samples and more noise, in every layer, at the same
+    place.
+    """
     scene = os.path.join(ROOT, "scenes", "cornell-box.pbrt")
     job = farm.sheaf("submit", scene, "--crop", "40,40,200,160", "--target-error",
                      TARGET).stdout.strip()
     farm.sheaf("watch", job, seconds=JOB_SECONDS_MAX)
     browser.run("location.hash = arguments[0]", job)
-    # The job that was shown before has another title.
+    # The previously shown job has another title.
     wait_until(lambda: (browser.run(TEXT, "job-title"), browser.run(TEXT, "job-state")) ==
                ("cornell-box.pbrt", "succeeded"), CHANGE_SECONDS_MAX, "the job")
     wait_until(lambda: not browser.run(HIDDEN, "rounds"), CHANGE_SECONDS_MAX, "the slider")
@@ -43,7 +45,7 @@ def check_rounds(browser, farm):
     assert what.startswith("Round 1 of ") and first_samples == 16, words(browser)
     assert first_samples < samples and first_error > error, (words(browser), samples, error)
     assert zoom_percent(browser) == zoom, "the picture jumps between rounds"
-    # Another exposure and another layer are those of the round too.
+    # Another exposure and another layer also use the round.
     browser.run("const e = document.getElementById('exposure'); e.value = -2;"
                 "e.dispatchEvent(new Event('input'))")
     darker = wait_for_new_pixels(browser, first, "the round's light")

@@ -1,6 +1,6 @@
 # Copyright the Sheaf authors.
 # SPDX-License-Identifier: Apache-2.0
-"""What must hold of every page of a study. For study_page_test.py and whatever makes one."""
+"""Checks for every page of a study. For study_page_test.py and study_test.py."""
 import pathlib
 import re
 import time
@@ -8,11 +8,11 @@ import time
 from farm import wait_until
 
 DRAW_SECONDS_MAX = 10
-# Between two looks at a page that is laid out anew.
+# Between two inspections of a page during a new layout.
 SETTLE_SECONDS = 0.3
 CHARTS = ("chart-error", "chart-gain", "chart-bias", "chart-rate", "chart-effects", "chart-paths",
           "chart-tiles")
-# What stands for one number in a chart.
+# The elements that represent one number in a chart.
 MARKS = {"chart-error": "path.point", "chart-gain": "rect.bar", "chart-bias": "rect.limit, .dot",
          "chart-rate": "circle.dot", "chart-effects": "rect.bar, circle.dot",
          "chart-paths": "rect.bar", "chart-tiles": ".tile-plot rect"}
@@ -20,7 +20,7 @@ IS_DRAWN = """
   const plots = [...document.querySelectorAll(".error-plot")];
   return plots.every((plot) => plot.firstChild.nodeName === "svg");
 """
-# Of a chart: its count, the marks it has that take room on the page, and its text.
+# For a chart: its declared count, its marks with a visible size, and its text.
 LOOK = """
   const chart = document.getElementById(arguments[0]);
   if (!chart) return null;
@@ -36,7 +36,7 @@ BAD_NUMBERS = r"""
   const words = document.getElementById("sections").innerText.match(/NaN|Infinity|undefined|null/);
   return [...bad.map((element) => element.outerHTML.slice(0, 200)), ...(words ?? [])];
 """
-# Elements that reach beyond the window, but for what lies in a box that scrolls by itself.
+# Elements that extend beyond the window, except for content of boxes with their own scrolling.
 SIDEWAYS = """
   if (document.documentElement.scrollWidth <= window.innerWidth) return [];
   return [...document.querySelectorAll("body *")]
@@ -47,7 +47,7 @@ FETCHED = "return performance.getEntriesByType('resource').map((entry) => entry.
 
 
 def check_file(path):
-    """Nothing in it names another place."""
+    """The file refers to no other address."""
     text = pathlib.Path(path).read_text(encoding="utf-8")
     data = re.search(r'<script id="study" type="application/json">(.*?)</script>', text, re.S)
     assert data, f"{path} has no JSON within it"
@@ -57,7 +57,7 @@ def check_file(path):
 
 
 def look_at(browser, chart):
-    """The count a chart claims, the marks that are seen, and its words. Claims must be true."""
+    """The chart's declared count must equal its visible marks; an empty chart must have a text."""
     found = browser.run(LOOK, chart, MARKS[chart])
     assert found, f"no {chart}"
     count, seen, words = found
@@ -67,14 +67,14 @@ def look_at(browser, chart):
 
 
 def check_study_page(browser, path, entries_min, screenshot=None):
-    """Opens the file and asserts that it is whole: every chart is there and is drawn, or says in
-    words why not; at every width nothing scrolls sideways; nothing is fetched; no errors.
+    """Opens the file and asserts that it is complete: every chart exists and is drawn, or says why
+    not; nothing scrolls horizontally at any width; nothing is fetched; no errors.
 
-    `entries_min` is the number of entries that must be drawn with points. `screenshot`, where
-    given, is called with "light", "dark", "narrow" and "4k". Returns counts by chart.
+    `entries_min` is the number of entries that must be drawn with points. `screenshot`, if given,
+    is called with "light", "dark", "narrow" and "4k". Returns counts by chart.
     """
     check_file(path)
-    browser.console_errors()  # Of pages before.
+    browser.console_errors()  # From earlier pages.
     counts = {}
     for name, width_px, height_px, dark in (("light", 1440, 900, False), ("dark", 1440, 900, True),
                                             ("narrow", 400, 900, False),

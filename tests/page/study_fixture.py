@@ -1,10 +1,10 @@
 # Copyright the Sheaf authors.
 # SPDX-License-Identifier: Apache-2.0
-"""Made-up studies, as the JSON of `sheaf study`. For study_page_test.py."""
+"""Made-up studies in the JSON format of `sheaf study`. For study_page_test.py."""
 
 REFERENCE_ERROR = 1.2e-5
 SAMPLES = (4, 16, 64, 256, 1024)
-# Name, how, seconds of a sample, error of a sample, bias floor, rate.
+# Name, how, seconds per sample, error of one sample, bias floor, rate.
 ENTRIES = [
     ("as given", "depth 8, RGB, 16 sequences", 0.075, 0.48, 0, 1.02),
     ("depth 4", "depth 4 for 8", 0.048, 0.44, 2.1e-3, 1.0),
@@ -44,7 +44,7 @@ def mark_front(entries):
 
 
 def whole_study():
-    """Every part of the page has something to show, some of it odd."""
+    """A study with content for every part of the page, some of it unusual."""
     entries = [entry(*values) for values in ENTRIES]
     mark_front(entries)
     entries[-1]["points"][-1]["samples"] = 1020.4
@@ -79,7 +79,7 @@ def whole_study():
 
 
 def empty_study():
-    """Nothing was found out."""
+    """A study without any results."""
     return {"format": 1, "scene": "scenes/empty.pbrt", "width_px": 64, "height_px": 48,
             "pixels": None, "seconds": 0.2, "threads": 1, "reference": None, "entries": [],
             "effects": [], "paths": [], "unreliable_tiles": [], "recommendation": [],
@@ -87,7 +87,7 @@ def empty_study():
 
 
 def bare_study():
-    """One entry with one point, and everything else that may be unknown is."""
+    """A study of one entry with one point, in which everything optional is unknown."""
     study = empty_study()
     study["entries"] = [{
         "name": "as given", "how": "", "is_base": True, "is_unbiased": True,

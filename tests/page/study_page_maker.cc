@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Writes the page of a study to standard output; reads the study's JSON from standard input. For
-// the test of the page and for working on it without rendering.
+// Reads a study's JSON from standard input and writes its page to standard output. For the test of
+// the page and for its development without rendering.
 #include <iostream>
 #include <iterator>
 #include <string>

@@ -1,8 +1,8 @@
 # Copyright the Sheaf authors.
 # SPDX-License-Identifier: Apache-2.0
-"""The page of a study in real headless Chromium, from a file.
+"""The page of a study in real headless Chromium, opened from a file.
 
-  study_page_test.py sheaf_study_page_maker    over made-up studies that it makes pages of
+study_page_test.py sheaf_study_page_maker    over made-up studies that it makes pages of
 
 Screenshots are kept in SHEAF_ARTEFACTS. Ends with "N passed, N failed".
 """
@@ -46,7 +46,7 @@ TAB_STOPS = {"skip", "theme", "error-plot", "legend-button", "tile-plot", "SUMMA
 
 
 class StudyPages:
-    """Makes a page of a study; returns its path."""
+    """Makes pages of studies and returns their paths."""
 
     def __init__(self, maker):
         self.maker = maker
@@ -70,7 +70,7 @@ def check_whole_study(browser, pages):
 
 
 def check_words_and_names(browser, _):
-    """What the study says stands on the page as text, and its numbers in tables."""
+    """The study's texts are on the page, and its numbers are in tables."""
     study = whole_study()
     words = browser.run("return document.body.textContent")
     names = [entry["name"] for entry in study["entries"]] + [e["name"] for e in study["effects"]]
@@ -85,7 +85,7 @@ def check_words_and_names(browser, _):
 
 
 def check_front_and_floors(browser, _):
-    """The front is drawn, and a dashed line for each floor that is certain."""
+    """The Pareto front is drawn, and a dashed line for each significant floor."""
     study = whole_study()
     front = sum(point["on_front"] for entry in study["entries"] for point in entry["points"])
     count = "return document.querySelectorAll('#chart-error ' + arguments[0]).length"
@@ -98,7 +98,7 @@ def check_front_and_floors(browser, _):
 
 
 def check_legend_toggles(browser, _):
-    """By keys: an entry goes and comes back."""
+    """Keys hide and show an entry."""
     browser.run("document.querySelector('.legend-button').focus()")
     for expected in (len(ENTRIES) - 1, len(ENTRIES)):
         browser.press(SPACE)
@@ -107,9 +107,9 @@ def check_legend_toggles(browser, _):
 
 
 def check_tips(browser, _):
-    """Arrow keys and the pointer tell what is at a point or tile."""
+    """Arrow keys and the pointer describe a point or tile."""
     browser.set_size(1440, 900)
-    # A chart that is drawn anew for another width shows no note.
+    # A chart that is redrawn for another width shows no note.
     wait_until(lambda: browser.run(DRAWN_FOR_WIDTH), CHANGE_SECONDS_MAX, "the chart")
     browser.run("document.querySelector('.error-plot').focus()")
     browser.press(ARROW_RIGHT)
@@ -138,7 +138,7 @@ def check_focus_is_visible(browser, _):
 
 
 def check_unfolded_tables(browser, _):
-    """Open tables scroll within themselves on a telephone."""
+    """Open tables scroll within themselves on a phone."""
     browser.set_size(400, 900)
     browser.run("for (const d of document.querySelectorAll('details')) d.open = true")
     assert browser.run("return document.documentElement.scrollWidth <= window.innerWidth")
@@ -153,7 +153,7 @@ def check_theme_button(browser, _):
 
 
 def check_empty_study(browser, pages):
-    """No chart is an empty frame: each says why it is not there."""
+    """No chart is an empty frame: each says why it is missing."""
     counts = check_study_page(browser, pages.make("empty", empty_study()), 0)
     assert counts == dict.fromkeys(CHARTS, 0), counts
     assert not browser.run("return document.querySelector('#sections figure, #sections table')")

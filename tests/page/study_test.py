@@ -1,7 +1,7 @@
 # Copyright the Sheaf authors.
 # SPDX-License-Identifier: Apache-2.0
 """sheaf study as people run it: one command on a scene of this repository, its page in real
-headless Chromium, and its figures held against what is known of the scene.
+headless Chromium, and its results compared with known properties of the scene.
 
 Screenshots are kept in SHEAF_ARTEFACTS. Ends with "N passed, N failed".
 """
@@ -19,13 +19,13 @@ from page_test import artefact, run_checks  # noqa: E402
 from study_checks import check_study_page  # noqa: E402
 
 MINUTES = 0.6
-# Whatever the machine: compiling scenes and the last block come on top of the time asked for.
+# On any machine; compiling scenes and the last block add to the requested time.
 SECONDS_MAX = 10 * 60 * MINUTES * TIME_SCALE
 ENTRIES_MIN = 6
 
 
 class Study:
-    """Of the room with glass: its page, its JSON and what it printed."""
+    """A study of the room with glass: its page, its JSON and its output."""
 
     def __init__(self):
         self.page = artefact("study.html")
@@ -77,13 +77,13 @@ def check_no_bias_where_there_is_none(_, study):
 
 
 def check_bias_is_found(_, study):
-    """Without indirect light this room is dark: many times the noise that is left."""
+    """Without indirect light this room is dark: the bias is many times the remaining noise."""
     floor = study.entries["depth 1"]["bias_floor"]
     assert floor["is_significant"] and floor["relative_mse"] > 0.05, floor
 
 
 def check_generic_variant_costs_time_alone(_, study):
-    """The same samples: the same errors, and a gain of less than 1."""
+    """The same samples give the same errors, and a gain of less than 1."""
     base, generic = study.entries["as given"], study.entries["generic variant"]
     for a, b in zip(base["points"], generic["points"]):
         assert a["relative_mse"] == b["relative_mse"]

@@ -1,8 +1,8 @@
 # Copyright the Sheaf authors.
 # SPDX-License-Identifier: Apache-2.0
-"""The picture viewer, used by keys, wheel and mouse as a person would. For page_test.py.
+"""The image viewer, used by keyboard, wheel and mouse as by a person. For page_test.py.
 
-The made-up job must have ended: its picture then stands still, so every change is the viewer's.
+The made-up job must have ended: its image then does not change, so every change is the viewer's.
 """
 import math
 import time
@@ -10,14 +10,14 @@ import time
 from farm import wait_until
 
 CHANGE_SECONDS_MAX = 10
-# Twice as long as the page waits between two versions of a picture.
+# Twice the time that the page waits between two versions of an image.
 STILL_SECONDS = 0.8
 ARROW_DOWN, ARROW_RIGHT = "\ue015", "\ue014"
 TEXT = "return document.getElementById(arguments[0]).textContent"
 FOCUS = "document.getElementById(arguments[0]).focus()"
 HIDDEN = "return document.getElementById(arguments[0]).hidden"
 PRESSED = "return document.getElementById(arguments[0]).getAttribute('aria-pressed') === 'true'"
-# The pixels of the canvas, shrunk to 16 x 16, as a text; and the one in its middle.
+# The pixels of the canvas, reduced to 16 x 16, as text; and the pixel in its middle.
 PIXELS = """
   const image = document.getElementById("picture");
   if (image.hidden || !image.width) return "";
@@ -63,7 +63,7 @@ def wait_for_new_pixels(browser, before, what):
 
 
 def check_zoom_and_pan(browser, _):
-    """Keys, buttons and wheel zoom until a pixel is a square; arrows and dragging pan."""
+    """Keys, buttons and wheel zoom until pixels are squares; arrow keys and dragging pan."""
     browser.run(FOCUS, "picture-box")
     fitted = zoom_percent(browser)
     whole = browser.run(PIXELS)
@@ -96,7 +96,7 @@ def check_zoom_and_pan(browser, _):
 
 
 def wait_for_still_picture(browser):
-    """The last version comes a little after the job's end."""
+    """The last version arrives shortly after the job's end."""
     before = ""
 
     def is_still():
@@ -116,7 +116,7 @@ def light_of_level(level):
 
 
 def check_exposure(browser, _):
-    """A stop less halves the light, also of what was brighter than the screen."""
+    """One stop less halves the light, including light brighter than the screen's white."""
     browser.run(FOCUS, "picture-box")
     fitted = browser.run(PIXELS)
     browser.press("1")
@@ -141,7 +141,7 @@ def check_exposure(browser, _):
 
 
 def check_layers(browser, screenshot):
-    """Chosen by the keyboard; a legend tells the range of the colours."""
+    """Selected by keyboard; a legend states the range of the colors."""
     browser.run(FOCUS, "layer")
     picture = browser.run(PIXELS)
     assert browser.run(HIDDEN, "legend"), "a legend without false colours"

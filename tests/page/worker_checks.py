@@ -1,6 +1,6 @@
 # Copyright the Sheaf authors.
 # SPDX-License-Identifier: Apache-2.0
-"""What workers do, and what comes to nothing, over a real farm. For page_test.py."""
+"""The workers' present tasks, and failed leases, on a real farm. For page_test.py."""
 import os
 import re
 import shlex
@@ -19,7 +19,7 @@ COPY = "return document.querySelector('#failures button').textContent"
 
 
 def check_workers(browser):
-    """While a job of the Cornell box is rendered by one worker of one thread."""
+    """Runs while one worker of one thread renders a job of the Cornell box."""
     def row():
         return re.search(r"busy.*(rendering|loading|uploading) cornell-box\.pbrt, "
                          r"frame 1 at \d+, \d+.*seen .*[\d.]+ [kM]/s · 1 thread · "
