@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Every Bsdf's sampler against the pdf it states, from steep to grazing directions and from both
-// sides; and the identities that tie weight, value and pdf together.
+// Every Bsdf's sampler against its pdf, for normal to grazing directions and from both sides; and
+// the identities that relate weight, value and pdf.
 #include <algorithm>
 #include <cmath>
 #include <optional>
@@ -30,12 +30,12 @@ using testing::MakeMirrorFixture;
 using testing::MakeSheetFixture;
 
 constexpr uint64_t kSampleCount = 1000000;
-constexpr double kSignificance = 0.01;  // Of the whole file.
-constexpr int kTestCount = 96;          // At least as many chi-square tests as are made here.
+constexpr double kSignificance = 0.01;  // For the whole file.
+constexpr int kTestCount = 96;          // At least the number of chi-square tests in this file.
 
 const Rgb kGoldEta{0.143f, 0.375f, 1.442f}, kGoldK{3.983f, 2.386f, 1.603f};
 
-// Fails the test where sampler and pdf disagree.
+// Fails the test if sampler and pdf disagree.
 void ExpectSamplerMatchesPdf(const BsdfFixture& fixture, Vec3f wo) {
   const Bsdf& bsdf = fixture.bsdf;
   const auto sample = [&](std::array<float, 3> u) -> std::optional<Vec3f> {
@@ -52,7 +52,7 @@ void ExpectSamplerMatchesPdf(const BsdfFixture& fixture, Vec3f wo) {
   const ChiSquareResult result = testing::ChiSquareTest(sample, pdf, grid, kSampleCount);
   EXPECT_GE(result.p_value, testing::SidakThreshold(kSignificance, kTestCount))
       << fixture.name << ", wo.z " << wo.z << ": " << result.text;
-  // What the quadrature misses at edges of the density.
+  // Error of the quadrature at edges of the density.
   EXPECT_LE(result.pdf_integral, 1 + 1e-3)
       << fixture.name << ", wo.z " << wo.z << ": " << result.text;
 }
@@ -123,7 +123,8 @@ TEST(BsdfChiSquareTest, RoughCoats) {
   }
 }
 
-// The smooth coat's diffuse lobe has only part of the mass: the rest is the mirror direction.
+// The smooth coat's diffuse lobe has only part of the probability mass: the rest is the mirror
+// direction.
 TEST(BsdfChiSquareTest, ASmoothCoatDrawsItsTwoLobesAsOftenAsItsPdfSays) {
   const BsdfFixture fixture = MakeCoatFixture(0, 0, 1.5f, 0.01f, {0.8f, 0.5f, 0.3f});
   ExpectSamplerMatchesPdf(fixture, DirectionAt(0.9f, 1));
@@ -175,8 +176,8 @@ TEST(BsdfSampleTest, ThePdfOfASampleIsTheOneEvaluated) {
   }
 }
 
-// Stability row M13: the mean weight is the albedo, here by a different estimator: uniform
-// directions over the sphere by quadrature.
+// Stability row M13: the mean weight is the albedo, computed here by a different estimator:
+// quadrature of uniform directions over the sphere.
 TEST(BsdfSampleTest, TheMeanWeightIsTheIntegralOfTheValue) {
   for (const BsdfFixture& fixture : RoughFixtures()) {
     const BsdfKind kind = fixture.bsdf.kind;
@@ -210,7 +211,8 @@ TEST(BsdfSampleTest, TheMeanWeightIsTheIntegralOfTheValue) {
   }
 }
 
-// Stability row M3: with visible normals single scattering weighs G2 / G1, never more than 1.
+// Stability row M3: with visible normals the weight of single scattering is G2 / G1, never more
+// than 1.
 TEST(BsdfSampleTest, WeightsOfSingleScatteringNeverExceedOne) {
   for (float alpha : {0.01f, 0.3f, 1.0f}) {
     const BsdfFixture fixture = MakeMirrorFixture(alpha, alpha, false);
@@ -227,7 +229,8 @@ TEST(BsdfSampleTest, WeightsOfSingleScatteringNeverExceedOne) {
   }
 }
 
-// With the returned energy the two lobes are sampled apart; no weight stands out for it.
+// With energy compensation the two lobes are sampled separately, and no weight is exceptionally
+// large.
 TEST(BsdfSampleTest, WeightsWithReturnedEnergyStayModerate) {
   for (float alpha : {0.05f, 0.3f, 1.0f}) {
     for (const BsdfFixture& fixture :

@@ -1,9 +1,10 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// How bright metal under a bump map is: that of the grooves which the map stands for, made of
-// triangles, under an even sky. A mirror about a turned normal sends much of the light below the
-// surface. pbrt-v4 lets it go there, so that gold under strong maps is darker than its grooves.
+// Metal with a bump map must be as bright as the grooves that the map represents, modeled as
+// triangles, under a constant sky. Mirror reflection about a perturbed normal sends much of the
+// light below the surface. pbrt-v4 discards that light, so that gold with strong maps is darker
+// than its grooves.
 #include <cmath>
 #include <filesystem>
 #include <numbers>
@@ -19,7 +20,7 @@ namespace {
 
 constexpr Rgb kGold{1, 0.78f, 0.34f};
 constexpr double kPeriod = 0.5, kSteepest = 1;
-// Grooves h = a sin(2 pi x / period), as steep as 45 degrees where they are steepest.
+// Grooves h = a sin(2 pi x / period) with a maximum slope of 45 degrees.
 constexpr double kHeight = kSteepest * kPeriod / (2 * std::numbers::pi);
 
 int32_t AddGold(TestScene* t) {
@@ -28,14 +29,14 @@ int32_t AddGold(TestScene* t) {
   metal.reflectance.value.rgb = kGold;
   return t->AddMaterial(metal);
 }
-// From the side, over the middle of a field that is wide enough for its rims not to be seen.
+// From the side, on the center of a field so wide that its borders are not visible.
 TestScene ViewAt(double degrees) {
   const double angle = degrees * std::numbers::pi / 180;
   TestScene t({40 * std::sin(angle), 0.01, 40 * std::cos(angle)}, {0, 0, 0}, 4, {0, 1, 0});
   t.ConstantEnvironment(Rgb::Grey(1));
   return t;
 }
-constexpr float kHalfWidth = 32;  // Whole periods.
+constexpr float kHalfWidth = 32;  // A whole number of periods.
 
 TileMean RenderGrooves(double degrees) {
   TestScene t = ViewAt(degrees);
@@ -87,7 +88,7 @@ TileMean RenderMapped(double degrees) {
   return mean;
 }
 
-// The share of places on the map whose mirror image is above the surface.
+// Fraction of positions on the map whose mirror reflection is above the surface.
 double ShareAbove(double degrees) {
   constexpr int kPlaces = 100000;
   int above = 0;
@@ -99,9 +100,10 @@ double ShareAbove(double degrees) {
   return static_cast<double>(above) / kPlaces;
 }
 
-// Red, of which this gold keeps all, is as bright on the map as in the grooves; of green, which a
-// groove may take twice, a little is missing there. Blue, most of which it takes each time, lies
-// between the map and what cutting leaves of it.
+// Red, which this gold reflects completely, is equally bright on the map and in the grooves. Green
+// is slightly darker in the grooves, which may absorb it twice. Blue is mostly absorbed at each
+// reflection; its brightness in the grooves lies between that of the map and that of the map
+// without the reflections below the surface.
 TEST(BumpedMetalTest, MapsAreAsBrightAsTheGroovesTheyStandFor) {
   for (const double degrees : {30.0, 45.0, 60.0}) {
     SCOPED_TRACE(degrees);

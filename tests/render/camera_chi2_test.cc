@@ -1,11 +1,12 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// What cameras sample, against its density, by Pearson's chi-square with 10^6 samples each: points
-// of an opening of blades, times of a shutter, points of an exit pupil. The densities are
-// integrated over cells exactly, cells that expect fewer than 5 samples are pooled. 20 tests
-// together have a false alarm with probability 10^-4 (Sidak), and the seeds are fixed; a density
-// that is off by 2 % in a tenth of the cells has a statistic 40 above its mean and is found.
+// Samples of cameras against their densities, by Pearson's chi-square with 10^6 samples each:
+// points of an aperture with blades, times of a shutter, points of an exit pupil. The densities are
+// integrated over cells exactly; cells with fewer than 5 expected samples are pooled. The
+// false-alarm probability of all 20 tests together is 10^-4 (Sidak), and the seeds are fixed; a
+// density that is off by 2 % in a tenth of the cells raises the statistic by 40 above its mean and
+// is detected.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -51,7 +52,7 @@ double PValue(const std::vector<double>& observed, const std::vector<double>& sh
 
 void ExpectChance(double p_value) { EXPECT_GT(p_value, testing::SidakThreshold(1e-4, kTests)); }
 
-// The part of a polygon on the left of the line through p along d. Source: Sutherland and Hodgman
+// The part of a polygon to the left of the line through p along d. Source: Sutherland and Hodgman
 // 1974.
 std::vector<Vec2d> CutOff(const std::vector<Vec2d>& polygon, Vec2d p, Vec2d d) {
   std::vector<Vec2d> kept;
@@ -110,8 +111,8 @@ TEST(CameraChi2Test, BladesAreSampledEvenly) {
   }
 }
 
-// Near points stay near, so that well-spread points stay so: the map stretches nothing by more than
-// a few times, and has no seam but the middle.
+// Neighboring points stay close, which preserves well-distributed point sets: the map stretches
+// distances by a small factor at most, and its only seam is the center.
 TEST(CameraChi2Test, BladesKeepNeighboursTogether) {
   const BladePolygon blades(5, 20);
   constexpr float kStep = 1.0f / 512;
@@ -184,7 +185,7 @@ TEST(CameraChi2Test, ShutterTimesAscendAndShapesAreChecked) {
   }
 }
 
-// Points of the pupil's plane, about the axis that the film point gives, against Pdf.
+// Points in the pupil's plane, relative to the axis of the film point, against Pdf.
 TEST(CameraChi2Test, ExitPupilsAreSampledByTheirPdf) {
   const LensSystem lens = testing::MakeLens(testing::DoubleGauss());
   const ExitPupil pupil(lens, 22);
@@ -202,7 +203,7 @@ TEST(CameraChi2Test, ExitPupilsAreSampledByTheirPdf) {
     };
     double whole = 0;
     for (int i = 0; i < kCells * kCells; ++i) {
-      // The density is constant in two rectangles along these axes.
+      // The density is constant within two rectangles along these axes.
       const ExitPupil::Box cell{(i % kCells) * 2 * reach / kCells - reach,
                                 (i % kCells + 1) * 2 * reach / kCells - reach, 0};
       const double y0 = (i / kCells) * 2 * reach / kCells - reach, y1 = y0 + 2 * reach / kCells;

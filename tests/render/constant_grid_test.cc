@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Grids of one value in scene files, as they are planned and rendered: as the homogeneous media
-// that they are, to the bit.
+// Grids of one value in scene files: the plan treats them as homogeneous media, and their images
+// equal those of homogeneous media to the bit.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -63,8 +63,8 @@ TEST(ConstantGridTest, ThePictureIsThatOfTheHomogeneousMedium) {
   }
 }
 
-// One that stays a grid shows the same medium up to its outermost values: what is taken for
-// homogeneous is what tracking estimates.
+// A grid that stays a grid shows the same medium up to its outermost values: tracking and the
+// homogeneous medium have the same mean.
 TEST(ConstantGridTest, TrackingThroughItHasTheSameMean) {
   SceneDescription tracked = Read(Grid(4, kColored));
   UniformGridMedium one;
@@ -86,7 +86,7 @@ TEST(ConstantGridTest, ThePlanNamesIt) {
   EXPECT_THAT(FormatRenderPlan(plan),
               testing::HasSubstr("main.pbrt:5:1: medium \"smoke\": constant grid: treated as "
                                  "homogeneous\n"));
-  // One cell falls to 0 from its centre on.
+  // A grid of one cell falls to 0 from its center outwards.
   const RenderPlan coarse = MakeRenderPlan(Read(Grid(1, kGrey)), settings);
   EXPECT_TRUE(Has(coarse.traits, Trait::kHeterogeneousMedia));
   EXPECT_THAT(

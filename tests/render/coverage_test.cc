@@ -1,10 +1,10 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Whether intervals of 95 % hold the true mean in 95 of 100 pictures: of frames and of their tiles,
-// over many seeds, on small scenes that differ in how light comes to the camera. The truth is a
-// picture of another seed with thousands of times the samples, whose own standard error must be
-// small beside theirs. SHEAF_LONG_TESTS=1 takes the seeds that tell 95 % from 93.
+// Tests whether 95 % confidence intervals contain the true mean in 95 of 100 images: for frames and
+// for their tiles, over many seeds, on small scenes with different kinds of light transport. The
+// truth is an image of another seed with thousands of times the samples, whose own standard error
+// must be small in comparison. SHEAF_LONG_TESTS=1 uses enough seeds to distinguish 95 % from 93.
 #include <gtest/gtest.h>
 
 #include <array>
@@ -88,7 +88,7 @@ struct Count {
     if (std::fabs(interval.mean - truth.mean) <= interval.half_width) ++held;
   }
   double Share() const { return held / static_cast<double>(reliable); }
-  // 2 % beside 95, and three standard deviations of the count.
+  // Tolerance: 2 % around 95 %, plus three standard deviations of the count.
   void Expect() const {
     ASSERT_GT(reliable, 0);
     EXPECT_NEAR(Share(), 0.95, 0.02 + 3 * std::sqrt(0.95 * 0.05 / reliable));
@@ -125,8 +125,9 @@ TEST_P(CoverageTest, IntervalsHoldTheTruthAsOftenAsTheySay) {
   frames.Expect();
 }
 
-// Scenes whose samples have no finite variance, or as good as none: what was seen of it says
-// nothing of what was not, and the interval of the frame or of a tile owns up to it.
+// Scenes whose samples have infinite, or practically infinite, variance: the observed samples do
+// not represent rare ones, and the interval of the frame or of a tile must be flagged as
+// unreliable.
 struct HeavyCase {
   std::string name;
   std::function<TestScene()> make;
@@ -134,8 +135,9 @@ struct HeavyCase {
 };
 void PrintTo(const HeavyCase& c, std::ostream* out) { *out << c.name; }
 
-// The light at r from a point lamp goes with 1 / r^2, its square over a volume as the integral of
-// 1 / r^2: infinite. Lines would cure it (equiangular_sampling.h).
+// In-scattered light at distance r from a point light is proportional to 1 / r^2. The integral of
+// its square over a volume diverges as that of 1 / r^2. Equiangular sampling would avoid this
+// (path_tracer_lines.h).
 TestScene LampInACloud(float density) {
   TestScene t({0, 0, -4}, {0, 0, 0}, 40);
   PointLight lamp;
@@ -152,8 +154,8 @@ TestScene LampInACloud(float density) {
       .media.inside = 0;
   return t;
 }
-// A point lamp at height h above a floor: the square of its light, over the floor, is as 1 / h^2.
-// The camera sees what other walls get of it, not the place itself.
+// A point light at height h above a floor: the integral of its squared irradiance over the floor
+// grows as 1 / h^2. The camera sees light reflected by other walls, not the lit spot itself.
 TestScene LampOnTheFloor() {
   TestScene t = LitRoom(1);
   t.scene.area_lights[0].radiance.rgb = Rgb::Grey(0.01f);

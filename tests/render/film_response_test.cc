@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Pictures by sensors of cameras against pbrt-v4's documented model, and samples that are clamped.
+// Images of camera sensors against pbrt-v4's documented model, and clamped samples.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -20,7 +20,7 @@ namespace {
 
 using ::testing::HasSubstr;
 
-// A sky that is alike everywhere.
+// A constant sky.
 SceneDescription ReadSky(const std::string& before_world, const std::string& light) {
   return testing::ReadSceneText(
       absl::StrCat(before_world, "\nWorldBegin\nLightSource \"infinite\" ", light, "\n"));
@@ -32,7 +32,7 @@ std::string Film(const std::string& parameters) {
                       "\nPixelFilter \"box\"\nSampler \"sobol\" \"integer pixelsamples\" 1024");
 }
 
-// Mean color of the picture as it is delivered.
+// Mean color of the delivered image.
 Vec3d Delivered(const SceneDescription& scene, const RenderSettings& asked = {}) {
   const absl::StatusOr<FrameSettings> settings = ResolveSettings(scene, asked);
   EXPECT_TRUE(settings.ok()) << settings.status();
@@ -86,7 +86,7 @@ TEST(FilmResponseTest, SensorsCarryWavelengthsUnlessRgbIsAskedFor) {
   asked.color = ColorTransport::kRgb;
   EXPECT_THAT(FormatRenderPlan(MakeRenderPlan(scene, *ResolveSettings(scene, asked))),
               HasSubstr("sensor: rgb transport has no wavelengths for nikon_d850; colors are"));
-  // The light that is balanced is white all the same, up to the sensor's own error.
+  // The light chosen as white is still white, up to the error of the sensor model.
   const Vec3d white = Delivered(scene, asked);
   for (size_t i = 0; i < 3; ++i) EXPECT_NEAR(white[i], 1, 0.05) << i;
 }
@@ -98,7 +98,7 @@ TEST(FilmResponseTest, ClampedSamplesKeepTheirColor) {
   for (size_t i = 0; i < 3; ++i) EXPECT_NEAR(clamped[i], 2 / 1.0891, 1e-3);
   const Vec3d below = Delivered(ReadSky(Film("\"float maxcomponentvalue\" 20"), sky));
   for (size_t i = 0; i < 3; ++i) EXPECT_NEAR(below[i], 10, 1e-4);
-  // Exposure comes first, as in pbrt-v4.
+  // Exposure is applied before clamping, as in pbrt-v4.
   const Vec3d exposed =
       Delivered(ReadSky(Film("\"float iso\" 1000 \"float maxcomponentvalue\" 20"), sky));
   for (size_t i = 0; i < 3; ++i) EXPECT_NEAR(exposed[i], 20 / 1.0891, 1e-2);

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// White furnaces (A3): what reflects or transmits everything cannot be seen under an even sky. Each
-// mean is tested against 1; the error budget is that of ExpectMean, widened where said.
+// White furnaces (A3): objects that reflect or transmit all light are invisible under a constant
+// sky. Each mean is tested against 1; the tolerance is that of ExpectMean, widened where noted.
 #include <gtest/gtest.h>
 
 #include <numbers>
@@ -49,7 +49,8 @@ TEST(FurnaceTest, ThinGlassVanishes) {
   ExpectMean(RenderMean(t.scene, SquareSettings(12, 64, kDepth)), Rgb::Grey(1));
 }
 
-// Rough surfaces get back what single scattering loses, to the half percent of their tables (M2).
+// For rough surfaces: energy compensation restores the loss of single scattering to the half
+// percent of its tables (M2).
 void ExpectNearOne(const TileMean& mean) {
   EXPECT_EQ(mean.non_finite, 0u);
   EXPECT_NEAR(mean.mean.g, 1, 5 * static_cast<double>(mean.standard_error.g) + 0.005);
@@ -98,7 +99,7 @@ TEST(FurnaceTest, RoughGlassVanishes) {
   }
 }
 
-// Light inside the ball goes through its wall many times.
+// Light inside the ball crosses its wall many times.
 TEST(FurnaceTest, ASheetThatKeepsNothingVanishes) {
   for (const ColorTransport color : {ColorTransport::kRgb, ColorTransport::kSpectral}) {
     TestScene t = UnderAnEvenSky();
@@ -114,7 +115,7 @@ TEST(FurnaceTest, ASheetThatKeepsNothingVanishes) {
   }
 }
 
-// Lit from behind, a sheet shows transmittance / pi of its irradiance, from either side.
+// Lit from behind, a sheet shows transmittance / pi times its irradiance, from either side.
 TEST(FurnaceTest, ASheetShowsTheLightBehindIt) {
   for (const double light_z : {1.0, -1.0}) {
     TestScene t({0, 0, -4 * light_z}, {0, 0, 0}, 10);
@@ -167,7 +168,7 @@ TEST(FurnaceTest, InstancesVanish) {
   ExpectMean(RenderMean(t.scene, SquareSettings(16, 128, kDepth)), Rgb::Grey(1));
 }
 
-// Shapes met in double, thin as they are: white on both sides.
+// Thin shapes that are intersected in double precision: white on both sides.
 BilinearMeshShape Saddle(TestScene* t) {
   BilinearMesh mesh;
   mesh.positions = {{-1, -1, 0.6f}, {1, -1, -0.6f}, {-1, 1, -0.6f}, {1, 1, 0.6f}};
@@ -204,9 +205,9 @@ TEST(FurnaceTest, PlacedAndMovingCylindersAndPatchesVanish) {
   ExpectMean(RenderMean(t.scene, SquareSettings(16, 128, kDepth)), Rgb::Grey(1));
 }
 
-// Emissive quadrics that have no sampling of their own light as triangles, to their 4e-4: half a
-// disk half as much as the whole, pi / 2 at a distance of its radius; a stretched sphere of radius
-// R at distance d nearly pi R^2 / d^2.
+// Emissive quadrics without light sampling of their own act as triangles, with an error of 4e-4:
+// half a disk gives half the irradiance of the whole, which is pi / 2 at a distance of its radius;
+// a stretched sphere of radius R at distance d gives nearly pi R^2 / d^2.
 TEST(LightOfQuadricsTest, PartialAndStretchedOnesAreTriangles) {
   const auto lit_by = [](auto shape, const Matrix4& place) {
     TestScene t({0, 0.2, -0.2}, {0, 0, 0}, 0.1f);
@@ -229,8 +230,8 @@ TEST(LightOfQuadricsTest, PartialAndStretchedOnesAreTriangles) {
       std::numbers::pi / 9);
 }
 
-// A sphere that shines on both sides lights its own wall from within, L / (1 - reflectance) in all,
-// and not from outside.
+// The inside of a sphere that emits on both sides has radiance L / (1 - reflectance) in total; its
+// outside receives no light from itself.
 TEST(LightOfQuadricsTest, TwoSidedSpheresLightTheirInside) {
   const auto seen_from = [](Vec3d eye) {
     TestScene t(eye, {0, 0, 0}, 10);

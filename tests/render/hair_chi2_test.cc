@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Hair's sampler against the pdf it states, across the fibre, along it and at its edges.
+// The hair BSDF's sampler against its pdf, across the fiber, along it and at its edges.
 #include <array>
 #include <optional>
 
@@ -17,8 +17,8 @@ using testing::ChiSquareResult;
 using testing::MakeHairFixture;
 
 constexpr uint64_t kSampleCount = 1000000;
-constexpr double kSignificance = 0.01;  // Of the whole file.
-constexpr int kTestCount = 24;          // At least as many chi-square tests as are made here.
+constexpr double kSignificance = 0.01;  // For the whole file.
+constexpr int kTestCount = 24;          // At least the number of chi-square tests in this file.
 
 void ExpectSamplerMatchesPdf(const BsdfFixture& hair, Vec3f wo) {
   const auto sample = [&](std::array<float, 3> u) -> std::optional<Vec3f> {

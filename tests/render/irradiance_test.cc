@@ -2,10 +2,10 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Irradiance of spheres, disks and rectangles against closed forms, at distances from a hundredth
-// of the light's size to a million times it. Every estimate comes with a standard error from 16
+// of the light's size to a million times it. Every estimate has a standard error from 16
 // independent scrambles; the test is |z| <= 6 (two-sided 2.4e-5 for Student's t with 15 degrees of
-// freedom; with about 60 comparisons a false alarm in 1.5e-3 of all choices of the seed, and the
-// seed is fixed) plus a relative kFloatTolerance for what float samples themselves round.
+// freedom; with about 60 comparisons a false alarm occurs for 1.5e-3 of all seeds, and the seed is
+// fixed) plus a relative kFloatTolerance for rounding in float samples.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -33,7 +33,7 @@ void ExpectAt(double setting, const Estimate& estimate, double expected) {
   testing::ExpectNear(estimate, expected, kFloatTolerance);
 }
 
-// How noisy an estimate may be: the standard deviation of one sample over the mean.
+// Limits the noise of an estimate: the standard deviation of one sample over the mean.
 void ExpectRelativeNoiseBelow(const Estimate& estimate, double bound, double setting) {
   const double per_sample = estimate.standard_error * std::sqrt(1024.0 * kReplicateCount);
   EXPECT_LE(per_sample, bound * estimate.mean) << "at " << setting;
@@ -48,7 +48,7 @@ LightTableInput UnitSquareAt(float height, bool two_sided) {
   return input;
 }
 
-// Centred above the receiver. Source: radiometry of a rectangle seen from its axis: four times the
+// Centered above the receiver. Source: radiometry of a rectangle seen from its axis: four times the
 // corner factor 1/(2 pi) (x/sqrt(1+x^2) atan(y/sqrt(1+x^2)) + the same with x and y exchanged).
 double SquareIrradiance(double h) {
   const double x = 0.5 / h;
@@ -65,7 +65,7 @@ TEST(IrradianceTest, SquareOverItsCentreAtAllDistances) {
   }
 }
 
-// L4's values.
+// Values of row L4.
 TEST(IrradianceTest, SquareHasTheKnownValues) {
   const std::pair<float, double> kKnown[] = {
       {1.f, 0.752274688454}, {0.01f, 3.14056468}, {1000.f, 9.99999667e-7}};
@@ -98,7 +98,7 @@ TEST(IrradianceTest, SquareFarFromTheOrigin) {
 }
 
 TEST(IrradianceTest, SphereAtTheZenithAtAllDistances) {
-  // Distances from the centre; the nearest is a hundredth of the radius above the surface.
+  // Distances from the center; the nearest is a hundredth of the radius above the surface.
   for (double d : {1.01, 1.1, 2.0, 3.0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6}) {
     LightTableInput input;
     input.spheres = {{{0, 0, d}, 1, kWhite}};
@@ -110,7 +110,7 @@ TEST(IrradianceTest, SphereAtTheZenithAtAllDistances) {
 }
 
 TEST(IrradianceTest, SphereSeenAtAnAngle) {
-  // While the whole sphere is above the horizon the irradiance is that at the zenith times the
+  // If the whole sphere is above the horizon, the irradiance is that at the zenith times the
   // cosine.
   for (double d : {2.0, 1e2, 1e5}) {
     LightTableInput input;
@@ -174,7 +174,7 @@ TEST(IrradianceTest, LightsOfAllKindsAddUp) {
   input.disks = {{{0, 0, 1}, {0, 0, -1}, {1, 0, 0}, 1, 0, kWhite}};
   const auto table = MakeTable(
       input, {MakeSky(kWhite), MakeDistant(kWhite, {0, 0, 1}), MakePoint(kWhite, {0, 0, 2})});
-  // Without occlusion every light counts in full.
+  // Without occlusion every light contributes fully.
   ExpectAt(0, EstimateIrradiance(*table, {0, 0, 0}, {0, 0, 1}, 8192),
            SquareIrradiance(1) + kPi / 9 + kPi / 2 + kPi + 1 + 0.25);
 }

@@ -2,12 +2,12 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Every light sampler against its own pdf by Pearson's chi-square: samples are counted in cells of
-// a smooth map of the shape's surface (of the square, for environment maps), and the pdf, carried
-// to that map by the exact Jacobian, is integrated over each cell. Cells with fewer than 5 expected
-// samples are pooled. The statistic is turned to a normal deviate (Wilson and Hilferty 1931); with
-// about 40 tests and the bound 5 a correct sampler fails for one seed in 80000, and the seeds are
-// fixed. In the same run: pdfs of Sample and of PdfEmitter are equal to the bit, and the mean of
-// 1/pdf is the solid angle.
+// a smooth map of the shape's surface (of the square, for environment maps), and the pdf,
+// transformed to that map by the exact Jacobian, is integrated over each cell. Cells with fewer
+// than 5 expected samples are pooled. The statistic is converted to a normal deviate (Wilson and
+// Hilferty 1931); with about 40 tests and the bound 5 a correct sampler fails for one seed in
+// 80000, and the seeds are fixed. The same run checks that the pdfs of Sample and of PdfEmitter are
+// equal to the bit, and that the mean of 1/pdf is the solid angle.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -30,7 +30,7 @@ using testing::kWhite;
 using testing::MakeTable;
 using testing::RandomPoints;
 
-constexpr int kCells = 12;     // An axis.
+constexpr int kCells = 12;     // Per axis.
 constexpr int kSubCells = 48;  // Midpoint rule within a cell.
 constexpr double kDeviateMax = 5;
 
@@ -57,7 +57,7 @@ double ChiSquareDeviate(const std::vector<double>& observed, const std::vector<d
   return (std::cbrt(statistic / k) - (1 - 2 / (9 * k))) / std::sqrt(2 / (9 * k));
 }
 
-// A smooth map of the light's surface: square to point and normal, with the area it stretches to.
+// A smooth map of the light's surface: from the square to point and normal, with the area element.
 struct SurfacePoint {
   Vec3d p, n;
   double area = 0;  // d(area) / d(s, t).
@@ -110,7 +110,7 @@ void ExpectMatches(const LightTable& table, uint32_t emitter, const Surface& sur
     inverse_pdf_squares += inverse_pdf * inverse_pdf;
   }
   EXPECT_EQ(different_bits, 0);
-  const double scale = total;  // The midpoint rule's own error.
+  const double scale = total;  // Corrects the midpoint rule's own error.
   for (double& e : expected) e /= scale;
   EXPECT_LE(ChiSquareDeviate(observed, expected), kDeviateMax);
   const double mean = inverse_pdf_sum / sample_count;
@@ -151,8 +151,8 @@ TEST(LightChi2Test, Triangles) {
     LightTableInput input;
     input.triangles = {t};
     Vec3f p{0, 0, 0};
-    // So far away p_light must keep enough bits to tell the cells apart: the receiver moves
-    // instead.
+    // For a distant triangle, p_light must have enough bits to distinguish the cells: the receiver
+    // is moved instead.
     const auto table = MakeTable(input);
     if (t.v0.x > 1e5f) {
       const Vec3f far = t.v0;
@@ -167,7 +167,7 @@ TEST(LightChi2Test, Triangles) {
   }
 }
 
-// The part of a sphere's surface seen from p (all of it from inside), in polar coordinates about
+// The part of a sphere's surface visible from p (all of it from inside), in polar coordinates about
 // the point nearest to p, where cells are densest.
 Surface SphereSurface(const SphereEmitter& s, Vec3d p) {
   const Vec3d to_p = p - s.center;
@@ -243,7 +243,8 @@ TEST(LightChi2Test, Disks) {
   }
 }
 
-// The pdf of a ring near by counts what falls into the hole, so only far away does it add up to 1.
+// The pdf of a nearby ring includes the directions to its hole, so it integrates to 1 only far
+// away.
 TEST(LightChi2Test, RingFarAway) {
   LightTableInput input;
   input.disks = {{{0, 0, 0}, {0, 0, 1}, {1, 0, 0}, 1, 0.6, kWhite, true}};
@@ -257,7 +258,7 @@ std::vector<Rgb> RandomTexels(int size, uint64_t seed) {
   std::vector<Rgb> texels(static_cast<size_t>(size) * static_cast<size_t>(size));
   for (Rgb& texel : texels) {
     const float bright = random.Next();
-    // Steep: a few texels carry most of the light, and a quarter are black.
+    // Strong contrast: a few texels carry most of the light, and a quarter are black.
     const float value = bright < 0.25f ? 0 : bright * bright * bright * bright;
     texel = {value, value * random.Next(), value * random.Next()};
   }
@@ -270,7 +271,7 @@ void ExpectMapMatches(int size, const std::vector<Rgb>& texels, uint64_t seed) {
   constexpr int kMapCells = 24;
   const size_t cell_count = static_cast<size_t>(kMapCells) * kMapCells;
   std::vector<double> expected(cell_count), observed(cell_count);
-  // A multiple of the quarter texels that the pdf is made of, where the size is a power of two.
+  // A multiple of the quarter texels that make up the pdf, if the size is a power of two.
   constexpr int kFineInCell = 32, kFine = kMapCells * kFineInCell;
   double total = 0;
   int unreachable = 0;
@@ -295,7 +296,7 @@ void ExpectMapMatches(int size, const std::vector<Rgb>& texels, uint64_t seed) {
     EXPECT_NEAR(Length(d), 1, 1e-6);
     ASSERT_GT(sample.pdf, 0);
     ASSERT_EQ(map->Pdf(sample.place), sample.pdf);
-    // Rounding may move a place over the edge of its square.
+    // Rounding may move a point across the edge of its square.
     different_pdfs += map->Pdf(d) != sample.pdf;
     const Vec2f st = EqualAreaSphereToSquare(d);
     const int x = std::min(static_cast<int>(st.x * kMapCells), kMapCells - 1);

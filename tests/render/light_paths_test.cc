@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Kinds of light paths: they add up to the picture, are what they are called, and share its noise.
+// Kinds of light paths: they add up to the image, match their names, and account for its noise.
 #include <gtest/gtest.h>
 
 #include <array>
@@ -44,7 +44,7 @@ double SumOf(const FramePicture& picture, const std::string& channel) {
   return sum;
 }
 
-// Of every kind, the sum of its green over the picture; expects that kinds add up in every pixel.
+// The sum of green over the image for every kind; expects that the kinds add up in every pixel.
 std::map<std::string, double> KindsOf(const SceneDescription& scene, int32_t depth) {
   const FramePicture picture = RenderPicture(scene, PathSettings(depth));
   for (const std::string component : {".R", ".G", ".B"}) {
@@ -72,7 +72,7 @@ TestScene RoomWithGlass() {
   return t;
 }
 
-// Green of the picture with no more than one scattering.
+// Green of the image with at most one scattering.
 double GreenOfDepthOne(const SceneDescription& scene) {
   return SumOf(RenderPicture(scene, SquareSettings(kSizePx, kSamples, 1)), "G");
 }
@@ -166,7 +166,7 @@ TEST(PathNoiseTest, SharesAddUp) {
   EXPECT_NEAR(variance, 1, 1e-9);
 }
 
-// Caustics of a smaller lamp come in rare bright samples: little light, most of the noise.
+// Caustics of a small light consist of rare bright samples: little light, but most of the noise.
 TEST(PathNoiseTest, CausticsAreToBlame) {
   TestScene t = RoomWithGlass();
   t.scene.area_lights[0].radiance.rgb = Rgb::Grey(50);

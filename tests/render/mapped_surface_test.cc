@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Pictures on surfaces that turn the normal or shine: rendered scenes whose answer is known.
+// Textures that perturb normals or emit light: rendered scenes with known results.
 #include <gtest/gtest.h>
 
 #include <array>
@@ -69,7 +69,7 @@ void MapNormals(TestScene* t) {
   }
 }
 
-// Texels that lean hard, each to another side.
+// Strongly tilted normals, each in another direction.
 const std::vector<Rgb> kStrongNormals = {
     {0.95f, 0.5f, 0.6f}, {0.1f, 0.2f, 0.7f}, {0.5f, 0.02f, 0.55f}, {0.6f, 0.9f, 0.4f}};
 
@@ -78,9 +78,9 @@ struct NamedMaterial {
   std::function<int32_t(TestScene&)> add;
 };
 
-// Smooth glass is not among them: mirrors whose normals are not those of their surface can hold
-// light in total reflection for ever. That each of its reflections keeps all light is a test of
-// tests/stability/shading_normal_stability_test.cc.
+// Smooth glass is excluded: mirrors with perturbed normals can trap light in total reflection
+// forever. tests/stability/shading_normal_stability_test.cc tests that each of its reflections
+// keeps all light.
 std::vector<NamedMaterial> MaterialsThatKeepAll() {
   const auto rough = [](float r) { return RoughnessInput{{r, kNone}, {r, kNone}, false}; };
   const auto metal = [=](float r) {
@@ -127,7 +127,7 @@ std::vector<NamedMaterial> MaterialsThatKeepAll() {
   };
 }
 
-// Energy: none is lost to directions below the surface, none is made.
+// Energy conservation: no light is lost to directions below the surface, and none is created.
 TEST_F(MappedSurfaceTest, WhatKeepsAllLightVanishesWhateverItsNormals) {
   Write(2, kStrongNormals);
   for (const NamedMaterial& material : MaterialsThatKeepAll()) {
@@ -168,12 +168,13 @@ TEST_F(MappedSurfaceTest, AFlatNormalMapIsNone) {
   EXPECT_TRUE(Has(PlanOf(*scene).traits, Trait::kNormalMaps));
   const TileMean mapped = MeanOf(RenderAll(*scene));
   for (size_t c = 0; c < 3; ++c) {
-    // The same numbers, about other tangents: the samples of a light without size do not notice.
+    // The random numbers are the same relative to other tangents, which does not affect the samples
+    // of a point light.
     EXPECT_NEAR(mapped.mean[c], plain.mean[c], 1e-5);
   }
 }
 
-// What a light gives by its picture counts for the light's own group.
+// Light from an image texture counts for the light's own group.
 TEST_F(MappedSurfaceTest, PictureLightsShineForTheirGroup) {
   Write(2, {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}, {1, 1, 1}});
   TestScene t = LitRoom(1);
@@ -200,7 +201,7 @@ TEST_F(MappedSurfaceTest, PictureLightsShineForTheirGroup) {
   EXPECT_GT(totals[1], 0.1);
 }
 
-// Everything but the size of the scene is the same: so is every bit of the picture.
+// Only the size of the scene differs, so every bit of the image is the same.
 TEST_F(MappedSurfaceTest, AScaledSceneGivesTheSameBits) {
   Write(2, kStrongNormals);
   const auto render = [&](double scale) {
@@ -221,8 +222,8 @@ TEST_F(MappedSurfaceTest, AScaledSceneGivesTheSameBits) {
   }
 }
 
-// A map painted for one side of a mirrored pair of instances shows the mirror's picture on the
-// other: seen from where each other are mirrored to, both give the same mean.
+// In a mirrored pair of instances, the second one shows the mirror image of the first one's map:
+// seen from mirrored positions, both have the same mean.
 TEST_F(MappedSurfaceTest, MirroredInstancesAreMirrored) {
   Write(2, kStrongNormals);
   const auto render = [&](double side) {
@@ -250,7 +251,7 @@ TEST_F(MappedSurfaceTest, MirroredInstancesAreMirrored) {
 
 // --- Emission ------------------------------------------------------------------------------------
 
-// Black but for one bright texel, and a dim part.
+// Black except for one bright texel and a dim region.
 std::vector<Rgb> Spotlit(int size) {
   std::vector<Rgb> texels(static_cast<size_t>(size) * static_cast<size_t>(size));
   texels[static_cast<size_t>(2 * size + size / 2)] = {90, 60, 30};
@@ -264,7 +265,7 @@ int32_t PictureLight(TestScene* t, bool two_sided = false) {
   return light;
 }
 
-// A screen over the origin that shines down on it, in unit square uvs.
+// A screen above the origin that emits downwards, with uvs in the unit square.
 void AddScreen(TestScene* t, bool two_sided) {
   const int32_t mesh = t->Quad({-1, 1, -1}, {1, 1, -1}, {1, 1, 1}, {-1, 1, 1});
   t->scene.meshes.back().uvs = {{0, 0}, {1, 0}, {1, 1}, {0, 1}};
@@ -278,8 +279,8 @@ Vec3f CosineDirection(Vec2f u) {
 
 constexpr uint64_t kPoints = 4096;
 
-// Irradiance (red) at the origin, facing up: by directions of a diffuse surface alone, by lights
-// alone, by both with multiple importance sampling.
+// Irradiance (red) at the origin, facing up: by BSDF samples of a diffuse surface only, by light
+// samples only, and by both with multiple importance sampling.
 struct Irradiance {
   Estimate by_bsdf, by_light, by_both;
 };
@@ -337,7 +338,7 @@ TEST_F(MappedSurfaceTest, HitsAndLightSamplesOfAPictureAgree) {
     const CompiledScenePtr scene = CompileMapped(t.scene, SquareSettings(4, 1, 1));
     const Irradiance e = Measure(*scene);
     ExpectAgreement(e);
-    // Light samples know where the picture is bright.
+    // Light sampling follows the brightness of the image.
     EXPECT_LT(e.by_light.standard_error, 0.25 * e.by_bsdf.standard_error);
   }
 }
@@ -359,8 +360,8 @@ TEST_F(MappedSurfaceTest, PicturesOnDisksAndSpheresAgree) {
   }
 }
 
-// An even picture is a plain lamp: the unit square at distance 1 lights its foot by 0.752274688454
-// of its radiance (row L4).
+// A constant image equals a plain light: the unit square at distance 1 gives the point below it an
+// irradiance of 0.752274688454 times its radiance (row L4).
 TEST_F(MappedSurfaceTest, AnEvenPictureIsAPlainLamp) {
   Write(4, std::vector<Rgb>(16, Rgb::Grey(3)));
   TestScene t({0, 0, 0}, {0, 1, 1}, 40);
@@ -373,7 +374,7 @@ TEST_F(MappedSurfaceTest, AnEvenPictureIsAPlainLamp) {
   testing::ExpectNear(e, 1.5 * 0.752274688454);
 }
 
-// The camera sees the picture itself: its mean over the screen.
+// The camera sees the image itself: its mean over the screen.
 TEST_F(MappedSurfaceTest, TheCameraSeesThePicture) {
   Write(2, {{1, 2, 3}, {5, 0, 1}, {0, 0, 0}, {2, 2, 4}});
   for (const ColorTransport color : {ColorTransport::kRgb, ColorTransport::kSpectral}) {
@@ -382,7 +383,7 @@ TEST_F(MappedSurfaceTest, TheCameraSeesThePicture) {
     FrameSettings settings = SquareSettings(8, 256, 0);
     settings.color = color;
     const TileMean mean = RenderMapped(t.scene, settings);
-    // Clamped at its edges, bilinear: each texel counts for a quarter.
+    // Clamped at its edges and bilinear: each texel has a weight of a quarter.
     const Rgb expected{2, 1, 2};
     for (size_t c = 0; c < 3; ++c) {
       EXPECT_NEAR(mean.mean[c], expected[c],
@@ -391,8 +392,8 @@ TEST_F(MappedSurfaceTest, TheCameraSeesThePicture) {
   }
 }
 
-// Cut-outs of lamps, as in pbrt-v4: what remains shines; what is cut out everywhere shines as a
-// whole, but no ray meets it.
+// Lights with alpha, as in pbrt-v4: the opaque part emits; a light that is transparent everywhere
+// emits as a whole, but no ray hits it.
 TEST_F(MappedSurfaceTest, LampsAreCutOut) {
   const auto floor_under = [&](float alpha, float* seen) {
     TestScene t({0, 0.4, -1}, {0, 0, 0}, 20);

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Measured materials: the warps they are sampled by, the sampler against the pdf it states, and
-// what a file that was made of a known function shows of it.
+// Measured materials: the warps used for sampling, the sampler against its pdf, and a file
+// generated from a known function against that function.
 #include <array>
 #include <cmath>
 #include <filesystem>
@@ -32,8 +32,8 @@ using testing::DirectionAt;
 using testing::MeasuredFileBuilder;
 
 constexpr uint64_t kSampleCount = 1000000;
-constexpr double kSignificance = 0.01;  // Of the whole file.
-constexpr int kTestCount = 16;          // At least as many chi-square tests as are made here.
+constexpr double kSignificance = 0.01;  // For the whole file.
+constexpr int kTestCount = 16;          // At least the number of chi-square tests in this file.
 
 MeasuredBrdf Make(const MeasuredFileBuilder& builder, bool spectral = false) {
   const std::string path = sheaf::testing::TemporaryPath("measured.bsdf");
@@ -56,14 +56,14 @@ MeasuredFileBuilder AnisotropicBuilder() {
   builder.theta = {0, 0.5f, 1.0f, 1.4f};
   builder.alpha_x = 0.2;
   builder.alpha_y = 0.6;
-  // Brighter towards +x, so that a turned frame is noticed.
+  // Brighter towards +x, so that a rotated frame is detected.
   builder.f_cos = [builder](Vec3d wo, Vec3d wi, double) {
     return builder.Density(Normalize(wo + wi)) / (4 * builder.Sigma(wo)) * (0.6 + 0.4 * wi.x);
   };
   return builder;
 }
-// A highlight that is brighter to one side: single scattering of GGX normals without Fresnel or
-// shadows, but for the factor that depends on the wavelength.
+// A highlight brighter on one side: single scattering of GGX normals without Fresnel and shadowing,
+// times a factor that depends on the wavelength.
 MeasuredFileBuilder GlossyBuilder() {
   MeasuredFileBuilder builder;
   builder.alpha_x = builder.alpha_y = 0.3;
@@ -76,7 +76,7 @@ MeasuredFileBuilder GlossyBuilder() {
 TEST(WarpTableTest, PointsAndDensitiesGoThereAndBack) {
   std::vector<float> values(2 * 5 * 4);
   for (size_t i = 0; i < values.size(); ++i) values[i] = CounterUniforms(3, i)[0];
-  for (size_t i = 0; i < 8; ++i) values[i] = 0;  // Two lines of the first are black.
+  for (size_t i = 0; i < 8; ++i) values[i] = 0;  // Two rows of the first slice are black.
   const WarpTable table(4, 5, values);
   for (float weight : {1.0f, 0.3f}) {
     SliceBlend blend;
@@ -172,7 +172,7 @@ TEST(MeasuredTest, M13_ThePdfOfASampleIsTheOneEvaluated) {
                   .measured = differing});
 }
 
-// At directions of incidence that were measured only the grid over the square is interpolated.
+// At measured directions of incidence, only the grid over the square is interpolated.
 TEST(MeasuredTest, ShowsTheFunctionTheFileWasMadeOf) {
   for (const MeasuredFileBuilder& builder :
        {MeasuredFileBuilder{}, GlossyBuilder(), AnisotropicBuilder()}) {
@@ -186,7 +186,8 @@ TEST(MeasuredTest, ShowsTheFunctionTheFileWasMadeOf) {
         const auto u = CounterUniforms(2, i);
         const std::optional<Vec3f> wi = measured.Sample(wo, {u[0], u[1]});
         if (!wi || wi->z < 0.1f) continue;
-        // Of grey materials RGB is the value itself; of others it is that in the middle of green.
+        // RGB equals the value itself for gray materials, and for others the value in the middle of
+        // green.
         const double expected = builder.f_cos(ToDouble(wo), ToDouble(*wi), 540);
         const double ratio =
             static_cast<double>(measured.Eval(wo, *wi, Rgb{}).f_cos.g) / expected - 1;
@@ -201,7 +202,7 @@ TEST(MeasuredTest, ShowsTheFunctionTheFileWasMadeOf) {
   }
 }
 
-// A matte material that reflects all: 17 x 17 cells show it as nearly white.
+// A matte white material: with 17 x 17 cells it is nearly white.
 TEST(MeasuredTest, WhiteFurnace) {
   MeasuredFileBuilder white;
   white.f_cos = [](Vec3d, Vec3d wi, double) { return wi.z / std::numbers::pi; };
@@ -235,9 +236,9 @@ TEST(MeasuredTest, SpectraAreLinearBetweenTheirWavelengths) {
   const Spectral f = measured.Eval(wo, wi, Spectral{{400, 475, 700, 830}}).f_cos;
   EXPECT_NEAR(f[1] / f[0], 475.0f / 400, 1e-4f);
   EXPECT_NEAR(f[2] / f[0], 700.0f / 400, 1e-4f);
-  EXPECT_EQ(f[3], f[2]);  // The ends hold beyond them.
+  EXPECT_EQ(f[3], f[2]);  // Constant beyond the ends.
   EXPECT_EQ(measured.Eval(wo, wi, Spectral{{360, 400, 400, 400}}).f_cos[0], f[0]);
-  // RGB of the same spectrum: as of any reflectance under D65.
+  // RGB of the same spectrum: as for any reflectance under D65.
   EXPECT_GT(measured.Eval(wo, wi, Rgb{}).f_cos.r, measured.Eval(wo, wi, Rgb{}).f_cos.b);
 }
 

@@ -1,10 +1,11 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Media that velocities move while the shutter is open, rendered: against the mean of pictures of
-// what stands still, strip by strip; in files; and with the shutter shut. Means are held by 5
-// standard errors of the difference, of 16 replicates each: a right one fails with probability
-// 2e-5 at most (Student's t with 30 degrees of freedom), and there are under a hundred.
+// Rendered media that move by velocities while the shutter is open: against the mean of images of
+// still media, strip by strip; in files; and with the shutter closed. Means are compared with a
+// tolerance of 5 standard errors of the difference, from 16 replicates each: a correct mean fails
+// with a probability of at most 2e-5 (Student's t with 30 degrees of freedom), and there are fewer
+// than a hundred comparisons.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -71,7 +72,7 @@ class PuffScene : public TestScene {
   UniformGridMedium& grid() { return std::get<UniformGridMedium>(medium().kind); }
   void Blow(Vec3f wind) { grid().velocity.assign(grid().density.size(), wind); }
   void Shift(Vec3d by) { medium().world_from_medium = TranslateMatrix(by); }
-  // Hotter to the right.
+  // Adds temperatures that increase to the right.
   void Heat() {
     for (int i = 0; i < kSide * kSide * kSide; ++i) {
       grid().temperature_k.push_back(1200 + 600 * static_cast<float>(PointOf({i % kSide}).x));
@@ -96,8 +97,8 @@ Strips Render(const PuffScene& t, int samples, ColorTransport color, FileSource&
     strips[static_cast<size_t>(i)] = MeanOf(RenderAll(**compiled, &stats));
     EXPECT_EQ(stats.broken_majorants, 0u);
     EXPECT_EQ(stats.raised_majorants, 0u);
-    // Of millions of rays one may slip through an edge of the box, which is counted and costs no
-    // more than its path; those of the long runs, of what stands still, have it.
+    // Among millions of rays one may slip through an edge of the box. It is counted and affects
+    // only its own path; the long runs with still media contain such a ray.
     EXPECT_LE(stats.broken_nestings, LongTests() ? 1u : 0u);
   }
   return strips;
@@ -107,8 +108,8 @@ Strips Render(const PuffScene& t, int samples, ColorTransport color = ColorTrans
   return Render(t, samples, color, files);
 }
 
-// The mean of pictures of the same, shifted by 1/32, 3/32, ... of the way, each of noise of its
-// own.
+// The mean of images of the still medium, shifted by 1/32, 3/32, ... of the way, each with
+// independent noise.
 Strips MeanOfStills(PuffScene t, Vec3d way, int samples, ColorTransport color, FileSource& files) {
   constexpr int kPictures = 16;
   t.medium().StandStill();
@@ -140,14 +141,14 @@ double LargestZ(const Strips& a, const Strips& b) {
     for (size_t c = 0; c < 3; ++c) {
       const double error = std::hypot(a[i].standard_error[c], b[i].standard_error[c]);
       const double difference = std::fabs(double{a[i].mean[c]} - double{b[i].mean[c]});
-      // 1e-4: the midpoints' own error.
+      // 1e-4: the error of the midpoint rule.
       largest = std::max(largest, difference / std::hypot(error, 1e-4 * double{b[i].mean[c]}));
     }
   }
   return largest;
 }
 
-// The moving one is as the mean of the still ones, and neither as the first nor as the last moment.
+// The moving medium matches the mean of the still ones, and neither the first nor the last moment.
 void ExpectBlur(const PuffScene& t, Vec3d way, int samples, ColorTransport color,
                 FileSource& files) {
   const Strips moving = Render(t, samples, color, files);
@@ -166,7 +167,7 @@ TEST(MovingVolumesTest, AnEvenWindBlursAsTheMeanOfWhatStandsStill) {
     SCOPED_TRACE(ColorTransportName(color));
     PuffScene t;
     t.ConstantEnvironment({0.5f, 0.7f, 1});
-    // The shutter is open for half of a unit of time.
+    // The shutter is open for half a time unit.
     t.Blow({4.8f, 0.8f, 0});
     t.medium().velocity_scale = 0.5f;
     ExpectBlur(t, {1.2, 0.2, 0}, DrawCount(256, 2048), color, files);
@@ -184,7 +185,7 @@ TEST(MovingVolumesTest, BlackBodiesMoveAlong) {
   }
 }
 
-// What the smoke hides, and its shadow, are blurred too: shadow rays know the time.
+// The background behind the smoke and its shadow are blurred too: shadow rays carry the time.
 TEST(MovingVolumesTest, ShadowsMoveAlong) {
   PuffScene t;
   DistantLight sun;
@@ -199,17 +200,17 @@ TEST(MovingVolumesTest, ShadowsMoveAlong) {
   ExpectBlur(t, {1.2, 0, 0}, DrawCount(256, 2048), ColorTransport::kRgb, files);
 }
 
-// V5: lumps that are torn in every direction, slowly and fast, into where nothing was.
+// V5: lumps that move in all directions, slowly and fast, into empty space.
 TEST(MovingVolumesTest, V5BoundsHoldInPictures) {
   Random random(7);
   for (const float speed : {0.2f, 2.0f, 20.0f}) {
     PuffScene t;
     t.ConstantEnvironment({0.5f, 0.7f, 1});
-    t.medium().scale = 40;  // So thick that bounds are made for small cells.
+    t.medium().scale = 40;  // Dense enough that majorants use small cells.
     for (float& v : t.grid().density) v *= static_cast<float>(std::pow(random.Uniform(), 3));
     t.Blow({});
     for (Vec3f& v : t.grid().velocity) v = random.Direction() * speed;
-    Render(t, 16);  // Which looks for bounds that were broken.
+    Render(t, 16);  // Checks for violated majorants.
   }
 }
 
@@ -219,7 +220,7 @@ FilmTile Film(const PuffScene& t, RenderPlan* plan) {
   return RenderAll(*scene);
 }
 
-// A shutter that is not open for any time, and velocities of 0, cost nothing and change no bit.
+// A shutter interval of length 0, and zero velocities, cost nothing and change no bit.
 TEST(MovingVolumesTest, WhatDoesNotMoveIsStillToTheBit) {
   PuffScene still;
   still.ConstantEnvironment({0.5f, 0.7f, 1});
@@ -254,7 +255,7 @@ TEST(MovingVolumesTest, ThePlanSaysWhoMoves) {
   ASSERT_NE(effect, plan.effects.end());
   EXPECT_EQ(effect->name, "moving volumes");
   EXPECT_EQ(effect->cause, "test.pbrt:7:3: medium \"smoke\"");
-  // Each can be left out, and what is left stands still.
+  // Either can be ablated; the remaining scene is still.
   TableFileSource files({});
   for (const Trait trait : {Trait::kMovingVolumes, Trait::kMotion}) {
     const auto without = LeaveOut(trait, t.scene, settings, files);
@@ -262,7 +263,7 @@ TEST(MovingVolumesTest, ThePlanSaysWhoMoves) {
     const uint32_t rest = MakeRenderPlan(without->scene, without->settings).traits;
     EXPECT_EQ(rest, plan.traits & ~TraitSet(Trait::kMovingVolumes, Trait::kMotion));
   }
-  // Variants for scenes without it do not hold it.
+  // Variants for scenes without it do not contain it.
   t.medium().StandStill();
   EXPECT_FALSE(Has(MakeRenderPlan(t.scene, settings).variant_traits, Trait::kMovingVolumes));
 }
@@ -277,7 +278,7 @@ float PuffOf(const Voxel& v) {
 GridToWrite Density() {
   return {.lo = {-15, -15, -15}, .hi = {15, 15, 15}, .value = PuffOf, .voxel_size = 0.125};
 }
-// Velocities of value times (1, 2, 3).
+// Velocities: value times (1, 2, 3).
 GridToWrite Velocities(const std::string& name, float (*value)(const Voxel&)) {
   return {.name = name,
           .lo = {-8, -8, -8},

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Outputs of small scenes whose values are known: what the tracer records of first surfaces, light
-// groups, and ids with their names.
+// Outputs of small scenes with known values: the tracer's records of first surfaces, light groups,
+// and ids with their names.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -38,8 +38,8 @@ float At(const FramePicture& picture, const char* channel, int32_t x, int32_t y)
   return plane == nullptr ? 0 : (*plane)[static_cast<size_t>(y * kSizePx + x)];
 }
 
-// A camera at (5, 0, -2) looks along +z at the wall z = 0, which fills the view: half its width is
-// 2 * tan 45 degrees = 2, a pixel 0.25.
+// A camera at (5, 0, -2) that looks along +z at the wall z = 0, which fills the view: the view's
+// half-width is 2 * tan 45 degrees = 2, and a pixel is 0.25 wide.
 TestScene Wall() {
   TestScene t({5, 0, -2}, {5, 0, 0}, 90);
   const int32_t mesh = t.Quad({0, -5, 0}, {0, 5, 0}, {10, 5, 0}, {10, -5, 0});
@@ -55,16 +55,16 @@ TEST(OutputsTest, FirstSurfaceInWorldSpace) {
     settings.outputs.Add(aov);
   }
   const FramePicture picture = RenderPicture(Wall().scene, settings);
-  // A pixel's samples are spread over it; 64 points of a Sobol' sequence have their mean within
-  // 1/64 of a pixel of its middle. Pixel (3, 12) is 4.5 to the left and below; x grows to the
-  // right of the left-handed camera.
+  // A pixel's samples are spread over it; the mean of 64 points of a Sobol' sequence is within 1/64
+  // of a pixel of its center. Pixel (3, 12) is 4.5 to the left and below; x increases to the right
+  // of the left-handed camera.
   const float tolerance = 0.25f / 64;
   EXPECT_NEAR(At(picture, "P.X", 3, 12), 5 - 4.5 * 0.25, tolerance);
   EXPECT_NEAR(At(picture, "P.Y", 3, 12), -4.5 * 0.25, tolerance);
   EXPECT_EQ(At(picture, "P.Z", 3, 12), 0);
   EXPECT_NEAR(At(picture, "u", 3, 12), (5 - 4.5 * 0.25) / 10, tolerance / 10);
   EXPECT_NEAR(At(picture, "v", 3, 12), (5 - 4.5 * 0.25) / 10, tolerance / 10);
-  // Towards the viewer, whichever side the mesh calls its front.
+  // Towards the viewer, whichever side is the mesh's front.
   for (const char* channel : {"N.Z", "Ns.Z"}) EXPECT_EQ(At(picture, channel, 3, 12), -1);
   EXPECT_EQ(At(picture, "N.X", 3, 12), 0);
 }
@@ -95,7 +95,7 @@ TEST(OutputsTest, MotionOfSurfaceAndCamera) {
   FramePicture picture = RenderPicture(t.scene, settings);
   EXPECT_NEAR(At(picture, "motion.X", 4, 9), 2, 1e-4);
   EXPECT_NEAR(At(picture, "motion.Y", 4, 9), -1, 1e-4);
-  // A camera that moves along with it sees nothing move.
+  // For a camera that moves with it, nothing moves.
   t.scene.camera.world_from_camera.end =
       TranslateMatrix({0.5, 0.25, 0}) * t.scene.camera.world_from_camera.start;
   picture = RenderPicture(t.scene, settings);
@@ -103,7 +103,7 @@ TEST(OutputsTest, MotionOfSurfaceAndCamera) {
   EXPECT_NEAR(At(picture, "motion.Y", 4, 9), 0, 1e-4);
 }
 
-// The same wall, its vertices moved instead; then by its transform as well, twice as far.
+// The same wall with moving vertices; then also with a moving transform, twice as far.
 TEST(OutputsTest, MotionOfDeformation) {
   FrameSettings settings = SquareSettings(kSizePx, 16, 1);
   settings.outputs.Add(Aov::kMotion);
@@ -145,7 +145,7 @@ FrameSettings GroupSettings(const SceneDescription& scene, ColorTransport color)
   return *settings;
 }
 
-// Whether the groups add up to the picture, and each of `names` contributes.
+// Expects that the groups add up to the image and that each of `names` contributes.
 void ExpectGroupsAddUp(const SceneDescription& scene, const std::vector<std::string>& names) {
   for (const ColorTransport color : {ColorTransport::kRgb, ColorTransport::kSpectral}) {
     const FrameSettings settings = GroupSettings(scene, color);
@@ -185,13 +185,13 @@ TEST(OutputsTest, SkiesThatOverlapShareTheLight) {
   sun.to = {0, 0, 0};
   t.scene.lights.push_back({sun, {}, {}, {}, "sun"});
   ExpectGroupsAddUp(t.scene, {"blue", "default", "sun"});
-  // Without scattering between them the two skies differ by their colours alone.
+  // Without scattering between them the two skies differ only by their colors.
   const FrameSettings settings = GroupSettings(t.scene, ColorTransport::kRgb);
   const FramePicture picture = RenderPicture(t.scene, settings);
   EXPECT_NEAR(At(picture, "blue.G", 5, 5), 0.4 * At(picture, "default.G", 5, 5), 1e-5);
 }
 
-// A group's light is what the scene shows with all other lights put out.
+// A group's light equals the image of the scene with all other lights removed.
 TEST(OutputsTest, GroupIsThePictureOfItsLightsAlone) {
   const TestScene both = RoomWithGroups();
   FrameSettings settings = GroupSettings(both.scene, ColorTransport::kRgb);
@@ -223,7 +223,7 @@ TEST(OutputsTest, PictureKeepsItsBits) {
   }
 }
 
-// Two balls of one definition left and right of the middle, before the wall.
+// Two instances of a ball left and right of the center, in front of the wall.
 TestScene Balls() {
   TestScene t = Wall();
   t.scene.files = {"room.pbrt", "wall.pbrt"};
@@ -257,7 +257,7 @@ TEST(OutputsTest, IdsAndTheirNames) {
     const float id = At(picture, channel, x, 8);
     return std::bit_cast<uint32_t>(id) == CryptomatteIdBits(name);
   };
-  // A ball's middle is 1 off the axis at a depth of 1.5: 5.3 pixels from that of the picture.
+  // A ball's center is 1 off the axis at a depth of 1.5: 5.3 pixels from the image center.
   EXPECT_TRUE(is("CryptoObject00.R", 2, "ball#1"));
   EXPECT_TRUE(is("CryptoObject00.R", 13, "ball#2"));
   EXPECT_TRUE(is("CryptoObject00.R", 8, "wall.pbrt:12:3"));
@@ -266,7 +266,7 @@ TEST(OutputsTest, IdsAndTheirNames) {
   EXPECT_EQ(At(picture, "CryptoObject00.G", 8, 8), 1);
   EXPECT_EQ(At(picture, "objectId", 2, 8), 3);
   EXPECT_EQ(At(picture, "materialId", 2, 8), 2);
-  // Coverage of a pixel is complete, as the wall is behind everything.
+  // The coverage of every pixel is complete, since the wall is behind everything.
   for (int32_t x = 0; x < kSizePx; ++x) {
     float coverage = At(picture, "rest.CryptoObject", x, 7);
     for (const char* channel : {"CryptoObject00.G", "CryptoObject00.A", "CryptoObject01.G"}) {

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Phase functions and flights through media against the densities they state (M11, V1, V2).
+// Phase functions and distance samples in media against their densities (M11, V1, V2).
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -19,8 +19,8 @@ namespace {
 using testing::ChiSquareResult;
 using testing::CounterUniforms;
 
-constexpr double kSignificance = 0.01;  // Of the whole file.
-constexpr int kTestCount = 48;          // At least as many tests as are made here.
+constexpr double kSignificance = 0.01;  // For the whole file.
+constexpr int kTestCount = 48;          // At least the number of tests in this file.
 constexpr uint64_t kSampleCount = 1000000;
 
 double Threshold() { return testing::SidakThreshold(kSignificance, kTestCount); }
@@ -39,8 +39,8 @@ TEST(PhaseChiSquareTest, SamplesFollowTheDensity) {
   }
 }
 
-// M11: narrow peaks, in one dimension. The distance from the peak of a share u of the light has a
-// closed form; sampled ones are spread evenly over such shares, and the mean cosine is g.
+// M11: narrow peaks, in one dimension. The angular distance from the peak that contains a fraction
+// u of the light has a closed form; samples are uniform in u, and the mean cosine is g.
 TEST(PhaseChiSquareTest, M11NarrowPeaksHaveTheirMeanCosine) {
   constexpr int kDraws = 200000;
   for (const float g : {-0.999f, -0.99f, 0.0f, 0.5f, 0.99f, 0.999f}) {
@@ -53,7 +53,7 @@ TEST(PhaseChiSquareTest, M11NarrowPeaksHaveTheirMeanCosine) {
       sum += cosine;
       squares += cosine * cosine;
       EXPECT_NEAR(Length(sample.w), 1, 1e-6);
-      // The pdf of the sample and that of its direction, which was rounded.
+      // The sample's pdf against that of its rounded direction.
       density = std::max(
           density,
           static_cast<double>(std::fabs(HenyeyGreenstein(g, d, sample.w) / sample.pdf - 1)));
@@ -78,7 +78,7 @@ TEST(PhaseChiSquareTest, M11NarrowPeaksHaveTheirMeanCosine) {
 // A million even steps of the cosine: the function integrates to 1 up to |g| = 0.999.
 TEST(PhaseChiSquareTest, M11TheFunctionIntegratesToOne) {
   for (const float g : {-0.999f, -0.9f, 0.0f, 1e-6f, 0.9f, 0.999f}) {
-    // Substituting the distance from the peak by e^s spreads the peak over the steps.
+    // Substituting e^s for the distance from the peak spreads the peak over the steps.
     constexpr int kSteps = 100000;
     const double first = std::log(1e-12), last = std::log(2.0);
     double sum = 0;
@@ -126,7 +126,7 @@ FlightNumbers Numbers(uint64_t seed, uint64_t i) {
   return {static_cast<double>(u[0]) + 0x1p-24 * static_cast<double>(u[1]), u[2]};
 }
 
-// Flights end in 32 parts of equal probability, or arrive.
+// Distance samples end in one of 32 intervals of equal probability, or reach the end.
 TEST(FlightChiSquareTest, DistancesFollowTheDensity) {
   constexpr size_t kParts = 32;
   constexpr int kDraws = 320000;
@@ -159,8 +159,8 @@ TEST(FlightChiSquareTest, DistancesFollowTheDensity) {
   }
 }
 
-// V2: how likely a flight through a thin medium is scattered, found by bisection of its number, is
-// 1 - e^-tau to a part in a million down to 1e-8.
+// V2: the scattering probability of a distance sample in a thin medium, found by bisection of its
+// random number, is 1 - e^-tau to a part in a million down to 1e-8.
 TEST(FlightStability, V2ThinMediaScatterAsOftenAsTheyShould) {
   for (double tau = 1e-8; tau < 30; tau *= 10) {
     const MediumMix<Rgb> mix = Mix({}, Rgb::Grey(1));
@@ -181,12 +181,12 @@ TEST(FlightStability, V2ThinMediaScatterAsOftenAsTheyShould) {
     }
     EXPECT_NEAR(TransmittanceOf<false>(mix, tau).r, std::exp(-tau), 1e-7 * std::exp(-tau));
   }
-  // The numbers are fine enough to be below 1e-8: steps of 2^-48.
+  // The resolution of the random numbers is finer than 1e-8: steps of 2^-48.
   EXPECT_EQ(MakeFlightNumbers({0, 0x1p-24f, 0, 0}, 0).distance, 0x1p-48);
 }
 
-// V1, V6, V11: expectations of the weights, for every pair of component and thickness; nothing that
-// is not finite at any length, the unending one included.
+// V1, V6, V11: expected values of the weights, for every pair of component and thickness; all
+// weights are finite at any length, including an infinite one.
 TEST(FlightStability, V11WeightsKeepTheirExpectation) {
   constexpr int kDraws = 400000;
   const Rgb sigma_s{1, 10, 100}, sigma_a{0.5f, 0, 25};
@@ -240,8 +240,8 @@ TEST(FlightStability, V6NothingArrivesFromInfinityAndVacuumTakesNothing) {
   EXPECT_FLOAT_EQ(EmissionAlong(glow, 1e-9).r, 6e-9f);
 }
 
-// One point stands for all that shines along a length: right in the mean, and no draw worth more
-// than as many times the mean as there are components, however different those are.
+// One point represents all emission along a length: its mean is correct, and no sample exceeds the
+// mean by a factor of more than the number of components, however different these are.
 TEST(FlightStability, V10PointsOfWhatShinesHaveBoundedWorth) {
   constexpr int kSide = 300;
   MediumMix<Rgb> glow = Mix({1e-3f, 1, 1e3f}, {});

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Leaving out effects: every one can be, the rest stays; what is measured has the answers that are
-// known. And the plan's bound of depth changes no bit.
+// Ablations: every effect can be ablated while the others stay; measurements match known answers.
+// The plan's bound of the depth changes no bit.
 #include "worker/render/ablation/plan_measurement.h"
 
 #include <gtest/gtest.h>
@@ -21,7 +21,7 @@ namespace {
 
 const SphereShape kBall{0.5f, -0.5f, 0.5f, 360};
 
-// All effects at once, but for wavelengths.
+// All effects at once except wavelengths.
 TestScene Everything() {
   TestScene t({0, 1, -4}, {0, 0.5, 0}, 50);
   t.scene.camera.shutter_close = 1;
@@ -90,7 +90,7 @@ TEST(LeaveOutTest, EveryEffectCanBeLeftOutAndTheRestStays) {
     EXPECT_FALSE(without->how.empty()) << effect.name;
     const uint32_t rest = MakeRenderPlan(without->scene, without->settings).traits;
     uint32_t allowed = static_cast<uint32_t>(effect.trait);
-    // Coats are microfacets too.
+    // Coats use microfacets too.
     if (effect.trait == Trait::kMicrofacet) allowed |= TraitSet(Trait::kLayered);
     EXPECT_EQ(rest | allowed, whole.traits) << effect.name;
     EXPECT_EQ(rest & static_cast<uint32_t>(effect.trait), 0u) << effect.name;
@@ -98,7 +98,8 @@ TEST(LeaveOutTest, EveryEffectCanBeLeftOutAndTheRestStays) {
   }
 }
 
-// What deforms is in motion: without motion it keeps its shape, without deformation the rest moves.
+// Deformation is a kind of motion: without motion the shape is fixed, without deformation the other
+// motion remains.
 TEST(LeaveOutTest, DeformationIsLeftOutByItself) {
   TestScene t = Everything();
   TriangleMesh& floor = t.scene.meshes[0];
@@ -151,7 +152,7 @@ const EffectMeasurement& Find(const PlanMeasurement& measurement, const std::str
 }
 
 TEST(PlanMeasurementTest, KnownLossesAreMeasured) {
-  // All light is the sky, so without it nothing is left.
+  // The sky is the only light, so nothing is left without it.
   TestScene t({0, 1, -4}, {0, 0.5, 0}, 50);
   t.AddShape(MeshShape{t.Quad({-5, 0, -5}, {-5, 0, 5}, {5, 0, 5}, {5, 0, -5})},
              t.Diffuse(Rgb::Grey(0.5f)));
@@ -167,7 +168,7 @@ TEST(PlanMeasurementTest, KnownLossesAreMeasured) {
   EXPECT_NEAR(sky.mean_change.value, -1, 1e-9);
   EXPECT_GT(sky.rel_mse, 0.5);
   EXPECT_GT(sky.time_ratio.value, 1);
-  // Light scattered twice cannot come from a single plane.
+  // A single plane cannot scatter light twice.
   const EffectMeasurement& indirect = Find(*measured, "indirect light");
   EXPECT_EQ(indirect.mean_change.value, 0);
   EXPECT_EQ(indirect.rel_mse, 0);
@@ -222,7 +223,7 @@ TEST(RenderPlanTest, EveryEffectStatesItsCost) {
             std::string::npos);
 }
 
-// Black surfaces, seen and lit, end paths as emission alone does; one grey material ends that.
+// Black surfaces end paths, whether seen directly or lit; a single gray material removes the bound.
 TEST(RenderPlanTest, DepthIsBoundedWhereNothingScattersAndNoBitChanges) {
   TestScene t({0, 1, -4}, {0, 0.5, 0}, 50);
   t.AddShape(MeshShape{t.Quad({-5, 0, -5}, {-5, 0, 5}, {5, 0, 5}, {5, 0, -5})}, t.Diffuse({}));
@@ -233,7 +234,7 @@ TEST(RenderPlanTest, DepthIsBoundedWhereNothingScattersAndNoBitChanges) {
   const RenderPlan plan = MakeRenderPlan(t.scene, settings);
   EXPECT_EQ(plan.max_depth, 0);
   EXPECT_EQ(plan.depth_cause, "every surface is black");
-  // A grey thing that nobody sees lifts the bound.
+  // A gray object outside the view removes the bound.
   TestScene seen = t;
   seen.AddShape(kBall, seen.Diffuse(Rgb::Grey(0.5f)), TranslateMatrix({0, 0, -100}));
   EXPECT_EQ(MakeRenderPlan(seen.scene, settings).max_depth, 5);

@@ -1,15 +1,16 @@
 #!/usr/bin/env python3
 # Copyright the Sheaf authors.
 # SPDX-License-Identifier: Apache-2.0
-"""Pictures of public scenes against pictures another renderer made of them.
+"""Images of public scenes against images by another renderer.
 
-Needs SHEAF_PUBLIC_SCENES (a folder with the scenes and references/NAME.exr); skips without. The
-reference renderer transports spectra and its rough surfaces scatter once, so ours are rendered with
---color spectral --single-scattering; it stores half floats. The allowance is 1 % of a channel's
-mean (2 % with coats), and no tile of 16x16 may be off by more than 5 standard errors beyond that
-share of the tile's mean. One scene is allowed more in its tiles: the reference overestimates light
-that leaves a rough coat by 7 to 13 %, as CoatTableTest.WeightsOfTheReferenceRendererDoNotAddUpToOne
-shows. SHEAF_SAMPLES changes the samples per pixel.
+Needs SHEAF_PUBLIC_SCENES (a folder with the scenes and references/NAME.exr); skips without it. The
+reference renderer transports spectra, and its rough surfaces scatter once, so ours are rendered
+with --color spectral --single-scattering; it stores half floats. The tolerance is 1 % of a
+channel's mean (2 % with coats), and no 16x16 tile may differ by more than 5 standard errors plus
+that fraction of the tile's mean. The tolerance for tiles of one scene is larger: the reference
+overestimates light that leaves a rough coat by 7 to 13 %, as
+CoatTableTest.WeightsOfTheReferenceRendererDoNotAddUpToOne shows. SHEAF_SAMPLES changes the samples
+per pixel.
 """
 import functools
 import json
@@ -23,8 +24,8 @@ sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), ".."
 import farm  # noqa: E402
 
 PLAIN, COATED, REFERENCE_COAT = 0.01, 0.02, 0.13
-# name: (scene, samples of the reference, allowance of means, of tiles, our samples). Caustics are
-# rare and bright: only with many samples do the replicates know their own error.
+# name: (scene, samples of the reference, tolerance of means, of tiles, our samples). Caustics are
+# rare and bright: the replicates need many samples to estimate their own error.
 SCENES = {
     "cornell-box": ("cornell-box/cornell-box-small.pbrt", 2048, PLAIN, PLAIN, 256),
     "cornell-specular": ("cornell-box/cornell-box-specular-small.pbrt", 1024, PLAIN, PLAIN, 1024),
@@ -40,7 +41,7 @@ SCENES = {
 
 @functools.lru_cache(maxsize=None)
 def comparison(name):
-    """What `sheaf compare` says of our picture of a scene; rendered once."""
+    """The result of `sheaf compare` for our image of a scene, which is rendered once."""
     scene, reference_samples, _, tile_allowance, samples = SCENES[name]
     samples = os.environ.get("SHEAF_SAMPLES", samples)
     with tempfile.TemporaryDirectory() as folder:

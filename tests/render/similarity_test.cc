@@ -1,10 +1,10 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Similarity (docs/adr/0031): it changes nothing where it is off or has nothing to reduce, it does
-// what its rule says and no more, it keeps energy, all techniques agree on what it makes, and its
-// bias in a thick slab is small. Means are held by ExpectMean's 5 standard errors, or by as many of
-// the difference of two.
+// Similarity (docs/adr/0031): it changes nothing if it is off or has nothing to reduce, follows its
+// rule exactly, conserves energy, gives the same result with all techniques, and has a small bias
+// in a thick slab. The tolerance of means is ExpectMean's 5 standard errors, or 5 standard errors
+// of the difference of two.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -43,7 +43,7 @@ class SimilarScene : public TestScene {
   }
 };
 
-// A density over [lower, upper]: 1, or one that varies about it.
+// A density over [lower, upper]: constant 1, or varying about 1.
 UniformGridMedium GridOver(Vec3d lower, Vec3d upper, bool is_even) {
   const Vec3d size = upper - lower;
   UniformGridMedium grid;
@@ -54,7 +54,7 @@ UniformGridMedium GridOver(Vec3d lower, Vec3d upper, bool is_even) {
   return grid;
 }
 
-// What the media are like that a picture is made with.
+// Properties of the media in an image.
 struct Kind {
   float g = 0;
   bool on_grid = false;
@@ -69,7 +69,7 @@ std::vector<Kind> Kinds(float g) {
           {g, true, false, ColorTransport::kSpectral}};
 }
 
-// Two media that overlap, under a sky and a lamp.
+// Two overlapping media under a sky and a light.
 SimilarScene Clouds(const Kind& kind) {
   SimilarScene t({0.2, 0.6, -4}, {0, 0, 0}, 36);
   t.ConstantEnvironment({0.5f, 0.7f, 1});
@@ -134,7 +134,7 @@ TEST(SimilarityTest, AfterMoreScatteringsThanAnyPathHasIsTheSamePicture) {
   }
 }
 
-// V12: what takes nothing gives back all that comes.
+// V12: media without absorption return all incident light.
 TEST(SimilarityTest, AWhiteFurnaceStaysWhite) {
   for (const bool on_grid : {false, true}) {
     for (const int32_t after : {1, 4}) {
@@ -156,13 +156,13 @@ struct Slab {
   double sigma_a = 0, sigma_s = 1, g = 0, thickness = 1;
 };
 
-// A share of walks, and its standard error.
+// A fraction of walks with its standard error.
 struct Share {
   double mean = 0, error = 0;
 };
 
-// What of the light that falls on the slab along its normal leaves it on that side: the rule of
-// similarity once more, in one dimension, by walks of other random numbers.
+// The fraction of normally incident light that the slab reflects: an independent implementation of
+// the similarity rule in one dimension, by walks with other random numbers.
 Share ReflectedByWalks(const Slab& slab, int32_t after, int walks) {
   Random random(5);
   double sum = 0, squares = 0;
@@ -189,7 +189,7 @@ Share ReflectedByWalks(const Slab& slab, int32_t after, int walks) {
   return {mean, std::sqrt((squares / walks - mean * mean) / walks)};
 }
 
-// The same by pictures: of a slab before which all shines, or behind which all does.
+// The same by rendering: a slab lit by a uniform emitter from the front or from behind.
 Share Rendered(const Slab& slab, int32_t after, bool on_grid, bool from_behind, uint64_t samples) {
   const auto depth = static_cast<float>(slab.thickness), half_side = 40 * depth;
   SimilarScene t({0, 0, -1}, {0, 0, 0}, 0.01f);
@@ -221,16 +221,17 @@ TEST(SimilarityTest, DoesWhatTheRuleSays) {
       const Share rendered = Rendered(slab, after, on_grid, false, DrawCount(1024, 4096));
       const double allowed = 5 * std::hypot(rendered.error, expected.error);
       EXPECT_NEAR(rendered.mean, expected.mean, allowed);
-      // And one more scattering or less would be told.
+      // One scattering more or less would be detected.
       EXPECT_GT(std::fabs(expected.mean - last), allowed);
     }
     last = expected.mean;
   }
 }
 
-// The bias where similarity is meant for: a slab 100 free paths thick that takes nothing. What it
-// lets through is held to kBiasMax of itself beside the noise; without the tolerance this would
-// fail, as there is a bias (docs/adr/0031). What it does not let through it reflects.
+// The bias in the intended case of similarity: a slab without absorption, 100 free paths thick. The
+// tolerance of the transmitted light is a fraction kBiasMax of it in addition to noise; without
+// this fraction the test would fail, since there is a bias (docs/adr/0031). The slab reflects the
+// rest.
 TEST(SimilarityTest, AThickSlabTransmitsAlike) {
   constexpr double kBiasMax = 0.025;
   const Slab slab{0, 100, 0.9, 1};
@@ -242,7 +243,8 @@ TEST(SimilarityTest, AThickSlabTransmitsAlike) {
   EXPECT_NEAR(with.mean, without.mean, kBiasMax * without.mean + 3 * noise);
 }
 
-// Matter without end below y = 0, of so many times the coefficients of the walks below.
+// A subsurface medium filling the space below y = 0; density multiplies the coefficients of the
+// walks below.
 InteriorScene HalfSpace(float density, float eta) {
   const float size = 1000 + 4e4f / density;
   InteriorScene t({0, 1, 0}, {0, 0, 0}, 0.01f, {0, 0, 1});
@@ -276,8 +278,8 @@ TileMean MeanBy(const SceneDescription& scene, FrameSettings settings, uint64_t 
   return MeanOf(tile);
 }
 
-// Light that is sampled, met, or gathered along the line to the last scattering comes through the
-// same media after it.
+// Sampled light, emitter hits, and equiangular samples on the last segment are all attenuated by
+// the same media after the reduction.
 TEST(SimilarityTest, TechniquesAgree) {
   SimilarScene t({0, 0, -5}, {0, 0, 0}, 24);
   t.AddShape(MeshShape{t.Quad({-2, 2, -2}, {2, 2, -2}, {2, 2, 2}, {-2, 2, 2})}, t.Diffuse({}))
@@ -299,10 +301,11 @@ TEST(SimilarityTest, TechniquesAgree) {
   }
 }
 
-// Beneath a surface of matched index walks are the paths of the plain medium, reduced as those are.
+// Below a surface of matched index, walks equal the paths of the plain medium and are reduced
+// alike.
 TEST(SimilarityTest, WalksInMatterAreReducedToo) {
   for (const int32_t after : {0, 2}) {
-    // 200 free paths are as good as a half space: e^-32 of the light comes as far.
+    // 200 free paths act as a half-space: a fraction e^-32 of the light gets that far.
     const Share expected =
         ReflectedByWalks({0.02, 2, 0.8, 200}, after, DrawCount(200'000, 4'000'000));
     FrameSettings settings = SquareSettings(8, DrawCount(256, 4096), 2);
@@ -314,15 +317,15 @@ TEST(SimilarityTest, WalksInMatterAreReducedToo) {
   }
 }
 
-// So are walks in matter so dense that they go on in double before the plane of its boundary: what
-// comes out does not depend on the density.
+// Walks in subsurface media so dense that they continue in double precision below a boundary plane
+// are reduced too: the result does not depend on the density.
 TEST(SimilarityTest, WalksBeforeAPlaneAreReducedToo) {
   FrameSettings settings = SquareSettings(8, DrawCount(256, 4096), 2);
   const TileMean without = RenderMean(HalfSpace(1, 1.33f).scene, settings);
   settings.similarity_after = 1;
   const TileMean sparse = RenderMean(HalfSpace(1, 1.33f).scene, settings);
   ExpectSameMean(RenderMean(HalfSpace(1e6f, 1.33f).scene, settings), sparse);
-  // What is reduced is told from what is not by the rays that it takes.
+  // Reduction is detected by the smaller number of rays.
   EXPECT_LT(static_cast<double>(sparse.rays), 0.7 * static_cast<double>(without.rays));
 }
 

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Hair and measured materials in whole pictures: furnaces, light from behind, scale, and what the
-// plan says of them.
+// Hair and measured materials in whole images: furnaces, light from behind, scale, and the plan's
+// description of them.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -85,7 +85,7 @@ TEST(HairTransportTest, M12_FurnaceUnderAnEvenSky) {
   }
 }
 
-// Lights in front of the fibre and behind it are looked at alike, or the furnace would be dark.
+// Lights in front of the fiber and behind it must both contribute, or the furnace would be dark.
 TEST(HairTransportTest, FurnaceOfALamp) {
   TestScene t = Strands(WhiteHair(0.3f));
   t.AddShape(SphereShape{10, -10, 10, 360}, t.Diffuse({})).area_light =
@@ -95,8 +95,8 @@ TEST(HairTransportTest, FurnaceOfALamp) {
   EXPECT_NEAR(mean.mean.g, 1, 5 * static_cast<double>(mean.standard_error.g) + 2e-3);
 }
 
-// A strip seen from the front and lit from the back: radiance is E times Chiang's f cos, which in
-// the middle (h = 0) is TT's highlight, little else.
+// A strip seen from the front and lit from the back: its radiance is E times Chiang's f cos, which
+// in the middle (h = 0) is almost only the TT highlight.
 TEST(HairTransportTest, LightGoesThrough) {
   TestScene t({0, 0, -4}, {0, 0, 0}, 1);
   DistantLight sun;
@@ -140,7 +140,7 @@ TEST(HairTransportTest, ScaleChangesNoBit) {
     return RenderAll(*Compile(t.scene, SquareSettings(16, 16, 8)));
   };
   const FilmTile expected = render(1);
-  // Hair is seen, not only the sky.
+  // The hair is visible, not only the sky.
   EXPECT_LT(MeanOf(expected).mean.b, 1.9f);
   EXPECT_GT(MeanOf(expected).mean.b, 0.1f);
   for (const int exponent : {-20, 20}) {
@@ -154,8 +154,8 @@ TEST(HairTransportTest, ScaleChangesNoBit) {
   }
 }
 
-// Melanins absorb blue most, pheomelanin all the more: of two hairs that absorb red alike (by 0.419
-// x 0.3 = 0.187 x 0.672) the one with pheomelanin is the redder.
+// Melanins absorb blue most, pheomelanin even more so: of two hairs with equal absorption of red
+// (0.419 x 0.3 = 0.187 x 0.672) the one with pheomelanin is redder.
 TEST(HairTransportTest, MelaninsColor) {
   std::vector<Rgb> means;
   HairMaterial blond, red, black;
@@ -188,7 +188,7 @@ class MeasuredTransportTest : public ::testing::Test {
  protected:
   ~MeasuredTransportTest() override { std::filesystem::remove(path_); }
 
-  // A ball of the material under an even sky of radiance 1.
+  // A ball of the material under a constant sky of radiance 1.
   TileMean Render(const MeasuredFileBuilder& builder, ColorTransport color) {
     builder.Write(path_);
     TestScene t({0, 0, -4}, {0, 0, 0}, 20);
@@ -207,7 +207,7 @@ class MeasuredTransportTest : public ::testing::Test {
   const std::string path_ = sheaf::testing::TemporaryPath("measured.bsdf");
 };
 
-// Matte paint of known spectrum, to the precision of its grids.
+// Matte paint of a known spectrum, to the precision of its grids.
 TEST_F(MeasuredTransportTest, MattePaintReflectsWhatItIsMadeOf) {
   MeasuredFileBuilder grey;
   grey.spectra_size = 33;
@@ -220,8 +220,8 @@ TEST_F(MeasuredTransportTest, MattePaintReflectsWhatItIsMadeOf) {
   }
 }
 
-// One reflection of white light: RGB made of the spectra when the file is read must be what
-// wavelengths give.
+// One reflection of white light: RGB computed from the spectra when the file is read must match the
+// result of spectral transport.
 TEST_F(MeasuredTransportTest, RgbAgreesWithWavelengths) {
   MeasuredFileBuilder red;
   red.wavelengths = {400, 550, 600, 700};

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Transport of wavelengths against answers of quadrature, and against RGB where the two must agree.
-// The error budget of every mean is ExpectMean's: 5 standard errors.
+// Spectral transport against quadrature, and against RGB where the two must agree. The tolerance of
+// every mean is ExpectMean's: 5 standard errors.
 #include <gtest/gtest.h>
 
 #include "common/scene/spectrum/spectrum.h"
@@ -22,7 +22,7 @@ FrameSettings Spectral(FrameSettings settings) {
   return settings;
 }
 
-// What the film shows of spectral radiance value(nm) times the light of RGB white.
+// The film's color for the spectral radiance value(nm) times the light of RGB white.
 template <typename Function>
 Rgb UnderWhite(const Function& value) {
   Rgb sum;
@@ -45,9 +45,9 @@ void ExpectColor(const TileMean& measured, Rgb expected) {
   }
 }
 
-// Seen from within a closed sphere that emits E and reflects rho, radiance is E / (1 - rho) at
-// every wavelength: many reflections, whose colour RGB cannot know (it would give 1 / (1 - rho) by
-// channel).
+// Inside a closed sphere that emits E and reflects rho, radiance is E / (1 - rho) at every
+// wavelength. RGB transport cannot reproduce the color of many reflections (it would give 1 / (1 -
+// rho) per channel).
 TEST(SpectralTransportTest, InterreflectionDeepensAColorByItsSpectrum) {
   const Rgb rho{0.6f, 0.3f, 0.1f};
   TestScene t({0, 0, 0}, {0, 0, 1}, 60);
@@ -56,10 +56,10 @@ TEST(SpectralTransportTest, InterreflectionDeepensAColorByItsSpectrum) {
   const SpectralColor spectrum = SpectralColor::Make(RgbSpec(rho), ColorRole::kReflectance);
   const Rgb expected = UnderWhite([&](float nm) { return 1 / (1 - spectrum.At(nm)); });
   ExpectColor(RenderMean(t.scene, Spectral(SquareSettings(8, 1024, 200))), expected);
-  EXPECT_GT(std::fabs(expected.r - 1 / (1 - rho.r)), 0.02f);  // So the test can tell the two apart.
+  EXPECT_GT(std::fabs(expected.r - 1 / (1 - rho.r)), 0.02f);  // Tells the two apart.
 }
 
-// A measured metal reflects each wavelength by its own index.
+// A measured metal reflects each wavelength by its own index of refraction.
 TEST(SpectralTransportTest, AMetalReflectsItsMeasuredSpectrum) {
   TestScene t({0, 0, -1}, {0, 0, 0}, 4);
   t.ConstantEnvironment(Rgb::Grey(1));
@@ -75,7 +75,7 @@ TEST(SpectralTransportTest, AMetalReflectsItsMeasuredSpectrum) {
   ExpectColor(RenderMean(t.scene, Spectral(SquareSettings(8, 1024, 4))), expected);
 }
 
-// Under a coat it does so against the coat's index, between reflections at the interface.
+// Under a coat it does so relative to the coat's index, between reflections at the interface.
 TEST(SpectralTransportTest, ACoatedMetalReflectsItsMeasuredSpectrum) {
   TestScene t({0, 0, -1}, {0, 0, 0}, 4);
   t.ConstantEnvironment(Rgb::Grey(1));
@@ -93,13 +93,13 @@ TEST(SpectralTransportTest, ACoatedMetalReflectsItsMeasuredSpectrum) {
     return outside + (1 - outside) * (1 - outside) * kept / (1 - outside * kept);
   });
   ExpectColor(RenderMean(t.scene, Spectral(SquareSettings(8, 1024, 4))), expected);
-  // RGB transport knows the metal by its color in the coat.
+  // RGB transport uses the metal's color in the coat.
   const TileMean rgb = RenderMean(t.scene, SquareSettings(8, 16, 4));
   for (size_t c = 0; c < 3; ++c) EXPECT_NEAR(rgb.mean[c], expected[c], 0.01) << c;
 }
 
-// Dispersion leads each wavelength elsewhere and takes the light from none: under an even sky glass
-// cannot be seen.
+// Dispersion deflects each wavelength differently and absorbs none: under a constant sky the glass
+// is invisible.
 TEST(SpectralTransportTest, GlassThatDispersesVanishesUnderAnEvenSky) {
   TestScene t({0, 0, -4}, {0, 0, 0}, 40);
   t.ConstantEnvironment({0.9f, 1, 0.7f});
@@ -113,7 +113,7 @@ TEST(SpectralTransportTest, GlassThatDispersesVanishesUnderAnEvenSky) {
   ExpectColor(MeanOf(RenderAll(*scene)), UnderWhite([&](float nm) { return sky.At(nm); }));
 }
 
-// The plan leaves wavelengths out where RGB is asked for, whatever the scene.
+// The plan omits wavelengths if RGB is requested, for every scene.
 TEST(SpectralTransportTest, TheUserHasTheLastWord) {
   TestScene t({0, 0, -4}, {0, 0, 0}, 40);
   DielectricMaterial glass;
@@ -125,7 +125,7 @@ TEST(SpectralTransportTest, TheUserHasTheLastWord) {
   EXPECT_FALSE(Has(MakeRenderPlan(t.scene, settings).traits, Trait::kSpectral));
 }
 
-// RGB of wider primaries than those of sRGB asks for wavelengths, and has the color it should have.
+// RGB colors outside the sRGB gamut require wavelengths, and are rendered with the correct color.
 TEST(SpectralTransportTest, AColorOutsideOfTheGamutIsShownAsItIs) {
   TestScene t({0, 0, -4}, {0, 0, 0}, 4);
   InfiniteLight sky;
@@ -140,7 +140,7 @@ TEST(SpectralTransportTest, AColorOutsideOfTheGamutIsShownAsItIs) {
   ExpectColor(mean, sky.radiance.true_rgb);
 }
 
-// Greys have no spectrum to differ by: both transports estimate the same picture.
+// For grays both transports estimate the same image.
 TEST(SpectralTransportTest, AGreySceneIsTheSameInBothTransports) {
   TestScene t({0.1, 0.2, -0.7}, {0, 0, 1}, 70);
   t.AddShape(MeshShape{t.Box({-1, -1, -1}, {1, 1, 1})}, t.Diffuse(Rgb::Grey(0.6f)));

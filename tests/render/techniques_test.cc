@@ -1,16 +1,16 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Techniques that must have one expectation have it: light found by sampling it, by meeting it, and
-// by both; lights chosen by a hierarchy and evenly; colour as RGB and as spectra where all is grey.
-// Each scene is rendered by two techniques from independent seeds, tile by tile. Pixels and
-// replicates are independent, so the 16 replicates of a tile are 16 draws for Welch's t-test, and
-// the p-values of all tiles of all scenes must be uniform.
+// Techniques that must have the same expectation: light found by light sampling, by BSDF sampling,
+// and by both; lights chosen by the light tree and uniformly; RGB and spectral transport of gray
+// scenes. Each scene is rendered by two techniques from independent seeds and compared tile by
+// tile. Pixels and replicates are independent, so the 16 replicates of a tile are 16 draws for
+// Welch's t-test, and the p-values of all tiles of all scenes must be uniform.
 //
 // Significance: kSignificance for each pair of techniques, for the Kolmogorov-Smirnov test and for
-// the tile furthest off (the seeds are fixed: what passes once always passes). Power: a bias of
-// Bias() must be found with probability kPowerMin at that significance, redrawn with the variances
-// of the very renders; and it is found when it is planted in them.
+// the most deviating tile (the seeds are fixed: a test that passes once always passes). Power: a
+// bias of Bias() must be detected with probability kPowerMin at that significance, redrawn with the
+// variances of the actual renderings; and it must be detected when it is added to them.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -34,7 +34,7 @@ using testing::TilePair;
 
 constexpr double kSignificance = 1e-3;
 constexpr double kPowerMin = 0.99;
-// The bias that must be found; of two techniques that are each noisy somewhere, a larger one.
+// The bias that must be detected; a larger one for two techniques that are both noisy somewhere.
 double Bias() { return LongTests() ? 0.0025 : 0.01; }
 double BiasOfNoisyPair() { return 1.5 * Bias(); }
 uint64_t Samples() { return LongTests() ? 2048 : 128; }
@@ -103,7 +103,8 @@ FilmTile Render(const TestScene& test_scene, const Technique& technique, uint64_
   return tile;
 }
 
-// Of the sum of the channels in each tile; the box filter gives every sample the same weight.
+// Estimates of the sum of the channels in each tile; the box filter gives every sample the same
+// weight.
 std::vector<testing::Estimate> EstimatesOf(const FilmTile& film) {
   std::vector<testing::Estimate> estimates;
   for (int32_t y0 = 0; y0 < kSizePx; y0 += kTileSizePx) {
@@ -137,7 +138,7 @@ std::vector<TilePair> TilePairs(const std::vector<TestScene>& scenes, const Tech
   return tiles;
 }
 
-// The techniques agree, and had they not, it would have been seen.
+// The techniques agree, and a disagreement would have been detected.
 void ExpectAgreement(const std::string& name, double bias, const std::vector<TilePair>& tiles) {
   const Agreement agreement = Compare(tiles);
   EXPECT_GT(agreement.uniformity_p, kSignificance) << agreement.text;
@@ -157,7 +158,7 @@ void ExpectAgreement(const std::string& name, double bias, const std::vector<Til
 constexpr Technique kBoth{};
 constexpr Tint kColored{1}, kGrey{0};
 
-// Scenes of large lights, so that meeting them by chance is not too rare to measure.
+// Scenes with large lights, so that BSDF samples hit them often enough to measure.
 TEST(TechniquesTest, L16LightSampledAndLightMetBoth) {
   ExpectAgreement(
       "both against sampling", Bias(),
@@ -195,9 +196,9 @@ TEST(TechniquesTest, L16LightSampledAndLightMet) {
                   .naive_by = "both added without weights"});
 }
 
-// The same several times, for power.
+// The same scene several times, for statistical power.
 std::vector<TestScene> FoggyScenes() { return std::vector<TestScene>(4, Foggy(kColored)); }
-// In fog: light gathered along lines, by flights that end where light is sampled, and by both.
+// In fog: equiangular line samples, distance samples with light sampling at their ends, and both.
 TEST(TechniquesTest, V7LightAlongLinesAndAllTogether) {
   ExpectAgreement("all against lines", 1.5 * Bias(),
                   TilePairs(FoggyScenes(), kBoth, {.direct_light = DirectLight::kByLines}, 600));
@@ -207,7 +208,7 @@ TEST(TechniquesTest, V7LightAtTheEndOfFlightsAndAllTogether) {
                   TilePairs(FoggyScenes(), kBoth, {.direct_light = DirectLight::kBySampling}, 700));
 }
 
-// The same in media that vary, and where each line decides whether it gathers.
+// The same in heterogeneous media, also with the decision for each line whether it is sampled.
 constexpr LinesInVarying kAlways = LinesInVarying::kAlways, kNever = LinesInVarying::kNever;
 std::vector<TestScene> CloudyScenes() { return std::vector<TestScene>(2, Cloudy(kColored)); }
 TEST(TechniquesTest, V7LightAlongLinesInCloudsAndAllTogether) {
@@ -263,7 +264,7 @@ TEST(AgreementTest, UniformityHasTheValuesOfTheDistribution) {
   EXPECT_NEAR(testing::UniformityP(low), 0.0132, 0.0015);
 }
 
-// Draws of one distribution give uniform p-values; the rate of false alarms is the significance.
+// Draws from one distribution give uniform p-values; the false-alarm rate equals the significance.
 TEST(AgreementTest, WithoutABiasTheAlarmRateIsTheSignificance) {
   std::vector<TilePair> tiles;
   for (int i = 1; i <= 100; ++i) {

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// What surfaces with turned normals scatter, against the pdf that they claim.
+// The sampler of BSDFs with perturbed normals against its pdf.
 #include <gtest/gtest.h>
 
 #include <array>
@@ -21,7 +21,8 @@ using sheaf::testing::ChiSquareTest;
 using testing::FromAngles;
 using testing::Tilted;
 
-// One test for each: 1e6 draws against the pdf, at a significance of 1 % for all of them together.
+// One test for each fixture and tilt: 1e6 draws against the pdf, at a significance of 1 % for all
+// of them together.
 TEST(TiltChiSquareTest, TheSamplerDrawsWhatItsPdfSays) {
   constexpr uint64_t kSamples = 1000000;
   const BsdfFixture fixtures[] = {
@@ -34,7 +35,7 @@ TEST(TiltChiSquareTest, TheSamplerDrawsWhatItsPdfSays) {
       for (const float mirror : {0.0f, 0.5f}) {
         const Vec3f wo = FromAngles(40, 150);
         const auto sample = [&](std::array<float, 3> u) -> std::optional<Vec3f> {
-          // One uniform serves twice: its coarse digits and its fine ones.
+          // One uniform number is used twice: its leading digits and its trailing ones.
           const float coarse = std::floor(u[0] * 4096) / 4096, fine = (u[0] - coarse) * 4096;
           const Tilted t(tilt, wo, {0.3f, mirror + 0.5f * fine});
           const auto drawn = t.tilt.Sample<kAllTraits>(fixture.bsdf, t.wo, coarse, {u[1], u[2]});

@@ -2,9 +2,9 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Delta and residual ratio tracking against quadrature, through a lumpy grid; and the hard cases of
-// tracking by name (V3, V4, V5, V11, V15). Statistical tests: z below 4.7 and p above 1e-6, for
-// some 100 of them a chance of 1e-4 to fail by accident; with 2e5 walks a bias of 1 % of the
-// standard deviation of one walk is found.
+// tracking by name (V3, V4, V5, V11, V15). The limits are z below 4.7 and p above 1e-6, so that
+// some 100 tests fail by chance with a probability of 1e-4; with 2e5 walks a bias of 1 % of the
+// standard deviation of one walk is detected.
 #include "worker/render/medium/delta_tracking.h"
 
 #include <gtest/gtest.h>
@@ -78,7 +78,7 @@ const LumpyMedium& Lumps() {
   return medium;
 }
 
-// Mean and variance of the mean.
+// A mean and the variance of that mean.
 struct Mean {
   double sum = 0, squares = 0, count = 0;
   void Add(double v) {
@@ -88,7 +88,8 @@ struct Mean {
   }
   double mean() const { return sum / count; }
   double variance() const { return std::max(squares / count - mean() * mean(), 0.0) / (count - 1); }
-  // rare_variance: of the mean, where so rare events make it up that a sample has none.
+  // rare_variance: lower bound of the variance of the mean, for events so rare that a sample may
+  // contain none.
   double Z(double expected, double rare_variance = 0) const {
     const double deviation = std::sqrt(std::max(variance(), rare_variance));
     return std::fabs(mean() - expected) / std::max(deviation, 1e-7 * expected + 1e-30);
@@ -156,14 +157,16 @@ TEST(TrackingTest, TransmittanceIsUnbiasedAtAnyThickness) {
     EXPECT_LT(ratio.Z(expected, rare), kZMax) << thickness << " " << ratio.mean();
     EXPECT_LT(delta.Z(expected, 4 * std::max(rare, expected / count)), kZMax) << thickness;
     if (thickness > 0.1 && thickness < 5) {
-      // Tracking between local bounds is less noisy than counting survivors: variances of one walk.
+      // Ratio tracking with local bounds is less noisy than counting survivors; variances are per
+      // walk.
       EXPECT_LT(ratio.variance() * ratio.count, 0.7 * delta.variance() * delta.count) << thickness;
     }
     EXPECT_EQ(tally.violation_count, 0u);
   }
 }
 
-// V10: what shines evenly by its density gives (1 - e^-tau) / sigma of it, however thin.
+// V10: emission proportional to the density gives (1 - e^-tau) / sigma times it, however thin the
+// medium is.
 TEST(TrackingTest, V10EmissionIsUnbiasedAtAnyThickness) {
   const LumpyMedium& medium = Lumps();
   const double whole = medium.Depth(LumpyMedium::kLength);
@@ -186,7 +189,7 @@ TEST(TrackingTest, V10EmissionIsUnbiasedAtAnyThickness) {
     const double expected = thickness > 0 ? taken / double{sigma} : whole;
     EXPECT_LT(measured.Z(expected), kZMax) << measured.mean() << " for " << expected;
     EXPECT_EQ(tally.violation_count, 0u);
-    // Thin or not, one walk already says something.
+    // One walk is already informative, thin or not.
     if (thickness < 2) {
       EXPECT_LT(measured.variance() * count, 0.5 * expected * expected);
     }
@@ -228,7 +231,7 @@ TEST(TrackingTest, V11ChromaticMediaAreUnbiasedPerComponent) {
     EXPECT_LT(collided[c].Z(1 - transmittance), kZMax) << c;
     EXPECT_LT(ratio[c].Z(transmittance), kZMax) << c;
     EXPECT_LT(all[c].Z(1), kZMax) << c;
-    // V10: a medium that glows as it absorbs gives 1 - T.
+    // V10: a medium whose emission equals its absorption gives 1 - T.
     EXPECT_LT(glow[c].Z(1 - transmittance), kZMax) << c;
   }
   ExpectHardCase({.row = "V11",
@@ -240,7 +243,7 @@ TEST(TrackingTest, V11ChromaticMediaAreUnbiasedPerComponent) {
                   .naive_by = "the thickest component sampled alone"});
 }
 
-// A walk of one segment, with bounds as a test wants them.
+// A walk of one segment with bounds chosen by a test.
 struct OneSegment {
   MajorantSegment segment;
   bool is_done = false;
@@ -292,7 +295,7 @@ TEST(TrackingTest, V5ADensityBeyondItsMajorantIsCounted) {
   EXPECT_LT(tally.violation_count, tally.look_up_count);
 }
 
-// V15: a constant grid is homogeneous, and known to be so: no look-up is made.
+// V15: a constant grid is homogeneous and recognized as such: no lookup is made.
 TEST(TrackingTest, V15AConstantGridIsHomogeneous) {
   const std::vector<float> values(40 * 40 * 40, 0.75f);
   auto grid = VolumeGridFromArray("a", "density", {{40, 40, 40}, {}, {1, 1, 1}}, values);
@@ -321,7 +324,7 @@ TEST(TrackingTest, V15AConstantGridIsHomogeneous) {
   }
 }
 
-// V3: no density, no collision, all light passes; also to infinity.
+// V3: without density there is no collision and all light passes; also to infinity.
 TEST(TrackingTest, V3NothingStopsNothing) {
   const MajorantGrid none;
   EventStream stream({0, 0, 0, 3});

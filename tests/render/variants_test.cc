@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Every compiled variant that holds a scene's effects gives the picture of the generic one, to the
-// bit; and the plan names the smallest.
+// Every compiled variant that supports a scene's effects gives the image of the generic variant to
+// the bit; and the plan chooses the smallest.
 #include <gtest/gtest.h>
 
 #include <bit>
@@ -30,7 +30,7 @@ TestScene Base() {
   return t;
 }
 
-// A ball of it, in more of it that the camera is in.
+// Adds a ball of fog, and the same fog around the camera.
 void AddFog(TestScene& t, Rgb sigma_a, Rgb sigma_s) {
   MediumDescription fog;
   fog.sigma_a.rgb = sigma_a;

@@ -1,10 +1,10 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Light that is gathered along lines through media that vary: against quadrature, against
-// homogeneous media, in a furnace, by all variants and tile by tile. That techniques agree is
-// techniques_test's. Means are held by ExpectMean's 5 standard errors, or by as many of the
-// difference of two pictures.
+// Equiangular line sampling in heterogeneous media: against quadrature, against homogeneous media,
+// in a furnace, with all variants and tile by tile. techniques_test.cc tests the agreement of
+// techniques. The tolerance of means is ExpectMean's 5 standard errors, or 5 standard errors of the
+// difference of two images.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -38,8 +38,8 @@ FilmTile RenderWith(const TestScene& t, const FrameSettings& settings, LinesInVa
   return film;
 }
 
-// A medium in the cube of half a side 0.8; density times sigma over the cube from -1 to 1, or the
-// same everywhere where there is none.
+// Fills the cube of half-size 0.8 with a medium: density times sigma over the cube from -1 to 1, or
+// a constant without a density.
 void Fill(TestScene* t, std::vector<float> density, Rgb sigma_a, Rgb sigma_s, float g = 0) {
   MediumDescription medium;
   medium.sigma_a.rgb = sigma_a;
@@ -87,8 +87,8 @@ void ExpectEqual(const TileMean& a, const TileMean& b) {
   }
 }
 
-// V7: what one ray gathers of a lamp in a grid of one value, of each colour, against the integral
-// of e^(-sigma (t + d)) / d^2 over the grid's part of the ray.
+// V7: light from a point light that one ray gathers in a grid of one value, for each color, against
+// the integral of e^(-sigma (t + d)) / d^2 over the grid's part of the ray.
 TEST(VaryingLinesTest, V7AirlightInAConstantGrid) {
   constexpr double kIntensity = 3, kAlong = 0.1, kEnd = 0.8;
   for (const float scale : {1e-3f, 0.3f, 3.0f}) {
@@ -117,7 +117,7 @@ TEST(VaryingLinesTest, V7AirlightInAConstantGrid) {
       for (const LinesInVarying lines : {LinesInVarying::kAlways, LinesInVarying::kWhereItPays}) {
         const TileMean mean = MeanOf(RenderWith(t, settings, lines));
         ExpectMean(mean, expected);
-        // Flights alone would leave errors of tens of percent where it is thin.
+        // Distance samples alone would leave errors of tens of percent in thin media.
         for (size_t c = 0; c < 3 && scale < 1; ++c) {
           EXPECT_LT(mean.standard_error[c], 0.02 * double{expected[c]}) << c;
         }
@@ -126,15 +126,15 @@ TEST(VaryingLinesTest, V7AirlightInAConstantGrid) {
   }
 }
 
-// V7: a grid of one value is the homogeneous medium, lit from within and from outside, by a lamp
-// without size and by one with, scattered any number of times, as RGB and as spectra.
+// V7: a grid of one value equals the homogeneous medium, lit from inside and from outside, by a
+// point light and by an area light, with any number of scatterings, in RGB and spectral transport.
 TEST(VaryingLinesTest, V7AConstantGridIsLitAsAHomogeneousMedium) {
   const Rgb sigma_a{0.1f, 0.2f, 0.4f}, sigma_s{1.5f, 0.8f, 0.4f};
   const auto lit = [&](bool from_within, bool by_point, bool is_grid) {
     TestScene t({0.2, 0.6, -2.5}, {0, 0, 0}, 30);
     Fill(&t, is_grid ? Even() : std::vector<float>(), sigma_a, sigma_s, 0.4f);
     const Vec3d at = from_within ? Vec3d{0.2, 0.1, 0.3} : Vec3d{0.4, 1.3, 0.2};
-    // Points are outside, so that 1 / distance^2 has bounds where flights end.
+    // Point lights are outside, so that 1 / distance^2 is bounded at the distance samples.
     if (by_point) AddPoint(&t, at, {0.5f, 0.6f, 0.7f});
     if (!by_point) AddBall(&t, at, 0.25f, {3, 4, 5});
     return t;
@@ -153,7 +153,7 @@ TEST(VaryingLinesTest, V7AConstantGridIsLitAsAHomogeneousMedium) {
   }
 }
 
-// V12: in a lamp that surrounds all, what takes nothing gives back all that comes.
+// V12: inside a surrounding emitter, media without absorption return all incident light.
 TEST(VaryingLinesTest, V12AFurnaceWithAPlaceStaysWhite) {
   for (const LinesInVarying lines : kEveryDecision) {
     for (const float g : {0.0f, 0.6f}) {
@@ -196,7 +196,7 @@ TEST(VaryingLinesTest, EveryVariantAndEveryTileGivesTheBits) {
   }
 }
 
-// Where it does not pay nothing is done: dense media lit from afar, and lights without a place.
+// If it does not pay, no lines are sampled: dense media lit from afar, and lights at infinity.
 TEST(VaryingLinesTest, WhereItDoesNotPayThePictureIsThatOfFlights) {
   const FrameSettings settings = SquareSettings(16, 4, 6);
   TestScene sky({0.2, 0.6, -2.5}, {0, 0, 0}, 40);

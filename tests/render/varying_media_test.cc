@@ -1,9 +1,9 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Media that are not the same everywhere, rendered: against homogeneous ones, in a white furnace,
-// in each other, and in colour. Means are held by ExpectMean's 5 standard errors, or by as many of
-// the difference of two pictures.
+// Heterogeneous media: against homogeneous ones, in a white furnace, overlapping each other, and in
+// color. The tolerance of means is ExpectMean's 5 standard errors, or 5 standard errors of the
+// difference of two images.
 #include <algorithm>
 #include <cmath>
 #include <numbers>
@@ -29,7 +29,7 @@ class SmokeScene : public TestScene {
   SmokeScene() : SmokeScene({0.2, 0.6, -2.5}, {0, 0, 0}, 30) {}
   SmokeScene(Vec3d eye, Vec3d at, float fov_degrees) : TestScene(eye, at, fov_degrees) {}
 
-  // A grid over the cube from -1 to 1; density times sigma.
+  // Adds a grid over the cube from -1 to 1: density times sigma.
   int32_t AddGrid(std::vector<float> density, Rgb sigma_a, Rgb sigma_s, float g = 0) {
     MediumDescription medium = Plain(sigma_a, sigma_s, g);
     const auto side = static_cast<int32_t>(std::lround(std::cbrt(density.size())));
@@ -101,7 +101,7 @@ TEST(VaryingMediaTest, AConstantGridIsAHomogeneousMedium) {
   }
 }
 
-// V12: what takes nothing gives back all that comes, whatever its density.
+// V12: media without absorption return all incident light, whatever their density.
 TEST(VaryingMediaTest, V12AWhiteFurnaceStaysWhite) {
   for (const float g : {0.0f, 0.7f}) {
     SmokeScene t;
@@ -113,7 +113,8 @@ TEST(VaryingMediaTest, V12AWhiteFurnaceStaysWhite) {
   }
 }
 
-// Two media in one place are one of both densities; one of them homogeneous; one that only absorbs.
+// Two media in the same place act as one with the sum of their coefficients; also if one is
+// homogeneous or one only absorbs.
 TEST(VaryingMediaTest, OverlappingMediaAddUp) {
   const std::vector<float> lumps = Lumps(20);
   std::vector<float> twice = lumps;
@@ -135,7 +136,7 @@ TEST(VaryingMediaTest, OverlappingMediaAddUp) {
   parts.Fill(0.7001f, parts.AddGrid(even, sigma_a, {}));
   parts.Fill(0.7002f, parts.AddGrid(even, {}, sigma_s * 0.5f));
   ExpectEqual(Render(parts, samples), Render(fog, samples));
-  // As many as there may be at once: grids of two kinds, each thirtieth a fog.
+  // The maximum number of overlapping media: two grids in turn, and a fog as the last one.
   SmokeScene many;
   many.ConstantEnvironment({0.5f, 0.7f, 1});
   constexpr float kShare = 1.0f / kMediaAtOnceMax;
@@ -148,12 +149,12 @@ TEST(VaryingMediaTest, OverlappingMediaAddUp) {
   ExpectEqual(Render(many, 2 * samples), Render(fog, 2 * samples));
 }
 
-// Rays along the plane through the edges of boxes within boxes enter and leave each of them once,
-// whichever of the two faces they go by.
+// Rays in the plane through the edges of nested boxes enter and leave each box once, whichever of
+// the two adjacent faces they hit.
 TEST(VaryingMediaTest, EdgesOfBoxesAreCrossedOnce) {
   SmokeScene t({3, 0.1, 3}, {0, 0.1, 0}, 1e-5f);
   t.ConstantEnvironment(Rgb::Grey(1));
-  double depth = 0;  // Optical.
+  double depth = 0;  // Optical depth.
   for (uint32_t i = 0; i < kMediaAtOnceMax; ++i) {
     const float half_side = 0.5f + 0.01f * static_cast<float>(i);
     const float sigma_a = 0.01f;
@@ -167,8 +168,8 @@ TEST(VaryingMediaTest, EdgesOfBoxesAreCrossedOnce) {
   for (size_t c = 0; c < 3; ++c) EXPECT_NEAR(mean.mean[c], std::exp(-depth), 1e-4);
 }
 
-// V10: grids that shine, by a radiance, by factors of it or as black bodies, are the homogeneous
-// media that shine the same; alone, and dimmed by others that vary or do not.
+// V10: grids that emit by a radiance, by scale factors or as black bodies equal homogeneous media
+// of the same emission; alone, and attenuated by heterogeneous or homogeneous media.
 TEST(VaryingMediaTest, V10GridsShineAsHomogeneousMediaDo) {
   const std::vector<float> even(40 * 40 * 40, 1.0f);
   const Rgb sigma_a{0.1f, 0.2f, 0.6f}, sigma_s{0.6f, 0.3f, 0.2f};
@@ -176,7 +177,7 @@ TEST(VaryingMediaTest, V10GridsShineAsHomogeneousMediaDo) {
   warm.kind = ColorSpec::Kind::kBlackbody;
   warm.temperature_k = 3000;
   warm.rgb = SpectrumToRgb(warm, ColorRole::kIlluminant);
-  // Of luminance 1 so far; a grid's black bodies have a peak of 1.
+  // Scale to luminance 1; a grid's black bodies have a peak of 1.
   const auto luminance =
       static_cast<float>(SpectrumLuminance(warm) / EvaluateSpectrum(warm, 2.8977721e6 / 3000));
   const auto shining = [](SmokeScene* t, int32_t index, const ColorSpec& color, float scale) {
@@ -201,10 +202,10 @@ TEST(VaryingMediaTest, V10GridsShineAsHomogeneousMediaDo) {
     grid_of(&heat, hot).temperature_k = std::vector<float>(even.size(), 31);
     grid_of(&heat, hot).emission = {1, 100};
     heat.Fill(0.8f, shining(&heat, hot, {}, 0.5f / luminance));
-    // Half of the absorption shines twice as much, in fog; the rest is a grid's.
+    // Half of the absorption, in fog, emits twice as much; the other half is in a grid.
     dimmed.Fill(0.8f, shining(&dimmed, dimmed.AddFog(sigma_a * 0.5f, sigma_s * 0.5f), warm, 1));
     dimmed.Fill(0.8001f, dimmed.AddGrid(even, sigma_a * 0.5f, sigma_s * 0.5f));
-    // The same, in the grid.
+    // The same with emission in the grid.
     dims.Fill(0.8f, dims.AddFog({}, sigma_s * 0.5f));
     dims.Fill(0.8001f, shining(&dims, dims.AddGrid(even, sigma_a * 0.5f, {}), warm, 1));
     dims.Fill(0.8002f, dims.AddGrid(even, sigma_a * 0.5f, sigma_s * 0.5f));
@@ -221,8 +222,8 @@ TEST(VaryingMediaTest, V10GridsShineAsHomogeneousMediaDo) {
   }
 }
 
-// V5: bounds that are too low are found out, raised, and the block rendered again: the picture is
-// the one of bounds that were right at once.
+// V5: majorants that are too low are detected and raised, and the block is rendered again: the
+// image equals that of correct majorants.
 TEST(VaryingMediaTest, V5BoundsThatAreTooLowAreRaised) {
   SmokeScene t;
   t.ConstantEnvironment({0.5f, 0.7f, 1});
@@ -261,8 +262,8 @@ TEST(VaryingMediaTest, V5BoundsThatAreTooLowAreRaised) {
        .naive_by = "bounds believed: the sky seen through the smoke"});
 }
 
-// V10: fog that shines among a grid, with components a thousandfold different: blue shines close to
-// the eye only, red from all of a long way.
+// V10: emissive fog overlapping a grid, with components that differ by a factor of a thousand: blue
+// arrives only from close to the camera, red from the whole length.
 TEST(VaryingMediaTest, V10ChromaticGlowAmongAGridIsThatOfBothTogether) {
   const Rgb sigma_a{0.01f, 0.3f, 10}, thin = sigma_a * 0.01f;
   ColorSpec white;
@@ -286,8 +287,8 @@ TEST(VaryingMediaTest, V10ChromaticGlowAmongAGridIsThatOfBothTogether) {
   ExpectEqual(Render(apart, samples), Render(together, samples));
 }
 
-// Grids of colours: of one colour everywhere they are the homogeneous medium, also where they
-// shine; where pbrt-v4 lets cells be left out they are 1.
+// Color grids: with one color everywhere they equal the homogeneous medium, also with emission;
+// coefficients that pbrt-v4 allows to be omitted are 1.
 TEST(VaryingMediaTest, ColorGridsOfOneColorAreHomogeneousMedia) {
   constexpr size_t kCells = 40 * 40 * 40;
   const Rgb sigma_a{0.3f, 0.5f, 1.2f}, sigma_s{1.2f, 0.8f, 0.4f}, glow{0.5f, 0.2f, 1};
@@ -320,8 +321,8 @@ TEST(VaryingMediaTest, ColorGridsOfOneColorAreHomogeneousMedia) {
   ExpectEqual(Render(plain, samples), Render(plain_fog, samples));
 }
 
-// Grids of greys are grids of numbers, also in spectra; grids that only scatter keep furnaces
-// white, whatever their colours.
+// Color grids of grays equal scalar grids, also in spectral transport; grids that only scatter keep
+// furnaces white, whatever their colors.
 TEST(VaryingMediaTest, ColorGridsAreTheSumOfTheirColors) {
   const std::vector<float> lumps = Lumps(20);
   RgbGridMedium greys;
@@ -355,7 +356,7 @@ TEST(VaryingMediaTest, ColorGridsAreTheSumOfTheirColors) {
   }
 }
 
-// V3: also of colours, a grid of nothing is nothing.
+// V3: a grid of zeros has no effect, also as a color grid.
 TEST(VaryingMediaTest, V3ColorGridsOfBlackDoNothing) {
   SmokeScene t;
   t.ConstantEnvironment(Rgb::Grey(1));
