@@ -1,17 +1,17 @@
 #!/usr/bin/env python3
 # Copyright the Sheaf authors.
 # SPDX-License-Identifier: Apache-2.0
-"""What it saves to give samples where they are needed.
+"""Gain of adaptive sampling.
 
     SHEAF_BIN=build/dev/bin tests/accuracy/adaptive_gain.py SCENE... [--target 0.01] [--runs 3]
         [--reference-samples 4096] [--references FOLDER] [--crop X0,Y0,X1,Y1] [--check]
 
-Of every scene it renders a reference as target_error.py does, the target itself (adaptive), and
-pictures with the same samples in every pixel (uniform), about as many as the target took and twice
-that; then works out, by the line through the two on a log-log scale, the CPU time with which a
-uniform picture has the same true error as the adaptive one. Prints that time over the adaptive
-one's, of each run, in one process after the other. With --check, exits with 1 where the median over
-the scenes is below 1.3 or a scene's median below 1 / 1.05.
+For every scene it renders a reference as target_error.py does, the target itself (adaptive), and
+images with the same samples in every pixel (uniform), with about as many as the target took and
+twice as many. From the line through these two on a log-log scale it computes the CPU time at which
+a uniform image has the same true error as the adaptive one. Prints that time over the adaptive
+image's time for each run; processes run one after the other. With --check, exits with 1 if the
+median over the scenes is below 1.3 or a scene's median is below 1 / 1.05.
 """
 import math
 import os
@@ -23,7 +23,7 @@ import typing
 import target_error
 
 GAIN_MIN, LOSS_MAX = 1.3, 1.05
-STEP = 16  # Uniform pictures have as many samples in each replicate, as is best for them.
+STEP = 16  # Uniform images have equal samples in each replicate, which is optimal.
 
 
 class Spent(typing.NamedTuple):
@@ -34,7 +34,7 @@ class Spent(typing.NamedTuple):
 
 
 def cost_at(error, few, many, of):
-    """Of a uniform picture with this error, by the line through two on a log-log scale."""
+    """CPU time of a uniform image with this error, by the line through two on a log-log scale."""
     slope = math.log(of(many) / of(few)) / math.log(many.error / few.error)
     return of(few) * math.exp(slope * math.log(error / few.error))
 

@@ -1,14 +1,14 @@
 #!/usr/bin/env python3
 # Copyright the Sheaf authors.
 # SPDX-License-Identifier: Apache-2.0
-"""Every promise of docs/accuracy.md that takes long to check, on public scenes.
+"""All claims of docs/accuracy.md that take long to check, on public scenes.
 
     SHEAF_BIN=build/release/bin SHEAF_PUBLIC_SCENES=DIR tests/accuracy/all.py [--runs 4]
         [--only target_error,quote_accuracy] [--references FOLDER]
 
-Runs the programs of this folder with --check on the eight small scenes, and tells which checks
-held. On two cores quotes take three minutes, targets twelve, one_sequence eight and adaptive_gain
-fifty; references take half an hour, and --references keeps them. Exits with 1 where a check fails.
+Runs the programs of this folder with --check on the eight small scenes, and reports which checks
+passed. On two cores quotes take three minutes, targets twelve, one_sequence eight and adaptive_gain
+fifty; references take half an hour, and --references keeps them. Exits with 1 if a check fails.
 """
 import argparse
 import os
@@ -17,7 +17,8 @@ import sys
 import tempfile
 
 FOLDER = os.path.dirname(os.path.abspath(__file__))
-# Scenes that show small lamps take references of 4,096 samples, which know the rims of these.
+# Scenes with visible small lights need references of 4,096 samples to resolve the emitter
+# silhouettes.
 LAMPS = ["cornell-box/cornell-box-small", "cornell-box/cornell-box-specular-small",
          "killeroos/killeroo-simple-small", "killeroos/killeroo-moving-small",
          "veach-mis/veach-mis-small"]

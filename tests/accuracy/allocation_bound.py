@@ -1,25 +1,26 @@
 #!/usr/bin/env python3
 # Copyright the Sheaf authors.
 # SPDX-License-Identifier: Apache-2.0
-"""The most that can be saved by giving samples to the parts of a picture that need them.
+"""Upper bound on the gain of distributing samples over the parts of an image.
 
     SHEAF_BIN=build/dev/bin tests/accuracy/allocation_bound.py SCENE... [--samples 64]
         [--pictures 4] [--cells 8,16,32] [--reference-samples 4096] [--references FOLDER]
         [--crop X0,Y0,X1,Y1]
 
-With k the squared error of a cell of pixels at one sample, and c what a sample of it costs, a
-uniform picture of some error takes mean(k) mean(c), and one with n samples in each cell
+Let k be the squared error of a cell of pixels at one sample, and c the cost of a sample in it. A
+uniform image of some error costs mean(k) mean(c), and one with n samples in each cell costs
 mean(k / n) mean(c n), which is least for n = sqrt(k / c): mean(sqrt(k c))^2 (Cauchy and Schwarz;
-Neyman 1934). The ratio of the two is what adaptive_gain.py can measure at most with those cells.
+Neyman 1934). The ratio of the two is the maximum that adaptive_gain.py can measure with those
+cells.
 
-Of every scene it renders a reference, to hold errors against, and some pictures with a farm of one
-worker. k comes from their standard errors, c from the CPU time of tiles as small as the smallest
-cells. Prints for each size of cells:
+For every scene it renders a reference to measure errors against, and some images with a farm of one
+worker. k is computed from their standard errors, c from the CPU time of tiles as small as the
+smallest cells. Prints for each cell size:
 
-    bound   with k and c of all pictures together: chance in them makes it larger as a rule
-    known   samples shared as one picture alone says, k and c as the others have them: what a
-            rule can save that has seen as many samples
-    errors  the same, shared by k alone, as costs are clocks' and no two farms have the same
+    bound   with k and c of all images together: chance variation usually makes it too large
+    known   samples distributed by one image alone, k and c estimated from the others: the gain of
+            a rule that has seen as many samples
+    errors  the same, distributed by k alone, since costs are times that differ between farms
 
 Needs python3-numpy and python3-openimageio.
 """
@@ -38,12 +39,12 @@ import target_error
 sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "integration"))
 import farm  # noqa: E402
 
-# As sample_rounds.cc has it: what rarely happens may not have happened in a cell yet.
+# As in sample_rounds.cc: a rare event may not have happened in a cell yet.
 CELL_SHARE_MIN = 0.01
 
 
 def read_channels(path, names):
-    """Planes [height][width] of the picture's window, and that window's corner."""
+    """Planes [height][width] of the image's window, and that window's corner."""
     image = OpenImageIO.ImageBuf(path)
     spec = image.spec()
     pixels = image.get_pixels(OpenImageIO.FLOAT).astype(numpy.float64)
@@ -84,7 +85,7 @@ def render_pictures(scene, options, reference, folder):
     pictures = []
     with farm.Farm() as one:
         one.start_worker(threads=1)
-        for seed in range(1, options.pictures + 1):  # The farm numbers its jobs likewise.
+        for seed in range(1, options.pictures + 1):  # The farm numbers its jobs alike.
             path = os.path.join(folder, f"{seed}.exr")
             one.sheaf("submit", scene, "--wait", "--samples", options.samples, "--tile-size",
                       min(options.cells), "--seed", seed, "-o", path,
@@ -99,7 +100,7 @@ def render_pictures(scene, options, reference, folder):
 
 
 def saving(errors, costs, weights, samples):
-    """What uniform samples take over what these take, for the same error."""
+    """Cost of uniform samples over the cost of these samples, for the same error."""
     def mean(values):
         return numpy.average(values, weights=weights)
     return mean(errors) * mean(costs) / mean(errors / samples) / mean(costs * samples)
@@ -110,7 +111,7 @@ def shares(errors, costs):
 
 
 def savings(pictures, size):
-    """Bound, known and errors, see above."""
+    """Bound, known and errors, as defined above."""
     corner = pictures[0].corner
     means = [(cell_means(p.errors, corner, size)[0], cell_means(p.costs, corner, size)[0])
              for p in pictures]

@@ -1,17 +1,17 @@
 #!/usr/bin/env python3
 # Copyright the Sheaf authors.
 # SPDX-License-Identifier: Apache-2.0
-"""What sixteen replicates, which make error bars true, cost against one sequence a pixel.
+"""Cost of true error bars: sixteen replicates against one sequence per pixel.
 
     SHEAF_BIN=build/dev/bin tests/accuracy/one_sequence.py SCENE... [--samples 64] [--runs 4]
         [--reference-samples 4096] [--references FOLDER] [--crop X0,Y0,X1,Y1] [--check]
 
-Of every scene it renders a reference by one sequence with another seed, then pictures of several
+For every scene it renders a reference by one sequence with another seed, then images of several
 seeds both ways, and prints the errors of replicates over those of one sequence, as relMSE and as
-MSE: what the reference itself is still wrong by, the same in both, makes the ratios a little too
-close to 1. Where rims of lamps are in view, a few samples in thousands of pixels decide, and
-forty runs tell no more than that neither is better. With --check, exits with 1 where the median
-loss in relMSE over the scenes is 10 % or more.
+MSE. The error of the reference itself is included in both, which moves the ratios slightly towards
+1. If emitter silhouettes are visible, a few samples in thousands of pixels dominate, and even forty
+runs only show that neither method is better. With --check, exits with 1 if the median loss in
+relMSE over the scenes is 10 % or more.
 """
 import json
 import os

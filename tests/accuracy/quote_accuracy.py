@@ -1,16 +1,16 @@
 #!/usr/bin/env python3
 # Copyright the Sheaf authors.
 # SPDX-License-Identifier: Apache-2.0
-"""How far quotes are from what then happens.
+"""Accuracy of quotes against actual costs.
 
     SHEAF_BIN=build/dev/bin tests/accuracy/quote_accuracy.py SCENE... [--targets 0.1,0.05,0.02,0.01]
         [--quotes 3] [--crop X0,Y0,X1,Y1] [--check]
 
-Of every scene it renders each target once and makes several quotes, with seeds of their own, and
-compares CPU hours. Prints of each target the ratios, what happened over what was quoted; over all
-of them the median of |ratio - 1|, the share that lies in the bands of 80 %, and of each scene the
-quote's own price over that of its loosest target. With --check, exits with 1 where the median is
-above 15 %, the bands hold fewer than 70 or more than 90 %, or a quote costs more than 3 %.
+For every scene it renders each target once, makes several quotes with different seeds, and compares
+CPU hours. Prints for each target the ratios of actual to quoted cost; over all of them the median
+of |ratio - 1| and the fraction within the 80 % bands; and for each scene the quote's own cost over
+that of its loosest target. With --check, exits with 1 if the median is above 15 %, the bands
+contain fewer than 70 or more than 90 %, or a quote costs more than 3 %.
 """
 import json
 import os
@@ -26,7 +26,7 @@ PRICE_MAX = 0.03
 
 
 def spend(scene, flags, target, seed):
-    """CPU hours and samples of a pixel that the target took."""
+    """CPU hours and samples per pixel that the target took."""
     with tempfile.TemporaryDirectory() as folder:
         frame = target_error.render_frame(scene, flags, seed, os.path.join(folder, "image.exr"),
                                           "--target-error", target)
@@ -36,7 +36,7 @@ def spend(scene, flags, target, seed):
 
 
 def measure(scene, options):
-    """Rows (ratio, held, price share)."""
+    """Rows (ratio, held, fraction of the price)."""
     flags = target_error.crop_flags(options)
     targets = sorted((float(t) for t in options.targets.split(",")), reverse=True)
     happened = {target: spend(scene, flags, target, 1) for target in targets}

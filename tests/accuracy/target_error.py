@@ -1,22 +1,22 @@
 #!/usr/bin/env python3
 # Copyright the Sheaf authors.
 # SPDX-License-Identifier: Apache-2.0
-"""Whether --target-error keeps its word, and at what price.
+"""Whether --target-error reaches its target, and at what overshoot.
 
     SHEAF_BIN=build/dev/bin tests/accuracy/target_error.py SCENE... [--targets 0.1,0.05,0.02,0.01]
         [--runs 5] [--reference-samples 4096] [--references FOLDER] [--crop X0,Y0,X1,Y1] [--check]
 
-Of every scene it renders the smallest target, then a reference of another seed with 16 times as
-many samples, in every pixel and by one sequence, and at least --reference-samples: at the rim of a
-lamp a pixel's share of it may be one in a thousand, and a reference that has missed it takes right
-pictures for wrong. Then each target with several seeds, and compares: the true error is the relMSE
-against the reference less what the reference itself is still wrong by, of which one sequence knows
-no more than an upper estimate, some hundredths of the smallest target. Prints, for each scene and
-target, the share of runs that reached it, and the overshoot: how much more was spent than an error
-of exactly the target takes, target / true error - 1 (where errors fall faster than 1 / samples it
-was less), where the first round was not already enough (no picture has fewer samples than that).
-With --check, exits with 1 where fewer than 95 % of all runs reach their target, or the median
-overshoot is above 25 %.
+For every scene it renders the smallest target, then a reference of another seed with 16 times as
+many samples in every pixel, by one sequence, and with at least --reference-samples: at the
+silhouette of a light the fraction of a pixel that it covers may be one in a thousand, and a
+reference that has missed it makes correct images look wrong. Then it renders each target with
+several seeds and compares: the true error is the relMSE against the reference minus the reference's
+own error. One sequence gives only an upper estimate of the latter, some hundredths of the smallest
+target. Prints, for each scene and target, the fraction of runs that reached it, and the overshoot:
+the additional cost relative to an error of exactly the target, target / true error - 1 (an upper
+bound if errors fall faster than 1 / samples), unless the first round was already enough (no image
+has fewer samples than that). With --check, exits with 1 if fewer than 95 % of all runs reach their
+target, or if the median overshoot is above 25 %.
 """
 import argparse
 import json
@@ -36,7 +36,7 @@ REFERENCE_SEED = 1_000_003
 
 
 class Scene(str):
-    """A path, or PATH@SAMPLES, the least samples that a reference of this scene has."""
+    """A path, or PATH@SAMPLES with the minimum samples of this scene's reference."""
     reference_samples = None
 
     def __new__(cls, text):
@@ -83,8 +83,9 @@ def crop_flags(options):
 
 
 def make_parser(doc, reference_samples=None):
-    """What the programs of this folder take: scenes, a crop, --check, and where they compare with
-    the truth, how many samples that has and where it is kept."""
+    """Parser for the arguments of this folder's programs: scenes, a crop, --check, and for
+    comparisons with a reference its samples and its folder.
+    """
     parser = argparse.ArgumentParser(description=doc,
                                      formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("scenes", nargs="+", metavar="SCENE", type=Scene)
@@ -98,8 +99,9 @@ def make_parser(doc, reference_samples=None):
 
 
 def render_reference(scene, options, folder, target):
-    """For pictures of at least this error; see above. Returns its path, the relMSE that it is still
-    wrong by, at most, and how many pixels it has."""
+    """Renders a reference for images of at least this error; see above. Returns its path, an upper
+    bound of its relMSE, and its number of pixels.
+    """
     made = render(scene, options.crop, target, REFERENCE_SEED, os.path.join(folder, "made.exr"))
     pixels = pixel_count(made)
     count = max(reference_samples(scene, options),
@@ -128,7 +130,7 @@ def measure(scene, options, folder):
     """Rows (target, true error, overshoot or None)."""
     targets = sorted((float(t) for t in options.targets.split(",")), reverse=True)
     reference, left, pixels = render_reference(scene, options, folder, targets[-1])
-    runs = []  # Target, true error, samples of a pixel, rounds.
+    runs = []  # Target, true error, samples per pixel, rounds.
     for target in targets:
         for seed in range(1, options.runs + 1):
             image = os.path.join(folder, "image.exr")

@@ -3,8 +3,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Error times cost of Sheaf against Cycles on one scene, in one run.
 
-SHEAF_BIN=build/release/bin tests/bench/cycles_ratio.py SCENE.pbrt CYCLES_SCRIPT.py
-[--samples N] [--seeds K] [--reference-samples M] [--max-ratio R] [--one-sequence]
+    SHEAF_BIN=build/release/bin tests/bench/cycles_ratio.py SCENE.pbrt CYCLES_SCRIPT.py
+        [--samples N] [--seeds K] [--reference-samples M] [--max-ratio R] [--one-sequence]
 
 CYCLES_SCRIPT is run by Debian's Blender as `blender ... --python CYCLES_SCRIPT -- SCENE SAMPLES OUT
 SEED` and must build the same scene there. Each renderer is compared with a long rendering of its

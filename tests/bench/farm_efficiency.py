@@ -7,7 +7,7 @@ Times `sheaf submit --wait` on a warm farm and `sheaf render --threads 2` in tur
 and prints every pair, the ratio of wall times and its median. The target is at most 1.05 for a job
 of 60 s or more.
 
-tests/bench/farm_efficiency.py [SCENE] [SAMPLES] [PAIRS]
+    tests/bench/farm_efficiency.py [SCENE] [SAMPLES] [PAIRS]
 """
 import os
 import statistics

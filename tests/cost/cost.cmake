@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-# What carrying a trait costs a scene that does not use it: counted, not timed.
+# Cost of a compiled-in trait for a scene that does not use it: counted, not timed.
 set(ablated_sources)
 foreach(trait kTextures kDeltaLights kAreaLights kSpecularTransmission
         kLayered kMicrofacet kInstances kQuadrics)
@@ -11,7 +11,7 @@ endforeach()
 sheaf_add_test(NAME trait_cost DEPS sheaf::render
   PRECOMPILE <worker/render/integrator/variants.h> <worker/render/bsdf/bsdf_inl.h> SOURCES
   cost/trait_cost_test.cc ${ablated_sources})
-# As worker/render is compiled, or the counts would compare compilers' settings.
+# The same flags as for worker/render, or the counts would compare compiler settings.
 target_compile_options(sheaf_trait_cost_test PRIVATE $<$<CONFIG:Release>:-O3>)
 sheaf_add_script_test(NAME trait_cost LABEL slow TIMEOUT 900
   COMMAND ${Python3_EXECUTABLE} ${CMAKE_CURRENT_LIST_DIR}/trait_cost_count.py)

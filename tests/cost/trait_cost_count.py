@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
 # Copyright the Sheaf authors.
 # SPDX-License-Identifier: Apache-2.0
-"""Counts the instructions that carrying a trait costs a scene without it.
+"""Counts the instructions that a compiled-in trait costs a scene that does not use it.
 
 Runs each case of sheaf_trait_cost_test under callgrind and compares the instructions of rendering
-with the variant the plan chose and with that variant with the trait compiled out. The counts do not
-depend on the machine's load. SHEAF_BIN: the folder of the built programs.
+with the variant that the plan chose and with that variant with the trait compiled out. The counts
+do not depend on the machine's load. SHEAF_BIN: the folder of the built programs.
 """
 import os
 import re
@@ -25,7 +25,7 @@ def cases():
 
 
 def inclusive_counts(case, folder):
-    """Instructions of RenderAsPlanned and RenderWithout, with all they call."""
+    """Instructions of RenderAsPlanned and RenderWithout, including their callees."""
     profile = os.path.join(folder, "profile")
     subprocess.run(["valgrind", "--tool=callgrind", "--callgrind-out-file=" + profile, TEST,
                     "--gtest_filter=Traits/CarriedTraitTest." + case],

@@ -1,9 +1,10 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Scenes that do not use a trait but run a variant that carries it, rendered by that variant and by
-// the same one with the trait compiled out: the pictures are equal. tests/cost/trait_cost_count.py
-// runs these under callgrind and compares the instructions of RenderAsPlanned and RenderWithout.
+// Scenes that do not use a trait but run a variant that contains it, rendered by that variant and
+// by the same variant with the trait compiled out: the images are equal.
+// tests/cost/trait_cost_count.py runs these cases under callgrind and compares the instructions of
+// RenderAsPlanned and RenderWithout.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -85,7 +86,7 @@ struct Case {
 };
 void PrintTo(const Case& c, std::ostream* out) { *out << c.trait; }
 
-// Every one of them runs the variant "common".
+// All of them run the variant "common".
 std::vector<Case> Cases() {
   const auto glass_and_point_light = [](TestScene* t) {
     AddPointLight(t);
@@ -118,7 +119,7 @@ std::vector<Case> Cases() {
 
 }  // namespace
 
-// Named in the profile, so each stays a function of its own.
+// The profile refers to its name, so it must not be inlined.
 [[gnu::noinline, gnu::noclone]] FilmTile RenderAsPlanned(const CompiledScene& scene) {
   return RenderRows(scene, RowFunctionOf(ChooseVariant(PlanOf(scene).traits, false)));
 }
@@ -145,7 +146,8 @@ TEST_P(CarriedTraitTest, ChangesNoPixel) {
   EXPECT_NE(plan.variant_traits, without->traits) << "the variant does not carry " << c.trait;
   EXPECT_EQ(plan.variant_traits & without->traits, without->traits);
   EXPECT_EQ(plan.traits & ~without->traits, 0u) << "the scene uses " << c.trait;
-  // What is loaded at the first call, and tables of the lights, count for neither.
+  // Excludes one-time work from both counts: code loaded at the first call, and tables of the
+  // lights.
   RenderRows(*scene, without->row);
   RenderRows(*scene, RowFunctionOf(ChooseVariant(plan.traits, false)));
   const FilmTile planned = RenderAsPlanned(*scene);
@@ -165,8 +167,8 @@ bool IsGeneric(const Variant& variant) {
   return variant.name == "generic" || variant.name == "spectral generic";
 }
 
-// Whatever a scene calls for, the variant it runs carries no trait that is not counted above,
-// unless it calls for something so rare that only the generic ones have it.
+// The variant of a scene contains only traits that the scene needs or that are counted above,
+// unless the scene needs a trait so rare that only the generic variants have it.
 TEST(CarriedTraitTest, NoOtherTraitIsCarried) {
   uint32_t counted = 0;
   for (const Ablated& ablated : AllAblated()) {
@@ -183,7 +185,7 @@ TEST(CarriedTraitTest, NoOtherTraitIsCarried) {
   for (uint32_t traits = all; traits != 0; traits = (traits - 1) & all) {
     const Variant variant = AllVariants()[ChooseVariant(traits, false)];
     if (IsGeneric(variant)) continue;
-    // Scenes with media share a few variants, which no other scene runs.
+    // Scenes with media share a few variants, which no other scenes use.
     constexpr uint32_t kOfMedia = TraitSet(Trait::kMedia, Trait::kHeterogeneousMedia,
                                            Trait::kChromaticMedia, Trait::kEmissiveMedia);
     if (Has(variant.traits, Trait::kMedia)) {

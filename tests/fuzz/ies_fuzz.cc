@@ -21,7 +21,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* bytes, size_t size_bytes) {
   const auto table = sheaf::ReadIes("a.ies", "/proc/self/fd/" + std::to_string(descriptor));
   ::close(descriptor);
   if (!table.ok()) return 0;
-  // A table that was read is sound.
+  // Accepted tables are valid.
   SHEAF_CHECK(table->vertical_degrees.size() >= 2 && !table->horizontal_degrees.empty());
   SHEAF_CHECK(table->candelas.size() ==
               table->vertical_degrees.size() * table->horizontal_degrees.size());

@@ -22,7 +22,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* bytes, size_t size_bytes) {
       sheaf::ReadMeasuredFile("a.bsdf", "/proc/self/fd/" + std::to_string(descriptor));
   ::close(descriptor);
   if (!data.ok()) return 0;
-  // Data that was read is sound.
+  // Accepted data is valid.
   const size_t slices = data->phi.size() * data->theta.size();
   const size_t plane = size_t{data->shape.spectra_size} * data->shape.spectra_size;
   SHEAF_CHECK(slices > 0 && data->shape.spectra_size >= 2 && data->shape.vndf_width >= 2);

@@ -25,7 +25,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* bytes, size_t size_bytes) {
   const auto mesh = sheaf::ReadPly("/proc/self/fd/" + std::to_string(descriptor), limits);
   ::close(descriptor);
   if (!mesh.ok()) return 0;
-  // A mesh that was read is sound.
+  // Accepted meshes are valid.
   for (const uint32_t index : mesh->indices) SHEAF_CHECK(index < mesh->positions.size());
   for (const sheaf::Vec3f& p : mesh->positions) {
     SHEAF_CHECK(std::isfinite(p.x) && std::isfinite(p.y) && std::isfinite(p.z));

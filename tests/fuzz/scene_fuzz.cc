@@ -52,7 +52,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* bytes, size_t size_bytes) {
   limits.memory_bytes_max = uint64_t{1} << 24;
   limits.triangles_max = 100000;
   const auto result = sheaf::ReadScene("main.pbrt", files, limits);
-  // What was read refers to nothing that is not there.
+  // Accepted scenes contain no dangling references.
   if (result.ok()) {
     for (const auto& shape : result->scene.shapes) {
       SHEAF_CHECK(shape.material >= 0 &&

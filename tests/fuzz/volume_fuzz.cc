@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Feeds arbitrary bytes to the readers of volume files, .nvdb and .vdb, and looks up what was read.
-// Memory is bounded by the limits below. Build with -fsanitize=fuzzer,address.
+// Feeds arbitrary bytes to the readers of volume files, .nvdb and .vdb, and looks up values of
+// accepted grids. Memory is bounded by the limits below. Build with -fsanitize=fuzzer,address.
 #include <sys/mman.h>
 #include <unistd.h>
 
@@ -30,7 +30,7 @@ void LookUp(const sheaf::VolumeGrid& grid) {
       state = state * 6364136223846793005u + 1442695040888963407u;
       const double u = static_cast<double>(state >> 33) * 0x1p-31;
       const double lo = grid.box().lo[a] - 9, hi = grid.box().hi[a] + 9;
-      // Near the lower end, where there is most, and everywhere.
+      // Near the lower end, where most values are, and everywhere.
       p[a] = i % 2 == 0 ? lo + u * 32 : lo + u * (hi - lo);
     }
     if (grid.is_vector()) {

@@ -1,10 +1,11 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// A short run of volume_fuzz without libFuzzer: files as NanoVDB and OpenVDB write them, some of
-// their bytes changed.
+// A short run of volume_fuzz without libFuzzer: files written by NanoVDB and OpenVDB with some
+// bytes changed.
+//
 //   volume_fuzz_run ITERATIONS [SEED]      changes files and reads them
-//   volume_fuzz_run --write-corpus FOLDER  writes the unchanged files, for libFuzzer to begin with
+//   volume_fuzz_run --write-corpus FOLDER  writes the unchanged files as a corpus for libFuzzer
 #include <cstdio>
 #include <cstdlib>
 #include <fstream>
@@ -53,7 +54,7 @@ uint64_t Next(uint64_t* state) {
   return v ^ (v >> 31);
 }
 
-// Words of interest (sizes, offsets) lie at multiples of 4, most of them near the beginning.
+// Relevant words (sizes, offsets) are at multiples of 4, most of them near the beginning.
 void Change(std::string* bytes, uint64_t* state) {
   const uint64_t kind = Next(state) % 8;
   const uint64_t range = Next(state) % 2 == 0 ? std::min<uint64_t>(bytes->size(), 2048)

@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The dashboard in real headless Chromium.
 
-page_test.py farm      over a coordinator and a worker that render a scene
-page_test.py made-up   over sheaf_page_server: thousands of jobs, odd titles, narrow and wide
-page_test.py           both
+  page_test.py farm      over a coordinator and a worker that render a scene
+  page_test.py made-up   over sheaf_page_server: thousands of jobs, odd titles, narrow and wide
+  page_test.py           both
 
 Screenshots are kept in SHEAF_ARTEFACTS. Ends with "N passed, N failed".
 """

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The page of a study in real headless Chromium, opened from a file.
 
-study_page_test.py sheaf_study_page_maker    over made-up studies that it makes pages of
+  study_page_test.py sheaf_study_page_maker    over made-up studies that it makes pages of
 
 Screenshots are kept in SHEAF_ARTEFACTS. Ends with "N passed, N failed".
 """

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Holds docs/pbrt-v4.md to its word: every line of its tables is read as a scene, and what comes of
-// it must be what the line says.
+// Checks docs/pbrt-v4.md: every row of its tables is read as a scene, and the result must match the
+// row.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -30,7 +30,7 @@ std::string Trim(const std::string& text) {
   return text.substr(first, text.find_last_not_of(" `") - first + 1);
 }
 
-// The tables' rows: those whose first cell is code.
+// The tables' rows whose first cell is code.
 std::vector<Row> ReadRows(const std::string& path) {
   std::ifstream file(path);
   std::vector<Row> rows;
@@ -87,7 +87,7 @@ class PbrtSupportTest : public ::testing::Test {
     std::ofstream(directory_ + "/" + name, std::ios::binary) << text;
   }
 
-  // What becomes of the scene; *said gets its messages, each with its place.
+  // The result of reading the scene; *said receives its messages, each with its place.
   std::string VerdictOn(const std::string& scene, std::string* said) {
     Write("main.pbrt", scene);
     DirectoryFileSource files(directory_);

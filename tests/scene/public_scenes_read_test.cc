@@ -1,9 +1,9 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Public scenes read, or fail for the reason they should. The scenes are not part of the
-// repository: SHEAF_PUBLIC_SCENES names the folder of the collection; without it there is nothing
-// to compare.
+// Public scenes are read, or fail for the expected reason. The scenes are not part of the
+// repository: SHEAF_PUBLIC_SCENES names the folder of the collection; without it the tests are
+// skipped.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -18,8 +18,8 @@ namespace {
 
 struct PublicScene {
   const char* path;
-  size_t triangle_count;  // Where it reads.
-  const char* error;      // Part of the message where it does not; nullptr where it reads.
+  size_t triangle_count;  // If it can be read.
+  const char* error;      // Part of the message if it cannot be read; otherwise nullptr.
 };
 
 constexpr PublicScene kScenes[] = {

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # Copyright the Sheaf authors.
 # SPDX-License-Identifier: Apache-2.0
-"""House rules that a machine can check; CONTRIBUTING.md gives the reasons.
+"""Project rules that a machine can check; CONTRIBUTING.md gives the reasons.
 
 Run from anywhere: tests/tidy/tidy_test.py. Each check is one test; a failure lists every place.
 """
@@ -27,7 +27,7 @@ ROOMS = {
                      "< medium < material < plan < scene < integrator < . < ablation",
 }
 
-# A module may include those listed, itself, and nothing else of ours. common/* are below all.
+# A module may include the listed modules and itself, and no other of ours. common/* is below all.
 LAYERS = {
     "common/base": (),
     "common/command_line": ("common/base",),
@@ -66,7 +66,7 @@ LAYERS = {
 }
 FOLDER_SOURCES_MAX = 45
 
-# Third-party headers and the only files that may include them.
+# Third-party headers and the files that may include them.
 DOORS = {
     r"Imf\w+\.h|OpenEXR/|Imath": r"^common/film/exr/exr_",
     r"openssl/": r"^common/base/digest\.cc$",
@@ -77,7 +77,7 @@ DOORS = {
     r"nanovdb/": r"^common/volume/nanovdb_door\.h$",
     r"common/volume/nanovdb_door\.h": r"^common/volume/",
     r"blosc\.h": r"^common/volume/",
-    r"openvdb/": r"^$",  # The tests alone write with it.
+    r"openvdb/": r"^$",  # Only tests write with it.
     r"zlib\.h": r"^common/(scene/formats|volume)/",
     r"zstd\.h": r"^common/content/",
     r"embree\d/": r"^worker/render/accel/embree_door\.h$",
@@ -120,7 +120,7 @@ def product_files():
 def function_lengths(text):
     """Yields (first line, number of lines) of the blocks that open at the end of a definition.
 
-    A rough brace matcher: good enough to find a function that no longer fits a screen.
+    A simple brace matcher, sufficient to find functions that no longer fit on a screen.
     """
     lines = text.split("\n")
     open_at, depth, base = None, 0, 0
