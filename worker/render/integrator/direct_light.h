@@ -8,10 +8,10 @@
 
 namespace sheaf::render {
 
-// Which of the techniques finds the light that arrives at a vertex. Pictures are made with all;
-// others have the same expectation, and are there for tests of that. Lights without size can only
-// be sampled, and what is seen directly or along perfect reflections can only be met. kByLines: as
-// kByBoth, but what can be gathered along a line through a medium is.
+// The techniques that find the light at a vertex. Images are made with kByBoth, which combines all;
+// the others have the same expectation and exist for tests. Delta lights can only be sampled, and
+// lights seen directly or along specular reflections can only be hit. kByLines: as kByBoth, but
+// light that line sampling can find in a medium is found by it alone.
 enum class DirectLight : uint8_t { kByBoth, kBySampling, kByMeeting, kByLines };
 
 }  // namespace sheaf::render

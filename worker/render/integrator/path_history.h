@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// PathHistory: what has scattered a path so far, as far as LightPathKind asks. Paths of variants
-// without outputs have a NoHistory, which costs nothing.
+// PathHistory: the scattering events of a path so far, in the detail that LightPathKind needs.
+// Paths of variants without outputs have a NoHistory, which costs nothing.
 #pragma once
 
 #include <algorithm>
@@ -22,17 +22,17 @@ class PathHistory {
       rough_ = Increased(rough_);
     }
   }
-  void AddMedium(bool in_matter) {
+  void AddMedium(bool is_subsurface) {
     specular_last_ = false;
-    if (in_matter) {
-      in_matter_ = true;
+    if (is_subsurface) {
+      subsurface_ = true;
     } else {
       media_ = Increased(media_);
     }
   }
-  // Of what the path's ray meets.
+  // The kind of light that the path's ray hits.
   LightPathKind KindMet() const {
-    if (in_matter_) return LightPathKind::kBeneath;
+    if (subsurface_) return LightPathKind::kBeneath;
     if (media_ > 0) {
       const bool once = media_ == 1 && rough_ == 0 && !specular_last_;
       return once ? LightPathKind::kFogOnce : LightPathKind::kFog;
@@ -41,7 +41,7 @@ class PathHistory {
     if (specular_last_) return LightPathKind::kCaustic;
     return rough_ == 1 ? LightPathKind::kDirect : LightPathKind::kIndirect;
   }
-  // Of a light that is sampled from a rough surface, or from a point in a medium.
+  // The kind of a light that is sampled from a rough surface, or from a point in a medium.
   LightPathKind KindFromSurface() const {
     PathHistory next = *this;
     next.AddSurface(false);
@@ -54,11 +54,11 @@ class PathHistory {
   }
 
  private:
-  // More than 2 are not told apart.
+  // Counts above 2 are not distinguished.
   static uint8_t Increased(uint8_t count) { return std::min<uint8_t>(count + 1, 2); }
 
   uint8_t rough_ = 0, media_ = 0;
-  bool has_specular_ = false, specular_last_ = false, in_matter_ = false;
+  bool has_specular_ = false, specular_last_ = false, subsurface_ = false;
 };
 
 struct NoHistory {

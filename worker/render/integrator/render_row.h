@@ -11,7 +11,7 @@
 
 namespace sheaf::render {
 
-// The same samples, together with what the scene's settings ask for beside them.
+// The same samples, with the other outputs that the scene's settings request.
 template <typename Tracer>
 void RenderRowWithOutputs(const CompiledScene& scene, int32_t x0, int32_t x1, int32_t y,
                           SampleBlock block, Tracer* tracer, PixelAccumulator* accumulator) {
