@@ -8,9 +8,9 @@
 #include <string>
 
 #include "cli/commands/command.h"
+#include "cli/commands/options.h"
 #include "cli/image/comparison_report.h"
 #include "cli/image/tone_map.h"
-#include "cli/commands/options.h"
 #include "cli/job/output_files.h"
 #include "cli/message.h"
 #include "common/film/error/compare.h"

@@ -12,8 +12,8 @@
 
 #include "cli/commands/command.h"
 #include "cli/commands/completion_script.h"
-#include "cli/job/farm_client.h"
 #include "cli/commands/options.h"
+#include "cli/job/farm_client.h"
 #include "common/command_line/command_line.h"
 #include "common/rpc/address.h"
 #include "common/rpc/channel.h"

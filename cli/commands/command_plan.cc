@@ -9,8 +9,8 @@
 #include <string>
 
 #include "cli/commands/command.h"
-#include "cli/job/opened_scene.h"
 #include "cli/commands/options.h"
+#include "cli/job/opened_scene.h"
 #include "common/base/printable.h"
 #include "worker/render/ablation/plan_measurement.h"
 #include "worker/render/plan/render_plan.h"

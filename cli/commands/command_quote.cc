@@ -8,10 +8,10 @@
 #include <vector>
 
 #include "cli/commands/command.h"
-#include "cli/interruption.h"
-#include "cli/job/follow_job.h"
 #include "cli/commands/local_farm.h"
 #include "cli/commands/options.h"
+#include "cli/interruption.h"
+#include "cli/job/follow_job.h"
 #include "cli/message.h"
 #include "cli/quote/quote.h"
 #include "common/base/log.h"

@@ -11,8 +11,8 @@
 #include <vector>
 
 #include "cli/commands/command.h"
-#include "cli/job/opened_scene.h"
 #include "cli/commands/options.h"
+#include "cli/job/opened_scene.h"
 #include "cli/job/output_files.h"
 #include "cli/message.h"
 #include "cli/study/study.h"

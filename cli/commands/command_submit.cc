@@ -8,11 +8,11 @@
 
 #include "absl/strings/str_cat.h"
 #include "cli/commands/command.h"
-#include "cli/interruption.h"
 #include "cli/commands/effect_costs.h"
+#include "cli/commands/options.h"
+#include "cli/interruption.h"
 #include "cli/job/follow_job.h"
 #include "cli/job/job_json.h"
-#include "cli/commands/options.h"
 #include "cli/message.h"
 #include "cli/quote/quote.h"
 #include "common/rpc/address.h"

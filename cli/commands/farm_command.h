@@ -7,9 +7,9 @@
 #include <string>
 
 #include "cli/commands/command.h"
+#include "cli/commands/options.h"
 #include "cli/interruption.h"
 #include "cli/job/farm_client.h"
-#include "cli/commands/options.h"
 #include "common/rpc/address.h"
 #include "common/rpc/channel.h"
 

@@ -3,7 +3,7 @@
 #
 #   cmake -DPAGE=... -DOUTPUT=... -P study_embed.cmake
 cmake_policy(VERSION 3.25)
-include(${CMAKE_CURRENT_LIST_DIR}/../cmake/EmbedBytes.cmake)
+include(${CMAKE_CURRENT_LIST_DIR}/../../cmake/EmbedBytes.cmake)
 
 sheaf_read_bytes(bytes ${PAGE})
 file(WRITE ${OUTPUT}

@@ -10,6 +10,9 @@
 
 #include "gtest/gtest.h"
 #include "tests/support/chi_square.h"
+#include "tests/support/hard_case.h"
+#include "tests/support/naive_materials.h"
+#include "tests/support/naive_media.h"
 #include "worker/render/medium/free_flight.h"
 #include "worker/render/medium/phase_function.h"
 

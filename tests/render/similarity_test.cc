@@ -264,7 +264,7 @@ TileMean MeanBy(const SceneDescription& scene, FrameSettings settings, uint64_t 
   PixelAccumulator accumulator(&tile);
   RayCounts counts;
   PathIntegrator<kAllTraits, const EmbreeScene, kDirectLight> tracer(*compiled, *compiled->tracer,
-                                                                 counts);
+                                                                     counts);
   for (int32_t y = 0; y < settings.height_px; ++y) {
     for (int32_t x = 0; x < settings.width_px; ++x) {
       accumulator.Begin(x, y);

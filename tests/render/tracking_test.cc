@@ -16,6 +16,7 @@
 #include "tests/support/chi_square.h"
 #include "tests/support/hard_case.h"
 #include "tests/support/long_tests.h"
+#include "tests/support/naive_media.h"
 #include "worker/render/medium/cloud_density.h"
 
 namespace sheaf::render {

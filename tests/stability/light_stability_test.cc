@@ -13,6 +13,7 @@
 #include "common/math/elementary.h"
 #include "tests/support/hard_case.h"
 #include "tests/support/light_tables.h"
+#include "tests/support/naive_lights.h"
 #include "worker/render/light/shape_sampling.h"
 #include "worker/render/sampling/equal_area_map.h"
 

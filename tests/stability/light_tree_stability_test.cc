@@ -14,6 +14,7 @@
 #include "tests/support/chi_square.h"
 #include "tests/support/hard_case.h"
 #include "tests/support/light_tables.h"
+#include "tests/support/naive_lights.h"
 #include "worker/render/light/light_choice.h"
 #include "worker/render/light/light_tree.h"
 #include "worker/render/light/shape_sampling.h"

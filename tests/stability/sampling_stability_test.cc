@@ -16,6 +16,7 @@
 #include "common/film/film_tile.h"
 #include "tests/support/hard_case.h"
 #include "tests/support/long_tests.h"
+#include "tests/support/naive_sampling.h"
 #include "worker/render/sampling/dimensions.h"
 #include "worker/render/sampling/discrete_distribution.h"
 #include "worker/render/sampling/sampler.h"

@@ -14,6 +14,7 @@
 #include "tests/support/hard_case.h"
 #include "tests/support/interior_scene.h"
 #include "tests/support/long_tests.h"
+#include "tests/support/naive_media.h"
 #include "worker/render/bsdf/fresnel.h"
 
 namespace sheaf::render {
