@@ -18,7 +18,7 @@
 #include "common/math/elementary.h"
 #include "tests/bench/measures.h"
 #include "worker/render/accel/embree_scene.h"
-#include "worker/render/geometry/scene_geometry.h"
+#include "worker/render/scene/scene_baker.h"
 
 namespace sheaf::render {
 namespace {

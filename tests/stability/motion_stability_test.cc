@@ -14,7 +14,7 @@
 #include "tests/support/test_scene.h"
 #include "worker/render/camera/camera.h"
 #include "worker/render/geometry/animated_transform.h"
-#include "worker/render/geometry/scene_geometry.h"
+#include "worker/render/scene/scene_baker.h"
 
 namespace sheaf::render {
 namespace {

@@ -10,8 +10,8 @@
 
 #include "gtest/gtest.h"
 #include "worker/render/accel/embree_scene.h"
-#include "worker/render/scene/scene_baker.h"
 #include "worker/render/geometry/surface_point.h"
+#include "worker/render/scene/scene_baker.h"
 #include "worker/render/traits/trait_set.h"
 
 namespace sheaf::render {
