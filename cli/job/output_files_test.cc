@@ -69,7 +69,7 @@ TEST_F(OutputFilesTest, NamesSayWhatTheFileHolds) {
     EXPECT_TRUE(absl::IsInvalidArgument(CheckOutputName("-o", name, {".exr", ".png"}))) << name;
   }
   EXPECT_THAT(std::string(CheckOutputName("-o", "a.jpg", {".exr", ".png"}).message()),
-              HasSubstr("-o a.jpg: Sheaf writes .exr or .png"));
+              HasSubstr("-o a.jpg: Sheaf writes only .exr or .png here"));
 }
 
 TEST_F(OutputFilesTest, WhatCannotBeWrittenIsKeptElsewhere) {

@@ -51,8 +51,8 @@ void SceneBuilder::Option(const std::string& name, const std::string& value,
              option == "wavefront" || option == "rendercoordsys" || option == "msereferenceimage" ||
              option == "msereferenceout") {
     diagnostics_->Note(location, absl::StrCat("option \"", option,
-                                              "\" has no effect: it is about "
-                                              "how pbrt works, not what it renders"));
+                                              "\" has no effect: it concerns "
+                                              "how pbrt works, not the image"));
   } else if (value != "false") {
     diagnostics_->Error(location,
                         absl::StrCat("option \"", option, "\" is not supported; remove it"));
