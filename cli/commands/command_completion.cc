@@ -4,16 +4,15 @@
 // sheaf completion: prints a completion script for a shell, made from sheaf's own option
 // definitions.
 #include <chrono>
-#include <condition_variable>
 #include <cstdio>
-#include <mutex>
 #include <string>
 #include <thread>
 
 #include "cli/commands/command.h"
 #include "cli/commands/completion_script.h"
-#include "cli/commands/options.h"
 #include "cli/job/farm_client.h"
+#include "cli/commands/options.h"
+#include "common/base/mutex.h"
 #include "common/command_line/command_line.h"
 #include "common/rpc/address.h"
 #include "common/rpc/channel.h"
@@ -79,10 +78,7 @@ class CompletionCommandLine : public Command {
   ExitCode PrintJobNames() const {
     std::stop_source stop;
     const std::jthread timer([&stop](const std::stop_token& done) {
-      std::mutex mutex;
-      std::unique_lock<std::mutex> lock(mutex);
-      std::condition_variable_any never;
-      never.wait_for(lock, done, kJobNamesWait, [] { return false; });
+      SleepUnlessStopped(absl::FromChrono(kJobNamesWait), done);
       stop.request_stop();
     });
     FarmClient client(MakeChannel(coordinator_), coordinator_, stop.get_token());

@@ -5,14 +5,13 @@
 #include <grpcpp/client_context.h>
 
 #include <algorithm>
-#include <condition_variable>
 #include <fstream>
-#include <mutex>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "cli/message.h"
 #include "common/base/digest.h"
+#include "common/base/mutex.h"
 #include "common/content/blob_store.h"
 #include "common/content/chunk_codec.h"
 #include "common/rpc/channel.h"
@@ -28,11 +27,7 @@ constexpr absl::Duration kAttemptDeadline = kStreamDeadline;
 RetryEnvironment MakeEnvironment(std::stop_token stop) {
   RetryEnvironment environment = SystemRetryEnvironment();
   environment.sleep = [stop](absl::Duration duration) {
-    std::mutex mutex;
-    std::unique_lock<std::mutex> lock(mutex);
-    std::condition_variable_any never;
-    never.wait_for(lock, stop, absl::ToChronoNanoseconds(duration), [] { return false; });
-    return !stop.stop_requested();
+    return SleepUnlessStopped(duration, stop);
   };
   return environment;
 }

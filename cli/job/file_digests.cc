@@ -26,7 +26,7 @@ absl::StatusOr<BlobDigest> FileDigests::Of(const std::string& path) {
   const absl::StatusOr<Key> before = KeyOf(path);
   if (!before.ok()) return before.status();
   {
-    const std::lock_guard<std::mutex> lock(mutex_);
+    const MutexLock lock(&mutex_);
     if (const auto it = digests_.find(*before); it != digests_.end()) return it->second;
   }
   const absl::StatusOr<FileDigest> digest = Sha256OfFile(path);
@@ -38,7 +38,7 @@ absl::StatusOr<BlobDigest> FileDigests::Of(const std::string& path) {
         absl::StrCat(path, ": changed while it was being read; submit again"));
   }
   const BlobDigest blob{digest->sha256_hex, digest->size_bytes};
-  const std::lock_guard<std::mutex> lock(mutex_);
+  const MutexLock lock(&mutex_);
   digests_[*before] = blob;
   return blob;
 }

@@ -7,10 +7,10 @@
 #include <sys/stat.h>
 
 #include <map>
-#include <mutex>
 #include <string>
 
 #include "absl/status/statusor.h"
+#include "common/base/mutex.h"
 #include "common/content/blob_digest.h"
 
 namespace sheaf::cli {
@@ -31,8 +31,8 @@ class FileDigests {
   };
   static absl::StatusOr<Key> KeyOf(const std::string& path);
 
-  std::mutex mutex_;
-  std::map<Key, BlobDigest> digests_;
+  Mutex mutex_;
+  std::map<Key, BlobDigest> digests_ ABSL_GUARDED_BY(mutex_);
 };
 
 }  // namespace sheaf::cli

@@ -7,7 +7,6 @@
 #include <chrono>
 #include <cstdio>
 #include <map>
-#include <mutex>
 #include <optional>
 #include <thread>
 #include <utility>
@@ -21,6 +20,8 @@
 #include "cli/message.h"
 #include "cli/progress_line.h"
 #include "common/base/file.h"
+#include "common/base/first_error.h"
+#include "common/base/mutex.h"
 #include "common/film/exr/exr_codec.h"
 #include "common/rpc/address.h"
 
@@ -37,7 +38,7 @@ class UploadProgress {
   explicit UploadProgress(uint64_t total_bytes)
       : total_bytes_(std::max<uint64_t>(total_bytes, 1)) {}
   void Add(uint64_t size_bytes) {
-    const std::lock_guard<std::mutex> lock(mutex_);
+    const MutexLock lock(&mutex_);
     sent_bytes_ += size_bytes;
     const double share =
         std::min(1.0, static_cast<double>(sent_bytes_) / static_cast<double>(total_bytes_));
@@ -47,10 +48,10 @@ class UploadProgress {
   }
 
  private:
-  std::mutex mutex_;
-  ProgressLine line_{kUploadSilence};
+  Mutex mutex_;
+  ProgressLine line_ ABSL_GUARDED_BY(mutex_){kUploadSilence};
   const uint64_t total_bytes_;
-  uint64_t sent_bytes_ = 0;
+  uint64_t sent_bytes_ ABSL_GUARDED_BY(mutex_) = 0;
 };
 
 bool IsBlack(const FramePicture& picture) {
@@ -103,8 +104,7 @@ absl::Status UploadMissing(FarmClient* client, const PreparedJob& job) {
   for (const BlobDigest& digest : *missing) total_bytes += digest.size_bytes;
   UploadProgress progress(total_bytes);
   std::atomic<size_t> next{0};
-  std::mutex mutex;
-  absl::Status first_error;
+  FirstError first_error;
   {
     std::vector<std::jthread> uploads;
     for (size_t t = 0; t < std::min(kUploadsMax, missing->size()); ++t) {
@@ -114,14 +114,13 @@ absl::Status UploadMissing(FarmClient* client, const PreparedJob& job) {
           const absl::Status status =
               client->Upload(blob, [&](uint64_t size_bytes) { progress.Add(size_bytes); });
           if (status.ok()) continue;
-          const std::lock_guard<std::mutex> lock(mutex);
-          if (first_error.ok()) first_error = status;
+          first_error.Update(status);
           next = missing->size();
         }
       });
     }
   }
-  return first_error;
+  return first_error.Get();
 }
 
 absl::StatusOr<Delivery> MakeDelivery(const JobArguments& arguments, const PreparedJob& job,

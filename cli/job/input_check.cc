@@ -66,11 +66,11 @@ absl::Status ReadAsFarAsNeeded(const NamedFile& named, const std::string& path) 
 
 absl::Status InputChecks::Once(const std::string& path, const std::function<absl::Status()>& read) {
   {
-    const std::lock_guard<std::mutex> lock(mutex_);
+    const MutexLock lock(&mutex_);
     if (const auto found = known_.find(path); found != known_.end()) return found->second;
   }
   absl::Status status = read();
-  const std::lock_guard<std::mutex> lock(mutex_);
+  const MutexLock lock(&mutex_);
   return known_.emplace(path, std::move(status)).first->second;
 }
 

@@ -8,10 +8,10 @@
 
 #include <functional>
 #include <map>
-#include <mutex>
 #include <string>
 
 #include "absl/status/status.h"
+#include "common/base/mutex.h"
 #include "common/scene/file_source.h"
 #include "common/scene/scene_description.h"
 
@@ -30,8 +30,8 @@ class InputChecks {
  private:
   absl::Status Once(const std::string& path, const std::function<absl::Status()>& read);
 
-  std::mutex mutex_;
-  std::map<std::string, absl::Status> known_;  // Results by path.
+  Mutex mutex_;
+  std::map<std::string, absl::Status> known_ ABSL_GUARDED_BY(mutex_);  // By path.
 };
 
 }  // namespace sheaf::cli

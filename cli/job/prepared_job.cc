@@ -6,7 +6,6 @@
 #include <atomic>
 #include <cmath>
 #include <filesystem>
-#include <mutex>
 #include <optional>
 #include <random>
 #include <set>

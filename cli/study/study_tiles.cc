@@ -3,10 +3,10 @@
 #include "cli/study/study_tiles.h"
 
 #include <algorithm>
-#include <mutex>
 #include <numeric>
 #include <utility>
 
+#include "common/base/first_error.h"
 #include "common/base/parallel.h"
 
 namespace sheaf::cli {
@@ -21,15 +21,12 @@ constexpr int32_t kPackGapPx = 2;
 
 absl::Status ForEachTile(int threads, size_t count,
                          const std::function<absl::Status(size_t)>& work) {
-  std::mutex mutex;
-  absl::Status failure;
+  FirstError failure;
   ParallelRanges(count, 1, threads, [&](uint64_t i, uint64_t) {
     absl::Status status = work(i);
-    if (status.ok()) return;
-    const std::lock_guard lock(mutex);
-    failure.Update(std::move(status));
+    if (!status.ok()) failure.Update(std::move(status));
   });
-  return failure;
+  return failure.Get();
 }
 
 TileRenderer::TileRenderer(const render::CompiledScene& scene, const std::vector<PixelRect>& tiles,

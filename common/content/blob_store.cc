@@ -161,7 +161,7 @@ absl::StatusOr<FileState> BlobStore::StateOf(const BlobDigest& digest) const {
   const std::string path = FinalPath(digest);
   std::optional<FileState> state = StateOfFile(path);
   if (state && !verified_.Contains(digest.sha256_hex, *state)) {
-    const std::lock_guard<std::mutex> lock(LockOf(digest));
+    const MutexLock lock(LockOf(digest));
     state = StateOfFile(path);
     if (state && !verified_.Contains(digest.sha256_hex, *state)) {
       if (absl::Status status = VerifyFile(digest); !status.ok()) return status;
@@ -262,7 +262,7 @@ absl::StatusOr<std::string> BlobStore::ReadChunk(const BlobDigest& digest, uint6
 
 absl::Status BlobStore::Verify(const BlobDigest& digest) const {
   if (absl::Status status = CheckDigest(digest); !status.ok()) return status;
-  const std::lock_guard<std::mutex> lock(LockOf(digest));
+  const MutexLock lock(LockOf(digest));
   return VerifyFile(digest);
 }
 
@@ -297,18 +297,18 @@ void BlobStore::TakeOut(const BlobDigest& digest, const FileState& state) const 
 }
 
 std::vector<BlobDigest> BlobStore::TakeLost() const {
-  const std::lock_guard<std::mutex> lock(lost_mutex_);
+  const MutexLock lock(&lost_mutex_);
   return std::exchange(lost_, {});
 }
 
 void BlobStore::NoteLost(const BlobDigest& digest) const {
-  const std::lock_guard<std::mutex> lock(lost_mutex_);
+  const MutexLock lock(&lost_mutex_);
   if (lost_.size() < kLostNotedMax) lost_.push_back(digest);
 }
 
-std::mutex& BlobStore::LockOf(const BlobDigest& digest) const {
+Mutex* BlobStore::LockOf(const BlobDigest& digest) const {
   const char digit = digest.sha256_hex.front();
-  return verifying_[static_cast<size_t>(digit <= '9' ? digit - '0' : digit - 'a' + 10)];
+  return &verifying_[static_cast<size_t>(digit <= '9' ? digit - '0' : digit - 'a' + 10)];
 }
 
 }  // namespace sheaf

@@ -20,7 +20,6 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
-#include <mutex>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -29,6 +28,7 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "common/base/digest.h"
+#include "common/base/mutex.h"
 #include "common/content/blob_digest.h"
 #include "common/content/file_state.h"
 #include "common/content/verified_files.h"
@@ -142,18 +142,19 @@ class BlobStore {
   friend class BlobWriter;
   BlobStore(std::string directory, std::function<Clock::time_point()> now)
       : directory_(std::move(directory)), verified_(std::move(now)) {}
-  // Digests the file. Requires: the blob's lock is held.
-  absl::Status VerifyFile(const BlobDigest& digest) const;
+  // Digests the file.
+  absl::Status VerifyFile(const BlobDigest& digest) const
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(LockOf(digest));
   void TakeOut(const BlobDigest& digest, const FileState& state) const;
-  std::mutex& LockOf(const BlobDigest& digest) const;
+  Mutex* LockOf(const BlobDigest& digest) const;
 
   const std::string directory_;
   mutable VerifiedFiles verified_;  // Keyed by digest.
   // By the first digit of the digest: one thread digests a blob while others wait for it.
-  mutable std::array<std::mutex, 16> verifying_;
+  mutable std::array<Mutex, 16> verifying_;
   mutable std::atomic<uint64_t> digest_count_{0};
-  mutable std::mutex lost_mutex_;
-  mutable std::vector<BlobDigest> lost_;  // At most kLostNotedMax.
+  mutable Mutex lost_mutex_;
+  mutable std::vector<BlobDigest> lost_ ABSL_GUARDED_BY(lost_mutex_);  // At most kLostNotedMax.
 };
 
 }  // namespace sheaf

@@ -11,7 +11,6 @@
 #include <cerrno>
 #include <chrono>
 #include <filesystem>
-#include <mutex>
 #include <set>
 #include <system_error>
 #include <thread>
@@ -19,6 +18,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "common/base/file.h"
+#include "common/base/mutex.h"
 #include "common/base/status.h"
 
 namespace sheaf {
@@ -263,7 +263,7 @@ absl::Status ContentCache::MakeLeaseFolder() {
 absl::StatusOr<ContentLease> ContentCache::MakeLease() {
   uint64_t number = 0;
   {
-    const std::lock_guard<std::mutex> lock(mutex_);
+    const MutexLock lock(&mutex_);
     number = lease_count_++;
   }
   ContentLease lease(absl::StrCat(lease_folder_->path(), "/", number), lease_folder_);

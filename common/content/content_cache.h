@@ -19,7 +19,6 @@
 #include <functional>
 #include <map>
 #include <memory>
-#include <mutex>
 #include <stop_token>
 #include <string>
 #include <string_view>
@@ -28,6 +27,7 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "common/base/mutex.h"
 #include "common/content/blob_store.h"
 #include "common/content/file_descriptor.h"
 #include "common/content/file_state.h"
@@ -119,8 +119,8 @@ class ContentCache {
   const ContentCacheLimits limits_;
   const std::unique_ptr<BlobStore> blobs_;
   std::shared_ptr<ContentLease::Folder> lease_folder_;
-  std::mutex mutex_;
-  uint64_t lease_count_ = 0;  // Guarded by mutex_.
+  Mutex mutex_;
+  uint64_t lease_count_ ABSL_GUARDED_BY(mutex_) = 0;
 };
 
 }  // namespace sheaf

@@ -46,20 +46,20 @@ void LimitFolder(const std::string& folder) {
 }  // namespace
 
 bool VerifiedFiles::Contains(const std::string& name, const FileState& state) const {
-  const std::lock_guard<std::mutex> lock(mutex_);
+  const MutexLock lock(&mutex_);
   const auto found = files_.find(name);
   return found != files_.end() && found->second.state == state &&
          now_() - found->second.time < kVerifiedAgeMax;
 }
 
 void VerifiedFiles::Remember(const std::string& name, const FileState& state) {
-  const std::lock_guard<std::mutex> lock(mutex_);
+  const MutexLock lock(&mutex_);
   if (files_.size() >= kVerifiedFilesMax && !files_.contains(name)) return;
   files_[name] = {state, now_()};
 }
 
 void VerifiedFiles::Forget(const std::string& name) {
-  const std::lock_guard<std::mutex> lock(mutex_);
+  const MutexLock lock(&mutex_);
   files_.erase(name);
 }
 

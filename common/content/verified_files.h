@@ -10,11 +10,11 @@
 #include <cstddef>
 #include <cstdint>
 #include <functional>
-#include <mutex>
 #include <string>
 #include <unordered_map>
 #include <utility>
 
+#include "common/base/mutex.h"
 #include "common/content/file_state.h"
 
 namespace sheaf {
@@ -43,8 +43,9 @@ class VerifiedFiles {
     Clock::time_point time;
   };
   const std::function<Clock::time_point()> now_;
-  mutable std::mutex mutex_;
-  std::unordered_map<std::string, Verified> files_;  // At most kVerifiedFilesMax.
+  mutable Mutex mutex_;
+  // At most kVerifiedFilesMax.
+  std::unordered_map<std::string, Verified> files_ ABSL_GUARDED_BY(mutex_);
 };
 
 // Moves a damaged file into the folder, which is created if missing, and keeps the folder within

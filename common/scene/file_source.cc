@@ -52,13 +52,13 @@ absl::StatusOr<std::string> DirectoryFileSource::LocalPath(const std::string& ca
     return NotFound(canonical_name, absl::StrCat("does not exist (looked for ", path, ")"));
   }
   if (S_ISDIR(info.st_mode)) return NotFound(canonical_name, "is a directory, not a file");
-  const std::lock_guard<std::mutex> lock(mutex_);
+  const MutexLock lock(&mutex_);
   files_used_[canonical_name] = path;
   return path;
 }
 
 std::map<std::string, std::string> DirectoryFileSource::FilesUsed() const {
-  const std::lock_guard<std::mutex> lock(mutex_);
+  const MutexLock lock(&mutex_);
   return files_used_;
 }
 

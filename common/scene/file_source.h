@@ -9,10 +9,10 @@
 
 #include <map>
 #include <memory>
-#include <mutex>
 #include <string>
 
 #include "absl/status/statusor.h"
+#include "common/base/mutex.h"
 
 namespace sheaf {
 
@@ -38,8 +38,8 @@ class DirectoryFileSource : public FileSource {
 
  private:
   std::string directory_;
-  mutable std::mutex mutex_;
-  std::map<std::string, std::string> files_used_;
+  mutable Mutex mutex_;
+  std::map<std::string, std::string> files_used_ ABSL_GUARDED_BY(mutex_);
 };
 
 // A fixed table from canonical names to local paths (a worker's cache; tests).

@@ -7,11 +7,11 @@
 #include <cmath>
 #include <cstring>
 #include <limits>
-#include <mutex>
 #include <optional>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "common/base/mutex.h"
 #include "common/base/parallel.h"
 #include "common/volume/nanovdb_door.h"
 
@@ -247,15 +247,21 @@ class Verifier {
   }
 
   void WalkLeaves(int thread_count) {
-    std::mutex mutex;
+    struct Joined {
+      Mutex mutex;
+      Seen seen ABSL_GUARDED_BY(mutex);
+    };
+    Joined joined;
     ParallelRanges(leaves_.size(), kLeavesPerRange, thread_count,
                    [&](uint64_t begin, uint64_t end) {
                      Seen seen;
                      for (uint64_t i = begin; i < end; ++i)
                        AddLeafValues(leaves_[i].offset_bytes, &seen);
-                     const std::lock_guard lock(mutex);
-                     seen_.Join(seen);
+                     const MutexLock lock(&joined.mutex);
+                     joined.seen.Join(seen);
                    });
+    const MutexLock lock(&joined.mutex);
+    seen_.Join(joined.seen);
   }
   void AddLeafValues(uint64_t offset_bytes, Seen* seen) const {
     const auto& leaf = *reinterpret_cast<const Leaf*>(image_.data() + offset_bytes);

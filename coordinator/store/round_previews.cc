@@ -53,7 +53,7 @@ void RoundPreviews::Scan() {
     if (is_ours) found.emplace_back(it->last_write_time(ignored), name, it->file_size(ignored));
   }
   std::sort(found.begin(), found.end());
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(&mutex_);
   for (const auto& [time, name, size_bytes] : found) Add(name, size_bytes);
 }
 
@@ -70,7 +70,7 @@ absl::Status RoundPreviews::Keep(const FrameId& frame, int32_t round, const Fram
   const absl::StatusOr<FramePicture> small = ShrinkPicture(picture, Channels(), limits_.pixels_max);
   if (!small.ok()) return small.status();
   const std::string bytes = EncodePicture(*small);
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(&mutex_);
   if (absl::Status status = MakeDirectories(FolderOf(frame)); !status.ok()) return status;
   const Name name{frame, round};
   if (absl::Status status = WriteFileAtomically(PathOf(name), bytes); !status.ok()) return status;
@@ -118,7 +118,7 @@ void RoundPreviews::ThinOut(const FrameId& frame) {
 }
 
 uint64_t RoundPreviews::VersionOf(const FrameId& frame, int32_t round) const {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(&mutex_);
   const auto entry = entries_.find({frame, round});
   return entry == entries_.end() ? 0 : entry->second.version;
 }
@@ -132,7 +132,7 @@ absl::StatusOr<FramePicture> RoundPreviews::Read(const FrameId& frame, int32_t r
 }
 
 void RoundPreviews::RemoveFrom(const FrameId& frame, int32_t round) {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(&mutex_);
   for (const int32_t kept : RoundsOf(frame)) {
     if (kept >= round) Remove({frame, kept});
   }

@@ -11,11 +11,11 @@
 #include <cstdint>
 #include <map>
 #include <memory>
-#include <mutex>
 #include <set>
 #include <string>
 
 #include "absl/status/statusor.h"
+#include "common/base/mutex.h"
 #include "common/film/frame_picture.h"
 #include "coordinator/core/job.h"
 
@@ -56,19 +56,18 @@ class RoundPreviews {
   void Scan();
   std::string FolderOf(const FrameId& frame) const;
   std::string PathOf(const Name& name) const;
-  // These require mutex_.
-  void Add(const Name& name, uint64_t size_bytes);
-  void Remove(const Name& name);
-  void ThinOut(const FrameId& frame);
-  std::set<int32_t> RoundsOf(const FrameId& frame) const;
+  void Add(const Name& name, uint64_t size_bytes) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void Remove(const Name& name) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void ThinOut(const FrameId& frame) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  std::set<int32_t> RoundsOf(const FrameId& frame) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 
   const std::string directory_;
   const RoundPreviewLimits limits_;
-  mutable std::mutex mutex_;  // Guards what follows.
-  std::map<Name, Entry> entries_;
-  std::map<uint64_t, Name> by_version_;  // The oldest first.
-  uint64_t size_bytes_ = 0;
-  uint64_t last_version_ = 0;
+  mutable Mutex mutex_;
+  std::map<Name, Entry> entries_ ABSL_GUARDED_BY(mutex_);
+  std::map<uint64_t, Name> by_version_ ABSL_GUARDED_BY(mutex_);  // The oldest first.
+  uint64_t size_bytes_ ABSL_GUARDED_BY(mutex_) = 0;
+  uint64_t last_version_ ABSL_GUARDED_BY(mutex_) = 0;
 };
 
 }  // namespace sheaf::coordinator

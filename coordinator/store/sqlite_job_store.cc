@@ -126,7 +126,7 @@ absl::Status SqliteJobStore::LoadFrames(StoredJob* job) {
 }
 
 absl::StatusOr<std::vector<StoredJob>> SqliteJobStore::LoadJobs() {
-  const std::lock_guard lock(database_mutex_);
+  const MutexLock lock(&database_mutex_);
   absl::StatusOr<std::vector<StoredJob>> jobs = ReadJobs();
   if (!jobs.ok()) return Explained(jobs.status());
   return jobs;
@@ -187,7 +187,7 @@ absl::Status SqliteJobStore::ReadRowsOfJobs(
 absl::StatusOr<JobStore::LoadedParts> SqliteJobStore::LoadParts(uint64_t job_id) {
   std::vector<PartRow> rows;
   {
-    const std::lock_guard lock(database_mutex_);
+    const MutexLock lock(&database_mutex_);
     SqliteStatement query = database_->Prepare(absl::StrCat(kPartColumns, "WHERE job_id = ?"));
     query.Bind(job_id);
     absl::StatusOr<std::vector<PartRow>> all = ReadPartRows(&query);
@@ -220,7 +220,7 @@ absl::StatusOr<JobStore::LoadedParts> SqliteJobStore::LoadParts(uint64_t job_id)
 }
 
 absl::StatusOr<std::optional<uint64_t>> SqliteJobStore::FindRequest(const std::string& request_id) {
-  const std::lock_guard lock(database_mutex_);
+  const MutexLock lock(&database_mutex_);
   SqliteStatement query = database_->Prepare("SELECT job_id FROM jobs WHERE request_id = ?");
   const absl::StatusOr<bool> row = query.Bind(request_id).Step();
   if (!row.ok()) return row.status();
@@ -234,40 +234,42 @@ absl::StatusOr<JobStore::CreatedJob> SqliteJobStore::CreateJob(const JobSpec& sp
   const absl::StatusOr<std::optional<uint64_t>> existing = FindRequest(request_id);
   if (!existing.ok()) return existing.status();
   if (existing->has_value()) return CreatedJob{**existing, false};
-  const std::lock_guard lock(database_mutex_);
-  const auto insert = [&]() -> absl::StatusOr<CreatedJob> {
-    absl::Status status =
-        database_
-            ->Prepare(absl::StrCat(
-                "INSERT INTO jobs(job_id, request_id, title, priority, numeric_profile, "
-                "tile_size_px, pass_sample_count, lease_pass_count, cell_size_px, phase, failure, "
-                "create_ns, end_ns) SELECT COALESCE(MAX(job_id) + 1, ",
-                spec.pilot ? kFirstPilotId : 1,
-                "), ?,?,?,?,?,?,?,?,0,'',?,? FROM jobs WHERE job_id ", spec.pilot ? ">=" : "<",
-                kFirstPilotId))
-            .Bind(request_id)
-            .Bind(spec.title)
-            .Bind(spec.priority)
-            .Bind(spec.numeric_profile)
-            .Bind(spec.partition.tile_size_px)
-            .Bind(spec.partition.pass_sample_count)
-            .Bind(spec.partition.lease_pass_count)
-            .Bind(spec.partition.cell_size_px)
-            .Bind(ToNanoseconds(create_time))
-            .Bind(ToNanoseconds(absl::InfiniteFuture()))
-            .Run();
-    if (!status.ok()) return status;
-    const CreatedJob created{static_cast<uint64_t>(database_->LastInsertId()), true};
-    if (status = InsertFrames(created.job_id, spec.frames); !status.ok()) return status;
-    if (status = InsertEffects(created.job_id, spec.effect_costs); !status.ok()) return status;
-    return created;
-  };
+  const MutexLock lock(&database_mutex_);
   absl::StatusOr<CreatedJob> created;
-  absl::Status status = InTransaction([&] {
-    created = insert();
+  absl::Status status = InTransaction([&]() ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_) {
+    created = InsertJob(spec, request_id, create_time);
     return created.status();
   });
   if (!status.ok()) return status;
+  return created;
+}
+
+absl::StatusOr<JobStore::CreatedJob> SqliteJobStore::InsertJob(const JobSpec& spec,
+                                                               const std::string& request_id,
+                                                               absl::Time create_time) {
+  absl::Status status =
+      database_
+          ->Prepare(absl::StrCat(
+              "INSERT INTO jobs(job_id, request_id, title, priority, numeric_profile, "
+              "tile_size_px, pass_sample_count, lease_pass_count, cell_size_px, phase, failure, "
+              "create_ns, end_ns) SELECT COALESCE(MAX(job_id) + 1, ",
+              spec.pilot ? kFirstPilotId : 1, "), ?,?,?,?,?,?,?,?,0,'',?,? FROM jobs WHERE job_id ",
+              spec.pilot ? ">=" : "<", kFirstPilotId))
+          .Bind(request_id)
+          .Bind(spec.title)
+          .Bind(spec.priority)
+          .Bind(spec.numeric_profile)
+          .Bind(spec.partition.tile_size_px)
+          .Bind(spec.partition.pass_sample_count)
+          .Bind(spec.partition.lease_pass_count)
+          .Bind(spec.partition.cell_size_px)
+          .Bind(ToNanoseconds(create_time))
+          .Bind(ToNanoseconds(absl::InfiniteFuture()))
+          .Run();
+  if (!status.ok()) return status;
+  const CreatedJob created{static_cast<uint64_t>(database_->LastInsertId()), true};
+  if (status = InsertFrames(created.job_id, spec.frames); !status.ok()) return status;
+  if (status = InsertEffects(created.job_id, spec.effect_costs); !status.ok()) return status;
   return created;
 }
 
@@ -329,7 +331,7 @@ absl::Status SqliteJobStore::InTransaction(const std::function<absl::Status()>& 
 
 absl::Status SqliteJobStore::EndJob(uint64_t job_id, JobPhase phase, const std::string& failure,
                                     absl::Time end_time, absl::Duration wall) {
-  const std::lock_guard lock(database_mutex_);
+  const MutexLock lock(&database_mutex_);
   return database_
       ->Prepare(
           "UPDATE jobs SET phase = ?, failure = ?, end_ns = ?, wall_ns = ?, paused = 0 "
@@ -343,7 +345,7 @@ absl::Status SqliteJobStore::EndJob(uint64_t job_id, JobPhase phase, const std::
 }
 
 absl::Status SqliteJobStore::SetPaused(uint64_t job_id, bool paused) {
-  const std::lock_guard lock(database_mutex_);
+  const MutexLock lock(&database_mutex_);
   return database_->Prepare("UPDATE jobs SET paused = ? WHERE job_id = ?")
       .Bind(paused ? 1 : 0)
       .Bind(job_id)
@@ -351,7 +353,7 @@ absl::Status SqliteJobStore::SetPaused(uint64_t job_id, bool paused) {
 }
 
 absl::Status SqliteJobStore::SetPriority(uint64_t job_id, int32_t priority) {
-  const std::lock_guard lock(database_mutex_);
+  const MutexLock lock(&database_mutex_);
   return database_->Prepare("UPDATE jobs SET priority = ? WHERE job_id = ?")
       .Bind(priority)
       .Bind(job_id)
@@ -365,7 +367,7 @@ absl::StatusOr<std::string> SqliteJobStore::OutputPath(const FrameId& frame) {
 }
 
 absl::Status SqliteJobStore::DeliverFrame(const FrameId& frame, const DeliveredFrame& delivered) {
-  const std::lock_guard lock(database_mutex_);
+  const MutexLock lock(&database_mutex_);
   return database_
       ->Prepare(
           "UPDATE frames SET delivered = 1, picture_digest = ?, relative_mse = ?, wall_ns = ?, "

@@ -14,14 +14,13 @@
 #pragma once
 
 #include <atomic>
-#include <condition_variable>
 #include <deque>
 #include <functional>
 #include <memory>
-#include <mutex>
 #include <string>
 #include <vector>
 
+#include "common/base/mutex.h"
 #include "coordinator/store/job_store.h"
 #include "coordinator/store/sqlite_database.h"
 
@@ -83,35 +82,42 @@ class SqliteJobStore : public JobStore {
   std::string DatabasePath() const { return directory_ + "/farm.db"; }
   // Says of kDataLoss how to recover from it.
   absl::Status Explained(const absl::Status& status) const;
-  // Requires: database_mutex_ is held.
-  absl::StatusOr<std::vector<StoredJob>> ReadJobs();
+  absl::StatusOr<std::vector<StoredJob>> ReadJobs() ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);
   absl::Status CommitRow(const PartRow& row);
   void CommitPending(const std::vector<PendingRow*>& rows);
-  absl::Status InsertRow(const PartRow& row);
+  absl::Status InsertRow(const PartRow& row) ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);
   std::string FrameDirectory(const FrameId& frame) const;
-  absl::Status LoadFrames(StoredJob* job);
+  absl::Status LoadFrames(StoredJob* job) ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);
   // Reads each row of the query into the job whose id is its first column; those of no job are left
   // out.
   static absl::Status ReadRowsOfJobs(SqliteStatement query, std::vector<StoredJob>* jobs,
                                      const std::function<void(SqliteStatement*, StoredJob*)>& read);
-  // All three require that database_mutex_ is held.
-  absl::Status InsertFrames(uint64_t job_id, const std::vector<FrameSpec>& frames);
-  absl::Status InsertEffects(uint64_t job_id, const std::vector<EffectCost>& effects);
-  absl::Status LoadEffects(std::vector<StoredJob>* jobs);
-  absl::Status LoadFailures(std::vector<StoredJob>* jobs);
-  // Runs `body` as one transaction. Requires: database_mutex_ is held.
-  absl::Status InTransaction(const std::function<absl::Status()>& body);
-  absl::Status InsertRound(const FrameId& frame, const RoundRecord& round);
+  absl::StatusOr<CreatedJob> InsertJob(const JobSpec& spec, const std::string& request_id,
+                                       absl::Time create_time)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);
+  absl::Status InsertFrames(uint64_t job_id, const std::vector<FrameSpec>& frames)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);
+  absl::Status InsertEffects(uint64_t job_id, const std::vector<EffectCost>& effects)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);
+  absl::Status LoadEffects(std::vector<StoredJob>* jobs)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);
+  absl::Status LoadFailures(std::vector<StoredJob>* jobs)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);
+  // Runs `body`, which is annotated with database_mutex_, as one transaction.
+  absl::Status InTransaction(const std::function<absl::Status()>& body)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);
+  absl::Status InsertRound(const FrameId& frame, const RoundRecord& round)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);
 
   const std::string directory_;
   const Durability durability_;
   const int lock_fd_;
-  std::unique_ptr<SqliteDatabase> database_;
-  std::mutex database_mutex_;  // Guards database_.
-  std::mutex pending_mutex_;   // Guards pending_ and committing_.
-  std::condition_variable pending_changed_;
-  std::deque<PendingRow*> pending_;
-  bool committing_ = false;
+  Mutex database_mutex_;
+  std::unique_ptr<SqliteDatabase> database_ ABSL_GUARDED_BY(database_mutex_);
+  Mutex pending_mutex_;
+  CondVar pending_changed_;
+  std::deque<PendingRow*> pending_ ABSL_GUARDED_BY(pending_mutex_);
+  bool committing_ ABSL_GUARDED_BY(pending_mutex_) = false;
   std::atomic<uint64_t> parts_bytes_{0};
   uint64_t first_lease_id_ = 1;
 };

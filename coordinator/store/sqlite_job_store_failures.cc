@@ -8,8 +8,8 @@
 namespace sheaf::coordinator {
 
 absl::Status SqliteJobStore::WriteFailures(uint64_t job_id, const FailureLog& failures) {
-  const std::lock_guard lock(database_mutex_);
-  return InTransaction([&] {
+  const MutexLock lock(&database_mutex_);
+  return InTransaction([&]() ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_) {
     absl::Status status = database_->Prepare("UPDATE jobs SET failure_count = ? WHERE job_id = ?")
                               .Bind(failures.count)
                               .Bind(job_id)

@@ -60,7 +60,10 @@ absl::StatusOr<std::unique_ptr<SqliteJobStore>> SqliteJobStore::Open(const std::
 }
 
 SqliteJobStore::~SqliteJobStore() {
-  database_.reset();
+  {
+    const MutexLock lock(&database_mutex_);
+    database_.reset();
+  }
   ::close(lock_fd_);
 }
 
@@ -96,6 +99,7 @@ absl::Status SqliteJobStore::Initialize() {
   absl::StatusOr<std::unique_ptr<SqliteDatabase>> database =
       SqliteDatabase::Open(DatabasePath(), durability_);
   if (!database.ok()) return database.status();
+  const MutexLock lock(&database_mutex_);
   database_ = std::move(*database);
   if (absl::Status status = database_->Check(kCheckTimeMax); !status.ok()) return status;
   if (absl::Status status = MigrateSchema(database_.get(), DatabasePath()); !status.ok()) {
@@ -121,7 +125,7 @@ absl::Status SqliteJobStore::Probe() {
   std::error_code ignored;
   std::filesystem::remove(path, ignored);
   if (!written.ok()) return written;
-  const std::lock_guard lock(database_mutex_);
+  const MutexLock lock(&database_mutex_);
   return database_->Execute("UPDATE meta SET value = value WHERE key = 'lives'");
 }
 

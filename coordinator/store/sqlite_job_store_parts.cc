@@ -40,28 +40,29 @@ absl::Status SqliteJobStore::WritePart(const PartRow& row, const std::string& by
 absl::Status SqliteJobStore::CommitRow(const PartRow& row) {
   PendingRow mine;
   mine.row = &row;
-  std::unique_lock lock(pending_mutex_);
+  MutexLock lock(&pending_mutex_);
   pending_.push_back(&mine);
-  while (!mine.finished) {
-    if (committing_) {
-      pending_changed_.wait(lock);
-      continue;
-    }
+  const auto may_act = [this, &mine]() ABSL_EXCLUSIVE_LOCKS_REQUIRED(pending_mutex_) {
+    return mine.finished || !committing_;
+  };
+  while (true) {
+    pending_changed_.Wait(&pending_mutex_, may_act);
+    if (mine.finished) break;
     committing_ = true;
     const std::vector<PendingRow*> batch(pending_.begin(), pending_.end());
     pending_.clear();
-    lock.unlock();
+    lock.Unlock();
     CommitPending(batch);
-    lock.lock();
+    lock.Lock();
     for (PendingRow* pending : batch) pending->finished = true;
     committing_ = false;
-    pending_changed_.notify_all();
+    pending_changed_.NotifyAll();
   }
   return mine.status;
 }
 
 void SqliteJobStore::CommitPending(const std::vector<PendingRow*>& rows) {
-  const std::lock_guard lock(database_mutex_);
+  const MutexLock lock(&database_mutex_);
   absl::Status shared = database_->Execute("BEGIN IMMEDIATE");
   if (shared.ok()) {
     for (PendingRow* pending : rows) {
@@ -107,7 +108,7 @@ absl::Status SqliteJobStore::InsertRow(const PartRow& row) {
 }
 
 absl::StatusOr<std::optional<PartRow>> SqliteJobStore::FindPart(const PartKey& key) {
-  const std::lock_guard lock(database_mutex_);
+  const MutexLock lock(&database_mutex_);
   SqliteStatement query = database_->Prepare(
       absl::StrCat(kPartColumns,
                    "WHERE job_id = ? AND frame_number = ? AND y0 = ? AND x0 = ? AND first = ? AND "
@@ -127,7 +128,7 @@ absl::StatusOr<std::optional<PartRow>> SqliteJobStore::FindPart(const PartKey& k
 
 absl::StatusOr<std::vector<PartRow>> SqliteJobStore::FindTileParts(const FrameId& frame,
                                                                    const PixelRect& tile) {
-  const std::lock_guard lock(database_mutex_);
+  const MutexLock lock(&database_mutex_);
   SqliteStatement query = database_->Prepare(absl::StrCat(
       kPartColumns, "WHERE job_id = ? AND frame_number = ? AND y0 = ? AND x0 = ? ORDER BY first"));
   query.Bind(frame.job_id).Bind(frame.frame_number).Bind(tile.y0).Bind(tile.x0);
@@ -135,7 +136,7 @@ absl::StatusOr<std::vector<PartRow>> SqliteJobStore::FindTileParts(const FrameId
 }
 
 absl::StatusOr<std::vector<JobStore::TileCost>> SqliteJobStore::TileCosts(const FrameId& frame) {
-  const std::lock_guard lock(database_mutex_);
+  const MutexLock lock(&database_mutex_);
   SqliteStatement query = database_->Prepare(
       "SELECT x0, y0, x1, y1, SUM(cpu_ns) FROM parts WHERE job_id = ? AND frame_number = ? "
       "GROUP BY y0, x0, y1, x1");
@@ -163,7 +164,7 @@ absl::StatusOr<std::string> SqliteJobStore::ReadPart(const PartRow& row) {
 
 absl::Status SqliteJobStore::RemovePart(const PartRow& row) {
   {
-    const std::lock_guard lock(database_mutex_);
+    const MutexLock lock(&database_mutex_);
     absl::Status status =
         database_
             ->Prepare(
@@ -188,7 +189,7 @@ absl::Status SqliteJobStore::RemovePart(const PartRow& row) {
 absl::Status SqliteJobStore::RemoveFrameParts(const FrameId& frame) {
   uint64_t bytes = 0;
   {
-    const std::lock_guard lock(database_mutex_);
+    const MutexLock lock(&database_mutex_);
     SqliteStatement sum = database_->Prepare(
         "SELECT COALESCE(SUM(size_bytes), 0) FROM parts WHERE job_id = ? AND frame_number = ?");
     const absl::StatusOr<bool> row = sum.Bind(frame.job_id).Bind(frame.frame_number).Step();
@@ -209,7 +210,7 @@ absl::Status SqliteJobStore::RemoveFrameParts(const FrameId& frame) {
 }
 
 absl::StatusOr<std::optional<FrameId>> SqliteJobStore::OldestDeliveredWithParts() {
-  const std::lock_guard lock(database_mutex_);
+  const MutexLock lock(&database_mutex_);
   SqliteStatement query = database_->Prepare(
       "SELECT parts.job_id, parts.frame_number FROM parts JOIN frames USING(job_id, frame_number) "
       "WHERE delivered = 1 ORDER BY parts.job_id, parts.frame_number LIMIT 1");

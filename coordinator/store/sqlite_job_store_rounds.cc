@@ -90,7 +90,7 @@ absl::StatusOr<std::vector<StoredRound>> ReadRounds(SqliteStatement* query, bool
 }  // namespace
 
 absl::Status SqliteJobStore::AddRound(const FrameId& frame, const RoundRecord& round) {
-  const std::lock_guard lock(database_mutex_);
+  const MutexLock lock(&database_mutex_);
   return InsertRound(frame, round);
 }
 
@@ -120,8 +120,8 @@ absl::Status SqliteJobStore::InsertRound(const FrameId& frame, const RoundRecord
 }
 
 absl::Status SqliteJobStore::ReopenJob(uint64_t job_id, const std::vector<ReopenedFrame>& frames) {
-  const std::lock_guard lock(database_mutex_);
-  return InTransaction([&]() -> absl::Status {
+  const MutexLock lock(&database_mutex_);
+  return InTransaction([&]() ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_) -> absl::Status {
     absl::Status status =
         database_->Prepare("UPDATE jobs SET phase = 0, failure = '', end_ns = ? WHERE job_id = ?")
             .Bind(ToNanoseconds(absl::InfiniteFuture()))
@@ -159,7 +159,7 @@ absl::Status SqliteJobStore::ReopenJob(uint64_t job_id, const std::vector<Reopen
 
 absl::StatusOr<std::vector<StoredRound>> SqliteJobStore::LoadRounds(uint64_t job_id,
                                                                     bool with_cells) {
-  const std::lock_guard lock(database_mutex_);
+  const MutexLock lock(&database_mutex_);
   SqliteStatement query = database_->Prepare(
       absl::StrCat(kRoundColumns, with_cells ? ", tiles" : "",
                    " FROM rounds WHERE job_id = ? ORDER BY frame_number, round"));
@@ -168,7 +168,7 @@ absl::StatusOr<std::vector<StoredRound>> SqliteJobStore::LoadRounds(uint64_t job
 }
 
 absl::StatusOr<std::vector<RoundRecord>> SqliteJobStore::LoadFrameRounds(const FrameId& frame) {
-  const std::lock_guard lock(database_mutex_);
+  const MutexLock lock(&database_mutex_);
   SqliteStatement query = database_->Prepare(absl::StrCat(
       kRoundColumns, ", tiles FROM rounds WHERE job_id = ? AND frame_number = ? ORDER BY round"));
   query.Bind(frame.job_id).Bind(frame.frame_number);

@@ -18,8 +18,8 @@ namespace {
 
 // Maximum parts per upload. More would only increase the data that a broken connection repeats.
 constexpr size_t kUploadPartsMax = 16;
-// Maximum time a thread waits for the coordinator to learn that it is loading a scene.
-constexpr std::chrono::milliseconds kTellLoadingMax{2'000};
+// How long a thread waits for the coordinator to hear that it loads a scene.
+constexpr absl::Duration kTellLoadingMax = absl::Seconds(2);
 
 std::string Describe(const FinishedPart& part) {
   return absl::StrCat("frame ", part.frame_digest.substr(0, 12), " tile ", part.tile.x0, ",",
@@ -40,30 +40,35 @@ Agent::Agent(AgentOptions options, CoordinatorLink* link, SceneLoader* loader,
 }
 
 AgentCounts Agent::counts() const {
-  const std::lock_guard<std::mutex> lock(mutex_);
+  const MutexLock lock(&mutex_);
   return counts_;
 }
 
 absl::Status Agent::Run(std::stop_token stop) {
-  next_synchronize_ = idle_since_ = now_();
-  last_synchronize_ = now_() - options_.synchronize_spacing;
+  {
+    const MutexLock lock(&mutex_);
+    next_synchronize_ = idle_since_ = now_();
+    last_synchronize_ = now_() - options_.synchronize_spacing;
+  }
   std::vector<std::jthread> threads;
   for (int32_t i = 0; i < options_.thread_count; ++i) {
     threads.emplace_back([this](std::stop_token ended) { RenderLoop(ended); });
   }
   threads.emplace_back([this](std::stop_token ended) { UploadLoop(ended); });
 
-  std::unique_lock<std::mutex> lock(mutex_);
-  while (true) {
-    AdvanceStage(stop.stop_requested());
-    if (stage_ == Stage::kDone) break;
-    if (now_() >= next_synchronize_) Synchronize(&lock);
-    AdvanceStage(stop.stop_requested());
-    if (stage_ == Stage::kDone) break;
-    WaitForNextSynchronize(&lock, stop);
+  bool complete = false;
+  {
+    const MutexLock lock(&mutex_);
+    while (true) {
+      AdvanceStage(stop.stop_requested());
+      if (stage_ == Stage::kDone) break;
+      if (now_() >= next_synchronize_) Synchronize();
+      AdvanceStage(stop.stop_requested());
+      if (stage_ == Stage::kDone) break;
+      WaitForNextSynchronize(stop);
+    }
+    complete = ledger_.Empty() && outbox_.empty();
   }
-  const bool complete = ledger_.Empty() && outbox_.empty();
-  lock.unlock();
   link_->Abort();
   for (std::jthread& thread : threads) thread.request_stop();
   threads.clear();
@@ -119,20 +124,20 @@ WorkerState Agent::MakeState(const LeaseLedger::Snapshot& snapshot) const {
   return state;
 }
 
-void Agent::Synchronize(std::unique_lock<std::mutex>* lock) {
+void Agent::Synchronize() {
   const LeaseLedger::Snapshot snapshot = ledger_.TakeSnapshot();
   const WorkerState state = MakeState(snapshot);
   news_ = false;
   last_synchronize_ = now_();
-  lock->unlock();
+  mutex_.Unlock();
   absl::StatusOr<DesiredState> desired = link_->Synchronize(state);
-  lock->lock();
+  mutex_.Lock();
   if (!desired.ok()) {
     if (reachable_ || absl::IsPermissionDenied(desired.status())) {
       LogWarning(absl::StrCat(desired.status().message(), "; trying again"));
     }
     reachable_ = false;
-    answered_.notify_all();
+    answered_.NotifyAll();
     news_ = true;
     next_synchronize_ = now_() + backoff_;
     backoff_ = std::min(backoff_ * 2, options_.backoff_max);
@@ -141,7 +146,7 @@ void Agent::Synchronize(std::unique_lock<std::mutex>* lock) {
   if (!reachable_) LogInfo("the coordinator answers again");
   reachable_ = true;
   answered_sequence_ = snapshot.sequence;
-  answered_.notify_all();
+  answered_.NotifyAll();
   backoff_ = options_.backoff_initial;
   next_synchronize_ = now_() + desired->next_synchronize;
   const int new_count = ledger_.Apply(snapshot.sequence, desired->leases);
@@ -150,24 +155,24 @@ void Agent::Synchronize(std::unique_lock<std::mutex>* lock) {
     ledger_.ReleaseQueued();
     news_ = true;
   }
-  if (new_count > 0) work_.notify_all();
+  if (new_count > 0) work_.NotifyAll();
 }
 
-void Agent::WaitForNextSynchronize(std::unique_lock<std::mutex>* lock, std::stop_token stop) {
+void Agent::WaitForNextSynchronize(std::stop_token stop) {
   Clock::time_point until = next_synchronize_;
   if (stage_ == Stage::kFinishing) until = std::min(until, grace_end_);
-  // Answered calls follow news closely; unanswered ones wait for their backoff.
-  const auto has_news = [this] { return news_ && reachable_; };
+  const auto has_news = [this]() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) { return HasNews(); };
   const bool stopping = stage_ != Stage::kWorking;
-  const auto duration = std::max(until - now_(), Clock::duration::zero());
+  const absl::Duration duration =
+      absl::FromChrono(std::max(until - now_(), Clock::duration::zero()));
   if (stopping) {
-    control_.wait_for(*lock, duration, has_news);
+    control_.WaitFor(&mutex_, duration, has_news);
   } else {
-    control_.wait_for(*lock, stop, duration, has_news);
+    control_.WaitFor(&mutex_, std::move(stop), duration, has_news);
   }
-  if (has_news()) next_synchronize_ = last_synchronize_ + options_.synchronize_spacing;
-  if (has_news() && next_synchronize_ > now_()) {
-    control_.wait_for(*lock, next_synchronize_ - now_(), [] { return false; });
+  if (HasNews()) next_synchronize_ = last_synchronize_ + options_.synchronize_spacing;
+  if (HasNews() && next_synchronize_ > now_()) {
+    control_.WaitFor(&mutex_, absl::FromChrono(next_synchronize_ - now_()), [] { return false; });
   }
 }
 
@@ -175,10 +180,11 @@ void Agent::RenderLoop(std::stop_token ended) {
   while (true) {
     std::optional<LeaseLedger::Task> task;
     {
-      std::unique_lock<std::mutex> lock(mutex_);
-      const bool there_is_work =
-          work_.wait(lock, ended, [this] { return outbox_.HasRoom() && ledger_.HasQueued(); });
-      if (!there_is_work) return;
+      const MutexLock lock(&mutex_);
+      const auto has_work = [this]() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
+        return outbox_.HasRoom() && ledger_.HasQueued();
+      };
+      if (!work_.Wait(&mutex_, ended, has_work)) return;
       task = ledger_.TakeNext();
     }
     RenderOne(*task);
@@ -187,12 +193,14 @@ void Agent::RenderLoop(std::stop_token ended) {
 
 void Agent::TellLoading(const LeaseLedger::Task& task) {
   if (!scenes_.MustLoad(task.lease)) return;
-  std::unique_lock<std::mutex> lock(mutex_);
+  const MutexLock lock(&mutex_);
   const uint64_t before = ledger_.sequence();
   news_ = true;
-  control_.notify_one();
-  answered_.wait_for(lock, task.stop, kTellLoadingMax,
-                     [&] { return answered_sequence_ > before || !reachable_; });
+  control_.NotifyOne();
+  const auto answered = [this, before]() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
+    return answered_sequence_ > before || !reachable_;
+  };
+  answered_.WaitFor(&mutex_, task.stop, kTellLoadingMax, answered);
 }
 
 void Agent::RenderOne(const LeaseLedger::Task& task) {
@@ -200,7 +208,7 @@ void Agent::RenderOne(const LeaseLedger::Task& task) {
   TellLoading(task);
   const SharedLoadResult loaded = scenes_.Get(task.lease, task.stop);
   {
-    const std::lock_guard<std::mutex> lock(mutex_);
+    const MutexLock lock(&mutex_);
     if (loaded.scene == nullptr) {
       Fail(id, loaded.failure_kind, loaded.status);
       return;
@@ -212,7 +220,7 @@ void Agent::RenderOne(const LeaseLedger::Task& task) {
       CatchOutOfMemory("rendering", [&] { part = loaded.scene->Render(task.lease, task.stop); });
   const absl::Status status = in_memory.ok() ? part.status() : in_memory;
   if (absl::IsDataLoss(status)) scenes_.Drop(task.lease, loaded.scene);
-  const std::lock_guard<std::mutex> lock(mutex_);
+  const MutexLock lock(&mutex_);
   if (!status.ok()) {
     Fail(id,
          !in_memory.ok()            ? FailureKind::kMemory
@@ -223,15 +231,15 @@ void Agent::RenderOne(const LeaseLedger::Task& task) {
   }
   ledger_.Finish(id);
   outbox_.Push(*std::move(part));
-  uploads_.notify_one();
-  AskForMore();  // So that the next task is here before this part arrives there.
+  uploads_.NotifyOne();
+  AskForMore();  // The next task shall be here before this part has arrived there.
 }
 
 void Agent::AskForMore() {
   const bool enough = ledger_.CountHeld(LeasePhase::kQueued) >= options_.leases_ahead;
   if (enough && stage_ == Stage::kWorking) return;
   news_ = true;
-  control_.notify_one();
+  control_.NotifyOne();
 }
 
 void Agent::Fail(uint64_t lease_id, FailureKind kind, const absl::Status& status) {
@@ -243,19 +251,21 @@ void Agent::Fail(uint64_t lease_id, FailureKind kind, const absl::Status& status
     ++counts_.failed;
   }
   news_ = true;
-  control_.notify_one();
+  control_.NotifyOne();
 }
 
 void Agent::UploadLoop(std::stop_token ended) {
-  std::unique_lock<std::mutex> lock(mutex_);
+  MutexLock lock(&mutex_);
   size_t part_count_max = kUploadPartsMax;
   std::chrono::milliseconds backoff = options_.backoff_initial;
-  while (uploads_.wait(lock, ended, [this] { return !outbox_.empty(); })) {
+  const auto has_parts = [this]()
+                             ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) { return !outbox_.empty(); };
+  while (uploads_.Wait(&mutex_, ended, has_parts)) {
     const std::vector<const FinishedPart*> parts = outbox_.Front(part_count_max);
-    lock.unlock();
+    lock.Unlock();
     const absl::StatusOr<std::vector<UploadOutcome>> outcomes =
         link_->UploadResults(options_.worker_id, parts);
-    lock.lock();
+    lock.Lock();
     if (outcomes.ok()) {
       SHEAF_CHECK(outcomes->size() == parts.size());
       if (!uploads_taken_) LogInfo("the coordinator accepts results again");
@@ -275,7 +285,7 @@ void Agent::UploadLoop(std::stop_token ended) {
                                 "; they are kept and sent again"));
       }
       uploads_taken_ = false;
-      uploads_.wait_for(lock, ended, backoff, [] { return false; });
+      uploads_.WaitFor(&mutex_, ended, absl::FromChrono(backoff), [] { return false; });
       backoff = std::min(backoff * 2, options_.backoff_max);
     }
   }
@@ -286,8 +296,8 @@ void Agent::Refuse(const FinishedPart& part, const absl::Status& status) {
   ++counts_.failed;
   outbox_.Pop();
   news_ = true;
-  work_.notify_all();
-  control_.notify_one();
+  work_.NotifyAll();
+  control_.NotifyOne();
 }
 
 void Agent::TakeOutcomes(const std::vector<const FinishedPart*>& parts,
@@ -312,7 +322,7 @@ void Agent::TakeOutcomes(const std::vector<const FinishedPart*>& parts,
     ledger_.Acknowledge(parts[i]->lease_id);
     outbox_.Pop();
   }
-  work_.notify_all();
+  work_.NotifyAll();
   AskForMore();
 }
 

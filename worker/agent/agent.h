@@ -8,15 +8,14 @@
 #pragma once
 
 #include <chrono>
-#include <condition_variable>
 #include <cstdint>
 #include <functional>
-#include <mutex>
 #include <stop_token>
 #include <string>
 #include <vector>
 
 #include "absl/status/status.h"
+#include "common/base/mutex.h"
 #include "worker/agent/coordinator_link.h"
 #include "worker/agent/lease_ledger.h"
 #include "worker/agent/result_outbox.h"
@@ -69,11 +68,14 @@ class Agent {
 
  private:
   enum class Stage { kWorking, kFinishing, kReleasing, kDone };
-  // The control thread. All require: lock holds mutex_.
-  void Synchronize(std::unique_lock<std::mutex>* lock);
-  void AdvanceStage(bool stop_requested);
-  void WaitForNextSynchronize(std::unique_lock<std::mutex>* lock, std::stop_token stop);
-  WorkerState MakeState(const LeaseLedger::Snapshot& snapshot) const;
+  // The control thread. Releases the mutex while it waits for the coordinator.
+  void Synchronize() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void AdvanceStage(bool stop_requested) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void WaitForNextSynchronize(std::stop_token stop) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  // Answered calls follow news closely; unanswered ones wait for their backoff.
+  bool HasNews() const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) { return news_ && reachable_; }
+  WorkerState MakeState(const LeaseLedger::Snapshot& snapshot) const
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 
   void RenderLoop(std::stop_token ended);
   void RenderOne(const LeaseLedger::Task& task);
@@ -82,38 +84,44 @@ class Agent {
   // does not answer.
   void TellLoading(const LeaseLedger::Task& task);
   void UploadLoop(std::stop_token ended);
-  // Processes the reply to one upload. Requires: mutex_ is held.
+  // Takes over the answer to one upload.
   void TakeOutcomes(const std::vector<const FinishedPart*>& parts,
-                    const std::vector<UploadOutcome>& outcomes);
-  // Makes Synchronize run soon if too few leases wait or this worker is stopping. Requires: mutex_
-  // is held.
-  void AskForMore();
-  // Drops a part that the coordinator rejects because it does not match its key. Requires: mutex_
-  // is held.
-  void Refuse(const FinishedPart& part, const absl::Status& status);
-  // Requires: mutex_ is held.
-  void Fail(uint64_t lease_id, FailureKind kind, const absl::Status& status);
+                    const std::vector<UploadOutcome>& outcomes)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  // Has Synchronize called soon where too few leases wait, or where this worker stops.
+  void AskForMore() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  // Drops a part that the coordinator says is not what its key says.
+  void Refuse(const FinishedPart& part, const absl::Status& status)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void Fail(uint64_t lease_id, FailureKind kind, const absl::Status& status)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 
   const AgentOptions options_;
   CoordinatorLink* const link_;
   const std::function<Clock::time_point()> now_;
   SceneCache scenes_;
 
-  mutable std::mutex mutex_;
-  std::condition_variable_any control_;  // There is news for the coordinator, or a new stage.
-  std::condition_variable_any work_;     // A lease is available, or there is room in the outbox.
-  std::condition_variable_any uploads_;  // A part is ready to send.
-  LeaseLedger ledger_;
-  ResultOutbox outbox_;
-  AgentCounts counts_;
-  Stage stage_ = Stage::kWorking;
-  bool news_ = false;          // Since the last call of Synchronize began.
-  bool reachable_ = true;      // Whether the last call was answered.
-  bool uploads_taken_ = true;  // Whether the last upload was accepted.
-  uint64_t answered_sequence_ = 0;        // The sequence of the last answered snapshot.
-  std::condition_variable_any answered_;  // A call was answered, or failed.
-  Clock::time_point next_synchronize_, last_synchronize_, grace_end_, farewell_end_, idle_since_;
-  std::chrono::milliseconds backoff_;
+  mutable Mutex mutex_;
+  CondVar control_;  // Something to tell the coordinator, or a new stage.
+  CondVar work_;     // A lease to take, or room in the outbox.
+  CondVar uploads_;  // A part to send.
+  CondVar answered_;  // A call was answered, or was not.
+  LeaseLedger ledger_ ABSL_GUARDED_BY(mutex_);
+  ResultOutbox outbox_ ABSL_GUARDED_BY(mutex_);
+  AgentCounts counts_ ABSL_GUARDED_BY(mutex_);
+  Stage stage_ ABSL_GUARDED_BY(mutex_) = Stage::kWorking;
+  // News since the last call of Synchronize was made.
+  bool news_ ABSL_GUARDED_BY(mutex_) = false;
+  bool reachable_ ABSL_GUARDED_BY(mutex_) = true;      // Whether the last call was answered.
+  bool uploads_taken_ ABSL_GUARDED_BY(mutex_) = true;  // Whether the last upload was.
+  // Of the last snapshot that was answered.
+  uint64_t answered_sequence_ ABSL_GUARDED_BY(mutex_) = 0;
+  Clock::time_point next_synchronize_ ABSL_GUARDED_BY(mutex_);
+  Clock::time_point last_synchronize_ ABSL_GUARDED_BY(mutex_);
+  Clock::time_point grace_end_ ABSL_GUARDED_BY(mutex_);
+  Clock::time_point farewell_end_ ABSL_GUARDED_BY(mutex_);
+  Clock::time_point idle_since_ ABSL_GUARDED_BY(mutex_);
+  std::chrono::milliseconds backoff_ ABSL_GUARDED_BY(mutex_);
 };
 
 }  // namespace sheaf::worker

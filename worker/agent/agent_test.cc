@@ -10,11 +10,12 @@
 #include <functional>
 #include <map>
 #include <memory>
-#include <mutex>
 #include <new>
 #include <set>
 #include <thread>
 #include <utility>
+
+#include "common/base/mutex.h"
 
 namespace sheaf::worker {
 namespace {
@@ -29,7 +30,7 @@ class FakeCoordinator : public CoordinatorLink {
   }
 
   absl::StatusOr<DesiredState> Synchronize(const WorkerState& state) override {
-    const std::lock_guard<std::mutex> lock(mutex_);
+    const MutexLock lock(&mutex_);
     ++synchronize_count_;
     if (away_) return absl::UnavailableError("connection refused");
     Report(state);
@@ -44,7 +45,7 @@ class FakeCoordinator : public CoordinatorLink {
 
   absl::StatusOr<std::vector<UploadOutcome>> UploadResults(
       const std::string&, const std::vector<const FinishedPart*>& parts) override {
-    const std::lock_guard<std::mutex> lock(mutex_);
+    const MutexLock lock(&mutex_);
     if (away_) return absl::UnavailableError("connection refused");
     std::vector<UploadOutcome> outcomes;
     for (const FinishedPart* part : parts) {
@@ -67,45 +68,51 @@ class FakeCoordinator : public CoordinatorLink {
   void Abort() override {}
 
   void set_away(bool away) {
-    const std::lock_guard<std::mutex> lock(mutex_);
+    const MutexLock lock(&mutex_);
     away_ = away;
   }
-  void LoseEveryReply(int every) { lose_every_reply_ = every; }
-  void Refuse(uint64_t task) { refused_.insert(task); }
-  // As after a restart without a lease table: every task without a result is open.
+  void LoseEveryReply(int every) {
+    const MutexLock lock(&mutex_);
+    lose_every_reply_ = every;
+  }
+  void Refuse(uint64_t task) {
+    const MutexLock lock(&mutex_);
+    refused_.insert(task);
+  }
+  // As after a restart without a table of leases: everything without a result is open.
   void ForgetLeases() {
-    const std::lock_guard<std::mutex> lock(mutex_);
+    const MutexLock lock(&mutex_);
     for (const auto& [id, task] : leased_) open_.insert(task);
     leased_.clear();
   }
   void CancelEverything() {
-    const std::lock_guard<std::mutex> lock(mutex_);
+    const MutexLock lock(&mutex_);
     open_.clear();
     leased_.clear();
   }
   size_t done_count() const {
-    const std::lock_guard<std::mutex> lock(mutex_);
+    const MutexLock lock(&mutex_);
     return done_.size();
   }
   std::vector<LeaseFailure> failures() const {
-    const std::lock_guard<std::mutex> lock(mutex_);
+    const MutexLock lock(&mutex_);
     return failures_;
   }
   bool last_was_loading() const {
-    const std::lock_guard<std::mutex> lock(mutex_);
+    const MutexLock lock(&mutex_);
     return !last_.leases.empty() && last_.leases[0].phase == LeasePhase::kLoading;
   }
   bool last_was_draining_and_empty() const {
-    const std::lock_guard<std::mutex> lock(mutex_);
+    const MutexLock lock(&mutex_);
     return last_.draining && last_.leases.empty();
   }
   int synchronize_count() const {
-    const std::lock_guard<std::mutex> lock(mutex_);
+    const MutexLock lock(&mutex_);
     return synchronize_count_;
   }
 
  private:
-  void Report(const WorkerState& state) {
+  void Report(const WorkerState& state) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
     last_ = state;
     for (const LeaseFailure& failure : state.failures) {
       const auto it = leased_.find(failure.lease_id);
@@ -128,15 +135,18 @@ class FakeCoordinator : public CoordinatorLink {
     return lease;
   }
 
-  mutable std::mutex mutex_;
-  std::set<uint64_t> open_, done_, refused_;
-  std::map<uint64_t, uint64_t> leased_;  // Lease id to task.
-  std::vector<LeaseFailure> failures_;
-  WorkerState last_;
-  uint64_t last_lease_id_ = 0;
-  int synchronize_count_ = 0, upload_count_ = 0;
-  int lose_every_reply_ = 0;
-  bool away_ = false;
+  mutable Mutex mutex_;
+  std::set<uint64_t> open_ ABSL_GUARDED_BY(mutex_);
+  std::set<uint64_t> done_ ABSL_GUARDED_BY(mutex_);
+  std::set<uint64_t> refused_ ABSL_GUARDED_BY(mutex_);
+  std::map<uint64_t, uint64_t> leased_ ABSL_GUARDED_BY(mutex_);  // Lease id to task.
+  std::vector<LeaseFailure> failures_ ABSL_GUARDED_BY(mutex_);
+  WorkerState last_ ABSL_GUARDED_BY(mutex_);
+  uint64_t last_lease_id_ ABSL_GUARDED_BY(mutex_) = 0;
+  int synchronize_count_ ABSL_GUARDED_BY(mutex_) = 0;
+  int upload_count_ ABSL_GUARDED_BY(mutex_) = 0;
+  int lose_every_reply_ ABSL_GUARDED_BY(mutex_) = 0;
+  bool away_ ABSL_GUARDED_BY(mutex_) = false;
 };
 
 // Renders at once, or waits until the gate opens.

@@ -14,22 +14,23 @@ SceneCache::Key SceneCache::KeyOf(const Lease& lease) {
 }
 
 bool SceneCache::MustLoad(const Lease& lease) const {
-  const std::lock_guard<std::mutex> lock(mutex_);
+  const MutexLock lock(&mutex_);
   return !entries_.contains(KeyOf(lease));
 }
 
 SharedLoadResult SceneCache::Get(const Lease& lease, std::stop_token stop) {
   const Key key = KeyOf(lease);
-  std::unique_lock<std::mutex> lock(mutex_);
+  std::vector<SharedScene> evicted;  // Outlives the lock.
+  const MutexLock lock(&mutex_);
   while (true) {
     if (const auto it = entries_.find(key); it != entries_.end()) {
       it->second.last_use = ++uses_;
       return {it->second.scene, absl::OkStatus(), FailureKind::kInternal};
     }
     const auto it = flights_.find(key);
-    if (it == flights_.end()) return Load(key, lease, stop, &lock);
+    if (it == flights_.end()) return Load(key, lease, stop, &evicted);
     const std::shared_ptr<Flight> flight = it->second;
-    if (!landed_.wait(lock, stop, [&] { return flight->done; })) {
+    if (!landed_.Wait(&mutex_, stop, [&] { return flight->done; })) {
       return {nullptr, absl::CancelledError("stopped while its scene was loaded"),
               FailureKind::kReleased};
     }
@@ -40,45 +41,43 @@ SharedLoadResult SceneCache::Get(const Lease& lease, std::stop_token stop) {
 }
 
 SharedLoadResult SceneCache::Load(const Key& key, const Lease& lease, std::stop_token stop,
-                                  std::unique_lock<std::mutex>* lock) {
+                                  std::vector<SharedScene>* evicted) {
   const auto flight = std::make_shared<Flight>();
   flights_[key] = flight;
-  lock->unlock();
+  mutex_.Unlock();
   LoadResult loaded;
   const absl::Status in_memory =
       CatchOutOfMemory("loading the scene", [&] { loaded = loader_->Load(lease, stop); });
   if (!in_memory.ok()) loaded = {nullptr, in_memory, FailureKind::kMemory};
-  lock->lock();
+  mutex_.Lock();
   flight->result = {SharedScene(std::move(loaded.scene)), loaded.status, loaded.failure_kind};
   flight->done = true;
   flights_.erase(key);
-  std::vector<SharedScene> evicted;
   if (flight->result.scene != nullptr) {
     entries_[key] = {flight->result.scene, lease.scene.sha256_hex, ++uses_};
-    evicted = EvictBeyondLimit();
+    *evicted = EvictBeyondLimit();
   } else if (loaded.failure_kind == FailureKind::kMemory) {
-    evicted = EvictAll();
+    *evicted = EvictAll();
   }
-  landed_.notify_all();
-  lock->unlock();  // Freeing a scene takes time; no other thread should wait for it.
+  landed_.NotifyAll();
   return flight->result;
 }
 
 void SceneCache::Drop(const Lease& lease, const SharedScene& scene) {
-  const std::lock_guard<std::mutex> lock(mutex_);
+  const MutexLock lock(&mutex_);
   const auto it = entries_.find(KeyOf(lease));
   if (it != entries_.end() && it->second.scene == scene) entries_.erase(it);
 }
 
 std::vector<std::string> SceneCache::WarmScenes() const {
-  const std::lock_guard<std::mutex> lock(mutex_);
+  const MutexLock lock(&mutex_);
   std::set<std::string> manifests;
   for (const auto& [key, entry] : entries_) manifests.insert(entry.manifest);
   return {manifests.begin(), manifests.end()};
 }
 
 uint64_t SceneCache::MemoryBytes() const {
-  const std::lock_guard<std::mutex> lock(mutex_);
+  const MutexLock lock(&mutex_);
   return SumOfMemory();
 }
 

@@ -7,17 +7,16 @@
 // ownership is shared.
 #pragma once
 
-#include <condition_variable>
 #include <cstdint>
 #include <map>
 #include <memory>
-#include <mutex>
 #include <stop_token>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "absl/status/status.h"
+#include "common/base/mutex.h"
 #include "worker/agent/scene_loader.h"
 
 namespace sheaf::worker {
@@ -68,29 +67,30 @@ class SceneCache {
     std::string manifest;  // Digest.
     uint64_t last_use = 0;
   };
-  // A load in progress. Waiting threads share it, so its result outlives its table entry.
+  // One load under way. Those who wait share it, so its result outlives its place in the table. The
+  // cache's mutex guards it.
   struct Flight {
     bool done = false;
     SharedLoadResult result;
   };
-  // Loads on this thread. Requires: lock holds mutex_; it is released while loading.
+  // Loads on this thread; the mutex is released meanwhile. Gives back the scenes that leave the
+  // cache: freeing them takes time, which nobody shall wait for.
   SharedLoadResult Load(const Key& key, const Lease& lease, std::stop_token stop,
-                        std::unique_lock<std::mutex>* lock);
+                        std::vector<SharedScene>* evicted) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   static Key KeyOf(const Lease& lease);
-  // Requires: mutex_ is held.
-  uint64_t SumOfMemory() const;
-  // Removes all scenes. Requires: mutex_ is held.
-  std::vector<SharedScene> EvictAll();
-  // Removes the least recently used scenes, but never the last one. Requires: mutex_ is held.
-  std::vector<SharedScene> EvictBeyondLimit();
+  uint64_t SumOfMemory() const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  // Takes all out.
+  std::vector<SharedScene> EvictAll() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  // Takes the least recently used out, never the last one.
+  std::vector<SharedScene> EvictBeyondLimit() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 
   SceneLoader* const loader_;
   const uint64_t memory_bytes_max_;
-  mutable std::mutex mutex_;
-  std::condition_variable_any landed_;
-  std::map<Key, Entry> entries_;
-  std::map<Key, std::shared_ptr<Flight>> flights_;
-  uint64_t uses_ = 0;
+  mutable Mutex mutex_;
+  CondVar landed_;
+  std::map<Key, Entry> entries_ ABSL_GUARDED_BY(mutex_);
+  std::map<Key, std::shared_ptr<Flight>> flights_ ABSL_GUARDED_BY(mutex_);
+  uint64_t uses_ ABSL_GUARDED_BY(mutex_) = 0;
 };
 
 }  // namespace sheaf::worker

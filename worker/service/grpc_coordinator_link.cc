@@ -34,12 +34,12 @@ class GrpcCoordinatorLink::RunningCall {
  public:
   RunningCall(GrpcCoordinatorLink* link, absl::Duration deadline) : link_(link) {
     SetDeadline(&context, deadline);
-    const std::lock_guard<std::mutex> lock(link_->mutex_);
+    const MutexLock lock(&link_->mutex_);
     link_->running_.insert(&context);
     if (link_->aborted_) context.TryCancel();
   }
   ~RunningCall() {
-    const std::lock_guard<std::mutex> lock(link_->mutex_);
+    const MutexLock lock(&link_->mutex_);
     link_->running_.erase(&context);
   }
   RunningCall(const RunningCall&) = delete;
@@ -92,7 +92,7 @@ absl::StatusOr<std::vector<UploadOutcome>> GrpcCoordinatorLink::UploadResults(
 }
 
 void GrpcCoordinatorLink::Abort() {
-  const std::lock_guard<std::mutex> lock(mutex_);
+  const MutexLock lock(&mutex_);
   aborted_ = true;
   for (grpc::ClientContext* context : running_) context->TryCancel();
 }

@@ -9,11 +9,11 @@
 #include <grpcpp/client_context.h>
 
 #include <memory>
-#include <mutex>
 #include <set>
 #include <string>
 #include <vector>
 
+#include "common/base/mutex.h"
 #include "sheaf/v1/worker.grpc.pb.h"
 #include "worker/agent/coordinator_link.h"
 
@@ -36,9 +36,9 @@ class GrpcCoordinatorLink : public CoordinatorLink {
 
   const std::unique_ptr<v1::WorkerService::Stub> control_, data_;
   const std::string address_;
-  std::mutex mutex_;
-  std::set<grpc::ClientContext*> running_;
-  bool aborted_ = false;
+  Mutex mutex_;
+  std::set<grpc::ClientContext*> running_ ABSL_GUARDED_BY(mutex_);
+  bool aborted_ ABSL_GUARDED_BY(mutex_) = false;
 };
 
 }  // namespace sheaf::worker

@@ -49,11 +49,12 @@ Farm::Farm(const FarmOptions& options, std::unique_ptr<JobStore> store,
 
 Farm::~Farm() {
   {
-    const std::lock_guard lock(background_mutex_);
+    const MutexLock lock(&background_mutex_);
     stopping_ = true;
   }
-  background_wake_.notify_all();
+  background_wake_.NotifyAll();
   if (background_.joinable()) background_.join();
+  const MutexLock settling(&settle_mutex_);
   SaveFailures();
 }
 
@@ -74,7 +75,7 @@ std::vector<FrameSpec> UndeliveredOf(const StoredJob& job) {
 absl::Status Farm::Load() {
   const absl::StatusOr<std::vector<StoredJob>> jobs = store_->LoadJobs();
   if (!jobs.ok()) return jobs.status();
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(&mutex_);
   for (const StoredJob& job : *jobs) {
     std::optional<JobStore::LoadedParts> parts;
     absl::StatusOr<ResumedCounts> resumed = ResumedCounts();
@@ -120,15 +121,16 @@ absl::Status Farm::RestoreJob(const StoredJob& job, const JobStore::LoadedParts*
       pilots_asked_[job.spec.job_id] = std::chrono::steady_clock::now();
     }
     if (parts == nullptr) return absl::OkStatus();  // It cannot go on.
-    RestoreResumedParts(job.spec.job_id, resumed);
+    TilesOnDisk on_disk = RestoreResumedParts(job.spec.job_id, resumed);
     if (job.paused) scheduler_.Pause(job.spec.job_id, SteadyTime::Now());
-    return RestoreLiveJob(job, *parts);
+    return RestoreLiveJob(job, *parts, std::move(on_disk));
   }
   scheduler_.RestoreEnded(job.spec.job_id, job.phase, job.failure);
   return absl::OkStatus();
 }
 
-absl::Status Farm::RestoreLiveJob(const StoredJob& job, const JobStore::LoadedParts& parts) {
+absl::Status Farm::RestoreLiveJob(const StoredJob& job, const JobStore::LoadedParts& parts,
+                                  TilesOnDisk on_disk) {
   scheduler_.counters().parts_revoked += static_cast<uint64_t>(parts.rows_lost);
   if (parts.rows_lost > 0) {
     LogWarning(absl::StrCat("job ", job.spec.job_id, ": ", parts.rows_lost,
@@ -150,9 +152,9 @@ absl::Status Farm::RestoreLiveJob(const StoredJob& job, const JobStore::LoadedPa
           absl::StrCat(options_.state_directory, "/farm.db: overlapping parts of frame ",
                        row.key.frame.frame_number, " of job ", row.key.frame.job_id));
     }
-    const std::shared_ptr<OpenFrame> open = OpenFrameOf(row.key.frame);
-    open->merge.MarkOnDisk(*open->merge.grid().FindTile(row.key.tile));
+    on_disk[row.key.frame].insert(*frame->tasks->grid().FindTile(row.key.tile));
   }
+  for (const auto& [id, tiles] : on_disk) OpenFrameOf(id, tiles);
   for (const FrameSpec& spec : job.spec.frames) {
     const FrameId id{job.spec.job_id, spec.frame_number};
     if (scheduler_.FindFrame(id)->phase == FrameRecord::Phase::kRendered) to_deliver_.push_back(id);
@@ -169,77 +171,85 @@ absl::Status Farm::RestoreLiveJob(const StoredJob& job, const JobStore::LoadedPa
   return absl::OkStatus();
 }
 
-// Requires: mutex_ is held; the frame has tasks.
-std::shared_ptr<Farm::OpenFrame> Farm::OpenFrameOf(const FrameId& id) {
-  std::shared_ptr<OpenFrame>& open = open_frames_[id];
+// Requires: the frame has tasks.
+std::shared_ptr<OpenFrame> Farm::OpenFrameOf(const FrameId& id, const std::set<uint32_t>& on_disk) {
+  std::shared_ptr<OpenFrame>& open = open_frames_[id].frame;
   if (open == nullptr) {
     const FrameRecord& record = *scheduler_.FindFrame(id);
-    open = std::make_shared<OpenFrame>(record.Spec(), *record.tasks, &merge_budget_);
-    if (const RoundRecord* last = LastRoundOf(id)) open->next_point_samples = NextPoint(*last);
+    const FrameTasks& tasks = *record.tasks;
+    open = std::make_shared<OpenFrame>(record.Spec(), tasks.grid(), tasks.SamplesOfCells(),
+                                       FirstPointOf(id), &merge_budget_, on_disk);
   }
   return open;
 }
 
+const FrameRecord* Farm::ToOpen(const FrameId& id) const {
+  const FrameRecord* record = scheduler_.FindFrame(id);
+  const bool is_open = open_frames_.contains(id);
+  return is_open || record == nullptr || record->tasks == nullptr ? nullptr : record;
+}
+
 void Farm::PrepareOpenFrame(const FrameId& id) {
-  const std::lock_guard preparing(prepare_mutex_);
+  const MutexLock preparing(&prepare_mutex_);
   FrameSpec spec;
   std::optional<CellGrid> grid;
   std::vector<uint64_t> samples;
-  const auto wanted = [&]() -> const FrameRecord* {
-    const FrameRecord* record = scheduler_.FindFrame(id);
-    const bool prepared = open_frames_.contains(id);
-    return prepared || record == nullptr || record->tasks == nullptr ? nullptr : record;
-  };
+  uint64_t first_point_samples = 0;
   {
-    const std::lock_guard lock(mutex_);
-    const FrameRecord* record = wanted();
+    const MutexLock lock(&mutex_);
+    const FrameRecord* record = ToOpen(id);
     if (record == nullptr) return;
     spec = record->Spec();
     grid = record->tasks->grid();
     samples = record->tasks->SamplesOfCells();
+    first_point_samples = FirstPointOf(id);
   }
   auto open = std::make_shared<OpenFrame>(std::move(spec), *std::move(grid), std::move(samples),
-                                          &merge_budget_);
-  const std::lock_guard lock(mutex_);
-  if (wanted() == nullptr) return;
-  if (const RoundRecord* last = LastRoundOf(id)) open->next_point_samples = NextPoint(*last);
-  open_frames_[id] = std::move(open);
+                                          first_point_samples, &merge_budget_);
+  const MutexLock lock(&mutex_);
+  if (ToOpen(id) != nullptr) open_frames_[id].frame = std::move(open);
 }
 
 void Farm::Changed() const {
   {
-    const std::lock_guard lock(change_mutex_);
+    const MutexLock lock(&change_mutex_);
     ++change_count_;
   }
-  change_.notify_all();
+  change_.NotifyAll();
 }
 
 uint64_t Farm::ChangeCount() const {
-  const std::lock_guard lock(change_mutex_);
+  const MutexLock lock(&change_mutex_);
   return change_count_;
 }
 
 uint64_t Farm::WaitForChange(uint64_t seen, absl::Duration timeout) const {
-  std::unique_lock lock(change_mutex_);
-  change_.wait_for(lock, absl::ToChronoNanoseconds(timeout), [&] { return change_count_ != seen; });
+  const MutexLock lock(&change_mutex_);
+  const auto changed = [&]() ABSL_EXCLUSIVE_LOCKS_REQUIRED(change_mutex_) {
+    return change_count_ != seen;
+  };
+  change_.WaitFor(&change_mutex_, timeout, changed);
   return change_count_;
 }
 
 uint64_t Farm::EndCount() const {
-  const std::lock_guard lock(change_mutex_);
+  const MutexLock lock(&change_mutex_);
   return end_count_;
 }
 
 void Farm::WaitForEnd(uint64_t seen, absl::Duration timeout) const {
-  std::unique_lock lock(change_mutex_);
-  end_.wait_for(lock, absl::ToChronoNanoseconds(timeout), [&] { return end_count_ != seen; });
+  const MutexLock lock(&change_mutex_);
+  const auto ended = [&]() ABSL_EXCLUSIVE_LOCKS_REQUIRED(change_mutex_) {
+    return end_count_ != seen;
+  };
+  end_.WaitFor(&change_mutex_, timeout, ended);
 }
 
 void Farm::NoteDisk(const absl::Status& status) {
   const bool of_disk = absl::IsResourceExhausted(status) || absl::IsUnavailable(status) ||
                        absl::IsPermissionDenied(status) || absl::IsDataLoss(status);
   if (!status.ok() && !of_disk) return;
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(&mutex_);
   const bool changed = status.ok() != disk_status_.ok();
   disk_status_ = status;
   if (!changed) return;
@@ -267,7 +277,7 @@ absl::StatusOr<uint64_t> Farm::CreateJob(JobSpec spec, const std::string& reques
     frame.frame_digest = FrameDigest(frame.scene.sha256_hex, frame.settings, numeric_profile_);
   }
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(&mutex_);
     if (absl::Status status = scheduler_.CheckJob(spec); !status.ok()) return status;
   }
   if (spec.partition.cell_size_px == 0) {
@@ -286,7 +296,7 @@ absl::StatusOr<uint64_t> Farm::CreateJob(JobSpec spec, const std::string& reques
   NoteDisk(created.status());
   if (!created.ok()) return created.status();
   if (created->is_new) {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(&mutex_);
     job.spec.job_id = created->job_id;
     accounts_[job.spec.job_id].create_time = now;
     const JobStore::LoadedParts none;
@@ -300,7 +310,7 @@ absl::StatusOr<uint64_t> Farm::CreateJob(JobSpec spec, const std::string& reques
 }
 
 // Dates jobs that the scheduler has just ended, and failures. Under the lock that ended them, so
-// that nobody sees an ended job without its time. Requires: mutex_ is held.
+// that nobody sees an ended job without its time.
 void Farm::NoteEndedJobs() {
   const absl::Time now = absl::Now();
   unsaved_failures_.merge(scheduler_.TakeFailureJobs(now));
@@ -324,11 +334,11 @@ void Farm::SettleEndedJobs() {
     absl::Time time;
     absl::Duration wall;
   };
-  const std::lock_guard settling(settle_mutex_);
+  const MutexLock settling(&settle_mutex_);
   SaveFailures();  // Who sees that a job has failed finds out why.
   std::vector<Ended> ended;
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(&mutex_);
     for (const uint64_t id : std::exchange(unsettled_jobs_, {})) {
       const JobRecord& job = scheduler_.jobs().at(id);
       const absl::Time end_time = accounts_.at(id).end_time;
@@ -344,7 +354,7 @@ void Farm::SettleEndedJobs() {
     absl::Status status = store_->EndJob(job.job_id, job.phase, job.failure, job.time, job.wall);
     NoteDisk(status);
     if (!status.ok()) {
-      const std::lock_guard lock(mutex_);
+      const MutexLock lock(&mutex_);
       unsettled_jobs_.push_back(job.job_id);
       continue;
     }
@@ -363,18 +373,17 @@ void Farm::SettleEndedJobs() {
   if (ended.empty()) return;
   Changed();
   {
-    const std::lock_guard lock(change_mutex_);
+    const MutexLock lock(&change_mutex_);
     end_count_ += ended.size();
   }
-  end_.notify_all();
+  end_.NotifyAll();
 }
 
-// Writes down failures that are new. What the disk refuses is tried again. Requires: settle_mutex_
-// is held, or all other threads have ended.
+// Writes down failures that are new. What the disk refuses is tried again.
 void Farm::SaveFailures() {
   std::map<uint64_t, FailureLog> logs;
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(&mutex_);
     for (const uint64_t id : std::exchange(unsaved_failures_, {})) {
       const auto job = scheduler_.jobs().find(id);
       if (job != scheduler_.jobs().end()) logs[id] = job->second.failures;
@@ -384,13 +393,13 @@ void Farm::SaveFailures() {
     const absl::Status status = store_->WriteFailures(id, log);
     NoteDisk(status);
     if (status.ok()) continue;
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(&mutex_);
     unsaved_failures_.insert(id);
   }
 }
 
 void Farm::EraseOpenFrames(uint64_t job_id) {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(&mutex_);
   open_frames_.erase(open_frames_.lower_bound({job_id, INT32_MIN}),
                      open_frames_.upper_bound({job_id, INT32_MAX}));
 }
@@ -398,7 +407,7 @@ void Farm::EraseOpenFrames(uint64_t job_id) {
 absl::StatusOr<Farm::SynchronizeAnswer> Farm::Synchronize(const WorkerReport& report) {
   SynchronizeAnswer answer;
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(&mutex_);
     absl::StatusOr<Scheduler::SynchronizeAnswer> decided =
         scheduler_.Synchronize(report, SteadyTime::Now());
     NoteEndedJobs();
@@ -418,7 +427,7 @@ absl::StatusOr<Farm::SynchronizeAnswer> Farm::Synchronize(const WorkerReport& re
 absl::StatusOr<std::string> Farm::FindOutput(uint64_t job_id, int32_t frame_number) const {
   const std::string name = absl::StrCat("jobs/", job_id, "/frames/", frame_number);
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(&mutex_);
     const FrameRecord* frame = scheduler_.FindFrame({job_id, frame_number});
     if (frame == nullptr) return absl::NotFoundError(name + ": there is no such frame");
     if (frame->phase != FrameRecord::Phase::kDelivered) {

@@ -15,12 +15,10 @@
 #pragma once
 
 #include <chrono>
-#include <condition_variable>
 #include <cstdint>
 #include <deque>
 #include <map>
 #include <memory>
-#include <mutex>
 #include <optional>
 #include <set>
 #include <string>
@@ -30,6 +28,7 @@
 
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
+#include "common/base/mutex.h"
 #include "common/base/steady_time.h"
 #include "common/content/blob_store.h"
 #include "common/content/verified_files.h"
@@ -39,6 +38,8 @@
 #include "coordinator/core/limits.h"
 #include "coordinator/forecast/work_ahead.h"
 #include "coordinator/scheduling/scheduler.h"
+#include "coordinator/service/farm/farm_options.h"
+#include "coordinator/service/farm/open_frame.h"
 #include "coordinator/service/farm/scene_names.h"
 #include "coordinator/service/view/farm_view.h"
 #include "coordinator/store/durability.h"
@@ -46,22 +47,6 @@
 #include "coordinator/store/round_previews.h"
 
 namespace sheaf::coordinator {
-
-struct FarmOptions {
-  std::string state_directory;
-  Durability durability = Durability::kPowerLoss;  // Of jobs and parts; pictures are durable.
-  Limits limits;
-  // Parts of delivered frames are kept for RefineJob while all parts together are no more than
-  // this; then the oldest go.
-  uint64_t kept_parts_bytes_max = uint64_t{20} << 30;
-  // Small pictures of the ends of rounds; the oldest go beyond it.
-  uint64_t round_previews_bytes_max = uint64_t{2} << 30;
-  // Memory of unfinished tiles; beyond it tiles are merged when their last part has come.
-  uint64_t merge_bytes_max = uint64_t{1} << 30;
-  absl::Duration preview_interval_min =
-      absl::Milliseconds(300);                    // Between two previews of a frame.
-  uint64_t part_bytes_max = uint64_t{256} << 20;  // Of one result.
-};
 
 // A lease with what the worker needs to know of its frame.
 struct LeaseGrant {
@@ -190,26 +175,9 @@ class Farm : public FarmView {
     std::map<int32_t, absl::Duration> wall_before;  // By frame: before this start.
     absl::Duration job_wall_before;                 // Of the job as a whole.
   };
-  // A frame between its first part and its delivery. Shared: an upload may still merge into a frame
-  // whose job was just cancelled.
-  struct OpenFrame {
-    OpenFrame(FrameSpec frame_spec, const FrameTasks& tasks, MergeBudget* budget)
-        : OpenFrame(std::move(frame_spec), tasks.grid(), tasks.SamplesOfCells(), budget) {}
-    OpenFrame(FrameSpec frame_spec, CellGrid grid, std::vector<uint64_t> samples,
-              MergeBudget* budget)
-        : spec(std::move(frame_spec)),
-          merge(spec, std::move(grid), std::move(samples), budget),
-          error(merge.grid().tiles()) {}
-    const FrameSpec spec;
-    std::mutex mutex;  // Guards what follows, down to next_point_samples.
-    FrameMerge merge;
-    SteadyTime next_refresh_time = SteadyTime::InfinitePast();
-    // Read when a tile is first built from it; guarded by `mutex`.
-    std::optional<ResumedPicture> resumed;
-    // Where the cell with the fewest samples has so many, a frame without rounds gets a point.
-    uint64_t next_point_samples = kReplicateCount;
-    RunningError error;
-    // Guarded by the farm's mutex.
+  // An open frame and how it stands, as of its last refresh.
+  struct OpenEntry {
+    std::shared_ptr<OpenFrame> frame;
     double relative_mse = 0;
     uint64_t preview_version = 0;
   };
@@ -224,21 +192,27 @@ class Farm : public FarmView {
   absl::Status Load();
   // By frame: the samples that a picture, from which the frame goes on, has in each of its cells.
   using ResumedCounts = std::map<int32_t, std::vector<uint64_t>>;
+  // By frame: its tiles of which parts are on disk.
+  using TilesOnDisk = std::map<FrameId, std::set<uint32_t>>;
   // Puts a job that the scheduler does not know into it, with what is durable of it: its delivered
-  // frames, rounds and, where it is live, parts and what its frames go on from. Requires: mutex_ is
-  // held; the job has an account.
+  // frames, rounds and, where it is live, parts and what its frames go on from. Requires: the job
+  // has an account.
   absl::Status RestoreJob(const StoredJob& job, const JobStore::LoadedParts* parts,
-                          const ResumedCounts& resumed);
-  absl::Status RestoreLiveJob(const StoredJob& job, const JobStore::LoadedParts& parts);
+                          const ResumedCounts& resumed) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  absl::Status RestoreLiveJob(const StoredJob& job, const JobStore::LoadedParts& parts,
+                              TilesOnDisk on_disk) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void Changed() const;
   void NoteDisk(const absl::Status& status);
-  // Requires: mutex_ is held, disk_status_ is an error.
-  std::string WhyWritesWait() const;
-  void NoteEndedJobs();
+  // Requires: disk_status_ is an error.
+  std::string WhyWritesWait() const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void NoteEndedJobs() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void SettleEndedJobs();
-  void SaveFailures();
+  void SaveFailures() ABSL_EXCLUSIVE_LOCKS_REQUIRED(settle_mutex_);
   void EraseOpenFrames(uint64_t job_id);
-  std::shared_ptr<OpenFrame> OpenFrameOf(const FrameId& id);
+  std::shared_ptr<OpenFrame> OpenFrameOf(const FrameId& id, const std::set<uint32_t>& on_disk = {})
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  // The frame where it can be opened and is not; null otherwise.
+  const FrameRecord* ToOpen(const FrameId& id) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   // Makes OpenFrameOf cheap: takes the frame's memory before the farm's lock is held. Nothing
   // happens to a frame that has no tasks.
   void PrepareOpenFrame(const FrameId& id);
@@ -259,12 +233,14 @@ class Farm : public FarmView {
   absl::StatusOr<ResumedCounts> CountResumed(const std::vector<FrameSpec>& frames,
                                              const Partition& partition) const;
   // Gives the cells at least the samples that they have: after AddJob, before rounds. Then, before
-  // other parts, puts those back that the pictures stand for. Both require: mutex_ is held.
-  void RestoreResumed(uint64_t job_id, const ResumedCounts& resumed);
-  void RestoreResumedParts(uint64_t job_id, const ResumedCounts& resumed);
+  // other parts, puts those back that the pictures stand for.
+  void RestoreResumed(uint64_t job_id, const ResumedCounts& resumed)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  TilesOnDisk RestoreResumedParts(uint64_t job_id, const ResumedCounts& resumed)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   // The parts of a tile that the picture stands for; none where the frame goes on from none.
-  // Requires: frame->mutex is held.
-  absl::StatusOr<std::vector<CellPart>> ResumedParts(OpenFrame* frame, uint32_t tile) const;
+  absl::StatusOr<std::vector<CellPart>> ResumedParts(OpenFrame* frame, uint32_t tile) const
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(frame->mutex);
 
   // farm_delivery.cc
   void RunBackground();
@@ -272,52 +248,66 @@ class Farm : public FarmView {
   void DeliverFrames();
   absl::Status DeliverFrame(const FrameId& id);
   // Builds a tile from its parts on disk; parts that are damaged are given back for rendering.
-  absl::Status RebuildTile(OpenFrame* frame, const FrameId& id, uint32_t tile);
+  absl::Status RebuildTile(OpenFrame* frame, const FrameId& id, uint32_t tile)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(frame->mutex);
   void RevokePart(const PartRow& row, const absl::Status& why);
-  DeliveredFrame Account(const FrameId& id, const OpenFrame& frame) const;
+  DeliveredFrame Account(const FrameId& id, const OpenFrame& frame) const
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(frame.mutex);
   // DeliveredFrame::one_sequence_gain.
   double PriceOfErrorBars(const FrameId& id, const FrameSpec& spec) const;
 
   // farm_rounds.cc
   // Decides what follows the round that was just finished, and begins it. Returns whether the frame
-  // is done. Requires: frame->mutex is held, all tiles are developed.
-  absl::StatusOr<bool> FinishRound(OpenFrame* frame, const FrameId& id);
+  // is done. Requires: all tiles are developed.
+  absl::StatusOr<bool> FinishRound(OpenFrame* frame, const FrameId& id)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(frame->mutex);
   // The record of what the frame's picture is now, with the errors of its cells; its decision is
-  // still to be made. Requires: frame->mutex is held.
+  // still to be made.
   RoundRecord RecordOf(const OpenFrame& frame, const FrameId& id,
-                       const std::vector<ErrorSums>& errors) const;
+                       const std::vector<ErrorSums>& errors) const
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(frame.mutex);
   // Notes a point of the curve of a frame without rounds where one is due, or at its end. What
-  // cannot be stored is left out. Requires: frame->mutex is held, the picture is refreshed.
-  void NotePoint(OpenFrame* frame, const FrameId& id, bool ended);
+  // cannot be stored is left out. Requires: the picture is refreshed.
+  void NotePoint(OpenFrame* frame, const FrameId& id, bool ended)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(frame->mutex);
   // next_point_samples after this point.
   static uint64_t NextPoint(const RoundRecord& last);
-  void KeepPreview(const OpenFrame& frame, const FrameId& id, int32_t round);
-  // Returns the frame's rounds. Requires: mutex_ is held.
-  const std::vector<RoundRecord>& AddRound(const FrameId& id, RoundRecord record);
-  // Requires: mutex_ is held; after AddJob, before the job's parts.
-  absl::Status LoadRounds(const StoredJob& job);
-  // Null where the frame was not rendered in rounds. Requires: mutex_ is held.
-  const RoundRecord* LastRoundOf(const FrameId& id) const;
-  // How live jobs stand, the oldest first. Requires: mutex_ is held.
-  std::vector<std::pair<uint64_t, JobCurve>> LiveCurves(size_t count_max) const;
+  // The same of a frame that is opened.
+  uint64_t FirstPointOf(const FrameId& id) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void KeepPreview(const OpenFrame& frame, const FrameId& id, int32_t round)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(frame.mutex);
+  // Returns the frame's rounds.
+  const std::vector<RoundRecord>& AddRound(const FrameId& id, RoundRecord record)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  // Requires: after AddJob, before the job's parts.
+  absl::Status LoadRounds(const StoredJob& job) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  // Null where the frame was not rendered in rounds.
+  const RoundRecord* LastRoundOf(const FrameId& id) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  // How live jobs stand, the oldest first.
+  std::vector<std::pair<uint64_t, JobCurve>> LiveCurves(size_t count_max) const
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   // CPU seconds of workers, of each tile of a frame that is not delivered yet, with blanks between.
   std::string TileCpuSeconds(const FrameId& id) const;
   // Why the picture has its samples, and its errors on the way there.
   void AddRoundMetadata(const FrameId& id, FramePicture* picture) const;
-  // Since the frame's first lease, in this life and earlier ones. Requires: mutex_ is held.
-  absl::Duration WallOf(const FrameId& id, SteadyTime now) const;
+  // Since the frame's first lease, in this life and earlier ones.
+  absl::Duration WallOf(const FrameId& id, SteadyTime now) const
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   // The part of it in this life, of a frame or a job that was first leased then. Pauses and what
-  // follows the job's end do not count. Requires: mutex_ is held.
-  absl::Duration WallSince(uint64_t job_id, SteadyTime first_lease_time, SteadyTime now) const;
-  // The same for the job. Requires: mutex_ is held.
-  absl::Duration WallOfJob(const JobRecord& job, SteadyTime now) const;
+  // follows the job's end do not count.
+  absl::Duration WallSince(uint64_t job_id, SteadyTime first_lease_time, SteadyTime now) const
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  // The same for the job.
+  absl::Duration WallOfJob(const JobRecord& job, SteadyTime now) const
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 
   // farm_control.cc
   absl::Status SetPaused(uint64_t job_id, bool paused);
-  // Errors: kNotFound. Requires: mutex_ is held.
-  absl::StatusOr<const JobRecord*> FindRecord(uint64_t job_id) const;
-  // Cancels pilots that nobody has asked for. Requires: mutex_ is held.
-  void CancelForgottenPilots();
+  // Errors: kNotFound.
+  absl::StatusOr<const JobRecord*> FindRecord(uint64_t job_id) const
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  // Cancels pilots that nobody has asked for.
+  void CancelForgottenPilots() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 
   // farm_price.cc
   absl::StatusOr<FinishedFrame> FinishedFrameOf(const FrameId& id, const FrameSpec& spec,
@@ -325,15 +315,15 @@ class Farm : public FarmView {
                                                 const DeliveredFrame& delivered) const;
 
   // farm_refine.cc
-  // Requires: mutex_ is held.
   static absl::Status RequireSucceeded(const JobRecord& job);
   absl::Status CheckRefinement(const JobRecord& job, const Refinement& refinement) const;
-  // The job with all its frames, to be put into the scheduler again. Requires: mutex_ is held.
-  StoredJob StoredJobOf(const JobRecord& record) const;
+  // The job with all its frames, to be put into the scheduler again.
+  StoredJob StoredJobOf(const JobRecord& record) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   // By frame.
   absl::StatusOr<std::map<int32_t, std::vector<RoundRecord>>> RoundsOf(uint64_t job_id) const;
-  // Goes on with these frames of a job that has ended. Requires: settle_mutex_ is held.
-  absl::Status ReopenFrames(StoredJob job, const std::vector<JobStore::ReopenedFrame>& reopened);
+  // Goes on with these frames of a job that has ended.
+  absl::Status ReopenFrames(StoredJob job, const std::vector<JobStore::ReopenedFrame>& reopened)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(settle_mutex_);
   void LimitKeptParts();
 
   // farm_damage.cc
@@ -364,19 +354,23 @@ class Farm : public FarmView {
   void KeepThumbnail(const FrameId& id, const FramePicture& picture) const;
   absl::StatusOr<std::string> ThumbnailPath(const FrameId& id) const;
 
-  // farm_views.cc, farm_workers.cc; all require the farm's mutex.
-  JobView ViewOf(const JobRecord& job, bool with_frames, SteadyTime now) const;
+  // farm_views.cc, farm_workers.cc
+  JobView ViewOf(const JobRecord& job, bool with_frames, SteadyTime now) const
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   absl::StatusOr<JobView> FindView(const std::string& job_id, bool with_frames) const;
-  std::vector<JobView> ListBelow(uint64_t job_id) const;
+  std::vector<JobView> ListBelow(uint64_t job_id) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   FrameView ViewOf(const JobRecord& job, const FrameRecord& frame, bool with_spec,
-                   SteadyTime now) const;
-  WorkerView ViewOf(const WorkerRecord& worker) const;
+                   SteadyTime now) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  WorkerView ViewOf(const WorkerRecord& worker) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   // A frame's samples; where a stop rule decides, as far as it is foreseen.
-  uint64_t SamplesExpected(const FrameId& id, const FrameRecord& frame) const;
+  uint64_t SamplesExpected(const FrameId& id, const FrameRecord& frame) const
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   // The work for the workers of a profile; some tenths of a second old.
-  const FarmLoad& LoadOf(const std::string& numeric_profile, SteadyTime now) const;
+  const FarmLoad& LoadOf(const std::string& numeric_profile, SteadyTime now) const
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   // For the samples that are left in progress, which is the job's or one of its frames'.
-  void EstimateRemaining(const JobRecord& job, SteadyTime now, ProgressView* progress) const;
+  void EstimateRemaining(const JobRecord& job, SteadyTime now, ProgressView* progress) const
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 
   const FarmOptions options_;
   const std::unique_ptr<JobStore> store_;
@@ -386,20 +380,23 @@ class Farm : public FarmView {
   MergeBudget merge_budget_;
   mutable SceneNames scene_names_;
 
-  mutable std::mutex mutex_;  // Guards everything down to loads_time_.
-  Scheduler scheduler_;
-  std::map<uint64_t, JobAccount> accounts_;
-  std::map<FrameId, std::shared_ptr<OpenFrame>> open_frames_;
-  std::deque<FrameId> to_deliver_;
+  mutable Mutex mutex_;
+  Scheduler scheduler_ ABSL_GUARDED_BY(mutex_);
+  std::map<uint64_t, JobAccount> accounts_ ABSL_GUARDED_BY(mutex_);
+  std::map<FrameId, OpenEntry> open_frames_ ABSL_GUARDED_BY(mutex_);
+  std::deque<FrameId> to_deliver_ ABSL_GUARDED_BY(mutex_);
   // Live pilots, and when somebody last asked for them.
-  std::map<uint64_t, std::chrono::steady_clock::time_point> pilots_asked_;
-  std::vector<uint64_t> unsettled_jobs_;        // Ended, but not yet written down.
-  std::set<uint64_t> unsaved_failures_;         // Jobs with failures that are not yet written down.
-  absl::Status disk_status_;                    // Of the last write.
-  mutable std::set<FrameId> damaged_pictures_;  // Delivered, and to be made again.
-  mutable uint64_t pictures_damaged_ = 0;       // So far.
-  mutable std::map<std::string, FarmLoad> loads_;  // By numeric profile, as they were at
-  mutable SteadyTime loads_time_;
+  std::map<uint64_t, std::chrono::steady_clock::time_point> pilots_asked_ ABSL_GUARDED_BY(mutex_);
+  std::vector<uint64_t> unsettled_jobs_ ABSL_GUARDED_BY(mutex_);  // Ended, but not written down.
+  // Jobs with failures that are not yet written down.
+  std::set<uint64_t> unsaved_failures_ ABSL_GUARDED_BY(mutex_);
+  absl::Status disk_status_ ABSL_GUARDED_BY(mutex_);  // Of the last write.
+  // Delivered, and to be made again.
+  mutable std::set<FrameId> damaged_pictures_ ABSL_GUARDED_BY(mutex_);
+  mutable uint64_t pictures_damaged_ ABSL_GUARDED_BY(mutex_) = 0;  // So far.
+  // By numeric profile, as they were at loads_time_.
+  mutable std::map<std::string, FarmLoad> loads_ ABSL_GUARDED_BY(mutex_);
+  mutable SteadyTime loads_time_ ABSL_GUARDED_BY(mutex_);
 
   mutable VerifiedFiles pictures_;  // Delivered EXRs, by path.
   // The background thread's alone.
@@ -408,25 +405,24 @@ class Farm : public FarmView {
 
   // One at a time writes down the end of jobs, so that who comes second waits until it is durable;
   // goes on with one; lets one wait; or removes parts of delivered frames.
-  // Taken before mutex_.
-  std::mutex settle_mutex_;
+  Mutex settle_mutex_ ABSL_ACQUIRED_BEFORE(mutex_);
 
-  // One frame's memory is taken at a time. Taken before mutex_.
-  std::mutex prepare_mutex_;
+  // One frame's memory is taken at a time.
+  Mutex prepare_mutex_ ABSL_ACQUIRED_BEFORE(mutex_);
 
-  std::mutex reservation_mutex_;  // Guards reserved_.
-  std::condition_variable reservation_released_;
-  std::set<TileName> reserved_;
+  Mutex reservation_mutex_;
+  CondVar reservation_released_;
+  std::set<TileName> reserved_ ABSL_GUARDED_BY(reservation_mutex_);
 
-  mutable std::mutex change_mutex_;  // Guards change_count_ and end_count_.
-  mutable std::condition_variable change_, end_;
-  mutable uint64_t change_count_ = 1;
-  uint64_t end_count_ = 0;
+  mutable Mutex change_mutex_;
+  mutable CondVar change_, end_;
+  mutable uint64_t change_count_ ABSL_GUARDED_BY(change_mutex_) = 1;
+  uint64_t end_count_ ABSL_GUARDED_BY(change_mutex_) = 0;
 
-  std::mutex background_mutex_;  // Guards stopping_ and wake_.
-  std::condition_variable background_wake_;
-  bool stopping_ = false;
-  bool wake_ = false;
+  Mutex background_mutex_;
+  CondVar background_wake_;
+  bool stopping_ ABSL_GUARDED_BY(background_mutex_) = false;
+  bool wake_ ABSL_GUARDED_BY(background_mutex_) = false;
   std::thread background_;  // Last: it uses everything above.
 };
 

@@ -30,7 +30,7 @@ absl::StatusOr<const JobRecord*> Farm::FindRecord(uint64_t job_id) const {
 }
 
 void Farm::NoteAsked(uint64_t job_id) {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(&mutex_);
   const auto pilot = pilots_asked_.find(job_id);
   if (pilot != pilots_asked_.end()) pilot->second = std::chrono::steady_clock::now();
 }
@@ -49,7 +49,7 @@ void Farm::CancelForgottenPilots() {
 
 absl::Status Farm::CancelJob(uint64_t job_id) {
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(&mutex_);
     const absl::StatusOr<const JobRecord*> job = FindRecord(job_id);
     if (!job.ok()) return job.status();
     if ((*job)->phase != JobPhase::kCancelled) {  // A second call waits for the first.
@@ -60,16 +60,16 @@ absl::Status Farm::CancelJob(uint64_t job_id) {
     NoteEndedJobs();
   }
   SettleEndedJobs();
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(&mutex_);
   const bool settled =
       std::find(unsettled_jobs_.begin(), unsettled_jobs_.end(), job_id) == unsettled_jobs_.end();
   return settled ? absl::OkStatus() : disk_status_;
 }
 
 absl::Status Farm::SetPaused(uint64_t job_id, bool paused) {
-  const std::lock_guard settling(settle_mutex_);  // No end or new beginning is written meanwhile.
+  const MutexLock settling(&settle_mutex_);  // No end or new beginning is written meanwhile.
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(&mutex_);
     const absl::StatusOr<const JobRecord*> job = FindRecord(job_id);
     if (!job.ok()) return job.status();
     absl::Status live = RequireUnfinished(**job, paused ? "be paused" : "be resumed");
@@ -80,7 +80,7 @@ absl::Status Farm::SetPaused(uint64_t job_id, bool paused) {
   NoteDisk(written);
   if (!written.ok()) return written;
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(&mutex_);
     if (paused) {
       scheduler_.Pause(job_id, SteadyTime::Now());
     } else {
@@ -96,9 +96,9 @@ absl::Status Farm::PauseJob(uint64_t job_id) { return SetPaused(job_id, true); }
 absl::Status Farm::ResumeJob(uint64_t job_id) { return SetPaused(job_id, false); }
 
 absl::Status Farm::SetJobPriority(uint64_t job_id, int32_t priority) {
-  const std::lock_guard settling(settle_mutex_);
+  const MutexLock settling(&settle_mutex_);
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(&mutex_);
     const absl::StatusOr<const JobRecord*> job = FindRecord(job_id);
     if (!job.ok()) return job.status();
     if (absl::Status status = scheduler_.CheckPriority(priority); !status.ok()) return status;
@@ -110,7 +110,7 @@ absl::Status Farm::SetJobPriority(uint64_t job_id, int32_t priority) {
   NoteDisk(written);
   if (!written.ok()) return written;
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(&mutex_);
     scheduler_.SetPriority(job_id, priority);
   }
   LogInfo(absl::StrCat("job ", job_id, ": priority ", priority));

@@ -59,7 +59,7 @@ void Farm::HoldLostScenes() {
   if (!changed) return;
   std::map<std::string, BlobDigest> scenes;
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(&mutex_);
     for (const auto& [id, job] : scheduler_.jobs()) {
       if (job.phase != JobPhase::kLive) continue;
       for (const FrameRecord& frame : job.frames) {
@@ -75,7 +75,7 @@ void Farm::HoldLostScenes() {
   }
   if (lost.empty()) lost_blobs_.clear();  // Nobody needs them.
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(&mutex_);
     for (const auto& [hex, why] : lost) {
       if (scheduler_.held_scenes().contains(hex)) continue;
       LogError(why);
@@ -91,7 +91,7 @@ absl::Status Farm::CheckPicture(const FrameId& id, const std::string& path) cons
   if (state && pictures_.Contains(path, *state)) return absl::OkStatus();
   std::string expected;
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(&mutex_);
     const auto& delivered = accounts_.at(id.job_id).delivered;
     const auto frame = delivered.find(id.frame_number);
     if (frame == delivered.end()) return absl::OkStatus();  // It is being made.
@@ -107,7 +107,7 @@ absl::Status Farm::CheckPicture(const FrameId& id, const std::string& path) cons
               absl::StrCat("job-", id.job_id, "-frame-", id.frame_number, ".exr"));
   }
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(&mutex_);
     if (damaged_pictures_.insert(id).second) {
       ++pictures_damaged_;
       LogError(absl::StrCat(PictureName(id), ": the delivered image is ",
@@ -122,7 +122,7 @@ absl::Status Farm::CheckPicture(const FrameId& id, const std::string& path) cons
 void Farm::HealPictures() {
   std::map<uint64_t, std::set<int32_t>> damaged;
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(&mutex_);
     for (auto it = damaged_pictures_.begin(); it != damaged_pictures_.end();) {
       const JobPhase phase = scheduler_.jobs().at(it->job_id).phase;
       if (phase == JobPhase::kLive) {  // Once it has ended.
@@ -141,17 +141,17 @@ void Farm::HealPictures() {
   for (const auto& [job_id, numbers] : damaged) {
     const absl::Status status = RemakeFrames(job_id, numbers);
     if (status.ok()) continue;
-    LogError(absl::StrCat("recreating images of jobs/", job_id, ": ", status.message()));
-    const std::lock_guard lock(mutex_);
+    LogError(absl::StrCat("making pictures of jobs/", job_id, " again: ", status.message()));
+    const MutexLock lock(&mutex_);
     for (const int32_t number : numbers) damaged_pictures_.insert({job_id, number});
   }
 }
 
 absl::Status Farm::RemakeFrames(uint64_t job_id, const std::set<int32_t>& numbers) {
-  const std::lock_guard settling(settle_mutex_);
+  const MutexLock settling(&settle_mutex_);
   StoredJob job;
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(&mutex_);
     const absl::StatusOr<const JobRecord*> found = FindRecord(job_id);
     if (!found.ok()) return found.status();
     if ((*found)->phase != JobPhase::kSucceeded) return absl::OkStatus();  // Refined meanwhile.

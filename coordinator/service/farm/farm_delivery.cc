@@ -76,16 +76,18 @@ void Farm::RunBackground() {
   SteadyTime next_delivery = SteadyTime::InfinitePast();
   while (true) {
     {
-      std::unique_lock lock(background_mutex_);
-      background_wake_.wait_for(lock, absl::ToChronoNanoseconds(kBackgroundInterval),
-                                [&] { return stopping_ || wake_; });
+      const MutexLock lock(&background_mutex_);
+      const auto has_reason = [this]() ABSL_EXCLUSIVE_LOCKS_REQUIRED(background_mutex_) {
+        return stopping_ || wake_;
+      };
+      background_wake_.WaitFor(&background_mutex_, kBackgroundInterval, has_reason);
       if (stopping_) return;
       wake_ = false;
     }
     bool changed = false;
     bool disk_fine = true;
     {
-      const std::lock_guard lock(mutex_);
+      const MutexLock lock(&mutex_);
       changed = scheduler_.Tick(SteadyTime::Now());
       CancelForgottenPilots();
       NoteEndedJobs();
@@ -108,15 +110,15 @@ void Farm::RunBackground() {
 void Farm::RefreshFrames() {
   std::vector<std::pair<FrameId, std::shared_ptr<OpenFrame>>> frames;
   {
-    const std::lock_guard lock(mutex_);
-    frames.assign(open_frames_.begin(), open_frames_.end());
+    const MutexLock lock(&mutex_);
+    for (const auto& [id, open] : open_frames_) frames.emplace_back(id, open.frame);
   }
   for (const auto& [id, frame] : frames) {
     const SteadyTime start = SteadyTime::Now();
     const double start_cpu_seconds = ThreadCpuSeconds();
     double relative_mse = 0;
     {
-      const std::lock_guard lock(frame->mutex);
+      const MutexLock lock(&frame->mutex);
       if (start < frame->next_refresh_time) continue;
       const std::vector<uint32_t> changed = frame->merge.Refresh();
       if (changed.empty()) continue;
@@ -128,9 +130,11 @@ void Farm::RefreshFrames() {
       if (!frame->spec.stop.IsActive()) NotePoint(frame.get(), id, /*ended=*/false);
     }
     {
-      const std::lock_guard lock(mutex_);
-      frame->relative_mse = relative_mse;
-      ++frame->preview_version;
+      const MutexLock lock(&mutex_);
+      const auto open = open_frames_.find(id);
+      if (open == open_frames_.end() || open->second.frame != frame) continue;  // It has ended.
+      open->second.relative_mse = relative_mse;
+      ++open->second.preview_version;
     }
     Changed();
   }
@@ -139,7 +143,7 @@ void Farm::RefreshFrames() {
 void Farm::DeliverFrames() {
   std::deque<FrameId> frames;
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(&mutex_);
     frames = std::exchange(to_deliver_, {});
   }
   for (const FrameId& id : frames) {
@@ -148,7 +152,7 @@ void Farm::DeliverFrames() {
     LogError(absl::StrCat("delivering frame ", id.frame_number, " of job ", id.job_id, ": ",
                           status.message()));
     NoteDisk(status);
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(&mutex_);
     to_deliver_.push_back(id);
   }
 }
@@ -156,7 +160,7 @@ void Farm::DeliverFrames() {
 void Farm::RevokePart(const PartRow& row, const absl::Status& why) {
   LogWarning(absl::StrCat("a part is lost and will be rendered again: ", why.message()));
   NoteDisk(store_->RemovePart(row));
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(&mutex_);
   const FrameRecord* frame = scheduler_.FindFrame(row.key.frame);
   if (frame == nullptr || frame->tasks == nullptr) return;
   const std::optional<Task> task = frame->tasks->Find(row.key.tile, row.key.block, row.key.cells);
@@ -212,7 +216,7 @@ DeliveredFrame Farm::Account(const FrameId& id, const OpenFrame& frame) const {
   if (merge.error_sample() != nullptr) {
     delivered.flip = EstimateFlip(picture, *merge.error_sample()).value_or(0);
   }
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(&mutex_);
   const FrameRecord& record = *scheduler_.FindFrame(id);
   delivered.sample_count = record.sample_count_done;
   delivered.cost = record.cost;
@@ -225,7 +229,7 @@ DeliveredFrame Farm::Account(const FrameId& id, const OpenFrame& frame) const {
 }
 
 std::string Farm::TileCpuSeconds(const FrameId& id) const {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(&mutex_);
   const FrameTasks& tasks = *scheduler_.FindFrame(id)->tasks;
   std::string text;
   for (uint32_t tile = 0; tile < tasks.grid().tiles().size(); ++tile) {
@@ -240,7 +244,7 @@ absl::Status Farm::DeliverFrame(const FrameId& id) {
   std::string numeric_profile;
   Partition partition;
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(&mutex_);
     const FrameRecord* record = scheduler_.FindFrame(id);
     if (record->phase != FrameRecord::Phase::kRendered) return absl::OkStatus();  // Job ended.
     frame = OpenFrameOf(id);
@@ -250,7 +254,7 @@ absl::Status Farm::DeliverFrame(const FrameId& id) {
   }
   DeliveredFrame delivered;
   {
-    const std::lock_guard lock(frame->mutex);
+    const MutexLock lock(&frame->mutex);
     for (uint32_t tile = 0; tile < frame->merge.tile_count(); ++tile) {
       if (frame->merge.Developed(tile)) continue;
       if (absl::Status s = RebuildTile(frame.get(), id, tile); !s.ok()) return s;
@@ -282,7 +286,7 @@ absl::Status Farm::DeliverFrame(const FrameId& id) {
   }
   if (absl::Status s = store_->DeliverFrame(id, delivered); !s.ok()) return s;
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(&mutex_);
     if (scheduler_.FindFrame(id)->phase != FrameRecord::Phase::kRendered) return absl::OkStatus();
     accounts_[id.job_id].delivered[id.frame_number] = delivered;
     scheduler_.Deliver(id);

@@ -106,7 +106,7 @@ std::vector<std::pair<uint64_t, JobCurve>> Farm::LiveCurves(size_t count_max) co
 
 std::vector<MetricView> Farm::Metrics() const {
   std::vector<MetricView> metrics;
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(&mutex_);
   const Counters& counters = scheduler_.counters();
   for (const CounterName& counter : kCounterNames) {
     metrics.push_back({absl::StrCat("sheaf_", counter.name, "_total"), counter.help,

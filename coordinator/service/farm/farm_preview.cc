@@ -49,7 +49,7 @@ absl::StatusOr<Farm::ShownFrame> Farm::FindShown(const std::string& job_id,
                                                  int32_t frame_number) const {
   uint64_t id = 0;
   const bool is_number = absl::SimpleAtoi(job_id, &id);
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(&mutex_);
   ShownFrame shown{{id, frame_number}, {}, false, nullptr, 0};
   const FrameRecord* frame = is_number ? scheduler_.FindFrame(shown.id) : nullptr;
   if (frame == nullptr) {
@@ -60,9 +60,9 @@ absl::StatusOr<Farm::ShownFrame> Farm::FindShown(const std::string& job_id,
   shown.complete = frame->phase == FrameRecord::Phase::kDelivered;
   if (shown.complete) shown.version = kDeliveredPreviewVersion;
   if (const auto found = open_frames_.find(shown.id);
-      !shown.complete && found != open_frames_.end() && found->second->preview_version > 0) {
-    shown.open = found->second;
-    shown.version = shown.open->preview_version;
+      !shown.complete && found != open_frames_.end() && found->second.preview_version > 0) {
+    shown.open = found->second.frame;
+    shown.version = found->second.preview_version;
   }
   return shown;
 }
@@ -107,7 +107,7 @@ absl::StatusOr<PreviewView> Farm::Preview(const std::string& job_id, int32_t fra
     if (!picture.ok()) return picture.status();
     copy = CopyChannels(*picture, channels);
   } else if (shown->open != nullptr) {
-    const std::lock_guard lock(shown->open->mutex);
+    const MutexLock lock(&shown->open->mutex);
     const FramePicture& picture = shown->open->merge.picture();
     // Means over squares are all that is shown of light, and far less to copy.
     const bool is_light = channels == std::vector<std::string>{"R", "G", "B"};
@@ -132,7 +132,7 @@ absl::StatusOr<PreviewView> Farm::Thumbnail(const std::string& job_id, int32_t f
       return absl::UnavailableError(absl::StrCat(Name(shown->id), ": no thumbnail was kept"));
     }
   } else if (shown->open != nullptr) {
-    const std::lock_guard lock(shown->open->mutex);
+    const MutexLock lock(&shown->open->mutex);
     small = ShrinkPicture(shown->open->merge.picture(), {"R", "G", "B"}, kThumbnailPixelCountMax);
   } else {
     return NoSamplesYet(shown->id);

@@ -94,7 +94,7 @@ absl::StatusOr<RefinementPrices> Farm::PriceRefinement(
   int32_t priority = 0;
   FarmLoad load;
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(&mutex_);
     const absl::StatusOr<const JobRecord*> found = FindRecord(is_number ? number : 0);
     if (!found.ok()) return found.status();
     const JobRecord& job = **found;

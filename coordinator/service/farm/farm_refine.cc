@@ -91,10 +91,10 @@ absl::Status Farm::CheckRefinement(const JobRecord& job, const Refinement& refin
 }
 
 absl::Status Farm::RefineJob(uint64_t job_id, const Refinement& refinement) {
-  const std::lock_guard settling(settle_mutex_);  // The job's end is written down.
+  const MutexLock settling(&settle_mutex_);  // The job's end is written down.
   StoredJob job;
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(&mutex_);
     const absl::StatusOr<const JobRecord*> found = FindRecord(job_id);
     if (!found.ok()) return found.status();
     if (IsBeingRefined(**found, refinement)) return absl::OkStatus();
@@ -153,7 +153,7 @@ absl::Status Farm::ReopenFrames(StoredJob job,
     const auto kept = static_cast<int32_t>(frame.rounds.size());
     round_previews_->RemoveFrom({job_id, frame.spec.frame_number}, kept);
   }
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(&mutex_);
   JobAccount& account = accounts_.at(job_id);
   account.job_wall_before = WallOfJob(scheduler_.jobs().at(job_id), account.ended);
   account.end_time = absl::InfiniteFuture();
@@ -179,7 +179,7 @@ absl::Status Farm::ReopenFrames(StoredJob job,
 
 void Farm::LimitKeptParts() {
   // No frame goes on meanwhile: its parts would be taken from under it.
-  const std::lock_guard settling(settle_mutex_);
+  const MutexLock settling(&settle_mutex_);
   while (store_->PartsBytes() > options_.kept_parts_bytes_max) {
     const absl::StatusOr<std::optional<FrameId>> oldest = store_->OldestDeliveredWithParts();
     NoteDisk(oldest.status());

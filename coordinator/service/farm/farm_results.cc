@@ -54,16 +54,19 @@ std::string WhyNotPartOf(const ResultReport& report, const std::string& numeric_
 class Farm::TileReservation {
  public:
   TileReservation(Farm* farm, TileName name) : farm_(farm), name_(std::move(name)) {
-    std::unique_lock lock(farm_->reservation_mutex_);
-    farm_->reservation_released_.wait(lock, [&] { return !farm_->reserved_.contains(name_); });
+    const MutexLock lock(&farm_->reservation_mutex_);
+    const auto is_free = [this]() ABSL_EXCLUSIVE_LOCKS_REQUIRED(farm_->reservation_mutex_) {
+      return !farm_->reserved_.contains(name_);
+    };
+    farm_->reservation_released_.Wait(&farm_->reservation_mutex_, is_free);
     farm_->reserved_.insert(name_);
   }
   ~TileReservation() {
     {
-      const std::lock_guard lock(farm_->reservation_mutex_);
+      const MutexLock lock(&farm_->reservation_mutex_);
       farm_->reserved_.erase(name_);
     }
-    farm_->reservation_released_.notify_all();
+    farm_->reservation_released_.NotifyAll();
   }
   TileReservation(const TileReservation&) = delete;
   TileReservation& operator=(const TileReservation&) = delete;
@@ -83,7 +86,7 @@ absl::StatusOr<ResultOutcome> Farm::AddResult(const ResultReport& report,
   std::string numeric_profile;
   FrameSettings settings;
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(&mutex_);
     found = scheduler_.FindTask(report.frame_digest, report.tile, report.block, report.cells,
                                 report.lease_id);
     if (found.kind == Scheduler::FoundTask::Kind::kWanted) {
@@ -94,7 +97,7 @@ absl::StatusOr<ResultOutcome> Farm::AddResult(const ResultReport& report,
   using Kind = Scheduler::FoundTask::Kind;
   if (found.kind == Kind::kMalformed) return RejectResult(report, "the frame has no such task");
   if (found.kind == Kind::kUnknown || found.kind == Kind::kPartial) {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(&mutex_);
     ++scheduler_.counters().results_superseded;
     return ResultOutcome::kSuperseded;
   }
@@ -111,7 +114,7 @@ absl::Status Farm::RejectResult(const ResultReport& report, const std::string& w
       absl::StrCat("result of worker ", report.worker_id, " for ", KeyText(report), ": ", why);
   LogWarning(text);
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(&mutex_);
     ++scheduler_.counters().results_invalid;
     scheduler_.Fail({report.lease_id, FailureKind::kInternal, "invalid result: " + why},
                     report.worker_id, SteadyTime::Now());
@@ -128,7 +131,7 @@ absl::StatusOr<ResultOutcome> Farm::JudgeCovered(const ResultReport& report,
   const absl::StatusOr<std::optional<PartRow>> first =
       store_->FindPart({found.frame, report.tile, report.block, report.cells});
   if (!first.ok()) return first.status();
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(&mutex_);
   if (!first->has_value()) {
     ++scheduler_.counters().results_superseded;
     return ResultOutcome::kSuperseded;
@@ -162,7 +165,7 @@ absl::StatusOr<ResultOutcome> Farm::StoreResult(const ResultReport& report,
   bool tile_complete = false;
   bool rendered = false;
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(&mutex_);
     const Scheduler::FoundTask again = scheduler_.FindTask(
         report.frame_digest, report.tile, report.block, report.cells, report.lease_id);
     const bool wanted =
@@ -188,14 +191,14 @@ absl::StatusOr<ResultOutcome> Farm::StoreResult(const ResultReport& report,
               tile_complete);
   if (rendered) {
     {
-      const std::lock_guard lock(mutex_);
+      const MutexLock lock(&mutex_);
       to_deliver_.push_back(found.frame);
     }
     {
-      const std::lock_guard lock(background_mutex_);
+      const MutexLock lock(&background_mutex_);
       wake_ = true;
     }
-    background_wake_.notify_all();
+    background_wake_.NotifyAll();
   }
   Changed();
   return ResultOutcome::kAccepted;
@@ -203,7 +206,7 @@ absl::StatusOr<ResultOutcome> Farm::StoreResult(const ResultReport& report,
 
 void Farm::MergeResult(OpenFrame* frame, const FrameId& id, uint32_t tile, CellPart part,
                        bool tile_complete) {
-  const std::lock_guard lock(frame->mutex);
+  const MutexLock lock(&frame->mutex);
   frame->merge.Insert(tile, std::move(part));
   if (!tile_complete || !frame->merge.OnDisk(tile)) return;
   const absl::Status status = RebuildTile(frame, id, tile);

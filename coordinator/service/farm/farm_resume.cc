@@ -56,11 +56,11 @@ void Farm::RestoreResumed(uint64_t job_id, const ResumedCounts& resumed) {
   }
 }
 
-void Farm::RestoreResumedParts(uint64_t job_id, const ResumedCounts& resumed) {
+Farm::TilesOnDisk Farm::RestoreResumedParts(uint64_t job_id, const ResumedCounts& resumed) {
+  TilesOnDisk on_disk;
   for (const auto& [number, counts] : resumed) {
     const FrameId id{job_id, number};
-    const std::shared_ptr<OpenFrame> open = OpenFrameOf(id);
-    const CellGrid& grid = open->merge.grid();
+    const CellGrid& grid = scheduler_.FindFrame(id)->tasks->grid();
     for (uint32_t tile = 0; tile < grid.tiles().size(); ++tile) {
       for (uint32_t i = 0; i < grid.cell_count(tile); ++i) {
         const TileCells cell = grid.CellsOf(tile, uint64_t{1} << i);
@@ -68,9 +68,10 @@ void Farm::RestoreResumedParts(uint64_t job_id, const ResumedCounts& resumed) {
           scheduler_.RestorePart(id, grid.tiles()[tile], block, cell, {});
         }
       }
-      open->merge.MarkOnDisk(tile);
+      on_disk[id].insert(tile);
     }
   }
+  return on_disk;
 }
 
 absl::StatusOr<std::vector<CellPart>> Farm::ResumedParts(OpenFrame* frame, uint32_t tile) const {

@@ -64,7 +64,7 @@ RoundRecord Farm::RecordOf(const OpenFrame& frame, const FrameId& id,
   const std::vector<uint64_t> samples = frame.merge.SamplesOfCells();
   SHEAF_CHECK(errors.size() == samples.size());
   for (size_t i = 0; i < samples.size(); ++i) record.cells.push_back({samples[i], errors[i]});
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(&mutex_);
   const FrameRecord& scheduled = *scheduler_.FindFrame(id);
   record.sample_count = scheduled.sample_count_done;
   record.cost = scheduled.cost;
@@ -77,7 +77,7 @@ absl::StatusOr<bool> Farm::FinishRound(OpenFrame* frame, const FrameId& id) {
   RoundAllowance allowance;
   std::vector<CellRound> before;
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(&mutex_);
     const FrameRecord* scheduled = scheduler_.FindFrame(id);
     if (scheduled->phase != FrameRecord::Phase::kRendered) return false;  // The job has ended.
     if (const RoundRecord* last = LastRoundOf(id)) {
@@ -101,8 +101,8 @@ absl::StatusOr<bool> Farm::FinishRound(OpenFrame* frame, const FrameId& id) {
       "job %d: frame %d, round %d: relMSE %.2e, at most %.2e%s", id.job_id, id.frame_number,
       record.round, record.relative_mse, record.relative_mse_upper,
       ended ? absl::StrCat("; ended by ", StopReasonName(record.stop_reason))
-            : absl::StrFormat("; %.2e predicted for the next", record.predicted_relative_mse)));
-  const std::lock_guard lock(mutex_);
+            : absl::StrFormat("; the next shall have %.2e", record.predicted_relative_mse)));
+  const MutexLock lock(&mutex_);
   const std::vector<RoundRecord>& rounds = AddRound(id, std::move(record));
   if (ended) return true;
   if (scheduler_.FindFrame(id)->phase != FrameRecord::Phase::kRendered) return false;
@@ -128,13 +128,18 @@ uint64_t Farm::NextPoint(const RoundRecord& last) {
   return 2 * std::bit_floor(std::max(FewestSamples(last), kReplicateCount / uint64_t{2}));
 }
 
+uint64_t Farm::FirstPointOf(const FrameId& id) const {
+  const RoundRecord* last = LastRoundOf(id);
+  return last == nullptr ? kReplicateCount : NextPoint(*last);
+}
+
 void Farm::NotePoint(OpenFrame* frame, const FrameId& id, bool ended) {
   const uint64_t fewest = std::ranges::min(frame->merge.SamplesOfCells());
   if (!ended && fewest < frame->next_point_samples) return;
   // The last point is of the picture as a whole, on its delivery.
   if (!ended && fewest >= frame->spec.settings.samples) return;
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(&mutex_);
     const FrameRecord* record = scheduler_.FindFrame(id);
     if (record->phase == FrameRecord::Phase::kDelivered) return;  // With a point at its end.
   }
@@ -149,7 +154,7 @@ void Farm::NotePoint(OpenFrame* frame, const FrameId& id, bool ended) {
   record.sample_count_expected = record.sample_count;
   frame->next_point_samples = NextPoint(record);
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(&mutex_);
     if (const RoundRecord* last = LastRoundOf(id)) {
       if (last->sample_count >= record.sample_count) return;  // Noted before a restart.
       record.round = last->round + 1;
@@ -162,7 +167,7 @@ void Farm::NotePoint(OpenFrame* frame, const FrameId& id, bool ended) {
     return;
   }
   if (!ended) KeepPreview(*frame, id, record.round);
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(&mutex_);
   AddRound(id, std::move(record));
 }
 
@@ -173,7 +178,7 @@ const RoundRecord* Farm::LastRoundOf(const FrameId& id) const {
 }
 
 void Farm::AddRoundMetadata(const FrameId& id, FramePicture* picture) const {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(&mutex_);
   const FrameSpec spec = scheduler_.FindFrame(id)->Spec();
   const auto found = accounts_.at(id.job_id).rounds.find(id.frame_number);
   if (found == accounts_.at(id.job_id).rounds.end()) return;

@@ -5,11 +5,9 @@
 #include "coordinator/service/farm/farm.h"
 
 #include <atomic>
-#include <condition_variable>
 #include <filesystem>
 #include <future>
 #include <memory>
-#include <mutex>
 #include <string>
 #include <utility>
 
@@ -17,6 +15,7 @@
 #include "absl/time/clock.h"
 #include "common/base/check.h"
 #include "common/base/digest.h"
+#include "common/base/mutex.h"
 #include "common/film/exr/exr_codec.h"
 #include "coordinator/store/sqlite_job_store.h"
 #include "gmock/gmock.h"
@@ -33,13 +32,13 @@ class GatedJobStore : public JobStore {
   explicit GatedJobStore(std::unique_ptr<JobStore> store) : store_(std::move(store)) {}
 
   void WaitUntilSomeoneIsThere() {
-    std::unique_lock lock(mutex_);
-    changed_.wait(lock, [this] { return waiting_ > 0; });
+    const MutexLock lock(&mutex_);
+    changed_.Wait(&mutex_, [this]() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) { return waiting_ > 0; });
   }
   void Open() {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(&mutex_);
     open_ = true;
-    changed_.notify_all();
+    changed_.NotifyAll();
   }
 
   absl::Status EndJob(uint64_t job_id, JobPhase phase, const std::string& failure,
@@ -118,17 +117,17 @@ class GatedJobStore : public JobStore {
  private:
   static absl::Status Full() { return absl::ResourceExhaustedError("writing x: no space left"); }
   void PassTheGate() {
-    std::unique_lock lock(mutex_);
+    const MutexLock lock(&mutex_);
     ++waiting_;
-    changed_.notify_all();
-    changed_.wait(lock, [this] { return open_; });
+    changed_.NotifyAll();
+    changed_.Wait(&mutex_, [this]() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) { return open_; });
   }
 
   const std::unique_ptr<JobStore> store_;
-  std::mutex mutex_;
-  std::condition_variable changed_;
-  int waiting_ = 0;
-  bool open_ = false;
+  Mutex mutex_;
+  CondVar changed_;
+  int waiting_ ABSL_GUARDED_BY(mutex_) = 0;
+  bool open_ ABSL_GUARDED_BY(mutex_) = false;
 };
 
 // Processor time of a pixel sample.

@@ -148,8 +148,8 @@ FrameView Farm::ViewOf(const JobRecord& job, const FrameRecord& frame, bool with
     return view;
   }
   if (const auto open = open_frames_.find(id); open != open_frames_.end()) {
-    view.preview_version = open->second->preview_version;
-    progress.relative_mse = open->second->relative_mse;
+    view.preview_version = open->second.preview_version;
+    progress.relative_mse = open->second.relative_mse;
   }
   progress.wall_seconds = Seconds(WallOf(id, now));
   const bool begun = frame.first_lease_time != SteadyTime::InfiniteFuture();
@@ -217,14 +217,14 @@ std::vector<JobView> Farm::ListBelow(uint64_t job_id) const {
 }
 
 std::vector<JobView> Farm::ListJobs() const {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(&mutex_);
   return ListBelow(kFirstPilotId);
 }
 
 std::vector<JobView> Farm::ListJobsAndPilots() const {
   std::vector<JobView> views;
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(&mutex_);
     views = ListBelow(UINT64_MAX);
   }
   std::stable_sort(views.begin(), views.end(), [](const JobView& a, const JobView& b) {
@@ -236,7 +236,7 @@ std::vector<JobView> Farm::ListJobsAndPilots() const {
 absl::StatusOr<JobView> Farm::FindView(const std::string& job_id, bool with_frames) const {
   uint64_t id = 0;
   if (!absl::SimpleAtoi(job_id, &id)) return NoSuchJob(job_id);
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(&mutex_);
   const auto job = scheduler_.jobs().find(id);
   if (job == scheduler_.jobs().end()) return NoSuchJob(job_id);
   return ViewOf(job->second, with_frames, SteadyTime::Now());
@@ -251,7 +251,7 @@ absl::StatusOr<JobView> Farm::FindJobAlone(const std::string& job_id) const {
 }
 
 absl::Status Farm::Ready() const {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(&mutex_);
   return disk_status_;
 }
 

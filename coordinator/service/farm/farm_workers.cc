@@ -61,7 +61,7 @@ WorkerView Farm::ViewOf(const WorkerRecord& worker) const {
 std::vector<WorkerView> Farm::ListWorkers() const {
   std::vector<WorkerView> views;
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(&mutex_);
     for (const auto& [id, worker] : scheduler_.workers().workers()) views.push_back(ViewOf(worker));
   }
   // Names may have to be read from the disk.
@@ -81,7 +81,7 @@ absl::StatusOr<std::vector<FailureView>> Farm::ListFailures(const std::string& j
   {
     uint64_t id = 0;
     const bool is_number = absl::SimpleAtoi(job_id, &id);
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(&mutex_);
     const absl::StatusOr<const JobRecord*> job = FindRecord(is_number ? id : 0);
     if (!job.ok()) return job.status();
     for (const FailureRecord& failure : (*job)->failures.last) {

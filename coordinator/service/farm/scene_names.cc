@@ -15,11 +15,11 @@ constexpr size_t kDigestDigitsShown = 12;
 
 std::string SceneNames::Find(const std::string& scene_digest) {
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(&mutex_);
     if (const auto found = names_.find(scene_digest); found != names_.end()) return found->second;
   }
   std::string name = Read(scene_digest);
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(&mutex_);
   if (names_.size() >= kSceneNamesMax) names_.clear();
   names_[scene_digest] = name;
   return name;

@@ -5,9 +5,9 @@
 #pragma once
 
 #include <map>
-#include <mutex>
 #include <string>
 
+#include "common/base/mutex.h"
 #include "common/content/blob_store.h"
 
 namespace sheaf::coordinator {
@@ -28,8 +28,8 @@ class SceneNames {
   std::string Read(const std::string& scene_digest) const;
 
   const BlobStore* const blobs_;
-  std::mutex mutex_;  // Guards names_.
-  std::map<std::string, std::string> names_;
+  Mutex mutex_;
+  std::map<std::string, std::string> names_ ABSL_GUARDED_BY(mutex_);
 };
 
 }  // namespace sheaf::coordinator

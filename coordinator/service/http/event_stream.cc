@@ -13,7 +13,7 @@ std::string EncodeEvent(const ServerEvent& event) {
 }
 
 void EventQueue::Push(const ServerEvent& event) {
-  const std::lock_guard<std::mutex> lock(mutex_);
+  const MutexLock lock(&mutex_);
   // After a reset the reader fetches everything anew, so what happens before it has read that
   // message needs no event of its own.
   if (reset_) return;
@@ -34,7 +34,7 @@ void EventQueue::Push(const ServerEvent& event) {
 }
 
 std::string EventQueue::Take() {
-  const std::lock_guard<std::mutex> lock(mutex_);
+  const MutexLock lock(&mutex_);
   std::string batch;
   if (reset_) {
     reset_ = false;
@@ -50,7 +50,7 @@ std::string EventQueue::Take() {
 }
 
 std::shared_ptr<EventQueue> EventHub::Subscribe() {
-  const std::lock_guard<std::mutex> lock(mutex_);
+  const MutexLock lock(&mutex_);
   std::erase_if(queues_, [](const std::weak_ptr<EventQueue>& queue) { return queue.expired(); });
   if (queues_.size() >= kEventReaderCountMax) return nullptr;
   auto queue = std::make_shared<EventQueue>();
@@ -59,7 +59,7 @@ std::shared_ptr<EventQueue> EventHub::Subscribe() {
 }
 
 void EventHub::Publish(const ServerEvent& event) {
-  const std::lock_guard<std::mutex> lock(mutex_);
+  const MutexLock lock(&mutex_);
   for (const std::weak_ptr<EventQueue>& weak : queues_) {
     if (const std::shared_ptr<EventQueue> queue = weak.lock()) queue->Push(event);
   }
@@ -67,14 +67,14 @@ void EventHub::Publish(const ServerEvent& event) {
 }
 
 size_t EventHub::ReaderCount() const {
-  const std::lock_guard<std::mutex> lock(mutex_);
+  const MutexLock lock(&mutex_);
   size_t count = 0;
   for (const std::weak_ptr<EventQueue>& queue : queues_) count += queue.expired() ? 0 : 1;
   return count;
 }
 
 void EventHub::SetWake(std::function<void()> wake) {
-  const std::lock_guard<std::mutex> lock(mutex_);
+  const MutexLock lock(&mutex_);
   wake_ = std::move(wake);
 }
 

@@ -12,10 +12,11 @@
 #include <functional>
 #include <list>
 #include <memory>
-#include <mutex>
 #include <string>
 #include <unordered_map>
 #include <vector>
+
+#include "common/base/mutex.h"
 
 namespace sheaf::coordinator {
 
@@ -44,11 +45,11 @@ class EventQueue {
   std::string Take();
 
  private:
-  std::mutex mutex_;
+  Mutex mutex_;
   // Oldest first; `where_` finds an event by type and key.
-  std::list<ServerEvent> events_;
-  std::unordered_map<std::string, std::list<ServerEvent>::iterator> where_;
-  bool reset_ = false;
+  std::list<ServerEvent> events_ ABSL_GUARDED_BY(mutex_);
+  std::unordered_map<std::string, std::list<ServerEvent>::iterator> where_ ABSL_GUARDED_BY(mutex_);
+  bool reset_ ABSL_GUARDED_BY(mutex_) = false;
 };
 
 // Gives every event to every reader.
@@ -64,9 +65,9 @@ class EventHub {
   void SetWake(std::function<void()> wake);
 
  private:
-  mutable std::mutex mutex_;
-  std::vector<std::weak_ptr<EventQueue>> queues_;
-  std::function<void()> wake_;
+  mutable Mutex mutex_;
+  std::vector<std::weak_ptr<EventQueue>> queues_ ABSL_GUARDED_BY(mutex_);
+  std::function<void()> wake_ ABSL_GUARDED_BY(mutex_);
 };
 
 // "event: TYPE\ndata: JSON\n\n".

@@ -5,15 +5,14 @@
 #pragma once
 
 #include <chrono>
-#include <condition_variable>
 #include <cstdint>
-#include <mutex>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
+#include "common/base/mutex.h"
 #include "common/film/shrink_picture.h"
 #include "coordinator/service/view/farm_view.h"
 
@@ -35,21 +34,21 @@ class FakeFarm : public FarmView {
   template <class Change>
   void Update(Change change) {
     {
-      const std::lock_guard<std::mutex> lock(mutex_);
+      const MutexLock lock(&mutex_);
       change(*this);
       ++change_count_;
     }
-    changed_.notify_all();
+    changed_.NotifyAll();
   }
 
   std::vector<JobView> ListJobs() const override {
-    const std::lock_guard<std::mutex> lock(mutex_);
+    const MutexLock lock(&mutex_);
     std::vector<JobView> list = jobs;
     for (JobView& job : list) job.frames.clear();
     return list;
   }
   absl::StatusOr<JobView> FindJob(const std::string& job_id) const override {
-    const std::lock_guard<std::mutex> lock(mutex_);
+    const MutexLock lock(&mutex_);
     for (const JobView& job : jobs) {
       if (job.job_id == job_id) return job;
     }
@@ -57,13 +56,13 @@ class FakeFarm : public FarmView {
   }
   absl::StatusOr<std::vector<FailureView>> ListFailures(const std::string& job_id) const override {
     if (absl::Status found = FindJob(job_id).status(); !found.ok()) return found;
-    const std::lock_guard<std::mutex> lock(mutex_);
+    const MutexLock lock(&mutex_);
     return failures;
   }
   absl::StatusOr<RefinementPrices> PriceRefinement(
       const std::string& job_id, const std::vector<double>& target_errors) const override {
     if (absl::Status found = FindJob(job_id).status(); !found.ok()) return found;
-    const std::lock_guard<std::mutex> lock(mutex_);
+    const MutexLock lock(&mutex_);
     RefinementPrices priced = prices;
     for (const double target : target_errors) {
       RefinementPrice& price = priced.prices.emplace_back();
@@ -79,17 +78,17 @@ class FakeFarm : public FarmView {
     return priced;
   }
   std::vector<WorkerView> ListWorkers() const override {
-    const std::lock_guard<std::mutex> lock(mutex_);
+    const MutexLock lock(&mutex_);
     return workers;
   }
   std::vector<MetricView> Metrics() const override {
-    const std::lock_guard<std::mutex> lock(mutex_);
+    const MutexLock lock(&mutex_);
     return metrics;
   }
   absl::StatusOr<PreviewView> Preview(const std::string&, int32_t,
                                       const std::vector<std::string>&) const override {
-    const std::lock_guard<std::mutex> lock(mutex_);
-    if (preview.version == 0) return absl::UnavailableError("has no samples yet");
+    const MutexLock lock(&mutex_);
+    if (preview.version == 0) return absl::UnavailableError("no sample is there yet");
     return preview;
   }
   absl::StatusOr<PreviewView> Thumbnail(const std::string& job_id,
@@ -104,7 +103,7 @@ class FakeFarm : public FarmView {
   }
   absl::StatusOr<PreviewView> RoundPreview(const std::string& job_id, int32_t frame_number,
                                            int32_t round) const override {
-    const std::lock_guard<std::mutex> lock(mutex_);
+    const MutexLock lock(&mutex_);
     for (const JobView& job : jobs) {
       if (job.job_id != job_id) continue;
       for (const FrameView& frame : job.frames) {
@@ -120,24 +119,26 @@ class FakeFarm : public FarmView {
     return absl::NotFoundError("no such round is kept");
   }
   absl::Status Ready() const override {
-    const std::lock_guard<std::mutex> lock(mutex_);
+    const MutexLock lock(&mutex_);
     return ready;
   }
   uint64_t ChangeCount() const override {
-    const std::lock_guard<std::mutex> lock(mutex_);
+    const MutexLock lock(&mutex_);
     return change_count_;
   }
   uint64_t WaitForChange(uint64_t seen, absl::Duration timeout) const override {
-    std::unique_lock<std::mutex> lock(mutex_);
-    changed_.wait_for(lock, absl::ToChronoNanoseconds(timeout),
-                      [&] { return change_count_ != seen; });
+    const MutexLock lock(&mutex_);
+    const auto changed = [&]() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
+      return change_count_ != seen;
+    };
+    changed_.WaitFor(&mutex_, timeout, changed);
     return change_count_;
   }
 
  private:
-  mutable std::mutex mutex_;
-  mutable std::condition_variable changed_;
-  uint64_t change_count_ = 1;
+  mutable Mutex mutex_;
+  mutable CondVar changed_;
+  uint64_t change_count_ ABSL_GUARDED_BY(mutex_) = 1;
 };
 
 // A running job of one frame, 4 x 2 pixels at 16 samples, with a quarter of its samples.

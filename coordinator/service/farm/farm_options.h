@@ -1,0 +1,32 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// FarmOptions: the directory and the limits of a farm.
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "absl/time/time.h"
+#include "coordinator/core/limits.h"
+#include "coordinator/store/durability.h"
+
+namespace sheaf::coordinator {
+
+struct FarmOptions {
+  std::string state_directory;
+  Durability durability = Durability::kPowerLoss;  // Of jobs and parts; pictures are durable.
+  Limits limits;
+  // Parts of delivered frames are kept for RefineJob while all parts together are no more than
+  // this; then the oldest go.
+  uint64_t kept_parts_bytes_max = uint64_t{20} << 30;
+  // Small pictures of the ends of rounds; the oldest go beyond it.
+  uint64_t round_previews_bytes_max = uint64_t{2} << 30;
+  // Memory of unfinished tiles; beyond it tiles are merged when their last part has come.
+  uint64_t merge_bytes_max = uint64_t{1} << 30;
+  absl::Duration preview_interval_min =
+      absl::Milliseconds(300);                    // Between two previews of a frame.
+  uint64_t part_bytes_max = uint64_t{256} << 20;  // Of one result.
+};
+
+}  // namespace sheaf::coordinator

@@ -1,0 +1,106 @@
+#!/usr/bin/env python3
+# Copyright the Sheaf authors.
+# SPDX-License-Identifier: Apache-2.0
+"""Has clang check the annotations of mutexes (common/base/mutex.h): guarded members are touched
+under their locks alone, and functions are called with the locks that they require.
+
+Run from anywhere: tests/tidy/thread_safety_test.py. It needs clang++ and the headers that a build
+generates from proto/, which it finds beside SHEAF_BIN (build/dev/bin by default).
+"""
+import concurrent.futures
+import itertools
+import os
+import re
+import shutil
+import subprocess
+import tempfile
+import unittest
+
+ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
+SOURCE_FOLDERS = ("common/", "worker/", "coordinator/", "cli/")
+MUTEX = "common/base/mutex.h"
+BIN = os.environ.get("SHEAF_BIN", os.path.join(ROOT, "build/dev/bin"))
+GENERATED = os.path.join(os.path.dirname(BIN), "proto", "gen")
+FLAGS = ["-std=c++20", "-march=x86-64-v3", "-fsyntax-only", "-Wno-everything", "-Wthread-safety",
+         "-Werror=thread-safety", "-I" + ROOT, "-I" + GENERATED, '-DSHEAF_VERSION=""']
+# Sources that are read at a time, so that headers are read once for all of them.
+JOINED_MAX = 8
+CLANG = shutil.which("clang++")
+
+
+def read(path):
+    with open(os.path.join(ROOT, path), encoding="utf-8") as f:
+        return f.read()
+
+
+def includes_mutex(path):
+    return f'#include "{MUTEX}"' in read(path)
+
+
+def sources_with_mutexes():
+    """Those that include mutex.h, or the header of a class with a mutex that they are a part of:
+    sqlite_job_store_parts.cc is one of sqlite_job_store.h.
+    """
+    listed = subprocess.run(["git", "ls-files", "-co", "--exclude-standard"], cwd=ROOT,
+                            capture_output=True, text=True, check=True).stdout.splitlines()
+    files = [f for f in listed if f.startswith(SOURCE_FOLDERS) and f.endswith((".h", ".cc"))
+             and os.path.exists(os.path.join(ROOT, f))]
+    stems = tuple(os.path.splitext(f)[0] for f in files if f.endswith(".h") and includes_mutex(f))
+    return sorted(f for f in files if f.endswith(".cc")
+                  and (includes_mutex(f) or f.startswith(stems) and not f.endswith("_test.cc")))
+
+
+def compile_joined(paths):
+    """What clang says of the sources, compiled as one; "" where it says nothing."""
+    text = "".join(f'#include "{os.path.join(ROOT, p)}"\n' for p in paths)
+    done = subprocess.run([CLANG, *FLAGS, "-x", "c++", "-"], input=text, cwd=ROOT, text=True,
+                          capture_output=True, check=False)
+    if done.returncode == 0:
+        return ""
+    if len(paths) > 1 and "[-Werror,-Wthread-safety" not in done.stderr:
+        # Two of them give one name to two things: each half alone.
+        half = len(paths) // 2
+        return compile_joined(paths[:half]) + compile_joined(paths[half:])
+    return done.stderr
+
+
+def batches(paths):
+    for _, of_folder in itertools.groupby(paths, os.path.dirname):
+        sources = list(of_folder)
+        for kind in (False, True):
+            same = [s for s in sources if s.endswith("_test.cc") == kind]
+            for i in range(0, len(same), JOINED_MAX):
+                yield same[i:i + JOINED_MAX]
+
+
+@unittest.skipIf(CLANG is None, "clang++ is not installed: deploy/install-packages test")
+class ThreadSafetyTest(unittest.TestCase):
+    def test_every_access_holds_its_lock(self):
+        paths = sources_with_mutexes()
+        self.assertGreater(len(paths), 20, "the sources with mutexes were not found")
+        with concurrent.futures.ThreadPoolExecutor(os.cpu_count()) as pool:
+            said = [text for text in pool.map(compile_joined, batches(paths)) if text]
+        self.assertFalse(said, "\n".join(said))
+
+    def test_an_access_without_its_lock_is_found(self):
+        path = "worker/agent/scene_cache.cc"
+        unlocked, count = re.subn(r"  const MutexLock lock\(&mutex_\);\n  return SumOfMemory",
+                                  "  return SumOfMemory", read(path))
+        self.assertEqual(count, 1, path + " has changed: remove another lock")
+        with tempfile.NamedTemporaryFile("w", suffix=".cc") as copy:
+            copy.write(unlocked)
+            copy.flush()
+            said = compile_joined([copy.name])
+        self.assertIn("requires holding mutex 'mutex_'", said)
+
+    def test_no_other_mutexes_are_used(self):
+        """libstdc++'s own have no annotations, so clang would see no lock where one is held."""
+        listed = subprocess.run(["git", "grep", "-nE", r"std::(\w*mutex|lock_guard|unique_lock|"
+                                 r"scoped_lock|shared_lock|condition_variable\w*)\b", "--",
+                                 "*.h", "*.cc", ":!" + MUTEX], cwd=ROOT, capture_output=True,
+                                text=True, check=False).stdout
+        self.assertEqual(listed, "", "use common/base/mutex.h")
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)
