@@ -1,14 +1,13 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
-//
-// The part of Farm that counts, for /metrics.
+#include "coordinator/service/farm/farm_metrics.h"
+
 #include <algorithm>
 #include <array>
 #include <string>
-#include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "coordinator/service/farm/farm.h"
+#include "coordinator/service/farm/worker_views.h"
 
 namespace sheaf::coordinator {
 namespace {
@@ -79,9 +78,9 @@ constexpr JobMetric kJobMetrics[] = {
 
 }  // namespace
 
-std::vector<std::pair<uint64_t, JobCurve>> Farm::LiveCurves(size_t count_max) const {
+std::vector<std::pair<uint64_t, JobCurve>> FarmMetrics::LiveCurves(size_t count_max) const {
   std::vector<std::pair<uint64_t, JobCurve>> curves;
-  for (const auto& [id, job] : scheduler_.jobs()) {
+  for (const auto& [id, job] : tables_.scheduler.jobs()) {
     if (job.phase != JobPhase::kLive) continue;
     if (curves.size() == count_max) break;
     JobCurve& curve = curves.emplace_back(id, JobCurve()).second;
@@ -90,7 +89,7 @@ std::vector<std::pair<uint64_t, JobCurve>> Farm::LiveCurves(size_t count_max) co
       curve.cpu_seconds += absl::ToDoubleSeconds(frame.cost.cpu_duration);
       curve.part_bytes += static_cast<double>(frame.cost.part_bytes);
     }
-    for (const auto& [number, rounds] : accounts_.at(id).rounds) {
+    for (const auto& [number, rounds] : tables_.accounts.at(id).rounds) {
       curve.relative_mse = std::max(curve.relative_mse, rounds.back().relative_mse);
       curve.predicted_relative_mse =
           std::max(curve.predicted_relative_mse, rounds.back().predicted_relative_mse);
@@ -104,10 +103,10 @@ std::vector<std::pair<uint64_t, JobCurve>> Farm::LiveCurves(size_t count_max) co
   return curves;
 }
 
-std::vector<MetricView> Farm::Metrics() const {
+std::vector<MetricView> FarmMetrics::List() const {
   std::vector<MetricView> metrics;
-  const MutexLock lock(&mutex_);
-  const Counters& counters = scheduler_.counters();
+  const MutexLock lock(&tables_.mutex);
+  const Counters& counters = tables_.scheduler.counters();
   for (const CounterName& counter : kCounterNames) {
     metrics.push_back({absl::StrCat("sheaf_", counter.name, "_total"), counter.help,
                        MetricView::Kind::kCounter, "", "",
@@ -120,8 +119,8 @@ std::vector<MetricView> Farm::Metrics() const {
                        static_cast<double>(counters.failures[static_cast<size_t>(kind)])});
   }
   std::array<int, kWorkerStateCount> by_state{};
-  for (const auto& [id, worker] : scheduler_.workers().workers()) {
-    ++by_state[static_cast<size_t>(ViewOf(worker).state)];
+  for (const auto& [id, worker] : tables_.scheduler.workers().workers()) {
+    ++by_state[static_cast<size_t>(StateOf(worker))];
   }
   for (size_t state = 0; state < by_state.size(); ++state) {
     metrics.push_back({"sheaf_workers", "Workers, by state.", MetricView::Kind::kGauge, "state",
@@ -129,7 +128,8 @@ std::vector<MetricView> Farm::Metrics() const {
                        static_cast<double>(by_state[state])});
   }
   int live_jobs = 0;
-  for (const auto& [id, job] : scheduler_.jobs()) live_jobs += job.phase == JobPhase::kLive ? 1 : 0;
+  for (const auto& [id, job] : tables_.scheduler.jobs())
+    live_jobs += job.phase == JobPhase::kLive ? 1 : 0;
   metrics.push_back(Gauge("jobs_live", "Jobs that have not ended.", live_jobs));
   const std::vector<std::pair<uint64_t, JobCurve>> curves = LiveCurves(kJobMetricsMax);
   for (const JobMetric& metric : kJobMetrics) {
@@ -139,16 +139,17 @@ std::vector<MetricView> Farm::Metrics() const {
     }
   }
   metrics.push_back({"sheaf_pictures_damaged_total",
-                     "Delivered EXRs that were altered or removed on disk and are recreated.",
-                     MetricView::Kind::kCounter, "", "", static_cast<double>(pictures_damaged_)});
+                     "Delivered EXRs that were altered or removed on disk: made again.",
+                     MetricView::Kind::kCounter, "", "",
+                     static_cast<double>(pictures_.DamagedCount())});
   metrics.push_back(Gauge("leases_held", "Leases that workers hold now.",
-                          static_cast<double>(scheduler_.leases().size())));
+                          static_cast<double>(tables_.scheduler.leases().size())));
   metrics.push_back(Gauge("frames_open", "Frames between their first part and their delivery.",
-                          static_cast<double>(open_frames_.size())));
+                          static_cast<double>(tables_.open_frames.size())));
   metrics.push_back(Gauge("merge_bytes", "Memory of unfinished tiles.",
-                          static_cast<double>(merge_budget_.bytes())));
+                          static_cast<double>(tables_.merge_budget.bytes())));
   metrics.push_back(
-      Gauge("parts_bytes", "Bytes of parts on disk.", static_cast<double>(store_->PartsBytes())));
+      Gauge("parts_bytes", "Bytes of parts on disk.", static_cast<double>(store_.PartsBytes())));
   return metrics;
 }
 

@@ -1,17 +1,15 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
-//
-// The part of Farm that shows pictures: as merged so far, as delivered, and small.
+#include "coordinator/service/farm/frame_previews.h"
+
 #include <algorithm>
 #include <cstddef>
 #include <utility>
 
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
-#include "common/base/log.h"
 #include "common/film/exr/exr_codec.h"
 #include "common/film/shrink_picture.h"
-#include "coordinator/service/farm/farm.h"
 
 namespace sheaf::coordinator {
 namespace {
@@ -45,13 +43,13 @@ absl::StatusOr<FramePicture> CopyChannels(const FramePicture& picture,
 
 }  // namespace
 
-absl::StatusOr<Farm::ShownFrame> Farm::FindShown(const std::string& job_id,
-                                                 int32_t frame_number) const {
+absl::StatusOr<FramePreviews::ShownFrame> FramePreviews::Find(const std::string& job_id,
+                                                              int32_t frame_number) const {
   uint64_t id = 0;
   const bool is_number = absl::SimpleAtoi(job_id, &id);
-  const MutexLock lock(&mutex_);
+  const MutexLock lock(&tables_.mutex);
   ShownFrame shown{{id, frame_number}, {}, false, nullptr, 0};
-  const FrameRecord* frame = is_number ? scheduler_.FindFrame(shown.id) : nullptr;
+  const FrameRecord* frame = is_number ? tables_.scheduler.FindFrame(shown.id) : nullptr;
   if (frame == nullptr) {
     return absl::NotFoundError(
         absl::StrCat("jobs/", job_id, "/frames/", frame_number, ": there is no such frame"));
@@ -59,16 +57,16 @@ absl::StatusOr<Farm::ShownFrame> Farm::FindShown(const std::string& job_id,
   shown.window = frame->settings().window;
   shown.complete = frame->phase == FrameRecord::Phase::kDelivered;
   if (shown.complete) shown.version = kDeliveredPreviewVersion;
-  if (const auto found = open_frames_.find(shown.id);
-      !shown.complete && found != open_frames_.end() && found->second.preview_version > 0) {
+  if (const auto found = tables_.open_frames.find(shown.id);
+      !shown.complete && found != tables_.open_frames.end() && found->second.preview_version > 0) {
     shown.open = found->second.frame;
     shown.version = found->second.preview_version;
   }
   return shown;
 }
 
-absl::StatusOr<FramePicture> Farm::CpuPicture(const ShownFrame& shown) const {
-  const absl::StatusOr<std::vector<JobStore::TileCost>> costs = store_->TileCosts(shown.id);
+absl::StatusOr<FramePicture> FramePreviews::CpuPicture(const ShownFrame& shown) const {
+  const absl::StatusOr<std::vector<JobStore::TileCost>> costs = store_.TileCosts(shown.id);
   if (!costs.ok()) return costs.status();
   if (costs->empty()) {
     return absl::UnavailableError(absl::StrCat(Name(shown.id), ": none of its parts is kept"));
@@ -92,17 +90,16 @@ absl::StatusOr<FramePicture> Farm::CpuPicture(const ShownFrame& shown) const {
   return picture;
 }
 
-absl::StatusOr<PreviewView> Farm::Preview(const std::string& job_id, int32_t frame_number,
-                                          const std::vector<std::string>& channels) const {
-  const absl::StatusOr<ShownFrame> shown = FindShown(job_id, frame_number);
+absl::StatusOr<PreviewView> FramePreviews::Preview(const std::string& job_id, int32_t frame_number,
+                                                   const std::vector<std::string>& channels) const {
+  const absl::StatusOr<ShownFrame> shown = Find(job_id, frame_number);
   if (!shown.ok()) return shown.status();
   absl::StatusOr<FramePicture> copy;
   if (channels == std::vector<std::string>{kCpuChannel}) {
     copy = CpuPicture(*shown);
   } else if (shown->complete) {
-    const absl::StatusOr<std::string> path = store_->OutputPath(shown->id);
+    const absl::StatusOr<std::string> path = pictures_.FindDelivered(shown->id);
     if (!path.ok()) return path.status();
-    if (absl::Status s = CheckPicture(shown->id, *path); !s.ok()) return s;
     const absl::StatusOr<FramePicture> picture = ReadPicture(*path);
     if (!picture.ok()) return picture.status();
     copy = CopyChannels(*picture, channels);
@@ -120,12 +117,13 @@ absl::StatusOr<PreviewView> Farm::Preview(const std::string& job_id, int32_t fra
   return PreviewView{shown->version, *std::move(copy), shown->complete};
 }
 
-absl::StatusOr<PreviewView> Farm::Thumbnail(const std::string& job_id, int32_t frame_number) const {
-  const absl::StatusOr<ShownFrame> shown = FindShown(job_id, frame_number);
+absl::StatusOr<PreviewView> FramePreviews::Thumbnail(const std::string& job_id,
+                                                     int32_t frame_number) const {
+  const absl::StatusOr<ShownFrame> shown = Find(job_id, frame_number);
   if (!shown.ok()) return shown.status();
   absl::StatusOr<FramePicture> small;
   if (shown->complete) {
-    const absl::StatusOr<std::string> path = ThumbnailPath(shown->id);
+    const absl::StatusOr<std::string> path = pictures_.ThumbnailPath(shown->id);
     if (!path.ok()) return path.status();
     small = ReadPicture(*path);
     if (absl::IsNotFound(small.status())) {
@@ -141,32 +139,14 @@ absl::StatusOr<PreviewView> Farm::Thumbnail(const std::string& job_id, int32_t f
   return PreviewView{shown->version, *std::move(small), shown->complete};
 }
 
-absl::StatusOr<PreviewView> Farm::RoundPreview(const std::string& job_id, int32_t frame_number,
-                                               int32_t round) const {
-  const absl::StatusOr<ShownFrame> shown = FindShown(job_id, frame_number);
+absl::StatusOr<PreviewView> FramePreviews::RoundPreview(const std::string& job_id,
+                                                        int32_t frame_number, int32_t round) const {
+  const absl::StatusOr<ShownFrame> shown = Find(job_id, frame_number);
   if (!shown.ok()) return shown.status();
-  const uint64_t version = round_previews_->VersionOf(shown->id, round);
-  absl::StatusOr<FramePicture> picture = round_previews_->Read(shown->id, round);
+  const uint64_t version = rounds_.VersionOf(shown->id, round);
+  absl::StatusOr<FramePicture> picture = rounds_.Read(shown->id, round);
   if (!picture.ok()) return picture.status();
   return PreviewView{version, *std::move(picture), shown->complete};
-}
-
-absl::StatusOr<std::string> Farm::ThumbnailPath(const FrameId& id) const {
-  absl::StatusOr<std::string> path = store_->OutputPath(id);
-  if (!path.ok()) return path.status();
-  const size_t extension = path->rfind('.');
-  return absl::StrCat(path->substr(0, extension), ".thumbnail.exr");
-}
-
-void Farm::KeepThumbnail(const FrameId& id, const FramePicture& picture) const {
-  const absl::StatusOr<FramePicture> small =
-      ShrinkPicture(picture, {"R", "G", "B"}, kThumbnailPixelCountMax);
-  absl::Status status = small.status();
-  if (status.ok()) {
-    const absl::StatusOr<std::string> path = ThumbnailPath(id);
-    status = path.ok() ? WritePicture(*small, *path) : path.status();
-  }
-  if (!status.ok()) LogWarning(absl::StrCat("storing a thumbnail: ", status.message()));
 }
 
 }  // namespace sheaf::coordinator

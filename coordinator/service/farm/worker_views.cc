@@ -1,17 +1,16 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
-//
-// The part of Farm that shows what workers do, and what came to nothing.
+#include "coordinator/service/farm/worker_views.h"
+
 #include <algorithm>
+#include <utility>
 
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
 #include "coordinator/core/render_command.h"
-#include "coordinator/service/farm/farm.h"
 
 namespace sheaf::coordinator {
-namespace {
 
 WorkerState StateOf(const WorkerRecord& worker) {
   if (worker.Quarantined()) return WorkerState::kQuarantined;
@@ -21,9 +20,7 @@ WorkerState StateOf(const WorkerRecord& worker) {
   return worker.leases.empty() ? WorkerState::kIdle : WorkerState::kBusy;
 }
 
-}  // namespace
-
-WorkerView Farm::ViewOf(const WorkerRecord& worker) const {
+WorkerView WorkerViews::ViewOf(const WorkerRecord& worker) const {
   const SteadyTime now = SteadyTime::Now();
   const absl::Time wall_now = absl::Now();
   const auto stamp = [&](SteadyTime time) { return wall_now - (now - time); };
@@ -39,7 +36,7 @@ WorkerView Farm::ViewOf(const WorkerRecord& worker) const {
   view.last_seen_time = stamp(worker.last_seen_time);
   view.reason = worker.quarantine_reason;
   for (const uint64_t id : worker.leases) {
-    const Lease& lease = *scheduler_.leases().Find(id);
+    const Lease& lease = *tables_.scheduler.leases().Find(id);
     view.leases.push_back(
         {lease.frame, lease.tile_rect, lease.task.block, lease.phase, stamp(lease.grant_time)});
   }
@@ -58,20 +55,22 @@ WorkerView Farm::ViewOf(const WorkerRecord& worker) const {
   return view;
 }
 
-std::vector<WorkerView> Farm::ListWorkers() const {
+std::vector<WorkerView> WorkerViews::List() const {
   std::vector<WorkerView> views;
   {
-    const MutexLock lock(&mutex_);
-    for (const auto& [id, worker] : scheduler_.workers().workers()) views.push_back(ViewOf(worker));
+    const MutexLock lock(&tables_.mutex);
+    for (const auto& [id, worker] : tables_.scheduler.workers().workers())
+      views.push_back(ViewOf(worker));
   }
   // Names may have to be read from the disk.
   for (WorkerView& view : views) {
-    for (std::string& scene : view.warm_scenes) scene = scene_names_.Find(scene);
+    for (std::string& scene : view.warm_scenes) scene = names_.Find(scene);
   }
   return views;
 }
 
-absl::StatusOr<std::vector<FailureView>> Farm::ListFailures(const std::string& job_id) const {
+absl::StatusOr<std::vector<FailureView>> WorkerViews::ListFailures(
+    const std::string& job_id) const {
   struct Found {
     FailureRecord failure;
     FrameSettings settings;
@@ -81,11 +80,11 @@ absl::StatusOr<std::vector<FailureView>> Farm::ListFailures(const std::string& j
   {
     uint64_t id = 0;
     const bool is_number = absl::SimpleAtoi(job_id, &id);
-    const MutexLock lock(&mutex_);
-    const absl::StatusOr<const JobRecord*> job = FindRecord(is_number ? id : 0);
+    const MutexLock lock(&tables_.mutex);
+    const absl::StatusOr<const JobRecord*> job = tables_.FindJob(is_number ? id : 0);
     if (!job.ok()) return job.status();
     for (const FailureRecord& failure : (*job)->failures.last) {
-      const FrameSpec spec = scheduler_.FindFrame({id, failure.frame_number})->Spec();
+      const FrameSpec spec = tables_.scheduler.FindFrame({id, failure.frame_number})->Spec();
       found.push_back({failure, spec.settings, spec.scene.sha256_hex});
     }
   }
@@ -93,8 +92,8 @@ absl::StatusOr<std::vector<FailureView>> Farm::ListFailures(const std::string& j
   std::vector<FailureView> views;
   for (Found& one : found) {
     const FailureRecord& failure = one.failure;
-    std::string command = RenderCommand(scene_names_.Find(one.scene), one.settings, failure.tile,
-                                        failure.block.End());
+    std::string command =
+        RenderCommand(names_.Find(one.scene), one.settings, failure.tile, failure.block.End());
     views.push_back({std::move(one.failure), std::move(command)});
   }
   return views;

@@ -1,7 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The part of Farm that goes on with what was finished, and lets go of what that would need.
+// The part of JobLifecycle that continues jobs that have ended: refined, or with pictures to be
+// made again.
 #include <algorithm>
 #include <optional>
 #include <utility>
@@ -9,7 +10,7 @@
 #include "absl/strings/str_cat.h"
 #include "common/base/log.h"
 #include "coordinator/core/job_check.h"
-#include "coordinator/service/farm/farm.h"
+#include "coordinator/service/farm/job_lifecycle.h"
 
 namespace sheaf::coordinator {
 namespace {
@@ -53,7 +54,7 @@ bool IsBeingRefined(const JobRecord& job, const Refinement& refinement) {
 
 }  // namespace
 
-absl::Status Farm::RequireSucceeded(const JobRecord& job) {
+absl::Status RequireSucceeded(const JobRecord& job) {
   if (job.phase == JobPhase::kSucceeded) return absl::OkStatus();
   const char* const why = job.Paused()                   ? " is paused and not finished yet"
                           : job.phase == JobPhase::kLive ? " is not finished yet"
@@ -62,7 +63,8 @@ absl::Status Farm::RequireSucceeded(const JobRecord& job) {
       absl::StrCat("jobs/", job.spec.job_id, why, "; only a job that succeeded can be refined"));
 }
 
-absl::Status Farm::CheckRefinement(const JobRecord& job, const Refinement& refinement) const {
+absl::Status JobLifecycle::CheckRefinement(const JobRecord& job,
+                                           const Refinement& refinement) const {
   if (absl::Status s = RequireSucceeded(job); !s.ok()) return s;
   const std::string name = absl::StrCat("jobs/", job.spec.job_id);
   if (!refinement.stop.IsActive() && refinement.samples == 0) {
@@ -90,12 +92,12 @@ absl::Status Farm::CheckRefinement(const JobRecord& job, const Refinement& refin
   return absl::OkStatus();
 }
 
-absl::Status Farm::RefineJob(uint64_t job_id, const Refinement& refinement) {
+absl::Status JobLifecycle::Refine(uint64_t job_id, const Refinement& refinement) {
   const MutexLock settling(&settle_mutex_);  // The job's end is written down.
   StoredJob job;
   {
-    const MutexLock lock(&mutex_);
-    const absl::StatusOr<const JobRecord*> found = FindRecord(job_id);
+    const MutexLock lock(&tables_.mutex);
+    const absl::StatusOr<const JobRecord*> found = tables_.FindJob(job_id);
     if (!found.ok()) return found.status();
     if (IsBeingRefined(**found, refinement)) return absl::OkStatus();
     if (absl::Status s = CheckRefinement(**found, refinement); !s.ok()) return s;
@@ -116,25 +118,46 @@ absl::Status Farm::RefineJob(uint64_t job_id, const Refinement& refinement) {
   return ReopenFrames(std::move(job), reopened);
 }
 
-StoredJob Farm::StoredJobOf(const JobRecord& record) const {
+absl::Status JobLifecycle::RemakeFrames(uint64_t job_id, const std::set<int32_t>& numbers) {
+  const MutexLock settling(&settle_mutex_);
+  StoredJob job;
+  {
+    const MutexLock lock(&tables_.mutex);
+    const absl::StatusOr<const JobRecord*> found = tables_.FindJob(job_id);
+    if (!found.ok()) return found.status();
+    if ((*found)->phase != JobPhase::kSucceeded) return absl::OkStatus();  // Refined meanwhile.
+    job = StoredJobOf(**found);
+  }
+  absl::StatusOr<std::map<int32_t, std::vector<RoundRecord>>> rounds = RoundsOf(job_id);
+  if (!rounds.ok()) return rounds.status();
+  std::vector<JobStore::ReopenedFrame> reopened;
+  for (const FrameSpec& frame : job.spec.frames) {
+    if (!numbers.contains(frame.frame_number)) continue;
+    reopened.push_back({frame, std::move((*rounds)[frame.frame_number])});
+  }
+  return ReopenFrames(std::move(job), reopened);
+}
+
+StoredJob JobLifecycle::StoredJobOf(const JobRecord& record) const {
   StoredJob job;
   job.spec = record.spec;
   job.failures = record.failures;
   for (const FrameRecord& frame : record.frames) job.spec.frames.push_back(frame.Spec());
-  job.create_time = accounts_.at(record.spec.job_id).create_time;
+  job.create_time = tables_.accounts.at(record.spec.job_id).create_time;
   return job;
 }
 
-absl::StatusOr<std::map<int32_t, std::vector<RoundRecord>>> Farm::RoundsOf(uint64_t job_id) const {
-  absl::StatusOr<std::vector<StoredRound>> stored = store_->LoadRounds(job_id, /*with_cells=*/true);
+absl::StatusOr<std::map<int32_t, std::vector<RoundRecord>>> JobLifecycle::RoundsOf(
+    uint64_t job_id) const {
+  absl::StatusOr<std::vector<StoredRound>> stored = store_.LoadRounds(job_id, /*with_cells=*/true);
   if (!stored.ok()) return stored.status();
   std::map<int32_t, std::vector<RoundRecord>> rounds;
   for (StoredRound& round : *stored) rounds[round.frame_number].push_back(std::move(round.record));
   return rounds;
 }
 
-absl::Status Farm::ReopenFrames(StoredJob job,
-                                const std::vector<JobStore::ReopenedFrame>& reopened) {
+absl::Status JobLifecycle::ReopenFrames(StoredJob job,
+                                        const std::vector<JobStore::ReopenedFrame>& reopened) {
   const uint64_t job_id = job.spec.job_id;
   std::set<int32_t> numbers;
   std::vector<FrameSpec> specs;
@@ -142,20 +165,20 @@ absl::Status Farm::ReopenFrames(StoredJob job,
     specs.push_back(frame.spec);
     numbers.insert(frame.spec.frame_number);
   }
-  const absl::StatusOr<ResumedCounts> resumed = CountResumed(specs, job.spec.partition);
+  const absl::StatusOr<ResumedCounts> resumed = resumed_.Count(specs, job.spec.partition);
   if (!resumed.ok()) return resumed.status();
-  absl::Status written = store_->ReopenJob(job_id, reopened);
-  NoteDisk(written);
+  absl::Status written = store_.ReopenJob(job_id, reopened);
+  disk_.Note(written);
   if (!written.ok()) return written;
-  const absl::StatusOr<JobStore::LoadedParts> parts = store_->LoadParts(job_id);
+  const absl::StatusOr<JobStore::LoadedParts> parts = store_.LoadParts(job_id);
   if (!parts.ok()) return parts.status();
   for (const JobStore::ReopenedFrame& frame : reopened) {
     const auto kept = static_cast<int32_t>(frame.rounds.size());
-    round_previews_->RemoveFrom({job_id, frame.spec.frame_number}, kept);
+    previews_.RemoveFrom({job_id, frame.spec.frame_number}, kept);
   }
-  const MutexLock lock(&mutex_);
-  JobAccount& account = accounts_.at(job_id);
-  account.job_wall_before = WallOfJob(scheduler_.jobs().at(job_id), account.ended);
+  const MutexLock lock(&tables_.mutex);
+  JobAccount& account = tables_.accounts.at(job_id);
+  account.job_wall_before = tables_.WallOfJob(tables_.scheduler.jobs().at(job_id), account.ended);
   account.end_time = absl::InfiniteFuture();
   account.ended = SteadyTime::InfiniteFuture();
   std::map<int32_t, absl::Duration> wall_before;
@@ -168,26 +191,13 @@ absl::Status Farm::ReopenFrames(StoredJob job,
   }
   account.delivered.clear();
   account.rounds.clear();
-  scheduler_.RemoveJob(job_id);
-  LogInfo(absl::StrCat("job ", job_id, ": continues, ", reopened.size(),
+  tables_.scheduler.RemoveJob(job_id);
+  LogInfo(absl::StrCat("job ", job_id, ": goes on, ", reopened.size(),
                        reopened.size() == 1 ? " frame" : " frames"));
   absl::Status restored = RestoreJob(job, &*parts, *resumed);
   account.wall_before = std::move(wall_before);
-  Changed();
+  signals_.Changed();
   return restored;
-}
-
-void Farm::LimitKeptParts() {
-  // No frame goes on meanwhile: its parts would be taken from under it.
-  const MutexLock settling(&settle_mutex_);
-  while (store_->PartsBytes() > options_.kept_parts_bytes_max) {
-    const absl::StatusOr<std::optional<FrameId>> oldest = store_->OldestDeliveredWithParts();
-    NoteDisk(oldest.status());
-    if (!oldest.ok() || !oldest->has_value()) return;
-    const absl::Status removed = store_->RemoveFrameParts(**oldest);
-    NoteDisk(removed);
-    if (!removed.ok()) return;
-  }
 }
 
 }  // namespace sheaf::coordinator

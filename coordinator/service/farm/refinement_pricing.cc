@@ -1,14 +1,15 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
-//
-// The part of Farm that says what refining a finished job costs.
+#include "coordinator/service/farm/refinement_pricing.h"
+
 #include <algorithm>
 #include <map>
 #include <utility>
 
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
-#include "coordinator/service/farm/farm.h"
+#include "coordinator/core/cell_grid.h"
+#include "coordinator/service/farm/job_lifecycle.h"
 
 namespace sheaf::coordinator {
 namespace {
@@ -53,12 +54,63 @@ std::vector<double> ShareCpuTime(const CellGrid& grid, const std::vector<double>
 
 }  // namespace
 
-absl::StatusOr<FinishedFrame> Farm::FinishedFrameOf(const FrameId& id, const FrameSpec& spec,
-                                                    const Partition& partition,
-                                                    const DeliveredFrame& delivered) const {
-  absl::StatusOr<std::vector<RoundRecord>> rounds = store_->LoadFrameRounds(id);
+struct RefinementPricing::Priced {
+  uint64_t job_id = 0;
+  // Some frames, evenly over the job's range.
+  std::vector<std::pair<FrameSpec, DeliveredFrame>> frames;
+  size_t frame_count = 0;  // Of the job.
+  Partition partition;
+  uint64_t samples_max = kStoppedSamplesMax;
+  int32_t priority = 0;
+  FarmLoad load;
+  int32_t thread_count = 0;  // As in RefinementPrices; this and the next.
+  int32_t jobs_before_count = 0;
+};
+
+absl::Status RefinementPricing::Look(const std::string& job_id,
+                                     const std::vector<double>& target_errors,
+                                     Priced* priced) const {
+  const bool is_number = absl::SimpleAtoi(job_id, &priced->job_id);
+  const MutexLock lock(&tables_.mutex);
+  const absl::StatusOr<const JobRecord*> found = tables_.FindJob(is_number ? priced->job_id : 0);
+  if (!found.ok()) return found.status();
+  const JobRecord& job = **found;
+  // First: clients ask for shares of the job's error, and one that has just begun has none.
+  if (absl::Status s = RequireSucceeded(job); !s.ok()) return s;
+  if (absl::Status s = CheckTargets(target_errors); !s.ok()) return s;
+  priced->frame_count = job.frames.size();
+  priced->partition = job.spec.partition;
+  const std::map<int32_t, DeliveredFrame>& delivered =
+      tables_.accounts.at(priced->job_id).delivered;
+  const size_t count = std::min(kPricedFramesMax, priced->frame_count);
+  for (size_t i = 0; i < count; ++i) {
+    const size_t index = count == 1 ? 0 : i * (priced->frame_count - 1) / (count - 1);
+    const FrameSpec spec = job.frames[index].Spec();
+    priced->samples_max = std::max(priced->samples_max, spec.settings.samples);
+    priced->frames.emplace_back(spec, delivered.at(spec.frame_number));
+  }
+  priced->priority = job.spec.priority;
+  priced->load = tables_.LoadOf(job.spec.numeric_profile, SteadyTime::Now());
+  for (const auto& [id, worker] : tables_.scheduler.workers().workers()) {
+    if (worker.Live() && worker.numeric_profile == job.spec.numeric_profile) {
+      priced->thread_count += worker.thread_count;
+    }
+  }
+  for (const auto& [id, other] : tables_.scheduler.jobs()) {
+    if (other.phase == JobPhase::kLive && !other.Paused() && !IsPilot(id) &&
+        other.spec.priority >= job.spec.priority) {
+      ++priced->jobs_before_count;
+    }
+  }
+  return absl::OkStatus();
+}
+
+absl::StatusOr<FinishedFrame> RefinementPricing::FinishedFrameOf(
+    const FrameId& id, const FrameSpec& spec, const Partition& partition,
+    const DeliveredFrame& delivered) const {
+  absl::StatusOr<std::vector<RoundRecord>> rounds = store_.LoadFrameRounds(id);
   if (!rounds.ok()) return rounds.status();
-  const absl::StatusOr<std::vector<JobStore::TileCost>> costs = store_->TileCosts(id);
+  const absl::StatusOr<std::vector<JobStore::TileCost>> costs = store_.TileCosts(id);
   if (!costs.ok()) return costs.status();
   FinishedFrame frame;
   frame.had_rule = spec.stop.IsActive();
@@ -82,59 +134,20 @@ absl::StatusOr<FinishedFrame> Farm::FinishedFrameOf(const FrameId& id, const Fra
   return frame;
 }
 
-absl::StatusOr<RefinementPrices> Farm::PriceRefinement(
+absl::StatusOr<RefinementPrices> RefinementPricing::Price(
     const std::string& job_id, const std::vector<double>& target_errors) const {
-  uint64_t number = 0;
-  const bool is_number = absl::SimpleAtoi(job_id, &number);
-  RefinementPrices priced;
-  std::vector<std::pair<FrameSpec, DeliveredFrame>> chosen;
-  size_t frame_count = 0;
-  Partition partition;
-  uint64_t samples_max = kStoppedSamplesMax;
-  int32_t priority = 0;
-  FarmLoad load;
-  {
-    const MutexLock lock(&mutex_);
-    const absl::StatusOr<const JobRecord*> found = FindRecord(is_number ? number : 0);
-    if (!found.ok()) return found.status();
-    const JobRecord& job = **found;
-    // First: clients ask for shares of the job's error, and one that has just begun has none.
-    if (absl::Status s = RequireSucceeded(job); !s.ok()) return s;
-    if (absl::Status s = CheckTargets(target_errors); !s.ok()) return s;
-    frame_count = job.frames.size();
-    partition = job.spec.partition;
-    const std::map<int32_t, DeliveredFrame>& delivered = accounts_.at(number).delivered;
-    const size_t count = std::min(kPricedFramesMax, frame_count);
-    for (size_t i = 0; i < count; ++i) {
-      const size_t index = count == 1 ? 0 : i * (frame_count - 1) / (count - 1);
-      const FrameSpec spec = job.frames[index].Spec();
-      samples_max = std::max(samples_max, spec.settings.samples);
-      chosen.emplace_back(spec, delivered.at(spec.frame_number));
-    }
-    priority = job.spec.priority;
-    load = LoadOf(job.spec.numeric_profile, SteadyTime::Now());
-    for (const auto& [id, worker] : scheduler_.workers().workers()) {
-      if (worker.Live() && worker.numeric_profile == job.spec.numeric_profile) {
-        priced.thread_count += worker.thread_count;
-      }
-    }
-    for (const auto& [id, other] : scheduler_.jobs()) {
-      if (other.phase == JobPhase::kLive && !other.Paused() && !IsPilot(id) &&
-          other.spec.priority >= job.spec.priority) {
-        ++priced.jobs_before_count;
-      }
-    }
-  }
+  Priced priced;
+  if (absl::Status s = Look(job_id, target_errors, &priced); !s.ok()) return s;
   std::vector<FinishedFrame> frames;
-  for (const auto& [spec, delivered] : chosen) {
+  for (const auto& [spec, delivered] : priced.frames) {
     absl::StatusOr<FinishedFrame> frame =
-        FinishedFrameOf({number, spec.frame_number}, spec, partition, delivered);
+        FinishedFrameOf({priced.job_id, spec.frame_number}, spec, priced.partition, delivered);
     if (!frame.ok()) return frame.status();
     frames.push_back(*std::move(frame));
   }
-  priced.prices =
-      coordinator::PriceRefinement(frames, frame_count, target_errors, samples_max, priority, load);
-  return priced;
+  return RefinementPrices{PriceRefinement(frames, priced.frame_count, target_errors,
+                                          priced.samples_max, priced.priority, priced.load),
+                          priced.thread_count, priced.jobs_before_count};
 }
 
 }  // namespace sheaf::coordinator

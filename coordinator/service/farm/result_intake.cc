@@ -1,7 +1,9 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
-//
-// The part of Farm that takes results: check, write, tell, merge, acknowledge.
+#include "coordinator/service/farm/result_intake.h"
+
+#include <memory>
+#include <optional>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -9,7 +11,6 @@
 #include "common/base/digest.h"
 #include "common/base/log.h"
 #include "common/film/exr/exr_codec.h"
-#include "coordinator/service/farm/farm.h"
 
 namespace sheaf::coordinator {
 namespace {
@@ -51,165 +52,160 @@ std::string WhyNotPartOf(const ResultReport& report, const std::string& numeric_
 
 }  // namespace
 
-class Farm::TileReservation {
+class ResultIntake::TileReservation {
  public:
-  TileReservation(Farm* farm, TileName name) : farm_(farm), name_(std::move(name)) {
-    const MutexLock lock(&farm_->reservation_mutex_);
-    const auto is_free = [this]() ABSL_EXCLUSIVE_LOCKS_REQUIRED(farm_->reservation_mutex_) {
-      return !farm_->reserved_.contains(name_);
+  TileReservation(ResultIntake* intake, TileName name) : intake_(*intake), name_(std::move(name)) {
+    const MutexLock lock(&intake_.mutex_);
+    const auto is_free = [this]() ABSL_EXCLUSIVE_LOCKS_REQUIRED(intake_.mutex_) {
+      return !intake_.reserved_.contains(name_);
     };
-    farm_->reservation_released_.Wait(&farm_->reservation_mutex_, is_free);
-    farm_->reserved_.insert(name_);
+    intake_.released_.Wait(&intake_.mutex_, is_free);
+    intake_.reserved_.insert(name_);
   }
   ~TileReservation() {
     {
-      const MutexLock lock(&farm_->reservation_mutex_);
-      farm_->reserved_.erase(name_);
+      const MutexLock lock(&intake_.mutex_);
+      intake_.reserved_.erase(name_);
     }
-    farm_->reservation_released_.NotifyAll();
+    intake_.released_.NotifyAll();
   }
   TileReservation(const TileReservation&) = delete;
   TileReservation& operator=(const TileReservation&) = delete;
 
  private:
-  Farm* farm_;
+  ResultIntake& intake_;
   const TileName name_;
 };
 
-absl::StatusOr<ResultOutcome> Farm::AddResult(const ResultReport& report,
-                                              const std::string& bytes) {
+absl::StatusOr<ResultOutcome> ResultIntake::Add(const ResultReport& report,
+                                                const std::string& bytes) {
   if (bytes.size() != report.digest.size_bytes || Sha256Hex(bytes) != report.digest.sha256_hex) {
-    return RejectResult(report, "the bytes do not match their digest");
+    return Reject(report, "the bytes do not have the digest they came with");
   }
   const TileReservation reservation(this, {report.frame_digest, {report.tile.y0, report.tile.x0}});
   Scheduler::FoundTask found;
   std::string numeric_profile;
   FrameSettings settings;
   {
-    const MutexLock lock(&mutex_);
-    found = scheduler_.FindTask(report.frame_digest, report.tile, report.block, report.cells,
-                                report.lease_id);
+    const MutexLock lock(&tables_.mutex);
+    found = tables_.scheduler.FindTask(report.frame_digest, report.tile, report.block, report.cells,
+                                       report.lease_id);
     if (found.kind == Scheduler::FoundTask::Kind::kWanted) {
-      numeric_profile = scheduler_.jobs().at(found.frame.job_id).spec.numeric_profile;
-      settings = scheduler_.FindFrame(found.frame)->settings();
+      numeric_profile = tables_.scheduler.jobs().at(found.frame.job_id).spec.numeric_profile;
+      settings = tables_.scheduler.FindFrame(found.frame)->settings();
     }
   }
   using Kind = Scheduler::FoundTask::Kind;
-  if (found.kind == Kind::kMalformed) return RejectResult(report, "the frame has no such task");
+  if (found.kind == Kind::kMalformed) return Reject(report, "the frame has no such task");
   if (found.kind == Kind::kUnknown || found.kind == Kind::kPartial) {
-    const MutexLock lock(&mutex_);
-    ++scheduler_.counters().results_superseded;
+    const MutexLock lock(&tables_.mutex);
+    ++tables_.scheduler.counters().results_superseded;
     return ResultOutcome::kSuperseded;
   }
   if (found.kind == Kind::kCovered) return JudgeCovered(report, found);
   absl::StatusOr<DecodedPart> part = DecodePart(bytes, report.tile.PixelCount());
-  if (!part.ok()) return RejectResult(report, std::string(part.status().message()));
+  if (!part.ok()) return Reject(report, std::string(part.status().message()));
   const std::string why_not = WhyNotPartOf(report, numeric_profile, settings, *part);
-  if (!why_not.empty()) return RejectResult(report, why_not);
-  return StoreResult(report, bytes, found, std::move(part->tile));
+  if (!why_not.empty()) return Reject(report, why_not);
+  return Store(report, bytes, found, std::move(part->tile));
 }
 
-absl::Status Farm::RejectResult(const ResultReport& report, const std::string& why) {
+absl::Status ResultIntake::Reject(const ResultReport& report, const std::string& why) {
   const std::string text =
       absl::StrCat("result of worker ", report.worker_id, " for ", KeyText(report), ": ", why);
   LogWarning(text);
   {
-    const MutexLock lock(&mutex_);
-    ++scheduler_.counters().results_invalid;
-    scheduler_.Fail({report.lease_id, FailureKind::kInternal, "invalid result: " + why},
-                    report.worker_id, SteadyTime::Now());
-    NoteEndedJobs();
+    const MutexLock lock(&tables_.mutex);
+    ++tables_.scheduler.counters().results_invalid;
+    tables_.scheduler.Fail({report.lease_id, FailureKind::kInternal, "invalid result: " + why},
+                           report.worker_id, SteadyTime::Now());
+    tables_.NoteEndedJobs();
   }
-  SettleEndedJobs();
-  Changed();
+  lifecycle_.SettleEnded();
+  signals_.Changed();
   return absl::InvalidArgumentError(text);
 }
 
 // A task that is done already: the same bits again are harmless, other bits mean a broken machine.
-absl::StatusOr<ResultOutcome> Farm::JudgeCovered(const ResultReport& report,
-                                                 const Scheduler::FoundTask& found) {
+absl::StatusOr<ResultOutcome> ResultIntake::JudgeCovered(const ResultReport& report,
+                                                         const Scheduler::FoundTask& found) {
   const absl::StatusOr<std::optional<PartRow>> first =
-      store_->FindPart({found.frame, report.tile, report.block, report.cells});
+      store_.FindPart({found.frame, report.tile, report.block, report.cells});
   if (!first.ok()) return first.status();
-  const MutexLock lock(&mutex_);
+  const MutexLock lock(&tables_.mutex);
   if (!first->has_value()) {
-    ++scheduler_.counters().results_superseded;
+    ++tables_.scheduler.counters().results_superseded;
     return ResultOutcome::kSuperseded;
   }
   if ((*first)->digest == report.digest) {
-    ++scheduler_.counters().results_duplicate_equal;
+    ++tables_.scheduler.counters().results_duplicate_equal;
     return ResultOutcome::kDuplicateEqual;
   }
-  ++scheduler_.counters().results_duplicate_mismatch;
+  ++tables_.scheduler.counters().results_duplicate_mismatch;
   const std::string reason = absl::StrCat("its result for ", KeyText(report),
                                           " differs from that of worker ", (*first)->worker_id);
   LogError(absl::StrCat("worker ", report.worker_id, " is quarantined: ", reason));
-  scheduler_.Quarantine(report.worker_id, reason);
+  tables_.scheduler.Quarantine(report.worker_id, reason);
   return ResultOutcome::kDuplicateMismatch;
 }
 
-absl::StatusOr<ResultOutcome> Farm::StoreResult(const ResultReport& report,
-                                                const std::string& bytes,
-                                                const Scheduler::FoundTask& found, FilmTile part) {
+absl::StatusOr<ResultOutcome> ResultIntake::Store(const ResultReport& report,
+                                                  const std::string& bytes,
+                                                  const Scheduler::FoundTask& found,
+                                                  FilmTile part) {
   const ResultCost cost{report.ray_count, NonfiniteCount(part), report.cpu_duration,
                         report.digest.size_bytes};
   const PartRow row{{found.frame, report.tile, report.block, report.cells},
                     report.digest,
                     report.worker_id,
                     cost};
-  absl::Status written = store_->WritePart(row, bytes);
-  NoteDisk(written);
+  absl::Status written = store_.WritePart(row, bytes);
+  disk_.Note(written);
   if (!written.ok()) return written;
-  PrepareOpenFrame(found.frame);
+  tables_.PrepareOpen(found.frame);
   std::shared_ptr<OpenFrame> open;
   bool tile_complete = false;
   bool rendered = false;
   {
-    const MutexLock lock(&mutex_);
-    const Scheduler::FoundTask again = scheduler_.FindTask(
+    const MutexLock lock(&tables_.mutex);
+    const Scheduler::FoundTask again = tables_.scheduler.FindTask(
         report.frame_digest, report.tile, report.block, report.cells, report.lease_id);
     const bool wanted =
         again.kind == Scheduler::FoundTask::Kind::kWanted && again.frame == found.frame;
     if (wanted) {
-      open = OpenFrameOf(found.frame);
-      rendered = scheduler_.Accept(found.frame, found.task, report.lease_id, report.worker_id, cost,
-                                   SteadyTime::Now());
-      tile_complete = scheduler_.FindFrame(found.frame)->tasks->TileComplete(found.task.tile);
+      open = tables_.Open(found.frame);
+      rendered = tables_.scheduler.Accept(found.frame, found.task, report.lease_id,
+                                          report.worker_id, cost, SteadyTime::Now());
+      tile_complete =
+          tables_.scheduler.FindFrame(found.frame)->tasks->TileComplete(found.task.tile);
     } else {
-      ++scheduler_.counters().results_superseded;
+      ++tables_.scheduler.counters().results_superseded;
     }
   }
   if (open == nullptr) {
     // While it was written its job ended, or a larger block that contains it was leased.
-    NoteDisk(store_->RemovePart(row));
+    disk_.Note(store_.RemovePart(row));
     return ResultOutcome::kSuperseded;
   }
   if (cost.nonfinite_count > 0) {
     LogWarning(absl::StrCat(cost.nonfinite_count, " samples were not finite in ", KeyText(report)));
   }
-  MergeResult(open.get(), found.frame, found.task.tile, {std::move(part), found.task.cells},
-              tile_complete);
+  Merge(open.get(), found.frame, found.task.tile, {std::move(part), found.task.cells},
+        tile_complete);
   if (rendered) {
-    {
-      const MutexLock lock(&mutex_);
-      to_deliver_.push_back(found.frame);
-    }
-    {
-      const MutexLock lock(&background_mutex_);
-      wake_ = true;
-    }
-    background_wake_.NotifyAll();
+    queue_.Add(found.frame);
+    queue_.Wake();
   }
-  Changed();
+  signals_.Changed();
   return ResultOutcome::kAccepted;
 }
 
-void Farm::MergeResult(OpenFrame* frame, const FrameId& id, uint32_t tile, CellPart part,
-                       bool tile_complete) {
+void ResultIntake::Merge(OpenFrame* frame, const FrameId& id, uint32_t tile, CellPart part,
+                         bool tile_complete) {
   const MutexLock lock(&frame->mutex);
   frame->merge.Insert(tile, std::move(part));
   if (!tile_complete || !frame->merge.OnDisk(tile)) return;
-  const absl::Status status = RebuildTile(frame, id, tile);
+  const absl::Status status = tiles_.Rebuild(frame, id, tile);
   if (!status.ok()) LogError(absl::StrCat("merging a tile from disk: ", status.message()));
 }
 

@@ -1,0 +1,141 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "coordinator/service/farm/delivered_pictures.h"
+
+#include <map>
+#include <optional>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "common/base/log.h"
+#include "common/film/exr_codec.h"
+#include "common/film/shrink_picture.h"
+#include "coordinator/service/view/farm_view.h"
+
+namespace sheaf::coordinator {
+namespace {
+
+std::string PictureName(const FrameId& id) {
+  return absl::StrCat("jobs/", id.job_id, "/frames/", id.frame_number);
+}
+
+}  // namespace
+
+absl::StatusOr<std::string> DeliveredPictures::Find(uint64_t job_id, int32_t frame_number) const {
+  const std::string name = absl::StrCat("jobs/", job_id, "/frames/", frame_number);
+  {
+    const MutexLock lock(&tables_.mutex);
+    const FrameRecord* frame = tables_.scheduler.FindFrame({job_id, frame_number});
+    if (frame == nullptr) return absl::NotFoundError(name + ": there is no such frame");
+    if (frame->phase != FrameRecord::Phase::kDelivered) {
+      return absl::FailedPreconditionError(name + ": the picture is not complete yet");
+    }
+  }
+  return FindDelivered({job_id, frame_number});
+}
+
+absl::StatusOr<std::string> DeliveredPictures::FindDelivered(const FrameId& id) const {
+  absl::StatusOr<std::string> path = store_.OutputPath(id);
+  if (!path.ok()) return path;
+  if (absl::Status s = Check(id, *path); !s.ok()) return s;
+  return path;
+}
+
+absl::Status DeliveredPictures::Write(const FrameId& id, const FramePicture& picture) {
+  const absl::StatusOr<std::string> path = store_.OutputPath(id);
+  if (!path.ok()) return path.status();
+  if (absl::Status s = WritePicture(picture, *path); !s.ok()) return s;
+  if (const auto state = StateOfFile(*path)) verified_.Remember(*path, *state);
+  KeepThumbnail(id, picture);
+  return absl::OkStatus();
+}
+
+absl::StatusOr<std::string> DeliveredPictures::ThumbnailPath(const FrameId& id) const {
+  absl::StatusOr<std::string> path = store_.OutputPath(id);
+  if (!path.ok()) return path.status();
+  const size_t extension = path->rfind('.');
+  return absl::StrCat(path->substr(0, extension), ".thumbnail.exr");
+}
+
+void DeliveredPictures::KeepThumbnail(const FrameId& id, const FramePicture& picture) const {
+  const absl::StatusOr<FramePicture> small =
+      ShrinkPicture(picture, {"R", "G", "B"}, kThumbnailPixelCountMax);
+  absl::Status status = small.status();
+  if (status.ok()) {
+    const absl::StatusOr<std::string> path = ThumbnailPath(id);
+    status = path.ok() ? WritePicture(*small, *path) : path.status();
+  }
+  if (!status.ok()) LogWarning(absl::StrCat("keeping a thumbnail: ", status.message()));
+}
+
+absl::Status DeliveredPictures::Check(const FrameId& id, const std::string& path) const {
+  const std::optional<FileState> state = StateOfFile(path);
+  if (state && verified_.Contains(path, *state)) return absl::OkStatus();
+  std::string expected;
+  {
+    const MutexLock lock(&tables_.mutex);
+    const auto& delivered = tables_.accounts.at(id.job_id).delivered;
+    const auto frame = delivered.find(id.frame_number);
+    if (frame == delivered.end()) return absl::OkStatus();  // It is being made.
+    expected = frame->second.picture_digest;
+  }
+  if (state) {
+    const absl::StatusOr<FramePicture> picture = ReadPicture(path);
+    if (picture.ok() && PictureDigest(*picture) == expected && StateOfFile(path) == state) {
+      verified_.Remember(path, *state);
+      return absl::OkStatus();
+    }
+    MoveAside(path, state_directory_ + "/damaged",
+              absl::StrCat("job-", id.job_id, "-frame-", id.frame_number, ".exr"));
+  }
+  {
+    const MutexLock lock(&mutex_);
+    if (damaged_.insert(id).second) {
+      ++damaged_count_;
+      LogError(absl::StrCat(PictureName(id), ": the delivered picture is ",
+                            state ? "damaged" : "gone", "; it is made again"));
+    }
+  }
+  return absl::FailedPreconditionError(
+      absl::StrCat(PictureName(id), ": the delivered picture was ", state ? "damaged" : "removed",
+                   " on the coordinator's disk, and is made again: ask again in a while"));
+}
+
+void DeliveredPictures::Heal(JobLifecycle* lifecycle) {
+  std::set<FrameId> damaged;
+  {
+    const MutexLock lock(&mutex_);
+    damaged = damaged_;
+  }
+  if (damaged.empty()) return;
+  std::map<uint64_t, std::set<int32_t>> remade;
+  {
+    const MutexLock lock(&tables_.mutex);
+    std::erase_if(damaged, [&](const FrameId& id) ABSL_EXCLUSIVE_LOCKS_REQUIRED(tables_.mutex) {
+      const JobPhase phase = tables_.scheduler.jobs().at(id.job_id).phase;
+      if (phase == JobPhase::kSucceeded) remade[id.job_id].insert(id.frame_number);
+      if (phase == JobPhase::kFailed || phase == JobPhase::kCancelled) {
+        LogError(absl::StrCat(PictureName(id), ": is not made again, for its job did not succeed"));
+      }
+      return phase == JobPhase::kLive;  // Once it has ended.
+    });
+  }
+  {
+    const MutexLock lock(&mutex_);
+    for (const FrameId& id : damaged) damaged_.erase(id);
+  }
+  for (const auto& [job_id, numbers] : remade) {
+    const absl::Status status = lifecycle->RemakeFrames(job_id, numbers);
+    if (status.ok()) continue;
+    LogError(absl::StrCat("making pictures of jobs/", job_id, " again: ", status.message()));
+    const MutexLock lock(&mutex_);
+    for (const int32_t number : numbers) damaged_.insert({job_id, number});
+  }
+}
+
+uint64_t DeliveredPictures::DamagedCount() const {
+  const MutexLock lock(&mutex_);
+  return damaged_count_;
+}
+
+}  // namespace sheaf::coordinator

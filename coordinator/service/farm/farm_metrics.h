@@ -1,0 +1,47 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// FarmMetrics: the counters and gauges of /metrics.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <utility>
+#include <vector>
+
+#include "coordinator/service/farm/delivered_pictures.h"
+#include "coordinator/service/farm/farm_tables.h"
+#include "coordinator/service/view/farm_view.h"
+#include "coordinator/store/job_store.h"
+
+namespace sheaf::coordinator {
+
+// How a job stands: sums and extremes over its frames and their rounds.
+struct JobCurve {
+  double samples = 0, cpu_seconds = 0, part_bytes = 0;
+  double relative_mse = 0, predicted_relative_mse = 0;
+  double ratio_sum = 0;  // relMSE over what was foretold.
+  int prediction_count = 0;
+};
+
+// Thread safety: all members may be called concurrently.
+class FarmMetrics {
+ public:
+  // All arguments must outlive the object.
+  FarmMetrics(FarmTables* tables, const JobStore* store, const DeliveredPictures* pictures)
+      : tables_(*tables), store_(*store), pictures_(*pictures) {}
+
+  // As FarmView has them.
+  std::vector<MetricView> List() const;
+
+ private:
+  // How live jobs stand, the oldest first.
+  std::vector<std::pair<uint64_t, JobCurve>> LiveCurves(size_t count_max) const
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(tables_.mutex);
+
+  FarmTables& tables_;
+  const JobStore& store_;
+  const DeliveredPictures& pictures_;
+};
+
+}  // namespace sheaf::coordinator

@@ -1,0 +1,229 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "coordinator/service/farm/frame_delivery.h"
+
+#include <algorithm>
+#include <map>
+#include <memory>
+#include <utility>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "common/base/cpu_clock.h"
+#include "common/base/log.h"
+#include "common/film/cryptomatte.h"
+#include "common/film/exr_codec.h"
+#include "common/film/rare_layers.h"
+#include "coordinator/forecast/one_sequence.h"
+
+namespace sheaf::coordinator {
+namespace {
+
+// A preview may take at most this share of one core.
+constexpr double kPreviewShareMax = 0.1;
+
+// What it takes to render the picture again. No date and no host: equal pictures are equal files.
+std::map<std::string, std::string> PictureMetadata(const FrameSpec& spec,
+                                                   const std::string& numeric_profile,
+                                                   const Partition& partition) {
+  const FrameSettings& s = spec.settings;
+  std::map<std::string, std::string> metadata{
+      {"sceneDigest", spec.scene.sha256_hex},
+      {kFrameDigestKey, spec.frame_digest},
+      {"frameNumber", absl::StrCat(spec.frame_number)},
+      {"numericProfile", numeric_profile},
+      {spec.stop.IsActive() ? "samplesPerPixelMax" : "samplesPerPixel", absl::StrCat(s.samples)},
+      {"depthMax", absl::StrCat(s.max_depth)},
+      {"seed", absl::StrCat(s.seed)},
+      {"size", absl::StrCat(s.width_px, "x", s.height_px)},
+      {"window", absl::StrCat(s.window.x0, ",", s.window.y0, ",", s.window.x1, ",", s.window.y1)}};
+  // Samples went to cells of tiles; equal counts do not tell how large those were.
+  if (spec.stop.IsActive()) {
+    metadata["tileSizePx"] = absl::StrCat(partition.tile_size_px);
+    metadata["cellSizePx"] = absl::StrCat(CellSizeOf(spec, partition));
+  }
+  if (!spec.resumed.sha256_hex.empty()) metadata["resumedFrom"] = spec.resumed.sha256_hex;
+  if (s.one_sequence) metadata["sampling"] = "one-sequence";
+  if (s.similarity_after != 0) {
+    metadata["similarityAfter"] = absl::StrCat(s.similarity_after);
+    metadata["bias"] = "similarity";
+  }
+  if (s.max_component_value != 0) {
+    metadata["maxComponentValue"] = absl::StrCat(s.max_component_value);
+    std::string& bias = metadata["bias"];
+    absl::StrAppend(&bias, bias.empty() ? "" : ", ", "clamped samples");
+  }
+  if (!s.sensor.empty()) metadata["sensor"] = s.sensor;
+  if (s.primaries != Primaries::kSrgb) metadata["primaries"] = PrimariesName(s.primaries);
+  if (s.white_balance_k != 0) metadata["whiteBalanceK"] = absl::StrCat(s.white_balance_k);
+  return metadata;
+}
+
+// What is found when it is delivered. Estimates that cannot be told are left out.
+void AddFindings(const DeliveredFrame& delivered, const FrameMerge& merge, FramePicture* picture) {
+  picture->metadata[kPictureDigestKey] = delivered.picture_digest;
+  if (merge.signed_weights()) picture->metadata[kSampleWeightKey] = "signed";
+  if (delivered.relative_mse > 0) {
+    picture->metadata["relativeMse"] = absl::StrFormat("%.6g", delivered.relative_mse);
+  }
+  if (delivered.flip > 0) picture->metadata["flip"] = absl::StrFormat("%.6g", delivered.flip);
+}
+
+}  // namespace
+
+void FrameDelivery::RefreshFrames() {
+  std::vector<std::pair<FrameId, std::shared_ptr<OpenFrame>>> frames;
+  {
+    const MutexLock lock(&tables_.mutex);
+    for (const auto& [id, open] : tables_.open_frames) frames.emplace_back(id, open.frame);
+  }
+  for (const auto& [id, frame] : frames) {
+    const SteadyTime start = SteadyTime::Now();
+    const double start_cpu_seconds = ThreadCpuSeconds();
+    double relative_mse = 0;
+    {
+      const MutexLock lock(&frame->mutex);
+      if (start < frame->next_refresh_time) continue;
+      const std::vector<uint32_t> changed = frame->merge.Refresh();
+      if (changed.empty()) continue;
+      frame->error.Update(frame->merge.picture(), changed);
+      relative_mse = frame->error.RelativeMse();
+      const absl::Duration cost = absl::Seconds(ThreadCpuSeconds() - start_cpu_seconds);
+      frame->next_refresh_time = start + std::max(preview_interval_min_, cost / kPreviewShareMax);
+      if (!frame->spec.stop.IsActive()) rounds_.NotePoint(frame.get(), id, /*ended=*/false);
+    }
+    {
+      const MutexLock lock(&tables_.mutex);
+      const auto open = tables_.open_frames.find(id);
+      const bool has_ended = open == tables_.open_frames.end() || open->second.frame != frame;
+      if (has_ended) continue;
+      open->second.relative_mse = relative_mse;
+      ++open->second.preview_version;
+    }
+    signals_.Changed();
+  }
+}
+
+void FrameDelivery::DeliverFrames() {
+  for (const FrameId& id : queue_.TakeAll()) {
+    const absl::Status status = Deliver(id);
+    if (status.ok()) continue;
+    LogError(absl::StrCat("delivering frame ", id.frame_number, " of job ", id.job_id, ": ",
+                          status.message()));
+    disk_.Note(status);
+    queue_.Add(id);
+  }
+}
+
+absl::Status FrameDelivery::Deliver(const FrameId& id) {
+  std::shared_ptr<OpenFrame> frame;
+  {
+    const MutexLock lock(&tables_.mutex);
+    const FrameRecord* record = tables_.scheduler.FindFrame(id);
+    if (record->phase != FrameRecord::Phase::kRendered) return absl::OkStatus();  // Job ended.
+    frame = tables_.Open(id);
+  }
+  DeliveredFrame delivered;
+  const absl::StatusOr<bool> done = Finish(frame.get(), id, &delivered);
+  if (!done.ok()) return done.status();
+  if (!*done) return absl::OkStatus();
+  if (absl::Status s = store_.DeliverFrame(id, delivered); !s.ok()) return s;
+  {
+    const MutexLock lock(&tables_.mutex);
+    const FrameRecord* record = tables_.scheduler.FindFrame(id);
+    if (record->phase != FrameRecord::Phase::kRendered) return absl::OkStatus();
+    tables_.accounts[id.job_id].delivered[id.frame_number] = delivered;
+    tables_.scheduler.Deliver(id);
+    tables_.NoteEndedJobs();
+    tables_.open_frames.erase(id);
+  }
+  LogInfo(absl::StrCat("job ", id.job_id, ": frame ", id.frame_number, " is delivered, picture ",
+                       delivered.picture_digest.substr(0, 12)));
+  lifecycle_.LimitKeptParts();
+  lifecycle_.SettleEnded();
+  signals_.Changed();
+  return absl::OkStatus();
+}
+
+absl::StatusOr<bool> FrameDelivery::Finish(OpenFrame* frame, const FrameId& id,
+                                           DeliveredFrame* delivered) {
+  const MutexLock lock(&frame->mutex);
+  for (uint32_t tile = 0; tile < frame->merge.tile_count(); ++tile) {
+    if (frame->merge.Developed(tile)) continue;
+    if (absl::Status s = tiles_.Rebuild(frame, id, tile); !s.ok()) return s;
+  }
+  if (!frame->merge.AllDeveloped()) return false;  // Parts were lost; see TileBuilder.
+  if (frame->spec.stop.IsActive()) {
+    const absl::StatusOr<bool> done = rounds_.Finish(frame, id);
+    if (!done.ok() || !*done) return done;
+  } else {
+    rounds_.NotePoint(frame, id, /*ended=*/true);
+  }
+  FramePicture* picture = frame->merge.mutable_picture();
+  picture->metadata = MetadataOf(id, frame->spec);
+  if (frame->spec.settings.lattice.All()) {
+    rounds_.AddMetadata(id, picture);
+  } else {
+    // A job that asks for few pixels is a pilot and asks for their price.
+    picture->metadata["tileCpuSeconds"] = TileCpuSeconds(id);
+  }
+  picture->attributes = CryptomatteAttributes(*picture);
+  *delivered = Account(id, *frame);
+  AddFindings(*delivered, frame->merge, picture);
+  if (absl::Status s = pictures_.Write(id, *picture); !s.ok()) return s;
+  return true;
+}
+
+std::map<std::string, std::string> FrameDelivery::MetadataOf(const FrameId& id,
+                                                             const FrameSpec& spec) const {
+  const MutexLock lock(&tables_.mutex);
+  const JobSpec& job = tables_.scheduler.jobs().at(id.job_id).spec;
+  return PictureMetadata(spec, job.numeric_profile, job.partition);
+}
+
+DeliveredFrame FrameDelivery::Account(const FrameId& id, const OpenFrame& frame) const {
+  const FrameMerge& merge = frame.merge;
+  const FramePicture& picture = merge.picture();
+  DeliveredFrame delivered;
+  delivered.tile_count = merge.tile_count();
+  delivered.unreliable_tile_count = merge.unreliable_count();
+  delivered.unreliable_layers = RareLayers(picture, merge.UnreliableTiles());
+  delivered.picture_digest = PictureDigest(picture);
+  delivered.relative_mse = EstimateError(picture).relative_mse;
+  delivered.one_sequence_gain = PriceOfErrorBars(id, frame.spec);
+  if (merge.error_sample() != nullptr) {
+    delivered.flip = EstimateFlip(picture, *merge.error_sample()).value_or(0);
+  }
+  const MutexLock lock(&tables_.mutex);
+  const FrameRecord& record = *tables_.scheduler.FindFrame(id);
+  delivered.sample_count = record.sample_count_done;
+  delivered.cost = record.cost;
+  delivered.wall_duration = tables_.WallOf(id, SteadyTime::Now());
+  if (const RoundRecord* last = tables_.LastRoundOf(id)) {
+    delivered.relative_mse_upper = last->relative_mse_upper;
+    delivered.stop_reason = last->stop_reason;
+  }
+  return delivered;
+}
+
+double FrameDelivery::PriceOfErrorBars(const FrameId& id, const FrameSpec& spec) const {
+  if (spec.stop.IsActive() || spec.settings.one_sequence) return 0;
+  const absl::StatusOr<std::vector<RoundRecord>> points = store_.LoadFrameRounds(id);
+  if (points.ok()) return OneSequenceGain(*points);
+  LogWarning(absl::StrCat("reading the points of a frame's curve: ", points.status().message()));
+  return 0;
+}
+
+std::string FrameDelivery::TileCpuSeconds(const FrameId& id) const {
+  const MutexLock lock(&tables_.mutex);
+  const FrameTasks& tasks = *tables_.scheduler.FindFrame(id)->tasks;
+  std::string text;
+  for (uint32_t tile = 0; tile < tasks.grid().tiles().size(); ++tile) {
+    absl::StrAppendFormat(&text, "%s%.6g", tile == 0 ? "" : " ",
+                          absl::ToDoubleSeconds(tasks.CpuOfTile(tile)));
+  }
+  return text;
+}
+
+}  // namespace sheaf::coordinator

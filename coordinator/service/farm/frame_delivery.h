@@ -1,0 +1,82 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// FrameDelivery: what the background thread does with open frames: it refreshes their previews, and
+// develops, writes and delivers those that are complete.
+#pragma once
+
+#include <map>
+#include <string>
+
+#include "absl/status/status.h"
+#include "absl/time/time.h"
+#include "coordinator/service/farm/delivered_pictures.h"
+#include "coordinator/service/farm/delivery_queue.h"
+#include "coordinator/service/farm/disk_state.h"
+#include "coordinator/service/farm/farm_signals.h"
+#include "coordinator/service/farm/farm_tables.h"
+#include "coordinator/service/farm/frame_rounds.h"
+#include "coordinator/service/farm/job_lifecycle.h"
+#include "coordinator/service/farm/tile_builder.h"
+#include "coordinator/store/job_store.h"
+
+namespace sheaf::coordinator {
+
+// Thread safety: one thread at a time.
+class FrameDelivery {
+ public:
+  // What a delivery works on; all of it must outlive the object.
+  struct Parts {
+    FarmTables& tables;
+    JobStore& store;
+    TileBuilder& tiles;
+    FrameRounds& rounds;
+    DeliveredPictures& pictures;
+    JobLifecycle& lifecycle;
+    DeliveryQueue& queue;
+    DiskState& disk;
+    FarmSignals& signals;
+  };
+  FrameDelivery(absl::Duration preview_interval_min, const Parts& parts)
+      : preview_interval_min_(preview_interval_min),
+        tables_(parts.tables),
+        store_(parts.store),
+        tiles_(parts.tiles),
+        rounds_(parts.rounds),
+        pictures_(parts.pictures),
+        lifecycle_(parts.lifecycle),
+        queue_(parts.queue),
+        disk_(parts.disk),
+        signals_(parts.signals) {}
+
+  // Develops tiles that have changed, of frames whose previews are old enough.
+  void RefreshFrames();
+  // Delivers the frames of the queue. Those that fail go back into it.
+  void DeliverFrames();
+
+ private:
+  absl::Status Deliver(const FrameId& id);
+  // Builds what is missing of the picture, completes it and writes it. Returns false where the
+  // frame is not done: parts were lost, another round begins, or its job has ended.
+  absl::StatusOr<bool> Finish(OpenFrame* frame, const FrameId& id, DeliveredFrame* delivered);
+  std::map<std::string, std::string> MetadataOf(const FrameId& id, const FrameSpec& spec) const;
+  DeliveredFrame Account(const FrameId& id, const OpenFrame& frame) const
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(frame.mutex);
+  // DeliveredFrame::one_sequence_gain.
+  double PriceOfErrorBars(const FrameId& id, const FrameSpec& spec) const;
+  // CPU seconds of workers, of each tile of a frame that is not delivered yet, with blanks between.
+  std::string TileCpuSeconds(const FrameId& id) const;
+
+  const absl::Duration preview_interval_min_;
+  FarmTables& tables_;
+  JobStore& store_;
+  TileBuilder& tiles_;
+  FrameRounds& rounds_;
+  DeliveredPictures& pictures_;
+  JobLifecycle& lifecycle_;
+  DeliveryQueue& queue_;
+  DiskState& disk_;
+  FarmSignals& signals_;
+};
+
+}  // namespace sheaf::coordinator

@@ -1,0 +1,60 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// FramePreviews: shows pictures of frames: as merged so far, as delivered, at the ends of rounds,
+// and small.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "coordinator/service/farm/delivered_pictures.h"
+#include "coordinator/service/farm/farm_tables.h"
+#include "coordinator/service/view/farm_view.h"
+#include "coordinator/store/job_store.h"
+#include "coordinator/store/round_previews.h"
+
+namespace sheaf::coordinator {
+
+// The version of a delivered frame's preview, which never changes again.
+inline constexpr uint64_t kDeliveredPreviewVersion = uint64_t{1} << 32;
+
+// Thread safety: all members may be called concurrently.
+class FramePreviews {
+ public:
+  // All arguments must outlive the object.
+  FramePreviews(FarmTables* tables, JobStore* store, const RoundPreviews* rounds,
+                const DeliveredPictures* pictures)
+      : tables_(*tables), store_(*store), rounds_(*rounds), pictures_(*pictures) {}
+
+  // As FarmView has them.
+  absl::StatusOr<PreviewView> Preview(const std::string& job_id, int32_t frame_number,
+                                      const std::vector<std::string>& channels) const;
+  absl::StatusOr<PreviewView> Thumbnail(const std::string& job_id, int32_t frame_number) const;
+  absl::StatusOr<PreviewView> RoundPreview(const std::string& job_id, int32_t frame_number,
+                                           int32_t round) const;
+
+ private:
+  // A frame whose picture is asked for; open is null where it has no samples in memory.
+  struct ShownFrame {
+    FrameId id;
+    PixelRect window;
+    bool complete = false;
+    std::shared_ptr<OpenFrame> open;
+    uint64_t version = 0;
+  };
+  // Errors: kNotFound.
+  absl::StatusOr<ShownFrame> Find(const std::string& job_id, int32_t frame_number) const;
+  // kCpuChannel of the frame. Errors: kUnavailable (no part of it is kept).
+  absl::StatusOr<FramePicture> CpuPicture(const ShownFrame& shown) const;
+
+  FarmTables& tables_;
+  JobStore& store_;
+  const RoundPreviews& rounds_;
+  const DeliveredPictures& pictures_;
+};
+
+}  // namespace sheaf::coordinator

@@ -1,0 +1,132 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// JobLifecycle: jobs from their creation to their durable end: create, pause, resume, prioritize,
+// cancel, refine, restore after a start. A change is durable before it is acknowledged.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "common/base/mutex.h"
+#include "coordinator/service/farm/delivery_queue.h"
+#include "coordinator/service/farm/disk_state.h"
+#include "coordinator/service/farm/farm_options.h"
+#include "coordinator/service/farm/farm_signals.h"
+#include "coordinator/service/farm/farm_tables.h"
+#include "coordinator/service/farm/resumed_frames.h"
+#include "coordinator/store/job_store.h"
+#include "coordinator/store/round_previews.h"
+
+namespace sheaf::coordinator {
+
+// Thread safety: all members may be called concurrently.
+class JobLifecycle {
+ public:
+  // What a lifecycle works on; all of it must outlive the object.
+  struct Parts {
+    FarmTables& tables;
+    JobStore& store;
+    RoundPreviews& previews;
+    const ResumedFrames& resumed;
+    DeliveryQueue& queue;
+    DiskState& disk;
+    FarmSignals& signals;
+  };
+  JobLifecycle(const FarmOptions& options, std::string numeric_profile, const Parts& parts)
+      : options_(options),
+        numeric_profile_(std::move(numeric_profile)),
+        tables_(parts.tables),
+        store_(parts.store),
+        previews_(parts.previews),
+        resumed_(parts.resumed),
+        queue_(parts.queue),
+        disk_(parts.disk),
+        signals_(parts.signals) {}
+
+  // Puts all stored jobs into the scheduler. Call once, first. Errors: those of the store;
+  // kDataLoss.
+  absl::Status Load();
+
+  // As Farm has them.
+  absl::StatusOr<uint64_t> Create(JobSpec spec, const std::string& request_id);
+  absl::Status Cancel(uint64_t job_id);
+  absl::Status SetPaused(uint64_t job_id, bool paused);
+  absl::Status SetPriority(uint64_t job_id, int32_t priority);
+  absl::Status Refine(uint64_t job_id, const Refinement& refinement);
+  void NoteAsked(uint64_t job_id);
+
+  // Renders delivered frames again, from what is kept of their parts. Does nothing for a job that
+  // has not succeeded, because it is refined meanwhile.
+  absl::Status RemakeFrames(uint64_t job_id, const std::set<int32_t>& numbers);
+
+  // Lets time pass: workers are lost, leases expire, and pilots that nobody has asked for are
+  // cancelled. Returns whether anything changed that a FarmView shows.
+  bool Tick();
+  // Writes down the ends of jobs that have ended, and their failures, and removes their parts.
+  // Calls that come meanwhile wait until it is durable. What the disk refuses is tried again by the
+  // next call.
+  void SettleEnded();
+  // Writes down failures that are new. What the disk refuses is tried again.
+  void SaveFailures() ABSL_LOCKS_EXCLUDED(settle_mutex_);
+  // Removes parts of delivered frames, the oldest first, while there are more than the limit.
+  void LimitKeptParts();
+
+ private:
+  // By frame: its tiles of which parts are on disk.
+  using TilesOnDisk = std::map<FrameId, std::set<uint32_t>>;
+
+  void CancelForgottenPilots() ABSL_EXCLUSIVE_LOCKS_REQUIRED(tables_.mutex);
+  void SaveNewFailures() ABSL_EXCLUSIVE_LOCKS_REQUIRED(settle_mutex_);
+  void EraseOpenFrames(uint64_t job_id);
+
+  // job_restore.cc
+  // Puts a job that the scheduler does not know into it, with what is durable of it: its delivered
+  // frames, rounds and, where it is live, parts and the pictures that its frames resume. parts:
+  // null where a live job cannot continue. Requires: the job has an account.
+  absl::Status RestoreJob(const StoredJob& job, const JobStore::LoadedParts* parts,
+                          const ResumedCounts& resumed)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(tables_.mutex);
+  absl::Status RestoreLiveJob(const StoredJob& job, const JobStore::LoadedParts& parts,
+                              TilesOnDisk on_disk) ABSL_EXCLUSIVE_LOCKS_REQUIRED(tables_.mutex);
+  // Requires: after AddJob, before the job's parts.
+  absl::Status LoadRounds(const StoredJob& job) ABSL_EXCLUSIVE_LOCKS_REQUIRED(tables_.mutex);
+  // Gives the cells at least the samples that they have: after AddJob, before rounds.
+  void RestoreResumed(uint64_t job_id, const ResumedCounts& resumed)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(tables_.mutex);
+  // Puts those parts back that the resumed pictures stand for: before other parts.
+  TilesOnDisk RestoreResumedParts(uint64_t job_id, const ResumedCounts& resumed)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(tables_.mutex);
+
+  // job_refinement.cc
+  absl::Status CheckRefinement(const JobRecord& job, const Refinement& refinement) const;
+  // The job with all its frames, to be put into the scheduler again.
+  StoredJob StoredJobOf(const JobRecord& record) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(tables_.mutex);
+  // By frame.
+  absl::StatusOr<std::map<int32_t, std::vector<RoundRecord>>> RoundsOf(uint64_t job_id) const;
+  // Continues these frames of a job that has ended.
+  absl::Status ReopenFrames(StoredJob job, const std::vector<JobStore::ReopenedFrame>& reopened)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(settle_mutex_);
+
+  const FarmOptions options_;
+  const std::string numeric_profile_;
+  FarmTables& tables_;
+  JobStore& store_;
+  RoundPreviews& previews_;
+  const ResumedFrames& resumed_;
+  DeliveryQueue& queue_;
+  DiskState& disk_;
+  FarmSignals& signals_;
+  // Held by one call at a time that writes down the ends of jobs, reopens or pauses one, or removes
+  // parts of delivered frames. Taken before the tables' mutex.
+  Mutex settle_mutex_;
+};
+
+// Errors: kFailedPrecondition.
+absl::Status RequireSucceeded(const JobRecord& job);
+
+}  // namespace sheaf::coordinator

@@ -1,0 +1,179 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// The part of JobLifecycle that puts stored jobs into the scheduler: after a start, when they are
+// created, and when they are refined.
+#include <algorithm>
+#include <chrono>
+#include <optional>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "common/base/log.h"
+#include "coordinator/core/job_check.h"
+#include "coordinator/service/farm/job_lifecycle.h"
+
+namespace sheaf::coordinator {
+namespace {
+
+std::vector<FrameSpec> UndeliveredOf(const StoredJob& job) {
+  std::set<int32_t> delivered;
+  for (const StoredFrame& frame : job.delivered) delivered.insert(frame.frame_number);
+  std::vector<FrameSpec> frames;
+  for (const FrameSpec& frame : job.spec.frames) {
+    if (!delivered.contains(frame.frame_number)) frames.push_back(frame);
+  }
+  return frames;
+}
+
+}  // namespace
+
+absl::Status JobLifecycle::Load() {
+  const absl::StatusOr<std::vector<StoredJob>> jobs = store_.LoadJobs();
+  if (!jobs.ok()) return jobs.status();
+  const MutexLock lock(&tables_.mutex);
+  for (const StoredJob& job : *jobs) {
+    std::optional<JobStore::LoadedParts> parts;
+    absl::StatusOr<ResumedCounts> resumed = ResumedCounts();
+    if (job.phase == JobPhase::kLive) {
+      if (absl::Status fits = CheckJobSpec(job.spec, options_.limits); !fits.ok()) {
+        resumed = std::move(fits);
+      } else {
+        resumed = resumed_.Count(UndeliveredOf(job), job.spec.partition);
+      }
+      absl::StatusOr<JobStore::LoadedParts> loaded = store_.LoadParts(job.spec.job_id);
+      if (!loaded.ok()) return loaded.status();
+      parts = *std::move(loaded);
+    }
+    JobAccount& account = tables_.accounts[job.spec.job_id];
+    account.create_time = job.create_time;
+    account.end_time = job.end_time;
+    absl::Status status = RestoreJob(job, parts && resumed.ok() ? &*parts : nullptr,
+                                     resumed.ok() ? *resumed : ResumedCounts());
+    if (!status.ok()) return status;
+    if (resumed.ok()) continue;
+    tables_.scheduler.EndJob(job.spec.job_id, JobPhase::kFailed,
+                             std::string(resumed.status().message()));
+    tables_.NoteEndedJobs();
+  }
+  return absl::OkStatus();
+}
+
+absl::Status JobLifecycle::RestoreJob(const StoredJob& job, const JobStore::LoadedParts* parts,
+                                      const ResumedCounts& resumed) {
+  tables_.scheduler.AddJob(job.spec);
+  tables_.scheduler.RestoreFailures(job.spec.job_id, job.failures);
+  JobAccount& account = tables_.accounts[job.spec.job_id];
+  account.job_wall_before = std::max(account.job_wall_before, job.wall_duration);
+  for (const StoredFrame& frame : job.delivered) {
+    account.job_wall_before = std::max(account.job_wall_before, frame.delivered.wall_duration);
+    account.delivered[frame.frame_number] = frame.delivered;
+    tables_.scheduler.RestoreDelivered({job.spec.job_id, frame.frame_number}, frame.delivered.cost,
+                                       frame.delivered.sample_count);
+  }
+  RestoreResumed(job.spec.job_id, resumed);
+  if (absl::Status status = LoadRounds(job); !status.ok()) return status;
+  if (job.phase == JobPhase::kLive) {
+    if (IsPilot(job.spec.job_id)) {
+      tables_.pilots_asked[job.spec.job_id] = std::chrono::steady_clock::now();
+    }
+    if (parts == nullptr) return absl::OkStatus();  // It cannot go on.
+    TilesOnDisk on_disk = RestoreResumedParts(job.spec.job_id, resumed);
+    if (job.paused) tables_.scheduler.Pause(job.spec.job_id, SteadyTime::Now());
+    return RestoreLiveJob(job, *parts, std::move(on_disk));
+  }
+  tables_.scheduler.RestoreEnded(job.spec.job_id, job.phase, job.failure);
+  return absl::OkStatus();
+}
+
+absl::Status JobLifecycle::RestoreLiveJob(const StoredJob& job, const JobStore::LoadedParts& parts,
+                                          TilesOnDisk on_disk) {
+  tables_.scheduler.counters().parts_revoked += static_cast<uint64_t>(parts.rows_lost);
+  if (parts.rows_lost > 0) {
+    LogWarning(absl::StrCat("job ", job.spec.job_id, ": ", parts.rows_lost,
+                            " parts are missing on disk and will be rendered again"));
+  }
+  for (const PartRow& row : parts.rows) {
+    const FrameRecord* frame = tables_.scheduler.FindFrame(row.key.frame);
+    const bool wanted = frame != nullptr && frame->phase != FrameRecord::Phase::kDelivered;
+    if (!wanted) continue;  // Delivered, and stopped before its parts were removed.
+    const FrameTasks::Fit fit = tables_.scheduler.RestorePart(
+        row.key.frame, row.key.tile, row.key.block, row.key.cells, row.cost);
+    if (fit == FrameTasks::Fit::kOutside) {
+      // A refined frame goes on from a round before this part's.
+      if (absl::Status status = store_.RemovePart(row); !status.ok()) return status;
+      continue;
+    }
+    if (fit != FrameTasks::Fit::kWanted) {
+      return absl::DataLossError(
+          absl::StrCat(options_.state_directory, "/farm.db: overlapping parts of frame ",
+                       row.key.frame.frame_number, " of job ", row.key.frame.job_id));
+    }
+    on_disk[row.key.frame].insert(*frame->tasks->grid().FindTile(row.key.tile));
+  }
+  for (const auto& [id, tiles] : on_disk) tables_.Open(id, tiles);
+  for (const FrameSpec& spec : job.spec.frames) {
+    const FrameId id{job.spec.job_id, spec.frame_number};
+    if (tables_.scheduler.FindFrame(id)->phase == FrameRecord::Phase::kRendered) queue_.Add(id);
+  }
+  if (!parts.rows.empty()) {
+    LogInfo(absl::StrCat("job ", job.spec.job_id, ": resumed with ", parts.rows.size(),
+                         " results on disk"));
+  }
+  // All frames were delivered, but the coordinator was stopped before it noted the job's end.
+  if (job.delivered.size() == job.spec.frames.size()) {
+    tables_.scheduler.EndJob(job.spec.job_id, JobPhase::kSucceeded, "");
+    tables_.NoteEndedJobs();
+  }
+  return absl::OkStatus();
+}
+
+absl::Status JobLifecycle::LoadRounds(const StoredJob& job) {
+  const bool live = job.phase == JobPhase::kLive;
+  absl::StatusOr<std::vector<StoredRound>> rounds =
+      store_.LoadRounds(job.spec.job_id, /*with_cells=*/live);
+  if (!rounds.ok()) return rounds.status();
+  JobAccount& account = tables_.accounts[job.spec.job_id];
+  for (StoredRound& round : *rounds) {
+    std::vector<RoundRecord>& of_frame = account.rounds[round.frame_number];
+    if (!of_frame.empty()) of_frame.back().cells.clear();
+    account.wall_before[round.frame_number] = round.record.wall_duration;
+    account.job_wall_before = std::max(account.job_wall_before, round.record.wall_duration);
+    if (live && !round.record.samples_next.empty()) {
+      const FrameId id{job.spec.job_id, round.frame_number};
+      const FrameRecord* frame = tables_.scheduler.FindFrame(id);
+      if (frame != nullptr && frame->phase != FrameRecord::Phase::kDelivered) {
+        tables_.scheduler.RestoreRound(id, round.record.samples_next);
+      }
+    }
+    of_frame.push_back(std::move(round.record));
+  }
+  return absl::OkStatus();
+}
+
+void JobLifecycle::RestoreResumed(uint64_t job_id, const ResumedCounts& resumed) {
+  for (const auto& [number, counts] : resumed) {
+    tables_.scheduler.RestoreRound({job_id, number}, counts);
+  }
+}
+
+JobLifecycle::TilesOnDisk JobLifecycle::RestoreResumedParts(uint64_t job_id,
+                                                            const ResumedCounts& resumed) {
+  TilesOnDisk on_disk;
+  for (const auto& [number, counts] : resumed) {
+    const FrameId id{job_id, number};
+    const CellGrid& grid = tables_.scheduler.FindFrame(id)->tasks->grid();
+    for (uint32_t tile = 0; tile < grid.tiles().size(); ++tile) {
+      for (uint32_t i = 0; i < grid.cell_count(tile); ++i) {
+        const TileCells cell = grid.CellsOf(tile, uint64_t{1} << i);
+        for (const SampleBlock& block : PrefixBlocks(counts[grid.first_cell(tile) + i])) {
+          tables_.scheduler.RestorePart(id, grid.tiles()[tile], block, cell, {});
+        }
+      }
+      on_disk[id].insert(tile);
+    }
+  }
+  return on_disk;
+}
+
+}  // namespace sheaf::coordinator

@@ -1,0 +1,91 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// ResultIntake: takes results. It checks a result, writes it to the store (file, then row), tells
+// the scheduler, merges it, and only then returns its outcome, which is the acknowledgement.
+#pragma once
+
+#include <cstdint>
+#include <set>
+#include <string>
+#include <utility>
+
+#include "absl/status/statusor.h"
+#include "absl/time/time.h"
+#include "common/base/mutex.h"
+#include "common/film/film_tile.h"
+#include "coordinator/service/farm/delivery_queue.h"
+#include "coordinator/service/farm/disk_state.h"
+#include "coordinator/service/farm/farm_signals.h"
+#include "coordinator/service/farm/farm_tables.h"
+#include "coordinator/service/farm/job_lifecycle.h"
+#include "coordinator/service/farm/tile_builder.h"
+#include "coordinator/store/job_store.h"
+
+namespace sheaf::coordinator {
+
+// One result as it came in.
+struct ResultReport {
+  std::string frame_digest;
+  PixelRect tile;
+  SampleBlock block;
+  TileCells cells;
+  uint64_t lease_id = 0;
+  std::string worker_id;
+  BlobDigest digest;  // Of the part's bytes.
+  uint64_t ray_count = 0;
+  absl::Duration cpu_duration;
+};
+enum class ResultOutcome { kAccepted, kDuplicateEqual, kDuplicateMismatch, kSuperseded };
+
+// Thread safety: all members may be called concurrently.
+class ResultIntake {
+ public:
+  // What an intake works on; all of it must outlive the object.
+  struct Parts {
+    FarmTables& tables;
+    JobStore& store;
+    TileBuilder& tiles;
+    JobLifecycle& lifecycle;
+    DeliveryQueue& queue;
+    DiskState& disk;
+    FarmSignals& signals;
+  };
+  explicit ResultIntake(const Parts& parts)
+      : tables_(parts.tables),
+        store_(parts.store),
+        tiles_(parts.tiles),
+        lifecycle_(parts.lifecycle),
+        queue_(parts.queue),
+        disk_(parts.disk),
+        signals_(parts.signals) {}
+
+  // OK means: the outcome is durable.
+  // Errors: kInvalidArgument (not a part of its key), kResourceExhausted (disk full), kUnavailable.
+  absl::StatusOr<ResultOutcome> Add(const ResultReport& report, const std::string& bytes);
+
+ private:
+  using TileName = std::pair<std::string, std::pair<int32_t, int32_t>>;  // Frame digest, y0, x0.
+  // Holds a tile's reservation: results of one tile are taken one at a time.
+  class TileReservation;
+
+  absl::StatusOr<ResultOutcome> JudgeCovered(const ResultReport& report,
+                                             const Scheduler::FoundTask& found);
+  absl::Status Reject(const ResultReport& report, const std::string& why);
+  absl::StatusOr<ResultOutcome> Store(const ResultReport& report, const std::string& bytes,
+                                      const Scheduler::FoundTask& found, FilmTile part);
+  void Merge(OpenFrame* frame, const FrameId& id, uint32_t tile, CellPart part, bool tile_complete);
+
+  FarmTables& tables_;
+  JobStore& store_;
+  TileBuilder& tiles_;
+  JobLifecycle& lifecycle_;
+  DeliveryQueue& queue_;
+  DiskState& disk_;
+  FarmSignals& signals_;
+  Mutex mutex_;
+  CondVar released_;
+  std::set<TileName> reserved_ ABSL_GUARDED_BY(mutex_);
+};
+
+}  // namespace sheaf::coordinator

@@ -1,0 +1,51 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "coordinator/service/farm/resumed_frames.h"
+
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "common/base/status.h"
+#include "common/film/exr_codec.h"
+#include "coordinator/forecast/picture_start.h"
+
+namespace sheaf::coordinator {
+
+absl::StatusOr<ResumedPicture> ResumedFrames::Open(const FrameSpec& spec,
+                                                   const CellGrid& grid) const {
+  const std::string about =
+      absl::StrCat("frame ", spec.frame_number, " cannot go on from the picture");
+  const absl::StatusOr<std::string> path = blobs_.PathOf(spec.resumed);
+  if (!path.ok()) return Annotate(path.status(), about);
+  absl::StatusOr<FramePicture> picture = ReadPicture(*path);
+  if (!picture.ok()) return Annotate(picture.status(), about);
+  absl::StatusOr<ResumedPicture> resumed =
+      ResumePicture(*std::move(picture), spec, numeric_profile_);
+  if (!resumed.ok()) return Annotate(resumed.status(), about);
+  for (const PixelRect& cell : grid.cells()) {
+    absl::StatusOr<uint64_t> samples = resumed->SamplesOf(cell);
+    if (samples.ok() && *samples > spec.settings.samples) {
+      samples = absl::InvalidArgumentError(
+          absl::StrCat("it has ", *samples, " samples in a pixel already, and the job asks for ",
+                       spec.settings.samples, "; ask for more with --samples"));
+    }
+    if (!samples.ok()) return Annotate(samples.status(), about);
+  }
+  return resumed;
+}
+
+absl::StatusOr<ResumedCounts> ResumedFrames::Count(const std::vector<FrameSpec>& frames,
+                                                   const Partition& partition) const {
+  ResumedCounts counts;
+  for (const FrameSpec& spec : frames) {
+    if (spec.resumed.sha256_hex.empty()) continue;
+    const CellGrid grid(spec, partition);
+    const absl::StatusOr<ResumedPicture> resumed = Open(spec, grid);
+    if (!resumed.ok()) return resumed.status();
+    std::vector<uint64_t>& of_frame = counts[spec.frame_number];
+    for (const PixelRect& cell : grid.cells()) of_frame.push_back(*resumed->SamplesOf(cell));
+  }
+  return counts;
+}
+
+}  // namespace sheaf::coordinator

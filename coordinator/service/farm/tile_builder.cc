@@ -1,0 +1,70 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "coordinator/service/farm/tile_builder.h"
+
+#include <optional>
+#include <string>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "common/base/log.h"
+#include "common/film/exr_codec.h"
+
+namespace sheaf::coordinator {
+
+absl::Status TileBuilder::Rebuild(OpenFrame* frame, const FrameId& id, uint32_t tile) {
+  const CellGrid& grid = frame->merge.grid();
+  const absl::StatusOr<std::vector<PartRow>> rows = store_.FindTileParts(id, grid.tiles()[tile]);
+  if (!rows.ok()) return rows.status();
+  absl::StatusOr<std::vector<CellPart>> resumed = ResumedParts(frame, tile);
+  if (!resumed.ok()) return resumed.status();
+  std::vector<CellPart> parts = *std::move(resumed);
+  bool lost = false;
+  for (const PartRow& row : *rows) {
+    absl::StatusOr<std::string> bytes = store_.ReadPart(row);
+    absl::Status status = bytes.status();
+    if (bytes.ok()) {
+      absl::StatusOr<DecodedPart> part = DecodePart(*bytes, row.key.tile.PixelCount());
+      status = part.status();
+      if (part.ok()) parts.push_back({std::move(part->tile), *grid.MaskOf(tile, row.key.cells)});
+    }
+    if (status.ok()) continue;
+    RevokePart(row, status);
+    lost = true;
+  }
+  if (lost) {
+    frame->merge.MarkOnDisk(tile);  // Complete again when those are rendered.
+    return absl::OkStatus();
+  }
+  return frame->merge.Rebuild(tile, std::move(parts));
+}
+
+void TileBuilder::RevokePart(const PartRow& row, const absl::Status& why) {
+  LogWarning(absl::StrCat("a part is lost and will be rendered again: ", why.message()));
+  disk_.Note(store_.RemovePart(row));
+  const MutexLock lock(&tables_.mutex);
+  const FrameRecord* frame = tables_.scheduler.FindFrame(row.key.frame);
+  if (frame == nullptr || frame->tasks == nullptr) return;
+  const std::optional<Task> task = frame->tasks->Find(row.key.tile, row.key.block, row.key.cells);
+  if (task) tables_.scheduler.Revoke(row.key.frame, *task);
+}
+
+absl::StatusOr<std::vector<CellPart>> TileBuilder::ResumedParts(OpenFrame* frame,
+                                                                uint32_t tile) const {
+  std::vector<CellPart> parts;
+  if (frame->spec.resumed.sha256_hex.empty()) return parts;
+  const CellGrid& grid = frame->merge.grid();
+  if (!frame->resumed) {
+    absl::StatusOr<ResumedPicture> resumed = resumed_.Open(frame->spec, grid);
+    if (!resumed.ok()) return resumed.status();
+    frame->resumed = *std::move(resumed);
+  }
+  for (uint32_t i = 0; i < grid.cell_count(tile); ++i) {
+    for (FilmTile& part : frame->resumed->PartsOf(grid.cells()[grid.first_cell(tile) + i])) {
+      parts.push_back({std::move(part), uint64_t{1} << i});
+    }
+  }
+  return parts;
+}
+
+}  // namespace sheaf::coordinator
