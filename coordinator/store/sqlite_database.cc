@@ -196,6 +196,5 @@ absl::Status SqliteDatabase::Check(absl::Duration time_max) {
                        : absl::DataLossError(absl::StrReplaceAll(found, {{"\n", " "}}));
 }
 
-int64_t SqliteDatabase::LastInsertId() const { return sqlite3_last_insert_rowid(database_); }
 
 }  // namespace sheaf::coordinator

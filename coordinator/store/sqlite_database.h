@@ -77,7 +77,6 @@ class SqliteDatabase {
   // Whether the file is whole, as far as that can be told in the time; a large one is looked at in
   // part. Errors: kDataLoss.
   absl::Status Check(absl::Duration time_max);
-  int64_t LastInsertId() const;
 
  private:
   explicit SqliteDatabase(sqlite3* database) : database_(database) {}

@@ -16,6 +16,7 @@
 #include <atomic>
 #include <deque>
 #include <functional>
+#include <map>
 #include <memory>
 #include <string>
 #include <vector>
@@ -88,10 +89,6 @@ class SqliteJobStore : public JobStore {
   absl::Status InsertRow(const PartRow& row) ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);
   std::string FrameDirectory(const FrameId& frame) const;
   absl::Status LoadFrames(StoredJob* job) ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);
-  // Reads each row of the query into the job whose id is its first column; those of no job are left
-  // out.
-  static absl::Status ReadRowsOfJobs(SqliteStatement query, std::vector<StoredJob>* jobs,
-                                     const std::function<void(SqliteStatement*, StoredJob*)>& read);
   absl::StatusOr<CreatedJob> InsertJob(const JobSpec& spec, const std::string& request_id,
                                        absl::Time create_time)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);
@@ -99,9 +96,10 @@ class SqliteJobStore : public JobStore {
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);
   absl::Status InsertEffects(uint64_t job_id, const std::vector<EffectCost>& effects)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);
-  absl::Status LoadEffects(std::vector<StoredJob>* jobs)
+  // Both add to the jobs, which are given by their ids; rows of no job are left out.
+  absl::Status LoadEffects(const std::map<uint64_t, StoredJob*>& jobs)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);
-  absl::Status LoadFailures(std::vector<StoredJob>* jobs)
+  absl::Status LoadFailures(const std::map<uint64_t, StoredJob*>& jobs)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);
   // Runs `body`, which is annotated with database_mutex_, as one transaction.
   absl::Status InTransaction(const std::function<absl::Status()>& body)

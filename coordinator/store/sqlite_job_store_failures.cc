@@ -2,8 +2,12 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // The part of SqliteJobStore that keeps the leases that came to nothing, for people to look at.
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "coordinator/store/sqlite_columns.h"
 #include "coordinator/store/sqlite_job_store.h"
-#include "coordinator/store/stored_times.h"
+#include "coordinator/store/stored_rows.h"
 
 namespace sheaf::coordinator {
 
@@ -17,47 +21,25 @@ absl::Status SqliteJobStore::WriteFailures(uint64_t job_id, const FailureLog& fa
     if (!status.ok()) return status;
     status = database_->Prepare("DELETE FROM failures WHERE job_id = ?").Bind(job_id).Run();
     if (!status.ok()) return status;
-    SqliteStatement insert = database_->Prepare(
-        "INSERT INTO failures(job_id, position, frame_number, x0, y0, x1, y1, first, count, "
-        "worker_id, kind, message, time_ns) VALUES(?,?,?,?,?,?,?,?,?,?,?,?,?)");
+    SqliteStatement insert =
+        database_->Prepare(absl::StrCat("INSERT ", IntoTable<FailureRow>("failures")));
     int64_t position = 0;
     for (const FailureRecord& failure : failures.last) {
-      status = insert.Bind(job_id)
-                   .Bind(position++)
-                   .Bind(failure.frame_number)
-                   .Bind(failure.tile.x0)
-                   .Bind(failure.tile.y0)
-                   .Bind(failure.tile.x1)
-                   .Bind(failure.tile.y1)
-                   .Bind(failure.block.first)
-                   .Bind(failure.block.count)
-                   .Bind(failure.worker_id)
-                   .Bind(static_cast<int32_t>(failure.kind))
-                   .Bind(failure.message)
-                   .Bind(ToNanoseconds(failure.time))
-                   .Run();
+      status = BindRow(FailureRow{job_id, position++, failure}, &insert).Run();
       if (!status.ok()) return status;
     }
     return absl::OkStatus();
   });
 }
 
-absl::Status SqliteJobStore::LoadFailures(std::vector<StoredJob>* jobs) {
-  return ReadRowsOfJobs(
-      database_->Prepare(
-          "SELECT job_id, frame_number, x0, y0, x1, y1, first, count, worker_id, kind, message, "
-          "time_ns FROM failures ORDER BY job_id, position"),
-      jobs, [](SqliteStatement* row, StoredJob* job) {
-        const auto number = [&](int column) { return static_cast<int32_t>(row->Int64(column)); };
-        const auto index = [&](int column) { return static_cast<uint64_t>(row->Int64(column)); };
-        job->failures.last.push_back({number(1),
-                                      {number(2), number(3), number(4), number(5)},
-                                      {index(6), index(7)},
-                                      row->Text(8),
-                                      static_cast<FailureKind>(number(9)),
-                                      row->Text(10),
-                                      FromNanoseconds(row->Int64(11))});
-      });
+absl::Status SqliteJobStore::LoadFailures(const std::map<uint64_t, StoredJob*>& jobs) {
+  SqliteStatement query = database_->Prepare(
+      absl::StrCat(SelectFrom<FailureRow>("failures"), "ORDER BY job_id, position"));
+  return ReadRows<FailureRow>(&query, [&jobs](FailureRow row) {
+    const auto job = jobs.find(row.job_id);
+    if (job != jobs.end()) job->second->failures.last.push_back(std::move(row.failure));
+    return absl::OkStatus();
+  });
 }
 
 }  // namespace sheaf::coordinator

@@ -9,8 +9,9 @@
 #include "absl/strings/str_cat.h"
 #include "common/base/digest.h"
 #include "common/base/file.h"
-#include "coordinator/store/part_rows.h"
+#include "coordinator/store/sqlite_columns.h"
 #include "coordinator/store/sqlite_job_store.h"
+#include "coordinator/store/stored_rows.h"
 
 namespace sheaf::coordinator {
 
@@ -82,35 +83,14 @@ void SqliteJobStore::CommitPending(const std::vector<PendingRow*>& rows) {
 }
 
 absl::Status SqliteJobStore::InsertRow(const PartRow& row) {
-  const PartKey& key = row.key;
-  return database_
-      ->Prepare(
-          "INSERT INTO parts(job_id, frame_number, x0, y0, x1, y1, first, count, sha256, "
-          "size_bytes, worker_id, ray_count, nonfinite_count, cpu_ns, cell_size_px, cells) "
-          "VALUES(?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?)")
-      .Bind(key.frame.job_id)
-      .Bind(key.frame.frame_number)
-      .Bind(key.tile.x0)
-      .Bind(key.tile.y0)
-      .Bind(key.tile.x1)
-      .Bind(key.tile.y1)
-      .Bind(key.block.first)
-      .Bind(key.block.count)
-      .Bind(row.digest.sha256_hex)
-      .Bind(row.digest.size_bytes)
-      .Bind(row.worker_id)
-      .Bind(row.cost.ray_count)
-      .Bind(row.cost.nonfinite_count)
-      .Bind(absl::ToInt64Nanoseconds(row.cost.cpu_duration))
-      .Bind(key.cells.size_px)
-      .Bind(key.cells.mask)
-      .Run();
+  SqliteStatement insert = database_->Prepare(absl::StrCat("INSERT ", IntoTable<PartRow>("parts")));
+  return BindRow(row, &insert).Run();
 }
 
 absl::StatusOr<std::optional<PartRow>> SqliteJobStore::FindPart(const PartKey& key) {
   const MutexLock lock(&database_mutex_);
   SqliteStatement query = database_->Prepare(
-      absl::StrCat(kPartColumns,
+      absl::StrCat(SelectFrom<PartRow>("parts"),
                    "WHERE job_id = ? AND frame_number = ? AND y0 = ? AND x0 = ? AND first = ? AND "
                    "count = ? AND cells = ?"));
   query.Bind(key.frame.job_id)
@@ -129,8 +109,9 @@ absl::StatusOr<std::optional<PartRow>> SqliteJobStore::FindPart(const PartKey& k
 absl::StatusOr<std::vector<PartRow>> SqliteJobStore::FindTileParts(const FrameId& frame,
                                                                    const PixelRect& tile) {
   const MutexLock lock(&database_mutex_);
-  SqliteStatement query = database_->Prepare(absl::StrCat(
-      kPartColumns, "WHERE job_id = ? AND frame_number = ? AND y0 = ? AND x0 = ? ORDER BY first"));
+  SqliteStatement query = database_->Prepare(
+      absl::StrCat(SelectFrom<PartRow>("parts"),
+                   "WHERE job_id = ? AND frame_number = ? AND y0 = ? AND x0 = ? ORDER BY first"));
   query.Bind(frame.job_id).Bind(frame.frame_number).Bind(tile.y0).Bind(tile.x0);
   return ReadPartRows(&query);
 }
@@ -138,17 +119,16 @@ absl::StatusOr<std::vector<PartRow>> SqliteJobStore::FindTileParts(const FrameId
 absl::StatusOr<std::vector<JobStore::TileCost>> SqliteJobStore::TileCosts(const FrameId& frame) {
   const MutexLock lock(&database_mutex_);
   SqliteStatement query = database_->Prepare(
-      "SELECT x0, y0, x1, y1, SUM(cpu_ns) FROM parts WHERE job_id = ? AND frame_number = ? "
-      "GROUP BY y0, x0, y1, x1");
+      absl::StrCat(SelectFrom<TileCost>("parts"),
+                   "WHERE job_id = ? AND frame_number = ? GROUP BY y0, x0, y1, x1"));
   query.Bind(frame.job_id).Bind(frame.frame_number);
   std::vector<TileCost> costs;
-  while (true) {
-    const absl::StatusOr<bool> row = query.Step();
-    if (!row.ok()) return row.status();
-    if (!*row) return costs;
-    const auto edge = [&](int column) { return static_cast<int32_t>(query.Int64(column)); };
-    costs.push_back({{edge(0), edge(1), edge(2), edge(3)}, absl::Nanoseconds(query.Int64(4))});
-  }
+  absl::Status read = ReadRows<TileCost>(&query, [&costs](const TileCost& cost) {
+    costs.push_back(cost);
+    return absl::OkStatus();
+  });
+  if (!read.ok()) return read;
+  return costs;
 }
 
 absl::StatusOr<std::string> SqliteJobStore::ReadPart(const PartRow& row) {

@@ -7,7 +7,9 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "coordinator/store/sqlite_columns.h"
 #include "coordinator/store/sqlite_job_store.h"
+#include "coordinator/store/stored_rows.h"
 #include "coordinator/store/stored_times.h"
 
 namespace sheaf::coordinator {
@@ -55,36 +57,10 @@ absl::Status UnpackCells(const std::string& bytes, RoundRecord* round) {
   return absl::OkStatus();
 }
 
-constexpr char kRoundColumns[] =
-    "SELECT frame_number, round, relative_mse, relative_mse_upper, predicted_relative_mse, "
-    "sample_count, wall_ns, ray_count, nonfinite_count, cpu_ns, part_bytes, stop_reason, "
-    "sample_count_expected";
-
-// Requires: the columns are kRoundColumns, and those of cells after them where they are wanted.
-absl::StatusOr<std::vector<StoredRound>> ReadRounds(SqliteStatement* query, bool with_cells) {
-  std::vector<StoredRound> rounds;
-  while (true) {
-    const absl::StatusOr<bool> row = query->Step();
-    if (!row.ok()) return row.status();
-    if (!*row) return rounds;
-    const auto count = [&](int column) { return static_cast<uint64_t>(query->Int64(column)); };
-    StoredRound stored;
-    stored.frame_number = static_cast<int32_t>(query->Int64(0));
-    RoundRecord& round = stored.record;
-    round.round = static_cast<int32_t>(query->Int64(1));
-    round.relative_mse = query->Double(2);
-    round.relative_mse_upper = query->Double(3);
-    round.predicted_relative_mse = query->Double(4);
-    round.sample_count = count(5);
-    round.wall_duration = absl::Nanoseconds(query->Int64(6));
-    round.cost = {count(7), count(8), absl::Nanoseconds(query->Int64(9)), count(10)};
-    round.stop_reason = static_cast<StopReason>(query->Int64(11));
-    round.sample_count_expected = count(12);
-    if (with_cells) {
-      if (absl::Status status = UnpackCells(query->Bytes(13), &round); !status.ok()) return status;
-    }
-    rounds.push_back(std::move(stored));
-  }
+absl::StatusOr<StoredRound> Unpacked(CellRoundRow row) {
+  absl::Status status = UnpackCells(row.cells.bytes, &row.round.record);
+  if (!status.ok()) return status;
+  return std::move(row.round);
 }
 
 }  // namespace
@@ -95,28 +71,10 @@ absl::Status SqliteJobStore::AddRound(const FrameId& frame, const RoundRecord& r
 }
 
 absl::Status SqliteJobStore::InsertRound(const FrameId& frame, const RoundRecord& round) {
-  return database_
-      ->Prepare(
-          "INSERT OR IGNORE INTO rounds(job_id, frame_number, round, relative_mse, "
-          "relative_mse_upper, predicted_relative_mse, sample_count, wall_ns, ray_count, "
-          "nonfinite_count, cpu_ns, part_bytes, stop_reason, sample_count_expected, tiles) "
-          "VALUES(?,?,?,?,?,?,?,?,?,?,?,?,?,?,?)")
-      .Bind(frame.job_id)
-      .Bind(frame.frame_number)
-      .Bind(round.round)
-      .Bind(round.relative_mse)
-      .Bind(round.relative_mse_upper)
-      .Bind(round.predicted_relative_mse)
-      .Bind(round.sample_count)
-      .Bind(absl::ToInt64Nanoseconds(round.wall_duration))
-      .Bind(round.cost.ray_count)
-      .Bind(round.cost.nonfinite_count)
-      .Bind(absl::ToInt64Nanoseconds(round.cost.cpu_duration))
-      .Bind(round.cost.part_bytes)
-      .Bind(static_cast<int32_t>(round.stop_reason))
-      .Bind(round.sample_count_expected)
-      .BindBytes(PackCells(round))
-      .Run();
+  SqliteStatement insert =
+      database_->Prepare(absl::StrCat("INSERT OR IGNORE ", IntoTable<CellRoundRow>("rounds")));
+  const CellRoundRow row{frame.job_id, {frame.frame_number, round}, {PackCells(round)}};
+  return BindRow(row, &insert).Run();
 }
 
 absl::Status SqliteJobStore::ReopenJob(uint64_t job_id, const std::vector<ReopenedFrame>& frames) {
@@ -130,17 +88,9 @@ absl::Status SqliteJobStore::ReopenJob(uint64_t job_id, const std::vector<Reopen
     for (const ReopenedFrame& frame : frames) {
       if (!status.ok()) return status;
       const FrameId id{job_id, frame.spec.frame_number};
-      const StopRule& stop = frame.spec.stop;
-      status = database_
-                   ->Prepare(
-                       "UPDATE frames SET delivered = 0, samples = ?, target_error = ?, "
-                       "time_max_ns = ?, cpu_max_ns = ?, first_round_samples = ? "
-                       "WHERE job_id = ? AND frame_number = ?")
-                   .Bind(frame.spec.settings.samples)
-                   .Bind(stop.target_error)
-                   .Bind(ToNanoseconds(stop.time_max))
-                   .Bind(ToNanoseconds(stop.cpu_max))
-                   .Bind(stop.first_round_samples)
+      SqliteStatement update = database_->Prepare(
+          absl::StrCat(UpdateOf<ReopenedRow>("frames"), "WHERE job_id = ? AND frame_number = ?"));
+      status = BindRow(ReopenedRow{false, frame.spec.settings.samples, frame.spec.stop}, &update)
                    .Bind(job_id)
                    .Bind(id.frame_number)
                    .Run();
@@ -160,22 +110,36 @@ absl::Status SqliteJobStore::ReopenJob(uint64_t job_id, const std::vector<Reopen
 absl::StatusOr<std::vector<StoredRound>> SqliteJobStore::LoadRounds(uint64_t job_id,
                                                                     bool with_cells) {
   const MutexLock lock(&database_mutex_);
-  SqliteStatement query = database_->Prepare(
-      absl::StrCat(kRoundColumns, with_cells ? ", tiles" : "",
-                   " FROM rounds WHERE job_id = ? ORDER BY frame_number, round"));
+  std::vector<StoredRound> rounds;
+  const auto take = [&rounds](absl::StatusOr<StoredRound> round) {
+    if (round.ok()) rounds.push_back(*std::move(round));
+    return round.status();
+  };
+  const std::string select =
+      with_cells ? SelectFrom<CellRoundRow>("rounds") : SelectFrom<StoredRound>("rounds");
+  SqliteStatement query =
+      database_->Prepare(absl::StrCat(select, "WHERE job_id = ? ORDER BY frame_number, round"));
   query.Bind(job_id);
-  return ReadRounds(&query, with_cells);
+  absl::Status read =
+      with_cells ? ReadRows<CellRoundRow>(
+                       &query, [&](CellRoundRow row) { return take(Unpacked(std::move(row))); })
+                 : ReadRows<StoredRound>(&query, take);
+  if (!read.ok()) return read;
+  return rounds;
 }
 
 absl::StatusOr<std::vector<RoundRecord>> SqliteJobStore::LoadFrameRounds(const FrameId& frame) {
   const MutexLock lock(&database_mutex_);
   SqliteStatement query = database_->Prepare(absl::StrCat(
-      kRoundColumns, ", tiles FROM rounds WHERE job_id = ? AND frame_number = ? ORDER BY round"));
+      SelectFrom<CellRoundRow>("rounds"), "WHERE job_id = ? AND frame_number = ? ORDER BY round"));
   query.Bind(frame.job_id).Bind(frame.frame_number);
-  absl::StatusOr<std::vector<StoredRound>> stored = ReadRounds(&query, /*with_cells=*/true);
-  if (!stored.ok()) return stored.status();
   std::vector<RoundRecord> rounds;
-  for (StoredRound& round : *stored) rounds.push_back(std::move(round.record));
+  absl::Status read = ReadRows<CellRoundRow>(&query, [&rounds](CellRoundRow row) {
+    absl::StatusOr<StoredRound> round = Unpacked(std::move(row));
+    if (round.ok()) rounds.push_back(std::move(round->record));
+    return round.status();
+  });
+  if (!read.ok()) return read;
   return rounds;
 }
 

@@ -1,0 +1,167 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Rows as lists of named columns. A type of row has one function that names its columns and the
+// members that they hold:
+//
+//     template <RowOf<TileCost> Row, typename Visitor>   // Row: TileCost or const TileCost.
+//     void VisitColumns(Row& row, const Visitor& visit) {
+//       visit("x0", row.tile.x0);
+//       visit("cpu_ns", row.cpu_duration);
+//     }
+//
+// The text of SELECT, INSERT and UPDATE and the code that binds and reads rows all follow from it,
+// so columns have no numbers.
+#pragma once
+
+#include <concepts>
+#include <cstdint>
+#include <string>
+#include <type_traits>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
+#include "absl/time/time.h"
+#include "common/film/film_outputs.h"
+#include "common/film/rare_layers.h"
+#include "coordinator/store/sqlite_database.h"
+#include "coordinator/store/stored_times.h"
+
+namespace sheaf::coordinator {
+
+// A value that is stored as bytes, not as text.
+struct StoredBytes {
+  std::string bytes;
+};
+
+// "caustic 12 direct 3": names of layers have no spaces.
+std::string FormatLayers(const std::vector<LayerCount>& counts);
+std::vector<LayerCount> ParseLayers(const std::string& text);
+
+// Binds a member as the statement's next parameter.
+template <typename T>
+requires std::integral<T> || std::is_enum_v<T>
+void BindValue(T value, SqliteStatement* statement) {
+  statement->Bind(static_cast<int64_t>(value));
+}
+inline void BindValue(float value, SqliteStatement* statement) { statement->Bind(double{value}); }
+inline void BindValue(double value, SqliteStatement* statement) { statement->Bind(value); }
+inline void BindValue(const std::string& value, SqliteStatement* statement) {
+  statement->Bind(value);
+}
+inline void BindValue(const StoredBytes& value, SqliteStatement* statement) {
+  statement->BindBytes(value.bytes);
+}
+inline void BindValue(absl::Time value, SqliteStatement* statement) {
+  statement->Bind(ToNanoseconds(value));
+}
+inline void BindValue(absl::Duration value, SqliteStatement* statement) {
+  statement->Bind(ToNanoseconds(value));
+}
+inline void BindValue(const FilmOutputs& value, SqliteStatement* statement) {
+  statement->Bind(FormatOutputs(value));
+}
+inline void BindValue(const std::vector<LayerCount>& value, SqliteStatement* statement) {
+  statement->Bind(FormatLayers(value));
+}
+
+// Reads a member from a column of the row at which the statement stands. Errors: kDataLoss.
+template <typename T>
+requires std::integral<T> || std::is_enum_v<T> absl::Status ReadValue(const SqliteStatement& row,
+                                                                      int column, T* value) {
+  *value = static_cast<T>(row.Int64(column));
+  return absl::OkStatus();
+}
+template <std::floating_point T>
+absl::Status ReadValue(const SqliteStatement& row, int column, T* value) {
+  *value = static_cast<T>(row.Double(column));
+  return absl::OkStatus();
+}
+inline absl::Status ReadValue(const SqliteStatement& row, int column, std::string* value) {
+  *value = row.Text(column);
+  return absl::OkStatus();
+}
+inline absl::Status ReadValue(const SqliteStatement& row, int column, StoredBytes* value) {
+  value->bytes = row.Bytes(column);
+  return absl::OkStatus();
+}
+inline absl::Status ReadValue(const SqliteStatement& row, int column, absl::Time* value) {
+  *value = FromNanoseconds(row.Int64(column));
+  return absl::OkStatus();
+}
+inline absl::Status ReadValue(const SqliteStatement& row, int column, absl::Duration* value) {
+  *value = DurationFromNanoseconds(row.Int64(column));
+  return absl::OkStatus();
+}
+absl::Status ReadValue(const SqliteStatement& row, int column, FilmOutputs* value);
+inline absl::Status ReadValue(const SqliteStatement& row, int column,
+                              std::vector<LayerCount>* value) {
+  *value = ParseLayers(row.Text(column));
+  return absl::OkStatus();
+}
+
+// The names of a row's columns, in the order in which they are bound and read.
+template <typename Row>
+std::vector<std::string> ColumnsOf() {
+  std::vector<std::string> names;
+  const Row row{};
+  VisitColumns(row, [&](const char* name, const auto&) { names.push_back(name); });
+  return names;
+}
+
+// "SELECT a, b FROM table ": a clause may follow.
+template <typename Row>
+std::string SelectFrom(const char* table) {
+  return absl::StrCat("SELECT ", absl::StrJoin(ColumnsOf<Row>(), ", "), " FROM ", table, " ");
+}
+
+// "INTO table(a, b) VALUES(?,?)", after INSERT or INSERT OR IGNORE.
+template <typename Row>
+std::string IntoTable(const char* table) {
+  const std::vector<std::string> names = ColumnsOf<Row>();
+  return absl::StrCat("INTO ", table, "(", absl::StrJoin(names, ", "), ") VALUES(",
+                      absl::StrJoin(std::vector<std::string>(names.size(), "?"), ","), ")");
+}
+
+// "UPDATE table SET a = ?, b = ? ": a clause may follow.
+template <typename Row>
+std::string UpdateOf(const char* table) {
+  return absl::StrCat("UPDATE ", table, " SET ", absl::StrJoin(ColumnsOf<Row>(), " = ?, "),
+                      " = ? ");
+}
+
+// Binds all columns of the row as the statement's next parameters.
+template <typename Row>
+SqliteStatement& BindRow(const Row& row, SqliteStatement* statement) {
+  VisitColumns(row, [&](const char*, const auto& value) { BindValue(value, statement); });
+  return *statement;
+}
+
+// Reads the row at which a statement of SelectFrom<Row> stands. Errors: kDataLoss.
+template <typename Row>
+absl::Status ReadRow(const SqliteStatement& statement, Row* row) {
+  absl::Status status;
+  int column = 0;
+  VisitColumns(*row, [&](const char*, auto& value) {
+    status.Update(ReadValue(statement, column++, &value));
+  });
+  return status;
+}
+
+// Gives every row of the statement to take(row), which may fail. Errors: those of Step, kDataLoss,
+// those of take.
+template <typename Row, typename Take>
+absl::Status ReadRows(SqliteStatement* statement, const Take& take) {
+  while (true) {
+    const absl::StatusOr<bool> there = statement->Step();
+    if (!there.ok()) return there.status();
+    if (!*there) return absl::OkStatus();
+    Row row;
+    if (absl::Status status = ReadRow(*statement, &row); !status.ok()) return status;
+    if (absl::Status status = take(std::move(row)); !status.ok()) return status;
+  }
+}
+
+}  // namespace sheaf::coordinator

@@ -1,0 +1,258 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// The rows of the job store's tables: for each the columns and the members that they hold
+// (sqlite_columns.h). sqlite_schema.cc makes the tables.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <type_traits>
+#include <utility>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "coordinator/store/job_store.h"
+#include "coordinator/store/sqlite_columns.h"
+
+namespace sheaf::coordinator {
+
+// A row type or the same as const: one function visits rows that are bound and rows that are read.
+template <typename T, typename Row>
+concept RowOf = std::is_same_v<std::remove_const_t<T>, Row>;
+
+// The table `jobs`. Frames, effects and failures are in tables of their own.
+template <RowOf<StoredJob> Row, typename Visitor>
+void VisitColumns(Row& row, const Visitor& visit) {
+  visit("job_id", row.spec.job_id);
+  visit("request_id", row.request_id);
+  visit("title", row.spec.title);
+  visit("priority", row.spec.priority);
+  visit("numeric_profile", row.spec.numeric_profile);
+  visit("tile_size_px", row.spec.partition.tile_size_px);
+  visit("pass_sample_count", row.spec.partition.pass_sample_count);
+  visit("lease_pass_count", row.spec.partition.lease_pass_count);
+  visit("cell_size_px", row.spec.partition.cell_size_px);
+  visit("phase", row.phase);
+  visit("failure", row.failure);
+  visit("create_ns", row.create_time);
+  visit("end_ns", row.end_time);
+  visit("paused", row.paused);
+  visit("failure_count", row.failures.count);
+  visit("wall_ns", row.wall_duration);
+}
+
+// The stop rule of a frame, in the table `frames`.
+template <RowOf<StopRule> Row, typename Visitor>
+void VisitColumns(Row& row, const Visitor& visit) {
+  visit("target_error", row.target_error);
+  visit("time_max_ns", row.time_max);
+  visit("cpu_max_ns", row.cpu_max);
+  visit("first_round_samples", row.first_round_samples);
+}
+
+// What a frame shall be, in the table `frames`.
+struct FrameSpecRow {
+  uint64_t job_id = 0;
+  FrameSpec spec;
+};
+template <RowOf<FrameSpecRow> Row, typename Visitor>
+void VisitColumns(Row& row, const Visitor& visit) {
+  visit("job_id", row.job_id);
+  visit("frame_number", row.spec.frame_number);
+  visit("scene_sha256", row.spec.scene.sha256_hex);
+  visit("scene_bytes", row.spec.scene.size_bytes);
+  visit("frame_digest", row.spec.frame_digest);
+  visit("resumed_sha256", row.spec.resumed.sha256_hex);
+  visit("resumed_bytes", row.spec.resumed.size_bytes);
+  auto& s = row.spec.settings;
+  visit("width_px", s.width_px);
+  visit("height_px", s.height_px);
+  visit("x0", s.window.x0);
+  visit("y0", s.window.y0);
+  visit("x1", s.window.x1);
+  visit("y1", s.window.y1);
+  visit("samples", s.samples);
+  visit("max_depth", s.max_depth);
+  visit("seed", s.seed);
+  visit("force_generic", s.force_generic_variant);
+  visit("color", s.color);
+  visit("single_scattering", s.single_scattering);
+  visit("outputs", s.outputs);
+  visit("primaries", s.primaries);
+  visit("white_balance_k", s.white_balance_k);
+  visit("one_sequence", s.one_sequence);
+  visit("similarity_after", s.similarity_after);
+  visit("pixel_stride_px", s.lattice.stride_px);
+  visit("sensor", s.sensor);
+  visit("max_component_value", s.max_component_value);
+  VisitColumns(row.spec.stop, visit);
+}
+
+// How a frame was delivered, in the table `frames`.
+struct DeliveredRow {
+  bool delivered = false;  // Otherwise the other columns hold what was delivered last, if anything.
+  DeliveredFrame frame;
+};
+template <RowOf<DeliveredRow> Row, typename Visitor>
+void VisitColumns(Row& row, const Visitor& visit) {
+  visit("delivered", row.delivered);
+  visit("picture_digest", row.frame.picture_digest);
+  visit("relative_mse", row.frame.relative_mse);
+  visit("wall_ns", row.frame.wall_duration);
+  visit("ray_count", row.frame.cost.ray_count);
+  visit("nonfinite_count", row.frame.cost.nonfinite_count);
+  visit("cpu_ns", row.frame.cost.cpu_duration);
+  visit("part_bytes", row.frame.cost.part_bytes);
+  visit("sample_count", row.frame.sample_count);
+  visit("relative_mse_upper", row.frame.relative_mse_upper);
+  visit("stop_reason", row.frame.stop_reason);
+  visit("tile_count", row.frame.tile_count);
+  visit("unreliable_tile_count", row.frame.unreliable_tile_count);
+  visit("unreliable_layers", row.frame.unreliable_layers);
+  visit("flip", row.frame.flip);
+  visit("one_sequence_gain", row.frame.one_sequence_gain);
+}
+
+// A frame that is rendered further, in the table `frames`.
+struct ReopenedRow {
+  bool delivered = false;
+  uint64_t samples = 0;
+  StopRule stop;
+};
+template <RowOf<ReopenedRow> Row, typename Visitor>
+void VisitColumns(Row& row, const Visitor& visit) {
+  visit("delivered", row.delivered);
+  visit("samples", row.samples);
+  VisitColumns(row.stop, visit);
+}
+
+// All of a row of `frames`.
+struct FrameRow {
+  FrameSpecRow wanted;
+  DeliveredRow delivered;
+};
+template <RowOf<FrameRow> Row, typename Visitor>
+void VisitColumns(Row& row, const Visitor& visit) {
+  VisitColumns(row.wanted, visit);
+  VisitColumns(row.delivered, visit);
+}
+
+// The table `parts`.
+template <RowOf<PartRow> Row, typename Visitor>
+void VisitColumns(Row& row, const Visitor& visit) {
+  visit("job_id", row.key.frame.job_id);
+  visit("frame_number", row.key.frame.frame_number);
+  visit("x0", row.key.tile.x0);
+  visit("y0", row.key.tile.y0);
+  visit("x1", row.key.tile.x1);
+  visit("y1", row.key.tile.y1);
+  visit("first", row.key.block.first);
+  visit("count", row.key.block.count);
+  visit("sha256", row.digest.sha256_hex);
+  visit("size_bytes", row.digest.size_bytes);
+  visit("worker_id", row.worker_id);
+  visit("ray_count", row.cost.ray_count);
+  visit("nonfinite_count", row.cost.nonfinite_count);
+  visit("cpu_ns", row.cost.cpu_duration);
+  visit("cell_size_px", row.key.cells.size_px);
+  visit("cells", row.key.cells.mask);
+}
+
+// All rows of a statement of SelectFrom<PartRow>. Errors: those of Step.
+inline absl::StatusOr<std::vector<PartRow>> ReadPartRows(SqliteStatement* query) {
+  std::vector<PartRow> parts;
+  absl::Status read = ReadRows<PartRow>(query, [&parts](PartRow part) {
+    part.cost.part_bytes = part.digest.size_bytes;
+    parts.push_back(std::move(part));
+    return absl::OkStatus();
+  });
+  if (!read.ok()) return read;
+  return parts;
+}
+
+// A tile's parts, in the table `parts`, grouped by tile.
+template <RowOf<JobStore::TileCost> Row, typename Visitor>
+void VisitColumns(Row& row, const Visitor& visit) {
+  visit("x0", row.tile.x0);
+  visit("y0", row.tile.y0);
+  visit("x1", row.tile.x1);
+  visit("y1", row.tile.y1);
+  visit("SUM(cpu_ns)", row.cpu_duration);
+}
+
+// The table `rounds`, without what it knows of cells.
+template <RowOf<StoredRound> Row, typename Visitor>
+void VisitColumns(Row& row, const Visitor& visit) {
+  visit("frame_number", row.frame_number);
+  visit("round", row.record.round);
+  visit("relative_mse", row.record.relative_mse);
+  visit("relative_mse_upper", row.record.relative_mse_upper);
+  visit("predicted_relative_mse", row.record.predicted_relative_mse);
+  visit("sample_count", row.record.sample_count);
+  visit("sample_count_expected", row.record.sample_count_expected);
+  visit("wall_ns", row.record.wall_duration);
+  visit("ray_count", row.record.cost.ray_count);
+  visit("nonfinite_count", row.record.cost.nonfinite_count);
+  visit("cpu_ns", row.record.cost.cpu_duration);
+  visit("part_bytes", row.record.cost.part_bytes);
+  visit("stop_reason", row.record.stop_reason);
+}
+// With the cells as they are packed.
+struct CellRoundRow {
+  uint64_t job_id = 0;
+  StoredRound round;
+  StoredBytes cells;
+};
+template <RowOf<CellRoundRow> Row, typename Visitor>
+void VisitColumns(Row& row, const Visitor& visit) {
+  visit("job_id", row.job_id);
+  VisitColumns(row.round, visit);
+  visit("tiles", row.cells);
+}
+
+// The table `effects`.
+struct EffectRow {
+  uint64_t job_id = 0;
+  int64_t position = 0;
+  EffectCost cost;
+};
+template <RowOf<EffectRow> Row, typename Visitor>
+void VisitColumns(Row& row, const Visitor& visit) {
+  visit("job_id", row.job_id);
+  visit("position", row.position);
+  visit("name", row.cost.name);
+  visit("problem", row.cost.problem);
+  visit("without", row.cost.without);
+  visit("time_share", row.cost.time_share);
+  visit("time_share_error", row.cost.time_share_error);
+  visit("mean_change", row.cost.mean_change);
+  visit("mean_change_error", row.cost.mean_change_error);
+  visit("relative_mse", row.cost.relative_mse);
+  visit("variance_ratio", row.cost.variance_ratio);
+}
+
+// The table `failures`.
+struct FailureRow {
+  uint64_t job_id = 0;
+  int64_t position = 0;
+  FailureRecord failure;
+};
+template <RowOf<FailureRow> Row, typename Visitor>
+void VisitColumns(Row& row, const Visitor& visit) {
+  visit("job_id", row.job_id);
+  visit("position", row.position);
+  visit("frame_number", row.failure.frame_number);
+  visit("x0", row.failure.tile.x0);
+  visit("y0", row.failure.tile.y0);
+  visit("x1", row.failure.tile.x1);
+  visit("y1", row.failure.tile.y1);
+  visit("first", row.failure.block.first);
+  visit("count", row.failure.block.count);
+  visit("worker_id", row.failure.worker_id);
+  visit("kind", row.failure.kind);
+  visit("message", row.failure.message);
+  visit("time_ns", row.failure.time);
+}
+
+}  // namespace sheaf::coordinator
