@@ -14,11 +14,11 @@ namespace sheaf::coordinator {
 
 // EstimateTileErrors of the grid's cells, where those that few pixels tell lean on their tiles.
 //
-// What a cell errs by is known as well as the pixels that make it are many: where one of 64 has
-// most of it, a bright sample that any other cell of the tile might have met, it says little of
-// what the cell will do next. So its error is drawn to its tile's, by a share of
+// The error of a cell is known the better, the more of its pixels contribute to it. Where one of 64
+// has most of it, because of a bright sample that any other cell of the tile might have met, it
+// says little of the cell's next samples. So a cell's error is drawn to its tile's, with the weight
 // kLeanPixels / (kLeanPixels + m), m = sum^2 / sum of squares: the number of equal pixels that
-// would vary as much. Sums over tiles stay as they are.
+// would vary as much. Sums over tiles do not change.
 // Source: Efron and Morris 1973, "Stein's Estimation Rule and Its Competitors"; m is Kish's
 // effective size (Kish 1965, Survey Sampling).
 inline constexpr double kLeanPixels = 2;

@@ -9,7 +9,7 @@
 namespace sheaf::coordinator {
 namespace {
 
-// Of 64 pixels that err alike, but for one that errs by `outlier`.
+// 64 pixels with the same error, but for one with the error `outlier`.
 ErrorSums CellOf(double error, double outlier) {
   return {64, 63 * error + outlier, 63 * error * error + outlier * outlier};
 }
@@ -24,7 +24,7 @@ TEST(CellErrorsTest, CellsThatOnePixelTellsLeanOnTheirTile) {
   // The bright pixel is believed by a third; others of its tile may meet it, too.
   EXPECT_NEAR(errors[5].sum, 0.47 * before[5].sum, 0.01 * before[5].sum);
   EXPECT_NEAR(errors[6].sum, 1.6 * before[6].sum, 0.05 * before[6].sum);
-  // What many pixels say is taken as they say it, and tiles keep to themselves.
+  // Errors of many pixels are taken as they are, and tiles do not influence each other.
   EXPECT_NEAR(errors[20].sum, before[20].sum, 0.03 * before[20].sum);
   EXPECT_NEAR(errors[21].sum, before[21].sum, 0.03 * before[21].sum);
   for (const size_t first : {0, 16}) {  // Cell of each tile.

@@ -20,7 +20,7 @@ int32_t ChooseCellSize(const PixelRect& window, int32_t tile_size_px) {
 }
 
 int32_t CellSizeOf(const FrameSpec& frame, const Partition& partition) {
-  // Of a picture that a frame goes on from, tiles may have had cells.
+  // The picture that a frame resumes may have had cells in its tiles.
   const bool shares_out = frame.stop.IsActive() || !frame.resumed.sha256_hex.empty();
   return shares_out && partition.cell_size_px != 0 ? partition.cell_size_px
                                                    : partition.tile_size_px;

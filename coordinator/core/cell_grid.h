@@ -30,7 +30,7 @@ constexpr bool DividesIntoCells(int32_t tile_size_px, int32_t cell_size_px) {
 // The edge of cells in a frame that gets samples where they are needed: tile_size_px, or a part of
 // it, a multiple of kCellSizePxMin. A function of its arguments, so that the picture is one.
 int32_t ChooseCellSize(const PixelRect& window, int32_t tile_size_px);
-// Of a frame of a job: the tile's where its samples are not shared out.
+// The size of a frame's cells: the tile's where its samples are not distributed among cells.
 int32_t CellSizeOf(const FrameSpec& frame, const Partition& partition);
 
 class CellGrid {
@@ -58,7 +58,7 @@ class CellGrid {
   std::optional<uint64_t> MaskOf(uint32_t tile, const TileCells& cells) const;
   // The same as others name it. Requires: mask has bits, and no others than AllOf.
   TileCells CellsOf(uint32_t tile, uint64_t mask) const;
-  // What each tile has, shared among its cells by their weights. Requires: weights above 0.
+  // Distributes each tile's value among its cells by their weights. Requires: weights above 0.
   std::vector<double> ShareOut(std::span<const double> of_tiles,
                                std::span<const double> weights) const;
 

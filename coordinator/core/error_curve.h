@@ -15,17 +15,17 @@
 
 namespace sheaf::coordinator {
 
-inline constexpr char kErrorCurveKey[] = "errorCurve";  // Of a picture's metadata.
+inline constexpr char kErrorCurveKey[] = "errorCurve";  // In a picture's metadata.
 
 struct ErrorPoint {
-  double samples = 0;  // Of a pixel, on average.
+  double samples = 0;  // Per pixel, on average.
   double relative_mse = 0;
   double relative_mse_upper = 0;  // RoundDecision's.
 };
 
 // "SAMPLES ERROR UPPER, ..." of the rounds, with six digits.
 std::string FormatErrorCurve(std::span<const RoundRecord> rounds, int64_t pixel_count);
-// What it was, to six digits; empty where the text is no such curve.
+// The points of such a text, to six digits; empty where the text is no such curve.
 std::vector<ErrorPoint> ParseErrorCurve(absl::string_view text);
 
 }  // namespace sheaf::coordinator

@@ -74,21 +74,21 @@ class FrameMerge {
   bool AllDeveloped() const { return developed_count_ == tiles_.size(); }
   uint32_t tile_count() const { return static_cast<uint32_t>(tiles_.size()); }
   const CellGrid& grid() const { return grid_; }
-  // Of each pixel of each cell, as far as they are in memory or developed; what the picture shows
-  // once it is refreshed.
+  // The samples per pixel of each cell, as far as they are in memory or developed: those that the
+  // picture shows once it is refreshed.
   std::vector<uint64_t> SamplesOfCells() const;
 
   // Develops what has changed since the last call into the picture, for looking at. Returns the
   // tiles that had.
   std::vector<uint32_t> Refresh();
-  // Of developed tiles, those whose error is not to be trusted (mean_interval.h).
+  // The developed tiles whose error is not reliable (mean_interval.h).
   uint32_t unreliable_count() const { return unreliable_count_; }
   std::vector<PixelRect> UnreliableTiles() const;
   bool HasSamples() const { return has_samples_; }
   // Whether the filter weighs samples otherwise than by 1, in developed tiles.
   bool signed_weights() const { return signed_weights_; }
-  // Of developed tiles; null where the frame's replicates are not independent, or not all of its
-  // pixels are rendered.
+  // Covers the developed tiles; null where the frame's replicates are not independent, or not all
+  // of its pixels are rendered.
   const ErrorSample* error_sample() const { return error_sample_ ? &*error_sample_ : nullptr; }
   const FramePicture& picture() const { return picture_; }
   FramePicture* mutable_picture() { return &picture_; }
@@ -100,7 +100,7 @@ class FrameMerge {
     bool unreliable = false;
     // While in memory; once developed, where the tile may grow and the budget allows.
     std::unique_ptr<CellTrees> trees;
-    uint64_t size_bytes = 0;  // Of the trees, as counted in the budget.
+    uint64_t size_bytes = 0;  // The trees' size, as counted in the budget.
   };
 
   std::unique_ptr<CellTrees> MakeTrees(uint32_t tile) const;
@@ -111,7 +111,7 @@ class FrameMerge {
 
   const bool grows_;
   const CellGrid grid_;
-  std::vector<uint64_t> samples_;  // Of each cell.
+  std::vector<uint64_t> samples_;  // By cell.
   std::vector<Tile> tiles_;
   MergeBudget* budget_;
   FramePicture picture_;

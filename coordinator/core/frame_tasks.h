@@ -40,7 +40,7 @@ class FrameTasks {
   // The task as others name it; none where the frame has no such tile or cells.
   std::optional<Task> Find(const PixelRect& tile, SampleBlock block, const TileCells& cells) const;
   std::vector<uint64_t> SamplesOfCells() const;
-  // Of workers, on what is done of the tile.
+  // CPU time of workers on the finished tasks of the tile.
   absl::Duration CpuOfTile(uint32_t tile) const { return cpu_of_tiles_[tile]; }
   uint64_t PixelSamples(const Task& task) const;
 

@@ -144,7 +144,7 @@ TEST(FrameTasksTest, CellsThatWantMoreDoNotWaitForThoseThatWantLess) {
 }
 
 TEST(FrameTasksTest, PixelSamplesAreThoseOfTheCells) {
-  FrameTasks tasks(CellGrid({0, 0, 12, 16}, 16, 8), 16);  // Of 64 and 32 pixels by turns.
+  FrameTasks tasks(CellGrid({0, 0, 12, 16}, 16, 8), 16);  // 64 and 32 pixels by turns.
   EXPECT_EQ(tasks.sample_count_total(), 12u * 16u * 16u);
   EXPECT_EQ(tasks.PixelSamples({0, {0, 8}, 0b0110}), 8u * (32u + 64u));
   ASSERT_EQ(tasks.FitOf({0, {0, 8}, 0b0110}), Fit::kWanted);
@@ -162,7 +162,7 @@ TEST(FrameTasksTest, LateResultsOfCellsAreTakenOnce) {
   EXPECT_TRUE(tasks.Accept({0, {0, 16}, 0b0011}).empty());
   EXPECT_EQ(tasks.FitOf({0, {0, 16}, 0b0001}), Fit::kCovered);
   EXPECT_EQ(tasks.FitOf(all), Fit::kPartial);
-  // What was put back is cut anew.
+  // Returned blocks are cut anew.
   EXPECT_EQ(tasks.TakeReturned(Anything, 10), std::nullopt);
   const Task rest = *tasks.TakeFresh(AtMost(16));
   EXPECT_EQ(rest, (Task{0, {0, 16}, 0b1100}));

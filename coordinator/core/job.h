@@ -33,15 +33,15 @@ struct Partition {
 
 struct FrameSpec {
   int32_t frame_number = 0;  // Unique in the job.
-  BlobDigest scene;          // Of the manifest blob.
+  BlobDigest scene;          // The manifest blob.
   FrameSettings settings;    // With a stop rule, samples is the most that a pixel may get.
   StopRule stop;
   std::string frame_digest;  // Hex SHA-256 over scene, settings and numeric profile.
-  // Of the EXR that the frame goes on from (resumed_picture.h); empty where there is none.
+  // The EXR that the frame resumes (resumed_picture.h); empty where there is none.
   BlobDigest resumed;
 };
 
-// What an effect of a scene costs and gives, as v1::EffectCost says; measured by who submitted it.
+// The cost and the gain of an effect of a scene, as v1::EffectCost says; the submitter measured it.
 struct EffectCost {
   std::string name, problem, without;
   double time_share = 0, time_share_error = 0;
@@ -58,7 +58,7 @@ struct JobSpec {
   Partition partition;
   std::string numeric_profile;
   std::vector<FrameSpec> frames;         // Ascending by number.
-  std::vector<EffectCost> effect_costs;  // Of the first frame's scene; empty: not measured.
+  std::vector<EffectCost> effect_costs;  // For the first frame's scene; empty: not measured.
 };
 
 // Ids of pilots begin here, so that those of other jobs have no gaps.
@@ -67,7 +67,7 @@ inline bool IsPilot(uint64_t job_id) { return job_id >= kFirstPilotId; }
 
 enum class JobPhase { kLive, kSucceeded, kFailed, kCancelled };
 
-// What results cost.
+// The cost of results.
 struct ResultCost {
   uint64_t ray_count = 0;
   uint64_t nonfinite_count = 0;
@@ -148,7 +148,7 @@ struct LeaseReport {
   LeasePhase phase = LeasePhase::kQueued;
 };
 
-// What a worker says of itself.
+// A worker's report of itself.
 struct WorkerReport {
   std::string worker_id;
   std::string host;
@@ -159,7 +159,7 @@ struct WorkerReport {
   int32_t lease_count_wanted = 0;
   bool draining = false;
   std::vector<std::string> warm_scenes;  // Hex digests.
-  uint64_t scene_memory_bytes = 0;       // Of those; 0: it does not say.
+  uint64_t scene_memory_bytes = 0;       // Their memory; 0: not reported.
 };
 
 }  // namespace sheaf::coordinator

@@ -15,8 +15,8 @@ struct Limits {
   // Leases and heartbeats.
   absl::Duration lease_duration = absl::Seconds(30);  // A worker silent for longer is lost.
   absl::Duration lease_age_max = absl::Hours(2);      // A lease that never ends is a hung renderer.
-  absl::Duration heartbeat_interval_max = absl::Seconds(5);    // Of a worker that holds leases.
-  absl::Duration idle_interval_min = absl::Milliseconds(200);  // Of a worker that waits for work.
+  absl::Duration heartbeat_interval_max = absl::Seconds(5);    // For a worker that holds leases.
+  absl::Duration idle_interval_min = absl::Milliseconds(200);  // For a worker that waits for work.
   absl::Duration round_interval_min =
       absl::Milliseconds(20);          // The same where a frame's next round is soon.
   double synchronize_rate_max = 2000;  // Calls per second; more idle workers ask less often.
@@ -30,7 +30,7 @@ struct Limits {
   int live_jobs_max = 10'000;
   absl::Duration pilot_unasked_max = absl::Seconds(30);  // A pilot nobody asks for is cancelled.
   // Per frame that is opened: nobody else can do anything meanwhile.
-  int64_t tiles_per_frame_max = int64_t{1} << 18;  // Of 32 px in the largest frame.
+  int64_t tiles_per_frame_max = int64_t{1} << 18;  // The largest frame in tiles of 32 px.
   int64_t cells_per_frame_max = int64_t{1} << 20;
   uint64_t samples_max = uint64_t{1} << 40;  // Per pixel.
   // Pixels of a frame that are rendered: its picture takes the coordinator 20 GiB.
@@ -64,7 +64,7 @@ struct Limits {
   int job_loading_losses_max = 6;  // a frame that nobody has loaded; the same of a job's frames.
   int infrastructure_failures_max = 16;
   int scene_failure_workers_max = 2;  // Distinct workers that say: the scene cannot be rendered.
-  int failures_kept_max = 32;         // Of a job, the last ones, for people to look at.
+  int failures_kept_max = 32;         // The last ones of a job, for people to look at.
   int quarantine_jobs_min = 3;        // A worker failing so many jobs in a row is sick.
   absl::Duration retry_delay_initial = absl::Seconds(1);  // After infrastructure failures: of the
   absl::Duration retry_delay_max = absl::Minutes(1);      // worker, doubling.

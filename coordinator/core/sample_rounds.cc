@@ -21,7 +21,7 @@ constexpr double kRateDropMin = 1.3;
 // A cell's error is taken for at least this share of the frame's: what rarely happens may not have
 // happened in it yet.
 constexpr double kCellShareMin = 0.01;
-// Of the target, what a round aims at: so that the next look is likely the last.
+// A round aims at this fraction of the target, so that the next look is likely the last.
 constexpr double kAimShare = 0.98;
 constexpr int kBisectionSteps = 60;
 // Samples come in steps of one for each replicate, and larger ones where those are small beside
@@ -37,7 +37,7 @@ double DeviationsOf(int round) {
   return -NormalQuantile(miss);
 }
 
-// Of the frame's error, at the confidence of DeviationsOf some round.
+// The upper bound of the frame's error, at the confidence of DeviationsOf some round.
 double UpperBound(const ErrorSums& frame, double deviations) {
   return frame.RelativeMse() + deviations * frame.Deviation();
 }
@@ -47,8 +47,8 @@ double StepAt(double samples) {
   return std::max({double{kReplicateCount}, std::min(power / 2, kStepEnough), kStepShare * power});
 }
 
-// What cell i has more before it is rounded down to steps, of one, in [0, 1): of cells that are
-// alike as many are rounded up as it takes.
+// Added to cell i before it is rounded down to steps; in units of a step, in [0, 1). So among equal
+// cells the right number is rounded up.
 double Dither(size_t i) { return GoldenShare(i); }
 
 // How samples are shared out, for any number of them.
@@ -69,7 +69,7 @@ class Allocation {
     }
   }
 
-  // Of pixels of cell i: what they shall have, in steps.
+  // The samples that pixels of cell i shall have, in steps.
   double Ideal(size_t i, double scale) const {
     const auto now = static_cast<double>(cells_[i].samples);
     const double ideal = scale * weights_[i];
@@ -87,7 +87,7 @@ class Allocation {
     }
     return sum;
   }
-  // Of the frame when all cells have that.
+  // The frame's error when all cells have that.
   ErrorSums Foreseen(double scale) const {
     ErrorSums sum;
     for (size_t i = 0; i < cells_.size(); ++i) sum.Add(ErrorAt(i, Ideal(i, scale)));
@@ -108,7 +108,7 @@ class Allocation {
   ErrorSums ErrorAt(size_t i, double samples) const {
     return ForeseeError(cells_[i], samples, rate_);
   }
-  // Of which no cell can get more.
+  // The scale beyond which no cell can get more.
   double ScaleMax() const {
     double scale = 0;
     for (const double weight : weights_) {

@@ -43,19 +43,19 @@ inline constexpr uint64_t kRoundGrowthMax = 4;
 inline constexpr double kRoundGrowthMin = 1.0 / 16;
 // The rate b at which errors fall, before anything tells: over scenes of all kinds.
 inline constexpr double kRatePrior = 1.1, kRatePriorDeviation = 0.1;
-// Of all frames, those that may stop although their expected error is above the target.
+// The fraction of all frames that may stop although their expected error is above the target.
 inline constexpr double kMissShare = 0.05;
-// Of frames without rounds, the standard deviations from the error of a point of their curve to its
-// upper bound: 95 of 100 normal values are below.
+// Standard deviations from the error of a point to its upper bound, on curves of frames without
+// rounds: 95 of 100 normal values are below.
 inline constexpr double kPointDeviations = 1.645;
 
 // A cell at the end of a round.
 struct CellRound {
-  uint64_t samples = 0;  // Of each pixel.
+  uint64_t samples = 0;  // Per pixel.
   ErrorSums error;
 };
 
-// Of all cells.
+// The sum over all cells.
 ErrorSums SumOf(std::span<const CellRound> cells);
 double PixelSamples(std::span<const CellRound> cells);
 
@@ -65,7 +65,7 @@ struct RoundDecision {
   std::vector<uint64_t> samples;
   StopReason reason = StopReason::kSamples;  // Where it is done.
   double relative_mse = 0;
-  double relative_mse_upper = 0;      // Of the confidence that this look has.
+  double relative_mse_upper = 0;      // At the confidence of this look.
   double predicted_relative_mse = 0;  // After the next round; 0 where there is none.
   // Pixel samples of the frame, all that it has had included, that it is expected to end with.
   uint64_t sample_count_expected = 0;
@@ -74,10 +74,10 @@ struct RoundDecision {
 // A round of a frame, as it was decided at its end.
 struct RoundRecord {
   int32_t round = 0;
-  // Of each cell: how it is at the end of the round, and its samples in the next one.
+  // By cell: its state at the end of the round, and its samples in the next one.
   std::vector<CellRound> cells;
   std::vector<uint64_t> samples_next;             // Empty for the last round.
-  StopReason stop_reason = StopReason::kSamples;  // Of the last round.
+  StopReason stop_reason = StopReason::kSamples;  // Set in the last round.
   double relative_mse = 0, relative_mse_upper = 0, predicted_relative_mse = 0;
   uint64_t sample_count = 0;           // Pixel samples of the frame so far.
   uint64_t sample_count_expected = 0;  // RoundDecision's.
@@ -87,7 +87,7 @@ struct RoundRecord {
   void Take(RoundDecision decision);
 };
 
-// What clocks allow, in pixel samples of the whole frame, those it has included.
+// The limits that clocks set, in pixel samples of the whole frame, including those it has.
 struct RoundAllowance {
   double time = std::numeric_limits<double>::infinity();
   double cpu = std::numeric_limits<double>::infinity();
@@ -100,9 +100,9 @@ RoundDecision DecideRound(const StopRule& rule, uint64_t samples_max, int round,
                           std::span<const CellRound> cells, std::span<const CellRound> before,
                           const RoundAllowance& allowance);
 
-// The errors of the cell when its pixels have so many samples, falling at `rate`. What varies in
-// squared errors beyond normal noise, of which equal pixels have the least, is an excess kurtosis:
-// it falls as 1 / n beside the squares, and with it the distance of bound and estimate.
+// The errors of the cell when its pixels have so many samples, falling at `rate`. Squared errors
+// vary more than those of normal noise, which vary least where pixels are equal. This excess
+// kurtosis falls as 1 / n beside the squares, and with it the distance between bound and estimate.
 // Source: Cramér 1946, Mathematical Methods of Statistics, sec. 27.4 (variance of a variance).
 ErrorSums ForeseeError(const CellRound& cell, double samples, double rate);
 
@@ -110,11 +110,11 @@ ErrorSums ForeseeError(const CellRound& cell, double samples, double rate);
 // are no earlier ones, or errors fell by too little to tell. Requires: as many cells as before.
 double MeasureRate(std::span<const CellRound> cells, std::span<const CellRound> before);
 
-// What of a frame's rounds holds under another rule, for a frame that goes on: decisions are made
-// again from what each round found, and kept as long as they are the same. The first that differs
-// is the last of `rounds` and has the new decision, so that the frame goes on as if it had never
-// had another rule; cells that have more samples by now must do without those. True where there is
-// more to render. Requires: rounds have their cells. Clocks are not looked at.
+// Finds the rounds of a frame that hold under another rule, for a frame that continues: decisions
+// are made again from the findings of each round, and kept as long as they are the same. The first
+// that differs is the last of `rounds` and has the new decision, so that the frame continues as if
+// it had never had another rule; cells that have more samples by now do without those. Returns
+// whether there is more to render. Clocks are ignored. Requires: rounds have their cells.
 bool ReplayRounds(const StopRule& rule, uint64_t samples_max, std::vector<RoundRecord>* rounds);
 
 }  // namespace sheaf::coordinator

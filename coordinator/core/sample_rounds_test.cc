@@ -126,7 +126,7 @@ TEST(SampleRoundsTest, ForeseesThatTheBoundComesCloser) {
   EXPECT_GT(decision.predicted_relative_mse, 0.78 * target);
 }
 
-// What cannot come closer does not: normal noise keeps its share.
+// The distance of normal noise does not shrink.
 TEST(SampleRoundsTest, ErrorsOfEqualPixelsKeepTheirDeviation) {
   const CellRound now = CellAt(1, kReplicateCount);
   const ErrorSums next = ForeseeError(now, 4 * kReplicateCount, 1.2);
@@ -155,7 +155,7 @@ TEST(SampleRoundsTest, SamplesGoWhereTheyHelpMost) {
   const double evenly = (16.0 + 1.0) / 2 / kTarget;
   EXPECT_NEAR(MeanSamples(run) / BoundOverError(run) / least, 1.05, 0.05);
   EXPECT_LT(MeanSamples(run), evenly / 1.2);
-  double sums[2] = {};  // Of both kinds: each cell is a step beside its share.
+  double sums[2] = {};  // By kind: each cell is within a step of its share.
   for (size_t i = 0; i < ks.size(); ++i) sums[i % 2] += static_cast<double>(run.samples[i]);
   EXPECT_NEAR(sums[0] / sums[1], 4, 0.3);
 }

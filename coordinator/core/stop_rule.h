@@ -13,11 +13,11 @@
 namespace sheaf::coordinator {
 
 // Without any of these a frame has FrameSettings::samples in each pixel; with one, at most as many.
-// What is reached first ends the frame.
+// The limit that is reached first ends the frame.
 struct StopRule {
   double target_error = 0;  // relMSE (FrameError) that the frame shall not exceed; 0: none.
-  absl::Duration time_max = absl::InfiniteDuration();  // Of wall, from the frame's first lease.
-  absl::Duration cpu_max = absl::InfiniteDuration();   // Of workers' CPU, for the frame.
+  absl::Duration time_max = absl::InfiniteDuration();  // Wall time, from the frame's first lease.
+  absl::Duration cpu_max = absl::InfiniteDuration();   // CPU time of workers, for the frame.
   // Samples of a pixel in the first round; more than the usual where a frame without rounds is
   // refined.
   uint64_t first_round_samples = kReplicateCount;
@@ -38,7 +38,7 @@ inline constexpr uint64_t kStoppedSamplesMax = uint64_t{1} << 16;
 // How a finished job shall go on.
 struct Refinement {
   StopRule stop;
-  uint64_t samples = 0;  // Of a pixel, at most where there is a rule; 0: as many as before.
+  uint64_t samples = 0;  // Per pixel, at most where there is a rule; 0: as many as before.
 };
 
 // Why a frame has the samples that it has.

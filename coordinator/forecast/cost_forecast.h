@@ -22,8 +22,8 @@ namespace sheaf::coordinator {
 
 struct ForecastCell {
   CellRound measured;
-  double cpu_seconds_per_sample = 0;  // Of one sample of each of the cell's pixels.
-  uint64_t samples_kept = 0;          // Of each pixel, that are there already and cost nothing.
+  double cpu_seconds_per_sample = 0;  // For one sample of each of the cell's pixels.
+  uint64_t samples_kept = 0;          // Per pixel; they exist already and cost nothing.
 };
 
 struct ErrorModel {
@@ -31,15 +31,15 @@ struct ErrorModel {
   double rate = 1;  // b.
   // log-normal standard deviation of the frame's error as measured, and of b: what is not known.
   double log_error_deviation = 0, rate_deviation = 0;
-  double log_cpu_deviation = 0;  // Of CPU time, for the same samples.
-  LampRims rims = {};            // What they add to the cells' errors.
+  double log_cpu_deviation = 0;  // Deviation of CPU time, for the same samples.
+  LampRims rims = {};            // Their additions to the cells' errors.
 };
 
 struct Forecast {
   double target_error = 0;
   bool reached = false;  // Before samples_max.
   double relative_mse = 0;
-  double samples = 0;      // Of a pixel, on average.
+  double samples = 0;      // Per pixel, on average.
   double cpu_seconds = 0;  // Beyond what is kept.
   int round_count = 0;
 };

@@ -13,10 +13,10 @@
 namespace sheaf::coordinator {
 namespace {
 
-// Of the brightest that a close-up shows, what is lamp.
+// Pixels of a zoomed pilot that are this fraction of its brightest or more show the emitter.
 constexpr double kLampShare = 0.5;
-// Of the bounds of a lamp, how many pixels a close-up has across at least, if it need not be
-// enlarged further than the limit.
+// A zoomed pilot has at least this many pixels across the bounds of an emitter, if it need not be
+// enlarged beyond the limit.
 constexpr int32_t kAcrossPx = 16;
 
 // Pixels of the frame whose middle is less than the filter's radius from a point.
@@ -34,7 +34,7 @@ double WeightAt(const FilterDescription& filter, double x_px, double y_px) {
                    FilterValue(filter, std::fabs(y_px) / ry, ry));
 }
 
-// Of all points of a close-up's grid that a pixel's filter reaches.
+// The sum over all points of a zoomed pilot's grid that a pixel's filter reaches.
 double WeightSum(const FilterDescription& filter, int32_t scale) {
   const auto count = [&](float radius_px) {
     return static_cast<int32_t>(std::ceil(radius_px)) * scale;

@@ -25,7 +25,7 @@ inline constexpr int32_t kCloseUpScaleMax = 4;
 inline constexpr size_t kCloseUpsMax = 16;
 
 struct CloseUpPlace {
-  PixelRect rect;     // Of the frame, in its pixels.
+  PixelRect rect;     // Within the frame, in its pixels.
   int32_t scale = 1;  // One of them has so many of the close-up along each side.
   friend bool operator==(const CloseUpPlace&, const CloseUpPlace&) = default;
 
@@ -33,7 +33,7 @@ struct CloseUpPlace {
 };
 struct CloseUp {
   CloseUpPlace place;
-  FramePicture picture;  // Of the frame enlarged, at the place; with the layers of light paths.
+  FramePicture picture;  // The frame enlarged, at the place; with the layers of light paths.
 };
 
 // A pixel of the frame and the share of its filter that a lamp has; colours of R, G and B.

@@ -18,14 +18,15 @@ namespace {
 
 // The lone hit of a pixel of which the deviation is at least so much is four times what is beside.
 constexpr double kHitOverBeside = kOneHitDeviationMin / (1 - kOneHitDeviationMin);
-// What is beside a rim: pixels of the small picture up to so far off that show no lamp.
+// Pixels of the small picture up to this distance that show no emitter are beside a silhouette.
 constexpr int32_t kBesidePx = 2;
 // Directions of rims, over a quarter turn, and points of the filter across each axis.
 constexpr int kDirectionCount = 8, kFilterPoints = 64;
 constexpr double kOctaveParts = 8;
-// Of a length of rim, for rims that are not straight and lamps that are small.
+// Deviation of a silhouette's length: silhouettes may be curved, and emitters small.
 constexpr double kLengthLogDeviation = 0.2;
-// Of the error of a pixel that makes its cell's, what is believed when samples are shared out.
+// The fraction of a pixel's error that is believed when it dominates its cell's and samples are
+// distributed.
 constexpr double kBelievedShare = 1 / (1 + kLeanPixels);
 
 using Color = SeenLamps::Color;
@@ -56,8 +57,8 @@ bool IsLoneHit(double lamp, double beside) {
   return (lamp - beside) / kReplicateCount > kHitOverBeside * beside;
 }
 
-// Of a pixel, which `lamp` of its filter sees a lamp in: how likely one of its replicates alone,
-// of so many samples each, meets it.
+// The probability that exactly one replicate of a pixel, of so many samples each, meets an emitter
+// that the fraction `lamp` of the pixel's filter sees.
 double OneHit(double lamp, double samples_of_replicate) {
   const double miss = std::pow(1 - lamp, samples_of_replicate);
   return kReplicateCount * (1 - miss) * std::pow(miss, kReplicateCount - 1);

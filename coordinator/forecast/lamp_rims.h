@@ -1,16 +1,17 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// LampRims: what the bound of a target (RareHits, error_planes.h) will say of the rims of lamps in
-// view. Those are lines, of whose pixels a pilot's sparse blocks meet next to none. The pilot's
-// small picture crosses them: its layer `seen` (light_path_kind.h) has what the camera sees of
-// lamps, and rows and columns a distance s apart that change between lamp and no lamp C times have
-// crossed rims of a length of pi / 4 s C (Cauchy and Crofton). Of a length of rim, how many pixels
-// will have met the lamp in one replicate alone is a matter of the pixel filter:
+// LampRims: the part of the bound of a target (RareHits, error_planes.h) that the silhouettes of
+// emitters in view will add. Silhouettes are lines, and a pilot's sparse blocks meet next to none
+// of their pixels. The pilot's small picture crosses them: its layer `seen` (light_path_kind.h)
+// holds the emission that the camera sees directly, and rows and columns a distance s apart that
+// change between emitter and none C times have crossed silhouettes of a length of pi / 4 s C
+// (Cauchy and Crofton). The number of pixels along a silhouette that meet the emitter in one
+// replicate alone follows from the pixel filter:
 //
-//     small picture > crossings > stretches of rim
-//     close-ups of lamps that it may miss (lamp_close_ups.h) > pixels, what share meets the lamp
-//     both, samples of their cells > pixels with one hit, what it makes of their error > RareHits
+//     small picture > crossings > stretches of silhouette
+//     zoomed pilots of emitters that it may miss (lamp_close_ups.h) > pixels, fraction met
+//     both, samples of their cells > pixels with one hit, its part of their error > RareHits
 //
 // Source: Santaló 1976, Integral Geometry and Geometric Probability, chapter I.3.
 #pragma once
@@ -32,8 +33,8 @@
 
 namespace sheaf::coordinator {
 
-// Of pixels along a straight rim of any direction: of how many, for each pixel of its length, the
-// filter has this share beyond it.
+// Along a straight silhouette of any direction: the number of pixels, per pixel of its length,
+// whose filter has this fraction beyond it.
 struct RimShare {
   double width_px = 0;
   double lamp = 0;
@@ -51,7 +52,7 @@ class LampRims {
            const std::function<size_t(int32_t x, int32_t y)>& cell_of);
 
   bool empty() const { return stretches_.empty() && pixels_.empty(); }
-  double LengthPx() const;  // Of what the small picture tells.
+  double LengthPx() const;  // All silhouettes in the small picture together.
   // To the errors of cells that have so many samples: their variances, and of what those pixels are
   // seen to err by as much as a cell keeps to itself (cell_errors.h). deviations: how many of its
   // standard deviations the length lies above what is known. random: where given, pixels are met by
@@ -66,11 +67,11 @@ class LampRims {
   };
   struct Pixel {
     Place place;
-    double share = 0;  // Of its filter that meets the lamp.
+    double share = 0;  // The fraction of its filter that meets the emitter.
   };
   void AddStretches(const SeenLamps& picture, int32_t shrink, std::span<const CloseUp> close_ups,
                     const std::function<size_t(int32_t x, int32_t y)>& cell_of);
-  // Of so many pixels like one with one hit among so many samples.
+  // Adds so many pixels that are like one with one hit among so many samples.
   void AddHits(const Place& place, uint64_t samples, double pixels, RareHits* hits,
                std::vector<ErrorSums>* cells) const;
   // Pixels for each pixel of length in whose samples one replicate alone meets the lamp.
@@ -78,9 +79,9 @@ class LampRims {
 
   std::vector<Place> stretches_;
   double stretch_px_ = 0;      // The length of each.
-  std::vector<Pixel> pixels_;  // Of close-ups.
+  std::vector<Pixel> pixels_;  // Those of zoomed pilots.
   std::vector<RimShare> shares_;
-  double floor_ = 0;  // Of relative errors.
+  double floor_ = 0;  // In the denominator of relative errors.
   double log_length_deviation_ = 0;
 };
 

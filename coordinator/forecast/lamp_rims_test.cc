@@ -144,7 +144,7 @@ TEST(LampRimsTest, SharesAreThoseOfAnEdgeAcrossTheFilter) {
   EXPECT_NEAR(lamp_px, width_px / 2, 0.03);
 }
 
-// What is foreseen from few samples against what pictures at full size turn out to say.
+// The forecast from few samples against the pictures at full size.
 struct ForeseenCase {
   FilterDescription::Kind filter;
   double radius_px;

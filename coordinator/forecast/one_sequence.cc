@@ -23,12 +23,12 @@ double DropOfIndependent(const RoundRecord& before, const RoundRecord& last) {
   return foreseen > 0 ? SumOf(before.cells).sum / foreseen : 0;
 }
 
-// Of the logarithm of a picture's error.
+// Standard deviation of the logarithm of a picture's error.
 double LogDeviation(const ErrorSums& sum) { return sum.Deviation() / sum.RelativeMse(); }
 
 double GainAt(double rate) { return std::pow(kReplicateCount, rate - 1); }
 
-// What the last point is held against; none where there is no such point.
+// The point that the last one is compared with; null where there is none.
 const RoundRecord* PointBefore(std::span<const RoundRecord> points) {
   const RoundRecord* before = nullptr;
   for (const RoundRecord& point : points) {

@@ -1,9 +1,9 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// What true error bars cost a picture: kReplicateCount independent sequences of samples, whose
-// spread they are, against one sequence of as many (FrameSettings::one_sequence). The smoother a
-// picture, the more; docs/adr/0025-one-sequence-on-request.md.
+// The price of true error bars: they are the spread of kReplicateCount independent sequences of
+// samples, and one sequence of as many (FrameSettings::one_sequence) has less error. The smoother a
+// picture, the higher the price; docs/adr/0025-one-sequence-on-request.md.
 #pragma once
 
 #include <span>
@@ -12,7 +12,7 @@
 
 namespace sheaf::coordinator {
 
-// What need not be told.
+// Smaller gains are not told.
 inline constexpr double kOneSequenceGainMin = 1.1;
 
 // relMSE of a picture over what it would be with one sequence, as its curve tells. Where errors

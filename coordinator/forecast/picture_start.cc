@@ -12,7 +12,7 @@
 namespace sheaf::coordinator {
 namespace {
 
-// What a picture says of itself, and what it would say if it were of the frame.
+// A statement of a picture about itself, and the same as it would be for a picture of the frame.
 struct Claim {
   const char* key;
   std::string wanted;
@@ -55,7 +55,7 @@ absl::StatusOr<ResumedPicture> ResumePicture(FramePicture picture, const FrameSp
   const std::string why_not = WhyNotOf(spec, numeric_profile, picture);
   absl::StatusOr<ResumedPicture> resumed = ResumedPicture::Make(
       std::move(picture), s.outputs, PictureColorOf(s.primaries, s.white_balance_k, s.sensor));
-  // What is wrong with the picture itself goes first.
+  // Errors of the picture itself go first.
   if (!why_not.empty() && resumed.ok()) return absl::InvalidArgumentError(why_not);
   return resumed;
 }

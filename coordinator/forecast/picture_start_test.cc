@@ -68,10 +68,10 @@ TEST(PictureStartTest, ThePriceIsOfWhatIsNotThere) {
   model.log_error_deviation = 0.4;
   model.log_cpu_deviation = 0.1;
   GoOnFrom(*PictureStartOf(*ResumePicture(MakePicture(), MakeSpec(), kProfile), kGrid), &model);
-  EXPECT_LT(model.log_error_deviation, 0.2);  // Of 128 pixels.
+  EXPECT_LT(model.log_error_deviation, 0.2);  // 128 pixels.
   EXPECT_EQ(model.log_cpu_deviation, 0.1);
   const Forecast same = ForecastSamples(model, 64);
-  EXPECT_DOUBLE_EQ(same.cpu_seconds, 64e-3 * 48);  // Of the left half.
+  EXPECT_DOUBLE_EQ(same.cpu_seconds, 64e-3 * 48);  // The left half.
   const Forecast more = ForecastTarget(model, {.target_error = 1e-3}, 1 << 16);
   EXPECT_TRUE(more.reached);
   EXPECT_NEAR(more.cpu_seconds, 64e-3 * (2 * more.samples - 16 - 64), 1e-9);

@@ -14,14 +14,14 @@ namespace {
 
 // CPU seconds that a pixel costs without any sample, for the film: as known before, and how well.
 constexpr double kIdleSeconds = 5e-8, kIdleDeviation = 3e-8;
-// What the frame's mean tells of a sample's cost in a tile is worth so many blocks there: costs
-// differ more from tile to tile than within one.
+// The frame's mean says as much of a sample's cost in a tile as so many blocks there: costs differ
+// more from tile to tile than within one.
 constexpr double kCostBlocks = 0.4;
-// Of logarithms of errors, squares that are worth the knowledge that costs need not go with them;
-// and errors that are as good as none.
+// The weight, in squares of logarithms of errors, of the prior that costs do not grow with errors;
+// and an error that counts as none.
 constexpr double kSlopeSquares = 5, kErrorMin = 1e-30;
 
-// What pictures took.
+// CPU time of pictures, and their samples.
 struct Cost {
   double pixel_count = 0, samples = 0, cpu_seconds = 0;
 };
@@ -119,7 +119,7 @@ std::vector<double> CpuOfCells(const CellGrid& grid, std::span<const double> sec
     squares += (log_errors[tile] - mean_error) * (log_errors[tile] - mean_error);
   }
   const double power = product / squares;
-  std::vector<double> of_tiles, weights;  // Of all pixels.
+  std::vector<double> of_tiles, weights;  // Sums over all pixels.
   for (uint32_t tile = 0; tile < tile_count; ++tile) {
     of_tiles.push_back(seconds_of_tiles[tile] *
                        static_cast<double>(grid.tiles()[tile].PixelCount()));
@@ -166,7 +166,7 @@ CpuModel FitCpu(const CellGrid& grid, std::span<const PilotPicture> pilot,
   const double known =
       kCostBlocks * block.SamplesPerPixel(kPilotSamples) * block.stride_px * block.stride_px;
   double squares = 0;
-  std::vector<double> seconds;  // Of tiles.
+  std::vector<double> seconds;  // By tile.
   for (const Cost& cost : of_tile) {
     const double own = (cost.cpu_seconds + known * mean) / (cost.samples + known);
     seconds.push_back(std::max(own, 0.01 * mean));

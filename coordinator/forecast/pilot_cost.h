@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// What a sample of a frame costs, from what a pilot's pictures took.
+// The cost of a sample of a frame, from the CPU time of a pilot's pictures.
 #pragma once
 
 #include <span>
@@ -11,13 +11,13 @@
 
 namespace sheaf::coordinator {
 
-// What a sample of sparse blocks takes of the time of one of a picture, whose neighbours have
-// brought what it needs into the caches, in the median of eight scenes; 1 to 20 % more by scene.
+// The time of a sample of sparse blocks over that of one of a picture, for which neighbors have
+// filled the caches: the median of eight scenes; 1 to 20 % more by scene.
 inline constexpr double kSparseCost = 1.06, kSparseLogDeviation = 0.06;
 
 struct CpuModel {
-  std::vector<double> seconds;  // Of one sample of a pixel, in each cell.
-  double log_deviation = 0;     // Of the frame's, for the choice of blocks and kSparseCost.
+  std::vector<double> seconds;  // For one sample of a pixel, by cell.
+  double log_deviation = 0;     // The frame's cost, for the choice of blocks and kSparseCost.
 };
 
 // By pictures of lattices alone: the small one comes first, and threads take longer in their first

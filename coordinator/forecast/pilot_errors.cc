@@ -22,7 +22,7 @@ constexpr double kPilotCellShareMin = 0.05;
 // The i-th of a sequence whose members, any number of them, have a normal distribution.
 double NormalValue(size_t i) { return NormalQuantile(GoldenShare(i)); }
 
-// Of blocks' logarithms.
+// Sums of the logarithms of blocks' errors.
 struct LogSums {
   double count = 0, sum = 0, square_sum = 0;
   void Add(double value) {
@@ -34,7 +34,7 @@ struct LogSums {
   double Squares() const { return count == 0 ? 0 : square_sum - sum * sum / count; }
 };
 
-// Of logarithms: of blocks in a cell, of cells in a tile, and of tiles.
+// Variances of logarithms: of blocks in a cell, of cells in a tile, and of tiles.
 struct Variances {
   double in_cell = 0, of_cells = 0, of_tiles = 0;
 };

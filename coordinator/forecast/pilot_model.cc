@@ -19,14 +19,14 @@
 namespace sheaf::coordinator {
 namespace {
 
-// What errors of all blocks are told at.
+// The samples per pixel at which errors of all blocks are stated.
 constexpr uint64_t kBaseSamples = kReplicateCount;
 constexpr uint64_t kPairSamples = kPilotSamplesMax;
 static_assert(kPilotSamples <= kReplicateCount);
-// Of the price, what goes into the small picture, and pixels that it has at most.
+// The fraction of the price that goes into the small picture, and the most pixels that it has.
 constexpr double kMeanShare = 0.1, kMeanPixelsMax = 1 << 14;
-// Of what is left, what goes into a pair, if it has so many blocks: fewer know less of the rate
-// than is known before.
+// The fraction of the rest that goes into a pair, if it has so many blocks: fewer tell less of the
+// rate than is known before.
 constexpr double kPairShare = 0.5, kPairBlocksMin = 200;
 // More blocks than these tell nothing that matters.
 constexpr double kBlocksEnough = 1 << 12;
@@ -36,7 +36,7 @@ constexpr double kPilotRateMin = 0.9, kPilotRateMax = 1.8;
 constexpr double kTailSquare = 2.5 * 2.5, kTailBlocks = 10;
 constexpr int kBootstrapCount = 200;
 
-// Of a block's pixels, all together.
+// The samples of all of a block's pixels together.
 double BlockSamples(uint64_t samples) {
   const PixelLattice lattice{kPixelStrideMin};
   return lattice.SamplesPerPixel(samples) * lattice.stride_px * lattice.stride_px;

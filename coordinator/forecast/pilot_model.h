@@ -26,19 +26,19 @@
 
 namespace sheaf::coordinator {
 
-// Of a pixel of a pilot: those of most blocks, and at most; powers of two. Errors of 8 samples, one
-// in each of 8 replicates, are twice those of the 16 of a first round, and twice as many pixels
-// tell more. Those of 4 are 1.1 times what they should be in two of seven scenes, those of 2 up to
-// twice: too little is known then of what pixels' true values are.
+// Samples per pixel of a pilot: in most blocks, and at most; powers of two. Errors of 8 samples,
+// one in each of 8 replicates, are twice those of the 16 of a first round, and twice as many pixels
+// tell more. Errors of 4 samples are 1.1 times too high in two of seven scenes, those of 2 up to
+// twice: too little is known then of the pixels' true values.
 inline constexpr uint64_t kPilotSamples = 8;
 inline constexpr uint64_t kPilotSamplesMax = 4 * uint64_t{kReplicateCount};
 
 // One picture of a pilot.
 struct PilotLevel {
   PixelLattice lattice;
-  uint64_t samples = kPilotSamples;  // Of each of its pixels.
+  uint64_t samples = kPilotSamples;  // Per pixel that is rendered.
   int32_t shrink = 1;  // More: all pixels of the frame made so many times smaller, and no lattice.
-  // What it costs, spread over all pixels of the frame.
+  // Its samples, spread over all pixels of the frame.
   double SamplesPerPixel() const {
     return lattice.SamplesPerPixel(samples) / (1.0 * shrink * shrink);
   }
@@ -46,7 +46,7 @@ struct PilotLevel {
 struct PilotPicture {
   PilotLevel level;
   FramePicture picture;
-  std::vector<double> cpu_seconds_of_tiles;  // Of a lattice.
+  std::vector<double> cpu_seconds_of_tiles;  // Only where the picture is of a lattice.
 };
 
 // The levels of a pilot that costs at most `samples_per_pixel` of all of a frame's pixels, where
@@ -57,8 +57,8 @@ struct PilotPicture {
 std::vector<PilotLevel> PilotLevels(double samples_per_pixel, int64_t frame_pixel_count,
                                     uint64_t frame_seed, std::span<const PilotLevel> before);
 
-// What a pilot's metadata tell of each of the frame's tiles. Errors: kDataLoss where they do not
-// tell it of so many.
+// The CPU time of each of the frame's tiles, from a pilot's metadata. Errors: kDataLoss where they
+// have another number of tiles.
 absl::StatusOr<std::vector<double>> TileCpuSecondsOf(
     const std::map<std::string, std::string>& metadata, size_t tile_count);
 

@@ -106,7 +106,7 @@ TEST(PilotModelTest, FurtherPilotsHaveOtherBlocksOrAreNone) {
 
 TEST(PilotModelTest, FindsErrorRateAndCost) {
   for (const double rate : {1.0, 1.25}) {
-    // Of so much, a part goes into a pair.
+    // A part of so high a price goes into a pair.
     const ErrorModel model = FitOf(
         rate, [](int32_t, int32_t) { return 0.04; }, 8);
     EXPECT_NEAR(model.rate, rate, 3 * model.rate_deviation);
@@ -116,7 +116,7 @@ TEST(PilotModelTest, FindsErrorRateAndCost) {
     // Without what parts cost besides.
     EXPECT_NEAR(ForecastSamples(model, 100).cpu_seconds / (1e-3 * 320 * 256), 1, 0.1);
   }
-  // Of little, none does.
+  // No part of a low one does.
   EXPECT_GT(FitOf(
                 1.0, [](int32_t, int32_t) { return 0.04; }, 0.4)
                 .rate_deviation,
@@ -131,7 +131,7 @@ TEST(PilotModelTest, WhatPartsCostBesidesSamplesIsToldByTiles) {
   EXPECT_NEAR(ForecastSamples(model, 100).cpu_seconds / (1e-3 * 320 * 256), 1, 0.05);
 }
 
-// Of means of few unequal blocks more are below the true mean than above; not of what is told.
+// More means of few unequal blocks are below the true mean than above; quotes are not.
 TEST(PilotModelTest, QuotesAreAsOftenTooLowAsTooHigh) {
   int low = 0;
   constexpr int kFrames = 200;
@@ -246,7 +246,7 @@ TEST(PilotModelTest, CpuTimesAreOfAllTilesOrNone) {
   for (const char* text : {"", "0.5 2", "0.5 2 1 1", "0.5 x 1"}) {
     EXPECT_TRUE(absl::IsDataLoss(times(text).status())) << text;
   }
-  EXPECT_TRUE(absl::IsDataLoss(TileCpuSecondsOf({}, 3).status()));  // Of an older coordinator.
+  EXPECT_TRUE(absl::IsDataLoss(TileCpuSecondsOf({}, 3).status()));  // From an older coordinator.
 }
 
 }  // namespace

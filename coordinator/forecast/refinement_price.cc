@@ -143,7 +143,7 @@ std::optional<ForecastStart> StartOf(const FinishedFrame& frame, const StopRule&
   return std::nullopt;
 }
 
-// Of one frame, as it is.
+// The forecast of one frame as it is.
 Forecast AsItIs(const FinishedFrame& frame, double target_error) {
   const std::vector<CellRound>& last = frame.rounds.back().cells;
   const ErrorSums sum = SumOf(last);
@@ -171,7 +171,7 @@ RefinementPrice PriceOf(const std::vector<ModelledFrame>& frames, size_t frame_c
   // At the band's ends and in its middle: low, value, high.
   constexpr double kDeviations[] = {-kBandDeviations, 0, kBandDeviations};
   double errors[3] = {}, samples[3] = {}, cpu_seconds[3] = {};
-  double samples_more = 0;  // Of all pixels.
+  double samples_more = 0;  // Summed over all pixels.
   RefinementPrice price;
   price.target_error = target_error;
   price.reached = true;

@@ -1,10 +1,10 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// What it costs to refine a finished frame until its error is at a target. Its rounds tell what a
-// pilot would (pilot_model.h), of all pixels: the errors of its cells, how they fell, and what a
-// sample of each cell cost. The frame goes on where ReplayRounds would let it, and from there its
-// rounds are played through:
+// The cost of refining a finished frame until its error is at a target. Its rounds tell what a
+// pilot would (pilot_model.h), but of all pixels: the errors of its cells, how they fell, and the
+// cost of a sample of each cell. The frame continues where ReplayRounds would let it, and from
+// there its rounds are played through:
 //
 //     rounds, CPU time of cells > where the new rule differs > ErrorModel > ForecastFrom > price
 #pragma once
@@ -30,12 +30,12 @@ struct FinishedFrame {
   // Whether `rounds` were decided by a rule; else they are points of its curve, and it goes on from
   // the last.
   bool had_rule = false;
-  uint64_t first_round_samples = kReplicateCount;  // Of its rule.
+  uint64_t first_round_samples = kReplicateCount;  // As its rule has it.
   std::vector<RoundRecord> rounds;                 // With cells; at least one.
-  // Of each cell, what all of its samples took; empty where its parts are not kept, and all of them
-  // must be rendered again.
+  // CPU time of all samples of each cell; empty where its parts are not kept, and all of them must
+  // be rendered again.
   std::vector<double> cpu_seconds_of_cells;
-  double cpu_seconds = 0;  // Of the frame.
+  double cpu_seconds = 0;  // For the frame.
 };
 
 struct RefinementPrice {
@@ -43,7 +43,7 @@ struct RefinementPrice {
   bool reached = false;        // With the samples that are allowed.
   Estimate relative_mse;       // In the end; this and the next as means over frames.
   Estimate samples_per_pixel;  // In the end, those included that are there.
-  Estimate cpu_seconds;        // Of all frames, beyond what is there.
+  Estimate cpu_seconds;        // For all frames, beyond the samples that exist.
   Estimate wall_seconds;       // With the farm's other jobs; 0 where there are no threads.
 };
 

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// What a pilot's picture of one sample a pixel shows of lamps: its layer `seen`
-// (light_path_kind.h), which has what the camera itself sees of them, and all light beside it.
+// The emitters in a pilot's picture of one sample a pixel: its layer `seen` (light_path_kind.h),
+// which holds the emission that the camera sees directly, and all light beside it.
 #pragma once
 
 #include <array>

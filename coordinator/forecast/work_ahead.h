@@ -31,14 +31,14 @@ class WorkAhead {
  private:
   // Sums over the jobs up to one.
   struct Sums {
-    double cpu_seconds = 0;             // Of all their samples.
-    double cpu_seconds_per_sample = 0;  // Of one sample of each.
-    double uncosted_samples = 0;        // Of those whose cost is not known.
+    double cpu_seconds = 0;             // For all their samples.
+    double cpu_seconds_per_sample = 0;  // For one sample of each.
+    double uncosted_samples = 0;        // Samples of jobs whose cost is not known.
     double uncosted_jobs = 0;
   };
 
   std::vector<WorkLeft> jobs_;  // By descending priority, then by ascending sample_count.
-  std::vector<Sums> before_;    // Of the jobs before each, and at the end of all.
+  std::vector<Sums> before_;    // Sums over the jobs before each, and over all.
 };
 
 // A farm for those who ask when a job would be done on it.

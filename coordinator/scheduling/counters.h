@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// What happened since the start, counted under the name of the event. Every way in which work can
-// go astray has a counter of its own, so that nothing goes astray unseen.
+// Counts of events since the start, by name. Every way in which work can be lost has a counter of
+// its own, so that nothing is lost unseen.
 #pragma once
 
 #include <array>
@@ -32,7 +32,7 @@ struct Counters {
   uint64_t rays_accepted = 0;
   uint64_t nonfinite_samples = 0;
   uint64_t frames_delivered = 0;
-  uint64_t scenes_lost = 0;  // Of live jobs, with a file that is damaged or lost.
+  uint64_t scenes_lost = 0;  // Scenes of live jobs with a file that is damaged or lost.
   std::array<uint64_t, kFailureKindCount> failures{};  // By FailureKind.
 };
 

@@ -86,7 +86,7 @@ class FarmSim {
   }
 
  private:
-  static constexpr int kRounds = 4;  // Of frames with a rule.
+  static constexpr int kRounds = 4;  // For frames with a rule.
   using TileKey = std::pair<FrameId, uint32_t>;
   struct TilePart {
     PixelRect tile;
@@ -98,7 +98,7 @@ class FarmSim {
     std::array<SampleRanges, kTileCellsMax> merged;  // By cell.
   };
 
-  // Of each cell, as decided at the end of so many rounds: unequal, and often no more than before.
+  // By cell, as decided at the end of so many rounds: unequal, and often no more than before.
   static std::vector<uint64_t> SamplesAfter(const FrameSpec& frame, const CellGrid& grid,
                                             int rounds) {
     if (!frame.stop.IsActive())
@@ -167,7 +167,7 @@ class FarmSim {
     ASSERT_TRUE(answer.ok()) << answer.status();
     for (const Lease& lease : answer->leases) CheckNotMerged(lease);
     if (!Happens(faults_.reply_lost)) worker->held = answer->leases;
-    // What it rendered already it does not take up again.
+    // It does not take up again leases that it has rendered already.
     std::erase_if(worker->held, [&](const Lease& lease) {
       return std::any_of(worker->unacknowledged.begin(), worker->unacknowledged.end(),
                          [&](const Lease& done) { return done.lease_id == lease.lease_id; });
@@ -296,7 +296,7 @@ class FarmSim {
   int next_worker_ = 0;
   std::vector<SimWorker> workers_;
   std::multimap<SteadyTime, Lease> arrivals_;
-  std::map<TileKey, TileJournal> journal_;  // What is on disk.
+  std::map<TileKey, TileJournal> journal_;  // The rows on disk.
   std::map<FrameId, int> rounds_;           // Likewise: the last that was decided.
   std::set<FrameId> delivered_;
 };
@@ -364,7 +364,7 @@ TEST(FarmSimTest, EveryFrameFinishesUnderEveryMixOfFaults) {
     sim.CheckComplete();
     if (testing::Test::HasFailure()) return;
     lives += sim.lives();
-    const Counters& counters = sim.scheduler().counters();  // Of the last life.
+    const Counters& counters = sim.scheduler().counters();  // Since the last start.
     expired += counters.leases_expired;
     late += counters.results_late;
     hedged += counters.leases_hedged;

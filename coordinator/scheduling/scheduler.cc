@@ -18,7 +18,7 @@ uint64_t FirstRoundSamplesOf(const FrameRecord& frame) {
   return stop.IsActive() ? std::min(samples, stop.first_round_samples) : samples;
 }
 
-// What an open frame counts for: its pixels, in units of a picture without outputs.
+// The size of an open frame: its pixels, in units of a picture without outputs.
 int64_t OpenPixelsOf(const FrameSettings& settings) {
   const auto channel_count = static_cast<int64_t>(PictureChannelCount(settings.outputs));
   constexpr auto kUnit = static_cast<int64_t>(kPictureChannelCountMin);

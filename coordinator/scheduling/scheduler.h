@@ -51,7 +51,7 @@
 
 namespace sheaf::coordinator {
 
-// What went wrong with one task so far.
+// The failures of one task so far.
 struct TaskFailures {
   std::set<std::string> failed_by;      // Workers of every class but released.
   std::set<std::string> crashed, lost;  // Workers, by class.
@@ -93,7 +93,7 @@ struct JobRecord {
   JobPhase phase = JobPhase::kLive;
   std::string failure;
   std::vector<FrameRecord> frames;  // Ascending by number.
-  FrameShapes shapes;               // Of the frames.
+  FrameShapes shapes;               // The frames point into it.
   PendingFrames pending;
   using FrameSet = std::set<uint32_t>;  // Indices into frames.
   FrameSet ready;                       // Open with something to lease.
@@ -151,7 +151,7 @@ class Scheduler {
   // Returns whether anything changed.
   bool Tick(SteadyTime now);
 
-  // What a result is a result of.
+  // The task that a result belongs to.
   struct FoundTask {
     // kUnknown: no live frame has the digest. kMalformed: the frame has no such tile or block.
     enum class Kind { kWanted, kCovered, kPartial, kUnknown, kMalformed };

@@ -37,7 +37,7 @@ class SchedulerControlTest : public testing::Test {
     scheduler_.AddJob(job);
     return job.job_id;
   }
-  // What worker `id` holds after a Synchronize.
+  // The leases that worker `id` holds after a Synchronize.
   std::vector<Lease> Sync(const std::string& id, int wanted) {
     WorkerReport report;
     report.worker_id = report.host = id;
@@ -102,7 +102,7 @@ TEST_F(SchedulerControlTest, PausedJobThatEndsIsPausedNoMore) {
   EXPECT_TRUE(Sync("a", 1).empty());
 }
 
-// What others had meanwhile gives no claim: they share evenly from then on.
+// Work that others got meanwhile gives no claim: all get equal shares from then on.
 TEST_F(SchedulerControlTest, ResumedAndPromotedJobsBeginLevel) {
   const uint64_t first = AddJob(4), second = AddJob(4);
   scheduler_.Pause(first, now_);

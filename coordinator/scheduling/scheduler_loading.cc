@@ -20,7 +20,7 @@ void Scheduler::NoteLoaded(const FrameId& id) {
 void Scheduler::CountLoadingLoss(const Lease& lease) {
   if (Frame(lease.frame).loaded) return;
   JobRecord& job = jobs_.at(lease.frame.job_id);
-  // Whoever is alive says so at least that often.
+  // A live worker reports at least that often.
   const WorkerRecord* worker = workers_.Find(lease.worker_id);
   const SteadyTime gone_time =
       (worker != nullptr ? worker->last_seen_time : lease.grant_time) + BusyInterval();

@@ -52,8 +52,8 @@ class SchedulerTest : public testing::Test {
     return job.job_id;
   }
 
-  // What worker `id` holds after a Synchronize; it reports what it held before, rendering the
-  // first.
+  // The leases that worker `id` holds after a Synchronize; it reports those that it held before,
+  // rendering the first.
   const std::vector<Lease>& Sync(const std::string& id, int wanted) {
     WorkerReport report;
     report.worker_id = report.host = id;

@@ -26,7 +26,7 @@ struct WorkerRecord {
   bool lost = false;
   std::string quarantine_reason;      // Empty while it is trusted.
   std::set<std::string> warm_scenes;  // Compiled in its memory, or of leases it holds.
-  uint64_t scene_memory_bytes = 0;    // Of those in its memory; 0: not known.
+  uint64_t scene_memory_bytes = 0;    // For the scenes in its memory; 0: not known.
   std::set<uint64_t> leases;          // Ids, held now.
   SteadyTime last_seen_time;
   uint64_t result_count = 0;    // Accepted.

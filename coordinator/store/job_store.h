@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// JobStore: what the coordinator must not forget. Whatever a call returned OK for survives kill -9
-// and power loss (of a store that is Durability::kPowerLoss), so that an acknowledgement sent after
+// JobStore: the coordinator's durable state. A change for which a call returned OK survives kill -9
+// and power loss (in a store that is Durability::kPowerLoss), so that an acknowledgement sent after
 // it is true.
 #pragma once
 
@@ -30,12 +30,12 @@ struct PartKey {
 
 struct PartRow {
   PartKey key;
-  BlobDigest digest;      // Of the part's bytes.
-  std::string worker_id;  // Who rendered it, for accounting.
+  BlobDigest digest;      // The digest of the part's bytes.
+  std::string worker_id;  // The worker that rendered it, for accounting.
   ResultCost cost;
 };
 
-// What is known of a frame whose EXR is written.
+// The properties of a frame whose EXR is written.
 struct DeliveredFrame {
   std::string picture_digest;
   double relative_mse = 0;
@@ -45,8 +45,8 @@ struct DeliveredFrame {
   StopReason stop_reason = StopReason::kSamples;
   uint64_t sample_count = 0;  // Pixel samples.
   uint32_t tile_count = 0;
-  uint32_t unreliable_tile_count = 0;         // Of those, with errors that are not to be trusted.
-  std::vector<LayerCount> unreliable_layers;  // What makes them so (rare_layers.h).
+  uint32_t unreliable_tile_count = 0;         // Tiles with errors that are not reliable.
+  std::vector<LayerCount> unreliable_layers;  // The causes (rare_layers.h).
   absl::Duration wall_duration;
   ResultCost cost;  // Sums over its parts.
 };
@@ -65,7 +65,7 @@ struct StoredJob {
   JobSpec spec;
   std::string request_id;
   JobPhase phase = JobPhase::kLive;
-  bool paused = false;  // Of live jobs.
+  bool paused = false;  // Only live jobs are.
   std::string failure;
   FailureLog failures;
   absl::Time create_time;
@@ -113,7 +113,7 @@ class JobStore {
   // The rows of one tile, ascending by first sample.
   virtual absl::StatusOr<std::vector<PartRow>> FindTileParts(const FrameId& frame,
                                                              const PixelRect& tile) = 0;
-  // What the parts that are kept of each tile cost.
+  // The CPU time of a tile's parts that are kept.
   struct TileCost {
     PixelRect tile;
     absl::Duration cpu_duration;
@@ -132,10 +132,10 @@ class JobStore {
   // Writes down what a round decided, before anybody works on the next one. Nothing happens where
   // the frame has the round already.
   virtual absl::Status AddRound(const FrameId& frame, const RoundRecord& round) = 0;
-  // Of all frames of a job, ascending by frame and round.
+  // The rounds of all frames of a job, ascending by frame and round.
   // Without cells, `cells` and samples_next are empty.
   virtual absl::StatusOr<std::vector<StoredRound>> LoadRounds(uint64_t job_id, bool with_cells) = 0;
-  // Of one frame, with cells.
+  // The rounds of one frame, with cells.
   virtual absl::StatusOr<std::vector<RoundRecord>> LoadFrameRounds(const FrameId& frame) = 0;
 
   // A job that has ended goes on: these frames of it are no longer delivered, and have new rules,

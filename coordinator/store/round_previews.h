@@ -22,9 +22,9 @@
 namespace sheaf::coordinator {
 
 struct RoundPreviewLimits {
-  int64_t pixels_max = int64_t{1} << 17;   // Of one preview.
-  size_t rounds_max = 24;                  // Of a frame; beyond it every other one goes.
-  uint64_t bytes_max = uint64_t{2} << 30;  // Of all of them; 0: none are kept.
+  int64_t pixels_max = int64_t{1} << 17;   // Pixels of one preview.
+  size_t rounds_max = 24;                  // Rounds of a frame; beyond it every other one goes.
+  uint64_t bytes_max = uint64_t{2} << 30;  // All previews together; 0: none are kept.
 };
 
 // Thread safety: all members may be called concurrently.

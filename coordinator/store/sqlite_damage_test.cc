@@ -129,7 +129,7 @@ TEST_F(SqliteDamageTest, ADatabaseThatBecameEmptyIsNotBegunAnew) {
   std::filesystem::resize_file(database_, 0);
   EXPECT_EQ(Start().code(), absl::StatusCode::kDataLoss);
   EXPECT_EQ(std::filesystem::file_size(database_), 0u);
-  std::filesystem::remove(database_);  // Of a folder without database a person has decided.
+  std::filesystem::remove(database_);  // A missing database is a person's decision.
   EXPECT_TRUE(Start().ok());
 }
 

@@ -55,7 +55,7 @@ class SqliteStatement {
 
   sqlite3* database_;
   sqlite3_stmt* statement_;
-  absl::Status status_;  // Of what came before Step.
+  absl::Status status_;  // The status of the calls before Step.
   int bound_count_ = 0;
   bool stepped_ = false;
 };

@@ -29,7 +29,7 @@ absl::Status SqliteJobStore::WritePart(const PartRow& row, const std::string& by
     parts_bytes_ += bytes.size();
     return status;
   }
-  // Of two equal parts at the same time one finds the other's row: that file is the other's, too.
+  // When two equal parts come at the same time, one finds the other's row, and the file is shared.
   if (!absl::IsAlreadyExists(status)) {
     std::error_code ignored;
     std::filesystem::remove(path, ignored);

@@ -280,7 +280,7 @@ TEST_F(SqliteJobStoreTest, KilledBetweenFileAndRowLeavesNothing) {
   const uint64_t job = CreateJob();
   const PartRow kept = MakePart(job, 0, "kept");
   ASSERT_TRUE(store_->WritePart(kept, "kept").ok());
-  // What a kill leaves behind: the file of a part without its row, and a half-written one.
+  // A kill leaves behind the file of a part without its row, and a half-written one.
   const PartRow orphan = MakePart(job, 16, "orphan");
   std::ofstream(store_->PartPath(orphan)) << "orphan";
   std::ofstream(store_->PartPath(orphan) + ".tmp-1-1") << "orp";

@@ -37,7 +37,7 @@ CREATE TABLE parts(
   PRIMARY KEY(job_id, frame_number, y0, x0, first, count)) WITHOUT ROWID;
 )sql";
 
-// What each version added: earlier frames were rendered with what are now the defaults.
+// The additions of each version: earlier frames were rendered with the present defaults.
 constexpr char kAddedBy2[] = R"sql(
 ALTER TABLE frames ADD COLUMN color INTEGER NOT NULL DEFAULT 0;
 ALTER TABLE frames ADD COLUMN single_scattering INTEGER NOT NULL DEFAULT 0;

@@ -51,7 +51,7 @@ void VisitColumns(Row& row, const Visitor& visit) {
   visit("first_round_samples", row.first_round_samples);
 }
 
-// What a frame shall be, in the table `frames`.
+// The specification of a frame, in the table `frames`.
 struct FrameSpecRow {
   uint64_t job_id = 0;
   FrameSpec spec;

@@ -15,7 +15,7 @@ namespace sheaf::coordinator {
 
 struct FarmOptions {
   std::string state_directory;
-  Durability durability = Durability::kPowerLoss;  // Of jobs and parts; pictures are durable.
+  Durability durability = Durability::kPowerLoss;  // For jobs and parts; pictures are durable.
   Limits limits;
   // Parts of delivered frames are kept for RefineJob while all parts together are no more than
   // this; then the oldest go.
@@ -26,7 +26,7 @@ struct FarmOptions {
   uint64_t merge_bytes_max = uint64_t{1} << 30;
   absl::Duration preview_interval_min =
       absl::Milliseconds(300);                    // Between two previews of a frame.
-  uint64_t part_bytes_max = uint64_t{256} << 20;  // Of one result.
+  uint64_t part_bytes_max = uint64_t{256} << 20;  // For one result.
 };
 
 }  // namespace sheaf::coordinator

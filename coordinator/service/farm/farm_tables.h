@@ -27,7 +27,7 @@
 
 namespace sheaf::coordinator {
 
-// What the scheduler does not need to know of a job.
+// The properties of a job that the scheduler does not need.
 struct JobAccount {
   absl::Time create_time;
   absl::Time end_time = absl::InfiniteFuture();
@@ -36,7 +36,7 @@ struct JobAccount {
   // By frame. Cells of the last round only, and only of frames that are not delivered.
   std::map<int32_t, std::vector<RoundRecord>> rounds;
   std::map<int32_t, absl::Duration> wall_before;  // By frame: before this start.
-  absl::Duration job_wall_before;                 // Of the job as a whole.
+  absl::Duration job_wall_before;                 // The same for the job as a whole.
 };
 
 // An open frame and how it stands, as of its last refresh.

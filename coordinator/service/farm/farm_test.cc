@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// What the farm promises of durability, held against a store that is slow on purpose.
+// Tests the farm's durability with a store that is slow on purpose.
 #include "coordinator/service/farm/farm.h"
 
 #include <atomic>
@@ -244,8 +244,8 @@ TEST_F(FarmTest, JobsSayThatTheDiskIsFullAndGoOnByThemselves) {
   EXPECT_TRUE(farm_->FindJob(job)->frames[0].complete);
 }
 
-// Whoever cancels a job that somebody else is writing down as cancelled has no answer before that
-// is durable: after a power cut the job would be alive again, against what was said.
+// A second call to cancel a job is not answered before the first is durable: after a power cut the
+// job would be alive again, although the caller was told otherwise.
 TEST_F(FarmTest, ASecondCancelWaitsUntilTheFirstIsDurable) {
   const uint64_t job = MakeJob({});
   const auto cancel = [&] { return farm_->CancelJob(job); };
@@ -258,7 +258,7 @@ TEST_F(FarmTest, ASecondCancelWaitsUntilTheFirstIsDurable) {
   EXPECT_TRUE(second.get().ok());
 }
 
-// Who looks while the first round is being decided sees a frame without rounds.
+// A view during the decision of the first round shows a frame without rounds.
 TEST_F(FarmTest, JobsCanBeLookedAtWhileARoundIsDecided) {
   const std::string job = absl::StrCat(MakeJob({.target_error = 1e-6}));
   Work();

@@ -23,7 +23,8 @@ namespace {
 // A preview may take at most this share of one core.
 constexpr double kPreviewShareMax = 0.1;
 
-// What it takes to render the picture again. No date and no host: equal pictures are equal files.
+// The values from which the picture can be rendered again. Without date and host, so that equal
+// pictures are equal files.
 std::map<std::string, std::string> PictureMetadata(const FrameSpec& spec,
                                                    const std::string& numeric_profile,
                                                    const Partition& partition) {
@@ -60,7 +61,7 @@ std::map<std::string, std::string> PictureMetadata(const FrameSpec& spec,
   return metadata;
 }
 
-// What is found when it is delivered. Estimates that cannot be told are left out.
+// Adds the values that are found on delivery. Estimates that do not exist are left out.
 void AddFindings(const DeliveredFrame& delivered, const FrameMerge& merge, FramePicture* picture) {
   picture->metadata[kPictureDigestKey] = delivered.picture_digest;
   if (merge.signed_weights()) picture->metadata[kSampleWeightKey] = "signed";

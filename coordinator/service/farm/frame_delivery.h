@@ -25,7 +25,7 @@ namespace sheaf::coordinator {
 // Thread safety: one thread at a time.
 class FrameDelivery {
  public:
-  // What a delivery works on; all of it must outlive the object.
+  // The objects that it works on; all must outlive it.
   struct Parts {
     FarmTables& tables;
     JobStore& store;

@@ -100,8 +100,8 @@ void FrameRounds::NotePoint(OpenFrame* frame, const FrameId& id, bool ended) {
     const FrameRecord* record = tables_.scheduler.FindFrame(id);
     if (record->phase == FrameRecord::Phase::kDelivered) return;  // With a point at its end.
   }
-  // Of a frame at work those that are known already: a large picture is not looked at as a whole.
-  // Without a rule each tile is a cell, but where the frame goes on from a picture.
+  // A frame at work has errors of tiles already: a large picture is not examined as a whole.
+  // Without a rule each tile is a cell, except where the frame resumes a picture.
   const bool is_known = !ended && frame->merge.grid().cells() == frame->merge.grid().tiles();
   RoundRecord record =
       RecordOf(*frame, id, is_known ? frame->error.OfTiles() : ErrorsOf(frame->merge));

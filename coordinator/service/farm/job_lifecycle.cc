@@ -174,7 +174,7 @@ void JobLifecycle::SettleEnded() {
     absl::Duration wall;
   };
   const MutexLock settling(&settle_mutex_);
-  SaveNewFailures();  // Who sees that a job has failed finds out why.
+  SaveNewFailures();  // Before the end, so that a failed job always has its reasons.
   std::vector<Ended> ended;
   {
     const MutexLock lock(&tables_.mutex);

@@ -27,7 +27,7 @@ namespace sheaf::coordinator {
 // Thread safety: all members may be called concurrently.
 class JobLifecycle {
  public:
-  // What a lifecycle works on; all of it must outlive the object.
+  // The objects that it works on; all must outlive it.
   struct Parts {
     FarmTables& tables;
     JobStore& store;
@@ -68,10 +68,10 @@ class JobLifecycle {
   // cancelled. Returns whether anything changed that a FarmView shows.
   bool Tick();
   // Writes down the ends of jobs that have ended, and their failures, and removes their parts.
-  // Calls that come meanwhile wait until it is durable. What the disk refuses is tried again by the
-  // next call.
+  // Concurrent calls wait until that is durable. Writes that the disk refuses are tried again by
+  // the next call.
   void SettleEnded();
-  // Writes down failures that are new. What the disk refuses is tried again.
+  // Writes down failures that are new. Writes that the disk refuses are tried again.
   void SaveFailures() ABSL_LOCKS_EXCLUDED(settle_mutex_);
   // Removes parts of delivered frames, the oldest first, while there are more than the limit.
   void LimitKeptParts();

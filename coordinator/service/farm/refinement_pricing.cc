@@ -39,7 +39,7 @@ RoundRecord WholeFrame(const FrameSpec& spec, const DeliveredFrame& delivered) {
   return record;
 }
 
-// What the cells of each tile took, by the samples that they have.
+// Distributes each tile's CPU time among its cells by their samples.
 std::vector<double> ShareCpuTime(const CellGrid& grid, const std::vector<double>& seconds_of_tiles,
                                  const std::vector<RoundRecord>& rounds) {
   const std::vector<PixelRect>& cells = grid.cells();
@@ -58,7 +58,7 @@ struct RefinementPricing::Priced {
   uint64_t job_id = 0;
   // Some frames, evenly over the job's range.
   std::vector<std::pair<FrameSpec, DeliveredFrame>> frames;
-  size_t frame_count = 0;  // Of the job.
+  size_t frame_count = 0;  // All frames of the job.
   Partition partition;
   uint64_t samples_max = kStoppedSamplesMax;
   int32_t priority = 0;

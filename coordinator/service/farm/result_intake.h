@@ -32,7 +32,7 @@ struct ResultReport {
   TileCells cells;
   uint64_t lease_id = 0;
   std::string worker_id;
-  BlobDigest digest;  // Of the part's bytes.
+  BlobDigest digest;  // The digest of the part's bytes.
   uint64_t ray_count = 0;
   absl::Duration cpu_duration;
 };
@@ -41,7 +41,7 @@ enum class ResultOutcome { kAccepted, kDuplicateEqual, kDuplicateMismatch, kSupe
 // Thread safety: all members may be called concurrently.
 class ResultIntake {
  public:
-  // What an intake works on; all of it must outlive the object.
+  // The objects that it works on; all must outlive it.
   struct Parts {
     FarmTables& tables;
     JobStore& store;

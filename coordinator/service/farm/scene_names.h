@@ -1,7 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// SceneNames: file names of scenes by the digests of their manifests. What was read once is kept.
+// SceneNames: file names of scenes by the digests of their manifests. Names that were read are
+// kept.
 #pragma once
 
 #include <map>

@@ -45,7 +45,7 @@ WorkerView WorkerViews::ViewOf(const WorkerRecord& worker) const {
         return (a.phase == LeasePhase::kRendering) > (b.phase == LeasePhase::kRendering);
       });
   view.leases.resize(std::min(view.leases.size(), kWorkerLeasesShownMax));
-  if (worker.lost || worker.Stopped()) return view;  // What it had in its memory is nobody's now.
+  if (worker.lost || worker.Stopped()) return view;  // Its memory is gone.
   view.warm_scene_count = static_cast<int32_t>(worker.warm_scenes.size());
   for (const std::string& scene : worker.warm_scenes) {
     if (view.warm_scenes.size() >= kWorkerScenesShownMax) break;

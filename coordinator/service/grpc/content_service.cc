@@ -22,8 +22,8 @@ absl::Status AppendChunk(const v1::WriteBlobRequest& message, BlobWriter* writer
   return writer->Append(*bytes);
 }
 
-// Writes the messages of one upload. What came before an error or a broken stream stays durable, to
-// be resumed.
+// Writes the messages of one upload. The bytes before an error or a broken stream stay durable, and
+// the upload can be resumed.
 absl::Status WriteAll(v1::WriteBlobRequest* message,
                       grpc::ServerReader<v1::WriteBlobRequest>* reader, BlobWriter* writer,
                       const BlobDigest& digest) {
@@ -109,7 +109,7 @@ grpc::Status ContentService::ReadBlob(grpc::ServerContext* context,
   if (!digest.ok()) return ToGrpcStatus(digest.status());
   uint64_t offset_bytes = request->offset_bytes();
   const bool whole = offset_bytes == 0;
-  Sha256 hash;  // Of what is read now: a disk that loses bits changes no time of a file.
+  Sha256 hash;  // Hashes the bytes that are read now: a disk that loses bits changes no time.
   while (!context->IsCancelled()) {
     const absl::StatusOr<std::string> chunk =
         blobs_->ReadChunk(*digest, offset_bytes, kBlobChunkBytesMax);

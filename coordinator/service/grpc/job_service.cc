@@ -212,7 +212,7 @@ grpc::Status JobService::WatchJob(grpc::ServerContext* context, const v1::WatchJ
       if (!writer->Write(job)) return grpc::Status::OK;  // The watcher has gone.
     }
     if (HasEnded(view->state)) return grpc::Status::OK;
-    // Who waits for a job's end learns of it at once.
+    // A client that waits for a job's end learns of it at once.
     farm_->WaitForEnd(ends_seen, kWatchIntervalMin);
     farm_->WaitForChange(seen, kWatchIntervalMin);
   }

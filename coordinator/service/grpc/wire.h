@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The one place where wire messages and the coordinator's values are turned into each other. What
-// comes from the wire is checked here; behind this file nothing is malformed.
+// The one place where wire messages and the coordinator's values are converted. Messages are
+// checked here; behind this file nothing is malformed.
 #pragma once
 
 #include <string>

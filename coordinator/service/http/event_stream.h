@@ -30,13 +30,13 @@ inline constexpr size_t kEventBatchBytesMax = size_t{1} << 18;
 struct ServerEvent {
   // "job", "frame", "worker".
   std::string type;
-  // What it is about: "jobs/7". A newer event replaces an unsent one of the same type and key.
+  // Its subject: "jobs/7". A newer event replaces an unsent one of the same type and key.
   std::string key;
   // JSON on one line.
   std::string json;
 };
 
-// What one reader has not been sent yet.
+// The events that one reader has not been sent yet.
 // Thread safety: every method may be called from any thread.
 class EventQueue {
  public:

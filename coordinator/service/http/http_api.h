@@ -56,7 +56,7 @@ inline constexpr char kRangeHeader[] = "X-Sheaf-Range";
 inline constexpr int kPageSizeDefault = 100;
 inline constexpr int kPageSizeMax = 1000;
 
-// What people may do to the farm through the page.
+// The actions that the page offers on the farm.
 struct FarmActions {
   // Cancels a job. Errors: kNotFound; kFailedPrecondition (it has ended).
   std::function<absl::Status(const std::string& job_id)> cancel_job;

@@ -10,7 +10,7 @@ set(types
   "svg=image/svg+xml"
   "txt=text/plain\\; charset=utf-8")
 
-# What the page's build makes and no list names would be missing in the browser.
+# A file that the page's build makes and no list names would be missing in the browser.
 file(GLOB built RELATIVE ${PAGE_DIR} ${PAGE_DIR}/*)
 foreach(name IN LISTS built)
   if(NOT name IN_LIST FILES)

@@ -24,11 +24,11 @@ class FakeFarm : public FarmView {
   std::vector<JobView> jobs;  // With their frames.
   std::vector<WorkerView> workers;
   std::vector<MetricView> metrics;
-  std::vector<FailureView> failures;  // Of every job.
-  RefinementPrices prices;            // Of every job; their targets are as asked for.
+  std::vector<FailureView> failures;  // Those of every job.
+  RefinementPrices prices;            // Those of every job; their targets are as asked for.
   absl::Status ready;
-  PreviewView preview;        // Of every frame.
-  PreviewView round_preview;  // Of every round that has a version.
+  PreviewView preview;        // The same for every frame.
+  PreviewView round_preview;  // The same for every round that has a version.
 
   // Applies a change under the lock and wakes whoever waits.
   template <class Change>

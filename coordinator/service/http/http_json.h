@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// What the farm looks like, as JSON text. Fields are named as in the protos; times are ISO 8601 in
+// The views of the farm as JSON text. Fields are named as in the protos; times are ISO 8601 in
 // UTC, durations are seconds, and null stands for what cannot be told yet.
 #pragma once
 

@@ -32,7 +32,7 @@ struct EncodedPreview {
   // FrameView::preview_version that it shows.
   uint64_t version = 0;
   std::string png;
-  std::optional<LayerRange> range;  // Of layers in false colour.
+  std::optional<LayerRange> range;  // Only for layers in false color.
 };
 
 class PreviewCache {

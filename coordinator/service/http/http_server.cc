@@ -213,7 +213,8 @@ asio::awaitable<void> HttpServer::Impl::Accept() {
       continue;
     }
     asio::co_spawn(io_, Serve(std::move(socket)), [](std::exception_ptr failure) {
-      // What Beast throws (out of memory beside) concerns one connection, which is closed by now.
+      // Exceptions of Beast (besides lack of memory) concern one connection, which is closed by
+      // now.
       if (failure) LogWarning("an HTTP connection was closed because of an unexpected error");
     });
   }

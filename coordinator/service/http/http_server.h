@@ -23,7 +23,7 @@ namespace sheaf::coordinator {
 inline constexpr size_t kHttpConnectionCountMax = 512;
 // Connections of one address that have not sent a whole request. One more costs the oldest of them
 // its place; so does a new connection that finds all places taken, if need be that of one that is
-// idle between requests. What is being answered keeps its place.
+// idle between requests. A connection with a request in progress keeps its place.
 inline constexpr size_t kHttpHalfOpenCountMax = 64;
 inline constexpr uint32_t kHttpHeaderBytesMax = 16 * 1024;
 inline constexpr uint64_t kHttpBodyBytesMax = 64 * 1024;

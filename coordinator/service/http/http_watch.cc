@@ -53,7 +53,7 @@ bool Differs(std::map<std::string, std::string>* marks, const std::string& key, 
 
 void FarmDifference::Publish(const FarmView& farm) {
   const bool watched = hub_->ReaderCount() > 0;
-  // Frames are looked at for viewers only. Whoever comes later fetches them after subscribing.
+  // Frames are watched for viewers only. Later viewers fetch them after subscribing.
   if (!watched) frames_.clear();
   for (const JobView& job : farm.ListJobs()) {
     if (!Differs(&jobs_, job.job_id, Mark(job)) || !watched) continue;

@@ -33,7 +33,7 @@ class FarmDifference {
   void Publish(const FarmView& farm);
 
  private:
-  // What of an object decides whether a viewer should hear of it, as text.
+  // The properties of an object whose changes viewers are told of, as text.
   using Marks = std::map<std::string, std::string>;
   void PublishFrames(const FarmView& farm, const std::string& job_id);
 

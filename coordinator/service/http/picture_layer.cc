@@ -20,7 +20,8 @@ namespace {
 
 // Shares of the pixels that may lie below and above the false colours of the error.
 constexpr double kRangeLowShare = 0.01, kRangeHighShare = 0.99;
-// Of the picture's mean, in what errors are relative to: as in common/film/error/error_estimate.h.
+// The fraction of the picture's mean in the denominator of relative errors, as in
+// common/film/error/error_estimate.h.
 constexpr double kErrorFloorShare = 0.1;
 constexpr float kUnknown = std::numeric_limits<float>::quiet_NaN();
 

@@ -1,9 +1,9 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// What can be looked at of a developed picture on a screen: the picture itself, its light with all
-// its range, and in false colour how wrong and how well sampled each pixel is. Every layer is
-// shrunk by the same whole factor where the picture is larger than any screen needs.
+// The layers of a developed picture that a screen can show: the picture itself, its light with all
+// its range, and in false color the error and the samples of each pixel. Every layer is shrunk by
+// the same whole factor where the picture is larger than any screen needs.
 #pragma once
 
 #include <cstdint>
@@ -43,7 +43,7 @@ std::optional<PictureLayer> PictureLayerFromName(const std::string& name);
 // The channels of FramePicture that a layer is made from.
 std::vector<std::string> ChannelsOf(PictureLayer layer);
 
-// What the ends of the false colours stand for, both 0 where nothing can be told yet.
+// The values at the ends of the false colors, both 0 where none are known yet.
 struct LayerRange {
   double low = 0, high = 0;
   friend bool operator==(const LayerRange&, const LayerRange&) = default;
@@ -54,7 +54,7 @@ struct DisplayPicture {
   int32_t width_px = 0;
   int32_t height_px = 0;
   std::vector<Rgb8> pixels;
-  std::optional<LayerRange> range;  // Of layers in false colour.
+  std::optional<LayerRange> range;  // Only for layers in false color.
 };
 
 // False colours show what cannot be told, for example for want of samples, in this grey.

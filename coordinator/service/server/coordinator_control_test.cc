@@ -113,7 +113,7 @@ TEST_F(CoordinatorServerTest, PilotsAreNotListedAndLeaveNoGapsInTheIdsOfJobs) {
   EXPECT_EQ(Counter("sheaf_jobs_live"), 4);
 }
 
-// Whoever asks for a pilot keeps it alive; other jobs are nobody's to ask for.
+// Asking for a pilot keeps it alive; other jobs need not be asked for.
 TEST_F(CoordinatorServerTest, PilotsThatNobodyAsksForAreCancelled) {
   options_.farm.limits.pilot_unasked_max = absl::Seconds(1);
   Start();

@@ -25,7 +25,7 @@ absl::Status PortTaken(const std::string& address) {
                    ": the port is in use or the address does not belong to this machine"));
 }
 
-// What people do to the farm through the page.
+// The page's actions on the farm.
 FarmActions ActionsOn(Farm* farm) {
   const auto by_number = [](const std::string& job_id,
                             const std::function<absl::Status(uint64_t)>& act) -> absl::Status {

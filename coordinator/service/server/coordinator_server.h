@@ -43,13 +43,13 @@ class CoordinatorServer {
       const CoordinatorOptions& options);
   ~CoordinatorServer();
 
-  // Lets calls under way finish for a moment and stops. What was acknowledged is durable in any
+  // Lets calls under way finish for a moment and stops. Acknowledged results are durable in any
   // case.
   void Stop();
 
-  // Of gRPC; 0 where it listens nowhere.
+  // gRPC's port; 0 where it does not listen.
   int port() const { return port_; }
-  // Of HTTP; 0 where there is none.
+  // HTTP's port; 0 where there is none.
   int http_port() const { return http_ == nullptr ? 0 : http_->port(); }
   // "http://127.0.0.1:7480"; empty where there is none.
   std::string http_url() const { return http_ == nullptr ? "" : http_->Url(); }

@@ -29,7 +29,7 @@ inline constexpr int64_t kThumbnailPixelCountMax = int64_t{1} << 14;
 // A channel of previews that pictures do not have: CPU time that a pixel took, seconds, the mean
 // over its tile; 0 where nothing is known.
 inline constexpr char kCpuChannel[] = "cpu";
-// What is shown of one worker at most.
+// The most leases and scenes of one worker that are shown.
 inline constexpr size_t kWorkerLeasesShownMax = 4;
 inline constexpr size_t kWorkerScenesShownMax = 8;
 
@@ -40,7 +40,7 @@ struct ProgressView {
   double relative_mse = 0;          // Estimated; 0 until it can be told.
   uint64_t nonfinite_count = 0;
   uint64_t ray_count = 0;
-  double cpu_seconds = 0;   // Of workers, on accepted results.
+  double cpu_seconds = 0;   // CPU time of workers, on accepted results.
   double wall_seconds = 0;  // Since the first lease, refinements included.
   // With what the farm's other jobs take until then; negative until it can be told.
   double remaining_seconds = -1;
@@ -57,32 +57,32 @@ struct RoundView {
   uint64_t ray_count = 0;
   double cpu_seconds = 0, wall_seconds = 0;
   uint64_t part_bytes = 0;
-  uint64_t preview_version = 0;  // Of what RoundPreview() shows; 0: nothing is kept.
+  uint64_t preview_version = 0;  // The version that RoundPreview() shows; 0: none is kept.
 };
 
 struct FrameView {
   int32_t frame_number = 0;
   std::string scene_digest;       // Hex, of the manifest blob.
-  uint64_t scene_size_bytes = 0;  // Of the manifest blob.
+  uint64_t scene_size_bytes = 0;  // The manifest blob's.
   std::string frame_digest;       // Hex.
   FrameSettings settings;
   StopRule stop;
-  BlobDigest resumed;  // Of the EXR that it goes on from; empty where there is none.
+  BlobDigest resumed;  // The EXR that it resumes; empty where there is none.
   StopReason stop_reason = StopReason::kSamples;  // Once complete; this and the next five.
   uint32_t tile_count = 0;
   uint32_t unreliable_tile_count = 0;         // With errors that are not to be trusted.
-  std::vector<LayerCount> unreliable_layers;  // What makes them so, where the frame has layers.
+  std::vector<LayerCount> unreliable_layers;  // The causes, where the frame has layers.
   double flip = 0;                            // As delivered; 0 where it cannot be told.
-  double one_sequence_gain = 0;               // Of frames without a stop rule: OneSequenceGain.
+  double one_sequence_gain = 0;               // OneSequenceGain, for frames without a stop rule.
   std::vector<RoundView> rounds;  // Ascending; empty where there are none, and in ListJobs.
   bool complete = false;          // The EXR is delivered.
   std::string picture_digest;     // Hex; empty until complete.
-  std::string output_path;        // Of the delivered EXR; empty until complete.
+  std::string output_path;        // The delivered EXR; empty until complete.
   uint64_t preview_version = 0;   // Grows whenever Preview() would show something new.
   ProgressView progress;
 };
 
-// What there is to see of a frame.
+// A frame that has a picture to show.
 struct PicturedFrame {
   int32_t frame_number = 0;
   uint64_t preview_version = 0;
@@ -97,7 +97,7 @@ bool HasEnded(JobState state);
 
 struct JobView {
   std::string job_id;  // The resource name is "jobs/" + job_id.
-  bool pilot = false;  // Of a quote.
+  bool pilot = false;  // Rendered for a quote.
   std::string title;
   JobState state = JobState::kQueued;
   int32_t priority = 0;
@@ -156,10 +156,10 @@ struct WorkerView {
   uint64_t scene_memory_bytes = 0;  // 0: not known.
 };
 
-// What it costs to refine a job, on the farm as it is now.
+// The cost of refining a job, on the farm as it is now.
 struct RefinementPrices {
   std::vector<RefinementPrice> prices;  // In the order of the targets.
-  int32_t thread_count = 0;             // Of workers that would render it.
+  int32_t thread_count = 0;             // Threads of workers that would render it.
   int32_t jobs_before_count = 0;        // Not finished, and of no lower priority.
 };
 
@@ -201,7 +201,7 @@ class FarmView {
   // The last failures of a job, newest first. Errors: kNotFound.
   virtual absl::StatusOr<std::vector<FailureView>> ListFailures(
       const std::string& job_id) const = 0;
-  // What it costs to refine a job until its frames are at each of these errors. Takes up to some
+  // The cost of refining a job until its frames are at each of these errors. Takes up to some
   // tenths of a second. Errors: kNotFound; kFailedPrecondition (it has not succeeded);
   // kInvalidArgument (no target, more than kPricedTargetsMax, or one out of range).
   virtual absl::StatusOr<RefinementPrices> PriceRefinement(
