@@ -136,7 +136,7 @@ TEST(SampleRoundsTest, ErrorsOfEqualPixelsKeepTheirDeviation) {
 }
 
 TEST(SampleRoundsTest, FasterRatesAreFoundOut) {
-  // 1 / n^1.5 = 1e-4 at 464 samples; taken for 1 / n it would go on to 1000 and more.
+  // 1 / n^1.5 = 1e-4 at 464 samples; taken for 1 / n it would continue to 1000 and more.
   const Course run = RunToTheEnd(Target(1e-4), std::vector<double>(1000, 1.0), 1.5);
   EXPECT_EQ(run.last.reason, StopReason::kTargetError);
   EXPECT_GE(MeanSamples(run), 464);
@@ -208,7 +208,7 @@ TEST(SampleRoundsTest, EveryLookIsStricterThanTheOneBefore) {
   }
 }
 
-// A frame that was finished goes on as if the smaller error had been asked for from the beginning.
+// A finished frame continues as if the smaller error had been asked for from the beginning.
 TEST(SampleRoundsTest, RefinedFramesGetTheSamplesOfThoseThatNeverStopped) {
   std::vector<double> ks;
   for (int i = 0; i < 200; ++i) ks.push_back(1 + i % 7);

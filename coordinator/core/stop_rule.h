@@ -35,7 +35,7 @@ inline constexpr double kTargetErrorMax = 1e6;
 // The samples that a pixel may get at most where a rule decides and nobody gives a number.
 inline constexpr uint64_t kStoppedSamplesMax = uint64_t{1} << 16;
 
-// How a finished job shall go on.
+// How a finished job continues.
 struct Refinement {
   StopRule stop;
   uint64_t samples = 0;  // Per pixel, at most where there is a rule; 0: as many as before.

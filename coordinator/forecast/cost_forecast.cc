@@ -16,7 +16,7 @@ namespace {
 // Where chance decides, a frame's rounds are played so many times.
 constexpr uint64_t kPlays = 9;
 
-// The errors of a cell as the model has it at `samples`, without those of rims.
+// The errors of a cell as the model has it at `samples`, without those of silhouettes.
 ErrorSums ErrorAt(const ErrorModel& model, const ForecastCell& cell, uint64_t samples,
                   double deviations) {
   const CellRound& measured = cell.measured;
@@ -95,8 +95,8 @@ Forecast ForecastFrom(const ErrorModel& model, const StopRule& rule, uint64_t sa
   if (model.rims.empty()) {
     return PlayRounds(model, rule, samples_max, std::move(start), deviations, nullptr);
   }
-  // Which pixels at rims a round meets is a matter of chance, and a frame stops at the first round
-  // that is lucky, so what is expected of each round does not tell when that is.
+  // Which pixels at silhouettes a round meets is a matter of chance, and a frame stops at the first
+  // round that is lucky, so what is expected of each round does not tell when that is.
   std::vector<Forecast> plays;
   for (uint64_t seed = 0; seed < kPlays; ++seed) {
     std::mt19937_64 random(seed);

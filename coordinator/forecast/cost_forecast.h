@@ -59,8 +59,8 @@ Estimate WithBand(double value, double low, double high, double log_deviation);
 // above it. Requires: cells, with samples, and a target.
 Forecast ForecastTarget(const ErrorModel& model, const StopRule& rule, uint64_t samples_max,
                         double deviations = 0);
-// Where a frame goes on: the samples of each cell in the round that comes next, that round's number
-// and how the cells were at the end of the one before.
+// Where a frame continues: the samples of each cell in the round that comes next, that round's
+// number and how the cells were at the end of the one before.
 struct ForecastStart {
   int round = 0;
   std::vector<uint64_t> samples;

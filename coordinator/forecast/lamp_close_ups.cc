@@ -69,7 +69,7 @@ std::vector<CloseUpPlace> ChooseCloseUps(std::span<const PixelRect> lamps, const
   std::vector<CloseUpPlace> chosen;
   double samples = 0;
   for (const CloseUpPlace& place : places) {
-    // Another lamp close by is seen in the same picture.
+    // Another emitter close by is seen in the same picture.
     const bool is_seen = std::ranges::any_of(chosen, [&](const CloseUpPlace& other) {
       return !Intersect(place.rect, other.rect).IsEmpty();
     });

@@ -1,11 +1,12 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Close-ups of lamps that a pilot's small picture may miss. Where a lamp is seen is known from the
-// scene (lamps_in_view.h); a few pixels about it, enlarged, of one sample each, tell which part of
-// it is seen, what it is brighter than, and so what share of each pixel's samples meets it:
+// Zoomed pilots of emitters that a pilot's small picture may miss. Where an emitter is seen is
+// known from the scene (lamps_in_view.h); a few pixels about it, enlarged, of one sample each, tell
+// which part of it is seen, how bright its surroundings are, and so the fraction of each pixel's
+// samples that meets it:
 //
-//     lamps in view > places that are worth it > their pictures > pixels with a share of a lamp
+//     emitters in view > places that are worth it > their pictures > pixels with a part of one
 #pragma once
 
 #include <array>
@@ -26,7 +27,7 @@ inline constexpr size_t kCloseUpsMax = 16;
 
 struct CloseUpPlace {
   PixelRect rect;     // Within the frame, in its pixels.
-  int32_t scale = 1;  // One of them has so many of the close-up along each side.
+  int32_t scale = 1;  // One of them has so many of the zoomed pilot along each side.
   friend bool operator==(const CloseUpPlace&, const CloseUpPlace&) = default;
 
   double SampleCount() const { return static_cast<double>(rect.PixelCount()) * scale * scale; }
@@ -36,21 +37,21 @@ struct CloseUp {
   FramePicture picture;  // The frame enlarged, at the place; with the layers of light paths.
 };
 
-// A pixel of the frame and the share of its filter that a lamp has; colours of R, G and B.
+// A pixel of the frame and the share of its filter that an emitter has; colours of R, G and B.
 struct LampPixel {
   int32_t x = 0, y = 0;
   double share = 0;
   std::array<double, 3> lamp, beside;
 };
 
-// Places in the window about lamps that are no wider or no higher than lamp_px_max, the cheapest
-// first, as long as their close-ups have at most samples_max samples together; at most
+// Places in the window about emitters that are no wider or no higher than lamp_px_max, the cheapest
+// first, as long as their zoomed pilots have at most samples_max samples together; at most
 // kCloseUpsMax. No two have a pixel in common.
 std::vector<CloseUpPlace> ChooseCloseUps(std::span<const PixelRect> lamps, const PixelRect& window,
                                          double lamp_px_max, double samples_max);
 
-// The pixels of the window whose filter reaches a lamp of the close-up, also those outside of its
-// rectangle; none where it shows no lamp, or nothing beside it.
+// The pixels of the window whose filter reaches an emitter of the zoomed pilot, also those outside
+// of its rectangle; none where it shows no emitter, or nothing beside it.
 std::vector<LampPixel> LampPixelsOf(const CloseUp& close_up, const FilterDescription& filter,
                                     const PixelRect& window);
 

@@ -17,7 +17,7 @@ using testing::ElementsAre;
 constexpr PixelRect kFrame{0, 0, 100, 80};
 constexpr float kLamp = 500, kWall = 0.5F;
 
-// A round lamp before a wall.
+// A round emitter before a wall.
 CloseUp CloseUpOf(double x, double y, double radius_px, const PixelRect& rect, int32_t scale = 4) {
   FilmOutputs outputs;
   outputs.AddLightPaths();
@@ -63,7 +63,7 @@ TEST(LampCloseUpsTest, ThereAreNoMoreThanAFarmRendersSoon) {
   EXPECT_EQ(ChooseCloseUps(lamps, kFrame, 8, 1e9).size(), kCloseUpsMax);
 }
 
-// Filters add up to 1 over the pixels that see a point, so shares do to the lamp's area.
+// Filters add up to 1 over the pixels that see a point, so shares do to the emitter's area.
 TEST(LampCloseUpsTest, SharesAddUpToTheLampsArea) {
   const double radius_px = 1.2;
   const CloseUp close_up = CloseUpOf(40.3, 30.6, radius_px, {38, 28, 43, 33});

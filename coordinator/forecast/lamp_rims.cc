@@ -20,7 +20,7 @@ namespace {
 constexpr double kHitOverBeside = kOneHitDeviationMin / (1 - kOneHitDeviationMin);
 // Pixels of the small picture up to this distance that show no emitter are beside a silhouette.
 constexpr int32_t kBesidePx = 2;
-// Directions of rims, over a quarter turn, and points of the filter across each axis.
+// Directions of silhouettes, over a quarter turn, and points of the filter across each axis.
 constexpr int kDirectionCount = 8, kFilterPoints = 64;
 constexpr double kOctaveParts = 8;
 // Deviation of a silhouette's length: silhouettes may be curved, and emitters small.
@@ -33,7 +33,7 @@ using Color = SeenLamps::Color;
 
 double Brightest(const Color& color) { return std::ranges::max(color); }
 
-// Mean of the pixels about one that show no lamp of a brightness near that of `lamp`.
+// Mean of the pixels about one that show no emitter of a brightness near that of `lamp`.
 std::optional<Color> Beside(const SeenLamps& seen, int32_t x, int32_t y, const Color& lamp) {
   const PixelRect about = Intersect(
       {x - kBesidePx, y - kBesidePx, x + kBesidePx + 1, y + kBesidePx + 1}, seen.window());
@@ -52,7 +52,7 @@ std::optional<Color> Beside(const SeenLamps& seen, int32_t x, int32_t y, const C
   return sum;
 }
 
-// Whether a first round's pixels in which one replicate alone meets a lamp are told apart.
+// Whether a first round's pixels in which one replicate alone meets an emitter are told apart.
 bool IsLoneHit(double lamp, double beside) {
   return (lamp - beside) / kReplicateCount > kHitOverBeside * beside;
 }
@@ -67,7 +67,7 @@ double OneHit(double lamp, double samples_of_replicate) {
 }  // namespace
 
 // Points of the filter by how far along a direction they lie; what is beyond each is the share of a
-// pixel whose rim is there.
+// pixel whose silhouette is there.
 std::vector<RimShare> SharesBeyondRims(const FilterDescription& filter) {
   struct Point {
     double distance_px, weight;
@@ -127,7 +127,7 @@ void LampRims::AddStretches(const SeenLamps& picture, int32_t shrink,
                             std::span<const CloseUp> close_ups,
                             const std::function<size_t(int32_t x, int32_t y)>& cell_of) {
   const PixelRect& window = picture.window();
-  // Close-ups tell better.
+  // Zoomed pilots tell better.
   const auto is_close = [&](int32_t x, int32_t y) {
     const PixelRect pixel{x * shrink, y * shrink, (x + 1) * shrink, (y + 1) * shrink};
     return std::ranges::any_of(close_ups, [&](const CloseUp& close_up) {
@@ -177,7 +177,7 @@ void LampRims::AddHits(const Place& place, uint64_t samples, double pixels, Rare
     const double beside = place.beside[i];
     const double hit = (place.lamp[i] - beside) / static_cast<double>(samples);
     if (!(hit > kHitOverBeside * beside)) continue;
-    // As AddChannelErrors has it where the pixels about are lamp and wall.
+    // As AddChannelErrors has it where the pixels about are emitter and wall.
     const double value = beside + hit, least = beside * beside + floor_ * floor_;
     const double square = std::max(value * value - hit * hit, 0.25 * value * value);
     error.rare += hit * hit / (square + floor_ * floor_) / 3;

@@ -74,7 +74,7 @@ class LampRims {
   // Adds so many pixels that are like one with one hit among so many samples.
   void AddHits(const Place& place, uint64_t samples, double pixels, RareHits* hits,
                std::vector<ErrorSums>* cells) const;
-  // Pixels for each pixel of length in whose samples one replicate alone meets the lamp.
+  // Pixels for each pixel of length in whose samples one replicate alone meets the emitter.
   double OneHitPixels(uint64_t samples) const;
 
   std::vector<Place> stretches_;

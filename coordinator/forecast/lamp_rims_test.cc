@@ -27,7 +27,7 @@ FilterDescription FilterOf(FilterDescription::Kind kind) {
   return filter;
 }
 
-// A round lamp before a wall, seen at a point of the frame, in pixels.
+// A round emitter before a wall, seen at a point of the frame, in pixels.
 double Radiance(double x, double y, double radius_px) {
   return std::hypot(x - kLampX, y - kLampY) < radius_px ? kLamp : kWall;
 }
@@ -93,7 +93,7 @@ FramePicture RenderSmall(double radius_px, uint64_t seed) {
   return RenderSeen({0, 0, kSidePx / kShrink, kSidePx / kShrink}, kShrink, radius_px, seed);
 }
 
-// With a close-up of small lamps.
+// With a zoomed pilot of small emitters.
 LampRims RimsOf(const FilterDescription& filter, double radius_px, uint64_t seed) {
   const double share = std::numbers::pi * radius_px * radius_px / kSidePx / kSidePx;
   std::vector<CloseUp> close_ups;
@@ -130,7 +130,7 @@ TEST(LampRimsTest, ThereAreNoneWhereNoLampIsMuchBrighterThanWhatIsBeside) {
 }
 
 // The widths that a box's shadow has, over directions: the mean of |cos| + |sin|, 4 / pi. Half of
-// them see more lamp than wall.
+// them see more emitter than wall.
 TEST(LampRimsTest, SharesAreThoseOfAnEdgeAcrossTheFilter) {
   const FilterDescription box = FilterOf(FilterDescription::Kind::kBox);
   double width_px = 0, lamp_px = 0;

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// A frame that goes on from a delivered picture (resumed_picture.h): whether the picture is of the
-// frame, and what is known of the frame by it, for what going on costs:
+// A frame that resumes a delivered picture (resumed_picture.h): whether the picture is of the
+// frame, and what it tells of the frame, for the cost of continuing:
 //
 //     FramePicture > ResumePicture > PictureStartOf > ErrorModel, whose costs and rate a pilot told
 #pragma once
@@ -19,7 +19,7 @@
 namespace sheaf::coordinator {
 
 // spec: with its frame digest. Errors: kInvalidArgument, which say why a frame of this spec and
-// build cannot go on from the picture.
+// build cannot resume the picture.
 absl::StatusOr<ResumedPicture> ResumePicture(FramePicture picture, const FrameSpec& spec,
                                              const std::string& numeric_profile);
 
@@ -28,8 +28,8 @@ absl::StatusOr<ResumedPicture> ResumePicture(FramePicture picture, const FrameSp
 absl::StatusOr<std::vector<CellRound>> PictureStartOf(const ResumedPicture& resumed,
                                                       const CellGrid& grid);
 
-// The model of the frame from there on: all its pixels are known, lamps and their rims with them.
-// Its costs and its rate stay. Requires: as many cells as the model has.
+// The model of the frame from there on: all its pixels are known, emitters and their silhouettes
+// with them. Its costs and its rate stay. Requires: as many cells as the model has.
 void GoOnFrom(const std::vector<CellRound>& cells, ErrorModel* model);
 
 }  // namespace sheaf::coordinator

@@ -95,8 +95,8 @@ std::vector<PixelRect> CoresIn(const PixelLattice& lattice, const PixelRect& win
 }
 
 // The frame's mean, of places that are independent: pixels of the small picture, and blocks. Held
-// against the mean of the blocks alone, where a lamp is in view and no block shows it, errors are
-// ten times those of the picture.
+// against the mean of the blocks alone, where an emitter is in view and no block shows it, errors
+// are ten times those of the picture.
 double FitMean(std::span<const PilotPicture> pilot) {
   double sum = 0, places = 0;
   for (const PilotPicture& picture : pilot) {

@@ -4,11 +4,11 @@
 // From a pilot to an ErrorModel. A pilot is a frame rendered at few of its pixels (PixelLattice) at
 // the samples of a first round, some of them with more, so that it can be told how their errors
 // fall; and the whole frame made small, for its mean, against which dark pixels' errors are held,
-// and for the rims of lamps, which blocks do not meet:
+// and for the silhouettes of emitters, which blocks do not meet:
 //
 //     pictures of the pilot > errors of their blocks > errors of cells, rate b > ErrorModel
 //     the small picture > mean, LampRims                                       >
-//     close-ups of small lamps > LampRims                                      >
+//     zoomed pilots of small emitters > LampRims                               >
 #pragma once
 
 #include <map>
@@ -62,8 +62,8 @@ std::vector<PilotLevel> PilotLevels(double samples_per_pixel, int64_t frame_pixe
 absl::StatusOr<std::vector<double>> TileCpuSecondsOf(
     const std::map<std::string, std::string>& metadata, size_t tile_count);
 
-// filter: the scene's. close_ups: of lamps that the small picture may miss. Requires: pictures of
-// one frame, one of a lattice with the least samples among them; those of lattices with the CPU
+// filter: the scene's. close_ups: of emitters that the small picture may miss. Requires: pictures
+// of one frame, one of a lattice with the least samples among them; those of lattices with the CPU
 // time of all tiles; pairs of one lattice; the small one with the layers of light paths.
 ErrorModel FitErrorModel(const CellGrid& grid, std::span<const PilotPicture> pilot,
                          std::span<const CloseUp> close_ups, const FilterDescription& filter);

@@ -153,8 +153,8 @@ TEST(PilotModelTest, QuotesAreAsOftenTooLowAsTooHigh) {
   EXPECT_NEAR(low, kFrames / 2, 20);
 }
 
-// A lamp that no block shows makes the frame's mean ten times theirs, and errors of dark pixels are
-// held against a tenth of it: all of 1 + 1^2, not of 1 + 0.1^2.
+// An emitter that no block shows makes the frame's mean ten times theirs, and errors of dark pixels
+// are held against a tenth of it: all of 1 + 1^2, not of 1 + 0.1^2.
 TEST(PilotModelTest, DarkPixelsAreHeldAgainstTheMeanOfTheWholeFrame) {
   const auto error = [](float mean) {
     const ErrorModel model = FitOf(
@@ -164,7 +164,7 @@ TEST(PilotModelTest, DarkPixelsAreHeldAgainstTheMeanOfTheWholeFrame) {
   EXPECT_NEAR(error(10) / error(1), 1.01 / 2, 0.1);
 }
 
-// Between pictures that differ in what is said of their light alone: lamps in view, or bright
+// Between pictures that differ in what is said of their light alone: emitters in view, or bright
 // walls.
 TEST(PilotModelTest, RimsOfLampsInViewMakeTargetsDearer) {
   const auto variance = [](int32_t, int32_t) { return 0.01; };

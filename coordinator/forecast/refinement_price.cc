@@ -125,7 +125,7 @@ bool NearlySame(const std::vector<uint64_t>& samples, const RoundRecord& round) 
   return difference <= kSameShare * sum;
 }
 
-// Where the frame goes on; none where it is good enough.
+// Where the frame continues; none where it is good enough.
 std::optional<ForecastStart> StartOf(const FinishedFrame& frame, const StopRule& rule,
                                      uint64_t samples_max) {
   const size_t first = frame.had_rule ? 0 : frame.rounds.size() - 1;

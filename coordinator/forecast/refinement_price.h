@@ -20,7 +20,7 @@ namespace sheaf::coordinator {
 
 // Cells of more are priced in groups of cells that are alike.
 inline constexpr size_t kPriceGroupsMax = 64;
-// Frames of a job that are looked at, evenly over its range.
+// Frames of a job that are priced, evenly over its range.
 inline constexpr size_t kPricedFramesMax = 3;
 // Targets of one call.
 inline constexpr size_t kPricedTargetsMax = 32;

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// PendingFrames: which of a job's frames nobody has begun, the first of them, and the first of a
-// scene. Frames only leave. Ten bytes a frame; a call is O(log frames), amortized.
+// PendingFrames: those of a job's frames that no worker has begun, the first of them, and the first
+// of a scene. Frames only leave. Ten bytes a frame; a call is O(log frames), amortized.
 #pragma once
 
 #include <cstdint>

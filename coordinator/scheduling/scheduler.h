@@ -1,10 +1,11 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Scheduler: who shall render what. A state machine without clock, thread, file or network: the
-// time is an argument, decisions are return values, and equal calls give equal decisions.
+// Scheduler: which worker renders which task. A state machine without clock, thread, file or
+// network: the time is an argument, decisions are return values, and equal calls give equal
+// decisions.
 //
-//     Synchronize  a worker says what it holds; the answer is what it shall hold
+//     Synchronize  a worker reports its leases; the answer is the leases that it shall hold
 //     FindTask     a result came: which task is it, and is it still wanted
 //     Accept       ... and it is durable now
 //     Tick         time passed: workers that fell silent lose their leases
@@ -99,7 +100,7 @@ struct JobRecord {
   FrameSet ready;                       // Open with something to lease.
   std::map<std::string, FrameSet> ready_by_scene;
   uint64_t share = 0;  // Pixel samples leased, plus the share it began with.
-  SteadyTime paused_time = SteadyTime::InfiniteFuture();  // Since when; InfiniteFuture: it goes on.
+  SteadyTime paused_time = SteadyTime::InfiniteFuture();  // InfiniteFuture while it is not paused.
   int32_t delivered_count = 0;
 
   FailureLog failures;

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The part of Scheduler that does what people want of a job: wait, go on, or go before others.
+// The part of Scheduler that pauses, resumes and prioritizes jobs.
 #include <algorithm>
 #include <cstdlib>
 

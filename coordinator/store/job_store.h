@@ -125,7 +125,7 @@ class JobStore {
   // Removes rows, then bytes.
   virtual absl::Status RemoveFrameParts(const FrameId& frame) = 0;
 
-  // Where the EXR of a frame is or shall be; its directory exists when this returns.
+  // The path of a frame's EXR, which may not exist yet; its directory exists when this returns.
   virtual absl::StatusOr<std::string> OutputPath(const FrameId& frame) = 0;
   virtual absl::Status DeliverFrame(const FrameId& frame, const DeliveredFrame& delivered) = 0;
 
@@ -138,7 +138,7 @@ class JobStore {
   // The rounds of one frame, with cells.
   virtual absl::StatusOr<std::vector<RoundRecord>> LoadFrameRounds(const FrameId& frame) = 0;
 
-  // A job that has ended goes on: these frames of it are no longer delivered, and have new rules,
+  // Continues a job that has ended: these frames of it are no longer delivered, and have new rules,
   // samples and rounds.
   struct ReopenedFrame {
     FrameSpec spec;

@@ -73,7 +73,7 @@ class Farm : public FarmView {
 
   // Stores and starts a job; job_id, numeric_profile and frame digests are filled in here. Returns
   // the id, also of the job that an equal request_id made before. Errors: those of
-  // Scheduler::CheckJob; kInvalidArgument (a frame cannot go on from its picture);
+  // Scheduler::CheckJob; kInvalidArgument (a frame cannot resume its picture);
   // kResourceExhausted (disk).
   absl::StatusOr<uint64_t> CreateJob(JobSpec spec, const std::string& request_id) {
     return lifecycle_.Create(std::move(spec), request_id);

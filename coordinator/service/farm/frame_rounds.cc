@@ -137,7 +137,7 @@ void FrameRounds::AddMetadata(const FrameId& id, FramePicture* picture) const {
   if (spec.stop.IsActive()) {
     picture->metadata["stopReason"] = StopReasonName(rounds.back().stop_reason);
   } else {
-    rounds = rounds.last(1);  // Where else it was looked at depends on clocks.
+    rounds = rounds.last(1);  // The other points depend on clocks.
   }
   if (spec.stop.target_error > 0) {
     picture->metadata["targetError"] = absl::StrFormat("%.6g", spec.stop.target_error);

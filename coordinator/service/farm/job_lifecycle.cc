@@ -245,7 +245,7 @@ void JobLifecycle::EraseOpenFrames(uint64_t job_id) {
 }
 
 void JobLifecycle::LimitKeptParts() {
-  // No frame goes on meanwhile: its parts would be taken from under it.
+  // No frame is reopened meanwhile: its parts would be removed under it.
   const MutexLock settling(&settle_mutex_);
   while (store_.PartsBytes() > options_.kept_parts_bytes_max) {
     const absl::StatusOr<std::optional<FrameId>> oldest = store_.OldestDeliveredWithParts();

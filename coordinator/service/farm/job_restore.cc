@@ -77,7 +77,7 @@ absl::Status JobLifecycle::RestoreJob(const StoredJob& job, const JobStore::Load
     if (IsPilot(job.spec.job_id)) {
       tables_.pilots_asked[job.spec.job_id] = std::chrono::steady_clock::now();
     }
-    if (parts == nullptr) return absl::OkStatus();  // It cannot go on.
+    if (parts == nullptr) return absl::OkStatus();  // It cannot continue.
     TilesOnDisk on_disk = RestoreResumedParts(job.spec.job_id, resumed);
     if (job.paused) tables_.scheduler.Pause(job.spec.job_id, SteadyTime::Now());
     return RestoreLiveJob(job, *parts, std::move(on_disk));
@@ -100,7 +100,7 @@ absl::Status JobLifecycle::RestoreLiveJob(const StoredJob& job, const JobStore::
     const FrameTasks::Fit fit = tables_.scheduler.RestorePart(
         row.key.frame, row.key.tile, row.key.block, row.key.cells, row.cost);
     if (fit == FrameTasks::Fit::kOutside) {
-      // A refined frame goes on from a round before this part's.
+      // A refined frame continues from a round before this part's.
       if (absl::Status status = store_.RemovePart(row); !status.ok()) return status;
       continue;
     }

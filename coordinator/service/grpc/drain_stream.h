@@ -8,7 +8,7 @@
 
 namespace sheaf::coordinator {
 
-// Messages read after the answer is known; a sender that goes on beyond them is cut off.
+// Messages read after the answer is known; a sender that continues beyond them is cut off.
 inline constexpr int kDrainMessagesMax = 4096;
 
 // Reads and drops what is left of a stream.

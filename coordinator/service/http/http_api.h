@@ -14,7 +14,7 @@
 //   POST /api/v1/jobs/ID:pause, ID:resume           no new leases, or leases again; likewise
 //   POST /api/v1/jobs/ID:priority?value=N           higher goes first, from -1000 to 1000; likewise
 //   POST /api/v1/jobs/ID:refine?target_error=E&samples=N
-//        goes on with a job that succeeded until its frames' relMSE is at most E, with at most N
+//        refines a job that succeeded until its frames' relMSE is at most E, with at most N
 //        samples a pixel; without E, with N samples; repeating it changes nothing
 //   GET  /api/v1/jobs/ID/refine-price?target_error=E,E,...
 //        what that costs beyond what is there, by the farm as it is now, for up to 32 errors
@@ -35,7 +35,7 @@
 //   GET  /api/v1/events                             what changes, as server-sent events: types job,
 //        frame and worker carry the objects of the calls above, and reset says that some were left
 //        out and everything should be fetched anew. Last-Event-ID is ignored: events state what is,
-//        so a reader that reconnects fetches and goes on.
+//        so a reader that reconnects fetches and continues.
 #pragma once
 
 #include <functional>

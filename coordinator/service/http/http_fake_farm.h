@@ -30,7 +30,7 @@ class FakeFarm : public FarmView {
   PreviewView preview;        // The same for every frame.
   PreviewView round_preview;  // The same for every round that has a version.
 
-  // Applies a change under the lock and wakes whoever waits.
+  // Applies a change under the lock and wakes all that wait.
   template <class Change>
   void Update(Change change) {
     {

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The part of HttpApi that goes on with finished jobs, and says before what that costs.
+// The part of HttpApi that refines finished jobs, and tells the cost of that before.
 #include <algorithm>
 
 #include "absl/strings/numbers.h"

@@ -1,7 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Frames that go on from delivered pictures, with synthetic samples: what one run has is known.
+// Frames that resume delivered pictures, with synthetic samples, so that the expected picture is
+// known.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -38,7 +39,7 @@ class CoordinatorResumeTest : public CoordinatorServerTest {
     EXPECT_TRUE(reader->Finish().ok());
     return bytes;
   }
-  // A job that goes on from the file.
+  // A job that resumes the file.
   v1::CreateJobRequest GoOn(const std::string& exr, uint64_t samples,
                             const std::string& request_id) {
     v1::CreateJobRequest request = Request(samples, request_id);
@@ -139,7 +140,7 @@ TEST_F(CoordinatorResumeTest, TargetsCountWhatThePictureHas) {
   ASSERT_EQ(after.state(), v1::Job::STATE_SUCCEEDED) << after.DebugString();
   EXPECT_EQ(after.frames(0).stop_reason(), v1::STOP_REASON_TARGET_ERROR);
   EXPECT_EQ(after.frames(0).rounds(0).sample_count(), 64u * 41 * 33);
-  // Tiles have unequal counts now; other tiles than those cannot go on.
+  // Tiles have unequal counts now; other tiles cannot resume them.
   const std::string stopped = BytesOf(after);
   v1::CreateJobRequest other = GoOn(stopped, 1 << 16, "other tiles");
   other.mutable_partition()->set_tile_size_px(41);

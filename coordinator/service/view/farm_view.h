@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// FarmView: what the farm looks like now, as plain values, for whoever shows it to people (the HTTP
+// FarmView: the farm's present state as plain values, for code that shows it to people (the HTTP
 // side). It hides gRPC, protobuf and locks; every call returns a consistent copy.
 #pragma once
 
