@@ -24,8 +24,8 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "absl/time/time.h"
+#include "common/film/error/rare_layers.h"
 #include "common/film/film_outputs.h"
-#include "common/film/rare_layers.h"
 #include "coordinator/store/sqlite_database.h"
 #include "coordinator/store/stored_times.h"
 

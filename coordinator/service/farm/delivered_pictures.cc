@@ -8,7 +8,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "common/base/log.h"
-#include "common/film/exr_codec.h"
+#include "common/film/exr/exr_codec.h"
 #include "common/film/shrink_picture.h"
 #include "coordinator/service/view/farm_view.h"
 
@@ -28,7 +28,7 @@ absl::StatusOr<std::string> DeliveredPictures::Find(uint64_t job_id, int32_t fra
     const FrameRecord* frame = tables_.scheduler.FindFrame({job_id, frame_number});
     if (frame == nullptr) return absl::NotFoundError(name + ": there is no such frame");
     if (frame->phase != FrameRecord::Phase::kDelivered) {
-      return absl::FailedPreconditionError(name + ": the picture is not complete yet");
+      return absl::FailedPreconditionError(name + ": the image is not complete yet");
     }
   }
   return FindDelivered({job_id, frame_number});
@@ -65,7 +65,7 @@ void DeliveredPictures::KeepThumbnail(const FrameId& id, const FramePicture& pic
     const absl::StatusOr<std::string> path = ThumbnailPath(id);
     status = path.ok() ? WritePicture(*small, *path) : path.status();
   }
-  if (!status.ok()) LogWarning(absl::StrCat("keeping a thumbnail: ", status.message()));
+  if (!status.ok()) LogWarning(absl::StrCat("storing a thumbnail: ", status.message()));
 }
 
 absl::Status DeliveredPictures::Check(const FrameId& id, const std::string& path) const {
@@ -92,13 +92,13 @@ absl::Status DeliveredPictures::Check(const FrameId& id, const std::string& path
     const MutexLock lock(&mutex_);
     if (damaged_.insert(id).second) {
       ++damaged_count_;
-      LogError(absl::StrCat(PictureName(id), ": the delivered picture is ",
-                            state ? "damaged" : "gone", "; it is made again"));
+      LogError(absl::StrCat(PictureName(id), ": the delivered image is ",
+                            state ? "damaged" : "gone", "; it is being recreated"));
     }
   }
   return absl::FailedPreconditionError(
-      absl::StrCat(PictureName(id), ": the delivered picture was ", state ? "damaged" : "removed",
-                   " on the coordinator's disk, and is made again: ask again in a while"));
+      absl::StrCat(PictureName(id), ": the delivered image was ", state ? "damaged" : "removed",
+                   " on the coordinator's disk and is being recreated; try again later"));
 }
 
 void DeliveredPictures::Heal(JobLifecycle* lifecycle) {
@@ -115,7 +115,8 @@ void DeliveredPictures::Heal(JobLifecycle* lifecycle) {
       const JobPhase phase = tables_.scheduler.jobs().at(id.job_id).phase;
       if (phase == JobPhase::kSucceeded) remade[id.job_id].insert(id.frame_number);
       if (phase == JobPhase::kFailed || phase == JobPhase::kCancelled) {
-        LogError(absl::StrCat(PictureName(id), ": is not made again, for its job did not succeed"));
+        LogError(
+            absl::StrCat(PictureName(id), ": is not recreated, because its job did not succeed"));
       }
       return phase == JobPhase::kLive;  // Once it has ended.
     });
@@ -127,7 +128,7 @@ void DeliveredPictures::Heal(JobLifecycle* lifecycle) {
   for (const auto& [job_id, numbers] : remade) {
     const absl::Status status = lifecycle->RemakeFrames(job_id, numbers);
     if (status.ok()) continue;
-    LogError(absl::StrCat("making pictures of jobs/", job_id, " again: ", status.message()));
+    LogError(absl::StrCat("recreating images of jobs/", job_id, ": ", status.message()));
     const MutexLock lock(&mutex_);
     for (const int32_t number : numbers) damaged_.insert({job_id, number});
   }

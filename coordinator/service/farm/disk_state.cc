@@ -16,9 +16,9 @@ void DiskState::Note(const absl::Status& written) {
   last_ = written;
   if (!changed) return;
   if (written.ok()) {
-    LogInfo("the state directory takes writes again");
+    LogInfo("the state directory is writable again");
   } else {
-    LogError(absl::StrCat(WhyWritesWait(written), "; results are not acknowledged until it does"));
+    LogError(absl::StrCat(WhyWritesWait(written), "; results are not acknowledged until it is"));
   }
   signals_.Changed();  // The reason why jobs wait.
 }
@@ -29,7 +29,7 @@ absl::Status DiskState::Last() const {
 }
 
 std::string WhyWritesWait(const absl::Status& disk) {
-  return absl::StrCat("the coordinator's state directory takes no writes: ", disk.message());
+  return absl::StrCat("the coordinator's state directory is not writable: ", disk.message());
 }
 
 }  // namespace sheaf::coordinator

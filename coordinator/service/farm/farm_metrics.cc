@@ -139,7 +139,7 @@ std::vector<MetricView> FarmMetrics::List() const {
     }
   }
   metrics.push_back({"sheaf_pictures_damaged_total",
-                     "Delivered EXRs that were altered or removed on disk: made again.",
+                     "Delivered EXRs that were altered or removed on disk and are recreated.",
                      MetricView::Kind::kCounter, "", "",
                      static_cast<double>(pictures_.DamagedCount())});
   metrics.push_back(Gauge("leases_held", "Leases that workers hold now.",

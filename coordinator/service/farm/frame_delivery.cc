@@ -13,8 +13,8 @@
 #include "common/base/cpu_clock.h"
 #include "common/base/log.h"
 #include "common/film/cryptomatte.h"
-#include "common/film/exr_codec.h"
-#include "common/film/rare_layers.h"
+#include "common/film/error/rare_layers.h"
+#include "common/film/exr/exr_codec.h"
 #include "coordinator/forecast/one_sequence.h"
 
 namespace sheaf::coordinator {
@@ -139,7 +139,7 @@ absl::Status FrameDelivery::Deliver(const FrameId& id) {
     tables_.NoteEndedJobs();
     tables_.open_frames.erase(id);
   }
-  LogInfo(absl::StrCat("job ", id.job_id, ": frame ", id.frame_number, " is delivered, picture ",
+  LogInfo(absl::StrCat("job ", id.job_id, ": frame ", id.frame_number, " is delivered, image ",
                        delivered.picture_digest.substr(0, 12)));
   lifecycle_.LimitKeptParts();
   lifecycle_.SettleEnded();
@@ -212,7 +212,8 @@ double FrameDelivery::PriceOfErrorBars(const FrameId& id, const FrameSpec& spec)
   if (spec.stop.IsActive() || spec.settings.one_sequence) return 0;
   const absl::StatusOr<std::vector<RoundRecord>> points = store_.LoadFrameRounds(id);
   if (points.ok()) return OneSequenceGain(*points);
-  LogWarning(absl::StrCat("reading the points of a frame's curve: ", points.status().message()));
+  LogWarning(
+      absl::StrCat("reading the points of a frame's error curve: ", points.status().message()));
   return 0;
 }
 

@@ -74,7 +74,7 @@ absl::StatusOr<bool> FrameRounds::Finish(OpenFrame* frame, const FrameId& id) {
       "job %d: frame %d, round %d: relMSE %.2e, at most %.2e%s", id.job_id, id.frame_number,
       record.round, record.relative_mse, record.relative_mse_upper,
       ended ? absl::StrCat("; ended by ", StopReasonName(record.stop_reason))
-            : absl::StrFormat("; the next shall have %.2e", record.predicted_relative_mse)));
+            : absl::StrFormat("; %.2e predicted for the next", record.predicted_relative_mse)));
   const MutexLock lock(&tables_.mutex);
   const std::vector<RoundRecord>& rounds = tables_.AddRound(id, std::move(record));
   if (ended) return true;
@@ -87,7 +87,7 @@ absl::StatusOr<bool> FrameRounds::Finish(OpenFrame* frame, const FrameId& id) {
 
 void FrameRounds::KeepPreview(const OpenFrame& frame, const FrameId& id, int32_t round) {
   const absl::Status kept = previews_.Keep(id, round, frame.merge.picture());
-  if (!kept.ok()) LogWarning(absl::StrCat("keeping a round's picture: ", kept.message()));
+  if (!kept.ok()) LogWarning(absl::StrCat("storing a round's image: ", kept.message()));
 }
 
 void FrameRounds::NotePoint(OpenFrame* frame, const FrameId& id, bool ended) {
@@ -120,7 +120,7 @@ void FrameRounds::NotePoint(OpenFrame* frame, const FrameId& id, bool ended) {
   const absl::Status stored = store_.AddRound(id, record);
   disk_.Note(stored);
   if (!stored.ok()) {
-    LogWarning(absl::StrCat("noting a point of a frame's curve: ", stored.message()));
+    LogWarning(absl::StrCat("storing a point of a frame's error curve: ", stored.message()));
     return;
   }
   if (!ended) KeepPreview(*frame, id, record.round);

@@ -20,8 +20,8 @@ absl::Status RequireUnfinished(const JobRecord& job, const char* action) {
   const char* const state = job.phase == JobPhase::kSucceeded ? "has succeeded"
                             : job.phase == JobPhase::kFailed  ? "has failed"
                                                               : "was cancelled";
-  return absl::FailedPreconditionError(absl::StrCat(
-      "jobs/", job.spec.job_id, " ", state, "; only a job that is not finished can ", action));
+  return absl::FailedPreconditionError(
+      absl::StrCat("jobs/", job.spec.job_id, " ", state, "; only an unfinished job can ", action));
 }
 
 }  // namespace
@@ -109,7 +109,7 @@ absl::Status JobLifecycle::SetPaused(uint64_t job_id, bool paused) {
       tables_.scheduler.Resume(job_id, SteadyTime::Now());
     }
   }
-  LogInfo(absl::StrCat("job ", job_id, paused ? " is paused" : " goes on"));
+  LogInfo(absl::StrCat("job ", job_id, paused ? " is paused" : " is resumed"));
   signals_.Changed();
   return absl::OkStatus();
 }
@@ -122,7 +122,7 @@ absl::Status JobLifecycle::SetPriority(uint64_t job_id, int32_t priority) {
     if (!job.ok()) return job.status();
     if (absl::Status status = tables_.scheduler.CheckPriority(priority); !status.ok())
       return status;
-    absl::Status live = RequireUnfinished(**job, "get a priority");
+    absl::Status live = RequireUnfinished(**job, "change its priority");
     if (!live.ok()) return live;
     if ((*job)->spec.priority == priority) return absl::OkStatus();
   }
@@ -159,7 +159,7 @@ void JobLifecycle::CancelForgottenPilots() {
     if (absl::FromChrono(now - asked) > options_.limits.pilot_unasked_max) forgotten.push_back(id);
   }
   for (const uint64_t id : forgotten) {
-    LogInfo(absl::StrCat("job ", id, ": nobody waits for this pilot"));
+    LogInfo(absl::StrCat("job ", id, ": no client waits for this pilot"));
     tables_.scheduler.EndJob(id, JobPhase::kCancelled, "");
   }
 }

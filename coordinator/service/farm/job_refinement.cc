@@ -192,7 +192,7 @@ absl::Status JobLifecycle::ReopenFrames(StoredJob job,
   account.delivered.clear();
   account.rounds.clear();
   tables_.scheduler.RemoveJob(job_id);
-  LogInfo(absl::StrCat("job ", job_id, ": goes on, ", reopened.size(),
+  LogInfo(absl::StrCat("job ", job_id, ": continues, ", reopened.size(),
                        reopened.size() == 1 ? " frame" : " frames"));
   absl::Status restored = RestoreJob(job, &*parts, *resumed);
   account.wall_before = std::move(wall_before);

@@ -110,7 +110,8 @@ JobView JobViews::ViewOf(const JobRecord& job, bool with_frames, SteadyTime now)
   view.failure = job.failure;
   view.waiting_reason = tables_.scheduler.WaitingReason(job);
   if (const absl::Status disk = disk_.Last(); job.phase == JobPhase::kLive && !disk.ok()) {
-    view.waiting_reason = absl::StrCat(WhyWritesWait(disk), "; results wait with their workers");
+    view.waiting_reason =
+        absl::StrCat(WhyWritesWait(disk), "; workers keep their results until it is");
   }
   view.create_time = account.create_time;
   view.end_time = account.end_time;

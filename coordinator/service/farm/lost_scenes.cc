@@ -60,8 +60,8 @@ void LostScenes::Update() {
 std::string LostScenes::LostFileOf(const BlobDigest& scene) const {
   const auto text = [](const std::string& file, const BlobDigest& blob) {
     return absl::StrCat(file, " (blob ", blob.sha256_hex,
-                        ") is damaged or lost in the coordinator's store: submit the scene again, "
-                        "and this job goes on");
+                        ") is damaged or lost in the coordinator's store; submit the scene again "
+                        "to continue this job");
   };
   if (lost_.contains(scene.sha256_hex)) return text("the list of the scene's files", scene);
   const absl::StatusOr<std::string> bytes = blobs_.ReadChunk(scene, 0, kManifestBytesMax);

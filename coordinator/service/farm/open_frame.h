@@ -14,8 +14,8 @@
 
 #include "common/base/mutex.h"
 #include "common/base/steady_time.h"
-#include "common/film/resumed_picture.h"
-#include "common/film/running_error.h"
+#include "common/film/error/running_error.h"
+#include "common/film/exr/resumed_picture.h"
 #include "coordinator/core/frame_merge.h"
 
 namespace sheaf::coordinator {

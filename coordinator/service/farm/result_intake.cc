@@ -80,7 +80,7 @@ class ResultIntake::TileReservation {
 absl::StatusOr<ResultOutcome> ResultIntake::Add(const ResultReport& report,
                                                 const std::string& bytes) {
   if (bytes.size() != report.digest.size_bytes || Sha256Hex(bytes) != report.digest.sha256_hex) {
-    return Reject(report, "the bytes do not have the digest they came with");
+    return Reject(report, "the bytes do not match their digest");
   }
   const TileReservation reservation(this, {report.frame_digest, {report.tile.y0, report.tile.x0}});
   Scheduler::FoundTask found;

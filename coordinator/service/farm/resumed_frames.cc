@@ -6,7 +6,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "common/base/status.h"
-#include "common/film/exr_codec.h"
+#include "common/film/exr/exr_codec.h"
 #include "coordinator/forecast/picture_start.h"
 
 namespace sheaf::coordinator {
@@ -14,7 +14,7 @@ namespace sheaf::coordinator {
 absl::StatusOr<ResumedPicture> ResumedFrames::Open(const FrameSpec& spec,
                                                    const CellGrid& grid) const {
   const std::string about =
-      absl::StrCat("frame ", spec.frame_number, " cannot go on from the picture");
+      absl::StrCat("frame ", spec.frame_number, " cannot continue from the image");
   const absl::StatusOr<std::string> path = blobs_.PathOf(spec.resumed);
   if (!path.ok()) return Annotate(path.status(), about);
   absl::StatusOr<FramePicture> picture = ReadPicture(*path);
@@ -26,8 +26,8 @@ absl::StatusOr<ResumedPicture> ResumedFrames::Open(const FrameSpec& spec,
     absl::StatusOr<uint64_t> samples = resumed->SamplesOf(cell);
     if (samples.ok() && *samples > spec.settings.samples) {
       samples = absl::InvalidArgumentError(
-          absl::StrCat("it has ", *samples, " samples in a pixel already, and the job asks for ",
-                       spec.settings.samples, "; ask for more with --samples"));
+          absl::StrCat("it has ", *samples, " samples per pixel already, but the job requests ",
+                       spec.settings.samples, "; request more with --samples"));
     }
     if (!samples.ok()) return Annotate(samples.status(), about);
   }

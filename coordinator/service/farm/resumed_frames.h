@@ -12,7 +12,7 @@
 
 #include "absl/status/statusor.h"
 #include "common/content/blob_store.h"
-#include "common/film/resumed_picture.h"
+#include "common/film/exr/resumed_picture.h"
 #include "coordinator/core/cell_grid.h"
 #include "coordinator/core/job.h"
 

@@ -8,7 +8,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "common/base/log.h"
-#include "common/film/exr_codec.h"
+#include "common/film/exr/exr_codec.h"
 
 namespace sheaf::coordinator {
 

@@ -88,7 +88,7 @@ class FakeFarm : public FarmView {
   absl::StatusOr<PreviewView> Preview(const std::string&, int32_t,
                                       const std::vector<std::string>&) const override {
     const MutexLock lock(&mutex_);
-    if (preview.version == 0) return absl::UnavailableError("no sample is there yet");
+    if (preview.version == 0) return absl::UnavailableError("has no samples yet");
     return preview;
   }
   absl::StatusOr<PreviewView> Thumbnail(const std::string& job_id,
