@@ -202,7 +202,7 @@ TEST(FilmStabilityTest, C5SampleIndicesBeyondThirtyTwoBits) {
     ASSERT_TRUE(part.ok()) << part.status();
     EXPECT_EQ(part->tile.block(), block);
     ExpectHardCase({.row = "C5",
-                    .figure = "first sample of a part, read back",
+                    .figure = "first sample of a part, read back: " + InWords(first),
                     .expected = first,
                     .measured = part->tile.block().first,
                     .naive = static_cast<uint32_t>(first),
