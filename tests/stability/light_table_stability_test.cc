@@ -19,6 +19,7 @@
 #include "tests/support/hard_case.h"
 #include "tests/support/light_tables.h"
 #include "tests/support/naive_lights.h"
+#include "tests/support/naive_sampling.h"
 #include "tests/support/temporary_path.h"
 #include "worker/render/light/environment_map.h"
 #include "worker/render/light/shape_sampling.h"
@@ -245,6 +246,15 @@ TEST(LightTableStabilityTest, L9AMillionLightsAtOnePoint) {
   const Estimate all = EstimateIrradiance(*table, kOrigin, kUp);
   const Estimate one = EstimateIrradiance(*MakeTable(single), kOrigin, kUp);
   ExpectNear(all, one.mean, 1e-5);
+  const float part = static_cast<float>(one.mean) * 1e-6f;
+  ExpectHardCase({.row = "L10",
+                  .figure = "irradiance of 10^6 lights",
+                  .expected = one.mean,
+                  .measured = all.mean,
+                  .standard_error = all.standard_error,
+                  .tolerance = 1e-5 * one.mean,
+                  .naive = naive::Sum(std::vector<float>(kCount, part)),
+                  .naive_by = "running sum of their parts"});
 }
 
 TEST(LightTableStabilityTest, L10ManyDifferentLightsAddUp) {
