@@ -20,7 +20,7 @@ add_library(OpenColorIO::OpenColorIO ALIAS PkgConfig::OpenColorIO)
 pkg_check_modules(sqlite3 REQUIRED IMPORTED_TARGET sqlite3)   # durable state
 pkg_check_modules(zstd REQUIRED IMPORTED_TARGET libzstd)      # content transfer
 pkg_check_modules(blosc REQUIRED IMPORTED_TARGET GLOBAL blosc)  # volume grids
-find_path(SHEAF_NANOVDB nanovdb/NanoVDB.h REQUIRED)           # their look-up form, header-only
+find_path(SHEAF_NANOVDB nanovdb/NanoVDB.h REQUIRED)           # form for lookups, header-only
 find_package(embree 4 QUIET)           # ray intersection; 4.x on Debian 13
 if(NOT embree_FOUND)
   find_package(embree 3 REQUIRED)      # 3.13 on Debian 12

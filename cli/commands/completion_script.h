@@ -13,7 +13,7 @@ struct CompletionOption {
   std::string name;  // "--samples"
   std::string help;  // One line.
   bool takes_value = false;
-  std::vector<std::string> choices = {};  // Of its value; empty: files.
+  std::vector<std::string> choices = {};  // Values it accepts; empty: files.
 };
 struct CompletionCommand {
   std::string name, help;

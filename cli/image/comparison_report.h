@@ -28,7 +28,7 @@ inline constexpr double kNoiseDeviationsMax = 3;
 
 struct ComparisonReport {
   Comparison comparison;
-  std::optional<ExpectedNoise> noise;  // Of the difference; nullopt if the image has no error bars.
+  std::optional<ExpectedNoise> noise;  // The difference's; nullopt if the image has no error bars.
   double flip = 0;
   std::optional<double> hdr_flip;
   std::optional<TileDeviations> tiles;

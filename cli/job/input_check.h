@@ -17,7 +17,7 @@
 
 namespace sheaf::cli {
 
-// Of images with more pixels only the header is read; others are read whole.
+// Images with more pixels are checked by their headers only; others are read whole.
 inline constexpr uint64_t kWholePixelsMax = uint64_t{1} << 20;
 
 // Thread safety: Check may be called concurrently; each file is read once.

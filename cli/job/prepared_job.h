@@ -53,9 +53,9 @@ struct PreparedFrame {
   BlobDigest manifest;
   FrameSettings settings;
   std::string film_filename;          // The scene's name for its image; may be empty.
-  FilterDescription filter = {};      // Of the scene.
+  FilterDescription filter = {};      // The scene's.
   std::vector<PixelRect> lamps = {};  // As returned by LampsInView.
-  BlobDigest resumed = {};            // Of the EXR to continue from; empty: none.
+  BlobDigest resumed = {};            // The EXR to continue from; empty: none.
 };
 
 struct PreparedJob {

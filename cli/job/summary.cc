@@ -87,7 +87,7 @@ std::string FormatReliability(const v1::Frame& frame) {
   return text;
 }
 
-// What true error bars cost in a smooth image, and the alternative.
+// The cost of true error bars in a smooth image, and the alternative.
 std::string FormatOneSequence(const v1::Frame& frame) {
   if (frame.one_sequence_gain() <= 0) return "";
   return absl::StrFormat(

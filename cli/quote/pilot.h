@@ -22,7 +22,7 @@ struct PilotFrame {
   size_t index = 0;  // Among the job's frames.
   std::vector<coordinator::PilotPicture> pictures;
   std::vector<coordinator::CloseUp> close_ups;
-  double cpu_seconds = 0;  // Of all pilots.
+  double cpu_seconds = 0;  // For all pilots.
   coordinator::ErrorModel model;
 };
 

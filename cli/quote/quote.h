@@ -4,7 +4,7 @@
 // Quote: the forecast cost of a job for each of several target errors. A pilot of few pixels is
 // rendered on the farm, as a job of highest priority:
 //
-//     pilot job > pictures > FitErrorModel > ForecastTarget for each error > Quote
+//     pilot job > images > FitErrorModel > ForecastTarget for each error > Quote
 //
 // For a range of frames, pilots of a few frames are rendered and the others are interpolated. For a
 // frame that continues from an image (--resume-from), errors are taken from the image, and the
@@ -30,7 +30,7 @@ using Banded = coordinator::Estimate;
 
 struct QuoteRow {
   double target_error = 0;                // 0: the number of samples is given instead.
-  std::optional<uint64_t> samples_given;  // In every pixel.
+  std::optional<uint64_t> samples_given;  // Per pixel.
   bool reached = true;                    // With no more samples per pixel than allowed.
   Banded relative_mse;
   Banded samples;  // Final samples per pixel, the mean over pixels and frames.
@@ -42,7 +42,7 @@ struct Quote {
   int32_t width_px = 0, height_px = 0;
   int frame_count = 1, pilot_frame_count = 1;
   double rate = 1, rate_deviation = 0;  // For the first frame; errors fall as 1 / n^rate.
-  int thread_count = 0;                 // Of the farm at present.
+  int thread_count = 0;                 // The farm's present threads.
   int jobs_before = 0;                  // Running jobs of equal or higher priority.
   coordinator::FarmLoad load;           // Includes those jobs.
   double pilot_cpu_seconds = 0;

@@ -185,12 +185,12 @@ class Study {
   }
 
   struct Clamped {
-    size_t measurement;  // Index.
+    size_t measurement;  // Index into measurements_.
     ClampedTiles tiles;
   };
   // A setting that is rendered in turns with others.
   struct Running {
-    size_t measurement;  // Index.
+    size_t measurement;  // Index into measurements_.
     render::CompiledScenePtr scene;
     std::unique_ptr<TileRenderer> renderer;
     std::vector<double> block_seconds;  // CPU time of each block.

@@ -43,8 +43,8 @@ struct UnreliableTile {
 
 struct StudyResult {
   std::string scene;
-  int32_t width_px = 0, height_px = 0;  // Of the window.
-  int64_t pixels = 0;                   // Of the rendered tiles.
+  int32_t width_px = 0, height_px = 0;  // The window's size.
+  int64_t pixels = 0;                   // Number of rendered pixels.
   double seconds = 0;
   int threads = 0;
   uint64_t reference_samples = 0;

@@ -50,7 +50,7 @@ struct StudyPoint {
 struct StudyCurve {
   StudySetting setting;
   std::vector<StudyPoint> points;  // Points whose error differs from 0.
-  std::optional<Estimate> rate;    // Of the variance, which falls as 1 / samples^rate.
+  std::optional<Estimate> rate;    // Exponent of the variance, which falls as 1 / samples^rate.
   // MSE = bias^2 + variance: the error that remains for any number of samples. nullopt with one
   // sequence, whose variance is unknown.
   std::optional<Estimate> bias_floor;

@@ -52,7 +52,7 @@ export interface Round {
   sample_count: number;
   cpu_duration_seconds: number;
   wall_duration_seconds: number;
-  // Of the image at that time; 0 if it is not stored.
+  // Version of the image at that time; 0 if it is not stored.
   preview_version: number;
 }
 

@@ -40,8 +40,8 @@ struct Point {
 
 // A one-sided triangle if it has vertices, otherwise a sphere.
 struct Light {
-  Vec3f v0, v1, v2;  // Of a triangle; v0 is a sphere's center.
-  float radius = 0;  // Of a sphere.
+  Vec3f v0, v1, v2;  // The triangle's vertices; v0 is a sphere's center.
+  float radius = 0;  // The sphere's radius.
   float radiance = 0;
 };
 

@@ -23,7 +23,7 @@ namespace sheaf::render {
 namespace {
 
 struct Ablated {
-  std::string name;  // Of the trait.
+  std::string name;  // Name of the trait.
   uint32_t traits = 0;
   RenderRowFunction row = nullptr;
 };

@@ -329,7 +329,7 @@ TEST(SimilarityTest, WalksBeforeAPlaneAreReducedToo) {
   EXPECT_LT(static_cast<double>(sparse.rays), 0.7 * static_cast<double>(without.rays));
 }
 
-// --- What the plan says --------------------------------------------------------------------------
+// --- The plan ------------------------------------------------------------------------------------
 
 TEST(SimilarityTest, ThePlanSaysWhatIsBiasedAndWhatIsNot) {
   SimilarScene t({0, 0, -4}, {0, 0, 0}, 20);

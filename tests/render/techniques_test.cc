@@ -243,7 +243,7 @@ TEST(TechniquesTest, SpectraAndRgbOfGreyScenes) {
                   TilePairs(AllScenes(kGrey), kBoth, {.color = ColorTransport::kSpectral}, 500));
 }
 
-// --- The tests' own tools ------------------------------------------------------------------------
+// --- Test tools ----------------------------------------------------------------------------------
 
 TEST(AgreementTest, StudentCdfHasTabulatedValues) {
   EXPECT_NEAR(testing::StudentCdf(0, 7), 0.5, 1e-14);

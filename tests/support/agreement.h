@@ -39,7 +39,7 @@ struct TilePair {
 };
 struct Agreement {
   double uniformity_p = 0;  // Over all tiles.
-  double extreme_p = 0;     // Of the most deviating tile, two-sided, Sidak-corrected.
+  double extreme_p = 0;     // For the most deviating tile, two-sided, Sidak-corrected.
   int tiles = 0;            // Excludes tiles without noise that are equal.
   double mean_ratio = 0;    // Sum of b over the sum of a.
   std::string text;         // The result in one line, for messages.

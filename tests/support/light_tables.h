@@ -86,7 +86,7 @@ class RandomPoints {
 
 struct Estimate {
   double mean = 0;
-  double standard_error = 0;  // Of the mean, from kReplicateCount independent scrambles.
+  double standard_error = 0;  // The mean's, from kReplicateCount independent scrambles.
 };
 // Mean of f over scrambled points, points_per_replicate (a power of two) from each replicate.
 inline Estimate EstimateMean(uint64_t points_per_replicate,

@@ -126,7 +126,7 @@ class Random {
   explicit Random(uint64_t seed) : engine_(seed) {}
   double Uniform() { return static_cast<double>(engine_() >> 11) * 0x1p-53; }
   double Uniform(double a, double b) { return a + (b - a) * Uniform(); }
-  // Of either sign, with magnitude 10^U(-8, 8).
+  // A number of either sign with magnitude 10^U(-8, 8).
   float AnyMagnitude() {
     const double v = std::pow(10.0, Uniform(-8, 8));
     return static_cast<float>(Uniform() < 0.5 ? -v : v);

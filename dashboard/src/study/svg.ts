@@ -1,9 +1,10 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Builds SVG elements. Colours come from the style sheet, so a change of theme redraws nothing.
+// Builds SVG elements. Colors come from the style sheet, so a change of theme needs no redrawing.
 
-// Asked of the parser: the page is to hold no address, not even the name of a namespace.
+// Obtained from the parser: the page must not contain any address, not even the name of a
+// namespace.
 const namespace = (() => {
   const probe = document.createElement('div');
   probe.innerHTML = '<svg></svg>';
@@ -12,7 +13,7 @@ const namespace = (() => {
 
 type Attributes = Record<string, string|number|null>;
 
-// svg("circle", {cx: 1, cy: 2, r: 3}). Null leaves an attribute out; text becomes a text node.
+// svg("circle", {cx: 1, cy: 2, r: 3}). A null value omits the attribute; text becomes a text node.
 export function svg(
     tag: string, attributes: Attributes = {}, ...children: (Node|string)[]): SVGElement {
   const element = document.createElementNS(namespace, tag) as SVGElement;
@@ -24,10 +25,10 @@ export function svg(
   return element;
 }
 
-// A hundredth of a pixel is enough.
+// Rounds to a hundredth of a pixel.
 const round = (value: number) => String(Math.round(value * 100) / 100);
 
-// Marks of the entries, so that they differ by more than colour. Around (0, 0), `r` in size.
+// Marks of the entries, so that they differ by more than color. Centered at (0, 0), with size `r`.
 const SHAPES: ((r: number) => string)[] = [
   (r) => `M${- r},0A${r},${r} 0 1 1 ${r},0A${r},${r} 0 1 1 ${- r},0Z`,
   (r) => `M${- r},${- r}H${r}V${r}H${- r}Z`,
@@ -35,23 +36,23 @@ const SHAPES: ((r: number) => string)[] = [
   (r) => `M0,${- 1.2 * r}L${1.2 * r},${r}H${- 1.2 * r}Z`,
   (r) => `M0,${1.2 * r}L${1.2 * r},${- r}H${- 1.2 * r}Z`,
 ];
-// Colours of the style sheet, --series-0 and on. Prime to the number of shapes.
+// Number of colors --series-0, --series-1, ... in the style sheet. Coprime to the number of shapes.
 const COLOUR_COUNT = 8;
 
 export interface Series {
-  // "var(--series-3)".
+  // For example "var(--series-3)".
   colour: string;
   shape: (r: number) => string;
 }
 
-// How the entry or kind at `index` is drawn everywhere.
+// The color and shape of the entry or kind at `index` in all charts.
 export function seriesAt(index: number): Series {
   const shape = SHAPES[index % SHAPES.length];
   if (!shape) throw new Error('no shape for series ' + index);
   return {colour: 'var(--series-' + index % COLOUR_COUNT + ')', shape};
 }
 
-// The mark before a name in a legend. Colour and outline come from `style`.
+// The mark before a name in a legend. `style` determines its color and outline.
 export function swatch({colour, shape}: Series): SVGElement {
   const mark = svg('path', {d: shape(5)});
   mark.style.fill = colour;
