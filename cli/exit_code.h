@@ -19,7 +19,7 @@ enum class ExitCode : int {
   kInterrupted = 130,
 };
 
-// The lines of sheaf --help that list them.
+// The lines of sheaf --help that list the exit codes.
 inline constexpr const char* kExitCodeHelp =
     "Exit codes: 0 done; 1 the job failed, or images differ; 2 wrong usage; 3 the coordinator\n"
     "does not answer; 4 the scene has errors; 5 the job was cancelled; 6 a file cannot be read or\n"

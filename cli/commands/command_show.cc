@@ -236,7 +236,7 @@ class ShowCommand : public FarmCommand {
     return found;
   }
 
-  // It is an error only where an image was requested.
+  // A missing image is an error only if one was requested.
   ExitCode ReportNoFrame() const {
     if (!IsAsked() && !frame_number_) return ExitCode::kOk;
     return ReportError(ExitCode::kFailed,

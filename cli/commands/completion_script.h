@@ -28,7 +28,7 @@ inline constexpr char kJobNamesCommand[] = "sheaf completion jobs 2>/dev/null";
 
 enum class Shell { kBash, kZsh, kFish };
 
-// The script that completes subcommands, their options and the values of these.
+// The script that completes subcommands, their options and option values.
 std::string CompletionScript(Shell shell, const std::vector<CompletionCommand>& commands);
 
 }  // namespace sheaf::cli

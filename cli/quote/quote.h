@@ -31,7 +31,7 @@ using Banded = coordinator::Estimate;
 struct QuoteRow {
   double target_error = 0;                // 0: the number of samples is given instead.
   std::optional<uint64_t> samples_given;  // Per pixel.
-  bool reached = true;                    // With no more samples per pixel than allowed.
+  bool reached = true;                    // Within the limit of samples per pixel.
   Banded relative_mse;
   Banded samples;  // Final samples per pixel, the mean over pixels and frames.
   // For all frames. wall: includes the farm's other jobs in that time; 0 if there are no workers.
@@ -43,7 +43,7 @@ struct Quote {
   int frame_count = 1, pilot_frame_count = 1;
   double rate = 1, rate_deviation = 0;  // For the first frame; errors fall as 1 / n^rate.
   int thread_count = 0;                 // The farm's present threads.
-  int jobs_before = 0;                  // Running jobs of equal or higher priority.
+  int jobs_before = 0;                  // Active jobs of equal or higher priority.
   coordinator::FarmLoad load;           // Includes those jobs.
   double pilot_cpu_seconds = 0;
   // If it continues from an image: its mean samples per pixel so far.

@@ -64,7 +64,7 @@ class MachineFaultsTest(unittest.TestCase):
                 metrics = f.metrics()
                 self.assertEqual(metrics["sheaf_workers_lost_total"], 0, f"off by {seconds} s")
                 self.assertEqual(metrics["sheaf_lease_expired_total"], 0, f"off by {seconds} s")
-            # Leases of a worker that dies during the jump expire on time.
+            # Leases of a worker that dies after the jumps expire on time.
             f.kill(f.workers[0])
             farm.wait_until(lambda: f.metrics()["sheaf_workers_lost_total"] == 1,
                             5 * LEASE_SECONDS, "the dead worker is lost")

@@ -70,7 +70,7 @@ class MemoryTest(unittest.TestCase):
             self.assertIn('"kind":"memory"', listed.decode().replace(" ", ""))
 
     def test_a_scene_that_ends_each_worker_fails_after_a_few(self):
-        """Whatever ends them; here the test kills each worker while it loads the scene."""
+        """The cause does not matter: the test kills each worker while it loads the scene."""
         with farm.Farm(["--lease-seconds", "1"]) as f:
             scene = self.scene(10)  # Takes seconds to load.
             job = self.submit(f, scene)

@@ -56,7 +56,7 @@ TEST(SpectralTransportTest, InterreflectionDeepensAColorByItsSpectrum) {
   const SpectralColor spectrum = SpectralColor::Make(RgbSpec(rho), ColorRole::kReflectance);
   const Rgb expected = UnderWhite([&](float nm) { return 1 / (1 - spectrum.At(nm)); });
   ExpectColor(RenderMean(t.scene, Spectral(SquareSettings(8, 1024, 200))), expected);
-  EXPECT_GT(std::fabs(expected.r - 1 / (1 - rho.r)), 0.02f);  // Tells the two apart.
+  EXPECT_GT(std::fabs(expected.r - 1 / (1 - rho.r)), 0.02f);  // RGB's answer differs.
 }
 
 // A measured metal reflects each wavelength by its own index of refraction.
