@@ -15,7 +15,7 @@ TARGET = "0.01"
 
 
 def words(browser):
-    """What is chosen, samples of a pixel and error."""
+    """The selected round, its samples per pixel and its error."""
     found = re.fullmatch(r"(.*): ([\d.\u2009]+) samples per pixel, error ±([\d.]+) %",
                          browser.run(TEXT, "round-words"))
     assert found, browser.run(TEXT, "round-words")

@@ -250,7 +250,7 @@ TEST(VaryingMediaTest, V5BoundsThatAreTooLowAreRaised) {
   EXPECT_EQ(tiny.broken_majorants, 0u);
   ExpectEqual(MeanOf(from_far), MeanOf(right));
   const TileMean expected = MeanOf(right), measured = MeanOf(from_far);
-  // Across the box, with collisions as often as the densest lump's bound says.
+  // Extinction across the box with the collision rate of the densest lump's majorant.
   const float most = MaxComponent(Rgb{2.1f, 1.2f, 1.1f}) * 4 * 0x1p-12f;
   ExpectHardCase(
       {.row = "V5",

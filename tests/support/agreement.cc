@@ -85,7 +85,7 @@ double UniformityP(std::vector<double> p_values) {
     distance = std::max({distance, p_values[i] - rank / n, (rank + 1) / n - p_values[i]});
   }
   const double lambda = (std::sqrt(n) + 0.12 + 0.11 / std::sqrt(n)) * distance;
-  if (lambda < 0.2) return 1;  // There the series converges slowly; it is 1 to 12 digits.
+  if (lambda < 0.2) return 1;  // The series converges slowly; it is 1 to 12 digits.
   double p = 0;
   for (int j = 1; j <= 100; ++j) {
     p += (j % 2 == 1 ? 2 : -2) * std::exp(-2.0 * j * j * lambda * lambda);

@@ -119,8 +119,8 @@ inline TestScene Hazy(Tint tint) {
   return t;
 }
 
-// A lumpy cloud with colored emission that scatters, above a floor, in a slightly emissive haze;
-// and a second cloud without colored emission.
+// A scattering cloud with a grid of scale factors for its emission, above a floor, in a slightly
+// emissive haze; and a second cloud that emits and absorbs but does not scatter.
 inline TestScene Burning(Tint tint) {
   TestScene t = OpenBox(tint);
   t.ConstantEnvironment(tint({0.05f, 0.06f, 0.08f}));

@@ -17,8 +17,8 @@ LINE_LENGTH_MAX = 100
 FILE_LINES_MAX = 450
 FUNCTION_LINES_MAX = 80
 
-# The folders of a module from the lowest to the highest: each may include those before it. A "|"
-# stands between folders beside each other, which do not include each other.
+# The folders of a module from the lowest to the highest: each may include those before it. "|"
+# separates folders of one level, which do not include each other.
 ROOMS = {
     "cli": ". < image < job < quote < study < commands",
     "common/film": ". < error < exr",
