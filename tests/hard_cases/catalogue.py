@@ -15,12 +15,12 @@ TEST = re.compile(r"^TEST(?:_F|_P)?\((\w+),\s*(\w+)\)", re.MULTILINE)
 RECORD = re.compile(r"\.row = \"(\w+)\"")
 NO_NAIVE_TITLE = "Rows without a naive value"
 
-# name: "G1"; patterns: of the tests, "Suite.G1*"; no_naive: why no naive value stands beside it.
+# name: "G1"; patterns: of the tests, "Suite.G1*"; no_naive: why there is no naive value.
 Row = collections.namedtuple("Row", "name section case why expected patterns source no_naive")
 
 
 def table_rows(text):
-    """(section, cells) of every line of a table but its head."""
+    """(section, cells) of every line of a table except its header."""
     section = ""
     previous = ""
     for line in text.splitlines():
@@ -48,7 +48,7 @@ def read_rows(path=DOCUMENT):
 
 
 def matches(pattern, test):
-    """Whether "Suite.G1*" stands for the test "Suite.G1Name"; it does not for "Suite.G10Name"."""
+    """Whether "Suite.G1*" matches the test "Suite.G1Name"; it does not match "Suite.G10Name"."""
     expression = re.escape(pattern).replace(r"\*", ".*")
     return re.fullmatch(re.sub(r"(?<=\d)\.\*", r"(?!\\d).*", expression), test) is not None
 

@@ -1,15 +1,15 @@
 #!/usr/bin/env python3
 # Copyright the Sheaf authors.
 # SPDX-License-Identifier: Apache-2.0
-"""Runs the tests of every hard case of docs/hard-cases.md and writes what they measured.
+"""Runs the tests of every hard case of docs/hard-cases.md and writes their measurements.
 
     tests/hard_cases/hard_cases.py [--build build/dev] [--out build/dev/hard_cases] [--short]
         [--jobs N]
 
-The folder of --out gets hard-cases.html, one page that needs nothing else, and hard-cases.json.
-Numbers that JSON does not have are the strings "nan", "inf" and "-inf" there. --short leaves out
-the tests that take longest; SHEAF_LONG_TESTS=1 lengthens the others. Exits with 1 where a row is
-red: a test fails, is not built, or records no figure.
+The folder of --out receives hard-cases.html, a page that loads nothing else, and hard-cases.json,
+in which the strings "nan", "inf" and "-inf" stand for numbers that JSON lacks. --short omits the
+tests that take longest; SHEAF_LONG_TESTS=1 lengthens the others. Exits with 1 if a row is red: a
+test fails, is not built, or records no figure.
 """
 import argparse
 import concurrent.futures
@@ -24,7 +24,7 @@ import time
 import catalogue
 import page
 
-# A second to a minute each, of rows that have others.
+# Tests that take from a second to a minute, of rows that also have other tests.
 LONG = (
     "BsdfChiSquareTest.*", "BsdfSampleTest.TheMeanWeight*", "MaterialStability.M2_CoatsOfPerfect*",
     "MaterialStability.M2_RoughGlass*", "MediumStability.V1HalfSpace*",
@@ -38,7 +38,7 @@ LONG = (
     "VaryingMediaTest.V12*")
 PROGRAM_SECONDS_MAX = 1800
 LIST_SECONDS_MAX = 60
-# As kStandardErrorsMax of tests/support/hard_case.h.
+# The same as kStandardErrorsMax of tests/support/hard_case.h.
 STANDARD_ERRORS_MAX = 5
 RECORD_PREFIX = "hard_case "
 
@@ -60,14 +60,14 @@ def list_tests(program):
 
 
 def find_tests(bin_folder):
-    """{test: program} of all test programs that are built."""
+    """{test: program} for all built test programs."""
     programs = sorted(os.path.join(bin_folder, name) for name in os.listdir(bin_folder)
                       if name.startswith("sheaf_") and name.endswith("_test"))
     return {test: program for program in programs for test in list_tests(program)}
 
 
 def run_program(program, tests):
-    """{test: its object of GoogleTest's JSON}, and a text where the program itself failed."""
+    """{test: its object of GoogleTest's JSON}, and a message if the program itself failed."""
     with tempfile.TemporaryDirectory() as folder:
         report = os.path.join(folder, "report.json")
         environment = {**os.environ, "GTEST_FILTER": ":".join(tests),
@@ -104,7 +104,7 @@ def run_tests(program_of, tests, jobs):
 
 
 def float_ulp(value):
-    """The distance of floats of single precision about the value."""
+    """The spacing of single-precision floats at the value."""
     return 2.0 ** max(math.floor(math.log2(abs(value))) - 23, -149) if value else 2.0 ** -149
 
 
@@ -113,7 +113,7 @@ def is_within(value, expected, bar):
 
 
 def figure_of(words, record, test):
-    """A figure of the JSON that is written, from what a test recorded."""
+    """A figure of the output JSON, from a test's record."""
     record = json.loads(record)
     number = {key: float(value) for key, value in record.items() if key != "naive_by"}
     bar = STANDARD_ERRORS_MAX * number["standard_error"] + number["tolerance"]
@@ -130,7 +130,7 @@ def figure_of(words, record, test):
 
 
 def figures_of(row_name, reports):
-    """What the tests recorded of this row; also tests of other names may have done so."""
+    """The records of this row, also those of tests with other names."""
     prefix = f"{RECORD_PREFIX}{row_name} "
     return [figure_of(key[len(prefix):], value, test)
             for test, report in sorted(reports.items())
@@ -142,7 +142,7 @@ def seconds_of(report):
 
 
 def judge(row, tests, left_out, reports):
-    """The row's object of the JSON that is written."""
+    """The row's object in the output JSON."""
     own = catalogue.tests_of(row, tests)
     problems = [f"{pattern} names no test that is built" for pattern in row.patterns
                 if not any(catalogue.matches(pattern, test) for test in tests)]
@@ -188,7 +188,7 @@ def summarize(cases, short, seconds):
 
 
 def for_json(value):
-    """Without numbers that JSON does not have."""
+    """Replaces numbers that JSON lacks by strings."""
     if isinstance(value, float) and not math.isfinite(value):
         return str(value)
     if isinstance(value, dict):
@@ -197,7 +197,7 @@ def for_json(value):
 
 
 def measure(rows, build, short, jobs):
-    """The object that is written as JSON."""
+    """The complete output JSON."""
     started = time.monotonic()
     program_of = find_tests(os.path.join(build, "bin"))
     wanted = sorted({test for row in rows for test in catalogue.tests_of(row, program_of)})

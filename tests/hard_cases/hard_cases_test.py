@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # Copyright the Sheaf authors.
 # SPDX-License-Identifier: Apache-2.0
-"""The document of hard cases, the names of tests, and what the page makes of results."""
+"""Checks of the document of hard cases, the names of tests, and the page for given results."""
 import json
 import re
 import unittest
@@ -11,7 +11,7 @@ import hard_cases
 import page
 
 CASE_COUNT = 79
-# From one figure's row to the end of its call.
+# From a figure's row to the end of its call.
 CALL = re.compile(r"\.row = \"(\w+)\"(.*?)\}\);", re.DOTALL)
 
 

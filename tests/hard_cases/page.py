@@ -1,6 +1,6 @@
 # Copyright the Sheaf authors.
 # SPDX-License-Identifier: Apache-2.0
-"""The page of the hard cases: one HTML file that asks for nothing else, for light and dark."""
+"""The page of the hard cases: one HTML file that loads nothing else, for light and dark themes."""
 import html
 import math
 import re
@@ -68,13 +68,13 @@ def text(value):
 
 
 def prose(words):
-    """With powers as such: 10^-6 and 1e-6."""
+    """Text with powers as superscripts, from 10^-6 and 1e-6."""
     powers = re.sub(r"\b1e(?=-?\d)", "10^", text(words))
     return re.sub(r"\^(-?)(\d+)", lambda m: f"<sup>{'−' * len(m[1])}{m[2]}</sup>", powers)
 
 
 def number(value, digits=9):
-    """As many digits as say something, and powers of ten as such."""
+    """Significant digits, with powers of ten as superscripts."""
     if math.isnan(value):
         return "NaN"
     if math.isinf(value):
@@ -150,7 +150,7 @@ def section_table(cases):
 
 
 def render(result, summary):
-    """The page of what hard_cases.py measured."""
+    """The page of the results of hard_cases.py."""
     sections = {}
     for case in result["cases"]:
         sections.setdefault(case["section"], []).append(case)

@@ -24,24 +24,24 @@ struct Figure {
 };
 
 struct HardCase {
-  // As the document names it: "G1".
+  // As in the document: "G1".
   std::string row;
-  // The measured quantity in a few words. A later figure with the same words replaces it.
+  // The measured quantity in a few words. A later figure with the same text replaces it.
   std::string figure;
   Figure expected;
   Figure measured;
-  // The measured value may be off by kStandardErrorsMax standard errors of it, and the tolerance.
+  // The measured value may deviate by kStandardErrorsMax standard errors plus the tolerance.
   Figure standard_error = 0;
   Figure tolerance = 0;
   // The result of the naive formula for the same input, computed in single precision, and that
-  // formula in a few words. None where the document says why.
+  // formula in a few words. nullopt if the document says why there is none.
   std::optional<Figure> naive = std::nullopt;
   std::string naive_by = "";
 };
 
 inline constexpr double kStandardErrorsMax = 5;
 
-// A value within the words of a figure: "1.5", "1e-09".
+// A value within the text of a figure: "1.5", "1e-09".
 inline std::string InWords(Figure value) {
   char text[32];
   std::snprintf(text, sizeof text, "%.7g", value.value);
@@ -50,7 +50,7 @@ inline std::string InWords(Figure value) {
 
 namespace hard_case_internal {
 
-// JSON has neither NaN nor infinity, so those are strings.
+// JSON has neither NaN nor infinity, so these become strings.
 inline std::string NumberText(double value) {
   if (std::isnan(value)) return "\"nan\"";
   if (std::isinf(value)) return value > 0 ? "\"inf\"" : "\"-inf\"";
@@ -61,9 +61,9 @@ inline std::string NumberText(double value) {
 
 }  // namespace hard_case_internal
 
-// Fails the test where the measured value is beyond its error bar or not a number. Records the
-// figure as a property of the test, "hard_case ROW FIGURE", whose value is a JSON object; names and
-// words must not hold quotes or backslashes.
+// Fails the test if the measured value is outside its error bar or is NaN. Records the figure as a
+// property of the test, "hard_case ROW FIGURE", whose value is a JSON object; names and texts must
+// not contain quotes or backslashes.
 inline void ExpectHardCase(const HardCase& c) {
   using hard_case_internal::NumberText;
   const double bar = kStandardErrorsMax * c.standard_error.value + c.tolerance.value;

@@ -1,9 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Formulas of lights as they are often written, in single precision. docs/hard-cases.md
-// says by row where each breaks; tests record their results beside the expected values
-// (hard_case.h).
+// Common formulas of lights in single precision. docs/hard-cases.md says for each row where the
+// formula breaks down; tests record their results beside the expected values (hard_case.h).
 #pragma once
 
 #include <algorithm>
@@ -22,7 +21,7 @@ inline float SphereSolidAngle(float r, float d) {
   return 2 * std::numbers::pi_v<float> * (1 - std::sqrt(1 - sine * sine));
 }
 
-// L3: the solid angle of the triangle a b c seen from the origin, by Girard's excess of angles.
+// L3: the solid angle of the triangle a b c seen from the origin, by Girard's theorem.
 inline float TriangleSolidAngle(Vec3f a, Vec3f b, Vec3f c) {
   const auto unit = [](Vec3f v) { return v * (1 / std::sqrt(Dot(v, v))); };
   const Vec3f ab = unit(Cross(a, b)), bc = unit(Cross(b, c)), ca = unit(Cross(c, a));
@@ -30,7 +29,8 @@ inline float TriangleSolidAngle(Vec3f a, Vec3f b, Vec3f c) {
   return angles - std::numbers::pi_v<float>;
 }
 
-// L4: the solid angle of a unit square at height h over its center, by the sum of its angles.
+// L4: the solid angle of a unit square seen from height h above its center, by the sum of its
+// angles.
 inline float SquareSolidAngle(float h) {
   const float n = 0.5f / std::sqrt(h * h + 0.25f);  // z of the normals of the planes of edges.
   return 4 * std::acos(-n * n) - 2 * std::numbers::pi_v<float>;
@@ -39,15 +39,15 @@ inline float SquareSolidAngle(float h) {
 // L5: the radiance factor of a point light.
 inline float InverseSquare(float distance) { return 1 / (distance * distance); }
 
-// L7, L8, L13, L14: one part of a whole.
+// L7, L8, L13, L14: a part as a fraction of the whole.
 inline float Share(float part, float whole) { return part / whole; }
 
-// L9: where in the bounds of their centers a light falls, for a bucket.
+// L9: relative position of a light within the bounds of the centers, for a bucket.
 inline float PlaceInBounds(float x, float lower, float upper) {
   return (x - lower) / (upper - lower);
 }
 
-// L10: the last of the running sums of probabilities, each rounded.
+// L10: the last of the rounded running sums of probabilities.
 inline float SumOfProbabilities(const std::vector<float>& powers) {
   float sum = 0, running = 0;
   for (const float p : powers) sum += p;
@@ -55,7 +55,7 @@ inline float SumOfProbabilities(const std::vector<float>& powers) {
   return running;
 }
 
-// L11: the light of those lights of which a distribution can be made: of positive power.
+// L11: the light of those lights that a distribution can include: of positive power.
 inline float LightOfPositive(const std::vector<float>& powers) {
   float sum = 0;
   for (const float p : powers) sum += std::max(p, 0.0f);

@@ -1,9 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Formulas of materials as they are often written, in single precision. docs/hard-cases.md
-// says by row where each breaks; tests record their results beside the expected values
-// (hard_case.h).
+// Common formulas of materials in single precision. docs/hard-cases.md says for each row where the
+// formula breaks down; tests record their results beside the expected values (hard_case.h).
 #pragma once
 
 #include <algorithm>
@@ -25,8 +24,9 @@ inline float GgxD(float alpha, float cosine) {
   return a2 / (kPi * d * d);
 }
 
-// M2, M3, A3: the weight of a direction reflected by a rough mirror whose normal m is drawn from
-// D cos, single scattering with Smith's G2: not bounded at grazing angles. 0 where it goes below.
+// M2, M3, A3: the weight of a direction reflected by a rough mirror whose normal m is sampled from
+// D cos, single scattering with Smith's G2: unbounded at grazing angles. 0 if the direction is
+// below the surface.
 inline float WeightByDistribution(float alpha, Vec3f wo, float u, float v) {
   const float tan2 = alpha * alpha * u / (1 - u), z = 1 / std::sqrt(1 + tan2);
   const float r = std::sqrt(1 - z * z);
@@ -41,8 +41,8 @@ inline float WeightByDistribution(float alpha, Vec3f wo, float u, float v) {
   return along / (wo.z * m.z) / (1 + lambda(wo.z) + lambda(wi.z));
 }
 
-// M2, A3: the share of the light along wo that single scattering by a rough mirror of reflectance 1
-// keeps.
+// M2, A3: the fraction of the light along wo that single scattering by a rough mirror of
+// reflectance 1 keeps.
 inline float SingleScattering(float alpha, Vec3f wo) {
   constexpr int kSide = 512;
   float sum = 0;
@@ -63,19 +63,19 @@ inline float FresnelDielectric(float cosine, float eta) {
   return (parallel * parallel + across * across) / 2;
 }
 
-// M5: the cosine of wo with the half vector of a transmission.
+// M5: the cosine between wo and the half vector of a transmission.
 inline float TransmissionCosine(Vec3f wo, Vec3f wi, float eta) {
   const Vec3f sum = wo + wi * eta;
   return Dot(wo, sum * (1 / std::sqrt(Dot(sum, sum))));
 }
 
-// M7: the reflectance of a conductor that is made to have one at normal incidence.
+// M7: the reflectance of a conductor with a given reflectance at normal incidence.
 inline float ConductorOfReflectance(float reflectance) {
   const float k = 2 * std::sqrt(reflectance) / std::sqrt(1 - reflectance);
   return k * k / (4 + k * k);
 }
 
-// M8: what passes two interfaces of relative index n once.
+// M8: transmittance of two interfaces of relative index n in a single pass.
 inline float SlabInOnePass(float n) {
   const float r = (n - 1) / (n + 1);
   return (1 - r * r) * (1 - r * r);
@@ -87,27 +87,27 @@ inline float PrismDeviation(float n) {
   return (2 * std::acos(cosine) - kPi / 3) * 180 / kPi;
 }
 
-// M10: the length of the normal that a texel stands for.
+// M10: the length of the normal that a texel encodes.
 inline float TexelNormalLength(Vec3f texel) {
   const Vec3f d = texel * 2 - Vec3f{1, 1, 1};
   const Vec3f n = d * (1 / std::sqrt(Dot(d, d)));
   return std::sqrt(Dot(n, n));
 }
 
-// M11: the cosine of a direction by Henyey and Greenstein.
+// M11: the cosine of a direction sampled by Henyey and Greenstein's formula.
 inline float HenyeyGreensteinCosine(float g, float u) {
   const float part = (1 - g * g) / (1 - g + 2 * g * u);
   return (1 + g * g - part * part) / (2 * g);
 }
 
-// M12: the lobe along a fiber of variance v at equal angles on both sides.
+// M12: the longitudinal lobe of a fiber for variance v at equal angles on both sides.
 inline float HairLobe(float v, float sine, float cosine) {
   const float x = cosine * cosine / v;
   const float bessel = std::exp(x) / std::sqrt(2 * kPi * x);
   return std::exp(-sine * sine / v) * bessel / (2 * v * std::sinh(1 / v));
 }
 
-// M14: a sigmoid spectrum of the polynomial's value.
+// M14: the sigmoid of a spectrum's polynomial.
 inline float Sigmoid(float x) { return 0.5f + x / (2 * std::sqrt(1 + x * x)); }
 
 }  // namespace sheaf::naive

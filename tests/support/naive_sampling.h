@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Formulas of sums, statistics and random choices as they are often written, in single precision.
-// docs/hard-cases.md says by row where each breaks; tests record their results beside the expected
+// Common formulas of sums, statistics and random choices in single precision. docs/hard-cases.md
+// says for each row where the formula breaks down; tests record their results beside the expected
 // values (hard_case.h).
 #pragma once
 
@@ -25,31 +25,31 @@ inline float WeightedMean(const std::vector<float>& values, const std::vector<fl
   return sum / weight;
 }
 
-// C3: the mean of count equal values by a running sum; once it stands still it never moves again.
+// C3: the mean of count equal values by a running sum; once the sum stalls, it never changes again.
 inline float MeanOfEqual(float value, uint64_t count) {
   float sum = 0;
   for (uint64_t i = 0; i < count && sum + value != sum; ++i) sum += value;
   return sum / static_cast<float>(count);
 }
 
-// C4: the value after a 16-bit float, which holds up to 65504.
+// C4: the value after conversion to a 16-bit float, whose maximum is 65504.
 inline float AsHalf(float value) {
   constexpr float kLargest = 65504, kHalfStep = 16;
   if (std::fabs(value) < kLargest + kHalfStep) return value;
   return std::copysign(std::numeric_limits<float>::infinity(), value);
 }
 
-// C6, A5: a sum in the order given.
+// C6, A5: a sum in the given order.
 inline float Sum(const std::vector<float>& values) {
   float sum = 0;
   for (const float v : values) sum += v;
   return sum;
 }
 
-// R1: 32 random bits as a number of [0, 1).
+// R1: 32 random bits as a number in [0, 1).
 inline float UnitFloat(uint32_t bits) { return static_cast<float>(bits) * 0x1p-32f; }
 
-// R4: the first entry whose running sum is not below u of the whole.
+// R4: the first entry whose running sum is not below the fraction u of the whole.
 inline size_t Choose(const std::vector<double>& weights, float u) {
   float sum = 0;
   for (const double w : weights) sum += static_cast<float>(w);
@@ -61,13 +61,13 @@ inline size_t Choose(const std::vector<double>& weights, float u) {
   return weights.size();
 }
 
-// R5: what is left of u for a place after that many choices between two halves.
+// R5: the remainder of u for a position after that many choices between two halves.
 inline float AfterHalving(float u, int choices) {
   for (int i = 0; i < choices; ++i) u = u < 0.5f ? 2 * u : 2 * u - 1;
   return u;
 }
 
-// R6: the furnace of emission 1 by bounces up to a number of them, without roulette.
+// R6: the furnace of emission 1 with a maximum number of bounces, without Russian roulette.
 inline float FurnaceInBounces(float reflectance, int bounces) {
   float sum = 0, throughput = 1;
   for (int i = 0; i <= bounces; ++i) {
