@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Hard cases of curves, by the names of the catalogue; of a single ray and segment they are in
+// Hard cases of curves, by the names of the catalogue. Those of a single ray and segment are in
 // worker/render/geometry/curve_test.cc.
 #include <algorithm>
 #include <array>
@@ -44,7 +44,7 @@ CurveSet StraightCurve(Kind kind, Vec3f from, Vec3f to, float width) {
              width, width);
   return set;
 }
-// `count` wild locks within a cube of half size 1.
+// `count` irregular curves within a cube of half-size 1.
 CurveSet Tangle(Kind kind, int count, double width, uint64_t seed) {
   CurveSet set;
   set.kind = kind;
@@ -62,8 +62,8 @@ CurveShape AddCurves(TestScene* t, CurveSet set) {
   return {static_cast<int32_t>(t->scene.curve_sets.size() - 1)};
 }
 
-// G1, G10: a straight curve is never met by the rays that leave it, of any kind, at any place, size
-// and stretch.
+// G1, G10: rays that leave a straight curve never hit it, for every kind, position, size and
+// scaling.
 TEST(CurveStability, G10SpawnedRaysDoNotMeetTheirCurve) {
   Random random(1);
   int spawned = 0, self_hits = 0, offset_hits = 0;
@@ -111,7 +111,7 @@ TEST(CurveStability, G10SpawnedRaysDoNotMeetTheirCurve) {
                   .naive_by = "origins of rays to the outside moved by 1e-4 along the normal"});
 }
 
-// G10: white hair under a white sky is white, however it is curled.
+// G10: white hair under a white sky is white, however curled it is.
 TEST(CurveStability, G10FurnaceOfHair) {
   for (const Kind kind : kKinds) {
     SCOPED_TRACE(static_cast<int>(kind));
@@ -120,7 +120,7 @@ TEST(CurveStability, G10FurnaceOfHair) {
     t.ConstantEnvironment(Rgb::Grey(1));
     FrameSettings settings = SquareSettings(24, 64, 400);
     ExpectMean(RenderMean(t.scene, settings), Rgb::Grey(1));
-    // Grey is exact in spectra too, but for the observer's sampled sums.
+    // Gray is exact in spectral transport too, except for the sampled sums of the observer.
     settings.color = ColorTransport::kSpectral;
     const TileMean spectral = RenderMean(t.scene, settings);
     EXPECT_EQ(spectral.non_finite, 0u);
@@ -128,7 +128,7 @@ TEST(CurveStability, G10FurnaceOfHair) {
   }
 }
 
-// G2: powers of two change no bit.
+// G2: scaling by powers of two changes no bit.
 TEST(CurveStability, G2PowersOfTwoChangeNoBit) {
   const auto room = [](double scale) {
     TestScene t = LitRoom(scale);
@@ -153,7 +153,7 @@ TEST(CurveStability, G2PowersOfTwoChangeNoBit) {
   }
 }
 
-// G1: a million units away from the origin the picture is the same within its error.
+// G1: a million units away from the origin the image is the same within its error.
 TEST(CurveStability, G1FarFromTheOrigin) {
   const auto picture = [](double distance) {
     const Vec3d away{distance, -distance, 0.5 * distance};
@@ -168,8 +168,8 @@ TEST(CurveStability, G1FarFromTheOrigin) {
   EXPECT_NEAR(near.mean.g, far.mean.g, 5 * std::hypot(near.standard_error.g, far.standard_error.g));
 }
 
-// A straight curve covers what it should: as a black strip before a white sky, and as much as a
-// true cylinder of the same thickness.
+// A straight curve covers the correct area: that of a black strip in front of a white sky, and of a
+// cylinder of the same thickness.
 TEST(CurveStability, StraightCurvesCoverAsCylindersDo) {
   const auto seen = [](int what, double width) {
     TestScene t({0, 0, -5}, {0, 0, 0}, 60);
@@ -188,7 +188,7 @@ TEST(CurveStability, StraightCurvesCoverAsCylindersDo) {
   };
   for (const double width : {0.3, 0.03, 0.003}) {
     SCOPED_TRACE(width);
-    const auto clear = static_cast<float>(1 - width * 1 / 4);  // The picture is 2 x 2.
+    const auto clear = static_cast<float>(1 - width * 1 / 4);  // The image is 2 x 2.
     for (int what = 0; what < 3; ++what) {
       const TileMean mean = seen(what, width);
       EXPECT_NEAR(mean.mean.g, clear, 5 * static_cast<double>(mean.standard_error.g) + 1e-6)
@@ -198,9 +198,9 @@ TEST(CurveStability, StraightCurvesCoverAsCylindersDo) {
   }
 }
 
-// A thread of type cylinder is lit like one: by a light from above, its upper half. Lit evenly
-// across (v), the normal turns by v's angle; so the mean over the width is that of cos over [0,
-// pi/2] by even steps of angle: 2/pi, times the half.
+// A curve of type cylinder is lit like one: a light from above lights its upper half. Uniformly
+// across the width (v), the normal turns by v's angle, so the mean over the width is that of cos
+// over [0, pi/2] in even steps of angle, 2/pi, times one half.
 TEST(CurveStability, CylindersAreLitAsRoundThings) {
   TestScene t({0, 0, -5}, {0, 0, 0}, 60);
   t.scene.camera.kind = CameraDescription::Kind::kOrthographic;
@@ -254,19 +254,19 @@ TEST(CurveStability, G7PlacedCurvesAreTheSame) {
         const Vec3f to = ToFloat(TransformPoint(place, ToDouble(random.Direction()) * 0.6));
         SurfacePoint p[3];
         const bool hit = HitTowards(*a, from, to, &p[0]);
-        // A rounded ray may pass the rim on the other side.
+        // A rounded ray may pass the silhouette on the other side.
         if (hit != HitTowards(*b, from, to, &p[1]) || hit != HitTowards(*c, from, to, &p[2])) {
           ++differing;
           continue;
         }
         if (!hit) continue;
         ++met;
-        // The front of those that face every ray is what is seen.
+        // Curves that face every ray are hit on their front.
         EXPECT_TRUE(kind == Kind::kRibbon || Dot(from - to, p[0].ng) > -1e-5f);
         EXPECT_NEAR(Dot(p[0].shading.n, p[0].ng), 1, 1e-5);
         for (int k = 1; k < 3; ++k) {
-          // Pieces are cut by their size where they stand, so ask for the segment; where one bends
-          // within its width, either foot may come out.
+          // Pieces are split by their size in the world, so compare the segments. Where one bends
+          // within its width, either nearest point may result.
           if (segment_of(*(k == 1 ? b : c), p[k]) != segment_of(*a, p[0]) ||
               std::fabs(p[k].uv.x - p[0].uv.x) > 1e-4f) {
             ++differing;
@@ -285,7 +285,7 @@ TEST(CurveStability, G7PlacedCurvesAreTheSame) {
   }
 }
 
-// Half way through the shutter it is half way.
+// In the middle of the shutter interval the curve is halfway.
 TEST(CurveStability, G13CurvesMove) {
   TestScene t = AtOrigin();
   t.scene.camera.shutter_close = 1;
@@ -304,7 +304,7 @@ TEST(CurveStability, G13CurvesMove) {
   }
 }
 
-// The plan tells of curves, and without them nothing of theirs is run.
+// The plan names curves, and without them none of their code is run.
 TEST(CurveStability, CurvesAreATrait) {
   TestScene with = LitRoom(1);
   with.AddShape(AddCurves(&with, Tangle(Kind::kFlat, 3, 0.01, 1)), 0).location = {0, 5, 1};

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Hard cases of cylinders and bilinear patches, by the names of the catalogue (G1 to G11); spheres
-// and triangles are in geometry_stability_test.cc.
+// Hard cases of cylinders and bilinear patches, by the names of the catalogue (G1 to G11). Those of
+// spheres and triangles are in geometry_stability_test.cc.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -35,8 +35,8 @@ BilinearMeshShape AddPatches(TestScene* t, std::vector<Vec3f> positions,
   t->scene.bilinear_meshes.push_back(std::move(mesh));
   return {static_cast<int32_t>(t->scene.bilinear_meshes.size() - 1)};
 }
-// Corners of a cube of half size 1, each moved by up to `wobble`: its six faces are curved and its
-// edges straight, so that they close it.
+// Corners of a cube of half-size 1, each moved by up to `wobble`: its six faces are curved and its
+// edges straight, so it is closed.
 std::vector<Vec3f> WobblyCorners(float wobble) {
   Random random(7);
   std::vector<Vec3f> corners;
@@ -46,10 +46,10 @@ std::vector<Vec3f> WobblyCorners(float wobble) {
   }
   return corners;
 }
-// Front outside.
+// Front faces point outwards.
 const std::vector<uint32_t> kCubePatches{0, 2, 1, 3, 4, 5, 6, 7, 0, 1, 4, 5,
                                          2, 6, 3, 7, 0, 4, 2, 6, 1, 3, 5, 7};
-// A cylinder about the z axis and two disks that close it.
+// Adds a cylinder about the z axis and two disks that close it.
 void AddCan(TestScene* t, int32_t material, const Matrix4& place) {
   t->AddShape(CylinderShape{0.7f, -0.9f, 1.1f, 360}, material, place);
   for (const float height : {-0.9f, 1.1f}) {
@@ -60,8 +60,8 @@ void AddCan(TestScene* t, int32_t material, const Matrix4& place) {
   }
 }
 
-// G1: rays leaving a cylinder outwards miss it, rays into it meet its far side, at any place, size
-// and turn.
+// G1: rays that leave a cylinder outwards miss it, rays into it hit its far side, for every
+// position, size and rotation.
 TEST(CurvedShapeStability, G1SpawnedRaysKnowTheirSideOfACylinder) {
   Random random(1);
   int spawned = 0, wrong = 0;
@@ -82,12 +82,12 @@ TEST(CurvedShapeStability, G1SpawnedRaysKnowTheirSideOfACylinder) {
     SurfacePoint point;
     const Vec3d outside = center + out * (5 * radius / Length(out));
     if (!HitTowards(*scene, ToFloat(outside), ToFloat(center), &point)) continue;
-    // Where a float cannot tell the cylinder from its axis there is no inside to test.
+    // If floats cannot distinguish the cylinder from its axis, there is no inside to test.
     if (radius < 64 * static_cast<double>(Length(point.p_error))) continue;
     for (int k = 0; k < 500; ++k) {
       const Vec3f direction = random.Direction();
       const float cosine = Dot(direction, point.ng);
-      // Nearly tangent rays may truly go either way, those along the axis pass through the ends.
+      // Nearly tangent rays may go either way; those along the axis pass through the ends.
       if (std::fabs(cosine) < 1e-3f || Length(Cross(axis, ToDouble(direction))) < 0.1) continue;
       RawHit hit;
       ++spawned;
@@ -98,7 +98,7 @@ TEST(CurvedShapeStability, G1SpawnedRaysKnowTheirSideOfACylinder) {
   EXPECT_EQ(wrong, 0);
 }
 
-// G1: rays from a patch do not meet it where they start. It may bend into their way farther off.
+// G1: rays from a patch do not hit it at their origin. It may bend into their path farther away.
 TEST(CurvedShapeStability, G1SpawnedRaysDoNotMeetTheirPatchAtOnce) {
   Random random(2);
   int spawned = 0, self_hits = 0;
@@ -121,7 +121,7 @@ TEST(CurvedShapeStability, G1SpawnedRaysDoNotMeetTheirPatchAtOnce) {
                     &point, &start)) {
       continue;
     }
-    // Where it is creased nearly to a line there is no saying where it starts.
+    // If it is creased nearly to a line, its side is undefined.
     const Vec3d n = patch.NormalAt(static_cast<double>(start.u), static_cast<double>(start.v));
     if (Length(n) < 0.1 * scale * scale) continue;
     for (int k = 0; k < 500; ++k) {
@@ -138,7 +138,7 @@ TEST(CurvedShapeStability, G1SpawnedRaysDoNotMeetTheirPatchAtOnce) {
   EXPECT_EQ(self_hits, 0);
 }
 
-// G2: powers of two change no bit.
+// G2: scaling by powers of two changes no bit.
 TEST(CurvedShapeStability, G2PowersOfTwoChangeNoBit) {
   const auto room = [](double scale) {
     TestScene t = LitRoom(scale);
@@ -163,7 +163,7 @@ TEST(CurvedShapeStability, G2PowersOfTwoChangeNoBit) {
   }
 }
 
-// G3: no ray leaves a closed room of curved patches, to whatever corner or edge it goes.
+// G3: no ray leaves a closed room of curved patches, whichever corner or edge it is aimed at.
 TEST(CurvedShapeStability, G3NoRayLeavesARoomOfPatches) {
   for (const float wobble : {0.0f, 0.3f}) {
     SCOPED_TRACE(wobble);
@@ -189,7 +189,7 @@ TEST(CurvedShapeStability, G3NoRayLeavesARoomOfPatches) {
   }
 }
 
-// G3: nor a can, to its rims.
+// G3: no ray leaves a closed cylinder through its rims.
 TEST(CurvedShapeStability, G3NoRayLeavesACan) {
   TestScene t = AtOrigin();
   AddCan(&t, kNone, RotateMatrix(33, {3, 1, 2}));
@@ -209,8 +209,7 @@ TEST(CurvedShapeStability, G3NoRayLeavesACan) {
   EXPECT_EQ(escapes, 0);
 }
 
-// G7: the front stays the front of the shape as it is drawn, whatever the transform mirrors;
-// reverse_orientation turns it about.
+// G7: the front of a mirrored shape stays the front of the original; reverse_orientation flips it.
 TEST(CurvedShapeStability, G7MirrorsKeepTheFront) {
   for (const bool mirrors : {false, true}) {
     for (const bool reverses : {false, true}) {
@@ -236,7 +235,7 @@ TEST(CurvedShapeStability, G7MirrorsKeepTheFront) {
   }
 }
 
-// G8: a white trapezoid under a white sky is white however flat one looks at it.
+// G8: a white trapezoid under a white sky is white from every grazing view.
 TEST(CurvedShapeStability, G8GrazingPatchKeepsItsEnergy) {
   for (int k = 1; k <= 6; k += 1) {
     SCOPED_TRACE(k);
@@ -265,7 +264,7 @@ TEST(CurvedShapeStability, G11FarCylindersAreMetWhereTheyAre) {
   }
 }
 
-// A closed set of either lets nothing in: not a ray of a bright sky reaches the camera.
+// A closed set of these shapes lets nothing in: no ray of a bright sky reaches the camera.
 TEST(CurvedShapeStability, ClosedShapesAreDark) {
   TestScene can({0.1, 0.2, 0}, {0.1, 0.3, 1}, 90);
   AddCan(&can, can.Diffuse(Rgb::Grey(0.9f)), RotateMatrix(33, {3, 1, 2}));
@@ -280,8 +279,8 @@ TEST(CurvedShapeStability, ClosedShapesAreDark) {
   }
 }
 
-// A rectangle as a light is the same to the bit whether given as a patch or as two triangles, and
-// no curved shape in the eyes of the plan.
+// A rectangular light is the same to the bit as a patch and as two triangles, and the plan does not
+// count it as a curved shape.
 TEST(CurvedShapeStability, RectanglesEmitAsTriangles) {
   const auto room = [](bool as_patch) {
     TestScene t({0, 0, -3}, {0, 0, 0}, 60);
@@ -304,7 +303,7 @@ TEST(CurvedShapeStability, RectanglesEmitAsTriangles) {
   EXPECT_TRUE(picture == RenderAll(*Compile(room(false).scene, settings)));
 }
 
-// What cannot emit is refused by name, with its location.
+// Shapes that cannot emit are refused by name, with their location.
 TEST(CurvedShapeStability, LightsThatCannotBeAreRefused) {
   TestScene patch = LitRoom(1);
   patch.AddShape(AddPatches(&patch, {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {1, 1, 1}}), 0).area_light =

@@ -1,7 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Hard cases of meshes that deform while the shutter is open: leaks, needles, steps, stillness.
+// Hard cases of meshes that deform while the shutter is open: leaks, needles, time steps, still
+// meshes.
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
@@ -40,8 +41,8 @@ void AddSteps(TriangleMesh* mesh, int count, float amount) {
   }
 }
 
-// Rays at random times from inside to where triangles are then: vertices, middles of edges and
-// anywhere.
+// Traces rays at random times from inside to the present positions of triangles: vertices, middles
+// of edges and random points.
 int CountEscapes(const TracedScene& scene, const BakedMesh& mesh, Vec3f center) {
   Random random(6);
   int escapes = 0;
@@ -64,7 +65,7 @@ int CountEscapes(const TracedScene& scene, const BakedMesh& mesh, Vec3f center) 
   return escapes;
 }
 
-// No ray leaves a closed room that deforms, be it of stout triangles or of needles.
+// No ray leaves a closed room that deforms, made of well-shaped triangles or of needles.
 TEST(DeformationStability, NoRayLeavesADeformingRoom) {
   for (const auto& [rings, sectors] : {std::pair{40, 80}, std::pair{4, 1000}}) {
     const Triangles globe = Globe({0, 0, 0}, rings, sectors);
@@ -80,8 +81,8 @@ TEST(DeformationStability, NoRayLeavesADeformingRoom) {
   }
 }
 
-// A place in a scene far from the camera: the tracer's corners are off by more than triangles are
-// from rays, and still nothing opens.
+// A position in a scene far from the camera: the tracer's corners deviate by more than the distance
+// between triangles and rays, and still there are no leaks.
 TEST(DeformationStability, NoRayFromInsideLeavesADeformingRoomFarOff) {
   const Vec3d center{3000, 200, -1000};
   const Triangles globe = Globe(center, 20, 40);
@@ -114,7 +115,8 @@ TEST(DeformationStability, NoRayFromInsideLeavesADeformingRoomFarOff) {
   EXPECT_EQ(escapes, 0);
 }
 
-// A floor that rises from 0 to 1 in half the shutter and stays: it is met where it is, in double.
+// A floor that rises from 0 to 1 in half the shutter interval and then stays: hits are at its
+// position in double precision.
 TEST(DeformationStability, PointsAreWhereTheSurfaceIsAtTheirTime) {
   TestScene t = OpenShutter({0, 3, 0});
   const int32_t mesh = t.Quad({-9, 0, -9}, {-9, 0, 9}, {9, 0, 9}, {9, 0, -9});
@@ -136,15 +138,15 @@ TEST(DeformationStability, PointsAreWhereTheSurfaceIsAtTheirTime) {
     const double expected = std::min(2.0 * static_cast<double>(ray.time), 1.0) - 3;
     EXPECT_NEAR(point.p.y, expected, 2 * 0x1p-24 * 3);
     EXPECT_EQ(point.ng, (Vec3f{0, 1, 0}));
-    // And leaves it without meeting it again.
+    // The ray leaves it without hitting it again.
     Ray away = Spawned(point, random.Direction());
     away.time = ray.time;
     EXPECT_FALSE(scene->tracer->Intersect(away, &hit));
   }
 }
 
-// Needles that turn and stretch: no hit is off the ray by more than the rounding of its
-// coordinates, wherever in time (G4 under deformation).
+// Needles that turn and stretch: the distance of every hit from its ray is within the rounding of
+// its coordinates, at every time (G4 with deformation).
 TEST(DeformationStability, NeedlesAreMetWhereTheyAre) {
   Random random(9);
   int hits = 0;
@@ -180,7 +182,7 @@ TEST(DeformationStability, NeedlesAreMetWhereTheyAre) {
   EXPECT_GT(hits, 40000);
 }
 
-// An edge that moves as vertices gives the ramp that the moving shape gives (G13).
+// An edge that moves by its vertices gives the same ramp as a moving shape (G13).
 TEST(DeformationStability, MovingEdgeIsALinearRamp) {
   TestScene t({0, 0, -5}, {0, 0, 0}, 60);
   t.scene.camera.kind = CameraDescription::Kind::kOrthographic;
@@ -200,7 +202,7 @@ TEST(DeformationStability, MovingEdgeIsALinearRamp) {
       covered += static_cast<double>(tile.channel(FilmChannel::kAlpha)[py * 16 + px]);
     }
     const double x = -1 + (px + 0.5) / 8;
-    // 4096 stratified samples a column: the error of unstratified ones would be 0.008.
+    // 4096 stratified samples per column: the error of unstratified ones would be 0.008.
     EXPECT_NEAR(covered / (16 * 256), std::clamp(0.5 - x, 0.0, 1.0), 0.02) << px;
   }
 }
@@ -213,8 +215,8 @@ TestScene RoomOfSteps(bool has_steps) {
   return t;
 }
 
-// Equal steps are no deformation: the scene is the still one, to the bit. Kept, they take the
-// tracer's way of deforming meshes and give the same picture up to rounding.
+// Equal time steps are no deformation: the scene equals the still one to the bit. If the steps are
+// kept, the tracer treats the mesh as deforming and gives the same image up to rounding.
 TEST(DeformationStability, EqualStepsAreTheStill) {
   const FrameSettings settings = SquareSettings(12, 64, 3);
   TestScene dropped = RoomOfSteps(true);
@@ -227,7 +229,7 @@ TEST(DeformationStability, EqualStepsAreTheStill) {
   for (size_t c = 0; c < 3; ++c) EXPECT_NEAR(a[c], b[c], 1e-3f * a[c]);
 }
 
-// A closed shutter shows the mesh as it opens, to the bit.
+// A closed shutter shows the mesh at the opening time, to the bit.
 TEST(DeformationStability, ClosedShutterIsTheStill) {
   const FrameSettings settings = SquareSettings(12, 16, 3);
   TestScene t = LitRoom(1);
@@ -251,7 +253,7 @@ TEST(DeformationStability, PowersOfTwoChangeNoBit) {
   }
 }
 
-// Deforming meshes stand in objects, and move, like others.
+// Deforming meshes can be in object definitions and move as others can.
 TEST(DeformationStability, InstancesDeform) {
   const Triangles globe = Globe({0, 0, 0}, 12, 24);
   TestScene t = OpenShutter();
@@ -278,9 +280,9 @@ TEST(DeformationStability, InstancesDeform) {
     ray.d = ToFloat(target);
     RawHit hit;
     ASSERT_TRUE(scene->tracer->Intersect(ray, &hit));
-    if (hit.id.primitive != triangle) continue;  // Behind another.
+    if (hit.id.primitive != triangle) continue;  // Occluded.
     const SurfacePoint point = MakeSurfacePoint<kAllTraits>(scene->geometry, ray, hit);
-    // Along a grazing ray its own rounding is the farther.
+    // For a grazing ray its own rounding has the larger effect.
     const double cosine = std::fabs(Dot(ToDouble(point.ng), Normalize(target)));
     EXPECT_LT(Length(ToDouble(point.p) - target) * cosine, 5e-6);
   }

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Hard cases of displaced meshes: cracks, creases, seams, scale, and what stays as it is.
+// Hard cases of displaced meshes: cracks, creases, seams, scale, and unchanged meshes.
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
@@ -39,8 +39,8 @@ float Rugged(Vec2f uv, Vec3d p) {
   return 0.15f * std::sin(37 * uv.x + 11 * uv.y) + 0.1f * static_cast<float>(std::sin(9 * p.x));
 }
 
-// Every edge is passed as often in one direction as in the other, by positions: without cracks,
-// whatever the displacement does on the two sides of an edge.
+// Every edge is used equally often in both directions, by positions: there are no cracks, whatever
+// the displacement on the two sides of an edge.
 TEST(DisplacementStability, ClosedMeshesStayClosed) {
   for (const auto& [rings, sectors] : {std::pair{4, 7}, std::pair{12, 24}, std::pair{3, 90}}) {
     const TriangleMesh globe = MeshOf(Globe({0.3, -0.2, 0.1}, rings, sectors));
@@ -53,8 +53,8 @@ TEST(DisplacementStability, ClosedMeshesStayClosed) {
   }
 }
 
-// 3 x 10^4 (SHEAF_LONG_TESTS: 3 x 10^6) rays from inside of a displaced globe to its vertices,
-// middles of edges and triangles: none leaves.
+// 3 x 10^4 (SHEAF_LONG_TESTS: 3 x 10^6) rays from the inside of a displaced globe to its vertices,
+// middles of edges and triangles: none escapes.
 TEST(DisplacementStability, NoRayLeavesADisplacedGlobe) {
   const TriangleMesh mesh = Displaced(MeshOf(Globe({0, 0, 0}, 12, 24)), 0.05, Rugged);
   TestScene t({0, 0, 0}, {0, 0, 1}, 60);
@@ -79,9 +79,9 @@ TEST(DisplacementStability, NoRayLeavesADisplacedGlobe) {
   EXPECT_EQ(escapes, 0);
 }
 
-// A sphere displaced by a constant is a larger sphere, but for how far its triangles are below the
-// sphere to begin with: an edge of length h lies at most h^2 / 8 below. The largest edge of this
-// globe is the diagonal of pi/64 squared, 0.0694: 0.0006. So for its normals.
+// A sphere displaced by a constant is a larger sphere, except for the initial deviation of its
+// triangles: an edge of length h is at most h^2 / 8 below the sphere. The longest edge of this
+// globe is the diagonal of pi/64 squared, 0.0694: 0.0006. The same holds for its normals.
 TEST(DisplacementStability, ConstantDisplacementOfASphereIsALargerSphere) {
   for (const bool has_normals : {false, true}) {
     TriangleMesh globe = MeshOf(Globe({0, 0, 0}, 64, 128));
@@ -91,14 +91,14 @@ TEST(DisplacementStability, ConstantDisplacementOfASphereIsALargerSphere) {
       const Vec3d p = ToDouble(mesh.positions[i]);
       ASSERT_LE(Length(p), 1.25 + 1e-6);
       ASSERT_GE(Length(p), 1.25 - 0.0007);
-      // Facets of the first globe are flat: their normals are off by half an edge over the radius.
+      // Facets of the first globe are flat: their normals deviate by half an edge over the radius.
       ASSERT_GT(Dot(ToDouble(mesh.normals[i]), p) / Length(p), 1 - 0.5 * 0.0694 * 0.0694);
     }
   }
 }
 
-// Refined edges are short enough, and no angle is less than half the least of the mesh (Rosenberg
-// and Stenger 1975). uvs stay where they were: on this square they are the position.
+// Refined edges are short enough, and no angle is less than half the smallest of the mesh
+// (Rosenberg and Stenger 1975). uvs are unchanged: on this square they equal the position.
 TEST(DisplacementStability, RefinementKeepsAnglesAndUvs) {
   TriangleMesh square;
   square.positions = {{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 1, 0}};
@@ -126,8 +126,8 @@ TEST(DisplacementStability, RefinementKeepsAnglesAndUvs) {
   }
 }
 
-// A box whose faces have vertices and normals of their own moves apart without opening; its faces
-// stay flat but for the row of triangles at the crease.
+// The faces of a box with their own vertices and normals move apart without opening a gap; they
+// stay flat except for the row of triangles at the crease.
 TEST(DisplacementStability, CreasesStayClosed) {
   TestScene t({0, 0, 0}, {0, 0, 1}, 60);
   const TriangleMesh box = t.scene.meshes[static_cast<size_t>(t.Box({-1, -1, -1}, {1, 1, 1}))];
@@ -150,11 +150,11 @@ TEST(DisplacementStability, CreasesStayClosed) {
   EXPECT_GT(flat, mesh.positions.size() / 2);
 }
 
-// A mesh that is displaced nowhere is not touched: the picture keeps its bits.
+// A mesh without any displacement is unchanged: the image keeps its bits.
 TEST(DisplacementStability, NoDisplacementChangesNoBit) {
   const FrameSettings settings = SquareSettings(12, 16, 5);
   TestScene t = LitRoom(1);
-  CheckerboardTexture nothing;  // Of 0 and 0, which nobody folds into a constant.
+  CheckerboardTexture nothing;  // Zero everywhere, but not folded into a constant.
   nothing.value[0].value = nothing.value[1].value = 0;
   TextureDescription texture;
   texture.texture = nothing;
@@ -166,8 +166,8 @@ TEST(DisplacementStability, NoDisplacementChangesNoBit) {
               RenderAll(*Compile(LitRoom(1).scene, settings)));
 }
 
-// Scaled by powers of two, the mesh is the same to the bit, whether its own numbers are scaled or
-// its transform.
+// Scaling by powers of two gives the same mesh to the bit, whether its coordinates or its transform
+// is scaled.
 TEST(DisplacementStability, PowersOfTwoChangeNoBit) {
   const TriangleMesh globe = MeshOf(Globe({0.3, -0.2, 0.1}, 9, 13));
   const TriangleMesh still = Displaced(globe, 0.1, Rugged);
@@ -214,7 +214,7 @@ TEST(DisplacementStability, LimitsAndBadNumbersAreErrors) {
   EXPECT_FALSE(DisplaceMesh(globe, Affine{}, 1, 1000, [](Vec2f, Vec3d) { return NAN; }).ok());
 }
 
-// Shapes share what they can: the same mesh and texture at the same size.
+// Shapes with the same mesh, texture and size share the displaced mesh.
 TEST(DisplacementStability, EqualMeshesAreShared) {
   TestScene t({0, 0, -5}, {0, 0, 0}, 60);
   const int32_t box = t.Box({-1, -1, -1}, {1, 1, 1});
@@ -240,8 +240,8 @@ TEST(DisplacementStability, EqualMeshesAreShared) {
   ASSERT_TRUE(DisplaceMeshes(files, {kManyTriangles, uint64_t{1} << 20}, &t.scene).ok());
   const auto mesh_of = [&](size_t i) { return std::get<MeshShape>(t.scene.shapes[i].shape).mesh; };
   EXPECT_EQ(mesh_of(0), mesh_of(1));
-  EXPECT_NE(mesh_of(0), mesh_of(2));  // Edges are measured in the world.
-  EXPECT_NE(mesh_of(3), mesh_of(4));  // The texture depends on the place.
+  EXPECT_NE(mesh_of(0), mesh_of(2));  // Edges are measured in world space.
+  EXPECT_NE(mesh_of(3), mesh_of(4));  // The texture depends on the position.
   EXPECT_EQ(t.scene.meshes.size(), 5u);
   EXPECT_TRUE(t.scene.meshes[static_cast<size_t>(box)].positions.empty());
 }

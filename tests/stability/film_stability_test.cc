@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The film's rows of the catalogue of hard cases: what breaks float accumulation elsewhere.
+// The film's rows of the catalogue of hard cases, in which float accumulation breaks.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -41,7 +41,7 @@ float DevelopRed(const FilmTile& tile) {
   return picture.Find("R")->at(0);
 }
 
-// Radiance and weight as the film holds them, before the picture's rounding to float.
+// Radiance and weight as the film stores them, before the image rounds them to float.
 double WideMean(const FilmTile& tile) {
   const auto value = [&tile](FilmChannel hi, FilmChannel lo) {
     return DoubleFloat{tile.channel(hi)[0], tile.channel(lo)[0]}.Value();
@@ -61,7 +61,7 @@ FilmTile MovedTo(const FilmTile& tile, SampleBlock block) {
   return moved;
 }
 
-// A node over samples that are all alike: twice its half, so log2(count) steps make it.
+// A node over equal samples: it merges two copies of its half, so log2(count) steps suffice.
 FilmTile MakeUniformNode(const FilmSample& sample, SampleBlock block) {
   if (block.count <= kReplicateCount) {
     return MakeOnePixelTile(block, [&](uint64_t) { return sample; });
@@ -76,12 +76,12 @@ TEST(FilmStabilityTest, C2NegativeLobesKeepAConstantConstant) {
     const FilmTile tile = MakeOnePixelTile({0, count}, [&](uint64_t n) {
       FilmSample s;
       s.radiance = Rgb::Grey(kConstant);
-      // A quarter of the samples in the negative lobes, weights of any size.
+      // A quarter of the samples is in the negative lobes; weights vary.
       s.filter_weight = (HashToUnit(2 * n) < 0.25f ? -0.4f : 1.2f) * (0.5f + HashToUnit(2 * n + 1));
       return s;
     });
     EXPECT_NEAR(DevelopRed(tile), kConstant, 1e-6 * kConstant) << count;
-    // An error bar of a constant is rounding, nothing more.
+    // The error bar of a constant contains only rounding.
     EXPECT_LE(PixelReplicates(tile, 0).StandardError(0), 1e-6 * kConstant) << count;
   }
 }
@@ -123,7 +123,7 @@ TEST(FilmStabilityTest, C2NegativeValuesAreKept) {
   EXPECT_NEAR(DevelopRed(tile), -2 / 2.8, 1e-6);
 }
 
-// 10^9 samples = 2^29 + 2^28 + ...: nodes of equal samples from equal halves, joined by the tree.
+// 10^9 samples = 2^29 + 2^28 + ...: nodes of equal samples from equal halves, merged by the tree.
 TEST(FilmStabilityTest, C3ABillionSamplesKeepTheirMean) {
   constexpr uint64_t kCount = 1000000000;
   FilmSample sample;
@@ -149,7 +149,8 @@ TEST(FilmStabilityTest, C3ABillionSamplesKeepTheirMean) {
   }
 }
 
-// The same honestly: 2^24 random samples, where float sums stall, against a long double sum.
+// The same with actual samples: 2^24 random ones, where float sums stall, against a long double
+// sum.
 TEST(FilmStabilityTest, C3SixteenMillionRandomSamplesKeepTheirMean) {
   constexpr uint64_t kCount = 1 << 24;
   FilmTile tile(kOnePixel, {0, kCount});
@@ -269,9 +270,9 @@ TEST(FilmStabilityTest, C6HostsMayFinishInAnyOrder) {
                   .naive_by = "different running sums of 40 samples in 18 orders"});
 }
 
-// Values 10^6 +- 10^-3 are one float: the film must say 0 and not the root of a negative number.
-// The smallest spread a float holds there, a sixteenth, must not drown in anything but float
-// rounding.
+// Values 10^6 +- 10^-3 are equal as floats: the film must report 0 and not the root of a negative
+// number. The smallest spread that a float can represent there, a sixteenth, must be detected up to
+// float rounding.
 TEST(FilmStabilityTest, R9VarianceOfNearlyEqualLargeValues) {
   const auto error_of = [](double spread, uint64_t count) {
     return PixelReplicates(MakeOnePixelTile({0, count},

@@ -29,7 +29,7 @@ constexpr double kPi = std::numbers::pi;
 
 TestScene AtOrigin() { return TestScene({0, 0, 0}, {0, 0, 1}, 60); }
 
-// G1: 10^6 rays spawned from triangles with coordinates of all magnitudes meet none of them again.
+// G1: 10^6 rays spawned from triangles with coordinates of all magnitudes do not hit them again.
 TEST(GeometryStability, G1SpawnedRaysDoNotMeetTheirTriangle) {
   constexpr int kTriangles = 2000, kRaysEach = 500;
   Random random(1);
@@ -66,8 +66,8 @@ TEST(GeometryStability, G1SpawnedRaysDoNotMeetTheirTriangle) {
                   .naive_by = "origins moved by 1e-4 along the normal"});
 }
 
-// G1: the bound holds: origins lie beyond the true plane, on the side the ray leaves to. Exact in
-// double, for triangles whose float vertices span their plane well.
+// G1: the error bound holds: origins are beyond the true plane, on the side to which the ray
+// leaves. Exact in double, for triangles whose float vertices determine their plane well.
 TEST(GeometryStability, G1OriginsLieBeyondThePlane) {
   Random random(2);
   int spawned = 0, wrong_side = 0;
@@ -98,8 +98,8 @@ TEST(GeometryStability, G1OriginsLieBeyondThePlane) {
   EXPECT_EQ(wrong_side, 0);
 }
 
-// G1: rays leaving a sphere outwards miss it, rays into it meet its far side, at any place and
-// size.
+// G1: rays that leave a sphere outwards miss it, rays into it hit its far side, for every position
+// and size.
 TEST(GeometryStability, G1SpawnedRaysKnowTheirSideOfASphere) {
   Random random(3);
   int spawned = 0, wrong = 0;
@@ -114,12 +114,12 @@ TEST(GeometryStability, G1SpawnedRaysKnowTheirSideOfASphere) {
     SurfacePoint point;
     const Vec3d outside = center + ToDouble(random.Direction()) * (3 * radius);
     if (!HitTowards(*scene, ToFloat(outside), ToFloat(center), &point)) continue;
-    // Where a float cannot tell the sphere from its centre there is no inside to test.
+    // If floats cannot distinguish the sphere from its center, there is no inside to test.
     if (radius < 64 * static_cast<double>(Length(point.p_error))) continue;
     for (int k = 0; k < 500; ++k) {
       const Vec3f direction = random.Direction();
       const float cosine = Dot(direction, point.ng);
-      // Nearly tangent rays may truly go either way.
+      // Nearly tangent rays may go either way.
       if (std::fabs(cosine) < 1e-3f) continue;
       RawHit hit;
       ++spawned;
@@ -130,7 +130,7 @@ TEST(GeometryStability, G1SpawnedRaysKnowTheirSideOfASphere) {
   EXPECT_EQ(wrong, 0);
 }
 
-// G1: the furnace of a closed cube stays 1 / (1 - rho) wherever it stands.
+// G1: the furnace of a closed cube is 1 / (1 - rho) at every position.
 TEST(GeometryStability, G1FurnaceDoesNotCareWhereItStands) {
   for (int k = 0; k <= 6; k += 2) {
     SCOPED_TRACE(k);
@@ -153,7 +153,7 @@ bool SameRadiance(const FilmTile& a, const FilmTile& b) {
   return true;
 }
 
-// G2: the same scene at any power of two gives the same bits: no length of its own enters.
+// G2: the same scene scaled by any power of two gives the same bits: there is no built-in length.
 TEST(GeometryStability, G2PowersOfTwoChangeNoBit) {
   const FrameSettings settings = SquareSettings(12, 16, 5);
   const FilmTile still = RenderAll(*Compile(LitRoom(1).scene, settings));
@@ -174,7 +174,7 @@ TEST(GeometryStability, G2PowersOfTwoChangeNoBit) {
        .naive_by = "scales at which a ray that leaves a wall by 1e-4 starts in the room"});
 }
 
-// G5: triangles without area are dropped; the picture keeps its bits.
+// G5: triangles without area are dropped; the image keeps its bits.
 TEST(GeometryStability, G5DegenerateTrianglesLeaveNoTrace) {
   const FrameSettings settings = SquareSettings(12, 16, 5);
   TestScene clean = LitRoom(1);
@@ -199,7 +199,7 @@ TEST(GeometryStability, G5DegenerateTrianglesLeaveNoTrace) {
                   .naive_by = "normals a x b / |a x b|"});
 }
 
-// G6: what is not finite is refused when the scene is compiled, with its location.
+// G6: values that are not finite are refused when the scene is compiled, with their location.
 TEST(GeometryStability, G6NonFiniteTransformsAreRefused) {
   int refused = 0, refused_by_range = 0;
   for (const double bad : {std::nan(""), HUGE_VAL}) {
@@ -223,8 +223,8 @@ TEST(GeometryStability, G6NonFiniteTransformsAreRefused) {
                   .naive_by = "refused where a coordinate is beyond the largest float"});
 }
 
-// G7: a mirrored object, placed by a mirroring transform, is the object: the one-sided light still
-// shines downwards and one-sided glass keeps its inside.
+// G7: a mirrored object, placed by a mirroring transform, equals the object: the one-sided light
+// still emits downwards and one-sided glass keeps its inside.
 TEST(GeometryStability, G7MirroringTwiceChangesNothing) {
   const auto room = [](bool mirrored) {
     TestScene t({0, 0, -3}, {0, 0, 0}, 40);
@@ -233,7 +233,7 @@ TEST(GeometryStability, G7MirroringTwiceChangesNothing) {
     t.AddShape(
         MeshShape{t.Quad({x * -2, -1, -2}, {x * -2, -1, 2}, {x * 2, -1, 2}, {x * 2, -1, -2})},
         t.Diffuse(Rgb::Grey(0.5f)), place);
-    // A mirrored file keeps its fronts by listing corners the other way round.
+    // A mirrored file keeps its front faces by reversing the order of corners.
     std::vector<Vec3f> corners{
         {x * 0.2f, 1, -0.5f}, {x * 0.9f, 1, -0.5f}, {x * 0.9f, 1, 0.5f}, {x * 0.2f, 1, 0.5f}};
     if (mirrored) std::reverse(corners.begin(), corners.end());
@@ -248,7 +248,7 @@ TEST(GeometryStability, G7MirroringTwiceChangesNothing) {
   const TileMean plain = RenderMean(room(false).scene, settings);
   const TileMean mirrored = RenderMean(room(true).scene, settings);
   EXPECT_GT(plain.mean.g, 0.05f);
-  // The light's corners as the mirrored file has them, put in place.
+  // The light's corners in the mirrored file, transformed.
   const Vec3f front = Cross(Vec3f{0.7f, 0, 0}, Vec3f{0.7f, 0, -1});
   ExpectHardCase({.row = "G7",
                   .figure = "mean radiance of a room that is mirrored twice",
@@ -270,7 +270,8 @@ TEST(GeometryStability, G7SingularTransformsAreRefused) {
   EXPECT_NE(std::string(compiled.status().message()).find("test.pbrt:7:1"), std::string::npos);
 }
 
-// G8: a floor whose vertex normals lie in it, as files have them, to rounding on either side.
+// G8: a floor whose vertex normals lie in its plane, as in some files, up to rounding to either
+// side.
 int32_t FloorWithNormals(Vec3f normal, TestScene* t) {
   const int32_t floor = t->Quad({-9, 0, -9}, {-9, 0, 9}, {9, 0, 9}, {9, 0, -9});
   t->scene.meshes[static_cast<size_t>(floor)].normals.assign(4, normal);
@@ -302,7 +303,7 @@ TEST(GeometryStability, G8NormalsInTheFloorLoseNoLightOfTheSky) {
   }
 }
 
-// The lamp's light arrives as at the floor itself, and none of a lamp below.
+// The light arrives as on a floor with correct normals, and no light arrives from below.
 TEST(GeometryStability, G8NormalsInTheFloorAreLitAsTheFloorIs) {
   for (const Vec3f normal : kNormalsInTheFloor) {
     for (const bool below : {false, true}) {
@@ -315,14 +316,14 @@ TEST(GeometryStability, G8NormalsInTheFloorAreLitAsTheFloorIs) {
       t.AddShape(MeshShape{FloorWithNormals(normal, &t)}, t.Diffuse(Rgb::Grey(0.5f)));
       const double lit = 0.5 / kPi * 4 / 5 * (2 / std::sqrt(5.0));
       const TileMean mean = RenderMean(t.scene, SquareSettings(4, 16, 3));
-      // By normals that rounding or the file lifts a little off the floor.
+      // With normals that rounding or the file tilts slightly out of the floor.
       EXPECT_NEAR(mean.mean.g, below ? 0 : lit, 5e-3 * lit);
       EXPECT_EQ(below, mean.mean.g == 0);
     }
   }
 }
 
-// No tilt of vertex normals loses more than that of 60 degrees.
+// No tilt of vertex normals loses more than a tilt of 60 degrees.
 TEST(GeometryStability, G8SteepNormalsLoseAQuarterAtMost) {
   for (const double degrees : {50.0, 60.0, 70.0, 80.0, 85.0, 89.0, 91.0}) {
     SCOPED_TRACE(degrees);
@@ -337,7 +338,7 @@ TEST(GeometryStability, G8SteepNormalsLoseAQuarterAtMost) {
   }
 }
 
-// G8: a white plane under a white sky is white however flat one looks at it.
+// G8: a white plane under a white sky is white from every grazing view.
 TEST(GeometryStability, G8GrazingPlaneKeepsItsEnergy) {
   for (int k = 1; k <= 6; ++k) {
     SCOPED_TRACE(k);
@@ -352,7 +353,7 @@ TEST(GeometryStability, G8GrazingPlaneKeepsItsEnergy) {
   }
 }
 
-// G9: a shadow ray stops short of both its ends and of nothing else.
+// G9: a shadow ray excludes only its two ends.
 TEST(GeometryStability, G9ShadowRaysSeeALightJustAboveThePlane) {
   TestScene t({0, 1, 0}, {0, 0, 0.1}, 60);
   t.AddShape(MeshShape{t.Quad({-10, 0, -10}, {-10, 0, 10}, {10, 0, 10}, {10, 0, -10})}, kNone);
@@ -390,7 +391,7 @@ TEST(GeometryStability, G9ShadowRaysSeeALightJustAboveThePlane) {
                   .naive_by = "shadow rays that start 1e-4 above the plane"});
 }
 
-// G9: a light in the plane of what it should light gives nothing, and nothing that is not a number.
+// G9: a light in the plane of its receiver contributes nothing, and no NaN.
 TEST(GeometryStability, G9LightInThePlaneGivesZero) {
   TestScene t({0, 2, 0}, {0, 0, 0.01}, 40);
   t.AddShape(MeshShape{t.Quad({-2, 0, -2}, {-2, 0, 2}, {2, 0, 2}, {2, 0, -2})},
@@ -403,7 +404,8 @@ TEST(GeometryStability, G9LightInThePlaneGivesZero) {
 }
 
 // G11: a sphere of radius 1 seen from far away, at impact parameter 0.5. In float the classical
-// form misses it from 1e4 on; the float form of the perpendicular is off by 2e-4 to 9e-3.
+// form misses it from a distance of 1e4 on; the float form with the perpendicular is off by 2e-4 to
+// 9e-3.
 TEST(GeometryStability, G11FarSpheresAreMetWhereTheyAre) {
   Quadric sphere;
   sphere.radius = 1;

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The hard cases of hair: M12 (small roughness), the edges of the fibre, light along it, indices
-// about 1. Expected values are closed forms or high-precision quadrature in double.
+// The hard cases of hair: M12 (small roughness), the edges of the fiber, light along it, indices
+// close to 1. Expected values are closed forms or high-precision quadrature in double.
 #include <cmath>
 #include <cstdint>
 #include <numbers>
@@ -26,13 +26,14 @@ using testing::MakeHairFixture;
 constexpr float kPiF = std::numbers::pi_v<float>;
 constexpr double kFurnaceError = 0.005;
 
-// At angle theta to the plane across the fibre, azimuth phi about it.
+// At angle theta to the plane across the fiber, azimuth phi about it.
 Vec3f FiberDirection(double theta, double phi) {
   return ToFloat(
       Vec3d{std::sin(theta), std::cos(theta) * std::cos(phi), std::cos(theta) * std::sin(phi)});
 }
 
-// Integral over the sphere of f by the midpoint rule in the fibre's own angles, `steps` across phi.
+// Integral of f over the sphere by the midpoint rule in the fiber's angles, with `steps` across
+// phi.
 template <typename F>
 double IntegrateOverSphere(F f, int steps) {
   double sum = 0;
@@ -47,7 +48,7 @@ double IntegrateOverSphere(F f, int steps) {
   return sum * 2 * std::numbers::pi * std::numbers::pi / (static_cast<double>(steps) * steps);
 }
 
-// What a fibre sends back of an even sky, by its own sampler.
+// The albedo of a fiber under a constant sky, by its own sampler.
 double SampledAlbedo(const Bsdf& bsdf, Vec3f wo, int draws = 4000) {
   double sum = 0;
   for (int i = 0; i < draws; ++i) {
@@ -58,7 +59,7 @@ double SampledAlbedo(const Bsdf& bsdf, Vec3f wo, int draws = 4000) {
   return sum / draws;
 }
 
-// Of a fibre with these lobes' energies added up, for one component.
+// The sum of the lobes' energies of a fiber, for one component.
 double SumOfEnergies(const Bsdf& bsdf, Vec3f wo) {
   double sum = 0;
   for (const Rgb& energy : MakeHairPaths(bsdf, wo).energy) sum += static_cast<double>(energy.g);
@@ -122,7 +123,7 @@ TEST(HairStability, M12_BesselFunctionHasNoGrowth) {
   EXPECT_TRUE(std::isfinite(ScaledBesselI0(1e38f)) && ScaledBesselI0(1e38f) > 0);
 }
 
-// The lobe along the fibre, against its own formula in long double where that holds, and its
+// The lobe along the fiber, against its own formula in long double where that is accurate, and its
 // integral, down to variances whose exponents (1 / v) overflow.
 TEST(HairStability, M12_LobesAlongTheFibreStayNormalised) {
   for (float beta : {0.01f, 0.02f, 0.05f, 0.1f, 0.5f, 1.0f}) {
@@ -138,7 +139,8 @@ TEST(HairStability, M12_LobesAlongTheFibreStayNormalised) {
                                                    static_cast<float>(std::cos(theta)))) *
                  std::cos(theta);
         }
-        // In float, light within 1e-3 of the fibre's own direction has few digits of its cosine.
+        // In float, directions within 1e-3 of the fiber's direction have few digits of their
+        // cosine.
         EXPECT_NEAR(sum * std::numbers::pi / kSteps, 1, 1e-3)
             << "beta " << beta << " theta " << theta_o << " ratio " << ratio;
         if (beta > 0.01f || theta_o != 0 || ratio != 1) continue;
@@ -206,8 +208,8 @@ TEST(HairStability, EnergiesOfTheLobesAddUpToOne) {
   }
 }
 
-// Straight through the middle (h = 0, theta = 0) the series has a closed form: light meets the wall
-// at normal incidence, and two radii of absorbing inside between any two walls.
+// Straight through the middle (h = 0, theta = 0) the series has a closed form: light hits the wall
+// at normal incidence, and crosses two radii of absorbing interior between any two walls.
 TEST(HairStability, AbsorptionHasItsClosedForm) {
   const float f = (0.55f / 2.55f) * (0.55f / 2.55f);
   for (float sigma : {0.1f, 1.0f, 20.0f}) {
@@ -219,8 +221,8 @@ TEST(HairStability, AbsorptionHasItsClosedForm) {
               1e-7);
 }
 
-// At the very edge all light is reflected where it came from: Fresnel is 1, and the other lobes
-// divide nothing by nothing.
+// At the very edge all light is reflected back: Fresnel is 1, and the other lobes would divide 0 by
+// 0.
 TEST(HairStability, EdgesOfTheFibreReflectAll) {
   for (float h : {-1.0f, 1.0f}) {
     for (float sigma : {0.0f, 1e8f}) {
@@ -266,7 +268,7 @@ TEST(HairStability, NothingIsInfiniteAlongTheFibre) {
   }
 }
 
-// The ends of the unit interval are draws as good as others.
+// The ends of the unit interval are valid random numbers.
 TEST(HairStability, ExtremeDrawsGiveDirections) {
   const float last = 0x1.fffffep-1f;
   const BsdfFixture hair = MakeHairFixture(0.05f, 0.05f, 0.3f, Rgb::Grey(0.2f));
@@ -282,7 +284,7 @@ TEST(HairStability, ExtremeDrawsGiveDirections) {
   }
 }
 
-// Only the fibre's direction has a meaning: not where the normal points.
+// Only the fiber's direction matters, not the direction of the normal.
 TEST(HairStability, TurningTheFrameAboutTheFibreChangesNothing) {
   const BsdfFixture hair = MakeHairFixture(0.2f, 0.3f, 0.6f, Rgb::Grey(0.3f));
   const BsdfValue here =
@@ -296,8 +298,7 @@ TEST(HairStability, TurningTheFrameAboutTheFibreChangesNothing) {
   EXPECT_GT(here.f_cos.g, 0);
 }
 
-// With scales that lie flat, the far end of the fibre sees what the near end sees; and the two
-// edges are mirror images.
+// With zero scale angle, both ends of the fiber see the same; and the two edges are mirror images.
 TEST(HairStability, MirrorImagesScatterAlike) {
   const Bsdf left = MakeHairFixture(0.3f, 0.3f, 0.5f, Rgb::Grey(0.3f), 1.55f, 0).bsdf;
   const Bsdf right = MakeHairFixture(0.3f, 0.3f, -0.5f, Rgb::Grey(0.3f), 1.55f, 0).bsdf;
@@ -311,7 +312,7 @@ TEST(HairStability, MirrorImagesScatterAlike) {
       expected, 1e-5f * expected);
 }
 
-// A head of hair of this absorption reflects the colour asked for: the fit and its inverse.
+// Hair with this absorption reflects the requested color: the fit and its inverse.
 TEST(HairStability, AbsorptionOfAReflectanceInvertsTheFit) {
   EXPECT_EQ(HairAbsorption(1, 0.3f), 0);
   const float scale = HairReflectanceScale(0.3f);

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Rays through lenses where formulas break: surfaces met at their rim or along them, flat and
-// nearly flat ones, total reflection, far focus, other units.
+// Rays through lenses where formulas break down: surfaces hit at their rim or tangentially, flat
+// and nearly flat ones, total reflection, distant focus, other units.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -20,9 +20,9 @@ using testing::DoubleGauss;
 using testing::Lens;
 using testing::MakeLens;
 
-// An aplanatic meniscus images one point without any error, for all angles: its rear surface is
-// centred at the point, and the front one, of radius R and index n, has it R / n behind its centre.
-// All rays leave as if from n R behind that centre. (Born and Wolf, sec. 4.2.3.)
+// An aplanatic meniscus images one point without error for all angles: its rear surface is centered
+// at the point, and the front one, of radius R and index n, has it R / n behind its center. All
+// rays leave as if from n R behind that center. (Born and Wolf, sec. 4.2.3.)
 TEST(LensStability, AplanaticPointsAreImagedExactlyAtAllAngles) {
   constexpr double kN = 1.5, kR = 30, kRear = 40;
   const LensSystem lens =
@@ -41,8 +41,9 @@ TEST(LensStability, AplanaticPointsAreImagedExactlyAtAllAngles) {
   EXPECT_GT(steepest, 0.6);
 }
 
-// A plate of glass before the film moves the focus back by d (1 - 1/n). Of curvature 1e-9 / mm it
-// does the same, where the difference of two distances to a centre 1000 km away has few digits.
+// A glass plate in front of the film moves the focus back by d (1 - 1/n). A plate of curvature 1e-9
+// / mm must do the same, although the difference of two distances to a center 1000 km away has few
+// digits.
 TEST(LensStability, NearlyFlatIsFlat) {
   const auto make = [](std::vector<LensSurface> surfaces) {
     LensDescription description = Lens(std::move(surfaces));
@@ -68,9 +69,10 @@ TEST(LensStability, NearlyFlatIsFlat) {
   }
 }
 
-// The rim of a ball: a ray along the axis at R (1 - e) from it meets it at the cosine sqrt(2 e),
-// whose square carries an error of some 2^-52 / (2 e); nothing is worse than that, or not a number.
-// At and beyond the rim nothing is met. Through a ball a ray turns by 2 (incidence - refraction).
+// The rim of a ball: a ray parallel to the axis at distance R (1 - e) hits it with the cosine
+// sqrt(2 e), whose square has an error of about 2^-52 / (2 e). No error is larger than that, and
+// none is NaN. At and beyond the rim nothing is hit. Through a ball a ray turns by 2 (incidence -
+// refraction).
 TEST(LensStability, RaysThatTouchARimAreMetOrMissedCleanly) {
   constexpr double kR = 10, kN = 1.2;
   const LensSystem ball = MakeLens(Lens({{kR, 2 * kR, kN, 2 * kR}, {-kR, 30, 1, 2 * kR}}));
@@ -89,10 +91,10 @@ TEST(LensStability, RaysThatTouchARimAreMetOrMissedCleanly) {
   }
 }
 
-// On both sides of the critical angle: through, or held back, never NaN.
+// On both sides of the critical angle rays are transmitted or blocked, never NaN.
 TEST(LensStability, TotalReflectionHoldsBack) {
-  // The film looks at a flat face from glass behind a curved one: from 41.8 degrees on all is
-  // reflected there.
+  // The film looks at a flat face from the glass behind a curved one: from 41.8 degrees on all
+  // light is reflected there.
   const LensSystem lens = MakeLens(Lens({{0, 40, 1.5, 2000}, {-30, 60, 1, 59}}));
   int through = 0, held = 0, grazing = 0;
   for (uint64_t i = 0; i < 200000; ++i) {
@@ -116,7 +118,7 @@ TEST(LensStability, TotalReflectionHoldsBack) {
   EXPECT_GT(grazing, 10);
 }
 
-// A lens twice as large, before a film twice as large, focused twice as far, sees the same.
+// A lens, its film and its focus distance scaled by two give the same image.
 TEST(LensStability, ScaleByPowersOfTwoKeepsTheBits) {
   for (const double scale : {0x1p-10, 2.0, 0x1p10}) {
     LensDescription large = DoubleGauss();
@@ -150,8 +152,8 @@ TEST(LensStability, ScaleByPowersOfTwoKeepsTheBits) {
   }
 }
 
-// A stop of a hundredth of a millimetre, a millionth of the rear surface's area: its pupil is
-// found, and most samples come through.
+// A stop of a hundredth of a millimeter, a millionth of the rear surface's area: its pupil is
+// found, and most samples are transmitted.
 TEST(LensStability, TinyStopsAreFound) {
   LensDescription description = DoubleGauss();
   description.aperture_diameter_mm = 0.01f;
@@ -170,8 +172,8 @@ TEST(LensStability, TinyStopsAreFound) {
   }
 }
 
-// Focus at 10^6 km: 1 - sqrt(1 - x) has no digits left there; the lens then stands its focal length
-// before the film.
+// Focus at 10^6 km: 1 - sqrt(1 - x) has no digits left there; the lens is then one focal length in
+// front of the film.
 TEST(LensStability, FarFocusKeepsItsDigits) {
   LensDescription description = DoubleGauss();
   description.focus_distance_m = 1e9f;

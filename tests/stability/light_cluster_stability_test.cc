@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Row L12 of the catalogue of hard cases: lights seen edge-on or across the horizon, among others,
-// are neither lost nor miscounted.
+// are neither lost nor counted wrongly.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -24,7 +24,7 @@ using testing::kWhite;
 using testing::MakeTable;
 using testing::RandomPoints;
 
-// Some triangle lights in a cube of the given side about the origin.
+// Triangle lights in a cube of the given side about the origin.
 LightTableInput RandomCluster(size_t count, float scale, RandomPoints* random) {
   const auto vector = [&] {
     return Vec3f{random->Next() - 0.5f, random->Next() - 0.5f, random->Next() - 0.5f} * scale;
@@ -39,7 +39,7 @@ Vec3d NormalOf(const TriangleEmitter& t) {
 }
 
 // Expected by the catalogue: in random clusters, every light with an unoccluded contribution can be
-// chosen (10^8 pairs). Receivers lie just in front of the plane of a light, often beside it, so
+// chosen (10^8 pairs). Receivers are just in front of a light's plane, often beside the light, so
 // that it is seen almost edge-on; their horizons pass through the cluster.
 TEST(LightClusterStability, L12WhatShinesCanBeChosen) {
   const int pair_count = DrawCount(300000, 100000000);
@@ -78,9 +78,9 @@ TEST(LightClusterStability, L12WhatShinesCanBeChosen) {
   EXPECT_EQ(never_chosen, 0);
 }
 
-// Expected by the catalogue: the irradiance of a cluster is that of a sampler which chooses lights
-// and places evenly (Welch's test; at 30 degrees of freedom and 5 standard errors a right table
-// fails once in 40000).
+// Expected by the catalogue: the irradiance of a cluster equals that of uniform sampling of lights
+// and points (Welch's test; at 30 degrees of freedom and 5 standard errors a correct table fails
+// once in 40000).
 TEST(LightClusterStability, L12ClustersGiveWhatEvenChoiceGives) {
   const int cluster_count = DrawCount(24, 400);
   RandomPoints random(13);

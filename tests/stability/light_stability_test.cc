@@ -2,8 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Rows L1 to L5 of the catalogue of hard cases: spheres, triangles, rectangles, disks and delta
-// lights; light_table_stability_test.cc has the others. Monte Carlo comparisons allow 6 standard
-// errors (from 16 independent scrambles) plus what float samples round.
+// lights; light_table_stability_test.cc has the others. The tolerance of Monte Carlo comparisons is
+// 6 standard errors (from 16 independent scrambles) plus the rounding of float samples.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -41,7 +41,7 @@ TEST(LightStabilityTest, L1SphereFarAwayIsNotAPoint) {
     const auto table = MakeTable(input);
     const Estimate estimate = EstimateIrradiance(*table, kOrigin, kUp);
     ExpectNear(estimate, kPi / (d * d));
-    // Far away nothing is left to chance.
+    // At a large distance the estimate has almost no variance.
     EXPECT_NEAR(estimate.mean * d * d / kPi, 1, d > 1e3 ? 1e-5 : 1e-2);
     if (d == 1.5 * (1 << 10) || d == 1.5 * (1 << 13)) {
       const auto distance = static_cast<float>(d);
@@ -54,7 +54,7 @@ TEST(LightStabilityTest, L1SphereFarAwayIsNotAPoint) {
                                static_cast<float>(kPi),
                       .naive_by = "solid angle as 2 pi (1 - cos)"});
     }
-    // Samples spread over the whole disk that is seen, not on one point.
+    // Samples spread over the whole visible disk, not over one point.
     RandomPoints random(1);
     double spread = 0;
     for (int i = 0; i < 200; ++i) {
@@ -95,7 +95,7 @@ TEST(LightStabilityTest, L2InsideASphereIrradianceIsPiForAnyNormal) {
 }
 
 TEST(LightStabilityTest, L2OnTheOuterSurfaceIrradianceIsPiAndTheLimitIsContinuous) {
-  // The factor by which p stands off the surface; at 1 rounding may put p on either side.
+  // The distance of p from the center over the radius; at 1, rounding may put p on either side.
   for (const Vec3d& direction : {Vec3d{0, 0, 1}, Vec3d{0.48, 0.6, 0.64}, Vec3d{-0.6, 0.8, 0}}) {
     for (double factor : {1.0, 1 + 1e-7, 1 + 1e-6, 1 + 1e-4, 1 + 1e-2}) {
       LightTableInput input;
@@ -119,7 +119,7 @@ TEST(LightStabilityTest, L2OutwardSphereIsDarkInsideAndInwardSphereOutside) {
 
 // --- L3: triangles -----------------------------------------------------------------------------
 
-// Exact far field and near field of solid angles: the octant of a sphere and its relatives.
+// Exact far field and near field of solid angles: the octant of a sphere and related shapes.
 TEST(LightStabilityTest, L3SolidAngleIsRightAtEveryDistance) {
   // Corner triangle (d,0,0), (0,d,0), (0,0,d) seen from the origin: an octant, pi/2, at any scale.
   for (float d : {1e-10f, 1e-3f, 1.f, 1e3f, 1e12f}) {
@@ -166,8 +166,8 @@ TEST(LightStabilityTest, L3MeanOfInversePdfIsTheSolidAngle) {
   }
 }
 
-// The pdf carried by samples and the one looked up at the same point, over random shapes at
-// all scales: same bits, never NaN, never 0.
+// The pdfs of samples and those looked up at the same points, over random shapes of all scales:
+// equal bits, never NaN, never 0.
 TEST(LightStabilityTest, L3PdfsOfSampleAndLookUpAreTheSameBits) {
   RandomPoints random(31);
   const auto vector = [&](float scale) {
@@ -227,7 +227,7 @@ TEST(LightStabilityTest, L4ReceiverInTheLightsPlaneGetsNothing) {
   }
 }
 
-// A light a millionth above a plane still lights it: a huge triangle gives pi.
+// A light a millionth above a plane still illuminates it: a huge triangle gives pi.
 TEST(LightStabilityTest, L4LightAMillionthAboveAPlane) {
   LightTableInput input;
   input.triangles = {{{-1e3f, -1e3f, 1e-6f}, {0, 2e3f, 1e-6f}, {1e3f, -1e3f, 1e-6f}, kWhite}};
@@ -239,7 +239,7 @@ TEST(LightStabilityTest, L4LightAMillionthAboveAPlane) {
 
 // --- L5: delta lights --------------------------------------------------------------------------
 
-// Power as the integral of intensity over directions, asked on a sphere of receivers around the
+// Power as the integral of intensity over directions, evaluated on a sphere of receivers around the
 // light.
 double PowerOf(const LightTable& table) {
   return EstimateMean(16384,
@@ -278,7 +278,7 @@ TEST(LightStabilityTest, L5DeltaLightsStayFinite) {
   ASSERT_TRUE(near.has_value());
   EXPECT_TRUE(near->is_delta && std::isfinite(near->radiance.r));
   EXPECT_EQ(near->pdf, 1);
-  // A spot whose cone has a hard edge: no division by the width of the falloff.
+  // A spot light with a hard edge: no division by the width of the falloff.
   const auto hard = MakeTable({}, {MakeSpot(kWhite, {0, 0, 0}, {0, 0, 1}, 30, 0)});
   EXPECT_TRUE(hard->Sample<kAllTraits>({0, 0.5f, 1}, {}, 0, {0, 0}));
   EXPECT_FALSE(hard->Sample<kAllTraits>({0, 0.6f, 1}, {}, 0, {0, 0}));
@@ -286,7 +286,7 @@ TEST(LightStabilityTest, L5DeltaLightsStayFinite) {
 
 TEST(LightStabilityTest, L5DeltaLightsFollowTheirTransform) {
   LightDescription spot = MakeSpot(kWhite, {0, 0, 0}, {0, 0, 1}, 20, 5);
-  // Moved, turned onto -x, and mirrored; render space has its origin at (10, 0, 0).
+  // Moved, rotated towards -x, and mirrored; render space has its origin at (10, 0, 0).
   spot.world_from_light =
       TranslateMatrix({12, 3, 4}) * ScaleMatrix({-1, 1, 1}) * RotateMatrix(90, {0, 1, 0});
   LightTableInput input;

@@ -1,10 +1,10 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Rows L6 to L15 of the catalogue of hard cases, as far as these lights exist: environments, how
-// lights are chosen, and lights that are none; light_stability_test.cc has L1 to L5 and
-// light_cluster_stability_test.cc L12. Monte Carlo comparisons allow 6 standard errors (from 16
-// independent scrambles) plus what float samples round.
+// Rows L6 to L15 of the catalogue of hard cases, as far as these lights exist: environments, the
+// choice of lights, and lights without emission; light_stability_test.cc has L1 to L5 and
+// light_cluster_stability_test.cc L12. The tolerance of Monte Carlo comparisons is 6 standard
+// errors (from 16 independent scrambles) plus the rounding of float samples.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -74,7 +74,7 @@ TEST(LightTableStabilityTest, L6OneTexelOfAMillion) {
   const double mean = sum / kEstimates;
   const double relative_variance = squares / kEstimates / (mean * mean) - 1;
   EXPECT_LT(relative_variance, 0.1);
-  // The cosine at the centre stands for that over the texel's tent to second order.
+  // The cosine at the center replaces that over the texel's tent to second order.
   ExpectHardCase({.row = "L6",
                   .figure = "irradiance over that of a texel of 10^6",
                   .expected = 1,
@@ -128,7 +128,7 @@ TEST_F(LightTableFileStabilityTest, L6MapsAreOrientedAsInPbrt) {
   EXPECT_GT(d.z, 0);
   EXPECT_NEAR((*table)->EnvironmentRadiance<kAllTraits>({}, d).r, 1, 1e-5);
   EXPECT_EQ((*table)->EnvironmentRadiance<kAllTraits>({}, -d).r, 0);
-  // Turned a quarter about z: x becomes y.
+  // Rotated by a quarter turn about z: x becomes y.
   const auto turned = Build(4, texels, [](LightDescription* light) {
     light->world_from_light = RotateMatrix(90, {0, 0, 1});
   });
@@ -138,8 +138,8 @@ TEST_F(LightTableFileStabilityTest, L6MapsAreOrientedAsInPbrt) {
   for (int i = 0; i < 1000; ++i) {
     const auto sample = (*turned)->Sample<kAllTraits>(kOrigin, {}, 0, random.Next2());
     ASSERT_TRUE(sample.has_value());
-    // The pdf is constant in squares, and rounding on the way over the sphere leaves a place in its
-    // square but for a few in a million, none of which are among these.
+    // The pdf is constant in squares. Rounding on the way over the sphere moves only a few points
+    // in a million out of their square, and none of these.
     ASSERT_EQ(sample->pdf, (*turned)->PdfEnvironment<kAllTraits>(kOrigin, {}, sample->wi));
     const Rgb back = (*turned)->EnvironmentRadiance<kAllTraits>({}, sample->wi);
     for (size_t c = 0; c < 3; ++c) ASSERT_NEAR(sample->radiance[c], back[c], 4e-6);
@@ -178,7 +178,7 @@ TEST_F(LightTableFileStabilityTest, L6IlluminanceScalesTheMap) {
     std::get<InfiniteLight>(light->light).illuminance_lx = 10;
   });
   ASSERT_TRUE(table.ok());
-  // Twice what was asked: pbrt-v4's rule, which its scenes are made for.
+  // Twice the requested value: pbrt-v4's rule, which its scenes rely on.
   ExpectNear(EstimateIrradiance(**table, kOrigin, kUp), 20, 1e-3);
 }
 
@@ -238,7 +238,8 @@ TEST(LightTableStabilityTest, L9AMillionLightsAtOnePoint) {
   constexpr size_t kCount = 1000000;
   const TriangleEmitter t{{-0.5f, -0.5f, 2}, {0, 0.5f, 2}, {0.5f, -0.5f, 2}, Rgb::Grey(1e-6f)};
   input.triangles.assign(kCount, t);
-  // many_lights_bench times it; were the split of equal lights lopsided, this would not end.
+  // many_lights_bench times it; if the split of equal lights were unbalanced, this would not
+  // finish.
   const auto table = MakeTable(input);
   LightTableInput single;
   single.triangles = {t};
@@ -258,7 +259,7 @@ TEST(LightTableStabilityTest, L9AMillionLightsAtOnePoint) {
 }
 
 TEST(LightTableStabilityTest, L10ManyDifferentLightsAddUp) {
-  // Above and below the number up to which lights are weighed at every point.
+  // Above and below the number up to which lights are weighted individually.
   for (size_t count : {2u, 16u, 17u, 5000u}) {
     LightTableInput input;
     double expected = 0;
@@ -331,7 +332,7 @@ TEST(LightTableStabilityTest, L14LightsWithoutSizeAreNoLights) {
                  {{0, 0, 3}, {0, 0, -1}, {1, 0, 0}, 1, 1, kWhite}};
   const auto table = MakeTable(input);
   EXPECT_TRUE(table->empty());
-  // Together with a proper one, only that is found, and the others' pdf is 0.
+  // Together with a valid light, only that one is chosen, and the pdf of the others is 0.
   input.spheres.push_back({{0, 0, 5}, 1, kWhite});
   const auto with_sphere = MakeTable(input);
   ExpectNear(EstimateIrradiance(*with_sphere, kOrigin, kUp), kPi / 25);
@@ -377,7 +378,7 @@ TEST(LightTableStabilityTest, LightsThatMakeNoSenseAreNamedErrors) {
   }
 }
 
-// The sun as a disk of half a degree and less, a sphere far away: one flux however small it is.
+// The sun as a disk of half a degree and less, a distant sphere: the same flux however small it is.
 TEST(LightTableStabilityTest, L15TinySunKeepsItsFlux) {
   for (double degrees : {0.53, 0.1, 1e-2, 1e-3, 1e-4}) {
     const double sine = std::sin(0.5 * degrees * kPi / 180), d = 1e6;

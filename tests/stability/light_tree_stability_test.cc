@@ -1,9 +1,9 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Rows L8 to L13 of the catalogue of hard cases, as far as the hierarchy of lights is concerned;
-// light_table_stability_test.cc has the others. Monte Carlo comparisons allow 6 standard errors
-// (from 16 independent scrambles) plus what float samples round.
+// Rows L8 to L13 of the catalogue of hard cases, as far as they concern the light tree;
+// light_table_stability_test.cc has the others. The tolerance of Monte Carlo comparisons is 6
+// standard errors (from 16 independent scrambles) plus the rounding of float samples.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -63,7 +63,7 @@ LightBounds BoundsOf(const TriangleEmitter& t) {
   return bounds;
 }
 
-// Whether any of some points of the triangle is seen from p over the horizon of n, and its front.
+// Whether some point of the triangle's front is visible from p above the horizon of n.
 bool Shines(const TriangleEmitter& t, Vec3f p, Vec3f n) {
   const TriangleView view = ViewTriangle(t.v0, t.v1, t.v2, p);
   if (!view.visible || !(view.front() || t.two_sided)) return false;
@@ -124,7 +124,7 @@ TEST(LightTreeStabilityTest, L9CoincidentLightsMakeAShallowTree) {
   }
 }
 
-// Each twice as near to a point as the one before: no plane splits such lights evenly.
+// Each light is twice as close to a point as the one before: no plane splits such lights evenly.
 TEST(LightTreeStabilityTest, L9LightsThatCrowdTogetherMakeATreeOfBoundedDepth) {
   std::vector<LightBounds> lights;
   for (int i = 0; i < 1000; ++i) {
@@ -161,7 +161,7 @@ TEST(LightTreeStabilityTest, L10ChoiceAmongManyPassesChiSquare) {
       ASSERT_EQ(chosen->probability, choice.Probability(chosen->light, p, n));
       ++counts[chosen->light];
     }
-    // Lights in order are pooled until they expect 20 draws together.
+    // Lights in order are pooled until their expected number of draws is 20.
     double statistic = 0, expected = 0, sum = 0;
     int observed = 0, cells = 0;
     for (uint32_t i = 0; i < kCount; ++i) {
@@ -184,9 +184,9 @@ TEST(LightTreeStabilityTest, L10ChoiceAmongManyPassesChiSquare) {
 
 // --- L12: nothing that shines is left out --------------------------------------------------------
 
-// Clusters of all shapes and sizes, points beside, between and just in front of their lights. If
-// one light of a cluster shines on the point, its bounds must say so. This looks at the bounds
-// themselves: the share of the choice that ignores them would hide an error.
+// Clusters of all shapes and sizes, with points beside, between and just in front of their lights.
+// If one light of a cluster illuminates the point, the cluster's bounds must say so. The bounds are
+// tested directly, since the fraction of choices that ignores them would hide an error.
 TEST(LightTreeStabilityTest, L12BoundsOfClustersLoseNoLight) {
   RandomPoints random(12);
   int grazing = 0, lost = 0, lost_by_center = 0;
@@ -201,7 +201,7 @@ TEST(LightTreeStabilityTest, L12BoundsOfClustersLoseNoLight) {
     while (triangles.size() < count) {
       const Vec3f v0 = middle + RandomVector(&random, scale);
       const float size = scale * std::pow(10.0f, -2 * random.Next());
-      // Edges across a normal that strays from the cluster's.
+      // Edges perpendicular to a normal that deviates from the cluster's.
       const Vec3f normal = Normalize(facing + RandomVector(&random, spread + 1e-3f));
       Vec3f v1 = v0 + Cross(normal, RandomVector(&random, size));
       Vec3f v2 = v0 + Cross(normal, RandomVector(&random, size));
@@ -246,8 +246,8 @@ TEST(LightTreeStabilityTest, L12BoundsOfClustersLoseNoLight) {
                   .naive_by = "cosines at the cluster's center and mean normal"});
 }
 
-// Inner nodes, too: where a light sends a fair part of all, walks by the estimates reach it, not
-// only those by intensity.
+// Inner nodes, too: if a light contributes a considerable fraction, walks by the estimates reach
+// it, and not only walks by intensity.
 TEST(LightTreeStabilityTest, L12WalksByEstimateReachWhatShines) {
   RandomPoints random(121);
   for (int i = 0; i < 30; ++i) {
@@ -298,7 +298,7 @@ TEST(LightTreeStabilityTest, L12ManyTrianglesGiveTheSumOfEach) {
 // --- L11: negative and black lights among many
 // -----------------------------------------------------
 
-// Every light stands where one as strong of the other sign does, or a black one.
+// At the position of every light there is one of equal strength and opposite sign, or a black one.
 TEST(LightTreeStabilityTest, L11NegativeLightsCancelInTheHierarchyAndBlackOnesAreNotChosen) {
   LightTableInput input;
   RandomPoints random(11);
@@ -323,7 +323,7 @@ TEST(LightTreeStabilityTest, L11NegativeLightsCancelInTheHierarchyAndBlackOnesAr
 // --- L13: cones that have no axis ----------------------------------------------------------------
 
 TEST(LightTreeStabilityTest, L13NormalsThatCancelMakeAConeOfEverything) {
-  // Of one side each and back to back, in every number of pairs: the mean normal is 0.
+  // One-sided lights back to back, for every number of pairs: the mean normal is 0.
   for (size_t pairs : {1u, 4u, 5u, 40u}) {
     std::vector<LightBounds> lights;
     for (size_t i = 0; i < pairs; ++i) {
@@ -347,7 +347,7 @@ TEST(LightTreeStabilityTest, L13NormalsThatCancelMakeAConeOfEverything) {
                       .tolerance = 1e-5,
                       .naive = naive::Share(0, Length(Vec3f{0, 0, 1} + Vec3f{0, 0, -1})),
                       .naive_by = "mean axis over its length: its x"});
-      // Where there is a front side, the estimates go there.
+      // If there is a front side, the estimates are directed there.
       if (std::fabs(p.z) > 1) {
         EXPECT_GT(facing, 0.9);
       }

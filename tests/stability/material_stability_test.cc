@@ -29,8 +29,8 @@ using testing::MakeDiffuseFixture;
 using testing::MakeMirrorFixture;
 using testing::MakeSheetFixture;
 
-// Mean of the energy scattered along wo by stratified sampling, what crosses counted as energy and
-// not as radiance. Two of the draws are stratified to side x side cells.
+// Mean energy scattered along wo by stratified sampling. Transmitted light is counted as energy,
+// not as radiance. Two of the random numbers are stratified to side x side cells.
 double Albedo(const Bsdf& bsdf, Vec3f wo, int side = 384) {
   double sum = 0;
   for (int i = 0; i < side; ++i) {
@@ -179,7 +179,7 @@ TEST(MaterialStability, M2_WhiteCoatsLoseNothing) {
 }
 
 TEST(MaterialStability, M2_CoatsOfPerfectMetalLoseNothing) {
-  constexpr int kSide = 576;  // Three parts by chance: noisier than others.
+  constexpr int kSide = 576;  // Three random choices: noisier than others.
   for (float interface : {0.0f, 0.1f, 1.0f}) {
     for (float base : {0.0f, 0.1f, 0.6f}) {
       for (float eta : {1.5f, 2.0f}) {
@@ -257,7 +257,7 @@ TEST(MaterialStability, M4_TotalReflectionSetsInAtTheCriticalAngle) {
                                            static_cast<float>(1 / n)),
          .naive_by = "cosine within as the root of 1 - sin^2"});
     EXPECT_LT(reflectance(degrees - 1e-3), 1) << n;
-    EXPECT_GT(reflectance(degrees - 1e-3), 0.9) << n;  // The root's steep rise, without a jump.
+    EXPECT_GT(reflectance(degrees - 1e-3), 0.9) << n;  // The root rises steeply, without a jump.
     EXPECT_GT(reflectance(degrees - 1e-6 * 180 / kPi), 0.98) << n;
   }
 }
@@ -307,7 +307,7 @@ TEST(MaterialStability, M6_RoughDielectricsAreReciprocal) {
         const Vec3f a = DirectionAt(2 * u[0] - 1, 6.2f * u[1]);
         const Vec3f b = DirectionAt(2 * v[0] - 1, 6.2f * v[1]);
         if (a.z == 0 || b.z == 0) continue;
-        // f(a, b) is the share of radiance from b that leaves along a.
+        // f(a, b) is the fraction of radiance from b that leaves along a.
         const double ab = EvalBsdf<kAllTraits>(keep.bsdf, a, b).f_cos.g / std::fabs(b.z);
         const double ba = EvalBsdf<kAllTraits>(keep.bsdf, b, a).f_cos.g / std::fabs(a.z);
         const double eta_a = a.z > 0 ? 1 : eta, eta_b = b.z > 0 ? 1 : eta;

@@ -1,10 +1,10 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// G12, which medium is on which side of a surface: the second name of a MediumInterface where the
-// normal points, the first behind it, for both windings and both orders of the names, against
-// Beer and Lambert. Where the names contradict each other, the rule is pbrt-v4's: a ray is in the
-// medium that the surface it leaves has on that side.
+// G12, the assignment of media to the sides of a surface: the second name of a MediumInterface is
+// on the side of the normal, the first behind it, for both windings and both orders of the names,
+// against Beer and Lambert. If the names contradict each other, pbrt-v4's rule applies: a ray is in
+// the medium that the surface it leaves has on that side.
 #include <cmath>
 #include <utility>
 #include <vector>
@@ -22,18 +22,18 @@ namespace {
 
 constexpr Rgb kSigma{0.1f, 0.3f, 0.7f};
 
-// How a file says that there is fog on one side of a closed surface.
+// How a file places fog on one side of a closed surface.
 struct Written {
   bool normals_inward = false;
-  bool fog_within = false;  // Else around it.
+  bool fog_within = false;  // Otherwise around it.
   bool camera_in_fog = false;
 
   MediumBoundary NamesOf(int32_t fog) const {
     const int32_t within = fog_within ? fog : kNone, around = fog_within ? kNone : fog;
     return normals_inward ? MediumBoundary{around, within} : MediumBoundary{within, around};
   }
-  // A surface that names no outside adds what is inside to what there is: docs/adr/0018. Then it
-  // contradicts no path that comes from the front in fog.
+  // A surface without an outside name adds the inner medium to the surrounding one: docs/adr/0018.
+  // Then it contradicts no path that comes from the front in fog.
   bool AddsUp(bool from_within) const {
     const bool names_outside = normals_inward == fog_within;
     return camera_in_fog && !names_outside && from_within == normals_inward;
@@ -58,7 +58,7 @@ void ForAllWritings(const Function& function) {
   }
 }
 
-// Lengths that count of a way that leads through a body.
+// Lengths of a path through a body: before, inside and behind it.
 struct Way {
   double before, within, behind;
 };
@@ -74,7 +74,7 @@ Rgb Dimmed(Rgb light, double length) {
   }
   return light;
 }
-// A bound for pictures without noise, but with lengths of float.
+// Tolerance for images without noise but with float lengths.
 void ExpectClose(const TileMean& measured, Rgb expected) {
   for (size_t c = 0; c < 3; ++c) {
     EXPECT_NEAR(measured.mean[c], expected[c], 2e-5 * static_cast<double>(expected[c])) << c;
@@ -108,14 +108,14 @@ class SidesScene : public FogScene {
     scene.objects.push_back({"body", {static_cast<int32_t>(scene.shapes.size() - 1)}, {}});
     scene.instances.push_back({0, {place, place}, {}});
   }
-  // As written.
+  // Gives the shape its orientation and media as written in the file.
   ShapeDescription& Finish(ShapeDescription& shape) {
     shape.reverse_orientation = written_.normals_inward;
     shape.media = written_.NamesOf(fog_);
     shape.location = {0, 7, 3};
     return shape;
   }
-  // Shines towards -z.
+  // The light emits towards -z.
   void AddLamp(float z) {
     const int32_t light = AreaLight(Rgb::Grey(1));
     AddShape(MeshShape{Quad({-9, -9, z}, {-9, 9, z}, {9, 9, z}, {9, -9, z})}, Diffuse({}))
@@ -129,7 +129,7 @@ class SidesScene : public FogScene {
   }
 
  private:
-  // Vertex normals outward, and a winding that says otherwise.
+  // Vertex normals point outwards, and the winding contradicts them.
   static void LetNormalsDecide(TriangleMesh* mesh) {
     mesh->normals = mesh->positions;
     for (size_t i = 0; i + 2 < mesh->indices.size(); i += 3) {
@@ -141,13 +141,13 @@ class SidesScene : public FogScene {
   int32_t fog_;
 };
 
-// A lamp behind a body, seen through it.
+// A light behind a body, seen through it.
 TEST(MediumSideStability, G12FogIsOnTheNamedSide) {
   for (const Body body : {Body::kBox, Body::kMirroredBox, Body::kBoxWithNormals, Body::kSphere,
                           Body::kPlacedBox, Body::kMirroredPlacedBox}) {
     SCOPED_TRACE(static_cast<int>(body));
     ForAllWritings([&](const Written& written) {
-      // Off the diagonals of the box's faces.
+      // Away from the diagonals of the box's faces.
       const double aside = body == Body::kSphere ? 0 : 0.1;
       SidesScene t(written, {aside, 2 * aside, -4}, {aside, 2 * aside, 0});
       t.AddBody(body, t.AddMaterial(InterfaceMaterial{}));
@@ -161,7 +161,7 @@ TEST(MediumSideStability, G12FogIsOnTheNamedSide) {
   }
 }
 
-// Light that a floor gets from a lamp without size through the body.
+// Light that a floor receives from a point light through the body.
 TEST(MediumSideStability, G12ShadowRaysKeepToTheNamedSides) {
   ForAllWritings([](const Written& written) {
     SidesScene t(written, {0.5, 2, -2.5}, {0.5, 2, -3});
@@ -169,7 +169,7 @@ TEST(MediumSideStability, G12ShadowRaysKeepToTheNamedSides) {
     t.AddShape(MeshShape{t.Quad({-9, -9, -3}, {9, -9, -3}, {9, 9, -3}, {-9, 9, -3})},
                t.Diffuse(Rgb::Grey(0.5f)));
     t.AddPointLight({-0.5, -2, 3});
-    // A third of the way is within. The camera is half a unit above the floor.
+    // A third of the path is inside. The camera is half a unit above the floor.
     const double way = std::sqrt(1.0 + 16 + 36);
     const auto lit = static_cast<float>(0.5 / kPi * (6 / way) / (way * way));
     const Rendered rendered = RenderCounted(t.scene, SquareSettings(2, 16, 2));
@@ -178,7 +178,7 @@ TEST(MediumSideStability, G12ShadowRaysKeepToTheNamedSides) {
   });
 }
 
-// A wall sends light back into the medium that it has on the side it is lit on. Within: behind it.
+// A wall reflects light into the medium on its lit side. Fog inside is behind it.
 TEST(MediumSideStability, G12ReflectedLightIsOnTheNamedSide) {
   ForAllWritings([](const Written& written) {
     SidesScene t(written, {0.1, 0, -2}, {0.1, 0, 0});
@@ -194,8 +194,8 @@ TEST(MediumSideStability, G12ReflectedLightIsOnTheNamedSide) {
   });
 }
 
-// The same many times over: a room with a lamp in its middle. Chords between two points of a sphere
-// are as long as 2 cos, with cosines as a diffuse wall scatters them.
+// The same with many reflections: a room with a light in its center. Chords between two points of a
+// sphere have length 2 cos, with cosines as scattered by a diffuse wall.
 TEST(MediumSideStability, G12RoomsAreFilledAsTheirWallsSay) {
   constexpr float kReflectance = 0.6f;
   ForAllWritings([](const Written& written) {
@@ -218,8 +218,8 @@ TEST(MediumSideStability, G12RoomsAreFilledAsTheirWallsSay) {
   });
 }
 
-// Gems: glass with a medium in it. Looked at straight, glass reflects alike from either side, so
-// one that is wound the wrong way round lets as much through; light goes to and fro within.
+// Gems: glass filled with a medium. At normal incidence glass reflects alike from both sides, so a
+// reversed winding transmits as much; light is reflected to and fro inside.
 TEST(MediumSideStability, G12GemsHaveTheirColor) {
   ForAllWritings([](const Written& written) {
     if (written.camera_in_fog) return;
@@ -239,8 +239,8 @@ TEST(MediumSideStability, G12GemsHaveTheirColor) {
   });
 }
 
-// A room full of fog that scatters, with a block in it. Wound either way, with the names to match,
-// the block is the same.
+// A room full of scattering fog, with a block in it. For both windings, with matching names, the
+// block is the same.
 Rendered FoggedRoom(const Written& block) {
   FogScene t({0, 0, -0.9}, {-0.05, -0.4, 0}, 25);
   const int32_t fog = t.AddMedium(Rgb::Grey(0.01f), Rgb::Grey(2));
@@ -268,11 +268,11 @@ TEST(MediumSideStability, G12BlocksInFogAreTheSameWoundEitherWay) {
                  inward = FoggedRoom({true, false, true});
   EXPECT_EQ(outward.stats.broken_nestings + inward.stats.broken_nestings, 0u);
   ExpectSameMean(outward.mean, inward.mean);
-  // Faces that say they stand in nothing are told.
+  // Faces that declare vacuum around them are reported.
   EXPECT_GT(FoggedRoom({true, true, true}).stats.broken_nestings, 1000u);
 }
 
-// Whichever way round a closed shape is, fog that it encloses has an end, and fog around it none.
+// For both windings of a closed shape, fog inside it is bounded, and fog around it is not.
 TEST(MediumSideStability, G12EnclosedFogHasAnEnd) {
   for (const Body body : {Body::kBox, Body::kBoxWithNormals, Body::kSphere}) {
     ForAllWritings([&](const Written& written) {
@@ -305,7 +305,7 @@ TEST(MediumSideStability, SidesChangeWhatAPathIsIn) {
            Row{both, true, false, {}, {kBehind}, kContradicted},
            Row{both, true, true, {kOther}, {kBefore}, kContradicted},
            Row{both, false, false, {kBefore}, {kBehind}, kContradicted},
-           Row{back, true, false, {kBehind}, {kBehind, kBehind}},  // Adds up.
+           Row{back, true, false, {kBehind}, {kBehind, kBehind}},  // Adds to the surrounding one.
            Row{back, true, true, {kBehind, kOther}, {kBehind, kOther}},
            Row{back, false, true, {kBehind, kBehind}, {kBehind}},
            Row{back, false, true, {kOther}, {}, kContradicted},

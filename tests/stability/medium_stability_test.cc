@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Hard cases of participating media, by the names of the catalogue (V1, V2, V6, V8 to V13, G12).
-// Means are held by ExpectMean's 5 standard errors, where not said otherwise.
+// The tolerance of means is ExpectMean's 5 standard errors unless stated otherwise.
 #include <array>
 #include <cmath>
 #include <string>
@@ -44,10 +44,10 @@ FrameSettings Spectral(FrameSettings settings) {
   return settings;
 }
 
-// V1: what a half space of isotropic scatterers reflects into a direction under an even sky is its
-// plane albedo, whatever the density. Values: Chandrasekhar's H functions. The box is many thousand
-// times as deep and wide as light diffuses. The camera stands near: rays start at rounded points,
-// which must be fine against a free path.
+// V1: the light that a half-space of isotropic scatterers under a constant sky reflects into a
+// direction is its plane albedo, for every density. Values: Chandrasekhar's H functions. The box is
+// many thousand times as deep and wide as light diffuses. The camera is close: rays start at
+// rounded points, whose resolution must be finer than a free path.
 FogScene HalfSpace(double mu, float albedo, float density) {
   const double height = 0.05;
   const double side = height * std::sqrt(1 - mu * mu) / mu;
@@ -92,7 +92,8 @@ TEST(MediumStability, V1AlbedoDoesNotDependOnDensity) {
   }
 }
 
-// V2: what a thin slab takes of the light behind it (FlightStability has what it scatters).
+// V2: the light behind a thin slab that the slab absorbs (FlightStability tests the scattered
+// light).
 TEST(MediumStability, V2ThinMediaTakeLittle) {
   for (const float thickness : {1e-8f, 1e-6f, 1e-4f, 1e-2f}) {
     SCOPED_TRACE(thickness);
@@ -105,7 +106,7 @@ TEST(MediumStability, V2ThinMediaTakeLittle) {
   }
 }
 
-// V6: fog without end lets nothing through, and everything where it only scatters.
+// V6: infinite absorbing fog transmits nothing, whether it scatters or not.
 TEST(MediumStability, V6FogWithoutEnd) {
   for (const bool scatters : {false, true}) {
     FogScene t({0, 0, 0}, {0, 0, 1}, 40);
@@ -115,7 +116,7 @@ TEST(MediumStability, V6FogWithoutEnd) {
   }
 }
 
-// V9: a camera within fog that glows sees Le / sigma_a (1 - e^-(sigma_a s)) of it before a wall.
+// V9: a camera inside emissive fog sees Le / sigma_a (1 - e^-(sigma_a s)) of it in front of a wall.
 TEST(MediumStability, V9CameraInFog) {
   for (const double distance : {1e-3, 1.0, 300.0}) {
     SCOPED_TRACE(distance);
@@ -142,8 +143,8 @@ TEST(MediumStability, V9CameraInFog) {
   }
 }
 
-// V7: the light of a lamp without size that fog scatters once towards the camera, against the
-// integral of e^(-sigma (t + d)) / d^2: lamps at any height over the ray, fog of any density.
+// V7: light of a point light that fog scatters once towards the camera, against the integral of
+// e^(-sigma (t + d)) / d^2: lights at any height above the ray, fog of any density.
 TEST(MediumStability, V7Airlight) {
   struct Row {
     float height, sigma, wall;
@@ -160,7 +161,7 @@ TEST(MediumStability, V7Airlight) {
     lamp.intensity.rgb = Rgb::Grey(kIntensity);
     lamp.from = {0, row.height, kAlong};
     t.scene.lights.push_back({lamp, {}, {}, {}});
-    // By the angle at the lamp, where the integrand is smooth.
+    // Integrated over the angle at the light, in which the integrand is smooth.
     const double h = static_cast<double>(row.height), sigma = static_cast<double>(row.sigma);
     const double first = std::atan2(-kAlong, h), last = std::atan2(double{z} - kAlong, h);
     constexpr int kSteps = 1 << 16;
@@ -174,12 +175,13 @@ TEST(MediumStability, V7Airlight) {
         kIntensity * 0.75 * sigma / (4 * kPi) * sum * (last - first) / kSteps / h;
     const Rendered rendered = RenderFog(t.scene, SquareSettings(4, DrawCount(1024, 1 << 16), 1));
     ExpectMean(rendered.mean, Rgb::Grey(static_cast<float>(expected)));
-    // Distances alone would leave errors of tens of percent here.
+    // Distance samples alone would leave errors of tens of percent here.
     EXPECT_LT(rendered.mean.standard_error[0], 2e-3 * expected);
   }
 }
 
-// V10: a slab that shines has L = Le (1 - e^-tau), from 1e-6 to 1e3, as RGB and as spectra.
+// V10: an emissive slab has L = Le (1 - e^-tau), for tau from 1e-6 to 1e3, in RGB and in spectral
+// transport.
 TEST(MediumStability, V10EmissiveSlab) {
   for (const double tau : {1e-6, 1e-3, 1.0, 30.0, 1e3}) {
     SCOPED_TRACE(tau);
@@ -208,7 +210,7 @@ TEST(MediumStability, V10EmissiveSlab) {
   }
 }
 
-// V11: each component is dimmed by its own coefficient.
+// V11: each component is attenuated by its own coefficient.
 TEST(MediumStability, V11ChromaticAbsorption) {
   FogScene t({0, 0, -2}, {0, 0, 0}, 0.01f);
   t.ConstantEnvironment(Rgb::Grey(1));
@@ -216,14 +218,14 @@ TEST(MediumStability, V11ChromaticAbsorption) {
   const TileMean mean = RenderFog(t.scene, SquareSettings(4, 16, 5)).mean;
   EXPECT_EQ(mean.non_finite, 0u);
   for (size_t c = 0; c < 3; ++c) {
-    // Lengths are as long as the tracer's distances, to a few roundings of float.
+    // Lengths equal the tracer's distances up to a few float roundings.
     const double tau = std::pow(10.0, static_cast<double>(c)), left = std::exp(-tau);
     EXPECT_NEAR(mean.mean[c], left, left * (1 + tau) * 1e-6 + 1e-40);
   }
 }
 
-// V11, V12: what only scatters cannot be seen under an even sky, whatever it prefers in colours and
-// directions, thin or thick, and however media overlap.
+// V11, V12: purely scattering media are invisible under a constant sky, for every color and phase
+// function, thin or thick, and with overlaps.
 TEST(MediumStability, V12WhiteFurnace) {
   struct Case {
     Rgb sigma_s;
@@ -258,13 +260,13 @@ TEST(MediumStability, V12WhiteFurnace) {
   }
 }
 
-// G12: what two boxes let through, one within the other and in the place of its medium.
+// G12: transmittance of two boxes, one inside the other and replacing its medium.
 TEST(MediumStability, G12NestedBoxes) {
   FogScene t({0.1, 0.2, -4}, {0, 0, 0}, 0.01f);
   t.ConstantEnvironment(Rgb::Grey(1));
   const int32_t thin = t.AddMedium(Rgb::Grey(0.5f), {}), thick = t.AddMedium(Rgb::Grey(2), {});
   t.FillBox({-9, -9, -1}, {9, 9, 1}, thin);
-  t.FillBox({-8, -8, -0.25f}, {8, 8, 0.25f}, thick, thin);  // thin is left while in thick.
+  t.FillBox({-8, -8, -0.25f}, {8, 8, 0.25f}, thick, thin);  // The path leaves thin while in thick.
   const double unit = std::sqrt(0.05 + 16) / 4;
   const Rendered rendered = RenderFog(t.scene, SquareSettings(2, 16, 5));
   EXPECT_EQ(rendered.broken, 0u);
@@ -277,8 +279,8 @@ TEST(MediumStability, G12NestedBoxes) {
                   .naive_by = "the exit missed, the medium kept"});
 }
 
-// Closed volumes that say they bound a medium which reaches on without end: paths end there, and
-// are counted.
+// Closed volumes that declare an infinite medium which they bound: paths end there, and are
+// counted.
 TEST(MediumStability, G12BrokenNestingIsCounted) {
   FogScene t({0, 0, -4}, {0, 0, 0}, 0.01f);
   t.ConstantEnvironment(Rgb::Grey(1));
@@ -311,7 +313,7 @@ TEST(MediumStability, V8TheSetCountsAndForgetsTheOrder) {
   EXPECT_EQ(set.size(), kMediaAtOnceMax);
 }
 
-// V8: media that overlap add up, entered in any order, and however the file orders them.
+// V8: overlapping media add up, whatever the order of entering and of the file.
 FogScene Overlap(bool twice, bool swapped) {
   FogScene t({0.3, 0.4, -5}, {0, 0, 0}, 35);
   t.ConstantEnvironment({1, 0.5f, 0.2f});
@@ -328,7 +330,7 @@ FogScene Overlap(bool twice, bool swapped) {
   const int32_t other = t.AddMedium(sigma_a[1 - first], sigma_s[1 - first], 0.5f);
   const int32_t a = swapped ? other : one, b = swapped ? one : other;
   t.FillBox({-1, -1, -1}, {1, 1, 1}, a);
-  // Faces in one place would be met as one.
+  // Coincident faces would be hit as one.
   constexpr float kBeyond = 1 + 0x1p-12f;
   t.FillBox({-kBeyond, -kBeyond, -kBeyond}, {kBeyond, kBeyond, kBeyond}, b);
   return t;
@@ -347,8 +349,7 @@ TEST(MediumStability, V8OverlappingVolumesAddUp) {
   }
 }
 
-// V13: turned as a whole a scene keeps its picture, also where light is scattered nearly straight
-// on many times.
+// V13: a scene rotated as a whole keeps its image, also with many almost straight scatterings.
 FogScene Turned(double degrees, Vec3d axis) {
   const Matrix4 turn = RotateMatrix(degrees, axis);
   const auto at = [&turn](Vec3d p) { return TransformPoint(turn, p); };
@@ -410,7 +411,7 @@ TEST(MediumStability, G2ScaleKeepsTheBits) {
   }
 }
 
-// What the first event is says the picture's own outputs.
+// The image's own outputs describe the first event.
 TEST(MediumStability, TheFirstEventIsInTheFog) {
   FogScene t({0, 0, 0}, {0, 0, 1}, 40);
   t.ConstantEnvironment(Rgb::Grey(1));

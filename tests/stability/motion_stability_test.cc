@@ -19,7 +19,8 @@
 namespace sheaf::render {
 namespace {
 
-// G13: an instant's shutter shows the still; a moving edge gives the ramp that its speed says.
+// G13: a shutter interval of length 0 shows the still scene; a moving edge gives the ramp that
+// follows from its speed.
 TEST(MotionStability, G13ClosedShutterIsTheStill) {
   const FrameSettings settings = SquareSettings(12, 16, 3);
   TestScene moving = LitRoom(1);
@@ -54,12 +55,12 @@ TEST(MotionStability, G13MovingEdgeIsALinearRamp) {
     covered /= 16 * 256;
     const double x = -1 + (px + 0.5) / 8;
     const double expected = std::clamp(0.5 - x, 0.0, 1.0);
-    // 4096 stratified samples a column: the error of unstratified ones would be 0.008.
+    // 4096 stratified samples per column: the error of unstratified ones would be 0.008.
     EXPECT_NEAR(covered, expected, 0.02) << px;
   }
 }
 
-// G14: rotation keeps radii, whatever the arc.
+// G14: rotation preserves radii for every arc.
 TEST(MotionStability, G14RotationKeepsRadii) {
   for (const double degrees : {1e-9, 1e-3, 1.0, 90.0, 179.0, 180.0}) {
     SCOPED_TRACE(degrees);
@@ -83,7 +84,7 @@ TEST(MotionStability, G14RotationKeepsRadii) {
          .tolerance = 1e-12,
          .naive = Length((first + last) * 0.5f),
          .naive_by = "half way by the mean of both matrices"});
-    // Even speed: half the time is half the arc.
+    // Constant speed: half the time is half the arc.
     const Affine half = transform->At(0.5);
     const Affine expected = AffineOf(RotateMatrix(degrees / 2, {0.3, -1, 0.5}) * motion.start);
     if (degrees < 180) {
@@ -104,7 +105,7 @@ TEST(MotionStability, G14StretchAndMirrorInterpolateStably) {
   EXPECT_FALSE(AnimatedTransform::Make(motion).ok());
 }
 
-// G14: boxes moved linearly between steps hold the turning group at all times.
+// G14: bounds interpolated linearly between steps contain the rotating group at all times.
 TEST(MotionStability, G14TurningGroupsStayInTheirBounds) {
   TestScene t({0, 0, -5}, {0, 0, 0}, 60);
   t.scene.camera.shutter_close = 1;

@@ -2,8 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Hard cases of smoke that moves while the shutter is open, by the names of the catalogue (G2, V5,
-// V13): very slow and very fast, scaled by millions, turned. Means are held by 5 standard errors of
-// the difference.
+// V13): very slow and very fast, scaled by millions, rotated. The tolerance of means is 5 standard
+// errors of the difference.
 #include <cmath>
 #include <utility>
 
@@ -14,7 +14,7 @@
 namespace sheaf::render {
 namespace {
 
-// Smoke of the side 1 that velocities of every direction and the same speed move.
+// Smoke of side 1 with velocities of equal speed in all directions.
 MediumDescription Smoke(float speed) {
   MediumDescription smoke;
   smoke.sigma_a.rgb = {0.5f, 1, 1.5f};
@@ -35,7 +35,7 @@ struct Rendered {
   TileMean mean;
   FilmTile film;
 };
-// No bound of a density is ever broken.
+// Expects that no majorant is violated.
 Rendered RenderSmoke(TestScene t, MediumDescription smoke, const FrameSettings& settings) {
   t.scene.media = {std::move(smoke)};
   t.scene.camera.shutter_close = 1;
@@ -51,7 +51,7 @@ Rendered RenderSmoke(TestScene t, MediumDescription smoke, const FrameSettings& 
   return {mean, std::move(film)};
 }
 
-// G2, V5: in a room 2^20 times as large or small the bits are the same, whether the smoke comes by
+// G2, V5: in a room 2^20 times as large or small the bits are the same, whether the smoke moves by
 // a billionth of a voxel or by far more than its box.
 TEST(MovingVolumeStability, G2ScaleKeepsTheBits) {
   const auto rendered = [](double scale, float speed) {
@@ -77,8 +77,7 @@ TEST(MovingVolumeStability, G2ScaleKeepsTheBits) {
   }
 }
 
-// What moves by less than a rounding is as what stands still, and all there is to a shutter of no
-// time is that nothing moves.
+// Motion below float rounding equals stillness, and a shutter interval of length 0 shows no motion.
 TEST(MovingVolumeStability, G2TheSlowestIsNextToTheStill) {
   const auto rendered = [](float speed) {
     TestScene t = LitRoom(1);
@@ -92,7 +91,7 @@ TEST(MovingVolumeStability, G2TheSlowestIsNextToTheStill) {
   }
 }
 
-// V13: turned as a whole about the camera's axis, with its velocities.
+// V13: rotated as a whole about the camera's axis, with its velocities.
 TEST(MovingVolumeStability, V13SmokeThatMovesMayBeTurned) {
   const auto rendered = [](double degrees) {
     const Matrix4 turn = RotateMatrix(degrees, {0, 0, 1});
@@ -106,7 +105,7 @@ TEST(MovingVolumeStability, V13SmokeThatMovesMayBeTurned) {
     t.AddShape(MeshShape{t.Box({-h, -h, -h}, {h, h, h})}, t.AddMaterial(InterfaceMaterial{}), turn)
         .media = {0, kNone};
     MediumDescription smoke = Smoke(0.3f);
-    // Of a wind too, whose direction shows.
+    // Adds a wind whose direction is visible.
     for (Vec3f& v : std::get<UniformGridMedium>(smoke.kind).velocity) v += Vec3f{0.5f, 0, 0};
     smoke.world_from_medium = turn;
     return RenderSmoke(std::move(t), std::move(smoke), SquareSettings(8, DrawCount(512, 8192), 12));

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Hard cases of meeting triangles, by the names of the catalogue: G4 (false hits on skinny
-// triangles met nearly edge-on).
+// Hard cases of triangle intersection, by the names of the catalogue: G4 (false hits on skinny
+// triangles that are hit nearly edge-on).
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
@@ -23,7 +23,7 @@
 namespace sheaf::render {
 namespace {
 
-// Ten to ten million times as long as wide.
+// A triangle that is ten to ten million times as long as wide.
 struct Needle {
   Vec3f p[3];
 };
@@ -36,7 +36,7 @@ Needle MakeNeedle(Random* random) {
                      random->Direction() * (scale * slimness);
   return {{base, tip, side}};
 }
-// From and to places near the needle's plane: most rays nearly lie in it.
+// From and to points close to the needle's plane: most rays nearly lie in it.
 Ray RayAlong(const Needle& needle, Random* random) {
   const Vec3f* p = needle.p;
   const float length = Length(p[1] - p[0]);
@@ -52,8 +52,8 @@ Ray RayAlong(const Needle& needle, Random* random) {
   return ray;
 }
 
-// Whether the ray meets the triangle, by exact arithmetic: the line passes all three corners' edges
-// on one side, or through them, and the plane is met ahead.
+// Whether the ray hits the triangle, by exact arithmetic: the line passes all three edges on one
+// side, or touches them, and the plane is ahead.
 bool MeetsExactly(const Ray& ray, const Needle& needle) {
   const ExactVector o(ray.o), d(ray.d);
   const ExactVector a[3] = {ExactVector(needle.p[0]) - o, ExactVector(needle.p[1]) - o,
@@ -75,7 +75,8 @@ using Real = long double;
 using Vec3l = Vec3<Real>;
 Vec3l ToReal(Vec3f v) { return {v.x, v.y, v.z}; }
 
-// The least distance of the ray from the segment a b, with room for a ray that starts on it.
+// The smallest distance of the ray from the segment a b, with tolerance for a ray that starts on
+// it.
 Real DistanceToEdge(const Ray& ray, Vec3f from, Vec3f to) {
   const Vec3l o = ToReal(ray.o), d = ToReal(ray.d), a = ToReal(from), e = ToReal(to) - a;
   const Vec3l w = a - o;
@@ -94,7 +95,7 @@ Real DistanceToEdges(const Ray& ray, const Needle& needle) {
   }
   return least;
 }
-// The size of the numbers that the hit is computed from.
+// The magnitude of the numbers that the hit is computed from.
 Real ScaleOf(const Ray& ray, const Needle& needle) {
   Real scale = 0;
   for (const Vec3f v : {ray.o, needle.p[0], needle.p[1], needle.p[2]}) {
@@ -111,7 +112,7 @@ double CosineOf(const Ray& ray, const Needle& needle) {
   const Vec3d n = NormalOf(needle), d = ToDouble(ray.d);
   return std::fabs(Dot(n, d)) / (Length(n) * Length(d));
 }
-// The least height over the longest side.
+// The smallest height over the longest side.
 double SlimnessOf(const Needle& needle) {
   double longest_square = 0;
   for (size_t i = 0; i < 3; ++i) {
@@ -121,20 +122,21 @@ double SlimnessOf(const Needle& needle) {
   return Length(NormalOf(needle)) / longest_square;
 }
 
-// Parts of the scale. On the edge, neither answer is wrong.
+// Relative to the scale. On the edge, neither answer is wrong.
 constexpr Real kOnEdge = 0x1p-19L;
-// The tracer's first test, in single precision, may refuse a needle whose edge the ray passes
-// nearer than this, almost in line with it.
+// The tracer's first test, in single precision, may miss a needle if the ray passes its edge closer
+// than this and almost parallel to it.
 constexpr Real kMissed = 0x1p-14L;
-// Triangles that are no needles are not tested again. Where a ray meets them less flatly than this,
-// their hits are good to kStoutError.
+// Triangles that are no needles are not tested again. If a ray hits them less flatly than this,
+// their hits are accurate to kStoutError.
 constexpr double kFlat = 1e-3;
 constexpr Real kStoutError = 0x1p-13L;
 
 // G4. Expected by the catalogue: "double re-test when |det| small; clamp t to the box of the
-// triangle. Test: exact rational oracle on 1e5 random needles". So no hit where exact arithmetic
-// has none, but for edges; no hit lost; and t and the surface point are one place, on the ray.
-// Untested in double, a third of the hits are false, by up to 0.8 of the scale.
+// triangle. Test: exact rational oracle on 1e5 random needles". Hence there is no hit where exact
+// arithmetic has none, except at edges; no hit is lost; and t and the surface point describe the
+// same point, on the ray. Without the test in double, a third of the hits are false, by up to 0.8
+// of the scale.
 TEST(NeedleStability, G4HitsAreThoseOfExactArithmetic) {
   const int needle_count = DrawCount(4000, 100000);
   constexpr int kRaysEach = 25;
@@ -146,7 +148,7 @@ TEST(NeedleStability, G4HitsAreThoseOfExactArithmetic) {
     TestScene t({0, 0, 0}, {0, 0, 1}, 60);
     t.AddShape(MeshShape{t.AddMesh({needle.p[0], needle.p[1], needle.p[2]}, {0, 1, 2})}, kNone);
     const std::unique_ptr<TracedScene> scene = Traced(t.scene);
-    if (scene->geometry.groups[0].meshes.empty()) continue;  // Without area.
+    if (scene->geometry.groups[0].meshes.empty()) continue;  // Zero area.
     const BakedMesh& mesh = scene->geometry.groups[0].meshes[0];
     const bool is_needle = HasNeedles(mesh.positions, mesh.indices);
     for (int k = 0; k < kRaysEach; ++k) {
@@ -191,9 +193,9 @@ TEST(NeedleStability, G4HitsAreThoseOfExactArithmetic) {
   EXPECT_LT(stout_error, kStoutError);
 }
 
-// G4: of a needle and a wall through it the nearer is met, by true distances. Where the wall is met
-// first, though, the tracer looks for the needle by its own distance, whose error grows as the
-// needle is slim and met flatly.
+// G4: the nearer of a needle and a wall through it is hit, by true distances. If the wall is hit
+// first, however, the tracer searches for the needle by its own distance, whose error grows for
+// slim needles and flat incidence.
 TEST(NeedleStability, G4NeedlesStandInLineWithOtherTriangles) {
   const int needle_count = DrawCount(400, 10000);
   Random random(9);
@@ -202,7 +204,7 @@ TEST(NeedleStability, G4NeedlesStandInLineWithOtherTriangles) {
     const Needle needle = MakeNeedle(&random);
     const Vec3f* p = needle.p;
     const float length = Length(p[1] - p[0]);
-    // Across the needle, through a point of it.
+    // Perpendicular to the needle, through a point of it.
     const Vec3f middle = p[0] + (p[1] - p[0]) * static_cast<float>(random.Uniform());
     const Vec3f x = random.Direction() * (10 * length), y = random.Direction() * (10 * length);
     TestScene t({0, 0, 0}, {0, 0, 1}, 60);
@@ -215,7 +217,7 @@ TEST(NeedleStability, G4NeedlesStandInLineWithOtherTriangles) {
       const Ray ray = RayAlong(needle, &random);
       RawHit hit;
       if (!scene->tracer->Intersect(ray, &hit)) continue;
-      // Alone, each of the two is met at its own distance; together, at the lesser.
+      // Tested alone, each has its own distance; tested together, the smaller one is hit.
       Ray past = ray;
       past.source = hit.id;
       RawHit other;
@@ -230,8 +232,8 @@ TEST(NeedleStability, G4NeedlesStandInLineWithOtherTriangles) {
   EXPECT_EQ(wrong, 0);
 }
 
-// G4: the furnace of a room of needles that all shine and reflect half: 1 / (1 - 1/2), and no path
-// is lost on the way.
+// G4: the furnace of a room of needles that all emit and reflect half: 1 / (1 - 1/2), and no path
+// is lost.
 TEST(NeedleStability, G4FurnaceOfNeedlesKeepsItsEnergy) {
   const Triangles globe = Globe({0, 0, 0}, 4, 1000);
   ASSERT_TRUE(HasNeedles(globe.positions, globe.indices));

@@ -1,8 +1,9 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Hard cases of matter that overlaps, by the names of the catalogue (V8, V9, V12, G12). Means are
-// held by 5 standard errors of the difference (ExpectSameMean), where not said otherwise.
+// Hard cases of overlapping interiors, by the names of the catalogue (V8, V9, V12, G12). The
+// tolerance of means is 5 standard errors of the difference (ExpectSameMean) unless stated
+// otherwise.
 #include <algorithm>
 #include <optional>
 #include <vector>
@@ -41,7 +42,7 @@ class NestedScene : public InteriorScene {
     shape.media.inside = inside;
     return shape;
   }
-  // A light sky, a floor and a lamp to be seen through things.
+  // A bright sky, a floor and a light as a background.
   void LightUp() {
     ConstantEnvironment({0.3f, 0.5f, 0.9f});
     AddShape(MeshShape{Quad({-9, -2, -9}, {-9, -2, 9}, {9, -2, 9}, {9, -2, -9})},
@@ -58,7 +59,7 @@ void ExpectSound(const Rendered& rendered) {
   EXPECT_EQ(rendered.stats.broken_nestings, 0u);
 }
 
-// Water within glass, by hand as interfaces of relative indices, and as bodies that overlap.
+// Water in glass, modeled by hand as interfaces of relative indices, and as overlapping bodies.
 TEST(NestedStability, WaterInGlassIsItsInterfaces) {
   for (const float alpha : {0.0f, 0.2f}) {
     SCOPED_TRACE(alpha);
@@ -66,7 +67,7 @@ TEST(NestedStability, WaterInGlassIsItsInterfaces) {
     NestedScene by_hand(kEye, kCenter, 35);
     by_hand.LightUp();
     by_hand.Fill({-1, -1, -1}, {1, 1, 1}, by_hand.Clear(kGlass, {}, alpha));
-    // What is met from the water is the glass's: the index inside over that outside.
+    // The interface hit from the water belongs to the glass: the index inside over that outside.
     by_hand.Fill({-0.6f, -0.6f, -0.6f}, {0.6f, 0.6f, 0.6f},
                  by_hand.Clear(kWater / kGlass, {}, alpha));
     NestedScene nested(kEye, kCenter, 35);
@@ -81,8 +82,8 @@ TEST(NestedStability, WaterInGlassIsItsInterfaces) {
   }
 }
 
-// The same with a wall: glass with a hole in it, and water that is larger than the hole and ends
-// within the wall. Glass displaces water, so what is seen is the hole's own faces.
+// The same with a wall: glass with a hole in it, and water larger than the hole that ends within
+// the wall. Glass displaces water, so the hole's own faces are visible.
 TEST(NestedStability, WaterEndsWhereTheWallBegins) {
   const FrameSettings settings = SquareSettings(24, DrawCount(128, 4096), 16);
   const auto block = [&](bool by_hand) {
@@ -94,7 +95,7 @@ TEST(NestedStability, WaterEndsWhereTheWallBegins) {
     if (by_hand) {
       t.Fill(lower, upper, t.Clear(kWater / kGlass, {}));
     } else {
-      // The hole's faces are the glass's too, and face into the hole.
+      // The hole's faces belong to the glass too, and face into the hole.
       t.Fill(lower, upper, glass).reverse_orientation = true;
       t.Fill({-0.8f, -0.8f, -0.8f}, {0.8f, 0.8f, 0.8f}, t.Clear(kWater, 1));
     }
@@ -105,8 +106,8 @@ TEST(NestedStability, WaterEndsWhereTheWallBegins) {
   ExpectSameMean(block(true).mean, nested.mean);
 }
 
-// V8: bodies of the same matter and priority that overlap are their union: a cross of two bars is a
-// cross in one piece, and a cube within a cube is not there.
+// V8: overlapping bodies of the same interior and priority form their union: a cross of two bars is
+// a cross in one piece, and a cube inside a cube is invisible.
 TEST(NestedStability, V8SameMatterIsOneBody) {
   const FrameSettings settings = SquareSettings(24, DrawCount(128, 4096), 16);
   const auto cube = [&](bool twice, bool swapped) {
@@ -124,8 +125,8 @@ TEST(NestedStability, V8SameMatterIsOneBody) {
   EXPECT_TRUE(two.film == swapped.film);
 }
 
-// Two balls that overlap, of the same priority: of matter alike, and of one that is denser; which
-// of them the file has first changes no bit.
+// Two overlapping balls of the same priority, with equal interiors and with one denser: their order
+// in the file changes no bit.
 TEST(NestedStability, V8OrderDoesNotMatter) {
   for (const float other : {kGlass, kWater}) {
     const auto balls = [&](bool swapped) {
@@ -146,7 +147,7 @@ TEST(NestedStability, V8OrderDoesNotMatter) {
   }
 }
 
-// Of index 1 everywhere nothing is to be seen, and light is not kept from what is behind.
+// Bodies of index 1 are invisible, and do not block light from behind.
 TEST(NestedStability, MatchedIndexIsInvisible) {
   const auto room = [](bool with_bodies) {
     NestedScene t(kEye, kCenter, 35);
@@ -163,7 +164,7 @@ TEST(NestedStability, MatchedIndexIsInvisible) {
   ExpectSameMean(room(false).mean, bodies.mean);
 }
 
-// V12: clear bodies of any indices, however they overlap, cannot be seen under an even sky.
+// V12: clear bodies of any indices are invisible under a constant sky, however they overlap.
 TEST(NestedStability, V12Furnace) {
   for (const float alpha : {0.0f, 0.3f}) {
     NestedScene t(kEye, kCenter, 40);
@@ -180,13 +181,13 @@ TEST(NestedStability, V12Furnace) {
   }
 }
 
-// V9: a camera within glass within water knows what it is in, from whatever it is.
+// V9: a camera inside glass inside water has the correct interior, however the bodies are nested.
 TEST(NestedStability, V9CameraInsideGlass) {
   const auto seen = [](bool by_hand) {
     NestedScene t({0.05, 0.02, 0.01}, {1, 0.5, 3}, 60);
     t.LightUp();
     if (by_hand) {
-      // From inside a box the index outside over that inside is all there is to know.
+      // Inside a box only the ratio of the outer to the inner index matters.
       t.Fill({-1, -1, -1}, {1, 1, 1}, t.Clear(kGlass / kWater, {}));
       t.Fill({-1.5f, -1.5f, -1.5f}, {1.5f, 1.5f, 1.5f}, t.Clear(kWater, {}));
     } else {
@@ -201,8 +202,8 @@ TEST(NestedStability, V9CameraInsideGlass) {
   ExpectSameMean(seen(true).mean, nested.mean);
 }
 
-// A medium is where its matter is: blue water around a glass bar that displaces it absorbs over the
-// way outside of the bar only. In closed form, of index 1 throughout.
+// A medium fills the volume where its body has priority: blue water around a glass bar that
+// displaces it absorbs only outside the bar. In closed form, with index 1 throughout.
 TEST(NestedStability, MediaObeyPriorities) {
   for (const bool bar_is_higher : {false, true}) {
     NestedScene t({0, 0, -4}, {0, 0, 0}, 0.01f);
@@ -223,7 +224,7 @@ TEST(NestedStability, MediaObeyPriorities) {
   }
 }
 
-// Skin with glass in it: what displaces matter displaces its scattering.
+// Skin with glass in it: a body that displaces another also displaces its scattering.
 TEST(NestedStability, SubsurfaceObeysPriorities) {
   const FrameSettings settings = SquareSettings(16, DrawCount(128, 2048), 64);
   const auto ball = [&](bool covered) {
@@ -240,7 +241,7 @@ TEST(NestedStability, SubsurfaceObeysPriorities) {
   ExpectSameMean(ball(false).mean, covered.mean);
 }
 
-// G12: an open body is left without having been entered: such paths end, and are counted.
+// G12: a ray can leave an open body without having entered it: such paths end, and are counted.
 TEST(NestedStability, G12BrokenNestingIsCounted) {
   NestedScene t({0, 0, -4}, {0, 0, 0}, 0.01f);
   t.ConstantEnvironment(Rgb::Grey(1));

@@ -1,9 +1,9 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Row L5 of the catalogue of hard cases for lights without size that shine by a picture:
-// goniometric maps, measured luminaires and projections. What they send is known in closed form;
-// their power is the integral of their intensity.
+// Row L5 of the catalogue of hard cases for point lights that emit by an image: goniometric maps,
+// measured luminaires and projections. Their intensity is known in closed form; their power is its
+// integral.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -68,7 +68,7 @@ class PictureLightStabilityTest : public ::testing::Test {
   std::filesystem::path directory_;
 };
 
-// What a light at the origin sends towards d (unit), as intensity.
+// Intensity of a light at the origin towards d (a unit vector).
 Rgb IntensityTowards(const LightTable& table, Vec3d d) {
   const auto sample = table.Sample<kAllTraits>(ToFloat(2 * d), {}, 0, {0, 0});
   if (!sample) return {};
@@ -97,7 +97,7 @@ TEST_F(PictureLightStabilityTest, L5GoniometricTexelsShineWherePbrtHasThem) {
   ASSERT_TRUE(table.ok()) << table.status();
   for (int y = 0; y < kSize; ++y) {
     for (int x = 0; x < kSize; ++x) {
-      // The whole of a texel, off its edges, is even. The centre of the map is +y.
+      // A texel is constant up to its edges. The center of the map is +y.
       for (const double off : {0.02, 0.5, 0.98}) {
         const Vec3d m = EqualAreaSquareToSphere({(x + off) / kSize, (y + 1 - off) / kSize});
         const Rgb c = texels[static_cast<size_t>(y * kSize + x)];
@@ -153,7 +153,7 @@ LightDescription Luminaire(const CandelaTable& table) {
   light.light = goniometric;
   return light;
 }
-// Towards the angles of LM-63: vertical from straight down (-y), horizontal from +x by +z.
+// Direction for the angles of LM-63: vertical from straight down (-y), horizontal from +x by +z.
 Vec3d Towards(double vertical_degrees, double horizontal_degrees) {
   const double v = vertical_degrees * kPi / 180, h = horizontal_degrees * kPi / 180;
   return {std::sin(v) * std::cos(h), -std::cos(v), std::sin(v) * std::sin(h)};
@@ -181,25 +181,26 @@ TEST_F(PictureLightStabilityTest, L5CandelasAreLinearBetweenMeasuredAngles) {
 }
 
 TEST_F(PictureLightStabilityTest, L5PowerOfCandelasIsTheIntegral) {
-  // Half of the directions at 3, in planes that are not even: 6 pi.
+  // Half of the directions at 3, in unevenly spaced planes: 6 pi.
   const CandelaTable half = {{0, 10, 90}, {0, 10, 200}, std::vector<float>(9, 3)};
   LightDescription light = Luminaire(half);
   light.scale.power_w = 60;
   EXPECT_NEAR(IntensityTowards(*MakeTable({}, {light}), Towards(70, 33)).r, 60 / (2 * kPi), 1e-5);
-  // What grows with the angle to pi above: the mean over the sphere of v is pi / 2.
+  // Intensity that grows with the angle v up to pi at the top: the mean of v over the sphere is pi
+  // / 2.
   LightDescription ramp = Luminaire({{0, 180}, {0}, {0, 180}});
   EXPECT_NEAR(IntensityTowards(*MakeTable({}, {ramp}), Towards(45, 99)).r, 45, 1e-4);
   ramp.scale.power_w = 7;
   EXPECT_NEAR(IntensityTowards(*MakeTable({}, {ramp}), Towards(90, 99)).r, 7 / (4 * kPi), 1e-6);
-  // One plane of two is dark: half of the power, and at the middle half of the intensity.
+  // One of two planes is dark: half of the power, and in the middle half of the intensity.
   LightDescription two = Luminaire({{0, 180}, {90, 270}, {2, 2, 0, 0}});
   two.scale.power_w = 1;
   EXPECT_NEAR(IntensityTowards(*MakeTable({}, {two}), Towards(80, 180)).r, 1 / (4 * kPi), 1e-6);
   EXPECT_TRUE(MakeTable({}, {Luminaire({{0, 180}, {0}, {0, 0}})})->empty());
 }
 
-// Files say what colours their numbers are: the same sky written with other primaries is the same
-// light, and what sRGB cannot hold is brought to its edge.
+// Files declare the primaries of their numbers: the same sky written with other primaries is the
+// same light, and colors outside sRGB are moved to its boundary.
 TEST_F(PictureLightStabilityTest, L6PicturesAreReadWithTheirPrimaries) {
   const Rgb sky{0.25f, 0.5f, 1};
   const auto radiance_of = [&](Rgb srgb, Primaries primaries) {
@@ -231,10 +232,10 @@ TEST_F(PictureLightStabilityTest, L6PicturesAreReadWithTheirPrimaries) {
   EXPECT_NEAR(laser.g, 1, 1e-4f);
 }
 
-// A projector 2 above a plane, looking down: E = I cos / d^2 = I cos^3 / 4 inside of the picture,
-// which stands upright as seen from the projector.
+// A projector 2 above a plane, looking down: E = I cos / d^2 = I cos^3 / 4 inside the image, which
+// is upright as seen from the projector.
 TEST_F(PictureLightStabilityTest, L5ProjectionLightsAPlaneInClosedForm) {
-  // Three columns, two rows: fov 90 degrees is of the height.
+  // Three columns, two rows: the fov of 90 degrees is that of the height.
   const std::vector<Rgb> picture = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1},
                                     {1, 1, 0}, {0, 1, 1}, {1, 0, 1}};
   const std::string path = (directory_ / "wide.pfm").string();
@@ -266,7 +267,7 @@ TEST_F(PictureLightStabilityTest, L5ProjectionLightsAPlaneInClosedForm) {
     EXPECT_EQ(sample->radiance.g > 0, color.g > 0);
     EXPECT_EQ(sample->radiance.b > 0, color.b > 0);
   };
-  expect(-2, 1, {1, 0, 0});  // Left above.
+  expect(-2, 1, {1, 0, 0});  // Upper left.
   expect(0, 0.01, {0, 1, 0});
   expect(2.99, 1.99, {0, 0, 1});
   expect(-1.01, -0.01, {1, 1, 0});
@@ -279,7 +280,7 @@ TEST_F(PictureLightStabilityTest, L5ProjectionLightsAPlaneInClosedForm) {
   EXPECT_FALSE((*table)->Sample<kAllTraits>({0.1f, 4, 0.1f}, {}, 0, {0, 0}));  // Behind.
 }
 
-// 90 degrees of a square are one of a cube's six faces.
+// A square of 90 degrees is one of a cube's six faces.
 TEST_F(PictureLightStabilityTest, L5ProjectionPowerIsTheIntegral) {
   for (const int size : {1, 5}) {
     const std::vector<Rgb> even(static_cast<size_t>(size * size), Rgb{3, 3, 3});
@@ -290,7 +291,8 @@ TEST_F(PictureLightStabilityTest, L5ProjectionPowerIsTheIntegral) {
     const double intensity = 60 / (4 * kPi / 6);
     EXPECT_NEAR(IntensityTowards(**table, Normalize(Vec3d{0.9, -0.8, 1})).r, intensity, 1e-5);
   }
-  // A quarter of the picture, by symmetry a quarter of the power; narrow, the solid angle is flat.
+  // A quarter of the image, by symmetry a quarter of the power; for a narrow angle the solid angle
+  // is flat.
   LightDescription light = Projection(0.01f);
   light.scale.power_w = 1;
   const auto table = Build(2, {Rgb{}, kWhite, Rgb{}, Rgb{}}, {light});
@@ -315,7 +317,7 @@ TEST_F(PictureLightStabilityTest, L5PictureLightsFollowTheirTransform) {
   EXPECT_FALSE((*table)->Sample<kAllTraits>({4, 3, 4}, {}, 0, {0, 0}));
 }
 
-// Spectral transport sees the same picture as the spectrum of its colours.
+// Spectral transport sees the same image with the spectra of its colors.
 TEST_F(PictureLightStabilityTest, L5PicturesHaveSpectra) {
   const Rgb orange{2, 1, 0.25f};
   LightTableInput input;
@@ -328,7 +330,7 @@ TEST_F(PictureLightStabilityTest, L5PicturesHaveSpectra) {
   EXPECT_EQ(sample->radiance, Upsample(orange, ColorRole::kIlluminant, wavelengths));
 }
 
-// Wherever one of several lights shines it can be chosen, and what it sends adds up.
+// Each of several lights can be chosen where it contributes, and the contributions add up.
 TEST_F(PictureLightStabilityTest, L5PictureLightsAreChosenWhereTheyShine) {
   std::vector<Rgb> texels(64);
   texels[8 * 3 + 5] = {1e-3f, 1e-3f, 1e-3f};

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Portals: the sky through a rectangle, as sampled and as rays that escape see it, against closed
-// forms, and at the points where the view of the rectangle degenerates.
+// Portals: the sky through a rectangle, estimated by light samples and by rays that reach the sky,
+// against closed forms, and at points where the view of the rectangle degenerates.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -26,11 +26,11 @@ using testing::RandomPoints;
 
 constexpr Vec3f kUp{0, 0, 1};
 
-// In the plane z = 1, light comes from above.
+// In the plane z = 1; light comes from above.
 const Vec3d kCorners[4] = {{-1, -0.5, 1}, {-1, 2, 1}, {0.5, 2, 1}, {0.5, -0.5, 1}};
 
-// Of the polygon through which a sky of radiance 1 is seen, all of it above the horizon of n.
-// Source: Lambert 1760, as in Arvo 1995, eq. 2.7.
+// Irradiance through the polygon under a sky of radiance 1, with all of the polygon above the
+// horizon of n. Source: Lambert 1760, as in Arvo 1995, eq. 2.7.
 double LambertIrradiance(Vec3d p, Vec3d n) {
   double sum = 0;
   for (size_t i = 0; i < 4; ++i) {
@@ -41,7 +41,7 @@ double LambertIrradiance(Vec3d p, Vec3d n) {
   return std::fabs(sum) / 2;
 }
 
-// The sky by a lamp of a Gaussian's shape low in the sky, over an even rest.
+// A light with a Gaussian profile low in the sky, plus a constant sky.
 double LampAndSky(Vec3f d) {
   const Vec3f off = d - Normalize(Vec3f{0.5f, 0.3f, 0.6f});
   return 1 + 200 * std::exp(-static_cast<double>(LengthSquared(off)) * 60);
@@ -68,7 +68,7 @@ class PortalStabilityTest : public ::testing::Test {
   }
 };
 
-// By rays that escape in all directions of the hemisphere.
+// By rays to the sky in all directions of the hemisphere.
 Estimate EscapedIrradiance(const LightTable& table, Vec3f p, uint64_t points_per_replicate) {
   return EstimateMean(points_per_replicate, [&](const std::array<float, 4>& u) {
     const double z = static_cast<double>(u[0]), r = std::sqrt(1 - z * z);
@@ -84,12 +84,12 @@ TEST_F(PortalStabilityTest, ConstantSkyThroughAWindowGivesLambertsFormula) {
                          Vec3f{0.1f, 0.2f, 0.99999f}, Vec3f{-40, 7, -3}, Vec3f{0, 0, -1e4f}}) {
     const double expected = LambertIrradiance(ToDouble(p), {0, 0, 1});
     testing::ExpectNear(EstimateIrradiance(*table, p, kUp), expected, 1e-5);
-    // Rays alone do not find a window that is far away.
+    // Rays alone do not find a distant window.
     if (expected > 0.05) {
       testing::ExpectNear(EscapedIrradiance(*table, p, 1 << 14), expected, 1e-4);
     }
   }
-  // On a surface that leans.
+  // On a tilted surface.
   const Vec3d n = Normalize(Vec3d{0.2, -0.1, 1});
   testing::ExpectNear(EstimateIrradiance(*table, {}, ToFloat(n)), LambertIrradiance({}, n), 1e-5);
 }
@@ -106,7 +106,7 @@ TEST_F(PortalStabilityTest, SamplesAndEscapedRaysSeeTheSameSky) {
     const Estimate escaped = EscapedIrradiance(*table, p, 1 << 15);
     EXPECT_NEAR(sampled.mean, escaped.mean,
                 6 * std::hypot(sampled.standard_error, escaped.standard_error));
-    // Of eight times as many points.
+    // The rays use eight times as many points.
     EXPECT_LT(sampled.standard_error, escaped.standard_error);
     int count = 0, same = 0;
     for (int i = 0; i < 4000; ++i) {
@@ -117,7 +117,7 @@ TEST_F(PortalStabilityTest, SamplesAndEscapedRaysSeeTheSameSky) {
       const float ratio = value.pdf / sample->pdf;
       same += ratio > 0.9999f && ratio < 1.0001f && value.radiance == sample->radiance;
     }
-    // But for those that rounding moves across the edge of a cell or of the window.
+    // Except those that rounding moves across the edge of a cell or of the window.
     EXPECT_GT(count, 3900);
     EXPECT_GT(same, count - 8);
   }
@@ -136,13 +136,13 @@ TEST_F(PortalStabilityTest, NothingComesThroughInThePlaneOrBehindIt) {
       EXPECT_EQ(table->PdfEnvironment<kAllTraits>(p, {}, d), 0);
     }
   }
-  // Straight through, past it, and away from it.
+  // Straight through, beside it, and away from it.
   EXPECT_EQ(table->EnvironmentRadiance<kAllTraits>({}, kUp).r, 1);
   EXPECT_EQ(table->EnvironmentRadiance<kAllTraits>({0.6f, 0, 0}, kUp).r, 0);
   EXPECT_EQ(table->EnvironmentRadiance<kAllTraits>({}, -kUp).r, 0);
 }
 
-// The closer to the plane and the farther to its side, the flatter the view, down to none at all.
+// The closer to the plane and the farther to its side, the flatter the view, down to an empty one.
 TEST_F(PortalStabilityTest, GrazingViewsGiveFiniteSamplesWithinTheWindow) {
   const SkyPortal portal(kCorners, 256, 1 + 1e-3, LampAndSky);
   RandomPoints random(5);
@@ -171,7 +171,7 @@ TEST_F(PortalStabilityTest, GrazingViewsGiveFiniteSamplesWithinTheWindow) {
   EXPECT_GT(count, 3000);
 }
 
-// From the centre, from the side, from right below the plane, and from afar.
+// From the center, from the side, from right below the plane, and from afar.
 TEST_F(PortalStabilityTest, SamplesPassChiSquareAndThePdfSumsToOne) {
   constexpr int kCells = 16, kPointsAcross = 48, kDraws = 200000;
   const Vec3f points[] = {{0, 0, 0}, {3, 1, 0.3f}, {0.2f, 0.3f, 0.98f}, {-20, -30, -40}};

@@ -1,9 +1,9 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Rows R1 to R5 of the catalogue of hard cases, and what Owen's scrambling has to hold. Statistics
-// are turned to normal deviates; bounds of 5 and 6 with fixed seeds leave a chance of about 1e-5
-// that a correct sampler would have been unlucky.
+// Rows R1 to R5 of the catalogue of hard cases, and the properties of Owen scrambling. Statistics
+// are converted to normal deviates; with bounds of 5 and 6 and fixed seeds a correct sampler fails
+// with a probability of about 1e-5.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -154,8 +154,8 @@ TEST(SamplingStabilityTest, R2SamplesAreAFunctionOfTheirIndexAlone) {
   }
 }
 
-// All samples of a pixel together are a net where they come from one sequence, and are another set
-// than any replicate's.
+// All samples of a pixel together form a net if they come from one sequence, and differ from the
+// samples of every replicate.
 TEST(SamplingStabilityTest, R2OneSequenceIsOneNet) {
   constexpr uint32_t kBits = 4;
   for (uint32_t slot : {0u, 7u, 1000u}) {
@@ -209,7 +209,7 @@ TEST(SamplingStabilityTest, R3SlotsAndDimensionsAreIndependent) {
   }
 }
 
-// Neighbouring seeds, pixels, samples and replicates: the same coordinate, next to each other.
+// Neighboring seeds, pixels, samples and replicates: the same coordinate at adjacent indices.
 TEST(SamplingStabilityTest, R3NeighboursAreIndependent) {
   constexpr int32_t kCount = 40000;
   std::array<std::vector<uint32_t>, 4> counts;
@@ -223,10 +223,10 @@ TEST(SamplingStabilityTest, R3NeighboursAreIndependent) {
   for (const auto& c : counts) EXPECT_LE(ChiSquareDeviate(c, kCount / 64.0), 5);
 }
 
-// The variance of a mean over n points whose two coordinates come from two slots: as large as for
+// The variance of a mean over n points whose two coordinates come from two slots: it equals that of
 // points that are stratified in each slot and otherwise paired at random. The expected values are
 // the integrand's variance left after the best additive fit (Stein 1987); a correlated pairing
-// shows as a ratio far from 1 or a wrong mean.
+// shows as a ratio far from 1 or as a wrong mean.
 TEST(SamplingStabilityTest, R3PairingSlotsIsAsGoodAsRandom) {
   const uint64_t set_count = LongTests() ? 400000 : 40000;
   constexpr uint64_t kPoints = 64;
@@ -245,7 +245,7 @@ TEST(SamplingStabilityTest, R3PairingSlotsIsAsGoodAsRandom) {
   const double mean = sum / count, variance = squares / count - mean * mean;
   EXPECT_NEAR(mean, 0.25, 6 * std::sqrt(variance / count));
   // Residual of x y: Var = 1/144; a finite number of strata adds O(1/n). A binary digital pairing
-  // keeps halves together, which costs up to a factor 1.7 and no more.
+  // keeps halves together, which increases it by a factor of at most 1.7.
   EXPECT_LE(variance * kPoints, 1.7 / 144);
   EXPECT_GE(variance * kPoints, 0.9 / 144);
 }
@@ -293,7 +293,7 @@ TEST(SamplingStabilityTest, ScrambledPointsAreUniform) {
 }
 
 // Two points of a scrambled sequence that share their first b bits differ at bit b + 1, and after
-// it are independent and uniform: the bits that follow must fall evenly.
+// it are independent and uniform: the following bits must be uniformly distributed.
 TEST(SamplingStabilityTest, ScramblingIsNestedAndUniform) {
   for (uint32_t shared = 0; shared < 6; ++shared) {
     std::vector<uint32_t> counts(64);
@@ -365,7 +365,7 @@ TEST(SamplingStabilityTest, R4ZeroWeightsAreNeverChosen) {
   EXPECT_TRUE(DiscreteDistribution(std::vector<double>{}).empty());
 }
 
-// Every interval's ends: the guide table may not move a boundary.
+// The ends of every interval: the guide table must not move a boundary.
 TEST(SamplingStabilityTest, R4IntervalsAreExact) {
   std::vector<double> weights(1000);
   for (size_t i = 0; i < weights.size(); ++i) {
@@ -382,9 +382,9 @@ TEST(SamplingStabilityTest, R4IntervalsAreExact) {
 
 // --- R5 ----------------------------------------------------------------------------------------
 
-// Pearson's statistic in standard deviations, exact for any number of draws, where the normal
-// distribution comes from the number of cells. Source: Haldane 1937, "The Exact Value of the
-// Moments of the Distribution of chi^2".
+// Pearson's statistic in standard deviations, exact for any number of draws; it is nearly normal
+// because of the number of cells. Source: Haldane 1937, "The Exact Value of the Moments of the
+// Distribution of chi^2".
 double ManyCellsDeviate(const std::vector<uint32_t>& counts, const std::vector<double>& weights,
                         double draws) {
   double weight_sum = 0, inverse_sum = 0, statistic = 0;
@@ -399,8 +399,8 @@ double ManyCellsDeviate(const std::vector<uint32_t>& counts, const std::vector<d
   return (statistic - (k - 1)) / std::sqrt(variance);
 }
 
-// Expected by the catalogue: leaf frequencies by chi-square at 2^20 lights. A choice among them
-// from numbers of 24 bits, and the place on the light from the rest.
+// Expected by the catalogue: leaf frequencies by chi-square at 2^20 lights. Numbers of 24 bits
+// choose among them, and the remaining bits give the point on the light.
 TEST(SamplingStabilityTest, R5AMillionLightsAreChosenEvenly) {
   constexpr size_t kLights = size_t{1} << 20;
   std::vector<double> weights(kLights);
@@ -416,7 +416,7 @@ TEST(SamplingStabilityTest, R5AMillionLightsAreChosenEvenly) {
                   static_cast<float>(MixBits(~i) >> 40) * 0x1p-24f};
     ++halving_counts[static_cast<size_t>(naive::AfterHalving(u, 20) * 64)];
     const size_t light = distribution.Sample(ExtendBits(u, SaltOf(v)));
-    // Among lights of weight 1: neighbours in the last bits, with the place on the light.
+    // Among lights of weight 1: correlation of the last bits with the point on the light.
     if (light % 7 == 0) {
       ++low_counts[(light / 7) % 256];
       ++place_counts[((light / 7) % 8) * 8 + static_cast<size_t>(v.x * 8)];

@@ -1,9 +1,9 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Normals turned by maps: row M10 of the catalogue of hard cases, and what a tilted normal must
-// keep whatever the tilt: the hemispheres, the energy, and no jump at the horizon. Bump
-// maps against the planes they stand for.
+// Normals perturbed by maps: row M10 of the catalogue of hard cases, and properties that hold for
+// every tilt: the hemispheres, energy conservation, and continuity at the horizon. Bump maps
+// against the planes that they represent.
 #include <gtest/gtest.h>
 
 #include <array>
@@ -70,7 +70,7 @@ TEST(ShadingNormalTest, WhiteStaysWhiteAtEveryTilt) {
   }
 }
 
-// A rough metal may lose what its own lobe loses, and never gains.
+// A rough metal may lose energy as its own lobe does, but never gains.
 TEST(ShadingNormalTest, ATiltGivesNoEnergyToAMetal) {
   const BsdfFixture metal = sheaf::testing::MakeMirrorFixture(0.4f, 0.4f, true);
   for (const double tilt : kTilts) {
@@ -98,7 +98,7 @@ TEST(ShadingNormalTest, NothingIsScatteredThroughAnOpaqueSurface) {
   }
 }
 
-// Mirrors stay mirrors: all of the light leaves, on the right side, whatever the map says.
+// Mirrors stay mirrors: all of the light leaves on the right side, whatever the map contains.
 TEST(ShadingNormalTest, MirrorsHaveNoBlackSpots) {
   const BsdfFixture mirror = sheaf::testing::MakeMirrorFixture(0, 0, false);
   for (uint64_t i = 0; i < 20000; ++i) {
@@ -115,7 +115,7 @@ TEST(ShadingNormalTest, MirrorsHaveNoBlackSpots) {
   }
 }
 
-// Smooth glass reflects or transmits all of it, from either side; weights hold the square of the
+// Smooth glass reflects or transmits all light, from either side; weights include the square of the
 // index by which radiance changes across the surface.
 TEST(ShadingNormalTest, GlassHasNoBlackSpots) {
   const BsdfFixture glass = sheaf::testing::MakeDielectricFixture(0, 0, 1.5f, false);
@@ -137,7 +137,7 @@ TEST(ShadingNormalTest, WhatIsScatteredVanishesTowardsTheHorizon) {
   const BsdfFixture white = sheaf::testing::MakeDiffuseFixture(Rgb::Grey(1));
   for (const double tilt : {5.0, 30.0, 60.0}) {
     for (double phi = 0; phi < 360; phi += 7) {
-      // Over the draws of the turn, as a picture sees it.
+      // Over the random numbers of the tilt, as in an image.
       double level = 0, higher = 0;
       constexpr int kDraws = 512;
       for (int i = 0; i < kDraws; ++i) {
@@ -208,7 +208,7 @@ class NormalMapTest : public ::testing::Test {
     EXPECT_TRUE(table.ok()) << table.status();
     return table.ok() ? *std::move(table) : nullptr;
   }
-  // A diffuse material with the picture as its normal map.
+  // A diffuse material with the image as its normal map.
   std::unique_ptr<MaterialTable> WithNormals(Rgb texel) {
     SceneDescription scene;
     TextureDescription texture;
@@ -220,7 +220,8 @@ class NormalMapTest : public ::testing::Test {
     scene.materials.push_back({"", DiffuseMaterial{}, {}, 0});
     return Build(std::move(scene), 1, 1, {texel});
   }
-  // One whose height rises by slope_u along u and by slope_v along v, about (1/2, 1/2).
+  // A diffuse material whose height rises by slope_u along u and by slope_v along v, about (1/2,
+  // 1/2).
   std::unique_ptr<MaterialTable> WithHeights(float slope_u, float slope_v, float scale = 1) {
     SceneDescription scene;
     TextureDescription texture;
@@ -230,7 +231,7 @@ class NormalMapTest : public ::testing::Test {
     texture.texture = image;
     scene.textures.push_back(texture);
     scene.materials.push_back({"", DiffuseMaterial{}, {}, kNone, {0, 0}});
-    // Texel centres are 1/2 apart; row 0 is at v = 3/4.
+    // Texel centers are 1/2 apart; row 0 is at v = 3/4.
     const auto at = [&](float u, float v) { return Rgb::Grey(8 + slope_u * u + slope_v * v); };
     return Build(std::move(scene), 2, 2,
                  {at(0.25f, 0.75f), at(0.75f, 0.75f), at(0.25f, 0.25f), at(0.75f, 0.25f)});
@@ -257,7 +258,7 @@ TEST_F(NormalMapTest, TexelsAreDirectionsAboutTheTangents) {
                   {-0.2, 0.6, 0.8});
 }
 
-// A texel that is no direction, or no number, leaves the surface's normal.
+// A texel that is no direction or contains NaN keeps the surface's normal.
 TEST_F(NormalMapTest, M10TexelsWithoutDirectionLeaveTheNormal) {
   const TangentPlane plane{{0.6, 0, 0.8}, {0, 3, 0}, {-2, 0, 0}, true};
   const auto table = WithNormals(Rgb::Grey(0.5f));
@@ -278,8 +279,8 @@ TEST_F(NormalMapTest, M10TexelsWithoutDirectionLeaveTheNormal) {
        .naive_by = "2 t - 1 over its length"});
 }
 
-// The height a x + b y over the plane has the normal (-a, -b, 1), however the plane is
-// parametrised: stretched, sheared, turned over.
+// The height a x + b y over the plane has the normal (-a, -b, 1) for every parametrization of the
+// plane: stretched, sheared, flipped.
 TEST_F(NormalMapTest, ABumpMapIsThePlaneItStandsFor) {
   constexpr double kA = 0.5, kB = -0.25;
   const std::array<Vec3d, 2> kTangents[] = {{Vec3d{1, 0, 0}, Vec3d{0, 1, 0}},
@@ -292,7 +293,7 @@ TEST_F(NormalMapTest, ABumpMapIsThePlaneItStandsFor) {
                                    static_cast<float>(kA * dpdv.x + kB * dpdv.y));
     ExpectDirection(table->ShadingNormal(0, kMiddle, 0, {{0, 0, 1}, dpdu, dpdv, true}),
                     {-kA, -kB, 1});
-    // Seen from the other side heights rise the other way.
+    // Seen from the other side, heights have the opposite sign.
     ExpectDirection(table->ShadingNormal(0, kMiddle, 0, {{0, 0, -1}, dpdu, dpdv, true}),
                     {-kA, -kB, -1});
   }

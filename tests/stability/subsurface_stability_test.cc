@@ -1,9 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Hard cases of matter that scatters light beneath its surface, by the names of the catalogue (V1,
-// V11, V12, V14, G2, G12). Means are held by ExpectMean's 5 standard errors, where not said
-// otherwise.
+// Hard cases of subsurface scattering, by the names of the catalogue (V1, V11, V12, V14, G2, G12).
+// The tolerance of means is ExpectMean's 5 standard errors unless stated otherwise.
 #include <array>
 #include <cmath>
 #include <string>
@@ -28,8 +27,8 @@ InteriorScene FurnaceScene(double fov_degrees = 30) {
   return t;
 }
 
-// V11, V12: what absorbs nothing cannot be seen under an even sky, whatever its index, shape,
-// density and colour.
+// V11, V12: objects without absorption are invisible under a constant sky, for every index, shape,
+// density and color.
 TEST(SubsurfaceStability, V12WhiteFurnace) {
   struct Case {
     Rgb sigma_s;
@@ -63,7 +62,7 @@ TEST(SubsurfaceStability, V12WhiteFurnace) {
   }
 }
 
-// A rough boundary keeps the energy but for what its tables of lost energy round.
+// A rough boundary conserves energy up to the rounding of its compensation tables.
 TEST(SubsurfaceStability, V12RoughFurnace) {
   InteriorScene t = FurnaceScene();
   t.AddMatter(kBall, t.Matter({}, Rgb::Grey(4), 0, 1.4f, 0.3f));
@@ -71,8 +70,8 @@ TEST(SubsurfaceStability, V12RoughFurnace) {
   EXPECT_NEAR(rendered.mean.mean.g, 1, 5 * rendered.mean.standard_error.g + 5e-3);
 }
 
-// V1: of matched index a half space has Chandrasekhar's plane albedo, as a plain medium has; for
-// the settings too a walk is one bounce.
+// V1: with matched index a half-space has Chandrasekhar's plane albedo, as a plain medium has. A
+// walk counts as one bounce.
 InteriorScene HalfSpace(double mu, float albedo, double density, float eta) {
   const double height = 1, side = height * std::sqrt(1 - mu * mu) / mu;
   InteriorScene t({side, height, 0}, {0, 0, 0}, 0.01f, {0, 0, 1});
@@ -101,9 +100,9 @@ TEST(SubsurfaceStability, V1MatchedHalfSpaceHasItsPlaneAlbedo) {
   }
 }
 
-// A walk is one bounce under a lamp too, in a scene that knows media of other kinds: a matched ball
-// of matter is the ball of a plain medium, whose every vertex is one. No bounce is left for the
-// walk, which takes none.
+// A walk counts as one bounce under a light too, in a scene with media of other kinds: a ball of
+// matched index equals the ball of a plain medium, in which every vertex is a bounce. No bounce is
+// left for the walk, and it needs none.
 TEST(SubsurfaceStability, V1AWalkUnderALampIsOneBounce) {
   const auto lit = [](bool is_matter) {
     InteriorScene t({0.3, 0.8, -4}, {0, 0, 0}, 30);
@@ -138,7 +137,8 @@ TEST(SubsurfaceStability, V1AWalkUnderALampIsOneBounce) {
   }
 }
 
-// What leaves of what has entered, by Gauss's rule over the cosines of the views.
+// The fraction of the entered light that leaves, by Gaussian quadrature over the cosines of the
+// views.
 double MeasuredReflectance(float albedo, double density, float eta, double* standard_error) {
   constexpr std::array<double, 5> kMu{0.0469100770, 0.2307653449, 0.5, 0.7692346551, 0.9530899230},
       kWeight{0.1184634425, 0.2393143352, 0.2844444444, 0.2393143352, 0.1184634425};
@@ -161,9 +161,9 @@ double MeasuredReflectance(float albedo, double density, float eta, double* stan
   return left / entered;
 }
 
-// V14: a half space reflects what HalfSpaceReflectance says, which is what "reflectance" is turned
-// into coefficients by, at any density: free paths of 1 / density scene units. Below some 0.01 of
-// them rays cannot follow. Bound: 5 standard errors and 0.003 for both quadratures.
+// V14: a half-space reflects HalfSpaceReflectance, the function that converts "reflectance" to
+// coefficients, at any density: free paths of 1 / density scene units. Below about 0.01 of them,
+// rays cannot resolve the walk. Tolerance: 5 standard errors and 0.003 for both quadratures.
 TEST(SubsurfaceStability, V14ReflectanceAtAnyDensity) {
   for (const double density : {1.0, 50.0, 100.0, 1e3, 1e6, 1e15}) {
     for (const float albedo : {0.6f, 0.95f}) {
@@ -177,7 +177,7 @@ TEST(SubsurfaceStability, V14ReflectanceAtAnyDensity) {
   }
 }
 
-// Matter under an even sky that fills all of the ground, seen by a cosine.
+// A subsurface medium under a constant sky that fills the whole ground, seen at a cosine.
 InteriorScene Ground(double mu) {
   const double height = 1, side = height * std::sqrt(1 - mu * mu) / mu;
   InteriorScene t({side, height, 0.5}, {0, 0, 0.5}, 0.01f, {0, 0, 1});
@@ -194,9 +194,9 @@ Rendered RenderGround(InteriorScene* t, int32_t matter, bool spectral) {
   return rendered;
 }
 
-// V14: matter whose reflectance is a texture reflects at each place what the texture says there, as
-// matter of that one color does: in RGB, and wavelength by wavelength. Free paths are a thousandth
-// of the stripes.
+// V14: a medium with a reflectance texture reflects at each point the texture's value, as a medium
+// of that single color does: in RGB, and for each wavelength. Free paths are a thousandth of the
+// stripes.
 TEST(SubsurfaceStability, V14PaintedMatterReflectsItsTexture) {
   const Rgb painted[2] = {{0.8f, 0.35f, 0.1f}, {0.05f, 0.3f, 0.7f}};
   constexpr float kFreePath = 1e-3f, kEta = 1.33f;
@@ -214,8 +214,8 @@ TEST(SubsurfaceStability, V14PaintedMatterReflectsItsTexture) {
   }
 }
 
-// V14: what is asked for is what an even sky sees, also of a spectrum: the mean over the views,
-// without what the boundary mirrors. Bound: as above.
+// V14: under a constant sky the requested reflectance results, also for a spectrum: the mean over
+// the views, without the mirror reflection of the boundary. Tolerance: as above.
 TEST(SubsurfaceStability, V14ReflectanceIsWhatIsAskedFor) {
   const Rgb asked{0.8f, 0.35f, 0.1f};
   constexpr std::array<double, 5> kMu{0.0469100770, 0.2307653449, 0.5, 0.7692346551, 0.9530899230},
@@ -249,7 +249,7 @@ TEST(SubsurfaceStability, V14ReflectanceIsWhatIsAskedFor) {
   }
 }
 
-// A matched boundary is no surface, but what is painted on it is beneath.
+// A boundary of matched index is invisible, but a texture on it still applies to the interior.
 TEST(SubsurfaceStability, PaintCountsBeneathMatchedBoundaries) {
   const auto ball = [](bool is_painted) {
     InteriorScene t = FurnaceScene();
@@ -261,8 +261,8 @@ TEST(SubsurfaceStability, PaintCountsBeneathMatchedBoundaries) {
   ExpectSameMean(ball(true), ball(false));
 }
 
-// V14: the same of a ball whose free paths are a millionth of its radius: under an even sky it
-// reflects what the half space does.
+// V14: the same for a ball whose free paths are a millionth of its radius: under a constant sky it
+// reflects as the half-space does.
 TEST(SubsurfaceStability, V14SmallFreePathsAreDiffuse) {
   std::vector<Rendered> balls;
   for (size_t i = 0; i < 2; ++i) {
@@ -284,7 +284,7 @@ TEST(SubsurfaceStability, V14SmallFreePathsAreDiffuse) {
        .naive_by = "times the part of 1000 steps that a coordinate of 1 takes"});
 }
 
-// From thin to thick nothing is lost but what is absorbed.
+// From thin to thick only absorbed light is lost.
 TEST(SubsurfaceStability, V14AnyThickness) {
   for (const float thickness : {1e-3f, 1e-1f, 10.0f, 1e3f, 1e6f}) {
     SCOPED_TRACE(thickness);
@@ -301,8 +301,8 @@ TEST(SubsurfaceStability, V14AnyThickness) {
   }
 }
 
-// However long a walk is, it is one bounce: a ball, which sends nothing back to itself, has all its
-// light with a depth of 1.
+// A walk of any length counts as one bounce: a convex ball reflects no light onto itself and has
+// its full brightness at depth 1.
 TEST(SubsurfaceStability, AWalkIsOneBounce) {
   InteriorScene t = FurnaceScene();
   t.AddMatter(kBall, t.Matter(Rgb::Grey(0.1f), Rgb::Grey(5), 0, 1.33f));
@@ -312,7 +312,7 @@ TEST(SubsurfaceStability, AWalkIsOneBounce) {
   EXPECT_GT(shallow.mean.mean.g, 0.3f);
 }
 
-// A plain medium within glass is the same matter, where depth does not matter.
+// A plain medium inside glass equals the subsurface medium if the depth is unlimited.
 TEST(SubsurfaceStability, AgreesWithGlassAroundAMedium) {
   for (const float roughness : {0.0f, 0.25f}) {
     for (const Rgb sigma_s : {Rgb::Grey(2), Rgb{0.5f, 2, 6}}) {
@@ -342,8 +342,8 @@ TEST(SubsurfaceStability, AgreesWithGlassAroundAMedium) {
   }
 }
 
-// G2: 2^20 times as large or small, with coefficients to match, it is the same to the bit; also
-// where walks leave rays behind.
+// G2: 2^20 times as large or small, with matching coefficients, the image is the same to the bit;
+// also if walks do not use rays.
 TEST(SubsurfaceStability, G2ScaleKeepsTheBits) {
   for (const double density : {3.0, 1e7}) {
     const auto scaled = [&](double scale) {
@@ -362,7 +362,7 @@ TEST(SubsurfaceStability, G2ScaleKeepsTheBits) {
   }
 }
 
-// G12: what leaves matter without meeting its boundary ends, and is counted.
+// G12: paths that leave the interior without hitting its boundary end, and are counted.
 TEST(SubsurfaceStability, G12OpenMeshIsCounted) {
   InteriorScene t({0.1, 0.2, -4}, {0, 0, 0}, 0.01f);
   t.ConstantEnvironment(Rgb::Grey(1));
@@ -370,7 +370,7 @@ TEST(SubsurfaceStability, G12OpenMeshIsCounted) {
               t.Matter(Rgb::Grey(1e-6f), Rgb::Grey(1e-6f), 0, 1.5f));
   const Rendered rendered = RenderCounted(t.scene, SquareSettings(4, 64, 5));
   EXPECT_GT(rendered.stats.broken_nestings, 900u);
-  EXPECT_LT(rendered.mean.mean.g, 0.1f);  // What is mirrored.
+  EXPECT_LT(rendered.mean.mean.g, 0.1f);  // The mirror reflection.
 }
 
 }  // namespace

@@ -23,7 +23,7 @@
 namespace sheaf::render {
 namespace {
 
-// Seen from inside a closed emissive sphere of reflectance rho: Le / (1 - rho) everywhere.
+// Radiance inside a closed emissive sphere of reflectance rho: Le / (1 - rho) everywhere.
 TestScene SphereInterior(float reflectance) {
   TestScene t({0.3, 0.2, 0.1}, {0, 0, 1}, 70);
   ShapeDescription& sphere =
@@ -44,7 +44,7 @@ TEST(TransportStability, A1SphereInterior) {
                   .tolerance = 16 * 0x1p-23});
 }
 
-// A1: a point light of intensity pi at the centre: the wall's radiance is rho / (1 - rho).
+// A1: a point light of intensity pi at the center: the wall's radiance is rho / (1 - rho).
 TEST(TransportStability, A1PointLightAtTheCentre) {
   TestScene t({0.3, 0.2, 0.1}, {0, 0, 1}, 70);
   t.AddShape(SphereShape{1, -1, 1, 360}, t.Diffuse(Rgb::Grey(0.5f))).reverse_orientation = true;
@@ -54,9 +54,10 @@ TEST(TransportStability, A1PointLightAtTheCentre) {
   ExpectMean(RenderMean(t.scene, SquareSettings(8, 256, 100000)), Rgb::Grey(1));
 }
 
-// A sphere of walls that reflect rho, with a share f of its area missing as a port, and a point
-// light at its centre. Any two points of a sphere see each other alike, so the wall is lit as if
-// all of it were: radiosity M E with the multiplier M = rho / (1 - rho (1 - f)), for whatever f.
+// A sphere of walls with reflectance rho, in which a fraction f of the area is an open port, and a
+// point light at its center. Any two points of a sphere see each other equally, so the wall is lit
+// as if it were complete: radiosity M E with the multiplier M = rho / (1 - rho (1 - f)), for every
+// f.
 TEST(TransportStability, A4IntegratingSphereWithAPort) {
   for (const float port : {0.02f, 0.1f, 0.4f}) {
     for (const float reflectance : {0.5f, 0.98f}) {
@@ -80,7 +81,7 @@ TEST(TransportStability, A4IntegratingSphereWithAPort) {
   }
 }
 
-// The faces of the cube [-1, 1]^3, each with its inward normal along `axis`, from the side `sign`.
+// The faces of the cube [-1, 1]^3, each with its inward normal along `axis`, on the side `sign`.
 struct Wall {
   size_t axis;
   double sign;
@@ -96,7 +97,7 @@ TestScene UnequalBox() {
     n[wall.axis] = wall.sign;
     a[(wall.axis + 1) % 3] = 1;
     b[(wall.axis + 2) % 3] = wall.sign;
-    // Counter-clockwise as seen from inside: a x b points outwards, so a goes backwards.
+    // Counterclockwise as seen from inside: a x b points outwards, so a is reversed.
     const auto corner = [&](double u, double v) { return ToFloat(n - a * u + b * v); };
     ShapeDescription& shape =
         t.AddShape(MeshShape{t.Quad(corner(-1, -1), corner(1, -1), corner(1, 1), corner(-1, 1))},
@@ -106,7 +107,7 @@ TestScene UnequalBox() {
   return t;
 }
 
-// Mean radiance that leaves the wall, seen whole by an orthographic camera at the centre.
+// Mean radiance that leaves the wall, seen as a whole by an orthographic camera at the center.
 TileMean MeanOfWall(const Wall& wall) {
   TestScene t = UnequalBox();
   Vec3d at{}, up{};
@@ -117,7 +118,7 @@ TileMean MeanOfWall(const Wall& wall) {
   return RenderMean(t.scene, SquareSettings(8, 1024, 1 << 20));
 }
 
-// Radiosities of six evenly bright walls: B = M + rho F B, by iteration. Form factors of a cube's
+// Radiosities of six uniformly lit walls: B = M + rho F B, by iteration. Form factors of a cube's
 // opposite and adjacent faces, which sum to 1 with four of the latter.
 std::array<double, 6> EvenRadiosities() {
   constexpr double kOpposite = 0.1998248957, kAdjacent = 0.2000437761;
@@ -139,9 +140,10 @@ std::array<double, 6> EvenRadiosities() {
   return radiosity;
 }
 
-// A3: what reflects and transmits everything cannot be seen under an even sky: a white corner, an
-// open bowl, glass and a perfect mirror that light each other. Rough ones get back what single
-// scattering loses, to the half percent of their tables, at each of some bounces.
+// A3: objects that reflect and transmit all light are invisible under a constant sky: a white
+// corner, an open bowl, glass and a perfect mirror that illuminate each other. For rough ones,
+// energy compensation restores the loss of single scattering to the half percent of their tables,
+// at each of several bounces.
 TEST(TransportStability, A3LosslessThingsCannotBeSeen) {
   for (const float roughness : {0.0f, 0.3f}) {
     SCOPED_TRACE(roughness);
@@ -178,8 +180,8 @@ TEST(TransportStability, A3LosslessThingsCannotBeSeen) {
   }
 }
 
-// What the walls of a closed box emit they absorb, to the last photon; and the mean of each is that
-// of six evenly bright walls but for what the light's unevenness over a wall changes, some percent.
+// The walls of a closed box absorb all the light that they emit; and the mean of each wall is that
+// of six uniformly lit walls, up to some percent due to the unevenness of the light on a wall.
 TEST(TransportStability, A2ClosedBoxOfUnequalWalls) {
   const std::array<double, 6> even = EvenRadiosities();
   double emitted = 0, absorbed = 0, variance = 0;
@@ -204,7 +206,7 @@ TEST(TransportStability, A2ClosedBoxOfUnequalWalls) {
   EXPECT_LT(std::sqrt(variance), 2e-3 * emitted);
 }
 
-// R6: at reflectance 0.99 roulette must neither lose nor make energy over hundreds of bounces.
+// R6: at reflectance 0.99 Russian roulette neither loses nor adds energy over hundreds of bounces.
 TEST(TransportStability, R6RouletteKeepsEnergy) {
   const TileMean mean = RenderMean(SphereInterior(0.99f).scene, SquareSettings(4, 256, 1 << 30));
   ExpectMean(mean, {100, 200, 50});
@@ -218,17 +220,17 @@ TEST(TransportStability, R6RouletteKeepsEnergy) {
                   .naive_by = "100 bounces without roulette"});
 }
 
-// R6: at reflectance 1 survival is certain, so a path goes on until depth ends it.
+// R6: at reflectance 1 survival is certain, so a path continues until the maximum depth.
 TEST(TransportStability, R6WhiteWallsReflectEverything) {
   TestScene t = SphereInterior(1);
   const TileMean mean = RenderMean(t.scene, SquareSettings(4, 16, 50));
   ExpectMean(mean, {51, 102, 25.5f});
 }
 
-// R8: a light near the wall of a sphere throws half of its power on a spot that one bounce in
-// thousands meets, hundreds of times as bright as the rest. In a sphere all of it comes back
-// evenly: the wall opposite, at distance d, has the radiance rho / pi (I / d^2 + I rho / (1 -
-// rho)). No sample is clamped unless the scene asks, and then the plan says that the image is
+// R8: a light near the wall of a sphere sends half of its power to a spot that one bounce in
+// thousands hits, hundreds of times as bright as the rest. In a sphere all of it returns uniformly:
+// the opposite wall, at distance d, has the radiance rho / pi (I / d^2 + I rho / (1 - rho)). No
+// sample is clamped unless the scene requests it, and then the plan reports that the image is
 // biased.
 TEST(TransportStability, R8FirefliesCountInFull) {
   constexpr double kRho = 0.5, kHeight = 0.05, kAcross = 2 - kHeight;
@@ -288,7 +290,8 @@ TEST(TransportStability, R7WeightsSumToOneAtAllMagnitudes) {
        .naive_by = "f^2 / (f^2 + g^2)"});
 }
 
-// L8: no light at all is black without error; one light is found by both techniques.
+// L8: without any light the image is black without errors; a single light is found by both
+// techniques.
 TEST(TransportStability, L8NoLightIsBlack) {
   TestScene t({0, 0, -3}, {0, 0, 0}, 40);
   t.AddShape(SphereShape{1, -1, 1, 360}, t.Diffuse(Rgb::Grey(0.5f)));
@@ -297,7 +300,7 @@ TEST(TransportStability, L8NoLightIsBlack) {
   EXPECT_EQ(mean.non_finite, 0u);
 }
 
-// L8: a disk light over a plane: E = pi L sin^2 under its centre, and radiance rho E / pi.
+// L8: a disk light over a plane: E = pi L sin^2 below its center, and radiance rho E / pi.
 TEST(TransportStability, L8OneLightGivesItsClosedForm) {
   TestScene t({0, 0.5, 0}, {0, 0, 0}, 1e-4f, {0, 0, 1});
   t.AddShape(MeshShape{t.Quad({-10, 0, -10}, {-10, 0, 10}, {10, 0, 10}, {10, 0, -10})},
@@ -310,7 +313,7 @@ TEST(TransportStability, L8OneLightGivesItsClosedForm) {
   ExpectMean(RenderMean(t.scene, SquareSettings(4, 1024, 1)), Rgb::Grey(0.5f * 4 * 0.5f));
 }
 
-// L7: a black environment is no environment, to the bit.
+// L7: a black environment equals no environment, to the bit.
 TEST(TransportStability, L7BlackEnvironmentChangesNothing) {
   const FrameSettings settings = SquareSettings(8, 16, 10);
   TestScene with = SphereInterior(0.5f);
@@ -319,7 +322,7 @@ TEST(TransportStability, L7BlackEnvironmentChangesNothing) {
               RenderAll(*Compile(SphereInterior(0.5f).scene, settings)));
 }
 
-// A5: the same bits for any cut into tiles and blocks, alone or beside other threads.
+// A5: the same bits for every partition into tiles and blocks, alone or beside other threads.
 TEST(TransportStability, A5TilesAndThreadsChangeNoBit) {
   FrameSettings settings = SquareSettings(16, 32, 10);
   const CompiledScenePtr scene = Compile(SphereInterior(0.7f).scene, settings);
@@ -376,7 +379,7 @@ TEST(TransportStability, A5AStoppedPassSaysSo) {
   EXPECT_EQ(tile.status().code(), absl::StatusCode::kCancelled);
 }
 
-// C2: every filter leaves a constant picture constant, also those with negative lobes.
+// C2: every filter keeps a constant image constant, also those with negative lobes.
 TEST(TransportStability, C2EveryFilterKeepsAConstant) {
   for (const auto kind : {FilterDescription::Kind::kBox, FilterDescription::Kind::kTriangle,
                           FilterDescription::Kind::kGaussian, FilterDescription::Kind::kMitchell}) {
@@ -401,9 +404,9 @@ FilmTile RoomWithBox(Material material, RenderPlan* plan) {
   return RenderAll(*scene);
 }
 
-// M5: glass of index 1 is as if it were not there: to the bit what a declared interface gives,
-// which costs no scattering event and blocks no shadow ray; and the room without it but for the
-// rounding of ray origins where they cross it.
+// M5: glass of index 1 is invisible: it equals a declared interface to the bit, which takes no
+// scattering event and blocks no shadow ray; and it equals the room without it up to the rounding
+// of ray origins at the crossings.
 TEST(TransportStability, M5GlassOfIndexOneIsNotThere) {
   const FilmTile empty = RenderAll(*Compile(LitRoom(1).scene, SquareSettings(16, 32, 5)));
   RenderPlan plan;

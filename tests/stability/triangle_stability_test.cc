@@ -1,7 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Hard cases of meeting triangles, by the names of the catalogue: G3 (no ray leaves a closed mesh).
+// Hard cases of triangle intersection, by the names of the catalogue: G3 (no ray leaves a closed
+// mesh).
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
@@ -23,7 +24,7 @@
 namespace sheaf::render {
 namespace {
 
-// Where on a random triangle of the globe a ray is aimed.
+// The target of a ray on a random triangle of the globe.
 enum class Aim { kAnywhere, kVertex, kEdgeMiddle };
 Vec3f TargetOn(const Triangles& globe, Aim aim, Random* random) {
   const size_t triangle =
@@ -36,16 +37,16 @@ Vec3f TargetOn(const Triangles& globe, Aim aim, Random* random) {
   return a * (1 - std::fmax(u, v)) + b * std::fabs(u - v) + c * std::fmin(u, v);
 }
 
-// Over this, a ray from the globe of radius 1 does not go along the triangle it leaves.
+// A ray longer than this, from the globe of radius 1, does not run along the triangle it leaves.
 constexpr float kShortestRay = 0.1f;
 
-// Rays that meet nothing, or nothing in the way.
+// Numbers of rays that hit nothing, or no occluder.
 struct Escapes {
   int rays = 0, shadow_rays = 0;
 };
 int RayCount() { return DrawCount(100000, 10000000); }
 
-// Of RayCount() rays of make_ray, turned to where triangles meet.
+// Counts among RayCount() rays of make_ray, aimed at shared features of triangles.
 template <typename MakeRay>
 Escapes CountEscapes(const TracedScene& scene, const Triangles& globe, Aim aim, MakeRay make_ray) {
   Random random(4);
@@ -75,7 +76,7 @@ Ray FromTheMiddle(Random* random) {
   ray.o = random->Direction() * 0.3f;
   return ray;
 }
-// From a triangle of the globe to its inside.
+// A ray from a triangle of the globe to its inside.
 Ray FromTheInside(const Triangles& globe, Vec3f center, uint32_t placed, Random* random) {
   const auto triangle =
       static_cast<uint32_t>(random->Uniform() * static_cast<double>(globe.indices.size() / 3));
@@ -88,7 +89,7 @@ Ray FromTheInside(const Triangles& globe, Vec3f center, uint32_t placed, Random*
   return ray;
 }
 
-// Of rays to vertices, the part that meets none of the triangles there by a test of each alone.
+// Fraction of rays to vertices that miss all triangles there if each is tested alone.
 double NaiveEscapes(const Triangles& globe) {
   std::vector<std::vector<size_t>> triangles_at(globe.positions.size());
   for (size_t i = 0; i < globe.indices.size(); ++i) {
@@ -113,8 +114,9 @@ double NaiveEscapes(const Triangles& globe) {
 
 constexpr int kRings = 200, kSectors = 400;
 
-// G3, whose expected value is 0 misses of 10^7 rays to vertices, middles of edges and anywhere.
-// Rays inside a closed mesh about the camera. Without the guard 2 % of those to vertices escape.
+// G3, whose expected value is 0 misses of 10^7 rays to vertices, middles of edges and random
+// points. Rays are inside a closed mesh around the camera. Without the guard 2 % of those to
+// vertices escape.
 TEST(TriangleStability, G3NoRayLeavesAClosedRoom) {
   const Triangles globe = Globe({0, 0, 0}, kRings, kSectors);
   TestScene t({0, 0, 0}, {0, 0, 1}, 60);
@@ -130,7 +132,7 @@ TEST(TriangleStability, G3NoRayLeavesAClosedRoom) {
                   .naive_by = "each triangle tested alone, by Moeller and Trumbore"});
 }
 
-// G3: nor one of needles; that their hits are tested again opens no holes.
+// G3: the same for needles; the second test of their hits opens no holes.
 TEST(TriangleStability, G3NoRayLeavesAClosedRoomOfNeedles) {
   const Triangles globe = Globe({0, 0, 0}, 4, 1000);
   TestScene t({0, 0, 0}, {0, 0, 1}, 60);
@@ -139,7 +141,7 @@ TEST(TriangleStability, G3NoRayLeavesAClosedRoomOfNeedles) {
   ExpectNoEscape(*Traced(t.scene), globe, FromTheMiddle);
 }
 
-// G3: the room need not be one mesh; here open ones share their borders.
+// G3: the room may consist of several meshes; here open ones share their borders.
 TEST(TriangleStability, G3NoRayLeavesARoomOfOpenMeshes) {
   const Triangles globe = Globe({0, 0, 0}, kRings, kSectors);
   constexpr size_t kMeshes = 7;
@@ -167,8 +169,8 @@ TEST(TriangleStability, G3NoRayLeavesARoomOfSixWalls) {
   ExpectNoEscape(*Traced(t.scene), room, FromTheMiddle);
 }
 
-// G3: rays that leave a triangle to the inside of its closed mesh, wherever the camera is: what
-// goes through glass. Front outside and front inside.
+// G3: rays that leave a triangle to the inside of its closed mesh, for every camera position, as
+// through glass. Front faces outwards and inwards.
 TEST(TriangleStability, G3NoRayLeavesAClosedMeshFromItsInside) {
   for (const bool front_inside : {false, true}) {
     Triangles globe = Globe({0, 0, 0}, kRings, kSectors);
@@ -189,7 +191,7 @@ TEST(TriangleStability, G3NoRayLeavesAClosedMeshFromItsInside) {
   }
 }
 
-// G3: the same for a mesh that is placed by a transform, mirrored as well.
+// G3: the same for a mesh placed by a transform, also mirrored.
 TEST(TriangleStability, G3NoRayLeavesAPlacedClosedMeshFromItsInside) {
   for (const double mirror : {1.0, -1.0}) {
     Triangles globe = Globe({0, 0, 0}, kRings, kSectors);
@@ -214,9 +216,8 @@ TEST(TriangleStability, G3NoRayLeavesAPlacedClosedMeshFromItsInside) {
   }
 }
 
-// G3 where nothing is looked at again: shadow rays to lights at hand, and rooms that the camera
-// looks into from outside. Rays to anywhere and to edges do not escape; those to the very vertices
-// do, one in fifty.
+// G3 without the second test: shadow rays to nearby lights, and rooms seen by a camera outside.
+// Rays to random points and edges do not escape; one in fifty rays to vertices does.
 TEST(TriangleStability, G3UnguardedRaysEscapeThroughVerticesAlone) {
   const Triangles globe = Globe({0, 0, 0}, kRings, kSectors);
   TestScene t({0, 0, 0}, {0, 0, 1}, 60);
@@ -233,8 +234,9 @@ TEST(TriangleStability, G3UnguardedRaysEscapeThroughVerticesAlone) {
   EXPECT_LT(escapes, RayCount() / 40);
 }
 
-// Of surfaces at one distance the one of the smallest id is met, whatever order a tree has them in:
-// eight of one mesh, and eight meshes, behind other triangles that make the tree differ.
+// Among surfaces at equal distance the one with the smallest id is hit, independent of their order
+// in a tree: eight surfaces of one mesh, and eight meshes, behind other triangles that vary the
+// tree.
 TEST(TriangleStability, TiesGoToTheSmallestId) {
   const std::vector<Vec3f> corners{{-1, -1.3f, 0.4f}, {1.2f, -1, 0.1f}, {0.1f, 1.4f, -0.3f}};
   const Vec3f normal = Normalize(Cross(corners[1] - corners[0], corners[2] - corners[0]));
@@ -257,11 +259,11 @@ TEST(TriangleStability, TiesGoToTheSmallestId) {
       Ray ray;
       ray.o = random.Direction() * 3;
       ray.d = corners[0] * (1 - a - b) + corners[1] * a + corners[2] * b - ray.o;
-      if (std::fabs(Dot(Normalize(ray.d), normal)) < 0.05f) continue;  // Along it.
+      if (std::fabs(Dot(Normalize(ray.d), normal)) < 0.05f) continue;  // Parallel to it.
       ray.t_max = i % 2 == 0 ? ray.t_max : 1.01f;
       RawHit hit;
       ASSERT_TRUE(scene->tracer->Intersect(ray, &hit));
-      if (hit.t < 0.99f) continue;  // The globe is in the way.
+      if (hit.t < 0.99f) continue;  // The globe occludes it.
       ASSERT_EQ(hit.id.geometry, 0U);
       ASSERT_EQ(hit.id.primitive, 0U);
       ASSERT_NEAR(hit.t, 1, 1e-5);
@@ -271,7 +273,7 @@ TEST(TriangleStability, TiesGoToTheSmallestId) {
   }
 }
 
-// A room with a window is no room: rays that leave by the window are not looked at again.
+// A room with a window is not closed: rays that leave by the window are not tested again.
 TEST(TriangleStability, G3AnOpenRoomLetsRaysOut) {
   Triangles globe = Globe({0, 0, 0}, 40, 80);
   globe.indices.resize(globe.indices.size() - 3 * 80);  // The cap about -z.
@@ -290,7 +292,7 @@ TEST(TriangleStability, G3ClosedMeshesAreKnownByTheirEdges) {
   const auto side = [](const Triangles& t) { return EnclosedSideOf(t.positions, t.indices); };
   Triangles globe = Globe({3, -2, 7}, 8, 12);
   EXPECT_EQ(side(globe), EnclosedSide::kBack);
-  // Seams: a corner of its own for each triangle.
+  // Seams: each triangle has its own corners.
   Triangles torn;
   for (const uint32_t index : globe.indices) {
     torn.indices.push_back(static_cast<uint32_t>(torn.positions.size()));
@@ -300,7 +302,7 @@ TEST(TriangleStability, G3ClosedMeshesAreKnownByTheirEdges) {
   for (size_t i = 0; i < torn.indices.size(); i += 3)
     std::swap(torn.indices[i], torn.indices[i + 1]);
   EXPECT_EQ(side(torn), EnclosedSide::kFront);
-  // One triangle less, or one turned over, leaves a border.
+  // A missing or a flipped triangle makes a border.
   Triangles open = globe;
   open.indices.resize(open.indices.size() - 3);
   EXPECT_EQ(side(open), EnclosedSide::kNeither);
