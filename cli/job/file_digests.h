@@ -15,7 +15,7 @@
 
 namespace sheaf::cli {
 
-// Thread safety: Of may be called concurrently.
+// Thread safety: the member Of may be called concurrently.
 class FileDigests {
  public:
   // Errors: those of opening and reading; kFailedPrecondition if the file changes meanwhile.

@@ -182,7 +182,7 @@ TEST(LightTreeStabilityTest, L10ChoiceAmongManyPassesChiSquare) {
   }
 }
 
-// --- L12: nothing that shines is left out --------------------------------------------------------
+// --- L12: no contributing light is omitted -------------------------------------------------------
 
 // Clusters of all shapes and sizes, with points beside, between and just in front of their lights.
 // If one light of a cluster illuminates the point, the cluster's bounds must say so. The bounds are

@@ -204,7 +204,7 @@ TEST(NeedleStability, G4NeedlesStandInLineWithOtherTriangles) {
     const Needle needle = MakeNeedle(&random);
     const Vec3f* p = needle.p;
     const float length = Length(p[1] - p[0]);
-    // Perpendicular to the needle, through a point of it.
+    // A large triangle through a point of the needle.
     const Vec3f middle = p[0] + (p[1] - p[0]) * static_cast<float>(random.Uniform());
     const Vec3f x = random.Direction() * (10 * length), y = random.Direction() * (10 * length);
     TestScene t({0, 0, 0}, {0, 0, 1}, 60);
