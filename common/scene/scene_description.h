@@ -20,19 +20,10 @@
 #include "common/scene/color_spec.h"
 #include "common/scene/curve_set.h"
 #include "common/scene/lens_description.h"
+#include "common/scene/material_description.h"
 #include "common/scene/medium_description.h"
 
 namespace sheaf {
-
-// A constant number or color, or one taken from a texture.
-struct FloatInput {
-  float value = 0;
-  int32_t texture = kNone;  // Index in textures; then `value` is unused.
-};
-struct ColorInput {
-  ColorSpec value;
-  int32_t texture = kNone;
-};
 
 // --- Textures ----------------------------------------------------------------------------------
 
@@ -89,106 +80,6 @@ struct TextureDescription {
   std::variant<ConstantTexture, ImageTexture, CheckerboardTexture, ScaleTexture, MixTexture>
       texture;
   SourceLocation location;
-};
-
-// --- Materials ---------------------------------------------------------------------------------
-
-// Roughness as written; alpha = sqrt(roughness) if remap_roughness (pbrt-v4's rule), else alpha =
-// roughness.
-struct RoughnessInput {
-  FloatInput u, v;
-  bool remap_roughness = true;
-};
-struct DiffuseMaterial {
-  ColorInput reflectance;
-};
-// Lambertian on both sides: reflects to the incident side and transmits to the other, scaled by
-// `scale` and clamped to [0, 1].
-struct DiffuseTransmissionMaterial {
-  ColorInput reflectance, transmittance;
-  float scale = 1;
-};
-struct ConductorMaterial {
-  RoughnessInput roughness;
-  bool has_reflectance = false;  // Whether reflectance determines eta and k.
-  ColorInput reflectance, eta, k;
-};
-// Relative index of refraction. RGB transport uses mean; spectrum is kRgb, and unused, if the index
-// is the same at every wavelength. Beyond its ends the spectrum is constant.
-struct RefractiveIndex {
-  float mean = 1.5f;
-  ColorSpec spectrum;
-  bool Disperses() const { return spectrum.kind != ColorSpec::Kind::kRgb; }
-  // A boundary between equal indices neither refracts nor reflects.
-  bool IsMatched() const { return mean == 1 && !Disperses(); }
-};
-struct DielectricMaterial {
-  RoughnessInput roughness;
-  RefractiveIndex eta;
-};
-// The boundary of a medium that scatters light beneath it.
-struct SubsurfaceMaterial {
-  RoughnessInput roughness;
-  RefractiveIndex eta{1.33f, {}};
-  int32_t medium = kNone;  // The interior: index in media; its is_matter is set.
-};
-struct ThinDielectricMaterial {
-  RefractiveIndex eta;
-};
-// A layer of index eta on top of a base.
-struct ClearCoat {
-  float eta = 1.5f;
-  float thickness = 0.01f;  // In mean free paths of a purely absorbing coat, as in pbrt-v4.
-  ColorInput albedo;        // The coat's medium's; non-zero is not supported yet.
-  float g = 0;
-  int32_t max_depth = 10, sample_count = 1;
-};
-struct CoatedDiffuseMaterial : ClearCoat {
-  RoughnessInput roughness;
-  ColorInput reflectance;
-};
-struct CoatedConductorMaterial : ClearCoat {
-  RoughnessInput roughness;     // The coat's interface; neither roughness may be a texture.
-  ConductorMaterial conductor;  // Its index is relative to vacuum, like measured ones.
-};
-// A fiber along dp/du; v runs across it, from one visible edge to the other.
-struct HairMaterial {
-  enum class Pigment { kAbsorption, kReflectance, kMelanin };
-  Pigment pigment = Pigment::kMelanin;
-  ColorInput color;  // Absorption per fiber radius, or the reflectance of a head of hair.
-  FloatInput eumelanin{.value = 1.3f}, pheomelanin{.value = 0};  // Concentrations.
-  FloatInput eta{.value = 1.55f};
-  FloatInput beta_m{.value = 0.3f},
-      beta_n{.value = 0.3f};             // Longitudinal and azimuthal roughness, [0, 1].
-  FloatInput alpha_degrees{.value = 2};  // Tilt of the scales, [-90, 90].
-
-  // Range of constant parameters.
-  static constexpr float kIndexMin = 0.1f, kIndexMax = 10, kConcentrationMax = 1e6f;
-};
-struct MeasuredMaterial {
-  std::string file;             // Canonical name for FileSource of an RGL file (.bsdf).
-  bool is_anisotropic = false;  // Measured in more than one direction around the normal.
-};
-struct MixMaterial {
-  int32_t material[2] = {kNone, kNone};
-  FloatInput amount;
-};
-struct InterfaceMaterial {};  // Invisible; bounds a medium.
-
-struct MaterialDescription {
-  std::string name;  // Empty if unnamed.
-  std::variant<DiffuseMaterial, DiffuseTransmissionMaterial, ConductorMaterial, DielectricMaterial,
-               ThinDielectricMaterial, CoatedDiffuseMaterial, CoatedConductorMaterial, HairMaterial,
-               MeasuredMaterial, MixMaterial, InterfaceMaterial, SubsurfaceMaterial>
-      material;
-  SourceLocation location;
-  int32_t normal_map = kNone;  // Index in textures: red, green, blue from [0, 1] to [-1, 1].
-  // Height of a bump map, in scene units; unused with normal_map.
-  FloatInput displacement{0, kNone};
-  // Where closed shapes overlap, the interior of highest priority fills the overlap. Materials
-  // without a priority are not considered. Only dielectrics, interfaces and subsurface materials
-  // have one.
-  std::optional<int32_t> priority = std::nullopt;
 };
 
 // --- Geometry ----------------------------------------------------------------------------------

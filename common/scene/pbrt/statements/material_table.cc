@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <utility>
+#include <variant>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
@@ -13,8 +14,7 @@
 namespace sheaf {
 namespace {
 
-constexpr float kDefaultReflectance = 0.5f;
-constexpr float kDefaultShareOfSheet = 0.25f;  // Reflectance and transmittance of a diffuse sheet.
+constexpr float kDefaultShareOfSheet = 0.25f;  // Reflected by and crossing a diffuse sheet.
 constexpr float kDefaultIndex = 1.5f;
 
 ColorSpec NamedColor(const std::string& name) {
@@ -23,6 +23,26 @@ ColorSpec NamedColor(const std::string& name) {
   color.name = name;
   color.rgb = SpectrumToRgb(color, ColorRole::kUnbounded);
   return color;
+}
+
+// Calls visit(Material{}) for each described material.
+template <typename Visit>
+void ForEachDescribed(const Visit& visit) {
+  const auto visit_all = [&]<typename... Materials>(const std::variant<Materials...>*) {
+    const auto visit_one = [&]<typename Material>(Material material) {
+      if constexpr (DescribedMaterial<Material>) visit(material);
+    };
+    (visit_one(Materials{}), ...);
+  };
+  visit_all(static_cast<const decltype(MaterialDescription::material)*>(nullptr));
+}
+
+// Each followed by a comma.
+std::string DescribedTypes() {
+  std::string types;
+  ForEachDescribed(
+      [&]<typename Material>(const Material&) { absl::StrAppend(&types, Material::kType, ", "); });
+  return types;
 }
 
 }  // namespace
@@ -93,11 +113,32 @@ MaterialTable::Slot& MaterialTable::SlotFor(const std::string& name, SourceLocat
   return slot;
 }
 
+bool MaterialTable::MakeDescribed(const std::string& type, ParameterList& parameters,
+                                  Variant* material) {
+  struct Reader {
+    void Reflectance(const char* name, ColorInput& input, float fallback) {
+      input = table.textures_->GetColorInput(parameters, name, ColorRole::kReflectance,
+                                             RgbColor(Rgb::Grey(fallback)));
+    }
+    void Roughness(RoughnessInput& input) { input = table.GetRoughness(parameters); }
+    MaterialTable& table;
+    ParameterList& parameters;
+  } reader{*this, parameters};
+  bool found = false;
+  ForEachDescribed([&]<typename Material>(Material described) {
+    if (type != Material::kType) return;
+    found = true;
+    Material::ForEachInput(described, reader);
+    *material = described;
+  });
+  return found;
+}
+
 MaterialDescription MaterialTable::Make(const std::string& type, ParameterList& parameters) {
   MaterialDescription description;
   Variant& material = description.material;
-  if (type == "diffuse") {
-    material = MakeDiffuse(parameters);
+  if (MakeDescribed(type, parameters, &material)) {
+    // All of it is read.
   } else if (type == "diffusetransmission") {
     material = MakeDiffuseTransmission(parameters);
   } else if (type == "conductor") {
@@ -126,11 +167,11 @@ MaterialDescription MaterialTable::Make(const std::string& type, ParameterList& 
     }
     material = InterfaceMaterial{};
   } else {
-    parameters.Error(
-        absl::StrCat(parameters.owner(), ": type \"", type,
-                     "\" is unknown; Sheaf supports diffuse, diffusetransmission, conductor, "
-                     "dielectric, thindielectric, coateddiffuse, coatedconductor, hair, measured, "
-                     "subsurface, mix and interface"));
+    parameters.Error(absl::StrCat(
+        parameters.owner(), ": type \"", type, "\" is unknown; Sheaf does ", DescribedTypes(),
+        "diffusetransmission, conductor, dielectric, thindielectric, coateddiffuse, "
+        "coatedconductor, hair, measured, subsurface, mix and "
+        "interface"));
     return description;
   }
   if (std::holds_alternative<DielectricMaterial>(material) ||
@@ -162,13 +203,6 @@ void MaterialTable::GetBumps(ParameterList& parameters, MaterialDescription* des
     return;
   }
   description->displacement = textures_->GetFloatInput(parameters, "displacement", 0);
-}
-
-DiffuseMaterial MaterialTable::MakeDiffuse(ParameterList& parameters) {
-  DiffuseMaterial diffuse;
-  diffuse.reflectance = textures_->GetColorInput(parameters, "reflectance", ColorRole::kReflectance,
-                                                 RgbColor(Rgb::Grey(kDefaultReflectance)));
-  return diffuse;
 }
 
 DiffuseTransmissionMaterial MaterialTable::MakeDiffuseTransmission(ParameterList& parameters) {

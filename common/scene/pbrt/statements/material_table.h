@@ -50,7 +50,8 @@ class MaterialTable {
 
   // Without name and location.
   MaterialDescription Make(const std::string& type, ParameterList& parameters);
-  DiffuseMaterial MakeDiffuse(ParameterList& parameters);
+  // Whether it is of a described material's type. Sets the material then.
+  bool MakeDescribed(const std::string& type, ParameterList& parameters, Variant* material);
   DiffuseTransmissionMaterial MakeDiffuseTransmission(ParameterList& parameters);
   ConductorMaterial MakeConductor(ParameterList& parameters);
   DielectricMaterial MakeDielectric(ParameterList& parameters);

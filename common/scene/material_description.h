@@ -1,0 +1,141 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// MaterialDescription: a material as a scene file says it, as plain structs. Part of
+// SceneDescription.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <variant>
+
+#include "common/scene/color_spec.h"
+
+namespace sheaf {
+
+// A number or colour that is constant, or multiplied in from a texture.
+struct FloatInput {
+  float value = 0;
+  int32_t texture = kNone;  // Index in textures; then `value` is unused.
+};
+struct ColorInput {
+  ColorSpec value;
+  int32_t texture = kNone;
+};
+
+// Roughness as written; alpha = sqrt(roughness) where remap_roughness (pbrt-v4's rule), else
+// itself.
+struct RoughnessInput {
+  FloatInput u, v;
+  bool remap_roughness = true;
+};
+inline constexpr float kDefaultReflectance = 0.5f;
+
+// A described material is one that its type in scene files and its inputs say all of: it is read,
+// planned and compiled without code of its own. ForEachInput calls the visitor for each input:
+//   Reflectance(name, ColorInput, fallback)
+//   Roughness(RoughnessInput), of the usual names
+// Such a material has at most one of each, and its lobe (worker/render/bsdf/lobe.h) no tables.
+template <typename Material>
+concept DescribedMaterial = requires {
+  Material::kType;
+};
+
+struct DiffuseMaterial {
+  ColorInput reflectance;
+
+  static constexpr const char* kType = "diffuse";
+  template <typename Material, typename Visitor>
+  static void ForEachInput(Material& material, Visitor& visitor) {
+    visitor.Reflectance("reflectance", material.reflectance, kDefaultReflectance);
+  }
+};
+// Lambertian on both sides: what comes in on one is reflected there or leaves on the other, scaled
+// by `scale` and clamped to [0, 1].
+struct DiffuseTransmissionMaterial {
+  ColorInput reflectance, transmittance;
+  float scale = 1;
+};
+struct ConductorMaterial {
+  RoughnessInput roughness;
+  bool has_reflectance = false;  // Then eta and k follow from reflectance; else from eta and k.
+  ColorInput reflectance, eta, k;
+};
+// Relative index of refraction. mean is what RGB transport uses; spectrum is kRgb, and unused,
+// where the index is the same at every wavelength. Its ends hold beyond them.
+struct RefractiveIndex {
+  float mean = 1.5f;
+  ColorSpec spectrum;
+  bool Disperses() const { return spectrum.kind != ColorSpec::Kind::kRgb; }
+  // Matter of the same index on both sides neither bends nor reflects.
+  bool IsMatched() const { return mean == 1 && !Disperses(); }
+};
+struct DielectricMaterial {
+  RoughnessInput roughness;
+  RefractiveIndex eta;
+};
+// The boundary of matter that scatters light beneath it.
+struct SubsurfaceMaterial {
+  RoughnessInput roughness;
+  RefractiveIndex eta{1.33f, {}};
+  int32_t medium = kNone;  // The matter: index in media, which has is_matter.
+};
+struct ThinDielectricMaterial {
+  RefractiveIndex eta;
+};
+// A layer of index eta on top of a base.
+struct ClearCoat {
+  float eta = 1.5f;
+  float thickness = 0.01f;  // In mean free paths of a purely absorbing coat, as in pbrt-v4.
+  ColorInput albedo;        // Of the coat's medium; non-zero is not supported yet.
+  float g = 0;
+  int32_t max_depth = 10, sample_count = 1;
+};
+struct CoatedDiffuseMaterial : ClearCoat {
+  RoughnessInput roughness;
+  ColorInput reflectance;
+};
+struct CoatedConductorMaterial : ClearCoat {
+  RoughnessInput roughness;     // Of the coat's interface. Neither roughness is a texture.
+  ConductorMaterial conductor;  // Its index is against vacuum, as measured ones are.
+};
+// A fibre along dp/du; v goes across it, from one edge as seen to the other.
+struct HairMaterial {
+  enum class Pigment { kAbsorption, kReflectance, kMelanin };
+  Pigment pigment = Pigment::kMelanin;
+  ColorInput color;  // Absorption per radius of the fibre, or what a head of hair reflects.
+  FloatInput eumelanin{.value = 1.3f}, pheomelanin{.value = 0};  // Concentrations.
+  FloatInput eta{.value = 1.55f};
+  FloatInput beta_m{.value = 0.3f}, beta_n{.value = 0.3f};  // Roughness along and around, [0, 1].
+  FloatInput alpha_degrees{.value = 2};                     // Tilt of the scales, [-90, 90].
+
+  // What constants must lie within.
+  static constexpr float kIndexMin = 0.1f, kIndexMax = 10, kConcentrationMax = 1e6f;
+};
+struct MeasuredMaterial {
+  std::string file;             // Canonical name for FileSource of an RGL file (.bsdf).
+  bool is_anisotropic = false;  // It was measured in more than one direction around the normal.
+};
+struct MixMaterial {
+  int32_t material[2] = {kNone, kNone};
+  FloatInput amount;
+};
+struct InterfaceMaterial {};  // Invisible; bounds a medium.
+
+struct MaterialDescription {
+  std::string name;  // Empty for unnamed ones.
+  std::variant<DiffuseMaterial, DiffuseTransmissionMaterial, ConductorMaterial, DielectricMaterial,
+               ThinDielectricMaterial, CoatedDiffuseMaterial, CoatedConductorMaterial, HairMaterial,
+               MeasuredMaterial, MixMaterial, InterfaceMaterial, SubsurfaceMaterial>
+      material;
+  SourceLocation location;
+  int32_t normal_map = kNone;  // Index in textures: red, green, blue from [0, 1] to [-1, 1].
+  // A bump map's height, in scene units; unused with normal_map.
+  FloatInput displacement{0, kNone};
+  // Which matter is there where closed shapes overlap: that of the highest. Materials without one
+  // take no part. Only dielectrics, interfaces and subsurface matter have one.
+  std::optional<int32_t> priority = std::nullopt;
+};
+
+}  // namespace sheaf
