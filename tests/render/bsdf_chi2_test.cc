@@ -45,7 +45,7 @@ void ExpectSamplerMatchesPdf(const BsdfFixture& fixture, Vec3f wo) {
   };
   const auto pdf = [&](Vec3f wi) -> double { return EvalBsdf<kAllTraits>(bsdf, wo, wi).pdf; };
   ChiSquareGrid grid;
-  if (bsdf.kind != BsdfKind::kDielectric && bsdf.kind != BsdfKind::kDiffuseTransmission) {
+  if (!Transmits<kAllTraits>(bsdf)) {
     grid.cos_min = wo.z > 0 ? 0 : -1;
     grid.cos_max = wo.z > 0 ? 1 : 0;
   }
@@ -169,6 +169,7 @@ TEST(BsdfSampleTest, ThePdfOfASampleIsTheOneEvaluated) {
         if (!sample || (sample->flags & kBsdfSpecular) != 0) continue;
         const BsdfValue value = EvalBsdf<kAllTraits>(fixture.bsdf, wo, sample->wi);
         ASSERT_EQ(sample->pdf, value.pdf) << fixture.name;
+        ASSERT_EQ(PdfBsdf<kAllTraits>(fixture.bsdf, wo, sample->wi), value.pdf) << fixture.name;
         ASSERT_NEAR(sample->weight.g * sample->pdf, value.f_cos.g, 1e-5 * value.f_cos.g);
         ASSERT_TRUE(IsFinite(sample->weight) && sample->weight.r >= 0) << fixture.name;
       }

@@ -129,7 +129,7 @@ TEST(HairStability, M12_LobesAlongTheFibreStayNormalised) {
   for (float beta : {0.01f, 0.02f, 0.05f, 0.1f, 0.5f, 1.0f}) {
     for (double theta_o : {0.0, 0.7, 1.5, -1.57}) {
       for (float ratio : {0.25f, 1.0f, 4.0f}) {
-        const HairLobe lobe{static_cast<float>(std::sin(theta_o)),
+        const FiberLobe lobe{static_cast<float>(std::sin(theta_o)),
                             static_cast<float>(std::cos(theta_o)), ratio * HairVariance(beta), 0};
         constexpr int kSteps = 400000;
         double sum = 0;
@@ -163,7 +163,7 @@ TEST(HairStability, M12_LobesAlongTheFibreEqualTheirFormula) {
         const double x = std::cos(a) * std::cos(b) / v;
         const double expected = std::exp(-std::sin(a) * std::sin(b) / v) *
                                 ScaledBesselReference(x) * std::exp(x) / (2 * v * std::sinh(1 / v));
-        const HairLobe lobe{static_cast<float>(std::sin(a)), static_cast<float>(std::cos(a)),
+        const FiberLobe lobe{static_cast<float>(std::sin(a)), static_cast<float>(std::cos(a)),
                             static_cast<float>(v), 0};
         EXPECT_NEAR(lobe.AlongPdf(static_cast<float>(std::sin(b)), static_cast<float>(std::cos(b))),
                     expected, 3e-6 * expected)

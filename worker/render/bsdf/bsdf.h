@@ -27,6 +27,7 @@ enum BsdfFlags : uint8_t {
   kBsdfDiffuse = 4,
 };
 
+// One for each lobe (lobes.h), which says what it is, and one for none.
 enum class BsdfKind : uint8_t {
   kBlack,  // Absorbs everything.
   kDiffuse,
@@ -98,10 +99,9 @@ using BsdfValue = BsdfValueOf<Rgb>;
 
 // Radiance transport. None where the path ends (absorbed). Where the sample is not of a delta lobe,
 // pdf is EvalBsdf's for the same pair of directions, to the bit.
-// Kinds that need a trait (kMicrofacet: conductors; kSpecularTransmission: dielectrics and
-// diffuse transmission; kLayered: coats; kHair; kAlpha: interfaces) are black in variants without
-// it: the plan never chooses such a variant. Both are defined in bsdf_inl.h, which integrator
-// variants include, and compiled for every variant of variant_list.h in bsdf.cc.
+// A lobe whose traits a variant lacks (lobe.h) is black in it: the plan never chooses such a
+// variant. Both are defined in bsdf_inl.h, which integrator variants include, and compiled for
+// every variant of variant_list.h in bsdf.cc.
 template <uint32_t kTraits, typename Color>
 std::optional<BsdfSampleOf<Color>> SampleBsdf(const BsdfOf<Color>& bsdf, Vec3f wo, float u_lobe,
                                               Vec2f u);

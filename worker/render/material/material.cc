@@ -7,8 +7,8 @@
 
 #include "common/base/check.h"
 #include "common/base/vector_bytes.h"
-#include "worker/render/bsdf/bsdf_hair.h"
 #include "worker/render/bsdf/fresnel.h"
+#include "worker/render/bsdf/hair_lobe.h"
 #include "worker/render/material/material_impl.h"
 #include "worker/render/traits/ablated_variants.h"
 #include "worker/render/traits/variant_list.h"
@@ -124,9 +124,6 @@ BsdfOf<Color> MakeBsdf(const CompiledMaterial& material, const SurfaceInputs<Col
   const bool is_smooth = Ggx{bsdf.alpha_x, bsdf.alpha_y}.IsSmooth();
   const float alpha = EquivalentAlpha({bsdf.alpha_x, bsdf.alpha_y});
   switch (material.kind) {
-    case BsdfKind::kDiffuse:
-      bsdf.color = bsdf.albedo = ClampReflectance(inputs.color);
-      break;
     case BsdfKind::kDiffuseTransmission:
       SetSheet(material, inputs, &bsdf);
       bsdf.albedo = ClampReflectance(bsdf.color + bsdf.conductor_eta);
@@ -165,6 +162,8 @@ BsdfOf<Color> MakeBsdf(const CompiledMaterial& material, const SurfaceInputs<Col
     case BsdfKind::kBlack:
       bsdf.albedo = {};
       break;
+    default:  // Described materials.
+      bsdf.color = bsdf.albedo = ClampReflectance(inputs.color);
   }
   return bsdf;
 }

@@ -23,6 +23,7 @@
 #include "worker/render/bsdf/bsdf.h"
 #include "worker/render/bsdf/bsdf_sampling.h"
 #include "worker/render/bsdf/fresnel.h"
+#include "worker/render/bsdf/lobe.h"
 
 namespace sheaf::render {
 
@@ -78,7 +79,7 @@ inline float ScaledBesselI0(float x) {
 }
 
 // One way of light through the fibre, for a given wo.
-struct HairLobe {
+struct FiberLobe {
   float sin_o, cos_o;  // Of wo's angle to the cross-section as this lobe's scales turn it.
   float variance;
   float phi;  // Where around the fibre, from wo, light leaves that is not spread.
@@ -120,7 +121,7 @@ inline float WrapAngle(float x) {
 // What a fibre does to light that leaves along wo.
 template <typename Color>
 struct HairPaths {
-  std::array<HairLobe, kHairLobeCount> lobes;
+  std::array<FiberLobe, kHairLobeCount> lobes;
   std::array<Color, kHairLobeCount> energy;       // Sums to 1 without absorption.
   std::array<float, kHairLobeCount> probability;  // With which lobes are sampled.
   float phi_o = 0;
@@ -144,7 +145,7 @@ struct HairPaths {
 
 // Sines and cosines of wo's angle as each lobe's scales turn it: by -2, 1 and 4 times the tilt.
 inline void SetHairTilts(float sin_o, float cos_o, float sin_tilt,
-                         std::array<HairLobe, kHairLobeCount>* lobes) {
+                         std::array<FiberLobe, kHairLobeCount>* lobes) {
   std::array<float, 3> s, c;  // Of the tilt, twice and four times the tilt.
   s[0] = sin_tilt;
   c[0] = std::sqrt(std::fmax(0.0f, (1 - sin_tilt) * (1 + sin_tilt)));
@@ -208,14 +209,34 @@ HairPaths<Color> MakeHairPaths(const BsdfOf<Color>& bsdf, Vec3f wo) {
   return paths;
 }
 
+struct HairLobe : LobeBase {
+  using Material = HairMaterial;
+  static constexpr BsdfKind kKind = BsdfKind::kHair;
+  static constexpr uint32_t kTraits = TraitSet(Trait::kHair);
+  static constexpr bool kHasSides = false;
+  static constexpr bool kTransmits = true;
+
+  template <typename Color>
+  static BsdfValueOf<Color> f(const BsdfOf<Color>& bsdf, Vec3f wo, Vec3f wi, bool /*inside*/);
+
+  template <typename Color>
+  static std::optional<BsdfSampleOf<Color>> Sample_f(const BsdfOf<Color>& bsdf, Vec3f wo,
+                                                     float u_lobe, Vec2f u, bool /*inside*/);
+
+  template <typename Color>
+  static float PDF(const BsdfOf<Color>& bsdf, Vec3f wo, Vec3f wi, bool inside) {
+    return f(bsdf, wo, wi, inside).pdf;
+  }
+};
+
 template <typename Color>
-BsdfValueOf<Color> EvalHair(const BsdfOf<Color>& bsdf, Vec3f wo, Vec3f wi) {
+BsdfValueOf<Color> HairLobe::f(const BsdfOf<Color>& bsdf, Vec3f wo, Vec3f wi, bool /*inside*/) {
   return MakeHairPaths(bsdf, wo).Eval(wi);
 }
 
 template <typename Color>
-std::optional<BsdfSampleOf<Color>> SampleHair(const BsdfOf<Color>& bsdf, Vec3f wo, float u_lobe,
-                                              Vec2f u) {
+std::optional<BsdfSampleOf<Color>> HairLobe::Sample_f(const BsdfOf<Color>& bsdf, Vec3f wo,
+                                                      float u_lobe, Vec2f u, bool /*inside*/) {
   const HairPaths<Color> paths = MakeHairPaths(bsdf, wo);
   // The number that chooses the lobe is spent again around the fibre.
   size_t p = 0;
@@ -224,7 +245,7 @@ std::optional<BsdfSampleOf<Color>> SampleHair(const BsdfOf<Color>& bsdf, Vec3f w
   }
   if (!(paths.probability[p] > 0)) return std::nullopt;
   const float u_around = std::fmin(u_lobe / paths.probability[p], 0x1.fffffep-1f);
-  const HairLobe& lobe = paths.lobes[p];
+  const FiberLobe& lobe = paths.lobes[p];
   // About the cone's own axis, by 1 - cos, which keeps its digits where the lobe is narrow.
   // Source: d'Eon et al. 2013, "Importance Sampling for Physically-Based Hair Fiber Models".
   const float versine =

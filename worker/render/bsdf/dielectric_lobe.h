@@ -15,30 +15,10 @@
 #include "worker/render/bsdf/bsdf.h"
 #include "worker/render/bsdf/bsdf_sampling.h"
 #include "worker/render/bsdf/fresnel.h"
+#include "worker/render/bsdf/lobe.h"
 #include "worker/render/bsdf/microfacet.h"
 
 namespace sheaf::render {
-
-struct DielectricSide {
-  float eta = 1;        // Far over near side.
-  bool inside = false;  // wo is on the side of index bsdf.eta.
-};
-
-// The loss lobes on either side and how they are chosen.
-struct DielectricReturn {
-  BlendedLoss near_side, far_side;
-  float transmit = 0;  // Share of the returned energy that crosses.
-};
-inline DielectricReturn MakeDielectricReturn(const BsdfShape& bsdf, DielectricSide side) {
-  const DielectricEnergyRow* row = bsdf.dielectric_energy;
-  const BlendedLoss outside = LossOutside(row, bsdf.blend), inside = LossInside(row, bsdf.blend);
-  float transmit = side.inside ? row[0].transmit_in : row[0].transmit_out;
-  if (bsdf.blend > 0) {
-    const float next = side.inside ? row[1].transmit_in : row[1].transmit_out;
-    transmit += bsdf.blend * (next - transmit);
-  }
-  return {side.inside ? inside : outside, side.inside ? outside : inside, transmit};
-}
 
 // Single scattering: f * |cos wi| and the pdf.
 template <typename Color>
@@ -66,13 +46,85 @@ BsdfValueOf<Color> EvalDielectricFacet(const Ggx& ggx, float eta, Vec3f wo, Vec3
           scale * visible};
 }
 
+struct DielectricLobe : LobeBase {
+  using Material = DielectricMaterial;
+  static constexpr BsdfKind kKind = BsdfKind::kDielectric;
+  static constexpr uint32_t kTraits = TraitSet(Trait::kSpecularTransmission);
+  static constexpr bool kTransmits = true;
+
+  template <typename Color>
+  static BsdfValueOf<Color> f(const BsdfOf<Color>& bsdf, Vec3f wo, Vec3f wi, bool inside) {
+    return EvalFrom<Color>(bsdf, SideOf(bsdf, inside), wo, wi);
+  }
+
+  template <typename Color>
+  static std::optional<BsdfSampleOf<Color>> Sample_f(const BsdfOf<Color>& bsdf, Vec3f wo,
+                                                     float u_lobe, Vec2f u, bool inside) {
+    return SampleFrom<Color>(bsdf, SideOf(bsdf, inside), wo, u_lobe, u);
+  }
+
+  template <typename Color>
+  static float PDF(const BsdfOf<Color>& bsdf, Vec3f wo, Vec3f wi, bool inside) {
+    return f(bsdf, wo, wi, inside).pdf;
+  }
+
+ private:
+  struct Side {
+    float eta = 1;        // Far over near side.
+    bool inside = false;  // wo is on the side of index bsdf.eta.
+  };
+  static Side SideOf(const BsdfShape& bsdf, bool inside) {
+    return {inside ? 1 / bsdf.eta : bsdf.eta, inside};
+  }
+
+  // The loss lobes on either side and how they are chosen.
+  struct Returned {
+    BlendedLoss near_side, far_side;
+    float transmit = 0;  // Share of the returned energy that crosses.
+  };
+  static Returned MakeReturn(const BsdfShape& bsdf, Side side) {
+    const DielectricEnergyRow* row = bsdf.dielectric_energy;
+    const BlendedLoss outside = LossOutside(row, bsdf.blend), inside = LossInside(row, bsdf.blend);
+    float transmit = side.inside ? row[0].transmit_in : row[0].transmit_out;
+    if (bsdf.blend > 0) {
+      const float next = side.inside ? row[1].transmit_in : row[1].transmit_out;
+      transmit += bsdf.blend * (next - transmit);
+    }
+    return {side.inside ? inside : outside, side.inside ? outside : inside, transmit};
+  }
+
+  template <typename Color>
+  static BsdfValueOf<Color> EvalFrom(const BsdfShape& bsdf, Side side, Vec3f wo, Vec3f wi);
+
+  template <typename Color>
+  static std::optional<BsdfSampleOf<Color>> SampleSmooth(float eta, Vec3f wo, float u_lobe);
+
+  // A direction by a visible facet; none where the facet sends it to the wrong side.
+  static std::optional<Vec3f> SampleFacet(const Ggx& ggx, float eta, Vec3f wo, float u_lobe,
+                                          Vec2f u) {
+    const Vec3f m = ggx.SampleVisibleNormal(wo, u);
+    const float cos_o = std::min(1.0f, Dot(wo, m));
+    if (!(cos_o > 0)) return std::nullopt;
+    const DielectricFresnel fresnel = FresnelDielectric(cos_o, eta);
+    const bool reflects = u_lobe < fresnel.reflectance;
+    const Vec3f wi =
+        reflects ? Reflect(wo, m) : Normalize(Refract(wo, m, cos_o, eta, fresnel.cos_t));
+    if (reflects != (wi.z > 0)) return std::nullopt;
+    return wi;
+  }
+
+  template <typename Color>
+  static std::optional<BsdfSampleOf<Color>> SampleFrom(const BsdfShape& bsdf, Side side, Vec3f wo,
+                                                       float u_lobe, Vec2f u);
+};
+
 template <typename Color>
-BsdfValueOf<Color> EvalDielectric(const BsdfShape& bsdf, DielectricSide side, Vec3f wo, Vec3f wi) {
+BsdfValueOf<Color> DielectricLobe::EvalFrom(const BsdfShape& bsdf, Side side, Vec3f wo, Vec3f wi) {
   if (bsdf.specular || wi.z == 0) return {};
   const Ggx ggx{bsdf.alpha_x, bsdf.alpha_y};
   BsdfValueOf<Color> value = EvalDielectricFacet<Color>(ggx, side.eta, wo, wi);
   if (bsdf.dielectric_energy == nullptr) return value;
-  const DielectricReturn returned = MakeDielectricReturn(bsdf, side);
+  const Returned returned = MakeReturn(bsdf, side);
   const float loss_o = returned.near_side.Loss(FindMu(wo.z));
   const bool crosses = wi.z < 0;
   const BlendedLoss& lobe = crosses ? returned.far_side : returned.near_side;
@@ -87,7 +139,7 @@ BsdfValueOf<Color> EvalDielectric(const BsdfShape& bsdf, DielectricSide side, Ve
 }
 
 template <typename Color>
-std::optional<BsdfSampleOf<Color>> SampleSmoothDielectric(float eta, Vec3f wo, float u_lobe) {
+std::optional<BsdfSampleOf<Color>> DielectricLobe::SampleSmooth(float eta, Vec3f wo, float u_lobe) {
   const DielectricFresnel fresnel = FresnelDielectric(wo.z, eta);
   if (u_lobe < fresnel.reflectance) {
     return BsdfSampleOf<Color>{
@@ -100,27 +152,14 @@ std::optional<BsdfSampleOf<Color>> SampleSmoothDielectric(float eta, Vec3f wo, f
                              .flags = kBsdfSpecular | kBsdfTransmission};
 }
 
-// A direction by a visible facet; none where the facet sends it to the wrong side.
-inline std::optional<Vec3f> SampleDielectricFacet(const Ggx& ggx, float eta, Vec3f wo, float u_lobe,
-                                                  Vec2f u) {
-  const Vec3f m = ggx.SampleVisibleNormal(wo, u);
-  const float cos_o = std::min(1.0f, Dot(wo, m));
-  if (!(cos_o > 0)) return std::nullopt;
-  const DielectricFresnel fresnel = FresnelDielectric(cos_o, eta);
-  const bool reflects = u_lobe < fresnel.reflectance;
-  const Vec3f wi = reflects ? Reflect(wo, m) : Normalize(Refract(wo, m, cos_o, eta, fresnel.cos_t));
-  if (reflects != (wi.z > 0)) return std::nullopt;
-  return wi;
-}
-
 template <typename Color>
-std::optional<BsdfSampleOf<Color>> SampleDielectric(const BsdfShape& bsdf, DielectricSide side,
-                                                    Vec3f wo, float u_lobe, Vec2f u) {
-  if (bsdf.specular) return SampleSmoothDielectric<Color>(side.eta, wo, u_lobe);
+std::optional<BsdfSampleOf<Color>> DielectricLobe::SampleFrom(const BsdfShape& bsdf, Side side,
+                                                              Vec3f wo, float u_lobe, Vec2f u) {
+  if (bsdf.specular) return SampleSmooth<Color>(side.eta, wo, u_lobe);
   std::optional<Vec3f> wi;
   float loss_o = 0;
   if (bsdf.dielectric_energy != nullptr) {
-    const DielectricReturn returned = MakeDielectricReturn(bsdf, side);
+    const Returned returned = MakeReturn(bsdf, side);
     loss_o = returned.near_side.Loss(FindMu(wo.z));
     const float share_far = loss_o * returned.transmit;
     if (u_lobe < share_far) {
@@ -131,26 +170,12 @@ std::optional<BsdfSampleOf<Color>> SampleDielectric(const BsdfShape& bsdf, Diele
   }
   if (!wi) {
     const Ggx ggx{bsdf.alpha_x, bsdf.alpha_y};
-    wi = SampleDielectricFacet(ggx, side.eta, wo, (u_lobe - loss_o) / (1 - loss_o), u);
+    wi = SampleFacet(ggx, side.eta, wo, (u_lobe - loss_o) / (1 - loss_o), u);
   }
   if (!wi) return std::nullopt;
   const bool crosses = wi->z < 0;
-  return FinishSample(EvalDielectric<Color>(bsdf, side, wo, *wi), *wi,
-                      crosses ? kBsdfTransmission : 0, crosses ? side.eta * side.eta : 1.0f);
-}
-
-// A slab much thinner than anything around it: all orders of reflection between its two faces add
-// up to R' = R + T^2 R / (1 - R^2) = 2 R / (1 + R), and what crosses goes straight on.
-template <typename Color>
-std::optional<BsdfSampleOf<Color>> SampleThinDielectric(float eta, Vec3f wo, float u_lobe) {
-  const float once = FresnelDielectric(wo.z, eta).reflectance;
-  const float reflectance = 2 * once / (1 + once);
-  if (u_lobe < reflectance) {
-    return BsdfSampleOf<Color>{
-        .wi = {-wo.x, -wo.y, wo.z}, .weight = Color::Grey(1), .flags = kBsdfSpecular};
-  }
-  return BsdfSampleOf<Color>{
-      .wi = -wo, .weight = Color::Grey(1), .flags = kBsdfSpecular | kBsdfTransmission};
+  return FinishSample(EvalFrom<Color>(bsdf, side, wo, *wi), *wi, crosses ? kBsdfTransmission : 0,
+                      crosses ? side.eta * side.eta : 1.0f);
 }
 
 }  // namespace sheaf::render

@@ -12,18 +12,37 @@
 #include "worker/render/bsdf/bsdf.h"
 #include "worker/render/bsdf/bsdf_sampling.h"
 #include "worker/render/bsdf/fresnel.h"
+#include "worker/render/bsdf/lobe.h"
 #include "worker/render/bsdf/microfacet.h"
 
 namespace sheaf::render {
 
-// How often the lobe of returned energy is sampled.
-template <typename Color>
-float ReturnProbability(const BsdfOf<Color>& bsdf, float loss_o) {
-  return loss_o * MaxComponent(bsdf.color);
-}
+struct ConductorLobe : LobeBase {
+  using Material = ConductorMaterial;
+  static constexpr BsdfKind kKind = BsdfKind::kConductor;
+  static constexpr uint32_t kTraits = TraitSet(Trait::kMicrofacet);
+
+  template <typename Color>
+  static BsdfValueOf<Color> f(const BsdfOf<Color>& bsdf, Vec3f wo, Vec3f wi, bool /*inside*/);
+
+  template <typename Color>
+  static std::optional<BsdfSampleOf<Color>> Sample_f(const BsdfOf<Color>& bsdf, Vec3f wo,
+                                                     float u_lobe, Vec2f u, bool inside);
+
+  template <typename Color>
+  static float PDF(const BsdfOf<Color>& bsdf, Vec3f wo, Vec3f wi, bool inside) {
+    return f(bsdf, wo, wi, inside).pdf;
+  }
+
+ private:
+  // How often the lobe of returned energy is sampled.
+  template <typename Color>
+  static float ReturnProbability(const BsdfOf<Color>& bsdf, float loss_o);
+};
 
 template <typename Color>
-BsdfValueOf<Color> EvalConductor(const BsdfOf<Color>& bsdf, Vec3f wo, Vec3f wi) {
+BsdfValueOf<Color> ConductorLobe::f(const BsdfOf<Color>& bsdf, Vec3f wo, Vec3f wi,
+                                    bool /*inside*/) {
   if (bsdf.specular || !(wi.z > 0)) return {};
   const Ggx ggx{bsdf.alpha_x, bsdf.alpha_y};
   const Vec3f m = Normalize(wo + wi);
@@ -45,8 +64,8 @@ BsdfValueOf<Color> EvalConductor(const BsdfOf<Color>& bsdf, Vec3f wo, Vec3f wi) 
 }
 
 template <typename Color>
-std::optional<BsdfSampleOf<Color>> SampleConductor(const BsdfOf<Color>& bsdf, Vec3f wo,
-                                                   float u_lobe, Vec2f u) {
+std::optional<BsdfSampleOf<Color>> ConductorLobe::Sample_f(const BsdfOf<Color>& bsdf, Vec3f wo,
+                                                           float u_lobe, Vec2f u, bool inside) {
   if (bsdf.specular) {
     return BsdfSampleOf<Color>{
         .wi = {-wo.x, -wo.y, wo.z},
@@ -58,12 +77,17 @@ std::optional<BsdfSampleOf<Color>> SampleConductor(const BsdfOf<Color>& bsdf, Ve
     const float probability = ReturnProbability(bsdf, loss.Loss(FindMu(wo.z)));
     if (u_lobe < probability) {
       const Vec3f wi = loss.Sample(u_lobe / probability, u);
-      return FinishSample(EvalConductor(bsdf, wo, wi), wi, 0);
+      return FinishSample(f(bsdf, wo, wi, inside), wi, 0);
     }
   }
   const Ggx ggx{bsdf.alpha_x, bsdf.alpha_y};
   const Vec3f wi = Reflect(wo, ggx.SampleVisibleNormal(wo, u));
-  return FinishSample(EvalConductor(bsdf, wo, wi), wi, 0);
+  return FinishSample(f(bsdf, wo, wi, inside), wi, 0);
+}
+
+template <typename Color>
+float ConductorLobe::ReturnProbability(const BsdfOf<Color>& bsdf, float loss_o) {
+  return loss_o * MaxComponent(bsdf.color);
 }
 
 }  // namespace sheaf::render
