@@ -15,6 +15,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "common/scene/half_space.h"
+#include "worker/render/bsdf/lobes.h"
 #include "worker/render/camera/lens_system.h"
 #include "worker/render/geometry/plain_shape.h"
 #include "worker/render/material/texture_mean.h"
@@ -87,6 +88,28 @@ DiffuseMaterial DiffuseMetal(const ConductorMaterial& metal) {
   return {reflectance};
 }
 
+template <typename Material>
+DiffuseMaterial DiffuseLike(const Material& material) {
+  if constexpr (DescribedMaterial<Material> && requires { material.reflectance; }) {
+    return {material.reflectance};
+  } else {
+    return {Grey(kPlainReflectance)};
+  }
+}
+DiffuseMaterial DiffuseLike(const ConductorMaterial& metal) { return DiffuseMetal(metal); }
+
+// Replaces the materials that have no plainer form and whose lobe needs the trait.
+template <Trait kTrait>
+void MakeDiffuseWhatNeeds(SceneDescription* scene) {
+  ChangeMaterials(scene, [](const auto& old, auto* material) {
+    if constexpr (requires { typename LobeOf<std::decay_t<decltype(old)>>; }) {
+      if constexpr (Has(LobeOf<std::decay_t<decltype(old)>>::kTraits, kTrait)) {
+        *material = DiffuseLike(old);
+      }
+    }
+  });
+}
+
 void MakeOpaque(SceneDescription* scene) {
   ChangeMaterials(scene, [](const auto& old, auto* material) {
     using Old = std::decay_t<decltype(old)>;
@@ -113,11 +136,7 @@ void TakeOffCoats(SceneDescription* scene) {
 
 void MakeDiffuse(SceneDescription* scene) {
   TakeOffCoats(scene);
-  ChangeMaterials(scene, [](const auto& old, auto* material) {
-    if constexpr (std::is_same_v<std::decay_t<decltype(old)>, ConductorMaterial>) {
-      *material = DiffuseMetal(old);
-    }
-  });
+  MakeDiffuseWhatNeeds<Trait::kMicrofacet>(scene);
 }
 
 // Makes cut-outs opaque, replaces mixes by their first material, and removes null interfaces.
@@ -146,15 +165,6 @@ void CloseCutOuts(SceneDescription* scene) {
   }
   std::erase_if(scene->world_shapes, only_passes);
   for (ObjectDefinition& object : scene->objects) std::erase_if(object.shapes, only_passes);
-}
-
-template <typename Special>
-void MakeGreyWhatIs(SceneDescription* scene) {
-  ChangeMaterials(scene, [](const auto& old, auto* material) {
-    if constexpr (std::is_same_v<std::decay_t<decltype(old)>, Special>) {
-      *material = DiffuseMaterial{Grey(kPlainReflectance)};
-    }
-  });
 }
 
 void RemoveCurves(SceneDescription* scene) {
@@ -305,11 +315,11 @@ constexpr Change kChanges[] = {
      [](SceneWithout* without) { MakePlain(&without->scene); }},
     {Trait::kSpectral, "colors are RGB",
      [](SceneWithout* without) { without->settings.color = ColorTransport::kRgb; }},
-    {Trait::kHair, "hair is gray and diffuse",
-     [](SceneWithout* without) { MakeGreyWhatIs<HairMaterial>(&without->scene); }},
-    {Trait::kMeasured, "measured materials are gray and diffuse",
-     [](SceneWithout* without) { MakeGreyWhatIs<MeasuredMaterial>(&without->scene); }},
-    {Trait::kCurves, "curves are removed",
+    {Trait::kHair, "hair is grey and diffuse",
+     [](SceneWithout* without) { MakeDiffuseWhatNeeds<Trait::kHair>(&without->scene); }},
+    {Trait::kMeasured, "what was measured is grey and diffuse",
+     [](SceneWithout* without) { MakeDiffuseWhatNeeds<Trait::kMeasured>(&without->scene); }},
+    {Trait::kCurves, "curves are gone",
      [](SceneWithout* without) { RemoveCurves(&without->scene); }},
     {Trait::kNormalMaps, "surfaces have neither normal maps nor displacement",
      [](SceneWithout* without) { SmoothSurfaces(&without->scene); }},

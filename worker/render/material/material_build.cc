@@ -11,6 +11,7 @@
 #include "absl/strings/str_cat.h"
 #include "common/base/log.h"
 #include "common/scene/spectrum/spectrum.h"
+#include "worker/render/bsdf/lobes.h"
 #include "worker/render/material/material_impl.h"
 
 namespace sheaf::render {
@@ -166,9 +167,20 @@ class MaterialBuilder {
     return &found->second;
   }
 
-  absl::Status Fill(const DiffuseMaterial& d, CompiledMaterial* m) {
-    m->kind = BsdfKind::kDiffuse;
-    return SetReflectance(d.reflectance, m);
+  template <DescribedMaterial Material>
+  absl::Status Fill(const Material& d, CompiledMaterial* m) {
+    struct Inputs {
+      void Reflectance(const char* name, const ColorInput& input, float) {
+        status.Update(builder.SetShare(name, input, &m->color));
+      }
+      void Roughness(const RoughnessInput& input) { status.Update(builder.SetRoughness(input, m)); }
+      MaterialBuilder& builder;
+      CompiledMaterial* m;
+      absl::Status status;
+    } inputs{*this, m, absl::OkStatus()};
+    m->kind = LobeOf<Material>::kKind;
+    Material::ForEachInput(d, inputs);
+    return inputs.status;
   }
 
   absl::Status Fill(const DiffuseTransmissionMaterial& d, CompiledMaterial* m) {

@@ -9,6 +9,7 @@
 #include <variant>
 
 #include "common/scene/spectrum/spectrum.h"
+#include "worker/render/bsdf/lobes.h"
 #include "worker/render/plan/render_plan.h"
 
 namespace sheaf::render {
@@ -25,6 +26,10 @@ class NeedsCollector {
     if (needs_.reads_textures) needs_.traits |= Bit(Trait::kTextures);
     return needs_;
   }
+
+  // The inputs of a described material.
+  void Reflectance(const char*, const ColorInput& input, float) { ReadReflectance(input); }
+  void Roughness(const RoughnessInput& input) { Read(input); }
 
  private:
   void Visit(int32_t material) {
@@ -64,7 +69,11 @@ class NeedsCollector {
     }
   }
 
-  void Add(const DiffuseMaterial& m) { ReadReflectance(m.reflectance); }
+  template <DescribedMaterial Material>
+  void Add(const Material& m) {
+    needs_.traits |= LobeOf<Material>::kTraits;
+    Material::ForEachInput(m, *this);
+  }
   void Add(const DiffuseTransmissionMaterial& m) {
     needs_.traits |= Bit(Trait::kSpecularTransmission);
     ReadReflectance(m.reflectance);
