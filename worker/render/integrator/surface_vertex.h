@@ -80,13 +80,6 @@ struct SurfaceVertex {
     }
     return IsHair<C::kTraits>(bsdf) || cos_shading * cos_geometric > 0;
   }
-  // Whether light may arrive from behind the surface.
-  bool TransmitsLight() const {
-    return IsHair<C::kTraits>(bsdf) ||
-           (C::Has(Trait::kSpecularTransmission) &&
-            (bsdf.kind == BsdfKind::kDielectric || bsdf.kind == BsdfKind::kThinDielectric ||
-             bsdf.kind == BsdfKind::kDiffuseTransmission));
-  }
   Rgb Albedo(const Context<C>& c) const;
 };
 
@@ -150,7 +143,7 @@ bool SurfaceVertex<C>::Arrive(const Context<C>& c, PathState<C>* path, FilmSampl
   }
   const Vec3f wo = -path->ray.d;
   wo_local = point.shading.ToLocal(wo);
-  if (!TransmitsLight()) light_hint = Dot(wo, point.ng) < 0 ? -point.ng : point.ng;
+  if (!Transmits<C::kTraits>(bsdf)) light_hint = Dot(wo, point.ng) < 0 ? -point.ng : point.ng;
   return true;
 }
 
