@@ -4,13 +4,13 @@
 
 #include <cmath>
 
-#include <gtest/gtest.h>
+#include "absl/strings/escaping.h"
+#include "gtest/gtest.h"
 
 namespace sheaf {
 namespace {
 
-// The digest's text names every setting that affects a pixel: equal texts, equal images.
-TEST(SettingsCodecTest, EverySettingSurvivesTheWire) {
+FrameSettings EverySetting() {
   FrameSettings settings;
   settings.width_px = 640;
   settings.height_px = 480;
@@ -30,6 +30,12 @@ TEST(SettingsCodecTest, EverySettingSurvivesTheWire) {
   settings.white_balance_k = 5600.25f;
   settings.sensor = "nikon_d850";
   settings.max_component_value = 12.5f;
+  return settings;
+}
+
+// The digest's text names every setting that decides a pixel: equal texts, equal pictures.
+TEST(SettingsCodecTest, EverySettingSurvivesTheWire) {
+  FrameSettings settings = EverySetting();
   for (const ColorTransport color :
        {ColorTransport::kAuto, ColorTransport::kRgb, ColorTransport::kSpectral}) {
     settings.color = color;
@@ -44,6 +50,17 @@ TEST(SettingsCodecTest, EverySettingSurvivesTheWire) {
     EXPECT_EQ(back->white_balance_k, settings.white_balance_k);
     EXPECT_EQ(back->similarity_after, settings.similarity_after);
   }
+}
+
+// Coordinators and workers of one version, and jobs that are stored, agree on these bytes.
+TEST(SettingsCodecTest, MessagesKeepTheirBytes) {
+  FrameSettings settings = EverySetting();
+  settings.color = ColorTransport::kSpectral;
+  EXPECT_EQ(absl::BytesToHexString(ToWire(settings).SerializeAsString()),
+            "08800510e0031a0a0801100218ac0220900320808080808020281130ffffffffffffffffff013801"
+            "40024801521c706f736974696f6e2c6d6f74696f6e2c73706163653a63616d6572615804650002af"
+            "456801700c780882010a6e696b6f6e5f643835308d0100004841");
+  EXPECT_EQ(absl::BytesToHexString(ToWire(FrameSettings()).SerializeAsString()), "1a0020102805");
 }
 
 TEST(SettingsCodecTest, UnknownColorIsLeftToTheScene) {

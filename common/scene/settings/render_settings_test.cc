@@ -115,6 +115,58 @@ TEST(RenderSettingsTest, DigestCoversWhatChangesSamplesOnly) {
   EXPECT_NE(FrameDigest("scene", settings, "other"), digest);
 }
 
+// Parts, stored jobs and pictures are known by digests of this text.
+TEST(RenderSettingsTest, DigestTextsKeepTheirBytes) {
+  EXPECT_EQ(FrameDigestText("scene", FrameSettings(), "profile"),
+            "sheaf-frame 3\n"
+            "scene scene\n"
+            "size_px 0 0\n"
+            "window_px 0 0 0 0\n"
+            "max_depth 5\n"
+            "seed 0\n"
+            "color auto\n"
+            "scattering full\n"
+            "profile profile\n");
+  EXPECT_EQ(FrameDigest("scene", FrameSettings(), "profile"),
+            "0a7299cfa91c71d9a18e37a635bc94292561f6443fd661247939a9521ea1ac1b");
+  FrameSettings settings;
+  settings.width_px = 640;
+  settings.height_px = 480;
+  settings.window = {1, 2, 300, 400};
+  settings.max_depth = 17;
+  settings.seed = ~uint64_t{0};
+  settings.color = ColorTransport::kSpectral;
+  settings.single_scattering = true;
+  settings.one_sequence = true;
+  settings.similarity_after = 12;
+  settings.lattice = {8, settings.seed};
+  settings.outputs.Add(Aov::kPosition);
+  settings.outputs.Add(Aov::kMotion);
+  settings.outputs.camera_space = true;
+  settings.primaries = Primaries::kAcesCg;
+  settings.white_balance_k = 5600.25f;
+  settings.sensor = "nikon_d850";
+  settings.max_component_value = 12.5f;
+  EXPECT_EQ(FrameDigestText("scene", settings, "profile"),
+            "sheaf-frame 3\n"
+            "scene scene\n"
+            "size_px 640 480\n"
+            "window_px 1 2 300 400\n"
+            "max_depth 17\n"
+            "seed 18446744073709551615\n"
+            "color spectral\n"
+            "scattering single\n"
+            "sampling one-sequence\n"
+            "similarity_after 12\n"
+            "pixel_stride_px 8\n"
+            "outputs position,motion,space:camera\n"
+            "primaries acescg\n"
+            "white_balance_k 5600.25\n"
+            "sensor nikon_d850\n"
+            "max_component_value 12.5\n"
+            "profile profile\n");
+}
+
 TEST(RenderSettingsTest, OutputsAreThoseOfSceneAndFlags) {
   SceneDescription scene;
   EXPECT_TRUE(ResolveSettings(scene, {})->outputs.empty());
